@@ -7,14 +7,13 @@
 
 #define SST_MUST_CHECK         __attribute__((warn_unused_result))
 #define SST_PRINTF(fmt, first) __attribute__((format(printf, fmt, first)))
-#define SST_TARGET(isa)        __attribute__((target(isa)))
 #define SST_NOINLINE           __attribute__((noinline))
 #define SST_UNUSED             __attribute__((unused))
 
 #define ARRAY_LEN(a) (sizeof(a) / sizeof((a)[0]))
 
 #ifdef __cplusplus
-#define SST_ATOMIC(type)   type /* C++ only looks at the headers */
+#define SST_ATOMIC(type)   type /* C++ only reads the headers */
 #define SST_EXTERN_C_BEGIN extern "C" {
 #define SST_EXTERN_C_END   }
 #else

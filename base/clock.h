@@ -1,4 +1,4 @@
-/* base/clock.h - monotonic time, and the wall clock's for people. */
+/* base/clock.h - monotonic time, CPU time, and wall-clock time as text. */
 #ifndef SST_BASE_CLOCK_H
 #define SST_BASE_CLOCK_H
 

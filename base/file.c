@@ -17,7 +17,7 @@
 
 #include "base/log.h"
 
-/* Temporary names that a killed process would leave behind. */
+/* Number of temporary files and folders that an interrupt removes. */
 #define MAX_PENDING 64
 
 static pthread_mutex_t pending_lock = PTHREAD_MUTEX_INITIALIZER;
@@ -25,7 +25,7 @@ static char pending[MAX_PENDING][SST_PATH_MAX]; /* under pending_lock */
 static sem_t interrupted;
 static _Atomic int interrupted_by; /* the first signal */
 
-/* Make the file or folder of a template (XXXXXX) and note it, so that an interrupt removes it.
+/* Create the file or folder of a template (XXXXXX) and register it, so that an interrupt removes it.
  * @return the file's descriptor, 0 for a folder, or -1 with errno */
 static int pending_make(char *name, bool folder)
 {
@@ -63,16 +63,16 @@ void sst_file_allow_interrupt(void)
     pthread_mutex_unlock(&pending_lock);
 }
 
-/* Whoever fails because his output is being removed under him, says nothing and waits here for the end of the process:
- * going on, he could end it before everything is removed. */
+/* A thread whose output fails because it is being removed waits here, without a message, for the end of the process: by
+ * continuing, it could end the process before everything is removed. */
 static void wait_if_interrupted(void)
 {
     sst_file_hold_interrupt();
     sst_file_allow_interrupt();
 }
 
-/* A thread, because a signal's handler may neither allocate memory nor list a folder: the thread that it stopped could
- * be holding the allocator's lock. */
+/* Runs on a thread, because a signal handler may neither allocate memory nor list a folder: the interrupted thread
+ * could hold the allocator's lock. */
 static void *end_when_interrupted(void *arg SST_UNUSED)
 {
     char gone[SST_PATH_MAX + 8];
@@ -80,8 +80,8 @@ static void *end_when_interrupted(void *arg SST_UNUSED)
     while (sem_wait(&interrupted))
         ;
     sst_file_hold_interrupt();
-    /* Other threads go on writing until the process exits: under another name they can add nothing to a folder that is
-     * being removed, but what they are just doing. */
+    /* Other threads keep writing until the process exits: after the rename they cannot add further files to a folder
+     * that is being removed. */
     for (int i = 0; i < MAX_PENDING; i++) {
         if (!pending[i][0])
             continue;
@@ -111,7 +111,7 @@ int sst_file_clean_on_interrupt(void)
     sigset_t all, before;
     int err = sem_init(&interrupted, 0, 0) ? errno : 0;
 
-    /* The thread takes no signals: who blocks them later, to read them, gets them all. */
+    /* The thread blocks all signals, so that a caller that blocks them later, to read them, gets them all. */
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     err = err ? err : pthread_create(&thread, NULL, end_when_interrupted, NULL);
@@ -179,8 +179,7 @@ int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *
     }
     if ((uint64_t)st.st_size > limit_bytes) {
         err = -EBADMSG;
-        sst_log_error("%s has %lld bytes, more than the %zu that are accepted here", path, (long long)st.st_size,
-                      limit_bytes);
+        sst_log_error("%s has %lld bytes, more than the limit of %zu", path, (long long)st.st_size, limit_bytes);
         goto fail;
     }
     buf = malloc((size_t)st.st_size + 1);
@@ -207,7 +206,7 @@ fail:
     return err;
 }
 
-/* The errno of a failed output, as callers expect it: what they can act on stays, the rest is -EIO. */
+/* Log a failed output and map its errno: those that callers can act on stay, the others become -EIO. */
 static int output_error(const char *what, const char *path, int err)
 {
     wait_if_interrupted();
@@ -245,7 +244,7 @@ static int temporary_name(char out[SST_PATH_MAX], const char *path)
 static pthread_once_t mask_once = PTHREAD_ONCE_INIT;
 static mode_t mask; /* fixed after mask_once */
 
-/* Reading the mask sets it: threads that did so at the same time could leave it at 0. */
+/* Reading the mask sets it: threads doing so at the same time could leave it at 0. */
 static void read_mask(void)
 {
     mask = umask(0);
@@ -259,7 +258,7 @@ int sst_outfile_open(struct sst_outfile *out, const char *path)
 
     pthread_once(&mask_once, read_mask);
     *out = (struct sst_outfile){ 0 };
-    /* The rename at the end would put a file in the place of a device such as /dev/null. */
+    /* The final rename would replace a device such as /dev/null by a file. */
     if (!stat(path, &st) && !S_ISREG(st.st_mode)) {
         sst_log_error("%s is %s; name a file to write", path, S_ISDIR(st.st_mode) ? "a folder" : "not a regular file");
         return -EEXIST;
@@ -369,7 +368,7 @@ int sst_outdir_open(struct sst_outdir *out, const char *path, bool replace)
         return err;
     }
     (void)chmod(out->temporary, 0777 & ~mask);
-    /* The final name, without slashes at its end, is the temporary one without its suffix. */
+    /* The final name, without trailing slashes, is the temporary one without its suffix. */
     snprintf(out->path, sizeof(out->path), "%.*s", (int)(strlen(out->temporary) - strlen(".tmp-XXXXXX")),
              out->temporary);
     return 0;
@@ -401,7 +400,7 @@ int sst_path_swap(const char *fresh, const char *path)
         return rename(fresh, path) ? -errno : 0;
     if (errno != EINVAL && errno != ENOSYS)
         return -errno;
-    /* A file system that cannot exchange two names. */
+    /* The file system cannot exchange two names. */
     if (snprintf(aside, sizeof(aside), "%s-old", fresh) >= (int)sizeof(aside))
         return -ENAMETOOLONG;
     if (rename(path, aside))
@@ -428,7 +427,7 @@ int sst_outdir_commit(struct sst_outdir *out)
         sst_outdir_abort(out);
         return err;
     }
-    sst_outdir_abort(out); /* now the previous folder, if there was one */
+    sst_outdir_abort(out); /* removes the previous folder, if there was one */
     err = sync_parent(out->path);
     return err ? output_error("sync the folder of", out->path, -err) : 0;
 }
@@ -455,7 +454,7 @@ void sst_path_remove_tree(const char *path)
     (void)nftw(path, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
 }
 
-/* Is the folder `inner` the folder `outer` or below it? Both must exist. */
+/* True if the folder `inner` is `outer` or below it. Both must exist. */
 static bool is_inside(const char *inner, const char *outer)
 {
     char *a = realpath(inner, NULL), *b = realpath(outer, NULL);

@@ -1,4 +1,4 @@
-/* base/file.h - whole files in, whole files or whole folders out: output appears complete or not at all. */
+/* base/file.h - reads whole files, and writes files and folders atomically: output appears complete or not at all. */
 #ifndef SST_BASE_FILE_H
 #define SST_BASE_FILE_H
 
@@ -18,7 +18,7 @@ const char *sst_path_base(const char *path);
 bool sst_path_exists(const char *path);
 bool sst_path_is_dir(const char *path);
 
-/** Make a folder; one that exists is fine. @return 0 or what a failed output returns, logged. */
+/** Create a folder; an existing one is fine. @return 0 or an error as of sst_outfile_open(), logged. */
 SST_MUST_CHECK int sst_path_make_dir(const char *path);
 
 /**
@@ -32,7 +32,7 @@ SST_MUST_CHECK int sst_file_read(const char *path, size_t limit_bytes, uint8_t *
 
 /**
  * A file that appears under its name only when committed: written beside it under a temporary name, synced, renamed.
- * "-" is not special. A left-over temporary file is removed by abort and at failure.
+ * "-" is not special. Abort and failures remove the temporary file.
  */
 struct sst_outfile {
     FILE *stream;
@@ -42,10 +42,10 @@ struct sst_outfile {
 /** @return 0, or -EIO/-ENOSPC/-EROFS/-EACCES, logged. */
 SST_MUST_CHECK int sst_outfile_open(struct sst_outfile *out, const char *path);
 
-/** Flush, sync and rename; on failure the old file stays and the temporary one goes. Closes in every case. Logged. */
+/** Flush, sync and rename; on failure the old file stays and the temporary one is removed. Always closes. Logged. */
 SST_MUST_CHECK int sst_outfile_commit(struct sst_outfile *out);
 
-/** Throw the output away. A zeroed or committed object is fine. */
+/** Discard the output. A zeroed or committed object is fine. */
 void sst_outfile_abort(struct sst_outfile *out);
 
 /** Write a whole buffer through an sst_outfile. */
@@ -74,23 +74,23 @@ SST_MUST_CHECK int sst_check_output(const char *out, bool force, const char *mar
 void sst_path_remove_tree(const char *path);
 
 /**
- * Put `fresh` in the place of `path`, in one step where the file system can: what was at `path`, if anything, is at
- * `fresh` afterwards.
+ * Move `fresh` to `path`, atomically if the file system supports it; what was at `path`, if anything, is at `fresh`
+ * afterwards.
  *
- * @return 0, or a negative errno, then both are as they were (not logged).
+ * @return 0, or a negative errno with both unchanged (not logged).
  */
 SST_MUST_CHECK int sst_path_swap(const char *fresh, const char *path);
 
 /**
- * From now on SIGINT and SIGTERM remove what is still uncommitted and end the process with status 128 + signal; threads
- * whose output fails meanwhile wait for that end. Call it before other threads start, once.
+ * From now on SIGINT and SIGTERM remove all uncommitted output and end the process with status 128 + signal; threads
+ * whose output fails meanwhile wait for that end. Call it once, before other threads start.
  *
- * @return 0, or a negative errno, logged, when there is no thread to be had for it.
+ * @return 0, or a negative errno if its thread cannot be started; logged.
  */
 SST_MUST_CHECK int sst_file_clean_on_interrupt(void);
 
-/** Between these two an interrupt waits: for renames of which either all or none must happen. No output may be opened,
- *  committed, aborted or fail meanwhile. */
+/** Delay an interrupt between these two calls: for renames of which either all or none must happen. No output may be
+ *  opened, committed, aborted or fail in between. */
 void sst_file_hold_interrupt(void);
 void sst_file_allow_interrupt(void);
 

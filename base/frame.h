@@ -1,4 +1,4 @@
-/* base/frame.h - one camera frame as the driver delivered it, with what is known about it. */
+/* base/frame.h - one camera frame as delivered by the driver, with time stamps and faults. */
 #ifndef SST_BASE_FRAME_H
 #define SST_BASE_FRAME_H
 
@@ -6,7 +6,7 @@
 
 #define SST_CAMERAS_MAX 256
 
-/** What is wrong with a frame; bits. A frame with none of the bits up to FRAME_BAD is good. */
+/** Faults of a frame; bits. A frame with none of the bits of SST_FRAME_BAD is good. */
 enum sst_frame_fault {
     SST_FRAME_FLAGGED = 1 << 0,   /* the driver set V4L2_BUF_FLAG_ERROR */
     SST_FRAME_EMPTY = 1 << 1,     /* no bytes */
@@ -16,7 +16,7 @@ enum sst_frame_fault {
     SST_FRAME_MARKER = 1 << 5,    /* JPEG: broken marker structure, or another size than negotiated */
     SST_FRAME_BACKWARDS = 1 << 6, /* time stamp not after that of the frame before */
     SST_FRAME_BAD = (1 << 7) - 1,
-    SST_FRAME_FROZEN = 1 << 7, /* same bytes as the frame before: kept, but told */
+    SST_FRAME_FROZEN = 1 << 7, /* same bytes as the frame before: still delivered */
 };
 
 /**
@@ -30,12 +30,12 @@ struct sst_frame {
     size_t stride;     /* bytes; 0 for compressed formats */
     const uint8_t *data;
     size_t bytes;
-    uint32_t sequence;    /* the driver's count */
-    uint32_t lost_before; /* frames that a gap in the sequence says were lost just before this one */
+    uint32_t sequence;    /* of the driver */
+    uint32_t lost_before; /* frames lost just before this one, by a gap in the sequence */
     int64_t t_ns;         /* start of exposure, by the driver */
     int64_t arrival_ns;   /* when it was dequeued */
     unsigned faults;      /* sst_frame_fault */
-    void *pool;           /* the driver's; nobody else's business */
+    void *pool;           /* private to the driver */
 };
 
 #endif

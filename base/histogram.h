@@ -15,8 +15,7 @@ struct sst_histogram {
 /** Negative values count as 0. */
 void sst_histogram_add(struct sst_histogram *h, int64_t value);
 
-/** Upper end of the bucket that holds the value of rank ceil(q * count), at most max; 0 of an empty one. @param q 0..1
- */
+/** Upper end of the bucket that holds the value of rank ceil(q * count), at most max; 0 if empty. @param q 0..1 */
 int64_t sst_histogram_quantile(const struct sst_histogram *h, double q);
 
 #endif

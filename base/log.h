@@ -16,7 +16,7 @@ enum sst_log_level {
 /** Show messages up to this level; the default is SST_LOG_WARNING. */
 void sst_log_set_level(enum sst_log_level level);
 
-/** Begin lines with the level as systemd's journal reads it. */
+/** Prefix lines with the level in the format of systemd's journal. */
 void sst_log_use_journal(bool on);
 
 /**
@@ -34,15 +34,14 @@ void sst_log_debug(const char *fmt, ...) SST_PRINTF(1, 2);
 #define SST_LOG_MAX 1024
 
 /**
- * Keep this thread's errors in `text` [SST_LOG_MAX], the last one staying, instead of showing them; NULL shows
- * them again.
- * For work on several threads, of whose errors one is reported (base/thread.h).
+ * Store the last error of this thread in `text` [SST_LOG_MAX] instead of showing it; NULL shows errors again.
+ * For work on several threads of which only one error is reported (base/thread.h).
  * @return the text set before, or NULL
  */
 char *sst_log_hold_errors(char *text);
 
-/** Show this thread's errors as ever, and put them into `text` as well, one after another with "; " between, as far as
- *  they fit; NULL ends it. */
+/** Show the errors of this thread as usual, and also append them to `text`, separated by "; ", truncated to fit; NULL
+ *  ends this. */
 void sst_log_copy_errors(char *text, size_t size);
 
 #endif

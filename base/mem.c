@@ -36,7 +36,7 @@ void *sst_mem_keep(struct sst_mem_kept *kept, size_t count, size_t size)
         return NULL;
     if (kept->data && bytes <= kept->bytes)
         return kept->data;
-    /* Half as much again, so that what grows little by little is not taken anew each time. */
+    /* Grow by half at least, so that a slowly growing buffer is not reallocated each time. */
     if (bytes < kept->bytes + kept->bytes / 2)
         bytes = kept->bytes + kept->bytes / 2;
     p = sst_mem_alloc_raw(bytes, 1);

@@ -27,7 +27,7 @@ struct pool {
     /* under lock */
     pthread_mutex_t lock;
     int error;
-    char text[SST_LOG_MAX]; /* what was logged with it */
+    char text[SST_LOG_MAX]; /* the message logged with it */
 };
 
 struct worker {
@@ -54,7 +54,7 @@ static void *work(void *arg)
     char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
     int i;
 
-    /* Indices below a failed one are still run, so that the error reported is always the lowest one's. */
+    /* Indices below a failed one still run, so that the reported error is always that of the lowest index. */
     while ((i = atomic_fetch_add(&p->next, 1)) < p->count && i < p->failed_index) {
         int err;
 
@@ -84,7 +84,7 @@ int sst_parallel_for(int count, int threads, sst_work_fn *fn, void *arg)
     pthread_mutex_init(&pool.lock, NULL);
     for (int i = 0; i < threads; i++)
         workers[i] = (struct worker){ .pool = &pool, .id = i };
-    /* A thread that cannot be had only makes it slower. */
+    /* Without a thread it only runs slower. */
     while (started < threads && !pthread_create(&workers[started].thread, NULL, work, &workers[started]))
         started++;
     work(&workers[0]);
@@ -118,7 +118,7 @@ void sst_thread_raise_all(void)
 
         if (thread <= 0)
             continue;
-        (void)sched_setscheduler(thread, SCHED_OTHER, &none); /* without the right to it things are as they were */
+        (void)sched_setscheduler(thread, SCHED_OTHER, &none); /* without the permission nothing changes */
         if (setpriority(PRIO_PROCESS, (id_t)thread, RAISED_NICE))
             (void)setpriority(PRIO_PROCESS, (id_t)thread, mine);
     }

@@ -1,4 +1,4 @@
-/* base/thread.h - run independent pieces of work on several threads. */
+/* base/thread.h - parallel loops, thread names and priorities, condition variables on CLOCK_MONOTONIC. */
 #ifndef SST_BASE_THREAD_H
 #define SST_BASE_THREAD_H
 
@@ -8,10 +8,10 @@
 #include "base/base.h"
 
 /**
- * Work on one piece. The result must depend on index alone, never on worker, so that any number of threads
- * gives the same bytes; worker (0 .. threads-1) only picks a scratch buffer.
+ * Process one index. The result must depend on index only, never on worker, so that any number of threads gives the
+ * same bytes; worker (0 .. threads-1) only selects a scratch buffer.
  *
- * @return 0 or a negative errno, which stops the hand-out of further pieces.
+ * @return 0 or a negative errno, which stops the assignment of further indices.
  */
 typedef int sst_work_fn(void *arg, int index, int worker);
 
@@ -21,25 +21,25 @@ int sst_thread_count(int requested);
 /**
  * Call fn for every index in 0 .. count-1, on `threads` threads (the caller's among them).
  *
- * @return 0, or the error of the lowest index that failed; of the errors logged by fn only that one's is shown.
+ * @return 0, or the error of the lowest index that failed; of the errors logged by fn only that one is shown.
  *         Thread: any; calls may nest.
  */
 SST_MUST_CHECK int sst_parallel_for(int count, int threads, sst_work_fn *fn, void *arg);
 
-/** Name the calling thread, at most 15 characters: what ps, top and gdb show. */
+/** Name the calling thread, at most 15 characters: shown by ps, top and gdb. */
 void sst_thread_name(const char *name);
 
-/** Let the calling thread, and those that it starts from now on, give way to others: 0..19. */
+/** Set the nice value of the calling thread and of threads that it starts from now on: 0..19. */
 void sst_thread_nice(int nice);
 
-/** Give all threads of this process, however idle they were to be, the highest priority that is allowed, down to nice
- *  -10, or the caller's: a process ends only when the last of them got its turn. */
+/** Raise all threads of this process, also idle ones, to the highest permitted priority, down to nice -10, or to that
+ * of the caller: a process ends only after its last thread has run. */
 void sst_thread_raise_all(void);
 
-/** A condition whose waits go by CLOCK_MONOTONIC. */
+/** Initialise a condition variable that waits on CLOCK_MONOTONIC. */
 void sst_cond_init(pthread_cond_t *cond);
 
-/** Wait for `cond`, at most until sst_clock_now_ns() is `until_ns`. @return false: it is that late */
+/** Wait for `cond`, at most until sst_clock_now_ns() is `until_ns`. @return false: time-out */
 bool sst_cond_wait_until(pthread_cond_t *cond, pthread_mutex_t *lock, int64_t until_ns);
 
 #endif

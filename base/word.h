@@ -1,4 +1,4 @@
-/* base/word.h - which word of those that there are is meant by one that is not there. */
+/* base/word.h - edit distance, to suggest the known word nearest to a misspelt one. */
 #ifndef SST_BASE_WORD_H
 #define SST_BASE_WORD_H
 
@@ -6,11 +6,11 @@
 
 #define SST_WORD_FAR 1000000
 
-/** How far a wrong word is from one that exists: letters left out, too many, wrong or exchanged with the next; 1 where
- *  it only lacks the unit at the end ("rate" for "rate_hz"); SST_WORD_FAR: farther than slips go. */
+/** Number of edits between a misspelt word and a known one: missing, extra, wrong or transposed letters; 1 if only the
+ *  unit at the end is missing ("rate" for "rate_hz"); SST_WORD_FAR: too different. */
 int sst_word_distance(const char *wrong, const char *word);
 
-/** The nearest of a list that ends in NULL, or NULL if none is near. */
+/** The nearest word of a list that ends in NULL; NULL if all are too different. */
 const char *sst_word_nearest(const char *wrong, const char *const *words);
 
 #endif

@@ -1,4 +1,4 @@
-/* libyaml's events become a tree at once; what a document may not hold ends the reading there. */
+/* Builds the tree from libyaml's events; a construct that is not allowed ends parsing at once. */
 #include "base/yaml.h"
 
 #include <errno.h>
@@ -28,14 +28,14 @@ struct sst_yaml {
     struct fault faults[SST_YAML_MAX_FAULTS];
 };
 
-/* The state of reading: the containers that are open, and the key that waits for its value. */
+/* State of parsing: the open containers, and the key whose value comes next. */
 struct builder {
     struct sst_yaml *doc;
     struct sst_yaml_node *open; /* innermost, or NULL */
     int depth, documents;
     char *key;
     int key_line, key_column;
-    bool again; /* it was there before */
+    bool again; /* `key` is a duplicate */
 };
 
 /* --- faults ------------------------------------------------------------------------------------------------------- */
@@ -62,12 +62,20 @@ void sst_yaml_fault(struct sst_yaml *doc, const struct sst_yaml_node *at, const 
     vsnprintf(what, sizeof(what), fmt, args);
     va_end(args);
     while (named && !named->key)
-        named = named->parent; /* elements of a list are named by the list's key */
+        named = named->parent; /* elements of a list are reported under the list's key */
     snprintf(text, sizeof(text), "%.60s%s%s", named ? named->key : "", named ? " " : "", what);
     note(doc, at ? at->line : 1, at ? at->column : 1, text);
 }
 
-static int by_place(const void *a, const void *b)
+void sst_yaml_unknown(struct sst_yaml *doc, const struct sst_yaml_node *at, const char *what, const char *remedy)
+{
+    char text[200];
+
+    snprintf(text, sizeof(text), "unknown %s `%.60s`; %s", what, at->text, remedy);
+    note(doc, at->line, at->column, text);
+}
+
+static int by_position(const void *a, const void *b)
 {
     const struct fault *f = a, *g = b;
 
@@ -75,13 +83,13 @@ static int by_place(const void *a, const void *b)
                               : (f->column > g->column) - (f->column < g->column);
 }
 
-static int tell(struct sst_yaml *doc)
+static int log_faults(struct sst_yaml *doc)
 {
     const int shown = sst_min_int(doc->n_faults, SST_YAML_MAX_FAULTS);
 
     if (!shown)
         return 0;
-    qsort(doc->faults, (size_t)shown, sizeof(doc->faults[0]), by_place);
+    qsort(doc->faults, (size_t)shown, sizeof(doc->faults[0]), by_position);
     for (int i = 0; i < shown; i++)
         sst_log_error("%s:%d:%d: %s", doc->name, doc->faults[i].line, doc->faults[i].column, doc->faults[i].text);
     if (doc->n_faults > shown)
@@ -119,7 +127,7 @@ void sst_yaml_destroy(struct sst_yaml *doc)
     free(doc);
 }
 
-/* A fault that ends the reading. */
+/* Note a fault that ends parsing. */
 static int refuse(struct builder *b, const yaml_event_t *e, const char *what)
 {
     note(b->doc, (int)e->start_mark.line + 1, (int)e->start_mark.column + 1, what);
@@ -155,7 +163,7 @@ static const struct sst_yaml_node *find(const struct sst_yaml_node *map, const c
     return n;
 }
 
-/* Append a node to the open container; text is taken. */
+/* Append a node to the open container; it owns `text`, also on failure. */
 static int append(struct builder *b, const yaml_event_t *e, enum sst_yaml_type type, char *text, bool plain)
 {
     struct sst_yaml_node *node = calloc(1, sizeof(*node)), *parent = b->open;
@@ -194,7 +202,7 @@ static int append(struct builder *b, const yaml_event_t *e, enum sst_yaml_type t
     return 0;
 }
 
-static int take_key(struct builder *b, const yaml_event_t *e)
+static int add_key(struct builder *b, const yaml_event_t *e)
 {
     char text[160];
 
@@ -206,7 +214,7 @@ static int take_key(struct builder *b, const yaml_event_t *e)
     if (b->open->count == SST_YAML_MAX_KEYS)
         return refuse(b, e, "a mapping with more than 1024 keys; split it");
     if (find(b->open, b->key)) {
-        snprintf(text, sizeof(text), "%.60s is there already, in line %d; keep one of them", b->key,
+        snprintf(text, sizeof(text), "duplicate key `%.60s`, first in line %d; keep one of them", b->key,
                  find(b->open, b->key)->key_line);
         note(b->doc, b->key_line, b->key_column, text);
         b->again = true;
@@ -214,27 +222,27 @@ static int take_key(struct builder *b, const yaml_event_t *e)
     return 0;
 }
 
-static int take_scalar(struct builder *b, const yaml_event_t *e)
+static int add_scalar(struct builder *b, const yaml_event_t *e)
 {
     if (!clean(e->data.scalar.value, e->data.scalar.length))
         return refuse(b, e, "a text with a line break or another control character; write it in one line");
     if (b->open && b->open->type == SST_YAML_MAP && !b->key)
-        return take_key(b, e);
+        return add_key(b, e);
     return append(b, e, SST_YAML_SCALAR, copy(e->data.scalar.value, e->data.scalar.length),
                   e->data.scalar.style == YAML_PLAIN_SCALAR_STYLE);
 }
 
-static int take_container(struct builder *b, const yaml_event_t *e, enum sst_yaml_type type)
+static int add_container(struct builder *b, const yaml_event_t *e, enum sst_yaml_type type)
 {
     if (b->open && b->open->type == SST_YAML_MAP && !b->key)
-        return refuse(b, e, "a key that is a list or a mapping; keys are words");
+        return refuse(b, e, "a key that is a list or a mapping; write it as plain text");
     if (b->depth == SST_YAML_MAX_DEPTH)
-        return refuse(b, e, "nested deeper than 16 levels; no file of ours is");
+        return refuse(b, e, "nested deeper than the limit of 16 levels");
     b->depth++;
     return append(b, e, type, calloc(1, 1), false);
 }
 
-static int take_event(struct builder *b, const yaml_event_t *e)
+static int handle_event(struct builder *b, const yaml_event_t *e)
 {
     const yaml_char_t *anchor = NULL, *tag = NULL;
 
@@ -259,17 +267,17 @@ static int take_event(struct builder *b, const yaml_event_t *e)
         b->open = b->open->parent;
         return 0;
     case YAML_DOCUMENT_START_EVENT:
-        return b->documents++ ? refuse(b, e, "a second document begins here; keep one to a file") : 0;
+        return b->documents++ ? refuse(b, e, "a second document begins here; write one document per file") : 0;
     default:
         return 0;
     }
     if (anchor || tag)
         return refuse(b, e, "an anchor (&name) or a tag (!name); write the plain value");
     if (b->doc->n_nodes++ == SST_YAML_MAX_NODES)
-        return refuse(b, e, "more than 65536 keys and values; the file is too large to be one of ours");
+        return refuse(b, e, "more than the limit of 65536 keys and values");
     return e->type == YAML_SCALAR_EVENT
-               ? take_scalar(b, e)
-               : take_container(b, e, e->type == YAML_MAPPING_START_EVENT ? SST_YAML_MAP : SST_YAML_LIST);
+               ? add_scalar(b, e)
+               : add_container(b, e, e->type == YAML_MAPPING_START_EVENT ? SST_YAML_MAP : SST_YAML_LIST);
 }
 
 static int syntax_fault(struct sst_yaml *doc, const yaml_parser_t *p)
@@ -278,7 +286,7 @@ static int syntax_fault(struct sst_yaml *doc, const yaml_parser_t *p)
 
     if (p->error == YAML_MEMORY_ERROR)
         return -ENOMEM;
-    snprintf(text, sizeof(text), "not YAML: %s%s%s; correct this line", p->problem ? p->problem : "unreadable",
+    snprintf(text, sizeof(text), "invalid YAML: %s%s%s; correct this line", p->problem ? p->problem : "unreadable",
              p->context ? " " : "", p->context ? p->context : "");
     note(doc, (int)p->problem_mark.line + 1, (int)p->problem_mark.column + 1, text);
     return -EBADMSG;
@@ -298,7 +306,7 @@ static int read_events(struct sst_yaml *doc, yaml_parser_t *parser)
             break;
         }
         end = e.type == YAML_STREAM_END_EVENT;
-        err = take_event(&b, &e);
+        err = handle_event(&b, &e);
         yaml_event_delete(&e);
     }
     free(b.key);
@@ -312,7 +320,7 @@ int sst_yaml_parse(struct sst_yaml **out, const char *text, size_t size, const c
     int err = -ENOMEM;
 
     if (size > SST_YAML_MAX_BYTES) {
-        sst_log_error("%s has %zu bytes; YAML files of more than 1 MiB are refused", name, size);
+        sst_log_error("%s has %zu bytes; the limit for YAML files is 1 MiB", name, size);
         return -EBADMSG;
     }
     doc = calloc(1, sizeof(*doc));
@@ -326,7 +334,7 @@ int sst_yaml_parse(struct sst_yaml **out, const char *text, size_t size, const c
     if (err == -ENOMEM)
         sst_log_error("%s: not enough memory to read it", name);
     else if (err)
-        err = tell(doc);
+        err = log_faults(doc);
     if (err)
         sst_yaml_destroy(doc);
     else
@@ -350,11 +358,11 @@ struct sst_yaml_node *sst_yaml_root(struct sst_yaml *doc)
 {
     if (doc->root && doc->root->type == SST_YAML_MAP)
         return doc->root;
-    sst_yaml_fault(doc, doc->root, "the file must hold keys with values, such as \"key: value\"");
+    sst_yaml_fault(doc, doc->root, "the file must contain keys with values, such as \"key: value\"");
     return NULL;
 }
 
-/* Without memory for it a wrong key is refused without a proposal. */
+/* Without memory an unknown key is reported without a suggestion. */
 static void remember(struct sst_yaml_node *map, const char *key)
 {
     const size_t size = strlen(key) + 1;
@@ -393,7 +401,7 @@ struct sst_yaml_node *sst_yaml_need(struct sst_yaml *doc, struct sst_yaml_node *
     struct sst_yaml_node *node = sst_yaml_get(map, key);
 
     if (map && !node)
-        sst_yaml_fault(doc, map, "lacks the key %s; add it", key);
+        sst_yaml_fault(doc, map, "lacks the key `%s`; add it", key);
     return node;
 }
 
@@ -411,8 +419,8 @@ void sst_yaml_know_tree(struct sst_yaml_node *node)
     }
 }
 
-/* The key that a wrong one most likely means, of those that are not there. */
-static const char *meant(const struct sst_yaml_node *map, const char *key)
+/* The known key nearest to a misspelt one, among those that the mapping does not have yet. */
+static const char *suggestion(const struct sst_yaml_node *map, const char *key)
 {
     const char *best = NULL;
     int least = SST_WORD_FAR;
@@ -434,12 +442,14 @@ static void note_unknown(struct sst_yaml *doc, const struct sst_yaml_node *node)
 
     for (const struct sst_yaml_node *n = node->first; n; n = n->next) {
         if (n->again)
-            continue; /* told already; nobody asked for what is in it */
+            continue; /* reported as a duplicate; its content was never read */
         if (node->type == SST_YAML_MAP && !n->known) {
-            const char *best = meant(node, n->key);
+            const char *best = suggestion(node, n->key);
 
-            snprintf(text, sizeof(text), "%.60s is no key here; %s%s%s", n->key,
-                     best ? "did you mean " : "correct its spelling or remove it", best ? best : "", best ? "?" : "");
+            if (best)
+                snprintf(text, sizeof(text), "unknown key `%.60s`; did you mean `%s`?", n->key, best);
+            else
+                snprintf(text, sizeof(text), "unknown key `%.60s`; correct its spelling or remove it", n->key);
             note(doc, n->key_line, n->key_column, text);
         } else {
             note_unknown(doc, n);
@@ -451,5 +461,5 @@ int sst_yaml_finish(struct sst_yaml *doc)
 {
     if (doc->root && doc->root->type == SST_YAML_MAP)
         note_unknown(doc, doc->root);
-    return tell(doc);
+    return log_faults(doc);
 }

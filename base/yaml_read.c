@@ -1,4 +1,4 @@
-/* Typed values out of the tree. */
+/* Typed values from the tree. */
 #include <ctype.h>
 #include <errno.h>
 #include <math.h>
@@ -8,28 +8,28 @@
 
 #include "base/yaml.h"
 
-/* A scalar with something in it, or a fault that says what is wanted. */
+/* True for a non-empty scalar; else notes a fault that names what is expected. */
 static bool has_text(struct sst_yaml *doc, const struct sst_yaml_node *node, const char *want)
 {
     if (!node)
         return false;
     if (node->type == SST_YAML_SCALAR && *node->text)
         return true;
-    sst_yaml_fault(doc, node, "wants %s, not %s", want,
+    sst_yaml_fault(doc, node, "must be %s, not %s", want,
                    node->type == SST_YAML_LIST  ? "a list"
                    : node->type == SST_YAML_MAP ? "a mapping"
                                                 : "an empty value");
     return false;
 }
 
-/* 012 is twelve to some readers of YAML and ten to others. */
+/* Some YAML readers parse 012 as twelve, others as ten. */
 static bool octal(const char *text)
 {
     text += *text == '-' || *text == '+';
     return *text == '0' && isdigit((unsigned char)text[1]);
 }
 
-/* Only digits, signs, a point and an exponent: strtod alone would also take "nan", "inf" and "0x1p3". */
+/* Only digits, signs, a point and an exponent: strtod alone would also accept "nan", "inf" and "0x1p3". */
 static bool number(const struct sst_yaml_node *node, double *out)
 {
     char *end;
@@ -49,7 +49,7 @@ bool sst_yaml_double(struct sst_yaml *doc, const struct sst_yaml_node *node, dou
     if (!has_text(doc, node, want))
         return false;
     if (!number(node, &v) || !(v >= min && v <= max)) {
-        sst_yaml_fault(doc, node, "wants %s, not %s%.60s%s", want, node->plain ? "" : "\"", node->text,
+        sst_yaml_fault(doc, node, "must be %s, not %s%.60s%s", want, node->plain ? "" : "\"", node->text,
                        node->plain ? "" : "\"");
         return false;
     }
@@ -69,7 +69,7 @@ bool sst_yaml_int(struct sst_yaml *doc, const struct sst_yaml_node *node, int mi
     v = strtol(node->text, &end, 10);
     if (!node->plain || octal(node->text) || isspace((unsigned char)*node->text) || *end || errno || v < min ||
         v > max) {
-        sst_yaml_fault(doc, node, "wants %s, not %s%.60s%s", want, node->plain ? "" : "\"", node->text,
+        sst_yaml_fault(doc, node, "must be %s, not %s%.60s%s", want, node->plain ? "" : "\"", node->text,
                        node->plain ? "" : "\"");
         return false;
     }
@@ -83,7 +83,7 @@ bool sst_yaml_bool(struct sst_yaml *doc, const struct sst_yaml_node *node, bool 
     int v;
 
     if (node && !node->plain && node->type == SST_YAML_SCALAR) {
-        sst_yaml_fault(doc, node, "wants true or false without quotes");
+        sst_yaml_fault(doc, node, "must be true or false without quotes");
         return false;
     }
     if (!sst_yaml_choice(doc, node, names, 2, &v))
@@ -94,7 +94,7 @@ bool sst_yaml_bool(struct sst_yaml *doc, const struct sst_yaml_node *node, bool 
 
 bool sst_yaml_string(struct sst_yaml *doc, const struct sst_yaml_node *node, char *out, size_t size)
 {
-    if (!has_text(doc, node, "a text"))
+    if (!has_text(doc, node, "a string"))
         return false;
     if (strlen(node->text) >= size) {
         sst_yaml_fault(doc, node, "is longer than %zu bytes: %.60s; shorten it", size - 1, node->text);
@@ -121,7 +121,7 @@ bool sst_yaml_choice(struct sst_yaml *doc, const struct sst_yaml_node *node, con
             return true;
         }
     }
-    sst_yaml_fault(doc, node, "wants %s, not %.60s", want, node->text);
+    sst_yaml_fault(doc, node, "must be %s, not %.60s", want, node->text);
     return false;
 }
 
@@ -142,7 +142,7 @@ bool sst_yaml_doubles(struct sst_yaml *doc, const struct sst_yaml_node *node, do
         return true;
     }
     if (node->type != SST_YAML_LIST || node->count != n) {
-        sst_yaml_fault(doc, node, "wants a list of %d numbers in %g..%g, or one for all", n, min, max);
+        sst_yaml_fault(doc, node, "must be a list of %d numbers in %g..%g, or one for all", n, min, max);
         return false;
     }
     for (int pass = 0; ok && pass < 2; pass++) { /* the first one only checks */

@@ -1,4 +1,4 @@
-/* sst cameras: the cameras that are there, who they are, where they belong, and whether they can be used. */
+/* sst cameras: lists connected cameras with identity, position in the array and state. */
 #include <ctype.h>
 #include <dirent.h>
 #include <errno.h>
@@ -13,7 +13,7 @@
 
 #define USER_MAX 64
 
-/* "ffmpeg (1234)" if a process that we may look into has the node open; "" else. */
+/* "ffmpeg (1234)" if a process that we may inspect has the node open; else "". */
 static bool has_open(const char *pid, const char *node)
 {
     char dir[300], link[600], target[64];
@@ -65,9 +65,9 @@ static void state_text(char *text, size_t size, const struct sst_grab_device *d)
     char user[USER_MAX];
 
     if (d->error == EACCES || d->error == EPERM) {
-        snprintf(text, size, "no rights: add this user to the group of the node (video)");
+        snprintf(text, size, "no permission: add this user to the group of the node (video)");
     } else if (d->error == ETIMEDOUT) {
-        snprintf(text, size, "hangs: it does not answer");
+        snprintf(text, size, "hangs: it does not respond");
     } else if (d->error) {
         snprintf(text, size, "cannot be opened: %s", strerror(d->error));
     } else if (d->busy) {
@@ -110,14 +110,14 @@ static int print_json(const struct sst_grab_device *devices, const struct cli_pl
     }
     json_decref(list);
     if (err)
-        sst_log_error("the list of cameras cannot be printed: %s", strerror(-err));
+        sst_log_error("cannot print the list of cameras: %s", strerror(-err));
     return err;
 }
 
 static void print_table(const struct sst_grab_device *devices, const struct cli_place *place, int count)
 {
     if (!count) {
-        puts("no cameras are there: plug one in (`dmesg` tells what the system made of it)");
+        puts("no cameras are connected: plug one in (`dmesg` shows whether the kernel detects it)");
         return;
     }
     printf("%-6s %-12s %-14s %-10s %-12s %-24s %-20s %s\n", "PLACE", "NODE", "SERIAL", "PORT", "DRIVER", "NAME",
@@ -132,8 +132,8 @@ static void print_table(const struct sst_grab_device *devices, const struct cli_
     }
 }
 
-/* Bound cameras that are not there, two devices of one serial: worth a word in both forms. */
-static void tell_missing(const struct sst_array_config *cfg, const struct cli_place *place, int count)
+/* Warn about missing bound cameras and duplicate serials, in both output formats. */
+static void warn_missing(const struct sst_array_config *cfg, const struct cli_place *place, int count)
 {
     int missing = 0;
 
@@ -144,14 +144,14 @@ static void tell_missing(const struct sst_array_config *cfg, const struct cli_pl
         for (int i = 0; i < count; i++)
             there |= place[i].row == c->row && place[i].col == c->col;
         if (!there && ++missing <= 8)
-            sst_log_warning("row %d col %d: there is no camera of %s %s", c->row, c->col,
+            sst_log_warning("row %d col %d: no camera with %s %s is connected", c->row, c->col,
                             *c->serial ? "serial" : "port", *c->serial ? c->serial : c->port);
     }
     if (missing > 8)
         sst_log_warning("and %d more cameras are missing", missing - 8);
 }
 
-static void tell_twins(const struct sst_grab_device *devices, int count)
+static void warn_duplicates(const struct sst_grab_device *devices, int count)
 {
     for (int i = 0; i < count; i++) {
         for (int k = 0; k < i; k++) {
@@ -184,8 +184,8 @@ static int local(const char *config, bool json)
         return -ENOMEM;
     }
     cli_places(place, &cfg, devices, count);
-    tell_missing(&cfg, place, count);
-    tell_twins(devices, count);
+    warn_missing(&cfg, place, count);
+    warn_duplicates(devices, count);
     if (json)
         err = print_json(devices, place, count);
     else
@@ -195,16 +195,16 @@ static int local(const char *config, bool json)
     return err;
 }
 
-/* Does the default service run? What keeps us from asking it is told only if it does. */
+/* True if the default service runs. Errors of the request are only shown if it does. */
 static int service_cameras(const struct sst_client_service *where, bool asked, json_t **answer)
 {
-    char said[SST_LOG_MAX] = "", *before = asked ? NULL : sst_log_hold_errors(said);
+    char error[SST_LOG_MAX] = "", *before = asked ? NULL : sst_log_hold_errors(error);
     const int err = sst_client_ask(where, "/api/v1/cameras", NULL, answer);
 
     if (!asked)
         (void)sst_log_hold_errors(before);
     if (!asked && err && err != -ENOPKG && err != -ENOTSUP)
-        sst_log_warning("%s; these are this machine's cameras", said);
+        sst_log_warning("%s; listing the cameras of this machine", error);
     return err;
 }
 
@@ -214,11 +214,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *config = NULL;
     bool json = false, only_local = false, all = false, asked;
     const struct cli_option options[] = {
-        { "local", 0, CLI_FLAG, &only_local, NULL, "this machine's cameras, whether or not a service runs", 0, 0 },
-        { "all", 'a', CLI_FLAG, &all, NULL, "of the service: a line for each camera", 0, 0 },
+        { "local", 0, CLI_FLAG, &only_local, NULL, "list the cameras of this machine, even if a service runs", 0, 0 },
+        { "all", 'a', CLI_FLAG, &all, NULL, "list each camera of the service on its own line", 0, 0 },
         { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
-        { "config", 'c', CLI_STRING, &config, "FILE", "local, with the places of this file (/etc/sst/sstd.yaml)", 0,
-          0 },
+        { "config", 'c', CLI_STRING, &config, "FILE",
+          "list local cameras with their positions in this configuration (/etc/sst/sstd.yaml)", 0, 0 },
         CLI_SERVICE_OPTIONS(where),
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
@@ -229,8 +229,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     asked = where.socket || where.url || all;
     if (asked && (only_local || config))
-        return cli_usage_error(cmd,
-                               "--local and --config are of this machine: they do not go with --socket, --url, -a");
+        return cli_usage_error(
+            cmd,
+            "--local and --config list the cameras of this machine and cannot be combined with --socket, --url or -a");
     if (!only_local && !config) {
         err = service_cameras(&where, asked, &answer);
         if (!err && json)
@@ -248,14 +249,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_cameras = {
     .name = "cameras",
     .usage = "[--all] [--json] | --local [--config FILE] [--json]",
-    .summary = "cameras that are there, and where they belong",
-    .detail =
-        "With a running service: its grid, frames per second of each camera, and which do not stream and why. Else, "
-        "or\n"
-        "with --local or --config: V4L2 capture devices by USB port: serial, port, driver, what they offer, their\n"
-        "place in the array by the configuration, and whether they are free, busy (and with whom), or may not be\n"
-        "opened. Bind cameras by serial, or by port where serials are missing or the same; /dev/videoN changes with\n"
-        "the order of plugging.",
+    .summary = "list connected cameras and their positions in the array",
+    .detail = "If a service runs: its grid, the frame rate of each camera, and which do not stream and why. Otherwise, "
+              "or\nwith --local or --config: V4L2 capture devices by USB port, with serial, port, driver, formats, "
+              "their position\nin the array by the configuration, and their state: free, busy (and the program that "
+              "uses them) or without\npermission. Bind cameras by serial, or by port if serials are missing or equal; "
+              "/dev/videoN depends on the\norder of plugging.",
     .example = "sst cameras\n  sst cameras --config array.yaml",
     .run = run,
 };

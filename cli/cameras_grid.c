@@ -1,4 +1,4 @@
-/* The service's cameras as a grid of rates, as seen from behind. */
+/* Prints the cameras of the service as a grid of frame rates, seen from behind. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

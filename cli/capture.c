@@ -1,4 +1,4 @@
-/* sst capture: finds what is to be captured from. */
+/* sst capture: dispatches to the kind of capture. */
 #include "cli/cli_internal.h"
 
 #include <stdio.h>
@@ -22,7 +22,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     }
     if (argc > 1 && strcmp(argv[1], "--help") != 0 && strcmp(argv[1], "-h") != 0)
-        return cli_usage_error(cmd, "there is no capture %s", argv[1]);
+        return cli_usage_error(cmd, "unknown kind of capture `%s`", argv[1]);
     printf("sst capture - %s\n\nusage: sst capture KIND ...\n\nkinds:\n", cmd->summary);
     for (size_t i = 0; i < ARRAY_LEN(kinds); i++)
         printf("  %-10s %s\n", kinds[i]->name + strlen("capture "), kinds[i]->summary);

@@ -1,4 +1,4 @@
-/* sst capture array: sets of all cameras, recorded as they come, with an account of every frame. */
+/* sst capture array: records framesets of all cameras and accounts for every frame. */
 #include <errno.h>
 #include <inttypes.h>
 #include <jansson.h>
@@ -15,7 +15,7 @@
 
 struct array_capture {
     struct sst_array_config config;
-    struct sst_recorder *recorder; /* NULL: nothing is kept */
+    struct sst_recorder *recorder; /* NULL: no recording */
     uint64_t wanted;
     double seconds; /* 0: no limit */
     int64_t start_ns, cpu_ns;
@@ -135,7 +135,7 @@ static void print_text(const struct array_capture *a, const struct sst_capture *
 
     printf("%" PRIu64 " sets of %d cameras in %.1f s: %" PRIu64 " complete, %" PRIu64 " partial, %.1f MB%s%s\n",
            r->handed, c->bound, s, r->complete, r->handed - r->complete, (double)a->bytes / 1e6, dir ? " in " : "",
-           dir ? dir : ", nothing kept (-o DIR records)");
+           dir ? dir : ", not recorded (use -o DIR)");
     if (r->skew_ns.count)
         printf("skew of a set: p50 %.0f us, p99 %.0f us, max %.0f us (row %d, col %d)\n",
                (double)sst_histogram_quantile(&r->skew_ns, 0.5) / 1e3,
@@ -146,17 +146,17 @@ static void print_text(const struct array_capture *a, const struct sst_capture *
                " edges stamped by the loop-back line)\n",
                (double)sst_histogram_quantile(&r->from_edge_ns, 0.5) / 1e3, (double)r->from_edge_ns.max / 1e3,
                r->edges_stamped, r->edges);
-    printf("frames: %" PRIu64 " delivered, %" PRIu64 " lost before by drivers;", r->grab.frames, r->grab.lost);
+    printf("frames: %" PRIu64 " delivered, %" PRIu64 " lost earlier by drivers;", r->grab.frames, r->grab.lost);
     for (int i = 0; i < SST_BUCKETS; i++)
         if (i == SST_BUCKET_SET || r->sets.bucket[i])
             printf("%s %" PRIu64 " %s", i ? "," : "", r->sets.bucket[i], sst_bucket_name((enum sst_bucket)i));
     printf("\n");
     if (r->sets.dropped || r->beats_skipped)
-        printf("triggers without a set: %" PRIu64 " found all sets with the writer, %" PRIu64
-               " came too late to fire\n",
+        printf("triggers without a set: %" PRIu64 " without a free set because the writer was behind, %" PRIu64
+               " too late to fire\n",
                r->sets.dropped, r->beats_skipped);
     if (r->unexplained)
-        printf("%" PRIu64 " frames are unexplained: please report this as a bug\n", r->unexplained);
+        printf("%" PRIu64 " frames are unaccounted for: please report this as a bug\n", r->unexplained);
     for (int i = 0; i < c->bound; i++) {
         const struct sst_grab_device *device;
         struct sst_grab_counters n;
@@ -165,7 +165,7 @@ static void print_text(const struct array_capture *a, const struct sst_capture *
         sst_capture_camera(capture, i, &n, &device);
         if (b[SST_BUCKET_SET] < r->handed)
             printf("  row %d, col %d (%s): missing in %" PRIu64 " sets; %" PRIu64 " bad frames, %" PRIu64
-                   " lost by the driver, lost and found %" PRIu64 " times\n",
+                   " lost by the driver, disconnected %" PRIu64 " times\n",
                    c->camera[i].row, c->camera[i].col, device->serial[0] ? device->serial : c->camera[i].port,
                    r->handed - b[SST_BUCKET_SET], n.bad, n.lost, n.lost_devices);
     }
@@ -246,7 +246,7 @@ static int capture(struct array_capture *a, struct sst_recorder_config *rec, boo
     else if (report->handed)
         print_text(a, capture, report, rec->dir);
     if (!err && report->refused)
-        code = CLI_OUTPUT; /* the recorder said why */
+        code = CLI_OUTPUT; /* logged by the recorder */
     else if (!err && a->wanted && report->handed + report->sets.dropped < a->wanted)
         code = CLI_INTERRUPTED;
     sst_capture_close(capture);
@@ -261,7 +261,7 @@ struct array_options {
     bool append, json;
 };
 
-/** What the command line says over the configuration. */
+/* Options that override the configuration. */
 static int apply(const struct cli_command *cmd, const struct array_options *o, struct sst_array_config *c)
 {
     static const char *const sources[] = { "gpio", "software", "free-run" };
@@ -316,21 +316,21 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     o.sync_s = rec.sync_s;
 
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.dir, "DIR", "record into this folder; without it frames are only counted", 0,
-          0 },
-        { "sets", 'n', CLI_INT, &o.sets, "N", "so many sets; without -n and --duration until Ctrl-C", 1, 1000000000 },
-        { "duration", 0, CLI_DOUBLE, &a->seconds, "S", "or so many seconds", 0.001, 1e9 },
+        { "output", 'o', CLI_STRING, &o.dir, "DIR", "record into this folder; default: frames are only counted", 0, 0 },
+        { "sets", 'n', CLI_INT, &o.sets, "N", "number of sets; without -n and --duration until Ctrl-C", 1, 1000000000 },
+        { "duration", 0, CLI_DOUBLE, &a->seconds, "S", "duration in seconds", 0.001, 1e9 },
         { "config", 0, CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml", 0, 0 },
         { "grid", 0, CLI_GRID, o.grid, "RxC", "rows and columns of the array; 6x6", 1, SST_CAMERAS_MAX },
         { "size", 0, CLI_SIZE, o.size, "WxH", "pixels of a frame; 640x480", 16, 16384 },
         { "format", 0, CLI_STRING, &o.format, "F", "pixel format; MJPEG", 0, 0 },
         { "trigger", 0, CLI_STRING, &o.source, "SOURCE", "gpio, software or free-run", 0, 0 },
         { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "sets per second; 10", 0.01, 1000 },
-        { "camera-rate", 0, CLI_DOUBLE, &o.camera_hz, "HZ", "frames per second asked from the cameras", 0.01, 1000 },
-        { "append", 0, CLI_FLAG, &o.append, NULL, "go on with a recording that is there", 0, 0 },
-        { "segment", 0, CLI_DOUBLE, &o.segment_s, "S", "a new file after so many seconds", 1, 1e6 },
-        { "sync", 0, CLI_DOUBLE, &o.sync_s, "S", "what a power cut may cost; 0: sync every set", 0, 1e6 },
-        { "json", 0, CLI_FLAG, &o.json, NULL, "print the account as JSON", 0, 0 },
+        { "camera-rate", 0, CLI_DOUBLE, &o.camera_hz, "HZ", "frame rate requested from the cameras", 0.01, 1000 },
+        { "append", 0, CLI_FLAG, &o.append, NULL, "append to an existing recording", 0, 0 },
+        { "segment", 0, CLI_DOUBLE, &o.segment_s, "S", "length of each file in seconds", 1, 1e6 },
+        { "sync", 0, CLI_DOUBLE, &o.sync_s, "S", "maximum time in seconds that a power cut may lose; 0: sync every set",
+          0, 1e6 },
+        { "json", 0, CLI_FLAG, &o.json, NULL, "print the frame statistics as JSON", 0, 0 },
     };
 
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
@@ -355,14 +355,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_capture_array = {
     .name = "capture array",
     .usage = "[-n N | --duration S] [-o DIR] [--config FILE] [--trigger SOURCE] [--rate HZ] [--json]",
-    .summary = "record sets of all cameras of the array",
-    .detail =
-        "Each set holds one frame of every camera for one trigger; sets that miss a camera are kept and say which. "
-        "The\n"
-        "camera's bytes go untouched into Matroska segments (docs/recordings.md); `sst import recording DIR -o LF` "
-        "makes\n"
-        "light fields of them. At the end every frame is accounted for: in a set, late, duplicate, stray, corrupt,\n"
-        "flagged by the driver, or dropped. config/sstd.yaml explains the configuration. Ctrl-C ends it properly.",
+    .summary = "record framesets of all cameras of the array",
+    .detail = "A frameset (short: set) has one frame of every camera for one trigger; sets that miss a camera are kept "
+              "and\nname it. The camera's bytes are stored unchanged in Matroska segments (docs/recordings.md); `sst "
+              "import\nrecording DIR -o LF` converts them to light fields. At the end every frame is accounted for: in "
+              "a set, late,\nduplicate, stray, corrupt, flagged by the driver, or dropped. config/sstd.yaml explains "
+              "the configuration.\nCtrl-C ends it properly.",
     .example = "sst capture array -n 10 -o garden.rec\n"
                "  sst capture array --config hedge.yaml --duration 600 -o hedge.rec --json",
     .run = run,

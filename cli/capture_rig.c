@@ -13,7 +13,7 @@
 #include "cli/cli_internal.h"
 #include "config/array.h"
 
-/* What the command line says; the rest is the configuration's. */
+/* Options of the command line; the rest comes from the configuration. */
 struct options {
     const char *dir, *config, *pitch, *pitch_y, *origin, *camera, *bus, *profile, *format;
     int grid[2], size[2], axes, attempts, settle_ms, guard_ms;
@@ -42,9 +42,9 @@ static void catch_signals(void)
         (void)sigaction(signals[i], &action, NULL);
 }
 
-/* --- reading the options ------------------------------------------------------------------------------------------ */
+/* --- options ------------------------------------------------------------------------------------------------------ */
 
-/* "40", "40mm", "4cm", "250um": um; false if it is none */
+/* Parse "40", "40mm", "4cm" or "250um" to um; false if invalid */
 static bool parse_length(const char *text, const char **end, double *um)
 {
     static const struct {
@@ -125,7 +125,7 @@ static int set_format(const struct cli_command *cmd, const char *text, uint32_t 
     return CLI_GO_ON;
 }
 
-/* The configuration, with the options over it. @return CLI_GO_ON or an exit code */
+/* Read the configuration and apply the options. @return CLI_GO_ON or an exit code */
 static int configure(const struct cli_command *cmd, const struct options *o, struct sst_array_config *array,
                      struct sst_rig_config *rig, struct sst_rig_capture_config *cfg)
 {
@@ -153,9 +153,8 @@ static int configure(const struct cli_command *cmd, const struct options *o, str
     }
     rig_config(rig, array);
     if (!o->dry_run && (!rig->bus[0] || !rig->profile[0]))
-        return cli_usage_error(
-            cmd, "say where the rig is and what drives it has: --bus tcp:HOST:PORT --profile NAME, or rig: "
-                 "in the configuration");
+        return cli_usage_error(cmd, "the bus and the drives of the rig are not set: use --bus tcp:HOST:PORT --profile "
+                                    "NAME, or rig: in the configuration");
 
     sst_rig_capture_config_defaults(cfg);
     cfg->dir = o->dir;
@@ -179,7 +178,7 @@ static int configure(const struct cli_command *cmd, const struct options *o, str
     if (r != CLI_GO_ON)
         return r;
     if (cfg->pitch_um[0] < 1)
-        return cli_usage_error(cmd, "say how far the views are apart: --pitch 40mm");
+        return cli_usage_error(cmd, "the distance between views is missing: --pitch 40mm");
     cfg->fourcc = array->fourcc;
     cfg->width = array->width;
     cfg->height = array->height;
@@ -188,7 +187,7 @@ static int configure(const struct cli_command *cmd, const struct options *o, str
     return CLI_GO_ON;
 }
 
-/* Names and values of the controls, part of what a resumed capture must have in common. */
+/* Names and values of the controls, which must be the same in a resumed capture. */
 static void controls_text(const struct sst_array_config *a, char *text, size_t size)
 {
     size_t at = 0;
@@ -199,7 +198,7 @@ static void controls_text(const struct sst_array_config *a, char *text, size_t s
                                (long long)a->control[i].value);
 }
 
-/* --- telling ------------------------------------------------------------------------------------------------------ */
+/* --- output ------------------------------------------------------------------------------------------------------- */
 
 static void print_plan(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_plan *plan, bool json)
 {
@@ -228,8 +227,8 @@ static void print_plan(const struct sst_rig_capture_config *cfg, const struct ss
         json_decref(all);
         return;
     }
-    printf("%d views, %.0f mm of way, about %.0f s after homing%s, about %.1f MB\n", plan->views, plan->way_mm,
-           plan->seconds, plan->speed_assumed ? " (50 mm/s assumed: give --speed)" : "", (double)plan->bytes * 1e-6);
+    printf("%d views, %.0f mm of travel, about %.0f s after homing%s, about %.1f MB\n", plan->views, plan->way_mm,
+           plan->seconds, plan->speed_assumed ? " (assuming 50 mm/s: set --speed)" : "", (double)plan->bytes * 1e-6);
 }
 
 static void print_report(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_report *r,
@@ -253,30 +252,30 @@ static void print_report(const struct sst_rig_capture_config *cfg, const struct 
         json_decref(all);
         return;
     }
-    printf("%s: %d of %d views, %d taken now, %d attempts failed (rig %d, camera %d, moved %d), homed %d times\n",
+    printf("%s: %d of %d views, %d captured now, %d attempts failed (rig %d, camera %d, moved %d), homed %d times\n",
            cfg->dir, count, cfg->rows * cfg->cols, r->taken, r->again, r->rig_faults, r->camera_faults, r->moved,
            r->homed);
     if (r->rig.timeouts + r->rig.garbled + r->rig.exceptions + r->rig.lost)
-        printf("bus: of %llu requests %llu without reply, %llu garbled, %llu refused, %llu with the line lost\n",
+        printf("bus: %llu requests: %llu without reply, %llu garbled, %llu refused, %llu with the line lost\n",
                (unsigned long long)r->rig.requests, (unsigned long long)r->rig.timeouts,
                (unsigned long long)r->rig.garbled, (unsigned long long)r->rig.exceptions,
                (unsigned long long)r->rig.lost);
 }
 
-/* A disk that will be full before the end is better known now. */
+/* Warn early if the disk will be full before the end. */
 static void check_space(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_plan *plan)
 {
     struct statvfs v;
 
     if (!statvfs(cfg->dir, &v) && (double)v.f_bavail * (double)v.f_frsize < (double)plan->bytes)
         sst_log_warning(
-            "%s: %.1f MB are free, the views take about %.1f MB; a capture that ends for that goes on later", cfg->dir,
-            (double)v.f_bavail * (double)v.f_frsize * 1e-6, (double)plan->bytes * 1e-6);
+            "%s: %.1f MB are free, the views need about %.1f MB; a capture that runs out of space can be resumed",
+            cfg->dir, (double)v.f_bavail * (double)v.f_frsize * 1e-6, (double)plan->bytes * 1e-6);
 }
 
 /* --- capturing ---------------------------------------------------------------------------------------------------- */
 
-/* Devices that are missing or refuse have no exit code of their own elsewhere. */
+/* Exit code for missing or refusing devices, which other commands do not have. */
 static int exit_code(int err)
 {
     switch (-err) {
@@ -365,30 +364,33 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct options o = { .settle_ms = -1, .backlash_mm = 1, .attempts = 3, .guard_ms = 40 };
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.dir, "DIR", "light-field folder; an incomplete capture in it goes on", 0, 0 },
+        { "output", 'o', CLI_STRING, &o.dir, "DIR", "light-field folder; an incomplete capture in it is resumed", 0,
+          0 },
         { "grid", 0, CLI_GRID, o.grid, "RxC", "rows and columns of views; array: in the configuration", 1, 256 },
-        { "pitch", 0, CLI_STRING, &o.pitch, "P", "distance of views: 40mm, 4cm, 250um; array: spacing_mm", 0, 0 },
-        { "pitch-y", 0, CLI_STRING, &o.pitch_y, "P", "distance of rows; as --pitch", 0, 0 },
-        { "origin", 0, CLI_STRING, &o.origin, "X,Y[,Z]", "place of view 0,0; the travel's begin plus backlash", 0, 0 },
-        { "camera", 0, CLI_STRING, &o.camera, "ID", "serial or port of the camera; the only one", 0, 0 },
+        { "pitch", 0, CLI_STRING, &o.pitch, "P", "distance between columns: 40mm, 4cm, 250um; array: spacing_mm", 0,
+          0 },
+        { "pitch-y", 0, CLI_STRING, &o.pitch_y, "P", "distance between rows; as --pitch", 0, 0 },
+        { "origin", 0, CLI_STRING, &o.origin, "X,Y[,Z]", "position of view 0,0; start of the travel plus backlash", 0,
+          0 },
+        { "camera", 0, CLI_STRING, &o.camera, "ID", "serial or port of the camera; the only one connected", 0, 0 },
         { "size", 0, CLI_SIZE, o.size, "WxH", "pixels of a frame; cameras: in the configuration", 1, 32768 },
         { "format", 0, CLI_STRING, &o.format, "F", "MJPG, GREY or Y16; likewise", 0, 0 },
-        { "config", 'c', CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml if it is there", 0, 0 },
+        { "config", 'c', CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml if it exists", 0, 0 },
         { "bus", 0, CLI_STRING, &o.bus, "BUS", "tcp:HOST:PORT or rtu:DEVICE,BAUD,8E1; rig: bus", 0, 0 },
-        { "profile", 0, CLI_STRING, &o.profile, "NAME", "the drives' registers, a name or a .yaml file; rig: profile",
-          0, 0 },
-        { "axes", 0, CLI_INT, &o.axes, "N", "x, y and, with 3, z; rig: axes", 1, 3 },
-        { "speed", 0, CLI_DOUBLE, &o.speed_mm_s, "MM/S", "of all axes; rig: speed_mm_s", 0.001, 1e5 },
-        { "accel", 0, CLI_DOUBLE, &o.accel_mm_s2, "MM/S2", "of all axes; rig: accel_mm_s2", 0.001, 1e6 },
-        { "settle", 0, CLI_INT, &o.settle_ms, "MS", "stand still this long before a frame; rig: settle_ms", 0, 60000 },
-        { "guard", 0, CLI_INT, &o.guard_ms, "MS", "then wait this long, for drivers that stamp frames late; 40", 0,
+        { "profile", 0, CLI_STRING, &o.profile, "NAME",
+          "register map of the drives, a name or a .yaml file; rig: profile", 0, 0 },
+        { "axes", 0, CLI_INT, &o.axes, "N", "number of axes: x, y, z; rig: axes", 1, 3 },
+        { "speed", 0, CLI_DOUBLE, &o.speed_mm_s, "MM/S", "speed of all axes; rig: speed_mm_s", 0.001, 1e5 },
+        { "accel", 0, CLI_DOUBLE, &o.accel_mm_s2, "MM/S2", "acceleration of all axes; rig: accel_mm_s2", 0.001, 1e6 },
+        { "settle", 0, CLI_INT, &o.settle_ms, "MS", "time of standstill before a frame; rig: settle_ms", 0, 60000 },
+        { "guard", 0, CLI_INT, &o.guard_ms, "MS", "further time to wait, for drivers with late time stamps; 40", 0,
           60000 },
-        { "backlash", 0, CLI_DOUBLE, &o.backlash_mm, "MM", "come to each pose from this far below; 0: directly; 1", 0,
+        { "backlash", 0, CLI_DOUBLE, &o.backlash_mm, "MM", "approach each pose from this far below; 0: directly; 1", 0,
           1000 },
-        { "attempts", 0, CLI_INT, &o.attempts, "N", "per view; 3", 1, 100 },
-        { "dry-run", 'n', CLI_FLAG, &o.dry_run, NULL, "only print poses, time and disk space", 0, 0 },
-        { "resume", 0, CLI_FLAG, &o.resume, NULL, "go on only, never begin", 0, 0 },
-        { "json", 0, CLI_FLAG, &o.json, NULL, "for machines", 0, 0 },
+        { "attempts", 0, CLI_INT, &o.attempts, "N", "attempts per view; 3", 1, 100 },
+        { "dry-run", 'n', CLI_FLAG, &o.dry_run, NULL, "only print poses, duration and disk space", 0, 0 },
+        { "resume", 0, CLI_FLAG, &o.resume, NULL, "resume only, never start a new capture", 0, 0 },
+        { "json", 0, CLI_FLAG, &o.json, NULL, "print JSON", 0, 0 },
     };
     struct sst_array_config *array;
     const char *none[1];
@@ -397,7 +399,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (r != CLI_GO_ON)
         return r;
     if (!o.dir && !o.dry_run)
-        return cli_usage_error(cmd, "say where the light field goes: -o DIR");
+        return cli_usage_error(cmd, "the output folder is missing: -o DIR");
     array = calloc(1, sizeof(*array));
     if (!array)
         return CLI_MEMORY;
@@ -410,14 +412,11 @@ const struct cli_command cli_capture_rig = {
     .name = "capture rig",
     .usage = "--grid RxC --pitch P -o DIR [--bus BUS --profile NAME] [--camera ID] [--dry-run] [--resume]",
     .summary = "step one camera over a grid with a motor rig",
-    .detail =
-        "For each view: move, wait until every axis stands, settle, take the first frame that begins after that, check "
-        "that\n"
-        "nothing moved, store the camera's bytes and a line in DIR/capture.jsonl. Ctrl-C stops the motors; the same "
-        "command\n"
-        "goes on where it was, also after a crash or a power cut: views are checked by their hashes, damaged ones are "
-        "taken\n"
-        "again. A complete folder is a light field for `sst process`. docs/rig.md lists the drives and how to add one.",
+    .detail = "For each view: move, wait until every axis stands still, settle, capture the first frame that starts "
+              "after that,\ncheck that nothing moved, store the camera's bytes and a line in DIR/capture.jsonl. Ctrl-C "
+              "stops the motors; the\nsame command resumes, also after a crash or a power cut: views are verified by "
+              "their hashes, damaged ones are\ncaptured again. A complete folder is a light field for `sst process`. "
+              "docs/rig.md lists the drives and how to add\none.",
     .example = "sst capture rig --grid 6x6 --pitch 40mm --dry-run\n"
                "  sst capture rig --grid 6x6 --pitch 40mm --bus tcp:192.168.0.10:502 --profile sst-sim -o garden",
     .run = run,

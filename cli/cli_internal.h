@@ -232,7 +232,7 @@ struct doctor {
     struct doctor_finding finding[DOCTOR_FINDINGS_MAX];
 };
 
-void doctor_say(struct doctor *d, enum doctor_level level, const char *area, const char *fmt, ...) SST_PRINTF(4, 5);
+void doctor_add(struct doctor *d, enum doctor_level level, const char *area, const char *fmt, ...) SST_PRINTF(4, 5);
 
 /* doctor_devices.c */
 void doctor_check_cameras(struct doctor *d);

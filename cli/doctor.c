@@ -1,4 +1,4 @@
-/* sst doctor: what stands in the way of capturing, each in one sentence with its remedy. */
+/* sst doctor: checks what capturing needs; each finding is one sentence with its remedy. */
 #include "cli/cli_internal.h"
 
 #include <stdarg.h>
@@ -7,13 +7,13 @@
 
 static const char *const level_names[] = { "OK", "WARNING", "PROBLEM" };
 
-void doctor_say(struct doctor *d, enum doctor_level level, const char *area, const char *fmt, ...)
+void doctor_add(struct doctor *d, enum doctor_level level, const char *area, const char *fmt, ...)
 {
     struct doctor_finding *f;
     va_list args;
 
     if (d->count == DOCTOR_FINDINGS_MAX)
-        return; /* 36 cameras make one finding a kind, not one each: far from full */
+        return; /* never full: one finding per kind, not per camera */
     f = &d->finding[d->count++];
     f->level = level;
     f->area = area;
@@ -66,8 +66,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *config = NULL, *folder = NULL;
     bool json = false;
     const struct cli_option options[] = {
-        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it is there)", 0, 0 },
-        { "output", 'o', CLI_STRING, &folder, "DIR", "folder that recordings will go to: is tried for 1 s", 0, 0 },
+        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it exists)", 0, 0 },
+        { "output", 'o', CLI_STRING, &folder, "DIR", "folder of recordings; its write speed is measured for 1 s", 0,
+          0 },
         { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
@@ -98,10 +99,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_doctor = {
     .name = "doctor",
     .usage = "[--config FILE] [-o DIR] [--json]",
-    .summary = "what stands in the way of capturing: rights, cameras, bandwidth, lines, disk, clock",
-    .detail =
-        "Looks at what the configuration needs and changes nothing. Each finding is OK, WARNING or PROBLEM, in one\n"
-        "sentence with its remedy. Exit code 3 when there is a problem.",
+    .summary = "check permissions, cameras, bandwidth, lines, disk and clock for capturing",
+    .detail = "Checks what the configuration needs and changes nothing. Each finding is OK, WARNING or PROBLEM, in "
+              "one\nsentence with its remedy. Exit code 3 when there is a problem.",
     .example = "sst doctor --config array.yaml -o /var/lib/sst",
     .run = run,
 };

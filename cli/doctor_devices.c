@@ -13,7 +13,7 @@
 
 #define LIST_MAX 200
 
-/* Names joined by commas; what does not fit is only counted. */
+/* Names joined by commas; those that do not fit are only counted. */
 struct names {
     char text[LIST_MAX];
     int count, shown;
@@ -39,7 +39,7 @@ static const char *text_of(struct names *n)
     return n->text;
 }
 
-/* "adduser USER video", or what else it takes to open a node. */
+/* Remedy for a missing permission: "adduser USER video", or another one. */
 static void remedy_of_rights(const char *node, char *text, size_t size)
 {
     struct stat st;
@@ -72,13 +72,13 @@ static void check_answers(struct doctor *d, const struct sst_grab_device *list, 
     }
     if (denied.count) {
         remedy_of_rights(node, remedy, sizeof(remedy));
-        doctor_say(d, DOCTOR_PROBLEM, "rights", "no right to open %s: %s", text_of(&denied), remedy);
+        doctor_add(d, DOCTOR_PROBLEM, "rights", "no permission to open %s: %s", text_of(&denied), remedy);
     }
     if (silent.count)
-        doctor_say(d, DOCTOR_PROBLEM, "cameras", "%s cannot be opened (%s): unplug and plug it in again",
-                   text_of(&silent), strerror(error));
+        doctor_add(d, DOCTOR_PROBLEM, "cameras", "cannot open %s (%s): unplug and plug it in again", text_of(&silent),
+                   strerror(error));
     if (n && !denied.count && !silent.count)
-        doctor_say(d, DOCTOR_OK, "rights", "%d camera%s can be opened", n, n == 1 ? "" : "s");
+        doctor_add(d, DOCTOR_OK, "rights", "%d camera%s can be opened", n, n == 1 ? "" : "s");
 }
 
 static void check_serials(struct doctor *d, const struct sst_grab_device *list, int n)
@@ -87,10 +87,10 @@ static void check_serials(struct doctor *d, const struct sst_grab_device *list, 
         for (int j = 0; j < i && list[i].serial[0]; j++) {
             if (strcmp(list[i].serial, list[j].serial))
                 continue;
-            doctor_say(d, DOCTOR_WARNING, "cameras",
-                       "the cameras on ports %s and %s both say serial %s: bind them by port", list[j].port,
+            doctor_add(d, DOCTOR_WARNING, "cameras",
+                       "the cameras on ports %s and %s both have serial %s: bind them by port", list[j].port,
                        list[i].port, list[i].serial);
-            return; /* one pair tells how it is */
+            return; /* one pair is enough */
         }
     }
 }
@@ -122,17 +122,17 @@ static void check_places(struct doctor *d, const struct sst_grab_device *list, i
         d->cameras += found > 0;
     }
     if (missing.count)
-        doctor_say(d, DOCTOR_PROBLEM, "cameras",
-                   "%d of %d cameras are missing, %s: plug them in, or correct `bind` "
-                   "(`sst cameras` lists what is there)",
+        doctor_add(d, DOCTOR_PROBLEM, "cameras",
+                   "%d of %d cameras are missing, %s: plug them in, or correct `bind` (`sst cameras` lists the "
+                   "connected ones)",
                    missing.count, d->cfg->bound, text_of(&missing));
     if (twice.count)
-        doctor_say(d, DOCTOR_PROBLEM, "cameras", "several cameras have the serial of %s: bind them by port",
+        doctor_add(d, DOCTOR_PROBLEM, "cameras", "several cameras have the serial of %s: bind them by port",
                    text_of(&twice));
     if (!missing.count && !twice.count)
-        doctor_say(d, DOCTOR_OK, "cameras", "all %d cameras of the configuration are there", d->cfg->bound);
+        doctor_add(d, DOCTOR_OK, "cameras", "all %d cameras of the configuration are connected", d->cfg->bound);
     if (n > d->cfg->bound)
-        doctor_say(d, DOCTOR_OK, "cameras", "%d more cameras are plugged in than the configuration binds",
+        doctor_add(d, DOCTOR_OK, "cameras", "%d more cameras are plugged in than the configuration binds",
                    n - d->cfg->bound);
 }
 
@@ -143,7 +143,7 @@ void doctor_check_cameras(struct doctor *d)
     int n = 0, err = sst_grab_list(&list, &n);
 
     if (err) {
-        doctor_say(d, DOCTOR_PROBLEM, "cameras", "listing cameras: %s", strerror(-err));
+        doctor_add(d, DOCTOR_PROBLEM, "cameras", "listing cameras: %s", strerror(-err));
         return;
     }
     check_answers(d, list, n);
@@ -153,15 +153,14 @@ void doctor_check_cameras(struct doctor *d)
     } else {
         d->cameras = sst_min_int(n, places);
         if (!n)
-            doctor_say(d, DOCTOR_PROBLEM, "cameras",
-                       "no camera is plugged in: connect one, and look at `sst topology`");
+            doctor_add(d, DOCTOR_PROBLEM, "cameras", "no camera is connected: plug one in, and see `sst topology`");
         else if (n < places)
-            doctor_say(d, DOCTOR_WARNING, "cameras",
-                       "%d cameras for %dx%d places: the last places stay empty; bind "
-                       "cameras to places, or correct rows and cols",
+            doctor_add(d, DOCTOR_WARNING, "cameras",
+                       "%d cameras for %dx%d positions: the last positions stay empty; bind cameras to positions, or "
+                       "correct rows and cols",
                        n, d->cfg->rows, d->cfg->cols);
         else
-            doctor_say(d, DOCTOR_OK, "cameras", "%d cameras for %dx%d places, in the order of their ports", n,
+            doctor_add(d, DOCTOR_OK, "cameras", "%d cameras for %dx%d positions, in the order of their ports", n,
                        d->cfg->rows, d->cfg->cols);
     }
     free(list);
@@ -169,7 +168,7 @@ void doctor_check_cameras(struct doctor *d)
 
 /* --- USB ---------------------------------------------------------------------------------------------------------- */
 
-/* A camera that no driver has taken. */
+/* True for a camera without a driver. */
 static void check_nodes(struct doctor *d, const struct cli_usb *u)
 {
     struct names idle = { .count = 0 };
@@ -179,13 +178,13 @@ static void check_nodes(struct doctor *d, const struct cli_usb *u)
             add_name(&idle, u->devices[i].port);
     }
     if (idle.count)
-        doctor_say(d, DOCTOR_WARNING, "cameras",
-                   "%d cameras have no /dev/video node (ports %s): load their driver "
-                   "(modprobe uvcvideo), or see in `dmesg` why it refused them",
+        doctor_add(d, DOCTOR_WARNING, "cameras",
+                   "%d cameras have no /dev/video node (ports %s): load their driver (modprobe uvcvideo), or check "
+                   "`dmesg` for why it rejects them",
                    idle.count, text_of(&idle));
 }
 
-/* What recovery needs: the device's own node for a reset, sysfs for what comes after. */
+/* Permissions for recovery: the device node for a reset, sysfs for the next steps. */
 static void check_recovery(struct doctor *d, const struct cli_usb *u)
 {
     struct names denied = { .count = 0 };
@@ -199,12 +198,12 @@ static void check_recovery(struct doctor *d, const struct cli_usb *u)
             add_name(&denied, node);
     }
     if (denied.count)
-        doctor_say(d, DOCTOR_WARNING, "rights",
-                   "no right to reset cameras that hang (%s): install "
-                   "systemd/60-sst.rules; without it recovery ends at reopening them",
+        doctor_add(d, DOCTOR_WARNING, "rights",
+                   "no permission to reset cameras that hang (%s): install systemd/60-sst.rules; without it recovery "
+                   "ends at reopening them",
                    text_of(&denied));
     else if (u->stream_count)
-        doctor_say(d, DOCTOR_OK, "rights", "cameras that hang can be reset over USB");
+        doctor_add(d, DOCTOR_OK, "rights", "cameras that hang can be reset over USB");
 }
 
 void doctor_check_bandwidth(struct doctor *d)
@@ -213,18 +212,18 @@ void doctor_check_bandwidth(struct doctor *d)
     struct cli_usb usb;
 
     if (cli_usb_open(&usb, d->cfg)) {
-        doctor_say(d, DOCTOR_PROBLEM, "bandwidth", "the USB tree cannot be read (see above)");
+        doctor_add(d, DOCTOR_PROBLEM, "bandwidth", "the USB tree cannot be read (see above)");
         return;
     }
     check_nodes(d, &usb);
     check_recovery(d, &usb);
     cli_usb_advise(&usb, d->cfg, advice, sizeof(advice));
     if (usb.plan.refused)
-        doctor_say(d, DOCTOR_PROBLEM, "bandwidth",
+        doctor_add(d, DOCTOR_PROBLEM, "bandwidth",
                    "USB has no bandwidth for %d of %d cameras (`sst plan` shows which): %s", usb.plan.refused,
                    usb.stream_count, advice);
     else if (usb.stream_count)
-        doctor_say(d, DOCTOR_OK, "bandwidth", "USB carries all %d cameras", usb.stream_count);
+        doctor_add(d, DOCTOR_OK, "bandwidth", "USB carries all %d cameras", usb.stream_count);
     cli_usb_close(&usb);
 }
 
@@ -250,12 +249,12 @@ void doctor_check_trigger(struct doctor *d)
     cfg.active_low = a->active_low;
     cfg.pulse_us = a->pulse_us;
     if (sst_trigger_check(&cfg, why, sizeof(why)))
-        doctor_say(d, DOCTOR_PROBLEM, "trigger", "%s", why);
+        doctor_add(d, DOCTOR_PROBLEM, "trigger", "%s", why);
     else
-        doctor_say(d, DOCTOR_OK, "trigger", "%s", why);
+        doctor_add(d, DOCTOR_OK, "trigger", "%s", why);
 }
 
-/* A serial line can be looked at; a drive on the network answers to `sst capture rig` itself. */
+/* Only a serial line is checked; `sst capture rig` reports a drive on the network. */
 void doctor_check_rig(struct doctor *d)
 {
     char path[SST_CONFIG_TEXT_MAX], remedy[160];
@@ -264,12 +263,12 @@ void doctor_check_rig(struct doctor *d)
         return;
     snprintf(path, sizeof(path), "%.*s", (int)strcspn(d->cfg->rig_bus + 4, ","), d->cfg->rig_bus + 4);
     if (!access(path, R_OK | W_OK)) {
-        doctor_say(d, DOCTOR_OK, "rig", "serial line %s can be opened", path);
+        doctor_add(d, DOCTOR_OK, "rig", "serial line %s can be opened", path);
     } else if (errno == EACCES) {
         remedy_of_rights(path, remedy, sizeof(remedy));
-        doctor_say(d, DOCTOR_PROBLEM, "rig", "no right to open serial line %s: %s", path, remedy);
+        doctor_add(d, DOCTOR_PROBLEM, "rig", "no permission to open serial line %s: %s", path, remedy);
     } else {
-        doctor_say(d, DOCTOR_PROBLEM, "rig", "serial line %s: %s: plug the adapter in, or correct the rig's bus", path,
+        doctor_add(d, DOCTOR_PROBLEM, "rig", "serial line %s: %s: plug the adapter in, or correct the rig's bus", path,
                    strerror(errno));
     }
 }

@@ -25,7 +25,7 @@
 
 /* --- disk --------------------------------------------------------------------------------------------------------- */
 
-/* What a recording takes, all cameras together. */
+/* Data rate of a recording of all cameras. */
 static double needed_mb_s(const struct doctor *d)
 {
     const struct sst_array_config *a = d->cfg;
@@ -36,7 +36,7 @@ static double needed_mb_s(const struct doctor *d)
     return one * d->cameras / 1e6;
 }
 
-/* Write a file that has no name, so that nothing is left whatever happens. @return MB/s, or -errno */
+/* Write to a file without a name, so that nothing is left behind. @return MB/s, or -errno */
 static double try_writing(const char *folder, double most_bytes)
 {
     const int64_t start_ns = sst_clock_now_ns();
@@ -48,7 +48,7 @@ static double try_writing(const char *folder, double most_bytes)
         err = errno;
     else if (!chunk)
         err = ENOMEM;
-    for (uint32_t i = 0; !err && i < CHUNK / 4; i++) /* nothing that a file system could store as less */
+    for (uint32_t i = 0; !err && i < CHUNK / 4; i++) /* data that a file system cannot compress */
         memcpy(chunk + 4 * (size_t)i, &(uint32_t){ i * 2654435761u }, 4);
     while (!err && bytes < most_bytes && sst_clock_now_ns() - start_ns < TRY_NS) {
         const ssize_t n = write(fd, chunk, CHUNK);
@@ -72,26 +72,25 @@ static void judge_speed(struct doctor *d, double free_bytes)
     const double hours = needed > 0 ? free_bytes / 1e6 / needed / 3600 : 0;
 
     if (speed == -EOPNOTSUPP)
-        doctor_say(d, DOCTOR_WARNING, AREA_DISK, "%s cannot be tried without leaving a file: %.1f GB are free",
+        doctor_add(d, DOCTOR_WARNING, AREA_DISK, "%s cannot be tested without leaving a file: %.1f GB are free",
                    d->folder, free_bytes / 1e9);
     else if (speed <= 0)
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "writing to %s: %s: free space, or choose another folder", d->folder,
-                   strerror(speed < 0 ? (int)-speed : ENOSPC));
+        doctor_add(d, DOCTOR_PROBLEM, AREA_DISK, "cannot write to %s: %s: free space, or choose another folder",
+                   d->folder, strerror(speed < 0 ? (int)-speed : ENOSPC));
     else if (speed < needed)
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK,
-                   "%s takes %.0f MB/s, but %d cameras give %.0f: use a faster disk, or "
-                   "lower size or rate",
+        doctor_add(d, DOCTOR_PROBLEM, AREA_DISK,
+                   "%s writes %.0f MB/s, but %d cameras deliver %.0f: use a faster disk, or lower size or rate",
                    d->folder, speed, d->cameras, needed);
     else if (speed < 1.5 * needed)
-        doctor_say(d, DOCTOR_WARNING, AREA_DISK,
-                   "%s takes %.0f MB/s and %d cameras give %.0f: little is left for "
-                   "moments when the disk is slow",
-                   d->folder, speed, d->cameras, needed);
+        doctor_add(
+            d, DOCTOR_WARNING, AREA_DISK,
+            "%s writes %.0f MB/s and %d cameras deliver %.0f: this leaves little margin for a slow moment of the disk",
+            d->folder, speed, d->cameras, needed);
     else
-        doctor_say(d, DOCTOR_OK, AREA_DISK, "%s takes %.0f MB/s, %d cameras give %.0f", d->folder, speed, d->cameras,
-                   needed);
+        doctor_add(d, DOCTOR_OK, AREA_DISK, "%s writes %.0f MB/s, %d cameras deliver %.0f", d->folder, speed,
+                   d->cameras, needed);
     if (needed > 0)
-        doctor_say(d, hours < 1 ? DOCTOR_WARNING : DOCTOR_OK, AREA_DISK,
+        doctor_add(d, hours < 1 ? DOCTOR_WARNING : DOCTOR_OK, AREA_DISK,
                    "%.1f GB are free in %s: %.1f hours of recording", free_bytes / 1e9, d->folder, hours);
 }
 
@@ -102,27 +101,27 @@ void doctor_check_disk(struct doctor *d)
     if (!d->folder)
         return;
     if (statvfs(d->folder, &fs)) {
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "folder %s: %s: make it, or name another with -o", d->folder,
+        doctor_add(d, DOCTOR_PROBLEM, AREA_DISK, "folder %s: %s: create it, or choose another with -o", d->folder,
                    strerror(errno));
         return;
     }
     if (fs.f_flag & ST_RDONLY)
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK,
-                   "%s is on a file system that is mounted read-only: remount it, after "
-                   "looking for its errors in `dmesg`",
-                   d->folder);
+        doctor_add(
+            d, DOCTOR_PROBLEM, AREA_DISK,
+            "%s is on a file system that is mounted read-only: remount it, after checking `dmesg` for its errors",
+            d->folder);
     else if (access(d->folder, W_OK | X_OK))
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "no right to write to %s: change its owner, or name another with -o",
-                   d->folder);
+        doctor_add(d, DOCTOR_PROBLEM, AREA_DISK,
+                   "no permission to write to %s: change its owner, or choose another with -o", d->folder);
     else if ((double)fs.f_bavail * (double)fs.f_frsize < CHUNK)
-        doctor_say(d, DOCTOR_PROBLEM, AREA_DISK, "the file system of %s is full: remove old recordings", d->folder);
+        doctor_add(d, DOCTOR_PROBLEM, AREA_DISK, "the file system of %s is full: remove old recordings", d->folder);
     else
         judge_speed(d, (double)fs.f_bavail * (double)fs.f_frsize);
 }
 
 /* --- limits ------------------------------------------------------------------------------------------------------- */
 
-/* Asking is the only sure test: rights come from root, capabilities or limits. */
+/* Trying is the only reliable test: the permission comes from root, capabilities or limits. */
 static bool may_be_real_time(void)
 {
     const struct sched_param wanted = { .sched_priority = 50 };
@@ -140,14 +139,15 @@ void doctor_check_limits(struct doctor *d)
     struct rlimit files;
 
     if (may_be_real_time())
-        doctor_say(d, DOCTOR_OK, "limits", "threads may have real-time priority");
+        doctor_add(d, DOCTOR_OK, "limits", "real-time priority is permitted");
     else
-        doctor_say(d, DOCTOR_WARNING, "limits",
-                   "no right to real-time priority: triggers may be late on a busy machine; "
-                   "set `@video - rtprio 60` in /etc/security/limits.d/sst.conf");
-    /* A camera takes its node, its buffers' maps need none; the rest is for files, timers and the bus. */
+        doctor_add(d, DOCTOR_WARNING, "limits",
+                   "no permission for real-time priority: triggers may be late on a busy machine; set `@video - rtprio "
+                   "60` in /etc/security/limits.d/sst.conf");
+    /* One descriptor per camera (mapped buffers need none), the rest for files, timers and the bus. */
     if (!getrlimit(RLIMIT_NOFILE, &files) && files.rlim_cur < (rlim_t)(2 * d->cameras + 64))
-        doctor_say(d, DOCTOR_PROBLEM, "limits", "only %llu files may be open, too few for %d cameras: `ulimit -n 1024`",
+        doctor_add(d, DOCTOR_PROBLEM, "limits",
+                   "the limit of %llu open files is too low for %d cameras: `ulimit -n 1024`",
                    (unsigned long long)files.rlim_cur, d->cameras);
 }
 
@@ -160,18 +160,17 @@ void doctor_check_clock(struct doctor *d)
     struct timespec resolution;
 
     if (r < 0)
-        doctor_say(d, DOCTOR_WARNING, "clock", "whether the clock is synchronised cannot be read: %s", strerror(errno));
+        doctor_add(d, DOCTOR_WARNING, "clock", "cannot read whether the clock is synchronised: %s", strerror(errno));
     else if (r == TIME_ERROR || (state.status & STA_UNSYNC))
-        doctor_say(d, DOCTOR_WARNING, "clock",
+        doctor_add(d, DOCTOR_WARNING, "clock",
                    "the wall clock is not synchronised, so the times in recordings may be "
                    "wrong: enable systemd-timesyncd or chrony");
     else
-        doctor_say(d, DOCTOR_OK, "clock", "the wall clock is synchronised, error at most %.1f ms",
+        doctor_add(d, DOCTOR_OK, "clock", "the wall clock is synchronised, error at most %.1f ms",
                    (double)state.maxerror / 1e3);
     if (clock_getres(CLOCK_MONOTONIC, &resolution) || resolution.tv_sec || resolution.tv_nsec > 1000)
-        doctor_say(d, DOCTOR_WARNING, "clock",
-                   "timers have a resolution of %ld ns: boot with highres=on, or triggers "
-                   "are late by as much",
+        doctor_add(d, DOCTOR_WARNING, "clock",
+                   "timers have a resolution of %ld ns: boot with highres=on, or triggers are late by that much",
                    resolution.tv_nsec);
 }
 
@@ -199,12 +198,13 @@ void doctor_check_uvcvideo(struct doctor *d)
     const bool raw = sst_usb_format_bytes_s(d->cfg->fourcc, 1, 1, 1) > 0;
 
     if (quirks > 0 && quirks != 0xffffffffL && (quirks & QUIRK_FIX_BANDWIDTH) && !raw)
-        doctor_say(d, DOCTOR_WARNING, "uvcvideo",
+        doctor_add(d, DOCTOR_WARNING, "uvcvideo",
                    "quirk FIX_BANDWIDTH (0x80) is set, but has no effect on compressed "
                    "formats such as %s",
                    sst_array_format_name(d->cfg->fourcc) ? sst_array_format_name(d->cfg->fourcc) : "this one");
     else if (quirks > 0 && quirks != 0xffffffffL)
-        doctor_say(d, DOCTOR_OK, "uvcvideo", "quirks 0x%lx are set for all cameras", (unsigned long)quirks);
+        doctor_add(d, DOCTOR_OK, "uvcvideo", "quirks 0x%lx are set for all cameras", (unsigned long)quirks);
     if (drop > 0)
-        doctor_say(d, DOCTOR_OK, "uvcvideo", "parameter nodrop is set: damaged frames arrive, and are counted as such");
+        doctor_add(d, DOCTOR_OK, "uvcvideo",
+                   "parameter nodrop is set: damaged frames are delivered and counted as damaged");
 }

@@ -1,4 +1,4 @@
-/* sst identify: a picture of every camera, so that a person sees which one sits where. */
+/* sst identify: takes a picture of every camera, to identify its position. */
 #include <errno.h>
 #include <jansson.h>
 #include <linux/videodev2.h>
@@ -26,7 +26,7 @@
 struct shot {
     struct sst_grab_device device;
     struct cli_place place;
-    struct sst_image image; /* no plane: none came */
+    struct sst_image image; /* no plane: none received */
     int good;
     char why[256];
 };
@@ -34,7 +34,7 @@ struct shot {
 struct session {
     struct shot *shots; /* [count], in the order of ports */
     int count;
-    /* of the grab that runs now */
+    /* of the running grab */
     struct sst_grab *grab;
     int index[SST_CAMERAS_MAX], missing;
 };
@@ -50,7 +50,7 @@ static int decode(struct sst_image *img, const struct sst_frame *f, const char *
         return sst_image_decode(img, f->data, f->bytes, name);
     err = sst_raw_to_image(img, &raw);
     if (err)
-        sst_log_error("the frame of %s cannot be read: %s", name, strerror(-err));
+        sst_log_error("cannot decode the frame of %s: %s", name, strerror(-err));
     return err;
 }
 
@@ -85,7 +85,7 @@ static bool any_waiting(const struct session *s, const struct sst_grab_config *c
     return false;
 }
 
-/* A picture of each of the cameras in s->index. What does not come is told by its shot. @return 0 or -errno */
+/* Take a picture of each camera in s->index. A failure is recorded in its shot. @return 0 or -errno */
 static int grab_pictures(struct session *s, struct sst_grab_config *cfg)
 {
     const struct sst_grab_events events = { s, on_frame, on_state };
@@ -104,7 +104,7 @@ static int grab_pictures(struct session *s, struct sst_grab_config *cfg)
     return err < 0 ? err : 0;
 }
 
-/* Of cameras first .. first+n-1 those that can be opened and have no picture yet. */
+/* Select cameras first .. first+n-1 that can be opened and have no picture yet. */
 static int take_round(struct session *s, struct sst_grab_config *cfg, struct sst_grab_binding *bindings, int first,
                       int n)
 {
@@ -118,7 +118,7 @@ static int take_round(struct session *s, struct sst_grab_config *cfg, struct sst
     return cfg->cameras ? grab_pictures(s, cfg) : 0;
 }
 
-/* All at once; then those that found no room on the bus beside the others, one by one. */
+/* All at once; then one by one those without USB bandwidth beside the others. */
 static int take_pictures(struct session *s, const struct sst_array_config *array)
 {
     struct sst_grab_binding *bindings = calloc((size_t)s->count, sizeof(*bindings));
@@ -165,7 +165,7 @@ static void paste(struct sst_image *sheet, const struct sst_image *tile, int lef
     }
 }
 
-/* Black on the white below a picture, two pixels a dot, shortened to the tile's width. */
+/* Black on white below a picture, two pixels per dot, truncated to the width of the tile. */
 static void write_caption(struct sst_image *sheet, const char *text, int left, int top, int width)
 {
     for (int y = 0; y < DOT * SST_FONT_HEIGHT; y++)
@@ -174,7 +174,7 @@ static void write_caption(struct sst_image *sheet, const char *text, int left, i
                 sst_image_row(sheet, c, top + y)[left + x] = 0;
 }
 
-/* Where a camera's picture is in the sheet: its place in the array, or after the array's rows in the order of ports. */
+/* Position of a picture in the sheet: that in the array, or below the array in the order of ports. */
 static int lay_out(const struct session *s, const struct sst_array_config *cfg, struct cli_place *at)
 {
     int rows = 0, more = 0;
@@ -230,7 +230,7 @@ static int write_sheet(const struct session *s, const struct sst_array_config *c
     return err;
 }
 
-/* Ports of devices off USB hold colons. */
+/* Ports outside of USB contain colons. */
 static void file_name(char *out, size_t size, const struct shot *shot)
 {
     snprintf(out, size, "%s%s%s.png", shot->device.port, *shot->device.serial ? "_" : "", shot->device.serial);
@@ -240,7 +240,7 @@ static void file_name(char *out, size_t size, const struct shot *shot)
     }
 }
 
-/* `files` gets the name of each picture, NULL where none came; to free. @return 0 or -errno */
+/* `files` gets the name of each picture, NULL if there is none; to free. @return 0 or -errno */
 static int write_pictures(const struct session *s, const char *dir, char **files)
 {
     char path[SST_PATH_MAX], name[2 * SST_GRAB_NAME_MAX + 8];
@@ -257,13 +257,13 @@ static int write_pictures(const struct session *s, const char *dir, char **files
     }
     if (err || got)
         return err;
-    sst_log_error("no camera sent a picture; `sst doctor` looks for the reason");
+    sst_log_error("no camera delivered a picture; `sst doctor` checks for the reason");
     return -ENODATA;
 }
 
 static const char *why_none(const struct shot *shot)
 {
-    return *shot->why ? shot->why : "no picture came";
+    return *shot->why ? shot->why : "no picture received";
 }
 
 static void print_table(const struct session *s, char *const *files, const char *sheet)
@@ -277,7 +277,7 @@ static void print_table(const struct session *s, char *const *files, const char 
         printf("%-6s %-10s %-14s %s\n", cli_place_text(at, shot->place), shot->device.port,
                *shot->device.serial ? shot->device.serial : "-", files[i] ? files[i] : why_none(shot));
     }
-    printf("\nall in their places: %s\n", sheet);
+    printf("\nall pictures at their positions: %s\n", sheet);
 }
 
 static int print_json(const struct session *s, char *const *files, const char *sheet)
@@ -310,7 +310,7 @@ static int print_json(const struct session *s, char *const *files, const char *s
     return err;
 }
 
-/* Everything that is to be seen afterwards. */
+/* Write and print all results. */
 static int show(const struct session *s, const struct sst_array_config *cfg, const char *dir, bool json)
 {
     char **files = calloc((size_t)s->count, sizeof(*files)), sheet[SST_PATH_MAX];
@@ -338,7 +338,7 @@ static bool serial_is_unique(const struct session *s, int index)
     return *s->shots[index].device.serial != 0;
 }
 
-/* The cameras in the order of their ports, row by row: to be put right by hand with the pictures. */
+/* The cameras in the order of their ports, row by row, to be corrected by hand with the pictures. */
 static int write_bindings(const struct session *s, const struct sst_array_config *cfg, const char *path)
 {
     struct sst_outfile out = { 0 };
@@ -359,7 +359,7 @@ static int write_bindings(const struct session *s, const struct sst_array_config
 
 /* --- command ------------------------------------------------------------------------------------------------------ */
 
-/* The cameras asked for; nodes of one device beyond the first are left out. */
+/* Select the requested cameras; of several nodes of one device only the first. */
 static int choose(struct session *s, const struct sst_array_config *cfg, const char *serial, const char *port)
 {
     struct sst_grab_device *devices;
@@ -387,8 +387,8 @@ static int choose(struct session *s, const struct sst_array_config *cfg, const c
     if (!err && s->count)
         return 0;
     sst_log_error("%s; see `sst cameras`", err              ? "no memory for a list of cameras"
-                                           : serial || port ? "there is no such camera"
-                                                            : "no camera is plugged in");
+                                           : serial || port ? "no such camera is connected"
+                                                            : "no camera is connected");
     return err ? err : -ENODATA;
 }
 
@@ -427,11 +427,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_identify = {
     .name = "identify",
     .usage = "[--serial S | --port P] [-o DIR] [--write FILE] [--config FILE] [--json]",
-    .summary = "a picture of every camera: which one is which",
-    .detail =
-        "Takes one picture of each camera and writes it as DIR/PORT_SERIAL.png, and all of them laid out as the array\n"
-        "is as DIR/identify.png. Hold something in front of one camera to see which picture it is.\n"
-        "--write proposes the `bind:` section of the configuration in the order of USB ports.",
+    .summary = "take a picture of every camera to identify it",
+    .detail = "Takes one picture of each camera and writes it as DIR/PORT_SERIAL.png, and all of them in the layout of "
+              "the\narray as DIR/identify.png. Hold something in front of a camera to find its picture.\n--write "
+              "proposes the `bind:` section of the configuration in the order of USB ports.",
     .example = "sst identify --write bind.yaml",
     .run = run,
 };

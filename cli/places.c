@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* The serial wins where a binding has both, as in the grab. */
+/* If a binding has both, the serial has priority, as in drivers/grab. */
 static bool is_bound(const struct sst_config_camera *c, const struct sst_grab_device *d)
 {
     return *c->serial ? !strcmp(c->serial, d->serial) : *c->port && !strcmp(c->port, d->port);
@@ -39,7 +39,7 @@ void cli_grab_config(struct sst_grab_config *grab, const struct sst_array_config
     grab->height = cfg->height;
     grab->rate_hz = cfg->rate_hz;
     grab->stall_ms = cfg->stall_ms;
-    /* Cameras that were left waiting for a trigger would send nothing. */
+    /* Cameras in triggered mode would not send frames. */
     for (int i = 0; i < cfg->controls; i++) {
         if (strcmp(cfg->control[i].name, "trigger_mode") != 0)
             continue;

@@ -1,4 +1,4 @@
-/* sst plan: which cameras can stream together, before one of them is refused. */
+/* sst plan: predicts which cameras can stream together. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -50,7 +50,7 @@ static void print_text(const struct cli_usb *u, const struct sst_array_config *c
     if (u->needed_bytes_s)
         printf("%.1f MB/s each\n", (double)u->needed_bytes_s / 1e6);
     else
-        printf("compressed, so each is taken to ask for its largest packets\n");
+        printf("compressed, so each is assumed to request its largest packets\n");
     printf("\n%-52s %9s %9s %8s %8s\n", "wire", "Mbit/s", "of", "cameras", "refused");
     for (int i = 0; i < u->plan.segment_count; i++) {
         const struct sst_usb_segment *s = &u->plan.segments[i];
@@ -79,7 +79,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool json = false;
     struct cli_usb usb;
     const struct cli_option options[] = {
-        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it is there)", 0, 0 },
+        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it exists)", 0, 0 },
         { "format", 'f', CLI_STRING, &format, "F", "instead of the configured one: MJPEG YUYV GREY ...", 0, 0 },
         { "size", 0, CLI_SIZE, size, "WxH", "instead of the configured one", 1, 16384 },
         { "rate", 'r', CLI_DOUBLE, &rate_hz, "R", "frames/s, instead of the configured ones", 0.01, 1000 },
@@ -95,8 +95,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (err)
         return cli_exit_code(err);
     if (format && !sst_array_format(format))
-        return cli_usage_error(cmd, "--format %s is not known; choose MJPEG, YUYV, GREY, Y16 or four characters",
-                               format);
+        return cli_usage_error(cmd, "unknown --format %s; choose MJPEG, YUYV, GREY, Y16 or four characters", format);
     cfg.fourcc = format ? sst_array_format(format) : cfg.fourcc;
     cfg.width = size[0] ? size[0] : cfg.width;
     cfg.height = size[1] ? size[1] : cfg.height;
@@ -123,10 +122,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_plan = {
     .name = "plan",
     .usage = "[--config FILE] [--format F --size WxH --rate R] [--json]",
-    .summary = "whether USB has the bandwidth for all cameras, before they stream",
-    .detail =
-        "Adds up what each camera reserves on each wire, as the kernel does, and says who would be refused and what\n"
-        "to change. docs/hardware.md says what is assumed. Exit code 3 when a camera would be refused.",
+    .summary = "check whether USB has the bandwidth for all cameras",
+    .detail = "Adds up the bandwidth that each camera reserves on each wire, as the kernel does, and reports which "
+              "cameras\nwould be refused and what to change. docs/hardware.md lists the assumptions. Exit code 3 when "
+              "a camera would\nbe refused.",
     .example = "sst plan --format YUYV --size 640x480 --rate 10",
     .run = run,
 };

@@ -1,11 +1,11 @@
-/* sst topology: the tree of USB controllers, hubs and cameras. */
+/* sst topology: prints the tree of USB controllers, hubs and cameras. */
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "cli/cli_internal.h"
 
 static const char *const switching_names[] = { "unknown", "none", "ganged", "ports" };
-static const char *const switching_texts[] = { "no right to ask for port power", "no port power switching",
+static const char *const switching_texts[] = { "no permission to query port power", "no port power switching",
                                                "switches all ports together", "switches each port" };
 
 static json_t *device_json(const struct sst_usb_device *d, const struct sst_usb_device *list)
@@ -115,8 +115,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_topology = {
     .name = "topology",
     .usage = "[--json]",
-    .summary = "the tree of USB controllers, hubs and cameras",
-    .detail = "Hubs are asked whether they can switch the power of a port, which needs the right to open them.",
+    .summary = "show the tree of USB controllers, hubs and cameras",
+    .detail = "Shows whether each hub can switch the power of its ports, which needs the permission to open it.",
     .example = "sst topology --json",
     .run = run,
 };

@@ -23,7 +23,7 @@ static void add_stream(struct cli_usb *u, int device)
     u->streams[u->stream_count++] = (struct sst_usb_stream){ .device = device, .needed_bytes_s = u->needed_bytes_s };
 }
 
-/* Two devices of one serial are both taken: that they are two is for others to tell. */
+/* Two devices with one serial are both included: duplicates are reported elsewhere. */
 static void choose_cameras(struct cli_usb *u, const struct sst_array_config *cfg)
 {
     for (int b = 0; b < cfg->bound; b++) {
@@ -77,9 +77,9 @@ json_t *cli_text_json(const char *text)
 
 /* --- advice ------------------------------------------------------------------------------------------------------- */
 
-static void say(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
+static void add_text(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
 
-static void say(char *text, size_t size, const char *fmt, ...)
+static void add_text(char *text, size_t size, const char *fmt, ...)
 {
     const size_t used = strlen(text);
     va_list args;
@@ -89,7 +89,7 @@ static void say(char *text, size_t size, const char *fmt, ...)
     va_end(args);
 }
 
-/* How many are refused if each camera takes this much. -1: out of memory */
+/* Number of refused cameras if each needs this rate. -1: out of memory */
 static int refused_at(const struct cli_usb *u, int64_t bytes_s)
 {
     struct sst_usb_stream *streams = calloc((size_t)u->stream_count + 1, sizeof(*streams));
@@ -106,7 +106,7 @@ static int refused_at(const struct cli_usb *u, int64_t bytes_s)
     return refused;
 }
 
-/* What the largest setting of any camera carries. */
+/* Data rate of the largest setting of any camera. */
 static int64_t largest_bytes_s(const struct cli_usb *u)
 {
     int64_t largest = 3072 * 8000;
@@ -123,7 +123,7 @@ static int64_t largest_bytes_s(const struct cli_usb *u)
     return largest;
 }
 
-/* The most that each camera may take for all to fit; 0: nothing is little enough. */
+/* Maximum rate per camera for which all fit; 0: there is none. */
 static int64_t most_bytes_s(const struct cli_usb *u)
 {
     int64_t low = 0, high = u->needed_bytes_s ? u->needed_bytes_s : largest_bytes_s(u);
@@ -139,7 +139,7 @@ static int64_t most_bytes_s(const struct cli_usb *u)
     return low;
 }
 
-/* A free port of a root hub of the camera's speed; @return its number, 0: none is free */
+/* Find a free port of a root hub for the speed of the camera. @return its number, 0: none is free */
 static int free_port(const struct cli_usb *u, int hub)
 {
     for (int port = 1; port <= u->devices[hub].hub_ports; port++) {
@@ -155,7 +155,7 @@ static int free_port(const struct cli_usb *u, int hub)
     return 0;
 }
 
-/* Would the stream fit if its camera were plugged in there? */
+/* True if the stream would fit with its camera plugged in there. */
 static bool fits_at(struct cli_usb *u, int stream, int hub, int port)
 {
     struct sst_usb_device *d = &u->devices[u->streams[stream].device];
@@ -192,13 +192,14 @@ static void advise_port(struct cli_usb *u, int stream, char *text, size_t size)
                              : 0;
 
         if (port && fits_at(u, stream, hub, port)) {
-            say(text, size, "Plug %s into the free port %d-%d of controller %s. ", d->port, h->bus, port,
-                h->controller);
+            add_text(text, size, "Plug %s into the free port %d-%d of controller %s. ", d->port, h->bus, port,
+                     h->controller);
             return;
         }
     }
-    say(text, size, "No free port of this machine has room for %s: add a controller (a card with one for each port). ",
-        d->port);
+    add_text(text, size,
+             "No free port of this machine has room for %s: add a controller (a card with one for each port). ",
+             d->port);
 }
 
 void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cfg, char *text, size_t size)
@@ -214,20 +215,20 @@ void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cf
     while (usb->streams[stream].fits)
         stream++;
     if (usb->streams[stream].alt < 0 && usb->devices[usb->streams[stream].device].alts)
-        say(text, size, "No setting of %s carries %.1f MB/s. ", usb->devices[usb->streams[stream].device].port,
-            (double)usb->needed_bytes_s / 1e6);
+        add_text(text, size, "No setting of %s carries %.1f MB/s. ", usb->devices[usb->streams[stream].device].port,
+                 (double)usb->needed_bytes_s / 1e6);
     else
         advise_port(&copy, stream, text, size);
     most = most_bytes_s(usb);
     if (most && frame_bytes > 0)
-        say(text, size,
-            "Or lower the rate: at %.2f/s all cameras fit (%.1f MB/s each), or a smaller size in proportion.",
-            (double)most / frame_bytes, (double)most / 1e6);
+        add_text(text, size,
+                 "Or lower the rate: at %.2f/s all cameras fit (%.1f MB/s each), or a smaller size in proportion.",
+                 (double)most / frame_bytes, (double)most / 1e6);
     else if (most)
-        say(text, size,
-            "Or make each camera ask for at most %.1f MB/s: a smaller size or a lower rate, if this camera "
-            "then asks for less (many ask for the worst case whatever the picture is).",
-            (double)most / 1e6);
+        add_text(text, size,
+                 "Or make each camera request at most %.1f MB/s: a smaller size or a lower rate, if this camera then "
+                 "requests less (many request the worst case for any picture).",
+                 (double)most / 1e6);
     else
-        say(text, size, "No rate is low enough for so many cameras on these wires.");
+        add_text(text, size, "No rate is low enough for this number of cameras on these wires.");
 }

@@ -1,4 +1,4 @@
-/* config/array.h - what an array is and how it captures: the keys that sst capture and sstd read from one file. */
+/* config/array.h - configuration of the array and of capturing: the keys that both sst capture and sstd read. */
 #ifndef SST_CONFIG_ARRAY_H
 #define SST_CONFIG_ARRAY_H
 
@@ -18,7 +18,7 @@ enum sst_config_source {
 
 struct sst_config_camera {
     int row, col;
-    char serial[64], port[64]; /* one of both */
+    char serial[64], port[64]; /* either one */
     int line;                  /* index of the trigger line that exposes it */
 };
 
@@ -36,7 +36,7 @@ struct sst_array_config {
         char name[64];
         int64_t value;
     } control[SST_CONFIG_CONTROLS_MAX];
-    int bound; /* cameras given by `bind`; 0: all that are there, by port, in grid order */
+    int bound; /* cameras given by `bind`; 0: all connected cameras by port, in grid order */
     struct sst_config_camera camera[SST_CAMERAS_MAX];
     /* trigger: */
     enum sst_config_source source;
@@ -49,14 +49,14 @@ struct sst_array_config {
     int pulse_us;
     double trigger_hz;
     /* sets: */
-    int window_us; /* a frame within this of the trigger (plus delay) belongs to it; 0: 0.4 of the period */
-    int wait_ms;   /* a set is closed this long after its trigger, complete or not; 0: 2.5 periods, at least 250 ms */
+    int window_us; /* a frame within this time of the trigger (plus delay) belongs to it; 0: 0.4 of the period */
+    int wait_ms;   /* a set closes this long after its trigger, complete or not; 0: 2.5 periods, at least 250 ms */
     int skew_limit_us;
     /* rig: */
     char rig_bus[SST_CONFIG_TEXT_MAX], rig_profile[SST_CONFIG_TEXT_MAX];
     int rig_axes, rig_unit[3];
     double rig_travel_min_mm[3], rig_travel_max_mm[3], rig_um_per_count[3], rig_tolerance_um;
-    double rig_speed_mm_s, rig_accel_mm_s2; /* 0: what the drives are set to */
+    double rig_speed_mm_s, rig_accel_mm_s2; /* 0: setting of the drives */
     int rig_response_ms, rig_retries, rig_reconnect_ms, rig_settle_ms;
 };
 
@@ -64,16 +64,16 @@ void sst_array_config_defaults(struct sst_array_config *cfg);
 
 /**
  * Read a configuration file (YAML; config/sstd.yaml explains every key) and the parts of conf.d beside it over the
- * defaults, as sst_config_read() does; the service's keys may be there, and are not looked at.
+ * defaults, like sst_config_read(); keys of the service are allowed and ignored.
  *
- * @param path  NULL: /etc/sst/sstd.yaml if it is there, else the defaults alone (conf.d is read all the same)
+ * @param path  NULL: /etc/sst/sstd.yaml if it exists, else the defaults (conf.d is read in both cases)
  * @return 0, -ENOENT/-EACCES, -EBADMSG (all faults logged with file:line:column), -ENOMEM; cfg untouched on failure.
  */
 SST_MUST_CHECK int sst_array_config_read(struct sst_array_config *cfg, const char *path);
 
 /** V4L2 pixel format of a name ("MJPEG", "YUYV", "GREY", "Y16", "RGGB8" ...) or its four characters; 0: unknown. */
 uint32_t sst_array_format(const char *name);
-/** The name of a format; NULL: not one of ours. */
+/** The name of a format; NULL: not supported. */
 const char *sst_array_format_name(uint32_t fourcc);
 
 #endif

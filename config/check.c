@@ -1,4 +1,4 @@
-/* Values against one another, when all files are read. */
+/* Checks between values, after all files are read. */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <stdarg.h>
@@ -12,15 +12,15 @@
 #include "base/log.h"
 #include "config/config_internal.h"
 
-/* Where one of two keys was read, the first if it can be. */
-static const struct config_place *place(const struct config_load *load, const char *key, const char *other)
+/* Where the first of two keys was read; if it is in no file, the second. */
+static const struct config_place *source(const struct config_load *load, const char *key, const char *other)
 {
     const struct config_place *p = &load->at[sst_schema_index(key)];
 
     return p->node || !other ? p : &load->at[sst_schema_index(other)];
 }
 
-/* A key that no file has is at its default, which fits the others' defaults. */
+/* A key in no file has its default, which fits the other defaults: no fault is noted for it. */
 static void fault(const struct config_place *p, const struct sst_yaml_node *node, const char *fmt, ...)
     SST_PRINTF(3, 4);
 static void fault(const struct config_place *p, const struct sst_yaml_node *node, const char *fmt, ...)
@@ -35,7 +35,7 @@ static void fault(const struct config_place *p, const struct sst_yaml_node *node
         sst_yaml_fault(p->doc, node ? node : p->node, "%s", text);
 }
 
-/* The list's first element; NULL where it was no list. */
+/* The list's first element; NULL if it is not a list. */
 static struct sst_yaml_node *elements(const struct config_place *p)
 {
     return p->node && p->node->type == SST_YAML_LIST ? p->node->first : NULL;
@@ -60,17 +60,17 @@ static void check_twice(const struct config_place *p, const struct sst_yaml_node
         const struct sst_config_camera *o = &a->camera[k];
 
         if (o->row == c->row && o->col == c->col)
-            fault(p, at, "gives row %d, col %d a second camera", c->row, c->col);
+            fault(p, at, "assigns a second camera to row %d, col %d", c->row, c->col);
         if (c->serial[0] && !strcmp(o->serial, c->serial))
-            fault(p, at, "uses serial %s again", c->serial);
+            fault(p, at, "lists serial %s twice", c->serial);
         if (c->port[0] && !strcmp(o->port, c->port))
-            fault(p, at, "uses port %s again", c->port);
+            fault(p, at, "lists port %s twice", c->port);
     }
 }
 
 static void check_bind(struct config_load *load)
 {
-    const struct config_place *p = place(load, "cameras.bind", NULL);
+    const struct config_place *p = source(load, "cameras.bind", NULL);
     struct sst_array_config *a = &load->cfg->array;
     struct sst_yaml_node *n = elements(p);
 
@@ -81,7 +81,7 @@ static void check_bind(struct config_load *load)
         if (n->type != SST_YAML_MAP)
             continue;
         if (i == a->rows * a->cols) {
-            fault(p, n, "has a camera more than the array has places");
+            fault(p, n, "lists more cameras than the array has positions");
             break;
         }
         if (c->row >= a->rows)
@@ -89,14 +89,14 @@ static void check_bind(struct config_load *load)
         if (c->col >= a->cols)
             fault(p, n, "has col %d, but columns are 0..%d", c->col, a->cols - 1);
         if (!c->serial[0] == !c->port[0])
-            fault(p, n, "needs the camera's serial or its port, one of both (sst cameras lists them)");
+            fault(p, n, "needs either the camera's serial or its port (sst cameras lists them)");
         if (line && *line->text)
             c->line = line_index(a, line->text);
         if (line && *line->text && c->line < 0)
-            fault(p, line, "names no line of trigger: lines");
+            sst_yaml_unknown(p->doc, line, "trigger line", "add it to trigger: lines");
         check_twice(p, n, a, i);
     }
-    /* Without `line`, cameras hang on the line of their row where there is one for each row, else on the first. */
+    /* Without `line`, the line of the camera's row exposes it if there is one per row, else the first line. */
     for (int i = 0; i < a->bound; i++)
         if (a->camera[i].line < 0)
             a->camera[i].line = a->lines == a->rows ? a->camera[i].row : 0;
@@ -113,7 +113,7 @@ static void check_lengths(const struct config_load *load)
         const int want = numbers ? sst_max_int(sst_key_count(&keys[i], load->cfg), 1) : 0;
 
         if (numbers && p->node && p->node->type == SST_YAML_LIST && p->node->count != want)
-            fault(p, NULL, "has %d numbers; %d are needed, or one for all", p->node->count, want);
+            fault(p, NULL, "has %d numbers; give %d, or one for all", p->node->count, want);
     }
 }
 
@@ -127,10 +127,10 @@ static void check_rig(const struct config_load *load)
         travel = travel || a->rig_travel_min_mm[axis] >= a->rig_travel_max_mm[axis];
     }
     if (zero)
-        fault(place(load, "rig.um_per_count", NULL), NULL, "must be other than 0");
+        fault(source(load, "rig.um_per_count", NULL), NULL, "must not be 0");
     if (travel)
-        fault(place(load, "rig.travel_min_mm", "rig.travel_max_mm"), NULL,
-              "makes no travel: travel_min_mm must be below travel_max_mm");
+        fault(source(load, "rig.travel_min_mm", "rig.travel_max_mm"), NULL,
+              "leaves no travel: travel_min_mm must be below travel_max_mm");
 }
 
 void config_check_array(struct config_load *load)
@@ -139,14 +139,15 @@ void config_check_array(struct config_load *load)
     const bool gpio = a->source == SST_CONFIG_GPIO;
 
     if (a->rows * a->cols > SST_CAMERAS_MAX)
-        fault(place(load, "array.cols", "array.rows"), NULL, "makes %d views of %d rows and %d columns, more than %d",
-              a->rows * a->cols, a->rows, a->cols, SST_CAMERAS_MAX);
+        fault(source(load, "array.cols", "array.rows"), NULL,
+              "gives %d views (%d rows, %d columns), more than the limit of %d", a->rows * a->cols, a->rows, a->cols,
+              SST_CAMERAS_MAX);
     if (gpio && !a->lines)
-        fault(place(load, "trigger.source", "trigger.lines"), NULL,
+        fault(source(load, "trigger.source", "trigger.lines"), NULL,
               "gpio needs trigger: lines, the names of the lines to pulse (gpioinfo lists them)");
     if (gpio && a->pulse_us * 1e-6 * a->trigger_hz > 0.9)
-        fault(place(load, "trigger.pulse_us", "trigger.rate_hz"), NULL,
-              "has pulses that fill its period: lower pulse_us or rate_hz");
+        fault(source(load, "trigger.pulse_us", "trigger.rate_hz"), NULL,
+              "fills more than 90 %% of the trigger period: lower pulse_us or rate_hz");
     check_lengths(load);
     check_bind(load);
     check_rig(load);
@@ -156,7 +157,7 @@ void config_check_array(struct config_load *load)
 
 static void check_zones(const struct config_load *load)
 {
-    const struct config_place *p = place(load, "zones", NULL);
+    const struct config_place *p = source(load, "zones", NULL);
     const struct sst_config *c = load->cfg;
     struct sst_yaml_node *n = elements(p);
 
@@ -183,7 +184,7 @@ static int zone_index(const struct sst_config *c, const char *name)
 
 static void check_triggers(struct config_load *load)
 {
-    const struct config_place *p = place(load, "storage.record_on", NULL);
+    const struct config_place *p = source(load, "storage.record_on", NULL);
     struct sst_config *c = load->cfg;
     struct sst_yaml_node *n = elements(p);
 
@@ -194,20 +195,20 @@ static void check_triggers(struct config_load *load)
             continue;
         c->storage.trigger[i].zone = zone_index(c, zone->text);
         if (c->storage.trigger[i].zone < 0)
-            fault(p, zone, "names no zone: zones has no %.31s", zone->text);
+            sst_yaml_unknown(p->doc, zone, "zone", "add it to zones");
     }
     if (c->storage.mode != SST_RECORD_EVENT)
         return;
-    p = place(load, "storage.mode", NULL);
+    p = source(load, "storage.mode", NULL);
     if (!c->storage.triggers)
-        fault(p, NULL, "event needs storage: record_on, a list of what starts a recording");
+        fault(p, NULL, "event needs storage: record_on, the list of recording triggers");
     if (!c->live.enabled)
-        fault(p, NULL, "event needs live: enabled: true, which sees the events");
+        fault(p, NULL, "event needs live: enabled: true, which detects the events");
 }
 
 static void check_hooks(const struct config_load *load)
 {
-    const struct config_place *p = place(load, "hooks", NULL);
+    const struct config_place *p = source(load, "hooks", NULL);
     struct sst_yaml_node *n = elements(p);
 
     for (int i = 0; n && i < load->cfg->hooks; i++, n = n->next) {
@@ -220,14 +221,14 @@ static void check_hooks(const struct config_load *load)
         if (!run->count)
             fault(p, run, "must begin with the program's path");
         else if (!*program)
-            continue; /* told already */
+            continue; /* already reported */
         else if (*program != '/')
-            fault(p, run->first, "must begin with the program's path from the root, as /usr/bin/..., not %.60s",
+            fault(p, run->first, "must begin with the program's absolute path such as /usr/bin/..., not %.60s",
                   program);
         else if (stat(program, &st))
-            fault(p, run->first, "names %.100s, which is not there (%s)", program, strerror(errno));
+            fault(p, run->first, "names the program %.100s, which cannot be found: %s", program, strerror(errno));
         else if (!S_ISREG(st.st_mode) || access(program, X_OK))
-            fault(p, run->first, "names %.100s, which is no program that may be run; chmod +x makes it one", program);
+            fault(p, run->first, "names %.100s, which is not an executable file; chmod +x makes it one", program);
     }
 }
 
@@ -248,31 +249,32 @@ static void check_sockets(const struct config_load *load)
     const bool password = c->rtsp.user[0] && c->rtsp.password_file[0];
 
     if (strlen(c->control.socket) >= sizeof(((struct sockaddr_un *)0)->sun_path))
-        fault(place(load, "control.socket", NULL), NULL, "is longer than the 107 bytes that a socket's path may have");
+        fault(source(load, "control.socket", NULL), NULL,
+              "is longer than 107 bytes, the limit for the path of a socket");
     if (!c->web.tls_certificate[0] != !c->web.tls_key[0])
-        fault(place(load, "web.tls_certificate", "web.tls_key"), NULL, "needs both tls_certificate and tls_key");
+        fault(source(load, "web.tls_certificate", "web.tls_key"), NULL, "needs both tls_certificate and tls_key");
     if (!c->rtsp.user[0] != !c->rtsp.password_file[0])
-        fault(place(load, "rtsp.user", "rtsp.password_file"), NULL, "needs both user and password_file");
+        fault(source(load, "rtsp.user", "rtsp.password_file"), NULL, "needs both user and password_file");
     if (c->mqtt.password_file[0] && !c->mqtt.user[0])
-        fault(place(load, "mqtt.password_file", NULL), NULL, "needs mqtt: user, too");
+        fault(source(load, "mqtt.password_file", NULL), NULL, "needs mqtt: user as well");
     if (c->web.enabled && !is_loopback(c->web.address) && !tls && !c->web.insecure)
-        fault(place(load, "web.address", NULL), NULL,
-              "%s is open to the network: give tls_certificate and tls_key, or insecure: true", c->web.address);
+        fault(source(load, "web.address", NULL), NULL,
+              "%s is open to the network: set tls_certificate and tls_key, or insecure: true", c->web.address);
     if (c->rtsp.enabled && !is_loopback(c->rtsp.address) && !password && !c->rtsp.insecure)
-        fault(place(load, "rtsp.address", NULL), NULL,
-              "%s is open to the network: give user and password_file, or insecure: true", c->rtsp.address);
+        fault(source(load, "rtsp.address", NULL), NULL,
+              "%s is open to the network: set user and password_file, or insecure: true", c->rtsp.address);
     if (c->web.enabled && c->rtsp.enabled && c->web.port && c->web.port == c->rtsp.port &&
         (!strcmp(c->web.address, c->rtsp.address) || is_any(c->web.address) || is_any(c->rtsp.address)))
-        fault(place(load, "rtsp.port", "web.port"), NULL, "%d is web's and rtsp's; give them different ones",
+        fault(source(load, "rtsp.port", "web.port"), NULL, "%d is the port of both web and rtsp; choose different ones",
               c->rtsp.port);
     if (c->web.streams > c->web.clients)
-        fault(place(load, "web.streams", "web.clients"), NULL,
-              "must not be above clients (%d), of which streams are part", c->web.clients);
+        fault(source(load, "web.streams", "web.clients"), NULL,
+              "must not exceed clients (%d), which includes the streams", c->web.clients);
 }
 
 /* --- amounts ------------------------------------------------------------------------------------------------------ */
 
-/** Bytes per second of the whole array, with this many bytes per pixel where frames are compressed. */
+/* Bytes per second of the whole array; `jpeg_bytes` is the size of a compressed pixel. */
 static double array_rate(const struct sst_array_config *a, double jpeg_bytes)
 {
     const char *format = sst_array_format_name(a->fourcc);
@@ -293,12 +295,12 @@ void config_check_service(struct config_load *load)
     check_hooks(load);
     check_sockets(load);
     if (c->live.range_min_px > c->live.range_max_px)
-        fault(place(load, "live.range_min_px", "live.range_max_px"), NULL, "must not be above range_max_px");
+        fault(source(load, "live.range_min_px", "live.range_max_px"), NULL, "must not exceed range_max_px");
     if (c->live.sigma_px > 0 && c->live.sigma_px < 1e-6)
-        fault(place(load, "live.sigma_px", NULL), NULL, "must be 0 or at least 0.000001");
+        fault(source(load, "live.sigma_px", NULL), NULL, "must be 0 or at least 0.000001");
     if (c->storage.quota_gb > 0 && c->storage.quota_gb * 1e9 < segment)
-        fault(place(load, "storage.quota_gb", NULL), NULL,
-              "is less than one segment of %g s takes, at least %.2g GB; raise it or lower segment_s",
+        fault(source(load, "storage.quota_gb", NULL), NULL,
+              "is smaller than one segment of %g s, at least %.2g GB; raise it or lower segment_s",
               c->storage.segment_s, segment / 1e9);
 }
 
@@ -320,18 +322,18 @@ void config_warn(const struct config_load *load)
 
     if (need_mb > c->storage.ring_mb) {
         snprintf(text, sizeof(text),
-                 "preroll_s %g of %d cameras takes about %.0f MB, more than ring_mb (%d) holds; raise ring_mb or "
-                 "recordings begin later",
+                 "preroll_s %g of %d cameras needs about %.0f MB, more than ring_mb (%d); raise ring_mb, or recordings "
+                 "begin later",
                  c->storage.preroll_s, c->array.bound ? c->array.bound : c->array.rows * c->array.cols, need_mb,
                  c->storage.ring_mb);
-        warn(place(load, "storage.preroll_s", "storage.ring_mb"), text);
+        warn(source(load, "storage.preroll_s", "storage.ring_mb"), text);
     }
     for (int i = 0; i < count; i++) {
         const char *file = (const char *)c + keys[i].offset;
 
         if (keys[i].type != SST_KEY_TEXT || keys[i].kind != SST_TEXT_FILE || !*file || sst_path_exists(file))
             continue;
-        snprintf(text, sizeof(text), "%s: %s: %s is not there", keys[i].section, keys[i].name, file);
+        snprintf(text, sizeof(text), "%s: %s: %s does not exist", keys[i].section, keys[i].name, file);
         warn(&load->at[i], text);
     }
 }

@@ -1,4 +1,4 @@
-/* config/config_internal.h - inside config/: files become values, and values are checked against one another. */
+/* config/config_internal.h - parsing of configuration files, and checks between values. */
 #ifndef SST_CONFIG_CONFIG_INTERNAL_H
 #define SST_CONFIG_CONFIG_INTERNAL_H
 
@@ -9,7 +9,7 @@
 #define SST_CONFIG_FILES_MAX 64 /* of conf.d */
 #define SST_CONFIG_KEYS_MAX  128
 
-/** Where a key's value was read, to say so when it does not fit another's. */
+/** Where the value of a key was read, for messages about contradictions. */
 struct config_place {
     struct sst_yaml *doc;
     struct sst_yaml_node *node; /* NULL: in no file */
@@ -17,21 +17,21 @@ struct config_place {
 
 struct config_load {
     struct sst_config *cfg;
-    bool array_only;                             /* the service's keys are known, and not read */
-    struct config_place at[SST_CONFIG_KEYS_MAX]; /* by the index of sst_schema(); of the last file that has it */
+    bool array_only;                             /* keys of the service are known but not read */
+    struct config_place at[SST_CONFIG_KEYS_MAX]; /* by the index of sst_schema(); in the last file with the key */
 };
 
-/** Read the array's keys, or all, over cfg; sst_config_read() and sst_array_config_read(). */
+/** Read the keys of the array, or all keys, over cfg; for sst_config_read() and sst_array_config_read(). */
 SST_MUST_CHECK int config_load(struct sst_config *cfg, const char *path, bool array_only);
 
-/** Take the values of one document, noting the faults of each alone. */
-void config_take(struct config_load *load, struct sst_yaml *doc);
+/** Parse the values of one document, noting faults of single values. */
+void config_parse(struct config_load *load, struct sst_yaml *doc);
 
-/** Find what is named by other keys, and note what does not fit together. */
+/** Resolve names that refer to other keys, and note contradictions between values. */
 void config_check_array(struct config_load *load);
 void config_check_service(struct config_load *load);
 
-/** What is odd and may be meant: logged as warnings. */
+/** Log warnings about unusual values. */
 void config_warn(const struct config_load *load);
 
 #endif

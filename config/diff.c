@@ -1,4 +1,4 @@
-/* What differs between two configurations, key by key, as text. */
+/* Differences between two configurations, key by key, as text. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -34,7 +34,7 @@ static int add(struct diff *d, const char *key, enum sst_reload_class class_)
     return 0;
 }
 
-/* Elements that both lists have are told field by field, others as a whole. */
+/* Elements in both lists are compared field by field, others are reported as a whole. */
 static int compare_list(struct diff *d, const struct sst_key *list)
 {
     const int n = sst_key_count(list, d->before), m = sst_key_count(list, d->after);
@@ -63,7 +63,7 @@ static int compare_list(struct diff *d, const struct sst_key *list)
     return err;
 }
 
-/* Of going from one value to another. */
+/* Reload class of a change from one value to another. */
 static enum sst_reload_class class_of(const struct sst_key *key, const struct sst_config *a, const struct sst_config *b)
 {
     const char *from = (const char *)a + key->offset, *to = (const char *)b + key->offset;

@@ -1,5 +1,5 @@
-/* config/schema.h - every key of sstd.yaml in one table: from it come reading, defaults, what a change takes, and the
- * manual page. */
+/* config/schema.h - the table of all keys of sstd.yaml: source of parsing, defaults, reload classes and the manual
+ * page. */
 #ifndef SST_CONFIG_SCHEMA_H
 #define SST_CONFIG_SCHEMA_H
 
@@ -12,7 +12,7 @@ enum sst_key_type {
     SST_KEY_TEXT = 3,
     SST_KEY_CHOICE = 4, /* enumeration: index of the name */
     SST_KEY_FORMAT = 5, /* pixel format by name */
-    SST_KEY_INTS = 6,   /* a list of numbers, or one that stands for all */
+    SST_KEY_INTS = 6,   /* a list of numbers, or one number for all */
     SST_KEY_DOUBLES = 7,
     SST_KEY_TEXTS = 8,    /* a list of texts */
     SST_KEY_CONTROLS = 9, /* a mapping from camera controls to whole numbers */
@@ -21,12 +21,12 @@ enum sst_key_type {
     SST_KEY_ZONE = 12,    /* int: index of a zone, written as its name */
 };
 
-/** What a text must be. */
+/** Kinds of text. */
 enum sst_text_kind {
     SST_TEXT_ANY = 0,
     SST_TEXT_NAME = 1,    /* [a-z0-9_-]+ */
-    SST_TEXT_PATH = 2,    /* absolute: a service has no folder that it is in */
-    SST_TEXT_FILE = 3,    /* the same, of something that is to be there already */
+    SST_TEXT_PATH = 2,    /* absolute, since a service has no meaningful working folder */
+    SST_TEXT_FILE = 3,    /* the same, of a file that should exist */
     SST_TEXT_ADDRESS = 4, /* numeric, IPv4 or IPv6 */
     SST_TEXT_TOPIC = 5,   /* MQTT topic without wildcards */
     SST_TEXT_EVENT = 6,   /* type of an event, or "*" */
@@ -36,12 +36,12 @@ enum sst_text_kind {
 
 struct sst_key {
     const char *section; /* "cameras"; "" at the top and in the mappings of a list */
-    const char *name;    /* its unit is the end of it: rate_hz */
+    const char *name;    /* ends with the unit: rate_hz */
     enum sst_key_type type;
-    size_t offset, size;  /* of the value in struct sst_config, in a list's mappings in the element */
-    const char *standard; /* default as written in YAML; NULL: must be given (in the mappings of a list only) */
+    size_t offset, size;  /* of the value in struct sst_config, or in the element of a list */
+    const char *standard; /* default as written in YAML; NULL: required (only in the mappings of a list) */
     double min, max;      /* numbers */
-    const char *word;     /* a number's special value by a word, or NULL */
+    const char *word;     /* a word for a special number, or NULL */
     double word_value;
     const char *const *names; /* choices */
     int n_names;
@@ -52,43 +52,43 @@ struct sst_key {
     const struct sst_key *fields; /* lists of mappings: keys of one */
     int n_fields;
     enum sst_reload_class reload;
-    bool switches;    /* a text that is given or taken away takes a restart, whatever `reload` is for another one */
+    bool switches;    /* setting or removing the text needs a restart, whatever `reload` is for other changes */
     const char *help; /* one clause */
 };
 
-/** All keys in the order of the file; those of a section stand together. */
+/** All keys in the order of the file, grouped by section. */
 const struct sst_key *sst_schema(int *count);
 
-/** Index of "section.key" or "key"; it must be there. */
+/** Index of "section.key" or "key"; it must exist. */
 int sst_schema_index(const char *dotted);
 
-/** Does it land in struct sst_array_config? */
+/** True if the key belongs to struct sst_array_config. */
 bool sst_key_of_array(const struct sst_key *key);
 
 /** Types of events that hooks may name, "*" first (daemon/events/events.h). */
 extern const char *const sst_event_types[];
 extern const int sst_event_types_count;
 
-/** Pixel formats that the pipeline reads, by the names that v4l2-ctl and people use. */
+/** Names of the pixel formats that the pipeline reads, as in v4l2-ctl. */
 extern const char *const sst_format_names[8];
 
-/** What a section is about, one sentence. */
+/** Description of a section, one sentence. */
 const char *sst_schema_section_help(const char *section);
 
-/** Room for a value's text: 16 arguments of 255 bytes with quotes and escapes. */
+/** Maximum size of a value as text: 16 arguments of 255 bytes with quotes and escapes. */
 #define SST_KEY_TEXT_MAX 16384
 
-/** Give a key its default. @param base  struct sst_config, or the element of a list */
+/** Set a key to its default. @param base  struct sst_config, or the element of a list */
 void sst_key_set_default(const struct sst_key *key, void *base);
 
 /** A value as written in YAML (not of SST_KEY_LIST). @param cfg  names lines and zones @param out  [SST_KEY_TEXT_MAX]
  */
 void sst_key_text(const struct sst_key *key, const void *base, const struct sst_config *cfg, char *out);
 
-/** An element of a list of mappings, as { key: value, ... }, what is at its default left out. */
+/** An element of a list of mappings, as { key: value, ... } without fields at their defaults. */
 void sst_key_element_text(const struct sst_key *list, const void *base, int i, const struct sst_config *cfg, char *out);
 
-/** How many elements a list has, of numbers: are used. */
+/** Number of elements of a list; of a list of numbers, the number in use. */
 int sst_key_count(const struct sst_key *key, const void *base);
 
 #endif

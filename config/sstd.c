@@ -1,4 +1,4 @@
-/* The files, one after the other, over the defaults. */
+/* Reads the configuration files in order, over the defaults. */
 #include "config/sstd.h"
 
 #include <dirent.h>
@@ -12,7 +12,7 @@
 #include "base/stats.h"
 #include "config/config_internal.h"
 
-/* The documents that were read stay until all faults are told. */
+/* The parsed documents are kept until all faults are logged. */
 struct files {
     char *path[1 + SST_CONFIG_FILES_MAX];
     struct sst_yaml *doc[1 + SST_CONFIG_FILES_MAX];
@@ -26,11 +26,10 @@ static bool is_part(const char *name)
     return *name != '.' && n > 5 && !strcmp(name + n - 5, ".yaml");
 }
 
-/* By bytes, whatever the language of the user is. */
 static int add_path(struct files *f, const char *path)
 {
     if (f->n == (int)ARRAY_LEN(f->path)) {
-        sst_log_error("%s: more than %d files; put several into one", path, SST_CONFIG_FILES_MAX);
+        sst_log_error("%s: more than %d files; merge some of them", path, SST_CONFIG_FILES_MAX);
         return -EBADMSG;
     }
     f->path[f->n] = strdup(path);
@@ -40,7 +39,7 @@ static int add_path(struct files *f, const char *path)
     return 0;
 }
 
-/* conf.d beside the file; without one there are no parts. */
+/* Add the files of conf.d beside the file, if it exists. */
 static int find_parts(struct files *f, const char *path)
 {
     const size_t dir = (size_t)(sst_path_base(path) - path);
@@ -59,7 +58,7 @@ static int find_parts(struct files *f, const char *path)
         return 0;
     if (!d) {
         err = -errno;
-        sst_log_error("%s: cannot be read: %s; it holds parts of the configuration", folder, strerror(-err));
+        sst_log_error("cannot read %s: %s; it contains parts of the configuration", folder, strerror(-err));
         return err == -EACCES || err == -ENOMEM ? err : -EBADMSG;
     }
     while (!err && (entry = readdir(d))) {
@@ -86,8 +85,8 @@ static int parse(struct sst_yaml **doc, const char *path)
     return err == -ENOENT || err == -EACCES || err == -ENOMEM || !err ? err : -EBADMSG;
 }
 
-/* Every file is read and told about, whatever the others are like. */
-static int take_all(struct config_load *load, struct files *f)
+/* Read every file and log all faults, also if other files have faults. */
+static int read_all(struct config_load *load, struct files *f)
 {
     int err = 0;
 
@@ -96,9 +95,9 @@ static int take_all(struct config_load *load, struct files *f)
 
         err = err ? err : bad;
         if (!bad)
-            config_take(load, f->doc[i]);
+            config_parse(load, f->doc[i]);
     }
-    if (!err) { /* with a part missing, what fits together is not known */
+    if (!err) { /* checks between values need all files */
         config_check_array(load);
         if (!load->array_only)
             config_check_service(load);
@@ -128,7 +127,7 @@ int config_load(struct sst_config *cfg, const char *path, bool array_only)
     if (!err)
         err = find_parts(&f, path ? path : SST_CONFIG_PATH);
     if (!err)
-        err = take_all(&load, &f);
+        err = read_all(&load, &f);
     if (!err)
         *cfg = *load.cfg;
     for (int i = 0; i < f.n; i++) {

@@ -1,4 +1,4 @@
-/* config/sstd.h - everything that sstd is told: /etc/sst/sstd.yaml and the files of conf.d beside it. */
+/* config/sstd.h - the configuration of sstd: /etc/sst/sstd.yaml and the files of conf.d beside it. */
 #ifndef SST_CONFIG_SSTD_H
 #define SST_CONFIG_SSTD_H
 
@@ -9,22 +9,22 @@
 #define SST_HOOK_ARGS    16
 #define SST_TRIGGERS_MAX 32
 
-/** A part of the reference view, in shares 0..1 of its width and height. */
+/** A region of the reference view, in fractions 0..1 of its width and height. */
 struct sst_zone {
     char name[32]; /* [a-z0-9_-]+ */
     double x0, y0, x1, y1;
 };
 
-/** When to record on event: something changes in a zone, or a label covers a share of it. */
+/** Trigger of event recording: something changes in a zone, or a label covers a fraction of it. */
 struct sst_record_trigger {
     int zone;              /* index; -1: the whole picture */
     char label[64];        /* "": any change */
-    double share;          /* of the zone that changes or bears the label, 0..1 */
-    double begin_s, end_s; /* it must be so for this long to begin; it must not for this long to end */
+    double share;          /* fraction of the zone that changes or has the label, 0..1 */
+    double begin_s, end_s; /* duration of the condition to start an event, of its absence to end it */
 };
 
 enum sst_record_mode {
-    SST_RECORD_OFF = 0, /* when asked for */
+    SST_RECORD_OFF = 0, /* on demand only */
     SST_RECORD_CONTINUOUS = 1,
     SST_RECORD_EVENT = 2,
 };
@@ -41,16 +41,16 @@ struct sst_hook {
 
 struct sst_live_settings { /* live: */
     bool enabled;
-    char calibration[SST_CONFIG_TEXT_MAX]; /* "": views are as the cameras saw them */
-    double plane_mm;                       /* of rectification; negative: the calibration's */
-    char model[SST_CONFIG_TEXT_MAX];       /* segmentation network; "": the one that ships */
+    char calibration[SST_CONFIG_TEXT_MAX]; /* "": views are not rectified */
+    double plane_mm;                       /* of rectification; negative: as in the calibration */
+    char model[SST_CONFIG_TEXT_MAX];       /* segmentation network; "": the installed one */
     double range_min_px, range_max_px;     /* disparities searched; equal: estimated */
-    double rate_hz;                        /* sets processed per second at most; 0: as the machine allows */
+    double rate_hz;                        /* maximum number of sets processed per second; 0: no limit */
     int threads;                           /* 0: all processors */
     bool skip_change, skip_labels;         /* S1, S4 of DESIGN 5.5 */
-    double focus_px;                       /* of the main view at the start; NaN: behind what is in front */
+    double focus_px;                       /* of the main view at the start; NaN: behind the foreground */
     double sigma_px, c1, c2, label_factor; /* of the renderer; its defaults */
-    bool verify_rays;                      /* where maps are poor, rays count whose colours agree at the focus */
+    bool verify_rays; /* where maps have low confidence, weight rays by whether their colours agree at the focus */
     int jpeg_quality;
 };
 
@@ -61,39 +61,39 @@ struct sst_config {
     struct sst_zone zone[SST_ZONES_MAX];
     struct {                              /* control: */
         char socket[SST_CONFIG_TEXT_MAX]; /* /run/sst/control.sock */
-        char group[64];                   /* whose members may control; "" root and the daemon's user alone */
-        char view_group[64];              /* whose members may look; "" none */
+        char group[64];                   /* its members may control; "": only root and the daemon's user */
+        char view_group[64];              /* its members may view; "": none */
     } control;
     struct { /* web: */
         bool enabled;
         char address[64]; /* 127.0.0.1 */
         int port;
-        char host[256]; /* further name under which it is reached (allow-list of Host); "" */
-        char
-            token_file[SST_CONFIG_TEXT_MAX]; /* made at the first start, 0600; next to it TOKEN_FILE.view for looking */
+        char host[256]; /* additional host name under which it is reached (allow-list of Host); "" */
+        char token_file[SST_CONFIG_TEXT_MAX]; /* created at the first start, 0600; beside it TOKEN_FILE.view for viewing
+                                               */
         char tls_certificate[SST_CONFIG_TEXT_MAX], tls_key[SST_CONFIG_TEXT_MAX];
-        bool insecure;        /* another address than loopback without TLS */
-        int clients, streams; /* connections, of them pictures that move */
-        double stream_hz;     /* pictures per second for each of them at most */
-        int views;            /* views with settings of their own at a time */
+        bool insecure;        /* allow a non-loopback address without TLS */
+        int clients, streams; /* maximum connections; of them video streams */
+        double stream_hz;     /* maximum pictures per second of each stream */
+        int views;            /* maximum clients with their own settings */
     } web;
     struct { /* rtsp: */
         bool enabled;
         char address[64];
         int port;
         enum sst_rtsp_codec codec;
-        bool insecure; /* another address than loopback without a password */
+        bool insecure; /* allow a non-loopback address without a password */
         char user[64], password_file[SST_CONFIG_TEXT_MAX];
     } rtsp;
     struct {                           /* storage: */
         char dir[SST_CONFIG_TEXT_MAX]; /* /var/lib/sst */
         enum sst_record_mode mode;
         double quota_gb, min_free_gb, max_age_days; /* 0: no limit */
-        double by_hand_gb, by_hand_max_age_days;    /* of what somebody asked for; 0: half of the room; no limit */
-        bool record_view;                           /* the main view as well */
+        double by_hand_gb, by_hand_max_age_days;    /* of recordings on demand; 0: half of the space; no limit */
+        bool record_view;                           /* also record the main view */
         double segment_s, sync_s;
         double preroll_s, postroll_s;
-        int ring_mb;  /* memory that holds the sets of the last moments */
+        int ring_mb;  /* memory for the most recent sets */
         int triggers; /* record_on: */
         struct sst_record_trigger trigger[SST_TRIGGERS_MAX];
     } storage;
@@ -104,45 +104,45 @@ struct sst_config {
         char user[64], password_file[SST_CONFIG_TEXT_MAX], ca_file[SST_CONFIG_TEXT_MAX];
         char topic[128];     /* sst */
         char discovery[128]; /* homeassistant; "": none */
-        double picture_s;    /* a picture of the main view at most this often; 0: none */
+        double picture_s;    /* minimum time between pictures of the main view; 0: none */
     } mqtt;
     int hooks; /* hooks: */
     struct sst_hook hook[SST_HOOKS_MAX];
 };
 
-/** What a change of a key takes. */
+/** Effect of a change of a key. */
 enum sst_reload_class {
     SST_RELOAD_LIVE = 0,    /* applies at once */
-    SST_RELOAD_CAMERAS = 1, /* capturing starts anew, for a moment, and the live picture with it */
-    SST_RELOAD_DAEMON = 2,  /* needs a restart of the service; until then the old value holds */
-    SST_RELOAD_PICTURE = 3, /* the live picture starts anew, capturing goes on */
+    SST_RELOAD_CAMERAS = 1, /* restarts capturing for a moment, and the live picture */
+    SST_RELOAD_DAEMON = 2,  /* needs a restart of the service; until then the old value stays in effect */
+    SST_RELOAD_PICTURE = 3, /* restarts the live picture, capturing continues */
 };
 
 /** A key whose value differs. */
 struct sst_config_change {
     char key[96];                                                 /* "cameras.rate_hz", "zones[1].x0", "cameras.bind" */
-    char before[SST_CONFIG_TEXT_MAX], after[SST_CONFIG_TEXT_MAX]; /* as written in YAML; secrets do not stand in keys */
+    char before[SST_CONFIG_TEXT_MAX], after[SST_CONFIG_TEXT_MAX]; /* as written in YAML; keys contain no secrets */
     enum sst_reload_class class_;
 };
 
 void sst_config_defaults(struct sst_config *cfg);
 
 /**
- * Read over what cfg holds (see sst_config_defaults()) `path` and then, in the order of their names, the *.yaml of
- * conf.d beside it; a later file overrides key by key, lists as a whole. The same keys as sst capture reads; strict:
- * all faults of all files are logged, with file:line:column.
+ * Read `path` and then, in the order of their names, the *.yaml of conf.d beside it over the values in cfg (see
+ * sst_config_defaults()); a later file overrides key by key, lists as a whole. Strict: all faults of all files are
+ * logged, with file:line:column.
  *
- * @param path  NULL: /etc/sst/sstd.yaml, and without that the defaults (conf.d is read all the same)
+ * @param path  NULL: /etc/sst/sstd.yaml, and without it the defaults (conf.d is read in both cases)
  * @return 0, -ENOENT/-EACCES, -EBADMSG, -ENOMEM; cfg untouched on failure.
  */
 SST_MUST_CHECK int sst_config_read(struct sst_config *cfg, const char *path);
 
-/** What going from one configuration to the other would change, in the order of the file. *out to free with free().
+/** Changes from one configuration to the other, in the order of the file. *out to free with free().
  *  @return number of changes, or -ENOMEM */
 SST_MUST_CHECK int sst_config_diff(struct sst_config_change **out, const struct sst_config *before,
                                    const struct sst_config *after);
 
-/** Give `to` the values of `running` where another one takes a restart: what a reload may apply. */
+/** Copy values of `running` whose change needs a restart to `to`, so that a reload can apply it. */
 void sst_config_keep(struct sst_config *to, const struct sst_config *running);
 
 /** "live", "restart-camera", "restart-daemon", "restart-live". */

@@ -1,4 +1,4 @@
-/* Values of keys as text, and their defaults out of it. */
+/* Converts values of keys to text, and parses their defaults. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -6,7 +6,7 @@
 
 #include "config/schema.h"
 
-/* What is being written; stops quietly at the end of SST_KEY_TEXT_MAX bytes. */
+/* Output text, truncated at SST_KEY_TEXT_MAX bytes. */
 struct text {
     char *out;
     size_t used;
@@ -21,7 +21,7 @@ static void add(struct text *t, const char *what)
     t->out[t->used] = 0;
 }
 
-/* The shortest decimal that reads back as the same. */
+/* The shortest decimal that parses to the same value. */
 static void add_double(struct text *t, double v)
 {
     char text[40];
@@ -42,7 +42,7 @@ static void add_int(struct text *t, int64_t v)
     add(t, text);
 }
 
-/* Without quotes where no reader could take it for anything but a text. */
+/* Without quotes only if every YAML reader parses it as a string. */
 static void add_text(struct text *t, const char *s)
 {
     static const char *const taken[] = { "y", "n", "yes", "no", "on", "off", "true", "false", "null" };
@@ -119,7 +119,7 @@ static void add_list(struct text *t, const struct sst_key *key, const void *base
         n = sst_max_int(n, 1);
         while (same < n && !memcmp(first, first + (size_t)same * key->stride, key->stride))
             same++;
-        if (same == n) { /* one stands for all */
+        if (same == n) { /* one number for all */
             add_number(t, key, first);
             return;
         }
@@ -243,7 +243,7 @@ static void set_numbers(const struct sst_key *key, void *base)
             memcpy(p, &whole, sizeof(whole));
         else
             memcpy(p, &v, sizeof(v));
-        if (*end == ',') /* else the last one stands for the rest */
+        if (*end == ',') /* else the last one is used for the rest */
             s = end + 1;
     }
 }

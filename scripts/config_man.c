@@ -5,7 +5,7 @@
 
 #include "config/schema.h"
 
-/* Text in roff: what begins a line or a macro's argument must not be taken for a request. */
+/* Print text in roff; characters that would start a request are escaped. */
 static void print(const char *s)
 {
     for (; *s; s++) {
@@ -101,8 +101,8 @@ static void print_type(const struct sst_key *k)
 
 static void print_key(const struct sst_key *k, bool field)
 {
-    static const char *const reload[] = { "applies at once", "capturing starts anew", "needs a restart",
-                                          "the live picture starts anew" };
+    static const char *const reload[] = { "applies at once", "restarts capturing", "needs a restart",
+                                          "restarts the live picture" };
     char help[512];
 
     printf(".TP\n.B ");
@@ -119,7 +119,7 @@ static void print_key(const struct sst_key *k, bool field)
         print("; ");
         print(reload[k->reload]);
         if (k->switches)
-            print("; given or taken away: needs a restart");
+            print("; set for the first time or removed: needs a restart");
     }
     fputs(")\n.br\n", stdout);
     snprintf(help, sizeof(help), "%s.", k->help);
@@ -165,16 +165,17 @@ int main(void)
          ".SH SYNOPSIS\n.B /etc/sst/sstd.yaml\n.br\n.B /etc/sst/conf.d/*.yaml\n"
          ".SH DESCRIPTION\n"
          "The file is YAML: sections with keys. After it the files of\n.I conf.d\n"
-         "beside it whose names end in .yaml are read in the order of their names; a later file replaces what earlier\n"
-         "ones gave, key by key, lists as a whole\n.RB ( controls\nadd to one another). A key that is nowhere has its\n"
+         "beside it whose names end in .yaml are read in the order of their names; a later file replaces values of "
+         "earlier\n"
+         "ones, key by key, lists as a whole (the\n.B controls\nof all files are combined). A key in no file has its\n"
          "default; an empty or missing file is fine.\n.PP\n"
-         "Reading is strict. Unknown keys, values of another type or out of range and what does not fit together are\n"
-         "all told, each with file, line and column, and nothing is applied. Numbers and booleans are written without\n"
-         "quotes; yes, no, on and off are no booleans, 012 is no number. Texts that other readers of YAML would take\n"
-         "for something else (no, null, ~) need quotes. Paths begin at the root.\n.PP\n"
-         ".B sst reload \\-\\-dry\\-run\ntells what a changed file would do, key by key: it applies at once, the live\n"
-         "picture starts anew, capturing starts anew for a moment, or it needs\n.BR \"systemctl restart sstd\" .\n"
-         ".B sst reload\napplies all of it or nothing.\n"
+         "Parsing is strict. Unknown keys, values of a wrong type or out of range and contradictions between keys are\n"
+         "all reported, each with file, line and column, and nothing is applied. Numbers and booleans are written\n"
+         "without quotes; yes, no, on and off are not booleans, 012 is not a number. Strings that YAML may read as\n"
+         "another type (no, null, ~) need quotes. Paths are absolute.\n.PP\n"
+         ".B sst reload \\-\\-dry\\-run\nshows the effect of each changed key: it applies at once, restarts the live\n"
+         "picture, restarts capturing for a moment, or needs\n.BR \"systemctl restart sstd\" .\n"
+         ".B sst reload\napplies all changes or none.\n"
          ".SH KEYS");
     print_keys();
     puts(".SH EVENTS\nHooks may name:");

@@ -1,4 +1,5 @@
-/* capture/array/array_internal.h - what is wrong with each camera's frames, told when it begins and when it ends. */
+/* capture/array/array_internal.h - per-camera health of the frames: faults are logged when they start and when they
+ * end. */
 #ifndef SST_CAPTURE_ARRAY_ARRAY_INTERNAL_H
 #define SST_CAPTURE_ARRAY_ARRAY_INTERNAL_H
 
@@ -6,10 +7,10 @@
 
 #include "capture/array/sets.h"
 
-/** A camera is well again after so many sets in a row with a good frame of it and without the trouble ... */
+/** A fault has ended after this number of consecutive sets with a good frame of the camera and without the fault ... */
 #define SST_HEALTH_SETS 20
-/** ... and after twice as many each time that it comes again within SST_HEALTH_AGAIN sets, up to SST_HEALTH_SETS_MAX:
- *  what comes and goes is told a few times, not for months. */
+/** ... and after twice as many each time that it recurs within SST_HEALTH_AGAIN sets, up to SST_HEALTH_SETS_MAX: an
+ *  intermittent fault is logged a few times, not for months. */
 #define SST_HEALTH_AGAIN    6000
 #define SST_HEALTH_SETS_MAX 10240
 
@@ -18,7 +19,7 @@
 
 enum trouble {
     SST_TROUBLE_FLAGGED = 0,
-    SST_TROUBLE_CUT = 1,     /* empty, short or without its end */
+    SST_TROUBLE_CUT = 1,     /* empty, short or truncated */
     SST_TROUBLE_DAMAGED = 2, /* wrong start or structure */
     SST_TROUBLE_STAMP = 3,   /* time stamps jump */
     SST_TROUBLE_LOST = 4,    /* gaps in the driver's sequence */
@@ -29,32 +30,32 @@ enum trouble {
     SST_TROUBLES = 9,
 };
 
-/** Zeroed: all is well. */
+/** Zeroed: no faults. */
 struct health {
     struct {
-        bool on, began, ended; /* it is so; since the last telling */
-        uint64_t events;       /* since it began */
-        int well;              /* sets since the last */
-        int need;              /* of them, until it is over; 0: it never was */
+        bool on, began, ended; /* active; started and ended since the last health_log() */
+        uint64_t events;       /* frames since it started */
+        int well;              /* sets since the last event */
+        int need;              /* sets required to end it; 0: never occurred */
     } camera[SST_CAMERAS_MAX][SST_TROUBLES];
 };
 
-/** A frame came: note what its fault bits and its gap say. */
+/** Record the fault bits and the gap of a frame that arrived. */
 void health_frame(struct health *h, const struct sst_frame *frame);
 
-/** A frame ended outside a set. */
+/** Record a frame that ended outside of a set. */
 void health_bucket(struct health *h, const struct sst_frame *frame, enum sst_bucket bucket);
 
-/** A set has a frame of the camera. */
+/** Record that a set has a frame of the camera. */
 void health_set(struct health *h, int cam);
 
 /**
- * Log what began and what ended since the last call: a line for each kind of trouble, however many cameras have it.
+ * Log faults that started or ended since the last call: one line for each kind, for any number of cameras.
  *
- * To be called about once a second.
+ * Call it about once a second.
  * @param name  of the cameras, for the log
- * @return lines that were logged
+ * @return number of lines logged
  */
-int health_tell(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME]);
+int health_log(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME]);
 
 #endif

@@ -15,11 +15,11 @@
 #include "capture/array/array_internal.h"
 #include "drivers/trigger/trigger.h"
 
-#define EDGES         64   /* told by the trigger's thread and not yet taken */
+#define EDGES         64   /* from the trigger's thread, not yet processed */
 #define START_WAIT_MS 3000 /* for cameras that need recovery at the start */
 #define LAST_WAIT_NS  2000000000
-#define STOP_WAIT_NS  300000000   /* when told to stop: what is slow or missing is not waited for */
-#define CHIP_WAIT_NS  30000000000 /* for a trigger's chip that went, to come back */
+#define STOP_WAIT_NS  300000000   /* on stop: slow or missing frames are not waited for */
+#define CHIP_WAIT_NS  30000000000 /* for a vanished trigger chip to return */
 #define CHIP_RETRY_NS 200000000
 
 struct sst_capture {
@@ -31,15 +31,15 @@ struct sst_capture {
     struct sst_sets *sets;
     int wake_fd; /* eventfd: edges, stop */
     atomic_bool stop;
-    /* capturing thread */
+    /* capture thread */
     uint64_t wanted;
     bool skewed, starting;
-    bool came[SST_CAMERAS_MAX];                  /* cameras that have given a frame */
-    int refused_cam;                             /* the first that was refused or lost ... */
+    bool came[SST_CAMERAS_MAX];                  /* cameras that have delivered a frame */
+    int refused_cam;                             /* the first one that was refused or lost ... */
     char refusal[384];                           /* ... and why, for the log */
     char name[SST_CAMERAS_MAX][SST_HEALTH_NAME]; /* of cameras, for the log */
     struct health health;
-    int64_t idle_ns; /* since then the train has failed; 0: it runs */
+    int64_t idle_ns; /* since when the train has failed; 0: it runs */
     struct sst_capture_report report;
     /* under lock */
     pthread_mutex_t lock;
@@ -58,11 +58,11 @@ static void wake(struct sst_capture *c)
     const uint64_t one = 1;
 
     if (write(c->wake_fd, &one, sizeof(one)) < 0) {
-        /* full: it is readable anyway */
+        /* full: it is already readable */
     }
 }
 
-/* --- the writer's thread ------------------------------------------------------------------------------------------ */
+/* --- writer thread ------------------------------------------------------------------------------------------------ */
 
 static void *write_sets(void *arg)
 {
@@ -90,7 +90,7 @@ static void *write_sets(void *arg)
     return NULL;
 }
 
-/* --- events of the parts, on the capturing thread ----------------------------------------------------------------- */
+/* --- events, on the capture thread -------------------------------------------------------------------------------- */
 
 static void watch_skew(struct sst_capture *c, const struct sst_set *set)
 {
@@ -106,16 +106,15 @@ static void watch_skew(struct sst_capture *c, const struct sst_set *set)
         sst_histogram_add(&c->report.from_edge_ns, llabs(set->skew.from_edge_ns));
     c->report.skewed += over;
     if (c->events.quiet || over == c->skewed || c->array->source != SST_CONFIG_GPIO)
-        return; /* without a common trigger skew is what it is */
+        return; /* without a common trigger there is no limit on skew */
     c->skewed = over;
     if (over)
-        sst_log_warning(
-            "set %llu: exposures start %.0f us apart, the limit is %d us; farthest is the camera of row %d, "
-            "col %d: check its trigger wiring and its exposure settings",
-            (unsigned long long)set->index, (double)set->skew.spread_ns / 1e3, c->array->skew_limit_us,
-            c->array->camera[set->skew.worst_cam].row, c->array->camera[set->skew.worst_cam].col);
+        sst_log_warning("set %llu: a skew of %.0f us exceeds the limit of %d us, the worst camera is at row %d, col "
+                        "%d: check its trigger wiring and its exposure settings",
+                        (unsigned long long)set->index, (double)set->skew.spread_ns / 1e3, c->array->skew_limit_us,
+                        c->array->camera[set->skew.worst_cam].row, c->array->camera[set->skew.worst_cam].col);
     else
-        sst_log_warning("set %llu: exposures are within %d us again", (unsigned long long)set->index,
+        sst_log_warning("set %llu: the skew is within %d us again", (unsigned long long)set->index,
                         c->array->skew_limit_us);
 }
 
@@ -123,7 +122,7 @@ static void on_set(void *arg, struct sst_set *set)
 {
     struct sst_capture *c = arg;
 
-    /* Free run begins before all cameras do, and goes on until it is stopped. */
+    /* In free run sets exist before all cameras have started, and until the stop. */
     if (c->starting || (c->wanted && c->report.handed == c->wanted)) {
         sst_sets_recycle(c->sets, set, true);
         return;
@@ -147,7 +146,7 @@ static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucke
 
     if (bucket != SST_BUCKET_SET && bucket != SST_BUCKET_DROPPED && !c->starting &&
         c->array->source != SST_CONFIG_SOFTWARE)
-        health_bucket(&c->health, frame, bucket); /* marks leave most frames stray */
+        health_bucket(&c->health, frame, bucket); /* timer ticks leave most frames stray */
     sst_grab_release(c->grab, frame);
 }
 
@@ -168,14 +167,14 @@ static void on_state(void *arg, int cam, enum sst_grab_state state, const char *
     if (c->sets)
         sst_sets_camera(c->sets, cam, state == SST_GRAB_STREAMING);
     if (why && why[0] && state != SST_GRAB_STREAMING && state != SST_GRAB_READY && cam <= c->refused_cam) {
-        c->refused_cam = cam; /* the same one each time */
-        snprintf(c->refusal, sizeof(c->refusal), "; the first is the camera of %s: %s", c->name[cam], why);
+        c->refused_cam = cam; /* always the same camera */
+        snprintf(c->refusal, sizeof(c->refusal), "; the first is camera %s: %s", c->name[cam], why);
     }
     if (c->events.camera)
         c->events.camera(c->events.arg, cam, state, why);
 }
 
-/** On the trigger's thread. */
+/* Thread: the trigger's. */
 static void on_edge(void *arg, const struct sst_trigger_edge *edge)
 {
     struct sst_capture *c = arg;
@@ -188,18 +187,18 @@ static void on_edge(void *arg, const struct sst_trigger_edge *edge)
     pthread_mutex_unlock(&c->lock);
     wake(c);
     if (full)
-        sst_log_error("trigger: edge %llu came while %d were waiting: the capturing thread is held up",
+        sst_log_error("trigger: edge %llu is lost, %d are queued: the capture thread does not keep up",
                       (unsigned long long)edge->index, EDGES);
 }
 
-static void take_edges(struct sst_capture *c)
+static void process_edges(struct sst_capture *c)
 {
     struct sst_trigger_edge edge;
     uint64_t n;
     bool any;
 
     if (read(c->wake_fd, &n, sizeof(n)) < 0) {
-        /* nothing there: woken by something else */
+        /* no events: woken for another reason */
     }
     for (;;) {
         int64_t t_ns;
@@ -224,7 +223,7 @@ static void take_edges(struct sst_capture *c)
 
 /* --- opening ------------------------------------------------------------------------------------------------------ */
 
-/** Without `bind`: every capture device that is there, by port, fills the grid row by row. */
+/* Without `bind`: all capture devices in the order of their ports fill the grid row by row. */
 static int bind_all(struct sst_array_config *a, bool again)
 {
     struct sst_grab_device *devices;
@@ -233,14 +232,13 @@ static int bind_all(struct sst_array_config *a, bool again)
     if (err)
         return err;
     if (n > a->rows * a->cols && !again)
-        sst_log_warning("%d cameras are there, the array has places for %d: the first by port are taken; "
-                        "say which in cameras: bind",
+        sst_log_warning("%d cameras are connected, the array has %d positions: the first by port are used; choose them "
+                        "in cameras: bind",
                         n, a->rows * a->cols);
     else if (n && n < a->rows * a->cols && !again)
-        sst_log_warning(
-            "%d cameras are there, the array has places for %d: they fill the first places by port; say where "
-            "each sits in cameras: bind (sst identify --write proposes it)",
-            n, a->rows * a->cols);
+        sst_log_warning("%d cameras are connected, the array has %d positions: they fill the first ones by port; "
+                        "assign them in cameras: bind (sst identify --write proposes it)",
+                        n, a->rows * a->cols);
     n = sst_min_int(n, a->rows * a->cols);
     for (int i = 0; i < n; i++) {
         struct sst_config_camera *cam = &a->camera[i];
@@ -252,7 +250,7 @@ static int bind_all(struct sst_array_config *a, bool again)
     a->bound = n;
     free(devices);
     if (!n)
-        sst_log_error("no camera is there: plug one in, or see `sst doctor`");
+        sst_log_error("no camera is connected: plug one in, or see `sst doctor`");
     return n ? 0 : -ENODEV;
 }
 
@@ -278,12 +276,12 @@ static int open_sets(struct sst_capture *c)
         .period_ns = (int64_t)(1e9 / hz),
         .window_ns = (int64_t)a->window_us * 1000,
         .wait_ns = (int64_t)a->wait_ms * 1000000,
-        .pool = sst_clamp_int(a->buffers - 2, 2, 30), /* so that policy runs out of sets before the driver of buffers */
+        .pool = sst_clamp_int(a->buffers - 2, 2, 30), /* so that sets run out before the buffers of the driver */
     };
     const struct sst_sets_events events = { .arg = c, .set = on_set, .release = on_release };
 
     if (cfg.match == SST_SETS_NEAREST && !cfg.window_ns)
-        cfg.window_ns = (int64_t)(0.6e9 / a->rate_hz); /* half a camera's period, and some jitter */
+        cfg.window_ns = (int64_t)(0.6e9 / a->rate_hz); /* half a period of the cameras, and some jitter */
     for (int i = 0; i < a->bound && a->lines; i++)
         cfg.delay_ns[i] = (int64_t)a->delay_us[a->camera[i].line] * 1000;
     return sst_sets_create(&c->sets, &cfg, &events);
@@ -395,7 +393,7 @@ int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, c
 
 /* --- running ------------------------------------------------------------------------------------------------------ */
 
-/** Cameras that stream, and that have given a frame where they run on their own. */
+/* Number of cameras that stream, and that have delivered a frame if they run on their own. */
 static int ready_cameras(const struct sst_capture *c)
 {
     int n = 0;
@@ -406,7 +404,7 @@ static int ready_cameras(const struct sst_capture *c)
     return n;
 }
 
-/** Start the cameras and give those a little time that do not start at once; what comes meanwhile is not wanted yet. */
+/* Start the cameras and wait a little for those that do not start at once; frames are dropped meanwhile. */
 static int start_cameras(struct sst_capture *c)
 {
     const int64_t until_ns = sst_clock_now_ns() + (int64_t)START_WAIT_MS * 1000000;
@@ -424,12 +422,13 @@ static int start_cameras(struct sst_capture *c)
         return err;
     if (ready_cameras(c) || c->stop)
         return 0;
-    sst_log_error("none of the %d cameras streams%s; `sst cameras` lists all, `sst doctor` checks rights and bandwidth",
-                  c->array->bound, c->refusal);
+    sst_log_error(
+        "none of the %d cameras streams%s; `sst cameras` lists all, `sst doctor` checks permissions and bandwidth",
+        c->array->bound, c->refusal);
     return -ENODEV;
 }
 
-/** One round: wait for frames, edges or the next deadline. */
+/* One round: wait for frames, edges or the next deadline. */
 static int serve(struct sst_capture *c, int64_t until_ns)
 {
     struct pollfd fds[2] = { { .fd = sst_grab_fd(c->grab), .events = POLLIN }, { .fd = c->wake_fd, .events = POLLIN } };
@@ -441,11 +440,11 @@ static int serve(struct sst_capture *c, int64_t until_ns)
     if (poll(fds, 2, wait_ns <= 0 ? 0 : (int)sst_clamp_double((double)wait_ns / 1e6 + 1, 1, 1000)) < 0 &&
         errno != EINTR)
         return -errno;
-    take_edges(c);
+    process_edges(c);
     return sst_grab_poll(c->grab, 0);
 }
 
-/** Begin the train again when a failed chip is back. @return its error when it stays away */
+/* Restart the train when a failed chip is back. @return its error if it does not return */
 static int renew_trigger(struct sst_capture *c, int64_t now_ns)
 {
     const uint64_t left = c->wanted ? c->wanted - c->report.edges : 0;
@@ -460,16 +459,16 @@ static int renew_trigger(struct sst_capture *c, int64_t now_ns)
     return now_ns - c->idle_ns < CHIP_WAIT_NS ? 0 : err;
 }
 
-/** All pulses that were wanted have been fired. */
+/* All requested pulses have been fired. */
 static bool all_fired(struct sst_capture *c)
 {
     if (!c->trigger || !sst_trigger_idle(c->trigger))
         return false;
-    take_edges(c);
+    process_edges(c);
     return c->wanted && c->report.edges >= c->wanted;
 }
 
-/** All that was triggered is in sets that were handed on. */
+/* All triggered frames are in sets that were passed on. */
 static bool all_in(const struct sst_capture *c)
 {
     struct sst_sets_counters n;
@@ -490,7 +489,7 @@ static void end_writer(struct sst_capture *c)
     c->writer_runs = false;
 }
 
-/** Stop exposing. @return until when to wait for what was exposed */
+/* Stop exposing. @return until when to wait for frames that were exposed */
 static int64_t begin_end(struct sst_capture *c, int64_t now_ns)
 {
     const int64_t wait_ns = (int64_t)c->array->wait_ms * 1000000 + LAST_WAIT_NS;
@@ -498,15 +497,15 @@ static int64_t begin_end(struct sst_capture *c, int64_t now_ns)
     if (!c->trigger)
         return now_ns;
     if (sst_trigger_stop(c->trigger)) {
-        /* told by the trigger; its train was to be renewed */
+        /* logged by the trigger; its train was about to be restarted */
     }
-    take_edges(c);
+    process_edges(c);
     return now_ns + (c->stop && wait_ns > STOP_WAIT_NS ? STOP_WAIT_NS : wait_ns);
 }
 
 int sst_capture_run(struct sst_capture *c, uint64_t sets)
 {
-    int64_t told_ns = sst_clock_now_ns(), end_ns = INT64_MAX;
+    int64_t reported_ns = sst_clock_now_ns(), end_ns = INT64_MAX;
     int err = start_cameras(c), trigger_err = 0;
 
     if (err)
@@ -515,7 +514,7 @@ int sst_capture_run(struct sst_capture *c, uint64_t sets)
     if (c->trigger)
         err = sst_trigger_start(c->trigger, c->array->trigger_hz, sets);
     while (!err) {
-        const int64_t now_ns = sst_clock_now_ns(), next_ns = told_ns + 1000000000;
+        const int64_t now_ns = sst_clock_now_ns(), next_ns = reported_ns + 1000000000;
 
         if (end_ns == INT64_MAX) {
             if (c->stop || trigger_err || all_fired(c) || (sets && c->report.handed == sets))
@@ -527,15 +526,15 @@ int sst_capture_run(struct sst_capture *c, uint64_t sets)
             break;
         err = serve(c, next_ns < end_ns ? next_ns : end_ns);
         if (sst_clock_now_ns() >= next_ns) {
-            told_ns = sst_clock_now_ns();
-            health_tell(&c->health, c->array->bound, c->name);
+            reported_ns = sst_clock_now_ns();
+            health_log(&c->health, c->array->bound, c->name);
             if (c->events.progress)
                 c->events.progress(c->events.arg, c->report.handed);
         }
     }
     sst_sets_flush(c->sets);
     end_writer(c);
-    health_tell(&c->health, c->array->bound, c->name);
+    health_log(&c->health, c->array->bound, c->name);
     if (c->events.progress)
         c->events.progress(c->events.arg, c->report.handed);
     return err ? err : trigger_err;
@@ -547,7 +546,7 @@ void sst_capture_stop(struct sst_capture *c)
     wake(c);
 }
 
-/* --- what happened ------------------------------------------------------------------------------------------------ */
+/* --- report ------------------------------------------------------------------------------------------------------- */
 
 void sst_capture_report(const struct sst_capture *capture, struct sst_capture_report *out)
 {

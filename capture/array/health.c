@@ -10,11 +10,11 @@ static const struct {
     [SST_TROUBLE_FLAGGED] = { "the driver flags frames as damaged", "check its cable, hub and USB power" },
     [SST_TROUBLE_CUT] = { "frames end early", "check its cable, and the USB bandwidth by `sst plan`" },
     [SST_TROUBLE_DAMAGED] = { "frames are damaged", "check its cable, hub and USB power" },
-    [SST_TROUBLE_STAMP] = { "time stamps jump", "its frames cannot be matched to triggers meanwhile" },
+    [SST_TROUBLE_STAMP] = { "time stamps jump", "its frames cannot be matched to triggers while this lasts" },
     [SST_TROUBLE_LOST] = { "the driver loses frames", "raise cameras: buffers, or see `sst plan`" },
-    [SST_TROUBLE_FROZEN] = { "the picture stands still, byte for byte", "restart the camera if the scene moves" },
-    [SST_TROUBLE_LATE] = { "frames come when their set is closed", "raise sets: wait_ms or lower the rate" },
-    [SST_TROUBLE_DUPLICATE] = { "there is more than one frame for a trigger",
+    [SST_TROUBLE_FROZEN] = { "the picture is frozen, byte for byte", "restart the camera if the scene moves" },
+    [SST_TROUBLE_LATE] = { "frames arrive after their set was closed", "raise sets: wait_ms or lower the rate" },
+    [SST_TROUBLE_DUPLICATE] = { "triggers get more than one frame",
                                 "check its trigger line for bouncing, and that the camera is in its triggered mode" },
     [SST_TROUBLE_STRAY] = { "frames belong to no trigger",
                             "check that the camera is in its triggered mode (cameras: controls), and sets: window_us" },
@@ -52,7 +52,7 @@ void health_frame(struct health *h, const struct sst_frame *frame)
     for (size_t i = 0; i < ARRAY_LEN(by_fault); i++)
         if (frame->faults & by_fault[i].bits) {
             note(h, frame->cam, by_fault[i].trouble);
-            return; /* the flag says it all, a cut frame's markers are broken too */
+            return; /* only the first one: a truncated frame has broken markers as well */
         }
 }
 
@@ -82,8 +82,8 @@ void health_set(struct health *h, int cam)
     }
 }
 
-/** Of the cameras whose trouble began since the last telling. @return lines */
-static int tell_began(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
+/* Log cameras whose fault started since the last call. @return number of lines */
+static int log_began(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
 {
     int n = 0, first = 0;
 
@@ -96,13 +96,13 @@ static int tell_began(struct health *h, enum trouble trouble, int cameras, const
     if (n == 1)
         sst_log_warning("camera %s: %s; %s", name[first], texts[trouble].what, texts[trouble].remedy);
     else if (n > 1)
-        sst_log_warning("%d of %d cameras, the first of %s: %s; %s", n, cameras, name[first], texts[trouble].what,
+        sst_log_warning("%d of %d cameras, first camera %s: %s; %s", n, cameras, name[first], texts[trouble].what,
                         texts[trouble].remedy);
     return n > 0;
 }
 
-/** Of those whose trouble ended. @return lines */
-static int tell_ended(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
+/* Log cameras whose fault ended. @return number of lines */
+static int log_ended(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
 {
     uint64_t frames = 0;
     int n = 0, first = 0;
@@ -115,21 +115,21 @@ static int tell_ended(struct health *h, enum trouble trouble, int cameras, const
             n++;
         }
     if (n == 1)
-        sst_log_warning("camera %s: well again; that %s was so for %llu frames", name[first], texts[trouble].what,
+        sst_log_warning("camera %s: recovered; before: %s (%llu frames)", name[first], texts[trouble].what,
                         (unsigned long long)frames);
     else if (n > 1)
-        sst_log_warning("%d of %d cameras, the first of %s: well again; that %s was so for %llu frames of them", n,
-                        cameras, name[first], texts[trouble].what, (unsigned long long)frames);
+        sst_log_warning("%d of %d cameras, first camera %s: recovered; before: %s (%llu frames)", n, cameras,
+                        name[first], texts[trouble].what, (unsigned long long)frames);
     return n > 0;
 }
 
-int health_tell(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME])
+int health_log(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME])
 {
     int lines = 0;
 
     for (int i = 0; i < SST_TROUBLES; i++) {
-        lines += tell_began(h, (enum trouble)i, cameras, name);
-        lines += tell_ended(h, (enum trouble)i, cameras, name);
+        lines += log_began(h, (enum trouble)i, cameras, name);
+        lines += log_ended(h, (enum trouble)i, cameras, name);
     }
     return lines;
 }

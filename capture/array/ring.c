@@ -11,7 +11,7 @@
 
 #define SLOTS_MAX 4096
 
-/* A set in the arena: this, its frames' descriptions, then their bytes. */
+/* A set in the arena: this header, the descriptions of its frames, then their bytes. */
 struct slot {
     size_t size; /* of all, rounded up to SST_ALIGN */
     int refs;    /* under lock */
@@ -28,7 +28,7 @@ struct sst_ring {
     /* under lock */
     struct slot *slot[SLOTS_MAX]; /* by number */
     int slots;
-    size_t head; /* where the next set goes */
+    size_t head; /* offset of the next set */
     uint64_t number;
     bool shut;
     struct sst_ring_counters count;
@@ -46,9 +46,9 @@ static void remove_locked(struct sst_ring *r, int i)
     r->slots--;
 }
 
-/**
- * Room for `size` bytes at head: sets in the way go, unless somebody reads them; then the place behind them is tried. A
- * reader that hangs so costs its own set's room and no more.
+/*
+ * Make room for `size` bytes at head: sets in the way are dropped; if one of them has readers, the space behind it is
+ * tried. So a hung reader costs only the space of its own set.
  */
 static uint8_t *reserve_locked(struct sst_ring *r, size_t size)
 {
@@ -77,7 +77,7 @@ static uint8_t *reserve_locked(struct sst_ring *r, size_t size)
         }
         if (!moved && r->slots < SLOTS_MAX)
             return r->arena + r->head;
-        if (!moved) { /* all descriptions are taken: the oldest that can go does */
+        if (!moved) { /* all slots are in use: drop the oldest one without readers */
             int i = 0;
 
             while (i < r->slots && r->slot[i]->refs)
@@ -152,7 +152,7 @@ int sst_ring_put(struct sst_ring *r, const struct sst_set *set)
     r->head += size;
     pthread_mutex_unlock(&r->lock);
 
-    /* One writer: nobody else takes the room while it is filled. */
+    /* There is one writer: no other call uses the space while it is filled. */
     s->size = size;
     s->refs = 0;
     fill(s, set);

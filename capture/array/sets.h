@@ -1,5 +1,5 @@
-/* capture/array/sets.h - frames of all cameras put together into sets, one per trigger; every frame is accounted for.
- */
+/* capture/array/sets.h - groups the frames of all cameras into framesets, one per trigger; every frame is accounted
+ * for. */
 #ifndef SST_CAPTURE_ARRAY_SETS_H
 #define SST_CAPTURE_ARRAY_SETS_H
 
@@ -9,44 +9,45 @@
 
 /** Where a frame ended: exactly one bucket each (DESIGN section 6). */
 enum sst_bucket {
-    SST_BUCKET_SET = 0,       /* in a set that was handed on */
-    SST_BUCKET_LATE = 1,      /* its set was closed already */
-    SST_BUCKET_DUPLICATE = 2, /* its set has a frame of this camera already */
+    SST_BUCKET_SET = 0,       /* in a set that was passed on */
+    SST_BUCKET_LATE = 1,      /* its set was already closed */
+    SST_BUCKET_DUPLICATE = 2, /* its set already has a frame of this camera */
     SST_BUCKET_STRAY = 3,     /* belongs to no trigger */
-    SST_BUCKET_CORRUPT = 4,   /* its bytes or stamp are wrong */
-    SST_BUCKET_FLAGGED = 5,   /* the driver says so */
-    SST_BUCKET_DROPPED = 6,   /* in a set that policy dropped: a later stage was full, or shut-down */
+    SST_BUCKET_CORRUPT = 4,   /* its bytes or time stamp are wrong */
+    SST_BUCKET_FLAGGED = 5,   /* marked as bad by the driver */
+    SST_BUCKET_DROPPED = 6,   /* in a set dropped by policy: a later stage was full, or shut-down */
     SST_BUCKETS = 7,
 };
 
-/** Start-of-exposure stamps of one set against each other and against the trigger's edge. */
+/** Differences between the start-of-exposure stamps of one set, and to the edge of the trigger. */
 struct sst_skew {
-    int64_t spread_ns; /* latest less earliest stamp; 0 with fewer than two frames */
+    int64_t spread_ns; /* latest minus earliest stamp; 0 with fewer than two frames */
     int64_t
-        from_edge_ns; /* of the frame farthest from the others' median: its stamp less the edge; 0 without an edge */
+        from_edge_ns; /* stamp of the frame farthest from the median of the others, minus the edge; 0 without an edge */
     int worst_cam;    /* farthest from the median stamp; -1 with fewer than two */
 };
 
-/** One frame of each camera for one trigger. Frames are borrowed from the grab; release them all when done. */
+/** A frameset: one frame of each camera for one trigger. Frames are borrowed from the grab; release them all when done.
+ */
 struct sst_set {
     uint64_t index;  /* of the trigger */
     int64_t t_ns;    /* time zero: loop-back edge, else the trigger's own time, else the earliest stamp */
     int64_t wall_ns; /* CLOCK_REALTIME at t_ns */
     bool edge;       /* t_ns is a kernel time stamp of the edge */
     int cameras;     /* size of the array */
-    int present;     /* frames that are there */
+    int present;     /* number of frames in the set */
     struct sst_skew skew;
     struct sst_frame *frame[SST_CAMERAS_MAX]; /* NULL: missing */
 };
 
 struct sst_sets; /* opaque; one thread, but for sst_sets_recycle() */
 
-/** How a frame finds its set. */
+/** How frames are assigned to sets. */
 enum sst_sets_match {
-    SST_SETS_EDGE = 0,    /* each trigger exposes every camera once: the trigger within the window */
-    SST_SETS_NEAREST = 1, /* cameras run on their own, faster than the triggers: of each the frame nearest to a trigger,
-                             the others are stray */
-    SST_SETS_FREE = 2,    /* no triggers: beats of the frame period, followed camera by camera, make the sets */
+    SST_SETS_EDGE = 0,    /* each trigger exposes every camera once: to the trigger within the window */
+    SST_SETS_NEAREST = 1, /* cameras run on their own, faster than the triggers: the frame of each camera that is
+                             nearest to a trigger; the others are stray */
+    SST_SETS_FREE = 2,    /* no triggers: by ticks of the frame period, tracked per camera */
 };
 
 struct sst_sets_config {
@@ -55,52 +56,53 @@ struct sst_sets_config {
     int64_t period_ns; /* of triggers (EDGE, NEAREST; 0: irregular) or frames (FREE, > 0) */
     int64_t window_ns; /* 0: 0.4 of the period, at least 1 ms (EDGE, NEAREST) */
     int64_t wait_ns; /* a set is closed this long after its trigger, complete or not; 0: 2.5 periods, at least 250 ms */
-    int64_t delay_ns[SST_CAMERAS_MAX]; /* planned, from the trigger to the exposure; taken off before skew is told */
-    int pool;                          /* sets that may be open or with the receiver at a time, 2..64 */
+    int64_t delay_ns[SST_CAMERAS_MAX]; /* planned, from the trigger to the exposure; subtracted from the skew */
+    int pool;                          /* maximum number of sets that are open or with the receiver, 2..64 */
 };
 
 struct sst_sets_events {
     void *arg;
-    /** A closed set, in the order of the triggers; the receiver's until sst_sets_recycle(). Sets without any frame too.
+    /** A closed set, in the order of the triggers, also without frames; owned by the receiver until sst_sets_recycle().
      */
     void (*set)(void *arg, struct sst_set *set);
-    /** A frame has ended and is free again; SET and DROPPED come from sst_sets_recycle(), on its thread. */
+    /** A frame can be released; for SET and DROPPED called by sst_sets_recycle(), on its thread. */
     void (*release)(void *arg, struct sst_frame *frame, enum sst_bucket bucket);
 };
 
 struct sst_sets_counters {
-    uint64_t sets, complete, empty; /* handed on; of them with every camera, with none */
-    uint64_t dropped;               /* triggers for which no set was free: the receiver holds them all */
-    uint64_t relocked;              /* FREE: a camera's beat slipped against the others' */
+    uint64_t sets, complete, empty; /* passed on; of them with every camera, with none */
+    uint64_t dropped;               /* triggers without a free set: the receiver holds them all */
+    uint64_t relocked;              /* FREE: a camera's ticks slipped against those of the others */
     uint64_t bucket[SST_BUCKETS];
     uint64_t camera[SST_CAMERAS_MAX][SST_BUCKETS];
-    uint64_t waiting; /* frames that have not ended: of sets that are open or with the receiver, or ahead of theirs */
+    uint64_t
+        waiting; /* frames not yet in a bucket: in sets that are open or with the receiver, or ahead of their set */
 };
 
 /** @return 0, -EINVAL, -ENOMEM. */
 SST_MUST_CHECK int sst_sets_create(struct sst_sets **out, const struct sst_sets_config *cfg,
                                    const struct sst_sets_events *events);
 
-/** A trigger was fired. Not before those told already. @param edge  t_ns is the kernel's stamp of a loop-back edge */
+/** Report a fired trigger, in the order of time. @param edge  t_ns is the kernel's stamp of a loop-back edge */
 void sst_sets_trigger(struct sst_sets *sets, uint64_t index, int64_t t_ns, bool edge);
 
-/** A frame arrived; it ends in its bucket now or when its set is closed. */
+/** Add an arrived frame; it ends in its bucket now or when its set is closed. */
 void sst_sets_frame(struct sst_sets *sets, struct sst_frame *frame);
 
-/** A camera streams or does not: sets wait only for those that do. None does at first. */
+/** Set whether a camera streams: sets wait only for streaming cameras. Initially none streams. */
 void sst_sets_camera(struct sst_sets *sets, int cam, bool streaming);
 
-/** Close what is complete or overdue. @return when to call again at the latest; INT64_MAX: not before the next event */
+/** Close complete and overdue sets. @return latest time of the next call; INT64_MAX: after the next event */
 int64_t sst_sets_tick(struct sst_sets *sets, int64_t now_ns);
 
-/** Close everything that is open, as it is. */
+/** Close all open sets as they are. */
 void sst_sets_flush(struct sst_sets *sets);
 
-/** The receiver is done with a set: its frames are released.  Thread: any; the release event comes on it.
- *  @param dropped  by policy: its frames are counted as dropped instead */
+/** Return a set from the receiver: its frames are released.  Thread: any; calls the release event.
+ *  @param dropped  count its frames as dropped by policy */
 void sst_sets_recycle(struct sst_sets *sets, struct sst_set *set, bool dropped);
 
-/** Thread: that which tells of frames and triggers. */
+/** Thread: that of sst_sets_frame() and sst_sets_trigger(). */
 void sst_sets_counters(const struct sst_sets *sets, struct sst_sets_counters *out);
 
 /** Every set must have been recycled. NULL is fine. */

@@ -6,7 +6,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 
-/* One capture at work. */
+/* State of a running capture. */
 struct job {
     struct sst_rig *rig;
     const struct sst_rig_config *rig_cfg;
@@ -14,7 +14,7 @@ struct job {
     struct sst_rig_store *store;
     const struct sst_rig_capture_config *cfg;
     struct sst_rig_capture_report *report;
-    struct sst_rig_pos at; /* where the last move ended; valid if known */
+    struct sst_rig_pos at; /* end of the last move; valid if known */
     bool known;
 };
 
@@ -27,7 +27,7 @@ static bool cancelled(const struct job *j)
 
 static int go(struct job *j, struct sst_rig_pos to)
 {
-    /* Twice what the way takes at the assumed or given speed, never less than 10 s. */
+    /* Twice the duration of the move at the configured or assumed speed, at least 10 s. */
     const struct sst_rig_pos home = { { 0 } };
     const int timeout_ms = 10000 + (int)(2000 * sst_rig_capture_leg_s(j->rig_cfg, j->known ? &j->at : &home, &to));
     int err = sst_rig_move(j->rig, to);
@@ -60,7 +60,8 @@ static int approach(struct job *j, struct sst_rig_pos to)
     return err ? err : go(j, to);
 }
 
-/* A frame of a rig that stood before, during and after its exposure. @return 0, -EAGAIN (it did not), or an error */
+/* Capture a frame with the rig at standstill before, during and after its exposure. @return 0, -EAGAIN (it moved), or
+ * an error */
 static int expose(struct job *j, struct sst_rig_shot *shot, struct sst_frame **frame)
 {
     struct sst_rig_pos before;
@@ -79,7 +80,7 @@ static int expose(struct job *j, struct sst_rig_shot *shot, struct sst_frame **f
         j->report->camera_faults += err != -ECANCELED;
         return err;
     }
-    /* It stood when the frame began and stands when the frame is here, within what its encoders tell. */
+    /* The rig was at standstill when the frame started and when it arrived, as far as its encoders resolve. */
     if (!sst_rig_still(j->rig) || sst_rig_position(j->rig, &shot->read) || f->t_ns < since_ns)
         err = -EAGAIN;
     for (int a = 0; !err && a < j->rig_cfg->axes; a++) {
@@ -106,8 +107,8 @@ static int try_view(struct job *j, int view, struct sst_rig_shot *shot)
     if (err == -EAGAIN) {
         j->report->moved++;
         j->known = false;
-        sst_log_warning("view row %d, column %d: the rig was not seen standing still before and after the exposure; no "
-                        "frame is kept",
+        sst_log_warning("view row %d, column %d: the rig was not confirmed at standstill before and after the "
+                        "exposure; the frame is dropped",
                         view / j->cfg->cols, view % j->cfg->cols);
     }
     if (err)
@@ -117,7 +118,7 @@ static int try_view(struct job *j, int view, struct sst_rig_shot *shot)
     return err;
 }
 
-/* Faults that another attempt cannot mend. */
+/* Faults that a retry cannot fix. */
 static bool is_final(int err)
 {
     switch (-err) {
@@ -134,7 +135,7 @@ static bool is_final(int err)
     }
 }
 
-static int take_view(struct job *j, int view)
+static int capture_view(struct job *j, int view)
 {
     struct sst_rig_shot shot = { .asked = sst_rig_capture_pose(j->cfg, view) };
     int err = 0;
@@ -151,7 +152,7 @@ static int take_view(struct job *j, int view)
             break;
         j->report->again++;
         if (shot.attempts < j->cfg->attempts)
-            sst_log_warning("view row %d, column %d: attempt %d of %d failed; trying again", view / j->cfg->cols,
+            sst_log_warning("view row %d, column %d: attempt %d of %d failed; retrying", view / j->cfg->cols,
                             view % j->cfg->cols, shot.attempts, j->cfg->attempts);
     }
     return err;
@@ -159,7 +160,7 @@ static int take_view(struct job *j, int view)
 
 /* --- all views ---------------------------------------------------------------------------------------------------- */
 
-static int take_all(struct job *j)
+static int capture_all(struct job *j)
 {
     const int views = j->cfg->rows * j->cfg->cols;
     int err = 0;
@@ -168,7 +169,7 @@ static int take_all(struct job *j)
         const int view = sst_rig_capture_view(j->cfg, i);
 
         if (!sst_rig_store_has(j->store, view))
-            err = take_view(j, view);
+            err = capture_view(j, view);
         if (!err && j->cfg->progress)
             j->cfg->progress(j->cfg->progress_arg, (i + 1.0) / views);
     }
@@ -186,7 +187,7 @@ int sst_rig_capture(struct sst_rig *rig, const struct sst_rig_config *rig_cfg, c
     *report = (struct sst_rig_capture_report){ .there = sst_rig_store_count(store) };
     if (err)
         return err;
-    err = take_all(&j);
+    err = capture_all(&j);
     if (!err)
         err = sst_rig_store_finish(store);
     sst_rig_counters(rig, &report->rig);
@@ -194,11 +195,11 @@ int sst_rig_capture(struct sst_rig *rig, const struct sst_rig_config *rig_cfg, c
         return 0;
     (void)sst_rig_stop(rig);
     if (err == -ECANCELED) {
-        sst_log_warning("%s: stopped with %d of %d views; the same command goes on", cfg->dir,
+        sst_log_warning("%s: stopped with %d of %d views; run the same command to resume", cfg->dir,
                         sst_rig_store_count(store), views);
         return -EINTR;
     }
-    sst_log_error("%s: capture ended with %d of %d views; remove the cause above, then the same command goes on",
+    sst_log_error("%s: capture ended with %d of %d views; remove the cause above, then run the same command to resume",
                   cfg->dir, sst_rig_store_count(store), views);
     return err;
 }

@@ -14,13 +14,13 @@
 
 #define POLL_MS       20
 #define START_MS      5000
-#define FIRE_AGAIN_NS 1500000000 /* a trigger that brought no frame is fired again */
+#define FIRE_AGAIN_NS 1500000000 /* a trigger without a frame is fired again after this */
 
 struct sst_rig_grab {
     pthread_t thread;
     bool running;
-    struct sst_grab *grab;       /* the thread's, but for release and expect */
-    struct sst_trigger *trigger; /* the caller's; NULL: free run */
+    struct sst_grab *grab;       /* camera thread, except release and expect */
+    struct sst_trigger *trigger; /* caller's thread; NULL: free run */
     const atomic_bool *cancel;
     struct sst_grab_binding binding;
     struct sst_grab_device device; /* fixed after open */
@@ -31,13 +31,13 @@ struct sst_rig_grab {
     bool stop, wanted;
     int64_t after_ns;
     struct sst_frame *got;
-    uint64_t bad; /* frames since wanted that were damaged */
+    uint64_t bad; /* damaged frames since `wanted` */
     enum sst_grab_state state;
-    char why[160]; /* the state's */
+    char why[160]; /* of the state */
     struct sst_grab_counters count;
 };
 
-/* --- the camera's thread ------------------------------------------------------------------------------------------ */
+/* --- camera thread ------------------------------------------------------------------------------------------------ */
 
 static void on_frame(void *arg, struct sst_frame *frame)
 {
@@ -45,7 +45,7 @@ static void on_frame(void *arg, struct sst_frame *frame)
     bool keep;
 
     pthread_mutex_lock(&g->lock);
-    /* A picture that repeats the one before was not taken here. */
+    /* A picture that repeats the one before was not exposed at this position. */
     keep = g->wanted && !g->got && frame->t_ns >= g->after_ns;
     if (keep && frame->faults) {
         g->bad++;
@@ -88,13 +88,13 @@ static void *poll_camera(void *arg)
         pthread_mutex_unlock(&g->lock);
     }
     if (err < 0)
-        sst_log_error("camera %s: its stream ended: %s", g->device.node, strerror(-err));
+        sst_log_error("camera %s: the stream ended: %s", g->device.node, strerror(-err));
     return NULL;
 }
 
 /* --- frames ------------------------------------------------------------------------------------------------------- */
 
-/* Until then or POLL_MS, whichever comes first. Under lock. @return a frame is there */
+/* Wait until then or for POLL_MS, whichever is shorter. Under lock. @return a frame is available */
 static bool wait_locked(struct sst_rig_grab *g, int64_t end_ns)
 {
     const int64_t now_ns = sst_clock_now_ns(), until_ns = now_ns + POLL_MS * 1000000;
@@ -168,11 +168,11 @@ static int expose(void *arg, int64_t after_ns, int timeout_ms, struct sst_frame 
     memcpy(why, g->why, sizeof(why));
     pthread_mutex_unlock(&g->lock);
     if (err == -ETIMEDOUT || err == -ENODEV)
-        sst_log_error(
-            "camera %s at %s brought no good frame within %d ms, %llu damaged ones%s%s; check its cable and light, "
-            "and its trigger if it has one",
-            g->binding.serial[0] ? g->binding.serial : g->device.node, g->device.port, timeout_ms,
-            (unsigned long long)bad, state == SST_GRAB_STREAMING ? "" : ": ", state == SST_GRAB_STREAMING ? "" : why);
+        sst_log_error("camera %s at %s delivered no good frame within %d ms, %llu damaged ones%s%s; check its cable "
+                      "and lighting, and its trigger if it has one",
+                      g->binding.serial[0] ? g->binding.serial : g->device.node, g->device.port, timeout_ms,
+                      (unsigned long long)bad, state == SST_GRAB_STREAMING ? "" : ": ",
+                      state == SST_GRAB_STREAMING ? "" : why);
     return err;
 }
 
@@ -208,9 +208,9 @@ static int choose(struct sst_rig_grab *g, const char *which)
         memcpy(g->binding.serial, g->device.serial, sizeof(g->binding.serial));
         memcpy(g->binding.port, g->device.port, sizeof(g->binding.port));
     } else {
-        sst_log_error("%s%s; there %s%s: name one by serial or port with --camera",
-                      which ? "no single camera is " : "which camera is on the rig", which ? which : "",
-                      count ? "are " : "is none", list);
+        sst_log_error("%s%s; connected: %s%s; select one by serial or port with --camera",
+                      which ? "no single camera matches " : "no camera is selected", which ? which : "",
+                      count ? "" : "none", list);
     }
     free(devices);
     return matches == 1 ? 0 : -ENODEV;
@@ -224,11 +224,11 @@ static int open_grab(struct sst_rig_grab *g, const struct sst_array_config *a)
     sst_capture_grab_config(&cfg, a);
     cfg.cameras = 1;
     cfg.bindings = &g->binding;
-    cfg.check_frozen = true; /* a picture taken twice is no view */
+    cfg.check_frozen = true; /* a repeated picture is not a view */
     return sst_grab_open(&g->grab, &cfg, &events);
 }
 
-/* Streaming, or an error told: waiting for a camera that does not want to helps nobody. */
+/* Wait until the camera streams or reports an error: there is no use in waiting for one that refuses. */
 static int wait_streaming(struct sst_rig_grab *g)
 {
     const int64_t end_ns = sst_clock_now_ns() + START_MS * (int64_t)1000000;

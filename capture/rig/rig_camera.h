@@ -1,5 +1,5 @@
-/* capture/rig/rig_camera.h - the one camera of a rig: a grab on a thread of its own, so that its stream never waits
- * for the motors. */
+/* capture/rig/rig_camera.h - the camera on a rig: grabs on its own thread, so that its stream never waits for the
+ * motors. */
 #ifndef SST_CAPTURE_RIG_RIG_CAMERA_H
 #define SST_CAPTURE_RIG_RIG_CAMERA_H
 
@@ -13,10 +13,10 @@ struct sst_rig_grab; /* opaque; one thread at a time */
  * Open the camera, start its stream and, with source gpio, the trigger that exposes it.
  *
  * @param array   cameras: size, format, rate, controls; trigger
- * @param which   serial or port; NULL: the only camera that there is
+ * @param which   serial or port; NULL: the only connected camera
  * @param cancel  ends waiting; may be NULL
- * @param camera  out: to capture with until close
- * @return 0, -ENODEV (no such camera, or several: they are listed), or what drivers return; logged.
+ * @param camera  out: valid until close
+ * @return 0, -ENODEV (no such camera, or several: they are listed), or an error of the drivers; logged.
  */
 SST_MUST_CHECK int sst_rig_grab_open(struct sst_rig_grab **out, const struct sst_array_config *array, const char *which,
                                      const SST_ATOMIC(bool) * cancel, struct sst_rig_camera *camera);

@@ -73,11 +73,10 @@ static int check_travel(const struct sst_rig_capture_config *cfg, const struct s
 
         if (first - cfg->backlash_um >= rig->travel_min_um[a] && last <= rig->travel_max_um[a])
             continue;
-        sst_log_error(
-            "the grid takes %c from %.3f to %.3f mm and comes from %.3f mm below, the rig travels from %.3f to %.3f "
-            "mm; change pitch, grid, origin or backlash",
-            'x' + a, (double)first / 1000.0, (double)last / 1000.0, cfg->backlash_um / 1000.0,
-            rig->travel_min_um[a] / 1000.0, rig->travel_max_um[a] / 1000.0);
+        sst_log_error("the grid needs %c from %.3f to %.3f mm and a backlash of %.3f mm below, but the travel is %.3f "
+                      "to %.3f mm; change pitch, grid, origin or backlash",
+                      'x' + a, (double)first / 1000.0, (double)last / 1000.0, cfg->backlash_um / 1000.0,
+                      rig->travel_min_um[a] / 1000.0, rig->travel_max_um[a] / 1000.0);
         return -EINVAL;
     }
     return 0;
@@ -94,7 +93,7 @@ static int check_settings(const struct sst_rig_capture_config *cfg, const struct
     else if (cfg->backlash_um < 0)
         fault = "the backlash must not be negative";
     else if ((cfg->rows > 1 && rig->axes < 2))
-        fault = "a rig with one axis takes one row; give --grid 1xC";
+        fault = "a rig with one axis captures one row only; use --grid 1xC";
     if (!fault)
         return check_travel(cfg, rig);
     sst_log_error("rig capture: %s", fault);
@@ -122,7 +121,7 @@ int sst_rig_capture_plan(struct sst_rig_capture_plan *out, const struct sst_rig_
             for (int a = 0; a < rig->axes; a++)
                 longest = fmax(longest, abs(next->um[a] - at.um[a]) / 1000.0);
             p.way_mm += longest;
-            /* A leg of its own settles too. */
+            /* A separate leg needs settling as well. */
             p.seconds += longest > 0 ? sst_rig_capture_leg_s(rig, &at, next) + rig->settle_ms / 1000.0 : 0;
             at = *next;
         }

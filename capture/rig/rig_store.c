@@ -1,5 +1,5 @@
-/* DIR/views/rr_cc.*, DIR/capture.jsonl: a line with the settings, then a line for each view, appended and synced after
- * the view's file; DIR/lightfield.json at the end. The last line of a view holds. */
+/* The folder: DIR/views/rr_cc.*; DIR/capture.jsonl, a line with the settings, then a line for each view, appended and
+ * synced after the file of the view; DIR/lightfield.json at the end. The last line of a view is the valid one. */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <errno.h>
@@ -40,7 +40,7 @@ struct stored_view {
 struct sst_rig_store {
     char dir[SST_PATH_MAX], views_dir[SST_PATH_MAX], manifest[SST_PATH_MAX];
     int dir_fd, fd; /* the folder, locked; the manifest, to append */
-    int rows, cols, damaged;
+    int rows, cols;
     int32_t pitch_um[2];
     uint32_t fourcc;
     bool put_any;
@@ -87,7 +87,7 @@ static json_t *settings_of(const struct sst_rig_capture_config *cfg)
                      "height", cfg->height, "controls", cfg->controls ? cfg->controls : "");
 }
 
-/* Name every setting that differs. */
+/* List every setting that differs. */
 static int compare_settings(const struct sst_rig_store *s, json_t *there)
 {
     char text[512] = "";
@@ -111,7 +111,7 @@ static int compare_settings(const struct sst_rig_store *s, json_t *there)
     }
     if (!text[0])
         return 0;
-    sst_log_error("%s holds a capture with other settings: %s; give the old ones or another folder", s->dir, text);
+    sst_log_error("%s contains a capture with other settings: %s; use those or choose another folder", s->dir, text);
     return -EINVAL;
 }
 
@@ -164,14 +164,14 @@ static int read_header(struct sst_rig_store *s, json_t *line)
 
     if (!format || strcmp(format, FORMAT_NAME) != 0 ||
         json_integer_value(json_object_get(line, "version")) != FORMAT_VERSION) {
-        sst_log_error("%s is not the manifest of a rig capture that this version reads; choose another folder",
+        sst_log_error("%s is not a rig capture manifest that this version can read; choose another folder",
                       s->manifest);
         return -EBADMSG;
     }
     return compare_settings(s, json_object_get(line, "settings"));
 }
 
-/* @param keep  out: bytes up to the end of the last whole line */
+/* @param keep  out: bytes up to the end of the last complete line */
 static int read_lines(struct sst_rig_store *s, const char *text, size_t size, size_t *keep)
 {
     size_t at = 0;
@@ -183,13 +183,13 @@ static int read_lines(struct sst_rig_store *s, const char *text, size_t size, si
         int err = 0;
 
         if (!end)
-            break; /* the process was killed while it wrote this */
+            break; /* the process was killed while writing this line */
         line = json_loadb(text + at, (size_t)(end - text) - at, JSON_REJECT_DUPLICATES, NULL);
         at = (size_t)(end - text) + 1;
         if (n == 1)
             err = read_header(s, line);
         else if (!line || !read_view(s, line))
-            sst_log_warning("%s:%d is damaged; its view is taken again", s->manifest, n);
+            sst_log_warning("%s:%d is damaged; its view is captured again", s->manifest, n);
         json_decref(line);
         if (err)
             return err;
@@ -197,7 +197,7 @@ static int read_lines(struct sst_rig_store *s, const char *text, size_t size, si
     }
     if (*keep)
         return 0;
-    sst_log_error("%s has no whole first line; choose another folder or remove this one", s->manifest);
+    sst_log_error("%s has no complete first line; choose another folder or remove this one", s->manifest);
     return -EBADMSG;
 }
 
@@ -215,7 +215,7 @@ static int read_manifest(struct sst_rig_store *s)
         return err;
     if (truncate(s->manifest, (off_t)keep)) {
         err = -errno;
-        sst_log_error("cannot cut the broken last line off %s: %s", s->manifest, strerror(errno));
+        sst_log_error("cannot truncate the incomplete last line of %s: %s", s->manifest, strerror(errno));
     }
     return err;
 }
@@ -229,10 +229,9 @@ static void check_views(struct sst_rig_store *s)
             continue;
         if (!view_path(s, k, path) && SHA256File(path, hash) && !strcmp(hash, s->view[k].sha256))
             continue;
-        sst_log_warning("%s %s; it is taken again", path,
+        sst_log_warning("%s %s; it is captured again", path,
                         hash[0] ? "has changed since it was stored" : "cannot be read");
         s->view[k].there = false;
-        s->damaged++;
     }
 }
 
@@ -246,7 +245,7 @@ static int fault(const char *what, const char *path)
     return e == ENOSPC || e == EROFS || e == EDQUOT || e == EACCES ? -e : -EIO;
 }
 
-/* A temporary file of ours (base/file.h), by the name that it was to get. */
+/* True for a temporary file of base/file.h with this final name. */
 static bool is_left_over(const char *name)
 {
     return strstr(name, ".tmp-") &&
@@ -254,7 +253,7 @@ static bool is_left_over(const char *name)
             (name[0] >= '0' && name[0] <= '9' && name[2] == '_'));
 }
 
-/* Remove what a killed process left; false: there are files that are not of a capture. */
+/* Remove temporary files of a killed process; false: there are files that do not belong to a capture. */
 static bool tidy(const char *dir)
 {
     DIR *d = opendir(dir);
@@ -281,10 +280,10 @@ static int begin_new(struct sst_rig_store *s, bool must_exist)
     int err = 0;
 
     if (must_exist) {
-        sst_log_error("%s holds no capture to resume; leave --resume out to begin one", s->dir);
+        sst_log_error("%s contains no capture to resume; omit --resume to start one", s->dir);
         err = -ENOENT;
     } else if (!tidy(s->views_dir)) {
-        sst_log_error("%s is a folder of something else; choose another one", s->dir);
+        sst_log_error("%s is a folder with other contents; choose another one", s->dir);
         err = -EEXIST;
     } else if (!text || asprintf(&with_end, "%s\n", text) < 0) {
         with_end = NULL;
@@ -307,7 +306,7 @@ static int lock_folder(struct sst_rig_store *s)
         return 0;
     if (errno != EWOULDBLOCK)
         return fault("lock the folder", s->dir);
-    sst_log_error("%s: another capture is at work in this folder; wait for it or choose another one", s->dir);
+    sst_log_error("%s: another capture is running in this folder; wait for it or choose another one", s->dir);
     return -EBUSY;
 }
 
@@ -316,7 +315,7 @@ static int make_folders(struct sst_rig_store *s, bool must_exist)
     int err = 0;
 
     if (must_exist && !sst_path_exists(s->dir)) {
-        sst_log_error("there is no folder %s to resume; leave --resume out to begin one", s->dir);
+        sst_log_error("there is no folder %s to resume; omit --resume to start a capture", s->dir);
         return -ENOENT;
     }
     err = sst_path_make_dir(s->dir);
@@ -325,7 +324,7 @@ static int make_folders(struct sst_rig_store *s, bool must_exist)
     if (!err && sst_path_exists(s->manifest))
         return sst_path_make_dir(s->views_dir);
     if (!err && !must_exist && !tidy(s->dir)) {
-        sst_log_error("%s is a folder of something else; choose another one", s->dir);
+        sst_log_error("%s is a folder with other contents; choose another one", s->dir);
         return -EEXIST;
     }
     return err || must_exist ? err : sst_path_make_dir(s->views_dir);
@@ -367,8 +366,8 @@ int sst_rig_store_open(struct sst_rig_store **out, const struct sst_rig_capture_
     s->fourcc = cfg->fourcc;
     memcpy(s->pitch_um, cfg->pitch_um, sizeof(s->pitch_um));
     if (s->fourcc != MJPG_FOURCC && s->fourcc != GREY_FOURCC && s->fourcc != Y16_FOURCC) {
-        sst_log_error(
-            "a rig capture stores MJPG untouched, GREY and Y16 as PNG; choose one of them as the cameras' format");
+        sst_log_error("a rig capture supports MJPG (stored unchanged), GREY and Y16 (stored as PNG); choose one of "
+                      "them as the cameras' format");
         err = -EINVAL;
         goto fail;
     }
@@ -412,11 +411,6 @@ int sst_rig_store_count(const struct sst_rig_store *s)
     return n;
 }
 
-int sst_rig_store_damaged(const struct sst_rig_store *s)
-{
-    return s->damaged;
-}
-
 int sst_rig_store_check_camera(const struct sst_rig_store *s, const struct sst_rig_camera *camera)
 {
     for (int k = 0; k < s->rows * s->cols; k++) {
@@ -425,7 +419,7 @@ int sst_rig_store_check_camera(const struct sst_rig_store *s, const struct sst_r
         if (!v->there || (v->serial[0] ? !strcmp(v->serial, camera->serial) : !strcmp(v->port, camera->port)))
             continue;
         sst_log_error(
-            "%s was begun with the camera %s at %s, this one is %s at %s; connect the old one or choose another folder",
+            "%s was started with camera %s at %s, this one is %s at %s; connect the old one or choose another folder",
             s->dir, v->serial[0] ? v->serial : "without a serial", v->port,
             camera->serial[0] ? camera->serial : "without a serial", camera->port);
         return -EINVAL;
@@ -508,7 +502,7 @@ static char *view_line(const struct sst_rig_store *s, int view, const struct sst
     return line;
 }
 
-/* The whole line durably, or nothing of it. */
+/* Append the whole line durably, or nothing of it. */
 static int append(struct sst_rig_store *s, const char *line)
 {
     const size_t size = strlen(line);
@@ -526,15 +520,16 @@ static int append(struct sst_rig_store *s, const char *line)
         errno = ENOSPC;
     err = fault("append to", s->manifest);
     if (ftruncate(s->fd, st.st_size))
-        sst_log_warning("%s: its last line is broken and cannot be cut off: %s", s->manifest, strerror(errno));
+        sst_log_warning("%s: its incomplete last line cannot be truncated: %s", s->manifest, strerror(errno));
     return err;
 }
 
-/* A light field whose view is taken again is none until all are there: its hashes and offsets would be the old ones. */
+/* While a view is captured again, the folder is not a valid light field: its hashes and offsets would be the old ones.
+ */
 static int reopen_capture(struct sst_rig_store *s)
 {
     if (!unlinkat(s->dir_fd, "lightfield.json", 0))
-        sst_log_warning("%s: what was computed from its old views is out of date; process it again", s->dir);
+        sst_log_warning("%s: data computed from its old views is out of date; process it again", s->dir);
     else if (errno != ENOENT)
         return fault("replace the lightfield.json of", s->dir);
     return 0;
@@ -555,7 +550,7 @@ int sst_rig_store_put(struct sst_rig_store *s, int view, const struct sst_rig_sh
         err = write_frame(s, path, f);
     if (err)
         return err;
-    /* Of the file, not of the memory: a disk that does not return what it was given is found out here. */
+    /* Hash of the file, not of the memory: detects a disk that does not return what was written. */
     if (!SHA256File(path, v.sha256))
         return fault("read back", path);
     snprintf(v.serial, sizeof(v.serial), "%s", camera->serial);
@@ -597,7 +592,8 @@ static int fill(const struct sst_rig_store *s, struct sst_lightfield *lf)
         if (!err)
             err = sst_image_read_size(path, &width, &height);
         if (!err && k && (width != lf->width || height != lf->height)) {
-            sst_log_error("%s has %dx%d pixels, the views before it %dx%d; remove it, the same command takes it again",
+            sst_log_error("%s has %dx%d pixels, the earlier views have %dx%d; remove it and run the same command to "
+                          "capture it again",
                           path, width, height, lf->width, lf->height);
             err = -EBADMSG;
         }

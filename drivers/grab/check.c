@@ -1,4 +1,4 @@
-/* What the bytes of a frame show by themselves: the size of a raw frame, the marker structure of a JPEG. */
+/* Checks of the bytes of a frame: the size of a raw frame, the marker structure of a JPEG. */
 #include <linux/videodev2.h>
 #include <string.h>
 
@@ -95,7 +95,7 @@ static unsigned walk_segment(struct walk *w, uint8_t mark)
     return 0;
 }
 
-/* Tables of Huffman codes may be missing, as UVC allows; what follows the end marker is padding. */
+/* Huffman tables may be missing, as UVC allows; bytes after the end marker are padding. */
 static unsigned check_jpeg(int width, int height, const uint8_t *data, size_t bytes)
 {
     struct walk w = { data + 2, data + bytes, width, height, false, false };

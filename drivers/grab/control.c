@@ -25,7 +25,7 @@ void control_name(char *out, size_t size, const char *title)
     out[n] = 0;
 }
 
-/* Walks the camera's controls. @return 0, or -ENOENT with the names it has appended to `names` */
+/* Enumerate the controls of the camera. @return 0, or -ENOENT with their names appended to `names` */
 static int find(int fd, const char *name, struct v4l2_query_ext_ctrl *q, char *names, size_t size)
 {
     const uint32_t next = V4L2_CTRL_FLAG_NEXT_CTRL;
@@ -69,7 +69,7 @@ static bool is_mode(const struct v4l2_query_ext_ctrl *q)
            q->type == V4L2_CTRL_TYPE_INTEGER_MENU;
 }
 
-/* First pass the modes, second pass the values. */
+/* The first pass sets modes, the second one values. */
 static void apply_pass(int fd, const struct sst_grab_control *control, int count, bool modes, char *why, size_t size)
 {
     for (int i = 0; i < count; i++) {
@@ -79,7 +79,7 @@ static void apply_pass(int fd, const struct sst_grab_control *control, int count
         int err = find(fd, control[i].name, &q, names, sizeof(names));
 
         if (err && modes)
-            text_add(why, size, "%sthere is no control %s (there are: %s)", *why ? "; " : "", control[i].name,
+            text_add(why, size, "%sunknown control %s (available: %s)", *why ? "; " : "", control[i].name,
                      *names ? names : "none");
         if (err || is_mode(&q) != modes)
             continue;

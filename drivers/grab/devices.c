@@ -1,4 +1,4 @@
-/* Discovery and hot-plug: by libudev, or without it by what sysfs says of /dev/video*. */
+/* Discovery and hotplug: by libudev, or without it by /dev/video* and sysfs. */
 #include "drivers/grab/grab_internal.h"
 
 #include <errno.h>
@@ -17,7 +17,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 
-/* A node that does not answer within this is listed with -ETIMEDOUT. */
+/* A node that does not respond within this time is listed with ETIMEDOUT. */
 #define PROBE_MS 2000
 #define SLICE_MS 100
 
@@ -49,7 +49,7 @@ static int probe_node(struct grab_node *node)
     return fd;
 }
 
-/* Off USB a device's bus_info is its port, and asking for it does not reach for hardware that may hang. */
+/* Outside of USB the bus_info of a device is its port, and querying it does not access hardware that may hang. */
 static void identify_off_usb(struct grab_node *node)
 {
     const int fd = probe_node(node);
@@ -83,12 +83,12 @@ static void list_sort(struct node_list *list)
 
 #if WITH_UDEV
 
-struct grab_watch {
+struct grab_monitor {
     struct udev *udev;
     struct udev_monitor *monitor;
 };
 
-/* Also where no udevd runs (an initramfs, a container): then the USB device's own serial, and nothing about capture. */
+/* Without udevd (an initramfs, a container): the serial of the USB device, and no information about capture. */
 static bool node_from_udev(struct grab_node *node, struct udev_device *d)
 {
     const char *path = udev_device_get_devnode(d);
@@ -118,7 +118,7 @@ static int scan_udev(struct udev *udev, struct node_list *list)
 
     err = err < 0 ? err : udev_enumerate_scan_devices(e);
     if (err < 0) {
-        sst_log_error("cameras cannot be listed: udev: %s; is /sys mounted?", strerror(-err));
+        sst_log_error("cannot list cameras: udev: %s; is /sys mounted?", strerror(-err));
         udev_enumerate_unref(e);
         return err;
     }
@@ -153,18 +153,18 @@ int grab_scan(struct grab_node **nodes, int *count)
     return 0;
 }
 
-int grab_watch_open(struct grab_watch **out)
+int grab_monitor_open(struct grab_monitor **out)
 {
-    struct grab_watch *w = calloc(1, sizeof(*w));
+    struct grab_monitor *w = calloc(1, sizeof(*w));
     int err = -ENOMEM;
 
     if (!w || !(w->udev = udev_new()))
         goto fail;
-    /* After udev's rules, so that rights and serials are there; the kernel's own events where no udevd runs. */
+    /* Events after udev's rules, so that permissions and serials are set; events of the kernel if no udevd runs. */
     w->monitor = udev_monitor_new_from_netlink(w->udev, access("/run/udev/control", F_OK) ? "kernel" : "udev");
     if (!w->monitor)
         goto fail;
-    /* 36 cameras on a hub whose power fails are 72 events and more at once. */
+    /* 36 cameras on a hub that loses power give 72 or more events at once. */
     (void)udev_monitor_set_receive_buffer_size(w->monitor, 4 << 20);
     err = udev_monitor_filter_add_match_subsystem_devtype(w->monitor, "video4linux", NULL);
     err = err < 0 ? err : udev_monitor_enable_receiving(w->monitor);
@@ -174,23 +174,22 @@ int grab_watch_open(struct grab_watch **out)
     return 0;
 
 fail:
-    sst_log_error("plugging of cameras cannot be watched: udev: %s; a sandbox must allow netlink sockets",
-                  strerror(-err));
-    grab_watch_close(w);
+    sst_log_error("cannot monitor hotplug of cameras: udev: %s; a sandbox must allow netlink sockets", strerror(-err));
+    grab_monitor_close(w);
     return err;
 }
 
-int grab_watch_fd(const struct grab_watch *watch)
+int grab_monitor_fd(const struct grab_monitor *watch)
 {
     return udev_monitor_get_fd(watch->monitor);
 }
 
-int grab_watch_next(struct grab_watch *watch, struct grab_node *node)
+int grab_monitor_next(struct grab_monitor *watch, struct grab_node *node)
 {
     struct udev_device *d;
     int what = 0;
 
-    /* Events of other kinds (change, bind) are passed over. */
+    /* Other events (change, bind) are skipped. */
     while (!what) {
         const char *action;
 
@@ -208,7 +207,7 @@ int grab_watch_next(struct grab_watch *watch, struct grab_node *node)
     return what;
 }
 
-void grab_watch_close(struct grab_watch *watch)
+void grab_monitor_close(struct grab_monitor *watch)
 {
     if (!watch)
         return;
@@ -219,7 +218,7 @@ void grab_watch_close(struct grab_watch *watch)
 
 #else
 
-/* First line of a small file below a folder of sysfs; "" where it cannot be read. */
+/* First line of a small file below a folder of sysfs; "" if it cannot be read. */
 static void read_attribute(char out[SST_GRAB_NAME_MAX], const char *dir, const char *name)
 {
     char path[PATH_MAX + 32];
@@ -266,7 +265,7 @@ int grab_scan(struct grab_node **nodes, int *count)
     dev = opendir("/dev");
     if (!dev) {
         err = -errno;
-        sst_log_error("cameras cannot be listed: /dev: %s", strerror(-err));
+        sst_log_error("cannot list cameras: /dev: %s", strerror(-err));
         free(list.node);
         return err;
     }
@@ -281,29 +280,29 @@ int grab_scan(struct grab_node **nodes, int *count)
     return 0;
 }
 
-int grab_watch_open(struct grab_watch **out)
+int grab_monitor_open(struct grab_monitor **out)
 {
     *out = NULL;
     return 0;
 }
 
-int grab_watch_fd(const struct grab_watch *watch SST_UNUSED)
+int grab_monitor_fd(const struct grab_monitor *watch SST_UNUSED)
 {
     return -1;
 }
 
-int grab_watch_next(struct grab_watch *watch SST_UNUSED, struct grab_node *node SST_UNUSED)
+int grab_monitor_next(struct grab_monitor *watch SST_UNUSED, struct grab_node *node SST_UNUSED)
 {
     return 0;
 }
 
-void grab_watch_close(struct grab_watch *watch SST_UNUSED)
+void grab_monitor_close(struct grab_monitor *watch SST_UNUSED)
 {
 }
 
 #endif
 
-/* --- the list for people ------------------------------------------------------------------------------------------ */
+/* --- list of devices ---------------------------------------------------------------------------------------------- */
 
 struct probe {
     struct grab_job job;
@@ -344,8 +343,8 @@ static void probe_discard(struct grab_job *job)
     free(job);
 }
 
-/* Ask all nodes at once, each on a thread of its own: one that hangs delays nobody beyond PROBE_MS. Time in which we
- * stood still ourselves, perhaps with the whole machine, counts for little. */
+/* Query all nodes in parallel, each on its own thread: a hanging one delays the others by at most PROBE_MS. Time in
+ * which this process itself was stopped, perhaps with the whole machine, counts little. */
 static int probe_all(struct grab_node *nodes, int count)
 {
     int64_t left_ns = PROBE_MS * INT64_C(1000000);
@@ -393,7 +392,7 @@ int sst_grab_list(struct sst_grab_device **devices, int *count)
     list = calloc((size_t)found + 1, sizeof(*list));
     err = list ? probe_all(nodes, found) : -ENOMEM;
     if (err) {
-        sst_log_error("cameras cannot be listed: %s", strerror(-err));
+        sst_log_error("cannot list cameras: %s", strerror(-err));
         free(nodes);
         free(list);
         return err;

@@ -7,15 +7,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Bounds for enumerations that a broken driver never ends. */
+/* Bounds for enumerations that never end with a broken driver. */
 #define FORMATS_MAX 64
 #define SIZES_MAX   256
 #define RATES_MAX   64
 
-/* A rate that is read back is the one asked for within this: 29.97 is 30. */
+/* Tolerance between requested and actual rate: 29.97 is 30. */
 #define RATE_TOLERANCE 0.005
 
-/* --- what there is ------------------------------------------------------------------------------------------------ */
+/* --- enumeration -------------------------------------------------------------------------------------------------- */
 
 static bool format_at(int fd, uint32_t index, struct v4l2_fmtdesc *f)
 {
@@ -58,7 +58,7 @@ static int nearest_step(int v, uint32_t lo, uint32_t hi, uint32_t step)
     return (int)(x > hi ? hi - (hi - lo) % s : x);
 }
 
-/* The nearest size by sides, -1 where the camera lists none. */
+/* The nearest size by sides, -1 if the camera lists none. */
 static void nearest_size(int fd, const struct sst_grab_config *cfg, int best[2], char *list, size_t size)
 {
     struct v4l2_frmsizeenum s;
@@ -117,7 +117,7 @@ static void add_rates(int fd, const struct sst_grab_config *cfg, char *out, size
         text_add(out, size, " Hz, nearest %.4g", best);
 }
 
-/* --- asking ------------------------------------------------------------------------------------------------------- */
+/* --- setting ------------------------------------------------------------------------------------------------------ */
 
 static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_pix_format *got, char *why, size_t size)
 {
@@ -127,7 +127,7 @@ static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_p
     fourcc_name(want, cfg->fourcc);
     fourcc_name(is, got->pixelformat);
     if (got->pixelformat != cfg->fourcc) {
-        text_add(why, size, "it has no format %s, it offers ", want);
+        text_add(why, size, "it does not support format %s, it offers ", want);
         add_format_names(fd, why, size);
         text_add(why, size, "; set cameras: format");
         return -EINVAL;
@@ -153,7 +153,7 @@ static int set_picture(int fd, const struct sst_grab_config *cfg, size_t *stride
     pix->pixelformat = cfg->fourcc;
     pix->field = V4L2_FIELD_NONE;
     err = node_ioctl(fd, VIDIOC_S_FMT, &f);
-    /* Drivers that refuse instead of offering something near: ask what they would give. */
+    /* Some drivers refuse instead of offering the nearest format: query what they would set. */
     if (err == -EINVAL) {
         f = (struct v4l2_format){ .type = V4L2_BUF_TYPE_VIDEO_CAPTURE };
         if (!node_ioctl(fd, VIDIOC_G_FMT, &f))
@@ -177,7 +177,7 @@ static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t
     if (err == -ENODEV || err == -EIO)
         return err;
     if (err || !(c->capability & V4L2_CAP_TIMEPERFRAME)) {
-        text_add(why, size, "it does not let its rate be set; %.4g Hz is what it makes of it", cfg->rate_hz);
+        text_add(why, size, "it does not support setting the rate, %.4g Hz is ignored", cfg->rate_hz);
         return 0;
     }
     c->timeperframe.numerator = 10000;
@@ -188,7 +188,7 @@ static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t
     got = hz(c->timeperframe);
     if (fabs(got - cfg->rate_hz) <= RATE_TOLERANCE * cfg->rate_hz)
         return 0;
-    text_add(why, size, "at %dx%d it makes %.4g Hz and not %.4g", cfg->width, cfg->height, got, cfg->rate_hz);
+    text_add(why, size, "at %dx%d it delivers %.4g Hz, not %.4g", cfg->width, cfg->height, got, cfg->rate_hz);
     add_rates(fd, cfg, why, size);
     return cfg->triggered ? 0 : -EINVAL;
 }

@@ -16,15 +16,15 @@
 #include "base/log.h"
 #include "drivers/grab/grab_internal.h"
 
-/* Cameras that have not answered by then are started when they do. */
+/* Cameras that have not responded by then are started when they do. */
 #define OPEN_WAIT_NS  (8000 * SST_MS)
 #define CLOSE_WAIT_NS (1500 * SST_MS)
-/* From STREAMON to the first frame sensors take this, on top of the usual patience. */
+/* Additional time from STREAMON to the first frame, on top of the usual patience. */
 #define WAKE_UP_NS (1500 * SST_MS)
-#define LATE_NS    (20 * SST_MS) /* who is woken that much later than he wanted stood still */
+#define LATE_NS    (20 * SST_MS) /* a wake-up this late means that the process was stopped */
 #define EVENTS_MAX 128
 
-/* What epoll tells besides the cameras, which are their index. */
+/* epoll data besides that of the cameras, which is their index. */
 enum {
     TAG_TIMER = SST_CAMERAS_MAX,
     TAG_WAKE,
@@ -57,14 +57,14 @@ static int check_config(const struct sst_grab_config *cfg)
                                                                                    : NULL;
 
     if (bad) {
-        sst_log_error("cameras cannot be grabbed: the %s is out of range; see the configuration", bad);
+        sst_log_error("cannot start the cameras: the %s is out of range; see the configuration", bad);
         return -EINVAL;
     }
     for (int i = 0; i < cfg->cameras; i++) {
         const struct sst_grab_binding *a = &cfg->bindings[i];
 
         if (!*a->serial && !*a->port) {
-            sst_log_error("camera %d is bound to nothing; give its serial or port, as `sst cameras` lists them", i);
+            sst_log_error("camera %d has no binding; set its serial or port, as listed by `sst cameras`", i);
             return -EINVAL;
         }
         for (int k = 0; k < i; k++) {
@@ -102,7 +102,7 @@ static int open_descriptors(struct sst_grab *g)
     err = err ? err : watch_fd(g, g->wake_fd, TAG_WAKE);
     err = err ? err : watch_fd(g, jobs_fd(g->jobs), TAG_JOBS);
     if (err)
-        sst_log_error("cameras cannot be polled: %s; raise the limit of open files (ulimit -n)", strerror(-err));
+        sst_log_error("cannot poll the cameras: %s; raise the limit of open files (ulimit -n)", strerror(-err));
     return err;
 }
 
@@ -147,11 +147,11 @@ static void wait_for_jobs(struct sst_grab *g)
         ;
 }
 
-static void tell_absent(struct sst_grab *g)
+static void report_absent(struct sst_grab *g)
 {
     for (int i = 0; i < g->cfg.cameras; i++) {
         if (g->camera[i].number < 0 && !*g->camera[i].why)
-            camera_say(g, &g->camera[i], SST_GRAB_ABSENT, "is not there; it starts when it is plugged in");
+            camera_set_state(g, &g->camera[i], SST_GRAB_ABSENT, "is not connected; it starts when it is plugged in");
     }
 }
 
@@ -169,15 +169,15 @@ int sst_grab_open(struct sst_grab **out, const struct sst_grab_config *cfg, cons
         goto fail;
     }
     err = open_descriptors(g);
-    err = err ? err : grab_watch_open(&g->watch);
+    err = err ? err : grab_monitor_open(&g->watch);
     if (!err && g->watch)
-        err = watch_fd(g, grab_watch_fd(g->watch), TAG_PLUG);
-    err = err ? err : plug_read(g);
-    err = err ? err : plug_assign(g);
+        err = watch_fd(g, grab_monitor_fd(g->watch), TAG_PLUG);
+    err = err ? err : hotplug_scan(g);
+    err = err ? err : hotplug_assign(g);
     if (err)
         goto fail;
     wait_for_jobs(g);
-    tell_absent(g);
+    report_absent(g);
     *out = g;
     return 0;
 
@@ -201,8 +201,8 @@ int sst_grab_start(struct sst_grab *g)
 
 /* --- poll --------------------------------------------------------------------------------------------------------- */
 
-/* A trigger's time, taken over by those cameras that have sent nothing since. */
-static void take_trigger(struct sst_grab *g)
+/* Apply the time of a trigger to cameras without a frame since. */
+static void apply_trigger(struct sst_grab *g)
 {
     const int64_t fired_ns = atomic_exchange(&g->fired_ns, 0);
 
@@ -222,18 +222,18 @@ static void serve_one(struct sst_grab *g, const struct epoll_event *e)
     if (tag == TAG_JOBS) {
         jobs_collect(g->jobs, g);
     } else if (tag == TAG_PLUG) {
-        plug_events(g);
+        hotplug_events(g);
     } else if (tag == TAG_TIMER || tag == TAG_WAKE) {
         (void)!read(tag == TAG_TIMER ? g->timer_fd : g->wake_fd, &count, sizeof(count));
     } else if (g->camera[tag].armed) {
-        /* Else something before it in this round has closed it. */
-        intake(g, &g->camera[tag], !(e->events & EPOLLIN));
+        /* Otherwise an earlier event of this round has closed it. */
+        receive_ready(g, &g->camera[tag], !(e->events & EPOLLIN));
     }
 }
 
-/* Who comes late to what was due stood still himself, perhaps with the whole machine: then no camera is judged before
- * it had the time to send something. Once: what is late again and again is not put off again and again. */
-static bool puts_off(struct sst_grab *g, int64_t now_ns)
+/* If a due time is handled late, this process was stopped, perhaps with the whole machine: then no camera is judged
+ * before it had time to send a frame. Only once in a row: repeated delays do not postpone the judgement forever. */
+static bool postpones(struct sst_grab *g, int64_t now_ns)
 {
     if (now_ns < g->judge_ns)
         return true;
@@ -247,26 +247,26 @@ static void serve_time(struct sst_grab *g)
 {
     const int64_t now_ns = sst_clock_now_ns();
 
-    if (puts_off(g, now_ns))
+    if (postpones(g, now_ns))
         return;
     for (int i = 0; i < g->cfg.cameras; i++) {
         struct grab_camera *cam = &g->camera[i];
-        const int64_t silent_ns = intake_due(g, cam);
+        const int64_t silent_ns = receive_due(g, cam);
 
         if (silent_ns && now_ns >= silent_ns)
-            intake_silence(g, cam, now_ns);
+            receive_silence(g, cam, now_ns);
         recovery_time(g, cam, now_ns);
     }
-    plug_time(g, now_ns);
+    hotplug_time(g, now_ns);
 }
 
 static void set_timer(struct sst_grab *g, int64_t now_ns)
 {
     struct itimerspec t = { 0 };
-    int64_t due_ns = plug_due(g);
+    int64_t due_ns = hotplug_due(g);
 
     for (int i = 0; i < g->cfg.cameras; i++) {
-        const int64_t due[2] = { recovery_due(g, &g->camera[i]), intake_due(g, &g->camera[i]) };
+        const int64_t due[2] = { recovery_due(g, &g->camera[i]), receive_due(g, &g->camera[i]) };
 
         for (int k = 0; k < 2; k++) {
             if (due[k] && (!due_ns || due[k] < due_ns))
@@ -275,7 +275,7 @@ static void set_timer(struct sst_grab *g, int64_t now_ns)
     }
     if (due_ns && due_ns < g->judge_ns)
         due_ns = g->judge_ns;
-    /* Most frames move it back: waking up once too often is cheaper than setting it for each. */
+    /* Most frames postpone it: an extra wake-up is cheaper than setting the timer for each frame. */
     if (!due_ns)
         g->timer_ns = 0;
     if (!due_ns || (g->timer_ns > now_ns && g->timer_ns <= due_ns))
@@ -290,9 +290,9 @@ int sst_grab_poll(struct sst_grab *g, int timeout_ms)
 {
     struct epoll_event events[EVENTS_MAX];
     const int n = epoll_wait(g->epoll_fd, events, EVENTS_MAX, timeout_ms);
-    const int err = n < 0 && errno != EINTR ? -errno : 0; /* a machine that slept interrupts it, without a signal */
+    const int err = n < 0 && errno != EINTR ? -errno : 0; /* a resume after suspend interrupts it, without a signal */
 
-    take_trigger(g);
+    apply_trigger(g);
     for (int i = 0; i < n; i++)
         serve_one(g, &events[i]);
     serve_time(g);
@@ -357,10 +357,10 @@ void sst_grab_close(struct sst_grab *g)
         jobs_collect(g->jobs, g);
     }
     if (g->jobs && jobs_running(g->jobs))
-        sst_log_warning("cameras hang in the system while they are closed (%d); they are left to it",
+        sst_log_warning("%d cameras hang in the kernel while they are closed; they are abandoned",
                         jobs_running(g->jobs));
     jobs_destroy(g->jobs);
-    grab_watch_close(g->watch);
+    grab_monitor_close(g->watch);
     close_fd(g->epoll_fd);
     close_fd(g->timer_fd);
     close_fd(g->wake_fd);

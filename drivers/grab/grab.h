@@ -1,4 +1,4 @@
-/* drivers/grab/grab.h - frames of many V4L2 cameras in one thread, with identity, hot-plug and recovery. */
+/* drivers/grab/grab.h - captures from many V4L2 cameras on one thread, with identity, hotplug and recovery. */
 #ifndef SST_DRIVERS_GRAB_GRAB_H
 #define SST_DRIVERS_GRAB_GRAB_H
 
@@ -12,7 +12,7 @@
 
 /* --- discovery ---------------------------------------------------------------------------------------------------- */
 
-/** A video capture node as udev and QUERYCAP show it; metadata nodes are left out. */
+/** A video capture node as reported by udev and QUERYCAP; metadata nodes are left out. */
 struct sst_grab_device {
     char node[SST_GRAB_NAME_MAX]; /* /dev/video0; changes with the order of plugging, never an identity */
     char name[SST_GRAB_NAME_MAX]; /* card */
@@ -20,12 +20,12 @@ struct sst_grab_device {
     char serial[SST_GRAB_NAME_MAX]; /* ID_SERIAL_SHORT; "" if none */
     char port[SST_GRAB_NAME_MAX];   /* USB port path, "1-2.3" as in sysfs; else the bus_info of the device */
     /* of sst_grab_list() only */
-    int error;                          /* errno of opening it, ETIMEDOUT: it hangs, 0: it answered */
+    int error;                          /* errno of opening it, ETIMEDOUT: it hangs, 0: no error */
     bool busy;                          /* a program streams from it */
-    char formats[SST_GRAB_FORMATS_MAX]; /* "MJPG 1280x720 640x480, YUYV 640x480"; cut off where it does not fit */
+    char formats[SST_GRAB_FORMATS_MAX]; /* "MJPG 1280x720 640x480, YUYV 640x480"; truncated to fit */
 };
 
-/** List capture nodes by port (natural order), within 2 s whatever hangs. *devices to free with free().
+/** List capture nodes by port (natural order), within 2 s even if devices hang. *devices to free with free().
  *  @return 0 or -errno, logged. */
 SST_MUST_CHECK int sst_grab_list(struct sst_grab_device **devices, int *count);
 
@@ -34,13 +34,13 @@ SST_MUST_CHECK int sst_grab_list(struct sst_grab_device **devices, int *count);
 struct sst_grab; /* opaque; poll, start, stop on one thread; release from any */
 
 struct sst_grab_binding {
-    char serial[SST_GRAB_NAME_MAX]; /* one of both is set; the serial wins. Two devices of one serial: -ENOTUNIQ, named
-                                     */
+    char serial[SST_GRAB_NAME_MAX]; /* one of both is set; the serial has priority. Two devices with it: -ENOTUNIQ,
+                                       named */
     char port[SST_GRAB_NAME_MAX];
 };
 
 struct sst_grab_control {
-    char name[SST_GRAB_NAME_MAX]; /* as v4l2-ctl writes it: exposure_time_absolute */
+    char name[SST_GRAB_NAME_MAX]; /* as in v4l2-ctl: exposure_time_absolute */
     int64_t value;                /* menus: the index */
 };
 
@@ -49,26 +49,26 @@ struct sst_grab_config {
     const struct sst_grab_binding *bindings; /* [cameras]; copied */
     uint32_t fourcc;
     int width, height;
-    double rate_hz; /* S_PARM; 0 leaves it */
+    double rate_hz; /* S_PARM; 0: unchanged */
     int buffers;    /* per camera, 2..32 */
     int controls;
     struct sst_grab_control control[SST_GRAB_CONTROLS_MAX]; /* set at each open in this order, read back, compared */
-    bool triggered;                                         /* frames come on sst_grab_expect() only; else at rate_hz */
-    int stall_ms;                                           /* a frame this late climbs the recovery ladder; 0: 1000 */
-    bool port_power;                                        /* the ladder may switch the hub port off and on */
+    bool triggered;    /* frames are expected after sst_grab_expect() only; else at rate_hz */
+    int stall_ms;      /* a frame this late starts the next step of the recovery ladder; 0: 1000 */
+    bool port_power;   /* allow the ladder to switch the hub port off and on */
     bool check_frozen; /* compare each frame's bytes with a hash of the one before */
 };
 
 enum sst_grab_state {
-    SST_GRAB_ABSENT = 0, /* no such device now */
+    SST_GRAB_ABSENT = 0, /* not connected */
     SST_GRAB_STREAMING = 1,
     SST_GRAB_RECOVERING = 2, /* on the ladder, or waiting for its next rung */
-    SST_GRAB_REFUSED = 3,    /* there, but cannot do what is asked (format, bandwidth, rights); tried again at plug-in
-                                and with back-off */
+    SST_GRAB_REFUSED = 3,    /* connected, but cannot fulfil the settings (format, bandwidth, permissions); retried at
+                                plug-in and with back-off */
     SST_GRAB_READY = 4,      /* open and set up, not started */
 };
 
-/** Rungs of the recovery ladder, each tried when the one before did not bring a frame (DESIGN section 6). */
+/** Rungs of the recovery ladder, each tried if the one before did not give a frame (DESIGN section 6). */
 enum sst_grab_rung {
     SST_GRAB_RESTREAM = 0,
     SST_GRAB_REOPEN = 1,
@@ -79,57 +79,58 @@ enum sst_grab_rung {
     SST_GRAB_RUNGS = 6,
 };
 
-/** Since open. frames = good + bad; every frame handed out is one of both. */
+/** Since open. frames = good + bad; every delivered frame is one of both. */
 struct sst_grab_counters {
     uint64_t frames, bad, lost; /* lost: gaps in the driver's sequence */
     uint64_t fault[8];          /* by bit of sst_frame_fault */
-    uint64_t io_errors;         /* DQBUF calls that failed with EIO and went on */
+    uint64_t io_errors;         /* DQBUF calls that failed with EIO while streaming continued */
     uint64_t lost_devices, found_devices, rung[SST_GRAB_RUNGS];
 };
 
 struct sst_grab_events {
     void *arg;
-    /** A frame, good or bad; from then on the receiver's, until it calls sst_grab_release() (also from in here). */
+    /** A frame, good or bad; owned by the receiver until it calls sst_grab_release() (also inside this call). */
     void (*frame)(void *arg, struct sst_frame *frame);
-    /** A camera changed its state; `why` is one sentence. Already logged. */
+    /** The state of a camera changed; `why` is one sentence. Already logged. */
     void (*state)(void *arg, int cam, enum sst_grab_state state, const char *why);
 };
 
 void sst_grab_config_defaults(struct sst_grab_config *cfg); /* MJPEG 640x480, 4 buffers, stall 1000 ms */
 
 /**
- * Find and open all cameras and set up their streams; cameras that are missing or refuse are told through events and
- * by the log, and tried again at plug-in.
+ * Find and open all cameras and set up their streams; missing or refusing cameras are reported by event and in the log,
+ * and retried at plug-in.
  *
  * @return 0 (some camera may be absent), -EINVAL, -ENOMEM, -ENOTUNIQ, -errno of udev; logged.
  */
 SST_MUST_CHECK int sst_grab_open(struct sst_grab **out, const struct sst_grab_config *cfg,
                                  const struct sst_grab_events *events);
 
-/** Start streaming on all cameras that are there. @return number of cameras streaming, or -errno. */
+/** Start streaming on all connected cameras. @return number of streaming cameras, or -errno. */
 SST_MUST_CHECK int sst_grab_start(struct sst_grab *grab);
 
-/** Wait up to timeout_ms (-1: for ever) and serve all that is due: frames, plugs, recovery. Never blocks on one camera.
- *  @return 0 (also, and early, when a signal came or the machine slept), or -errno of the poll itself. */
+/** Wait up to timeout_ms (-1: for ever) and handle frames, hotplug and recovery. Never blocks on one camera.
+ *  @return 0 (early after a signal or a suspend of the machine), or -errno of the poll itself. */
 SST_MUST_CHECK int sst_grab_poll(struct sst_grab *grab, int timeout_ms);
 
-/** Readable when sst_grab_poll(grab, 0) has work, timers included: for a caller's own event loop. */
+/** Descriptor that is readable when sst_grab_poll(grab, 0) has work, timers included: for the event loop of a caller.
+ */
 int sst_grab_fd(const struct sst_grab *grab);
 
-/** A trigger was fired at t_ns: from now each camera owes a frame.  Thread: any. */
+/** Report a trigger fired at t_ns: from now on a frame of each camera is due.  Thread: any. */
 void sst_grab_expect(struct sst_grab *grab, int64_t t_ns);
 
-/** Give a frame back to its camera's queue.  Thread: any. Frames of a camera that was lost since are fine. */
+/** Release a frame to its camera's queue.  Thread: any. Frames of a camera that was disconnected since are fine. */
 void sst_grab_release(struct sst_grab *grab, struct sst_frame *frame);
 
 enum sst_grab_state sst_grab_camera_state(const struct sst_grab *grab, int cam);
 const struct sst_grab_device *sst_grab_camera_device(const struct sst_grab *grab, int cam); /* last known */
 void sst_grab_counters(const struct sst_grab *grab, int cam, struct sst_grab_counters *out);
 
-/** Bits of sst_frame_fault that the bytes alone show: the JPEG's marker structure, or the size of a raw frame. */
+/** Bits of sst_frame_fault that follow from the bytes alone: JPEG marker structure, or size of a raw frame. */
 unsigned sst_frame_check(uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data, size_t bytes);
 
-/** Stops within 2 s whatever hangs. Frames not yet released must be released before. NULL is fine. */
+/** Stops within 2 s even if devices hang. All frames must have been released before. NULL is fine. */
 void sst_grab_close(struct sst_grab *grab);
 
 #endif

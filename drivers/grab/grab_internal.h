@@ -13,70 +13,69 @@
 
 #define SST_WHY_MAX 512
 
-/** A node and what else discovery knows of it. */
+/** A node as found by discovery. */
 struct grab_node {
     struct sst_grab_device device;
     int number;  /* of /dev/videoN */
-    int capture; /* 1 yes, 0 no (metadata, output), -1 not known before it is opened */
+    int capture; /* 1 yes, 0 no (metadata, output), -1 unknown until it is opened */
 };
 
-/** Order of ports and nodes as a person reads them: 1-2.9 before 1-2.10; then the node's number. For qsort(). */
+/** Natural order of ports: 1-2.9 before 1-2.10; then the number of the node. For qsort(). */
 int grab_node_order(const void *a, const void *b);
 
 /**
- * Find the node of a camera: by serial where the binding has one, else by port. Of several nodes of one device the
- * first counts; nodes known not to capture do not.
+ * Find the node of a camera: by serial if the binding has one, else by port. Of several nodes of one device the first
+ * is used; nodes known not to capture are skipped.
  *
  * @param nodes  in the order of grab_node_order()
- * @param why    out [SST_WHY_MAX]: a sentence where the result is -ENOTUNIQ (both ports), or where something is odd
- * (the serial sits at another port than the binding's, the port holds another serial); else ""
+ * @param why    out [SST_WHY_MAX]: a sentence if the result is -ENOTUNIQ (with both ports), or a mismatch (the serial
+ * is at another port than in the binding, the port has another serial); else ""
  * @return index in nodes, -ENODEV (none), -ENOTUNIQ (two devices of that serial)
  */
 SST_MUST_CHECK int grab_match(const struct sst_grab_binding *binding, const struct grab_node *nodes, int count,
                               char *why);
 
-/** "1-2.3", and not the bus_info of a device elsewhere. */
+/** True for "1-2.3", false for the bus_info of a device that is not on USB. */
 bool grab_is_usb_port(const char *port);
 
 /** "camera 3 (serial A1)" or "camera 3 (port 1-2.4)" for messages. */
 void grab_camera_name(char *out, size_t size, int cam, const struct sst_grab_binding *binding);
 
-/* --- devices: video nodes that are there, and those that come and go. Only for drivers/grab. --- */
+/* --- devices: existing video nodes, and hotplug events. Only for drivers/grab. --- */
 
 #define SST_GRAB_NODES_MAX 1024
 
 /**
  * All video nodes in the order of grab_node_order(), without opening those on USB.
  * @param nodes  out, to free with free()
- * @return 0, -ENOMEM or what the system says, logged.
+ * @return 0, -ENOMEM or -errno, logged.
  */
 SST_MUST_CHECK int grab_scan(struct grab_node **nodes, int *count);
 
-struct grab_watch; /* opaque; tells of plugs */
+struct grab_monitor; /* opaque; hotplug events */
 
-/** @return 0, -errno, logged. *out is NULL where plugs are not told of (built without libudev): scan from time to time.
+/** @return 0, -errno, logged. *out is NULL if there are no hotplug events (built without libudev): scan periodically.
  */
-SST_MUST_CHECK int grab_watch_open(struct grab_watch **out);
-int grab_watch_fd(const struct grab_watch *watch);
+SST_MUST_CHECK int grab_monitor_open(struct grab_monitor **out);
+int grab_monitor_fd(const struct grab_monitor *watch);
 
 /**
- * Take one event: a node that was added (all known of it in *node), or removed (device.node and number alone).
- * @return 1 added, 2 removed, 0 nothing more, -ENOBUFS (events were lost: scan again)
+ * Get the next event: a node was added (*node is complete), or removed (device.node and number only).
+ * @return 1 added, 2 removed, 0 no more events, -ENOBUFS (events were lost: scan again)
  */
-SST_MUST_CHECK int grab_watch_next(struct grab_watch *watch, struct grab_node *node);
-void grab_watch_close(struct grab_watch *watch);
+SST_MUST_CHECK int grab_monitor_next(struct grab_monitor *watch, struct grab_node *node);
+void grab_monitor_close(struct grab_monitor *watch);
 
 /* --- job ---
- * calls that may block (open, stream off, USB reset) on threads of their own. Only for
- * drivers/grab. */
+ * calls that may block (open, stream off, USB reset), each on its own thread. */
 
 struct jobs; /* opaque; start, collect and destroy on one thread */
 
-/** First member of the caller's object, which is on the heap and belongs to the job until it is done. */
+/** First member of the caller's object, which is on the heap and owned by the job until it is done. */
 struct grab_job {
-    void (*run)(struct grab_job *job);                /* on a thread of its own */
+    void (*run)(struct grab_job *job);                /* on its own thread */
     void (*ended)(struct grab_job *job, void *owner); /* by jobs_collect(); frees the job */
-    void (*discard)(struct grab_job *job);            /* frees what a job holds whose end nobody waited for */
+    void (*discard)(struct grab_job *job);            /* frees a job that was abandoned */
     struct jobs *jobs;                                /* set by start */
     struct grab_job *next;
 };
@@ -87,41 +86,41 @@ SST_MUST_CHECK int jobs_create(struct jobs **out);
 /** Readable while jobs_collect() has something to do. */
 int jobs_fd(const struct jobs *jobs);
 
-/** Run a job. @return 0, or -EAGAIN (no thread to be had; the job stays the caller's). */
+/** Run a job. @return 0, or -EAGAIN (no thread; the caller keeps the job). */
 SST_MUST_CHECK int jobs_start(struct jobs *jobs, struct grab_job *job);
 
 /** Call `ended` of every job that has run. */
 void jobs_collect(struct jobs *jobs, void *owner);
 
-/** Wait until something is done or timeout_ms is over. */
+/** Wait until a job has run, at most timeout_ms. */
 void jobs_wait(struct jobs *jobs, int timeout_ms);
 
-/** Jobs started whose end was not collected. */
+/** Number of jobs that were started and not yet collected. */
 int jobs_running(const struct jobs *jobs);
 
-/** Does not wait: what still runs is discarded when it ends, and what it hangs in is the kernel's. NULL is fine. */
+/** Does not wait: running jobs are discarded when they end, hanging ones stay in the kernel. NULL is fine. */
 void jobs_destroy(struct jobs *jobs);
 
-/* --- ladder: what to try next on a camera that brings no frames. A pure state machine. --- */
+/* --- ladder: the next recovery step for a camera without frames. A pure state machine. --- */
 
-#define SST_LADDER_RETRY_NS        INT64_C(200000000)   /* pause after a rung that could not be carried out */
-#define SST_LADDER_SETTLE_NS       INT64_C(10000000000) /* a camera that falters again sooner goes on where it was */
+#define SST_LADDER_RETRY_NS        INT64_C(200000000)   /* pause after a rung that failed */
+#define SST_LADDER_SETTLE_NS       INT64_C(10000000000) /* a camera that fails again sooner continues on its rung */
 #define SST_LADDER_BACK_OFF_NS     INT64_C(1000000000)  /* the first one; each next is twice as long ... */
 #define SST_LADDER_BACK_OFF_MAX_NS INT64_C(60000000000) /* ... up to this */
 
 enum ladder_event {
-    SST_LADDER_OPENED = 0,  /* started at plug-in or by the user: a frame is owed */
-    SST_LADDER_FRAME = 1,   /* a frame came, good or bad */
-    SST_LADDER_FAULT = 2,   /* a frame is overdue, or the stream broke */
+    SST_LADDER_OPENED = 0,  /* started at plug-in or by the user: a frame is due */
+    SST_LADDER_FRAME = 1,   /* a frame arrived, good or bad */
+    SST_LADDER_FAULT = 2,   /* a frame is overdue, or the stream failed */
     SST_LADDER_DONE = 3,    /* the rung was carried out */
-    SST_LADDER_FAILED = 4,  /* it, or opening, could not be carried out */
-    SST_LADDER_REFUSED = 5, /* the camera is there and cannot do what is asked: no rung cures that */
-    SST_LADDER_TIME = 6,    /* due_ns has come */
+    SST_LADDER_FAILED = 4,  /* the rung, or opening, failed */
+    SST_LADDER_REFUSED = 5, /* the camera cannot fulfil the settings: no rung helps */
+    SST_LADDER_TIME = 6,    /* due_ns has passed */
     SST_LADDER_LOST = 7,    /* unplugged */
 };
 
 enum ladder_phase {
-    SST_LADDER_QUIET = 0,   /* frames flow, or no camera is there */
+    SST_LADDER_QUIET = 0,   /* frames arrive, or no camera is connected */
     SST_LADDER_WORKING = 1, /* a rung is being carried out */
     SST_LADDER_WAITING = 2, /* for a frame, until due_ns */
     SST_LADDER_RESTING = 3, /* backing off until due_ns */
@@ -134,60 +133,59 @@ struct ladder {
     bool port_power;
     /* the state */
     enum ladder_phase phase;
-    int rung;        /* last one tried; -1: none since all was well */
-    int64_t due_ns;  /* wants SST_LADDER_TIME then; 0: never */
-    int64_t well_ns; /* since when frames flow */
+    int rung;        /* last one tried; -1: none since the last recovery */
+    int64_t due_ns;  /* time of the next SST_LADDER_TIME; 0: none */
+    int64_t well_ns; /* since when frames arrive */
     int64_t back_off_ns;
 };
 
 void ladder_init(struct ladder *ladder, int64_t patience_ns, bool usb, bool port_power);
 
 /**
- * Take an event at now_ns.
+ * Handle an event at now_ns.
  *
  * @param streaming  the stream is open, so that restarting it can be tried
- * @return the rung (sst_grab_rung) to carry out now and to answer with DONE, FAILED or REFUSED, or -1: nothing.
- *         SST_GRAB_BACK_OFF: close the camera and do nothing; no answer is wanted.
+ * @return the rung (sst_grab_rung) to carry out now and to answer with DONE, FAILED or REFUSED, or -1: none.
+ *         SST_GRAB_BACK_OFF: close the camera and wait; no answer.
  */
 int ladder_step(struct ladder *ladder, enum ladder_event event, int64_t now_ns, bool streaming);
 
-/** Is the camera's going away what a rung is for? Then it is to be opened again when it is back. */
+/** True if the current rung disconnects the camera on purpose: it is opened again when it is back. */
 bool ladder_expects_loss(const struct ladder *ladder);
 
 /* --- stream ---
- * one open camera: negotiated, its buffers mapped and lent out as frames. Only for
- * drivers/grab. */
+ * one open camera: negotiated, with buffers mapped and lent out as frames. */
 
 #define SST_STREAM_BUFFERS_MAX 32
 
 /**
- * Opaque. One owner at a time (the polling thread, or the job that works on it) makes all calls but release, which any
- * thread may make at any time. Memory stays mapped until the owner has closed it and the last frame is back.
+ * Opaque. One owner at a time (the polling thread, or a job) makes all calls except release, which any thread may call
+ * at any time. Memory stays mapped until the owner has closed it and the last frame is released.
  */
 struct grab_stream;
 
-/** What a filled buffer told besides its frame. */
+/** Properties of the time stamp of a filled buffer. */
 struct stream_stamp {
-    bool monotonic;    /* t_ns is the driver's, else the time of arrival */
+    bool monotonic;    /* t_ns is from the driver, else the time of arrival */
     bool end_of_frame; /* t_ns was taken at the end of the frame, not at the start of exposure */
 };
 
 /**
  * Open, check, set format, rate and controls, map buffers. May block.
  *
- * @param device  its name and driver are completed
- * @param why     out [SST_WHY_MAX]: the sentence of a failure
- * @param note    out [SST_WHY_MAX]: what is odd although it works; ""
+ * @param device  in: node; its name and driver are filled in
+ * @param why     out [SST_WHY_MAX]: sentence about a failure
+ * @param note    out [SST_WHY_MAX]: warning of a working camera; ""
  * @return 0, -ENOTTY (no capture node), -ENODEV (gone), -EINVAL, -EBUSY, -EACCES (all three: refused), -errno
  */
 SST_MUST_CHECK int stream_open(struct grab_stream **out, struct sst_grab_device *device,
                                const struct sst_grab_config *cfg, int cam, char *why, char *note);
 
-/** Queue all buffers that are not lent out, and stream. May block. @return 0, -ENOSPC (USB bandwidth), -errno; `why`
- * set */
+/** Queue all buffers that are not lent out, and start streaming. May block. @return 0, -ENOSPC (USB bandwidth), -errno;
+ * `why` set */
 SST_MUST_CHECK int stream_start(struct grab_stream *stream, char *why);
 
-/** From now frames that are released are kept and not queued; never blocks. To be called before stop or close. */
+/** From now on released frames are not queued; never blocks. Call it before stop or close. */
 void stream_detach(struct grab_stream *stream);
 
 /** Stop streaming; the stream is detached. May block. */
@@ -198,25 +196,25 @@ void stream_close(struct grab_stream *stream);
 
 int stream_fd(const struct grab_stream *stream);
 
-/** Take a filled buffer: all of the frame but lost_before and faults that need its history (FLAGGED is set).
+/** Dequeue a filled buffer: the frame without lost_before and without faults that need its history (FLAGGED is set).
  *  @return 0, -EAGAIN (none now), or the driver's -errno */
-SST_MUST_CHECK int stream_take(struct grab_stream *stream, struct sst_frame **frame, struct stream_stamp *stamp);
+SST_MUST_CHECK int stream_dequeue(struct grab_stream *stream, struct sst_frame **frame, struct stream_stamp *stamp);
 
-/** Buffers that the camera can fill. */
+/** Number of buffers that the camera can fill. */
 int stream_queued(struct grab_stream *stream);
 
-/** Since when there have been such buffers without a break, CLOCK_MONOTONIC; 0: there are none. */
+/** Since when there were such buffers without interruption, CLOCK_MONOTONIC; 0: there are none. */
 int64_t stream_ready_ns(struct grab_stream *stream);
 
-/** Frames that the receiver has not given back. */
+/** Number of frames that the receiver has not released. */
 int stream_lent(struct grab_stream *stream);
 
-/** Give a frame back.  Thread: any. */
+/** Release a frame.  Thread: any. */
 void stream_release(struct sst_frame *frame);
 
-/* --- camera: the state behind sst_grab, shared by its files. Only for drivers/grab. --- */
+/* --- camera: the state behind sst_grab --- */
 
-/* What frames are compared with; forgotten when the stream starts anew. */
+/* The last frame, to compare with; reset when the stream starts again. */
 struct history {
     bool any;
     uint32_t sequence;
@@ -232,47 +230,47 @@ struct grab_camera {
 
     enum sst_grab_state state;
     struct ladder ladder;
-    struct camera_job *job;     /* works on this camera now; its stream, if any, is the job's meanwhile */
-    struct grab_stream *stream; /* open, and not with a job */
+    struct camera_job *job;     /* works on this camera now and owns its stream, if any */
+    struct grab_stream *stream; /* open, and not owned by a job */
     bool armed;                 /* in the epoll set */
     bool running;               /* STREAMON was done */
 
     /* CLOCK_MONOTONIC; 0: none */
-    int64_t job_end_ns; /* the job is given up then */
-    int64_t open_ns;    /* open then, if it is there */
+    int64_t job_end_ns; /* the job is abandoned then */
+    int64_t open_ns;    /* open then, if it is connected */
     int64_t rearm_ns;   /* back into the epoll set then */
     int64_t heard_ns;   /* last frame, or start */
     int64_t good_ns;    /* last good one, or start */
-    int64_t owed_ns;    /* oldest trigger that no frame has followed */
+    int64_t owed_ns;    /* oldest trigger without a frame */
     int64_t down_ns;    /* since when it does not stream */
 
     struct history history;
-    int bad_row;  /* bad frames one after another */
-    bool wakes;   /* it is known that epoll is told of its frames */
-    int eio_row;  /* failures of DQBUF one after another */
-    int eio_well; /* frames without one until it is told again */
+    int bad_row;  /* consecutive bad frames */
+    bool wakes;   /* known: epoll reports its frames */
+    int eio_row;  /* consecutive failures of DQBUF */
+    int eio_well; /* frames without a failure until the next is logged again */
     struct sst_grab_counters counters;
 
-    /* told already, so that a fault that stays is told once */
+    /* already logged, so that a persistent fault is logged once */
     char why[SST_WHY_MAX], note[SST_WHY_MAX], odd[SST_WHY_MAX], serial_seen[SST_GRAB_NAME_MAX];
-    bool told_starved, told_stamp, told_hopeless;
+    bool logged_starved, logged_stamp, logged_hopeless;
 };
 
 struct sst_grab {
-    struct sst_grab_config cfg; /* bindings are the cameras' own */
+    struct sst_grab_config cfg; /* bindings are copies */
     struct sst_grab_events events;
     int epoll_fd, timer_fd, wake_fd;
     struct jobs *jobs;
-    struct grab_watch *watch;
+    struct grab_monitor *watch;
     bool started, closing;
-    int64_t timer_ns; /* what timer_fd is set to; 0: nothing is due */
-    int64_t judge_ns; /* no camera is taken for silent before */
+    int64_t timer_ns; /* setting of timer_fd; 0: nothing is due */
+    int64_t judge_ns; /* before this time no camera counts as silent */
 
     struct grab_node *nodes; /* [SST_GRAB_NODES_MAX], in order */
     int node_count;
     bool scanning;
-    unsigned changes, changes_at_scan; /* of the nodes: a scan that one of them overtook is void */
-    int64_t scan_ns;                   /* when to scan next; 0: not needed */
+    unsigned changes, changes_at_scan; /* changes of the nodes: a scan that began before one is discarded */
+    int64_t scan_ns;                   /* time of the next scan; 0: not needed */
 
     SST_ATOMIC(int64_t) fired_ns; /* sst_grab_expect(), not yet seen by the polling thread */
     struct grab_camera *camera;   /* [cfg.cameras] */
@@ -280,120 +278,120 @@ struct sst_grab {
 
 #define SST_MS INT64_C(1000000)
 
-/* --- intake.c: frames --------------------------------------------------------------------------------------------- */
+/* --- receive.c: frames -------------------------------------------------------------------------------------------- */
 
-/** Serve a camera whose descriptor is ready. @param broken  epoll tells an error */
-void intake(struct sst_grab *grab, struct grab_camera *cam, bool broken);
+/** Dequeue the frames of a camera whose descriptor is ready. @param broken  epoll reports an error */
+void receive_ready(struct sst_grab *grab, struct grab_camera *cam, bool broken);
 
-/** Forget the past: the stream starts anew. */
-void intake_begin(struct sst_grab *grab, struct grab_camera *cam);
+/** Reset the history: the stream starts again. */
+void receive_begin(struct sst_grab *grab, struct grab_camera *cam);
 
-/** When the camera is to be looked at again for silence; 0: never as it is. */
-int64_t intake_due(const struct sst_grab *grab, const struct grab_camera *cam);
+/** Time of the next check for silence; 0: none. */
+int64_t receive_due(const struct sst_grab *grab, const struct grab_camera *cam);
 
-/** The due time has come: climb the ladder if it is silent and could have spoken. */
-void intake_silence(struct sst_grab *grab, struct grab_camera *cam, int64_t now_ns);
+/** Check at the due time: start recovery if the camera is silent and had free buffers. */
+void receive_silence(struct sst_grab *grab, struct grab_camera *cam, int64_t now_ns);
 
-/* --- recovery.c: what is done to a camera, and by whom ------------------------------------------------------------ */
+/* --- recovery.c: recovery steps of a camera, and their jobs ------------------------------------------------------- */
 
-/** A node that is this camera's is there: open it. */
+/** The node of this camera appeared: open it. */
 void recovery_found(struct sst_grab *grab, struct grab_camera *cam, const struct grab_node *node);
 
-/** It is unplugged. */
+/** The camera was unplugged. */
 void recovery_lost(struct sst_grab *grab, struct grab_camera *cam);
 
-/** Its stream broke or is silent; `why` is one sentence. */
+/** The stream failed or is silent; `why` is one sentence. */
 void recovery_fault(struct sst_grab *grab, struct grab_camera *cam, const char *why);
 
 /** Start a camera that is ready. */
 void recovery_start(struct sst_grab *grab, struct grab_camera *cam);
 
-/** Ladder, job and opening time-outs. */
+/** Handle time-outs of ladder, job and opening. */
 void recovery_time(struct sst_grab *grab, struct grab_camera *cam, int64_t now_ns);
 int64_t recovery_due(const struct sst_grab *grab, const struct grab_camera *cam);
 
-/** Put it into the epoll set and take it out. */
+/** Add it to the epoll set, and remove it. */
 void recovery_arm(struct sst_grab *grab, struct grab_camera *cam);
 void recovery_disarm(struct sst_grab *grab, struct grab_camera *cam);
 
-/** Close the camera's stream without waiting for that. */
+/** Close the camera's stream without waiting. */
 void recovery_drop(struct sst_grab *grab, struct grab_camera *cam);
 
-/** Tell a change of state, once: by the log and the caller's event. */
-void camera_say(struct sst_grab *grab, struct grab_camera *cam, enum sst_grab_state state, const char *why);
+/** Set the state; a change is logged and reported by event, once. */
+void camera_set_state(struct sst_grab *grab, struct grab_camera *cam, enum sst_grab_state state, const char *why);
 
-/* --- plug.c: which node is which camera --------------------------------------------------------------------------- */
+/* --- hotplug.c: assigns nodes to cameras -------------------------------------------------------------------------- */
 
-/** Read all there is to read from the watch. */
-void plug_events(struct sst_grab *grab);
+/** Read all pending hotplug events. */
+void hotplug_events(struct sst_grab *grab);
 
-/** Read the list of nodes here and now. @return 0 or -errno, logged. */
-SST_MUST_CHECK int plug_read(struct sst_grab *grab);
+/** Scan the nodes in this call. @return 0 or -errno, logged. */
+SST_MUST_CHECK int hotplug_scan(struct sst_grab *grab);
 
-/** Read it again on a thread, now and then while a camera is missing, or events were lost. */
-void plug_time(struct sst_grab *grab, int64_t now_ns);
-int64_t plug_due(const struct sst_grab *grab);
+/** Scan again on a thread, periodically while a camera is missing, or after lost events. */
+void hotplug_time(struct sst_grab *grab, int64_t now_ns);
+int64_t hotplug_due(const struct sst_grab *grab);
 
-/** Look for the node of every camera that has none. @return 0, or -ENOTUNIQ (two devices of one serial; logged) */
-int plug_assign(struct sst_grab *grab);
+/** Find nodes for all cameras without one. @return 0, or -ENOTUNIQ (two devices of one serial; logged) */
+int hotplug_assign(struct sst_grab *grab);
 
-/** The node was found not to capture, or to be gone: do not take it again. */
-void plug_strike(struct sst_grab *grab, int number, bool gone);
+/** Mark a node as not capturing, or as gone: it is not assigned again. */
+void hotplug_reject(struct sst_grab *grab, int number, bool gone);
 
 /* --- control: V4L2 controls by name. Only for drivers/grab and its tests. --- */
 
-/** "White Balance, Automatic" as v4l2-ctl writes it: white_balance_automatic. */
+/** "White Balance, Automatic" as in v4l2-ctl: white_balance_automatic. */
 void control_name(char *out, size_t size, const char *title);
 
 /**
- * Set controls: switches and menus first (a value under an automatic mode does not take), each group in the given
- * order; then read all back.
+ * Set controls: switches and menus first (an automatic mode overrides the value), each group in the given order; then
+ * read all back.
  *
- * @param why  out [size]: one sentence that names every control that is not as asked; "" when all are
+ * @param why  out [size]: one sentence that names every control with another value; "" if there are none
  */
 void controls_apply(int fd, const struct sst_grab_control *control, int count, char *why, size_t size);
 
-/* --- format: what picture a camera is asked for, and what it offers instead. Only for drivers/grab. --- */
+/* --- format: negotiates the picture format of a camera --- */
 
 /**
  * Set format, size and rate, and read them back.
  *
  * @param stride  out: bytes of a row, 0 for compressed formats
- * @param why     out [size]: on -EINVAL what was refused and what the camera offers; with 0 "" or what is odd (a rate
- *                that the camera does not let choose, or another rate where frames are triggered)
+ * @param why     out [size]: on -EINVAL what was refused and what the camera offers; on 0 "" or a warning (the rate
+ *                cannot be set, or differs while frames are triggered)
  * @return 0, -EINVAL (it cannot do that), -EBUSY (another program has it), or the driver's -errno
  */
 SST_MUST_CHECK int format_set(int fd, const struct sst_grab_config *cfg, size_t *stride, char *why, size_t size);
 
-/** One line of what a camera offers: "MJPG 1920x1080 1280x720, YUYV 640x480". */
+/** One line with the formats of a camera: "MJPG 1920x1080 1280x720, YUYV 640x480". */
 void format_summary(int fd, char *out, size_t size);
 
-/* --- node: one open video node: system calls with their repetition, and what the driver says of itself. --- */
+/* --- node: one open video node: system calls that are retried, and the driver's identity --- */
 
 /** ioctl() repeated when interrupted. @return 0 or -errno */
 int node_ioctl(int fd, unsigned long request, void *arg);
 
 /**
  * Open a node without blocking, check that it captures by streaming, and complete the device's name, driver and port.
- * @return descriptor, or -errno; -ENOTTY: it is no capture node; -ENODEV also when it is another device by now
+ * @return descriptor, or -errno; -ENOTTY: it is no capture node; -ENODEV also if it is a different device now
  */
 SST_MUST_CHECK int node_open(struct sst_grab_device *device);
 
-/* --- raw: sizes of uncompressed V4L2 formats, and names of all. Only for drivers/grab. --- */
+/* --- raw: sizes of uncompressed V4L2 formats, and format names --- */
 
-/** Bytes that a whole frame takes at least, 0 for formats not known here. @param stride  bytes of a luma row; 0: packed
+/** Minimum size of a whole frame in bytes, 0 for unknown formats. @param stride  bytes of a luma row; 0: packed
  */
 size_t raw_bytes(uint32_t fourcc, int width, int height, size_t stride);
 
-/** Four characters as v4l2-ctl writes them; what is not printable is a dot. */
+/** Four characters as in v4l2-ctl; unprintable ones become dots. */
 void fourcc_name(char out[5], uint32_t fourcc);
 
-/** FNV-like hash of whole frames, 32 bytes a step: two frames of equal hash are taken for the same. */
+/** FNV-like hash of whole frames, 32 bytes per step: frames of equal hash count as identical. */
 uint64_t frame_hash(const uint8_t *data, size_t bytes);
 
-/* --- text: sentences put together piece by piece. Only for drivers/grab. --- */
+/* --- text: builds messages piece by piece --- */
 
-/** Append to a string in a buffer of `size`; what does not fit is cut off. */
+/** Append to a string in a buffer of `size`, truncated to fit. */
 void text_add(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
 
 #endif

@@ -59,13 +59,13 @@ int grab_match(const struct sst_grab_binding *b, const struct grab_node *nodes, 
         return first;
     if (first < 0 && at_port >= 0)
         snprintf(why, SST_WHY_MAX,
-                 "serial %s is not there, and port %s holds serial %s instead; plug the cameras as "
-                 "they are bound, or change the binding",
+                 "serial %s is not connected, and port %s has serial %s instead; plug the cameras as they are bound, "
+                 "or change the binding",
                  b->serial, b->port, serial_of(&nodes[at_port]));
     else if (first >= 0 && strcmp(nodes[first].device.port, b->port) != 0)
         snprintf(why, SST_WHY_MAX,
-                 "serial %s is at port %s and not at its port %s, which holds %s%s; cameras were "
-                 "swapped: plug them back or change the binding",
+                 "serial %s is at port %s and not at its port %s, which has %s%s; cameras were swapped: plug them back "
+                 "or change the binding",
                  b->serial, nodes[first].device.port, b->port, at_port >= 0 ? "serial " : "nothing",
                  at_port >= 0 ? serial_of(&nodes[at_port]) : "");
     return first;

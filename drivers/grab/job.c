@@ -12,12 +12,12 @@
 struct jobs {
     /* fixed after create */
     int fd;
-    /* the owner's thread only */
+    /* owner's thread only */
     int running;
     /* under lock */
     pthread_mutex_t lock;
     struct grab_job *done;
-    int users; /* the owner and every job that runs: the last one frees */
+    int users; /* the owner and every running job: the last one frees */
     bool abandoned;
 };
 
@@ -70,7 +70,7 @@ static void *thread_main(void *arg)
     if (!abandoned) {
         job->next = jobs->done;
         jobs->done = job;
-        /* The counter of an eventfd that nobody reads does not overflow in a lifetime. */
+        /* The counter of an eventfd without readers does not overflow in practice. */
         (void)!write(jobs->fd, &one, sizeof(one));
     }
     pthread_mutex_unlock(&jobs->lock);
@@ -90,7 +90,7 @@ int jobs_start(struct jobs *jobs, struct grab_job *job)
     pthread_mutex_lock(&jobs->lock);
     jobs->users++;
     pthread_mutex_unlock(&jobs->lock);
-    /* Signals are the caller's business: its handlers run on its threads. */
+    /* Jobs block signals: handlers run on the caller's threads. */
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     err = pthread_create(&thread, NULL, thread_main, job);
@@ -104,7 +104,7 @@ int jobs_start(struct jobs *jobs, struct grab_job *job)
     return 0;
 }
 
-static struct grab_job *take(struct jobs *jobs)
+static struct grab_job *pop(struct jobs *jobs)
 {
     struct grab_job *job;
     uint64_t count;
@@ -123,7 +123,7 @@ void jobs_collect(struct jobs *jobs, void *owner)
 {
     struct grab_job *job;
 
-    while ((job = take(jobs))) {
+    while ((job = pop(jobs))) {
         jobs->running--;
         job->ended(job, owner);
     }

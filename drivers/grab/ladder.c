@@ -1,6 +1,6 @@
 #include "drivers/grab/grab_internal.h"
 
-/* A device that was reset, re-authorised or switched off is enumerated anew, and its driver probes it. */
+/* A device that was reset, re-authorised or switched off is enumerated and probed again. */
 #define ENUMERATE_NS INT64_C(3000000000)
 
 void ladder_init(struct ladder *l, int64_t patience_ns, bool usb, bool port_power)

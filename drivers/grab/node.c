@@ -18,8 +18,7 @@ int node_ioctl(int fd, unsigned long request, void *arg)
     return r < 0 ? -errno : 0;
 }
 
-/* A node's number passes to another camera when both are re-plugged: "usb-0000:00:14.0-2.3" must end as "1-2.3" does.
- */
+/* Two re-plugged cameras may swap node numbers: "usb-0000:00:14.0-2.3" must end like the port "1-2.3". */
 static bool same_port(const char *port, const char *bus_info)
 {
     const char *a = strchr(port, '-'), *b = strrchr(bus_info, '-');

@@ -3,7 +3,7 @@
 #include <linux/videodev2.h>
 #include <string.h>
 
-/* Bits of a pixel in the first plane, and how many 1/8 of the first plane's bytes the other planes add. */
+/* Bits per pixel in the first plane, and the size of the other planes in 1/8 of the first plane. */
 struct raw_format {
     uint32_t fourcc;
     int bits, more_q3;
@@ -56,7 +56,7 @@ void fourcc_name(char out[5], uint32_t fourcc)
     out[4] = 0;
 }
 
-/* Each lane is a chain of bijections of its words, so that frames that differ in one word never agree. */
+/* Each lane is a chain of bijections of its words: frames that differ in one word never have the same hash. */
 #define LANES 4
 
 uint64_t frame_hash(const uint8_t *data, size_t bytes)

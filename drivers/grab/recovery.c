@@ -1,4 +1,4 @@
-/* Opening, restarting, resetting and closing cameras: decided here, carried out by jobs on threads of their own. */
+/* Opens, restarts, resets and closes cameras: decided here, carried out by jobs on their own threads. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,9 +10,9 @@
 #include "drivers/grab/grab_internal.h"
 #include "drivers/usb/usb.h"
 
-/* A job that takes longer hangs in the kernel; the camera goes on without it. */
+/* A job that takes longer hangs in the kernel and is abandoned. */
 #define JOB_NS (15000 * SST_MS)
-/* After a reset the node comes back by an event; without one it is opened after this. */
+/* After a reset the node returns with an event; without one it is opened after this time. */
 #define RESET_NS     (300 * SST_MS)
 #define POWER_OFF_MS 2000
 
@@ -27,7 +27,7 @@ enum task {
 };
 
 static const char *const task_names[] = {
-    "restart of its stream", "opening it anew", "USB reset", "USB authorisation", "port power", "start", "close"
+    "restart of its stream", "reopening", "USB reset", "USB authorisation", "port power", "start", "close"
 };
 
 struct camera_job {
@@ -41,7 +41,7 @@ struct camera_job {
     char why[SST_WHY_MAX], note[SST_WHY_MAX];
 };
 
-/* --- on the job's thread ------------------------------------------------------------------------------------------ */
+/* --- job threads -------------------------------------------------------------------------------------------------- */
 
 static int reopen(struct camera_job *j)
 {
@@ -108,7 +108,7 @@ static void job_ended(struct grab_job *job, void *owner);
 
 static const struct grab_job job_calls = { .run = job_run, .ended = job_ended, .discard = job_discard };
 
-/* --- on the polling thread ---------------------------------------------------------------------------------------- */
+/* --- polling thread ----------------------------------------------------------------------------------------------- */
 
 void recovery_arm(struct sst_grab *g, struct grab_camera *cam)
 {
@@ -119,7 +119,7 @@ void recovery_arm(struct sst_grab *g, struct grab_camera *cam)
         return;
     cam->armed = !epoll_ctl(g->epoll_fd, EPOLL_CTL_ADD, stream_fd(cam->stream), &e);
     if (!cam->armed)
-        sst_log_error("%s cannot be polled: %s", cam->name, strerror(errno));
+        sst_log_error("cannot poll %s: %s", cam->name, strerror(errno));
 }
 
 void recovery_disarm(struct sst_grab *g, struct grab_camera *cam)
@@ -130,7 +130,7 @@ void recovery_disarm(struct sst_grab *g, struct grab_camera *cam)
     cam->rearm_ns = 0;
 }
 
-void camera_say(struct sst_grab *g, struct grab_camera *cam, enum sst_grab_state state, const char *why)
+void camera_set_state(struct sst_grab *g, struct grab_camera *cam, enum sst_grab_state state, const char *why)
 {
     const bool changed = cam->state != state;
 
@@ -158,7 +158,7 @@ static void step(struct sst_grab *g, struct grab_camera *cam, enum ladder_event 
     climbed(g, cam, ladder_step(&cam->ladder, event, sst_clock_now_ns(), cam->stream && cam->running));
 }
 
-/* Nobody waits for a close, which hangs where the camera does. */
+/* A close is never waited for: it hangs if the camera does. */
 static void close_stream(struct sst_grab *g, struct grab_stream *stream)
 {
     struct camera_job *j = calloc(1, sizeof(*j));
@@ -166,7 +166,7 @@ static void close_stream(struct sst_grab *g, struct grab_stream *stream)
     stream_detach(stream);
     if (j)
         *j = (struct camera_job){ .job = job_calls, .stream = stream, .task = TASK_CLOSE };
-    /* Without memory or a thread there is no way but to wait here. */
+    /* Without memory or a thread, close here and wait. */
     if (!j || jobs_start(g->jobs, &j->job)) {
         stream_close(stream);
         free(j);
@@ -182,7 +182,7 @@ void recovery_drop(struct sst_grab *g, struct grab_camera *cam)
     cam->running = false;
 }
 
-/* The camera's stream goes with the job. @return 0 or -errno (the stream stays) */
+/* Start a job, which then owns the camera's stream. @return 0 or -errno (the camera keeps the stream) */
 static int start_job(struct sst_grab *g, struct grab_camera *cam, enum task task)
 {
     struct camera_job *j = calloc(1, sizeof(*j));
@@ -213,7 +213,7 @@ static int start_job(struct sst_grab *g, struct grab_camera *cam, enum task task
     return 0;
 }
 
-/* Carry out a rung that the ladder tells. */
+/* Carry out a rung of the ladder. */
 static void climbed(struct sst_grab *g, struct grab_camera *cam, int rung)
 {
     char why[SST_WHY_MAX + 64];
@@ -223,16 +223,17 @@ static void climbed(struct sst_grab *g, struct grab_camera *cam, int rung)
     cam->counters.rung[rung]++;
     if (rung == SST_GRAB_BACK_OFF) {
         recovery_drop(g, cam);
-        if (cam->state == SST_GRAB_RECOVERING && !cam->told_hopeless)
-            sst_log_error("%s: nothing brings it back; check its cable, hub and power: it is tried again now and then",
-                          cam->name);
-        cam->told_hopeless |= cam->state == SST_GRAB_RECOVERING;
+        if (cam->state == SST_GRAB_RECOVERING && !cam->logged_hopeless)
+            sst_log_error(
+                "%s: no recovery step succeeded; check its cable, hub and power: recovery is retried periodically",
+                cam->name);
+        cam->logged_hopeless |= cam->state == SST_GRAB_RECOVERING;
         return;
     }
     if (cam->state != SST_GRAB_REFUSED) {
         snprintf(why, sizeof(why), "%s; next: %s", cam->state == SST_GRAB_RECOVERING ? "still no frame" : cam->why,
                  task_names[rung]);
-        camera_say(g, cam, SST_GRAB_RECOVERING, why);
+        camera_set_state(g, cam, SST_GRAB_RECOVERING, why);
     }
     if (start_job(g, cam, (enum task)rung))
         step(g, cam, SST_LADDER_FAILED);
@@ -242,7 +243,7 @@ void recovery_fault(struct sst_grab *g, struct grab_camera *cam, const char *why
 {
     if (cam->ladder.phase != SST_LADDER_QUIET && cam->ladder.phase != SST_LADDER_WAITING)
         return;
-    camera_say(g, cam, SST_GRAB_RECOVERING, why);
+    camera_set_state(g, cam, SST_GRAB_RECOVERING, why);
     step(g, cam, SST_LADDER_FAULT);
 }
 
@@ -256,10 +257,10 @@ void recovery_lost(struct sst_grab *g, struct grab_camera *cam)
     (void)ladder_step(&cam->ladder, SST_LADDER_LOST, sst_clock_now_ns(), false);
     if (expected)
         return;
-    cam->job = NULL; /* what it brings is closed when it ends */
+    cam->job = NULL; /* its stream is closed when it ends */
     cam->job_end_ns = 0;
     cam->counters.lost_devices++;
-    camera_say(g, cam, SST_GRAB_ABSENT, "unplugged; it goes on when it is back");
+    camera_set_state(g, cam, SST_GRAB_ABSENT, "unplugged; it resumes when it is plugged in again");
 }
 
 static void open_now(struct sst_grab *g, struct grab_camera *cam)
@@ -272,17 +273,16 @@ static void open_now(struct sst_grab *g, struct grab_camera *cam)
 void recovery_found(struct sst_grab *g, struct grab_camera *cam, const struct grab_node *node)
 {
     if (*cam->serial_seen && strcmp(cam->serial_seen, node->device.serial) != 0)
-        sst_log_warning(
-            "%s: the device there is another one now, serial %s instead of %s; if cameras were swapped, plug "
-            "them back or change the binding",
-            cam->name, *node->device.serial ? node->device.serial : "none", cam->serial_seen);
+        sst_log_warning("%s: a different device is connected there now, serial %s instead of %s; if cameras were "
+                        "swapped, plug them back or change the binding",
+                        cam->name, *node->device.serial ? node->device.serial : "none", cam->serial_seen);
     snprintf(cam->serial_seen, sizeof(cam->serial_seen), "%s", node->device.serial);
     cam->device = node->device;
     cam->number = node->number;
     cam->ladder.usb = grab_is_usb_port(node->device.port);
     if (cam->state == SST_GRAB_ABSENT)
         cam->counters.found_devices++;
-    /* A reset may still be at its end: its job tells. */
+    /* A reset may still be running: then its job continues. */
     if (!cam->job)
         open_now(g, cam);
 }
@@ -293,7 +293,7 @@ void recovery_start(struct sst_grab *g, struct grab_camera *cam)
         step(g, cam, SST_LADDER_FAILED);
 }
 
-/* --- the ends of jobs --------------------------------------------------------------------------------------------- */
+/* --- results of jobs ---------------------------------------------------------------------------------------------- */
 
 static void opened(struct sst_grab *g, struct grab_camera *cam, struct camera_job *j)
 {
@@ -307,19 +307,19 @@ static void opened(struct sst_grab *g, struct grab_camera *cam, struct camera_jo
     }
     if (!cam->running) {
         ladder_init(&cam->ladder, cam->ladder.patience_ns, cam->ladder.usb, cam->ladder.port_power);
-        camera_say(g, cam, SST_GRAB_READY, "ready");
-        if (g->started) /* while it was being opened */
+        camera_set_state(g, cam, SST_GRAB_READY, "ready");
+        if (g->started) /* started while it was being opened */
             recovery_start(g, cam);
         return;
     }
-    intake_begin(g, cam);
+    receive_begin(g, cam);
     recovery_arm(g, cam);
     if (cam->ladder.phase == SST_LADDER_WORKING)
         step(g, cam, SST_LADDER_DONE);
     else
         step(g, cam, SST_LADDER_OPENED);
     if (cam->ladder.rung < 0 || cam->state == SST_GRAB_REFUSED)
-        camera_say(g, cam, SST_GRAB_STREAMING, "streaming");
+        camera_set_state(g, cam, SST_GRAB_STREAMING, "streaming");
 }
 
 static bool is_refusal(int err)
@@ -332,17 +332,17 @@ static void failed(struct sst_grab *g, struct grab_camera *cam, struct camera_jo
     const bool opening = j->task == TASK_REOPEN || j->task == TASK_START || j->task == TASK_RESTREAM;
 
     if (opening && j->err == -ENOTTY) {
-        plug_strike(g, cam->number, false);
+        hotplug_reject(g, cam->number, false);
         cam->number = -1;
-        (void)plug_assign(g);
+        (void)hotplug_assign(g);
     } else if (opening && j->err == -ENODEV) {
-        plug_strike(g, cam->number, true);
+        hotplug_reject(g, cam->number, true);
         recovery_lost(g, cam);
     } else if (opening && is_refusal(j->err)) {
-        camera_say(g, cam, SST_GRAB_REFUSED, j->why);
+        camera_set_state(g, cam, SST_GRAB_REFUSED, j->why);
         step(g, cam, SST_LADDER_REFUSED);
     } else {
-        camera_say(g, cam, SST_GRAB_RECOVERING, j->why);
+        camera_set_state(g, cam, SST_GRAB_RECOVERING, j->why);
         step(g, cam, SST_LADDER_FAILED);
     }
 }
@@ -359,7 +359,7 @@ static void ended(struct sst_grab *g, struct grab_camera *cam, struct camera_job
         opened(g, cam, j);
     } else {
         step(g, cam, SST_LADDER_DONE);
-        /* Back already? Else the plug-in event opens it. */
+        /* Open it if it is already back; otherwise the hotplug event does. */
         cam->open_ns = sst_clock_now_ns() + RESET_NS;
     }
 }
@@ -372,14 +372,14 @@ static void job_ended(struct grab_job *job, void *owner)
 
     if (cam->job == j)
         ended(g, cam, j);
-    if (j->stream) /* given up meanwhile */
+    if (j->stream) /* abandoned meanwhile */
         close_stream(g, j->stream);
     free(j);
 }
 
 /* --- time --------------------------------------------------------------------------------------------------------- */
 
-/* Where frames follow triggers only, a camera that was brought back owes one from the next trigger on. */
+/* With triggered frames, a recovered camera has a frame due from the next trigger on. */
 static int64_t ladder_due(const struct sst_grab *g, const struct grab_camera *cam)
 {
     const int64_t due = cam->ladder.due_ns;
@@ -408,7 +408,7 @@ void recovery_time(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
     if (cam->rearm_ns && now_ns >= cam->rearm_ns)
         recovery_arm(g, cam);
     if (cam->job_end_ns && now_ns >= cam->job_end_ns) {
-        sst_log_warning("%s: the %s hangs in the system; going on without it", cam->name, task_names[cam->job->task]);
+        sst_log_warning("%s: the %s hangs in the kernel; continuing without it", cam->name, task_names[cam->job->task]);
         cam->job = NULL;
         cam->job_end_ns = 0;
         step(g, cam, SST_LADDER_FAILED);
@@ -421,7 +421,8 @@ void recovery_time(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
     if (!due || now_ns < due)
         return;
     if (cam->running && cam->stream && cam->ladder.phase == SST_LADDER_WAITING && !stream_queued(cam->stream))
-        cam->ladder.due_ns = now_ns + g->cfg.stall_ms * SST_MS; /* the receiver has all buffers: it cannot speak */
+        cam->ladder.due_ns =
+            now_ns + g->cfg.stall_ms * SST_MS; /* the receiver holds all buffers: no frame is possible */
     else
         step(g, cam, SST_LADDER_TIME);
 }

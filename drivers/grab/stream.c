@@ -12,13 +12,13 @@
 #include "base/clock.h"
 
 enum slot_place {
-    SLOT_IDLE = 0,   /* with neither */
-    SLOT_QUEUED = 1, /* the driver's */
-    SLOT_LENT = 2,   /* the receiver's */
+    SLOT_IDLE = 0,   /* neither */
+    SLOT_QUEUED = 1, /* with the driver */
+    SLOT_LENT = 2,   /* with the receiver */
 };
 
 struct slot {
-    struct sst_frame frame; /* its pool is the slot */
+    struct sst_frame frame; /* its pool points to the slot */
     struct grab_stream *stream;
     uint32_t index;
     enum slot_place place; /* under lock */
@@ -32,10 +32,10 @@ struct grab_stream {
     struct slot slot[SST_STREAM_BUFFERS_MAX];
     /* under lock */
     pthread_mutex_t lock;
-    bool live;   /* streaming: what comes back is queued at once */
-    bool closed; /* the descriptor is gone */
+    bool live;   /* streaming: released buffers are queued at once */
+    bool closed; /* the descriptor is closed */
     int queued;
-    int64_t ready_ns; /* since when any is */
+    int64_t ready_ns; /* since when any is queued */
     int lent;
 };
 
@@ -80,7 +80,7 @@ static int map_buffers(struct grab_stream *s, const struct sst_grab_config *cfg,
     if (!err && (r.count < 2 || r.count > SST_STREAM_BUFFERS_MAX))
         err = -ENOMEM;
     if (err) {
-        snprintf(why, SST_WHY_MAX, "%d buffers cannot be had: %s", cfg->buffers,
+        snprintf(why, SST_WHY_MAX, "cannot allocate %d buffers: %s", cfg->buffers,
                  err == -EBUSY ? "another program streams from it; `sst cameras` says which" : strerror(-err));
         return err;
     }
@@ -92,7 +92,7 @@ static int map_buffers(struct grab_stream *s, const struct sst_grab_config *cfg,
         slot->index = (uint32_t)i;
         err = map_buffer(s, i);
         if (err) {
-            snprintf(why, SST_WHY_MAX, "buffer %d cannot be mapped: %s", i, strerror(-err));
+            snprintf(why, SST_WHY_MAX, "cannot map buffer %d: %s", i, strerror(-err));
             return err;
         }
         slot->frame = (struct sst_frame){ .cam = cam,
@@ -111,10 +111,10 @@ static int open_node(struct sst_grab_device *device, char *why)
     const int fd = node_open(device);
 
     if (fd == -EACCES || fd == -EPERM)
-        snprintf(why, SST_WHY_MAX, "%s may not be opened; add this user to the group of the node (video)",
+        snprintf(why, SST_WHY_MAX, "no permission to open %s; add this user to the group of the node (video)",
                  device->node);
     else if (fd < 0)
-        snprintf(why, SST_WHY_MAX, "%s cannot be opened: %s", device->node, strerror(-fd));
+        snprintf(why, SST_WHY_MAX, "cannot open %s: %s", device->node, strerror(-fd));
     return fd;
 }
 
@@ -177,7 +177,7 @@ void stream_close(struct grab_stream *s)
     if (!s)
         return;
     stream_stop(s);
-    /* A mapped buffer keeps the file open behind close(), and the driver's queue with it: give the queue up first. */
+    /* A mapped buffer keeps the file and the driver's queue open after close(): release the queue first. */
     (void)node_ioctl(s->fd, VIDIOC_REQBUFS, &none);
     close(s->fd);
     pthread_mutex_lock(&s->lock);
@@ -201,8 +201,8 @@ static int queue_locked(struct grab_stream *s, struct slot *slot)
     return err;
 }
 
-/* Also those that the driver refused before: it may take them now. One that takes none falls silent, and is found so.
- */
+/* Also buffers that the driver refused before: it may accept them now. A driver that accepts none is detected as
+ * silent. */
 static void queue_idle_locked(struct grab_stream *s)
 {
     for (int i = 0; i < s->count; i++) {
@@ -224,10 +224,10 @@ int stream_start(struct grab_stream *s, char *why)
     err = err ? err : node_ioctl(s->fd, VIDIOC_STREAMON, &type);
     if (err == -ENOSPC)
         snprintf(why, SST_WHY_MAX,
-                 "no USB bandwidth is left for it (no disk is meant); `sst plan` shows what fits, put "
-                 "it on another controller or lower size, rate or cameras");
+                 "no USB bandwidth is left for it (the error is not about a disk); `sst plan` shows what fits, move it "
+                 "to another controller or lower size, rate or number of cameras");
     else if (err)
-        snprintf(why, SST_WHY_MAX, "it does not start to stream: %s", strerror(-err));
+        snprintf(why, SST_WHY_MAX, "streaming does not start: %s", strerror(-err));
     pthread_mutex_lock(&s->lock);
     s->live = !err;
     /* Released between the loop above and here. */
@@ -249,7 +249,7 @@ void stream_stop(struct grab_stream *s)
     int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
 
     stream_detach(s);
-    /* A camera that is gone says so; there is nothing left to stop then. */
+    /* A disconnected camera fails here; nothing is left to stop then. */
     (void)node_ioctl(s->fd, VIDIOC_STREAMOFF, &type);
     pthread_mutex_lock(&s->lock);
     s->queued = 0;
@@ -295,7 +295,7 @@ int stream_lent(struct grab_stream *s)
     return lent;
 }
 
-int stream_take(struct grab_stream *s, struct sst_frame **out, struct stream_stamp *stamp)
+int stream_dequeue(struct grab_stream *s, struct sst_frame **out, struct stream_stamp *stamp)
 {
     struct v4l2_buffer b = { .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP };
     const int err = node_ioctl(s->fd, VIDIOC_DQBUF, &b);
@@ -309,8 +309,8 @@ int stream_take(struct grab_stream *s, struct sst_frame **out, struct stream_sta
         return -EIO;
     slot = &s->slot[b.index];
     pthread_mutex_lock(&s->lock);
-    /* v4l2loopback hands out what it was not given; the receiver's stays, and the gap in the sequence tells of this
-     * one. */
+    /* v4l2loopback may return a buffer that was not queued; the receiver keeps its frame, and the gap in the sequence
+     * shows the loss. */
     lent = slot->place == SLOT_LENT;
     if (!lent) {
         s->queued -= slot->place == SLOT_QUEUED;

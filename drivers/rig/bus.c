@@ -1,4 +1,4 @@
-/* libmodbus with bounds: its own recovery would replay writes and may never return, so it stays off. */
+/* libmodbus with bounded recovery: its own recovery replays writes and may never return, so it stays off. */
 #include "drivers/rig/rig_internal.h"
 
 #include <errno.h>
@@ -75,8 +75,8 @@ static int make_rtu(struct rig_bus *b)
     return b->ctx ? 0 : -ENOMEM;
 }
 
-/* libmodbus 3.1.6 and some later ones put the descriptor into an fd_set without looking: it must be a small one, and
- * that must be known before they open it. */
+/* libmodbus 3.1.6 and some later versions put the descriptor into an fd_set without a check: it must be below
+ * FD_SETSIZE, and that must be known before they open it. */
 static int check_descriptors(struct rig_bus *b)
 {
     const int fd = open("/dev/null", O_RDONLY | O_CLOEXEC);
@@ -125,7 +125,7 @@ static int connect_once(struct rig_bus *b)
     fd = modbus_get_socket(b->ctx);
     if (fd >= FD_SETSIZE)
         err = check_descriptors(b);
-    /* Two programs on one serial line would take each other's replies. The lock goes with the process. */
+    /* Two programs on one serial line would read each other's replies. The lock ends with the process. */
     if (!err && b->serial && flock(fd, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK) {
         err = -EBUSY;
         snprintf(b->why, sizeof(b->why), "another program uses it");
@@ -235,7 +235,7 @@ static int begin(struct rig_bus *b, int unit)
 
 int rig_bus_read(struct rig_bus *b, int unit, enum rig_table table, int address, int count, uint16_t *out)
 {
-    /* Room for whatever a reply can hold. */
+    /* Large enough for any reply. */
     uint16_t words[MODBUS_MAX_READ_REGISTERS + 3] = { 0 };
     uint8_t bits[MODBUS_MAX_READ_BITS] = { 0 };
     int n = -1, err = begin(b, unit);
@@ -288,7 +288,7 @@ const char *rig_bus_why(const struct rig_bus *b)
 
 /* --- after a failure ---------------------------------------------------------------------------------------------- */
 
-/* Read until the line was silent for one response time. @return 0 or -ENOTCONN */
+/* Read until the line is silent for one response time. @return 0 or -ENOTCONN */
 static int drain(struct rig_bus *b)
 {
     const int64_t end_ns = sst_clock_now_ns() + DRAIN_MAX_NS;
@@ -309,7 +309,7 @@ static int drain(struct rig_bus *b)
 int rig_bus_restore(struct rig_bus *b, int reconnect_ms, bool (*cancelled)(void *arg), void *arg)
 {
     const int64_t end_ns = sst_clock_now_ns() + (int64_t)reconnect_ms * 1000000;
-    bool told = false;
+    bool logged = false;
     int err;
 
     if (b->open && b->serial && !drain(b))
@@ -321,16 +321,17 @@ int rig_bus_restore(struct rig_bus *b, int reconnect_ms, bool (*cancelled)(void 
         err = connect_once(b);
         if (!err)
             break;
-        if (!told)
-            sst_log_warning("rig %s: lost, cannot connect: %s; trying for %d ms", b->name, b->why, reconnect_ms);
-        told = true;
+        if (!logged)
+            sst_log_warning("rig %s: connection lost, cannot reconnect: %s; retrying for %d ms", b->name, b->why,
+                            reconnect_ms);
+        logged = true;
         if (sst_clock_now_ns() >= end_ns || cancelled(arg))
             return err;
         sleep_ns(RETRY_NS);
     }
     b->count.reconnects++;
-    if (told)
-        sst_log_warning("rig %s: connected again", b->name);
+    if (logged)
+        sst_log_warning("rig %s: reconnected", b->name);
     return 0;
 }
 
@@ -347,7 +348,7 @@ int rig_bus_open(struct rig_bus **out SST_UNUSED, const char *bus, int response_
     return -ENOSYS;
 }
 
-/* Never called: without an open there is no bus. */
+/* Never called: without open there is no bus. */
 void rig_bus_close(struct rig_bus *b SST_UNUSED)
 {
 }

@@ -11,7 +11,7 @@
 
 #define POLL_MS 5
 #define BUSY_MS 30
-#define TELL_NS 10000000000 /* between two warnings of faults that were mended */
+#define LOG_NS  10000000000 /* between two warnings about faults that were recovered */
 
 const char *rig_axis_name(const struct sst_rig *rig, int a, char text[32])
 {
@@ -47,18 +47,17 @@ static int registers_of(const struct rig_register *reg)
     return reg->type == SST_RIG_U32 || reg->type == SST_RIG_S32 ? 2 : 1;
 }
 
-/* A fault that another attempt may mend. A bad cable brings them all the time: they are counted, and told now and then.
- */
-static void tell_fault(struct sst_rig *rig, int a, const char *doing, const char *reg)
+/* Log a fault that a retry may fix. A bad cable causes them all the time: they are counted, and logged rarely. */
+static void log_fault(struct sst_rig *rig, int a, const char *doing, const char *reg)
 {
     const int64_t now_ns = sst_clock_now_ns();
-    const bool again = rig->told_ns && now_ns - rig->told_ns < TELL_NS;
+    const bool again = rig->logged_ns && now_ns - rig->logged_ns < LOG_NS;
     char name[32];
 
-    (again ? sst_log_debug : sst_log_warning)("rig %s: %s: %s while %s %s; trying again", rig->cfg.bus,
+    (again ? sst_log_debug : sst_log_warning)("rig %s: %s: %s while %s %s; retrying", rig->cfg.bus,
                                               rig_axis_name(rig, a, name), rig_bus_why(rig->bus), doing, reg);
     if (!again)
-        rig->told_ns = now_ns;
+        rig->logged_ns = now_ns;
 }
 
 static int give_up(struct sst_rig *rig, int a, const char *doing, const char *reg, int err)
@@ -70,16 +69,16 @@ static int give_up(struct sst_rig *rig, int a, const char *doing, const char *re
     return err == -ETIMEDOUT ? -ETIMEDOUT : err == -EPROTO ? -EPROTO : -EIO;
 }
 
-/* What to do before a request is tried again. @return 0: try */
+/* Prepare the retry of a request. @return 0: retry */
 static int before_retry(struct sst_rig *rig, int a, int err, const char *doing, const char *reg)
 {
     if (err == -EPROTO || err == -EREMOTEIO)
         return err;
-    if (err == -EAGAIN) { /* as the standard has it: no fault */
+    if (err == -EAGAIN) { /* "busy" of the standard: not a fault */
         rig_sleep_ms(rig, BUSY_MS);
         return 0;
     }
-    tell_fault(rig, a, doing, reg);
+    log_fault(rig, a, doing, reg);
     return rig_bus_restore(rig->bus, rig->cfg.reconnect_ms, cancelled, rig);
 }
 
@@ -202,7 +201,7 @@ int rig_drive_identity(struct sst_rig *rig, int a, long *value)
 
 /* --- sequences ---------------------------------------------------------------------------------------------------- */
 
-/* Did a write arrive whose reply did not come? @return 1, 0, or -ETIMEDOUT: nobody can tell */
+/* Check whether a write without a reply arrived. @return 1, 0, or -ETIMEDOUT: unknown */
 static int arrived(struct sst_rig *rig, int a, const struct rig_step *step, const uint16_t words[2])
 {
     const struct rig_register *reg = &rig->profile.reg[step->reg];
@@ -293,7 +292,7 @@ static int run_wait(struct sst_rig *rig, int a, const struct rig_step *step)
             break;
         rig_sleep_ms(rig, POLL_MS);
     }
-    sst_log_error("rig: %s did not report '%s' as %s within %d ms; look at the drive", rig_axis_name(rig, a, name),
+    sst_log_error("rig: %s did not report '%s' as %s within %d ms; check the drive", rig_axis_name(rig, a, name),
                   names[step->flag], step->is ? "true" : "false", step->ms);
     return -ETIMEDOUT;
 }

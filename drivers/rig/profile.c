@@ -69,7 +69,7 @@ static void read_register_name(struct reader *r, const struct sst_yaml_node *nod
         return;
     i = find_register(r->p, name);
     if (i < 0)
-        sst_yaml_fault(r->doc, node, "names no register of this profile; list it under registers");
+        sst_yaml_unknown(r->doc, node, "register", "list it under registers");
     else
         *out = i;
 }
@@ -82,7 +82,7 @@ static void read_register(struct reader *r, struct sst_yaml_node *node)
 
     *reg = (struct rig_register){ .scale = 1, .read_back = true };
     if (r->p->registers == SST_RIG_REGISTERS_MAX || strlen(node->key) >= sizeof(reg->name)) {
-        sst_yaml_fault(r->doc, node, "is one too many (at most %d), or its name longer than %d bytes",
+        sst_yaml_fault(r->doc, node, "exceeds the limit of %d entries, or its name is longer than %d bytes",
                        SST_RIG_REGISTERS_MAX, SST_RIG_WORD_MAX - 1);
         return;
     }
@@ -97,7 +97,7 @@ static void read_register(struct reader *r, struct sst_yaml_node *node)
     reg->type = (enum rig_type)type;
     bits = reg->table == SST_RIG_COIL || reg->table == SST_RIG_DISCRETE;
     if (bits != (reg->type == SST_RIG_BIT))
-        sst_yaml_fault(r->doc, node, "must have the type bit exactly if it is a coil or discrete input");
+        sst_yaml_fault(r->doc, node, "must have the type bit if, and only if, it is a coil or discrete input");
     r->p->registers++;
 }
 

@@ -1,4 +1,4 @@
-/* Motions: every one absolute, watched until it stands still, stopped on any doubt. */
+/* Motions: all absolute, monitored until standstill, and stopped when in doubt. */
 #include "drivers/rig/rig.h"
 
 #include <errno.h>
@@ -13,7 +13,7 @@
 #include "drivers/rig/rig_internal.h"
 
 #define POLL_MS  5
-#define STALL_NS 1000000000 /* neither arrived nor a step further for this long */
+#define STALL_NS 1000000000 /* no arrival and no progress for this time */
 
 void sst_rig_config_defaults(struct sst_rig_config *cfg)
 {
@@ -142,7 +142,7 @@ int sst_rig_stop(struct sst_rig *rig)
     return err;
 }
 
-/* Stop because of err, which is returned. */
+/* Stop because of err. @return err */
 static int stop_for(struct sst_rig *rig, int err)
 {
     (void)sst_rig_stop(rig);
@@ -161,7 +161,7 @@ void sst_rig_cancel(struct sst_rig *rig)
     atomic_store(&rig->cancel, true);
 }
 
-/* Alarm, limit switch, lost home: 0 or what it means for a motion. Told once, where it is first seen. */
+/* Check for alarm, limit switch and lost home. @return 0 or the error of the motion; logged when first seen */
 static int axis_fault(struct sst_rig *rig, int a)
 {
     const struct rig_status *s = &rig->axis[a].now;
@@ -186,7 +186,7 @@ static int axis_fault(struct sst_rig *rig, int a)
         return -EIO;
     }
     if (!s->flag[SST_RIG_HOMED]) {
-        sst_log_error("rig: %s no longer knows where it is (power lost?); stopped; it must be homed", name);
+        sst_log_error("rig: %s lost its position (power lost?); stopped; home it first", name);
         return -ENOTCONN;
     }
     return 0;
@@ -289,7 +289,7 @@ static int check_target(const struct sst_rig *rig, const struct sst_rig_pos *tar
     return 0;
 }
 
-/* Is it where it shall go already, told to be there and standing? */
+/* True if it is already at the target, in position and at standstill. */
 static bool is_there(const struct sst_rig *rig, int a, int32_t um)
 {
     const struct rig_axis *axis = &rig->axis[a];
@@ -326,7 +326,7 @@ int sst_rig_move(struct sst_rig *rig, struct sst_rig_pos target)
     if (rig->moving)
         return -EBUSY;
     if (!sst_rig_homed(rig)) {
-        sst_log_error("rig: the axes do not know where they are; home them first");
+        sst_log_error("rig: the positions of the axes are unknown; home them first");
         return -ENOTCONN;
     }
     rig->moving = true;
@@ -338,14 +338,14 @@ int sst_rig_move(struct sst_rig *rig, struct sst_rig_pos target)
     return err ? stop_for(rig, err) : 0;
 }
 
-/* What a wait knows of an axis besides its status. */
+/* State of an axis during a wait, besides its status. */
 struct watch {
-    int32_t last_um; /* where it was when it last moved on */
+    int32_t last_um; /* position at its last progress */
     int64_t moved_ns;
     bool lied;
 };
 
-/* An axis that reports no deviation larger than this between two readings stands still. */
+/* An axis is at standstill if two readings differ by no more than this. */
 static int32_t still_um(const struct sst_rig *rig, int a)
 {
     const double count = fabs(rig->cfg.um_per_count[a]);
@@ -353,13 +353,13 @@ static int32_t still_um(const struct sst_rig *rig, int a)
     return (int32_t)fmax(ceil(1.5 * count), rig->cfg.tolerance_um / 4.0);
 }
 
-/* @param asked_ns  before the status was asked for: it is that of this time or later, however long we stood still since
- * @return 1: arrived and standing; 0: not yet; or what stops the motion */
+/* @param asked_ns  time before the status request: the status is not older, however long this process was stopped since
+ * @return 1: arrived and at standstill; 0: not yet; or the error that stops the motion */
 static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t asked_ns)
 {
     const struct rig_axis *axis = &rig->axis[a];
     const struct rig_status *s = &axis->now;
-    const bool says = s->flag[SST_RIG_IN_POSITION] && !s->flag[SST_RIG_MOVING];
+    const bool in_position = s->flag[SST_RIG_IN_POSITION] && !s->flag[SST_RIG_MOVING];
     const int32_t off_um = abs(s->um - axis->target_um);
     char name[32];
     int err = axis_fault(rig, a);
@@ -368,8 +368,9 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t asked
         return err;
     rig_axis_name(rig, a, name);
     if (abs(s->um - w->last_um) > still_um(rig, a)) {
-        if (says && off_um > rig->cfg.tolerance_um && abs(s->um - w->last_um) > rig->cfg.tolerance_um && !w->lied) {
-            sst_log_warning("rig: %s reports in-position at %.3f mm while it moves; its position is watched instead",
+        if (in_position && off_um > rig->cfg.tolerance_um && abs(s->um - w->last_um) > rig->cfg.tolerance_um &&
+            !w->lied) {
+            sst_log_warning("rig: %s reports in-position at %.3f mm while it moves; its position is polled instead",
                             name, s->um / 1000.0);
             rig->count.lies++;
             w->lied = true;
@@ -378,12 +379,12 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t asked
         w->moved_ns = sst_clock_now_ns();
         return 0;
     }
-    if (says && off_um <= rig->cfg.tolerance_um)
+    if (in_position && off_um <= rig->cfg.tolerance_um)
         return 1;
     if (asked_ns - w->moved_ns < STALL_NS)
         return 0;
     rig->doubt = true;
-    if (says) {
+    if (in_position) {
         rig->count.missed++;
         sst_log_error(
             "rig: %s reports in-position at %.3f mm but stands %d um from its target %.3f mm (lost steps?); it must "
@@ -397,7 +398,7 @@ static int watch_axis(struct sst_rig *rig, int a, struct watch *w, int64_t asked
     return -EIO;
 }
 
-/* Read all axes. @return 1: all stand at their targets; 0: not yet; or an error */
+/* Read all axes. @return 1: all are at standstill at their targets; 0: not yet; or an error */
 static int watch_all(struct sst_rig *rig, struct watch *w)
 {
     int there = 1;
@@ -437,7 +438,7 @@ int sst_rig_wait(struct sst_rig *rig, int timeout_ms)
 {
     const int64_t end_ns = sst_clock_now_ns() + (int64_t)timeout_ms * 1000000;
     struct watch w[SST_RIG_AXES];
-    int64_t since_ns = 0; /* all stand at their targets; 0: they do not */
+    int64_t since_ns = 0; /* since when all are at their targets; 0: not yet */
 
     for (int a = 0; a < rig->cfg.axes; a++)
         w[a] = (struct watch){ .last_um = rig->axis[a].now.um, .moved_ns = sst_clock_now_ns() };

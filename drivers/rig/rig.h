@@ -11,7 +11,7 @@
 
 struct sst_rig; /* opaque; one thread at a time */
 
-/** Centre of the camera in the rig frame, um: x right, y down, z towards the scene. Axes that the rig lacks are 0. */
+/** Centre of the camera in the rig frame, um: x right, y down, z towards the scene. Missing axes are 0. */
 struct sst_rig_pos {
     int32_t um[SST_RIG_AXES];
 };
@@ -24,18 +24,18 @@ struct sst_rig_config {
     int32_t travel_min_um[SST_RIG_AXES], travel_max_um[SST_RIG_AXES];
     double um_per_count[SST_RIG_AXES]; /* spindle and gear; negative: mounted the other way round */
     int response_ms;                   /* time-out of one reply */
-    int retries;                       /* of reads, and of a write only where read-back shows that it did not arrive */
+    int retries;                       /* of reads; of a write only if read-back shows that it did not arrive */
     int reconnect_ms;                  /* give up a lost bus after this */
-    int settle_ms;                     /* stand still after in-position */
+    int settle_ms;                     /* standstill after in-position */
     int32_t tolerance_um;
-    double speed_mm_s, accel_mm_s2; /* 0: what the drive is set to */
+    double speed_mm_s, accel_mm_s2; /* 0: setting of the drive */
 };
 
 /** Since open. */
 struct sst_rig_counters {
     uint64_t requests, timeouts, garbled, exceptions, lost, reconnects;   /* of the bus */
-    uint64_t moves, homings, stops, stalls, limits, alarms, missed, lies; /* missed: stood beside the target; lies: said
-                                                                           to be in position while it moved */
+    uint64_t moves, homings, stops, stalls, limits, alarms, missed, lies; /* missed: stopped off the target; lies:
+                                                                           in-position reported while moving */
 };
 
 void sst_rig_config_defaults(struct sst_rig_config *cfg);
@@ -51,8 +51,8 @@ SST_MUST_CHECK int sst_rig_open(struct sst_rig **out, const struct sst_rig_confi
  * (stopped). */
 SST_MUST_CHECK int sst_rig_home(struct sst_rig *rig, int timeout_ms);
 
-/** Do the axes know where they are, by what was last read? Not after an alarm, a limit switch, a stall or a target that
- * was missed: from then on only homing helps. */
+/** True if the positions of the axes are known, by the last status read. After an alarm, a limit switch, a stall or a
+ *  missed target they are not, until the next homing. */
 bool sst_rig_homed(const struct sst_rig *rig);
 
 /**
@@ -71,7 +71,7 @@ SST_MUST_CHECK int sst_rig_wait(struct sst_rig *rig, int timeout_ms);
 
 SST_MUST_CHECK int sst_rig_position(struct sst_rig *rig, struct sst_rig_pos *now);
 
-/** True only when read back just now: all axes stand still and in position. For the check after an exposure. */
+/** Read the status now. @return true: all axes are at standstill and in position. For the check after an exposure. */
 bool sst_rig_still(struct sst_rig *rig);
 
 /** Stop all axes now. */
@@ -79,10 +79,10 @@ int sst_rig_stop(struct sst_rig *rig);
 
 void sst_rig_counters(const struct sst_rig *rig, struct sst_rig_counters *out);
 
-/** Ask a waiting call, now or the next one, to stop the motion and return -ECANCELED; async-signal-safe. */
+/** Make the current or next waiting call stop the motion and return -ECANCELED; async-signal-safe. */
 void sst_rig_cancel(struct sst_rig *rig);
 
-/** Stops what moves. NULL is fine. */
+/** Stops all motion. NULL is fine. */
 void sst_rig_close(struct sst_rig *rig);
 
 #endif

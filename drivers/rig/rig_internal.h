@@ -8,7 +8,7 @@
 #include "base/file.h"
 #include "drivers/rig/rig.h"
 
-/* --- profile: what a motor drive's registers mean, read from config/profiles/NAME.yaml. --- */
+/* --- profile: register map of a motor drive, read from config/profiles/NAME.yaml. --- */
 
 #define SST_RIG_REGISTERS_MAX 64
 #define SST_RIG_STEPS_MAX     24
@@ -35,18 +35,18 @@ struct rig_register {
     enum rig_table table;
     enum rig_type type;
     int address;
-    bool low_first; /* of two registers the one with the low word comes first */
-    bool read_back; /* reading shows what was written */
+    bool low_first; /* of two registers, the low word is first */
+    bool read_back; /* can be read back after writing */
     double scale;   /* counts (or counts/s, counts/s2) of one unit of the raw value */
 };
 
-/** What the driver asks a drive. */
+/** Status flags of a drive. */
 enum rig_flag {
     SST_RIG_MOVING = 0,
     SST_RIG_IN_POSITION = 1,
     SST_RIG_HOMED = 2,
     SST_RIG_ALARM = 3,
-    SST_RIG_ENABLED = 4, /* optional, as all that follow */
+    SST_RIG_ENABLED = 4, /* optional, like all that follow */
     SST_RIG_LIMIT_LOW = 5,
     SST_RIG_LIMIT_HIGH = 6,
     SST_RIG_ACKNOWLEDGE = 7, /* for wait steps */
@@ -54,7 +54,7 @@ enum rig_flag {
 };
 
 struct rig_bit {
-    int reg; /* index; -1: this drive does not tell */
+    int reg; /* index; -1: not available on this drive */
     unsigned mask, equals;
     bool inverted;
 };
@@ -72,7 +72,7 @@ enum rig_sequence {
 enum rig_value {
     SST_RIG_NUMBER = 0,
     SST_RIG_TARGET = 1, /* counts */
-    SST_RIG_SPEED = 2,  /* counts/s; the step is left out where the configuration gives none */
+    SST_RIG_SPEED = 2,  /* counts/s; the step is skipped if the configuration has no speed */
     SST_RIG_ACCEL = 3,  /* counts/s2; likewise */
 };
 
@@ -81,7 +81,7 @@ struct rig_step {
     int reg;              /* write */
     enum rig_value value; /* write */
     double number;        /* write */
-    enum rig_flag flag;   /* wait; write: shown by this flag, or SST_RIG_FLAGS */
+    enum rig_flag flag;   /* wait; write: confirmed by this flag, or SST_RIG_FLAGS */
     bool is;              /* wait */
     int ms;               /* wait: at most; pause */
 };
@@ -92,9 +92,9 @@ struct rig_profile {
     int gap_ms; /* between two requests */
     int registers;
     struct rig_register reg[SST_RIG_REGISTERS_MAX];
-    int identity; /* register that tells what drive it is, or -1 */
+    int identity; /* register with the type of the drive, or -1 */
     long identity_value;
-    int position;   /* register of the true (else the counted) position */
+    int position;   /* register of the actual (else the commanded) position */
     int alarm_code; /* register, or -1 */
     struct rig_bit bit[SST_RIG_FLAGS];
     int steps[SST_RIG_SEQUENCES];
@@ -107,13 +107,13 @@ struct rig_profile {
 };
 
 /**
- * Read a profile: a path (with a slash or .yaml), or a name that is looked for in $SST_PROFILES, beside the program and
+ * Read a profile: a path (with a slash or .yaml), or a name that is searched in $SST_PROFILES, beside the program and
  * in the installed share/sst/profiles.
- * @return 0, -ENOENT (the folders that were searched are named), -EBADMSG, -EACCES, -ENOMEM; logged.
+ * @return 0, -ENOENT (with the searched folders), -EBADMSG, -EACCES, -ENOMEM; logged.
  */
 SST_MUST_CHECK int rig_profile_read(struct rig_profile *out, const char *name);
 
-/** "0x21 (following error)"; the code alone where the profile has no text. */
+/** "0x21 (following error)"; only the code if the profile has no text. */
 void rig_profile_alarm(const struct rig_profile *profile, long code, char *text, size_t size);
 
 /* --- bus: requests over Modbus TCP and RTU, one at a time, each with a deadline. Inside drivers/rig only. --- */
@@ -130,11 +130,11 @@ SST_MUST_CHECK int rig_bus_open(struct rig_bus **out, const char *bus, int respo
 void rig_bus_close(struct rig_bus *bus);
 
 /**
- * One request, tried once. Not logged: rig_bus_why() says what happened.
+ * One request, tried once. Not logged: rig_bus_why() describes the failure.
  *
  * @param count  1 or 2 registers, or 1 bit (values 0 and 1)
- * @return 0; nothing or nothing usable came: -ETIMEDOUT, -EBADMSG (garbled, other unit), -ENOTCONN (line lost): call
- *         rig_bus_restore() before the next request; the drive refused: -EAGAIN (busy), -EPROTO (unknown function,
+ * @return 0; no valid reply: -ETIMEDOUT, -EBADMSG (garbled, other unit), -ENOTCONN (line lost): call
+ *         rig_bus_restore() before the next request; refused by the drive: -EAGAIN (busy), -EPROTO (unknown function,
  *         register or value), -EREMOTEIO (all other exceptions).
  */
 SST_MUST_CHECK int rig_bus_read(struct rig_bus *bus, int unit, enum rig_table table, int address, int count,
@@ -142,20 +142,20 @@ SST_MUST_CHECK int rig_bus_read(struct rig_bus *bus, int unit, enum rig_table ta
 SST_MUST_CHECK int rig_bus_write(struct rig_bus *bus, int unit, enum rig_table table, int address, int count,
                                  const uint16_t *values);
 
-/** What the last failed request met, one clause. */
+/** Cause of the last failed request, one clause. */
 const char *rig_bus_why(const struct rig_bus *bus);
 
 /**
- * After a failed request: no late reply can be taken for that of the next one. TCP connects anew; a serial line is read
- * until it is silent, and opened anew where it was lost.
- * @param cancelled  asked between attempts; true gives up
+ * Restore the bus after a failed request, so that a late reply cannot be mistaken for that of the next request. TCP
+ * reconnects; a serial line is read until it is silent, and reopened if it was lost.
+ * @param cancelled  called between attempts; true gives up
  * @return 0, or the error of the last attempt after reconnect_ms
  */
 SST_MUST_CHECK int rig_bus_restore(struct rig_bus *bus, int reconnect_ms, bool (*cancelled)(void *arg), void *arg);
 
 void rig_bus_counters(const struct rig_bus *bus, struct sst_rig_counters *out);
 
-/* --- drive: one axis' drive by its profile: status, steps, read-back. Inside drivers/rig only. --- */
+/* --- drive: runs the profile of one axis: status, steps, read-back --- */
 
 struct rig_status {
     bool flag[SST_RIG_FLAGS];
@@ -174,25 +174,25 @@ struct sst_rig {
     struct rig_profile profile; /* fixed after open */
     struct rig_bus *bus;
     struct rig_axis axis[SST_RIG_AXES];
-    struct sst_rig_counters count; /* of motions; those of the bus are there */
-    bool moving, doubt;            /* doubt: the axes may not be where they say until they are homed */
-    int64_t told_ns;               /* a fault of the bus was last told; 0: never */
+    struct sst_rig_counters count; /* of motions; those of the bus are in `bus` */
+    bool moving, doubt;            /* doubt: positions are unreliable until homing */
+    int64_t logged_ns;             /* last time a fault of the bus was logged; 0: never */
     SST_ATOMIC(bool) cancel;
 };
 
 /** "axis x (unit 1)" for messages. */
 const char *rig_axis_name(const struct sst_rig *rig, int a, char text[32]);
 
-/** Read flags, then position; retried within the configuration's bounds. @return 0, -ETIMEDOUT, -EIO, -ECANCELED;
+/** Read flags, then position, with the configured number of retries. @return 0, -ETIMEDOUT, -EIO, -ECANCELED;
  * logged. */
 SST_MUST_CHECK int rig_drive_status(struct sst_rig *rig, int a);
 
-/** The identity register's value, or -1 where the profile has none. */
+/** Value of the identity register, or -1 if the profile has none. */
 SST_MUST_CHECK int rig_drive_identity(struct sst_rig *rig, int a, long *value);
 
 /**
- * Run a sequence of the profile. A write whose reply did not come is repeated only where read-back, or the flag that
- * would show it, says that it did not arrive.
+ * Run a sequence of the profile. A write without a reply is repeated only if read-back, or the flag that confirms it,
+ * shows that it did not arrive.
  * @param um  target of a move
  * @return 0, -ETIMEDOUT (a wait step, or the bus), -EIO, -ECANCELED (only before the first write); logged.
  */

@@ -10,7 +10,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Appends to a sentence of limited length; what does not fit is left out. */
+/* Append to a message of limited length, truncated to fit. */
 static void add(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
 
 static void add(char *text, size_t size, const char *fmt, ...)
@@ -31,7 +31,7 @@ static int by_number(const void *a, const void *b)
     return m != n ? (m < n ? -1 : 1) : strcmp(x->path, y->path);
 }
 
-/* opendir, because a GPIO chip needs no udev to be there. Links beside the nodes (old names of a chip) are left out. */
+/* opendir, because GPIO chips do not depend on udev. Links beside the nodes (old names of a chip) are skipped. */
 static int scan(struct gpio_listed **out)
 {
     DIR *dir = opendir("/dev");
@@ -84,8 +84,7 @@ int gpio_list(struct gpio_listed **out)
     return n;
 }
 
-/* @return the offset of a line name, or of digits where no line has that name; -ENODEV or what reading a line returns
- */
+/* @return the offset of a line name, or of digits if no line has that name; -ENODEV or the error of reading a line */
 static int offset_of(struct trigger_chip *chip, const char *name)
 {
     const int lines = gpio_chip_lines(chip);
@@ -105,7 +104,7 @@ static int offset_of(struct trigger_chip *chip, const char *name)
     return isdigit((unsigned char)*name) && !*end && number < lines ? (int)number : -ENODEV;
 }
 
-/* @return 0, or an error with the name of the line that stands in the way */
+/* @return 0, or an error with the name of the line that caused it */
 static int resolve(struct trigger_chip *chip, struct gpio_request *request, const struct gpio_wanted *wanted,
                    const char **missing)
 {
@@ -166,7 +165,7 @@ void gpio_access_remedy(const char *path, char *text, size_t size)
                  "and add the user to that group");
 }
 
-/* Why no chip is it. */
+/* Explain why no chip matches. */
 static int explain(const struct gpio_listed *list, int n, const struct gpio_wanted *wanted, char *why, size_t size)
 {
     char remedy[256];
@@ -175,7 +174,7 @@ static int explain(const struct gpio_listed *list, int n, const struct gpio_want
         if (list[i].error != EACCES && list[i].error != EPERM)
             continue;
         gpio_access_remedy(list[i].path, remedy, sizeof(remedy));
-        snprintf(why, size, "no right to open %s: %s", list[i].path, remedy);
+        snprintf(why, size, "no permission to open %s: %s", list[i].path, remedy);
         return -EACCES;
     }
     if (!n) {
@@ -185,15 +184,15 @@ static int explain(const struct gpio_listed *list, int n, const struct gpio_want
         return -ENODEV;
     }
     if (wanted->chip[0])
-        snprintf(why, size, "no GPIO chip is labelled \"%s\"; there are ", wanted->chip);
+        snprintf(why, size, "no GPIO chip is labelled \"%s\"; available: ", wanted->chip);
     else
-        snprintf(why, size, "no GPIO chip has line \"%s\" and all others that are configured; there are ",
+        snprintf(why, size, "no GPIO chip has line \"%s\" and all other configured lines; available: ",
                  wanted->outputs ? wanted->output[0] : wanted->loopback);
     list_chips(list, n, why, size);
     return -ENODEV;
 }
 
-/* Look at one chip. @return 1 (it is the one), 0 (another one), or an error with `why` */
+/* Check one chip. @return 1 (it matches), 0 (it does not), or an error with `why` */
 static int consider(struct gpio_listed *listed, struct trigger_chip **chip, struct gpio_request *request,
                     const struct gpio_wanted *wanted, char *why, size_t size)
 {
@@ -241,10 +240,10 @@ int gpio_find(struct trigger_chip **out, struct gpio_request *request, const str
         const int r = consider(&list[i], &chip, found ? &other : request, wanted, why, size);
 
         if (r == 1 && found) {
-            snprintf(why, size,
-                     "both %s and %s have what is configured: give the label of one as trigger chip, or "
-                     "take the other away",
-                     list[first].path, list[i].path);
+            snprintf(
+                why, size,
+                "both %s and %s have the configured lines: set the label of one as trigger chip, or unplug the other",
+                list[first].path, list[i].path);
             gpio_chip_close(chip);
             err = -ENOTUNIQ;
         } else if (r == 1) {
@@ -264,7 +263,7 @@ int gpio_find(struct trigger_chip **out, struct gpio_request *request, const str
     return err;
 }
 
-/* Which of the lines is in use, and by whom. @return -EBUSY, or 0 where none seems to be */
+/* Find the line in use, and its consumer. @return -EBUSY, or 0 if none seems to be */
 static int name_holder(struct trigger_chip *chip, const struct gpio_request *r, char *why, size_t size)
 {
     struct trigger_line line;
@@ -317,7 +316,8 @@ int gpio_open(struct trigger_chip **out, const struct gpio_wanted *wanted, char 
         if (!name_holder(chip, &request, why, size))
             snprintf(why, size, "a line of chip \"%s\" was in use a moment ago: try again", gpio_chip_label(chip));
     } else if (err == -EPERM || err == -EACCES) {
-        snprintf(why, size, "no right to hold the lines of chip \"%s\": they are reserved or the system denies it (%s)",
+        snprintf(why, size,
+                 "no permission to request the lines of chip \"%s\": they are reserved or the system denies it (%s)",
                  gpio_chip_label(chip), strerror(-err));
     } else {
         snprintf(why, size, "requesting the lines of chip \"%s\": %s%s", gpio_chip_label(chip), strerror(-err),

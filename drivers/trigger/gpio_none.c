@@ -1,4 +1,4 @@
-/* Built without libgpiod: no chip opens, so that nothing below the opening is ever reached. */
+/* Built without libgpiod: opening a chip always fails, so the other functions are never called. */
 #if WITH_GPIOD == 0
 #include "drivers/trigger/trigger_internal.h"
 
@@ -43,5 +43,5 @@ void gpio_chip_close(struct trigger_chip *c SST_UNUSED)
 {
 }
 #else
-typedef int sst_gpio_none_not_built; /* a translation unit holds something */
+typedef int sst_gpio_none_not_built; /* a translation unit must not be empty */
 #endif

@@ -133,5 +133,5 @@ void gpio_chip_close(struct trigger_chip *c)
     free(c);
 }
 #else
-typedef int sst_gpio_v1_not_built; /* a translation unit holds something */
+typedef int sst_gpio_v1_not_built; /* a translation unit must not be empty */
 #endif

@@ -63,7 +63,7 @@ int gpio_chip_line(struct trigger_chip *c, unsigned offset, struct trigger_line 
     return 0;
 }
 
-/* Both kinds of line go into one configuration, hence one ioctl. */
+/* Outputs and input in one configuration, hence one ioctl. */
 static int configure(struct gpiod_line_config *config, struct gpiod_line_settings *settings,
                      const struct gpio_request *r)
 {
@@ -153,5 +153,5 @@ void gpio_chip_close(struct trigger_chip *c)
     free(c);
 }
 #else
-typedef int sst_gpio_v2_not_built; /* a translation unit holds something */
+typedef int sst_gpio_v2_not_built; /* a translation unit must not be empty */
 #endif

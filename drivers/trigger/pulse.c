@@ -31,15 +31,15 @@ int pulse_steps(struct pulse_step *step, const int *delay_us, int lines, int pul
     }
 }
 
-int64_t beat_due_ns(int64_t start_ns, double rate_hz, uint64_t n)
+int64_t tick_due_ns(int64_t start_ns, double rate_hz, uint64_t n)
 {
     return start_ns + llround((double)n * 1e9 / rate_hz);
 }
 
-uint64_t beat_next(int64_t start_ns, double rate_hz, uint64_t n, int64_t now_ns)
+uint64_t tick_next(int64_t start_ns, double rate_hz, uint64_t n, int64_t now_ns)
 {
-    const double beats = (double)(now_ns - start_ns) * rate_hz * 1e-9;
-    const double first = ceil(beats - 0.5);
+    const double ticks = (double)(now_ns - start_ns) * rate_hz * 1e-9;
+    const double first = ceil(ticks - 0.5);
 
     return first > (double)n ? (uint64_t)first : n;
 }

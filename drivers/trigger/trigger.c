@@ -14,12 +14,12 @@
 #include "drivers/trigger/trigger_internal.h"
 
 #define PRIORITY       50
-#define FINE_NS        2000000 /* the last piece before a step is slept by the clock alone, the rest can be interrupted */
+#define FINE_NS        2000000 /* the last part before a step is slept uninterrupted */
 #define EDGES_WELL     20
 #define EDGE_MARGIN_NS 300000    /* waiting for the loop-back edge ends this long before the next step */
-#define EDGE_WAIT_NS   20000000  /* an edge that has not shown up by then, or half a period, is missing */
-#define EDGE_EARLY_NS  100000    /* error of stamps that come from another clock */
-#define RETRY_MIN_NS   100000000 /* a chip that vanished is looked for with back-off ... */
+#define EDGE_WAIT_NS   20000000  /* an edge is missing after this time, or half a period */
+#define EDGE_EARLY_NS  100000    /* error of stamps converted from another clock */
+#define RETRY_MIN_NS   100000000 /* a vanished chip is searched with back-off ... */
 #define RETRY_MAX_NS   5000000000
 
 struct sst_trigger {
@@ -38,7 +38,7 @@ struct sst_trigger {
     uint64_t count;
     int64_t start_ns;
     bool stop, quit;
-    int error; /* that ended the last train */
+    int error; /* error that ended the last train */
     struct sst_trigger_counters counters;
     /* atomic; changed under lock */
     _Atomic bool running, lost;
@@ -47,7 +47,7 @@ struct sst_trigger {
     struct trigger_chip *chip;
     uint64_t index;
     uint32_t sequence;    /* of the last edge; 0: none yet */
-    int edges_until_well; /* a missing edge was told, and is told again after so many good ones */
+    int edges_until_well; /* a missing edge was logged, and is logged again after this number of good ones */
 };
 
 void sst_trigger_config_defaults(struct sst_trigger_config *cfg)
@@ -71,7 +71,7 @@ static void sleep_until(int64_t t_ns)
         ;
 }
 
-/* @return false: asked to stop before t_ns */
+/* @return false: stopped before t_ns */
 static bool wait_until_locked(struct sst_trigger *t, int64_t t_ns)
 {
     const struct timespec coarse = timespec_of(t_ns - FINE_NS);
@@ -88,8 +88,8 @@ static bool wait_until_locked(struct sst_trigger *t, int64_t t_ns)
 
 /* --- one pulse ---------------------------------------------------------------------------------------------------- */
 
-/* Look for the loop-back edge of this pulse until t_ns. @return 1, 0, or the error of the chip */
-static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t t_ns)
+/* Wait for the loop-back edge of this pulse until t_ns. @return 1, 0, or the error of the chip */
+static int wait_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t t_ns)
 {
     struct gpio_edge got;
 
@@ -107,7 +107,7 @@ static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, i
             pthread_mutex_unlock(&t->lock);
         }
         t->sequence = got.sequence;
-        /* An edge that came too late for its own pulse is none of this one. */
+        /* A late edge of an earlier pulse does not belong to this one. */
         if (got.t_ns < edge->before_ns - EDGE_EARLY_NS)
             continue;
         edge->kernel_ns = got.t_ns;
@@ -118,12 +118,11 @@ static int look_for_edge(struct sst_trigger *t, struct sst_trigger_edge *edge, i
 static void count_edge(struct sst_trigger *t, bool missing)
 {
     if (missing && !t->edges_until_well)
-        sst_log_warning(
-            "trigger: loop-back line %s shows no edge of beat %llu: check its wire, or leave `loopback` out; "
-            "the sets' times are those of the program until then",
-            t->cfg.loopback, (unsigned long long)t->index);
+        sst_log_warning("trigger: loop-back line %s reports no edge for tick %llu: check its wire, or remove "
+                        "`loopback`; until then sets have the program's times",
+                        t->cfg.loopback, (unsigned long long)t->index);
     if (!missing && t->edges_until_well == 1)
-        sst_log_info("trigger: loop-back line %s shows edges again", t->cfg.loopback);
+        sst_log_info("trigger: loop-back line %s reports edges again", t->cfg.loopback);
     if (!missing) {
         t->edges_until_well -= t->edges_until_well > 0;
         return;
@@ -134,34 +133,34 @@ static void count_edge(struct sst_trigger *t, bool missing)
     pthread_mutex_unlock(&t->lock);
 }
 
-/* Told as soon as the edge is known, which is before the pulse has ended. */
-static void tell(struct sst_trigger *t, const struct sst_trigger_edge *edge)
+/* Report as soon as the edge is known, which is before the pulse has ended. */
+static void report_edge(struct sst_trigger *t, const struct sst_trigger_edge *edge)
 {
     if (t->cfg.loopback[0])
         count_edge(t, !edge->kernel_ns);
     if (t->edge)
         t->edge(t->arg, edge);
-    t->index++; /* also when the rest of the beat fails: no index is told twice */
+    t->index++; /* even if the rest of the tick fails: no index is reported twice */
 }
 
-/* Times are those of the first rise: a late beat keeps its pulse width. */
+/* Times are relative to the first rise: a late tick keeps its pulse width. */
 static int pulse(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t edge_wait_ns)
 {
     const bool loopback = t->cfg.loopback[0];
-    bool told = false;
+    bool reported = false;
     int64_t base_ns = edge->due_ns - t->step[0].at_ns;
     int err;
 
     for (int i = 0; i < t->steps; i++) {
         const int64_t at_ns = base_ns + t->step[i].at_ns;
 
-        if (loopback && i && !told) {
-            err = look_for_edge(t, edge, at_ns - EDGE_MARGIN_NS);
+        if (loopback && i && !reported) {
+            err = wait_for_edge(t, edge, at_ns - EDGE_MARGIN_NS);
             if (err < 0)
                 return err;
             if (err) {
-                tell(t, edge);
-                told = true;
+                report_edge(t, edge);
+                reported = true;
             }
         }
         sleep_until(at_ns);
@@ -175,27 +174,27 @@ static int pulse(struct sst_trigger *t, struct sst_trigger_edge *edge, int64_t e
         if (err)
             return err;
         if (!i && !loopback) {
-            tell(t, edge);
-            told = true;
+            report_edge(t, edge);
+            reported = true;
         }
     }
-    if (told)
+    if (reported)
         return 0;
-    err = look_for_edge(t, edge, sst_clock_now_ns() + edge_wait_ns);
+    err = wait_for_edge(t, edge, sst_clock_now_ns() + edge_wait_ns);
     if (err < 0)
         return err;
-    tell(t, edge);
+    report_edge(t, edge);
     return 0;
 }
 
-static int beat(struct sst_trigger *t, int64_t due_ns, int64_t edge_wait_ns)
+static int tick(struct sst_trigger *t, int64_t due_ns, int64_t edge_wait_ns)
 {
     struct sst_trigger_edge edge = { .index = t->index, .due_ns = due_ns };
     int err = 0;
 
     if (t->cfg.source == SST_TRIGGER_SOFTWARE) {
         edge.before_ns = edge.after_ns = sst_clock_now_ns();
-        tell(t, &edge);
+        report_edge(t, &edge);
     } else {
         edge.due_ns += t->step[0].at_ns;
         err = pulse(t, &edge, edge_wait_ns);
@@ -230,16 +229,16 @@ static int open_chip(struct sst_trigger *t, char *why, size_t size)
 static void lose_chip_locked(struct sst_trigger *t, int err)
 {
     if (!t->cfg.quiet)
-        sst_log_error("trigger: GPIO chip \"%s\" failed at beat %llu: %s; the train has ended, and the chip is looked "
-                      "for until it is back",
-                      t->cfg.chip[0] ? t->cfg.chip : t->cfg.line[0], (unsigned long long)t->index, strerror(-err));
-    gpio_chip_close(t->chip); /* also lets the lines go, whatever level the last step left */
+        sst_log_error(
+            "trigger: GPIO chip \"%s\" failed at tick %llu: %s; the pulse train is stopped until the chip is back",
+            t->cfg.chip[0] ? t->cfg.chip : t->cfg.line[0], (unsigned long long)t->index, strerror(-err));
+    gpio_chip_close(t->chip); /* also releases the lines, at the level of the last step */
     t->chip = NULL;
     t->counters.chip_lost++;
     t->lost = true;
 }
 
-/* One look each time the back-off has passed; the lock is open meanwhile. */
+/* Search once after each back-off, without the lock. */
 static void find_chip_locked(struct sst_trigger *t)
 {
     int64_t wait_ns = RETRY_MIN_NS;
@@ -275,20 +274,20 @@ static int run_train_locked(struct sst_trigger *t)
     uint64_t fired = 0;
 
     for (uint64_t n = 0; !t->count || fired < t->count; n++) {
-        const int64_t due_ns = beat_due_ns(start_ns, rate_hz, n);
+        const int64_t due_ns = tick_due_ns(start_ns, rate_hz, n);
         uint64_t next;
         int err;
 
         if (!wait_until_locked(t, due_ns))
             return 0;
-        next = beat_next(start_ns, rate_hz, n, sst_clock_now_ns());
+        next = tick_next(start_ns, rate_hz, n, sst_clock_now_ns());
         if (next > n) {
             t->skipped += next - n;
             n = next - 1;
             continue;
         }
         pthread_mutex_unlock(&t->lock);
-        err = beat(t, due_ns, spare_ns < EDGE_WAIT_NS ? spare_ns : EDGE_WAIT_NS);
+        err = tick(t, due_ns, spare_ns < EDGE_WAIT_NS ? spare_ns : EDGE_WAIT_NS);
         pthread_mutex_lock(&t->lock);
         if (err)
             return err;
@@ -322,7 +321,7 @@ static void *serve(void *arg)
     return NULL;
 }
 
-/* Real-time priority keeps beats in time on a busy machine; without the right to it they are still absolute. */
+/* Real-time priority keeps ticks in time on a busy machine; without the permission they are still absolute. */
 static int start_thread(struct sst_trigger *t)
 {
     const struct sched_param priority = { .sched_priority = PRIORITY };
@@ -335,7 +334,7 @@ static int start_thread(struct sst_trigger *t)
     t->threaded = true;
     if (pthread_setschedparam(t->thread, SCHED_FIFO, &priority))
         sst_log_info("trigger: no real-time priority (needs CAP_SYS_NICE or an rtprio limit of %d): on a busy machine "
-                     "beats may be late",
+                     "ticks may be late",
                      PRIORITY);
     return 0;
 }
@@ -450,7 +449,7 @@ static int begin_locked(struct sst_trigger *t, double rate_hz, uint64_t count)
     return 0;
 }
 
-/* Between two pulses the lines must be inactive for a moment. */
+/* Between two pulses the lines must be inactive for a short time. */
 static bool too_fast(const struct sst_trigger *t, double rate_hz)
 {
     return t->steps && (double)t->step[t->steps - 1].at_ns * rate_hz >= 1e9;
@@ -465,7 +464,7 @@ int sst_trigger_start(struct sst_trigger *t, double rate_hz, uint64_t count)
         return -EINVAL;
     }
     if (too_fast(t, rate_hz)) {
-        sst_log_error("trigger: the pulse with its delays takes %lld us, longer than the period at %g/s: shorten it or "
+        sst_log_error("trigger: the pulse with its delays lasts %lld us, longer than the period at %g/s: shorten it or "
                       "lower the rate",
                       (long long)(t->step[t->steps - 1].at_ns / 1000), rate_hz);
         return -EINVAL;

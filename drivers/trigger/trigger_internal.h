@@ -7,7 +7,7 @@
 
 #include "base/base.h"
 
-/* --- gpio: what the trigger needs of a GPIO chip; one back end per libgpiod API speaks to the kernel. --- */
+/* --- gpio: access to a GPIO chip; one back end per libgpiod API. --- */
 
 #define SST_GPIO_LINES_MAX 64
 #define SST_GPIO_NAME_MAX  64
@@ -16,7 +16,7 @@ struct trigger_chip; /* opaque; one thread at a time */
 
 struct trigger_line {
     char name[SST_GPIO_NAME_MAX];     /* "" for unnamed lines */
-    char consumer[SST_GPIO_NAME_MAX]; /* who holds it; "" if nobody says so */
+    char consumer[SST_GPIO_NAME_MAX]; /* the program that holds it; "" if unknown */
     bool used;
 };
 
@@ -41,20 +41,21 @@ const char *gpio_chip_label(const struct trigger_chip *chip);
 int gpio_chip_lines(const struct trigger_chip *chip);
 SST_MUST_CHECK int gpio_chip_line(struct trigger_chip *chip, unsigned offset, struct trigger_line *out);
 
-/** Hold the lines until close; once per chip. @return 0, -EBUSY (a line is in use), -EINVAL, -errno of the kernel. */
+/** Request the lines until close; once per chip. @return 0, -EBUSY (a line is in use), -EINVAL, -errno of the kernel.
+ */
 SST_MUST_CHECK int gpio_chip_request(struct trigger_chip *chip, const struct gpio_request *request);
 
 /** Make output i of the request active where bit i of `active` is set, all in one ioctl. @return 0, -ENODEV, -EIO. */
 SST_MUST_CHECK int gpio_chip_set(struct trigger_chip *chip, uint64_t active);
 
-/** Wait up to timeout_ns (0: only look) for the next edge of the loop-back line.
+/** Wait up to timeout_ns (0: poll) for the next edge of the loop-back line.
  *  @return 1 (an edge), 0 (none), -ENODEV, -EIO, -EINTR. */
 SST_MUST_CHECK int gpio_chip_edge(struct trigger_chip *chip, int64_t timeout_ns, struct gpio_edge *out);
 
-/** NULL is fine. Lines are released; what level they keep is the hardware's choice. */
+/** NULL is fine. Lines are released; their level then depends on the hardware. */
 void gpio_chip_close(struct trigger_chip *chip);
 
-/* --- gpio.c: finding and judging chips ---------------------------------------------------------------------------- */
+/* --- gpio.c: finds and checks chips ------------------------------------------------------------------------------- */
 
 struct gpio_wanted {
     const char *chip; /* label; "": the chip that has all the lines */
@@ -70,34 +71,34 @@ struct gpio_listed {
     int error; /* errno of opening it */
 };
 
-/** All GPIO chips there are, by number. *out to free with free(). @return count, or -ENOMEM, -ENOSYS. Logs nothing. */
+/** All GPIO chips by number. *out to free with free(). @return count, or -ENOMEM, -ENOSYS. Logs nothing. */
 SST_MUST_CHECK int gpio_list(struct gpio_listed **out);
 
 /** Find the one chip that `wanted` describes, and its lines; nothing is requested.
- *  @return 0, -ENODEV, -ENOTUNIQ (two chips would do), -EACCES, -EINVAL, -ENOSYS; the sentence goes to `why`. */
+ *  @return 0, -ENODEV, -ENOTUNIQ (two chips match), -EACCES, -EINVAL, -ENOSYS; `why` gets one sentence. */
 SST_MUST_CHECK int gpio_find(struct trigger_chip **chip, struct gpio_request *request, const struct gpio_wanted *wanted,
                              char *why, size_t why_size);
 
-/** Find, and hold the lines. @return also -EBUSY (the line and its holder are named) */
+/** Find, and request the lines. @return also -EBUSY (with the line and its consumer) */
 SST_MUST_CHECK int gpio_open(struct trigger_chip **chip, const struct gpio_wanted *wanted, char *why, size_t why_size);
 
-/** As open, but nothing is held, and `why` also names the chip that would be taken. */
+/** Like open, but requests nothing, and `why` also names the chip on success. */
 SST_MUST_CHECK int gpio_probe(const struct gpio_wanted *wanted, char *why, size_t why_size);
 
-/** How to get the right to open a GPIO chip, from the owner and mode that `path` has. */
+/** How to get the permission to open a GPIO chip, from the owner and mode of `path`. */
 void gpio_access_remedy(const char *path, char *text, size_t size);
 
-/* --- pulse: the timing of a pulse train, without I/O: beats, steps of a pulse, clocks of edge stamps. --- */
+/* --- pulse: timing of a pulse train, without I/O: ticks, steps of a pulse, clocks of edge stamps. --- */
 
 /** One change of lines. */
 struct pulse_step {
-    int64_t at_ns;   /* after the beat */
+    int64_t at_ns;   /* after the tick */
     uint64_t active; /* bit i: line i is active from then on */
 };
 
 /**
- * The changes that one beat makes, in order of time: lines of equal delay change together, and what rises while
- * something else falls does so in one step.
+ * Line changes of one tick in order of time: lines of equal delay change together, and simultaneous rising and falling
+ * edges are one step.
  *
  * @param step      out [2 * lines], the first one raises, the last one leaves all lines inactive
  * @param delay_us  [lines], 0..; lines 1..64, pulse_us > 0
@@ -105,14 +106,14 @@ struct pulse_step {
  */
 int pulse_steps(struct pulse_step *step, const int *delay_us, int lines, int pulse_us);
 
-/** Beat n of a train, from its start and not from the beat before: rounding never adds up. */
-int64_t beat_due_ns(int64_t start_ns, double rate_hz, uint64_t n);
+/** Time of tick n, from the start of the train: rounding errors do not accumulate. */
+int64_t tick_due_ns(int64_t start_ns, double rate_hz, uint64_t n);
 
-/** The first beat from n on that is not yet over half a period ago at now_ns. */
-uint64_t beat_next(int64_t start_ns, double rate_hz, uint64_t n, int64_t now_ns);
+/** The first tick from n on that is at most half a period late at now_ns. */
+uint64_t tick_next(int64_t start_ns, double rate_hz, uint64_t n, int64_t now_ns);
 
-/** An edge stamp on CLOCK_MONOTONIC. Kernels before 5.7 stamp on CLOCK_REALTIME; whichever of the clocks, both just
- *  read, is nearer to the stamp is the stamp's. */
+/** An edge stamp on CLOCK_MONOTONIC. Kernels before 5.7 use CLOCK_REALTIME; the clock whose current reading is
+ *  nearer to the stamp is assumed. */
 int64_t edge_monotonic(int64_t stamp_ns, int64_t monotonic_ns, int64_t realtime_ns);
 
 static inline int64_t pulse_ns(int64_t s, int64_t ns)

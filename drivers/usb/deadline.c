@@ -17,7 +17,7 @@ struct job {
     pthread_cond_t ended;
     bool done;
     int result, users; /* the last user frees */
-    /* the thread's */
+    /* the thread only */
     _Alignas(max_align_t) unsigned char arg[];
 };
 

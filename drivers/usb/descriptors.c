@@ -24,13 +24,13 @@ static void read_endpoint(struct sst_usb_alt *alt, const uint8_t *d, int speed_m
 int usb_parse_alts(struct sst_usb_alt alt[SST_USB_ALTS_MAX], const uint8_t *data, size_t size, int speed_mbit)
 {
     int n = 0, configurations = 0, interface = -1, setting = -1;
-    bool here = false; /* the last endpoint was one of ours */
+    bool here = false; /* the last endpoint belongs to the interface */
 
     for (size_t at = 0; at + 2 <= size && data[at] >= 2 && data[at] <= size - at; at += data[at]) {
         const uint8_t *d = data + at;
 
         if (d[1] == CONFIGURATION && ++configurations == 2)
-            break; /* the kernel takes the first one */
+            break; /* the kernel uses the first one */
         if (d[1] == INTERFACE && d[0] >= 9) {
             here = false;
             setting = -1;

@@ -41,7 +41,7 @@ static void close_usb(struct usb *u)
     close(u->fd);
 }
 
-/* The one device by its node: libusb's own search would open and watch the whole machine. */
+/* Open one device by its node: the enumeration of libusb would open and monitor all devices. */
 static int open_usb(struct usb *u, int bus, int address)
 {
     char node[64];
@@ -74,7 +74,7 @@ int hub_reset_device(int bus, int address)
         return err;
     err = libusb_reset_device(u.handle);
     close_usb(&u);
-    /* Not found: the reset worked, and the device came back as another one. */
+    /* Not found: the reset worked, and the device was enumerated as a new one. */
     return err == LIBUSB_ERROR_NOT_FOUND ? 0 : translate(err);
 }
 
@@ -92,7 +92,7 @@ int hub_set_port_power(int bus, int address, int number, bool on)
     return translate(err);
 }
 
-/* wHubCharacteristics, bits 1..0: 0 all ports together, 1 each by itself, 2 and 3 no switching. */
+/* wHubCharacteristics, bits 1..0: 0 all ports together, 1 each port separately, 2 and 3 no switching. */
 enum sst_usb_switching hub_switching(int bus, int address)
 {
     const uint8_t type = LIBUSB_ENDPOINT_IN | LIBUSB_REQUEST_TYPE_CLASS | LIBUSB_RECIPIENT_DEVICE;

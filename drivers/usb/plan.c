@@ -14,7 +14,7 @@
 
 enum kind {
     HIGH_SPEED = 0,      /* bus of a controller */
-    HIGH_SPEED_PORT = 1, /* root port with a bus of its own */
+    HIGH_SPEED_PORT = 1, /* root port with its own bus */
     FULL_SPEED = 2,      /* bus of a controller, or root port */
     TRANSLATOR = 3,      /* full speed behind a high-speed hub */
     SUPER_SPEED = 4,     /* link below a hub port */
@@ -32,7 +32,7 @@ struct segment {
     bool tt_used;
 };
 
-/* Where a stream's packets pass, the last one nearest to the controller. */
+/* Segments on the path of a stream, the last one nearest to the controller. */
 struct route {
     struct place place[PATH_MAX_SEGMENTS];
     int n;
@@ -40,7 +40,7 @@ struct route {
 
 /* --- costs, in Mbit/s of the wire with overheads ------------------------------------------------------------------ */
 
-/* USB 2.0, 5.11.3, as Linux has it: bits stuffed to 7/6 of the data. */
+/* USB 2.0, 5.11.3, as in Linux: bit stuffing to 7/6 of the data. */
 static int64_t stuffed_bits(int bytes)
 {
     return 7LL * 8 * bytes / 6;
@@ -95,8 +95,8 @@ static double cost(const struct place *p, const struct sst_usb_alt *alt)
     return super_speed_mbit(alt->packet_bytes, alt->interval_us);
 }
 
-/* What a stream behind a translator takes of the bus above: Intel reckons 125 blocks for each translator in use; Linux'
- * EHCI driver up to 188 bytes of each stream in a microframe. */
+/* Cost of a stream behind a translator on the bus above: Intel counts 125 blocks for each translator in use; the EHCI
+ * driver of Linux up to 188 bytes of each stream per microframe. */
 static double cost_above(const struct place *p, bool tt_used, const struct sst_usb_alt *alt)
 {
     if (p->kind == HIGH_SPEED_PORT)
@@ -131,12 +131,12 @@ static void add_place(struct route *r, struct place p)
         r->place[r->n++] = p;
 }
 
-/* USB allows five hubs in a row; a longer chain ends the walk by add_place()'s limit. */
+/* USB allows five hubs in a row; a longer chain ends at the limit of add_place(). */
 static struct route find_route(const struct sst_usb_device *devices, int device)
 {
     const struct sst_usb_device *d = &devices[device];
     const bool super = d->speed_mbit >= 5000;
-    bool full = d->speed_mbit < 480; /* here; not any more above a translator */
+    bool full = d->speed_mbit < 480; /* here; high speed above a translator */
     struct route r = { .n = 0 };
 
     for (int hub; (hub = devices[device].parent) >= 0; device = hub) {
@@ -183,7 +183,7 @@ static bool same_place(const struct place *a, const struct place *b)
     return a->kind == b->kind && a->hub == b->hub && a->port == b->port;
 }
 
-/* @return the segment at that place, made if it is new */
+/* @return the segment at that place, created if it is new */
 static struct segment *at_place(struct segment *segments, int *n, const struct place *p,
                                 const struct sst_usb_device *devices)
 {
@@ -202,8 +202,8 @@ static struct segment *at_place(struct segment *segments, int *n, const struct p
 
 /* --- choosing a setting ------------------------------------------------------------------------------------------- */
 
-/* As uvcvideo chooses: the smallest packet that carries what the camera says it needs at most. A camera of which
- * nothing better is known asks for its largest. */
+/* Selection as in uvcvideo: the smallest packet that carries the maximum the camera reports. If that is unknown, the
+ * camera is assumed to request its largest. */
 static const struct sst_usb_alt *choose(const struct sst_usb_device *d, int64_t needed_bytes_s)
 {
     const struct sst_usb_alt *best = NULL, *largest = NULL;
@@ -222,7 +222,7 @@ static const struct sst_usb_alt *choose(const struct sst_usb_device *d, int64_t 
     return needed_bytes_s ? best : largest;
 }
 
-/* What a camera with unreadable descriptors may ask for. */
+/* Assumed packet of a camera with unreadable descriptors. */
 static struct sst_usb_alt worst(int speed_mbit)
 {
     const int packet = speed_mbit >= 5000 ? 16 * 1024 : speed_mbit == 480 ? 3 * 1024 : 1023;
@@ -241,7 +241,7 @@ static bool streams_in_bulk(const struct sst_usb_device *d)
 
 /* --- the plan ----------------------------------------------------------------------------------------------------- */
 
-/* What the stream adds at a place. */
+/* Cost of the stream on a segment. */
 static double added(const struct route *r, struct segment *const *segment, int i, const struct sst_usb_alt *alt)
 {
     if (i > 0 && r->place[i - 1].kind == TRANSLATOR)
@@ -249,7 +249,7 @@ static double added(const struct route *r, struct segment *const *segment, int i
     return cost(&r->place[i], alt);
 }
 
-/* Without `alt` the stream reserves nothing; it does so in vain unless `possible`. */
+/* Without `alt` the stream reserves nothing; it is refused unless `possible`. */
 static void reserve(struct sst_usb_stream *stream, const struct route *r, const struct sst_usb_alt *alt, bool possible,
                     struct segment *segments, int *n, const struct sst_usb_device *devices)
 {

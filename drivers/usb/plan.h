@@ -1,12 +1,13 @@
 /*
- * drivers/usb/plan.h - will these cameras stream together? The kernel's bandwidth rules, before streaming.
+ * drivers/usb/plan.h - predicts whether cameras can stream together, by the kernel's USB bandwidth rules.
  *
- * A camera that streams reserves its alternate setting's packet in every (micro)frame, used or not. What wires carry:
+ * A streaming camera reserves the packet of its alternate setting in every (micro)frame, used or not. Limits of the
+ * wires:
  * - High speed: the time of all packets of a microframe, worst-case bit stuffing included, is at most 80 %, 100 of
- *   125 us; as Linux adds it up for EHCI, where a controller has one high-speed bus. xHCI controllers add it up
- *   themselves. Those of Intel give each root port a bus of its own and reckon in blocks of 4 bytes (26 more a packet,
- * at most 80 % of 1607); Linux knows these sums because it must do them for an early one. Of others it is unknown, and
- * one bus for the whole controller is assumed, as the least that there must be: they may take more than planned.
+ *   125 us; as Linux computes it for EHCI, where a controller has one high-speed bus. xHCI controllers compute it
+ *   themselves. Those of Intel have one bus per root port and count in blocks of 4 bytes (26 more per packet, at most
+ *   80 % of 1607); Linux has this formula because it must apply it for an early one. For others it is unknown; one bus
+ *   for the whole controller is assumed as the minimum: they may carry more than planned.
  * - Full speed: 900 of 1000 us of a frame in a transaction translator of the nearest high-speed hub (one for all its
  *   ports, or one each), which takes time of the high-speed bus too.
  * - SuperSpeed: 90 % of a link of 5, 10 or 20 Gbit/s less its line coding, on each link up to the root port.
@@ -19,10 +20,9 @@
 
 struct sst_usb_stream {
     int device; /* index in the list of sst_usb_list() */
-    int64_t
-        needed_bytes_s;   /* what the format and rate take at most; 0: unknown, as many MJPEG cameras say: worst case */
-    int alt;              /* out: the setting that uvcvideo picks, or -1: none is large enough, or none is known */
-    double reserved_mbit; /* out: what it asks of its segment, overheads included; nothing if it streams in bulk */
+    int64_t needed_bytes_s; /* maximum of format and rate; 0: unknown (many MJPEG cameras report the worst case) */
+    int alt;                /* out: the setting that uvcvideo selects, or -1: none is large enough or known */
+    double reserved_mbit;   /* out: reserved on its segment, with overhead; 0 for bulk streaming */
     int segment;          /* out: index of the segment that it loads most */
     bool fits;            /* out */
 };
@@ -40,11 +40,11 @@ struct sst_usb_plan {
     int refused; /* streams */
 };
 
-/** What a raw format takes: all of w x h pixels at rate_hz; 0 for compressed and unknown formats. */
+/** Data rate of a raw format with w x h pixels at rate_hz; 0 for compressed and unknown formats. */
 int64_t sst_usb_format_bytes_s(uint32_t fourcc, int width, int height, double rate_hz);
 
-/** Reserve the streams in order, one that does not fit reserves nothing; outputs are filled in `streams`.
- *  @return 0, -ENOMEM; a plan that does not fit is 0. */
+/** Reserve bandwidth for the streams in order; one that does not fit reserves nothing. Fills the outputs of `streams`.
+ *  @return 0 (also if not all fit), -ENOMEM */
 SST_MUST_CHECK int sst_usb_plan(struct sst_usb_plan *out, const struct sst_usb_device *devices, int count,
                                 struct sst_usb_stream *streams, int stream_count);
 

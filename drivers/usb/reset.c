@@ -1,4 +1,4 @@
-/* Resets of a device from the gentlest on: USB reset, re-authorisation, power of its hub port. */
+/* Resets of a device in increasing strength: USB reset, re-authorisation, power of its hub port. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -74,7 +74,7 @@ static int device_folder(char folder[SST_PATH_MAX], const char *port)
     char hub[SST_USB_TEXT_MAX];
     int number;
 
-    /* Ports come from a configuration: no path may hide in one. */
+    /* Ports come from the configuration: reject anything that contains a path. */
     return usb_split_port(port, hub, &number) ? -EINVAL : sst_path_join(folder, DEVICES, port);
 }
 
@@ -118,7 +118,7 @@ struct power_port {
     char hub[SST_USB_TEXT_MAX];
     int number;
     char folder[SST_PATH_MAX]; /* of the port in sysfs */
-    bool attribute;            /* it has `disable` (Linux 6.0) */
+    bool attribute;            /* sysfs has `disable` (Linux 6.0) */
 };
 
 /* Root hub usb1 has interface 1-0:1.0, hub 1-2 has 1-2:1.0. */
@@ -138,7 +138,7 @@ static int find_port(struct power_port *p)
     return err;
 }
 
-/* The port of the hub's other half (USB 2 and 3), which shares the plug and its power. @return false: it has none */
+/* The same port of the companion hub (USB 2 and 3), which shares connector and power. @return false: there is none */
 static bool find_twin(struct power_port *twin, const struct power_port *port)
 {
     char link[SST_PATH_MAX], target[SST_PATH_MAX];
@@ -188,7 +188,7 @@ static int switch_port(const struct power_port *p, bool on)
     return err ? err : deadline_call(set_port_job, &job, sizeof(job), DEADLINE_MS);
 }
 
-/* A hub that says it cannot is not asked to; one that may not be asked is tried. */
+/* A hub that reports no switching is not tried; one that cannot be queried is. */
 static int check_switching(const struct power_port *p)
 {
     struct port_job job;
@@ -231,7 +231,7 @@ int sst_usb_power_cycle(const char *port, int off_ms)
         err = switch_port(&half[i], false);
     if (!err)
         sleep_ms(off_ms);
-    /* On again in every case, also where only one half went off. */
+    /* Always switch on again, also if only one of both was switched off. */
     for (int i = 0; i < halves; i++) {
         const int on = switch_port(&half[i], true);
 

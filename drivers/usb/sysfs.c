@@ -65,7 +65,7 @@ int sysfs_int(const char *folder, const char *attribute, int base, int missing)
 
 /* --- port names --------------------------------------------------------------------------------------------------- */
 
-/* The numbers of a port path, "1-2.13" or "usb1": bus first, the root hub's own being just that. */
+/* The numbers of a port path, "1-2.13" or "usb1": the bus first; for a root hub only the bus. */
 static int numbers(int out[16], const char *port)
 {
     int n = 0;
@@ -87,7 +87,7 @@ int usb_compare_ports(const char *a, const char *b)
     const int m = numbers(x, a), n = numbers(y, b);
 
     if (!m || !n)
-        return m != n ? n - m : strcmp(a, b); /* names of other buses come after */
+        return m != n ? n - m : strcmp(a, b); /* other names sort last */
     for (int i = 0; i < m && i < n; i++) {
         if (x[i] != y[i])
             return x[i] < y[i] ? -1 : 1;
@@ -113,8 +113,8 @@ int usb_split_port(const char *port, char hub[SST_USB_TEXT_MAX], int *number)
 
 /* --- devices ------------------------------------------------------------------------------------------------------ */
 
-/* A root hub's entry is a link, ".../0000:00:14.0/usb1": what holds it is the controller, with a PCI device's vendor.
- */
+/* The entry of a root hub is a link, ".../0000:00:14.0/usb1": its parent is the controller, with the vendor of a PCI
+ * device. */
 static void read_controller(struct sst_usb_device *d, const char *devices, const char *folder)
 {
     char link[SST_PATH_MAX], real[SST_PATH_MAX], *slash;
@@ -148,7 +148,7 @@ static int read_device(struct sst_usb_device *d, const char *devices, const char
 
     memset(d, 0, sizeof(*d));
     if (sst_path_join(folder, devices, name) || sysfs_int(folder, "busnum", 10, -1) < 0)
-        return -ENODEV; /* went away meanwhile */
+        return -ENODEV; /* disconnected meanwhile */
     snprintf(d->port, sizeof(d->port), "%.63s", name);
     d->bus = sysfs_int(folder, "busnum", 10, 0);
     d->address = sysfs_int(folder, "devnum", 10, 0);
@@ -171,7 +171,7 @@ static int read_device(struct sst_usb_device *d, const char *devices, const char
     return 0;
 }
 
-/* The capture node of an interface's video4linux folder: the one of index 0, the others carry metadata. */
+/* The capture node in the video4linux folder of an interface: index 0; the others carry metadata. */
 static void read_node(struct sst_usb_device *d, const char *devices, const char *interface)
 {
     char folder[SST_PATH_MAX], path[SST_PATH_MAX], node[SST_PATH_MAX];
@@ -220,7 +220,7 @@ static void link_parents(struct sst_usb_device *list, int n)
     }
 }
 
-/* Names hold a ':' for interfaces ("1-2:1.0"), which are read for their nodes only. */
+/* Names with ':' are interfaces ("1-2:1.0"), which are only read for their nodes. */
 static int read_all(struct sst_usb_device **list, DIR *dir, const char *devices, bool interfaces, int n)
 {
     struct dirent *entry;

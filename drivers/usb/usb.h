@@ -1,4 +1,4 @@
-/* drivers/usb/usb.h - the tree of controllers, hubs and cameras; who can stream with whom; resets and port power. */
+/* drivers/usb/usb.h - the tree of USB controllers, hubs and cameras; resets and port power. */
 #ifndef SST_DRIVERS_USB_USB_H
 #define SST_DRIVERS_USB_USB_H
 
@@ -23,7 +23,7 @@ struct sst_usb_device {
     char controller[SST_USB_TEXT_MAX]; /* PCI address or platform name of the host controller */
     bool port_buses;                   /* Intel's xHCI: each root port has a high-speed bus of its own (see plan.h) */
     int bus, address, parent;          /* parent: index in the list, -1 for a root hub */
-    int speed_mbit;                    /* 1.5 is told as 1; 12, 480, 5000, 10000, 20000 */
+    int speed_mbit;                    /* 1 for 1.5; 12, 480, 5000, 10000, 20000 */
     bool hub;
     int hub_ports;
     bool single_tt; /* hub: one transaction translator for all low- and full-speed devices */
@@ -34,19 +34,19 @@ struct sst_usb_device {
     struct sst_usb_alt alt[SST_USB_ALTS_MAX]; /* of its video streaming interface */
 };
 
-/** All devices, parents before children, from sysfs alone: nothing is opened, no rights are needed. A machine without
+/** All devices, parents before children, from sysfs only: opens no device and needs no permissions. A machine without
  *  USB has none. *devices to free with free(). @return 0, -ENOMEM or -EIO, logged. */
 SST_MUST_CHECK int sst_usb_list(struct sst_usb_device **devices, int *count);
 
-/** What a hub can do about the power of its ports. */
+/** How a hub switches the power of its ports. */
 enum sst_usb_switching {
-    SST_USB_POWER_UNKNOWN = 0, /* no right to ask the hub */
+    SST_USB_POWER_UNKNOWN = 0, /* no permission to query the hub */
     SST_USB_POWER_ALWAYS = 1,
     SST_USB_POWER_GANGED = 2, /* all ports together */
-    SST_USB_POWER_PORTS = 3,  /* each by itself */
+    SST_USB_POWER_PORTS = 3,  /* each port separately */
 };
 
-/** Ask the hub (its class descriptor; waits up to 1 s). */
+/** Query the hub (its class descriptor; waits up to 1 s). */
 enum sst_usb_switching sst_usb_hub_switching(const struct sst_usb_device *hub);
 
 /*
@@ -59,9 +59,9 @@ enum sst_usb_switching sst_usb_hub_switching(const struct sst_usb_device *hub);
 SST_MUST_CHECK int sst_usb_reset(const char *port);
 /** Write sysfs `authorized` 0, then 1. */
 SST_MUST_CHECK int sst_usb_reauthorise(const char *port);
-/** Switch the hub port (and that of the hub's twin of the other speed) off, wait, on. A device that is away is no
- * error.
- *  @return also -ENOTSUP: the hub cannot switch ports by itself. */
+/** Switch the hub port (and the same port of the companion hub of the other speed) off, wait, on. A missing device is
+ *  no error.
+ *  @return also -ENOTSUP: the hub cannot switch single ports. */
 SST_MUST_CHECK int sst_usb_power_cycle(const char *port, int off_ms);
 
 #endif

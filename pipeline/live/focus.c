@@ -1,70 +1,69 @@
-/* The default focus: behind what is in front.
+/* The default focus: behind the foreground.
  *
- * What a surface hides from one view, others see. Pixels of the corner views are carried to the view looked through by
- * their disparity; where that view has a nearer surface they are hidden by it, and of all that is hidden in one place
- * the nearest counts: what one would see without the surface in front. The nearest surfaces are those of the histogram
- * of disparities from its near end to the first deep valley; what they hide votes for its disparity, weighted by the
- * gap, for the wider it is the more of the hidden surface does the array see. Surfaces that hide nothing (a floor in
- * front) are passed over, and where nothing hides anything the surface that fills most of the picture has a small vote.
+ * Surfaces hidden from one view are visible in others. Pixels of the corner views are warped to the lead view by their
+ * disparity; where the lead view has a nearer surface, they are hidden by it, and of all hidden pixels at one position
+ * the nearest counts: it is visible once the foreground is removed. The nearest surfaces are those of the histogram of
+ * disparities from its near end to the first deep valley. Surfaces that they hide get votes for their disparity,
+ * weighted by the gap, since a wider gap lets the array see more of the hidden surface. Surfaces that hide nothing (a
+ * floor in front) are skipped; if nothing hides anything, the surface that fills most of the picture gets a small vote.
  *
- * Votes are summed over time and fade: somebody who walks by for three seconds does not move the focus, and what has
- * been seen behind somebody stays in focus after they are gone. */
+ * Votes are summed over time and decay: a person who walks by for three seconds does not move the focus, and a surface
+ * seen behind a person stays in focus after that person has left. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 
-#define LOOK_COLS     160   /* places looked at in a row, about */
-#define SMOOTH        4     /* bins to each side: windows of 2.25 px, for surfaces are seldom upright */
-#define VALLEY        0.5   /* between two surfaces, of the lower peak beside it; in windows of 0.75 px */
-#define SURFACE_SHARE 0.005 /* of all places: less is noise */
+#define SAMPLE_COLS   160 /* about this number of samples per row */
+#define SMOOTH        4   /* bins to each side: windows of 2.25 px, since surfaces are rarely fronto-parallel */
+#define VALLEY        0.5 /* depth of a valley, relative to the lower peak beside it; in windows of 0.75 px */
+#define SURFACE_SHARE 0.005 /* of all samples: less is noise */
 #define GAP_MIN_PX    1.0   /* between a surface and what it hides ... */
-#define GAP_SHARE     0.05  /* ... and this of the range: more than maps err */
+#define GAP_SHARE     0.05  /* ... and this fraction of the range: more than the error of the maps */
 #define NEARNESS_MIN  0.1
 #define DOMINANT_VOTE 1e-4
 #define MEMORY_S      30.0
 #define STEP_MAX_S    1.0
-#define FIRST_S       2.0  /* what the first look counts for: something is better than nothing */
-#define SWITCH        1.3  /* times the votes of the surface in focus, to leave it */
+#define FIRST_S       2.0  /* time that the first votes count for, so that there is a focus at once */
+#define SWITCH        1.3  /* another surface needs this multiple of the votes of the one in focus */
 #define DRIFT_PX      0.25 /* the focus stays while its surface moves less */
 
-/* Of all places, what a surface must hide to count as one in front: large ones first, and without such ones small ones.
- */
+/* Fraction of all samples that a surface must hide to count as foreground: large surfaces are tried first. */
 static const double hiding_share[] = { 0.02, 0.003 };
 
-void sst_live_focus_init(struct sst_live_focus *f)
+void live_focus_init(struct live_focus *f)
 {
     memset(f, 0, sizeof(*f));
     f->focus_px = NAN;
 }
 
-void sst_live_focus_fini(struct sst_live_focus *f)
+void live_focus_fini(struct live_focus *f)
 {
     free(f->front);
     free(f->behind);
-    sst_live_focus_init(f);
+    live_focus_init(f);
 }
 
-/* Places of a view: every step-th pixel of every step-th row. */
-struct places {
+/* Sampling grid of a view: every step-th pixel of every step-th row. */
+struct sampling {
     int step, cols, rows;
 };
 
-static struct places places_of(const struct sst_lightfield *lf)
+static struct sampling grid_of(const struct sst_lightfield *lf)
 {
-    const int step = sst_max_int(lf->width / LOOK_COLS, 1);
+    const int step = sst_max_int(lf->width / SAMPLE_COLS, 1);
 
-    return (struct places){ step, lf->width / step, sst_max_int(lf->height / step, 1) };
+    return (struct sampling){ step, lf->width / step, sst_max_int(lf->height / step, 1) };
 }
 
-static uint16_t disp_at(const struct sst_view *v, const struct places *at, int col, int row)
+static uint16_t disp_at(const struct sst_view *v, const struct sampling *at, int col, int row)
 {
     return sst_map_u16_row(&v->disp, row * at->step + at->step / 2)[col * at->step + at->step / 2];
 }
 
-static int take_memory(struct sst_live_focus *f, int cells)
+static int reserve(struct live_focus *f, int cells)
 {
     uint16_t *front, *behind;
 
@@ -85,11 +84,11 @@ static int take_memory(struct sst_live_focus *f, int cells)
     return 0;
 }
 
-/* Carry the places of view v to the view looked through, and note what is hidden there. */
-static void note_hidden(struct sst_live_focus *f, const struct sst_lightfield *lf, const struct places *at,
-                        const struct sst_view *v, const struct sst_view *look, int gap_q6)
+/* Warp the samples of view v to the lead view, and note what is hidden there. */
+static void note_hidden(struct live_focus *f, const struct sst_lightfield *lf, const struct sampling *at,
+                        const struct sst_view *v, const struct sst_view *lead, int gap_q6)
 {
-    const double bx = v->bx - look->bx, by = v->by - look->by;
+    const double bx = v->bx - lead->bx, by = v->by - lead->by;
 
     for (int row = 0; row < at->rows; row++) {
         for (int col = 0; col < at->cols; col++) {
@@ -117,7 +116,7 @@ static double window(const float *bin, int c, int side)
     return sum;
 }
 
-/* Middle of the window with most in it, of those in the middle of bins first .. last; -1: there is nothing. */
+/* Centre of the window with the largest sum, with centres in bins first .. last; -1: all are empty. */
 static int highest(const float *bin, int first, int last, int side)
 {
     double best = 0;
@@ -134,7 +133,7 @@ static int highest(const float *bin, int first, int last, int side)
     return at;
 }
 
-/* First bin of the surface whose nearest bin is `top`: down to a valley that is deep beside both its peaks. */
+/* First bin of the surface whose nearest bin is `top`: down to a valley that is deep relative to both its peaks. */
 static int surface_start(const float *share, int top)
 {
     double peak = 0, valley = 0;
@@ -156,8 +155,8 @@ static int surface_start(const float *share, int top)
     return 0;
 }
 
-/* What surfaces of bins start .. top hide. @return how much, as a share of all places */
-static double vote(struct sst_live_focus *f, int start, int top)
+/* Count votes for what surfaces of bins start .. top hide. @return fraction of all samples that they hide */
+static double vote(struct live_focus *f, int start, int top)
 {
     int hiding = 0;
 
@@ -174,14 +173,14 @@ static double vote(struct sst_live_focus *f, int start, int top)
     return (double)hiding / f->cells;
 }
 
-static void scale_votes(struct sst_live_focus *f, double factor)
+static void scale_votes(struct live_focus *f, double factor)
 {
     for (int c = 0; c < SST_BLEND_COLUMNS; c++)
         f->vote[c] *= (float)factor;
 }
 
-/* Shares of the places by disparity. @return extreme bins that are not noise; false: nothing is known */
-static bool count_fronts(const struct sst_live_focus *f, float *share, int *first, int *last)
+/* Fraction of the samples per disparity, and the extreme bins above noise. @return false: no disparities */
+static bool count_fronts(const struct live_focus *f, float *share, int *first, int *last)
 {
     double below = 0, above = 0;
 
@@ -197,9 +196,9 @@ static bool count_fronts(const struct sst_live_focus *f, float *share, int *firs
     return *first <= *last;
 }
 
-/* What votes behind a surface count for, by how near it is in the range of disparities: 0 far, 1 near. Its third power:
- * a car that is in front only while nobody walks before it must not outvote, with the wall that it always hides, what
- * the walkers hide now and then. */
+/* Weight of votes behind a surface, by its position in the range of disparities: 0 far, 1 near. It is the third power
+ * of it: a car that is the foreground only while no pedestrian passes must not outvote, with the wall that it always
+ * hides, what the pedestrians hide now and then. */
 static double nearness(const struct sst_lightfield *lf, int start, int top, int first, int last)
 {
     const double bins_per_px = SST_DISP_SCALE / (1 << SST_BLEND_COLUMN_SHIFT);
@@ -211,29 +210,29 @@ static double nearness(const struct sst_lightfield *lf, int start, int top, int 
     return at * at * at;
 }
 
-int sst_live_focus_look(struct sst_live_focus *f, const struct sst_lightfield *lf, const int *view, int views)
+int live_focus_vote(struct live_focus *f, const struct sst_lightfield *lf, const int *view, int views)
 {
-    const struct places at = places_of(lf);
-    const struct sst_view *look = &lf->views[view[0]];
+    const struct sampling at = grid_of(lf);
+    const struct sst_view *lead = &lf->views[view[0]];
     float share[SST_BLEND_COLUMNS];
     int first, last, top, gap_q6;
-    int err = take_memory(f, at.cols * at.rows);
+    int err = reserve(f, at.cols * at.rows);
 
     if (err)
         return err;
-    if (lf->disp_min_px < f->min_px || lf->disp_min_px > f->min_px) { /* votes are for other disparities */
+    if (lf->disp_min_px < f->min_px || lf->disp_min_px > f->min_px) { /* the votes are for other disparities */
         memset(f->memory, 0, sizeof(f->memory));
         f->min_px = lf->disp_min_px;
     }
     for (int i = 0; i < f->cells; i++)
-        f->front[i] = disp_at(look, &at, i % at.cols, i / at.cols);
+        f->front[i] = disp_at(lead, &at, i % at.cols, i / at.cols);
     memset(f->behind, 0, (size_t)f->cells * sizeof(*f->behind));
     memset(f->vote, 0, sizeof(f->vote));
     if (!count_fronts(f, share, &first, &last))
         return 0;
     gap_q6 = (int)(SST_DISP_SCALE * fmax(GAP_MIN_PX, GAP_SHARE * 0.25 * (last - first)));
     for (int i = 1; i < views; i++)
-        note_hidden(f, lf, &at, &lf->views[view[i]], look, gap_q6);
+        note_hidden(f, lf, &at, &lf->views[view[i]], lead, gap_q6);
     for (size_t i = 0; i < ARRAY_LEN(hiding_share); i++) {
         for (top = last; top > first;) {
             const int start = surface_start(share, top);
@@ -253,7 +252,7 @@ int sst_live_focus_look(struct sst_live_focus *f, const struct sst_lightfield *l
 }
 
 /* Mean of the surface around bin c, px. */
-static double surface_px(const struct sst_live_focus *f, int c)
+static double surface_px(const struct live_focus *f, int c)
 {
     const int end = sst_min_int(c + SMOOTH, SST_BLEND_COLUMNS - 1);
     double sum = 0, weight = 0;
@@ -266,7 +265,7 @@ static double surface_px(const struct sst_live_focus *f, int c)
 }
 
 /* Most votes of a window within 1 px of the focus. */
-static double votes_in_focus(const struct sst_live_focus *f)
+static double votes_in_focus(const struct live_focus *f)
 {
     const double at = (f->focus_px - f->min_px) * SST_DISP_SCALE / (1 << SST_BLEND_COLUMN_SHIFT);
     double best = 0;
@@ -278,7 +277,7 @@ static double votes_in_focus(const struct sst_live_focus *f)
     return best;
 }
 
-void sst_live_focus_step(struct sst_live_focus *f, int64_t t_ns)
+void live_focus_step(struct live_focus *f, int64_t t_ns)
 {
     const double dt = f->t_ns ? sst_clamp_double((double)(t_ns - f->t_ns) * 1e-9, 0, STEP_MAX_S) : FIRST_S;
     const float keep = (float)exp(-dt / MEMORY_S);

@@ -8,12 +8,12 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 
-/* Maps are poor from below the first share of what key views agree on up to the second: 0.98 with people before a wall,
- * 0.74 in dense leaves (docs/live-scene.md). */
-#define SURE       0.95
-#define SURE_AGAIN 0.965
+/* Maps have low confidence when the fraction of confirmed disparities falls below the first value, until it exceeds the
+ * second: it is 0.98 with people in front of a wall, 0.74 in dense leaves (docs/live-scene.md). */
+#define CONFIRMED       0.95
+#define CONFIRMED_AGAIN 0.965
 
 int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg)
 {
@@ -24,7 +24,7 @@ int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg)
         sst_log_error("live: no memory");
         return -ENOMEM;
     }
-    err = sst_live_init(live, cfg);
+    err = live_init(live, cfg);
     err = err ? err : sst_live_frames_open(&live->frames, &live->cfg, &live->lf);
     err = err ? err : sst_live_scene_open(&live->scene, &live->cfg, &live->lf);
     if (err) {
@@ -42,7 +42,7 @@ void sst_live_close(struct sst_live *live)
     sst_live_cancel(live);
     sst_live_scene_close(live->scene);
     sst_live_frames_close(live->frames);
-    sst_live_fini(live);
+    live_fini(live);
     free(live);
 }
 
@@ -55,7 +55,7 @@ void sst_live_cancel(struct sst_live *live)
         sst_live_scene_cancel(live->scene);
 }
 
-/* --- following the cameras ---------------------------------------------------------------------------------------- */
+/* --- updates ------------------------------------------------------------------------------------------------------ */
 
 static void mark_all(struct sst_live_changes *c)
 {
@@ -71,7 +71,7 @@ static void mark_all(struct sst_live_changes *c)
 
 int sst_live_update(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *report)
 {
-    struct sst_live_report done = { .error_change = NAN, .error_labels = NAN, .sure = NAN };
+    struct sst_live_report done = { .error_change = NAN, .error_labels = NAN, .confirmed = NAN };
     const int64_t cpu_ns = sst_clock_cpu_ns();
     double changed[SST_LIVE_ZONES + 1];
     int err = atomic_load(&live->canceled) ? -ECANCELED : 0;
@@ -81,13 +81,13 @@ int sst_live_update(struct sst_live *live, const struct sst_live_input *in, stru
         mark_all(&live->changes);
     live->lost = true;
     if (!err)
-        sst_live_zones_changed(live, &live->changes, changed);
+        live_zones_changed(live, &live->changes, changed);
     err = err ? err : sst_live_scene_update(live->scene, &live->changes, &done);
     live->ready = err ? live->ready : done.ready;
-    if (!err && !isnan(done.sure))
-        live->poor = done.sure < (live->poor ? SURE_AGAIN : SURE);
-    err = err ? err : sst_live_take(live, &live->changes);
-    err = err ? err : sst_live_watch(live, in->t_ns);
+    if (!err && !isnan(done.confirmed))
+        live->low_confidence = done.confirmed < (live->low_confidence ? CONFIRMED_AGAIN : CONFIRMED);
+    err = err ? err : live_ingest(live, &live->changes);
+    err = err ? err : live_summarize(live, in->t_ns);
     if (err)
         return err;
     live->lost = false;
@@ -109,6 +109,6 @@ bool sst_live_settle(struct sst_live *live)
 {
     if (!sst_live_scene_settle(live->scene, &live->changes))
         return false;
-    live->lost = sst_live_take(live, &live->changes) || sst_live_watch(live, live->focus.t_ns);
+    live->lost = live_ingest(live, &live->changes) || live_summarize(live, live->focus.t_ns);
     return !live->lost;
 }

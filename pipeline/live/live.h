@@ -1,8 +1,8 @@
-/* pipeline/live/live.h - a light field that follows the cameras: what changes is computed anew, what does not is kept.
+/* pipeline/live/live.h - incremental light-field pipeline: only tiles that changed are recomputed.
  *
- * Three parts: frames.h brings the views up to date, scene.h their disparities and labels, and pictures (here) what
- * viewers see. One thread calls; the work inside runs on several. The same input gives the same bytes for any number of
- * threads, except what the background of scene.h has finished meanwhile. */
+ * Three stages: frames.h updates the views, scene.h their disparities and labels, and the pictures declared here render
+ * what a client sees. One thread calls; the work inside runs on several. The same input gives the same bytes for any
+ * number of threads, except for results of the background thread of scene.h. */
 #ifndef SST_PIPELINE_LIVE_LIVE_H
 #define SST_PIPELINE_LIVE_LIVE_H
 
@@ -10,66 +10,66 @@
 #include "pipeline/method/network/network.h"
 #include "pipeline/method/render/render.h"
 
-#define SST_LIVE_TILE  32 /* px: side of the tiles that change is told in */
+#define SST_LIVE_TILE  32 /* px: side of the tiles in which changes are reported */
 #define SST_LIVE_ZONES 16
 
 struct sst_live_config {
     int rows, cols;
-    bool present[SST_MAX_VIEWS]; /* places of the grid that have a camera */
+    bool present[SST_MAX_VIEWS]; /* positions of the grid that have a camera */
     uint32_t fourcc;
     int width, height;                             /* of raw frames */
-    const struct sst_use_calibration *calibration; /* NULL: frames are views already; must stay */
+    const struct sst_use_calibration *calibration; /* NULL: frames are already views; must outlive the object */
     const char *model;                             /* segmentation network; NULL: no labels */
     enum sst_precision precision;
-    double range_min_px, range_max_px; /* disparities; equal: estimated from the first set, renewed in the background */
+    double range_min_px, range_max_px; /* disparities; equal: estimated from the first set, refined in the background */
     int threads;                       /* 0: all processors */
-    bool skip_change;                  /* S1 of DESIGN 5.5; without: every set is computed whole (exact mode) */
+    bool skip_change;                  /* S1 of DESIGN 5.5; false: every set is fully computed (exact mode) */
     bool skip_labels;                  /* S4 */
-    bool background;                   /* maps of a scene that stands still are made better meanwhile */
-    int zones;                         /* in shares 0..1 of the reference view */
+    bool background;                   /* improve the maps of a static scene on a background thread */
+    int zones;                         /* in fractions 0..1 of the reference view */
     struct {
         double x0, y0, x1, y1;
     } zone[SST_LIVE_ZONES];
 };
 
-/** One set; bytes are borrowed during sst_live_update(). */
+/** One frameset; bytes are borrowed during sst_live_update(). */
 struct sst_live_input {
     uint64_t set;
     int64_t t_ns;
     struct {
-        const uint8_t *data; /* NULL: missing; the view stays as it was */
+        const uint8_t *data; /* NULL: missing; the view is not updated */
         size_t bytes, stride;
     } frame[SST_MAX_VIEWS];
 };
 
-/** Parts of the work, in order. */
+/** Stages of an update, in order. */
 enum sst_live_stage {
-    SST_LIVE_CHANGE = 0, /* finding what changed */
+    SST_LIVE_CHANGE = 0, /* change detection */
     SST_LIVE_DECODE = 1,
     SST_LIVE_RECTIFY = 2,
     SST_LIVE_DISPARITY = 3,
     SST_LIVE_LABELS = 4,
-    SST_LIVE_REFINE = 5, /* and carrying maps over to the other views */
+    SST_LIVE_REFINE = 5, /* and warping maps to the other views */
     SST_LIVE_STAGES = 6,
 };
 
-/** What an update did. */
+/** Statistics of one update. */
 struct sst_live_report {
     int64_t stage_ns[SST_LIVE_STAGES];      /* wall */
-    int64_t cpu_ns;                         /* of the whole process meanwhile */
+    int64_t cpu_ns;                         /* of the whole process during the update */
     int views;                              /* with a frame in this set */
-    int64_t tiles, tiles_changed;           /* of all views; changed: computed anew */
+    int64_t tiles, tiles_changed;           /* of all views; changed: recomputed */
     int64_t decodes, decodes_skipped;       /* frames */
-    int64_t label_runs, label_runs_skipped; /* network runs against one per view */
-    double error_change, error_labels; /* mean |difference| (0..255) resp. share of labels (0..1) that a skipped part
-                                          was found off by when last sampled; NaN: not sampled in this update */
-    double sure; /* share of the key views' disparities that two of them agree on; NaN: not known */
-    bool whole;  /* everything was computed */
-    bool ready;  /* there are disparities (and labels, with a model) to render from */
-    bool alone;  /* no two neighbouring cameras give pictures: there will be no disparities */
+    int64_t label_runs, label_runs_skipped; /* network runs; skipped: compared with one per view */
+    double error_change, error_labels;      /* error of skipped parts when last sampled: mean |difference| (0..255) and
+                                               fraction of wrong labels (0..1); NaN: not sampled in this update */
+    double confirmed; /* fraction of the key views' disparities that another key view confirms; NaN: unknown */
+    bool whole;       /* everything was recomputed */
+    bool ready;       /* disparities (and labels, with a model) are available */
+    bool alone;       /* no two neighbouring cameras deliver pictures: no disparities are possible */
     struct {
-        double changed;         /* share of its tiles that changed in the reference view */
-        float label[256];       /* share of its pixels that bear the label, 0 = unlabeled */
+        double changed;         /* fraction of its tiles that changed in the reference view */
+        float label[256];       /* fraction of its pixels with the label, 0 = unlabeled */
     } zone[SST_LIVE_ZONES + 1]; /* the last: the whole view */
 };
 
@@ -77,75 +77,76 @@ struct sst_live; /* opaque; one thread at a time */
 
 /** @return 0, -EINVAL (cfg, calibration), -ENOENT/-EBADMSG (model), -ENOMEM; logged. */
 SST_MUST_CHECK int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg);
-void sst_live_close(struct sst_live *live); /* NULL is fine; within 0.5 s, also from the background */
+void sst_live_close(
+    struct sst_live *live); /* NULL is fine; takes at most 0.5 s, also while the background thread works */
 
-/** Threads that a close has left behind, and that still compute: while there are any, the process must end by _exit(),
- *  for exit() takes from them what libraries hold. They end by themselves. Thread: any */
+/** Number of threads that a close has abandoned and that still compute. While it is not 0, the process must end by
+ *  _exit(), since exit() destroys library state that they use. They end by themselves. Thread: any */
 int sst_live_left_behind(void);
 
 /** Make any work inside return early (-ECANCELED) from now on.  Thread: any. */
 void sst_live_cancel(struct sst_live *live);
 
 /**
- * Take a set in. Frames that do not decode are logged once per camera and change of state, and count as missing; a view
- * without frames for 2 s is absent until it has one again, and rendering goes on with the others.
+ * Process one frameset. Frames that cannot be decoded count as missing and are logged once per camera and change of
+ * state. A view without frames for 2 s is absent until it has one again; rendering continues with the others.
  *
  * @return 0, -ECANCELED, -ENOMEM; logged. After an error the next update computes everything.
  */
 SST_MUST_CHECK int sst_live_update(struct sst_live *live, const struct sst_live_input *in,
                                    struct sst_live_report *report);
 
-/** Has the background better maps to take over (by the next sst_live_settle())?  Thread: any. */
+/** True if the background thread has improved maps for the next sst_live_settle().  Thread: any. */
 bool sst_live_unsettled(struct sst_live *live);
-/** Take over what the background finished, between sets. @return true: pictures may look different now */
+/** Apply the maps of the background thread, between framesets. @return true: pictures may have changed */
 bool sst_live_settle(struct sst_live *live);
 
-/** The light field as it is now: sizes, classes, maps. Valid until the next update. */
+/** The current light field: sizes, classes, maps. Valid until the next update. */
 const struct sst_lightfield *sst_live_lightfield(const struct sst_live *live);
 
 /** --- pictures ------------------------------------------------------------------------------------------------------
  */
 
-struct sst_live_picture; /* what one viewer sees; keeps what it can from one rendering to the next */
+struct sst_live_picture; /* the rendered view of one client; reuses what did not change since its last rendering */
 
 SST_MUST_CHECK int sst_live_picture_create(struct sst_live_picture **out, struct sst_live *live); /* -ENOMEM */
 void sst_live_picture_destroy(struct sst_live_picture *p);
 
-/** Where to focus when nothing is known: behind what is in front. px per spacing; NaN before anything was computed. */
+/** Default focus: behind the foreground. px per spacing; NaN before the first disparities. */
 double sst_live_default_focus(const struct sst_live *live);
 
-/** Where a label is, for views that follow it: the median of its disparities in the reference view.
- *  @return 0, -ENODATA (not seen, or on too few pixels to tell: fewer than one in 2000) */
+/** Median disparity of a label in the reference view, for views that follow a label.
+ *  @return 0, -ENODATA (not visible, or on fewer than one pixel in 2000) */
 SST_MUST_CHECK int sst_live_label_disparity(const struct sst_live *live, int label, double *disp_px);
 
-/** Disparities that are there, robust, for sliders. @return false: not known yet */
+/** Robust range of the disparities in the scene, for sliders. @return false: not known yet */
 bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px);
 
 /**
- * Render by these settings, only what has changed since the last time. Rays are verified (`verify`) only while key
- * views disagree on more than 5 % of their disparities, as they do in dense leaves, and until it is less than 3.5 %:
- * maps that are good decide alone. Focus is clamped into what can be rendered; NaN is the default focus. Views that are
- * absent, or have no picture yet, are left out. `threads` is that of the light field.
+ * Render with these settings; only tiles that changed since the last call are rendered. Rays are verified (`verify`)
+ * only while the maps are of low confidence: from more than 5 % of disparities that no other key view confirms, as in
+ * dense leaves, until less than 3.5 %. Focus is clamped to the range that can be rendered; NaN is the default focus.
+ * Absent views and views without a picture are left out. `threads` is that of the light field.
  *
- * @param image  out, borrowed until the next call
- * @param anew   out, pixels that were rendered; 0: the picture is the same as before
+ * @param image        out, borrowed until the next call
+ * @param rendered_px  out, number of pixels rendered; 0: the picture has not changed
  * @return 0, -ENODATA (not ready; plain refocusing works from the first set on), -EINVAL (logged), -ERANGE (no view in
  * the aperture; logged), -ECANCELED, -ENOMEM
  */
 SST_MUST_CHECK int sst_live_picture_render(struct sst_live_picture *p, const struct sst_render_config *cfg,
-                                           const struct sst_image **image, int64_t *anew);
+                                           const struct sst_image **image, int64_t *rendered_px);
 
-/** What is under a point of the last picture: the surface that the picture shows there. By the maps that is the one
- * which makes up most of the pixel; where rays are verified it is the one behind the focus' front that rays of all
- * views agree on, unless the maps name one that they agree on as well. */
+/** The surface that the last picture shows at a point. By the maps it is the one with the largest weight in the pixel;
+ * with verified rays it is the surface behind the front on which the rays of all views agree, unless they agree as well
+ * on the one of the maps. */
 struct sst_live_pick {
     double disp_px;  /* NaN: unknown */
-    int label;       /* of the same surface; 0: none, or not known */
-    double front_px; /* nearest surface that rays there meet (one in 16 at least: fewer are errors); NaN: unknown */
+    int label;       /* of the same surface; 0: none or unknown */
+    double front_px; /* nearest surface that at least one ray in 16 meets there (fewer are errors); NaN: unknown */
     int front_label;
 };
 
-/** Some 10 us, or half a millisecond where rays are verified. @return 0, -ERANGE (outside), -ENODATA */
+/** Takes about 10 us, or half a millisecond with verified rays. @return 0, -ERANGE (outside), -ENODATA */
 SST_MUST_CHECK int sst_live_picture_pick(struct sst_live_picture *p, int x, int y, struct sst_live_pick *out);
 
 enum sst_live_overlay {

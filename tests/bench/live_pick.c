@@ -307,7 +307,7 @@ static void print(void)
         }
     }
     printf("%-14s %.3f ms of CPU time a pick, sure %.1f %%\n", b.scene_name, (double)b.pick_ns / (double)b.picks / 1e6,
-           100 * b.report.sure);
+           100 * b.report.confirmed);
 }
 
 /* The same set until the background has told what it found. */

@@ -181,7 +181,7 @@ static int segment_job(void *arg, int view, int worker)
 {
     (void)arg;
     sst_map_u8_fini(&b.exact.views[view].label);
-    return scene_segment(b.segmenters[worker], &b.exact.views[view].image, &b.exact.views[view].label);
+    return sst_segment_sure(b.segmenters[worker], &b.exact.views[view].image, &b.exact.views[view].label);
 }
 
 /* What sst process does. */
@@ -325,7 +325,7 @@ static int render(const struct sst_lightfield *lf, const struct truth *t, int se
     sst_render_config_defaults(&cfg);
     cfg.method = method == REFOCUS ? SST_RENDER_REFOCUS : SST_RENDER_SST;
     cfg.focus_px = t->focus_px;
-    cfg.verify = method == LIVE && b.sure < SURE ? SST_VERIFY_ON : SST_VERIFY_OFF;
+    cfg.verify = method == LIVE && b.confirmed < SURE ? SST_VERIFY_ON : SST_VERIFY_OFF;
     cfg.threads = b.threads;
     err = err ? err : sst_image_init(&out, WIDTH, HEIGHT);
     cpu = sst_clock_cpu_ns();
@@ -390,8 +390,8 @@ static int run(int sets, int every)
         wall = sst_clock_now_ns();
         cpu = sst_clock_cpu_ns();
         err = sst_live_scene_update(b.scene, &b.changes, &report);
-        b.sure = report.sure;
-        printf("\n%d,%.1f,%.1f,%.1f,%.1f,%.1f,%.1f,%.1f", set, share, 100 * b.sure,
+        b.confirmed = report.confirmed;
+        printf("\n%d,%.1f,%.1f,%.1f,%.1f,%.1f,%.1f,%.1f", set, share, 100 * b.confirmed,
                (double)(sst_clock_now_ns() - wall) / 1e6, (double)(sst_clock_cpu_ns() - cpu) / 1e6,
                (double)report.stage_ns[SST_LIVE_DISPARITY] / 1e6, (double)report.stage_ns[SST_LIVE_LABELS] / 1e6,
                (double)report.stage_ns[SST_LIVE_REFINE] / 1e6);

@@ -11,7 +11,7 @@
 #include "base/log.h"
 #include "base/stats.h"
 #include "base/thread.h"
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 #include "simulators/scene/scene.h"
 
 #define THREADS    2
@@ -154,8 +154,8 @@ static int measure(struct bench *b, struct sst_live_picture *kept, int round)
     sst_render_config_defaults(&cfg);
     cfg.focus_px = sst_scene_occluder_at(b->scene, 0)->focus_px;
     start(b);
-    err = sst_live_take(live, &b->changes);
-    err = err ? err : sst_live_watch(live, (int64_t)(round + 1) * 100000000);
+    err = live_ingest(live, &b->changes);
+    err = err ? err : live_summarize(live, (int64_t)(round + 1) * 100000000);
     stop(b, TAKE, 1);
     start(b);
     err = err ? err : sst_live_picture_render(kept, &cfg, &image, &anew);
@@ -194,7 +194,7 @@ static int measure_whole(struct bench *b, struct sst_live_picture *kept)
     sst_render_config_defaults(&cfg);
     cfg.focus_px = sst_scene_occluder_at(b->scene, 0)->focus_px;
     b->changes.whole = true;
-    err = sst_live_take(b->live, &b->changes);
+    err = live_ingest(b->live, &b->changes);
     b->changes.whole = false;
     start(b);
     err = err ? err : sst_live_picture_render(kept, &cfg, &image, &anew);
@@ -222,7 +222,7 @@ static int run(struct bench *b, int width, int height, int rounds)
 
     for (int k = 0; k < SIDE * SIDE; k++)
         cfg.present[k] = true;
-    err = sst_live_init(b->live, &cfg);
+    err = live_init(b->live, &cfg);
     b->live->ready = true;
     err = err ? err : sst_live_changes_init(&b->changes, &b->live->lf);
     err = err ? err : sst_live_picture_create(&kept, b->live);
@@ -260,7 +260,7 @@ int main(int argc, char **argv)
         sst_log_error("live_view bench: %s", strerror(-err));
     sst_scene_destroy(b.scene);
     sst_live_changes_fini(&b.changes);
-    sst_live_fini(b.live);
+    live_fini(b.live);
     free(b.live);
     return err ? 1 : 0;
 }

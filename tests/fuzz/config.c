@@ -45,7 +45,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (sst_yaml_parse(&doc, (const char *)data, size, "fuzz"))
         return 0;
     sst_config_defaults(&cfg);
-    config_take(&load, doc);
+    config_parse(&load, doc);
     config_check_array(&load);
     if (!load.array_only)
         config_check_service(&load);

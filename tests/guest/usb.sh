@@ -87,5 +87,5 @@ says plan "none of 6 USB devices is a camera"
 "$sst" doctor >found 2>&1
 is "exit code of the doctor without cameras" $? 3
 cat found
-says found "PROBLEM  cameras" "no camera is plugged in"
+says found "PROBLEM  cameras" "no camera is connected"
 exit $failed

@@ -219,7 +219,7 @@ static void the_axes(void **state SST_UNUSED)
     assert_int_equal(report.rig.alarms, 1);
     axis_fault("lost_steps", "x:300", "lost steps", &report);
     assert_int_equal(report.rig.missed, 1);
-    axis_fault("power_loss", "x", "no longer knows where it is", &report);
+    axis_fault("power_loss", "x", "lost its position", &report);
 }
 
 static void an_early_in_position_is_not_believed(void **state SST_UNUSED)

@@ -59,7 +59,7 @@ static bool wait_idle(const struct sst_trigger *t, int timeout_ms)
     return sst_trigger_idle(t);
 }
 
-/* 20/s: 20 edges, each stamped by the chip between the reads around the ioctl. @return those within 1 ms of their beat
+/* 20/s: 20 edges, each stamped by the chip between the reads around the ioctl. @return those within 1 ms of their tick
  */
 static int train_of_a_second(struct sst_trigger *t, struct edges *edges)
 {
@@ -94,7 +94,7 @@ static void beats_are_kept(void **state SST_UNUSED)
         near = train_of_a_second(t, &edges);
         best = near > best ? near : best;
         if (near < 10)
-            print_message("%d of 20 beats within 1 ms\n", near);
+            print_message("%d of 20 ticks within 1 ms\n", near);
     }
     sst_trigger_counters(t, &counters);
     assert_int_equal(edges.n, counters.fired);
@@ -195,7 +195,7 @@ static void missing_rights_are_named(void **state SST_UNUSED)
 
     set_fault("gpio.denied=1");
     assert_int_equal(refusal(&cfg, text), -EACCES);
-    assert_non_null(strstr(text, "no right"));
+    assert_non_null(strstr(text, "no permission"));
     assert_non_null(strstr(text, "group"));
     set_fault("gpio.denied=0");
     assert_int_equal(refusal(&cfg, text), 0);

@@ -36,7 +36,7 @@ YAML
 "$sst" cameras --config array.yaml >table 2>err || fail "cameras --config"
 grep -q '^r0c1 .*SIM0003' table || fail "no place for SIM0003: $(grep SIM0003 table)"
 grep -q '^- .*SIM0004' table || fail "a place for SIM0004"
-grep -q 'row 0 col 2: there is no camera of serial SIM9999' err || fail "missing camera not told: $(cat err)"
+grep -q 'row 0 col 2: no camera with serial SIM9999' err || fail "missing camera not told: $(cat err)"
 
 "$sst" identify --serial SIM0003 --config array.yaml -o pictures --write bind.yaml >out 2>err || fail "identify: $(cat err)"
 [ -s pictures/identify.png ] && [ "$(find pictures -name '*_SIM0003.png' | wc -l)" -eq 1 ] || fail "pictures: $(ls pictures)"

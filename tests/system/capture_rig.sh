@@ -8,11 +8,11 @@ rig=(--grid 1x3 --pitch 3mm --backlash 0.3 --profile sst-sim --camera SIM0000 --
 
 "$sst" capture rig --grid 2x2 --pitch 4cm --dry-run >plan || fail "dry run"
 grep -q "41.000     41.000" plan || fail "no pose in the plan: $(cat plan)"
-want 2 "say where the light field goes" capture rig --pitch 40mm
+want 2 "the output folder is missing" capture rig --pitch 40mm
 want 2 "not a length" capture rig --pitch 40miles -n
-want 2 "say where the rig is" capture rig --pitch 40mm -o bad
-want 2 "the rig travels" capture rig --grid 6x6 --pitch 90mm -n
-want 2 "no capture video" capture video
+want 2 "the bus and the drives of the rig are not set" capture rig --pitch 40mm -o bad
+want 2 "but the travel is" capture rig --grid 6x6 --pitch 90mm -n
+want 2 "unknown kind of capture" capture video
 
 [ -x "$sim" ] || { echo "sst-sim is not built"; exit 77; }
 "$sst" capture rig "${rig[@]}" --bus tcp:127.0.0.1:1 -o none 2>err
@@ -36,7 +36,7 @@ for _ in 1 2 3 4 5; do # who stands still for two seconds comes too late for the
   [ $rc -eq 0 ] || break
 done
 [ $rc -eq 130 ] || fail "Ctrl-C gives $rc: $(cat err)"
-grep -q "the same command goes on" err || fail "no word of going on: $(cat err)"
+grep -q "run the same command to resume" err || fail "no word of going on: $(cat err)"
 [ -f cut/lightfield.json ] && fail "a light field that is none"
 "$sst" capture rig "${rig[@]}" --pitch 5mm --bus $bus -o cut 2>err && fail "other settings are taken"
 grep -q "pitch_um was" err || fail "what differs is not named: $(cat err)"

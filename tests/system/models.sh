@@ -70,9 +70,9 @@ grep -q 'image of 64 x 48' err || fail "size of the description is not used: $(c
 printf 'classes: [a, b]\n' >mine/own.yaml
 want 3 "23 channels for the 2 classes" segment $image --model own -o bad.png
 printf 'clases: [a, b]\n' >mine/own.yaml
-want 3 "own.yaml:1:1: clases is no key" segment $image --model own -o bad.png
+want 3 "own.yaml:1:1: unknown key \`clases\`" segment $image --model own -o bad.png
 printf 'mean: 1\nstd: nan\n' >mine/own.yaml
-want 3 "own.yaml:2:6: std wants a number" models own
+want 3 "own.yaml:2:6: std must be a number" models own
 printf 'std: 0\nmean: x\nfoo: 1\n' >mine/own.yaml
 "$sst" models own >/dev/null 2>err && fail "three faults were accepted"
 [ "$(cut -d: -f1-5 err)" = "$(for i in 1:6 2:7 3:1; do echo "sst: error: $tmp/mine/own.yaml:$i"; done)" ] ||

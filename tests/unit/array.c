@@ -91,18 +91,19 @@ static void refuse(const char *text, const char *words)
 static void faults_are_told(void **state)
 {
     (void)state;
-    refuse("array: { rows: 20, cols: 20 }\n", "more than 256");
+    refuse("array: { rows: 20, cols: 20 }\n", "limit of 256");
     refuse("camera: {}\n", "camera");
     refuse("cameras: { format: H264 }\n", "H264");
     refuse("cameras: { controls: { gain: 1.5 } }\n", "whole number");
     refuse("cameras: { bind: [ { row: 0, col: 0 } ] }\n", "serial or its port");
     refuse("cameras: { bind: [ { row: 6, col: 0, serial: A } ] }\n", "row");
-    refuse("cameras: { bind: [ { row: 0, col: 0, serial: A }, { row: 0, col: 0, serial: B } ] }\n", "second camera");
-    refuse("cameras: { bind: [ { row: 0, col: 0, serial: A }, { row: 0, col: 1, serial: A } ] }\n", "again");
-    refuse("cameras: { bind: [ { row: 0, col: 0, serial: A, line: X } ] }\n", "no line");
+    refuse("cameras: { bind: [ { row: 0, col: 0, serial: A }, { row: 0, col: 0, serial: B } ] }\n",
+           "assigns a second camera");
+    refuse("cameras: { bind: [ { row: 0, col: 0, serial: A }, { row: 0, col: 1, serial: A } ] }\n", "serial A twice");
+    refuse("cameras: { bind: [ { row: 0, col: 0, serial: A, line: X } ] }\n", "unknown trigger line `X`");
     refuse("trigger: { source: gpio }\n", "needs trigger: lines");
     refuse("trigger: { source: gpio, lines: [A, A] }\n", "twice");
-    refuse("trigger: { source: gpio, lines: [A], pulse_us: 95000 }\n", "fill its period");
+    refuse("trigger: { source: gpio, lines: [A], pulse_us: 95000 }\n", "more than 90 % of the trigger period");
     refuse("rig: { travel_min_mm: 5, travel_max_mm: 5 }\n", "travel_min_mm");
 }
 

@@ -305,7 +305,7 @@ static void refusals_say_why(void **state SST_UNUSED)
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML D_YML MATRIX("K", "3", "3", "1, 2, 0, 0, 1, 0, 0, 0, 1"),
           "skew" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML D_YML MATRIX("K", "3", "3", "1, 0, 0, 0, .Nan, 0, 0, 0, 1"),
-          "data wants a number" },
+          "data must be a number" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML MATRIX("D", "2", "3", "1, 2, 3, 4"),
           "has 4 numbers, not rows times cols" },
         { sst_opencv_parse, 0, 0, -EBADMSG, HEAD S_YML K_YML D_YML "fisheye_model: 1\n", "fisheye_model is set" },
@@ -320,7 +320,7 @@ static void refusals_say_why(void **state SST_UNUSED)
         { sst_opencv_parse, 0, 0, -EBADMSG, "<opencv_storage><!-- ", "without an end" },
         { sst_opencv_parse, 0, 0, -EBADMSG, "<opencv_storage><a><_>1</_><b>2</b></a></opencv_storage>", "are mixed" },
         { sst_opencv_parse, 0, 0, -EBADMSG, "<", "unusual tag" },
-        { sst_opencv_parse, 0, 0, -EBADMSG, "", "must hold keys" },
+        { sst_opencv_parse, 0, 0, -EBADMSG, "", "must contain keys" },
     };
 
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {

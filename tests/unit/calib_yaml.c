@@ -251,16 +251,16 @@ static void faults_name_their_place(void **state SST_UNUSED)
         const char *text, *said;
     } cases[] = {
         { "rows: 1\n", "t:1:1: lacks the key" },
-        { HEAD, "t:1:1: lacks the key cameras" },
+        { HEAD, "t:1:1: lacks the key `cameras`" },
         { HEAD "cameras: []\n", "t:8:10: cameras must be a list with an entry" },
         { HEAD "cameras: [1]\n", "t:8:11: cameras needs entries" },
-        { HEAD CAM0 "colour: 1\n", "t:10:1: colour is no key here" },
+        { HEAD CAM0 "colour: 1\n", "t:10:1: unknown key `colour`" },
         { HEAD CAM0 "created: 2026-02-31T00:00:00.000000000Z\n", "t:10:10: created must be a time" },
         { HEAD CAM0 "created: 1960-02-01T00:00:00.000000000Z\n", "t:10:10: created must be a time" },
         { HEAD CAM0 "created: 2026-01-31T00:00:01.5\n", "t:10:10: created must be a time" },
         { HEAD CAM0 "created: 2261-99-01T00:00:00.000000000Z\n", "t:10:10: created must be a time" },
-        { HEAD CAM0 "range_mm: nan\n", "t:10:11: range_mm wants a number" },
-        { HEAD CAM0 "  - { row: 0, col: 2, " LENS POSE " }\n", "t:10:20: col wants a whole number in 0..1" },
+        { HEAD CAM0 "range_mm: nan\n", "t:10:11: range_mm must be a number" },
+        { HEAD CAM0 "  - { row: 0, col: 2, " LENS POSE " }\n", "t:10:20: col must be a whole number in 0..1" },
         { HEAD CAM0 "  - { row: 0, col: 0, " LENS POSE " }\n", "two entries for row 0, column 0" },
         { HEAD CAM0 "  - { row: 0, col: 1, " POSE " }\n", "t:10:5: cameras lacks the key" },
         { HEAD CAM0 "  - { row: 0, col: 1, " LENS "rotation: 1, position_mm: [0, 0, 0] }\n",
@@ -268,14 +268,14 @@ static void faults_name_their_place(void **state SST_UNUSED)
         { HEAD CAM0 "  - { row: 0, col: 1, " LENS "rotation: [-1,0,0,0,1,0,0,0,1], position_mm: [0, 0, 0] }\n",
           "t:10:5: cameras entry of row 0, column 1: rotation is not a rotation matrix" },
         { HEAD CAM0 "  - { row: 0, col: 1, " LENS POSE ", gain: [1, 0, 1] }\n", "a gain is not positive" },
-        { HEAD CAM0 "  - { row: 0, col: 1, " LENS POSE ", gain: [1, 1e13, 1] }\n", "gain wants a number in" },
+        { HEAD CAM0 "  - { row: 0, col: 1, " LENS POSE ", gain: [1, 1e13, 1] }\n", "gain must be a number in" },
         { HEAD CAM0 "  - { row: 0, col: 1, " LENS POSE ", falloff: [-0.5, -0.5, 0] }\n", "no light in the corners" },
         { HEAD CAM0 "  - { row: 0, col: 1, " LENS POSE ", quality: 3 }\n", "quality needs the keys" },
         { "format: sst-calib\nversion: 2\nrows: x\n", "t:2:10: version is 2" },
         { "format: sst-calib\nversion: 1\nrows: 17\ncols: 16\n", "t:3:7: rows times cols is 272" },
-        { "a list\n", "t:1:1: the file must hold keys" },
+        { "a list\n", "t:1:1: the file must contain keys" },
         { "rows: &a 1\n", "t:1:7: an anchor" },
-        { "", "t:1:1: the file must hold keys" },
+        { "", "t:1:1: the file must contain keys" },
     };
     char focal_zero[] = HEAD CAM0, hole[] = HEAD CAM0;
 

@@ -294,62 +294,61 @@ static void parts_replace_key_by_key(void **state)
 static void single_faults_are_told(void **state)
 {
     static const char *const bad[][2] = {
-        { "web: { prot: 1 }\n", "c.yaml:1:8: prot is no key here; did you mean port?" },
-        { "wbe: {}\n", "did you mean web?" },
-        { "hook: []\n", "did you mean hooks?" },
-        { "web: 5\n", "1:6: web must hold keys" },
+        { "web: { prot: 1 }\n", "c.yaml:1:8: unknown key `prot`; did you mean `port`?" },
+        { "wbe: {}\n", "did you mean `web`?" },
+        { "hook: []\n", "did you mean `hooks`?" },
+        { "web: 5\n", "1:6: web must contain keys" },
         { "zones: {}\n", "zones must be a list" },
-        { "zones: [ 1 ]\n", "list of mappings, as - { name: ... }" },
-        { "live: { enabled: no }\n", "wants false or true, not no" },
-        { "live: { enabled: on }\n", "wants false or true, not on" },
-        { "live: { threads: 012 }\n", "1:18: threads wants a whole number in 0..256, not 012" },
-        { "live: { c1: 00.5 }\n", "c1 wants a number in 0..1, not 00.5" },
-        { "live: { c1: nan }\n", "c1 wants a number" },
-        { "live: { focus_px: .inf }\n", "focus_px wants a number" },
-        { "live: { focus_px: 1e999 }\n", "focus_px wants a number" },
-        { "live: { range_min_px: 3, range_max_px: 2 }\n", "range_min_px must not be above" },
+        { "zones: [ 1 ]\n", "list of mappings such as - { name: ... }" },
+        { "live: { enabled: no }\n", "must be false or true, not no" },
+        { "live: { enabled: on }\n", "must be false or true, not on" },
+        { "live: { threads: 012 }\n", "1:18: threads must be a whole number in 0..256, not 012" },
+        { "live: { c1: 00.5 }\n", "c1 must be a number in 0..1, not 00.5" },
+        { "live: { c1: nan }\n", "c1 must be a number" },
+        { "live: { focus_px: .inf }\n", "focus_px must be a number" },
+        { "live: { focus_px: 1e999 }\n", "focus_px must be a number" },
+        { "live: { range_min_px: 3, range_max_px: 2 }\n", "range_min_px must not exceed" },
         { "live: { sigma_px: 1e-9 }\n", "sigma_px must be 0 or" },
-        { "live: { calibration: calib.yaml }\n", "wants a path from the root" },
-        { "control: { group: ~ }\n", "\"\" is none" },
-        { "control: { group: no }\n", "only in quotes" },
-        { "control: { socket: run/s }\n", "wants a path from the root" },
-        { "web: { address: localhost }\n", "wants a numeric address, as 127.0.0.1" },
+        { "live: { calibration: calib.yaml }\n", "must be an absolute path" },
+        { "control: { group: ~ }\n", "write \"\" for none" },
+        { "control: { group: no }\n", "put no in quotes" },
+        { "control: { socket: run/s }\n", "must be an absolute path" },
+        { "web: { address: localhost }\n", "must be a numeric address such as 127.0.0.1" },
         { "web: { address: 10.0.0.1 }\n", "1:17: address 10.0.0.1 is open to the network" },
         { "web: { tls_key: /etc/hosts }\n", "needs both tls_certificate and tls_key" },
-        { "web: { clients: 3 }\n", "must not be above clients (3)" },
+        { "web: { clients: 3 }\n", "must not exceed clients (3)" },
         { "web: { port: 65536 }\n", "0..65535" },
-        { "web: { port: 8554 }\nrtsp: { enabled: true }\n", "1:14: port 8554 is web's and rtsp's" },
-        { "rtsp: { enabled: true, port: 8090 }\n", "1:30: port 8090 is web's and rtsp's" },
+        { "web: { port: 8554 }\nrtsp: { enabled: true }\n", "1:14: port 8554 is the port of both web and rtsp" },
+        { "rtsp: { enabled: true, port: 8090 }\n", "1:30: port 8090 is the port of both web and rtsp" },
         { "rtsp: { enabled: true, address: \"::\" }\n", "open to the network" },
         { "rtsp: { user: me }\n", "needs both user and password_file" },
-        { "rtsp: { codec: h265 }\n", "wants h264 or mjpeg, not h265" },
+        { "rtsp: { codec: h265 }\n", "must be h264 or mjpeg, not h265" },
         { "mqtt: { topic: a/# }\n", "without spaces" },
         { "mqtt: { topic: a/ }\n", "outer slashes" },
         { "mqtt: { password_file: /etc/hosts }\n", "needs mqtt: user" },
-        { "zones: [ { name: A, x0: 0, y0: 0, x1: 1, y1: 1 } ]\n", "wants a name of a-z" },
-        { "zones: [ { name: a, x0: 0, y0: 0, x1: 1.1, y1: 1 } ]\n", "x1 wants a number in 0..1" },
+        { "zones: [ { name: A, x0: 0, y0: 0, x1: 1, y1: 1 } ]\n", "must be a name of a-z" },
+        { "zones: [ { name: a, x0: 0, y0: 0, x1: 1.1, y1: 1 } ]\n", "x1 must be a number in 0..1" },
         { "zones: [ { name: a, x0: 1, y0: 0, x1: 1, y1: 1 } ]\n", "x0 is not below" },
-        { "zones: [ { name: a, x0: 0, y0: 0, x1: 1 } ]\n", "lacks the key y1" },
+        { "zones: [ { name: a, x0: 0, y0: 0, x1: 1 } ]\n", "lacks the key `y1`" },
         { "zones: [ { name: a, x0: 0, y0: 0, x1: 1, y1: 1 }, { name: a, x0: 0, y0: 0, x1: 1, y1: 1 } ]\n",
           "two zones named a" },
-        { "storage: { record_on: [ { zone: gate } ] }\n", "1:33: zone names no zone: zones has no gate" },
-        { "storage: { record_on: [ { share: 0 } ] }\n", "share wants a number" },
-        { "storage: { record_on: [ { end_s: 0 } ] }\n", "end_s wants a number" },
+        { "storage: { record_on: [ { zone: gate } ] }\n", "1:33: unknown zone `gate`" },
+        { "storage: { record_on: [ { share: 0 } ] }\n", "share must be a number" },
+        { "storage: { record_on: [ { end_s: 0 } ] }\n", "end_s must be a number" },
         { "storage: { mode: event }\n", "event needs storage: record_on" },
         { "live: { enabled: false }\nstorage: { mode: event, record_on: [ {} ] }\n", "event needs live" },
-        { "storage: { quota_gb: 0.1 }\n", "is less than one segment" },
-        { "storage: { dir: here }\n", "wants a path from the root" },
-        { "hooks: [ { event: motion } ]\n", "lacks the key run" },
+        { "storage: { quota_gb: 0.1 }\n", "is smaller than one segment" },
+        { "storage: { dir: here }\n", "must be an absolute path" },
+        { "hooks: [ { event: motion } ]\n", "lacks the key `run`" },
         { "hooks: [ { event: motion, run: [] } ]\n", "must begin with the program's path" },
-        { "hooks: [ { event: motion, run: [logger] } ]\n",
-          "1:33: run must begin with the program's path from the root" },
-        { "hooks: [ { event: motion, run: [/nonexistent/x] } ]\n", "is not there" },
-        { "hooks: [ { event: motion, run: [/etc/passwd] } ]\n", "no program that may be run" },
-        { "hooks: [ { event: motion, run: [/tmp] } ]\n", "no program that may be run" },
+        { "hooks: [ { event: motion, run: [logger] } ]\n", "1:33: run must begin with the program's absolute path" },
+        { "hooks: [ { event: motion, run: [/nonexistent/x] } ]\n", "cannot be found" },
+        { "hooks: [ { event: motion, run: [/etc/passwd] } ]\n", "not an executable file" },
+        { "hooks: [ { event: motion, run: [/tmp] } ]\n", "not an executable file" },
         { "hooks: [ { event: movement, run: [/bin/sh] } ]\n", "camera-lost, camera-found" },
         { "hooks: [ { event: motion, run: /bin/sh } ]\n", "run must be a list" },
-        { "trigger: { source: gpio, lines: [A, B], delay_us: [1, 2, 3] }\n", "has 3 numbers; 2 are needed" },
-        { "rig: { um_per_count: 0 }\n", "other than 0" },
+        { "trigger: { source: gpio, lines: [A, B], delay_us: [1, 2, 3] }\n", "has 3 numbers; give 2" },
+        { "rig: { um_per_count: 0 }\n", "must not be 0" },
     };
 
     (void)state;
@@ -371,13 +370,13 @@ static void all_faults_of_all_files_are_told(void **state)
     assert_int_equal(read_back(&cfg, "a.yaml"), -EBADMSG);
     expect_said("a.yaml:1:14: port");
     expect_said("a.yaml:2:13: c1");
-    expect_said("a.yaml:3:1: zonse is no key here; did you mean zones?");
+    expect_said("a.yaml:3:1: unknown key `zonse`; did you mean `zones`?");
     expect_said("conf.d/10.yaml:2:13: c2");
-    expect_said("conf.d/20.yaml:1:33: zone names no zone");
-    expect_said("conf.d/20.yaml:3:3: rtsp must hold keys");
+    expect_said("conf.d/20.yaml:1:33: unknown zone");
+    expect_said("conf.d/20.yaml:3:3: rtsp must contain keys");
     put("conf.d/15.yaml", "a: [\n"); /* no YAML: the others are told all the same */
     assert_int_equal(read_back(&cfg, "a.yaml"), -EBADMSG);
-    expect_said("conf.d/15.yaml:2:1: not YAML");
+    expect_said("conf.d/15.yaml:2:1: invalid YAML");
     expect_said("a.yaml:1:14: port");
     expect_said("conf.d/10.yaml:2:13: c2");
     snprintf(path, sizeof(path), "%s/conf.d", folder);
@@ -390,9 +389,9 @@ static void what_is_odd_is_warned_of(void **state)
     (void)state;
     accept("storage: { ring_mb: 64 }\n");
     expect_said("warning: ");
-    expect_said("c.yaml:1:21: preroll_s 5 of 36 cameras takes about 174 MB, more than ring_mb (64)");
+    expect_said("c.yaml:1:21: preroll_s 5 of 36 cameras needs about 174 MB, more than ring_mb (64)");
     accept("live: { calibration: /nonexistent/calib.yaml }\n");
-    expect_said("/nonexistent/calib.yaml is not there");
+    expect_said("/nonexistent/calib.yaml does not exist");
     accept("storage: { quota_gb: 1 }\n");
     assert_string_equal(said, "");
 }

@@ -206,9 +206,9 @@ static void odd_identities_are_named(void **state SST_UNUSED)
     /* B was plugged where A belongs: found by its serial, and told. */
     assert_int_equal(match("B", "1-1", n, 3, why), 2);
     assert_non_null(strstr(why, "1-3"));
-    assert_non_null(strstr(why, "holds serial A"));
+    assert_non_null(strstr(why, "has serial A"));
     assert_int_equal(match("C", "1-3", n, 3, why), -ENODEV);
-    assert_non_null(strstr(why, "holds serial B"));
+    assert_non_null(strstr(why, "has serial B"));
 }
 
 /* --- controls ----------------------------------------------------------------------------------------------------- */

@@ -36,7 +36,7 @@ static void sets(int n)
 
 static int tell(void)
 {
-    return health_tell(&health, CAMERAS, name);
+    return health_log(&health, CAMERAS, name);
 }
 
 static void one_line_tells_of_all_cameras(void **state)

@@ -358,7 +358,7 @@ static void motion_is_followed(void **state)
         update(&exact, in);
         free_set(in);
         changed += n ? k.changes.changed : 0;
-        assert_true(worst_difference(&k, &exact) < SST_WATCH_BUDGET);
+        assert_true(worst_difference(&k, &exact) < SST_DETECTOR_BUDGET);
         for (int v = 0; n && v < VIEWS; v++) {
             for (int t = 0; t < 2 * k.changes.cols; t++)
                 assert_false(k.changes.map[v][t] && t < k.changes.cols);
@@ -398,7 +398,7 @@ static void light_is_taken_over_as_a_whole(void **state)
     print_message("light: %d times everything, %d times a part, worst %.2f levels\n", whole, parts, worst);
     assert_in_range(whole, 4, 20);
     assert_true(parts <= 2);
-    assert_true(worst < SST_WATCH_LIGHT * 1.7 + 1);
+    assert_true(worst < SST_DETECTOR_LIGHT * 1.7 + 1);
     close_keeper(&k);
     close_keeper(&exact);
 }
@@ -443,7 +443,7 @@ static void calibrated_views_follow(void **state)
             sst_rectify_map_destroy(map);
         }
         free_set(in);
-        assert_true(worst_difference(&k, &exact) < SST_WATCH_BUDGET);
+        assert_true(worst_difference(&k, &exact) < SST_DETECTOR_BUDGET);
         assert_true(!n || (k.changes.changed && k.changes.changed < VIEWS * 40));
     }
     close_keeper(&k);
@@ -500,7 +500,7 @@ static void raw_formats_follow(void **state)
             }
             free_set(in);
             /* Demosaicing looks two samples over the edge of a tile. */
-            assert_true(worst_difference(&k, &exact) < SST_WATCH_BUDGET);
+            assert_true(worst_difference(&k, &exact) < SST_DETECTOR_BUDGET);
             assert_true(n ? k.changes.changed && k.changes.changed < VIEWS * 30 : k.changes.whole);
         }
         close_keeper(&k);

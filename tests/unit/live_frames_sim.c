@@ -146,7 +146,7 @@ static void somebody_walks_by(void **state)
     const struct outcome o = run("scene: pedestrian\nloop: {seconds: 4, rate_hz: 5}\n" ARRAY, 24);
 
     (void)state;
-    assert_true(o.worst < SST_WATCH_BUDGET);
+    assert_true(o.worst < SST_DETECTOR_BUDGET);
     assert_true(o.changed > 0.02 && o.changed < 0.4);
 }
 
@@ -159,7 +159,7 @@ static void nothing_happens_before_real_cameras(void **state)
 
     (void)state;
     noise_worst = o.worst;
-    assert_true(o.worst < SST_WATCH_BUDGET);
+    assert_true(o.worst < SST_DETECTOR_BUDGET);
     assert_true(o.changed < 1e-3);
     assert_int_equal(o.whole, 0);
 }
@@ -170,7 +170,7 @@ static void somebody_walks_by_before_real_cameras(void **state)
         run("scene: pedestrian\nlight_percent: 3\nloop: {seconds: 4, rate_hz: 5}\n" ARRAY SENSORS, 24);
 
     (void)state;
-    assert_true(o.worst < SST_WATCH_BUDGET + noise_worst);
+    assert_true(o.worst < SST_DETECTOR_BUDGET + noise_worst);
     assert_true(o.changed > 0.02 && o.changed < 0.5);
 }
 

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 #include "pipeline/live/picture/picture_internal.h"
 
 #define SIDE   6
@@ -100,8 +100,8 @@ static void draw(struct made *m, struct sst_view *view)
 static void take(struct made *m, int64_t s)
 {
     m->changes.whole = true;
-    assert_int_equal(sst_live_take(&m->live, &m->changes), 0);
-    assert_int_equal(sst_live_watch(&m->live, s * 1000000000), 0);
+    assert_int_equal(live_ingest(&m->live, &m->changes), 0);
+    assert_int_equal(live_summarize(&m->live, s * 1000000000), 0);
 }
 
 /* Views of these layers, with true maps. */
@@ -114,12 +114,12 @@ static void make(struct made *m, const struct layer *layer, int layers)
     m->layers = layers;
     for (int k = 0; k < VIEWS; k++)
         cfg.present[k] = true;
-    assert_int_equal(sst_live_init(&m->live, &cfg), 0);
+    assert_int_equal(live_init(&m->live, &cfg), 0);
     assert_int_equal(sst_live_changes_init(&m->changes, &m->live.lf), 0);
     m->live.lf.range_max_px = 16;
     for (int k = 0; k < VIEWS; k++)
         draw(m, &m->live.lf.views[k]);
-    m->live.ready = m->live.poor = true;
+    m->live.ready = m->live.low_confidence = true;
     take(m, 1);
     assert_int_equal(sst_live_picture_create(&m->picture, &m->live), 0);
 }
@@ -128,7 +128,7 @@ static void unmake(struct made *m)
 {
     sst_live_picture_destroy(m->picture);
     sst_live_changes_fini(&m->changes);
-    sst_live_fini(&m->live);
+    live_fini(&m->live);
 }
 
 /* The maps of all views say the same everywhere. */
@@ -384,7 +384,7 @@ static void maps_decide_where_the_picture_is_theirs(void **state SST_UNUSED)
     pick = pick_at(&m, FRONT, 80, 60); /* the hedge is in focus */
     assert_near(pick.disp_px, FRONT, 0.1);
     assert_int_equal(pick.label, 6);
-    m.live.poor = false;
+    m.live.low_confidence = false;
     pick = pick_at(&m, BEHIND, 80, 60);
     assert_near(pick.disp_px, FRONT, 0.1);
     assert_int_equal(pick.label, 6);

@@ -225,14 +225,14 @@ static void cells_are_carried_over(void **state SST_UNUSED)
     }
     assert_int_equal(sst_map_u16_init(&key.maps.disp, 32, 32), 0);
     assert_int_equal(sst_map_u8_init(&key.maps.label, 32, 32), 0);
-    assert_int_equal(sst_map_u8_init(&key.maps.sure, 32, 32), 0);
+    assert_int_equal(sst_map_u8_init(&key.maps.confirmed, 32, 32), 0);
     for (int y = 0; y < 32; y++) {
         for (int x = 0; x < 32; x++) {
             const bool near = x >= 12 && x < 20;
 
             sst_map_u16_row(&key.maps.disp, y)[x] = (uint16_t)(64 * (near ? 8 : 4));
             sst_map_u8_row(&key.maps.label, y)[x] = near ? 2 : 1;
-            sst_map_u8_row(&key.maps.sure, y)[x] = 1;
+            sst_map_u8_row(&key.maps.confirmed, y)[x] = 1;
         }
     }
     assert_int_equal(scene_composer_init(&composer, 32, 32), 0);
@@ -249,7 +249,7 @@ static void cells_are_carried_over(void **state SST_UNUSED)
     scene_composer_fini(&composer);
     sst_map_u16_fini(&key.maps.disp);
     sst_map_u8_fini(&key.maps.label);
-    sst_map_u8_fini(&key.maps.sure);
+    sst_map_u8_fini(&key.maps.confirmed);
     sst_lightfield_fini(&lf);
 }
 

@@ -12,7 +12,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 #include "simulators/scene/scene.h"
 #include "tests/small.h"
 
@@ -71,7 +71,7 @@ static void set_scene(struct shown *s, const char *name, double time_s)
     assert_int_equal(sst_parallel_for(lf->rows * lf->cols, 2, make_view, s), 0);
     s->live->ready = true;
     s->changes.whole = true;
-    assert_int_equal(sst_live_take(s->live, &s->changes), 0);
+    assert_int_equal(live_ingest(s->live, &s->changes), 0);
     s->changes.whole = false;
 }
 
@@ -89,7 +89,7 @@ static void show(struct shown *s, const char *name, int width, int height, int s
         cfg.present[k] =
             !only_outer || ((row == 0 || row == last) && (col == 0 || col == last)) || (row == middle && col == middle);
     }
-    assert_int_equal(sst_live_init(s->live, &cfg), 0);
+    assert_int_equal(live_init(s->live, &cfg), 0);
     assert_int_equal(sst_live_changes_init(&s->changes, &s->live->lf), 0);
     if (name)
         set_scene(s, name, 0);
@@ -99,7 +99,7 @@ static void hide(struct shown *s)
 {
     sst_scene_destroy(s->scene);
     sst_live_changes_fini(&s->changes);
-    sst_live_fini(s->live);
+    live_fini(s->live);
     free(s->live);
 }
 
@@ -160,8 +160,8 @@ static void change_tile(struct shown *s, int view, int tile, bool maps, uint32_t
 
 static void take(struct shown *s, int64_t t_ns)
 {
-    assert_int_equal(sst_live_take(s->live, &s->changes), 0);
-    assert_int_equal(sst_live_watch(s->live, t_ns), 0);
+    assert_int_equal(live_ingest(s->live, &s->changes), 0);
+    assert_int_equal(live_summarize(s->live, t_ns), 0);
     for (int k = 0; k < s->live->lf.rows * s->live->lf.cols; k++) {
         if (s->changes.map[k])
             memset(s->changes.map[k], 0, (size_t)(s->changes.cols * s->changes.rows));
@@ -266,7 +266,7 @@ static void verified_parts_do_too(void **state SST_UNUSED)
     assert_int_equal(sst_live_picture_create(&p, s.live), 0);
     assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
     assert_true(same_image(image, plain)); /* maps are not poor */
-    s.live->poor = true;
+    s.live->low_confidence = true;
     for (int round = 0; round < 12; round++) {
         assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
         assert_true(round || !same_image(image, plain)); /* it does something here */
@@ -298,7 +298,7 @@ static void absent_views_are_left_out(void **state SST_UNUSED)
     s.live->lf.views[s.live->lf.ref_view].present = false;
     s.live->lf.views[8].present = false;
     take(&s, 2);
-    assert_true(sst_live_look(s.live) >= 0 && sst_live_look(s.live) != s.live->lf.ref_view);
+    assert_true(live_lead_view(s.live) >= 0 && live_lead_view(s.live) != s.live->lf.ref_view);
     assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
     assert_int_equal(anew, 160 * 120);
     assert_whole(&s, &cfg, image);
@@ -588,13 +588,13 @@ static void zones_tell_what_changed(void **state SST_UNUSED)
     s.live->cfg.zone[1].x1 = s.live->cfg.zone[1].y1 = 1;
     s.changes.map[s.live->lf.ref_view][6] = 1; /* column 1, row 1 */
     s.changes.map[(s.live->lf.ref_view + 1) % 4][4] = 1;
-    sst_live_zones_changed(s.live, &s.changes, changed);
+    live_zones_changed(s.live, &s.changes, changed);
     assert_near(changed[0], 0.25, 0);
     assert_near(changed[1], 0, 0);
     assert_near(changed[2], 0, 0);
     assert_near(changed[SST_LIVE_ZONES], 0.05, 0);
     s.changes.whole = true;
-    sst_live_zones_changed(s.live, &s.changes, changed);
+    live_zones_changed(s.live, &s.changes, changed);
     assert_near(changed[1], 1, 0);
     hide(&s);
 }

@@ -124,26 +124,26 @@ static void faults_of_descriptions(void **state SST_UNUSED)
     static const struct {
         const char *text, *said;
     } bad[] = {
-        { "", "m.yaml:1:1: the file must hold keys" },
-        { "mean: 1\n", "m.yaml:1:1: lacks the key classes" },
+        { "", "m.yaml:1:1: the file must contain keys" },
+        { "mean: 1\n", "m.yaml:1:1: lacks the key `classes`" },
         { "classes: road\n", "1:10: classes must be a list of names" },
         { "classes: []\n", "classes must be a list of names" },
         { "classes: [a, A]\n", "1:14: classes must be a list of different names; `A` is not allowed" },
         { "classes: {0: a, 2: b}\n", "2 entries but none for channel 1" },
         { "classes: [a, a name that is longer than any class may be]\n", "1:14: classes is longer than 31 bytes" },
         { "classes: [a]\nground: [b]\n", "2:10: ground names the unknown class `b`" },
-        { "classes: [a]\nlabels: {b: c}\n", "2:10: b is no key here" },
-        { "classes: [a]\nmean: [1, 2]\n", "2:7: mean wants a list of 3 numbers" },
-        { "classes: [a]\nmean: [1, .nan, 2]\n", "2:11: mean wants a number" },
-        { "classes: [a]\nstd: 0\n", "2:6: std wants a number in 1e-06..1e+06, not 0" },
+        { "classes: [a]\nlabels: {b: c}\n", "2:10: unknown key `b`" },
+        { "classes: [a]\nmean: [1, 2]\n", "2:7: mean must be a list of 3 numbers" },
+        { "classes: [a]\nmean: [1, .nan, 2]\n", "2:11: mean must be a number" },
+        { "classes: [a]\nstd: 0\n", "2:6: std must be a number in 1e-06..1e+06, not 0" },
         { "classes: [a]\nstd: 1\nscale: 1\n", "3:8: scale and std set the same value" },
         { "classes: [a]\nsize: 480\n", "2:7: size must be WIDTHxHEIGHT" },
         { "classes: [a]\nsize: 4x4\n", "2:7: size must be WIDTHxHEIGHT" },
-        { "classes: [a]\noutput: softmax\n", "2:9: output wants logits or probabilities, not softmax" },
-        { "classes: [a]\ncolour: grey\n", "2:9: colour wants rgb or bgr, not grey" },
-        { "classes: [a]\nrange: 255\n", "2:8: range wants 0..1 or 0..255, not 255" },
-        { "classes: [a]\ntemperature: 0\n", "2:14: temperature wants a number" },
-        { "classes: [a]\nepsilon_h: -1\n", "2:12: epsilon_h wants a number" },
+        { "classes: [a]\noutput: softmax\n", "2:9: output must be logits or probabilities, not softmax" },
+        { "classes: [a]\ncolour: grey\n", "2:9: colour must be rgb or bgr, not grey" },
+        { "classes: [a]\nrange: 255\n", "2:8: range must be 0..1 or 0..255, not 255" },
+        { "classes: [a]\ntemperature: 0\n", "2:14: temperature must be a number" },
+        { "classes: [a]\nepsilon_h: -1\n", "2:12: epsilon_h must be a number" },
     };
     struct sst_model_info info = { .channels = -7 };
     char many[4096] = "classes: [";

@@ -104,7 +104,7 @@ static void faults_are_told(void **state SST_UNUSED)
 {
     refuse("name: n", "name: n", NULL);
     refuse("position: p\n", "", "position");
-    refuse("position: p", "position: q", "names no register");
+    refuse("position: p", "position: q", "unknown register `q`");
     refuse("address: 0x10,", "address: 0x10000,", "0..65535");
     refuse("type: u16 }\n  p:", "type: u64 }\n  p:", "u16, s16, u32, s32 or bit");
     refuse("table: input, address: 0x11, type: s32", "table: coil, address: 0x11, type: s32", "coil");

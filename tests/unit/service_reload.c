@@ -274,7 +274,7 @@ static void what_is_wrong_changes_nothing(void **state)
     shown = sst_log_hold_errors(said);
     assert_int_equal(service->api.reload(service->api.arg, false, &answer), -EINVAL);
     sst_log_hold_errors(shown);
-    assert_non_null(strstr(answer.error, "colz is no key here"));
+    assert_non_null(strstr(answer.error, "unknown key `colz`"));
     assert_null(answer.body);
     assert_true(service->config.live.rate_hz == before.live.rate_hz);
 }

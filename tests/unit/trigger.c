@@ -1,4 +1,4 @@
-/* drivers/trigger: beats, steps of a pulse, clocks of edge stamps; trains of time marks; what open refuses. */
+/* drivers/trigger: ticks, steps of a pulse, clocks of edge stamps; trains of time marks; what open refuses. */
 #include <errno.h>
 #include <pthread.h>
 #include <setjmp.h>
@@ -66,24 +66,24 @@ static void all_64_lines_may_differ(void **state SST_UNUSED)
     assert_true(step[127].active == 0);
 }
 
-/* 30/s has no whole period: beat 30 is exactly one second after the start, and so is beat 30 million a million later.
+/* 30/s has no whole period: tick 30 is exactly one second after the start, and so is tick 30 million a million later.
  */
 static void beats_do_not_drift(void **state SST_UNUSED)
 {
-    assert_int_equal(beat_due_ns(7, 30, 1), 7 + 33333333);
-    assert_int_equal(beat_due_ns(7, 30, 2), 7 + 66666667);
-    assert_int_equal(beat_due_ns(7, 30, 30), 7 + 1000000000);
-    assert_true(beat_due_ns(7, 30, 30000000) == 7 + 1000000000000000);
+    assert_int_equal(tick_due_ns(7, 30, 1), 7 + 33333333);
+    assert_int_equal(tick_due_ns(7, 30, 2), 7 + 66666667);
+    assert_int_equal(tick_due_ns(7, 30, 30), 7 + 1000000000);
+    assert_true(tick_due_ns(7, 30, 30000000) == 7 + 1000000000000000);
 }
 
-/* At 10/s: 49 ms late still fires, 51 ms late is skipped, and after 1.02 s only beat 10 is near enough. */
+/* At 10/s: 49 ms late still fires, 51 ms late is skipped, and after 1.02 s only tick 10 is near enough. */
 static void late_beats_are_skipped(void **state SST_UNUSED)
 {
-    assert_int_equal(beat_next(1000, 10, 0, 1000), 0);
-    assert_int_equal(beat_next(1000, 10, 0, 1000 + 49000000), 0);
-    assert_int_equal(beat_next(1000, 10, 0, 1000 + 51000000), 1);
-    assert_int_equal(beat_next(1000, 10, 0, 1000 + 1020000000), 10);
-    assert_int_equal(beat_next(1000, 10, 12, 1000 + 1020000000), 12);
+    assert_int_equal(tick_next(1000, 10, 0, 1000), 0);
+    assert_int_equal(tick_next(1000, 10, 0, 1000 + 49000000), 0);
+    assert_int_equal(tick_next(1000, 10, 0, 1000 + 51000000), 1);
+    assert_int_equal(tick_next(1000, 10, 0, 1000 + 1020000000), 10);
+    assert_int_equal(tick_next(1000, 10, 12, 1000 + 1020000000), 12);
 }
 
 static void stamps_of_both_clocks_become_monotonic(void **state SST_UNUSED)
@@ -147,7 +147,7 @@ static void software_train_marks_absolute_beats(void **state SST_UNUSED)
     sst_trigger_close(t);
 }
 
-/* A beat that is 100 s away does not keep stop() waiting. */
+/* A tick that is 100 s away does not keep stop() waiting. */
 static void stop_does_not_wait_for_the_beat(void **state SST_UNUSED)
 {
     struct sst_trigger_config cfg;
@@ -182,7 +182,7 @@ static void slow_callback(void *arg, const struct sst_trigger_edge *edge)
         usleep(73000);
 }
 
-/* 100/s, and the first beat's receiver takes 73 ms: beats 1 to 6 are over half a period late, 7 is fired at once. */
+/* 100/s, and the first tick's receiver takes 73 ms: ticks 1 to 6 are over half a period late, 7 is fired at once. */
 static void held_up_train_skips_and_keeps_the_beat(void **state SST_UNUSED)
 {
     struct sst_trigger_config cfg;

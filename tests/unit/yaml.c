@@ -79,18 +79,18 @@ static void faults_name_their_place(void **state SST_UNUSED)
     static const struct {
         const char *text, *said;
     } bad[] = {
-        { "v: nan\n", "t.yaml:1:4: v wants a number in 0..10, not nan" },
-        { "v: inf\n", "1:4: v wants a number" },
-        { "v: 0x5\n", "1:4: v wants a number" },
-        { "v: \"5\"\n", "1:4: v wants a number in 0..10, not \"5\"" },
-        { "v: 11\n", "1:4: v wants a number" },
-        { "v: 1e999\n", "1:4: v wants a number" },
-        { "v:\n", "v wants a number in 0..10, not an empty value" },
-        { "v: [1]\n", "1:4: v wants a number in 0..10, not a list" },
-        { "v: {}\n", "1:4: v wants a number in 0..10, not a mapping" },
-        { "v: 1\n\nw: 2\n", "3:1: w is no key here" },
-        { "v: 1\nv: 2\n", "2:1: v is there already, in line 1" },
-        { "w: 1\n", "1:1: w is no key here" },
+        { "v: nan\n", "t.yaml:1:4: v must be a number in 0..10, not nan" },
+        { "v: inf\n", "1:4: v must be a number" },
+        { "v: 0x5\n", "1:4: v must be a number" },
+        { "v: \"5\"\n", "1:4: v must be a number in 0..10, not \"5\"" },
+        { "v: 11\n", "1:4: v must be a number" },
+        { "v: 1e999\n", "1:4: v must be a number" },
+        { "v:\n", "v must be a number in 0..10, not an empty value" },
+        { "v: [1]\n", "1:4: v must be a number in 0..10, not a list" },
+        { "v: {}\n", "1:4: v must be a number in 0..10, not a mapping" },
+        { "v: 1\n\nw: 2\n", "3:1: unknown key `w`" },
+        { "v: 1\nv: 2\n", "2:1: duplicate key `v`, first in line 1" },
+        { "w: 1\n", "1:1: unknown key `w`" },
     };
     struct sst_yaml *doc;
     double v;
@@ -101,18 +101,18 @@ static void faults_name_their_place(void **state SST_UNUSED)
         sst_yaml_double(doc, sst_yaml_get(sst_yaml_root(doc), "v"), 0, 10, &v);
         assert_int_equal(finish(doc), -EBADMSG);
         expect_said(bad[i].said);
-        assert_true(v == -1 || strstr(bad[i].said, "key here") || strstr(bad[i].said, "already"));
+        assert_true(v == -1 || strstr(bad[i].said, "unknown key") || strstr(bad[i].said, "duplicate key"));
     }
     assert_int_equal(parse(&doc, "w: 1\n"), 0);
     assert_null(sst_yaml_need(doc, sst_yaml_root(doc), "v"));
     sst_yaml_know_all(sst_yaml_root(doc));
     assert_int_equal(finish(doc), -EBADMSG);
-    expect_said("1:1: lacks the key v");
+    expect_said("1:1: lacks the key `v`");
     assert_int_equal(parse(&doc, "n: 2147483648\nm: 1.0\n"), 0);
     for (int n = 5, i = 0; i < 2; i++)
         assert_false(sst_yaml_int(doc, sst_yaml_get(sst_yaml_root(doc), i ? "m" : "n"), 0, 9, &n) || n != 5);
     assert_int_equal(finish(doc), -EBADMSG);
-    expect_said("2:4: m wants a whole number in 0..9, not 1.0"); /* the last of the two */
+    expect_said("2:4: m must be a whole number in 0..9, not 1.0"); /* the last of the two */
 }
 
 /* A section that is there twice is one fault: what the second holds is nobody's. */
@@ -129,7 +129,7 @@ static void a_second_section_is_one_fault(void **state SST_UNUSED)
         assert_true(sst_yaml_int(doc, sst_yaml_get(sst_yaml_get(sst_yaml_root(doc), "web"), "port"), 0, 9, &n));
         assert_int_equal(n, 1);
         assert_int_equal(finish(doc), -EBADMSG);
-        expect_said("web is there already, in line 1"); /* the last that was said */
+        expect_said("duplicate key `web`, first in line 1"); /* the last that was said */
     }
 }
 
@@ -139,14 +139,14 @@ static void wrong_keys_are_answered_with_the_right_ones(void **state SST_UNUSED)
     static const struct {
         const char *key, *said;
     } wrong[] = {
-        { "colz", "colz is no key here; did you mean cols?" },
-        { "camera", "camera is no key here; did you mean cameras?" },
-        { "clos", "clos is no key here; did you mean cols?" },    /* two exchanged */
-        { "rate", "rate is no key here; did you mean rate_hz?" }, /* no unit */
-        { "spacing_m", "spacing_m is no key here; did you mean spacing_mm?" },
-        { "rows2x", "rows2x is no key here; correct its spelling" }, /* rows is there already */
-        { "bandwidth", "bandwidth is no key here; correct its spelling or remove it" },
-        { "c", "c is no key here; correct its spelling or remove it" },
+        { "colz", "unknown key `colz`; did you mean `cols`?" },
+        { "camera", "unknown key `camera`; did you mean `cameras`?" },
+        { "clos", "unknown key `clos`; did you mean `cols`?" },    /* two exchanged */
+        { "rate", "unknown key `rate`; did you mean `rate_hz`?" }, /* no unit */
+        { "spacing_m", "unknown key `spacing_m`; did you mean `spacing_mm`?" },
+        { "rows2x", "unknown key `rows2x`; correct its spelling" }, /* rows is there already */
+        { "bandwidth", "unknown key `bandwidth`; correct its spelling or remove it" },
+        { "c", "unknown key `c`; correct its spelling or remove it" },
     };
 
     for (size_t i = 0; i < ARRAY_LEN(wrong); i++) {
@@ -176,9 +176,9 @@ static void what_is_not_plain_yaml_is_refused(void **state SST_UNUSED)
         { "a: 1\n---\nb: 1\n", "2:1: a second document" },
         { "a: \"x\\ny\"\n", "1:4: a text with a line break" },
         { "a: \"x\\0y\"\n", "1:4: a text with a line break" },
-        { "a: [1\nb: 2\n", "not YAML" },
-        { "a: 1\n\tb: 2\n", "2:1: not YAML" },
-        { "\x80\x80", "not YAML" },
+        { "a: [1\nb: 2\n", "invalid YAML" },
+        { "a: 1\n\tb: 2\n", "2:1: invalid YAML" },
+        { "\x80\x80", "invalid YAML" },
         { "[[[[[[[[[[[[[[[[[1]]]]]]]]]]]]]]]]]\n", "1:17: nested deeper" },
     };
     struct sst_yaml *doc = NULL;
@@ -204,7 +204,7 @@ static void what_is_not_plain_yaml_is_refused(void **state SST_UNUSED)
         assert_int_equal(parse(&doc, i ? "" : "[1, 2]\n"), 0);
         assert_null(sst_yaml_root(doc));
         assert_int_equal(finish(doc), -EBADMSG);
-        expect_said("1:1: the file must hold keys");
+        expect_said("1:1: the file must contain keys");
     }
 }
 

@@ -10,71 +10,71 @@
 #include "pipeline/live/live.h"
 
 #define LEVEL       8.0          /* 1/8 levels */
-#define DARK        (12 * LEVEL) /* tiles below tell nothing of the light */
+#define DARK        (12 * LEVEL) /* tiles below are not used to estimate the light */
 #define GAIN_ONE    (1 << 14)
-#define SETTLE_SETS 4 /* after a change thresholds are lower for so long: the rest of it is taken over, too */
+#define SETTLE_SETS 4 /* sets with lower thresholds after a change, so that its remainder is accepted too */
 #define SETTLE      0.6
 #define NOISE_FIRST LEVEL
-#define NOISE_STEP  4    /* one tile in so many tells the noise */
-#define NOISE_RISE  1.25 /* at most, from picture to picture: one that something large crosses says nothing of noise */
+#define NOISE_STEP  4    /* every NOISE_STEP-th tile measures the noise */
+#define NOISE_RISE  1.25 /* maximum from picture to picture, since a large moving object is not noise */
 
 /* Thresholds: floor + factor x median. Medians of |mean| are 0.67 sigma; those of mean |e| are 0.8 sigma of the cells,
  * with a spread of 0.15 sigma; those of the largest of 16 are 2 sigma. All three stay beyond 6 sigma. */
 static const struct {
     double floor, factor;
-} limits[SST_WATCH_STATS] = {
-    { SST_WATCH_MEAN * LEVEL, 9 },
-    { SST_WATCH_ABS * LEVEL, 2.2 },
-    { SST_WATCH_PEAK * LEVEL, 3 },
+} limits[SST_DETECTOR_STATS] = {
+    { SST_DETECTOR_MEAN * LEVEL, 9 },
+    { SST_DETECTOR_ABS * LEVEL, 2.2 },
+    { SST_DETECTOR_PEAK * LEVEL, 3 },
 };
 
-int watch_init(struct sst_watch *w, int width, int height)
+int detector_init(struct change_detector *w, int width, int height)
 {
     const int cols = (width + SST_LIVE_TILE - 1) / SST_LIVE_TILE, rows = (height + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
     const size_t tiles = (size_t)cols * (size_t)rows;
 
-    *w = (struct sst_watch){ .width = width, .height = height, .cols = cols, .rows = rows };
+    *w = (struct change_detector){ .width = width, .height = height, .cols = cols, .rows = rows };
     w->gain_kept = sst_mem_alloc(tiles, sizeof(*w->gain_kept));
     w->unsettled = sst_mem_alloc(tiles, 1);
-    w->scratch = sst_mem_alloc(tiles, SST_WATCH_STATS * sizeof(*w->scratch));
-    if (!w->gain_kept || !w->unsettled || !w->scratch || cells_init(&w->now, width, height) ||
-        cells_init(&w->before, width, height) || cells_init(&w->kept, width, height)) {
-        watch_fini(w);
+    w->scratch = sst_mem_alloc(tiles, SST_DETECTOR_STATS * sizeof(*w->scratch));
+    if (!w->gain_kept || !w->unsettled || !w->scratch || block_means_init(&w->now, width, height) ||
+        block_means_init(&w->before, width, height) || block_means_init(&w->kept, width, height)) {
+        detector_fini(w);
         return -ENOMEM;
     }
-    watch_forget(w);
+    detector_reset(w);
     return 0;
 }
 
-void watch_fini(struct sst_watch *w)
+void detector_fini(struct change_detector *w)
 {
     sst_mem_free(w->gain_kept);
     sst_mem_free(w->unsettled);
     sst_mem_free(w->scratch);
-    cells_fini(&w->now);
-    cells_fini(&w->before);
-    cells_fini(&w->kept);
-    *w = (struct sst_watch){ 0 };
+    block_means_fini(&w->now);
+    block_means_fini(&w->before);
+    block_means_fini(&w->kept);
+    *w = (struct change_detector){ 0 };
 }
 
-void watch_forget(struct sst_watch *w)
+void detector_reset(struct change_detector *w)
 {
     w->judged = 0;
     w->gain = 1;
     w->before.planes = w->kept.planes = 0;
     for (int p = 0; p < 3; p++)
-        for (int s = 0; s < SST_WATCH_STATS; s++)
+        for (int s = 0; s < SST_DETECTOR_STATS; s++)
             w->noise[p][s] = NOISE_FIRST;
 }
 
-/* --- numbers of tiles -------------------------------------------------------------------------------------------- */
+/* --- tile statistics ---------------------------------------------------------------------------------------------- */
 
 /* Cells of a tile in a plane. */
 struct span {
     int x0, y0, x1, y1;
 };
 
-static struct span cells_of(const struct cells *c, int p, int col, int row)
+static struct span cells_of(const struct block_means *c, int p, int col, int row)
 {
     const int sx = c->plane[p].step_x, sy = c->plane[p].step_y;
 
@@ -89,7 +89,7 @@ static int count_of(struct span s)
 }
 
 /* Sum of a tile's cells above zero light or colour. */
-static int sum_of(const struct cells *c, int p, struct span s)
+static int sum_of(const struct block_means *c, int p, struct span s)
 {
     int sum = 0;
 
@@ -99,9 +99,9 @@ static int sum_of(const struct cells *c, int p, struct span s)
     return sum;
 }
 
-/* Inlined with a width that is known, it is all done without loops. */
+/* Inlined with a constant width, so that the loops are unrolled. */
 static inline void compare_span(const int16_t *a, const int16_t *b, size_t stride, int width, int height, int zero,
-                                int gain_q14, float out[SST_WATCH_STATS])
+                                int gain_q14, float out[SST_DETECTOR_STATS])
 {
     int sum = 0, abs_sum = 0, most = 0;
 
@@ -122,8 +122,8 @@ static inline void compare_span(const int16_t *a, const int16_t *b, size_t strid
 }
 
 /* |mean e|, mean |e|, max |e| with e = a - gain b. */
-static void compare(const struct cells *a, const struct cells *b, int p, struct span s, double gain,
-                    float out[SST_WATCH_STATS])
+static void compare(const struct block_means *a, const struct block_means *b, int p, struct span s, double gain,
+                    float out[SST_DETECTOR_STATS])
 {
     const size_t stride = (size_t)a->plane[p].cols, at = (size_t)s.y0 * stride + (size_t)s.x0;
     const int16_t *u = a->plane[p].mean + at, *v = b->plane[p].mean + at;
@@ -139,14 +139,14 @@ static void compare(const struct cells *a, const struct cells *b, int p, struct 
         compare_span(u, v, stride, w, h, zero, gain_q14, out);
 }
 
-/* --- light ------------------------------------------------------------------------------------------------------- */
+/* --- light -------------------------------------------------------------------------------------------------------- */
 
 /*
- * Follow the light: now / kept, tile by tile, in the median. Light that rises by a factor multiplies sRGB codes by a
- * factor, too (but for the darkest).
- * @return how much of it has gathered since the tiles were taken over, in levels at half of white
+ * Estimate the gain of the light: the median over the tiles of now / kept. A factor in light is also a factor in sRGB
+ * codes (except for the darkest).
+ * @return accumulated change since the tiles were accepted, in levels at half of white
  */
-static double follow_light(struct sst_watch *w)
+static double follow_light(struct change_detector *w)
 {
     float *ratio = w->scratch, *raw = w->scratch + (size_t)w->cols * (size_t)w->rows;
     int n = 0;
@@ -167,10 +167,10 @@ static double follow_light(struct sst_watch *w)
     return fabs(sst_stats_upper_median_float(raw, n) - 1.0) * 128;
 }
 
-/* --- noise ------------------------------------------------------------------------------------------------------- */
+/* --- noise -------------------------------------------------------------------------------------------------------- */
 
-/* From this picture and the one judged before it; of the tiles some are enough. */
-static void follow_noise(struct sst_watch *w, double gain_step)
+/* Measure the noise between this picture and the one judged before, on a part of the tiles. */
+static void follow_noise(struct change_detector *w, double gain_step)
 {
     const int tiles = w->cols * w->rows, step = w->judged < 2 ? 1 : NOISE_STEP;
 
@@ -179,13 +179,13 @@ static void follow_noise(struct sst_watch *w, double gain_step)
         int n = 0;
 
         for (int t = w->noise_phase % step; t < tiles; t += step, n++) {
-            float stat[SST_WATCH_STATS];
+            float stat[SST_DETECTOR_STATS];
 
             compare(&w->now, &w->before, p, cells_of(&w->now, p, t % w->cols, t / w->cols), gain_step, stat);
-            for (int s = 0; s < SST_WATCH_STATS; s++)
+            for (int s = 0; s < SST_DETECTOR_STATS; s++)
                 w->scratch[s * tiles + n] = stat[s];
         }
-        for (int s = 0; n && s < SST_WATCH_STATS; s++) {
+        for (int s = 0; n && s < SST_DETECTOR_STATS; s++) {
             const double seen = sst_stats_upper_median_float(w->scratch + (size_t)s * (size_t)tiles, n), known = w->noise[p][s];
 
             if (w->judged < 2)
@@ -196,9 +196,9 @@ static void follow_noise(struct sst_watch *w, double gain_step)
     }
 }
 
-/* --- judging ----------------------------------------------------------------------------------------------------- */
+/* --- judging ------------------------------------------------------------------------------------------------------ */
 
-static struct verdict all_changed(const struct sst_watch *w, uint8_t *changed, double light)
+static struct verdict all_changed(const struct change_detector *w, uint8_t *changed, double light)
 {
     const int tiles = w->cols * w->rows;
 
@@ -206,43 +206,43 @@ static struct verdict all_changed(const struct sst_watch *w, uint8_t *changed, d
     return (struct verdict){ .changed = tiles, .whole = true, .light = light };
 }
 
-static bool tile_changed(const struct sst_watch *w, int t)
+static bool tile_changed(const struct change_detector *w, int t)
 {
     const double gain = w->gain / w->gain_kept[t], ease = w->unsettled[t] ? SETTLE : 1;
 
     for (int p = 0; p < w->now.planes; p++) {
         const struct span span = cells_of(&w->now, p, t % w->cols, t / w->cols);
-        float stat[SST_WATCH_STATS];
+        float stat[SST_DETECTOR_STATS];
 
         compare(&w->now, &w->kept, p, span, gain, stat);
-        for (int s = 0; s < SST_WATCH_STATS; s++) {
+        for (int s = 0; s < SST_DETECTOR_STATS; s++) {
             if (stat[s] > ease * limits[s].floor + limits[s].factor * w->noise[p][s])
                 return true;
         }
-        if (fabs(gain - 1) * 255 > SST_WATCH_BUDGET - SST_WATCH_MEAN &&
+        if (fabs(gain - 1) * 255 > SST_DETECTOR_BUDGET - SST_DETECTOR_MEAN &&
             fabs((double)sum_of(&w->now, p, span) - sum_of(&w->kept, p, span)) >
-                (SST_WATCH_BUDGET * LEVEL + limits[0].factor * w->noise[p][0]) * count_of(span))
+                (SST_DETECTOR_BUDGET * LEVEL + limits[0].factor * w->noise[p][0]) * count_of(span))
             return true;
     }
     return false;
 }
 
-struct verdict watch_judge(struct sst_watch *w, uint8_t *changed)
+struct verdict detector_judge(struct change_detector *w, uint8_t *changed)
 {
     struct verdict v = { 0 };
     const double gain_before = w->gain;
 
-    if (!cells_alike(&w->now, &w->kept)) {
-        watch_forget(w);
-        cells_copy(&w->before, &w->now);
+    if (!block_means_alike(&w->now, &w->kept)) {
+        detector_reset(w);
+        block_means_copy(&w->before, &w->now);
         w->judged = 1;
         return all_changed(w, changed, 0);
     }
     v.light = follow_light(w);
     follow_noise(w, w->gain / gain_before);
     w->judged = 2;
-    cells_copy(&w->before, &w->now);
-    if (v.light > SST_WATCH_LIGHT)
+    block_means_copy(&w->before, &w->now);
+    if (v.light > SST_DETECTOR_LIGHT)
         return all_changed(w, changed, v.light);
     for (int t = 0; t < w->cols * w->rows; t++) {
         changed[t] = tile_changed(w, t);
@@ -255,7 +255,7 @@ struct verdict watch_judge(struct sst_watch *w, uint8_t *changed)
     return v;
 }
 
-static void take_tile(struct sst_watch *w, int t)
+static void accept_tile(struct change_detector *w, int t)
 {
     for (int p = 0; p < w->now.planes; p++) {
         const struct span s = cells_of(&w->now, p, t % w->cols, t / w->cols);
@@ -268,18 +268,18 @@ static void take_tile(struct sst_watch *w, int t)
     w->gain_kept[t] = w->gain;
 }
 
-void watch_take(struct sst_watch *w, const uint8_t *changed)
+void detector_accept(struct change_detector *w, const uint8_t *changed)
 {
     const int tiles = w->cols * w->rows;
 
     if (memchr(changed, 0, (size_t)tiles)) {
         for (int t = 0; t < tiles; t++) {
             if (changed[t])
-                take_tile(w, t);
+                accept_tile(w, t);
         }
         return;
     }
-    cells_copy(&w->kept, &w->now);
+    block_means_copy(&w->kept, &w->now);
     w->gain = 1;
     for (int t = 0; t < tiles; t++) {
         w->gain_kept[t] = 1;

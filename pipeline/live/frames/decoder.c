@@ -15,7 +15,7 @@
 #include "pipeline/image/raw.h"
 
 #define CELL 8
-/* Decoding less of a row saves little, and the margin is for the neighbours that colour is interpolated from. */
+/* Cropping closer saves little, and the margin has the neighbours for chroma interpolation. */
 #define CROP_MARGIN 32
 
 struct decoder {
@@ -35,31 +35,31 @@ struct decoder {
     jmp_buf escape;
 };
 
-/* --- small pictures ---------------------------------------------------------------------------------------------- */
+/* --- block means -------------------------------------------------------------------------------------------------- */
 
-int cells_init(struct cells *c, int width, int height)
+int block_means_init(struct block_means *c, int width, int height)
 {
     const size_t n = (size_t)((width + CELL - 1) / CELL) * (size_t)((height + CELL - 1) / CELL);
 
-    *c = (struct cells){ 0 };
+    *c = (struct block_means){ 0 };
     for (int p = 0; p < 3; p++) {
         c->plane[p].mean = sst_mem_alloc(n, sizeof(int16_t));
         if (!c->plane[p].mean) {
-            cells_fini(c);
+            block_means_fini(c);
             return -ENOMEM;
         }
     }
     return 0;
 }
 
-void cells_fini(struct cells *c)
+void block_means_fini(struct block_means *c)
 {
     for (int p = 0; p < 3; p++)
         sst_mem_free(c->plane[p].mean);
-    *c = (struct cells){ 0 };
+    *c = (struct block_means){ 0 };
 }
 
-bool cells_alike(const struct cells *a, const struct cells *b)
+bool block_means_alike(const struct block_means *a, const struct block_means *b)
 {
     if (a->planes != b->planes)
         return false;
@@ -72,7 +72,7 @@ bool cells_alike(const struct cells *a, const struct cells *b)
     return true;
 }
 
-void cells_copy(struct cells *to, const struct cells *from)
+void block_means_copy(struct block_means *to, const struct block_means *from)
 {
     to->planes = from->planes;
     for (int p = 0; p < from->planes; p++) {
@@ -84,7 +84,7 @@ void cells_copy(struct cells *to, const struct cells *from)
     }
 }
 
-static void set_plane(struct cells *c, int p, int cols, int rows, int step_x, int step_y, int zero)
+static void set_plane(struct block_means *c, int p, int cols, int rows, int step_x, int step_y, int zero)
 {
     c->plane[p].cols = cols;
     c->plane[p].rows = rows;
@@ -93,7 +93,7 @@ static void set_plane(struct cells *c, int p, int cols, int rows, int step_x, in
     c->plane[p].zero = zero;
 }
 
-/* --- uncompressed frames ----------------------------------------------------------------------------------------- */
+/* --- uncompressed frames ------------------------------------------------------------------------------------------ */
 
 /* Samples of one plane: every dx-th byte from x0 of every dy-th row from y0. */
 struct samples {
@@ -101,8 +101,8 @@ struct samples {
     int y0, dy, zero;
 };
 
-/* Means of the samples in each cell; columns is the count of them in a row of the frame. */
-static void mean_plane(struct cells *c, int p, const struct sst_raw *raw, const struct samples *s, int columns,
+/* Means of the samples in each cell; `columns` is the number of samples in a row of the frame. */
+static void mean_plane(struct block_means *c, int p, const struct sst_raw *raw, const struct samples *s, int columns,
                        int per_cell)
 {
     const int rows = c->plane[p].rows, cols = c->plane[p].cols;
@@ -124,7 +124,7 @@ static void mean_plane(struct cells *c, int p, const struct sst_raw *raw, const 
     }
 }
 
-static void raw_cells(struct cells *c, const struct sst_raw *raw)
+static void raw_means(struct block_means *c, const struct sst_raw *raw)
 {
     const int cols = (raw->width + CELL - 1) / CELL, rows = (raw->height + CELL - 1) / CELL;
     int red_x = 0, red_y = 0;
@@ -160,7 +160,7 @@ static int raw_of(struct decoder *d, const struct decoder_frame *frame, struct s
     *raw = (struct sst_raw){ d->fourcc, d->width, d->height, stride, frame->data, frame->bytes };
     if (stride >= row && frame->bytes >= row && (frame->bytes - row) / stride >= (size_t)d->height - 1)
         return 0;
-    snprintf(d->fault, sizeof(d->fault), "%zu bytes in rows of %zu do not make %dx%d pixels", frame->bytes, stride,
+    snprintf(d->fault, sizeof(d->fault), "%zu bytes in rows of %zu are too few for %dx%d pixels", frame->bytes, stride,
              d->width, d->height);
     return -EBADMSG;
 }
@@ -186,7 +186,7 @@ static int decode_raw(struct decoder *d, const struct decoder_frame *frame, int 
     return err;
 }
 
-/* --- JPEG -------------------------------------------------------------------------------------------------------- */
+/* --- JPEG --------------------------------------------------------------------------------------------------------- */
 
 static void on_error(j_common_ptr c)
 {
@@ -196,8 +196,8 @@ static void on_error(j_common_ptr c)
     longjmp(d->escape, 1);
 }
 
-/* Warnings tell of samples that are made up, apart from bytes between the parts of a frame, which many cameras leave.
- */
+/* Warnings mean invented samples, except for those about bytes between the segments of a frame, which many cameras
+ * leave. */
 static void on_message(j_common_ptr c, int level)
 {
     struct decoder *d = c->client_data;
@@ -228,7 +228,7 @@ static int read_header(struct decoder *d, const struct decoder_frame *frame)
     return 0;
 }
 
-static void jpeg_planes(struct cells *c, const struct jpeg_decompress_struct *jpeg)
+static void jpeg_planes(struct block_means *c, const struct jpeg_decompress_struct *jpeg)
 {
     const int n = jpeg->num_components;
 
@@ -243,7 +243,7 @@ static void jpeg_planes(struct cells *c, const struct jpeg_decompress_struct *jp
     }
 }
 
-static int look_jpeg(struct decoder *d, const struct decoder_frame *frame, struct cells *cells)
+static int jpeg_means(struct decoder *d, const struct decoder_frame *frame, struct block_means *means)
 {
     int err;
 
@@ -253,12 +253,12 @@ static int look_jpeg(struct decoder *d, const struct decoder_frame *frame, struc
     }
     err = read_header(d, frame);
     if (!err) {
-        int16_t *const out[3] = { cells->plane[0].mean, cells->plane[1].mean, cells->plane[2].mean };
+        int16_t *const out[3] = { means->plane[0].mean, means->plane[1].mean, means->plane[2].mean };
 
-        jpeg_planes(cells, &d->jpeg);
+        jpeg_planes(means, &d->jpeg);
         err = sst_jpeg_means_read(d->means, &d->jpeg, out);
         if (err == -EBADMSG)
-            snprintf(d->fault, sizeof(d->fault), "its code is damaged, or it ends early");
+            snprintf(d->fault, sizeof(d->fault), "its data is damaged or truncated");
     }
     jpeg_abort_decompress(&d->jpeg);
     return err;
@@ -316,7 +316,7 @@ static int open_jpeg(struct decoder *d)
     return sst_jpeg_means_create(&d->means);
 }
 
-/* --- both -------------------------------------------------------------------------------------------------------- */
+/* --- both --------------------------------------------------------------------------------------------------------- */
 
 bool decoder_is_jpeg(uint32_t fourcc)
 {
@@ -371,16 +371,16 @@ void decoder_destroy(struct decoder *d)
     free(d);
 }
 
-int decoder_look(struct decoder *d, const struct decoder_frame *frame, struct cells *cells)
+int decoder_read_means(struct decoder *d, const struct decoder_frame *frame, struct block_means *means)
 {
     struct sst_raw raw;
     int err;
 
     if (decoder_is_jpeg(d->fourcc))
-        return look_jpeg(d, frame, cells);
+        return jpeg_means(d, frame, means);
     err = raw_of(d, frame, &raw);
     if (!err)
-        raw_cells(cells, &raw);
+        raw_means(means, &raw);
     return err;
 }
 

@@ -1,4 +1,4 @@
-/* Three steps a set: look at small pictures of some views (all, where one of them changed), decode what changed, and
+/* Three steps per set: scan the block means of some views (all if one of them changed), decode what changed, and
  * rectify what depends on it. */
 #include "pipeline/live/frames/frames.h"
 
@@ -15,7 +15,7 @@
 
 #define ABSENT_NS 2000000000
 
-/* --- changes ----------------------------------------------------------------------------------------------------- */
+/* --- changes ------------------------------------------------------------------------------------------------------ */
 
 static int tiles_across(int px)
 {
@@ -44,7 +44,7 @@ void sst_live_changes_fini(struct sst_live_changes *c)
     *c = (struct sst_live_changes){ 0 };
 }
 
-/* --- opening ----------------------------------------------------------------------------------------------------- */
+/* --- opening ------------------------------------------------------------------------------------------------------ */
 
 static void choose_keys(struct sst_live_frames *f)
 {
@@ -67,7 +67,7 @@ static void choose_keys(struct sst_live_frames *f)
     }
 }
 
-/* What each rectified tile comes from, and which pixels come from nowhere. */
+/* Source tiles of each rectified tile, and pixels outside of the raw frame. */
 static int open_map(struct sst_live_frames *f, struct live_view *v, struct sst_view *view)
 {
     const struct sst_lightfield *lf = f->lf;
@@ -113,7 +113,7 @@ static int open_view(void *arg, int index, int worker SST_UNUSED)
         return 0;
     err = sst_image_init(&view->image, f->lf->width, f->lf->height);
     if (!err)
-        err = watch_init(&v->watch, f->cfg->width, f->cfg->height);
+        err = detector_init(&v->watch, f->cfg->width, f->cfg->height);
     if (!err && f->cfg->calibration)
         err = open_map(f, v, view);
     v->dirty = sst_mem_alloc((size_t)f->raw_cols, (size_t)f->raw_rows);
@@ -138,8 +138,8 @@ static int open_all(struct sst_live_frames *f)
     for (int i = 0; i < f->threads; i++) {
         err = decoder_create(&f->decoder[i], cfg->fourcc, cfg->width, cfg->height);
         if (err == -EINVAL)
-            sst_log_error("the live picture cannot be made from frames of format %.4s with %dx%d pixels; choose MJPG, "
-                          "YUYV, GREY, Y16 or an 8-bit Bayer format",
+            sst_log_error("the live view does not support frames of format %.4s with %dx%d pixels; choose MJPG, YUYV, "
+                          "GREY, Y16 or an 8-bit Bayer format",
                           (const char *)&cfg->fourcc, cfg->width, cfg->height);
         if (err)
             return err;
@@ -166,14 +166,14 @@ int sst_live_frames_open(struct sst_live_frames **out, const struct sst_live_con
     f->raw_rows = tiles_across(cfg->height);
     f->cols = tiles_across(lf->width);
     f->rows = tiles_across(lf->height);
-    /* Frames of ordinary quality fit; larger ones are read again even where nothing changed. */
+    /* Frames of normal quality fit; larger ones are read again even if nothing changed. */
     f->last_room = decoder_is_jpeg(cfg->fourcc) ? (size_t)cfg->width * (size_t)cfg->height / 2 : 0;
     f->all = true;
     f->sample = SST_LIVE_SAMPLE_SETS;
     err = open_all(f);
     if (err) {
         if (err == -ENOMEM)
-            sst_log_error("no memory for the live pictures of %d cameras", f->used);
+            sst_log_error("no memory for the live view of %d cameras", f->used);
         sst_live_frames_close(f);
         return err;
     }
@@ -188,7 +188,7 @@ void sst_live_frames_close(struct sst_live_frames *f)
     for (int k = 0; f->view && k < f->views; k++) {
         struct live_view *v = &f->view[k];
 
-        watch_fini(&v->watch);
+        detector_fini(&v->watch);
         sst_sampler_destroy(v->sampler);
         sst_rectify_map_destroy(v->map);
         free(v->from);
@@ -211,7 +211,7 @@ void sst_live_frames_cancel(struct sst_live_frames *f)
     atomic_store(&f->cancelled, true);
 }
 
-/* --- sets -------------------------------------------------------------------------------------------------------- */
+/* --- sets --------------------------------------------------------------------------------------------------------- */
 
 static void begin_set(struct sst_live_frames *f, const struct sst_live_input *in, struct sst_live_changes *changes)
 {
@@ -231,23 +231,22 @@ static void begin_set(struct sst_live_frames *f, const struct sst_live_input *in
     changes->whole = false;
 }
 
-/* Say once that a camera's frames are no use, and once that they are again. */
-static void tell(const struct sst_live_frames *f, int k)
+/* Log once when the frames of a camera become unusable, and once when they are good again. */
+static void log_state(const struct sst_live_frames *f, int k)
 {
     struct live_view *v = &f->view[k];
 
     if (v->refused && !v->broken)
-        sst_log_warning(
-            "a frame of the camera of row %d, column %d is no use (%s): its view stays as it was; check its "
-            "cable and its format",
-            k / f->lf->cols, k % f->lf->cols, v->fault);
+        sst_log_warning("a frame of the camera at row %d, column %d is unusable (%s), its view is not updated; check "
+                        "its cable and its format",
+                        k / f->lf->cols, k % f->lf->cols, v->fault);
     if (v->looked && !v->refused && v->broken)
-        sst_log_info("frames of the camera of row %d, column %d are good again", k / f->lf->cols, k % f->lf->cols);
+        sst_log_info("frames of the camera at row %d, column %d are good again", k / f->lf->cols, k % f->lf->cols);
     if (v->looked)
         v->broken = v->refused;
 }
 
-/* A view is present from its first picture on, while frames come. */
+/* A view is present from its first picture on, while frames arrive. */
 static void follow_presence(struct sst_live_frames *f, int k)
 {
     struct live_view *v = &f->view[k];
@@ -257,12 +256,12 @@ static void follow_presence(struct sst_live_frames *f, int k)
         return;
     if (has_frame(f, k) && !v->refused && !(v->broken && !v->looked))
         v->seen_ns = f->in->t_ns;
-    tell(f, k);
+    log_state(f, k);
     view->present = v->made && f->in->t_ns - v->seen_ns < ABSENT_NS;
     if (!view->present && v->made) {
-        /* What it shows when it comes back is new to everybody. */
+        /* When it returns, all of its tiles count as changed. */
         v->made = false;
-        watch_forget(&v->watch);
+        detector_reset(&v->watch);
         memset(f->changes->map[k], 1, (size_t)f->cols * (size_t)f->rows);
     }
 }
@@ -295,14 +294,14 @@ static int run(struct sst_live_frames *f, struct sst_live_report *report)
 {
     const int64_t start = sst_clock_now_ns();
     int64_t found, decoded;
-    int err = live_frames_look(f);
+    int err = frames_scan(f);
 
     found = sst_clock_now_ns();
     if (!err)
-        err = live_frames_decode(f);
+        err = frames_decode(f);
     decoded = sst_clock_now_ns();
     if (!err)
-        err = live_frames_rectify(f);
+        err = frames_rectify(f);
     report->stage_ns[SST_LIVE_CHANGE] = found - start;
     report->stage_ns[SST_LIVE_DECODE] = decoded - found;
     report->stage_ns[SST_LIVE_RECTIFY] = sst_clock_now_ns() - decoded;
@@ -322,7 +321,7 @@ int sst_live_frames_update(struct sst_live_frames *f, const struct sst_live_inpu
         return err;
     if (f->cfg->skip_change && --f->sample <= 0) {
         f->sample = SST_LIVE_SAMPLE_SETS;
-        report->error_change = live_frames_sample(f);
+        report->error_change = frames_sample_error(f);
     }
     end_set(f, report);
     return 0;

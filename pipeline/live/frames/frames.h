@@ -1,4 +1,4 @@
-/* pipeline/live/frames/frames.h - views kept up to date from camera frames: only what changed is decoded and rectified.
+/* pipeline/live/frames/frames.h - updates the views from camera frames; only changed tiles are decoded and rectified.
  */
 #ifndef SST_PIPELINE_LIVE_FRAMES_FRAMES_H
 #define SST_PIPELINE_LIVE_FRAMES_FRAMES_H
@@ -20,9 +20,9 @@ void sst_live_changes_fini(struct sst_live_changes *c);
 struct sst_live_frames; /* opaque; one thread */
 
 /**
- * @param cfg  must stay; fourcc is MJPG, JPEG, or what pipeline/image/raw.h reads
- * @param lf   geometry set (with cfg->calibration by sst_lightfield_calibrate()), views that will come present, without
- *             images; must stay. views[].image, .valid and .present are made and kept here.
+ * @param cfg  must outlive the object; fourcc is MJPG, JPEG, or a format of pipeline/image/raw.h
+ * @param lf   must outlive the object; with geometry (with cfg->calibration by sst_lightfield_calibrate()) and without
+ *             images; views with a camera are present. This object owns views[].image, .valid and .present.
  * @return 0, -EINVAL (format, sizes; logged), -ENOMEM (logged)
  */
 SST_MUST_CHECK int sst_live_frames_open(struct sst_live_frames **out, const struct sst_live_config *cfg,
@@ -30,15 +30,15 @@ SST_MUST_CHECK int sst_live_frames_open(struct sst_live_frames **out, const stru
 void sst_live_frames_close(struct sst_live_frames *f);
 
 /**
- * Bring the views up to date and tell what changed.
+ * Update the views and report which tiles changed.
  *
- * Change is looked for in small pictures of the means of blocks of 8x8 px, with thresholds that follow each camera's
- * own noise and take out the light (change.h has the budget). Of more than 12 views only some are looked at in every
- * set, the others in turn, so that any change is seen within 4 sets; where one view changes, all others are looked at,
- * too. Small changes add up until they are taken over.
+ * Changes are detected in the means of blocks of 8x8 px, with thresholds that adapt to each camera's noise and
+ * compensate changes of light (frames_internal.h has the error budget). With more than 12 views, some are scanned in
+ * every set and the others in turn, so that any change is detected within 4 sets; when one view changes, all others are
+ * scanned too. Differences below the threshold accumulate until they exceed it.
  *
- * A view is present from its first picture on, and no more after 2 s without a good frame; when it goes and when it
- * comes back, all its tiles are changed.
+ * A view is present from its first picture on, until 2 s have passed without a good frame. When it disappears and when
+ * it returns, all its tiles are changed.
  *
  * @param changes  out; of sst_live_changes_init() with the views that were present when this was opened
  * @param report   out, CHANGE, DECODE, RECTIFY and their counters, whole, views, error_change
@@ -47,7 +47,7 @@ void sst_live_frames_close(struct sst_live_frames *f);
 SST_MUST_CHECK int sst_live_frames_update(struct sst_live_frames *f, const struct sst_live_input *in,
                                           struct sst_live_changes *changes, struct sst_live_report *report);
 
-/** Make updates return -ECANCELED from now on, within a frame's time.  Thread: any. */
+/** Make updates return -ECANCELED from now on, within the time of one frame.  Thread: any. */
 void sst_live_frames_cancel(struct sst_live_frames *f);
 
 #endif

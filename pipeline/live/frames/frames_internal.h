@@ -10,35 +10,33 @@
 #include "pipeline/live/frames/frames.h"
 
 /* --- decoder ---
- * what live views need of a camera's frame: a small picture to see change in, and parts of
- * the frame decoded. Inside pipeline/live only. */
+ * reads block means of a camera's frame for change detection, and decodes parts of it. */
 
-/** Means over blocks of samples, in 1/8 levels (0 .. 2047). */
-struct cells {
-    int planes; /* 1 or 3: brightness, then two of colour; 0: not read yet */
+/** Means of blocks of samples ("cells"), in 1/8 levels (0 .. 2047). */
+struct block_means {
+    int planes; /* 1 or 3: luma, then chroma; 0: not read yet */
     struct {
         int cols, rows;
         int step_x, step_y; /* px of the frame in a cell */
-        int zero;           /* value of no light (brightness, a colour's own) or of no colour */
+        int zero;           /* value of black (luma, RGB) or of no colour (chroma) */
         int16_t *mean;      /* [rows * cols] */
     } plane[3];
 };
 
-/** Room for frames of a size: cells of 8x8 px at the smallest. @return 0, -ENOMEM */
-SST_MUST_CHECK int cells_init(struct cells *c, int width, int height);
-void cells_fini(struct cells *c);
-/** The same planes of the same sizes? */
-bool cells_alike(const struct cells *a, const struct cells *b);
-/** @param to  of the same size of frame */
-void cells_copy(struct cells *to, const struct cells *from);
+/** Allocate for frames of a size: cells are at least 8x8 px. @return 0, -ENOMEM */
+SST_MUST_CHECK int block_means_init(struct block_means *c, int width, int height);
+void block_means_fini(struct block_means *c);
+/** True if both have the same planes of the same sizes. */
+bool block_means_alike(const struct block_means *a, const struct block_means *b);
+/** @param to  initialised for the same frame size */
+void block_means_copy(struct block_means *to, const struct block_means *from);
 
 struct decoder; /* one thread at a time */
 
-/** @param fourcc  V4L2: MJPG, JPEG, or what pipeline/image/raw.h reads @return 0, -EINVAL (format, size), -ENOMEM */
+/** @param fourcc  V4L2: MJPG, JPEG, or a format of pipeline/image/raw.h @return 0, -EINVAL (format, size), -ENOMEM */
 SST_MUST_CHECK int decoder_create(struct decoder **out, uint32_t fourcc, int width, int height);
 void decoder_destroy(struct decoder *d);
 
-/** Is this format JPEG? */
 bool decoder_is_jpeg(uint32_t fourcc);
 
 /** A camera's bytes; stride 0: rows without padding, or JPEG. */
@@ -48,86 +46,86 @@ struct decoder_frame {
 };
 
 /**
- * The small picture of a frame.
+ * Read the block means of a frame.
  *
- * @param cells  of cells_init() for this size; partly written when it fails
- * @return 0, -ENOTSUP (a kind of JPEG that is only read by decoding), -EBADMSG (damaged, or of another size: see
+ * @param block_means  of block_means_init() for this size; partly written on failure
+ * @return 0, -ENOTSUP (a kind of JPEG that must be decoded for that), -EBADMSG (damaged, or of another size: see
  *         decoder_fault())
  */
-SST_MUST_CHECK int decoder_look(struct decoder *d, const struct decoder_frame *frame, struct cells *cells);
+SST_MUST_CHECK int decoder_read_means(struct decoder *d, const struct decoder_frame *frame, struct block_means *means);
 
 /**
- * Decode columns x0 .. x1-1 of rows y0 .. y1-1: the pixels that decoding the whole frame gives.
+ * Decode columns x0 .. x1-1 of rows y0 .. y1-1; the pixels equal those of decoding the whole frame.
  *
- * @param pixels  out, borrowed until the next call: the frame's pixel (0, 0), R, G, B and a byte of no meaning each;
- * only the part is set
+ * @param pixels  out, borrowed until the next call: pixel (0, 0) of the frame, 4 bytes each (R, G, B, unused); only the
+ *                requested part is set
  * @param stride  out, bytes
  * @return 0, -EBADMSG (damaged, or of another size), -ENOMEM
  */
 SST_MUST_CHECK int decoder_decode(struct decoder *d, const struct decoder_frame *frame, int x0, int y0, int x1, int y1,
                                   const uint8_t **pixels, size_t *stride);
 
-/** What was wrong with the last frame that was refused. */
+/** Why the last frame was rejected. */
 const char *decoder_fault(const struct decoder *d);
 
 /* --- change ---
- * where a camera's small pictures differ from those of what is kept, beyond its own noise and
- * the light. Inside pipeline/live only. */
+ * detects tiles whose block means differ from those of the stored picture, beyond the camera's
+ * noise and changes of light. */
 
 /*
- * Each tile is judged by three numbers of the differences e of its cells, in each plane: |mean e| (something faint that
- * fills the tile), mean |e| (something that moves in it), max |e| (something small). A threshold is what is always let
- * pass, plus a multiple of the median over all tiles of the same number for two pictures in a row of this camera: the
- * noise, whatever its distribution. The light is followed by the median over the tiles of the ratio of brightness, and
- * taken out of the differences: a lamp that flickers changes no tile. What it adds up to is told apart.
+ * Three statistics of the differences e of a tile's cells decide, in each plane: |mean e| (faint change of the whole
+ * tile), mean |e| (motion in it), max |e| (something small). A threshold is a constant plus a multiple of the noise:
+ * the median over all tiles of the same statistic between consecutive pictures of this camera, whatever its
+ * distribution. The gain of the light is the median over the tiles of the brightness ratio and is compensated: a
+ * flickering lamp changes no tile. The accumulated change of light is reported separately.
  */
-#define SST_WATCH_STATS 3
+#define SST_DETECTOR_STATS 3
 
-/** In levels (0..255). What is kept differs from what is seen by less, up to the camera's noise: */
-#define SST_WATCH_MEAN   0.75 /* in a tile's mean ... */
-#define SST_WATCH_ABS    0.75 /* ... in its cells of 8x8 px, on average over the tile ... */
-#define SST_WATCH_PEAK   5.0  /* ... and in any of them; */
-#define SST_WATCH_LIGHT  2.5  /* and with all tiles of a view in common, at half of white */
-#define SST_WATCH_BUDGET 4.0  /* in a tile's mean, light and all */
+/** Error budget in levels (0..255): the stored picture differs from the camera's, beyond its noise, by less than */
+#define SST_DETECTOR_MEAN   0.75 /* in the mean of a tile, */
+#define SST_DETECTOR_ABS    0.75 /* in its cells of 8x8 px, averaged over the tile, */
+#define SST_DETECTOR_PEAK   5.0  /* in any of its cells, */
+#define SST_DETECTOR_LIGHT  2.5  /* in all tiles of a view together, at half of white, */
+#define SST_DETECTOR_BUDGET 4.0  /* and in the mean of a tile including light. */
 
-struct sst_watch {
+struct change_detector {
     int width, height, cols, rows;    /* px; tiles. Fixed after init */
-    struct cells now;                 /* to be read into before judging */
-    struct cells before, kept;        /* the picture judged last, and of each tile that which was taken over */
-    double *gain_kept;                /* [tiles] light when it was taken over */
-    uint8_t *unsettled;               /* [tiles] judgements for which thresholds stay lower after a change */
-    double gain;                      /* light now, against an arbitrary one */
-    double noise[3][SST_WATCH_STATS]; /* 1/8 levels */
-    int noise_phase;                  /* which of the tiles tell it next */
-    int judged;                       /* pictures since everything was taken over, at most 2 */
-    float *scratch;                   /* [3 SST_WATCH_STATS tiles] */
+    struct block_means now;           /* input of detector_judge() */
+    struct block_means before, kept;  /* the last picture judged; of each tile, the accepted (stored) picture */
+    double *gain_kept;                /* [tiles] gain when it was accepted */
+    uint8_t *unsettled;               /* [tiles] number of judgements with lower thresholds after a change */
+    double gain;                      /* current gain of the light, relative */
+    double noise[3][SST_DETECTOR_STATS]; /* 1/8 levels */
+    int noise_phase;                     /* which of the tiles measure the noise next */
+    int judged;                          /* pictures since everything was accepted, at most 2 */
+    float *scratch;                   /* [3 SST_DETECTOR_STATS tiles] */
 };
 
 /** @return 0, -ENOMEM */
-SST_MUST_CHECK int watch_init(struct sst_watch *w, int width, int height);
-void watch_fini(struct sst_watch *w);
+SST_MUST_CHECK int detector_init(struct change_detector *w, int width, int height);
+void detector_fini(struct change_detector *w);
 
 struct verdict {
     int changed;  /* tiles */
-    bool whole;   /* they are all: nothing was kept, or the light is another */
-    double light; /* levels that a half-bright tile has changed by since it was taken over */
+    bool whole;   /* all tiles: nothing was stored, or the light changed too much */
+    double light; /* levels by which a half-bright tile changed since it was accepted */
 };
 
-/** Compare `now` with what is kept. @param changed  out, [tiles] 0 or 1 */
-struct verdict watch_judge(struct sst_watch *w, uint8_t *changed);
+/** Compare `now` with the accepted picture. @param changed  out, [tiles] 0 or 1 */
+struct verdict detector_judge(struct change_detector *w, uint8_t *changed);
 
-/** The marked tiles are taken over as `now` has them. */
-void watch_take(struct sst_watch *w, const uint8_t *changed);
+/** Accept the marked tiles of `now`. */
+void detector_accept(struct change_detector *w, const uint8_t *changed);
 
-/** Forget what is kept: the next judgement is `whole`. */
-void watch_forget(struct sst_watch *w);
+/** Forget the accepted picture: the next verdict is `whole`. */
+void detector_reset(struct change_detector *w);
 
-/* --- frames_parts: what frames.c, frames_look.c and frames_take.c share. Inside pipeline/live only. --- */
+/* --- shared by frames.c, frames_scan.c and frames_decode.c --- */
 
-#define SST_LIVE_SAMPLE_SETS 32 /* the error of what was skipped is looked at once in so many sets */
-#define SST_LIVE_KEY_VIEWS   5  /* looked at in every set: nearest to the corners and to the middle */
+#define SST_LIVE_SAMPLE_SETS 32 /* the error of skipped tiles is sampled once in this number of sets */
+#define SST_LIVE_KEY_VIEWS   5  /* scanned in every set: nearest to the corners and to the middle */
 
-/* Raw tiles that a rectified one comes from: columns [0] .. [2]-1, rows [1] .. [3]-1. */
+/* Raw tiles that a rectified tile is computed from: columns [0] .. [2]-1, rows [1] .. [3]-1. */
 struct from {
     uint16_t tile[4];
 };
@@ -139,15 +137,15 @@ struct live_view {
     struct sst_rectify_map *map; /* NULL: frames are views */
     struct from *from;           /* [rectified tiles] */
     /* kept */
-    struct sst_watch watch;
-    struct sst_sampler *sampler; /* the raw frame as it is kept */
-    uint8_t *last;               /* [last_room] bytes of the frame looked at last, where they fit */
+    struct change_detector watch;
+    struct sst_sampler *sampler; /* the stored raw frame */
+    uint8_t *last;               /* [last_room] bytes of the last frame scanned, if they fit */
     size_t last_bytes;           /* 0: none */
-    bool made;                   /* there is a picture */
-    bool broken;                 /* the last frame was refused */
+    bool made;                   /* the view has a picture */
+    bool broken;                 /* the last frame was rejected */
     int64_t seen_ns;             /* of the last good frame */
     /* of this set */
-    uint8_t *dirty; /* [raw tiles] to be decoded */
+    uint8_t *dirty; /* [raw tiles] to decode */
     struct verdict verdict;
     bool looked, refused, decoded;
     char fault[200];
@@ -161,12 +159,12 @@ struct sst_live_frames {
     size_t last_room;
     struct decoder **decoder; /* [threads] */
     struct live_view *view;
-    bool all;         /* everything is to be taken over */
-    int turn, sample; /* next of the views that take turns; sets until the error is sampled */
+    bool all;         /* the next update accepts everything */
+    int turn, sample; /* next of the views scanned in turn; sets until the error is sampled */
     /* of this set */
     const struct sst_live_input *in;
     struct sst_live_changes *changes;
-    int list[SST_MAX_VIEWS]; /* what a step works on */
+    int list[SST_MAX_VIEWS]; /* views of the current step */
     SST_ATOMIC(bool) cancelled;
 };
 
@@ -187,18 +185,17 @@ static inline bool has_frame(const struct sst_live_frames *f, int k)
     return f->view[k].used && f->in->frame[k].data;
 }
 
-/** The frame of view k is no use: d says why. */
-void live_frames_refuse(struct live_view *v, const struct decoder *d);
+/** Mark the frame of a view as unusable, with the fault of d. */
+void frames_reject(struct live_view *v, const struct decoder *d);
 
-/** Step 1: verdicts and dirty tiles of all views. @return 0, -ECANCELED, -ENOMEM */
-SST_MUST_CHECK int live_frames_look(struct sst_live_frames *f);
-/** Step 2: decode the dirty tiles. The same. */
-SST_MUST_CHECK int live_frames_decode(struct sst_live_frames *f);
-/** Step 3: rectify what depends on them; maps of changes. The same. */
-SST_MUST_CHECK int live_frames_rectify(struct sst_live_frames *f);
+/** Step 1: detect changed tiles of all views. @return 0, -ECANCELED, -ENOMEM */
+SST_MUST_CHECK int frames_scan(struct sst_live_frames *f);
+/** Step 2: decode the changed tiles. @return as above */
+SST_MUST_CHECK int frames_decode(struct sst_live_frames *f);
+/** Step 3: rectify the tiles that depend on them and fill the maps of changes. @return as above */
+SST_MUST_CHECK int frames_rectify(struct sst_live_frames *f);
 
-/** Decode one of the views of which tiles were skipped. @return mean |difference| of those to what is kept; NaN: none
- */
-double live_frames_sample(struct sst_live_frames *f);
+/** Decode one view with skipped tiles. @return mean |difference| of those tiles to the stored picture; NaN: none */
+double frames_sample_error(struct sst_live_frames *f);
 
 #endif

@@ -1,19 +1,19 @@
-/* Pictures of what is known: labels over the view looked through, and disparities by colour. */
+/* Pictures of the maps: labels over the lead view, and disparities by colour. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
 
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 
 #define LABEL_STEP   2 /* pixels counted for a label's disparity: every second of every second row */
 #define LABEL_SHARE  (1 / 2000.0)
-#define COLOUR_SHARE 160 /* of 256: how much of a label's colour covers the view */
+#define COLOUR_SHARE 160 /* of 256: opacity of a label's colour */
 #define COLOURS      256
 
 int sst_live_label_disparity(const struct sst_live *live, int label, double *disp_px)
 {
-    const int look = sst_live_look(live);
-    const struct sst_view *v = look < 0 ? NULL : &live->lf.views[look];
+    const int lead = live_lead_view(live);
+    const struct sst_view *v = lead < 0 ? NULL : &live->lf.views[lead];
     uint32_t count[SST_BLEND_COLUMNS] = { 0 }, total = 0, below = 0;
     int c = 0;
 
@@ -34,7 +34,7 @@ int sst_live_label_disparity(const struct sst_live *live, int label, double *dis
         return -ENODATA;
     while (2 * (below + count[c]) < total)
         below += count[c++];
-    /* Inside the column of 1/4 px by how many of it lie below the middle. */
+    /* Interpolated inside the column of 1/4 px. */
     *disp_px =
         live->lf.disp_min_px + (c + (0.5 * total - below) / count[c]) * (1 << SST_BLEND_COLUMN_SHIFT) / SST_DISP_SCALE;
     return 0;
@@ -63,7 +63,7 @@ static void oklch(uint8_t rgb[3], double lightness, double chroma, double angle)
 }
 
 /* Far to near: from a dark violet over blue, green to a light yellow; lightness grows evenly, so that steps of
- * disparity look alike anywhere and in print, and to eyes that do not tell red from green. */
+ * disparity look alike anywhere, in print, and with red-green colour blindness. */
 static void colour_scale(uint8_t rgb[COLOURS][3])
 {
     for (int i = 0; i < COLOURS; i++) {
@@ -112,8 +112,8 @@ static void paint_disparities(const struct sst_lightfield *lf, const struct sst_
 
 int sst_live_overlay(struct sst_live *live, enum sst_live_overlay kind, struct sst_image *out)
 {
-    const int look = sst_live_look(live);
-    const struct sst_view *v = look < 0 ? NULL : &live->lf.views[look];
+    const int lead = live_lead_view(live);
+    const struct sst_view *v = lead < 0 ? NULL : &live->lf.views[lead];
     double min_px, max_px;
 
     if (!live->ready || !v || !v->image.plane[0] || !sst_live_range(live, &min_px, &max_px))

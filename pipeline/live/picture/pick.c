@@ -1,31 +1,30 @@
-/* What is under a point of a picture.
+/* The surface at a point of a picture.
  *
- * The maps say which surfaces the rays of the pixel meet, and their weights which of these the picture shows. Where the
- * picture does not trust them and shows what the rays agree on (pipeline/method/render/verify.h), nor does this: the
- * patch around is swept (sweep.h) over all disparities that are not in front of the focus, which the picture
- * suppresses. */
+ * The maps give the surfaces that the rays of the pixel meet; their weights, which of these the picture shows. Where
+ * the picture uses verified rays instead of the maps (pipeline/method/render/verify.h), the patch around the point is
+ * swept (picture_internal.h) over all disparities that are not in front of the focus, since the picture suppresses
+ * those. */
 #include <math.h>
 #include <stdlib.h>
 
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 #include "pipeline/live/picture/picture_internal.h"
 #include "pipeline/method/render/verify.h"
 
 #define PICK_PX      1.0    /* disparities within this are one surface */
 #define FRONT_SHARE  0.0625 /* of the rays of a pixel, to count as something in front */
-#define FRONT_SIGMAS 0.5    /* nearer than the focus by so many sigma_d: in front of it, as in verify.c */
+#define FRONT_SIGMAS 0.5    /* nearer than the focus by this number of sigma_d: in front of it, as in verify.c */
 #define MOST         0.5    /* of a pixel */
-#define AS_WELL      0.9    /* of the best agreement anywhere behind: the maps are believed */
+#define AS_WELL      0.9    /* of the best agreement anywhere behind: the surface of the maps is accepted */
 
-/* --- by the maps ----------------------------------------------------------------------------------------------------
- */
+/* --- by the maps -------------------------------------------------------------------------------------------------- */
 
-/** Rays of a pixel whose disparities are known, nearest first, and the surface that has most of them by share. */
+/** Rays of a pixel with known disparities, nearest first. */
 struct met {
     struct sst_ray ray[SST_MAX_VIEWS];
     int count;   /* of all rays of the pixel */
     int known;   /* of those in ray[] */
-    double open; /* share of the pixel that is decided by rays that agree */
+    double open; /* fraction of the pixel that verified rays decide */
 };
 
 static int by_disparity(const void *a, const void *b)
@@ -35,7 +34,7 @@ static int by_disparity(const void *a, const void *b)
     return (p->disp_px < q->disp_px) - (p->disp_px > q->disp_px); /* nearest first */
 }
 
-/* Label that most of these rays bear, by share, or by number where all shares are 0; 0 only where there is no other. */
+/* Label of most of these rays, by share, or by number if all shares are 0; 0 only if none has a label. */
 static int label_of(const struct sst_ray *rays, int from, int to)
 {
     double weight[256] = { 0 };
@@ -116,12 +115,11 @@ static void meet(struct met *met, const struct sst_plan *plan, int x, int y)
     qsort(met->ray, (size_t)met->known, sizeof(met->ray[0]), by_disparity);
 }
 
-/* --- by the rays that agree ------------------------------------------------------------------------------------------
- */
+/* --- by the rays that agree --------------------------------------------------------------------------------------- */
 
-/* Does the sweep bear out what the maps say? If it agrees there nearly as well as at the best place behind; where that
- * is in front of the focus, this must itself be seen behind something, and make up most of the pixel: what is nearest
- * of all is what the picture sees through. */
+/* True if the sweep confirms the surface of the maps: the rays agree there nearly as well as at the best disparity
+ * behind. If it is in front of the focus, it must also be behind something and have most of the pixel's weight, since
+ * the picture sees through the nearest surface. */
 static bool borne_out(struct patch_sweep *s, const struct sst_live_pick *by_maps, double share, double limit_px,
                       const struct sweep_peak *peak)
 {
@@ -151,7 +149,7 @@ static void pick_by_rays(struct sst_live_pick *pick, const struct sst_live *live
     pick->label = sweep_label(&sweep, peak.disp_px, PICK_PX);
 }
 
-struct sst_live_pick sst_live_pick(const struct sst_live *live, const struct sst_plan *plan, int x, int y)
+struct sst_live_pick pick_surface(const struct sst_live *live, const struct sst_plan *plan, int x, int y)
 {
     struct sst_live_pick pick = { .disp_px = NAN, .front_px = NAN };
     struct met met;

@@ -1,5 +1,5 @@
-/* What one viewer sees. A picture is rendered whole when its settings change and afterwards cell by cell: tiles of
- * views bear the serial number of their last change, and cells whose rays meet tiles with a later number than the
+/* The rendered picture of one client. It is rendered whole when its settings change, afterwards cell by cell: tiles of
+ * views have the serial number of their last change, and cells whose rays meet tiles with a later number than the
  * picture's are rendered again. */
 #include <errno.h>
 #include <math.h>
@@ -8,20 +8,21 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 
-/* Label ranges move with every pixel; everything is rendered again when the weights of so many rays are off so much. */
+/* Label ranges change with every pixel; everything is rendered again when the weights of this fraction of rays are off
+ * by this much. */
 #define NOTICEABLE       0.25
 #define NOTICEABLE_SHARE 0.01
 
 struct sst_live_picture {
     struct sst_live *live;
     struct sst_image image;
-    struct sst_render_config cfg; /* what the plan was made for */
+    struct sst_render_config cfg; /* settings of the plan */
     bool planned;
     struct sst_plan plan;
-    uint64_t serial, counted, present_serial; /* of the light field that the image shows */
-    double disp_min_px;                       /* likewise: what its stored disparities count from */
+    uint64_t serial, counted, present_serial; /* of the light field in the image */
+    double disp_min_px;                       /* likewise: disparity of stored value 0 */
     uint8_t *cells;
     int cols, rows;
 };
@@ -76,8 +77,8 @@ static double reach(const struct sst_lightfield *lf, const struct sst_render_con
     return most;
 }
 
-/* What the settings leave open, and the focus put where there is something to render. The disparities that are there
- * decide, not those that are searched, which may be many more. */
+/* Resolve defaults, and clamp the focus to where there is something to render: by the disparities in the scene, not by
+ * the searched range, which may be much wider. */
 static void resolve(struct sst_render_config *cfg, const struct sst_live *live)
 {
     const struct sst_lightfield *lf = &live->lf;
@@ -85,7 +86,7 @@ static void resolve(struct sst_render_config *cfg, const struct sst_live *live)
     double lo, hi;
 
     cfg->threads = live->cfg.threads;
-    cfg->verify = cfg->verify && live->poor ? SST_VERIFY_ON : SST_VERIFY_OFF;
+    cfg->verify = cfg->verify && live->low_confidence ? SST_VERIFY_ON : SST_VERIFY_OFF;
     if (isnan(cfg->focus_px))
         cfg->focus_px = isnan(live->focus.focus_px) ? 0 : live->focus.focus_px;
     if (sst_live_range(live, &lo, &hi)) {
@@ -115,7 +116,7 @@ static bool same_settings(const struct sst_render_config *a, const struct sst_re
            a->verify == b->verify && a->threads == b->threads;
 }
 
-/* A plan for these settings and the views that are there. */
+/* Make a plan for these settings and the present views. */
 static int make_plan(struct sst_live_picture *p, const struct sst_render_config *cfg)
 {
     struct sst_plan plan;
@@ -134,11 +135,11 @@ static int make_plan(struct sst_live_picture *p, const struct sst_render_config 
     return 0;
 }
 
-/* --- parts that changed ------------------------------------------------------------------------------------------- */
+/* --- changed cells ------------------------------------------------------------------------------------------------ */
 
 /* Cells of output pixels whose ray of this tap meets pixels x0 .. x1-1, y0 .. y1-1 of the view: colour is read at
- * x + ix and, between pixels, at x + ix + 1; disparity and label at one of the two. Rays that are verified count for
- * the pixels around, too. */
+ * x + ix and, between pixels, at x + ix + 1; disparity and label at one of the two. Verified rays also affect the
+ * pixels around. */
 static void mark_tile(struct sst_live_picture *p, const struct sst_tap *t, int x0, int x1, int y0, int y1)
 {
     const int around = p->plan.verifier ? 1 : 0;
@@ -207,7 +208,7 @@ static bool has_views(const struct sst_live *live)
 }
 
 int sst_live_picture_render(struct sst_live_picture *p, const struct sst_render_config *cfg,
-                            const struct sst_image **image, int64_t *anew)
+                            const struct sst_image **image, int64_t *rendered_px)
 {
     const struct sst_live *live = p->live;
     struct sst_render_config wanted = *cfg;
@@ -231,17 +232,17 @@ int sst_live_picture_render(struct sst_live_picture *p, const struct sst_render_
     }
     if (!err && !whole)
         pixels = p->serial != live->serial ? mark_changes(p) : 0;
-    if (!err && !whole && pixels == all) /* what was counted meanwhile costs nothing then */
+    if (!err && !whole && pixels == all) /* new histogram counts then cost nothing extra */
         (void)sst_plan_renew(&p->plan, live->renderer, 0, 0);
     if (!err && pixels)
         err = sst_plan_render(&p->plan, whole ? NULL : p->cells, &p->image, NULL);
     if (err) {
-        p->present_serial = UINT64_MAX; /* everything is to be done again */
+        p->present_serial = UINT64_MAX; /* render everything next time */
         return err;
     }
     p->serial = live->serial;
     *image = &p->image;
-    *anew = pixels;
+    *rendered_px = pixels;
     return 0;
 }
 
@@ -253,6 +254,6 @@ int sst_live_picture_pick(struct sst_live_picture *p, int x, int y, struct sst_l
         return -ERANGE;
     if (!p->planned || p->present_serial != p->live->present_serial || !p->live->ready)
         return -ENODATA;
-    *out = sst_live_pick(p->live, &p->plan, x, y);
+    *out = pick_surface(p->live, &p->plan, x, y);
     return 0;
 }

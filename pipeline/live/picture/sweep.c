@@ -3,14 +3,14 @@
 #include <math.h>
 #include <string.h>
 
-#define STEP_PX   1.5 /* that the patch moves from one disparity to the next, in the view farthest from the viewpoint */
+#define STEP_PX   1.5 /* shift of the patch per disparity step, in the view farthest from the viewpoint */
 #define STEPS_MAX 256
-#define AS_WELL   0.9 /* of the best agreement: as good, but for noise */
-#define FLAT_PX   3.0 /* what is as good in places farther apart than this does not tell between them */
+#define AS_WELL   0.9 /* of the best agreement: equal within noise */
+#define FLAT_PX   3.0 /* equal agreement farther apart than this is ambiguous */
 /* Votes for a colour are sums in 16 bits. */
 #define ALL_VOTES  (65535 / (SST_AGREE_MODE / 2))
-#define PARTS      256 /* of a pixel, that colours between pixels are mixed in */
-#define CANDIDATES 36  /* views, about, whose colours are voted for: of few views all */
+#define PARTS      256 /* sub-pixel steps of the interpolation */
+#define CANDIDATES 36  /* about this number of views gives candidate colours; of few views all */
 
 void sweep_init(struct patch_sweep *s, const struct sst_plan *plan, const uint8_t *rarity, int x, int y)
 {
@@ -21,10 +21,9 @@ void sweep_init(struct patch_sweep *s, const struct sst_plan *plan, const uint8_
     s->y = y;
 }
 
-/* --- rays ----------------------------------------------------------------------------------------------------------
- */
+/* --- rays --------------------------------------------------------------------------------------------------------- */
 
-/* Where the patch's first sample lies in a view: whole px and parts of one. */
+/* Position of the patch's first sample in a view: whole px and fraction. */
 struct corner {
     int x, y, fx, fy;
 };
@@ -40,7 +39,7 @@ static struct corner corner_of(const struct patch_sweep *s, const struct sst_tap
                             (int)(sst_clamp_double(y - whole_y, 0, 1) * PARTS + 0.5) };
 }
 
-/* Did the view see the four pixels from (x, y) on? */
+/* True if the four pixels from (x, y) on are valid in the view. */
 static bool sees(const struct sst_view *v, int x, int y)
 {
     const uint8_t *top, *bottom;
@@ -55,8 +54,8 @@ static bool sees(const struct sst_view *v, int x, int y)
 }
 
 /* The rays of one view. @param there  out, [SST_SWEEP_PATCH] 0, or -1: no ray @return their number */
-static int take_rays(uint8_t (*colour)[SST_SWEEP_PATCH], float *there, const struct sst_view *v, struct corner at,
-                     int step)
+static int gather_rays(uint8_t (*colour)[SST_SWEEP_PATCH], float *there, const struct sst_view *v, struct corner at,
+                       int step)
 {
     int n = 0;
 
@@ -80,10 +79,9 @@ static int take_rays(uint8_t (*colour)[SST_SWEEP_PATCH], float *there, const str
     return n;
 }
 
-/* --- agreement ------------------------------------------------------------------------------------------------------
- */
+/* --- agreement ---------------------------------------------------------------------------------------------------- */
 
-/* near[] of one view of those voted for. */
+/* Count near[] of one candidate view. */
 static void count_near(struct patch_sweep *s, int k)
 {
     const uint8_t *const colour[3] = { s->colour[k][0], s->colour[k][1], s->colour[k][2] };
@@ -106,7 +104,7 @@ double sweep_agree(struct patch_sweep *s, double disp_px)
         const uint8_t *const colour[3] = { s->colour[k][0], s->colour[k][1], s->colour[k][2] };
         float there[SST_SWEEP_PATCH];
 
-        rays += take_rays(s->colour[k], there, p->tap[k].v, corner_of(s, &p->tap[k], disp_px), s->step);
+        rays += gather_rays(s->colour[k], there, p->tap[k].v, corner_of(s, &p->tap[k], disp_px), s->step);
         kernels->agree_votes(s->vote[k], colour, there, &voting, SST_SWEEP_PATCH);
     }
     if (rays < 2 * SST_SWEEP_PATCH)
@@ -124,10 +122,9 @@ double sweep_agree(struct patch_sweep *s, double disp_px)
     return fmax((agree / (SST_AGREE_NEAR * all) - chance) / (1 - chance), 0);
 }
 
-/* --- the best -------------------------------------------------------------------------------------------------------
- */
+/* --- best peak ---------------------------------------------------------------------------------------------------- */
 
-/* From one disparity to the next, of a stretch of them. */
+/* Step between disparities of a range. */
 static double step_of(const struct sst_plan *p, double stretch_px)
 {
     double reach = 1;
@@ -139,7 +136,7 @@ static double step_of(const struct sst_plan *p, double stretch_px)
     return fmax(STEP_PX / reach, stretch_px / STEPS_MAX);
 }
 
-/* Top of the parabola through a value and those beside it, as a part -0.5..0.5 of a step; 0 where there is none. */
+/* Vertex of the parabola through a value and its neighbours, -0.5..0.5 of a step; 0 if there is none. */
 static double top_of(const double *at)
 {
     const double bend = 2 * at[0] - at[-1] - at[1];
@@ -178,10 +175,9 @@ struct sweep_peak sweep_peak(struct patch_sweep *s, double min_px, double max_px
     return (struct sweep_peak){ sst_clamp_double(at_px, min_px, fmax(min_px, max_px)), agree[best] };
 }
 
-/* --- labels ---------------------------------------------------------------------------------------------------------
- */
+/* --- labels ------------------------------------------------------------------------------------------------------- */
 
-/* Add the votes of a view's rays that agree, by their labels. */
+/* Add the votes of the agreeing rays of a view to their labels. */
 static void count_labels(double weight[256], const struct patch_sweep *s, const struct sst_view *v, struct corner at,
                          double disp_px, double reach_px)
 {

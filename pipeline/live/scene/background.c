@@ -38,7 +38,7 @@ struct scene_background {
     _Atomic enum state state;
     /* under lock */
     bool ended, abandoned;
-    /* the thread's while WORKING, else the caller's */
+    /* owned by the thread while WORKING, else by the caller */
     bool failed;
     struct sst_lightfield copy;
     struct sst_segmenter *segmenter;
@@ -46,8 +46,7 @@ struct scene_background {
     _Atomic bool cancel, done;
 };
 
-/* --- background thread
- * --------------------------------------------------------------------------------------------------- */
+/* --- thread ------------------------------------------------------------------------------------------------------- */
 
 /* Widen the known range to that of the current images. */
 static void widen_range(struct scene_background *b)

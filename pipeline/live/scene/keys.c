@@ -4,9 +4,9 @@
 
 #include "pipeline/live/scene/scene_internal.h"
 
-/* One key for so many views along a row, and along a column. */
+/* One key for this number of views along rows and along columns. */
 #define KEY_SPACING 3
-/* Steps of half a pixel at half size: what see-through weights tell apart is far coarser. */
+/* Steps of half a pixel at half size: see-through weights resolve far coarser differences only. */
 #define DIVISOR 2
 /* Census between pixels in halves: as fine as the steps. */
 #define PHASE_STEP 2
@@ -37,7 +37,7 @@ int scene_neighbours(const struct sst_lightfield *lf, int view, int out[SST_SCEN
     return count;
 }
 
-/* The present view with a neighbour nearest to a place, within reach; -1: none. Ties go to the lower index. */
+/* The present view with a neighbour that is nearest to a position, within reach; -1: none. Ties: the lower index. */
 static int nearest_view(const struct sst_lightfield *lf, int row, int col, int reach)
 {
     int best = -1, least = 0;
@@ -74,7 +74,7 @@ int scene_choose_keys(const struct sst_lightfield *lf, int views[SST_SCENE_KEYS]
 {
     const int down = (lf->rows + KEY_SPACING - 1) / KEY_SPACING, across = (lf->cols + KEY_SPACING - 1) / KEY_SPACING;
     const int ref = lf->ref_view;
-    /* Where views are missing the reference may stand alone: then the nearest one that does not. */
+    /* If the reference has no present neighbour, use the nearest view that has one. */
     int count = add_key(views, 0, nearest_view(lf, ref / lf->cols, ref % lf->cols, sst_max_int(lf->rows, lf->cols)));
 
     for (int i = 0; i < down; i++) {
@@ -99,8 +99,8 @@ static void join(struct scene_rect *a, const struct scene_rect *b)
     a->y1 = sst_max_int(a->y1, b->y1);
 }
 
-/* Take a rectangle in: joined with those that it meets, and with the last one when there is no room. */
-static int take_in(struct scene_rect *rects, int count, struct scene_rect r)
+/* Add a rectangle: joined with those that it overlaps, and with the last one when the list is full. */
+static int add_rect(struct scene_rect *rects, int count, struct scene_rect r)
 {
     for (int i = 0; i < count;) {
         if (!overlap(&rects[i], &r) && count < SST_SCENE_RECTS) {
@@ -125,7 +125,7 @@ int scene_gather(struct scene_rect rects[SST_SCENE_RECTS], const uint8_t *dirty,
             for (end = x; end < cols && dirty[y * cols + end] == 1; end++)
                 ;
             if (end > x)
-                count = take_in(rects, count, (struct scene_rect){ x - 1, y - 1, end + 1, y + 2 });
+                count = add_rect(rects, count, (struct scene_rect){ x - 1, y - 1, end + 1, y + 2 });
         }
     }
     for (int i = 0; i < count; i++) {
@@ -166,7 +166,7 @@ void scene_matcher_fini(struct scene_matcher *m)
     sst_map_u8_fini(&m->confidence);
 }
 
-/* The part of a picture that a rectangle holds; borrowed. */
+/* The part of a picture inside a rectangle; borrowed. */
 static struct sst_image part_of(const struct sst_image *img, const struct scene_rect *r)
 {
     struct sst_image part = { .width = r->x1 - r->x0, .height = r->y1 - r->y0, .stride = img->stride };
@@ -176,9 +176,9 @@ static struct sst_image part_of(const struct sst_image *img, const struct scene_
     return part;
 }
 
-/* Into the key's map, changed tiles only; half-size disparities become full-size ones. */
-static void keep(struct scene_key *key, const struct sst_map_u16 *disp, const struct sst_descriptor *desc,
-                 const struct scene_rect *r, const uint8_t *dirty, int tile_cols)
+/* Copy changed tiles to the key's map; half-size disparities become full-size ones. */
+static void store(struct scene_key *key, const struct sst_map_u16 *disp, const struct sst_descriptor *desc,
+                  const struct scene_rect *r, const uint8_t *dirty, int tile_cols)
 {
     for (int y = r->y0; y < r->y1; y++) {
         const uint16_t *from = sst_map_u16_row(disp, y - r->y0);
@@ -219,6 +219,6 @@ int scene_match(struct scene_matcher *m, const struct sst_lightfield *lf, const 
     err = err ? err : sst_volume_winner(&m->volume, false, &disp, &confidence);
     err = err ? err : sst_median5(&disp, &m->volume.lines);
     if (!err)
-        keep(key, &disp, &desc[key->view], rect, dirty, tile_cols);
+        store(key, &disp, &desc[key->view], rect, dirty, tile_cols);
     return err;
 }

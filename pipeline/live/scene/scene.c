@@ -1,4 +1,4 @@
-/* The parts of an update in order, and what is kept from set to set. */
+/* The steps of an update in order, and the state from set to set. */
 #include "pipeline/live/scene/scene.h"
 
 #include <stdlib.h>
@@ -11,17 +11,17 @@
 #include "pipeline/live/scene/scene_internal.h"
 #include "pipeline/method/refine/parts.h"
 
-/* Sides of what the network sees over those of its nominal size: at half the work of the whole picture (measured in
+/* Scale of the network input relative to its nominal size: half the work of the whole picture (measured in
  * docs/live-scene.md). */
 #define LABEL_SCALE 1.0
-/* More tiles changed than this share: everything is computed. */
+/* Above this fraction of changed tiles everything is computed. */
 #define WHOLE_SHARE 0.8
 
 static void free_maps(struct scene_maps *m)
 {
     sst_map_u16_fini(&m->disp);
     sst_map_u8_fini(&m->label);
-    sst_map_u8_fini(&m->sure);
+    sst_map_u8_fini(&m->confirmed);
 }
 
 void sst_live_scene_close(struct sst_live_scene *s)
@@ -52,7 +52,7 @@ void sst_live_scene_close(struct sst_live_scene *s)
     free(s->jobs);
     free(s->all);
     free(s->candidates);
-    scene_things_close(s->things);
+    scene_foreground_close(s->foreground);
     sst_mem_free(s->hist);
     free(s);
 }
@@ -99,9 +99,9 @@ static int open_labels(struct sst_live_scene *s)
     if (s->cfg->skip_labels)
         sst_segmenter_configure(s->segmenters[0], &quick);
     s->lf->classes = *sst_segmenter_classes(s->segmenters[0]);
-    err = scene_things_open(&s->things, s->width, s->height, s->cols, s->rows);
+    err = scene_foreground_open(&s->foreground, s->width, s->height, s->cols, s->rows);
     if (err)
-        sst_log_error("not enough memory to label what moves in a view of %dx%d", s->lf->width, s->lf->height);
+        sst_log_error("not enough memory to label foreground objects in a view of %dx%d", s->lf->width, s->lf->height);
     return err;
 }
 
@@ -121,10 +121,10 @@ int sst_live_scene_open(struct sst_live_scene **out, const struct sst_live_confi
     s->cols = (lf->width + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
     s->rows = (lf->height + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
     s->tiles = s->cols * s->rows;
-    s->error_labels = s->sure = NAN;
+    s->error_labels = s->confirmed = NAN;
     err = allocate(s);
     if (err)
-        sst_log_error("not enough memory to follow a scene of %d views of %dx%d", s->views, lf->width, lf->height);
+        sst_log_error("not enough memory to track a scene of %d views of %dx%d", s->views, lf->width, lf->height);
     err = err ? err : open_labels(s);
     if (!err && cfg->background)
         err = scene_background_open(&s->background, cfg, lf);
@@ -155,7 +155,7 @@ static bool beside_changed(const struct sst_live_scene *s, int view, int tile)
     return false;
 }
 
-/* What is computed once more: see SST_SCENE_AGAIN. */
+/* Mark tiles to compute again: see SST_SCENE_AGAIN. */
 static void mark_again(struct sst_live_scene *s, int view)
 {
     for (int i = 0; i < s->tiles; i++) {
@@ -164,7 +164,7 @@ static void mark_again(struct sst_live_scene *s, int view)
     }
 }
 
-/* What there is to compute. @return tiles */
+/* Mark the tiles to compute. @return their number */
 static int64_t mark_dirty(struct sst_live_scene *s, const struct sst_live_changes *changes)
 {
     const int64_t now = sst_clock_now_ns();
@@ -176,7 +176,7 @@ static int64_t mark_dirty(struct sst_live_scene *s, const struct sst_live_change
             continue;
         }
         for (int i = 0; i < s->tiles; i++) {
-            /* New views are marked already. */
+            /* New views are already marked. */
             s->dirty[view][i] |= !changes->map[view] || changes->map[view][i];
             count += s->dirty[view][i];
         }
@@ -198,8 +198,8 @@ static int64_t mark_dirty(struct sst_live_scene *s, const struct sst_live_change
     return s->whole ? all : count;
 }
 
-/* Tell what was computed: pictures, and maps where everything was. */
-static void tell(const struct sst_live_scene *s, struct sst_live_changes *changes)
+/* Report changed tiles: of pictures, and all tiles if everything was computed. */
+static void report_changes(const struct sst_live_scene *s, struct sst_live_changes *changes)
 {
     changes->whole = s->whole;
     changes->changed = 0;
@@ -225,8 +225,8 @@ static void clean(struct sst_live_scene *s)
     s->ready = true;
 }
 
-/* What changed, as far as it can be computed. */
-static int follow(struct sst_live_scene *s, struct sst_live_changes *changes, struct sst_live_report *report)
+/* Compute what changed, as far as possible. */
+static int compute_changes(struct sst_live_scene *s, struct sst_live_changes *changes, struct sst_live_report *report)
 {
     int64_t tiles;
     int err = scene_plan(s);
@@ -234,17 +234,17 @@ static int follow(struct sst_live_scene *s, struct sst_live_changes *changes, st
     if (err)
         return err;
     if (!s->keys) {
-        if (!s->told_alone)
-            sst_log_warning("no two neighbouring cameras give pictures: disparities need two, so there is plain"
-                            " refocusing only");
-        s->told_alone = true;
+        if (!s->logged_alone)
+            sst_log_warning("no two neighbouring cameras deliver pictures: disparities need two, so only plain "
+                            "refocusing is available");
+        s->logged_alone = true;
         s->ready = false;
         return 0;
     }
-    s->told_alone = false;
+    s->logged_alone = false;
     tiles = mark_dirty(s, changes);
-    if (s->things)
-        scene_things_rest(s->things, &s->key[0], s->dirty[s->key[0].view]);
+    if (s->foreground)
+        scene_foreground_still(s->foreground, &s->key[0], s->dirty[s->key[0].view]);
     if (!tiles)
         return scene_follow_range(s, true);
     err = scene_find_range(s);
@@ -255,7 +255,7 @@ static int follow(struct sst_live_scene *s, struct sst_live_changes *changes, st
     if (err)
         return err;
     report->label_runs = s->label_runs;
-    tell(s, changes);
+    report_changes(s, changes);
     clean(s);
     report->whole = s->whole;
     return 0;
@@ -269,20 +269,20 @@ int sst_live_scene_update(struct sst_live_scene *s, struct sst_live_changes *cha
     report->stage_ns[SST_LIVE_DISPARITY] = report->stage_ns[SST_LIVE_LABELS] = report->stage_ns[SST_LIVE_REFINE] = 0;
     report->label_runs = 0;
     report->whole = false;
-    err = err ? err : follow(s, changes, report);
+    err = err ? err : compute_changes(s, changes, report);
     for (int view = 0; view < s->views; view++)
         present += s->lf->views[view].present;
     report->label_runs_skipped = s->segmenters ? present - report->label_runs : 0;
     report->ready = s->ready;
-    report->alone = s->told_alone;
+    report->alone = s->logged_alone;
     report->error_labels = s->error_labels;
-    report->sure = s->sure;
+    report->confirmed = s->confirmed;
     s->error_labels = NAN;
     if (err)
         s->whole_next = true;
     else if (s->ready)
-        scene_look_for_rest(s);
+        scene_start_background(s);
     if (err == -ENOMEM)
-        sst_log_error("not enough memory to follow the scene; the next set is computed anew");
+        sst_log_error("not enough memory to track the scene; the next set is computed from scratch");
     return err;
 }

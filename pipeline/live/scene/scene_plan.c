@@ -1,4 +1,4 @@
-/* Which views are keys, and the range of disparities. */
+/* Choice of the key views, and the range of disparities. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,19 +10,19 @@
 #include "pipeline/live/scene/scene_internal.h"
 
 #define RETRY_NS INT64_C(2000000000)
-/* Something may have come nearer than the range where so much of what changed in the reference, one tile of so many at
- * least, is seen by no other key at the same disparity: 1 % is usual, 25 to 40 % what is out of range. An estimate
- * costs as much as three sets: after one that tells nothing new so many such sets pass before the next, four times as
- * many each time, and after a rest as few as at first. */
-#define UNSURE_SHARE 0.15
+/* Something may be nearer than the range if this fraction of the changed cells of the reference (of at least one tile
+ * in CHANGED) is not confirmed by another key: 1 % is usual, 25 to 40 % means out of range. An estimate costs as much
+ * as three sets: after one without a new result, the number of such sets until the next one grows fourfold each time;
+ * after a static phase it starts again at the minimum. */
+#define UNCONFIRMED_SHARE 0.15
 #define CHANGED      33
-#define LOOK_FIRST   2
-#define LOOK_MOST    512
+#define SCAN_FIRST        2
+#define SCAN_MOST         512
 #define REST_SETS    100
-/* The range grows when two estimates in a row say so, by more than what they are good to. */
+/* The range grows if two consecutive estimates exceed it by more than their accuracy. */
 #define NEARER_PX 2.0
 
-/* --- which views are keys ----------------------------------------------------------------------------------------- */
+/* --- key views ---------------------------------------------------------------------------------------------------- */
 
 static int make_key(struct sst_live_scene *s, struct scene_key *key, int view)
 {
@@ -34,14 +34,14 @@ static int make_key(struct sst_live_scene *s, struct scene_key *key, int view)
     if (!m->disp.data) {
         err = sst_map_u16_init(&m->disp, s->width, s->height);
         err = err ? err : sst_map_u8_init(&m->label, s->width, s->height);
-        err = err ? err : sst_map_u8_init(&m->sure, s->width, s->height);
+        err = err ? err : sst_map_u8_init(&m->confirmed, s->width, s->height);
     }
     if (!err)
         memset(m->disp.data, 0xFF, m->disp.stride * (size_t)m->disp.height);
     return err;
 }
 
-/* Maps of a view that is there for the first time: nothing is known. */
+/* Maps of a new view: unknown everywhere. */
 static int make_view_maps(struct sst_live_scene *s, struct sst_view *v)
 {
     int err = 0;
@@ -56,7 +56,7 @@ static int make_view_maps(struct sst_live_scene *s, struct sst_view *v)
     return err;
 }
 
-/* Choose keys anew; those that were keys before keep their maps. */
+/* Choose the keys again; earlier keys keep their maps. */
 static int choose_keys(struct sst_live_scene *s)
 {
     int views[SST_SCENE_KEYS], err = 0;
@@ -85,7 +85,6 @@ static int choose_keys(struct sst_live_scene *s)
     return err;
 }
 
-/* Follow the views that come and go. */
 int scene_plan(struct sst_live_scene *s)
 {
     bool same = true;
@@ -111,7 +110,7 @@ int scene_plan(struct sst_live_scene *s)
     }
     for (int view = 0; !err && view < s->views; view++) {
         s->planned[view] = s->lf->views[view].present;
-        /* Made anew when it is needed again. */
+        /* Recomputed when needed again. */
         if (!s->described[view])
             sst_descriptor_fini(&s->desc[view]);
     }
@@ -149,7 +148,6 @@ int scene_set_range(struct sst_live_scene *s, double min_px, double max_px)
     return 0;
 }
 
-/* The range of disparities, once. @return 0; s->ranged tells whether it is known */
 int scene_find_range(struct sst_live_scene *s)
 {
     double min_px = s->cfg->range_min_px, max_px = s->cfg->range_max_px;
@@ -167,11 +165,10 @@ int scene_find_range(struct sst_live_scene *s)
         if (err && err != -ENODATA)
             return err;
         if (err) {
-            if (!s->told_range)
-                sst_log_warning(
-                    "the pictures have too little texture to tell how far away things are; see-through begins"
-                    " when they have, or give live.range_min_px and live.range_max_px");
-            s->told_range = true;
+            if (!s->logged_range)
+                sst_log_warning("the pictures have too little texture to estimate disparities; see-through starts when "
+                                "they have enough, or set live.range_min_px and live.range_max_px");
+            s->logged_range = true;
             s->next_range_ns = sst_clock_now_ns() + RETRY_NS;
             return 0;
         }
@@ -182,8 +179,8 @@ int scene_find_range(struct sst_live_scene *s)
     return err;
 }
 
-/* The near end of the range, by the estimate of this set. */
-static int look_nearer(struct sst_live_scene *s)
+/* Extend the near end of the range by an estimate from this set. */
+static int extend_range(struct sst_live_scene *s)
 {
     double min_px, max_px, both_px;
     char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
@@ -195,23 +192,23 @@ static int look_nearer(struct sst_live_scene *s)
     both_px = fmin(max_px, s->nearer_px);
     s->nearer_px = err ? 0 : max_px;
     if (err || max_px < s->lf->range_max_px + NEARER_PX) {
-        s->look_in = s->look_every;
-        s->look_every = sst_min_int(4 * s->look_every, LOOK_MOST);
+        s->scan_in = s->scan_every;
+        s->scan_every = sst_min_int(4 * s->scan_every, SCAN_MOST);
         return 0;
     }
-    s->look_in = 0;
+    s->scan_in = 0;
     if (both_px < s->lf->range_max_px + NEARER_PX)
         return 0;
-    s->look_every = LOOK_FIRST;
+    s->scan_every = SCAN_FIRST;
     sst_log_info("disparities found up to %.0f px", both_px);
     return scene_set_range(s, s->lf->range_min_px, both_px);
 }
 
-void scene_note_unsure(struct sst_live_scene *s)
+void scene_note_unconfirmed(struct sst_live_scene *s)
 {
     const struct scene_maps *maps = &s->key[0].maps;
     const uint8_t *dirty = s->dirty[s->key[0].view];
-    int tiles = 0, cells = 0, unsure = 0;
+    int tiles = 0, cells = 0, unconfirmed = 0;
 
     for (int i = 0; i < s->tiles; i++) {
         const int x0 = i % s->cols * SST_SCENE_CELLS, y0 = i / s->cols * SST_SCENE_CELLS;
@@ -222,9 +219,9 @@ void scene_note_unsure(struct sst_live_scene *s)
         tiles++;
         for (int y = y0; y < y1; y++)
             for (int x = x0; x < x1; x++, cells++)
-                unsure += !sst_map_u8_row(&maps->sure, y)[x];
+                unconfirmed += !sst_map_u8_row(&maps->confirmed, y)[x];
     }
-    s->unsure_share = CHANGED * tiles < s->tiles ? 0 : (double)unsure / cells;
+    s->unconfirmed_share = CHANGED * tiles < s->tiles ? 0 : (double)unconfirmed / cells;
 }
 
 int scene_follow_range(struct sst_live_scene *s, bool still)
@@ -235,12 +232,12 @@ int scene_follow_range(struct sst_live_scene *s, bool still)
         s->rested = sst_min_int(s->rested + 1, REST_SETS);
         return 0;
     }
-    if (s->rested == REST_SETS || !s->look_every) {
-        s->look_every = LOOK_FIRST;
-        s->look_in = 0;
+    if (s->rested == REST_SETS || !s->scan_every) {
+        s->scan_every = SCAN_FIRST;
+        s->scan_in = 0;
     }
     s->rested = 0;
-    if (s->whole || s->unsure_share < UNSURE_SHARE || s->look_in-- > 0)
+    if (s->whole || s->unconfirmed_share < UNCONFIRMED_SHARE || s->scan_in-- > 0)
         return 0;
-    return look_nearer(s);
+    return extend_range(s);
 }

@@ -1,4 +1,4 @@
-/* What the background is started for, and takes over of what it made. */
+/* Starts the background and applies its result. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -8,22 +8,22 @@
 #include "base/thread.h"
 #include "pipeline/live/scene/scene_internal.h"
 
-/* The background starts when this share of the tiles stood still for so long, and enough of it can become better. */
+/* The background starts when this fraction of the tiles has been static for this time, and enough of it can improve. */
 #define STILL_NS      INT64_C(2000000000)
 #define STILL_SHARE   0.7
 #define BETTER_SHARE  0.05
-#define LOOK_EVERY_NS INT64_C(250000000)
-/* After a background that failed. */
+#define CHECK_EVERY_NS INT64_C(250000000)
+/* Pause after a failure of the background. */
 #define RETRY_NS INT64_C(60000000000)
 
-void scene_look_for_rest(struct sst_live_scene *s)
+void scene_start_background(struct sst_live_scene *s)
 {
     const int64_t now = sst_clock_now_ns();
     int64_t all = 0, still = 0, better = 0;
 
-    if (!s->background || now < s->next_look_ns)
+    if (!s->background || now < s->next_start_ns)
         return;
-    s->next_look_ns = now + LOOK_EVERY_NS;
+    s->next_start_ns = now + CHECK_EVERY_NS;
     for (int view = 0; view < s->views; view++) {
         if (!s->lf->views[view].present)
             continue;
@@ -39,7 +39,7 @@ void scene_look_for_rest(struct sst_live_scene *s)
         !scene_background_idle(s->background))
         return;
     if (scene_background_start(s->background, s->lf->range_min_px, s->lf->range_max_px)) {
-        s->next_look_ns = now + RETRY_NS;
+        s->next_start_ns = now + RETRY_NS;
         return;
     }
     s->copied_ns = now;
@@ -50,7 +50,7 @@ bool sst_live_scene_unsettled(struct sst_live_scene *s)
     return scene_background_done(s->background);
 }
 
-/* Move all maps to another zero. */
+/* Convert all maps to a new disparity of stored value 0. */
 static void move_zero(struct sst_live_scene *s, double before_px)
 {
     const int by = (int)lround((before_px - s->lf->disp_min_px) * SST_DISP_SCALE);
@@ -71,27 +71,27 @@ static void move_zero(struct sst_live_scene *s, double before_px)
     }
 }
 
-/* A range that the background found wider. @return it is searched from now on */
-static bool take_range(struct sst_live_scene *s, const struct sst_lightfield *from)
+/* Apply a wider range of the background. @return true: it is searched from now on */
+static bool apply_range(struct sst_live_scene *s, const struct sst_lightfield *from)
 {
     const double before_px = s->lf->disp_min_px;
 
     if (from->range_min_px >= s->lf->range_min_px && from->range_max_px <= s->lf->range_max_px)
         return false;
     if (scene_set_range(s, from->range_min_px, from->range_max_px)) {
-        sst_log_warning("not enough memory to search disparities from %.0f to %.0f px; those from %.0f to %.0f px stay",
+        sst_log_warning("not enough memory to search disparities from %.0f to %.0f px; the range stays %.0f to %.0f px",
                         from->range_min_px, from->range_max_px, s->lf->range_min_px, s->lf->range_max_px);
         return false;
     }
     sst_log_info("disparities found between %.0f and %.0f px", from->range_min_px, from->range_max_px);
     move_zero(s, before_px);
-    if (s->things && s->lf->disp_min_px != before_px)
-        scene_things_forget(s->things);
+    if (s->foreground && s->lf->disp_min_px != before_px)
+        scene_foreground_reset(s->foreground);
     return true;
 }
 
-/* One tile of one view. @return pixels whose label became another */
-static int64_t take_tile(struct sst_live_scene *s, const struct sst_lightfield *from, int view, int tile)
+/* Copy one tile of one view. @return number of pixels whose label changed */
+static int64_t copy_tile(struct sst_live_scene *s, const struct sst_lightfield *from, int view, int tile)
 {
     struct sst_view *to = &s->lf->views[view];
     const struct sst_view *v = &from->views[view];
@@ -116,8 +116,8 @@ static int64_t take_tile(struct sst_live_scene *s, const struct sst_lightfield *
     return other;
 }
 
-/* The same cells of a key: what it carries over to other views becomes better, too. */
-static void take_cells(struct sst_live_scene *s, struct scene_key *key, const struct sst_view *from, int tile)
+/* Copy the same cells of a key, which improves what is warped to other views. */
+static void copy_cells(struct sst_live_scene *s, struct scene_key *key, const struct sst_view *from, int tile)
 {
     const struct sst_view *v = &s->lf->views[key->view];
     const int x0 = tile % s->cols * SST_SCENE_CELLS, y0 = tile / s->cols * SST_SCENE_CELLS;
@@ -126,7 +126,7 @@ static void take_cells(struct sst_live_scene *s, struct scene_key *key, const st
     for (int y = y0; y < y1; y++) {
         for (int x = x0; x < x1; x++) {
             sst_map_u16_row(&key->maps.disp, y)[x] = sst_map_u16_row(&v->disp, 2 * y)[2 * x];
-            sst_map_u8_row(&key->maps.sure, y)[x] = sst_map_u8_row(&from->confidence, 2 * y)[2 * x] > 0;
+            sst_map_u8_row(&key->maps.confirmed, y)[x] = sst_map_u8_row(&from->confidence, 2 * y)[2 * x] > 0;
             if (v->label.data)
                 sst_map_u8_row(&key->maps.label, y)[x] = sst_map_u8_row(&v->label, 2 * y)[2 * x];
         }
@@ -157,10 +157,10 @@ bool sst_live_scene_settle(struct sst_live_scene *s, struct sst_live_changes *ch
         return false;
     from = scene_background_result(s->background);
     if (!from) {
-        s->next_look_ns = sst_clock_now_ns() + RETRY_NS;
+        s->next_start_ns = sst_clock_now_ns() + RETRY_NS;
         return false;
     }
-    (void)take_range(s, from);
+    (void)apply_range(s, from);
     for (int view = 0; view < s->views; view++) {
         const int k = key_of(s, view);
 
@@ -169,12 +169,12 @@ bool sst_live_scene_settle(struct sst_live_scene *s, struct sst_live_changes *ch
         for (int i = 0; i < s->tiles; i++) {
             if (s->changed_ns[view][i] > s->copied_ns)
                 continue;
-            other += take_tile(s, from, view, i);
+            other += copy_tile(s, from, view, i);
             pixels += SST_LIVE_TILE * SST_LIVE_TILE;
             if (k >= 0)
-                take_cells(s, &s->key[k], &from->views[view], i);
-            if (k == 0 && s->things)
-                scene_things_settle(s->things, &s->key[0], i);
+                copy_cells(s, &s->key[k], &from->views[view], i);
+            if (k == 0 && s->foreground)
+                scene_foreground_settle(s->foreground, &s->key[0], i);
             s->settled[view][i] = true;
             if (changes->map[view])
                 changes->map[view][i] = 1;

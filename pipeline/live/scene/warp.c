@@ -6,16 +6,16 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/live/scene/scene_internal.h"
 
-/* A cell that landed: larger is better. Sure ones first, then those of the key nearest to the view, which is what keeps
- * wrong foregrounds of all keys from adding up; among one key's the nearest surface. */
+/* Priority of a warped cell, larger is better: confirmed cells first, then those of the key nearest to the view, which
+ * keeps wrong foregrounds of several keys from accumulating; within one key the nearest surface. */
 #define THERE      (1u << 31)
-#define SURE       (1u << 30)
+#define CONFIRMED  (1u << 30)
 #define RANK_SHIFT 24
 #define DISP_SHIFT 8
 _Static_assert(SST_SCENE_KEYS <= 64, "ranks have 6 bits");
-/* Neighbouring cells further apart than this are of two surfaces. */
+/* Neighbouring cells with a larger difference are on two surfaces. */
 #define STEP_Q6 64
-/* Of a row of cells that is enlarged, with one more on both sides. */
+/* Cells of a row to upsample, with one more on both sides. */
 #define STRIP_CELLS(width) ((size_t)(width) + 2)
 
 int scene_composer_init(struct scene_composer *c, int width, int height)
@@ -65,7 +65,7 @@ static struct scene_rect bounds(const struct scene_composer *c, const uint8_t *d
                                 sst_min_int(r.y1 * SST_SCENE_CELLS, c->height) };
 }
 
-/* First and last + 1 place along an axis from where a cell can land in lo .. hi-1. */
+/* First and last + 1 source position along an axis from which a cell can be warped to lo .. hi-1. */
 static void sources(int *first, int *end, int lo, int hi, int size, int64_t near_q6, int64_t far_q6, int64_t b_q16)
 {
     const int a = scene_shift(near_q6, b_q16), b = scene_shift(far_q6, b_q16);
@@ -74,7 +74,7 @@ static void sources(int *first, int *end, int lo, int hi, int size, int64_t near
     *end = sst_clamp_int(hi + sst_max_int(a, b), 0, size);
 }
 
-/* How near a key is to the view among all keys: the larger the nearer. Ties go to the first. */
+/* Rank of a key by its distance to the view: larger is nearer. Ties: the first. */
 static uint32_t rank_of(const struct sst_lightfield *lf, int view, const struct scene_key *keys, int count, int k)
 {
     double own = 0;
@@ -94,12 +94,12 @@ static uint32_t rank_of(const struct sst_lightfield *lf, int view, const struct 
     return rank;
 }
 
-/* Let the cells of a key fall into the rectangle. */
+/* Warp the cells of a key into the rectangle. */
 static void land(struct scene_composer *c, const struct sst_lightfield *lf, int view, const struct scene_key *key,
                  uint32_t rank, const struct scene_rect *r)
 {
     const uint32_t base = THERE | rank << RANK_SHIFT;
-    const struct scene_way way = scene_way(lf, key->view, view);
+    const struct scene_warp way = scene_warp(lf, key->view, view);
     const int64_t far_q6 = way.zero_q6, near_q6 = llround(lf->range_max_px * SST_DISP_SCALE) + 64;
     int x0, x1, y0, y1;
 
@@ -107,12 +107,13 @@ static void land(struct scene_composer *c, const struct sst_lightfield *lf, int 
     sources(&y0, &y1, r->y0, r->y1, c->height, near_q6, far_q6, way.by_q16);
     for (int y = y0; y < y1; y++) {
         const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
-        const uint8_t *label = sst_map_u8_row(&key->maps.label, y), *sure = sst_map_u8_row(&key->maps.sure, y);
+        const uint8_t *label = sst_map_u8_row(&key->maps.label, y),
+                      *confirmed = sst_map_u8_row(&key->maps.confirmed, y);
 
         for (int x = x0; x < x1; x++) {
             const int64_t d = way.zero_q6 + disp[x];
             const int tx = x - scene_shift(d, way.bx_q16), ty = y - scene_shift(d, way.by_q16);
-            const uint32_t v = base | (sure[x] ? SURE : 0) | (uint32_t)disp[x] << DISP_SHIFT | label[x];
+            const uint32_t v = base | (confirmed[x] ? CONFIRMED : 0) | (uint32_t)disp[x] << DISP_SHIFT | label[x];
             uint32_t *at;
 
             if (tx < r->x0 || tx >= r->x1 || ty < r->y0 || ty >= r->y1 || disp[x] == SST_DISP_NONE)
@@ -123,7 +124,7 @@ static void land(struct scene_composer *c, const struct sst_lightfield *lf, int 
     }
 }
 
-/* What landed in changed tiles, and around them what the view has already. */
+/* Collect warped cells of changed tiles, and the existing maps of the view around them. */
 static void collect(struct scene_composer *c, const struct sst_view *v, const struct scene_rect *r,
                     const uint8_t *dirty, int cols, bool labels)
 {
@@ -145,14 +146,14 @@ static void collect(struct scene_composer *c, const struct sst_view *v, const st
     }
 }
 
-/* A lone cell seen through a gap between the cells of a nearer surface, a and b on both sides of it. */
+/* True for a single cell in a gap between cells of a nearer surface, a and b on both sides. */
 static bool shows_through(int d, int a, int b)
 {
     return d != (int)SST_DISP_NONE && a != (int)SST_DISP_NONE && b != (int)SST_DISP_NONE && a > d + STEP_Q6 &&
            b > d + STEP_Q6;
 }
 
-/* Close gaps that one cell wide: slanted surfaces widen from view to view. */
+/* Close gaps of one cell: slanted surfaces get wider from view to view. */
 static void close_gaps(struct scene_composer *c, const struct scene_rect *r, const uint8_t *dirty, int cols)
 {
     for (int y = r->y0; y < r->y1; y++) {
@@ -181,7 +182,7 @@ static void close_gaps(struct scene_composer *c, const struct scene_rect *r, con
     }
 }
 
-/* What no key sees takes the farther one of what is known to its left and right. @return the row has any */
+/* Fill cells that no key sees from the farther of the known cells to their left and right. @return the row has any */
 static bool fill_row(uint16_t *d, uint8_t *l, int x0, int x1)
 {
     for (int x = x0; x < x1; x++) {
@@ -212,7 +213,7 @@ static void fill(struct scene_composer *c, const struct scene_rect *r)
     for (int y = r->y0; y < r->y1; y++) {
         if (!fill_row(sst_map_u16_row(&c->maps.disp, y), sst_map_u8_row(&c->maps.label, y), r->x0, r->x1))
             continue;
-        /* Empty rows take the nearest full one above, those at the top the first one below. */
+        /* Empty rows are copied from the nearest full row above; those at the top from the first one below. */
         for (int j = known + 1 > r->y0 ? known + 1 : r->y0; j < y; j++) {
             const int from = known >= 0 ? known : y;
 
@@ -229,13 +230,13 @@ static void fill(struct scene_composer *c, const struct scene_rect *r)
     }
 }
 
-/* Cells x0-1 .. x1 of a row, for enlarging: beyond the picture its last ones. */
+/* Cells x0-1 .. x1 of a row for upsampling; outside of the picture the border cells. */
 struct strip {
     uint16_t *disp, *green4; /* of cell x0 */
     uint8_t *label;
 };
 
-/* Room for three rows of cells, and two of pixels. */
+/* Memory for three rows of cells and two of pixels. */
 struct enlarger {
     struct strip row[3]; /* by y modulo 3 */
     uint16_t *disp;      /* [2 width] */
@@ -255,7 +256,7 @@ static struct enlarger enlarger_of(const struct scene_composer *c)
 }
 
 /* Fill a strip with cells x0-1 .. x1 of row y. */
-static void take_strip(const struct strip *to, const struct scene_composer *c, const struct sst_image *img, int x0,
+static void fill_strip(const struct strip *to, const struct scene_composer *c, const struct sst_image *img, int x0,
                        int x1, int y)
 {
     const uint8_t *a = sst_image_row(img, 1, 2 * y);
@@ -294,19 +295,19 @@ static void enlarge(const struct enlarger *e, struct sst_view *v, const struct s
         memcpy(sst_map_u8_row(&v->label, py) + 2 * x0, e->label, (size_t)n);
 }
 
-/* Bring cells x0 .. x1-1, y0 .. y1-1 to full size: of the four cells around a pixel its own, or that of another surface
- * which is more like the pixel. */
+/* Upsample cells x0 .. x1-1, y0 .. y1-1: each pixel gets its own cell of the four around it, or that of another surface
+ * which is more similar in colour. */
 static void enlarge_tiles(const struct scene_composer *c, struct sst_view *v, int x0, int x1, int y0, int y1,
                           bool labels)
 {
     const struct enlarger e = enlarger_of(c);
 
     for (int y = sst_max_int(y0 - 1, 0); y < sst_min_int(y0 + 1, c->height); y++)
-        take_strip(&e.row[y % 3], c, &v->image, x0, x1, y);
+        fill_strip(&e.row[y % 3], c, &v->image, x0, x1, y);
     for (int y = y0; y < y1; y++) {
         const int up = sst_max_int(y - 1, 0), down = sst_min_int(y + 1, c->height - 1);
 
-        take_strip(&e.row[down % 3], c, &v->image, x0, x1, down);
+        fill_strip(&e.row[down % 3], c, &v->image, x0, x1, down);
         enlarge(&e, v, &e.row[y % 3], &e.row[up % 3], x0, x1, 2 * y, labels);
         if (2 * y + 1 < v->disp.height)
             enlarge(&e, v, &e.row[y % 3], &e.row[down % 3], x0, x1, 2 * y + 1, labels);
@@ -332,7 +333,7 @@ void scene_compose(struct scene_composer *c, struct sst_lightfield *lf, int view
                    int count, const uint8_t *dirty, int cols, int rows, bool labels)
 {
     const struct scene_rect r = bounds(c, dirty, cols, rows);
-    /* With what is around, to fill and to enlarge by. */
+    /* With a margin, to fill and to upsample from. */
     const struct scene_rect wide = { sst_max_int(r.x0 - SST_SCENE_CELLS, 0), sst_max_int(r.y0 - 1, 0),
                                      sst_min_int(r.x1 + SST_SCENE_CELLS, c->width), sst_min_int(r.y1 + 1, c->height) };
     struct sst_view *v = &lf->views[view];

@@ -4,17 +4,17 @@
 #include "pipeline/live/scene/scene_internal.h"
 #include "pipeline/method/refine/parts.h"
 
-/* Disparities of one surface in two key views differ by no more: three quarters of a cell. */
+/* Maximum difference of disparities of one surface in two key views: three quarters of a cell. */
 #define AGREE_Q6 96
-/* Neighbouring cells this close are one surface, and take labels from each other. */
+/* Neighbouring cells within this difference are one surface and share labels. */
 #define SURFACE_Q6 64
-/* A label needs so many cells for a distribution, and the noise of disparities at half size. */
+/* Minimum number of cells for the distribution of a label; noise of disparities at half size. */
 #define MIN_CELLS 25
 #define SIGMA_PX  0.5
 
 /* The cell of another view that shows the same surface point; -1: outside. */
-static int place_in(const struct scene_way *way, const struct sst_map_u16 *there, int x, int y, uint16_t disp_q6,
-                    int *ty)
+static int project(const struct scene_warp *way, const struct sst_map_u16 *there, int x, int y, uint16_t disp_q6,
+                   int *ty)
 {
     const int64_t d = way->zero_q6 + disp_q6;
     const int tx = x - scene_shift(d, way->bx_q16);
@@ -23,11 +23,11 @@ static int place_in(const struct scene_way *way, const struct sst_map_u16 *there
     return tx >= 0 && tx < there->width && *ty >= 0 && *ty < there->height ? tx : -1;
 }
 
-static void check_against(struct scene_key *key, const struct scene_key *other, const struct scene_way *way,
+static void check_against(struct scene_key *key, const struct scene_key *other, const struct scene_warp *way,
                           const uint8_t *tiles, int y)
 {
     const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
-    uint8_t *sure = sst_map_u8_row(&key->maps.sure, y);
+    uint8_t *confirmed = sst_map_u8_row(&key->maps.confirmed, y);
     int ty;
 
     for (int x = 0; x < key->maps.disp.width; x++) {
@@ -37,13 +37,13 @@ static void check_against(struct scene_key *key, const struct scene_key *other, 
             x |= SST_SCENE_CELLS - 1;
             continue;
         }
-        if (sure[x] || disp[x] == SST_DISP_NONE)
+        if (confirmed[x] || disp[x] == SST_DISP_NONE)
             continue;
-        tx = place_in(way, &other->maps.disp, x, y, disp[x], &ty);
+        tx = project(way, &other->maps.disp, x, y, disp[x], &ty);
         if (tx < 0)
             continue;
         d = sst_map_u16_row(&other->maps.disp, ty)[tx];
-        sure[x] = d != (int)SST_DISP_NONE && abs(d - disp[x]) <= AGREE_Q6;
+        confirmed[x] = d != (int)SST_DISP_NONE && abs(d - disp[x]) <= AGREE_Q6;
     }
 }
 
@@ -52,25 +52,25 @@ void scene_check(struct scene_key *keys, int count, int k, const struct sst_ligh
 {
     struct scene_key *key = &keys[k];
 
-    for (int y = 0; y < key->maps.sure.height; y++) {
+    for (int y = 0; y < key->maps.confirmed.height; y++) {
         const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
-        uint8_t *sure = sst_map_u8_row(&key->maps.sure, y);
+        uint8_t *confirmed = sst_map_u8_row(&key->maps.confirmed, y);
 
-        for (int x = 0; x < key->maps.sure.width; x++)
-            sure[x] = (uint8_t)(tiles[x / SST_SCENE_CELLS] ? 0 : sure[x]);
+        for (int x = 0; x < key->maps.confirmed.width; x++)
+            confirmed[x] = (uint8_t)(tiles[x / SST_SCENE_CELLS] ? 0 : confirmed[x]);
     }
     for (int i = 0; i < count; i++) {
-        const struct scene_way way = scene_way(lf, key->view, keys[i].view);
+        const struct scene_warp way = scene_warp(lf, key->view, keys[i].view);
 
         for (int y = 0; i != k && y < key->maps.disp.height; y++)
             check_against(key, &keys[i], &way, dirty + y / SST_SCENE_CELLS * tile_cols, y);
     }
 }
 
-void scene_take_labels(struct scene_key *key, const struct scene_key *ref, const struct sst_lightfield *lf,
+void scene_transfer_labels(struct scene_key *key, const struct scene_key *ref, const struct sst_lightfield *lf,
                        const uint8_t *dirty, int tile_cols)
 {
-    const struct scene_way way = scene_way(lf, key->view, ref->view);
+    const struct scene_warp way = scene_warp(lf, key->view, ref->view);
 
     for (int y = 0; y < key->maps.disp.height; y++) {
         const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * tile_cols;
@@ -83,14 +83,14 @@ void scene_take_labels(struct scene_key *key, const struct scene_key *ref, const
             if (!tiles[x / SST_SCENE_CELLS])
                 continue;
             label[x] = SST_LABEL_NONE;
-            tx = disp[x] == SST_DISP_NONE ? -1 : place_in(&way, &ref->maps.disp, x, y, disp[x], &ty);
+            tx = disp[x] == SST_DISP_NONE ? -1 : project(&way, &ref->maps.disp, x, y, disp[x], &ty);
             if (tx >= 0 && abs(sst_map_u16_row(&ref->maps.disp, ty)[tx] - disp[x]) <= AGREE_Q6)
                 label[x] = sst_map_u8_row(&ref->maps.label, ty)[tx];
         }
     }
 }
 
-/* Count a label's disparities. @return cells */
+/* Count the disparities of a label. @return number of cells */
 static int64_t count_label(int64_t *hist, const struct scene_maps *maps, int label)
 {
     int64_t cells = 0;
@@ -141,7 +141,7 @@ void scene_fit_labels(struct scene_candidates *c, const struct scene_maps *maps,
     }
 }
 
-/* The label of a neighbouring cell, if it is of the same surface and a candidate; else 0. */
+/* The label of a neighbouring cell if it is on the same surface and a candidate; else 0. */
 static uint8_t from_neighbour(const struct scene_maps *maps, const struct scene_candidates *c, int disp_q6, int x,
                               int y)
 {

@@ -1,4 +1,4 @@
-/* Nodes that come and go, and whose they are. */
+/* Tracks nodes that appear and disappear, and assigns them to cameras. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,7 +7,8 @@
 #include "base/log.h"
 #include "drivers/grab/grab_internal.h"
 
-/* While a camera is missing the list is read anew: events do get lost. Without udev that is all there is. */
+/* While a camera is missing, nodes are scanned periodically, since events do get lost. Without udev this is the only
+ * way. */
 #define RESCAN_NS                (5000 * SST_MS)
 #define RESCAN_WITHOUT_EVENTS_NS (1000 * SST_MS)
 
@@ -46,7 +47,7 @@ static void add_node(struct sst_grab *g, const struct grab_node *node)
     qsort(g->nodes, (size_t)g->node_count, sizeof(*g->nodes), grab_node_order);
 }
 
-void plug_strike(struct sst_grab *g, int number, bool gone)
+void hotplug_reject(struct sst_grab *g, int number, bool gone)
 {
     const int i = node_index(g, number);
 
@@ -56,8 +57,8 @@ void plug_strike(struct sst_grab *g, int number, bool gone)
         g->nodes[i].capture = 0;
 }
 
-/* Something odd about a camera's identity, once. */
-static void tell_odd(struct grab_camera *cam, const char *why, bool fault)
+/* Log a mismatch of a camera's identity, once. */
+static void log_mismatch(struct grab_camera *cam, const char *why, bool fault)
 {
     if (!strcmp(cam->odd, why))
         return;
@@ -68,7 +69,7 @@ static void tell_odd(struct grab_camera *cam, const char *why, bool fault)
         sst_log_warning("%s: %s", cam->name, why);
 }
 
-int plug_assign(struct sst_grab *g)
+int hotplug_assign(struct sst_grab *g)
 {
     int worst = 0;
 
@@ -77,14 +78,14 @@ int plug_assign(struct sst_grab *g)
         char why[SST_WHY_MAX];
         int at;
 
-        /* Also of those that stream: a second device of their serial is told when it is plugged in. */
+        /* Also for streaming cameras: a second device with their serial is reported when it is plugged in. */
         at = grab_match(&cam->binding, g->nodes, g->node_count, why);
-        tell_odd(cam, why, at == -ENOTUNIQ);
+        log_mismatch(cam, why, at == -ENOTUNIQ);
         if (at == -ENOTUNIQ)
             worst = at;
         if (cam->number >= 0)
             continue;
-        if (at >= 0 && camera_of(g, g->nodes[at].number)) /* the other binding names the same device by port */
+        if (at >= 0 && camera_of(g, g->nodes[at].number)) /* another binding names the same device by port */
             continue;
         if (at >= 0)
             recovery_found(g, cam, &g->nodes[at]);
@@ -92,18 +93,18 @@ int plug_assign(struct sst_grab *g)
     return worst;
 }
 
-void plug_events(struct sst_grab *g)
+void hotplug_events(struct sst_grab *g)
 {
     struct grab_node node;
     bool added = false;
     int what;
 
-    while ((what = grab_watch_next(g->watch, &node)) > 0) {
+    while ((what = grab_monitor_next(g->watch, &node)) > 0) {
         struct grab_camera *cam = camera_of(g, node.number);
 
         g->changes++;
         added |= what == 1;
-        /* The number of a node that is added is free: whoever had it is gone, whether its event came or not. */
+        /* The number of an added node was free: its earlier device is gone, even if its event was lost. */
         if (cam)
             recovery_lost(g, cam);
         if (what == 1)
@@ -112,16 +113,16 @@ void plug_events(struct sst_grab *g)
             remove_node(g, node.number);
     }
     if (what == -ENOBUFS) {
-        sst_log_warning("events of cameras that were plugged got lost; looking again");
+        sst_log_warning("hotplug events of cameras were lost; scanning again");
         g->scan_ns = sst_clock_now_ns();
     }
     if (added)
-        (void)plug_assign(g);
+        (void)hotplug_assign(g);
 }
 
-/* --- reading the list --------------------------------------------------------------------------------------------- */
+/* --- scanning ----------------------------------------------------------------------------------------------------- */
 
-static void take_list(struct sst_grab *g, const struct grab_node *nodes, int count)
+static void apply_scan(struct sst_grab *g, const struct grab_node *nodes, int count)
 {
     for (int i = 0; i < g->cfg.cameras; i++) {
         struct grab_camera *cam = &g->camera[i];
@@ -136,14 +137,14 @@ static void take_list(struct sst_grab *g, const struct grab_node *nodes, int cou
     g->node_count = count;
 }
 
-int plug_read(struct sst_grab *g)
+int hotplug_scan(struct sst_grab *g)
 {
     struct grab_node *nodes;
     int count, err = grab_scan(&nodes, &count);
 
     if (err)
         return err;
-    take_list(g, nodes, count);
+    apply_scan(g, nodes, count);
     free(nodes);
     return 0;
 }
@@ -152,7 +153,7 @@ struct scan_job {
     struct grab_job job;
     struct grab_node *nodes;
     int count, err;
-    unsigned changes; /* when it began */
+    unsigned changes; /* at its start */
 };
 
 static void scan_run(struct grab_job *job)
@@ -174,10 +175,10 @@ static void scan_ended(struct grab_job *job, void *owner)
     struct sst_grab *g = owner;
 
     g->scanning = false;
-    /* Events that came meanwhile know better. */
+    /* Events that arrived meanwhile are more recent. */
     if (!s->err && !g->closing && s->changes == g->changes) {
-        take_list(g, s->nodes, s->count);
-        (void)plug_assign(g);
+        apply_scan(g, s->nodes, s->count);
+        (void)hotplug_assign(g);
     }
     scan_discard(job);
 }
@@ -191,12 +192,12 @@ static bool any_missing(const struct sst_grab *g)
     return false;
 }
 
-int64_t plug_due(const struct sst_grab *g)
+int64_t hotplug_due(const struct sst_grab *g)
 {
     return g->scanning || !any_missing(g) ? 0 : g->scan_ns;
 }
 
-void plug_time(struct sst_grab *g, int64_t now_ns)
+void hotplug_time(struct sst_grab *g, int64_t now_ns)
 {
     struct scan_job *s;
 

@@ -1,11 +1,11 @@
-/* What is there before the first frame: the geometry of the views, and room for what is kept of them. */
+/* Set-up before the first frame: the geometry of the views and all memory. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 
 static int check_config(const struct sst_live_config *cfg)
 {
@@ -14,23 +14,24 @@ static int check_config(const struct sst_live_config *cfg)
     for (int k = 0; k < cfg->rows * cfg->cols && k < SST_MAX_VIEWS; k++)
         any |= cfg->present[k];
     if (!any || cfg->width < 1 || cfg->height < 1 || cfg->zones < 0 || cfg->zones > SST_LIVE_ZONES) {
-        sst_log_error("live: a grid of %dx%d with frames of %dx%d pixels has no views; name cameras and their size",
-                      cfg->rows, cfg->cols, cfg->width, cfg->height);
+        sst_log_error(
+            "live: a grid of %dx%d with frames of %dx%d pixels has no views; configure cameras and their size",
+            cfg->rows, cfg->cols, cfg->width, cfg->height);
         return -EINVAL;
     }
     for (int i = 0; i < cfg->zones; i++) {
         if (cfg->zone[i].x0 >= 0 && cfg->zone[i].x0 < cfg->zone[i].x1 && cfg->zone[i].x1 <= 1 && cfg->zone[i].y0 >= 0 &&
             cfg->zone[i].y0 < cfg->zone[i].y1 && cfg->zone[i].y1 <= 1)
             continue;
-        sst_log_error("live: zone %d from %g,%g to %g,%g is not a part of the picture; give shares 0..1, the smaller "
-                      "first",
-                      i, cfg->zone[i].x0, cfg->zone[i].y0, cfg->zone[i].x1, cfg->zone[i].y1);
+        sst_log_error(
+            "live: zone %d from %g,%g to %g,%g is not inside the picture; give fractions 0..1, the smaller one first",
+            i, cfg->zone[i].x0, cfg->zone[i].y0, cfg->zone[i].x1, cfg->zone[i].y1);
         return -EINVAL;
     }
     return 0;
 }
 
-/* Views where the cameras are: by the calibration, or on the nominal grid. */
+/* Positions of the views: from the calibration, or on the nominal grid. */
 static int set_geometry(struct sst_lightfield *lf, const struct sst_live_config *cfg)
 {
     double bx, by;
@@ -73,11 +74,11 @@ static int make_stamps(struct sst_live *live)
     return err;
 }
 
-int sst_live_init(struct sst_live *live, const struct sst_live_config *cfg)
+int live_init(struct sst_live *live, const struct sst_live_config *cfg)
 {
     int err = check_config(cfg);
 
-    sst_live_focus_init(&live->focus);
+    live_focus_init(&live->focus);
     live->min_px = live->max_px = NAN;
     live->cfg = *cfg;
     if (err)
@@ -91,19 +92,19 @@ int sst_live_init(struct sst_live *live, const struct sst_live_config *cfg)
     err = err ? err : set_geometry(&live->lf, cfg);
     err = err ? err : make_stamps(live);
     err = err ? err : sst_renderer_create(&live->renderer, &live->lf, cfg->threads);
-    err = err ? err : sst_renderer_recount(live->renderer, NULL, 0, 1); /* nothing is there yet */
+    err = err ? err : sst_renderer_recount(live->renderer, NULL, 0, 1); /* no views yet */
     if (err == -ENOMEM)
         sst_log_error("live: no memory for views of %dx%d pixels", cfg->width, cfg->height);
     return err;
 }
 
-void sst_live_fini(struct sst_live *live)
+void live_fini(struct sst_live *live)
 {
     sst_renderer_destroy(live->renderer);
     for (int k = 0; k < SST_MAX_VIEWS; k++)
         free(live->stamp[k]);
     sst_live_changes_fini(&live->changes);
-    sst_live_focus_fini(&live->focus);
+    live_focus_fini(&live->focus);
     sst_lightfield_fini(&live->lf);
     free(live->model);
 }

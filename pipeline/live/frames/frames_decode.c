@@ -1,4 +1,4 @@
-/* Changed tiles taken over: decoded, rectified. */
+/* Steps 2 and 3: decode and rectify the changed tiles. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -7,9 +7,9 @@
 #include "base/thread.h"
 #include "pipeline/live/frames/frames_internal.h"
 
-/* --- decoding ---------------------------------------------------------------------------------------------------- */
+/* --- decoding ----------------------------------------------------------------------------------------------------- */
 
-/* Pixels of a run of tiles in a row, colours apart. */
+/* Split the pixels of a run of tiles into colour planes. */
 static void unpack(struct sst_image *image, int x0, int y0, int x1, int y1, const uint8_t *pixels, size_t stride)
 {
     for (int y = y0; y < y1; y++) {
@@ -24,7 +24,7 @@ static void unpack(struct sst_image *image, int x0, int y0, int x1, int y1, cons
     }
 }
 
-static void take_pixels(struct sst_live_frames *f, int k, const uint8_t *pixels, size_t stride)
+static void store_pixels(struct sst_live_frames *f, int k, const uint8_t *pixels, size_t stride)
 {
     struct live_view *v = &f->view[k];
 
@@ -84,14 +84,14 @@ static int decode(void *arg, int index, int worker)
     bounds(f, v, box);
     err = decoder_decode(f->decoder[worker], &frame, box[0], box[1], box[2], box[3], &pixels, &stride);
     if (err == -EBADMSG) {
-        live_frames_refuse(v, f->decoder[worker]);
+        frames_reject(v, f->decoder[worker]);
         return 0;
     }
     if (err)
         return err;
-    take_pixels(f, k, pixels, stride);
+    store_pixels(f, k, pixels, stride);
     if (f->cfg->skip_change)
-        watch_take(&v->watch, v->dirty);
+        detector_accept(&v->watch, v->dirty);
     v->decoded = v->made = true;
     return 0;
 }
@@ -107,12 +107,12 @@ static int dirty_views(struct sst_live_frames *f)
     return n;
 }
 
-int live_frames_decode(struct sst_live_frames *f)
+int frames_decode(struct sst_live_frames *f)
 {
     return sst_parallel_for(dirty_views(f), f->threads, decode, f);
 }
 
-/* --- rectifying -------------------------------------------------------------------------------------------------- */
+/* --- rectifying --------------------------------------------------------------------------------------------------- */
 
 static bool any_dirty(const struct sst_live_frames *f, const struct live_view *v, const struct from *from)
 {
@@ -176,12 +176,12 @@ static int decoded_views(struct sst_live_frames *f)
     return n;
 }
 
-int live_frames_rectify(struct sst_live_frames *f)
+int frames_rectify(struct sst_live_frames *f)
 {
     return sst_parallel_for(decoded_views(f), f->threads, rectify, f);
 }
 
-/* --- what skipping costs ----------------------------------------------------------------------------------------- */
+/* --- error of skipping -------------------------------------------------------------------------------------------- */
 
 static double difference(const struct sst_live_frames *f, int k, const uint8_t *pixels, size_t stride)
 {
@@ -210,8 +210,8 @@ static double difference(const struct sst_live_frames *f, int k, const uint8_t *
     return n ? (double)sum / (double)n : NAN;
 }
 
-/* Decode one of the views of which tiles were skipped, and compare. */
-double live_frames_sample(struct sst_live_frames *f)
+/* Decode one view with skipped tiles, and compare. */
+double frames_sample_error(struct sst_live_frames *f)
 {
     const int first = (int)(f->in->set / SST_LIVE_SAMPLE_SETS % (uint64_t)f->views);
 

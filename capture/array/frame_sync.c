@@ -11,25 +11,25 @@
 
 #include "base/stats.h"
 
-#define BEATS              128 /* triggers that are remembered, to tell late frames from stray ones */
-#define PENDING_PER_CAMERA 2   /* frames that are here before their trigger is told */
+#define TICKS              128 /* triggers that are remembered, to distinguish late frames from stray ones */
+#define PENDING_PER_CAMERA 2   /* frames that may arrive before their trigger is reported */
 #define STAMP_AHEAD_NS     1000000
 
-struct beat {
+struct tick {
     uint64_t index;
     int64_t t_ns;
     bool edge, closed;
     struct sst_set *set;                 /* while open; NULL then: dropped, no set was free */
-    uint64_t seen[SST_CAMERAS_MAX / 64]; /* cameras that gave a good frame */
+    uint64_t seen[SST_CAMERAS_MAX / 64]; /* cameras with a good frame */
 };
 
 struct camera {
     bool streaming;
-    bool heard;         /* last_ns and latency_ns hold */
-    int64_t last_ns;    /* newest stamp */
-    int64_t latency_ns; /* from stamp to arrival, as it is usually */
-    bool doubtful;      /* its stamps ran backwards, and have not been shown to be right again */
-    int64_t beat;       /* FREE: its index */
+    bool heard;         /* last_ns and latency_ns are valid */
+    int64_t last_ns;    /* newest time stamp */
+    int64_t latency_ns; /* usual time from stamp to arrival */
+    bool doubtful;      /* its stamps ran backwards and are not confirmed to be right again */
+    int64_t tick;       /* FREE: its index */
 };
 
 struct sst_sets {
@@ -38,16 +38,16 @@ struct sst_sets {
     struct sst_sets_events events;
     struct sst_set *pool;
     /* assembling thread */
-    struct beat beat[BEATS]; /* ring in the order of time */
+    struct tick tick[TICKS]; /* ring in the order of time */
     int first, count;
     struct camera camera[SST_CAMERAS_MAX];
     struct sst_frame **pending;
     int pending_count;
-    double period_ns; /* FREE: as the cameras have it */
+    double period_ns; /* FREE: measured from the cameras */
     /* under lock */
     pthread_mutex_t lock;
     bool busy[64];    /* sets of the pool that are open or with the receiver */
-    bool counted[64]; /* of them those whose frames are in their buckets */
+    bool counted[64]; /* of them, those whose frames are already counted in a bucket */
     struct sst_sets_counters counters;
 };
 
@@ -72,19 +72,19 @@ static void end_frame(struct sst_sets *s, struct sst_frame *frame, enum sst_buck
     s->events.release(s->events.arg, frame, bucket);
 }
 
-static struct beat *beat_at(struct sst_sets *s, int i)
+static struct tick *tick_at(struct sst_sets *s, int i)
 {
-    return &s->beat[(s->first + i) % BEATS];
+    return &s->tick[(s->first + i) % TICKS];
 }
 
-static bool has_seen(const struct beat *b, int cam)
+static bool has_seen(const struct tick *b, int cam)
 {
     return b->seen[cam / 64] >> cam % 64 & 1;
 }
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-static struct sst_set *take_set(struct sst_sets *s)
+static struct sst_set *acquire_set(struct sst_sets *s)
 {
     struct sst_set *set = NULL;
 
@@ -155,7 +155,7 @@ static int64_t wall_at(int64_t t_ns)
     return (int64_t)(wall.tv_sec - mono.tv_sec) * 1000000000 + (wall.tv_nsec - mono.tv_nsec) + t_ns;
 }
 
-static void close_beat(struct sst_sets *s, struct beat *b)
+static void close_tick(struct sst_sets *s, struct tick *b)
 {
     struct sst_set *set = b->set;
 
@@ -186,9 +186,10 @@ static void close_beat(struct sst_sets *s, struct beat *b)
 }
 
 /**
- * Are a good frame's stamps to be believed? Its clock may have jumped: by whole periods its frames would go into other
- * triggers' sets unseen. None is stamped after it arrived; and once stamps ran backwards the way from stamp to arrival
- * must be what it was. Without that frames may be late for other reasons, and their stamps be right.
+ * Check the time stamps of a good frame. The clock of a camera may jump: after a jump by whole periods its frames would
+ * go into sets of other triggers unnoticed. A stamp must not be later than the arrival; and after stamps ran backwards,
+ * the latency from stamp to arrival must be the usual one. Otherwise latency is not checked: frames may be late for
+ * other reasons.
  */
 static bool stamp_holds(const struct sst_sets *s, struct camera *c, const struct sst_frame *frame)
 {
@@ -205,14 +206,14 @@ static bool stamp_holds(const struct sst_sets *s, struct camera *c, const struct
     return true;
 }
 
-/** The window around a beat in which camera cam's frame of it starts. */
+/* Window around a tick in which the exposure of camera cam must start. */
 static int64_t window_of(const struct sst_sets *s)
 {
     return s->cfg.match == SST_SETS_FREE ? (int64_t)(0.75 * s->period_ns) : s->cfg.window_ns;
 }
 
-/** Will no further frame of this camera belong to the beat? */
-static bool is_past(const struct sst_sets *s, const struct beat *b, int cam)
+/* True if no further frame of this camera can belong to the tick. */
+static bool is_past(const struct sst_sets *s, const struct tick *b, int cam)
 {
     const struct camera *c = &s->camera[cam];
 
@@ -222,11 +223,11 @@ static bool is_past(const struct sst_sets *s, const struct beat *b, int cam)
         return true;
     if (!c->heard)
         return false;
-    return s->cfg.match == SST_SETS_FREE ? c->beat > (int64_t)b->index
+    return s->cfg.match == SST_SETS_FREE ? c->tick > (int64_t)b->index
                                          : c->last_ns - s->cfg.delay_ns[cam] > b->t_ns + window_of(s);
 }
 
-static bool is_done(const struct sst_sets *s, const struct beat *b)
+static bool is_done(const struct sst_sets *s, const struct tick *b)
 {
     for (int cam = 0; cam < s->cfg.cameras; cam++)
         if (!is_past(s, b, cam))
@@ -234,8 +235,8 @@ static bool is_done(const struct sst_sets *s, const struct beat *b)
     return true;
 }
 
-/** With no camera streaming a beat is done at once, before a frame that is on its way: those wait out their time. */
-static bool is_due(const struct sst_sets *s, const struct beat *b, int64_t now_ns)
+/* Without a streaming camera a tick would be complete at once, before a frame in flight: it waits for its time-out. */
+static bool is_due(const struct sst_sets *s, const struct tick *b, int64_t now_ns)
 {
     bool any = false;
 
@@ -246,24 +247,24 @@ static bool is_due(const struct sst_sets *s, const struct beat *b, int64_t now_n
     return any && is_done(s, b);
 }
 
-static struct beat *add_beat(struct sst_sets *s, uint64_t index, int64_t t_ns, bool edge)
+static struct tick *add_tick(struct sst_sets *s, uint64_t index, int64_t t_ns, bool edge)
 {
-    struct beat *b;
+    struct tick *b;
 
-    if (s->count == BEATS) { /* far more triggers than any set waits for */
-        if (!s->beat[s->first].closed)
-            close_beat(s, &s->beat[s->first]);
-        s->first = (s->first + 1) % BEATS;
+    if (s->count == TICKS) { /* far more triggers than sets can be open */
+        if (!s->tick[s->first].closed)
+            close_tick(s, &s->tick[s->first]);
+        s->first = (s->first + 1) % TICKS;
         s->count--;
     }
-    b = beat_at(s, s->count++);
-    *b = (struct beat){ .index = index, .t_ns = t_ns, .edge = edge, .set = take_set(s) };
+    b = tick_at(s, s->count++);
+    *b = (struct tick){ .index = index, .t_ns = t_ns, .edge = edge, .set = acquire_set(s) };
     return b;
 }
 
 /* --- frames ------------------------------------------------------------------------------------------------------- */
 
-static void place(struct sst_sets *s, struct beat *b, struct sst_frame *frame)
+static void assign(struct sst_sets *s, struct tick *b, struct sst_frame *frame)
 {
     const int cam = frame->cam;
     struct sst_frame *old;
@@ -296,13 +297,13 @@ static void place(struct sst_sets *s, struct beat *b, struct sst_frame *frame)
     b->set->present++;
 }
 
-/** The trigger next to a time, or NULL when there is none; in the ring's order, newest first. */
-static struct beat *nearest_beat(struct sst_sets *s, int64_t t_ns)
+/* The trigger nearest to a time, or NULL; searched from the newest. */
+static struct tick *nearest_tick(struct sst_sets *s, int64_t t_ns)
 {
-    struct beat *best = NULL;
+    struct tick *best = NULL;
 
     for (int i = s->count - 1; i >= 0; i--) {
-        struct beat *b = beat_at(s, i);
+        struct tick *b = tick_at(s, i);
 
         if (best && llabs(b->t_ns - t_ns) >= llabs(best->t_ns - t_ns))
             break;
@@ -311,15 +312,15 @@ static struct beat *nearest_beat(struct sst_sets *s, int64_t t_ns)
     return best;
 }
 
-/** @return false: newer than every trigger, its own may be on the way */
-static bool place_by_trigger(struct sst_sets *s, struct sst_frame *frame)
+/* @return false: newer than every trigger, its own may not be reported yet */
+static bool assign_by_trigger(struct sst_sets *s, struct sst_frame *frame)
 {
     const int64_t t = frame->t_ns - s->cfg.delay_ns[frame->cam];
-    struct beat *b = nearest_beat(s, t);
+    struct tick *b = nearest_tick(s, t);
 
     if (b && llabs(b->t_ns - t) <= s->cfg.window_ns)
-        place(s, b, frame);
-    else if (!b || (b == beat_at(s, s->count - 1) && t > b->t_ns))
+        assign(s, b, frame);
+    else if (!b || (b == tick_at(s, s->count - 1) && t > b->t_ns))
         return false;
     else
         end_frame(s, frame, SST_BUCKET_STRAY);
@@ -335,14 +336,14 @@ static void hold(struct sst_sets *s, struct sst_frame *frame)
     s->pending[s->pending_count++] = frame;
 }
 
-/**
- * FREE: number the frame by the time since the camera's last one, so that a camera near the border between two beats
- * does not jump between them; a camera that slipped by three quarters of a period is taken to the nearest beat.
+/*
+ * FREE: number the frame by the time since the camera's last one, so that a camera near the border between two ticks
+ * does not jump between them; a camera that slipped by three quarters of a period is assigned to the nearest tick.
  */
-static void place_by_beat(struct sst_sets *s, struct sst_frame *frame)
+static void assign_by_tick(struct sst_sets *s, struct sst_frame *frame)
 {
     struct camera *c = &s->camera[frame->cam];
-    struct beat *last = s->count ? beat_at(s, s->count - 1) : NULL;
+    struct tick *last = s->count ? tick_at(s, s->count - 1) : NULL;
     int64_t k = 0;
 
     if (last) {
@@ -351,7 +352,7 @@ static void place_by_beat(struct sst_sets *s, struct sst_frame *frame)
         k = (int64_t)last->index + (int64_t)floor(ahead + 0.5);
         if (c->heard) {
             const double steps = floor((double)(frame->t_ns - c->last_ns) / s->period_ns + 0.5);
-            const int64_t counted = c->beat + (int64_t)steps;
+            const int64_t counted = c->tick + (int64_t)steps;
 
             if (fabs((double)(counted - (int64_t)last->index) - ahead) <= 0.75)
                 k = counted;
@@ -360,7 +361,7 @@ static void place_by_beat(struct sst_sets *s, struct sst_frame *frame)
                 s->counters.relocked++;
                 pthread_mutex_unlock(&s->lock);
             }
-            if (steps >= 1) /* small steps: all cameras together have it soon, none alone */
+            if (steps >= 1) /* small steps: converges over all cameras, and no single camera decides */
                 s->period_ns += 0.002 * ((double)(frame->t_ns - c->last_ns) / steps - s->period_ns);
         }
         if (k < 0)
@@ -368,20 +369,20 @@ static void place_by_beat(struct sst_sets *s, struct sst_frame *frame)
     }
     c->heard = true;
     c->last_ns = frame->t_ns;
-    c->beat = k;
+    c->tick = k;
     if (!last || k > (int64_t)last->index) {
         const int64_t t =
             last ? last->t_ns + (int64_t)((double)(k - (int64_t)last->index) * s->period_ns) : frame->t_ns;
 
-        place(s, add_beat(s, (uint64_t)k, t, false), frame);
+        assign(s, add_tick(s, (uint64_t)k, t, false), frame);
         return;
     }
     for (int i = s->count - 1; i >= 0; i--)
-        if (beat_at(s, i)->index == (uint64_t)k) {
-            place(s, beat_at(s, i), frame);
+        if (tick_at(s, i)->index == (uint64_t)k) {
+            assign(s, tick_at(s, i), frame);
             return;
         }
-    end_frame(s, frame, SST_BUCKET_LATE); /* a beat that no frame opened while it was time */
+    end_frame(s, frame, SST_BUCKET_LATE); /* a tick that no frame opened in time */
 }
 
 void sst_sets_frame(struct sst_sets *s, struct sst_frame *frame)
@@ -396,7 +397,7 @@ void sst_sets_frame(struct sst_sets *s, struct sst_frame *frame)
         return;
     }
     if (s->cfg.match == SST_SETS_FREE) {
-        place_by_beat(s, frame);
+        assign_by_tick(s, frame);
         return;
     }
     if (!stamp_holds(s, c, frame)) {
@@ -405,7 +406,7 @@ void sst_sets_frame(struct sst_sets *s, struct sst_frame *frame)
     }
     c->heard = true;
     c->last_ns = frame->t_ns;
-    if (!place_by_trigger(s, frame))
+    if (!assign_by_trigger(s, frame))
         hold(s, frame);
 }
 
@@ -413,9 +414,9 @@ void sst_sets_trigger(struct sst_sets *s, uint64_t index, int64_t t_ns, bool edg
 {
     int kept = 0;
 
-    add_beat(s, index, t_ns, edge);
+    add_tick(s, index, t_ns, edge);
     for (int i = 0; i < s->pending_count; i++)
-        if (!place_by_trigger(s, s->pending[i]))
+        if (!assign_by_trigger(s, s->pending[i]))
             s->pending[kept++] = s->pending[i];
     s->pending_count = kept;
 }
@@ -433,15 +434,15 @@ int64_t sst_sets_tick(struct sst_sets *s, int64_t now_ns)
     int kept = 0;
 
     for (int i = 0; i < s->count; i++) {
-        struct beat *b = beat_at(s, i);
+        struct tick *b = tick_at(s, i);
 
         if (b->closed)
             continue;
-        if (!is_due(s, b, now_ns)) { /* those after it wait too: sets go out in order */
+        if (!is_due(s, b, now_ns)) { /* later ones wait too: sets are passed on in order */
             next = b->t_ns + s->cfg.wait_ns;
             break;
         }
-        close_beat(s, b);
+        close_tick(s, b);
     }
     for (int i = 0; i < s->pending_count; i++) {
         if (now_ns - s->pending[i]->arrival_ns >= s->cfg.wait_ns) {
@@ -459,8 +460,8 @@ int64_t sst_sets_tick(struct sst_sets *s, int64_t now_ns)
 void sst_sets_flush(struct sst_sets *s)
 {
     for (int i = 0; i < s->count; i++)
-        if (!beat_at(s, i)->closed)
-            close_beat(s, beat_at(s, i));
+        if (!tick_at(s, i)->closed)
+            close_tick(s, tick_at(s, i));
     for (int i = 0; i < s->pending_count; i++)
         end_frame(s, s->pending[i], SST_BUCKET_STRAY);
     s->pending_count = 0;
@@ -474,7 +475,7 @@ void sst_sets_counters(const struct sst_sets *sets, struct sst_sets_counters *ou
     *out = s->counters;
     out->waiting = (uint64_t)s->pending_count;
     for (int i = 0; i < s->cfg.pool; i++)
-        for (int cam = 0; s->busy[i] && !s->counted[i] && cam < s->cfg.cameras; cam++) /* of open ones, too */
+        for (int cam = 0; s->busy[i] && !s->counted[i] && cam < s->cfg.cameras; cam++) /* also of open ones */
             out->waiting += s->pool[i].frame[cam] != NULL;
     pthread_mutex_unlock(&s->lock);
 }

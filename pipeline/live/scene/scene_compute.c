@@ -1,4 +1,4 @@
-/* The work of an update, piece by piece, each on one thread. */
+/* The work of an update as parallel jobs, one thread each. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,9 +9,10 @@
 #include "pipeline/live/scene/scene_internal.h"
 #include "pipeline/method/refine/parts.h"
 
-/* The network runs where at least one tile of so many changed in the reference; less follows what is around. */
+/* The network runs if at least one tile in this number changed in the reference; smaller changes get the labels around.
+ */
 #define LABEL_TILES 100
-/* Label distributions are fitted anew with every whole set and after so many runs of the network. */
+/* Label distributions are fitted again with every whole set and after this number of network runs. */
 #define FIT_RUNS 16
 
 int scene_open_segmenter(struct sst_live_scene *s, int worker)
@@ -27,7 +28,7 @@ static bool any(const uint8_t *tiles, int count)
     return memchr(tiles, 1, (size_t)count) != NULL;
 }
 
-/* Rows of half size that hold the changed tiles. */
+/* Half-size rows that contain the changed tiles. */
 static void changed_rows(const struct sst_live_scene *s, int view, int *y0, int *y1)
 {
     *y0 = s->height;
@@ -76,7 +77,7 @@ static int describe_job(void *arg, int view, int worker SST_UNUSED)
     return err ? err : sst_descriptor_add_phases(d, phases_of(s, view));
 }
 
-/* Tiles of a key that are to be matched. */
+/* Tiles of a key to match. */
 static const uint8_t *dirty_of(const struct sst_live_scene *s, int k)
 {
     return s->key_whole[k] ? s->all : s->dirty[s->key[k].view];
@@ -94,7 +95,7 @@ static int match_job(void *arg, int index, int worker)
                    : scene_match(&s->matchers[worker], s->lf, s->desc, &s->key[job->key], &job->rect,
                                  dirty_of(s, job->key), s->cols);
     start_ns = sst_clock_now_ns();
-    err = scene_segment(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
+    err = sst_segment_sure(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
     s->label_ns = sst_clock_now_ns() - start_ns;
     s->label_runs += !err;
     return err;
@@ -110,7 +111,7 @@ static int larger_first(const void *a, const void *b)
     return area(&((const struct scene_job *)b)->rect) - area(&((const struct scene_job *)a)->rect);
 }
 
-/* The network and the rectangles of all keys; the longest pieces of work first. @return how many */
+/* The network and the rectangles of all keys, longest jobs first. @return their number */
 static int make_jobs(struct sst_live_scene *s)
 {
     struct scene_rect rects[SST_SCENE_RECTS];
@@ -139,17 +140,17 @@ static int check_job(void *arg, int k, int worker SST_UNUSED)
     return scene_cancelled(s);
 }
 
-/* Share of the keys' disparities that another key sees, too. */
-static double count_sure(const struct sst_live_scene *s)
+/* Fraction of the disparities of the keys that another key confirms. */
+static double count_confirmed(const struct sst_live_scene *s)
 {
-    int64_t known = 0, sure = 0;
+    int64_t known = 0, confirmed = 0;
 
     for (int k = 0; k < s->keys; k++) {
         const struct scene_maps *m = &s->key[k].maps;
 
         for (int y = 0; y < m->disp.height; y++) {
             const uint16_t *disp = sst_map_u16_row(&m->disp, y);
-            const uint8_t *row = sst_map_u8_row(&m->sure, y);
+            const uint8_t *row = sst_map_u8_row(&m->confirmed, y);
             int n[2] = { 0, 0 };
 
             for (int x = 0; x < m->disp.width; x++) {
@@ -157,13 +158,13 @@ static double count_sure(const struct sst_live_scene *s)
                 n[1] += row[x];
             }
             known += n[0];
-            sure += n[1];
+            confirmed += n[1];
         }
     }
-    return known && s->keys > 1 ? (double)sure / (double)known : NAN;
+    return known && s->keys > 1 ? (double)confirmed / (double)known : NAN;
 }
 
-/* The reference key takes the network's labels in changed tiles, and fills what it left out. */
+/* Copy the network labels to changed tiles of the reference key, and fill cells without a label. */
 static void label_reference(struct sst_live_scene *s)
 {
     struct scene_maps *maps = &s->key[0].maps;
@@ -177,8 +178,8 @@ static void label_reference(struct sst_live_scene *s)
             to[x] = tiles[x / SST_SCENE_CELLS] ? from[x] : to[x];
     }
     if (s->whole)
-        scene_things_forget(s->things);
-    scene_things_label(s->things, &s->key[0], s->candidates, dirty, s->labels.data != NULL);
+        scene_foreground_reset(s->foreground);
+    scene_foreground_label(s->foreground, &s->key[0], s->candidates, dirty, s->labels.data != NULL);
     s->runs += s->labels.data != NULL;
     if (s->labels.data && (s->whole || s->runs >= FIT_RUNS)) {
         scene_fit_labels(s->candidates, maps, s->lf->classes.count, s->lf->disp_min_px, s->hist);
@@ -195,7 +196,7 @@ static int label_job(void *arg, int index, int worker SST_UNUSED)
     const uint8_t *dirty = dirty_of(s, index + 1);
 
     if (any(dirty, s->tiles)) {
-        scene_take_labels(key, &s->key[0], s->lf, dirty, s->cols);
+        scene_transfer_labels(key, &s->key[0], s->lf, dirty, s->cols);
         scene_fill_labels(&key->maps, s->candidates, dirty, s->cols);
     }
     return scene_cancelled(s);
@@ -212,7 +213,8 @@ static int compose_job(void *arg, int view, int worker)
     return err;
 }
 
-/* Without S4: the network on every view that changed; what it is not sure of keeps what came with the disparities. */
+/* Without S4: run the network on every changed view; pixels of low confidence keep the label warped with the disparity.
+ */
 static int segment_job(void *arg, int view, int worker)
 {
     struct sst_live_scene *s = arg;
@@ -223,7 +225,7 @@ static int segment_job(void *arg, int view, int worker)
     if (err || !v->present || !any(s->dirty[view], s->tiles))
         return err;
     err = scene_open_segmenter(s, worker);
-    err = err ? err : scene_segment(s->segmenters[worker], &v->image, &label);
+    err = err ? err : sst_segment_sure(s->segmenters[worker], &v->image, &label);
     s->label_runs += !err;
     for (int y = 0; !err && y < label.height; y++) {
         const uint8_t *from = sst_map_u8_row(&label, y), *tiles = s->dirty[view] + y / SST_LIVE_TILE * s->cols;
@@ -239,7 +241,7 @@ static int segment_job(void *arg, int view, int worker)
     return err;
 }
 
-/* Nanoseconds since *from, which moves up to now. */
+/* Nanoseconds since *from; sets *from to now. */
 static int64_t lap(int64_t *from)
 {
     const int64_t now = sst_clock_now_ns(), took = now - *from;
@@ -258,8 +260,8 @@ int scene_compute(struct sst_live_scene *s, struct sst_live_report *report)
     err = err ? err : sst_parallel_for(make_jobs(s), s->threads, match_job, s);
     err = err ? err : sst_parallel_for(s->keys, s->threads, check_job, s);
     if (!err) {
-        s->sure = count_sure(s);
-        scene_note_unsure(s);
+        s->confirmed = count_confirmed(s);
+        scene_note_unconfirmed(s);
     }
     report->stage_ns[SST_LIVE_DISPARITY] = lap(&clock);
     if (!err && s->segmenters) {

@@ -1,4 +1,4 @@
-/* Frames as they come: checked, compared with those before, counted, handed on. */
+/* Receives frames: dequeues, checks, compares with the last one, counts and passes them on. */
 #include <errno.h>
 #include <poll.h>
 #include <stdio.h>
@@ -8,27 +8,27 @@
 #include "base/log.h"
 #include "drivers/grab/grab_internal.h"
 
-/* A camera that sends damaged frames only is treated as silent after this many, and three times the usual patience. */
+/* A camera with only damaged frames is treated as silent after this number and three times the usual patience. */
 #define BAD_ROW 10
 
-/* DQBUF may fail for a moment and go on (EIO: "signal loss"); this often in a row, the stream is broken for good. */
+/* DQBUF may fail temporarily (EIO: "signal loss"); after this number in a row the stream is broken. */
 #define EIO_ROW  8
-#define EIO_WELL 100 /* frames without a failure after which the next one is told again */
+#define EIO_WELL 100 /* frames without a failure until the next one is logged again */
 
-/* A driver that polls as broken while it has no buffer is asked again after this. */
+/* A driver that polls as broken while it has no buffer is polled again after this time. */
 #define REARM_NS (20 * SST_MS)
 
-void intake_begin(struct sst_grab *g SST_UNUSED, struct grab_camera *cam)
+void receive_begin(struct sst_grab *g SST_UNUSED, struct grab_camera *cam)
 {
     cam->heard_ns = cam->good_ns = sst_clock_now_ns();
     cam->history = (struct history){ 0 };
     cam->owed_ns = 0;
     cam->bad_row = cam->eio_row = 0;
     cam->wakes = false;
-    cam->told_starved = false;
+    cam->logged_starved = false;
 }
 
-/* Frames between two counts; 2^32 wraps. A count that stands still or runs back is a driver's that does not count. */
+/* Frames lost between two sequence numbers, modulo 2^32. Constant or decreasing numbers: the driver does not count. */
 static uint32_t lost_between(uint32_t before, uint32_t now)
 {
     const uint32_t step = now - before;
@@ -62,19 +62,19 @@ static void count(struct grab_camera *cam, const struct sst_frame *f)
         c->fault[i] += f->faults >> i & 1;
 }
 
-/* What the stamps mean is said once per camera: sets are put together by them. */
-static void tell_stamp(struct grab_camera *cam, const struct stream_stamp *stamp)
+/* Log the meaning of the time stamps once per camera: sets are synchronised by them. */
+static void log_stamp(struct grab_camera *cam, const struct stream_stamp *stamp)
 {
-    if (cam->told_stamp)
+    if (cam->logged_stamp)
         return;
-    cam->told_stamp = true;
+    cam->logged_stamp = true;
     if (!stamp->monotonic)
-        sst_log_warning("%s: driver %s does not stamp frames by the monotonic clock; their time of arrival is taken, "
-                        "which is later and uneven",
+        sst_log_warning("%s: driver %s does not use the monotonic clock for time stamps; the time of arrival is used "
+                        "instead, which is later and irregular",
                         cam->name, cam->device.driver);
     else if (stamp->end_of_frame)
-        sst_log_info("%s: driver %s stamps the end of a frame and not the start of its exposure", cam->name,
-                     cam->device.driver);
+        sst_log_info("%s: time stamps of driver %s mark the end of a frame and not the start of its exposure",
+                     cam->name, cam->device.driver);
 }
 
 static void alive(struct sst_grab *g, struct grab_camera *cam, const struct sst_frame *f)
@@ -84,31 +84,31 @@ static void alive(struct sst_grab *g, struct grab_camera *cam, const struct sst_
 
     cam->heard_ns = f->arrival_ns;
     cam->owed_ns = 0;
-    cam->told_starved = false;
+    cam->logged_starved = false;
     cam->bad_row = good ? 0 : cam->bad_row + 1;
     if (good)
         cam->good_ns = f->arrival_ns;
     (void)ladder_step(&cam->ladder, SST_LADDER_FRAME, f->arrival_ns, true);
     if (cam->state == SST_GRAB_STREAMING)
         return;
-    snprintf(why, sizeof(why), "frames again after %.1f s", (double)(f->arrival_ns - cam->down_ns) * 1e-9);
-    camera_say(g, cam, SST_GRAB_STREAMING, why);
+    snprintf(why, sizeof(why), "streaming again after %.1f s", (double)(f->arrival_ns - cam->down_ns) * 1e-9);
+    camera_set_state(g, cam, SST_GRAB_STREAMING, why);
 }
 
-static void take(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f, const struct stream_stamp *stamp)
+static void process(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f, const struct stream_stamp *stamp)
 {
     f->faults |= sst_frame_check(f->fourcc, f->width, f->height, f->stride, f->data, f->bytes);
     compare(g, cam, f);
     count(cam, f);
-    tell_stamp(cam, stamp);
+    log_stamp(cam, stamp);
     alive(g, cam, f);
     g->events.frame(g->events.arg, f);
     if (cam->bad_row >= BAD_ROW && cam->heard_ns - cam->good_ns > 3 * g->cfg.stall_ms * SST_MS)
-        recovery_fault(g, cam, "it sends damaged frames only");
+        recovery_fault(g, cam, "it delivers only damaged frames");
 }
 
-/* v4l2loopback enters a waiter only while it has no frame for it, so epoll may be deaf to it. Nothing readable after it
-   was added: it had none then, and wakes us from now on. */
+/* v4l2loopback registers a waiter only while it has no frame for it, so epoll may miss its events. If nothing is
+   readable after adding it again, it is registered and wakes epoll from now on. */
 static void listen_again(struct sst_grab *g, struct grab_camera *cam)
 {
     struct pollfd p = { .fd = stream_fd(cam->stream), .events = POLLIN };
@@ -118,38 +118,39 @@ static void listen_again(struct sst_grab *g, struct grab_camera *cam)
     cam->wakes = !poll(&p, 1, 0);
 }
 
-static void tell_eio(struct grab_camera *cam)
+static void log_eio(struct grab_camera *cam)
 {
     if (!cam->eio_well)
-        sst_log_warning("%s: the driver fails to hand out frames (EIO) and goes on: check its cable and USB power",
-                        cam->name);
+        sst_log_warning(
+            "%s: the driver fails to deliver some frames (EIO) but keeps streaming: check its cable and USB power",
+            cam->name);
     cam->eio_well = EIO_WELL;
     cam->counters.io_errors++;
 }
 
-void intake(struct sst_grab *g, struct grab_camera *cam, bool broken)
+void receive_ready(struct sst_grab *g, struct grab_camera *cam, bool broken)
 {
     struct stream_stamp stamp;
     struct sst_frame *frame;
-    const int err = stream_take(cam->stream, &frame, &stamp);
+    const int err = stream_dequeue(cam->stream, &frame, &stamp);
     char why[96];
 
     if (err == -EIO) {
-        tell_eio(cam);
+        log_eio(cam);
         if (++cam->eio_row < EIO_ROW)
             return;
     }
     if (!err) {
         cam->eio_row = 0;
         cam->eio_well -= cam->eio_well > 0;
-        take(g, cam, frame, &stamp);
+        process(g, cam, frame, &stamp);
         if (!cam->wakes && cam->armed)
             listen_again(g, cam);
     } else if (err == -ENODEV) {
-        plug_strike(g, cam->number, true);
+        hotplug_reject(g, cam->number, true);
         recovery_lost(g, cam);
     } else if (err != -EAGAIN) {
-        snprintf(why, sizeof(why), "its stream broke: %s", strerror(-err));
+        snprintf(why, sizeof(why), "its stream failed: %s", strerror(-err));
         recovery_fault(g, cam, why);
     } else if (broken) {
         recovery_disarm(g, cam);
@@ -167,7 +168,7 @@ static int64_t patience_ns(const struct sst_grab *g)
     return stall > three ? stall : three;
 }
 
-int64_t intake_due(const struct sst_grab *g, const struct grab_camera *cam)
+int64_t receive_due(const struct sst_grab *g, const struct grab_camera *cam)
 {
     if (!cam->running || !cam->stream || cam->ladder.phase != SST_LADDER_QUIET)
         return 0;
@@ -176,13 +177,13 @@ int64_t intake_due(const struct sst_grab *g, const struct grab_camera *cam)
     return cam->heard_ns + patience_ns(g);
 }
 
-void intake_silence(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
+void receive_silence(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
 {
     const int64_t ready_ns = stream_ready_ns(cam->stream);
     const bool refused = !ready_ns && !stream_lent(cam->stream);
     char why[96];
 
-    if (ready_ns && now_ns - ready_ns < patience_ns(g)) { /* before, it could not speak */
+    if (ready_ns && now_ns - ready_ns < patience_ns(g)) { /* before, it had no free buffer */
         cam->heard_ns = ready_ns;
         if (cam->owed_ns)
             cam->owed_ns = ready_ns;
@@ -190,16 +191,16 @@ void intake_silence(struct sst_grab *g, struct grab_camera *cam, int64_t now_ns)
     }
     if (refused || ready_ns) {
         snprintf(why, sizeof(why), "no frame for %.1f s%s", (double)(now_ns - cam->heard_ns) * 1e-9,
-                 refused ? ", and its driver takes no buffer" : "");
+                 refused ? ", and its driver accepts no buffer" : "");
         recovery_fault(g, cam, why);
         return;
     }
-    /* It cannot speak: every buffer is with the receiver. The gap in the sequence will tell what was lost. */
-    if (!cam->told_starved)
-        sst_log_warning("%s: all its %d buffers are held by the receiver, so frames are lost; give them back sooner, "
-                        "or raise `buffers`",
+    /* No free buffer: the receiver holds all of them. The gap in the sequence will show the lost frames. */
+    if (!cam->logged_starved)
+        sst_log_warning("%s: all its %d buffers are held by the receiver, so frames are lost; release them sooner, or "
+                        "raise `buffers`",
                         cam->name, g->cfg.buffers);
-    cam->told_starved = true;
+    cam->logged_starved = true;
     cam->heard_ns = now_ns;
     if (cam->owed_ns)
         cam->owed_ns = now_ns;

@@ -1,5 +1,5 @@
-/* What stands before the background of the reference key, piece by piece: a thing that moves has one label, and what
- * it uncovers the label that was there before. */
+/* Foreground objects of the reference key, as connected components in front of the background model: a moving object
+ * has one label, and the background that it uncovers has the label from before. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,59 +7,58 @@
 #include "base/mem.h"
 #include "pipeline/live/scene/scene_internal.h"
 
-/* Disparities of one surface, from set to set: matching at half size is good to a cell. */
+/* Tolerance of the disparity of one surface from set to set: matching at half size is accurate to a cell. */
 #define SAME_Q6 96
-/* Neighbouring cells of one thing. */
+/* Disparity difference of neighbouring cells of one object. */
 #define JOIN_Q6 128
-/* What is farther than the background was hidden by it: it is the background when it was seen in so many sets, in a
- * row, in which the cell changed. What is nearer and stays for so many, or stands still for so many sets, is no thing
- * any more. */
+/* A surface behind the background becomes the background when it was seen in this number of consecutive sets in which
+ * the cell changed. A nearer one becomes background after this number of changes, or of sets without a change. */
 #define FARTHER_SETS 2
 #define NEARER_SETS  30
 #define STILL_SETS   300
-/* Votes for the label of a background cell: at most; a label with so many is not given up to one other vote. */
+/* Maximum number of votes for the label of a background cell; it keeps the label from changing by a single vote. */
 #define WEIGHT_MAX 40
-/* Smaller pieces are noise of the disparities, and take no label of their own. */
-#define THING_CELLS 24
-/* Votes for a thing's label, in quarters of a cell. What the network says of the background there counts for less than
- * what else it says: outlines show more of it than there is. */
+/* Smaller components are disparity noise and get no label of their own. */
+#define OBJECT_CELLS 24
+/* Votes for an object's label, in quarters of a cell. Votes for the label of the background weigh less than others,
+ * since the network labels too much background along outlines. */
 #define VOTE            4
 #define VOTE_BACKGROUND 1
 #define VOTES_LEAST     64
-/* What a thing was taken for before counts for less by every set, as its cells come and go. */
+/* Earlier votes for an object decay with every set, as its cells change. */
 #define KEPT_NUM 7
 #define KEPT_DEN 8
-/* It is the same thing at about the same disparity, where its place, enlarged by half its size, is met. */
-#define THING_Q6   256
-#define THINGS_MAX 32 /* more, which are noise mostly, are not remembered */
+/* Objects match from set to set at about the same disparity if their boxes, enlarged by half, overlap. */
+#define OBJECT_Q6   256
+#define OBJECTS_MAX 32 /* further ones, mostly noise, are not tracked */
 
 struct cell {
-    uint16_t disp, other; /* of the background; what was seen there instead. SST_DISP_NONE: unknown */
-    uint8_t seen;         /* in so many sets */
+    uint16_t disp, other; /* of the background; of the other surface seen there. SST_DISP_NONE: unknown */
+    uint8_t seen;         /* number of sets with `other` */
     uint8_t label, weight;
-    uint8_t thing; /* 1: it is of a thing now */
+    uint8_t object; /* 1: part of an object now */
 };
 
-struct thing {
+struct object {
     struct scene_rect at; /* cells */
     int disp_q6;          /* mean */
     int64_t cells, vote[SST_MAX_CLASSES + 1];
 };
 
-struct scene_things {
+struct scene_foreground {
     int width, height, cols, rows;
-    int view;          /* that the cells are of */
+    int view;          /* whose cells these are */
     struct cell *cell; /* [height][width] */
     uint16_t *still;   /* [rows][cols] sets since the tile changed */
     uint8_t *visited;  /* [height][width] */
-    int32_t *stack;    /* [height * width] the cells of a piece */
-    struct thing thing[2][THINGS_MAX];
-    int things[2], now; /* of the last set, and of this one: thing[now] */
+    int32_t *stack;    /* [height * width] the cells of a component */
+    struct object object[2][OBJECTS_MAX];
+    int objects[2], now; /* of the last set and of this one: object[now] */
 };
 
-int scene_things_open(struct scene_things **out, int width, int height, int cols, int rows)
+int scene_foreground_open(struct scene_foreground **out, int width, int height, int cols, int rows)
 {
-    struct scene_things *t = calloc(1, sizeof(*t));
+    struct scene_foreground *t = calloc(1, sizeof(*t));
     const size_t cells = (size_t)width * (size_t)height;
 
     if (!t)
@@ -73,15 +72,15 @@ int scene_things_open(struct scene_things **out, int width, int height, int cols
     t->visited = malloc(cells);
     t->stack = sst_mem_alloc_raw(cells, sizeof(*t->stack));
     if (!t->cell || !t->still || !t->visited || !t->stack) {
-        scene_things_close(t);
+        scene_foreground_close(t);
         return -ENOMEM;
     }
-    scene_things_forget(t);
+    scene_foreground_reset(t);
     *out = t;
     return 0;
 }
 
-void scene_things_close(struct scene_things *t)
+void scene_foreground_close(struct scene_foreground *t)
 {
     if (!t)
         return;
@@ -92,11 +91,11 @@ void scene_things_close(struct scene_things *t)
     free(t);
 }
 
-void scene_things_forget(struct scene_things *t)
+void scene_foreground_reset(struct scene_foreground *t)
 {
     for (int i = 0; i < t->width * t->height; i++)
         t->cell[i] = (struct cell){ .disp = SST_DISP_NONE, .other = SST_DISP_NONE };
-    t->things[0] = t->things[1] = 0;
+    t->objects[0] = t->objects[1] = 0;
 }
 
 /* --- the background ----------------------------------------------------------------------------------------------- */
@@ -111,7 +110,7 @@ static void become_background(struct cell *c, uint16_t disp, uint8_t label)
     *c = (struct cell){ .disp = disp, .other = SST_DISP_NONE, .label = label, .weight = label != SST_LABEL_NONE };
 }
 
-/* A vote for the label of a background cell: the label with most of them stays. */
+/* Vote for the label of a background cell: the label with most votes stays. */
 static void vote(struct cell *c, uint8_t label)
 {
     if (label == SST_LABEL_NONE)
@@ -124,12 +123,12 @@ static void vote(struct cell *c, uint8_t label)
         c->label = label;
 }
 
-/* Is a changed cell the background, or before it? */
-static void look(struct cell *c, uint16_t disp, uint8_t label, bool sure)
+/* Update a changed cell: background, or in front of it. */
+static void update_cell(struct cell *c, uint16_t disp, uint8_t label, bool confirmed)
 {
     const bool farther = c->disp == SST_DISP_NONE || disp < c->disp;
 
-    c->thing = 0;
+    c->object = 0;
     if (disp == SST_DISP_NONE)
         return;
     if (c->disp != SST_DISP_NONE && same(disp, c->disp)) {
@@ -139,14 +138,14 @@ static void look(struct cell *c, uint16_t disp, uint8_t label, bool sure)
     }
     c->seen = (uint8_t)(c->other != SST_DISP_NONE && same(disp, c->other) ? sst_min_int(c->seen + 1, UINT8_MAX) : 1);
     c->other = disp;
-    if (c->disp == SST_DISP_NONE || (farther && sure && c->seen >= FARTHER_SETS) || c->seen >= NEARER_SETS)
+    if (c->disp == SST_DISP_NONE || (farther && confirmed && c->seen >= FARTHER_SETS) || c->seen >= NEARER_SETS)
         become_background(c, disp, label);
     else
-        c->thing = !farther;
+        c->object = !farther;
 }
 
-/* Cells of a tile are the background as they are. */
-static void settle(struct scene_things *t, const struct scene_maps *maps, int tile, uint8_t weight)
+/* Store the cells of a tile as background. */
+static void settle(struct scene_foreground *t, const struct scene_maps *maps, int tile, uint8_t weight)
 {
     const int x0 = tile % t->cols * SST_SCENE_CELLS, y0 = tile / t->cols * SST_SCENE_CELLS;
     const int x1 = sst_min_int(x0 + SST_SCENE_CELLS, t->width), y1 = sst_min_int(y0 + SST_SCENE_CELLS, t->height);
@@ -161,13 +160,13 @@ static void settle(struct scene_things *t, const struct scene_maps *maps, int ti
     }
 }
 
-void scene_things_settle(struct scene_things *t, const struct scene_key *key, int tile)
+void scene_foreground_settle(struct scene_foreground *t, const struct scene_key *key, int tile)
 {
     if (t->view == key->view)
         settle(t, &key->maps, tile, WEIGHT_MAX);
 }
 
-void scene_things_rest(struct scene_things *t, const struct scene_key *key, const uint8_t *dirty)
+void scene_foreground_still(struct scene_foreground *t, const struct scene_key *key, const uint8_t *dirty)
 {
     if (t->view != key->view)
         return;
@@ -179,11 +178,11 @@ void scene_things_rest(struct scene_things *t, const struct scene_key *key, cons
     }
 }
 
-/* Changed cells against the background: what is the background takes its label. */
-static void look_at_all(struct scene_things *t, struct scene_maps *maps, const uint8_t *dirty, bool labelled)
+/* Compare changed cells with the background; background cells get its label. */
+static void compare_all(struct scene_foreground *t, struct scene_maps *maps, const uint8_t *dirty, bool labelled)
 {
     for (int y = 0; y < t->height; y++) {
-        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * t->cols, *sure = sst_map_u8_row(&maps->sure, y);
+        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * t->cols, *confirmed = sst_map_u8_row(&maps->confirmed, y);
         const uint16_t *disp = sst_map_u16_row(&maps->disp, y);
         uint8_t *label = sst_map_u8_row(&maps->label, y);
         struct cell *c = t->cell + (size_t)y * (size_t)t->width;
@@ -193,33 +192,33 @@ static void look_at_all(struct scene_things *t, struct scene_maps *maps, const u
                 x |= SST_SCENE_CELLS - 1;
                 continue;
             }
-            look(&c[x], disp[x], labelled ? label[x] : SST_LABEL_NONE, sure[x]);
-            if (!c[x].thing && disp[x] != SST_DISP_NONE && same(disp[x], c[x].disp) && c[x].label != SST_LABEL_NONE)
+            update_cell(&c[x], disp[x], labelled ? label[x] : SST_LABEL_NONE, confirmed[x]);
+            if (!c[x].object && disp[x] != SST_DISP_NONE && same(disp[x], c[x].disp) && c[x].label != SST_LABEL_NONE)
                 label[x] = c[x].label;
         }
     }
 }
 
-/* --- things ------------------------------------------------------------------------------------------------------- */
+/* --- objects ------------------------------------------------------------------------------------------------------ */
 
-static void reach(struct scene_things *t, const struct scene_maps *maps, int x, int y, int disp, int *count)
+static void reach(struct scene_foreground *t, const struct scene_maps *maps, int x, int y, int disp, int *count)
 {
     const int i = y * t->width + x;
 
-    if (x < 0 || y < 0 || x >= t->width || y >= t->height || t->visited[i] || !t->cell[i].thing ||
+    if (x < 0 || y < 0 || x >= t->width || y >= t->height || t->visited[i] || !t->cell[i].object ||
         abs(sst_map_u16_row(&maps->disp, y)[x] - disp) > JOIN_Q6)
         return;
     t->visited[i] = 1;
     t->stack[(*count)++] = i;
 }
 
-/* The cells of the piece around a cell, in t->stack, and where it is. */
-static void gather(struct scene_things *t, const struct scene_maps *maps, int x, int y, struct thing *out)
+/* Collect the cells of the component around a cell in t->stack, and its box. */
+static void gather(struct scene_foreground *t, const struct scene_maps *maps, int x, int y, struct object *out)
 {
     int64_t sum = 0;
     int count = 0;
 
-    *out = (struct thing){ .at = { x, y, x + 1, y + 1 } };
+    *out = (struct object){ .at = { x, y, x + 1, y + 1 } };
     reach(t, maps, x, y, sst_map_u16_row(&maps->disp, y)[x], &count);
     for (int i = 0; i < count; i++) {
         const int cx = t->stack[i] % t->width, cy = t->stack[i] / t->width, d = sst_map_u16_row(&maps->disp, cy)[cx];
@@ -238,36 +237,36 @@ static void gather(struct scene_things *t, const struct scene_maps *maps, int x,
     out->disp_q6 = (int)(sum / sst_max_int(count, 1));
 }
 
-static int64_t overlap(const struct thing *a, const struct thing *b)
+static int64_t overlap(const struct object *a, const struct object *b)
 {
     const int dx = (b->at.x1 - b->at.x0) / 2, dy = (b->at.y1 - b->at.y0) / 2;
     const int w = sst_min_int(a->at.x1, b->at.x1 + dx) - sst_max_int(a->at.x0, b->at.x0 - dx);
     const int h = sst_min_int(a->at.y1, b->at.y1 + dy) - sst_max_int(a->at.y0, b->at.y0 - dy);
 
-    return w > 0 && h > 0 && abs(a->disp_q6 - b->disp_q6) <= THING_Q6 ? (int64_t)w * h : 0;
+    return w > 0 && h > 0 && abs(a->disp_q6 - b->disp_q6) <= OBJECT_Q6 ? (int64_t)w * h : 0;
 }
 
-/* What it was taken for in the sets before: as much as its share of the thing that it was. */
-static void remember(const struct scene_things *t, struct thing *a)
+/* Inherit the votes of earlier sets, in proportion to the overlap with the earlier object. */
+static void remember(const struct scene_foreground *t, struct object *a)
 {
-    const struct thing *was = NULL;
+    const struct object *was = NULL;
     int64_t most = 0;
 
-    for (int i = 0; i < t->things[!t->now]; i++) {
-        const int64_t area = overlap(a, &t->thing[!t->now][i]);
+    for (int i = 0; i < t->objects[!t->now]; i++) {
+        const int64_t area = overlap(a, &t->object[!t->now][i]);
 
         if (area > most) {
             most = area;
-            was = &t->thing[!t->now][i];
+            was = &t->object[!t->now][i];
         }
     }
     for (int i = 0; was && i <= SST_MAX_CLASSES; i++)
         a->vote[i] += was->vote[i] * KEPT_NUM / KEPT_DEN * (a->cells < was->cells ? a->cells : was->cells) / was->cells;
 }
 
-/* The network's votes for the changed cells of the piece. */
-static void count_votes(const struct scene_things *t, const struct scene_maps *maps, const uint8_t *dirty,
-                        struct thing *a)
+/* Count the network's votes in the changed cells of the component. */
+static void count_votes(const struct scene_foreground *t, const struct scene_maps *maps, const uint8_t *dirty,
+                        struct object *a)
 {
     for (int i = 0; i < a->cells; i++) {
         const int x = t->stack[i] % t->width, y = t->stack[i] / t->width, l = sst_map_u8_row(&maps->label, y)[x];
@@ -277,8 +276,8 @@ static void count_votes(const struct scene_things *t, const struct scene_maps *m
     }
 }
 
-/* The label of more than half of the votes; none: there is none. */
-static uint8_t winner(const struct thing *a)
+/* The label with more than half of the votes, or none. */
+static uint8_t winner(const struct object *a)
 {
     int64_t all = 0;
     int best = 1;
@@ -290,8 +289,8 @@ static uint8_t winner(const struct thing *a)
     return (uint8_t)(all >= VOTES_LEAST && 2 * a->vote[best] > all ? best : SST_LABEL_NONE);
 }
 
-static void paint(const struct scene_things *t, struct scene_maps *maps, struct scene_candidates *c,
-                  const uint8_t *dirty, const struct thing *a, uint8_t label)
+static void paint(const struct scene_foreground *t, struct scene_maps *maps, struct scene_candidates *c,
+                  const uint8_t *dirty, const struct object *a, uint8_t label)
 {
     for (int i = 0; i < a->cells; i++) {
         const int x = t->stack[i] % t->width, y = t->stack[i] / t->width;
@@ -303,18 +302,18 @@ static void paint(const struct scene_things *t, struct scene_maps *maps, struct 
     }
 }
 
-void scene_things_label(struct scene_things *t, struct scene_key *key, struct scene_candidates *c, const uint8_t *dirty,
-                        bool labelled)
+void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c,
+                            const uint8_t *dirty, bool labelled)
 {
     struct scene_maps *maps = &key->maps;
-    struct thing piece;
+    struct object piece;
 
     if (t->view != key->view)
-        scene_things_forget(t);
+        scene_foreground_reset(t);
     t->view = key->view;
     t->now = !t->now;
-    t->things[t->now] = 0;
-    look_at_all(t, maps, dirty, labelled);
+    t->objects[t->now] = 0;
+    compare_all(t, maps, dirty, labelled);
     memset(t->visited, 0, (size_t)t->width * (size_t)t->height);
     for (int y = 0; y < t->height; y++) {
         const struct cell *row = t->cell + (size_t)y * (size_t)t->width;
@@ -322,10 +321,10 @@ void scene_things_label(struct scene_things *t, struct scene_key *key, struct sc
         for (int x = 0; x < t->width; x++) {
             uint8_t label;
 
-            if (!row[x].thing || t->visited[y * t->width + x])
+            if (!row[x].object || t->visited[y * t->width + x])
                 continue;
             gather(t, maps, x, y, &piece);
-            if (piece.cells < THING_CELLS)
+            if (piece.cells < OBJECT_CELLS)
                 continue;
             remember(t, &piece);
             if (labelled)
@@ -333,8 +332,8 @@ void scene_things_label(struct scene_things *t, struct scene_key *key, struct sc
             label = winner(&piece);
             if (label != SST_LABEL_NONE)
                 paint(t, maps, c, dirty, &piece, label);
-            if (t->things[t->now] < THINGS_MAX)
-                t->thing[t->now][t->things[t->now]++] = piece;
+            if (t->objects[t->now] < OBJECTS_MAX)
+                t->object[t->now][t->objects[t->now]++] = piece;
         }
     }
 }

@@ -1,36 +1,36 @@
-/* What is known of the scene as a whole: where something changed when, which disparities and labels there are. */
+/* Summary of the scene for pictures and reports: when each tile changed, and which disparities and labels occur. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/live/live_parts.h"
+#include "pipeline/live/live_state.h"
 
-#define COUNT_COLS   320   /* pixels of a row that are counted, about */
-#define OUTSIDE      0.005 /* share of the pixels beyond each end of the range for sliders */
-#define RANGE_SLACK  0.05  /* the range moves when an end is off by more than this share of it ... */
-#define RANGE_MIN_PX 1.0   /* ... and this; it shrinks when that has been so for ... */
+#define COUNT_COLS   320   /* about this number of pixels of a row is counted */
+#define OUTSIDE      0.005 /* fraction of the pixels beyond each end of the range for sliders */
+#define RANGE_SLACK  0.05  /* the range moves when an end is off by more than this fraction of it ... */
+#define RANGE_MIN_PX 1.0   /* ... and this; it shrinks only after ... */
 #define RANGE_S      60.0
 
-int sst_live_look(const struct sst_live *live)
+int live_lead_view(const struct sst_live *live)
 {
     const struct sst_lightfield *lf = &live->lf;
     double best = INFINITY;
-    int look = -1;
+    int lead = -1;
 
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         const struct sst_view *v = &lf->views[k];
 
         if (v->present && v->disp.data && hypot(v->bx, v->by) < best) {
             best = hypot(v->bx, v->by);
-            look = k;
+            lead = k;
         }
     }
-    return look;
+    return lead;
 }
 
-/* --- what changed when -------------------------------------------------------------------------------------------- */
+/* --- times of changes --------------------------------------------------------------------------------------------- */
 
 static bool stamp_view(uint64_t *stamp, const uint8_t *map, int tiles, bool whole, uint64_t serial)
 {
@@ -45,7 +45,7 @@ static bool stamp_view(uint64_t *stamp, const uint8_t *map, int tiles, bool whol
     return any;
 }
 
-/* A view that is there but has no disparities yet: unknown everywhere. */
+/* A present view without disparities yet: unknown everywhere. */
 static int give_unknown(struct sst_lightfield *lf, struct sst_view *v)
 {
     int err;
@@ -58,7 +58,7 @@ static int give_unknown(struct sst_lightfield *lf, struct sst_view *v)
     return err;
 }
 
-int sst_live_take(struct sst_live *live, const struct sst_live_changes *changes)
+int live_ingest(struct sst_live *live, const struct sst_live_changes *changes)
 {
     struct sst_lightfield *lf = &live->lf;
     const uint64_t serial = live->serial + 1;
@@ -87,7 +87,7 @@ int sst_live_take(struct sst_live *live, const struct sst_live_changes *changes)
     return 0;
 }
 
-/* Tiles that a zone touches: first and last columns and rows. */
+/* First and last columns and rows of the tiles that overlap a zone. */
 static void zone_tiles(const struct sst_live *live, int zone, int *x0, int *x1, int *y0, int *y1)
 {
     const int cols = live->changes.cols - 1, rows = live->changes.rows - 1;
@@ -104,10 +104,10 @@ static void zone_tiles(const struct sst_live *live, int zone, int *x0, int *x1, 
     *y1 = sst_clamp_int((int)ceil(live->cfg.zone[zone].y1 * live->lf.height - 1) / SST_LIVE_TILE, *y0, rows);
 }
 
-void sst_live_zones_changed(const struct sst_live *live, const struct sst_live_changes *changes, double *changed)
+void live_zones_changed(const struct sst_live *live, const struct sst_live_changes *changes, double *changed)
 {
-    const int look = sst_live_look(live);
-    const uint8_t *map = changes->map[look < 0 ? live->lf.ref_view : look];
+    const int lead = live_lead_view(live);
+    const uint8_t *map = changes->map[lead < 0 ? live->lf.ref_view : lead];
 
     for (int zone = 0; zone <= SST_LIVE_ZONES; zone++) {
         int x0, x1, y0, y1, n = 0;
@@ -124,16 +124,16 @@ void sst_live_zones_changed(const struct sst_live *live, const struct sst_live_c
     }
 }
 
-/* --- disparities and labels that there are -------------------------------------------------------------------------*/
+/* --- disparities and labels in the scene -------------------------------------------------------------------------- */
 
-/* The view looked through and the outermost ones, which see what it does not. */
+/* The lead view and the outermost ones, which see what is hidden from it. */
 static void choose_sample(struct sst_live *live)
 {
     static const int corner[][2] = { { -1, -1 }, { 1, -1 }, { -1, 1 }, { 1, 1 } };
     const struct sst_lightfield *lf = &live->lf;
 
     live->sampled = 0;
-    live->sample[0] = sst_live_look(live);
+    live->sample[0] = live_lead_view(live);
     if (live->sample[0] < 0)
         return;
     live->sampled = 1;
@@ -167,7 +167,7 @@ static uint64_t count_bin(const struct sst_label_histogram *h, int bin)
     return n;
 }
 
-/* Disparities at which a share of the pixels is beyond either end. @return false: nothing is known */
+/* Disparities with a fraction OUTSIDE of the pixels beyond each end. @return false: no disparities */
 static bool find_range(const struct sst_live *live, double *min_px, double *max_px)
 {
     const struct sst_label_histogram *h = &live->renderer->histogram;
@@ -187,8 +187,7 @@ static bool find_range(const struct sst_live *live, double *min_px, double *max_
     return true;
 }
 
-/* The range grows at once and shrinks late: it sets the depth of field, which is not to breathe with whoever walks by.
- */
+/* The range grows at once and shrinks late: it sets the depth of field, which must not change with every passer-by. */
 static void follow_range(struct sst_live *live, int64_t t_ns)
 {
     double min_px, max_px, slack;
@@ -208,7 +207,7 @@ static void follow_range(struct sst_live *live, int64_t t_ns)
         live->range_ns = t_ns;
 }
 
-/* Shares of labels in a zone of the view looked through. */
+/* Fractions of the labels in a zone of the lead view. */
 static void count_zone(struct sst_live *live, int zone, const struct sst_map_u8 *label)
 {
     const bool all = zone >= live->cfg.zones;
@@ -231,7 +230,7 @@ static void count_zone(struct sst_live *live, int zone, const struct sst_map_u8 
         live->zone_label[zone][i] = (float)count[i] / (float)total;
 }
 
-int sst_live_watch(struct sst_live *live, int64_t t_ns)
+int live_summarize(struct sst_live *live, int64_t t_ns)
 {
     const struct sst_map_u8 *label;
     int err = 0;
@@ -243,7 +242,7 @@ int sst_live_watch(struct sst_live *live, int64_t t_ns)
         err = sst_renderer_recount(live->renderer, live->sample, live->sampled,
                                    sst_max_int(live->lf.width / COUNT_COLS, 1));
         if (!err && live->sampled)
-            err = sst_live_focus_look(&live->focus, &live->lf, live->sample, live->sampled);
+            err = live_focus_vote(&live->focus, &live->lf, live->sample, live->sampled);
         if (err)
             return err;
         follow_range(live, t_ns);
@@ -254,7 +253,7 @@ int sst_live_watch(struct sst_live *live, int64_t t_ns)
         }
         live->counted = live->serial;
     }
-    sst_live_focus_step(&live->focus, t_ns);
+    live_focus_step(&live->focus, t_ns);
     return 0;
 }
 

@@ -22,7 +22,7 @@
 struct bench {
     struct scene_key key;
     struct scene_candidates c;
-    struct scene_things *things;
+    struct scene_foreground *foreground;
     uint8_t dirty[TILES];
 };
 
@@ -37,17 +37,17 @@ static void open_bench(struct bench *b)
     b->key.view = 3;
     assert_int_equal(sst_map_u16_init(&b->key.maps.disp, WIDTH, HEIGHT), 0);
     assert_int_equal(sst_map_u8_init(&b->key.maps.label, WIDTH, HEIGHT), 0);
-    assert_int_equal(sst_map_u8_init(&b->key.maps.sure, WIDTH, HEIGHT), 0);
-    assert_int_equal(scene_things_open(&b->things, WIDTH, HEIGHT, COLS, ROWS), 0);
+    assert_int_equal(sst_map_u8_init(&b->key.maps.confirmed, WIDTH, HEIGHT), 0);
+    assert_int_equal(scene_foreground_open(&b->foreground, WIDTH, HEIGHT, COLS, ROWS), 0);
     memset(b->dirty, 1, TILES);
 }
 
 static void close_bench(struct bench *b)
 {
-    scene_things_close(b->things);
+    scene_foreground_close(b->foreground);
     sst_map_u16_fini(&b->key.maps.disp);
     sst_map_u8_fini(&b->key.maps.label);
-    sst_map_u8_fini(&b->key.maps.sure);
+    sst_map_u8_fini(&b->key.maps.confirmed);
 }
 
 /* A square with its left edge at `left` (none: outside) before the wall; the network calls one cell of it in `rare` a
@@ -59,7 +59,7 @@ static void draw(struct bench *b, int left, int side, int rare)
             const bool near = x >= left && x < left + side && y >= 20 && y < 20 + side;
 
             sst_map_u16_row(&b->key.maps.disp, y)[x] = near ? NEAR : WALL;
-            sst_map_u8_row(&b->key.maps.sure, y)[x] = 1;
+            sst_map_u8_row(&b->key.maps.confirmed, y)[x] = 1;
             *label_at(b, x, y) = (uint8_t)(!near                 ? HOUSE
                                            : (x + y) % rare == 0 ? SST_LABEL_PEDESTRIAN
                                            : (x + y) % 3 == 0    ? SST_LABEL_CAR
@@ -70,7 +70,7 @@ static void draw(struct bench *b, int left, int side, int rare)
 
 static void label(struct bench *b, bool labelled)
 {
-    scene_things_label(b->things, &b->key, &b->c, b->dirty, labelled);
+    scene_foreground_label(b->foreground, &b->key, &b->c, b->dirty, labelled);
 }
 
 /* Cells of the square that bear a label, and cells of the wall that are not the house. */
@@ -183,7 +183,7 @@ static void what_stays_becomes_background(void **state SST_UNUSED)
     draw(&b, 40, SIDE, 2); /* it comes again, and stands still for long */
     label(&b, true);
     for (int i = 0; i < 300; i++)
-        scene_things_rest(b.things, &b.key, none);
+        scene_foreground_still(b.foreground, &b.key, none);
     draw(&b, 70, SIDE, 2); /* another one beside it at the same distance is a thing of its own */
     for (int y = 20; y < 20 + SIDE; y++)
         for (int x = 40; x < 70; x++) {
@@ -214,15 +214,15 @@ static void another_view_knows_nothing(void **state SST_UNUSED)
     label(&b, true);
     count(&b, 40, SIDE, SST_LABEL_PEDESTRIAN, &right, &wrong);
     assert_int_equal(right, SIDE * SIDE / 2); /* all is background, as the network says */
-    scene_things_settle(b.things, &b.key, 0);
-    scene_things_forget(b.things);
+    scene_foreground_settle(b.foreground, &b.key, 0);
+    scene_foreground_reset(b.foreground);
     for (int y = 0; y < HEIGHT; y++) /* nothing is known of any cell */
         memset(sst_map_u16_row(&b.key.maps.disp, y), 0xFF, WIDTH * sizeof(uint16_t));
     label(&b, true);
     count(&b, 40, SIDE, SST_LABEL_PEDESTRIAN, &right, &wrong);
     assert_int_equal(right, SIDE * SIDE / 2);
     close_bench(&b);
-    scene_things_close(NULL);
+    scene_foreground_close(NULL);
 }
 
 int main(void)

@@ -1,4 +1,4 @@
-/* Which tiles of which views changed. */
+/* Step 1: find the changed tiles of all views. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -6,9 +6,9 @@
 #include "base/thread.h"
 #include "pipeline/live/frames/frames_internal.h"
 
-#define SKIP_SETS    4   /* any view is looked at at least once in so many sets */
-#define FEW_VIEWS    12  /* are all looked at */
-#define MOST_CHANGED 0.6 /* share of all tiles from which on everything is taken over */
+#define SKIP_SETS    4   /* every view is scanned at least once in this number of sets */
+#define FEW_VIEWS    12  /* up to this number of views, all are scanned */
+#define MOST_CHANGED 0.6 /* from this fraction of all tiles on, everything is accepted */
 
 static void set_all_dirty(const struct sst_live_frames *f, struct live_view *v)
 {
@@ -17,7 +17,7 @@ static void set_all_dirty(const struct sst_live_frames *f, struct live_view *v)
     v->verdict.whole = true;
 }
 
-void live_frames_refuse(struct live_view *v, const struct decoder *d)
+void frames_reject(struct live_view *v, const struct decoder *d)
 {
     v->refused = true;
     v->last_bytes = 0;
@@ -25,7 +25,7 @@ void live_frames_refuse(struct live_view *v, const struct decoder *d)
     snprintf(v->fault, sizeof(v->fault), "%.190s", decoder_fault(d));
 }
 
-static int look(void *arg, int index, int worker)
+static int scan_view(void *arg, int index, int worker)
 {
     struct sst_live_frames *f = arg;
     const int k = f->list[index];
@@ -39,15 +39,15 @@ static int look(void *arg, int index, int worker)
     if (v->made && !f->all && v->last_bytes && frame.bytes == v->last_bytes &&
         !memcmp(frame.data, v->last, frame.bytes))
         return 0;
-    err = decoder_look(f->decoder[worker], &frame, &v->watch.now);
+    err = decoder_read_means(f->decoder[worker], &frame, &v->watch.now);
     if (err == -EBADMSG) {
-        live_frames_refuse(v, f->decoder[worker]);
+        frames_reject(v, f->decoder[worker]);
         return 0;
     }
     if (err && err != -ENOTSUP)
         return err;
     if (!err)
-        v->verdict = watch_judge(&v->watch, v->dirty);
+        v->verdict = detector_judge(&v->watch, v->dirty);
     else
         v->watch.now.planes = 0;
     if (err || !v->made || f->all)
@@ -58,7 +58,7 @@ static int look(void *arg, int index, int worker)
     return 0;
 }
 
-/* Views to look at first: all, or the key views and those whose turn it is. */
+/* Views to scan first: all, or the key views and those whose turn it is. */
 static int first_views(struct sst_live_frames *f)
 {
     const int in_turn = (f->used - SST_LIVE_KEY_VIEWS + SKIP_SETS - 1) / SKIP_SETS;
@@ -66,7 +66,7 @@ static int first_views(struct sst_live_frames *f)
 
     for (int k = 0; k < f->views; k++) {
         struct live_view *v = &f->view[k];
-        /* The views that take turns stand in a ring of places; SKIP_SETS steps of in_turn places go all round. */
+        /* The views scanned in turn form a ring; SKIP_SETS steps of in_turn views cover all of it. */
         const bool turn = !v->key && v->used && (others++ / sst_max_int(in_turn, 1)) % SKIP_SETS == f->turn;
 
         if (has_frame(f, k) && (f->all || f->used <= FEW_VIEWS || v->key || turn || !v->made || v->broken))
@@ -96,7 +96,7 @@ static bool any_changed(const struct sst_live_frames *f)
     return false;
 }
 
-/* Another light, or so much that telling the rest apart is not worth while? All views have been looked at. */
+/* True if the light changed, or so many tiles that accepting all of them is cheaper. All views have been scanned. */
 static bool is_whole(const struct sst_live_frames *f)
 {
     int looked = 0, lit = 0, over = 0;
@@ -109,13 +109,13 @@ static bool is_whole(const struct sst_live_frames *f)
             continue;
         looked++;
         changed += v->verdict.changed;
-        over += v->verdict.light > SST_WATCH_LIGHT;
-        lit += v->verdict.light > SST_WATCH_LIGHT / 2;
+        over += v->verdict.light > SST_DETECTOR_LIGHT;
+        lit += v->verdict.light > SST_DETECTOR_LIGHT / 2;
     }
     return looked && ((over && 2 * lit > looked) || (double)changed > MOST_CHANGED * looked * raw_tiles(f));
 }
 
-int live_frames_look(struct sst_live_frames *f)
+int frames_scan(struct sst_live_frames *f)
 {
     int err;
 
@@ -127,9 +127,9 @@ int live_frames_look(struct sst_live_frames *f)
         }
         return 0;
     }
-    err = sst_parallel_for(first_views(f), f->threads, look, f);
+    err = sst_parallel_for(first_views(f), f->threads, scan_view, f);
     if (!err && any_changed(f))
-        err = sst_parallel_for(other_views(f), f->threads, look, f);
+        err = sst_parallel_for(other_views(f), f->threads, scan_view, f);
     if (err)
         return err;
     if (any_changed(f) && is_whole(f)) {

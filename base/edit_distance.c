@@ -6,10 +6,10 @@
 #define WORD_MAX 60 /* longer ones are not compared */
 
 /* Optimal string alignment. */
-static int slips(const char *a, const char *b)
+static int edits(const char *a, const char *b)
 {
     const int n = (int)strlen(a), m = (int)strlen(b);
-    int cost[3][WORD_MAX + 1]; /* rows i - 2, i - 1, i, taken in turns */
+    int cost[3][WORD_MAX + 1]; /* rows i - 2, i - 1, i, reused in turn */
 
     for (int j = 0; j <= m; j++)
         cost[0][j] = j;
@@ -36,7 +36,7 @@ int sst_word_distance(const char *wrong, const char *word)
 
     if (n >= WORD_MAX || strlen(word) >= WORD_MAX)
         return SST_WORD_FAR;
-    distance = unit ? 1 : slips(wrong, word);
+    distance = unit ? 1 : edits(wrong, word);
     return distance <= most ? distance : SST_WORD_FAR;
 }
 
