@@ -115,6 +115,8 @@ $(BUILD)/obj/%.o: %.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CC   $<"
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
+# The assembler includes the page of the calibration report.
+$(BUILD)/obj/pipeline/calibration/report/report.o: pipeline/calibration/report/report.html
 # Where plugins of GStreamer lie: they are loaded one by one.
 $(BUILD)/obj/daemon/publish/rtsp_server.o: private CFLAGS_ALL += -DSST_GST_PLUGINS='"$(shell pkg-config --variable=pluginsdir gstreamer-1.0 2>/dev/null)"'
 $(BUILD)/obj/%.o: %.cc $(BUILD)/flags
@@ -270,25 +272,25 @@ check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) ## names 
 	SST_BUILD=$(BUILD) scripts/check_names.sh
 
 BENCH := $(BUILD)/sst $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render)
-bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/bench-* and docs/time-error-*
+bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/measured/bench-* and docs/measured/time-error-*
 	$(PYTHON) scripts/bench.py --build $(BUILD)
 bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick
 
 BENCH_NETWORKS := $(BUILD)/sst $(BUILD)/bench/network $(BUILD)/bench/features
-bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; renews docs/bench-{labels,matching,runner}.md
+bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; renews docs/measured/bench-{labels,matching,runner}.md
 	$(PYTHON) scripts/bench_labels.py --build $(BUILD)
 	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
 	$(PYTHON) scripts/bench_matching.py --build $(BUILD)
 
 SOAK ?= 30
-bench-service: all ## measure the service on simulated arrays, about 10 minutes; renews docs/bench-service.md
+bench-service: all ## measure the service on simulated arrays, about 10 minutes; renews docs/measured/bench-service.md
 	$(PYTHON) scripts/bench_service.py --build $(BUILD)
 soak-service: all ## SOAK=30 minutes of faults; tells the slope of memory
 	$(PYTHON) scripts/bench_service.py --build $(BUILD) --soak $(SOAK)
 
 BENCH_CALIB := $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs
-bench-calib: $(BENCH_CALIB) ## measure calibration against known truth, about 8 minutes; renews docs/bench-calibration.md
+bench-calib: $(BENCH_CALIB) ## measure calibration against known truth, about 8 minutes; renews docs/measured/bench-calibration.md
 	$(PYTHON) scripts/bench_calib.py --build $(BUILD)
 
 # What deps installs changes what the build finds, hence the second make.
@@ -297,7 +299,7 @@ demo: deps ## see through moving scenes: simulated arrays, the service, its page
 	$(BUILD)/sst demo $(DEMO)
 
 INSTALL := BUILD='$(BUILD)' PREFIX='$(PREFIX)' SYSCONFDIR='$(SYSCONFDIR)' DESTDIR='$(DESTDIR)' scripts/install.sh
-install: all ## install programs, units, rules, man pages under DESTDIR/PREFIX; then docs/install.md
+install: all ## install programs, units, rules, man pages under DESTDIR/PREFIX; then docs/use/install.md
 	$(INSTALL) install
 install-built: ## the same without building
 	$(INSTALL) install
@@ -308,6 +310,14 @@ man: $(BUILD)/sst $(BUILD)/config_man ## write the man pages sst.1 and sstd.yaml
 	scripts/man.py --build $(BUILD)
 	$(BUILD)/config_man > docs/man/sstd.yaml.5.new
 	mv docs/man/sstd.yaml.5.new docs/man/sstd.yaml.5
+
+.PHONY: check-docs api-index
+check-docs: ## links, citations and names in the docs resolve; part of check-includes
+	$(PYTHON) scripts/check_docs.py
+check-includes: check-docs
+
+api-index: ## list all public headers with their purpose lines
+	@scripts/api_index.sh
 
 format: ## lay out the sources by .clang-format
 	clang-format -i $$(git ls-files '*.c' '*.h' '*.cc')

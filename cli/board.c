@@ -23,7 +23,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     int err, r;
 
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &out, "FILE", "picture to make: .svg or .png", 0, 0 },
+        { "output", 'o', CLI_STRING, &out, "FILE", "picture to write: .svg or .png", 0, 0 },
         { "dpi", 0, CLI_DOUBLE, &dpi, "N", "dots per inch of a PNG; 300", 10, 2400 },
     };
 
@@ -31,7 +31,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (r != CLI_GO_ON)
         return r;
     if (!out || (!ends_with(out, ".svg") && !ends_with(out, ".png")))
-        return cli_usage_error(cmd, "say where the picture goes: -o board.svg or -o board.png");
+        return cli_usage_error(cmd, "-o FILE is missing: -o board.svg or -o board.png");
     err = sst_board_parse(&board, text);
     if (err)
         return err == -EINVAL ? CLI_USAGE : cli_exit_code(err);
@@ -52,7 +52,7 @@ const struct cli_command cli_board = {
     .usage = "BOARD -o FILE.svg|FILE.png [--dpi N]",
     .summary = "draw a calibration board to print at true scale",
     .detail =
-        "BOARD is what sst calibrate takes:\n"
+        "BOARD is as for sst calibrate:\n"
         "  charuco:9x7:50mm:0.7[:4x4_50]      squares across x down, side of a square, marker in squares,\n"
         "                                     dictionary of OpenCV\n"
         "  aprilgrid:6x6:50mm:0.3[:bottom-up] tags across x down, side of a tag, gap in tags; bottom-up as Kalibr\n"

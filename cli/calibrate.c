@@ -16,25 +16,24 @@ struct options {
     bool live, check, json, force, no_light, no_cross, flat;
     int lens;
     double max_blur_px, rate_hz, outliers_percent;
-    struct calibrate_pick pick;
-    struct calibrate_live_config live_cfg;
+    struct sst_gather_selection pick;
+    struct sst_gather_live_config limits; /* live */
     int threads;
 };
 
-#define SCALE_OFF 0.05 /* share by which the cameras' distances may differ from what the configuration says */
+#define SCALE_OFF 0.05 /* relative tolerance of the spacing against the configuration */
 
-/* Everything between the pictures and the files. */
+/* One run, from the pictures to the files. */
 struct job {
     const struct options *o;
-    struct calibrate_source source; /* pictures for the report; none: path NULL */
-    int *set;
-    double spacing_mm; /* of the array by its configuration; 0: unknown */
-    struct calibrate_gathered gathered;
+    struct sst_gather_source source; /* pictures for the report; none: path NULL */
+    double spacing_mm;               /* of the array by its configuration; 0: unknown */
+    struct sst_gathered gathered;
     struct sst_calib lenses; /* kept intrinsics; camera NULL: none */
     struct sst_solution solution;
     bool solved, lit;
     int overridden; /* refusals that --force turned into warnings */
-    struct sst_light_report light;
+    struct sst_photometric_report light;
     struct sst_rectified *rectified; /* NULL: one camera */
 };
 
@@ -42,24 +41,24 @@ static int picture(void *arg, int view, int frame, struct sst_image *out)
 {
     const struct job *job = arg;
 
-    return calibrate_source_read(&job->source, view, frame, out);
+    return sst_gather_source_read(&job->source, view, frame, out);
 }
 
 /* --- corners ------------------------------------------------------------------------------------------------------ */
 
-/* What the command line says of the grid; bound cameras have their places already. */
+/* The grid of the command line; bound cameras have their positions already. */
 static int set_grid(struct sst_array_config *array, const int grid[2])
 {
     if (!grid[0])
         return 0;
     if (array->bound && (grid[0] != array->rows || grid[1] != array->cols)) {
-        sst_log_error("--grid %dx%d does not fit the cameras that the configuration binds to places of %dx%d; leave it "
-                      "out",
-                      grid[0], grid[1], array->rows, array->cols);
+        sst_log_error(
+            "--grid %dx%d does not fit the configuration, which binds cameras to a grid of %dx%d; leave it out",
+            grid[0], grid[1], array->rows, array->cols);
         return -EINVAL;
     }
     if (grid[0] * grid[1] > SST_CAMERAS_MAX) {
-        sst_log_error("--grid %dx%d has places for more than %d cameras", grid[0], grid[1], SST_CAMERAS_MAX);
+        sst_log_error("--grid %dx%d holds more than %d cameras", grid[0], grid[1], SST_CAMERAS_MAX);
         return -EINVAL;
     }
     array->rows = grid[0];
@@ -67,12 +66,13 @@ static int set_grid(struct sst_array_config *array, const int grid[2])
     return 0;
 }
 
-static int gather_live(struct job *job, struct calibrate_gather_config *cfg)
+static int gather_live(struct job *job, const struct sst_gather_config *cfg)
 {
     const struct options *o = job->o;
     struct sst_array_config *array = malloc(sizeof(*array));
-    struct calibrate_live_config live = o->live_cfg;
-    const struct calibrate_pick all = { .max = 0 };
+    struct sst_gather_live_config limits = o->limits;
+    const struct sst_gather_selection all = { .max = 0 };
+    int *frameset = NULL;
     int err = array ? 0 : -ENOMEM;
 
     if (!err) {
@@ -85,22 +85,21 @@ static int gather_live(struct job *job, struct calibrate_gather_config *cfg)
         array->trigger_hz = o->rate_hz;
         if (array->source == SST_CONFIG_FREE_RUN)
             array->rate_hz = o->rate_hz;
-        live.array = array;
-        live.keep = o->keep;
+        limits.array = array;
         fprintf(stderr, "hold the board before the cameras, near and far, tilted every way; Ctrl-C ends early%s%s\n",
-                o->coverage ? "; look at " : "", o->coverage ? o->coverage : "");
+                o->coverage ? "; coverage: " : "", o->coverage ? o->coverage : "");
         job->spacing_mm = array->spacing_mm;
-        err = calibrate_live(&job->gathered, cfg, &live);
-        job->set = live.set;
+        err = cli_calibrate_live(&job->gathered, &frameset, cfg, &limits, o->keep, o->coverage);
     }
-    if (!err && o->keep) { /* pictures for the report: of the sets that were taken */
-        err = calibrate_source_open(&job->source, o->keep, &all);
+    if (!err && o->keep) { /* pictures for the report: of the accepted framesets */
+        err = sst_gather_source_open(&job->source, o->keep, &all);
         if (!err) {
-            free(job->source.set);
-            job->source.set = job->set;
-            job->set = NULL;
+            free(job->source.frameset);
+            job->source.frameset = frameset;
+            frameset = NULL;
         }
     }
+    free(frameset);
     free(array);
     return err;
 }
@@ -112,10 +111,15 @@ static bool is_corners_file(const char *path)
     return n > 5 && !strcmp(path + n - 5, ".json");
 }
 
+static void progress(void *arg, double done)
+{
+    cli_progress(arg, done);
+}
+
 static int gather(struct job *job)
 {
     const struct options *o = job->o;
-    struct calibrate_gather_config cfg = { .light = !o->no_light, .threads = o->threads, .coverage = o->coverage };
+    struct sst_gather_config cfg = { .light = !o->no_light, .threads = o->threads };
     int err;
 
     cfg.detect.max_blur_px = o->max_blur_px;
@@ -126,20 +130,18 @@ static int gather(struct job *job)
     if (!err && o->live)
         return gather_live(job, &cfg);
     if (!err)
-        err = calibrate_source_open(&job->source, o->source, &o->pick);
+        err = sst_gather_source_open(&job->source, o->source, &o->pick);
     if (!err) {
         job->spacing_mm = job->source.spacing_mm;
-        err = calibrate_gather(&job->gathered, &job->source, &cfg);
+        cfg.progress = progress;
+        cfg.arg = (void *)(uintptr_t) "corners";
+        err = sst_gather(&job->gathered, &job->source, &cfg);
+        cli_progress_end();
     }
     return err;
 }
 
 /* --- solution ----------------------------------------------------------------------------------------------------- */
-
-static void progress(void *arg, double done)
-{
-    cli_progress(arg, done);
-}
 
 static int solve(struct job *job)
 {
@@ -186,7 +188,7 @@ static int light(struct job *job)
 
     if (job->o->no_light || !job->gathered.light.count || known_cameras(&job->solution.calib) < 2)
         return 0;
-    err = sst_light_solve(&job->solution.calib, &job->gathered.light, &job->light);
+    err = sst_photometric_solve(&job->solution.calib, &job->gathered.light, &job->light);
     job->lit = !err;
     return err == -ENODATA ? 0 : err;
 }
@@ -218,7 +220,7 @@ static int lattice(struct job *job)
     return err;
 }
 
-/* The board alone gives the scale: a wrong size of its squares shows where the array's spacing is known. */
+/* The board alone gives the scale: a known spacing of the array reveals a wrong size of its squares. */
 static int check_scale(struct job *job)
 {
     const struct sst_rectified *r = job->rectified;
@@ -229,45 +231,46 @@ static int check_scale(struct job *job)
         return 0;
     if (job->o->force) {
         job->overridden++;
-        sst_log_warning("the cameras come out %.4g mm apart, but the array's configuration says %.4g mm", r->spacing_mm,
-                        job->spacing_mm);
+        sst_log_warning("the solved spacing of the cameras is %.4g mm, but the array's configuration has %.4g mm",
+                        r->spacing_mm, job->spacing_mm);
         return 0;
     }
-    sst_log_error("the cameras come out %.4g mm apart, but the array's configuration says %.4g mm: is the board's %s "
-                  "%.4g mm instead of %.4g mm (--board), or array: spacing_mm wrong? --force keeps it as it is",
-                  r->spacing_mm, job->spacing_mm, board->kind == SST_BOARD_APRILGRID ? "tag" : "square",
-                  board->square_mm / ratio, board->square_mm);
+    sst_log_error(
+        "the solved spacing of the cameras is %.4g mm, but the array's configuration has %.4g mm: is the board's %s "
+        "%.4g mm instead of %.4g mm (--board), or array: spacing_mm wrong? --force keeps it as it is",
+        r->spacing_mm, job->spacing_mm, board->kind == SST_BOARD_APRILGRID ? "tag" : "square", board->square_mm / ratio,
+        board->square_mm);
     return -EBADMSG;
 }
 
 static int deliver(const struct job *job)
 {
     const struct options *o = job->o;
-    const struct sst_calib_report report = { .detections = &job->gathered.all,
-                                             .solution = &job->solution,
-                                             .light = job->lit ? &job->light : NULL,
-                                             .rectified = job->rectified,
-                                             .overridden = job->overridden,
-                                             .picture = job->source.path ? picture : NULL,
-                                             .arg = (void *)(uintptr_t)job };
+    const struct sst_calibration_report report = { .detections = &job->gathered.all,
+                                                   .solution = &job->solution,
+                                                   .light = job->lit ? &job->light : NULL,
+                                                   .rectified = job->rectified,
+                                                   .overridden = job->overridden,
+                                                   .picture = job->source.path ? picture : NULL,
+                                                   .arg = (void *)(uintptr_t)job };
     int err = o->out ? sst_calib_write(&job->solution.calib, o->out) : 0;
 
     if (!err && o->report)
-        err = sst_calib_report_write(o->report, &report);
+        err = sst_calibration_report_write(o->report, &report);
     if (!err && o->json) {
-        char *text = sst_calib_report_json(&report);
+        char *text = sst_calibration_report_json(&report);
 
         if (!text)
             return -ENOMEM;
         puts(text);
         free(text);
     } else if (!err) {
-        err = sst_calib_report_text(stdout, &report);
+        err = sst_calibration_report_text(stdout, &report);
     }
     return err;
 }
 
-/* A result that cannot be written is better known before the pictures are taken. */
+/* Outputs that cannot be written are reported before the pictures are processed. */
 static int check_outputs(const struct options *o)
 {
     const char *const path[] = { o->out, o->report, o->coverage, o->corners };
@@ -297,7 +300,7 @@ static int calibrate(const struct options *o)
     if (!err)
         err = gather(job);
     if (!err && o->coverage)
-        err = calibrate_write_coverage(&job->gathered.all, o->coverage);
+        err = sst_gather_write_coverage(&job->gathered.all, o->coverage);
     if (!err && o->corners)
         err = sst_detections_write(&job->gathered.all, o->corners);
     if (!err)
@@ -312,18 +315,17 @@ static int calibrate(const struct options *o)
         err = deliver(job);
     if (job->solved)
         sst_solution_fini(&job->solution);
-    calibrate_gathered_fini(&job->gathered);
-    calibrate_source_close(&job->source);
+    sst_gathered_fini(&job->gathered);
+    sst_gather_source_close(&job->source);
     sst_calib_fini(&job->lenses);
     free(job->rectified);
-    free(job->set);
     free(job);
     return cli_exit_code(err);
 }
 
 /* --- command line ------------------------------------------------------------------------------------------------- */
 
-/* Two results under one name would leave the later one alone. */
+/* Whether two outputs have the same name: the later one would replace the other. */
 static bool same_outputs(const struct options *o)
 {
     const char *const path[] = { o->out, o->report, o->coverage, o->corners, o->keep };
@@ -345,18 +347,18 @@ static int check_options(const struct cli_command *cmd, const struct options *o)
         return cli_usage_error(cmd, "-o calib.yaml is missing");
     if (!o->board && !(o->source && is_corners_file(o->source)))
         return cli_usage_error(cmd, "--board is missing, such as --board charuco:9x7:50mm:0.7");
-    if (!o->live && (o->keep || o->config || o->live_cfg.sets || o->live_cfg.seconds > 0))
+    if (!o->live && (o->keep || o->config || o->limits.accepted || o->limits.seconds > 0))
         return cli_usage_error(cmd, "--config, --keep, --sets and --duration belong to --live");
     if (o->live && (o->pick.rig || o->pick.every || o->pick.max))
         return cli_usage_error(cmd, "--rig, --every and --max-frames belong to pictures that exist already");
     if (o->source && is_corners_file(o->source) &&
         (o->board || o->pick.grid[0] || o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0))
         return cli_usage_error(cmd,
-                               "%s has the corners, board and grid: --board, --grid, --rig, --every, --max-frames "
-                               "and --max-blur are not for it",
+                               "%s has the corners, board and grid: it does not combine with --board, --grid, "
+                               "--rig, --every, --max-frames and --max-blur",
                                o->source);
     if (same_outputs(o))
-        return cli_usage_error(cmd, "-o, --report, --coverage, --corners and --keep each need a name of their own");
+        return cli_usage_error(cmd, "-o, --report, --coverage, --corners and --keep must have different names");
     if (o->picture)
         return cli_usage_error(cmd, "--picture belongs to --check");
     if (o->lens && o->lens != 5 && o->lens != 8)
@@ -369,7 +371,7 @@ static bool not_for_check(const struct options *o)
     return o->out || o->board || o->live || o->report || o->coverage || o->corners || o->config || o->keep ||
            o->lenses || o->lens || o->flat || o->force || o->no_light || o->no_cross || o->pick.grid[0] ||
            o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0 || o->outliers_percent > 0 ||
-           o->live_cfg.sets || o->live_cfg.seconds > 0;
+           o->limits.accepted || o->limits.seconds > 0;
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
@@ -379,36 +381,35 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "output", 'o', CLI_STRING, &o.out, "FILE", "calibration to write (calib.yaml)", 0, 0 },
         { "board", 'b', CLI_STRING, &o.board, "BOARD",
           "charuco:9x7:50mm:0.7, aprilgrid:6x6:50mm:0.3, chessboard:10x7:25mm or a Kalibr target file", 0, 0 },
-        { "report", 0, CLI_STRING, &o.report, "FILE", "also write a page to judge it by (HTML)", 0, 0 },
-        { "coverage", 0, CLI_STRING, &o.coverage, "FILE", "picture of what each camera saw and what is missing (PNG)",
+        { "report", 0, CLI_STRING, &o.report, "FILE", "also write an acceptance report (one HTML file)", 0, 0 },
+        { "coverage", 0, CLI_STRING, &o.coverage, "FILE", "picture of each camera's coverage and what is missing (PNG)",
           0, 0 },
-        { "corners", 0, CLI_STRING, &o.corners, "FILE", "keep the corners (JSON); a later run may start from them", 0,
+        { "corners", 0, CLI_STRING, &o.corners, "FILE", "write the corners (JSON); a later run can start from them", 0,
           0 },
-        { "grid", 0, CLI_GRID, o.pick.grid, "RxC", "rows and columns where the names do not tell", 1, SST_CAMERAS_MAX },
+        { "grid", 0, CLI_GRID, o.pick.grid, "RxC", "rows and columns, where names do not give them", 1,
+          SST_CAMERAS_MAX },
         { "rig", 0, CLI_FLAG, &o.pick.rig, NULL, "the views are poses of one camera: one lens for all", 0, 0 },
-        { "lens", 0, CLI_INT, &o.lens, "N", "5 or 8 coefficients (default: by frames held out)", 5, 8 },
-        { "lenses", 0, CLI_STRING, &o.lenses, "FILE", "keep the lenses of this calibration, solve the poses alone", 0,
+        { "lens", 0, CLI_INT, &o.lens, "N", "5 or 8 coefficients (default: by held-out frames)", 5, 8 },
+        { "lenses", 0, CLI_STRING, &o.lenses, "FILE", "use the lenses of this calibration, solve the poses alone", 0,
           0 },
         { "every", 0, CLI_INT, &o.pick.every, "N", "each n-th frame of the source", 1, 1000000 },
-        { "max-frames", 0, CLI_INT, &o.pick.max, "N", "at most so many frames, spread evenly", 1, 100000 },
-        { "max-blur", 0, CLI_DOUBLE, &o.max_blur_px, "PX", "leave out pictures whose edges are wider; 3", 0.5, 100 },
+        { "max-frames", 0, CLI_INT, &o.pick.max, "N", "at most N frames, spread evenly", 1, 100000 },
+        { "max-blur", 0, CLI_DOUBLE, &o.max_blur_px, "PX", "leave out pictures with wider edges; 3", 0.5, 100 },
         { "outliers", 0, CLI_DOUBLE, &o.outliers_percent, "PERCENT", "more outliers than this are a failure; 3", 0.01,
           50 },
         { "flat", 0, CLI_FLAG, &o.flat, NULL, "the board is a plane: do not solve its warp", 0, 0 },
-        { "no-light", 0, CLI_FLAG, &o.no_light, NULL, "leave gain, colour and fall-off of the cameras alone", 0, 0 },
-        { "no-cross", 0, CLI_FLAG, &o.no_cross, NULL, "do not compare odd with even frames", 0, 0 },
-        { "force", 'f', CLI_FLAG, &o.force, NULL, "solve although there are reasons not to; they become warnings", 0,
-          0 },
-        { "live", 0, CLI_FLAG, &o.live, NULL, "take the pictures from the cameras now", 0, 0 },
+        { "no-light", 0, CLI_FLAG, &o.no_light, NULL, "do not solve gain, colour and fall-off of the cameras", 0, 0 },
+        { "no-cross", 0, CLI_FLAG, &o.no_cross, NULL, "no cross-validation (odd against even frames)", 0, 0 },
+        { "force", 'f', CLI_FLAG, &o.force, NULL, "turn reasons to refuse the calibration into warnings", 0, 0 },
+        { "live", 0, CLI_FLAG, &o.live, NULL, "capture from the cameras now", 0, 0 },
         { "config", 0, CLI_STRING, &o.config, "FILE", "live: configuration of the array; /etc/sst/sstd.yaml", 0, 0 },
         { "keep", 0, CLI_STRING, &o.keep, "DIR", "live: record the sets too", 0, 0 },
         { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "live: sets per second; 1", 0.01, 30 },
-        { "sets", 'n', CLI_INT, &o.live_cfg.sets, "N", "live: so many sets with the board (default: until complete)", 1,
+        { "sets", 'n', CLI_INT, &o.limits.accepted, "N", "live: N sets with the board (default: until complete)", 1,
           100000 },
-        { "duration", 0, CLI_DOUBLE, &o.live_cfg.seconds, "S", "live: at most so many seconds", 0.1, 1e6 },
-        { "check", 0, CLI_FLAG, &o.check, NULL, "is the calibration of a light field still true? By its features alone",
-          0, 0 },
-        { "picture", 0, CLI_STRING, &o.picture, "FILE", "check: picture of what is off (PNG)", 0, 0 },
+        { "duration", 0, CLI_DOUBLE, &o.limits.seconds, "S", "live: at most S seconds", 0.1, 1e6 },
+        { "check", 0, CLI_FLAG, &o.check, NULL, "check the calibration of a light field, by its features alone", 0, 0 },
+        { "picture", 0, CLI_STRING, &o.picture, "FILE", "check: picture of the cameras' displacements (PNG)", 0, 0 },
         { "threads", 0, CLI_INT, &o.threads, "N", "threads (default: all processors)", 1, 256 },
         { "json", 0, CLI_FLAG, &o.json, NULL, "print all figures as JSON", 0, 0 },
     };
@@ -422,8 +423,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         if (!o.source)
             return cli_usage_error(cmd, "--check needs a light field");
         if (not_for_check(&o))
-            return cli_usage_error(cmd, "--check looks at a light field alone: only --picture, --json and --threads go "
-                                        "with it");
+            return cli_usage_error(cmd, "--check needs a light field alone: it combines with --picture, --json and "
+                                        "--threads only");
         return cli_run_calibrate_check(cmd, o.source, o.json, o.threads, o.picture);
     }
     r = check_options(cmd, &o);

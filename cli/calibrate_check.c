@@ -40,7 +40,7 @@ static json_t *pair_json(const struct sst_check_pair *p, int cols)
                      "p95_px", number(any ? p->p95_px : NAN));
 }
 
-static json_t *check_json(const struct sst_check *c)
+static json_t *check_json(const struct sst_drift *c)
 {
     json_t *cameras = json_array(), *pairs = json_array(), *swapped = json_null();
 
@@ -61,7 +61,7 @@ static json_t *check_json(const struct sst_check *c)
                      "swapped", swapped, "cameras", cameras, "pairs", pairs);
 }
 
-static int print_json(const struct sst_check *c)
+static int print_json(const struct sst_drift *c)
 {
     json_t *root = check_json(c);
 
@@ -70,7 +70,7 @@ static int print_json(const struct sst_check *c)
 
 /* --- tables ------------------------------------------------------------------------------------------------------- */
 
-/* A figure in a column; what is not known is a dash. */
+/* A figure in a column; a dash if unknown. */
 static void cell(double v, int width, int digits)
 {
     if (isfinite(v))
@@ -79,7 +79,7 @@ static void cell(double v, int width, int digits)
         printf(" %*s", width, "-");
 }
 
-static void print_cameras(const struct sst_check *c)
+static void print_cameras(const struct sst_drift *c)
 {
     puts("camera   right px    down px   sigma px  roll deg  scale %    off px  pairs RMS px");
     for (int v = 0; v < c->rows * c->cols; v++) {
@@ -97,7 +97,7 @@ static void print_cameras(const struct sst_check *c)
     }
 }
 
-static void print_pairs(const struct sst_check *c)
+static void print_pairs(const struct sst_drift *c)
 {
     puts("pair          features  matches   mean px    RMS px    p95 px");
     for (int i = 0; i < c->pairs; i++) {
@@ -113,12 +113,12 @@ static void print_pairs(const struct sst_check *c)
     }
 }
 
-static void print_tables(const struct sst_check *c)
+static void print_tables(const struct sst_drift *c)
 {
     print_cameras(c);
     putchar('\n');
     print_pairs(c);
-    printf("\ncross disparity over %d of %d pairs: mean", c->measured, c->pairs);
+    printf("\nepipolar error over %d of %d pairs: mean", c->measured, c->pairs);
     cell(c->mean_px, 0, 3);
     printf(", p95");
     cell(c->p95_px, 0, 3);
@@ -133,7 +133,7 @@ static void print_tables(const struct sst_check *c)
 
 /* --- the command -------------------------------------------------------------------------------------------------- */
 
-static int write_picture(const struct sst_check *c, const char *path)
+static int write_picture(const struct sst_drift *c, const char *path)
 {
     struct sst_image picture;
     int err = sst_check_picture(&picture, c);
@@ -149,7 +149,7 @@ int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool
 {
     const struct sst_check_config cfg = { .threads = threads };
     struct sst_lightfield lf;
-    struct sst_check check;
+    struct sst_drift check;
     int code, err = sst_lightfield_load(&lf, dir, SST_LOAD_IMAGES, sst_thread_count(threads));
 
     if (err)

@@ -1,4 +1,4 @@
-/* sst calibration: look at a calibration, in any form that is known, and write it in another. */
+/* sst calibration: show a calibration in any known format, or convert it to another. */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
@@ -88,7 +88,7 @@ static void print_text(const struct sst_calib *calib, const char *format)
 
     for (int k = 0; k < calib->rows * calib->cols; k++)
         known += calib->camera[k].known;
-    printf("%d camera%s in %d x %d places, %d x %d pixels, format %s", known, known == 1 ? "" : "s", calib->rows,
+    printf("%d camera%s in a grid of %d x %d, %d x %d pixels, format %s", known, known == 1 ? "" : "s", calib->rows,
            calib->cols, calib->width, calib->height, format);
     if (*calib->source)
         printf("\nfrom %s", calib->source);
@@ -130,7 +130,7 @@ static int convert(const struct request *q, const struct sst_calib *calib, const
         known += calib->camera[k].known;
     printf("%s: %d camera%s, %s from %s\n", q->out, known, known == 1 ? "" : "s", to->name, from->name);
     if (*to->lost)
-        printf("not held by %s: %s\n", to->name, to->lost);
+        printf("not stored by %s: %s\n", to->name, to->lost);
     return 0;
 }
 
@@ -141,7 +141,8 @@ static int work(const struct request *q, bool show)
     int err = from ? 0 : q->from ? -EINVAL : -EBADMSG;
 
     if (!err && !from->read) {
-        sst_log_error("%s: %s is a format that is written only; convert what it was written from", q->in, from->name);
+        sst_log_error("%s: %s is a write-only format; convert the calibration that it was written from", q->in,
+                      from->name);
         err = -EBADMSG;
     }
     if (!err)
@@ -166,8 +167,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "output", 'o', CLI_STRING, &q.out, "OUT", "convert: file or folder to write", 0, 0 },
         { "from", 0, CLI_STRING, &q.from, "F", "format of IN (default: by its content)", 0, 0 },
         { "to", 0, CLI_STRING, &q.to, "F", "format of OUT (default: by its name)", 0, 0 },
-        { "grid", 'g', CLI_GRID, grid, "RxC", "rows and columns, where IN does not tell the cameras' places", 1, 256 },
-        { "size", 0, CLI_SIZE, size, "WxH", "size of the pictures, where IN does not tell it", 1, SST_IMAGE_MAX_SIDE },
+        { "grid", 'g', CLI_GRID, grid, "RxC", "rows and columns, where IN does not have the cameras' positions", 1,
+          256 },
+        { "size", 0, CLI_SIZE, size, "WxH", "size of the pictures, where IN does not have it", 1, SST_IMAGE_MAX_SIDE },
         { "unit-mm", 0, CLI_DOUBLE, &q.cfg.unit_mm, "U", "unit of the lengths in IN (OpenCV: 1, others: 1000)", 1e-6,
           1e6 },
         { "lossy", 0, CLI_FLAG, &q.cfg.lossy, NULL, "write lenses also where OUT's model is off by over 0.05 px", 0,
@@ -183,11 +185,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     show = !strcmp(args[0], "show");
     if (!show && strcmp(args[0], "convert") != 0)
-        return cli_usage_error(cmd, "there is no %s; it is show or convert", args[0]);
+        return cli_usage_error(cmd, "unknown action `%s`; use show or convert", args[0]);
     if (!show && !q.out)
         return cli_usage_error(cmd, "-o OUT is missing");
     if (show && (q.out || q.to || q.cfg.lossy || q.cfg.force))
-        return cli_usage_error(cmd, "show writes nothing, so it takes no -o, --to, --lossy or --force");
+        return cli_usage_error(cmd, "show writes nothing; it does not combine with -o, --to, --lossy or --force");
     q.in = args[1];
     q.cfg.rows = grid[0];
     q.cfg.cols = grid[1];
@@ -199,7 +201,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_calibration = {
     .name = "calibration",
     .usage = "show IN [--json] | convert IN -o OUT [--from F] [--to F] [options]",
-    .summary = "look at a calibration, or write it in another format",
+    .summary = "show a calibration, or convert it to another format",
     .detail =
         "formats:\n"
         "  sst            calib.yaml; a light field with a calibration is read, too\n"
@@ -209,7 +211,7 @@ const struct cli_command cli_calibration = {
         "  multical       calibration.json\n"
         "  mrcal          a folder of rr_cc.cameramodel, or one file of one camera (written only)\n"
         "The name of OUT suggests the format: *camchain* kalibr, *.json multical, *.cameramodel mrcal, *.yml and\n"
-        "folders opencv, other *.yaml sst. docs/calibration-formats.md says what each cannot hold.",
+        "folders opencv, other *.yaml sst. docs/calibration-formats.md lists what each cannot hold.",
     .example = "sst calibration show calib.yaml\n"
                "  sst calibration convert calib.yaml -o camchain.yaml\n"
                "  sst calibration convert calibration.json -o calib.yaml --grid 6x6",

@@ -6,12 +6,12 @@
 #include <stdbool.h>
 
 #include "base/base.h"
+#include "capture/calibration/gather.h"
 #include "capture/recording/recorder.h"
 #include "capture/recording/recording.h"
 #include "config/array.h"
 #include "drivers/grab/grab.h"
 #include "drivers/usb/plan.h"
-#include "pipeline/calibration/photometric/light.h"
 #include "pipeline/image/image.h"
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/lightfield.h"
@@ -112,132 +112,20 @@ extern const struct cli_command cli_board, cli_calibrate, cli_calibration, cli_c
 int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, int threads,
                             const char *picture);
 
-/* --- calibrate_source: pictures of a board wherever they are: folders, recordings, light fields, a rig's captures. ---
- */
-
-/** Pictures by view and frame; a frame is a moment (or, on a rig, a placement of the board). */
-struct calibrate_source {
-    const char *path;
-    int rows, cols, frames;
-    char (*camera_name)[64];         /* [rows * cols]; "" where there is no camera */
-    char (*frame_name)[64];          /* [frames] */
-    double spacing_mm;               /* of the array, as the recording says; 0: unknown */
-    bool rig;                        /* the views are poses of one camera ... */
-    double (*drive_mm)[3];           /* ... at these positions, by its drives; NULL: unknown */
-    char **file;                     /* [frames][rows * cols] paths; NULL: no picture */
-    struct sst_recording *recording; /* or the pictures are in its sets: */
-    int *set;                        /* [frames] */
-};
-
-/** Which pictures to take. */
-struct calibrate_pick {
-    int grid[2];    /* 0: from names */
-    bool rig;       /* take views as poses of one camera even where nothing says so */
-    int every, max; /* of a recording's sets each n-th, and at most so many; 0: all */
-};
-
-/** How many of `all` frames are taken. */
-static inline int calibrate_pick_count(const struct calibrate_pick *pick, int all)
-{
-    const int some = pick->every > 1 ? (all + pick->every - 1) / pick->every : all;
-
-    return pick->max && some > pick->max ? pick->max : some;
-}
-
-/** Which of `all` frames is taken as the i-th: spread evenly. */
-static inline int calibrate_pick_at(const struct calibrate_pick *pick, int all, int i)
-{
-    const int every = pick->every > 1 ? pick->every : 1, some = (all + every - 1) / every;
-
-    return (int)((long long)i * some / calibrate_pick_count(pick, all)) * every;
-}
+/* --- calibrate_live: `sst calibrate --live`. --- */
 
 /**
- * Look what is there:
- *   a recording; a light field, or a folder of them (a frame each); a folder with one folder of pictures per camera,
- *   files of the same name being one moment; a folder of pictures named CAMERA + number (left01.jpg, right01.jpg).
- * Cameras named rr_cc have that place in the grid; others fill it in the order of their names.
+ * Gather corners from the live array, with status lines on standard error.
  *
- * @return 0, -ENOENT, -EBADMSG (no pictures, names that do not fit the grid), -ENOMEM ...; logged.
+ * @param out, frameset  of sst_gather_live_run()
+ * @param limits    array, accepted and seconds are used
+ * @param record    folder of the recording to write, or NULL
+ * @param coverage  picture to update, or NULL
+ * @return 0, or what the cameras, the recorder or the picture return; logged
  */
-SST_MUST_CHECK int calibrate_source_open(struct calibrate_source *out, const char *path,
-                                         const struct calibrate_pick *pick);
-void calibrate_source_close(struct calibrate_source *source);
-
-/** The recording part of it (calibrate_recording.c). */
-SST_MUST_CHECK int calibrate_recording_open(struct calibrate_source *out, const struct calibrate_pick *pick);
-SST_MUST_CHECK int calibrate_recording_read(const struct calibrate_source *source, int view, int frame,
-                                            struct sst_image *out);
-
-/** @return 0, -ENODATA (there is none; not logged), -EILSEQ (a recording's frame is damaged; not logged), or a reader's
- *  error; logged. Thread: any. */
-SST_MUST_CHECK int calibrate_source_read(const struct calibrate_source *source, int view, int frame,
-                                         struct sst_image *out);
-
-/** A frame's bytes as a picture. @return 0, -EBADMSG, -EINVAL, -ENOMEM; not logged. */
-SST_MUST_CHECK int calibrate_decode(struct sst_image *out, uint32_t fourcc, int width, int height, size_t stride,
-                                    const uint8_t *data, size_t bytes);
-
-/* --- calibrate_gather: from pictures to corners and samples of light, in folders or as they come. --- */
-
-struct calibrate_gathered {
-    struct sst_detections all;
-    struct sst_light_samples light;
-};
-
-struct calibrate_gather_config {
-    struct sst_board board;
-    struct sst_detect_config detect;
-    bool light; /* also collect samples of light */
-    int threads;
-    const char *coverage; /* picture to keep up to date, or NULL */
-};
-
-void calibrate_gathered_fini(struct calibrate_gathered *gathered);
-
-/**
- * Find the board in every picture of a source and tell what was left out and why.
- * @return 0, -EBADMSG (no board anywhere, pictures of different sizes), -ENOTSUP, -ENOMEM, a reader's error; logged.
- */
-SST_MUST_CHECK int calibrate_gather(struct calibrate_gathered *out, const struct calibrate_source *source,
-                                    const struct calibrate_gather_config *cfg);
-
-struct calibrate_live_config {
-    struct sst_array_config *array;
-    const char *keep; /* record the sets here too; NULL: no */
-    int sets;         /* end after so many with a board; 0: when nothing is missing, or at Ctrl-C */
-    double seconds;   /* 0: no limit */
-    int *set;         /* out: number of each frame's set in the recording; to free */
-};
-
-/**
- * Take sets of the live array until its coverage is complete, and say all the time what is still missing. A set in
- * which the board stands where it stood in the last one is passed over.
- * @return as above, and what capture returns
- */
-SST_MUST_CHECK int calibrate_live(struct calibrate_gathered *out, const struct calibrate_gather_config *cfg,
-                                  struct calibrate_live_config *live);
-
-/** Write the coverage picture. @return 0 or what outputs return; logged */
-SST_MUST_CHECK int calibrate_write_coverage(const struct sst_detections *all, const char *path);
-
-/* --- one moment --------------------------------------------------------------------------------------------------- */
-
-/** What one picture gave; zeroed before use. */
-struct calibrate_shot {
-    enum sst_detect_outcome outcome;
-    bool there;   /* a picture was there */
-    bool damaged; /* a frame was there that is no picture */
-    struct sst_detection detection;
-    struct sst_light_samples light;
-};
-
-/** Find the board in one picture, which is given back. */
-SST_MUST_CHECK int calibrate_shoot(struct calibrate_shot *shot, const struct calibrate_gather_config *cfg,
-                                   struct sst_image *image, int view, int frame);
-/** Take a shot over into what was gathered; frees it. */
-SST_MUST_CHECK int calibrate_take(struct calibrate_gathered *to, struct calibrate_shot *shot);
-void calibrate_shot_fini(struct calibrate_shot *shot);
+SST_MUST_CHECK int cli_calibrate_live(struct sst_gathered *out, int **frameset, const struct sst_gather_config *cfg,
+                                      const struct sst_gather_live_config *limits, const char *record,
+                                      const char *coverage);
 
 /* --- client: the service as its clients see it: HTTP with JSON over its UNIX socket, or over TCP with a token. --- */
 

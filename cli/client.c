@@ -15,6 +15,7 @@
 
 #define CONNECT_S     5
 #define ANSWER_S      15         /* without a byte */
+#define MAKE_S        600        /* likewise, of a video: it is made before its first byte */
 #define SILENCE_S     60         /* likewise, of what has no end: the service sends signs of life more often */
 #define ANSWER_BYTES  (16 << 20) /* of an answer that is kept in memory, or of a line */
 #define TOKEN_BYTES   4096
@@ -29,6 +30,7 @@ struct cli_client {
     char *text; /* what is kept: the answer, or the beginning of a line; ends in NUL */
     size_t length, room;
     FILE *file;   /* or where it goes */
+    bool made;    /* the answer has to be made first */
     size_t zeros; /* zero bytes that it ends with */
     cli_line_fn *fn;
     void *arg;
@@ -188,7 +190,10 @@ static int transfer(struct cli_client *c, const char *path, const char *post, bo
     (void)curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, said);
     (void)curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
     (void)curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, post ? c->post_headers : c->get_headers);
-    (void)curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_TIME, endless ? (long)SILENCE_S : (long)ANSWER_S);
+    (void)curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_TIME,
+                           c->made   ? (long)MAKE_S
+                           : endless ? (long)SILENCE_S
+                                     : (long)ANSWER_S);
     if (post) {
         (void)curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
         (void)curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE, (long)strlen(post));
@@ -342,8 +347,10 @@ int cli_client_save(struct cli_client *c, const char *path, const char *type, co
     if (err)
         return err;
     c->file = out.stream;
+    c->made = !strcmp(type, "video/x-matroska");
     c->zeros = 0;
     err = transfer(c, path, NULL, false);
+    c->made = false;
     c->file = NULL;
     if (c->err)
         sst_log_error("%s: %s: free space, or name another file", file, strerror(-c->err));

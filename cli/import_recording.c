@@ -59,7 +59,7 @@ static int choose(const struct cli_command *cmd, const struct import_recording *
     if (err == -ERANGE)
         return cli_usage_error(cmd, "--sets %s: %s has sets 0 to %d", args->sets, args->source, n - 1);
     if (err == -EINVAL)
-        return cli_usage_error(cmd, "--sets %s is no list such as 0,5-9, nor all, first or last", args->sets);
+        return cli_usage_error(cmd, "--sets %s is not a list such as 0,5-9, nor all, first or last", args->sets);
     return err ? cli_exit_code(err) : CLI_GO_ON;
 }
 
@@ -85,7 +85,7 @@ static int make(const struct cli_command *cmd, const struct import_recording *ar
         return CLI_INPUT;
     }
     if (!args->sets && n > 1)
-        return cli_usage_error(cmd, "%s has %d sets; say which: --sets first, 0,5-9 or all", args->source, n);
+        return cli_usage_error(cmd, "%s has %d sets; choose with --sets first, 0,5-9 or all", args->source, n);
     sets = malloc((size_t)n * sizeof(*sets));
     if (!sets)
         return CLI_MEMORY;

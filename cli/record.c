@@ -95,7 +95,7 @@ static int list(const struct args *a)
         json_array_size(cli_member(answer, "exports")))
         printf("%-32s %-24s %-24s %9s %9s  %s\n", "NAME", "FROM", "TO", "SETS", "SIZE", "WHY");
     else
-        printf("nothing is kept yet\n");
+        printf("nothing is stored yet\n");
     print_recordings(cli_member(answer, "recordings"));
     print_moments(cli_member(answer, "snapshots"), "snapshot");
     print_moments(cli_member(answer, "exports"), "export");
@@ -166,7 +166,7 @@ static int export_moment(const struct args *a)
     if (err || !a->output)
         return err;
     if (!*name || strpbrk(name, "/?#% ")) {
-        sst_log_error("the service made a light field, but does not say under which name");
+        sst_log_error("the service made a light field, but returned no name");
         return -EPROTO;
     }
     snprintf(path, sizeof(path), "/api/v1/download/%s.tar", name);
@@ -201,14 +201,13 @@ static int check(const struct cli_command *cmd, const struct args *a, const char
     if (!downloads && a->camera)
         return cli_usage_error(cmd, "--camera belongs to download, not to %s", action);
     if (downloads && !a->output)
-        return cli_usage_error(cmd,
-                               "say where it goes: -o FILE.mkv (video), FILE.tar (all of it) or FILE.jpg (picture)");
+        return cli_usage_error(cmd, "missing -o FILE.mkv (video), FILE.tar (all of it) or FILE.jpg (picture)");
     if (downloads && a->camera && (!is_name(a->camera) || ends_in(a->output, ".tar") || ends_in(a->output, ".jpg")))
-        return cli_usage_error(cmd, "--camera r0c5 goes with -o FILE.mkv, the video of that camera");
+        return cli_usage_error(cmd, "--camera r0c5 needs -o FILE.mkv, the video of that camera");
     if (exports && !a->time == !(a->ago_s >= 0))
-        return cli_usage_error(cmd, "say which moment: --time 2026-11-21T18:05:00Z, or --ago 30 (seconds)");
+        return cli_usage_error(cmd, "missing the moment: --time 2026-11-21T18:05:00Z, or --ago 30 (seconds)");
     if (a->time && strlen(a->time) > 35)
-        return cli_usage_error(cmd, "--time %.40s... is no moment; write 2026-11-21T18:05:00Z", a->time);
+        return cli_usage_error(cmd, "--time %.40s... is not a time; write 2026-11-21T18:05:00Z", a->time);
     return CLI_GO_ON;
 }
 
@@ -218,13 +217,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct args a = { .ago_s = -1 };
     const char *words[2], *action;
     const struct cli_option options[] = {
-        { "duration", 0, CLI_DOUBLE, &a.duration_s, "S", "start: end by itself after so many seconds", 0.1, 1e7 },
+        { "duration", 0, CLI_DOUBLE, &a.duration_s, "S", "start: stop after this many seconds", 0.1, 1e7 },
         { "time", 0, CLI_STRING, &a.time, "T", "export: the moment, UTC: 2026-11-21T18:05:00Z", 0, 0 },
-        { "ago", 0, CLI_DOUBLE, &a.ago_s, "S", "export: the moment so many seconds ago", 0, 1e9 },
-        { "recording", 0, CLI_STRING, &a.recording, "NAME", "export: from this one; default: any that has the moment",
-          0, 0 },
+        { "ago", 0, CLI_DOUBLE, &a.ago_s, "S", "export: the moment this many seconds ago", 0, 1e9 },
+        { "recording", 0, CLI_STRING, &a.recording, "NAME",
+          "export: of this recording; default: the one that has the moment", 0, 0 },
         { "output", 'o', CLI_STRING, &a.output, "FILE",
-          "export: fetch the light field as well; download: where it goes", 0, 0 },
+          "export: also fetch the light field; download: the file to write", 0, 0 },
         { "camera", 0, CLI_STRING, &a.camera, "rRcC", "download: this camera's video; default: the see-through view", 0,
           0 },
         { "json", 0, CLI_FLAG, &a.json, NULL, "the service's answer (docs/api.md)", 0, 0 },
@@ -241,7 +240,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
             continue;
         if (actions[i].named ? !a.name || !is_name(a.name) : a.name != NULL)
             return actions[i].named
-                       ? cli_usage_error(cmd, "%s what? `sst record list` prints the names of what is kept", action)
+                       ? cli_usage_error(cmd, "%s needs a NAME; `sst record list` prints the names", action)
                        : cli_usage_error(cmd, "%s takes no name: %s", action, a.name);
         r = check(cmd, &a, action);
         if (r != CLI_GO_ON)
@@ -253,19 +252,19 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         }
         return cli_exit_code(err);
     }
-    return cli_usage_error(cmd, "there is no record %s: start, stop, list, export, download or delete", action);
+    return cli_usage_error(cmd, "unknown action %s: use start, stop, list, export, download or delete", action);
 }
 
 const struct cli_command cli_record = {
     .name = "record",
     .usage = "start|stop|list|export|download|delete [NAME] [--duration S] [--time T | --ago S] [-o FILE]",
-    .summary = "have the service record; list, fetch and delete what it keeps",
+    .summary = "record with the service; list, fetch and delete what it stores",
     .detail =
-        "start begins with what the service still holds in memory (pre-roll), or prolongs what is being recorded;\n"
+        "start begins with what the service still has in memory (pre-roll), or extends the recording at work;\n"
         "stop ends what start began. export makes a light field of the set nearest to a moment, for `sst process`\n"
-        "and `sst render`; start and export print the name that the service gave.\n"
-        "download fetches a recording as a video that plays (-o FILE.mkv: the see-through view, or one --camera), or\n"
-        "anything that is kept whole (-o FILE.tar); delete removes it for good. list names all of it.",
+        "and `sst render`; start and export print the name of what was made.\n"
+        "download fetches a recording as a playable video (-o FILE.mkv: the see-through view, or one --camera), or\n"
+        "anything stored as a whole (-o FILE.tar); delete removes it for good. list prints everything stored.",
     .example = "sst record start --duration 60\n  sst record export --ago 30 -o then.tar && tar xf then.tar\n"
                "  sst record download 2026-11-21T18-00-00Z --camera r0c5 -o gate.mkv",
     .run = run,

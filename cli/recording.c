@@ -75,7 +75,7 @@ static int note_damage(struct summary *s, int set, int cam)
 }
 
 /* All lines, and with `verify` all bytes. */
-static int look(struct summary *s, const struct sst_recording *recording, bool verify)
+static int scan(struct summary *s, const struct sst_recording *recording, bool verify)
 {
     struct sst_recording_set set, before = { .session = -1 };
     int err = 0;
@@ -106,7 +106,7 @@ static int look(struct summary *s, const struct sst_recording *recording, bool v
     return err;
 }
 
-/* --- what is said ------------------------------------------------------------------------------------------------- */
+/* --- output ------------------------------------------------------------------------------------------------- */
 
 static int worst_camera(const struct summary *s)
 {
@@ -216,7 +216,7 @@ static int print_json(const struct summary *s, const struct sst_recording *recor
     return 0;
 }
 
-static int tell(const struct sst_recording *recording, bool verify, bool json)
+static int print(const struct sst_recording *recording, bool verify, bool json)
 {
     const int n = sst_recording_sets(recording);
     struct summary s = { .info = sst_recording_info(recording), .sets = n, .damage = json_array() };
@@ -225,7 +225,7 @@ static int tell(const struct sst_recording *recording, bool verify, bool json)
     s.spread_ns = malloc(((size_t)n + 1) * sizeof(*s.spread_ns));
     s.period_ns = malloc(((size_t)n + 1) * sizeof(*s.period_ns));
     if (s.spread_ns && s.period_ns && s.damage)
-        err = look(&s, recording, verify);
+        err = scan(&s, recording, verify);
     if (!err && json)
         err = print_json(&s, recording, verify);
     else if (!err)
@@ -243,7 +243,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool json = false, verify = false;
     const struct cli_option options[] = {
         { "verify", 0, CLI_FLAG, &verify, NULL, "read all frames and compare them with their checksums", 0, 0 },
-        { "json", 0, CLI_FLAG, &json, NULL, "one object for machines", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "one JSON object", 0, 0 },
     };
     struct sst_recording *recording;
     const char *dir;
@@ -254,7 +254,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     err = sst_recording_open(&recording, dir);
     if (!err) {
-        err = tell(recording, verify, json);
+        err = print(recording, verify, json);
         sst_recording_close(recording);
     }
     return cli_exit_code(err);
@@ -263,10 +263,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_recording = {
     .name = "recording",
     .usage = "DIR [--verify] [--json]",
-    .summary = "what a recording holds: sets, skew, gaps, damage",
-    .detail = "Sets are counted from 0 in the order of recording, as `sst import recording --sets` takes them. A set "
+    .summary = "show what a recording holds: sets, skew, gaps, damage",
+    .detail = "Sets are counted from 0 in the order of recording, as for `sst import recording --sets`. A set "
               "is complete\n"
-              "when every camera's frame is there and good. Exit code 3 when a set is damaged.",
+              "when every camera's frame is present and good. Exit code 3 when a set is damaged.",
     .example = "sst recording night --verify",
     .run = run,
 };

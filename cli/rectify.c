@@ -1,4 +1,4 @@
-/* sst rectify: a light field of raw frames made true by a calibration. */
+/* sst rectify: attach a calibration to a light field of raw frames, or resample it. */
 #include "cli/cli_internal.h"
 
 #include <jansson.h>
@@ -18,7 +18,7 @@ int cli_use_calibration(struct sst_use_calibration *use, const struct cli_comman
     return err ? cli_exit_code(err) : CLI_GO_ON;
 }
 
-/* The largest dz: of it depends where views off the plane are exact. */
+/* The largest distance of a camera from the plane. */
 static double worst_dz(const struct sst_rectified *to)
 {
     double worst = 0;
@@ -55,7 +55,7 @@ static void print_text(const struct sst_lightfield *lf, const struct sst_pixels_
     printf("common view: %dx%d, focal length %.2f px, principal point %.2f, %.2f, filter %s\n", to->width, to->height,
            to->focal_px, to->cx, to->cy, sst_filter_name((enum sst_filter)lf->filter));
     printf("lattice: steps %.3f and %.3f mm, %+.3f degrees from square; centres off it by %.3f mm RMS, %.3f mm at most "
-           "(their true places are used)\n",
+           "(their true positions are used)\n",
            to->step_mm[0], to->step_mm[1], to->skew_deg, to->lattice_rms_mm, to->lattice_max_mm);
     printf("plane: centres off it by %.3f mm RMS, %.3f mm at most; ", to->out_rms_mm, to->out_max_mm);
     if (to->plane_mm > 0)
@@ -72,7 +72,7 @@ static void progress(void *arg, double done)
     cli_progress(arg, done);
 }
 
-/* What came out; the geometry is that of the calibrated light field, which a baked one has forgotten. */
+/* Figures of the result; the geometry is that of the calibrated light field, which a baked one no longer holds. */
 static int report(const char *out, struct sst_lightfield *calibrated, int threads, bool json)
 {
     struct sst_pixels_kept worst, mean;
@@ -104,13 +104,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     int size[2] = { 0, 0 }, err, r;
     bool json = false;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &cfg.out, "OUT", "light-field folder to make", 0, 0 },
+        { "output", 'o', CLI_STRING, &cfg.out, "OUT", "light-field folder to write", 0, 0 },
         { "calib", 0, CLI_STRING, &calib, "FILE", "the array's calibration; default: the light field's own", 0, 0 },
         { "filter", 0, CLI_STRING, &filter, "F", "bilinear, bicubic (default) or lanczos", 0, 0 },
         { "focal", 0, CLI_DOUBLE, &focal, "PX", "focal length of the views; default: the cameras' mean", 1, 1e7 },
         { "plane", 0, CLI_DOUBLE, &plane, "MM",
           "depth at which views off the array's plane are exact; inf; default: "
-          "where the boards were",
+          "the depth of the boards",
           1, (double)INFINITY },
         { "size", 0, CLI_SIZE, size, "WxH", "pixels of a view; default: the cameras'", 1, SST_IMAGE_MAX_SIDE },
         { "bake", 0, CLI_FLAG, &cfg.bake, NULL, "write rectified PNG views instead of raw frames and calibration", 0,
@@ -129,7 +129,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     use.plan = (struct sst_rectify_config){
         .width = size[0], .height = size[1], .focal_px = focal, .plane_mm = isinf(plane) ? 0 : plane
     };
-    /* Other settings mean another plan, of the light field's own calibration where no other is given. */
+    /* Other settings need a new plan, of the light field's own calibration unless another is given. */
     if (!calib && (filter || focal > 0 || plane >= 0 || size[0])) {
         err = sst_path_join(own, cfg.dir, SST_CALIBRATION_FILE);
         if (err)
@@ -153,10 +153,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_rectify = {
     .name = "rectify",
     .usage = "LF --calib FILE -o OUT [options]",
-    .summary = "make the views of a light field those of a true array",
+    .summary = "rectify the views of a light field",
     .detail =
-        "OUT keeps the raw frames untouched beside the calibration; whatever loads it rectifies on the way, in one\n"
-        "resampling. Offsets of the views become what the calibration measured.",
+        "OUT holds the raw frames untouched beside the calibration; they are rectified on loading, in one resampling.\n"
+        "The views get the offsets that the calibration measured.",
     .example = "sst rectify garden --calib calib.yaml -o garden.lf\n"
                "  sst rectify garden.lf --bake --filter lanczos -o garden-png",
     .run = run,

@@ -1,8 +1,8 @@
 #!/usr/bin/python3
-"""Measure time against error from scratch and renew the tables and charts of docs/: `make bench`, `make bench-quick`.
+"""Measure time against error from scratch and renew the tables and charts of docs/measured/: `make bench`, `make bench-quick`.
 
 Raw figures go to BUILD/bench/ (stereo.csv, render.csv, scenes.json), tables and charts to BUILD/bench/docs/ and from
-there, unless --quick, to docs/. What a machine lacks (the Middlebury pairs, OpenCV) is named, left out, and its page of
+there, unless --quick, to docs/measured/. What a machine lacks (the Middlebury pairs, OpenCV) is named, left out, and its page of
 docs/ stays as it is.
 """
 import argparse
@@ -107,10 +107,10 @@ def main():
     scenes(args.build, out, SCENES[:1] if args.quick else SCENES, "500x375" if args.quick else "1000x750")
     made = bench_report.write(out, "make bench-quick" if args.quick else "make bench")
     if not args.quick:
-        os.makedirs("docs", exist_ok=True)
+        os.makedirs("docs/measured", exist_ok=True)
         for path in made:
-            shutil.copy(path, "docs")
-    say(f"{time.monotonic() - start:.0f} s; tables and charts are in {f'{out}/docs' if args.quick else 'docs'}")
+            shutil.copy(path, "docs/measured")
+    say(f"{time.monotonic() - start:.0f} s; tables and charts are in {f'{out}/docs' if args.quick else 'docs/measured'}")
 
 
 if __name__ == "__main__":

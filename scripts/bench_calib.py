@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Measure calibration against known truth and renew docs/bench-calibration.md and its charts: bench_calib.py.
+"""Measure calibration against known truth and renew docs/measured/bench-calibration.md and its charts: bench_calib.py.
 
 Corners are made up (tests/calib_truth.h): 6x6 cameras of 2000x1500 px, 100 frames of a board with 150 points, 0.1 px of
 noise, unless a table says otherwise. Raw figures go to BUILD/bench/calib.json. The comparison with OpenCV needs its
@@ -120,10 +120,10 @@ Corners are made up with known truth (tests/calib_truth.h): 6x6 cameras of 2000x
 apart, mounted wrong by 1 mm along each axis and 0.5 degrees about each (sigma); 100 frames of a board of 150 points,
 0.9 to 2.2 m away; noise of 0.1 px (sigma of each axis). Then true points of planes are carried through the
 rectification that the solution makes, by the way that pictures take. Seeds {seeds}; of several solutions the worst
-figure is told unless it says otherwise. Times are CPU times of one thread.
+figure is given unless stated otherwise. Times are CPU times of one thread.
 
 **Cross disparity** is where a point is in one view against another, across the line between their centres, measured
-minus predicted: in a row of cameras the y-disparity. A view that stands 1 mm before the plane of the others sees things
+minus predicted: in a row of cameras the y-disparity. A view that stands 1 mm before the plane of the others sees objects
 larger than they do; rectification by homographies can undo that for one depth, here {range_mm:.0f} mm (median of the
 boards). The lines *camera depth known* take the rest by the calibrated depth of each camera, and so show what the
 calibration itself knows. The lines without it are what a light field of that array is like at other depths, however
@@ -134,7 +134,7 @@ where one looks.
 
 WIDE_TEXT = """\
 The predicted sigma is that of the whole raw picture: eight coefficients do not settle in its corners, which no board
-reached, and it says so. Five that do not fit are wrong towards the edges without knowing it.
+reached, and the uncertainty shows it. Five that do not fit are wrong towards the edges without knowing it.
 
 """
 
@@ -179,7 +179,7 @@ def robust_rows(m):
         told = [s for s in tried if "error" in s and s["said"]]
         ok = len(solved) + len(told) == len(tried)
         p95 = f", p95 {worst(solved, at_depth('levelled', 1, 'neighbours', 'p95')):.3f} px" if solved else ""
-        rows.append([name, "solves or says why", "", f"{len(solved)} of {len(tried)} solved{p95}", PASS[ok]])
+        rows.append([name, "solves or reports why", "", f"{len(solved)} of {len(tried)} solved{p95}", PASS[ok]])
     return rows
 
 
@@ -368,7 +368,7 @@ def main():
     measured["frames"] = {int(n): tried for n, tried in measured["frames"].items()}
     for path in report(measured, f"{out}/docs", "make bench-calib"):
         if not args.keep:
-            shutil.copy(path, "docs")
+            shutil.copy(path, "docs/measured")
         say(path)
 
 

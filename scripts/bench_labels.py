@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Measure the segmentation networks: `make bench-networks`. Renews docs/bench-labels.md and its charts.
+"""Measure the segmentation networks: `make bench-networks`. Renews docs/measured/bench-labels.md and its charts.
 
 Runs the product (`sst segment --prob`, `sst process`) with every pspnet-*.onnx of models/ on CamVid's validation part and
 on simulated scenes of seeds that no network was trained on. What is fitted (temperature, entropy threshold) is fitted on
@@ -195,8 +195,8 @@ def main():
     os.makedirs(f"{ARGS.out}/docs", exist_ok=True)
     made = labels_report.write(result, f"{ARGS.out}/docs", "make bench-networks")
     for path in made if ARGS.every == 1 else ():
-        shutil.copy(path, "docs")
-    say(f"labels: {time.monotonic() - start:.0f} s; {'docs' if ARGS.every == 1 else ARGS.out + '/docs'}/bench-labels.md")
+        shutil.copy(path, "docs/measured")
+    say(f"labels: {time.monotonic() - start:.0f} s; {'docs/measured' if ARGS.every == 1 else ARGS.out + '/docs'}/bench-labels.md")
 
 
 if __name__ == "__main__":

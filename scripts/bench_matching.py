@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Measure matching costs on pairs with known disparity, all through `sst stereo`, and renew docs/bench-matching.md.
+"""Measure matching costs on pairs with known disparity, all through `sst stereo`, and renew docs/measured/bench-matching.md.
 
 A network is judged on a pair that it has not seen: models/leave-one-out/ has one for each Middlebury pair. Compared
 with census and, where its weights are at hand (--cnes), the fast network of CNES, which becomes an ONNX file in BUILD.
@@ -169,7 +169,7 @@ def robust_table(sst: str, out: str, scenes: list[Scene], methods: list[Method],
 
 PAGE = """# Matching costs: census and networks
 
-Made by `make bench-networks`. Do not edit: it is written anew.
+Made by `make bench-networks`. Do not edit: the next run overwrites this page.
 
 Everything is run by `sst stereo`. *Raw*: the cheapest disparity of each pixel (`--raw`). *Whole chain*: preset
 `accurate` with this cost. Percent of pixels more than 1 and 2 px off; *seen*: pixels that both views see; *all*: all
@@ -239,7 +239,7 @@ def main() -> None:
     parser.add_argument("--cnes", default="../shared/data/weights-mccnn-fast/mc_cnn_fast_mb_weights.pt",
                         help="weights of CNES Pandora to compare with (%(default)s)")
     parser.add_argument("--also", nargs="*", default=[], metavar="ONNX", help="more networks to measure")
-    parser.add_argument("--out", default="docs/bench-matching.md", help="page to write (%(default)s)")
+    parser.add_argument("--out", default="docs/measured/bench-matching.md", help="page to write (%(default)s)")
     args = parser.parse_args()
     os.chdir(ROOT)
     torch.set_num_threads(1)

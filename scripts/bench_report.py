@@ -57,7 +57,7 @@ def table(head, rows):
 
 
 def page(title, command, text):
-    return f"# {title}\n\nMade by `{command}` on {cpu_name()}, 2 threads. Do not edit: it is written anew.\n\n{text}"
+    return f"# {title}\n\nMade by `{command}` on {cpu_name()}, 2 threads. Do not edit: the next run overwrites this page.\n\n{text}"
 
 
 def tics(low, high):

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Measure the networks by precision, time beside error, and renew docs/bench-runner.md and its chart: bench_runner.py.
+"""Measure the networks by precision, time beside error, and renew docs/measured/bench-runner.md and its chart: bench_runner.py.
 
 Raw figures go to BUILD/bench/runner.json. Figures whose data or network this machine lacks are named and left out.
 """
@@ -157,7 +157,7 @@ def main():
         json.dump(measured, f, indent=1)
     for path in report(measured, f"{out}/docs", "make bench-networks"):
         if not args.keep:
-            shutil.copy(path, "docs")
+            shutil.copy(path, "docs/measured")
         say(path)
 
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Measure the service on simulated arrays: rate, latency, processor time, memory; writes docs/bench-service.md.
+"""Measure the service on simulated arrays: rate, latency, processor time, memory; writes docs/measured/bench-service.md.
 
 The processor time of the simulation is its own process's and told apart. With --soak MINUTES instead: faults are set and
 taken back at random, and the slope of memory is fitted."""
@@ -189,9 +189,9 @@ def report(rows, viewers, times, out):
     with open(out, "w") as f:
         f.write("# The service, measured\n\n"
                 "36 simulated cameras of 640x480 (MJPEG, trigger at 10 Hz), service and simulation on the same two cores, by\n"
-                "`make bench-service`. Processor time in percent of one core; the simulation's is told apart and not in the\n"
+                "`make bench-service`. Processor time in percent of one core; the simulation is counted apart and not in the\n"
                 "service's. Latency is from the trigger's edge to the encoded picture. One viewer.\n\n"
-                "| world | sets/s taken in | pictures/s seen | latency p50, p99 (ms) | tiles changed | service | of it the live "
+                "| world | sets/s processed | pictures/s seen | latency p50, p99 (ms) | tiles changed | service | of it the live "
                 "picture | simulation | memory |\n|---|---|---|---|---|---|---|---|---|\n")
         for name, r in rows:
             f.write(f"| {name} | {r['rate']:.1f} | {r['seen']:.1f} | {r['p50']:.0f}, {r['p99']:.0f} | {r['changed']:.0f} % | "
@@ -291,7 +291,7 @@ def main():
     p = argparse.ArgumentParser(description=__doc__)
     p.add_argument("--build", default="build")
     p.add_argument("--seconds", type=float, default=30)
-    p.add_argument("--output", default="docs/bench-service.md")
+    p.add_argument("--output", default="docs/measured/bench-service.md")
     p.add_argument("--soak", type=float, help="minutes")
     p.add_argument("--world", default="pedestrian")
     p.add_argument("--rate", type=float, default=0, help="of the live picture in a soak; 0: as the machine allows")

@@ -1,4 +1,4 @@
-"""docs/bench-labels.md and its charts from what scripts/bench_labels.py measured."""
+"""docs/measured/bench-labels.md and its charts from what scripts/bench_labels.py measured."""
 from bench_report import COLOURS, cpu_name, draw, number, page, table, write_page
 
 # Published: Mehta et al., ESPNet (ECCV 2018), as quoted in the source paper's comparison.
@@ -131,7 +131,7 @@ those of the **second half**.
 ## Quality
 
 {quality}
-![picture, truth, labels, labels below epsilon_H](pictures/labels-scenes.jpg)
+![picture, truth, labels, labels below epsilon_H](../pictures/labels-scenes.jpg)
 
 *Scenes of seed 150: picture, truth, labels, labels whose entropy is below epsilon_H (black: none).*
 
@@ -160,8 +160,8 @@ A label is kept where its entropy is below epsilon_H. *Kept* counts right and wr
 
 Light fields of 3x3 views of 500x375, seed 150, `sst process --epsilon-h`, then `sst eval`; percent of all pixels of all
 views. A smaller epsilon_H keeps fewer, surer labels; disparity spreads them again, to nearly all pixels. Whether the result
-is also more often right than what the network says of all pixels (columns 3 and 4) depends on the scene: where disparity
-tells the objects apart it is.
+is also more often right than what the network gives for all pixels (columns 3 and 4) depends on the scene: where disparity
+separates the objects it is.
 
 {refinement}
 ## Size of what the network sees

@@ -342,4 +342,28 @@ static inline void made_close(struct made *m)
     free(m->solution.drive_residual_mm);
 }
 
+/* Everything that can be unknown is. */
+static inline void made_forget(struct made *m)
+{
+    struct sst_solution *s = &m->solution;
+
+    s->rms_px = s->predicted_rms_px = s->rcond = s->seconds = NAN;
+    s->noise_px = s->calib.noise_px = s->calib.range_mm = 0;
+    s->cross_px = s->cross_expected_px = NAN;
+    s->warp_mm[0] = s->warp_mm[1] = NAN;
+    s->weakest = -1;
+    s->links = s->corners = s->outliers = 0;
+    s->calib.created_wall_ns = 0;
+    s->calib.source[0] = s->calib.board[0] = '\0';
+    for (int k = 0; k < m->cfg.rows * m->cfg.cols; k++)
+        s->calib.camera[k].rms_px = s->calib.camera[k].sigma_px = 0;
+    for (int i = 0; i < m->all.frames; i++)
+        s->frame[i].rms_px = NAN;
+    for (int i = 0; i < m->all.count; i++) {
+        s->view[i].rms_px = NAN;
+        for (int j = 0; j < m->all.detection[i].corners; j++)
+            s->view[i].residual[j][0] = s->view[i].residual[j][1] = NAN;
+    }
+}
+
 #endif

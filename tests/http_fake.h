@@ -129,7 +129,7 @@ static int fake_find(void *arg, enum sst_api_picture kind, const char *name, str
 
 static const struct fake_file {
     const char *name;
-    int64_t bytes, given; /* given: ends after so many */
+    int64_t bytes, given; /* given: the rest cannot be read */
     const char *tag;      /* "": it grows */
     int err;
 } fake_files[] = {
@@ -140,73 +140,68 @@ static const struct fake_file {
     { "short.mkv", 100000, 70000, "00000000000000dd", 0 },
     { "huge.mkv", 300000000, 300000000, "00000000000000ee", 0 },
     { "gone.mkv", 0, 0, "", -ENOENT },
-    { "silent.mkv", -1, 0, "", 0 },
+    { "made.mkv", 0, 0, "", -EINPROGRESS }, /* for ever */
+    { "full.mkv", 0, 0, "", -ENOSPC },
     { "torn.mkv", 0, 0, "", -EIO },
+    { "busy.tar", 0, 0, "", -EBUSY },
 };
-static atomic_int fake_sending;
+static atomic_int fake_open, fake_asked;
 
 static SST_UNUSED uint8_t fake_byte(int64_t i)
 {
     return (uint8_t)(i * 7 + i / 251);
 }
 
-struct fake_sender {
+struct fake_open_file {
+    struct sst_download d;
     const struct fake_file *file;
-    int fd;
 };
 
-static void *fake_send(void *arg)
+static ssize_t fake_read(struct sst_download *d, int64_t at, void *out, size_t n)
 {
-    const struct fake_sender t = *(struct fake_sender *)arg;
-    struct sst_download_info info = { .err = t.file->err, .bytes = t.file->bytes };
-    struct sst_download_part part;
-    uint8_t byte[4096];
+    const int64_t left = ((struct fake_open_file *)d)->file->given - at;
 
-    free(arg);
-    strcpy(info.tag, t.file->tag);
-    if (t.file->bytes < 0) /* a disk that does not answer */
-        (void)!recv(t.fd, &part, sizeof(part), MSG_WAITALL);
-    else if (send(t.fd, &info, sizeof(info), MSG_NOSIGNAL) == sizeof(info) &&
-             recv(t.fd, &part, sizeof(part), MSG_WAITALL) == sizeof(part)) {
-        for (int64_t at = part.first, n = 1; at < part.first + part.bytes && at < t.file->given && n > 0; at += n) {
-            int64_t have = part.first + part.bytes < t.file->given ? part.first + part.bytes - at : t.file->given - at;
-
-            have = have < (int64_t)sizeof(byte) ? have : (int64_t)sizeof(byte);
-            for (int64_t i = 0; i < have; i++)
-                byte[i] = fake_byte(at + i);
-            n = send(t.fd, byte, (size_t)have, MSG_NOSIGNAL);
-        }
-    }
-    close(t.fd);
-    fake_sending--;
-    return NULL;
+    for (size_t i = 0; i < n && (int64_t)i < left; i++)
+        ((uint8_t *)out)[i] = fake_byte(at + (int64_t)i);
+    return left <= 0 ? -EBADMSG : left < (int64_t)n ? (ssize_t)left : (ssize_t)n;
 }
 
-static int fake_download(void *arg, const char *name, int *fd, const char **type)
+static void fake_close(struct sst_download *d)
 {
-    struct fake_sender *t;
-    pthread_t thread;
-    int ends[2];
+    free(d);
+    fake_open--;
+}
+
+static int fake_download(void *arg, const char *name, struct sst_download **out)
+{
+    const struct timespec t = { .tv_nsec = 1000000 };
+    struct fake_open_file *o;
 
     (void)arg;
+    fake_asked++;
     for (size_t i = 0; i < ARRAY_LEN(fake_files); i++) {
-        if (strcmp(name, fake_files[i].name))
+        const struct fake_file *f = &fake_files[i];
+
+        if (strcmp(name, f->name))
             continue;
-        if (fake_sending >= SST_DOWNLOADS_MAX)
+        if (f->err) {
+            nanosleep(&t, NULL);
+            return f->err;
+        }
+        if (fake_open >= SST_DOWNLOADS_MAX)
             return -EMFILE;
-        t = calloc(1, sizeof(*t));
-        if (!t || socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends))
+        o = calloc(1, sizeof(*o));
+        if (!o)
             abort();
-        *t = (struct fake_sender){ &fake_files[i], ends[1] };
-        fake_sending++;
-        if (pthread_create(&thread, NULL, fake_send, t))
-            abort();
-        pthread_detach(thread);
-        *fd = ends[0];
-        *type = i ? "video/x-matroska" : "image/jpeg";
+        o->file = f;
+        o->d = (struct sst_download){ .bytes = f->bytes, .read = fake_read, .close = fake_close };
+        o->d.type = i ? "video/x-matroska" : "image/jpeg";
+        strcpy(o->d.tag, f->tag);
+        *out = &o->d;
+        fake_open++;
         return 0;
     }
-    return strcmp(name, "busy.tar") ? -ENOENT : -EBUSY;
+    return -ENOENT;
 }
 
 /* A picture of this many bytes whose every byte tells its number. */

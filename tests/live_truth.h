@@ -35,7 +35,7 @@ struct live_truth {
     /* over all sets */
     struct live_truth_count ref, corners;
     double miss_most, error2, spurious; /* of shares: largest miss, sum of squares, largest without anybody */
-    struct sst_watch seen[LIVE_TRUTH_WATCHES], is[LIVE_TRUTH_WATCHES], motion;
+    struct event_trigger seen[LIVE_TRUTH_WATCHES], is[LIVE_TRUTH_WATCHES], motion;
     int told[LIVE_TRUTH_WATCHES][2], due[LIVE_TRUTH_WATCHES][2], moved[2]; /* times that they ended, began */
 };
 
@@ -53,8 +53,8 @@ static inline int live_truth_init(struct live_truth *t, const char *world, int l
     if (t->frames < 1 || t->frames > LIVE_TRUTH_FRAMES || !strcmp(t->settings.scene, "board"))
         return -EINVAL;
     for (int i = 0; i < LIVE_TRUTH_WATCHES; i++) {
-        t->seen[i] = t->is[i] = (struct sst_watch){ .share = live_truth_shares[i], .label = "x" };
-        t->motion = (struct sst_watch){ .share = SST_WATCH_SHARE };
+        t->seen[i] = t->is[i] = (struct event_trigger){ .share = live_truth_shares[i], .label = "x" };
+        t->motion = (struct event_trigger){ .share = EVENT_TRIGGER_SHARE };
     }
     t->view[0] = (t->settings.rows - 1) / 2 * t->settings.cols + (t->settings.cols - 1) / 2;
     t->view[1] = 0;
@@ -128,11 +128,11 @@ static inline double live_truth_percent(int64_t part, int64_t all)
     return all ? 100.0 * (double)part / (double)all : NAN;
 }
 
-static inline void live_truth_watch(struct sst_watch *w, double value, int64_t t_ns, int count[2])
+static inline void live_truth_watch(struct event_trigger *w, double value, int64_t t_ns, int count[2])
 {
-    (void)watch_update(w, value, t_ns);
-    if (watch_tell(w, value, t_ns))
-        count[w->told]++;
+    (void)event_trigger_update(w, value, t_ns);
+    if (event_trigger_report(w, value, t_ns))
+        count[w->reported]++;
 }
 
 /** After an update with zone 0 from LIVE_TRUTH_TOP down: one line of a table, and the sums. */
@@ -186,7 +186,7 @@ static inline void live_truth_print(const struct live_truth *t)
     for (int i = 0; i < LIVE_TRUTH_WATCHES; i++)
         printf("| %.3f | %d, %d | %d, %d |\n", live_truth_shares[i], t->told[i][1], t->told[i][0], t->due[i][1],
                t->due[i][0]);
-    printf("| any change, %.2f | %d, %d (times: %d) | |\n", SST_WATCH_SHARE, t->moved[1], t->moved[0], t->motion.times);
+    printf("| any change, %.2f | %d, %d (times: %d) | |\n", EVENT_TRIGGER_SHARE, t->moved[1], t->moved[0], t->motion.times);
 }
 
 #endif

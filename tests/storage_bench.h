@@ -2,8 +2,6 @@
 #ifndef SST_TESTS_STORAGE_BENCH_H
 #define SST_TESTS_STORAGE_BENCH_H
 
-#include <sys/socket.h>
-
 #include "base/clock.h"
 #include "daemon/slot/download.h"
 #include "daemon/storage/storage.h"
@@ -255,54 +253,49 @@ static inline void bench_put_pictures(struct bench *b, int n, int64_t first_ns)
     sst_image_fini(&img);
 }
 
-/* What a download says of itself first. */
-static inline struct sst_download_info bench_info(int fd)
+/* Open a download, made by then. @return 0 or the error */
+static inline int bench_open(struct bench *b, const char *name, struct sst_download **d)
 {
-    struct sst_download_info info;
+    int err;
 
-    assert_int_equal(recv(fd, &info, sizeof(info), MSG_WAITALL), sizeof(info));
-    return info;
+    do
+        err = sst_storage_download(b->storage, name, d);
+    while (err == -EINPROGRESS);
+    return err;
 }
 
-static inline void bench_want(int fd, int64_t first, int64_t bytes)
+/* Bytes of a download from a position on, into a file; reads end where it cannot be read. @return bytes */
+static inline int64_t bench_copy(struct sst_download *d, int64_t first, int64_t bytes, const char *path)
 {
-    const struct sst_download_part part = { first, bytes };
-
-    assert_int_equal(send(fd, &part, sizeof(part), MSG_NOSIGNAL), sizeof(part));
-}
-
-/* Everything that comes until the end, into a file. @return bytes */
-static inline int64_t bench_read_all(int fd, const char *path)
-{
-    char copy[4096];
-    int64_t all = 0;
-    ssize_t n;
     FILE *f = fopen(path, "wb");
+    char copy[4096];
+    int64_t done = 0;
+    ssize_t n = 1;
 
-    while ((n = read(fd, copy, sizeof(copy))) > 0) {
-        assert_int_equal(fwrite(copy, 1, (size_t)n, f), n);
-        all += n;
+    assert_non_null(f);
+    while (done < bytes && n > 0) {
+        n = d->read(d, first + done, copy,
+                    bytes - done < (int64_t)sizeof(copy) ? (size_t)(bytes - done) : sizeof(copy));
+        if (n > 0)
+            assert_int_equal(fwrite(copy, 1, (size_t)n, f), n);
+        done += n > 0 ? n : 0;
     }
-    assert_int_equal(n, 0);
     fclose(f);
-    close(fd);
-    return all;
+    return done;
 }
 
 /* All of a download, into a file. @return its size */
 static inline int64_t bench_download(struct bench *b, const char *name, const char *want_type, const char *path)
 {
-    struct sst_download_info info;
-    const char *type;
-    int fd;
+    struct sst_download *d = NULL;
+    int64_t bytes;
 
-    assert_int_equal(sst_storage_download(b->storage, name, &fd, &type), 0);
-    assert_string_equal(type, want_type);
-    info = bench_info(fd);
-    assert_int_equal(info.err, 0);
-    bench_want(fd, 0, info.bytes);
-    assert_int_equal(bench_read_all(fd, path), info.bytes);
-    return info.bytes;
+    assert_int_equal(bench_open(b, name, &d), 0);
+    assert_string_equal(d->type, want_type);
+    bytes = d->bytes;
+    assert_int_equal(bench_copy(d, 0, bytes, path), bytes);
+    d->close(d);
+    return bytes;
 }
 
 #endif

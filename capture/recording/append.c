@@ -10,7 +10,6 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "capture/recording/ebml.h"
 #include "capture/recording/pixel_format.h"
 
 #define SEGMENT_MAX 999999 /* six digits */
@@ -55,23 +54,23 @@ static int check_fit(const struct sst_recording_info *info, const struct sst_rec
 
 /* --- the last segment --------------------------------------------------------------------------------------------- */
 
-/* A finished file says its size; one that was being written does not. */
+/* A finished file states its size; one that was being written does not. */
 static bool is_finished(int fd, int64_t file_bytes)
 {
     uint8_t head[128];
     const ssize_t n = pread(fd, head, sizeof(head), 0);
-    struct sst_ebml e;
+    struct ebml e;
     uint64_t at;
 
-    if (n <= 0 || sst_ebml_head(head, (size_t)n, &e) || e.id != SST_EBML_HEAD || e.size >= sizeof(head))
+    if (n <= 0 || ebml_head(head, (size_t)n, &e) || e.id != SST_EBML_HEAD || e.size >= sizeof(head))
         return false;
     at = e.head + e.size;
-    if (at >= (uint64_t)n || sst_ebml_head(head + at, (size_t)n - at, &e) || e.id != SST_EBML_SEGMENT)
+    if (at >= (uint64_t)n || ebml_head(head + at, (size_t)n - at, &e) || e.id != SST_EBML_SEGMENT)
         return false;
     return e.size != SST_EBML_UNKNOWN && at + e.head + e.size == (uint64_t)file_bytes;
 }
 
-/* Where the bytes of a segment's last set end; 0: it has none. */
+/* End of the bytes of a segment's last set; 0: it has none. */
 static int64_t sets_end(const struct sst_recording *r, int segment)
 {
     struct sst_recording_set set;
@@ -102,10 +101,10 @@ static int cut_segment(const struct sst_recording *r, int segment)
         return err;
     fd = open(path, O_RDWR | O_CLOEXEC);
     if (fd < 0 && errno == ENOENT)
-        return 0; /* somebody took it away; readers report its sets */
+        return 0; /* the file was removed; readers report its sets */
     if (fd < 0 || fstat(fd, &st) || (st.st_size > end && !is_finished(fd, st.st_size) && ftruncate(fd, end))) {
         err = errno;
-        sst_log_error("cannot go on with %s: %s: %s", r->dir, path, strerror(err));
+        sst_log_error("cannot resume %s: %s: %s", r->dir, path, strerror(err));
         err = err == EROFS ? -EROFS : -EIO;
     }
     if (fd >= 0)
@@ -113,7 +112,7 @@ static int cut_segment(const struct sst_recording *r, int segment)
     return err;
 }
 
-/* Segments behind the last one were begun, but none of their sets came into the manifest. */
+/* Segments after the last one were begun, but the manifest has none of their sets. */
 static int remove_segments_behind(const char *dir, int last)
 {
     char folder[SST_PATH_MAX], path[SST_PATH_MAX];
@@ -122,7 +121,7 @@ static int remove_segments_behind(const char *dir, int last)
     int err = sst_path_join(folder, dir, "segments");
 
     d = err ? NULL : opendir(folder);
-    if (!d) /* it is made when the recorder opens */
+    if (!d) /* it is created when the recorder opens */
         return err;
     while (!err && (e = readdir(d))) {
         int number, n = 0;
@@ -141,9 +140,8 @@ static int remove_segments_behind(const char *dir, int last)
 
 /* --- all of it ---------------------------------------------------------------------------------------------------- */
 
-/* Sets of the last segment whose bytes did not reach the disk go from the end; holes before a good set stay, for
- * readers to report. Only what is certain goes: sets of other segments may be missing because somebody moved the files.
- */
+/* Removes sets from the end whose bytes did not reach the disk; holes before a good set stay, for readers to report.
+ * Only sets of the last segment: those of others may be missing because the files were moved. */
 static int drop_damaged_end(struct sst_recording *r)
 {
     const int before = r->count, segment = before ? r->line[before - 1].segment : -1;
@@ -159,14 +157,14 @@ static int drop_damaged_end(struct sst_recording *r)
     if (err)
         sst_log_error("cannot read the last sets of %s: %s", r->dir, strerror(-err));
     else if (r->count < before)
-        sst_log_warning("%s: the last %d sets were not completely on the disk and are cut off", r->dir,
+        sst_log_warning("%s: removed the last %d sets, which were not completely on the disk", r->dir,
                         before - r->count);
     return err;
 }
 
-int append_prepare(struct append *out, const struct sst_recorder_config *cfg, int manifest_fd)
+int resume_prepare(struct resume_point *out, const struct sst_recorder_config *cfg, int manifest_fd)
 {
-    struct append made = { 0 };
+    struct resume_point made = { 0 };
     const struct index_line *last;
     struct sst_recording *r;
     int segment, err = sst_recording_open(&r, cfg->dir);
@@ -184,16 +182,17 @@ int append_prepare(struct append *out, const struct sst_recorder_config *cfg, in
     made.segment = sst_max_int(segment + 1, r->removed.before_segment); /* numbers below would count as removed */
     made.session = last ? last->session + 1 : 0;
     if (made.segment > SEGMENT_MAX) {
-        sst_log_error("%s has all of its %d segments; record into another folder", cfg->dir, SEGMENT_MAX + 1);
+        sst_log_error("%s already has the maximum of %d segments; record into another folder", cfg->dir,
+                      SEGMENT_MAX + 1);
         err = -ENOSPC;
         goto out;
     }
     if (r->size > made.manifest_bytes)
-        sst_log_info("%s: %lld torn bytes of the manifest are cut off", cfg->dir,
+        sst_log_info("%s: removed %lld torn bytes from the end of the manifest", cfg->dir,
                      (long long)(r->size - made.manifest_bytes));
     if (ftruncate(manifest_fd, made.manifest_bytes)) {
         err = errno == EROFS ? -EROFS : -EIO;
-        sst_log_error("cannot cut the manifest of %s behind its last set: %s", cfg->dir, strerror(errno));
+        sst_log_error("cannot truncate the manifest of %s after its last set: %s", cfg->dir, strerror(errno));
         goto out;
     }
     err = cut_segment(r, segment);

@@ -1,8 +1,8 @@
-#include "capture/recording/ebml.h"
+#include "capture/recording/recording_internal.h"
 
 #include <errno.h>
 
-/* The leading zero bits of the first byte say how many bytes follow it. */
+/* The leading zero bits of the first byte give the number of bytes that follow. */
 static size_t length(uint8_t first)
 {
     size_t n = 1;
@@ -12,7 +12,7 @@ static size_t length(uint8_t first)
     return n;
 }
 
-size_t sst_ebml_number(const uint8_t *data, size_t n, uint64_t *value)
+size_t ebml_number(const uint8_t *data, size_t n, uint64_t *value)
 {
     const size_t bytes = n ? length(data[0]) : 0;
     uint64_t v;
@@ -26,7 +26,7 @@ size_t sst_ebml_number(const uint8_t *data, size_t n, uint64_t *value)
     return bytes;
 }
 
-int sst_ebml_head(const uint8_t *data, size_t n, struct sst_ebml *out)
+int ebml_head(const uint8_t *data, size_t n, struct ebml *out)
 {
     const size_t id_bytes = n ? length(data[0]) : 0;
     uint64_t size;
@@ -37,11 +37,11 @@ int sst_ebml_head(const uint8_t *data, size_t n, struct sst_ebml *out)
         return -EBADMSG;
     for (size_t i = 0; i < id_bytes; i++)
         id = id << 8 | data[i];
-    size_bytes = sst_ebml_number(data + id_bytes, n - id_bytes, &size);
+    size_bytes = ebml_number(data + id_bytes, n - id_bytes, &size);
     if (!size_bytes)
         return -EBADMSG;
     if (size == ((uint64_t)1 << (7 * size_bytes)) - 1)
         size = SST_EBML_UNKNOWN;
-    *out = (struct sst_ebml){ .id = id, .size = size, .head = id_bytes + size_bytes };
+    *out = (struct ebml){ .id = id, .size = size, .head = id_bytes + size_bytes };
     return 0;
 }

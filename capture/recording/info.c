@@ -19,7 +19,7 @@
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */
 
-/* A device may call itself anything; JSON holds UTF-8 only. */
+/* Names of devices are arbitrary bytes; JSON holds UTF-8 only. */
 static json_t *text_to_json(const char *text)
 {
     json_t *json = json_string(text);
@@ -55,8 +55,8 @@ static json_t *columns_to_json(void)
 {
     json_t *list = json_array();
 
-    for (int i = 0; list && i < SST_SETLIST_COLUMNS; i++) {
-        if (json_array_append_new(list, json_string(setlist_columns[i]))) {
+    for (int i = 0; list && i < MANIFEST_COLUMNS; i++) {
+        if (json_array_append_new(list, json_string(manifest_columns[i]))) {
             json_decref(list);
             list = NULL;
         }
@@ -77,7 +77,7 @@ static const char *muxer(void)
 #endif
 }
 
-int setlist_write_info(const char *path, const struct sst_recorder_config *cfg)
+int manifest_write_info(const char *path, const struct sst_recorder_config *cfg)
 {
     char format[5];
     json_t *root;
@@ -125,12 +125,12 @@ static const char *read_track(const json_t *json, int k, struct sst_recording_in
 
 static bool columns_known(const json_t *list)
 {
-    bool known = json_array_size(list) == SST_SETLIST_COLUMNS;
+    bool known = json_array_size(list) == MANIFEST_COLUMNS;
 
-    for (size_t i = 0; known && i < SST_SETLIST_COLUMNS; i++) {
+    for (size_t i = 0; known && i < MANIFEST_COLUMNS; i++) {
         const char *name = json_string_value(json_array_get(list, i));
 
-        known = name && !strcmp(name, setlist_columns[i]);
+        known = name && !strcmp(name, manifest_columns[i]);
     }
     return known;
 }
@@ -142,9 +142,9 @@ static const char *read_info(json_t *root, struct sst_recording_info *info)
     int version;
 
     if (json_unpack(root, "{s:s, s:i}", "format", &format, "version", &version) || strcmp(format, FORMAT_NAME))
-        return "it does not say format sst-recording";
+        return "its format is not sst-recording";
     if (version != SST_RECORDING_VERSION)
-        return "it has another version; a newer sst reads it";
+        return "unsupported version; use a newer sst";
     if (json_unpack(root, "{s:i, s:i, s:i, s:s, s:i, s:i, s:F, s:F, s:o, s:o}", "rows", &info->rows, "cols",
                     &info->cols, "cameras", &info->cameras, "pixel_format", &pixel, "width", &info->width, "height",
                     &info->height, "rate_hz", &info->rate_hz, "spacing_mm", &info->spacing_mm, "frame_columns",
@@ -153,23 +153,23 @@ static const char *read_info(json_t *root, struct sst_recording_info *info)
     info->fourcc = sst_pixel_format_parse(pixel);
     if (info->rows < 1 || info->cols < 1 || info->rows > SST_CAMERAS_MAX || info->cols > SST_CAMERAS_MAX ||
         info->cameras < 1 || info->cameras > SST_CAMERAS_MAX || info->cameras > info->rows * info->cols)
-        return "rows, cols and cameras do not fit";
+        return "rows, cols and cameras do not match";
     if (info->width < 1 || info->height < 1 || info->width > 32768 || info->height > 32768)
         return "width or height is outside 1..32768";
     if (!isfinite(info->rate_hz) || info->rate_hz < 0 || !isfinite(info->spacing_mm) || info->spacing_mm < 0)
         return "rate_hz or spacing_mm is below 0";
     if (!sst_pixel_format_known(info->fourcc))
-        return "pixel_format is none that is recorded";
+        return "unsupported pixel_format";
     if (!columns_known(columns))
-        return "frame_columns are others than this program writes";
+        return "unexpected frame_columns";
     if ((int)json_array_size(tracks) != info->cameras)
-        return "there is not one track for each camera";
+        return "the number of tracks is not that of cameras";
     for (int k = 0; !fault && k < info->cameras; k++)
         fault = read_track(json_array_get(tracks, (size_t)k), k, info);
     return fault;
 }
 
-int setlist_read_info(const char *path, struct sst_recording_info *info)
+int manifest_read_info(const char *path, struct sst_recording_info *info)
 {
     struct sst_recording_info made = { 0 };
     json_error_t error;

@@ -21,10 +21,10 @@
 
 #define MAX_NAMED 4 /* views named in one message */
 
-/* A frame whose bytes are in doubt; a stamp that went backwards says nothing about them. */
+/* Faults that concern a frame's bytes; a stamp that went backwards does not. */
 #define BAD_PICTURE (SST_FRAME_BAD & ~(unsigned)SST_FRAME_BACKWARDS)
 
-/* One set on its way; the threads write only their own view's places. */
+/* One set; each thread writes only its own view's elements. */
 struct job {
     const struct sst_recording *recording;
     const struct sst_recording_info *info;
@@ -44,7 +44,7 @@ static bool is_jpeg(const struct job *job)
     return job->info->fourcc == V4L2_PIX_FMT_MJPEG || job->info->fourcc == V4L2_PIX_FMT_JPEG;
 }
 
-/* Is it a whole picture of the right size? What the decoder says about it is said in the message about the set. */
+/* Is it a complete picture of the right size? The decoder's message becomes part of the message about the set. */
 static bool decodes(const struct job *job, const uint8_t *data, size_t bytes)
 {
     char text[SST_LOG_MAX] = "", *before = sst_log_hold_errors(text);
@@ -88,7 +88,9 @@ static int take_view(void *arg, int view, int worker SST_UNUSED)
     if (!f)
         return 0;
     err = f->faults & BAD_PICTURE ? -ECANCELED : sst_recording_frame(job->recording, &job->set, cam, &data);
-    job->why[view] = err == -ENODATA ? "missing" : err == -ECANCELED ? "bad when it was taken" : "damaged on the disk";
+    job->why[view] = err == -ENODATA     ? "missing"
+                     : err == -ECANCELED ? "marked bad by the driver"
+                                         : "damaged on the disk";
     if (err == -ENODATA || err == -ECANCELED || err == -EBADMSG)
         return 0;
     if (err) {
@@ -97,14 +99,14 @@ static int take_view(void *arg, int view, int worker SST_UNUSED)
     }
     job->why[view] = NULL;
     if (is_jpeg(job) && !decodes(job, data, f->bytes))
-        job->why[view] = "no whole picture of its size";
+        job->why[view] = "not a complete picture of the recording's size";
     else
         err = write_view(job, view, f, data);
     free(data);
     return err;
 }
 
-/* Refuse or tell what is missing. */
+/* Refuse or report missing views. */
 static int check_missing(const struct job *job)
 {
     char named[MAX_NAMED * 64 + 8] = "";
@@ -123,8 +125,7 @@ static int check_missing(const struct job *job)
         strcat(named, " ...");
     if (missing == cameras || (missing && !job->cfg->allow_partial)) {
         sst_log_error("set %d of %s lacks %d of %d views: %s; %s", job->number, sst_recording_dir(job->recording),
-                      missing, cameras, named,
-                      missing == cameras ? "leave it out" : "leave it out or add --allow-partial");
+                      missing, cameras, named, missing == cameras ? "leave it out" : "skip it or add --allow-partial");
         return -EBADMSG;
     }
     if (missing)
@@ -145,7 +146,7 @@ static void format_wall(char out[40], int64_t wall_ns)
     snprintf(out, 40, "%s.%03dZ", date, (int)(wall_ns / 1000000 % 1000));
 }
 
-/* JSON holds UTF-8 only; the name of a folder may be anything. */
+/* JSON holds UTF-8 only; names of folders are arbitrary bytes. */
 static void make_utf8(char *text)
 {
     json_t *probe = json_string(text);
@@ -190,7 +191,7 @@ static const struct sst_recorder_track *find_called(const struct sst_recording_i
     return NULL;
 }
 
-/* A calibration that names none of the recording's cameras was made from files, and says nothing about them. */
+/* A calibration that names none of the recording's cameras was made from files: nothing is compared. */
 static int check_cameras(const struct job *job)
 {
     const struct sst_recording_info *info = job->info;
@@ -212,7 +213,7 @@ static int check_cameras(const struct job *job)
                           use->path, sst_recording_dir(job->recording), c->name, t->row, t->col, other->row,
                           other->col);
         else
-            sst_log_error("%s does not fit %s: at row %d, column %d it knows camera %s, but %s was recorded; calibrate "
+            sst_log_error("%s does not fit %s: at row %d, column %d it has camera %s, but %s was recorded; calibrate "
                           "again",
                           use->path, sst_recording_dir(job->recording), t->row, t->col, c->name,
                           t->serial[0] ? t->serial
@@ -223,7 +224,7 @@ static int check_cameras(const struct job *job)
     return 0;
 }
 
-/* Refuse a calibration of another array; cameras that it does not know have no views. */
+/* Refuse a calibration of another array; cameras that it does not contain have no views. */
 static int fit_calibration(struct job *job)
 {
     struct sst_lightfield *lf = &job->lf;
@@ -249,8 +250,8 @@ static int prepare(struct job *job)
     int err = sst_lightfield_init(lf, info->rows, info->cols);
 
     if (err) {
-        sst_log_error("%s has a grid of %dx%d, which is no light field: at most %d views are",
-                      sst_recording_dir(job->recording), info->rows, info->cols, SST_MAX_VIEWS);
+        sst_log_error("%s has a grid of %dx%d; a light field has at most %d views", sst_recording_dir(job->recording),
+                      info->rows, info->cols, SST_MAX_VIEWS);
         return err == -EINVAL ? -EBADMSG : err;
     }
     lf->width = info->width;
@@ -338,7 +339,7 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
     };
     err = sst_recording_set(recording, number, &job->set);
     if (err)
-        sst_log_error("set %d of %s cannot be read (%s); leave it out", number, sst_recording_dir(recording),
+        sst_log_error("cannot read set %d of %s: %s; skip it", number, sst_recording_dir(recording),
                       err == -EBADMSG ? "its line in sets.jsonl is damaged" : strerror(-err));
     if (!err)
         err = prepare(job);

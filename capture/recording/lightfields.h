@@ -1,4 +1,4 @@
-/* capture/recording/lightfields.h - sets of a recording as light fields, for everything that works on pictures. */
+/* capture/recording/lightfields.h - converts sets of a recording into light fields. */
 #ifndef SST_CAPTURE_RECORDING_LIGHTFIELDS_H
 #define SST_CAPTURE_RECORDING_LIGHTFIELDS_H
 
@@ -13,9 +13,9 @@ struct sst_lightfields_config {
     bool allow_partial;                            /* views may be missing or damaged; the light field then has holes */
     bool force;                                    /* replace an output made before */
     double range_min_px, range_max_px;             /* disparities in the scene; equal: unknown */
-    const struct sst_use_calibration *calibration; /* of this array, or NULL: the views are as the cameras saw them */
-    const char *source;                            /* what it says that it was made of; NULL: the recording's folder */
-    const char *picture;                           /* a further file in each light field: its name, or NULL */
+    const struct sst_use_calibration *calibration; /* of this array, or NULL: the views stay as captured */
+    const char *source;                            /* named as the light field's source; NULL: the recording's folder */
+    const char *picture;                           /* name of a further file in each light field, or NULL */
     const void *picture_data;
     size_t picture_bytes;
     int threads;
@@ -26,7 +26,7 @@ struct sst_lightfields_config {
 /**
  * Make light fields of sets. JPEG stays as the camera sent it; other formats become PNG (pipeline/image/raw.h). Each
  * light field also gets set.json, the set's line of the recording. A calibration of other cameras, or of these at other
- * places of the grid, is refused where its names are serials, ports or names that the recording has.
+ * positions in the grid, is refused if it names them by serials, ports or names of the recording.
  *
  * A view is missing where its frame is missing, damaged, marked bad by the driver, or no picture of the recording's
  * size.

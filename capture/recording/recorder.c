@@ -1,5 +1,5 @@
-/* One set at a time: bytes into the segment, sync if the policy says so, line into the manifest. Whatever fails in
- * between is undone, so that the manifest never says more than the segments hold. */
+/* Writes one set at a time: bytes to the segment, sync if due, line to the manifest. A failure in between is rolled
+ * back, so that the manifest never names more than the segments hold. */
 #include "capture/recording/recorder.h"
 
 #include <errno.h>
@@ -19,9 +19,9 @@
 #include "capture/recording/pixel_format.h"
 #include "capture/recording/recording_internal.h"
 
-#define RETRY_NS           500000000 /* between attempts while the disk takes nothing */
+#define RETRY_NS           500000000 /* between attempts while writing fails */
 #define SEGMENT_NUMBER_MAX 999999
-#define STAMP_SLACK_NS     1000000000 /* as in the segment: a stamp farther from its set's is wrong */
+#define STAMP_SLACK_NS     1000000000 /* as in the segment: a stamp farther from that of its set is wrong */
 
 struct sst_recorder {
     /* fixed after open */
@@ -38,13 +38,13 @@ struct sst_recorder {
     int number;                  /* of the segment, or of the next */
     int64_t segment_start_ns;
     bool watched; /* the sync thread knows the segment */
-    int failing;  /* negative errno while the disk takes nothing */
+    int failing;  /* negative errno while writing fails */
     int64_t retry_ns;
     uint64_t dropped_in_row;
     struct sst_recorder_counters counters;
     int64_t offset[SST_CAMERAS_MAX];
     uint32_t crc32[SST_CAMERAS_MAX];
-    char line[2 * SST_SETLIST_LINE_MAX];
+    char line[2 * MANIFEST_LINE_MAX];
 };
 
 void sst_recorder_config_defaults(struct sst_recorder_config *cfg)
@@ -61,7 +61,7 @@ static int check_config(const struct sst_recorder_config *cfg)
 
     sst_pixel_format_name(cfg->fourcc, format);
     if (!cfg->dir || !cfg->dir[0] || !cfg->tracks)
-        fault = "no folder or no cameras are given";
+        fault = "no folder or no cameras given";
     else if (cfg->rows < 1 || cfg->cols < 1 || cfg->rows > SST_CAMERAS_MAX || cfg->cols > SST_CAMERAS_MAX ||
              cfg->cameras < 1 || cfg->cameras > SST_CAMERAS_MAX || cfg->cameras > cfg->rows * cfg->cols)
         fault = "the grid does not hold the cameras";
@@ -90,7 +90,7 @@ static int check_config(const struct sst_recorder_config *cfg)
     return fault ? -EINVAL : 0;
 }
 
-/* Two recorders in one folder would cut each other's sets off. */
+/* Two recorders in one folder would truncate each other's sets. */
 static int lock_folder(struct sst_recorder *r)
 {
     int err;
@@ -119,7 +119,7 @@ static int open_manifest(struct sst_recorder *r, int flags)
     if (fstat(r->manifest_fd, &st))
         err = -errno;
     else if (st.st_size < r->manifest_bytes)
-        err = -EIO; /* not the file that we wrote */
+        err = -EIO; /* not the file that was written */
     else if (ftruncate(r->manifest_fd, r->manifest_bytes))
         err = -errno;
     if (err) {
@@ -146,11 +146,11 @@ static int code_of(int err)
     }
 }
 
-/* A new recording, or the state to go on from. */
+/* Begin a new recording, or find where to resume. */
 static int open_files(struct sst_recorder *r)
 {
     char info[SST_PATH_MAX];
-    struct append from;
+    struct resume_point from;
     bool there;
     int err = sst_path_join(info, r->dir, "recording.json");
 
@@ -158,12 +158,12 @@ static int open_files(struct sst_recorder *r)
         return err;
     there = sst_path_exists(info);
     if (there ? !r->cfg.append : sst_path_exists(r->manifest)) {
-        sst_log_error("%s holds %s already; name another folder%s", r->dir, there ? "a recording" : "sets.jsonl",
+        sst_log_error("%s already holds %s; name another folder%s", r->dir, there ? "a recording" : "sets.jsonl",
                       there ? " or append to it" : "");
         return -EEXIST;
     }
     if (!there)
-        err = setlist_write_info(info, &r->cfg);
+        err = manifest_write_info(info, &r->cfg);
     if (err)
         return err;
     r->manifest_fd = open(r->manifest, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
@@ -174,7 +174,7 @@ static int open_files(struct sst_recorder *r)
     }
     if (!there)
         return 0;
-    err = append_prepare(&from, &r->cfg, r->manifest_fd);
+    err = resume_prepare(&from, &r->cfg, r->manifest_fd);
     if (err)
         return err;
     r->manifest_bytes = from.manifest_bytes;
@@ -183,8 +183,7 @@ static int open_files(struct sst_recorder *r)
     return 0;
 }
 
-/* The names of the list and of the segments' folder, in the recording's; and its own, without which they are nothing.
- */
+/* Sync the recording's folder, which names manifest and segments, and the one above, which names the recording. */
 static int sync_names(const struct sst_recorder *r)
 {
     char above[SST_PATH_MAX];
@@ -192,7 +191,7 @@ static int sync_names(const struct sst_recorder *r)
 
     if (!err && !sst_path_join(above, r->dir, ".."))
         err = sync_folder(above);
-    if (err == -EACCES) /* one may write into a folder without reading the one above */
+    if (err == -EACCES) /* the folder above may not be readable */
         err = 0;
     if (err)
         sst_log_error("cannot sync the folder %s: %s", r->dir, strerror(-err));
@@ -255,7 +254,7 @@ int sst_recorder_open(struct sst_recorder **out, const struct sst_recorder_confi
     if (!err && r->cfg.sync_s > 0)
         err = sync_start(&r->sync, r->folder, r->cfg.sync_s);
     if (err) {
-        (void)sst_recorder_close(r); /* no set was written: there is nothing that closing could lose */
+        (void)sst_recorder_close(r); /* no set was written: nothing can be lost */
         return err;
     }
     *out = r;
@@ -286,7 +285,7 @@ static int finish_segment(struct sst_recorder *r)
         return 0;
     err = segment_finish(r->segment, !r->sync);
     if (err)
-        sst_log_warning("segment %06d of %s cannot be finished: %s; its sets are all there, but no index to seek by",
+        sst_log_warning("cannot finish segment %06d of %s: %s; its sets are complete, but it has no index for seeking",
                         r->number, r->dir, strerror(-err));
     r->segment = NULL;
     r->number++;
@@ -298,7 +297,7 @@ static bool segment_is_full(struct sst_recorder *r, const struct sst_set *set)
     if ((double)(set->t_ns - r->segment_start_ns) * 1e-9 < r->cfg.segment_s &&
         segment_size_bytes(r->segment) < r->cfg.segment_bytes)
         return false;
-    return !r->sync || sync_has_room(r->sync); /* else the disk is far behind: this one grows on */
+    return !r->sync || sync_has_room(r->sync); /* else the disk is far behind: the segment continues */
 }
 
 static int begin_segment(struct sst_recorder *r, const struct sst_set *set)
@@ -308,7 +307,7 @@ static int begin_segment(struct sst_recorder *r, const struct sst_set *set)
 
     r->segment_start_ns = earliest(set);
     r->watched = false;
-    /* A file of that number is one that could not be removed when the disk failed. */
+    /* A file of that number could not be removed when the disk failed. */
     for (;; r->number++) {
         err = r->number > SEGMENT_NUMBER_MAX ? -ENOSPC : segment_path(path, r->dir, r->number);
         if (!err)
@@ -325,7 +324,7 @@ static int check_set(const struct sst_recorder *r, const struct sst_set *set)
     const char *fault = NULL;
 
     if (set->cameras != r->cfg.cameras)
-        fault = "it is of another array";
+        fault = "it has another number of cameras";
     for (int k = 0; !fault && k < set->cameras; k++) {
         const struct sst_frame *f = set->frame[k];
 
@@ -339,7 +338,7 @@ static int check_set(const struct sst_recorder *r, const struct sst_set *set)
             fault = "a frame is larger than 1 GiB";
     }
     if (fault)
-        sst_log_error("set %llu cannot be recorded: %s", (unsigned long long)set->index, fault);
+        sst_log_error("cannot record set %llu: %s", (unsigned long long)set->index, fault);
     return fault ? -EINVAL : 0;
 }
 
@@ -390,8 +389,8 @@ static int add_set(struct sst_recorder *r, const struct sst_set *set)
     for (int k = 0; k < set->cameras; k++)
         r->crc32[k] = set->frame[k] ? (uint32_t)crc32_z(0, set->frame[k]->data, set->frame[k]->bytes) : 0;
     if (!r->watched)
-        n = setlist_segment_line(r->line, r->number, r->session, r->segment_start_ns, set->wall_ns);
-    n += setlist_set_line(r->line + n, set, r->offset, r->crc32);
+        n = manifest_segment_line(r->line, r->number, r->session, r->segment_start_ns, set->wall_ns);
+    n += manifest_set_line(r->line + n, set, r->offset, r->crc32);
     err = write_line(r, n);
     if (!err && !r->sync)
         err = sync_here(r, r->manifest_fd);
@@ -406,9 +405,9 @@ static int add_set(struct sst_recorder *r, const struct sst_set *set)
     return 0;
 }
 
-/* Undo what is left of the set. The segment ends here: after a failed write or sync nobody knows what of it is on the
- * disk. */
-static void take_back(struct sst_recorder *r)
+/* Remove what was written of the set. The segment ends here: after a failed write or sync its state on disk is
+ * unknown. */
+static void roll_back(struct sst_recorder *r)
 {
     if (r->manifest_fd >= 0) {
         if (ftruncate(r->manifest_fd, r->manifest_bytes))
@@ -425,22 +424,22 @@ static void take_back(struct sst_recorder *r)
     }
 }
 
-static void tell_failure(struct sst_recorder *r, int err)
+static void report_failure(struct sst_recorder *r, int err)
 {
     const int code = code_of(err);
     const char *remedy = code == -ENOSPC ? "free space there" : code == -EROFS ? "make it writable" : "check the disk";
 
     if (code != r->failing)
-        sst_log_error("recording into %s has stopped: %s; %s, it then goes on by itself", r->dir, strerror(-err),
+        sst_log_error("recording into %s has stopped: %s; %s; it then resumes by itself", r->dir, strerror(-err),
                       remedy);
-    r->retry_ns = r->failing ? sst_clock_now_ns() + RETRY_NS : 0; /* a new segment may do at once */
+    r->retry_ns = r->failing ? sst_clock_now_ns() + RETRY_NS : 0; /* a new segment may succeed at once */
     r->failing = code;
 }
 
-static void tell_recovery(struct sst_recorder *r)
+static void report_recovery(struct sst_recorder *r)
 {
     if (r->failing)
-        sst_log_warning("recording into %s goes on with segment %06d; %llu sets are lost", r->dir, r->number,
+        sst_log_warning("recording into %s resumed with segment %06d; %llu sets were lost", r->dir, r->number,
                         (unsigned long long)r->dropped_in_row);
     r->failing = 0;
     r->dropped_in_row = 0;
@@ -461,17 +460,17 @@ int sst_recorder_write(struct sst_recorder *r, const struct sst_set *set)
         return err;
     if (r->failing && sst_clock_now_ns() < r->retry_ns)
         return drop(r);
-    if (r->sync && sync_take_error(r->sync))
-        take_back(r); /* told by the thread; a new segment from here on */
+    if (r->sync && sync_fetch_error(r->sync))
+        roll_back(r); /* reported by the thread; a new segment from here on */
     if (r->segment && segment_is_full(r, set))
-        (void)finish_segment(r); /* told; the next segment shows whether the disk takes anything */
+        (void)finish_segment(r); /* reported; the next segment shows whether the disk accepts writes */
     err = add_set(r, set);
     if (err) {
-        take_back(r);
-        tell_failure(r, err);
+        roll_back(r);
+        report_failure(r, err);
         return drop(r);
     }
-    tell_recovery(r);
+    report_recovery(r);
     r->counters.sets++;
     for (int k = 0; k < set->cameras; k++)
         r->counters.bytes += set->frame[k] ? set->frame[k]->bytes : 0;

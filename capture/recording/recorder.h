@@ -1,4 +1,4 @@
-/* capture/recording/recorder.h - raw sets on disk: camera bytes untouched in segmented Matroska, with a manifest. */
+/* capture/recording/recorder.h - writes raw sets: camera bytes untouched in Matroska segments, with a manifest. */
 #ifndef SST_CAPTURE_RECORDING_RECORDER_H
 #define SST_CAPTURE_RECORDING_RECORDER_H
 
@@ -12,7 +12,7 @@ struct sst_recorder_track {
 };
 
 struct sst_recorder_config {
-    const char *dir; /* made if missing; a recording that is there is refused unless `append` */
+    const char *dir; /* created if missing; an existing recording is refused unless `append` */
     bool append;
     int rows, cols, cameras;
     const struct sst_recorder_track *tracks; /* [cameras] */
@@ -22,27 +22,27 @@ struct sst_recorder_config {
     double spacing_mm;     /* 0 unknown */
     double segment_s;      /* a new file after this long ... */
     int64_t segment_bytes; /* ... or this much; 0: defaults */
-    double sync_s;         /* longest time between syncs: what a power cut may cost. 0: every set */
+    double sync_s;         /* longest time between syncs, which a power cut may lose; 0: every set */
 };
 
 /** Since open. */
 struct sst_recorder_counters {
-    uint64_t sets, dropped; /* written, and not written because the disk would not take them */
+    uint64_t sets, dropped; /* written, and not written because writing failed */
     uint64_t bytes;         /* of frames */
     uint64_t segments;      /* files begun */
     uint64_t syncs, sync_failures;
-    int64_t sync_max_ns; /* longest sync: what a disk makes wait */
+    int64_t sync_max_ns; /* longest sync */
 };
 
 /** Segments of 60 s or 1 GiB, a sync every second; everything else is 0. */
 void sst_recorder_config_defaults(struct sst_recorder_config *cfg);
 
 /**
- * Make or go on with a recording. Going on cuts off what a killed recorder left half-written; grid, cameras, format and
- * size must be those of the recording.
+ * Create a recording or resume one. Resuming removes what a killed recorder left half-written; grid, cameras, format
+ * and size must be those of the recording.
  *
  * @param cfg  copied
- * @return 0, -EINVAL (cfg), -EEXIST (a recording is there, or one that does not fit), -EBUSY (another process records
+ * @return 0, -EINVAL (cfg), -EEXIST (a recording exists, or does not match), -EBUSY (another process records
  *         there), -EBADMSG (the recording is damaged), -ENOSPC, -EROFS, -EIO, -ENOMEM, -ENOTSUP (built without
  *         libavformat); logged.
  */
@@ -52,21 +52,21 @@ SST_MUST_CHECK int sst_recorder_open(struct sst_recorder **out, const struct sst
  * Append a set: its frames' bytes to the segment, then its line to the manifest. The set's frames stay the caller's.
  *
  * After an error nothing of the set is in the manifest; the recorder stays usable and starts a new segment with the
- * next set that can be written (disk full, read-only: told once per change of state; tried again twice a second). Takes
- * no memory of its own; libavformat's gathering buffer grows to the largest cluster. With sync_s above 0 it does not
+ * next set that can be written (disk full, read-only: reported once per change of state; retried twice a second).
+ * Allocates no memory; libavformat's gathering buffer grows to the largest cluster. With sync_s above 0 it does not
  * wait for the disk, except where the kernel makes writers wait.
  * @param set  of cfg's number of cameras; frames of cfg's format
  * @return 0, -EINVAL (set; logged), -ENOSPC (also quota and largest file), -EROFS, -EIO, -ENOMEM
  */
 SST_MUST_CHECK int sst_recorder_write(struct sst_recorder *recorder, const struct sst_set *set);
 
-/** Segments from the next set on: a new one after this much; 0: the default. */
+/** Set the largest segment, from the next set on; 0: the default. */
 void sst_recorder_set_segment_bytes(struct sst_recorder *recorder, int64_t bytes);
 
 void sst_recorder_counters(struct sst_recorder *recorder, struct sst_recorder_counters *out);
 
-/** Finish the segment and sync everything; waits for the disk. @return 0 or the error that closing met (logged). NULL
- * is fine. */
+/** Finish the segment and sync everything; waits for the disk. @return 0 or the error of closing (logged). NULL is
+ * fine. */
 int sst_recorder_close(struct sst_recorder *recorder);
 
 #endif

@@ -32,13 +32,13 @@ static struct index_line *next_line(struct sst_recording *r)
 /* One line of n bytes without its end, at `at` in the file. */
 static int index_line(struct sst_recording *r, const char *line, size_t n, int64_t at)
 {
-    struct setlist_segment s;
+    struct manifest_segment s;
     struct index_line *l;
     int kind = 1;
 
-    const bool whole = setlist_line_whole(line, n);
+    const bool whole = manifest_line_whole(line, n);
     if (whole)
-        kind = setlist_parse(line, n, r->info.cameras, &s, NULL);
+        kind = manifest_parse(line, n, r->info.cameras, &s, NULL);
     if (kind == -ENOMEM)
         return kind;
     if (whole)
@@ -74,13 +74,13 @@ static int index_lines(struct sst_recording *r)
         return -errno;
     while (!err && (n = getline(&line, &capacity, f)) > 0) {
         r->size = at + n;
-        if (line[n - 1] == '\n') /* else its writer was stopped, or is writing */
+        if (line[n - 1] == '\n') /* else the writer was killed, or is writing */
             err = index_line(r, line, (size_t)n - 1, at);
         at += n;
     }
     if (!err && ferror(f))
         err = errno == ENOMEM ? -ENOMEM : -EIO;
-    /* Damaged lines with no whole one behind them are a torn end, not sets. */
+    /* Damaged lines with no whole one after them are a torn end, not sets. */
     while (r->count && r->line[r->count - 1].at >= r->good_bytes)
         r->count--;
     free(line);
@@ -102,11 +102,11 @@ int sst_recording_open(struct sst_recording **out, const char *dir)
     err = r->dir ? sst_path_join(path, dir, "recording.json") : -ENOMEM;
     if (!err && !sst_path_exists(path)) {
         err = -ENOENT;
-        sst_log_error("%s is no recording: %s", dir,
-                      sst_path_is_dir(dir) ? "it has no recording.json" : "there is no such folder");
+        sst_log_error("%s is not a recording: %s", dir,
+                      sst_path_is_dir(dir) ? "it has no recording.json" : "no such folder");
     }
     if (!err)
-        err = setlist_read_info(path, &r->info);
+        err = manifest_read_info(path, &r->info);
     if (!err)
         err = sst_recording_read_removed(dir, &r->removed);
     if (!err)
@@ -165,7 +165,7 @@ int64_t sst_recording_torn_bytes(const struct sst_recording *r)
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-/* All n bytes at a place, or -EBADMSG where the file ends. */
+/* Read all n bytes at an offset; -EBADMSG: the file ends before. */
 static int read_at(int fd, void *data, size_t n, int64_t at)
 {
     size_t done = 0;
@@ -194,7 +194,7 @@ int sst_recording_line(const struct sst_recording *r, int i, char **text)
     if (!made)
         return -ENOMEM;
     err = read_at(r->fd, made, l->bytes, l->at);
-    if (!err && !setlist_line_whole(made, l->bytes))
+    if (!err && !manifest_line_whole(made, l->bytes))
         err = -EBADMSG;
     if (err) {
         free(made);
@@ -207,13 +207,13 @@ int sst_recording_line(const struct sst_recording *r, int i, char **text)
 
 int sst_recording_set(const struct sst_recording *r, int i, struct sst_recording_set *set)
 {
-    struct setlist_segment unused;
+    struct manifest_segment unused;
     char *text;
     int err = sst_recording_line(r, i, &text);
 
     if (err)
         return err;
-    err = setlist_parse(text, r->line[i].bytes, r->info.cameras, &unused, set);
+    err = manifest_parse(text, r->line[i].bytes, r->info.cameras, &unused, set);
     free(text);
     if (err < 0)
         return err;
@@ -232,7 +232,7 @@ int sst_recording_frame_of(const struct sst_recording *r, int i, int cam, int *s
     if (err)
         return err;
     *segment = r->line[i].segment;
-    err = setlist_parse_frame(text, cam, wall_ns, frame);
+    err = manifest_parse_frame(text, cam, wall_ns, frame);
     free(text);
     if (!err)
         return 0;
@@ -246,7 +246,7 @@ int sst_recording_frame_of(const struct sst_recording *r, int i, int cam, int *s
     return err;
 }
 
-/* An offset that no file can have must not reserve memory for its frame. */
+/* The size is checked first: a damaged line must not cause a huge allocation. */
 static int read_frame(int fd, const struct sst_recording_frame *f, uint8_t **data)
 {
     struct stat st;

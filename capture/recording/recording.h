@@ -1,4 +1,4 @@
-/* capture/recording/recording.h - a recording that is there: its sets, its frames' bytes, and what is damaged. */
+/* capture/recording/recording.h - reads a recording: its sets, its frames' bytes, and what is damaged. */
 #ifndef SST_CAPTURE_RECORDING_RECORDING_H
 #define SST_CAPTURE_RECORDING_RECORDING_H
 
@@ -7,7 +7,7 @@
 
 struct sst_recording; /* opaque; after open any number of threads may read */
 
-/** recording.json: what holds for all sets. */
+/** recording.json: properties of all sets. */
 struct sst_recording_info {
     int rows, cols, cameras;
     uint32_t fourcc;
@@ -27,19 +27,19 @@ struct sst_recording_frame {
 };
 
 struct sst_recording_set {
-    uint64_t index; /* of the trigger; starts anew with each run of the recorder */
+    uint64_t index; /* of the trigger; restarts with each run of the recorder */
     int64_t t_ns, wall_ns;
     bool edge;
-    int segment, session; /* session: count of the run of the recorder */
+    int segment, session; /* session: number of the run of the recorder */
     int present;
     struct sst_skew skew;
     struct sst_recording_frame frame[SST_CAMERAS_MAX];
 };
 
 /**
- * Read recording.json and index sets.jsonl; lines of sets are read again when asked for. A torn end (a recorder was
- * killed, or is at work) is passed over, and so are sets that were removed to make room (shorten.h); where the note of
- * that is damaged, those of segments before the first that is there.
+ * Read recording.json and index sets.jsonl; lines of sets are read again when asked for. Skips a torn end (a recorder
+ * was killed, or is writing) and sets that were removed to make room (trim.h); if removed.json is damaged, those of
+ * segments before the first present.
  *
  * @return 0, -ENOENT (no recording), -EBADMSG, -EIO, -EACCES, -ENOMEM; logged.
  */
@@ -52,17 +52,17 @@ const char *sst_recording_dir(const struct sst_recording *recording);
 /** Number of sets, in the order of recording: 0 .. n-1. */
 int sst_recording_sets(const struct sst_recording *recording);
 
-/** What was removed of its beginning. */
+/** What was removed from its beginning. */
 const struct sst_recording_removed *sst_recording_removed(const struct sst_recording *recording);
 
-/** Bytes behind the last whole line of the manifest. */
+/** Bytes after the last whole line of the manifest. */
 int64_t sst_recording_torn_bytes(const struct sst_recording *recording);
 
-/** What the manifest says of set i. @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged. */
+/** Read set i from the manifest. @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged. */
 SST_MUST_CHECK int sst_recording_set(const struct sst_recording *recording, int i, struct sst_recording_set *set);
 
 /**
- * What the manifest says of one camera's frame in set i: what follows a camera through an hour of sets needs no more.
+ * Read one camera's frame of set i from the manifest: enough, and faster, for following a camera through an hour.
  * @param segment, wall_ns  out, of the set; frame: out, without its arrival_ns
  * @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged.
  */

@@ -7,54 +7,54 @@
 #include "capture/recording/recorder.h"
 #include "capture/recording/recording.h"
 
-/* --- append: bring a recording into a state that more sets can follow. Only for capture/recording. --- */
+/* --- resume: prepare a recording for further sets. --- */
 
-struct append {
+struct resume_point {
     int64_t manifest_bytes; /* where the next line goes */
     int segment, session;   /* the next ones */
 };
 
 /**
- * Cut off what a killed recorder or a power cut left half-written: sets at the end whose bytes are not all there, torn
- * lines, segments that no line names. Sets before those stay as they are.
+ * Remove what a killed recorder or a power cut left half-written: sets at the end whose bytes are incomplete, torn
+ * lines, segments that no line names. Earlier sets stay as they are.
  *
  * @param manifest_fd  of sets.jsonl, writable; the recording is locked
  * @return 0, -EEXIST (made with another array, format or size), -EBADMSG, -EIO, -ENOSPC (no number left), -ENOMEM.
  *         Logged.
  */
-SST_MUST_CHECK int append_prepare(struct append *out, const struct sst_recorder_config *cfg, int manifest_fd);
+SST_MUST_CHECK int resume_prepare(struct resume_point *out, const struct sst_recorder_config *cfg, int manifest_fd);
 
-/* --- setlist ---
- * recording.json and the lines of sets.jsonl. Inside capture/recording only.
+/* --- manifest ---
+ * recording.json and the lines of sets.jsonl.
  *
  * A line is one JSON object; its last member is the CRC-32 of all bytes of the line before that member. Two kinds:
  *   {"segment":N,"session":S,"start_ns":T,"wall_ns":W,"crc":"xxxxxxxx"}   the sets below are in segments/N.mkv
  *   {"set":index,"t_ns":...,"frames":[[cam,...],...],"missing":[...],"crc":"xxxxxxxx"} */
 
 #define SST_RECORDING_VERSION 1
-#define SST_SETLIST_COLUMNS   10
-#define SST_SETLIST_LINE_MAX  (1024 + SST_CAMERAS_MAX * 192) /* bytes of a line with its end */
+#define MANIFEST_COLUMNS      10
+#define MANIFEST_LINE_MAX     (1024 + SST_CAMERAS_MAX * 192) /* bytes of a line with its end */
 
 /** segments/NNNNNN.mkv in dir; number 0..999999. */
 SST_MUST_CHECK int segment_path(char out[SST_PATH_MAX], const char *dir, int number);
 
 /** The columns of a line's frames, in their order. */
-extern const char *const setlist_columns[SST_SETLIST_COLUMNS];
+extern const char *const manifest_columns[MANIFEST_COLUMNS];
 
 /** Write recording.json, whole or not at all. @return 0 or an error of the output; logged. */
-SST_MUST_CHECK int setlist_write_info(const char *path, const struct sst_recorder_config *cfg);
+SST_MUST_CHECK int manifest_write_info(const char *path, const struct sst_recorder_config *cfg);
 
 /** Read it strictly. @return 0, -ENOENT, -EBADMSG, -EIO, -ENOMEM; logged. */
-SST_MUST_CHECK int setlist_read_info(const char *path, struct sst_recording_info *info);
+SST_MUST_CHECK int manifest_read_info(const char *path, struct sst_recording_info *info);
 
-/** Write a line with its '\n' into out [SST_SETLIST_LINE_MAX]. @return its bytes. */
-size_t setlist_segment_line(char *out, int segment, int session, int64_t start_ns, int64_t wall_ns);
-size_t setlist_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32);
+/** Write a line with its '\n' into out [MANIFEST_LINE_MAX]. @return its bytes. */
+size_t manifest_segment_line(char *out, int segment, int session, int64_t start_ns, int64_t wall_ns);
+size_t manifest_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32);
 
 /** Does the line (without '\n') end in its own checksum? */
-bool setlist_line_whole(const char *line, size_t n);
+bool manifest_line_whole(const char *line, size_t n);
 
-struct setlist_segment {
+struct manifest_segment {
     int segment, session;
     int64_t start_ns, wall_ns; /* of its beginning */
 };
@@ -62,26 +62,26 @@ struct setlist_segment {
 /**
  * Read a line that is whole.
  * @param segment  out, of a segment's line
- * @param set      out, of a set's line, its segment and session excepted; NULL: only the kind is asked for
+ * @param set      out, of a set's line, its segment and session excepted; NULL: only determine the kind
  * @return 0: it is a segment's line, 1: a set's; -EBADMSG, -ENOMEM. Not logged.
  */
-SST_MUST_CHECK int setlist_parse(const char *line, size_t n, int cameras, struct setlist_segment *segment,
-                                 struct sst_recording_set *set);
+SST_MUST_CHECK int manifest_parse(const char *line, size_t n, int cameras, struct manifest_segment *segment,
+                                  struct sst_recording_set *set);
 
 /**
  * Read one camera's frame from a set's line that is whole and was written here, without reading all others.
  * @param wall_ns  out, of the set; frame: out, arrival_ns 0; not present: the set has none of the camera
- * @return 0, -EBADMSG: of another form, perhaps setlist_parse() reads it
+ * @return 0, -EBADMSG: of another form; manifest_parse() may read it
  */
-SST_MUST_CHECK int setlist_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst_recording_frame *frame);
+SST_MUST_CHECK int manifest_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst_recording_frame *frame);
 
-/* --- index: where the lines of a recording are. Inside capture/recording only. --- */
+/* --- index: offsets of the lines of a recording. --- */
 
 struct index_line {
     int64_t at;     /* first byte in sets.jsonl */
     uint32_t bytes; /* without the line's end */
     int segment, session;
-    bool damaged; /* its checksum is wrong: a set of which nothing is known */
+    bool damaged; /* its checksum is wrong: nothing is known of the set */
 };
 
 /* Fixed after open. */
@@ -94,14 +94,39 @@ struct sst_recording {
     int count, capacity;
     int segment, session; /* of the last segment's line; -1 and 0: none */
     int64_t good_bytes;   /* behind the last line that is whole */
-    int64_t size;         /* as far as it was read */
+    int64_t size;         /* read so far */
 };
 
-/* --- segment: one Matroska file of a recording, being written. Inside capture/recording only. --- */
+/* --- ebml: heads of Matroska elements, as far as finding frames and ends of files needs them. --- */
+
+#define SST_EBML_HEAD         0x1A45DFA3u
+#define SST_EBML_SEGMENT      0x18538067u
+#define SST_EBML_CLUSTER      0x1F43B675u
+#define SST_EBML_BLOCK_GROUP  0xA0u
+#define SST_EBML_BLOCK        0xA1u
+#define SST_EBML_SIMPLE_BLOCK 0xA3u
+
+#define SST_EBML_UNKNOWN  UINT64_MAX /* size of an element that was not finished */
+#define SST_EBML_HEAD_MAX 12         /* bytes of an id and a size at most */
+
+struct ebml {
+    uint32_t id;
+    uint64_t size; /* of what follows the head, or SST_EBML_UNKNOWN */
+    size_t head;   /* bytes */
+};
+
+/** Read a number of 1 to 8 bytes. @param value  without the length's marker. All ones is a value here: libavformat
+ * writes track 127 so. @return its bytes, 0 when data ends before it or it is none. */
+size_t ebml_number(const uint8_t *data, size_t n, uint64_t *value);
+
+/** Read an element's head. @return 0 or -EBADMSG (not logged). */
+SST_MUST_CHECK int ebml_head(const uint8_t *data, size_t n, struct ebml *out);
+
+/* --- segment: writes one Matroska file of a recording. --- */
 
 struct sst_segment; /* opaque; one thread at a time */
 
-/** Largest frame, bytes: what fits one block with room to spare. */
+/** Largest frame, bytes: fits one block. */
 #define SST_SEGMENT_FRAME_MAX ((size_t)1 << 30)
 
 /**
@@ -124,20 +149,31 @@ SST_MUST_CHECK int segment_open(struct sst_segment **out, const char *path, cons
  */
 SST_MUST_CHECK int segment_add(struct sst_segment *segment, const struct sst_set *set, int64_t offset[SST_CAMERAS_MAX]);
 
-/** What was added so far stays, whatever comes. */
+/** Keep what was added so far, also if the segment is abandoned. */
 void segment_keep(struct sst_segment *segment);
 
 int64_t segment_size_bytes(const struct sst_segment *segment);
 int segment_fd(const struct sst_segment *segment);
 
 /** Write cues, duration and size, and free. @param sync  make it durable as well
- *  @return 0 or -errno (not logged): the file then is cut behind the last set and readable. */
+ *  @return 0 or -errno (not logged): the file is then truncated after the last set and readable. */
 SST_MUST_CHECK int segment_finish(struct sst_segment *segment, bool sync);
 
-/** Cut the file behind the last set that was kept (remove it if there is none), and free. NULL is fine. */
+/** Truncate the file after the last set that was kept (remove it if there is none), and free. NULL is fine. */
 void segment_abandon(struct sst_segment *segment);
 
-/* --- sync: a thread that makes files durable now and then. Inside capture/recording only. --- */
+/* Shared with mkv.c; types of libavformat. */
+struct AVCodecParameters;
+struct AVFormatContext;
+struct AVDictionary;
+
+/** Describe frames of a V4L2 format as libavcodec does. */
+void segment_set_codec(struct AVCodecParameters *par, uint32_t fourcc, int width, int height);
+/** Write the head of a file whose bytes depend on its frames alone. @param options  of the muxer, added to
+ *  @return 0 or more, or an AVERROR */
+SST_MUST_CHECK int segment_write_head(struct AVFormatContext *format, struct AVDictionary **options);
+
+/* --- sync: a thread that makes files durable at intervals. --- */
 
 /** Make the names in a folder durable. @return 0 or -errno, not logged. */
 SST_MUST_CHECK int sync_folder(const char *folder);
@@ -148,17 +184,17 @@ struct sync; /* opaque */
 SST_MUST_CHECK int sync_start(struct sync **out, const char *folder, double every_s);
 
 /**
- * From now on these two files are the ones written to: the segment is synced first, then the manifest. The pair before
- * is synced once more. The descriptors stay the caller's (they are duplicated).
+ * Set the two files that are written from now on: the segment is synced first, then the manifest. The previous pair is
+ * synced once more. The descriptors stay the caller's (they are duplicated).
  * @return 0, -errno, -EAGAIN (the disk is so far behind that no more pairs can wait)
  */
 SST_MUST_CHECK int sync_watch(struct sync *sync, int segment_fd, int manifest_fd);
 
-/** Can another pair wait? */
+/** Is there room for another pair? */
 bool sync_has_room(struct sync *sync);
 
 /** The error of a sync since the last call, 0: none. Logged by the thread, once per change of state. */
-int sync_take_error(struct sync *sync);
+int sync_fetch_error(struct sync *sync);
 
 /** Add this thread's part to the counters. */
 void sync_count(struct sync *sync, struct sst_recorder_counters *counters);

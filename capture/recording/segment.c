@@ -1,5 +1,5 @@
-/* Matroska through libavformat. The camera's bytes go to av_write_frame() where they lie; libavformat gathers them in
- * one cluster and hands that to write_bytes(), which knows position and errors. */
+/* Matroska by libavformat. av_write_frame() reads the camera's bytes in place; libavformat gathers them in one cluster
+ * and passes it to write_bytes(), which keeps position and errors. */
 #include "capture/recording/recording_internal.h"
 
 #include <errno.h>
@@ -16,18 +16,16 @@
 #include <libavformat/avformat.h>
 #include <linux/videodev2.h>
 
-#include "capture/recording/ebml.h"
-
 #define IO_BYTES (64 << 10)
-#define SLACK_NS 1000000000 /* a stamp farther from its set's is wrong and must not move the others */
+#define SLACK_NS 1000000000 /* a stamp farther from that of its set is wrong and must not move others */
 
 struct sst_segment {
     char *path;
     int fd, cameras;
     int64_t start_ns;
-    int64_t pos, end, kept; /* where the next byte goes; end of what is added; end of what stays */
+    int64_t pos, end, kept; /* of the next write; end of what was added; end of what is kept */
     int64_t last_ms[SST_CAMERAS_MAX];
-    int error; /* of the first write that failed, negative; no more is written then */
+    int error; /* of the first failed write, negative; nothing is written after it */
     AVFormatContext *format;
     AVPacket *packet;
 };
@@ -83,13 +81,48 @@ static int64_t seek(void *opaque, int64_t offset, int whence)
     return offset;
 }
 
-/* What a call of libavformat failed with: the system's word if it said one. */
+/* Error of a call of libavformat: that of the system call, if one failed. */
 static int failure(const struct sst_segment *s, int err)
 {
     return s->error ? s->error : err == AVERROR(ENOMEM) ? -ENOMEM : -EIO;
 }
 
 /* --- the head ----------------------------------------------------------------------------------------------------- */
+
+void segment_set_codec(AVCodecParameters *par, uint32_t fourcc, int width, int height)
+{
+    par->codec_type = AVMEDIA_TYPE_VIDEO;
+    par->codec_id = AV_CODEC_ID_MJPEG;
+    par->width = width;
+    par->height = height;
+    for (size_t i = 0; i < ARRAY_LEN(raw_formats); i++) {
+        if (raw_formats[i].fourcc != fourcc)
+            continue;
+        par->codec_id = AV_CODEC_ID_RAWVIDEO;
+        par->format = raw_formats[i].pixel;
+    }
+}
+
+int segment_write_head(AVFormatContext *format, AVDictionary **options)
+{
+    int err;
+
+    format->flags |= AVFMT_FLAG_BITEXACT; /* no random numbers: the same frames give the same file */
+    format->avoid_negative_ts = AVFMT_AVOID_NEG_TS_DISABLED;
+    av_dict_set(options, "allow_raw_vfw", "1", 0);
+    av_dict_set(options, "write_crc32", "0", 0);
+    err = avformat_init_output(format, options);
+    if (err < 0)
+        return err;
+    /* The start clears tags that AVI does not know; Matroska takes any, and players go by them. */
+    for (unsigned k = 0; k < format->nb_streams; k++) {
+        AVCodecParameters *par = format->streams[k]->codecpar;
+
+        if (par->codec_id == AV_CODEC_ID_RAWVIDEO)
+            par->codec_tag = avcodec_pix_fmt_to_codec_tag((enum AVPixelFormat)par->format);
+    }
+    return avformat_write_header(format, NULL);
+}
 
 static int add_track(AVFormatContext *format, const struct sst_recorder_config *cfg, int k)
 {
@@ -100,18 +133,9 @@ static int add_track(AVFormatContext *format, const struct sst_recorder_config *
     if (!stream)
         return -ENOMEM;
     stream->id = k + 1;
-    stream->codecpar->codec_type = AVMEDIA_TYPE_VIDEO;
-    stream->codecpar->codec_id = AV_CODEC_ID_MJPEG;
-    stream->codecpar->width = cfg->width;
-    stream->codecpar->height = cfg->height;
+    segment_set_codec(stream->codecpar, cfg->fourcc, cfg->width, cfg->height);
     if (cfg->rate_hz > 0)
         stream->avg_frame_rate = av_d2q(cfg->rate_hz, 60000);
-    for (size_t i = 0; i < ARRAY_LEN(raw_formats); i++) {
-        if (raw_formats[i].fourcc != cfg->fourcc)
-            continue;
-        stream->codecpar->codec_id = AV_CODEC_ID_RAWVIDEO;
-        stream->codecpar->format = raw_formats[i].pixel;
-    }
     snprintf(title, sizeof(title), "r%02d c%02d %s", track->row, track->col,
              track->serial[0] ? track->serial : track->port);
     return av_dict_set(&stream->metadata, "title", title, 0) < 0 ? -ENOMEM : 0;
@@ -126,26 +150,14 @@ static int write_head(struct sst_segment *s, const struct sst_recorder_config *c
         err = add_track(s->format, cfg, k);
     if (err)
         return err;
-    s->format->flags |= AVFMT_FLAG_BITEXACT; /* no random numbers: the same frames give the same file */
-    s->format->avoid_negative_ts = AVFMT_AVOID_NEG_TS_DISABLED;
-    av_dict_set(&options, "allow_raw_vfw", "1", 0);
-    av_dict_set(&options, "write_crc32", "0", 0); /* the manifest has one of each frame */
-    err = avformat_init_output(s->format, &options);
+    err = segment_write_head(s->format, &options);
     av_dict_free(&options);
-    if (err < 0)
-        return failure(s, err);
-    /* The start clears tags that AVI does not know; Matroska takes any, and players go by them. */
-    for (int k = 0; k < cfg->cameras; k++) {
-        AVCodecParameters *par = s->format->streams[k]->codecpar;
-
-        if (par->codec_id == AV_CODEC_ID_RAWVIDEO)
-            par->codec_tag = avcodec_pix_fmt_to_codec_tag((enum AVPixelFormat)par->format);
-    }
-    err = avformat_write_header(s->format, NULL);
-    if (err < 0 && !s->error) {
+    if (err < 0 && !s->error && err != AVERROR(ENOMEM)) {
         sst_log_error("libavformat refuses to write %s: %s", s->path, av_err2str(err));
         return -EINVAL;
     }
+    if (err < 0)
+        return failure(s, err);
     avio_flush(s->format->pb);
     return s->error;
 }
@@ -190,7 +202,7 @@ int segment_open(struct sst_segment **out, const char *path, const struct sst_re
         av_free(buffer);
         goto fail;
     }
-    s->format->pb->direct = 1; /* a cluster is written from where it was gathered */
+    s->format->pb->direct = 1; /* write clusters without another copy */
     err = write_head(s, cfg);
     if (err)
         goto fail;
@@ -227,18 +239,18 @@ static int add_frame(struct sst_segment *s, const struct sst_set *set, const str
     return av_write_frame(s->format, s->packet);
 }
 
-/* One element at pos: step into it, note its frame, or step over it. @return where the next one is, or -errno */
+/* One element at pos: enter it, note its frame, or skip it. @return offset of the next one, or -errno */
 static int64_t read_element(const struct sst_segment *s, int64_t pos, const struct sst_set *set, int64_t *offset)
 {
     uint8_t head[SST_EBML_HEAD_MAX + 8];
     const ssize_t n = pread(s->fd, head, sizeof(head), pos);
-    struct sst_ebml e;
+    struct ebml e;
     uint64_t track;
     size_t bytes;
 
     if (n <= 0)
         return n < 0 ? -errno : -EIO;
-    if (sst_ebml_head(head, (size_t)n, &e))
+    if (ebml_head(head, (size_t)n, &e))
         return -EIO;
     if (e.id == SST_EBML_CLUSTER || e.id == SST_EBML_BLOCK_GROUP)
         return pos + (int64_t)e.head;
@@ -246,7 +258,7 @@ static int64_t read_element(const struct sst_segment *s, int64_t pos, const stru
         return -EIO;
     if (e.id == SST_EBML_SIMPLE_BLOCK || e.id == SST_EBML_BLOCK) {
         /* A block: the track's number, two bytes of time, one of flags, the frame. */
-        bytes = sst_ebml_number(head + e.head, (size_t)n - e.head, &track) + 3;
+        bytes = ebml_number(head + e.head, (size_t)n - e.head, &track) + 3;
         if (bytes == 3 || track < 1 || track > (uint64_t)s->cameras || !set->frame[track - 1] ||
             e.size != bytes + set->frame[track - 1]->bytes)
             return -EIO;
@@ -255,7 +267,7 @@ static int64_t read_element(const struct sst_segment *s, int64_t pos, const stru
     return pos + (int64_t)(e.head + e.size);
 }
 
-/* libavformat does not say where it put a frame. */
+/* libavformat does not report where it wrote a frame. */
 static int find_frames(const struct sst_segment *s, int64_t pos, const struct sst_set *set, int64_t *offset)
 {
     while (pos >= 0 && pos < s->end)
@@ -265,8 +277,7 @@ static int find_frames(const struct sst_segment *s, int64_t pos, const struct ss
             pos = -EIO;
     }
     if (pos < 0)
-        sst_log_error("%s does not read back as it was written (%s); is the disk failing?", s->path,
-                      strerror((int)-pos));
+        sst_log_error("%s does not read back as it was written (%s); check the disk", s->path, strerror((int)-pos));
     return pos < 0 ? (int)pos : 0;
 }
 
@@ -323,11 +334,11 @@ void segment_abandon(struct sst_segment *s)
 {
     if (!s)
         return;
-    s->error = s->error ? s->error : -ECANCELED; /* whatever libavformat still holds goes nowhere */
+    s->error = s->error ? s->error : -ECANCELED; /* discards what libavformat still holds */
     if (!s->kept)
         unlink(s->path);
     else if (ftruncate(s->fd, s->kept))
-        sst_log_warning("cannot cut %s behind its last set: %s; readers pass over the rest", s->path, strerror(errno));
+        sst_log_warning("cannot truncate %s after its last set: %s; readers skip the rest", s->path, strerror(errno));
     close_format(s);
 }
 

@@ -22,9 +22,9 @@ static SST_PRINTF(3, 4) size_t put(char *out, size_t at, const char *fmt, ...)
     int n;
 
     va_start(args, fmt);
-    n = vsnprintf(out + at, SST_SETLIST_LINE_MAX - at, fmt, args);
+    n = vsnprintf(out + at, MANIFEST_LINE_MAX - at, fmt, args);
     va_end(args);
-    assert(n >= 0 && at + (size_t)n < SST_SETLIST_LINE_MAX); /* the buffer holds the longest line */
+    assert(n >= 0 && at + (size_t)n < MANIFEST_LINE_MAX); /* the buffer holds the longest line */
     return at + (size_t)n;
 }
 
@@ -38,7 +38,7 @@ static size_t put_end(char *out, size_t at)
     return put(out, at, ",\"crc\":\"%08" PRIx32 "\"}\n", crc_of(out, at));
 }
 
-size_t setlist_segment_line(char *out, int segment, int session, int64_t start_ns, int64_t wall_ns)
+size_t manifest_segment_line(char *out, int segment, int session, int64_t start_ns, int64_t wall_ns)
 {
     const size_t at = put(out, 0, "{\"segment\":%d,\"session\":%d,\"start_ns\":%" PRId64 ",\"wall_ns\":%" PRId64,
                           segment, session, start_ns, wall_ns);
@@ -46,11 +46,11 @@ size_t setlist_segment_line(char *out, int segment, int session, int64_t start_n
     return put_end(out, at);
 }
 
-const char *const setlist_columns[SST_SETLIST_COLUMNS] = {
+const char *const manifest_columns[MANIFEST_COLUMNS] = {
     "cam", "sequence", "lost_before", "from_set_ns", "arrival_ns", "offset", "bytes", "stride", "faults", "crc32",
 };
 
-size_t setlist_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32)
+size_t manifest_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32)
 {
     const char *comma = "";
     size_t at = put(out, 0,
@@ -83,7 +83,7 @@ size_t setlist_set_line(char *out, const struct sst_set *set, const int64_t *off
 
 /* --- reading lines ------------------------------------------------------------------------------------------------ */
 
-bool setlist_line_whole(const char *line, size_t n)
+bool manifest_line_whole(const char *line, size_t n)
 {
     char end[CRC_BYTES + 1];
 
@@ -95,12 +95,12 @@ bool setlist_line_whole(const char *line, size_t n)
 
 static int read_frame(const json_t *row, int cameras, struct sst_recording_set *set)
 {
-    json_int_t v[SST_SETLIST_COLUMNS];
+    json_int_t v[MANIFEST_COLUMNS];
     struct sst_recording_frame *f;
 
-    if (json_array_size(row) != SST_SETLIST_COLUMNS)
+    if (json_array_size(row) != MANIFEST_COLUMNS)
         return -EBADMSG;
-    for (size_t i = 0; i < SST_SETLIST_COLUMNS; i++) {
+    for (size_t i = 0; i < MANIFEST_COLUMNS; i++) {
         if (!json_is_integer(json_array_get(row, i)))
             return -EBADMSG;
         v[i] = json_integer_value(json_array_get(row, i));
@@ -153,10 +153,10 @@ static int read_set(json_t *root, int cameras, struct sst_recording_set *out)
     return err;
 }
 
-int setlist_parse(const char *line, size_t n, int cameras, struct setlist_segment *segment,
-                  struct sst_recording_set *set)
+int manifest_parse(const char *line, size_t n, int cameras, struct manifest_segment *segment,
+                   struct sst_recording_set *set)
 {
-    struct setlist_segment s;
+    struct manifest_segment s;
     json_int_t start, wall;
     json_t *root;
     int result = 1;
@@ -184,7 +184,7 @@ int setlist_parse(const char *line, size_t n, int cameras, struct setlist_segmen
     return result;
 }
 
-int setlist_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst_recording_frame *out)
+int manifest_parse_frame(const char *line, int cam, int64_t *wall_ns, struct sst_recording_frame *out)
 {
     struct sst_recording_frame f = { .offset = -1 };
     int64_t t_ns, wall, from_ns, arrival_ns, bytes, stride;

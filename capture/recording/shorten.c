@@ -45,7 +45,7 @@ static int parse(const uint8_t *data, size_t size, struct sst_recording_removed 
 
 /* --- segments ----------------------------------------------------------------------------------------------------- */
 
-/* @param lowest  out, NULL: not asked for; -1: none @return their number, or -errno */
+/* @param lowest  out, may be NULL; -1: none @return their number, or -errno */
 static int count_segments(const char *dir, int *lowest)
 {
     char folder[SST_PATH_MAX];
@@ -76,10 +76,10 @@ int sst_recording_segments(const char *dir)
     return count < 0 ? 0 : count;
 }
 
-/* Where the sets behind a segment begin, and how many are before them. @return 0, -EBADMSG: there are none */
+/* Find where the sets after a segment begin, and count those before. @return 0, -EBADMSG: there are none */
 static int find_rest(FILE *list, int behind, struct sst_recording_removed *out)
 {
-    struct setlist_segment s = { 0 };
+    struct manifest_segment s = { 0 };
     uint64_t sets = 0;
     char *line = NULL;
     size_t capacity = 0;
@@ -91,8 +91,8 @@ static int find_rest(FILE *list, int behind, struct sst_recording_removed *out)
             sets++;
             continue;
         }
-        if (line[n - 1] != '\n' || !setlist_line_whole(line, (size_t)n - 1) ||
-            setlist_parse(line, (size_t)n - 1, 1, &s, NULL) || s.segment <= behind)
+        if (line[n - 1] != '\n' || !manifest_line_whole(line, (size_t)n - 1) ||
+            manifest_parse(line, (size_t)n - 1, 1, &s, NULL) || s.segment <= behind)
             continue;
         *out = (struct sst_recording_removed){
             .before_segment = s.segment, .sets = sets, .t_ns = s.start_ns, .wall_ns = s.wall_ns
@@ -105,7 +105,7 @@ static int find_rest(FILE *list, int behind, struct sst_recording_removed *out)
     return err;
 }
 
-/* The same, of a recording's list. Not logged. */
+/* The same for a recording's manifest. Not logged. */
 static int rest_of(const char *dir, int behind, struct sst_recording_removed *out)
 {
     char path[SST_PATH_MAX];
@@ -121,7 +121,7 @@ static int rest_of(const char *dir, int behind, struct sst_recording_removed *ou
 
 /* --- what was removed --------------------------------------------------------------------------------------------- */
 
-/* Its note cannot be read: the first segment that is there tells as much. */
+/* removed.json cannot be read: derive it from the first segment present. */
 static void assume(const char *dir, const char *why, struct sst_recording_removed *out)
 {
     struct sst_recording_removed made = { 0 };
@@ -131,11 +131,11 @@ static void assume(const char *dir, const char *why, struct sst_recording_remove
         made = (struct sst_recording_removed){ 0 };
     made.assumed = true;
     if (made.before_segment)
-        sst_log_warning("%s; it is assumed that all before segment %06d, the first that is there, was removed to make "
+        sst_log_warning("%s; assuming that everything before segment %06d, the first present, was removed to make "
                         "room: %llu sets",
                         why, made.before_segment, (unsigned long long)made.sets);
     else
-        sst_log_warning("%s; it is assumed that nothing of the recording was removed", why);
+        sst_log_warning("%s; assuming that nothing of the recording was removed", why);
     *out = made;
 }
 
@@ -196,7 +196,7 @@ int sst_recording_shorten(const char *dir, int keep, struct sst_recording_remove
         return count < 0 ? -EIO : -ENODATA;
     err = rest_of(dir, lowest, &made);
     if (err) {
-        sst_log_error("%s cannot be shortened: its sets.jsonl names no set behind segment %06d", dir, lowest);
+        sst_log_error("cannot trim %s: its sets.jsonl names no set after segment %06d", dir, lowest);
         return err;
     }
     err = segment_path(path, dir, lowest);

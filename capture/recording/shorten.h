@@ -1,7 +1,7 @@
-/* capture/recording/shorten.h - take the oldest segments of a recording away, and say so beside the rest.
+/* capture/recording/shorten.h - trims a recording: removes its oldest segments.
  *
- * removed.json in a recording's folder says up to which segment its beginning was removed on purpose; lines of
- * sets.jsonl that name older segments stay and are passed over. Segments that are gone without it are damage. */
+ * removed.json in a recording's folder states up to which segment its beginning was removed on purpose; lines of
+ * sets.jsonl that name older segments stay and are skipped. Other missing segments are damage. */
 #ifndef SST_CAPTURE_RECORDING_SHORTEN_H
 #define SST_CAPTURE_RECORDING_SHORTEN_H
 
@@ -12,32 +12,32 @@
 struct sst_recording_removed {
     int before_segment;    /* segments below it were removed; 0: none */
     uint64_t sets;         /* that were in them */
-    int64_t t_ns, wall_ns; /* where the rest begins: start of its first segment (CLOCK_MONOTONIC), and UTC */
-    bool assumed;          /* removed.json is damaged: what was before the first segment that is there */
+    int64_t t_ns, wall_ns; /* start of the first segment of the rest (CLOCK_MONOTONIC), and UTC */
+    bool assumed;          /* removed.json is damaged: derived from the first segment present */
 };
 
 /**
- * What was removed of a recording. A removed.json that is damaged is no reason not to have the rest: what it said is
- * worked out from the files that are there, and a warning says so.
+ * Read what was removed from a recording. If removed.json is damaged, its content is derived from the files present,
+ * with a warning.
  * @param out  zeros: nothing @return 0, -EACCES, -ENOMEM, -ENAMETOOLONG; logged
  */
 SST_MUST_CHECK int sst_recording_read_removed(const char *dir, struct sst_recording_removed *out);
 
-/** Write removed.json, whole: one that was damaged, say. @return 0 or an error of the output; logged */
+/** Write removed.json, for one that was damaged. @return 0 or an error of the output; logged */
 SST_MUST_CHECK int sst_recording_write_removed(const char *dir, const struct sst_recording_removed *removed);
 
-/** Segments that are there. @return their number; 0 also where they cannot be read */
+/** Count the segments present. @return 0 also if they cannot be read */
 int sst_recording_segments(const char *dir);
 
 /**
- * Remove the oldest segment of a recording, which may be being written: removed.json says so first, so that a process
- * that is killed in between leaves nothing that looks damaged (on a disk without any room left it comes second).
+ * Remove the oldest segment of a recording, which may be being written: removed.json is written first, so that
+ * a kill in between leaves nothing that looks damaged (on a full disk it is written second).
  *
- * @param keep   segments that are to stay at least; 1 or more, of one that is being written 2
- * @param out    what is removed of the recording now, in all
- * @param bytes  out, that are free now, in whole blocks of 4 KiB
- * @return 0, -ENODATA (it has no more than those), -EBADMSG (its list names no set behind), -ENOSPC, -EROFS, -EIO,
- *         -ENOMEM; logged, but for -ENODATA. Thread: any, one at a time for a recording; waits for the disk.
+ * @param keep   least number of segments that stay: 1, of a recording that is being written 2
+ * @param out    what has been removed of the recording in all
+ * @param bytes  out, freed, in whole blocks of 4 KiB
+ * @return 0, -ENODATA (it has no more than those), -EBADMSG (its manifest names no set after it), -ENOSPC, -EROFS,
+ * -EIO, -ENOMEM; logged, but for -ENODATA. Thread: any, one at a time for a recording; waits for the disk.
  */
 SST_MUST_CHECK int sst_recording_shorten(const char *dir, int keep, struct sst_recording_removed *out, int64_t *bytes);
 

@@ -1,5 +1,4 @@
-/* A sync takes as long as the disk wants (measured: docs/recordings.md), so the thread that takes frames never waits
- * for one. */
+/* A sync may take long (measured: docs/recordings.md), so the thread that writes frames never waits for one. */
 #define _GNU_SOURCE
 #include "capture/recording/recording_internal.h"
 
@@ -16,7 +15,7 @@
 #include "base/thread.h"
 
 #define MAX_PAIRS   8 /* segments that wait for their last sync */
-#define HURRY_PAIRS 4 /* then it comes before its time */
+#define HURRY_PAIRS 4 /* from here on it is synced early */
 
 struct pair {
     int segment_fd, manifest_fd;
@@ -34,7 +33,7 @@ struct sync {
     /* under lock */
     pthread_mutex_t lock;
     pthread_cond_t wake;
-    struct pair pair[MAX_PAIRS]; /* the last one is being written to; only the sync thread takes from the front */
+    struct pair pair[MAX_PAIRS]; /* the last one is being written to; only the sync thread removes from the front */
     int pairs;
     bool stop;
     int error;
@@ -52,7 +51,7 @@ int sync_folder(const char *folder)
     return err;
 }
 
-/* The manifest comes last, so that on a quiet disk it never names bytes that are not there. */
+/* The manifest is synced last, so that it never names bytes that are not on disk. */
 static int sync_pair(const struct sync *s, const struct pair *p)
 {
     int err = fdatasync(p->segment_fd) ? -errno : 0;
@@ -64,7 +63,7 @@ static int sync_pair(const struct sync *s, const struct pair *p)
     return err;
 }
 
-static void tell(struct sync *s, int err)
+static void report(struct sync *s, int err)
 {
     if (err && !s->failing)
         sst_log_error("cannot sync the recording in %s: %s; its last sets may be damaged, check the disk", s->folder,
@@ -75,7 +74,7 @@ static void tell(struct sync *s, int err)
     s->last_error = err;
 }
 
-/* Called and returns with the lock held; free of it while the disk works. */
+/* Called and returns with the lock held; releases it during the sync. */
 static void sync_all_locked(struct sync *s)
 {
     struct pair pair[MAX_PAIRS];
@@ -94,7 +93,7 @@ static void sync_all_locked(struct sync *s)
             close(pair[i].manifest_fd);
         }
     }
-    tell(s, err);
+    report(s, err);
     pthread_mutex_lock(&s->lock);
     if (n > 1) {
         memmove(s->pair, s->pair + n - 1, (size_t)(s->pairs - n + 1) * sizeof(*s->pair));
@@ -192,7 +191,7 @@ bool sync_has_room(struct sync *s)
     return room;
 }
 
-int sync_take_error(struct sync *s)
+int sync_fetch_error(struct sync *s)
 {
     int err;
 

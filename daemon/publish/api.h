@@ -47,10 +47,10 @@ struct sst_api {
     int (*calibration_check)(void *arg, struct sst_api_answer *out);
     /** A moving picture; a reference to its outlet. @return 0, -ENOENT, -EOVERFLOW, -ENODATA */
     int (*outlet)(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
-    /** Something that is kept, by its name and what of it (.tar, .mkv ...): a socket that gives it as
-     *  daemon/slot/download.h says, the caller's.
-     *  @param type  out, MIME type, static @return 0, -ENOENT, -EBUSY (it is being written), -EMFILE (too many) */
-    int (*download)(void *arg, const char *name, int *fd, const char **type);
+    /** Open something in storage, by its name and what of it (.tar, .mkv ...).
+     *  @param out  the caller's @return 0, -EINPROGRESS (it is being made: call again), -ENOENT, -ENODATA (nothing of it
+     *  was recorded), -EBUSY (it is being written), -EMFILE (too many), -ENOSPC */
+    int (*download)(void *arg, const char *name, struct sst_download **out);
     struct sst_events *events;
 };
 

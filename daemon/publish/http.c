@@ -164,7 +164,6 @@ static void *reap(void *arg)
             if (now_ns > atomic_load(&l->deadline_ns))
                 shutdown(l->fd, SHUT_RDWR);
         }
-        http_readers_mark_locked(http, now_ns);
         pthread_mutex_unlock(&http->lock);
         if (http->tls)
             http_tls_look(&http->pairs, http->cfg.api->events, now_ns);
@@ -258,7 +257,6 @@ void sst_http_counters(struct sst_http *http, struct sst_http_counters *out)
         .refused = atomic_load(&http->refused),
         .bytes = atomic_load(&http->bytes),
         .skipped = atomic_load(&http->skipped),
-        .slow = atomic_load(&http->slow),
         .clients = atomic_load(&http->tcp.clients) + atomic_load(&http->local.clients),
         .streams = atomic_load(&http->streams),
         .listeners = atomic_load(&http->listeners),

@@ -39,7 +39,7 @@ struct sst_http_counters {
     uint64_t requests, refused; /* refused: wrong or no token, role, host, method, too large, too many */
     uint64_t bytes;
     uint64_t skipped;                /* pictures that slow viewers did not get */
-    uint64_t slow;                   /* downloads that ended because others had to wait for their slow readers */
+    uint64_t slow;                   /* always 0: a slow download no longer ends for others */
     int clients, streams, listeners; /* now; listeners: of the event stream */
 };
 

@@ -45,15 +45,6 @@ void http_name_peer(struct http_request *q)
     name_address(address_of(q), q->who, sizeof(q->who));
 }
 
-void http_network(struct http_request *q, uint8_t out[16])
-{
-    const struct sockaddr *address = q->local ? NULL : address_of(q);
-
-    memset(out, 0, 16);
-    if (address)
-        http_network_of(address, out);
-}
-
 int http_wrong_token(struct http_request *q, int *retry_s)
 {
     const struct sst_api *api = q->http->cfg.api;

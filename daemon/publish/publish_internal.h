@@ -200,29 +200,10 @@ struct http_side { /* the UNIX socket or TCP */
     SST_ATOMIC(int) clients;
 };
 
-struct http_pace_mark {
-    int64_t clock_ns;
-    uint64_t taken;
-};
-
-struct http_pace {                     /* zeros: a reader who begins */
-    struct http_pace_mark early, late; /* a window or more apart, once there are two */
-};
-
-struct http_reader {             /* of a download; under sst_http.lock */
-    bool placed, local, dropped; /* dropped: his connection was shut, and is about to end */
-    uint8_t network[16];
-    uint64_t given;   /* bytes handed to the connection */
-    int64_t clock_ns; /* for so long he was waited for until ... */
-    int64_t since_ns; /* ... then; 0: now the disk is */
-    struct http_pace pace;
-};
-
 struct http_link { /* one connection; under sst_http.lock, deadline_ns by its own thread too */
     struct http_link *next, **prev;
     int fd;
     struct http_pair *pair; /* of TLS, or NULL */
-    struct http_reader reader;
     SST_ATOMIC(int64_t) deadline_ns; /* what a client is to have sent must be here by then; INT64_MAX: all is here */
 };
 
@@ -242,12 +223,10 @@ struct sst_http {
     pthread_cond_t wake;
     struct http_link *links;
     int64_t flood_ns; /* when too many connections were last reported */
-    int64_t slow_ns;  /* when a slow reader was last reported */
-    int waiting;      /* for a place for a download */
     int64_t again_ns; /* the reaper's alone: when the address is tried again */
     /* atomic */
     SST_ATOMIC(bool) stopping;
-    SST_ATOMIC(uint64_t) requests, refused, bytes, skipped, slow;
+    SST_ATOMIC(uint64_t) requests, refused, bytes, skipped;
     SST_ATOMIC(int) streams, listeners, port;
     SST_ATOMIC(int) away; /* errno of the address that is not to be had yet; 0: it is */
 };
@@ -288,34 +267,6 @@ bool http_is_picture(const struct sst_route *route);
 
 /** Fill in q->who from the address. */
 void http_name_peer(struct http_request *q);
-
-/** Who the address of a client of TCP belongs to, as limits for one address count. @param out  zeros where there is
- * none */
-void http_network(struct http_request *q, uint8_t out[16]);
-
-/* --- downloads (http_readers.c) ------------------------------------------------------------------------------------
- */
-
-#define SST_DOWNLOADS_ADDRESS 12         /* of SST_DOWNLOADS_MAX, for one address */
-#define SST_READER_LEAST      64000      /* bytes per second: who takes less loses his place to others */
-#define SST_READER_WINDOW_NS  5000000000 /* over which that is judged, at least */
-
-/** Have a place until http_reader_end(). Where all are taken, or those of this address, the slowest reader below
- * the minimum (of this address) is dropped and counted; waits for a few seconds. @return 0, -EMFILE */
-SST_MUST_CHECK int http_reader_begin(struct http_request *q);
-void http_reader_end(struct sst_http *http, struct http_link *link);
-
-/** He has taken what he was given: from now on the disk is waited for, and no longer he. */
-void http_reader_waits(struct sst_http *http, struct http_link *link);
-void http_reader_given(struct sst_http *http, struct http_link *link, size_t bytes);
-
-/** Note how far each has come; to be called each second, with the lock held. */
-void http_readers_mark_locked(struct sst_http *http, int64_t now_ns);
-
-/** Note how much was taken by when, of the reader's own clock. */
-void http_throughput_mark(struct http_pace *p, int64_t clock_ns, uint64_t taken);
-/** @return bytes per second over the last one or two windows; negative: not yet known */
-double http_throughput(const struct http_pace *p, int64_t clock_ns, uint64_t taken);
 
 /** Are there more connections than there may be? Told as an event, once in a while. */
 bool http_crowded(struct http_request *q);

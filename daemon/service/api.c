@@ -211,9 +211,9 @@ static int delete_kept(void *arg, const json_t *request, struct sst_api_answer *
     return err ? err : answer_name(out, name);
 }
 
-static int download(void *arg, const char *name, int *fd, const char **type)
+static int download(void *arg, const char *name, struct sst_download **out)
 {
-    return sst_storage_download(((struct sst_service *)arg)->storage, name, fd, type);
+    return sst_storage_download(((struct sst_service *)arg)->storage, name, out);
 }
 
 void service_api(struct sst_service *s)

@@ -41,7 +41,7 @@ static void *run(void *arg)
     struct work *w = arg;
     struct live_engine *v = w->v;
     const struct sst_check_config cfg = { .threads = 1 };
-    struct sst_check check;
+    struct sst_drift check;
     char why[SST_LOG_MAX] = "";
     int err;
 

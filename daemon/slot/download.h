@@ -1,24 +1,22 @@
-/* daemon/slot/download.h - how something that is kept reaches who downloads it: over a pair of sockets, so that who
- * waits for the disk and who waits for the network hold up nobody but each other.
- *
- * Storage first gives a struct sst_download_info, when it knows it; without an error it is then told one
- * struct sst_download_part, and gives exactly those bytes. An end before that: the rest cannot be read. Closing the
- * socket at any time ends the download. */
+/* daemon/slot/download.h - something in storage, opened for a client that downloads it. */
 #ifndef SST_DAEMON_SLOT_DOWNLOAD_H
 #define SST_DAEMON_SLOT_DOWNLOAD_H
 
+#include <sys/types.h>
+
 #include "base/base.h"
 
-#define SST_DOWNLOADS_MAX 16 /* at a time; a page of thumbnails takes six */
+#define SST_DOWNLOADS_MAX 16 /* at a time; a page of thumbnails needs six */
 
-struct sst_download_info {
-    int err;       /* 0, -ENOENT (gone), -ENODATA (nothing of it was recorded), or what reading it met */
-    int64_t bytes; /* of the whole */
-    char tag[24];  /* [0-9a-f]: other content has another one; "": it still grows, parts of it do not fit together */
-};
-
-struct sst_download_part {
-    int64_t first, bytes; /* first + bytes is at most info.bytes */
+/** One thread at a time. */
+struct sst_download {
+    int64_t bytes;    /* of the whole */
+    char tag[24];     /* [0-9a-f], differs for other content; "": it still grows, parts of it do not fit together */
+    const char *type; /* MIME type, static */
+    /** Read up to n bytes from any position before the end; waits for the disk. @return bytes, at least one, or -errno:
+     *  the rest was removed or cannot be read */
+    ssize_t (*read)(struct sst_download *d, int64_t at, void *out, size_t n);
+    void (*close)(struct sst_download *d); /* and free */
 };
 
 #endif

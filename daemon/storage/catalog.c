@@ -6,8 +6,8 @@
 #include <string.h>
 #include <time.h>
 
-#define PLAUSIBLE_NS (INT64_C(1767225600) * 1000000000) /* 2026-01-01: no clock that is set shows less */
-#define SLACK_NS     (INT64_C(3600) * 1000000000) /* what is made at a time may differ by its pre-roll and its length */
+#define PLAUSIBLE_NS (INT64_C(1767225600) * 1000000000) /* 2026-01-01: no clock that was set is earlier */
+#define SLACK_NS     (INT64_C(3600) * 1000000000)       /* for pre-roll and length */
 
 static bool is_before(const struct store_entry *a, const struct store_entry *b)
 {
@@ -55,7 +55,7 @@ void catalog_update(struct catalog *c, const struct store_entry *entry)
     if (!e)
         return;
     made.readers = e->readers;
-    made.doomed = e->doomed;
+    made.deleted_by_hand = e->deleted_by_hand;
     *e = made;
 }
 
@@ -82,7 +82,7 @@ bool store_name_good(const char *name)
     return n > 0 && n < SST_STORE_NAME && name[0] != '.' && strspn(name, letters) == n;
 }
 
-bool store_by_hand(const struct store_entry *e)
+bool store_is_manual(const struct store_entry *e)
 {
     return e->kind != SST_STORE_RECORDING || !strcmp(e->why, SST_STORE_ON_DEMAND);
 }
@@ -103,7 +103,7 @@ void store_name(char out[SST_STORE_NAME], enum store_kind kind, int64_t wall_ns,
     struct tm tm = { 0 };
     char date[32], suffix[16] = "";
 
-    /* Four digits of year: any clock gives a name of the same form. */
+    /* Four digits of year, whatever the clock. */
     if (!gmtime_r(&s, &tm) || tm.tm_year < 0 || tm.tm_year > 8099 ||
         !strftime(date, sizeof(date), "%Y-%m-%dT%H-%M-%SZ", &tm))
         snprintf(date, sizeof(date), "0000-00-00T00-00-00Z");
@@ -117,13 +117,13 @@ static bool may_go(const struct store_entry *e)
     return e->stage == SST_STORE_DONE || e->stage == SST_STORE_TORN;
 }
 
-/* Its oldest segments may go while it is being written. */
-static bool may_be_shortened(const struct store_entry *e)
+/* May its oldest segments be removed while it is being written? */
+static bool may_be_trimmed(const struct store_entry *e)
 {
     return e->kind == SST_STORE_RECORDING && e->stage == SST_STORE_ACTIVE && e->segments > SST_STORE_SEGMENTS;
 }
 
-/* What may go first, of what was made by hand or not; -1: none. */
+/* The first to remove, of what was made by hand or not; -1: none. */
 static int oldest(const struct catalog *c, bool by_hand)
 {
     int read = -1, written = -1;
@@ -131,14 +131,14 @@ static int oldest(const struct catalog *c, bool by_hand)
     for (int i = 0; i < c->count; i++) {
         const struct store_entry *e = &c->entry[i];
 
-        if (store_by_hand(e) != by_hand)
+        if (store_is_manual(e) != by_hand)
             continue;
         if (may_go(e) && !e->readers)
             return i;
         if (may_go(e) && read < 0)
             read = i;
-        if (may_be_shortened(e))
-            written = i; /* there is one at most */
+        if (may_be_trimmed(e))
+            written = i; /* at most one is active */
     }
     return read >= 0 ? read : written;
 }
@@ -150,9 +150,20 @@ int64_t store_room_bytes(const struct store_limits *l, const struct store_room *
     return l->quota_bytes && l->quota_bytes < disk ? l->quota_bytes : disk;
 }
 
-int64_t store_hand_bytes(const struct store_limits *l, const struct store_room *room)
+int64_t store_manual_bytes(const struct store_limits *l, const struct store_room *room)
 {
-    return l->hand_bytes ? l->hand_bytes : store_room_bytes(l, room) / 2;
+    return l->manual_bytes ? l->manual_bytes : store_room_bytes(l, room) / 2;
+}
+
+int64_t store_download_bytes(const struct store_limits *l, const struct store_room *room, int64_t made_bytes)
+{
+    const int64_t part = store_room_bytes(l, room) / 10 - made_bytes, disk = room->free_bytes - l->margin_bytes;
+    int64_t most = room->free_bytes - l->min_free_bytes;
+
+    if (l->quota_bytes && l->quota_bytes - room->used_bytes < most)
+        most = l->quota_bytes - room->used_bytes;
+    most = most > part ? most : part;
+    return most < disk ? most : disk;
 }
 
 static int too_much(const struct catalog *c, const struct store_limits *limits, const struct store_room *room)
@@ -161,35 +172,35 @@ static int too_much(const struct catalog *c, const struct store_limits *limits, 
     int64_t bytes = 0;
 
     for (int i = 0; i < c->count; i++)
-        bytes += store_by_hand(&c->entry[i]) ? c->entry[i].bytes : 0;
-    return hand >= 0 && (self < 0 || bytes > store_hand_bytes(limits, room)) ? hand : self;
+        bytes += store_is_manual(&c->entry[i]) ? c->entry[i].bytes : 0;
+    return hand >= 0 && (self < 0 || bytes > store_manual_bytes(limits, room)) ? hand : self;
 }
 
-/* Stamped by a clock that was not set yet, or set wrong? Things are made in their order, and none in the future. */
+/* Was the clock not set yet, or set wrong? Entries are made in their order, and none in the future. */
 static bool is_doubtful(int64_t end_ns, int64_t before_ns, int64_t wall_ns)
 {
     return end_ns < PLAUSIBLE_NS || end_ns - SLACK_NS > wall_ns || end_ns < before_ns - SLACK_NS;
 }
 
-/* By itself, and by hand: -1: there is none. */
+/* newest[0]: recorded automatically, newest[1]: made by hand; -1: none. */
 static void find_newest(const struct catalog *c, int newest[2])
 {
     newest[0] = newest[1] = -1;
     for (int i = 0; i < c->count; i++)
-        newest[store_by_hand(&c->entry[i])] = i;
+        newest[store_is_manual(&c->entry[i])] = i;
 }
 
-/* What bears a doubtful time was made before what came next: the time of that counts. */
+/* An entry with a doubtful time is as old as the next one with a plausible time. */
 static int too_old(const struct catalog *c, const struct store_limits *limits, const struct store_room *room)
 {
-    const int64_t age_ns[2] = { limits->max_age_ns, limits->hand_max_age_ns };
-    int newest[2], waits[2] = { -1, -1 }; /* the first that goes by the time of what comes next */
-    int64_t before_ns = 0;                /* the latest begin so far, as far as it is in the past */
+    const int64_t age_ns[2] = { limits->max_age_ns, limits->manual_max_age_ns };
+    int newest[2], waits[2] = { -1, -1 }; /* the first that depends on the time of the next entry */
+    int64_t before_ns = 0;                /* the latest beginning so far that is in the past */
 
     find_newest(c, newest);
     for (int i = 0; i < c->count; i++) {
         const struct store_entry *e = &c->entry[i];
-        const bool recording = e->kind == SST_STORE_RECORDING, by_hand = store_by_hand(e);
+        const bool recording = e->kind == SST_STORE_RECORDING, by_hand = store_is_manual(e);
         const int64_t begin_ns = recording ? e->from_ns : e->made_ns, end_ns = recording ? e->to_ns : e->made_ns;
 
         if (end_ns && may_go(e) && i != newest[by_hand] && age_ns[by_hand] && waits[by_hand] < 0)

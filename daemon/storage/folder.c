@@ -1,4 +1,4 @@
-/* The folder's files: storage.json of a recording, what is there, what a killed daemon left. */
+/* Files of the storage folder: storage.json, scanning, clean-up and repair after a killed daemon. */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <errno.h>
@@ -41,7 +41,7 @@ int store_write(const char *dir, const struct store_entry *e)
     return err;
 }
 
-/* Not by base/file.h: a folder of somebody else's is nothing to be logged. */
+/* Without base/file.h, which logs errors: other people's folders are not errors. */
 static int read_small(const char *path, char *text, size_t *size)
 {
     const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
@@ -93,9 +93,9 @@ int store_read(const char *dir, struct store_entry *e)
     return err;
 }
 
-/* --- what is there ------------------------------------------------------------------------------------------------ */
+/* --- scanning ------------------------------------------------------------------------------------------------ */
 
-static __thread int64_t sum; /* nftw() hands nothing on */
+static __thread int64_t sum; /* nftw() has no argument for its function */
 
 static int add_size(const char *path SST_UNUSED, const struct stat *st, int type, struct FTW *ftw SST_UNUSED)
 {
@@ -111,7 +111,7 @@ int64_t store_bytes(const char *dir)
     return sum;
 }
 
-/* A name that was made here, perhaps with more behind it: somebody else's is never touched. */
+/* Is it a name made here, perhaps with a suffix? Other folders are never touched. */
 static bool is_ours(enum store_kind kind, const char *name)
 {
     static const char form[] = "0000-00-00T00-00-00Z";
@@ -134,15 +134,15 @@ static bool has(const char *dir, const char *name)
     return !sst_path_join(path, dir, name) && !access(path, F_OK);
 }
 
-/* What a recording's storage.json does not know: it was written when the recording began, where its service was killed,
- * and before its beginning was removed, where it was killed in between. */
-static void look_closer(const char *path, struct store_entry *e)
+/* Correct what storage.json cannot know: after a kill it dates from the recording's beginning, or from before its
+ * oldest segments were removed. */
+static void refine_entry(const char *path, struct store_entry *e)
 {
     struct sst_recording_removed removed;
     const bool known = !sst_recording_read_removed(path, &removed), shortened = known && removed.before_segment;
 
     if (known && removed.assumed && sst_recording_write_removed(path, &removed))
-        sst_log_debug("%s: assumed anew with each look", path);
+        sst_log_debug("%s: removed.json cannot be rewritten", path);
     if (shortened) {
         const uint64_t gone = removed.sets > e->gone ? removed.sets - e->gone : 0;
 
@@ -155,8 +155,8 @@ static void look_closer(const char *path, struct store_entry *e)
         e->bytes = store_bytes(path);
 }
 
-/* What it was killed over: notes that never got their name, and a folder in which nothing else was. */
-static void tidy_recording(const char *path)
+/* Remove temporary files of a killed daemon, and the folder if it is empty then. */
+static void clean_recording(const char *path)
 {
     static const char *const notes[] = { ABOUT ".tmp-", "removed.json.tmp-" };
     DIR *d = opendir(path);
@@ -170,11 +170,11 @@ static void tidy_recording(const char *path)
     }
     if (d)
         closedir(d);
-    (void)rmdir(path); /* one with anything in it stays */
+    (void)rmdir(path); /* fails if it is not empty */
 }
 
-/* A folder's entry. @return 0, -ENOENT: nothing of ours */
-static int look_at(const char *folder, const char *name, enum store_kind kind, bool tidy, struct store_entry *e)
+/* Read the entry of a folder. @return 0, -ENOENT: not ours */
+static int read_entry(const char *folder, const char *name, enum store_kind kind, bool tidy, struct store_entry *e)
 {
     char path[SST_PATH_MAX];
     struct stat st;
@@ -193,12 +193,13 @@ static int look_at(const char *folder, const char *name, enum store_kind kind, b
     snprintf(e->name, sizeof(e->name), "%s", name);
     if (kind == SST_STORE_RECORDING) {
         if (tidy && is_ours(kind, name))
-            tidy_recording(path);
+            clean_recording(path);
         err = store_read(path, e);
         if (err == -EBADMSG && is_ours(kind, name)) {
-            sst_log_warning("%s/%s is damaged; it is made anew from the recording, of which it is no longer known what "
-                            "it was made for, and which goes first when room is needed",
-                            path, ABOUT);
+            sst_log_warning(
+                "%s/%s is damaged; it is rebuilt from the recording, whose reason is lost and which is removed "
+                "first when room is needed",
+                path, ABOUT);
             e->order = 1; /* before all others */
             e->stage = SST_STORE_TORN;
             e->from_ns = e->to_ns = e->made_ns = (int64_t)st.st_mtim.tv_sec * 1000000000 + st.st_mtim.tv_nsec;
@@ -206,7 +207,7 @@ static int look_at(const char *folder, const char *name, enum store_kind kind, b
         }
         e->picture = has(path, SST_VIDEO_PICTURES);
         if (!err)
-            look_closer(path, e);
+            refine_entry(path, e);
         return err;
     }
     if (!has(path, "lightfield.json"))
@@ -215,7 +216,7 @@ static int look_at(const char *folder, const char *name, enum store_kind kind, b
         e->from_ns = e->to_ns = e->made_ns = (int64_t)st.st_mtim.tv_sec * 1000000000 + st.st_mtim.tv_nsec;
         e->sets = 1;
     }
-    e->stage = SST_STORE_DONE; /* they appear whole */
+    e->stage = SST_STORE_DONE; /* they are renamed into place when complete */
     e->picture = has(path, "picture.jpg");
     e->bytes = store_bytes(path);
     return 0;
@@ -232,7 +233,7 @@ int store_scan(const char *folder, enum store_kind kind, bool tidy, struct catal
     while (!err && (errno = 0, f = readdir(d))) {
         struct store_entry e;
 
-        if (f->d_name[0] != '.' && !look_at(folder, f->d_name, kind, tidy, &e))
+        if (f->d_name[0] != '.' && !read_entry(folder, f->d_name, kind, tidy, &e))
             err = catalog_add(c, &e);
     }
     if (!err && errno)
@@ -241,10 +242,10 @@ int store_scan(const char *folder, enum store_kind kind, bool tidy, struct catal
     return err;
 }
 
-/* --- mending ------------------------------------------------------------------------------------------------------ */
+/* --- repair ------------------------------------------------------------------------------------------------------ */
 
 /* First and last set that can be read. */
-static void read_span(const struct sst_recording *r, struct store_entry *e)
+static void read_range(const struct sst_recording *r, struct store_entry *e)
 {
     struct sst_recording_set *set = malloc(sizeof(*set));
     const int n = sst_recording_sets(r);
@@ -264,8 +265,8 @@ static void read_span(const struct sst_recording *r, struct store_entry *e)
     free(set);
 }
 
-/* Going on with a recording cuts off what is half-written. */
-static int cut(const char *dir, const struct sst_recording_info *info)
+/* Resuming a recording removes what is half-written. */
+static int remove_torn(const char *dir, const struct sst_recording_info *info)
 {
     struct sst_recorder_config cfg;
     struct sst_recorder *recorder;
@@ -287,7 +288,7 @@ static int cut(const char *dir, const struct sst_recording_info *info)
     return err ? err : sst_recorder_close(recorder);
 }
 
-int store_mend(const char *dir, struct store_entry *e)
+int store_repair(const char *dir, struct store_entry *e)
 {
     struct store_entry made = *e;
     struct sst_recording *r;
@@ -299,23 +300,23 @@ int store_mend(const char *dir, struct store_entry *e)
     if (access(path, F_OK))
         return errno == ENOENT ? -ENODATA : -EIO;
     err = sst_path_join(path, dir, "sets.jsonl");
-    if (!err && access(path, F_OK) && errno == ENOENT) { /* it comes after recording.json and before any segment */
+    if (!err && access(path, F_OK) && errno == ENOENT) { /* it is created after recording.json and before any segment */
         if (!sst_recording_segments(dir))
             return -ENODATA;
-        sst_log_error("%s is missing, which says what the segments hold", path);
+        sst_log_error("%s is missing: nothing else says what the segments hold", path);
         err = -EBADMSG;
     }
     if (!err)
         err = sst_recording_open(&r, dir);
     if (err)
         return err;
-    err = cut(dir, sst_recording_info(r));
+    err = remove_torn(dir, sst_recording_info(r));
     sst_recording_close(r);
     if (!err)
         err = sst_recording_open(&r, dir);
     if (err)
         return err;
-    read_span(r, &made);
+    read_range(r, &made);
     sst_recording_close(r);
     if (!made.sets)
         return -ENODATA;

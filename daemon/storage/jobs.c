@@ -1,4 +1,4 @@
-/* Snapshots and exports: light fields made one after another on a thread of their own, by calls that wait for a while.
+/* Snapshots and exports: light fields, made one after another by the thread sst-export; calls wait for a limited time.
  */
 #include <errno.h>
 #include <stdio.h>
@@ -11,7 +11,7 @@
 #include "daemon/storage/storage_internal.h"
 
 #define NEAR_NS   10000000000 /* an export is of a set within this of the moment */
-#define STRIDE    64          /* sets between two looks for a moment */
+#define STRIDE    64          /* step of the coarse search for a moment */
 #define RECENT    5           /* sets among which a snapshot takes a complete one */
 #define NAMES_MAX 99          /* snapshots of one second */
 
@@ -24,7 +24,7 @@ struct store_job {
     size_t jpeg_bytes;
     struct store_settings settings;
     /* under the storage's lock */
-    bool done, left; /* left: nobody waits for it any more */
+    bool done, left; /* left: the call no longer waits */
     int err;
 };
 
@@ -41,7 +41,7 @@ static int read_calibration(struct sst_use_calibration *use, const struct store_
     return err;
 }
 
-/* A calibration that cannot be used must not cost the moment: it can be given to the light field later. */
+/* A calibration that cannot be used must not lose the moment: it can be applied to the light field later. */
 static int make_lightfield(const struct store_job *job, const struct sst_recording *r, int set, const char *source,
                            const char *out)
 {
@@ -75,11 +75,11 @@ static int make_lightfield(const struct store_job *job, const struct sst_recordi
         return err;
     }
     if (why[0])
-        sst_log_warning("%s; %s is kept as the cameras saw it", why, job->entry.name);
+        sst_log_warning("%s; %s is stored without a calibration", why, job->entry.name);
     return sst_recording_to_lightfields(r, &cfg);
 }
 
-/* A set of the ring becomes a recording of one set first: light fields are made of recordings. */
+/* Light fields are made from recordings: a set of the ring is first written as a recording of one set. */
 static int record_one(struct sst_storage *s, const struct store_job *job, const char *dir)
 {
     const struct sst_set *set = &job->kept->set;
@@ -123,7 +123,8 @@ static int64_t distance(int64_t a, int64_t b)
     return a > b ? a - b : b - a;
 }
 
-/* The set nearest to a moment. Wall clocks are stepped: every 64th set is looked at, then those around the nearest. */
+/* The set nearest to a moment. Wall clocks are stepped, so this checks every 64th set, then those around the nearest.
+ */
 static int find_set(const struct sst_recording *r, int64_t wall_ns, int *nearest)
 {
     struct sst_recording_set *set = malloc(sizeof(*set));
@@ -188,19 +189,19 @@ static void free_job(struct sst_storage *s, struct store_job *job)
     free(job);
 }
 
-static void tell(struct sst_storage *s, const struct store_job *job, int err, const char *said)
+static void report(struct sst_storage *s, const struct store_job *job, int err, const char *said)
 {
     const char *type = job->entry.kind == SST_STORE_SNAPSHOT ? "snapshot" : "export";
 
     if (err)
         sst_events_emit(s->events, SST_EVENT_ERROR, type, json_pack("{s:s}", "name", job->entry.name),
-                        "%s cannot be made: %.180s", job->entry.name, said[0] ? said : strerror(-err));
+                        "cannot make %s: %.180s", job->entry.name, said[0] ? said : strerror(-err));
     else
         sst_events_emit(s->events, SST_EVENT_INFO, type, json_pack("{s:s}", "name", job->entry.name), "%s is made",
                         job->entry.name);
 }
 
-/* Without the file that says so it counts as the oldest after the next start: nothing to fail for. */
+/* Without storage.json it only counts as the oldest after the next start, so an error is ignored. */
 static void settle(struct sst_storage *s, struct store_job *job)
 {
     struct store_entry *e = &job->entry;
@@ -217,7 +218,7 @@ static void settle(struct sst_storage *s, struct store_job *job)
         sst_log_debug("%s: its order is lost", path);
 }
 
-/* It is told when it can be had, listed, deleted; who waits for it is answered when it has been told. */
+/* The event is emitted when the result can be downloaded, listed and deleted; then the waiting call returns. */
 static void end_job(struct sst_storage *s, struct store_job *job, int err, const char *said)
 {
     bool left;
@@ -231,7 +232,7 @@ static void end_job(struct sst_storage *s, struct store_job *job, int err, const
         catalog_update(&s->catalog, &job->entry);
     pthread_cond_broadcast(&s->wake); /* the limits */
     pthread_mutex_unlock(&s->lock);
-    tell(s, job, err, said);
+    report(s, job, err, said);
     pthread_mutex_lock(&s->lock);
     s->jobs--;
     memmove(&s->job[0], &s->job[1], (size_t)s->jobs * sizeof(s->job[0]));
@@ -275,7 +276,7 @@ void *store_jobs_run(void *storage)
 
 /* --- calls -------------------------------------------------------------------------------------------------------- */
 
-/* May something be added? What it is too much for goes then: sst-keep sees to that. */
+/* May something be added? sst-retention removes what then exceeds the limits. */
 static int check_room(struct sst_storage *s)
 {
     int err;
@@ -288,7 +289,7 @@ static int check_room(struct sst_storage *s)
     return err;
 }
 
-/* Hand the job to the thread and wait a while. It is freed here or there. */
+/* Queue the job and wait for a limited time. The job is freed here or by the thread. */
 static int submit(struct sst_storage *s, struct store_job *job, char *name)
 {
     const int64_t until_ns = sst_clock_now_ns() + SST_STORE_ANSWER_MS * INT64_C(1000000);
@@ -396,7 +397,7 @@ static const struct sst_kept *find_kept(struct sst_ring *ring, int64_t wall_ns)
     }
 }
 
-/* The recording of this name, or that comes nearest to the moment. @return its distance from it; INT64_MAX: none */
+/* The recording of this name, or the nearest to the moment. @return its distance from it; INT64_MAX: none */
 static int64_t find_recording(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name)
 {
     int64_t best = INT64_MAX;
@@ -438,7 +439,7 @@ int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wal
     job->kept = recording ? NULL : find_kept(s->ring, wall_ns);
     if (job->kept)
         away_ram = distance(job->kept->set.wall_ns, wall_ns);
-    /* What is in memory needs no reading; half a second is what sets of 1 Hz are apart. */
+    /* Sets in memory need no reading; half a second covers sets at 1 Hz. */
     if (job->kept && away_ram > 500000000 && away < away_ram) {
         sst_ring_unref(s->ring, job->kept);
         job->kept = NULL;

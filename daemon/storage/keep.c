@@ -1,4 +1,5 @@
-/* The thread that keeps the folder: makes and locks it, measures, removes what the limits do not allow, mends. */
+/* The retention thread: creates and locks the folder, measures usage, removes what exceeds the limits, repairs torn
+ * recordings. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
@@ -18,31 +19,31 @@
 
 #define PASS_MS     500
 #define RESCAN_NS   60000000000
-#define STEADY_NS   600000000000 /* that the wall clock must have run without a step before ages count */
+#define STEADY_NS   600000000000 /* without a step of the wall clock before ages count */
 #define STEP_NS     2000000000
-#define MARGIN_S    2  /* of sets that may come between two passes */
-#define PARTS       10 /* of the room: what is removed at once is one of them at most */
+#define MARGIN_S    2  /* of sets that may arrive between two passes */
+#define PARTS       10 /* of the room: at most one of them is removed at once */
 #define PART_MIN    ((int64_t)1 << 20)
 #define PROBE_BYTES ((size_t)256 << 10)
 
-/* Keep thread only. */
-struct keep {
+/* Retention thread only. */
+struct retention {
     struct sst_storage *s;
-    int lock_fd;  /* -1: the folder is not ours yet */
+    int lock_fd;  /* -1: the folder is not locked yet */
     dev_t dev[2]; /* of dir and its recordings/, as they were when it was locked */
     ino_t ino[2];
     bool scanned;
-    int64_t scan_ns, clock_ns, steady_ns; /* last look; wall less monotonic; since when it is steady */
+    int64_t scan_ns, clock_ns, steady_ns; /* last scan; wall less monotonic clock; steady since */
     bool steady;
-    bool stuck; /* the recording at work cannot be shortened */
+    bool stuck; /* the active recording cannot be trimmed */
     char said[SST_LOG_MAX];
 };
 
 /* --- the folder --------------------------------------------------------------------------------------------------- */
 
-static void folder_fails(struct keep *k, int err, const char *text)
+static void set_folder_error(struct retention *r, int err, const char *text)
 {
-    struct sst_storage *s = k->s;
+    struct sst_storage *s = r->s;
 
     pthread_mutex_lock(&s->lock);
     s->blocked = true;
@@ -54,7 +55,7 @@ static void folder_fails(struct keep *k, int err, const char *text)
     pthread_mutex_unlock(&s->lock);
 }
 
-static void folder_says(struct keep *k, int err, const char *path)
+static void report_folder(struct retention *r, int err, const char *path)
 {
     const char *remedy = err == -EROFS    ? "mount it writable"
                          : err == -EACCES ? "give it and all in it to the user of the service (chown -R)"
@@ -63,121 +64,121 @@ static void folder_says(struct keep *k, int err, const char *path)
                                           : "check the disk";
     char text[SST_STORE_TEXT];
 
-    snprintf(text, sizeof(text), "cannot write into %.300s: %s; %s, recording then goes on by itself", path,
+    snprintf(text, sizeof(text), "cannot write to %.300s: %s; %s; recording then resumes by itself", path,
              strerror(-err), remedy);
-    folder_fails(k, err, text);
+    set_folder_error(r, err, text);
 }
 
-/* Another service in the same folder would remove and mend what this one writes. */
-static int lock_folder(struct keep *k)
+/* Another service in the same folder would remove and repair what this one writes. */
+static int lock_folder(struct retention *r)
 {
     char path[SST_PATH_MAX], text[SST_STORE_TEXT], pid[32] = "";
-    int fd, err = sst_path_join(path, k->s->dir, ".lock");
+    int fd, err = sst_path_join(path, r->s->dir, ".lock");
     ssize_t n;
 
     fd = err ? -1 : open(path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (fd < 0) {
         err = err ? err : -errno;
-        folder_says(k, err, k->s->dir);
+        report_folder(r, err, r->s->dir);
         return err;
     }
     if (flock(fd, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK) {
         n = pread(fd, pid, sizeof(pid) - 1, 0);
         close(fd);
         snprintf(text, sizeof(text),
-                 "another sstd (process %d) keeps its recordings in %.300s; stop it or name another storage.dir",
-                 n > 0 ? atoi(pid) : 0, k->s->dir);
-        folder_fails(k, -EBUSY, text);
+                 "%.300s is in use by another sstd (process %d); stop it or set another storage.dir", r->s->dir,
+                 n > 0 ? atoi(pid) : 0);
+        set_folder_error(r, -EBUSY, text);
         return -EBUSY;
-    } /* a file system without locks has none to lose */
+    } /* on a file system without locks nothing is locked */
     n = snprintf(pid, sizeof(pid), "%d\n", (int)getpid());
     if (ftruncate(fd, 0) || pwrite(fd, pid, (size_t)n, 0) != n)
-        sst_log_debug("%s does not take the number of this process", path);
-    k->lock_fd = fd;
+        sst_log_debug("cannot write the process id into %s", path);
+    r->lock_fd = fd;
     return 0;
 }
 
-static int make_folders(struct keep *k)
+static int make_folders(struct retention *r)
 {
-    struct sst_storage *s = k->s;
+    struct sst_storage *s = r->s;
     int err = mkdir(s->dir, 0777) && errno != EEXIST ? -errno : 0;
 
     for (int i = 0; !err && i < SST_STORE_KINDS; i++)
         err = mkdir(s->folder[i], 0777) && errno != EEXIST ? -errno : 0;
     if (err)
-        folder_says(k, err, s->dir);
+        report_folder(r, err, s->dir);
     return err;
 }
 
-/* Is what we locked still what the names lead to? */
-static bool is_same(struct keep *k)
+/* Do the paths still lead to the folders that were locked? */
+static bool is_same_folder(struct retention *r)
 {
-    const char *const path[] = { k->s->dir, k->s->folder[SST_STORE_RECORDING] };
+    const char *const path[] = { r->s->dir, r->s->folder[SST_STORE_RECORDING] };
     struct stat st;
 
     for (int i = 0; i < 2; i++) {
-        if (stat(path[i], &st) || st.st_dev != k->dev[i] || st.st_ino != k->ino[i])
+        if (stat(path[i], &st) || st.st_dev != r->dev[i] || st.st_ino != r->ino[i])
             return false;
     }
     return true;
 }
 
-static void remember(struct keep *k)
+static void remember_folder(struct retention *r)
 {
-    const char *const path[] = { k->s->dir, k->s->folder[SST_STORE_RECORDING] };
+    const char *const path[] = { r->s->dir, r->s->folder[SST_STORE_RECORDING] };
     struct stat st = { 0 };
 
     for (int i = 0; i < 2; i++) {
-        (void)stat(path[i], &st); /* what fails now fails in the next pass */
-        k->dev[i] = st.st_dev;
-        k->ino[i] = st.st_ino;
+        (void)stat(path[i], &st); /* a failure shows again in the next pass */
+        r->dev[i] = st.st_dev;
+        r->ino[i] = st.st_ino;
     }
 }
 
-/* The folder was removed, or another file system lies over it: nothing in memory is about what is there now. */
-static void lose_folder(struct keep *k)
+/* The folder was removed, or another file system is mounted over it: the catalog no longer describes it. */
+static void drop_folder(struct retention *r)
 {
-    struct sst_storage *s = k->s;
+    struct sst_storage *s = r->s;
     const int64_t until_ns = sst_clock_now_ns() + 2000000000;
     char text[SST_STORE_TEXT];
 
     snprintf(text, sizeof(text), "%.300s was removed, or another file system was mounted there", s->dir);
-    folder_fails(k, -EIO, text);
+    set_folder_error(r, -EIO, text);
     pthread_mutex_lock(&s->lock);
     s->ready = false;
-    s->take_lost = s->take[0] != 0;
-    /* Until nothing is written there, and sst-state has met it: made anew before that, it would not be told. */
-    while ((s->take[0] || s->trouble != SST_TROUBLE_FOLDER || strcmp(s->reason, text)) && !s->stop &&
+    s->active_lost = s->active_name[0] != 0;
+    /* Wait until nothing is written there and sst-state has reported it; then the folder may be created again. */
+    while ((s->active_name[0] || s->trouble != SST_TROUBLE_FOLDER || strcmp(s->reason, text)) && !s->stop &&
            sst_clock_now_ns() < until_ns)
         store_wait_locked(s, 100);
-    if (!s->take[0])
+    if (!s->active_name[0])
         catalog_fini(&s->catalog);
     pthread_mutex_unlock(&s->lock);
-    close(k->lock_fd);
-    k->lock_fd = -1;
-    k->scanned = false;
+    close(r->lock_fd);
+    r->lock_fd = -1;
+    r->scanned = false;
 }
 
-/* The recording at work may have been removed alone. */
-static void check_take(struct keep *k)
+/* The active recording alone may have been removed. */
+static void check_active(struct retention *r)
 {
-    struct sst_storage *s = k->s;
+    struct sst_storage *s = r->s;
     char name[SST_STORE_NAME], path[SST_PATH_MAX];
 
     pthread_mutex_lock(&s->lock);
-    memcpy(name, s->take, sizeof(name));
+    memcpy(name, s->active_name, sizeof(name));
     pthread_mutex_unlock(&s->lock);
     if (!name[0] || sst_path_join(path, s->folder[SST_STORE_RECORDING], name) || !access(path, F_OK))
         return;
     pthread_mutex_lock(&s->lock);
-    s->take_lost |= !strcmp(s->take, name);
+    s->active_lost |= !strcmp(s->active_name, name);
     pthread_mutex_unlock(&s->lock);
 }
 
-/* --- what is there ------------------------------------------------------------------------------------------------ */
+/* --- scanning ------------------------------------------------------------------------------------------------ */
 
-/* Both catalogs are in the same order: what is looked for is mostly what follows what was found last. With ten thousand
- * entries everybody would wait for the lock otherwise. */
+/* Both catalogs have the same order: the search continues behind the last hit. With ten thousand entries the lock would
+ * be held too long otherwise. */
 static bool find_next(const struct catalog *c, const char *name, int *next)
 {
     for (int k = 0; k < c->count; k++) {
@@ -191,7 +192,7 @@ static bool find_next(const struct catalog *c, const char *name, int *next)
     return false;
 }
 
-/* What has this order or a higher one may come into the folder while it is looked through. */
+/* Entries of this order or a higher one may appear in the folder while it is scanned. */
 static uint64_t unsettled_order(struct sst_storage *s)
 {
     uint64_t order;
@@ -208,7 +209,7 @@ static uint64_t unsettled_order(struct sst_storage *s)
     return order;
 }
 
-/* Take in what is new, and forget what somebody removed. */
+/* Add new entries and drop those whose folders were removed. */
 static void merge_locked(struct sst_storage *s, const struct catalog *found, bool first, uint64_t unsettled)
 {
     bool empty;
@@ -230,22 +231,22 @@ static void merge_locked(struct sst_storage *s, const struct catalog *found, boo
             !empty && find_next(&s->catalog, e.name, &next) ? &s->catalog.entry[next - 1] : NULL;
 
         if (known && known->stage == SST_STORE_KEPT)
-            catalog_update(&s->catalog, &e); /* tried again */
+            catalog_update(&s->catalog, &e); /* repaired again */
         if (known)
             continue;
         if (!first && e.stage == SST_STORE_TORN)
-            e.stage = SST_STORE_KEPT; /* not killed: perhaps it ended between our two looks */
+            e.stage = SST_STORE_KEPT; /* not killed: it may have ended between two scans */
         if (catalog_add(&s->catalog, &e))
             break;
     }
 }
 
-static int scan(struct keep *k)
+static int scan(struct retention *r)
 {
-    struct sst_storage *s = k->s;
+    struct sst_storage *s = r->s;
     struct catalog found = { 0 };
     const uint64_t unsettled = unsettled_order(s);
-    const bool first = !k->scanned;
+    const bool first = !r->scanned;
     int err = 0;
 
     for (int i = 0; !err && i < SST_STORE_KINDS; i++)
@@ -255,37 +256,38 @@ static int scan(struct keep *k)
         merge_locked(s, &found, first, unsettled);
         s->ready = true;
         pthread_mutex_unlock(&s->lock);
-        k->scanned = true;
-        k->scan_ns = sst_clock_now_ns();
+        r->scanned = true;
+        r->scan_ns = sst_clock_now_ns();
     } else {
-        folder_says(k, err, s->dir);
+        report_folder(r, err, s->dir);
     }
     catalog_fini(&found);
     return err;
 }
 
-/* What the recording at work really takes, and in how many files; what is written meanwhile is added by its thread. */
-static void measure_take(struct keep *k)
+/* Bytes and segments of the active recording as they are on disk; its thread adds what is written meanwhile. */
+static void measure_active(struct retention *r)
 {
-    struct sst_storage *s = k->s;
+    struct sst_storage *s = r->s;
     char name[SST_STORE_NAME], path[SST_PATH_MAX];
     struct store_entry *e;
     int64_t before = 0, bytes;
     int segments;
 
     pthread_mutex_lock(&s->lock);
-    memcpy(name, s->take, sizeof(name));
+    memcpy(name, s->active_name, sizeof(name));
     e = name[0] ? catalog_find(&s->catalog, name) : NULL;
     before = e ? e->bytes : 0;
     pthread_mutex_unlock(&s->lock);
     if (!e || sst_path_join(path, s->folder[SST_STORE_RECORDING], name))
         return;
     bytes = store_bytes(path);
-    segments = k->stuck ? 0 : sst_recording_segments(path);
+    segments = r->stuck ? 0 : sst_recording_segments(path);
     pthread_mutex_lock(&s->lock);
     e = catalog_find(&s->catalog, name);
     if (e && e->stage == SST_STORE_ACTIVE) {
-        /* What was written meanwhile is estimated, and never too low; the estimates end where nothing was. */
+        /* Bytes written meanwhile are estimated, never too low; without any the measured value replaces the estimate.
+         */
         if (e->bytes == before || bytes > e->bytes)
             e->bytes = bytes;
         e->segments = segments;
@@ -295,14 +297,14 @@ static void measure_take(struct keep *k)
 
 /* --- limits ------------------------------------------------------------------------------------------------------- */
 
-static void follow_clock(struct keep *k)
+static void follow_clock(struct retention *r)
 {
     const int64_t now_ns = sst_clock_now_ns(), offset_ns = sst_clock_wall_ns() - now_ns;
 
-    if (!k->steady_ns || llabs(offset_ns - k->clock_ns) > STEP_NS)
-        k->steady_ns = now_ns;
-    k->clock_ns = offset_ns;
-    k->steady = now_ns - k->steady_ns > STEADY_NS;
+    if (!r->steady_ns || llabs(offset_ns - r->clock_ns) > STEP_NS)
+        r->steady_ns = now_ns;
+    r->clock_ns = offset_ns;
+    r->steady = now_ns - r->steady_ns > STEADY_NS;
 }
 
 static int64_t margin_of(const struct store_settings *set, int64_t limit_bytes, int64_t set_bytes)
@@ -321,16 +323,16 @@ static int64_t set_bytes(struct sst_ring *ring)
     return c.sets > 0 ? (int64_t)(c.bytes / (uint64_t)c.sets) : 0;
 }
 
-static int look(struct keep *k, struct store_room *room, struct store_limits *limits)
+static int measure(struct retention *r, struct store_room *room, struct store_limits *limits)
 {
-    struct sst_storage *s = k->s;
+    struct sst_storage *s = r->s;
     const int64_t one = set_bytes(s->ring);
     struct statvfs v;
     int64_t quota_margin, free_margin;
 
     if (statvfs(s->folder[SST_STORE_RECORDING], &v))
         return -errno;
-    measure_take(k);
+    measure_active(r);
     pthread_mutex_lock(&s->lock);
     *limits = s->settings.limits;
     quota_margin = margin_of(&s->settings, limits->quota_bytes, one);
@@ -342,21 +344,22 @@ static int look(struct keep *k, struct store_room *room, struct store_limits *li
                                  .free_bytes = (int64_t)fmin((double)v.f_bavail * (double)v.f_frsize, 9e18),
                                  .waiting_bytes = s->waiting_bytes,
                                  .wall_ns = sst_clock_wall_ns(),
-                                 .clock_steady = k->steady };
+                                 .clock_steady = r->steady };
     s->used_bytes = room->used_bytes;
     s->free_bytes = room->free_bytes;
-    s->hand_bytes = store_hand_bytes(limits, room);
+    s->manual_bytes = store_manual_bytes(limits, room);
     s->part_bytes = store_room_bytes(limits, room) / PARTS;
     s->part_bytes = s->part_bytes < PART_MIN ? PART_MIN : s->part_bytes;
     pthread_mutex_unlock(&s->lock);
     return 0;
 }
 
-static void set_limit(struct keep *k, enum store_trouble limit, const struct store_limits *l,
+static void set_limit(struct retention *r, enum store_trouble limit, const struct store_limits *l,
                       const struct store_room *room)
 {
-    struct sst_storage *s = k->s;
-    /* What was over is under again once something was removed: where there is room, it was not the room. */
+    struct sst_storage *s = r->s;
+    /* After a removal both values may be within their limits again: the free space is the cause only while it is low.
+     */
     const bool room_lacks = l->min_free_bytes && room->free_bytes / 2 < l->min_free_bytes;
     const bool quota = l->quota_bytes && (!room_lacks || room->used_bytes > l->quota_bytes - 2 * l->margin_bytes);
     const double gb = 1e-9;
@@ -364,15 +367,15 @@ static void set_limit(struct keep *k, enum store_trouble limit, const struct sto
     pthread_mutex_lock(&s->lock);
     if (limit != s->limit && limit == SST_TROUBLE_LIMIT && quota)
         snprintf(s->limit_text, sizeof(s->limit_text),
-                 "what is kept in %.300s takes %.3g GB of quota_gb %.3g and nothing is left to remove; raise it",
-                 s->dir, (double)room->used_bytes * gb, (double)l->quota_bytes * gb);
+                 "%.300s uses %.3g GB of quota_gb %.3g and nothing is left to remove; raise quota_gb", s->dir,
+                 (double)room->used_bytes * gb, (double)l->quota_bytes * gb);
     else if (limit != s->limit && limit == SST_TROUBLE_LIMIT)
         snprintf(s->limit_text, sizeof(s->limit_text),
                  "%.3g GB are free in %.300s, less than min_free_gb %.3g, and nothing is left to remove; free space "
                  "there",
                  (double)room->free_bytes * gb, s->dir, (double)l->min_free_bytes * gb);
     else if (limit != s->limit && limit == SST_TROUBLE_LIMIT_LOW)
-        snprintf(s->limit_text, sizeof(s->limit_text), "the oldest is being removed to keep within %s %.3g",
+        snprintf(s->limit_text, sizeof(s->limit_text), "the oldest recordings are being removed to stay within %s %.3g",
                  quota ? "quota_gb" : "min_free_gb", (double)(quota ? l->quota_bytes : l->min_free_bytes) * gb);
     s->limit = limit;
     s->blocked = limit == SST_TROUBLE_LIMIT;
@@ -382,39 +385,40 @@ static void set_limit(struct keep *k, enum store_trouble limit, const struct sto
     pthread_mutex_unlock(&s->lock);
 }
 
-/* Far enough from the limits that the next set does not bring the same again. */
-static bool is_easy(const struct store_limits *l, const struct store_room *room, double part)
+/* Far enough from the limits that the next set does not exceed them at once. */
+static bool has_slack(const struct store_limits *l, const struct store_room *room, double part)
 {
     return !(l->quota_bytes && (double)room->used_bytes > (double)l->quota_bytes * (1 - part)) &&
            !(l->min_free_bytes && (double)room->free_bytes < (double)l->min_free_bytes * (1 + part));
 }
 
-/* A small one goes as a whole; of a large one, and of the one at work, the oldest segment. */
-static int make_room(struct keep *k, const struct store_entry *e, bool too_much)
+/* Small recordings are removed as a whole; large ones, and the active one, lose their oldest segment. */
+static int make_room(struct retention *r, const struct store_entry *e, bool too_much)
 {
     const bool active = e->stage == SST_STORE_ACTIVE;
     int err = -ENODATA;
 
-    if (active || (too_much && e->kind == SST_STORE_RECORDING && e->bytes > k->s->part_bytes)) /* written here alone */
-        err = store_shorten(k->s, e);
+    if (active ||
+        (too_much && e->kind == SST_STORE_RECORDING && e->bytes > r->s->part_bytes)) /* written by this thread alone */
+        err = store_trim(r->s, e);
     if (err && active) {
-        k->stuck = true;
+        r->stuck = true;
         return 0;
     }
-    return err ? store_remove(k->s, e) : 0;
+    return err ? store_remove(r->s, e) : 0;
 }
 
-static int keep_limits(struct keep *k)
+static int apply_limits(struct retention *r)
 {
-    struct sst_storage *s = k->s;
+    struct sst_storage *s = r->s;
     enum store_trouble limit = s->limit; /* written by this thread alone */
     enum store_verdict verdict;
     struct store_limits limits;
     struct store_room room;
     int err;
 
-    k->stuck = false;
-    while (!(err = look(k, &room, &limits))) {
+    r->stuck = false;
+    while (!(err = measure(r, &room, &limits))) {
         struct store_entry e = { .name = "" };
         int victim;
         bool stop;
@@ -429,7 +433,7 @@ static int keep_limits(struct keep *k)
             break;
         if (verdict == SST_STORE_TOO_MUCH && limit == SST_TROUBLE_NONE)
             limit = SST_TROUBLE_LIMIT_LOW;
-        err = make_room(k, &e, verdict == SST_STORE_TOO_MUCH);
+        err = make_room(r, &e, verdict == SST_STORE_TOO_MUCH);
         if (err)
             break;
     }
@@ -437,20 +441,20 @@ static int keep_limits(struct keep *k)
         return err;
     if (verdict == SST_STORE_NO_ROOM)
         limit = SST_TROUBLE_LIMIT;
-    else if (limit == SST_TROUBLE_LIMIT && is_easy(&limits, &room, 0.04))
+    else if (limit == SST_TROUBLE_LIMIT && has_slack(&limits, &room, 0.04))
         limit = SST_TROUBLE_LIMIT_LOW;
-    if (limit == SST_TROUBLE_LIMIT_LOW && is_easy(&limits, &room, 0.25))
+    if (limit == SST_TROUBLE_LIMIT_LOW && has_slack(&limits, &room, 0.25))
         limit = SST_TROUBLE_NONE;
-    set_limit(k, limit, &limits, &room);
+    set_limit(r, limit, &limits, &room);
     return 0;
 }
 
-/* --- mending, probing --------------------------------------------------------------------------------------------- */
+/* --- repairs, probing --------------------------------------------------------------------------------------------- */
 
-/* One in a pass: an hour of sets takes seconds to read. @return false: there was none */
-static bool mend_one(struct keep *k)
+/* One in a pass: reading an hour of sets takes seconds. @return false: there was none */
+static bool repair_one(struct retention *r)
 {
-    struct sst_storage *s = k->s;
+    struct sst_storage *s = r->s;
     struct store_entry e = { 0 };
     char path[SST_PATH_MAX];
     int err;
@@ -463,16 +467,17 @@ static bool mend_one(struct keep *k)
     pthread_mutex_unlock(&s->lock);
     if (!e.name[0] || sst_path_join(path, s->folder[SST_STORE_RECORDING], e.name))
         return false;
-    k->said[0] = 0;
-    err = store_mend(path, &e);
+    r->said[0] = 0;
+    err = store_repair(path, &e);
     if (err == -ENODATA) {
         if (!store_remove(s, &e))
             sst_log_info("%s held no set and was removed", path);
         return true;
     }
     if (err) {
-        sst_log_warning("%s was not finished and cannot be mended: %s", path, k->said[0] ? k->said : strerror(-err));
-        e.stage = err == -EBADMSG || err == -EEXIST ? SST_STORE_DONE : SST_STORE_KEPT; /* no use, or another time */
+        sst_log_warning("%s was not finished and cannot be repaired: %s", path, r->said[0] ? r->said : strerror(-err));
+        e.stage =
+            err == -EBADMSG || err == -EEXIST ? SST_STORE_DONE : SST_STORE_KEPT; /* unusable, or tried again later */
         e.bytes = store_bytes(path);
     }
     pthread_mutex_lock(&s->lock);
@@ -497,14 +502,14 @@ static int write_probe(const struct sst_storage *s)
     return err;
 }
 
-/* After a failed write nothing more is tried where nothing is to be recorded: this does it instead. */
-static void probe(struct keep *k)
+/* After a failed write, tests whether the disk accepts writes again while nothing is to be recorded. */
+static void probe(struct retention *r)
 {
-    struct sst_storage *s = k->s;
+    struct sst_storage *s = r->s;
     int failing;
 
     pthread_mutex_lock(&s->lock);
-    failing = s->take[0] || s->wanted ? 0 : s->write_err;
+    failing = s->active_name[0] || s->wanted ? 0 : s->write_err;
     pthread_mutex_unlock(&s->lock);
     if (!failing || write_probe(s))
         return;
@@ -514,72 +519,71 @@ static void probe(struct keep *k)
     pthread_mutex_unlock(&s->lock);
 }
 
-/* --- a look now and then ------------------------------------------------------------------------------------------ */
+/* --- a pass ------------------------------------------------------------------------------------------ */
 
-/* @return ms until the next one */
-static int pass(struct keep *k)
+/* @return ms until the next pass */
+static int pass(struct retention *r)
 {
-    struct sst_storage *s = k->s;
+    struct sst_storage *s = r->s;
     int err = 0;
 
-    if (k->lock_fd >= 0 && !is_same(k)) {
-        lose_folder(k);
-        return PASS_MS; /* told before anything is made anew */
+    if (r->lock_fd >= 0 && !is_same_folder(r)) {
+        drop_folder(r);
+        return PASS_MS; /* reported before it is created again */
     }
-    if (k->lock_fd < 0) {
-        err = make_folders(k);
+    if (r->lock_fd < 0) {
+        err = make_folders(r);
         if (!err)
-            err = lock_folder(k);
+            err = lock_folder(r);
         if (!err)
-            remember(k);
+            remember_folder(r);
     }
     if (!err && faccessat(AT_FDCWD, s->folder[SST_STORE_RECORDING], W_OK, AT_EACCESS)) {
         err = -errno;
-        folder_says(k, err, s->folder[SST_STORE_RECORDING]);
+        report_folder(r, err, s->folder[SST_STORE_RECORDING]);
     }
-    if (!err && (!k->scanned || sst_clock_now_ns() - k->scan_ns > RESCAN_NS))
-        err = scan(k);
+    if (!err && (!r->scanned || sst_clock_now_ns() - r->scan_ns > RESCAN_NS))
+        err = scan(r);
     if (err)
         return PASS_MS;
-    check_take(k);
-    store_remove_doomed(s);
-    follow_clock(k);
-    err = keep_limits(k);
+    check_active(r);
+    store_remove_deleted(s);
+    follow_clock(r);
+    err = apply_limits(r);
     if (err) {
-        folder_says(k, err, s->dir);
+        report_folder(r, err, s->dir);
         return PASS_MS;
     }
-    probe(k);
-    store_plans_expire(s, sst_clock_now_ns());
-    store_busy(s, &s->keep_busy_ns, false); /* mending takes its time */
-    return mend_one(k) ? 1 : PASS_MS;
+    probe(r);
+    store_busy(s, &s->retention_busy_ns, false); /* a repair may take long */
+    return repair_one(r) ? 1 : PASS_MS;
 }
 
-void *store_keep_run(void *storage)
+void *retention_run(void *storage)
 {
     struct sst_storage *s = storage;
-    struct keep k = { .s = s, .lock_fd = -1 };
+    struct retention r = { .s = s, .lock_fd = -1 };
     bool stop = false;
     int ms;
 
-    sst_log_hold_errors(k.said);
+    sst_log_hold_errors(r.said);
     while (!stop) {
-        store_busy(s, &s->keep_busy_ns, true);
-        ms = pass(&k);
-        store_busy(s, &s->keep_busy_ns, false);
+        store_busy(s, &s->retention_busy_ns, true);
+        ms = pass(&r);
+        store_busy(s, &s->retention_busy_ns, false);
         pthread_mutex_lock(&s->lock);
         if (!s->stop)
             store_wait_locked(s, ms);
         stop = s->stop;
         pthread_mutex_unlock(&s->lock);
     }
-    /* The folder stays ours until nothing is written any more. */
+    /* The folder stays locked until nothing is written any more. */
     pthread_mutex_lock(&s->lock);
-    while (s->threads > 1 && s->take[0])
+    while (s->threads > 1 && s->active_name[0])
         (void)store_wait_answer_locked(s, sst_clock_now_ns() + 100000000);
     pthread_mutex_unlock(&s->lock);
-    if (k.lock_fd >= 0)
-        close(k.lock_fd);
+    if (r.lock_fd >= 0)
+        close(r.lock_fd);
     sst_log_hold_errors(NULL);
     store_thread_ends(s);
     return NULL;

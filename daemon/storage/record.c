@@ -1,4 +1,4 @@
-/* The thread that records: it follows the ring set by set and writes those that somebody wants. */
+/* The recording thread: follows the ring set by set and writes those that are wanted. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,16 +12,16 @@
 #define HOUR_NS     3600000000000
 #define MINUTE_NS   60000000000
 #define RETRY_NS    1000000000 /* between attempts to begin a recording */
-#define SILENT_NS   5000000000 /* of live pictures, or of sets: what they wanted ends */
+#define SILENT_NS   5000000000 /* without live pictures or sets: recordings that wait for them end */
 #define POLL_MS     100
 #define NAMES_MAX   999 /* recordings that begin in one second of the wall clock */
-#define FRAME_BYTES 160 /* of a frame beside its own: line of the list, block in Matroska */
+#define FRAME_BYTES 160 /* overhead of a frame: line of the manifest, block in Matroska */
 #define SET_BYTES   1024
 #define SEGMENT_MAX ((int64_t)1 << 30)
-#define LIST_BYTES  80 /* of them in the list, and as much again for 3 frames a set */
+#define LIST_BYTES  80 /* of a frame in the manifest; a set takes as much as 3 frames more */
 
-/* The recording at work; recorder thread only. */
-struct take {
+/* The active recording; recording thread only. */
+struct active {
     struct sst_storage *s;
     struct sst_recorder *recorder; /* NULL: none */
     struct store_entry entry;
@@ -31,28 +31,28 @@ struct take {
     unsigned opening; /* of the array */
     bool continuous;
     int64_t first_ns, last_ns; /* set.t_ns of the first and last set; with sets */
-    int64_t side_bytes;        /* of the list and the view, which are not removed in pieces; about */
+    int64_t side_bytes;        /* about, of the manifest and the view, which are not removed in pieces */
     struct view_files view;
-    bool view_lost;       /* it could not be written */
+    bool view_lost;       /* writing it failed */
     uint64_t view_number; /* of the last picture that was written */
     int64_t begun_hour;
     uint64_t next;    /* number of the next set; 0: not known where to begin */
-    uint64_t last;    /* of the sets that were there when everything was to stop; 0: it is not */
+    uint64_t last;    /* number of the newest set when the service began to stop; 0: it has not */
     int64_t retry_ns; /* no new recording before */
     char said[SST_LOG_MAX];
 };
 
-/* What is wanted, as it was under the lock. */
-struct plan {
+/* A copy of what is wanted, made under the lock. */
+struct wanted {
     bool stop, ready, blocked, lost, wanted, continuous, asked, checked;
     int64_t stop_ns, part_bytes;
     char why[SST_STORE_WHY], zone[32], label[64];
     struct store_settings settings;
 };
 
-/* --- what is wanted ----------------------------------------------------------------------------------------------- */
+/* --- requests ----------------------------------------------------------------------------------------------- */
 
-/* Wants end when sets behind their end have come; where none come, by the clock. */
+/* A request ends with the first set after its end; without sets, by the clock. */
 static void expire_locked(struct sst_storage *s, int64_t now_ns)
 {
     if (s->event.armed && s->event.end_ns == INT64_MAX && now_ns - s->seen_ns > SILENT_NS)
@@ -63,22 +63,22 @@ static void expire_locked(struct sst_storage *s, int64_t now_ns)
         s->demand.armed = false;
 }
 
-static void make_plan(struct sst_storage *s, struct plan *p)
+static void read_wanted(struct sst_storage *s, struct wanted *p)
 {
     const struct store_want *w;
 
     pthread_mutex_lock(&s->lock);
     expire_locked(s, sst_clock_now_ns());
     s->waiting_bytes = 0; /* until the next one waits */
-    *p = (struct plan){ .stop = s->stop,
-                        .ready = s->ready,
-                        .blocked = s->blocked || !s->ready,
-                        .lost = s->take_lost,
-                        .asked = s->asked > s->answer,
-                        .checked = s->checked_ns != 0,
-                        .stop_ns = s->stop_ns,
-                        .part_bytes = s->part_bytes,
-                        .settings = s->settings };
+    *p = (struct wanted){ .stop = s->stop,
+                          .ready = s->ready,
+                          .blocked = s->blocked || !s->ready,
+                          .lost = s->active_lost,
+                          .asked = s->asked > s->answer,
+                          .checked = s->checked_ns != 0,
+                          .stop_ns = s->stop_ns,
+                          .part_bytes = s->part_bytes,
+                          .settings = s->settings };
     p->continuous = s->settings.mode == SST_RECORD_CONTINUOUS;
     w = s->event.armed && s->settings.mode == SST_RECORD_EVENT ? &s->event : s->demand.armed ? &s->demand : NULL;
     p->wanted = s->wanted = s->settings.opening && (p->continuous || w);
@@ -131,26 +131,26 @@ static void count_dropped(struct sst_storage *s, uint64_t n)
 
 /* --- begin and end of a recording --------------------------------------------------------------------------------- */
 
-static void tell(const struct take *t, const char *type, const char *reason)
+static void report(const struct active *a, const char *type, const char *reason)
 {
     const bool start = !strcmp(type, "record-start");
 
-    sst_events_emit(t->s->events, SST_EVENT_INFO, type,
-                    json_pack("{s:s, s:s, s:s, s:s, s:I}", "recording", t->entry.name, "reason", reason, "zone",
-                              t->zone, "label", t->label, "sets", (json_int_t)t->entry.sets),
-                    start ? "recording %s begins: %s" : "recording %s ends: %s", t->entry.name, reason);
+    sst_events_emit(a->s->events, SST_EVENT_INFO, type,
+                    json_pack("{s:s, s:s, s:s, s:s, s:I}", "recording", a->entry.name, "reason", reason, "zone",
+                              a->zone, "label", a->label, "sets", (json_int_t)a->entry.sets),
+                    start ? "recording %s begins: %s" : "recording %s ends: %s", a->entry.name, reason);
 }
 
-/* What failed is told by the state's thread, with what the part that failed has said. */
-static void failed(struct take *t, int err)
+/* sst-state reports the failure, with the message of the part that failed. */
+static void failed(struct active *a, int err)
 {
-    struct sst_storage *s = t->s;
+    struct sst_storage *s = a->s;
 
     pthread_mutex_lock(&s->lock);
     if (s->write_err != err) {
         s->write_err = err;
-        if (t->said[0])
-            snprintf(s->write_text, sizeof(s->write_text), "%.500s", t->said);
+        if (a->said[0])
+            snprintf(s->write_text, sizeof(s->write_text), "%.500s", a->said);
         else
             snprintf(s->write_text, sizeof(s->write_text), "cannot record into %.300s: %s", s->folder[0],
                      strerror(-err));
@@ -158,262 +158,262 @@ static void failed(struct take *t, int err)
     pthread_mutex_unlock(&s->lock);
 }
 
-/* A folder of its own, whatever the wall clock does. */
-static int make_folder(struct take *t, int64_t wall_ns, const char *why)
+/* Creates a new folder, also when the wall clock was set back. */
+static int make_folder(struct active *a, int64_t wall_ns, const char *why)
 {
-    struct sst_storage *s = t->s;
+    struct sst_storage *s = a->s;
     int err = -EEXIST;
 
     for (int attempt = 1; err == -EEXIST && attempt <= NAMES_MAX; attempt++) {
-        err = store_reserve(s, SST_STORE_RECORDING, wall_ns, attempt, why, &t->entry);
+        err = store_reserve(s, SST_STORE_RECORDING, wall_ns, attempt, why, &a->entry);
         if (err)
             continue;
-        err = sst_path_join(t->dir, s->folder[SST_STORE_RECORDING], t->entry.name);
-        if (!err && mkdir(t->dir, 0777)) {
+        err = sst_path_join(a->dir, s->folder[SST_STORE_RECORDING], a->entry.name);
+        if (!err && mkdir(a->dir, 0777)) {
             err = -errno;
             if (err != -EEXIST)
-                sst_log_error("cannot create the folder %s: %s", t->dir, strerror(-err));
+                sst_log_error("cannot create the folder %s: %s", a->dir, strerror(-err));
         }
         if (err) {
             pthread_mutex_lock(&s->lock);
-            catalog_remove(&s->catalog, t->entry.name);
+            catalog_remove(&s->catalog, a->entry.name);
             pthread_mutex_unlock(&s->lock);
         }
     }
     return err;
 }
 
-static int open_recorder(struct take *t, const struct store_settings *set, const struct sst_set *like)
+static int open_recorder(struct active *a, const struct store_settings *set, const struct sst_set *like)
 {
-    struct sst_recorder_track *tracks = store_tracks(t->s);
+    struct sst_recorder_track *tracks = store_tracks(a->s);
     struct sst_recorder_config cfg;
     int err;
 
     if (!tracks)
         return -ENOMEM;
-    t->opening = set->opening;
-    t->fourcc = set->fourcc;
-    t->width = set->width;
-    t->height = set->height;
+    a->opening = set->opening;
+    a->fourcc = set->fourcc;
+    a->width = set->width;
+    a->height = set->height;
     for (int k = 0; k < like->cameras; k++) {
         const struct sst_frame *f = like->frame[k];
 
         if (!f)
             continue;
-        t->fourcc = f->fourcc;
-        t->width = f->width;
-        t->height = f->height;
+        a->fourcc = f->fourcc;
+        a->width = f->width;
+        a->height = f->height;
         break;
     }
     sst_recorder_config_defaults(&cfg);
-    cfg.dir = t->dir;
+    cfg.dir = a->dir;
     cfg.rows = set->rows;
     cfg.cols = set->cols;
     cfg.cameras = set->cameras;
     cfg.tracks = tracks;
-    cfg.fourcc = t->fourcc;
-    cfg.width = t->width;
-    cfg.height = t->height;
+    cfg.fourcc = a->fourcc;
+    cfg.width = a->width;
+    cfg.height = a->height;
     cfg.rate_hz = set->rate_hz;
     cfg.spacing_mm = set->spacing_mm;
     cfg.segment_s = set->segment_s;
     cfg.sync_s = set->sync_s;
-    err = sst_recorder_open(&t->recorder, &cfg);
+    err = sst_recorder_open(&a->recorder, &cfg);
     free(tracks);
     return err;
 }
 
-static void forget(struct take *t)
+static void forget(struct active *a)
 {
-    struct sst_storage *s = t->s;
+    struct sst_storage *s = a->s;
 
     pthread_mutex_lock(&s->lock);
-    catalog_remove(&s->catalog, t->entry.name);
+    catalog_remove(&s->catalog, a->entry.name);
     pthread_mutex_unlock(&s->lock);
 }
 
-static int begin(struct take *t, const struct plan *p, const struct sst_kept *k)
+static int begin(struct active *a, const struct wanted *p, const struct sst_kept *k)
 {
-    struct sst_storage *s = t->s;
+    struct sst_storage *s = a->s;
     int err;
 
-    if (sst_clock_now_ns() < t->retry_ns)
+    if (sst_clock_now_ns() < a->retry_ns)
         return -EAGAIN;
-    t->said[0] = 0;
+    a->said[0] = 0;
     store_busy(s, &s->record_busy_ns, true);
-    err = make_folder(t, k->set.wall_ns, p->why);
+    err = make_folder(a, k->set.wall_ns, p->why);
     if (!err) {
-        err = store_write(t->dir, &t->entry);
+        err = store_write(a->dir, &a->entry);
         if (!err)
-            err = open_recorder(t, &p->settings, &k->set);
+            err = open_recorder(a, &p->settings, &k->set);
         if (err) {
-            forget(t);
-            sst_path_remove_tree(t->dir);
+            forget(a);
+            sst_path_remove_tree(a->dir);
         }
     }
     store_busy(s, &s->record_busy_ns, false);
     if (err) {
-        t->retry_ns = sst_clock_now_ns() + RETRY_NS;
-        failed(t, err);
+        a->retry_ns = sst_clock_now_ns() + RETRY_NS;
+        failed(a, err);
         return err;
     }
-    t->continuous = p->continuous;
-    t->view_lost = false;
-    t->side_bytes = 0;
-    memcpy(t->zone, p->zone, sizeof(t->zone));
-    memcpy(t->label, p->label, sizeof(t->label));
+    a->continuous = p->continuous;
+    a->view_lost = false;
+    a->side_bytes = 0;
+    memcpy(a->zone, p->zone, sizeof(a->zone));
+    memcpy(a->label, p->label, sizeof(a->label));
     pthread_mutex_lock(&s->lock);
-    memcpy(s->take, t->entry.name, sizeof(s->take));
-    memcpy(s->take_why, t->entry.why, sizeof(s->take_why));
-    s->take_sets = 0;
-    s->take_lost = false;
+    memcpy(s->active_name, a->entry.name, sizeof(s->active_name));
+    memcpy(s->active_why, a->entry.why, sizeof(s->active_why));
+    s->active_sets = 0;
+    s->active_lost = false;
     pthread_mutex_unlock(&s->lock);
-    tell(t, "record-start", t->entry.why);
+    report(a, "record-start", a->entry.why);
     return 0;
 }
 
 /* --- the see-through view ----------------------------------------------------------------------------------------- */
 
-/* Without it the sets are as good: it ends here, told once. */
-static void lose_view(struct take *t, int err)
+/* The view ends here, reported once; sets are still recorded. */
+static void drop_view(struct active *a, int err)
 {
-    sst_log_warning("the see-through view of %s cannot be recorded (%s); its sets are", t->dir, strerror(-err));
-    t->view_lost = true;
-    (void)view_end(&t->view, 0, 0);
+    sst_log_warning("cannot record the see-through view of %s: %s; its sets are recorded", a->dir, strerror(-err));
+    a->view_lost = true;
+    (void)view_end(&a->view, 0, 0);
 }
 
-/* The next picture: of a new recording first what was seen at its beginning. */
-static const struct sst_jpeg *next_picture(struct take *t)
+/* The next picture; a new recording begins with the one that was shown at its beginning. */
+static const struct sst_jpeg *next_picture(struct active *a)
 {
-    struct sst_storage *s = t->s;
+    struct sst_storage *s = a->s;
     const struct sst_jpeg *jpeg;
 
     pthread_mutex_lock(&s->lock);
-    jpeg = t->view.index ? NULL : view_shown_at(&s->shown, t->first_ns);
+    jpeg = a->view.index ? NULL : view_history_at(&s->history, a->first_ns);
     if (!jpeg)
-        jpeg = view_shown_next(&s->shown, t->view_number);
+        jpeg = view_history_next(&s->history, a->view_number);
     pthread_mutex_unlock(&s->lock);
     return jpeg;
 }
 
-static int write_picture(struct take *t, const struct sst_jpeg *jpeg)
+static int write_picture(struct active *a, const struct sst_jpeg *jpeg)
 {
-    const int64_t t_ns = jpeg->t_ns > t->first_ns ? jpeg->t_ns : t->first_ns;
-    int err = t->view.index ? 0 : view_begin(&t->view, t->dir);
+    const int64_t t_ns = jpeg->t_ns > a->first_ns ? jpeg->t_ns : a->first_ns;
+    int err = a->view.index ? 0 : view_begin(&a->view, a->dir);
 
-    return err ? err : view_write(&t->view, jpeg, t_ns);
+    return err ? err : view_write(&a->view, jpeg, t_ns);
 }
 
-/* What was shown since the last set. */
-static void follow_view(struct take *t)
+/* Write the pictures that were shown since the last set. */
+static void follow_view(struct active *a)
 {
-    struct sst_storage *s = t->s;
+    struct sst_storage *s = a->s;
     const struct sst_jpeg *jpeg;
     struct store_entry *e;
     int err = 0;
 
-    while (!t->view_lost && t->entry.sets && (jpeg = next_picture(t))) {
+    while (!a->view_lost && a->entry.sets && (jpeg = next_picture(a))) {
         store_busy(s, &s->record_busy_ns, true);
-        err = write_picture(t, jpeg);
+        err = write_picture(a, jpeg);
         store_busy(s, &s->record_busy_ns, false);
-        t->view_number = jpeg->number;
-        t->entry.picture |= !err;
-        t->side_bytes += (int64_t)jpeg->bytes;
+        a->view_number = jpeg->number;
+        a->entry.picture |= !err;
+        a->side_bytes += (int64_t)jpeg->bytes;
         pthread_mutex_lock(&s->lock);
-        e = catalog_find(&s->catalog, t->entry.name);
+        e = catalog_find(&s->catalog, a->entry.name);
         if (e) {
-            e->picture = t->entry.picture;
+            e->picture = a->entry.picture;
             e->bytes += (int64_t)jpeg->bytes;
         }
         s->used_bytes += (int64_t)jpeg->bytes;
         pthread_mutex_unlock(&s->lock);
         sst_jpeg_unref(jpeg);
         if (err)
-            lose_view(t, err);
+            drop_view(a, err);
     }
 }
 
-/* What was removed of it while it was written, or is just now. */
-static void take_over_locked(struct take *t)
+/* Copy what retention removed of it while it was written. */
+static void copy_trimmed_locked(struct active *a)
 {
-    const struct store_entry *e = catalog_find(&t->s->catalog, t->entry.name);
+    const struct store_entry *e = catalog_find(&a->s->catalog, a->entry.name);
 
     if (e) {
-        t->entry.from_ns = e->from_ns;
-        t->entry.sets = e->sets;
-        t->entry.gone = e->gone;
+        a->entry.from_ns = e->from_ns;
+        a->entry.sets = e->sets;
+        a->entry.gone = e->gone;
     }
 }
 
-/* Its folder stays as what it became. */
-static void settle(struct take *t, bool lost)
+/* Write the final storage.json. */
+static void settle(struct active *a, bool lost)
 {
-    struct sst_storage *s = t->s;
+    struct sst_storage *s = a->s;
 
-    if (lost || !t->entry.sets) {
+    if (lost || !a->entry.sets) {
         if (!lost)
-            sst_path_remove_tree(t->dir);
-        forget(t);
+            sst_path_remove_tree(a->dir);
+        forget(a);
         return;
     }
     pthread_mutex_lock(&s->lock);
-    take_over_locked(t);
+    copy_trimmed_locked(a);
     pthread_mutex_unlock(&s->lock);
-    t->entry.stage = SST_STORE_DONE;
-    t->entry.made_ns = sst_clock_wall_ns();
-    t->entry.bytes = store_bytes(t->dir);
-    if (store_write(t->dir, &t->entry))
-        sst_log_debug("%s: mended at the next start", t->dir);
+    a->entry.stage = SST_STORE_DONE;
+    a->entry.made_ns = sst_clock_wall_ns();
+    a->entry.bytes = store_bytes(a->dir);
+    if (store_write(a->dir, &a->entry))
+        sst_log_debug("%s: repaired at the next start", a->dir);
     pthread_mutex_lock(&s->lock);
-    take_over_locked(t);
-    catalog_update(&s->catalog, &t->entry);
+    copy_trimmed_locked(a);
+    catalog_update(&s->catalog, &a->entry);
     s->used_bytes = store_used_locked(s);
     pthread_mutex_unlock(&s->lock);
 }
 
-static void finish(struct take *t, const char *reason, bool lost)
+static void finish(struct active *a, const char *reason, bool lost)
 {
-    struct sst_storage *s = t->s;
+    struct sst_storage *s = a->s;
     int err;
 
-    if (!t->recorder)
+    if (!a->recorder)
         return;
-    t->said[0] = 0;
+    a->said[0] = 0;
     if (!lost)
-        follow_view(t);
+        follow_view(a);
     store_busy(s, &s->record_busy_ns, true);
-    (void)view_end(&t->view, t->last_ns, t->entry.to_ns);
-    err = sst_recorder_close(t->recorder);
-    t->recorder = NULL;
-    settle(t, lost);
+    (void)view_end(&a->view, a->last_ns, a->entry.to_ns);
+    err = sst_recorder_close(a->recorder);
+    a->recorder = NULL;
+    settle(a, lost);
     store_busy(s, &s->record_busy_ns, false);
     if (err && !lost)
-        failed(t, err);
+        failed(a, err);
     pthread_mutex_lock(&s->lock);
-    s->take[0] = 0;
-    s->take_lost = false;
-    pthread_cond_broadcast(&s->wake); /* sst-keep waits for it where the folder was lost */
+    s->active_name[0] = 0;
+    s->active_lost = false;
+    pthread_cond_broadcast(&s->wake); /* sst-retention waits for it after the folder was lost */
     pthread_mutex_unlock(&s->lock);
-    tell(t, "record-stop", reason);
+    report(a, "record-stop", reason);
 }
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-/* Does the set belong into a new folder? */
-static bool is_over(const struct take *t, const struct plan *p, const struct sst_set *set)
+/* Does a new recording begin with this set? */
+static bool is_over(const struct active *a, const struct wanted *p, const struct sst_set *set)
 {
-    const int64_t age_ns = set->t_ns - t->first_ns;
+    const int64_t age_ns = set->t_ns - a->first_ns;
 
-    if (p->settings.opening != t->opening)
+    if (p->settings.opening != a->opening)
         return true;
     for (int k = 0; k < set->cameras; k++) {
         const struct sst_frame *f = set->frame[k];
 
         if (f)
-            return f->fourcc != t->fourcc || f->width != t->width || f->height != t->height ||
-                   (t->entry.sets &&
-                    (age_ns >= HOUR_NS || (p->part_bytes && t->side_bytes >= p->part_bytes) ||
-                     (t->continuous && age_ns >= MINUTE_NS && set->wall_ns / HOUR_NS != t->begun_hour)));
+            return f->fourcc != a->fourcc || f->width != a->width || f->height != a->height ||
+                   (a->entry.sets &&
+                    (age_ns >= HOUR_NS || (p->part_bytes && a->side_bytes >= p->part_bytes) ||
+                     (a->continuous && age_ns >= MINUTE_NS && set->wall_ns / HOUR_NS != a->begun_hour)));
     }
     return false;
 }
@@ -423,7 +423,7 @@ static int64_t cost(const struct sst_kept *k)
     return (int64_t)k->bytes + FRAME_BYTES * (int64_t)k->set.present + SET_BYTES;
 }
 
-/* Would the set go beyond the quota? Then sst-keep makes room first. */
+/* Would the set exceed the quota? Then sst-retention makes room first. */
 static bool must_wait(struct sst_storage *s, const struct sst_kept *k)
 {
     const struct store_limits *l = &s->settings.limits;
@@ -439,110 +439,110 @@ static bool must_wait(struct sst_storage *s, const struct sst_kept *k)
     return wait;
 }
 
-static void account(struct take *t, const struct sst_kept *k)
+static void account(struct active *a, const struct sst_kept *k)
 {
-    struct sst_storage *s = t->s;
-    const bool first = !t->entry.sets;
+    struct sst_storage *s = a->s;
+    const bool first = !a->entry.sets;
     struct store_entry *e;
 
     if (first) {
-        t->first_ns = k->set.t_ns;
-        t->entry.from_ns = k->set.wall_ns;
-        t->begun_hour = k->set.wall_ns / HOUR_NS;
+        a->first_ns = k->set.t_ns;
+        a->entry.from_ns = k->set.wall_ns;
+        a->begun_hour = k->set.wall_ns / HOUR_NS;
     }
-    t->last_ns = k->set.t_ns;
-    t->entry.sets++;
-    t->entry.to_ns = k->set.wall_ns;
-    t->side_bytes += LIST_BYTES * (k->set.present + 3);
+    a->last_ns = k->set.t_ns;
+    a->entry.sets++;
+    a->entry.to_ns = k->set.wall_ns;
+    a->side_bytes += LIST_BYTES * (k->set.present + 3);
     pthread_mutex_lock(&s->lock);
-    e = catalog_find(&s->catalog, t->entry.name);
+    e = catalog_find(&s->catalog, a->entry.name);
     if (e) {
         e->bytes += cost(k);
         e->sets++;
-        e->from_ns = first ? t->entry.from_ns : e->from_ns;
-        e->to_ns = t->entry.to_ns;
+        e->from_ns = first ? a->entry.from_ns : e->from_ns;
+        e->to_ns = a->entry.to_ns;
     }
     s->used_bytes += cost(k);
-    s->take_sets = t->entry.sets;
+    s->active_sets = a->entry.sets;
     s->write_err = 0;
     pthread_mutex_unlock(&s->lock);
 }
 
-/* @return 0, -EAGAIN: the same set again; else it is not recorded */
-static int write_set(struct take *t, const struct plan *p, const struct sst_kept *k)
+/* @return 0, -EAGAIN: try the same set again; other errors: it is not recorded */
+static int write_set(struct active *a, const struct wanted *p, const struct sst_kept *k)
 {
-    struct sst_storage *s = t->s;
+    struct sst_storage *s = a->s;
     int err = 0;
 
-    if (t->recorder && is_over(t, p, &k->set))
-        finish(t, "continued in a new folder", false);
-    if (!t->recorder)
-        err = begin(t, p, k);
+    if (a->recorder && is_over(a, p, &k->set))
+        finish(a, "continued in a new folder", false);
+    if (!a->recorder)
+        err = begin(a, p, k);
     if (err && err != -EAGAIN)
         answer(s, err);
     if (err || must_wait(s, k))
         return -EAGAIN;
-    t->said[0] = 0;
-    if (p->part_bytes) /* as pieces they can be removed one by one */
-        sst_recorder_set_segment_bytes(t->recorder, p->part_bytes < SEGMENT_MAX ? p->part_bytes : SEGMENT_MAX);
+    a->said[0] = 0;
+    if (p->part_bytes) /* so that segments can be removed one by one */
+        sst_recorder_set_segment_bytes(a->recorder, p->part_bytes < SEGMENT_MAX ? p->part_bytes : SEGMENT_MAX);
     store_busy(s, &s->record_busy_ns, true);
-    err = sst_recorder_write(t->recorder, &k->set);
+    err = sst_recorder_write(a->recorder, &k->set);
     store_busy(s, &s->record_busy_ns, false);
     if (err) {
-        failed(t, err); /* pictures wait until sets can be written again */
+        failed(a, err); /* pictures wait until sets can be written again */
         return err;
     }
-    account(t, k);
-    follow_view(t);
+    account(a, k);
+    follow_view(a);
     return 0;
 }
 
-/* The next set that is there, or NULL. Sets that the ring no longer holds are counted. */
-static const struct sst_kept *next_set(struct take *t)
+/* The next set of the ring, or NULL. Sets that the ring no longer holds are counted. */
+static const struct sst_kept *next_set(struct active *a)
 {
-    const struct sst_kept *k = sst_ring_get(t->s->ring, t->next ? t->next : 1);
+    const struct sst_kept *k = sst_ring_get(a->s->ring, a->next ? a->next : 1);
 
-    if (k && k->number < t->next) {
-        sst_ring_unref(t->s->ring, k);
+    if (k && k->number < a->next) {
+        sst_ring_unref(a->s->ring, k);
         return NULL;
     }
-    if (k && t->next && k->number > t->next && (t->recorder || t->continuous))
-        count_dropped(t->s, k->number - t->next);
+    if (k && a->next && k->number > a->next && (a->recorder || a->continuous))
+        count_dropped(a->s, k->number - a->next);
     return k;
 }
 
-/* While nothing may be written, sets pass by. */
-static void pass_by(struct take *t, const struct plan *p)
+/* While writing is blocked, sets are dropped. */
+static void pass_by(struct active *a, const struct wanted *p)
 {
     uint64_t dropped;
-    const struct sst_kept *k = t->next ? sst_ring_newest(t->s->ring, t->next - 1, &dropped) : NULL;
+    const struct sst_kept *k = a->next ? sst_ring_newest(a->s->ring, a->next - 1, &dropped) : NULL;
     int err;
 
     if (k) {
         if (p->continuous)
-            count_dropped(t->s, k->number + 1 - t->next);
-        t->next = k->number + 1;
-        sst_ring_unref(t->s->ring, k);
+            count_dropped(a->s, k->number + 1 - a->next);
+        a->next = k->number + 1;
+        sst_ring_unref(a->s->ring, k);
     }
-    pthread_mutex_lock(&t->s->lock);
-    err = store_refusal_locked(t->s);
-    pthread_mutex_unlock(&t->s->lock);
+    pthread_mutex_lock(&a->s->lock);
+    err = store_refusal_locked(a->s);
+    pthread_mutex_unlock(&a->s->lock);
     if (p->checked && err)
-        answer(t->s, err);
+        answer(a->s, err);
 }
 
-/* Somebody waits for the name of what he asked for, and no set has come yet. */
-static void begin_for_asker(struct take *t, const struct plan *p)
+/* A client waits for the name of its recording, and no set has arrived yet. */
+static void begin_for_asker(struct active *a, const struct wanted *p)
 {
-    const struct sst_kept *k = sst_ring_get(t->s->ring, 0);
+    const struct sst_kept *k = sst_ring_get(a->s->ring, 0);
     int err;
 
     if (!k)
         return;
-    err = begin(t, p, k);
-    sst_ring_unref(t->s->ring, k);
+    err = begin(a, p, k);
+    sst_ring_unref(a->s->ring, k);
     if (err != -EAGAIN)
-        answer(t->s, err);
+        answer(a->s, err);
 }
 
 static void idle(struct sst_storage *s, int ms)
@@ -553,34 +553,34 @@ static void idle(struct sst_storage *s, int ms)
     pthread_mutex_unlock(&s->lock);
 }
 
-/* One set. @return false: there is none now */
-static bool follow(struct take *t, const struct plan *p)
+/* Handle one set. @return false: there is none now */
+static bool follow(struct active *a, const struct wanted *p)
 {
-    struct sst_storage *s = t->s;
-    const struct sst_kept *k = next_set(t);
+    struct sst_storage *s = a->s;
+    const struct sst_kept *k = next_set(a);
     int err = 0;
 
     if (!k)
         return false;
-    if (k->set.cameras == p->settings.cameras && is_wanted(s, k)) { /* others are of another array */
-        err = write_set(t, p, k);
+    if (k->set.cameras == p->settings.cameras && is_wanted(s, k)) { /* others were captured with another array */
+        err = write_set(a, p, k);
         if (err != -EAGAIN)
             answer(s, err);
         if (err && err != -EAGAIN)
             count_dropped(s, 1);
     }
-    t->next = err == -EAGAIN ? k->number : k->number + 1;
+    a->next = err == -EAGAIN ? k->number : k->number + 1;
     sst_ring_unref(s->ring, k);
     if (err == -EAGAIN)
         idle(s, 20);
     return true;
 }
 
-static void wait_for_sets(struct take *t)
+static void wait_for_sets(struct active *a)
 {
-    /* A ring that was shut lets nobody wait. */
-    if (!sst_ring_wait(t->s->ring, t->next ? t->next - 1 : 0, POLL_MS))
-        idle(t->s, 10);
+    /* A ring that was shut returns at once. */
+    if (!sst_ring_wait(a->s->ring, a->next ? a->next - 1 : 0, POLL_MS))
+        idle(a->s, 10);
 }
 
 static uint64_t newest(struct sst_ring *ring)
@@ -593,52 +593,52 @@ static uint64_t newest(struct sst_ring *ring)
     return number;
 }
 
-/* @return false: it is over */
-static bool step(struct take *t, struct plan *p)
+/* @return false: the thread ends */
+static bool step(struct active *a, struct wanted *p)
 {
-    make_plan(t->s, p);
-    if (p->stop && !t->last)
-        t->last = newest(t->s->ring);
-    if (p->stop && (!t->recorder || t->next > t->last || sst_clock_now_ns() > p->stop_ns))
+    read_wanted(a->s, p);
+    if (p->stop && !a->last)
+        a->last = newest(a->s->ring);
+    if (p->stop && (!a->recorder || a->next > a->last || sst_clock_now_ns() > p->stop_ns))
         return false;
-    if (t->recorder && (p->lost || p->blocked))
-        finish(t, p->lost ? "its folder is gone" : "storage takes nothing more", p->lost);
+    if (a->recorder && (p->lost || p->blocked))
+        finish(a, p->lost ? "its folder is gone" : "storage is full or not writable", p->lost);
     if (!p->wanted || (p->blocked && !p->checked)) {
-        finish(t, "ended", false);
-        t->next = p->wanted ? t->next : 0;
-        idle(t->s, POLL_MS);
+        finish(a, "ended", false);
+        a->next = p->wanted ? a->next : 0;
+        idle(a->s, POLL_MS);
     } else if (p->blocked) {
-        pass_by(t, p);
-        idle(t->s, POLL_MS);
-    } else if (!follow(t, p)) {
+        pass_by(a, p);
+        idle(a->s, POLL_MS);
+    } else if (!follow(a, p)) {
         if (p->stop)
             return false;
-        if (p->asked && !t->recorder)
-            begin_for_asker(t, p);
+        if (p->asked && !a->recorder)
+            begin_for_asker(a, p);
         else if (p->asked)
-            answer(t->s, 0);
-        wait_for_sets(t);
+            answer(a->s, 0);
+        wait_for_sets(a);
     }
     return true;
 }
 
 void *store_record_run(void *storage)
 {
-    struct take *t = calloc(1, sizeof(*t));
-    struct plan *p = calloc(1, sizeof(*p));
+    struct active *a = calloc(1, sizeof(*a));
+    struct wanted *p = calloc(1, sizeof(*p));
     struct sst_storage *s = storage;
 
-    if (t && p) {
-        t->s = s;
-        sst_log_hold_errors(t->said);
-        while (step(t, p))
+    if (a && p) {
+        a->s = s;
+        sst_log_hold_errors(a->said);
+        while (step(a, p))
             ;
-        finish(t, "the service stops", false);
+        finish(a, "the service stops", false);
         sst_log_hold_errors(NULL);
     } else {
-        sst_log_error("no memory to record");
+        sst_log_error("out of memory: nothing is recorded");
     }
-    free(t);
+    free(a);
     free(p);
     store_thread_ends(s);
     return NULL;

@@ -1,5 +1,5 @@
-/* What goes: because the limits say so, or because somebody deleted it. On sst-keep's thread, which waits for the disk;
- * who deletes waits for a while at most. */
+/* Removal, because of the limits or by a client. Runs on sst-retention, which waits for the disk; a client that deletes
+ * waits for a limited time. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -9,7 +9,7 @@
 #include "capture/recording/shorten.h"
 #include "daemon/storage/storage_internal.h"
 
-/* First out of its name, so that what is left of it after a kill is no recording any more. */
+/* Renamed first, so that after a kill the rest is no recording any more. */
 static int out_of_name(struct sst_storage *s, const struct store_entry *e, char gone[SST_PATH_MAX])
 {
     char path[SST_PATH_MAX];
@@ -22,12 +22,12 @@ static int out_of_name(struct sst_storage *s, const struct store_entry *e, char 
     return err;
 }
 
-/* The files of an hour take a while to go: that is no disk that hangs. */
+/* Removing the files of an hour takes a while and does not count as a hung disk. */
 static void remove_files(struct sst_storage *s, const char *gone)
 {
-    store_busy(s, &s->keep_busy_ns, false);
+    store_busy(s, &s->retention_busy_ns, false);
     sst_path_remove_tree(gone);
-    store_busy(s, &s->keep_busy_ns, true);
+    store_busy(s, &s->retention_busy_ns, true);
 }
 
 int store_remove(struct sst_storage *s, const struct store_entry *entry)
@@ -50,15 +50,15 @@ int store_remove(struct sst_storage *s, const struct store_entry *entry)
     return err;
 }
 
-/* What the catalog says of it from now on. @return it has ended, and its storage.json is to say so, too */
-static bool note_shorter(struct sst_storage *s, const struct store_entry *entry, int64_t bytes,
+/* Update the catalog. @return true: the recording has ended, so its storage.json is to be updated too */
+static bool note_trimmed(struct sst_storage *s, const struct store_entry *entry, int64_t bytes,
                          const struct sst_recording_removed *now, struct store_entry *out)
 {
     struct store_entry *e;
     uint64_t sets;
 
     pthread_mutex_lock(&s->lock);
-    s->shortened++;
+    s->trimmed++;
     e = catalog_find(&s->catalog, entry->name);
     if (e) {
         sets = now->sets > e->gone ? now->sets - e->gone : 0;
@@ -72,7 +72,7 @@ static bool note_shorter(struct sst_storage *s, const struct store_entry *entry,
     return e && out->stage == SST_STORE_DONE;
 }
 
-int store_shorten(struct sst_storage *s, const struct store_entry *entry)
+int store_trim(struct sst_storage *s, const struct store_entry *entry)
 {
     struct sst_recording_removed now;
     struct store_entry e;
@@ -84,12 +84,12 @@ int store_shorten(struct sst_storage *s, const struct store_entry *entry)
         err = sst_recording_shorten(path, entry->stage == SST_STORE_ACTIVE ? SST_STORE_SEGMENTS : 1, &now, &bytes);
     if (err)
         return err;
-    if (note_shorter(s, entry, bytes, &now, &e) && store_write(path, &e))
-        sst_log_debug("%s: it says of itself that it begins earlier", path);
+    if (note_trimmed(s, entry, bytes, &now, &e) && store_write(path, &e))
+        sst_log_debug("%s: its storage.json is out of date", path);
     return 0;
 }
 
-/* Who deleted it is answered as soon as it has left its name. */
+/* The call that deletes returns as soon as the folder has been renamed. */
 static void remove_deleted(struct sst_storage *s, const struct store_entry *entry)
 {
     struct store_entry *e;
@@ -103,27 +103,27 @@ static void remove_deleted(struct sst_storage *s, const struct store_entry *entr
         catalog_remove(&s->catalog, entry->name);
         s->used_bytes = store_used_locked(s);
     } else if (e) {
-        e->doomed = false;
+        e->deleted_by_hand = false;
     }
     pthread_cond_broadcast(&s->answered);
     pthread_mutex_unlock(&s->lock);
     if (err) {
-        sst_log_warning("%s/%s was deleted by hand, but cannot be removed: %s", s->folder[entry->kind], entry->name,
+        sst_log_warning("cannot remove %s/%s, which a client deleted: %s", s->folder[entry->kind], entry->name,
                         strerror(-err));
         return;
     }
-    sst_log_info("%s/%s was deleted by hand", s->folder[entry->kind], entry->name);
+    sst_log_info("%s/%s was deleted by a client", s->folder[entry->kind], entry->name);
     remove_files(s, gone);
 }
 
 /* @return false: there is none */
-static bool find_doomed(struct sst_storage *s, struct store_entry *out)
+static bool find_deleted(struct sst_storage *s, struct store_entry *out)
 {
     bool found = false;
 
     pthread_mutex_lock(&s->lock);
     for (int i = 0; !found && i < s->catalog.count; i++) {
-        found = s->catalog.entry[i].doomed;
+        found = s->catalog.entry[i].deleted_by_hand;
         if (found)
             *out = s->catalog.entry[i];
     }
@@ -131,11 +131,11 @@ static bool find_doomed(struct sst_storage *s, struct store_entry *out)
     return found;
 }
 
-void store_remove_doomed(struct sst_storage *s)
+void store_remove_deleted(struct sst_storage *s)
 {
     struct store_entry e;
 
-    while (find_doomed(s, &e))
+    while (find_deleted(s, &e))
         remove_deleted(s, &e);
 }
 
@@ -147,18 +147,19 @@ int sst_storage_delete(struct sst_storage *s, const char *name)
 
     pthread_mutex_lock(&s->lock);
     e = catalog_find(&s->catalog, name);
-    if (!e || e->doomed)
+    if (!e || e->deleted_by_hand)
         err = -ENOENT;
     else if (e->stage == SST_STORE_ACTIVE || s->stop)
         err = -EBUSY;
     else if (s->folder_err || !s->ready)
         err = s->folder_err == -EROFS ? -EROFS : -EIO;
     if (!err) {
-        e->doomed = true;
+        e->deleted_by_hand = true;
         pthread_cond_broadcast(&s->wake);
-        while ((e = catalog_find(&s->catalog, name)) && e->doomed && !s->stop && store_wait_answer_locked(s, until_ns))
+        while ((e = catalog_find(&s->catalog, name)) && e->deleted_by_hand && !s->stop &&
+               store_wait_answer_locked(s, until_ns))
             ;
-        err = e && !e->doomed ? -EIO : 0; /* what takes longer goes on by itself */
+        err = e && !e->deleted_by_hand ? -EIO : 0; /* longer removals continue in the background */
     }
     pthread_mutex_unlock(&s->lock);
     return err;

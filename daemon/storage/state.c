@@ -1,4 +1,4 @@
-/* How things stand, worked out from what the threads have met; nothing here waits for a disk. */
+/* State and status of storage, from what the threads have reported; nothing here waits for a disk. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -11,8 +11,8 @@ static bool hangs(int64_t since_ns, int64_t now_ns)
     return since_ns && now_ns - since_ns > SST_STORE_HUNG_NS;
 }
 
-/* @return true: others than before */
-static bool work_out_locked(struct sst_storage *s)
+/* @return true: it changed */
+static bool update_state_locked(struct sst_storage *s)
 {
     const int64_t now_ns = sst_clock_now_ns();
     enum store_trouble trouble = s->limit;
@@ -26,7 +26,7 @@ static bool work_out_locked(struct sst_storage *s)
     } else if (s->write_err) {
         trouble = SST_TROUBLE_WRITE;
         text = s->write_text;
-    } else if (hangs(s->record_busy_ns, now_ns) || hangs(s->keep_busy_ns, now_ns)) {
+    } else if (hangs(s->record_busy_ns, now_ns) || hangs(s->retention_busy_ns, now_ns)) {
         trouble = SST_TROUBLE_HUNG;
         snprintf(hung, sizeof(hung), "the disk of %.400s does not answer; check it", s->dir);
         text = hung;
@@ -45,8 +45,8 @@ static const char *state_name(enum sst_storage_state state)
     return state == SST_STORAGE_OK ? "OK" : state == SST_STORAGE_LOW ? "LOW" : "FULL";
 }
 
-static void tell(struct sst_storage *s, enum sst_storage_state state, const char *reason, int64_t free_bytes,
-                 int64_t used_bytes)
+static void report(struct sst_storage *s, enum sst_storage_state state, const char *reason, int64_t free_bytes,
+                   int64_t used_bytes)
 {
     const enum sst_event_level level = state == SST_STORAGE_FULL ? SST_EVENT_ERROR : SST_EVENT_INFO;
 
@@ -56,20 +56,20 @@ static void tell(struct sst_storage *s, enum sst_storage_state state, const char
                     "storage is %s%s%s", state_name(state), reason[0] ? ": " : "", reason);
 }
 
-void *store_state_run(void *storage)
+void *status_run(void *storage)
 {
     struct sst_storage *s = storage;
 
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
-        if (s->checked_ns && work_out_locked(s)) {
+        if (s->checked_ns && update_state_locked(s)) {
             const enum sst_storage_state state = s->state;
             const int64_t free_bytes = s->free_bytes, used_bytes = s->used_bytes;
             char reason[SST_STORE_TEXT];
 
             memcpy(reason, s->reason, sizeof(reason));
             pthread_mutex_unlock(&s->lock);
-            tell(s, state, reason, free_bytes, used_bytes);
+            report(s, state, reason, free_bytes, used_bytes);
             pthread_mutex_lock(&s->lock);
         }
         store_wait_locked(s, 250);
@@ -89,7 +89,7 @@ enum sst_storage_state sst_storage_state(struct sst_storage *s)
     return state;
 }
 
-/* --- for programs ------------------------------------------------------------------------------------------------- */
+/* --- status ------------------------------------------------------------------------------------------------- */
 
 static json_t *time_json(int64_t wall_ns)
 {
@@ -113,7 +113,7 @@ static json_t *ring_json(struct sst_storage *s)
 
     sst_ring_counters(s->ring, &c);
     pthread_mutex_lock(&s->lock);
-    pictures = s->shown.count;
+    pictures = s->history.count;
     pthread_mutex_unlock(&s->lock);
     seconds = c.oldest_ns ? (double)(sst_clock_now_ns() - c.oldest_ns) * 1e-9 : 0;
     return json_pack("{s:I, s:i, s:f, s:i}", "bytes", (json_int_t)c.bytes, "sets", c.sets, "seconds",
@@ -123,33 +123,33 @@ static json_t *ring_json(struct sst_storage *s)
 static json_t *recording_json_locked(const struct sst_storage *s)
 {
     struct catalog catalog = s->catalog;
-    const struct store_entry *e = s->take[0] ? catalog_find(&catalog, s->take) : NULL;
+    const struct store_entry *e = s->active_name[0] ? catalog_find(&catalog, s->active_name) : NULL;
 
     return json_pack("{s:s, s:b, s:s, s:s, s:o, s:I, s:I}", "mode", mode_name(s->settings.mode), "active", e != NULL,
-                     "name", s->take, "why", e ? s->take_why : "", "since", time_json(e ? e->from_ns : 0), "sets",
-                     (json_int_t)s->take_sets, "dropped", (json_int_t)s->dropped);
+                     "name", s->active_name, "why", e ? s->active_why : "", "since", time_json(e ? e->from_ns : 0),
+                     "sets", (json_int_t)s->active_sets, "dropped", (json_int_t)s->dropped);
 }
 
-/* What the catalog holds, under the status's names. */
+/* Counts of the catalog, by the keys of the status. */
 static void add_counts_locked(json_t *status, const struct sst_storage *s)
 {
     static const char *const names[SST_STORE_KINDS] = { "recordings", "snapshots", "exports" };
-    int64_t count[SST_STORE_KINDS] = { 0 }, hand_bytes = 0, removed = 0;
+    int64_t count[SST_STORE_KINDS] = { 0 }, manual_bytes = 0, removed = 0;
 
     for (int i = 0; i < s->catalog.count; i++) {
         const struct store_entry *e = &s->catalog.entry[i];
 
         count[e->kind]++;
-        hand_bytes += store_by_hand(e) ? e->bytes : 0;
+        manual_bytes += store_is_manual(e) ? e->bytes : 0;
     }
     for (int i = 0; i < SST_STORE_KINDS; i++) {
         removed += (int64_t)s->removed[i];
         json_object_set_new(status, names[i], json_integer(count[i]));
     }
-    json_object_set_new(status, "by_hand_bytes", json_integer(hand_bytes));
-    json_object_set_new(status, "by_hand_limit_bytes", json_integer(s->hand_bytes));
+    json_object_set_new(status, "by_hand_bytes", json_integer(manual_bytes));
+    json_object_set_new(status, "by_hand_limit_bytes", json_integer(s->manual_bytes));
     json_object_set_new(status, "removed", json_integer(removed));
-    json_object_set_new(status, "shortened", json_integer((json_int_t)s->shortened));
+    json_object_set_new(status, "shortened", json_integer((json_int_t)s->trimmed));
     json_object_set_new(status, "deleted", json_integer((json_int_t)s->deleted));
     json_object_set_new(status, "downloads", json_integer(s->downloads));
 }
@@ -183,8 +183,8 @@ static json_t *entry_json(const struct store_entry *e)
     if (e->kind == SST_STORE_RECORDING)
         return json_pack("{s:s, s:o, s:o, s:I, s:I, s:s, s:b, s:b, s:b}", "name", e->name, "from",
                          time_json(e->from_ns), "to", time_json(e->to_ns), "sets", (json_int_t)e->sets, "bytes",
-                         (json_int_t)e->bytes, "why", e->why, "by_hand", store_by_hand(e), "view", e->picture, "active",
-                         active);
+                         (json_int_t)e->bytes, "why", e->why, "by_hand", store_is_manual(e), "view", e->picture,
+                         "active", active);
     return json_pack("{s:s, s:o, s:I, s:b, s:b}", "name", e->name, "time", time_json(e->from_ns), "bytes",
                      (json_int_t)e->bytes, "picture", e->picture, "active", active);
 }
@@ -200,7 +200,7 @@ json_t *sst_storage_list(struct sst_storage *s)
     for (int i = 0; good && i < s->catalog.count; i++) {
         const struct store_entry *e = &s->catalog.entry[i];
 
-        if (!e->doomed)
+        if (!e->deleted_by_hand)
             good = !json_array_append_new(list[e->kind], entry_json(e));
     }
     pthread_mutex_unlock(&s->lock);

@@ -1,4 +1,4 @@
-/* What the service asks of storage: memory is looked at, threads are told. */
+/* Calls of the service: they read and change memory and wake threads. */
 #define _GNU_SOURCE
 #include "daemon/storage/storage.h"
 
@@ -22,8 +22,8 @@ void store_wait_locked(struct sst_storage *s, int ms)
     (void)sst_cond_wait_until(&s->wake, &s->lock, sst_clock_now_ns() + (int64_t)ms * 1000000);
 }
 
-/* Who finds that it is late waits a little longer, once: on a machine that stood still the time went by, and the thread
- * that is to answer had none of it. */
+/* After the deadline waits a little longer, once: on a machine that stood still the time passed without running the
+ * thread that is to answer. */
 bool store_wait_answer_locked(struct sst_storage *s, int64_t until_ns)
 {
     const int64_t now_ns = sst_clock_now_ns();
@@ -61,7 +61,7 @@ static int64_t ns_of(double s)
     return s > 0 ? (int64_t)fmin(s * 1e9, 9e18) : 0;
 }
 
-static void take_array(struct store_settings *to, const struct sst_array_config *a)
+static void copy_array(struct store_settings *to, const struct sst_array_config *a)
 {
     to->rate_hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz;
     to->spacing_mm = a->spacing_mm;
@@ -73,7 +73,7 @@ static void take_array(struct store_settings *to, const struct sst_array_config 
     to->height = a->height;
 }
 
-static void take_settings(struct store_settings *to, const struct sst_config *c)
+static void copy_settings(struct store_settings *to, const struct sst_config *c)
 {
     *to = (struct store_settings){
         .mode = c->storage.mode,
@@ -81,8 +81,8 @@ static void take_settings(struct store_settings *to, const struct sst_config *c)
         .limits = { .quota_bytes = bytes_of(c->storage.quota_gb),
                     .min_free_bytes = bytes_of(c->storage.min_free_gb),
                     .max_age_ns = ns_of(c->storage.max_age_days * 86400),
-                    .hand_max_age_ns = ns_of(c->storage.by_hand_max_age_days * 86400),
-                    .hand_bytes = bytes_of(c->storage.by_hand_gb) },
+                    .manual_max_age_ns = ns_of(c->storage.by_hand_max_age_days * 86400),
+                    .manual_bytes = bytes_of(c->storage.by_hand_gb) },
         .segment_s = c->storage.segment_s,
         .sync_s = c->storage.sync_s,
         .preroll_ns = ns_of(c->storage.preroll_s),
@@ -90,11 +90,11 @@ static void take_settings(struct store_settings *to, const struct sst_config *c)
         .plane_mm = c->live.plane_mm,
     };
     snprintf(to->calibration, sizeof(to->calibration), "%s", c->live.calibration);
-    take_array(to, &c->array);
+    copy_array(to, &c->array);
 }
 
-/* What the array was opened with holds until it is opened again. */
-static void keep_array(struct store_settings *to, const struct store_settings *from)
+/* Properties of the array stay as it was opened until it is opened again. */
+static void preserve_array(struct store_settings *to, const struct store_settings *from)
 {
     to->rate_hz = from->rate_hz;
     to->spacing_mm = from->spacing_mm;
@@ -111,7 +111,7 @@ void sst_storage_cameras(struct sst_storage *s, const struct sst_array_config *a
                          const struct sst_recorder_track *tracks)
 {
     pthread_mutex_lock(&s->lock);
-    take_array(&s->settings, array);
+    copy_array(&s->settings, array);
     s->settings.opening++;
     memcpy(s->tracks, tracks, (size_t)array->bound * sizeof(*tracks));
     pthread_cond_broadcast(&s->wake);
@@ -132,44 +132,45 @@ struct sst_recorder_track *store_tracks(struct sst_storage *s)
 
 int sst_storage_configure(struct sst_storage *s, const struct sst_config *config)
 {
-    struct watches *fresh = malloc(sizeof(*fresh));
+    struct event_triggers *fresh = malloc(sizeof(*fresh));
     struct store_settings before;
 
     if (!fresh)
         return -ENOMEM;
-    watches_init(fresh, config);
+    event_triggers_init(fresh, config);
     pthread_mutex_lock(&s->lock);
     before = s->settings;
-    take_settings(&s->settings, config);
+    copy_settings(&s->settings, config);
     if (before.opening)
-        keep_array(&s->settings, &before);
-    /* What went on goes on, where it is still looked for. */
+        preserve_array(&s->settings, &before);
+    /* The state of triggers that are configured again is kept. */
     for (int i = 0; i < fresh->count; i++) {
-        struct sst_watch *to = &fresh->watch[i];
+        struct event_trigger *to = &fresh->list[i];
 
-        for (int k = 0; k < s->watches.count; k++) {
-            const struct sst_watch *from = &s->watches.watch[k];
+        for (int k = 0; k < s->event_triggers.count; k++) {
+            const struct event_trigger *from = &s->event_triggers.list[k];
 
-            if (!strcmp(to->zone, from->zone) && !strcmp(to->label, from->label) && (from->active || from->told) &&
-                !to->active && !to->told)
-                watch_go_on(to, from);
+            if (!strcmp(to->zone, from->zone) && !strcmp(to->label, from->label) && (from->active || from->reported) &&
+                !to->active && !to->reported)
+                event_trigger_continue(to, from);
         }
     }
-    s->watches = *fresh;
+    s->event_triggers = *fresh;
     pthread_cond_broadcast(&s->wake);
     pthread_mutex_unlock(&s->lock);
     free(fresh);
     return 0;
 }
 
-/* --- what was seen ------------------------------------------------------------------------------------------------ */
+/* --- event triggers ------------------------------------------------------------------------------------------------
+ */
 
-void store_watch_text(char out[SST_STORE_WHY], const struct sst_watch *w)
+void event_trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w)
 {
     snprintf(out, SST_STORE_WHY, "%.63s%s%.31s", w->label[0] ? w->label : "motion", w->zone[0] ? " in " : "", w->zone);
 }
 
-static double value_of(const struct sst_watch *w, const struct sst_seen *seen)
+static double value_of(const struct event_trigger *w, const struct sst_seen *seen)
 {
     const int zones = sst_clamp_int(seen->zones, 0, SST_ZONES_MAX);
 
@@ -180,27 +181,27 @@ static double value_of(const struct sst_watch *w, const struct sst_seen *seen)
     return w->index < zones ? seen->changed[w->index] : 0;
 }
 
-/* The recording that follows a watch, which has begun or goes on. */
-static void want_locked(struct sst_storage *s, const struct sst_watch *w)
+/* Request the recording of a trigger that is active. */
+static void want_locked(struct sst_storage *s, const struct event_trigger *w)
 {
     struct store_want *e = &s->event;
 
     if (!e->armed) {
         *e = (struct store_want){ .armed = true, .begin_ns = w->begin_ns - s->settings.preroll_ns };
-        store_watch_text(e->why, w);
+        event_trigger_text(e->why, w);
         memcpy(e->zone, w->zone, sizeof(e->zone));
         memcpy(e->label, w->label, sizeof(e->label));
     }
-    e->end_ns = INT64_MAX; /* until nothing is seen any more */
+    e->end_ns = INT64_MAX; /* until no trigger is active any more */
 }
 
-/* None of what is recorded is seen any more. */
-static void let_go_locked(struct sst_storage *s)
+/* Set the end when no trigger that is recorded is active any more. */
+static void end_event_locked(struct sst_storage *s)
 {
     int64_t last_ns = INT64_MIN;
 
-    for (int i = 0; i < s->watches.count; i++) {
-        const struct sst_watch *w = &s->watches.watch[i];
+    for (int i = 0; i < s->event_triggers.count; i++) {
+        const struct event_trigger *w = &s->event_triggers.list[i];
 
         if (w->trigger >= 0 && w->active)
             return;
@@ -211,55 +212,55 @@ static void let_go_locked(struct sst_storage *s)
         s->event.end_ns = last_ns + s->settings.postroll_ns;
 }
 
-struct told {
-    struct sst_watch watch;
+struct change {
+    struct event_trigger watch;
     double value;
-    int64_t since_ns; /* it was told to have begun */
+    int64_t since_ns; /* of its reported beginning */
 };
 
-static void tell(struct sst_storage *s, const struct told *t)
+static void report(struct sst_storage *s, const struct change *t)
 {
-    const struct sst_watch *w = &t->watch;
+    const struct event_trigger *w = &t->watch;
     const double share = t->value >= 0 && t->value <= 1 ? t->value : 0;
     char text[SST_STORE_WHY];
-    json_t *data = json_pack("{s:s, s:b, s:f}", "zone", w->zone, "active", w->told, "share", share);
+    json_t *data = json_pack("{s:s, s:b, s:f}", "zone", w->zone, "active", w->reported, "share", share);
 
     if (data && w->label[0])
         json_object_set_new(data, "label", json_string(w->label));
-    if (data && !w->told) {
+    if (data && !w->reported) {
         json_object_set_new(data, "peak", json_real(w->peak >= 0 && w->peak <= 1 ? w->peak : 0));
         json_object_set_new(data, "times", json_integer(w->times));
         json_object_set_new(data, "seconds", json_real(round((double)(w->last_ns - t->since_ns) * 1e-8) / 10));
     }
-    store_watch_text(text, w);
+    event_trigger_text(text, w);
     sst_events_emit(s->events, SST_EVENT_INFO, w->label[0] ? "label" : "motion", data, "%s %s", text,
-                    w->told ? "began" : "ended");
+                    w->reported ? "began" : "ended");
 }
 
 void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen)
 {
-    struct told told[SST_WATCHES_MAX];
+    struct change change[EVENT_TRIGGERS_MAX];
     int n = 0;
 
     pthread_mutex_lock(&s->lock);
     s->seen_ns = sst_clock_now_ns();
-    for (int i = 0; i < s->watches.count; i++) {
-        struct sst_watch *w = &s->watches.watch[i];
+    for (int i = 0; i < s->event_triggers.count; i++) {
+        struct event_trigger *w = &s->event_triggers.list[i];
         const double value = value_of(w, seen);
-        const int64_t since_ns = w->told_ns;
+        const int64_t since_ns = w->reported_ns;
 
-        (void)watch_update(w, value, seen->t_ns);
-        if (watch_tell(w, value, seen->t_ns))
-            told[n++] = (struct told){ *w, value, since_ns };
+        (void)event_trigger_update(w, value, seen->t_ns);
+        if (event_trigger_report(w, value, seen->t_ns))
+            change[n++] = (struct change){ *w, value, since_ns };
         if (w->active && w->trigger >= 0)
             want_locked(s, w);
     }
-    let_go_locked(s);
+    end_event_locked(s);
     if (n)
         pthread_cond_broadcast(&s->wake);
     pthread_mutex_unlock(&s->lock);
     for (int i = 0; i < n; i++)
-        tell(s, &told[i]);
+        report(s, &change[i]);
 }
 
 /* --- on demand ---------------------------------------------------------------------------------------------------- */
@@ -303,11 +304,11 @@ int sst_storage_record(struct sst_storage *s, double seconds, char *name)
     if (s->answer >= mine)
         err = s->answer_err;
     else
-        err = s->record_busy_ns ? -EIO : -ENODATA; /* the disk hangs; no set has come */
+        err = s->record_busy_ns ? -EIO : -ENODATA; /* the disk hangs; no set has arrived */
     if (!err)
-        snprintf(name, SST_STORE_NAME, "%s", s->take);
+        snprintf(name, SST_STORE_NAME, "%s", s->active_name);
     else if (!prolonged)
-        s->demand.armed = false; /* who was refused does not expect a recording later */
+        s->demand.armed = false; /* after an error nothing is recorded later */
 out:
     pthread_mutex_unlock(&s->lock);
     return err;
@@ -331,7 +332,7 @@ int sst_storage_stop(struct sst_storage *s)
 
 int64_t store_used_locked(const struct sst_storage *s)
 {
-    int64_t used = 0;
+    int64_t used = video_files_bytes_locked(s);
 
     for (int i = 0; i < s->catalog.count; i++)
         used += s->catalog.entry[i].bytes;
@@ -359,8 +360,8 @@ int store_reserve(struct sst_storage *s, enum store_kind kind, int64_t wall_ns, 
 
 static void destroy(struct sst_storage *s)
 {
-    store_plans_expire(s, INT64_MAX);
-    view_shown_fini(&s->shown);
+    video_files_fini(s);
+    view_history_fini(&s->history);
     sst_outlet_unref(s->outlet);
     catalog_fini(&s->catalog);
     pthread_cond_destroy(&s->answered);
@@ -389,9 +390,10 @@ static void init_locks(struct sst_storage *s)
 
 int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *cfg)
 {
-    static void *(*const run[])(void *) = { store_record_run, store_keep_run, store_jobs_run, store_state_run,
-                                            store_view_run };
-    static const char *const names[] = { "sst-record", "sst-keep", "sst-export", "sst-state", "sst-view" };
+    static void *(*const run[])(void *) = { store_record_run, retention_run, store_jobs_run,
+                                            store_video_run,  status_run,    store_view_run };
+    static const char *const names[] = { "sst-record", "sst-retention", "sst-export",
+                                         "sst-video",  "sst-state",     "sst-view" };
     const int cameras = cfg->config->array.bound;
     struct sst_storage *s;
     int err;
@@ -404,7 +406,7 @@ int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *
     init_locks(s);
     s->ring = cfg->ring;
     s->events = cfg->events;
-    s->blocked = true; /* until the folder has been looked at */
+    s->blocked = true; /* until the folder has been scanned */
     s->tracks = calloc(SST_CAMERAS_MAX, sizeof(*s->tracks));
     err = s->tracks ? set_paths(s, cfg->config->storage.dir) : -ENOMEM;
     if (!err) {
@@ -421,14 +423,14 @@ int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *
             pthread_setname_np(s->thread[i], names[i]);
             continue;
         }
-        sst_log_error("cannot start the threads of storage: %s", strerror(-err));
+        sst_log_error("cannot start the storage threads: %s", strerror(-err));
         store_thread_ends(s);
         for (; i < (int)ARRAY_LEN(run); i++)
             s->thread[i] = 0;
     }
     if (err) {
         if (!sst_storage_close(s, 10000))
-            sst_log_warning("threads of storage stay behind");
+            sst_log_warning("storage threads are still running");
         return err == -EINVAL ? err : -ENOMEM;
     }
     *out = s;

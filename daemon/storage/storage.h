@@ -1,5 +1,5 @@
-/* daemon/storage/storage.h - what is kept on disk: recordings (continuous, on event, on demand), snapshots, exports;
- * and the room for them. */
+/* daemon/storage/storage.h - stores recordings (continuous, on event, on demand), snapshots and exports, within limits
+ * of space and age. */
 #ifndef SST_DAEMON_STORAGE_STORAGE_H
 #define SST_DAEMON_STORAGE_STORAGE_H
 
@@ -9,17 +9,18 @@
 #include "capture/recording/recorder.h"
 #include "config/sstd.h"
 #include "daemon/events/events.h"
+#include "daemon/slot/download.h"
 #include "daemon/slot/jpeg_slot.h"
 
 /* storage.dir:
  *   recordings/2026-11-21T18-05-00Z/   recordings as sst capture array writes them (docs/recordings.md); a new one each
  *                                      hour of continuous recording, one per event, one per demand
- *   snapshots/, exports/               light fields; names are made here, never by clients */
+ *   snapshots/, exports/               light fields; names are never chosen by clients */
 
 enum sst_storage_state {
     SST_STORAGE_OK = 0,
-    SST_STORAGE_LOW = 1,  /* the oldest is being removed to keep within the limits */
-    SST_STORAGE_FULL = 2, /* nothing may be removed any more, or the disk takes nothing: nothing is recorded */
+    SST_STORAGE_LOW = 1,  /* the oldest recordings are being removed to stay within the limits */
+    SST_STORAGE_FULL = 2, /* nothing is left to remove, or the disk accepts no writes: nothing is recorded */
 };
 
 struct sst_storage; /* opaque; any thread */
@@ -28,30 +29,30 @@ struct sst_storage_config {
     const struct sst_config *config; /* copied */
     struct sst_ring *ring;           /* must stay */
     struct sst_events *events;       /* must stay */
-    /* [config->array.bound]; copied. None: nothing is recorded before sst_storage_cameras(). */
+    /* [config->array.bound]; copied. With 0 nothing is recorded before sst_storage_cameras(). */
     const struct sst_recorder_track *tracks;
 };
 
 /**
- * Make the folders, mend what a killed daemon left, and start the threads that record and clean up. A disk that cannot
- * be written is a state, not an error: tried again for ever.
+ * Create the folders, repair what a killed daemon left, and start the threads that record and clean up. A disk that
+ * cannot be written is a state, not an error: it is retried for ever.
  * @return 0, -EINVAL, -ENOMEM
  */
 SST_MUST_CHECK int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *cfg);
 
-/** The array was opened: recordings from now on are of these cameras. @param tracks  [array->bound]; both are copied */
+/** The array was opened: later recordings are of these cameras. @param tracks  [array->bound]; both are copied */
 void sst_storage_cameras(struct sst_storage *s, const struct sst_array_config *array,
                          const struct sst_recorder_track *tracks);
 
 /** Apply other settings of storage: and zones: (not the folder nor the ring). @return 0, -ENOMEM */
 SST_MUST_CHECK int sst_storage_configure(struct sst_storage *s, const struct sst_config *config);
 
-/** The see-through view that is recorded from now on, with what is recorded (storage.record_view); the first one stays.
+/** Set the see-through view that is recorded beside the sets (storage.record_view); only the first call has effect.
  *  @param outlet  of the main view; referenced */
 void sst_storage_view(struct sst_storage *s, struct sst_outlet *outlet);
 
-/** What the live pipeline saw in a set: recording on event follows it. shares: changed[i] of zone i, changed[zones] of
- * the whole picture. Never blocks. */
+/** Results of the live pipeline for a set: recording on event follows them. Shares: changed[i] of zone i,
+ * changed[zones] of the whole picture. Never blocks. */
 struct sst_seen {
     uint64_t number; /* of the ring */
     int64_t t_ns;
@@ -61,36 +62,37 @@ struct sst_seen {
 };
 void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen);
 
-/** Start or prolong a recording on demand, with pre-roll. What is being recorded already is gone on with.
+/** Start or extend a recording on demand, with pre-roll; an active recording continues.
  *  @param seconds  0: until stopped; name: out, [64]
  *  @return 0, -ENODATA (no set comes), -ENOSPC (FULL), -EROFS, -EBUSY (another service has the folder), -EIO (what the
  *          disk said last, or it does not answer); after an error nothing will be recorded later */
 SST_MUST_CHECK int sst_storage_record(struct sst_storage *s, double seconds, char *name);
-/** Stop what was started on demand. @return 0, -ENOENT (nothing is being recorded on demand) */
+/** Stop a recording on demand. @return 0, -ENOENT (nothing is being recorded on demand) */
 SST_MUST_CHECK int sst_storage_stop(struct sst_storage *s);
 
-/** Keep the newest set as a light field (with the calibration, if any) and the given picture (JPEG; NULL: none) under a
- *  new name in snapshots/. Comes back after 0.8 s even if it is still being made: then its event tells how it went, and
- *  a download waits for it. @param name  out, [64]
- *  @return 0, -ENODATA (no set yet), -EBUSY (four are being made), -ENOSPC, -EROFS, -EIO; told by an event */
+/** Store the newest set as a light field (with the calibration, if any) and the given picture (JPEG; NULL: none) under
+ * a new name in snapshots/. Returns after 0.8 s even if it is still being made: its event then reports the result, and
+ * a download waits for it. @param name  out, [64]
+ *  @return 0, -ENODATA (no set yet), -EBUSY (four are being made), -ENOSPC, -EROFS, -EIO; reported by an event */
 SST_MUST_CHECK int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jpeg, size_t bytes, char *name);
 
-/** Make a light field, in exports/, of the set nearest to a moment of any recording, or of the RAM's sets.
+/** Make a light field in exports/ from the set nearest to a moment, of a recording or in memory.
  *  @param recording  NULL: the one (or the RAM) that holds the moment; wall_ns: the moment; name: out, [64]
  *  @return as of a snapshot, and -ENOENT (no such recording, or nothing within 10 s of the moment), -EBADMSG (damaged)
  */
 SST_MUST_CHECK int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name);
 
-/** Something that is kept, to read as daemon/slot/download.h says: "NAME.tar" is all of it; "NAME" or "NAME.jpg" the
- *  picture of a snapshot; of a recording "NAME.r0c5.mkv" is the video of a camera, "NAME.mkv" that of the see-through
- *  view. Of a recording that is being written videos give what is there by now. Somebody who reads nothing for a minute
- *  is given up.
- *  @param name  checked here; fd: out, the caller's; type: out, MIME type, static
- *  @return 0, -ENOENT, -EBUSY (all of a recording that is being written), -EMFILE (sixteen are being read) */
-SST_MUST_CHECK int sst_storage_download(struct sst_storage *s, const char *name, int *fd, const char **type);
+/** Open something for a client: "NAME.tar" is all of it; "NAME" or "NAME.jpg" the picture of a snapshot; of a recording
+ *  "NAME.r0c5.mkv" is the video of a camera, "NAME.mkv" that of the see-through view. A video is made first, as a file
+ *  that counts for the limits; one of a recording that is being written gives what it holds by now. Waits for the disk.
+ *  @param name  checked here; out: to close before the storage is
+ *  @return 0, -EINPROGRESS (it is being made: call again, after 0.2 s already), -ENOENT, -ENODATA (nothing of it was
+ *          recorded), -EBUSY (all of a recording that is being written), -EMFILE (sixteen are open), -ENOSPC (for the
+ *          video), -EAGAIN (it changed meanwhile), -EBADMSG, -EROFS, -EIO */
+SST_MUST_CHECK int sst_storage_download(struct sst_storage *s, const char *name, struct sst_download **out);
 
-/** Delete a recording, snapshot or export for good; downloads of it break off. Comes back after 0.8 s even if that goes
- *  on. @return 0, -ENOENT, -EBUSY (it is being written), -EROFS, -EIO */
+/** Delete a recording, snapshot or export for good; archives of it that are being downloaded break off. Returns after
+ * 0.8 s even if the removal continues. @return 0, -ENOENT, -EBUSY (it is being written), -EROFS, -EIO */
 SST_MUST_CHECK int sst_storage_delete(struct sst_storage *s, const char *name);
 
 /** {state, reason, dir, free_bytes, used_bytes, quota_bytes, oldest, age_s, recording: {mode, active, name, why, since,
@@ -103,15 +105,15 @@ json_t *sst_storage_list(struct sst_storage *s);
 
 enum sst_storage_state sst_storage_state(struct sst_storage *s);
 
-/** Begin to finish, within timeout_ms: half of it for sets that wait in memory, half for the disk. Calls are refused
- * from then on, and those that wait come back. sst_storage_close() waits for the end. NULL is fine. */
+/** Begin to finish, within timeout_ms: half of it for sets that wait in memory, half for the disk. Further calls are
+ * refused, waiting ones return. sst_storage_close() waits for the end. NULL is fine. */
 void sst_storage_shut(struct sst_storage *s, int timeout_ms);
 
-/** Finish what is being written; others may still call. @return true: all is on disk; false: the disk hangs, after
- *  timeout_ms (threads stay behind: the process is to end by _exit(), what was acknowledged is on disk) */
+/** Finish what is being written; other threads may still call. @return true: all is on disk; false: the disk hangs,
+ * after timeout_ms (its threads still run: the process is to end by _exit(); what was acknowledged is on disk) */
 SST_MUST_CHECK bool sst_storage_finish(struct sst_storage *s, int timeout_ms);
 
-/** The same, and free it: nobody calls any more. @return as above; false: it is not freed */
+/** The same, and free it; no other calls may follow. @return as above; false: it is not freed */
 SST_MUST_CHECK bool sst_storage_close(struct sst_storage *s, int timeout_ms);
 
 #endif

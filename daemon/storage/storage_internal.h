@@ -6,19 +6,21 @@
 #include <pthread.h>
 #include <stdbool.h>
 #include <stdio.h>
+#include <sys/types.h>
 
 #include "base/base.h"
 #include "base/file.h"
+#include "capture/recording/mkv.h"
 #include "config/sstd.h"
 #include "daemon/slot/jpeg_slot.h"
 #include "daemon/storage/storage.h"
 
 /* --- catalog ---
- * what is in the folder: recordings, snapshots, exports; in memory and as files that say so.
+ * what the storage folder holds: recordings, snapshots, exports.
  *
  * A recording of ours has storage.json beside its sets, written before the first set and again at the end; folders
- * without one are somebody else's and are neither counted nor touched. Snapshots and exports have one, too; those
- * without (a daemon was killed in between) are known by lightfield.json and count as the oldest. */
+ * without one are other people's and are neither counted nor touched. Snapshots and exports have one, too; those
+ * without (a daemon was killed in between) are recognized by lightfield.json and count as the oldest. */
 
 #define SST_STORE_NAME 64 /* bytes of a name with its end */
 #define SST_STORE_WHY  112
@@ -32,9 +34,9 @@ enum store_kind {
 
 enum store_stage {
     SST_STORE_DONE = 0,
-    SST_STORE_ACTIVE = 1, /* being written here, or being made */
-    SST_STORE_TORN = 2,   /* its daemon was killed: to be mended */
-    SST_STORE_KEPT = 3,   /* cannot be mended or another process records there: left as it is */
+    SST_STORE_ACTIVE = 1, /* being written by this service */
+    SST_STORE_TORN = 2,   /* its daemon was killed: to be repaired */
+    SST_STORE_KEPT = 3,   /* cannot be repaired now, or another process records there */
 };
 
 struct store_entry {
@@ -42,16 +44,16 @@ struct store_entry {
     enum store_stage stage;
     char name[SST_STORE_NAME];
     char why[SST_STORE_WHY]; /* of a recording */
-    uint64_t order;          /* grows with each that is made, whatever clocks say; 0: not known */
+    uint64_t order;          /* grows with each entry, whatever the clock; 0: unknown */
     int64_t from_ns, to_ns;  /* wall time of first and last set; 0: none */
-    int64_t made_ns;         /* wall time when it was finished; 0: not known */
+    int64_t made_ns;         /* wall time when it was finished; 0: unknown */
     uint64_t sets;
-    uint64_t gone; /* of a recording: sets removed of its beginning, no longer among `sets`; UINT64_MAX: not known */
-    int64_t bytes; /* on disk */
-    bool picture;  /* of a snapshot: picture.jpg is there; of a recording: the see-through view was recorded */
-    bool doomed;   /* somebody deleted it: it is no longer there for anybody else */
-    int readers;   /* downloads of it at work */
-    int segments;  /* of a recording that is being written, as last looked at; else 0 */
+    uint64_t gone;        /* of a recording: sets removed from its beginning, not among `sets`; UINT64_MAX: unknown */
+    int64_t bytes;        /* on disk */
+    bool picture;         /* of a snapshot: picture.jpg is there; of a recording: the see-through view was recorded */
+    bool deleted_by_hand; /* a client deleted it: it is hidden from all others */
+    int readers;          /* downloads that read it */
+    int segments;         /* of the active recording, at the last scan; else 0 */
 };
 
 /** In their order; those of the same order by made_ns. Zeroed: empty. One thread at a time. */
@@ -61,10 +63,10 @@ struct catalog {
     uint64_t order; /* the highest given so far */
 };
 
-/** A copy is put in. @return 0, -ENOMEM */
+/** Insert a copy. @return 0, -ENOMEM */
 SST_MUST_CHECK int catalog_add(struct catalog *c, const struct store_entry *entry);
 void catalog_remove(struct catalog *c, const char *name);
-/** What is known of it anew, under its name; who reads it and whether it was deleted stays. Not there: nothing. */
+/** Refresh an entry by name; its readers and deletion mark are preserved. No-op if absent. */
 void catalog_update(struct catalog *c, const struct store_entry *entry);
 /** NULL: not there. Valid until something is added or removed. */
 struct store_entry *catalog_find(struct catalog *c, const char *name);
@@ -73,17 +75,17 @@ void catalog_fini(struct catalog *c);
 /** [A-Za-z0-9_-][A-Za-z0-9_.-]{0,62}: a name that was made here. */
 bool store_name_good(const char *name);
 
-#define SST_STORE_SEGMENTS 2 /* the last ones of a recording that is being written always stay */
+#define SST_STORE_SEGMENTS 2 /* newest segments of the active recording that always stay */
 
-#define SST_STORE_ON_DEMAND "on demand" /* why of a recording that somebody asked for */
+#define SST_STORE_ON_DEMAND "on demand" /* `why` of a recording that a client requested */
 
-/** Snapshots, exports, recordings on demand: they outlive what is recorded without anybody. */
-bool store_by_hand(const struct store_entry *entry);
+/** Snapshots, exports, recordings on demand: retention keeps them longer than what is recorded automatically. */
+bool store_is_manual(const struct store_entry *entry);
 
 /** "recording", "snapshot", "export". */
 const char *store_kind_name(enum store_kind kind);
 
-/** "", "snapshot-", "export-": what names of the kind begin with. */
+/** "", "snapshot-", "export-": prefix of names of the kind. */
 const char *store_prefix(enum store_kind kind);
 
 /** "2026-11-21T18-05-00Z" of a wall time after the kind's prefix, and "-2", "-3" ... as `attempt` grows from 1. */
@@ -99,8 +101,8 @@ SST_MUST_CHECK int store_write(const char *dir, const struct store_entry *entry)
 SST_MUST_CHECK int store_read(const char *dir, struct store_entry *entry);
 
 /**
- * What a folder of recordings, snapshots or exports holds, left-overs of a killed daemon (*.tmp-*, empty folders with
- * names of ours) removed first.
+ * List a folder of recordings, snapshots or exports, optionally after removing left-overs of a killed daemon (*.tmp-*,
+ * empty folders with names of ours).
  *
  * @param tidy  remove those
  * @param c     out, zeroed by the caller
@@ -111,223 +113,135 @@ SST_MUST_CHECK int store_scan(const char *folder, enum store_kind kind, bool tid
 /** Bytes of all files below a folder, in whole blocks of 4 KiB. */
 int64_t store_bytes(const char *dir);
 
-/** Bring a torn recording into a state that says what it holds, and write its storage.json.
+/** Repair a torn recording: remove what is half-written and write its storage.json.
  *  @return 0, -ENODATA (it has no set), -EBUSY (another process records there), -EBADMSG, -EIO ...; logged */
-SST_MUST_CHECK int store_mend(const char *dir, struct store_entry *entry);
+SST_MUST_CHECK int store_repair(const char *dir, struct store_entry *entry);
 
-/* --- which goes next ---------------------------------------------------------------------------------------------- */
+/* --- what is removed next
+ * ---------------------------------------------------------------------------------------------- */
 
 struct store_limits {
-    int64_t quota_bytes, min_free_bytes; /* 0: none */
-    int64_t max_age_ns, hand_max_age_ns; /* of what was recorded by itself and made by hand; 0: none */
-    int64_t hand_bytes;                  /* up to this what was made by hand outlives the rest; 0: half of the room */
-    int64_t margin_bytes; /* kept free of what quota and free space allow, for what is written meanwhile */
+    int64_t quota_bytes, min_free_bytes;   /* 0: none */
+    int64_t max_age_ns, manual_max_age_ns; /* of automatic recordings, and of what was made by hand; 0: none */
+    int64_t manual_bytes;                  /* up to this what was made by hand is kept longer; 0: half of the room */
+    int64_t margin_bytes;                  /* kept free within quota and free space, for what is written meanwhile */
 };
 
 struct store_room {
     int64_t used_bytes, free_bytes;
-    int64_t waiting_bytes; /* of a set that waits for the quota to have room for it; 0: none does */
+    int64_t waiting_bytes; /* of a set that waits for room in the quota; 0: none */
     int64_t wall_ns;
-    bool clock_steady; /* the wall clock has not been stepped for a while: ages count */
+    bool clock_steady; /* no step of the wall clock for a while: ages count */
 };
 
 enum store_verdict {
     SST_STORE_FITS = 0,
     SST_STORE_TOO_OLD = 1,
     SST_STORE_TOO_MUCH = 2, /* for the quota or the free space */
-    SST_STORE_NO_ROOM = 3,  /* likewise, and nothing is left to remove */
+    SST_STORE_NO_ROOM = 3,  /* and nothing is left to remove */
 };
 
-/** The room there is in all: the smaller of what quota and free space allow. */
+/** The total room: the smaller of what quota and free space allow. */
 int64_t store_room_bytes(const struct store_limits *limits, const struct store_room *room);
 
-/** What of it what was made by hand may take before the rest is spared. */
-int64_t store_hand_bytes(const struct store_limits *limits, const struct store_room *room);
+/** Up to this many bytes, what was made by hand is removed last. */
+int64_t store_manual_bytes(const struct store_limits *limits, const struct store_room *room);
+
+/** Most bytes of another video for downloads, with made_bytes of them already: what the limits leave, or what all of
+ *  them together may take of the room, a tenth; never the margin of the disk. */
+int64_t store_download_bytes(const struct store_limits *limits, const struct store_room *room, int64_t made_bytes);
 
 /**
- * What is to be removed first. Beyond a limit that is the oldest that was recorded by itself; the oldest that was made
- * by hand, if that takes more than its part or nothing else is left. What is being downloaded goes after what is not,
- * and a recording that is being written last: of that, the oldest segment.
- * The newest by itself and the newest by hand never go by their age. What bears a time that cannot be (before 2026, in
- * the future, or an hour before something was begun that is older by its order) is as old as what was made next.
+ * Choose what is removed next. Beyond a limit that is the oldest automatic recording; the oldest entry made by hand, if
+ * those take more than their part or nothing else is left. Entries that are being downloaded come after others, and the
+ * active recording last: it loses its oldest segment.
+ * The newest of either kind is never removed for its age. An entry with an impossible time (before 2026, in the future,
+ * or an hour before the beginning of one that is older by its order) is as old as the next one.
  * @param victim  out, index of it with TOO_OLD and TOO_MUCH
  */
 enum store_verdict store_judge(const struct catalog *c, const struct store_limits *limits,
                                const struct store_room *room, int *victim);
 
-/* --- spans ---
- * a file that is a plan: bytes of its own and pieces of files, one after the other.
- *
- * What is downloaded (archives, videos) is never made as a file: its plan is, so that its length is known beforehand
- * and any part of it can be sent. */
-
-struct file_span {
-    int64_t at;     /* first byte in the whole */
-    int64_t offset; /* of it in the file, or in `own` */
-    int file;       /* -1: of `own` */
-};
-
-/** Zeroed: empty. Growing fails silently and for good: spans_error() tells. One thread while it is made; then any
- *  number may send. */
-struct spans {
-    struct file_span *span;
-    size_t count, capacity;
-    uint8_t *own;
-    size_t own_bytes, own_capacity;
-    char **path; /* of files, below the folder that is given to send */
-    int files, files_capacity;
-    int64_t bytes; /* of the whole */
-    uint64_t tag;  /* of all that was planned, also spans_mark(): another content has another one */
-    bool failed;
-};
-
-void spans_fini(struct spans *s);
-
-/** Bytes of its own, copied. */
-void spans_own(struct spans *s, const void *data, size_t n);
-/** Another file from which pieces are taken. @param path  copied @return its number */
-int spans_file(struct spans *s, const char *path);
-/** n bytes of a file from an offset. */
-void spans_piece(struct spans *s, int file, int64_t offset, int64_t n);
-/** What else tells one content from another (times, sizes). */
-void spans_mark(struct spans *s, const void *data, size_t n);
-
-/** @return 0, -ENOMEM: something of it is missing */
-SST_MUST_CHECK int spans_error(const struct spans *s);
-
-/** Open a file below a folder for reading, as sending does: no link on the way is followed, and nothing is waited for
- *  that is no file. @return descriptor or negative errno */
-SST_MUST_CHECK int spans_open(int folder, const char *path);
-
-/** Takes all n bytes. @return 0, or a negative errno that ends the sending. */
-typedef int spans_fn(void *arg, const void *data, size_t n);
-
-/**
- * Hand on n bytes from `first` on.
- *
- * @param folder  of the files; links below it are not followed
- * @param first   first + n is at most s->bytes
- * @return 0, what fn returned, -EBADMSG (a file is shorter than planned), -ENOENT (it is gone), -ENOMEM or -errno of
- *         reading; not logged. Waits for the disk.
+/* --- triggers: when a change or a label is there for long enough to be reported and recorded. No input or output. ---
  */
-SST_MUST_CHECK int spans_send(const struct spans *s, int folder, int64_t first, int64_t n, spans_fn *fn, void *arg);
 
-/* --- matroska: the plan of a Matroska file with one track, of frames that lie in other files. --- */
+/* A trigger has hysteresis: its condition holds from its share up, and down to half of that. It becomes active when the
+ * condition held for begin_s, inactive when it did not for end_s, in two sets at least. Sets to the contrary subtract
+ * their time, and a single one never changes anything. */
+#define EVENT_TRIGGER_BEGIN_S 0.3
+#define EVENT_TRIGGER_END_S   1.0
+#define EVENT_TRIGGER_KEEPS   0.5
+#define EVENT_TRIGGER_SHARE   0.02 /* of zones that no trigger names */
+/* Repeated changes are reported as one: each that begins within AGAIN after the last reported end doubles the hold time
+ * before the next end is reported, up to HOLD. Labels are reported each time. */
+#define EVENT_TRIGGER_AGAIN_NS 10000000000
+#define EVENT_TRIGGER_HOLD_NS  60000000000
+#define EVENT_TRIGGERS_MAX     (SST_TRIGGERS_MAX + SST_ZONES_MAX)
 
-#define SST_MATROSKA_TRACK_MAX 4096 /* bytes of a track's description */
-
-struct matroska_frame {
-    int64_t t_ns;   /* any clock; not before the frame's before it */
-    int64_t offset; /* first byte in its file */
-    uint32_t bytes;
-    int file; /* of the plan */
-};
-
-struct matroska_track {
-    int number;                            /* 1 .. 16382 */
-    uint8_t entry[SST_MATROSKA_TRACK_MAX]; /* the element TrackEntry, whole, of this number */
-    size_t bytes;
-};
-
-/** Describe a track of JPEG pictures. @param name  for people */
-void matroska_jpeg_track(struct matroska_track *out, int width, int height, const char *name);
-
-/**
- * Copy the description of a track out of the first bytes of a Matroska file.
- * @return 0, -ENOENT (no such track), -EBADMSG (no Matroska, torn, or a description that is too long); not logged
- */
-SST_MUST_CHECK int matroska_find_track(const uint8_t *data, size_t n, int number, struct matroska_track *out);
-
-/**
- * Plan the file: head with duration and an index to seek by, then the frames, a cluster a second. The same arguments
- * give the same bytes.
- *
- * @param to       their files were added before
- * @param wall_ns  of the first frame
- * @return 0, -ENODATA (count is 0), -ENOMEM
- */
-SST_MUST_CHECK int matroska_plan(struct spans *to, const struct matroska_track *track, const char *title,
-                                 int64_t wall_ns, const struct matroska_frame *frame, size_t count);
-
-/* --- triggers: when something is seen for long enough to be told and recorded. No input or output. --- */
-
-/* Something is seen when its share is reached, and still seen down to half of that. What is seen begins when that was
- * so for begin_s, and ends when it was not for end_s, in two sets at least; sets that say otherwise meanwhile take as
- * much time off again, and one odd set never changes anything. */
-#define SST_WATCH_BEGIN_S 0.3
-#define SST_WATCH_END_S   1.0
-#define SST_WATCH_KEEPS   0.5
-#define SST_WATCH_SHARE   0.02 /* of zones that no trigger names */
-/* Changes that come again and again are told as one: each that begins within the first of these after the last one was
- * told to have ended doubles how long nothing must be seen for that, up to the second. Labels are told each time. */
-#define SST_WATCH_AGAIN_NS 10000000000
-#define SST_WATCH_HOLD_NS  60000000000
-#define SST_WATCHES_MAX    (SST_TRIGGERS_MAX + SST_ZONES_MAX)
-
-/** Something looked for: a change or a label, in a zone or in the whole picture. */
-struct sst_watch {
+/** A condition: a change or a label, in a zone or in the whole picture. */
+struct event_trigger {
     char zone[32], label[64]; /* "": the whole picture; any change */
-    int trigger;              /* of the configuration: recording follows it; -1: it is only told */
-    int index;                /* of the zone in what was seen; -1: the whole picture */
+    int trigger;              /* of the configuration: it is recorded; -1: only reported */
+    int index;                /* of the zone in sst_seen; -1: the whole picture */
     double share;
     double begin_s, end_s; /* above 0; else those above */
-    /* what is seen: recordings follow it */
+    /* the state that recordings follow */
     bool active;
-    int sets;          /* in a row that speak for the other state, but for odd ones */
+    int sets;          /* in favour of the other state, in a row but for single ones */
     int64_t t_ns;      /* set.t_ns of the last set */
     int64_t since_ns;  /* of the first set for the other state */
-    int64_t weight_ns; /* time that speaks for it */
+    int64_t weight_ns; /* time in favour of it */
     int64_t begin_ns;  /* first set of the active state */
-    int64_t last_ns;   /* last set that reached what keeps it */
-    /* what is told of it */
-    bool told;
-    int64_t told_ns; /* begin_ns when it was told to have begun; when to have ended */
-    int64_t hold_ns; /* nothing is seen for so long before it is told to have ended */
-    int times;       /* it became active since it was told to have begun */
-    bool was_active; /* at the last look */
-    double peak;     /* largest share since then */
+    int64_t last_ns;   /* last set in which the condition held */
+    /* the reported state */
+    bool reported;
+    int64_t reported_ns; /* begin_ns at the reported beginning; time of the reported end */
+    int64_t hold_ns;     /* inactive for this long before the end is reported */
+    int times;           /* activations since the reported beginning */
+    bool was_active;     /* at the last call */
+    double peak;         /* largest share since then */
 };
 
-struct watches {
+struct event_triggers {
     int count;
-    struct sst_watch watch[SST_WATCHES_MAX];
+    struct event_trigger list[EVENT_TRIGGERS_MAX];
 };
 
-/** The configuration's triggers, and changes in every zone that none of them names. Nothing is active. */
-void watches_init(struct watches *w, const struct sst_config *config);
+/** The configuration's triggers, and changes in every zone that none of them names, all inactive. */
+void event_triggers_init(struct event_triggers *w, const struct sst_config *config);
 
 /** A value in a set; NaN counts as 0. @return true: active changed */
-bool watch_update(struct sst_watch *w, double value, int64_t t_ns);
+bool event_trigger_update(struct event_trigger *w, double value, int64_t t_ns);
 
-/** After an update: is it to be told to have begun or ended (w->told)?  @return true: that changed */
-bool watch_tell(struct sst_watch *w, double value, int64_t t_ns);
+/** After an update: is a beginning or end (w->reported) to be reported? @return true: that changed */
+bool event_trigger_report(struct event_trigger *w, double value, int64_t t_ns);
 
-/** How something stands goes on under other settings. */
-void watch_go_on(struct sst_watch *w, const struct sst_watch *before);
+/** Copy the state of a trigger to its successor with other settings. */
+void event_trigger_continue(struct event_trigger *w, const struct event_trigger *before);
 
 /* --- view ---
- * the see-through view beside the sets of a recording. Inside daemon/storage only.
+ * the see-through view beside the sets of a recording.
  *
- * Its pictures come from the outlet of the main view, as JPEG: the thread sst-view keeps those of the last moments in
- * memory (pre-roll), and the recording thread writes them. */
+ * Its pictures come from the JPEG slot of the main view: the thread sst-view keeps the latest in memory (pre-roll), and
+ * the recording thread writes them. */
 
-#define SST_VIEW_SHOWN_MAX   4096
-#define SST_VIEW_SHOWN_BYTES ((size_t)64 << 20)
+#define VIEW_HISTORY_MAX   4096
+#define VIEW_HISTORY_BYTES ((size_t)64 << 20)
 
-/** Pictures of the last moments; the oldest goes first. Under the storage's lock. Zeroed: none. */
-struct view_shown {
-    const struct sst_jpeg *jpeg[SST_VIEW_SHOWN_MAX]; /* from `first` on, round about */
+/** The latest pictures; the oldest is dropped first. Under the storage's lock. Zeroed: none. */
+struct view_history {
+    const struct sst_jpeg *jpeg[VIEW_HISTORY_MAX]; /* a ring from `first` on */
     int first, count;
     size_t bytes;
 };
 
-/** Take a reference over; those before keep_ns go, but for one: what was seen then. */
-void view_shown_add(struct view_shown *s, const struct sst_jpeg *jpeg, int64_t keep_ns);
+/** Add a picture, whose reference becomes the history's; drop those before keep_ns but the last of them. */
+void view_history_add(struct view_history *s, const struct sst_jpeg *jpeg, int64_t keep_ns);
 /** The first with a number above `after`, referenced; NULL: none. */
-const struct sst_jpeg *view_shown_next(struct view_shown *s, uint64_t after);
+const struct sst_jpeg *view_history_next(struct view_history *s, uint64_t after);
 /** The last that is not after t_ns, referenced; NULL: none. */
-const struct sst_jpeg *view_shown_at(struct view_shown *s, int64_t t_ns);
-void view_shown_fini(struct view_shown *s);
+const struct sst_jpeg *view_history_at(struct view_history *s, int64_t t_ns);
+void view_history_fini(struct view_history *s);
 
 /** The files of a recording; zeroed: none. One thread. */
 struct view_files {
@@ -338,7 +252,7 @@ struct view_files {
     uint64_t last_set;
 };
 
-/** Make them in a recording's folder. @return 0 or -errno; logged. Waits for the disk. */
+/** Create them in a recording's folder. @return 0 or -errno; logged. Waits for the disk. */
 SST_MUST_CHECK int view_begin(struct view_files *f, const char *dir);
 /** @param t_ns  when it is to be shown: its own time, or the recording's beginning @return 0 or -errno; not logged */
 SST_MUST_CHECK int view_write(struct view_files *f, const struct sst_jpeg *jpeg, int64_t t_ns);
@@ -346,24 +260,23 @@ SST_MUST_CHECK int view_write(struct view_files *f, const struct sst_jpeg *jpeg,
 int view_end(struct view_files *f, int64_t end_ns, int64_t end_wall_ns);
 
 /* --- parts ---
- * what the threads of storage share. Inside daemon/storage only.
+ * what the threads of storage share.
  *
- * sst-record  writes sets (record.c)                waits for the disk
- * sst-keep    free space, limits, mending (keep.c)  waits for the disk
- * sst-export  snapshots and exports (jobs.c)        waits for the disk
- * sst-tar     downloads (download.c), one each      waits for the disk and for readers
- * sst-view    pictures of the last moments (view.c) never waits for a disk
- * sst-state   says how things stand (state.c)       never waits for either
- * Calls from outside only look at memory; the lock is never held while anything is waited for. */
+ * sst-record     writes sets (record.c)                 waits for the disk
+ * sst-retention  free space, limits, repairs (retention.c) waits for the disk
+ * sst-export     snapshots and exports (jobs.c)         waits for the disk
+ * sst-video      videos for downloads (video_files.c)   waits for the disk
+ * sst-view       the latest pictures (view.c)           never waits for the disk
+ * sst-state      state and its events (status.c)         never waits for the disk
+ * Calls only access memory, but for downloads, which read; the lock is never held during disk access. */
 
 #define SST_STORE_TEXT      512
-#define SST_STORE_JOBS      4          /* that wait or run */
-#define SST_STORE_PLANS     4          /* of videos, kept for the next part that is asked for */
-#define SST_STORE_ANSWER_MS 800        /* that a call waits for a thread */
-#define SST_STORE_GRACE_NS  100000000  /* and longer, where the machine may have stood still */
-#define SST_STORE_HUNG_NS   5000000000 /* a disk that has been waited for longer hangs */
+#define SST_STORE_JOBS      4          /* waiting or running */
+#define SST_STORE_ANSWER_MS 800        /* a call waits this long for a thread */
+#define SST_STORE_GRACE_NS  100000000  /* and this much longer after a stall of the machine */
+#define SST_STORE_HUNG_NS   5000000000 /* a disk counts as hung after this */
 
-/** What the threads take from the configuration. */
+/** The configuration as the threads use it. */
 struct store_settings {
     enum sst_record_mode mode;
     bool view; /* the see-through view is recorded, too */
@@ -374,19 +287,19 @@ struct store_settings {
     int rows, cols, cameras;
     uint32_t fourcc;
     int width, height;
-    unsigned opening; /* of the array: a recording is of one; 0: it was never open */
+    unsigned opening; /* counts openings of the array; a recording belongs to one; 0: never open */
     char calibration[SST_CONFIG_TEXT_MAX];
     double plane_mm;
 };
 
-/** Sets that somebody wants recorded, by their time. */
+/** A request to record sets, by their time. */
 struct store_want {
-    bool armed; /* until a set behind the end has come */
+    bool armed; /* until a set after the end arrives */
     int64_t begin_ns, end_ns;
     char why[SST_STORE_WHY], zone[32], label[64];
 };
 
-/** What keeps sets from the disk. */
+/** What prevents recording. */
 enum store_trouble {
     SST_TROUBLE_NONE = 0,
     SST_TROUBLE_LIMIT_LOW = 1, /* LOW; from here on FULL */
@@ -396,8 +309,31 @@ enum store_trouble {
     SST_TROUBLE_FOLDER = 5,
 };
 
-struct store_job;  /* jobs.c */
-struct store_plan; /* download.c */
+struct store_job; /* jobs.c */
+
+enum video_stage {
+    VIDEO_NONE = 0, /* the rest is zero */
+    VIDEO_WANTED = 1,
+    VIDEO_AT_WORK = 2, /* sst-video alone changes what is fixed */
+    VIDEO_MADE = 3,    /* or not: err */
+};
+
+/** A video that a client asked for, as a file without a name (video_files.c); under the storage's lock. */
+struct video_file {
+    enum video_stage stage;
+    /* fixed from WANTED on */
+    char name[SST_STORE_NAME]; /* of the recording */
+    int row, col;              /* row -1: the see-through view */
+    bool active;               /* the recording was being written ... */
+    uint64_t sets, gone;       /* ... else what it held */
+    int64_t asked_ns;
+    /* fixed when MADE */
+    int fd, err;
+    int64_t made_ns;
+    /* changing */
+    int64_t bytes, used_ns; /* bytes: reserved, then of the file */
+    int readers;
+};
 
 struct sst_storage {
     /* fixed after open */
@@ -411,107 +347,152 @@ struct sst_storage {
     /* under lock */
     bool stop;
     int64_t stop_ns; /* what the ring holds is written until then */
-    int threads;     /* that run, downloads among them */
+    int threads;     /* that run */
     int downloads;
     struct store_settings settings;
     struct sst_recorder_track *tracks; /* [SST_CAMERAS_MAX], of settings.cameras */
     struct catalog catalog;
 
-    /* what is wanted */
-    struct watches watches;
+    /* requests */
+    struct event_triggers event_triggers;
     struct store_want event, demand;
     bool wanted;            /* sets are to be recorded now */
-    int64_t seen_ns;        /* clock, at the last look; 0: none */
-    uint64_t asked, answer; /* requests to record; the last one answered ... */
-    int answer_err;         /* ... like this */
+    int64_t seen_ns;        /* clock, at the last sst_storage_seen(); 0: never */
+    uint64_t asked, answer; /* requests to record; the last one answered, ... */
+    int answer_err;         /* ... with this */
 
-    /* the recording that is being written */
-    char take[SST_STORE_NAME], take_why[SST_STORE_WHY]; /* "": none */
-    uint64_t take_sets, dropped;                        /* dropped: since open */
-    bool take_lost;                                     /* its folder is no longer there */
-    int64_t waiting_bytes;                              /* of a set that the quota has no room for just now; 0: none */
-    int64_t part_bytes; /* the largest piece that is removed at once, a tenth of the room; 0: not yet known */
+    /* the active recording */
+    char active_name[SST_STORE_NAME], active_why[SST_STORE_WHY]; /* "": none */
+    uint64_t active_sets, dropped;                               /* dropped: since open */
+    bool active_lost;                                            /* its folder was removed */
+    int64_t waiting_bytes; /* of a set that waits for room in the quota; 0: none */
+    int64_t part_bytes;    /* the largest piece that is removed at once, a tenth of the room; 0: unknown yet */
 
-    /* how things stand */
-    bool ready;                /* the folder is there, ours alone, and has been read */
+    /* state */
+    bool ready;                /* the folder exists, is locked and was scanned */
     bool blocked;              /* nothing may be written */
     int folder_err, write_err; /* negative errno */
     enum store_trouble limit;  /* NONE, LIMIT_LOW, LIMIT */
     char folder_text[SST_STORE_TEXT], write_text[SST_STORE_TEXT], limit_text[SST_STORE_TEXT];
     int64_t free_bytes, used_bytes, checked_ns; /* checked: clock; 0: never */
-    int64_t hand_bytes;                         /* that what is made by hand may take before the rest is spared */
+    int64_t manual_bytes;                       /* up to this what was made by hand is removed last */
     uint64_t removed[SST_STORE_KINDS], deleted; /* because of the limits; by hand */
-    uint64_t shortened;                         /* segments of recordings whose rest stays, because of the limits */
-    int64_t record_busy_ns, keep_busy_ns;       /* clock, since when the thread waits for the disk; 0: it does not */
+    uint64_t trimmed;                           /* segments removed from recordings because of the limits */
+    int64_t record_busy_ns,
+        retention_busy_ns; /* clock, since when the thread waits for the disk; 0: it does not wait */
     enum sst_storage_state state;
     enum store_trouble trouble;
     char reason[SST_STORE_TEXT];
 
-    struct store_job *job[SST_STORE_JOBS]; /* in their order; the first is at work */
+    struct store_job *job[SST_STORE_JOBS]; /* in their order; the first is running */
     int jobs;
 
-    struct store_plan *plan[SST_STORE_PLANS]; /* download.c; NULL: none */
+    struct video_file video[SST_DOWNLOADS_MAX]; /* each download reads one at most */
 
     struct sst_outlet *outlet; /* of the main view; NULL: not yet */
-    struct view_shown shown;
+    struct view_history history;
 
-    pthread_t thread[5];
+    pthread_t thread[6];
 };
 
 void *store_record_run(void *storage);
-void *store_keep_run(void *storage);
+void *retention_run(void *storage);
 void *store_jobs_run(void *storage);
-void *store_state_run(void *storage);
+void *store_video_run(void *storage);
+void *status_run(void *storage);
 void *store_view_run(void *storage);
 
 /** The lock is held; waits for `wake` or `ms`, whichever comes first. */
 void store_wait_locked(struct sst_storage *s, int ms);
-/** The same for `answered`, for whom to wait again if nothing has come. @return false: it is `until_ns`, and a bit */
+/** Wait for `answered`; call again until the condition holds. @return false: until_ns has passed, with some grace */
 bool store_wait_answer_locked(struct sst_storage *s, int64_t until_ns);
 /** The calling thread ends. */
 void store_thread_ends(struct sst_storage *s);
-/** From here, or no longer, the thread waits for the disk. */
+/** Mark that the thread waits for the disk, or no longer does. */
 void store_busy(struct sst_storage *s, int64_t *since_ns, bool busy);
 
-/** What a call that needs the disk is to return now: 0, -ENOSPC, -EROFS, -EBUSY, -EIO. */
+/** The result of a call that needs the disk: 0, or why it is refused now: -ENOSPC, -EROFS, -EBUSY, -EIO. */
 int store_refusal_locked(const struct sst_storage *s);
 
-/** A name for a new entry, which is ACTIVE in the catalog from then on. @param attempt  from 1 @return 0, -EEXIST
+/** Add an ACTIVE entry with a new name to the catalog. @param attempt  from 1 @return 0, -EEXIST
  * (another attempt may do), -ENOMEM */
 SST_MUST_CHECK int store_reserve(struct sst_storage *s, enum store_kind kind, int64_t wall_ns, int attempt,
                                  const char *why, struct store_entry *out);
-/** Out of the folder and the catalog, because of the limits. sst-keep only. @return 0 or -errno: it stays, as KEPT */
+/** Remove an entry from disk and catalog because of the limits. sst-retention only. @return 0 or -errno: it stays, as
+ *  KEPT */
 int store_remove(struct sst_storage *s, const struct store_entry *entry);
-/** The oldest segment of a recording goes, because of the limits. sst-keep only. @return 0, -ENODATA (it has no more
- * than must stay) and what sst_recording_shorten() returns: nothing of it went */
-int store_shorten(struct sst_storage *s, const struct store_entry *entry);
-/** What somebody deleted goes. sst-keep only. */
-void store_remove_doomed(struct sst_storage *s);
+/** Remove the oldest segment of a recording because of the limits. sst-retention only. @return 0, -ENODATA (only those
+ *  that must stay are left) and what sst_recording_shorten() returns: nothing was removed */
+int store_trim(struct sst_storage *s, const struct store_entry *entry);
+/** Remove what clients deleted. sst-retention only. */
+void store_remove_deleted(struct sst_storage *s);
 
-/** Plans of videos that nobody has asked for in a while go. */
-void store_plans_expire(struct sst_storage *s, int64_t now_ns);
+/**
+ * Open a video, or have it made; waits for it for 0.2 s.
+ *
+ * @param e    a recording of the catalog; not valid any more afterwards
+ * @param out  has a reader more until video_file_close_locked(); its fd and bytes stay until then
+ * @return 0, -EINPROGRESS (ask again, within a minute), -EMFILE, and what making it met: -ENOENT, -ENODATA (no frame),
+ *         -ENOSPC, -EAGAIN (its beginning was removed meanwhile), -EBADMSG, -EIO ...
+ */
+SST_MUST_CHECK int video_file_open_locked(struct sst_storage *s, struct store_entry *e, int row, int col,
+                                          struct video_file **out);
+void video_file_close_locked(struct video_file *f);
+/** Bytes of all of them, with what is reserved. */
+int64_t video_files_bytes_locked(const struct sst_storage *s);
+void video_files_fini(struct sst_storage *s);
 
-/** Bytes of everything in the catalog. */
+/** Bytes of everything in the catalog, and of videos made for downloads. */
 int64_t store_used_locked(const struct sst_storage *s);
 
 /** "motion in door", "Pedestrian in door", "motion". */
-void store_watch_text(char out[SST_STORE_WHY], const struct sst_watch *w);
+void event_trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w);
 
 /** Tracks of the cameras as they are now. @return [SST_CAMERAS_MAX] to free, or NULL: no memory */
 struct sst_recorder_track *store_tracks(struct sst_storage *s);
 
-/* --- tar: a folder as a tar archive. --- */
+/* --- tar ---
+ * a folder as a tar archive that is read without being made: nearly all of its bytes are those of its files, so the
+ * archive of an hour needs no room and no wait. */
+
+#define TAR_BLOCK 512
+
+struct tar_entry {
+    uint8_t header[TAR_BLOCK];
+    int64_t at;   /* of the header in the archive */
+    int64_t size; /* of the file; 0: a folder */
+    char *path;   /* below the folder */
+};
+
+/** One thread at a time. */
+struct tar {
+    struct tar_entry *entry;
+    int count, capacity;
+    int64_t bytes;        /* of the archive */
+    uint64_t tag;         /* differs for other content */
+    int folder, file, fd; /* fd: of entry `file`; -1: none is open */
+};
 
 /**
- * Plan the archive (POSIX ustar) of a folder's regular files and folders as they are now, in the order of their names;
- * links and devices are left out.
+ * List the archive (POSIX ustar) of a folder's regular files and folders as they are now, sorted by name; links and
+ * devices are left out.
  *
- * @param to    zeroed by the caller; its paths are below the folder
- * @param fd    of the folder, stays the caller's
- * @param name  that it has in the archive, without '/'; NAME/views/00_00.jpg of all files must fit 100 bytes
- * @return 0, -ENAMETOOLONG, -ENOMEM or -errno of reading; not logged.
+ * @param dir  its last part is the archive's name of the folder; NAME/views/00_00.jpg of all files must fit 100 bytes
+ * @return 0, -ENAMETOOLONG, -ENOMEM or -errno of reading; not logged. tar_close() follows in any case.
  */
-SST_MUST_CHECK int tar_plan(struct spans *to, int fd, const char *name);
+SST_MUST_CHECK int tar_open(struct tar *out, const char *dir);
+
+/** Read from any position before the end. @return bytes, at least one, or -errno; -EBADMSG: a file is shorter now */
+SST_MUST_CHECK ssize_t tar_read(struct tar *t, int64_t at, void *out, size_t n);
+
+void tar_close(struct tar *t);
+
+/** Open a file below a folder for reading, without following links or waiting for what is no file.
+ *  @return descriptor or -errno */
+SST_MUST_CHECK int open_below(int folder, const char *path);
+
+/** FNV-1a over some more bytes; *tag begins at 0. */
+void add_to_tag(uint64_t *tag, const void *data, size_t n);
 
 /* --- video: a recording as a file that plays: one camera, or the see-through view. --- */
 
@@ -520,7 +501,7 @@ SST_MUST_CHECK int tar_plan(struct spans *to, int fd, const char *name);
 #define SST_VIDEO_INDEX    "view.jsonl"
 #define SST_VIDEO_LINE_MAX 256
 
-/** A picture of the view, as its line says. */
+/** A line of the index: a picture of the view. */
 struct video_line {
     int64_t t_ns, wall_ns; /* of its set */
     uint64_t set;          /* index of the trigger */
@@ -530,21 +511,37 @@ struct video_line {
 
 /** Write a line with its end. @return its bytes */
 size_t video_write_line(char out[SST_VIDEO_LINE_MAX], const struct video_line *line);
-/** @return false: it is none, or torn */
+/** @return false: not such a line, or torn */
 bool video_read_line(const char *text, struct video_line *line);
 
-/**
- * Plan the video of a camera: every frame that its recording holds of it, bytes untouched. A recording that is being
- * written gives what it holds by now.
- *
- * @param to   zeroed by the caller; its paths are below dir
- * @param dir  of the recording
- * @return 0, -ENOENT (no such camera, or no recording), -ENODATA (no frame of it), -EBADMSG, -EIO, -ENOMEM; logged by
- *         what reads recordings. Waits for the disk.
- */
-SST_MUST_CHECK int video_plan_camera(struct spans *to, const char *dir, int row, int col);
+/** The frames of a video, and what describes them. Zeroed: none. */
+struct video {
+    char dir[SST_PATH_MAX], title[128], track[96];
+    struct sst_mkv_config format;
+    struct sst_mkv_frame *frame;
+    size_t count, capacity;
+    int64_t bytes; /* of all frames */
+};
 
-/** Likewise the see-through view. @return as above; -ENOENT: none was recorded */
-SST_MUST_CHECK int video_plan_view(struct spans *to, const char *dir);
+/**
+ * List the frames that a recording has of a camera; one that is being written gives what it holds by now.
+ *
+ * @param dir  of the recording
+ * @return 0, -ENOENT (no such camera, or no recording), -ENODATA (no frame of it), -EBADMSG, -EIO, -ENOMEM; what reads
+ *         recordings logs. video_fini() follows in any case. Waits for the disk.
+ */
+SST_MUST_CHECK int video_of_camera(struct video *v, const char *dir, int row, int col);
+
+/** Likewise of the see-through view. @return as above; -ENOENT: none was recorded */
+SST_MUST_CHECK int video_of_view(struct video *v, const char *dir);
+
+/** @return true: the file is no longer wanted */
+typedef bool video_ended_fn(void *arg);
+
+/** Write the file, bytes of frames untouched. @param fd  as of sst_mkv_write() @return what that returns, -ECANCELED,
+ *  -EAGAIN (something of it was removed meanwhile) or -errno of reading; not logged */
+SST_MUST_CHECK int video_write(struct video *v, int fd, video_ended_fn *ended, void *arg);
+
+void video_fini(struct video *v);
 
 #endif

@@ -1,17 +1,13 @@
-#define _GNU_SOURCE /* scandirat */
 #include "daemon/storage/storage_internal.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <fts.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#define BLOCK     512
-#define DEPTH_MAX 8
 
 /* POSIX.1-2001, pax: ustar interchange format. */
 struct header {
@@ -19,7 +15,42 @@ struct header {
         user[32], group[32], major[8], minor[8], prefix[155], pad[12];
 };
 
-/* Above 8 GiB as a binary number, as GNU tar and all others since take it. */
+int open_below(int folder, const char *path)
+{
+    const int flags = O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC;
+    const char *slash = strchr(path, '/');
+    char name[256];
+    int inner, fd;
+
+    if (!slash) {
+        fd = openat(folder, path, flags);
+        return fd < 0 ? -errno : fd;
+    }
+    if ((size_t)(slash - path) >= sizeof(name))
+        return -ENAMETOOLONG;
+    memcpy(name, path, (size_t)(slash - path));
+    name[slash - path] = 0;
+    inner = openat(folder, name, flags | O_DIRECTORY);
+    if (inner < 0)
+        return -errno;
+    fd = open_below(inner, slash + 1);
+    close(inner);
+    return fd;
+}
+
+void add_to_tag(uint64_t *tag, const void *data, size_t n)
+{
+    const uint8_t *byte = data;
+
+    if (!*tag)
+        *tag = 14695981039346656037u;
+    for (size_t i = 0; i < n; i++)
+        *tag = (*tag ^ byte[i]) * 1099511628211u;
+}
+
+/* --- the list ----------------------------------------------------------------------------------------------------- */
+
+/* Above 8 GiB as a binary number, as GNU tar and all others since read it. */
 static void set_size(char out[12], int64_t size)
 {
     char octal[24];
@@ -35,107 +66,169 @@ static void set_size(char out[12], int64_t size)
         out[i] = (char)(size & 0xff);
 }
 
-static int add_header(struct spans *to, const char *name, const struct stat *st)
+static void set_header(struct header *h, const char *name, const struct stat *st)
 {
-    struct header h = { .magic = "ustar", .version = { '0', '0' } };
-    const int64_t size = S_ISDIR(st->st_mode) ? 0 : st->st_size;
-    const uint8_t *byte = (const uint8_t *)&h;
+    const uint8_t *byte = (const uint8_t *)h;
     char octal[24];
     unsigned sum = 0;
 
-    _Static_assert(sizeof(h) == BLOCK, "a header is a block");
-    if (strlen(name) > sizeof(h.name))
-        return -ENAMETOOLONG;
-    memcpy(h.name, name, strlen(name)); /* 100 characters need no end */
-    memcpy(h.mode, S_ISDIR(st->st_mode) ? "0000755" : "0000644", 8);
-    memcpy(h.uid, "0000000", 8);
-    memcpy(h.gid, "0000000", 8);
-    set_size(h.size, size);
+    *h = (struct header){ .magic = "ustar", .version = { '0', '0' } };
+    memcpy(h->name, name, strlen(name)); /* 100 characters need no end */
+    memcpy(h->mode, S_ISDIR(st->st_mode) ? "0000755" : "0000644", 8);
+    memcpy(h->uid, "0000000", 8);
+    memcpy(h->gid, "0000000", 8);
+    set_size(h->size, S_ISDIR(st->st_mode) ? 0 : st->st_size);
     snprintf(octal, sizeof(octal), "%011llo", (unsigned long long)(st->st_mtime > 0 ? st->st_mtime : 0) & 077777777777);
-    memcpy(h.mtime, octal, sizeof(h.mtime));
-    h.type = S_ISDIR(st->st_mode) ? '5' : '0';
-    memset(h.checksum, ' ', sizeof(h.checksum));
-    for (size_t i = 0; i < sizeof(h); i++)
+    memcpy(h->mtime, octal, sizeof(h->mtime));
+    h->type = S_ISDIR(st->st_mode) ? '5' : '0';
+    memset(h->checksum, ' ', sizeof(h->checksum));
+    for (size_t i = 0; i < sizeof(*h); i++)
         sum += byte[i];
     snprintf(octal, sizeof(octal), "%06o", sum);
-    memcpy(h.checksum, octal, 7);
-    spans_own(to, &h, sizeof(h));
-    spans_mark(to, &st->st_mtim, sizeof(st->st_mtim));
-    return 0;
+    memcpy(h->checksum, octal, 7);
 }
 
-struct walk {
-    struct spans *to;
-    size_t top; /* characters of the archive's name before a path in the folder */
-};
-
-static int add_folder(const struct walk *w, int fd, const char *name, int depth);
-
-static int add_file(const struct walk *w, const char *name, const struct stat *st)
+static int64_t padded(int64_t size)
 {
-    static const uint8_t zeros[BLOCK];
-    const int err = add_header(w->to, name, st);
-
-    if (err || !st->st_size)
-        return err;
-    spans_piece(w->to, spans_file(w->to, name + w->top), 0, st->st_size);
-    spans_own(w->to, zeros, (size_t)(BLOCK - st->st_size % BLOCK) % BLOCK);
-    return 0;
+    return (size + TAR_BLOCK - 1) / TAR_BLOCK * TAR_BLOCK;
 }
 
-static int add_entry(const struct walk *w, int folder, const char *name, const char *file, int depth)
+/* @param name  in the archive, a folder's with '/' at its end; path: below the folder */
+static int add_entry(struct tar *t, const char *name, const char *path, const struct stat *st)
 {
-    char path[512];
-    struct stat st;
-    int err = 0, fd;
+    struct header h;
+    struct tar_entry *e;
 
-    if (snprintf(path, sizeof(path), "%s%s", name, file) >= (int)sizeof(path) - 1)
+    _Static_assert(sizeof(h) == TAR_BLOCK, "a header is a block");
+    if (strlen(name) > sizeof(h.name))
         return -ENAMETOOLONG;
-    fd = spans_open(folder, file);
-    if (fd < 0)
-        return fd == -ENOENT || fd == -ELOOP || fd == -ENXIO ? 0 : fd;
-    if (fstat(fd, &st)) {
+    if (t->count == t->capacity) {
+        t->capacity = 2 * t->capacity + 64;
+        e = realloc(t->entry, (size_t)t->capacity * sizeof(*e));
+        if (!e)
+            return -ENOMEM;
+        t->entry = e;
+    }
+    set_header(&h, name, st);
+    e = &t->entry[t->count];
+    *e = (struct tar_entry){ .at = t->bytes, .size = S_ISDIR(st->st_mode) ? 0 : st->st_size, .path = strdup(path) };
+    if (!e->path)
+        return -ENOMEM;
+    memcpy(e->header, &h, sizeof(h));
+    t->count++;
+    t->bytes += TAR_BLOCK + padded(e->size);
+    add_to_tag(&t->tag, &h, sizeof(h));
+    add_to_tag(&t->tag, &st->st_mtim, sizeof(st->st_mtim));
+    return 0;
+}
+
+static int by_name(const FTSENT **a, const FTSENT **b)
+{
+    return strcmp((*a)->fts_name, (*b)->fts_name);
+}
+
+static int add_entries(struct tar *t, const char *dir)
+{
+    char *const roots[] = { (char *)dir, NULL };
+    FTS *fts = fts_open(roots, FTS_PHYSICAL | FTS_NOCHDIR, by_name);
+    const FTSENT *e;
+    int err = fts ? 0 : -errno;
+
+    while (!err && (errno = 0, e = fts_read(fts))) {
+        const bool folder = e->fts_info == FTS_D;
+        const char *path = e->fts_path + strlen(dir); /* "", or from '/' on */
+        char name[512];
+
+        if (e->fts_info == FTS_DNR || e->fts_info == FTS_ERR)
+            err = -e->fts_errno;
+        else if (!folder && e->fts_info != FTS_F)
+            continue;
+        else if (snprintf(name, sizeof(name), "%s%s%s", sst_path_base(dir), path, folder ? "/" : "") >=
+                 (int)sizeof(name))
+            err = -ENAMETOOLONG;
+        else
+            err = add_entry(t, name, path + (path[0] == '/'), e->fts_statp);
+    }
+    if (!err && errno)
         err = -errno;
-    } else if (S_ISDIR(st.st_mode)) {
-        strcat(path, "/");
-        err = depth < DEPTH_MAX ? add_folder(w, fd, path, depth + 1) : -ENAMETOOLONG;
-    } else if (S_ISREG(st.st_mode)) {
-        err = add_file(w, path, &st);
-    }
-    close(fd);
+    if (fts)
+        fts_close(fts);
     return err;
 }
 
-/* name ends in '/'. */
-static int add_folder(const struct walk *w, int fd, const char *name, int depth)
+int tar_open(struct tar *out, const char *dir)
 {
-    struct dirent **list = NULL;
+    int err;
+
+    *out = (struct tar){ .folder = open(dir, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC), .fd = -1 };
+    err = out->folder < 0 ? -errno : add_entries(out, dir);
+    out->bytes += (int64_t)2 * TAR_BLOCK; /* zeros: the end */
+    return err;
+}
+
+/* --- reading ------------------------------------------------------------------------------------------------------ */
+
+/* Number of the entry that holds a byte of the archive. */
+static int find(const struct tar *t, int64_t at)
+{
+    int low = 0, high = t->count;
+
+    while (high - low > 1) {
+        const int middle = low + (high - low) / 2;
+
+        if (t->entry[middle].at <= at)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+static ssize_t read_file(struct tar *t, int i, int64_t at, void *out, size_t n)
+{
     struct stat st;
-    int n, err = fstat(fd, &st) ? -errno : add_header(w->to, name, &st);
+    ssize_t got;
 
-    if (err)
-        return err;
-    n = scandirat(fd, ".", &list, NULL, alphasort);
-    if (n < 0)
-        return -errno;
-    for (int i = 0; i < n; i++) {
-        if (!err && strcmp(list[i]->d_name, ".") && strcmp(list[i]->d_name, ".."))
-            err = add_entry(w, fd, name, list[i]->d_name, depth);
-        free(list[i]);
+    if (t->fd < 0 || t->file != i) {
+        if (t->fd >= 0)
+            close(t->fd);
+        t->fd = open_below(t->folder, t->entry[i].path);
+        t->file = i;
     }
-    free(list);
-    return err;
+    if (t->fd < 0)
+        return t->fd;
+    if (fstat(t->fd, &st))
+        return -errno;
+    got = S_ISREG(st.st_mode) ? pread(t->fd, out, n, at) : 0;
+    return got < 0 ? -errno : got ? got : -EBADMSG;
 }
 
-int tar_plan(struct spans *to, int fd, const char *name)
+ssize_t tar_read(struct tar *t, int64_t at, void *out, size_t n)
 {
-    static const uint8_t end[2 * BLOCK];
-    const struct walk w = { .to = to, .top = strlen(name) + 1 };
-    char top[256];
-    int err = snprintf(top, sizeof(top), "%s/", name) < (int)sizeof(top) ? 0 : -ENAMETOOLONG;
+    const int i = find(t, at);
+    const struct tar_entry *e = &t->entry[i];
+    const int64_t next = i + 1 < t->count ? e[1].at : t->bytes, in_file = at - e->at - TAR_BLOCK;
+    const int64_t end = in_file < 0 ? e->at + TAR_BLOCK : in_file < e->size ? e->at + TAR_BLOCK + e->size : next;
 
-    if (!err)
-        err = add_folder(&w, fd, top, 0);
-    spans_own(to, end, sizeof(end));
-    return err ? err : spans_error(to);
+    if (n > (size_t)(end - at))
+        n = (size_t)(end - at);
+    if (in_file >= 0 && in_file < e->size)
+        return read_file(t, i, in_file, out, n);
+    if (in_file < 0)
+        memcpy(out, e->header + TAR_BLOCK + in_file, n);
+    else
+        memset(out, 0, n);
+    return (ssize_t)n;
+}
+
+void tar_close(struct tar *t)
+{
+    for (int i = 0; i < t->count; i++)
+        free(t->entry[i].path);
+    free(t->entry);
+    if (t->fd >= 0)
+        close(t->fd);
+    if (t->folder >= 0)
+        close(t->folder);
+    *t = (struct tar){ .folder = -1, .fd = -1 };
 }

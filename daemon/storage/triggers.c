@@ -4,17 +4,17 @@
 #include <stdio.h>
 #include <string.h>
 
-static struct sst_watch *add(struct watches *w, const struct sst_config *config, int zone)
+static struct event_trigger *add(struct event_triggers *w, const struct sst_config *config, int zone)
 {
-    struct sst_watch *made = &w->watch[w->count++];
+    struct event_trigger *made = &w->list[w->count++];
 
-    *made = (struct sst_watch){ .trigger = -1, .index = zone, .share = SST_WATCH_SHARE };
+    *made = (struct event_trigger){ .trigger = -1, .index = zone, .share = EVENT_TRIGGER_SHARE };
     if (zone >= 0)
         snprintf(made->zone, sizeof(made->zone), "%s", config->zone[zone].name);
     return made;
 }
 
-void watches_init(struct watches *w, const struct sst_config *config)
+void event_triggers_init(struct event_triggers *w, const struct sst_config *config)
 {
     bool named[SST_ZONES_MAX] = { false };
 
@@ -22,7 +22,7 @@ void watches_init(struct watches *w, const struct sst_config *config)
     for (int i = 0; i < config->storage.triggers && i < SST_TRIGGERS_MAX; i++) {
         const struct sst_record_trigger *t = &config->storage.trigger[i];
         const int zone = t->zone < config->zones ? t->zone : -1;
-        struct sst_watch *made = add(w, config, zone);
+        struct event_trigger *made = add(w, config, zone);
 
         made->trigger = i;
         made->share = t->share;
@@ -38,19 +38,19 @@ void watches_init(struct watches *w, const struct sst_config *config)
     }
 }
 
-static int64_t end_ns(const struct sst_watch *w)
+static int64_t end_ns(const struct event_trigger *w)
 {
-    return llround((w->end_s > 0 ? w->end_s : SST_WATCH_END_S) * 1e9);
+    return llround((w->end_s > 0 ? w->end_s : EVENT_TRIGGER_END_S) * 1e9);
 }
 
-bool watch_update(struct sst_watch *w, double value, int64_t t_ns)
+bool event_trigger_update(struct event_trigger *w, double value, int64_t t_ns)
 {
-    /* A share of 0 means: anything at all. Comparisons with NaN are false: it is nothing. */
+    /* A share of 0 means any value above 0. NaN counts as 0: comparisons with it are false. */
     const bool reached = value > 0 && value >= w->share;
-    const bool kept = value > 0 && value >= SST_WATCH_KEEPS * w->share;
+    const bool kept = value > 0 && value >= EVENT_TRIGGER_KEEPS * w->share;
     const bool other = w->active ? !kept : reached;
-    const int64_t step_ns = t_ns > w->t_ns ? t_ns - w->t_ns : 0; /* time never runs back */
-    const int64_t begin_ns = llround((w->begin_s > 0 ? w->begin_s : SST_WATCH_BEGIN_S) * 1e9);
+    const int64_t step_ns = t_ns > w->t_ns ? t_ns - w->t_ns : 0; /* never negative */
+    const int64_t begin_ns = llround((w->begin_s > 0 ? w->begin_s : EVENT_TRIGGER_BEGIN_S) * 1e9);
 
     w->t_ns = t_ns;
     if (w->active && kept)
@@ -80,23 +80,23 @@ bool watch_update(struct sst_watch *w, double value, int64_t t_ns)
 
 static int64_t longer(int64_t hold_ns)
 {
-    return hold_ns < SST_WATCH_HOLD_NS / 2 ? 2 * hold_ns : SST_WATCH_HOLD_NS;
+    return hold_ns < EVENT_TRIGGER_HOLD_NS / 2 ? 2 * hold_ns : EVENT_TRIGGER_HOLD_NS;
 }
 
-bool watch_tell(struct sst_watch *w, double value, int64_t t_ns)
+bool event_trigger_report(struct event_trigger *w, double value, int64_t t_ns)
 {
     const bool came = w->active && !w->was_active;
 
     w->was_active = w->active;
-    if (!w->told) {
+    if (!w->reported) {
         if (!w->active)
             return false;
-        if (!w->label[0] && w->told_ns && w->begin_ns - w->told_ns < SST_WATCH_AGAIN_NS)
+        if (!w->label[0] && w->reported_ns && w->begin_ns - w->reported_ns < EVENT_TRIGGER_AGAIN_NS)
             w->hold_ns = longer(w->hold_ns > end_ns(w) ? w->hold_ns : end_ns(w));
         else
             w->hold_ns = 0;
-        w->told = true;
-        w->told_ns = w->begin_ns;
+        w->reported = true;
+        w->reported_ns = w->begin_ns;
         w->times = 1;
         w->peak = value;
         return true;
@@ -105,14 +105,14 @@ bool watch_tell(struct sst_watch *w, double value, int64_t t_ns)
     w->peak = value > w->peak ? value : w->peak;
     if (w->active || t_ns - w->last_ns < w->hold_ns)
         return false;
-    w->told = false;
-    w->told_ns = t_ns;
+    w->reported = false;
+    w->reported_ns = t_ns;
     return true;
 }
 
-void watch_go_on(struct sst_watch *w, const struct sst_watch *before)
+void event_trigger_continue(struct event_trigger *w, const struct event_trigger *before)
 {
-    const struct sst_watch set = *w;
+    const struct event_trigger set = *w;
 
     *w = *before;
     w->trigger = set.trigger;

@@ -9,166 +9,103 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/file.h"
+#include <linux/videodev2.h>
+
 #include "capture/recording/recording.h"
 
-#define HEAD_BYTES ((size_t)1 << 20) /* that hold the description of all tracks of a segment */
-#define STAMP_MAX  (INT64_MAX / 4)   /* differences of stamps fit */
+#define STAMP_MAX (INT64_MAX / 4) /* differences of stamps fit */
+#define VIEW_FILE (-1)            /* SST_VIDEO_PICTURES; other numbers are those of segments */
 
-/* Frames of a video, as they are found. */
-struct frames {
-    struct matroska_frame *frame;
-    size_t count, capacity;
-};
-
-static int add_frame(struct frames *f, struct matroska_frame made)
+static int add_frame(struct video *v, struct sst_mkv_frame made, int64_t wall_ns)
 {
-    struct matroska_frame *grown;
+    struct sst_mkv_frame *grown;
 
     if (made.t_ns < -STAMP_MAX || made.t_ns > STAMP_MAX)
         return 0; /* a damaged line */
-    if (f->count == f->capacity) {
-        f->capacity = 2 * f->capacity + 1024;
-        grown = realloc(f->frame, f->capacity * sizeof(*grown));
+    if (!v->count)
+        v->format.wall_ns = wall_ns;
+    if (v->count == v->capacity) {
+        v->capacity = 2 * v->capacity + 1024;
+        grown = realloc(v->frame, v->capacity * sizeof(*grown));
         if (!grown)
             return -ENOMEM;
-        f->frame = grown;
+        v->frame = grown;
     }
     /* Stamps of a camera that went backwards must not turn the video round. */
-    if (f->count && made.t_ns < f->frame[f->count - 1].t_ns)
-        made.t_ns = f->frame[f->count - 1].t_ns;
-    f->frame[f->count++] = made;
+    if (v->count && made.t_ns < v->frame[v->count - 1].t_ns)
+        made.t_ns = v->frame[v->count - 1].t_ns;
+    v->frame[v->count++] = made;
+    v->bytes += made.bytes;
     return 0;
 }
 
-/* Size of a file that is one; -1: there is none. What it is now goes into the plan's tag. */
-static int64_t size_of(struct spans *to, const char *dir, const char *name)
+static void name_of(int file, char out[40])
 {
-    char path[SST_PATH_MAX];
+    if (file == VIEW_FILE)
+        strcpy(out, SST_VIDEO_PICTURES);
+    else
+        snprintf(out, 40, "segments/%06d.mkv", file);
+}
+
+/* Size of a regular file of the recording; -1: there is none. */
+static int64_t size_of(const char *dir, int file)
+{
+    char name[40], path[SST_PATH_MAX];
     struct stat st;
 
-    if (sst_path_join(path, dir, name) || lstat(path, &st) || !S_ISREG(st.st_mode))
-        return -1;
-    spans_mark(to, &st.st_mtim, sizeof(st.st_mtim));
-    spans_mark(to, &st.st_ino, sizeof(st.st_ino));
-    return st.st_size;
+    name_of(file, name);
+    return sst_path_join(path, dir, name) || lstat(path, &st) || !S_ISREG(st.st_mode) ? -1 : st.st_size;
 }
 
 /* --- a camera ----------------------------------------------------------------------------------------------------- */
 
-static int read_track(const char *dir, const char *name, int number, struct matroska_track *out)
+static int add_sets(struct video *v, const struct sst_recording *r, int cam)
 {
-    uint8_t *data = malloc(HEAD_BYTES);
-    char path[SST_PATH_MAX];
-    ssize_t n = -1;
-    int fd, err = data ? sst_path_join(path, dir, name) : -ENOMEM;
-
-    if (!err) {
-        fd = open(path, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
-        n = fd < 0 ? -1 : read(fd, data, HEAD_BYTES);
-        err = n < 0 ? -errno : 0;
-        if (fd >= 0)
-            close(fd);
-    }
-    if (!err && matroska_find_track(data, (size_t)n, number, out))
-        err = -EBADMSG;
-    free(data);
-    return err;
-}
-
-/* What a walk along the sets of a recording has met so far. */
-struct walk {
-    struct spans *to;
-    const char *dir;
-    int cam, segment, file; /* the segment of the last set; its file */
-    int64_t segment_bytes;
-    int64_t wall_ns;
-    struct frames frames;
-    struct matroska_track track;
-};
-
-static int enter_segment(struct walk *w, int segment)
-{
-    char name[40];
-    int err = 0;
-
-    snprintf(name, sizeof(name), "segments/%06d.mkv", segment);
-    w->segment = segment;
-    w->segment_bytes = size_of(w->to, w->dir, name);
-    if (w->segment_bytes < 0)
-        return 0; /* its frames are left out */
-    if (!w->track.bytes)
-        err = read_track(w->dir, name, w->cam + 1, &w->track);
-    if (err == -ENOENT) { /* removed just now, to make room */
-        w->segment_bytes = -1;
-        return 0;
-    }
-    w->file = spans_file(w->to, name);
-    return err;
-}
-
-static int add_set(struct walk *w, int segment, int64_t wall_ns, const struct sst_recording_frame *f)
-{
-    int err = 0;
-
-    if (!f->present || !f->bytes || segment < 0)
-        return 0;
-    if (segment != w->segment)
-        err = enter_segment(w, segment);
-    if (err || f->offset < 0 || f->bytes > UINT32_MAX || (int64_t)f->bytes > w->segment_bytes - f->offset)
-        return err;
-    if (!w->frames.count)
-        w->wall_ns = wall_ns;
-    return add_frame(&w->frames, (struct matroska_frame){ f->t_ns, f->offset, (uint32_t)f->bytes, w->file });
-}
-
-static int walk_sets(struct walk *w, const struct sst_recording *r)
-{
+    int64_t wall_ns, segment_bytes = -1;
     struct sst_recording_frame f;
-    int64_t wall_ns;
-    int segment, err = 0;
+    int segment, last = -1, err = 0;
 
     for (int i = 0; !err && i < sst_recording_sets(r); i++) {
-        err = sst_recording_frame_of(r, i, w->cam, &segment, &wall_ns, &f);
-        if (!err)
-            err = add_set(w, segment, wall_ns, &f);
-        else if (err == -EBADMSG)
-            err = 0; /* a damaged line: one set less */
+        err = sst_recording_frame_of(r, i, cam, &segment, &wall_ns, &f);
+        if (err == -EBADMSG) { /* a damaged line: one set less */
+            err = 0;
+            continue;
+        }
+        if (err || !f.present || !f.bytes || segment < 0)
+            continue;
+        if (segment != last)
+            segment_bytes = size_of(v->dir, segment); /* frames of one that is missing are left out */
+        last = segment;
+        if (f.offset < 0 || f.bytes > INT32_MAX || (int64_t)f.bytes > segment_bytes - f.offset)
+            continue;
+        err = add_frame(v, (struct sst_mkv_frame){ f.t_ns, f.offset, (uint32_t)f.bytes, segment }, wall_ns);
     }
     return err;
 }
 
-static int find_camera(const struct sst_recording_info *info, int row, int col)
+int video_of_camera(struct video *v, const char *dir, int row, int col)
 {
-    for (int k = 0; k < info->cameras; k++) {
-        if (info->track[k].row == row && info->track[k].col == col)
-            return k;
-    }
-    return -ENOENT;
-}
+    const struct sst_recording_info *info;
+    struct sst_recording *r;
+    int cam = 0, err = sst_recording_open(&r, dir);
 
-int video_plan_camera(struct spans *to, const char *dir, int row, int col)
-{
-    struct walk *w = calloc(1, sizeof(*w));
-    struct sst_recording *r = NULL;
-    char title[128];
-    int err = w ? sst_recording_open(&r, dir) : -ENOMEM;
-
-    if (!err) {
-        w->to = to;
-        w->dir = dir;
-        w->segment = -1;
-        w->cam = find_camera(sst_recording_info(r), row, col);
-        err = w->cam < 0 ? w->cam : walk_sets(w, r);
-    }
-    snprintf(title, sizeof(title), "%s, camera r%dc%d", sst_path_base(dir), row, col);
+    if (err)
+        return err;
+    info = sst_recording_info(r);
+    while (cam < info->cameras && (info->track[cam].row != row || info->track[cam].col != col))
+        cam++;
+    snprintf(v->dir, sizeof(v->dir), "%s", dir);
+    snprintf(v->title, sizeof(v->title), "%s, camera r%dc%d", sst_path_base(dir), row, col);
+    err = cam < info->cameras ? add_sets(v, r, cam) : -ENOENT;
     if (!err)
-        err = matroska_plan(to, &w->track, title, w->wall_ns, w->frames.frame, w->frames.count);
+        snprintf(v->track, sizeof(v->track), "r%02d c%02d %s", row, col,
+                 info->track[cam].serial[0] ? info->track[cam].serial : info->track[cam].port);
+    v->format.fourcc = info->fourcc;
+    v->format.width = info->width;
+    v->format.height = info->height;
+    v->format.rate_hz = info->rate_hz;
     sst_recording_close(r);
-    if (w)
-        free(w->frames.frame);
-    free(w);
-    return err;
+    return err ? err : v->count ? 0 : -ENODATA;
 }
 
 /* --- the see-through view ----------------------------------------------------------------------------------------- */
@@ -196,15 +133,15 @@ bool video_read_line(const char *text, struct video_line *out)
     return true;
 }
 
-/* Width and height of a JPEG file, from its frame's header. */
-static int read_size(const char *dir, int64_t offset, int64_t bytes, int *width, int *height)
+/* Width and height of a JPEG picture, from its frame header. */
+static int read_size(struct video *v)
 {
     uint8_t data[4096];
     char path[SST_PATH_MAX];
-    int err = sst_path_join(path, dir, SST_VIDEO_PICTURES);
+    int err = sst_path_join(path, v->dir, SST_VIDEO_PICTURES);
     const int fd = err ? -1 : open(path, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
-    const ssize_t got =
-        fd < 0 ? -1 : pread(fd, data, bytes < (int64_t)sizeof(data) ? (size_t)bytes : sizeof(data), offset);
+    const size_t want = v->frame[0].bytes < sizeof(data) ? v->frame[0].bytes : sizeof(data);
+    const ssize_t got = fd < 0 ? -1 : pread(fd, data, want, v->frame[0].offset);
     size_t n = got > 0 ? (size_t)got : 0, at = 2;
 
     if (fd >= 0)
@@ -215,8 +152,8 @@ static int read_size(const char *dir, int64_t offset, int64_t bytes, int *width,
         const uint8_t marker = data[at + 1];
 
         if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc) {
-            *height = data[at + 5] << 8 | data[at + 6];
-            *width = data[at + 7] << 8 | data[at + 8];
+            v->format.height = data[at + 5] << 8 | data[at + 6];
+            v->format.width = data[at + 7] << 8 | data[at + 8];
             return 0;
         }
         at += 2 + (size_t)(data[at + 2] << 8 | data[at + 3]);
@@ -224,10 +161,10 @@ static int read_size(const char *dir, int64_t offset, int64_t bytes, int *width,
     return -EBADMSG;
 }
 
-/* Of what was removed the last picture stays: it is what was seen where the rest begins. */
-static int read_lines(FILE *f, int64_t size, int file, const struct sst_recording_removed *removed,
-                      struct frames *frames, int64_t *wall_ns)
+/* The last picture of what was removed stays: it was visible where the rest begins. */
+static int add_lines(struct video *v, FILE *f, const struct sst_recording_removed *removed)
 {
+    const int64_t size = size_of(v->dir, VIEW_FILE);
     char text[SST_VIDEO_LINE_MAX];
     struct video_line l;
     int err = 0;
@@ -238,41 +175,89 @@ static int read_lines(FILE *f, int64_t size, int file, const struct sst_recordin
         if (removed->before_segment && l.t_ns <= removed->t_ns) {
             l.t_ns = removed->t_ns;
             l.wall_ns = removed->wall_ns;
-            frames->count = 0;
+            v->count = 0;
+            v->bytes = 0;
         }
-        if (!frames->count)
-            *wall_ns = l.wall_ns;
-        err = add_frame(frames, (struct matroska_frame){ l.t_ns, l.offset, (uint32_t)l.bytes, file });
+        err = add_frame(v, (struct sst_mkv_frame){ l.t_ns, l.offset, (uint32_t)l.bytes, VIEW_FILE }, l.wall_ns);
     }
     return ferror(f) ? -EIO : err;
 }
 
-int video_plan_view(struct spans *to, const char *dir)
+int video_of_view(struct video *v, const char *dir)
 {
-    struct frames frames = { NULL };
-    struct matroska_track *track = calloc(1, sizeof(*track));
-    const int64_t size = size_of(to, dir, SST_VIDEO_PICTURES);
-    char path[SST_PATH_MAX], title[128];
     struct sst_recording_removed removed = { 0 };
-    int64_t wall_ns = 0;
-    int width = 0, height = 0, err = track ? sst_path_join(path, dir, SST_VIDEO_INDEX) : -ENOMEM;
-    FILE *f = err || size < 0 ? NULL : fopen(path, "re");
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, dir, SST_VIDEO_INDEX);
+    FILE *f = err ? NULL : fopen(path, "re");
 
     if (!err)
-        err = sst_recording_read_removed(dir, &removed);
+        err = f ? sst_recording_read_removed(dir, &removed) : -ENOENT;
+    snprintf(v->dir, sizeof(v->dir), "%s", dir);
+    snprintf(v->title, sizeof(v->title), "%s, see-through", sst_path_base(dir));
+    snprintf(v->track, sizeof(v->track), "see-through");
+    v->format.fourcc = V4L2_PIX_FMT_MJPEG;
     if (!err)
-        err = f ? read_lines(f, size, spans_file(to, SST_VIDEO_PICTURES), &removed, &frames, &wall_ns) : -ENOENT;
-    spans_mark(to, &removed.before_segment, sizeof(removed.before_segment));
+        err = add_lines(v, f, &removed);
     if (f)
         fclose(f);
-    if (!err)
-        err = frames.count ? read_size(dir, frames.frame[0].offset, frames.frame[0].bytes, &width, &height) : -ENODATA;
-    snprintf(title, sizeof(title), "%s, see-through", sst_path_base(dir));
-    if (!err) {
-        matroska_jpeg_track(track, width, height, "see-through");
-        err = matroska_plan(to, track, title, wall_ns, frames.frame, frames.count);
+    return err ? err : v->count ? read_size(v) : -ENODATA;
+}
+
+/* --- writing ------------------------------------------------------------------------------------------------------ */
+
+struct source {
+    const struct video *v;
+    int file, fd; /* fd -1: none is open */
+    video_ended_fn *ended;
+    void *arg;
+};
+
+static int open_file(struct source *s, int file)
+{
+    char name[40], path[SST_PATH_MAX];
+
+    if (s->fd >= 0)
+        close(s->fd);
+    name_of(file, name);
+    s->file = file;
+    s->fd = sst_path_join(path, s->v->dir, name) ? -1 : open(path, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
+    /* It was there when the frames were listed: it has just been removed. */
+    return s->fd >= 0 ? 0 : errno == ENOENT ? -EAGAIN : -errno;
+}
+
+static int read_frame(void *arg, size_t i, uint8_t *data)
+{
+    struct source *s = arg;
+    const struct sst_mkv_frame *f = &s->v->frame[i];
+    size_t done = 0;
+    int err = s->ended(s->arg) ? -ECANCELED : s->fd < 0 || s->file != f->file ? open_file(s, f->file) : 0;
+
+    while (!err && done < f->bytes) {
+        const ssize_t n = pread(s->fd, data + done, f->bytes - done, f->offset + (int64_t)done);
+
+        if (n < 0 && errno == EINTR)
+            continue;
+        err = n < 0 ? -errno : n ? 0 : -EIO;
+        done += n > 0 ? (size_t)n : 0;
     }
-    free(frames.frame);
-    free(track);
     return err;
+}
+
+int video_write(struct video *v, int fd, video_ended_fn *ended, void *arg)
+{
+    struct source s = { .v = v, .fd = -1, .ended = ended, .arg = arg };
+    int err;
+
+    v->format.title = v->title;
+    v->format.track = v->track;
+    err = sst_mkv_write(fd, &v->format, v->frame, v->count, read_frame, &s);
+    if (s.fd >= 0)
+        close(s.fd);
+    return err;
+}
+
+void video_fini(struct video *v)
+{
+    free(v->frame);
+    *v = (struct video){ .frame = NULL };
 }

@@ -8,37 +8,37 @@
 #include "base/clock.h"
 #include "base/log.h"
 
-#define LATE_NS  5000000000 /* that pictures may come behind their sets */
+#define LATE_NS  5000000000 /* pictures may arrive this much later than their sets */
 #define FRESH_NS 2000000000
 #define WAIT_MS  100
 
 /* --- the last moments --------------------------------------------------------------------------------------------- */
 
-static const struct sst_jpeg **at(struct view_shown *s, int i)
+static const struct sst_jpeg **at(struct view_history *s, int i)
 {
-    return &s->jpeg[(s->first + i) % SST_VIEW_SHOWN_MAX];
+    return &s->jpeg[(s->first + i) % VIEW_HISTORY_MAX];
 }
 
-static void drop_first(struct view_shown *s)
+static void drop_first(struct view_history *s)
 {
     const struct sst_jpeg *gone = *at(s, 0);
 
     s->bytes -= gone->bytes;
-    s->first = (s->first + 1) % SST_VIEW_SHOWN_MAX;
+    s->first = (s->first + 1) % VIEW_HISTORY_MAX;
     s->count--;
     sst_jpeg_unref(gone);
 }
 
-void view_shown_add(struct view_shown *s, const struct sst_jpeg *jpeg, int64_t keep_ns)
+void view_history_add(struct view_history *s, const struct sst_jpeg *jpeg, int64_t keep_ns)
 {
-    while (s->count && (s->count == SST_VIEW_SHOWN_MAX || s->bytes + jpeg->bytes > SST_VIEW_SHOWN_BYTES ||
+    while (s->count && (s->count == VIEW_HISTORY_MAX || s->bytes + jpeg->bytes > VIEW_HISTORY_BYTES ||
                         (s->count > 1 && (*at(s, 1))->t_ns <= keep_ns)))
         drop_first(s);
     *at(s, s->count++) = jpeg;
     s->bytes += jpeg->bytes;
 }
 
-const struct sst_jpeg *view_shown_next(struct view_shown *s, uint64_t after)
+const struct sst_jpeg *view_history_next(struct view_history *s, uint64_t after)
 {
     for (int i = 0; i < s->count; i++) {
         if ((*at(s, i))->number > after)
@@ -47,7 +47,7 @@ const struct sst_jpeg *view_shown_next(struct view_shown *s, uint64_t after)
     return NULL;
 }
 
-const struct sst_jpeg *view_shown_at(struct view_shown *s, int64_t t_ns)
+const struct sst_jpeg *view_history_at(struct view_history *s, int64_t t_ns)
 {
     for (int i = s->count - 1; i >= 0; i--) {
         if ((*at(s, i))->t_ns <= t_ns)
@@ -56,27 +56,27 @@ const struct sst_jpeg *view_shown_at(struct view_shown *s, int64_t t_ns)
     return NULL;
 }
 
-void view_shown_fini(struct view_shown *s)
+void view_history_fini(struct view_history *s)
 {
     while (s->count)
         drop_first(s);
 }
 
-/* Pictures are made for those who look: while something is recorded, or may be at any moment, that is us. */
+/* Rendering is on demand: while something is recorded, or may be at any moment, storage counts as a viewer. */
 static bool is_needed_locked(const struct sst_storage *s)
 {
-    return s->settings.view && !s->stop && !s->blocked && (s->take[0] || s->settings.mode != SST_RECORD_OFF);
+    return s->settings.view && !s->stop && !s->blocked && (s->active_name[0] || s->settings.mode != SST_RECORD_OFF);
 }
 
-/* How the thread stands with the outlet. */
-struct looking {
-    bool joined, alone; /* alone: nobody looks, no pictures are made */
-    uint64_t number;    /* of the last picture taken */
+/* The thread's state as a viewer. */
+struct viewer {
+    bool joined, alone; /* alone: there is no viewer, nothing is rendered */
+    uint64_t number;    /* of the last picture */
     int64_t until_ns;   /* a newer one is waited for until then; 0: not */
 };
 
-/* Where nobody looked before, the last picture may be of long ago: it counts only if no newer one follows soon. */
-static void look_locked(struct sst_storage *s, struct looking *l)
+/* Without a viewer before, the last picture may be old: it is used only if no newer one follows soon. */
+static void update_viewer_locked(struct sst_storage *s, struct viewer *l)
 {
     const bool needed = is_needed_locked(s), alone = !needed && sst_outlet_viewers(s->outlet) <= (int)l->joined;
     const struct sst_jpeg *old = l->alone && !alone ? sst_outlet_get(s->outlet, 0) : NULL;
@@ -85,7 +85,7 @@ static void look_locked(struct sst_storage *s, struct looking *l)
         (needed ? sst_outlet_join : sst_outlet_leave)(s->outlet);
     l->joined = needed;
     if (alone)
-        view_shown_fini(&s->shown);
+        view_history_fini(&s->history);
     if (old) {
         l->number = old->number;
         l->until_ns = sst_clock_now_ns() + FRESH_NS;
@@ -94,14 +94,14 @@ static void look_locked(struct sst_storage *s, struct looking *l)
     l->alone = alone;
 }
 
-static const struct sst_jpeg *next_shown(struct sst_outlet *outlet, struct looking *l)
+static const struct sst_jpeg *next_shown(struct sst_outlet *outlet, struct viewer *l)
 {
     const struct sst_jpeg *jpeg =
         sst_outlet_wait(outlet, l->number, WAIT_MS) ? sst_outlet_get(outlet, l->number) : NULL;
 
     if (!jpeg && l->until_ns && sst_clock_now_ns() > l->until_ns) {
         l->until_ns = 0;
-        jpeg = sst_outlet_get(outlet, 0); /* nothing has moved since */
+        jpeg = sst_outlet_get(outlet, 0); /* nothing has changed since */
     }
     if (jpeg) {
         l->number = jpeg->number;
@@ -113,7 +113,7 @@ static const struct sst_jpeg *next_shown(struct sst_outlet *outlet, struct looki
 void *store_view_run(void *storage)
 {
     struct sst_storage *s = storage;
-    struct looking l = { .alone = true };
+    struct viewer l = { .alone = true };
 
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
@@ -123,12 +123,12 @@ void *store_view_run(void *storage)
         if (!outlet || !s->settings.view || sst_outlet_is_shut(outlet)) {
             if (l.joined)
                 sst_outlet_leave(outlet);
-            l = (struct looking){ .alone = true };
-            view_shown_fini(&s->shown);
+            l = (struct viewer){ .alone = true };
+            view_history_fini(&s->history);
             store_wait_locked(s, WAIT_MS);
             continue;
         }
-        look_locked(s, &l);
+        update_viewer_locked(s, &l);
         if (l.alone) {
             store_wait_locked(s, WAIT_MS);
             continue;
@@ -137,7 +137,7 @@ void *store_view_run(void *storage)
         jpeg = next_shown(outlet, &l);
         pthread_mutex_lock(&s->lock);
         if (jpeg)
-            view_shown_add(&s->shown, jpeg, sst_clock_now_ns() - s->settings.preroll_ns - LATE_NS);
+            view_history_add(&s->history, jpeg, sst_clock_now_ns() - s->settings.preroll_ns - LATE_NS);
     }
     if (l.joined)
         sst_outlet_leave(s->outlet);
@@ -181,7 +181,7 @@ int view_begin(struct view_files *f, const char *dir)
     return 0;
 }
 
-/* A line stands in the index only when all bytes of its picture are in their file. */
+/* A line is written after all bytes of its picture. */
 static int write_line(struct view_files *f, const struct video_line *line)
 {
     char text[SST_VIDEO_LINE_MAX];

@@ -43,14 +43,14 @@ class Video {
     this.tag = "";
     this.size = 0;
     this.duration_ms = 0;
-    this.cues = []; // {ms, at}
+    this.cues = []; // {ms, at} of the first picture of each second
     this.seconds = new Map(); // number of a cue -> promise of its frames [{ms, blob}]
   }
 
   async part(first, last) {
     const headers = { Range: `bytes=${first}-${last}` };
     if (this.tag) headers["If-Range"] = this.tag;
-    const response = await fetch(this.url, { headers, cache: "no-store", signal: AbortSignal.timeout(60000) });
+    const response = await fetch(this.url, { headers, cache: "no-store", signal: AbortSignal.timeout(this.tag ? 60000 : 600000) });
     if (response.status === 200) { // it is still growing, or was replaced
       response.body?.cancel();
       throw new ApiError(200, this.tag ? "The recording has changed meanwhile; open it again." : "It can be played when it has ended.");
@@ -82,7 +82,7 @@ class Video {
       else if (id === ID.codec) codec = new TextDecoder().decode(new Uint8Array(view.buffer, start, end - start));
       else if (id === ID.cues) whole = complete;
       else if (id === ID.cueTime) ms = number(view, start, end);
-      else if (id === ID.cuePlace) this.cues.push({ ms, at: segment + number(view, start, end) });
+      else if (id === ID.cuePlace && !(ms - this.cues.at(-1)?.ms < 1000)) this.cues.push({ ms, at: segment + number(view, start, end) });
       return id !== ID.cluster;
     });
     if (codec && codec !== "V_MJPEG") throw new ApiError(0, "These are raw frames, which no browser shows: download them.");
@@ -112,8 +112,9 @@ class Video {
     let stamp = 0;
     walk(view, (id, start, end, whole) => {
       if (id === ID.stamp) stamp = number(view, start, end);
-      if (id === ID.block && whole)
-        frames.push({ ms: stamp + view.getInt16(start + 2), blob: new Blob([view.buffer.slice(start + 5, end)], { type: "image/jpeg" }) });
+      if (id !== ID.block || !whole) return;
+      const time = start + (view.getUint8(start) & 0x80 ? 1 : 2); // behind the track's number
+      frames.push({ ms: stamp + view.getInt16(time), blob: new Blob([view.buffer.slice(time + 3, end)], { type: "image/jpeg" }) });
     });
     return frames;
   }

@@ -207,16 +207,18 @@ class Service:
 
             pictures = [self.world.data[f"sst_{i:02d}"] for i in range(3)]
             clusters = [element(0x1F43B675, element(0xE7, (1000 * i).to_bytes(8, "big")) + b"".join(
-                element(0xA3, b"\x40\x01" + (500 * k).to_bytes(2, "big") + b"\x80" + picture) for k in range(2)))
+                element(0xA3, b"\x81" + (500 * k).to_bytes(2, "big") + b"\x80" + picture) for k in range(2)))
                 for i, picture in enumerate(pictures)]
             info = element(0x1549A966, element(0x4489, struct.pack(">d", 3000.0)))
             tracks = element(0x1654AE6B, element(0xAE, element(0xD7, b"\x01") + element(0x86, b"V_MJPEG")))
-            at, cues = len(info) + len(tracks) + 12 + 3 * 52, b""
+            at, cues = len(info) + len(tracks) + 12 + 6 * 52, b""
             for i, cluster in enumerate(clusters):
-                cue = element(0xBB, element(0xB3, (1000 * i).to_bytes(8, "big")) + element(0xB7, element(0xF1, at.to_bytes(8, "big"))))
-                cues, at = cues + cue, at + len(cluster)
+                place = element(0xB7, element(0xF1, at.to_bytes(8, "big")))
+                for k in range(2):
+                    cues += element(0xBB, element(0xB3, (1000 * i + 500 * k).to_bytes(8, "big")) + place)
+                at += len(cluster)
             cues = element(0x1C53BB6B, cues)
-            assert len(cues) == 12 + 3 * 52, len(cues)
+            assert len(cues) == 12 + 6 * 52, len(cues)
             self.matroska = element(0x1A45DFA3, b"") + element(0x18538067, info + tracks + cues + b"".join(clusters))
         return self.matroska
 

@@ -204,7 +204,7 @@ ok show pair
 # --- refusals ---
 mkdir plain.lf && echo '{}' >plain.lf/lightfield.json
 want 3 "light field without a calibration" calibration show plain.lf
-want 2 "there is no dance" calibration dance calib.yaml
+want 2 'unknown action `dance`' calibration dance calib.yaml
 want 2 "-o OUT is missing" calibration convert calib.yaml
 want 2 "show writes nothing" calibration show calib.yaml -o bad
 want 2 "no calibration format colmap" calibration convert calib.yaml -o bad --to colmap
@@ -212,7 +212,7 @@ want 2 "suggests no calibration format" calibration convert calib.yaml -o bad.tx
 want 3 "No such file" calibration show none.yaml
 echo "x: 1" >noise.yaml
 want 3 "looks like no calibration" calibration show noise.yaml
-want 3 "written only" calibration show mrcal/00_00.cameramodel
+want 3 "write-only" calibration show mrcal/00_00.cameramodel
 want 2 "more; name a folder" calibration convert calib.yaml -o bad.yml
 want 4 "already exists\|exists" calibration convert calib.yaml -o cv
 want 2 "two cameras" calibration convert calib.yaml -o bad --to opencv-stereo

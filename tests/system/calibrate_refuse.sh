@@ -31,14 +31,14 @@ P
 corners() { /usr/bin/python3 make.py "$1" "$2" corners.json || fail "make.py $2"; }
 
 corners 12 ""
-want 2 "not for it" calibrate corners.json --board charuco:9x7:25mm:0.7 -o bad.yaml
-want 2 "not for it" calibrate corners.json --grid 1x2 -o bad.yaml
-want 2 "not for it" calibrate corners.json --rig -o bad.yaml
+want 2 "does not combine with" calibrate corners.json --board charuco:9x7:25mm:0.7 -o bad.yaml
+want 2 "does not combine with" calibrate corners.json --grid 1x2 -o bad.yaml
+want 2 "does not combine with" calibrate corners.json --rig -o bad.yaml
 want 2 "picture belongs" calibrate corners.json --picture bad.png -o bad.yaml
 want 2 "exist already" calibrate --live --rig --board charuco:9x7:25mm:0.7 -o bad.yaml
-want 2 "a name of their own" calibrate corners.json -o bad.yaml --report bad.yaml
-want 2 "go with it" calibrate --check missing --force
-want 2 "go with it" calibrate --check missing -o bad.yaml
+want 2 "must have different names" calibrate corners.json -o bad.yaml --report bad.yaml
+want 2 "it combines with" calibrate --check missing --force
+want 2 "it combines with" calibrate --check missing -o bad.yaml
 want 3 "missing does not exist" calibrate missing --board charuco:9x7:25mm:0.7 -o bad.yaml
 # Before any picture is looked at, and before a camera is opened:
 want 4 "nowhere/bad.yaml" calibrate missing --board charuco:9x7:25mm:0.7 -o nowhere/bad.yaml

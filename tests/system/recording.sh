@@ -50,13 +50,13 @@ cmp -s lf/views/00_03.jpg some/set-000005/views/00_03.jpg && fail "set 5 is set 
 "$sst" import recording full -o some --sets all --force >/dev/null || fail "import of all, again"
 [ "$(find some -name lightfield.json | wc -l)" = 12 ] || fail "all are not 12"
 "$sst" import recording full -o last --sets last >/dev/null && cmp -s last/views/00_00.jpg some/set-000011/views/00_00.jpg || fail "last"
-want 2 "12 sets; say which" import recording full -o bad
+want 2 "12 sets; choose with" import recording full -o bad
 want 2 "sets 0 to 11" import recording full -o bad --sets 3,12
-for s in x 3- -4 5-3 1,,2 1, "1 2" ""; do want 2 "no list" import recording full -o bad --sets "$s"; done
+for s in x 3- -4 5-3 1,,2 1, "1 2" ""; do want 2 "not a list" import recording full -o bad --sets "$s"; done
 want 2 "says its grid" import recording full -o bad --sets 1 --grid 6x6
 want 2 "belong to the format recording" import hci full -o bad --sets 1
-want 3 "no recording" import recording lf -o bad
-want 3 "no recording" recording nothing
+want 3 "not a recording" import recording lf -o bad
+want 3 "not a recording" recording nothing
 want 4 "exists already" import recording full -o lf --sets 1
 want 2 "would be replaced" import recording full -o full --sets 1 --force
 
@@ -153,7 +153,7 @@ EOS
   if [ $rc = 0 ]; then
     [ -z "$out" ] || fail "full disk: $out"
     [ "$(grep -c "has stopped: No space left on device; free space there" full.err)" -ge 1 ] || fail "full disk: $(cat full.err)"
-    [ "$(grep -c "goes on with segment" full.err)" -ge 1 ] || fail "does not go on: $(cat full.err)"
+    [ "$(grep -c "resumed with segment" full.err)" -ge 1 ] || fail "does not resume: $(cat full.err)"
     [ "$(wc -l <full.err)" -le 6 ] || fail "a full disk is told too often: $(cat full.err)"
     is=$(json full.json 'o["damaged"], o["complete"] == o["sets"] and o["sets"] >= 12, o["torn_bytes"]')
     [ "$is" = "0 True 0" ] || fail "after a full disk: $is"

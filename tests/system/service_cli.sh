@@ -74,18 +74,18 @@ see record download 2026-11-21T18-04-00Z -o view.mkv
 grep -q 'download/2026-11-21T18-04-00Z.mkv' view.mkv || fail "download of the view: $(cat view.mkv)"
 see record delete snapshot-2026-11-21T18-04-30Z
 told "r['body'] == {'name': 'snapshot-2026-11-21T18-04-30Z'}"
-want 2 'delete what' record delete
-want 2 'delete what' record delete ../token
-want 2 'where it goes' record download 2026-11-21T18-04-00Z
-want 2 'goes with -o FILE.mkv' record download 2026-11-21T18-04-00Z --camera r0c5 -o bad.tar
+want 2 'delete needs a NAME' record delete
+want 2 'delete needs a NAME' record delete ../token
+want 2 'missing -o' record download 2026-11-21T18-04-00Z
+want 2 'needs -o FILE.mkv' record download 2026-11-21T18-04-00Z --camera r0c5 -o bad.tar
 want 2 'takes no name' record start now
 see record export --time 2026-11-21T18:05:00Z --recording R -o then.tar
 grep -q 'download/2026-11-21T18-05-00Z.tar' then.tar || fail "export: $(cat then.tar)"
 see record export --ago 5
 told "__import__('re').fullmatch(r'\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z', r['body']['time'])"
-want 2 'say which moment' record export
+want 2 'missing the moment' record export
 want 2 'belongs to start' record stop --duration 3
-want 2 'no record pause' record pause
+want 2 'unknown action pause' record pause
 
 see snapshot -o now.jpg
 [ "$(head -c 2 now.jpg | od -An -tx1 | tr -d ' ')" = ffd8 ] || fail "snapshot"

@@ -1,9 +1,9 @@
-/* Writes reports of made-up solutions, for tests/system/calib_report.sh and for a look at the page.
+/* Writes reports of made-up solutions, for tests/system/calib_report.sh and to view the page.
  *
  *   calib_report OUT.html [name=value ...]   prints the text, then the JSON object
  * rows=6 cols=6 frames=100 across=15 down=10 width=2000 height=1500 noise=0.1 outliers=0.003 hole=-1 unsolved=-1
  * bent=-1 moved=-1 rig=0 light=1 pictures=1 nasty=0 (names with markup) cross=0.061 (nan: not done) plain=0 (nothing
- * optional) */
+ * optional) forgotten=0 (all figures unknown) */
 #include "base/clock.h"
 #include "pipeline/calibration/report/report.h"
 #include "tests/calib_solution.h"
@@ -15,7 +15,7 @@ static struct {
     { "rows", 6 },      { "cols", 6 },      { "frames", 100 },  { "across", 15 },      { "down", 10 },
     { "width", 2000 },  { "height", 1500 }, { "noise", 0.1 },   { "outliers", 0.003 }, { "hole", -1 },
     { "unsolved", -1 }, { "bent", -1 },     { "moved", -1 },    { "rig", 0 },          { "light", 1 },
-    { "pictures", 1 },  { "nasty", 0 },     { "cross", 0.061 }, { "plain", 0 },
+    { "pictures", 1 },  { "nasty", 0 },     { "cross", 0.061 }, { "plain", 0 },        { "forgotten", 0 },
 };
 
 static double option(const char *name)
@@ -99,7 +99,7 @@ static void nasty_names(struct made *m)
 int main(int argc, char **argv)
 {
     struct made_config cfg = made_defaults();
-    struct sst_light_report light = {
+    struct sst_photometric_report light = {
         .samples = 41872, .cameras = 36, .before = 0.062, .after = 0.007, .worst_falloff = 0.31, .worst_gain = 0.053
     };
     struct sst_rectified plan;
@@ -122,12 +122,12 @@ int main(int argc, char **argv)
     rectified(&plan, &m);
     if (option("nasty") > 0)
         nasty_names(&m);
-    struct sst_calib_report report = { .detections = &m.all,
-                                       .solution = &m.solution,
-                                       .light = &light,
-                                       .rectified = &plan,
-                                       .picture = picture,
-                                       .arg = &m };
+    struct sst_calibration_report report = { .detections = &m.all,
+                                             .solution = &m.solution,
+                                             .light = &light,
+                                             .rectified = &plan,
+                                             .picture = picture,
+                                             .arg = &m };
     if (option("light") <= 0)
         report.light = NULL;
     if (option("pictures") <= 0)
@@ -138,11 +138,13 @@ int main(int argc, char **argv)
         free(m.solution.carry_sigma);
         m.solution.lens_sigma = NULL, m.solution.carry_sigma = NULL;
     }
+    if (option("forgotten") > 0)
+        made_forget(&m);
     begun = sst_clock_now_ns();
-    if (sst_calib_report_write(argv[1], &report))
+    if (sst_calibration_report_write(argv[1], &report))
         return 1;
     fprintf(stderr, "written in %.0f ms\n", (double)(sst_clock_now_ns() - begun) / 1e6);
-    json = sst_calib_report_text(stdout, &report) ? NULL : sst_calib_report_json(&report);
+    json = sst_calibration_report_text(stdout, &report) ? NULL : sst_calibration_report_json(&report);
     if (json)
         puts(json);
     free(json);

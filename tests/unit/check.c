@@ -104,7 +104,7 @@ static void make(struct sst_lightfield *lf, const struct recipe *r)
     }
 }
 
-static void run(struct sst_check *out, const struct sst_lightfield *lf, int threads)
+static void run(struct sst_drift *out, const struct sst_lightfield *lf, int threads)
 {
     const struct sst_check_config cfg = { .threads = threads };
 
@@ -112,7 +112,7 @@ static void run(struct sst_check *out, const struct sst_lightfield *lf, int thre
     print_message("%s\n", out->sentence);
 }
 
-static void check_recipe(struct sst_check *out, const struct recipe *r)
+static void check_recipe(struct sst_drift *out, const struct recipe *r)
 {
     struct sst_lightfield lf;
 
@@ -128,20 +128,20 @@ static void quantile_is_nearest_rank(void **state)
     double v[] = { 5, 1, 4, 2, 3 };
 
     (void)state;
-    assert_true(check_quantile(v, 5, 0.5) == 3);
-    assert_true(check_quantile(v, 5, 0) == 1);
-    assert_true(check_quantile(v, 5, 1) == 5);
-    assert_true(check_quantile(v, 1, 0.95) == 1);
+    assert_true(drift_quantile(v, 5, 0.5) == 3);
+    assert_true(drift_quantile(v, 5, 0) == 1);
+    assert_true(drift_quantile(v, 5, 1) == 5);
+    assert_true(drift_quantile(v, 1, 0.95) == 1);
 }
 
 /* Level 1's pixel 3 is the mean of 6 and 7: its centre is at 6.5, to which both round (6.5 - 0.5) / 2 = 3. */
 static void levels_share_centres(void **state)
 {
     (void)state;
-    assert_int_equal(check_to_level(6, 1), 3);
-    assert_int_equal(check_to_level(7, 1), 3);
-    assert_int_equal(check_to_level(6, 0), 6);
-    assert_int_equal(check_to_level(8, 2), 2); /* (8 - 1.5) / 4 = 1.6 */
+    assert_int_equal(drift_to_level(6, 1), 3);
+    assert_int_equal(drift_to_level(7, 1), 3);
+    assert_int_equal(drift_to_level(6, 0), 6);
+    assert_int_equal(drift_to_level(8, 2), 2); /* (8 - 1.5) / 4 = 1.6 */
 }
 
 static const struct sst_map_u8 everywhere; /* empty: the whole picture is one */
@@ -149,8 +149,8 @@ static const struct sst_map_u8 everywhere; /* empty: the whole picture is one */
 /* Sub-pixel shifts by eighths: mean of the error over all features below 0.01 px for every one, in both axes. */
 static void alignment_is_unbiased(void **state)
 {
-    static struct check_view a, b;
-    const struct check_search s = { .u = { 1, 0 }, .n = { 0, 1 } };
+    static struct drift_pyramid a, b;
+    const struct drift_search s = { .u = { 1, 0 }, .n = { 0, 1 } };
     struct recipe r = plain(1, 2, 3);
     struct sst_image one, other;
     double worst = 0;
@@ -158,7 +158,7 @@ static void alignment_is_unbiased(void **state)
     (void)state;
     r.wall = r.disc = 0;
     draw_view(&one, &r, 0, 0, 0);
-    assert_int_equal(check_view_init(&a, &one, &everywhere, 160), 0);
+    assert_int_equal(drift_pyramid_init(&a, &one, &everywhere, 160), 0);
     for (int step = -4; step <= 4; step++) {
         double sum[2] = { 0 }, squares = 0;
         int n = 0;
@@ -166,12 +166,12 @@ static void alignment_is_unbiased(void **state)
         r.fault[1].x = 2 + step / 8.0;
         r.fault[1].y = -1 - step / 8.0;
         draw_view(&other, &r, 1, 0, 0);
-        assert_int_equal(check_view_init(&b, &other, &everywhere, 160), 0);
-        for (int i = 0; i < a.first[SST_CHECK_CELLS]; i++) {
-            struct check_match m = { .dx = 2, .dy = -1 };
+        assert_int_equal(drift_pyramid_init(&b, &other, &everywhere, 160), 0);
+        for (int i = 0; i < a.first[DRIFT_CELLS]; i++) {
+            struct drift_match m = { .dx = 2, .dy = -1 };
 
-            check_refine(&m, &a, &b, &a.feature[i], &s, 0);
-            if (m.outcome != SST_CHECK_MATCHED)
+            drift_refine_match(&m, &a, &b, &a.feature[i], &s, 0);
+            if (m.outcome != DRIFT_FOUND)
                 continue;
             sum[0] += m.dx - r.fault[1].x;
             sum[1] += m.dy - r.fault[1].y;
@@ -181,20 +181,20 @@ static void alignment_is_unbiased(void **state)
         assert_true(n > 300);
         worst = fmax(worst, fmax(fabs(sum[0] / n), fabs(sum[1] / n)));
         assert_true(sqrt(squares / n) < 0.03);
-        check_view_fini(&b);
+        drift_pyramid_fini(&b);
         sst_image_fini(&other);
     }
     print_message("largest mean error %.4f px\n", worst);
     assert_true(worst < 0.01);
-    check_view_fini(&a);
+    drift_pyramid_fini(&a);
     sst_image_fini(&one);
 }
 
 /* Sigmas of matches are what their errors are, within a factor of 1.5: noise of 3 grey levels, one depth. */
 static void sigmas_are_true(void **state)
 {
-    static struct check_view a, b;
-    const struct check_search s = { .u = { 0, 1 }, .n = { 1, 0 }, .noise = 3 * 0.306 };
+    static struct drift_pyramid a, b;
+    const struct drift_search s = { .u = { 0, 1 }, .n = { 1, 0 }, .noise = 3 * 0.306 };
     struct recipe r = plain(1, 2, 4);
     struct sst_image one, other;
     double cross = 0, along = 0;
@@ -206,15 +206,15 @@ static void sigmas_are_true(void **state)
     r.fault[1] = (struct fault){ .x = 0.3, .y = 0.4, .gain = 0.9 };
     draw_view(&one, &r, 0, 0, 0);
     draw_view(&other, &r, 1, 0, 0);
-    assert_int_equal(check_view_init(&a, &one, &everywhere, 160), 0);
-    assert_int_equal(check_view_init(&b, &other, &everywhere, 160), 0);
-    for (int i = 0; i < a.first[SST_CHECK_CELLS]; i++) {
-        struct check_match m = { .dx = 0, .dy = 0 };
+    assert_int_equal(drift_pyramid_init(&a, &one, &everywhere, 160), 0);
+    assert_int_equal(drift_pyramid_init(&b, &other, &everywhere, 160), 0);
+    for (int i = 0; i < a.first[DRIFT_CELLS]; i++) {
+        struct drift_match m = { .dx = 0, .dy = 0 };
 
-        check_refine(&m, &a, &b, &a.feature[i], &s, 0);
-        if (m.outcome != SST_CHECK_MATCHED)
+        drift_refine_match(&m, &a, &b, &a.feature[i], &s, 0);
+        if (m.outcome != DRIFT_FOUND)
             continue;
-        cross += pow(m.dx - 0.3, 2) / m.var_cross;
+        cross += pow(m.dx - 0.3, 2) / m.var_across;
         along += pow(m.dy - 0.4, 2) / m.var_along;
         n++;
     }
@@ -222,8 +222,8 @@ static void sigmas_are_true(void **state)
     assert_true(n > 200);
     assert_true(cross / n > 1 / 2.25 && cross / n < 2.25);
     assert_true(along / n > 1 / 2.25 && along / n < 2.25);
-    check_view_fini(&a);
-    check_view_fini(&b);
+    drift_pyramid_fini(&a);
+    drift_pyramid_fini(&b);
     sst_image_fini(&one);
     sst_image_fini(&other);
 }
@@ -235,7 +235,7 @@ static void nothing_is_found_where_nothing_is_wrong(void **state)
     (void)state;
     for (uint64_t seed = 1; seed <= 3; seed++) {
         struct recipe r = plain(seed == 3 ? 6 : 3, seed == 3 ? 6 : 4, seed);
-        struct sst_check c;
+        struct sst_drift c;
 
         r.noise = seed == 1 ? 0 : 3;
         for (int v = 0; v < r.rows * r.cols; v++)
@@ -272,7 +272,7 @@ static void drifts_are_measured(void **state)
                   { 13, 1, -1, 0.1, true }, { 20, 0, 0, 0.25, true },   { 22, -2.2, 3, 0, true },
                   { 33, 10, -4, 0, true },  { 35, 0.35, 0.35, 0, true } };
     struct recipe r = plain(6, 6, 11);
-    struct sst_check c;
+    struct sst_drift c;
     int drifted = 0;
 
     (void)state;
@@ -305,7 +305,7 @@ static void drifts_are_measured(void **state)
 static void another_size_is_measured(void **state)
 {
     struct recipe r = plain(3, 3, 12);
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     r.fault[4].scale = 0.003;
@@ -337,7 +337,7 @@ static void exchanged_views_are_named(void **state)
     (void)state;
     make(&lf, &r);
     for (size_t i = 0; i < ARRAY_LEN(pair); i++) {
-        struct sst_check c;
+        struct sst_drift c;
 
         swap_images(&lf, pair[i][0], pair[i][1]);
         run(&c, &lf, 2);
@@ -350,12 +350,12 @@ static void exchanged_views_are_named(void **state)
     sst_lightfield_fini(&lf);
 }
 
-/* Columns from right to left: every pair's cross disparity is fine, only the signs of the disparities tell. */
+/* Columns from right to left: the epipolar error of every pair is fine, only the signs of the disparities are wrong. */
 static void turned_grids_are_named(void **state)
 {
     const struct recipe r = plain(4, 4, 22);
     struct sst_lightfield lf;
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     make(&lf, &r);
@@ -385,7 +385,7 @@ static void turned_grids_are_named(void **state)
 static void unrectified_is_unusable(void **state)
 {
     struct recipe r = plain(4, 4, 31);
-    struct sst_check c;
+    struct sst_drift c;
     uint64_t random = 5;
 
     (void)state;
@@ -401,7 +401,7 @@ static void unrectified_is_unusable(void **state)
 static void blank_and_repeated_walls_raise_no_alarm(void **state)
 {
     struct recipe r = plain(3, 3, 41);
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     r.contrast = 0;
@@ -426,7 +426,7 @@ static void blank_and_repeated_walls_raise_no_alarm(void **state)
 /* (R + 2 G + B) / 4 and the mean of four pixels: noise of 1 becomes sqrt(6) / 8. */
 static void noise_is_measured(void **state)
 {
-    static struct check_view v;
+    static struct drift_pyramid v;
     struct recipe r = plain(1, 1, 43);
     struct sst_image image;
 
@@ -434,10 +434,10 @@ static void noise_is_measured(void **state)
     r.contrast = 0;
     for (r.noise = 2; r.noise <= 8; r.noise *= 2) {
         draw_view(&image, &r, 0, 0, 0);
-        assert_int_equal(check_view_init(&v, &image, &everywhere, 160), 0);
+        assert_int_equal(drift_pyramid_init(&v, &image, &everywhere, 160), 0);
         assert_true(fabs(v.noise / (r.noise * sqrt(6) / 8) - 1) < 0.2);
-        assert_int_equal(v.first[SST_CHECK_CELLS], 0);
-        check_view_fini(&v);
+        assert_int_equal(v.first[DRIFT_CELLS], 0);
+        drift_pyramid_fini(&v);
         sst_image_fini(&image);
     }
 }
@@ -445,7 +445,7 @@ static void noise_is_measured(void **state)
 /* What a camera does not see of the common view is black with a hard edge, which is no feature. */
 static void borders_are_no_features(void **state)
 {
-    static struct check_view v;
+    static struct drift_pyramid v;
     const struct recipe r = plain(1, 1, 44);
     struct sst_image image;
     struct sst_map_u8 valid;
@@ -462,16 +462,16 @@ static void borders_are_no_features(void **state)
                 sst_image_row(&image, c, y)[x] = 0;
         }
     }
-    assert_int_equal(check_view_init(&v, &image, &everywhere, 160), 0);
-    for (int i = 0; i < v.first[SST_CHECK_CELLS]; i++)
+    assert_int_equal(drift_pyramid_init(&v, &image, &everywhere, 160), 0);
+    for (int i = 0; i < v.first[DRIFT_CELLS]; i++)
         before += abs(v.feature[i].x + v.feature[i].y / 4 - image.width / 2) < 8;
     assert_true(before > 0);
-    check_view_fini(&v);
-    assert_int_equal(check_view_init(&v, &image, &valid, 160), 0);
-    assert_true(v.first[SST_CHECK_CELLS] > 0);
-    for (int i = 0; i < v.first[SST_CHECK_CELLS]; i++)
+    drift_pyramid_fini(&v);
+    assert_int_equal(drift_pyramid_init(&v, &image, &valid, 160), 0);
+    assert_true(v.first[DRIFT_CELLS] > 0);
+    for (int i = 0; i < v.first[DRIFT_CELLS]; i++)
         assert_true(v.feature[i].x + v.feature[i].y / 4 - image.width / 2 >= 8);
-    check_view_fini(&v);
+    drift_pyramid_fini(&v);
     sst_map_u8_fini(&valid);
     sst_image_fini(&image);
 }
@@ -481,7 +481,7 @@ static void covered_camera_is_lost(void **state)
 {
     const struct recipe r = plain(4, 4, 51), other = plain(4, 4, 52);
     struct sst_lightfield lf;
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     make(&lf, &r);
@@ -502,7 +502,7 @@ static void covered_camera_is_lost(void **state)
 static void a_row_sees_vertical_shifts(void **state)
 {
     struct recipe r = plain(1, 5, 61);
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     r.fault[3].y = -0.6;
@@ -520,7 +520,7 @@ static void a_row_sees_vertical_shifts(void **state)
 static void two_views_cannot_tell_which(void **state)
 {
     struct recipe r = plain(1, 2, 62);
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     check_recipe(&c, &r);
@@ -539,7 +539,7 @@ static void holes_are_stepped_over(void **state)
 {
     struct recipe r = plain(3, 4, 63);
     struct sst_lightfield lf;
-    struct sst_check c;
+    struct sst_drift c;
 
     (void)state;
     r.fault[7].y = 0.7;
@@ -562,7 +562,7 @@ static void any_number_of_threads_gives_the_same(void **state)
 {
     struct recipe r = plain(3, 3, 71);
     struct sst_lightfield lf;
-    struct sst_check a, b;
+    struct sst_drift a, b;
 
     (void)state;
     r.fault[2].x = 1;
@@ -585,7 +585,7 @@ static void any_number_of_threads_gives_the_same(void **state)
 static void unfit_input_is_refused(void **state)
 {
     const struct sst_check_config cfg = { .threads = 1 };
-    struct sst_check c = { .pairs = -7 };
+    struct sst_drift c = { .pairs = -7 };
     struct sst_lightfield lf;
     char text[SST_LOG_MAX];
 
@@ -609,7 +609,7 @@ static void unfit_input_is_refused(void **state)
 static void the_picture_shows_the_worst_in_red(void **state)
 {
     struct recipe r = plain(3, 4, 81);
-    struct sst_check c;
+    struct sst_drift c;
     struct sst_image out;
 
     (void)state;

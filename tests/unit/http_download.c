@@ -167,6 +167,8 @@ static void a_half_file_is_never_a_whole_one(void **state)
     assert_int_equal(get("GET", "torn.mkv", ""), 500);
     assert_int_equal(get("GET", "busy.tar", ""), 409);
     assert_non_null(strstr(answer, "still being written"));
+    assert_int_equal(get("GET", "full.mkv", ""), 507);
+    assert_non_null(strstr(answer, "no room to make full.mkv"));
     assert_int_equal(get("GET", "nothing.tar", "Range: bytes=0-1\r\n"), 404);
     /* The rules of access are those of everything else. */
     assert_int_equal(ask("GET", "/api/v1/download/picture.jpg", "Range: bytes=0-1\r\n", NULL), 401);
@@ -174,74 +176,16 @@ static void a_half_file_is_never_a_whole_one(void **state)
     assert_int_equal(ask("POST", "/api/v1/delete", with(bearer(control), JSON), "{\"name\":\"x\"}"), 200);
 }
 
-static void wait_for_senders(void)
+static void wait_until_closed(void)
 {
     const int64_t until_ns = sst_clock_now_ns() + DEADLINE_MS * 1000000LL;
 
-    while (fake_sending && sst_clock_now_ns() < until_ns)
+    while (fake_open && sst_clock_now_ns() < until_ns)
         sleep_ms(5);
-    assert_int_equal(fake_sending, 0);
+    assert_int_equal(fake_open, 0);
 }
 
-/* Who leaves in the middle, or takes nothing, frees what he held; a disk that hangs holds up no ending. */
-static void nobody_is_held_up(void **state)
-{
-    const struct sst_http_config cfg = config();
-    int fd[4], silent;
-    char text[512];
-    int64_t start_ns;
-
-    (void)state;
-    serve(&cfg);
-    snprintf(text, sizeof(text), "GET /api/v1/download/big.mkv HTTP/1.1\r\nHost: localhost\r\n%s\r\n", bearer(view));
-    for (size_t i = 0; i < ARRAY_LEN(fd); i++) {
-        fd[i] = connect_tcp();
-        assert_true(send_all(fd[i], text, strlen(text)));
-        assert_true(recv(fd[i], answer, 100, 0) > 0);
-    }
-    for (size_t i = 0; i < ARRAY_LEN(fd); i++)
-        close(fd[i]);
-    wait_for_senders();
-    snprintf(text, sizeof(text), "GET /api/v1/download/silent.mkv HTTP/1.1\r\nHost: localhost\r\n%s\r\n", bearer(view));
-    silent = connect_tcp();
-    assert_true(send_all(silent, text, strlen(text)));
-    while (!fake_sending)
-        sleep_ms(5);
-    start_ns = sst_clock_now_ns();
-    sst_http_close(server);
-    server = NULL;
-    assert_quick(start_ns, 5000000000);
-    close(silent);
-    wait_for_senders();
-}
-
-#define S ((int64_t)1000000000)
-
-static void a_pace_is_of_the_last_moments(void **state)
-{
-    struct http_pace p = { .early = { 0, 0 } };
-
-    (void)state;
-    assert_true(http_throughput(&p, 5 * S - 1, 1 << 30) < 0); /* too early to say */
-    assert_true(http_throughput(&p, 5 * S, 0) == 0);
-    assert_true(http_throughput(&p, 5 * S, 500000) == 100000);
-    /* A burst at the beginning is forgotten in two windows. */
-    for (int64_t i = 1; i <= 9; i++)
-        http_throughput_mark(&p, i * S, 100000000);
-    assert_true(http_throughput(&p, 9 * S, 100000000) > 1e7);
-    for (int64_t i = 10; i <= 15; i++)
-        http_throughput_mark(&p, i * S, 100000000 + (uint64_t)(i - 9) * 1000);
-    assert_true(http_throughput(&p, 15 * S, 100006000) < 1001);
-    /* Less in the socket's way than was thought is no pace below 0; a clock that stands (a disk is waited for) is none.
-     */
-    assert_true(http_throughput(&p, 15 * S, 5) == 0);
-    p = (struct http_pace){ .early = { 0, 0 } };
-    for (int i = 0; i < 100; i++)
-        http_throughput_mark(&p, 3 * S, 10);
-    assert_true(http_throughput(&p, 3 * S, 10) < 0);
-}
-
-/* One who takes nothing, from now on. */
+/* A client that reads nothing, from now on. */
 static int stand(const char *name)
 {
     const int small = 4096, fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -256,67 +200,74 @@ static int stand(const char *name)
     return fd;
 }
 
-/* Twenty who take next to nothing do not shut out one who reads; and they do go on where nobody waits. */
-static void slow_readers_make_room(void **state)
+static void wait_for(atomic_int *count, int least)
+{
+    const int64_t until_ns = sst_clock_now_ns() + DEADLINE_MS * 1000000LL;
+
+    while (*count < least && sst_clock_now_ns() < until_ns)
+        sleep_ms(5);
+    assert_true(*count >= least);
+}
+
+/* A client that leaves, or waits for a file that is still being made, holds up nothing. */
+static void clients_that_leave_close_what_they_read(void **state)
 {
     const struct sst_http_config cfg = config();
-    const int64_t until_ns = sst_clock_now_ns() + 3 * DEADLINE_MS * 1000000LL;
-    struct sst_http_counters n;
-    int slow[20], code = 0;
+    int64_t start_ns;
+    int fd[4], asked;
+
+    (void)state;
+    serve(&cfg);
+    for (size_t i = 0; i < ARRAY_LEN(fd); i++) {
+        fd[i] = stand("huge.mkv");
+        assert_true(recv(fd[i], answer, 100, 0) > 0);
+    }
+    for (size_t i = 0; i < ARRAY_LEN(fd); i++)
+        close(fd[i]);
+    wait_until_closed();
+    /* Asked for again and again, as long as the client waits. */
+    asked = fake_asked;
+    fd[0] = stand("made.mkv");
+    wait_for(&fake_asked, asked + 10);
+    close(fd[0]);
+    do {
+        asked = fake_asked;
+        sleep_ms(500);
+    } while (fake_asked != asked);
+    fd[0] = stand("made.mkv");
+    wait_for(&fake_asked, asked + 10);
+    fd[1] = stand("huge.mkv");
+    wait_for(&fake_open, 1);
+    start_ns = sst_clock_now_ns();
+    sst_http_close(server);
+    server = NULL;
+    assert_quick(start_ns, 5000000000);
+    close(fd[0]);
+    close(fd[1]);
+    wait_until_closed();
+}
+
+/* Clients that read nothing cost a connection each; beyond the limit of downloads others come again later. */
+static void there_is_a_limit_of_downloads(void **state)
+{
+    const struct sst_http_config cfg = config();
+    int slow[SST_DOWNLOADS_MAX], code = 0;
 
     (void)state;
     serve(&cfg);
     for (size_t i = 0; i < ARRAY_LEN(slow); i++)
         slow[i] = stand("huge.mkv");
-    while (fake_sending < SST_DOWNLOADS_ADDRESS && sst_clock_now_ns() < until_ns)
-        sleep_ms(5);
-    assert_int_equal(fake_sending, SST_DOWNLOADS_ADDRESS); /* one address has no more */
-    while (code != 200 && sst_clock_now_ns() < until_ns)
-        code = get("GET", "big.mkv", "Range: bytes=0-99999\r\n") == 206 ? 200 : 503;
-    assert_int_equal(code, 200);
+    wait_for(&fake_open, SST_DOWNLOADS_MAX);
+    assert_int_equal(get("GET", "big.mkv", ""), 503);
+    assert_string_equal(header("\r\nRetry-After: "), "5");
+    close(slow[0]);
+    for (int i = 0; i < 60000 && code != 206; i++)
+        code = get("GET", "big.mkv", "Range: bytes=0-99999\r\n");
+    assert_int_equal(code, 206);
     assert_int_equal(body(0), 100000);
-    sst_http_counters(server, &n);
-    assert_true(n.slow >= 1 && n.slow <= ARRAY_LEN(slow));
-    assert_true(fake_sending >= SST_DOWNLOADS_ADDRESS / 2);
-    for (size_t i = 0; i < ARRAY_LEN(slow); i++)
+    for (size_t i = 1; i < ARRAY_LEN(slow); i++)
         close(slow[i]);
-    wait_for_senders();
-}
-
-/* Who reads keeps his place, whoever waits. */
-static void readers_keep_their_places(void **state)
-{
-    const struct sst_http_config cfg = config();
-    struct sst_http_counters n;
-    int fd[SST_DOWNLOADS_ADDRESS], waiting;
-    int64_t until_ns;
-    uint8_t *bytes = malloc(1 << 20);
-    ssize_t got = 1;
-
-    (void)state;
-    assert_non_null(bytes);
-    serve(&cfg);
-    for (size_t i = 0; i < ARRAY_LEN(fd); i++)
-        fd[i] = stand("huge.mkv");
-    while (fake_sending < SST_DOWNLOADS_ADDRESS)
-        sleep_ms(5);
-    waiting = stand("picture.jpg");
-    /* As long as it takes until the one who waits is told: he who stops to read is slow. */
-    until_ns = sst_clock_now_ns() + DEADLINE_MS * 1000000LL;
-    while (recv(waiting, bytes, 1, MSG_DONTWAIT | MSG_PEEK) < 0 && sst_clock_now_ns() < until_ns && got > 0) {
-        for (size_t i = 0; i < ARRAY_LEN(fd) && got > 0; i++)
-            got = recv(fd[i], bytes, 1 << 18, 0);
-    }
-    assert_true(got > 0);
-    got = recv(waiting, bytes, 100, 0);
-    assert_true(got > 12 && !memcmp(bytes + 9, "503", 3));
-    sst_http_counters(server, &n);
-    assert_int_equal(n.slow, 0);
-    close(waiting);
-    for (size_t i = 0; i < ARRAY_LEN(fd); i++)
-        close(fd[i]);
-    free(bytes);
-    wait_for_senders();
+    wait_until_closed();
 }
 
 int main(void)
@@ -325,10 +276,8 @@ int main(void)
         cmocka_unit_test(ranges_are_read_as_the_rfc_says),
         cmocka_unit_test_setup_teardown(parts_are_parts_of_the_whole, make_service, end_service),
         cmocka_unit_test_setup_teardown(a_half_file_is_never_a_whole_one, make_service, end_service),
-        cmocka_unit_test_setup_teardown(nobody_is_held_up, make_service, end_service),
-        cmocka_unit_test(a_pace_is_of_the_last_moments),
-        cmocka_unit_test_setup_teardown(slow_readers_make_room, make_service, end_service),
-        cmocka_unit_test_setup_teardown(readers_keep_their_places, make_service, end_service),
+        cmocka_unit_test_setup_teardown(clients_that_leave_close_what_they_read, make_service, end_service),
+        cmocka_unit_test_setup_teardown(there_is_a_limit_of_downloads, make_service, end_service),
     };
 
     signal(SIGPIPE, SIG_IGN);

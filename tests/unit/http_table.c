@@ -1,4 +1,5 @@
-/* The table of routes, openapi.json and docs/api.md name exactly the same; texts of clients are taken apart rightly. */
+/* The table of routes, openapi.json and docs/integrate/api.md name exactly the same; texts of clients are taken apart
+ * rightly. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -50,7 +51,7 @@ static void openapi_is_the_table(void **state)
     json_decref(doc);
 }
 
-/* Table lines of docs/api.md: | `METHOD /path?query`, `METHOD /path` or `/path` | role | ... */
+/* Table lines of docs/integrate/api.md: | `METHOD /path?query`, `METHOD /path` or `/path` | role | ... */
 static int check_line(char *line, const struct sst_route *routes, int count, int *seen)
 {
     char *role = strstr(line, "` |"), *end, *code = line;
@@ -87,14 +88,14 @@ static int check_line(char *line, const struct sst_route *routes, int count, int
             break;
         }
         if (path)
-            fail_msg("docs/api.md has %s %s, which is no route", method, path);
+            fail_msg("docs/integrate/api.md has %s %s, which is no route", method, path);
     }
     return named;
 }
 
 static void document_is_the_table(void **state)
 {
-    FILE *f = fopen("docs/api.md", "r");
+    FILE *f = fopen("docs/integrate/api.md", "r");
     int seen[64] = { 0 }, count, named = 0;
     const struct sst_route *routes;
     char line[1024];
@@ -110,7 +111,7 @@ static void document_is_the_table(void **state)
     fclose(f);
     for (int i = 0; i < count; i++) {
         if (seen[i] != 1)
-            fail_msg("docs/api.md names %s %s %d times", routes[i].method, routes[i].path, seen[i]);
+            fail_msg("docs/integrate/api.md names %s %s %d times", routes[i].method, routes[i].path, seen[i]);
     }
     assert_int_equal(named, count);
 }

@@ -12,7 +12,7 @@
 #include <cmocka.h>
 
 #include "base/log.h"
-#include "pipeline/calibration/photometric/light.h"
+#include "pipeline/calibration/photometric/photometric.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
 
 #define WIDTH  640
@@ -77,7 +77,7 @@ static double falloff_of(const struct sst_calib_camera *c, double x, double y)
     return 1 + r2 * (c->falloff[0] + r2 * (c->falloff[1] + r2 * c->falloff[2]));
 }
 
-static void add(struct sst_light_samples *all, struct sst_light_sample s)
+static void add(struct sst_photometric_samples *all, struct sst_photometric_sample s)
 {
     if (all->count == all->capacity) {
         all->capacity = all->capacity ? 2 * all->capacity : 1024;
@@ -89,9 +89,9 @@ static void add(struct sst_light_samples *all, struct sst_light_sample s)
 
 /* 35 white places at depth 1 m or so, out to the corners, moved, turned and lit anew in each frame: from one side,
  * dimmer and redder. */
-static struct sst_light_samples see(const struct sst_calib *truth, int frames, double noise)
+static struct sst_photometric_samples see(const struct sst_calib *truth, int frames, double noise)
 {
-    struct sst_light_samples all = { 0 };
+    struct sst_photometric_samples all = { 0 };
 
     for (int f = 0; f < frames; f++) {
         const double at[3] = { 700 * uniform() - 360, 500 * uniform() - 260, 900 + 400 * uniform() };
@@ -106,7 +106,7 @@ static struct sst_light_samples see(const struct sst_calib *truth, int frames, d
                 const struct sst_calib_camera *c = &truth->camera[k];
                 const double x = c->fx * (at[0] + u - c->position_mm[0] + 100) / z + c->cx;
                 const double y = c->fy * (at[1] + v - c->position_mm[1] + 80) / z + c->cy;
-                struct sst_light_sample s = { k, f, patch, (float)x, (float)y, { 0 } };
+                struct sst_photometric_sample s = { k, f, patch, (float)x, (float)y, { 0 } };
 
                 if (!c->known || x < 0 || y < 0 || x > WIDTH - 1 || y > HEIGHT - 1)
                     continue;
@@ -151,12 +151,12 @@ static void compare(const struct sst_calib *got, const struct sst_calib *truth, 
 static void gains_and_falloff_come_back(void **state SST_UNUSED)
 {
     struct sst_calib truth = make_array(4, 4), got;
-    struct sst_light_samples all = see(&truth, 20, 0.002);
-    struct sst_light_report report;
+    struct sst_photometric_samples all = see(&truth, 20, 0.002);
+    struct sst_photometric_report report;
     double gain, corner;
 
     reset(&got, &truth);
-    assert_int_equal(sst_light_solve(&got, &all, &report), 0);
+    assert_int_equal(sst_photometric_solve(&got, &all, &report), 0);
     compare(&got, &truth, &gain, &corner);
     print_message("%d samples: gains to %.3f %%, corners to %.3f %%, spread %.2f %% before, %.2f %% after\n",
                   report.samples, 100 * gain, 100 * corner, 100 * report.before, 100 * report.after);
@@ -166,7 +166,7 @@ static void gains_and_falloff_come_back(void **state SST_UNUSED)
     assert_true(report.before > 0.03 && report.after < 0.0025);
     assert_true(report.worst_falloff > 0.28 && report.worst_falloff < 0.4);
     assert_null(sst_calib_fault(&got));
-    sst_light_samples_fini(&all);
+    sst_photometric_samples_fini(&all);
     sst_calib_fini(&truth);
     sst_calib_fini(&got);
 }
@@ -175,8 +175,8 @@ static void gains_and_falloff_come_back(void **state SST_UNUSED)
 static void wrong_samples_do_not_matter(void **state SST_UNUSED)
 {
     struct sst_calib truth = make_array(3, 3), got;
-    struct sst_light_samples all = see(&truth, 20, 0.003);
-    struct sst_light_report report;
+    struct sst_photometric_samples all = see(&truth, 20, 0.003);
+    struct sst_photometric_report report;
     double gain, corner;
 
     for (int i = 0; i < all.count; i++) {
@@ -186,12 +186,12 @@ static void wrong_samples_do_not_matter(void **state SST_UNUSED)
             all.sample[i].linear[c] *= (float)dim;
     }
     reset(&got, &truth);
-    assert_int_equal(sst_light_solve(&got, &all, &report), 0);
+    assert_int_equal(sst_photometric_solve(&got, &all, &report), 0);
     compare(&got, &truth, &gain, &corner);
     print_message("5 %% wrong: gains to %.3f %%, corners to %.3f %%\n", 100 * gain, 100 * corner);
     assert_true(gain < 0.005);
     assert_true(corner < 0.015);
-    sst_light_samples_fini(&all);
+    sst_photometric_samples_fini(&all);
     sst_calib_fini(&truth);
     sst_calib_fini(&got);
 }
@@ -199,22 +199,22 @@ static void wrong_samples_do_not_matter(void **state SST_UNUSED)
 static void order_of_samples_does_not_matter(void **state SST_UNUSED)
 {
     struct sst_calib truth = make_array(2, 3), a, b;
-    struct sst_light_samples all = see(&truth, 6, 0.003);
-    struct sst_light_report report;
+    struct sst_photometric_samples all = see(&truth, 6, 0.003);
+    struct sst_photometric_report report;
 
     reset(&a, &truth);
     reset(&b, &truth);
-    assert_int_equal(sst_light_solve(&a, &all, &report), 0);
+    assert_int_equal(sst_photometric_solve(&a, &all, &report), 0);
     for (int i = all.count - 1; i > 0; i--) {
         const int k = (int)(uniform() * (i + 1));
-        const struct sst_light_sample s = all.sample[i];
+        const struct sst_photometric_sample s = all.sample[i];
 
         all.sample[i] = all.sample[k];
         all.sample[k] = s;
     }
-    assert_int_equal(sst_light_solve(&b, &all, &report), 0);
+    assert_int_equal(sst_photometric_solve(&b, &all, &report), 0);
     assert_memory_equal(a.camera, b.camera, 6 * sizeof(*a.camera));
-    sst_light_samples_fini(&all);
+    sst_photometric_samples_fini(&all);
     sst_calib_fini(&truth);
     sst_calib_fini(&a);
     sst_calib_fini(&b);
@@ -223,8 +223,8 @@ static void order_of_samples_does_not_matter(void **state SST_UNUSED)
 static void a_rig_has_one_falloff_and_no_gains(void **state SST_UNUSED)
 {
     struct sst_calib truth = make_array(3, 3), got;
-    struct sst_light_samples all;
-    struct sst_light_report report;
+    struct sst_photometric_samples all;
+    struct sst_photometric_report report;
     double gain, corner;
 
     truth.rig = true;
@@ -237,13 +237,13 @@ static void a_rig_has_one_falloff_and_no_gains(void **state SST_UNUSED)
     }
     all = see(&truth, 20, 0.003);
     reset(&got, &truth);
-    assert_int_equal(sst_light_solve(&got, &all, &report), 0);
+    assert_int_equal(sst_photometric_solve(&got, &all, &report), 0);
     compare(&got, &truth, &gain, &corner);
     assert_true(gain == 0);
     assert_true(corner < 0.01);
     for (int k = 1; k < 9; k++)
         assert_memory_equal(got.camera[k].falloff, got.camera[0].falloff, sizeof(got.camera[k].falloff));
-    sst_light_samples_fini(&all);
+    sst_photometric_samples_fini(&all);
     sst_calib_fini(&truth);
     sst_calib_fini(&got);
 }
@@ -252,17 +252,17 @@ static void a_rig_has_one_falloff_and_no_gains(void **state SST_UNUSED)
 static void too_little_is_refused(void **state SST_UNUSED)
 {
     struct sst_calib truth = make_array(1, 2), got;
-    struct sst_light_samples all = see(&truth, 10, 0);
-    struct sst_light_report report = { .samples = -7 };
+    struct sst_photometric_samples all = see(&truth, 10, 0);
+    struct sst_photometric_report report = { .samples = -7 };
     const int count = all.count;
 
     reset(&got, &truth);
     for (int i = 0; i < count; i++)
         all.sample[i].view = 0; /* no other camera sees any */
     got.camera[0].gain[1] = 1.25;
-    assert_int_equal(sst_light_solve(&got, &all, &report), -ENODATA);
+    assert_int_equal(sst_photometric_solve(&got, &all, &report), -ENODATA);
     all.count = 0;
-    assert_int_equal(sst_light_solve(&got, &all, &report), -ENODATA);
+    assert_int_equal(sst_photometric_solve(&got, &all, &report), -ENODATA);
     all.count = count;
     for (int i = 0; i < count; i++) {
         static const float bad[] = { NAN, 0, -1, INFINITY };
@@ -270,10 +270,10 @@ static void too_little_is_refused(void **state SST_UNUSED)
         all.sample[i].view = i & 1;
         all.sample[i].linear[i % 3] = bad[i / 2 % 4];
     }
-    assert_int_equal(sst_light_solve(&got, &all, &report), -ENODATA);
+    assert_int_equal(sst_photometric_solve(&got, &all, &report), -ENODATA);
     assert_int_equal(report.samples, -7);
     assert_true(got.camera[0].gain[1] == 1.25);
-    sst_light_samples_fini(&all);
+    sst_photometric_samples_fini(&all);
     sst_calib_fini(&truth);
     sst_calib_fini(&got);
 }
@@ -282,19 +282,19 @@ static void too_little_is_refused(void **state SST_UNUSED)
 static void parts_are_even_among_themselves(void **state SST_UNUSED)
 {
     struct sst_calib truth = make_array(2, 4), got;
-    struct sst_light_samples all = see(&truth, 12, 0.001), some = { 0 };
-    struct sst_light_report report;
+    struct sst_photometric_samples all = see(&truth, 12, 0.001), some = { 0 };
+    struct sst_photometric_report report;
     int left = 5;
 
     for (int i = 0; i < all.count; i++) {
-        const struct sst_light_sample *s = &all.sample[i];
+        const struct sst_photometric_sample *s = &all.sample[i];
         const bool right = s->view % 4 >= 2;
 
         if (right == (s->frame >= 6) && (s->view != 4 || left-- > 0))
             add(&some, *s);
     }
     reset(&got, &truth);
-    assert_int_equal(sst_light_solve(&got, &some, &report), 0);
+    assert_int_equal(sst_photometric_solve(&got, &some, &report), 0);
     assert_int_equal(report.cameras, 7);
     for (int c = 0; c < 3; c++) {
         const double first = got.camera[0].gain[c] * got.camera[1].gain[c] * got.camera[5].gain[c];
@@ -308,8 +308,8 @@ static void parts_are_even_among_themselves(void **state SST_UNUSED)
                  1) < 0.005);
         assert_true(got.camera[4].gain[c] == 1 && got.camera[4].falloff[c] == 0);
     }
-    sst_light_samples_fini(&all);
-    sst_light_samples_fini(&some);
+    sst_photometric_samples_fini(&all);
+    sst_photometric_samples_fini(&some);
     sst_calib_fini(&truth);
     sst_calib_fini(&got);
 }
@@ -318,15 +318,15 @@ static void parts_are_even_among_themselves(void **state SST_UNUSED)
 static void little_knowledge_of_corners_stays_sane(void **state SST_UNUSED)
 {
     struct sst_calib truth = make_array(2, 2), got;
-    struct sst_light_samples all = see(&truth, 20, 0.02), some = { 0 };
-    struct sst_light_report report;
+    struct sst_photometric_samples all = see(&truth, 20, 0.02), some = { 0 };
+    struct sst_photometric_report report;
 
     for (int i = 0; i < all.count; i++) {
         if (hypot(all.sample[i].x - 320, all.sample[i].y - 240) < 120)
             add(&some, all.sample[i]);
     }
     reset(&got, &truth);
-    assert_int_equal(sst_light_solve(&got, &some, &report), 0);
+    assert_int_equal(sst_photometric_solve(&got, &some, &report), 0);
     for (int k = 0; k < 4; k++) {
         double before = 1, up = 0, down = 0;
 
@@ -340,8 +340,8 @@ static void little_knowledge_of_corners_stays_sane(void **state SST_UNUSED)
         }
         assert_true(fmin(up, down) < 0.011);
     }
-    sst_light_samples_fini(&all);
-    sst_light_samples_fini(&some);
+    sst_photometric_samples_fini(&all);
+    sst_photometric_samples_fini(&some);
     sst_calib_fini(&truth);
     sst_calib_fini(&got);
 }

@@ -4,7 +4,7 @@
 
 #include "tests/sim_test.h"
 
-#include "pipeline/calibration/photometric/light.h"
+#include "pipeline/calibration/photometric/photometric.h"
 #include "pipeline/image/codec.h"
 #include "simulators/scene/world/world_internal.h"
 
@@ -13,7 +13,7 @@ struct shoot {
     const struct sim_stage *stage;
     struct sst_board board;
     struct sst_calib calib;
-    struct sst_light_samples all;
+    struct sst_photometric_samples all;
     int cam;
 };
 
@@ -79,7 +79,7 @@ static int take(void *arg, int frame, const struct sst_image *image)
 
     assert_int_equal(err, 0);
     assert_int_equal(sst_image_decode(&seen, jpeg.data, jpeg.bytes, "frame"), 0);
-    err = sst_light_collect(&s->all, &s->board, &seen, &d);
+    err = sst_photometric_collect(&s->all, &s->board, &seen, &d);
     free(jpeg.data);
     free(d.corner);
     sst_image_fini(&seen);
@@ -167,7 +167,7 @@ static void judge(const struct shoot *s, double *gain, double *gain_rms, double 
 }
 
 struct result {
-    struct sst_light_report report;
+    struct sst_photometric_report report;
     double gain, gain_rms, corner, corner_rms;
 };
 
@@ -182,14 +182,14 @@ static struct result calibrate(const char *world)
     assert_int_equal(sim_stage_open(&stage, &settings), 0);
     s.stage = stage;
     shoot_all(&s);
-    assert_int_equal(sst_light_solve(&s.calib, &s.all, &r.report), 0);
+    assert_int_equal(sst_photometric_solve(&s.calib, &s.all, &r.report), 0);
     judge(&s, &r.gain, &r.gain_rms, &r.corner, &r.corner_rms);
     print_message("%d samples of %d cameras: gains to %.2f %% (RMS %.2f), corners to %.2f %% (RMS %.2f), spread of a "
                   "patch %.2f %% before, %.2f %% after\n",
                   r.report.samples, r.report.cameras, 100 * r.gain, 100 * r.gain_rms, 100 * r.corner,
                   100 * r.corner_rms, 100 * r.report.before, 100 * r.report.after);
     assert_null(sst_calib_fault(&s.calib));
-    sst_light_samples_fini(&s.all);
+    sst_photometric_samples_fini(&s.all);
     sst_calib_fini(&s.calib);
     sim_stage_close(stage);
     return r;

@@ -1,5 +1,5 @@
-/* capture/recording: what is recorded is read back byte for byte, by us and by others; damage is told; what cannot be
- * is refused. */
+/* capture/recording: what is recorded is read back byte for byte, by us and by others; damage is reported; what cannot
+ * be is refused. */
 #include <fcntl.h>
 
 #if WITH_AVFORMAT
@@ -7,7 +7,6 @@
 #include <libavformat/avformat.h>
 #endif
 
-#include "capture/recording/ebml.h"
 #include "capture/recording/recording_internal.h"
 #include "tests/recording_tests.h"
 
@@ -18,19 +17,19 @@ static void reads_element_heads(void **state)
     static const uint8_t cluster[] = { 0x1F, 0x43, 0xB6, 0x75, 0x01, 0, 0, 0, 0, 0, 0x10, 0x02 };
     static const uint8_t open_end[] = { 0x18, 0x53, 0x80, 0x67, 0x01, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF };
     static const uint8_t block[] = { 0xA3, 0x40, 0x85 };
-    struct sst_ebml e;
+    struct ebml e;
 
     (void)state;
-    assert_int_equal(sst_ebml_head(cluster, sizeof(cluster), &e), 0);
+    assert_int_equal(ebml_head(cluster, sizeof(cluster), &e), 0);
     assert_true(e.id == SST_EBML_CLUSTER && e.size == 0x1002 && e.head == 12);
-    assert_int_equal(sst_ebml_head(open_end, sizeof(open_end), &e), 0);
+    assert_int_equal(ebml_head(open_end, sizeof(open_end), &e), 0);
     assert_true(e.id == SST_EBML_SEGMENT && e.size == SST_EBML_UNKNOWN);
-    assert_int_equal(sst_ebml_head(block, sizeof(block), &e), 0);
+    assert_int_equal(ebml_head(block, sizeof(block), &e), 0);
     assert_true(e.id == SST_EBML_SIMPLE_BLOCK && e.size == 0x85 && e.head == 3);
     for (size_t n = 0; n < sizeof(cluster); n++)
-        assert_int_equal(sst_ebml_head(cluster, n, &e), -EBADMSG);
-    assert_int_equal(sst_ebml_head((const uint8_t[]){ 0x00, 0x81 }, 2, &e), -EBADMSG);
-    assert_int_equal(sst_ebml_head((const uint8_t[]){ 0xA3, 0x00 }, 2, &e), -EBADMSG);
+        assert_int_equal(ebml_head(cluster, n, &e), -EBADMSG);
+    assert_int_equal(ebml_head((const uint8_t[]){ 0x00, 0x81 }, 2, &e), -EBADMSG);
+    assert_int_equal(ebml_head((const uint8_t[]){ 0xA3, 0x00 }, 2, &e), -EBADMSG);
 }
 
 #define SET_HEAD                                                                                                       \
@@ -65,12 +64,12 @@ static void lines_are_read_strictly(void **state)
         { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2.5,9,100,40,0,0,1]],\"missing\":[0]}" },
         { -EBADMSG, SET_HEAD "\"frames\":[[1,7,0,-2,9,100,40,0,0]],\"missing\":[0]}" },
     };
-    struct setlist_segment segment;
+    struct manifest_segment segment;
     struct sst_recording_set set;
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
-        const int got = setlist_parse(cases[i].line, strlen(cases[i].line), 2, &segment, &set);
+        const int got = manifest_parse(cases[i].line, strlen(cases[i].line), 2, &segment, &set);
 
         if (got != cases[i].want)
             fail_msg("%d, not %d: %s", got, cases[i].want, cases[i].line);
@@ -79,9 +78,9 @@ static void lines_are_read_strictly(void **state)
     assert_true(set.present == 1 && set.frame[1].t_ns == 3 && set.frame[1].arrival_ns == 12 &&
                 set.frame[1].crc32 == UINT32_MAX && set.frame[1].offset == 100 && set.frame[1].bytes == 40);
     /* The checksum is zlib.crc32(b'{"a":1') of Python. */
-    assert_true(setlist_line_whole("{\"a\":1,\"crc\":\"a702fc6e\"}", 24));
-    assert_false(setlist_line_whole("{\"a\":2,\"crc\":\"a702fc6e\"}", 24));
-    assert_false(setlist_line_whole("", 0));
+    assert_true(manifest_line_whole("{\"a\":1,\"crc\":\"a702fc6e\"}", 24));
+    assert_false(manifest_line_whole("{\"a\":2,\"crc\":\"a702fc6e\"}", 24));
+    assert_false(manifest_line_whole("", 0));
 }
 
 static void round_trip(void **state)
@@ -293,7 +292,7 @@ static void goes_on(void **state)
     synthetic_fini(&s);
 }
 
-/* A set in the middle that the disk has lost is told by its number; the others are there. */
+/* A set in the middle that the disk has lost is reported by its number; the others are there. */
 static void tells_damage(void **state)
 {
     struct synthetic s = small();
@@ -537,7 +536,7 @@ static void a_damaged_note_costs_nothing(void **state)
     assert_int_equal(sst_recording_check(r, 4, &cam), -EBADMSG);
     assert_int_equal(sst_recording_check(r, 8, &cam), 0);
     sst_recording_close(r);
-    /* It is mended by going on, and by making room. */
+    /* Resuming repairs it, and so does trimming. */
     assert_int_equal(sst_recording_shorten(dir, 1, &removed, &bytes), 0);
     assert_true(removed.before_segment == 3 && removed.sets == 12);
     assert_int_equal(sst_recording_read_removed(dir, &removed), 0);

@@ -226,7 +226,7 @@ static void a_write_fails(void **state)
     synthetic_fini(&s);
 }
 
-/* A disk that stays full costs two attempts and then one each half second, and is told once. */
+/* A disk that stays full costs two attempts and then one each half second, and is reported once. */
 static void a_full_disk_is_told_once(void **state)
 {
     struct synthetic s = small();

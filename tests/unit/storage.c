@@ -22,107 +22,107 @@ int fsync(int fd SST_UNUSED)
 
 /* --- rules -------------------------------------------------------------------------------------------------------- */
 
-static void a_watch_is_not_moved_by_one_set(void **state)
+static void a_trigger_ignores_a_single_set(void **state)
 {
-    struct sst_watch w = { .trigger = 0, .share = 0.1 };
+    struct event_trigger w = { .trigger = 0, .share = 0.1 };
     int64_t t = 0;
 
     (void)state;
     for (int i = 0; i < 50; i++) /* one set in three */
-        assert_false(watch_update(&w, i % 3 ? 0.02 : 0.9, t += 100 * MS));
-    assert_false(watch_update(&w, 0.2, t += 100 * MS));
-    assert_false(watch_update(&w, 0.2, t + 200 * MS));
-    assert_true(watch_update(&w, 0.2, t + 300 * MS));
+        assert_false(event_trigger_update(&w, i % 3 ? 0.02 : 0.9, t += 100 * MS));
+    assert_false(event_trigger_update(&w, 0.2, t += 100 * MS));
+    assert_false(event_trigger_update(&w, 0.2, t + 200 * MS));
+    assert_true(event_trigger_update(&w, 0.2, t + 300 * MS));
     assert_true(w.active);
     assert_int_equal(w.begin_ns, t);
     t += 300 * MS;
     for (int i = 0; i < 50; i++) /* flicker, and what is between both limits */
-        assert_false(watch_update(&w, i % 2 ? 0.0 : 0.075, t += 100 * MS));
+        assert_false(event_trigger_update(&w, i % 2 ? 0.0 : 0.075, t += 100 * MS));
     assert_true(w.active && w.last_ns == t - 100 * MS);
     for (int i = 0; i < 9; i++)
-        assert_false(watch_update(&w, i % 2 ? NAN : 0.04, t += 100 * MS));
-    assert_true(watch_update(&w, 0.04, t += 100 * MS));
+        assert_false(event_trigger_update(&w, i % 2 ? NAN : 0.04, t += 100 * MS));
+    assert_true(event_trigger_update(&w, 0.04, t += 100 * MS));
     assert_false(w.active);
 
     /* A share of 0: anything; slow pictures need two sets, too. */
-    w = (struct sst_watch){ .share = 0 };
-    assert_false(watch_update(&w, 0, t));
-    assert_false(watch_update(&w, 1e-6, t + 5000 * MS));
-    assert_true(watch_update(&w, 1e-6, t + 10000 * MS));
-    assert_false(watch_update(&w, NAN, t + 15000 * MS));
-    assert_true(watch_update(&w, NAN, t + 20000 * MS));
+    w = (struct event_trigger){ .share = 0 };
+    assert_false(event_trigger_update(&w, 0, t));
+    assert_false(event_trigger_update(&w, 1e-6, t + 5000 * MS));
+    assert_true(event_trigger_update(&w, 1e-6, t + 10000 * MS));
+    assert_false(event_trigger_update(&w, NAN, t + 15000 * MS));
+    assert_true(event_trigger_update(&w, NAN, t + 20000 * MS));
 }
 
 /* Two sets in three speak for it: it takes three times as long; times that are asked for count. */
-static void odd_sets_only_delay_a_watch(void **state)
+static void single_sets_only_delay_a_trigger(void **state)
 {
-    struct sst_watch w = { .share = 0.1, .begin_s = 1, .end_s = 2 };
+    struct event_trigger w = { .share = 0.1, .begin_s = 1, .end_s = 2 };
     int64_t t = 0, begun = 0;
 
     (void)state;
     for (int i = 0; i < 100 && !w.active; i++)
-        if (watch_update(&w, i % 3 == 2 ? 0 : 0.2, t += 100 * MS))
+        if (event_trigger_update(&w, i % 3 == 2 ? 0 : 0.2, t += 100 * MS))
             begun = t;
     assert_true(w.active && w.begin_ns == 100 * MS);
     assert_in_range(begun, 2500 * MS, 3200 * MS);
     while (w.active && t < begun + 20000 * MS)
-        (void)watch_update(&w, t / (100 * MS) % 3 ? 0 : 0.2, t + 100 * MS), t += 100 * MS;
+        (void)event_trigger_update(&w, t / (100 * MS) % 3 ? 0 : 0.2, t + 100 * MS), t += 100 * MS;
     assert_false(w.active);
     assert_in_range(t - begun, 5000 * MS, 7000 * MS);
     /* Time that stands still or runs back speaks for nothing. */
-    w = (struct sst_watch){ .share = 0.1 };
+    w = (struct event_trigger){ .share = 0.1 };
     for (int i = 0; i < 100; i++)
-        assert_false(watch_update(&w, 0.2, 5000 * MS - i * MS));
+        assert_false(event_trigger_update(&w, 0.2, 5000 * MS - i * MS));
 }
 
-/* A second of change every four, for ten minutes. @return times that it was told to have begun */
-static int storm(struct sst_watch *w, int *ended, int *times)
+/* A second of change every four, for ten minutes. @return times that it was reported to have begun */
+static int storm(struct event_trigger *w, int *ended, int *times)
 {
     int began = 0;
 
     for (int i = 0; i < 6000; i++) {
         const double value = i % 40 < 10 ? 0.5 : 0;
 
-        (void)watch_update(w, value, i * 100 * MS);
-        if (!watch_tell(w, value, i * 100 * MS))
+        (void)event_trigger_update(w, value, i * 100 * MS);
+        if (!event_trigger_report(w, value, i * 100 * MS))
             continue;
-        began += w->told;
-        *ended += !w->told;
-        *times += w->told ? 0 : w->times;
+        began += w->reported;
+        *ended += !w->reported;
+        *times += w->reported ? 0 : w->times;
     }
-    *times += w->told ? w->times : 0;
+    *times += w->reported ? w->times : 0;
     return began;
 }
 
-static void changes_again_and_again_are_told_as_one(void **state)
+static void repeated_changes_are_reported_as_one(void **state)
 {
-    struct sst_watch motion = { .share = 0.1 }, label = { .share = 0.1, .label = "Pedestrian" };
+    struct event_trigger motion = { .share = 0.1 }, label = { .share = 0.1, .label = "Pedestrian" };
     int ended = 0, times = 0;
 
     (void)state;
     assert_int_equal(storm(&motion, &ended, &times), 3); /* after 1 s, 2 s; then 4 s are longer than the pause */
     assert_int_equal(ended, 2);
     assert_int_equal(times, 150);
-    assert_true(motion.told && motion.peak == 0.5);
+    assert_true(motion.reported && motion.peak == 0.5);
     ended = times = 0;
     assert_int_equal(storm(&label, &ended, &times), 150);
     assert_int_equal(ended, 150);
     /* After a rest a single one ends after a second again. */
-    for (int i = 0, told = 0; i < 1000; i++) {
+    for (int i = 0, reported = 0; i < 1000; i++) {
         const int64_t t = 600000 * MS + i * 100 * MS;
         const double value = i >= 900 && i < 910 ? 0.5 : 0;
 
-        (void)watch_update(&motion, value, t);
-        told += watch_tell(&motion, value, t);
-        assert_int_equal(motion.told, i < 9 || (i >= 903 && i < 920));
-        assert_int_equal(told, (i >= 9) + (i >= 903) + (i >= 920));
+        (void)event_trigger_update(&motion, value, t);
+        reported += event_trigger_report(&motion, value, t);
+        assert_int_equal(motion.reported, i < 9 || (i >= 903 && i < 920));
+        assert_int_equal(reported, (i >= 9) + (i >= 903) + (i >= 920));
     }
 }
 
-static void watches_follow_the_configuration(void **state)
+static void triggers_follow_the_configuration(void **state)
 {
     struct sst_config *c = calloc(1, sizeof(*c));
-    struct watches w;
+    struct event_triggers w;
 
     (void)state;
     c->zones = 2;
@@ -132,12 +132,12 @@ static void watches_follow_the_configuration(void **state)
     c->storage.trigger[0] = (struct sst_record_trigger){ .zone = 0, .share = 0.3 };
     c->storage.trigger[1] = (struct sst_record_trigger){ .zone = 1, .share = 0.1, .label = "Pedestrian" };
     c->storage.trigger[2] = (struct sst_record_trigger){ .zone = -1, .share = 0.5 };
-    watches_init(&w, c);
-    assert_int_equal(w.count, 4); /* changes at the gate are told, but not recorded */
-    assert_string_equal(w.watch[1].label, "Pedestrian");
-    assert_true(w.watch[2].index == -1 && !w.watch[2].zone[0]);
-    assert_true(w.watch[3].trigger == -1 && w.watch[3].index == 1);
-    assert_string_equal(w.watch[3].zone, "gate");
+    event_triggers_init(&w, c);
+    assert_int_equal(w.count, 4); /* changes at the gate are reported, but not recorded */
+    assert_string_equal(w.list[1].label, "Pedestrian");
+    assert_true(w.list[2].index == -1 && !w.list[2].zone[0]);
+    assert_true(w.list[3].trigger == -1 && w.list[3].index == 1);
+    assert_string_equal(w.list[3].zone, "gate");
     free(c);
 }
 
@@ -367,7 +367,7 @@ static void an_event_ends_without_live_pictures(void **state)
 
 /* --- limits ------------------------------------------------------------------------------------------------------- */
 
-/* All that a shortened recording says of itself is about what is left of it. */
+/* The status of a trimmed recording describes what is left of it. */
 static void check_shortened(const char *path, uint64_t listed)
 {
     struct sst_recording_set *set = malloc(sizeof(*set));
@@ -447,7 +447,7 @@ static void the_quota_holds_while_sets_come(void **state)
     check_shortened(path, (uint64_t)sets);
 }
 
-/* Less room than the two pieces that always stay: FULL is told, and it goes on with what was recorded removed. */
+/* Less room than the two pieces that always stay: FULL is reported, and it goes on with what was recorded removed. */
 static void a_quota_of_two_pieces_holds_nothing_up(void **state)
 {
     const int64_t end_ns = sst_clock_now_ns() + 60000 * MS;
@@ -465,7 +465,7 @@ static void a_quota_of_two_pieces_holds_nothing_up(void **state)
         usleep(3000);
         assert_true(store_bytes(in(dir, "recordings")) <= 2000000 + 3 * 4096); /* the folder itself */
     }
-    assert_true(bench_events(&b, "storage", "raise it") >= 1);
+    assert_true(bench_events(&b, "storage", "raise quota_gb") >= 1);
     bench_fini(&b);
 }
 
@@ -496,7 +496,7 @@ static void what_is_not_ours_stays(void **state)
     for (int i = 0; i < 20; i++)
         bench_put(&b, sst_clock_now_ns());
     bench_wait(&b, "recording", "sets", 20);
-    bench_wait_exactly(&b, NULL, "recordings", 1); /* what was begun goes when it is looked at, sooner or later */
+    bench_wait_exactly(&b, NULL, "recordings", 1); /* an empty folder is removed by the next scan */
     bench_fini(&b);
     for (size_t i = 0; i < ARRAY_LEN(others); i++)
         assert_int_equal(size_of(in(in(dir, others[i]), "file")), 9);
@@ -513,9 +513,8 @@ static void a_snapshot_can_be_taken_away(void **state)
         "..", "../../etc/passwd", "nothing.tar", "", "snapshots", ".lock", "recordings"
     };
     char name[64], line[SST_PATH_MAX * 3];
-    const char *type;
+    struct sst_download *d[SST_DOWNLOADS_MAX], *other;
     struct bench b;
-    int fd;
 
     (void)state;
     bench_init(&b, SST_RECORD_OFF);
@@ -534,11 +533,17 @@ static void a_snapshot_can_be_taken_away(void **state)
              dir, name, name);
     assert_int_equal(system(line), 0);
     for (size_t i = 0; i < ARRAY_LEN(bad); i++)
-        assert_int_equal(sst_storage_download(b.storage, bad[i], &fd, &type), -ENOENT);
+        assert_int_equal(sst_storage_download(b.storage, bad[i], &other), -ENOENT);
 
-    /* Readers that read nothing, or go away, cost a place and no more. */
-    for (int i = 0; i < 4; i++)
-        assert_int_equal(sst_storage_download(b.storage, name, &fd, &type), 0), close(fd);
+    /* There is a limit, and downloads that are closed do not count. */
+    for (int round = 0; round < 2; round++) {
+        for (int i = 0; i < SST_DOWNLOADS_MAX; i++)
+            assert_int_equal(sst_storage_download(b.storage, name, &d[i]), 0);
+        assert_int_equal(bench_number(&b, NULL, "downloads"), SST_DOWNLOADS_MAX);
+        assert_int_equal(sst_storage_download(b.storage, name, &other), -EMFILE);
+        for (int i = 0; i < SST_DOWNLOADS_MAX; i++)
+            d[i]->close(d[i]);
+    }
     bench_fini(&b);
     snprintf(line, sizeof(line), "ls -A %s/snapshots | wc -l | grep -qx 1", dir);
     assert_int_equal(system(line), 0);
@@ -573,10 +578,10 @@ static void an_export_is_of_the_moment(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(a_watch_is_not_moved_by_one_set),
-        TEST(odd_sets_only_delay_a_watch),
-        TEST(changes_again_and_again_are_told_as_one),
-        TEST(watches_follow_the_configuration),
+        TEST(a_trigger_ignores_a_single_set),
+        TEST(single_sets_only_delay_a_trigger),
+        TEST(repeated_changes_are_reported_as_one),
+        TEST(triggers_follow_the_configuration),
         TEST(the_oldest_goes_and_no_clock_takes_the_newest),
         TEST(names_are_checked),
         TEST(continuous_recording_holds_every_set),

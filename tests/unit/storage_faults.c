@@ -71,7 +71,7 @@ static void feed_until(struct bench *b, enum sst_storage_state state)
     }
 }
 
-/* Feed sets until so many such events were told: a state may have passed before anybody looks at it. */
+/* Feed sets until this many such events were emitted: a state may have ended before it is checked. */
 static void feed_until_event(struct bench *b, const char *type, const char *words, int n)
 {
     const int64_t end_ns = sst_clock_now_ns() + 60000 * MS;
@@ -209,8 +209,8 @@ static void hung_disk(void **state)
     int64_t start_ns;
     char name[64] = "x";
     struct bench b;
-    int fd, refused = 0;
-    const char *type;
+    int refused = 0;
+    struct sst_download *d;
 
     (void)state;
     bench_init(&b, SST_RECORD_CONTINUOUS);
@@ -226,7 +226,7 @@ static void hung_disk(void **state)
         refused += 0 != sst_storage_record(b.storage, 1, name);
         refused += 0 != sst_storage_export(b.storage, NULL, sst_clock_wall_ns(), name);
         refused += 0 != sst_storage_snapshot(b.storage, NULL, 0, name);
-        refused += 0 != sst_storage_download(b.storage, name, &fd, &type);
+        refused += 0 != sst_storage_download(b.storage, name, &d);
         (void)bench_number(&b, NULL, "recordings");
         assert_quick(before_ns, 3000 * MS); /* three calls that wait */
         assert_quick(start_ns, 20000 * MS);
@@ -246,8 +246,8 @@ static void a_hung_disk_holds_nobody_up(void **state)
     assert_int_equal(in_process("hung_disk"), 0);
 }
 
-/* What cannot begin is tried again and again, and told once. */
-static void a_recording_that_cannot_begin_is_told_once(void **state)
+/* What cannot begin is tried again and again, and reported once. */
+static void a_recording_that_cannot_begin_is_reported_once(void **state)
 {
     struct bench b;
 
@@ -272,10 +272,9 @@ static void a_recording_that_cannot_begin_is_told_once(void **state)
 /* What takes longer than a caller waits is still to be had. */
 static void a_download_waits_for_its_snapshot(void **state)
 {
+    struct sst_download *d;
     struct bench b;
-    const char *type;
     char name[64];
-    int fd;
 
     (void)state;
     bench_init(&b, SST_RECORD_OFF);
@@ -285,11 +284,12 @@ static void a_download_waits_for_its_snapshot(void **state)
     hang = true;
     assert_int_equal(sst_storage_snapshot(b.storage, (const uint8_t *)"picture", 7, name), 0);
     assert_int_equal(bench_events(&b, "snapshot", NULL), 0);
-    assert_int_equal(sst_storage_download(b.storage, name, &fd, &type), 0);
+    assert_int_equal(sst_storage_download(b.storage, name, &d), -EINPROGRESS);
     hang = false;
-    assert_int_equal(bench_info(fd).bytes, 7);
-    bench_want(fd, 1, 6);
-    assert_int_equal(bench_read_all(fd, in(top, "got")), 6);
+    assert_int_equal(bench_open(&b, name, &d), 0);
+    assert_int_equal(d->bytes, 7);
+    assert_int_equal(bench_copy(d, 1, 6, in(top, "got")), 6);
+    d->close(d);
     bench_wait_event(&b, "snapshot", "is made", 1);
     bench_fini(&b);
 }
@@ -476,7 +476,7 @@ int main(int argc, char **argv)
         TEST(a_folder_that_goes_is_made_again),
         TEST(a_hung_disk_holds_nobody_up),
         TEST(a_download_waits_for_its_snapshot),
-        TEST(a_recording_that_cannot_begin_is_told_once),
+        TEST(a_recording_that_cannot_begin_is_reported_once),
         TEST(a_small_disk_is_filled_by_others),
         TEST(a_folder_of_others_is_told),
         TEST(kills_lose_nothing_that_was_said_to_be_there),

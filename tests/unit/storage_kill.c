@@ -15,7 +15,7 @@
 #define MS     ((int64_t)1000000)
 #define BYTES  20000 /* of a frame, three of them a set */
 #define QUOTA  2500000
-#define LARGE  60 /* sets of the recording that is shortened: 3.6 MB in pieces of 5 */
+#define LARGE  60 /* sets of the recording that is trimmed: 3.6 MB in pieces of 5 */
 #define SMALL  10 /* of one that goes as a whole */
 #define RUNS   12
 #define AHEAD  100 /* sets that are fed before they are recorded */
@@ -158,7 +158,7 @@ static int64_t check(struct bench *b, const char *path, uint64_t *first, int *se
     return removed + *sets;
 }
 
-/* What the service says of a recording. */
+/* The service's status of a recording. */
 static int64_t listed(struct bench *b, const char *path)
 {
     json_t *list = sst_storage_list(b->storage);
@@ -272,7 +272,7 @@ static void killed_while_it_makes_room(void **state)
         init(&b, SST_RECORD_OFF, QUOTA);
         bench_open_storage(&b);
         wait_within(&b, QUOTA - QUOTA / 20);
-        assert_int_equal(all(path, 2, &left), 1); /* the large one, shortened; the small one has gone */
+        assert_int_equal(all(path, 2, &left), 1); /* the large one, trimmed; the small one was removed */
         check_shortened(1, path, &b);
         assert_true(store_bytes(in(dir, "recordings")) <= QUOTA && store_bytes(path[0]) > QUOTA / 2);
         bench_fini(&b);

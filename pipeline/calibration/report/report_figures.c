@@ -1,4 +1,4 @@
-/* What the report says beyond the solution's own numbers: sums over regions, worst pictures, histogram, directions. */
+/* Figures beyond the solution's own numbers: sums over regions, worst pictures, histogram, directions. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -9,7 +9,7 @@
 #include "pipeline/calibration/report/report_internal.h"
 #include "pipeline/camera/numbers.h"
 
-#define REGIONS      (SST_REPORT_ROWS * SST_REPORT_COLS)
+#define REGIONS      (REPORT_ROWS * REPORT_COLS)
 #define TEST_CORNERS 8    /* of a region whose directions are tested */
 #define UNLIKELY     13.8 /* chi square of 2 degrees of freedom: probability 0.001 */
 
@@ -35,8 +35,8 @@ static bool is_outlier(const struct sst_solve_view *v, int corner)
     return v->outlier && v->outlier[corner];
 }
 
-/* Keep the `most` largest, ties in the order of coming. @return the new count */
-static int keep_largest(struct calib_far *list, int count, int most, struct calib_far far)
+/* Keep the `most` largest, ties in the order of insertion. @return the new count */
+static int keep_largest(struct report_outlier *list, int count, int most, struct report_outlier far)
 {
     int at = count < most ? count : most;
 
@@ -51,23 +51,23 @@ static int keep_largest(struct calib_far *list, int count, int most, struct cali
     return count;
 }
 
-static void count_axis(struct calib_figures *f, double in_sigma)
+static void count_axis(struct report_figures *f, double in_sigma)
 {
-    const double at = (in_sigma + 5) * SST_REPORT_BINS / 10, size = fabs(in_sigma);
+    const double at = (in_sigma + 5) * REPORT_BINS / 10, size = fabs(in_sigma);
 
     f->samples++;
     for (int i = 0; i < 3; i++)
         f->within[i] += size <= i + 1;
     if (at < 0)
         f->below++;
-    else if (at >= SST_REPORT_BINS)
+    else if (at >= REPORT_BINS)
         f->above++;
     else
         f->bin[(int)at]++;
 }
 
-static void add_used(struct calib_figures *f, const struct sst_calib_report *report, const struct sst_corner *c,
-                     const double e[2], struct calib_region *region, struct sums *s)
+static void add_used(struct report_figures *f, const struct sst_calibration_report *report, const struct sst_corner *c,
+                     const double e[2], struct report_region *region, struct sums *s)
 {
     const double noise = report->solution->noise_px, length = hypot(e[0], e[1]);
 
@@ -82,19 +82,19 @@ static void add_used(struct calib_figures *f, const struct sst_calib_report *rep
     }
 }
 
-/* One detection into its camera's figures and the lists of the worst. */
-static void add_detection(struct calib_figures *f, const struct sst_calib_report *report, int index,
+/* Add one detection to its camera's figures and the lists of the worst. */
+static void add_detection(struct report_figures *f, const struct sst_calibration_report *report, int index,
                           struct sums (*sums)[REGIONS])
 {
     const struct sst_detections *all = report->detections;
     const struct sst_detection *d = &all->detection[index];
     const struct sst_solve_view *v = &report->solution->view[index];
-    struct calib_camera_figures *cam = &f->camera[d->view];
+    struct report_camera *cam = &f->camera[d->view];
 
     cam->frames++;
     for (int i = 0; i < d->corners; i++) {
         const struct sst_corner *c = &d->corner[i];
-        const int row = cell_of(c->y, all->height, SST_REPORT_ROWS), col = cell_of(c->x, all->width, SST_REPORT_COLS);
+        const int row = cell_of(c->y, all->height, REPORT_ROWS), col = cell_of(c->x, all->width, REPORT_COLS);
 
         cam->seen[cell_of(c->y, all->height, SST_UNCERTAINTY_ROWS)][cell_of(c->x, all->width, SST_UNCERTAINTY_COLS)]++;
         cam->outliers += is_outlier(v, i);
@@ -102,16 +102,16 @@ static void add_detection(struct calib_figures *f, const struct sst_calib_report
             continue;
         if (!is_outlier(v, i)) {
             cam->used++;
-            add_used(f, report, c, v->residual[i], &cam->region[row][col], &sums[d->view][row * SST_REPORT_COLS + col]);
+            add_used(f, report, c, v->residual[i], &cam->region[row][col], &sums[d->view][row * REPORT_COLS + col]);
             continue;
         }
         f->outliers++;
-        f->listed = keep_largest(f->outlier, f->listed, SST_REPORT_LISTED,
-                                 (struct calib_far){ index, i, hypot(v->residual[i][0], v->residual[i][1]) });
+        f->listed = keep_largest(f->outlier, f->listed, REPORT_LISTED,
+                                 (struct report_outlier){ index, i, hypot(v->residual[i][0], v->residual[i][1]) });
     }
 }
 
-/* Median distance of all corners, outliers included: a few of them do not make a picture bad. @param length  scratch */
+/* Median distance of all corners, outliers included: a few of them do not count. @param length  scratch */
 static double median_off(const struct sst_detection *d, const struct sst_solve_view *v, double *length)
 {
     int n = 0;
@@ -124,10 +124,10 @@ static double median_off(const struct sst_detection *d, const struct sst_solve_v
 }
 
 /* The worst picture of each frame, and of these the worst: a frame taken in motion is bad in all its pictures. */
-static int rank_pictures(struct calib_figures *f, const struct sst_calib_report *report)
+static int rank_pictures(struct report_figures *f, const struct sst_calibration_report *report)
 {
     const struct sst_detections *all = report->detections;
-    struct calib_far worst = { -1, -1, 0 };
+    struct report_outlier worst = { -1, -1, 0 };
     int most = 1;
     double *length;
 
@@ -140,24 +140,24 @@ static int rank_pictures(struct calib_figures *f, const struct sst_calib_report 
         const double off = median_off(&all->detection[i], &report->solution->view[i], length);
 
         if (isfinite(off) && (worst.detection < 0 || off > worst.px))
-            worst = (struct calib_far){ i, -1, off };
+            worst = (struct report_outlier){ i, -1, off };
         if (worst.detection < 0 || (i + 1 < all->count && all->detection[i + 1].frame == all->detection[i].frame))
             continue;
-        f->worst_count = keep_largest(f->worst, f->worst_count, SST_REPORT_WORST, worst);
+        f->worst_count = keep_largest(f->worst, f->worst_count, REPORT_WORST, worst);
         worst.detection = -1;
     }
     free(length);
     return 0;
 }
 
-/* Means of one camera's regions; what random residuals would leave in them is known from their own spread. */
-static void finish_camera(struct calib_figures *f, int view, const struct sums *s, double total[3])
+/* Means of one camera's regions, less what random residuals leave in them, estimated from their spread. */
+static void finish_camera(struct report_figures *f, int view, const struct sums *s, double total[3])
 {
-    struct calib_camera_figures *cam = &f->camera[view];
+    struct report_camera *cam = &f->camera[view];
     double excess = 0, corners = 0, random = 0;
 
     for (int i = 0; i < REGIONS; i++) {
-        struct calib_region *r = &cam->region[i / SST_REPORT_COLS][i % SST_REPORT_COLS];
+        struct report_region *r = &cam->region[i / REPORT_COLS][i % REPORT_COLS];
         const double n = r->corners;
 
         for (int a = 0; a < 2; a++)
@@ -205,13 +205,13 @@ static double map_rms(const float (*map)[SST_UNCERTAINTY_COLS])
 }
 
 /* Names, maps and the worst of the cameras. */
-static void describe_cameras(struct calib_figures *f, const struct sst_calib_report *report)
+static void describe_cameras(struct report_figures *f, const struct sst_calibration_report *report)
 {
     const struct sst_solution *s = report->solution;
     const struct sst_detections *all = report->detections;
 
     for (int k = 0; k < f->views; k++) {
-        struct calib_camera_figures *cam = &f->camera[k];
+        struct report_camera *cam = &f->camera[k];
         const struct sst_calib_camera *c = &s->calib.camera[k];
         const char *name = c->name[0] ? c->name : all->camera_name ? all->camera_name[k] : "";
 
@@ -224,17 +224,17 @@ static void describe_cameras(struct calib_figures *f, const struct sst_calib_rep
         f->missing += cam->expected && !c->known;
         cam->lens_px = map_rms(s->lens_sigma ? s->lens_sigma[k] : NULL);
         for (int i = 0; i < 2; i++)
-            cam->carry_px[i] = map_rms(s->carry_sigma ? s->carry_sigma[k][i] : NULL);
+            cam->transfer_px[i] = map_rms(s->carry_sigma ? s->carry_sigma[k][i] : NULL);
         if (!c->known)
             continue;
         if (c->rms_px > 0 && (f->worst_camera < 0 || c->rms_px > s->calib.camera[f->worst_camera].rms_px))
             f->worst_camera = k;
-        if (c->sigma_px > 0 && (f->worst_carry < 0 || c->sigma_px > s->calib.camera[f->worst_carry].sigma_px))
-            f->worst_carry = k;
+        if (c->sigma_px > 0 && (f->worst_transfer < 0 || c->sigma_px > s->calib.camera[f->worst_transfer].sigma_px))
+            f->worst_transfer = k;
     }
 }
 
-static int describe_coverage(struct calib_figures *f, const struct sst_detections *all)
+static int describe_coverage(struct report_figures *f, const struct sst_detections *all)
 {
     struct sst_coverage *coverage = calloc((size_t)f->views, sizeof(*coverage));
 
@@ -249,7 +249,7 @@ static int describe_coverage(struct calib_figures *f, const struct sst_detection
     return 0;
 }
 
-static void describe_frames(struct calib_figures *f, const struct sst_calib_report *report)
+static void describe_frames(struct report_figures *f, const struct sst_calibration_report *report)
 {
     const struct sst_solution *s = report->solution;
 
@@ -263,7 +263,7 @@ static void describe_frames(struct calib_figures *f, const struct sst_calib_repo
     }
 }
 
-static void add_all(struct calib_figures *f, const struct sst_calib_report *report, struct sums (*sums)[REGIONS])
+static void add_all(struct report_figures *f, const struct sst_calibration_report *report, struct sums (*sums)[REGIONS])
 {
     const struct sst_detections *all = report->detections;
     double total[3] = { 0 }; /* excess of means, corners, chi square of the directions */
@@ -278,16 +278,16 @@ static void add_all(struct calib_figures *f, const struct sst_calib_report *repo
     f->direction_z = f->regions ? chi_square_z(total[2], 2 * f->regions) : (double)NAN;
 }
 
-int calib_figures_init(struct calib_figures *out, const struct sst_calib_report *report)
+int report_figures_init(struct report_figures *out, const struct sst_calibration_report *report)
 {
     const struct sst_detections *all = report->detections;
     const size_t views = (size_t)all->rows * (size_t)all->cols, slots = views * (size_t)all->frames;
-    struct calib_figures f = { .views = (int)views,
-                               .worst_camera = -1,
-                               .worst_frame = -1,
-                               .worst_carry = -1,
-                               .systematic_camera = -1,
-                               .pair_worst = { -1, -1 } };
+    struct report_figures f = { .views = (int)views,
+                                .worst_camera = -1,
+                                .worst_frame = -1,
+                                .worst_transfer = -1,
+                                .systematic_camera = -1,
+                                .pair_worst = { -1, -1 } };
     struct sums(*sums)[REGIONS] = calloc(views, sizeof(*sums));
     int err = -ENOMEM;
 
@@ -300,27 +300,27 @@ int calib_figures_init(struct calib_figures *out, const struct sst_calib_report 
     add_all(&f, report, sums);
     describe_cameras(&f, report);
     describe_frames(&f, report);
-    calib_figures_centres(&f, report);
+    report_figures_centres(&f, report);
     err = describe_coverage(&f, report->detections);
     if (!err)
         err = rank_pictures(&f, report);
     if (!err)
-        err = calib_figures_pairs(&f, report);
+        err = report_figures_pairs(&f, report);
     if (err)
         goto out;
-    calib_figures_judge(&f, report);
+    report_figures_judge(&f, report);
     *out = f;
-    f = (struct calib_figures){ 0 };
+    f = (struct report_figures){ 0 };
 
 out:
     if (err == -ENOMEM)
         sst_log_error("no memory for the report of %d pictures; close other programs", all->count);
     free(sums);
-    calib_figures_fini(&f);
+    report_figures_fini(&f);
     return err;
 }
 
-void calib_figures_fini(struct calib_figures *figures)
+void report_figures_fini(struct report_figures *figures)
 {
     free(figures->camera);
     free(figures->detection);

@@ -6,7 +6,7 @@
 
 #include "pipeline/calibration/report/report_internal.h"
 
-#define PAIR_REGIONS (SST_REPORT_ROWS * SST_REPORT_COLS)
+#define PAIR_REGIONS (REPORT_ROWS * REPORT_COLS)
 #define PAIR_CORNERS 20    /* of a region or pair that counts: enough to average the corners' noise out */
 #define STEPS_PER_PX 1000  /* quantiles are found to 0.001 px ... */
 #define STEPS        20000 /* ... up to 20 px */
@@ -14,7 +14,7 @@
 static const double straight[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
 
 /* Common axes from the rig's. */
-static const double *common_rotation(const struct sst_calib_report *report)
+static const double *common_rotation(const struct sst_calibration_report *report)
 {
     return report->rectified ? report->rectified->rotation : straight;
 }
@@ -43,7 +43,7 @@ static void fit_steps(struct lattice_fit *fit)
     }
 }
 
-static void fit_lattice(struct calib_figures *f, int cols, const struct sst_calib *calib)
+static void fit_lattice(struct report_figures *f, int cols, const struct sst_calib *calib)
 {
     struct lattice_fit fit = { 0 };
 
@@ -84,7 +84,7 @@ static void fit_lattice(struct calib_figures *f, int cols, const struct sst_cali
     }
 }
 
-void calib_figures_centres(struct calib_figures *f, const struct sst_calib_report *report)
+void report_figures_centres(struct report_figures *f, const struct sst_calibration_report *report)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const double *r = common_rotation(report), *from = calib->camera[calib->reference].position_mm;
@@ -102,6 +102,34 @@ void calib_figures_centres(struct calib_figures *f, const struct sst_calib_repor
     fit_lattice(f, report->detections->cols, calib);
 }
 
+void report_figures_angles(const struct report_figures *f, const struct sst_calibration_report *report,
+                           double *mean_deg, double *most_deg, int *most)
+{
+    const struct sst_calib *calib = &report->solution->calib;
+    double sum = 0;
+    int n = 0;
+
+    *most = -1;
+    *most_deg = *mean_deg = (double)NAN;
+    for (int k = 0; k < f->views; k++) {
+        double m[9], v[3], deg;
+
+        if (!calib->camera[k].known)
+            continue;
+        sst_rotation_between(common_rotation(report), calib->camera[k].rotation, m);
+        sst_rotation_to_vector(m, v);
+        deg = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) * 180 / M_PI;
+        sum += deg;
+        n++;
+        if (*most < 0 || deg > *most_deg) {
+            *most = k;
+            *most_deg = deg;
+        }
+    }
+    if (n)
+        *mean_deg = sum / n;
+}
+
 /* --- pairs -------------------------------------------------------------------------------------------------------- */
 
 /* Residuals of one camera turned into the common picture, to first order: px there from px here. */
@@ -109,7 +137,7 @@ struct turn {
     double m[4];
 };
 
-static struct turn turn_of(const struct sst_calib_report *report, int view)
+static struct turn turn_of(const struct sst_calibration_report *report, int view)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const struct sst_calib_camera *c = &calib->camera[view];
@@ -146,14 +174,13 @@ static double across(const struct sst_solve_view *v, int corner, const struct tu
 
 static int region_of(const struct sst_detections *all, const struct sst_corner *c)
 {
-    const double x = (c->x + 0.5) / all->width * SST_REPORT_COLS, y = (c->y + 0.5) / all->height * SST_REPORT_ROWS;
+    const double x = (c->x + 0.5) / all->width * REPORT_COLS, y = (c->y + 0.5) / all->height * REPORT_ROWS;
 
-    return (int)sst_clamp_double(y, 0, SST_REPORT_ROWS - 1) * SST_REPORT_COLS +
-           (int)sst_clamp_double(x, 0, SST_REPORT_COLS - 1);
+    return (int)sst_clamp_double(y, 0, REPORT_ROWS - 1) * REPORT_COLS + (int)sst_clamp_double(x, 0, REPORT_COLS - 1);
 }
 
 /* Corners that both detections have. */
-static void add_shared(struct pair_sums *p, const struct sst_calib_report *report, int ia, int ib)
+static void add_shared(struct pair_sums *p, const struct sst_calibration_report *report, int ia, int ib)
 {
     const struct sst_detections *all = report->detections;
     const struct sst_detection *a = &all->detection[ia], *b = &all->detection[ib];
@@ -183,7 +210,8 @@ struct pairs {
     int regions, *step; /* [STEPS + 1] */
 };
 
-static void add_pair(struct calib_figures *f, const struct sst_calib_report *report, int a, int b, struct pairs *pairs)
+static void add_pair(struct report_figures *f, const struct sst_calibration_report *report, int a, int b,
+                     struct pairs *pairs)
 {
     struct pair_sums p = { .turn = { turn_of(report, a), turn_of(report, b) },
                            .vertical = b != a + 1 || report->detections->cols == 1 };
@@ -216,7 +244,7 @@ static void add_pair(struct calib_figures *f, const struct sst_calib_report *rep
     }
 }
 
-int calib_figures_pairs(struct calib_figures *f, const struct sst_calib_report *report)
+int report_figures_pairs(struct report_figures *f, const struct sst_calibration_report *report)
 {
     const struct sst_calib *calib = &report->solution->calib;
     const int rows = report->detections->rows, cols = report->detections->cols;

@@ -1,0 +1,370 @@
+/* The drift check: grey pyramids, matches of all pairs, the camera displacements that explain them, the verdict. */
+#include <errno.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/calibration/drift/drift_internal.h"
+
+#define COARSEST_SIDE 160 /* px: pictures are halved until they are at most this large */
+#define SIGMAS        4   /* significance of an offset */
+#define NAMED         4   /* cameras named in the sentence */
+
+const char *sst_check_verdict_name(enum sst_check_verdict verdict)
+{
+    static const char *const names[] = { "OK", "DRIFTED", "UNUSABLE", "UNKNOWN" };
+
+    return names[verdict];
+}
+
+/* --- sentences ---------------------------------------------------------------------------------------------------- */
+
+SST_PRINTF(2, 3) static void append(struct sst_drift *out, const char *fmt, ...)
+{
+    const size_t n = strlen(out->sentence);
+    va_list args;
+
+    va_start(args, fmt);
+    vsnprintf(out->sentence + n, sizeof(out->sentence) - n, fmt, args);
+    va_end(args);
+}
+
+/* "camera 02_03 sits 0.8 px too low and 0.3 px too far right (rolled 0.05 degrees clockwise)" */
+static void describe_camera(struct sst_drift *out, const struct drift_work *w, int view, double radius)
+{
+    const struct sst_check_camera *c = &out->camera[view];
+    const double least = fmax(0.05, 0.15 * c->off_px), roll = c->roll_deg * (M_PI / 180) * radius;
+    const char *join = " sits";
+    char name[16];
+
+    sst_view_name(w->lf, view, name);
+    append(out, "camera %s", name);
+    if (c->lost) {
+        append(out, " shows nothing that its neighbours see (covered, turned away or exchanged with another)");
+        return;
+    }
+    if (fabs(c->shift_y_px) >= least) { /* never so for NAN */
+        append(out, "%s %.2f px too %s", join, fabs(c->shift_y_px), c->shift_y_px > 0 ? "low" : "high");
+        join = " and";
+    }
+    if (fabs(c->shift_x_px) >= least) {
+        append(out, "%s %.2f px too far %s", join, fabs(c->shift_x_px), c->shift_x_px > 0 ? "right" : "left");
+        join = " and";
+    }
+    if (fabs(roll) >= least) {
+        append(out, "%s rolled %.3f degrees %s", strcmp(join, " sits") ? " and" : " is", fabs(c->roll_deg),
+               c->roll_deg > 0 ? "clockwise" : "counter-clockwise");
+        join = " and";
+    }
+    if (fabs(c->scale) * radius >= least)
+        append(out, "%s %.3f %% too %s", strcmp(join, " sits") ? " and" : " is", fabs(c->scale) * 100,
+               c->scale > 0 ? "large" : "small");
+}
+
+/* Cameras that are off, the worst first; then the largest displacement of the others. */
+static void describe_drifted(struct sst_drift *out, const struct drift_work *w, int drifted)
+{
+    const double radius = hypot(w->lf->width, w->lf->height) / sqrt(12);
+    bool named[SST_MAX_VIEWS] = { false };
+    double others = 0;
+    int remaining = 0;
+
+    for (int n = 0; n < sst_min_int(drifted, NAMED); n++) {
+        int worst = -1;
+
+        for (int v = 0; v < w->views; v++) {
+            const double off = out->camera[v].lost ? INFINITY : out->camera[v].off_px;
+
+            if (out->camera[v].drifted && !named[v] &&
+                (worst < 0 || off > (out->camera[worst].lost ? INFINITY : out->camera[worst].off_px)))
+                worst = v;
+        }
+        append(out, "%s", n ? ", " : "");
+        describe_camera(out, w, worst, radius);
+        named[worst] = true;
+    }
+    if (drifted > NAMED)
+        append(out, " and %d more", drifted - NAMED);
+    for (int v = 0; v < w->views; v++) {
+        if (!out->camera[v].known || out->camera[v].drifted)
+            continue;
+        remaining++;
+        others = fmax(others, out->camera[v].off_px);
+    }
+    if (remaining)
+        append(out, "; the other %d are within %.2f px", remaining, others);
+}
+
+/* Two cameras: which of them moved is not observable. */
+static bool describe_two(struct sst_drift *out, const struct drift_work *w)
+{
+    int seen[2] = { 0 }, n = 0;
+    char a[16], b[16];
+
+    for (int v = 0; v < w->views; v++) {
+        if (out->camera[v].known && n < 3) {
+            if (n < 2)
+                seen[n] = v;
+            n++;
+        }
+    }
+    if (n != 2)
+        return false;
+    sst_view_name(w->lf, seen[0], a);
+    sst_view_name(w->lf, seen[1], b);
+    append(out, "cameras %s and %s sit %.2f px apart across the line between them; two views cannot tell which moved",
+           a, b, out->max_px);
+    return true;
+}
+
+static void describe_unchecked(struct sst_drift *out, const struct drift_work *w)
+{
+    int n = 0, first = -1;
+    char name[16];
+
+    for (int v = 0; v < w->views; v++) {
+        if (!w->view[v].image || out->camera[v].known || out->camera[v].lost)
+            continue;
+        n++;
+        first = first < 0 ? v : first;
+    }
+    if (!n)
+        return;
+    sst_view_name(w->lf, first, name);
+    append(out, "; %d not tied to the rest by enough matches (%s%s)", n, name, n > 1 ? ", ..." : "");
+}
+
+/* --- figures ------------------------------------------------------------------------------------------------------ */
+
+/* Over measured pairs. */
+static int fill_pairs(struct sst_drift *out, const struct drift_work *w)
+{
+    double *v = malloc(((size_t)w->links * DRIFT_CELLS + 1) * sizeof(*v)), sum = 0;
+    int n = 0;
+
+    out->pair = calloc((size_t)w->links + 1, sizeof(*out->pair));
+    if (!v || !out->pair) {
+        free(v);
+        return -ENOMEM;
+    }
+    out->pairs = w->links;
+    out->mean_px = out->p95_px = out->max_px = NAN;
+    for (int i = 0; i < w->links; i++) {
+        const struct drift_link *l = &w->link[i];
+
+        out->pair[i] = (struct sst_check_pair){ l->a, l->b, l->state, l->features, l->matches, 0, 0, 0 };
+        if (l->state != SST_CHECK_PAIR_MEASURED)
+            continue;
+        out->pair[i].mean_px = l->mean_px;
+        out->pair[i].rms_px = l->rms_px;
+        out->pair[i].p95_px = l->p95_px;
+        out->max_px = fmax(out->measured ? out->max_px : 0, fabs(l->mean_px));
+        out->measured++;
+        sum += fabs(l->mean_px);
+        for (int k = 0; k < DRIFT_CELLS; k++) {
+            if (l->used[k])
+                v[n++] = fabs(l->m[k].across);
+        }
+    }
+    out->matches = n;
+    if (n) {
+        out->mean_px = sum / out->measured;
+        out->p95_px = drift_quantile(v, n, 0.95);
+    }
+    free(v);
+    return 0;
+}
+
+/* RMS of its pairs, and whether it is off or lost. @return cameras that are */
+static int judge_camera(struct sst_drift *out, const struct drift_work *w, int view)
+{
+    struct sst_check_camera *c = &out->camera[view];
+    double squares = 0;
+    int n = 0, lost = 0, all = 0;
+
+    for (int i = 0; i < w->links; i++) {
+        const struct drift_link *l = &w->link[i];
+
+        if (l->a != view && l->b != view)
+            continue;
+        all++;
+        lost += l->state == SST_CHECK_PAIR_LOST;
+        if (l->state != SST_CHECK_PAIR_MEASURED)
+            continue;
+        n += l->matches;
+        squares += l->rms_px * l->rms_px * l->matches;
+    }
+    c->known = c->known && c->sigma_px <= w->cfg.ok_px;
+    c->residual_px = n ? sqrt(squares / n) : 0;
+    c->lost = all && lost == all;
+    c->drifted = c->lost || (c->known && c->off_px > w->cfg.ok_px && c->off_px > SIGMAS * c->off_sigma_px);
+    return c->drifted;
+}
+
+static void decide(struct sst_drift *out, const struct drift_work *w, const char *order)
+{
+    int bad = 0, usable = 0, drifted = 0, known = 0, present = 0;
+    double worst = 0;
+
+    for (int i = 0; i < w->links; i++) {
+        usable += w->link[i].state != SST_CHECK_PAIR_BLANK;
+        bad += drift_link_bad(&w->link[i], w->cfg.unusable_px);
+    }
+    for (int v = 0; v < w->views; v++) {
+        drifted += judge_camera(out, w, v);
+        present += w->view[v].image != NULL;
+        known += out->camera[v].known || out->camera[v].lost;
+        if (out->camera[v].known)
+            worst = fmax(worst, out->camera[v].off_px);
+    }
+    out->sentence[0] = 0;
+    if (order[0]) {
+        out->verdict = SST_CHECK_UNUSABLE;
+        append(out, "UNUSABLE: %s; correct the order of the views", order);
+    } else if (out->swapped_a >= 0) {
+        char a[16], b[16];
+
+        out->verdict = SST_CHECK_UNUSABLE;
+        sst_view_name(w->lf, out->swapped_a, a);
+        sst_view_name(w->lf, out->swapped_b, b);
+        append(out, "UNUSABLE: views %s and %s are swapped: exchanged, their pairs fit", a, b);
+    } else if (2 * usable < w->links || !usable || (2 * bad <= usable && 2 * known < present)) {
+        out->verdict = SST_CHECK_UNKNOWN;
+        append(out,
+               "UNKNOWN: too little texture: %d of %d pairs have the %d distinct features that are needed; point the "
+               "array at something with structure",
+               usable, w->links, w->cfg.min_matches);
+    } else if (2 * bad > usable) {
+        out->verdict = SST_CHECK_UNUSABLE;
+        append(out,
+               "UNUSABLE: %d of %d pairs are off by more than %.2g px or do not match at all: the views were "
+               "not rectified, or with another calibration",
+               bad, usable, w->cfg.unusable_px);
+    } else if (out->axes_px > w->cfg.unusable_px) {
+        out->verdict = SST_CHECK_UNUSABLE;
+        append(out,
+               "UNUSABLE: disparities along rows and along columns differ by %.2f px per spacing; the offsets of the "
+               "views are not those of the cameras",
+               out->axes_px);
+    } else if (drifted) {
+        out->verdict = SST_CHECK_DRIFTED;
+        append(out, "DRIFTED: ");
+        if (!describe_two(out, w))
+            describe_drifted(out, w, drifted);
+        describe_unchecked(out, w);
+    } else {
+        out->verdict = SST_CHECK_OK;
+        append(out,
+               "OK: no camera is off by more than %.2f px; %d matches in %d pairs, epipolar error mean %.3f, p95 "
+               "%.3f px",
+               worst, out->matches, out->measured, out->mean_px, out->p95_px);
+        describe_unchecked(out, w);
+    }
+}
+
+/* --- the check ---------------------------------------------------------------------------------------------------- */
+
+static int view_job(void *arg, int index, int worker)
+{
+    struct drift_work *w = arg;
+    const struct sst_view *v = &w->lf->views[index];
+    int err;
+
+    (void)worker;
+    if (!v->present || !v->image.plane[0])
+        return 0;
+    err = drift_pyramid_init(&w->view[index], &v->image, &v->valid, COARSEST_SIDE);
+    if (err == -EBADMSG)
+        sst_log_error("view %d has %d x %d pixels, too few to check the calibration; give the full pictures", index,
+                      v->image.width, v->image.height);
+    return err;
+}
+
+static int begin(struct drift_work *w, const struct sst_lightfield *lf, const struct sst_check_config *cfg)
+{
+    int present = 0;
+
+    *w = (struct drift_work){ .lf = lf, .cfg = *cfg, .views = lf->rows * lf->cols };
+    w->cfg.ok_px = cfg->ok_px > 0 ? cfg->ok_px : 0.25;
+    w->cfg.unusable_px = cfg->unusable_px > 0 ? cfg->unusable_px : 1.0;
+    w->cfg.min_matches = cfg->min_matches > 0 ? cfg->min_matches : 10;
+    w->cfg.threads = sst_thread_count(cfg->threads);
+    for (int v = 0; v < w->views; v++)
+        present += lf->views[v].present && lf->views[v].image.plane[0];
+    if (present < 2) {
+        sst_log_error("cannot check the calibration: %d view%s loaded, 2 are needed", present, present == 1 ? "" : "s");
+        return -EBADMSG;
+    }
+    w->view = calloc((size_t)w->views, sizeof(*w->view));
+    w->offset = calloc((size_t)w->views, sizeof(*w->offset));
+    if (!w->view || !w->offset)
+        return -ENOMEM;
+    for (int v = 0; v < w->views; v++) {
+        w->offset[v][0] = lf->views[v].bx;
+        w->offset[v][1] = lf->views[v].by;
+    }
+    return sst_parallel_for(w->views, w->cfg.threads, view_job, w);
+}
+
+static void end(struct drift_work *w)
+{
+    for (int v = 0; w->view && v < w->views; v++)
+        drift_pyramid_fini(&w->view[v]);
+    free(w->view);
+    free(w->offset);
+    free(w->link);
+}
+
+static int run(struct sst_drift *out, struct drift_work *w)
+{
+    char order[128] = "";
+    int err = drift_make_links(w);
+
+    out->camera = calloc((size_t)w->views, sizeof(*out->camera));
+    if (!out->camera)
+        return -ENOMEM;
+    err = err ? err : drift_match_links(w, NULL);
+    err = err ? err : fill_pairs(out, w);
+    err = err ? err : drift_measure_axes(w, &out->axes_px);
+    err = err ? err : drift_solve_cameras(out->camera, w);
+    err = err ? err : drift_measure_corner_pairs(out, w);
+    err = err ? err : drift_find_wrong_order(out, w, order);
+    if (err)
+        return err;
+    out->rows = w->lf->rows;
+    out->cols = w->lf->cols;
+    out->ok_px = w->cfg.ok_px;
+    out->unusable_px = w->cfg.unusable_px;
+    out->range_min_px = w->range[0];
+    out->range_max_px = w->range[1];
+    decide(out, w, order);
+    return 0;
+}
+
+int sst_check_lightfield(struct sst_drift *out, const struct sst_lightfield *lf, const struct sst_check_config *cfg)
+{
+    struct sst_drift made = { 0 };
+    struct drift_work w;
+    int err = begin(&w, lf, cfg);
+
+    err = err ? err : run(&made, &w);
+    end(&w);
+    if (err == -ENOMEM)
+        sst_log_error("no memory to check the calibration of %d views; close other programs", lf->rows * lf->cols);
+    if (err)
+        sst_check_fini(&made);
+    else
+        *out = made;
+    return err;
+}
+
+void sst_check_fini(struct sst_drift *check)
+{
+    free(check->pair);
+    free(check->camera);
+    *check = (struct sst_drift){ 0 };
+}

@@ -1,0 +1,258 @@
+/* Where a feature may be in another view: correlation of a small block over a band about the predicted line. */
+#include <math.h>
+#include <string.h>
+
+#include "pipeline/calibration/drift/drift_internal.h"
+
+#define BLOCK_W            8 /* pixels of the level: x - 4 .. x + 3, y - 4 .. y + 4 */
+#define BLOCK_H            9
+#define ALONG_MAX          512
+#define ACROSS_MAX         65
+#define AREA_MAX           65536
+#define CORRELATION_COARSE 0.7
+#define DISTINCT           0.75 /* best match's distance from 1 over the next one's: above this it is ambiguous */
+
+/* Grey values of a part of a level. */
+struct area {
+    int x0, y0, width, height;
+    uint8_t v[AREA_MAX];
+};
+
+struct block {
+    int16_t v[BLOCK_H][BLOCK_W];
+    int32_t sum;
+    double spread; /* n sum of squares - sum^2 */
+};
+
+static bool block_inside(const struct area *a, int x, int y)
+{
+    return x >= a->x0 + 4 && y >= a->y0 + 4 && x + 3 < a->x0 + a->width && y + 4 < a->y0 + a->height;
+}
+
+static const uint8_t *area_at(const struct area *a, int x, int y)
+{
+    return a->v + (size_t)(y - a->y0) * (size_t)a->width + (x - a->x0);
+}
+
+/* The part of a level inside x0 .. x1, y0 .. y1. @return false: none, or too large a part */
+static bool area_read(struct area *a, const struct drift_pyramid *view, int level, int x0, int y0, int x1, int y1)
+{
+    int w, h;
+
+    drift_level_size(view, level, &w, &h);
+    a->x0 = sst_max_int(x0, 0);
+    a->y0 = sst_max_int(y0, 0);
+    a->width = sst_min_int(x1, w - 1) - a->x0 + 1;
+    a->height = sst_min_int(y1, h - 1) - a->y0 + 1;
+    if (a->width < BLOCK_W || a->height < BLOCK_H || (int64_t)a->width * a->height > AREA_MAX)
+        return false;
+    for (int y = 0; y < a->height; y++)
+        drift_read_grey_row(a->v + (size_t)y * (size_t)a->width, view, level, a->x0, a->y0 + y, a->width);
+    return true;
+}
+
+static void block_read(struct block *b, const struct area *in, int x, int y)
+{
+    int32_t squares = 0;
+
+    b->sum = 0;
+    for (int j = 0; j < BLOCK_H; j++) {
+        const uint8_t *p = area_at(in, x - 4, y - 4 + j);
+
+        for (int i = 0; i < BLOCK_W; i++) {
+            b->v[j][i] = p[i];
+            b->sum += p[i];
+            squares += p[i] * p[i];
+        }
+    }
+    b->spread = (double)squares * (BLOCK_W * BLOCK_H) - (double)b->sum * b->sum;
+}
+
+/* Sums over the block around each place of an area and of the squares there: [y][x] of the block's upper left pixel. */
+struct sums {
+    int32_t one[AREA_MAX], two[AREA_MAX];
+};
+
+static void sum_blocks(struct sums *s, const struct area *a)
+{
+    const int w = a->width;
+
+    for (int y = 0; y < a->height; y++) {
+        int32_t one = 0, two = 0;
+
+        for (int x = 0; x < w; x++) {
+            const int v = a->v[y * w + x], old = x < BLOCK_W ? 0 : a->v[y * w + x - BLOCK_W];
+
+            one += v - old;
+            two += v * v - old * old;
+            if (x < BLOCK_W - 1)
+                continue;
+            s->one[y * w + x - BLOCK_W + 1] = one;
+            s->two[y * w + x - BLOCK_W + 1] = two;
+        }
+    }
+    for (int x = 0; x + BLOCK_W <= w; x++) {
+        int32_t one = 0, two = 0;
+
+        for (int y = 0; y < BLOCK_H - 1; y++) {
+            one += s->one[y * w + x];
+            two += s->two[y * w + x];
+        }
+        for (int y = 0; y + BLOCK_H <= a->height; y++) {
+            const int32_t first = s->one[y * w + x], first_two = s->two[y * w + x];
+
+            one += s->one[(y + BLOCK_H - 1) * w + x];
+            two += s->two[(y + BLOCK_H - 1) * w + x];
+            s->one[y * w + x] = one;
+            s->two[y * w + x] = two;
+            one -= first;
+            two -= first_two;
+        }
+    }
+}
+
+/* Correlation coefficient, 0 where the other block is flat. */
+static float correlate(const struct block *a, const struct area *in, const struct sums *s, int x, int y)
+{
+    const uint8_t *p = area_at(in, x - 4, y - 4);
+    const double sum = s->one[p - in->v], squares = s->two[p - in->v];
+    const double spread = squares * (BLOCK_W * BLOCK_H) - sum * sum;
+    int32_t product = 0;
+
+    if (spread <= 0)
+        return 0;
+    for (int j = 0; j < BLOCK_H; j++, p += in->width) {
+        for (int i = 0; i < BLOCK_W; i++)
+            product += (int16_t)p[i] * a->v[j][i];
+    }
+    return (float)(((double)product * (BLOCK_W * BLOCK_H) - sum * a->sum) / sqrt(spread * a->spread));
+}
+
+struct field {
+    int along, across; /* steps of one pixel of the level */
+    float v[ALONG_MAX][ACROSS_MAX];
+};
+
+#define OUT_OF_PICTURE (-2.0f)
+
+static bool is_peak(const struct field *f, int i, int j)
+{
+    const float v = f->v[i][j];
+
+    for (int di = -1; di <= 1; di++) {
+        for (int dj = -1; dj <= 1; dj++) {
+            const int k = i + di, l = j + dj;
+
+            /* Equal neighbours: the first of them is the peak. */
+            if ((di || dj) && k >= 0 && l >= 0 && k < f->along && l < f->across &&
+                (f->v[k][l] > v || (f->v[k][l] == v && (di < 0 || (!di && dj < 0)))))
+                return false;
+        }
+    }
+    return v > OUT_OF_PICTURE;
+}
+
+/* Best peak, and the value of the next one that is more than two steps off. */
+static bool two_peaks(const struct field *f, int *i, int *j, float *second)
+{
+    float best = OUT_OF_PICTURE;
+
+    for (int k = 0; k < f->along; k++) {
+        for (int l = 0; l < f->across; l++) {
+            if (f->v[k][l] > best) {
+                best = f->v[k][l];
+                *i = k;
+                *j = l;
+            }
+        }
+    }
+    *second = 0;
+    for (int k = 0; k < f->along; k++) {
+        for (int l = 0; l < f->across; l++) {
+            const bool apart = k < *i - 2 || k > *i + 2 || l < *j - 2 || l > *j + 2;
+
+            if (apart && f->v[k][l] > *second && is_peak(f, k, l))
+                *second = f->v[k][l];
+        }
+    }
+    return best > OUT_OF_PICTURE;
+}
+
+/* Pixel of the other view at a step along and across, px of the level. */
+static void to_pixel(const struct drift_search *s, double along, double across, int *x, int *y)
+{
+    *x = (int)floor(s->u[0] * along + s->n[0] * across + 0.5);
+    *y = (int)floor(s->u[1] * along + s->n[1] * across + 0.5);
+}
+
+/* Everything that the search can touch: the corners of the band, and the block around. */
+static bool read_band(struct area *area, const struct drift_pyramid *b, const struct drift_search *s, int level, int x,
+                      int y, double from, double to, double low, double high)
+{
+    int x0 = INT32_MAX, y0 = INT32_MAX, x1 = INT32_MIN, y1 = INT32_MIN;
+
+    for (int i = 0; i < 4; i++) {
+        int px, py;
+
+        to_pixel(s, i % 2 ? to : from, i / 2 ? high : low, &px, &py);
+        x0 = sst_min_int(x0, px);
+        x1 = sst_max_int(x1, px);
+        y0 = sst_min_int(y0, py);
+        y1 = sst_max_int(y1, py);
+    }
+    return area_read(area, b, level, x + x0 - 4, y + y0 - 4, x + x1 + 4, y + y1 + 4);
+}
+
+void drift_search_match(struct drift_match *out, const struct drift_pyramid *a, const struct drift_pyramid *b,
+                        const struct drift_feature *f, const struct drift_search *s, int level)
+{
+    const double size = 1 << level, from = s->from_px / size, middle = s->across_px / size;
+    const int x = drift_to_level(f->x, level), y = drift_to_level(f->y, level);
+    const int band = sst_min_int((int)ceil(s->band_px / size), ACROSS_MAX / 2);
+    struct field field = { .along = sst_min_int((int)ceil((s->to_px - s->from_px) / size) + 1, ALONG_MAX),
+                           .across = 2 * band + 1 };
+    struct area area;
+    struct sums sums;
+    struct block block;
+    float second = 0;
+    int i = 0, j = 0;
+    bool whole = true;
+
+    *out = (struct drift_match){ .outcome = DRIFT_OUTSIDE };
+    if (!area_read(&area, a, level, x - 4, y - 4, x + 4, y + 4) || !block_inside(&area, x, y))
+        return;
+    block_read(&block, &area, x, y);
+    if (block.spread <= 0) {
+        out->outcome = DRIFT_AMBIGUOUS;
+        return;
+    }
+    if (!read_band(&area, b, s, level, x, y, from, from + field.along - 1, middle - band, middle + band))
+        return;
+    sum_blocks(&sums, &area);
+    for (int k = 0; k < field.along; k++) {
+        for (int l = 0; l < field.across; l++) {
+            int bx, by;
+            bool inside;
+
+            to_pixel(s, from + k, middle + l - band, &bx, &by);
+            inside = block_inside(&area, x + bx, y + by);
+            field.v[k][l] = inside ? correlate(&block, &area, &sums, x + bx, y + by) : OUT_OF_PICTURE;
+            whole = whole && (inside || l != band);
+        }
+    }
+    if (!two_peaks(&field, &i, &j, &second))
+        return;
+    if (field.v[i][j] < CORRELATION_COARSE || !i || !j || i + 1 == field.along || j + 1 == field.across) {
+        out->outcome = whole ? DRIFT_NOWHERE : DRIFT_OUTSIDE;
+        return;
+    }
+    if (1 - field.v[i][j] > DISTINCT * (1 - second)) {
+        out->outcome = DRIFT_AMBIGUOUS;
+        return;
+    }
+    out->outcome = DRIFT_FOUND;
+    out->along = s->from_px + i * size;
+    out->across = s->across_px + (j - band) * size;
+    out->dx = s->u[0] * out->along + s->n[0] * out->across;
+    out->dy = s->u[1] * out->along + s->n[1] * out->across;
+}
