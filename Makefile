@@ -24,14 +24,19 @@ WITH_RTSP ?= $(call have,gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-
 WITH_MQTT ?= $(call have,libmosquitto)
 WITH_CURL ?= $(call have,libcurl)
 WITH_DOGLEG ?= $(shell echo '\#include <dogleg.h>' | $(CC) -I/usr/include/suitesparse -E - >/dev/null 2>&1 && echo 1 || echo 0)
+# sst-rtsp and sst-mqtt are clients of the service.
+ifneq (1,$(WITH_CURL))
+override WITH_RTSP := 0
+override WITH_MQTT := 0
+endif
 # Which API libgpiod has: 1, 2 or 0 for none.
 WITH_GPIOD ?= $(shell pkg-config --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { pkg-config --exists libgpiod 2>/dev/null && echo 1 || echo 0; })
 
 PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
             $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
             $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1,$(WITH_HTTPD)),libmicrohttpd gnutls) \
-            $(if $(filter 1,$(WITH_SYSTEMD)),libsystemd) $(if $(filter 1,$(WITH_MQTT)),libmosquitto) $(if $(filter 1,$(WITH_CURL)),libcurl) \
-            $(if $(filter 1,$(WITH_RTSP)),gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-app-1.0) $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod)
+            $(if $(filter 1,$(WITH_SYSTEMD)),libsystemd) $(if $(filter 1,$(WITH_CURL)),libcurl) \
+            $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod)
 
 # --- flags ---------------------------------------------------------------------------------------------------------
 WARN := -Wall -Wextra -Wshadow -Wvla -Wundef -Wconversion -Wno-sign-conversion $(if $(WERROR),-Werror)
@@ -75,12 +80,17 @@ LDFLAGS_ALL = -pie -Wl,--as-needed -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LD
 SIM_SRC := $(sort $(wildcard simulators/devices/*.c))
 PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
 LIB_SRC := $(sort $(filter-out daemon/main.c,$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
-           pipeline/*/*/*.c daemon/*.c daemon/*/*.c)))
+           pipeline/*/*/*.c client/*.c daemon/*.c daemon/*/*.c)))
 SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)))
 # Simulated worlds, for sst-sim, sst scene, sst demo and the tests; the daemon does not link them.
 WORLD_SRC := $(sort $(wildcard simulators/scene/*.c simulators/scene/*/*.c simulators/rig/*.c simulators/devices/gpio/*.c \
              simulators/devices/usb/*.c))
 CLI_SRC := $(sort $(filter-out %_libav.c,$(wildcard cli/*.c)))
+# Programs beside the service, and what they alone link.
+PUBLISHERS := $(if $(filter 1,$(WITH_RTSP)),rtsp) $(if $(filter 1,$(WITH_MQTT)),mqtt)
+PACKAGES_rtsp := gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-app-1.0
+PACKAGES_mqtt := libmosquitto
+publisher_obj = $(patsubst %.c,$(BUILD)/obj/%.o,$(sort $(wildcard publishers/*.c publishers/$(1)/*.c)))
 # What starts no thread of its own is nothing for the thread sanitizer.
 NO_THREADS := $(if $(findstring thread,$(SAN)),$(shell sed -nE 's,^([^ ]+) +(one|same)-thread.*,tests/\1.c,p' tests/special.txt))
 TEST_SRC := $(filter-out $(NO_THREADS),$(sort $(wildcard tests/unit/*.c tests/kernels/*.c tests/sim/*.c)))
@@ -101,7 +111,7 @@ GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
 .PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
-PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
+PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, and sst-sim (simulated devices)
 
 # Objects of other flags or optional parts are made anew.
@@ -117,8 +127,9 @@ $(BUILD)/obj/%.o: %.c $(BUILD)/flags
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
 # The assembler includes the page of the calibration report.
 $(BUILD)/obj/pipeline/calibration/report/report.o: pipeline/calibration/report/report.html
-# Where plugins of GStreamer lie: they are loaded one by one.
-$(BUILD)/obj/daemon/publish/rtsp_server.o: private CFLAGS_ALL += -DSST_GST_PLUGINS='"$(shell pkg-config --variable=pluginsdir gstreamer-1.0 2>/dev/null)"'
+# Where plugins of GStreamer are: they are loaded one by one.
+$(BUILD)/obj/publishers/rtsp/%.o $(BUILD)/obj/tests/unit/rtsp_jpeg.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES_rtsp))) \
+    -DSST_GST_PLUGINS='"$(shell pkg-config --variable=pluginsdir gstreamer-1.0 2>/dev/null)"'
 $(BUILD)/obj/%.o: %.cc $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CXX  $<"
@@ -150,6 +161,13 @@ $(BUILD)/libsst-video.so: $(BUILD)/obj/cli/video_libav.o
 $(BUILD)/sstd: $(BUILD)/obj/daemon/main.o $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
+define publisher
+$(BUILD)/sst-$(1): $(call publisher_obj,$(1)) $(BUILD)/libsst.a
+	@echo "  LD   $$@"
+	@$$(CC) $$(LDFLAGS_ALL) $$^ $$(LIBS) $$(shell pkg-config --libs $$(PACKAGES_$(1))) -o $$@
+-include $(patsubst %.o,%.d,$(call publisher_obj,$(1)))
+endef
+$(foreach p,$(PUBLISHERS),$(eval $(call publisher,$(p))))
 $(BUILD)/sst-sim: $(SIM_OBJ) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
@@ -162,6 +180,9 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@mkdir -p $(@D)
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) $(AV_LIBS) -lcmocka -o $@
 
+ifeq (1,$(WITH_RTSP))
+$(BUILD)/tests/unit/rtsp_jpeg: $(BUILD)/obj/publishers/rtsp/jpeg.o
+endif
 # OpenCV's own calibration, which a test compares with.
 ifeq (1,$(WITH_OPENCV))
 $(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o

@@ -196,10 +196,10 @@ static int local(const char *config, bool json)
 }
 
 /* Does the default service run? What keeps us from asking it is told only if it does. */
-static int service_cameras(const struct cli_service *where, bool asked, json_t **answer)
+static int service_cameras(const struct sst_client_service *where, bool asked, json_t **answer)
 {
     char said[SST_LOG_MAX] = "", *before = asked ? NULL : sst_log_hold_errors(said);
-    const int err = cli_service_json(where, "/api/v1/cameras", NULL, answer);
+    const int err = sst_client_ask(where, "/api/v1/cameras", NULL, answer);
 
     if (!asked)
         (void)sst_log_hold_errors(before);
@@ -210,7 +210,7 @@ static int service_cameras(const struct cli_service *where, bool asked, json_t *
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct cli_service where = { 0 };
+    struct sst_client_service where = { 0 };
     const char *config = NULL;
     bool json = false, only_local = false, all = false, asked;
     const struct cli_option options[] = {

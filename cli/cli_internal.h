@@ -9,6 +9,7 @@
 #include "capture/calibration/gather.h"
 #include "capture/recording/recorder.h"
 #include "capture/recording/recording.h"
+#include "client/client.h"
 #include "config/array.h"
 #include "drivers/grab/grab.h"
 #include "drivers/usb/plan.h"
@@ -127,62 +128,18 @@ SST_MUST_CHECK int cli_calibrate_live(struct sst_gathered *out, int **frameset, 
                                       const struct sst_gather_live_config *limits, const char *record,
                                       const char *coverage);
 
-/* --- client: the service as its clients see it: HTTP with JSON over its UNIX socket, or over TCP with a token. --- */
-
-#define CLI_SERVICE_SOCKET "/run/sst/control.sock"
-
-/** Where the service is; all NULL: its default socket. */
-struct cli_service {
-    const char *socket;     /* NULL: $SST_SOCKET, then CLI_SERVICE_SOCKET */
-    const char *url;        /* http://HOST:PORT or https://...; NULL: the socket */
-    const char *token_file; /* of TCP */
-    const char *ca;         /* certificates (PEM) that https trusts; NULL: the system's */
-};
+/* --- client: options that name the service, and its answers shown to people. --- */
 
 /* Rows for a table of options. */
 #define CLI_SERVICE_OPTIONS(s)                                                                                           \
     {                                                                                                                    \
-        "socket", 0, CLI_STRING, &(s).socket, "PATH", "the service's socket ($SST_SOCKET, " CLI_SERVICE_SOCKET ")", 0, 0 \
+        "socket", 0, CLI_STRING, &(s).socket, "PATH", "the service's socket ($SST_SOCKET, " SST_CLIENT_SOCKET ")", 0, 0  \
     },                                                                                                                   \
         { "url", 0, CLI_STRING, &(s).url, "URL", "the service on another machine: http://HOST:PORT or https://", 0, 0 }, \
         { "token-file", 0, CLI_STRING, &(s).token_file, "FILE", "with --url: file that holds the token", 0, 0 },         \
     {                                                                                                                    \
         "ca", 0, CLI_STRING, &(s).ca, "FILE", "with https: certificate to trust, PEM", 0, 0                              \
     }
-
-struct cli_client; /* opaque; one thread at a time */
-
-/** @param where  its strings must stay @return 0, -EINVAL, -ENOENT... (token file), -ENOTSUP (built without libcurl),
- *          -ENOMEM; logged */
-SST_MUST_CHECK int cli_client_open(struct cli_client **out, const struct cli_service *where);
-
-/**
- * Ask, or tell: GET, or POST of `post` where that is not NULL.
- *
- * @param path  from "/", with its query
- * @param out   the answer, an object or array; a reference of the caller's
- * @return 0; -ENOPKG (no service there), -ETIMEDOUT (it does not answer within 15 s), -EACCES (no right), -EPROTO (the
- *         answer is no JSON), -ENOMEM; or what the service answered: -EBADMSG (400), -EACCES (401, 403), -ENOENT (404),
- *         -EBUSY (409, 429), -ENOTSUP (501), -ENODATA (503), -ENOSPC (507), -EPROTO (else). All logged in one sentence.
- */
-SST_MUST_CHECK int cli_client_json(struct cli_client *client, const char *path, const json_t *post, json_t **out);
-
-/** GET into a file, which appears whole or not at all. @param type  what it must be, "image/jpeg"
- *  @return as above (-EPROTO also: something else), and what sst_outfile_commit() returns */
-SST_MUST_CHECK int cli_client_save(struct cli_client *client, const char *path, const char *type, const char *file);
-
-/** Receives a line without its end; another value than 0 ends the transfer with it. */
-typedef int cli_line_fn(void *arg, const char *line);
-
-/** GET lines as they come, for as long as they come if `endless`. @return as above; 0: the service ended it */
-SST_MUST_CHECK int cli_client_lines(struct cli_client *client, const char *path, bool endless, cli_line_fn *fn,
-                                    void *arg);
-
-void cli_client_close(struct cli_client *client); /* NULL is fine */
-
-/** Open, ask as cli_client_json() does, and close. */
-SST_MUST_CHECK int cli_service_json(const struct cli_service *where, const char *path, const json_t *post,
-                                    json_t **out);
 
 /* --- reading and showing answers -----------------------------------------------------------------------------------
  */

@@ -41,10 +41,14 @@ static const char config_text[] = "# sstd on a simulated 6x6 array: sst-sim --wo
 /* The machine-readable strip of simulated pictures is for tests. */
 static const char world_text[] = "# A scene of simulated devices: sst-sim --world %s\nscene: %s\nstrip: false\n";
 
+/* Clients of the service. They wait while they are disabled in its configuration. */
+static const char *const publishers[] = { "sst-rtsp", "sst-mqtt" };
+
 struct site {
     const char *scene;
     int port;
-    pid_t pid; /* of sst-sim, and group; 0: does not run */
+    pid_t pid;                              /* of sst-sim, and group; 0: does not run */
+    pid_t publisher[ARRAY_LEN(publishers)]; /* 0: not built, or ended */
     char world[SST_PATH_MAX], config[SST_PATH_MAX], socket[SST_PATH_MAX], token[SST_PATH_MAX], storage[SST_PATH_MAX],
         log[SST_PATH_MAX], picture[SST_PATH_MAX];
 };
@@ -121,8 +125,8 @@ static int try_port(int port)
     return err == -EADDRINUSE ? -EBUSY : err;
 }
 
-/** Programs beside this one. */
-static int program(char out[SST_PATH_MAX], const char *name)
+/** A program beside this one. @return 0, -ENOENT */
+static int find_program(char out[SST_PATH_MAX], const char *name)
 {
     char self[PATH_MAX];
     const ssize_t n = readlink("/proc/self/exe", self, sizeof(self) - 1);
@@ -136,35 +140,56 @@ static int program(char out[SST_PATH_MAX], const char *name)
     if (!sst_path_join(out, self, name) && !access(out, X_OK))
         return 0;
     snprintf(out, SST_PATH_MAX, "%.4000s/../sbin/%s", self, name);
-    if (!access(out, X_OK))
+    return access(out, X_OK) ? -ENOENT : 0;
+}
+
+static int need_program(char out[SST_PATH_MAX], const char *name)
+{
+    if (!find_program(out, name))
         return 0;
     sst_log_error("%s is not beside sst: build it (make) or install it (make install)", name);
     return -ENOPKG;
 }
 
+/** Start a program in a process group of its own, with its output in the log. @return its process, or -errno */
+static pid_t start_program(const struct site *s, const char *const argv[])
+{
+    pid_t pid;
+
+    fflush(stdout);
+    pid = fork();
+    if (pid)
+        return pid < 0 ? -errno : pid;
+    prctl(PR_SET_PDEATHSIG, SIGTERM); /* a demo that is killed leaves nothing behind */
+    setpgid(0, 0);
+    if (!freopen(s->log, "a", stderr) || !freopen("/dev/null", "r", stdin) || dup2(2, 1) < 0)
+        _exit(127);
+    signal(SIGPIPE, SIG_DFL);
+    execv(argv[0], (char *const *)(uintptr_t)argv);
+    _exit(127);
+}
+
 static int start(struct site *s)
 {
-    char sim[SST_PATH_MAX], daemon[SST_PATH_MAX];
-    int err = program(sim, "sst-sim");
+    char sim[SST_PATH_MAX], daemon[SST_PATH_MAX], program[SST_PATH_MAX];
+    const char *const service[] = { sim, "--world", s->world, "--", daemon, "--config", s->config, NULL };
+    const char *const publisher[] = { program, "--config", s->config, NULL };
+    int err = need_program(sim, "sst-sim");
 
-    err = err ? err : program(daemon, "sstd");
+    err = err ? err : need_program(daemon, "sstd");
     err = err ? err : write_files(s);
     if (err)
         return err;
-    fflush(stdout);
-    s->pid = fork();
-    if (s->pid < 0)
-        return -errno;
-    if (s->pid == 0) {
-        prctl(PR_SET_PDEATHSIG, SIGTERM); /* a demo that is killed leaves nothing behind */
-        setpgid(0, 0);
-        if (!freopen(s->log, "w", stderr) || !freopen("/dev/null", "r", stdin) || dup2(2, 1) < 0)
-            _exit(127);
-        signal(SIGPIPE, SIG_DFL);
-        execl(sim, "sst-sim", "--world", s->world, "--", daemon, "--config", s->config, (char *)NULL);
-        _exit(127);
+    (void)unlink(s->log);
+    s->pid = start_program(s, service);
+    if (s->pid < 0) {
+        err = s->pid;
+        s->pid = 0;
     }
-    return 0;
+    for (size_t i = 0; i < ARRAY_LEN(publishers) && !err; i++)
+        if (!find_program(program, publishers[i]))
+            s->publisher[i] = sst_max_int(start_program(s, publisher), 0);
+    return err;
 }
 
 /** @return it still runs */
@@ -181,6 +206,12 @@ static void stop(struct site *s)
 {
     const int64_t end_ns = sst_clock_now_ns() + END_MS * INT64_C(1000000);
 
+    for (size_t i = 0; i < ARRAY_LEN(publishers); i++) {
+        if (!s->publisher[i])
+            continue;
+        kill(s->publisher[i], SIGTERM);
+        waitpid(s->publisher[i], NULL, 0);
+    }
     if (!s->pid)
         return;
     kill(s->pid, SIGTERM);
@@ -214,14 +245,14 @@ static void tell_end(const struct site *s)
 /** Ask without a word on standard error: the service may not be there yet. */
 static json_t *status(const struct site *s)
 {
-    const struct cli_service where = { .socket = s->socket };
+    const struct sst_client_service where = { .socket = s->socket };
     char held[SST_LOG_MAX];
     json_t *out = NULL;
 
     if (access(s->socket, F_OK))
         return NULL;
     sst_log_hold_errors(held);
-    if (cli_service_json(&where, "/api/v1/status", NULL, &out))
+    if (sst_client_ask(&where, "/api/v1/status", NULL, &out))
         out = NULL;
     sst_log_hold_errors(NULL);
     return out;
@@ -230,8 +261,8 @@ static json_t *status(const struct site *s)
 /** The service's first see-through picture, into a file. @return 0, -EAGAIN: not yet */
 static int first_picture(const struct site *s)
 {
-    const struct cli_service where = { .socket = s->socket };
-    struct cli_client *client = NULL;
+    const struct sst_client_service where = { .socket = s->socket };
+    struct sst_client *client = NULL;
     char held[SST_LOG_MAX];
     json_t *o = status(s);
     const json_t *ready = o ? cli_member(o, "live.ready") : NULL;
@@ -241,10 +272,10 @@ static int first_picture(const struct site *s)
     if (err)
         return err;
     sst_log_hold_errors(held);
-    err = cli_client_open(&client, &where);
+    err = sst_client_open(&client, &where);
     if (!err)
-        err = cli_client_save(client, "/snapshot", "image/jpeg", s->picture);
-    cli_client_close(client);
+        err = sst_client_save(client, "/snapshot", "image/jpeg", s->picture);
+    sst_client_close(client);
     sst_log_hold_errors(NULL);
     return err ? -EAGAIN : 0;
 }

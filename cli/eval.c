@@ -65,7 +65,7 @@ static int print_json(const struct sst_report *r, const struct sst_truth *truth)
     return cli_print_json(root);
 }
 
-/* A figure in a column; what does not exist is a dash. */
+/* A figure in a column; a missing one is a dash. */
 static void cell(double v, int digits)
 {
     if (isfinite(v))
@@ -127,7 +127,7 @@ static void print_table(const struct sst_report *r, const struct sst_truth *trut
     }
 }
 
-/* Labels of a folder that has none are not a fault: the report says null. */
+/* A folder without labels is no fault: the report holds null. */
 static int measure(const char *dir, const char *truth_dir, const struct sst_render_config *cfg, int threads, bool json)
 {
     struct sst_lightfield lf = { 0 };
@@ -147,7 +147,8 @@ static int measure(const char *dir, const char *truth_dir, const struct sst_rend
     }
     code = cli_exit_code(err);
     if (err)
-        return code == CLI_USAGE ? CLI_INPUT : code; /* options were checked: a value out of range came from a file */
+        return code == CLI_USAGE ? CLI_INPUT
+                                 : code; /* options were checked before: a value out of range comes from a file */
     if (json)
         return print_json(&report, &truth);
     print_table(&report, &truth);
@@ -166,7 +167,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         const struct cli_option options[] = {
             { "truth", 't', CLI_STRING, &truth_dir, "DIR", "folder with truth.json, rr_cc.pfm, rr_cc.png", 0, 0 },
             { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
-            { "sigma", 0, CLI_DOUBLE, &cfg.sigma_px, "PX", "width of the depth weight, px; inf: depth has no say", 1e-6,
+            { "sigma", 0, CLI_DOUBLE, &cfg.sigma_px, "PX", "width of the depth weight, px; inf: depth ignored", 1e-6,
               INFINITY },
             { "c1", 0, CLI_DOUBLE, &cfg.c1, "C", "least depth weight", 0, 1 },
             { "c2", 0, CLI_DOUBLE, &cfg.c2, "C", "least label weight", 0, 1 },

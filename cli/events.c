@@ -81,7 +81,7 @@ static int show_held(struct show *s)
 }
 
 /* What the service keeps, page by page. */
-static int read_kept(struct cli_client *client, struct show *s)
+static int read_kept(struct sst_client *client, struct show *s)
 {
     uint64_t before;
     int err;
@@ -91,18 +91,18 @@ static int read_kept(struct cli_client *client, struct show *s)
 
         before = s->last;
         snprintf(path, sizeof(path), "/api/v1/events?after=%" PRIu64, before);
-        err = cli_client_lines(client, path, false, on_line, s);
+        err = sst_client_lines(client, path, false, on_line, s);
     } while (!err && s->last > before);
     return err;
 }
 
-static int follow(struct cli_client *client, struct show *s)
+static int follow(struct sst_client *client, struct show *s)
 {
     char path[80];
     int err;
 
     snprintf(path, sizeof(path), "/api/v1/events/stream?after=%" PRIu64, s->last);
-    err = cli_client_lines(client, path, true, on_line, s);
+    err = sst_client_lines(client, path, true, on_line, s);
     if (!err) {
         sst_log_error("the service ended the events: it stops or restarts; `systemctl status sstd` tells");
         err = -ENOPKG;
@@ -112,7 +112,7 @@ static int follow(struct cli_client *client, struct show *s)
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct cli_service where = { 0 };
+    struct sst_client_service where = { 0 };
     struct show s = { 0 };
     bool go_on = false;
     double after = -1;
@@ -125,12 +125,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         CLI_SERVICE_OPTIONS(where),
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
-    struct cli_client *client;
+    struct sst_client *client;
     int err;
 
     if (r != CLI_GO_ON)
         return r;
-    err = cli_client_open(&client, &where);
+    err = sst_client_open(&client, &where);
     if (err)
         return cli_exit_code(err);
     s.last = after > 0 ? (uint64_t)after : 0;
@@ -139,7 +139,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     err = err ? err : show_held(&s);
     if (!err && go_on)
         err = follow(client, &s);
-    cli_client_close(client);
+    sst_client_close(client);
     return cli_exit_code(err);
 }
 

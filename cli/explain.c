@@ -1,4 +1,4 @@
-/* Why a picture looks as it does: maps and weights of the reference view, and the rays of one pixel. */
+/* Explains a picture: maps and weights of the reference view, and the rays of one pixel. */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
@@ -103,7 +103,7 @@ static int write_labels(const struct explanation *e, const struct sst_map_u8 *la
     return err ? err : sst_map_u8_write_png(label, path, palette);
 }
 
-/* One of the light field's own maps of the reference view, where it has them: grey, or with the labels' colours. */
+/* Copy a map of the reference view, if the light field has it: grey, or with the labels' colours. */
 static int write_stored(const struct explanation *e, const char *folder, bool labels)
 {
     char path[SST_PATH_MAX], name[64];
@@ -168,7 +168,7 @@ static int write_weights(const struct explanation *e)
     return err;
 }
 
-/* What one view sees around the ray, and below it a bar as long as the ray's share compared with the largest. */
+/* The view around the ray, and below it a bar as long as the ray's share relative to the largest. */
 static void draw_ray(struct sst_image *img, const struct sst_lightfield *lf, const struct sst_ray *ray, double largest)
 {
     const int left = ray->view % lf->cols * CELL_WIDTH, top = ray->view / lf->cols * CELL_HEIGHT;

@@ -32,12 +32,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     int grid[2] = { 0, 0 };
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &cfg.out, "LF", "light-field folder to make", 0, 0 },
-        { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns; folder needs it, others may then have holes", 1, 256 },
-        { "spacing-px", 0, CLI_DOUBLE, &cfg.spacing_px, "P", "folder: focal length times spacing, kept as a note", 0,
-          1e12 },
+        { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns; required for folder, lets the others have holes", 1,
+          256 },
+        { "spacing-px", 0, CLI_DOUBLE, &cfg.spacing_px, "P", "folder: focal length times spacing, stored as provenance",
+          0, 1e12 },
         { "disparity", 0, CLI_STRING, &cfg.disparity_dir, "DIR",
-          "folder: given disparity rr_cc.pfm, px per spacing, inf unknown", 0, 0 },
-        { "labels", 0, CLI_STRING, &cfg.labels_dir, "DIR", "folder: given labels rr_cc.png, 0 unlabeled", 0, 0 },
+          "folder: external disparity rr_cc.pfm, px per spacing, inf unknown", 0, 0 },
+        { "labels", 0, CLI_STRING, &cfg.labels_dir, "DIR", "folder: external labels rr_cc.png, 0 unlabeled", 0, 0 },
         { "sets", 0, CLI_STRING, &recording.sets, "LIST",
           "recording: 0,5-9, first, last or all; more than one: LF/set-NNNNNN each", 0, 0 },
         { "allow-partial", 0, CLI_FLAG, &recording.allow_partial, NULL,
@@ -60,13 +61,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (!cfg.out)
         return cli_usage_error(cmd, "-o LF is missing");
     if (isnan(cfg.range_min_px) != isnan(cfg.range_max_px))
-        return cli_usage_error(cmd, "--range-min and --range-max belong together");
+        return cli_usage_error(cmd, "--range-min and --range-max must be given together");
     if (isnan(cfg.range_min_px))
         cfg.range_min_px = cfg.range_max_px = 0;
     if (!strcmp(args[0], "recording") && (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir))
-        return cli_usage_error(cmd,
-                               "--grid, --spacing-px, --disparity and --labels are not for a recording: it says its "
-                               "grid and spacing itself");
+        return cli_usage_error(cmd, "--grid, --spacing-px, --disparity and --labels do not apply to a recording, which "
+                                    "has its own grid and spacing");
     if (strcmp(args[0], "recording") && (recording.sets || recording.allow_partial))
         return cli_usage_error(cmd, "--sets and --allow-partial belong to the format recording, not to %s", args[0]);
     sst_use_calibration_defaults(&use);
@@ -98,8 +98,8 @@ const struct cli_command cli_import = {
     .detail = "formats:\n"
               "  stanford  positions in the names: out_09_12_-822.67_-3293.22_.png (row, column, y, x)\n"
               "  hci       input_Cam040.png ..., parameters.cfg, gt_disp_lowres.pfm\n"
-              "  folder    00_00.png ... (row, column), with --grid; --disparity and --labels take given maps\n"
-              "  recording sets that `sst capture array` recorded; `sst recording DIR` shows what is in it",
+              "  folder    00_00.png ... (row, column), with --grid; --disparity and --labels add external maps\n"
+              "  recording sets that `sst capture array` recorded; `sst recording DIR` shows its contents",
     .example = "sst import stanford ~/chess -o chess.lf\n  sst import folder images --grid 6x6 -o scene.lf\n"
                "  sst import recording night --sets 0,10-19 -o night.lf\n"
                "  sst import recording night --sets 0 --calib calib.yaml -o true.lf",

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <stdio.h>
 
+#include "pipeline/lightfield/folder.h"
+
 void cli_print_lightfield(const struct sst_lightfield *lf, const char *name)
 {
     double x0 = 0, x1 = 0, y0 = 0, y1 = 0; /* the reference view is at 0, 0 */
@@ -23,7 +25,7 @@ void cli_print_lightfield(const struct sst_lightfield *lf, const char *name)
            lf->height, lf->rows, lf->cols, x0, x1, y0, y1);
     if (lf->range_min_px < lf->range_max_px)
         printf("%.3f..%.3f px per spacing%s\n", lf->range_min_px, lf->range_max_px,
-               lf->disparity_given ? " (given)" : "");
+               lf->files->external_disparity ? " (given)" : "");
     else
         printf("range unknown\n");
 }

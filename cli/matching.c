@@ -20,7 +20,7 @@ int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_match
     } else if (m->cost && !strcmp(m->cost, "both")) {
         cfg->cost = SST_COST_BOTH;
     } else if (m->cost) {
-        sst_log_error("there is no matching cost %s; choose census, mccnn or both", m->cost);
+        sst_log_error("unknown matching cost `%s`; use census, mccnn or both", m->cost);
         return -EINVAL;
     }
     err = cli_precision(&cfg->precision, m->precision);

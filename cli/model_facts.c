@@ -19,7 +19,7 @@
 #define KIND_METADATA "sst.kind"
 #define KIND_MATCHING "mccnn-features" /* value of that metadata entry */
 
-/* A text from outside as JSON, with '?' for what is not ASCII where it is not UTF-8. */
+/* External text as a JSON string; if it is not UTF-8, non-ASCII bytes become '?'. */
 static json_t *json_text(const char *text)
 {
     json_t *made = json_string(text);
@@ -42,7 +42,7 @@ static const char *kind_of(const struct sst_network *net)
     return kind && !strcmp(kind, KIND_MATCHING) ? "matching" : "labels";
 }
 
-/* Open a network as its user would: 0 and what runs it, or an error whose sentence is held. */
+/* Open a network like the commands that use it: 0 and its runner, or an error whose message is held back. */
 static int try_open(json_t *o, const char *path)
 {
     struct sst_network *net = NULL;
@@ -72,7 +72,7 @@ static int check_file(json_t *o, const char *path, const struct sst_manifest_ent
 
     if (!sst_path_exists(path)) {
         *status = "missing";
-        sst_log_error("the manifest lists it, but it is not there; install the networks again");
+        sst_log_error("listed in the manifest, but missing; install the networks again");
         return -ENOENT;
     }
     *status = "unreadable";
@@ -82,7 +82,7 @@ static int check_file(json_t *o, const char *path, const struct sst_manifest_ent
     json_object_set_new(o, "bytes", json_integer((json_int_t)size));
     if (entry && !sst_manifest_matches(entry, data, size)) {
         *status = "hash mismatch";
-        sst_log_error("not the file that the manifest lists; install the networks again");
+        sst_log_error("differs from the file that the manifest lists; install the networks again");
         err = -EBADMSG;
     }
     free(data);
@@ -103,7 +103,7 @@ static void add_entry(json_t *o, const struct sst_manifest_entry *e)
     json_object_set_new(o, "figures", copy(e->figures));
 }
 
-/* A reason without the name of the file, which the list shows already. */
+/* Strip the file name, which the list already shows, from a reason. */
 static const char *bare_reason(const char *reason, const char *path)
 {
     const size_t n = strlen(path);
@@ -191,7 +191,7 @@ static void add_summary(json_t *o, const struct sst_onnx *model)
     json_object_set_new(o, "outputs", outputs);
 }
 
-/* Size, hash and content of the file, with nothing run. */
+/* Size, hash and content of the file, without running it. */
 static int read_facts(json_t *o, const char *path, bool *matching)
 {
     char hash[SHA256_DIGEST_STRING_LENGTH];
@@ -252,7 +252,7 @@ static int shape_of(json_t *o, struct sst_network *net, int width, int height)
     return err;
 }
 
-/* Open it the way its users do, which finds what is wrong with it. */
+/* Open it like the commands that use it, which finds its faults. */
 static int use_facts(json_t *o, const char *path, bool matching)
 {
     char sidecar[SST_PATH_MAX];

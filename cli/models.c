@@ -1,4 +1,4 @@
-/* sst models: which networks are there, whether they can be used, and what one of them holds. */
+/* sst models: which networks are installed, whether they can be used, and the contents of one. */
 #include <dirent.h>
 #include <errno.h>
 #include <jansson.h>
@@ -13,7 +13,7 @@
 
 #define TABLE_WIDTH 120
 
-/* --- what is installed -------------------------------------------------------------------------------------------- */
+/* --- installed networks ------------------------------------------------------------------------------------------ */
 
 static int onnx_only(const struct dirent *d)
 {
@@ -62,7 +62,7 @@ static int add_folder(json_t *list, const char *folder)
     if (err == -ENOMEM)
         n = sst_max_int(n, 0);
     else
-        err = 0; /* a broken manifest was told; its folder's networks will say so too */
+        err = 0; /* a broken manifest was logged; the networks of its folder report it as well */
     for (int i = 0; i < n; i++) {
         err = err ? err : add_model(list, folder, names[i]->d_name, &manifest);
         free(names[i]);
@@ -112,7 +112,7 @@ static void join_names(char *out, size_t size, const json_t *list)
     }
 }
 
-/* A line of the table; what does not fit its width ends in dots. */
+/* A line of the table; longer text ends in dots. */
 static void print_row(const json_t *one)
 {
     const json_int_t bytes = json_integer_value(json_object_get(one, "bytes"));
@@ -141,7 +141,7 @@ static int print_list(json_t *list, bool json)
     if (json)
         return cli_model_print(json_pack("{s:O}", "models", list));
     if (!json_array_size(list))
-        puts("no networks are installed; set SST_MODELS to a folder of ONNX files, or install those that ship");
+        puts("no networks are installed; set SST_MODELS to a folder of ONNX files, or install the shipped ones");
     else
         printf("  %-20s %-9s %-9s %9s  %-13s %s\n", "NAME", "KIND", "PRECISION", "MiB", "STATUS", "FIGURES");
     json_array_foreach(list, i, one)
@@ -196,11 +196,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_models = {
     .name = "models",
     .usage = "[NAME | FILE.onnx] [--json]",
-    .summary = "networks that are installed; what one network holds",
-    .detail = "Without an argument: every network in the folders that are searched, its figures, and whether it can be "
-              "used.\n"
-              "With one: its input, output, classes, layers, and what runs it, or why it is refused (exit code 3).\n"
-              "docs/networks.md says how to bring a network of your own.",
+    .summary = "installed networks, or the contents of one",
+    .detail = "Without an argument: every network in the search folders, its figures, and whether it can be used.\n"
+              "With one: its input, output, classes, layers and runner, or why it is refused (exit code 3).\n"
+              "docs/networks.md describes how to add a network of your own.",
     .example = "sst models\n  sst models my-network.onnx",
     .run = run,
 };

@@ -9,6 +9,8 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/given.h"
 #include "pipeline/method/network/model_path.h"
 #include "pipeline/method/process/process.h"
@@ -27,10 +29,10 @@ static json_t *seconds_json(double load, double labels, double disparity, double
                      load + labels + disparity + refinement + saving);
 }
 
-static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r, struct sst_stage_time load,
-                        bool json)
+static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r,
+                        struct sst_process_time load, struct sst_process_time saving, bool json)
 {
-    const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + r->saving.wall_s;
+    const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
     json_t *root;
     char *text;
 
@@ -44,19 +46,19 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
             printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined,
                    r->coverage_hcsm);
         printf("%.1f s (load %.1f, labels %.1f, disparity %.1f, refinement %.1f, saving %.1f)\n", total, load.wall_s,
-               r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, r->saving.wall_s);
+               r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s);
         return 0;
     }
-    root = json_pack(
-        "{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols, "width",
-        lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px, "confirmed_percent",
-        isnan(r->confirmed) ? json_null() : json_real(r->confirmed), "eps_h",
-        isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
-        isnan(r->coverage_hcsm) ? json_null() : json_real(r->coverage_hcsm), "coverage_refined",
-        isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds",
-        seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, r->saving.wall_s),
-        "cpu_seconds",
-        seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, r->saving.cpu_s));
+    root =
+        json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols,
+                  "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px,
+                  "confirmed_percent", isnan(r->confirmed) ? json_null() : json_real(r->confirmed), "eps_h",
+                  isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
+                  isnan(r->coverage_hcsm) ? json_null() : json_real(r->coverage_hcsm), "coverage_refined",
+                  isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds",
+                  seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
+                  "cpu_seconds",
+                  seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
     text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) : NULL;
     json_decref(root);
     if (!text)
@@ -66,14 +68,14 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
     return 0;
 }
 
-/* What the command line asks for beyond the matching. */
+/* Options of the command line beyond the matching. */
 struct wanted {
     const char *model, *hand_label, *labels_dir, *disparity_dir, *skip;
     double range_min, range_max;
     bool no_labels, json;
 };
 
-/* Load the light field with the maps that came with it or are given now. */
+/* Load the light field with its external maps or those of the options. */
 static int load(struct sst_lightfield *lf, const char *dir, const struct wanted *w, int threads)
 {
     struct sst_lightfield json = { 0 };
@@ -82,14 +84,36 @@ static int load(struct sst_lightfield *lf, const char *dir, const struct wanted 
 
     if (err)
         return err;
-    what |= json.labels_given && !w->labels_dir ? SST_LOAD_LABELS : 0;
-    what |= json.disparity_given && !w->disparity_dir ? SST_LOAD_DISPARITY | SST_LOAD_CONFIDENCE : 0;
+    what |= json.files->external_labels && !w->labels_dir ? SST_LOAD_LABELS : 0;
+    what |= json.files->external_disparity && !w->disparity_dir ? SST_LOAD_DISPARITY | SST_LOAD_CONFIDENCE : 0;
     sst_lightfield_fini(&json);
     err = sst_lightfield_load(lf, dir, what, threads);
     if (!err && w->disparity_dir)
         err = sst_lightfield_give_disparity(lf, w->disparity_dir, threads);
     if (!err && w->labels_dir)
         err = sst_lightfield_give_labels(lf, w->labels_dir, threads);
+    return err;
+}
+
+/* Compute the maps and store them. */
+static int process(struct sst_lightfield *lf, const char *dir, struct sst_process_config *cfg, const char *hand_label,
+                   struct sst_process_report *report, struct sst_process_time *saving)
+{
+    struct sst_process_extras extras = { 0 };
+    struct sst_map_u8 truth = { 0 };
+    struct sst_process_time clock;
+    int err = hand_label && cfg->model ? sst_map_u8_read_png(&truth, hand_label) : 0;
+
+    cfg->hand_label = truth.data ? &truth : NULL;
+    err = err ? err : sst_process(lf, cfg, &extras, report);
+    sst_process_lap(&clock);
+    if (!err) {
+        progress(NULL, "saving", 0.99);
+        err = sst_process_save(lf, &extras, dir, cfg->threads);
+    }
+    *saving = sst_process_lap(&clock);
+    sst_map_u8_fini(&truth);
+    sst_process_extras_fini(&extras);
     return err;
 }
 
@@ -103,15 +127,16 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const struct cli_option options[] = {
         CLI_MATCHING_OPTIONS(m),
         { "range-min", 0, CLI_DOUBLE, &w.range_min, "PX",
-          "smallest disparity searched; default: the light field's, else found", -9999, 9999 },
+          "smallest disparity searched; default: the light field's, else estimated", -9999, 9999 },
         { "range-max", 0, CLI_DOUBLE, &w.range_max, "PX", "largest disparity searched", -9999, 9999 },
-        { "labels", 0, CLI_STRING, &w.labels_dir, "DIR", "given label maps rr_cc.png, kept from then on", 0, 0 },
-        { "disparity", 0, CLI_STRING, &w.disparity_dir, "DIR", "given disparities rr_cc.pfm, kept from then on", 0, 0 },
+        { "labels", 0, CLI_STRING, &w.labels_dir, "DIR", "external label maps rr_cc.png, never recomputed", 0, 0 },
+        { "disparity", 0, CLI_STRING, &w.disparity_dir, "DIR", "external disparities rr_cc.pfm, never recomputed", 0,
+          0 },
         { "model", 0, CLI_STRING, &w.model, "NAME", "segmentation network: an installed one or an ONNX file", 0, 0 },
         { "no-labels", 0, CLI_FLAG, &w.no_labels, NULL, "disparity only", 0, 0 },
         { "epsilon-h", 0, CLI_DOUBLE, &cfg.eps_h, "V", "entropy threshold; default: the model's", 0, 1e9 },
-        { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE", "labels of the reference view, to find the threshold on",
-          0, 0 },
+        { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE",
+          "hand labels of the reference view, to optimise the threshold", 0, 0 },
         { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled", 0, 0 },
         { "skip", 0, CLI_STRING, &w.skip, "LIST", "work to skip where a scene allows: none (the default)", 0, 0 },
         { "json", 0, CLI_FLAG, &w.json, NULL, "print one JSON object", 0, 0 },
@@ -119,16 +144,15 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct sst_process_report report;
     struct sst_lightfield lf = { 0 };
     char mccnn[SST_PATH_MAX], pspnet[SST_PATH_MAX];
-    int64_t start = sst_clock_now_ns();
-    struct sst_stage_time load_time = { 0 };
+    struct sst_process_time clock = { (double)sst_clock_now_ns() * 1e-9, 0 }, load_time, save_time;
     int err, r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &dir, 1, 1);
 
     if (r != CLI_GO_ON)
         return r;
     if (w.skip && strcmp(w.skip, "none"))
-        return cli_usage_error(cmd, "--skip %s is not known; this version computes everything: none", w.skip);
+        return cli_usage_error(cmd, "unknown --skip `%s`; this version can skip nothing: use none", w.skip);
     if (isnan(w.range_min) != isnan(w.range_max) || w.range_min >= w.range_max)
-        return cli_usage_error(cmd, "--range-min and --range-max go together, the first one smaller");
+        return cli_usage_error(cmd, "--range-min and --range-max must be given together, --range-min smaller");
     if (w.no_labels && (w.model || w.labels_dir || w.hand_label))
         return cli_usage_error(cmd, "--no-labels and --%s contradict each other",
                                w.model        ? "model"
@@ -139,27 +163,26 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     cfg.precision = cfg.disparity.precision;
     cfg.disparity.disp_min_px = isnan(w.range_min) ? 0 : w.range_min;
     cfg.disparity.disp_max_px = isnan(w.range_max) ? 0 : w.range_max;
-    cfg.hand_label = w.hand_label;
     sst_refine_config_defaults(&cfg.refinement);
-    cfg.refinement.threads = cfg.threads;
     cfg.refine = !no_refine;
     err = err ? err : load(&lf, dir, &w, cfg.threads);
-    load_time.wall_s = (double)(sst_clock_now_ns() - start) * 1e-9;
-    load_time.cpu_s = (double)sst_clock_cpu_ns() * 1e-9;
-    if (!err && (w.model || (!w.no_labels && !lf.labels_given))) {
+    load_time = sst_process_lap(&clock);
+    if (!err && (w.model || (!w.no_labels && !lf.files->external_labels))) {
         err = w.model ? sst_model_resolve(pspnet, w.model) : sst_model_path(pspnet, "pspnet-small.onnx");
-        cfg.model = pspnet;
+        if (!lf.files->external_labels)
+            cfg.model = pspnet;
     }
     if (!err) {
-        snprintf(lf.history, sizeof(lf.history), "preset %s, labels %s, disparity %s", m.preset,
-                 lf.labels_given ? "given"
-                 : w.no_labels   ? "none"
-                                 : sst_path_base(cfg.model),
-                 lf.disparity_given ? "given" : "matched");
-        err = sst_process(&lf, dir, &cfg, &report);
+        snprintf(lf.files->history, sizeof(lf.files->history), "preset %s, labels %s, disparity %s", m.preset,
+                 lf.files->external_labels ? "given"
+                 : w.no_labels             ? "none"
+                                           : sst_path_base(cfg.model),
+                 lf.files->external_disparity ? "given" : "matched");
+        cfg.keep_disparity = lf.files->external_disparity;
+        err = process(&lf, dir, &cfg, w.hand_label, &report, &save_time);
     }
     cli_progress_end();
-    err = err ? err : print_report(&lf, &report, load_time, w.json);
+    err = err ? err : print_report(&lf, &report, load_time, save_time, w.json);
     sst_lightfield_fini(&lf);
     return cli_exit_code(err);
 }
@@ -169,7 +192,7 @@ const struct cli_command cli_process = {
     .usage = "LF [--preset P] [--labels DIR] [--disparity DIR] [--threads N]",
     .summary = "labels and disparity for all views",
     .detail = "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
-              "entropy/ to explain the labels. Maps that are given are kept; gaps in given labels are refined.\n"
+              "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
               "Presets: preview (half-size census), balanced (census), accurate (census and MC-CNN, 8 paths).",
     .example = "sst process garden --preset balanced",
     .run = run,

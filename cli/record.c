@@ -9,7 +9,7 @@
 #include "cli/cli_internal.h"
 
 struct args {
-    struct cli_client *client;
+    struct sst_client *client;
     double duration_s, ago_s; /* ago_s: negative, not given */
     const char *name;         /* of what is kept; NULL: not given */
     const char *time, *recording, *output, *camera;
@@ -21,7 +21,7 @@ static int post(const struct args *a, const char *path, json_t *request, char *n
 {
     json_t *answer;
     char text[200];
-    int err = request ? cli_client_json(a->client, path, request, &answer) : -ENOMEM;
+    int err = request ? sst_client_json(a->client, path, request, &answer) : -ENOMEM;
 
     json_decref(request);
     if (err)
@@ -85,7 +85,7 @@ static void print_moments(const json_t *list, const char *kind)
 static int list(const struct args *a)
 {
     json_t *answer;
-    int err = cli_client_json(a->client, "/api/v1/recordings", NULL, &answer);
+    int err = sst_client_json(a->client, "/api/v1/recordings", NULL, &answer);
 
     if (err)
         return err;
@@ -125,7 +125,7 @@ static int download(const struct args *a)
              tar       ? ".tar"
              : picture ? ".jpg"
                        : ".mkv");
-    return cli_client_save(a->client, path,
+    return sst_client_save(a->client, path,
                            tar       ? "application/x-tar"
                            : picture ? "image/jpeg"
                                      : "video/x-matroska",
@@ -170,7 +170,7 @@ static int export_moment(const struct args *a)
         return -EPROTO;
     }
     snprintf(path, sizeof(path), "/api/v1/download/%s.tar", name);
-    return cli_client_save(a->client, path, "application/x-tar", a->output);
+    return sst_client_save(a->client, path, "application/x-tar", a->output);
 }
 
 static const struct {
@@ -213,7 +213,7 @@ static int check(const struct cli_command *cmd, const struct args *a, const char
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct cli_service where = { 0 };
+    struct sst_client_service where = { 0 };
     struct args a = { .ago_s = -1 };
     const char *words[2], *action;
     const struct cli_option options[] = {
@@ -245,10 +245,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         r = check(cmd, &a, action);
         if (r != CLI_GO_ON)
             return r;
-        err = cli_client_open(&a.client, &where);
+        err = sst_client_open(&a.client, &where);
         if (!err) {
             err = actions[i].run(&a);
-            cli_client_close(a.client);
+            sst_client_close(a.client);
         }
         return cli_exit_code(err);
     }

@@ -6,6 +6,7 @@
 #include <jansson.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "capture/recording/pixel_format.h"
 #include "capture/recording/recording.h"
 #include "cli/cli_internal.h"
@@ -24,19 +25,6 @@ struct summary {
     int gaps;                   /* periods of more than one and a half of the usual */
     json_t *damage;             /* [{"set":, "cam":}]; cam -1: the line */
 };
-
-static int compare(const void *a, const void *b)
-{
-    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-
-    return (x > y) - (x < y);
-}
-
-/* Smallest of the sorted v[0..n) that p of 100 values do not exceed; 0 of none. */
-static int64_t percentile(const int64_t *v, int n, int p)
-{
-    return n ? v[((int64_t)n * p + 99) / 100 - 1] : 0;
-}
 
 static void add_set(struct summary *s, const struct sst_recording_set *set)
 {
@@ -62,7 +50,7 @@ static void add_set(struct summary *s, const struct sst_recording_set *set)
 static void count_gaps(struct summary *s)
 {
     const double usual =
-        s->info->rate_hz > 0 ? 1e9 / s->info->rate_hz : (double)percentile(s->period_ns, s->periods, 50);
+        s->info->rate_hz > 0 ? 1e9 / s->info->rate_hz : (double)sst_stats_percentile(s->period_ns, s->periods, 50);
 
     for (int i = 0; i < s->periods; i++)
         s->gaps += (double)s->period_ns[i] > 1.5 * usual;
@@ -100,8 +88,8 @@ static int scan(struct summary *s, const struct sst_recording *recording, bool v
             cli_progress((void *)(uintptr_t) "verify", (i + 1.0) / s->sets);
     }
     cli_progress_end();
-    qsort(s->spread_ns, (size_t)s->spreads, sizeof(*s->spread_ns), compare);
-    qsort(s->period_ns, (size_t)s->periods, sizeof(*s->period_ns), compare);
+    sst_stats_sort_int64(s->spread_ns, s->spreads);
+    sst_stats_sort_int64(s->period_ns, s->periods);
     count_gaps(s);
     return err;
 }
@@ -136,7 +124,7 @@ static void print_cameras(const struct summary *s, const char *what, const int *
 static void print_text(const struct summary *s, const struct sst_recording *recording, bool verify)
 {
     const struct sst_recording_info *i = s->info;
-    const int64_t period = percentile(s->period_ns, s->periods, 50);
+    const int64_t period = sst_stats_percentile(s->period_ns, s->periods, 50);
     const int worst = worst_camera(s);
     char format[5];
 
@@ -149,11 +137,11 @@ static void print_text(const struct summary *s, const struct sst_recording *reco
         printf("removed   the first %llu sets, to make room\n",
                (unsigned long long)sst_recording_removed(recording)->sets);
     printf("rate      %.3f Hz (median), %d gaps, longest distance %.3f s\n", period > 0 ? 1e9 / (double)period : 0,
-           s->gaps, (double)percentile(s->period_ns, s->periods, 100) * 1e-9);
-    printf("skew      p50 %.1f us, p99 %.1f us, max %.1f us", (double)percentile(s->spread_ns, s->spreads, 50) * 1e-3,
-           (double)percentile(s->spread_ns, s->spreads, 99) * 1e-3,
-           (double)percentile(s->spread_ns, s->spreads, 100) * 1e-3);
-    if (worst >= 0 && percentile(s->spread_ns, s->spreads, 100) > 0)
+           s->gaps, (double)sst_stats_percentile(s->period_ns, s->periods, 100) * 1e-9);
+    printf("skew      p50 %.1f us, p99 %.1f us, max %.1f us", (double)sst_stats_percentile(s->spread_ns, s->spreads, 50) * 1e-3,
+           (double)sst_stats_percentile(s->spread_ns, s->spreads, 99) * 1e-3,
+           (double)sst_stats_percentile(s->spread_ns, s->spreads, 100) * 1e-3);
+    if (worst >= 0 && sst_stats_percentile(s->spread_ns, s->spreads, 100) > 0)
         printf(", most often farthest off: r%02d c%02d", i->track[worst].row, i->track[worst].col);
     printf("\n");
     print_cameras(s, "missing  ", s->missing);
@@ -189,7 +177,7 @@ static json_t *cameras_to_json(const struct summary *s)
 
 static int print_json(const struct summary *s, const struct sst_recording *recording, bool verify)
 {
-    const int64_t period = percentile(s->period_ns, s->periods, 50);
+    const int64_t period = sst_stats_percentile(s->period_ns, s->periods, 50);
     char format[5], *text = NULL;
     json_t *root;
 
@@ -201,10 +189,10 @@ static int print_json(const struct summary *s, const struct sst_recording *recor
         s->info->width, "height", s->info->height, "nominal_hz", s->info->rate_hz, "sets", s->sets, "runs", s->runs,
         "complete", s->complete, "partial", s->sets - s->damaged - s->complete, "bytes", (json_int_t)s->bytes,
         "lost_before", (json_int_t)s->lost_before, "median_hz", period > 0 ? 1e9 / (double)period : 0.0, "gaps",
-        s->gaps, "longest_s", (double)percentile(s->period_ns, s->periods, 100) * 1e-9, "skew_us", "p50",
-        (double)percentile(s->spread_ns, s->spreads, 50) * 1e-3, "p99",
-        (double)percentile(s->spread_ns, s->spreads, 99) * 1e-3, "max",
-        (double)percentile(s->spread_ns, s->spreads, 100) * 1e-3, "worst_cam", worst_camera(s), "verified", verify,
+        s->gaps, "longest_s", (double)sst_stats_percentile(s->period_ns, s->periods, 100) * 1e-9, "skew_us", "p50",
+        (double)sst_stats_percentile(s->spread_ns, s->spreads, 50) * 1e-3, "p99",
+        (double)sst_stats_percentile(s->spread_ns, s->spreads, 99) * 1e-3, "max",
+        (double)sst_stats_percentile(s->spread_ns, s->spreads, 100) * 1e-3, "worst_cam", worst_camera(s), "verified", verify,
         "damaged", s->damaged, "damage", s->damage, "torn_bytes", (json_int_t)sst_recording_torn_bytes(recording),
         "removed_sets", (json_int_t)sst_recording_removed(recording)->sets, "tracks", cameras_to_json(s));
     text = root ? json_dumps(root, JSON_COMPACT) : NULL;

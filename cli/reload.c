@@ -41,7 +41,7 @@ static void print_changes(const json_t *answer, bool dry_run)
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct cli_service where = { 0 };
+    struct sst_client_service where = { 0 };
     bool dry_run = false, json = false;
     const struct cli_option options[] = {
         { "dry-run", 'n', CLI_FLAG, &dry_run, NULL, "say only what would change, and what that takes", 0, 0 },
@@ -55,7 +55,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (r != CLI_GO_ON)
         return r;
     request = json_pack("{s:b}", "dry_run", dry_run);
-    err = request ? cli_service_json(&where, "/api/v1/reload", request, &answer) : -ENOMEM;
+    err = request ? sst_client_ask(&where, "/api/v1/reload", request, &answer) : -ENOMEM;
     json_decref(request);
     if (err == -EBADMSG || err == -EBUSY) /* refused: nothing was changed, and the reason was told */
         return CLI_INPUT;

@@ -1,10 +1,10 @@
 #include <jansson.h>
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "cli/cli_internal.h"
 
 #define MAX_REPEAT 1000
@@ -16,13 +16,6 @@ struct picture {
     int repeat;
 };
 
-static int by_size(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 static int make_picture(struct picture *p, const struct render_input *in, const struct sst_render_config *cfg)
 {
     int err = sst_image_init(&p->image, in->lf.width, in->lf.height);
@@ -31,7 +24,7 @@ static int make_picture(struct picture *p, const struct render_input *in, const 
         err = sst_map_u8_init(&p->valid, in->lf.width, in->lf.height);
     if (err)
         sst_log_error("no memory for a picture of %d x %d", in->lf.width, in->lf.height);
-    /* The first call counts the labels' disparities, once for all pictures of the light field; it is not timed. */
+    /* The first call counts the labels' disparities once per light field; it is not timed. */
     if (!err)
         err = sst_render(in->renderer, cfg, &p->image, &p->valid);
     for (int i = 0; i < p->repeat && !err; i++) {
@@ -40,7 +33,7 @@ static int make_picture(struct picture *p, const struct render_input *in, const 
         err = sst_render(in->renderer, cfg, &p->image, &p->valid);
         p->ms[i] = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
     }
-    qsort(p->ms, (size_t)p->repeat, sizeof(p->ms[0]), by_size);
+    sst_stats_sort_double(p->ms, p->repeat);
     return err;
 }
 
@@ -91,7 +84,7 @@ static void report(const struct picture *p, const struct render_input *in, const
     json_decref(root);
 }
 
-/* "X,Y", or the centre where it is not given. */
+/* Parse "X,Y"; default: the centre. */
 static int read_pixel(const struct cli_command *cmd, const char *text, const struct sst_lightfield *lf, int pixel[2])
 {
     char rest;
@@ -163,14 +156,13 @@ const struct cli_command cli_render = {
         "the focus count little, so occluders vanish. The focus is a disparity in px per camera spacing; larger is\n"
         "nearer. `--f-stop N` uses the views within 1/N of the distance from the viewpoint to the farthest view.\n"
         "\n"
-        "Where disparities are poor, as behind dense leaves, and leave next to no ray to the focus, rays whose\n"
-        "colours agree at the focus make the picture (--verify-rays auto). Given disparities are trusted; on verifies\n"
-        "these, too, and off counts rays by disparity and label alone.\n"
+        "Where disparities are unreliable, as behind dense leaves, and hardly any ray supports the focus, the\n"
+        "picture uses rays whose colours agree at the focus (--verify-rays auto). External disparities are trusted;\n"
+        "on verifies these as well, off weights rays by disparity and label alone.\n"
         "\n"
-        "A light field with a calibration holds raw frames. With --sampling raw the rays are sampled from them at "
-        "once,\n"
-        "which is sharper and less work for few views or pictures; rectified makes all views first; auto (default)\n"
-        "takes the way that is less work.\n"
+        "A light field with a calibration holds raw frames. --sampling raw samples the rays directly from them,\n"
+        "which is sharper, and cheaper for few views or pictures; rectified rectifies all views first; auto\n"
+        "(default) chooses the cheaper one.\n"
         "\n"
         "--explain DIR writes, for the reference view, disparity.png (dark blue far, yellow near), labels.png,\n"
         "weight_depth.png, weight_label.png and weight.png, confidence.png, entropy.png and labels_hcsm.png where\n"

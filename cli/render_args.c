@@ -27,7 +27,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "sigma", 0, CLI_DOUBLE, &cfg->sigma_px, "S", "depth weight: width in px per spacing, or inf (range / 10)",
           1e-6, INFINITY },
         { "c1", 0, CLI_DOUBLE, &cfg->c1, "C", "depth weight: least weight, 0..1 (0.005)", 0, 1 },
-        { "c2", 0, CLI_DOUBLE, &cfg->c2, "C", "label weight: least weight, 0..1 (0.02; 1: no say)", 0, 1 },
+        { "c2", 0, CLI_DOUBLE, &cfg->c2, "C", "label weight: least weight, 0..1 (0.02; 1: labels ignored)", 0, 1 },
         { "range", 0, CLI_STRING, &a->range, "R", "depth range of a label: object (default), percentile, minmax", 0,
           0 },
         { "percentile", 0, CLI_DOUBLE, &cfg->range_percentile, "P", "share cut off at each end of a range (0.01)", 0,
@@ -46,8 +46,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "view-y", 0, CLI_DOUBLE, &cfg->view_by, "BY", "viewpoint, spacings below the reference view", -SST_MAX_VIEWS,
           SST_MAX_VIEWS },
         { "sampling", 0, CLI_STRING, &a->sampling, "S",
-          "calibrated light fields: straight from raw frames, from rectified views, or auto (whichever is less work)",
-          0, 0 },
+          "calibrated light fields: straight from raw frames, from rectified views, or auto (the cheaper one)", 0, 0 },
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
         { "force", 0, CLI_FLAG, &a->force, NULL, "replace an existing folder", 0, 0 },
         { "json", 0, CLI_FLAG, &a->json, NULL, "print one JSON object", 0, 0 },
@@ -56,7 +55,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
     memcpy(options, made, sizeof(made));
 }
 
-/* Place of a word in a list, or -1 after saying what the list is. */
+/* Index of a word in a list, or -1 with a usage error that names the list. */
 static int find_word(const struct cli_command *cmd, const char *option, const char *word, const char *const *words,
                      int n)
 {
@@ -71,7 +70,7 @@ static int find_word(const struct cli_command *cmd, const char *option, const ch
                               : ", ",
                  words[i]);
     }
-    cli_usage_error(cmd, "--%s %s is none of %s", option, word, list);
+    cli_usage_error(cmd, "unknown --%s `%s`; use %s", option, word, list);
     return -1;
 }
 
@@ -104,9 +103,9 @@ static int read_words(struct render_args *a, const struct cli_command *cmd)
     a->cfg.range = (enum sst_label_range)range;
     a->cfg.unsupported = (enum sst_render_unsupported)fallback;
     if (a->f_stop > 0 && isfinite(a->cfg.aperture))
-        return cli_usage_error(cmd, "--aperture and --f-stop say the same thing twice; give one of them");
+        return cli_usage_error(cmd, "--aperture and --f-stop set the same value; use one of them");
     if (a->label && a->cfg.method != SST_RENDER_SST)
-        return cli_usage_error(cmd, "--label has no meaning with --method refocus, where all rays weigh the same");
+        return cli_usage_error(cmd, "--label has no effect with --method refocus, which weights all rays equally");
     return CLI_GO_ON;
 }
 
@@ -160,7 +159,7 @@ static int check_maps(const struct render_input *in, const struct render_args *a
     return CLI_GO_ON;
 }
 
-/* How to load the images: by what is asked for, or by the work. Turns the f-stop into a radius. */
+/* Choose how to load the images, by option or cost. Converts the f-stop to a radius. */
 static int choose_sampling(struct render_args *a, const char *path, unsigned *what)
 {
     struct sst_lightfield lf;

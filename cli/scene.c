@@ -20,7 +20,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "output", 'o', CLI_STRING, &out, "LF", "light-field folder to make", 0, 0 },
         { "size", 0, CLI_SIZE, size, "WxH", "pixels of a view; 1000x750", 1, SST_IMAGE_MAX_SIDE },
         { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns of views; 6x6", 1, 256 },
-        { "seed", 0, CLI_SEED, &cfg.seed, "N", "moves and recolours what may vary; 1", 0, 0 },
+        { "seed", 0, CLI_SEED, &cfg.seed, "N", "random seed: moves and recolours objects; 1", 0, 0 },
         { "time", 0, CLI_DOUBLE, &cfg.time_s, "S", "seconds of motion; 0", -1e6, 1e6 },
         { "threads", 0, CLI_INT, &cfg.threads, "N", "threads; all processors", 1, 256 },
         { "force", 'f', CLI_FLAG, &force, NULL, "replace an existing folder", 0, 0 },
@@ -30,7 +30,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (r != CLI_GO_ON)
         return r;
     if (!out)
-        return cli_usage_error(cmd, "say where the light field goes: -o LF");
+        return cli_usage_error(cmd, "-o LF is missing");
     cfg.width = size[0];
     cfg.height = size[1];
     cfg.rows = grid[0];

@@ -10,6 +10,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "base/thread.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
@@ -18,7 +19,7 @@
 
 struct options {
     const char *model, *precision, *output, *prob, *entropy, *scale;
-    double eps_h; /* below 0: not given */
+    double eps_h; /* below 0: unset */
     struct sst_segment_config layout;
     bool hcsm, json;
     int threads;
@@ -37,7 +38,7 @@ struct result {
     float *prob;
 };
 
-/* --- which images, and where the results go -------------------------------------------------------- */
+/* --- input images and result paths -------------------------------------------------------- */
 
 static int add_path(struct inputs *in, const char *dir, const char *name)
 {
@@ -64,11 +65,6 @@ static bool is_picture(const char *name)
     return dot && dot != name && (!strcasecmp(dot, ".png") || !strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg"));
 }
 
-static int compare(const void *a, const void *b)
-{
-    return strcmp(*(char *const *)a, *(char *const *)b);
-}
-
 /* The PNG and JPEG files of a folder, by name. */
 static int add_folder(struct inputs *in, const char *dir)
 {
@@ -89,7 +85,7 @@ static int add_folder(struct inputs *in, const char *dir)
         sst_log_error("%s: %s; give images or a folder with PNG or JPEG files", dir,
                       err == -ENODATA ? "no PNG or JPEG file in it" : strerror(-err));
     else
-        qsort(in->paths + first, in->count - first, sizeof(*in->paths), compare);
+        sst_stats_sort_strings(in->paths + first, (int)(in->count - first));
     return err;
 }
 
@@ -117,7 +113,7 @@ static int check_names(const struct inputs *in, const char *dir)
         err = err || names[i] ? err : -ENOMEM;
     }
     if (!err)
-        qsort(names, in->count, sizeof(*names), compare);
+        sst_stats_sort_strings(names, (int)in->count);
     for (size_t i = 1; !err && i < in->count; i++) {
         if (!strcmp(names[i - 1], names[i])) {
             sst_log_error(
@@ -191,10 +187,10 @@ static int label_image(struct result *out, double ms[2], struct sst_segmenter *s
     return err;
 }
 
-/* Where a result of this kind goes: the file that was named, or one in the folder that was. */
-static int place(char out[SST_PATH_MAX], const char *given, const char *image, const char *ending, bool batch)
+/* Path of a result: the named file, or one in the named folder. */
+static int output_path(char out[SST_PATH_MAX], const char *named, const char *image, const char *ending, bool batch)
 {
-    return batch ? result_path(out, given, image, ending) : sst_path_join(out, given, NULL);
+    return batch ? result_path(out, named, image, ending) : sst_path_join(out, named, NULL);
 }
 
 static int write_result(const struct result *r, int classes, const char *image, const struct options *o, bool batch)
@@ -204,18 +200,18 @@ static int write_result(const struct result *r, int classes, const char *image, 
     int err = 0;
 
     if (o->prob) {
-        err = place(path, o->prob, image, ".npy", batch);
+        err = output_path(path, o->prob, image, ".npy", batch);
         err = err ? err : sst_npy_write_f32(r->prob, dims, 3, path);
     }
     if (!err && o->entropy) {
-        err = place(path, o->entropy, image, ".pfm", batch);
+        err = output_path(path, o->entropy, image, ".pfm", batch);
         err = err ? err : sst_map_f32_write_pfm(&r->entropy, path);
     }
-    err = err ? err : place(path, o->output, image, ".png", batch);
+    err = err ? err : output_path(path, o->output, image, ".png", batch);
     return err ? err : sst_map_u8_write_png(&r->label, path, sst_classes_palette());
 }
 
-/* What was found, in percent of the pixels. */
+/* Classes in percent of the pixels. */
 static json_t *image_json(const struct sst_map_u8 *label, const struct sst_classes *classes, const char *image,
                           const double ms[2])
 {
@@ -237,9 +233,9 @@ static json_t *image_json(const struct sst_map_u8 *label, const struct sst_class
                      "ms", ms[0], "cpu_ms", ms[1], "percent", found);
 }
 
-/* --- all ------------------------------------------------------------------------------------------ */
+/* --- the run ------------------------------------------------------------------------------------------ */
 
-/* A damaged image is told and the others are labelled; a full disk or a lack of memory ends it. */
+/* A damaged image is reported and the others are labelled; a full disk or lack of memory ends the run. */
 static int label_all(json_t *list, struct sst_segmenter *seg, const struct inputs *in, const struct options *o)
 {
     const struct sst_classes *classes = sst_segmenter_classes(seg);
@@ -286,7 +282,7 @@ static int segment(const char *const *args, const struct options *o)
     enum sst_precision precision = SST_PRECISION_AUTO;
     json_t *images = json_array();
     double load_ms;
-    int err = cli_precision(&precision, o->precision), told;
+    int err = cli_precision(&precision, o->precision), printed;
 
     if (!err)
         err = o->model ? sst_model_resolve(path, o->model) : sst_model_path(path, "pspnet-small.onnx");
@@ -298,8 +294,8 @@ static int segment(const char *const *args, const struct options *o)
     if (!err) {
         sst_segmenter_configure(seg, &o->layout);
         err = label_all(images, seg, &in, o);
-        told = o->json ? print_json(images, path, load_ms) : 0;
-        err = err ? err : told;
+        printed = o->json ? print_json(images, path, load_ms) : 0;
+        err = err ? err : printed;
     }
     json_decref(images);
     for (size_t i = 0; i < in.count; i++)
@@ -334,8 +330,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "entropy", 0, CLI_STRING, &o.entropy, "FILE|DIR", "write the entropy as .pfm", 0, 0 },
         { "hcsm", 0, CLI_FLAG, &o.hcsm, NULL, "drop labels above the model's entropy threshold", 0, 0 },
         { "epsilon-h", 0, CLI_DOUBLE, &o.eps_h, "V", "drop labels whose entropy is not below V", 0, 1e9 },
-        { "scale", 0, CLI_STRING, &o.scale, "S", "size of what the network sees: auto, or 1 = its own size", 0, 0 },
-        { "tiles", 0, CLI_FLAG, &o.layout.windows, NULL, "overlapping windows of the network's own size", 0, 0 },
+        { "scale", 0, CLI_STRING, &o.scale, "S", "scale of the network's input: auto, or 1 = its nominal size", 0, 0 },
+        { "tiles", 0, CLI_FLAG, &o.layout.windows, NULL, "overlapping windows of the network's nominal size", 0, 0 },
         { "json", 0, CLI_FLAG, &o.json, NULL, "print one JSON object: time and classes of each image", 0, 0 },
         { "threads", 't', CLI_INT, &o.threads, "N", "threads (0: all processors)", 0, 256 },
     };
@@ -355,7 +351,7 @@ const struct cli_command cli_segment = {
     .summary = "semantic labels of images",
     .detail =
         "One IMAGE and a file: its labels. Several, or folders of PNG and JPEG files: NAME.png in DIR for each, and\n"
-        "--prob and --entropy name folders, too. A damaged image is told and left out.\n"
+        "--prob and --entropy name folders, too. A damaged image is reported and left out.\n"
         "Without --hcsm and --epsilon-h every pixel gets its most probable class; with one of them, pixels whose "
         "label\n"
         "distribution has an entropy (natural log) at or above the threshold stay unlabeled.",

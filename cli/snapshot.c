@@ -31,12 +31,12 @@ static bool is_camera(const char *text)
 }
 
 /* Keep it in the service, and have a file of it if one is wanted. */
-static int keep(struct cli_client *client, const char *file)
+static int keep(struct sst_client *client, const char *file)
 {
     json_t *nothing = json_object(), *answer = NULL;
     char name[100], path[200];
     bool tar;
-    int err = nothing ? cli_client_json(client, "/api/v1/snapshot", nothing, &answer) : -ENOMEM;
+    int err = nothing ? sst_client_json(client, "/api/v1/snapshot", nothing, &answer) : -ENOMEM;
 
     json_decref(nothing);
     if (err)
@@ -52,10 +52,10 @@ static int keep(struct cli_client *client, const char *file)
         return 0;
     tar = ends_with(file, ".tar");
     snprintf(path, sizeof(path), "/api/v1/download/%s%s", name, tar ? ".tar" : "");
-    return cli_client_save(client, path, tar ? TAR : JPEG, file);
+    return sst_client_save(client, path, tar ? TAR : JPEG, file);
 }
 
-static int save(struct cli_client *client, const char *of, const char *file)
+static int save(struct sst_client *client, const char *of, const char *file)
 {
     char path[100];
 
@@ -63,12 +63,12 @@ static int save(struct cli_client *client, const char *of, const char *file)
         snprintf(path, sizeof(path), "/snapshot");
     else
         snprintf(path, sizeof(path), "/snapshot/%s%s", is_camera(of) ? "camera/" : "", of);
-    return cli_client_save(client, path, JPEG, file);
+    return sst_client_save(client, path, JPEG, file);
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct cli_service where = { 0 };
+    struct sst_client_service where = { 0 };
     const char *file = NULL, *of = NULL;
     bool keep_it = false;
     const struct cli_option options[] = {
@@ -80,7 +80,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         CLI_SERVICE_OPTIONS(where),
     };
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0), err;
-    struct cli_client *client;
+    struct sst_client *client;
 
     if (r != CLI_GO_ON)
         return r;
@@ -92,10 +92,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "--keep keeps the whole light field and the main view: --of does not go with it");
     if (of && !is_name(of))
         return cli_usage_error(cmd, "--of %s is no view, camera, labels or disparity", of);
-    err = cli_client_open(&client, &where);
+    err = sst_client_open(&client, &where);
     if (!err) {
         err = keep_it ? keep(client, file) : save(client, of, file);
-        cli_client_close(client);
+        sst_client_close(client);
     }
     return cli_exit_code(err);
 }

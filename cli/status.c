@@ -247,19 +247,19 @@ static void print_status(const json_t *status, const json_t *cameras)
  */
 
 /* @param failed  out, the service says that it failed */
-static int show(const struct cli_service *where, bool json, bool clear, bool *failed)
+static int show(const struct sst_client_service *where, bool json, bool clear, bool *failed)
 {
     json_t *status = NULL, *cameras = NULL;
-    struct cli_client *client;
+    struct sst_client *client;
     char state[TEXT];
-    int err = cli_client_open(&client, where);
+    int err = sst_client_open(&client, where);
 
     if (err)
         return err;
-    err = cli_client_json(client, "/api/v1/status", NULL, &status);
+    err = sst_client_json(client, "/api/v1/status", NULL, &status);
     if (!err && !json)
-        err = cli_client_json(client, "/api/v1/cameras", NULL, &cameras);
-    cli_client_close(client);
+        err = sst_client_json(client, "/api/v1/cameras", NULL, &cameras);
+    sst_client_close(client);
     if (!err) {
         *failed = !strcmp(cli_text(status, "state", state, sizeof(state)), "failed");
         if (clear)
@@ -282,7 +282,7 @@ static int show(const struct cli_service *where, bool json, bool clear, bool *fa
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct cli_service where = { 0 };
+    struct sst_client_service where = { 0 };
     bool json = false, watch = false, failed = false;
     const struct cli_option options[] = {
         { "watch", 'w', CLI_FLAG, &watch, NULL, "again each second, also while the service is away", 0, 0 },

@@ -51,8 +51,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           0 },
         { "max-disparity", 'm', CLI_DOUBLE, &disp_max, "N", "largest disparity searched, px", -9999, 9999 },
         { "min-disparity", 0, CLI_DOUBLE, &disp_min, "N", "smallest disparity searched, px (0)", -9999, 9999 },
-        { "raw", 0, CLI_FLAG, &raw, NULL,
-          "the cheapest disparity of each pixel as matched: no optimisation, no filling", 0, 0 },
+        { "raw", 0, CLI_FLAG, &raw, NULL, "cheapest disparity of each pixel: no optimisation, no filling", 0, 0 },
         CLI_MATCHING_OPTIONS(m),
     };
     struct sst_image left = { 0 }, right = { 0 };
@@ -91,8 +90,8 @@ const struct cli_command cli_stereo = {
     .name = "stereo",
     .usage = "LEFT RIGHT --max-disparity N -o out.pfm [--preset P]",
     .summary = "disparity of one rectified pair",
-    .detail = "A point at x in LEFT is at x - d in RIGHT. The result is dense: what one image hides is filled.\n"
-              "--raw leaves out all that follows the matching cost: for comparing costs and networks.",
+    .detail = "A point at x in LEFT is at x - d in RIGHT. The result is dense: pixels hidden in one image are filled.\n"
+              "--raw skips everything after the matching cost, to compare costs and networks.",
     .example = "sst stereo left.png right.png --max-disparity 64 --preset accurate -o disparity.pfm",
     .run = run,
 };

@@ -22,7 +22,7 @@ static int frame_count(const struct sweep *s)
     return s->bounce && s->steps > 2 ? 2 * s->steps - 2 : s->steps;
 }
 
-/* Bouncing, frame `steps` is the last but one of the way there, and the first is not shown twice. */
+/* When bouncing, frame `steps` repeats the last but one, and the first frame is not repeated. */
 static double focus_of(const struct sweep *s, int frame)
 {
     const int step = frame < s->steps ? frame : 2 * s->steps - 2 - frame;
@@ -111,7 +111,7 @@ static int write_video(const struct sweep *s, struct sst_image *img)
     return err;
 }
 
-/* A focus out of range is known before the first picture is made. */
+/* Check the focus range before rendering the first picture. */
 static int check_ends(const struct sweep *s)
 {
     struct sst_render_config cfg = s->args.cfg;

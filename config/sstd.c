@@ -9,6 +9,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "config/config_internal.h"
 
 /* The documents that were read stay until all faults are told. */
@@ -26,11 +27,6 @@ static bool is_part(const char *name)
 }
 
 /* By bytes, whatever the language of the user is. */
-static int by_name(const void *a, const void *b)
-{
-    return strcmp(*(char *const *)a, *(char *const *)b);
-}
-
 static int add_path(struct files *f, const char *path)
 {
     if (f->n == (int)ARRAY_LEN(f->path)) {
@@ -74,8 +70,7 @@ static int find_parts(struct files *f, const char *path)
             err = add_path(f, part);
     }
     closedir(d);
-    if (f->n > first)
-        qsort(f->path + first, (size_t)(f->n - first), sizeof(f->path[0]), by_name);
+    sst_stats_sort_strings(f->path + first, f->n - first);
     return err == -ENAMETOOLONG ? -EBADMSG : err;
 }
 

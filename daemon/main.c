@@ -1,4 +1,4 @@
-/* sstd: the service. Options, signals, what is told to systemd; the rest is daemon/service. */
+/* sstd: the service. Options, signals, notices to systemd; the rest is in daemon/service. */
 #define _GNU_SOURCE /* pipe2 */
 #include <errno.h>
 #include <fcntl.h>
@@ -21,7 +21,6 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "config/sstd.h"
-#include "daemon/publish/rtsp.h"
 #include "daemon/service/service.h"
 
 /* What stays flat for months: a thread a client comes and goes, so there is no arena for each; and blocks from this
@@ -89,7 +88,7 @@ static void on_alarm(int sig)
 
     (void)sig;
     if (poll(&log, 1, 0) == 1 && write(STDERR_FILENO, text, sizeof(text) - 1) < 0) {
-        /* nobody to tell; and where nobody reads, that may be what hangs */
+        /* no reader of the log: that may be what hangs */
     }
     _exit(0);
 }
@@ -119,8 +118,8 @@ static void on_signal(int sig)
     errno = err;
 }
 
-/* The one thread of ours that signals may disturb: nothing holds it up, while the service starts neither. */
-static void *take_signals(void *arg)
+/* The one thread in which signals are not blocked: nothing delays it, not even the start of the service. */
+static void *wait_for_signals(void *arg)
 {
     (void)arg;
     sst_thread_name("sst-signals");
@@ -146,7 +145,7 @@ static int catch_signals(void)
     if (pipe2(signal_pipe, O_CLOEXEC | O_NONBLOCK))
         return -errno;
     sigemptyset(&caught);
-    sigaddset(&caught, SIGALRM); /* the kernel would give it to the main thread, which may wait where none is taken */
+    sigaddset(&caught, SIGALRM); /* the kernel would deliver it to the main thread, which may be blocked */
     sigaction(SIGALRM, &end, NULL);
     for (size_t i = 0; i < ARRAY_LEN(sigs); i++) {
         sigaddset(&caught, sigs[i]);
@@ -154,7 +153,7 @@ static int catch_signals(void)
     }
     signal(SIGPIPE, SIG_IGN);
     pthread_sigmask(SIG_UNBLOCK, &caught, NULL);
-    err = pthread_create(&thread, NULL, take_signals, NULL);
+    err = pthread_create(&thread, NULL, wait_for_signals, NULL);
     if (err)
         return -err;
     pthread_detach(thread);
@@ -175,7 +174,7 @@ static void reload(struct sst_service *service)
     notify("READY=1");
 }
 
-/** Tell systemd how things stand, and that they move. */
+/** Send the status line and the watchdog's sign of life to systemd. */
 static void tick(struct sst_service *service, int64_t every_ns, int64_t *status_ns)
 {
     const int64_t now_ns = sst_clock_now_ns();
@@ -244,9 +243,9 @@ static const char help[] =
     "sstd [--config FILE] [--check] [--socket PATH] [-v]\n\n"
     "Captures from the camera array, shows the live see-through picture and records: the service behind sst status.\n\n"
     "  --config FILE   configuration; /etc/sst/sstd.yaml, and conf.d/*.yaml beside it\n"
-    "  --check         read the configuration, tell what is wrong with it, and exit (0: fine, 78: not)\n"
+    "  --check         check the configuration, print its faults, and exit (0: valid, 78: not)\n"
     "  --socket PATH   control socket instead of that of the configuration\n"
-    "  -v, --verbose   tell more (twice: everything)\n"
+    "  -v, --verbose   log more (twice: everything)\n"
     "      --version   print the version\n"
     "  -h, --help      this\n\n"
     "SIGHUP reads the configuration again, SIGTERM ends it within two seconds. See sstd(8), sstd.yaml(5).\n\n"
@@ -267,8 +266,6 @@ int main(int argc, char **argv)
     struct sst_config *config;
     int c, err, level = SST_LOG_WARNING;
 
-    if (argc > 1 && !strcmp(argv[1], SST_RTSP_PROCESS))
-        return sst_rtsp_process();
     while ((c = getopt_long(argc, argv, "hv", options, NULL)) != -1) {
         switch (c) {
         case 'c':

@@ -23,6 +23,15 @@ filled() { # SOURCE TARGET: a text with the places of the programs
   put 644 "$text" "$2"
   rm -f "$text"
 }
+linked() { # TARGET LINK
+  if [ "$verb" = install ]; then
+    mkdir -p "${2%/*}"
+    ln -sfn "$1" "$2"
+  else
+    rm -f "$2"
+    rmdir "${2%/*}" 2>/dev/null || true
+  fi
+}
 empty() { [ "$verb" = install ] || rmdir "$@" 2>/dev/null || true; }
 
 put 755 "$BUILD/sst" "$p/bin/sst"
@@ -36,6 +45,13 @@ for f in docs/man/*.[1-8]; do put 644 "$f" "$p/share/man/man${f##*.}/${f##*/}"; 
 put 644 completions/sst "$p/share/bash-completion/completions/sst"
 
 filled systemd/sstd.service.in "$p/lib/systemd/system/sstd.service"
+# Enabled: started with the service. They wait while they are disabled in the configuration.
+for name in rtsp mqtt; do
+  [ "$verb" = install ] && [ ! -e "$BUILD/sst-$name" ] && continue # built without
+  put 755 "$BUILD/sst-$name" "$p/sbin/sst-$name"
+  filled systemd/sst-$name.service.in "$p/lib/systemd/system/sst-$name.service"
+  linked ../sst-$name.service "$p/lib/systemd/system/sstd.service.wants/sst-$name.service"
+done
 put 644 systemd/sstd.socket "$p/lib/systemd/system/sstd.socket"
 put 644 systemd/sysusers.conf "$p/lib/sysusers.d/sst.conf"
 put 644 systemd/tmpfiles.conf "$p/lib/tmpfiles.d/sst.conf"

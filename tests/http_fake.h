@@ -42,6 +42,7 @@ static atomic_int api_sleep_ms;
 static const char *fake_state = "capturing";
 static struct sst_outlet *fake_outlet;
 static struct sst_api fake;
+static struct sst_counters fake_counters;
 static struct sst_http *server;
 
 /* --- the service ------------------------------------------------------------------------------------------------- */
@@ -87,6 +88,7 @@ FAKE_BODY(record)
 FAKE_BODY(snapshot)
 FAKE_BODY(export_)
 FAKE_BODY(delete_)
+FAKE_BODY(publisher)
 
 static int fake_view_change(void *arg, const char *id, const json_t *body, struct sst_api_answer *out)
 {
@@ -243,7 +245,8 @@ static struct sst_http_config config(void)
                                      .token_file = token_file,
                                      .clients = 64,
                                      .streams = 12,
-                                     .api = &fake };
+                                     .api = &fake,
+                                     .counters = &fake_counters };
 }
 
 static void read_word(const char *path, char *out)
@@ -257,6 +260,7 @@ static void read_word(const char *path, char *out)
 
 static SST_UNUSED void serve(const struct sst_http_config *cfg)
 {
+    sst_counters_init(&fake_counters);
     assert_int_equal(sst_http_open(&server, cfg), 0);
     read_word(in_folder("token"), control);
     read_word(in_folder("token.view"), view);
@@ -282,10 +286,12 @@ static int make_service(void **state)
                              .recordings = fake_recordings,
                              .export_ = fake_export_,
                              .delete_ = fake_delete_,
+                             .publisher = fake_publisher,
                              .calibration_check = fake_calibration_check,
                              .outlet = fake_find,
                              .download = fake_download,
                              .events = fake.events };
+    sst_counters_init(&fake_counters);
     fake_state = "capturing";
     api_sleep_ms = 0;
     api_calls = 0;
@@ -302,6 +308,7 @@ static int end_service(void **state)
     sst_outlet_unref(fake_outlet);
     sst_events_shut(fake.events);
     sst_events_destroy(fake.events);
+    sst_counters_fini(&fake_counters);
     for (size_t i = 0; i < ARRAY_LEN(names); i++)
         unlink(in_folder(names[i]));
     return rmdir(folder);

@@ -101,7 +101,6 @@ static inline int raw_field_fill(struct sst_lightfield *lf, const struct raw_fie
     lf->height = f->settings.height;
     for (int k = 0; k < lf->rows * lf->cols && !err; k++) {
         lf->views[k].present = true;
-        snprintf(lf->views[k].file, sizeof(lf->views[k].file), "view%d", k);
         err = sim_stage_loop(stage, k, raw_field_keep, &lf->views[k].image);
     }
     err = err ? err : sst_lightfield_calibrate(lf, &f->use);

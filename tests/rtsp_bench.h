@@ -1,4 +1,4 @@
-/* tests/rtsp_bench.h - an RTSP server with pictures that are made up, and clients: ffmpeg, and one that can misbehave.
+/* tests/rtsp_bench.h - sst-rtsp on a service with synthetic pictures, and clients: ffmpeg, and one that can misbehave.
  */
 #ifndef SST_TESTS_RTSP_BENCH_H
 #define SST_TESTS_RTSP_BENCH_H
@@ -28,8 +28,10 @@
 #include <cmocka.h>
 
 #include "base/clock.h"
+#include "base/file.h"
 #include "base/log.h"
-#include "daemon/publish/rtsp_internal.h"
+#include "config/sstd.h"
+#include "daemon/publish/http.h"
 #include "pipeline/image/codec.h"
 #include "tests/quick.h"
 
@@ -42,12 +44,18 @@
 #define PATIENCE_MS 60000 /* with what comes sooner or later */
 
 static struct sst_outlet *outlet;
-static struct sst_events *events;
-static struct sst_rtsp *server;
+static struct sst_counters counters;
+static struct sst_http *service;
+static pid_t program; /* sst-rtsp; 0: does not run */
+static int port;      /* its */
+static char folder[64];
 static pthread_t painter;
 static atomic_bool painting;
 
-/* --- the service ------------------------------------------------------------------------------------------------- */
+/* --- the service -------------------------------------------------------------------------------------------------- */
+
+static atomic_int reported_clients, reported_refusals;
+static atomic_bool reported_problem;
 
 static int find(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
 {
@@ -59,7 +67,46 @@ static int find(void *arg, enum sst_api_picture kind, const char *name, struct s
     return 0;
 }
 
-static struct sst_api api = { .outlet = find };
+static int give_status(void *arg, struct sst_api_answer *out)
+{
+    (void)arg;
+    out->body = json_pack("{s:f}", "uptime_s", (double)sst_clock_now_ns() * 1e-9);
+    return 0;
+}
+
+static int get_report(void *arg, const json_t *request, struct sst_api_answer *out)
+{
+    (void)arg;
+    reported_clients = (int)json_integer_value(json_object_get(request, "clients"));
+    reported_refusals += *json_string_value(json_object_get(request, "refused")) != 0;
+    reported_problem = *json_string_value(json_object_get(request, "problem")) != 0;
+    out->body = json_object();
+    return 0;
+}
+
+static struct sst_api api = { .outlet = find, .status = give_status, .publisher = get_report };
+
+static const char *in_folder(const char *name)
+{
+    static char path[4][128];
+    static int next;
+
+    next = (next + 1) % 4;
+    snprintf(path[next], sizeof(path[next]), "%s/%s", folder, name);
+    return path[next];
+}
+
+static void open_service(void)
+{
+    const struct sst_http_config cfg = { .socket = in_folder("c.sock"),
+                                         .socket_fd = -1,
+                                         .clients = 64,
+                                         .streams = 0, /* the limit is not for sst-rtsp */
+                                         .api = &api,
+                                         .counters = &counters };
+
+    assert_int_equal(sst_http_open(&service, &cfg), 0);
+}
 
 /* Red, with a blue bar at the number's place. */
 static void show(int number, int width, int height)
@@ -108,9 +155,13 @@ static int start_painting(void)
 static int make_pictures(void **state)
 {
     (void)state;
-    if (sst_outlet_create(&outlet) || sst_events_create(&events, 16))
+    strcpy(folder, "/tmp/sst-rtsp-XXXXXX");
+    if (!mkdtemp(folder) || sst_outlet_create(&outlet) || sst_events_create(&api.events, 16))
         return -1;
-    api.events = events;
+    sst_counters_init(&counters);
+    reported_clients = reported_refusals = 0;
+    reported_problem = false;
+    open_service();
     return start_painting();
 }
 
@@ -120,48 +171,123 @@ static void stop_painting(void)
         pthread_join(painter, NULL);
 }
 
-/* What ffmpeg says. */
 static const char *err_file(void)
 {
-    static char path[64];
-
-    snprintf(path, sizeof(path), "/tmp/sst-rtsp-%d.err", (int)getpid());
-    return path;
+    return in_folder("ffmpeg.err");
 }
 
-static int end_pictures(void **state)
+/* Below those that the kernel assigns: nobody listens there for a while. */
+static int free_port(void)
 {
-    (void)state;
-    sst_rtsp_close(server);
-    server = NULL;
-    stop_painting();
-    sst_outlet_unref(outlet);
-    sst_events_shut(events);
-    sst_events_destroy(events);
-    unlink(err_file());
-    return 0;
+    static int at;
+    struct sockaddr_in a = { .sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK) };
+    int err = -1, number = 0;
+
+    for (int i = 0; i < 1000 && err; i++) {
+        const int fd = socket(AF_INET, SOCK_STREAM, 0);
+
+        number = 10000 + (getpid() * 7 + ++at) % 20000;
+        a.sin_port = htons((uint16_t)number);
+        err = bind(fd, (struct sockaddr *)&a, sizeof(a));
+        close(fd);
+    }
+    assert_int_equal(err, 0);
+    return number;
 }
 
-static struct sst_rtsp_config config(enum sst_rtsp_codec codec)
+static void configure(enum sst_rtsp_codec codec, const char *more)
 {
-    return (
-        struct sst_rtsp_config){ .address = "127.0.0.1", .codec = codec, .user = "", .password_file = "", .api = &api };
+    FILE *f = fopen(in_folder("sstd.yaml"), "w");
+
+    assert_non_null(f);
+    fprintf(f, "control: {socket: %s, group: \"\"}\nrtsp: {enabled: true, port: %d, codec: %s%s}\n",
+            in_folder("c.sock"), port, codec == SST_RTSP_H264 ? "h264" : "mjpeg", more);
+    fclose(f);
+}
+
+static int try_connect(void)
+{
+    struct sockaddr_in at = { .sin_family = AF_INET, .sin_port = htons((uint16_t)port) };
+    const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+
+    at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    assert_true(fd >= 0);
+    if (!connect(fd, (struct sockaddr *)&at, sizeof(at)))
+        return fd;
+    close(fd);
+    return -1;
+}
+
+static void wait_for_server(void)
+{
+    int fd = -1;
+
+    for (int t = 0; t < PATIENCE_MS && fd < 0; t += 20) {
+        fd = try_connect();
+        if (fd < 0)
+            nanosleep(&(struct timespec){ .tv_nsec = 20000000 }, NULL);
+    }
+    assert_true(fd >= 0);
+    close(fd);
+}
+
+static void start_program(void)
+{
+    const char *build = getenv("SST_BUILD");
+    char path[256];
+
+    snprintf(path, sizeof(path), "%s/sst-rtsp", build ? build : "build");
+    program = fork();
+    if (!program) {
+        execl(path, path, "--config", in_folder("sstd.yaml"), (char *)NULL);
+        _exit(127);
+    }
+    assert_true(program > 0);
+}
+
+static void serve_with(enum sst_rtsp_codec codec, const char *more)
+{
+    port = free_port();
+    configure(codec, more);
+    start_program();
+    wait_for_server();
 }
 
 static void serve(enum sst_rtsp_codec codec)
 {
-    const struct sst_rtsp_config cfg = config(codec);
-
-    assert_int_equal(sst_rtsp_open(&server, &cfg), 0);
+    serve_with(codec, "");
 }
 
 static void close_server(void)
 {
     const int64_t start_ns = sst_clock_now_ns();
+    int status = -1;
 
-    sst_rtsp_close(server);
-    server = NULL;
+    assert_int_equal(waitpid(program, &status, WNOHANG), 0); /* it still runs */
+    kill(program, SIGTERM);
+    assert_int_equal(waitpid(program, &status, 0), program);
+    program = 0;
+    assert_true(WIFSIGNALED(status) && WTERMSIG(status) == SIGTERM);
     assert_quick(start_ns, 1500000000);
+}
+
+static int end_pictures(void **state)
+{
+    (void)state;
+    if (program) {
+        kill(program, SIGKILL);
+        waitpid(program, NULL, 0);
+        program = 0;
+    }
+    stop_painting();
+    sst_outlet_shut(outlet);
+    sst_http_close(service);
+    sst_outlet_unref(outlet);
+    sst_events_shut(api.events);
+    sst_events_destroy(api.events);
+    sst_counters_fini(&counters);
+    sst_path_remove_tree(folder);
+    return 0;
 }
 
 /* Until there are so many, on the busiest machine. What comes may go and come again while it begins. */
@@ -183,7 +309,7 @@ static int viewers(void)
 
 static int clients(void)
 {
-    return sst_rtsp_clients(server);
+    return reported_clients;
 }
 
 /* --- other people's clients ----------------------------------------------------------------------------------------
@@ -197,7 +323,7 @@ static FILE *watch(const char *login, const char *path, const char *transport, c
     snprintf(command, sizeof(command),
              "exec timeout -s KILL 120 ffmpeg -nostdin -loglevel error -rtsp_transport %s -i "
              "rtsp://%s127.0.0.1:%d%s -an -fps_mode passthrough %s 2>%s",
-             transport, login, sst_rtsp_port(server), path, rest, err_file());
+             transport, login, port, path, rest, err_file());
     return popen(command, "r");
 }
 
@@ -250,16 +376,12 @@ static void reads_20(const char *path, const char *transport)
 /* --- a client of our own -------------------------------------------------------------------------------------------
  */
 
+/* When there are too many, a socket that is shut. */
 static int connect_server(void)
 {
-    struct sockaddr_in at = { .sin_family = AF_INET, .sin_port = htons((uint16_t)sst_rtsp_port(server)) };
-    const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const int fd = try_connect();
 
-    at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    assert_true(fd >= 0);
-    if (connect(fd, (struct sockaddr *)&at, sizeof(at))) /* too many at a time */
-        shutdown(fd, SHUT_RDWR);
-    return fd;
+    return fd >= 0 ? fd : socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
 }
 
 static char answer[8192];
@@ -287,8 +409,8 @@ static int ask(int fd, const char *method, const char *path, const char *more)
     ssize_t n;
     int status = 0;
 
-    snprintf(text, sizeof(text), "%s rtsp://127.0.0.1:%d%s RTSP/1.0\r\nCSeq: %d\r\n%s\r\n", method,
-             sst_rtsp_port(server), path, ++number, more);
+    snprintf(text, sizeof(text), "%s rtsp://127.0.0.1:%d%s RTSP/1.0\r\nCSeq: %d\r\n%s\r\n", method, port, path,
+             ++number, more);
     answer[0] = 0;
     if (send(fd, text, strlen(text), MSG_NOSIGNAL) < 0)
         return 0;
@@ -308,10 +430,10 @@ static int ask_once(const char *method, const char *path, const char *more)
 
 static char *write_password(const char *text)
 {
-    static char path[64];
+    static char path[96];
     FILE *f;
 
-    snprintf(path, sizeof(path), "/tmp/sst-rtsp-password-%d", (int)getpid());
+    snprintf(path, sizeof(path), "%s/password", folder);
     f = fopen(path, "w");
     assert_non_null(f);
     fputs(text, f);
@@ -328,7 +450,8 @@ static int stall(void)
     const char *at;
 
     setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &small, sizeof(small));
-    assert_int_equal(ask(fd, "DESCRIBE", "/main", ""), 200);
+    for (int t = 0; t < PATIENCE_MS && ask(fd, "DESCRIBE", "/main", "") == 503; t += 50)
+        sleep_ms(50); /* the pipeline of the last one is just being stopped */
     assert_int_equal(ask(fd, "SETUP", "/main/stream=0", "Transport: RTP/AVP/TCP;unicast;interleaved=0-1\r\n"), 200);
     at = strstr(answer, "Session: ");
     assert_non_null(at);

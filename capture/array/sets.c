@@ -9,6 +9,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/stats.h"
+
 #define BEATS              128 /* triggers that are remembered, to tell late frames from stray ones */
 #define PENDING_PER_CAMERA 2   /* frames that are here before their trigger is told */
 #define STAMP_AHEAD_NS     1000000
@@ -118,13 +120,6 @@ void sst_sets_recycle(struct sst_sets *s, struct sst_set *set, bool dropped)
     pthread_mutex_unlock(&s->lock);
 }
 
-static int by_time(const void *a, const void *b)
-{
-    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-
-    return x < y ? -1 : x > y;
-}
-
 static void measure_skew(const struct sst_sets *s, struct sst_set *set)
 {
     int64_t t[SST_CAMERAS_MAX], far = -1, median;
@@ -136,7 +131,7 @@ static void measure_skew(const struct sst_sets *s, struct sst_set *set)
             t[n++] = set->frame[cam]->t_ns - s->cfg.delay_ns[cam];
     if (n < 2)
         return;
-    qsort(t, (size_t)n, sizeof(t[0]), by_time);
+    sst_stats_sort_int64(t, n);
     median = t[(n - 1) / 2];
     set->skew.spread_ns = t[n - 1] - t[0];
     for (int cam = 0; cam < set->cameras; cam++)

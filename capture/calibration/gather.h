@@ -29,7 +29,7 @@ struct sst_gather_source {
 /** The pictures to use. */
 struct sst_gather_selection {
     int grid[2];    /* rows, columns; 0: from names */
-    bool rig;       /* views are poses of one camera, also where the source does not say so */
+    bool rig;       /* views are poses of one camera, also where the source does not mark them */
     int every, max; /* of a recording's framesets each n-th, and at most this many; 0: all */
 };
 

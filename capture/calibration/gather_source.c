@@ -12,7 +12,7 @@
 #include "capture/calibration/calibration_internal.h"
 #include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/lightfield.h"
+#include "pipeline/lightfield/folder.h"
 
 /* One picture found: camera and moment by name. */
 struct found {
@@ -150,8 +150,8 @@ static int add_lightfield(struct sst_gather_source *s, struct list *l, const cha
     if (err)
         return err;
     if (s->rows && (s->rows != lf.rows || s->cols != lf.cols)) {
-        sst_log_error("%s has %dx%d views, but the light fields before it %dx%d; calibrate them separately", dir, lf.rows,
-                      lf.cols, s->rows, s->cols);
+        sst_log_error("%s has %dx%d views, but the light fields before it %dx%d; calibrate them separately", dir,
+                      lf.rows, lf.cols, s->rows, s->cols);
         err = -EBADMSG;
     }
     if (!err && sst_path_join(path, dir, "capture.jsonl") == 0 && sst_path_exists(path))
@@ -174,7 +174,7 @@ static int add_lightfield(struct sst_gather_source *s, struct list *l, const cha
         sst_view_name(&lf, k, name);
         err = sst_path_join(path, dir, "views");
         if (!err)
-            err = sst_path_join(file, path, lf.views[k].file);
+            err = sst_path_join(file, path, lf.files->view[k].name);
         if (!err)
             err = list_add(l, name, frame, file);
     }

@@ -82,6 +82,12 @@ LAZY(int, av_new_packet, (AVPacket * packet, int size), (packet, size), AVERROR(
 LAZY_VOID(av_packet_unref, (AVPacket * packet), (packet))
 LAZY_VOID(av_packet_free, (AVPacket * *packet), (packet))
 LAZY(unsigned, avcodec_pix_fmt_to_codec_tag, (enum AVPixelFormat format), (format), 0)
+LAZY(int, av_dict_set_int, (AVDictionary * *options, const char *key, int64_t value, int flags),
+     (options, key, value, flags), AVERROR(ENOSYS))
+LAZY(int, av_new_packet, (AVPacket * packet, int bytes), (packet, bytes), AVERROR(ENOSYS))
+LAZY_VOID(av_packet_unref, (AVPacket * packet), (packet))
+LAZY(int, avio_open, (AVIOContext * *context, const char *url, int flags), (context, url, flags), AVERROR(ENOSYS))
+LAZY(int, avio_closep, (AVIOContext * *context), (context), AVERROR(ENOSYS))
 LAZY(int, av_dict_set, (AVDictionary * *options, const char *key, const char *value, int flags),
      (options, key, value, flags), AVERROR(ENOSYS))
 LAZY(int, av_dict_set_int, (AVDictionary * *options, const char *key, int64_t value, int flags),

@@ -16,8 +16,8 @@
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
+#include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/import.h"
-#include "pipeline/lightfield/lightfield.h"
 
 #define MAX_NAMED 4 /* views named in one message */
 
@@ -63,17 +63,16 @@ static bool decodes(const struct job *job, const uint8_t *data, size_t bytes)
 static int write_view(struct job *job, int view, const struct sst_recording_frame *f, const uint8_t *data)
 {
     const struct sst_raw raw = { job->info->fourcc, job->info->width, job->info->height, f->stride, data, f->bytes };
-    struct sst_view *v = &job->lf.views[view];
-    char name[300], path[SST_PATH_MAX];
+    char name[300], path[SST_PATH_MAX], *file = job->lf.files->view[view].name;
     int err;
 
-    sst_view_name(&job->lf, view, v->file);
-    strcat(v->file, is_jpeg(job) ? ".jpg" : ".png");
-    snprintf(name, sizeof(name), "views/%s", v->file);
+    sst_view_name(&job->lf, view, file);
+    strcat(file, is_jpeg(job) ? ".jpg" : ".png");
+    snprintf(name, sizeof(name), "views/%s", file);
     err = sst_path_join(path, job->dir, name);
     if (err)
         return err;
-    v->present = true;
+    job->lf.views[view].present = true;
     return is_jpeg(job) ? sst_file_write(path, data, f->bytes) : sst_raw_write_png(&raw, path);
 }
 
@@ -166,14 +165,14 @@ static void describe(struct job *job)
     for (int k = 0; k < lf->rows * lf->cols; k++)
         present += lf->views[k].present;
     format_wall(wall, set->wall_ns);
-    snprintf(lf->source, sizeof(lf->source),
+    snprintf(lf->files->source, sizeof(lf->files->source),
              "recording import of %.700s, set %d: trigger %llu of run %d, %s, t_ns %lld "
              "(%s), skew %.3f us, %d of %d views",
              job->cfg->source ? job->cfg->source : sst_recording_dir(job->recording), job->number,
              (unsigned long long)set->index, set->session, wall, (long long)set->t_ns,
              set->edge ? "edge of the trigger" : "no edge", (double)set->skew.spread_ns * 1e-3, present,
              job->info->cameras);
-    make_utf8(lf->source);
+    make_utf8(lf->files->source);
 }
 
 /* Is it the camera that a calibration calls by this name? */
@@ -247,7 +246,7 @@ static int prepare(struct job *job)
 {
     const struct sst_recording_info *info = job->info;
     struct sst_lightfield *lf = &job->lf;
-    int err = sst_lightfield_init(lf, info->rows, info->cols);
+    int err = sst_lightfield_init_files(lf, info->rows, info->cols);
 
     if (err) {
         sst_log_error("%s has a grid of %dx%d; a light field has at most %d views", sst_recording_dir(job->recording),

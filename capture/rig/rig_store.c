@@ -21,7 +21,7 @@
 #include "base/log.h"
 #include "capture/rig/rig.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/lightfield.h"
+#include "pipeline/lightfield/folder.h"
 
 #define MANIFEST       "capture.jsonl"
 #define MANIFEST_MAX   ((size_t)16 << 20)
@@ -574,13 +574,13 @@ int sst_rig_store_put(struct sst_rig_store *s, int view, const struct sst_rig_sh
 static int fill(const struct sst_rig_store *s, struct sst_lightfield *lf)
 {
     const struct sst_rig_pos *ref;
-    int err = sst_lightfield_init(lf, s->rows, s->cols);
+    int err = sst_lightfield_init_files(lf, s->rows, s->cols);
 
     if (err)
         return err;
     ref = &s->view[lf->ref_view].read;
     lf->spacing_mm = s->pitch_um[0] / 1000.0;
-    snprintf(lf->source, sizeof(lf->source), "rig capture, camera %s at %s",
+    snprintf(lf->files->source, sizeof(lf->files->source), "rig capture, camera %s at %s",
              s->view[lf->ref_view].serial[0] ? s->view[lf->ref_view].serial : "without serial",
              s->view[lf->ref_view].port);
     for (int k = 0; !err && k < s->rows * s->cols; k++) {
@@ -591,8 +591,8 @@ static int fill(const struct sst_rig_store *s, struct sst_lightfield *lf)
         v->present = true;
         v->bx = (double)(s->view[k].read.um[0] - ref->um[0]) / s->pitch_um[0];
         v->by = (double)(s->view[k].read.um[1] - ref->um[1]) / s->pitch_um[0];
-        file_name(s, k, v->file);
-        memcpy(v->sha256, s->view[k].sha256, sizeof(v->sha256));
+        file_name(s, k, lf->files->view[k].name);
+        memcpy(lf->files->view[k].sha256, s->view[k].sha256, sizeof(s->view[k].sha256));
         err = view_path(s, k, path);
         if (!err)
             err = sst_image_read_size(path, &width, &height);

@@ -1,4 +1,4 @@
-/* daemon/events/events.h - what happened, for people and programs: the journal, the event stream, hooks, MQTT. */
+/* daemon/events/events.h - events of the service: journal, event stream, hooks, MQTT. */
 #ifndef SST_DAEMON_EVENTS_EVENTS_H
 #define SST_DAEMON_EVENTS_EVENTS_H
 
@@ -48,10 +48,10 @@ struct sst_events; /* opaque; any thread */
 SST_MUST_CHECK int sst_events_create(struct sst_events **out, int capacity);
 
 /**
- * Something happened: keep it, write it to the journal (fields SST_EVENT=, CAMERA=rRcC, SET=, MESSAGE_ID= where `data`
- * has them) or, without one, to standard error, and wake those that wait.
+ * Store an event, write it to the journal (fields SST_EVENT=, CAMERA=rRcC, SET=, MESSAGE_ID= where `data`
+ * has them) or, without one, to standard error, and wake the waiting threads.
  *
- * @param data  taken over; NULL: none. "row" and "col", "set" are also told to the journal.
+ * @param data  taken over; NULL: none. "row" and "col", "set" also become fields of the journal.
  */
 void sst_events_emit(struct sst_events *events, enum sst_event_level level, const char *type, json_t *data,
                      const char *fmt, ...) SST_PRINTF(5, 6);

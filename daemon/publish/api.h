@@ -1,4 +1,4 @@
-/* daemon/publish/api.h - what can be asked of the service and told to it, whoever asks: HTTP, RTSP, MQTT. */
+/* daemon/publish/api.h - the verbs of the service that HTTP serves. */
 #ifndef SST_DAEMON_PUBLISH_API_H
 #define SST_DAEMON_PUBLISH_API_H
 
@@ -23,30 +23,33 @@ enum sst_api_picture {
 };
 
 /**
- * The service. Every call returns within a second whatever else the service does, on any thread, and gives 0 or
+ * The service. Every call returns within a second whatever else the service does, on any thread, and returns 0 or
  * -EINVAL (a value; 400), -ENOENT (404), -EBUSY, -EAGAIN (409), -ENOSPC, -EROFS, -EIO (507, 500), -EOVERFLOW (too many
  * views; 429), -ENODATA (nothing captured yet; 503), -ENOTSUP (501), -ENOMEM. Objects that come from outside are
  * checked by the service: unknown members are refused by name.
  */
 struct sst_api {
     void *arg;
+    void *live; /* first argument of the verbs whose parameter is `live` */
     int (*status)(void *arg, struct sst_api_answer *out);
     int (*cameras)(void *arg, struct sst_api_answer *out);
-    int (*labels)(void *arg, struct sst_api_answer *out); /* classes, colours, what is present */
-    int (*metrics)(void *arg, char **text);               /* Prometheus; to free with free() */
-    int (*views)(void *arg, struct sst_api_answer *out);
-    int (*view_create)(void *arg, const json_t *settings, struct sst_api_answer *out);
-    int (*view_change)(void *arg, const char *id, const json_t *settings, struct sst_api_answer *out);
-    int (*pick)(void *arg, const char *id, double x, double y, struct sst_api_answer *out); /* px of the picture */
+    int (*labels)(void *live, struct sst_api_answer *out); /* classes, colours, what is present */
+    int (*metrics)(void *arg, char **text);                /* Prometheus; to free with free() */
+    int (*views)(void *live, struct sst_api_answer *out);
+    int (*view_create)(void *live, const json_t *settings, struct sst_api_answer *out);
+    int (*view_change)(void *live, const char *id, const json_t *settings, struct sst_api_answer *out);
+    int (*pick)(void *live, const char *id, double x, double y, struct sst_api_answer *out); /* px of the picture */
     int (*reload)(void *arg, bool dry_run, struct sst_api_answer *out);
     int (*record)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*snapshot)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*recordings)(void *arg, struct sst_api_answer *out);
     int (*export_)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*delete_)(void *arg, const json_t *request, struct sst_api_answer *out);
-    int (*calibration_check)(void *arg, struct sst_api_answer *out);
+    /** A report of sst-rtsp or sst-mqtt. */
+    int (*publisher)(void *arg, const json_t *request, struct sst_api_answer *out);
+    int (*calibration_check)(void *live, struct sst_api_answer *out);
     /** A moving picture; a reference to its outlet. @return 0, -ENOENT, -EOVERFLOW, -ENODATA */
-    int (*outlet)(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
+    int (*outlet)(void *live, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
     /** Open something in storage, by its name and what of it (.tar, .mkv ...).
      *  @param out  the caller's @return 0, -EINPROGRESS (it is being made: call again), -ENOENT, -ENODATA (nothing of it
      *  was recorded), -EBUSY (it is being written), -EMFILE (too many), -ENOSPC */

@@ -1,4 +1,4 @@
-/* One thread: it waits for an event, for a program to end, or to be told to stop. */
+/* One thread, which waits for an event, the end of a program, or the request to stop. */
 #include "daemon/publish/hooks.h"
 
 #include <errno.h>
@@ -19,7 +19,7 @@
 #include "daemon/publish/publish_internal.h"
 
 #define LIMIT_MS 30000
-#define LOOK_MS  20   /* between looks at programs that run */
+#define CHECK_MS 20   /* between checks of running programs */
 #define CLOSE_MS 400  /* killed programs are waited for this long: the disk may hold one */
 #define UNKNOWN  (-1) /* status of a program that has not run */
 
@@ -42,7 +42,7 @@ struct sst_hooks {
     /* under lock */
     struct sst_hook hook[SST_HOOKS_MAX];
     int hooks;
-    int status[SST_HOOKS_MAX]; /* last one told */
+    int status[SST_HOOKS_MAX]; /* last one logged */
     unsigned generation;       /* of the settings */
     struct sst_hooks_counters n;
     /* thread only */
@@ -63,7 +63,7 @@ static void wake(void *arg)
 
 /* --- starting and ending ------------------------------------------------------------------------------------------ */
 
-/* Told when it differs from the last time, so that a hook that always fails does not fill the journal. */
+/* Logged when it differs from the last time, so that a hook that always fails does not fill the journal. */
 static void tell(struct sst_hooks *h, const struct run *r, int status, const char *what)
 {
     bool changed = false, first = false;
@@ -94,7 +94,7 @@ static void start(struct sst_hooks *h, struct run *r)
     hook_env_free(env);
     free(r->event);
     r->event = NULL;
-    /* Who sees it counted as run must see that it runs, or how it failed. */
+    /* Counted together with its state: a reader never sees a run without one. */
     if (err) {
         r->pid = 0;
         snprintf(what, sizeof(what), "cannot be run: %s", strerror(-err));
@@ -107,7 +107,7 @@ static void start(struct sst_hooks *h, struct run *r)
     r->end_ns = sst_clock_now_ns() + (int64_t)h->limit_ms * 1000000;
 }
 
-/* A program ended: it is still to be reaped, so that its group's number is nobody else's. */
+/* A program ended: it is not reaped yet, so that the number of its group is not reused. */
 static void end(struct sst_hooks *h, struct run *r)
 {
     const pid_t pid = r->pid;
@@ -134,7 +134,7 @@ static void look(struct sst_hooks *h, struct run *r)
 
     if (!err && info.si_pid) {
         end(h, r);
-    } else if (err && errno == ECHILD) { /* somebody else reaped it: how it ended is not known */
+    } else if (err && errno == ECHILD) { /* reaped elsewhere: its exit status is not known */
         r->pid = 0;
     } else if (!r->killed && sst_clock_now_ns() > r->end_ns) {
         r->killed = true;
@@ -260,7 +260,7 @@ static void kill_all(struct sst_hooks *h)
             kill(-h->run[i].pid, SIGKILL);
         }
     while (attend(h) && sst_clock_now_ns() < end_ns)
-        poll(NULL, 0, LOOK_MS);
+        poll(NULL, 0, CHECK_MS);
     for (int i = 0; i < h->n_waiting; i++)
         free(h->waiting[i].event);
 }
@@ -276,7 +276,7 @@ static void *work(void *arg)
     while (!h->stop) {
         follow_settings(h, &generation);
         take_events(h);
-        if (poll(&fd, 1, attend(h) ? LOOK_MS : -1) > 0 && read(h->wake, &count, sizeof(count)) < 0)
+        if (poll(&fd, 1, attend(h) ? CHECK_MS : -1) > 0 && read(h->wake, &count, sizeof(count)) < 0)
             continue; /* taken already */
     }
     kill_all(h);

@@ -9,7 +9,7 @@
 #include <jansson.h>
 
 #define VARIABLES_MAX 1024 /* of all */
-#define VALUE_MAX     8192 /* bytes; longer values are left out: the kernel limits what a program can be given */
+#define VALUE_MAX     8192 /* bytes; longer values are left out: the kernel limits the environment */
 
 extern char **environ;
 
@@ -34,7 +34,7 @@ static int add(struct env *e, const char *name, const char *value)
     return 0;
 }
 
-/* The service's own business with systemd and GStreamer, and what only an event may say. */
+/* Variables of systemd, and those that only an event may set. */
 static bool is_ours(const char *variable)
 {
     static const char *const names[] = { "NOTIFY_SOCKET=",       "WATCHDOG_",      "LISTEN_",

@@ -1,7 +1,7 @@
 /* The server: sockets, threads, limits.
  *
- * Each connection has a thread, of which there are few (web.clients): a stream simply waits for its next picture, and
- * a call that takes its second holds up its own client alone. */
+ * Each connection has a thread; their number is limited (web.clients). A stream waits for its next picture, and a slow
+ * call delays its own client alone. */
 #include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
@@ -19,29 +19,30 @@
 #include "base/thread.h"
 
 #define AGAIN_S     5           /* between tries for an address that is not to be had yet */
-#define SPARE       4           /* connections more than there may be: to be told so */
+#define SPARE       4           /* connections above the limit, to be refused with an answer */
 #define POOL_BYTES  (32 * 1024) /* of a connection, for its headers both ways */
 #define STACK_BYTES (2 * 1024 * 1024)
 
-static _Thread_local char said[256]; /* by the library, last, on this thread */
+static _Thread_local char library_error[256]; /* of the library, the last one on this thread */
 
 static void log_library(void *cls, const char *fmt, va_list args)
 {
     (void)cls;
-    vsnprintf(said, sizeof(said), fmt, args);
-    said[strcspn(said, "\n")] = 0;
-    sst_log_debug("http: %s", said);
+    vsnprintf(library_error, sizeof(library_error), fmt, args);
+    library_error[strcspn(library_error, "\n")] = 0;
+    sst_log_debug("http: %s", library_error);
 }
 
+/* "%00" stays as it is: a NUL would end the path before the rest of it is checked. */
 static size_t unescape(void *cls, struct MHD_Connection *connection, char *text)
 {
     (void)cls;
     (void)connection;
-    return http_unescape(text);
+    return strstr(text, "%00") ? strlen(text) : MHD_http_unescape(text);
 }
 
-/* A library that did not start has closed its socket at most of its errors, but not at all of them. A number may be
- * somebody else's by then. */
+/* A library that does not start closes its socket after most of its errors, but not after all of them. The number may
+ * have been reused by then. */
 static void close_if_left(int fd, const struct stat *was)
 {
     struct stat is;
@@ -50,7 +51,7 @@ static void close_if_left(int fd, const struct stat *was)
         close(fd);
 }
 
-/* Serve on a listening socket, which is taken over. */
+/* Serve on a listening socket, which it owns from then on. */
 static int serve(struct http_side *side, int fd, bool tls)
 {
     const unsigned flags = MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL |
@@ -65,8 +66,8 @@ static int serve(struct http_side *side, int fd, bool tls)
     struct stat socket = { 0 };
 
     (void)fstat(fd, &socket);
-    said[0] = 0;
-    /* The first option, so that all that follows is told to our log. */
+    library_error[0] = 0;
+    /* The first option, so that errors of the others reach our log. */
     side->daemon = MHD_start_daemon(
         flags, 0, NULL, NULL, http_on_request, side, MHD_OPTION_EXTERNAL_LOGGER, log_library, NULL,
         MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, http_on_done, side, MHD_OPTION_NOTIFY_CONNECTION,
@@ -84,7 +85,7 @@ static int serve(struct http_side *side, int fd, bool tls)
 static int open_local(struct sst_http *http)
 {
     const struct sst_http_config *cfg = &http->cfg;
-    /* Who may only look could not even connect with 0660; the kernel's word on each peer decides in either case. */
+    /* With 0660 members of view_group could not connect; the credentials of each peer decide in either case. */
     const mode_t mode = http->auth.view_group != (gid_t)-1 ? 0666 : 0660;
     int fd = cfg->socket_fd, err;
 
@@ -96,7 +97,7 @@ static int open_local(struct sst_http *http)
         return fd;
     err = serve(&http->local, fd, false);
     if (err)
-        sst_log_error("control socket: libmicrohttpd does not start: %s", said);
+        sst_log_error("control socket: libmicrohttpd does not start: %s", library_error);
     return err;
 }
 
@@ -112,11 +113,23 @@ static int listen_tcp(struct sst_http *http, bool quiet)
     if (err)
         atomic_store(&http->port, before);
     if (err && !quiet)
-        sst_log_error("web: libmicrohttpd does not start: %s", said);
+        sst_log_error("web: libmicrohttpd does not start: %s", library_error);
     return err;
 }
 
-/* The reaper's: where the address was not to be had. */
+/* @param err  errno; 0: it is bound */
+static void set_unbound(struct sst_http *http, int err)
+{
+    char why[SST_COUNTERS_PROBLEM] = "";
+
+    if (err)
+        snprintf(why, sizeof(why), "web.address %s, port %d: %s; tried again", http->address, http->cfg.port,
+                 strerror(err));
+    atomic_store(&http->away, err);
+    sst_counters_set_problem(http->count, SST_COUNTERS_HTTP, why);
+}
+
+/* Called by the reaper: bind the address that was not available. */
 static void listen_again(struct sst_http *http, int64_t now_ns)
 {
     int err;
@@ -125,7 +138,7 @@ static void listen_again(struct sst_http *http, int64_t now_ns)
         return;
     http->again_ns = now_ns + AGAIN_S * 1000000000LL;
     err = listen_tcp(http, true);
-    atomic_store(&http->away, -err); /* it may be away for another reason by now */
+    set_unbound(http, -err); /* the reason may be another one by now */
     if (!err)
         sst_log_info("web: listens on %s, port %d now", http->address, sst_http_port(http));
 }
@@ -145,12 +158,12 @@ static int open_tcp(struct sst_http *http)
     err = listen_tcp(http, false);
     if ((err != -EADDRINUSE && err != -EADDRNOTAVAIL) || !http->local.daemon)
         return err;
-    atomic_store(&http->away, -err);
-    sst_log_warning("web: tried again every %d s; all else goes on without its page", AGAIN_S);
+    set_unbound(http, -err);
+    sst_log_warning("web: retrying every %d s; the rest of the service runs without its page", AGAIN_S);
     return 0;
 }
 
-/* Slow requests go: the library only notices silence. Files of a certificate that have changed are taken over. */
+/* Disconnects slow requests, as the library only notices silence; follows changed files of a certificate. */
 static void *reap(void *arg)
 {
     struct sst_http *http = arg;
@@ -203,12 +216,13 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
     struct sst_http *http;
     int err;
 
-    if (!cfg->api || cfg->clients < 1 || cfg->streams < 0)
+    if (!cfg->api || !cfg->counters || cfg->clients < 1 || cfg->streams < 0)
         return -EINVAL;
     http = calloc(1, sizeof(*http));
     if (!http)
         return -ENOMEM;
     http->cfg = *cfg;
+    http->count = cfg->counters;
     http->tcp = (struct http_side){ .http = http };
     http->local = (struct http_side){ .http = http, .local = true };
     copy(http->host, sizeof(http->host), cfg->host);
@@ -220,7 +234,7 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
         return err;
     }
     pthread_mutex_init(&http->lock, NULL);
-    http_tls_init(&http->pairs);
+    http_tls_init(&http->pairs, http->count);
     sst_cond_init(&http->wake);
     err = start(http);
     if (err) {
@@ -239,28 +253,6 @@ int sst_http_port(const struct sst_http *http)
 void http_cookie(const struct sst_http *http, char out[HTTP_COOKIE])
 {
     snprintf(out, HTTP_COOKIE, "sst_%d", sst_http_port(http));
-}
-
-bool sst_http_away(const struct sst_http *http, char *why, size_t room)
-{
-    const int err = atomic_load(&http->away);
-
-    if (err)
-        snprintf(why, room, "web.address %s, port %d: %s", http->address, http->cfg.port, strerror(err));
-    return err != 0;
-}
-
-void sst_http_counters(struct sst_http *http, struct sst_http_counters *out)
-{
-    *out = (struct sst_http_counters){
-        .requests = atomic_load(&http->requests),
-        .refused = atomic_load(&http->refused),
-        .bytes = atomic_load(&http->bytes),
-        .skipped = atomic_load(&http->skipped),
-        .clients = atomic_load(&http->tcp.clients) + atomic_load(&http->local.clients),
-        .streams = atomic_load(&http->streams),
-        .listeners = atomic_load(&http->listeners),
-    };
 }
 
 void sst_http_stop(struct sst_http *http)
@@ -308,20 +300,6 @@ int sst_http_port(const struct sst_http *http)
 {
     (void)http;
     return 0;
-}
-
-bool sst_http_away(const struct sst_http *http, char *why, size_t room)
-{
-    (void)http;
-    (void)why;
-    (void)room;
-    return false;
-}
-
-void sst_http_counters(struct sst_http *http, struct sst_http_counters *out)
-{
-    (void)http;
-    *out = (struct sst_http_counters){ 0 };
 }
 
 void sst_http_stop(struct sst_http *http)

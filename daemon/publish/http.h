@@ -4,23 +4,24 @@
 
 #include <stdbool.h>
 
+#include "daemon/counters/counters.h"
 #include "daemon/publish/api.h"
 
 enum sst_role {
-    SST_ROLE_ANYONE = 0,  /* only what says nothing: /healthz, /login */
-    SST_ROLE_VIEW = 1,    /* looks */
+    SST_ROLE_ANYONE = 0,  /* only what reveals nothing: /healthz, /login */
+    SST_ROLE_VIEW = 1,    /* reads */
     SST_ROLE_CONTROL = 2, /* changes the service's state */
 };
 
 struct sst_http; /* opaque; open and close on one thread */
 
 struct sst_http_config {
-    /* UNIX socket: whom the kernel names as the peer decides */
-    const char *socket;     /* path, made 0660 (0666 with view_group), an old one that nobody listens on is replaced;
+    /* UNIX socket: the credentials of the peer decide */
+    const char *socket;     /* path, made 0660 (0666 with view_group), a stale one is replaced;
                                 NULL: none */
-    int socket_fd;          /* listening already, by socket activation; taken over; -1: none */
+    int socket_fd;          /* listening already, by socket activation; owned from then on; -1: none */
     const char *group;      /* may control; NULL: root and the process's own user alone */
-    const char *view_group; /* may look; NULL: none */
+    const char *view_group; /* may read; NULL: none */
     /* TCP */
     const char *address; /* numeric; NULL: no TCP */
     int port;            /* 0: any that is free */
@@ -32,33 +33,20 @@ struct sst_http_config {
     int clients, streams;                  /* limits */
     double stream_hz;                      /* pictures per second for each stream at most; 0: as they come */
     const struct sst_api *api;             /* must stay */
-};
-
-/** Since open. */
-struct sst_http_counters {
-    uint64_t requests, refused; /* refused: wrong or no token, role, host, method, too large, too many */
-    uint64_t bytes;
-    uint64_t skipped;                /* pictures that slow viewers did not get */
-    uint64_t slow;                   /* always 0: a slow download no longer ends for others */
-    int clients, streams, listeners; /* now; listeners: of the event stream */
+    struct sst_counters *counters;         /* must stay */
 };
 
 /**
  * Serve from now on, on threads of its own.
- * @return 0, -EADDRINUSE (socket in use: by whom if that can be told), -EACCES, -EINVAL (an open address without TLS or
- * `insecure`; a bad address), -ENOENT (certificate), -ENOMEM; logged with the remedy. A TCP address that is in use or
- * not there yet is waited for, where there is a UNIX socket: see sst_http_away(); without one it is -EADDRINUSE or
- * -EADDRNOTAVAIL.
+ * @return 0, -EADDRINUSE (socket in use: logged with the owner if known), -EACCES, -EINVAL (an open address without TLS
+ * or `insecure`; a bad address), -ENOENT (certificate), -ENOMEM; logged with the remedy. A TCP address that is in use
+ * or not there yet is waited for, where there is a UNIX socket, and is a problem in the counters; without one it is
+ * -EADDRINUSE or -EADDRNOTAVAIL.
  */
 SST_MUST_CHECK int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg);
 
 /** The port listened on; 0: none. */
 int sst_http_port(const struct sst_http *http);
-
-/** Is the TCP address still waited for? @param why  out, a phrase; as it was if not */
-bool sst_http_away(const struct sst_http *http, char *why, size_t room);
-
-void sst_http_counters(struct sst_http *http, struct sst_http_counters *out);
 
 /** Of HTTPS, as it stands in the certificate; seconds since 1970. */
 struct sst_http_certificate {
@@ -69,9 +57,9 @@ struct sst_http_certificate {
 bool sst_http_certificate(struct sst_http *http, struct sst_http_certificate *out);
 
 /**
- * Take over certificate and key from their files: for new connections, open ones go on with what they have. Happens by
- * itself, too, within a minute after the files have changed. Events "certificate" tell of it, of files that were
- * refused, and of an end that is near (14 days) or there.
+ * Load certificate and key from their files for new connections; open ones keep theirs. Also happens by itself within a
+ * minute after the files have changed. Events "certificate" report it, files that were refused, and an end that is near
+ * (14 days) or reached.
  *
  * @param dry_run  only judge them
  * @param out      of the new one, where it is another

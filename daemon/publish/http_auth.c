@@ -1,5 +1,5 @@
 #define _GNU_SOURCE /* struct ucred */
-/* Who may do what: tokens, peers of the UNIX socket, and patience with wrong tokens. */
+/* Authorization: tokens, peers of the UNIX socket, and delays after wrong tokens. */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -17,7 +17,7 @@
 #include "daemon/publish/publish_internal.h"
 
 #define TOKEN_BYTES 32
-#define TOKEN_LEAST 32 /* characters of one that somebody chose */
+#define TOKEN_LEAST 32 /* characters of one that was chosen by hand */
 #define MINUTE_NS   60000000000LL
 #define GROUPS_MAX  1024
 
@@ -38,7 +38,7 @@ static int make_token(const char *path)
     for (int i = 0; i < TOKEN_BYTES; i++)
         snprintf(text + 2 * i, 3, "%02x", random[i]);
     text[2 * TOKEN_BYTES] = '\n';
-    /* O_EXCL: a link that somebody left here is not followed. */
+    /* O_EXCL: a link at this path is not followed. */
     fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
     if (fd < 0)
         return -errno;
@@ -141,7 +141,7 @@ void http_auth_fini(struct http_auth *a)
     memset(a->view, 0, sizeof(a->view));
 }
 
-/* Takes as long for any token: neither length nor place of a difference shows. */
+/* In constant time: neither the length nor the place of a difference shows. */
 static bool same_token(const char *secret, const char *given)
 {
     const size_t n = strlen(given);

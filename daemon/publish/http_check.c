@@ -86,7 +86,20 @@ bool http_is_picture(const struct sst_route *route)
     return route && (!strncmp(route->path, "/stream", 7) || !strncmp(route->path, "/snapshot", 9));
 }
 
-/* The token that a client gives, and the most that it allows when given in this way. */
+/* Any user name; a password that is no token is "". @param space  [HTTP_TOKEN_MAX + 1] */
+static const char *basic_password(struct http_request *q, char *space)
+{
+    char *password = NULL, *user = MHD_basic_auth_get_username_password(q->connection, &password);
+
+    space[0] = 0;
+    if (user && password && strlen(password) <= HTTP_TOKEN_MAX)
+        strcpy(space, password);
+    MHD_free(user);
+    MHD_free(password);
+    return space;
+}
+
+/* The token of a request, and the highest role that this way of sending it allows. */
 static const char *token_of(struct http_request *q, char *space, enum sst_role *most)
 {
     const char *text = http_header(q, "Authorization");
@@ -98,7 +111,7 @@ static const char *token_of(struct http_request *q, char *space, enum sst_role *
         return text + 7 + strspn(text + 7, " ");
     if (text) {
         *most = SST_ROLE_VIEW;
-        return http_basic_password(text, space) ? space : "";
+        return basic_password(q, space);
     }
     text = page || http_is_picture(q->route) ? http_query(q, "token") : NULL;
     if (text) {
@@ -123,8 +136,8 @@ static int refuse_stranger(struct http_request *q, bool gave_token)
         response = MHD_create_response_from_buffer(0, (void *)"", MHD_RESPMEM_PERSISTENT);
         if (!response)
             return MHD_NO;
-        atomic_fetch_add(&q->http->refused, 1);
-        http_set(response, "Location", gave_token ? "/login?wrong=1" : "/login"); /* the form says so */
+        atomic_fetch_add(&q->http->count->refused, 1);
+        http_set(response, "Location", gave_token ? "/login?wrong=1" : "/login"); /* the form shows it */
         return http_reply(q, MHD_HTTP_SEE_OTHER, response);
     }
     return http_reply_error(q, status,
@@ -133,7 +146,7 @@ static int refuse_stranger(struct http_request *q, bool gave_token)
                             q->http->token_file);
 }
 
-/* Who is it, and may he? @return -1: yes; else answered */
+/* Authenticate and authorize. @return -1: allowed; else answered */
 static int check_role(struct http_request *q)
 {
     enum sst_role needed = q->route ? q->route->role : SST_ROLE_VIEW, most = SST_ROLE_CONTROL;
@@ -181,7 +194,7 @@ static bool find_route(struct http_request *q, const char *method, const char *p
     return false;
 }
 
-/* A page of somebody else must not act through its reader's browser. */
+/* A foreign page must not act through the browser of its reader. */
 static bool is_foreign(struct http_request *q)
 {
     const char *origin = http_header(q, "Origin"), *site = http_header(q, "Sec-Fetch-Site");

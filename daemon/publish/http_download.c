@@ -30,7 +30,7 @@ static ssize_t piece(void *arg, uint64_t pos, char *buf, size_t max)
 
     if (n <= 0)
         return MHD_CONTENT_READER_END_WITH_ERROR;
-    atomic_fetch_add(&t->http->bytes, (uint64_t)n);
+    atomic_fetch_add(&t->http->count->bytes, (uint64_t)n);
     return n;
 }
 

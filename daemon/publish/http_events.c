@@ -1,4 +1,4 @@
-/* Events: those kept as lines of JSON, and the stream of them for as long as somebody listens. */
+/* Events: the kept ones as lines of JSON, and the endless stream. */
 #define _GNU_SOURCE /* asprintf */
 #include "daemon/publish/publish_internal.h"
 
@@ -120,7 +120,7 @@ static ssize_t listener_read(void *arg, uint64_t pos, char *buf, size_t max)
         l->text = NULL;
         l->at = 0;
     }
-    atomic_fetch_add(&l->http->bytes, n);
+    atomic_fetch_add(&l->http->count->bytes, n);
     return (ssize_t)n;
 }
 
@@ -129,11 +129,12 @@ static void listener_free(void *arg)
     struct listener *l = arg;
 
     free(l->text);
-    atomic_fetch_sub(&l->http->listeners, 1);
+    atomic_fetch_sub(&l->http->count->listeners, 1);
     free(l);
 }
 
-/* From where on: what a browser says that it has got, what is asked for, or now. @return false: answered already */
+/* The first event to send: after Last-Event-ID, after the query's `after`, or from now. @return false: answered already
+ */
 static bool start_of(struct http_request *q, struct sst_events *events, uint64_t *after, int *done)
 {
     const char *got = http_header(q, "Last-Event-ID");
@@ -145,7 +146,7 @@ static bool start_of(struct http_request *q, struct sst_events *events, uint64_t
     if (got)
         (void)http_number(got, UINT64_MAX, after); /* of another server's making: now */
     if (*after > last)
-        *after = 0; /* the service was restarted, and counts anew */
+        *after = 0; /* the service was restarted and counts from 1 */
     return true;
 }
 
@@ -168,7 +169,7 @@ int http_do_listen(struct http_request *q)
     l->after = after;
     l->fd = q->fd;
     l->sse = !accept || !strstr(accept, "application/x-ndjson");
-    atomic_fetch_add(&q->http->listeners, 1);
+    atomic_fetch_add(&q->http->count->listeners, 1);
     response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, listener_read, l, listener_free);
     if (!response) {
         listener_free(l);

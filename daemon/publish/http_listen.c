@@ -15,7 +15,7 @@
 
 #define BACKLOG 128
 
-/* The process that listens on a UNIX socket; 0: nobody does. */
+/* The process that listens on a UNIX socket; 0: none. */
 static pid_t listener_of(const struct sockaddr_un *at)
 {
     const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
@@ -23,7 +23,7 @@ static pid_t listener_of(const struct sockaddr_un *at)
     socklen_t size = sizeof(peer);
     pid_t pid = 0;
 
-    /* A full queue (EAGAIN) has somebody behind it. */
+    /* A full queue (EAGAIN) has a listener. */
     if (fd >= 0 && (!connect(fd, (const struct sockaddr *)at, sizeof(*at)) || errno == EAGAIN))
         pid = !getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) && peer.pid > 0 ? peer.pid : -1;
     if (fd >= 0)
@@ -49,7 +49,7 @@ static int check_old(const struct sockaddr_un *at)
     return -EADDRINUSE;
 }
 
-/* Bound and listening under a name beside, so that nobody meets it half made. */
+/* Bound and listening under another name first, so that no client meets it half made. */
 static int listen_beside(struct sockaddr_un *at, const char *path, mode_t mode, gid_t gid)
 {
     const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);

@@ -1,4 +1,4 @@
-/* Texts that clients send, taken apart; nothing here touches anything else. */
+/* Pure parsers for text from clients; no side effects. */
 #include <ctype.h>
 #include <errno.h>
 #include <stdlib.h>
@@ -81,44 +81,6 @@ bool http_same_origin(const char *origin, const char *host)
     return !strcmp(a, b) && (port_a < 0 ? usual : port_a) == (port_b < 0 ? usual : port_b);
 }
 
-static int base64_value(char c)
-{
-    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    const char *at = c ? strchr(digits, c) : NULL;
-
-    return at ? (int)(at - digits) : -1;
-}
-
-bool http_basic_password(const char *authorization, char *out)
-{
-    char text[3 * HTTP_TOKEN_MAX];
-    const char *colon;
-    size_t n = 0;
-    unsigned bits = 0;
-    int held = 0, v;
-
-    if (strncasecmp(authorization, "Basic ", 6))
-        return false;
-    for (authorization += 6; (v = base64_value(*authorization)) >= 0; authorization++) {
-        bits = (bits << 6 | (unsigned)v) & 0xfff;
-        held += 6;
-        if (held < 8)
-            continue;
-        held -= 8;
-        if (n + 1 >= sizeof(text))
-            return false;
-        text[n++] = (char)(bits >> held & 0xff);
-        if (!text[n - 1])
-            return false;
-    }
-    text[n] = 0;
-    colon = strchr(text, ':');
-    if (authorization[strspn(authorization, "=")] || !colon || strlen(colon + 1) > HTTP_TOKEN_MAX)
-        return false;
-    strcpy(out, colon + 1);
-    return true;
-}
-
 bool http_form_token(const char *body, size_t size, char *out)
 {
     const char *end = body + size, *at = body, *stop;
@@ -172,27 +134,6 @@ bool http_is_type(const char *content_type, const char *type)
     const size_t n = strlen(type);
 
     return !strncasecmp(content_type, type, n) && strchr("; \t", content_type[n]); /* the NUL counts */
-}
-
-size_t http_unescape(char *text)
-{
-    char *to = text;
-
-    for (const char *from = text; *from; from++) {
-        if (*from == '%' && isxdigit((unsigned char)from[1]) && isxdigit((unsigned char)from[2])) {
-            const char digits[3] = { from[1], from[2], 0 };
-            const int value = (int)strtol(digits, NULL, 16);
-
-            if (value) {
-                *to++ = (char)value;
-                from += 2;
-                continue;
-            }
-        }
-        *to++ = *from;
-    }
-    *to = 0;
-    return (size_t)(to - text);
 }
 
 bool http_number(const char *text, uint64_t max, uint64_t *out)

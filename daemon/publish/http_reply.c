@@ -1,4 +1,4 @@
-/* Answers: what all of them bear, errors as one sentence, and what the API said as a status. */
+/* Answers: common headers, errors as one sentence, and results of the API as a status. */
 #include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD
@@ -72,7 +72,7 @@ int http_reply_text(struct http_request *q, int status, const char *type, char *
         free(text);
         return MHD_NO;
     }
-    atomic_fetch_add(&q->http->bytes, size);
+    atomic_fetch_add(&q->http->count->bytes, size);
     http_set(response, "Content-Type", "%s", type);
     return http_reply(q, status, response);
 }
@@ -101,7 +101,7 @@ int http_reply_error(struct http_request *q, int status, const char *fmt, ...)
     vsnprintf(text, sizeof(text), fmt, args);
     va_end(args);
     if (status < 500 && status != MHD_HTTP_BAD_REQUEST && status != MHD_HTTP_NOT_FOUND && status != MHD_HTTP_CONFLICT) {
-        atomic_fetch_add(&q->http->refused, 1);
+        atomic_fetch_add(&q->http->count->refused, 1);
         sst_log_debug("http: %s: %d: %s", q->who, status, text);
     }
     /* A sentence may quote what the client sent: bytes that are not UTF-8 are replaced. */

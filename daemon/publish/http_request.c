@@ -44,6 +44,7 @@ void http_on_link(void *cls, struct MHD_Connection *connection, void **state, en
         if (!l)
             return; /* its requests are refused */
         atomic_fetch_add(&side->clients, 1);
+        atomic_fetch_add(&side->http->count->clients, 1);
         l->pair = http_tls_begin(&http->pairs, connection);
         l->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
         l->deadline_ns = sst_clock_now_ns() + HTTP_REQUEST_S * SECOND_NS;
@@ -61,6 +62,7 @@ void http_on_link(void *cls, struct MHD_Connection *connection, void **state, en
             l->next->prev = l->prev;
         pthread_mutex_unlock(&http->lock);
         atomic_fetch_sub(&side->clients, 1);
+        atomic_fetch_sub(&side->http->count->clients, 1);
         http_tls_end(&http->pairs, l->pair);
         free(l);
         *state = NULL;
@@ -81,7 +83,7 @@ static struct http_request *new_request(struct http_side *side, struct MHD_Conne
     q->link = link;
     q->fd = link->fd;
     http_name_peer(q);
-    atomic_fetch_add(&side->http->requests, 1);
+    atomic_fetch_add(&side->http->count->requests, 1);
     return q;
 }
 

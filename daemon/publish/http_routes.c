@@ -41,6 +41,7 @@
     X("GET", "/api/v1/download/{name}", VIEW, "What is kept, as a file", download)                                     \
     X("POST", "/api/v1/delete", CONTROL, "Delete a recording, snapshot or export", delete)                             \
     X("POST", "/api/v1/reload", CONTROL, "Read the configuration anew", reload)                                        \
+    X("POST", "/api/v1/publishers", CONTROL, "Report of a program that publishes", publishers)                         \
     X("POST", "/api/v1/calibration/check", CONTROL, "Is the calibration still true?", calibration_check)               \
     X("GET", "/metrics", VIEW, "Counters and gauges for Prometheus", metrics)
 
@@ -109,8 +110,8 @@ static int event_stream(struct http_request *q)
     return http_do_listen(q);
 }
 
-/* Calls that take nothing. */
-#define PLAIN(name, what)                                                                                              \
+/* Calls without arguments. */
+#define PLAIN(name, arg, what)                                                                                         \
     static int name(struct http_request *q)                                                                            \
     {                                                                                                                  \
         struct sst_api_answer out = { 0 };                                                                             \
@@ -118,12 +119,12 @@ static int event_stream(struct http_request *q)
                                                                                                                        \
         return http_reply_answer(q, err, &out, what);                                                                  \
     }
-PLAIN(cameras, "cameras")
-PLAIN(labels, "labels")
-PLAIN(views, "views")
-PLAIN(recordings, "recordings")
+PLAIN(cameras, arg, "cameras")
+PLAIN(labels, live, "labels")
+PLAIN(views, live, "views")
+PLAIN(recordings, arg, "recordings")
 
-/* With what the one who asks may do, which the service itself does not know. */
+/* With the role of the client, which the service itself does not know. */
 static int status(struct http_request *q)
 {
     struct sst_api_answer out = { 0 };
@@ -134,7 +135,7 @@ static int status(struct http_request *q)
     return http_reply_answer(q, err, &out, "status");
 }
 
-/* A body, although there is nothing to say. */
+/* The body must be empty, or an empty object. */
 static int calibration_check(struct http_request *q)
 {
     static const char *const known[] = { NULL };
@@ -142,11 +143,11 @@ static int calibration_check(struct http_request *q)
 
     if (sst_api_members(q->body, known, out.error))
         return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "calibration check: %s", out.error);
-    return http_reply_answer(q, api_of(q)->calibration_check(api_of(q)->arg, &out), &out, "calibration check");
+    return http_reply_answer(q, api_of(q)->calibration_check(api_of(q)->live, &out), &out, "calibration check");
 }
 
-/* Calls that take the body. */
-#define WITH_BODY(name, call, what)                                                                                    \
+/* Calls whose argument is the body. */
+#define WITH_BODY(name, call, arg, what)                                                                               \
     static int name(struct http_request *q)                                                                            \
     {                                                                                                                  \
         struct sst_api_answer out = { 0 };                                                                             \
@@ -154,11 +155,12 @@ static int calibration_check(struct http_request *q)
                                                                                                                        \
         return http_reply_answer(q, err, &out, what);                                                                  \
     }
-WITH_BODY(view_create, view_create, "view")
-WITH_BODY(snapshot, snapshot, "snapshot")
-WITH_BODY(record, record, "record")
-WITH_BODY(export, export_, "export")
-WITH_BODY(delete, delete_, "delete")
+WITH_BODY(view_create, view_create, live, "view")
+WITH_BODY(snapshot, snapshot, arg, "snapshot")
+WITH_BODY(record, record, arg, "record")
+WITH_BODY(export, export_, arg, "export")
+WITH_BODY(delete, delete_, arg, "delete")
+WITH_BODY(publishers, publisher, arg, "publisher")
 
 static int view_change(struct http_request *q)
 {
@@ -169,7 +171,7 @@ static int view_change(struct http_request *q)
         return http_reply_error(q, MHD_HTTP_FORBIDDEN,
                                 "the main view is what everybody sees: changing it takes the control role; "
                                 "POST /api/v1/views makes a view of your own");
-    err = api_of(q)->view_change(api_of(q)->arg, q->name, q->body, &out);
+    err = api_of(q)->view_change(api_of(q)->live, q->name, q->body, &out);
     return http_reply_answer(q, err, &out, "view");
 }
 
@@ -193,7 +195,7 @@ static int pick(struct http_request *q)
     if (!coordinate(q, "x", &x) || !coordinate(q, "y", &y))
         return http_reply_error(q, MHD_HTTP_BAD_REQUEST,
                                 "pick: give x and y in pixels of the picture, like ?x=320&y=240");
-    err = api_of(q)->pick(api_of(q)->arg, q->name, x, y, &out);
+    err = api_of(q)->pick(api_of(q)->live, q->name, x, y, &out);
     return http_reply_answer(q, err, &out, "pick");
 }
 

@@ -1,7 +1,7 @@
-/* Pictures: one, or one after the other for as long as somebody looks.
+/* Pictures: snapshots, and endless streams.
  *
- * A stream runs on its connection's thread: it waits at the outlet and hands the shared picture to the socket in
- * pieces, so that a viewer who is slow holds one picture and nobody else up; what he misses meanwhile is counted. */
+ * A stream runs on the thread of its connection: it waits for the JPEG slot and writes the shared picture to the socket
+ * in pieces. A slow client holds one picture and delays no other; the pictures that it misses are counted. */
 #define _GNU_SOURCE /* POLLRDHUP */
 #include "daemon/publish/publish_internal.h"
 
@@ -19,11 +19,11 @@
 
 #define BOUNDARY    "sst-picture"
 #define PIECE_BYTES 65536
-#define UNSENT_MAX  131072       /* bytes that the kernel holds back for a slow viewer */
+#define UNSENT_MAX  131072       /* bytes that the kernel buffers for a slow client */
 #define REPEAT_NS   5000000000LL /* a still picture is shown again, as a sign of life */
 #define FRESH_NS    1000000000LL /* a picture is worth waiting that long for a newer one */
 #define FIRST_NS    5000000000LL /* ... and that long for the first */
-#define SILENCE_S   20           /* a viewer who takes nothing goes */
+#define SILENCE_S   20           /* a client that reads nothing is disconnected */
 
 struct stream {
     struct sst_http *http;
@@ -47,7 +47,7 @@ static const struct sst_jpeg *count_skipped(struct stream *s)
     const struct sst_jpeg *newest = sst_outlet_get(s->outlet, s->number);
 
     if (newest && s->number)
-        atomic_fetch_add(&s->http->skipped, newest->number - s->number - 1);
+        atomic_fetch_add(&s->http->count->skipped, newest->number - s->number - 1);
     return newest;
 }
 
@@ -131,7 +131,7 @@ static ssize_t stream_read(void *arg, uint64_t pos, char *buf, size_t max)
         sst_jpeg_unref(s->jpeg);
         s->jpeg = NULL;
     }
-    atomic_fetch_add(&s->http->bytes, n);
+    atomic_fetch_add(&s->http->count->bytes, n);
     return (ssize_t)n;
 }
 
@@ -143,7 +143,7 @@ static void stream_free(void *arg)
         sst_jpeg_unref(s->jpeg);
     sst_outlet_leave(s->outlet);
     sst_outlet_unref(s->outlet);
-    atomic_fetch_sub(&s->http->streams, 1);
+    atomic_fetch_sub(&s->http->count->streams, 1);
     free(s);
 }
 
@@ -152,7 +152,7 @@ static int find_outlet(struct http_request *q, enum sst_api_picture kind, const 
     static const char *const kinds[] = { "view", "camera", "labels", "disparity" };
     const struct sst_api *api = q->http->cfg.api;
     struct sst_api_answer answer = { 0 };
-    const int err = api->outlet(api->arg, kind, name, out);
+    const int err = api->outlet(api->live, kind, name, out);
 
     if (!err)
         return -1;
@@ -166,14 +166,16 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
 {
     static const char type[] = "multipart/x-mixed-replace; boundary=" BOUNDARY;
     const int unsent = UNSENT_MAX;
+    /* The limits of web: are not for programs beside the service, such as sst-rtsp. */
+    const bool limited = !q->local || q->role < SST_ROLE_CONTROL;
     struct MHD_Response *response;
     struct sst_outlet *outlet;
     struct stream *s;
     int done;
 
-    if (atomic_fetch_add(&q->http->streams, 1) >= q->http->cfg.streams) {
-        atomic_fetch_sub(&q->http->streams, 1);
-        atomic_fetch_add(&q->http->refused, 1);
+    if (atomic_fetch_add(&q->http->count->streams, 1) >= q->http->cfg.streams && limited) {
+        atomic_fetch_sub(&q->http->count->streams, 1);
+        atomic_fetch_add(&q->http->count->refused, 1);
         return http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE,
                                 "%d moving pictures are being watched already; close one, or raise web.streams",
                                 q->http->cfg.streams);
@@ -181,7 +183,7 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
     done = find_outlet(q, kind, name, &outlet);
     s = done < 0 ? calloc(1, sizeof(*s)) : NULL;
     if (!s) {
-        atomic_fetch_sub(&q->http->streams, 1);
+        atomic_fetch_sub(&q->http->count->streams, 1);
         if (done < 0)
             sst_outlet_unref(outlet);
         return done < 0 ? MHD_NO : done;
@@ -189,7 +191,7 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
     s->http = q->http;
     s->outlet = outlet;
     s->fd = q->fd;
-    s->period_ns = q->http->cfg.stream_hz > 0 ? (int64_t)(1e9 / q->http->cfg.stream_hz) : 0;
+    s->period_ns = limited && q->http->cfg.stream_hz > 0 ? (int64_t)(1e9 / q->http->cfg.stream_hz) : 0;
     sst_outlet_join(outlet);
     response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, stream_read, s, stream_free);
     if (!response) {
@@ -258,7 +260,7 @@ int http_do_snapshot(struct http_request *q, enum sst_api_picture kind, const ch
     sst_outlet_unref(outlet);
     if (!jpeg)
         return http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE, "there is no picture yet; try again in a moment");
-    atomic_fetch_add(&q->http->bytes, jpeg->bytes);
+    atomic_fetch_add(&q->http->count->bytes, jpeg->bytes);
     set = jpeg->set;
     wall_ns = jpeg->wall_ns;
     response = MHD_create_response_from_buffer_with_free_callback_cls(jpeg->bytes, (void *)jpeg->data, jpeg_free,

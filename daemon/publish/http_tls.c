@@ -1,6 +1,6 @@
 /* Certificate and key: read, judged, and renewed while connections are open.
  *
- * microhttpd keeps the pair that it was started with. Each connection is given the newest one when it begins, before
+ * microhttpd keeps the pair that it was started with. Each connection gets the newest one when it begins, before
  * its handshake, and keeps it until it ends; the pair goes with the last of them. */
 #include "daemon/publish/publish_internal.h"
 
@@ -17,10 +17,10 @@
 #include "base/file.h"
 #include "base/log.h"
 
-#define PEM_MAX (1 << 20)
-#define LOOK_NS INT64_C(20000000000) /* files that have changed and then stood still this long are read */
-#define DAY_S   86400
-#define SOON_S  (14 * DAY_S) /* authorities that renew by themselves do so a month before */
+#define PEM_MAX  (1 << 20)
+#define CHECK_NS INT64_C(20000000000) /* files that have changed and then stood still this long are read */
+#define DAY_S    86400
+#define SOON_S   (14 * DAY_S) /* authorities that renew by themselves do so a month before */
 
 struct http_pair {
     gnutls_certificate_credentials_t credentials;
@@ -173,26 +173,25 @@ static struct sst_http_certificate describe(const struct http_pair *p)
     return (struct sst_http_certificate){ p->from_s, p->until_s };
 }
 
-static void say_day(char out[SST_CLOCK_TEXT], int64_t s)
+static void format_day(char out[SST_CLOCK_TEXT], int64_t s)
 {
     sst_clock_text(out, s * 1000000000);
     out[strcspn(out, "T")] = 0;
 }
 
-/* One that has ended is worse than one that has not; without a better one it is taken. A wrong clock may be the reason.
- */
+/* An expired certificate is refused where a valid one is in use, else accepted: the clock may be wrong. */
 static int judge_times(const struct http_pair *fresh, const struct http_pair *old, const char *certificate)
 {
     const int64_t now_s = sst_clock_wall_ns() / 1000000000;
     char day[SST_CLOCK_TEXT];
 
     if (fresh->until_s <= now_s && old && old->until_s > now_s) {
-        say_day(day, fresh->until_s);
+        format_day(day, fresh->until_s);
         sst_log_error("web.tls_certificate %s ended on %s, the one in use has not: renew it", certificate, day);
         return -EINVAL;
     }
     if (fresh->from_s > now_s) {
-        say_day(day, fresh->from_s);
+        format_day(day, fresh->from_s);
         sst_log_warning("web.tls_certificate %s holds only from %s on; is the clock right?", certificate, day);
     }
     return 0;
@@ -229,6 +228,7 @@ static int renew(struct http_tls *t, const char *certificate, const char *key, b
     }
     pthread_mutex_lock(&t->lock);
     t->pair = fresh;
+    atomic_store(&t->count->certificate_until_s, fresh->until_s);
     unref_locked(old);
     pthread_mutex_unlock(&t->lock);
     return 1;
@@ -268,8 +268,9 @@ void *http_tls_pem(const struct http_pair *p, bool key)
     return p ? p->pem[key] : NULL;
 }
 
-void http_tls_init(struct http_tls *t)
+void http_tls_init(struct http_tls *t, struct sst_counters *count)
 {
+    t->count = count;
     pthread_mutex_init(&t->reading, NULL);
     pthread_mutex_init(&t->lock, NULL);
 }
@@ -292,17 +293,17 @@ static json_t *event_data(const char *state, int64_t until_s)
     return json_pack("{s:s, s:s}", "state", state, "until", text);
 }
 
-static void tell_renewed(struct sst_events *events, const struct sst_http_certificate *c)
+static void report_renewed(struct sst_events *events, const struct sst_http_certificate *c)
 {
     char day[SST_CLOCK_TEXT];
 
-    say_day(day, c->until_s);
+    format_day(day, c->until_s);
     sst_events_emit(events, SST_EVENT_INFO, "certificate", event_data("renewed", c->until_s),
                     "new connections get the renewed certificate, which holds until %s", day);
 }
 
-/* Files that changed, and that nobody writes any more. */
-static void look_at_files(struct http_tls *t, struct sst_events *events)
+/* Load files that have changed and are no longer being written. */
+static void check_files(struct http_tls *t, struct sst_events *events)
 {
     const struct http_stamp now[2] = { stamp_of(t->path[0]), stamp_of(t->path[1]) };
     const bool changed = !same_stamp(&now[0], &t->stamp[0]) || !same_stamp(&now[1], &t->stamp[1]);
@@ -314,25 +315,24 @@ static void look_at_files(struct http_tls *t, struct sst_events *events)
     memcpy(t->seen, now, sizeof(now));
     if (!changed || !stands)
         return;
-    sst_log_hold_errors(why); /* the event says it */
+    sst_log_hold_errors(why); /* the event has it */
     done = renew(t, t->path[0], t->path[1], false, &c);
     sst_log_hold_errors(NULL);
     if (done == 1)
-        tell_renewed(events, &c);
+        report_renewed(events, &c);
     else if (done < 0)
         sst_events_emit(events, SST_EVENT_WARNING, "certificate", event_data("refused", 0),
                         "the certificate in use stays: %.190s", why[0] ? why : strerror(-done));
 }
 
-/* An event when its end comes near and when it is there; a clock that was wrong tells nothing twice, nor keeps it
- * untold. */
-static void look_at_time(struct http_tls *t, const struct sst_http_certificate *c, struct sst_events *events)
+/* One event when the end is near, one when it is reached, also after the clock was set. */
+static void check_time(struct http_tls *t, const struct sst_http_certificate *c, struct sst_events *events)
 {
     const int64_t left_s = c->until_s - sst_clock_wall_ns() / 1000000000;
     const int told = left_s <= 0 ? 2 : left_s <= SOON_S ? 1 : 0;
     char day[SST_CLOCK_TEXT];
 
-    say_day(day, c->until_s);
+    format_day(day, c->until_s);
     if (told > t->told && told == 2)
         sst_events_emit(events, SST_EVENT_ERROR, "certificate", event_data("expired", c->until_s),
                         "the certificate ended on %s: browsers refuse the page; renew web.tls_certificate", day);
@@ -350,13 +350,13 @@ void http_tls_look(struct http_tls *t, struct sst_events *events, int64_t now_ns
 
     if (now_ns < t->look_ns)
         return;
-    t->look_ns = now_ns + LOOK_NS;
+    t->look_ns = now_ns + CHECK_NS;
     pthread_mutex_lock(&t->reading);
-    look_at_files(t, events);
+    check_files(t, events);
     pthread_mutex_lock(&t->lock);
     c = describe(t->pair);
     pthread_mutex_unlock(&t->lock);
-    look_at_time(t, &c, events);
+    check_time(t, &c, events);
     pthread_mutex_unlock(&t->reading);
 }
 
@@ -385,7 +385,7 @@ int sst_http_renew(struct sst_http *http, const char *certificate, const char *k
     pthread_mutex_lock(&t->reading);
     done = renew(t, certificate, key, dry_run, out);
     if (done == 1 && !dry_run)
-        tell_renewed(http->cfg.api->events, out);
+        report_renewed(http->cfg.api->events, out);
     pthread_mutex_unlock(&t->reading);
     return done;
 }

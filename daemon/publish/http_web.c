@@ -96,7 +96,7 @@ int http_do_web(struct http_request *q, const char *file, bool redirect)
              : MHD_create_response_from_buffer((size_t)(f->end - f->data), (void *)f->data, MHD_RESPMEM_PERSISTENT);
     if (!response)
         return MHD_NO;
-    atomic_fetch_add(&q->http->bytes, same ? 0 : (uint64_t)(f->end - f->data));
+    atomic_fetch_add(&q->http->count->bytes, same ? 0 : (uint64_t)(f->end - f->data));
     http_set(response, "Content-Type", "%s", type_of(file));
     http_set(response, "ETag", "%s", etag);
     http_set(response, "Cache-Control", "no-cache"); /* kept, but asked for each time */
@@ -147,7 +147,7 @@ int http_reply_login(struct http_request *q, int status, const char *sentence)
         return MHD_NO;
     }
     http_set(response, "Content-Type", "text/html; charset=utf-8");
-    /* The one page with a style in it: the files of the page are for those who are logged in. */
+    /* The one page with an inline style: the style sheet needs a login. */
     http_set(response, "Content-Security-Policy",
              "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'; "
              "frame-ancestors 'none'");
@@ -174,7 +174,7 @@ int http_do_login(struct http_request *q)
             snprintf(sentence, sizeof(sentence), "Too many wrong tokens; try again in %d seconds.", retry_s);
         else
             snprintf(sentence, sizeof(sentence), "That is not the token.");
-        atomic_fetch_add(&q->http->refused, 1);
+        atomic_fetch_add(&q->http->count->refused, 1);
         return http_reply_login(q, status, sentence);
     }
     response = empty();

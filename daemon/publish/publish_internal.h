@@ -13,9 +13,8 @@
 #include "base/base.h"
 #include "base/file.h"
 #include "daemon/publish/http.h"
-#include "daemon/publish/mqtt.h"
 
-/* --- hooks_env: inside hooks: the environment that tells a program what happened. --- */
+/* --- hooks_env: inside hooks: the environment that describes the event. --- */
 
 /**
  * Environment for one event: ours without what is between systemd and the service, and SST_....
@@ -26,7 +25,7 @@
 char **hook_env(const char *event);
 void hook_env_free(char **env);
 
-/* --- http_internal: what the files of the HTTP server share; nobody else includes it. --- */
+/* --- http_internal: shared by the files of the HTTP server. --- */
 
 #ifndef __cplusplus
 #endif
@@ -51,7 +50,7 @@ struct MHD_Response;
 /* --- sockets (http_listen.c) ---------------------------------------------------------------------------------------
  */
 
-/** A listening UNIX socket at `path`, and what it takes to remove this one and no other. */
+/** A listening UNIX socket at `path`, and its identity, so that only this one is removed. */
 struct http_unix {
     char path[108];
     dev_t dev;
@@ -81,9 +80,6 @@ bool http_host_split(const char *text, char *host, int *port);
 /** Is an Origin ("http://host:port") where a request with this Host goes? */
 bool http_same_origin(const char *origin, const char *host);
 
-/** The password of "Basic base64(user:password)". @param out  [HTTP_TOKEN_MAX + 1] @return false: malformed */
-bool http_basic_password(const char *authorization, char *out);
-
 /** The field `token` of a form. @param out  [HTTP_TOKEN_MAX + 1] @return false: there is none or it is no token */
 bool http_form_token(const char *body, size_t size, char *out);
 
@@ -105,13 +101,11 @@ bool http_if_range(const char *if_range, const char *etag);
 /** Is `type` (without parameters) the media type of a Content-Type? */
 bool http_is_type(const char *content_type, const char *type);
 
-/** Decode %xx in place; %00 stays as it is written, so that it ends nothing. @return new length */
-size_t http_unescape(char *text);
-
 /** A whole decimal number. @param max  9 or more @return false: not one, or above max */
 bool http_number(const char *text, uint64_t max, uint64_t *out);
 
-/* --- who may (http_auth.c) ------------------------------------------------------------------------------------------
+/* --- authorization (http_auth.c)
+ * ------------------------------------------------------------------------------------------
  */
 
 struct http_wrong {
@@ -157,14 +151,15 @@ struct http_stamp { /* of a file; zeros: there is none */
     int64_t changed_ns;
 };
 
-struct http_pair; /* counted; what a connection was given stays as long as it lives */
+struct http_pair; /* counted; a connection keeps its pair as long as it lives */
 
 struct http_tls {
-    pthread_mutex_t reading; /* held while files are read; then lock */
+    struct sst_counters *count; /* fixed after init */
+    pthread_mutex_t reading;    /* held while files are read; then lock */
     /* under reading */
     char path[2][SST_PATH_MAX];  /* certificate, key */
     struct http_stamp stamp[2];  /* when they were read */
-    struct http_stamp seen[2];   /* when they were last looked at */
+    struct http_stamp seen[2];   /* at the last check */
     int told;                    /* of the end: 1 near, 2 there */
     SST_ATOMIC(int64_t) look_ns; /* next */
     /* under lock */
@@ -172,7 +167,7 @@ struct http_tls {
     struct http_pair *pair; /* of new connections; NULL: no TLS. Changes under both */
 };
 
-void http_tls_init(struct http_tls *t);
+void http_tls_init(struct http_tls *t, struct sst_counters *count);
 void http_tls_fini(struct http_tls *t);
 
 /** Read the first pair. @return 0, -ENOTSUP, -EINVAL and what sst_file_read() returns; logged */
@@ -180,14 +175,14 @@ SST_MUST_CHECK int http_tls_open(struct http_tls *t, const struct sst_http_confi
 
 /** The newest pair, for the library's start; stays until http_tls_end(). @return NULL: no TLS */
 struct http_pair *http_tls_take(struct http_tls *t);
-/** The pair as text, which the library reads but does not take as const. @return NULL: of no pair */
+/** The pair as text, which the library reads through a pointer without const. @return NULL: of no pair */
 void *http_tls_pem(const struct http_pair *p, bool key);
 
-/** Give a connection that begins the newest pair. @return what to hand back when it has ended; may be NULL */
+/** Use the newest pair for a connection that begins. @return a reference to release when it has ended; may be NULL */
 struct http_pair *http_tls_begin(struct http_tls *t, struct MHD_Connection *connection);
 void http_tls_end(struct http_tls *t, struct http_pair *p);
 
-/** Have the files changed, is the end near? Looks every 20 s; what is new becomes an event. */
+/** Check every 20 s for changed files and a near end; report them as events. */
 void http_tls_look(struct http_tls *t, struct sst_events *events, int64_t now_ns);
 
 /* --- the server ------------------------------------------------------------------------------------------------------
@@ -210,6 +205,7 @@ struct http_link { /* one connection; under sst_http.lock, deadline_ns by its ow
 struct sst_http {
     /* fixed after open */
     struct sst_http_config cfg; /* numbers and api; its texts end with open */
+    struct sst_counters *count;
     char host[256], address[64], token_file[512];
     bool tls;
     struct http_unix unix_socket;
@@ -226,8 +222,7 @@ struct sst_http {
     int64_t again_ns; /* the reaper's alone: when the address is tried again */
     /* atomic */
     SST_ATOMIC(bool) stopping;
-    SST_ATOMIC(uint64_t) requests, refused, bytes, skipped;
-    SST_ATOMIC(int) streams, listeners, port;
+    SST_ATOMIC(int) port;
     SST_ATOMIC(int) away; /* errno of the address that is not to be had yet; 0: it is */
 };
 
@@ -262,13 +257,14 @@ typedef int http_handler_fn(struct http_request *q); /* queues an answer; MHD_YE
 /** Is it one of ours, may this client, is it well formed so far? @return -1: yes; else an answer is queued */
 int http_check(struct http_request *q, const char *path, const char *method);
 
-/** A picture: for programs that can only be given an address or a password, too; with those they look, never more. */
+/** True for pictures: their token may be in the query or a password, which allow reading alone. */
 bool http_is_picture(const struct sst_route *route);
 
 /** Fill in q->who from the address. */
 void http_name_peer(struct http_request *q);
 
-/** Are there more connections than there may be? Told as an event, once in a while. */
+
+/** True above the limit of connections; reported as an event once in a while. */
 bool http_crowded(struct http_request *q);
 
 #if WITH_HTTPD
@@ -283,14 +279,14 @@ void http_on_link(void *cls, struct MHD_Connection *connection, void **state, en
 http_handler_fn *http_handler(int index);
 
 const char *http_query(struct http_request *q, const char *name);  /* NULL: not there; "" without a value */
-const char *http_header(struct http_request *q, const char *name); /* likewise */
+const char *http_header(struct http_request *q, const char *name); /* the same */
 
-/* Answers (http_reply.c). Each adds what all answers bear and takes over what it is given; MHD_YES or MHD_NO. */
+/* Answers (http_reply.c). Each adds the common headers and releases its arguments; MHD_YES or MHD_NO. */
 int http_reply(struct http_request *q, int status, struct MHD_Response *response);
 int http_reply_text(struct http_request *q, int status, const char *type, char *text);
 int http_reply_json(struct http_request *q, int status, json_t *body);
 int http_reply_error(struct http_request *q, int status, const char *fmt, ...) SST_PRINTF(3, 4);
-/** What a call of the API gave; `out` is done with afterwards. @param what  for errors without a sentence */
+/** The result of a call of the API; releases `out`. @param what  for errors without a sentence */
 int http_reply_answer(struct http_request *q, int err, struct sst_api_answer *out, const char *what);
 /** A header of an answer. */
 void http_set(struct MHD_Response *response, const char *name, const char *fmt, ...) SST_PRINTF(3, 4);
@@ -320,83 +316,6 @@ struct web_file {
     const uint8_t *data, *end;
 };
 extern const struct web_file web_files[]; /* up to one without a name */
-
-/* --- mqtt_parts: inside mqtt: the connection, what is told, and the announcement for Home Assistant. --- */
-
-#define SST_MQTT_TOPIC_MAX 320
-#define SST_MQTT_UNDER_WAY 32 /* messages that the broker has not taken yet; more are not handed over */
-
-struct mosquitto;
-
-/** A message that is told once after connecting. */
-struct mqtt_message {
-    char *topic, *payload;
-};
-
-struct sst_mqtt {
-    const struct sst_api *api; /* fixed after open */
-    pthread_t thread;
-    SST_ATOMIC(bool) stop;
-    pthread_mutex_t lock;
-    pthread_cond_t changed;
-    /* under lock */
-    bool done, abandoned;
-    struct sst_config *next; /* to be followed from now on, or NULL */
-    struct sst_mqtt_counters n;
-    /* thread only */
-    struct sst_config *config;
-    struct mosquitto *client; /* NULL: to be made */
-    bool connecting, up;      /* the broker accepted us */
-    bool told;                /* why there is no connection */
-    int under_way;
-    int64_t next_try_ns, wait_ns, up_ns;
-    uint64_t seen;                          /* id of the last event told */
-    bool unread_events;                     /* some that concern the state came: status and cameras are due */
-    int64_t status_ns, picture_ns;          /* when they are due next */
-    char camera_state[SST_CAMERAS_MAX][24]; /* as told */
-    struct mqtt_message *hello;             /* what is still to be told after connecting, in order */
-    int hellos, hello_next;
-    int cameras;               /* that are announced */
-    bool asked;                /* for what is announced at the broker and should not be */
-    struct sst_outlet *outlet; /* of the main view, or NULL */
-    bool joined;
-    uint64_t picture; /* number of the last one told */
-};
-
-/** Hand a message to the broker. @param topic  below mqtt.topic @return false: not taken; try again later */
-bool mqtt_tell(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain);
-
-/** The same with the whole topic. */
-bool mqtt_tell_at(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain);
-
-/** Have the broker tell what it holds below our place in Home Assistant's topics: mqtt_found() gets it.
- *  @return false: not taken; try again later */
-bool mqtt_ask(struct sst_mqtt *m, const char *pattern);
-
-/** May more be handed over? */
-bool mqtt_free(const struct sst_mqtt *m);
-
-/* mqtt_topics.c */
-void mqtt_greet(struct sst_mqtt *m);  /* after connecting: what is due */
-void mqtt_due(struct sst_mqtt *m);    /* tell what is due */
-void mqtt_forget(struct sst_mqtt *m); /* the connection is gone */
-/** Tell what is still to be told after connecting. @return true: all is told */
-bool mqtt_hello(struct sst_mqtt *m);
-/** What is announced goes from the broker with the next calls of mqtt_hello(). */
-void mqtt_withdraw(struct sst_mqtt *m);
-/** An announcement that the broker holds: one that is none of ours any more goes. */
-void mqtt_found(struct sst_mqtt *m, const char *topic);
-void mqtt_command(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained);
-/** Short form of a status. NULL: no memory. */
-json_t *mqtt_short_status(const json_t *status);
-
-/* mqtt_discovery.c */
-/** The array's name as one word, within topics. */
-void mqtt_node(char out[128], const struct sst_config *config);
-/** Announcement of everything, to free with mqtt_messages_free(). @param cameras  answer of the API, or NULL
- *  @return number of messages, or -ENOMEM */
-int mqtt_announce(struct mqtt_message **out, const struct sst_config *config, const json_t *cameras);
-void mqtt_messages_free(struct mqtt_message *list, int n);
 
 /* --- spawn: programs that the service starts. --- */
 

@@ -1,4 +1,4 @@
-/* What can be asked of the service: struct sst_api, made of its parts. */
+/* struct sst_api of the service: its verbs, and those of the live engine as they are. */
 #define _XOPEN_SOURCE 700 /* strptime */
 #include <errno.h>
 #include <math.h>
@@ -7,47 +7,10 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/clock.h"
 #include "daemon/service/service_internal.h"
 
-static int labels(void *arg, struct sst_api_answer *out)
-{
-    return viewer_labels(((struct sst_service *)arg)->viewer, out);
-}
-
-static int views(void *arg, struct sst_api_answer *out)
-{
-    return viewer_views(((struct sst_service *)arg)->viewer, out);
-}
-
-static int view_create(void *arg, const json_t *settings, struct sst_api_answer *out)
-{
-    return viewer_view_create(((struct sst_service *)arg)->viewer, settings, out);
-}
-
-static int view_change(void *arg, const char *id, const json_t *settings, struct sst_api_answer *out)
-{
-    return viewer_view_change(((struct sst_service *)arg)->viewer, id, settings, out);
-}
-
-static int pick(void *arg, const char *id, double x, double y, struct sst_api_answer *out)
-{
-    return viewer_pick(((struct sst_service *)arg)->viewer, id, x, y, out);
-}
-
-static int calibration_check(void *arg, struct sst_api_answer *out)
-{
-    return viewer_calibration_check(((struct sst_service *)arg)->viewer, out);
-}
-
-static int outlet(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
-{
-    return viewer_outlet(((struct sst_service *)arg)->viewer, kind, name, out);
-}
-
-static int reload(void *arg, bool dry_run, struct sst_api_answer *out)
-{
-    return service_apply(arg, dry_run, out);
-}
+#define REFUSED_NS INT64_C(60000000000) /* between events about wrong passwords */
 
 /* --- requests ----------------------------------------------------------------------------------------------------- */
 
@@ -122,7 +85,7 @@ static int snapshot(void *arg, const json_t *request, struct sst_api_answer *out
 
     if (err)
         return err;
-    if (!id || viewer_outlet(s->viewer, SST_PICTURE_VIEW, id, &from)) {
+    if (!id || engine_outlet(s->engine, SST_PICTURE_VIEW, id, &from)) {
         snprintf(out->error, sizeof(out->error), "there is no view %.32s", id ? id : "of that kind");
         return -ENOENT;
     }
@@ -211,6 +174,47 @@ static int delete_kept(void *arg, const json_t *request, struct sst_api_answer *
     return err ? err : answer_name(out, name);
 }
 
+/* Rate-limited: a recorder with a wrong password tries again for ever. */
+static void report_refused(struct sst_service *s, const char *address)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+    bool report;
+
+    if (!address[0] || address[strspn(address, "0123456789abcdefABCDEF.:%")])
+        return;
+    pthread_mutex_lock(&s->lock);
+    report = !s->refused_ns || now_ns - s->refused_ns > REFUSED_NS;
+    s->refused_ns = report ? now_ns : s->refused_ns;
+    pthread_mutex_unlock(&s->lock);
+    if (report)
+        sst_events_emit(s->events, SST_EVENT_WARNING, "client",
+                        json_pack("{s:s, s:s}", "reason", "wrong password", "address", address),
+                        "%.64s sent a wrong user or password over RTSP", address);
+}
+
+static int publisher(void *arg, const json_t *request, struct sst_api_answer *out)
+{
+    static const char *const known[] = { "name", "pid", "clients", "refused", "problem", NULL };
+    struct sst_service *s = arg;
+    const char *name = json_string_value(json_object_get(request, "name"));
+    const char *refused = json_string_value(json_object_get(request, "refused"));
+    const char *problem = json_string_value(json_object_get(request, "problem"));
+    const json_int_t pid = json_integer_value(json_object_get(request, "pid"));
+    const json_int_t clients = json_integer_value(json_object_get(request, "clients"));
+    const int err = sst_api_members(request, known, out->error);
+
+    if (err)
+        return err;
+    if (!name || strcmp(name, "rtsp") != 0 || pid < 1 || pid > INT32_MAX || clients < 0 || clients > INT32_MAX) {
+        snprintf(out->error, sizeof(out->error), "name must be \"rtsp\", pid and clients whole numbers");
+        return -EINVAL;
+    }
+    sst_counters_report(&s->counters, SST_COUNTERS_RTSP, (int)pid, (int)clients, problem ? problem : "");
+    report_refused(s, refused ? refused : "");
+    out->body = json_object();
+    return out->body ? 0 : -ENOMEM;
+}
+
 static int download(void *arg, const char *name, struct sst_download **out)
 {
     return sst_storage_download(((struct sst_service *)arg)->storage, name, out);
@@ -220,22 +224,24 @@ void service_api(struct sst_service *s)
 {
     s->api = (struct sst_api){
         .arg = s,
+        .live = s->engine,
         .status = service_status,
         .cameras = service_cameras,
-        .labels = labels,
+        .labels = engine_labels,
         .metrics = service_metrics,
-        .views = views,
-        .view_create = view_create,
-        .view_change = view_change,
-        .pick = pick,
-        .reload = reload,
+        .views = engine_views,
+        .view_create = engine_view_create,
+        .view_change = engine_view_change,
+        .pick = engine_pick,
+        .reload = service_apply,
         .record = record,
         .snapshot = snapshot,
         .recordings = recordings,
         .export_ = export_moment,
         .delete_ = delete_kept,
-        .calibration_check = calibration_check,
-        .outlet = outlet,
+        .publisher = publisher,
+        .calibration_check = engine_calibration_check,
+        .outlet = engine_outlet,
         .download = download,
         .events = s->events,
     };

@@ -8,6 +8,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "base/thread.h"
 
 #define RETRY_MIN_NS INT64_C(500000000)
@@ -47,13 +48,6 @@ const char *array_state_name(enum sst_grab_state state)
 
 /* --- events of capture -------------------------------------------------------------------------------------------- */
 
-static int compare_ns(const void *a, const void *b)
-{
-    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-
-    return (x > y) - (x < y);
-}
-
 /** Each camera's stamp against the median of its set. */
 static void note_set_locked(struct service_array *a, const struct sst_set *set)
 {
@@ -65,7 +59,7 @@ static void note_set_locked(struct service_array *a, const struct sst_set *set)
             stamp[n++] = set->frame[i]->t_ns;
     if (!n)
         return;
-    qsort(stamp, (size_t)n, sizeof(stamp[0]), compare_ns);
+    sst_stats_sort_int64(stamp, n);
     median = stamp[n / 2];
     for (int i = 0; i < set->cameras; i++) {
         struct array_camera *c = &a->camera[i];
@@ -179,7 +173,7 @@ static void take_camera_locked(struct service_array *a, int i, const struct sst_
     a->told_frames[i] = a->frames[i];
 }
 
-/** Errors are the reason why there are no sets; once these come, they are told as they happen. */
+/** Until sets come, errors are kept as the reason of the state; afterwards they are logged. */
 static void tell_errors(void)
 {
     char *held = sst_log_hold_errors(NULL);
@@ -323,7 +317,7 @@ static int capture_once(struct service_array *a, unsigned count, bool again, cha
     int err;
 
     why[0] = 0;
-    sst_log_hold_errors(why); /* told as the reason of the state, until sets come */
+    sst_log_hold_errors(why); /* the reason of the state, until sets come */
     a->told_ns = sst_clock_now_ns();
     a->told_sets = a->told_skewed = 0;
     pthread_mutex_lock(&a->lock);
@@ -381,7 +375,7 @@ static void *run(void *arg)
         pthread_mutex_unlock(&a->lock);
         err = capture_once(a, count, again, why);
         tried = count;
-        if (why[0] && strcmp(why, told)) /* once, however often it is tried */
+        if (why[0] && strcmp(why, told)) /* once, not at each retry */
             sst_log_error("%s", why);
         memcpy(told, why, sizeof(told));
         pthread_mutex_lock(&a->lock);

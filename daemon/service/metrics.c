@@ -73,7 +73,7 @@ static void write_cameras(FILE *f, struct sst_service *s)
     free(c);
 }
 
-static void write_live(FILE *f, const struct viewer_state *v)
+static void write_live(FILE *f, const struct engine_state *v)
 {
     static const double quantiles[] = { 0.5, 0.99, 1 };
 
@@ -94,8 +94,8 @@ static void write_live(FILE *f, const struct viewer_state *v)
     fprintf(f, "sst_live_latency_seconds_sum %.9g\nsst_live_latency_seconds_count %llu\n", v->latency_ms.sum / 1e3,
             (unsigned long long)v->latency_ms.count);
     head(f, "live_stage_seconds_total", "counter", "Time spent in each stage.");
-    for (int i = 0; i < SST_VIEWER_STAGES; i++)
-        fprintf(f, "sst_live_stage_seconds_total{stage=\"%s\"} %.9g\n", viewer_stage_name((enum viewer_stage)i),
+    for (int i = 0; i < ENGINE_STAGES; i++)
+        fprintf(f, "sst_live_stage_seconds_total{stage=\"%s\"} %.9g\n", engine_stage_name((enum engine_stage)i),
                 v->stage_ms[i].sum / 1e3);
 }
 
@@ -134,27 +134,26 @@ static void write_storage(FILE *f, struct sst_service *s)
 
 static void write_process(FILE *f, struct sst_service *s)
 {
-    struct sst_http_certificate certificate;
-    struct sst_http_counters h;
+    const struct sst_counters *c = &s->counters;
     uint64_t rss_bytes, events[3];
     unsigned restarts;
     double days;
     int descriptors;
-    const int rtsp = service_clients(s, &h, &restarts);
+    const int rtsp = sst_counters_clients(&s->counters, SST_COUNTERS_RTSP, &restarts);
 
     service_process(&rss_bytes, &descriptors);
     sst_events_counts(s->events, events);
-    metric(f, "http_clients", "gauge", "Connections.", h.clients);
-    metric(f, "http_streams", "gauge", "Moving pictures that are watched over HTTP.", h.streams);
-    metric(f, "http_requests_total", "counter", "Requests.", (double)h.requests);
-    metric(f, "http_refused_total", "counter", "Requests that were refused.", (double)h.refused);
-    metric(f, "http_sent_bytes_total", "counter", "Bytes sent.", (double)h.bytes);
+    metric(f, "http_clients", "gauge", "Connections.", c->clients);
+    metric(f, "http_streams", "gauge", "Moving pictures that are watched over HTTP.", c->streams);
+    metric(f, "http_requests_total", "counter", "Requests.", (double)c->requests);
+    metric(f, "http_refused_total", "counter", "Requests that were refused.", (double)c->refused);
+    metric(f, "http_sent_bytes_total", "counter", "Bytes sent.", (double)c->bytes);
     metric(f, "http_slow_downloads_total", "counter", "Downloads that ended for others, their readers being slow.",
-           (double)h.slow);
-    metric(f, "http_pictures_skipped_total", "counter", "Pictures that slow viewers did not get.", (double)h.skipped);
+           (double)c->slow);
+    metric(f, "http_pictures_skipped_total", "counter", "Pictures that slow viewers did not get.", (double)c->skipped);
     metric(f, "rtsp_clients", "gauge", "Clients that watch over RTSP.", rtsp);
-    metric(f, "rtsp_restarts_total", "counter", "Times that the process that serves RTSP ended or hung.", restarts);
-    if (service_certificate(s, &certificate, &days))
+    metric(f, "rtsp_restarts_total", "counter", "Times that sst-rtsp was started again.", restarts);
+    if (service_certificate(s, &days))
         metric(f, "certificate_days", "gauge", "Days that are left of the certificate of HTTPS.", days);
     head(f, "events_total", "counter", "Events by level.");
     fprintf(f, "sst_events_total{level=\"info\"} %llu\n", (unsigned long long)events[0]);
@@ -170,7 +169,7 @@ int service_metrics(void *arg, char **text)
 {
     struct sst_service *s = arg;
     struct array_state *array = calloc(1, sizeof(*array));
-    struct viewer_state *viewer = calloc(1, sizeof(*viewer));
+    struct engine_state *viewer = calloc(1, sizeof(*viewer));
     enum sst_service_phase phase;
     char *out = NULL;
     size_t size;
@@ -178,7 +177,7 @@ int service_metrics(void *arg, char **text)
 
     if (f) {
         array_state(s->array, array);
-        viewer_state(s->viewer, viewer);
+        engine_state(s->engine, viewer);
         pthread_mutex_lock(&s->lock);
         phase = s->phase;
         pthread_mutex_unlock(&s->lock);

@@ -1,4 +1,4 @@
-/* A configuration that is read again applies as a whole, or the old one stays. */
+/* Reload: the new configuration applies as a whole, or the old one stays. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,9 +8,9 @@
 #include "base/log.h"
 #include "daemon/service/service_internal.h"
 
-/** What all changes together take. */
+/** What all changes together restart. */
 struct consequences {
-    bool cameras, picture; /* start anew */
+    bool cameras, picture; /* are restarted */
     int later;             /* keys that wait for a restart */
 };
 
@@ -28,7 +28,7 @@ static json_t *changes_json(const struct sst_config_change *c, int n, struct con
     return list;
 }
 
-/* The answer says what takes a restart; the parts go on with what they were started with, as a whole. */
+/* Keys that need a restart are in the answer; until then the parts keep their old values. */
 static int apply(struct sst_service *s, struct sst_config *to, const struct sst_config *from,
                  const struct consequences *c)
 {
@@ -44,11 +44,9 @@ static int apply(struct sst_service *s, struct sst_config *to, const struct sst_
     pthread_mutex_unlock(&s->lock);
     if (sst_storage_configure(s->storage, to))
         sst_log_warning("storage keeps its settings: out of memory");
-    viewer_configure(s->viewer, to, c->picture);
+    engine_configure(s->engine, to, c->picture);
     service_record_view(s);
     sst_hooks_configure(s->hooks, to->hook, to->hooks);
-    if (sst_mqtt_configure(s->mqtt, to))
-        sst_log_warning("MQTT keeps its settings");
     if (c->cameras)
         array_configure(s->array, &to->array);
     pthread_mutex_unlock(&s->parts);
@@ -85,7 +83,7 @@ static int read_files(struct sst_service *s, struct sst_config *to)
     return sst_config_read(to, s->path[0] ? s->path : NULL);
 }
 
-/** Apply what was read, or say what that would do. @return 0 (out->body is made) or an error, logged */
+/** Apply a configuration, or report what it would change. @return 0 (out->body is made) or an error, logged */
 static int change(struct sst_service *s, struct sst_config *to, const struct sst_config *from, bool dry_run,
                   struct sst_api_answer *out)
 {
@@ -119,8 +117,9 @@ static int change(struct sst_service *s, struct sst_config *to, const struct sst
     return err;
 }
 
-int service_apply(struct sst_service *s, bool dry_run, struct sst_api_answer *out)
+int service_apply(void *arg, bool dry_run, struct sst_api_answer *out)
 {
+    struct sst_service *s = arg;
     struct sst_config *to = calloc(1, sizeof(*to)), *from = calloc(1, sizeof(*from));
     char why[440] = "";
     int err = to && from ? 0 : -ENOMEM;

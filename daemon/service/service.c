@@ -20,8 +20,8 @@
 #define CLOCK_STEP_NS INT64_C(500000000)
 #define FRESH_NS      INT64_C(3000000000) /* sets that are older are no progress */
 #define START_NS      INT64_C(10000000000)
-#define UNUSED_S      3                     /* frames that end outside sets for so long are no hiccup */
-#define LIVE_NS       INT64_C(180000000000) /* the first set of a large array takes its time on a small machine */
+#define UNUSED_S      3                     /* frames that end outside sets for this long are a fault */
+#define LIVE_NS       INT64_C(180000000000) /* the first set of a large array is slow on a small machine */
 
 const char *sst_service_phase_name(enum sst_service_phase phase)
 {
@@ -56,6 +56,7 @@ static int open_http(struct sst_service *s, const struct sst_service_config *cfg
         .streams = c->web.streams,
         .stream_hz = c->web.stream_hz,
         .api = &s->api,
+        .counters = &s->counters,
     };
 
     struct sst_http *opened;
@@ -69,41 +70,7 @@ static int open_http(struct sst_service *s, const struct sst_service_config *cfg
     return 0;
 }
 
-static int open_rtsp(struct sst_service *s)
-{
-    const struct sst_config *c = &s->config;
-    const struct sst_rtsp_config rtsp = {
-        .address = c->rtsp.address,
-        .port = c->rtsp.port,
-        .codec = c->rtsp.codec,
-        .user = c->rtsp.user,
-        .password_file = c->rtsp.password_file,
-        .insecure = c->rtsp.insecure,
-        .api = &s->api,
-    };
-
-    struct sst_rtsp *opened = NULL;
-    const int err = c->rtsp.enabled ? sst_rtsp_open(&opened, &rtsp) : 0;
-
-    if (err)
-        return err;
-    pthread_mutex_lock(&s->lock);
-    s->rtsp = opened;
-    pthread_mutex_unlock(&s->lock);
-    return 0;
-}
-
-/** Neither keeps the service from running: what they lack is told and tried again. */
-static int open_hooks(struct sst_service *s)
-{
-    const struct sst_hooks_config hooks = { .events = s->events, .hook = s->config.hook, .hooks = s->config.hooks };
-    const struct sst_mqtt_config mqtt = { .config = &s->config, .api = &s->api };
-    const int err = sst_hooks_open(&s->hooks, &hooks);
-
-    return err ? err : sst_mqtt_open(&s->mqtt, &mqtt);
-}
-
-/** Another service here would take cameras, lines and folder from this one before it found the socket in use. */
+/** A second service would open cameras, lines and folder of the first before it found the socket in use. */
 static int check_alone(const char *path)
 {
     struct sockaddr_un to = { .sun_family = AF_UNIX };
@@ -128,7 +95,7 @@ void service_record_view(struct sst_service *s)
 {
     struct sst_outlet *outlet;
 
-    if (viewer_outlet(s->viewer, SST_PICTURE_VIEW, "main", &outlet))
+    if (engine_outlet(s->engine, SST_PICTURE_VIEW, "main", &outlet))
         return; /* there is no live picture */
     sst_storage_view(s->storage, outlet);
     sst_outlet_unref(outlet);
@@ -147,7 +114,6 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
         sst_log_error("no memory for %d MiB of sets: lower storage: ring_mb", c->storage.ring_mb);
         return err;
     }
-    service_api(s);
     const struct sst_storage_config storage = { .config = c, .ring = s->ring, .events = s->events, .tracks = &none };
 
     c->array.bound = 0;
@@ -155,22 +121,23 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
     c->array.bound = bound;
     if (!err)
         err = array_open(&s->array, &c->array, s->ring, s->events);
-    const struct viewer_config viewer = {
+    const struct engine_config viewer = {
         .config = c, .ring = s->ring, .array = s->array, .storage = s->storage, .events = s->events
     };
 
     if (!err)
-        err = viewer_open(&s->viewer, &viewer);
+        err = engine_open(&s->engine, &viewer);
     if (!err)
         service_record_view(s);
+    service_api(s);
     if (!err)
         err = open_http(s, cfg);
-    if (!err)
-        err = open_rtsp(s);
-    return err ? err : open_hooks(s);
+    const struct sst_hooks_config hooks = { .events = s->events, .hook = c->hook, .hooks = c->hooks };
+
+    return err ? err : sst_hooks_open(&s->hooks, &hooks);
 }
 
-/* Who asks for a reload while parts come and go is put off. */
+/* Reloads are refused while parts are opened or closed. */
 static void set_open(struct sst_service *s, bool open)
 {
     pthread_mutex_lock(&s->parts);
@@ -196,6 +163,7 @@ int sst_service_open(struct sst_service **out, const struct sst_config *config, 
     pthread_mutex_init(&s->reload, NULL);
     pthread_mutex_init(&s->parts, NULL);
     pthread_mutex_init(&s->lock, NULL);
+    sst_counters_init(&s->counters);
     err = open_parts(s, cfg);
     if (err) {
         if (!sst_service_stop(s))
@@ -243,12 +211,12 @@ static void name_unused(enum sst_bucket bucket, char *why, size_t size)
                  sst_bucket_name(bucket));
 }
 
-static enum sst_service_phase judge(struct sst_service *s, const struct array_state *a, const struct viewer_state *v,
+static enum sst_service_phase judge(struct sst_service *s, const struct array_state *a, const struct engine_state *v,
                                     char *why, size_t size)
 {
     const int64_t now_ns = sst_clock_now_ns();
     const bool flows = a->frame_ns && now_ns - a->frame_ns < FRESH_NS + 3 * a->period_ns;
-    char away[192];
+    char problem[SST_COUNTERS_PROBLEM];
 
     why[0] = 0;
     if (!a->open) {
@@ -278,9 +246,8 @@ static enum sst_service_phase judge(struct sst_service *s, const struct array_st
         snprintf(why, size, "no live picture: %.440s", v->reason);
     else if (sst_storage_state(s->storage) == SST_STORAGE_FULL)
         snprintf(why, size, "nothing can be recorded, see storage");
-    else if ((s->http && sst_http_away(s->http, away, sizeof(away))) ||
-             (s->rtsp && sst_rtsp_away(s->rtsp, away, sizeof(away))))
-        snprintf(why, size, "%s; tried again", away);
+    else if (sst_counters_problem(&s->counters, problem))
+        snprintf(why, size, "%s", problem);
     return why[0] ? SST_SERVICE_DEGRADED : SST_SERVICE_CAPTURING;
 }
 
@@ -295,8 +262,8 @@ static void watch_clock(struct sst_service *s)
             "the wall clock was set by %+.1f s; sets are timed by another clock and go on", (double)step_ns / 1e9);
 }
 
-/** Recordings say which cameras there are. */
-static void tell_storage(struct sst_service *s)
+/** Pass the layout of the cameras to storage, for its recordings. */
+static void update_storage(struct sst_service *s)
 {
     const unsigned generation = array_generation(s->array);
     struct array_layout *layout;
@@ -332,15 +299,15 @@ static void measure_cpu(struct sst_service *s)
 enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512])
 {
     struct array_state *a = &s->array_now;
-    struct viewer_state *v = &s->viewer_now;
+    struct engine_state *v = &s->engine_now;
     enum sst_service_phase phase = s->phase, before = s->phase;
     char why[512] = "";
 
     watch_clock(s);
-    tell_storage(s);
+    update_storage(s);
     measure_cpu(s);
     array_state(s->array, a);
-    viewer_state(s->viewer, v);
+    engine_state(s->engine, v);
     phase = judge(s, a, v, why, sizeof(why));
     snprintf(status, 512, "%s: %d of %d cameras, %.1f sets/s, live %.1f sets/s, latency %.0f ms%s%.300s",
              sst_service_phase_name(phase), a->present, a->cameras, a->rate_hz, v->rate_hz,
@@ -362,12 +329,12 @@ enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512])
 bool sst_service_alive(struct sst_service *s, int64_t ns)
 {
     struct array_state *a = &s->array_now;
-    struct viewer_state *v = &s->viewer_now;
+    struct engine_state *v = &s->engine_now;
     const int64_t now_ns = sst_clock_now_ns();
     bool alive;
 
     array_state(s->array, a);
-    viewer_state(s->viewer, v);
+    engine_state(s->engine, v);
     /* The capturing thread runs; cameras that do not answer hold up its opening of them for long ... */
     alive = now_ns - a->beat_ns < (a->open ? ns : 3 * ns);
     if (alive && a->open && a->present && !a->report.trigger_away) { /* ... frames come, in sets or not ... */
@@ -405,28 +372,21 @@ static int left_ms(int64_t until_ns)
     return sst_max_int((int)((until_ns - sst_clock_now_ns()) / 1000000), 50);
 }
 
-/* All that can end by itself begins to. Who asks for a status meanwhile, HTTP's own clients among them, does not find
- * the servers any more. @return the cameras' thread has ended */
-static bool begin_end(struct sst_service *s, int64_t until_ns, struct sst_http **http, struct sst_rtsp **rtsp)
+/* Ask all parts to end. @return true: the thread of the cameras has ended */
+static bool start_drain(struct sst_service *s, int64_t until_ns)
 {
     const int64_t sets_ns = until_ns - STOP_NS + SETS_NS;
     bool ended = true;
 
     pthread_mutex_lock(&s->lock);
     s->phase = SST_SERVICE_DRAINING;
-    *http = s->http;
-    *rtsp = s->rtsp;
-    s->http = NULL;
-    s->rtsp = NULL;
     pthread_mutex_unlock(&s->lock);
-    if (s->viewer)
-        viewer_stop(s->viewer); /* viewers leave, so that servers end at once */
+    if (s->engine)
+        engine_stop(s->engine); /* viewers leave, so that servers end at once */
     if (s->array)
         array_stop(s->array);
-    sst_mqtt_stop(s->mqtt);
     sst_hooks_stop(s->hooks);
-    sst_http_stop(*http);
-    sst_rtsp_stop(*rtsp);
+    sst_http_stop(s->http);
     if (s->array)
         ended = array_join(s->array, sets_ns);
     if (s->ring)
@@ -435,7 +395,7 @@ static bool begin_end(struct sst_service *s, int64_t until_ns, struct sst_http *
     return ended;
 }
 
-/* What a part took to end, for those who wonder. */
+/* Add how long a part took to end, for the log. */
 static void note(char *text, size_t size, const char *part, int64_t *since_ns)
 {
     const int64_t now_ns = sst_clock_now_ns();
@@ -450,45 +410,39 @@ bool sst_service_stop(struct sst_service *s)
     const int64_t start_ns = sst_clock_now_ns(), until_ns = start_ns + STOP_NS;
     const int64_t free_ns = start_ns + FREE_NS;
     int64_t since_ns = start_ns;
-    struct sst_http *http;
-    struct sst_rtsp *rtsp;
-    bool mqtt, array, storage, viewer = true;
+    bool array, storage, viewer = true;
     char took[256] = "";
 
     sst_thread_raise_all();
     set_open(s, false);
     if (s->events && s->api.arg)
         sst_events_emit(s->events, SST_EVENT_INFO, "stop", NULL, "sstd is stopping");
-    array = begin_end(s, until_ns, &http, &rtsp);
+    array = start_drain(s, until_ns);
     note(took, sizeof(took), "sets", &since_ns);
     sst_hooks_close(s->hooks);
     note(took, sizeof(took), "hooks", &since_ns);
     if (s->events)
-        sst_events_shut(s->events); /* who listens to them leaves */
-    sst_http_close(http);
+        sst_events_shut(s->events); /* its listeners end */
+    sst_http_close(s->http);
     note(took, sizeof(took), "HTTP", &since_ns);
-    sst_rtsp_close(rtsp); /* HTTP tells of its clients */
-    note(took, sizeof(took), "RTSP", &since_ns);
     storage = sst_storage_finish(s->storage, left_ms(until_ns));
     note(took, sizeof(took), "disk", &since_ns);
-    mqtt = sst_mqtt_close(s->mqtt, left_ms(until_ns));
-    note(took, sizeof(took), "MQTT", &since_ns);
-    if (s->viewer)
-        viewer = viewer_join(s->viewer, since_ns < free_ns ? free_ns : since_ns);
+    if (s->engine)
+        viewer = engine_join(s->engine, since_ns < free_ns ? free_ns : since_ns);
     note(took, sizeof(took), "live", &since_ns);
     if (!array)
         array = array_join(s->array, since_ns < free_ns ? free_ns : since_ns);
     note(took, sizeof(took), "cameras", &since_ns);
     sst_log_info("stopped in %.0f ms, waiting for %s", (double)(since_ns - start_ns) * 1e-6, took);
-    if (!mqtt || !storage)
-        sst_log_warning("ending without waiting for %s%swhat was acknowledged is on disk",
-                        mqtt ? "" : "the MQTT broker; ", storage ? "" : "the disk; ");
-    if (!mqtt || !array || !storage || !viewer || !sst_storage_close(s->storage, 0))
-        return false; /* their threads may still ask for things */
-    viewer_close(s->viewer);
+    if (!storage)
+        sst_log_warning("ending without waiting for the disk; what was acknowledged is on disk");
+    if (!array || !storage || !viewer || !sst_storage_close(s->storage, 0))
+        return false; /* their threads may still use the others */
+    engine_close(s->engine);
     array_close(s->array);
     sst_ring_destroy(s->ring);
     sst_events_destroy(s->events);
+    sst_counters_fini(&s->counters);
     pthread_mutex_destroy(&s->lock);
     pthread_mutex_destroy(&s->parts);
     pthread_mutex_destroy(&s->reload);

@@ -23,15 +23,15 @@ struct sst_service_config {
 };
 
 /**
- * Start everything, in order: memory, storage, cameras, live picture, HTTP, RTSP, hooks, MQTT.
+ * Start everything, in order: memory, storage, cameras, live picture, HTTP, hooks.
  *
  * Cameras, trigger and disk may be missing: that is a state. @param config  copied
- * @return 0; -EADDRINUSE, -EACCES and what else HTTP and RTSP return; -ENOMEM; logged, and all is stopped again
+ * @return 0; -EADDRINUSE, -EACCES and what else HTTP returns; -ENOMEM; logged, and all is stopped again
  */
 SST_MUST_CHECK int sst_service_open(struct sst_service **out, const struct sst_config *config,
                                     const struct sst_service_config *cfg);
 
-/** Look at all parts: the state, events about it. To be called a few times a second.
+/** Update the state from all parts and emit events about it. To be called a few times a second.
  *  @param status  out, one line for systemd @return the state */
 enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512]);
 

@@ -12,12 +12,11 @@
 #include "capture/array/ring.h"
 #include "capture/recording/recorder.h"
 #include "config/sstd.h"
+#include "daemon/counters/counters.h"
 #include "daemon/events/events.h"
 #include "daemon/publish/api.h"
 #include "daemon/publish/hooks.h"
 #include "daemon/publish/http.h"
-#include "daemon/publish/mqtt.h"
-#include "daemon/publish/rtsp.h"
 #include "daemon/service/service.h"
 #include "daemon/storage/storage.h"
 #include "pipeline/live/live.h"
@@ -34,7 +33,7 @@ struct array_layout {
     struct sst_array_config config; /* with the bindings found */
 };
 
-/** One camera, as people and programs are told of it. */
+/** One camera, as reported. */
 struct array_camera {
     int row, col;
     enum sst_grab_state state;
@@ -57,7 +56,7 @@ struct array_state {
     int64_t beat_ns;                       /* when the capturing thread was last seen alive */
     int64_t frame_ns;                      /* when a set with a frame last came; 0: never */
     int64_t unused_ns;                     /* when a frame last ended outside a set; 0: never */
-    int unused_s;                          /* for so many seconds nearly all frames have ended outside sets ... */
+    int unused_s;                          /* seconds for which nearly all frames have ended outside sets ... */
     enum sst_bucket unused_bucket;         /* ... most of them in this one */
     uint64_t sets, complete, ring_refused; /* of all openings */
     struct sst_capture_report report;      /* of this one */
@@ -67,7 +66,7 @@ struct array_state {
 SST_MUST_CHECK int array_open(struct service_array **out, const struct sst_array_config *config, struct sst_ring *ring,
                               struct sst_events *events);
 
-/** Go on with another configuration: capturing starts anew. */
+/** Follow another configuration: capturing restarts. */
 void array_configure(struct service_array *a, const struct sst_array_config *config);
 
 void array_state(struct service_array *a, struct array_state *out);
@@ -78,7 +77,7 @@ int array_cameras(struct service_array *a, struct array_camera *out);
 unsigned array_generation(struct service_array *a);
 void array_layout(struct service_array *a, struct array_layout *out);
 
-/** What recordings say of the cameras. @param out  [SST_CAMERAS_MAX] */
+/** Tracks of the cameras for recordings. @param out  [SST_CAMERAS_MAX] */
 void array_tracks(struct service_array *a, struct sst_recorder_track *out);
 
 /** Ask the thread to end. */
@@ -106,33 +105,33 @@ void window_add(struct time_window *w, double value);
 /** Of the last SST_WINDOW values; 0 of an empty one. @param q  0..1, 1: the largest */
 double window_quantile(const struct time_window *w, double q);
 
-/* --- viewer ---
+/* --- engine ---
  * the live picture: newest sets of the ring go through the pipeline, viewers' pictures come
  * out. */
 
 struct live_engine; /* opaque; any thread, but open and close */
 
 /** From the trigger to the picture: waiting in the ring, the stages of sst_live_update(), and what follows. */
-enum viewer_stage {
-    SST_VIEWER_WAIT = 0,                     /* from the trigger until the set is taken up */
-    SST_VIEWER_LIVE = 1,                     /* SST_LIVE_STAGES of them */
-    SST_VIEWER_RENDER = 1 + SST_LIVE_STAGES, /* of all pictures wanted */
-    SST_VIEWER_ENCODE = 2 + SST_LIVE_STAGES,
-    SST_VIEWER_STAGES = 3 + SST_LIVE_STAGES,
+enum engine_stage {
+    ENGINE_WAIT = 0,                     /* from the trigger until the set is processed */
+    ENGINE_LIVE = 1,                     /* SST_LIVE_STAGES of them */
+    ENGINE_RENDER = 1 + SST_LIVE_STAGES, /* of all pictures wanted */
+    ENGINE_ENCODE = 2 + SST_LIVE_STAGES,
+    ENGINE_STAGES = 3 + SST_LIVE_STAGES,
 };
 
 /** "wait", "change" ... */
-const char *viewer_stage_name(enum viewer_stage stage);
+const char *engine_stage_name(enum engine_stage stage);
 
-struct viewer_state {
+struct engine_state {
     bool enabled, ready;          /* ready: see-through pictures can be made */
     char reason[512];             /* why not */
     double rate_hz;               /* sets per second, over the last ten */
-    uint64_t sets, dropped, idle; /* taken in; passed over for newer ones; taken in without any change */
+    uint64_t sets, dropped, idle; /* processed; skipped for newer ones; processed without any change */
     uint64_t pictures;            /* encoded */
     double changed_percent;       /* tiles, over the last ten seconds */
-    double cpu_percent;           /* of one core, likewise, without rendering */
-    struct time_window latency_ms, stage_ms[SST_VIEWER_STAGES]; /* of sets that changed something */
+    double cpu_percent;           /* of one core, over the last ten seconds, without rendering */
+    struct time_window latency_ms, stage_ms[ENGINE_STAGES]; /* of sets that changed something */
     uint64_t tiles, tiles_changed, decodes, decodes_skipped, label_runs, label_runs_skipped;
     double error_change, error_labels;           /* last sampled; NaN */
     int width, height, views, present;           /* of the light field */
@@ -142,7 +141,7 @@ struct viewer_state {
     char check[512];                             /* last verdict on the calibration */
 };
 
-struct viewer_config {
+struct engine_config {
     const struct sst_config *config; /* copied */
     struct sst_ring *ring;           /* these stay */
     struct service_array *array;
@@ -151,28 +150,28 @@ struct viewer_config {
 };
 
 /** Start the threads. @return 0, -ENOMEM, -EAGAIN */
-SST_MUST_CHECK int viewer_open(struct live_engine **out, const struct viewer_config *cfg);
+SST_MUST_CHECK int engine_open(struct live_engine **out, const struct engine_config *cfg);
 
-/** Other settings. @param anew  the pipeline starts anew */
-void viewer_configure(struct live_engine *v, const struct sst_config *config, bool anew);
+/** Follow other settings. @param restart  restart the pipeline */
+void engine_configure(struct live_engine *v, const struct sst_config *config, bool restart);
 
-void viewer_state(struct live_engine *v, struct viewer_state *out);
+void engine_state(struct live_engine *v, struct engine_state *out);
 
-/* Verbs of struct sst_api, by the same names. */
-int viewer_labels(struct live_engine *v, struct sst_api_answer *out);
-int viewer_views(struct live_engine *v, struct sst_api_answer *out);
-int viewer_view_create(struct live_engine *v, const json_t *settings, struct sst_api_answer *out);
-int viewer_view_change(struct live_engine *v, const char *id, const json_t *settings, struct sst_api_answer *out);
-int viewer_pick(struct live_engine *v, const char *id, double x, double y, struct sst_api_answer *out);
-int viewer_calibration_check(struct live_engine *v, struct sst_api_answer *out);
-int viewer_outlet(struct live_engine *v, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
+/* Verbs of struct sst_api, by the same names; `engine` is a struct live_engine. */
+int engine_labels(void *engine, struct sst_api_answer *out);
+int engine_views(void *engine, struct sst_api_answer *out);
+int engine_view_create(void *engine, const json_t *settings, struct sst_api_answer *out);
+int engine_view_change(void *engine, const char *id, const json_t *settings, struct sst_api_answer *out);
+int engine_pick(void *engine, const char *id, double x, double y, struct sst_api_answer *out);
+int engine_calibration_check(void *engine, struct sst_api_answer *out);
+int engine_outlet(void *engine, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
 
 /** Ask the threads to end, their work to return early and viewers to leave. */
-void viewer_stop(struct live_engine *v);
+void engine_stop(struct live_engine *v);
 /** @return false: something in it hangs */
-SST_MUST_CHECK bool viewer_join(struct live_engine *v, int64_t until_ns);
+SST_MUST_CHECK bool engine_join(struct live_engine *v, int64_t until_ns);
 /** After a join. NULL is fine. */
-void viewer_close(struct live_engine *v);
+void engine_close(struct live_engine *v);
 
 /* --- service_parts: the state behind sst_service, shared by its files. Only for them. --- */
 
@@ -185,19 +184,18 @@ struct sst_service {
     struct sst_ring *ring;
     struct sst_storage *storage;
     struct service_array *array;
-    struct live_engine *viewer;
-    struct sst_http *http; /* these two are set under lock: what they serve is asked for before they are open */
-    struct sst_rtsp *rtsp;
+    struct live_engine *engine;
+    struct sst_http *http; /* set under lock: its clients send requests before it is open */
     struct sst_hooks *hooks;
-    struct sst_mqtt *mqtt;
+    struct sst_counters counters;
     /* main thread */
     unsigned generation;    /* of the layout that storage knows */
     int64_t wall_offset_ns; /* wall less monotonic */
     int64_t cpu_ns, cpu_at_ns;
-    struct array_state array_now; /* as looked at last: too large for a stack */
-    struct viewer_state viewer_now;
-    pthread_mutex_t reload; /* held while the configuration is read again and applied, by whoever asked for it */
-    pthread_mutex_t parts;  /* held while they are told a configuration */
+    struct array_state array_now; /* the last state; too large for a stack */
+    struct engine_state engine_now;
+    pthread_mutex_t reload; /* held while the configuration is read and applied */
+    pthread_mutex_t parts;  /* held while a configuration is applied to them */
     bool open;              /* under parts: all of them are there */
     /* under lock */
     pthread_mutex_t lock;
@@ -205,6 +203,7 @@ struct sst_service {
     enum sst_service_phase phase;
     char reason[512];
     double cpu_percent; /* of the process, over the last seconds */
+    int64_t refused_ns; /* when a wrong password was last reported */
 };
 
 /* api.c */
@@ -214,26 +213,23 @@ void service_api(struct sst_service *s);
 int service_status(void *arg, struct sst_api_answer *out);
 int service_cameras(void *arg, struct sst_api_answer *out);
 
-/** Who is served. @param http  out, zeros without it @param restarts  out, of the process that serves RTSP
- *  @return clients of RTSP */
-int service_clients(struct sst_service *s, struct sst_http_counters *http, unsigned *restarts);
-
-/** The certificate of HTTPS. @param days  out, left of it; negative: it has ended @return false: there is none */
-bool service_certificate(struct sst_service *s, struct sst_http_certificate *out, double *days);
+/** The certificate of HTTPS. @param days  out, left of it; negative: it has ended
+ *  @return its end, seconds since 1970; 0: there is none */
+int64_t service_certificate(const struct sst_service *s, double *days);
 
 /* metrics.c */
 int service_metrics(void *arg, char **text);
 
 /* reload.c */
-int service_apply(struct sst_service *s, bool dry_run, struct sst_api_answer *out);
+int service_apply(void *arg, bool dry_run, struct sst_api_answer *out);
 
 /** Resident memory and open descriptors of this process. */
 void service_process(uint64_t *rss_bytes, int *descriptors);
 
-/** Storage is told where the see-through view comes from, once there is one. */
+/** Pass the JPEG slot of the main view to storage, once there is one. */
 void service_record_view(struct sst_service *s);
 
-/* --- settings: what one viewer wants to see, as it stands in JSON (docs/api.md). --- */
+/* --- settings: settings of one view as JSON (docs/api.md). --- */
 
 struct view_settings {
     struct sst_render_config render; /* focus_px NaN: the default focus; focus_label is found by name when rendering */
@@ -243,12 +239,12 @@ struct view_settings {
 
 void view_settings_defaults(struct view_settings *s, const struct sst_live_settings *config);
 
-/** What another configuration changes of the defaults; the rest stays as somebody may have set it meanwhile. */
+/** Apply the defaults that another configuration changes; the rest keeps what clients have set. */
 void view_settings_follow(struct view_settings *s, const struct sst_live_settings *from,
                           const struct sst_live_settings *to);
 
 /**
- * Take over the members of an object; those that are not there stay.
+ * Apply the members of an object; missing ones keep their values.
  * @param error  out, one sentence on failure
  * @return 0, -EINVAL (s untouched)
  */
@@ -257,15 +253,15 @@ SST_MUST_CHECK int view_settings_take(struct view_settings *s, const json_t *fro
 /** NULL: no memory. */
 json_t *view_settings_json(const struct view_settings *s);
 
-/* --- viewer_parts: the state behind live_engine, shared by its files. Only for them. --- */
+/* --- engine_parts: the state behind live_engine, shared by its files. Only for them. --- */
 
 #define VIEWS_MAX  17                   /* "main" and those of viewers */
-#define WANTED_NS  INT64_C(5000000000)  /* a picture asked for once is made for so long */
+#define WANTED_NS  INT64_C(5000000000)  /* a picture that was requested once is rendered for this long */
 #define EXPIRY_NS  INT64_C(30000000000) /* a view without viewers goes after this */
 #define FRESH_MS   800                  /* a picture is waited for no longer */
-#define RATE_SLOTS 16                   /* seconds that rates are told over, and some */
+#define RATE_SLOTS 16                   /* seconds that rates are averaged over, and some */
 
-/** What one viewer sees. */
+/** One view. */
 struct view {
     bool used;
     char id[16];
@@ -289,7 +285,7 @@ struct shared {
 /** Work that only the live thread may do, for another thread that waits for it. */
 struct request {
     bool pending, done;
-    unsigned number; /* whoever gave up waiting leaves none to be answered */
+    unsigned number; /* a request that timed out is not answered */
     char id[16];
     int x, y, err;
     struct sst_live_pick pick;
@@ -317,11 +313,11 @@ struct live_engine {
     struct sst_live *live; /* set and cleared under lock, so that stop can cancel it */
     struct sst_use_calibration use;
     struct sst_live_config live_config;
-    struct sst_live_input input;   /* of the set taken in last */
+    struct sst_live_input input;   /* of the last set */
     struct sst_live_report report; /* about it */
     struct array_layout layout;
     char model[SST_PATH_MAX];
-    uint64_t last; /* number of the set taken in last */
+    uint64_t last; /* number of the last set */
     int64_t last_ns, retry_ns;
     uint64_t set_index; /* that the pictures show, its time zero and wall time */
     int64_t set_t_ns, set_wall_ns;
@@ -333,9 +329,9 @@ struct live_engine {
     struct sst_config config;
     unsigned config_count, config_seen;
     bool stop, ended, camera_ended, check_runs, check_ended;
-    int64_t hand_ns;      /* when a viewer last changed his settings; 0: never */
-    int64_t check_due_ns; /* when the calibration is to be checked next; 0: not known yet */
-    struct viewer_state state;
+    int64_t interaction_ns; /* when a client last changed settings; 0: never */
+    int64_t check_due_ns;   /* when the calibration is to be checked next; 0: not known yet */
+    struct engine_state state;
     struct second second[RATE_SLOTS];
     uint64_t update; /* states of the light field */
     struct view view[VIEWS_MAX];
@@ -345,26 +341,26 @@ struct live_engine {
     float share[256]; /* of the reference view, by label */
 };
 
-/* viewer_views.c */
-int viewer_views_open(struct live_engine *v);
-/** The configuration is about to become another one: the main view is as that says. */
-void viewer_views_follow_locked(struct live_engine *v, const struct sst_live_settings *to);
-void viewer_views_close(struct live_engine *v);
-/** Make every picture that somebody wants and that is not as it should be.  Live thread. */
-void viewer_publish(struct live_engine *v);
+/* engine_views.c */
+int engine_views_open(struct live_engine *v);
+/** Apply a new configuration to the main view, before it becomes the current one. */
+void engine_views_follow_locked(struct live_engine *v, const struct sst_live_settings *to);
+void engine_views_close(struct live_engine *v);
+/** Render every wanted picture that is out of date. Live thread. */
+void engine_publish(struct live_engine *v);
 /** The light field goes: pictures of it, too.  Live thread. */
-void viewer_forget_pictures(struct live_engine *v);
-/** Serve viewer_pick().  Live thread. */
-void viewer_serve(struct live_engine *v);
+void engine_forget_pictures(struct live_engine *v);
+/** Serve engine_pick().  Live thread. */
+void engine_serve(struct live_engine *v);
 
-/* viewer_cameras.c */
-void *viewer_run_cameras(void *arg);
+/* engine_cameras.c */
+void *engine_run_cameras(void *arg);
 /** An outlet that is asked for: made if there is none.  @return 0, -ENOMEM */
-int viewer_share_locked(struct shared *s, struct sst_outlet **out);
-bool viewer_wanted(struct sst_outlet *outlet, int64_t used_ns);
+int engine_share_locked(struct shared *s, struct sst_outlet **out);
+bool engine_wanted(struct sst_outlet *outlet, int64_t used_ns);
 
-/* viewer_check.c; live thread, and join once that has ended */
-void viewer_check_by_time(struct live_engine *v);
-void viewer_check_join(struct live_engine *v);
+/* engine_check.c; live thread, and join once that has ended */
+void engine_check_by_time(struct live_engine *v);
+void engine_check_join(struct live_engine *v);
 
 #endif

@@ -1,7 +1,8 @@
-/* How things stand, as JSON (docs/api.md). */
+/* The status as JSON (docs/api.md). */
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -73,12 +74,12 @@ static json_t *skip_json(bool on, uint64_t done, uint64_t skipped, double error)
                      "error", sst_api_real(error));
 }
 
-static json_t *live_json(const struct viewer_state *v, const struct sst_live_settings *settings)
+static json_t *live_json(const struct engine_state *v, const struct sst_live_settings *settings)
 {
     json_t *stages = json_object(), *live;
 
-    for (int i = 0; i < SST_VIEWER_STAGES; i++)
-        json_object_set_new(stages, viewer_stage_name((enum viewer_stage)i), window_json(&v->stage_ms[i]));
+    for (int i = 0; i < ENGINE_STAGES; i++)
+        json_object_set_new(stages, engine_stage_name((enum engine_stage)i), window_json(&v->stage_ms[i]));
     live = json_pack("{s:b, s:b, s:s, s:f, s:I, s:I, s:I, s:I, s:f, s:f, s:i, s:i}", "enabled", v->enabled, "ready",
                      v->ready, "reason", v->reason, "rate_hz", v->rate_hz, "sets", (json_int_t)v->sets, "dropped",
                      (json_int_t)v->dropped, "idle", (json_int_t)v->idle, "pictures", (json_int_t)v->pictures,
@@ -124,56 +125,37 @@ void service_process(uint64_t *rss_bytes, int *descriptors)
         closedir(dir);
 }
 
-/* Under the lock: the servers go when the service stops, and those who ask, MQTT among them, after them. */
-int service_clients(struct sst_service *s, struct sst_http_counters *http, unsigned *restarts)
+int64_t service_certificate(const struct sst_service *s, double *days)
 {
-    int clients;
+    const int64_t until_s = atomic_load(&s->counters.certificate_until_s);
 
-    *http = (struct sst_http_counters){ 0 };
-    pthread_mutex_lock(&s->lock);
-    if (s->http)
-        sst_http_counters(s->http, http);
-    *restarts = s->rtsp ? sst_rtsp_restarts(s->rtsp) : 0;
-    clients = s->rtsp ? sst_rtsp_clients(s->rtsp) : 0;
-    pthread_mutex_unlock(&s->lock);
-    return clients;
+    *days = (double)(until_s - sst_clock_wall_ns() / 1000000000) / 86400;
+    return until_s;
 }
 
-bool service_certificate(struct sst_service *s, struct sst_http_certificate *out, double *days)
+static json_t *certificate_json(const struct sst_service *s)
 {
-    bool any;
-
-    pthread_mutex_lock(&s->lock);
-    any = s->http && sst_http_certificate(s->http, out);
-    pthread_mutex_unlock(&s->lock);
-    if (!any)
-        return false;
-    *days = (double)(out->until_s - sst_clock_wall_ns() / 1000000000) / 86400;
-    return true;
-}
-
-static json_t *certificate_json(struct sst_service *s)
-{
-    struct sst_http_certificate c;
     char text[SST_CLOCK_TEXT];
     double days;
+    const int64_t until_s = service_certificate(s, &days);
 
-    if (!service_certificate(s, &c, &days))
+    if (!until_s)
         return json_null();
-    sst_clock_text(text, c.until_s * 1000000000);
+    sst_clock_text(text, until_s * 1000000000);
     return json_pack("{s:s, s:f}", "until", text, "days", days);
 }
 
 static json_t *clients_json(struct sst_service *s)
 {
-    struct sst_http_counters h;
+    struct sst_counters *c = &s->counters;
     unsigned restarts;
-    const int rtsp = service_clients(s, &h, &restarts);
+    const int rtsp = sst_counters_clients(c, SST_COUNTERS_RTSP, &restarts);
 
-    return json_pack("{s:i, s:i, s:i, s:i, s:I, s:I, s:I, s:I, s:I}", "http", h.clients, "streams", h.streams,
-                     "listeners", h.listeners, "rtsp", rtsp, "rtsp_restarts", (json_int_t)restarts, "requests",
-                     (json_int_t)h.requests, "refused", (json_int_t)h.refused, "skipped_pictures",
-                     (json_int_t)h.skipped, "slow_downloads", (json_int_t)h.slow);
+    return json_pack("{s:i, s:i, s:i, s:i, s:I, s:I, s:I, s:I, s:I}", "http", atomic_load(&c->clients), "streams",
+                     atomic_load(&c->streams), "listeners", atomic_load(&c->listeners), "rtsp", rtsp, "rtsp_restarts",
+                     (json_int_t)restarts, "requests", (json_int_t)atomic_load(&c->requests), "refused",
+                     (json_int_t)atomic_load(&c->refused), "skipped_pictures", (json_int_t)atomic_load(&c->skipped),
+                     "slow_downloads", (json_int_t)atomic_load(&c->slow));
 }
 
 static json_t *process_json(double cpu_percent)
@@ -189,7 +171,7 @@ static json_t *process_json(double cpu_percent)
 /* Large together, and not for a stack of a server's thread. */
 struct gathered {
     struct array_state array;
-    struct viewer_state viewer;
+    struct engine_state engine;
     struct array_layout layout;
     struct sst_live_settings live;
     enum sst_service_phase phase;
@@ -208,7 +190,7 @@ int service_status(void *arg, struct sst_api_answer *out)
         return -ENOMEM;
     array_state(s->array, &g->array);
     array_layout(s->array, &g->layout);
-    viewer_state(s->viewer, &g->viewer);
+    engine_state(s->engine, &g->engine);
     pthread_mutex_lock(&s->lock);
     g->live = s->config.live;
     g->phase = s->phase;
@@ -222,7 +204,7 @@ int service_status(void *arg, struct sst_api_answer *out)
         json_pack("{s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:o, s:o, s:o}", "version", SST_VERSION, "state",
                   sst_service_phase_name(g->phase), "reason", g->reason, "uptime_s",
                   (double)(now_ns - s->start_ns) / 1e9, "time", time, "capture", capture_json(&g->array, &g->layout),
-                  "live", live_json(&g->viewer, &g->live), "storage", sst_storage_status(s->storage), "clients",
+                  "live", live_json(&g->engine, &g->live), "storage", sst_storage_status(s->storage), "clients",
                   clients_json(s), "certificate", certificate_json(s), "process", process_json(g->cpu_percent));
     free(g);
     return out->body ? 0 : -ENOMEM;

@@ -1,7 +1,8 @@
 #include "daemon/service/service_internal.h"
 
-#include <stdlib.h>
 #include <string.h>
+
+#include "base/stats.h"
 
 void window_add(struct time_window *w, double value)
 {
@@ -9,21 +10,11 @@ void window_add(struct time_window *w, double value)
     w->sum += value;
 }
 
-static int compare(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-
-    return (x > y) - (x < y);
-}
-
 double window_quantile(const struct time_window *w, double q)
 {
     const size_t n = w->count < SST_WINDOW ? (size_t)w->count : SST_WINDOW;
     float sorted[SST_WINDOW];
 
-    if (!n)
-        return 0;
     memcpy(sorted, w->value, n * sizeof(sorted[0]));
-    qsort(sorted, n, sizeof(sorted[0]), compare);
-    return (double)sorted[sst_min_int((int)(q * (double)n), (int)n - 1)];
+    return (double)sst_stats_quantile_float(sorted, (int)n, q);
 }

@@ -1,5 +1,5 @@
-/* daemon/slot/jpeg_slot.h - the newest JPEG of one moving picture, for any number of viewers that never wait on one
- * another. */
+/* daemon/slot/jpeg_slot.h - the newest JPEG of one moving picture, for any number of clients that never wait for
+ * one another. */
 #ifndef SST_DAEMON_SLOT_JPEG_SLOT_H
 #define SST_DAEMON_SLOT_JPEG_SLOT_H
 
@@ -23,11 +23,12 @@ SST_MUST_CHECK int sst_outlet_create(struct sst_outlet **out);
 struct sst_outlet *sst_outlet_ref(struct sst_outlet *outlet);
 void sst_outlet_unref(struct sst_outlet *outlet); /* NULL is fine */
 
-/** Show a new picture and wake the viewers. @param data  malloc'ed, taken over @return 0, -ENOMEM (data is freed) */
+/** Store a new picture and wake the waiting clients. @param data  malloc'ed, owned from then on @return 0, -ENOMEM
+ * (data is freed) */
 SST_MUST_CHECK int sst_outlet_put(struct sst_outlet *outlet, uint8_t *data, size_t bytes, uint64_t set, int64_t t_ns,
                                   int64_t wall_ns);
 
-/** The newest picture if its number is above `after`, else NULL; to give back. */
+/** The newest picture if its number is above `after`, else NULL; a reference, for sst_jpeg_unref(). */
 const struct sst_jpeg *sst_outlet_get(struct sst_outlet *outlet, uint64_t after);
 const struct sst_jpeg *sst_jpeg_ref(const struct sst_jpeg *jpeg);
 void sst_jpeg_unref(const struct sst_jpeg *jpeg);
@@ -35,12 +36,12 @@ void sst_jpeg_unref(const struct sst_jpeg *jpeg);
 /** Wait for a picture with a number above `after`. @return false: time is up, or shut */
 bool sst_outlet_wait(struct sst_outlet *outlet, uint64_t after, int timeout_ms);
 
-/** A viewer comes or goes: pictures without viewers are not made. sst_outlet_viewers() tells their number. */
+/** Count a client in or out: without clients the picture is not rendered. */
 void sst_outlet_join(struct sst_outlet *outlet);
 void sst_outlet_leave(struct sst_outlet *outlet);
 int sst_outlet_viewers(struct sst_outlet *outlet);
 
-/** No picture will follow: viewers are to leave. */
+/** No picture will follow: clients leave. */
 void sst_outlet_shut(struct sst_outlet *outlet);
 bool sst_outlet_is_shut(struct sst_outlet *outlet);
 

@@ -33,34 +33,3 @@ bool sst_solve_definite(double *a, double *b, int n)
     }
     return true;
 }
-
-/* Hoare's selection. */
-double sst_upper_median(double *v, int n)
-{
-    int low = 0, high = n - 1;
-
-    if (n < 1)
-        return 0;
-    while (low < high) {
-        const double pivot = v[n / 2];
-        int i = low, j = high;
-
-        while (i <= j) {
-            while (v[i] < pivot)
-                i++;
-            while (v[j] > pivot)
-                j--;
-            if (i <= j) {
-                const double t = v[i];
-
-                v[i++] = v[j];
-                v[j--] = t;
-            }
-        }
-        if (j < n / 2)
-            low = i;
-        if (i > n / 2)
-            high = j;
-    }
-    return v[n / 2];
-}

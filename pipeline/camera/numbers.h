@@ -10,8 +10,4 @@
  *  not so, or nearly not */
 SST_MUST_CHECK bool sst_solve_definite(double *a, double *b, int n);
 
-/** The value of rank n / 2, of an even number the upper of the middle two; v is reordered and has no NaN; 0 for n = 0.
- */
-double sst_upper_median(double *v, int n);
-
 #endif

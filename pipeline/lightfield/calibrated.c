@@ -23,7 +23,7 @@ int sst_use_calibration_read(struct sst_use_calibration *use, const char *path)
     const size_t n = strlen(path);
 
     if (n >= sizeof(use->path)) {
-        sst_log_error("the name of the calibration is longer than %zu bytes", sizeof(use->path) - 1);
+        sst_log_error("the path of the calibration is longer than %zu bytes; use a shorter one", sizeof(use->path) - 1);
         return -ENAMETOOLONG;
     }
     memcpy(use->path, path, n + 1);
@@ -35,7 +35,7 @@ void sst_use_calibration_fini(struct sst_use_calibration *use)
     sst_calib_fini(&use->calib);
 }
 
-/* --- giving a light field a calibration --------------------------------------------------------------------------- */
+/* --- attaching a calibration --------------------------------------------------------------------------- */
 
 int sst_lightfield_fit_calibration(struct sst_lightfield *lf, const struct sst_use_calibration *use)
 {
@@ -44,7 +44,7 @@ int sst_lightfield_fit_calibration(struct sst_lightfield *lf, const struct sst_u
     int unknown = 0;
 
     if (c->rows != lf->rows || c->cols != lf->cols) {
-        sst_log_error("%s is of a grid of %dx%d cameras, the views make one of %dx%d; calibrate this array", use->path,
+        sst_log_error("%s is for a grid of %dx%d cameras, the views form one of %dx%d; calibrate this array", use->path,
                       c->rows, c->cols, lf->rows, lf->cols);
         return -EBADMSG;
     }
@@ -62,11 +62,11 @@ int sst_lightfield_fit_calibration(struct sst_lightfield *lf, const struct sst_u
     if (unknown > MAX_NAMED)
         strcat(named, " ...");
     if (sst_lightfield_choose_ref(lf)) {
-        sst_log_error("%s knows none of the cameras that have views; calibrate them", use->path);
+        sst_log_error("%s has none of the cameras that have views; calibrate them", use->path);
         return -EBADMSG;
     }
     if (unknown)
-        sst_log_warning("views are left out, for %s does not know their cameras: %s (%d)", use->path, named, unknown);
+        sst_log_warning("views left out because %s does not have their cameras: %s (%d)", use->path, named, unknown);
     return 0;
 }
 
@@ -79,7 +79,7 @@ static void set_offsets(struct sst_lightfield *lf, const struct sst_rectified *t
     }
 }
 
-/* Does any pixel of the view come from its raw frame? One in 256 is looked at. */
+/* True if any pixel of the view comes from its raw frame; tests one in 256. */
 static bool sees(const struct sst_rectified *to, const struct sst_calib *calib, int view)
 {
     for (int y = 0; y < to->height; y += 16) {
@@ -93,7 +93,7 @@ static bool sees(const struct sst_rectified *to, const struct sst_calib *calib, 
     return false;
 }
 
-/* Numbers that are a calibration in form alone leave nothing of a camera's picture. */
+/* Rejects well-formed but absurd calibrations, which leave nothing of a camera's picture. */
 static int check_views(const struct sst_rectified *to, const struct sst_calib *calib, const char *path)
 {
     for (int k = 0; k < calib->rows * calib->cols; k++) {
@@ -117,8 +117,9 @@ int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_cal
     if (err) {
         sst_log_error("no memory for the calibration %s", use->path);
     } else if (calib->width != lf->width || calib->height != lf->height) {
-        sst_log_error("%s is of frames of %dx%d pixels, the views have %dx%d; calibrate with the size that is captured",
-                      use->path, calib->width, calib->height, lf->width, lf->height);
+        sst_log_error(
+            "%s is for frames of %dx%d pixels, the views have %dx%d; calibrate with the size that is captured",
+            use->path, calib->width, calib->height, lf->width, lf->height);
         err = -EBADMSG;
     } else {
         err = sst_rectify_plan(to, calib, &use->plan);
@@ -149,7 +150,7 @@ void calibration_drop(struct sst_lightfield *lf)
         return;
     lf->width = lf->calibration->width;
     lf->height = lf->calibration->height;
-    lf->calibration_sha256[0] = '\0';
+    lf->files->calibration_sha256[0] = '\0';
     sst_calib_fini(lf->calibration);
     free(lf->calibration);
     free(lf->rectified);
@@ -159,7 +160,7 @@ void calibration_drop(struct sst_lightfield *lf)
 
 /* --- loading ------------------------------------------------------------------------------------------------------ */
 
-/* Does what lightfield.json says follow from the calibration beside it? */
+/* Verify that the offsets in lightfield.json follow from the calibration beside it. */
 static int check_offsets(const struct sst_lightfield *lf, const char *path)
 {
     const struct sst_rectified *to = lf->rectified;
@@ -173,7 +174,7 @@ static int check_offsets(const struct sst_lightfield *lf, const char *path)
         if (to->view[k].known && fabs(to->view[k].bx - to->view[ref].bx - v->bx) <= OFFSET_SLIP &&
             fabs(to->view[k].by - to->view[ref].by - v->by) <= OFFSET_SLIP)
             continue;
-        sst_log_error("%s does not belong to its light field: the view of row %d, column %d is elsewhere; run `sst "
+        sst_log_error("%s does not match its light field: the view of row %d, column %d has another position; run `sst "
                       "rectify` again",
                       path, k / lf->cols, k % lf->cols);
         return -EBADMSG;
@@ -185,17 +186,12 @@ int calibration_load(struct sst_lightfield *lf, const char *dir)
 {
     char path[SST_PATH_MAX], hash[65];
     struct sst_calib *calib;
-    uint8_t *text;
-    size_t size;
     int err = sst_path_join(path, dir, SST_CALIBRATION_FILE);
 
-    if (!err)
-        err = sst_file_read(path, SST_VIEW_FILE_MAX, &text, &size);
+    err = err ? err : file_sha256(hash, path);
     if (err)
         return err;
-    sha256_hex(hash, text, size);
-    free(text);
-    if (strcmp(hash, lf->calibration_sha256)) {
+    if (strcmp(hash, lf->files->calibration_sha256)) {
         sst_log_error(
             "%s has changed since the light field was made (its SHA-256 differs); to use it, run `sst rectify "
             "%s --calib %s -o NEW`",
@@ -212,7 +208,7 @@ int calibration_load(struct sst_lightfield *lf, const char *dir)
     }
     lf->calibration = calib;
     if (calib->rows != lf->rows || calib->cols != lf->cols || !calib->camera[lf->rectified->reference].known) {
-        sst_log_error("%s is not of the light field's grid of %dx%d; run `sst rectify` again", path, lf->rows,
+        sst_log_error("%s is not for the light field's grid of %dx%d; run `sst rectify` again", path, lf->rows,
                       lf->cols);
         return -EBADMSG;
     }
@@ -237,7 +233,10 @@ int calibration_rectify_view(struct sst_lightfield *lf, int view)
         err = sst_rectify_view(map, (enum sst_filter)lf->filter, &out, &valid, &v->image, 1);
     sst_rectify_map_destroy(map);
     if (err) {
-        sst_log_error("cannot rectify %s: %s", v->file, strerror(-err));
+        char name[16];
+
+        sst_view_name(lf, view, name);
+        sst_log_error("cannot rectify view %s: %s", name, strerror(-err));
         sst_image_fini(&out);
         sst_map_u8_fini(&valid);
         return err;
@@ -253,11 +252,11 @@ int calibration_rectify_view(struct sst_lightfield *lf, int view)
     return 0;
 }
 
-/* --- how much is kept --------------------------------------------------------------------------------------------- */
+/* --- coverage --------------------------------------------------------------------------------------------- */
 
 #define KEPT_STEP 16
 
-static void view_kept(const struct sst_lightfield *lf, int view, struct sst_pixels_kept *out)
+static void view_coverage(const struct sst_lightfield *lf, int view, struct sst_pixels_kept *out)
 {
     const struct sst_calib *c = lf->calibration;
     const int cols = (lf->width + KEPT_STEP - 1) / KEPT_STEP, rows = (lf->height + KEPT_STEP - 1) / KEPT_STEP;
@@ -266,7 +265,8 @@ static void view_kept(const struct sst_lightfield *lf, int view, struct sst_pixe
 
     for (int j = 0; j < rows; j++) {
         for (int i = 0; i < cols; i++) {
-            /* Squares of pixels, spread evenly up to the borders; what each covers in the raw frame is its area. */
+            /* Samples squares of pixels, spread evenly up to the borders, and sums the areas they cover in the raw
+             * frame. */
             const double x = (i + 0.5) * lf->width / cols - 0.5, y = (j + 0.5) * lf->height / rows - 0.5;
             const double dx = x < middle_x ? 1 : -1, dy = y < middle_y ? 1 : -1;
             double at[2], right[2], below[2];
@@ -294,7 +294,7 @@ static int kept_work(void *arg, int view, int worker SST_UNUSED)
     struct kept_job *job = arg;
 
     if (job->lf->views[view].present)
-        view_kept(job->lf, view, &job->view[view]);
+        view_coverage(job->lf, view, &job->view[view]);
     return 0;
 }
 
@@ -305,7 +305,7 @@ int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst
     int n = 0, err;
 
     if (!job) {
-        sst_log_error("no memory to measure what rectification keeps");
+        sst_log_error("not enough memory to measure the coverage of rectification");
         return -ENOMEM;
     }
     job->lf = lf;
@@ -321,7 +321,7 @@ int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst
         mean->kept += job->view[k].kept;
         n++;
     }
-    mean->filled /= n; /* a light field has a view */
+    mean->filled /= n; /* a light field has at least one view */
     mean->kept /= n;
     free(job);
     return err;

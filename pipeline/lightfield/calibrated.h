@@ -1,4 +1,4 @@
-/* pipeline/lightfield/calibrated.h - light fields whose files are raw frames: made true by a calibration. */
+/* pipeline/lightfield/calibrated.h - light fields whose files are raw frames, rectified by a calibration. */
 #ifndef SST_PIPELINE_LIGHTFIELD_CALIBRATED_H
 #define SST_PIPELINE_LIGHTFIELD_CALIBRATED_H
 
@@ -7,7 +7,7 @@
 
 #define SST_CALIBRATION_FILE "calibration.yaml" /* in the folder of a calibrated light field */
 
-/** A calibration and what to do with it. */
+/** A calibration and how to apply it. */
 struct sst_use_calibration {
     struct sst_calib calib;
     char path[SST_PATH_MAX]; /* for messages */
@@ -22,8 +22,8 @@ SST_MUST_CHECK int sst_use_calibration_read(struct sst_use_calibration *use, con
 void sst_use_calibration_fini(struct sst_use_calibration *use);
 
 /**
- * Refuse a calibration of another grid; make absent the views whose cameras it does not know (a warning names them).
- * To be called before files are copied.
+ * Reject a calibration for another grid; mark views absent whose cameras it lacks (a warning lists them). Call it
+ * before copying files.
  * @return 0, -EBADMSG (another grid, or no view is left; logged)
  */
 SST_MUST_CHECK int sst_lightfield_fit_calibration(struct sst_lightfield *lf, const struct sst_use_calibration *use);
@@ -37,12 +37,13 @@ SST_MUST_CHECK int sst_lightfield_fit_calibration(struct sst_lightfield *lf, con
  */
 SST_MUST_CHECK int sst_lightfield_calibrate(struct sst_lightfield *lf, const struct sst_use_calibration *use);
 
-/** Share 0..1 of view's pixels that come from inside its raw frame, and of the raw frame's pixels that are kept. */
+/** Fractions 0..1: of a view's pixels that come from inside its raw frame, and of the raw frame's pixels that are used.
+ */
 struct sst_pixels_kept {
     double filled, kept;
 };
 
-/** Of a calibrated light field, from one pixel in 256. @return 0 or -ENOMEM (logged) */
+/** Coverage of the views of a calibrated light field, from one pixel in 256. @return 0 or -ENOMEM (logged) */
 SST_MUST_CHECK int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst_pixels_kept *worst,
                                        struct sst_pixels_kept *mean);
 
@@ -57,7 +58,7 @@ struct sst_rectify_dir_config {
 };
 
 /**
- * Make a light field of the raw frames of another one. Maps that are there belong to another geometry and are left out.
+ * Write a light field from the raw frames of another one. Its maps are left out: they belong to the old geometry.
  *
  * @param calibrated  out, as it is written but never baked; nothing is loaded
  * @return 0, -EINVAL, -ENOENT, -EBADMSG, -EEXIST, -ENOSPC, -EIO, -ENOMEM; logged.

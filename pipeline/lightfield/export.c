@@ -1,4 +1,4 @@
-/* Light fields in other tools' forms; import_stanford.c and import_hci.c say what those are. */
+/* Export to other tools' formats; import_stanford.c and import_hci.c describe them. */
 #include <errno.h>
 #include <math.h>
 #include <stdarg.h>
@@ -11,17 +11,17 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
-#define SENSOR_MM 35.0 /* HCI gives the focal length by a sensor size; any will do, this is theirs */
+#define SENSOR_MM 35.0 /* HCI expresses the focal length by a sensor size; any value works, this is the benchmark's */
 
 struct format {
-    const char *name, *marker; /* marker: the file that tells an export of this form */
+    const char *name, *marker; /* marker: a file that identifies an export of this format */
     unsigned load;
-    bool raw; /* takes the files with the cameras that made them, not rectified views */
+    bool raw; /* exports the files with the cameras that took them, not rectified views */
     sst_work_fn *view;
     int (*rest)(const struct export_job *job);
 };
 
-/* Text in the making, with room for two lines of numbers for each of 256 views. */
+/* Text buffer with room for two lines of numbers for each of 256 views. */
 struct text {
     char data[65536];
     size_t size;
@@ -50,28 +50,9 @@ static int write_text(const struct export_job *job, const char *name, const stru
     return err ? err : sst_file_write(path, t->data, t->size);
 }
 
-int export_read_view(const struct export_job *job, int k, char path[SST_PATH_MAX], uint8_t **data, size_t *size)
-{
-    char name[300], hash[65];
-    int err;
-
-    snprintf(name, sizeof(name), "views/%s", job->lf.views[k].file);
-    err = sst_path_join(path, job->cfg->dir, name);
-    if (!err)
-        err = sst_file_read(path, SST_VIEW_FILE_MAX, data, size);
-    if (err)
-        return err;
-    sha256_hex(hash, *data, *size);
-    if (!strcmp(hash, job->lf.views[k].sha256))
-        return 0;
-    sst_log_error("%s has changed since it was stored (its SHA-256 differs); import it again", path);
-    free(*data);
-    return -EBADMSG;
-}
-
 /* --- stanford ----------------------------------------------------------------------------------------------------- */
 
-/* Positions in millimetres, or in spacings where those are not known. */
+/* Positions in millimetres, or in spacings if the spacing is unknown. */
 static double position_unit(const struct sst_lightfield *lf)
 {
     return lf->spacing_mm > 0 ? lf->spacing_mm : 1.0;
@@ -82,7 +63,7 @@ static int stanford_view(void *arg, int k, int worker SST_UNUSED)
     const struct export_job *job = arg;
     const struct sst_view *v = &job->lf.views[k];
     const double unit = position_unit(&job->lf);
-    /* Nine digits of a spacing, whatever its unit. */
+    /* Nine significant digits of a spacing in any unit. */
     const int digits = sst_clamp_int(9 - (int)floor(log10(unit)), 6, 18);
     char path[SST_PATH_MAX], name[SST_NAME_MAX];
     uint8_t *data = NULL;
@@ -92,7 +73,7 @@ static int stanford_view(void *arg, int k, int worker SST_UNUSED)
     if (!v->present)
         return 0;
     if (!job->lf.calibration)
-        err = export_read_view(job, k, path, &data, &size);
+        err = read_view(&job->lf, k, job->cfg->dir, path, &data, &size);
     if (err)
         return err;
     snprintf(name, sizeof(name), "out_%02d_%02d_%.*f_%.*f_.%s", k / job->lf.cols, k % job->lf.cols, digits,
@@ -142,7 +123,7 @@ static int hci_disparity(const struct export_job *job, int k, const char *name)
     return err;
 }
 
-/* HCI's readers want PNG: other views are decoded, those in PNG are copied. */
+/* HCI readers require PNG: other views are decoded, PNG files are copied. */
 static int hci_image(const struct export_job *job, int k, const char *path)
 {
     char from[SST_PATH_MAX];
@@ -153,7 +134,7 @@ static int hci_image(const struct export_job *job, int k, const char *path)
 
     if (job->lf.calibration)
         return sst_image_write_png(&job->lf.views[k].image, path);
-    err = export_read_view(job, k, from, &data, &size);
+    err = read_view(&job->lf, k, job->cfg->dir, from, &data, &size);
     if (err)
         return err;
     if (data[0] == 0x89) {
@@ -185,7 +166,7 @@ static int hci_view(void *arg, int k, int worker SST_UNUSED)
     return err || !job->lf.views[k].disp.data ? err : hci_disparity(job, k, name);
 }
 
-/* A camera off its place in the grid: HCI has no word for it, so it is noted in a section of our own. */
+/* HCI cannot express a camera off its grid position; a section of our own records it. */
 static void add_offsets(struct text *t, const struct sst_lightfield *lf)
 {
     const int ref_row = lf->ref_view / lf->cols, ref_col = lf->ref_view % lf->cols;
@@ -203,7 +184,7 @@ static void add_offsets(struct text *t, const struct sst_lightfield *lf)
         worst = fmax(worst, off);
     }
     if (worst > 0.01)
-        sst_log_warning("cameras are up to %.2f spacings off a regular grid, which readers of HCI's form do not know",
+        sst_log_warning("cameras are up to %.2f spacings off a regular grid, which the HCI format cannot express",
                         worst);
 }
 
@@ -232,10 +213,10 @@ static int hci_rest(const struct export_job *job)
 
 void export_image_name(const struct export_job *job, int view, char out[64])
 {
-    const char *file = job->lf.views[view].file, *dot = strrchr(file, '.');
+    const char *file = job->lf.files->view[view].name, *dot = strrchr(file, '.');
     char place[16];
 
-    sst_view_name(&job->lf, view, place); /* of its own: COLMAP's names have no blanks */
+    sst_view_name(&job->lf, view, place); /* not the original name: COLMAP allows no blanks */
     snprintf(out, 64, "%s%.8s", place, dot && !strpbrk(dot, " \t\\") ? dot : "");
 }
 
@@ -249,7 +230,7 @@ static int posed_view(void *arg, int k, int worker SST_UNUSED)
 
     if (!job->lf.views[k].present)
         return 0;
-    err = export_read_view(job, k, path, &data, &size);
+    err = read_view(&job->lf, k, job->cfg->dir, path, &data, &size);
     if (err)
         return err;
     export_image_name(job, k, name);
@@ -308,7 +289,7 @@ static const struct format formats[] = {
     { "nerfstudio", "transforms.json", 0, true, posed_view, nerfstudio_rest },
 };
 
-/* Rectified views where the format knows nothing else, and the files are raw frames. */
+/* Formats without lens models get rectified views when the files are raw frames. */
 static int load(struct sst_lightfield *lf, const struct format *f, const char *dir, int threads)
 {
     int err = sst_lightfield_load(lf, dir, f->load, threads);
@@ -347,7 +328,7 @@ int sst_export(const struct sst_export_config *cfg)
     while (f < formats + ARRAY_LEN(formats) && strcmp(f->name, cfg->format))
         f++;
     if (f == formats + ARRAY_LEN(formats)) {
-        sst_log_error("there is no export format %s; it is stanford, hci, colmap or nerfstudio", cfg->format);
+        sst_log_error("unknown export format `%s`; use stanford, hci, colmap or nerfstudio", cfg->format);
         return -EINVAL;
     }
     if (!f->raw && (cfg->focal_px > 0 || cfg->spacing_mm > 0 || cfg->lossy)) {

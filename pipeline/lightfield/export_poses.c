@@ -1,4 +1,4 @@
-/* Light fields for programs that work with camera poses: COLMAP and nerfstudio. */
+/* Export to programs that use camera poses: COLMAP and nerfstudio. */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
@@ -10,7 +10,7 @@
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define METRE_MM 1000.0
-#define HALF_PX  0.5 /* their pixels' centres are at halves, ours at whole numbers */
+#define HALF_PX  0.5 /* their pixel centres are at halves, ours on integers */
 
 /* --- cameras ------------------------------------------------------------------------------------------------------ */
 
@@ -32,7 +32,7 @@ static int check_known(const struct sst_lightfield *lf, const struct sst_calib *
     return 0;
 }
 
-/* Views that share one rotation and one K: x_k = x - f B b_k / Z says where their centres are. */
+/* Views share one rotation and one K; x_k = x - f B b_k / Z gives their centres. */
 static int rectified_cameras(struct sst_calib *out, const struct sst_lightfield *lf,
                              const struct sst_export_config *cfg)
 {
@@ -84,7 +84,7 @@ int export_cameras(struct sst_calib *out, const struct sst_lightfield *lf, const
     if (err)
         return err;
     for (int k = 0; k < made.rows * made.cols; k++)
-        made.camera[k].known = lf->views[k].present; /* cameras without a picture have no place there */
+        made.camera[k].known = lf->views[k].present; /* cameras without a picture are not exported */
     if (!made.camera[made.reference].known)
         made.reference = lf->ref_view;
     *out = made;
@@ -133,7 +133,7 @@ static void put_camera(FILE *f, const struct sst_calib *calib, int view, int id)
     putc('\n', f);
 }
 
-/* One camera at many poses is one camera for COLMAP, too. */
+/* A single camera at many poses stays a single COLMAP camera. */
 static int camera_id(const struct sst_calib *calib, int view)
 {
     return calib->rig ? 1 : view + 1;
@@ -169,7 +169,7 @@ static void put_points(FILE *f, const struct sst_calib *calib SST_UNUSED, const 
           f);
 }
 
-/* An array is one rig of many cameras, seen in one frame; a camera on a rig is a rig of one, seen in many frames. */
+/* An array becomes one rig of many cameras with one frame; a moved camera becomes a rig of one with many frames. */
 static void put_rigs(FILE *f, const struct sst_calib *calib, const char (*name)[64] SST_UNUSED)
 {
     int n = 0;

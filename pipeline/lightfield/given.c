@@ -10,29 +10,29 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
-struct given {
+struct job {
     struct sst_lightfield *lf;
     const char *dir;
-    bool store;        /* second pass over disparity: keep, not only measure */
+    bool store;        /* second pass over disparity: stores the values, the first only measures them */
     double *min, *max; /* [views] of the finite values; min above max: none */
     int *max_label;    /* [views] */
 };
 
-static int map_path(char out[SST_PATH_MAX], const struct given *g, int k, const char *extension)
+static int map_path(char out[SST_PATH_MAX], const struct job *job, int k, const char *extension)
 {
     char name[32];
 
-    sst_view_name(g->lf, k, name);
+    sst_view_name(job->lf, k, name);
     strcat(name, extension);
-    return sst_path_join(out, g->dir, name);
+    return sst_path_join(out, job->dir, name);
 }
 
-static int check_size(const struct given *g, const char *path, int width, int height)
+static int check_size(const struct job *job, const char *path, int width, int height)
 {
-    if (width == g->lf->width && height == g->lf->height)
+    if (width == job->lf->width && height == job->lf->height)
         return 0;
     sst_log_error("%s has %dx%d pixels, the views have %dx%d; give maps of the views' size", path, width, height,
-                  g->lf->width, g->lf->height);
+                  job->lf->width, job->lf->height);
     return -EBADMSG;
 }
 
@@ -73,19 +73,19 @@ static int store(struct sst_lightfield *lf, int k, const struct sst_map_f32 *map
 
 static int disparity_view(void *arg, int k, int worker SST_UNUSED)
 {
-    const struct given *g = arg;
+    const struct job *job = arg;
     struct sst_map_f32 map;
     char path[SST_PATH_MAX];
-    int err = g->lf->views[k].present ? map_path(path, g, k, ".pfm") : 0;
+    int err = job->lf->views[k].present ? map_path(path, job, k, ".pfm") : 0;
 
-    if (err || !g->lf->views[k].present)
+    if (err || !job->lf->views[k].present)
         return err;
     err = sst_map_f32_read_pfm(&map, path);
     if (err)
         return err;
-    err = check_size(g, path, map.width, map.height);
+    err = check_size(job, path, map.width, map.height);
     if (!err)
-        err = g->store ? store(g->lf, k, &map) : measure(&map, path, &g->min[k], &g->max[k]);
+        err = job->store ? store(job->lf, k, &map) : measure(&map, path, &job->min[k], &job->max[k]);
     sst_map_f32_fini(&map);
     return err;
 }
@@ -93,9 +93,9 @@ static int disparity_view(void *arg, int k, int worker SST_UNUSED)
 int sst_lightfield_give_disparity(struct sst_lightfield *lf, const char *dir, int threads)
 {
     double min[SST_MAX_VIEWS], max[SST_MAX_VIEWS], lo = INFINITY, hi = -INFINITY;
-    struct given g = { .lf = lf, .dir = dir, .min = min, .max = max };
+    struct job job = { .lf = lf, .dir = dir, .min = min, .max = max };
     const int count = lf->rows * lf->cols;
-    int err = sst_parallel_for(count, threads, disparity_view, &g);
+    int err = sst_parallel_for(count, threads, disparity_view, &job);
 
     if (err)
         return err;
@@ -106,7 +106,7 @@ int sst_lightfield_give_disparity(struct sst_lightfield *lf, const char *dir, in
         }
     }
     if (lo > hi) {
-        sst_log_error("%s has no known disparity at all; leave --disparity away", dir);
+        sst_log_error("%s holds no known disparity; leave out --disparity", dir);
         return -EBADMSG;
     }
     if (hi - floor(lo) > SST_RANGE_MAX_PX) {
@@ -119,29 +119,29 @@ int sst_lightfield_give_disparity(struct sst_lightfield *lf, const char *dir, in
         lf->range_min_px = lo;
         lf->range_max_px = hi;
     }
-    lf->disparity_given = true;
-    g.store = true;
-    return sst_parallel_for(count, threads, disparity_view, &g);
+    lf->files->external_disparity = true;
+    job.store = true;
+    return sst_parallel_for(count, threads, disparity_view, &job);
 }
 
 static int labels_view(void *arg, int k, int worker SST_UNUSED)
 {
-    const struct given *g = arg;
-    struct sst_map_u8 *label = &g->lf->views[k].label;
+    const struct job *job = arg;
+    struct sst_map_u8 *label = &job->lf->views[k].label;
     char path[SST_PATH_MAX];
-    int err = g->lf->views[k].present ? map_path(path, g, k, ".png") : 0;
+    int err = job->lf->views[k].present ? map_path(path, job, k, ".png") : 0;
 
-    if (err || !g->lf->views[k].present)
+    if (err || !job->lf->views[k].present)
         return err;
     err = sst_map_u8_read_png(label, path);
     if (!err)
-        err = check_size(g, path, label->width, label->height);
+        err = check_size(job, path, label->width, label->height);
     for (int y = 0; !err && y < label->height; y++) {
         for (int x = 0; x < label->width; x++)
-            g->max_label[k] = sst_max_int(g->max_label[k], sst_map_u8_row(label, y)[x]);
+            job->max_label[k] = sst_max_int(job->max_label[k], sst_map_u8_row(label, y)[x]);
     }
-    if (!err && g->max_label[k] > SST_MAX_CLASSES) {
-        sst_log_error("%s has label %d; labels are 0 (unlabeled) to %d", path, g->max_label[k], SST_MAX_CLASSES);
+    if (!err && job->max_label[k] > SST_MAX_CLASSES) {
+        sst_log_error("%s has label %d; labels are 0 (unlabeled) to %d", path, job->max_label[k], SST_MAX_CLASSES);
         err = -EBADMSG;
     }
     return err;
@@ -150,11 +150,11 @@ static int labels_view(void *arg, int k, int worker SST_UNUSED)
 int sst_lightfield_give_labels(struct sst_lightfield *lf, const char *dir, int threads)
 {
     int max_label[SST_MAX_VIEWS] = { 0 };
-    struct given g = { .lf = lf, .dir = dir, .max_label = max_label };
+    struct job job = { .lf = lf, .dir = dir, .max_label = max_label };
     struct sst_classes *classes = &lf->classes;
-    int err = sst_parallel_for(lf->rows * lf->cols, threads, labels_view, &g);
+    int err = sst_parallel_for(lf->rows * lf->cols, threads, labels_view, &job);
 
-    /* Labels that the list does not name get a number for a name. */
+    /* Labels missing from the class list are added as LabelN. */
     for (int k = 0; !err && k < lf->rows * lf->cols; k++) {
         while (classes->count < max_label[k]) {
             snprintf(classes->names[classes->count], SST_CLASS_NAME_MAX, "Label%d", classes->count + 1);
@@ -162,6 +162,6 @@ int sst_lightfield_give_labels(struct sst_lightfield *lf, const char *dir, int t
         }
     }
     if (!err)
-        lf->labels_given = true;
+        lf->files->external_labels = true;
     return err;
 }

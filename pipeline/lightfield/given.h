@@ -1,13 +1,14 @@
-/* pipeline/lightfield/given.h - maps that come with the images instead of being computed. */
+/* pipeline/lightfield/given.h - external maps: they come with the images instead of being computed. */
 #ifndef SST_PIPELINE_LIGHTFIELD_GIVEN_H
 #define SST_PIPELINE_LIGHTFIELD_GIVEN_H
 
 #include "pipeline/lightfield/lightfield.h"
 
 /**
- * Take the disparity (rr_cc.pfm, px per unit spacing, inf unknown) or the labels (rr_cc.png, label values) of every
- * present view from a folder; the views' size is known and their maps of this kind are empty. Labels that the class
- * list does not name are added to it as "LabelN". Sets disparity_given or labels_given; processing keeps such maps.
+ * Read the disparity (rr_cc.pfm, px per unit spacing, inf unknown) or the labels (rr_cc.png, label values) of every
+ * present view from a folder. The views' size is known and their maps of this kind are empty. Labels missing from the
+ * class list are added to it as "LabelN". Sets files->external_disparity or files->external_labels; processing does not
+ * replace such maps.
  *
  * @return 0, -ENOENT, -EBADMSG (missing, other size, NaN, a range over 1023 px), -ENOMEM; logged
  */

@@ -5,7 +5,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "base/log.h"
 #include "base/thread.h"
@@ -19,12 +18,12 @@ static const struct {
     const char *name;
     int (*plan)(struct import_plan *plan);
 } formats[] = {
-    { "stanford", plan_stanford },
-    { "hci", plan_hci },
-    { "folder", plan_folder },
+    { "stanford", import_stanford },
+    { "hci", import_hci },
+    { "folder", import_folder },
 };
 
-/* What the threads share: each writes only its own view's places. */
+/* Shared by the threads; each writes only the elements of its own view. */
 struct job {
     struct import_plan *plan;
     const char *out; /* the output's temporary folder */
@@ -37,7 +36,7 @@ static int check_config(const struct sst_import_config *cfg)
     const bool folder = !strcmp(cfg->format, "folder");
 
     if (!sst_path_is_dir(cfg->source)) {
-        sst_log_error("%s is no folder; name the folder with the images", cfg->source);
+        sst_log_error("%s is not a folder; name the folder with the images", cfg->source);
         return -ENOENT;
     }
     if (folder && (cfg->rows < 1 || cfg->cols < 1)) {
@@ -55,7 +54,7 @@ static int check_config(const struct sst_import_config *cfg)
     if (!isfinite(cfg->range_min_px) || !isfinite(cfg->range_max_px) || cfg->range_min_px > cfg->range_max_px ||
         cfg->range_max_px - floor(cfg->range_min_px) > SST_RANGE_MAX_PX ||
         fabs(cfg->range_min_px) > SST_DISP_ABS_MAX_PX) {
-        sst_log_error("the range %g to %g px does not grow or is wider than the %g px that can be stored; correct "
+        sst_log_error("the range %g to %g px is not ascending or exceeds the %g px that can be stored; correct "
                       "--range-min and --range-max",
                       cfg->range_min_px, cfg->range_max_px, SST_RANGE_MAX_PX);
         return -EINVAL;
@@ -75,7 +74,7 @@ static bool has_neighbours(const struct sst_lightfield *lf)
     return false;
 }
 
-/* Holes are accepted where the user knows the grid: a file forgotten in a copy must not pass unseen. */
+/* Holes need an explicit --grid, so that a file forgotten in a copy is noticed. */
 static int check_holes(const struct import_plan *plan)
 {
     const struct sst_lightfield *lf = &plan->lf;
@@ -118,18 +117,18 @@ static void warn_unused(const struct import_plan *plan)
     if (unused > MAX_NAMED)
         strcat(named, " ...");
     if (unused)
-        sst_log_warning("%s: %d images have no name of this format and are left out: %s", plan->cfg->source, unused,
-                        named);
+        sst_log_warning("%s: %d images are not named as this format requires and are left out: %s", plan->cfg->source,
+                        unused, named);
 }
 
 /* Offsets in spacings from the reference view. */
 static int set_offsets(struct import_plan *plan)
 {
     struct sst_lightfield *lf = &plan->lf;
-    const struct plan_view *ref;
+    const struct import_view *ref;
 
     if (!(plan->spacing > 0) || !isfinite(plan->spacing)) {
-        sst_log_error("%s: the spacing of the cameras comes out as %g; correct their positions", plan->cfg->source,
+        sst_log_error("%s: the computed camera spacing is %g; correct the positions of the cameras", plan->cfg->source,
                       plan->spacing);
         return -EBADMSG;
     }
@@ -145,7 +144,7 @@ static int set_offsets(struct import_plan *plan)
 
 /* --- views -------------------------------------------------------------------------------------------------------- */
 
-/* The true disparity that came with a view, in our unit, under the view's name. */
+/* Copies a view's true disparity, converted to our unit, under the view's name. */
 static int copy_truth(struct job *job, int k)
 {
     const struct import_plan *plan = job->plan;
@@ -185,13 +184,13 @@ out:
     return err;
 }
 
-/* Decode (so that a damaged image is refused now), hash and copy the bytes as they are. */
+/* Decodes (to reject a damaged image now), hashes and copies the bytes unchanged. */
 static int copy_view(void *arg, int k, int worker SST_UNUSED)
 {
     struct job *job = arg;
     struct import_plan *plan = job->plan;
-    struct sst_view *v = &plan->lf.views[k];
-    char path[SST_PATH_MAX], name[300];
+    struct sst_lightfield_file *file = &plan->lf.files->view[k];
+    char path[SST_PATH_MAX];
     struct sst_image img;
     uint8_t *data = NULL;
     size_t size;
@@ -199,7 +198,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
 
     job->truth_min[k] = INFINITY;
     job->truth_max[k] = -INFINITY;
-    if (!v->present)
+    if (!plan->lf.views[k].present)
         return 0;
     err = sst_path_join(path, plan->cfg->source, plan->names.name[plan->views[k].name]);
     if (!err)
@@ -212,11 +211,11 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     job->width[k] = img.width;
     job->height[k] = img.height;
     sst_image_fini(&img);
-    sha256_hex(v->sha256, data, size);
-    sst_view_name(&plan->lf, k, v->file);
-    strcat(v->file, data[0] == 0x89 ? ".png" : ".jpg"); /* the first byte tells, after decoding */
-    snprintf(name, sizeof(name), "views/%s", v->file);
-    err = sst_path_join(path, job->out, name);
+    sha256_hex(file->sha256, data, size);
+    sst_view_name(&plan->lf, k, file->name);
+    strcat(file->name,
+           data[0] == 0x89 ? ".png" : ".jpg"); /* decoding succeeded, so the first byte identifies the format */
+    err = view_path(path, &plan->lf, k, job->out);
     if (!err)
         err = sst_file_write(path, data, size);
     if (!err && plan->views[k].truth >= 0)
@@ -243,9 +242,10 @@ static int check_sizes(const struct job *job)
     return 0;
 }
 
-/* --- all of it ---------------------------------------------------------------------------------------------------- */
+/* --- the import ----------------------------------------------------------------------------------------------------
+ */
 
-/* The user's word first, then the source's, then what the truth shows. */
+/* Range by precedence: the user's, the source's, that of the true disparities. */
 static void set_range(const struct job *job)
 {
     const struct sst_import_config *cfg = job->plan->cfg;
@@ -268,16 +268,16 @@ static void set_range(const struct job *job)
         lf->disp_min_px = floor(lf->range_min_px);
 }
 
-/* JSON holds UTF-8 only; a path may be anything. */
-static void set_source(struct sst_lightfield *lf, const struct sst_import_config *cfg)
+/* JSON requires UTF-8; a path may hold any bytes. */
+static void set_source(struct sst_lightfield_files *files, const struct sst_import_config *cfg)
 {
     json_t *probe;
-    int n = snprintf(lf->source, sizeof(lf->source), "%s import of %.900s", cfg->format, cfg->source);
+    int n = snprintf(files->source, sizeof(files->source), "%s import of %.900s", cfg->format, cfg->source);
 
     if (cfg->spacing_px > 0)
-        snprintf(lf->source + n, sizeof(lf->source) - (size_t)n, ", spacing %.17g px", cfg->spacing_px);
-    probe = json_string(lf->source);
-    for (char *p = lf->source; !probe && *p; p++) {
+        snprintf(files->source + n, sizeof(files->source) - (size_t)n, ", spacing %.17g px", cfg->spacing_px);
+    probe = json_string(files->source);
+    for (char *p = files->source; !probe && *p; p++) {
         if ((unsigned char)*p >= 0x80)
             *p = '?';
     }
@@ -290,19 +290,13 @@ static int make_folders(const struct job *job)
     bool truth = false;
     int err = sst_path_join(path, job->out, "views");
 
-    if (!err && mkdir(path, 0777))
-        goto fail;
+    err = err ? err : sst_path_make_dir(path);
     for (int k = 0; k < job->plan->lf.rows * job->plan->lf.cols; k++)
         truth |= job->plan->lf.views[k].present && job->plan->views[k].truth >= 0;
-    if (!err && truth)
-        err = sst_path_join(path, job->out, "truth");
-    if (err || !truth || !mkdir(path, 0777))
+    if (err || !truth)
         return err;
-
-fail:
-    err = -errno;
-    sst_log_error("cannot create %s: %s", path, strerror(-err));
-    return err == -ENOSPC || err == -EROFS || err == -EDQUOT ? err : -EIO;
+    err = sst_path_join(path, job->out, "truth");
+    return err ? err : sst_path_make_dir(path);
 }
 
 static int fill(struct job *job)
@@ -328,10 +322,10 @@ static int fill(struct job *job)
     if (err)
         return err;
     set_range(job);
-    set_source(&plan->lf, cfg);
+    set_source(plan->lf.files, cfg);
     fault = lightfield_fault(&plan->lf);
     if (fault) {
-        sst_log_error("%s gives a light field that cannot be: %s; correct its names or parameters", cfg->source, fault);
+        sst_log_error("%s gives an invalid light field: %s; correct its names or parameters", cfg->source, fault);
         return -EBADMSG;
     }
     if (cfg->disparity_dir)
@@ -371,7 +365,7 @@ int sst_import(const struct sst_import_config *cfg)
     while (i < ARRAY_LEN(formats) && strcmp(cfg->format, formats[i].name))
         i++;
     if (i == ARRAY_LEN(formats)) {
-        sst_log_error("there is no import format %s; it is stanford, hci or folder", cfg->format);
+        sst_log_error("unknown import format `%s`; use stanford, hci or folder", cfg->format);
         return -EINVAL;
     }
     if (!inputs[1]) /* the list ends at the first NULL */
@@ -385,7 +379,7 @@ int sst_import(const struct sst_import_config *cfg)
         return err;
     err = run(&plan, formats[i].plan, out.temporary);
     if (err == -ENOMEM)
-        sst_log_error("no memory to import %s", cfg->source);
+        sst_log_error("not enough memory to import %s", cfg->source);
     if (err)
         sst_outdir_abort(&out);
     else

@@ -7,29 +7,30 @@
 struct sst_import_config {
     const char *format;        /* "stanford", "hci", "folder" */
     const char *source, *out;  /* folders */
-    int rows, cols;            /* folder: required; the others: 0 takes what the files say, else it must agree */
-    double spacing_px;         /* folder: f * B in px * mm is unknown; kept as provenance, 0: not given */
+    int rows, cols;            /* required for folder; others: 0 uses the grid of the files, else it must match */
+    double spacing_px;         /* folder: focal length times spacing; stored as provenance only, 0: unset */
     const char *disparity_dir; /* rr_cc.pfm, px per spacing; NULL: none */
     const char *labels_dir;    /* rr_cc.png, label values; NULL: none */
-    double range_min_px, range_max_px;             /* equal: from the source where it says, else unknown */
+    double range_min_px, range_max_px;             /* equal: from the source if it has one, else unknown */
     const struct sst_use_calibration *calibration; /* folder: the images are raw frames of this array; NULL: views */
     bool force;                                    /* replace an existing output */
     int threads;
 };
 
 /**
- * Make a light-field folder from another format; view files are copied byte for byte. With a calibration given maps are
- * of the rectified views.
+ * Create a light-field folder from another format; view files are copied byte for byte. With a calibration, external
+ * maps belong to the rectified views.
  * @return 0, -EINVAL, -ENOENT, -EBADMSG, -EEXIST, -ENOSPC, -EIO, -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_import(const struct sst_import_config *cfg);
 
 struct sst_export_config {
-    const char *format;          /* "stanford", "hci", "colmap", "nerfstudio" */
-    const char *dir, *out;       /* light field; folder to make */
-    double focal_px, spacing_mm; /* colmap, nerfstudio: of a light field that knows neither them nor a calibration; 0 */
-    bool lossy;                  /* nerfstudio: lenses that its model follows no better than 0.05 px */
-    bool force;                  /* replace an earlier export */
+    const char *format;    /* "stanford", "hci", "colmap", "nerfstudio" */
+    const char *dir, *out; /* light field; folder to create */
+    double focal_px,
+        spacing_mm; /* colmap, nerfstudio: for a light field that has neither them nor a calibration; else 0 */
+    bool lossy;     /* nerfstudio: accept lenses that its model misses by over 0.05 px */
+    bool force;     /* replace an earlier export */
     int threads;
 };
 

@@ -1,4 +1,4 @@
-/* A plain folder: rr_cc.* (row, column) in a grid that the caller knows, and maps that came with the images. */
+/* A plain folder: rr_cc.* (row, column) in a grid set by the caller, and external maps. */
 #include <errno.h>
 #include <string.h>
 #include <strings.h>
@@ -6,7 +6,7 @@
 #include "base/log.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
-/* rr_cc.ext, whatever the extension says: what is no image is refused when it is decoded. */
+/* rr_cc with any extension: files that are no images are rejected when decoded. */
 static bool parse_name(const char *name, int *row, int *col)
 {
     const char *p = parse_index(name, row);
@@ -15,13 +15,13 @@ static bool parse_name(const char *name, int *row, int *col)
     return p && *p == '.' && !strchr(p + 1, '.') && strcasecmp(p, ".pfm");
 }
 
-int plan_folder(struct import_plan *plan)
+int import_folder(struct import_plan *plan)
 {
     const struct sst_import_config *cfg = plan->cfg;
-    int count = 0, err = plan_set_grid(plan, cfg->rows, cfg->cols);
+    int count = 0, err = import_set_grid(plan, cfg->rows, cfg->cols);
 
     for (int k = 0; !err && k < cfg->rows * cfg->cols; k++) {
-        struct plan_view *v = &plan->views[k];
+        struct import_view *v = &plan->views[k];
 
         snprintf(v->expected, sizeof(v->expected), "%02d_%02d.*", k / cfg->cols, k % cfg->cols);
         v->pos_x = k % cfg->cols;
@@ -37,7 +37,7 @@ int plan_folder(struct import_plan *plan)
                           plan->names.name[i], cfg->rows, cfg->cols);
             return -EBADMSG;
         }
-        err = plan_place(plan, row, col, i);
+        err = import_place(plan, row, col, i);
         count++;
     }
     if (!err && !count) {

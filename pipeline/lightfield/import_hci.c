@@ -1,6 +1,6 @@
-/* The form of the HCI 4D light field benchmark: input_CamNNN.png, index = row * columns + column of a grid that is 9x9
- * unless parameters.cfg says otherwise, row 0 at the top, column 0 at the left; parameters.cfg (INI); true disparity in
- * gt_disp_lowres.pfm (view rows/2, columns/2) or gt_disp_lowres_CamNNN.pfm (every view).
+/* The format of the HCI 4D light field benchmark: input_CamNNN.png, index = row * columns + column of a grid that is
+ * 9x9 unless parameters.cfg says otherwise, row 0 at the top, column 0 at the left; parameters.cfg (INI); true
+ * disparity in gt_disp_lowres.pfm (view rows/2, columns/2) or gt_disp_lowres_CamNNN.pfm (every view).
  *
  * HCI's disparity is positive in front of the focus plane, in pixels per camera step, and a point at x in a view is at
  * x - d in the next view to the right: the same convention as ours. A sub-set of the views (a window, or every second)
@@ -10,13 +10,14 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define PREFIX "input_Cam"
 
 struct grid {
     int rows, cols;   /* of the whole set */
-    int n_row, n_col; /* of those that are here */
+    int n_row, n_col; /* of those present */
     int row[SST_MAX_VIEWS], col[SST_MAX_VIEWS];
     char *params; /* text of parameters.cfg, or NULL */
     char params_path[SST_PATH_MAX];
@@ -114,7 +115,7 @@ static double median_step(const struct grid *g)
 
     for (int l = 0; l + 1 < n; l++)
         d[l] = line[l + 1] - line[l];
-    return n > 1 ? median(d, n - 1) : 1.0;
+    return n > 1 ? sst_stats_median(d, n - 1) : 1.0;
 }
 
 static int truth_of(const struct import_plan *plan, const struct grid *g, int index)
@@ -129,8 +130,8 @@ static int truth_of(const struct import_plan *plan, const struct grid *g, int in
     return i;
 }
 
-/* Where our own export has noted that a camera is off its place. */
-static int read_offset(const struct grid *g, int index, struct plan_view *v)
+/* Cameras off their grid position, as our own export records them. */
+static int read_offset(const struct grid *g, int index, struct import_view *v)
 {
     char key[32];
     int err;
@@ -145,10 +146,10 @@ static int read_offset(const struct grid *g, int index, struct plan_view *v)
 
 static int place_all(struct import_plan *plan, const struct grid *g)
 {
-    int err = plan_set_grid(plan, g->n_row, g->n_col);
+    int err = import_set_grid(plan, g->n_row, g->n_col);
 
     for (int k = 0; !err && k < g->n_row * g->n_col; k++) {
-        struct plan_view *v = &plan->views[k];
+        struct import_view *v = &plan->views[k];
         const int row = g->row[k / g->n_col], col = g->col[k % g->n_col], index = row * g->cols + col;
 
         snprintf(v->expected, sizeof(v->expected), PREFIX "%03d.png", index);
@@ -169,18 +170,18 @@ static int place_all(struct import_plan *plan, const struct grid *g)
             row++;
         while (g->col[col] != index % g->cols)
             col++;
-        err = plan_place(plan, row, col, i);
+        err = import_place(plan, row, col, i);
     }
     return err;
 }
 
-int plan_hci(struct import_plan *plan)
+int import_hci(struct import_plan *plan)
 {
     struct grid g = { 0 };
     double range[2], spacing_mm;
     int err = read_params(plan, &g);
 
-    /* Making the grid starts the light field afresh. */
+    /* import_set_grid() resets the light field. */
     range[0] = plan->lf.range_min_px;
     range[1] = plan->lf.range_max_px;
     spacing_mm = plan->lf.spacing_mm;

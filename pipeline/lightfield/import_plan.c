@@ -11,6 +11,8 @@
 #include <sys/stat.h>
 
 #include "base/log.h"
+#include "base/stats.h"
+#include "pipeline/lightfield/folder.h"
 
 #define MAX_NAMES 65536
 
@@ -107,36 +109,16 @@ const char *parse_index(const char *s, int *value)
     return s;
 }
 
-static int compare_ints(const void *a, const void *b)
-{
-    const int x = *(const int *)a, y = *(const int *)b;
-
-    return (x > y) - (x < y);
-}
-
 int distinct(int *v, int n)
 {
     int count = 0;
 
-    qsort(v, (size_t)n, sizeof(*v), compare_ints);
+    sst_stats_sort_int(v, n);
     for (int i = 0; i < n; i++) {
         if (!count || v[count - 1] != v[i])
             v[count++] = v[i];
     }
     return count;
-}
-
-static int compare_doubles(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
-double median(double *v, int n)
-{
-    qsort(v, (size_t)n, sizeof(*v), compare_doubles);
-    return n % 2 ? v[n / 2] : v[n / 2 - 1] + (v[n / 2] - v[n / 2 - 1]) / 2;
 }
 
 int params_number(const char *text, const char *path, const char *key, double *value)
@@ -159,13 +141,13 @@ int params_number(const char *text, const char *path, const char *key, double *v
             *value = v;
             return 1;
         }
-        sst_log_error("%s: %s is not a number; write one behind the equals sign", path, key);
+        sst_log_error("%s: %s is not a number; write one after the equals sign", path, key);
         return -EBADMSG;
     }
     return 0;
 }
 
-int plan_set_grid(struct import_plan *plan, int rows, int cols)
+int import_set_grid(struct import_plan *plan, int rows, int cols)
 {
     const struct sst_import_config *cfg = plan->cfg;
     int err;
@@ -175,9 +157,9 @@ int plan_set_grid(struct import_plan *plan, int rows, int cols)
                       cfg->rows, cfg->cols);
         return -EBADMSG;
     }
-    err = sst_lightfield_init(&plan->lf, rows, cols);
+    err = sst_lightfield_init_files(&plan->lf, rows, cols);
     if (err == -EINVAL) {
-        sst_log_error("a grid of %dx%d views in %s is outside 1 to %d views; take fewer", rows, cols, cfg->source,
+        sst_log_error("a grid of %dx%d views in %s is outside 1 to %d views; use fewer", rows, cols, cfg->source,
                       SST_MAX_VIEWS);
         return -EBADMSG;
     }
@@ -190,9 +172,9 @@ int plan_set_grid(struct import_plan *plan, int rows, int cols)
     return 0;
 }
 
-int plan_place(struct import_plan *plan, int row, int col, int i)
+int import_place(struct import_plan *plan, int row, int col, int i)
 {
-    struct plan_view *v = &plan->views[row * plan->lf.cols + col];
+    struct import_view *v = &plan->views[row * plan->lf.cols + col];
 
     if (v->name >= 0) {
         sst_log_error("%s: %s and %s are both row %d, column %d; remove one of them", plan->cfg->source,

@@ -1,4 +1,4 @@
-/* The Stanford archive's form: the position of each camera is in the name of its image.
+/* The format of the Stanford archive: each image name holds its camera's position.
  *
  *     out_09_12_-822.674438_-3293.216797_.png               prefix _ row _ column _ y _ x [_ ...] . extension
  *     Original Camera_10_15_92.307692_-61.538462_30_36.jpg
@@ -6,8 +6,9 @@
  * Positions count. In the data of the gantry (chess) and in that of a renderer with the same names (shop), x grows to
  * the right and y grows DOWN, as seen from behind the cameras: matching neighbours there with
  * x_k = x - d * (position - reference) / spacing gives the near parts the larger disparity, on both axes. The row and
- * column numbers only say which images share a line of the grid; they run either way (rows go upwards in both sets,
- * columns go to the left in shop) and may be a sub-set (0, 3, 6 ...), so lines are ranked by their median position. */
+ * column numbers only identify which images share a line of the grid; they run either way (rows go upwards in both
+ * sets, columns go to the left in shop) and may be a sub-set (0, 3, 6 ...), so lines are ranked by their median
+ * position. */
 #include <ctype.h>
 #include <errno.h>
 #include <math.h>
@@ -15,6 +16,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define POSITION_MAX 1e9 /* in the unit of the names */
@@ -98,7 +100,7 @@ static int make_lines(struct lines *lines, const struct entry *e, int n, bool ro
             if ((rows ? e[i].row : e[i].col) == numbers[l])
                 v[m++] = rows ? e[i].y : e[i].x;
         }
-        position = median(v, m);
+        position = sst_stats_median(v, m);
         for (; at > 0 && lines->position[at - 1] > position; at--) {
             lines->position[at] = lines->position[at - 1];
             lines->number[at] = lines->number[at - 1];
@@ -139,12 +141,12 @@ static double nominal_spacing(const struct import_plan *plan)
     int n = 0;
 
     for (int k = 0; k + step < rows * cols; k++) {
-        const struct plan_view *a = &plan->views[k], *b = &plan->views[k + step];
+        const struct import_view *a = &plan->views[k], *b = &plan->views[k + step];
 
         if (a->name >= 0 && b->name >= 0 && (cols == 1 || k % cols + 1 < cols))
             d[n++] = cols > 1 ? b->pos_x - a->pos_x : b->pos_y - a->pos_y;
     }
-    return n ? median(d, n) : 1.0;
+    return n ? sst_stats_median(d, n) : 1.0;
 }
 
 static int place_all(struct import_plan *plan, const struct entry *e, int n)
@@ -155,7 +157,7 @@ static int place_all(struct import_plan *plan, const struct entry *e, int n)
     if (!err)
         err = make_lines(&cols, e, n, false, plan->cfg->source);
     if (!err)
-        err = plan_set_grid(plan, rows.count, cols.count);
+        err = import_set_grid(plan, rows.count, cols.count);
     if (err)
         return err;
     for (int k = 0; k < rows.count * cols.count; k++)
@@ -164,15 +166,15 @@ static int place_all(struct import_plan *plan, const struct entry *e, int n)
     for (int i = 0; !err && i < n; i++) {
         const int row = line_of(&rows, e[i].row), col = line_of(&cols, e[i].col);
 
-        err = plan_place(plan, row, col, e[i].name);
+        err = import_place(plan, row, col, e[i].name);
         plan->views[row * cols.count + col].pos_x = e[i].x;
         plan->views[row * cols.count + col].pos_y = e[i].y;
     }
     return err;
 }
 
-/* What the names cannot say, in a file that our own export adds: the nominal spacing, which is not exactly the median
- * of measured ones, whether positions are in millimetres, and the range. */
+/* Reads the file that our own export adds for what names cannot hold: the nominal spacing, which is not exactly the
+ * median of measured ones, whether positions are in millimetres, and the range. */
 static int read_extra(struct import_plan *plan)
 {
     const int i = names_find(&plan->names, "positions.cfg");
@@ -201,7 +203,7 @@ static int read_extra(struct import_plan *plan)
     return err < 0 ? err : 0;
 }
 
-int plan_stanford(struct import_plan *plan)
+int import_stanford(struct import_plan *plan)
 {
     const struct name_list *names = &plan->names;
     struct entry *e = calloc((size_t)names->count + 1, sizeof(*e));

@@ -1,4 +1,4 @@
-/* lightfield.json: version 1 of the form; version 2 adds the calibration. Every field is checked; a fault is one
+/* lightfield.json: format version 1; version 2 adds the calibration. Every field is checked; a fault is logged in one
  * sentence with file and field. */
 #include <assert.h>
 #include <ctype.h>
@@ -38,6 +38,7 @@ static const char *view_fault(const struct sst_lightfield *lf, int k)
 {
     static _Thread_local char text[96];
     const struct sst_view *v = &lf->views[k];
+    const struct sst_lightfield_file *file = lf->files->view;
     const char *what = NULL;
 
     if (!v->present)
@@ -46,10 +47,10 @@ static const char *view_fault(const struct sst_lightfield *lf, int k)
         what = "bx or by is outside -10000..10000";
     else if (k == lf->ref_view && (v->bx != 0 || v->by != 0))
         what = "bx and by of the reference view must be 0";
-    else if (!view_file_name_ok(v->file))
+    else if (!view_file_name_ok(file[k].name))
         what = "file is not a plain file name";
     for (int j = 0; !what && j < k; j++) {
-        if (lf->views[j].present && !strcmp(lf->views[j].file, v->file))
+        if (lf->views[j].present && !strcmp(file[j].name, file[k].name))
             what = "file is the same as another view's";
     }
     if (!what)
@@ -78,6 +79,8 @@ const char *lightfield_fault(const struct sst_lightfield *lf)
     if (lf->rows < 1 || lf->cols < 1 || lf->rows > SST_MAX_VIEWS || lf->cols > SST_MAX_VIEWS ||
         lf->rows * lf->cols > SST_MAX_VIEWS)
         return "rows, cols: each must be at least 1 and their product at most 256";
+    if (!lf->files)
+        return "views: they have no files";
     if (lf->width < 1 || lf->height < 1 || lf->width > SST_IMAGE_MAX_SIDE || lf->height > SST_IMAGE_MAX_SIDE ||
         (size_t)lf->width * (size_t)lf->height > SST_IMAGE_MAX_PIXELS)
         return "width, height: each must be 1 to 32768";
@@ -112,11 +115,13 @@ static json_t *views_to_json(const struct sst_lightfield *lf, char (*hashes)[65]
 
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         const struct sst_view *v = &lf->views[k];
+        const struct sst_lightfield_file *file = &lf->files->view[k];
 
         if (v->present)
-            complete &= !json_array_append_new(
-                views, json_pack("{s:i, s:i, s:f, s:f, s:s, s:s}", "row", k / lf->cols, "col", k % lf->cols, "bx",
-                                 v->bx, "by", v->by, "file", v->file, "sha256", v->sha256[0] ? v->sha256 : hashes[k]));
+            complete &=
+                !json_array_append_new(views, json_pack("{s:i, s:i, s:f, s:f, s:s, s:s}", "row", k / lf->cols, "col",
+                                                        k % lf->cols, "bx", v->bx, "by", v->by, "file", file->name,
+                                                        "sha256", file->sha256[0] ? file->sha256 : hashes[k]));
     }
     if (complete)
         return views;
@@ -138,7 +143,7 @@ static json_t *classes_to_json(const struct sst_classes *c)
     return NULL;
 }
 
-static json_t *calibration_to_json(const struct sst_lightfield *lf)
+static json_t *calibration_to_json(const struct sst_lightfield *lf, const char *sha256)
 {
     const struct sst_rectified *r = lf->rectified;
     json_t *rotation = json_array();
@@ -148,28 +153,29 @@ static json_t *calibration_to_json(const struct sst_lightfield *lf)
         complete &= !json_array_append_new(rotation, json_real(r->rotation[i]));
     if (complete)
         return json_pack("{s:s, s:s, s:s, s:i, s:f, s:f, s:o, s:f, s:f, s:f, s:f, s:f, s:[f, f], s:f}", "file",
-                         SST_CALIBRATION_FILE, "sha256", lf->calibration_sha256, "filter",
-                         sst_filter_name((enum sst_filter)lf->filter), "reference", r->reference, "cx", r->cx, "cy",
-                         r->cy, "rotation", rotation, "plane_mm", r->plane_mm, "out_rms_mm", r->out_rms_mm,
-                         "out_max_mm", r->out_max_mm, "lattice_rms_mm", r->lattice_rms_mm, "lattice_max_mm",
-                         r->lattice_max_mm, "step_mm", r->step_mm[0], r->step_mm[1], "skew_deg", r->skew_deg);
+                         SST_CALIBRATION_FILE, "sha256", sha256, "filter", sst_filter_name((enum sst_filter)lf->filter),
+                         "reference", r->reference, "cx", r->cx, "cy", r->cy, "rotation", rotation, "plane_mm",
+                         r->plane_mm, "out_rms_mm", r->out_rms_mm, "out_max_mm", r->out_max_mm, "lattice_rms_mm",
+                         r->lattice_rms_mm, "lattice_max_mm", r->lattice_max_mm, "step_mm", r->step_mm[0],
+                         r->step_mm[1], "skew_deg", r->skew_deg);
     json_decref(rotation);
     return NULL;
 }
 
-char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65])
+char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], const char *calibration_sha256)
 {
-    json_t *root =
-        json_pack("{s:s, s:i, s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:b, s:b, s:s, s:s, s:o, s:o}",
-                  "format", FORMAT_NAME, "version", lf->rectified ? SST_LIGHTFIELD_VERSION : 1, "rows", lf->rows,
-                  "cols", lf->cols, "width", lf->width, "height", lf->height, "disp_min_px", lf->disp_min_px,
-                  "disp_steps_per_px", SST_DISP_SCALE, "range_min_px", lf->range_min_px, "range_max_px",
-                  lf->range_max_px, "focal_px", lf->focal_px, "spacing_mm", lf->spacing_mm, "disparity_given",
-                  (int)lf->disparity_given, "labels_given", (int)lf->labels_given, "source", lf->source, "history",
-                  lf->history, "classes", classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
+    json_t *root = json_pack(
+        "{s:s, s:i, s:i, s:i, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:b, s:b, s:s, s:s, s:o, s:o}", "format",
+        FORMAT_NAME, "version", lf->rectified ? SST_LIGHTFIELD_VERSION : 1, "rows", lf->rows, "cols", lf->cols, "width",
+        lf->width, "height", lf->height, "disp_min_px", lf->disp_min_px, "disp_steps_per_px", SST_DISP_SCALE,
+        "range_min_px", lf->range_min_px, "range_max_px", lf->range_max_px, "focal_px", lf->focal_px, "spacing_mm",
+        lf->spacing_mm, "disparity_given", (int)lf->files->external_disparity, "labels_given",
+        (int)lf->files->external_labels, "source", lf->files->source, "history", lf->files->history, "classes",
+        classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
     char *text = NULL;
 
-    if (root && (!lf->rectified || !json_object_set_new(root, "calibration", calibration_to_json(lf))))
+    if (root &&
+        (!lf->rectified || !json_object_set_new(root, "calibration", calibration_to_json(lf, calibration_sha256))))
         text = json_dumps(root, JSON_INDENT(1));
     json_decref(root);
     return text;
@@ -179,11 +185,11 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65])
 
 #define MAX_FIELDS 20 /* of the largest object */
 
-/* One object being read: takes fields one by one, keeps the first fault. */
+/* State of reading one object; only its first fault is logged. */
 struct reader {
     const char *path, *where; /* where: "" or "views[3]." */
     json_t *object;
-    const char *known[MAX_FIELDS]; /* names taken so far */
+    const char *known[MAX_FIELDS]; /* names read so far */
     size_t n_known;
     int err;
 };
@@ -195,7 +201,7 @@ static void fault(struct reader *r, const char *field, const char *what)
     r->err = -EBADMSG;
 }
 
-static json_t *take(struct reader *r, const char *field)
+static json_t *get_field(struct reader *r, const char *field)
 {
     json_t *v = json_object_get(r->object, field);
 
@@ -206,9 +212,9 @@ static json_t *take(struct reader *r, const char *field)
     return v;
 }
 
-static int take_int(struct reader *r, const char *field, int lo, int hi)
+static int get_int(struct reader *r, const char *field, int lo, int hi)
 {
-    json_t *v = take(r, field);
+    json_t *v = get_field(r, field);
     char what[64];
 
     if (v && json_is_integer(v) && json_integer_value(v) >= lo && json_integer_value(v) <= hi)
@@ -218,40 +224,40 @@ static int take_int(struct reader *r, const char *field, int lo, int hi)
     return lo;
 }
 
-static double take_double(struct reader *r, const char *field)
+static double get_double(struct reader *r, const char *field)
 {
-    json_t *v = take(r, field);
+    json_t *v = get_field(r, field);
 
     if (!json_is_number(v))
         fault(r, field, "is not a number");
     return json_number_value(v);
 }
 
-static bool take_bool(struct reader *r, const char *field)
+static bool get_bool(struct reader *r, const char *field)
 {
-    json_t *v = take(r, field);
+    json_t *v = get_field(r, field);
 
     if (!json_is_boolean(v))
         fault(r, field, "is not true or false");
     return json_is_true(v);
 }
 
-static void take_string(struct reader *r, const char *field, char *out, size_t size)
+static void get_string(struct reader *r, const char *field, char *out, size_t size)
 {
-    json_t *v = take(r, field);
+    json_t *v = get_field(r, field);
     char what[64];
 
     if (!json_is_string(v) || json_string_length(v) >= size) {
-        snprintf(what, sizeof(what), "is not a text of at most %zu bytes", size - 1);
+        snprintf(what, sizeof(what), "is not a string of at most %zu bytes", size - 1);
         fault(r, field, what);
         return;
     }
     memcpy(out, json_string_value(v), json_string_length(v) + 1);
 }
 
-static json_t *take_array(struct reader *r, const char *field, size_t max)
+static json_t *get_array(struct reader *r, const char *field, size_t max)
 {
-    json_t *v = take(r, field);
+    json_t *v = get_field(r, field);
     char what[64];
 
     if (json_is_array(v) && json_array_size(v) <= max)
@@ -261,7 +267,7 @@ static json_t *take_array(struct reader *r, const char *field, size_t max)
     return NULL;
 }
 
-/* Nothing may be left over: a field this version does not know would be lost when the file is written again. */
+/* Reject unknown fields: they would be lost when the file is written again. */
 static void finish(struct reader *r)
 {
     const char *key;
@@ -283,27 +289,31 @@ static bool hash_ok(const char *s)
     return strlen(s) == 64 && strspn(s, "0123456789abcdef") == 64;
 }
 
-static int read_view(struct sst_lightfield *lf, const char *path, const char *where, json_t *object)
+static int parse_view(struct sst_lightfield *lf, const char *path, const char *where, json_t *object)
 {
     struct reader r = { .path = path, .where = where, .object = object };
-    struct sst_view v = { .present = true }, *place;
+    struct sst_view v = { .present = true };
+    struct sst_lightfield_file file;
+    int k;
 
     if (!json_is_object(object)) {
         fault(&r, "it", "is not an object");
         return r.err;
     }
-    place = &lf->views[take_int(&r, "row", 0, lf->rows - 1) * lf->cols + take_int(&r, "col", 0, lf->cols - 1)];
-    v.bx = take_double(&r, "bx");
-    v.by = take_double(&r, "by");
-    take_string(&r, "file", v.file, sizeof(v.file));
-    take_string(&r, "sha256", v.sha256, sizeof(v.sha256));
-    if (!r.err && !hash_ok(v.sha256))
+    k = get_int(&r, "row", 0, lf->rows - 1) * lf->cols + get_int(&r, "col", 0, lf->cols - 1);
+    v.bx = get_double(&r, "bx");
+    v.by = get_double(&r, "by");
+    get_string(&r, "file", file.name, sizeof(file.name));
+    get_string(&r, "sha256", file.sha256, sizeof(file.sha256));
+    if (!r.err && !hash_ok(file.sha256))
         fault(&r, "sha256", "is not 64 lower-case hexadecimal digits");
-    if (!r.err && place->present)
+    if (!r.err && lf->views[k].present)
         fault(&r, "row, col", "occur twice");
     finish(&r);
-    if (!r.err)
-        *place = v;
+    if (!r.err) {
+        lf->views[k] = v;
+        lf->files->view[k] = file;
+    }
     return r.err;
 }
 
@@ -315,15 +325,15 @@ static int read_class(struct sst_classes *classes, const char *path, const char 
         fault(&r, "it", "is not an object");
         return r.err;
     }
-    take_string(&r, "name", classes->names[classes->count], SST_CLASS_NAME_MAX);
-    classes->ground[classes->count++] = take_bool(&r, "ground");
+    get_string(&r, "name", classes->names[classes->count], SST_CLASS_NAME_MAX);
+    classes->ground[classes->count++] = get_bool(&r, "ground");
     finish(&r);
     return r.err;
 }
 
 static int read_lists(struct sst_lightfield *lf, struct reader *r)
 {
-    json_t *views = take_array(r, "views", SST_MAX_VIEWS), *classes = take_array(r, "classes", SST_MAX_CLASSES);
+    json_t *views = get_array(r, "views", SST_MAX_VIEWS), *classes = get_array(r, "classes", SST_MAX_CLASSES);
     char where[32];
 
     lf->classes = (struct sst_classes){ 0 };
@@ -333,22 +343,22 @@ static int read_lists(struct sst_lightfield *lf, struct reader *r)
     }
     for (size_t i = 0; !r->err && i < json_array_size(views); i++) {
         snprintf(where, sizeof(where), "views[%zu].", i);
-        r->err = read_view(lf, r->path, where, json_array_get(views, i));
+        r->err = parse_view(lf, r->path, where, json_array_get(views, i));
     }
     if (!r->err && sst_lightfield_choose_ref(lf))
         fault(r, "views", "is empty");
     return r->err;
 }
 
-static void take_doubles(struct reader *r, const char *field, double *out, size_t n)
+static void get_doubles(struct reader *r, const char *field, double *out, size_t n)
 {
-    const json_t *list = take_array(r, field, n);
+    const json_t *list = get_array(r, field, n);
 
     if (!r->err && json_array_size(list) != n)
         fault(r, field, "is too short");
     for (size_t i = 0; !r->err && i < n; i++) {
         if (!json_is_number(json_array_get(list, i)))
-            fault(r, field, "holds something that is no number");
+            fault(r, field, "has an element that is not a number");
         out[i] = json_number_value(json_array_get(list, i));
     }
 }
@@ -362,7 +372,7 @@ static bool all_finite(const double *v, size_t n)
     return true;
 }
 
-/* How a calibration is used; sizes, focal length and spacing are the light field's. */
+/* Parse how the calibration is used; sizes, focal length and spacing are the light field's. */
 static int read_calibration(struct sst_lightfield *lf, const char *path, json_t *object)
 {
     struct reader r = { .path = path, .where = "calibration.", .object = object };
@@ -375,29 +385,29 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
     char file[32] = "", filter_name[32] = "";
     enum sst_filter filter = SST_FILTER_BILINEAR;
 
-    take_string(&r, "file", file, sizeof(file));
-    take_string(&r, "sha256", lf->calibration_sha256, sizeof(lf->calibration_sha256));
-    take_string(&r, "filter", filter_name, sizeof(filter_name));
-    to.reference = take_int(&r, "reference", 0, lf->rows * lf->cols - 1);
-    to.cx = take_double(&r, "cx");
-    to.cy = take_double(&r, "cy");
-    take_doubles(&r, "rotation", to.rotation, 9);
-    to.plane_mm = take_double(&r, "plane_mm");
-    to.out_rms_mm = take_double(&r, "out_rms_mm");
-    to.out_max_mm = take_double(&r, "out_max_mm");
-    to.lattice_rms_mm = take_double(&r, "lattice_rms_mm");
-    to.lattice_max_mm = take_double(&r, "lattice_max_mm");
-    take_doubles(&r, "step_mm", to.step_mm, 2);
-    to.skew_deg = take_double(&r, "skew_deg");
+    get_string(&r, "file", file, sizeof(file));
+    get_string(&r, "sha256", lf->files->calibration_sha256, sizeof(lf->files->calibration_sha256));
+    get_string(&r, "filter", filter_name, sizeof(filter_name));
+    to.reference = get_int(&r, "reference", 0, lf->rows * lf->cols - 1);
+    to.cx = get_double(&r, "cx");
+    to.cy = get_double(&r, "cy");
+    get_doubles(&r, "rotation", to.rotation, 9);
+    to.plane_mm = get_double(&r, "plane_mm");
+    to.out_rms_mm = get_double(&r, "out_rms_mm");
+    to.out_max_mm = get_double(&r, "out_max_mm");
+    to.lattice_rms_mm = get_double(&r, "lattice_rms_mm");
+    to.lattice_max_mm = get_double(&r, "lattice_max_mm");
+    get_doubles(&r, "step_mm", to.step_mm, 2);
+    to.skew_deg = get_double(&r, "skew_deg");
     if (!r.err && strcmp(file, SST_CALIBRATION_FILE))
         fault(&r, "file", "is not \"" SST_CALIBRATION_FILE "\"");
-    if (!r.err && !hash_ok(lf->calibration_sha256))
+    if (!r.err && !hash_ok(lf->files->calibration_sha256))
         fault(&r, "sha256", "is not 64 lower-case hexadecimal digits");
     if (!r.err && !sst_filter_find(&filter, filter_name))
-        fault(&r, "filter", "is none of bilinear, bicubic, lanczos");
+        fault(&r, "filter", "is not bilinear, bicubic or lanczos");
     if (!r.err && (!all_finite(to.rotation, 9) || !all_finite(to.step_mm, 2) || !all_finite(&to.cx, 2) ||
                    !within(to.plane_mm, 0, 1e9) || !(to.focal_px > 0) || !(to.spacing_mm > 0)))
-        fault(&r, "rotation, cx, cy, step_mm, plane_mm", "or focal_px, spacing_mm make no sense");
+        fault(&r, "rotation, cx, cy, step_mm, plane_mm,", "focal_px or spacing_mm is out of range");
     finish(&r);
     if (r.err)
         return r.err;
@@ -411,24 +421,24 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
     return 0;
 }
 
-/* What must be known before a light field can be made. */
+/* Parse what sst_lightfield_init() needs. */
 static int read_head(struct reader *r, int *rows, int *cols, int *version_out)
 {
     char format[32] = "";
     int version;
 
-    take_string(r, "format", format, sizeof(format));
+    get_string(r, "format", format, sizeof(format));
     if (!r->err && strcmp(format, FORMAT_NAME))
         fault(r, "format", "is not \"" FORMAT_NAME "\"");
-    version = take_int(r, "version", 1, 1000000);
+    version = get_int(r, "version", 1, 1000000);
     if (!r->err && version > SST_LIGHTFIELD_VERSION) {
         sst_log_error("%s: version %d is newer than %d, the newest that this program reads; update sst", r->path,
                       version, SST_LIGHTFIELD_VERSION);
         r->err = -EBADMSG;
     }
     *version_out = version;
-    *rows = take_int(r, "rows", 1, SST_MAX_VIEWS);
-    *cols = take_int(r, "cols", 1, SST_MAX_VIEWS);
+    *rows = get_int(r, "rows", 1, SST_MAX_VIEWS);
+    *cols = get_int(r, "cols", 1, SST_MAX_VIEWS);
     if (!r->err && *rows * *cols > SST_MAX_VIEWS)
         fault(r, "rows, cols", "make more than 256 views");
     return r->err;
@@ -442,25 +452,25 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
 
     if (read_head(r, &rows, &cols, &version))
         return r->err;
-    if (sst_lightfield_init(lf, rows, cols)) {
+    if (sst_lightfield_init_files(lf, rows, cols)) {
         sst_log_error("no memory for the light field %s", r->path);
         return -ENOMEM;
     }
-    lf->width = take_int(r, "width", 1, SST_IMAGE_MAX_SIDE);
-    lf->height = take_int(r, "height", 1, SST_IMAGE_MAX_SIDE);
-    lf->disp_min_px = take_double(r, "disp_min_px");
-    if (take_double(r, "disp_steps_per_px") != SST_DISP_SCALE)
+    lf->width = get_int(r, "width", 1, SST_IMAGE_MAX_SIDE);
+    lf->height = get_int(r, "height", 1, SST_IMAGE_MAX_SIDE);
+    lf->disp_min_px = get_double(r, "disp_min_px");
+    if (get_double(r, "disp_steps_per_px") != SST_DISP_SCALE)
         fault(r, "disp_steps_per_px", "is not 64");
-    lf->range_min_px = take_double(r, "range_min_px");
-    lf->range_max_px = take_double(r, "range_max_px");
-    lf->focal_px = take_double(r, "focal_px");
-    lf->spacing_mm = take_double(r, "spacing_mm");
-    lf->disparity_given = take_bool(r, "disparity_given");
-    lf->labels_given = take_bool(r, "labels_given");
-    take_string(r, "source", lf->source, sizeof(lf->source));
-    take_string(r, "history", lf->history, sizeof(lf->history));
+    lf->range_min_px = get_double(r, "range_min_px");
+    lf->range_max_px = get_double(r, "range_max_px");
+    lf->focal_px = get_double(r, "focal_px");
+    lf->spacing_mm = get_double(r, "spacing_mm");
+    lf->files->external_disparity = get_bool(r, "disparity_given");
+    lf->files->external_labels = get_bool(r, "labels_given");
+    get_string(r, "source", lf->files->source, sizeof(lf->files->source));
+    get_string(r, "history", lf->files->history, sizeof(lf->files->history));
     if (version > 1)
-        calibration = take(r, "calibration");
+        calibration = get_field(r, "calibration");
     if (r->err || read_lists(lf, r))
         return r->err;
     finish(r);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "pipeline/camera/calib.h"
+#include "pipeline/lightfield/folder.h"
 
 int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols)
 {
@@ -27,6 +28,22 @@ int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols)
     return 0;
 }
 
+int sst_lightfield_init_files(struct sst_lightfield *lf, int rows, int cols)
+{
+    struct sst_lightfield made;
+    int err = sst_lightfield_init(&made, rows, cols);
+
+    if (err)
+        return err;
+    made.files = calloc(1, sizeof(*made.files) + (size_t)(rows * cols) * sizeof(made.files->view[0]));
+    if (!made.files) {
+        sst_lightfield_fini(&made);
+        return -ENOMEM;
+    }
+    *lf = made;
+    return 0;
+}
+
 void sst_lightfield_fini(struct sst_lightfield *lf)
 {
     for (int k = 0; lf->views && k < lf->rows * lf->cols; k++) {
@@ -41,6 +58,7 @@ void sst_lightfield_fini(struct sst_lightfield *lf)
         sst_calib_fini(lf->calibration);
     free(lf->calibration);
     free(lf->rectified);
+    free(lf->files);
     *lf = (struct sst_lightfield){ 0 };
 }
 
@@ -65,7 +83,7 @@ int sst_lightfield_choose_ref(struct sst_lightfield *lf)
 
 void sst_view_name(const struct sst_lightfield *lf, int view, char out[16])
 {
-    /* Both are below SST_MAX_VIEWS; the remainder tells the compiler so. */
+    /* Both are below SST_MAX_VIEWS; the remainder proves it to the compiler. */
     snprintf(out, 16, "%02u_%02u", (unsigned)(view / lf->cols) % 1000u, (unsigned)(view % lf->cols) % 1000u);
 }
 

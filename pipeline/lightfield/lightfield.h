@@ -1,4 +1,4 @@
-/* pipeline/lightfield/lightfield.h - a rectified light field in memory and as a folder. */
+/* pipeline/lightfield/lightfield.h - a rectified light field in memory; loading and storing its folder. */
 #ifndef SST_PIPELINE_LIGHTFIELD_LIGHTFIELD_H
 #define SST_PIPELINE_LIGHTFIELD_LIGHTFIELD_H
 
@@ -12,6 +12,7 @@
 #define SST_DISP_SCALE  64.0    /* steps per pixel */
 
 struct sst_calib;
+struct sst_lightfield_files;
 struct sst_rectified;
 
 /**
@@ -21,11 +22,9 @@ struct sst_rectified;
 struct sst_view {
     bool present;            /* false: the grid has a hole here; everything below is empty */
     double bx, by;           /* offset from the reference view in nominal spacings, right and down positive */
-    char file[256];          /* name inside views/, untouched camera bytes */
-    char sha256[65];         /* of that file, lower-case hex */
     struct sst_image image;  /* empty until loaded */
-    struct sst_map_u8 valid; /* 0 where the rectified image is black for want of a place in the raw frame, else 255;
-                                made with the image; empty: there is no such pixel */
+    struct sst_map_u8 valid; /* 0 where the rectified image is black because the pixel lies outside the raw frame, else
+                                255; set with the image; empty: all pixels are valid */
     struct sst_map_u16 disp; /* 1/64 px above disp_min_px, or SST_DISP_NONE; empty: not computed */
     struct sst_map_u8 label; /* refined labels; empty: not computed */
     struct sst_map_u8 confidence; /* of the disparity; empty: not computed */
@@ -39,17 +38,14 @@ struct sst_lightfield {
     double focal_px;                   /* 0: unknown */
     double spacing_mm;                 /* nominal spacing; 0: unknown */
     struct sst_classes classes;
-    bool labels_given, disparity_given; /* came with the data: processing keeps them */
-    /* With a calibration the views' files are raw frames, which loading rectifies by it; everything else here (sizes,
-     * maps, offsets) is about the rectified views. NULL: the files are the views. Owned. */
+    /* With a calibration the views' files are raw frames, which are rectified on loading; everything else here (sizes,
+     * maps, offsets) refers to the rectified views. NULL: the files are the views. Owned. */
     struct sst_calib *calibration;
-    struct sst_rectified *rectified; /* what it was made to; NULL as calibration */
-    char calibration_sha256[65];     /* of the folder's calibration.yaml; empty: not written yet */
-    int filter;                      /* sst_filter of the resampling */
-    bool images_raw;                 /* the images are raw frames, of the calibration's size: SST_LOAD_RAW */
-    char source[1024];               /* provenance: format and where from */
-    char history[1024];              /* what processing made the derived maps, one line */
-    struct sst_view *views;          /* rows * cols */
+    struct sst_rectified *rectified;    /* common geometry of the rectified views; NULL like calibration */
+    int filter;                         /* sst_filter of the resampling */
+    bool images_raw;                    /* the images are raw frames, of the calibration's size: SST_LOAD_RAW */
+    struct sst_view *views;             /* rows * cols */
+    struct sst_lightfield_files *files; /* folder.h; NULL: made in memory, without a folder. Owned. */
 };
 
 /** What to load besides lightfield.json. */
@@ -67,8 +63,8 @@ enum sst_lightfield_load {
 SST_MUST_CHECK int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols);
 void sst_lightfield_fini(struct sst_lightfield *lf);
 
-/** Copy a view's image, its mask and where it is; what `to` holds of the same size is used again.
- *  @return 0, -ENOMEM (to be freed with its light field all the same) */
+/** Copy a view's image, validity mask and offset; buffers of `to` of the same size are reused.
+ *  @return 0, -ENOMEM (`to` is still freed with its light field) */
 SST_MUST_CHECK int sst_view_copy(struct sst_view *to, const struct sst_view *from);
 
 /** Set ref_view: the middle of the grid, or the present view nearest to it (ties: the lower index).
@@ -77,8 +73,8 @@ SST_MUST_CHECK int sst_lightfield_choose_ref(struct sst_lightfield *lf);
 
 /**
  * Read a light-field folder. With a calibration, images are rectified as they are loaded (SST_LOAD_RAW: not), the same
- * bytes for any number of threads. What `what` names and the folder lacks stays empty, except images, which must be
- * there. Checks every size, hash-free (see sst_lightfield_verify); decodes on `threads` threads.
+ * bytes for any number of threads. Maps in `what` that the folder lacks stay empty; missing images are an error. Checks
+ * every size but no hash (see sst_lightfield_verify()); decodes on `threads` threads.
  *
  * @return 0, -ENOENT, -EBADMSG, -ENOMEM, -EIO; logged.
  */
@@ -96,9 +92,9 @@ SST_MUST_CHECK int sst_lightfield_verify(const struct sst_lightfield *lf, const 
 SST_MUST_CHECK int sst_lightfield_write(const struct sst_lightfield *lf, const char *dir, int threads);
 
 /**
- * Put new derived maps (disparity/, labels/, confidence/) and a new lightfield.json into an existing folder: every file
- * is written beside the old ones first, then swapped in; a failure leaves the old state. A kind of map that no view
- * has in memory keeps its folder; any other folder is replaced as a whole. The same errors.
+ * Replace the derived maps (disparity/, labels/, confidence/) and lightfield.json of an existing folder. Every file is
+ * written beside the old ones first, then swapped in; a failure leaves the old state. Folders of maps that no view has
+ * in memory are kept; the others are replaced as a whole. The same errors.
  */
 SST_MUST_CHECK int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, int threads);
 

@@ -1,4 +1,4 @@
-/* `sst rectify`: the raw frames of a light field with a calibration, or what it makes of them. */
+/* `sst rectify`: writes raw frames with their calibration, or rectified (baked) views. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -17,19 +17,11 @@ struct job {
     const char *out; /* the output's temporary folder */
 };
 
-static int view_path(char out[SST_PATH_MAX], const char *dir, const char *file)
-{
-    char name[300];
-
-    snprintf(name, sizeof(name), "views/%s", file);
-    return sst_path_join(out, dir, name);
-}
-
-static int copy_frame(const struct job *job, struct sst_view *v, const char *from, const uint8_t *data, size_t size)
+static int copy_frame(const struct job *job, int k, const char *from, const uint8_t *data, size_t size)
 {
     char to[SST_PATH_MAX];
     struct sst_image img;
-    int err = view_path(to, job->out, v->file);
+    int err = view_path(to, &job->lf, k, job->out);
 
     if (!err)
         err = sst_image_decode(&img, data, size, from);
@@ -44,10 +36,11 @@ static int copy_frame(const struct job *job, struct sst_view *v, const char *fro
     return err ? err : sst_file_write(to, data, size);
 }
 
-/* The rectified picture as PNG. */
+/* Write the rectified picture as PNG. */
 static int bake_frame(struct job *job, int k, const char *from, const uint8_t *data, size_t size)
 {
     struct sst_view *v = &job->lf.views[k];
+    struct sst_lightfield_file *file = &job->lf.files->view[k];
     char to[SST_PATH_MAX];
     int err = sst_image_decode(&v->image, data, size, from);
 
@@ -55,10 +48,10 @@ static int bake_frame(struct job *job, int k, const char *from, const uint8_t *d
         err = calibration_rectify_view(&job->lf, k);
     if (err)
         return err;
-    sst_view_name(&job->lf, k, v->file);
-    strcat(v->file, ".png");
-    v->sha256[0] = '\0';
-    err = view_path(to, job->out, v->file);
+    sst_view_name(&job->lf, k, file->name);
+    strcat(file->name, ".png");
+    file->sha256[0] = '\0';
+    err = view_path(to, &job->lf, k, job->out);
     if (!err)
         err = sst_image_write_png(&v->image, to);
     sst_image_fini(&v->image);
@@ -66,37 +59,28 @@ static int bake_frame(struct job *job, int k, const char *from, const uint8_t *d
     return err;
 }
 
-static int take_view(void *arg, int k, int worker)
+static int convert_view(void *arg, int k, int worker)
 {
     struct job *job = arg;
-    struct sst_view *v = &job->lf.views[k];
-    char path[SST_PATH_MAX], hash[65];
+    char path[SST_PATH_MAX];
     uint8_t *data;
     size_t size;
     int err;
 
-    if (!v->present)
+    if (!job->lf.views[k].present)
         return 0;
     if (!worker && job->cfg->progress)
         job->cfg->progress(job->cfg->progress_arg, k / ((double)job->lf.rows * job->lf.cols));
-    err = view_path(path, job->cfg->dir, v->file);
-    if (!err)
-        err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+    err = read_view(&job->lf, k, job->cfg->dir, path, &data, &size);
     if (err)
         return err;
-    sha256_hex(hash, data, size);
-    if (strcmp(hash, v->sha256)) {
-        sst_log_error("%s has changed since it was stored (its SHA-256 differs); import it again", path);
-        err = -EBADMSG;
-    } else {
-        err = job->cfg->bake ? bake_frame(job, k, path, data, size) : copy_frame(job, v, path, data, size);
-    }
+    err = job->cfg->bake ? bake_frame(job, k, path, data, size) : copy_frame(job, k, path, data, size);
     free(data);
     return err;
 }
 
-/* What is known about the old geometry's disparities holds for the new one after scaling by f B, if both are known. */
-static void carry_range(struct sst_lightfield *lf, double old_fb)
+/* The old geometry's disparity range, scaled by f B where both are known, holds for the new one. */
+static void scale_range(struct sst_lightfield *lf, double old_fb)
 {
     const double scale = old_fb > 0 ? lf->focal_px * lf->spacing_mm / old_fb : 1;
 
@@ -114,8 +98,8 @@ static int prepare(struct job *job)
     const double old_fb = lf->focal_px * lf->spacing_mm;
     int err;
 
-    lf->disparity_given = lf->labels_given = false;
-    lf->history[0] = '\0';
+    lf->files->external_disparity = lf->files->external_labels = false;
+    lf->files->history[0] = '\0';
     if (!use && !lf->calibration) {
         sst_log_error("%s has no calibration; add --calib FILE", job->cfg->dir);
         return -EINVAL;
@@ -128,7 +112,7 @@ static int prepare(struct job *job)
         if (err)
             return err;
     }
-    carry_range(lf, old_fb);
+    scale_range(lf, old_fb);
     return 0;
 }
 
@@ -140,11 +124,11 @@ static int fill(struct job *job)
     if (!err)
         err = sst_path_make_dir(path);
     if (!err)
-        err = sst_parallel_for(job->lf.rows * job->lf.cols, sst_thread_count(job->cfg->threads), take_view, job);
+        err = sst_parallel_for(job->lf.rows * job->lf.cols, sst_thread_count(job->cfg->threads), convert_view, job);
     if (err)
         return err;
     if (job->cfg->bake) {
-        struct sst_lightfield baked = job->lf; /* borrows everything, and has no calibration */
+        struct sst_lightfield baked = job->lf; /* shallow copy without the calibration */
 
         baked.calibration = NULL;
         baked.rectified = NULL;

@@ -5,7 +5,6 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <sha2.h>
@@ -62,11 +61,11 @@ static int map_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, con
     return sst_path_join(out, dir, name);
 }
 
-static int view_path(char out[SST_PATH_MAX], const char *dir, const struct sst_view *v)
+int view_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, int k, const char *dir)
 {
     char name[300];
 
-    snprintf(name, sizeof(name), "views/%s", v->file);
+    snprintf(name, sizeof(name), "views/%s", lf->files->view[k].name);
     return sst_path_join(out, dir, name);
 }
 
@@ -102,7 +101,7 @@ static int load_image(const struct job *job, int k)
     struct sst_view *v = &job->lf->views[k];
     const struct sst_calib *calib = job->lf->calibration;
     char path[SST_PATH_MAX];
-    int err = view_path(path, job->dir, v);
+    int err = view_path(path, job->lf, k, job->dir);
 
     if (!err)
         err = sst_image_read(&v->image, path);
@@ -206,15 +205,12 @@ int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned wha
 
 /* --- hashes ------------------------------------------------------------------------------------------------------- */
 
-static int hash_view(const struct job *job, int k, char out[65])
+int file_sha256(char out[65], const char *path)
 {
-    char path[SST_PATH_MAX];
     uint8_t *data;
     size_t size;
-    int err = view_path(path, job->dir, &job->in->views[k]);
+    const int err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
 
-    if (!err)
-        err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
     if (err)
         return err;
     sha256_hex(out, data, size);
@@ -222,18 +218,34 @@ static int hash_view(const struct job *job, int k, char out[65])
     return 0;
 }
 
+int read_view(const struct sst_lightfield *lf, int k, const char *dir, char path[SST_PATH_MAX], uint8_t **data,
+              size_t *size)
+{
+    char hash[65];
+    int err = view_path(path, lf, k, dir);
+
+    err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, data, size);
+    if (err)
+        return err;
+    sha256_hex(hash, *data, *size);
+    if (!strcmp(hash, lf->files->view[k].sha256))
+        return 0;
+    sst_log_error("%s has changed since it was stored (its SHA-256 differs); import it again", path);
+    free(*data);
+    return -EBADMSG;
+}
+
 static int verify_view(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
-    const struct sst_view *v = &job->in->views[k];
-    char hash[65];
-    int err = v->present ? hash_view(job, k, hash) : 0;
+    char path[SST_PATH_MAX];
+    uint8_t *data = NULL;
+    size_t size;
+    const int err = job->in->views[k].present ? read_view(job->in, k, job->dir, path, &data, &size) : 0;
 
-    if (err || !v->present || !strcmp(hash, v->sha256))
-        return err;
-    sst_log_error("%s/views/%s has changed since it was stored (its SHA-256 differs); import it again", job->dir,
-                  v->file);
-    return -EBADMSG;
+    if (!err)
+        free(data);
+    return err;
 }
 
 int sst_lightfield_verify(const struct sst_lightfield *lf, const char *dir, int threads)
@@ -277,9 +289,13 @@ static int write_view(void *arg, int k, int worker SST_UNUSED)
 static int hash_if_empty(void *arg, int k, int worker SST_UNUSED)
 {
     const struct job *job = arg;
-    const struct sst_view *v = &job->in->views[k];
+    char path[SST_PATH_MAX];
+    int err;
 
-    return v->present && !v->sha256[0] ? hash_view(job, k, job->hashes[k]) : 0;
+    if (!job->in->views[k].present || job->in->files->view[k].sha256[0])
+        return 0;
+    err = view_path(path, job->in, k, job->dir);
+    return err ? err : file_sha256(job->hashes[k], path);
 }
 
 static bool any_map(const struct sst_lightfield *lf, enum map_kind kind)
@@ -309,39 +325,19 @@ static bool maps_fit(const struct sst_lightfield *lf)
     return true;
 }
 
-static int make_folder(const char *dir, const char *name)
-{
-    char path[SST_PATH_MAX];
-    int err = sst_path_join(path, dir, name);
-
-    if (err || !mkdir(path, 0777) || errno == EEXIST)
-        return err;
-    err = -errno;
-    sst_log_error("cannot create %s: %s", path, strerror(-err));
-    return err == -ENOSPC || err == -EROFS || err == -EDQUOT ? err : -EIO;
-}
-
-/* calibration.yaml, and its hash. */
+/* Write calibration.yaml and return its hash. */
 static int write_calibration(char sha256[65], const struct sst_calib *calib, const char *dir)
 {
     char path[SST_PATH_MAX];
-    uint8_t *text;
-    size_t size;
     int err = sst_path_join(path, dir, SST_CALIBRATION_FILE);
 
-    if (!err)
-        err = sst_calib_write(calib, path);
-    if (!err)
-        err = sst_file_read(path, SST_VIEW_FILE_MAX, &text, &size);
-    if (err)
-        return err;
-    sha256_hex(sha256, text, size);
-    free(text);
-    return 0;
+    err = err ? err : sst_calib_write(calib, path);
+    return err ? err : file_sha256(sha256, path);
 }
 
-/* lightfield.json and all maps, into the folder out; hashes that are missing come from the views in dir. */
-static int write_files(const struct sst_lightfield *lf, const char *dir, const char *out, int threads)
+/* Write lightfield.json and all maps into the folder out; missing hashes are computed from the views in dir. */
+static int write_files(const struct sst_lightfield *lf, const char *calibration_sha256, const char *dir,
+                       const char *out, int threads)
 {
     struct job job = { .in = lf, .dir = dir };
     const char *fault = lightfield_fault(lf);
@@ -362,15 +358,19 @@ static int write_files(const struct sst_lightfield *lf, const char *dir, const c
         goto no_memory;
     err = sst_parallel_for(lf->rows * lf->cols, threads, hash_if_empty, &job);
     for (enum map_kind kind = 0; !err && kind < MAP_KINDS; kind++) {
-        if (any_map(lf, kind))
-            err = make_folder(out, kinds[kind].folder);
+        char folder[SST_PATH_MAX];
+
+        if (!any_map(lf, kind))
+            continue;
+        err = sst_path_join(folder, out, kinds[kind].folder);
+        err = err ? err : sst_path_make_dir(folder);
     }
     job.dir = out;
     if (!err)
         err = sst_parallel_for(lf->rows * lf->cols, threads, write_view, &job);
     if (err)
         goto out;
-    json = lightfield_to_json(lf, job.hashes);
+    json = lightfield_to_json(lf, job.hashes, calibration_sha256);
     if (!json)
         goto no_memory;
     err = sst_file_write(path, json, strlen(json));
@@ -388,13 +388,13 @@ no_memory:
 
 int sst_lightfield_write(const struct sst_lightfield *lf, const char *dir, int threads)
 {
-    struct sst_lightfield copy = *lf; /* borrows everything; only the hash of the calibration becomes its own */
-    const int err = lf->calibration ? write_calibration(copy.calibration_sha256, lf->calibration, dir) : 0;
+    char calibration_sha256[65] = "";
+    const int err = lf->calibration ? write_calibration(calibration_sha256, lf->calibration, dir) : 0;
 
-    return err ? err : write_files(&copy, dir, dir, threads);
+    return err ? err : write_files(lf, calibration_sha256, dir, dir, threads);
 }
 
-/* Put fresh/name in the place of dir/name; the old one, if any, is in fresh then. */
+/* Swap fresh/name with dir/name, which need not exist. */
 static int swap_in(const char *dir, const char *fresh, const char *name)
 {
     char from[SST_PATH_MAX], to[SST_PATH_MAX];
@@ -404,7 +404,7 @@ static int swap_in(const char *dir, const char *fresh, const char *name)
     return err ? err : sst_path_swap(from, to);
 }
 
-/* The way back, for what was swapped in before something failed. */
+/* Undo a swap after a later failure. */
 static void swap_back(const char *dir, const char *fresh, const char *name)
 {
     char from[SST_PATH_MAX], to[SST_PATH_MAX];
@@ -412,7 +412,7 @@ static void swap_back(const char *dir, const char *fresh, const char *name)
     if (sst_path_join(from, fresh, name) || sst_path_join(to, dir, name))
         return;
     if (sst_path_exists(from) ? sst_path_swap(from, to) : rename(to, from))
-        sst_log_error("the new %s stays, without the maps that belong to it", to);
+        sst_log_error("cannot restore %s: the new file stays, without its maps", to);
 }
 
 int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, int threads)
@@ -426,7 +426,7 @@ int sst_lightfield_save_maps(const struct sst_lightfield *lf, const char *dir, i
         err = sst_outdir_open(&fresh, path, true);
     if (err)
         return err;
-    err = write_files(lf, dir, fresh.temporary, threads);
+    err = write_files(lf, lf->files ? lf->files->calibration_sha256 : "", dir, fresh.temporary, threads);
     for (enum map_kind kind = 0; kind < MAP_KINDS; kind++) {
         if (any_map(lf, kind))
             names[count++] = kinds[kind].folder;

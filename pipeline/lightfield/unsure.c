@@ -7,7 +7,7 @@
 #include "base/thread.h"
 
 struct count {
-    int64_t pixels, unsure;
+    int64_t pixels, unconfirmed;
 };
 
 struct job {
@@ -16,7 +16,7 @@ struct job {
     struct count *count; /* [views] */
 };
 
-/* Pixels that the view saw in columns from .. to-1 of row y, and those of them whose disparity is a guess. */
+/* Count the valid pixels in columns from .. to-1 of row y, and those of unconfirmed disparity. */
 static void count_run(struct count *c, const struct sst_view *v, int from, int to, int y)
 {
     const uint8_t *confidence = sst_map_u8_row(&v->confidence, y);
@@ -26,7 +26,7 @@ static void count_run(struct count *c, const struct sst_view *v, int from, int t
         const int seen = !valid || valid[x];
 
         c->pixels += seen;
-        c->unsure += seen && !confidence[x];
+        c->unconfirmed += seen && !confidence[x];
     }
 }
 
@@ -50,9 +50,9 @@ static int count_view(void *arg, int view, int worker SST_UNUSED)
             count_run(&c, v, x, sst_min_int(x + SST_UNSURE_BLOCK, width), row);
         if (c.pixels)
             sst_map_u8_row(map, y / SST_UNSURE_BLOCK)[x / SST_UNSURE_BLOCK] =
-                (uint8_t)fmin(255 / SST_UNSURE_FULL * (double)c.unsure / (double)c.pixels + 0.5, 255);
+                (uint8_t)fmin(255 / SST_UNSURE_FULL * (double)c.unconfirmed / (double)c.pixels + 0.5, 255);
         job->count[view].pixels += c.pixels;
-        job->count[view].unsure += c.unsure;
+        job->count[view].unconfirmed += c.unconfirmed;
     }
     return err;
 }
@@ -70,9 +70,9 @@ int sst_unsure_init(struct sst_unsure *u, const struct sst_lightfield *lf, int t
         err = sst_parallel_for(u->views, sst_thread_count(threads), count_view, &job);
     for (int k = 0; !err && k < u->views; k++) {
         all.pixels += job.count[k].pixels;
-        all.unsure += job.count[k].unsure;
+        all.unconfirmed += job.count[k].unconfirmed;
     }
-    u->confirmed = all.pixels ? 1 - (double)all.unsure / (double)all.pixels : NAN;
+    u->confirmed = all.pixels ? 1 - (double)all.unconfirmed / (double)all.pixels : NAN;
     free(job.count);
     return err;
 }

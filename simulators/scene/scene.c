@@ -4,6 +4,7 @@
 
 #include "base/log.h"
 #include "base/mem.h"
+#include "base/stats.h"
 #include "simulators/scene/scene_internal.h"
 
 #define PROBE_WIDTH  320 /* points per side that are looked at to learn ranges and focal planes */
@@ -140,13 +141,6 @@ static int find_range(struct sst_scene *s)
     return 0;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-
-    return (x > y) - (x < y);
-}
-
 /*
  * Median disparity of the target behind the occluder; where the picture shows none of it there, of the target anywhere,
  * and last of everything.
@@ -167,7 +161,7 @@ static double median_behind(const struct probe *front, const struct probe *behin
             }
         }
     }
-    qsort(buffer, (size_t)n, sizeof(*buffer), by_value);
+    sst_stats_sort_float(buffer, n);
     return buffer[n / 2];
 }
 

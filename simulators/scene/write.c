@@ -10,8 +10,8 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/import.h"
-#include "pipeline/lightfield/lightfield.h"
 #include "simulators/scene/scene_internal.h"
 
 #define FILE_NAME_MAX 64
@@ -60,7 +60,8 @@ static int write_view(const struct job *j, int view)
         (err = sst_map_u8_init(&label, c->width, c->height)) ||
         (err = sst_scene_render(j->scene, v->bx, v->by, 0, &image, &disp, &label)))
         goto done;
-    if ((err = path_of(path, j->dir, "views", v->file)) || (err = sst_image_write_png(&image, path)))
+    if ((err = path_of(path, j->dir, "views", j->lf->files->view[view].name)) ||
+        (err = sst_image_write_png(&image, path)))
         goto done;
     snprintf(file, sizeof(file), "%s.pfm", name);
     if ((err = path_of(path, j->dir, "truth", file)) || (err = sst_map_f32_write_pfm(&disp, path)))
@@ -183,7 +184,7 @@ static int write_truth_json(const struct job *j, const char *name)
 
 static int describe(struct sst_lightfield *lf, const struct sst_scene *s, const char *name)
 {
-    const int err = sst_lightfield_init(lf, s->cfg.rows, s->cfg.cols);
+    const int err = sst_lightfield_init_files(lf, s->cfg.rows, s->cfg.cols);
 
     if (err)
         return err;
@@ -194,13 +195,13 @@ static int describe(struct sst_lightfield *lf, const struct sst_scene *s, const 
     lf->focal_px = sst_scene_focal_px(s);
     lf->spacing_mm = sst_scene_spacing_mm(s);
     lf->classes = sst_classes_default;
-    snprintf(lf->source, sizeof(lf->source), "scene %s seed %llu", name, (unsigned long long)s->cfg.seed);
+    snprintf(lf->files->source, sizeof(lf->files->source), "scene %s seed %llu", name, (unsigned long long)s->cfg.seed);
     for (int view = 0; view < lf->rows * lf->cols; view++) {
         char file[16];
 
         sst_view_name(lf, view, file);
         lf->views[view].present = true;
-        snprintf(lf->views[view].file, sizeof(lf->views[view].file), "%s.png", file);
+        snprintf(lf->files->view[view].name, sizeof(lf->files->view[view].name), "%s.png", file);
     }
     return 0;
 }

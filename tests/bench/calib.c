@@ -13,6 +13,7 @@
 #include <jansson.h>
 
 #include "base/clock.h"
+#include "base/stats.h"
 #include "pipeline/calibration/solve/solve.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 #include "tests/calib_truth.h"
@@ -135,13 +136,6 @@ static void add(struct values *all, double v)
     all->v[all->count++] = v;
 }
 
-static int ascending(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return x > y ? 1 : x < y ? -1 : 0;
-}
-
 /* Of magnitudes. */
 static json_t *spread_of(struct values *all)
 {
@@ -150,7 +144,7 @@ static json_t *spread_of(struct values *all)
 
     if (!all->count)
         return json_null();
-    qsort(all->v, (size_t)all->count, sizeof(*all->v), ascending);
+    sst_stats_sort_double(all->v, all->count);
     for (int i = 0; i < all->count; i++)
         sum += all->v[i];
     out = json_pack("{s:f, s:f, s:f, s:i}", "mean", sum / all->count, "p95", all->v[all->count * 95 / 100], "max",

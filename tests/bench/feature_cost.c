@@ -7,6 +7,7 @@
 
 #include "base/clock.h"
 #include "base/mem.h"
+#include "base/stats.h"
 #include "pipeline/kernels/kernels.h"
 
 #define WIDTH      128
@@ -16,13 +17,6 @@
 #define ROW_BYTES  (SST_FEATURE_CHANNELS / 4 * STRIDE)
 #define REPEAT     200
 #define ROUNDS_MAX 1000
-
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
 
 /* Seconds of CPU time for REPEAT calls; call i takes row i % 8 of a. */
 static double run(const struct sst_kernels *k, uint8_t *cost, const uint8_t *features, int below)
@@ -66,7 +60,7 @@ int main(int argc, char **argv)
         for (int below = 0; below < 2; below++) {
             double *t = took[level][below];
 
-            qsort(t, (size_t)rounds, sizeof(*t), by_value);
+            sst_stats_sort_double(t, rounds);
             if (t[rounds / 2] > 0)
                 printf("%s,%s,%.3f,%.1f\n", sst_cpu_level_name((enum sst_cpu_level)level), below ? "below" : "beside",
                        1e3 * t[rounds / 2], products / t[rounds / 2] * 1e-9);

@@ -9,6 +9,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/live/live_parts.h"
 #include "simulators/scene/scene.h"
@@ -113,17 +114,9 @@ static void stop(struct bench *b, int kind, double share)
     s->n++;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 static double median(double *v, int n)
 {
-    qsort(v, (size_t)n, sizeof(v[0]), by_value);
-    return n ? v[n / 2] : NAN;
+    return n ? sst_stats_upper_median(v, n) : NAN;
 }
 
 /* Of the picture against one whose label ranges are counted from all pixels of all views. */

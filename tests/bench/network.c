@@ -11,6 +11,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/mem.h"
+#include "base/stats.h"
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/network/graph.h"
 #include "pipeline/method/network/network.h"
@@ -232,16 +233,9 @@ static int time_once(struct runner *r, const struct kind *kind, double *ms, doub
     return err;
 }
 
-static int compare(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return x < y ? -1 : x > y;
-}
-
 static double median(double *v, int n)
 {
-    qsort(v, (size_t)n, sizeof(*v), compare);
+    sst_stats_sort_double(v, n);
     return (v[(n - 1) / 2] + v[n / 2]) / 2;
 }
 

@@ -4,22 +4,15 @@
 #include "tests/raw_field.h"
 
 #include "base/clock.h"
+#include "base/stats.h"
 
 #define ROUNDS 5
 
 static int threads = 1;
 
-static int by_size(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 static double median(double *ms)
 {
-    qsort(ms, ROUNDS, sizeof(*ms), by_size);
-    return ms[ROUNDS / 2];
+    return sst_stats_upper_median(ms, ROUNDS);
 }
 
 static double since(int64_t start_ns)

@@ -9,6 +9,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
@@ -73,17 +74,9 @@ static struct sst_rectified plan(const struct sst_calib *calib)
     return to;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 static double median(double v[ROUNDS])
 {
-    qsort(v, ROUNDS, sizeof(*v), by_value);
-    return v[ROUNDS / 2];
+    return sst_stats_upper_median(v, ROUNDS);
 }
 
 /* --- time --------------------------------------------------------------------------------------------------------- */

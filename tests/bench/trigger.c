@@ -7,6 +7,8 @@
 
 #include "drivers/trigger/trigger.h"
 
+#include "base/stats.h"
+
 #define BEATS_MAX 4000000
 
 static struct sst_trigger_edge *edges;
@@ -24,18 +26,11 @@ static void on_signal(int sig SST_UNUSED)
     stopped = 1;
 }
 
-static int by_size(const void *a, const void *b)
-{
-    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-
-    return (x > y) - (x < y);
-}
-
 static void print_row(const char *what, int64_t *t_ns, int n)
 {
     if (!n)
         return;
-    qsort(t_ns, (size_t)n, sizeof(*t_ns), by_size);
+    sst_stats_sort_int64(t_ns, n);
     printf("%-34s %9.1f %9.1f %9.1f %9.1f\n", what, (double)t_ns[0] / 1e3, (double)t_ns[n / 2] / 1e3,
            (double)t_ns[(int64_t)n * 99 / 100] / 1e3, (double)t_ns[n - 1] / 1e3);
 }

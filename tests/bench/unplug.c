@@ -4,6 +4,7 @@
 #include <errno.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "tests/grab_rig.h"
 
 #define CAMERAS   36
@@ -94,18 +95,11 @@ static int event(struct trial *t)
     return 0;
 }
 
-static int compare(const void *a, const void *b)
-{
-    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-
-    return (x > y) - (x < y);
-}
-
 static int report(struct trial *t)
 {
     const int n = t->recovered;
 
-    qsort(t->times_ns, (size_t)n, sizeof(*t->times_ns), compare);
+    sst_stats_sort_int64(t->times_ns, n);
     for (int i = 0; i < n; i++)
         t->late += t->times_ns[i] > TARGET_MS * RIG_MS;
     printf("%d replugs, %d came back; ms until the first frame: p50 %.0f, p99 %.0f, max %.0f; over %d ms: %d\n",

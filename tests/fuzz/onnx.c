@@ -34,13 +34,13 @@ static void run(const struct sst_graph *g, const struct sst_shape *shapes)
     const struct sst_shape *out = &shapes[g->output];
     float *x = calloc((size_t)g->in_channels * WIDTH * HEIGHT, sizeof(*x));
     float *y = calloc((size_t)out->c * (size_t)out->h * (size_t)out->w, sizeof(*y));
-    struct sst_plan *plan = NULL;
+    struct net_plan *plan = NULL;
 
     for (int i = 0; x && i < g->in_channels * WIDTH * HEIGHT; i++)
         x[i] = (float)(i % 7) - 3;
-    if (x && y && !plan_create(&plan, g, shapes, 1, "fuzz") && plan_run(plan, x, y))
+    if (x && y && !net_plan_create(&plan, g, shapes, 1, "fuzz") && net_plan_run(plan, x, y))
         abort();
-    plan_destroy(plan);
+    net_plan_destroy(plan);
     free(x);
     free(y);
 }

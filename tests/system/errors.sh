@@ -21,8 +21,8 @@ for command in scene import export process render sweep stereo segment eval; do
   want 2 "argument is missing" $command
   [ $command = segment ] || want 2 "too many" $command a b c d
 done
-want 2 "no scene\|there is no" scene forest -o bad
-want 2 "say where" scene bush
+want 2 "no scene\|there is no\|unknown scene" scene forest -o bad
+want 2 "LF is missing" scene bush
 mkfifo port
 /usr/bin/python3 -c 'import socket, time; s = socket.create_server(("127.0.0.1", 0)); print(s.getsockname()[1], flush=True); time.sleep(60)' \
   >port 2>/dev/null &
@@ -38,8 +38,8 @@ fresh
 want 2 "preset" process lf --preset fast
 want 2 "cost" process lf --cost ncc
 want 2 "skip" process lf --skip all
-want 2 "go together" process lf --range-min 3
-want 2 "go together" process lf --range-min 3 --range-max 3
+want 2 "must be given together" process lf --range-min 3
+want 2 "must be given together" process lf --range-min 3 --range-max 3
 want 2 "disparity range" process lf --no-labels --range-min 0 --range-max 600
 want 2 "contradict" process lf --no-labels --model text.txt
 want 2 "parameters" process lf --no-labels --p1 50 --p2 10
@@ -64,15 +64,15 @@ want 2 "png holds" stereo $left $right -m 300 -o bad.png
 want 2 "png holds" stereo $left $right -m 30 --min-disparity -2 -o bad.png
 want 2 "must end" stereo $left $right -m 30 -o bad.exr
 want 2 "missing" stereo $left $right -o bad.pfm
-want 2 "choose f32 or int8" stereo $left $right -m 9 --precision f16 -o bad.pfm
-want 2 "choose f32 or int8" segment $left --precision INT8 -o bad.png
+want 2 "use f32 or int8" stereo $left $right -m 9 --precision f16 -o bad.pfm
+want 2 "use f32 or int8" segment $left --precision INT8 -o bad.png
 
 # --- inputs that are missing or damaged: exit 3, and the light field stays as it is ---
 for command in "process none" "render none --focus 3 -o bad.png" "sweep none --from 2 --to 3 -o bad" \
     "eval none --truth good/truth" "export hci none -o bad"; do
   want 3 "no such folder" $command
 done
-want 3 "no folder\|no such" import folder none --grid 3x3 -o bad
+want 3 "not a folder\|no such" import folder none --grid 3x3 -o bad
 want 3 "not a folder\|no lightfield.json" render text.txt --focus 3 -o bad.png
 want 3 "no lightfield.json" process good/views
 want 3 "No such file" stereo none.png $right -m 9 -o bad.pfm
@@ -83,7 +83,7 @@ want 3 "differs in size" stereo $left small/views/01_01.png -m 9 -o bad.pfm
 want 3 "text.txt" segment $left -o bad.png --model text.txt
 want 3 "none.onnx" segment $left -o bad.png --model none.onnx
 want 3 "text.txt" stereo $left $right -m 9 --cost mccnn --mccnn-model text.txt -o bad.pfm
-[ ! -e "$root/models/pspnet-small.onnx" ] || want 3 "3 channels, not the luma" \
+[ ! -e "$root/models/pspnet-small.onnx" ] || want 3 "3 channels, not luma alone" \
   stereo $left $right -m 9 --cost mccnn --mccnn-model "$root/models/pspnet-small.onnx" -o bad.pfm
 want 3 "outside the grid" import folder good/views --grid 2x2 -o bad
 

@@ -43,8 +43,8 @@ src=src
 fresh() { rm -rf $src; cp -r --no-preserve=mode "$data/lf-shop-6x6" $src; }
 first="$src/Original Camera_00_00_400.000000_400.000000_30_36.jpg"
 fresh
-want 3 "no folder" import stanford none -o bad
-want 2 "no import format" import tiff $src -o bad
+want 3 "not a folder" import stanford none -o bad
+want 2 "unknown import format" import tiff $src -o bad
 want 2 "output\|-o LF" import stanford $src
 want 2 "needs the grid" import folder $src -o bad
 want 2 "belong to the format folder" import stanford $src --labels $src -o bad
@@ -85,7 +85,7 @@ cp $src/maps/00_00.pfm $src/maps/00_01.pfm
 want 3 "1x1 pixels, the views have 512x512" import folder $src --grid 1x2 --disparity $src/maps -o bad
 want 3 "not a light field" export hci $src -o bad
 want 3 "no such folder" export hci none -o bad
-want 2 "no export format" export tiff chess -o bad
+want 2 "unknown export format" export tiff chess -o bad
 
 # --- the disk is full, or the user interrupts ---
 (

@@ -60,9 +60,9 @@ image=lf/views/00_00.png
 "$sst" segment $image --model own.onnx -o b.png || fail "segment by file name"
 "$sst" segment $image --model mine/own.onnx -o c.png || fail "segment by path"
 cmp -s a.png b.png && cmp -s a.png c.png || fail "name and path differ"
-want 5 "no network called nothing" segment $image --model nothing -o bad.png
-want 5 "no network called nothing" process lf --model nothing
-want 5 "no network called nothing" stereo $image lf/views/00_01.png -m 9 --cost mccnn --mccnn-model nothing -o bad.pfm
+want 5 'unknown network `nothing`' segment $image --model nothing -o bad.png
+want 5 'unknown network `nothing`' process lf --model nothing
+want 5 'unknown network `nothing`' stereo $image lf/views/00_01.png -m 9 --cost mccnn --mccnn-model nothing -o bad.pfm
 printf 'mean: 0.5\nsize: 64x48\n' >mine/own.yaml
 "$sst" segment $image --model own -v -o d.png 2>err || fail "segment with a description: $(cat err)"
 grep -q 'image of 64 x 48' err || fail "size of the description is not used: $(cat err)"
@@ -126,7 +126,7 @@ def check(graph, words, times):
 
 ends = value(11, b"x", 64) + value(12, b"y", 64)
 # numbers that take one byte in the file and eight in memory
-check(ends + tensor(b"i", [16 << 20], 7, msg(7, bytes(16 << 20))) + node(b"Relu", [b"x"], b"y"), "does not say which classes", 9)
+check(ends + tensor(b"i", [16 << 20], 7, msg(7, bytes(16 << 20))) + node(b"Relu", [b"x"], b"y"), "does not name the classes", 9)
 # one constant as the weights of many layers
 weights = tensor(b"w", [64, 64, 32, 16], 1, msg(9, struct.pack("<f", 0.5) * (64 * 64 * 32 * 16)))
 chain = b"".join(node(b"Conv", [b"x" if not i else b"v%d" % i, b"w"], b"y" if i == 49 else b"v%d" % (i + 1))

@@ -92,7 +92,7 @@ sed 's/"SIM0004"/"SIM0044"/' calib.yaml >other.yaml
 want 3 "knows camera SIM0044, but SIM0004 was recorded" import recording rec --sets 0 --calib other.yaml -o bad
 sed 's/grid: .*/grid: [2, 2]/' world.yaml >four.yaml
 "$sim" --quiet --world four.yaml --parameters four-calib.yaml || fail "parameters of four"
-want 3 "grid of 2x2 cameras, the views make one of 2x3" rectify raw --calib four-calib.yaml -o bad
+want 3 "grid of 2x2 cameras, the views form one of 2x3" rectify raw --calib four-calib.yaml -o bad
 sed 's/size: .*/size: [640, 480]/' world.yaml >large.yaml
 "$sim" --quiet --world large.yaml --parameters large-calib.yaml || fail "parameters of large"
 want 3 "frames of 640x480 pixels, the views have 320x240" import recording rec --sets 0 --calib large-calib.yaml -o bad

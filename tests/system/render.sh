@@ -56,7 +56,7 @@ want 2 "focus" render lf -o bad.png
 want 2 "off, on or auto" render lf --focus "$focus" --verify-rays maybe -o bad.png
 want 2 "neither" render lf --focus "$focus" -o bad.gif
 want 2 "sigma" render lf --focus "$focus" --sigma -1 -o bad.png
-want 2 "twice" render lf --focus "$focus" --aperture 1 --f-stop 2 -o bad.png
+want 2 "same value" render lf --focus "$focus" --aperture 1 --f-stop 2 -o bad.png
 want 2 "outside the picture" render lf --focus "$focus" --explain bad --explain-pixel 200,0 -o bad.png
 want 3 "sst process" render world --focus "$focus" -o bad.png
 want 3 "no such folder" render missing --focus "$focus" -o bad.png

@@ -36,7 +36,7 @@ ok sweep lf --from 7.4 --to 7 --steps 6 --method refocus --max-views 1 -o frames
 cmp -s frames1/0000.png one.png || fail "a sweep of one view is not taken from its raw frame"
 
 want 3 "has no calibration" render plain --focus 7.4 --method refocus --sampling raw -o bad.png
-want 2 "none of auto, raw or rectified" render lf --focus 7.4 --sampling both -o bad.png
+want 2 "use auto, raw or rectified" render lf --focus 7.4 --sampling both -o bad.png
 want 2 "leave out --sampling raw" render lf --focus 7.4 --method refocus --sampling raw --explain x -o bad.png
 [ ! -e bad.png ] || fail "bad.png exists"
 exit "$failed"

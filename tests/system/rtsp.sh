@@ -1,13 +1,15 @@
 #!/usr/bin/env bash
-# The process that serves RTSP, and the service: the one ends, the other goes on; the other ends, the one does not stay.
+# sst-rtsp beside the service: its clients are in the status; the end of one does not touch the other; a reload is followed.
 . "$(dirname "$0")/../lib.sh"
 . "$root/tests/service_lib.sh"
 log=sstd.log
-"$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
-ldd "$build/sstd" | grep -q libgstrtspserver || { echo "built without RTSP"; exit 77; }
+[ -x "$build/sst-rtsp" ] || { echo "built without RTSP"; exit 77; }
 [ -x "$build/sst-sim" ] || { echo "sst-sim is not built: no simulated cameras"; exit 77; }
+command -v ffmpeg >/dev/null || { echo "ffmpeg is not installed"; exit 77; }
 
-cat >sstd.yaml <<YAML
+# configure PORT CODEC
+configure() {
+  cat >sstd.yaml <<YAML
 array: {rows: 6, cols: 6}
 cameras:
   width: 160
@@ -18,60 +20,61 @@ trigger: {source: gpio, chip: sst-trigger, lines: [TRIG0, TRIG1, TRIG2, TRIG3, T
 control: {socket: $tmp/c.sock, group: ""}
 web: {enabled: false}
 storage: {dir: $tmp/store, ring_mb: 16, min_free_gb: 0, mode: continuous}
-rtsp: {enabled: true, port: 0}
+rtsp: {enabled: true, port: $1, codec: $2}
 YAML
-
-hung=
-trap 'kill -9 $daemon $hung 2>/dev/null; rm -rf "$tmp"' EXIT
-# begin: start the service; its process is $daemon
-begin() {
-  rm -f pid
-  "$build/sst-sim" --quiet --world "$root/simulators/scene/world/worlds/quick.yaml" -- \
-    sh -c 'echo $$ >pid; exec "$0" --config sstd.yaml' "$build/sstd" >sstd.log 2>&1 &
-  session=$!
-  written pid
-  daemon=$(cat pid)
-  until_is 60 state 'v == "capturing"'
 }
-server() { pgrep -P "$daemon" -x sstd-rtsp; }
-
-begin
+port=$((10000 + $$ % 20000))
+configure $port mjpeg
+rtsp= viewer=
+trap 'kill -9 $daemon $rtsp $viewer 2>/dev/null; rm -rf "$tmp"' EXIT
+"$build/sst-sim" --quiet --world "$root/simulators/scene/world/worlds/quick.yaml" -- \
+  sh -c 'echo $$ >pid; exec "$0" --config sstd.yaml' "$build/sstd" >sstd.log 2>&1 &
+session=$!
+written pid
+daemon=$(cat pid)
+serve() { "$build/sst-rtsp" --config sstd.yaml 2>>rtsp.log & rtsp=$!; }
+# play PORT PATH: some frames
+play() {
+  for _ in $(seq 20); do
+    timeout 60 ffmpeg -nostdin -loglevel error -rtsp_transport tcp -i "rtsp://127.0.0.1:$1/$2" -frames:v 3 -f null - 2>err && return
+    sleep 0.5
+  done
+  fail "rtsp://127.0.0.1:$1/$2: $(cat err)"
+}
+serve
+until_is 60 state 'v == "capturing"'
 [ $failed -eq 0 ] || exit 1
-first=$(server)
-[ -n "$first" ] || fail "no process serves RTSP"
+play $port main
+play $port camera/r2c3
+
+# A client is in the status; a program that is killed and started again is counted.
+ffmpeg -nostdin -loglevel quiet -rtsp_transport tcp -i rtsp://127.0.0.1:$port/main -f null - &
+viewer=$!
+until_is 20 clients.rtsp 'v == 1'
 until_is 20 storage.recording.active 'v'
 recording=$(value storage.recording.name)
 sets=$(value storage.recording.sets)
-kill -ABRT "$first"
+kill -ABRT $rtsp
+wait $rtsp 2>/dev/null
+wait $viewer 2>/dev/null
+serve
 until_is 15 clients.rtsp_restarts 'v == 1'
-grep -q 'ended by signal 6' sstd.log || fail "nothing is said of the end: $(cat sstd.log)"
+until_is 15 clients.rtsp 'v == 0'
+play $port main
 until_is 5 storage.recording.sets "v > $sets + 10"
 until_is 1 storage.recording.name "v == $recording"
 until_is 1 capture.frames.unexplained 'v == 0'
-for _ in $(seq 600); do second=$(server) && [ "$second" != "$first" ] && break; sleep 0.1; done # counted before it has its name
-[ -n "$second" ] && [ "$second" != "$first" ] || fail "it is not started again"
 
-kill -STOP "$second" # one that hangs holds up nothing
+# Another port, without a restart of the service.
+configure $((port + 1)) h264
+"$sst" reload >/dev/null 2>&1 || fail "the reload is refused"
+play $((port + 1)) main
+
+kill -STOP $rtsp # one that hangs holds up nothing
 kill -TERM "$daemon"
 gone "$daemon" 2000
-gone "$second" 2000
-ended "$session" "the first session"
-
-begin
-third=$(server)
-[ -n "$third" ] || fail "no process after the start"
-kill -9 "$daemon"
-gone "$third" 5000
-ended "$session" "the second session"
-
-# One that hangs while the service starts, on a single processor: the libraries have no thread then that takes signals.
-cpu=$(awk '/^Cpus_allowed_list/ { split($2, n, "[,-]"); print n[1] }' /proc/self/status)
-taskset -c "$cpu" "$build/sstd" --config sstd.yaml >sstd.log 2>&1 &
-daemon=$!
-for _ in $(seq 3000); do hung=$(pgrep -P "$daemon") && break; done
-kill -STOP $hung
-sleep 0.3
-kill -TERM "$daemon"
-gone "$daemon" 2000
-kill -9 $hung 2>/dev/null
+ended "$session" "the session"
+kill -CONT $rtsp
+kill -TERM $rtsp
+gone $rtsp 2000
 exit $failed

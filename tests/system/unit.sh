@@ -13,6 +13,11 @@ for f in usr/bin/sst usr/sbin/sstd usr/lib/systemd/system/sstd.service usr/lib/s
     usr/share/doc/sst/examples/lan.conf; do
   [ -s "dest/$f" ] || fail "$f is not installed"
 done
+for name in rtsp mqtt; do
+  [ -x "$build/sst-$name" ] || continue
+  [ -x "dest/usr/sbin/sst-$name" ] && [ -e "dest/usr/lib/systemd/system/sstd.service.wants/sst-$name.service" ] ||
+    fail "sst-$name is not installed and enabled"
+done
 unit=dest/usr/lib/systemd/system/sstd.service
 grep -q '^ExecStart=/usr/sbin/sstd$' $unit && grep -q '^ExecReload=/usr/bin/sst reload$' $unit || fail "paths: $(grep Exec $unit)"
 grep -rlE '@[A-Z]+@' dest/usr/lib/systemd dest/usr/share/man && fail "a place was not filled in"
@@ -33,10 +38,12 @@ if command -v systemd-analyze >/dev/null; then
   make -s -C "$root" BUILD="$build" PREFIX="$tmp/here" SYSCONFDIR="$tmp/here/etc" install-built >out 2>&1 || fail "install: $(cat out)"
   units=here/lib/systemd/system
   # Man pages are not looked up: those of this tree are not installed.
-  systemd-analyze verify --man=no $units/sstd.service $units/sstd.socket >out 2>&1 || fail "verify: $(cat out)"
+  systemd-analyze verify --man=no $units/sst*.service $units/sstd.socket >out 2>&1 || fail "verify: $(cat out)"
   # Only of ours: other units of the machine have faults of their own.
-  grep -E '(^|/)sstd' out && fail "verify: $(grep sstd out)"
-  systemd-analyze security --offline=true --threshold=15 $units/sstd.service >out 2>&1 || fail "exposure: $(tail -1 out)"
+  grep -E '(^|/)sst[d-]' out && fail "verify: $(grep sst out)"
+  for unit in $units/sst*.service; do
+    systemd-analyze security --offline=true --threshold=15 $unit >out 2>&1 || fail "exposure of ${unit##*/}: $(tail -1 out)"
+  done
   for example in "$root"/systemd/examples/*.conf; do
     mkdir -p $units/sstd.service.d
     cp "$example" $units/sstd.service.d/

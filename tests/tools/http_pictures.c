@@ -76,12 +76,15 @@ int main(int argc, char **argv)
                            .view_create = make_nothing,
                            .reload = take_nothing,
                            .outlet = give_outlet };
-    struct sst_http_config cfg = { .socket_fd = -1, .address = "127.0.0.1", .clients = 64, .streams = 32, .api = &api };
-    struct sst_http_counters c;
+    struct sst_counters c;
+    struct sst_http_config cfg = {
+        .socket_fd = -1, .address = "127.0.0.1", .clients = 64, .streams = 32, .api = &api, .counters = &c
+    };
     struct sst_http *http;
     char token_file[512];
     int64_t cpu_ns, start_ns;
 
+    sst_counters_init(&c);
     if (argc != 6 || sst_outlet_create(&outlet) || sst_events_create(&api.events, 16))
         return 1;
     snprintf(token_file, sizeof(token_file), "%s/token", argv[1]);
@@ -96,7 +99,6 @@ int main(int argc, char **argv)
     start_ns = sst_clock_now_ns();
     if (show_all(atof(argv[3]), atof(argv[4]), (size_t)atol(argv[5])))
         return 1;
-    sst_http_counters(http, &c);
     printf("cpu %.1f, %d pictures, %llu skipped\n",
            100.0 * (double)(sst_clock_cpu_ns() - cpu_ns) / (double)(sst_clock_now_ns() - start_ns),
            (int)(atof(argv[3]) * atof(argv[4])), (unsigned long long)c.skipped);

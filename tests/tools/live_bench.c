@@ -22,6 +22,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/live/live.h"
@@ -281,20 +282,13 @@ static int follow(struct sst_live *live, struct sst_live_picture *p, const struc
     return err;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 static void print(const char *name, double *v, int n)
 {
     double sum = 0;
 
     for (int i = 0; i < n; i++)
         sum += v[i] / n;
-    qsort(v, (size_t)n, sizeof(v[0]), by_value);
+    sst_stats_sort_double(v, n);
     printf("%-22s mean %8.2f  p50 %8.2f  p90 %8.2f  max %8.2f\n", name, sum, v[n / 2], v[n * 9 / 10], v[n - 1]);
 }
 

@@ -364,7 +364,7 @@ static void what_does_not_fit(void **state SST_UNUSED)
     use.calib.width = WIDTH;
     use.calib.rows = COLS;
     use.calib.cols = ROWS;
-    REFUSED(import(at("no"), &use), -EBADMSG, "grid of 3x2 cameras, the views make one of 2x3");
+    REFUSED(import(at("no"), &use), -EBADMSG, "grid of 3x2 cameras, the views form one of 2x3");
     use.calib.rows = ROWS;
     use.calib.cols = COLS;
     assert_false(sst_path_exists(at("no")));
@@ -512,13 +512,13 @@ static void damaged_folders(void **state SST_UNUSED)
     take_frames(&calib);
     damage("\"version\": 2", "\"version\": 3", "version 3 is newer than 2");
     damage("\"version\": 2", "\"version\": 1", "calibration is a field that this version does not know");
-    damage("\"filter\": \"bicubic\"", "\"filter\": \"best\"", "calibration.filter is none of");
+    damage("\"filter\": \"bicubic\"", "\"filter\": \"best\"", "calibration.filter is not bilinear");
     damage("\"file\": \"calibration.yaml\"", "\"file\": \"/etc/passwd\"", "calibration.file is not");
     damage("\"reference\": 1", "\"reference\": 6", "calibration.reference is not a whole number in 0..5");
     damage("\"rotation\": [", "\"rotation\": [ 1,", "calibration.rotation is not a list of at most 9");
     damage("\"plane_mm\"", "\"plane\"", "calibration.plane_mm is missing");
-    damage("\"plane_mm\": 2000.0", "\"plane_mm\": -1", "spacing_mm make no sense");
-    damage("\"spacing_mm\": ", "\"spacing_mm\": 1", "does not belong to its light field");
+    damage("\"plane_mm\": 2000.0", "\"plane_mm\": -1", "spacing_mm is out of range");
+    damage("\"spacing_mm\": ", "\"spacing_mm\": 1", "does not match its light field");
     damage("\"sha256\": \"", "\"sha256\": \"X", "sha256 is not");
     sst_calib_fini(&calib);
 }

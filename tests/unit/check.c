@@ -123,17 +123,6 @@ static void check_recipe(struct sst_drift *out, const struct recipe *r)
 
 /* --- numbers ------------------------------------------------------------------------------------------------------ */
 
-static void quantile_is_nearest_rank(void **state)
-{
-    double v[] = { 5, 1, 4, 2, 3 };
-
-    (void)state;
-    assert_true(drift_quantile(v, 5, 0.5) == 3);
-    assert_true(drift_quantile(v, 5, 0) == 1);
-    assert_true(drift_quantile(v, 5, 1) == 5);
-    assert_true(drift_quantile(v, 1, 0.95) == 1);
-}
-
 /* Level 1's pixel 3 is the mean of 6 and 7: its centre is at 6.5, to which both round (6.5 - 0.5) / 2 = 3. */
 static void levels_share_centres(void **state)
 {
@@ -626,7 +615,6 @@ static void the_picture_shows_the_worst_in_red(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(quantile_is_nearest_rank),
         cmocka_unit_test(levels_share_centres),
         serial_test(alignment_is_unbiased),
         serial_test(sigmas_are_true),

@@ -568,24 +568,24 @@ enum { LONG = 8 };
 struct check_case {
     int p, d, q, dn;
     double disp_min, b;
-    enum sst_check want;
+    enum sst_disparity_check want;
 };
 
 static const struct check_case check_cases[] = {
     /* b = -1 is the view on the left: p = 2 with disparity 2 is at 2 + 2 = 4 there. */
-    { 2, 128, 4, 128, 0, -1, SST_CHECK_CORRECT },
-    { 2, 128, 4, 192, 0, -1, SST_CHECK_CORRECT },   /* one pixel apart still agrees */
-    { 2, 128, 4, 193, 0, -1, SST_CHECK_OCCLUSION }, /* more does not, and no other d reaches 4 */
-    { 2, 192, 4, 128, 0, -1, SST_CHECK_MISMATCH },  /* 3 is wrong (nothing at 5), 2 would have been right */
-    { 2, NONE, 4, 128, 0, -1, SST_CHECK_MISMATCH },
-    { 2, 192, 4, 320, 0, -1, SST_CHECK_OCCLUSION }, /* what is at 4 has disparity 5: it comes from elsewhere */
-    { 7, 128, 6, 64, 0, -1, SST_CHECK_OCCLUSION },  /* 7 + 2 is outside */
-    { 2, 128, 0, 128, 0, 1, SST_CHECK_CORRECT },    /* the view on the right: 2 - 2 = 0 */
-    { 2, 128, 6, 128, 0, -2, SST_CHECK_CORRECT },   /* two spacings away: 2 + 2 * 2 = 6 */
-    { 2, 128, 4, 128, 0, -2, SST_CHECK_MISMATCH },  /* not without the factor: 4 = 2 + 2 * 1, and |1 - 2| <= 1 */
-    { 2, 192, 4, 192, 0, -0.5, SST_CHECK_CORRECT }, /* 2 + 1.5 = 3.5, nearest is floor(x + 0.5) */
-    { 2, 64, 0, 64, -3, -1, SST_CHECK_CORRECT },    /* disparity -2: 2 - 2 = 0 */
-    { 2, 0, 2, 0, 0, -1, SST_CHECK_CORRECT },
+    { 2, 128, 4, 128, 0, -1, SST_DISPARITY_CORRECT },
+    { 2, 128, 4, 192, 0, -1, SST_DISPARITY_CORRECT },   /* one pixel apart still agrees */
+    { 2, 128, 4, 193, 0, -1, SST_DISPARITY_OCCLUSION }, /* more does not, and no other d reaches 4 */
+    { 2, 192, 4, 128, 0, -1, SST_DISPARITY_MISMATCH },  /* 3 is wrong (nothing at 5), 2 would have been right */
+    { 2, NONE, 4, 128, 0, -1, SST_DISPARITY_MISMATCH },
+    { 2, 192, 4, 320, 0, -1, SST_DISPARITY_OCCLUSION }, /* what is at 4 has disparity 5: it comes from elsewhere */
+    { 7, 128, 6, 64, 0, -1, SST_DISPARITY_OCCLUSION },  /* 7 + 2 is outside */
+    { 2, 128, 0, 128, 0, 1, SST_DISPARITY_CORRECT },    /* the view on the right: 2 - 2 = 0 */
+    { 2, 128, 6, 128, 0, -2, SST_DISPARITY_CORRECT },   /* two spacings away: 2 + 2 * 2 = 6 */
+    { 2, 128, 4, 128, 0, -2, SST_DISPARITY_MISMATCH },  /* not without the factor: 4 = 2 + 2 * 1, and |1 - 2| <= 1 */
+    { 2, 192, 4, 192, 0, -0.5, SST_DISPARITY_CORRECT }, /* 2 + 1.5 = 3.5, nearest is floor(x + 0.5) */
+    { 2, 64, 0, 64, -3, -1, SST_DISPARITY_CORRECT },    /* disparity -2: 2 - 2 = 0 */
+    { 2, 0, 2, 0, 0, -1, SST_DISPARITY_CORRECT },
 };
 
 static void multi_view_check(void **state SST_UNUSED)
@@ -611,7 +611,7 @@ static void multi_view_check(void **state SST_UNUSED)
                 fail_msg("case %zu, %s: %d, not %d", i, down ? "down" : "across",
                          sst_map_u8_row(&status, down ? c->p : 0)[down ? 0 : c->p], c->want);
             sst_check_views(&status, &own, c->disp_min, 8, NULL, 0);
-            assert_int_equal(sst_map_u8_row(&status, 0)[0], SST_CHECK_OCCLUSION);
+            assert_int_equal(sst_map_u8_row(&status, 0)[0], SST_DISPARITY_OCCLUSION);
             sst_map_u16_fini(&own);
             sst_map_u16_fini(&other);
             sst_map_u16_fini(&empty);
@@ -634,21 +634,21 @@ struct known {
 static int filled_at_3(const struct known *near, int near_n, const struct known *far, int far_n, double near_b)
 {
     static const uint16_t values[LONG] = { 64, 64, 64, 777, 320, 320, 320, 320 };
-    static const uint8_t own[LONG] = { 0, 0, 0, SST_CHECK_OCCLUSION, 0, 0, 0, 0 };
+    static const uint8_t own[LONG] = { 0, 0, 0, SST_DISPARITY_OCCLUSION, 0, 0, 0, 0 };
     struct sst_map_u16 d = map16(LONG, 1, values), near_d = map16(LONG, 1, NULL), far_d = map16(LONG, 1, NULL),
                        scratch = map16(LONG, 1, NULL);
-    struct sst_map_u8 status = map8(LONG, 1, own, 0), near_s = map8(LONG, 1, NULL, SST_CHECK_MISMATCH),
-                      far_s = map8(LONG, 1, NULL, SST_CHECK_MISMATCH);
+    struct sst_map_u8 status = map8(LONG, 1, own, 0), near_s = map8(LONG, 1, NULL, SST_DISPARITY_MISMATCH),
+                      far_s = map8(LONG, 1, NULL, SST_DISPARITY_MISMATCH);
     const struct sst_checked_view views[2] = { { &near_d, &near_s, near_b, 0 }, { &far_d, &far_s, 2 * near_b, 0 } };
     int got;
 
     for (int i = 0; i < near_n; i++) {
         near_d.data[near[i].q] = (uint16_t)near[i].d;
-        near_s.data[near[i].q] = SST_CHECK_CORRECT;
+        near_s.data[near[i].q] = SST_DISPARITY_CORRECT;
     }
     for (int i = 0; i < far_n; i++) {
         far_d.data[far[i].q] = (uint16_t)far[i].d;
-        far_s.data[far[i].q] = SST_CHECK_CORRECT;
+        far_s.data[far[i].q] = SST_DISPARITY_CORRECT;
     }
     near_d.data[7] = 256; /* not correct: would land at 3 */
     sst_fill_views(&d, &status, 0, views, 2, 1, &scratch);
@@ -683,7 +683,7 @@ static void occlusions(void **state SST_UNUSED)
 static void fill_alone(int width, int height, const uint16_t *in, const uint8_t *status_in, const uint16_t *want)
 {
     struct sst_map_u16 d = map16(width, height, in), scratch = map16(width, height, NULL);
-    struct sst_map_u8 status = map8(width, height, status_in, SST_CHECK_OCCLUSION);
+    struct sst_map_u8 status = map8(width, height, status_in, SST_DISPARITY_OCCLUSION);
 
     sst_fill_views(&d, &status, 0, NULL, 0, 0, &scratch);
     holds(&d, want);
@@ -694,7 +694,7 @@ static void fill_alone(int width, int height, const uint16_t *in, const uint8_t 
 
 static void mismatches_and_the_rest(void **state SST_UNUSED)
 {
-    enum { C = SST_CHECK_CORRECT, M = SST_CHECK_MISMATCH, O = SST_CHECK_OCCLUSION, N = NONE };
+    enum { C = SST_DISPARITY_CORRECT, M = SST_DISPARITY_MISMATCH, O = SST_DISPARITY_OCCLUSION, N = NONE };
     /* From the centre of 3x3 each side is the first pixel of three directions, each corner of one:
      * 10 10 10 20 20 20 30 [30] 30 40 40 40 50 50 50 50, the eighth. */
     static const uint16_t ring[9] = { 50, 40, 50, 30, 999, 10, 50, 20, 50 },

@@ -105,7 +105,7 @@ static bool above(int a_correct, int a_kept, int b_correct, int b_kept, int m)
     return left > right;
 }
 
-/* Every threshold that any pixel offers, counted anew for each. */
+/* Every threshold that any pixel offers, recounted for each. */
 static void brute_force(const struct maps *m, int exponent, int *correct_out, int *kept_out)
 {
     int best_correct = 0, best_kept = 1;

@@ -50,7 +50,7 @@ static void port_in_use_for_a_while(void **state)
 {
     struct sst_http_config cfg = config();
     struct sst_http *first, *second = NULL;
-    char why[128] = "";
+    char why[SST_COUNTERS_PROBLEM] = "";
     int64_t end_ns;
     int port;
 
@@ -66,13 +66,13 @@ static void port_in_use_for_a_while(void **state)
     cfg.port = port;
     assert_int_equal(sst_http_open(&second, &cfg), 0);
     assert_int_equal(sst_http_port(second), 0);
-    assert_true(sst_http_away(second, why, sizeof(why)));
+    assert_true(sst_counters_problem(&fake_counters, why));
     assert_non_null(strstr(why, "web.address 127.0.0.1"));
     assert_int_equal(ask_on(connect_local(in_folder("control.sock")), "GET", "/api/v1/status", "", NULL), 200);
     sst_http_close(first);
     server = second;
     end_ns = sst_clock_now_ns() + 60000000000;
-    while (sst_http_away(second, why, sizeof(why)) && sst_clock_now_ns() < end_ns)
+    while (sst_counters_problem(&fake_counters, why) && sst_clock_now_ns() < end_ns)
         nanosleep(&(struct timespec){ .tv_nsec = 50000000 }, NULL);
     assert_int_equal(sst_http_port(second), port);
     assert_int_equal(ask("GET", "/healthz", "", NULL), 200);

@@ -19,7 +19,8 @@ static int make_server(void **state)
                                      .token_file = config().token_file,
                                      .clients = cfg.clients,
                                      .streams = VIEWERS,
-                                     .api = &fake });
+                                     .api = &fake,
+                                     .counters = &fake_counters });
     return 0;
 }
 
@@ -190,7 +191,6 @@ static void nobody_waits_for_a_slow_one(void **state)
 
 static void skipped_pictures_are_counted(void **state)
 {
-    struct sst_http_counters c;
     FILE *f;
     char type[100] = "";
     int first = 0, last = 0, number = 0, got = 0;
@@ -210,16 +210,14 @@ static void skipped_pictures_are_counted(void **state)
         got++;
     }
     fclose(f);
-    sst_http_counters(server, &c);
     assert_true(got < 40);
-    assert_int_equal(c.skipped + (uint64_t)got, 60 - first + 1);
+    assert_int_equal(fake_counters.skipped + (uint64_t)got, 60 - first + 1);
 }
 
 /* A hundred pictures a second to one who wants ten of them. @return how many he missed because he was slow */
 static uint64_t watch_at_10_hz(void)
 {
     struct sst_http_config cfg = config();
-    struct sst_http_counters c;
     FILE *f;
     char type[100] = "";
     int last = 0, number = 0, got = 0, most;
@@ -233,12 +231,10 @@ static uint64_t watch_at_10_hz(void)
     f = open_stream("/stream", type, sizeof(type));
     wait_viewers(1);
     start_ns = sst_clock_now_ns();
-    c.bytes = 0;
     /* On a busy machine longer, until he was sent some: that many are less than a stream's first ten. */
-    for (int n = 1; n <= 100 || (n <= 250 && c.bytes < 5000); n++) {
+    for (int n = 1; n <= 100 || (n <= 250 && fake_counters.bytes < 5000); n++) {
         show((uint64_t)n, 1000);
         sleep_ms(10);
-        sst_http_counters(server, &c);
     }
     most = (int)((sst_clock_now_ns() - start_ns) / 100000000) + 3; /* a busy machine shows them more slowly */
     sst_outlet_shut(fake_outlet);
@@ -249,8 +245,7 @@ static uint64_t watch_at_10_hz(void)
     }
     assert_in_range(got, 4, most);
     fclose(f);
-    sst_http_counters(server, &c);
-    return c.skipped;
+    return fake_counters.skipped;
 }
 
 /* Nobody was slow, unless the server's thread had to wait for a processor: then again. */
@@ -362,7 +357,6 @@ static FILE *listen_to(const char *target, const char *more, const char *type)
 static void events_as_they_come(void **state)
 {
     FILE *sse, *lines, *again, *restarted;
-    struct sst_http_counters c;
 
     (void)state;
     emit("armed");
@@ -377,17 +371,14 @@ static void events_as_they_come(void **state)
     expect_line(again, "id: 2", 0);
     restarted = listen_to("/api/v1/events/stream", "Last-Event-ID: 700\r\n", "text/event-stream");
     expect_line(restarted, "id: 1", 0);
-    sst_http_counters(server, &c);
-    assert_int_equal(c.listeners, 4);
+    assert_int_equal(fake_counters.listeners, 4);
     fclose(sse);
     fclose(lines);
     fclose(again);
     fclose(restarted);
-    for (int i = 0; i < DEADLINE_MS / 10 && c.listeners; i++) {
+    for (int i = 0; i < DEADLINE_MS / 10 && fake_counters.listeners; i++)
         sleep_ms(10);
-        sst_http_counters(server, &c);
-    }
-    assert_int_equal(c.listeners, 0);
+    assert_int_equal(fake_counters.listeners, 0);
 }
 
 static void *close_it(void *arg)

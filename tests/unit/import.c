@@ -13,6 +13,7 @@
 
 #include "base/file.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
@@ -100,10 +101,9 @@ static void helpers_have_known_answers(void **state SST_UNUSED)
 {
     static const char ini[] = "[a]\n# disp_min = 7\n disp_min=-1.5\r\nbaseline_mm : 50 # mm\nempty =\nbad = 1x\n"
                               "inf = inf\n";
-    double odd[] = { 5, 1, 3 }, even[] = { 4, 1, 3, 2 }, v = 0;
+    double v = 0;
     int numbers[] = { 9, 3, 9, 0, 3 }, index = 0;
 
-    assert_true(median(odd, 3) == 3 && median(even, 4) == 2.5 && median(odd, 1) == 1);
     assert_int_equal(distinct(numbers, 5), 3);
     assert_true(numbers[0] == 0 && numbers[1] == 3 && numbers[2] == 9);
     assert_string_equal(parse_index("007_", &index), "_");
@@ -237,7 +237,7 @@ static void put_folder(void)
     put_image("src/00_02.PNG", 12, WIDTH, HEIGHT);
 }
 
-static void folder_takes_given_maps(void **state SST_UNUSED)
+static void folder_reads_external_maps(void **state SST_UNUSED)
 {
     struct sst_import_config cfg = config("folder", "src");
     struct sst_lightfield lf;
@@ -261,9 +261,9 @@ static void folder_takes_given_maps(void **state SST_UNUSED)
     import_and_load(&cfg, &lf);
     assert_view(&lf, 0, 10, -1, 0);
     assert_view(&lf, 2, 12, 1, 0);
-    assert_string_equal(lf.views[1].file, "00_01.jpg");
-    assert_string_equal(lf.views[2].file, "00_02.png");
-    assert_true(lf.disparity_given && lf.labels_given);
+    assert_string_equal(lf.files->view[1].name, "00_01.jpg");
+    assert_string_equal(lf.files->view[2].name, "00_02.png");
+    assert_true(lf.files->external_disparity && lf.files->external_labels);
     assert_true(lf.disp_min_px == -3);
     assert_true(lf.range_min_px == -2.25 && fabs(lf.range_max_px - (4.01 + 5 / 64.0)) < 1e-6);
     assert_int_equal(sst_map_u16_row(&lf.views[0].disp, 0)[0], SST_DISP_NONE);
@@ -351,7 +351,7 @@ static void make_lightfield(struct sst_lightfield *lf)
 {
     char name[300];
 
-    assert_int_equal(sst_lightfield_init(lf, 2, 3), 0);
+    assert_int_equal(sst_lightfield_init_files(lf, 2, 3), 0);
     assert_int_equal(mkdir(in_dir("lf"), 0777), 0);
     assert_int_equal(mkdir(in_dir("lf/views"), 0777), 0);
     lf->width = WIDTH;
@@ -371,8 +371,8 @@ static void make_lightfield(struct sst_lightfield *lf)
             v->bx += 0.0123456789 * (k + 1);
             v->by += 1.0 / 3 * k;
         }
-        snprintf(v->file, sizeof(v->file), "00_0%d.%s", k, k == 4 ? "jpg" : "png");
-        snprintf(name, sizeof(name), "lf/views/%s", v->file);
+        snprintf(lf->files->view[k].name, sizeof(lf->files->view[k].name), "00_0%d.%s", k, k == 4 ? "jpg" : "png");
+        snprintf(name, sizeof(name), "lf/views/%s", lf->files->view[k].name);
         put_image(name, 30 + 10 * k, WIDTH, HEIGHT);
         assert_int_equal(sst_map_u16_init(&v->disp, WIDTH, HEIGHT), 0);
         for (int y = 0; y < HEIGHT; y++) {
@@ -481,7 +481,7 @@ int main(void)
         cmocka_unit_test_setup(a_hole_needs_a_known_grid, setup),
         cmocka_unit_test_setup(hci_window_keeps_its_truth, setup),
         cmocka_unit_test_setup(hci_parameters_are_converted, setup),
-        cmocka_unit_test_setup(folder_takes_given_maps, setup),
+        cmocka_unit_test_setup(folder_reads_external_maps, setup),
         cmocka_unit_test_setup(folder_refuses, setup),
         cmocka_unit_test_setup(replacing_is_refused_where_it_would_hurt, setup),
         cmocka_unit_test_setup(export_gives_back_the_same, setup),

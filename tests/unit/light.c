@@ -87,8 +87,8 @@ static void add(struct sst_photometric_samples *all, struct sst_photometric_samp
     all->sample[all->count++] = s;
 }
 
-/* 35 white places at depth 1 m or so, out to the corners, moved, turned and lit anew in each frame: from one side,
- * dimmer and redder. */
+/* 35 white patches at depth 1 m or so, out to the corners, moved, turned and lit differently in each frame: from one
+ * side, dimmer and redder. */
 static struct sst_photometric_samples see(const struct sst_calib *truth, int frames, double noise)
 {
     struct sst_photometric_samples all = { 0 };

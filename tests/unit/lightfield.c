@@ -34,7 +34,7 @@ static void make_lightfield(struct sst_lightfield *lf, const char *name)
 {
     char path[SST_PATH_MAX];
 
-    assert_int_equal(sst_lightfield_init(lf, 2, 3), 0);
+    assert_int_equal(sst_lightfield_init_files(lf, 2, 3), 0);
     lf->width = 5;
     lf->height = 4;
     lf->disp_min_px = -3;
@@ -42,7 +42,7 @@ static void make_lightfield(struct sst_lightfield *lf, const char *name)
     lf->range_max_px = 1.0 / 3.0;
     lf->focal_px = 1200.125;
     lf->spacing_mm = 50;
-    snprintf(lf->source, sizeof(lf->source), "test \"quoted\" \xC3\xA9");
+    snprintf(lf->files->source, sizeof(lf->files->source), "test \"quoted\" \xC3\xA9");
     (void)mkdir(in_dir(name), 0777);
     snprintf(path, sizeof(path), "%s/views", name);
     (void)mkdir(in_dir(path), 0777);
@@ -54,8 +54,8 @@ static void make_lightfield(struct sst_lightfield *lf, const char *name)
             v->bx += 0.1 * k;
             v->by -= 0.3 / 7 * k;
         }
-        sst_view_name(lf, k, v->file);
-        strcat(v->file, ".png");
+        sst_view_name(lf, k, lf->files->view[k].name);
+        strcat(lf->files->view[k].name, ".png");
         assert_int_equal(sst_image_init(&v->image, 5, 4), 0);
         assert_int_equal(sst_map_u16_init(&v->disp, 5, 4), 0);
         for (int y = 0; y < 4; y++) {
@@ -64,7 +64,7 @@ static void make_lightfield(struct sst_lightfield *lf, const char *name)
                 sst_map_u16_row(&v->disp, y)[x] = (uint16_t)(x == 4 ? (int)SST_DISP_NONE : 1000 * k + 10 * y + x);
             }
         }
-        snprintf(path, sizeof(path), "%s/views/%s", name, v->file);
+        snprintf(path, sizeof(path), "%s/views/%s", name, lf->files->view[k].name);
         assert_int_equal(sst_image_write_png(&v->image, in_dir(path)), 0);
     }
     assert_int_equal(sst_map_u8_init(&lf->views[1].label, 5, 4), 0);
@@ -122,7 +122,7 @@ static void assert_same(const struct sst_lightfield *a, const struct sst_lightfi
     assert_int_equal(a->ref_view, b->ref_view);
     assert_true(a->disp_min_px == b->disp_min_px && a->range_min_px == b->range_min_px &&
                 a->range_max_px == b->range_max_px && a->focal_px == b->focal_px && a->spacing_mm == b->spacing_mm);
-    assert_string_equal(a->source, b->source);
+    assert_string_equal(a->files->source, b->files->source);
     assert_int_equal(a->classes.count, b->classes.count);
     assert_memory_equal(a->classes.ground, b->classes.ground, sizeof(a->classes.ground));
     for (int k = 0; k < a->rows * a->cols; k++) {
@@ -171,10 +171,10 @@ static void maps_are_replaced_whole_or_not(void **state SST_UNUSED)
     sst_map_u16_fini(&lf.views[0].disp);
     sst_map_u16_row(&lf.views[2].disp, 0)[0] = 4711;
     assert_int_equal(sst_map_u8_init(&lf.views[4].confidence, 5, 4), 0);
-    snprintf(lf.history, sizeof(lf.history), "second");
+    snprintf(lf.files->history, sizeof(lf.files->history), "second");
     assert_int_equal(sst_lightfield_save_maps(&lf, in_dir("maps"), 2), 0);
     assert_int_equal(sst_lightfield_load(&back, in_dir("maps"), SST_LOAD_ALL, 2), 0);
-    assert_string_equal(back.history, "second");
+    assert_string_equal(back.files->history, "second");
     assert_non_null(back.views[1].label.data); /* no labels in memory: those in the folder stay */
     assert_null(back.views[0].disp.data);
     assert_int_equal(sst_map_u16_row(&back.views[2].disp, 0)[0], 4711);

@@ -126,19 +126,19 @@ static void faults_of_descriptions(void **state SST_UNUSED)
     } bad[] = {
         { "", "m.yaml:1:1: the file must hold keys" },
         { "mean: 1\n", "m.yaml:1:1: lacks the key classes" },
-        { "classes: road\n", "1:10: classes wants a list of names" },
-        { "classes: []\n", "classes wants a list of names" },
-        { "classes: [a, A]\n", "1:14: classes wants a list of different names; A does not fit" },
+        { "classes: road\n", "1:10: classes must be a list of names" },
+        { "classes: []\n", "classes must be a list of names" },
+        { "classes: [a, A]\n", "1:14: classes must be a list of different names; `A` is not allowed" },
         { "classes: {0: a, 2: b}\n", "2 entries but none for channel 1" },
         { "classes: [a, a name that is longer than any class may be]\n", "1:14: classes is longer than 31 bytes" },
-        { "classes: [a]\nground: [b]\n", "2:10: ground names b" },
+        { "classes: [a]\nground: [b]\n", "2:10: ground names the unknown class `b`" },
         { "classes: [a]\nlabels: {b: c}\n", "2:10: b is no key here" },
         { "classes: [a]\nmean: [1, 2]\n", "2:7: mean wants a list of 3 numbers" },
         { "classes: [a]\nmean: [1, .nan, 2]\n", "2:11: mean wants a number" },
         { "classes: [a]\nstd: 0\n", "2:6: std wants a number in 1e-06..1e+06, not 0" },
-        { "classes: [a]\nstd: 1\nscale: 1\n", "3:8: scale and std say the same" },
-        { "classes: [a]\nsize: 480\n", "2:7: size wants WIDTHxHEIGHT" },
-        { "classes: [a]\nsize: 4x4\n", "2:7: size wants WIDTHxHEIGHT" },
+        { "classes: [a]\nstd: 1\nscale: 1\n", "3:8: scale and std set the same value" },
+        { "classes: [a]\nsize: 480\n", "2:7: size must be WIDTHxHEIGHT" },
+        { "classes: [a]\nsize: 4x4\n", "2:7: size must be WIDTHxHEIGHT" },
         { "classes: [a]\noutput: softmax\n", "2:9: output wants logits or probabilities, not softmax" },
         { "classes: [a]\ncolour: grey\n", "2:9: colour wants rgb or bgr, not grey" },
         { "classes: [a]\nrange: 255\n", "2:8: range wants 0..1 or 0..255, not 255" },
@@ -192,7 +192,7 @@ static void the_file_beside_wins(void **state SST_UNUSED)
         remove(path);
     }
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, NULL), NULL), -EBADMSG);
-    expect_said("does not say which classes");
+    expect_said("does not name the classes");
     assert_int_equal(open_net(&seg, identity_net(4, 0, 0, "a,b,c,d"), NULL), -EBADMSG);
     expect_said("takes 4 channels");
 }

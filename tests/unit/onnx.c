@@ -34,7 +34,7 @@ static int read_model(const uint8_t *data, size_t size)
     return err;
 }
 
-static int take_model(struct ow_buf *graph)
+static int parse_model(struct ow_buf *graph)
 {
     struct ow_buf model;
     int err;
@@ -64,7 +64,7 @@ static void a_good_model_is_read(void **state SST_UNUSED)
 {
     struct ow_buf graph = good_graph();
 
-    assert_int_equal(take_model(&graph), 0);
+    assert_int_equal(parse_model(&graph), 0);
 }
 
 static void truncated_files_are_refused(void **state SST_UNUSED)
@@ -137,16 +137,16 @@ static void impossible_tensors_are_refused(void **state SST_UNUSED)
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
         graph = good_graph();
         ow_tensor(&graph, "t", cases[i], 4, weights, 16);
-        assert_int_equal(take_model(&graph), -EBADMSG);
+        assert_int_equal(parse_model(&graph), -EBADMSG);
     }
     for (size_t i = 0; i < ARRAY_LEN(bad); i++) {
         graph = good_graph();
         ow_tensor(&graph, "t", dims, 4, bad[i], 16);
-        assert_int_equal(take_model(&graph), -EBADMSG);
+        assert_int_equal(parse_model(&graph), -EBADMSG);
     }
     graph = good_graph();
     ow_tensor(&graph, "t", dims, 9, weights, 16);
-    assert_int_equal(take_model(&graph), -EBADMSG);
+    assert_int_equal(parse_model(&graph), -EBADMSG);
 }
 
 static void data_in_other_files_are_refused(void **state SST_UNUSED)
@@ -166,7 +166,7 @@ static void data_in_other_files_are_refused(void **state SST_UNUSED)
             ow_bytes(&t, 9, weights, 16);
         }
         ow_take(&graph, 5, &t);
-        assert_int_equal(take_model(&graph), -EBADMSG);
+        assert_int_equal(parse_model(&graph), -EBADMSG);
     }
 }
 
@@ -175,10 +175,10 @@ static void names_cannot_write_on_the_terminal(void **state SST_UNUSED)
     struct ow_buf graph = good_graph();
 
     ow_floats(&graph, "\033[2J", weights, 4, 0, 0, 0);
-    assert_int_equal(take_model(&graph), -EBADMSG);
+    assert_int_equal(parse_model(&graph), -EBADMSG);
     graph = good_graph();
     ow_node(&graph, "Relu\n", "c", "z", NULL);
-    assert_int_equal(take_model(&graph), -EBADMSG);
+    assert_int_equal(parse_model(&graph), -EBADMSG);
 }
 
 static void contradictory_graphs_are_refused(void **state SST_UNUSED)
@@ -199,7 +199,7 @@ static void contradictory_graphs_are_refused(void **state SST_UNUSED)
         struct ow_buf graph = good_graph();
 
         ow_node(&graph, cases[i].op, cases[i].ins, cases[i].outs, NULL);
-        assert_int_equal(take_model(&graph), cases[i].want);
+        assert_int_equal(parse_model(&graph), cases[i].want);
     }
 }
 
@@ -220,7 +220,7 @@ static int try_layer(const char *op, const char *ins, struct ow_buf *attrs)
     ow_int64s(&graph, "sizes", sizes, 4);
     ow_node(&graph, "Conv", "x w", "c", NULL);
     ow_node(&graph, op, ins, "y", attrs);
-    return take_model(&graph);
+    return parse_model(&graph);
 }
 
 static void layers_that_cannot_be_are_refused(void **state SST_UNUSED)
@@ -279,7 +279,7 @@ static void too_many_nodes_are_refused(void **state SST_UNUSED)
         snprintf(out, sizeof(out), "v%d", i);
         ow_node(&graph, "Relu", "c", out, NULL);
     }
-    assert_int_equal(take_model(&graph), -EBADMSG);
+    assert_int_equal(parse_model(&graph), -EBADMSG);
 }
 
 /* A chain of enlargements by 100: the file is small, the sizes are not. */

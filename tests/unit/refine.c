@@ -53,8 +53,8 @@ static void fit_has_mean_and_sample_spread(void **state SST_UNUSED)
     assert_int_equal(f.count, 5);
     CLOSE(f.mean_px, -2 + 104 / 64.0, 1e-12);
     CLOSE(f.sigma_px, sqrt(10) / 64, 1e-12);
-    assert_true(f.takes_part);
-    assert_false(fit_of(even, 5, -2, 0, 6).takes_part);
+    assert_true(f.usable);
+    assert_false(fit_of(even, 5, -2, 0, 6).usable);
 }
 
 static void fit_floors_the_spread(void **state SST_UNUSED)
@@ -66,7 +66,7 @@ static void fit_floors_the_spread(void **state SST_UNUSED)
     CLOSE(fit_of(same, 1, 0, 0.25, 1).sigma_px, sqrt(1.0 / 12 / 4096 + 0.0625), 1e-12);
     CLOSE(fit_of(same, 1, 0, 0.25, 1).mean_px, 10, 1e-12);
     assert_int_equal(none.count, 0);
-    assert_false(none.takes_part);
+    assert_false(none.usable);
     CLOSE(none.sigma_px, 0.5, 1e-4);
 }
 
@@ -98,9 +98,9 @@ static void fit_does_not_cancel(void **state SST_UNUSED)
 static void density_and_candidates(void **state SST_UNUSED)
 {
     const struct sst_label_fit fits[] = {
-        { .mean_px = 2, .sigma_px = 0.5, .takes_part = true },
-        { .mean_px = 4, .sigma_px = 1, .takes_part = true },
-        { .mean_px = 2, .sigma_px = 1, .takes_part = false },
+        { .mean_px = 2, .sigma_px = 0.5, .usable = true },
+        { .mean_px = 4, .sigma_px = 1, .usable = true },
+        { .mean_px = 2, .sigma_px = 1, .usable = false },
     };
     uint64_t *mask = malloc(SST_DISP_BINS * sizeof(*mask));
 
@@ -477,7 +477,7 @@ static void driver_rules(void **state SST_UNUSED)
 }
 
 /* Regions of two pixels: 9 at 0 and 1, 5 at 6 and 7. Pixel 3: 4/9 from 9, 9/16 from 5. Pixel 4: 9/16 and 4/9. */
-static void driver_takes_the_nearer(void **state SST_UNUSED)
+static void refinement_assigns_the_nearer(void **state SST_UNUSED)
 {
     static const uint8_t labels[2][8] = { { 9, 9, 0, 0, 0, 0, 5, 5 }, { 1, 0, 0, 0, 0, 0, 0, 0 } };
     static const uint16_t disp[2][8] = { { 640, 640, 640, 640, 640, 640, 640, 640 }, { 640 } };
@@ -537,7 +537,7 @@ int main(void)
         cmocka_unit_test(ground_without_a_plane),
         cmocka_unit_test(energies),
         cmocka_unit_test(driver_rules),
-        cmocka_unit_test(driver_takes_the_nearer),
+        cmocka_unit_test(refinement_assigns_the_nearer),
         cmocka_unit_test(refuses_what_is_missing),
     };
 

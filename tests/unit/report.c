@@ -15,6 +15,7 @@
 
 #include "pipeline/eval/report.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/folder.h"
 #include "simulators/scene/scene.h"
 
 #define WIDTH  200
@@ -53,7 +54,7 @@ static void write_view(struct sst_lightfield *lf, const struct sst_scene *scene,
 
     v->present = true;
     sst_view_name(lf, k, name);
-    snprintf(v->file, sizeof(v->file), "%s.png", name);
+    snprintf(lf->files->view[k].name, sizeof(lf->files->view[k].name), "%s.png", name);
     assert_int_equal(sst_image_init(&v->image, WIDTH, HEIGHT), 0);
     assert_int_equal(sst_map_f32_init(&disp, WIDTH, HEIGHT), 0);
     assert_int_equal(sst_map_u8_init(&v->label, WIDTH, HEIGHT), 0);
@@ -110,7 +111,7 @@ static int setup(void **state SST_UNUSED)
     assert_non_null(mkdtemp(dir));
     assert_int_equal(mkdir(at("views"), 0755) | mkdir(at("truth"), 0755) | mkdir(at("labels_hcsm"), 0755), 0);
     assert_int_equal(sst_scene_create(&scene, "bush", &cfg), 0);
-    assert_int_equal(sst_lightfield_init(&lf, SIDE, SIDE), 0);
+    assert_int_equal(sst_lightfield_init_files(&lf, SIDE, SIDE), 0);
     lf.width = WIDTH;
     lf.height = HEIGHT;
     lf.classes = sst_classes_default;

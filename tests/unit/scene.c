@@ -15,7 +15,7 @@
 #include "base/file.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/lightfield.h"
+#include "pipeline/lightfield/folder.h"
 #include "simulators/scene/world.h"
 #include "tests/small.h"
 
@@ -444,7 +444,7 @@ static void folder_says_what_is_in_it(void **state SST_UNUSED)
     assert_int_equal(lf.cols, 4);
     assert_int_equal(lf.ref_view, 5);
     assert_near(lf.focal_px, 3200 * 0.12, 1e-9);
-    assert_string_equal(lf.source, "scene bush seed 11");
+    assert_string_equal(lf.files->source, "scene bush seed 11");
     assert_near(lf.views[11].bx, 2, 0);
     assert_near(lf.views[11].by, 1, 0);
 

@@ -366,12 +366,12 @@ static void resampling_has_known_values(void **state SST_UNUSED)
 
     for (int c = 0; c < 3; c++)
         memcpy(sst_image_row(&img, c, 0), (const uint8_t[]){ 10, 20, 30, 40, 255 }, 5);
-    assert_int_equal(sst_resample(out, 2, 1, &img, mean, std, 2, &kept), 0);
+    assert_int_equal(resample_planes(out, 2, 1, &img, mean, std, 2, &kept), 0);
     assert_true(fabs((double)out[0] - (10 + 20 + 15) / 2.5 / 255) < 1e-6);
     assert_true(fabs((double)out[1] - (15 + 40 + 255) / 2.5 / 255) < 1e-6);
     assert_true(fabs((double)out[4] - ((10 + 20 + 15) / 2.5 / 255 - 0.5) / 0.5) < 1e-6);
     img.width = 2;
-    assert_int_equal(sst_resample(out, 4, 1, &img, mean, std, 1, &kept), 0);
+    assert_int_equal(resample_planes(out, 4, 1, &img, mean, std, 1, &kept), 0);
     for (int i = 0; i < 4; i++)
         assert_true(fabs((double)out[i] - ((const double[]){ 10, 12.5, 17.5, 20 })[i] / 255) < 1e-6);
     img.width = 5;

@@ -210,9 +210,9 @@ static void expect_in_parts(const struct sst_key *key, const char *dotted, const
     pthread_mutex_unlock(&service->lock);
     if (!is_now(key, &now, wanted))
         fail_msg("%s is not what it should be", dotted);
-    pthread_mutex_lock(&service->viewer->lock);
-    now = service->viewer->config;
-    pthread_mutex_unlock(&service->viewer->lock);
+    pthread_mutex_lock(&service->engine->lock);
+    now = service->engine->config;
+    pthread_mutex_unlock(&service->engine->lock);
     if (!is_now(key, &now, wanted))
         fail_msg("%s is not what it should be for the live picture", dotted);
 }

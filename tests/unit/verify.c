@@ -295,7 +295,7 @@ static void good_matches_decide_alone(void **state SST_UNUSED)
     close_field(&f);
 }
 
-static void given_maps_are_trusted(void **state SST_UNUSED)
+static void external_maps_are_trusted(void **state SST_UNUSED)
 {
     struct sst_renderer *r;
     struct field f;
@@ -385,7 +385,7 @@ int main(void)
         cmocka_unit_test(good_maps_decide_alone),
         serial_test(matched_leaves_no_longer_hide_what_is_behind),
         serial_test(good_matches_decide_alone),
-        cmocka_unit_test(given_maps_are_trusted),
+        cmocka_unit_test(external_maps_are_trusted),
         cmocka_unit_test(guesses_are_counted_in_blocks),
         cmocka_unit_test(rarity_is_that_of_the_pixels),
     };

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/calibration/board/board_internal.h"
 #include "pipeline/camera/numbers.h"
 
@@ -84,7 +85,7 @@ static int measure_blur(struct sst_detection *d, const struct sighting *s)
                 if ((c->contrast > 0) == sign)
                     v[n++] = axis == 0 ? c->blur_xx : axis == 1 ? c->blur_xy : c->blur_yy;
             }
-            b[axis] += sst_upper_median(v, n);
+            b[axis] += sst_stats_upper_median(v, n);
             kinds += n > 0;
         }
         b[axis] /= kinds;

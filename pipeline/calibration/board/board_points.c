@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/stats.h"
 #include "pipeline/calibration/board/board_internal.h"
 #include "pipeline/calibration/board/homography.h"
 #include "pipeline/camera/numbers.h"
@@ -168,7 +169,7 @@ static void drop_strays(struct sighting *s, struct anchor *anchor, double *dista
         }
         if (known < 1)
             return;
-        limit = sst_clamp_double(5 * sst_upper_median(sorted, known), 0.4, 1.6);
+        limit = sst_clamp_double(5 * sst_stats_upper_median(sorted, known), 0.4, 1.6);
         if (distance[worst] <= limit)
             return;
         s->seen[id[worst]] = false;

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/calibration/drift/drift_internal.h"
 
@@ -116,7 +117,8 @@ static bool describe_two(struct sst_drift *out, const struct drift_work *w)
         return false;
     sst_view_name(w->lf, seen[0], a);
     sst_view_name(w->lf, seen[1], b);
-    append(out, "cameras %s and %s sit %.2f px apart across the line between them; two views cannot tell which moved",
+    append(out,
+           "cameras %s and %s sit %.2f px apart across the line between them; which of the two moved is not observable",
            a, b, out->max_px);
     return true;
 }
@@ -173,7 +175,7 @@ static int fill_pairs(struct sst_drift *out, const struct drift_work *w)
     out->matches = n;
     if (n) {
         out->mean_px = sum / out->measured;
-        out->p95_px = drift_quantile(v, n, 0.95);
+        out->p95_px = sst_stats_quantile(v, n, 0.95);
     }
     free(v);
     return 0;

@@ -15,6 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/stats.h"
 #include "pipeline/calibration/drift/drift_internal.h"
 
 #define STATES       4     /* s.x, s.y, r, q of a camera */
@@ -255,7 +256,7 @@ static double scale_of(struct system *s)
 {
     for (int i = 0; i < s->count; i++)
         s->sort[i] = fabs(residual(s, &s->o[i])) / s->o[i].sigma;
-    return fmax(1.4826 * drift_quantile(s->sort, s->count, 0.5), 0.1);
+    return fmax(1.4826 * sst_stats_quantile(s->sort, s->count, 0.5), 0.1);
 }
 
 static double robust_weight(double t, bool tukey)

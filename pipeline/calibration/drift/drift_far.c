@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/stats.h"
 #include "pipeline/calibration/drift/drift_internal.h"
 
 /* --- disparities along rows and columns --------------------------------------------------------------------------- */
@@ -39,7 +40,7 @@ int drift_measure_axes(const struct drift_work *w, double *axes_px)
                 v[n++] = fabs(difference);
         }
     }
-    *axes_px = n ? drift_quantile(v, n, 0.5) : NAN;
+    *axes_px = n ? sst_stats_quantile(v, n, 0.5) : NAN;
     free(v);
     return 0;
 }
@@ -111,6 +112,6 @@ int drift_measure_corner_pairs(struct sst_drift *out, struct drift_work *w)
     }
     free(far);
     out->far_matches = n;
-    out->far_p95_px = n >= w->cfg.min_matches ? drift_quantile(v, n, 0.95) : NAN;
+    out->far_p95_px = n >= w->cfg.min_matches ? sst_stats_quantile(v, n, 0.95) : NAN;
     return 0;
 }

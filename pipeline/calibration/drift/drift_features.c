@@ -4,10 +4,10 @@
  * size is read around features alone (drift_read_patch). */
 #include <errno.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/mem.h"
+#include "base/stats.h"
 #include "pipeline/calibration/drift/drift_internal.h"
 
 #define WINDOW   3  /* radius of a feature's structure tensor, half-size px */
@@ -102,13 +102,6 @@ static double least_eigenvalue(const struct tensor *t, int x)
     return scale * (half - sqrt(diff * diff + (double)xy * (double)xy));
 }
 
-static int compare_float(const void *pa, const void *pb)
-{
-    const float a = *(const float *)pa, b = *(const float *)pb;
-
-    return (a > b) - (a < b);
-}
-
 /* Mean square of second differences both ways (Immerkaer 1996) in a block, over the 36 that they have of white noise of
  * 1; negative: clipped values. */
 static float block_noise(const struct sst_map_u8 *grey, int x0, int y0)
@@ -148,7 +141,7 @@ static double noise_of(const struct sst_map_u8 *grey)
     }
     if (!n)
         return 0;
-    qsort(v, (size_t)n, sizeof(*v), compare_float);
+    sst_stats_sort_float(v, n);
     return NOISE_BIAS * sqrt(v[n / 50]);
 }
 

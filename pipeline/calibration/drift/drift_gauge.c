@@ -4,6 +4,7 @@
 #include <stddef.h>
 #include <string.h>
 
+#include "base/stats.h"
 #include "pipeline/calibration/drift/drift_internal.h"
 
 #define GAUGE_ROUNDS 60
@@ -96,9 +97,9 @@ static void subtract_median(struct sst_check_camera *cam, int views, size_t fiel
     }
     if (!n)
         return;
-    median = drift_quantile(v, n, 0.5);
+    median = sst_stats_quantile(v, n, 0.5);
     if (n % 2 == 0)
-        median = 0.5 * (median + drift_quantile(v, n, 0.5 - 0.5 / n));
+        median = 0.5 * (median + sst_stats_quantile(v, n, 0.5 - 0.5 / n));
     for (int c = 0; c < views; c++) {
         double *p = (double *)(void *)((char *)&cam[c] + field);
 

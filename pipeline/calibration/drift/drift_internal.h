@@ -186,9 +186,4 @@ void drift_fix_gauge(struct sst_check_camera *camera, const struct drift_work *w
  *  describes the wrong order of the grid in `order` (else ""). */
 SST_MUST_CHECK int drift_find_wrong_order(struct sst_drift *out, const struct drift_work *w, char order[128]);
 
-/* --- statistics --------------------------------------------------------------------------------------------------- */
-
-/** Element at fraction 0..1 of v sorted (v is sorted here); n >= 1. */
-double drift_quantile(double *v, int n, double share);
-
 #endif

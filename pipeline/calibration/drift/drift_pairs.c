@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/calibration/drift/drift_internal.h"
 
@@ -17,22 +18,9 @@
 #define FEW           4    /* good matches that are more than chance */
 #define NARROW_PX     1.5  /* least half width of the finer search's band */
 #define NOISE_LEAST   100  /* matches to estimate the noise from */
-#define NOISE_BEST    0.02 /* drift_quantile of them that is the noise */
-#define NOISE_ROOM    4.0  /* of noise alone, that drift_quantile has a quarter of the allowance */
+#define NOISE_BEST    0.02 /* quantile of them that is the noise */
+#define NOISE_ROOM    4.0  /* of noise alone, that quantile has a quarter of the allowance */
 #define OUTLIER_PX    0.15 /* matches further than this and 5 sigma from their pair's median are no matches */
-
-static int compare_double(const void *pa, const void *pb)
-{
-    const double a = *(const double *)pa, b = *(const double *)pb;
-
-    return (a > b) - (a < b);
-}
-
-double drift_quantile(double *v, int n, double share)
-{
-    qsort(v, (size_t)n, sizeof(*v), compare_double);
-    return v[sst_clamp_int((int)floor(share * (n - 1) + 0.5), 0, n - 1)];
-}
 
 static int longer_side(const struct drift_work *w)
 {
@@ -133,10 +121,10 @@ static int vote(struct job *job, int index, double band)
     link->s.band_px = (BAND << job->search_level);
     if (n < VOTES_LEAST)
         return tried;
-    link->s.across_px = drift_quantile(across, n, 0.5);
+    link->s.across_px = sst_stats_quantile(across, n, 0.5);
     for (int i = 0; i < n; i++)
         spread[i] = fabs(across[i] - link->s.across_px);
-    link->s.band_px = fmax(link->s.band_px, 3 * drift_quantile(spread, n, 0.5));
+    link->s.band_px = fmax(link->s.band_px, 3 * sst_stats_quantile(spread, n, 0.5));
     return 2 * n >= tried ? 0 : tried;
 }
 
@@ -165,8 +153,8 @@ static void range_of_votes(struct job *job)
         w->range[0] = w->range[1] = 0;
         return;
     }
-    lo = drift_quantile(v, n, RANGE_CUT);
-    hi = drift_quantile(v, n, 1 - RANGE_CUT);
+    lo = sst_stats_quantile(v, n, RANGE_CUT);
+    hi = sst_stats_quantile(v, n, 1 - RANGE_CUT);
     w->range[0] = lo - 0.1 * (hi - lo) - (1 << job->vote_level);
     w->range[1] = hi + 0.1 * (hi - lo) + (1 << job->vote_level);
 }
@@ -267,7 +255,7 @@ static int estimate_noise_factor(struct drift_work *w)
         }
     }
     if (n >= NOISE_LEAST)
-        w->noise_factor = sqrt(fmin(1, NOISE_ROOM * drift_quantile(v, n, NOISE_BEST)));
+        w->noise_factor = sqrt(fmin(1, NOISE_ROOM * sst_stats_quantile(v, n, NOISE_BEST)));
     free(v);
     return 0;
 }
@@ -286,7 +274,7 @@ static void link_figures(struct drift_link *link, double *v)
     }
     link->mean_px = sum / n;
     link->rms_px = sqrt(squares / n);
-    link->p95_px = drift_quantile(v, n, 0.95);
+    link->p95_px = sst_stats_quantile(v, n, 0.95);
 }
 
 void drift_link_judge(struct drift_link *link, int min_matches)
@@ -303,10 +291,10 @@ void drift_link_judge(struct drift_link *link, int min_matches)
             v[n++] = link->m[k].across;
     }
     if (n) {
-        link->median_px = drift_quantile(v, n, 0.5);
+        link->median_px = sst_stats_quantile(v, n, 0.5);
         for (int i = 0; i < n; i++)
             v[i] = fabs(v[i] - link->median_px);
-        link->spread_px = 1.4826 * drift_quantile(v, n, 0.5);
+        link->spread_px = 1.4826 * sst_stats_quantile(v, n, 0.5);
         cut = fmax(OUTLIER_PX, 5 * link->spread_px);
         for (int k = 0; k < DRIFT_CELLS; k++) {
             link->used[k] = link->m[k].outcome == DRIFT_FOUND && fabs(link->m[k].across - link->median_px) <= cut;

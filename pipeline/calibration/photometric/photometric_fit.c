@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/stats.h"
 #include "pipeline/camera/numbers.h"
 
 #define ROUNDS       40
@@ -159,7 +160,7 @@ static void weigh(struct fit *f, int round)
 
     for (int i = 0; i < n; i++)
         f->sizes[i] = fabs(f->residual[i]);
-    f->p->scale = fmax(1.4826 * sst_upper_median(f->sizes, n), SCALE_MIN);
+    f->p->scale = fmax(1.4826 * sst_stats_upper_median(f->sizes, n), SCALE_MIN);
     for (int i = 0; i < n; i++) {
         const double u = fabs(f->residual[i]) / f->p->scale, rest = 1 - u * u / (TUKEY * TUKEY);
 

@@ -280,7 +280,7 @@ static void store(struct sst_calib *calib, const struct solving *s, struct sst_p
     }
 }
 
-static void say(const struct solving *s)
+static void log_result(const struct solving *s)
 {
     const struct photometric_problem *p = &s->problem;
 
@@ -288,8 +288,8 @@ static void say(const struct solving *s)
         const struct sst_calib_camera *cam = &s->calib->camera[view];
 
         if (cam->known && s->cam[view] < 0 && !p->one_camera)
-            sst_log_warning("light: camera %s (row %d, column %d) shares fewer than %d white places with others: its "
-                            "brightness is left as it is; show the board where its neighbours see it too",
+            sst_log_warning("light: camera %s (row %d, column %d) shares fewer than %d white patches with others: its "
+                            "gain stays 1; show the board where its neighbours see it too",
                             cam->name, view / s->calib->cols, view % s->calib->cols, FEWEST_SAMPLES);
     }
     for (int part = 1; part < p->parts && !p->one_camera; part++) {
@@ -297,8 +297,8 @@ static void say(const struct solving *s)
 
         while (s->cam[view] < 0 || p->cam[s->cam[view]].part != part)
             view++;
-        sst_log_warning("light: no white place links camera %s (row %d, column %d) and those seen with it to the first "
-                        "cameras: their brightness is even among themselves only; show the board where both see it",
+        sst_log_warning("light: no white patch links camera %s (row %d, column %d) and those seen with it to the first "
+                        "cameras: they are equalised among themselves only; show the board where both see it",
                         s->calib->camera[view].name, view / s->calib->cols, view % s->calib->cols);
     }
 }
@@ -326,12 +326,12 @@ int sst_photometric_solve(struct sst_calib *calib, const struct sst_photometric_
         made.cameras = s.problem.cams;
         made.before = spread(&s.problem, false);
         made.after = spread(&s.problem, true);
-        say(&s);
+        log_result(&s);
         store(calib, &s, &made);
         *report = made;
     } else if (err == -ENODATA) {
         sst_log_warning(
-            "no white place of the board is seen by two cameras in one frame (%d samples), so gains and "
+            "no white patch of the board is seen by two cameras in one frame (%d samples), so gains and "
             "fall-off stay unknown: show it larger, evenly lit and not overexposed, where neighbours see it "
             "too",
             all->count);

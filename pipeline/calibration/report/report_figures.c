@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/calibration/board/coverage.h"
 #include "pipeline/calibration/report/report_internal.h"
 #include "pipeline/camera/numbers.h"
@@ -120,7 +121,7 @@ static double median_off(const struct sst_detection *d, const struct sst_solve_v
         if (usable(v, i))
             length[n++] = hypot(v->residual[i][0], v->residual[i][1]);
     }
-    return n ? sst_upper_median(length, n) : (double)NAN;
+    return n ? sst_stats_upper_median(length, n) : (double)NAN;
 }
 
 /* The worst picture of each frame, and of these the worst: a frame taken in motion is bad in all its pictures. */

@@ -8,6 +8,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/calibration/solve/solve_internal.h"
 
 /* One sigma of the board's warp, of its longer side: boards are flat to a few millimetres in a metre. */
@@ -270,7 +271,7 @@ static double board_range(const struct solve_case *c, double *depth)
             depth[n++] =
                 c->p.frame[f].pose.shift[2] + r[6] * (first[0] + last[0]) / 2 + r[7] * (first[1] + last[1]) / 2;
     }
-    return fmax(sst_upper_median(depth, n), 0);
+    return fmax(sst_stats_upper_median(depth, n), 0);
 }
 
 /* From the corners that were taken to those of the detection; the others are outliers without a residual. */

@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/calibration/solve/solve_internal.h"
 
 #define BAD_SIGMA     4   /* a detection whose median residual is as long as this many sigma's would be */
@@ -31,7 +32,7 @@ static double median_of(struct look *l, const struct solve_detection *d, int cor
 {
     for (int k = 0; k < corners; k++)
         l->work[k] = d->corner[k].weight * hypot(l->r[k][0], l->r[k][1]);
-    return sst_upper_median(l->work, corners);
+    return sst_stats_upper_median(l->work, corners);
 }
 
 static void measure(struct look *l)

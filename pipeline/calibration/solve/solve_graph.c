@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/stats.h"
 #include "pipeline/calibration/solve/solve_internal.h"
 
 static int shared_corners(const struct solve_detection *a, const struct solve_detection *b)
@@ -251,7 +252,7 @@ int solve_noise(const struct solve_problem *p, double *sigma_px)
                 length[n++] = d->corner[c].weight * hypot(r[c][0], r[c][1]);
         }
     }
-    *sigma_px = sst_upper_median(length, n) / 1.1774;
+    *sigma_px = sst_stats_upper_median(length, n) / 1.1774;
     free(length);
     free(r);
     return 0;

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/calibration/board/homography.h"
 #include "pipeline/calibration/solve/solve_internal.h"
@@ -99,7 +100,7 @@ static double pose_sigma(const struct solve_problem *p, const struct solve_detec
         solve_see(lens, p->lens, q, xy, NULL, NULL);
         work[i] = hypot(xy[0] - d->corner[i].x, xy[1] - d->corner[i].y);
     }
-    return sst_upper_median(work, d->corners) / 1.1774;
+    return sst_stats_upper_median(work, d->corners) / 1.1774;
 }
 
 /* Levenberg and Marquardt's method on the six numbers of a pose, the loss's scale following the residuals. */
@@ -362,7 +363,7 @@ static void typical_focal(struct seed *s, double *work)
         if (f > 0)
             work[n++] = f;
     }
-    s->focal = n ? sst_upper_median(work, n) : sst_max_int(s->p->width, s->p->height);
+    s->focal = n ? sst_stats_upper_median(work, n) : sst_max_int(s->p->width, s->p->height);
 }
 
 /* Lenses to all cameras; those without take the median camera's. */
@@ -376,7 +377,7 @@ static void hand_out(struct seed *s, double *work)
             work[known++] = s->lens[g][0];
     }
     if (known) {
-        const double f = sst_upper_median(work, known);
+        const double f = sst_stats_upper_median(work, known);
 
         for (int g = 0; g < s->groups && middle < 0; g++) {
             if (s->known[g] && s->lens[g][0] == f)

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/mem.h"
+#include "base/stats.h"
 #include "pipeline/live/live.h"
 
 #define LEVEL       8.0          /* 1/8 levels */
@@ -138,40 +139,6 @@ static void compare(const struct cells *a, const struct cells *b, int p, struct 
         compare_span(u, v, stride, w, h, zero, gain_q14, out);
 }
 
-/* --- medians ----------------------------------------------------------------------------------------------------- */
-
-/* Hoare's selection; reorders v. */
-static float median(float *v, int n)
-{
-    int lo = 0, hi = n - 1;
-    const int k = n / 2;
-
-    while (lo < hi) {
-        const float pivot = v[(lo + hi) / 2];
-        int i = lo, j = hi;
-
-        while (i <= j) {
-            while (v[i] < pivot)
-                i++;
-            while (v[j] > pivot)
-                j--;
-            if (i <= j) {
-                const float t = v[i];
-
-                v[i++] = v[j];
-                v[j--] = t;
-            }
-        }
-        if (k <= j)
-            hi = j;
-        else if (k >= i)
-            lo = i;
-        else
-            break;
-    }
-    return v[k];
-}
-
 /* --- light ------------------------------------------------------------------------------------------------------- */
 
 /*
@@ -196,8 +163,8 @@ static double follow_light(struct sst_watch *w)
     }
     if (n < sst_min_int(8, w->cols * w->rows))
         return 0;
-    w->gain = sst_clamp_double(median(ratio, n), 1e-3, 1e3);
-    return fabs(median(raw, n) - 1.0) * 128;
+    w->gain = sst_clamp_double(sst_stats_upper_median_float(ratio, n), 1e-3, 1e3);
+    return fabs(sst_stats_upper_median_float(raw, n) - 1.0) * 128;
 }
 
 /* --- noise ------------------------------------------------------------------------------------------------------- */
@@ -219,7 +186,7 @@ static void follow_noise(struct sst_watch *w, double gain_step)
                 w->scratch[s * tiles + n] = stat[s];
         }
         for (int s = 0; n && s < SST_WATCH_STATS; s++) {
-            const double seen = median(w->scratch + (size_t)s * (size_t)tiles, n), known = w->noise[p][s];
+            const double seen = sst_stats_upper_median_float(w->scratch + (size_t)s * (size_t)tiles, n), known = w->noise[p][s];
 
             if (w->judged < 2)
                 w->noise[p][s] = seen;

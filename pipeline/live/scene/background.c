@@ -9,12 +9,12 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/live/scene/scene_internal.h"
-#include "pipeline/method/refine/refine.h"
+#include "pipeline/method/process/process.h"
 
-/* How long close waits. */
+/* Longest wait of close. */
 #define CLOSE_NS INT64_C(300000000)
 
-/* Threads that were left behind and have not ended yet. */
+/* Abandoned threads that have not ended yet. */
 static _Atomic int left_behind;
 
 enum state {
@@ -28,13 +28,13 @@ struct scene_background {
     /* fixed after open */
     char *model; /* NULL: no labels */
     enum sst_precision precision;
-    bool estimates;                    /* the range is looked for */
+    bool estimates;                    /* the range is estimated */
     const struct sst_lightfield *live; /* the caller's thread alone */
     pthread_t thread;
     pthread_mutex_t lock;
     pthread_cond_t wake; /* on CLOCK_MONOTONIC */
-    /* Changed under lock, read without: the thread may wait long for the processor while it holds the lock, and who
-     * makes pictures must not wait with it. */
+    /* Written under lock, read without: the background thread may be preempted for long while it holds the lock, and
+     * the render thread must never block on it. */
     _Atomic enum state state;
     /* under lock */
     bool ended, abandoned;
@@ -46,9 +46,10 @@ struct scene_background {
     _Atomic bool cancel, done;
 };
 
-/* --- its thread --------------------------------------------------------------------------------------------------- */
+/* --- background thread
+ * --------------------------------------------------------------------------------------------------- */
 
-/* The range of what is seen now, where that is wider than what is known. */
+/* Widen the known range to that of the current images. */
 static void widen_range(struct scene_background *b)
 {
     struct sst_lightfield *lf = &b->copy;
@@ -69,53 +70,27 @@ static void widen_range(struct scene_background *b)
         lf->range_max_px = max_px;
 }
 
-static int label_views(struct scene_background *b)
-{
-    int err = 0;
-
-    if (!b->segmenter)
-        err = sst_segmenter_open(&b->segmenter, b->model, b->precision, 1);
-    for (int view = 0; !err && view < b->copy.rows * b->copy.cols; view++) {
-        struct sst_view *v = &b->copy.views[view];
-
-        if (!v->present)
-            continue;
-        if (b->cancel)
-            return -ECANCELED;
-        sst_map_u8_fini(&v->label);
-        err = scene_segment(b->segmenter, &v->image, &v->label);
-        for (int y = 0; !err && v->valid.data && y < v->label.height; y++) {
-            for (int x = 0; x < v->label.width; x++)
-                sst_map_u8_row(&v->label, y)[x] &= sst_map_u8_row(&v->valid, y)[x];
-        }
-    }
-    return err;
-}
-
-/* What sst process --preset balanced does, with a coarser census between pixels. */
+/* What `sst process --preset balanced` computes, with a coarser census between pixels. */
 static int work(struct scene_background *b)
 {
-    struct sst_disparity_config match;
-    struct sst_refine_config refine;
-    int err = sst_disparity_preset(&match, "balanced");
+    struct sst_process_config cfg = { .model = b->model,
+                                      .precision = b->precision,
+                                      .eps_h = -1,
+                                      .refine = true,
+                                      .threads = 1,
+                                      .cancel = &b->cancel,
+                                      .segmenters = &b->segmenter };
+    int err = sst_disparity_preset(&cfg.disparity, "balanced");
 
     if (err)
         return err;
     widen_range(b);
-    match.disp_min_px = b->copy.range_min_px;
-    match.disp_max_px = b->copy.range_max_px;
-    match.threads = 1;
-    match.phase_step = 2; /* as good a picture as quarters give (docs/service.md) */
-    match.frugal = true;
-    match.cancel = &b->cancel;
-    err = b->cancel ? -ECANCELED : sst_disparity_lightfield(&b->copy, &match, NULL, NULL);
-    if (err || !b->model)
-        return err;
-    sst_refine_config_defaults(&refine);
-    refine.threads = 1;
-    refine.cancel = &b->cancel;
-    err = label_views(b);
-    return err ? err : sst_refine_labels(&b->copy, &refine, NULL);
+    cfg.disparity.disp_min_px = b->copy.range_min_px;
+    cfg.disparity.disp_max_px = b->copy.range_max_px;
+    cfg.disparity.phase_step = 2; /* as good a picture as quarters give (docs/service.md) */
+    cfg.disparity.frugal = true;
+    sst_refine_config_defaults(&cfg.refinement);
+    return b->cancel ? -ECANCELED : sst_process(&b->copy, &cfg, NULL, NULL);
 }
 
 static void free_background(struct scene_background *b)
@@ -134,7 +109,7 @@ static void *run(void *arg)
     const struct sched_param none = { 0 };
     bool abandoned;
 
-    /* Only time that nothing else wants. */
+    /* Run only in idle time. */
     (void)pthread_setschedparam(pthread_self(), SCHED_IDLE, &none);
     pthread_mutex_lock(&b->lock);
     for (;;) {
@@ -163,7 +138,7 @@ static void *run(void *arg)
     return NULL;
 }
 
-/* --- the caller's ------------------------------------------------------------------------------------------------- */
+/* --- caller ------------------------------------------------------------------------------------------------- */
 
 int scene_background_open(struct scene_background **out, const struct sst_live_config *cfg,
                           const struct sst_lightfield *lf)
@@ -194,7 +169,7 @@ void scene_background_cancel(struct scene_background *b)
     if (!b)
         return;
     b->cancel = true;
-    /* Where that is allowed it gets to the next place to stop without waiting for idle time. */
+    /* If permitted, it reaches the next cancellation point without waiting for idle time. */
     (void)pthread_setschedparam(b->thread, SCHED_OTHER, &none);
 }
 
@@ -222,7 +197,7 @@ void scene_background_close(struct scene_background *b)
         free_background(b);
         return;
     }
-    /* On a machine that has no idle time it may take long to see the sign: then it cleans up behind itself. */
+    /* Without idle time it may take long to notice the request: then it frees itself when it ends. */
     pthread_detach(thread);
 }
 
@@ -275,7 +250,7 @@ void scene_background_release(struct scene_background *b)
         sst_map_u16_fini(&v->disp);
         sst_map_u8_fini(&v->label);
         sst_map_u8_fini(&v->confidence);
-        sst_image_fini(&v->image); /* hundreds of kilobytes each, that nobody needs until the next rest */
+        sst_image_fini(&v->image); /* hundreds of kilobytes each, unused until the next run */
     }
     pthread_mutex_lock(&b->lock);
     b->state = IDLE;

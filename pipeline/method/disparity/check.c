@@ -12,7 +12,7 @@ static int nearest(double v)
     return (int)(v + 65536.5) - 65536;
 }
 
-/* Does view n hold disparity d (1/64 px) where pixel (x, y) falls with it? */
+/* True if view n holds disparity d (1/64 px) at the point to which d maps pixel (x, y). */
 static bool agrees(const struct sst_checked_view *n, int x, int y, int d_q6, double disp_min_px)
 {
     const double d = disp_min_px + d_q6 / 64.0;
@@ -35,8 +35,8 @@ static bool agrees_with_any(const struct sst_checked_view *views, int count, int
 }
 
 /*
- * Mark every pixel p for which |d - D_n(p - d b_n)| <= 1 holds for some whole-pixel d: seen from the neighbour, its
- * pixel q with disparity D serves p = q + d b_n for the d within 1 of D.
+ * Mark every pixel p for which |d - D_n(p - d b_n)| <= 1 holds for some whole-pixel d: the neighbour's pixel q with
+ * disparity D marks p = q + d b_n for each d within 1 of D.
  */
 static void mark_served(struct sst_map_u8 *mark, const struct sst_checked_view *n, double disp_min_px, int steps)
 {
@@ -54,7 +54,7 @@ static void mark_served(struct sst_map_u8 *mark, const struct sst_checked_view *
                 const int x = nearest(xn + d * n->bx), y = nearest(yn + d * n->by);
 
                 if (x >= 0 && y >= 0 && x < mark->width && y < mark->height)
-                    sst_map_u8_row(mark, y)[x] = SST_CHECK_MISMATCH;
+                    sst_map_u8_row(mark, y)[x] = SST_DISPARITY_MISMATCH;
             }
         }
     }
@@ -63,7 +63,7 @@ static void mark_served(struct sst_map_u8 *mark, const struct sst_checked_view *
 void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px, int steps,
                      const struct sst_checked_view *views, int count)
 {
-    memset(status->data, SST_CHECK_OCCLUSION, status->stride * (size_t)status->height);
+    memset(status->data, SST_DISPARITY_OCCLUSION, status->stride * (size_t)status->height);
     for (int i = 0; i < count; i++)
         mark_served(status, &views[i], disp_min_px, steps);
     for (int y = 0; y < disp_q6->height; y++) {
@@ -72,12 +72,12 @@ void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q
 
         for (int x = 0; x < disp_q6->width; x++) {
             if (d[x] != SST_DISP_NONE && agrees_with_any(views, count, x, y, d[x], disp_min_px))
-                out[x] = SST_CHECK_CORRECT;
+                out[x] = SST_DISPARITY_CORRECT;
         }
     }
 }
 
-/* Project the correct pixels of a neighbour into this view; the foremost one stays. */
+/* Project the correct pixels of a neighbour into this view; the nearest surface wins. */
 static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, double disp_min_px)
 {
     for (int yn = 0; yn < out->height; yn++) {
@@ -89,7 +89,7 @@ static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, d
             const int x = nearest(xn + dp * n->bx), y = nearest(yn + dp * n->by);
             uint16_t *at;
 
-            if (ok[xn] != SST_CHECK_CORRECT || x < 0 || y < 0 || x >= out->width || y >= out->height)
+            if (ok[xn] != SST_DISPARITY_CORRECT || x < 0 || y < 0 || x >= out->width || y >= out->height)
                 continue;
             at = &sst_map_u16_row(out, y)[x];
             if (*at == SST_DISP_NONE || d[xn] > *at)
@@ -98,8 +98,8 @@ static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, d
     }
 }
 
-/* Give every pixel that is still NONE in disp the projected value, and say how it came by it. */
-static void take_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *status,
+/* Copy the projected value to every pixel of disp that is still NONE, and set its status. */
+static void copy_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *status,
                            const struct sst_map_u16 *projected)
 {
     for (int y = 0; y < disp->height; y++) {
@@ -108,7 +108,7 @@ static void take_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *st
         uint16_t *d = sst_map_u16_row(disp, y);
 
         for (int x = 0; x < disp->width; x++) {
-            if (s[x] == SST_CHECK_OCCLUSION && d[x] == SST_DISP_NONE)
+            if (s[x] == SST_DISPARITY_OCCLUSION && d[x] == SST_DISP_NONE)
                 d[x] = p[x];
         }
     }
@@ -131,7 +131,7 @@ static uint16_t median_around(const struct sst_map_u16 *disp, const struct sst_m
 
             if (i < 0 || j < 0 || i >= disp->width || j >= disp->height)
                 break;
-            if (sst_map_u8_row(status, j)[i] != SST_CHECK_CORRECT)
+            if (sst_map_u8_row(status, j)[i] != SST_DISPARITY_CORRECT)
                 continue;
             for (at = n++; at > 0 && v[at - 1] > sst_map_u16_row(disp, j)[i]; at--)
                 v[at] = v[at - 1];
@@ -142,7 +142,7 @@ static uint16_t median_around(const struct sst_map_u16 *disp, const struct sst_m
     return n ? v[(n - 1) / 2] : (uint16_t)SST_DISP_NONE;
 }
 
-/* What is left takes the farther of the nearest known disparities to its left and right: the background. */
+/* Remaining pixels get the farther of the nearest known disparities to their left and right: the background. */
 static void fill_row_from_background(uint16_t *d, int width)
 {
     for (int x = 0; x < width;) {
@@ -162,7 +162,7 @@ static void fill_row_from_background(uint16_t *d, int width)
     }
 }
 
-static void fill_rest(struct sst_map_u16 *disp)
+static void fill_background(struct sst_map_u16 *disp)
 {
     int known = -1;
 
@@ -172,7 +172,7 @@ static void fill_rest(struct sst_map_u16 *disp)
         fill_row_from_background(d, disp->width);
         if (d[0] == SST_DISP_NONE)
             continue;
-        /* A filled row is dense; empty rows above take the first one, those below the last one. */
+        /* A filled row is dense; empty rows above copy the first one, those below the last one. */
         for (int j = known + 1; j < y; j++)
             memcpy(sst_map_u16_row(disp, j), sst_map_u16_row(disp, known >= 0 ? known : y),
                    (size_t)disp->width * sizeof(*d));
@@ -191,9 +191,9 @@ void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status
         for (int x = 0; x < disp_q6->width; x++) {
             const int s = sst_map_u8_row(status, y)[x];
 
-            if (s == SST_CHECK_MISMATCH)
+            if (s == SST_DISPARITY_MISMATCH)
                 d[x] = median_around(disp_q6, status, x, y);
-            else if (s == SST_CHECK_OCCLUSION)
+            else if (s == SST_DISPARITY_OCCLUSION)
                 d[x] = SST_DISP_NONE;
         }
     }
@@ -203,7 +203,7 @@ void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status
         memset(scratch->data, 0xFF, scratch->stride * (size_t)scratch->height);
         for (; i < end; i++)
             project(scratch, &views[i], disp_min_px);
-        take_projected(disp_q6, status, scratch);
+        copy_projected(disp_q6, status, scratch);
     }
-    fill_rest(disp_q6);
+    fill_background(disp_q6);
 }

@@ -35,7 +35,7 @@ static int census_rows(struct sst_descriptor *desc, int phase, int y0, int y1)
     for (int y = y0, next = y0 - 3; y < y1; y++) {
         const uint8_t *rows[7];
 
-        /* Row j of the image, borders repeated, lives in ring slot (j + 7) % 7. */
+        /* Row j of the image, borders repeated, is in ring slot (j + 7) % 7. */
         for (; next <= y + 3; next++)
             phase_row(ring + (size_t)((next + 7) % 7) * padded, &desc->luma, next, phase % 4, phase / 4);
         for (int j = 0; j < 7; j++)
@@ -58,7 +58,7 @@ int sst_descriptor_renew(struct sst_descriptor *desc, const struct sst_image *im
 
     sst_image_halve_rows(&desc->image, img, y0, y1);
     sst_luma_rows(&desc->luma, &desc->image, y0, y1);
-    /* A phase between two rows looks one row further down than the window. */
+    /* A phase between two rows reads one row below the window. */
     for (int p = 0; !err && p < SST_PHASES; p++) {
         if (desc->census[p])
             err = census_rows(desc, p, sst_max_int(y0 - 4, 0), sst_min_int(y1 + 3, desc->height));

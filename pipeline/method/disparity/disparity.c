@@ -11,14 +11,14 @@
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/network/network.h"
 
-/* Cost volumes of views that are matched at once may take this much memory together. */
+/* Memory limit of the cost volumes of views that are matched at once. */
 #define VOLUME_BUDGET_BYTES ((size_t)6 << 30)
-/* Up to this range steps are quarter pixels, up to twice as much half ones. */
+/* Up to this range steps are quarter pixels, up to twice this range half pixels. */
 #define FINE_RANGE_PX 24
 /* Up to this many pixels a view is matched in quarter-pixel phases. */
 #define FINE_PIXELS ((size_t)1200000)
 
-/* Everything of one run; descriptors live only while a grid row or its neighbours are matched. */
+/* State of one run; descriptors exist only while a grid row or its neighbours are matched. */
 struct run {
     struct sst_lightfield *lf;
     const struct sst_disparity_config *cfg;
@@ -34,7 +34,7 @@ struct run {
     struct sst_map_u8 *status;     /* [views] */
     struct sst_map_u16 *filled;    /* [views] */
     struct sst_volume *volumes;    /* [workers] */
-    int first_view;                /* of the grid row at hand */
+    int first_view;                /* of the current grid row */
 };
 
 static int check_config(const struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
@@ -43,7 +43,7 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
     int neighbours = 0;
 
     if (!(range > 0) || range + 1 > SST_DISPARITY_MAX_STEPS || !(fabs(cfg->disp_min_px) < 1e4)) {
-        sst_log_error("the disparity range %g..%g px is not usable: it must rise and span at most %d px",
+        sst_log_error("the disparity range %g..%g px is invalid: it must be ascending and span at most %d px",
                       cfg->disp_min_px, cfg->disp_max_px, SST_DISPARITY_MAX_STEPS - 1);
         return -EINVAL;
     }
@@ -106,7 +106,7 @@ static int view_at(const struct sst_lightfield *lf, int view, int dr, int dc)
 static const int sides[SST_MAX_NEIGHBOURS][2] = { { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 }, { -1, -1 }, { -1, 1 },
                                                   { 1, -1 }, { 1, 1 }, { 0, -2 }, { 0, 2 }, { -2, 0 },  { 2, 0 } };
 
-/* What lies between a neighbour's pixels, for one view alone. */
+/* Phases of a neighbour that one view alone needs. */
 static int add_phases(struct run *run, const struct sst_volume *v, int view, int neighbour)
 {
     const struct sst_view *from = &run->lf->views[view], *to = &run->lf->views[neighbour];
@@ -181,7 +181,7 @@ done:
     return down;
 }
 
-/* What is not there has no disparity, and none to check or fill others by. */
+/* Invalid pixels have no disparity and take no part in checking or filling. */
 static void forget_unseen(struct sst_map_u16 *disp, const struct sst_map_u8 *seen)
 {
     for (int y = 0; seen->data && y < disp->height; y++) {
@@ -211,7 +211,7 @@ static int match_job(void *arg, int index, int worker)
                                             &run->disp[view], &run->confidence[view])
                               : match_apart(run, &run->volumes[worker], view, &support);
     sst_support_fini(&support);
-    if (err == -ENODATA) { /* a view on its own: unknown everywhere, filled from afar below */
+    if (err == -ENODATA) { /* a view without neighbours: unknown everywhere, filled from distant views below */
         memset(run->disp[view].data, 0xFF, run->disp[view].stride * (size_t)run->height);
         return 0;
     }
@@ -224,7 +224,8 @@ static int match_job(void *arg, int index, int worker)
     return err;
 }
 
-/* Views one and two steps away on all sides; the near ones first. @return how many; *near of them are one step away. */
+/* Views one and two steps away on all sides; the nearer ones first. @return their number; *near of them are one step
+ * away. */
 static int checked_views(const struct run *run, int view, struct sst_checked_view *out, int *near)
 {
     const struct sst_lightfield *lf = run->lf;
@@ -281,7 +282,7 @@ static int fill_job(void *arg, int view, int worker SST_UNUSED)
     return err;
 }
 
-/* Scale the map up to the view's size (disparities in full-size pixels) and hand it over. */
+/* Scale the map up to the view's size (disparities in full-size pixels) and store it. */
 static int deliver(struct run *run, int view)
 {
     struct sst_view *v = &run->lf->views[view];
@@ -306,7 +307,7 @@ static int deliver(struct run *run, int view)
             const unsigned d = seen ? in[x / run->scale] : SST_DISP_NONE;
 
             sst_map_u16_row(&disp, y)[x] = (uint16_t)(d == SST_DISP_NONE ? d : d * (unsigned)run->scale);
-            /* What was filled in is a guess. */
+            /* Filled pixels have confidence 0. */
             sst_map_u8_row(&conf, y)[x] = !seen || (status && status[x / run->scale]) ? 0 : conf_in[x / run->scale];
         }
     }
@@ -348,7 +349,7 @@ static int make_volume(const struct run *run, struct sst_volume *v)
 
     if (!err) {
         v->divisor = run->divisor;
-        /* In halves where the views are so large that 16 phases would not fit. */
+        /* Half pixels if the views are so large that 16 phases would need too much memory. */
         v->phase_step = run->cfg->phase_step                                     ? run->cfg->phase_step
                         : (size_t)run->width * (size_t)run->height > FINE_PIXELS ? 2
                                                                                  : 1;
@@ -356,7 +357,7 @@ static int make_volume(const struct run *run, struct sst_volume *v)
     return err;
 }
 
-/* Every phase that matching a view with one of its neighbours will ask for. */
+/* All phases that matching any view with one of its neighbours needs. */
 static unsigned phases_needed(const struct run *run)
 {
     const struct sst_lightfield *lf = run->lf;
@@ -436,7 +437,7 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     run->height = (lf->height + cfg->scale - 1) / cfg->scale;
     run->disp_min = (int)floor(cfg->disp_min_px / cfg->scale);
     run->range = (int)ceil(cfg->disp_max_px / cfg->scale) - run->disp_min;
-    /* Short ranges leave room for finer steps, and need them: their scenes' depth lies within few pixels. */
+    /* Short ranges allow finer steps, and need them: the depth of such scenes spans few pixels. */
     run->divisor = run->range <= FINE_RANGE_PX ? 4 : run->range <= 2 * FINE_RANGE_PX ? 2 : 1;
     run->desc = calloc(views, sizeof(*run->desc));
     run->disp = calloc(views, sizeof(*run->disp));

@@ -17,7 +17,7 @@ enum sst_cost {
 #define SST_DISPARITY_MAX_STEPS   512
 #define SST_DISPARITY_MAX_PENALTY 4000
 /* Longest support arm: 11^2 * 255 < 2^16, so column sums modulo 2^16 are exact; so are the means of equal costs, which
- * the rounded-up reciprocal of the kernel spoils from 151 pixels on. */
+ * the rounded-up reciprocal of the kernel makes inexact from 151 pixels on. */
 #define SST_SUPPORT_MAX_ARM 5
 
 struct sst_disparity_config {
@@ -32,24 +32,24 @@ struct sst_disparity_config {
     int support_tau;              /* largest intensity step inside an arm, 1..255 */
     int support_before, support_after; /* rounds of aggregation before and after the optimisation */
     int bilateral_tau;                 /* eps_I of the bilateral filter, 1..255; 0 switches it off */
-    bool raw;       /* the cheapest disparity of each pixel as matched, to judge costs by: no aggregation,
-                       optimisation, filter or filling; what these need is ignored */
+    bool raw;       /* the cheapest disparity of each pixel, to evaluate costs: no aggregation, optimisation, filter or
+                       filling; their parameters are ignored */
     bool fill;      /* check and fill: the result is dense */
     bool joint;     /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
     int neighbours; /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
     int scale;      /* 1 full size, 2 half size with the result scaled up */
-    int phase_step; /* census between pixels in quarters (1) or in halves (2), which takes a quarter of the memory;
+    int phase_step; /* census between pixels in quarters (1) or in halves (2), which needs a quarter of the memory;
                        0: in quarters unless views are very large */
-    bool frugal;    /* one view after the other on one thread, with what lies between its neighbours' pixels made for it
-                       and dropped again: the same result in a fraction of the memory */
+    bool frugal; /* one view after the other on one thread, with its neighbours' phases computed for it and freed again:
+                    the same result in a fraction of the memory */
     int threads;
-    const SST_ATOMIC(bool) * cancel; /* once true, light fields are given up within a part of a view; or NULL */
+    const SST_ATOMIC(bool) * cancel; /* once true, matching of a light field stops within a part of a view; or NULL */
 };
 
 /** Values of a preset: "preview", "balanced", "accurate". @return 0 or -EINVAL (logged with the list). */
 SST_MUST_CHECK int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset);
 
-/** Called now and then with 0..1, from the calling thread. */
+/** Called repeatedly with 0..1, from the calling thread. */
 typedef void sst_progress_fn(void *arg, double done);
 
 /**
@@ -61,9 +61,9 @@ SST_MUST_CHECK int sst_disparity_lightfield(struct sst_lightfield *lf, const str
 
 /**
  * The range of disparities in a light field, from a coarse match of the reference view with its neighbours (images of
- * those must be loaded): the bulk of the confident pixels
- * on which two neighbours agree plus a margin (of all of them where too few agree: views that are not aligned).
- * @return 0, -ENODATA (no texture to tell it from; logged), -ENOMEM
+ * those must be loaded): nearly all confident pixels on which two neighbours agree, plus a margin (all confident pixels
+ * if too few agree: views that are not aligned).
+ * @return 0, -ENODATA (not enough texture; logged), -ENOMEM
  */
 SST_MUST_CHECK int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *min_px, double *max_px);
 

@@ -1,8 +1,8 @@
-/* Features of the learned matching cost: the network's result for each pixel, in the order that the kernels read.
+/* Features of the learned matching cost: the network's result per pixel, in the order that the kernels read.
  *
- * The network is run over bands of rows. What it holds between its layers is 64 floats a pixel, twice: 384 MB for a
- * view of 1000 x 750, of which the system would have to find and clear every page. A band costs the time of the rows
- * around it that are computed twice. */
+ * The network is run over bands of rows. Between layers it holds 64 floats per pixel, twice: 384 MB for a view of 1000
+ * x 750, whose pages the system would have to allocate and clear. A band costs the time of the rows around it that are
+ * computed twice. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -13,7 +13,7 @@
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/network/network.h"
 
-#define BAND_ROWS  256 /* about what a band keeps; measured: 128 take 4 % more time, a quarter less memory */
+#define BAND_ROWS  256 /* about the useful rows of a band; measured: 128 need 4 % more time, a quarter less memory */
 #define MAX_RADIUS 1024
 #define RADIUS_KEY "sst.radius" /* metadata of the model */
 
@@ -28,7 +28,7 @@ struct sst_feature_bands sst_feature_bands(int rows, int radius)
     const int wanted = (rows + BAND_ROWS - 1) / BAND_ROWS;
     const int step = round_up(sst_max_int((rows - beyond + wanted - 1) / wanted, 1));
     const int least = step + beyond;
-    /* All bands are of one height, so that one plan serves; the last one ends with the view and starts on a tile. */
+    /* All bands have the same height and share one plan; the last one ends with the view and starts on a tile. */
     const int height = least + (rows - least % SST_FEATURE_TILE) % SST_FEATURE_TILE;
 
     if (radius < 0 || height >= rows)
@@ -70,7 +70,7 @@ static struct moments measure(const struct sst_map_u8 *luma)
                              sqrt(fmax((double)n * (double)s2 - (double)s1 * (double)s1, 0)) / (double)n };
 }
 
-/* Rows of luma with mean 0 and deviation 1 over the view: what the network was trained on. Constant views become 0. */
+/* Rows of luma with mean 0 and deviation 1 over the view, as in training. Constant views become 0. */
 static void normalise(float *out, const struct sst_map_u8 *luma, const struct moments *m, int first, int count)
 {
     float level[256];
@@ -85,8 +85,8 @@ static void normalise(float *out, const struct sst_map_u8 *luma, const struct mo
     }
 }
 
-/* Bytes between groups of channels: every 64 pixels begun, and an odd number of cache lines, so that the groups of a
- * pixel lie in different sets of the cache. */
+/* Bytes between groups of channels: rounded up to 64 pixels and an odd number of cache lines, so that the groups of a
+ * pixel lie in different cache sets. */
 static size_t feature_stride(int width)
 {
     const size_t stride = 4 * (((size_t)width + 63) / 64 * 64);
@@ -94,7 +94,7 @@ static size_t feature_stride(int width)
     return stride + SST_ALIGN * (stride / SST_ALIGN % 2 == 0);
 }
 
-/* Four components of each pixel, from where they lie SST_FEATURE_CHANNELS apart to side by side. */
+/* Gather four components of each pixel, which lie SST_FEATURE_CHANNELS apart, side by side. */
 static void gather(uint8_t *restrict to, const int8_t *restrict from, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
@@ -106,7 +106,7 @@ static void gather(uint8_t *restrict to, const int8_t *restrict from, size_t n)
     }
 }
 
-/* The network's radius, or -1 where the model does not tell. */
+/* The network's radius, or -1 if the model does not specify it. */
 static int find_radius(const struct sst_network *net, int *radius)
 {
     const char *text = sst_network_metadata(net, RADIUS_KEY);
@@ -129,15 +129,15 @@ int sst_descriptor_check_network(struct sst_network *net, const char *name, int 
     int channels, out_w, out_h, radius, err;
 
     if (sst_network_in_channels(net) != 1) {
-        sst_log_error("%s is no matching network: it takes %d channels, not the luma alone; give --mccnn-model "
-                      "another one",
-                      name, sst_network_in_channels(net));
+        sst_log_error(
+            "%s is not a matching network: its input has %d channels, not luma alone; choose another --mccnn-model",
+            name, sst_network_in_channels(net));
         return -EBADMSG;
     }
     err = find_radius(net, &radius);
     if (err) {
-        sst_log_error("%s is no matching network: its metadata " RADIUS_KEY " is not a number from 0 to %d; "
-                      "give --mccnn-model another one",
+        sst_log_error("%s is not a matching network: its metadata " RADIUS_KEY
+                      " is not a number from 0 to %d; choose another --mccnn-model",
                       name, MAX_RADIUS);
         return err;
     }
@@ -145,13 +145,13 @@ int sst_descriptor_check_network(struct sst_network *net, const char *name, int 
     err = sst_network_out_shape(net, width, height, &channels, &out_w, &out_h);
     if (err || (channels == SST_FEATURE_CHANNELS && out_w == width && out_h == height))
         return err;
-    sst_log_error("%s is no matching network: it makes %d channels of %dx%d from a view of %dx%d, not %d of the same "
-                  "size; give --mccnn-model another one",
+    sst_log_error("%s is not a matching network: it outputs %d channels of %dx%d for a view of %dx%d, not %d of the "
+                  "same size; choose another --mccnn-model",
                   name, channels, out_w, out_h, width, height, SST_FEATURE_CHANNELS);
     return -EBADMSG;
 }
 
-/* Memory for the network's input and result. */
+/* Allocate the network's input and result. */
 struct buffers {
     float *in;
     int8_t *out;

@@ -60,6 +60,6 @@ int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset)
             return 0;
         }
     }
-    sst_log_error("there is no preset %s; choose preview, balanced or accurate", preset);
+    sst_log_error("unknown preset `%s`; use preview, balanced or accurate", preset);
     return -EINVAL;
 }

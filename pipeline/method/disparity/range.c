@@ -8,10 +8,10 @@
 
 #define REDUCED_SIDE 320    /* longer sides are halved until they are at most about this */
 #define CONFIDENT    100    /* of 255: a clear second minimum; filled pixels have 0 */
-#define CUT          0.005  /* share of the confident pixels left out at each end */
-#define CUT_AGREED   0.0005 /* likewise, of those on which two sides agree: chance leaves next to nothing there */
+#define CUT          0.005  /* fraction of the confident pixels cut off at each end */
+#define CUT_AGREED   0.0005 /* likewise, of those on which two sides agree: few of them are chance matches */
 #define AGREE        64     /* two sides have the same disparity: 1 px (reduced), in 1/64 px */
-#define SHARE        0.25   /* fewer that agree: views that are not aligned, where each side is off by its own */
+#define SHARE        0.25   /* if fewer agree, the views are not aligned, and each side has its own offset */
 
 enum { SIDES = 4, BINS = 2 * SST_DISPARITY_MAX_STEPS };
 
@@ -32,7 +32,7 @@ static int reduce(struct sst_image *out, const struct sst_image *in, int *factor
     return err;
 }
 
-/* Disparity of a pixel of the reference as a pair has it, in 1/64 px from the lowest searched; < 0: none, or doubtful.
+/* A pair's disparity of a reference pixel, in 1/64 px from the lowest searched; < 0: none, or low confidence.
  */
 static int confident(const struct sst_lightfield *pair, int x, int y)
 {
@@ -55,7 +55,7 @@ static bool agrees(const struct sst_lightfield pair[SIDES], int side, int x, int
 }
 
 /* Disparities of the confident pixels of a side, in half pixels (reduced) from the lowest searched: all, and those that
- * another side has as well. Chance finds its own disparity for each side, of leaves above all. */
+ * another side confirms. Chance matches differ between sides, above all in leaves. */
 static void collect(int64_t all[BINS], int64_t agreed[BINS], const struct sst_lightfield pair[SIDES], int side)
 {
     for (int y = 0; y < pair[side].height; y++)
@@ -98,7 +98,7 @@ static int make_pair(struct sst_lightfield *pair, const struct sst_lightfield *l
     return err;
 }
 
-/* The reference view, or the nearest to it that is there. */
+/* The reference view, or the nearest present one. */
 static int middle(const struct sst_lightfield *lf)
 {
     double best = INFINITY;
@@ -132,7 +132,7 @@ static int match_sides(struct sst_lightfield pair[SIDES], const struct sst_light
         if (c < 0 || r < 0 || c >= lf->cols || r >= lf->rows || !lf->views[r * lf->cols + c].present)
             continue;
         err = make_pair(&pair[side], lf, ref, r * lf->cols + c, factor);
-        /* Nothing nearer than a fifth of the picture's longer side per spacing, either way. */
+        /* Disparities up to a fifth of the picture's longer side per spacing, in both directions. */
         *reach = fmin(ceil(sst_max_int(pair[side].width, pair[side].height) / 5.0), SST_DISPARITY_MAX_STEPS / 2 - 1);
         cfg.disp_min_px = -*reach;
         cfg.disp_max_px = *reach;
@@ -170,10 +170,11 @@ int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *mi
             last = i;
     }
     if (total < 100 || first < 0) {
-        sst_log_error("the disparity range cannot be told from these views; give it with --range-min and --range-max");
+        sst_log_error("cannot estimate the disparity range from these views; set --range-min and --range-max");
         return -ENODATA;
     }
-    /* One reduced pixel of margin: half a bin is all that the histogram blurs, the rest is for what the cut left out.
+    /* One reduced pixel of margin: half a bin for the histogram's resolution, the rest for the pixels that were cut
+     * off.
      */
     *min_px = floor((-reach + first * 0.5 - 1.0) * factor);
     *max_px = ceil((-reach + (last + 1) * 0.5 + 1.0) * factor);

@@ -7,12 +7,13 @@
 #include "pipeline/method/disparity/stage.h"
 
 /* L <= SST_COST_MAX + p2 along one path (the predecessor's minimum is subtracted), so 8 of them fit 16 bits, and so
- * does the mark for "outside" with p1 added. */
+ * does the value for "outside" with p1 added. */
 static_assert(8 * (SST_COST_MAX + SST_DISPARITY_MAX_PENALTY) <= 65535, "sums of 8 paths fit uint16_t");
 static_assert(SST_SGM_FAR + SST_DISPARITY_MAX_PENALTY <= 65535, "the outside mark plus p1 fits uint16_t");
 static_assert(SST_SGM_FAR > SST_COST_MAX + SST_DISPARITY_MAX_PENALTY, "the outside mark is never the minimum");
 
-/* Rows of L that one direction needs: three slants (from above left, above, above right), this row and the last. */
+/* Rows of L of one sweep: three directions (from above left, above, above right), each with this and the last row, and
+ * one along the row. */
 struct paths {
     uint16_t *now[3], *last[3], *line;
     uint8_t *penalty;

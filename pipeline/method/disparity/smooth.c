@@ -26,7 +26,7 @@ int sst_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines)
             const uint16_t *from = sst_map_u16_row(map, sst_clamp_int(next, 0, map->height - 1));
             uint16_t *to = ring + (size_t)((next + 5) % 5) * padded;
 
-            if (next >= map->height) { /* the last row itself may be overwritten already: take its copy */
+            if (next >= map->height) { /* the last row may be overwritten already: use its copy */
                 memcpy(to, ring + (size_t)((map->height - 1 + 5) % 5) * padded, padded * sizeof(*to));
                 continue;
             }
@@ -43,7 +43,7 @@ int sst_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines)
     return 0;
 }
 
-/* Copy row y of the map and luma into padded rows; columns and rows outside take no part. */
+/* Copy row y of the map and luma into padded rows; columns and rows outside are marked unknown. */
 static void pad_rows(uint16_t *disp, uint8_t *luma_row, const struct sst_map_u16 *map, const struct sst_map_u8 *luma,
                      int y)
 {

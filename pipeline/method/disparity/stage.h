@@ -1,4 +1,5 @@
-/* pipeline/method/disparity/stage.h - the steps of the disparity stage, for disparity.c and the tests. */
+/* pipeline/method/disparity/stage.h - the steps of the disparity stage, for disparity.c, the live pipeline and the
+ * tests. */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_STAGE_H
 #define SST_PIPELINE_METHOD_DISPARITY_STAGE_H
 
@@ -7,33 +8,33 @@
 #include "pipeline/method/disparity/disparity.h"
 
 /*
- * Neighbours at fractional offsets, and steps of less than a pixel, fall between pixels. The census of a view is
- * therefore made of the view shifted by quarter pixels, bilinearly: phase 4 * py + px stands for (px / 4, py / 4). Only
- * phases that some disparity needs are made; phase 0 always is.
+ * Neighbours at fractional offsets, and steps of less than a pixel, fall between pixels. The census is therefore
+ * computed from the view shifted by quarter pixels, bilinearly: phase 4 * py + px stands for (px / 4, py / 4). Only the
+ * phases that some disparity needs are computed; phase 0 always is.
  */
 #define SST_PHASES 16
 
-/** What matching needs of one view. Owner: whoever made it, with sst_descriptor_fini(). */
+/** Matching data of one view. Owner: the caller of sst_descriptor_init(). */
 struct sst_descriptor {
     int width, height;
     struct sst_image image; /* borrowed, or half size and owned */
     bool image_owned;
     struct sst_map_u8 luma; /* BT.601 */
-    struct sst_map_u8 seen; /* 0 where the image has nothing to match: from outside the raw frame; empty: nowhere */
+    struct sst_map_u8 seen; /* 0 where the image must not be matched: outside the raw frame; empty: nowhere */
     uint64_t
         *census[SST_PHASES];  /* [height][census_stride] of the view sampled at (x, y) + phase, or NULL; see below */
     size_t census_stride;     /* elements */
     uint8_t *features;        /* [height][16][feature_stride / 4][4] (see sst_feature_cost_rows_fn), or NULL;
                                * feature_stride bytes before and after it are readable */
     size_t feature_stride;    /* bytes between groups of four channels of one row */
-    void *feature_memory;     /* what holds them */
-    struct sst_mem_kept rows; /* of making a census */
+    void *feature_memory;     /* allocation that holds them */
+    struct sst_mem_kept rows; /* scratch for the census */
 };
 
 struct sst_network;
 
 /**
- * Whether a network can make features of views of this size: one channel in, 64 of the same size out.
+ * Check that a network can compute features of views of this size: one channel in, 64 of the same size out.
  * @param name  of its file, for messages
  * @return 0, -EBADMSG (logged), errors of sst_network_out_shape()
  */
@@ -46,22 +47,22 @@ SST_MUST_CHECK int sst_descriptor_check_network(struct sst_network *net, const c
  */
 SST_MUST_CHECK int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale,
                                        enum sst_cost cost, struct sst_network *net);
-/** A mask at 1 / factor of the size, rounded up: 255 where all of its pixels are. @param out  out, initialised here */
+/** A mask at 1 / factor of the size, rounded up: 255 where all covered pixels are. @param out  out, initialised here */
 SST_MUST_CHECK int sst_mask_reduce(struct sst_map_u8 *out, const struct sst_map_u8 *mask, int factor);
 void sst_descriptor_fini(struct sst_descriptor *desc);
 
-/** Make the census of more phases (bit p of `phases`); a descriptor without census is left alone. */
+/** Compute the census of more phases (bit p of `phases`); no-op for a descriptor without census. */
 SST_MUST_CHECK int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases);
 
-/** Drop the census of all phases but 0. */
+/** Free the census of all phases but 0. */
 void sst_descriptor_drop_phases(struct sst_descriptor *desc);
 
 /**
- * Follow a view whose picture changed in some rows: the descriptor is then as if made anew.
+ * Update the descriptor of a view that changed in some rows; equal to initialising it from the new image.
  *
  * @param desc  of scale 2 and census alone
  * @param img   the view, as large as ever
- * @param y0, y1  rows of the descriptor, y1 not included, that hold all that changed
+ * @param y0, y1  rows of the descriptor, y1 excluded, that contain all changes
  * @return 0, -ENOMEM
  */
 SST_MUST_CHECK int sst_descriptor_renew(struct sst_descriptor *desc, const struct sst_image *img, int y0, int y1);
@@ -71,32 +72,33 @@ SST_MUST_CHECK int sst_descriptor_renew(struct sst_descriptor *desc, const struc
 /**
  * The bands of rows in which the matching network is run over a view: a function of the view's size alone, so that the
  * features never depend on threads. Bands are of one height. Each starts `step` rows below the one before, but the last
- * one, which ends with the view; all starts are multiples of SST_FEATURE_TILE, so Winograd's tiles lie where they lie
- * in the whole view.
+ * one, which ends with the view; all starts are multiples of SST_FEATURE_TILE, so Winograd's tiles are those of the
+ * whole view.
  */
 struct sst_feature_bands {
     int count, step, height;
 };
 
-/** Rows first .. end - 1 are kept of a run over those from start on. */
+/** The run over the rows from start on yields rows first .. end - 1. */
 struct sst_feature_band {
     int start, first, end;
 };
 
 /**
  * @param rows    of the view, at least 1
- * @param radius  of the network: rows above and below that a result depends on; negative: not known, one band of all
+ * @param radius  of the network: rows above and below that a result depends on; negative: unknown, one band with all
+ * rows
  */
 struct sst_feature_bands sst_feature_bands(int rows, int radius);
 struct sst_feature_band sst_feature_band(const struct sst_feature_bands *bands, int rows, int radius, int i);
 
 /**
- * Make the features of a descriptor that has its luma: standardised over the whole view, the network run band by band
- * where its metadata sst.radius tells its radius. The values of a run over the whole view, but for the last digits of
+ * Compute the features of a descriptor that has its luma: standardised over the whole view, the network run band by
+ * band if its metadata has sst.radius. The values are those of a run over the whole view, except for the last digits of
  * Winograd's floats, which depend on up to five rows beyond the radius: at most one step of a component, rarely.
  *
- * @return 0, -EBADMSG (not a matching network: one channel in, SST_FEATURE_CHANNELS of the same size out; a radius that
- * is no number; logged), -ENOMEM and what sst_network_run_s8() returns
+ * @return 0, -EBADMSG (not a matching network: one channel in, SST_FEATURE_CHANNELS of the same size out; an invalid
+ * radius; logged), -ENOMEM and what sst_network_run_s8() returns
  */
 SST_MUST_CHECK int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network *net);
 
@@ -113,36 +115,37 @@ struct sst_neighbour {
 struct sst_volume {
     int width, height;
     size_t width_padded; /* multiple of 64 */
-    int x0, y0;          /* the pixel of the view that is the volume's first: 0, 0 but for windows */
-    size_t pixels;       /* room: width_padded * height at most */
+    int x0, y0;          /* the view's pixel at the volume's origin: 0, 0 except for windows */
+    size_t pixels;       /* capacity: width_padded * height at most */
     int disp_min, steps;
     int divisor;         /* steps per pixel: 1 (set by init), 2 or 4 */
     int phase_step;      /* quarter pixels that shifts are rounded to: 4 (whole pixels, set by init), 2 or 1 */
     size_t steps_padded; /* multiple of 32; the padding costs SST_COST_MAX */
     uint8_t *cost;
-    uint16_t *sum;             /* the same shape: summed path costs; made by sst_sgm() */
+    uint16_t *sum;             /* the same shape: summed path costs; allocated by sst_sgm() */
     void *scratch;             /* of sst_volume_fill(), see volume.c */
-    struct sst_mem_kept lines; /* of the other steps, one after the other */
+    struct sst_mem_kept lines; /* scratch of the other steps */
 };
 
 SST_MUST_CHECK int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps);
 void sst_volume_fini(struct sst_volume *v);
 
 /**
- * Let the volume stand for a part of a view, inside it, from now on: only that is matched, against whole neighbours.
- * For views with census alone.
+ * Restrict the volume to a window of a view: only that is matched, against whole neighbours. For views with census
+ * alone.
  *
  * @param width, height  at most those of sst_volume_init()
  */
 void sst_volume_window(struct sst_volume *v, int x0, int y0, int width, int height);
 
-/** Bytes that a volume of this size takes. */
+/** Bytes of a volume of this size. */
 size_t sst_volume_bytes(int width, int height, int steps);
 
 /**
  * Fill the costs of `ref` against 1..SST_MAX_NEIGHBOURS neighbours. Of several, occluded ones are expected to be the
- * dear ones: with two the cheaper one counts three times the other, with more the mean of the two cheapest. What one
- * neighbour alone sees takes its cost, and what none sees, or is not there to be seen, a constant.
+ * expensive ones: with two the cheaper one has three times the weight of the other, with more the result is the mean of
+ * the two cheapest. A pixel that a single neighbour sees gets its cost; one that none sees, or that is invalid, a
+ * constant.
  */
 void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, const struct sst_neighbour *neighbours,
                      int count);
@@ -178,14 +181,14 @@ static inline size_t sst_sgm_line(const struct sst_volume *v)
 /** The phases that matching against a neighbour at offset b needs of it. */
 unsigned sst_volume_phases(const struct sst_volume *v, double bx, double by);
 
-/** Put v->sum, less each pixel's minimum and cut at 255, back into v->cost for another aggregation. */
+/** Store v->sum, minus each pixel's minimum and clamped to 255, in v->cost for another aggregation. */
 void sst_volume_requantise(struct sst_volume *v);
 
 /**
  * Winner takes all with the parabola through three costs (flat or border minimum: the integer).
  *
  * @param disp_q6     out, 1/64 px above v->disp_min
- * @param confidence  out, 0..255: how far the second minimum is
+ * @param confidence  out, 0..255: distance to the second minimum
  * @param from_cost   read v->cost instead of v->sum
  */
 SST_MUST_CHECK int sst_volume_winner(struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6,
@@ -200,25 +203,26 @@ SST_MUST_CHECK int sst_median5(struct sst_map_u16 *map, struct sst_mem_kept *lin
 /**
  * Bilateral filter of the paper with g the standard normal density (radius 3):
  * D(p) = sum D(q) g(|p-q|) 1(|I(p)-I(q)| < tau) / sum, over q with a known disparity within SST_BILATERAL_STEP_Q6 of
- * D(p): averaging across a depth edge would put pixels where nothing is.
+ * D(p): averaging across a depth edge would create points in empty space.
  */
 SST_MUST_CHECK int sst_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
 
-/** Fuse two maps of a view by confidence: agreement within 1 px averages, else the surer one wins, ties to the first.
+/** Fuse two maps of a view by confidence: agreement within 1 px averages, else the more confident one wins, ties to the
+ * first.
  */
 void sst_fuse(struct sst_map_u16 *disp, struct sst_map_u8 *confidence, const struct sst_map_u16 *other_disp,
               const struct sst_map_u8 *other_confidence);
 
 /** Outcome of the multi-view check. */
-enum sst_check {
-    SST_CHECK_CORRECT = 0,
-    SST_CHECK_MISMATCH = 1,
-    SST_CHECK_OCCLUSION = 2,
+enum sst_disparity_check {
+    SST_DISPARITY_CORRECT = 0,
+    SST_DISPARITY_MISMATCH = 1,
+    SST_DISPARITY_OCCLUSION = 2,
 };
 
 /** A neighbouring view's disparities at offset b from the view under check. */
 struct sst_checked_view {
-    const struct sst_map_u16 *disp_q6; /* the same zero as the view's own */
+    const struct sst_map_u16 *disp_q6; /* same disparity of value 0 as the view's own */
     const struct sst_map_u8 *status;   /* for filling; NULL while checking */
     double bx, by;
 };
@@ -227,17 +231,17 @@ struct sst_checked_view {
  * DESIGN 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them; mismatch if
  * that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1; else occlusion.
  *
- * @param status  out, enum sst_check
+ * @param status  out, enum sst_disparity_check
  * @param disp_min_px  disparity of stored value 0
  */
 void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px, int steps,
                      const struct sst_checked_view *views, int count);
 
 /**
- * DESIGN 5.2 step 5: occlusions take the disparity of a correct pixel of a neighbour that projects onto them (near
- * views first, the foremost one where several do), mismatches the median of the nearest correct pixels in 16
- * directions, the rest the smaller of the nearest correct disparities to both sides (background). The result is dense
- * if any pixel is correct.
+ * DESIGN 5.2 step 5: occlusions get the disparity of a neighbour's correct pixel that projects onto them (near views
+ * first, the nearest surface of several), mismatches the median of the nearest correct pixels in 16 directions, the
+ * rest the smaller of the nearest correct disparities to both sides (background). The result is dense if any pixel is
+ * correct.
  *
  * @param views  the nearer neighbours first; near_count of them are one spacing away
  */

@@ -5,7 +5,7 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/disparity/stage.h"
 
-/* Rows of column sums kept: one above the highest arm, the row itself, and the lowest arm below. */
+/* Rows of column sums in the ring: one above the highest arm, the row itself, and those of the lowest arm. */
 #define RING (2 * SST_SUPPORT_MAX_ARM + 2)
 
 void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int x0, int y1, int x1, int n)
@@ -24,7 +24,7 @@ void sst_colour_step_row(uint8_t *out, const struct sst_image *img, int y0, int 
 
 /*
  * Arm lengths of one row towards (dx, dy): an arm stops at the border, at `arm`, and before a pixel that differs by tau
- * or more. Step by step over the whole row, so that compilers vectorise it.
+ * or more. One step at a time over the whole row, so that compilers vectorise it.
  *
  * @param scratch  2 * width bytes
  */
@@ -64,7 +64,7 @@ int sst_support_init(struct sst_support *s, const struct sst_image *img, int arm
         return err;
     }
     for (int y = 0; y < h; y++) {
-        uint8_t *scratch = (uint8_t *)sst_map_u16_row(&made.count, y); /* free until the counts are made */
+        uint8_t *scratch = (uint8_t *)sst_map_u16_row(&made.count, y); /* unused until the counts are computed */
 
         arm_row(sst_map_u8_row(&made.left, y), scratch, img, y, -1, 0, arm, tau);
         arm_row(sst_map_u8_row(&made.right, y), scratch, img, y, 1, 0, arm, tau);

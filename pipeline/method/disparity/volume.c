@@ -8,24 +8,23 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/disparity/stage.h"
 
-/* Real costs are kept below it, so that it can mark "the neighbour does not see this" inside the tiles. */
+/* Costs are clamped below it; inside the tiles this value means "outside the neighbour". */
 #define ABSENT 255
-/* Cost of what no neighbour sees: the same for every disparity, so that only smoothness decides. */
+/* Cost of pixels that no neighbour sees: the same for every disparity, so that only smoothness decides. */
 #define COST_UNSEEN 96
 /*
- * Costs are made in tiles: BAND rows of a strip of columns, one neighbour after the other. What a tile reads of a
- * neighbour (steps rows below each other for those above and below) then stays in the second-level cache for all rows
- * of the band.
+ * Costs are computed in tiles: BAND rows of a strip of columns, one neighbour after the other. A tile's part of a
+ * neighbour (one row per step for those above and below) then stays in the second-level cache for all rows of the band.
  */
 #define BAND  16
 #define STRIP 128 /* multiple of 64 */
 
-/* Where a disparity step puts a pixel in a neighbour. */
+/* Mapping of a pixel into a neighbour by one disparity step. */
 struct step {
     int x, y;           /* whole pixels, rounded down ... */
-    int phase;          /* ... and which quarters */
-    int near_x, near_y; /* nearest whole pixels: features are made for those only */
-    int place;          /* row of feature costs: steps that share the nearest pixel share it */
+    int phase;          /* ... and the quarters left over */
+    int near_x, near_y; /* nearest whole pixels: features exist only for those */
+    int place;          /* row of feature costs, shared by steps with the same nearest pixel */
 };
 
 static size_t padded_steps(int steps)
@@ -40,7 +39,7 @@ size_t sst_volume_bytes(int width, int height, int steps)
     return 3 * cells;
 }
 
-/* Two costs of a tile, feature costs of a row of it, one row of census costs; then places and steps. */
+/* Two costs of a tile, feature costs of a row of it, one row of census costs; then positions and steps. */
 static size_t tile_bytes(const struct sst_volume *v)
 {
     return STRIP * ((2 * BAND + 1) * v->steps_padded + 1);
@@ -65,7 +64,7 @@ int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, i
     made.cost = sst_mem_alloc_raw(cells, 1);
     made.sum = sst_mem_alloc_raw(cells, sizeof(uint16_t));
     made.scratch = sst_mem_alloc_raw(1, scratch_bytes(&made));
-    /* What sst_sgm() needs on 4 paths, so that nothing is taken later on. */
+    /* Allocate what sst_sgm() needs on 4 paths, so that nothing is allocated later. */
     if (!made.cost || !made.sum || !made.scratch ||
         !sst_mem_keep(&made.lines, 3 * sst_sgm_line(&made) + (size_t)width, sizeof(uint16_t))) {
         sst_volume_fini(&made);
@@ -94,7 +93,7 @@ void sst_volume_fini(struct sst_volume *v)
     *v = (struct sst_volume){ 0 };
 }
 
-/* Where disparity step i puts a pixel in a neighbour at offset b along one axis: in quarter pixels from its own place.
+/* Displacement by disparity step i into a neighbour at offset b along one axis, in quarter pixels.
  */
 static int shift_q2(const struct sst_volume *v, int i, double b)
 {
@@ -159,8 +158,8 @@ static void feature_costs(const struct strip *s, const struct sst_neighbour *n, 
 
     for (int i = 0; i < v->steps; i++) {
         const struct step *at = &steps[i];
-        /* What lies beside the row within its width may be read (see struct sst_descriptor); what is farther off, and
-         * other rows, no step will ask for: any features do. */
+        /* What lies beside the row within its width may be read (see struct sst_descriptor); farther columns and other
+         * rows are not used by any step: any features do. */
         const bool inside = y + at->near_y >= 0 && y + at->near_y < v->height && abs(at->near_x) < v->width;
 
         if (at->place == count)
@@ -171,8 +170,8 @@ static void feature_costs(const struct strip *s, const struct sst_neighbour *n, 
 }
 
 /* Costs of one row and step: [x1 - x0) pixels from x0 on, of the census, the features or both. */
-static void take_costs(const struct strip *s, uint8_t *first, uint8_t *second, const uint8_t *features, int from,
-                       int to)
+static void merge_costs(const struct strip *s, uint8_t *first, uint8_t *second, const uint8_t *features, int from,
+                        int to)
 {
     const uint8_t *census = s->census + from, *cost = features + from;
 
@@ -180,10 +179,10 @@ static void take_costs(const struct strip *s, uint8_t *first, uint8_t *second, c
                                     s->ref->features ? cost : census, (size_t)(to - from));
 }
 
-/* The same where the pixel and what it is matched with are in the pictures: black borders are like nothing, and each
- * other. Windows that reach into them tell enough to be kept (docs/calibration-rectify.md). */
-static void take_seen(const struct strip *s, const struct sst_neighbour *n, const struct step *at, int x0, int x1,
-                      int y, uint8_t *first, uint8_t *second, const uint8_t *features)
+/* The same, only where the pixel and its match are valid: black borders match each other only. Windows that reach into
+ * them are still useful (docs/calibration-rectify.md). */
+static void merge_valid(const struct strip *s, const struct sst_neighbour *n, const struct step *at, int x0, int x1,
+                        int y, uint8_t *first, uint8_t *second, const uint8_t *features)
 {
     const int left = s->v->x0;
     const uint8_t *own = s->ref->seen.data ? sst_map_u8_row(&s->ref->seen, y) + left : NULL;
@@ -193,11 +192,11 @@ static void take_seen(const struct strip *s, const struct sst_neighbour *n, cons
         for (to = from; to < x1 && (!own || own[to]) && (!there || there[to + at->x]); to++)
             ;
         if (to > from)
-            take_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, from - x0, to - x0);
+            merge_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, from - x0, to - x0);
     }
 }
 
-/* Take row y of the view, matched with one neighbour, into the two cheapest costs, [steps][padded] each. Columns are
+/* Merge the costs of row y against one neighbour into the two cheapest costs, [steps][padded] each. Columns are
  * the volume's, which begins at column v->x0 of the view. */
 static void match_row(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y,
                       uint8_t *first, uint8_t *second)
@@ -223,9 +222,9 @@ static void match_row(const struct strip *s, const struct sst_neighbour *n, cons
                            n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (v->x0 + x0 + at->x),
                            (size_t)(x1 - x0));
         if (ref->seen.data || n->desc->seen.data)
-            take_seen(s, n, at, x0, x1, y, first, second, features);
+            merge_valid(s, n, at, x0, x1, y, first, second, features);
         else
-            take_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, 0, x1 - x0);
+            merge_costs(s, first + (x0 - s->x0), second + (x0 - s->x0), features, 0, x1 - x0);
     }
 }
 

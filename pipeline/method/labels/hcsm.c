@@ -21,11 +21,11 @@ void sst_hcsm(struct sst_map_u8 *label, const struct sst_map_f32 *entropy, doubl
 
 /* --- the threshold -------------------------------------------------------------------------------- */
 
-/* Scores closer than this in the log domain are equal: far above the rounding of three logarithms, far below the least
- * change by one pixel in any image. */
+/* Scores closer than this in the log domain are equal: far above the rounding of three logarithms, far below the effect
+ * of one pixel in any image. */
 #define SCORE_TIE 1e-13
 
-/* One pixel with a label and a truth: bits of its entropy (ordered like the number, which is not negative) and whether
+/* One pixel with a label and a truth: the bits of its entropy (which order like the non-negative number) and whether
  * the label is right, in one sortable word. */
 static uint64_t pack(float h, bool correct)
 {
@@ -52,7 +52,7 @@ static int compare(const void *a, const void *b)
     return u < v ? -1 : u > v;
 }
 
-/* Pixels whose truth is labelled go into n_truth, those of them that a threshold can keep into packed. */
+/* Count the pixels with a true label in n_truth; pack those that a threshold can keep. */
 static int collect(uint64_t *packed, size_t *n_packed, size_t *n_truth, const struct sst_map_u8 *label,
                    const struct sst_map_f32 *entropy, const struct sst_map_u8 *truth)
 {
@@ -62,10 +62,9 @@ static int collect(uint64_t *packed, size_t *n_packed, size_t *n_truth, const st
 
         for (int x = 0; x < truth->width; x++) {
             if (!(h[x] >= 0)) {
-                sst_log_error(
-                    "entropy threshold: the entropy at (%d, %d) is %g, not a number from 0 up; segment the view"
-                    " again",
-                    x, y, (double)h[x]);
+                sst_log_error("entropy threshold: the entropy at (%d, %d) is %g, not a number of at least 0; segment "
+                              "the view again",
+                              x, y, (double)h[x]);
                 return -EBADMSG;
             }
             if (t[x] == SST_LABEL_NONE)
@@ -98,7 +97,7 @@ static struct sst_epsilon_result best_prefix(const uint64_t *packed, size_t n, s
         if (!(score > best_log + SCORE_TIE))
             continue;
         best_log = score;
-        /* Halfway to the next value, in double, lies strictly above h and not above the next. */
+        /* The midpoint in double lies strictly above h and not above the next value. */
         best.eps_h = isfinite(next) ? ((double)h + (double)next) / 2 : (double)nextafterf(h, INFINITY);
         best.score = exp(score);
         best.accuracy = accuracy;
@@ -144,10 +143,9 @@ int sst_epsilon_search(struct sst_epsilon_result *out, const struct sst_map_u8 *
     }
     free(packed);
     if (err == -ENODATA) {
-        sst_log_error(
-            "entropy threshold: not one of the %zu hand-labelled pixels has the right label; check that the truth"
-            " belongs to this view and class list",
-            n_truth);
+        sst_log_error("entropy threshold: none of the %zu hand-labelled pixels has the correct label; check that the "
+                      "hand labels are of this view and class list",
+                      n_truth);
         err = -EBADMSG;
     }
     return err;

@@ -6,7 +6,7 @@
 #include "pipeline/image/image.h"
 #include "pipeline/method/network/network.h"
 
-/** Keep a label where entropy < eps_h, else SST_LABEL_NONE. Thread: any. In place. */
+/** Set labels to SST_LABEL_NONE unless entropy < eps_h. In place. Thread: any. */
 void sst_hcsm(struct sst_map_u8 *label, const struct sst_map_f32 *entropy, double eps_h);
 
 struct sst_epsilon_result {
@@ -14,11 +14,11 @@ struct sst_epsilon_result {
 };
 
 /**
- * The eps_h that maximises Acc^m * Cvg on one hand-labelled view (DESIGN 5.1): all thresholds scanned exactly, O(n log
- * n), compared in the log domain, ties (to 1e-13 there) to the smaller one.
+ * The eps_h that maximises Acc^m * Cvg on one hand-labelled view (DESIGN 5.1): an exact scan of all thresholds in O(n
+ * log n), compared in the log domain; ties (to 1e-13) go to the smaller one.
  *
  * Over the N pixels whose truth is not 0 (the background is left out), with those kept whose label is not 0 and H <
- * eps_h: TP = kept and right, FP = kept and wrong, FN = N - TP: all that are not kept with the right label. So Acc = TP
+ * eps_h: TP = kept and right, FP = kept and wrong, FN = N - TP: all pixels not kept with the right label. So Acc = TP
  * / kept and Cvg = TP / N. Pixels of equal entropy enter together; eps_h lies halfway between the last entropy kept and
  * the first one dropped, or just above the last where all are kept.
  *
@@ -48,42 +48,42 @@ struct sst_model_info;
 
 struct sst_network;
 
-/** What the network says of itself, and the network. Owner: seg. */
+/** The network's description, and the network. Owner: seg. */
 const struct sst_model_info *sst_segmenter_info(const struct sst_segmenter *seg);
 struct sst_network *sst_segmenter_network(const struct sst_segmenter *seg);
 const struct sst_classes *sst_segmenter_classes(const struct sst_segmenter *seg);
 
-/** Default entropy threshold that the model carries. */
+/** The model's default entropy threshold. */
 double sst_segmenter_eps_h(const struct sst_segmenter *seg);
 
-/** How images meet the network. Zeroed: the default. */
+/** How images are scaled and cut for the network. Zeroed: the default. */
 struct sst_segment_config {
-    double scale; /* sides of what the network sees over those of the nominal working size; 0: by the image's size */
+    double scale; /* side of the network's input over that of the nominal working size; 0: chosen by the image's size */
     bool windows; /* overlapping windows of the nominal size instead of one run */
 };
 
-/** For all images from now on. @param cfg  scale 0 or 0.1 .. 16 */
+/** Applies to all later images. @param cfg  scale 0 or 0.1 .. 16 */
 void sst_segmenter_configure(struct sst_segmenter *seg, const struct sst_segment_config *cfg);
 
 /**
  * Label one image.
  *
- * The network sees the image at its own proportions, sides multiples of 8; one of a fixed size, or with windows of
- * fixed sizes, sees it stretched to the nominal size. By default an image keeps its own pixels where their area is that
- * of the nominal working size with 1 to 1.5 times its sides, and is resized to the nearer of these two otherwise:
+ * The network's input keeps the image's proportions, with sides that are multiples of 8; for a network of fixed size,
+ * or fixed-size windows, the image is stretched to the nominal size. By default an image whose sides are 1 to 1.5 times
+ * those of the nominal working size (by area) is not resized; others are resized to the nearer of the two limits:
  * objects then have the sizes that networks learn (measured: docs/bench-labels.md). Windows are blended where they
- * overlap. Probabilities are brought back along the outlines of the image (upsample.h). Beyond label and entropy,
- * memory does not grow with the image unless prob is wanted. Same bytes for any number of threads.
+ * overlap. Probabilities are upsampled along the edges of the image (upsample.c). Apart from label and entropy, memory
+ * does not grow with the image unless prob is requested. Same bytes for any number of threads.
  *
  * @param label, entropy  out, initialised here, of the image's size; entropy may be NULL
- * @param prob  out, malloc'ed [classes][height][width] of the image's size, or NULL when not wanted
+ * @param prob  out, malloc'ed [classes][height][width] of the image's size, or NULL
  * @return 0, -EBADMSG (the network gave NaN or infinities), -EINVAL (it cannot run at this size), -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label,
                                struct sst_map_f32 *entropy, float **prob);
 
-/** The labels of sst_segment() whose entropy is below sst_segmenter_eps_h() (HCSM); takes no memory but the label's
- * once it ran for an image of that size. @param label  out, initialised here @return as sst_segment() */
+/** The labels of sst_segment() whose entropy is below sst_segmenter_eps_h() (HCSM); allocates nothing but the label map
+ * after its first run for an image of that size. @param label  out, initialised here @return as sst_segment() */
 SST_MUST_CHECK int sst_segment_sure(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label);
 
 #endif

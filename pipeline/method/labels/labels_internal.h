@@ -1,5 +1,4 @@
-/* pipeline/method/labels/labels_internal.h - what the files of this folder share; code outside of it includes the
- * public headers. */
+/* pipeline/method/labels/labels_internal.h - private declarations of this folder. */
 #ifndef SST_PIPELINE_METHOD_LABELS_LABELS_INTERNAL_H
 #define SST_PIPELINE_METHOD_LABELS_LABELS_INTERNAL_H
 
@@ -7,32 +6,32 @@
 #include "base/mem.h"
 #include "pipeline/image/image.h"
 
-/* --- resample: an image brought to the working size of a network, as floats. --- */
+/* --- resample: an image resized to the working size of a network, as floats. --- */
 
 /**
- * Resize the three planes: along an axis that shrinks, each output sample is the mean of the input that it covers (with
- * fractions of samples at the ends); along one that grows, bilinear with half-pixel centres. Same bytes for any
- * threads.
+ * Resize the three planes: along an axis that shrinks, each output sample is the mean of the input samples that it
+ * covers (fractions of samples at the ends included); along one that grows, bilinear with half-pixel centres. Same
+ * bytes for any threads.
  *
  * @param out  [3][height][width], (sample / 255 - mean[c]) / std[c]
  * @param kept  scratch
  * @return 0 or -ENOMEM (not logged)
  */
-SST_MUST_CHECK int sst_resample(float *out, int width, int height, const struct sst_image *img, const double mean[3],
-                                const double std[3], int threads, struct sst_mem_kept *kept);
+SST_MUST_CHECK int resample_planes(float *out, int width, int height, const struct sst_image *img, const double mean[3],
+                                   const double std[3], int threads, struct sst_mem_kept *kept);
 
 /* --- tiles: one axis cut into overlapping windows of equal length whose weights sum to 1. --- */
 
 struct tiles {
     int total, length; /* samples of the axis and of each window; multiples of unit */
-    int overlap;       /* samples over which one window gives way to the next; neighbours share at least these */
+    int overlap;       /* samples of the transition between two windows; neighbours share at least these */
     int unit;          /* windows start at multiples of it */
     int count;         /* of windows */
 };
 
 /**
- * As few windows as share a quarter of their length, spread evenly from the first to the last sample; one window of the
- * whole axis where that is not longer than length.
+ * The smallest number of windows that overlap by a quarter of their length, spread evenly over the axis; one window if
+ * the axis is not longer than length.
  *
  * @param total   at least 1, a multiple of unit
  * @param length  a multiple of unit, at least 8 of them where it is less than total
@@ -43,19 +42,19 @@ struct tiles tiles_plan(int total, int length, int unit);
 int tiles_start(const struct tiles *t, int k);
 
 /**
- * Weight of sample i of window k, 0..1. The weights of all windows at one place of the axis sum to 1 (to the rounding
- * of floats): window k takes over from k - 1 along 3 u^2 - 2 u^3 in the middle of what they share, so that the ends of
- * a window, which see nothing beyond them, do not count.
+ * Weight of sample i of window k, 0..1. At each point of the axis the weights of all windows sum to 1 (to the rounding
+ * of floats): the transition from k - 1 to k follows 3 u^2 - 2 u^3 in the middle of their overlap, so that the ends of
+ * a window, which lack context, do not count.
  */
 float tiles_weight(const struct tiles *t, int k, int i);
 
-/* --- upsample: class probabilities on a coarse grid become labels and entropies of every pixel. --- */
+/* --- upsample: labels and entropies of every pixel from class probabilities on a coarse grid. --- */
 
-/** Distributions at the places of a grid that covers the image. */
+/** Class distributions in the cells of a grid that covers the image. */
 struct class_grid {
     int width, height, count;
     size_t values; /* floats of a cell: class_grid_values() */
-    float *cell;   /* [height][width][values]: count probabilities, >= 0 with sum 1; the rest is used inside */
+    float *cell;   /* [height][width][values]: count probabilities, >= 0 with sum 1; the rest is used internally */
 };
 
 /** Scratch. Zeroed: none yet. */
@@ -69,16 +68,16 @@ void upsample_memory_fini(struct upsample_memory *memory);
 size_t class_grid_values(int count);
 
 /**
- * Most probable class + 1 and entropy of every pixel, from the 4x4 cells around it: each counts by its distance (Gauss,
- * 0.7 cells) and by how like the pixel's colour is to the mean of the image under the cell (Gauss, SST_GUIDE_SIGMA). So
- * leaves and outlines end where the picture says, not between cells. Where all 16 cells have one winner it wins, which
- * spares most pixels the work where the label alone is wanted.
+ * Most probable class + 1 and entropy of every pixel, from the 4x4 cells around it: each is weighted by its distance
+ * (Gauss, 0.7 cells) and by the difference between the pixel's colour and the image's mean under the cell (Gauss,
+ * SST_GUIDE_SIGMA). So leaves and outlines end at image edges, not between cells. If all 16 cells have the same winner
+ * it wins, which saves most of the work when only the label is requested.
  *
  * @param label    out, of the image's size
  * @param entropy  out, of that size too; or NULL
  * @param prob     out [count][height][width]; or NULL
  * @param grid     the free floats of its cells are set here
- * @return 0 or -ENOMEM (not logged). Same bytes for any number of threads; the same labels whatever else is wanted.
+ * @return 0 or -ENOMEM (not logged). Same bytes for any number of threads; the same labels whatever else is requested.
  */
 SST_MUST_CHECK int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float *prob,
                                    struct class_grid *grid, const struct sst_image *img, int threads,

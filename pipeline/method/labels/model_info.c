@@ -1,4 +1,5 @@
-/* A network's description: the YAML file beside it first, then the metadata inside it for what that leaves open. */
+/* A network's description: the YAML file beside it first, then the metadata inside it for entries that the file lacks.
+ */
 #include "pipeline/method/labels/model_info.h"
 
 #include <errno.h>
@@ -33,7 +34,7 @@ static const char *const ranges[] = { "0..1", "0..255" };
 
 /* --- classes, for both sources ------------------------------------------------------------------------------------ */
 
-/* Append a channel; what is wrong with its name, or NULL. */
+/* Append a channel. @return NULL, or the rule that its name breaks */
 static const char *add_channel(struct reader *r, const char *name, size_t n)
 {
     struct sst_model_info *info = r->info;
@@ -50,7 +51,7 @@ static const char *add_channel(struct reader *r, const char *name, size_t n)
     return NULL;
 }
 
-/* The label of a class name, made where it is new; 0 where the list is full. */
+/* The label of a class name, added if new; 0 if the list is full. */
 static int find_or_add(struct sst_classes *c, const char *name)
 {
     const int label = sst_classes_find(c, name);
@@ -63,7 +64,7 @@ static int find_or_add(struct sst_classes *c, const char *name)
 
 /* --- metadata ----------------------------------------------------------------------------------------------------- */
 
-/* Value of a metadata entry, unless the YAML file speaks of the same. */
+/* Value of a metadata entry, unless the YAML file sets it. */
 static const char *metadata(const struct reader *r, const char *key)
 {
     const char *value = r->net ? sst_network_metadata(r->net, key) : NULL;
@@ -79,7 +80,7 @@ static int bad_metadata(const struct reader *r, const char *key, const char *wan
     const char *value = sst_network_metadata(r->net, key);
 
     sst_log_error(
-        "model %s: its metadata %s is %.80s; it must be %s: export it again, or say it in a YAML file beside it",
+        "model %s: its metadata %s is %.80s; it must be %s: export it again, or set it in a YAML file beside it",
         r->path, key, value ? value : "missing", want);
     return -EBADMSG;
 }
@@ -147,7 +148,7 @@ static int read_classes(struct reader *r)
 
 static int no_classes(const struct reader *r)
 {
-    sst_log_error("model %s does not say which classes its output stands for: list them in a YAML file beside it"
+    sst_log_error("model %s does not name the classes of its output: list them in a YAML file beside it"
                   " (docs/networks.md) or in its metadata sst.classes",
                   r->path);
     return -EBADMSG;
@@ -217,7 +218,7 @@ static int read_metadata(struct reader *r)
 
 /* --- YAML --------------------------------------------------------------------------------------------------------- */
 
-/* A mapping from channel numbers to names, in any order, must name them all. */
+/* A mapping from channel numbers to names, in any order, must be complete. */
 static const struct sst_yaml_node *numbered(struct reader *r, const struct sst_yaml_node *map, int channel)
 {
     char key[12];
@@ -239,7 +240,7 @@ static void yaml_classes(struct reader *r, struct sst_yaml_node *node)
     if (!node)
         return;
     if (node->type == SST_YAML_SCALAR || !node->count) {
-        sst_yaml_fault(r->doc, node, "wants a list of names, one for each channel of the output");
+        sst_yaml_fault(r->doc, node, "must be a list of names, one for each channel of the output");
         return;
     }
     sst_yaml_know_all(node);
@@ -252,21 +253,21 @@ static void yaml_classes(struct reader *r, struct sst_yaml_node *node)
             return;
         fault = add_channel(r, name, strlen(name));
         if (fault) {
-            sst_yaml_fault(r->doc, one, "wants %s; %s does not fit", fault, name);
+            sst_yaml_fault(r->doc, one, "must be %s; `%s` is not allowed", fault, name);
             return;
         }
         one = one->next;
     }
 }
 
-/* Channels become classes, several of them the same one where `labels` says so. */
+/* Map channels to classes; `labels` joins several channels into one class. */
 static bool join_channels(struct reader *r, struct sst_yaml_node *labels)
 {
     struct sst_model_info *info = r->info;
     bool ok = true;
 
     if (labels && labels->type != SST_YAML_MAP)
-        sst_yaml_fault(r->doc, labels, "wants lines \"name of a class: name of the label that it becomes\"");
+        sst_yaml_fault(r->doc, labels, "must have lines \"class name: label name\"");
     for (int i = 0; i < info->channels; i++) {
         const struct sst_yaml_node *to = sst_yaml_get(labels, r->names[i]);
         char name[SST_CLASS_NAME_MAX];
@@ -287,7 +288,7 @@ static void yaml_ground(struct reader *r, const struct sst_yaml_node *list)
     char name[SST_CLASS_NAME_MAX];
 
     if (list && list->type != SST_YAML_LIST)
-        sst_yaml_fault(r->doc, list, "wants a list of class names");
+        sst_yaml_fault(r->doc, list, "must be a list of class names");
     for (const struct sst_yaml_node *n = list ? list->first : NULL; n; n = n->next) {
         int label;
 
@@ -297,7 +298,7 @@ static void yaml_ground(struct reader *r, const struct sst_yaml_node *list)
         if (label)
             r->info->classes.ground[label - 1] = true;
         else
-            sst_yaml_fault(r->doc, n, "names %s, which is none of the classes; correct its spelling", name);
+            sst_yaml_fault(r->doc, n, "names the unknown class `%s`; correct its spelling", name);
     }
 }
 
@@ -309,7 +310,7 @@ static void yaml_normalisation(struct reader *r)
     sst_yaml_doubles(r->doc, sst_yaml_get(r->root, "mean"), -MEAN_MAX, MEAN_MAX, r->info->mean, 3);
     sst_yaml_doubles(r->doc, std, STD_MIN, STD_MAX, r->info->std, 3);
     if (std && scale)
-        sst_yaml_fault(r->doc, scale, "and std say the same (scale is 1 / std); keep one of them");
+        sst_yaml_fault(r->doc, scale, "and std set the same value (scale is 1 / std); keep one of them");
     if (sst_yaml_doubles(r->doc, scale, 1 / STD_MAX, 1 / STD_MIN, scales, 3)) {
         for (int c = 0; c < 3; c++)
             r->info->std[c] = 1 / scales[c];
@@ -328,7 +329,7 @@ static void yaml_size(struct reader *r)
         r->info->width = w;
         r->info->height = h;
     } else {
-        sst_yaml_fault(r->doc, node, "wants WIDTHxHEIGHT with sides of 8..8192, such as 480x360, not %s", text);
+        sst_yaml_fault(r->doc, node, "must be WIDTHxHEIGHT with sides of 8..8192, such as 480x360, not %s", text);
     }
 }
 
@@ -352,7 +353,7 @@ static void read_yaml(struct reader *r)
 
 /* --- both --------------------------------------------------------------------------------------------------------- */
 
-/* Mean and deviation are given in the units of `range`; inside they are those of 0..1. */
+/* Mean and deviation are read in the units of `range` and stored in those of 0..1. */
 static void settle_range(struct reader *r)
 {
     for (int c = 0; r->range_255 && c < 3; c++) {
@@ -361,17 +362,17 @@ static void settle_range(struct reader *r)
     }
 }
 
-/* A network made for one size runs at that size. */
+/* A network of fixed size runs at that size. */
 static int settle_size(struct reader *r)
 {
-    const bool told = sst_yaml_get(r->root, "size") || metadata(r, "sst.size");
+    const bool specified = sst_yaml_get(r->root, "size") || metadata(r, "sst.size");
     int w = 0, h = 0;
 
     if (r->net)
         sst_network_in_size(r->net, &w, &h);
     if (!w || !h)
         return 0;
-    if (told && (w != r->info->width || h != r->info->height)) {
+    if (specified && (w != r->info->width || h != r->info->height)) {
         sst_log_error("model %s takes images of %dx%d only, but its description says size %dx%d; leave size out",
                       r->path, w, h, r->info->width, r->info->height);
         return -EBADMSG;
@@ -382,7 +383,7 @@ static int settle_size(struct reader *r)
     return 0;
 }
 
-/* The channels' names from where they are given, and the classes that they make. */
+/* Read the channels' names from file or metadata and build the classes. */
 static int read_channels(struct reader *r)
 {
     struct sst_yaml_node *list = sst_yaml_get(r->root, "classes"), *labels = sst_yaml_get(r->root, "labels");
@@ -406,7 +407,7 @@ static int read_channels(struct reader *r)
         return -EBADMSG;
     }
     yaml_ground(r, sst_yaml_get(r->root, "ground"));
-    return list ? 0 : read_ground(r); /* which names the metadata's classes */
+    return list ? 0 : read_ground(r); /* its ground entry may name the metadata's classes */
 }
 
 int sst_model_info_parse(struct sst_model_info *out, const struct sst_network *net, const char *path, const char *yaml,

@@ -1,5 +1,4 @@
-/* pipeline/method/labels/model_info.h - what a segmentation network wants and gives, told by its metadata or by a YAML
- * file.
+/* pipeline/method/labels/model_info.h - input and output of a segmentation network, from its metadata or a YAML file.
  */
 #ifndef SST_PIPELINE_METHOD_LABELS_MODEL_INFO_H
 #define SST_PIPELINE_METHOD_LABELS_MODEL_INFO_H
@@ -18,14 +17,14 @@ struct sst_model_info {
     double mean[3], std[3];                   /* input channel c is (v / 255 - mean[c]) / std[c], v the 8-bit sample */
     double eps_h, temperature;
     int width, height; /* nominal working size */
-    bool fixed_size;   /* the network runs at that size only; images are stretched to it */
+    bool fixed_size;   /* the network accepts that size only; images are stretched to it */
     bool probabilities;
 };
 
 /**
  * The description of a network: each entry from the file beside it (FILE.yaml or FILE.onnx.yaml for FILE.onnx), else
- * from its metadata (sst.*), else the default. docs/formats.md lists both. A file that takes precedence over metadata
- * is told as a debug message.
+ * from its metadata (sst.*), else the default. docs/formats.md lists both. If a file overrides metadata, a debug
+ * message reports it.
  *
  * @param net   the network's metadata and its fixed input size count
  * @param path  of the network
@@ -33,7 +32,7 @@ struct sst_model_info {
  */
 SST_MUST_CHECK int sst_model_info_read(struct sst_model_info *out, const struct sst_network *net, const char *path);
 
-/** The same with the YAML text given; NULL: none. @param net  NULL: no metadata either */
+/** The same from the text of the YAML file; NULL: none. @param net  NULL: no metadata either */
 SST_MUST_CHECK int sst_model_info_parse(struct sst_model_info *out, const struct sst_network *net, const char *path,
                                         const char *yaml, size_t size, const char *yaml_name);
 

@@ -37,11 +37,11 @@ static void fill_tap(struct tap *t, int i, int from, int to)
         t->first = (int)at;
         t->n = t->first + 1 < from ? 2 : 1;
         t->weight[0] = t->n == 2 ? (float)(1 - (at - t->first)) : 1;
-        t->weight[1] = (float)(at - t->first); /* not used where n is 1 */
+        t->weight[1] = (float)(at - t->first); /* unused if n is 1 */
     }
 }
 
-/* Samples that one of the outputs can touch. */
+/* Largest number of input samples of one output sample. */
 static size_t most_samples(int from, int to)
 {
     return (size_t)(from / to) + 3;
@@ -93,8 +93,8 @@ static int resample_row(void *arg, int index, int worker)
     return 0;
 }
 
-int sst_resample(float *out, int width, int height, const struct sst_image *img, const double mean[3],
-                 const double std[3], int threads, struct sst_mem_kept *kept)
+int resample_planes(float *out, int width, int height, const struct sst_image *img, const double mean[3],
+                    const double std[3], int threads, struct sst_mem_kept *kept)
 {
     struct job job = { .out = out, .width = width, .height = height, .img = img, .mean = mean, .std = std };
     const size_t x_bytes = axis_bytes(img->width, width), y_bytes = axis_bytes(img->height, height);

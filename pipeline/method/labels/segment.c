@@ -18,7 +18,7 @@ struct sst_segmenter {
     int threads;
     struct sst_model_info info;
     struct sst_segment_config cfg;
-    /* from image to image */
+    /* kept from image to image */
     struct sst_mem_kept picture, window, out, cells, resample; /* see struct working, struct class_grid */
     struct upsample_memory upsample;
     struct sst_map_f32 entropy; /* of sst_segment_sure() */
@@ -32,7 +32,7 @@ static bool covers(int width, int height, int out_width, int out_height)
     return fabs(x - y) <= 3.0 / sst_min_int(width, height) && x >= 1.0 / 64 && x <= 8 && y >= 1.0 / 64;
 }
 
-/* A network for other pictures, or with another number of classes, is told at once and not at the first image. */
+/* Reject a network for other images, or with another number of classes, on opening instead of at the first image. */
 static int check_shape(struct sst_segmenter *seg)
 {
     const struct sst_model_info *info = &seg->info;
@@ -54,7 +54,7 @@ static int check_shape(struct sst_segmenter *seg)
         return -EBADMSG;
     }
     if (!covers(info->width, info->height, w, h)) {
-        sst_log_error("model %s gives %dx%d results for an image of %dx%d, which are no labels of its pixels; use a"
+        sst_log_error("model %s gives %dx%d results for an image of %dx%d, which do not match its pixels; use a"
                       " segmentation network",
                       seg->path, w, h, info->width, info->height);
         return -EBADMSG;
@@ -129,16 +129,16 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg)
 
 /* --- one image ------------------------------------------------------------------------------------ */
 
-#define UNIT       8   /* sides of working pictures and places of windows are multiples of it */
-#define MOST_SCALE 1.5 /* of the sides of the nominal area, where the image's size decides: docs/bench-labels.md */
-#define LONGEST    8   /* a strip is at most so many times longer than the longer nominal side */
+#define UNIT       8   /* sides of working pictures and window origins are multiples of it */
+#define MOST_SCALE 1.5 /* largest default scale of the nominal sides: docs/bench-labels.md */
+#define LONGEST    8   /* longest side of the working picture, in longer nominal sides */
 
-/* The picture that the network sees, whole or window by window, and where the windows' results go. */
+/* The network's input, whole or by windows, and the destination of the windows' results. */
 struct working {
     int width, height;                                      /* pixels */
     int window_width, window_height, out_width, out_height; /* of a window and of the network's result for it */
     struct tiles across, down;                              /* windows in cells of the result */
-    float *picture, *window, *out; /* [3][height][width], the part that a window sees (NULL: all), its result */
+    float *picture, *window, *out; /* [3][height][width]; the part inside a window (NULL: all); its result */
 };
 
 /* Sides at the image's proportions: `scale` times those of the nominal area. */
@@ -158,7 +158,7 @@ static void working_size(struct working *w, const struct sst_segmenter *seg, con
     }
 }
 
-/* Windows of the nominal size. They need results whose cells are 1, 2, 4 or 8 pixels wide. */
+/* Windows of the nominal size. Their result cells must be 1, 2, 4 or 8 pixels wide. */
 static int plan_windows(struct working *w, struct sst_segmenter *seg)
 {
     const int width = sst_min_int(w->width, seg->info.width / UNIT * UNIT);
@@ -168,7 +168,7 @@ static int plan_windows(struct working *w, struct sst_segmenter *seg)
     if (err)
         return err;
     if (UNIT * x % width || UNIT * y % height || seg->info.fixed_size) {
-        sst_log_warning("model %s cannot label in windows: %dx%d pixels give %dx%d; the image is taken whole",
+        sst_log_warning("model %s cannot label in windows: %dx%d pixels give %dx%d; the image is processed as a whole",
                         seg->path, width, height, x, y);
         return 0;
     }
@@ -199,7 +199,7 @@ static int plan(struct working *w, struct sst_segmenter *seg, const struct sst_i
     return err;
 }
 
-/* Logits or unnormalised probabilities of one pixel become probabilities; false if they cannot. */
+/* Normalise logits or probabilities of one pixel; false if they are invalid. */
 static bool to_probabilities(float *p, const struct sst_segmenter *seg)
 {
     const struct sst_model_info *info = &seg->info;
@@ -222,7 +222,7 @@ static bool to_probabilities(float *p, const struct sst_segmenter *seg)
     return true;
 }
 
-/* The network's result for window (i, j) into the grid, weighted: probabilities of channels that are one class add up.
+/* Add the network's weighted result for window (i, j) to the grid; probabilities of channels of one class add up.
  */
 static int add_window(struct class_grid *grid, const struct working *w, int i, int j, const struct sst_segmenter *seg)
 {
@@ -240,7 +240,7 @@ static int add_window(struct class_grid *grid, const struct working *w, int i, i
             for (int c = 0; c < seg->info.channels; c++)
                 p[c] = w->out[(size_t)c * plane + (size_t)y * (size_t)w->out_width + (size_t)x];
             if (!to_probabilities(p, seg)) {
-                sst_log_error("model %s: its output at (%d, %d) is no probability (NaN, infinite or negative); use"
+                sst_log_error("model %s: its output at (%d, %d) is not a probability (NaN, infinite or negative); use"
                               " another model",
                               seg->path, x0 + x, y0 + y);
                 return -EBADMSG;
@@ -252,7 +252,7 @@ static int add_window(struct class_grid *grid, const struct working *w, int i, i
     return 0;
 }
 
-/* The image as the network wants it; a grey one is the luma of the three planes, each brought to the same mean. */
+/* The image in the network's input format; grey is the luma of the three normalised planes. */
 static int make_input(float *in, int width, int height, const struct sst_image *img, struct sst_segmenter *seg)
 {
     const struct sst_model_info *info = &seg->info;
@@ -267,13 +267,13 @@ static int make_input(float *in, int width, int height, const struct sst_image *
         swapped.plane[0] = img->plane[2];
         swapped.plane[2] = img->plane[0];
     }
-    err = sst_resample(in, width, height, &swapped, mean, std, seg->threads, &seg->resample);
+    err = resample_planes(in, width, height, &swapped, mean, std, seg->threads, &seg->resample);
     for (size_t i = 0; !err && grey && i < plane; i++)
         in[i] = 0.299f * in[i] + 0.587f * in[plane + i] + 0.114f * in[2 * plane + i];
     return err;
 }
 
-/* Copy what window (i, j) sees out of the whole picture. */
+/* Copy window (i, j) out of the whole picture. */
 static void cut_window(const struct working *w, int i, int j)
 {
     const int x0 = tiles_start(&w->across, i) * w->window_width / w->out_width;

@@ -8,7 +8,7 @@ struct tiles tiles_plan(int total, int length, int unit)
     if (t.length == total)
         return t;
     t.overlap = length / 4;
-    step = length - t.overlap - unit; /* starts are rounded to units: neighbours still share the overlap */
+    step = length - t.overlap - unit; /* starts are rounded to units; neighbours still overlap enough */
     t.count = 1 + (total - length + step - 1) / step;
     return t;
 }
@@ -20,8 +20,8 @@ int tiles_start(const struct tiles *t, int k)
     return steps ? (int)((2 * room * k + steps) / (2 * steps)) * t->unit : 0;
 }
 
-/* How much the windows from k on have taken over at `at`: 0 before the middle of what k shares with k - 1, 1 after. */
-static float taken_over(const struct tiles *t, int k, double at)
+/* Total weight of the windows from k on at `at`: 0 before the transition from k - 1 to k, 1 after it. */
+static float total_weight(const struct tiles *t, int k, double at)
 {
     double u;
 
@@ -38,5 +38,5 @@ float tiles_weight(const struct tiles *t, int k, int i)
 {
     const double at = tiles_start(t, k) + i + 0.5;
 
-    return taken_over(t, k, at) - taken_over(t, k + 1, at);
+    return total_weight(t, k, at) - total_weight(t, k + 1, at);
 }

@@ -10,7 +10,7 @@
 #include "pipeline/kernels/kernels.h"
 
 #define BLOCK  SST_CLASS_ROW_MAX
-#define SPREAD 0.7 /* cells: deviation of the weight of distance; with SST_GUIDE_SIGMA the best of docs/method.md */
+#define SPREAD 0.7 /* in cells: deviation of the distance weight; with SST_GUIDE_SIGMA the best of docs/method.md */
 
 /* Scratch of one worker. */
 struct scratch {
@@ -30,8 +30,8 @@ struct job {
     int32_t *left;               /* [width] column of the grid at or before a pixel */
     float *across;               /* [width][16] weights of the columns, the same in every row of four */
     uint8_t *winner;             /* [height of the grid][width of the grid] label */
-    uint8_t *sure;               /* [worker][width of the grid]: label of all pixels from a column to the next, or 0 */
-    struct scratch *scratch;     /* [worker] */
+    uint8_t *single; /* [worker][width of the grid]: the only label of the pixels from a column to the next, or 0 */
+    struct scratch *scratch; /* [worker] */
 };
 
 size_t class_grid_values(int count)
@@ -53,18 +53,18 @@ static int place(int i, int from, int to, float weight[4])
     return lo;
 }
 
-/* Cells outside the grid are the nearest ones inside. */
+/* Cells outside the grid repeat the nearest ones inside. */
 static size_t cell_at(const struct class_grid *g, int x, int y)
 {
     return (size_t)sst_clamp_int(y, 0, g->height - 1) * (size_t)g->width + (size_t)sst_clamp_int(x, 0, g->width - 1);
 }
 
-static void find_sure(uint8_t *sure, const struct job *j, int y)
+static void find_single(uint8_t *single, const struct job *j, int y)
 {
     for (int x = 0; x < j->grid->width; x++) {
-        sure[x] = j->winner[cell_at(j->grid, x, y)];
+        single[x] = j->winner[cell_at(j->grid, x, y)];
         for (int k = 0; k < 16; k++)
-            sure[x] = j->winner[cell_at(j->grid, x - 1 + k % 4, y - 1 + k / 4)] == sure[x] ? sure[x] : 0;
+            single[x] = j->winner[cell_at(j->grid, x - 1 + k % 4, y - 1 + k / 4)] == single[x] ? single[x] : 0;
     }
 }
 
@@ -105,7 +105,7 @@ static void mix_cells(const struct job *j, struct scratch *s, struct sst_guide *
 }
 
 /* Classes and entropies of n pixels of row y from column x on. */
-static void finish_block(const struct job *j, struct scratch *s, struct sst_guide *g, const uint8_t *sure, int cell_y,
+static void finish_block(const struct job *j, struct scratch *s, struct sst_guide *g, const uint8_t *single, int cell_y,
                          int y, int x, int n)
 {
     uint8_t *label = sst_map_u8_row(j->label, y) + x;
@@ -113,7 +113,7 @@ static void finish_block(const struct job *j, struct scratch *s, struct sst_guid
     bool all_sure = true;
 
     for (int i = 0; i < n; i++) {
-        label[i] = sure[j->left[x + i]];
+        label[i] = single[j->left[x + i]];
         all_sure &= label[i] != 0;
     }
     if (all_sure && !j->entropy && !j->prob)
@@ -129,15 +129,16 @@ static void finish_block(const struct job *j, struct scratch *s, struct sst_guid
                s->prob + c * BLOCK, (size_t)n * sizeof(float));
 }
 
-/* Pixels from column x on that one step takes: where labels alone are wanted, those that are all sure or all not. */
-static int run_length(const struct job *j, const uint8_t *sure, int x)
+/* Pixels from column x on that one step processes; if only labels are requested, either all or none of them have a
+ * single winner. */
+static int run_length(const struct job *j, const uint8_t *single, int x)
 {
     const int most = sst_min_int(BLOCK, j->label->width - x);
     int n = 1;
 
     if (j->entropy || j->prob)
         return most;
-    while (n < most && !sure[j->left[x + n]] == !sure[j->left[x]])
+    while (n < most && !single[j->left[x + n]] == !single[j->left[x]])
         n++;
     return n;
 }
@@ -145,22 +146,22 @@ static int run_length(const struct job *j, const uint8_t *sure, int x)
 static int finish_row(void *arg, int y, int worker)
 {
     const struct job *j = arg;
-    uint8_t *sure = j->sure + (size_t)worker * (size_t)j->grid->width;
+    uint8_t *single = j->single + (size_t)worker * (size_t)j->grid->width;
     struct sst_guide guide = { .cells = SST_GUIDE_CELLS, .values = j->grid->values };
     float down[4];
     const int cell_y = place(y, j->grid->height, j->label->height, down);
 
     for (int k = 0; k < 16; k++)
         guide.down[k] = down[k / 4];
-    find_sure(sure, j, cell_y);
+    find_single(single, j, cell_y);
     for (int x = 0, n; x < j->label->width; x += n) {
-        n = run_length(j, sure, x);
-        finish_block(j, &j->scratch[worker], &guide, sure, cell_y, y, x, n);
+        n = run_length(j, single, x);
+        finish_block(j, &j->scratch[worker], &guide, single, cell_y, y, x, n);
     }
     return 0;
 }
 
-/* Winners of the cells; the sum of weights is formed like a class of probability 1. */
+/* Winners of the cells; the sum of weights is computed like a class of probability 1. */
 static void prepare_cells(const struct job *j)
 {
     const struct class_grid *g = j->grid;
@@ -194,7 +195,7 @@ void upsample_memory_fini(struct upsample_memory *m)
     sst_mem_kept_fini(&m->resample);
 }
 
-/* @param at  where the next part begins; moves behind it. NULL: only the bytes are counted */
+/* @param at  start of the next part, advanced past it; NULL: only count the bytes */
 static void *part(uint8_t *base, size_t *at, size_t count, size_t size)
 {
     void *p = base ? base + *at : NULL;
@@ -214,7 +215,7 @@ static size_t lay_out(struct job *j, uint8_t *base, size_t workers)
     j->left = part(base, &at, width, sizeof(*j->left));
     j->across = part(base, &at, 16 * width, sizeof(*j->across));
     j->winner = part(base, &at, cells, 1);
-    j->sure = part(base, &at, workers * (size_t)j->grid->width, 1);
+    j->single = part(base, &at, workers * (size_t)j->grid->width, 1);
     return at;
 }
 
@@ -232,7 +233,7 @@ int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float
     if (!base)
         return -ENOMEM;
     lay_out(&j, base, workers);
-    err = sst_resample(j.colour, grid->width, grid->height, img, mean, std, threads, &memory->resample);
+    err = resample_planes(j.colour, grid->width, grid->height, img, mean, std, threads, &memory->resample);
     if (err)
         return err;
     prepare_cells(&j);

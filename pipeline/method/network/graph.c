@@ -56,7 +56,7 @@ static int find_value(const struct graph_builder *b, struct sst_onnx_str name)
     return v;
 }
 
-/* The new value's number, or -1 where the name is taken. There is room: build() counted. */
+/* Index of the new value, or -1 if the name exists. build() allocated enough. */
 static int add_value(struct graph_builder *b, struct sst_onnx_str name)
 {
     const unsigned h = hash(name);
@@ -75,7 +75,7 @@ static int add_value(struct graph_builder *b, struct sst_onnx_str name)
     return b->n_values++;
 }
 
-/* Inputs of a node must be known before it: ONNX files are sorted, so this also rules out cycles. */
+/* Inputs of a node must precede it: ONNX files are sorted, so this also excludes cycles. */
 static int resolve_node(struct graph_builder *b, int n)
 {
     const struct sst_onnx_node *onnx = &b->model->nodes[n];
@@ -87,7 +87,7 @@ static int resolve_node(struct graph_builder *b, int n)
     for (int i = 0; i < onnx->n_in; i++) {
         node->in[i] = onnx->in[i].n ? find_value(b, onnx->in[i]) : -1;
         if (onnx->in[i].n && node->in[i] < 0)
-            return graph_wrong(b, onnx, "reads a value that no earlier node makes (a cycle, or a missing constant)");
+            return graph_wrong(b, onnx, "reads a value that no earlier node produces (a cycle, or a missing constant)");
     }
     for (int i = 0; i < onnx->n_out; i++) {
         node->out[i] = -1;
@@ -95,7 +95,7 @@ static int resolve_node(struct graph_builder *b, int n)
             continue;
         node->out[i] = add_value(b, onnx->out[i]);
         if (node->out[i] < 0)
-            return graph_wrong(b, onnx, "makes a value that exists already");
+            return graph_wrong(b, onnx, "produces a value that already exists");
         b->values[node->out[i]].node = n;
     }
     if (!onnx->n_out || node->out[0] < 0)
@@ -103,7 +103,7 @@ static int resolve_node(struct graph_builder *b, int n)
     return 0;
 }
 
-/* A Constant node is as good as an initialiser. */
+/* A Constant node is equivalent to an initialiser. */
 static int resolve_constant(struct graph_builder *b, int n)
 {
     const struct sst_onnx_node *onnx = b->nodes[n].onnx;
@@ -135,7 +135,7 @@ static int resolve_input(struct graph_builder *b)
     }
     if (!in || in->n_dims != 4 || in->dims[1] < 1 || in->dims[1] > 4096) {
         snprintf(b->why, 256, "an input that is not 1 x C x height x width");
-        return -ENOTSUP; /* not reached from sst_network_open(), which looks at the input first */
+        return -ENOTSUP; /* not reached from sst_network_open(), which checks the input first */
     }
     v = add_value(b, in->name);
     b->graph.input = v;
@@ -152,7 +152,7 @@ static int resolve(struct graph_builder *b)
         const int v = add_value(b, m->tensors[i].name);
 
         if (v < 0) {
-            sst_log_error("model %s: two constants are called %.*s; the file is damaged", b->name,
+            sst_log_error("model %s: two constants are named %.*s; the file is damaged", b->name,
                           SST_ONNX_STR(m->tensors[i].name));
             return -EBADMSG;
         }
@@ -167,11 +167,11 @@ static int resolve(struct graph_builder *b)
     if (err)
         return err;
     if (m->n_outs > 1)
-        sst_log_info("model %s has %d outputs; the first one, %.*s, counts", b->name, m->n_outs,
+        sst_log_info("model %s has %d outputs; only the first one, %.*s, is used", b->name, m->n_outs,
                      SST_ONNX_STR(m->outs[0].name));
     b->graph.output = m->n_outs ? find_value(b, m->outs[0].name) : -1;
     if (b->graph.output < 0 || b->values[b->graph.output].node < 0) {
-        sst_log_error("model %s: no node makes its output; the file is damaged", b->name);
+        sst_log_error("model %s: no node produces its output; the file is damaged", b->name);
         return -EBADMSG;
     }
     return 0;
@@ -179,7 +179,7 @@ static int resolve(struct graph_builder *b)
 
 /* --- from nodes to operations --------------------------------------------------------------------- */
 
-/* Backwards from the output: which nodes count, and how many of them read each value. */
+/* Walk back from the output: mark the needed nodes and count the readers of each value. */
 static void find_needed(struct graph_builder *b)
 {
     b->values[b->graph.output].users = 1;

@@ -1,5 +1,4 @@
-/* pipeline/method/network/graph.h - the network as a list of checked operations, ready to be planned for any input
- * size. */
+/* pipeline/method/network/graph.h - a network as a list of validated operations, ready to plan for any input size. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_GRAPH_H
 #define SST_PIPELINE_METHOD_NETWORK_GRAPH_H
 
@@ -30,12 +29,13 @@ enum sst_resize_mode {
 
 #define SST_GRAPH_MAX_OPS 1024
 
-/* Metadata: for the input and every node's result a line of the largest |x| that 8 bits are to hold, and its name. */
+/* Metadata key: one line per value (input and node results) with the largest |x| that 8 bits must hold, and its name.
+ */
 #define SST_RANGES_KEY "sst.ranges"
-/* Numbers in the weights of all operations: twice what a file can hold, as some may be shared. */
+/* Limit of the numbers in all operations' weights: twice what a file can hold, as constants may be shared. */
 #define SST_GRAPH_MAX_WEIGHTS ((int64_t)2 * (int64_t)(SST_ONNX_MAX_BYTES / sizeof(float)))
 
-/* Of softmax and normalisation. */
+/* For softmax and normalisation. */
 #define SST_OP_MAX_CHANNELS 2048
 
 /** One operation. Values are numbers; pairs are (vertical, horizontal). */
@@ -65,7 +65,7 @@ struct sst_graph {
     struct sst_op *ops; /* in an order in which they can run */
     int input, output;  /* values */
     int in_channels, out_channels;
-    float *range; /* [n_values] largest |x| for 8 bits, 0: not known; NULL: the file has none */
+    float *range; /* [n_values] largest |x| for 8 bits, 0: unknown; NULL: the file has none */
 };
 
 /**
@@ -73,7 +73,7 @@ struct sst_graph {
  * convolutions, normalisation patterns recognised, unused nodes dropped. The model may be freed afterwards.
  *
  * @param why  out, when -ENOTSUP: what is not supported, for a message (256 bytes)
- * @return 0, -ENOTSUP (not logged), -EBADMSG (contradictory: cycles, unknown names, wrong shapes; logged), -ENOMEM.
+ * @return 0, -ENOTSUP (not logged), -EBADMSG (inconsistent: cycles, unknown names, wrong shapes; logged), -ENOMEM.
  */
 SST_MUST_CHECK int sst_graph_build(struct sst_graph *out, const struct sst_onnx *model, const char *name,
                                    char why[256]);
@@ -86,7 +86,7 @@ struct sst_shape {
 /**
  * Shapes of all values for an input size.
  *
- * @param shapes  out [n_values]; those of values that no operation makes are 0
+ * @param shapes  out [n_values]; 0 for values that no operation produces
  * @param name    for the message; NULL: no message
  * @return 0, -EINVAL: the network cannot run at this size (logged)
  */

@@ -1,4 +1,4 @@
-/* From ONNX nodes to operations. A node that only rescales, clips or adds to a convolution is fused into it. */
+/* Converts ONNX nodes to operations. Nodes that only rescale, clip or add to a convolution are fused into it. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -6,7 +6,7 @@
 
 #include "pipeline/method/network/network_internal.h"
 
-/* Strides, dilations, padding and pool windows above this belong to no network; it also keeps sizes inside int. */
+/* Limit of strides, dilations, padding and pool windows; it also keeps sizes inside int. */
 #define MAX_WINDOW 4096
 
 typedef int translate_fn(struct graph_builder *b, const struct raw_node *node);
@@ -18,7 +18,7 @@ static int resolve_alias(const struct graph_builder *b, int v)
     return v;
 }
 
-/* A value that a node reads, with channels; padding is put there by a Pad node that only convolutions understand. */
+/* A value with channels that a node reads; `pad` comes from a Pad node, which only convolutions support. */
 static int image_value(struct graph_builder *b, const struct raw_node *node, int v, bool padding_is_fine, int *out)
 {
     const struct raw_value *value;
@@ -40,7 +40,7 @@ static int input_value(struct graph_builder *b, const struct raw_node *node, int
     return image_value(b, node, node->in[in], padding_is_fine, out);
 }
 
-/* A new operation with input 0 set and the channels of that input; there is room for one per node. */
+/* A new operation with input 0 set and the channels of that input; the array has room for one per node. */
 static int new_op(struct graph_builder *b, const struct raw_node *node, enum sst_op_kind kind, struct sst_op **out)
 {
     struct sst_op *op = &b->graph.ops[b->graph.n_ops];
@@ -76,12 +76,12 @@ static int commit_op(struct graph_builder *b, struct sst_op *op)
 static int make_alias(struct graph_builder *b, const struct raw_node *node, int v)
 {
     b->values[node->out[0]].alias = v;
-    /* The readers of both now read the same value; this node does not. */
+    /* Merge the readers of both values, except this node. */
     b->values[v].users += b->values[node->out[0]].users - 1;
     return 0;
 }
 
-/* The convolution that makes a value which nothing but this node reads, so that it may be changed; else NULL. */
+/* The convolution that produces a value read by this node alone, so that it may be changed; else NULL. */
 static struct sst_op *private_conv(const struct graph_builder *b, int v)
 {
     const struct raw_value *value = &b->values[v];
@@ -135,7 +135,7 @@ static int read_window(struct graph_builder *b, const struct raw_node *node, str
     return 0;
 }
 
-/* --- convolution and what is fused into it -------------------------------------------------------- */
+/* --- convolution and fused nodes -------------------------------------------------------- */
 
 static int copy_weights(struct graph_builder *b, const struct raw_node *node, struct sst_op *op)
 {
@@ -145,7 +145,7 @@ static int copy_weights(struct graph_builder *b, const struct raw_node *node, st
         return graph_wrong(b, node->onnx, "has a bias that is not one constant per channel");
     b->weights += w->count;
     if (b->weights > SST_GRAPH_MAX_WEIGHTS)
-        return graph_wrong(b, node->onnx, "uses constants again that others use, beyond 128 MiB in all");
+        return graph_wrong(b, node->onnx, "shares constants with other nodes, more than 128 MiB in all");
     op->weights = malloc((size_t)w->count * sizeof(float));
     op->bias = calloc((size_t)op->channels, sizeof(float));
     if (!op->weights || !op->bias) {
@@ -254,7 +254,7 @@ static int relu(struct graph_builder *b, const struct raw_node *node)
     return fuse(b, made, node->out[0]);
 }
 
-/* A sum is fused into the convolution that makes one of its terms, if the other term is there before it. */
+/* A sum is fused into the convolution that produces one of its terms, if the other term precedes it. */
 static int add(struct graph_builder *b, const struct raw_node *node)
 {
     struct sst_op *op = NULL, *made = NULL;
@@ -301,7 +301,7 @@ static int concat(struct graph_builder *b, const struct raw_node *node)
     if (err)
         return err;
     if (op->channels > 65536)
-        return graph_wrong(b, node->onnx, "makes more than 65536 channels");
+        return graph_wrong(b, node->onnx, "produces more than 65536 channels");
     op->n_in = node->onnx->n_in;
     return commit_op(b, op);
 }

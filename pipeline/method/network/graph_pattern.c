@@ -1,12 +1,12 @@
-/* Patterns of several nodes that stand for one layer.
+/* Recognises patterns of several nodes that form one layer.
  *
- * x / |x| over channels comes out of exporters in single steps:
+ * x / |x| over channels is exported in single steps:
  *   Div(x, D), D = [Expand] [Clip | Max | Add] N,  N = ReduceL2(x)  or  Sqrt([Clip | Max | Add] S),
  *   S = ReduceSum(x x) or ReduceSumSquare(x),  x x = Mul(x, x) or Pow(x, 2). */
 
 #include "pipeline/method/network/network_internal.h"
 
-/* The node that makes input `in` of a node, or NULL. */
+/* The node that produces input `in` of a node, or NULL. */
 static const struct raw_node *maker(const struct graph_builder *b, const struct raw_node *node, int in)
 {
     const int v = in < node->onnx->n_in ? node->in[in] : -1;
@@ -22,7 +22,7 @@ static bool one_number(const struct sst_onnx_tensor *t, double *out)
     return true;
 }
 
-/* Step over one Clip, Max or Add of a constant, taking note of it. */
+/* Skip one Clip, Max or Add of a constant and record it. */
 static const struct raw_node *peel(const struct graph_builder *b, const struct raw_node *node, double *add, double *min)
 {
     struct sst_onnx_attr a;
@@ -51,7 +51,7 @@ static const struct raw_node *peel(const struct graph_builder *b, const struct r
     return node;
 }
 
-/* A reduction over axis 1 that keeps it. */
+/* True for a reduction over axis 1 that keeps the axis. */
 static bool reduces_channels(const struct graph_builder *b, const struct raw_node *node, const char *op)
 {
     const struct sst_onnx_tensor *t = graph_constant(b, node, 1);
@@ -110,7 +110,7 @@ struct element {
     int64_t n; /* the constant, or the axis */
 };
 
-/* Nested lists could make the search endless in practice; real ones take about 20 steps. */
+/* Bounds the search in nested lists; real ones take about 20 steps. */
 struct search {
     const struct graph_builder *b;
     int steps_left;
@@ -121,7 +121,7 @@ static const struct sst_onnx_tensor *integers(const struct sst_onnx_tensor *t)
     return t && t->i && t->count ? t : NULL;
 }
 
-/* The first number of a constant input, or of the attribute that older files have instead. */
+/* The first number of a constant input, or of the attribute that older files use. */
 static bool first_of(const struct graph_builder *b, const struct raw_node *node, int in, const char *attr, int64_t *out)
 {
     const struct sst_onnx_tensor *t = integers(graph_constant(b, node, in));
@@ -142,7 +142,7 @@ static bool is_wrapper(const struct sst_onnx_node *onnx)
            graph_is(onnx, "Identity");
 }
 
-/* A list that input `in` of a node is: a constant, or what another node makes. */
+/* The list in input `in` of a node: a constant, or the result of another node. */
 static const struct raw_node *list_of(const struct graph_builder *b, const struct raw_node *node, int in,
                                       const struct sst_onnx_tensor **constant)
 {
@@ -150,7 +150,7 @@ static const struct raw_node *list_of(const struct graph_builder *b, const struc
     return *constant ? NULL : maker(b, node, in);
 }
 
-/* Elements of a list; 0: not known. */
+/* Number of elements of a list; 0: unknown. */
 static int64_t list_length(struct search *s, const struct raw_node *node, int in)
 {
     const struct sst_onnx_tensor *t;
@@ -162,7 +162,7 @@ static int64_t list_length(struct search *s, const struct raw_node *node, int in
     if (!n || s->steps_left-- <= 0)
         return 0;
     if (graph_is(n->onnx, "Shape"))
-        return 4; /* of an image; graph_resize_target() makes sure that it is one */
+        return 4; /* of an image; graph_resize_target() checks that it is one */
     if (is_wrapper(n->onnx))
         return list_length(s, n, 0);
     if (graph_is(n->onnx, "Gather"))

@@ -3,7 +3,7 @@
 #include "base/log.h"
 #include "pipeline/method/network/graph.h"
 
-/* Windows along one axis, or 0 where none fits. */
+/* Number of windows along one axis, or 0 if none fits. */
 static int64_t windows(const struct sst_op *op, int axis, int size)
 {
     const int64_t window = (int64_t)op->dilation[axis] * (op->kernel[axis] - 1) + 1;
@@ -13,7 +13,7 @@ static int64_t windows(const struct sst_op *op, int axis, int size)
     if (room < 0)
         return 0;
     n = (room + (op->ceil_mode ? op->stride[axis] - 1 : 0)) / op->stride[axis] + 1;
-    /* A last window that would begin in the padding behind the image is left out, as in all frameworks. */
+    /* A last window that would begin in the padding after the image is dropped, as in all frameworks. */
     if (op->ceil_mode && (n - 1) * op->stride[axis] >= (int64_t)size + op->pad_before[axis])
         n--;
     return n;

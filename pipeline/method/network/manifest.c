@@ -67,7 +67,7 @@ static int read_entry(struct sst_manifest *m, json_t *object, const char *name)
     return 0;
 }
 
-/* The list of a manifest of our format and version, NULL after a message, or with *other a file that is not ours. */
+/* The list of a manifest of our format and version; NULL after a message, or with *other set for another format. */
 static json_t *find_list(json_t *root, const char *name, bool *other)
 {
     const json_t *format = json_object_get(root, "format");
@@ -77,8 +77,8 @@ static json_t *find_list(json_t *root, const char *name, bool *other)
     if (*other)
         return NULL;
     if (!json_is_integer(json_object_get(root, "version")) || json_integer_value(json_object_get(root, "version")) != 1)
-        sst_log_error("%s: version is not 1, the only one that this program knows; install networks that belong to it",
-                      name);
+        sst_log_error(
+            "%s: version is not 1, the only one that this program supports; install networks that belong to it", name);
     else if (!json_is_array(models) || json_array_size(models) > SST_MANIFEST_MAX_MODELS)
         sst_log_error("%s: models is not a list of at most 256 networks; correct it, or install the networks again",
                       name);

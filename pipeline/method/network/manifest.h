@@ -1,5 +1,4 @@
-/* pipeline/method/network/manifest.h - manifest.json of a folder of networks: what each one is, and the hash that it
- * must have.
+/* pipeline/method/network/manifest.h - manifest.json of a folder of networks: kind, hash and figures of each.
  */
 #ifndef SST_PIPELINE_METHOD_NETWORK_MANIFEST_H
 #define SST_PIPELINE_METHOD_NETWORK_MANIFEST_H
@@ -13,7 +12,7 @@
 
 struct json_t;
 
-/** One network; the texts and numbers lie in the manifest. */
+/** One network; strings and numbers are owned by the manifest. */
 struct sst_manifest_entry {
     const char *file;   /* plain name */
     const char *kind;   /* "labels" or "matching" */
@@ -37,19 +36,19 @@ struct sst_manifest {
  */
 SST_MUST_CHECK int sst_manifest_parse(struct sst_manifest *out, const char *text, size_t size, const char *name);
 
-/** The manifest of a folder. @return 0, -ENOENT (it has none of ours; not logged), and as above; logged. */
+/** Load the manifest of a folder. @return 0, -ENOENT (none of our format; not logged), else as above; logged. */
 SST_MUST_CHECK int sst_manifest_load(struct sst_manifest *out, const char *folder);
 void sst_manifest_fini(struct sst_manifest *manifest);
 
 /** Entry of a file name, or NULL. */
 const struct sst_manifest_entry *sst_manifest_find(const struct sst_manifest *manifest, const char *file);
 
-/** True where the file's bytes are those that the entry stands for. */
+/** True if the file's bytes match the entry. */
 bool sst_manifest_matches(const struct sst_manifest_entry *entry, const uint8_t *data, size_t size);
 
 /**
- * Refuse a network that is not the one that the manifest beside it lists. A folder without a manifest, and a file that
- * it does not list, are fine.
+ * Reject a network that differs from its entry in the manifest beside it. Folders without a manifest and unlisted files
+ * are accepted.
  *
  * @return 0, -EBADMSG (another file than listed, or a broken manifest), -ENOMEM; logged.
  */

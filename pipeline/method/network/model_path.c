@@ -95,7 +95,7 @@ int sst_model_resolve(char out[SST_PATH_MAX], const char *text)
         snprintf(name, sizeof(name), "%s%s", text, onnx ? "" : ".onnx");
         err = sst_model_find(out, name);
         if (err == -ENOPKG && !strchr(text, '.') && !sst_path_exists(text)) {
-            sst_log_error("there is no network called %s; `sst models` lists those that are installed", text);
+            sst_log_error("unknown network `%s`; `sst models` lists the installed ones", text);
             return err;
         }
     }

@@ -1,4 +1,4 @@
-/* pipeline/method/network/model_path.h - where networks lie that are named without a folder. */
+/* pipeline/method/network/model_path.h - search path of networks that are named without a folder. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_MODEL_PATH_H
 #define SST_PIPELINE_METHOD_NETWORK_MODEL_PATH_H
 
@@ -6,15 +6,15 @@
 
 #define SST_MODEL_FOLDERS 4
 
-/** The folders that are searched, in this order. */
+/** The search folders, in order. */
 struct sst_model_folders {
     int n;
     char path[SST_MODEL_FOLDERS][SST_PATH_MAX];
 };
 
 /**
- * Those that there are of: $SST_MODELS, ../models beside the program's folder (a build tree), ../share/sst/models
- * beside it (an installation), the folder that the build was configured for. None occurs twice.
+ * The existing ones of: $SST_MODELS, ../models beside the program's folder (a build tree), ../share/sst/models
+ * beside it (an installation), the configured data folder. None occurs twice.
  */
 void sst_model_folders(struct sst_model_folders *out);
 
@@ -27,10 +27,10 @@ SST_MUST_CHECK int sst_model_find(char out[SST_PATH_MAX], const char *name);
 SST_MUST_CHECK int sst_model_path(char out[SST_PATH_MAX], const char *name);
 
 /**
- * What a user means: the path of an existing .onnx file, else the name of an installed network, with or without .onnx,
- * else a path that opening it will judge.
+ * Resolve a user's argument: the path of an existing .onnx file, else the name of an installed network, with or without
+ * .onnx, else a path, which is checked on opening.
  *
- * @return 0, -ENOPKG (a name without a point or slash, and nothing of that name is there), -ENAMETOOLONG; logged
+ * @return 0, -ENOPKG (a name without dot or slash that is not installed), -ENAMETOOLONG; logged
  */
 SST_MUST_CHECK int sst_model_resolve(char out[SST_PATH_MAX], const char *text);
 

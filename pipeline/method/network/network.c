@@ -29,7 +29,7 @@ struct sst_network {
     /* for the size used last */
     int width, height;
     struct sst_shape out;
-    struct sst_plan *plan;
+    struct net_plan *plan;
 };
 
 static char *copy_str(struct sst_onnx_str s)
@@ -59,7 +59,7 @@ static int copy_metadata(struct sst_network *net, const struct sst_onnx *model)
     return 0;
 }
 
-/* The first input that is not a constant (old files list those, too), or NULL. */
+/* The first input that is not a constant (old files list those as well), or NULL. */
 static const struct sst_onnx_value *find_input(const struct sst_onnx *model)
 {
     for (int i = 0; i < model->n_ins; i++) {
@@ -79,7 +79,7 @@ static int unfit(const struct sst_network *net, const char *what)
     return -EBADMSG;
 }
 
-/* What goes in and comes out must be images of numbers, channels first. */
+/* Input and output must be numeric images, channels first. */
 static int check_ends(struct sst_network *net, const struct sst_onnx *model)
 {
     const struct sst_onnx_value *in = find_input(model), *out = model->n_outs ? &model->outs[0] : NULL;
@@ -107,7 +107,7 @@ static int check_ends(struct sst_network *net, const struct sst_onnx *model)
 }
 
 #if WITH_DNNL
-/* Settle the precision for a network that oneDNN runs. */
+/* Choose the precision of a network that oneDNN runs. */
 static int choose_precision(struct sst_network *net)
 {
     if (net->precision == SST_PRECISION_INT8 && !net->graph.range) {
@@ -117,7 +117,7 @@ static int choose_precision(struct sst_network *net)
         return -ENOTSUP;
     }
     if (net->precision == SST_PRECISION_AUTO)
-        net->precision = net->graph.range && plan_fast_int8() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
+        net->precision = net->graph.range && net_plan_fast_int8() ? SST_PRECISION_INT8 : SST_PRECISION_F32;
     return 0;
 }
 #endif
@@ -216,7 +216,7 @@ void sst_network_close(struct sst_network *net)
     if (!net)
         return;
 #if WITH_DNNL
-    plan_destroy(net->plan);
+    net_plan_destroy(net->plan);
 #endif
     cv_net_close(net->cv);
     sst_graph_fini(&net->graph);
@@ -268,7 +268,7 @@ static int plan_dnnl(struct sst_network *net, int width, int height)
 
     if (!err) {
         net->out = shapes[net->graph.output];
-        err = plan_create(&net->plan, &net->graph, shapes, net->threads, net->precision, net->path);
+        err = net_plan_create(&net->plan, &net->graph, shapes, net->threads, net->precision, net->path);
     }
     free(shapes);
     return err;
@@ -306,7 +306,7 @@ static int run_opencv(struct sst_network *net, const float *in, int width, int h
     return err;
 }
 
-/* OpenCV tells the shape of a result only by making one. */
+/* OpenCV reveals the shape of a result only by computing one. */
 static int plan_opencv(struct sst_network *net, int width, int height)
 {
     float *in = calloc((size_t)net->in_channels * (size_t)width, (size_t)height * sizeof(*in));
@@ -329,7 +329,7 @@ static int plan(struct sst_network *net, int width, int height)
     }
     net->width = net->height = 0;
 #if WITH_DNNL
-    plan_destroy(net->plan);
+    net_plan_destroy(net->plan);
     net->plan = NULL;
     if (!net->cv)
         err = plan_dnnl(net, width, height);
@@ -372,14 +372,14 @@ int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int wid
         return err;
     }
 #if WITH_DNNL
-    err = plan_run(net->plan, in, out);
+    err = net_plan_run(net->plan, in, out);
     if (err)
         sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
 #endif
     return err;
 }
 
-/* By way of floats. */
+/* Via floats. */
 static int run_rounded(struct sst_network *net, const float *in, int width, int height, float factor, int8_t *out)
 {
     const size_t plane = (size_t)net->out.h * (size_t)net->out.w, c = (size_t)net->out.c;
@@ -402,8 +402,8 @@ int sst_network_run_s8(struct sst_network *net, const float *in, int width, int 
     if (err)
         return err;
 #if WITH_DNNL
-    if (!net->cv && plan_has_s8(net->plan)) {
-        err = plan_run_s8(net->plan, in, factor, out);
+    if (!net->cv && net_plan_has_s8(net->plan)) {
+        err = net_plan_run_s8(net->plan, in, factor, out);
         if (err)
             sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
         return err;

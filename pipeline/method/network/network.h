@@ -22,17 +22,17 @@ enum sst_precision {
  * GlobalAveragePool, Resize (bilinear; to fixed scales or sizes, or to the size of another image), Softmax and
  * LpNormalization over channels (also x / |x| as exporters write it in single steps), Pad with zeros before Conv,
  * Identity, Dropout, Constant; and of the domain "sst" AdaptiveAveragePool (output_size) and ResizeLike (x, like;
- * align_corners). Sizes of images are free: H and W that the file gives are told by sst_network_in_size(). Of several
- * outputs the first one counts. The result is the same for any number of threads (tested); it may differ in the last
- * digits between machines, as oneDNN takes other code on other processors. Other operators make the network fall back
- * to OpenCV's DNN, which is said in a warning.
+ * align_corners). Image sizes are free: sst_network_in_size() returns H and W if the file fixes them. Of several
+ * outputs the first one is used. The result is the same for any number of threads (tested); it may differ in the last
+ * digits between machines, as oneDNN uses other code on other processors. Networks with other operators run on OpenCV's
+ * DNN, with a warning.
  *
- * A network that the manifest.json beside it lists must be the file that is listed there
+ * A network listed in the manifest.json beside it must match its entry
  * (pipeline/method/network/manifest.h).
  *
- * On SST_PRECISION_INT8 convolutions behind the first one, and what lies between them, are computed on 8 bits in ranges
- * that the file's metadata sst.ranges hold (see docs/method.md); sums are exact. Processors without VNNI use 7 of them
- * for values that are never negative.
+ * With SST_PRECISION_INT8 convolutions after the first one, and the layers between them, are computed on 8 bits in the
+ * ranges of the file's metadata sst.ranges (see docs/method.md); sums are exact. Processors without VNNI use 7 bits for
+ * values that are never negative.
  *
  * @param threads  used by runs; at least 1
  * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights, ranges that do not fit, not the
@@ -46,7 +46,7 @@ void sst_network_close(struct sst_network *net);
 /** "onednn" or "opencv". */
 const char *sst_network_runner(const struct sst_network *net);
 
-/** What was chosen: never SST_PRECISION_AUTO. */
+/** The precision in use: never SST_PRECISION_AUTO. */
 enum sst_precision sst_network_precision(const struct sst_network *net);
 
 /** Value of a metadata_props entry of the ONNX file, or NULL. Owner: the network. */
@@ -58,12 +58,12 @@ const char *sst_network_metadata(const struct sst_network *net, const char *key)
  */
 int sst_network_in_channels(const struct sst_network *net);
 
-/** Size that the file fixes for its input; 0 and 0 where it leaves one of the two free. */
+/** Input size fixed by the file; 0 and 0 if one of the two is free. */
 void sst_network_in_size(const struct sst_network *net, int *width, int *height);
 
 /**
- * False where the layers rule out this input size, as fixed windows do that must fit each other. Nothing is logged.
- * True means nothing for a network that OpenCV runs.
+ * False if the layers cannot process this input size, as with fixed windows that must match. Not logged. Always true
+ * for a network that OpenCV runs.
  */
 bool sst_network_accepts(const struct sst_network *net, int width, int height);
 
@@ -80,8 +80,8 @@ SST_MUST_CHECK int sst_network_out_shape(struct sst_network *net, int width, int
 SST_MUST_CHECK int sst_network_run(struct sst_network *net, const float *in, int width, int height, float *out);
 
 /**
- * Run once, with the result as bytes: factor times it to the nearest integer, halves away from 0, cut at -127 and 127;
- * NaN gives 0. Takes less time and memory than floats where the network ends with a normalisation.
+ * Run once, with the result times factor as bytes: rounded to nearest, halves away from 0, clamped to -127..127; NaN
+ * gives 0. Faster and smaller than floats if the network ends with a normalisation.
  *
  * @param out  [out_height][out_width][out_channels]
  */

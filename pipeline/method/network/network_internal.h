@@ -1,5 +1,4 @@
-/* pipeline/method/network/network_internal.h - what the files of this folder share; code outside of it includes the
- * public headers. */
+/* pipeline/method/network/network_internal.h - private declarations of this folder. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_NETWORK_INTERNAL_H
 #define SST_PIPELINE_METHOD_NETWORK_NETWORK_INTERNAL_H
 
@@ -13,12 +12,12 @@
 struct raw_value {
     struct sst_onnx_str name;
     int next;     /* chain of the name table, or -1 */
-    int node;     /* that makes it, or -1 */
+    int node;     /* that produces it, or -1 */
     int users;    /* needed nodes that read it */
-    int alias;    /* value that it is the same as, or -1 */
-    int op;       /* operation that makes it, or -1 */
-    int channels; /* 0: not known, a constant */
-    int unpadded; /* value that it is with `pad` zeros around (top, left, bottom, right), or -1 */
+    int alias;    /* value that it is equal to, or -1 */
+    int op;       /* operation that produces it, or -1 */
+    int channels; /* 0: unknown, a constant */
+    int unpadded; /* value that it equals without the `pad` zeros around it (top, left, bottom, right), or -1 */
     int pad[4];
     const struct sst_onnx_tensor *constant;
 };
@@ -51,16 +50,16 @@ struct graph_builder {
     struct sst_graph graph;
 };
 
-/** Say in builder->why what is not supported and return -ENOTSUP. */
+/** Set builder->why to what is not supported and return -ENOTSUP. */
 int graph_unsupported(struct graph_builder *b, const struct sst_onnx_node *node, const char *what);
-/** Log what is wrong with a node and return -EBADMSG. */
+/** Log a fault of a node and return -EBADMSG. */
 int graph_wrong(struct graph_builder *b, const struct sst_onnx_node *node, const char *what);
 /** Constant input of a node, or NULL. */
 const struct sst_onnx_tensor *graph_constant(const struct graph_builder *b, const struct raw_node *node, int in);
 /** True where the node is op of the standard domain. */
 bool graph_is(const struct sst_onnx_node *node, const char *op);
 
-/** If the node is the last of a normalisation over channels, as exporters write it in single steps, say of which value.
+/** Detect a node that ends a normalisation over channels exported in single steps, and return the normalised value.
  */
 struct graph_norm graph_find_norm(const struct graph_builder *b, const struct raw_node *node);
 
@@ -69,41 +68,41 @@ struct resize_target {
     int like;        /* value whose height and width it takes, or -1 */
 };
 
-/** Where the sizes of a Resize lead; exporters wrap them into arithmetic on shapes. False where they cannot be told. */
+/** Find the target size of a Resize, which exporters wrap into arithmetic on shapes. False if it cannot be determined.
+ */
 bool graph_resize_target(const struct graph_builder *b, const struct raw_node *node, struct resize_target *out);
 
 /** Turn one node into an operation, fuse it into an earlier one, or make its output an alias. */
 SST_MUST_CHECK int graph_translate(struct graph_builder *b, const struct raw_node *node);
 
 /* --- ops ---
- * the layers that oneDNN lacks, or rounds in its own way, on any of the layouts that it
- * chooses. */
+ * layers that oneDNN lacks or rounds differently, on any layout that it chooses. */
 
 /**
  * Activations of one image: channel c of pixel (x, y) is data[((c / block * h + y) * w + x) * block + c % block].
  *
  * block 1 is [c][h][w], block c is [h][w][c], others are oneDNN's blocked layouts, whose last block may be longer than
- * c; those channels are 0 in every tensor and are kept so.
+ * c; those channels must be 0 in every tensor and stay 0.
  */
 struct net_tensor {
     float *data;
     int c, h, w, block;
 };
 
-/** Place of one output sample along an axis: in[lo] + part (in[hi] - in[lo]). */
-struct sst_tap {
+/** Position of one output sample along an axis: in[lo] + part (in[hi] - in[lo]). */
+struct net_tap {
     int lo, hi;
     float part;
 };
 
 /** Fill taps for `to` output samples from `from` input samples. */
-void resize_taps(struct sst_tap *taps, enum sst_resize_mode mode, double scale, int from, int to);
+void resize_taps(struct net_tap *taps, enum sst_resize_mode mode, double scale, int from, int to);
 
 /* All: dst->block is src->block or 1. Each output has one fixed order of sums: same bytes for any number of threads. */
 
 /** @param taps_y, taps_x  [dst->h] and [dst->w] */
-SST_MUST_CHECK int op_resize(const struct net_tensor *dst, const struct net_tensor *src, const struct sst_tap *taps_y,
-                             const struct sst_tap *taps_x, int threads);
+SST_MUST_CHECK int op_resize(const struct net_tensor *dst, const struct net_tensor *src, const struct net_tap *taps_y,
+                             const struct net_tap *taps_x, int threads);
 
 /** Means over bins; sums in double. */
 SST_MUST_CHECK int op_adaptive_pool(const struct net_tensor *dst, const struct net_tensor *src, int threads);
@@ -129,34 +128,34 @@ static inline int8_t op_to_byte(float v)
     return (int8_t)(int)(v + copysignf(0.5f, v));
 }
 
-/* --- plan: a graph made ready for one input size: primitives, weights in their layout, memory. --- */
+/* --- plan: a graph prepared for one input size: primitives, weights in their layout, memory. --- */
 
-struct sst_plan; /* one thread at a time */
+struct net_plan; /* one thread at a time */
 
-/* Memory for activations and scratch beyond which a network is refused: no sane one comes near it. */
-#define SST_PLAN_MAX_BYTES(pixels) (((size_t)64 << 20) + ((size_t)16 << 10) * (size_t)(pixels))
+/* Limit of memory for activations and scratch; real networks stay far below it. */
+#define NET_PLAN_MAX_BYTES(pixels) (((size_t)64 << 20) + ((size_t)16 << 10) * (size_t)(pixels))
 
 /**
  * @param graph, shapes  borrowed during the call and, the graph, until destroy; shapes of sst_graph_shapes()
  * @param precision  not SST_PRECISION_AUTO
  * @param name  of the model, for messages; borrowed
- * @return 0, -ENOMEM, -EINVAL (more than SST_PLAN_MAX_BYTES of the input's pixels), -ENOTSUP (oneDNN has no code for a
+ * @return 0, -ENOMEM, -EINVAL (more than NET_PLAN_MAX_BYTES of the input's pixels), -ENOTSUP (oneDNN has no code for a
  * layer on this machine); logged.
  */
-SST_MUST_CHECK int plan_create(struct sst_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes,
-                               int threads, enum sst_precision precision, const char *name);
-void plan_destroy(struct sst_plan *plan);
+SST_MUST_CHECK int net_plan_create(struct net_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes,
+                                   int threads, enum sst_precision precision, const char *name);
+void net_plan_destroy(struct net_plan *plan);
 
-/** True where this processor multiplies and adds bytes in one instruction (VNNI), as far as oneDNN may use it. */
-bool plan_fast_int8(void);
+/** True if this processor multiplies and adds bytes in one instruction (VNNI) and oneDNN may use it. */
+bool net_plan_fast_int8(void);
 
 /** Run once; allocates nothing. @param in [c][h][w] @param out [c][h][w] of the graph's output. */
-SST_MUST_CHECK int plan_run(struct sst_plan *plan, const float *in, float *out);
+SST_MUST_CHECK int net_plan_run(struct net_plan *plan, const float *in, float *out);
 
-/** True where plan_run_s8() can be used: the network ends with a normalisation. */
-bool plan_has_s8(const struct sst_plan *plan);
+/** True where net_plan_run_s8() is available: the network ends with a normalisation. */
+bool net_plan_has_s8(const struct net_plan *plan);
 
 /** Run once, with the result times factor in bytes, see op_normalize_s8(). @param out [h][w][c] of the output. */
-SST_MUST_CHECK int plan_run_s8(struct sst_plan *plan, const float *in, float factor, int8_t *out);
+SST_MUST_CHECK int net_plan_run_s8(struct net_plan *plan, const float *in, float factor, int8_t *out);
 
 #endif

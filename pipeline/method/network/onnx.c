@@ -1,5 +1,5 @@
-/* Protocol buffers, as far as ONNX needs them (field numbers are those of onnx.proto). Names, attributes and metadata
- * stay where they are in the file; only the nodes' table and the constants are copied. */
+/* The subset of protocol buffers that ONNX needs (field numbers are those of onnx.proto). Names, attributes and
+ * metadata point into the file; only the nodes' table and the constants are copied. */
 #include "pipeline/method/network/onnx.h"
 
 #include <errno.h>
@@ -11,7 +11,7 @@
 
 enum wire { WIRE_VARINT = 0, WIRE_64 = 1, WIRE_BYTES = 2, WIRE_32 = 5 };
 
-/* Bytes of one number of each tensor type; 0: strings and types that no network of ours has. */
+/* Bytes of one number of each tensor type; 0: strings and unsupported types. */
 static const uint8_t type_bytes[] = { 0, 4, 1, 1, 2, 2, 4, 8, 0, 1, 2, 8, 4, 8 };
 
 struct field {
@@ -99,8 +99,8 @@ static float bits_to_float(uint64_t bits)
     return f;
 }
 
-/* A repeated number comes one by one or packed; store those that fit into out[0..room), count all. Where out is NULL
- * they are only counted. Wire is that of one number. */
+/* A repeated number is encoded one by one or packed; store those that fit into out[0..room), count all. Where out is
+ * NULL they are only counted. Wire is that of one number. */
 static bool read_numbers(struct field *f, enum wire wire, void *out, int64_t room, int64_t *count)
 {
     struct sst_onnx_str one = f->bytes;
@@ -136,7 +136,7 @@ bool sst_onnx_str_is(struct sst_onnx_str s, const char *text)
     return sst_onnx_str_same(s, (struct sst_onnx_str){ text, strlen(text) });
 }
 
-/* Names end up in messages. */
+/* Names appear in messages. */
 static bool printable(struct sst_onnx_str s)
 {
     for (size_t i = 0; i < s.n; i++) {
@@ -223,7 +223,7 @@ static int fill_tensor(struct sst_onnx_tensor *t, const struct tensor_parts *p, 
     if (p->has_raw)
         memcpy(data, p->raw.p, (size_t)t->count * size);
     else if (read_tensor_fields(t, &again, bytes))
-        return -EBADMSG; /* not reached: the same bytes were read before */
+        return -EBADMSG; /* not reached: the same bytes were parsed before */
     for (int64_t i = 0; t->f && i < t->count; i++) {
         if (!isfinite(t->f[i]))
             return -EDOM;
@@ -297,7 +297,7 @@ static int read_attr(struct sst_onnx_attr *a, struct sst_onnx_str *name, struct 
     *a = (struct sst_onnx_attr){ 0 };
     *name = (struct sst_onnx_str){ 0 };
     while ((r = next_field(&bytes, &f)) > 0) {
-        if (n++ == SST_ONNX_MAX_FIELDS) /* attributes are searched again and again */
+        if (n++ == SST_ONNX_MAX_FIELDS) /* attributes are searched repeatedly */
             return -EBADMSG;
         if (f.number == 1)
             *name = f.bytes;
@@ -346,7 +346,7 @@ int64_t sst_onnx_attr_int(const struct sst_onnx_node *node, const char *name, in
 static void *add(void **table, int *count, int limit, size_t size, const char *what, const char *name, int *err)
 {
     if (*count == limit) {
-        sst_log_error("model %s: more than %d %s; such a network is too large to be one of ours", name, limit, what);
+        sst_log_error("model %s: more than %d %s; larger networks are refused", name, limit, what);
         *err = -EBADMSG;
         return NULL;
     }
@@ -419,7 +419,7 @@ static int read_node(struct sst_onnx *m, struct sst_onnx_str bytes, const char *
     return r ? damaged(name, "a node ends early") : 0;
 }
 
-/* Follow field numbers down to the message that they lead to; a missing one gives an empty message. */
+/* Follow field numbers to a nested message; a missing one gives an empty message. */
 static int descend(struct sst_onnx_str *bytes, unsigned number)
 {
     struct sst_onnx_str found = { "", 0 };

@@ -1,5 +1,5 @@
-/* pipeline/method/network/onnx.h - bounded reader of ONNX files: all is checked, and no file that a model names is ever
- * opened. */
+/* pipeline/method/network/onnx.h - bounded reader of ONNX files: validates everything and never opens files that a
+ * model names. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_ONNX_H
 #define SST_PIPELINE_METHOD_NETWORK_ONNX_H
 
@@ -46,7 +46,7 @@ struct sst_onnx_node {
     struct sst_onnx_str body; /* for sst_onnx_attr_find() */
 };
 
-/* Types of numbers (TensorProto.DataType) that matter at the ends of a network. */
+/* Numeric types (TensorProto.DataType) that inputs and outputs may have. */
 #define SST_ONNX_FLOAT 1
 #define SST_ONNX_INT64 7
 #define SST_ONNX_HALF  10
@@ -54,7 +54,7 @@ struct sst_onnx_node {
 /** Input or output of the graph. */
 struct sst_onnx_value {
     struct sst_onnx_str name;
-    int type; /* of its numbers; 0: not said */
+    int type; /* of its numbers; 0: unspecified */
     int n_dims;
     int64_t dims[SST_ONNX_MAX_DIMS]; /* 0: not fixed */
 };
@@ -76,13 +76,13 @@ struct sst_onnx {
  * Read a model. Its strings point into data, which must outlive it.
  *
  * @param name  of the file, for messages
- * @return 0, -EBADMSG (truncated, over a limit above, sizes that contradict each other, data in other files, values
+ * @return 0, -EBADMSG (truncated, over a limit above, inconsistent sizes, data in other files, values
  * that are not finite), -ENOTSUP (nodes with graphs inside), -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_onnx_parse(struct sst_onnx *out, const uint8_t *data, size_t size, const char *name);
 void sst_onnx_fini(struct sst_onnx *model);
 
-/** An attribute of a node; what its type does not carry is 0. */
+/** An attribute of a node; fields that its type lacks are 0. */
 struct sst_onnx_attr {
     float f;
     int64_t i;

@@ -1,5 +1,4 @@
-/* pipeline/method/network/opencv_net.h - what we take from OpenCV, as plain C: no exception leaves, no OpenCV type is
- * seen. */
+/* pipeline/method/network/opencv_net.h - OpenCV's DNN as plain C: no exceptions, no OpenCV types. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_OPENCV_NET_H
 #define SST_PIPELINE_METHOD_NETWORK_OPENCV_NET_H
 

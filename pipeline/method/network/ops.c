@@ -4,11 +4,11 @@
 
 #include "base/thread.h"
 
-#define TILE 16 /* pixels or channels that are worked on together */
+#define TILE 16 /* pixels or channels per tile */
 
 struct job {
     const struct net_tensor *dst, *src;
-    const struct sst_tap *taps_y, *taps_x;
+    const struct net_tap *taps_y, *taps_x;
     const struct sst_op *op;
     int8_t *bytes; /* of normalisation to bytes */
     float factor;
@@ -20,7 +20,7 @@ static size_t offset(const struct net_tensor *t, int c, int y, int x)
            (size_t)(c % t->block);
 }
 
-/* Channels with those that fill the last block. */
+/* Channels including the padding of the last block. */
 static int padded_channels(const struct net_tensor *t)
 {
     return (t->c + t->block - 1) / t->block * t->block;
@@ -45,13 +45,13 @@ static double source_position(enum sst_resize_mode mode, double scale, int from,
     return (i + 0.5) / scale - 0.5;
 }
 
-void resize_taps(struct sst_tap *taps, enum sst_resize_mode mode, double scale, int from, int to)
+void resize_taps(struct net_tap *taps, enum sst_resize_mode mode, double scale, int from, int to)
 {
     for (int i = 0; i < to; i++) {
         const double at = sst_clamp_double(source_position(mode, scale, from, to, i), 0, from - 1);
         const int lo = sst_min_int((int)at, from - 1);
 
-        taps[i] = (struct sst_tap){ lo, sst_min_int(lo + 1, from - 1), (float)(at - lo) };
+        taps[i] = (struct net_tap){ lo, sst_min_int(lo + 1, from - 1), (float)(at - lo) };
     }
 }
 
@@ -59,7 +59,7 @@ static int resize_row(void *arg, int y, int worker SST_UNUSED)
 {
     const struct job *j = arg;
     const struct net_tensor *dst = j->dst, *src = j->src;
-    const struct sst_tap ty = j->taps_y[y];
+    const struct net_tap ty = j->taps_y[y];
     const int b = src->block;
 
     for (int c = 0; c < padded_channels(src); c += b) {
@@ -68,7 +68,7 @@ static int resize_row(void *arg, int y, int worker SST_UNUSED)
         const size_t step = dst->block == b ? 1 : (size_t)dst->h * (size_t)dst->w;
 
         for (int x = 0; x < dst->w; x++) {
-            const struct sst_tap tx = j->taps_x[x];
+            const struct net_tap tx = j->taps_x[x];
             const float *tl = top + (size_t)tx.lo * b, *tr = top + (size_t)tx.hi * b;
             const float *bl = bottom + (size_t)tx.lo * b, *br = bottom + (size_t)tx.hi * b;
             float *out = dst->data + offset(dst, c, y, x);
@@ -83,8 +83,8 @@ static int resize_row(void *arg, int y, int worker SST_UNUSED)
     return 0;
 }
 
-int op_resize(const struct net_tensor *dst, const struct net_tensor *src, const struct sst_tap *taps_y,
-              const struct sst_tap *taps_x, int threads)
+int op_resize(const struct net_tensor *dst, const struct net_tensor *src, const struct net_tap *taps_y,
+              const struct net_tap *taps_x, int threads)
 {
     struct job job = { .dst = dst, .src = src, .taps_y = taps_y, .taps_x = taps_x };
 
@@ -116,7 +116,7 @@ static void mean_of_bin(const struct job *j, int c0, int lanes, int oy, int ox)
     }
 }
 
-/* A group is up to TILE channels that lie side by side. */
+/* A group is up to TILE adjacent channels. */
 static int pool_group(void *arg, int group, int worker SST_UNUSED)
 {
     const struct job *j = arg;
@@ -240,7 +240,7 @@ int op_normalize(const struct net_tensor *dst, const struct net_tensor *src, con
     return sst_parallel_for(dst->h, threads, tile_row, &job);
 }
 
-/* Sum of squares of n numbers, in eight lanes; in double where floats would lose it. */
+/* Sum of squares of n numbers, in eight lanes; in double where float would overflow or underflow. */
 static double sum_of_squares(const float *x, int n)
 {
     float lanes[8] = { 0 };

@@ -10,7 +10,7 @@
 #include "pipeline/method/network/plan_dnnl.h"
 
 /* Layouts that ops.h works on: [c][h][w], channels in blocks of 16 or 8, [h][w][c]. */
-static void find_layout(struct plan_tensor *t)
+static void find_layout(struct net_plan_tensor *t)
 {
     static const struct {
         dnnl_format_tag_t tag;
@@ -29,10 +29,10 @@ static void find_layout(struct plan_tensor *t)
     }
 }
 
-int plan_add_tensor(struct sst_plan *p, int value, const dnnl_memory_desc_t *md, float scale)
+int net_plan_add_tensor(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale)
 {
     const struct sst_shape shape = p->shapes[value];
-    struct plan_tensor *t;
+    struct net_plan_tensor *t;
 
     if (p->n_tensors == p->tensors_room) {
         const int room = p->tensors_room ? 2 * p->tensors_room : 32;
@@ -44,7 +44,7 @@ int plan_add_tensor(struct sst_plan *p, int value, const dnnl_memory_desc_t *md,
         p->tensors_room = room;
     }
     t = &p->tensors[p->n_tensors];
-    *t = (struct plan_tensor){
+    *t = (struct net_plan_tensor){
         .value = value,
         .place_of = -1,
         .scale = scale,
@@ -57,9 +57,9 @@ int plan_add_tensor(struct sst_plan *p, int value, const dnnl_memory_desc_t *md,
     return p->n_tensors++;
 }
 
-struct plan_step *plan_add_step(struct sst_plan *p, const struct sst_op *op)
+struct net_plan_step *net_plan_add_step(struct net_plan *p, const struct sst_op *op)
 {
-    struct plan_step *s;
+    struct net_plan_step *s;
 
     if (p->n_steps == p->steps_room) {
         const int room = p->steps_room ? 2 * p->steps_room : 32;
@@ -71,17 +71,17 @@ struct plan_step *plan_add_step(struct sst_plan *p, const struct sst_op *op)
         p->steps_room = room;
     }
     s = &p->steps[p->n_steps++];
-    *s = (struct plan_step){ .op = op };
+    *s = (struct net_plan_step){ .op = op };
     return s;
 }
 
 /* --- memory --------------------------------------------------------------------------------------- */
 
-static void find_lifetimes(struct sst_plan *p)
+static void find_lifetimes(struct net_plan *p)
 {
     for (int i = 0; i < p->n_steps; i++) {
         for (int k = 0; k < p->steps[i].n_args; k++) {
-            struct plan_tensor *t = p->steps[i].tensor[k] >= 0 ? &p->tensors[p->steps[i].tensor[k]] : NULL;
+            struct net_plan_tensor *t = p->steps[i].tensor[k] >= 0 ? &p->tensors[p->steps[i].tensor[k]] : NULL;
 
             if (!t)
                 continue;
@@ -90,28 +90,28 @@ static void find_lifetimes(struct sst_plan *p)
             t->last = i;
         }
     }
-    /* Later tensors lie in the place of earlier ones. */
+    /* Memory of tensors that are no longer needed is reused. */
     for (int i = p->n_tensors - 1; i >= 0; i--) {
-        const struct plan_tensor *t = &p->tensors[i];
+        const struct net_plan_tensor *t = &p->tensors[i];
 
         if (t->place_of >= 0)
             p->tensors[t->place_of].last = sst_max_int(p->tensors[t->place_of].last, t->last);
     }
 }
 
-static bool in_arena(const struct plan_tensor *t)
+static bool in_arena(const struct net_plan_tensor *t)
 {
     return !t->external && t->first >= 0 && t->place_of < 0;
 }
 
-/* Lowest place where a tensor meets none of those that are placed already (marked) and alive with it. Each try either
- * succeeds or moves behind one that is in the way. */
-static size_t find_place(const struct sst_plan *p, const struct plan_tensor *t, const bool *placed)
+/* Lowest offset where a tensor overlaps none of those already placed (marked) with overlapping lifetimes. Each attempt
+ * either succeeds or moves past a conflicting one. */
+static size_t find_place(const struct net_plan *p, const struct net_plan_tensor *t, const bool *placed)
 {
     size_t at = 0;
 
     for (int i = 0; i < p->n_tensors; i++) {
-        const struct plan_tensor *o = &p->tensors[i];
+        const struct net_plan_tensor *o = &p->tensors[i];
 
         if (placed[i] && o->first <= t->last && t->first <= o->last && at < o->offset + o->bytes &&
             o->offset < at + t->bytes) {
@@ -122,15 +122,15 @@ static size_t find_place(const struct sst_plan *p, const struct plan_tensor *t, 
     return at;
 }
 
-/* Largest first, each at the lowest free place: near the best possible for chains and residual blocks. */
-static int place_tensors(struct sst_plan *p)
+/* Largest first, each at the lowest free offset: near optimal for chains and residual blocks. */
+static int place_tensors(struct net_plan *p)
 {
     bool *placed = calloc((size_t)p->n_tensors, sizeof(*placed));
 
     if (!placed)
         return -ENOMEM;
     for (;;) {
-        struct plan_tensor *t = NULL;
+        struct net_plan_tensor *t = NULL;
 
         for (int i = 0; i < p->n_tensors; i++) {
             if (!placed[i] && in_arena(&p->tensors[i]) && (!t || p->tensors[i].bytes > t->bytes))
@@ -151,18 +151,17 @@ static int place_tensors(struct sst_plan *p)
     return 0;
 }
 
-static int allocate(struct sst_plan *p)
+static int allocate(struct net_plan *p)
 {
     const struct sst_shape in = p->shapes[p->graph->input];
     int err = place_tensors(p);
 
     if (err)
         return err;
-    if (p->arena_bytes + p->scratch_bytes > SST_PLAN_MAX_BYTES((int64_t)in.w * in.h)) {
-        sst_log_error(
-            "model %s wants %zu MiB for an image of %d x %d, more than the 64 MiB and 16 KiB per pixel that any"
-            " sane network needs; use another one",
-            p->name, (p->arena_bytes + p->scratch_bytes) >> 20, in.w, in.h);
+    if (p->arena_bytes + p->scratch_bytes > NET_PLAN_MAX_BYTES((int64_t)in.w * in.h)) {
+        sst_log_error("model %s needs %zu MiB for an image of %d x %d, more than the limit of 64 MiB and 16 KiB per "
+                      "pixel; use another one",
+                      p->name, (p->arena_bytes + p->scratch_bytes) >> 20, in.w, in.h);
         return -EINVAL;
     }
     p->arena = sst_mem_alloc_raw(1, p->arena_bytes + 1);
@@ -170,47 +169,47 @@ static int allocate(struct sst_plan *p)
     if (!p->arena || !p->scratch)
         return -ENOMEM;
     for (int i = 0; !err && i < p->n_tensors; i++) {
-        struct plan_tensor *t = &p->tensors[i];
+        struct net_plan_tensor *t = &p->tensors[i];
 
         if (!t->external)
             t->view.data = (float *)(void *)((char *)p->arena + t->offset);
-        err = plan_errno(
+        err = net_plan_errno(
             dnnl_memory_create(&t->memory, &t->md, p->engine, t->external ? DNNL_MEMORY_NONE : t->view.data));
     }
     for (int i = 0; !err && i < p->n_steps; i++) {
-        struct plan_step *s = &p->steps[i];
+        struct net_plan_step *s = &p->steps[i];
 
         for (int k = 0; k < s->n_args; k++) {
             if (s->tensor[k] >= 0)
                 s->args[k].memory = p->tensors[s->tensor[k]].memory;
         }
         if (s->scratch)
-            err = plan_errno(dnnl_memory_set_data_handle(s->scratch, p->scratch));
+            err = net_plan_errno(dnnl_memory_set_data_handle(s->scratch, p->scratch));
     }
     return err;
 }
 
-static bool tiles_stay(struct sst_plan *p, int threads)
+static bool tiles_stay(struct net_plan *p, int threads)
 {
     omp_set_num_threads(threads);
     for (int i = 0; i < p->graph->n_ops; i++) {
-        if (p->winograd[i] != plan_winograd_tile(p, &p->graph->ops[i]))
+        if (p->winograd[i] != net_plan_winograd_tile(p, &p->graph->ops[i]))
             return false;
     }
     return true;
 }
 
 /* oneDNN chooses the tiles by the number of threads (smaller ones for many threads or small images, none for one
- * thread), and they round differently. For the same bytes everywhere: the tiles of two threads, and as many threads as
- * agree with them. Everything else is planned for the threads that run it: a primitive starts as many as it was
- * planned for, even where fewer are set when it runs. */
-static void choose_winograd(struct sst_plan *p)
+ * thread), and they round differently. For the same bytes everywhere, use the tiles of two threads, and the largest
+ * number of threads that gives the same tiles. Everything else is planned for the threads that run it: a primitive
+ * starts as many as it was planned for, even if fewer are set when it runs. */
+static void choose_winograd(struct net_plan *p)
 {
     int planned = sst_max_int(p->threads, 2);
 
     omp_set_num_threads(2);
     for (int i = 0; i < p->graph->n_ops; i++)
-        p->winograd[i] = plan_winograd_tile(p, &p->graph->ops[i]);
+        p->winograd[i] = net_plan_winograd_tile(p, &p->graph->ops[i]);
     while (planned > 2 && !tiles_stay(p, planned))
         planned--;
     p->winograd_threads = planned;
@@ -220,11 +219,11 @@ static void choose_winograd(struct sst_plan *p)
 
 /* --- life ----------------------------------------------------------------------------------------- */
 
-static int add_ops(struct sst_plan *p)
+static int add_ops(struct net_plan *p)
 {
     const struct sst_graph *g = p->graph;
     dnnl_memory_desc_t md;
-    int err = plan_desc(&md, p->shapes[g->input], dnnl_f32, dnnl_nchw);
+    int err = net_plan_desc(&md, p->shapes[g->input], dnnl_f32, dnnl_nchw);
 
     if (err)
         return err;
@@ -233,33 +232,33 @@ static int add_ops(struct sst_plan *p)
             p->last_use[g->ops[i].in[k]] = i;
     }
     p->last_use[g->output] = g->n_ops;
-    p->input = plan_add_tensor(p, g->input, &md, 1);
+    p->input = net_plan_add_tensor(p, g->input, &md, 1);
     if (p->input < 0)
         return p->input;
     p->tensors[p->input].external = true;
     p->current[g->input] = p->input;
-    plan_choose_bits(p);
+    net_plan_choose_bits(p);
     choose_winograd(p);
     for (int i = 0; !err && i < g->n_ops; i++)
-        err = plan_add_op(p, i);
+        err = net_plan_add_op(p, i);
     if (!err)
-        err = plan_desc(&md, p->shapes[g->output], dnnl_f32, dnnl_nchw);
+        err = net_plan_desc(&md, p->shapes[g->output], dnnl_f32, dnnl_nchw);
     if (err)
         return err;
-    p->output = plan_in_layout(p, g->output, &md, 1);
+    p->output = net_plan_in_layout(p, g->output, &md, 1);
     if (p->output < 0)
         return p->output;
     p->tensors[p->output].external = true;
     return 0;
 }
 
-static int build(struct sst_plan *p)
+static int build(struct net_plan *p)
 {
     const size_t n = (size_t)p->graph->n_values;
-    int err = plan_errno(dnnl_engine_create(&p->engine, dnnl_cpu, 0));
+    int err = net_plan_errno(dnnl_engine_create(&p->engine, dnnl_cpu, 0));
 
     if (!err)
-        err = plan_errno(dnnl_stream_create(&p->stream, p->engine, dnnl_stream_default_flags));
+        err = net_plan_errno(dnnl_stream_create(&p->stream, p->engine, dnnl_stream_default_flags));
     p->current = malloc(n * sizeof(*p->current));
     p->last_use = calloc(n, sizeof(*p->last_use));
     p->winograd = calloc((size_t)p->graph->n_ops, sizeof(*p->winograd));
@@ -275,15 +274,15 @@ static int build(struct sst_plan *p)
     return allocate(p);
 }
 
-int plan_create(struct sst_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes, int threads,
-                enum sst_precision precision, const char *name)
+int net_plan_create(struct net_plan **out, const struct sst_graph *graph, const struct sst_shape *shapes, int threads,
+                    enum sst_precision precision, const char *name)
 {
     const int before = omp_get_max_threads();
-    struct sst_plan *p = calloc(1, sizeof(*p));
+    struct net_plan *p = calloc(1, sizeof(*p));
     int err = -ENOMEM;
 
     if (p) {
-        *p = (struct sst_plan){
+        *p = (struct net_plan){
             .graph = graph, .shapes = shapes, .threads = threads, .precision = precision, .name = name
         };
         err = build(p);
@@ -303,16 +302,16 @@ int plan_create(struct sst_plan **out, const struct sst_graph *graph, const stru
     else if (err != -EINVAL)
         sst_log_error("model %s: oneDNN cannot run one of its layers on an image of %d x %d; use another size or model",
                       name, shapes[graph->input].w, shapes[graph->input].h);
-    plan_destroy(p);
+    net_plan_destroy(p);
     return err;
 }
 
-void plan_destroy(struct sst_plan *plan)
+void net_plan_destroy(struct net_plan *plan)
 {
     if (!plan)
         return;
     for (int i = 0; i < plan->n_steps; i++) {
-        struct plan_step *s = &plan->steps[i];
+        struct net_plan_step *s = &plan->steps[i];
 
         dnnl_primitive_destroy(s->primitive);
         dnnl_memory_destroy(s->weights);
@@ -338,7 +337,7 @@ void plan_destroy(struct sst_plan *plan)
     free(plan);
 }
 
-static int run_own(const struct sst_plan *p, const struct plan_step *s)
+static int run_own(const struct net_plan *p, const struct net_plan_step *s)
 {
     const struct net_tensor *src = &p->tensors[s->tensor[0]].view, *dst = &p->tensors[s->tensor[1]].view;
 
@@ -354,29 +353,29 @@ static int run_own(const struct sst_plan *p, const struct plan_step *s)
     }
 }
 
-static int set_external(struct plan_tensor *t, float *data)
+static int set_external(struct net_plan_tensor *t, float *data)
 {
     t->view.data = data;
-    return plan_errno(dnnl_memory_set_data_handle(t->memory, data));
+    return net_plan_errno(dnnl_memory_set_data_handle(t->memory, data));
 }
 
-static int run_steps(struct sst_plan *p, int count)
+static int run_steps(struct net_plan *p, int count)
 {
     int err = 0;
 
     for (int i = 0; !err && i < count; i++) {
-        const struct plan_step *s = &p->steps[i];
+        const struct net_plan_step *s = &p->steps[i];
 
-        err = s->primitive ? plan_errno(dnnl_primitive_execute(s->primitive, p->stream, s->n_args, s->args))
+        err = s->primitive ? net_plan_errno(dnnl_primitive_execute(s->primitive, p->stream, s->n_args, s->args))
                            : run_own(p, s);
     }
     if (!err)
-        err = plan_errno(dnnl_stream_wait(p->stream));
+        err = net_plan_errno(dnnl_stream_wait(p->stream));
     return err;
 }
 
 /* The first `count` steps, on the plan's threads. */
-static int run(struct sst_plan *p, const float *in, int count)
+static int run(struct net_plan *p, const float *in, int count)
 {
     const int before = omp_get_max_threads(), levels = omp_get_max_active_levels();
     int err = set_external(&p->tensors[p->input], (float *)(uintptr_t)in); /* only read */
@@ -384,7 +383,7 @@ static int run(struct sst_plan *p, const float *in, int count)
     if (err)
         return err;
     omp_set_num_threads(p->threads);
-    /* On one thread a Winograd primitive would still start the threads that it was planned for. */
+    /* With one thread a Winograd primitive would still start the threads that it was planned for. */
     if (p->threads == 1)
         omp_set_max_active_levels(0);
     err = run_steps(p, count);
@@ -393,23 +392,23 @@ static int run(struct sst_plan *p, const float *in, int count)
     return err;
 }
 
-int plan_run(struct sst_plan *plan, const float *in, float *out)
+int net_plan_run(struct net_plan *plan, const float *in, float *out)
 {
     const int err = set_external(&plan->tensors[plan->output], out);
 
     return err ? err : run(plan, in, plan->n_steps);
 }
 
-bool plan_has_s8(const struct sst_plan *plan)
+bool net_plan_has_s8(const struct net_plan *plan)
 {
-    const struct plan_step *last = plan->n_steps ? &plan->steps[plan->n_steps - 1] : NULL;
+    const struct net_plan_step *last = plan->n_steps ? &plan->steps[plan->n_steps - 1] : NULL;
 
     return last && last->op && last->op->kind == SST_OP_NORMALIZE;
 }
 
-int plan_run_s8(struct sst_plan *plan, const float *in, float factor, int8_t *out)
+int net_plan_run_s8(struct net_plan *plan, const float *in, float factor, int8_t *out)
 {
-    const struct plan_step *last = &plan->steps[plan->n_steps - 1];
+    const struct net_plan_step *last = &plan->steps[plan->n_steps - 1];
     const int err = run(plan, in, plan->n_steps - 1);
 
     return err ? err : op_normalize_s8(out, &plan->tensors[last->tensor[0]].view, last->op, factor, plan->threads);

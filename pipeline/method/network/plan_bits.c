@@ -1,19 +1,19 @@
-/* Which values are held in 8 bits, and in which units. */
+/* Chooses which values are stored in 8 bits, and their scales. */
 #if WITH_DNNL
 #include <math.h>
 
 #include "pipeline/method/network/plan_dnnl.h"
 
-/* A product of u8 and s8 is at most 255 * 127; so many of them fit an int32 in any order, with room for a bias of as
- * much again. */
+/* A product of u8 and s8 is at most 255 * 127; this many fit an int32 in any order, with room for a bias of the same
+ * size. */
 #define MAX_PRODUCTS (INT32_MAX / 2 / (255 * 127))
 
-bool plan_fast_int8(void)
+bool net_plan_fast_int8(void)
 {
     static const unsigned vnni[] = { dnnl_cpu_isa_avx512_core_vnni, dnnl_cpu_isa_avx2_vnni };
     const unsigned isa = (unsigned)dnnl_get_effective_cpu_isa();
 
-    /* Sets of instructions are bits; a set contains what it builds on. */
+    /* Instruction sets are bit masks; each includes those it builds on. */
     return (isa & vnni[0]) == vnni[0] || (isa & vnni[1]) == vnni[1];
 }
 
@@ -21,10 +21,10 @@ bool plan_fast_int8(void)
  * not: u8 values use 7 bits there. (For s8 values oneDNN itself halves the weights.) */
 static float u8_max(void)
 {
-    return plan_fast_int8() ? 255.0f : 127.0f;
+    return net_plan_fast_int8() ? 255.0f : 127.0f;
 }
 
-bool plan_conv_on_8_bits(const struct sst_plan *p, const struct sst_op *op)
+bool net_plan_conv_on_8_bits(const struct net_plan *p, const struct sst_op *op)
 {
     return p->precision == SST_PRECISION_INT8 && op->kind == SST_OP_CONV && p->graph->range[op->in[0]] > 0 &&
            op->in[0] != p->graph->input && (int64_t)op->group_in * op->kernel[0] * op->kernel[1] <= MAX_PRODUCTS;
@@ -35,7 +35,7 @@ static bool moves_values(const struct sst_op *op)
     return op->kind == SST_OP_MAX_POOL || op->kind == SST_OP_AVG_POOL || op->kind == SST_OP_CONCAT;
 }
 
-static bool never_negative(const struct sst_plan *p, const struct sst_op *op)
+static bool never_negative(const struct net_plan *p, const struct sst_op *op)
 {
     bool all = true;
 
@@ -50,14 +50,14 @@ static bool never_negative(const struct sst_plan *p, const struct sst_op *op)
     return all;
 }
 
-/* Backwards: convolutions want what they read in 8 bits; layers that only move values pass the wish on. */
-static void find_wanted(struct sst_plan *p)
+/* Walk back: convolutions request 8-bit inputs; layers that only move values propagate the request. */
+static void find_requested(struct net_plan *p)
 {
     for (int i = p->graph->n_ops - 1; i >= 0; i--) {
         const struct sst_op *op = &p->graph->ops[i];
         const bool out = p->values[op->out].bits8;
 
-        if (plan_conv_on_8_bits(p, op)) {
+        if (net_plan_conv_on_8_bits(p, op)) {
             p->values[op->in[0]].bits8 = true;
             if (op->residual && out)
                 p->values[op->in[1]].bits8 = true;
@@ -68,16 +68,16 @@ static void find_wanted(struct sst_plan *p)
     }
 }
 
-static void set_units(struct sst_plan *p, int value, float range, bool never_negative)
+static void set_units(struct net_plan *p, int value, float range, bool never_negative)
 {
-    struct plan_value *v = &p->values[value];
+    struct net_plan_value *v = &p->values[value];
 
     v->type = never_negative ? dnnl_u8 : dnnl_s8;
     v->scale = range / (never_negative ? u8_max() : 127.0f);
 }
 
-/* What is joined shares its units, so that joining is copying. */
-static void join_units(struct sst_plan *p, const struct sst_op *op)
+/* Inputs of a concatenation share their scale, so that it is a copy. */
+static void join_units(struct net_plan *p, const struct sst_op *op)
 {
     float range = p->graph->range[op->out];
 
@@ -88,7 +88,7 @@ static void join_units(struct sst_plan *p, const struct sst_op *op)
         set_units(p, op->in[i], range, p->values[op->out].never_negative);
 }
 
-void plan_choose_bits(struct sst_plan *p)
+void net_plan_choose_bits(struct net_plan *p)
 {
     const struct sst_graph *g = p->graph;
 
@@ -96,7 +96,7 @@ void plan_choose_bits(struct sst_plan *p)
         return;
     for (int i = 0; i < g->n_ops; i++)
         p->values[g->ops[i].out].never_negative = never_negative(p, &g->ops[i]);
-    find_wanted(p);
+    find_requested(p);
     for (int v = 0; v < g->n_values; v++) {
         p->values[v].bits8 &= g->range[v] > 0 && v != g->output;
         set_units(p, v, g->range[v], p->values[v].never_negative);

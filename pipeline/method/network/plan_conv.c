@@ -31,22 +31,22 @@ static dnnl_data_type_t or_f32(dnnl_data_type_t type)
 static int conv_attr(dnnl_primitive_attr_t *attr, const struct sst_op *op, const struct quantised *q)
 {
     dnnl_post_ops_t post;
-    int err = plan_attr(attr);
+    int err = net_plan_attr(attr);
 
     if (err)
         return err;
-    err = plan_errno(dnnl_post_ops_create(&post));
+    err = net_plan_errno(dnnl_post_ops_create(&post));
     if (err)
         goto fail_attr;
     if (q->scales)
-        err = plan_errno(dnnl_primitive_attr_set_output_scales(*attr, op->channels, 1 << 1, q->scales));
+        err = net_plan_errno(dnnl_primitive_attr_set_output_scales(*attr, op->channels, 1 << 1, q->scales));
     if (!err && op->residual)
-        err = plan_errno(q->scales ? dnnl_post_ops_append_sum_v2(post, q->sum_scale, q->sum)
-                                   : dnnl_post_ops_append_sum(post, 1.0f));
+        err = net_plan_errno(q->scales ? dnnl_post_ops_append_sum_v2(post, q->sum_scale, q->sum)
+                                       : dnnl_post_ops_append_sum(post, 1.0f));
     if (!err && op->relu)
-        err = plan_errno(dnnl_post_ops_append_eltwise(post, 1.0f, dnnl_eltwise_relu, 0.0f, 0.0f));
+        err = net_plan_errno(dnnl_post_ops_append_eltwise(post, 1.0f, dnnl_eltwise_relu, 0.0f, 0.0f));
     if (!err)
-        err = plan_errno(dnnl_primitive_attr_set_post_ops(*attr, post));
+        err = net_plan_errno(dnnl_primitive_attr_set_post_ops(*attr, post));
     dnnl_post_ops_destroy(post);
     if (!err)
         return 0;
@@ -63,11 +63,12 @@ static int weights_desc(dnnl_memory_desc_t *md, const struct sst_op *op, dnnl_da
     const dnnl_dims_t dims = { op->channels, op->group_in, op->kernel[0], op->kernel[1] };
 
     if (g > 1)
-        return plan_errno(dnnl_memory_desc_init_by_tag(md, 5, grouped, type, plain ? dnnl_goihw : dnnl_format_tag_any));
-    return plan_errno(dnnl_memory_desc_init_by_tag(md, 4, dims, type, plain ? dnnl_oihw : dnnl_format_tag_any));
+        return net_plan_errno(
+            dnnl_memory_desc_init_by_tag(md, 5, grouped, type, plain ? dnnl_goihw : dnnl_format_tag_any));
+    return net_plan_errno(dnnl_memory_desc_init_by_tag(md, 4, dims, type, plain ? dnnl_oihw : dnnl_format_tag_any));
 }
 
-static int conv_desc(struct sst_plan *p, const struct sst_op *op, dnnl_alg_kind_t algorithm, dnnl_format_tag_t dst_tag,
+static int conv_desc(struct net_plan *p, const struct sst_op *op, dnnl_alg_kind_t algorithm, dnnl_format_tag_t dst_tag,
                      const struct quantised *q, dnnl_primitive_desc_t *pd)
 {
     const struct sst_shape out = p->shapes[op->out];
@@ -77,22 +78,22 @@ static int conv_desc(struct sst_plan *p, const struct sst_op *op, dnnl_alg_kind_
     dnnl_memory_desc_t src, weights, bias, dst;
     dnnl_convolution_desc_t desc;
     dnnl_primitive_attr_t attr;
-    int err = plan_desc(&src, p->shapes[op->in[0]], or_f32(q->src), dnnl_format_tag_any);
+    int err = net_plan_desc(&src, p->shapes[op->in[0]], or_f32(q->src), dnnl_format_tag_any);
 
     if (!err)
-        err = plan_errno(dnnl_memory_desc_init_by_tag(&dst, 4, dst_dims, or_f32(q->dst), dst_tag));
+        err = net_plan_errno(dnnl_memory_desc_init_by_tag(&dst, 4, dst_dims, or_f32(q->dst), dst_tag));
     if (!err)
         err = weights_desc(&weights, op, q->scales ? dnnl_s8 : dnnl_f32, false);
     if (!err)
-        err = plan_errno(dnnl_memory_desc_init_by_tag(&bias, 1, bias_dims, dnnl_f32, dnnl_x));
+        err = net_plan_errno(dnnl_memory_desc_init_by_tag(&bias, 1, bias_dims, dnnl_f32, dnnl_x));
     if (!err)
-        err = plan_errno(dnnl_dilated_convolution_forward_desc_init(
+        err = net_plan_errno(dnnl_dilated_convolution_forward_desc_init(
             &desc, dnnl_forward_inference, algorithm, &src, &weights, &bias, &dst, strides, dilation, before, after));
     if (!err)
         err = conv_attr(&attr, op, q);
     if (err)
         return err;
-    err = plan_errno(dnnl_primitive_desc_create(pd, &desc, attr, p->engine, NULL));
+    err = net_plan_errno(dnnl_primitive_desc_create(pd, &desc, attr, p->engine, NULL));
     dnnl_primitive_attr_destroy(attr);
     return err;
 }
@@ -103,13 +104,13 @@ static const struct quantised not_quantised = { .src = dnnl_data_type_undef };
 
 /* Winograd halves the time of 3x3 layers with many channels (measured: 64 to 64 channels, 2.0x); oneDNN has it for some
  * machines only, and its "auto" passes it over in favour of slower code. */
-uint8_t plan_winograd_tile(struct sst_plan *p, const struct sst_op *op)
+uint8_t net_plan_winograd_tile(struct net_plan *p, const struct sst_op *op)
 {
     dnnl_primitive_desc_t pd;
     const char *name = NULL;
     uint8_t tile;
 
-    if (op->kind != SST_OP_CONV || plan_conv_on_8_bits(p, op) || op->group != 1 || op->group_in < 16 ||
+    if (op->kind != SST_OP_CONV || net_plan_conv_on_8_bits(p, op) || op->group != 1 || op->group_in < 16 ||
         op->channels < 16 || op->kernel[0] != 3 || op->kernel[1] != 3 ||
         conv_desc(p, op, dnnl_convolution_winograd, dnnl_format_tag_any, &not_quantised, &pd))
         return 0;
@@ -118,7 +119,7 @@ uint8_t plan_winograd_tile(struct sst_plan *p, const struct sst_op *op)
     return tile;
 }
 
-static bool feeds_winograd(const struct sst_plan *p, int value)
+static bool feeds_winograd(const struct net_plan *p, int value)
 {
     for (int i = 0; i < p->graph->n_ops; i++) {
         if (p->winograd[i] && p->graph->ops[i].in[0] == value)
@@ -127,11 +128,11 @@ static bool feeds_winograd(const struct sst_plan *p, int value)
     return false;
 }
 
-/* Winograd reads channels in blocks of 16; a layer before it that writes them so saves a reorder. */
-static int best_conv_desc(struct sst_plan *p, const struct sst_op *op, const struct quantised *q,
+/* Winograd reads channels in blocks of 16; a preceding layer that writes this layout saves a reorder. */
+static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const struct quantised *q,
                           dnnl_primitive_desc_t *pd)
 {
-    /* Not "auto", which takes a Winograd's on 8 bits where there is no VNNI: its sums are not exact. */
+    /* Not "auto", which selects Winograd on 8 bits without VNNI: its sums are not exact. */
     if (q->scales)
         return conv_desc(p, op, dnnl_convolution_direct, dnnl_format_tag_any, q, pd);
     if (p->winograd[op - p->graph->ops]) {
@@ -147,7 +148,7 @@ static int best_conv_desc(struct sst_plan *p, const struct sst_op *op, const str
 
         if (!dnnl_primitive_desc_query(*pd, dnnl_query_impl_info_str, 0, (void *)&name) && strncmp(name, "ref", 3) != 0)
             return 0;
-        /* Plain loops, 100 times slower (dilation 8, for one): a reorder is far cheaper. */
+        /* Reference loops, 100 times slower (for example with dilation 8): a reorder is far cheaper. */
         dnnl_primitive_desc_destroy(*pd);
     }
     return conv_desc(p, op, dnnl_convolution_auto, dnnl_format_tag_any, q, pd);
@@ -155,7 +156,7 @@ static int best_conv_desc(struct sst_plan *p, const struct sst_op *op, const str
 
 /* --- 8 bits --------------------------------------------------------------------------------------- */
 
-/* Weights of each output channel between -127 and 127, and what a unit of the products is worth. */
+/* Weights of each output channel between -127 and 127, and the scale of the products. */
 static int quantise_weights(struct quantised *q, const struct sst_op *op)
 {
     const size_t per = (size_t)op->group_in * (size_t)op->kernel[0] * (size_t)op->kernel[1];
@@ -170,7 +171,7 @@ static int quantise_weights(struct quantised *q, const struct sst_op *op)
 
         for (size_t i = 0; i < per; i++)
             max = fmaxf(max, fabsf(w[i]));
-        /* Channels of nothing but zeros, or of numbers too small to divide by, are zero. */
+        /* Channels of zeros, or of numbers too small to divide by, become zero. */
         q->scales[c] = max > 1e-30f ? max / 127.0f : 1.0f;
         for (size_t i = 0; i < per; i++)
             q->weights[c * per + i] = (int8_t)lrintf(w[i] / q->scales[c]);
@@ -178,25 +179,25 @@ static int quantise_weights(struct quantised *q, const struct sst_op *op)
     return 0;
 }
 
-/* The residual as 8 bits where the result is, else as f32. Its tensor's number or a negative errno. */
-static int residual_tensor(struct sst_plan *p, const struct sst_op *op, bool bits8)
+/* The residual in 8 bits if the result is, else in f32. Returns its tensor or a negative errno. */
+static int residual_tensor(struct net_plan *p, const struct sst_op *op, bool bits8)
 {
     const int t = p->current[op->in[1]];
     dnnl_memory_desc_t md;
     int err;
 
     if (bits8)
-        return plan_in_8_bits(p, op->in[1]);
+        return net_plan_in_8_bits(p, op->in[1]);
     if (p->tensors[t].md.data_type == dnnl_f32)
         return t;
-    err = plan_desc(&md, p->shapes[op->in[1]], dnnl_f32, dnnl_nhwc);
-    return err ? err : plan_in_layout(p, op->in[1], &md, 1);
+    err = net_plan_desc(&md, p->shapes[op->in[1]], dnnl_f32, dnnl_nhwc);
+    return err ? err : net_plan_in_layout(p, op->in[1], &md, 1);
 }
 
-static int quantise(struct sst_plan *p, const struct sst_op *op, struct quantised *q, int *residual)
+static int quantise(struct net_plan *p, const struct sst_op *op, struct quantised *q, int *residual)
 {
-    const struct plan_value *out = &p->values[op->out];
-    const int src = plan_in_8_bits(p, op->in[0]);
+    const struct net_plan_value *out = &p->values[op->out];
+    const int src = net_plan_in_8_bits(p, op->in[0]);
     int err;
 
     if (src < 0)
@@ -222,8 +223,8 @@ static int quantise(struct sst_plan *p, const struct sst_op *op, struct quantise
 
 /* --- weights, residuals, the step ----------------------------------------------------------------- */
 
-/* Weights in the layout of the primitive, once and for all runs. */
-static int load_weights(struct sst_plan *p, struct plan_step *s, const struct sst_op *op, const struct quantised *q,
+/* Reorder the weights into the primitive's layout, once for all runs. */
+static int load_weights(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct quantised *q,
                         const dnnl_memory_desc_t *md)
 {
     dnnl_memory_desc_t plain;
@@ -236,34 +237,34 @@ static int load_weights(struct sst_plan *p, struct plan_step *s, const struct ss
     if (!s->weights_data)
         return -ENOMEM;
     if (!err)
-        err = plan_errno(dnnl_memory_create(&s->weights, md, p->engine, s->weights_data));
+        err = net_plan_errno(dnnl_memory_create(&s->weights, md, p->engine, s->weights_data));
     if (!err)
-        err = plan_errno(
+        err = net_plan_errno(
             dnnl_memory_create(&from, &plain, p->engine, q->scales ? (void *)q->weights : (void *)op->weights));
     if (!err)
-        err = plan_errno(dnnl_reorder_primitive_desc_create(&pd, &plain, p->engine, md, p->engine, NULL));
+        err = net_plan_errno(dnnl_reorder_primitive_desc_create(&pd, &plain, p->engine, md, p->engine, NULL));
     if (!err) {
-        err = plan_errno(dnnl_primitive_create(&reorder, pd));
+        err = net_plan_errno(dnnl_primitive_create(&reorder, pd));
         dnnl_primitive_desc_destroy(pd);
     }
     if (!err) {
         const dnnl_exec_arg_t args[] = { { DNNL_ARG_FROM, from }, { DNNL_ARG_TO, s->weights } };
 
-        err = plan_errno(dnnl_primitive_execute(reorder, p->stream, 2, args));
+        err = net_plan_errno(dnnl_primitive_execute(reorder, p->stream, 2, args));
     }
     if (!err)
-        err = plan_errno(dnnl_stream_wait(p->stream));
+        err = net_plan_errno(dnnl_stream_wait(p->stream));
     dnnl_primitive_destroy(reorder);
     dnnl_memory_destroy(from);
     return err;
 }
 
-/* Biases in units of the products of 8-bit numbers, or as they are. */
-static int load_bias(struct sst_plan *p, struct plan_step *s, const struct sst_op *op, const struct quantised *q)
+/* Biases in units of the 8-bit products, or unchanged. */
+static int load_bias(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct quantised *q)
 {
     const dnnl_dims_t dims = { op->channels };
     dnnl_memory_desc_t md;
-    int err = plan_errno(dnnl_memory_desc_init_by_tag(&md, 1, dims, dnnl_f32, dnnl_x));
+    int err = net_plan_errno(dnnl_memory_desc_init_by_tag(&md, 1, dims, dnnl_f32, dnnl_x));
 
     if (!err && q->scales) {
         s->bias_data = malloc((size_t)op->channels * sizeof(*s->bias_data));
@@ -272,11 +273,12 @@ static int load_bias(struct sst_plan *p, struct plan_step *s, const struct sst_o
         for (int c = 0; c < op->channels; c++)
             s->bias_data[c] = op->bias[c] / (q->scales[c] * q->dst_scale);
     }
-    return err ? err : plan_errno(dnnl_memory_create(&s->bias, &md, p->engine, q->scales ? s->bias_data : op->bias));
+    return err ? err
+               : net_plan_errno(dnnl_memory_create(&s->bias, &md, p->engine, q->scales ? s->bias_data : op->bias));
 }
 
-/* The tensor that a convolution writes: a new one, or in the place of the residual, which it adds to. */
-static int conv_result(struct sst_plan *p, const struct sst_op *op, const struct quantised *q, int residual,
+/* The tensor that a convolution writes: a new one, or that of the residual, to which it adds. */
+static int conv_result(struct net_plan *p, const struct sst_op *op, const struct quantised *q, int residual,
                        const dnnl_memory_desc_t *md)
 {
     const float scale = q->scales ? q->dst_scale : 1;
@@ -284,33 +286,33 @@ static int conv_result(struct sst_plan *p, const struct sst_op *op, const struct
     int from = residual, to, err;
 
     if (!op->residual)
-        return plan_result(p, op->out, md, scale);
+        return net_plan_result(p, op->out, md, scale);
     as_read.data_type = p->tensors[from].md.data_type;
     if (p->last_use[op->in[1]] != (int)(op - p->graph->ops) || p->tensors[from].external || op->in[1] == op->in[0] ||
         !dnnl_memory_desc_equal(&p->tensors[from].md, &as_read)) {
-        to = plan_add_tensor(p, op->in[1], &as_read, p->tensors[from].scale);
+        to = net_plan_add_tensor(p, op->in[1], &as_read, p->tensors[from].scale);
         if (to < 0)
             return to;
-        err = plan_reorder(p, from, to);
+        err = net_plan_reorder(p, from, to);
         if (err)
             return err;
         from = to;
     }
-    p->tensors[from].value = -1; /* what it held is overwritten */
-    to = plan_result(p, op->out, md, scale);
+    p->tensors[from].value = -1; /* its old value is overwritten */
+    to = net_plan_result(p, op->out, md, scale);
     if (to >= 0)
         p->tensors[to].place_of = from;
     return to;
 }
 
-static int add_step(struct sst_plan *p, const struct sst_op *op, const struct quantised *q, int residual,
+static int add_step(struct net_plan *p, const struct sst_op *op, const struct quantised *q, int residual,
                     dnnl_primitive_desc_t pd)
 {
-    const int src = plan_in_layout(p, op->in[0], dnnl_primitive_desc_query_md(pd, dnnl_query_src_md, 0),
-                                   q->scales ? q->src_scale : 1);
+    const int src = net_plan_in_layout(p, op->in[0], dnnl_primitive_desc_query_md(pd, dnnl_query_src_md, 0),
+                                       q->scales ? q->src_scale : 1);
     const int dst =
         src < 0 ? src : conv_result(p, op, q, residual, dnnl_primitive_desc_query_md(pd, dnnl_query_dst_md, 0));
-    struct plan_step *s = dst < 0 ? NULL : plan_add_step(p, op);
+    struct net_plan_step *s = dst < 0 ? NULL : net_plan_add_step(p, op);
     int err = dst < 0 ? dst : -ENOMEM;
 
     if (s)
@@ -321,20 +323,20 @@ static int add_step(struct sst_plan *p, const struct sst_op *op, const struct qu
         dnnl_primitive_desc_destroy(pd);
         return err;
     }
-    plan_add_arg(s, DNNL_ARG_SRC, src, NULL);
-    plan_add_arg(s, DNNL_ARG_DST, dst, NULL);
-    plan_add_arg(s, DNNL_ARG_WEIGHTS, -1, s->weights);
-    plan_add_arg(s, DNNL_ARG_BIAS, -1, s->bias);
-    return plan_primitive(p, s, pd);
+    net_plan_add_arg(s, DNNL_ARG_SRC, src, NULL);
+    net_plan_add_arg(s, DNNL_ARG_DST, dst, NULL);
+    net_plan_add_arg(s, DNNL_ARG_WEIGHTS, -1, s->weights);
+    net_plan_add_arg(s, DNNL_ARG_BIAS, -1, s->bias);
+    return net_plan_primitive(p, s, pd);
 }
 
-int plan_add_conv(struct sst_plan *p, const struct sst_op *op)
+int net_plan_add_conv(struct net_plan *p, const struct sst_op *op)
 {
     struct quantised q = not_quantised;
     dnnl_primitive_desc_t pd;
     int residual = -1, err = 0;
 
-    if (plan_conv_on_8_bits(p, op))
+    if (net_plan_conv_on_8_bits(p, op))
         err = quantise(p, op, &q, &residual);
     else if (op->residual)
         err = residual = residual_tensor(p, op, false);

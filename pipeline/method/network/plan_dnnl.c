@@ -1,5 +1,5 @@
-/* Each operation of a graph as a oneDNN primitive, or as one of ops.h. Convolutions choose the layouts; what follows
- * takes what it gets, so that reorders are rare. */
+/* Each operation of a graph as a oneDNN primitive, or as one of ops.h. Convolutions choose the layouts; other layers
+ * accept any, so that reorders are rare. */
 #if WITH_DNNL
 #include "pipeline/method/network/plan_dnnl.h"
 
@@ -9,7 +9,7 @@
 
 #include "base/mem.h"
 
-int plan_errno(dnnl_status_t status)
+int net_plan_errno(dnnl_status_t status)
 {
     switch (status) {
     case dnnl_success:
@@ -21,29 +21,29 @@ int plan_errno(dnnl_status_t status)
     }
 }
 
-int plan_desc(dnnl_memory_desc_t *md, struct sst_shape shape, dnnl_data_type_t type, dnnl_format_tag_t tag)
+int net_plan_desc(dnnl_memory_desc_t *md, struct sst_shape shape, dnnl_data_type_t type, dnnl_format_tag_t tag)
 {
     const dnnl_dims_t dims = { 1, shape.c, shape.h, shape.w };
 
-    return plan_errno(dnnl_memory_desc_init_by_tag(md, 4, dims, type, tag));
+    return net_plan_errno(dnnl_memory_desc_init_by_tag(md, 4, dims, type, tag));
 }
 
-void plan_add_arg(struct plan_step *s, int arg, int tensor, dnnl_memory_t memory)
+void net_plan_add_arg(struct net_plan_step *s, int arg, int tensor, dnnl_memory_t memory)
 {
     s->args[s->n_args] = (dnnl_exec_arg_t){ .arg = arg, .memory = memory };
     s->tensor[s->n_args++] = tensor;
 }
 
-int plan_primitive(struct sst_plan *p, struct plan_step *s, dnnl_primitive_desc_t pd)
+int net_plan_primitive(struct net_plan *p, struct net_plan_step *s, dnnl_primitive_desc_t pd)
 {
     const dnnl_memory_desc_t *scratch = dnnl_primitive_desc_query_md(pd, dnnl_query_scratchpad_md, 0);
     const size_t bytes = scratch ? dnnl_memory_desc_get_size(scratch) : 0;
-    int err = plan_errno(dnnl_primitive_create(&s->primitive, pd));
+    int err = net_plan_errno(dnnl_primitive_create(&s->primitive, pd));
 
     if (!err && bytes) {
-        err = plan_errno(dnnl_memory_create(&s->scratch, scratch, p->engine, DNNL_MEMORY_NONE));
+        err = net_plan_errno(dnnl_memory_create(&s->scratch, scratch, p->engine, DNNL_MEMORY_NONE));
         if (!err)
-            plan_add_arg(s, DNNL_ARG_SCRATCHPAD, -1, s->scratch);
+            net_plan_add_arg(s, DNNL_ARG_SCRATCHPAD, -1, s->scratch);
         if (bytes > p->scratch_bytes)
             p->scratch_bytes = bytes;
     }
@@ -51,89 +51,89 @@ int plan_primitive(struct sst_plan *p, struct plan_step *s, dnnl_primitive_desc_
     return err;
 }
 
-int plan_attr(dnnl_primitive_attr_t *attr)
+int net_plan_attr(dnnl_primitive_attr_t *attr)
 {
-    int err = plan_errno(dnnl_primitive_attr_create(attr));
+    int err = net_plan_errno(dnnl_primitive_attr_create(attr));
 
     if (err)
         return err;
-    err = plan_errno(dnnl_primitive_attr_set_scratchpad_mode(*attr, dnnl_scratchpad_mode_user));
+    err = net_plan_errno(dnnl_primitive_attr_set_scratchpad_mode(*attr, dnnl_scratchpad_mode_user));
     if (err)
         dnnl_primitive_attr_destroy(*attr);
     return err;
 }
 
-static int make_desc(struct sst_plan *p, dnnl_primitive_desc_t *pd, const_dnnl_op_desc_t desc)
+static int make_desc(struct net_plan *p, dnnl_primitive_desc_t *pd, const_dnnl_op_desc_t desc)
 {
     dnnl_primitive_attr_t attr;
-    int err = plan_attr(&attr);
+    int err = net_plan_attr(&attr);
 
     if (err)
         return err;
-    err = plan_errno(dnnl_primitive_desc_create(pd, desc, attr, p->engine, NULL));
+    err = net_plan_errno(dnnl_primitive_desc_create(pd, desc, attr, p->engine, NULL));
     dnnl_primitive_attr_destroy(attr);
     return err;
 }
 
-int plan_result(struct sst_plan *p, int value, const dnnl_memory_desc_t *md, float scale)
+int net_plan_result(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale)
 {
-    const int t = plan_add_tensor(p, value, md, scale);
+    const int t = net_plan_add_tensor(p, value, md, scale);
 
     if (t >= 0)
         p->current[value] = t;
     return t;
 }
 
-int plan_reorder(struct sst_plan *p, int from, int to)
+int net_plan_reorder(struct net_plan *p, int from, int to)
 {
     const float scale = p->tensors[from].scale / p->tensors[to].scale;
-    struct plan_step *s = plan_add_step(p, NULL);
+    struct net_plan_step *s = net_plan_add_step(p, NULL);
     dnnl_primitive_desc_t pd;
     dnnl_primitive_attr_t attr;
     int err;
 
     if (!s)
         return -ENOMEM;
-    err = plan_attr(&attr);
+    err = net_plan_attr(&attr);
     if (err)
         return err;
-    plan_add_arg(s, DNNL_ARG_FROM, from, NULL);
-    plan_add_arg(s, DNNL_ARG_TO, to, NULL);
+    net_plan_add_arg(s, DNNL_ARG_FROM, from, NULL);
+    net_plan_add_arg(s, DNNL_ARG_TO, to, NULL);
     if (scale != 1)
-        err = plan_errno(dnnl_primitive_attr_set_output_scales(attr, 1, 0, &scale));
+        err = net_plan_errno(dnnl_primitive_attr_set_output_scales(attr, 1, 0, &scale));
     if (!err)
-        err = plan_errno(dnnl_reorder_primitive_desc_create(&pd, &p->tensors[from].md, p->engine, &p->tensors[to].md,
-                                                            p->engine, attr));
+        err = net_plan_errno(dnnl_reorder_primitive_desc_create(&pd, &p->tensors[from].md, p->engine,
+                                                                &p->tensors[to].md, p->engine, attr));
     dnnl_primitive_attr_destroy(attr);
-    return err ? err : plan_primitive(p, s, pd);
+    return err ? err : net_plan_primitive(p, s, pd);
 }
 
-int plan_in_layout(struct sst_plan *p, int value, const dnnl_memory_desc_t *md, float scale)
+int net_plan_in_layout(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale)
 {
     const int from = p->current[value];
     int to, err;
 
     for (int i = p->n_tensors - 1; i >= 0; i--) {
-        const struct plan_tensor *t = &p->tensors[i];
+        const struct net_plan_tensor *t = &p->tensors[i];
 
         if (t->value == value && t->scale == scale && dnnl_memory_desc_equal(&t->md, md))
             return i;
     }
-    to = plan_add_tensor(p, value, md, scale);
+    to = net_plan_add_tensor(p, value, md, scale);
     if (to < 0)
         return to;
-    err = plan_reorder(p, from, to);
+    err = net_plan_reorder(p, from, to);
     if (err)
         return err;
-    /* Later readers are likely to want the same; but what was rounded to 8 bits is not for all. */
+    /* Later readers probably need the same layout; but values rounded to 8 bits do not suit all readers. */
     if (md->data_type == dnnl_f32 || p->tensors[from].md.data_type != dnnl_f32)
         p->current[value] = to;
     return to;
 }
 
-int plan_in_8_bits(struct sst_plan *p, int value)
+int net_plan_in_8_bits(struct net_plan *p, int value)
 {
-    const struct plan_value *v = &p->values[value];
+    const struct net_plan_value *v = &p->values[value];
     dnnl_memory_desc_t md;
     int err;
 
@@ -141,57 +141,57 @@ int plan_in_8_bits(struct sst_plan *p, int value)
         if (p->tensors[i].value == value && p->tensors[i].md.data_type != dnnl_f32)
             return i;
     }
-    err = plan_desc(&md, p->shapes[value], v->type, dnnl_nhwc);
-    return err ? err : plan_in_layout(p, value, &md, v->scale);
+    err = net_plan_desc(&md, p->shapes[value], v->type, dnnl_nhwc);
+    return err ? err : net_plan_in_layout(p, value, &md, v->scale);
 }
 
 /* A tensor of a value in f32, in whatever layout. */
-static int in_f32(struct sst_plan *p, int value)
+static int in_f32(struct net_plan *p, int value)
 {
     dnnl_memory_desc_t md;
     int err;
 
     if (p->tensors[p->current[value]].md.data_type == dnnl_f32)
         return p->current[value];
-    err = plan_desc(&md, p->shapes[value], dnnl_f32, dnnl_nhwc);
-    return err ? err : plan_in_layout(p, value, &md, 1);
+    err = net_plan_desc(&md, p->shapes[value], dnnl_f32, dnnl_nhwc);
+    return err ? err : net_plan_in_layout(p, value, &md, 1);
 }
 
 /* --- the other primitives ------------------------------------------------------------------------- */
 
-/* Step and result of a primitive whose inputs are set; takes the description. */
-static int finish(struct sst_plan *p, const struct sst_op *op, dnnl_primitive_desc_t pd, const int *src, int n_src,
+/* Add the step and result of a primitive whose inputs are set; consumes the description. */
+static int finish(struct net_plan *p, const struct sst_op *op, dnnl_primitive_desc_t pd, const int *src, int n_src,
                   int first_arg)
 {
     const int dst =
-        plan_result(p, op->out, dnnl_primitive_desc_query_md(pd, dnnl_query_dst_md, 0), p->tensors[src[0]].scale);
-    struct plan_step *s = dst < 0 ? NULL : plan_add_step(p, op);
+        net_plan_result(p, op->out, dnnl_primitive_desc_query_md(pd, dnnl_query_dst_md, 0), p->tensors[src[0]].scale);
+    struct net_plan_step *s = dst < 0 ? NULL : net_plan_add_step(p, op);
 
     if (!s) {
         dnnl_primitive_desc_destroy(pd);
         return dst < 0 ? dst : -ENOMEM;
     }
     for (int i = 0; i < n_src; i++)
-        plan_add_arg(s, first_arg + i, src[i], NULL);
-    plan_add_arg(s, DNNL_ARG_DST, dst, NULL);
-    return plan_primitive(p, s, pd);
+        net_plan_add_arg(s, first_arg + i, src[i], NULL);
+    net_plan_add_arg(s, DNNL_ARG_DST, dst, NULL);
+    return net_plan_primitive(p, s, pd);
 }
 
-static int add_relu(struct sst_plan *p, const struct sst_op *op)
+static int add_relu(struct net_plan *p, const struct sst_op *op)
 {
     const int src = in_f32(p, op->in[0]);
     dnnl_eltwise_desc_t desc;
     dnnl_primitive_desc_t pd;
     int err = src < 0 ? src
-                      : plan_errno(dnnl_eltwise_forward_desc_init(&desc, dnnl_forward_inference, dnnl_eltwise_relu,
-                                                                  &p->tensors[src].md, 0, 0));
+                      : net_plan_errno(dnnl_eltwise_forward_desc_init(&desc, dnnl_forward_inference, dnnl_eltwise_relu,
+                                                                      &p->tensors[src].md, 0, 0));
 
     if (!err)
         err = make_desc(p, &pd, &desc);
     return err ? err : finish(p, op, pd, &src, 1, DNNL_ARG_SRC);
 }
 
-static int add_sum(struct sst_plan *p, const struct sst_op *op)
+static int add_sum(struct net_plan *p, const struct sst_op *op)
 {
     int src[2] = { in_f32(p, op->in[0]), -1 };
     dnnl_memory_desc_t md;
@@ -202,27 +202,27 @@ static int add_sum(struct sst_plan *p, const struct sst_op *op)
     if (src[0] < 0)
         return src[0];
     md = p->tensors[src[0]].md;
-    src[1] = plan_in_layout(p, op->in[1], &md, 1);
-    err = src[1] < 0 ? src[1] : plan_errno(dnnl_binary_desc_init(&desc, dnnl_binary_add, &md, &md, &md));
+    src[1] = net_plan_in_layout(p, op->in[1], &md, 1);
+    err = src[1] < 0 ? src[1] : net_plan_errno(dnnl_binary_desc_init(&desc, dnnl_binary_add, &md, &md, &md));
     if (!err)
         err = make_desc(p, &pd, &desc);
     return err ? err : finish(p, op, pd, src, 2, DNNL_ARG_SRC_0);
 }
 
-/* Input of a concatenation: on 8 bits all in the units of the result. */
-static int concat_input(struct sst_plan *p, const struct sst_op *op, int value)
+/* Input of a concatenation: on 8 bits all use the scale of the result. */
+static int concat_input(struct net_plan *p, const struct sst_op *op, int value)
 {
-    const struct plan_value *out = &p->values[op->out];
+    const struct net_plan_value *out = &p->values[op->out];
     dnnl_memory_desc_t md;
     int err;
 
     if (!out->bits8)
         return in_f32(p, value);
-    err = plan_desc(&md, p->shapes[value], out->type, dnnl_nhwc);
-    return err ? err : plan_in_layout(p, value, &md, out->scale);
+    err = net_plan_desc(&md, p->shapes[value], out->type, dnnl_nhwc);
+    return err ? err : net_plan_in_layout(p, value, &md, out->scale);
 }
 
-static int add_concat(struct sst_plan *p, const struct sst_op *op)
+static int add_concat(struct net_plan *p, const struct sst_op *op)
 {
     dnnl_memory_desc_t mds[SST_ONNX_MAX_INS];
     int src[SST_ONNX_MAX_INS], err;
@@ -235,17 +235,17 @@ static int add_concat(struct sst_plan *p, const struct sst_op *op)
             return src[i];
         mds[i] = p->tensors[src[i]].md;
     }
-    err = plan_attr(&attr);
+    err = net_plan_attr(&attr);
     if (err)
         return err;
-    err = plan_errno(dnnl_concat_primitive_desc_create(&pd, NULL, op->n_in, 1, mds, attr, p->engine));
+    err = net_plan_errno(dnnl_concat_primitive_desc_create(&pd, NULL, op->n_in, 1, mds, attr, p->engine));
     dnnl_primitive_attr_destroy(attr);
     return err ? err : finish(p, op, pd, src, op->n_in, DNNL_ARG_MULTIPLE_SRC);
 }
 
-static int add_pool(struct sst_plan *p, const struct sst_op *op)
+static int add_pool(struct net_plan *p, const struct sst_op *op)
 {
-    const int src = p->values[op->out].bits8 ? plan_in_8_bits(p, op->in[0]) : in_f32(p, op->in[0]);
+    const int src = p->values[op->out].bits8 ? net_plan_in_8_bits(p, op->in[0]) : in_f32(p, op->in[0]);
     const struct sst_shape in = p->shapes[op->in[0]], out = p->shapes[op->out];
     const int sizes[2] = { in.h, in.w }, outs[2] = { out.h, out.w };
     const dnnl_dims_t strides = { op->stride[0], op->stride[1] }, kernel = { op->kernel[0], op->kernel[1] };
@@ -258,18 +258,18 @@ static int add_pool(struct sst_plan *p, const struct sst_op *op)
     dnnl_pooling_v2_desc_t desc;
     dnnl_memory_desc_t dst;
     dnnl_primitive_desc_t pd;
-    int err = src < 0 ? src : plan_desc(&dst, out, p->tensors[src].md.data_type, dnnl_format_tag_any);
+    int err = src < 0 ? src : net_plan_desc(&dst, out, p->tensors[src].md.data_type, dnnl_format_tag_any);
 
-    /* What the last window needs: ceil_mode reaches beyond the given padding. */
+    /* Padding of the last window: ceil_mode extends beyond the specified padding. */
     for (int i = 0; i < 2; i++) {
         const int end = (outs[i] - 1) * op->stride[i] + op->dilation[i] * (op->kernel[i] - 1) + 1;
 
         after[i] = sst_max_int(end - sizes[i] - op->pad_before[i], op->pad_after[i]);
     }
     if (!err)
-        err =
-            plan_errno(dnnl_pooling_v2_forward_desc_init(&desc, dnnl_forward_inference, algorithm, &p->tensors[src].md,
-                                                         &dst, strides, kernel, dilation, before, after));
+        err = net_plan_errno(dnnl_pooling_v2_forward_desc_init(&desc, dnnl_forward_inference, algorithm,
+                                                               &p->tensors[src].md, &dst, strides, kernel, dilation,
+                                                               before, after));
     if (!err)
         err = make_desc(p, &pd, &desc);
     return err ? err : finish(p, op, pd, &src, 1, DNNL_ARG_SRC);
@@ -277,7 +277,7 @@ static int add_pool(struct sst_plan *p, const struct sst_op *op)
 
 /* --- layers of ops.h ------------------------------------------------------------------------------ */
 
-static int add_taps(struct sst_plan *p, struct plan_step *s, const struct sst_op *op)
+static int add_taps(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op)
 {
     const struct sst_shape in = p->shapes[op->in[0]], out = p->shapes[op->out];
     const double scale_y = op->scale[0] > 0 ? op->scale[0] : (double)out.h / in.h;
@@ -293,24 +293,24 @@ static int add_taps(struct sst_plan *p, struct plan_step *s, const struct sst_op
 }
 
 /* The network's result is written in plain layout at once. */
-static int add_own(struct sst_plan *p, const struct sst_op *op)
+static int add_own(struct net_plan *p, const struct sst_op *op)
 {
     const struct sst_shape in = p->shapes[op->in[0]], out = p->shapes[op->out];
     dnnl_memory_desc_t md;
-    struct plan_step *s;
+    struct net_plan_step *s;
     int src = in_f32(p, op->in[0]), dst, err = 0;
 
     if (src >= 0 && !p->tensors[src].view.block) {
-        err = plan_desc(&md, in, dnnl_f32, dnnl_nchw);
-        src = err ? err : plan_in_layout(p, op->in[0], &md, 1);
+        err = net_plan_desc(&md, in, dnnl_f32, dnnl_nchw);
+        src = err ? err : net_plan_in_layout(p, op->in[0], &md, 1);
     }
     if (src < 0)
         return src;
-    err = plan_desc(&md, out, dnnl_f32, op->out == p->graph->output ? dnnl_nchw : p->tensors[src].tag);
+    err = net_plan_desc(&md, out, dnnl_f32, op->out == p->graph->output ? dnnl_nchw : p->tensors[src].tag);
     if (err)
         return err;
-    dst = plan_result(p, op->out, &md, 1);
-    s = dst < 0 ? NULL : plan_add_step(p, op);
+    dst = net_plan_result(p, op->out, &md, 1);
+    s = dst < 0 ? NULL : net_plan_add_step(p, op);
     if (!s)
         return dst < 0 ? dst : -ENOMEM;
     s->n_args = 2;
@@ -319,13 +319,13 @@ static int add_own(struct sst_plan *p, const struct sst_op *op)
     return op->kind == SST_OP_RESIZE ? add_taps(p, s, op) : 0;
 }
 
-int plan_add_op(struct sst_plan *p, int i)
+int net_plan_add_op(struct net_plan *p, int i)
 {
     const struct sst_op *op = &p->graph->ops[i];
 
     switch (op->kind) {
     case SST_OP_CONV:
-        return plan_add_conv(p, op);
+        return net_plan_add_conv(p, op);
     case SST_OP_RELU:
         return add_relu(p, op);
     case SST_OP_ADD:

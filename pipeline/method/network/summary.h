@@ -1,4 +1,4 @@
-/* pipeline/method/network/summary.h - what an ONNX file holds, counted. */
+/* pipeline/method/network/summary.h - operators and parameters of an ONNX file, counted. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_SUMMARY_H
 #define SST_PIPELINE_METHOD_NETWORK_SUMMARY_H
 
@@ -14,7 +14,7 @@ struct sst_op_count {
 struct sst_summary {
     int64_t opset, parameters; /* numbers in constants of floats */
     int n_nodes, n_ops;
-    struct sst_op_count ops[SST_SUMMARY_MAX_OPS]; /* most frequent first, then by name; the rare rest is left out */
+    struct sst_op_count ops[SST_SUMMARY_MAX_OPS]; /* most frequent first, then by name; the rarest are dropped */
 };
 
 void sst_onnx_summary(struct sst_summary *out, const struct sst_onnx *model);

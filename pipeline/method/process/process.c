@@ -2,42 +2,32 @@
 
 #include <errno.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/image/codec.h"
 #include "pipeline/lightfield/unsure.h"
 #include "pipeline/method/labels/labels.h"
 
-/* Maps that only explain the result; written beside the main ones. */
-enum extra {
-    EXTRA_INITIAL = 0,
-    EXTRA_HCSM = 1,
-    EXTRA_ENTROPY = 2,
-    EXTRAS = 3,
-};
-
-static const char *const extra_names[EXTRAS] = { "labels_initial", "labels_hcsm", "entropy" };
-
 struct run {
     struct sst_lightfield *lf;
-    const char *dir;
     const struct sst_process_config *cfg;
+    struct sst_process_extras *extras;
     struct sst_process_report *report;
-    struct sst_map_u8 *extra[EXTRAS];  /* [views] each */
-    struct sst_map_f32 *entropy;       /* [views] */
-    struct sst_segmenter **segmenters; /* [threads], while views are labelled */
-    struct sst_outdir *out;            /* the folder being written */
-    int kind;                          /* of the extra being written */
+    struct sst_map_f32 *entropy;       /* [views]; NULL: the threshold is the model's and extras are not wanted */
+    struct sst_segmenter **segmenters; /* [threads] */
 };
 
 static int views_of(const struct run *run)
 {
     return run->lf->rows * run->lf->cols;
+}
+
+static bool cancelled(const struct run *run)
+{
+    return run->cfg->cancel && *run->cfg->cancel;
 }
 
 static void show_progress(const struct run *run, const char *stage, double done)
@@ -46,11 +36,11 @@ static void show_progress(const struct run *run, const char *stage, double done)
         run->cfg->progress(run->cfg->progress_arg, stage, done);
 }
 
-/* The stages tell of their own lack of memory; this does it for the maps that are made here. */
-static int told(const struct run *run, int err)
+/* For the maps that are allocated here; the stages log their own lack of memory. */
+static int log_oom(int err)
 {
     if (err)
-        sst_log_error("not enough memory to process %s", run->dir);
+        sst_log_error("not enough memory for the maps of the light field");
     return err;
 }
 
@@ -84,15 +74,11 @@ static int pack_entropy(struct sst_map_u8 *to, const struct sst_map_f32 *from, i
 
 static int find_eps_h(const struct run *run, double *eps_h)
 {
-    const struct sst_view *ref = &run->lf->views[run->lf->ref_view];
+    const int ref = run->lf->ref_view;
     struct sst_epsilon_result found;
-    struct sst_map_u8 truth = { 0 };
-    int err = sst_map_u8_read_png(&truth, run->cfg->hand_label);
+    const int err = sst_epsilon_search(&found, &run->lf->views[ref].label, &run->entropy[ref], run->cfg->hand_label,
+                                       run->cfg->accuracy_weight);
 
-    if (err)
-        return err;
-    err = sst_epsilon_search(&found, &ref->label, &run->entropy[run->lf->ref_view], &truth, run->cfg->accuracy_weight);
-    sst_map_u8_fini(&truth);
     if (!err) {
         *eps_h = found.eps_h;
         sst_log_info("eps_H %.4f: accuracy %.1f %%, coverage %.1f %% on the hand-labelled view", found.eps_h,
@@ -119,7 +105,7 @@ static double coverage(const struct run *run)
     return all ? 100.0 * (double)labelled / (double)all : NAN;
 }
 
-/* What the network makes of the black beside a rectified picture is no label. */
+/* Rectified pixels that the camera did not see have no label, whatever the network says. */
 static void unlabel_unseen(struct sst_view *v)
 {
     for (int y = 0; v->valid.data && y < v->label.height; y++) {
@@ -132,6 +118,7 @@ static int segment_view(void *arg, int view, int worker)
 {
     struct run *run = arg;
     struct sst_segmenter *seg = run->segmenters[worker];
+    struct sst_process_extras *extras = run->extras;
     struct sst_view *v = &run->lf->views[view];
     int err;
 
@@ -139,49 +126,53 @@ static int segment_view(void *arg, int view, int worker)
         show_progress(run, "labels", (double)view / views_of(run));
     if (!v->present)
         return 0;
+    if (cancelled(run))
+        return -ECANCELED;
     sst_map_u8_fini(&v->label);
-    err = sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL);
+    err = run->entropy ? sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL)
+                       : sst_segment_sure(seg, &v->image, &v->label);
     if (!err)
         unlabel_unseen(v);
-    err = err ? err : told(run, copy_map(&run->extra[EXTRA_INITIAL][view], &v->label));
-    return err ? err
-               : told(run, pack_entropy(&run->extra[EXTRA_ENTROPY][view], &run->entropy[view],
-                                        sst_segmenter_classes(seg)->count));
+    if (err || !extras)
+        return err;
+    err = copy_map(&extras->map[SST_EXTRA_INITIAL][view], &v->label);
+    return log_oom(err ? err
+                       : pack_entropy(&extras->map[SST_EXTRA_ENTROPY][view], &run->entropy[view],
+                                      sst_segmenter_classes(seg)->count));
 }
 
 /* One segmenter per thread, each on one core: whole views side by side need no waiting between layers. */
 static int segment_views(struct run *run, double *eps_h)
 {
-    const int workers = sst_clamp_int(run->cfg->threads, 1, views_of(run));
-    int err = 0, opened = 0;
+    const struct sst_process_config *cfg = run->cfg;
+    const int workers = sst_clamp_int(cfg->threads, 1, views_of(run));
+    int err = 0;
 
-    run->segmenters = calloc((size_t)workers, sizeof(*run->segmenters));
+    run->segmenters = cfg->segmenters ? cfg->segmenters : calloc((size_t)workers, sizeof(*run->segmenters));
     if (!run->segmenters)
-        return told(run, -ENOMEM);
-    while (!err && opened < workers) {
-        err = sst_segmenter_open(&run->segmenters[opened], run->cfg->model, run->cfg->precision, 1);
-        opened += !err;
+        return log_oom(-ENOMEM);
+    for (int i = 0; !err && i < workers; i++) {
+        if (!run->segmenters[i])
+            err = sst_segmenter_open(&run->segmenters[i], cfg->model, cfg->precision, 1);
     }
     err = err ? err : sst_parallel_for(views_of(run), workers, segment_view, run);
     if (!err) {
         run->lf->classes = *sst_segmenter_classes(run->segmenters[0]);
-        *eps_h = sst_segmenter_eps_h(run->segmenters[0]);
+        *eps_h = cfg->eps_h >= 0 ? cfg->eps_h : sst_segmenter_eps_h(run->segmenters[0]);
     }
-    while (opened > 0)
-        sst_segmenter_close(run->segmenters[--opened]);
+    if (cfg->segmenters)
+        return err;
+    for (int i = 0; i < workers; i++)
+        sst_segmenter_close(run->segmenters[i]);
     free(run->segmenters);
     return err;
 }
 
-static int label_views(struct run *run)
+/* Drop the labels of high entropy. */
+static int threshold_views(struct run *run, double eps_h)
 {
-    double eps_h = 0;
-    int err = segment_views(run, &eps_h);
+    int err = 0;
 
-    if (run->cfg->eps_h >= 0)
-        eps_h = run->cfg->eps_h;
-    if (!err && run->cfg->hand_label)
-        err = find_eps_h(run, &eps_h);
     for (int view = 0; !err && view < views_of(run); view++) {
         struct sst_view *v = &run->lf->views[view];
 
@@ -189,17 +180,51 @@ static int label_views(struct run *run)
             continue;
         sst_hcsm(&v->label, &run->entropy[view], eps_h);
         sst_map_f32_fini(&run->entropy[view]);
-        err = told(run, copy_map(&run->extra[EXTRA_HCSM][view], &v->label));
+        if (run->extras)
+            err = log_oom(copy_map(&run->extras->map[SST_EXTRA_HCSM][view], &v->label));
     }
-    run->report->eps_h = eps_h;
     return err;
 }
 
-/* How much of the maps is no guess. */
-static int judge(const struct run *run)
+static int allocate(struct run *run)
+{
+    const size_t views = (size_t)views_of(run);
+
+    for (int i = 0; run->extras && i < SST_EXTRAS; i++) {
+        run->extras->map[i] = calloc(views, sizeof(*run->extras->map[i]));
+        if (!run->extras->map[i])
+            return -ENOMEM;
+        run->extras->views = (int)views;
+    }
+    if (run->extras || run->cfg->hand_label || run->cfg->eps_h >= 0) {
+        run->entropy = calloc(views, sizeof(*run->entropy));
+        return run->entropy ? 0 : -ENOMEM;
+    }
+    return 0;
+}
+
+static int label_views(struct run *run)
+{
+    double eps_h = 0;
+    int err = log_oom(allocate(run));
+
+    err = err ? err : segment_views(run, &eps_h);
+    if (!err && run->cfg->hand_label)
+        err = find_eps_h(run, &eps_h);
+    if (!err && run->entropy)
+        err = threshold_views(run, eps_h);
+    run->report->eps_h = eps_h;
+    for (int view = 0; run->entropy && view < views_of(run); view++)
+        sst_map_f32_fini(&run->entropy[view]);
+    free(run->entropy);
+    return err;
+}
+
+/* The fraction of the disparities that other views confirm. */
+static int count_confirmed(const struct run *run)
 {
     struct sst_unsure u = { 0 };
-    const int err = told(run, sst_unsure_init(&u, run->lf, run->cfg->threads));
+    const int err = log_oom(sst_unsure_init(&u, run->lf, run->cfg->threads));
 
     if (!err)
         run->report->confirmed = 100 * u.confirmed;
@@ -218,6 +243,8 @@ static int match_views(struct run *run)
     struct sst_lightfield *lf = run->lf;
     int err = 0;
 
+    cfg.threads = run->cfg->threads;
+    cfg.cancel = run->cfg->cancel;
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
         cfg.disp_min_px = lf->range_min_px;
         cfg.disp_max_px = lf->range_max_px;
@@ -232,101 +259,6 @@ static int match_views(struct run *run)
     return err ? err : sst_disparity_lightfield(lf, &cfg, disparity_progress, run);
 }
 
-static int write_extra(void *arg, int view, int worker SST_UNUSED)
-{
-    const struct run *run = arg;
-    const struct sst_map_u8 *map = &run->extra[run->kind][view];
-    char name[16], file[32], path[SST_PATH_MAX];
-    int err;
-
-    if (!map->data)
-        return 0;
-    sst_view_name(run->lf, view, name);
-    snprintf(file, sizeof(file), "%s.png", name);
-    err = sst_path_join(path, run->out->temporary, file);
-    return err ? err : sst_map_u8_write_png(map, path, run->kind == EXTRA_ENTROPY ? NULL : sst_classes_palette());
-}
-
-static void remove_folder(const struct run *run, const char *name)
-{
-    char path[SST_PATH_MAX];
-
-    if (!sst_path_join(path, run->dir, name))
-        sst_path_remove_tree(path);
-}
-
-static bool any_confidence(const struct sst_lightfield *lf)
-{
-    for (int view = 0; view < lf->rows * lf->cols; view++) {
-        if (lf->views[view].confidence.data)
-            return true;
-    }
-    return false;
-}
-
-/* What an earlier run computed from maps that given ones have replaced. */
-static void remove_stale(const struct run *run)
-{
-    for (int i = 0; run->lf->labels_given && i < EXTRAS; i++)
-        remove_folder(run, extra_names[i]);
-    if (run->lf->disparity_given && !any_confidence(run->lf))
-        remove_folder(run, "confidence");
-}
-
-/* The maps and the extra folders that this run made; everything is written before anything is replaced. */
-static int save(struct run *run)
-{
-    struct sst_outdir out[EXTRAS];
-    char path[SST_PATH_MAX];
-    int err = 0, opened = 0;
-
-    for (; !err && run->extra[0] && opened < EXTRAS; opened++) {
-        err = sst_path_join(path, run->dir, extra_names[opened]);
-        err = err ? err : sst_outdir_open(&out[opened], path, true);
-        if (err)
-            break;
-        run->kind = opened;
-        run->out = &out[opened];
-        err = sst_parallel_for(views_of(run), run->cfg->threads, write_extra, run);
-    }
-    err = err ? err : sst_lightfield_save_maps(run->lf, run->dir, run->cfg->threads);
-    for (int i = 0; i < opened; i++) {
-        err = err ? err : sst_outdir_commit(&out[i]);
-        sst_outdir_abort(&out[i]);
-    }
-    if (!err)
-        remove_stale(run);
-    return err;
-}
-
-static int allocate(struct run *run)
-{
-    const size_t views = (size_t)views_of(run);
-
-    run->entropy = calloc(views, sizeof(*run->entropy));
-    for (int i = 0; i < EXTRAS; i++) {
-        run->extra[i] = calloc(views, sizeof(*run->extra[i]));
-        if (!run->extra[i])
-            return -ENOMEM;
-    }
-    return run->entropy ? 0 : -ENOMEM;
-}
-
-static void release(struct run *run)
-{
-    for (int view = 0; view < views_of(run); view++) {
-        for (int i = 0; i < EXTRAS; i++) {
-            if (run->extra[i])
-                sst_map_u8_fini(&run->extra[i][view]);
-        }
-        if (run->entropy)
-            sst_map_f32_fini(&run->entropy[view]);
-    }
-    for (int i = 0; i < EXTRAS; i++)
-        free(run->extra[i]);
-    free(run->entropy);
-}
-
 static bool any_label(const struct sst_lightfield *lf)
 {
     for (int view = 0; view < lf->rows * lf->cols; view++) {
@@ -336,56 +268,61 @@ static bool any_label(const struct sst_lightfield *lf)
     return false;
 }
 
-/* Time since `from`, which moves up to now. */
-static struct sst_stage_time lap(struct sst_stage_time *from)
+static int refine_views(struct run *run)
 {
-    const struct sst_stage_time now = { (double)sst_clock_now_ns() * 1e-9, (double)sst_clock_cpu_ns() * 1e-9 };
-    const struct sst_stage_time took = { now.wall_s - from->wall_s, now.cpu_s - from->cpu_s };
+    struct sst_refine_config cfg = run->cfg->refinement;
+    int err = 0;
+
+    if (!any_label(run->lf))
+        return 0;
+    cfg.threads = run->cfg->threads;
+    cfg.cancel = run->cfg->cancel;
+    run->report->coverage_hcsm = coverage(run);
+    if (run->cfg->refine)
+        err = sst_refine_labels(run->lf, &cfg, NULL);
+    run->report->coverage_refined = coverage(run);
+    return err;
+}
+
+struct sst_process_time sst_process_lap(struct sst_process_time *from)
+{
+    const struct sst_process_time now = { (double)sst_clock_now_ns() * 1e-9, (double)sst_clock_cpu_ns() * 1e-9 };
+    const struct sst_process_time took = { now.wall_s - from->wall_s, now.cpu_s - from->cpu_s };
 
     *from = now;
     return took;
 }
 
-static int run_stages(struct run *run, struct sst_stage_time *clock)
+int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg, struct sst_process_extras *extras,
+                struct sst_process_report *report)
 {
-    struct sst_lightfield *lf = run->lf;
-    const struct sst_process_config *cfg = run->cfg;
+    struct sst_process_report unwanted;
+    struct run run = { .lf = lf, .cfg = cfg, .extras = extras, .report = report ? report : &unwanted };
+    struct sst_process_time clock = { 0 };
     int err = 0;
 
-    if (!lf->labels_given && cfg->model) {
-        err = told(run, allocate(run));
-        err = err ? err : label_views(run);
-    }
-    run->report->labels = lap(clock);
-    if (!err && !lf->disparity_given)
-        err = match_views(run);
-    err = err ? err : judge(run);
-    run->report->disparity = lap(clock);
-    if (!err && any_label(lf)) {
-        run->report->coverage_hcsm = coverage(run);
-        if (cfg->refine)
-            err = sst_refine_labels(lf, &cfg->refinement, NULL);
-        run->report->coverage_refined = coverage(run);
-    }
-    run->report->refinement = lap(clock);
+    *run.report =
+        (struct sst_process_report){ .eps_h = NAN, .coverage_hcsm = NAN, .coverage_refined = NAN, .confirmed = NAN };
+    sst_process_lap(&clock);
+    if (cfg->model)
+        err = label_views(&run);
+    run.report->labels = sst_process_lap(&clock);
+    if (!err && !cfg->keep_disparity)
+        err = match_views(&run);
+    if (!err && report)
+        err = count_confirmed(&run);
+    run.report->disparity = sst_process_lap(&clock);
+    err = err ? err : refine_views(&run);
+    run.report->refinement = sst_process_lap(&clock);
     return err;
 }
 
-int sst_process(struct sst_lightfield *lf, const char *dir, const struct sst_process_config *cfg,
-                struct sst_process_report *report)
+void sst_process_extras_fini(struct sst_process_extras *extras)
 {
-    struct run run = { .lf = lf, .dir = dir, .cfg = cfg, .report = report };
-    struct sst_stage_time clock = { 0 };
-    int err;
-
-    *report =
-        (struct sst_process_report){ .eps_h = NAN, .coverage_hcsm = NAN, .coverage_refined = NAN, .confirmed = NAN };
-    lap(&clock);
-    err = run_stages(&run, &clock);
-    if (!err)
-        show_progress(&run, "saving", 0.99);
-    err = err ? err : save(&run);
-    report->saving = lap(&clock);
-    release(&run);
-    return err;
+    for (int i = 0; i < SST_EXTRAS; i++) {
+        for (int view = 0; extras->map[i] && view < extras->views; view++)
+            sst_map_u8_fini(&extras->map[i][view]);
+        free(extras->map[i]);
+    }
+    *extras = (struct sst_process_extras){ 0 };
 }

@@ -1,4 +1,4 @@
-/* pipeline/method/process/process.h - from views to a label and a disparity for every ray: the stages in order. */
+/* pipeline/method/process/process.h - a label and a disparity for every ray: runs the stages in order. */
 #ifndef SST_PIPELINE_METHOD_PROCESS_PROCESS_H
 #define SST_PIPELINE_METHOD_PROCESS_PROCESS_H
 
@@ -6,43 +6,78 @@
 #include "pipeline/method/network/network.h"
 #include "pipeline/method/refine/refine.h"
 
+struct sst_segmenter;
+
 struct sst_process_config {
-    const char *model;            /* segmentation network; NULL: no labels are computed */
-    enum sst_precision precision; /* of that network */
-    double eps_h;                 /* entropy threshold; negative: the model's own */
-    const char *hand_label;       /* label map of the reference view to find eps_h on, or NULL */
-    double accuracy_weight;       /* m of the score Acc^m Cvg */
+    const char *model;                   /* segmentation network; NULL: the labels stay as they are */
+    enum sst_precision precision;        /* of that network */
+    double eps_h;                        /* entropy threshold; negative: the model's own */
+    const struct sst_map_u8 *hand_label; /* labels of the reference view to find eps_h on, or NULL */
+    double accuracy_weight;              /* m of the score Acc^m Cvg */
+    bool keep_disparity;                 /* external maps: nothing is matched */
     bool refine;
-    struct sst_disparity_config disparity; /* equal range ends: the light field's own, else estimated */
+    /* Threads and cancel of these two are those below. Equal range ends: the light field's own, else estimated. */
+    struct sst_disparity_config disparity;
     struct sst_refine_config refinement;
     int threads;
+    const SST_ATOMIC(bool) * cancel; /* once true, the work is given up within a view; or NULL */
+    /* [threads], kept open for the next call: NULL entries are opened here and closed by the caller; or NULL */
+    struct sst_segmenter **segmenters;
     void (*progress)(void *arg, const char *stage, double done); /* or NULL */
     void *progress_arg;
 };
 
-/** What one stage took: wall seconds, and CPU seconds of all threads. */
-struct sst_stage_time {
+/** Wall seconds of one stage, and CPU seconds of all threads. */
+struct sst_process_time {
     double wall_s, cpu_s;
 };
 
-/** What happened, for the summary. */
+/** Statistics for the summary. */
 struct sst_process_report {
     double eps_h, coverage_hcsm, coverage_refined; /* coverage in percent of all pixels; NaN without labels */
-    double disp_min_px, disp_max_px;               /* searched; equal when the disparities were given */
-    double confirmed; /* percent of the disparities that another view has, too; NaN without confidences */
-    struct sst_stage_time labels, disparity, refinement, saving;
+    double disp_min_px, disp_max_px;               /* searched; equal when nothing was matched */
+    double confirmed; /* percent of the disparities that another view confirms; NaN without confidences */
+    struct sst_process_time labels, disparity, refinement;
+};
+
+/** Maps that explain the labels; the names of their folders are in save.c. */
+enum sst_process_extra {
+    SST_EXTRA_INITIAL = 0, /* labels before the entropy threshold */
+    SST_EXTRA_HCSM = 1,    /* labels after it, before refinement */
+    SST_EXTRA_ENTROPY = 2, /* 255 at log(classes) */
+    SST_EXTRAS = 3,
+};
+
+struct sst_process_extras {
+    struct sst_map_u8 *map[SST_EXTRAS]; /* [views] each; NULL: no labels were computed */
+    int views;
 };
 
 /**
- * Compute what the light field lacks and store it in its folder: disparity/, confidence/, labels/, labels_initial/ and
- * labels_hcsm/ (before and after the entropy threshold) and entropy/ (8 bits, 255 at log(classes)). Given labels and
- * disparities are kept; gaps in given labels are refined.
+ * Compute labels (with a model), disparity and confidence (unless kept) of all views, and fill the gaps in the labels,
+ * computed or external. Accesses no file but the networks.
  *
- * @param lf   images loaded, and given maps
- * @param dir  its folder
- * @return 0 or a negative errno; logged. On failure the folder holds what it held.
+ * @param lf      images loaded, and external maps
+ * @param extras  out, zeroed before, or NULL: without, labels take less memory; sst_process_extras_fini() also after
+ *                failures
+ * @param report  out, or NULL
+ * @return 0 or a negative errno, logged; -ECANCELED, not logged. On failure some maps may be missing.
  */
-SST_MUST_CHECK int sst_process(struct sst_lightfield *lf, const char *dir, const struct sst_process_config *cfg,
-                               struct sst_process_report *report);
+SST_MUST_CHECK int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
+                               struct sst_process_extras *extras, struct sst_process_report *report);
+void sst_process_extras_fini(struct sst_process_extras *extras);
+
+/**
+ * Store the maps of a light field in its folder: disparity/, confidence/, labels/, and labels_initial/, labels_hcsm/
+ * and entropy/ from extras. Removes folders that an earlier run computed from maps that external ones have replaced.
+ *
+ * @param lf  loaded from dir
+ * @return 0 or a negative errno; logged. On failure the folder is unchanged.
+ */
+SST_MUST_CHECK int sst_process_save(const struct sst_lightfield *lf, const struct sst_process_extras *extras,
+                                    const char *dir, int threads);
+
+/** Time since *from, which moves up to now. */
+struct sst_process_time sst_process_lap(struct sst_process_time *from);
 
 #endif

@@ -93,7 +93,7 @@ static int64_t turn(const struct sst_hull *h, int x, int y)
     return ax * (y - h->y[h->count - 2]) - ay * (x - h->x[h->count - 2]);
 }
 
-/* Append a point to the chain that began at index `first`; sign tells which way it must turn. */
+/* Append a point to the chain that began at index `first`; sign is the direction in which it must turn. */
 static void chain_append(struct sst_hull *h, int first, int sign, int x, int y)
 {
     if (h->count > first && h->x[h->count - 1] == x && h->y[h->count - 1] == y)
@@ -120,7 +120,7 @@ static int last_of(const uint8_t *row, int width, int value)
     return x;
 }
 
-/* Two chains from the top row to the bottom one; a region one pixel wide appears in both, which does no harm. */
+/* Two chains from the top row to the bottom one; a region one pixel wide appears in both, which is harmless. */
 void sst_hull_build(struct sst_hull *hull, const struct sst_map_u8 *label, int value)
 {
     int left_count;

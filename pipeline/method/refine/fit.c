@@ -64,7 +64,7 @@ struct sst_label_fit sst_label_fit_histogram(const int64_t *hist, double disp_mi
     double mean, variance = 0, limit;
     int m;
 
-    fit.takes_part = all.n > 0 && all.n >= cfg->min_pixels;
+    fit.usable = all.n > 0 && all.n >= cfg->min_pixels;
     if (all.n == 0)
         return fit;
     m = median(hist, all.n);
@@ -93,7 +93,7 @@ void sst_candidate_masks(uint64_t *mask, const struct sst_label_fit *fits, int c
     for (int q = 0; q < SST_DISP_BINS; q++) {
         mask[q] = 0;
         for (int i = 0; i < count && q != (int)SST_DISP_NONE; i++) {
-            if (fits[i].takes_part && sst_label_fit_density(&fits[i], disp_min_px + q / SST_DISP_SCALE) > eps_d)
+            if (fits[i].usable && sst_label_fit_density(&fits[i], disp_min_px + q / SST_DISP_SCALE) > eps_d)
                 mask[q] |= (uint64_t)1 << i;
         }
     }

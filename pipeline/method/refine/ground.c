@@ -25,7 +25,7 @@ static double miss(const struct sst_ground *g, int x, int y, uint16_t q)
     return fabs(q - (g->d0 + g->a * x + g->b * y));
 }
 
-/* Sums over the region's pixels that the plane so far misses by at most its limit. */
+/* Sums over the region's pixels whose residual to the current plane is within its limit. */
 static struct sums sum_up(const struct sst_ground *g, const struct sst_view *v, int value)
 {
     struct sums s = { 0 };
@@ -65,7 +65,7 @@ static bool solve(struct sst_ground *g, const struct sums *s)
     return true;
 }
 
-/* Median of the misses of all pixels of the region, and how many there are. */
+/* Median residual of the region's pixels, and their number. */
 static double median_miss(const struct sst_ground *g, const struct sst_view *v, int value, int64_t *hist, int64_t *n)
 {
     int64_t below;

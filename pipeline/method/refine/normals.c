@@ -9,7 +9,8 @@
          */
 #define RELIABLE_FLOOR  0.0025 /* ... that deviation is at least 0.05 px */
 #define OUTSIDE_SIGMAS2 9.0F   /* a pixel this far off a plane, in squared deviations, ... */
-#define OUTSIDE_FLOOR   0.01F  /* ... and 0.1 px, is not on it; noise within that must not choose the plane */
+#define OUTSIDE_FLOOR                                                                                                  \
+    0.01F /* ... and 0.1 px, is not on it; smaller residuals are noise and must not choose the plane */
 
 enum column_sum { COL_N, COL_Y, COL_YY, COL_D, COL_YD, COL_DD };
 
@@ -23,7 +24,7 @@ struct sums {
     int64_t n, x, y, xx, xy, yy, d, xd, yd, dd;
 };
 
-/* Enter (sign 1) or leave (sign -1) row y in the column sums. */
+/* Add (sign 1) or remove (sign -1) row y in the column sums. */
 static void add_row(int64_t *col, const struct sst_map_u16 *disp, int y, int64_t sign)
 {
     const uint16_t *d = sst_map_u16_row(disp, y);

@@ -16,12 +16,12 @@
  * the pixels nor the number of threads matters.
  *
  * Rule: with the median M and sigma_r = max(1.4826 MAD, floor), disparities further than 5 sigma_r from M are trimmed,
- * unless that is more than a quarter of them: then they are no outliers but a second body of the label (near and far
- * trees), and all count. Mean and sample variance of the rest; the spread is floored by
- * floor^2 = quantum^2 / 12 + matcher_sigma_px^2.   Equation: DESIGN 5.3.
+ * unless they are more than a quarter: then they are not outliers but a second object of the label (near and far
+ * trees), and none is trimmed. Mean and sample variance of the rest; the spread is floored by floor^2 = quantum^2 / 12
+ * + matcher_sigma_px^2.   Equation: DESIGN 5.3.
  *
  * @param hist  [SST_DISP_BINS] pixels per stored disparity
- * @return a fit that takes part if its pixels number at least cfg->min_pixels; no pixels: mean 0 and the floor
+ * @return a fit with usable set if it has at least cfg->min_pixels pixels; without pixels: mean 0 and the floor
  */
 struct sst_label_fit sst_label_fit_histogram(const int64_t *hist, double disp_min_px,
                                              const struct sst_refine_config *cfg);
@@ -78,7 +78,7 @@ uint32_t sst_hull_farthest(const struct sst_hull *hull, int x, int y);
 struct sst_plane {
     float a, b;     /* px per px */
     float d0;       /* px above disp_min_px */
-    float variance; /* of the residuals, px^2; +inf: refused (fewer than 3 pixels, or all near one line) */
+    float variance; /* of the residuals, px^2; +inf: rejected (fewer than 3 pixels, or all near one line) */
 };
 
 /** The planes of a view. */
@@ -91,44 +91,47 @@ struct sst_planes {
 #define SST_PLANE_SUMS 6
 
 /**
- * Least squares planes in windows cut at the border, unknown disparities left out. Coordinates are centred; sums slide
- * and are exact integers. Refused: determinant of the centred 2x2 system below 1e-6 of the product of its diagonal.
+ * Least squares planes in windows clipped at the border, without unknown disparities. Coordinates are centred; sums
+ * slide and are exact integers. Rejected: determinant of the centred 2x2 system below 1e-6 of the product of its
+ * diagonal.
  *
  * @param sums  scratch [SST_PLANE_SUMS * width]
  */
 void sst_planes_fit(struct sst_planes *planes, const struct sst_map_u16 *disp, int64_t *sums);
 
-/** What turns a plane of disparities into a normal in space. */
+/** Parameters that convert a disparity plane into a normal in space. */
 struct sst_normal_frame {
     double focal_px;     /* > 0 */
     double cx, cy;       /* principal point */
     double disp_zero_px; /* disparity of stored value 0, counted from points at infinity */
-    double score_max;    /* px^2: a plane that explains its pixels no better than this gives no normal */
+    double score_max;    /* px^2: a plane with a residual variance of this or more gives no normal */
 };
 
 /** The image centre is the principal point. Unknown focal length: the image width. A light field with negative
- *  disparities converges inside the scene: infinity is then put at disp_min_px, so that all points are in front.
- *  Planes may miss their pixels by twice the matcher's noise: foliage, of one window a dozen leaves, has no normals. */
+ *  disparities converges inside the scene: infinity is then placed at disp_min_px, so that all points are in front.
+ * Planes may deviate from their pixels by twice the matcher's noise: foliage, with a dozen leaves in one window, has no
+ * normals. */
 struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf, const struct sst_refine_config *cfg);
 
 /**
  * Unit normal of the surface at a pixel.
  *
  * The plane is that of one of the nine windows that are centred on the pixel or touch it with an edge or corner: the
- * one with the least residual variance, centre first, a squared miss of the pixel itself added where it is beyond
- * noise. So windows across an edge lose against one on the pixel's own side of it. With d = a x + b y + c from the
- * principal point, the plane in space is f a X + f b Y + c Z = f B, so the normal is (f a, f b, c), c the plane's value
- * at the principal point. Its product with the viewing ray (x, y, f) is f d > 0: all normals point away from the
- * camera, so those of one surface agree in sign.
+ * one with the least residual variance, centre first, plus the squared residual of the pixel itself where it exceeds
+ * noise. So windows across an edge lose to one on the pixel's own side of it. With d = a x + b y + c from the principal
+ * point, the plane in space is f a X + f b Y + c Z = f B, so the normal is (f a, f b, c), c the plane's value at the
+ * principal point. Its product with the viewing ray (x, y, f) is f d > 0: all normals point away from the camera, so
+ * those of one surface agree in sign.
  *
- * @return false where there is none, or the best one misses by frame->score_max or more; n is then untouched
+ * @return false if there is none, or the best score is frame->score_max or more; n is then untouched
  */
 bool sst_normal_at(double n[3], const struct sst_planes *planes, const struct sst_map_u16 *disp,
                    const struct sst_normal_frame *frame, int x, int y);
 
 /* --- ground.c: the plane of a ground in one view ------------------------------------------------------------------ */
 
-/** d = d0 + a x + b y, in 1/64 px above disp_min_px, x and y from the corner; `limit` is how far its own pixels stray.
+/** d = d0 + a x + b y, in 1/64 px above disp_min_px, x and y from the corner; `limit` bounds the residuals of its own
+ * pixels.
  */
 struct sst_ground {
     double a, b, d0, limit;
@@ -137,9 +140,9 @@ struct sst_ground {
 /**
  * Fit the plane of a ground's confident pixels in one view.
  *
- * A ground runs through many depths, so the distribution of its disparities says little about a pixel; its plane says
- * nearly all. Least squares with exact sums, then three times again without the pixels that miss by more than the
- * limit: 5 times the larger of 1.4826 median |miss| and the matcher's noise.
+ * A ground spans many depths, so the distribution of its disparities says little about a pixel; its plane determines
+ * it. Least squares with exact sums, repeated three times without the pixels whose residual exceeds the limit: 5 times
+ * the larger of 1.4826 median |residual| and the matcher's noise.
  *
  * @param hist  scratch [SST_DISP_BINS]
  * @return false (untouched): fewer than cfg->min_pixels, all near one line, or over a quarter beyond the limit: no
@@ -148,26 +151,26 @@ struct sst_ground {
 bool sst_ground_fit(struct sst_ground *ground, const struct sst_view *v, int value, const struct sst_refine_config *cfg,
                     int64_t *hist);
 
-/** Does a disparity at a pixel lie on the ground, within its limit? */
+/** True if a disparity at a pixel lies on the ground, within its limit. */
 bool sst_ground_has(const struct sst_ground *ground, int x, int y, uint16_t disp_q6);
 
 /* --- energy.c: E = p_n E_n + p_d E_d ------------------------------------------------------------------------------ */
 
-/** Confident region of a label in one view, as the energy sees it. */
+/** Confident region of a label in one view, as used by the energy. */
 struct sst_region {
     double normal_sum[3]; /* of the unit normals of its pixels */
     int64_t normals;      /* how many */
     int64_t pixels;       /* with a normal or without */
 };
 
-/** Have at least half of its pixels a normal? Else it is no surface that normals could be compared with. */
+/** True if at least half of its pixels have a normal; else it is no surface to compare normals with. */
 bool sst_region_has_normal(const struct sst_region *region);
 
 /**
  * E_n = -S / (S + tau |R|), S = sum over the region of <m, n(r)> = <m, sum n(r)>; in (-1, 0], lower is more parallel.
  *
- * tau counts per pixel of the region: with one tau for all, the larger region would win whatever the normals are.
- * S <= 0 (normals that oppose m) is no consistency at all: 0, which also keeps the denominator positive. No normals: 0.
+ * tau counts per pixel of the region: with one tau for all, the larger region would win regardless of its normals. S <=
+ * 0 (normals that oppose m) counts as no consistency: 0, which also keeps the denominator positive. No normals: 0.
  */
 double sst_energy_normal(const double m[3], const struct sst_region *region, double tau);
 

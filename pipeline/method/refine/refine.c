@@ -29,7 +29,7 @@ struct worker {
 };
 
 struct job {
-    struct sst_lightfield *lf; /* the views' labels are written, each by its own piece of work */
+    struct sst_lightfield *lf; /* each view's labels are written by its own job */
     const struct sst_refine_config *cfg;
     struct sst_normal_frame frame;
     uint64_t ground;      /* bit i: label i + 1 is a ground */
@@ -101,7 +101,7 @@ static int check_maps(const struct sst_lightfield *lf)
     return 0;
 }
 
-/* Sum of the region's normals in raster order, so that it has the same bits whoever computes it. */
+/* Sum of the region's normals in raster order: the same bits on every thread. */
 static struct sst_region region_of(const struct job *job, const struct worker *w, const struct sst_view *v, int label)
 {
     struct sst_region region = { { 0 }, 0, 0 };
@@ -135,7 +135,7 @@ static void find_grounds(const struct job *job, struct worker *w, const struct s
     }
 }
 
-/* Candidates of an unlabeled pixel: by the label's distribution, and, of a ground that is a plane, by that plane. */
+/* Candidates of an unlabeled pixel: by the label's distribution, and for a planar ground by its plane. */
 static uint64_t candidates_at(const struct job *job, const struct worker *w, uint16_t disp_q6, int x, int y)
 {
     uint64_t mask = job->candidates[disp_q6];
@@ -154,7 +154,7 @@ static bool is_conflict(uint64_t candidates)
     return (candidates & (candidates - 1)) != 0;
 }
 
-/* All labels that stand in some conflict of the view, and whether a ground does; also empties the choices. */
+/* Labels that compete for any pixel of the view, and whether a ground does; also clears the choices. */
 static uint64_t find_conflicts(const struct job *job, struct worker *w, const struct sst_view *v)
 {
     uint64_t seen = 0;
@@ -176,7 +176,7 @@ static uint64_t find_conflicts(const struct job *job, struct worker *w, const st
     return seen;
 }
 
-/* Let one label compete among its kind. Labels come in rising order, so < leaves ties to the smaller. */
+/* Evaluate one label among objects or grounds. Labels come in ascending order, so < leaves ties to the smaller. */
 static void compete(const struct job *job, struct worker *w, const struct sst_view *v, int label)
 {
     const uint64_t bit = (uint64_t)1 << (label - 1);
@@ -205,7 +205,7 @@ static void compete(const struct job *job, struct worker *w, const struct sst_vi
     }
 }
 
-/* The nearest object against the nearest ground: only here do the normals count, unless one of the two has none. */
+/* Compare the nearest object with the nearest ground; normals count only here, and only if both have some. */
 static uint8_t decide(const struct job *job, const struct worker *w, const struct sst_view *v,
                       const struct sst_region *regions, int x, int y)
 {
@@ -225,7 +225,7 @@ static uint8_t decide(const struct job *job, const struct worker *w, const struc
     return e_object < e_ground ? object : ground;
 }
 
-/* Write all labels at last: until here the map is the HCSM, whose regions the distances and normals come from. */
+/* Write all labels at the end: until then the map is the HCSM, whose regions define distances and normals. */
 static void assign(const struct job *job, const struct worker *w, struct sst_view *v, const struct sst_region *regions)
 {
     for (int y = 0; y < v->label.height; y++) {
@@ -291,7 +291,7 @@ static int count_view(void *arg, int index, int worker)
     return 0;
 }
 
-/* Fit all labels and draw up the candidates of every disparity. */
+/* Fit all labels and list the candidates of every disparity. */
 static int fit_labels(struct job *job, struct sst_label_fit *fits)
 {
     const struct sst_lightfield *lf = job->lf;
@@ -384,7 +384,7 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
     if (err)
         return err;
     if (!(lf->focal_px > 0))
-        sst_log_info("label refinement: the focal length is unknown; the image width, %d px, stands in for it",
+        sst_log_info("label refinement: the focal length is unknown; the image width, %d px, is used instead",
                      lf->width);
     err = job_init(&job, lf, cfg);
     if (!err)

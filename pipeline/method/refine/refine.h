@@ -8,14 +8,14 @@
 struct sst_refine_config {
     double eps_d;                /* density threshold eps_D, 1/px: a label is a candidate where g_i(D) > eps_d */
     double matcher_sigma_px;     /* noise of the disparities: floor of the fitted spread */
-    int min_pixels;              /* labels with fewer confident pixels (all views together) take no part */
+    int min_pixels;              /* labels with fewer confident pixels (all views together) are ignored */
     double p_normal, p_distance; /* weights p_n, p_d of the energy */
     double tau;        /* of the normal consistency, in inner products per pixel of the region (see parts.h); > 0 */
     int normal_window; /* side of the window that normals are fitted in; odd, 21..127 */
     bool ground_plane; /* a ground that is a plane in a view is a candidate only for pixels on that plane (not in the
                           paper) */
     int threads;       /* 0: all processors */
-    const SST_ATOMIC(bool) * cancel; /* once true, the work is given up within a view; or NULL */
+    const SST_ATOMIC(bool) * cancel; /* once true, processing stops within one view; or NULL */
 };
 
 void sst_refine_config_defaults(struct sst_refine_config *cfg);
@@ -24,7 +24,7 @@ void sst_refine_config_defaults(struct sst_refine_config *cfg);
 struct sst_label_fit {
     int64_t count; /* confident pixels */
     double mean_px, sigma_px;
-    bool takes_part;
+    bool usable;
 };
 
 /**
@@ -32,10 +32,10 @@ struct sst_label_fit {
  * view.
  *
  * Distributions come from the confident pixels of all views, the regions of the energy from those of the same view.
- * An unlabeled pixel with no candidate, or without a disparity, stays unlabeled; with one it takes it. Of several,
+ * An unlabeled pixel without a candidate or a disparity stays unlabeled; a single candidate is assigned. Among several,
  * objects compete by E_d alone, and so do grounds; the best object and the best ground then compete by E = p_n E_n +
- * p_d E_d, because normals tell only a ground from what stands on it. Ties go to the smaller label. A candidate that is
- * absent from the view's HCSM has E_d = 1; where one of the two has no normals (absent, foliage), E_n is left out.
+ * p_d E_d, because normals only distinguish a ground from objects on it. Ties go to the smaller label. A candidate that
+ * is absent from the view's HCSM has E_d = 1; where one of the two has no normals (absent, foliage), E_n is left out.
  * Source: DESIGN 5.3.
  *
  * @param fits  out, lf->classes.count entries, or NULL

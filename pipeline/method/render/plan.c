@@ -9,9 +9,9 @@
 #include "base/mem.h"
 #include "base/thread.h"
 
-/* Offline, rarity of colours is counted from every so many-th pixel of every so many-th row of all views. */
+/* Offline, rarity of colours is counted from every n-th pixel of every n-th row of all views. */
 #define RARITY_STEP 8
-/* Shifts this close to a whole number are whole: products like 0.1 * 3 must not cost a column. */
+/* Shifts this close to an integer are rounded: products like 0.1 * 3 must not lose a column. */
 #define WHOLE_PX 1e-6
 
 static void count_rarity(struct sst_renderer *r)
@@ -36,7 +36,7 @@ int sst_renderer_count(struct sst_renderer *r)
     }
     pthread_mutex_unlock(&r->lock);
     if (err)
-        sst_log_error("no memory for the histograms of the disparities");
+        sst_log_error("not enough memory for the disparity histograms");
     return err;
 }
 
@@ -47,10 +47,10 @@ int sst_renderer_recount(struct sst_renderer *r, const int *view, int views, int
     pthread_mutex_lock(&r->lock);
     err = sst_label_histogram_recount(&r->histogram, r->lf, view, views, step);
     sst_rarity_count(r->rarity, r->lf, view, views, step);
-    r->counted = true; /* without memory: empty */
+    r->counted = true; /* if out of memory: empty */
     pthread_mutex_unlock(&r->lock);
     if (err)
-        sst_log_error("no memory for the histograms of the disparities");
+        sst_log_error("not enough memory for the disparity histograms");
     return err;
 }
 
@@ -59,16 +59,16 @@ const struct sst_unsure *sst_renderer_judge(struct sst_renderer *r)
     int err = 0;
 
     pthread_mutex_lock(&r->lock);
-    if (!r->judged) {
-        err = sst_unsure_init(&r->unsure, r->lf, r->threads);
+    if (!r->unconfirmed_counted) {
+        err = sst_unsure_init(&r->unconfirmed, r->lf, r->threads);
         if (err)
-            sst_unsure_fini(&r->unsure);
-        r->judged = !err;
+            sst_unsure_fini(&r->unconfirmed);
+        r->unconfirmed_counted = !err;
     }
     pthread_mutex_unlock(&r->lock);
     if (err)
-        sst_log_error("no memory to count which disparities other views confirm");
-    return err ? NULL : &r->unsure;
+        sst_log_error("not enough memory to count the unconfirmed disparities");
+    return err ? NULL : &r->unconfirmed;
 }
 
 static int check_value(const char *name, double v, double min, double max)
@@ -107,7 +107,7 @@ static int check_config(const struct sst_render_config *cfg)
     return 0;
 }
 
-/* Check the focus against the disparities, and choose what the configuration leaves to their range. */
+/* Check the focus against the disparities, and derive the defaults that depend on their range. */
 static int fit_to_disparities(struct sst_render_config *cfg, struct sst_renderer *r)
 {
     double lo = 0, hi = 0, slack;
@@ -154,7 +154,8 @@ bool sst_render_prefers_raw(const struct sst_lightfield *lf, const struct sst_re
     return lf->calibration && (int64_t)pictures * sst_render_views(lf, cfg) <= present;
 }
 
-/* Where a shift by `shift` px puts output pixels: first tap, fraction, nearest tap, which pixels' taps are inside. */
+/* Mapping of output pixels by a shift of `shift` px: first tap, fraction, nearest tap, range of pixels with all taps
+ * inside. */
 static void place(double shift, int size, int *tap, double *part, int *nearest, int *from, int *to)
 {
     const double whole = floor(shift + WHOLE_PX);
@@ -166,8 +167,8 @@ static void place(double shift, int size, int *tap, double *part, int *nearest, 
     *to = sst_clamp_int(size - *tap - (*part > 0), 0, size);
 }
 
-/* Keep the max_views taps nearest to the viewpoint, the earlier view first where two are as near; order stays. */
-static void keep_nearest(struct sst_plan *p)
+/* Keep the max_views taps nearest to the viewpoint, the earlier view first in a tie; their order is kept. */
+static void select_nearest(struct sst_plan *p)
 {
     struct sst_tap kept[SST_MAX_VIEWS];
     int n = 0;
@@ -200,7 +201,7 @@ static int choose_views(struct sst_plan *p)
             p->tap[p->count++] = t;
     }
     if (p->cfg.max_views > 0 && p->cfg.max_views < p->count)
-        keep_nearest(p);
+        select_nearest(p);
     if (!p->count) {
         sst_log_error("no view lies within %g spacings of the viewpoint (%g, %g); widen the aperture", p->cfg.aperture,
                       p->cfg.view_bx, p->cfg.view_by);
@@ -254,12 +255,16 @@ static int make_raw(void *arg, int index, int worker SST_UNUSED)
         err = sst_rectify_map_create(&raw->map, lf->rectified, lf->calibration, t->view);
     if (!err && !raw->sampler)
         err = sst_sampler_create(&raw->sampler, raw->map, (enum sst_filter)lf->filter, &t->v->image, 1);
-    if (err)
-        sst_log_error("cannot sample the raw frame %s: %s", t->v->file, strerror(-err));
+    if (err) {
+        char name[16];
+
+        sst_view_name(lf, t->view, name);
+        sst_log_error("cannot sample the raw frame of view %s: %s", name, strerror(-err));
+    }
     return err;
 }
 
-/* Samplers of the plan's views: those of earlier pictures are kept. */
+/* Create the samplers of the plan's views that earlier pictures did not. */
 static int prepare_raw(struct sst_plan *p, struct sst_renderer *r)
 {
     struct raw_job job = { r, p };
@@ -275,7 +280,7 @@ static int prepare_raw(struct sst_plan *p, struct sst_renderer *r)
     return err;
 }
 
-/* Constants of the weights, and the table where labels have a say. */
+/* Set the constants of the weights, and the table if labels have weights. */
 static int weigh(struct sst_plan *p, struct sst_renderer *r)
 {
     const struct sst_render_config *cfg = &p->cfg;
@@ -293,9 +298,9 @@ static int weigh(struct sst_plan *p, struct sst_renderer *r)
     p->blend.unknown = by_depth ? (float)cfg->c1 : 1;
     for (int i = 0; i < p->count && p->weighted; i++) {
         if (!p->tap[i].v->disp.data) {
-            sst_log_error("view %d has no disparity map: run `sst process` on this light field first, or choose the "
-                          "method refocus",
-                          p->tap[i].view);
+            sst_log_error(
+                "view %d has no disparity map: run `sst process` on this light field first, or use the refocus method",
+                p->tap[i].view);
             return -ENODATA;
         }
     }
@@ -306,7 +311,7 @@ static int weigh(struct sst_plan *p, struct sst_renderer *r)
         return err;
     p->table = sst_mem_alloc_raw((size_t)256 * SST_BLEND_COLUMNS, sizeof(float));
     if (!p->table) {
-        sst_log_error("no memory for the table of label weights");
+        sst_log_error("not enough memory for the table of label weights");
         return -ENOMEM;
     }
     sst_label_weight_table(p->table, &r->histogram, cfg);
@@ -314,17 +319,17 @@ static int weigh(struct sst_plan *p, struct sst_renderer *r)
     return 0;
 }
 
-/* What verification takes, one of each thread. */
+/* Create the verifiers, one per thread. */
 static int open_verifiers(struct sst_plan *p, struct sst_renderer *r)
 {
     const int threads = sst_thread_count(p->cfg.threads);
     int err = 0;
 
     if (p->cfg.verify == SST_VERIFY_AUTO) {
-        p->unsure = sst_renderer_judge(r);
-        if (!p->unsure)
+        p->unconfirmed = sst_renderer_judge(r);
+        if (!p->unconfirmed)
             return -ENOMEM;
-        if (isnan(p->unsure->confirmed))
+        if (isnan(p->unconfirmed->confirmed))
             return 0;
     }
     err = sst_renderer_count(r);
@@ -335,7 +340,7 @@ static int open_verifiers(struct sst_plan *p, struct sst_renderer *r)
     for (; p->rarity && p->verifier && p->verifiers < threads && !err; p->verifiers += !err)
         err = sst_verifier_create(&p->verifier[p->verifiers], p);
     if (err || !p->rarity || !p->verifier) {
-        sst_log_error("no memory to verify rays on %d threads", threads);
+        sst_log_error("not enough memory to verify rays on %d threads", threads);
         return -ENOMEM;
     }
     memcpy(p->rarity, r->rarity, sizeof(r->rarity));

@@ -1,5 +1,5 @@
-/* pipeline/method/render/plan.h - what one picture needs: views with their shifts and weights, the table of label
- * weights. */
+/* pipeline/method/render/plan.h - prepared state of one picture: views with shifts and weights, table of label weights.
+ */
 #ifndef SST_PIPELINE_METHOD_RENDER_PLAN_H
 #define SST_PIPELINE_METHOD_RENDER_PLAN_H
 
@@ -17,17 +17,17 @@ struct sst_renderer {
     /* fixed after create */
     const struct sst_lightfield *lf;
     int threads;
-    /* under lock until made, fixed then but for sst_renderer_recount() */
+    /* under lock until computed, then fixed except for sst_renderer_recount() */
     pthread_mutex_t lock;
     bool counted;
     struct sst_label_histogram histogram;
     uint8_t rarity[SST_AGREE_BINS]; /* of colours, see verify.h */
-    bool judged;
-    struct sst_unsure unsure; /* fixed once judged */
-    struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each made when first used */
+    bool unconfirmed_counted;
+    struct sst_unsure unconfirmed; /* fixed once counted */
+    struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each created on first use */
 };
 
-/** A raw frame and its way to rectified positions. */
+/** A raw frame and its mapping to rectified positions. */
 struct sst_raw_view {
     struct sst_rectify_map *map;
     struct sst_sampler *sampler;
@@ -47,7 +47,8 @@ struct sst_tap {
     double aperture;
 };
 
-/** Do all colour taps of output pixel (x, y), inside t's bounds, lie in what the view saw? Not for raw frames. */
+/** True if all colour taps of output pixel (x, y), inside t's bounds, are valid pixels of the view. Not for raw frames.
+ */
 static inline bool sst_tap_sees(const struct sst_tap *t, int x, int y)
 {
     const uint8_t *top, *bottom;
@@ -62,41 +63,41 @@ static inline bool sst_tap_sees(const struct sst_tap *t, int x, int y)
 struct sst_plan {
     const struct sst_lightfield *lf;
     struct sst_render_config cfg;
-    bool weighted; /* false: all rays weigh their aperture only, plain refocusing */
+    bool weighted; /* false: rays have aperture weights only, plain refocusing */
     int count;
     struct sst_tap tap[SST_MAX_VIEWS]; /* in view order: the order of summation */
-    struct sst_blend blend;            /* what all rows share */
+    struct sst_blend blend;            /* shared by all rows */
     float *table;                      /* owned; NULL: label weights are all 1 */
-    /* of verification; no picture is rendered from a plan by two callers at once */
+    /* for verification; only one caller at a time may render from a plan */
     int verifiers;
-    struct sst_verifier **verifier;  /* [verifiers], one a thread, owned; NULL: rays are not verified */
-    uint8_t *rarity;                 /* [SST_AGREE_BINS] owned */
-    const struct sst_unsure *unsure; /* the renderer's, where to; NULL: everywhere */
+    struct sst_verifier **verifier;       /* [verifiers], one per thread, owned; NULL: rays are not verified */
+    uint8_t *rarity;                      /* [SST_AGREE_BINS] owned */
+    const struct sst_unsure *unconfirmed; /* the renderer's, where rays are verified; NULL: everywhere */
 };
 
-/** Rays of one view one by one: rows that begin at the first pixel asked for. */
+/** Output arrays for the rays of one view; they begin at the first requested pixel. */
 struct sst_take {
     uint8_t *colour[3];
     float *weight;
 };
 
-/** Take the rays of a tap, output pixels x .. x+n-1 of row y, n at most SST_BLEND_MAX; where there is no ray the rows
- *  stay as they are. A plan with weights only. */
+/** Sample the rays of a tap for output pixels x .. x+n-1 of row y, n at most SST_BLEND_MAX; elements without a ray are
+ * not written. For plans with weights only. */
 void sst_plan_take(const struct sst_take *to, const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y);
 
 /** @return 0, -EINVAL, -ERANGE, -ENODATA, -ENOMEM; logged. */
 SST_MUST_CHECK int sst_plan_init(struct sst_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg);
 void sst_plan_fini(struct sst_plan *p);
 
-/* Sides of the cells that parts of a picture are told in, px: narrow runs cost more per pixel. */
+/* Sides of the cells that select parts of a picture, px: narrow runs cost more per pixel. */
 #define SST_RENDER_CELL_WIDTH  64
 #define SST_RENDER_CELL_HEIGHT 8
 
 /**
- * Render a picture or a part of it; what is rendered has the bytes that it has in the whole picture.
+ * Render a picture or a part of it, with the same bytes as in the whole picture.
  *
- * The plan goes on holding while pixels of images and maps change, as long as views are neither added nor removed.
- * @param cells  [rows][cols], not 0: to be rendered, the other pixels stay; NULL: all
+ * The plan stays valid while pixels of images and maps change, as long as views are neither added nor removed.
+ * @param cells  [rows][cols], not 0: render this cell, other pixels are not written; NULL: all
  * @param out    of the light field's size
  * @param valid  likewise, or NULL
  * @return 0, -ENOMEM
@@ -105,33 +106,34 @@ SST_MUST_CHECK int sst_plan_render(const struct sst_plan *p, const uint8_t *cell
                                    struct sst_map_u8 *valid);
 
 /**
- * Take over what the renderer has counted since the plan was made, if more than a share of the rays then weigh
- * noticeably differently (by more than the share `tolerance`), or if rarities of colours are off by that share.
- * @return true: they do, and the whole picture is to be rendered; false: the plan stays as it was
+ * Apply the renderer's new counts, if they change the weights of more than the fraction `share` of the rays by more
+ * than the fraction `tolerance`, or the rarities of colours by that fraction.
+ * @return true: applied, and the whole picture must be rendered; false: the plan is unchanged
  */
 bool sst_plan_renew(struct sst_plan *p, const struct sst_renderer *r, double tolerance, double share);
 
-/** Count disparities and labels anew, by sst_label_histogram_recount(); no picture may be rendered meanwhile.
+/** Recount disparities and labels with sst_label_histogram_recount(); no picture may be rendered meanwhile.
  *  @return 0 or -ENOMEM (logged) */
 SST_MUST_CHECK int sst_renderer_recount(struct sst_renderer *r, const int *view, int views, int step);
 
 /** W_s of a stored disparity and label. */
 double sst_plan_label_weight(const struct sst_plan *p, int label, uint16_t disp_q6);
 
-/** The histogram, counted at the first call. @return 0 or -ENOMEM (logged). */
+/** Count the histogram on the first call. @return 0 or -ENOMEM (logged). */
 SST_MUST_CHECK int sst_renderer_count(struct sst_renderer *r);
 
-/** What sst_pixel_exact() finds. */
+/** Result of sst_pixel_exact(). */
 enum sst_pixel {
     SST_PIXEL_EMPTY = 0,       /* no ray inside its view; rgb is black */
     SST_PIXEL_UNSUPPORTED = 1, /* all weights are exactly 0; rgb is the plain refocus value */
     SST_PIXEL_SUPPORTED = 2,
 };
 
-/** Where the maps are poor, counted at the first call. @return NULL: no memory (logged) */
+/** Unconfirmed disparities of the maps, counted on the first call. @return NULL: no memory (logged) */
 const struct sst_unsure *sst_renderer_judge(struct sst_renderer *r);
 
-/** One output pixel in double, weights formed by their logarithms. @param rays  out, [SST_MAX_VIEWS], count of them */
+/** One output pixel in double, weights computed from their logarithms. @param rays  out, [SST_MAX_VIEWS], count of them
+ */
 enum sst_pixel sst_pixel_exact(const struct sst_plan *p, int x, int y, double rgb[3], struct sst_ray *rays, int *count);
 
 #endif

@@ -13,7 +13,7 @@
 /* Valleys between objects: counts below this share of the lower peak beside them. */
 #define VALLEY_SHARE   0.2
 #define SMOOTH_COLUMNS 2 /* to each side */
-/* What holds less than this share of its label is matching errors, not an object: it goes with its neighbour. */
+/* An interval with less than this fraction of its label is matching errors, not an object: it is merged. */
 #define OBJECT_SHARE 0.005
 
 struct job {
@@ -135,7 +135,7 @@ void sst_label_histogram_fini(struct sst_label_histogram *h)
     *h = (struct sst_label_histogram){ 0 };
 }
 
-/* Room for `bins` in every row, all counts 0. */
+/* Allocate `bins` in every row, all counts 0. */
 static int clear_counts(struct sst_label_histogram *h, int bins)
 {
     for (int i = 0; i < 256; i++) {
@@ -147,7 +147,8 @@ static int clear_counts(struct sst_label_histogram *h, int bins)
     if (bins <= h->row)
         return 0;
     sst_label_histogram_fini(h);
-    bins = sst_min_int(bins + (int)(2 * SST_DISP_SCALE), SST_DISP_NONE); /* a value beyond is no new memory */
+    bins = sst_min_int(bins + (int)(2 * SST_DISP_SCALE),
+                       SST_DISP_NONE); /* slack, so that slightly larger values need no reallocation */
     h->memory = calloc((size_t)256 * (size_t)bins, sizeof(*h->memory));
     if (!h->memory)
         return -ENOMEM;
@@ -217,7 +218,7 @@ bool sst_histogram_range(const uint64_t *count, int first, int end, double cut, 
         lo++;
     while ((double)(above += count[hi]) <= out)
         hi--;
-    /* With half of an even number cut off at each end the two stop on the far sides of the middle. */
+    /* If half of an even number is cut off at each end, the two stop on the far sides of the middle. */
     *min_bin = sst_min_int(lo, hi);
     *max_bin = sst_max_int(lo, hi);
     return true;
@@ -239,7 +240,7 @@ static void smooth_columns(double *out, const uint64_t *count, int bins)
     }
 }
 
-/* Join intervals that hold too little with the one below (the first with the one above); returns how many are left. */
+/* Merge intervals with too few pixels into the one below (the first into the one above); returns the number left. */
 static int join_small(int *end, int n, const uint64_t *count, int bins)
 {
     uint64_t total = 0, held = 0;
@@ -300,7 +301,7 @@ static double range_weight(const struct sst_label_histogram *h, const struct sst
                             h->disp_min_px + hi / SST_DISP_SCALE + margin_px, 1 / SST_DISP_SCALE, cfg->c2);
 }
 
-/* A weight that is not zero stays so as a float. */
+/* A weight that is not zero must not underflow to zero as a float. */
 static float narrow(double w)
 {
     return w > 0 ? (float)fmax(w, FLT_MIN) : 0;

@@ -1,4 +1,4 @@
-/* Single pixels in double: where floats lose the weights, and to show why a pixel looks as it does. */
+/* Single pixels in double: where weights underflow in float, and to explain a pixel. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -6,7 +6,7 @@
 #include "base/log.h"
 #include "pipeline/method/render/plan.h"
 
-/* log W_d, which no exponent is too small for; -inf where it is exactly 0. */
+/* log W_d, which cannot underflow; -inf where W_d is exactly 0. */
 static double log_depth_weight(const struct sst_render_config *cfg, double disp_px)
 {
     const double floor_log = cfg->c1 > 0 ? log(cfg->c1) : -INFINITY;
@@ -76,7 +76,7 @@ static double trace(struct sst_ray *ray, const struct sst_plan *p, const struct 
     return log(t->aperture) + log(ray->w_label) + log_depth_weight(cfg, ray->disp_px);
 }
 
-/* Turn the logs of the weights into shares. False: all weights are exactly 0. */
+/* Convert the logs of the weights to shares. False: all weights are exactly 0. */
 static bool share(struct sst_ray *rays, const double *log_weight, int n)
 {
     double largest = -INFINITY, sum = 0;

@@ -33,7 +33,7 @@ int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *
     struct sst_renderer *r = calloc(1, sizeof(*r));
 
     if (!r) {
-        sst_log_error("no memory for a renderer");
+        sst_log_error("not enough memory for a renderer");
         return -ENOMEM;
     }
     r->lf = lf;
@@ -42,7 +42,7 @@ int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *
         r->raw = calloc((size_t)(lf->rows * lf->cols), sizeof(*r->raw));
         if (!r->raw) {
             free(r);
-            sst_log_error("no memory for a renderer");
+            sst_log_error("not enough memory for a renderer");
             return -ENOMEM;
         }
     }
@@ -61,7 +61,7 @@ void sst_renderer_destroy(struct sst_renderer *r)
     }
     free(r->raw);
     sst_label_histogram_fini(&r->histogram);
-    sst_unsure_fini(&r->unsure);
+    sst_unsure_fini(&r->unconfirmed);
     pthread_mutex_destroy(&r->lock);
     free(r);
 }
@@ -114,13 +114,13 @@ struct picture {
     struct sst_map_u8 *valid;
 };
 
-/* Where the rays of a view go: to sums, or one by one. */
+/* Destination of a view's rays: sums, or separate arrays. */
 struct sink {
     float *acc[4];
-    const struct sst_take *take; /* NULL: acc */
+    const struct sst_take *samples; /* NULL: acc */
 };
 
-/* Rays to skip pixels after the sink's first, their colours at top and bottom; output pixels from .. to of row y. */
+/* Pass rays with colours at top and bottom, `skip` pixels after the sink's first; output pixels from .. to of row y. */
 static void blend(const struct sink *s, int skip, const struct sst_plan *p, const struct sst_tap *t,
                   struct sst_blend *b, int from, int to, int y)
 {
@@ -129,17 +129,18 @@ static void blend(const struct sink *s, int skip, const struct sst_plan *p, cons
     b->aperture = (float)t->aperture;
     b->disp = p->weighted ? sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx : NULL;
     b->label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
-    if (s->take) {
-        uint8_t *const colour[3] = { s->take->colour[0] + skip, s->take->colour[1] + skip, s->take->colour[2] + skip };
+    if (s->samples) {
+        uint8_t *const colour[3] = { s->samples->colour[0] + skip, s->samples->colour[1] + skip,
+                                     s->samples->colour[2] + skip };
 
-        k->blend_take(colour, s->take->weight + skip, b, (size_t)(to - from));
+        k->blend_take(colour, s->samples->weight + skip, b, (size_t)(to - from));
     } else {
         float *const at[4] = { s->acc[0] + skip, s->acc[1] + skip, s->acc[2] + skip, s->acc[3] + skip };
 
         (p->weighted ? k->blend_rays : k->blend_plain)(at, b, (size_t)(to - from));
     }
 }
-/* The rays of one view, output pixels from .. to of row y; the sink begins at x. */
+/* Pass the rays of one view, output pixels from .. to of row y; the sink begins at x. */
 static void add_run(const struct sink *s, const struct sst_plan *p, const struct sst_tap *t, int x, int from, int to,
                     int y)
 {
@@ -154,7 +155,7 @@ static void add_run(const struct sink *s, const struct sst_plan *p, const struct
     blend(s, from - x, p, t, &b, from, to, y);
 }
 
-/* The same straight from a raw frame: the colours are sampled where the rays are, those without a place left out. */
+/* The same from a raw frame: colours are sampled at the rays; rays outside the frame are skipped. */
 static void add_raw(const struct sink *s, const struct sst_plan *p, const struct sst_tap *t, int x, int from, int end,
                     int y)
 {
@@ -163,7 +164,7 @@ static void add_raw(const struct sink *s, const struct sst_plan *p, const struct
 
     sst_sampler_row(t->sampler, from + t->ix + t->fx, y + t->iy + t->fy, n, out, seen);
     for (int c = 0; c < 3; c++)
-        colour[c][n] = 0; /* the kernels read one more, and give it no weight */
+        colour[c][n] = 0; /* the kernels read one more, with weight 0 */
     for (int i = 0, to; i < n; i = to) {
         struct sst_blend b = p->blend;
 
@@ -177,7 +178,7 @@ static void add_raw(const struct sink *s, const struct sst_plan *p, const struct
     }
 }
 
-/* First output pixel from x on whose ray is inside what the view saw (found), or is not. */
+/* First output pixel from x on whose ray is valid in the view (found), or is not. */
 static int next_ray(const struct sst_tap *t, int x, int end, int y, bool found)
 {
     while (x < end && sst_tap_sees(t, x, y) != found)
@@ -209,12 +210,12 @@ static void add_view(const struct sink *s, const struct sst_plan *p, const struc
 
 void sst_plan_take(const struct sst_take *to, const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
 {
-    const struct sink s = { .take = to };
+    const struct sink s = { .samples = to };
 
     add_view(&s, p, t, x, n, y);
 }
 
-/* Pixels whose weights floats have lost; see SST_BLEND_FLOOR. */
+/* Recompute pixels whose weights underflowed in float; see SST_BLEND_FLOOR. */
 static void mend_row(const struct picture *pic, const float *weight, int x, int n, int y)
 {
     struct sst_ray rays[SST_MAX_VIEWS];

@@ -9,26 +9,26 @@ enum sst_render_method {
     SST_RENDER_SST = 1,     /* semantic see-through */
 };
 
-/** What depth range W_s gives a label (DESIGN: the paper's form per label can hurt). */
+/** Depth range that W_s uses for a label (docs/design/design.md, 5.4: the paper's form per label can hurt). */
 enum sst_label_range {
-    SST_RANGE_OBJECT = 0,     /* of the ray's object: pixels of one label whose disparities, over all views, no gap or
-                                 deep valley of the histogram separates; robust percentiles; the default */
+    SST_RANGE_OBJECT = 0,     /* of the ray's object: pixels of one label whose disparities, over all views, are not
+                                 separated by a gap or deep valley of the histogram; robust percentiles; the default */
     SST_RANGE_PERCENTILE = 1, /* of the whole label, robust percentiles */
     SST_RANGE_MINMAX = 2,     /* of the whole label, exact minimum and maximum: the paper's form */
 };
 
-/** What a pixel that no ray supports becomes. */
+/** Value of a pixel that no ray supports. */
 enum sst_render_unsupported {
     SST_UNSUPPORTED_REFOCUS = 0, /* plain refocus value; the default */
     SST_UNSUPPORTED_INVALID = 1, /* black and 0 in the validity mask */
 };
 
-/** Where rays count whose colours agree at the focus, not by what the maps say of them alone (verify.h). */
+/** Where rays are weighted by the agreement of their colours at the focus, not by the maps alone (verify.h). */
 enum sst_render_verify {
     SST_VERIFY_OFF = 0,
-    SST_VERIFY_ON = 1,   /* wherever the maps give next to no ray to the focus */
-    SST_VERIFY_AUTO = 2, /* of these only where maps are poor: in parts that other views do not confirm. Disparities
-                            without a confidence were given, and are trusted; the default */
+    SST_VERIFY_ON = 1,   /* wherever the maps assign hardly any ray to the focus */
+    SST_VERIFY_AUTO = 2, /* there, but only among unconfirmed disparities. Disparities without a confidence are external
+                            and trusted; the default */
 };
 
 struct sst_render_config {
@@ -39,9 +39,9 @@ struct sst_render_config {
     int focus_label;     /* 0: none */
     double label_factor; /* weight of other labels is divided by this, >= 1 */
     enum sst_label_range range;
-    double range_percentile; /* share cut off at each end for the robust ranges, 0..0.5 */
-    double range_margin_px;  /* SST_RANGE_OBJECT: added at each end, so that noise cannot put the target outside;
-                                negative: 1/50 of the disparity range */
+    double range_percentile; /* fraction cut off at each end of the robust ranges, 0..0.5 */
+    double range_margin_px;  /* SST_RANGE_OBJECT: added at each end, so that noise cannot exclude the target; negative:
+                                1/50 of the disparity range */
     enum sst_render_unsupported unsupported;
     double aperture;               /* radius of the aperture in spacings around the viewpoint; infinity: all views */
     bool aperture_soft;            /* cosine fall-off towards the rim instead of a hard one */
@@ -51,52 +51,50 @@ struct sst_render_config {
     int threads;
 };
 
-/** The values that measured best on the simulated scenes, sharp on the target and not brittle under matching errors. */
+/** Best measured values on the simulated scenes: sharp on the target and robust to matching errors. */
 void sst_render_config_defaults(struct sst_render_config *cfg);
 
 /**
  * Depth weight, DESIGN 5.4: (1-C1) exp(-(d_f-d_r)^2 / 2 sigma^2) + C1.   Reference implementation in double.
- * A ray of unknown disparity (NaN) weighs C1, as one far from the focus; 1 where sigma is infinite.
+ * A ray of unknown disparity (NaN) has weight C1, like one far from the focus; 1 if sigma is infinite.
  */
 double sst_weight_depth(double focus_px, double disp_px, double sigma_px, double c1);
 
 /** Semantic weight, DESIGN 5.4, with a range below quantum_px widened to it around its middle. */
 double sst_weight_label(double focus_px, double range_min_px, double range_max_px, double quantum_px, double c2);
 
-struct sst_renderer; /* label ranges of one light field, computed when first needed; any number of threads may render */
+struct sst_renderer; /* label ranges of one light field, computed on first use; any number of threads may render */
 
 /**
- * Borrows lf, which stays as it is while the renderer lives.
+ * Borrows lf, which must not change while the renderer lives.
  *
- * Where lf's images are raw frames (images_raw) the colour of each ray is sampled from its frame at the exact place by
- * lf's filter, light corrected: one interpolation instead of two. Disparity and labels are those of the rectified
- * views, as ever. What it takes of a frame is made at its first use and kept: 4/3 of the frame's memory.
+ * Where lf's images are raw frames (images_raw) the colour of each ray is sampled from its frame at the exact position
+ * by lf's filter, photometrically corrected: one interpolation instead of two. Disparity and labels are always those of
+ * the rectified views. A frame's sampler is created on first use and kept: 4/3 of the frame's memory.
  *
  * @return 0, -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *lf, int threads);
 void sst_renderer_destroy(struct sst_renderer *r);
 
-/** Views that a picture is made of: those in the aperture, max_views of them at most. */
+/** Number of views that a picture uses: those in the aperture, at most max_views. */
 int sst_render_views(const struct sst_lightfield *lf, const struct sst_render_config *cfg);
 
 /**
- * Is sampling raw frames (SST_LOAD_RAW) no more work than rectifying them first?
+ * True if sampling raw frames (SST_LOAD_RAW) costs no more than rectifying them first.
  *
- * Nearly all the work of either way is resampling, each ray once: raw frames are resampled for every picture and view
- * of its aperture, rectified views once, but all that the light field has, as it is loaded. The sums of rays follow in
- * both ways alike. So raw frames win where pictures * views <= views of the light field; where it is as much, because
- * one interpolation is sharper than two.
+ * Resampling dominates both: raw frames are resampled for every picture and view of its aperture; rectification
+ * resamples all views of the light field once, on loading. Summing the rays costs the same. So raw frames win if
+ * pictures * views <= views of the light field; in a tie because one interpolation is sharper than two.
  *
  * @param lf  images need not be loaded; false without a calibration
  */
 bool sst_render_prefers_raw(const struct sst_lightfield *lf, const struct sst_render_config *cfg, int pictures);
 
-/** Share 0..1 of the disparities that another view confirms; NaN: not known (given maps, or their
- *  confidence was not loaded). */
+/** Fraction of the disparities that another view confirms; NaN: unknown (external maps, or confidence not loaded). */
 double sst_renderer_confirmed(struct sst_renderer *r);
 
-/** Smallest and largest disparity: of the maps and of what the light field says it expects. False: neither is known. */
+/** Smallest and largest disparity: of the maps and of the light field's expected range. False: neither is known. */
 bool sst_renderer_disparities(struct sst_renderer *r, double *min_px, double *max_px);
 
 /** Labels that occur in any view, ascending; returns their number. @param label  out, [255] */
@@ -105,15 +103,15 @@ int sst_renderer_labels(struct sst_renderer *r, int label[255]);
 /**
  * Render one picture of the light field's size.
  *
- * Colour is bilinear; a ray whose taps do not all lie inside its view, or inside what that has of its raw frame, does
- * not count; shifts within 1e-6 px of a whole number are whole. Weights so small that floats lose them are formed again
- * with the largest exponent subtracted.
- * Unknown disparity: see sst_weight_depth(); no label, or a label that has no disparity anywhere: W_s = 1.
+ * Colour is bilinear; a ray is ignored unless all its taps lie inside its view, and inside the part of it that its raw
+ * frame covers; shifts within 1e-6 px of a whole number are whole. Weights that underflow in float are recomputed with
+ * the largest exponent subtracted. Unknown disparity: see sst_weight_depth(); no label, or a label that has no
+ * disparity anywhere: W_s = 1.
  *
  * @param out    out, initialised by the caller to lf's size
  * @param valid  out, 255 where at least one ray supports the pixel, or NULL; initialised by the caller
- * @return 0, -ERANGE (focus off the disparities of the light field by more than a tenth of their range and a pixel, or
- *         so large that the views do not overlap; no view in the aperture), -EINVAL (a value of cfg, sizes), -ENODATA
+ * @return 0, -ERANGE (focus outside the disparities of the light field by more than a tenth of their range plus a
+ * pixel, or so large that the views do not overlap; no view in the aperture), -EINVAL (a value of cfg, sizes), -ENODATA
  *         (SST without disparity in some view used), -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
@@ -122,11 +120,11 @@ SST_MUST_CHECK int sst_render(struct sst_renderer *r, const struct sst_render_co
 /** One ray of one output pixel. */
 struct sst_ray {
     int view;
-    double x, y;    /* place in the view */
+    double x, y;    /* position in the view */
     double disp_px; /* NaN: unknown */
     int label;
     double aperture, w_depth, w_label; /* w_label includes the factor of the focus label */
-    double share;     /* part of the pixel that this ray makes up; the shares of all rays add up to 1, or are all 0 */
+    double share;     /* fraction of the pixel's colour from this ray; the shares of all rays sum to 1, or are all 0 */
     double colour[3]; /* 0..255 */
 };
 

@@ -7,27 +7,27 @@
 
 #include "base/mem.h"
 
-/* Of docs/live-view.md, which has the figures that they were chosen by. */
-#define DOUBT        0.5f  /* added to all weights, which are 0..1 ... */
-#define DOUBT_LEAST  0.3f  /* ... or, where a disparity has a confidence, from this for 255 on ... */
-#define DOUBT_MOST   2.3f  /* ... to this for 0 */
-#define ENOUGH       0.2f  /* of a pixel's rays, given to the focus by the maps: nothing to verify */
-#define FRONT_LOW    0.25f /* of a pixel's rays that end in front: nothing to see through ... */
-#define FRONT_HIGH   0.5f  /* ... and surely something */
-#define UNSURE_LOW   0.03f /* of the disparities around a pixel's rays: good maps ... */
-#define UNSURE_HIGH  0.05f /* ... and poor ones */
-#define AGREE_LOW    0.1f  /* of all votes: chance ... */
-#define AGREE_HIGH   0.2f  /* ... and surely a surface */
-#define FLAT_LOW     0.35f /* of all votes, where maps are poor: rays that see through something, or what is in ... */
-#define FLAT_HIGH    0.45f /* ... front itself, out of focus, of one colour */
-#define FRONT_SIGMAS 0.5   /* in front: nearer than the focus by so many sigma_d */
-#define CANDIDATES   2     /* the colours of one ray in so many are voted for */
+/* Chosen by the figures in docs/live-view.md. */
+#define DOUBT            0.5f  /* added to all weights, which are 0..1 ... */
+#define DOUBT_LEAST      0.3f  /* ... or, where a disparity has a confidence, from this for 255 on ... */
+#define DOUBT_MOST       2.3f  /* ... to this for 0 */
+#define ENOUGH           0.2f  /* of a pixel's rays that the maps assign to the focus: nothing to verify */
+#define FRONT_LOW        0.25f /* of a pixel's rays that end in front: no occluder ... */
+#define FRONT_HIGH       0.5f  /* ... to certainly one */
+#define UNCONFIRMED_LOW  0.03f /* of the disparities around a pixel's rays: reliable maps ... */
+#define UNCONFIRMED_HIGH 0.05f /* ... to unreliable ones */
+#define AGREE_LOW        0.1f  /* of all votes: chance ... */
+#define AGREE_HIGH       0.2f  /* ... to certainly a surface */
+#define FLAT_LOW         0.35f /* of all votes, where maps are unreliable: rays that see through an occluder ... */
+#define FLAT_HIGH        0.45f /* ... to the occluder itself, out of focus, of one colour */
+#define FRONT_SIGMAS     0.5   /* in front: nearer than the focus by this many sigma_d */
+#define CANDIDATES       2     /* one ray in this many proposes its colour */
 /* Votes for a colour are sums in 16 bits. */
 #define ALL_VOTES (65535 / (SST_AGREE_MODE / 2))
-/* Open cells that are done in one go; with a pixel on both sides and room for whole blocks of 64. */
+/* Cells that are processed together; rows hold a pixel on both sides, in whole blocks of 64. */
 #define RUN_CELLS 5
 #define STRIDE    ((RUN_CELLS + 1) * SST_RENDER_CELL_WIDTH)
-_Static_assert(STRIDE <= SST_BLEND_MAX && STRIDE % 64 == 0, "a run is taken in one go");
+_Static_assert(STRIDE <= SST_BLEND_MAX && STRIDE % 64 == 0, "a run is one call of the kernels");
 
 #define RARITY_GAIN  15.0
 #define RARITY_FLOOR 0.02
@@ -104,9 +104,9 @@ bool sst_rarity_differs(const uint8_t *was, const uint8_t *is, double tolerance)
 /* --- memory --------------------------------------------------------------------------------------------------------
  */
 
-/* A row of all rays; three of them are kept, by y modulo 3. */
+/* A row of all rays; a ring of three, by y modulo 3. */
 struct row {
-    uint8_t *colour; /* [views][3][STRIDE]; of no meaning where there is no ray */
+    uint8_t *colour; /* [views][3][STRIDE]; undefined where there is no ray */
     uint8_t *vote;   /* [views][STRIDE] 0: no ray */
     uint16_t *near;  /* [views][STRIDE] */
     float total[STRIDE];
@@ -119,7 +119,7 @@ struct sst_verifier {
     uint8_t mode[3][STRIDE];
     float weight[STRIDE];
     /* of the row of cells */
-    float share[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX]; /* that the votes have in the result, as far as the maps go */
+    float share[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX]; /* fraction left to votes by the maps */
 };
 
 int sst_verifier_create(struct sst_verifier **out, const struct sst_plan *p)
@@ -152,22 +152,23 @@ void sst_verifier_destroy(struct sst_verifier *v)
     free(v);
 }
 
-/* --- what the maps leave open --------------------------------------------------------------------------------------
+/* --- fraction left to votes --------------------------------------------------------------------------------------
  */
 
-/* Of the rays of a pixel, by their apertures. */
+/* Sums over the rays of a pixel, weighted by aperture. */
 struct rays {
-    float there;  /* all */
-    float front;  /* that end in front of the focus, or nobody knows where */
-    float unsure; /* shares of unsure disparities around them, 255 for SST_UNSURE_FULL */
+    float there;       /* all */
+    float front;       /* that end in front of the focus, or have no disparity */
+    float unconfirmed; /* fractions of unconfirmed disparities around them, 255 for SST_UNSURE_FULL */
 };
 
-static void add_unsure(struct rays *rays, const struct sst_map_u8 *unsure, int x, int y, int n, float aperture)
+static void add_unconfirmed(struct rays *rays, const struct sst_map_u8 *unconfirmed, int x, int y, int n,
+                            float aperture)
 {
-    const uint8_t *row = sst_map_u8_row(unsure, y / SST_UNSURE_BLOCK);
+    const uint8_t *row = sst_map_u8_row(unconfirmed, y / SST_UNSURE_BLOCK);
 
     for (int i = 0; i < n; i++)
-        rays[i].unsure += aperture * (float)row[(x + i) / SST_UNSURE_BLOCK];
+        rays[i].unconfirmed += aperture * (float)row[(x + i) / SST_UNSURE_BLOCK];
 }
 
 /* Disparities above this end in front of the focus. */
@@ -196,49 +197,49 @@ static void count_rays(struct rays *rays, const struct sst_plan *p, int x, int t
             rays[from - x + i].there += aperture;
             rays[from - x + i].front += disp[i] > nearest ? aperture : 0;
         }
-        if (p->unsure && p->unsure->view[t->view].data)
-            add_unsure(rays + (from - x), &p->unsure->view[t->view], from + t->nx, y + t->ny, n, aperture);
+        if (p->unconfirmed && p->unconfirmed->view[t->view].data)
+            add_unconfirmed(rays + (from - x), &p->unconfirmed->view[t->view], from + t->nx, y + t->ny, n, aperture);
     }
 }
 
-/* From 0 up to low to 1 from high on. */
+/* 0 up to low, rising to 1 from high on. */
 static float ramp(float v, float low, float high)
 {
     return fminf(fmaxf((v - low) / (high - low), 0), 1);
 }
 
-/* The votes' share in a pixel, to whose focus the maps give rays of the weight `given`, as far as the maps decide it.
+/* Fraction of a pixel that the maps leave to votes; `assigned` is the weight of rays that they assign to the focus.
  */
-static float open_share(const struct sst_plan *p, const struct rays *r, float given)
+static float open_share(const struct sst_plan *p, const struct rays *r, float assigned)
 {
     float share;
 
-    /* A pixel that is to be told invalid stays that. */
-    if (!(r->there > 0) || (p->cfg.unsupported == SST_UNSUPPORTED_INVALID && given < SST_BLEND_FLOOR))
+    /* Invalid pixels stay invalid. */
+    if (!(r->there > 0) || (p->cfg.unsupported == SST_UNSUPPORTED_INVALID && assigned < SST_BLEND_FLOOR))
         return 0;
-    share = fmaxf(1 - given / (ENOUGH * r->there), 0) * ramp(r->front / r->there, FRONT_LOW, FRONT_HIGH);
-    if (p->unsure)
-        share *= ramp(r->unsure / r->there * (float)(SST_UNSURE_FULL / 255), UNSURE_LOW, UNSURE_HIGH);
+    share = fmaxf(1 - assigned / (ENOUGH * r->there), 0) * ramp(r->front / r->there, FRONT_LOW, FRONT_HIGH);
+    if (p->unconfirmed)
+        share *= ramp(r->unconfirmed / r->there * (float)(SST_UNSURE_FULL / 255), UNCONFIRMED_LOW, UNCONFIRMED_HIGH);
     return share;
 }
 
 double sst_verify_open(const struct sst_plan *p, const struct sst_ray *ray, int count)
 {
-    struct rays rays = { .unsure = 0 };
-    float given = 0;
+    struct rays rays = { .unconfirmed = 0 };
+    float assigned = 0;
 
     for (int i = 0; i < count; i++) {
         const float aperture = (float)ray[i].aperture;
 
         rays.there += aperture;
         rays.front += islessequal(ray[i].disp_px, front_of(&p->cfg)) ? 0 : aperture;
-        rays.unsure += 255 * aperture;
-        given += aperture * (float)(ray[i].w_depth * ray[i].w_label);
+        rays.unconfirmed += 255 * aperture;
+        assigned += aperture * (float)(ray[i].w_depth * ray[i].w_label);
     }
-    return (double)open_share(p, &rays, given);
+    return (double)open_share(p, &rays, assigned);
 }
 
-/* The votes' share in the pixels of a cell as far as the maps decide it. @return any is above 0 */
+/* Compute the fractions left to votes in a cell. @return true if any is above 0 */
 static bool open_cell(struct sst_verifier *v, const struct sst_plan *p, float (*weight)[SST_BLEND_MAX], int left, int x,
                       int to, int y, int end)
 {
@@ -269,7 +270,8 @@ static bool open_cell(struct sst_verifier *v, const struct sst_plan *p, float (*
 /* --- votes ---------------------------------------------------------------------------------------------------------
  */
 
-/* Add what the maps' confidence leaves of doubt to the weights of a tap's rays, output pixels x .. x+n-1 of row y.
+/* Add the doubt that follows from the maps' confidence to the weights of a tap's rays, output pixels x .. x+n-1 of row
+ * y.
  * @return false: the view has no confidences, and nothing was added */
 static bool add_doubt(float *weight, const struct sst_tap *t, int x, int n, int y)
 {
@@ -290,13 +292,13 @@ static bool add_doubt(float *weight, const struct sst_tap *t, int x, int n, int 
     return true;
 }
 
-/* Votes of row y, columns x .. to-1, which may lie a pixel outside the picture, and how near each ray is to the colour
- * with most of them. */
+/* Votes of row y, columns x .. to-1, which may lie a pixel outside the picture, and the similarity of each ray to the
+ * colour with most votes. */
 static void vote_row(struct sst_verifier *v, const struct sst_plan *p, int x, int to, int y)
 {
     const struct sst_kernels *kernels = sst_kernels_get();
     const float most = (float)sst_min_int(ALL_VOTES / p->count, 255);
-    struct row *r = &v->row[(y + 3) % 3]; /* the row above the picture is one, too, without rays */
+    struct row *r = &v->row[(y + 3) % 3]; /* the row above the picture is a row without rays */
     uint8_t *const mode[3] = { v->mode[0], v->mode[1], v->mode[2] };
     const size_t n = (size_t)(to - x), stride = (n + 63) / 64 * 64;
 
@@ -325,7 +327,7 @@ static void vote_row(struct sst_verifier *v, const struct sst_plan *p, int x, in
     }
 }
 
-/* What the votes say of n pixels from x on of row y, by the rows above and below. */
+/* Apply the votes to n pixels from x on of row y, using the rows above and below. */
 static void finish_row(const struct sst_verifier *v, const struct sst_plan *p, const float *share, int x, int n, int y,
                        size_t stride, struct sst_image *out)
 {
@@ -350,7 +352,7 @@ static void finish_row(const struct sst_verifier *v, const struct sst_plan *p, c
             total += rows[row]->total[i] + rows[row]->total[i + 1] + rows[row]->total[i + 2];
         agree = sums[3][i] / (SST_AGREE_NEAR * total);
         by = share[i] * ramp(agree, AGREE_LOW, AGREE_HIGH);
-        if (p->unsure)
+        if (p->unconfirmed)
             by *= 1 - ramp(agree, FLAT_LOW, FLAT_HIGH);
         for (int c = 0; c < 3; c++) {
             uint8_t *at = sst_image_row(out, c, y) + x + i;

@@ -1,22 +1,23 @@
-/* pipeline/method/render/verify.h - rays that agree at the focus: where disparities are too poor to tell which rays
- * show the surface in focus, the rays' colours are asked.
+/* pipeline/method/render/verify.h - weights rays by the agreement of their colours at the focus, where disparities
+ * cannot decide which rays show the surface in focus.
  *
  * All rays that show the surface in focus have one colour, whatever view they are from; those of an occluder in front
- * have the colours of many places of it. So for each pixel every ray votes for its own colour, and with it for those
- * nearby (pipeline/kernels/kernels.h). Votes count by what the maps say of the ray (W of DESIGN 5.4, plus a doubt: any
- * may be wrong, the more so the less confident the map is) and by how rare the colour is in the views: that dozens of
- * rays are green is no news before a hedge, that ten of them are the same red is. Rays then weigh by their votes and by
- * how near they are, averaged over 3x3 pixels, to the colour with most of them.
+ * have the colours of many points on it. So for each pixel every ray votes for its own colour and similar ones
+ * (pipeline/kernels/kernels.h). A vote is weighted by the maps (W of DESIGN 5.4, plus a constant for possible errors,
+ * larger where the map is less confident) and by the rarity of the colour in the views: dozens of green rays mean
+ * little in front of a hedge, ten of the same red do. Rays are then weighted by their votes and by their similarity,
+ * averaged over 3x3 pixels, to the colour with most votes.
  *
- * The result takes the place of the plain weighted mean by a share 0..1, the product of these:
- * - the fewer rays the maps give to the focus: none is left to it where they are a fifth of the rays;
- * - the more rays the maps say to end in front of the focus: from a quarter to a half of them. Where nothing is in
- *   front there is nothing to see through, and what is out of focus is to be blurred;
- * - the more of all votes agree: from a tenth to a fifth. Less is chance;
- * - SST_VERIFY_AUTO: the fewer of all votes agree, down from 45 to 35 in a hundred. Flat surfaces leave maps unsure,
- * too, and most rays that meet one agree on its colour, wherever the focus is: nothing is seen through there;
- * - SST_VERIFY_AUTO: the more disparities around the rays are guesses that no other view confirms
- *   (pipeline/lightfield/unsure.h): from 3 to 5 in a hundred. Where maps are good, what they say is better.
+ * The result is blended with the plain weighted mean by a fraction 0..1, the product of these factors:
+ * - fewer rays that the maps assign to the focus: 0 from a fifth of the rays on;
+ * - more rays that end in front of the focus by the maps: rises from a quarter to a half of them. Without an occluder
+ *   there is nothing to see through, and what is out of focus must stay blurred;
+ * - more agreement of the votes: rises from a tenth to a fifth of them. Less is chance;
+ * - SST_VERIFY_AUTO: less agreement than on a plain surface: rises as agreement falls from 45 % to 35 %. Textureless
+ *   surfaces have unconfirmed disparities as well, and most rays that meet one agree on its colour at any focus: there
+ *   is nothing to see through;
+ * - SST_VERIFY_AUTO: more unconfirmed disparities around the rays (pipeline/lightfield/unsure.h): rises from 3 %
+ *   to 5 %. Reliable maps are better than votes.
  */
 #ifndef SST_PIPELINE_METHOD_RENDER_VERIFY_H
 #define SST_PIPELINE_METHOD_RENDER_VERIFY_H
@@ -25,17 +26,16 @@
 
 /**
  * Rarity of the colours of some views, every step-th pixel of every step-th row: log(1 + 15 / (f + 0.02)), scaled to
- * 0..255, of the share f of a bin over the mean share; f is smoothed over neighbouring bins.
+ * 0..255, f being the bin's count over the mean count, smoothed over neighbouring bins.
  *
  * @param rarity  out, [SST_AGREE_BINS]
  */
 void sst_rarity_count(uint8_t *rarity, const struct sst_lightfield *lf, const int *view, int views, int step);
 
-/** Are rarities off by more than the share `tolerance` of what they are, on average over the pixels counted for `is`?
- */
+/** True if rarities differ by more than the fraction `tolerance`, on average over the pixels counted for `is`. */
 bool sst_rarity_differs(const uint8_t *was, const uint8_t *is, double tolerance);
 
-/** Rows and votes of the rays at work; one a thread. */
+/** Working memory for rows and votes of rays; one per thread. */
 struct sst_verifier;
 
 /** @return -ENOMEM (not logged) */
@@ -52,8 +52,7 @@ void sst_verifier_destroy(struct sst_verifier *v);
 void sst_verify(struct sst_verifier *v, const struct sst_plan *p, float (*weight)[SST_BLEND_MAX], int x, int to, int y,
                 int end, struct sst_image *out);
 
-/** Share 0..1 of a pixel that is open to votes as far as the maps decide it: the first two of the three
- * (SST_VERIFY_ON).
+/** Fraction of a pixel that the maps leave to votes: the product of the first two factors (SST_VERIFY_ON).
  *  @param rays  of sst_pixel_exact() */
 double sst_verify_open(const struct sst_plan *p, const struct sst_ray *rays, int count);
 

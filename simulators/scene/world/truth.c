@@ -9,6 +9,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "pipeline/camera/calib.h"
 
 /* jansson's pack functions take over what they are given and return NULL if any of it is NULL. */
@@ -156,13 +157,6 @@ static void even_gains(struct sst_calib *calib)
     }
 }
 
-static int by_size(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return x > y ? 1 : x < y ? -1 : 0;
-}
-
 /* The board's text, and the median depth of its poses in the reference camera's axes. */
 static void fill_board(struct sst_calib *calib, const struct sst_sim_board *b, const struct sim_camera *reference,
                        const double reference_at[3])
@@ -182,7 +176,7 @@ static void fill_board(struct sst_calib *calib, const struct sst_sim_board *b, c
         turned(reference->rotation, away, at);
         z[i] = at[2];
     }
-    qsort(z, (size_t)b->poses, sizeof(z[0]), by_size);
+    sst_stats_sort_double(z, b->poses);
     if (b->poses && z[b->poses / 2] > 0)
         calib->range_mm = z[b->poses / 2];
 }

@@ -1,10 +1,13 @@
-#include "cli/cli_internal.h"
+#include "client/client.h"
 
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
+#include <sys/types.h>
 
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 
@@ -13,34 +16,39 @@
 #include <curl/curl.h>
 #include <sys/un.h>
 
-#define CONNECT_S     5
-#define ANSWER_S      15         /* without a byte */
-#define MAKE_S        600        /* likewise, of a video: it is made before its first byte */
-#define SILENCE_S     60         /* likewise, of what has no end: the service sends signs of life more often */
-#define ANSWER_BYTES  (16 << 20) /* of an answer that is kept in memory, or of a line */
-#define TOKEN_BYTES   4096
-#define TAR_END_BYTES 1024 /* zeros that end an archive; what is sent in chunks does not tell its length */
+#define CONNECT_S       5
+#define ANSWER_S        15         /* without a byte */
+#define MAKE_S          600        /* likewise, of a video: it is made before its first byte */
+#define SILENCE_S       60         /* likewise, of what has no end: the service sends signs of life more often */
+#define ANSWER_BYTES    (16 << 20) /* of an answer that is kept in memory, or of a line */
+#define TOKEN_BYTES     4096
+#define PART_HEAD_BYTES 4096 /* of a part of a stream */
+#define TAR_END_BYTES   1024 /* zeros that end an archive; what is sent in chunks does not tell its length */
 
-struct cli_client {
+struct sst_client {
     CURL *curl;
     struct curl_slist *get_headers, *post_headers;
-    char place[512];  /* for sentences: socket path or URL */
+    char place[512];  /* for messages: socket path or URL */
     const char *base; /* of URLs */
     /* of the running transfer */
-    char *text; /* what is kept: the answer, or the beginning of a line; ends in NUL */
+    char *text; /* the answer, or the beginning of a line or part; ends in NUL */
     size_t length, room;
-    FILE *file;   /* or where it goes */
+    FILE *file;   /* destination instead of `text`, or NULL */
     bool made;    /* the answer has to be made first */
     size_t zeros; /* zero bytes that it ends with */
-    cli_line_fn *fn;
-    void *arg;
-    int err; /* why receiving ended */
+    sst_client_line_fn *line;
+    sst_client_picture_fn *picture;
+    void *arg;                    /* of both */
+    int err;                      /* why receiving ended */
+    int64_t heard_ns, silence_ns; /* of the last byte; how long none may come */
+    sst_client_continue_fn *go_on;
+    void *go_on_arg;
 };
 
 /* --- receiving -----------------------------------------------------------------------------------------------------
  */
 
-static int keep(struct cli_client *c, const char *data, size_t bytes)
+static int append(struct sst_client *c, const char *data, size_t bytes)
 {
     if (bytes > ANSWER_BYTES - c->length) {
         sst_log_error("the service at %s answers with more than %d MiB", c->place, ANSWER_BYTES >> 20);
@@ -63,8 +71,14 @@ static int keep(struct cli_client *c, const char *data, size_t bytes)
     return 0;
 }
 
-/* Hand over the whole lines of what is kept; the rest moves to the front. */
-static int hand_lines(struct cli_client *c)
+static void consume(struct sst_client *c, size_t bytes)
+{
+    c->length -= bytes;
+    memmove(c->text, c->text + bytes, c->length + 1);
+}
+
+/* Pass on the complete lines; the rest moves to the front. */
+static int pass_lines(struct sst_client *c)
 {
     char *line = c->text, *end;
     int err = 0;
@@ -72,15 +86,70 @@ static int hand_lines(struct cli_client *c)
     while (!err && (end = memchr(line, '\n', (size_t)(c->text + c->length - line)))) {
         *end = 0;
         if (*line)
-            err = c->fn(c->arg, line);
+            err = c->line(c->arg, line);
         line = end + 1;
     }
-    c->length -= (size_t)(line - c->text);
-    memmove(c->text, line, c->length + 1);
+    consume(c, (size_t)(line - c->text));
     return err;
 }
 
-static void count_zeros(struct cli_client *c, const char *data, size_t bytes)
+/* Value of a header of a part, "Name: value"; NULL: not there. */
+static const char *part_header(const char *head, const char *name)
+{
+    const size_t n = strlen(name);
+
+    for (const char *line = head; line; line = strstr(line, "\r\n"), line += line ? 2 : 0)
+        if (!strncasecmp(line, name, n) && line[n] == ':')
+            return line + n + 1;
+    return NULL;
+}
+
+/* The first part of what was received. @return bytes up to its end; 0: not complete yet; -EPROTO */
+static ssize_t parse_part(struct sst_client *c, struct sst_client_picture *out)
+{
+    char *end = c->length ? strstr(c->text, "\r\n\r\n") : NULL;
+    const char *length, *time, *set;
+    unsigned long long seconds = 0, micro = 0;
+    size_t head;
+
+    if (!end)
+        return c->length > PART_HEAD_BYTES ? -EPROTO : 0;
+    *end = 0;
+    length = part_header(c->text, "Content-Length");
+    time = part_header(c->text, "X-Timestamp");
+    set = part_header(c->text, "X-Sst-Set");
+    out->bytes = length ? strtoul(length, NULL, 10) : 0;
+    out->set = set ? strtoull(set, NULL, 10) : 0;
+    if (time && sscanf(time, "%llu.%6llu", &seconds, &micro) == 2)
+        out->wall_ns = (int64_t)(seconds * 1000000000 + micro * 1000);
+    *end = '\r';
+    head = (size_t)(end + 4 - c->text);
+    if (!out->bytes || out->bytes > ANSWER_BYTES - head)
+        return -EPROTO;
+    out->data = (const uint8_t *)c->text + head;
+    return c->length < head + out->bytes ? 0 : (ssize_t)(head + out->bytes);
+}
+
+/* Pass on the complete parts of a multipart stream; the rest moves to the front. */
+static int pass_parts(struct sst_client *c)
+{
+    struct sst_client_picture picture = { 0 };
+    ssize_t used;
+    int err = 0;
+
+    while (!err && (used = parse_part(c, &picture)) != 0) {
+        if (used < 0) {
+            sst_log_error("what answers at %s is no service of sst: its stream has no pictures", c->place);
+            return -EPROTO;
+        }
+        err = c->picture(c->arg, &picture);
+        consume(c, (size_t)used);
+        picture = (struct sst_client_picture){ 0 };
+    }
+    return err;
+}
+
+static void count_zeros(struct sst_client *c, const char *data, size_t bytes)
 {
     size_t n = 0;
 
@@ -91,27 +160,42 @@ static void count_zeros(struct cli_client *c, const char *data, size_t bytes)
 
 static size_t receive(char *data, size_t one, size_t bytes, void *arg)
 {
-    struct cli_client *c = arg;
+    struct sst_client *c = arg;
     long code = 0;
 
     (void)one; /* always 1 */
+    c->heard_ns = sst_clock_now_ns();
     (void)curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &code);
     if (code / 100 == 2 && c->file) {
         if (fwrite(data, 1, bytes, c->file) != bytes)
             c->err = errno ? -errno : -EIO;
         count_zeros(c, data, bytes);
     } else {
-        c->err = keep(c, data, bytes);
-        if (!c->err && code / 100 == 2 && c->fn)
-            c->err = hand_lines(c);
+        c->err = append(c, data, bytes);
+        if (!c->err && code / 100 == 2 && c->line)
+            c->err = pass_lines(c);
+        else if (!c->err && code / 100 == 2 && c->picture)
+            c->err = pass_parts(c);
     }
     return c->err ? 0 : bytes;
 }
 
-/* --- judging -------------------------------------------------------------------------------------------------------
+static int progress(void *arg, curl_off_t total, curl_off_t now, curl_off_t up_total, curl_off_t up_now)
+{
+    struct sst_client *c = arg;
+
+    (void)total, (void)now, (void)up_total, (void)up_now;
+    if (c->go_on && !c->err && !c->go_on(c->go_on_arg))
+        c->err = -ECANCELED;
+    if (!c->err && sst_clock_now_ns() - c->heard_ns > c->silence_ns)
+        c->err = -ETIMEDOUT;
+    return c->err != 0;
+}
+
+/* --- errors -------------------------------------------------------------------------------------------------------
  */
 
-static int transfer_error(struct cli_client *c, CURLcode code, const char *said)
+static int transfer_error(struct sst_client *c, CURLcode code, const char *said)
 {
     long os = 0;
 
@@ -145,7 +229,7 @@ static int transfer_error(struct cli_client *c, CURLcode code, const char *said)
     }
 }
 
-static int refusal(struct cli_client *c, long code)
+static int refusal(struct sst_client *c, long code)
 {
     static const struct {
         long code;
@@ -155,12 +239,15 @@ static int refusal(struct cli_client *c, long code)
         { 429, EBUSY },   { 501, ENOTSUP }, { 503, ENODATA }, { 507, ENOSPC },
     };
     json_t *body = c->length ? json_loadb(c->text, c->length, 0, NULL) : NULL;
+    const char *error = json_string_value(json_object_get(body, "error"));
     char sentence[600];
     int err = EPROTO;
 
     for (size_t i = 0; i < ARRAY_LEN(known); i++)
         err = known[i].code == code ? known[i].err : err;
-    cli_text(body, "error", sentence, sizeof(sentence));
+    snprintf(sentence, sizeof(sentence), "%s", error ? error : "");
+    for (char *t = sentence; *t; t++) /* no answer drives the terminal */
+        *t = (unsigned char)*t < ' ' || *t == 127 ? '?' : *t;
     if (code == 401)
         sst_log_error("the service at %s wants a token: --token-file FILE names a file that holds it, a copy of its "
                       "web.token_file",
@@ -173,8 +260,8 @@ static int refusal(struct cli_client *c, long code)
     return -err;
 }
 
-/* One request; what came is where it was to go. */
-static int transfer(struct cli_client *c, const char *path, const char *post, bool endless)
+/* One request; what is received goes to file, line, picture or text. */
+static int transfer(struct sst_client *c, const char *path, const char *post, bool endless)
 {
     char url[1024], said[CURL_ERROR_SIZE] = "";
     CURLcode code;
@@ -186,14 +273,12 @@ static int transfer(struct cli_client *c, const char *path, const char *post, bo
     }
     c->err = 0;
     c->length = 0;
+    c->heard_ns = sst_clock_now_ns();
+    c->silence_ns = (c->made ? MAKE_S : endless ? SILENCE_S : ANSWER_S) * INT64_C(1000000000);
     (void)curl_easy_setopt(c->curl, CURLOPT_URL, url);
     (void)curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, said);
     (void)curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
     (void)curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, post ? c->post_headers : c->get_headers);
-    (void)curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_TIME,
-                           c->made   ? (long)MAKE_S
-                           : endless ? (long)SILENCE_S
-                                     : (long)ANSWER_S);
     if (post) {
         (void)curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
         (void)curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE, (long)strlen(post));
@@ -202,6 +287,8 @@ static int transfer(struct cli_client *c, const char *path, const char *post, bo
     code = curl_easy_perform(c->curl);
     (void)curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, NULL);
     (void)curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &status);
+    if (c->err == -ETIMEDOUT)
+        return transfer_error(c, CURLE_OPERATION_TIMEDOUT, said);
     if (c->err)
         return c->err;
     if (code != CURLE_OK)
@@ -221,7 +308,7 @@ static bool add_header(struct curl_slist **list, const char *header)
     return longer;
 }
 
-static int add_token(struct cli_client *c, const char *file)
+static int add_token(struct sst_client *c, const char *file)
 {
     char header[TOKEN_BYTES + 32];
     uint8_t *token;
@@ -243,11 +330,11 @@ static int add_token(struct cli_client *c, const char *file)
     return add_header(&c->get_headers, header) && add_header(&c->post_headers, header) ? 0 : -ENOMEM;
 }
 
-static int set_place(struct cli_client *c, const struct cli_service *where)
+static int set_place(struct sst_client *c, const struct sst_client_service *where)
 {
     const char *path = where->socket ? where->socket : getenv("SST_SOCKET");
 
-    path = path && *path ? path : CLI_SERVICE_SOCKET;
+    path = path && *path ? path : SST_CLIENT_SOCKET;
     snprintf(c->place, sizeof(c->place), "%s", where->url ? where->url : path);
     if (where->url) {
         if (strncmp(where->url, "http://", 7) && strncmp(where->url, "https://", 8)) {
@@ -269,9 +356,9 @@ static int set_place(struct cli_client *c, const struct cli_service *where)
     return curl_easy_setopt(c->curl, CURLOPT_UNIX_SOCKET_PATH, c->place) ? -ENOMEM : 0;
 }
 
-int cli_client_open(struct cli_client **out, const struct cli_service *where)
+int sst_client_open(struct sst_client **out, const struct sst_client_service *where)
 {
-    struct cli_client *c = calloc(1, sizeof(*c));
+    struct sst_client *c = calloc(1, sizeof(*c));
     int err = -ENOMEM;
 
     if (!c || curl_global_init(CURL_GLOBAL_DEFAULT) || !(c->curl = curl_easy_init()))
@@ -281,11 +368,13 @@ int cli_client_open(struct cli_client **out, const struct cli_service *where)
         goto fail;
     (void)curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, receive);
     (void)curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, c);
+    (void)curl_easy_setopt(c->curl, CURLOPT_XFERINFOFUNCTION, progress);
+    (void)curl_easy_setopt(c->curl, CURLOPT_XFERINFODATA, c);
     (void)curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
     (void)curl_easy_setopt(c->curl, CURLOPT_PROTOCOLS_STR, "http,https");
     (void)curl_easy_setopt(c->curl, CURLOPT_PROXY, ""); /* the service is asked itself, whatever the environment says */
     (void)curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_S);
-    (void)curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
+    (void)curl_easy_setopt(c->curl, CURLOPT_NOPROGRESS, 0L);
     if (where->ca)
         (void)curl_easy_setopt(c->curl, CURLOPT_CAINFO, where->ca);
     err = set_place(c, where);
@@ -297,11 +386,11 @@ int cli_client_open(struct cli_client **out, const struct cli_service *where)
 fail:
     if (err == -ENOMEM)
         sst_log_error("no memory to ask the service");
-    cli_client_close(c);
+    sst_client_close(c);
     return err;
 }
 
-void cli_client_close(struct cli_client *c)
+void sst_client_close(struct sst_client *c)
 {
     if (!c)
         return;
@@ -315,7 +404,7 @@ void cli_client_close(struct cli_client *c)
 /* --- requests ------------------------------------------------------------------------------------------------------
  */
 
-int cli_client_json(struct cli_client *c, const char *path, const json_t *post, json_t **out)
+int sst_client_json(struct sst_client *c, const char *path, const json_t *post, json_t **out)
 {
     char *body = post ? json_dumps(post, JSON_COMPACT) : NULL;
     json_t *answer;
@@ -338,7 +427,7 @@ int cli_client_json(struct cli_client *c, const char *path, const json_t *post, 
     return 0;
 }
 
-int cli_client_save(struct cli_client *c, const char *path, const char *type, const char *file)
+int sst_client_save(struct sst_client *c, const char *path, const char *type, const char *file)
 {
     struct sst_outfile out;
     char *got = NULL;
@@ -368,14 +457,48 @@ int cli_client_save(struct cli_client *c, const char *path, const char *type, co
     return err;
 }
 
-int cli_client_lines(struct cli_client *c, const char *path, bool endless, cli_line_fn *fn, void *arg)
+int sst_client_bytes(struct sst_client *c, const char *path, uint8_t **data, size_t *bytes)
+{
+    const int err = transfer(c, path, NULL, false);
+
+    if (err)
+        return err;
+    if (!c->length) {
+        sst_log_error("what answers at %s is no service of sst: %s is empty", c->place, path);
+        return -EPROTO;
+    }
+    *data = (uint8_t *)c->text;
+    *bytes = c->length;
+    c->text = NULL;
+    c->room = c->length = 0;
+    return 0;
+}
+
+int sst_client_stream(struct sst_client *c, const char *path, sst_client_picture_fn *fn, void *arg)
 {
     int err;
 
-    c->fn = fn;
+    c->picture = fn;
+    c->arg = arg;
+    err = transfer(c, path, NULL, true);
+    c->picture = NULL;
+    return err;
+}
+
+void sst_client_set_continue(struct sst_client *c, sst_client_continue_fn *fn, void *arg)
+{
+    c->go_on = fn;
+    c->go_on_arg = arg;
+}
+
+int sst_client_lines(struct sst_client *c, const char *path, bool endless, sst_client_line_fn *fn, void *arg)
+{
+    int err;
+
+    c->line = fn;
     c->arg = arg;
     err = transfer(c, path, NULL, endless);
-    c->fn = NULL;
+    c->line = NULL;
     if (!err && c->length) /* a last line without an end */
         err = fn(arg, c->text);
     return err;
@@ -383,7 +506,7 @@ int cli_client_lines(struct cli_client *c, const char *path, bool endless, cli_l
 
 #else /* !WITH_CURL */
 
-int cli_client_open(struct cli_client **out, const struct cli_service *where)
+int sst_client_open(struct sst_client **out, const struct sst_client_service *where)
 {
     (void)out;
     (void)where;
@@ -391,39 +514,56 @@ int cli_client_open(struct cli_client **out, const struct cli_service *where)
     return -ENOTSUP;
 }
 
-void cli_client_close(struct cli_client *client)
+void sst_client_close(struct sst_client *client)
 {
     (void)client;
 }
 
-int cli_client_json(struct cli_client *client, const char *path, const json_t *post, json_t **out)
+int sst_client_json(struct sst_client *client, const char *path, const json_t *post, json_t **out)
 {
     (void)client, (void)path, (void)post, (void)out;
     return -ENOTSUP;
 }
 
-int cli_client_save(struct cli_client *client, const char *path, const char *type, const char *file)
+int sst_client_save(struct sst_client *client, const char *path, const char *type, const char *file)
 {
     (void)client, (void)path, (void)type, (void)file;
     return -ENOTSUP;
 }
 
-int cli_client_lines(struct cli_client *client, const char *path, bool endless, cli_line_fn *fn, void *arg)
+int sst_client_lines(struct sst_client *client, const char *path, bool endless, sst_client_line_fn *fn, void *arg)
 {
     (void)client, (void)path, (void)endless, (void)fn, (void)arg;
     return -ENOTSUP;
 }
 
+int sst_client_bytes(struct sst_client *client, const char *path, uint8_t **data, size_t *bytes)
+{
+    (void)client, (void)path, (void)data, (void)bytes;
+    return -ENOTSUP;
+}
+
+int sst_client_stream(struct sst_client *client, const char *path, sst_client_picture_fn *fn, void *arg)
+{
+    (void)client, (void)path, (void)fn, (void)arg;
+    return -ENOTSUP;
+}
+
+void sst_client_set_continue(struct sst_client *client, sst_client_continue_fn *fn, void *arg)
+{
+    (void)client, (void)fn, (void)arg;
+}
+
 #endif
 
-int cli_service_json(const struct cli_service *where, const char *path, const json_t *post, json_t **out)
+int sst_client_ask(const struct sst_client_service *where, const char *path, const json_t *post, json_t **out)
 {
-    struct cli_client *client;
-    int err = cli_client_open(&client, where);
+    struct sst_client *client;
+    int err = sst_client_open(&client, where);
 
     if (err)
         return err;
-    err = cli_client_json(client, path, post, out);
-    cli_client_close(client);
+    err = sst_client_json(client, path, post, out);
+    sst_client_close(client);
     return err;
 }

@@ -1,7 +1,5 @@
-/* GStreamer's server: who connects, limits, and what its library is kept from. Pipelines are in rtsp_feed.c. */
-#include "daemon/publish/rtsp_internal.h"
-
-#if WITH_RTSP
+/* GStreamer's server: connections, limits, and workarounds for its library. Pipelines are in feed.c. */
+#include "publishers/rtsp/rtsp_internal.h"
 
 #include <errno.h>
 #include <linux/tcp.h>
@@ -18,27 +16,27 @@
 #define CLIENTS_MAX     16            /* that watch */
 #define SESSIONS_MAX    4             /* of one connection */
 #define CONNECTIONS_MAX 32            /* with those that only ask */
-#define IDLE_NS         5000000000LL  /* a connection that neither watches nor asks goes */
-#define STUCK_NS        30000000000LL /* what was sent away and is still there so much later never goes */
+#define IDLE_NS         5000000000LL  /* a connection that neither watches nor asks is closed */
+#define STUCK_NS        30000000000LL /* a connection that was reset and is still there after this never ends */
 #define REAP_MS         200
-#define FLOOD_BYTES     262144 /* of one client between two looks; requests and receipts are a few hundred */
+#define FLOOD_BYTES     262144 /* from one client between two checks; requests and receipts are a few hundred */
 #define BODY_MAX        4096
 #define FAREWELL_MS     1000
-#define TELL_NS         60000000000LL
+#define LOG_NS          60000000000LL
 #define CLIENT_KEY      "sst-client"
 
 /** Of one connection. Sessions are found in its own pool alone: the library would let a connection command another
  * one's, and ends the process when pictures are then to go where no channel was agreed. */
 struct client {
-    _Atomic int64_t since_ns; /* it came, or was answered last */
-    atomic_bool busy;         /* waits for an answer that takes a while */
+    _Atomic int64_t since_ns; /* of its begin, or of the last answer */
+    atomic_bool busy;         /* an answer takes a while */
     GstRTSPSessionPool *sessions;
     /* the server's thread alone */
-    uint64_t bytes;  /* received at the last look */
-    int64_t away_ns; /* sent away; 0: not yet */
+    uint64_t bytes;   /* received at the last check */
+    int64_t reset_ns; /* when it was reset; 0: not yet */
 };
 
-/* What is needed of GStreamer, by the Debian package that has it. */
+/* The elements of GStreamer that are needed, and their Debian packages. */
 static const struct {
     const char *plugin, *element, *package;
     bool h264;
@@ -53,27 +51,27 @@ static const struct {
     { "x264", "x264enc", "gstreamer1.0-plugins-ugly", true },
 };
 
-/* What the library complains of, mostly of clients that end in the middle: now and then one line of it. */
-static void complain(const gchar *domain, GLogLevelFlags level, const gchar *text, gpointer arg)
+/* Warnings of the library, mostly about clients that vanish: one line a minute. */
+static void on_library_log(const gchar *domain, GLogLevelFlags level, const gchar *text, gpointer arg)
 {
-    static _Atomic int64_t told_ns;
+    static _Atomic int64_t logged_ns;
     const int64_t now_ns = sst_clock_now_ns();
-    int64_t before_ns = atomic_load(&told_ns);
+    int64_t before_ns = atomic_load(&logged_ns);
 
     (void)level;
     (void)arg;
-    if ((!before_ns || now_ns - before_ns > TELL_NS) && atomic_compare_exchange_strong(&told_ns, &before_ns, now_ns))
+    if ((!before_ns || now_ns - before_ns > LOG_NS) && atomic_compare_exchange_strong(&logged_ns, &before_ns, now_ns))
         sst_log_warning("rtsp: %s: %s", domain ? domain : "GLib", text);
 }
 
-static int load_parts(enum sst_rtsp_codec codec)
+int rtsp_load_plugins(enum sst_rtsp_codec codec)
 {
     GError *error = NULL;
 
-    /* Only these plugins are loaded: otherwise all that are installed, hundreds perhaps, would be tried at each start
-     * of a service that has no home to keep a list in. */
+    /* Only these plugins are loaded: without a home to keep its registry in, the library would load all that are
+     * installed at each start, hundreds perhaps. */
     setenv("GST_REGISTRY_DISABLE", "yes", 0);
-    g_log_set_default_handler(complain, NULL);
+    g_log_set_default_handler(on_library_log, NULL);
     if (!gst_init_check(NULL, NULL, &error)) {
         sst_log_error("rtsp: GStreamer does not start: %s", error ? error->message : "no reason given");
         g_clear_error(&error);
@@ -110,7 +108,7 @@ static GSocket *socket_of(GstRTSPClient *client)
     return connection ? gst_rtsp_connection_get_read_socket(connection) : NULL;
 }
 
-void rtsp_send_away(GstRTSPClient *client)
+void rtsp_disconnect(GstRTSPClient *client)
 {
     const struct sockaddr none = { .sa_family = AF_UNSPEC };
     GSocket *socket = socket_of(client);
@@ -130,28 +128,28 @@ static uint64_t received(GstRTSPClient *client)
     return info.tcpi_bytes_received;
 }
 
-static struct client *of(GstRTSPClient *client)
+static struct client *client_of(GstRTSPClient *client)
 {
     return g_object_get_data(G_OBJECT(client), CLIENT_KEY);
 }
 
-static GstRTSPFilterResult find_over(GstRTSPSession *session, GstRTSPSessionMedia *media, gpointer over)
+static GstRTSPFilterResult check_over(GstRTSPSession *session, GstRTSPSessionMedia *media, gpointer over)
 {
     (void)session;
     *(bool *)over |= rtsp_feed_is_over(gst_rtsp_session_media_get_media(media));
     return GST_RTSP_FILTER_KEEP;
 }
 
-static GstRTSPFilterResult look_at_session(GstRTSPSessionPool *pool, GstRTSPSession *session, gpointer over)
+static GstRTSPFilterResult check_session(GstRTSPSessionPool *pool, GstRTSPSession *session, gpointer over)
 {
     (void)pool;
-    g_list_free_full(gst_rtsp_session_filter(session, find_over, over), g_object_unref);
+    g_list_free_full(gst_rtsp_session_filter(session, check_over, over), g_object_unref);
     return GST_RTSP_FILTER_KEEP;
 }
 
-static GstRTSPFilterResult look_at_client(GstRTSPServer *server, GstRTSPClient *client, gpointer watching)
+static GstRTSPFilterResult check_client(GstRTSPServer *server, GstRTSPClient *client, gpointer watching)
 {
-    struct client *c = of(client);
+    struct client *c = client_of(client);
     const uint64_t bytes = received(client);
     const int64_t now_ns = sst_clock_now_ns();
     const guint sessions = gst_rtsp_session_pool_get_n_sessions(c->sessions);
@@ -159,49 +157,49 @@ static GstRTSPFilterResult look_at_client(GstRTSPServer *server, GstRTSPClient *
 
     (void)server;
     gst_rtsp_session_pool_cleanup(c->sessions);
-    g_list_free_full(gst_rtsp_session_pool_filter(c->sessions, look_at_session, &over), g_object_unref);
+    g_list_free_full(gst_rtsp_session_pool_filter(c->sessions, check_session, &over), g_object_unref);
     *(guint *)watching += sessions;
     if (bytes > c->bytes + FLOOD_BYTES || over || (!sessions && !c->busy && now_ns - c->since_ns > IDLE_NS)) {
-        rtsp_send_away(client);
-        c->away_ns = c->away_ns ? c->away_ns : now_ns;
+        rtsp_disconnect(client);
+        c->reset_ns = c->reset_ns ? c->reset_ns : now_ns;
     }
     c->bytes = bytes;
-    if (c->away_ns && now_ns - c->away_ns > STUCK_NS) {
-        sst_log_error("rtsp: a connection that was ended is still there; the process that serves viewers ends, too");
+    if (c->reset_ns && now_ns - c->reset_ns > STUCK_NS) {
+        sst_log_error("rtsp: a connection that was reset does not end; the program ends, to be started again");
         _exit(EXIT_FAILURE);
     }
     return GST_RTSP_FILTER_KEEP;
 }
 
-static gboolean reap(gpointer arg)
+static gboolean check_clients(gpointer arg)
 {
     struct rtsp_server *rtsp = arg;
     guint watching = 0;
 
-    g_list_free_full(gst_rtsp_server_client_filter(rtsp->server, look_at_client, &watching), g_object_unref);
-    rtsp_say_clients((int)watching);
+    g_list_free_full(gst_rtsp_server_client_filter(rtsp->server, check_client, &watching), g_object_unref);
+    rtsp_report_clients((int)watching);
     return G_SOURCE_CONTINUE;
 }
 
-static void be_busy(GstRTSPClient *client)
+static void set_busy(GstRTSPClient *client)
 {
-    atomic_store(&of(client)->busy, true);
+    atomic_store(&client_of(client)->busy, true);
 }
 
 static GstRTSPStatusCode before_describe(GstRTSPClient *client, GstRTSPContext *ctx, gpointer arg)
 {
-    be_busy(client);
+    set_busy(client);
     return rtsp_mount(arg, ctx->uri->abspath);
 }
 
 static GstRTSPFilterResult count(GstRTSPServer *server, GstRTSPClient *client, gpointer sessions)
 {
     (void)server;
-    *(guint *)sessions += gst_rtsp_session_pool_get_n_sessions(of(client)->sessions);
+    *(guint *)sessions += gst_rtsp_session_pool_get_n_sessions(client_of(client)->sessions);
     return GST_RTSP_FILTER_KEEP;
 }
 
-/* A stream is set up once: the library would go on to send to where it was to go first. */
+/* A stream is set up once: after a second SETUP the library would still send to the first address. */
 static GstRTSPStatusCode before_setup(GstRTSPClient *client, GstRTSPContext *ctx, gpointer arg)
 {
     struct rtsp_server *rtsp = arg;
@@ -212,7 +210,7 @@ static GstRTSPStatusCode before_setup(GstRTSPClient *client, GstRTSPContext *ctx
     g_list_free_full(gst_rtsp_server_client_filter(rtsp->server, count, &sessions), g_object_unref);
     if (sessions >= CLIENTS_MAX)
         return GST_RTSP_STS_SERVICE_UNAVAILABLE;
-    be_busy(client);
+    set_busy(client);
     return GST_RTSP_STS_OK;
 }
 
@@ -240,33 +238,33 @@ static GstRTSPFilterResult end_session(GstRTSPSessionPool *pool, GstRTSPSession 
     return GST_RTSP_FILTER_REMOVE;
 }
 
-static gboolean is_time(gpointer arg)
+static gboolean end_keep(gpointer arg)
 {
     (void)arg;
     return G_SOURCE_REMOVE;
 }
 
-/* Packets are handed to a client without holding it, and an assertion ends the process if it is gone by then: it is
- * detached from its streams first, and kept while one that is on its way may need it. */
-static void keep_a_moment(struct rtsp_server *rtsp, GstRTSPClient *client)
+/* The library passes packets to a client without holding a reference, and aborts if the client is gone by then: it is
+ * detached from its streams first, and kept while a packet on its way may need it. */
+static void keep_for_a_moment(struct rtsp_server *rtsp, GstRTSPClient *client)
 {
     GSource *source = g_timeout_source_new(FAREWELL_MS);
 
-    g_source_set_callback(source, is_time, g_object_ref(client), g_object_unref);
+    g_source_set_callback(source, end_keep, g_object_ref(client), g_object_unref);
     g_source_attach(source, rtsp->context);
     g_source_unref(source);
 }
 
-/* The library keeps a session, empty, until its time is up; its place is wanted. */
+/* The library would keep the empty session until its time-out; it counts towards the limit. */
 static void on_close(GstRTSPClient *client, gpointer arg)
 {
-    keep_a_moment(arg, client);
-    g_list_free_full(gst_rtsp_session_pool_filter(of(client)->sessions, end_session, NULL), g_object_unref);
+    keep_for_a_moment(arg, client);
+    g_list_free_full(gst_rtsp_session_pool_filter(client_of(client)->sessions, end_session, NULL), g_object_unref);
 }
 
 static void on_answer(GstRTSPClient *client, GstRTSPContext *ctx, GstRTSPMessage *message, gpointer arg)
 {
-    struct client *c = of(client);
+    struct client *c = client_of(client);
 
     (void)ctx;
     (void)message;
@@ -299,7 +297,7 @@ static void on_connect(GstRTSPServer *server, GstRTSPClient *client, gpointer ar
     g_signal_connect(client, "send-message", G_CALLBACK(on_answer), NULL);
     g_signal_connect(client, "closed", G_CALLBACK(on_close), arg);
     if (g_list_length(others) >= CONNECTIONS_MAX)
-        rtsp_send_away(client);
+        rtsp_disconnect(client);
     g_list_free_full(others, g_object_unref);
 }
 
@@ -318,20 +316,17 @@ static int listen_on(struct rtsp_server *rtsp, int fd)
     }
     source = g_socket_create_source(socket, G_IO_IN, NULL);
     g_source_set_callback(source, G_SOURCE_FUNC(gst_rtsp_server_io_func), rtsp->server, NULL);
-    g_source_attach(source, rtsp->context); /* which holds both from now on */
+    g_source_attach(source, rtsp->context); /* which holds references to both */
     g_source_unref(source);
     g_object_unref(socket);
     return 0;
 }
 
-int rtsp_server_open(struct rtsp_server *rtsp, enum sst_rtsp_codec codec, const struct rtsp_login *login)
+int rtsp_server_open(struct rtsp_server *rtsp, enum sst_rtsp_codec codec, const struct rtsp_login *login, int fd)
 {
-    const int err = load_parts(codec);
     GstRTSPThreadPool *threads;
     GSource *reaper;
 
-    if (err)
-        return err;
     rtsp->codec = codec;
     pthread_mutex_init(&rtsp->lock, NULL);
     rtsp->factories = g_ptr_array_new();
@@ -339,18 +334,18 @@ int rtsp_server_open(struct rtsp_server *rtsp, enum sst_rtsp_codec codec, const 
     rtsp->server = gst_rtsp_server_new();
     rtsp->mounts = gst_rtsp_server_get_mount_points(rtsp->server);
     gst_rtsp_server_set_content_length_limit(rtsp->server, BODY_MAX);
-    /* A thread for each connection: one that waits for a picture holds up no other. */
+    /* A thread for each connection: one that waits for a frame delays no other. */
     threads = gst_rtsp_server_get_thread_pool(rtsp->server);
     gst_rtsp_thread_pool_set_max_threads(threads, CONNECTIONS_MAX);
     g_object_unref(threads);
     if (login->user[0])
-        rtsp_auth_set(rtsp->server, login);
+        rtsp_set_login(rtsp->server, login);
     g_signal_connect(rtsp->server, "client-connected", G_CALLBACK(on_connect), rtsp);
     reaper = g_timeout_source_new(REAP_MS);
-    g_source_set_callback(reaper, reap, rtsp, NULL);
+    g_source_set_callback(reaper, check_clients, rtsp, NULL);
     g_source_attach(reaper, rtsp->context);
     g_source_unref(reaper);
-    return listen_on(rtsp, SST_RTSP_LISTEN_FD);
+    return listen_on(rtsp, fd);
 }
 
 void rtsp_server_run(struct rtsp_server *rtsp)
@@ -359,5 +354,3 @@ void rtsp_server_run(struct rtsp_server *rtsp)
     for (;;)
         g_main_context_iteration(rtsp->context, TRUE);
 }
-
-#endif

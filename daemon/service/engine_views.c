@@ -1,4 +1,4 @@
-/* Views: who sees what, and the pictures made for them. */
+/* Views: their settings and clients, and the pictures rendered for them. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -43,7 +43,7 @@ static int add_locked(struct live_engine *v, const char *id, const struct view_s
     return -EOVERFLOW;
 }
 
-int viewer_views_open(struct live_engine *v)
+int engine_views_open(struct live_engine *v)
 {
     struct view_settings settings;
     struct view *e;
@@ -52,7 +52,7 @@ int viewer_views_open(struct live_engine *v)
     return add_locked(v, "main", &settings, &e);
 }
 
-void viewer_views_follow_locked(struct live_engine *v, const struct sst_live_settings *to)
+void engine_views_follow_locked(struct live_engine *v, const struct sst_live_settings *to)
 {
     struct view *e = find_locked(v, "main");
 
@@ -62,7 +62,7 @@ void viewer_views_follow_locked(struct live_engine *v, const struct sst_live_set
     e->version++;
 }
 
-void viewer_views_close(struct live_engine *v)
+void engine_views_close(struct live_engine *v)
 {
     for (int i = 0; i < VIEWS_MAX; i++)
         sst_outlet_unref(v->view[i].outlet);
@@ -84,8 +84,9 @@ static json_t *view_json_locked(const struct view *e)
     return o;
 }
 
-int viewer_views(struct live_engine *v, struct sst_api_answer *out)
+int engine_views(void *engine, struct sst_api_answer *out)
 {
+    struct live_engine *v = engine;
     json_t *list = json_array();
 
     pthread_mutex_lock(&v->lock);
@@ -97,7 +98,7 @@ int viewer_views(struct live_engine *v, struct sst_api_answer *out)
     return out->body ? 0 : -ENOMEM;
 }
 
-/** A label that the network does not know helps nobody. */
+/** A label must be one of the network's. */
 static int check_label_locked(struct live_engine *v, const struct view_settings *s, char error[512])
 {
     if (!s->focus_label[0] || !v->classes.count || sst_classes_find(&v->classes, s->focus_label))
@@ -106,8 +107,9 @@ static int check_label_locked(struct live_engine *v, const struct view_settings 
     return -EINVAL;
 }
 
-int viewer_view_create(struct live_engine *v, const json_t *settings, struct sst_api_answer *out)
+int engine_view_create(void *engine, const json_t *settings, struct sst_api_answer *out)
 {
+    struct live_engine *v = engine;
     struct view_settings s;
     struct view *e;
     char id[16];
@@ -132,8 +134,9 @@ int viewer_view_create(struct live_engine *v, const json_t *settings, struct sst
     return err ? err : out->body ? 0 : -ENOMEM;
 }
 
-int viewer_view_change(struct live_engine *v, const char *id, const json_t *settings, struct sst_api_answer *out)
+int engine_view_change(void *engine, const char *id, const json_t *settings, struct sst_api_answer *out)
 {
+    struct live_engine *v = engine;
     struct view_settings s;
     struct view *e;
     int err = -ENOENT;
@@ -151,7 +154,7 @@ int viewer_view_change(struct live_engine *v, const char *id, const json_t *sett
     if (!err) {
         e->settings = s;
         e->version++;
-        e->used_ns = v->hand_ns = sst_clock_now_ns();
+        e->used_ns = v->interaction_ns = sst_clock_now_ns();
         pthread_cond_broadcast(&v->changed);
         out->body = view_json_locked(e);
     }
@@ -161,7 +164,7 @@ int viewer_view_change(struct live_engine *v, const char *id, const json_t *sett
 
 /* --- pictures, live thread ---------------------------------------------------------------------------------------- */
 
-/** Views that nobody looked at for long go. */
+/** Remove views that have had no clients for long. */
 static void expire(struct live_engine *v)
 {
     for (int i = 1; i < VIEWS_MAX; i++) {
@@ -182,7 +185,7 @@ static void expire(struct live_engine *v)
     }
 }
 
-void viewer_forget_pictures(struct live_engine *v)
+void engine_forget_pictures(struct live_engine *v)
 {
     for (int i = 0; i < VIEWS_MAX; i++) {
         struct sst_live_picture *picture;
@@ -196,7 +199,7 @@ void viewer_forget_pictures(struct live_engine *v)
     }
 }
 
-/** Settings as the renderer takes them, here and now. */
+/** Settings for the renderer, resolved for the present scene. */
 static void resolve(struct live_engine *v, const struct view_settings *s, struct sst_render_config *render)
 {
     const struct sst_classes *classes = &sst_live_lightfield(v->live)->classes;
@@ -238,7 +241,7 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     const int64_t start_ns = sst_clock_now_ns();
     const struct sst_image *image;
     struct sst_render_config render;
-    int64_t anew = 0, rendered_ns;
+    int64_t rendered_px = 0, rendered_ns;
     bool first;
     int err = 0;
 
@@ -246,10 +249,10 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     if (!e->picture)
         err = sst_live_picture_create(&e->picture, v->live);
     if (!err)
-        err = sst_live_picture_render(e->picture, &render, &image, &anew);
+        err = sst_live_picture_render(e->picture, &render, &image, &rendered_px);
     if (err == -ENODATA && render.method == SST_RENDER_SST) {
         render.method = SST_RENDER_REFOCUS; /* until there are disparities */
-        err = sst_live_picture_render(e->picture, &render, &image, &anew);
+        err = sst_live_picture_render(e->picture, &render, &image, &rendered_px);
     }
     rendered_ns = sst_clock_now_ns();
     ns[0] += rendered_ns - start_ns;
@@ -259,15 +262,15 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     first = !e->shown_version;
     e->shown_focus_px = render.focus_px;
     pthread_mutex_unlock(&v->lock);
-    if (!anew && !first)
+    if (!rendered_px && !first)
         return false;
     err = show(v, e->outlet, image, quality);
     ns[1] += sst_clock_now_ns() - rendered_ns;
     return !err;
 }
 
-/** Make a view's picture anew where it is not what is shown.
- * @param asked  even where nobody looks, as something else needs it
+/** Render a view's picture if the shown one is out of date.
+ * @param asked  also without clients, as a request needs it
  * @return a picture was made */
 static bool publish_view(struct live_engine *v, struct view *e, bool asked, int64_t ns[2])
 {
@@ -278,7 +281,7 @@ static bool publish_view(struct live_engine *v, struct view *e, bool asked, int6
     int quality;
 
     pthread_mutex_lock(&v->lock);
-    due = e->used && (asked || viewer_wanted(e->outlet, e->used_ns)) &&
+    due = e->used && (asked || engine_wanted(e->outlet, e->used_ns)) &&
           (e->shown_version != e->version || e->shown_update != v->update);
     settings = e->settings;
     version = e->version;
@@ -306,7 +309,7 @@ static void publish_overlay(struct live_engine *v, enum sst_live_overlay kind)
     int quality;
 
     pthread_mutex_lock(&v->lock);
-    outlet = s->outlet && s->shown != v->update && viewer_wanted(s->outlet, s->used_ns) ? s->outlet : NULL;
+    outlet = s->outlet && s->shown != v->update && engine_wanted(s->outlet, s->used_ns) ? s->outlet : NULL;
     update = v->update;
     quality = v->config.live.jpeg_quality;
     pthread_mutex_unlock(&v->lock);
@@ -325,7 +328,7 @@ static void publish_overlay(struct live_engine *v, enum sst_live_overlay kind)
     }
 }
 
-void viewer_publish(struct live_engine *v)
+void engine_publish(struct live_engine *v)
 {
     int64_t ns[2] = { 0, 0 };
     int made = 0;
@@ -343,8 +346,8 @@ void viewer_publish(struct live_engine *v)
     v->state.pictures += (uint64_t)made;
     if (v->latency_due) {
         window_add(&v->state.latency_ms, (double)(sst_clock_now_ns() - v->set_t_ns) / 1e6);
-        window_add(&v->state.stage_ms[SST_VIEWER_RENDER], (double)ns[0] / 1e6);
-        window_add(&v->state.stage_ms[SST_VIEWER_ENCODE], (double)ns[1] / 1e6);
+        window_add(&v->state.stage_ms[ENGINE_RENDER], (double)ns[0] / 1e6);
+        window_add(&v->state.stage_ms[ENGINE_ENCODE], (double)ns[1] / 1e6);
     }
     pthread_mutex_unlock(&v->lock);
     v->latency_due = false;
@@ -352,12 +355,12 @@ void viewer_publish(struct live_engine *v)
 
 /* --- what is asked from outside ----------------------------------------------------------------------------------- */
 
-bool viewer_wanted(struct sst_outlet *outlet, int64_t used_ns)
+bool engine_wanted(struct sst_outlet *outlet, int64_t used_ns)
 {
     return sst_outlet_viewers(outlet) > 0 || (used_ns && sst_clock_now_ns() - used_ns < WANTED_NS);
 }
 
-int viewer_share_locked(struct shared *s, struct sst_outlet **out)
+int engine_share_locked(struct shared *s, struct sst_outlet **out)
 {
     if (!s->outlet && sst_outlet_create(&s->outlet))
         return -ENOMEM;
@@ -400,7 +403,7 @@ static int overlay_outlet_locked(struct live_engine *v, enum sst_live_overlay ki
 {
     const int64_t end_ns = end_of_wait();
     struct shared *s = &v->overlay[kind];
-    const int err = viewer_share_locked(s, out);
+    const int err = engine_share_locked(s, out);
 
     while (!err && !v->stop && v->state.ready && s->shown != v->update && !sst_outlet_viewers(s->outlet) &&
            sst_cond_wait_until(&v->changed, &v->lock, end_ns))
@@ -419,13 +422,14 @@ static int camera_outlet_locked(struct live_engine *v, const char *name, struct 
     if (sscanf(name, "r%3dc%3d%n", &row, &col, &end) == 2 && !name[end])
         for (int i = 0; layout->generation && i < layout->config.bound && err == -ENOENT; i++)
             if (layout->config.camera[i].row == row && layout->config.camera[i].col == col)
-                err = viewer_share_locked(&v->camera[i], out);
+                err = engine_share_locked(&v->camera[i], out);
     free(layout);
     return err;
 }
 
-int viewer_outlet(struct live_engine *v, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+int engine_outlet(void *engine, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
 {
+    struct live_engine *v = engine;
     int err;
 
     pthread_mutex_lock(&v->lock);
@@ -451,7 +455,7 @@ int viewer_outlet(struct live_engine *v, enum sst_api_picture kind, const char *
     return err;
 }
 
-void viewer_serve(struct live_engine *v)
+void engine_serve(struct live_engine *v)
 {
     int64_t ns[2] = { 0, 0 };
     struct sst_live_pick pick;
@@ -471,13 +475,13 @@ void viewer_serve(struct live_engine *v)
     pthread_mutex_unlock(&v->lock);
     if (e && e->picture)
         err = sst_live_picture_pick(e->picture, x, y, &pick);
-    /* Nobody has looked since cameras came or went. */
+    /* Not rendered since cameras came or went. */
     if (e && err == -ENODATA && v->live && (v->set_index || v->set_t_ns)) {
         (void)publish_view(v, e, true, ns);
         err = e->picture ? sst_live_picture_pick(e->picture, x, y, &pick) : err;
     }
     pthread_mutex_lock(&v->lock);
-    if (v->request.pending && v->request.number == number) { /* or it was another's, who went */
+    if (v->request.pending && v->request.number == number) { /* else the request of another client, which is gone */
         v->request.err = err;
         v->request.done = true;
         if (!err)
@@ -505,8 +509,9 @@ static int answer_pick_locked(struct live_engine *v, struct sst_api_answer *out)
     return out->body ? 0 : -ENOMEM;
 }
 
-int viewer_pick(struct live_engine *v, const char *id, double x, double y, struct sst_api_answer *out)
+int engine_pick(void *engine, const char *id, double x, double y, struct sst_api_answer *out)
 {
+    struct live_engine *v = engine;
     const int64_t end_ns = end_of_wait();
     int err;
 

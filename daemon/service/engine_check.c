@@ -1,4 +1,4 @@
-/* Is the calibration still true? Looked at once a day and on demand, from what the cameras see, on a thread of its own.
+/* Check of the calibration, once a day and on demand, from the pictures of the cameras, on a thread of its own.
  */
 #include <errno.h>
 #include <stdio.h>
@@ -90,14 +90,14 @@ static void start(struct live_engine *v)
         sst_log_warning("the calibration cannot be checked now: %s", strerror(-err));
 }
 
-void viewer_check_join(struct live_engine *v)
+void engine_check_join(struct live_engine *v)
 {
     if (v->check_runs)
         pthread_join(v->check_thread, NULL);
     v->check_runs = false;
 }
 
-void viewer_check_by_time(struct live_engine *v)
+void engine_check_by_time(struct live_engine *v)
 {
     const int64_t now_ns = sst_clock_now_ns();
     bool due, ended;
@@ -112,12 +112,13 @@ void viewer_check_by_time(struct live_engine *v)
     pthread_mutex_unlock(&v->lock);
     if (!due)
         return;
-    viewer_check_join(v);
+    engine_check_join(v);
     start(v);
 }
 
-int viewer_calibration_check(struct live_engine *v, struct sst_api_answer *out)
+int engine_calibration_check(void *engine, struct sst_api_answer *out)
 {
+    struct live_engine *v = engine;
     bool ready;
 
     pthread_mutex_lock(&v->lock);

@@ -1,15 +1,14 @@
-/* What is told to the broker and when, and what it tells us. */
+/* What is published and when, and commands. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "daemon/publish/publish_internal.h"
-
-#if WITH_MQTT
+#include "publishers/mqtt/mqtt_internal.h"
 
 #define STATUS_NS        INT64_C(10000000000)
 #define SOON_NS          INT64_C(500000000) /* after an event that changes the state: several come together */
@@ -32,7 +31,8 @@ static json_t *member(const json_t *o, const char *path)
     return (json_t *)(uintptr_t)o;
 }
 
-json_t *mqtt_short_status(const json_t *status)
+/* NULL: no memory */
+static json_t *short_status(const json_t *status)
 {
     static const char *const taken[][2] = {
         { "state", "state" },
@@ -73,55 +73,54 @@ json_t *mqtt_short_status(const json_t *status)
     return o;
 }
 
-static bool tell_json(struct sst_mqtt *m, const char *topic, const json_t *o)
+static bool publish_json(struct mqtt *m, const char *topic, const json_t *o)
 {
     char *text = json_dumps(o, JSON_COMPACT | JSON_REAL_PRECISION(6));
-    bool done = text && mqtt_tell(m, topic, text, strlen(text), 1, true);
+    bool done = text && mqtt_publish(m, topic, text, strlen(text), 1, true);
 
     free(text);
     return done;
 }
 
-static bool tell_text(struct sst_mqtt *m, const char *topic, const char *text)
+static bool publish_text(struct mqtt *m, const char *topic, const char *text)
 {
-    return mqtt_tell(m, topic, text, strlen(text), 1, true);
+    return mqtt_publish(m, topic, text, strlen(text), 1, true);
 }
 
-static void tell_status(struct sst_mqtt *m)
+static void publish_status(struct mqtt *m)
 {
-    struct sst_api_answer a = { 0 };
-    json_t *o;
+    json_t *answer = NULL, *o;
     const json_t *focus;
     char text[32] = "auto";
 
-    if (m->api->status(m->api->arg, &a))
+    if (sst_publisher_ask(&m->publisher, "/api/v1/status", NULL, &answer, NULL))
         return;
-    o = mqtt_short_status(a.body);
+    o = short_status(answer);
     focus = json_object_get(o, "focus_px");
     if (json_is_number(focus))
         snprintf(text, sizeof(text), "%.6g", json_number_value(focus));
     if (o)
-        (void)(tell_json(m, "status", o) &&
-               tell_text(m, "record", json_is_true(json_object_get(o, "recording")) ? "ON" : "OFF") &&
-               tell_text(m, "focus", text)); /* what the broker does not take now it gets with the next status */
+        (void)(publish_json(m, "status", o) &&
+               publish_text(m, "record", json_is_true(json_object_get(o, "recording")) ? "ON" : "OFF") &&
+               publish_text(m, "focus", text)); /* what the broker does not take now it gets with the next status */
     json_decref(o);
-    json_decref(a.body);
+    json_decref(answer);
 }
 
-static void add_hello(struct sst_mqtt *m);
+static void add_announcements(struct mqtt *m);
 
-/* Those whose state differs from what was told. */
-static void tell_cameras(struct sst_mqtt *m)
+/* Those whose state differs from what was published. */
+static void publish_cameras(struct mqtt *m)
 {
-    struct sst_api_answer a = { 0 };
+    json_t *answer = NULL;
     const json_t *camera;
     size_t i;
 
-    if (m->api->cameras(m->api->arg, &a))
+    if (sst_publisher_ask(&m->publisher, "/api/v1/cameras", NULL, &answer, NULL))
         return;
-    if ((int)json_array_size(json_object_get(a.body, "cameras")) != m->cameras && mqtt_hello(m))
-        add_hello(m); /* they were opened after connecting */
-    json_array_foreach(json_object_get(a.body, "cameras"), i, camera)
+    if ((int)json_array_size(json_object_get(answer, "cameras")) != m->cameras && mqtt_announce_step(m))
+        add_announcements(m); /* they were opened after connecting */
+    json_array_foreach(json_object_get(answer, "cameras"), i, camera)
     {
         const char *name = json_string_value(json_object_get(camera, "name"));
         const char *state = json_string_value(json_object_get(camera, "state"));
@@ -130,13 +129,13 @@ static void tell_cameras(struct sst_mqtt *m)
         if (i >= SST_CAMERAS_MAX || !name || !state || !strcmp(m->camera_state[i], state))
             continue;
         snprintf(topic, sizeof(topic), "camera/%.32s/state", name);
-        if (!tell_text(m, topic, state)) {
-            m->unread_events = true; /* the rest soon */
+        if (!publish_text(m, topic, state)) {
+            m->state_changed = true; /* the rest soon */
             break;
         }
         snprintf(m->camera_state[i], sizeof(m->camera_state[i]), "%s", state);
     }
-    json_decref(a.body);
+    json_decref(answer);
 }
 
 /* --- events ------------------------------------------------------------------------------------------------------- */
@@ -153,7 +152,7 @@ static bool of_state(const char *type)
     return false;
 }
 
-static void tell_motion(struct sst_mqtt *m, const json_t *data)
+static void publish_motion(struct mqtt *m, const json_t *data)
 {
     const char *zone = json_string_value(json_object_get(data, "zone"));
     char topic[96];
@@ -161,10 +160,10 @@ static void tell_motion(struct sst_mqtt *m, const json_t *data)
     if (!zone || !*zone || strpbrk(zone, "/+#"))
         return;
     snprintf(topic, sizeof(topic), "zone/%.48s/motion", zone);
-    (void)tell_text(m, topic, json_is_true(json_object_get(data, "active")) ? "ON" : "OFF");
+    (void)publish_text(m, topic, json_is_true(json_object_get(data, "active")) ? "ON" : "OFF");
 }
 
-static bool tell_event(struct sst_mqtt *m, const char *text)
+static bool publish_event(struct mqtt *m, const char *text)
 {
     json_t *o = json_loads(text, 0, NULL);
     const char *type = json_string_value(json_object_get(o, "type"));
@@ -173,128 +172,98 @@ static bool tell_event(struct sst_mqtt *m, const char *text)
 
     if (type) {
         snprintf(topic, sizeof(topic), "event/%.48s", type);
-        done = mqtt_tell(m, topic, text, strlen(text), 1, false);
+        done = mqtt_publish(m, topic, text, strlen(text), 1, false);
         if (done && !strcmp(type, "motion"))
-            tell_motion(m, json_object_get(o, "data"));
-        m->unread_events = m->unread_events || of_state(type);
+            publish_motion(m, json_object_get(o, "data"));
+        m->state_changed = m->state_changed || of_state(type);
     }
     json_decref(o);
     return done;
 }
 
-static void tell_events(struct sst_mqtt *m)
+static void publish_events(struct mqtt *m)
 {
-    uint64_t id;
-    char *text;
-    bool done = true;
+    char *line;
 
     /* A motion event makes two messages. */
-    while (done && m->under_way < SST_MQTT_UNDER_WAY - 1 && sst_events_next(m->api->events, m->seen, &id, &text)) {
-        done = tell_event(m, text);
-        free(text);
-        if (!done)
+    while (m->in_flight < MQTT_IN_FLIGHT_MAX - 1 && (line = mqtt_next_event(m))) {
+        if (!publish_event(m, line)) {
+            mqtt_return_event(m, line);
             break;
-        pthread_mutex_lock(&m->lock);
-        m->n.missed += id - m->seen - 1;
-        pthread_mutex_unlock(&m->lock);
-        m->seen = id;
+        }
+        free(line);
     }
 }
 
 /* --- picture ------------------------------------------------------------------------------------------------------ */
 
-static void leave(struct sst_mqtt *m)
+static void publish_picture(struct mqtt *m, int64_t now_ns)
 {
-    if (m->joined)
-        sst_outlet_leave(m->outlet);
-    m->joined = false;
-}
+    uint8_t *data;
+    size_t bytes;
 
-/* Pictures are made for viewers only: we are one from when a picture is due until it is there. */
-static void tell_picture(struct sst_mqtt *m, int64_t now_ns)
-{
-    const struct sst_jpeg *jpeg;
-
-    if (m->config->mqtt.picture_s <= 0 || now_ns < m->picture_ns || m->under_way)
+    if (m->config->mqtt.picture_s <= 0 || now_ns < m->picture_ns || m->in_flight ||
+        !mqtt_fetch_picture(m, &data, &bytes))
         return;
-    if (m->outlet && sst_outlet_is_shut(m->outlet)) {
-        leave(m);
-        sst_outlet_unref(m->outlet);
-        m->outlet = NULL;
-        m->picture = 0;
-    }
-    if (!m->outlet && m->api->outlet(m->api->arg, SST_PICTURE_VIEW, "main", &m->outlet)) {
-        m->outlet = NULL;
-        m->picture_ns = now_ns + PICTURE_QUIET_NS;
-        return;
-    }
-    if (!m->joined)
-        sst_outlet_join(m->outlet);
-    m->joined = true;
-    jpeg = sst_outlet_get(m->outlet, m->picture);
-    if (!jpeg)
-        return;
-    if (mqtt_tell(m, "picture", jpeg->data, jpeg->bytes, 0, true)) {
-        m->picture = jpeg->number;
+    m->picture_ns = now_ns + PICTURE_QUIET_NS;
+    if (data && mqtt_publish(m, "picture", data, bytes, 0, true))
         m->picture_ns = now_ns + (int64_t)(m->config->mqtt.picture_s * 1e9);
-        leave(m);
-    }
-    sst_jpeg_unref(jpeg);
+    free(data);
 }
 
 /* --- what is due -------------------------------------------------------------------------------------------------- */
 
-static void forget_hello(struct sst_mqtt *m)
+static void free_announcements(struct mqtt *m)
 {
-    mqtt_messages_free(m->hello, m->hellos);
-    m->hello = NULL;
-    m->hellos = m->hello_next = 0;
+    mqtt_messages_free(m->announcement, m->announcements);
+    m->announcement = NULL;
+    m->announcements = m->announced = 0;
 }
 
-static void add_hello(struct sst_mqtt *m)
+static void add_announcements(struct mqtt *m)
 {
-    struct sst_api_answer a = { 0 };
+    json_t *answer = NULL;
     int n;
 
-    forget_hello(m);
-    if (m->api->cameras(m->api->arg, &a))
-        a.body = NULL;
-    m->cameras = (int)json_array_size(json_object_get(a.body, "cameras"));
-    n = m->config->mqtt.discovery[0] ? mqtt_announce(&m->hello, m->config, a.body) : 0;
-    json_decref(a.body);
-    m->hellos = sst_max_int(n, 0);
-    m->asked = !m->hellos;
+    free_announcements(m);
+    if (sst_publisher_ask(&m->publisher, "/api/v1/cameras", NULL, &answer, NULL))
+        answer = NULL;
+    m->cameras = (int)json_array_size(json_object_get(answer, "cameras"));
+    n = m->config->mqtt.discovery[0] ? mqtt_announcements(&m->announcement, m->config, answer) : 0;
+    json_decref(answer);
+    m->announcements = sst_max_int(n, 0);
+    m->asked = !m->announcements;
 }
 
-bool mqtt_hello(struct sst_mqtt *m)
+bool mqtt_announce_step(struct mqtt *m)
 {
-    char node[128], pattern[SST_MQTT_TOPIC_MAX];
+    char node[128], pattern[MQTT_TOPIC_MAX];
 
-    while (m->hello_next < m->hellos) {
-        const struct mqtt_message *h = &m->hello[m->hello_next];
+    while (m->announced < m->announcements) {
+        const struct mqtt_message *h = &m->announcement[m->announced];
 
-        if (!mqtt_tell_at(m, h->topic, h->payload, strlen(h->payload), 1, true))
+        if (!mqtt_publish_at(m, h->topic, h->payload, strlen(h->payload), 1, true))
             return false;
-        m->hello_next++;
+        m->announced++;
     }
     if (!m->asked) {
         mqtt_node(node, m->config);
         snprintf(pattern, sizeof(pattern), "%s/+/%s/+/config", m->config->mqtt.discovery, node);
-        m->asked = mqtt_ask(m, pattern);
+        m->asked = mqtt_subscribe(m, pattern);
     }
     return true;
 }
 
-void mqtt_withdraw(struct sst_mqtt *m)
+void mqtt_withdraw(struct mqtt *m)
 {
-    for (int i = 0; i < m->hellos; i++)
-        m->hello[i].payload[0] = 0; /* an empty retained message removes the one before */
-    m->hello_next = 0;
+    for (int i = 0; i < m->announcements; i++)
+        m->announcement[i].payload[0] = 0; /* an empty retained message removes the one before */
+    m->announced = 0;
     m->asked = true;
 }
 
 /* The id of an entity in "PREFIX/COMPONENT/NODE/ID/config" of ours. @return false: another's topic */
-static bool read_id(const struct sst_mqtt *m, const char *topic, char id[64])
+static bool read_id(const struct mqtt *m, const char *topic, char id[64])
 {
     const size_t n = strlen(m->config->mqtt.discovery);
     char node[128];
@@ -312,124 +281,115 @@ static bool read_id(const struct sst_mqtt *m, const char *topic, char id[64])
            !topic[strlen(node) + 1 + (size_t)end];
 }
 
-void mqtt_found(struct sst_mqtt *m, const char *topic)
+void mqtt_on_announced(struct mqtt *m, const char *topic)
 {
     char id[64], state[96];
 
     if (!m->config->mqtt.discovery[0] || !read_id(m, topic, id))
         return;
-    for (int i = 0; i < m->hellos; i++)
-        if (!strcmp(m->hello[i].topic, topic))
+    for (int i = 0; i < m->announcements; i++)
+        if (!strcmp(m->announcement[i].topic, topic))
             return;
-    if (!m->hellos || (!m->cameras && !strncmp(id, "camera_", 7)))
+    if (!m->announcements || (!m->cameras && !strncmp(id, "camera_", 7)))
         return; /* which cameras there are is not known yet */
-    if (!mqtt_tell_at(m, topic, "", 0, 1, true))
+    if (!mqtt_publish_at(m, topic, "", 0, 1, true))
         m->asked = false; /* once more, later */
     if (!strncmp(id, "zone_", 5)) {
         snprintf(state, sizeof(state), "zone/%s/motion", id + 5);
-        (void)mqtt_tell(m, state, "", 0, 1, true);
+        (void)mqtt_publish(m, state, "", 0, 1, true);
     }
 }
 
-void mqtt_greet(struct sst_mqtt *m)
+void mqtt_topics_begin(struct mqtt *m)
 {
-    mqtt_forget(m);
-    add_hello(m);
-    (void)tell_text(m, "available", "online");
+    mqtt_topics_reset(m);
+    add_announcements(m);
+    (void)publish_text(m, "available", "online");
     m->status_ns = m->picture_ns = 0;
 }
 
-void mqtt_due(struct sst_mqtt *m)
+void mqtt_topics_step(struct mqtt *m)
 {
     const int64_t now_ns = sst_clock_now_ns();
 
-    if (!mqtt_hello(m))
+    if (!mqtt_announce_step(m))
         return;
-    tell_events(m);
-    if (m->unread_events && m->status_ns > now_ns + SOON_NS)
+    publish_events(m);
+    if (m->state_changed && m->status_ns > now_ns + SOON_NS)
         m->status_ns = now_ns + SOON_NS;
-    if (now_ns >= m->status_ns && m->under_way < SST_MQTT_UNDER_WAY / 2) {
-        m->unread_events = false;
+    if (now_ns >= m->status_ns && m->in_flight < MQTT_IN_FLIGHT_MAX / 2) {
+        m->state_changed = false;
         m->status_ns = now_ns + STATUS_NS;
-        tell_status(m);
-        tell_cameras(m);
+        publish_status(m);
+        publish_cameras(m);
     }
-    tell_picture(m, now_ns);
+    publish_picture(m, now_ns);
 }
 
-void mqtt_forget(struct sst_mqtt *m)
+void mqtt_topics_reset(struct mqtt *m)
 {
-    leave(m);
-    sst_outlet_unref(m->outlet);
-    m->outlet = NULL;
-    m->picture = 0;
-    forget_hello(m);
+    free_announcements(m);
     memset(m->camera_state, 0, sizeof(m->camera_state));
 }
 
 /* --- commands ----------------------------------------------------------------------------------------------------- */
 
-static int record(struct sst_mqtt *m, const char *text, struct sst_api_answer *a)
+/* @param why  out [SST_LOG_MAX] */
+static int record(struct mqtt *m, const char *text, json_t **answer, char *why)
 {
     const bool on = !strcasecmp(text, "ON");
     json_t *request;
     int err;
 
     if (!on && strcasecmp(text, "OFF") != 0) {
-        snprintf(a->error, sizeof(a->error), "it is ON or OFF");
+        snprintf(why, SST_LOG_MAX, "it must be ON or OFF");
         return -EINVAL;
     }
     request = json_pack("{s:s}", "action", on ? "start" : "stop");
-    err = request ? m->api->record(m->api->arg, request, a) : -ENOMEM;
+    err = request ? sst_publisher_ask(&m->publisher, "/api/v1/record", request, answer, why) : -ENOMEM;
     json_decref(request);
     return err;
 }
 
-static int focus(struct sst_mqtt *m, const char *text, struct sst_api_answer *a)
+static int focus(struct mqtt *m, const char *text, json_t **answer, char *why)
 {
     char *end;
     const double px = strtod(text, &end);
     const bool number = end != text && !*end && isfinite(px) && strspn(text, "0123456789+-.eE") == strlen(text);
-    json_t *settings;
+    json_t *request;
     int err;
 
     if (!number && strcasecmp(text, "auto") != 0) {
-        snprintf(a->error, sizeof(a->error), "it is a number of pixels per spacing, or auto");
+        snprintf(why, SST_LOG_MAX, "it must be a number of pixels per spacing, or auto");
         return -EINVAL;
     }
-    settings = json_pack("{s:o}", "focus_px", number ? json_real(px) : json_null());
-    err = settings ? m->api->view_change(m->api->arg, "main", settings, a) : -ENOMEM;
-    json_decref(settings);
+    request = json_pack("{s:o}", "focus_px", number ? json_real(px) : json_null());
+    err = request ? sst_publisher_ask(&m->publisher, "/api/v1/views/main", request, answer, why) : -ENOMEM;
+    json_decref(request);
     return err;
 }
 
-void mqtt_command(struct sst_mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained)
+void mqtt_on_command(struct mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained)
 {
-    struct sst_api_answer a = { 0 };
-    char text[40];
+    char text[40], why[SST_LOG_MAX] = "";
+    json_t *answer = NULL;
     int err;
 
-    if (retained) /* an old wish, that a new connection must not repeat */
+    if (retained) /* an old command, that a new connection must not repeat */
         return;
     snprintf(text, sizeof(text), "%.*s", (int)(bytes < sizeof(text) ? bytes : 0), (const char *)payload);
     for (char *c = text; *c; c++)
         if ((unsigned char)*c < ' ')
             *c = '?';
     if (!strcmp(topic, "record/set"))
-        err = record(m, text, &a);
+        err = record(m, text, &answer, why);
     else if (!strcmp(topic, "focus/set"))
-        err = focus(m, text, &a);
+        err = focus(m, text, &answer, why);
     else
         return;
     if (err)
-        sst_log_warning("mqtt: %s/%s %s: %s", m->config->mqtt.topic, topic, text,
-                        a.error[0] ? a.error : strerror(-err));
+        sst_log_warning("mqtt: %s/%s %s: %s", m->config->mqtt.topic, topic, text, why[0] ? why : strerror(-err));
     else
-        json_decref(a.body);
-    pthread_mutex_lock(&m->lock);
-    m->n.commands++;
-    pthread_mutex_unlock(&m->lock);
+        json_decref(answer);
     m->status_ns = 0; /* the answer is the new state */
 }
-
-#endif

@@ -14,17 +14,17 @@
 
 #define POLL_MS  30
 #define RETRY_NS INT64_C(10000000000)
-/* Who moves the focus sees it at once: pictures for that come before the next set, for as long as settings change about
- * so often, and for as long as the last set took, so that sets lose half of their time at most. */
-#define HAND_NS     INT64_C(150000000)
-#define HAND_MAX_NS INT64_C(500000000)
-/* Capturing comes first: this thread takes all processors that there are, and so do those that it starts. */
+/* While a user drags a control (settings change at least this often), the last set is rendered again before the next
+ * one is processed, for at most as long as the last set took: sets lose half of their time at most. */
+#define DRAG_NS            INT64_C(150000000)
+#define INTERACTION_MAX_NS INT64_C(500000000)
+/* Capturing comes first: this thread and those that it starts use all processors. */
 #define LIVE_NICE 5
 
-const char *viewer_stage_name(enum viewer_stage stage)
+const char *engine_stage_name(enum engine_stage stage)
 {
-    static const char *const names[SST_VIEWER_STAGES] = { "wait",   "change", "decode", "rectify", "disparity",
-                                                          "labels", "refine", "render", "encode" };
+    static const char *const names[ENGINE_STAGES] = { "wait",   "change", "decode", "rectify", "disparity",
+                                                      "labels", "refine", "render", "encode" };
 
     return names[stage];
 }
@@ -59,7 +59,7 @@ static void close_live(struct live_engine *v)
 
     if (!live)
         return;
-    viewer_forget_pictures(v);
+    engine_forget_pictures(v);
     pthread_mutex_lock(&v->lock);
     v->live = NULL;
     v->state.ready = false;
@@ -68,7 +68,7 @@ static void close_live(struct live_engine *v)
     sst_use_calibration_fini(&v->use);
 }
 
-/** What the configuration and the array say. @return 0 or an error, logged */
+/** Settings from the configuration and the array. @return 0 or an error, logged */
 static int describe(struct live_engine *v, const struct sst_config *c)
 {
     const struct sst_array_config *a = &v->layout.config;
@@ -167,10 +167,10 @@ static bool same_array(const struct sst_array_config *a, const struct sst_array_
 static bool follow(struct live_engine *v)
 {
     const unsigned generation = array_generation(v->array);
-    bool anew, enabled;
+    bool restart, enabled;
 
     pthread_mutex_lock(&v->lock);
-    anew = v->config_seen != v->config_count;
+    restart = v->config_seen != v->config_count;
     enabled = v->config.live.enabled;
     v->state.enabled = enabled;
     pthread_mutex_unlock(&v->lock);
@@ -181,13 +181,13 @@ static bool follow(struct live_engine *v)
         if (same_array(&before, &v->layout.config))
             v->last = v->layout.first - 1 > v->last ? v->layout.first - 1 : v->last;
         else
-            anew = true;
+            restart = true;
     }
-    if (anew || !enabled)
+    if (restart || !enabled)
         close_live(v);
     if (!enabled || !v->layout.generation)
         return false;
-    if (!v->live && (anew || sst_clock_now_ns() >= v->retry_ns))
+    if (!v->live && (restart || sst_clock_now_ns() >= v->retry_ns))
         open_live(v);
     return v->live != NULL;
 }
@@ -209,7 +209,7 @@ static void note_second_locked(struct live_engine *v, const struct sst_live_repo
 
 static void note_locked(struct live_engine *v, const struct sst_live_report *r, int64_t wait_ns)
 {
-    struct viewer_state *s = &v->state;
+    struct engine_state *s = &v->state;
 
     note_second_locked(v, r);
     s->sets++;
@@ -232,14 +232,14 @@ static void note_locked(struct live_engine *v, const struct sst_live_report *r, 
     if (!r->tiles_changed)
         return;
     v->update++;
-    window_add(&s->stage_ms[SST_VIEWER_WAIT], (double)wait_ns / 1e6);
+    window_add(&s->stage_ms[ENGINE_WAIT], (double)wait_ns / 1e6);
     for (int i = 0; i < SST_LIVE_STAGES; i++)
-        window_add(&s->stage_ms[SST_VIEWER_LIVE + i], (double)r->stage_ns[i] / 1e6);
+        window_add(&s->stage_ms[ENGINE_LIVE + i], (double)r->stage_ns[i] / 1e6);
     for (int i = 0; i < 256; i++)
         v->share[i] = r->zone[SST_LIVE_ZONES].label[i];
 }
 
-/** What is where, for those who look at sliders. */
+/** Ranges and focus, for the sliders of the page. */
 static void note_scene(struct live_engine *v)
 {
     const struct sst_lightfield *lf = sst_live_lightfield(v->live);
@@ -314,32 +314,32 @@ static void take_set(struct live_engine *v, const struct sst_kept *kept, uint64_
 }
 
 /**
- * Answer and make pictures, and go on for those who have a hand on theirs.
+ * Answer requests and render pictures; continue while a user drags a control.
  *
  * @param took_ns  that the work before took, 0: there was none
  */
 static void attend(struct live_engine *v, int64_t took_ns)
 {
-    const int64_t end_ns = sst_clock_now_ns() + (took_ns < HAND_MAX_NS ? took_ns : HAND_MAX_NS);
+    const int64_t end_ns = sst_clock_now_ns() + (took_ns < INTERACTION_MAX_NS ? took_ns : INTERACTION_MAX_NS);
     int64_t seen_ns, until_ns;
     bool more;
 
     do {
         pthread_mutex_lock(&v->lock);
-        seen_ns = v->hand_ns;
+        seen_ns = v->interaction_ns;
         pthread_mutex_unlock(&v->lock);
-        viewer_serve(v);
-        viewer_publish(v);
-        until_ns = seen_ns + HAND_NS < end_ns ? seen_ns + HAND_NS : end_ns;
+        engine_serve(v);
+        engine_publish(v);
+        until_ns = seen_ns + DRAG_NS < end_ns ? seen_ns + DRAG_NS : end_ns;
         pthread_mutex_lock(&v->lock);
-        while (!v->stop && v->hand_ns == seen_ns && sst_cond_wait_until(&v->changed, &v->lock, until_ns))
+        while (!v->stop && v->interaction_ns == seen_ns && sst_cond_wait_until(&v->changed, &v->lock, until_ns))
             ;
-        more = !v->stop && v->hand_ns != seen_ns && sst_clock_now_ns() < end_ns;
+        more = !v->stop && v->interaction_ns != seen_ns && sst_clock_now_ns() < end_ns;
         pthread_mutex_unlock(&v->lock);
     } while (more);
 }
 
-/** Take the newest set in, if its time has come. @return what that took, ns; 0: there was none */
+/** Process the newest set if it is due. @return time needed, ns; 0: there was none */
 static int64_t step(struct live_engine *v)
 {
     const struct sst_kept *kept = NULL;
@@ -362,7 +362,7 @@ static int64_t step(struct live_engine *v)
         sst_ring_unref(v->ring, kept);
         took_ns = sst_clock_now_ns() - v->last_ns;
     }
-    /* Also where sets come faster than they are taken in: what the background holds is large. */
+    /* Also where sets come faster than they are processed: what the background holds is large. */
     if (sst_live_unsettled(v->live) && sst_live_settle(v->live)) {
         note_scene(v);
         pthread_mutex_lock(&v->lock);
@@ -382,9 +382,9 @@ static void *run(void *arg)
     while (!stop) {
         if (follow(v)) {
             attend(v, step(v));
-            viewer_check_by_time(v);
+            engine_check_by_time(v);
         } else {
-            viewer_serve(v);
+            engine_serve(v);
             nanosleep(&(struct timespec){ .tv_nsec = POLL_MS * 1000000 }, NULL);
         }
         pthread_mutex_lock(&v->lock);
@@ -402,7 +402,7 @@ static void *run(void *arg)
 
 /* --- for the others ----------------------------------------------------------------------------------------------- */
 
-int viewer_open(struct live_engine **out, const struct viewer_config *cfg)
+int engine_open(struct live_engine **out, const struct engine_config *cfg)
 {
     struct live_engine *v = calloc(1, sizeof(*v));
     int err;
@@ -420,39 +420,39 @@ int viewer_open(struct live_engine **out, const struct viewer_config *cfg)
     v->state.beat_ns = sst_clock_now_ns();
     pthread_mutex_init(&v->lock, NULL);
     sst_cond_init(&v->changed);
-    err = viewer_views_open(v);
+    err = engine_views_open(v);
     if (!err) {
-        err = -pthread_create(&v->camera_thread, NULL, viewer_run_cameras, v);
+        err = -pthread_create(&v->camera_thread, NULL, engine_run_cameras, v);
         v->camera_runs = !err;
     }
     if (!err)
         err = -pthread_create(&v->thread, NULL, run, v);
     if (err) {
-        viewer_stop(v);
+        engine_stop(v);
         if (v->camera_runs)
             pthread_join(v->camera_thread, NULL);
-        viewer_close(v);
+        engine_close(v);
         return err;
     }
     *out = v;
     return 0;
 }
 
-void viewer_configure(struct live_engine *v, const struct sst_config *config, bool anew)
+void engine_configure(struct live_engine *v, const struct sst_config *config, bool restart)
 {
     char unknown[512];
 
     pthread_mutex_lock(&v->lock);
-    viewer_views_follow_locked(v, &config->live);
+    engine_views_follow_locked(v, &config->live);
     v->config = *config;
-    v->config_count += anew;
+    v->config_count += restart;
     name_unknown_locked(v, unknown);
     pthread_mutex_unlock(&v->lock);
-    if (!anew)
+    if (!restart)
         tell_unknown(unknown);
 }
 
-void viewer_state(struct live_engine *v, struct viewer_state *out)
+void engine_state(struct live_engine *v, struct engine_state *out)
 {
     const int64_t now_s = sst_clock_now_ns() / 1000000000;
     uint64_t sets = 0, tiles = 0, changed = 0;
@@ -476,8 +476,9 @@ void viewer_state(struct live_engine *v, struct viewer_state *out)
     out->cpu_percent = (double)cpu_ns / 1e8;
 }
 
-int viewer_labels(struct live_engine *v, struct sst_api_answer *out)
+int engine_labels(void *engine, struct sst_api_answer *out)
 {
+    struct live_engine *v = engine;
     const uint8_t(*palette)[3] = sst_classes_palette();
     json_t *list = json_array();
 
@@ -494,7 +495,7 @@ int viewer_labels(struct live_engine *v, struct sst_api_answer *out)
     return out->body ? 0 : -ENOMEM;
 }
 
-void viewer_stop(struct live_engine *v)
+void engine_stop(struct live_engine *v)
 {
     pthread_mutex_lock(&v->lock);
     v->stop = true;
@@ -513,29 +514,29 @@ void viewer_stop(struct live_engine *v)
     pthread_mutex_unlock(&v->lock);
 }
 
-bool viewer_join(struct live_engine *v, int64_t until_ns)
+bool engine_join(struct live_engine *v, int64_t until_ns)
 {
     bool ended;
 
     pthread_mutex_lock(&v->lock);
     while ((!v->ended || !v->camera_ended) && sst_cond_wait_until(&v->changed, &v->lock, until_ns))
         ;
-    /* A check of the calibration cannot be told to end, and is not waited for: the disk needs the time. */
+    /* A check of the calibration cannot be cancelled, and is not waited for: the disk needs the time. */
     ended = v->ended && v->camera_ended && (!v->check_runs || v->check_ended);
     pthread_mutex_unlock(&v->lock);
     if (ended) {
         pthread_join(v->thread, NULL);
         pthread_join(v->camera_thread, NULL);
-        viewer_check_join(v);
+        engine_check_join(v);
     }
     return ended;
 }
 
-void viewer_close(struct live_engine *v)
+void engine_close(struct live_engine *v)
 {
     if (!v)
         return;
-    viewer_views_close(v);
+    engine_views_close(v);
     pthread_cond_destroy(&v->changed);
     pthread_mutex_destroy(&v->lock);
     free(v);

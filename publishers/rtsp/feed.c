@@ -1,14 +1,11 @@
-/* Pictures by path, and the pipelines that carry them: one for all clients of a path, made when the first one comes.
+/* Pictures by path, and the pipelines that carry them: one for all clients of a path, made for the first one.
  *
- *   outlet -> appsrc -> rtpjpegpay                                  mjpeg: as they are
- *                    -> jpegdec -> convert -> x264enc -> rtph264pay  h264
+ *   slot -> appsrc -> rtpjpegpay                                  mjpeg: as they are
+ *                  -> jpegdec -> convert -> x264enc -> rtph264pay  h264
  *
- * The source's own thread takes the newest picture when the one before has been taken up, so nothing queues, and the
- * encoder is busy with what is worth showing. A picture that stands still is shown again each second: recorders give
- * up a camera that is silent. */
-#include "daemon/publish/rtsp_internal.h"
-
-#if WITH_RTSP
+ * The thread of appsrc gets the newest frame when it needs data, so nothing queues, and the encoder works on what is
+ * worth showing. A picture that stands still is sent again each second: recorders give up a camera that is silent. */
+#include "publishers/rtsp/rtsp_internal.h"
 
 #include <errno.h>
 #include <gst/app/gstappsrc.h>
@@ -31,16 +28,15 @@
 #define HD_LINES   720          /* from here on receivers expect the colours of BT.709 */
 #define KBIT_LEAST 500
 #define KBIT_MOST  8000
-#define NAME_LEN   63
 #define FEED_KEY   "sst-feed"
 
 /** A picture's place: what is made there when somebody comes. */
 struct rtsp_factory {
     GstRTSPMediaFactory parent;
     struct rtsp_server *rtsp;
-    enum sst_api_picture kind;
-    char name[NAME_LEN + 1], path[NAME_LEN + 16];
-    atomic_uint ended; /* pipelines that were there before: who comes while one stops gets a new one */
+    enum rtsp_kind kind;
+    char name[RTSP_NAME_MAX + 1], path[RTSP_NAME_MAX + 16];
+    atomic_uint ended; /* counts pipelines that stop: a client that comes meanwhile gets a new one */
 };
 
 struct rtsp_factory_class {
@@ -50,14 +46,15 @@ struct rtsp_factory_class {
 /** What fills one pipeline; goes with its bin. */
 struct feed {
     enum sst_rtsp_codec codec;
-    struct sst_outlet *outlet;
-    char path[NAME_LEN + 16];
+    struct rtsp_picture *picture;
+    struct rtsp_factory *factory; /* a reference */
+    char path[RTSP_NAME_MAX + 16];
     atomic_bool joined, over, refresh;
     /* the source's thread alone */
     uint64_t number; /* of the last picture */
     int64_t pushed_ns, new_ns, key_ns, came_ns;
     GstClockTime pts; /* of the last picture; none before */
-    bool told;        /* that pictures do not fit */
+    bool logged;      /* that frames do not fit */
 };
 
 /* --- feeding --------------------------------------------------------------------------------------------------- */
@@ -65,7 +62,7 @@ struct feed {
 static void feed_leave(struct feed *f)
 {
     if (atomic_exchange(&f->joined, false))
-        sst_outlet_leave(f->outlet);
+        sst_outlet_leave(f->picture->slot);
 }
 
 static void feed_free(gpointer arg)
@@ -73,7 +70,8 @@ static void feed_free(gpointer arg)
     struct feed *f = arg;
 
     feed_leave(f);
-    sst_outlet_unref(f->outlet);
+    rtsp_picture_unref(f->picture);
+    g_object_unref(f->factory);
     free(f);
 }
 
@@ -133,9 +131,9 @@ static bool fits(struct feed *f, const struct sst_jpeg *jpeg)
 
     if (f->codec != SST_RTSP_MJPEG || rtsp_jpeg_fits(jpeg->data, jpeg->bytes, why, sizeof(why)))
         return true;
-    if (!f->told)
+    if (!f->logged)
         sst_log_warning("rtsp: pictures of %s cannot be sent as they are, %s; set rtsp.codec: h264", f->path, why);
-    f->told = true;
+    f->logged = true;
     f->number = jpeg->number;
     return false;
 }
@@ -144,7 +142,7 @@ static bool fits(struct feed *f, const struct sst_jpeg *jpeg)
 static const struct sst_jpeg *next(struct feed *f, int64_t now_ns)
 {
     const bool fresh = atomic_exchange(&f->refresh, false);
-    const struct sst_jpeg *jpeg = sst_outlet_get(f->outlet, f->number);
+    const struct sst_jpeg *jpeg = sst_outlet_get(f->picture->slot, f->number);
     int64_t repeat_ns;
 
     if (fresh) {
@@ -153,7 +151,7 @@ static const struct sst_jpeg *next(struct feed *f, int64_t now_ns)
     }
     repeat_ns = now_ns - f->came_ns < EAGER_NS && now_ns - f->new_ns > STILL_NS ? EAGER_STEP : REPEAT_NS;
     if (!jpeg && f->pts != GST_CLOCK_TIME_NONE && (fresh || now_ns - f->pushed_ns >= repeat_ns))
-        jpeg = sst_outlet_get(f->outlet, 0);
+        jpeg = sst_outlet_get(f->picture->slot, 0);
     if (jpeg && !fits(f, jpeg)) {
         sst_jpeg_unref(jpeg);
         return NULL;
@@ -170,8 +168,9 @@ static void need_data(GstAppSrc *src, guint length, gpointer arg)
     (void)length;
     /* Whoever stops the pipeline waits for this thread; its wish shows in the state that is aimed at. */
     while (GST_STATE_TARGET(src) == GST_STATE_PLAYING) {
-        if (sst_outlet_is_shut(f->outlet)) {
+        if (sst_outlet_is_shut(f->picture->slot)) {
             atomic_store(&f->over, true);
+            atomic_fetch_add(&f->factory->ended, 1);
             gst_app_src_end_of_stream(src);
             return;
         }
@@ -181,7 +180,7 @@ static void need_data(GstAppSrc *src, guint length, gpointer arg)
             push(f, src, jpeg, now_ns);
             return;
         }
-        sst_outlet_wait(f->outlet, f->number, RTSP_SLICE_MS);
+        sst_outlet_wait(f->picture->slot, f->number, RTSP_SLICE_MS);
     }
 }
 
@@ -265,22 +264,24 @@ static struct feed *feed_create(struct rtsp_factory *at)
 {
     struct feed *f = calloc(1, sizeof(*f));
 
-    if (f && rtsp_find(at->kind, at->name, &f->outlet)) {
-        free(f);
-        f = NULL;
-    }
     if (!f)
         return NULL;
+    f->picture = rtsp_picture_get(at->kind, at->name);
+    if (!f->picture) {
+        free(f);
+        return NULL;
+    }
+    f->factory = g_object_ref(at);
     f->codec = at->rtsp->codec;
     f->pts = GST_CLOCK_TIME_NONE;
     snprintf(f->path, sizeof(f->path), "%s", at->path);
-    sst_outlet_join(f->outlet);
+    sst_outlet_join(f->picture->slot);
     atomic_store(&f->joined, true);
     return f;
 }
 
-/* Wait for a picture of now; one that is old will do if there is no newer one soon. */
-static bool wait_for_picture(struct sst_outlet *outlet)
+/* Wait for a frame of now; an old one is enough if no newer one comes soon. */
+static bool wait_for_frame(struct sst_outlet *outlet)
 {
     const int64_t start_ns = sst_clock_now_ns();
     uint64_t number;
@@ -306,7 +307,7 @@ static GstElement *create_element(GstRTSPMediaFactory *factory, const GstRTSPUrl
 {
     struct rtsp_factory *at = (struct rtsp_factory *)factory;
     struct feed *f = feed_create(at);
-    const struct sst_jpeg *jpeg = f && wait_for_picture(f->outlet) ? sst_outlet_get(f->outlet, 0) : NULL;
+    const struct sst_jpeg *jpeg = f && wait_for_frame(f->picture->slot) ? sst_outlet_get(f->picture->slot, 0) : NULL;
     GstElement *bin = NULL;
     int width, height;
 
@@ -383,44 +384,43 @@ static GType factory_type(void)
 
 /* --- paths ----------------------------------------------------------------------------------------------------- */
 
-static bool parse_path(const char *path, enum sst_api_picture *kind, char name[NAME_LEN + 1])
+static bool parse_path(const char *path, enum rtsp_kind *kind, char name[RTSP_NAME_MAX + 1])
 {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-";
     const char *from;
 
-    *kind = SST_PICTURE_VIEW;
+    *kind = RTSP_VIEW;
     if (!strcmp(path, "/main"))
         from = "main";
     else if (!strncmp(path, "/view/", 6))
         from = path + 6;
     else if (!strncmp(path, "/camera/", 8)) {
         from = path + 8;
-        *kind = SST_PICTURE_CAMERA;
+        *kind = RTSP_CAMERA;
     } else {
         return false;
     }
-    if (!from[0] || strlen(from) > NAME_LEN || from[strspn(from, letters)])
+    if (!from[0] || strlen(from) > RTSP_NAME_MAX || from[strspn(from, letters)])
         return false;
     strcpy(name, from);
     return true;
 }
 
-/* Views come and go, each with a name of its own: what is gone makes room when something new is put up. */
-static void sweep_locked(struct rtsp_server *rtsp)
+/* Views come and go, each with a name of its own: paths that have no source are unmounted; DESCRIBE mounts them again.
+ */
+static void unmount_unused_locked(struct rtsp_server *rtsp)
 {
     for (guint i = rtsp->factories->len; i-- > 0;) {
         const struct rtsp_factory *at = rtsp->factories->pdata[i];
-        struct sst_outlet *outlet = NULL;
 
-        if (rtsp_find(at->kind, at->name, &outlet)) {
-            gst_rtsp_mount_points_remove_factory(rtsp->mounts, at->path);
-            g_ptr_array_remove_index_fast(rtsp->factories, i);
-        }
-        sst_outlet_unref(outlet);
+        if (rtsp_picture_is_open(at->kind, at->name))
+            continue;
+        gst_rtsp_mount_points_remove_factory(rtsp->mounts, at->path);
+        g_ptr_array_remove_index_fast(rtsp->factories, i);
     }
 }
 
-static void put_up(struct rtsp_server *rtsp, const char *path, enum sst_api_picture kind, const char *name)
+static void mount_path(struct rtsp_server *rtsp, const char *path, enum rtsp_kind kind, const char *name)
 {
     struct rtsp_factory *at;
     bool known = false;
@@ -429,7 +429,7 @@ static void put_up(struct rtsp_server *rtsp, const char *path, enum sst_api_pict
     for (guint i = 0; i < rtsp->factories->len && !known; i++)
         known = !strcmp(((struct rtsp_factory *)rtsp->factories->pdata[i])->path, path);
     if (!known) {
-        sweep_locked(rtsp);
+        unmount_unused_locked(rtsp);
         at = g_object_new(factory_type(), NULL);
         at->rtsp = rtsp;
         at->kind = kind;
@@ -445,24 +445,24 @@ static void put_up(struct rtsp_server *rtsp, const char *path, enum sst_api_pict
 
 GstRTSPStatusCode rtsp_mount(struct rtsp_server *rtsp, const char *path)
 {
-    enum sst_api_picture kind;
-    char name[NAME_LEN + 1];
-    struct sst_outlet *outlet;
-    bool any;
-    int err;
+    GstRTSPStatusCode status = GST_RTSP_STS_SERVICE_UNAVAILABLE;
+    struct rtsp_picture *picture;
+    char name[RTSP_NAME_MAX + 1];
+    enum rtsp_kind kind;
 
     if (!parse_path(path, &kind, name))
         return GST_RTSP_STS_NOT_FOUND;
-    err = rtsp_find(kind, name, &outlet);
-    if (err)
-        return err == -ENOENT ? GST_RTSP_STS_NOT_FOUND : GST_RTSP_STS_SERVICE_UNAVAILABLE;
-    sst_outlet_join(outlet);
-    any = wait_for_picture(outlet);
-    if (any)
-        put_up(rtsp, path, kind, name);
-    sst_outlet_leave(outlet);
-    sst_outlet_unref(outlet);
-    return any ? GST_RTSP_STS_OK : GST_RTSP_STS_SERVICE_UNAVAILABLE;
+    picture = rtsp_picture_get(kind, name);
+    if (!picture)
+        return status;
+    sst_outlet_join(picture->slot);
+    if (wait_for_frame(picture->slot)) {
+        mount_path(rtsp, path, kind, name);
+        status = GST_RTSP_STS_OK;
+    } else if (atomic_load(&picture->err) == -ENOENT) {
+        status = GST_RTSP_STS_NOT_FOUND;
+    }
+    sst_outlet_leave(picture->slot);
+    rtsp_picture_unref(picture);
+    return status;
 }
-
-#endif

@@ -48,7 +48,7 @@ static void show(struct live_engine *v, const struct sst_kept *kept)
         int quality;
 
         pthread_mutex_lock(&v->lock);
-        if (f && f->bytes && s->outlet && s->shown < kept->number && viewer_wanted(s->outlet, s->used_ns)) {
+        if (f && f->bytes && s->outlet && s->shown < kept->number && engine_wanted(s->outlet, s->used_ns)) {
             outlet = sst_outlet_ref(s->outlet);
             s->shown = kept->number;
         }
@@ -67,13 +67,13 @@ static bool any_wanted(struct live_engine *v, bool *stop)
 
     pthread_mutex_lock(&v->lock);
     for (int i = 0; i < SST_CAMERAS_MAX && !any; i++)
-        any = v->camera[i].outlet && viewer_wanted(v->camera[i].outlet, v->camera[i].used_ns);
+        any = v->camera[i].outlet && engine_wanted(v->camera[i].outlet, v->camera[i].used_ns);
     *stop = v->stop;
     pthread_mutex_unlock(&v->lock);
     return any;
 }
 
-void *viewer_run_cameras(void *arg)
+void *engine_run_cameras(void *arg)
 {
     struct live_engine *v = arg;
     uint64_t last = 0;

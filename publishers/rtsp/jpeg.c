@@ -1,7 +1,5 @@
 /* What RFC 2435 can carry: baseline, three components, 4:2:0 or 4:2:2, the Huffman tables of annex K, small enough. */
-#include "daemon/publish/rtsp_internal.h"
-
-#if WITH_RTSP
+#include "publishers/rtsp/rtsp_internal.h"
 
 #include <setjmp.h>
 #include <stdio.h>
@@ -13,15 +11,15 @@
 
 struct errors {
     struct jpeg_error_mgr mgr;
-    jmp_buf fail;
+    jmp_buf escape;
 };
 
-static _Noreturn void give_up(j_common_ptr jpeg)
+static _Noreturn void fail(j_common_ptr jpeg)
 {
-    longjmp(((struct errors *)(void *)jpeg->err)->fail, 1);
+    longjmp(((struct errors *)(void *)jpeg->err)->escape, 1);
 }
 
-static void say_nothing(j_common_ptr jpeg)
+static void ignore_message(j_common_ptr jpeg)
 {
     (void)jpeg;
 }
@@ -71,12 +69,12 @@ bool rtsp_jpeg_fits(const uint8_t *data, size_t bytes, char *why, size_t room)
     struct jpeg_compress_struct standard = { 0 };
     struct jpeg_decompress_struct jpeg = { 0 };
     struct errors errors;
-    const char *volatile said = "they cannot be read";
+    const char *volatile reason = "they cannot be read";
 
     standard.err = jpeg.err = jpeg_std_error(&errors.mgr);
-    errors.mgr.error_exit = give_up;
-    errors.mgr.output_message = say_nothing;
-    if (!setjmp(errors.fail)) {
+    errors.mgr.error_exit = fail;
+    errors.mgr.output_message = ignore_message;
+    if (!setjmp(errors.escape)) {
         jpeg_create_compress(&standard);
         standard.in_color_space = JCS_RGB;
         standard.input_components = 3;
@@ -84,13 +82,11 @@ bool rtsp_jpeg_fits(const uint8_t *data, size_t bytes, char *why, size_t room)
         jpeg_create_decompress(&jpeg);
         jpeg_mem_src(&jpeg, data, (unsigned long)bytes);
         if (jpeg_read_header(&jpeg, TRUE) == JPEG_HEADER_OK)
-            said = fault(&jpeg, &standard);
+            reason = fault(&jpeg, &standard);
     }
     jpeg_destroy_decompress(&jpeg);
     jpeg_destroy_compress(&standard);
-    if (said)
-        snprintf(why, room, "%s", said);
-    return !said;
+    if (reason)
+        snprintf(why, room, "%s", reason);
+    return !reason;
 }
-
-#endif

@@ -1,7 +1,5 @@
-/* Who may look: a user and a password, asked for before anything is told. */
-#include "daemon/publish/rtsp_internal.h"
-
-#if WITH_RTSP
+/* Authentication: a user and a password, required before any other answer. */
+#include "publishers/rtsp/rtsp_internal.h"
 
 #include <string.h>
 #include <time.h>
@@ -10,7 +8,7 @@
 #define PAUSE_MS  300 /* a connection has a thread of its own */
 #define WRONG_KEY "sst-wrong"
 
-/* The first request of most clients has no password and is no attempt; who guesses is given time to think. */
+/* The first request of most clients has no password and is no attempt; an attempt is slowed down. */
 static void count_wrong(GstRTSPContext *ctx)
 {
     const struct timespec pause = { .tv_nsec = PAUSE_MS * 1000000L };
@@ -19,19 +17,19 @@ static void count_wrong(GstRTSPContext *ctx)
 
     g_object_set_data(G_OBJECT(ctx->client), WRONG_KEY, GINT_TO_POINTER(wrong));
     if (gst_rtsp_message_get_header(ctx->request, GST_RTSP_HDR_AUTHORIZATION, &header, 0) == GST_RTSP_OK) {
-        if (wrong > 1) /* the first may be an answer to an earlier connection's question */
-            rtsp_say_wrong(gst_rtsp_connection_get_ip(ctx->conn));
+        if (wrong > 1) /* the first may answer the challenge of an earlier connection */
+            rtsp_report_refused(gst_rtsp_connection_get_ip(ctx->conn));
         nanosleep(&pause, NULL);
     }
     if (wrong >= WRONG_MAX)
-        rtsp_send_away(ctx->client);
+        rtsp_disconnect(ctx->client);
 }
 
-static gboolean let_in(GstRTSPAuth *auth, GstRTSPContext *ctx)
+static gboolean is_allowed(GstRTSPAuth *auth, GstRTSPContext *ctx)
 {
     GstRTSPAuthClass *class = GST_RTSP_AUTH_GET_CLASS(auth);
 
-    /* Clients ask for the methods to see whether anybody is there. */
+    /* Clients use OPTIONS to see whether there is a server. */
     if (ctx->method == GST_RTSP_OPTIONS)
         return TRUE;
     if (!ctx->token)
@@ -49,8 +47,8 @@ static gboolean let_in(GstRTSPAuth *auth, GstRTSPContext *ctx)
 static gboolean check(GstRTSPAuth *auth, GstRTSPContext *ctx, const gchar *what)
 {
     if (!strcmp(what, GST_RTSP_AUTH_CHECK_URL))
-        return let_in(auth, ctx);
-    /* Packets go to who asks, wherever he says that they should go. */
+        return is_allowed(auth, ctx);
+    /* Packets go to the address of the client, never to another one that it names. */
     return strcmp(what, GST_RTSP_AUTH_CHECK_TRANSPORT_CLIENT_SETTINGS) != 0;
 }
 
@@ -71,7 +69,7 @@ static GType auth_type(void)
     return type;
 }
 
-void rtsp_auth_set(GstRTSPServer *server, const struct rtsp_login *login)
+void rtsp_set_login(GstRTSPServer *server, const struct rtsp_login *login)
 {
     GstRTSPAuth *auth = g_object_new(auth_type(), NULL);
     GstRTSPToken *token = gst_rtsp_token_new_empty();
@@ -86,5 +84,3 @@ void rtsp_auth_set(GstRTSPServer *server, const struct rtsp_login *login)
     gst_rtsp_token_unref(token);
     g_object_unref(auth);
 }
-
-#endif

@@ -5,9 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "daemon/publish/publish_internal.h"
-
-#if WITH_MQTT
+#include "publishers/mqtt/mqtt_internal.h"
 
 #define ENTITIES_MAX (SST_CAMERAS_MAX + SST_ZONES_MAX + 32)
 
@@ -67,14 +65,14 @@ static json_t *device(const struct announcement *a)
                      "model", model, "sw_version", SST_VERSION);
 }
 
-static void below(const struct announcement *a, char out[SST_MQTT_TOPIC_MAX], const char *topic)
+static void below(const struct announcement *a, char out[MQTT_TOPIC_MAX], const char *topic)
 {
-    snprintf(out, SST_MQTT_TOPIC_MAX, "%s/%s", a->config->mqtt.topic, topic);
+    snprintf(out, MQTT_TOPIC_MAX, "%s/%s", a->config->mqtt.topic, topic);
 }
 
 static void add(struct announcement *a, const struct entity *e)
 {
-    char topic[SST_MQTT_TOPIC_MAX], id[256];
+    char topic[MQTT_TOPIC_MAX], id[256];
     json_t *o = json_object();
     struct mqtt_message *m = &a->list[a->n];
 
@@ -155,7 +153,7 @@ void mqtt_node(char out[128], const struct sst_config *config)
     out[n] = 0;
 }
 
-int mqtt_announce(struct mqtt_message **out, const struct sst_config *config, const json_t *cameras)
+int mqtt_announcements(struct mqtt_message **out, const struct sst_config *config, const json_t *cameras)
 {
     struct announcement a = { .config = config };
 
@@ -184,5 +182,3 @@ void mqtt_messages_free(struct mqtt_message *list, int n)
     }
     free(list);
 }
-
-#endif

@@ -1,0 +1,145 @@
+#include "base/stats.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int compare_double(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y) + !!isnan(x) - !!isnan(y);
+}
+
+static int compare_float(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+
+    return (x > y) - (x < y) + !!isnan(x) - !!isnan(y);
+}
+
+static int compare_int(const void *a, const void *b)
+{
+    const int x = *(const int *)a, y = *(const int *)b;
+
+    return (x > y) - (x < y);
+}
+
+static int compare_int64(const void *a, const void *b)
+{
+    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+
+    return (x > y) - (x < y);
+}
+
+static int compare_string(const void *a, const void *b)
+{
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+/* qsort() must not get NULL, which an empty array may be. */
+static void sort(void *v, int n, size_t size, int (*compare)(const void *, const void *))
+{
+    if (n > 1)
+        qsort(v, (size_t)n, size, compare);
+}
+
+void sst_stats_sort_double(double *v, int n)
+{
+    sort(v, n, sizeof(*v), compare_double);
+}
+
+void sst_stats_sort_float(float *v, int n)
+{
+    sort(v, n, sizeof(*v), compare_float);
+}
+
+void sst_stats_sort_int(int *v, int n)
+{
+    sort(v, n, sizeof(*v), compare_int);
+}
+
+void sst_stats_sort_int64(int64_t *v, int n)
+{
+    sort(v, n, sizeof(*v), compare_int64);
+}
+
+void sst_stats_sort_strings(char **v, int n)
+{
+    sort(v, n, sizeof(*v), compare_string);
+}
+
+/* Hoare's selection among the values that are numbers, moved to the front. */
+#define UPPER_MEDIAN(NAME, TYPE)                                                                                       \
+    TYPE NAME(TYPE *v, int n)                                                                                          \
+    {                                                                                                                  \
+        const int rank = n / 2;                                                                                        \
+        int low = 0, high = -1;                                                                                        \
+                                                                                                                       \
+        for (int i = 0; i < n; i++) {                                                                                  \
+            const TYPE value = v[i];                                                                                   \
+                                                                                                                       \
+            if (isnan(value))                                                                                          \
+                continue;                                                                                              \
+            v[i] = v[++high];                                                                                          \
+            v[high] = value;                                                                                           \
+        }                                                                                                              \
+        if (n < 1)                                                                                                     \
+            return 0;                                                                                                  \
+        if (rank > high)                                                                                               \
+            return (TYPE)NAN;                                                                                          \
+        while (low < high) {                                                                                           \
+            const TYPE pivot = v[rank];                                                                                \
+            int i = low, j = high;                                                                                     \
+                                                                                                                       \
+            while (i <= j) {                                                                                           \
+                while (v[i] < pivot)                                                                                   \
+                    i++;                                                                                               \
+                while (v[j] > pivot)                                                                                   \
+                    j--;                                                                                               \
+                if (i <= j) {                                                                                          \
+                    const TYPE t = v[i];                                                                               \
+                                                                                                                       \
+                    v[i++] = v[j];                                                                                     \
+                    v[j--] = t;                                                                                        \
+                }                                                                                                      \
+            }                                                                                                          \
+            if (j < rank)                                                                                              \
+                low = i;                                                                                               \
+            if (i > rank)                                                                                              \
+                high = j;                                                                                              \
+        }                                                                                                              \
+        return v[rank];                                                                                                \
+    }
+
+UPPER_MEDIAN(sst_stats_upper_median, double)
+UPPER_MEDIAN(sst_stats_upper_median_float, float)
+
+double sst_stats_median(double *v, int n)
+{
+    if (n < 1)
+        return 0;
+    sst_stats_sort_double(v, n);
+    return n % 2 ? v[n / 2] : v[n / 2 - 1] + (v[n / 2] - v[n / 2 - 1]) / 2;
+}
+
+double sst_stats_quantile(double *v, int n, double share)
+{
+    if (n < 1)
+        return 0;
+    sst_stats_sort_double(v, n);
+    return v[sst_clamp_int((int)floor(share * (n - 1) + 0.5), 0, n - 1)];
+}
+
+float sst_stats_quantile_float(float *v, int n, double share)
+{
+    if (n < 1)
+        return 0;
+    sst_stats_sort_float(v, n);
+    return v[sst_clamp_int((int)(share * n), 0, n - 1)];
+}
+
+int64_t sst_stats_percentile(const int64_t *v, int n, int percent)
+{
+    return n > 0 ? v[((int64_t)n * percent + 99) / 100 - 1] : 0;
+}

@@ -1,0 +1,23 @@
+/* pipeline/lightfield/folder.h - what only the folder of a light field records: its files, their hashes, provenance. */
+#ifndef SST_PIPELINE_LIGHTFIELD_FOLDER_H
+#define SST_PIPELINE_LIGHTFIELD_FOLDER_H
+
+#include "pipeline/lightfield/lightfield.h"
+
+struct sst_lightfield_file {
+    char name[256];  /* inside views/, untouched camera bytes */
+    char sha256[65]; /* of that file, lower-case hex */
+};
+
+struct sst_lightfield_files {
+    bool external_labels, external_disparity; /* came with the images: processing does not replace them */
+    char calibration_sha256[65];              /* of the folder's calibration.yaml; empty: not written yet */
+    char source[1024];                        /* provenance: format and origin */
+    char history[1024];                       /* what computed the maps, one line */
+    struct sst_lightfield_file view[];        /* [rows * cols] */
+};
+
+/** sst_lightfield_init() with lf->files allocated: for light fields that are loaded or written. The same errors. */
+SST_MUST_CHECK int sst_lightfield_init_files(struct sst_lightfield *lf, int rows, int cols);
+
+#endif

@@ -1,0 +1,83 @@
+/* The folder of a processed light field: its maps and what explains them. */
+#include <stdio.h>
+
+#include "base/thread.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/folder.h"
+#include "pipeline/method/process/process.h"
+
+static const char *const extra_names[SST_EXTRAS] = { "labels_initial", "labels_hcsm", "entropy" };
+
+struct job {
+    const struct sst_lightfield *lf;
+    const struct sst_map_u8 *maps; /* [views] */
+    const struct sst_outdir *out;
+    const uint8_t (*palette)[3]; /* or NULL */
+};
+
+static int write_extra(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct job *job = arg;
+    char name[16], file[32], path[SST_PATH_MAX];
+    int err;
+
+    if (!job->maps[view].data)
+        return 0;
+    sst_view_name(job->lf, view, name);
+    snprintf(file, sizeof(file), "%s.png", name);
+    err = sst_path_join(path, job->out->temporary, file);
+    return err ? err : sst_map_u8_write_png(&job->maps[view], path, job->palette);
+}
+
+static void remove_folder(const char *dir, const char *name)
+{
+    char path[SST_PATH_MAX];
+
+    if (!sst_path_join(path, dir, name))
+        sst_path_remove_tree(path);
+}
+
+static bool any_confidence(const struct sst_lightfield *lf)
+{
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        if (lf->views[view].confidence.data)
+            return true;
+    }
+    return false;
+}
+
+static void remove_stale(const struct sst_lightfield *lf, const char *dir)
+{
+    for (int i = 0; lf->files->external_labels && i < SST_EXTRAS; i++)
+        remove_folder(dir, extra_names[i]);
+    if (lf->files->external_disparity && !any_confidence(lf))
+        remove_folder(dir, "confidence");
+}
+
+/* Everything is written before anything is replaced. */
+int sst_process_save(const struct sst_lightfield *lf, const struct sst_process_extras *extras, const char *dir,
+                     int threads)
+{
+    struct sst_outdir out[SST_EXTRAS];
+    char path[SST_PATH_MAX];
+    int err = 0, opened = 0;
+
+    for (; !err && extras->map[0] && opened < SST_EXTRAS; opened++) {
+        struct job job = { lf, extras->map[opened], &out[opened],
+                           opened == SST_EXTRA_ENTROPY ? NULL : sst_classes_palette() };
+
+        err = sst_path_join(path, dir, extra_names[opened]);
+        err = err ? err : sst_outdir_open(&out[opened], path, true);
+        if (err)
+            break;
+        err = sst_parallel_for(lf->rows * lf->cols, threads, write_extra, &job);
+    }
+    err = err ? err : sst_lightfield_save_maps(lf, dir, threads);
+    for (int i = 0; i < opened; i++) {
+        err = err ? err : sst_outdir_commit(&out[i]);
+        sst_outdir_abort(&out[i]);
+    }
+    if (!err)
+        remove_stale(lf, dir);
+    return err;
+}

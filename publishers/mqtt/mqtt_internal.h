@@ -1,0 +1,111 @@
+/* publishers/mqtt/mqtt_internal.h - parts of sst-mqtt: the service, the broker, topics, and Home Assistant's discovery.
+ */
+#ifndef SST_PUBLISHERS_MQTT_MQTT_INTERNAL_H
+#define SST_PUBLISHERS_MQTT_MQTT_INTERNAL_H
+
+#include <pthread.h>
+#include <signal.h>
+
+#include "publishers/publisher.h"
+
+/* Topics below mqtt.topic (docs/mqtt.md):
+ *   available                 online, offline (also by last will); retained
+ *   status                    short JSON, each 10 s and when something changes; retained
+ *   camera/rRcC/state         as GET /api/v1/cameras has it; retained
+ *   event/TYPE                events as they come, also those of a time without connection that are still kept
+ *   zone/NAME/motion          ON, OFF; retained
+ *   picture                   JPEG of the main view; retained
+ *   record, record/set        ON, OFF
+ *   focus, focus/set          px, or auto */
+
+#define MQTT_TOPIC_MAX     320
+#define MQTT_IN_FLIGHT_MAX 32   /* messages that the broker has not acknowledged; no more are sent */
+#define MQTT_EVENTS_MAX    1000 /* that wait for the broker; the oldest are dropped */
+
+struct mosquitto;
+
+/** A message of the announcement. */
+struct mqtt_message {
+    char *topic, *payload;
+};
+
+struct mqtt {
+    /* fixed after begin */
+    struct sst_publisher publisher;
+    int wake; /* eventfd: something for the main thread */
+    volatile sig_atomic_t stop;
+    pthread_mutex_t lock;
+    /* under lock */
+    bool service_up;              /* the broker is connected only while it is */
+    bool reload;                  /* the configuration may have changed */
+    char *event[MQTT_EVENTS_MAX]; /* lines of JSON, a ring */
+    int first_event, events;
+    pthread_cond_t picture_wanted; /* for the thread that gets pictures */
+    bool picture_asked, picture_ready;
+    uint8_t *picture; /* with picture_ready; NULL: there is none */
+    size_t picture_bytes;
+    /* main thread */
+    struct sst_config *config;
+    struct mosquitto *client; /* NULL: to be made */
+    bool connecting, up;      /* up: the broker accepted the connection */
+    bool reported;            /* why there is no connection */
+    int in_flight;
+    int64_t next_try_ns, wait_ns, up_ns;
+    bool state_changed;                     /* by an event: status and cameras are due */
+    int64_t status_ns, picture_ns;          /* when they are due next */
+    char camera_state[SST_CAMERAS_MAX][24]; /* as published */
+    struct mqtt_message *announcement;      /* sent after connecting, in order */
+    int announcements, announced;
+    int cameras; /* that are announced */
+    bool asked;  /* for retained announcements that are stale */
+};
+
+/* --- main.c: the service ------------------------------------------------------------------------------------------ */
+
+/** The oldest event that waits, to free with free(); NULL: none. */
+char *mqtt_next_event(struct mqtt *m);
+/** Put it back: the broker did not accept it. */
+void mqtt_return_event(struct mqtt *m, char *line);
+/** Ask for a picture, or fetch it. @return true: *data is one, to free with free(), or NULL: the service has none */
+bool mqtt_fetch_picture(struct mqtt *m, uint8_t **data, size_t *bytes);
+
+/* --- connection.c: the broker ------------------------------------------------------------------------------------- */
+
+void mqtt_init(struct mqtt *m);
+/** Publish "offline", disconnect and free. */
+void mqtt_fini(struct mqtt *m);
+/** Do what is due, for 100 ms at most. @param wanted  a connection @return false: nothing to do for now */
+bool mqtt_step(struct mqtt *m, bool wanted);
+/** Follow another configuration, which it takes over. */
+void mqtt_configure(struct mqtt *m, struct sst_config *next);
+
+/** Publish a message. @param topic  below mqtt.topic @return false: not accepted; try again later */
+bool mqtt_publish(struct mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain);
+/** The same with the whole topic. */
+bool mqtt_publish_at(struct mqtt *m, const char *topic, const void *payload, size_t bytes, int qos, bool retain);
+/** Subscribe to the retained announcements: mqtt_on_announced() gets them. @return false: try again later */
+bool mqtt_subscribe(struct mqtt *m, const char *pattern);
+
+/* --- topics.c ----------------------------------------------------------------------------------------------------- */
+
+void mqtt_topics_begin(struct mqtt *m); /* after connecting, or with another configuration */
+void mqtt_topics_step(struct mqtt *m);  /* publish what is due */
+void mqtt_topics_reset(struct mqtt *m); /* the connection is gone */
+/** Send the rest of the announcements. @return true: all are sent */
+bool mqtt_announce_step(struct mqtt *m);
+/** Have the next calls of mqtt_announce_step() remove what was announced. */
+void mqtt_withdraw(struct mqtt *m);
+/** A retained announcement at the broker: a stale one of this array is removed. */
+void mqtt_on_announced(struct mqtt *m, const char *topic);
+void mqtt_on_command(struct mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained);
+
+/* --- discovery.c -------------------------------------------------------------------------------------------------- */
+
+/** The array's name as one word, within topics. */
+void mqtt_node(char out[128], const struct sst_config *config);
+/** Announcements of all entities, to free with mqtt_messages_free(). @param cameras  answer of the API, or NULL
+ *  @return number of messages, or -ENOMEM */
+int mqtt_announcements(struct mqtt_message **out, const struct sst_config *config, const json_t *cameras);
+void mqtt_messages_free(struct mqtt_message *list, int n);
+
+#endif

@@ -1,0 +1,50 @@
+/* publishers/publisher.h - what the programs beside the service share: options, configuration, the service's events. */
+#ifndef SST_PUBLISHERS_PUBLISHER_H
+#define SST_PUBLISHERS_PUBLISHER_H
+
+#include "client/client.h"
+#include "config/sstd.h"
+
+#define SST_PUBLISHER_GO_ON       (-1)
+#define SST_PUBLISHER_EXIT_CONFIG 78 /* systemd does not start it again: RestartPreventExitStatus */
+
+/** A program that publishes what the service makes, as a client of its API. */
+struct sst_publisher {
+    const char *name;                  /* "rtsp": in messages and reports; the program is sst-NAME */
+    const char *config_path;           /* NULL: the default */
+    char socket[SST_CONFIG_TEXT_MAX];  /* of the service */
+    struct sst_client_service service; /* the same, for sst_client_open() */
+};
+
+/**
+ * Parse the command line, set up log and signals, and read the configuration.
+ *
+ * @param what  one sentence for --help @param config  out, as read
+ * @return SST_PUBLISHER_GO_ON, or the exit status of the program
+ */
+int sst_publisher_begin(struct sst_publisher *p, struct sst_config *config, const char *name, const char *what,
+                        int argc, char **argv);
+
+/** Read the configuration again. @return true: a key that begins with one of `sections` (ends in NULL) has changed;
+ *  false: none, or it cannot be read (logged) */
+bool sst_publisher_changed(const struct sst_publisher *p, const struct sst_config *before, struct sst_config *out,
+                           const char *const *sections);
+
+/** sst_client_ask() that logs no error. @param why  out [SST_LOG_MAX], the error; NULL: not needed */
+SST_MUST_CHECK int sst_publisher_ask(const struct sst_publisher *p, const char *path, const json_t *post, json_t **out,
+                                     char *why);
+
+/** What sst_publisher_follow() calls, on its own thread. */
+struct sst_publisher_listener {
+    void (*connected)(void *arg, bool connected); /* true: also read the configuration again, it may be another one */
+    void (*event)(void *arg, const json_t *event, const char *line);
+    bool (*go_on)(void *arg); /* called about once a second */
+    void *arg;
+    bool kept; /* events from before the connection, too: those that the service keeps */
+};
+
+/** Receive the service's events until go_on() returns false. A service that is not there is logged once and tried again
+ *  after 1, 2, 4 ... 30 s. */
+void sst_publisher_follow(const struct sst_publisher *p, const struct sst_publisher_listener *listener);
+
+#endif

@@ -1,0 +1,102 @@
+/* publishers/rtsp/rtsp_internal.h - parts of sst-rtsp: pictures of the service, GStreamer's server, authentication,
+ * pipelines, and what RTP can carry. */
+#ifndef SST_PUBLISHERS_RTSP_RTSP_INTERNAL_H
+#define SST_PUBLISHERS_RTSP_RTSP_INTERNAL_H
+
+#include <gst/rtsp-server/rtsp-server.h>
+#include <pthread.h>
+#include <stdatomic.h>
+
+#include "config/sstd.h"
+#include "daemon/slot/jpeg_slot.h"
+
+#define RTSP_SLICE_MS 50  /* longest wait in one piece: how fast a stop is noticed */
+#define RTSP_NAME_MAX 63  /* characters of the name of a view or camera */
+#define RTSP_PASSWORD 129 /* bytes, with the NUL */
+
+struct rtsp_login {
+    char user[64], password[RTSP_PASSWORD]; /* user "": no password is required */
+};
+
+/* --- main.c: reports to the service ------------------------------------------------------------------------------- */
+
+/** A client sent a wrong password. Thread: any */
+void rtsp_report_refused(const char *address);
+/** The number of clients that watch. Thread: any */
+void rtsp_report_clients(int clients);
+
+/* --- pictures.c: MJPEG streams of the service --------------------------------------------------------------------- */
+
+enum rtsp_kind {
+    RTSP_VIEW = 0,
+    RTSP_CAMERA = 1,
+};
+
+/** A moving picture; its stream is open from rtsp_picture_get() until some seconds after the last viewer has left. */
+struct rtsp_picture {
+    struct sst_outlet *slot; /* newest frame; shut when the stream has ended */
+    atomic_int err;          /* why it ended: -ENOENT, or what sst_client_stream() returns */
+    atomic_int refs;
+};
+
+struct sst_client_service;
+/** @param service  must stay */
+void rtsp_pictures_init(const struct sst_client_service *service);
+/** @return a reference; NULL: too many, or no memory */
+struct rtsp_picture *rtsp_picture_get(enum rtsp_kind kind, const char *name);
+void rtsp_picture_unref(struct rtsp_picture *picture); /* NULL is fine */
+/** True while its stream is open. */
+bool rtsp_picture_is_open(enum rtsp_kind kind, const char *name);
+
+/* --- listen.c ----------------------------------------------------------------------------------------------------- */
+
+/** Read the password. @param config  checked @return 0, -ENOENT, -EACCES, -EBADMSG; logged */
+SST_MUST_CHECK int rtsp_read_login(struct rtsp_login *out, const struct sst_config *config);
+/** @return a listening socket, or -errno; logged */
+SST_MUST_CHECK int rtsp_listen(const struct sst_config *config);
+
+/* --- server.c ----------------------------------------------------------------------------------------------------- */
+
+struct rtsp_server {
+    /* fixed after open */
+    enum sst_rtsp_codec codec;
+    GMainContext *context;
+    GstRTSPServer *server;
+    GstRTSPMountPoints *mounts;
+    /* under lock */
+    pthread_mutex_t lock;
+    GPtrArray *factories; /* struct rtsp_factory, mounted; the mount points hold the references */
+};
+
+/** Load the plugins of GStreamer. @return 0, -ENOTSUP (one is missing; logged) */
+SST_MUST_CHECK int rtsp_load_plugins(enum sst_rtsp_codec codec);
+/** A server on a listening socket, which it takes over. @return 0, -EIO; logged */
+SST_MUST_CHECK int rtsp_server_open(struct rtsp_server *server, enum sst_rtsp_codec codec,
+                                    const struct rtsp_login *login, int fd);
+_Noreturn void rtsp_server_run(struct rtsp_server *server);
+
+/** Reset a connection: one that is merely shut down continues to be read. Its own thread sees the end and cleans up. */
+void rtsp_disconnect(GstRTSPClient *client);
+
+/* --- auth.c ------------------------------------------------------------------------------------------------------- */
+
+/** Require the user and the password of clients. */
+void rtsp_set_login(GstRTSPServer *server, const struct rtsp_login *login);
+
+/* --- feed.c ------------------------------------------------------------------------------------------------------- */
+
+/** Mount a picture at the path that a client names, so that it can be described; waits some seconds for a frame.
+ *  Thread: the client's. @return 200, 404, 503 */
+GstRTSPStatusCode rtsp_mount(struct rtsp_server *server, const char *path);
+
+/** A viewer starts to play: what follows begins with a frame that can be decoded alone. */
+void rtsp_feed_refresh(GstRTSPMedia *media);
+/** True once the picture of this media has ended. */
+bool rtsp_feed_is_over(GstRTSPMedia *media);
+
+/* --- jpeg.c ------------------------------------------------------------------------------------------------------- */
+
+/** Does this JPEG fit RFC 2435? @param why  out, a phrase if it does not */
+bool rtsp_jpeg_fits(const uint8_t *data, size_t bytes, char *why, size_t room);
+
+#endif

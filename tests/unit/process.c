@@ -1,0 +1,214 @@
+/* The stages in memory: what is computed, what is kept, and that the short way to the labels gives the same ones. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "pipeline/method/labels/labels.h"
+#include "pipeline/method/process/process.h"
+#include "simulators/scene/scene.h"
+#include "tests/onnx_writer.h"
+
+#define WIDTH  64
+#define HEIGHT 48
+#define SIDE   3
+#define PIXELS (WIDTH * HEIGHT)
+
+static char model[] = "/tmp/sst-process-XXXXXX";
+static struct sst_lightfield views; /* images alone */
+
+/* Three classes, whose logits are the normalised R, G and B. */
+static void write_model(void)
+{
+    static const char *const entries[][2] = {
+        { "sst.classes", "Sky,Road,Tree" }, { "sst.ground", "Road" }, { "sst.mean", "0.5,0.5,0.5" },
+        { "sst.std", "0.1,0.1,0.1" },       { "sst.size", "64x48" },  { "sst.epsilon_h", "0.75" },
+        { "sst.output", "logits" },
+    };
+    const float w[3 * 3] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
+    struct ow_buf graph = { 0 }, attrs = { 0 }, file;
+    const int fd = mkstemp(model);
+
+    ow_value(&graph, 11, "x", 3);
+    ow_value(&graph, 12, "y", 3);
+    ow_floats(&graph, "w", w, 3, 3, 1, 1);
+    ow_attr_ints(&attrs, "kernel_shape", 2, 1, 1);
+    ow_node(&graph, "Conv", "x w", "y", &attrs);
+    file = ow_model(&graph, 11);
+    for (size_t i = 0; i < ARRAY_LEN(entries); i++)
+        ow_metadata(&file, entries[i][0], entries[i][1]);
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, file.p, file.n), (ssize_t)file.n);
+    close(fd);
+    free(file.p);
+}
+
+static int setup(void **state SST_UNUSED)
+{
+    struct sst_scene_config cfg;
+    struct sst_scene *scene;
+
+    write_model();
+    sst_scene_config_defaults(&cfg);
+    cfg.width = WIDTH;
+    cfg.height = HEIGHT;
+    cfg.rows = cfg.cols = SIDE;
+    assert_int_equal(sst_scene_create(&scene, "bush", &cfg), 0);
+    assert_int_equal(sst_lightfield_init(&views, SIDE, SIDE), 0);
+    views.width = WIDTH;
+    views.height = HEIGHT;
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        struct sst_view *v = &views.views[k];
+
+        v->present = k != 8; /* a hole */
+        assert_int_equal(sst_image_init(&v->image, WIDTH, HEIGHT), 0);
+        assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &v->image, NULL, NULL), 0);
+    }
+    /* Part of one view is outside its raw frame. */
+    assert_int_equal(sst_map_u8_init(&views.views[1].valid, WIDTH, HEIGHT), 0);
+    for (int y = 0; y < HEIGHT; y++)
+        memset(sst_map_u8_row(&views.views[1].valid, y) + 10, 255, WIDTH - 10);
+    sst_scene_destroy(scene);
+    return 0;
+}
+
+static int teardown(void **state SST_UNUSED)
+{
+    sst_lightfield_fini(&views);
+    unlink(model);
+    return 0;
+}
+
+static void copy_views(struct sst_lightfield *lf)
+{
+    assert_int_equal(sst_lightfield_init(lf, SIDE, SIDE), 0);
+    lf->width = WIDTH;
+    lf->height = HEIGHT;
+    for (int k = 0; k < SIDE * SIDE; k++)
+        assert_int_equal(sst_view_copy(&lf->views[k], &views.views[k]), 0);
+}
+
+static struct sst_process_config config(int threads)
+{
+    struct sst_process_config cfg = { .model = model, .eps_h = -1, .accuracy_weight = 4, .refine = true };
+
+    assert_int_equal(sst_disparity_preset(&cfg.disparity, "preview"), 0);
+    cfg.disparity.disp_min_px = 0;
+    cfg.disparity.disp_max_px = 8;
+    sst_refine_config_defaults(&cfg.refinement);
+    cfg.threads = threads;
+    return cfg;
+}
+
+static void assert_same_maps(const struct sst_lightfield *a, const struct sst_lightfield *b)
+{
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        const struct sst_view *v = &a->views[k], *w = &b->views[k];
+
+        assert_true(!v->label.data == !w->label.data && !v->disp.data == !w->disp.data);
+        for (int y = 0; v->present && y < HEIGHT; y++) {
+            assert_memory_equal(sst_map_u8_row(&v->label, y), sst_map_u8_row(&w->label, y), WIDTH);
+            assert_memory_equal(sst_map_u16_row(&v->disp, y), sst_map_u16_row(&w->disp, y), 2 * WIDTH);
+            assert_memory_equal(sst_map_u8_row(&v->confidence, y), sst_map_u8_row(&w->confidence, y), WIDTH);
+        }
+    }
+}
+
+static void labels_without_extras_are_the_same(void **state SST_UNUSED)
+{
+    struct sst_process_config cfg = config(3), lean = config(1);
+    struct sst_lightfield full, plain;
+    struct sst_process_extras extras = { 0 };
+    struct sst_segmenter *kept = NULL, *first;
+    struct sst_process_report report;
+
+    copy_views(&full);
+    copy_views(&plain);
+    assert_int_equal(sst_process(&full, &cfg, &extras, &report), 0);
+    lean.segmenters = &kept;
+    assert_int_equal(sst_process(&plain, &lean, NULL, NULL), 0);
+    assert_same_maps(&full, &plain);
+    first = kept;
+    assert_non_null(first);
+    assert_int_equal(sst_process(&plain, &lean, NULL, NULL), 0);
+    assert_ptr_equal(kept, first);
+    assert_same_maps(&full, &plain);
+    sst_segmenter_close(kept);
+
+    assert_true(report.eps_h == 0.75 && report.disp_min_px == 0 && report.disp_max_px == 8);
+    assert_true(report.coverage_hcsm > 0 && report.coverage_refined >= report.coverage_hcsm);
+    assert_true(report.confirmed > 0 && report.confirmed <= 100);
+    assert_int_equal(full.classes.count, 3);
+    assert_false(full.views[8].label.data || full.views[8].disp.data || extras.map[SST_EXTRA_HCSM][8].data);
+    for (int i = 0; i < PIXELS; i++) {
+        const int x = i % WIDTH, y = i / WIDTH;
+        const uint8_t hcsm = sst_map_u8_row(&extras.map[SST_EXTRA_HCSM][1], y)[x];
+
+        assert_true(hcsm == SST_LABEL_NONE || hcsm == sst_map_u8_row(&extras.map[SST_EXTRA_INITIAL][1], y)[x]);
+        assert_true(x >= 10 || hcsm == SST_LABEL_NONE); /* what the camera did not see */
+    }
+    sst_process_extras_fini(&extras);
+    sst_lightfield_fini(&full);
+    sst_lightfield_fini(&plain);
+}
+
+static void external_maps_are_kept(void **state SST_UNUSED)
+{
+    struct sst_process_config cfg = config(2);
+    struct sst_process_extras extras = { 0 };
+    struct sst_process_report report;
+    struct sst_lightfield lf;
+
+    copy_views(&lf);
+    for (int k = 0; k < SIDE * SIDE - 1; k++) {
+        assert_int_equal(sst_map_u8_init(&lf.views[k].label, WIDTH, HEIGHT), 0);
+        assert_int_equal(sst_map_u16_init(&lf.views[k].disp, WIDTH, HEIGHT), 0);
+        for (int y = 0; y < HEIGHT; y++) {
+            memset(sst_map_u8_row(&lf.views[k].label, y), 5, WIDTH);
+            memset(sst_map_u16_row(&lf.views[k].disp, y), 1, 2 * WIDTH);
+        }
+    }
+    cfg.model = NULL;
+    cfg.keep_disparity = true;
+    assert_int_equal(sst_process(&lf, &cfg, &extras, &report), 0);
+    assert_true(isnan(report.eps_h) && isnan(report.confirmed) && report.disp_min_px == report.disp_max_px);
+    assert_true(report.coverage_hcsm == 100 && report.coverage_refined == 100);
+    assert_null(extras.map[0]);
+    assert_int_equal(sst_map_u8_row(&lf.views[0].label, 7)[9], 5);
+    assert_int_equal(sst_map_u16_row(&lf.views[0].disp, 7)[9], 0x0101);
+    assert_null(lf.views[0].confidence.data);
+    sst_process_extras_fini(&extras);
+    sst_lightfield_fini(&lf);
+}
+
+static void a_cancelled_run_stops(void **state SST_UNUSED)
+{
+    const _Atomic bool cancel = true;
+    struct sst_process_config cfg = config(2);
+    struct sst_lightfield lf;
+
+    copy_views(&lf);
+    cfg.cancel = &cancel;
+    assert_int_equal(sst_process(&lf, &cfg, NULL, NULL), -ECANCELED);
+    cfg.model = NULL;
+    assert_int_equal(sst_process(&lf, &cfg, NULL, NULL), -ECANCELED);
+    sst_lightfield_fini(&lf);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(labels_without_extras_are_the_same),
+        cmocka_unit_test(external_maps_are_kept),
+        cmocka_unit_test(a_cancelled_run_stops),
+    };
+
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
