@@ -282,7 +282,7 @@ fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of net
 	done
 
 # Each header compiles alone; those that a .c includes several times with other macros (templates) do not.
-HEADERS := $(filter-out %_tmpl.h %/templates.h,$(wildcard $(foreach d,base config drivers capture pipeline daemon cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
+HEADERS := $(filter-out %_tmpl.h %/templates.h,$(wildcard $(foreach d,base config drivers capture pipeline client daemon publishers cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
 $(BUILD)/headers/%.h.ok: %.h
 	@mkdir -p $(@D)
 	@echo '#include "$<"' | $(CC) -std=c11 -D_DEFAULT_SOURCE -I. -Wall -Werror -fsyntax-only -MMD -MP -MT $@ -MF $(@:.ok=.d) -x c -

@@ -9,12 +9,14 @@ deny() { # folder, regex of includes it must not have
     echo "error: $1 must not include $2" >&2; bad=1
   fi
 }
-deny base 'config|drivers|capture|pipeline|daemon|cli|simulators'
+deny base 'config|drivers|capture|pipeline|client|daemon|publishers|cli|simulators'
 deny config 'drivers|capture|pipeline|daemon|cli|simulators'
 deny pipeline 'config|drivers|capture|daemon|cli|simulators'
 deny drivers 'config|capture|pipeline|daemon|cli|simulators'
 deny capture 'daemon|cli|simulators'
-deny daemon 'cli|simulators'
+deny daemon 'client|publishers|cli|simulators'
 deny cli 'daemon|simulators/(scene/world|devices|rig)'
+deny client 'config|drivers|capture|pipeline|daemon|publishers|cli|simulators'
+deny publishers 'drivers|capture|cli|simulators'
 deny simulators 'daemon|cli|drivers|capture'
 exit $bad

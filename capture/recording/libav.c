@@ -1,6 +1,5 @@
 /* What recording calls of FFmpeg, which brings more than a hundred libraries: loaded by the first call, so that what does
- * not record starts five times as fast. Without it nothing can be opened, and the rest is never reached.
- * A function of FFmpeg that is missing here is missing when the programs are linked. */
+ * not record starts five times as fast. Without it nothing can be opened, and the rest is never reached. */
 #include "base/base.h"
 
 #if WITH_AVFORMAT
@@ -74,12 +73,8 @@ LAZY(AVIOContext *, avio_alloc_context,
       int64_t (*seek_to)(void *, int64_t, int)),
      (buffer, size, writes, opaque, read_bytes, write_bytes, seek_to), NULL)
 LAZY_VOID(avio_context_free, (AVIOContext * *context), (context))
-LAZY(int, avio_open, (AVIOContext * *context, const char *url, int flags), (context, url, flags), AVERROR(ENOSYS))
-LAZY(int, avio_closep, (AVIOContext * *context), (context), AVERROR(ENOSYS))
 LAZY_VOID(avio_flush, (AVIOContext * context), (context))
 LAZY(AVPacket *, av_packet_alloc, (void), (), NULL)
-LAZY(int, av_new_packet, (AVPacket * packet, int size), (packet, size), AVERROR(ENOSYS))
-LAZY_VOID(av_packet_unref, (AVPacket * packet), (packet))
 LAZY_VOID(av_packet_free, (AVPacket * *packet), (packet))
 LAZY(unsigned, avcodec_pix_fmt_to_codec_tag, (enum AVPixelFormat format), (format), 0)
 LAZY(int, av_dict_set_int, (AVDictionary * *options, const char *key, int64_t value, int flags),
@@ -89,8 +84,6 @@ LAZY_VOID(av_packet_unref, (AVPacket * packet), (packet))
 LAZY(int, avio_open, (AVIOContext * *context, const char *url, int flags), (context, url, flags), AVERROR(ENOSYS))
 LAZY(int, avio_closep, (AVIOContext * *context), (context), AVERROR(ENOSYS))
 LAZY(int, av_dict_set, (AVDictionary * *options, const char *key, const char *value, int flags),
-     (options, key, value, flags), AVERROR(ENOSYS))
-LAZY(int, av_dict_set_int, (AVDictionary * *options, const char *key, int64_t value, int flags),
      (options, key, value, flags), AVERROR(ENOSYS))
 LAZY_VOID(av_dict_free, (AVDictionary * *options), (options))
 LAZY(AVRational, av_d2q, (double value, int max), (value, max), ((AVRational){ 0, 1 }))
