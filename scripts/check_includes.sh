@@ -11,7 +11,7 @@ deny() { # folder, regex of includes it must not have
 }
 deny base 'config|drivers|capture|pipeline|client|publishers|daemon|cli|simulators'
 deny client 'config|drivers|capture|pipeline|publishers|daemon|cli|simulators'
-deny publishers 'drivers|capture|daemon/(counters|events|publish|service|storage)|cli|simulators'
+deny publishers 'drivers|capture|daemon|cli|simulators'
 deny config 'drivers|capture|pipeline|daemon|cli|simulators'
 deny pipeline 'config|drivers|capture|daemon|cli|simulators'
 deny drivers 'config|capture|pipeline|daemon|cli|simulators'

@@ -24,8 +24,8 @@ sys.exit(not (${2:-True}))" 2>/dev/null; }
 # until_is SECONDS PATH PYTHON: the member, v, is as wanted in time. What counts is when a look began that still saw it
 # otherwise: how long it takes us to look is not the service's time.
 until_is() {
-  local start=$(now) v look
-  local otherwise=$start end=$((start + ($1 + 60) * 1000000000))
+  local start=$(now) v= look
+  local otherwise=$start end=$((start + ($1 + 30) * 1000000000))
   while look=$(now) && [ "$look" -lt $end ]; do
     if v=$(value "$2" "$3"); then
       quick $(((otherwise - start) / 1000000)) $(($1 * 1000)) || fail "$2 is $3, but too late"
@@ -35,6 +35,9 @@ until_is() {
     sleep 0.1
   done
   fail "$2 is $v, not $3: $(tail -n 3 "$log")"
+  [ -z "$v" ] || return # it answers
+  "$root/scripts/stacks.sh" "$daemon"
+  exit 1
 }
 # runs PID: and is not only waiting for its parent, which may be held up itself, to take notice of its end
 runs() {

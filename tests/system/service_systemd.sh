@@ -88,8 +88,10 @@ def ask(*args, code=0):
 def wait(seconds, what, condition):
     begin = otherwise = look = time.monotonic()
     while not condition():
-        if time.monotonic() > begin + seconds + 60:
-            return fail(f"{what}: not at all")
+        if time.monotonic() > begin + seconds + 30:
+            fail(f"{what}: not at all")
+            os.system(f"{tests}/../scripts/stacks.sh {service.pid}")
+            sys.exit(1)
         otherwise = look  # when a look began that did not find it: how long looking takes is not the service's time
         time.sleep(0.1)
         look = time.monotonic()
