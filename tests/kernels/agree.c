@@ -1,5 +1,5 @@
-/* Kernels of rays that agree, and of maps brought to full size: every level against the reference, byte for byte, and
- * the references against values by hand. */
+/* Kernels of colour agreement and of map enlargement: every level against the reference, byte for byte, and the
+ * references against hand-worked values. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -22,7 +22,7 @@ static uint32_t next_random(void)
     return seed >> 8;
 }
 
-/* Exactly n bytes from the heap: the sanitizers see what is read beyond. */
+/* Exactly n bytes from the heap: the sanitizers detect reads beyond. */
 static void *random_bytes(size_t n)
 {
     uint8_t *data = malloc(n);
@@ -236,8 +236,8 @@ static void kernels_equal_their_references(void **state SST_UNUSED)
     for_levels(check_enlarge);
 }
 
-/* Four rays: two of 100,100,100 and 104,100,100 with 2 votes each, one of 200,0,0 with 9, one that is not there. Votes
- * for the first: 24 * 2 + 22 * 2 = 92; for the third: 24 * 9 = 216; without it the first wins over its equal. */
+/* Four rays: two of 100,100,100 and 104,100,100 with 2 votes each, one of 200,0,0 with 9, one missing. Votes for the
+ * first: 24 * 2 + 22 * 2 = 92; for the third: 24 * 9 = 216; without it the first wins over its equal. */
 static void the_colour_with_most_votes_wins(void **state SST_UNUSED)
 {
     static const uint8_t seen[4][4] = { { 100, 100, 100, 2 }, { 104, 100, 100, 2 }, { 200, 0, 0, 9 }, { 1, 1, 1, 0 } };
@@ -252,7 +252,7 @@ static void the_colour_with_most_votes_wins(void **state SST_UNUSED)
     }
     sst_agree_mode_ref(mode, colour, vote, 4, 1, 64);
     assert_true(r[0] == 200 && g[0] == 0 && b[0] == 0);
-    assert_true(r[1] == 0 && g[1] == 0); /* nobody there */
+    assert_true(r[1] == 0 && g[1] == 0); /* no ray */
     vote[2 * 64] = 3;                    /* 72 */
     sst_agree_mode_ref(mode, colour, vote, 4, 1, 64);
     assert_true(r[0] == 100 && g[0] == 100 && b[0] == 100);

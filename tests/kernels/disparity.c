@@ -91,7 +91,7 @@ static void census_of_known_pixels(void **state SST_UNUSED)
 
 enum { GROUPS = SST_FEATURE_CHANNELS / 4 };
 
-/* Rows end where memory does: what a kernel reads or writes past its last pixel is caught. */
+/* Rows end at an unmapped page: accesses past the last pixel fault. */
 static uint8_t *guarded(size_t n)
 {
     const size_t page = (size_t)sysconf(_SC_PAGESIZE), bytes = (n + page - 1) / page * page;
@@ -111,7 +111,7 @@ static void unguard(uint8_t *p, size_t n)
     munmap(p + n - bytes, bytes + page);
 }
 
-/* Vectors of about unit length, whose costs fill the range; every fourth place any bytes at all. */
+/* Vectors of about unit length, whose costs fill the range; every fourth position has arbitrary bytes. */
 static void feature_costs(void **state SST_UNUSED)
 {
     static const size_t sizes[] = { 16, 48, 64, 144 }, counts[] = { 1, 2, 3, 4, 5, 8, 17 };
@@ -145,8 +145,8 @@ static void feature_costs(void **state SST_UNUSED)
     }
 }
 
-/* Unit vectors: equal ones cost 0, orthogonal and opposite ones the most; one of half the length
- * costs (127 * 127 - 127 * 64) >> 6 = 125. */
+/* Unit vectors: equal ones cost 0, orthogonal and opposite ones the maximum; one of half the length costs (127 * 127 -
+ * 127 * 64) >> 6 = 125. */
 static void feature_costs_of_known_vectors(void **state SST_UNUSED)
 {
     uint8_t a[GROUPS * 4], half[GROUPS * 4], orthogonal[GROUPS * 4], opposite[GROUPS * 4], cost[4];
@@ -198,7 +198,7 @@ static void cheapest(void **state SST_UNUSED)
     }
 }
 
-/* Means 3 (of 2 and 3, rounded up), 5, 254 (of 255 twice: never the mark of what is unseen) and 7 (equal to both). */
+/* Means 3 (of 2 and 3, rounded up), 5, 254 (of 255 twice: never the value for unseen) and 7 (equal to both). */
 static void cheapest_of_known_costs(void **state SST_UNUSED)
 {
     const uint8_t a[4] = { 2, 5, 255, 7 }, b[4] = { 3, 5, 255, 7 };

@@ -59,7 +59,7 @@ static float entropy_of(const float *p, size_t count, int top)
 static void entropies_have_known_values(void **state SST_UNUSED)
 {
     const float one_hot[] = { 0, 0, 1, 0 }, half[] = { 0.5f, 0.5f }, skew[] = { 0.25f, 0.75f }, single[] = { 1 };
-    const float sure[] = { 1, 1e-10f, 0 }; /* the other class alone tells that p is not 1 */
+    const float sure[] = { 1, 1e-10f, 0 }; /* only the other class shows that p is not 1 */
     const double e = (double)1e-10f, want = e * (1 - log(e));
     float uniform[23];
 

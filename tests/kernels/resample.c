@@ -159,7 +159,7 @@ static void reference_is_the_sum(void **state SST_UNUSED)
     munmap(g.map, g.map_size);
 }
 
-/* One place by hand, two taps: 3/4 of the way right, half way down between 10, 50 over 30, 110. Columns 20 and 80,
+/* One position by hand, two taps: 3/4 of the way right, half way down between 10, 50 over 30, 110. Columns 20 and 80,
  * value 65, in 1/128: 8320. */
 static void by_hand(void **state SST_UNUSED)
 {

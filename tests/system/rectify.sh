@@ -89,7 +89,7 @@ want 2 "too close to camera" rectify raw --calib calib.yaml --plane 1 -o bad
 sed 's/"SIM0001"/"SIMX"/; s/"SIM0002"/"SIM0001"/; s/"SIMX"/"SIM0002"/' calib.yaml >swapped.yaml
 want 3 "camera SIM0002 was calibrated at row 0, column 1, but recorded at row 0, column 2" import recording rec --sets 0 --calib swapped.yaml -o bad
 sed 's/"SIM0004"/"SIM0044"/' calib.yaml >other.yaml
-want 3 "knows camera SIM0044, but SIM0004 was recorded" import recording rec --sets 0 --calib other.yaml -o bad
+want 3 "it has camera SIM0044, but SIM0004 was recorded" import recording rec --sets 0 --calib other.yaml -o bad
 sed 's/grid: .*/grid: [2, 2]/' world.yaml >four.yaml
 "$sim" --quiet --world four.yaml --parameters four-calib.yaml || fail "parameters of four"
 want 3 "grid of 2x2 cameras, the views form one of 2x3" rectify raw --calib four-calib.yaml -o bad

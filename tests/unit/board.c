@@ -1,4 +1,4 @@
-/* Boards: text and files to boards and back, their points, markers, and what is printed. */
+/* Boards: parsing and formatting, points, markers, and printing. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -188,12 +188,12 @@ static void markers_are_numbered_as_printed(void **state SST_UNUSED)
     assert_int_equal(sst_board_markers(m, &up, false), 6);
     assert_int_equal(m[0].number, 3); /* from the lower left: the upper left is the first of the second row */
     assert_int_equal(m[3].number, 0);
-    near(m[3].corner[0][0], 50, 1e-12); /* on its head: its own upper left is at the lower right */
+    near(m[3].corner[0][0], 50, 1e-12); /* upside down: its own upper left is at the lower right */
     near(m[3].corner[0][1], 115, 1e-12);
     assert_int_equal(sst_board_markers(NULL, &charuco, false), 10);
 }
 
-/* Is the print black there, mm from the board's first point? */
+/* True if the print is black there, mm from the board's first point. */
 static bool black(const struct sst_print *p, double x, double y)
 {
     bool is = false;
@@ -259,8 +259,8 @@ static void prints_are_files(void **state SST_UNUSED)
     unlink(png);
 }
 
-/* x = (2 u + 1) / (0.1 u + 1), y = (v - 3) / (0.1 u + 1): through five points exactly, and what has no answer refused.
- */
+/* x = (2 u + 1) / (0.1 u + 1), y = (v - 3) / (0.1 u + 1): through five points exactly, and refused where there is no
+ * solution. */
 static void homographies_are_fitted(void **state SST_UNUSED)
 {
     static const double from[6][2] = { { 0, 0 }, { 4, 0 }, { 4, 3 }, { 0, 3 }, { 2, 1 }, { 1, 2 } };

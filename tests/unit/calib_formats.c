@@ -1,4 +1,4 @@
-/* Calibrations of other tools: hand-worked answers for each convention, what must be refused, and there and back. */
+/* Calibrations of other tools: hand-worked answers for each convention, refusals, and round trips. */
 #include <errno.h>
 #include <math.h>
 #include <setjmp.h>
@@ -410,7 +410,7 @@ static void every_format_reads_what_it_writes(void **state SST_UNUSED)
 
             sst_path_remove_tree(path);
             fill(&calib, lens);
-            sst_log_set_level(SST_LOG_ERROR); /* Kalibr warns of what it loses */
+            sst_log_set_level(SST_LOG_ERROR); /* the Kalibr format warns about lost data */
             assert_string_equal(sst_calib_format_for(path)->name, cases[i].format);
             assert_int_equal(sst_calib_format_for(path)->write(&calib, path, &cfg), 0);
             sst_log_set_level(SST_LOG_WARNING);
@@ -483,7 +483,7 @@ static void lens_that_fits_is_kept(void **state SST_UNUSED)
     assert_true(worst == 0 && out.lens == 0);
 }
 
-/* (1 + k1 r2) / (1 + k4 r2) with k4 = k1 is 1: the fit finds that nothing is left. */
+/* (1 + k1 r2) / (1 + k4 r2) with k4 = k1 is 1: the fit finds no distortion. */
 static void lens_that_cancels_becomes_none(void **state SST_UNUSED)
 {
     struct sst_calib_camera in = wide(), out;

@@ -1,4 +1,4 @@
-/* calib.yaml: every number comes back bit for bit, every fault is told with its place. */
+/* calib.yaml: every number survives a round trip bit for bit, every fault is reported with its position. */
 #include <errno.h>
 #include <float.h>
 #include <math.h>
@@ -165,7 +165,7 @@ static void largest_grid_fits_the_reader(void **state SST_UNUSED)
     sst_calib_fini(&calib);
 }
 
-/* What YAML cannot hold is replaced, the file stays readable. */
+/* Characters that YAML cannot represent are replaced, the file stays readable. */
 static void strange_names_are_cleaned(void **state SST_UNUSED)
 {
     static const char *const cases[][2] = {
@@ -226,7 +226,7 @@ static void hand_written_file_is_read(void **state SST_UNUSED)
     const struct sst_calib_camera *c;
 
     snprintf(good, sizeof(good), "%s", text);
-    memcpy(strstr(good, "created"), "# eated", 7); /* a moment in another form is a fault: see below */
+    memcpy(strstr(good, "created"), "# eated", 7); /* a time in another format is a fault: see below */
     assert_int_equal(sst_calib_parse(&calib, good, strlen(good), "t"), 0);
     assert_int_equal(calib.rows, 1);
     assert_int_equal(calib.cols, 2);
@@ -244,7 +244,7 @@ static void hand_written_file_is_read(void **state SST_UNUSED)
     sst_calib_fini(&calib);
 }
 
-/* The last fault's line, and whether reading left the output alone. */
+/* Checks the last fault's line, and that the output is untouched. */
 static void faults_name_their_place(void **state SST_UNUSED)
 {
     static const struct {

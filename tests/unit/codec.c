@@ -1,4 +1,4 @@
-/* pipeline/image: files to pixels and back, and what is refused. */
+/* pipeline/image: decoding, encoding, and refusals. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <ftw.h>
@@ -199,7 +199,7 @@ static void put_be32(uint8_t *out, uint32_t v)
         out[i] = (uint8_t)(v >> (24 - 8 * i));
 }
 
-/* Sizes in a header are not believed: refused before memory is taken for them. */
+/* Sizes in a header are not trusted: rejected before memory is allocated. */
 static void absurd_sizes_are_refused(void **state SST_UNUSED)
 {
     static const int sizes[][2] = {
@@ -331,7 +331,7 @@ static void failed_writes_leave_nothing(void **state SST_UNUSED)
     sst_image_fini(&a);
 }
 
-/* --- files of others ---------------------------------------------------------------------------------------------- */
+/* --- files of other programs -------------------------------------------------------------------------------------- */
 
 static int decoded, refused, compared;
 
@@ -342,7 +342,7 @@ static bool ends_in(const char *path, const char *end)
     return n >= m && !strcmp(path + n - m, end);
 }
 
-/* The reference picture beside a JPEG, made by another decoder: DCT and up-sampling may differ a little. */
+/* The reference picture beside a JPEG, decoded by another decoder: DCT and up-sampling may differ slightly. */
 static void compare_with_png(const char *path, const struct sst_image *img)
 {
     char png[SST_PATH_MAX];

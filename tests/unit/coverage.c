@@ -1,4 +1,4 @@
-/* What cameras have seen: counted, judged, told and drawn; detections kept in order and in files. */
+/* Coverage: counts, criteria, text and picture; detections sorted and in files. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -80,8 +80,8 @@ static void tilts_and_depths_are_told_apart(void **state SST_UNUSED)
     for (int i = 0; i < 5; i++)
         add(&all, seen(&all.board, 0, i, turns[i], 0, 0, i == 0 ? 500 : 1000));
     sst_coverage_count(&c, &all);
-    /* By hand: where is the board's right edge (1, 0, 0) after the turn about y by +0.5? z = -sin 0.5: nearer, the
-     * board looks to the left. */
+    /* By hand: the board's right edge (1, 0, 0) after a rotation about y by +0.5 has z = -sin 0.5: nearer, the board
+     * faces left. */
     sst_rotation_from_vector(turns[1], r);
     for (int i = 0; i < 3; i++)
         corner[i] = r[3 * i];
@@ -96,7 +96,7 @@ static void tilts_and_depths_are_told_apart(void **state SST_UNUSED)
     assert_int_equal(c.tilt[1], 1); /* left */
     add(&all, seen(&all.board, 0, 1, turns[3], 0, 0, 1000));
     sst_coverage_count(&c, &all);
-    /* (0, 1, 0) turned about x by +0.5: z = sin 0.5, the lower side is farther, the board looks down. */
+    /* (0, 1, 0) rotated about x by +0.5: z = sin 0.5, the lower side is farther, the board faces down. */
     assert_int_equal(c.tilt[4], 1);
     sst_detections_fini(&all);
 
@@ -143,7 +143,7 @@ static void what_is_missing_is_told(void **state SST_UNUSED)
     sst_detections_fini(&all);
 }
 
-/* Share of pixels that are more red than anything else. */
+/* Fraction of predominantly red pixels. */
 static double redness(const struct sst_image *img, int x0, int x1)
 {
     double red = 0;
@@ -182,7 +182,7 @@ static void the_picture_shows_it(void **state SST_UNUSED)
     }
 }
 
-/* --- detections -------------------------------------------------------------------------------------------------- */
+/* --- detections --------------------------------------------------------------------------------------------------- */
 
 static void detections_are_kept_in_order(void **state SST_UNUSED)
 {
@@ -212,7 +212,7 @@ static void detections_are_kept_in_order(void **state SST_UNUSED)
     sst_detections_fini(&all);
 }
 
-/* A board that looks the same after half (or a quarter) of a turn, each view with another idea of which way it is. */
+/* A board with rotational symmetry (half or a quarter of a turn), numbered differently in each view. */
 static void views_of_a_frame_number_alike(void **state SST_UNUSED)
 {
     static const struct {

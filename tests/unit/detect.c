@@ -1,4 +1,4 @@
-/* Boards in pictures whose truth is known: places, numbers, blur, and what must not be found. */
+/* Detection of boards in pictures with known truth: positions, numbers, blur, and false detections. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -95,7 +95,7 @@ static void report(const char *what, const struct errors *e)
                   sqrt(e->square / 2 / fmax(e->points, 1)), e->worst);
 }
 
-/* --- places ------------------------------------------------------------------------------------------------------ */
+/* --- places ------------------------------------------------------------------------------------------------------- */
 
 static void place(struct board_scene *s, const char *text, double size_mm, int width)
 {
@@ -150,7 +150,7 @@ static void exact_pictures_give_exact_points(void **state SST_UNUSED)
     }
 }
 
-/* --- numbers ----------------------------------------------------------------------------------------------------- */
+/* --- numbers ------------------------------------------------------------------------------------------------------ */
 
 static void partial_and_turned_boards_keep_their_numbers(void **state SST_UNUSED)
 {
@@ -269,7 +269,7 @@ static void another_board_is_not_taken_for_ours(void **state SST_UNUSED)
     }
 }
 
-/* --- blur -------------------------------------------------------------------------------------------------------- */
+/* --- blur --------------------------------------------------------------------------------------------------------- */
 
 static void blur_is_measured(void **state SST_UNUSED)
 {
@@ -310,7 +310,7 @@ static void blur_is_measured(void **state SST_UNUSED)
     }
 }
 
-/* --- hostile pictures -------------------------------------------------------------------------------------------- */
+/* --- hostile pictures --------------------------------------------------------------------------------------------- */
 
 static void fill(struct sst_image *img, int how)
 {
@@ -384,7 +384,7 @@ static void large_pictures_are_as_exact(void **state SST_UNUSED)
     }
 }
 
-/* One picture, looked at from several threads. */
+/* One picture, searched by several threads. */
 struct looks {
     const struct sst_board *board;
     const struct sst_image *img;

@@ -1,4 +1,4 @@
-/* tests/unit/sim_gpio.c - simulated GPIO chips answer as the kernel's gpiolib does, in both versions of its uAPI. */
+/* tests/unit/sim_gpio.c - simulated GPIO chips behave like the kernel's gpiolib, in both versions of its uAPI. */
 #include <errno.h>
 #include <linux/gpio.h>
 #include <setjmp.h>
@@ -12,7 +12,7 @@
 
 #define US 1000LL
 
-static int pins;     /* changes told through the hook ... */
+static int pins;     /* changes reported by the callback ... ... */
 static int last_pin; /* ... and the last of them */
 static bool last_level;
 static int64_t last_t_ns;
@@ -156,7 +156,7 @@ static void refuses_what_the_kernel_refuses(void **state)
     event.handleflags = GPIOHANDLE_REQUEST_INPUT;
     event.eventflags = 4;
     assert_int_equal(ask(chip, GPIO_GET_LINEEVENT_IOCTL, &event, 0), -EINVAL);
-    /* Nothing that was refused holds a line. */
+    /* Refused requests hold no lines. */
     assert_int_equal(take(chip, "0123", GPIO_V2_LINE_FLAG_INPUT, 0, &lines), 0);
     sst_sim_gpio_destroy(gpio);
 }
@@ -209,7 +209,7 @@ static void flags_change_what_values_mean(void **state)
     assert_int_equal(info.flags, GPIO_V2_LINE_FLAG_USED | config.flags);
     assert_string_equal(info.consumer, "test");
     sst_sim_gpio_close(lines, 3);
-    /* An open drain lets go of the wire for 1. */
+    /* An open drain releases the wire for 1. */
     assert_int_equal(take(chip, "1", GPIO_V2_LINE_FLAG_OUTPUT | GPIO_V2_LINE_FLAG_OPEN_DRAIN, 1, &lines), 0);
     assert_int_equal(get(lines, 1), 0);
     sst_sim_gpio_destroy(gpio);
@@ -231,7 +231,7 @@ static void edges_carry_time_and_count(void **state)
     }
     assert_true(sst_sim_gpio_readable(in));
     assert_int_equal(sst_sim_gpio_read(in, event, sizeof(event[0]) - 1), -EINVAL);
-    /* 16 places: the four oldest are gone, and the count says so. */
+    /* 16 entries: the four oldest are dropped and counted. */
     assert_int_equal(sst_sim_gpio_read(in, event, sizeof(event)), sizeof(event));
     for (uint32_t i = 0; i < 3; i++) {
         assert_int_equal(event[i].id, GPIO_V2_LINE_EVENT_RISING_EDGE);
@@ -348,7 +348,7 @@ static void faults_show(void **state)
     assert_int_equal(sst_sim_gpio_fault(gpio, 1, SST_SIM_GPIO_BUSY, 0, 0), 0);
     assert_int_equal(take(chip, "0", GPIO_V2_LINE_FLAG_OUTPUT, 0, &out), 0);
     assert_int_equal(take(chip, "3", GPIO_V2_LINE_FLAG_INPUT | GPIO_V2_LINE_FLAG_EDGE_RISING, 0, &in), 0);
-    /* Stuck: the value is taken, the pin stays. */
+    /* Stuck: the value is accepted, the pin does not change. */
     assert_int_equal(sst_sim_gpio_fault(gpio, 1, SST_SIM_GPIO_STUCK, 1, 0), 0);
     assert_int_equal(set(out, 1, 1, 1), 0);
     assert_int_equal(pins, 0);
@@ -356,7 +356,7 @@ static void faults_show(void **state)
     assert_int_equal(sst_sim_gpio_fault(gpio, 1, SST_SIM_GPIO_STUCK, 0, 2), 0);
     assert_int_equal(get(out, 1), 1);
     assert_int_equal(set(out, 1, 0, 3), 0);
-    /* Half of the edges get lost, the same ones each time. */
+    /* Half of the edges are lost, the same ones each time. */
     assert_int_equal(sst_sim_gpio_read(in, event, sizeof(event)), sizeof(event[0]));
     assert_int_equal(sst_sim_gpio_fault(gpio, 1, SST_SIM_GPIO_LOST_EDGES, 0.5, 0), 0);
     for (int i = 0; i < 16; i++) {
@@ -365,7 +365,7 @@ static void faults_show(void **state)
     }
     bytes = sst_sim_gpio_read(in, event, sizeof(event));
     assert_in_range(bytes / (int)sizeof(event[0]), 3, 13);
-    /* Vanished: what is open answers ENODEV, also when the chip is back. */
+    /* Vanished: open files return ENODEV, even after the chip's return. */
     assert_int_equal(set(out, 1, 1, 5), 0);
     assert_int_equal(sst_sim_gpio_fault(gpio, 1, SST_SIM_GPIO_VANISH, 1, 6), 0);
     assert_false(last_level);

@@ -1,5 +1,5 @@
-/* Simulated geometry against its truth: points where K, R, t and distortion put them, disparity of an ideal array, what
- * moves drawn like the whole, the rolling shutter, the rig's pose, and boards that OpenCV reads. */
+/* Simulated geometry against its truth: projected points, disparity of an ideal array, incremental drawing of motion,
+ * the rolling shutter, the rig's pose, and boards read by OpenCV. */
 #include "tests/sim_truth.h"
 
 #include <sys/wait.h>
@@ -66,7 +66,7 @@ static void corners_are_where_the_truth_puts_them(void **state SST_UNUSED)
     sst_sim_world_close(w);
 }
 
-/* --- an ideal array is the scene --------------------------------------------------------------------------------- */
+/* --- an ideal array is the scene ---------------------------------------------------------------------------------- */
 
 static void scene_view(const char *name, double time_s, int rows, int cols, double bx, double by, int width, int height,
                        struct sst_image *image, struct sst_map_f32 *disp)
@@ -143,7 +143,7 @@ static void an_ideal_array_has_the_scenes_views_and_disparity(void **state SST_U
     sst_sim_world_close(w);
 }
 
-/* --- what moves -------------------------------------------------------------------------------------------------- */
+/* --- what moves --------------------------------------------------------------------------------------------------- */
 
 static void build(struct sst_scene_world *w, const char *scene, double time_s)
 {
@@ -285,7 +285,7 @@ static void the_rigs_pose_decides_the_view(void **state SST_UNUSED)
     sst_sim_world_close(w);
 }
 
-/* --- boards ------------------------------------------------------------------------------------------------------ */
+/* --- boards ------------------------------------------------------------------------------------------------------- */
 
 /* Frames of each kind of board are left in the folder, and OpenCV's Python module looks for the boards in them. */
 static void opencv_reads_the_boards(void **state SST_UNUSED)

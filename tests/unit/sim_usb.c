@@ -1,4 +1,4 @@
-/* tests/unit/sim_usb.c - the simulated USB tree: who comes and goes together, who fits, what descriptors say. */
+/* tests/unit/sim_usb.c - the simulated USB tree: plugging, bandwidth, descriptors. */
 #include <errno.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -163,7 +163,7 @@ static void bandwidth_runs_out(void **state)
     assert_int_equal(sst_sim_usb_stream(usb, sst_sim_usb_camera(usb, 4), 8192000), -ENOSPC);
     assert_int_equal(sst_sim_usb_stream(usb, sst_sim_usb_camera(usb, 4), 1000000), 0); /* alt 1: 128 bytes, 3.2 us */
     assert_int_equal(sst_sim_usb_stream(usb, sst_sim_usb_camera(usb, 4), 30000000), -EIO); /* above 24.6 MB/s */
-    sst_sim_usb_plug(usb, sst_sim_usb_camera(usb, 2), false);                              /* what leaves gives back */
+    sst_sim_usb_plug(usb, sst_sim_usb_camera(usb, 2), false); /* an unplugged camera releases its bandwidth */
     assert_int_equal(sst_sim_usb_stream(usb, sst_sim_usb_camera(usb, 5), 7000000), 0);
     sst_sim_usb_destroy(usb);
     usb = tree("wide", 36);
@@ -244,7 +244,7 @@ static void control_transfers_answer(void **state)
     assert_memory_equal(triple, "\x0e\x02\0", 3);
     assert_int_equal(ask(usb, hub, SETUP(0xa0, 6, 0, 0x29, 0, 0, 15, 0), data), 9);
     assert_int_equal(data[2], 4);
-    assert_int_equal(data[3] & 3, 1); /* power by the port */
+    assert_int_equal(data[3] & 3, 1); /* power per port */
     assert_int_equal(ask(usb, hub, SETUP(0xa3, 0, 0, 0, 2, 0, 4, 0), data), 4);
     assert_memory_equal(data, "\x03\x05\0\0", 4); /* connected, enabled; power, high speed */
     assert_int_equal(ask(usb, hub, SETUP(0xa3, 0, 0, 0, 3, 0, 4, 0), data), 4);

@@ -1,5 +1,5 @@
 /* Simulated frames: valid JPEG with its strip at any quality and size, other formats, light, the loop's time, the
- * cache, and what world files may not say. */
+ * cache, and invalid world files. */
 #include "tests/sim_test.h"
 
 #include <dirent.h>
@@ -17,7 +17,7 @@ static const struct sst_sim_exposure example = {
 
 #define SMALL "scene: cat\ngrid: [1, 2]\nsize: [160, 192]\n"
 
-/* --- JPEG -------------------------------------------------------------------------------------------------------- */
+/* --- JPEG --------------------------------------------------------------------------------------------------------- */
 
 static void any_quality_and_width_makes_valid_frames(void **state SST_UNUSED)
 {
@@ -72,7 +72,7 @@ static void a_picture_without_room_for_the_strip_is_refused(void **state SST_UNU
     sst_image_fini(&image);
 }
 
-/* --- formats ----------------------------------------------------------------------------------------------------- */
+/* --- formats ------------------------------------------------------------------------------------------------------ */
 
 /* A red, a green, a blue and a white pixel: Y = 76, 150, 29, 255 (BT.601, full range). */
 static void formats_are_packed_as_v4l2_says(void **state SST_UNUSED)
@@ -138,7 +138,7 @@ static void every_format_and_size_carries_the_strip(void **state SST_UNUSED)
     assert_int_equal(n, 3); /* 640x480, 480x360, 320x240; 160x120 has no room for a strip of 96 rows */
     assert_int_equal(sizes[0][0], 640);
     assert_int_equal(sizes[2][1], 240);
-    for (int i = 0; i < 2 * (int)ARRAY_LEN(formats) * n; i++) { /* the second time from what was made */
+    for (int i = 0; i < 2 * (int)ARRAY_LEN(formats) * n; i++) { /* the second time from the cache */
         const uint32_t fourcc = formats[i % (int)ARRAY_LEN(formats)];
         const int *size = sizes[i / (int)ARRAY_LEN(formats) % n], width = size[0], height = size[1];
         const size_t bytes = sim_frame(w, &example, fourcc, width, height);
@@ -189,7 +189,7 @@ static void what_no_camera_offers_is_refused(void **state SST_UNUSED)
     sst_sim_world_close(w);
 }
 
-/* --- light and time ---------------------------------------------------------------------------------------------- */
+/* --- light and time ----------------------------------------------------------------------------------------------- */
 
 /* Mean of the grey frame below the strip. */
 static double mean_grey(struct sst_sim_world *w, const struct sst_sim_exposure *e)
@@ -242,14 +242,14 @@ static void the_loop_follows_time_and_a_trigger_shows_one_frame(void **state SST
     assert_int_equal(picture(w, 0, 3, 1299 * ms), first); /* the frame lasts 100 ms */
     assert_int_equal(picture(w, 0, 4, 1600 * ms), first); /* the loop 400 ms */
     assert_int_equal(picture(w, 0, 5, 1200 * ms + 400000 * ms), first);
-    /* One trigger whose exposures lie around the change: whoever comes first decides. */
+    /* One trigger with exposures around the change: the first camera decides. */
     assert_int_equal(picture(w, 0, 6, 1700 * ms - 1000), first);
     assert_true(picture(w, 1, 6, 1700 * ms + 1000) == picture(w, 1, 7, 1200 * ms));
     assert_true(picture(w, 1, 7, 1700 * ms + 1000) == picture(w, 1, 8, 1300 * ms)); /* another trigger */
     sst_sim_world_close(w);
 }
 
-/* --- seed and cache ---------------------------------------------------------------------------------------------- */
+/* --- seed and cache ----------------------------------------------------------------------------------------------- */
 
 #define NOISY                                                                                                          \
     "scene: cell\ngrid: [1, 2]\nsize: [160, 192]\nsensor: {full_well_e: 5000, read_noise_e: 5,\n"                      \
@@ -335,8 +335,8 @@ static void cached(const char *name, time_t used)
     assert_int_equal(utimensat(AT_FDCWD, sim_path(name), times, 0), 0);
 }
 
-/** Before a loop is written: what killed programs left goes, and of 20 loops the 15 used last stay beside the new one.
- */
+/** Before a loop is written, leftovers of killed programs are removed, and of 20 loops the 15 used last are kept
+ *  beside the new one. */
 static void the_cache_does_not_grow_for_ever(void **state SST_UNUSED)
 {
     const time_t now = time(NULL);
@@ -359,7 +359,7 @@ static void the_cache_does_not_grow_for_ever(void **state SST_UNUSED)
     assert_true(sst_path_exists(sim_path("notes.txt")));
 }
 
-/* --- world files ------------------------------------------------------------------------------------------------- */
+/* --- world files -------------------------------------------------------------------------------------------------- */
 
 static void a_fault_in_a_world_file_is_named_with_its_place(void **state SST_UNUSED)
 {

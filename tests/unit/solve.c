@@ -15,7 +15,8 @@
 
 #define assert_near(a, b, within) assert_true(fabs((double)(a) - (double)(b)) <= (within))
 
-/* Largest distance (px) of where solved and true cameras see points before them, both from the reference camera. */
+/* Largest distance (px) between the projections of points by solved and true cameras, both relative to the reference
+ * camera. */
 static double worst_px(const struct truth *t, const struct sst_solution *s)
 {
     double worst = 0;
@@ -71,7 +72,7 @@ static void exact_corners_give_exact_cameras(void **state)
     truth_free(&t);
 }
 
-/* The RMS is what the noise and the number of states let expect, and so are noise and warp. */
+/* The RMS matches the noise and the number of states, and noise and warp match the truth. */
 static void residuals_are_as_predicted(void **state)
 {
     struct truth_config cfg = truth_defaults();
@@ -110,7 +111,7 @@ static void residuals_are_as_predicted(void **state)
     truth_free(&t);
 }
 
-/* Corners that were moved are found, and nearly nothing else. */
+/* Moved corners are found as outliers, and almost no others. */
 static void outliers_are_found(void **state)
 {
     struct truth_config cfg = truth_small();
@@ -245,7 +246,7 @@ static void lenses_can_be_kept(void **state)
     truth_free(&t);
 }
 
-/* A rig: one lens, and its places against the drives'. */
+/* A rig: one lens, and its positions against the drives'. */
 static void rig_has_one_lens(void **state)
 {
     struct truth_config cfg = truth_small();

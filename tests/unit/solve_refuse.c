@@ -1,4 +1,4 @@
-/* Captures that are wrong: refused with a sentence that names what, where and how much; never fitted in silence. */
+/* Faulty captures are refused with a message naming what, where and how much; never fitted silently. */
 #include <errno.h>
 #include <math.h>
 #include <setjmp.h>
@@ -14,7 +14,7 @@
 
 static char said[SST_LOG_MAX];
 
-/* The error, or 0; what was said. */
+/* Solve and capture the log. @return the error, or 0 */
 static int solve(const struct truth *t, const struct sst_solve_config *cfg, struct sst_solution *s)
 {
     char *before = sst_log_hold_errors(said);
@@ -76,7 +76,7 @@ static struct sst_detection *find(struct truth *t, int view, int frame)
     return NULL;
 }
 
-/* Keep the detections for which keep() says so. */
+/* Keep the detections that keep() selects. */
 static void keep_only(struct truth *t, bool (*keep)(const struct sst_detection *d))
 {
     int n = 0;
@@ -211,7 +211,7 @@ static void corners_not_finite(void **state)
     }
 }
 
-/* Pictures of another size than the file says; a corner that is nowhere near its picture. */
+/* Pictures of another size than in the file; a corner far outside its picture. */
 static void corners_outside(void **state)
 {
     const struct truth_config cfg = truth_small();
@@ -353,7 +353,7 @@ static void camera_moved(void **state)
     }
 }
 
-/* Of two cameras one moved: which, nobody can say. */
+/* One of two cameras moved: which one cannot be determined. */
 static void one_of_two_moved(void **state)
 {
     struct truth_config cfg = truth_small();
@@ -413,7 +413,7 @@ static void mirrored_and_renumbered(void **state)
     truth_free(&t);
 }
 
-/* In frame 7 the board moves while the cameras take it one after the other. */
+/* In frame 7 the board moves while the cameras expose one after the other. */
 static void board_moved(void **state)
 {
     const struct truth_config cfg = six();
@@ -438,7 +438,7 @@ static void board_moved(void **state)
     truth_free(&t);
 }
 
-/* A camera that sees nonsense does not pull the others. */
+/* A camera with garbage does not affect the others. */
 static void bad_camera_pulls_nobody(void **state)
 {
     const struct truth_config cfg = six();
