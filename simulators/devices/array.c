@@ -81,7 +81,8 @@ const struct sim_bus *sim_array_bus(const struct sim_array *a)
     return &a->bus;
 }
 
-int sim_array_body(const struct sim_array *a, int cam)
+/* Which camera is plugged in where camera `cam` should be. */
+static int array_body(const struct sim_array *a, int cam)
 {
     const int body = cam + (int)sim_fault_value(a->cfg.faults, a->scope, cam, SST_SIM_FAULT_SWAP);
 
@@ -90,7 +91,7 @@ int sim_array_body(const struct sim_array *a, int cam)
 
 int sim_cam_body(const struct sim_cam *cam)
 {
-    return sim_array_body(cam->array, cam->index);
+    return array_body(cam->array, cam->index);
 }
 
 void sim_array_truth(struct sim_array *a, const struct sim_cam *cam, const struct sim_shot *shot, int64_t stamp_ns,
@@ -164,7 +165,7 @@ static int fault_changed(void *arg, int instance, int fault, double value)
         return sim_array_plug(a, instance, value == 0);
     sim_cam_fault_set(&a->cam[instance], fault, value);
     if (fault == SST_SIM_FAULT_SWAP && a->bus.swapped)
-        a->bus.swapped(a->bus.arg, instance, sim_array_body(a, instance));
+        a->bus.swapped(a->bus.arg, instance, array_body(a, instance));
     return 0;
 }
 

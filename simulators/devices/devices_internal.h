@@ -190,8 +190,6 @@ SST_MUST_CHECK int sim_server_open(struct sim_server **out, const char *dir, con
 /** Drops all handles, removes all nodes. NULL is fine. */
 void sim_server_close(struct sim_server *s);
 
-const char *sim_server_dir(const struct sim_server *s);
-
 /** Have fn called when fd is readable; NULL ends that. The caller owns fd. @return 0 or -errno. */
 SST_MUST_CHECK int sim_watch(struct sim_server *s, int fd, void (*fn)(void *arg), void *arg);
 
@@ -251,9 +249,6 @@ int sim_array_cameras(const struct sim_array *a);
 const struct sst_sim_usb *sim_array_usb(const struct sim_array *a);
 /** N of /dev/videoN, -1: unplugged. */
 int sim_array_node(const struct sim_array *a, int cam);
-
-/** Which camera is plugged in where camera `cam` should be: another one with fault "swap". */
-int sim_array_body(const struct sim_array *a, int cam);
 
 /**
  * A rising edge on a trigger line at t_ns (CLOCK_MONOTONIC): cameras in trigger mode 1 expose after their delay.
@@ -490,7 +485,7 @@ extern const struct sim_ops sim_cam_ops;
 
 /*
  * Paths are those that programs see, "/sys/devices/...". What cannot be written (a full disk) is logged once and seen
- * by programs as missing; sim_sysfs_error() tells it.
+ * by programs as missing; `err` is the first failure.
  */
 struct sim_sysfs; /* opaque; simulator's thread */
 
@@ -498,8 +493,6 @@ struct sim_sysfs; /* opaque; simulator's thread */
  *  @return 0 or -errno, logged. */
 SST_MUST_CHECK int sim_sysfs_open(struct sim_sysfs **out, struct sim_server *server);
 void sim_sysfs_close(struct sim_sysfs *fs);
-struct sim_server *sim_sysfs_server(const struct sim_sysfs *fs);
-int sim_sysfs_error(const struct sim_sysfs *fs); /* the first, or 0 */
 
 /* --- entries ------------------------------------------------------------------------------------------------------ */
 
@@ -536,9 +529,6 @@ SST_PRINTF(2, 3) void sim_props_add(struct sim_props *props, const char *fmt, ..
  */
 void sim_uevent(struct sim_sysfs *fs, const char *action, const char *devpath, const struct sim_props *kernel,
                 const char *id, const struct sim_props *udev);
-
-/** udev's data alone, without an event. udev NULL: removed. */
-void sim_udev_data(struct sim_sysfs *fs, const char *id, const struct sim_props *udev);
 
 /* --- gpio_front: simulated GPIO chips as programs of a session see them. --- */
 
@@ -771,8 +761,8 @@ struct sim_listener;
 struct sim_sysfs {
     struct sim_server *server;
     char root[SST_PATH_MAX]; /* the session's folder */
-    int err;
-    uint64_t sequence; /* of events */
+    int err;                 /* the first, or 0 */
+    uint64_t sequence;       /* of events */
     struct sim_node *events;
     struct sim_listener *listeners;
     struct sim_timer retry;
@@ -803,8 +793,6 @@ struct sim_usb_front_config {
 /** Make controllers, hubs and cameras appear; `works` is not called. @return 0, -EINVAL (layout), -errno; logged. */
 SST_MUST_CHECK int sim_usb_front_open(struct sim_usb_front **out, const struct sim_usb_front_config *cfg);
 void sim_usb_front_close(struct sim_usb_front *front);
-
-struct sst_sim_usb *sim_usb_front_model(struct sim_usb_front *front);
 
 /**
  * A camera's /dev/videoN is there, or has gone: shown in /sys and told by udev. Where the bus did not ask for it the
@@ -861,8 +849,6 @@ void usb_sysfs_remove(struct sim_usb_front *front, int device);
 void usb_sysfs_bound(struct sim_usb_front *front, int device, int interface);
 void usb_sysfs_changed(struct sim_usb_front *front, int device);
 void usb_sysfs_video(struct sim_usb_front *front, int device, bool present, int node);
-/** Folder of a device in /sys. */
-void usb_sysfs_dir(const struct sim_usb_front *front, int device, char out[SST_PATH_MAX]);
 /** "1-2:1.0" */
 void usb_interface_name(const struct sst_sim_usb_device *d, int interface, char *out, size_t size);
 

@@ -109,8 +109,8 @@ static void after_call(struct sim_gpio_front *front)
     const int64_t due = sst_sim_gpio_due(front->gpio);
 
     if (due == INT64_MAX)
-        sim_timer_stop(sim_sysfs_server(front->cfg.sysfs), &front->debounce);
-    else if (sim_timer_set(sim_sysfs_server(front->cfg.sysfs), &front->debounce, due) < 0)
+        sim_timer_stop(front->cfg.sysfs->server, &front->debounce);
+    else if (sim_timer_set(front->cfg.sysfs->server, &front->debounce, due) < 0)
         sst_log_warning("GPIO: debouncing is late: no memory");
 }
 
@@ -253,8 +253,8 @@ static int appear(struct chip *chip)
     int err;
 
     snprintf(path, sizeof(path), "/dev/gpiochip%d", chip->number);
-    err = sim_node_add(sim_sysfs_server(chip->front->cfg.sysfs), &chip->node, path, CHARDEV_MAJOR,
-                       (unsigned)chip->number, &chip_ops, chip);
+    err = sim_node_add(chip->front->cfg.sysfs->server, &chip->node, path, CHARDEV_MAJOR, (unsigned)chip->number,
+                       &chip_ops, chip);
     if (!err)
         show_in_sysfs(chip, true);
     return err;
@@ -265,7 +265,7 @@ static void disappear(struct chip *chip)
 {
     struct open_file *f = chip->front->files;
 
-    sim_node_remove(sim_sysfs_server(chip->front->cfg.sysfs), chip->node);
+    sim_node_remove(chip->front->cfg.sysfs->server, chip->node);
     chip->node = NULL;
     show_in_sysfs(chip, false);
     for (f = chip->front->files; f;) {
@@ -380,10 +380,10 @@ void sim_gpio_front_close(struct sim_gpio_front *front)
         return;
     for (int i = 0; i < CHIPS; i++)
         if (front->chip[i].node)
-            sim_node_remove(sim_sysfs_server(front->cfg.sysfs), front->chip[i].node);
+            sim_node_remove(front->cfg.sysfs->server, front->chip[i].node);
     while (front->files)
         sim_handle_drop(front->files->handle);
-    sim_timer_stop(sim_sysfs_server(front->cfg.sysfs), &front->debounce);
+    sim_timer_stop(front->cfg.sysfs->server, &front->debounce);
     sst_sim_gpio_destroy(front->gpio);
     free(front);
 }

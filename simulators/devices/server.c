@@ -477,8 +477,3 @@ void sim_server_close(struct sim_server *s)
     free(s->heap);
     free(s);
 }
-
-const char *sim_server_dir(const struct sim_server *s)
-{
-    return s->dir;
-}

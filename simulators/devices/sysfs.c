@@ -5,7 +5,6 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <ftw.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -160,21 +159,12 @@ void sim_sysfs_link(struct sim_sysfs *fs, const char *path, const char *target)
     put_link(fs, path, real, relative);
 }
 
-static int remove_entry(const char *path, const struct stat *st, int type, struct FTW *walk)
-{
-    (void)st;
-    (void)type;
-    (void)walk;
-    (void)remove(path);
-    return 0;
-}
-
 void sim_sysfs_remove(struct sim_sysfs *fs, const char *path)
 {
     char real[SST_PATH_MAX];
 
     if (snprintf(real, sizeof(real), "%s%s", fs->root, path) < (int)sizeof(real))
-        (void)nftw(real, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+        sst_path_remove_tree(real);
 }
 
 /* --- the machine's own -------------------------------------------------------------------------------------------- */
@@ -231,7 +221,7 @@ int sim_sysfs_open(struct sim_sysfs **out, struct sim_server *server)
     if (!fs)
         return -ENOMEM;
     fs->server = server;
-    snprintf(fs->root, sizeof(fs->root), "%s", sim_server_dir(server));
+    snprintf(fs->root, sizeof(fs->root), "%s", server->dir);
     show_through(fs, "/sys", top);
     show_through(fs, "/sys/bus", bus);
     show_through(fs, "/sys/class", class);
@@ -255,14 +245,4 @@ void sim_sysfs_close(struct sim_sysfs *fs)
         return;
     sim_events_close(fs);
     free(fs);
-}
-
-struct sim_server *sim_sysfs_server(const struct sim_sysfs *fs)
-{
-    return fs->server;
-}
-
-int sim_sysfs_error(const struct sim_sysfs *fs)
-{
-    return fs->err;
 }

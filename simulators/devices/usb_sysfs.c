@@ -7,7 +7,8 @@
 
 /* --- names -------------------------------------------------------------------------------------------------------- */
 
-void usb_sysfs_dir(const struct sim_usb_front *front, int device, char out[SST_PATH_MAX])
+/** Folder of a device in /sys. */
+static void usb_sysfs_dir(const struct sim_usb_front *front, int device, char out[SST_PATH_MAX])
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     char below[SST_PATH_MAX] = "";
