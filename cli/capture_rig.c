@@ -223,9 +223,7 @@ static void print_plan(const struct sst_rig_capture_config *cfg, const struct ss
             json_pack("{s:o, s:f, s:f, s:b, s:I}", "poses", poses, "way_mm", plan->way_mm, "seconds", plan->seconds,
                       "speed_assumed", (int)plan->speed_assumed, "bytes", (json_int_t)plan->bytes);
 
-        json_dumpf(all, stdout, JSON_INDENT(1));
-        printf("\n");
-        json_decref(all);
+        (void)cli_dump_json(all, JSON_INDENT(1));
         return;
     }
     printf("%d views, %.0f mm of way, about %.0f s after homing%s, about %.1f MB\n", plan->views, plan->way_mm,
@@ -248,9 +246,7 @@ static void print_report(const struct sst_rig_capture_config *cfg, const struct 
             (json_int_t)r->rig.lies, "camera", "frames", (json_int_t)camera->frames, "bad", (json_int_t)camera->bad,
             "lost", (json_int_t)camera->lost);
 
-        json_dumpf(all, stdout, JSON_COMPACT);
-        printf("\n");
-        json_decref(all);
+        (void)cli_dump_json(all, JSON_COMPACT);
         return;
     }
     printf("%s: %d of %d views, %d taken now, %d attempts failed (rig %d, camera %d, moved %d), homed %d times\n",

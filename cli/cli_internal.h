@@ -85,6 +85,9 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
 /** Name the command in a usage error: "sst: error: render: ..." */
 int cli_usage_error(const struct cli_command *cmd, const char *fmt, ...) SST_PRINTF(2, 3);
 
+/** Print an object on standard output by jansson's flags, with a line's end, and release it. @param root  NULL: there
+ * was no memory for it @return exit code */
+int cli_dump_json(json_t *root, size_t flags);
 /** Print an object on standard output, 9 digits a number, and give it back. @param root  NULL: there was no memory for
  * it
  *  @return exit code */
@@ -365,6 +368,10 @@ void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cf
 /** A text of a device, which may end within a character. */
 json_t *cli_text_json(const char *text);
 
+/** Is this the device that a configuration binds to a place? The serial wins where a binding has both, as in the grab.
+ */
+bool cli_is_bound(const struct sst_config_camera *c, const char *serial, const char *port);
+
 /* --- doctor: findings of sst doctor, and the checks that make them. --- */
 
 #define DOCTOR_FINDINGS_MAX 64
@@ -502,6 +509,10 @@ struct cli_place {
  */
 void cli_places(struct cli_place *place, const struct sst_array_config *cfg, const struct sst_grab_device *devices,
                 int count);
+
+/** Add "row" and "col" where the device has a place. @return `object`; NULL: no memory, `object` was released or NULL
+ */
+json_t *cli_place_json(json_t *object, struct cli_place place);
 
 /** "r0c3", or "-". */
 const char *cli_place_text(char text[16], struct cli_place place);
