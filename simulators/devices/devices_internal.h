@@ -190,7 +190,7 @@ SST_MUST_CHECK int sim_server_open(struct sim_server **out, const char *dir, con
 /** Drops all handles, removes all nodes. NULL is fine. */
 void sim_server_close(struct sim_server *s);
 
-/** Have fn called when fd is readable; NULL ends that. The caller owns fd. @return 0 or -errno. */
+/** Have fn called when fd is readable, as long as the server is open. The caller owns fd. @return 0 or -errno. */
 SST_MUST_CHECK int sim_watch(struct sim_server *s, int fd, void (*fn)(void *arg), void *arg);
 
 /** Serve until sim_server_stop(). @return 0 or -errno, logged. */
@@ -502,12 +502,12 @@ void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, con
 /** The same with bytes as they are. */
 void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes);
 /** Let programs write it; to be called once the attribute is there. node: to be removed by the caller. */
-void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *path, const struct sim_ops *ops,
-                        void *device);
-/** A link at `path` to another entry, relative as sysfs has them. */
-void sim_sysfs_link(struct sim_sysfs *fs, const char *path, const char *target);
-/** Remove a file, link or folder with all in it. */
-void sim_sysfs_remove(struct sim_sysfs *fs, const char *path);
+void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *dir, const char *name,
+                        const struct sim_ops *ops, void *device);
+/** A link in a folder to another entry, relative as sysfs has them. */
+void sim_sysfs_link(struct sim_sysfs *fs, const char *dir, const char *name, const char *target);
+/** Remove a file, link or folder with all in it. @param name  "": the folder itself */
+void sim_sysfs_remove(struct sim_sysfs *fs, const char *dir, const char *name);
 
 /* --- udev --------------------------------------------------------------------------------------------------------- */
 
@@ -619,7 +619,6 @@ struct sim_node {
 
 struct sim_watched {
     struct sim_source source;
-    int fd;
     void (*fn)(void *arg);
     void *arg;
     struct sim_watched *next;
@@ -670,10 +669,9 @@ SST_MUST_CHECK int sim_session_make(char dir[SST_PATH_MAX]);
 
 /**
  * Set up this process's environment for programs of a session: SST_SIM_DIR and LD_PRELOAD.
- * @param further  another library to preload after ours, or NULL
  * @return 0, -ENOENT (the preload library is not where it should be) or -errno, logged.
  */
-SST_MUST_CHECK int sim_session_enter(const char *dir, const char *further);
+SST_MUST_CHECK int sim_session_enter(const char *dir);
 
 /** The command that a session is there for. */
 struct sim_command {

@@ -220,28 +220,25 @@ static void show_in_sysfs(struct chip *chip, bool present)
 {
     struct sim_sysfs *fs = chip->front->cfg.sysfs;
     struct sim_props props = { .bytes = 0 }, udev = { .bytes = 0 };
-    char dir[128], link[128], number[128], id[32];
+    char dir[128], name[32], number[32], id[32];
 
     snprintf(dir, sizeof(dir), "/sys/devices/pci0000:00/0000:00:1f.0/gpiochip%d", chip->number);
-    snprintf(link, sizeof(link), "/sys/bus/gpio/devices/gpiochip%d", chip->number);
-    snprintf(number, sizeof(number), "/sys/dev/char/%d:%d", CHARDEV_MAJOR, chip->number);
+    snprintf(name, sizeof(name), "gpiochip%d", chip->number);
+    snprintf(number, sizeof(number), "%d:%d", CHARDEV_MAJOR, chip->number);
     snprintf(id, sizeof(id), "c%d:%d", CHARDEV_MAJOR, chip->number);
     sim_props_add(&props, "MAJOR=%d", CHARDEV_MAJOR);
     sim_props_add(&props, "MINOR=%d", chip->number);
     sim_props_add(&props, "DEVNAME=gpiochip%d", chip->number);
     if (present) {
-        char subsystem[160];
-
-        sim_sysfs_attr(fs, dir, "dev", "%d:%d", CHARDEV_MAJOR, chip->number);
+        sim_sysfs_attr(fs, dir, "dev", "%s", number);
         sim_sysfs_bytes(fs, dir, "uevent", props.text, props.bytes);
-        snprintf(subsystem, sizeof(subsystem), "%s/subsystem", dir);
-        sim_sysfs_link(fs, subsystem, "/sys/bus/gpio");
-        sim_sysfs_link(fs, link, dir);
-        sim_sysfs_link(fs, number, dir);
+        sim_sysfs_link(fs, dir, "subsystem", "/sys/bus/gpio");
+        sim_sysfs_link(fs, "/sys/bus/gpio/devices", name, dir);
+        sim_sysfs_link(fs, "/sys/dev/char", number, dir);
     } else {
-        sim_sysfs_remove(fs, link);
-        sim_sysfs_remove(fs, number);
-        sim_sysfs_remove(fs, dir);
+        sim_sysfs_remove(fs, "/sys/bus/gpio/devices", name);
+        sim_sysfs_remove(fs, "/sys/dev/char", number);
+        sim_sysfs_remove(fs, dir, "");
     }
     sim_props_add(&props, "SUBSYSTEM=gpio");
     sim_uevent(fs, present ? "add" : "remove", dir + strlen("/sys"), &props, id, &udev);

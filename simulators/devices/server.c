@@ -321,31 +321,17 @@ static void watched_ready(struct sim_server *s, struct sim_source *source, uint3
 
     (void)s;
     (void)events;
-    if (w->fn)
-        w->fn(w->arg);
+    w->fn(w->arg);
 }
 
 int sim_watch(struct sim_server *s, int fd, void (*fn)(void *arg), void *arg)
 {
-    struct sim_watched *w = s->watched;
+    struct sim_watched *w = calloc(1, sizeof(*w));
     int err;
 
-    while (w && w->fd != fd)
-        w = w->next;
-    if (w) {
-        w->fn = fn;
-        w->arg = arg;
-        if (fn)
-            return 0;
-        w->fd = -1; /* the record stays: an event may point to it */
-        return epoll_ctl(s->epoll, EPOLL_CTL_DEL, fd, NULL) < 0 ? -errno : 0;
-    }
-    if (!fn)
-        return 0;
-    w = calloc(1, sizeof(*w));
     if (!w)
         return -ENOMEM;
-    *w = (struct sim_watched){ .source.ready = watched_ready, .fd = fd, .fn = fn, .arg = arg, .next = s->watched };
+    *w = (struct sim_watched){ .source.ready = watched_ready, .fn = fn, .arg = arg, .next = s->watched };
     err = sim_source_add(s->epoll, fd, EPOLLIN, &w->source);
     if (err)
         free(w);

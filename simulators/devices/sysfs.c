@@ -23,12 +23,12 @@ static void failed(struct sim_sysfs *fs, const char *path, int err)
                   strerror(-err));
 }
 
-/** The real path. @return false: too long, told */
-static bool real_path(struct sim_sysfs *fs, const char *path, char out[SST_PATH_MAX])
+/** The real path of an entry. @return false: too long, told */
+static bool real_path(struct sim_sysfs *fs, const char *dir, const char *name, char out[SST_PATH_MAX])
 {
-    if (snprintf(out, SST_PATH_MAX, "%s%s", fs->root, path) < SST_PATH_MAX)
+    if (snprintf(out, SST_PATH_MAX, "%s%s/%s", fs->root, dir, name) < SST_PATH_MAX)
         return true;
-    failed(fs, path, -ENAMETOOLONG);
+    failed(fs, dir, -ENAMETOOLONG);
     return false;
 }
 
@@ -72,12 +72,12 @@ static int replace_file(const struct sim_sysfs *fs, const char *real, const void
     return !err && rename(temporary, real) < 0 ? -errno : err;
 }
 
-static void put_file(struct sim_sysfs *fs, const char *path, const void *data, size_t bytes)
+void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes)
 {
     char real[SST_PATH_MAX];
     int err;
 
-    if (!real_path(fs, path, real))
+    if (!real_path(fs, dir, name, real))
         return;
     err = write_file(real, O_EXCL, 0444, data, bytes);
     if (err == -ENOENT) {
@@ -87,16 +87,7 @@ static void put_file(struct sim_sysfs *fs, const char *path, const void *data, s
     if (err == -EEXIST)
         err = replace_file(fs, real, data, bytes);
     if (err)
-        failed(fs, path, err);
-}
-
-void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes)
-{
-    char path[SST_PATH_MAX];
-
-    if (snprintf(path, sizeof(path), "%s/%s", dir, name) >= (int)sizeof(path))
-        return failed(fs, dir, -ENAMETOOLONG);
-    put_file(fs, path, data, bytes);
+        failed(fs, real + strlen(fs->root), err);
 }
 
 void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, const char *fmt, ...)
@@ -114,13 +105,14 @@ void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, con
     sim_sysfs_bytes(fs, dir, name, text, (size_t)n);
 }
 
-void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *path, const struct sim_ops *ops,
-                        void *device)
+void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *dir, const char *name,
+                        const struct sim_ops *ops, void *device)
 {
     char real[SST_PATH_MAX];
+    const char *path = real + strlen(fs->root);
     int err;
 
-    if (!real_path(fs, path, real))
+    if (!real_path(fs, dir, name, real))
         return;
     /* The preload library knows by the sticky bit that writing asks the simulator. */
     err = chmod(real, S_ISVTX | 0644) < 0 ? -errno : sim_node_add(fs->server, node, path, 0, 0, ops, device);
@@ -128,11 +120,11 @@ void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char
         failed(fs, path, err);
 }
 
-static void put_link(struct sim_sysfs *fs, const char *path, char *real, const char *target)
+static void put_link(struct sim_sysfs *fs, char *real, const char *target)
 {
     for (int attempt = 0; symlink(target, real) < 0; attempt++) {
         if (attempt == 2 || (errno != ENOENT && errno != EEXIST))
-            return failed(fs, path, -errno);
+            return failed(fs, real + strlen(fs->root), -errno);
         if (errno == ENOENT)
             make_folders(fs, real);
         else
@@ -140,12 +132,13 @@ static void put_link(struct sim_sysfs *fs, const char *path, char *real, const c
     }
 }
 
-void sim_sysfs_link(struct sim_sysfs *fs, const char *path, const char *target)
+void sim_sysfs_link(struct sim_sysfs *fs, const char *dir, const char *name, const char *target)
 {
     char real[SST_PATH_MAX], relative[SST_PATH_MAX] = "";
+    const char *path = real + strlen(fs->root);
     size_t common = 0;
 
-    if (!real_path(fs, path, real))
+    if (!real_path(fs, dir, name, real))
         return;
     for (size_t i = 0; path[i] && path[i] == target[i]; i++)
         if (path[i] == '/')
@@ -156,14 +149,14 @@ void sim_sysfs_link(struct sim_sysfs *fs, const char *path, const char *target)
     if (strlen(relative) + strlen(target + common) >= sizeof(relative))
         return failed(fs, path, -ENAMETOOLONG);
     strcat(relative, target + common);
-    put_link(fs, path, real, relative);
+    put_link(fs, real, relative);
 }
 
-void sim_sysfs_remove(struct sim_sysfs *fs, const char *path)
+void sim_sysfs_remove(struct sim_sysfs *fs, const char *dir, const char *name)
 {
     char real[SST_PATH_MAX];
 
-    if (snprintf(real, sizeof(real), "%s%s", fs->root, path) < (int)sizeof(real))
+    if (snprintf(real, sizeof(real), "%s%s/%s", fs->root, dir, name) < (int)sizeof(real))
         sst_path_remove_tree(real);
 }
 
@@ -182,10 +175,9 @@ static void show_through(struct sim_sysfs *fs, const char *dir, const char *cons
 
         for (int i = 0; without[i]; i++)
             own = own || strcmp(e->d_name, without[i]) == 0;
-        if (own || snprintf(target, sizeof(target), "%s/%s", dir, e->d_name) >= (int)sizeof(target) ||
-            !real_path(fs, target, at))
-            continue;
-        put_link(fs, target, at, target);
+        if (!own && snprintf(target, sizeof(target), "%s/%s", dir, e->d_name) < (int)sizeof(target) &&
+            real_path(fs, dir, e->d_name, at))
+            put_link(fs, at, target);
     }
     closedir(real);
 }
@@ -199,7 +191,7 @@ static void show_numbers(struct sim_sysfs *fs)
     DIR *dir;
 
     show_through(fs, "/sys/dev/char", none);
-    if (!real_path(fs, "/sys/dev/char", real) || !(dir = opendir(real)))
+    if (!real_path(fs, "/sys/dev", "char", real) || !(dir = opendir(real)))
         return; /* the machine shows none */
     for (struct dirent *e; (e = readdir(dir));)
         for (size_t i = 0; i < ARRAY_LEN(own); i++)

@@ -128,12 +128,10 @@ static size_t flatten(char *out, size_t size, size_t at, const struct sim_props 
 /* udev's data about a device. udev NULL: removed. */
 static void udev_data(struct sim_sysfs *fs, const char *id, const struct sim_props *udev)
 {
-    char path[512];
     struct sim_props data = { .bytes = 0 };
 
     if (!udev) {
-        snprintf(path, sizeof(path), "/run/udev/data/%s", id);
-        sim_sysfs_remove(fs, path);
+        sim_sysfs_remove(fs, "/run/udev/data", id);
         return;
     }
     for (const char *line = udev->text; *line; line = strchr(line, '\n') + 1)
