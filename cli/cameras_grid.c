@@ -1,5 +1,4 @@
 /* The service's cameras as a grid of rates, as seen from behind. */
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 

@@ -8,7 +8,6 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "base/log.h"
 #include "capture/array/capture.h"
 #include "capture/recording/recorder.h"
 #include "cli/cli_internal.h"

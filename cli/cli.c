@@ -11,8 +11,6 @@
 #include "base/clock.h"
 #include "base/log.h"
 
-#define MAX_OPTIONS 64
-
 int cli_exit_code(int err)
 {
     switch (-err) {

@@ -3,7 +3,6 @@
 
 #include <stdarg.h>
 #include <stdio.h>
-#include <stdlib.h>
 
 static const char *const level_names[] = { "OK", "WARNING", "PROBLEM" };
 

@@ -9,7 +9,6 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
-#include "base/mem.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/font.h"

@@ -1,6 +1,5 @@
 /* sst plan: which cameras can stream together, before one of them is refused. */
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"

@@ -1,6 +1,5 @@
 /* Values out of one document by the table; what they must be by themselves. */
 #include <arpa/inet.h>
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

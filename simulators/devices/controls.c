@@ -1,6 +1,5 @@
 /* Controls of a simulated camera, by the rules of the kernel's control framework. */
 #include <errno.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "simulators/devices/devices_internal.h"

@@ -654,6 +654,8 @@ void sim_files_drop(struct sim_server *s, const struct sim_node *node); /* NULL:
 void sim_files_free_dead(struct sim_server *s);
 
 /* server_dev.c */
+/** Make the folders that lead to a path, whose first `base` bytes are there. @return 0 or -errno */
+SST_MUST_CHECK int sim_make_parents(char *path, size_t base);
 SST_MUST_CHECK int sim_dev_open(struct sim_server *s);
 struct sim_node *sim_node_find(struct sim_server *s, const char *path);
 

@@ -1,6 +1,5 @@
 /* When a camera exposes, and what becomes of the frame. */
 #include <errno.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>

@@ -1,6 +1,5 @@
 /* Pixel formats, sizes and frame rates of a simulated camera. */
 #include <errno.h>
-#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -32,16 +32,6 @@ static bool real_path(struct sim_sysfs *fs, const char *dir, const char *name, c
     return false;
 }
 
-/** Make the folders that lead to a real path. Failures show when something is put there. */
-static void make_folders(const struct sim_sysfs *fs, char *real)
-{
-    for (char *p = real + strlen(fs->root) + 1; (p = strchr(p, '/')); p++) {
-        *p = '\0';
-        (void)mkdir(real, 0700);
-        *p = '/';
-    }
-}
-
 static int write_file(const char *real, int flags, mode_t mode, const void *data, size_t bytes)
 {
     const int fd = open(real, O_WRONLY | O_CREAT | O_CLOEXEC | flags, mode);
@@ -81,8 +71,8 @@ void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, co
         return;
     err = write_file(real, O_EXCL, 0444, data, bytes);
     if (err == -ENOENT) {
-        make_folders(fs, real);
-        err = write_file(real, O_EXCL, 0444, data, bytes);
+        err = sim_make_parents(real, strlen(fs->root));
+        err = err ? err : write_file(real, O_EXCL, 0444, data, bytes);
     }
     if (err == -EEXIST)
         err = replace_file(fs, real, data, bytes);
@@ -125,10 +115,10 @@ static void put_link(struct sim_sysfs *fs, char *real, const char *target)
     for (int attempt = 0; symlink(target, real) < 0; attempt++) {
         if (attempt == 2 || (errno != ENOENT && errno != EEXIST))
             return failed(fs, real + strlen(fs->root), -errno);
-        if (errno == ENOENT)
-            make_folders(fs, real);
-        else
+        if (errno == EEXIST)
             (void)unlink(real);
+        else if (sim_make_parents(real, strlen(fs->root)))
+            return failed(fs, real + strlen(fs->root), -errno);
     }
 }
 

@@ -1,6 +1,5 @@
 /* simulators/devices/usb_sysfs.c - USB devices, their drivers and video nodes in /sys and in udev's data. */
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "simulators/devices/devices_internal.h"
@@ -55,11 +54,11 @@ static int minor_of(const struct sst_sim_usb_device *d)
 
 /* --- what udev knows of a device ---------------------------------------------------------------------------------- */
 
-static void underscores(char *text)
+/** Put underscores for some characters. */
+static void underscores(char *text, const char *which)
 {
-    for (; *text; text++)
-        if (*text == ' ')
-            *text = '_';
+    for (text += strcspn(text, which); *text; text += strcspn(text, which))
+        *text = '_';
 }
 
 /** "pci-0000:00:14.0-usb-0:1.2", and with the interface where there is one. */
@@ -80,8 +79,8 @@ static void add_identity(struct sim_props *udev, const struct sst_sim_usb_device
 
     snprintf(maker, sizeof(maker), "%s", sst_sim_usb_maker(d));
     snprintf(product, sizeof(product), "%s", sst_sim_usb_product(d));
-    underscores(maker);
-    underscores(product);
+    underscores(maker, " ");
+    underscores(product, " ");
     sim_props_add(udev, "ID_BUS=usb");
     sim_props_add(udev, "ID_VENDOR=%s", maker);
     sim_props_add(udev, "ID_VENDOR_ID=%02x%02x", descriptor[9], descriptor[8]);
@@ -99,14 +98,19 @@ static void add_path_id(struct sim_props *udev, const char *path)
     char tag[160];
 
     snprintf(tag, sizeof(tag), "%s", path);
-    for (char *p = tag; *p; p++)
-        if (*p == ':' || *p == '.')
-            *p = '_';
+    underscores(tag, ":.");
     sim_props_add(udev, "ID_PATH=%s", path);
     sim_props_add(udev, "ID_PATH_TAG=%s", tag);
 }
 
 /* --- properties in "uevent" --------------------------------------------------------------------------------------- */
+
+static void add_product(struct sim_props *props, const uint8_t *descriptor)
+{
+    sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8, descriptor[10] | descriptor[11] << 8,
+                  descriptor[12] | descriptor[13] << 8);
+    sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
+}
 
 static void device_props(struct sim_props *props, const struct sst_sim_usb_device *d, const uint8_t *descriptor)
 {
@@ -115,9 +119,7 @@ static void device_props(struct sim_props *props, const struct sst_sim_usb_devic
     sim_props_add(props, "DEVNAME=bus/usb/%03d/%03d", d->bus, d->address);
     sim_props_add(props, "DEVTYPE=usb_device");
     sim_props_add(props, "DRIVER=usb");
-    sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8, descriptor[10] | descriptor[11] << 8,
-                  descriptor[12] | descriptor[13] << 8);
-    sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
+    add_product(props, descriptor);
     sim_props_add(props, "BUSNUM=%03d", d->bus);
     sim_props_add(props, "DEVNUM=%03d", d->address);
 }
@@ -133,9 +135,7 @@ static void interface_props(const struct sim_usb_front *front, struct sim_props 
     sim_props_add(props, "DEVTYPE=usb_interface");
     if (d->bound >> interface & 1)
         sim_props_add(props, "DRIVER=%s", sst_sim_usb_driver(d));
-    sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8, descriptor[10] | descriptor[11] << 8,
-                  descriptor[12] | descriptor[13] << 8);
-    sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
+    add_product(props, descriptor);
     sim_props_add(props, "INTERFACE=%d/%d/%d", class[0], class[1], class[2]);
     sim_props_add(props, "MODALIAS=usb:v%02X%02Xp%02X%02Xd%02X%02Xdc%02Xdsc%02Xdp%02Xic%02Xisc%02Xip%02Xin%02X",
                   descriptor[9], descriptor[8], descriptor[11], descriptor[10], descriptor[13], descriptor[12],
@@ -432,7 +432,7 @@ static void video_udev(struct sim_usb_front *front, int device, struct sim_props
         return;
     path_id(d, 0, path, sizeof(path));
     snprintf(id, sizeof(id), "%s_%s_%s", sst_sim_usb_maker(d), sst_sim_usb_product(d), d->serial);
-    underscores(id);
+    underscores(id, " ");
     sim_props_add(udev, "S:v4l/by-id/usb-%s-video-index0", id);
     sim_props_add(udev, "S:v4l/by-path/%s-video-index0", path);
     sim_props_add(udev, "ID_V4L_VERSION=2");

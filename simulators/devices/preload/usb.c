@@ -2,7 +2,6 @@
 #define _GNU_SOURCE
 #include <linux/usbdevice_fs.h>
 #include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>

@@ -9,7 +9,6 @@
 
 #define SST_SIM_USB_PORTS 16 /* of a hub, at most */
 #define SST_SIM_USB_TEXT  64
-#define SST_SIM_USB_ALTS  16
 
 struct sst_sim_usb; /* opaque; one thread */
 

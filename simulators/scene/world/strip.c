@@ -1,7 +1,6 @@
 #include "simulators/scene/world/world_internal.h"
 
 #include <errno.h>
-#include <math.h>
 #include <string.h>
 
 #define GAIN_ONE  64
