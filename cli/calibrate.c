@@ -75,10 +75,8 @@ static int gather_live(struct job *job, struct calibrate_gather_config *cfg)
     const struct calibrate_pick all = { .max = 0 };
     int err = array ? 0 : -ENOMEM;
 
-    if (!err) {
-        sst_array_config_defaults(array);
+    if (!err)
         err = sst_array_config_read(array, o->config);
-    }
     if (!err)
         err = set_grid(array, o->pick.grid);
     if (!err) {

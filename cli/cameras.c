@@ -163,7 +163,6 @@ static int local(const char *config, bool json)
     struct cli_place *place = NULL;
     int count = 0, err;
 
-    sst_array_config_defaults(&cfg);
     err = sst_array_config_read(&cfg, config);
     err = err ? err : sst_grab_list(&devices, &count);
     if (err)

@@ -331,7 +331,6 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     if (r == CLI_GO_ON) {
-        sst_array_config_defaults(&a->config);
         r = cli_exit_code(sst_array_config_read(&a->config, o.config));
         if (r == CLI_OK)
             r = apply(cmd, &o, &a->config);

@@ -129,10 +129,8 @@ static int set_format(const struct cli_command *cmd, const char *text, uint32_t 
 static int configure(const struct cli_command *cmd, const struct options *o, struct sst_array_config *array,
                      struct sst_rig_config *rig, struct sst_rig_capture_config *cfg)
 {
-    int r;
+    int r = cli_exit_code(sst_array_config_read(array, o->config));
 
-    sst_array_config_defaults(array);
-    r = cli_exit_code(sst_array_config_read(array, o->config));
     if (r != CLI_OK)
         return r;
     if (o->axes)

@@ -70,7 +70,6 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
     if (r != CLI_GO_ON)
         return r;
-    sst_array_config_defaults(&cfg);
     err = sst_array_config_read(&cfg, config);
     if (err)
         return cli_exit_code(err);

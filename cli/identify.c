@@ -403,7 +403,6 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
     if (r != CLI_GO_ON)
         return r;
-    sst_array_config_defaults(&cfg);
     err = sst_array_config_read(&cfg, config);
     err = err ? err : choose(&s, &cfg, serial, port);
     if (!err && write)

@@ -198,15 +198,15 @@ static void serve(struct sim_server *s, struct sim_conn *c)
 
 static void conn_close(struct sim_server *s, struct sim_conn *c)
 {
+    struct sim_conn **link = &s->conns;
+
     if (c->pending) {
         request_cancel(s, c);
         request_end(c);
     }
-    for (struct sim_conn **p = &s->conns; *p; p = &(*p)->next)
-        if (*p == c) {
-            *p = c->next;
-            break;
-        }
+    while (*link != c)
+        link = &(*link)->next;
+    *link = c->next;
     close(c->fd);
     free(c);
 }

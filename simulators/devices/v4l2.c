@@ -30,12 +30,11 @@ static void cam_close(struct sim_handle *h)
 {
     struct sim_open *o = h->state;
     struct sim_cam *cam = h->device;
+    struct sim_open **link = &cam->opens;
 
-    for (struct sim_open **p = &cam->opens; *p; p = &(*p)->next)
-        if (*p == o) {
-            *p = o->next;
-            break;
-        }
+    while (*link != o)
+        link = &(*link)->next;
+    *link = o->next;
     if (cam->queue.owner == o)
         sim_cam_queue_free(cam);
     /* It may have given its buffers up before. */
