@@ -8,6 +8,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "simulators/scene/noise.h"
 
 #define VIDEO_MAJOR 81
 
@@ -41,20 +42,10 @@ double sim_cam_fault(const struct sim_cam *cam, enum sim_cam_fault fault)
     return sim_fault_value(cam->array->cfg.faults, cam->array->scope, cam->index, (int)fault);
 }
 
-/* splitmix64 (Steele, Lea, Flood 2014) */
-static uint64_t draw(struct sim_cam *cam)
-{
-    uint64_t z = cam->random += 0x9e3779b97f4a7c15u;
-
-    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
-    return z ^ z >> 31;
-}
-
 /* In (0, 1). */
 static double uniform(struct sim_cam *cam)
 {
-    return ((double)(draw(cam) >> 12) + 0.5) * 0x1p-52;
+    return ((double)(sst_random_u64(&cam->random) >> 12) + 0.5) * 0x1p-52;
 }
 
 bool sim_cam_chance(struct sim_cam *cam, double probability)
