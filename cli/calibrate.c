@@ -75,10 +75,8 @@ static int gather_live(struct job *job, const struct sst_gather_config *cfg)
     int *frameset = NULL;
     int err = array ? 0 : -ENOMEM;
 
-    if (!err) {
-        sst_array_config_defaults(array);
+    if (!err)
         err = sst_array_config_read(array, o->config);
-    }
     if (!err)
         err = set_grid(array, o->pick.grid);
     if (!err) {

@@ -93,22 +93,13 @@ static int print_json(const struct sst_grab_device *devices, const struct cli_pl
         state_text(state, sizeof(state), d);
         one = json_pack("{s:s, s:s, s:s, s:s, s:s, s:s, s:s}", "node", d->node, "name", d->name, "serial", d->serial,
                         "port", d->port, "driver", d->driver, "formats", d->formats, "state", state);
-        if (place[i].row >= 0 && one)
-            err = json_object_set_new(one, "row", json_integer(place[i].row)) ||
-                          json_object_set_new(one, "col", json_integer(place[i].col))
-                      ? -ENOMEM
-                      : 0;
-        if (!one || json_array_append_new(list, one))
+        if (!cli_place_json(one, place[i]) || json_array_append_new(list, one))
             err = -ENOMEM;
     }
-    if (!err) {
-        json_t *object = json_pack("{s:O}", "cameras", list);
-
-        err = object && !json_dumpf(object, stdout, JSON_INDENT(2)) ? 0 : -ENOMEM;
-        putchar('\n');
-        json_decref(object);
-    }
-    json_decref(list);
+    if (err)
+        json_decref(list);
+    else if (cli_dump_json(json_pack("{s:o}", "cameras", list), JSON_INDENT(2)) != CLI_OK)
+        err = -ENOMEM;
     if (err)
         sst_log_error("cannot print the list of cameras: %s", strerror(-err));
     return err;
@@ -172,7 +163,6 @@ static int local(const char *config, bool json)
     struct cli_place *place = NULL;
     int count = 0, err;
 
-    sst_array_config_defaults(&cfg);
     err = sst_array_config_read(&cfg, config);
     err = err ? err : sst_grab_list(&devices, &count);
     if (err)

@@ -1,5 +1,4 @@
 /* Prints the cameras of the service as a grid of frame rates, seen from behind. */
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 

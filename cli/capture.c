@@ -4,8 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "base/log.h"
-
 static const struct cli_command *const kinds[] = { &cli_capture_array, &cli_capture_rig };
 
 static int run(const struct cli_command *cmd, int argc, char **argv)

@@ -8,7 +8,6 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "base/log.h"
 #include "capture/array/capture.h"
 #include "capture/recording/recorder.h"
 #include "cli/cli_internal.h"
@@ -121,10 +120,7 @@ static int print_json(const struct array_capture *a, const struct sst_capture *c
     json_object_set_new(root, "io_errors", json_integer((json_int_t)r->grab.io_errors));
     json_object_set_new(root, "devices_lost", json_integer((json_int_t)r->grab.lost_devices));
     json_object_set_new(root, "devices_found", json_integer((json_int_t)r->grab.found_devices));
-    json_dumpf(root, stdout, JSON_INDENT(2));
-    putchar('\n');
-    json_decref(root);
-    return CLI_OK;
+    return cli_dump_json(root, JSON_INDENT(2));
 }
 
 static void print_text(const struct array_capture *a, const struct sst_capture *capture,
@@ -188,7 +184,7 @@ int cli_open_recorder(struct sst_recorder **out, const struct sst_array_config *
         memcpy(tracks[i].serial, cam->serial, sizeof(tracks[i].serial));
         memcpy(tracks[i].port, cam->port, sizeof(tracks[i].port));
         for (int k = 0; k < n; k++)
-            if (cam->serial[0] ? !strcmp(devices[k].serial, cam->serial) : !strcmp(devices[k].port, cam->port)) {
+            if (cli_is_bound(cam, devices[k].serial, devices[k].port)) {
                 memcpy(tracks[i].serial, devices[k].serial, sizeof(tracks[i].serial));
                 memcpy(tracks[i].port, devices[k].port, sizeof(tracks[i].port));
                 memcpy(tracks[i].name, devices[k].name, sizeof(tracks[i].name));
@@ -335,7 +331,6 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     if (r == CLI_GO_ON) {
-        sst_array_config_defaults(&a->config);
         r = cli_exit_code(sst_array_config_read(&a->config, o.config));
         if (r == CLI_OK)
             r = apply(cmd, &o, &a->config);

@@ -129,10 +129,8 @@ static int set_format(const struct cli_command *cmd, const char *text, uint32_t 
 static int configure(const struct cli_command *cmd, const struct options *o, struct sst_array_config *array,
                      struct sst_rig_config *rig, struct sst_rig_capture_config *cfg)
 {
-    int r;
+    int r = cli_exit_code(sst_array_config_read(array, o->config));
 
-    sst_array_config_defaults(array);
-    r = cli_exit_code(sst_array_config_read(array, o->config));
     if (r != CLI_OK)
         return r;
     if (o->axes)
@@ -222,9 +220,7 @@ static void print_plan(const struct sst_rig_capture_config *cfg, const struct ss
             json_pack("{s:o, s:f, s:f, s:b, s:I}", "poses", poses, "way_mm", plan->way_mm, "seconds", plan->seconds,
                       "speed_assumed", (int)plan->speed_assumed, "bytes", (json_int_t)plan->bytes);
 
-        json_dumpf(all, stdout, JSON_INDENT(1));
-        printf("\n");
-        json_decref(all);
+        (void)cli_dump_json(all, JSON_INDENT(1));
         return;
     }
     printf("%d views, %.0f mm of travel, about %.0f s after homing%s, about %.1f MB\n", plan->views, plan->way_mm,
@@ -247,9 +243,7 @@ static void print_report(const struct sst_rig_capture_config *cfg, const struct 
             (json_int_t)r->rig.lies, "camera", "frames", (json_int_t)camera->frames, "bad", (json_int_t)camera->bad,
             "lost", (json_int_t)camera->lost);
 
-        json_dumpf(all, stdout, JSON_COMPACT);
-        printf("\n");
-        json_decref(all);
+        (void)cli_dump_json(all, JSON_COMPACT);
         return;
     }
     printf("%s: %d of %d views, %d captured now, %d attempts failed (rig %d, camera %d, moved %d), homed %d times\n",

@@ -11,8 +11,6 @@
 #include "base/clock.h"
 #include "base/log.h"
 
-#define MAX_OPTIONS 64
-
 int cli_exit_code(int err)
 {
     switch (-err) {
@@ -95,19 +93,13 @@ static int describe(const struct cli_command *cmd, const struct cli_option *opti
     json_t *list = json_array();
     json_t *root = json_pack("{s:s, s:s, s:s, s:s?, s:s, s:o}", "name", cmd->name, "usage", cmd->usage, "summary",
                              cmd->summary, "detail", cmd->detail, "example", cmd->example, "options", list);
-    char *text;
 
     for (size_t i = 0; i < n; i++)
         (void)json_array_append_new(list,
                                     json_pack("{s:s, s:s%, s:s, s:s?, s:s}", "name", options[i].name, "letter",
                                               &options[i].letter, (size_t)(options[i].letter != 0), "type",
                                               type[options[i].type], "meta", options[i].meta, "help", options[i].help));
-    text = root ? json_dumps(root, JSON_COMPACT) : NULL;
-    if (text)
-        puts(text);
-    json_decref(root);
-    free(text);
-    return text ? CLI_OK : CLI_MEMORY;
+    return cli_dump_json(root, JSON_COMPACT);
 }
 
 static bool in_range(const struct cli_option *o, double v)
@@ -285,14 +277,22 @@ void cli_progress_end(void)
     progress_start_ns = 0;
 }
 
-int cli_print_json(json_t *root)
+int cli_dump_json(json_t *root, size_t flags)
 {
-    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) : NULL;
+    char *text = root ? json_dumps(root, flags) : NULL;
+    bool failed;
 
     json_decref(root);
     if (!text)
         return CLI_MEMORY;
-    puts(text);
+    failed = puts(text) < 0 || fflush(stdout);
+    if (failed)
+        sst_log_error("cannot write to standard output: %s", strerror(errno));
     free(text);
-    return CLI_OK;
+    return failed ? CLI_OUTPUT : CLI_OK;
+}
+
+int cli_print_json(json_t *root)
+{
+    return cli_dump_json(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
 }

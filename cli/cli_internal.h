@@ -86,8 +86,10 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
 /** Log a usage error with the command's name: "sst: error: render: ..." */
 int cli_usage_error(const struct cli_command *cmd, const char *fmt, ...) SST_PRINTF(2, 3);
 
-/** Print an object on standard output, 9 digits per number, and release it. @param root  NULL: out of memory @return
- *  exit code */
+/** Print an object on standard output with jansson's flags and a newline, and release it. @param root  NULL: out of
+ *  memory @return exit code */
+int cli_dump_json(json_t *root, size_t flags);
+/** The same, indented, 9 digits per number. */
 int cli_print_json(json_t *root);
 
 /** Progress bar with remaining time; only on a terminal, and only after a second. */
@@ -207,6 +209,10 @@ void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cf
 
 /** A text of a device, which may end within a character. */
 json_t *cli_text_json(const char *text);
+
+/** Is this the device that a configuration binds to a position? If a binding has both, the serial has priority, as in
+ *  drivers/grab. */
+bool cli_is_bound(const struct sst_config_camera *c, const char *serial, const char *port);
 
 /* --- doctor: findings of sst doctor, and the checks that make them. --- */
 
@@ -345,6 +351,10 @@ struct cli_place {
  */
 void cli_places(struct cli_place *place, const struct sst_array_config *cfg, const struct sst_grab_device *devices,
                 int count);
+
+/** Add "row" and "col" if the device has a position. @return `object`; NULL: out of memory, `object` was released or
+ *  NULL */
+json_t *cli_place_json(json_t *object, struct cli_place place);
 
 /** "r0c3", or "-". */
 const char *cli_place_text(char text[16], struct cli_place place);

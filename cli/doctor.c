@@ -3,7 +3,6 @@
 
 #include <stdarg.h>
 #include <stdio.h>
-#include <stdlib.h>
 
 static const char *const level_names[] = { "OK", "WARNING", "PROBLEM" };
 
@@ -31,12 +30,11 @@ static int count(const struct doctor *d, enum doctor_level level)
     return n;
 }
 
-static void print_json(const struct doctor *d)
+static int print_json(const struct doctor *d)
 {
     json_t *findings = json_array();
     json_t *root = json_pack("{s:i, s:i, s:o}", "problems", count(d, DOCTOR_PROBLEM), "warnings",
                              count(d, DOCTOR_WARNING), "findings", findings);
-    char *text;
 
     for (int i = 0; i < d->count; i++) {
         const struct doctor_finding *f = &d->finding[i];
@@ -44,10 +42,7 @@ static void print_json(const struct doctor *d)
         json_array_append_new(findings, json_pack("{s:s, s:s, s:o}", "level", level_names[f->level], "area", f->area,
                                                   "text", cli_text_json(f->text)));
     }
-    text = json_dumps(root, JSON_INDENT(2));
-    puts(text ? text : "{}");
-    free(text);
-    json_decref(root);
+    return cli_dump_json(root, JSON_INDENT(2));
 }
 
 static void print_text(const struct doctor *d)
@@ -71,12 +66,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           0 },
         { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
     };
-    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+    int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     int err;
 
     if (r != CLI_GO_ON)
         return r;
-    sst_array_config_defaults(&cfg);
     err = sst_array_config_read(&cfg, config);
     if (err)
         return cli_exit_code(err);
@@ -89,11 +83,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     doctor_check_limits(&doctor);
     doctor_check_clock(&doctor);
     doctor_check_uvcvideo(&doctor);
+    r = CLI_OK;
     if (json)
-        print_json(&doctor);
+        r = print_json(&doctor);
     else
         print_text(&doctor);
-    return count(&doctor, DOCTOR_PROBLEM) ? CLI_INPUT : CLI_OK;
+    return count(&doctor, DOCTOR_PROBLEM) ? CLI_INPUT : r;
 }
 
 const struct cli_command cli_doctor = {

@@ -100,7 +100,7 @@ static int devices_of(const struct sst_config_camera *c, const struct sst_grab_d
     int found = 0;
 
     for (int i = 0; i < n; i++)
-        found += c->serial[0] ? !strcmp(c->serial, list[i].serial) : !strcmp(c->port, list[i].port);
+        found += cli_is_bound(c, list[i].serial, list[i].port);
     return found;
 }
 

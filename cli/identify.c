@@ -9,7 +9,6 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
-#include "base/mem.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/font.h"
@@ -282,7 +281,7 @@ static void print_table(const struct session *s, char *const *files, const char 
 
 static int print_json(const struct session *s, char *const *files, const char *sheet)
 {
-    json_t *list = json_array(), *object = NULL;
+    json_t *list = json_array();
     int err = list ? 0 : -ENOMEM;
 
     for (int i = 0; !err && i < s->count; i++) {
@@ -291,22 +290,15 @@ static int print_json(const struct session *s, char *const *files, const char *s
                                 files[i] ? "picture" : "missing", files[i] ? files[i] : why_none(shot), "name",
                                 shot->device.name);
 
-        if (one && shot->place.row >= 0 &&
-            (json_object_set_new(one, "row", json_integer(shot->place.row)) ||
-             json_object_set_new(one, "col", json_integer(shot->place.col))))
-            err = -ENOMEM;
-        if (!one || json_array_append_new(list, one))
+        if (!cli_place_json(one, shot->place) || json_array_append_new(list, one))
             err = -ENOMEM;
     }
-    if (!err)
-        object = json_pack("{s:O, s:s}", "cameras", list, "sheet", sheet);
-    if (!object || json_dumpf(object, stdout, JSON_INDENT(2))) {
-        sst_log_error("no memory for the list of pictures");
+    if (err)
+        json_decref(list);
+    else if (cli_dump_json(json_pack("{s:o, s:s}", "cameras", list, "sheet", sheet), JSON_INDENT(2)) != CLI_OK)
         err = -ENOMEM;
-    }
-    putchar('\n');
-    json_decref(object);
-    json_decref(list);
+    if (err)
+        sst_log_error("no memory for the list of pictures");
     return err;
 }
 
@@ -411,7 +403,6 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
     if (r != CLI_GO_ON)
         return r;
-    sst_array_config_defaults(&cfg);
     err = sst_array_config_read(&cfg, config);
     err = err ? err : choose(&s, &cfg, serial, port);
     if (!err && write)

@@ -3,10 +3,9 @@
 #include <stdio.h>
 #include <string.h>
 
-/* If a binding has both, the serial has priority, as in drivers/grab. */
-static bool is_bound(const struct sst_config_camera *c, const struct sst_grab_device *d)
+bool cli_is_bound(const struct sst_config_camera *c, const char *serial, const char *port)
 {
-    return *c->serial ? !strcmp(c->serial, d->serial) : *c->port && !strcmp(c->port, d->port);
+    return *c->serial ? !strcmp(c->serial, serial) : *c->port && !strcmp(c->port, port);
 }
 
 void cli_places(struct cli_place *place, const struct sst_array_config *cfg, const struct sst_grab_device *devices,
@@ -17,10 +16,21 @@ void cli_places(struct cli_place *place, const struct sst_array_config *cfg, con
         if (!cfg->bound && i < cfg->rows * cfg->cols)
             place[i] = (struct cli_place){ i / cfg->cols, i % cfg->cols };
         for (int k = 0; k < cfg->bound; k++) {
-            if (is_bound(&cfg->camera[k], &devices[i]))
+            if (cli_is_bound(&cfg->camera[k], devices[i].serial, devices[i].port))
                 place[i] = (struct cli_place){ cfg->camera[k].row, cfg->camera[k].col };
         }
     }
+}
+
+json_t *cli_place_json(json_t *object, struct cli_place place)
+{
+    if (object && place.row >= 0 &&
+        (json_object_set_new(object, "row", json_integer(place.row)) ||
+         json_object_set_new(object, "col", json_integer(place.col)))) {
+        json_decref(object);
+        return NULL;
+    }
+    return object;
 }
 
 const char *cli_place_text(char text[16], struct cli_place place)

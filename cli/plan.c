@@ -1,6 +1,5 @@
 /* sst plan: predicts which cameras can stream together. */
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"
@@ -17,11 +16,10 @@ static json_t *camera_json(const struct cli_usb *u, const struct sst_usb_stream 
                      "segment", u->plan.segments[s->segment].name, "fits", s->fits);
 }
 
-static void print_json(const struct cli_usb *u, const struct sst_array_config *cfg, const char *advice)
+static int print_json(const struct cli_usb *u, const struct sst_array_config *cfg, const char *advice)
 {
     json_t *cameras = json_array(), *segments = json_array(), *root;
     const char *format = sst_array_format_name(cfg->fourcc);
-    char *text;
 
     for (int i = 0; i < u->stream_count; i++)
         json_array_append_new(cameras, camera_json(u, &u->streams[i]));
@@ -35,10 +33,7 @@ static void print_json(const struct cli_usb *u, const struct sst_array_config *c
     root = json_pack("{s:s?, s:i, s:i, s:f, s:I, s:i, s:o, s:o, s:s}", "format", format, "width", cfg->width, "height",
                      cfg->height, "rate_hz", cfg->rate_hz, "needed_bytes_s", (json_int_t)u->needed_bytes_s, "refused",
                      u->plan.refused, "cameras", cameras, "segments", segments, "advice", advice);
-    text = json_dumps(root, JSON_INDENT(2));
-    puts(text ? text : "{}");
-    free(text);
-    json_decref(root);
+    return cli_dump_json(root, JSON_INDENT(2));
 }
 
 static void print_text(const struct cli_usb *u, const struct sst_array_config *cfg, const char *advice)
@@ -85,12 +80,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "rate", 'r', CLI_DOUBLE, &rate_hz, "R", "frames/s, instead of the configured ones", 0.01, 1000 },
         { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
     };
-    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
-    int refused, err;
+    int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+    int err;
 
     if (r != CLI_GO_ON)
         return r;
-    sst_array_config_defaults(&cfg);
     err = sst_array_config_read(&cfg, config);
     if (err)
         return cli_exit_code(err);
@@ -110,13 +104,15 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return CLI_INPUT;
     }
     cli_usb_advise(&usb, &cfg, advice, sizeof(advice));
+    r = CLI_OK;
     if (json)
-        print_json(&usb, &cfg, advice);
+        r = print_json(&usb, &cfg, advice);
     else
         print_text(&usb, &cfg, advice);
-    refused = usb.plan.refused;
+    if (usb.plan.refused)
+        r = CLI_INPUT;
     cli_usb_close(&usb);
-    return refused ? CLI_INPUT : CLI_OK;
+    return r;
 }
 
 const struct cli_command cli_plan = {

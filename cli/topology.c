@@ -30,18 +30,14 @@ static json_t *device_json(const struct sst_usb_device *d, const struct sst_usb_
     return one;
 }
 
-static void print_json(const struct sst_usb_device *list, int n)
+static int print_json(const struct sst_usb_device *list, int n)
 {
     json_t *devices = json_array();
     json_t *root = json_pack("{s:o}", "devices", devices);
-    char *text;
 
     for (int i = 0; i < n; i++)
         json_array_append_new(devices, device_json(&list[i], list));
-    text = json_dumps(root, JSON_INDENT(2));
-    puts(text ? text : "{}");
-    free(text);
-    json_decref(root);
+    return cli_dump_json(root, JSON_INDENT(2));
 }
 
 static void print_hub(const struct sst_usb_device *d)
@@ -96,20 +92,21 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const struct cli_option options[] = {
         { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
     };
-    const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
+    int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     int n, err;
 
     if (r != CLI_GO_ON)
         return r;
+    r = CLI_OK;
     err = sst_usb_list(&list, &n);
     if (err)
         return cli_exit_code(err);
     if (json)
-        print_json(list, n);
+        r = print_json(list, n);
     else
         print_tree(list, n);
     free(list);
-    return CLI_OK;
+    return r;
 }
 
 const struct cli_command cli_topology = {

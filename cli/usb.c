@@ -13,11 +13,6 @@ static bool is_camera(const struct sst_usb_device *d)
     return d->alts || d->node[0];
 }
 
-static bool is_bound(const struct sst_usb_device *d, const struct sst_config_camera *c)
-{
-    return c->serial[0] ? !strcmp(c->serial, d->serial) : !strcmp(c->port, d->port);
-}
-
 static void add_stream(struct cli_usb *u, int device)
 {
     u->streams[u->stream_count++] = (struct sst_usb_stream){ .device = device, .needed_bytes_s = u->needed_bytes_s };
@@ -28,7 +23,7 @@ static void choose_cameras(struct cli_usb *u, const struct sst_array_config *cfg
 {
     for (int b = 0; b < cfg->bound; b++) {
         for (int i = 0; i < u->count && u->stream_count < u->count; i++) {
-            if (is_camera(&u->devices[i]) && is_bound(&u->devices[i], &cfg->camera[b]))
+            if (is_camera(&u->devices[i]) && cli_is_bound(&cfg->camera[b], u->devices[i].serial, u->devices[i].port))
                 add_stream(u, i);
         }
     }

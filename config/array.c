@@ -49,7 +49,7 @@ int sst_array_config_read(struct sst_array_config *cfg, const char *path)
 
     if (!all)
         return -ENOMEM;
-    all->array = *cfg;
+    sst_array_config_defaults(&all->array);
     err = config_load(all, path, true);
     if (!err)
         *cfg = all->array;

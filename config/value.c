@@ -69,29 +69,15 @@ static const void *at(const struct sst_key *key, const void *base)
     return (const char *)base + key->offset;
 }
 
-static int as_int(const void *p)
-{
-    int v;
-
-    memcpy(&v, p, sizeof(v));
-    return v;
-}
-
-static double as_double(const void *p)
-{
-    double v;
-
-    memcpy(&v, p, sizeof(v));
-    return v;
-}
-
 int sst_key_count(const struct sst_key *key, const void *base)
 {
     const int most = (int)(key->size / key->stride);
     int n = 0;
 
-    if (key->count_offset != SST_KEY_NO_COUNT)
-        return sst_clamp_int(as_int((const char *)base + key->count_offset), 0, most);
+    if (key->count_offset != SST_KEY_NO_COUNT) {
+        memcpy(&n, (const char *)base + key->count_offset, sizeof(n));
+        return sst_clamp_int(n, 0, most);
+    }
     while (n < most && ((const char *)at(key, base))[(size_t)n * key->stride])
         n++;
     return n;
@@ -100,12 +86,12 @@ int sst_key_count(const struct sst_key *key, const void *base)
 static void add_number(struct text *t, const struct sst_key *key, const void *p)
 {
     const bool whole = key->type == SST_KEY_INT || key->type == SST_KEY_INTS;
-    const double v = whole ? as_int(p) : as_double(p);
+    const double v = whole ? *(const int *)p : *(const double *)p;
 
     if (key->word && (v == key->word_value || (isnan(v) && isnan(key->word_value))))
         add(t, key->word);
     else if (whole)
-        add_int(t, as_int(p));
+        add_int(t, *(const int *)p);
     else
         add_double(t, v);
 }
@@ -165,22 +151,22 @@ static void add_value(struct text *t, const struct sst_key *key, const void *bas
         add_text(t, p);
         break;
     case SST_KEY_CHOICE:
-        i = as_int(p);
+        i = *(const int *)p;
         add(t, i >= 0 && i < key->n_names ? key->names[i] : "");
         break;
     case SST_KEY_FORMAT:
-        name = sst_array_format_name((uint32_t)as_int(p));
+        name = sst_array_format_name(*(const uint32_t *)p);
         add(t, name ? name : "");
         break;
     case SST_KEY_CONTROLS:
         add_controls(t, &cfg->array);
         break;
     case SST_KEY_LINE:
-        i = as_int(p);
+        i = *(const int *)p;
         add_text(t, i >= 0 && i < cfg->array.lines ? cfg->array.line[i] : "");
         break;
     case SST_KEY_ZONE:
-        i = as_int(p);
+        i = *(const int *)p;
         add_text(t, i >= 0 && i < cfg->zones ? cfg->zone[i].name : "");
         break;
     case SST_KEY_INTS:

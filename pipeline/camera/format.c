@@ -1,7 +1,6 @@
 /* The table of formats, and their detection by content. */
 #include "pipeline/camera/format.h"
 
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 

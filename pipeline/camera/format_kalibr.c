@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "base/file.h"
-#include "base/log.h"
 #include "base/yaml.h"
 #include "pipeline/camera/format_parts.h"
 

@@ -9,6 +9,12 @@
 
 #define MAX_DEPTH 12
 
+static int no_memory(const char *name)
+{
+    sst_log_error("%s: not enough memory to read it", name);
+    return -ENOMEM;
+}
+
 /* --- YAML and JSON: the text itself with blanks over what is not YAML --------------------------------------------- */
 
 static char *plain_yaml(const char *text, size_t size)
@@ -35,8 +41,7 @@ static char *plain_yaml(const char *text, size_t size)
 
 struct xml {
     const char *at, *end, *begin, *name; /* name: the file's */
-    char *out;
-    size_t used, room;
+    FILE *out;
     int err;
 };
 
@@ -54,22 +59,7 @@ static void refuse(struct xml *x, const char *what)
 
 static void emit(struct xml *x, const char *text, size_t n)
 {
-    if (x->err)
-        return;
-    if (n > x->room - x->used) {
-        const size_t room = 2 * (x->room + n);
-        char *grown = realloc(x->out, room);
-
-        if (!grown) {
-            sst_log_error("%s: not enough memory to read it", x->name);
-            x->err = -ENOMEM;
-            return;
-        }
-        x->out = grown;
-        x->room = room;
-    }
-    memcpy(x->out + x->used, text, n);
-    x->used += n;
+    (void)fwrite(text, 1, n, x->out);
 }
 
 static bool is_blank(char c)
@@ -253,8 +243,12 @@ static int from_xml(char **out, size_t *out_size, const char *text, size_t size,
 {
     struct xml x = { .at = text, .begin = text, .end = text + size, .name = name };
     const char *tag = NULL;
-    size_t n;
+    char *made = NULL;
+    size_t made_size, n;
 
+    x.out = open_memstream(&made, &made_size);
+    if (!x.out)
+        return no_memory(name);
     skip_rest(&x);
     n = x.err ? 0 : read_tag(&x, "<", &tag);
     if (!x.err && (n != 14 || memcmp(tag, "opencv_storage", 14) != 0))
@@ -263,13 +257,15 @@ static int from_xml(char **out, size_t *out_size, const char *text, size_t size,
         put_content(&x, 0);
     if (!x.err && read_tag(&x, "</", &tag) != 14)
         refuse(&x, "opencv_storage does not end");
-    emit(&x, "\n", 2); /* with the NUL */
+    emit(&x, "\n", 1);
+    if (fclose(x.out) && !x.err)
+        x.err = no_memory(name);
     if (x.err) {
-        free(x.out);
+        free(made);
         return x.err;
     }
-    *out = x.out;
-    *out_size = x.used - 1;
+    *out = made;
+    *out_size = made_size;
     return 0;
 }
 
@@ -280,10 +276,8 @@ int sst_opencv_to_yaml(char **out, size_t *out_size, const char *text, size_t si
     if (size && *text == '<')
         return from_xml(out, out_size, text, size, name);
     made = plain_yaml(text, size);
-    if (!made) {
-        sst_log_error("%s: not enough memory to read it", name);
-        return -ENOMEM;
-    }
+    if (!made)
+        return no_memory(name);
     *out = made;
     *out_size = size;
     return 0;

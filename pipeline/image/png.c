@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <png.h>
 #include <setjmp.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,6 +14,7 @@
 
 /* Deflate expands a byte to at most 1032; a file that claims more is truncated, and no memory is allocated for it. */
 #define MAX_DEFLATE_RATIO 1040
+#define MESSAGE_BYTES     128
 
 enum sample {
     SAMPLE_RGB = 0, /* any format, converted to 8-bit RGB */
@@ -29,14 +31,13 @@ struct reader {
     png_infop info;
     png_bytep *rows;
     uint8_t *packed;
-    char message[128];
+    char message[MESSAGE_BYTES];
 };
 
-static void on_read_error(png_structp png, png_const_charp message)
+/* The error pointer is the buffer of the message. */
+static void on_error(png_structp png, png_const_charp message)
 {
-    struct reader *r = png_get_error_ptr(png);
-
-    snprintf(r->message, sizeof(r->message), "%s", message);
+    snprintf(png_get_error_ptr(png), MESSAGE_BYTES, "%s", message);
     longjmp(png_jmpbuf(png), 1);
 }
 
@@ -58,7 +59,7 @@ static void read_bytes(png_structp png, png_bytep out, size_t n)
 static int reader_open(struct reader *r, const uint8_t *data, size_t size, const char *name)
 {
     *r = (struct reader){ .data = data, .size = size, .name = name };
-    r->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, r, on_read_error, ignore_warning);
+    r->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, r->message, on_error, ignore_warning);
     r->info = r->png ? png_create_info_struct(r->png) : NULL;
     return r->info ? 0 : -ENOMEM;
 }
@@ -257,42 +258,14 @@ DEFINE_MAP_READ(u16, SAMPLE_U16)
 
 /* A PNG being written to memory. */
 struct writer {
-    uint8_t *data;
-    size_t size, capacity;
+    FILE *stream; /* of memory */
+    char *data;
+    size_t size;
     uint8_t *packed; /* one row of RGB */
     png_structp png;
     png_infop info;
-    char message[128];
+    char message[MESSAGE_BYTES];
 };
-
-static void on_write_error(png_structp png, png_const_charp message)
-{
-    struct writer *w = png_get_error_ptr(png);
-
-    snprintf(w->message, sizeof(w->message), "%s", message);
-    longjmp(png_jmpbuf(png), 1);
-}
-
-static void write_bytes(png_structp png, png_bytep in, size_t n)
-{
-    struct writer *w = png_get_io_ptr(png);
-
-    if (n > w->capacity - w->size) {
-        const size_t capacity = (w->size + n) * 2;
-        uint8_t *data = realloc(w->data, capacity);
-
-        if (!data)
-            png_error(png, "no memory");
-        w->data = data;
-        w->capacity = capacity;
-    }
-    memcpy(w->data + w->size, in, n);
-    w->size += n;
-}
-
-static void flush_nothing(png_structp png SST_UNUSED)
-{
-}
 
 /* The image to write: one of three types. */
 struct picture {
@@ -307,7 +280,7 @@ static void write_rows(struct writer *w, const struct picture *p)
 {
     const int type = p->image ? PNG_COLOR_TYPE_RGB : p->palette ? PNG_COLOR_TYPE_PALETTE : PNG_COLOR_TYPE_GRAY;
 
-    png_set_write_fn(w->png, w, write_bytes, flush_nothing);
+    png_init_io(w->png, w->stream);
     png_set_IHDR(w->png, w->info, (png_uint_32)p->width, (png_uint_32)p->height, p->u16 ? 16 : 8, type,
                  PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     if (p->palette) {
@@ -352,13 +325,16 @@ static int write_png(const struct picture *p, const char *path)
     struct writer w = { 0 };
     int err;
 
-    w.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &w, on_write_error, ignore_warning);
+    w.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, w.message, on_error, ignore_warning);
     w.info = w.png ? png_create_info_struct(w.png) : NULL;
     w.packed = p->image ? malloc((size_t)p->width * 3) : NULL;
-    if (!w.info || (p->image && !w.packed))
+    w.stream = open_memstream(&w.data, &w.size);
+    if (!w.info || !w.stream || (p->image && !w.packed))
         err = sst_image_size_error(-ENOMEM, path, p->width, p->height);
     else
         err = encode(&w, p, path);
+    if (w.stream && fclose(w.stream) && !err)
+        err = sst_image_size_error(-ENOMEM, path, p->width, p->height);
     if (!err)
         err = sst_file_write(path, w.data, w.size);
     png_destroy_write_struct(&w.png, &w.info);

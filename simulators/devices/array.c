@@ -5,10 +5,10 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "simulators/scene/noise.h"
 
 #define VIDEO_MAJOR 81
 
@@ -42,20 +42,10 @@ double sim_cam_fault(const struct sim_cam *cam, enum sim_cam_fault fault)
     return sim_fault_value(cam->array->cfg.faults, cam->array->scope, cam->index, (int)fault);
 }
 
-/* splitmix64 (Steele, Lea, Flood 2014) */
-static uint64_t draw(struct sim_cam *cam)
-{
-    uint64_t z = cam->random += 0x9e3779b97f4a7c15u;
-
-    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
-    return z ^ z >> 31;
-}
-
 /* In (0, 1). */
 static double uniform(struct sim_cam *cam)
 {
-    return ((double)(draw(cam) >> 12) + 0.5) * 0x1p-52;
+    return ((double)(sst_random_u64(&cam->random) >> 12) + 0.5) * 0x1p-52;
 }
 
 bool sim_cam_chance(struct sim_cam *cam, double probability)
@@ -81,7 +71,8 @@ const struct sim_bus *sim_array_bus(const struct sim_array *a)
     return &a->bus;
 }
 
-int sim_array_body(const struct sim_array *a, int cam)
+/* The camera that is plugged in at the position of camera `cam`: another one with fault "swap". */
+static int array_body(const struct sim_array *a, int cam)
 {
     const int body = cam + (int)sim_fault_value(a->cfg.faults, a->scope, cam, SST_SIM_FAULT_SWAP);
 
@@ -90,7 +81,7 @@ int sim_array_body(const struct sim_array *a, int cam)
 
 int sim_cam_body(const struct sim_cam *cam)
 {
-    return sim_array_body(cam->array, cam->index);
+    return array_body(cam->array, cam->index);
 }
 
 void sim_array_truth(struct sim_array *a, const struct sim_cam *cam, const struct sim_shot *shot, int64_t stamp_ns,
@@ -164,7 +155,7 @@ static int fault_changed(void *arg, int instance, int fault, double value)
         return sim_array_plug(a, instance, value == 0);
     sim_cam_fault_set(&a->cam[instance], fault, value);
     if (fault == SST_SIM_FAULT_SWAP && a->bus.swapped)
-        a->bus.swapped(a->bus.arg, instance, sim_array_body(a, instance));
+        a->bus.swapped(a->bus.arg, instance, array_body(a, instance));
     return 0;
 }
 

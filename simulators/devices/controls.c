@@ -1,6 +1,5 @@
 /* Controls of a simulated camera, by the rules of the kernel's control framework. */
 #include <errno.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "simulators/devices/devices_internal.h"
@@ -298,24 +297,18 @@ static int several(struct sim_cam *cam, const struct sim_open *by, struct sim_re
 int sim_cam_controls_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_request *r)
 {
     void *a = r->data;
-    int err;
 
     switch (r->call.cmd) {
     case VIDIOC_QUERYCTRL:
-        err = query_short(cam, a);
-        break;
+        return query_short(cam, a);
     case VIDIOC_QUERY_EXT_CTRL:
-        err = query(cam, a);
-        break;
+        return query(cam, a);
     case VIDIOC_QUERYMENU:
-        err = query_menu(a);
-        break;
+        return query_menu(a);
     case VIDIOC_G_CTRL:
-        err = get_short(cam, a);
-        break;
+        return get_short(cam, a);
     case VIDIOC_S_CTRL:
-        err = set_short(cam, o, a);
-        break;
+        return set_short(cam, o, a);
     case VIDIOC_G_EXT_CTRLS:
     case VIDIOC_S_EXT_CTRLS:
     case VIDIOC_TRY_EXT_CTRLS:
@@ -323,7 +316,4 @@ int sim_cam_controls_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_r
     default:
         return -ENOTTY;
     }
-    if (!err)
-        r->out_bytes = _IOC_SIZE(r->call.cmd);
-    return err;
 }

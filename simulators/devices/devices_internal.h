@@ -190,9 +190,7 @@ SST_MUST_CHECK int sim_server_open(struct sim_server **out, const char *dir, con
 /** Drops all handles, removes all nodes. NULL is fine. */
 void sim_server_close(struct sim_server *s);
 
-const char *sim_server_dir(const struct sim_server *s);
-
-/** Call fn when fd is readable; NULL stops that. The caller owns fd. @return 0 or -errno. */
+/** Call fn when fd is readable, as long as the server is open. The caller owns fd. @return 0 or -errno. */
 SST_MUST_CHECK int sim_watch(struct sim_server *s, int fd, void (*fn)(void *arg), void *arg);
 
 /** Serve until sim_server_stop(). @return 0 or -errno, logged. */
@@ -251,9 +249,6 @@ int sim_array_cameras(const struct sim_array *a);
 const struct sst_sim_usb *sim_array_usb(const struct sim_array *a);
 /** N of /dev/videoN, -1: unplugged. */
 int sim_array_node(const struct sim_array *a, int cam);
-
-/** The camera that is plugged in at the position of camera `cam`: another one with fault "swap". */
-int sim_array_body(const struct sim_array *a, int cam);
 
 /**
  * A rising edge on a trigger line at t_ns (CLOCK_MONOTONIC): cameras in trigger mode 1 expose after their delay.
@@ -489,7 +484,7 @@ extern const struct sim_ops sim_cam_ops;
 
 /*
  * Paths are as seen by programs, "/sys/devices/...". Entries that cannot be written (a full disk) are logged once and
- * missing for programs; sim_sysfs_error() returns the error.
+ * missing for programs; `err` is the first error.
  */
 struct sim_sysfs; /* opaque; simulator's thread */
 
@@ -497,8 +492,6 @@ struct sim_sysfs; /* opaque; simulator's thread */
  *  logged. */
 SST_MUST_CHECK int sim_sysfs_open(struct sim_sysfs **out, struct sim_server *server);
 void sim_sysfs_close(struct sim_sysfs *fs);
-struct sim_server *sim_sysfs_server(const struct sim_sysfs *fs);
-int sim_sysfs_error(const struct sim_sysfs *fs); /* the first error, or 0 */
 
 /* --- entries ------------------------------------------------------------------------------------------------------ */
 
@@ -509,12 +502,12 @@ void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, con
 /** The same with raw bytes. */
 void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes);
 /** Make an existing attribute writable for programs. node: removed by the caller. */
-void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *path, const struct sim_ops *ops,
-                        void *device);
-/** Create a link at `path` to another entry, relative as in sysfs. */
-void sim_sysfs_link(struct sim_sysfs *fs, const char *path, const char *target);
-/** Remove a file, link or folder with all in it. */
-void sim_sysfs_remove(struct sim_sysfs *fs, const char *path);
+void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *dir, const char *name,
+                        const struct sim_ops *ops, void *device);
+/** Create a link in a folder to another entry, relative as in sysfs. */
+void sim_sysfs_link(struct sim_sysfs *fs, const char *dir, const char *name, const char *target);
+/** Remove a file, link or folder with all in it. @param name  "": the folder itself */
+void sim_sysfs_remove(struct sim_sysfs *fs, const char *dir, const char *name);
 
 /* --- udev --------------------------------------------------------------------------------------------------------- */
 
@@ -536,9 +529,6 @@ SST_PRINTF(2, 3) void sim_props_add(struct sim_props *props, const char *fmt, ..
  */
 void sim_uevent(struct sim_sysfs *fs, const char *action, const char *devpath, const struct sim_props *kernel,
                 const char *id, const struct sim_props *udev);
-
-/** Update udev's data without an event. udev NULL: remove it. */
-void sim_udev_data(struct sim_sysfs *fs, const char *id, const struct sim_props *udev);
 
 /* --- gpio_front: front end of the simulated GPIO chips in a session. --- */
 
@@ -629,7 +619,6 @@ struct sim_node {
 
 struct sim_watched {
     struct sim_source source;
-    int fd;
     void (*fn)(void *arg);
     void *arg;
     struct sim_watched *next;
@@ -665,6 +654,8 @@ void sim_files_drop(struct sim_server *s, const struct sim_node *node); /* NULL:
 void sim_files_free_dead(struct sim_server *s);
 
 /* server_dev.c */
+/** Create the parent folders of a path, whose first `base` bytes exist. @return 0 or -errno */
+SST_MUST_CHECK int sim_make_parents(char *path, size_t base);
 SST_MUST_CHECK int sim_dev_open(struct sim_server *s);
 struct sim_node *sim_node_find(struct sim_server *s, const char *path);
 
@@ -680,10 +671,9 @@ SST_MUST_CHECK int sim_session_make(char dir[SST_PATH_MAX]);
 
 /**
  * Set up this process's environment for programs of a session: SST_SIM_DIR and LD_PRELOAD.
- * @param further  another library to preload after sst's, or NULL
  * @return 0, -ENOENT (the preload library is missing) or -errno, logged.
  */
-SST_MUST_CHECK int sim_session_enter(const char *dir, const char *further);
+SST_MUST_CHECK int sim_session_enter(const char *dir);
 
 /** The command that runs in a session. */
 struct sim_command {
@@ -775,8 +765,8 @@ struct sim_listener;
 struct sim_sysfs {
     struct sim_server *server;
     char root[SST_PATH_MAX]; /* the session's folder */
-    int err;
-    uint64_t sequence; /* of uevents */
+    int err;                 /* the first, or 0 */
+    uint64_t sequence;       /* of uevents */
     struct sim_node *events;
     struct sim_listener *listeners;
     struct sim_timer retry;
@@ -807,8 +797,6 @@ struct sim_usb_front_config {
 /** Create controllers, hubs and cameras; `works` is not called. @return 0, -EINVAL (layout), -errno; logged. */
 SST_MUST_CHECK int sim_usb_front_open(struct sim_usb_front **out, const struct sim_usb_front_config *cfg);
 void sim_usb_front_close(struct sim_usb_front *front);
-
-struct sst_sim_usb *sim_usb_front_model(struct sim_usb_front *front);
 
 /**
  * A camera's /dev/videoN was created or removed: update /sys and send udev's event. If the bus did not request it, the
@@ -864,8 +852,6 @@ void usb_sysfs_remove(struct sim_usb_front *front, int device);
 void usb_sysfs_bound(struct sim_usb_front *front, int device, int interface);
 void usb_sysfs_changed(struct sim_usb_front *front, int device);
 void usb_sysfs_video(struct sim_usb_front *front, int device, bool present, int node);
-/** Folder of a device in /sys. */
-void usb_sysfs_dir(const struct sim_usb_front *front, int device, char out[SST_PATH_MAX]);
 /** "1-2:1.0" */
 void usb_interface_name(const struct sst_sim_usb_device *d, int interface, char *out, size_t size);
 

@@ -1,6 +1,5 @@
 /* Timing of exposures, and delivery of frames. */
 #include <errno.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>

@@ -4,7 +4,6 @@
 #include <errno.h>
 #include <math.h>
 #include <stdarg.h>
-#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -169,34 +168,19 @@ void sim_faults_each(const struct sim_faults *f, void (*fn)(void *arg, const cha
     }
 }
 
-struct text {
-    char *out;
-    size_t size, used;
-};
-
-SST_PRINTF(2, 3) static void append(struct text *t, const char *fmt, ...)
+static void print_value(void *arg, const char *name, double value)
 {
-    va_list args;
-    int n;
-
-    va_start(args, fmt);
-    n = vsnprintf(t->out + t->used, t->size - t->used, fmt, args);
-    va_end(args);
-    if (n > 0)
-        t->used += (size_t)sst_min_int(n, (int)(t->size - t->used - 1));
-}
-
-static void append_value(void *arg, const char *name, double value)
-{
-    append(arg, "%s=%g\n", name, value);
+    fprintf(arg, "%s=%g\n", name, value);
 }
 
 size_t sim_faults_list(const struct sim_faults *f, char *out, size_t size)
 {
-    struct text t = { .out = out, .size = size };
-    size_t before;
+    FILE *text = fmemopen(out, size, "w");
+    long before;
 
     out[0] = 0;
+    if (!text)
+        return 0;
     for (int i = 0; i < f->count; i++) {
         const struct sim_fault_scope *s = &f->scopes[i].scope;
 
@@ -204,13 +188,14 @@ size_t sim_faults_list(const struct sim_faults *f, char *out, size_t size)
             char name[96];
 
             (void)snprintf(name, sizeof(name), "%s.%s%s", s->name, s->instances ? "N." : "", s->faults[k].name);
-            append(&t, "%-26s %g..%g  %s\n", name, s->faults[k].min, s->faults[k].max, s->faults[k].help);
+            fprintf(text, "%-26s %g..%g  %s\n", name, s->faults[k].min, s->faults[k].max, s->faults[k].help);
         }
     }
-    append(&t, "currently set:\n");
-    before = t.used;
-    sim_faults_each(f, append_value, &t);
-    if (t.used == before)
-        append(&t, "none\n");
-    return t.used;
+    fprintf(text, "currently set:\n");
+    before = ftell(text);
+    sim_faults_each(f, print_value, text);
+    if (ftell(text) == before)
+        fprintf(text, "none\n");
+    (void)fclose(text);
+    return strlen(out);
 }

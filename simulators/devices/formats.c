@@ -1,6 +1,5 @@
 /* Pixel formats, sizes and frame rates of a simulated camera. */
 #include <errno.h>
-#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -195,37 +194,25 @@ static int set_rate(struct sim_cam *cam, struct v4l2_streamparm *p)
 int sim_cam_formats_ioctl(struct sim_cam *cam, struct sim_request *r)
 {
     void *a = r->data;
-    int err;
 
     switch (r->call.cmd) {
     case VIDIOC_ENUM_FMT:
-        err = enum_format(a);
-        break;
+        return enum_format(a);
     case VIDIOC_ENUM_FRAMESIZES:
-        err = enum_size(cam, a);
-        break;
+        return enum_size(cam, a);
     case VIDIOC_ENUM_FRAMEINTERVALS:
-        err = enum_interval(cam, a);
-        break;
+        return enum_interval(cam, a);
     case VIDIOC_G_FMT:
-        err = get_format(cam, a);
-        break;
+        return get_format(cam, a);
     case VIDIOC_TRY_FMT:
-        err = set_format(cam, a, false);
-        break;
+        return set_format(cam, a, false);
     case VIDIOC_S_FMT:
-        err = set_format(cam, a, true);
-        break;
+        return set_format(cam, a, true);
     case VIDIOC_G_PARM:
-        err = get_rate(cam, a);
-        break;
+        return get_rate(cam, a);
     case VIDIOC_S_PARM:
-        err = set_rate(cam, a);
-        break;
+        return set_rate(cam, a);
     default:
         return -ENOTTY;
     }
-    if (!err)
-        r->out_bytes = _IOC_SIZE(r->call.cmd);
-    return err;
 }

@@ -109,8 +109,8 @@ static void after_call(struct sim_gpio_front *front)
     const int64_t due = sst_sim_gpio_due(front->gpio);
 
     if (due == INT64_MAX)
-        sim_timer_stop(sim_sysfs_server(front->cfg.sysfs), &front->debounce);
-    else if (sim_timer_set(sim_sysfs_server(front->cfg.sysfs), &front->debounce, due) < 0)
+        sim_timer_stop(front->cfg.sysfs->server, &front->debounce);
+    else if (sim_timer_set(front->cfg.sysfs->server, &front->debounce, due) < 0)
         sst_log_warning("GPIO: debouncing is late: out of memory");
 }
 
@@ -220,28 +220,25 @@ static void show_in_sysfs(struct chip *chip, bool present)
 {
     struct sim_sysfs *fs = chip->front->cfg.sysfs;
     struct sim_props props = { .bytes = 0 }, udev = { .bytes = 0 };
-    char dir[128], link[128], number[128], id[32];
+    char dir[128], name[32], number[32], id[32];
 
     snprintf(dir, sizeof(dir), "/sys/devices/pci0000:00/0000:00:1f.0/gpiochip%d", chip->number);
-    snprintf(link, sizeof(link), "/sys/bus/gpio/devices/gpiochip%d", chip->number);
-    snprintf(number, sizeof(number), "/sys/dev/char/%d:%d", CHARDEV_MAJOR, chip->number);
+    snprintf(name, sizeof(name), "gpiochip%d", chip->number);
+    snprintf(number, sizeof(number), "%d:%d", CHARDEV_MAJOR, chip->number);
     snprintf(id, sizeof(id), "c%d:%d", CHARDEV_MAJOR, chip->number);
     sim_props_add(&props, "MAJOR=%d", CHARDEV_MAJOR);
     sim_props_add(&props, "MINOR=%d", chip->number);
     sim_props_add(&props, "DEVNAME=gpiochip%d", chip->number);
     if (present) {
-        char subsystem[160];
-
-        sim_sysfs_attr(fs, dir, "dev", "%d:%d", CHARDEV_MAJOR, chip->number);
+        sim_sysfs_attr(fs, dir, "dev", "%s", number);
         sim_sysfs_bytes(fs, dir, "uevent", props.text, props.bytes);
-        snprintf(subsystem, sizeof(subsystem), "%s/subsystem", dir);
-        sim_sysfs_link(fs, subsystem, "/sys/bus/gpio");
-        sim_sysfs_link(fs, link, dir);
-        sim_sysfs_link(fs, number, dir);
+        sim_sysfs_link(fs, dir, "subsystem", "/sys/bus/gpio");
+        sim_sysfs_link(fs, "/sys/bus/gpio/devices", name, dir);
+        sim_sysfs_link(fs, "/sys/dev/char", number, dir);
     } else {
-        sim_sysfs_remove(fs, link);
-        sim_sysfs_remove(fs, number);
-        sim_sysfs_remove(fs, dir);
+        sim_sysfs_remove(fs, "/sys/bus/gpio/devices", name);
+        sim_sysfs_remove(fs, "/sys/dev/char", number);
+        sim_sysfs_remove(fs, dir, "");
     }
     sim_props_add(&props, "SUBSYSTEM=gpio");
     sim_uevent(fs, present ? "add" : "remove", dir + strlen("/sys"), &props, id, &udev);
@@ -253,8 +250,8 @@ static int appear(struct chip *chip)
     int err;
 
     snprintf(path, sizeof(path), "/dev/gpiochip%d", chip->number);
-    err = sim_node_add(sim_sysfs_server(chip->front->cfg.sysfs), &chip->node, path, CHARDEV_MAJOR,
-                       (unsigned)chip->number, &chip_ops, chip);
+    err = sim_node_add(chip->front->cfg.sysfs->server, &chip->node, path, CHARDEV_MAJOR, (unsigned)chip->number,
+                       &chip_ops, chip);
     if (!err)
         show_in_sysfs(chip, true);
     return err;
@@ -265,7 +262,7 @@ static void hang_up(struct chip *chip)
 {
     struct open_file *f = chip->front->files;
 
-    sim_node_remove(sim_sysfs_server(chip->front->cfg.sysfs), chip->node);
+    sim_node_remove(chip->front->cfg.sysfs->server, chip->node);
     chip->node = NULL;
     show_in_sysfs(chip, false);
     for (f = chip->front->files; f;) {
@@ -380,10 +377,10 @@ void sim_gpio_front_close(struct sim_gpio_front *front)
         return;
     for (int i = 0; i < CHIPS; i++)
         if (front->chip[i].node)
-            sim_node_remove(sim_sysfs_server(front->cfg.sysfs), front->chip[i].node);
+            sim_node_remove(front->cfg.sysfs->server, front->chip[i].node);
     while (front->files)
         sim_handle_drop(front->files->handle);
-    sim_timer_stop(sim_sysfs_server(front->cfg.sysfs), &front->debounce);
+    sim_timer_stop(front->cfg.sysfs->server, &front->debounce);
     sst_sim_gpio_destroy(front->gpio);
     free(front);
 }

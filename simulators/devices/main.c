@@ -192,7 +192,7 @@ static int serve(struct sim_simulator *sim, const char *dir, char *const argv[])
     if (!err)
         err = sim_simulator_start(sim, dir);
     if (!err && argv)
-        err = sim_session_enter(dir, NULL);
+        err = sim_session_enter(dir);
     if (!err && argv && sim_command_start(&run.command, argv))
         run.command.status = err = 127;
     run.server = sim_simulator_server(sim);
@@ -246,7 +246,7 @@ static int join(const char *folder, char *const argv[])
         sst_log_error("session '%s': %s; start it with 'sst-sim --serve %s'", folder, strerror(errno), folder);
         return EXIT_FAILURE;
     }
-    if (sim_session_ask(dir, SST_SIM_STATUS, "", answer, sizeof(answer)) < 0 || sim_session_enter(dir, NULL))
+    if (sim_session_ask(dir, SST_SIM_STATUS, "", answer, sizeof(answer)) < 0 || sim_session_enter(dir))
         return EXIT_FAILURE;
     (void)execvp(argv[0], argv);
     sst_log_error("cannot run '%s': %s", argv[0], strerror(errno));

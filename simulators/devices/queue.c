@@ -367,7 +367,6 @@ static int export_buffer(struct sim_queue *q, struct sim_open *o, struct sim_req
         (a->flags & ~(uint32_t)(O_CLOEXEC | O_ACCMODE)))
         return -EINVAL;
     r->out_fd = q->buffer[a->index].memory;
-    r->out_bytes = sizeof(*a);
     return 0;
 }
 
@@ -402,7 +401,7 @@ static int stream_off(struct sim_cam *cam, struct sim_open *o, struct sim_reques
 
 int sim_cam_queue_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_request *r)
 {
-    int type, err;
+    int type;
 
     memcpy(&type, r->data, sizeof(type));
     switch (r->call.cmd) {
@@ -415,26 +414,18 @@ int sim_cam_queue_ioctl(struct sim_cam *cam, struct sim_open *o, struct sim_requ
     case VIDIOC_STREAMOFF:
         return stream_off(cam, o, r, type);
     case VIDIOC_REQBUFS:
-        err = request_buffers(cam, o, r);
-        break;
+        return request_buffers(cam, o, r);
     case VIDIOC_CREATE_BUFS:
-        err = create_buffers(cam, o, r);
-        break;
+        return create_buffers(cam, o, r);
     case VIDIOC_QUERYBUF:
-        err = query_buffer(&cam->queue, (struct v4l2_buffer *)r->data);
-        break;
+        return query_buffer(&cam->queue, (struct v4l2_buffer *)r->data);
     case VIDIOC_QBUF:
-        err = queue_buffer(cam, o, r, false);
-        break;
+        return queue_buffer(cam, o, r, false);
     case VIDIOC_PREPARE_BUF:
-        err = queue_buffer(cam, o, r, true);
-        break;
+        return queue_buffer(cam, o, r, true);
     default:
         return -ENOTTY;
     }
-    if (!err)
-        r->out_bytes = _IOC_SIZE(r->call.cmd);
-    return err;
 }
 
 int sim_cam_queue_map(struct sim_cam *cam, struct sim_request *r)

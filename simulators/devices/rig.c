@@ -20,22 +20,6 @@ const char sim_rig_faults[] =
     "rig.NAME=AXIS              x, y, z, or off; x:always for the first three:\n"
     "  stall, limit, in_position_lies; alarm=x[:CODE], lost_steps=x[:COUNTS], power_loss=x\n";
 
-/* Create the folders of the link. */
-static int make_folders(const char *dir)
-{
-    static const char *const names[] = { "dev", "dev/serial", "dev/serial/by-id" };
-    int err = 0;
-
-    for (size_t i = 0; !err && i < ARRAY_LEN(names); i++) {
-        char path[SST_PATH_MAX];
-
-        err = sst_path_join(path, dir, names[i]);
-        if (!err)
-            err = sst_path_make_dir(path);
-    }
-    return err;
-}
-
 int sim_rig_open(struct sim_rig **out, const char *dir, int port, uint64_t seed)
 {
     struct sim_rig *rig = calloc(1, sizeof(*rig));
@@ -47,7 +31,7 @@ int sim_rig_open(struct sim_rig **out, const char *dir, int port, uint64_t seed)
     err = sst_path_join(rig->link, dir, SST_SIM_RIG_LINK + 1);
     cfg.rtu_link = rig->link;
     if (!err)
-        err = make_folders(dir);
+        err = sim_make_parents(rig->link, strlen(dir));
     if (!err)
         err = sst_sim_drive_start(&rig->drive, &cfg);
     if (err) {

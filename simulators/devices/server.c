@@ -198,15 +198,15 @@ static void serve(struct sim_server *s, struct sim_conn *c)
 
 static void conn_close(struct sim_server *s, struct sim_conn *c)
 {
+    struct sim_conn **link = &s->conns;
+
     if (c->pending) {
         request_cancel(s, c);
         request_end(c);
     }
-    for (struct sim_conn **p = &s->conns; *p; p = &(*p)->next)
-        if (*p == c) {
-            *p = c->next;
-            break;
-        }
+    while (*link != c)
+        link = &(*link)->next;
+    *link = c->next;
     close(c->fd);
     free(c);
 }
@@ -321,31 +321,17 @@ static void watched_ready(struct sim_server *s, struct sim_source *source, uint3
 
     (void)s;
     (void)events;
-    if (w->fn)
-        w->fn(w->arg);
+    w->fn(w->arg);
 }
 
 int sim_watch(struct sim_server *s, int fd, void (*fn)(void *arg), void *arg)
 {
-    struct sim_watched *w = s->watched;
+    struct sim_watched *w = calloc(1, sizeof(*w));
     int err;
 
-    while (w && w->fd != fd)
-        w = w->next;
-    if (w) {
-        w->fn = fn;
-        w->arg = arg;
-        if (fn)
-            return 0;
-        w->fd = -1; /* the record stays allocated: an event may point to it */
-        return epoll_ctl(s->epoll, EPOLL_CTL_DEL, fd, NULL) < 0 ? -errno : 0;
-    }
-    if (!fn)
-        return 0;
-    w = calloc(1, sizeof(*w));
     if (!w)
         return -ENOMEM;
-    *w = (struct sim_watched){ .source.ready = watched_ready, .fd = fd, .fn = fn, .arg = arg, .next = s->watched };
+    *w = (struct sim_watched){ .source.ready = watched_ready, .fn = fn, .arg = arg, .next = s->watched };
     err = sim_source_add(s->epoll, fd, EPOLLIN, &w->source);
     if (err)
         free(w);
@@ -476,9 +462,4 @@ void sim_server_close(struct sim_server *s)
     free(s->files);
     free(s->heap);
     free(s);
-}
-
-const char *sim_server_dir(const struct sim_server *s)
-{
-    return s->dir;
 }

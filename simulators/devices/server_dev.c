@@ -2,7 +2,6 @@
  * devices. */
 #include <dirent.h>
 #include <errno.h>
-#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -56,18 +55,26 @@ struct sim_node *sim_node_find(struct sim_server *s, const char *path)
     return NULL;
 }
 
+int sim_make_parents(char *path, size_t base)
+{
+    for (char *p = path + base + 1; (p = strchr(p, '/')); p++) {
+        bool failed;
+
+        *p = 0;
+        failed = mkdir(path, 0700) < 0 && errno != EEXIST;
+        *p = '/';
+        if (failed)
+            return -errno;
+    }
+    return 0;
+}
+
 /* Path of a /dev entry in the session; its folders are created. */
 static int place(struct sim_server *s, const char *path, char out[SST_PATH_MAX])
 {
     if (snprintf(out, SST_PATH_MAX, "%s%s", s->dir, path) >= SST_PATH_MAX)
         return -ENAMETOOLONG;
-    for (char *p = out + strlen(s->dir) + 5; (p = strchr(p, '/')); p++) {
-        *p = 0;
-        if (mkdir(out, 0700) < 0 && errno != EEXIST)
-            return -errno;
-        *p = '/';
-    }
-    return 0;
+    return sim_make_parents(out, strlen(s->dir) + strlen("/dev"));
 }
 
 static int write_node(struct sim_server *s, const struct sim_node *n)
@@ -122,15 +129,14 @@ int sim_node_add(struct sim_server *s, struct sim_node **node, const char *path,
 
 void sim_node_remove(struct sim_server *s, struct sim_node *node)
 {
+    struct sim_node **link = &s->nodes;
     char path[SST_PATH_MAX];
 
     if (!node)
         return;
-    for (struct sim_node **p = &s->nodes; *p; p = &(*p)->next)
-        if (*p == node) {
-            *p = node->next;
-            break;
-        }
+    while (*link != node)
+        link = &(*link)->next;
+    *link = node->next;
     if (strncmp(node->path, "/dev/", 5) == 0 && place(s, node->path, path) == 0)
         (void)unlink(path);
     sim_files_drop(s, node);

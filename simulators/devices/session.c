@@ -10,7 +10,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
-#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -136,18 +135,17 @@ static int allow_preload(void)
 }
 #endif
 
-int sim_session_enter(const char *dir, const char *further)
+int sim_session_enter(const char *dir)
 {
     const char *old = getenv("LD_PRELOAD");
-    char preload[SST_PATH_MAX], all[3 * SST_PATH_MAX];
+    char preload[SST_PATH_MAX], all[2 * SST_PATH_MAX];
     int err = find_preload(preload);
 
     if (!err)
         err = name_preload(dir, preload);
     if (err)
         return err;
-    if (snprintf(all, sizeof(all), "%s%s%s%s%s", preload, further ? ":" : "", further ? further : "",
-                 old && *old ? ":" : "", old ? old : "") >= (int)sizeof(all))
+    if (snprintf(all, sizeof(all), "%s%s%s", preload, old && *old ? ":" : "", old ? old : "") >= (int)sizeof(all))
         return -ENAMETOOLONG;
     if (setenv("LD_PRELOAD", all, 1) < 0 || setenv(SST_SIM_DIR_ENV, dir, 1) < 0)
         err = -errno;

@@ -5,7 +5,6 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <ftw.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,23 +23,13 @@ static void failed(struct sim_sysfs *fs, const char *path, int err)
                   strerror(-err));
 }
 
-/** The real path. @return false: too long, logged */
-static bool real_path(struct sim_sysfs *fs, const char *path, char out[SST_PATH_MAX])
+/** The real path of an entry. @return false: too long, logged */
+static bool real_path(struct sim_sysfs *fs, const char *dir, const char *name, char out[SST_PATH_MAX])
 {
-    if (snprintf(out, SST_PATH_MAX, "%s%s", fs->root, path) < SST_PATH_MAX)
+    if (snprintf(out, SST_PATH_MAX, "%s%s/%s", fs->root, dir, name) < SST_PATH_MAX)
         return true;
-    failed(fs, path, -ENAMETOOLONG);
+    failed(fs, dir, -ENAMETOOLONG);
     return false;
-}
-
-/** Create the parent folders of a real path. Failures show when the entry is written. */
-static void make_folders(const struct sim_sysfs *fs, char *real)
-{
-    for (char *p = real + strlen(fs->root) + 1; (p = strchr(p, '/')); p++) {
-        *p = '\0';
-        (void)mkdir(real, 0700);
-        *p = '/';
-    }
 }
 
 static int write_file(const char *real, int flags, mode_t mode, const void *data, size_t bytes)
@@ -73,31 +62,22 @@ static int replace_file(const struct sim_sysfs *fs, const char *real, const void
     return !err && rename(temporary, real) < 0 ? -errno : err;
 }
 
-static void put_file(struct sim_sysfs *fs, const char *path, const void *data, size_t bytes)
+void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes)
 {
     char real[SST_PATH_MAX];
     int err;
 
-    if (!real_path(fs, path, real))
+    if (!real_path(fs, dir, name, real))
         return;
     err = write_file(real, O_EXCL, 0444, data, bytes);
     if (err == -ENOENT) {
-        make_folders(fs, real);
-        err = write_file(real, O_EXCL, 0444, data, bytes);
+        err = sim_make_parents(real, strlen(fs->root));
+        err = err ? err : write_file(real, O_EXCL, 0444, data, bytes);
     }
     if (err == -EEXIST)
         err = replace_file(fs, real, data, bytes);
     if (err)
-        failed(fs, path, err);
-}
-
-void sim_sysfs_bytes(struct sim_sysfs *fs, const char *dir, const char *name, const void *data, size_t bytes)
-{
-    char path[SST_PATH_MAX];
-
-    if (snprintf(path, sizeof(path), "%s/%s", dir, name) >= (int)sizeof(path))
-        return failed(fs, dir, -ENAMETOOLONG);
-    put_file(fs, path, data, bytes);
+        failed(fs, real + strlen(fs->root), err);
 }
 
 void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, const char *fmt, ...)
@@ -115,13 +95,14 @@ void sim_sysfs_attr(struct sim_sysfs *fs, const char *dir, const char *name, con
     sim_sysfs_bytes(fs, dir, name, text, (size_t)n);
 }
 
-void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *path, const struct sim_ops *ops,
-                        void *device)
+void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char *dir, const char *name,
+                        const struct sim_ops *ops, void *device)
 {
     char real[SST_PATH_MAX];
+    const char *path = real + strlen(fs->root);
     int err;
 
-    if (!real_path(fs, path, real))
+    if (!real_path(fs, dir, name, real))
         return;
     /* The sticky bit makes the preload library send writes to the simulator. */
     err = chmod(real, S_ISVTX | 0644) < 0 ? -errno : sim_node_add(fs->server, node, path, 0, 0, ops, device);
@@ -129,24 +110,25 @@ void sim_sysfs_writable(struct sim_sysfs *fs, struct sim_node **node, const char
         failed(fs, path, err);
 }
 
-static void put_link(struct sim_sysfs *fs, const char *path, char *real, const char *target)
+static void put_link(struct sim_sysfs *fs, char *real, const char *target)
 {
     for (int attempt = 0; symlink(target, real) < 0; attempt++) {
         if (attempt == 2 || (errno != ENOENT && errno != EEXIST))
-            return failed(fs, path, -errno);
-        if (errno == ENOENT)
-            make_folders(fs, real);
-        else
+            return failed(fs, real + strlen(fs->root), -errno);
+        if (errno == EEXIST)
             (void)unlink(real);
+        else if (sim_make_parents(real, strlen(fs->root)))
+            return failed(fs, real + strlen(fs->root), -errno);
     }
 }
 
-void sim_sysfs_link(struct sim_sysfs *fs, const char *path, const char *target)
+void sim_sysfs_link(struct sim_sysfs *fs, const char *dir, const char *name, const char *target)
 {
     char real[SST_PATH_MAX], relative[SST_PATH_MAX] = "";
+    const char *path = real + strlen(fs->root);
     size_t common = 0;
 
-    if (!real_path(fs, path, real))
+    if (!real_path(fs, dir, name, real))
         return;
     for (size_t i = 0; path[i] && path[i] == target[i]; i++)
         if (path[i] == '/')
@@ -157,24 +139,15 @@ void sim_sysfs_link(struct sim_sysfs *fs, const char *path, const char *target)
     if (strlen(relative) + strlen(target + common) >= sizeof(relative))
         return failed(fs, path, -ENAMETOOLONG);
     strcat(relative, target + common);
-    put_link(fs, path, real, relative);
+    put_link(fs, real, relative);
 }
 
-static int remove_entry(const char *path, const struct stat *st, int type, struct FTW *walk)
-{
-    (void)st;
-    (void)type;
-    (void)walk;
-    (void)remove(path);
-    return 0;
-}
-
-void sim_sysfs_remove(struct sim_sysfs *fs, const char *path)
+void sim_sysfs_remove(struct sim_sysfs *fs, const char *dir, const char *name)
 {
     char real[SST_PATH_MAX];
 
-    if (snprintf(real, sizeof(real), "%s%s", fs->root, path) < (int)sizeof(real))
-        (void)nftw(real, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+    if (snprintf(real, sizeof(real), "%s%s/%s", fs->root, dir, name) < (int)sizeof(real))
+        sst_path_remove_tree(real);
 }
 
 /* --- entries of the machine --------------------------------------------------------------------------------------- */
@@ -192,10 +165,9 @@ static void show_through(struct sim_sysfs *fs, const char *dir, const char *cons
 
         for (int i = 0; without[i]; i++)
             own = own || strcmp(e->d_name, without[i]) == 0;
-        if (own || snprintf(target, sizeof(target), "%s/%s", dir, e->d_name) >= (int)sizeof(target) ||
-            !real_path(fs, target, at))
-            continue;
-        put_link(fs, target, at, target);
+        if (!own && snprintf(target, sizeof(target), "%s/%s", dir, e->d_name) < (int)sizeof(target) &&
+            real_path(fs, dir, e->d_name, at))
+            put_link(fs, at, target);
     }
     closedir(real);
 }
@@ -209,7 +181,7 @@ static void show_numbers(struct sim_sysfs *fs)
     DIR *dir;
 
     show_through(fs, "/sys/dev/char", none);
-    if (!real_path(fs, "/sys/dev/char", real) || !(dir = opendir(real)))
+    if (!real_path(fs, "/sys/dev", "char", real) || !(dir = opendir(real)))
         return; /* the machine shows none */
     for (struct dirent *e; (e = readdir(dir));)
         for (size_t i = 0; i < ARRAY_LEN(own); i++)
@@ -231,7 +203,7 @@ int sim_sysfs_open(struct sim_sysfs **out, struct sim_server *server)
     if (!fs)
         return -ENOMEM;
     fs->server = server;
-    snprintf(fs->root, sizeof(fs->root), "%s", sim_server_dir(server));
+    snprintf(fs->root, sizeof(fs->root), "%s", server->dir);
     show_through(fs, "/sys", top);
     show_through(fs, "/sys/bus", bus);
     show_through(fs, "/sys/class", class);
@@ -255,14 +227,4 @@ void sim_sysfs_close(struct sim_sysfs *fs)
         return;
     sim_events_close(fs);
     free(fs);
-}
-
-struct sim_server *sim_sysfs_server(const struct sim_sysfs *fs)
-{
-    return fs->server;
-}
-
-int sim_sysfs_error(const struct sim_sysfs *fs)
-{
-    return fs->err;
 }

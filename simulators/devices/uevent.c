@@ -125,14 +125,13 @@ static size_t flatten(char *out, size_t size, size_t at, const struct sim_props 
     return at;
 }
 
-void sim_udev_data(struct sim_sysfs *fs, const char *id, const struct sim_props *udev)
+/* Update udev's data about a device. udev NULL: remove it. */
+static void udev_data(struct sim_sysfs *fs, const char *id, const struct sim_props *udev)
 {
-    char path[512];
     struct sim_props data = { .bytes = 0 };
 
     if (!udev) {
-        snprintf(path, sizeof(path), "/run/udev/data/%s", id);
-        sim_sysfs_remove(fs, path);
+        sim_sysfs_remove(fs, "/run/udev/data", id);
         return;
     }
     for (const char *line = udev->text; *line; line = strchr(line, '\n') + 1)
@@ -161,7 +160,7 @@ void sim_uevent(struct sim_sysfs *fs, const char *action, const char *devpath, c
     send_group(fs, GROUP_KERNEL, text, bytes);
 
     if (udev && id && strcmp(action, "remove") != 0)
-        sim_udev_data(fs, id, udev);
+        udev_data(fs, id, udev);
     bytes = flatten(text, sizeof(text), sizeof(header), &head);
     bytes = flatten(text, sizeof(text), bytes, kernel);
     if (udev)
@@ -170,7 +169,7 @@ void sim_uevent(struct sim_sysfs *fs, const char *action, const char *devpath, c
     memcpy(text, &header, sizeof(header));
     send_group(fs, GROUP_UDEV, text, bytes);
     if (udev && id && strcmp(action, "remove") == 0)
-        sim_udev_data(fs, id, NULL);
+        udev_data(fs, id, NULL);
     retry(fs);
 }
 

@@ -103,11 +103,6 @@ bool sim_usb_front_video(struct sim_usb_front *front, int cam, bool present, int
     return true;
 }
 
-struct sst_sim_usb *sim_usb_front_model(struct sim_usb_front *front)
-{
-    return front->usb;
-}
-
 /* --- faults ------------------------------------------------------------------------------------------------------- */
 
 static const struct sim_fault bus_faults[SST_SIM_USB_FAULTS] = {
@@ -190,7 +185,7 @@ static int show_all(struct sim_usb_front *front)
         usb_sysfs_add(front, i);
     }
     front->in_event = false;
-    return sim_sysfs_error(front->cfg.sysfs);
+    return front->cfg.sysfs->err;
 }
 
 int sim_usb_front_open(struct sim_usb_front **out, const struct sim_usb_front_config *cfg)
@@ -209,7 +204,7 @@ int sim_usb_front_open(struct sim_usb_front **out, const struct sim_usb_front_co
         return err;
     model.arg = front;
     front->cfg = *cfg;
-    front->server = sim_sysfs_server(cfg->sysfs);
+    front->server = cfg->sysfs->server;
     err = sst_sim_usb_create(&front->usb, &model);
     if (err == -EINVAL)
         no_layout(cfg->layout ? cfg->layout : "(default)");

@@ -1,13 +1,13 @@
 /* simulators/devices/usb_sysfs.c - USB devices, their drivers and video nodes in /sys and in udev's data. */
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "simulators/devices/devices_internal.h"
 
 /* --- names -------------------------------------------------------------------------------------------------------- */
 
-void usb_sysfs_dir(const struct sim_usb_front *front, int device, char out[SST_PATH_MAX])
+/** Folder of a device in /sys. */
+static void usb_sysfs_dir(const struct sim_usb_front *front, int device, char out[SST_PATH_MAX])
 {
     const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, device);
     char below[SST_PATH_MAX] = "";
@@ -47,23 +47,6 @@ static void port_dir(const struct sim_usb_front *front, int hub, int port, char 
     snprintf(out, SST_PATH_MAX, "%.1800s/%s-port%d", dir, sst_sim_usb_device(front->usb, hub)->path, port);
 }
 
-/** Link `dir`/`name` to a target. */
-static void link_in(const struct sim_usb_front *front, const char *dir, const char *name, const char *target)
-{
-    char path[SST_PATH_MAX];
-
-    snprintf(path, sizeof(path), "%.1800s/%s", dir, name);
-    sim_sysfs_link(front->cfg.sysfs, path, target);
-}
-
-static void unlink_in(const struct sim_usb_front *front, const char *dir, const char *name)
-{
-    char path[SST_PATH_MAX];
-
-    snprintf(path, sizeof(path), "%.1800s/%s", dir, name);
-    sim_sysfs_remove(front->cfg.sysfs, path);
-}
-
 static int minor_of(const struct sst_sim_usb_device *d)
 {
     return (d->bus - 1) * 128 + d->address - 1;
@@ -71,11 +54,11 @@ static int minor_of(const struct sst_sim_usb_device *d)
 
 /* --- udev's properties of a device -------------------------------------------------------------------------------- */
 
-static void underscores(char *text)
+/** Replace some characters by underscores. */
+static void underscores(char *text, const char *which)
 {
-    for (; *text; text++)
-        if (*text == ' ')
-            *text = '_';
+    for (text += strcspn(text, which); *text; text += strcspn(text, which))
+        *text = '_';
 }
 
 /** "pci-0000:00:14.0-usb-0:1.2", and with the interface where there is one. */
@@ -96,8 +79,8 @@ static void add_identity(struct sim_props *udev, const struct sst_sim_usb_device
 
     snprintf(maker, sizeof(maker), "%s", sst_sim_usb_maker(d));
     snprintf(product, sizeof(product), "%s", sst_sim_usb_product(d));
-    underscores(maker);
-    underscores(product);
+    underscores(maker, " ");
+    underscores(product, " ");
     sim_props_add(udev, "ID_BUS=usb");
     sim_props_add(udev, "ID_VENDOR=%s", maker);
     sim_props_add(udev, "ID_VENDOR_ID=%02x%02x", descriptor[9], descriptor[8]);
@@ -115,14 +98,19 @@ static void add_path_id(struct sim_props *udev, const char *path)
     char tag[160];
 
     snprintf(tag, sizeof(tag), "%s", path);
-    for (char *p = tag; *p; p++)
-        if (*p == ':' || *p == '.')
-            *p = '_';
+    underscores(tag, ":.");
     sim_props_add(udev, "ID_PATH=%s", path);
     sim_props_add(udev, "ID_PATH_TAG=%s", tag);
 }
 
 /* --- properties in "uevent" --------------------------------------------------------------------------------------- */
+
+static void add_product(struct sim_props *props, const uint8_t *descriptor)
+{
+    sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8, descriptor[10] | descriptor[11] << 8,
+                  descriptor[12] | descriptor[13] << 8);
+    sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
+}
 
 static void device_props(struct sim_props *props, const struct sst_sim_usb_device *d, const uint8_t *descriptor)
 {
@@ -131,9 +119,7 @@ static void device_props(struct sim_props *props, const struct sst_sim_usb_devic
     sim_props_add(props, "DEVNAME=bus/usb/%03d/%03d", d->bus, d->address);
     sim_props_add(props, "DEVTYPE=usb_device");
     sim_props_add(props, "DRIVER=usb");
-    sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8, descriptor[10] | descriptor[11] << 8,
-                  descriptor[12] | descriptor[13] << 8);
-    sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
+    add_product(props, descriptor);
     sim_props_add(props, "BUSNUM=%03d", d->bus);
     sim_props_add(props, "DEVNUM=%03d", d->address);
 }
@@ -149,9 +135,7 @@ static void interface_props(const struct sim_usb_front *front, struct sim_props 
     sim_props_add(props, "DEVTYPE=usb_interface");
     if (d->bound >> interface & 1)
         sim_props_add(props, "DRIVER=%s", sst_sim_usb_driver(d));
-    sim_props_add(props, "PRODUCT=%x/%x/%x", descriptor[8] | descriptor[9] << 8, descriptor[10] | descriptor[11] << 8,
-                  descriptor[12] | descriptor[13] << 8);
-    sim_props_add(props, "TYPE=%d/%d/%d", descriptor[4], descriptor[5], descriptor[6]);
+    add_product(props, descriptor);
     sim_props_add(props, "INTERFACE=%d/%d/%d", class[0], class[1], class[2]);
     sim_props_add(props, "MODALIAS=usb:v%02X%02Xp%02X%02Xd%02X%02Xdc%02Xdsc%02Xdp%02Xic%02Xisc%02Xip%02Xin%02X",
                   descriptor[9], descriptor[8], descriptor[11], descriptor[10], descriptor[13], descriptor[12],
@@ -226,11 +210,9 @@ static void device_attributes(struct sim_usb_front *front, int device, const cha
 static void writable(struct sim_usb_front *front, int device, int port, const char *dir, const char *name)
 {
     struct usb_attribute *a = &front->shown[device].attribute[port];
-    char path[SST_PATH_MAX];
 
     *a = (struct usb_attribute){ .front = front, .device = device, .port = port };
-    snprintf(path, sizeof(path), "%.1800s/%s", dir, name);
-    sim_sysfs_writable(front->cfg.sysfs, &a->node, path, &usb_attribute_ops, a);
+    sim_sysfs_writable(front->cfg.sysfs, &a->node, dir, name, &usb_attribute_ops, a);
 }
 
 static void add_port(struct sim_usb_front *front, int hub, int port)
@@ -246,7 +228,7 @@ static void add_port(struct sim_usb_front *front, int hub, int port)
     writable(front, hub, port, dir, "disable");
     if (d->twin >= 0) {
         port_dir(front, d->twin, port, peer);
-        link_in(front, dir, "peer", peer);
+        sim_sysfs_link(front->cfg.sysfs, dir, "peer", peer);
     }
 }
 
@@ -274,11 +256,11 @@ static void link_driver(const struct sim_usb_front *front, int device, int inter
     usb_interface_name(d, interface, name, sizeof(name));
     snprintf(driver, sizeof(driver), "/sys/bus/usb/drivers/%s", sst_sim_usb_driver(d));
     if (d->bound >> interface & 1) {
-        link_in(front, dir, "driver", driver);
-        link_in(front, driver, name, dir);
+        sim_sysfs_link(front->cfg.sysfs, dir, "driver", driver);
+        sim_sysfs_link(front->cfg.sysfs, driver, name, dir);
     } else {
-        unlink_in(front, dir, "driver");
-        unlink_in(front, driver, name);
+        sim_sysfs_remove(front->cfg.sysfs, dir, "driver");
+        sim_sysfs_remove(front->cfg.sysfs, driver, name);
     }
 }
 
@@ -299,10 +281,10 @@ static void add_interface(struct sim_usb_front *front, int device, int interface
     sim_sysfs_attr(fs, dir, "bInterfaceSubClass", "%02x", class[1]);
     sim_sysfs_attr(fs, dir, "bInterfaceProtocol", "%02x", class[2]);
     sim_sysfs_attr(fs, dir, "authorized", "1");
-    link_in(front, dir, "subsystem", "/sys/bus/usb");
+    sim_sysfs_link(front->cfg.sysfs, dir, "subsystem", "/sys/bus/usb");
     usb_interface_name(d, interface, name, sizeof(name));
     interface_uevent(front, device, interface, descriptor);
-    link_in(front, "/sys/bus/usb/devices", name, dir);
+    sim_sysfs_link(front->cfg.sysfs, "/sys/bus/usb/devices", name, dir);
     if (d->bound >> interface & 1)
         link_driver(front, device, interface);
     for (int port = 1; port <= d->ports; port++)
@@ -322,10 +304,10 @@ static void add_controller(struct sim_usb_front *front, const struct sst_sim_usb
     sim_sysfs_attr(fs, dir, "class", "0x0c0330");
     sim_sysfs_attr(fs, dir, "uevent", "DRIVER=xhci_hcd\nPCI_CLASS=C0330\nPCI_ID=1B36:000D\nPCI_SLOT_NAME=%s",
                    d->controller);
-    link_in(front, dir, "subsystem", "/sys/bus/pci");
-    link_in(front, dir, "driver", "/sys/bus/pci/drivers/xhci_hcd");
-    link_in(front, "/sys/bus/pci/devices", d->controller, dir);
-    link_in(front, "/sys/bus/pci/drivers/xhci_hcd", d->controller, dir);
+    sim_sysfs_link(front->cfg.sysfs, dir, "subsystem", "/sys/bus/pci");
+    sim_sysfs_link(front->cfg.sysfs, dir, "driver", "/sys/bus/pci/drivers/xhci_hcd");
+    sim_sysfs_link(front->cfg.sysfs, "/sys/bus/pci/devices", d->controller, dir);
+    sim_sysfs_link(front->cfg.sysfs, "/sys/bus/pci/drivers/xhci_hcd", d->controller, dir);
 }
 
 void usb_sysfs_add(struct sim_usb_front *front, int device)
@@ -348,16 +330,16 @@ void usb_sysfs_add(struct sim_usb_front *front, int device)
         add_interface(front, device, i, descriptor);
     device_props(&props, d, descriptor);
     sim_sysfs_bytes(front->cfg.sysfs, dir, "uevent", props.text, props.bytes);
-    link_in(front, dir, "subsystem", "/sys/bus/usb");
-    link_in(front, dir, "driver", "/sys/bus/usb/drivers/usb");
-    link_in(front, "/sys/bus/usb/drivers/usb", d->path, dir);
-    link_in(front, "/sys/bus/usb/devices", d->path, dir);
+    sim_sysfs_link(front->cfg.sysfs, dir, "subsystem", "/sys/bus/usb");
+    sim_sysfs_link(front->cfg.sysfs, dir, "driver", "/sys/bus/usb/drivers/usb");
+    sim_sysfs_link(front->cfg.sysfs, "/sys/bus/usb/drivers/usb", d->path, dir);
+    sim_sysfs_link(front->cfg.sysfs, "/sys/bus/usb/devices", d->path, dir);
     snprintf(number, sizeof(number), "%d:%d", SST_SIM_USB_MAJOR, minor_of(d));
-    link_in(front, "/sys/dev/char", number, dir);
+    sim_sysfs_link(front->cfg.sysfs, "/sys/dev/char", number, dir);
     if (d->parent >= 0) {
         port_dir(front, d->parent, d->port, port);
-        link_in(front, port, "device", dir);
-        link_in(front, dir, "port", port);
+        sim_sysfs_link(front->cfg.sysfs, port, "device", dir);
+        sim_sysfs_link(front->cfg.sysfs, dir, "port", port);
     }
     send_event(front, device, -1, "add");
     for (int i = 0; i < d->interfaces; i++)
@@ -372,7 +354,7 @@ void usb_sysfs_remove(struct sim_usb_front *front, int device)
     for (int i = d->interfaces - 1; i >= 0; i--) {
         send_event(front, device, i, "remove");
         usb_interface_name(d, i, name, sizeof(name));
-        unlink_in(front, "/sys/bus/usb/devices", name);
+        sim_sysfs_remove(front->cfg.sysfs, "/sys/bus/usb/devices", name);
     }
     send_event(front, device, -1, "remove");
     for (int p = 0; p <= SST_SIM_USB_PORTS; p++) {
@@ -380,13 +362,13 @@ void usb_sysfs_remove(struct sim_usb_front *front, int device)
         front->shown[device].attribute[p].node = NULL;
     }
     usb_sysfs_dir(front, device, dir);
-    unlink_in(front, "/sys/bus/usb/drivers/usb", d->path);
-    unlink_in(front, "/sys/bus/usb/devices", d->path);
+    sim_sysfs_remove(front->cfg.sysfs, "/sys/bus/usb/drivers/usb", d->path);
+    sim_sysfs_remove(front->cfg.sysfs, "/sys/bus/usb/devices", d->path);
     snprintf(number, sizeof(number), "%d:%d", SST_SIM_USB_MAJOR, minor_of(d));
-    unlink_in(front, "/sys/dev/char", number);
+    sim_sysfs_remove(front->cfg.sysfs, "/sys/dev/char", number);
     port_dir(front, d->parent, d->port, port);
-    unlink_in(front, port, "device");
-    sim_sysfs_remove(front->cfg.sysfs, dir);
+    sim_sysfs_remove(front->cfg.sysfs, port, "device");
+    sim_sysfs_remove(front->cfg.sysfs, dir, "");
 }
 
 void usb_sysfs_bound(struct sim_usb_front *front, int device, int interface)
@@ -424,15 +406,16 @@ void usb_sysfs_drivers(struct sim_usb_front *front)
     int n = 0;
 
     for (size_t i = 0; i < ARRAY_LEN(drivers); i++) {
-        char dir[96], path[128];
+        char dir[96];
 
         snprintf(dir, sizeof(dir), "/sys/bus/usb/drivers/%s", drivers[i]);
         for (int bind = 0; bind <= 1; bind++, n++) {
-            front->driver_file[n] = (struct usb_driver_file){ .front = front, .driver = drivers[i], .bind = bind };
-            sim_sysfs_attr(front->cfg.sysfs, dir, bind ? "bind" : "unbind", "%s", "");
-            snprintf(path, sizeof(path), "%s/%s", dir, bind ? "bind" : "unbind");
-            sim_sysfs_writable(front->cfg.sysfs, &front->driver_file[n].node, path, &usb_driver_ops,
-                               &front->driver_file[n]);
+            struct usb_driver_file *f = &front->driver_file[n];
+            const char *name = bind ? "bind" : "unbind";
+
+            *f = (struct usb_driver_file){ .front = front, .driver = drivers[i], .bind = bind };
+            sim_sysfs_attr(front->cfg.sysfs, dir, name, "%s", "");
+            sim_sysfs_writable(front->cfg.sysfs, &f->node, dir, name, &usb_driver_ops, f);
         }
     }
 }
@@ -449,7 +432,7 @@ static void video_udev(struct sim_usb_front *front, int device, struct sim_props
         return;
     path_id(d, 0, path, sizeof(path));
     snprintf(id, sizeof(id), "%s_%s_%s", sst_sim_usb_maker(d), sst_sim_usb_product(d), d->serial);
-    underscores(id);
+    underscores(id, " ");
     sim_props_add(udev, "S:v4l/by-id/usb-%s-video-index0", id);
     sim_props_add(udev, "S:v4l/by-path/%s-video-index0", path);
     sim_props_add(udev, "ID_V4L_VERSION=2");
@@ -494,17 +477,17 @@ void usb_sysfs_video(struct sim_usb_front *front, int device, bool present, int 
         sim_sysfs_attr(fs, dir, "index", "0");
         sim_sysfs_attr(fs, dir, "dev", "81:%d", node);
         sim_sysfs_bytes(fs, dir, "uevent", props.text, props.bytes);
-        link_in(front, dir, "subsystem", "/sys/class/video4linux");
-        link_in(front, dir, "device", interface);
-        link_in(front, "/sys/class/video4linux", name, dir);
-        link_in(front, "/sys/dev/char", number, dir);
+        sim_sysfs_link(front->cfg.sysfs, dir, "subsystem", "/sys/class/video4linux");
+        sim_sysfs_link(front->cfg.sysfs, dir, "device", interface);
+        sim_sysfs_link(front->cfg.sysfs, "/sys/class/video4linux", name, dir);
+        sim_sysfs_link(front->cfg.sysfs, "/sys/dev/char", number, dir);
     }
     video_links(front, &udev, present ? node : -1);
     sim_props_add(&props, "SUBSYSTEM=video4linux");
     sim_uevent(fs, present ? "add" : "remove", dir + strlen("/sys"), &props, id, &udev);
     if (!present) {
-        unlink_in(front, "/sys/class/video4linux", name);
-        unlink_in(front, "/sys/dev/char", number);
-        sim_sysfs_remove(fs, dir);
+        sim_sysfs_remove(front->cfg.sysfs, "/sys/class/video4linux", name);
+        sim_sysfs_remove(front->cfg.sysfs, "/sys/dev/char", number);
+        sim_sysfs_remove(fs, dir, "");
     }
 }

@@ -70,35 +70,29 @@ static void signal_done(struct usb_file *f)
 
 static int submit(struct usb_file *f, struct sim_request *r)
 {
-    struct transfer *t;
-    size_t length;
+    struct transfer *t, **link = &f->transfers;
+    struct sst_sim_usb_transfer asked;
+    size_t length, sent;
     int n;
 
-    if (r->bytes < sizeof(t->t))
+    if (r->bytes < sizeof(asked))
+        return -EINVAL;
+    memcpy(&asked, r->data, sizeof(asked));
+    if (asked.type != USBDEVFS_URB_TYPE_CONTROL && asked.type != USBDEVFS_URB_TYPE_INTERRUPT)
+        return -EINVAL; /* pictures are only available through the video node */
+    length = asked.type == USBDEVFS_URB_TYPE_CONTROL ? (size_t)asked.setup[6] | (size_t)asked.setup[7] << 8 : 0;
+    sent = asked.setup[0] & 0x80 ? 0 : length;
+    if (length > sizeof(t->data) || r->bytes < sizeof(asked) + sent)
         return -EINVAL;
     t = calloc(1, sizeof(*t));
     if (!t)
         return -ENOMEM;
-    memcpy(&t->t, r->data, sizeof(t->t));
-    length = (size_t)t->t.setup[6] | (size_t)t->t.setup[7] << 8;
-    if (t->t.type != USBDEVFS_URB_TYPE_CONTROL && t->t.type != USBDEVFS_URB_TYPE_INTERRUPT) {
-        free(t);
-        return -EINVAL; /* pictures are only available through the video node */
-    }
-    if (t->t.type == USBDEVFS_URB_TYPE_CONTROL) {
-        if (length > sizeof(t->data) || (!(t->t.setup[0] & 0x80) && r->bytes < sizeof(t->t) + length)) {
-            free(t);
-            return -EINVAL;
-        }
-        memcpy(t->data, r->data + sizeof(t->t), t->t.setup[0] & 0x80 ? 0 : length);
-    }
-    for (struct transfer **link = &f->transfers;; link = &(*link)->next) {
-        if (!*link) {
-            *link = t;
-            break;
-        }
-    }
-    if (t->t.type == USBDEVFS_URB_TYPE_INTERRUPT)
+    t->t = asked;
+    memcpy(t->data, r->data + sizeof(asked), sent);
+    while (*link)
+        link = &(*link)->next;
+    *link = t;
+    if (asked.type == USBDEVFS_URB_TYPE_INTERRUPT)
         return 0; /* no changes to report: it stays pending until discarded */
     n = sst_sim_usb_control(f->shown->front->usb, f->shown->device, t->t.setup, t->data);
     t->t.status = n < 0 ? n : 0;
@@ -264,11 +258,6 @@ static int set_interface(struct usb_file *f, const struct usbdevfs_setinterface 
     return 0;
 }
 
-static int reset(struct usb_file *f)
-{
-    return sst_sim_usb_reset(f->shown->front->usb, f->shown->device);
-}
-
 /* --- the file ----------------------------------------------------------------------------------------------------- */
 
 static int wrapped(struct usb_file *f, const struct usbdevfs_ioctl *c)
@@ -327,7 +316,7 @@ static int file_ioctl(struct sim_handle *h, struct sim_request *r)
     case (uint32_t)USBDEVFS_RELEASEINTERFACE:
         return release(f, number);
     case (uint32_t)USBDEVFS_RESET:
-        return reset(f);
+        return sst_sim_usb_reset(f->shown->front->usb, f->shown->device);
     case (uint32_t)USBDEVFS_SETCONFIGURATION:
         return number <= 1 ? 0 : -EINVAL;
     case (uint32_t)USBDEVFS_CLEAR_HALT:

@@ -30,12 +30,11 @@ static void cam_close(struct sim_handle *h)
 {
     struct sim_open *o = h->state;
     struct sim_cam *cam = h->device;
+    struct sim_open **link = &cam->opens;
 
-    for (struct sim_open **p = &cam->opens; *p; p = &(*p)->next)
-        if (*p == o) {
-            *p = o->next;
-            break;
-        }
+    while (*link != o)
+        link = &(*link)->next;
+    *link = o->next;
     if (cam->queue.owner == o)
         sim_cam_queue_free(cam);
     /* It may have released its buffers before. */
@@ -110,8 +109,7 @@ static bool needs_priority(uint32_t request)
 
 /* --- ioctls ------------------------------------------------------------------------------------------------------- */
 
-/* @return 0 or an errno; *bytes of the argument are returned */
-static int common_ioctl(struct sim_open *o, struct sim_request *r, uint32_t *bytes)
+static int common_ioctl(struct sim_open *o, struct sim_request *r)
 {
     uint32_t number;
 
@@ -122,7 +120,7 @@ static int common_ioctl(struct sim_open *o, struct sim_request *r, uint32_t *byt
     case VIDIOC_ENUMINPUT:
         return enum_input((struct v4l2_input *)r->data);
     case VIDIOC_G_INPUT:
-        memset(r->data, 0, *bytes);
+        memset(r->data, 0, sizeof(number));
         return 0;
     case VIDIOC_S_INPUT:
         return number ? -EINVAL : 0;
@@ -131,7 +129,6 @@ static int common_ioctl(struct sim_open *o, struct sim_request *r, uint32_t *byt
         memcpy(r->data, &number, sizeof(number));
         return 0;
     case VIDIOC_S_PRIORITY:
-        *bytes = 0;
         return set_priority(o, number);
     case VIDIOC_LOG_STATUS:
         sst_log_info("camera %d: %llu frames, %llu lost, %s", o->cam->index,
@@ -139,10 +136,8 @@ static int common_ioctl(struct sim_open *o, struct sim_request *r, uint32_t *byt
                      o->cam->queue.streaming ? "streaming" : "idle");
         return 0;
     case VIDIOC_SUBSCRIBE_EVENT:
-        *bytes = 0;
         return sim_cam_subscribe(o, (struct v4l2_event_subscription *)r->data);
     case VIDIOC_UNSUBSCRIBE_EVENT:
-        *bytes = 0;
         return sim_cam_unsubscribe(o, (struct v4l2_event_subscription *)r->data, r);
     default:
         return -ENOTTY;
@@ -153,7 +148,7 @@ static int cam_ioctl(struct sim_handle *h, struct sim_request *r)
 {
     struct sim_open *o = h->state;
     struct sim_cam *cam = h->device;
-    uint32_t bytes = _IOC_DIR(r->call.cmd) == _IOC_NONE ? 0 : _IOC_SIZE(r->call.cmd);
+    const uint32_t bytes = _IOC_DIR(r->call.cmd) == _IOC_NONE ? 0 : _IOC_SIZE(r->call.cmd);
     int result;
 
     if (r->bytes < bytes)
@@ -164,18 +159,18 @@ static int cam_ioctl(struct sim_handle *h, struct sim_request *r)
         return -EBUSY;
     if (r->call.cmd == VIDIOC_DQEVENT)
         return sim_cam_dequeue_event(o, r);
-    result = common_ioctl(o, r, &bytes);
-    if (result == 0)
-        r->out_bytes = bytes;
+    result = common_ioctl(o, r);
     if (result == -ENOTTY)
         result = sim_cam_formats_ioctl(cam, r);
     if (result == -ENOTTY)
         result = sim_cam_controls_ioctl(cam, o, r);
     if (result == -ENOTTY)
         result = sim_cam_queue_ioctl(cam, o, r);
-    /* Return nothing for a request without output. */
+    /* The argument is returned if the request reads it; if areas follow it, the controls have set the size of all. */
     if (!(_IOC_DIR(r->call.cmd) & _IOC_READ))
         r->out_bytes = 0;
+    else if (result == 0 && !r->out_bytes)
+        r->out_bytes = bytes;
     return result;
 }
 

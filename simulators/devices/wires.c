@@ -59,7 +59,7 @@ static int64_t bytes_per_second(uint32_t fourcc, int width, int height, double r
 static int reserve(void *arg, int cam, uint32_t fourcc, int width, int height, double rate_hz)
 {
     struct sim_wires *w = arg;
-    struct sst_sim_usb *usb = sim_usb_front_model(w->usb);
+    struct sst_sim_usb *usb = w->usb->usb;
     const int device = sst_sim_usb_camera(usb, cam);
     int err = sst_sim_usb_stream(usb, device, bytes_per_second(fourcc, width, height, rate_hz));
 
@@ -72,7 +72,7 @@ static int reserve(void *arg, int cam, uint32_t fourcc, int width, int height, d
 static void release(void *arg, int cam)
 {
     struct sim_wires *w = arg;
-    struct sst_sim_usb *usb = sim_usb_front_model(w->usb);
+    struct sst_sim_usb *usb = w->usb->usb;
 
     sst_sim_usb_stream_end(usb, sst_sim_usb_camera(usb, cam));
 }
@@ -88,7 +88,7 @@ static void plugged(void *arg, int cam, bool present, int node)
 static void swapped(void *arg, int cam, int body)
 {
     struct sim_wires *w = arg;
-    struct sst_sim_usb *usb = sim_usb_front_model(w->usb);
+    struct sst_sim_usb *usb = w->usb->usb;
 
     sst_sim_usb_swap(usb, sst_sim_usb_camera(usb, cam), body);
 }
@@ -136,7 +136,7 @@ int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg)
     if (!err)
         err = sim_usb_front_open(&w->usb, &usb);
     if (!err && (cfg->options.rig || usb.cameras == 1))
-        err = sim_rig_open(&w->rig, sim_server_dir(cfg->server), cfg->options.rig_port, sst_sim_world_seed(cfg->world));
+        err = sim_rig_open(&w->rig, cfg->server->dir, cfg->options.rig_port, sst_sim_world_seed(cfg->world));
     if (err) {
         sim_wires_close(w);
         return err;
@@ -147,7 +147,7 @@ int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg)
 
 const struct sst_sim_usb *sim_wires_usb(const struct sim_wires *wires)
 {
-    return sim_usb_front_model(wires->usb);
+    return wires->usb->usb;
 }
 
 struct sim_rig *sim_wires_rig(const struct sim_wires *wires)

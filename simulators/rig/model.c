@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "simulators/scene/noise.h"
+
 #define TICK_NS           1000000
 #define TICK_S            1e-3
 #define IDLE_TICKS        300    /* after this long at rest the state no longer changes */
@@ -15,19 +17,11 @@
 enum mode { IDLE = 0, POSITIONING = 1, HOMING = 2, HALTING = 3 };
 enum homing { SEEK_SWITCH = 0, LEAVE_SWITCH = 1, SEEK_INDEX = 2 };
 
-/* splitmix64 */
-static uint64_t mix(uint64_t x)
-{
-    x += 0x9E3779B97F4A7C15u;
-    x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9u;
-    x = (x ^ (x >> 27)) * 0x94D049BB133111EBu;
-    return x ^ (x >> 31);
-}
-
 void sim_axis_init(struct sim_axis *axis, int index, uint64_t seed, int64_t t_ns)
 {
     static const double travel_um[SST_SIM_AXES] = { 400000, 400000, 100000 };
-    const uint64_t random = mix(seed * SST_SIM_AXES + (uint64_t)index);
+    uint64_t state = seed * SST_SIM_AXES + (uint64_t)index;
+    const uint64_t random = sst_random_u64(&state);
 
     *axis = (struct sim_axis){
         .soft_low = -1000,

@@ -11,68 +11,41 @@ enum exception { ILLEGAL_FUNCTION = 1, ILLEGAL_ADDRESS = 2, ILLEGAL_VALUE = 3 };
 #define FIRMWARE      0x0100
 #define BITS          16
 
-static uint16_t high(uint32_t v)
+/* A value of two registers, the high half first. */
+static void split(uint16_t *r, uint32_t v)
 {
-    return (uint16_t)(v >> 16);
-}
-
-static uint16_t low(uint32_t v)
-{
-    return (uint16_t)(v & 0xFFFF);
+    r[0] = (uint16_t)(v >> 16);
+    r[1] = (uint16_t)v;
 }
 
 static void read_holding(const struct sim_axis *a, uint16_t r[HOLDING_COUNT])
 {
-    const uint16_t all[HOLDING_COUNT] = {
-        a->control,
-        0,
-        high((uint32_t)a->target),
-        low((uint32_t)a->target),
-        high(a->speed),
-        low(a->speed),
-        high(a->accel),
-        low(a->accel),
-        a->window,
-        a->following_limit,
-        high((uint32_t)a->soft_low),
-        low((uint32_t)a->soft_low),
-        high((uint32_t)a->soft_high),
-        low((uint32_t)a->soft_high),
-        high(a->home_speed),
-        low(a->home_speed),
-    };
-
-    memcpy(r, all, sizeof(all));
+    r[0] = a->control;
+    r[1] = 0;
+    split(r + 2, (uint32_t)a->target);
+    split(r + 4, a->speed);
+    split(r + 6, a->accel);
+    r[8] = a->window;
+    r[9] = a->following_limit;
+    split(r + 10, (uint32_t)a->soft_low);
+    split(r + 12, (uint32_t)a->soft_high);
+    split(r + 14, a->home_speed);
 }
 
 static void read_input(const struct sim_axis *a, int unit, uint16_t r[INPUT_COUNT])
 {
     const uint32_t actual = (uint32_t)sim_axis_actual(a), commanded = (uint32_t)sim_axis_commanded(a);
-    const uint32_t error = commanded - actual, speed = (uint32_t)(int32_t)a->vel;
-    const uint16_t all[INPUT_COUNT] = {
-        sim_axis_status(a),
-        a->alarm,
-        high(actual),
-        low(actual),
-        high(commanded),
-        low(commanded),
-        high(error),
-        low(error),
-        high(speed),
-        low(speed),
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        DEVICE_ID,
-        FIRMWARE,
-        (uint16_t)unit,
-        0,
-    };
 
-    memcpy(r, all, sizeof(all));
+    memset(r, 0, INPUT_COUNT * sizeof(*r));
+    r[0] = sim_axis_status(a);
+    r[1] = a->alarm;
+    split(r + 2, actual);
+    split(r + 4, commanded);
+    split(r + 6, commanded - actual);
+    split(r + 8, (uint32_t)(int32_t)a->vel);
+    r[16] = DEVICE_ID;
+    r[17] = FIRMWARE;
+    r[18] = (uint16_t)unit;
 }
 
 static uint32_t join(const uint16_t *r)

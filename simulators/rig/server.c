@@ -379,17 +379,14 @@ int sst_sim_drive_start(struct sst_sim_drive **out, const struct sst_sim_drive_c
     }
     if (!err)
         err = start_thread(d);
-    if (!err)
-        pthread_setname_np(d->thread, "sim-rig");
-    else
-        goto fail;
+    if (err) {
+        d->thread = 0;
+        sst_sim_drive_stop(d);
+        return err;
+    }
+    pthread_setname_np(d->thread, "sim-rig");
     *out = d;
     return 0;
-
-fail:
-    d->thread = 0;
-    sst_sim_drive_stop(d);
-    return err;
 }
 
 void sst_sim_drive_stop(struct sst_sim_drive *d)

@@ -69,10 +69,20 @@ static void layouts_have_the_ports(void **state)
     assert_int_equal(sst_sim_usb_create(&none, &bad), -EINVAL);
 }
 
+/* "1-2.3", "usb1" */
+static int device_at(const struct sst_sim_usb *usb, const char *path)
+{
+    int i = 0;
+
+    while (strcmp(sst_sim_usb_device(usb, i)->path, path) != 0)
+        assert_true(++i < sst_sim_usb_count(usb));
+    return i;
+}
+
 static void a_hub_takes_all_below_along(void **state)
 {
     struct sst_sim_usb *usb = tree("tight", 5); /* 1-1.1.1 .. 4, 1-1.2.1 */
-    const int hub = sst_sim_usb_find(usb, "1-1.2"), camera = sst_sim_usb_camera(usb, 4);
+    const int hub = device_at(usb, "1-1.2"), camera = sst_sim_usb_camera(usb, 4);
     const int address = sst_sim_usb_device(usb, camera)->address;
 
     (void)state;
@@ -94,8 +104,8 @@ static void a_hub_takes_all_below_along(void **state)
 static void rungs_are_told(void **state)
 {
     struct sst_sim_usb *usb = tree("tight", 1);
-    const int camera = sst_sim_usb_camera(usb, 0), hub = sst_sim_usb_find(usb, "1-1.1");
-    const int twin = sst_sim_usb_find(usb, "2-1.1");
+    const int camera = sst_sim_usb_camera(usb, 0), hub = device_at(usb, "1-1.1");
+    const int twin = device_at(usb, "2-1.1");
     const int address = sst_sim_usb_device(usb, camera)->address;
 
     (void)state;
@@ -225,8 +235,8 @@ static void descriptors_are_whole(void **state)
 static void control_transfers_answer(void **state)
 {
     struct sst_sim_usb *usb = tree("tight", 2);
-    const int camera = sst_sim_usb_camera(usb, 1), hub = sst_sim_usb_find(usb, "1-1.1");
-    const int twin = sst_sim_usb_find(usb, "2-1.1");
+    const int camera = sst_sim_usb_camera(usb, 1), hub = device_at(usb, "1-1.1");
+    const int twin = device_at(usb, "2-1.1");
     uint8_t data[256], triple[3];
 
     (void)state;

@@ -76,14 +76,8 @@ SST_MUST_CHECK int gpio_file_create(struct sst_sim_gpio_file **out, struct sst_s
                                     enum gpio_file_kind kind, unsigned capacity);
 /** Update the levels of all wires after a change of outputs, and generate the resulting edges. */
 void gpio_settle(struct sst_sim_gpio *gpio, int64_t now_ns);
-/** Start or restart edge detection from the current level. */
-void gpio_arm(struct sst_sim_gpio *gpio, struct gpio_line *line);
-/** Notify the chip's watchers that a line was requested, released or configured. */
-void gpio_notify_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, uint32_t what, int64_t now_ns);
 void gpio_line_info(const struct sst_sim_gpio *gpio, int chip, uint32_t offset, struct gpio_v2_line_info *out);
-bool gpio_line_busy(const struct sst_sim_gpio *gpio, int chip, uint32_t offset);
 bool gpio_line_value(const struct sst_sim_gpio *gpio, const struct gpio_line *line); /* logical */
-void gpio_release_lines(struct sst_sim_gpio_file *file, int count, int64_t now_ns);
 
 /* --- gpio_uapi1.c, gpio_uapi2.c: requests and configurations ------------------------------------------------------ */
 
@@ -93,10 +87,6 @@ SST_MUST_CHECK int gpio_v1_handle(struct sst_sim_gpio_file *chip, struct gpiohan
 SST_MUST_CHECK int gpio_v1_event(struct sst_sim_gpio_file *chip, struct gpioevent_request *request,
                                  struct sst_sim_gpio_file **opened, int64_t now_ns);
 SST_MUST_CHECK int gpio_v1_request_ioctl(struct sst_sim_gpio_file *file, unsigned long request, void *arg,
-                                         int64_t now_ns);
-SST_MUST_CHECK int gpio_v2_request(struct sst_sim_gpio_file *chip, struct gpio_v2_line_request *request,
-                                   struct sst_sim_gpio_file **opened, int64_t now_ns);
-SST_MUST_CHECK int gpio_v2_request_ioctl(struct sst_sim_gpio_file *file, unsigned long request, void *arg,
                                          int64_t now_ns);
 
 /** Requested configuration of a line. */

@@ -67,7 +67,8 @@ static void queue_edge(struct sst_sim_gpio *gpio, struct gpio_chip *chip, struct
     push(file, &event);
 }
 
-void gpio_arm(struct sst_sim_gpio *gpio, struct gpio_line *line)
+/** Start or restart edge detection from the current level. */
+static void arm(struct sst_sim_gpio *gpio, struct gpio_line *line)
 {
     line->seen = pin(gpio, line);
     line->settle_ns = INT64_MAX;
@@ -191,7 +192,7 @@ static bool held_by_driver(const struct sst_sim_gpio *gpio, int chip, uint32_t o
     return gpio->chip[chip].fault[SST_SIM_GPIO_BUSY] != 0 && gpio->chip[chip].line[offset].name[0] != '\0';
 }
 
-bool gpio_line_busy(const struct sst_sim_gpio *gpio, int chip, uint32_t offset)
+static bool line_busy(const struct sst_sim_gpio *gpio, int chip, uint32_t offset)
 {
     return gpio->chip[chip].line[offset].owner || held_by_driver(gpio, chip, offset);
 }
@@ -206,7 +207,7 @@ void gpio_line_info(const struct sst_sim_gpio *gpio, int chip, uint32_t offset, 
     if (!(line->flags & GPIO_V2_LINE_FLAG_OUTPUT))
         out->flags |= GPIO_V2_LINE_FLAG_INPUT;
     memcpy(out->name, line->name, sizeof(out->name));
-    if (gpio_line_busy(gpio, chip, offset)) {
+    if (line_busy(gpio, chip, offset)) {
         out->flags |= GPIO_V2_LINE_FLAG_USED;
         strcpy(out->consumer, line->owner ? line->consumer : DRIVER);
     }
@@ -217,7 +218,8 @@ void gpio_line_info(const struct sst_sim_gpio *gpio, int chip, uint32_t offset, 
     }
 }
 
-void gpio_notify_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, uint32_t what, int64_t now_ns)
+/** Notify the chip's watchers that a line was requested, released or configured. */
+static void notify_watchers(struct sst_sim_gpio *gpio, int chip, uint32_t offset, uint32_t what, int64_t now_ns)
 {
     struct gpio_v2_line_info_changed changed = { .timestamp_ns = (uint64_t)now_ns, .event_type = what };
 
@@ -243,7 +245,7 @@ int gpio_request_lines(struct sst_sim_gpio_file *file, const uint32_t *offsets, 
 
         if (offsets[i] >= (uint32_t)chip->lines)
             err = -EINVAL;
-        else if (gpio_line_busy(file->gpio, file->chip, offsets[i]))
+        else if (line_busy(file->gpio, file->chip, offsets[i]))
             err = -EBUSY;
         if (err) {
             for (int k = 0; k < i; k++)
@@ -279,14 +281,14 @@ void gpio_apply(struct sst_sim_gpio_file *file, const struct gpio_want *want, ui
         line->debounce_us = want[i].debounce_us;
         if (want[i].flags & GPIO_V2_LINE_FLAG_OUTPUT)
             line->drive = want[i].value != ((line->flags & GPIO_V2_LINE_FLAG_ACTIVE_LOW) != 0);
-        gpio_arm(gpio, line);
+        arm(gpio, line);
     }
     gpio_settle(gpio, now_ns);
     for (int i = 0; i < file->lines; i++)
-        gpio_notify_watchers(gpio, file->chip, file->offset[i], what, now_ns);
+        notify_watchers(gpio, file->chip, file->offset[i], what, now_ns);
 }
 
-void gpio_release_lines(struct sst_sim_gpio_file *file, int count, int64_t now_ns)
+static void release_lines(struct sst_sim_gpio_file *file, int count, int64_t now_ns)
 {
     for (int i = 0; i < count; i++) {
         struct gpio_line *line = gpio_file_line(file, i);
@@ -300,7 +302,7 @@ void gpio_release_lines(struct sst_sim_gpio_file *file, int count, int64_t now_n
     }
     gpio_settle(file->gpio, now_ns);
     for (int i = 0; i < count; i++)
-        gpio_notify_watchers(file->gpio, file->chip, file->offset[i], GPIO_V2_LINE_CHANGED_RELEASED, now_ns);
+        notify_watchers(file->gpio, file->chip, file->offset[i], GPIO_V2_LINE_CHANGED_RELEASED, now_ns);
 }
 
 /* --- files -------------------------------------------------------------------------------------------------------- */
@@ -348,7 +350,7 @@ void sst_sim_gpio_close(struct sst_sim_gpio_file *file, int64_t now_ns)
     if (!file)
         return;
     if (file->kind != GPIO_FILE_CHIP && !file->gone)
-        gpio_release_lines(file, file->lines, now_ns);
+        release_lines(file, file->lines, now_ns);
     for (link = &file->gpio->files; *link != file; link = &(*link)->next)
         ;
     *link = file->next;
@@ -440,7 +442,7 @@ static void vanish(struct sst_sim_gpio *gpio, int chip, int64_t now_ns)
         if (f->chip != chip || f->gone)
             continue;
         if (f->kind != GPIO_FILE_CHIP)
-            gpio_release_lines(f, f->lines, now_ns);
+            release_lines(f, f->lines, now_ns);
         f->gone = true;
         if (gpio->hooks.wake)
             gpio->hooks.wake(gpio->hooks.arg, f);

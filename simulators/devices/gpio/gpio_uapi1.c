@@ -7,44 +7,31 @@
 #define HANDLE_EVENTS 1  /* a handle queues none; a ring has at least one entry */
 #define EVENT_EVENTS  16 /* the kernel's queue of a line event */
 
-/** The flags of both versions, pairwise. */
+/** A flag of version 2, and in version 1 that of a request and that of a line's info; 0: there is none. */
 static const struct {
-    uint32_t v1;
     uint64_t v2;
-} flag_pairs[] = {
-    { GPIOHANDLE_REQUEST_INPUT, GPIO_V2_LINE_FLAG_INPUT },
-    { GPIOHANDLE_REQUEST_OUTPUT, GPIO_V2_LINE_FLAG_OUTPUT },
-    { GPIOHANDLE_REQUEST_ACTIVE_LOW, GPIO_V2_LINE_FLAG_ACTIVE_LOW },
-    { GPIOHANDLE_REQUEST_OPEN_DRAIN, GPIO_V2_LINE_FLAG_OPEN_DRAIN },
-    { GPIOHANDLE_REQUEST_OPEN_SOURCE, GPIO_V2_LINE_FLAG_OPEN_SOURCE },
-    { GPIOHANDLE_REQUEST_BIAS_PULL_UP, GPIO_V2_LINE_FLAG_BIAS_PULL_UP },
-    { GPIOHANDLE_REQUEST_BIAS_PULL_DOWN, GPIO_V2_LINE_FLAG_BIAS_PULL_DOWN },
-    { GPIOHANDLE_REQUEST_BIAS_DISABLE, GPIO_V2_LINE_FLAG_BIAS_DISABLED },
+    uint32_t request, info;
+} flag_table[] = {
+    { GPIO_V2_LINE_FLAG_USED, 0, GPIOLINE_FLAG_KERNEL },
+    { GPIO_V2_LINE_FLAG_INPUT, GPIOHANDLE_REQUEST_INPUT, 0 },
+    { GPIO_V2_LINE_FLAG_OUTPUT, GPIOHANDLE_REQUEST_OUTPUT, GPIOLINE_FLAG_IS_OUT },
+    { GPIO_V2_LINE_FLAG_ACTIVE_LOW, GPIOHANDLE_REQUEST_ACTIVE_LOW, GPIOLINE_FLAG_ACTIVE_LOW },
+    { GPIO_V2_LINE_FLAG_OPEN_DRAIN, GPIOHANDLE_REQUEST_OPEN_DRAIN, GPIOLINE_FLAG_OPEN_DRAIN },
+    { GPIO_V2_LINE_FLAG_OPEN_SOURCE, GPIOHANDLE_REQUEST_OPEN_SOURCE, GPIOLINE_FLAG_OPEN_SOURCE },
+    { GPIO_V2_LINE_FLAG_BIAS_PULL_UP, GPIOHANDLE_REQUEST_BIAS_PULL_UP, GPIOLINE_FLAG_BIAS_PULL_UP },
+    { GPIO_V2_LINE_FLAG_BIAS_PULL_DOWN, GPIOHANDLE_REQUEST_BIAS_PULL_DOWN, GPIOLINE_FLAG_BIAS_PULL_DOWN },
+    { GPIO_V2_LINE_FLAG_BIAS_DISABLED, GPIOHANDLE_REQUEST_BIAS_DISABLE, GPIOLINE_FLAG_BIAS_DISABLE },
 };
 
 void gpio_info_to_v1(const struct gpio_v2_line_info *info, struct gpioline_info *out)
 {
-    static const struct {
-        uint64_t v2;
-        uint32_t v1;
-    } pairs[] = {
-        { GPIO_V2_LINE_FLAG_USED, GPIOLINE_FLAG_KERNEL },
-        { GPIO_V2_LINE_FLAG_OUTPUT, GPIOLINE_FLAG_IS_OUT },
-        { GPIO_V2_LINE_FLAG_ACTIVE_LOW, GPIOLINE_FLAG_ACTIVE_LOW },
-        { GPIO_V2_LINE_FLAG_OPEN_DRAIN, GPIOLINE_FLAG_OPEN_DRAIN },
-        { GPIO_V2_LINE_FLAG_OPEN_SOURCE, GPIOLINE_FLAG_OPEN_SOURCE },
-        { GPIO_V2_LINE_FLAG_BIAS_PULL_UP, GPIOLINE_FLAG_BIAS_PULL_UP },
-        { GPIO_V2_LINE_FLAG_BIAS_PULL_DOWN, GPIOLINE_FLAG_BIAS_PULL_DOWN },
-        { GPIO_V2_LINE_FLAG_BIAS_DISABLED, GPIOLINE_FLAG_BIAS_DISABLE },
-    };
-
     memset(out, 0, sizeof(*out));
     out->line_offset = info->offset;
     memcpy(out->name, info->name, sizeof(out->name));
     memcpy(out->consumer, info->consumer, sizeof(out->consumer));
-    for (size_t i = 0; i < ARRAY_LEN(pairs); i++)
-        if (info->flags & pairs[i].v2)
-            out->flags |= pairs[i].v1;
+    for (size_t i = 0; i < ARRAY_LEN(flag_table); i++)
+        if (info->flags & flag_table[i].v2)
+            out->flags |= flag_table[i].info;
 }
 
 /** @return 0 or -EINVAL: unknown or contradicting flags */
@@ -56,10 +43,10 @@ static int flags_from_v1(uint32_t flags, uint64_t *out)
     const uint32_t direction = flags & (GPIOHANDLE_REQUEST_INPUT | GPIOHANDLE_REQUEST_OUTPUT);
     uint64_t v2 = 0;
 
-    for (size_t i = 0; i < ARRAY_LEN(flag_pairs); i++) {
-        if (flags & flag_pairs[i].v1)
-            v2 |= flag_pairs[i].v2;
-        flags &= ~flag_pairs[i].v1;
+    for (size_t i = 0; i < ARRAY_LEN(flag_table); i++) {
+        if (flags & flag_table[i].request)
+            v2 |= flag_table[i].v2;
+        flags &= ~flag_table[i].request;
     }
     if (flags || (direction & (direction - 1)) || (bias & (bias - 1)) || (drive & (drive - 1)))
         return -EINVAL;

@@ -71,8 +71,8 @@ static int read_config(const struct gpio_v2_line_config *config, int lines, stru
 
 /* --- requests ----------------------------------------------------------------------------------------------------- */
 
-int gpio_v2_request(struct sst_sim_gpio_file *chip, struct gpio_v2_line_request *request,
-                    struct sst_sim_gpio_file **opened, int64_t now_ns)
+static int request_lines(struct sst_sim_gpio_file *chip, struct gpio_v2_line_request *request,
+                         struct sst_sim_gpio_file **opened, int64_t now_ns)
 {
     struct gpio_want want[GPIO_V2_LINES_MAX];
     struct sst_sim_gpio_file *file;
@@ -137,7 +137,7 @@ static int set_values(struct sst_sim_gpio_file *file, const struct gpio_v2_line_
     return 0;
 }
 
-int gpio_v2_request_ioctl(struct sst_sim_gpio_file *file, unsigned long request, void *arg, int64_t now_ns)
+static int request_ioctl(struct sst_sim_gpio_file *file, unsigned long request, void *arg, int64_t now_ns)
 {
     struct gpio_want want[GPIO_V2_LINES_MAX];
     int err;
@@ -213,7 +213,7 @@ int sst_sim_gpio_ioctl(struct sst_sim_gpio_file *file, unsigned long request, vo
     if (file->gone)
         return -ENODEV;
     if (file->kind == GPIO_FILE_LINES)
-        return gpio_v2_request_ioctl(file, request, arg, now_ns);
+        return request_ioctl(file, request, arg, now_ns);
     if (file->kind != GPIO_FILE_CHIP)
         return gpio_v1_request_ioctl(file, request, arg, now_ns);
     switch (request) {
@@ -234,7 +234,7 @@ int sst_sim_gpio_ioctl(struct sst_sim_gpio_file *file, unsigned long request, vo
             return -EINVAL;
         return line_info(file, 2, request == GPIO_V2_GET_LINEINFO_WATCH_IOCTL, v2->offset, arg);
     case GPIO_V2_GET_LINE_IOCTL:
-        return gpio_v2_request(file, arg, opened, now_ns);
+        return request_lines(file, arg, opened, now_ns);
     default:
         return -EINVAL;
     }

@@ -6,7 +6,6 @@
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
-#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -91,29 +90,24 @@ HOOK int openat64(int dirfd, const char *path, int flags, ...)
     return sim_open_hook(dirfd, path, flags | O_LARGEFILE, mode);
 }
 
-HOOK int __open_2(const char *path, int flags);
-HOOK int __open_2(const char *path, int flags)
-{
-    return sim_open_hook(AT_FDCWD, path, flags, 0);
-}
+/* Calls without a mode are replaced by these if the compiler checks them. */
+#define OPEN_2_HOOK(name, large)                                                                                       \
+    HOOK int name(const char *path, int flags);                                                                        \
+    HOOK int name(const char *path, int flags)                                                                         \
+    {                                                                                                                  \
+        return sim_open_hook(AT_FDCWD, path, flags | (large), 0);                                                      \
+    }
+#define OPENAT_2_HOOK(name, large)                                                                                     \
+    HOOK int name(int dirfd, const char *path, int flags);                                                             \
+    HOOK int name(int dirfd, const char *path, int flags)                                                              \
+    {                                                                                                                  \
+        return sim_open_hook(dirfd, path, flags | (large), 0);                                                         \
+    }
 
-HOOK int __open64_2(const char *path, int flags);
-HOOK int __open64_2(const char *path, int flags)
-{
-    return sim_open_hook(AT_FDCWD, path, flags | O_LARGEFILE, 0);
-}
-
-HOOK int __openat_2(int dirfd, const char *path, int flags);
-HOOK int __openat_2(int dirfd, const char *path, int flags)
-{
-    return sim_open_hook(dirfd, path, flags, 0);
-}
-
-HOOK int __openat64_2(int dirfd, const char *path, int flags);
-HOOK int __openat64_2(int dirfd, const char *path, int flags)
-{
-    return sim_open_hook(dirfd, path, flags | O_LARGEFILE, 0);
-}
+OPEN_2_HOOK(__open_2, 0)
+OPEN_2_HOOK(__open64_2, O_LARGEFILE)
+OPENAT_2_HOOK(__openat_2, 0)
+OPENAT_2_HOOK(__openat64_2, O_LARGEFILE)
 
 /* --- descriptors -------------------------------------------------------------------------------------------------- */
 
@@ -173,36 +167,20 @@ HOOK int dup3(int fd, int to, int flags)
     return inherit(fd, next(fd, to, flags));
 }
 
-static int fcntl_hook(int (*next)(int, int, ...), int fd, int command, void *arg)
-{
-    const int result = next(fd, command, arg);
+#define FCNTL_HOOK(name)                                                                                               \
+    HOOK int name(int fd, int command, ...)                                                                            \
+    {                                                                                                                  \
+        NEXT(int, name, int, int, ...);                                                                                \
+        va_list args;                                                                                                  \
+        int result;                                                                                                    \
+        va_start(args, command);                                                                                       \
+        result = next(fd, command, va_arg(args, void *));                                                              \
+        va_end(args);                                                                                                  \
+        return command == F_DUPFD || command == F_DUPFD_CLOEXEC ? inherit(fd, result) : result;                        \
+    }
 
-    return command == F_DUPFD || command == F_DUPFD_CLOEXEC ? inherit(fd, result) : result;
-}
-
-HOOK int fcntl(int fd, int command, ...)
-{
-    NEXT(int, fcntl, int, int, ...);
-    va_list args;
-    void *arg;
-
-    va_start(args, command);
-    arg = va_arg(args, void *);
-    va_end(args);
-    return fcntl_hook(next, fd, command, arg);
-}
-
-HOOK int fcntl64(int fd, int command, ...)
-{
-    NEXT(int, fcntl64, int, int, ...);
-    va_list args;
-    void *arg;
-
-    va_start(args, command);
-    arg = va_arg(args, void *);
-    va_end(args);
-    return fcntl_hook(next, fd, command, arg);
-}
+FCNTL_HOOK(fcntl)
+FCNTL_HOOK(fcntl64)
 
 /* --- ioctl, read, write, mmap ------------------------------------------------------------------------------------- */
 

@@ -4,7 +4,6 @@
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <glob.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -140,49 +139,38 @@ FXSTAT_HOOK(__fxstat64, stat64)
 
 /* --- rights, links ------------------------------------------------------------------------------------------------ */
 
-HOOK int access(const char *path, int mode)
-{
-    NEXT(int, access, const char *, int);
-    struct sim_path p;
+/* Body of a hook with a path of folder `dirfd`: -1 if it is not found, else `call`, the next function. */
+#define PATH_BODY(dirfd, follow, call)                                                                                 \
+    struct sim_path p;                                                                                                 \
+    path = other_path(dirfd, path, follow, &p);                                                                        \
+    return path ? call : -1;
 
-    path = other_path(AT_FDCWD, path, true, &p);
-    return path ? next(path, mode) : -1;
-}
+#define ACCESS_HOOK(name)                                                                                              \
+    HOOK int name(const char *path, int mode)                                                                          \
+    {                                                                                                                  \
+        NEXT(int, name, const char *, int);                                                                            \
+        PATH_BODY(AT_FDCWD, true, next(path, mode))                                                                    \
+    }
 
-HOOK int euidaccess(const char *path, int mode)
-{
-    NEXT(int, euidaccess, const char *, int);
-    struct sim_path p;
-
-    path = other_path(AT_FDCWD, path, true, &p);
-    return path ? next(path, mode) : -1;
-}
+ACCESS_HOOK(access)
+ACCESS_HOOK(euidaccess)
 
 HOOK int faccessat(int dirfd, const char *path, int mode, int flags)
 {
     NEXT(int, faccessat, int, const char *, int, int);
-    struct sim_path p;
-
-    path = other_path(dirfd, path, !(flags & AT_SYMLINK_NOFOLLOW), &p);
-    return path ? next(dirfd, path, mode, flags) : -1;
+    PATH_BODY(dirfd, !(flags & AT_SYMLINK_NOFOLLOW), next(dirfd, path, mode, flags))
 }
 
 HOOK ssize_t readlink(const char *restrict path, char *restrict out, size_t bytes)
 {
     NEXT(ssize_t, readlink, const char *, char *, size_t);
-    struct sim_path p;
-
-    path = other_path(AT_FDCWD, path, false, &p);
-    return path ? next(path, out, bytes) : -1;
+    PATH_BODY(AT_FDCWD, false, next(path, out, bytes))
 }
 
 HOOK ssize_t readlinkat(int dirfd, const char *restrict path, char *restrict out, size_t bytes)
 {
     NEXT(ssize_t, readlinkat, int, const char *, char *, size_t);
-    struct sim_path p;
-
-    path = other_path(dirfd, path, false, &p);
-    return path ? next(dirfd, path, out, bytes) : -1;
+    PATH_BODY(dirfd, false, next(dirfd, path, out, bytes))
 }
 
 /* libc resolves links with internal calls that cannot be interposed. A device's path resolves to the one under /dev. */
@@ -221,47 +209,28 @@ static bool in_session(DIR *dir)
     return p.kind == SIM_PATH_PLAIN;
 }
 
-HOOK struct dirent *readdir(DIR *dir)
-{
-    NEXT(struct dirent *, readdir, DIR *);
-    struct dirent *e = next(dir);
+#define READDIR_HOOK(name, type)                                                                                       \
+    HOOK struct type *name(DIR *dir)                                                                                   \
+    {                                                                                                                  \
+        NEXT(struct type *, name, DIR *);                                                                              \
+        struct type *e = next(dir);                                                                                    \
+        if (e && e->d_type == DT_REG && in_session(dir))                                                               \
+            e->d_type = DT_UNKNOWN;                                                                                    \
+        return e;                                                                                                      \
+    }
+#define SCANDIR_HOOK(name, type)                                                                                       \
+    HOOK int name(const char *restrict path, struct type ***restrict list, int (*choose)(const struct type *),         \
+                  int (*order)(const struct type **, const struct type **))                                            \
+    {                                                                                                                  \
+        NEXT(int, name, const char *, struct type ***, int (*)(const struct type *),                                   \
+             int (*)(const struct type **, const struct type **));                                                     \
+        PATH_BODY(AT_FDCWD, true, next(path, list, choose, order))                                                     \
+    }
 
-    if (e && e->d_type == DT_REG && in_session(dir))
-        e->d_type = DT_UNKNOWN;
-    return e;
-}
-
-HOOK struct dirent64 *readdir64(DIR *dir)
-{
-    NEXT(struct dirent64 *, readdir64, DIR *);
-    struct dirent64 *e = next(dir);
-
-    if (e && e->d_type == DT_REG && in_session(dir))
-        e->d_type = DT_UNKNOWN;
-    return e;
-}
-
-HOOK int scandir(const char *restrict path, struct dirent ***restrict list, int (*choose)(const struct dirent *),
-                 int (*order)(const struct dirent **, const struct dirent **))
-{
-    NEXT(int, scandir, const char *, struct dirent ***, int (*)(const struct dirent *),
-         int (*)(const struct dirent **, const struct dirent **));
-    struct sim_path p;
-
-    path = other_path(AT_FDCWD, path, true, &p);
-    return path ? next(path, list, choose, order) : -1;
-}
-
-HOOK int scandir64(const char *restrict path, struct dirent64 ***restrict list, int (*choose)(const struct dirent64 *),
-                   int (*order)(const struct dirent64 **, const struct dirent64 **))
-{
-    NEXT(int, scandir64, const char *, struct dirent64 ***, int (*)(const struct dirent64 *),
-         int (*)(const struct dirent64 **, const struct dirent64 **));
-    struct sim_path p;
-
-    path = other_path(AT_FDCWD, path, true, &p);
-    return path ? next(path, list, choose, order) : -1;
-}
+READDIR_HOOK(readdir, dirent)
+READDIR_HOOK(readdir64, dirent64)
+SCANDIR_HOOK(scandir, dirent)
+SCANDIR_HOOK(scandir64, dirent64)
 
 static void glob_closedir(void *dir)
 {

@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <linux/magic.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/inotify.h>
 #include <sys/vfs.h>
@@ -43,17 +42,15 @@ static FILE *open_stream(FILE *(*next)(const char *, const char *), const char *
     return stream;
 }
 
-HOOK FILE *fopen(const char *restrict path, const char *restrict mode)
-{
-    NEXT(FILE *, fopen, const char *, const char *);
-    return open_stream(next, path, mode);
-}
+#define FOPEN_HOOK(name)                                                                                               \
+    HOOK FILE *name(const char *restrict path, const char *restrict mode)                                              \
+    {                                                                                                                  \
+        NEXT(FILE *, name, const char *, const char *);                                                                \
+        return open_stream(next, path, mode);                                                                          \
+    }
 
-HOOK FILE *fopen64(const char *restrict path, const char *restrict mode)
-{
-    NEXT(FILE *, fopen64, const char *, const char *);
-    return open_stream(next, path, mode);
-}
+FOPEN_HOOK(fopen)
+FOPEN_HOOK(fopen64)
 
 HOOK int fclose(FILE *stream)
 {

@@ -2,7 +2,6 @@
 #define _GNU_SOURCE
 #include <linux/usbdevice_fs.h>
 #include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
@@ -17,6 +16,19 @@ static int exchange(const struct sim_id *id, unsigned long request, struct sst_s
         .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle },
         .in = { { t, sizeof(*t) }, { data, bytes } },
         .out = { { t, sizeof(*t) }, { data, bytes } },
+        .send_fd = -1,
+    };
+
+    return sim_exchange(&x);
+}
+
+/* A request whose number does not have the direction of its argument. */
+static int ask(const struct sim_id *id, unsigned long request, void *arg, size_t in, size_t out)
+{
+    struct sim_exchange x = {
+        .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle },
+        .in = { { arg, in } },
+        .out = { { arg, out } },
         .send_fd = -1,
     };
 
@@ -130,26 +142,10 @@ static int usb_ioctl(int fd, const struct sim_id *id, unsigned long request, voi
 
         return exchange(id, request, &t, NULL, 0);
     }
-    case USBDEVFS_GETDRIVER: {
-        /* The request number means "write", but an answer is read. */
-        struct sim_exchange x = {
-            .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle },
-            .in = { { arg, sizeof(struct usbdevfs_getdriver) } },
-            .out = { { arg, sizeof(struct usbdevfs_getdriver) } },
-            .send_fd = -1,
-        };
-
-        return sim_exchange(&x);
-    }
-    case USBDEVFS_CONNECTINFO: {
-        struct sim_exchange x = {
-            .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle },
-            .out = { { arg, sizeof(struct usbdevfs_connectinfo) } },
-            .send_fd = -1,
-        };
-
-        return sim_exchange(&x);
-    }
+    case USBDEVFS_GETDRIVER: /* the request number means "write", but an answer is read */
+        return ask(id, request, arg, sizeof(struct usbdevfs_getdriver), sizeof(struct usbdevfs_getdriver));
+    case USBDEVFS_CONNECTINFO:
+        return ask(id, request, arg, 0, sizeof(struct usbdevfs_connectinfo));
     default:
         return sim_ioctl_areas(fd, id, request, arg, NULL, 0, NULL);
     }

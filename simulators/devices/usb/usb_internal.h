@@ -19,7 +19,4 @@ struct sst_sim_usb {
 /** usb_layout.c: fill usb->device. @return 0, -EINVAL, -ENOMEM */
 SST_MUST_CHECK int usb_layout_build(struct sst_sim_usb *usb, const char *name, int cameras);
 
-/** usb_model.c: update states from what is plugged, powered and enabled. */
-void usb_refresh(struct sst_sim_usb *usb);
-
 #endif

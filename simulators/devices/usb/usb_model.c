@@ -80,8 +80,9 @@ static void leave(struct sst_sim_usb *usb, int device)
     d->address = 0;
 }
 
-/** Parents come first in the list: arrivals are reported in order, removals from the leaves up. */
-void usb_refresh(struct sst_sim_usb *usb)
+/** Update states from what is plugged, powered and enabled. Parents come first in the list: arrivals are reported in
+ *  order, removals from the leaves up. */
+static void refresh(struct sst_sim_usb *usb)
 {
     bool changed = true;
 
@@ -118,20 +119,16 @@ void sst_sim_usb_plug(struct sst_sim_usb *usb, int device, bool plugged)
     d->plugged = plugged;
     if (d->twin >= 0)
         usb->device[d->twin].plugged = plugged;
-    usb_refresh(usb);
-}
-
-static void set_serial(struct sst_sim_usb_device *d, int camera)
-{
-    snprintf(d->serial, sizeof(d->serial), "SIM%04d", camera);
+    refresh(usb);
 }
 
 void sst_sim_usb_swap(struct sst_sim_usb *usb, int device, int body)
 {
-    const bool plugged = usb->device[device].plugged;
+    struct sst_sim_usb_device *d = &usb->device[device];
+    const bool plugged = d->plugged;
 
     sst_sim_usb_plug(usb, device, false);
-    set_serial(&usb->device[device], body);
+    snprintf(d->serial, sizeof(d->serial), "SIM%04d", body);
     sst_sim_usb_plug(usb, device, plugged);
 }
 
@@ -150,7 +147,7 @@ int sst_sim_usb_authorize(struct sst_sim_usb *usb, int device, bool authorized)
         notify(usb, device, SST_SIM_USB_REAUTHORISED, 0);
     set_all_bound(usb, device, authorized);
     notify(usb, device, SST_SIM_USB_CHANGED, 0);
-    usb_refresh(usb);
+    refresh(usb);
     return 0;
 }
 
@@ -163,7 +160,7 @@ int sst_sim_usb_bind(struct sst_sim_usb *usb, int device, int interface, bool bo
     if ((d->bound >> interface & 1) == (unsigned)bound)
         return bound ? -EBUSY : -ENODEV;
     set_bound(usb, device, interface, bound);
-    usb_refresh(usb);
+    refresh(usb);
     return 0;
 }
 
@@ -193,7 +190,7 @@ int sst_sim_usb_disable(struct sst_sim_usb *usb, int hub, int port, bool disable
     notify(usb, hub, SST_SIM_USB_CHANGED, 0);
     if (!disabled && !usb->fault[SST_SIM_USB_NO_PORT_POWER])
         notify_powered(usb, hub, port); /* the kernel switches off the power of a disabled port if it can */
-    usb_refresh(usb);
+    refresh(usb);
     return 0;
 }
 
@@ -216,7 +213,7 @@ int sst_sim_usb_power(struct sst_sim_usb *usb, int hub, int port, bool on)
         if (h->twin >= 0)
             notify_powered(usb, h->twin, port);
     }
-    usb_refresh(usb);
+    refresh(usb);
     return 0;
 }
 
@@ -230,12 +227,11 @@ int sst_sim_usb_reset(struct sst_sim_usb *usb, int device)
     if (usb->fault[SST_SIM_USB_RESET_FAILS])
         return -ETIMEDOUT;
     notify(usb, device, SST_SIM_USB_RESET, 0);
-    for (int i = 0; i < d->interfaces; i++)
-        set_bound(usb, device, i, false);
-    usb_refresh(usb); /* devices behind a reset hub are enumerated again */
+    set_all_bound(usb, device, false);
+    refresh(usb); /* devices behind a reset hub are enumerated again */
     for (int i = 0; i < d->interfaces; i++)
         set_bound(usb, device, i, bound >> i & 1);
-    usb_refresh(usb);
+    refresh(usb);
     return 0;
 }
 
@@ -260,14 +256,6 @@ int sst_sim_usb_camera(const struct sst_sim_usb *usb, int camera)
 {
     for (int i = 0; i < usb->count; i++)
         if (usb->device[i].camera == camera)
-            return i;
-    return -1;
-}
-
-int sst_sim_usb_find(const struct sst_sim_usb *usb, const char *path)
-{
-    for (int i = 0; i < usb->count; i++)
-        if (strcmp(usb->device[i].path, path) == 0)
             return i;
     return -1;
 }
@@ -331,7 +319,7 @@ int sst_sim_usb_create(struct sst_sim_usb **out, const struct sst_sim_usb_config
         sst_sim_usb_destroy(usb);
         return err;
     }
-    usb_refresh(usb);
+    refresh(usb);
     usb->arg = cfg->arg;
     usb->event = cfg->event;
     *out = usb;

@@ -8,7 +8,6 @@
 
 #define SST_SIM_USB_PORTS 16 /* most ports of a hub */
 #define SST_SIM_USB_TEXT  64
-#define SST_SIM_USB_ALTS  16
 
 struct sst_sim_usb; /* opaque; one thread */
 
@@ -78,7 +77,6 @@ void sst_sim_usb_destroy(struct sst_sim_usb *usb); /* sends no events */
 int sst_sim_usb_count(const struct sst_sim_usb *usb);
 const struct sst_sim_usb_device *sst_sim_usb_device(const struct sst_sim_usb *usb, int device);
 int sst_sim_usb_camera(const struct sst_sim_usb *usb, int camera);       /* its device */
-int sst_sim_usb_find(const struct sst_sim_usb *usb, const char *path);   /* "1-2.3", "usb1"; -1 */
 int sst_sim_usb_at(const struct sst_sim_usb *usb, int bus, int address); /* -1 */
 /** The device at a hub's port, here or away, or -1. */
 int sst_sim_usb_child(const struct sst_sim_usb *usb, int hub, int port);

@@ -2,7 +2,6 @@
 #include "simulators/scene/world/sim_world.h"
 
 #include <errno.h>
-#include <math.h>
 #include <sha2.h>
 #include <stdio.h>
 #include <stdlib.h>

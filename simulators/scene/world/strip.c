@@ -1,8 +1,8 @@
 #include "simulators/scene/world/world_internal.h"
 
 #include <errno.h>
-#include <math.h>
 #include <string.h>
+#include <zlib.h>
 
 #define GAIN_ONE  64
 #define CRC_AT    (SST_STRIP_BITS - 32)
@@ -15,18 +15,6 @@ int strip_height(int width)
     const int cells = sst_max_int(width / SST_STRIP_CELL, 1);
 
     return (SST_STRIP_BITS + cells - 1) / cells * SST_STRIP_CELL;
-}
-
-static uint32_t crc32(const uint8_t *data, size_t n)
-{
-    uint32_t crc = UINT32_MAX;
-
-    for (size_t i = 0; i < n; i++) {
-        crc ^= data[i];
-        for (int bit = 0; bit < 8; bit++)
-            crc = crc >> 1 ^ (crc & 1 ? 0xEDB88320u : 0);
-    }
-    return ~crc;
 }
 
 /* All fields are multiples of four bits, so at most two share a byte. */
@@ -67,7 +55,7 @@ void strip_pack(const struct sst_sim_exposure *e, uint8_t bits[SST_STRIP_BYTES])
 
         put(bits, &at, POSE_BITS, (uint64_t)sst_clamp_int(e->pose_um[i], -half, half - 1));
     }
-    put(bits, &at, 32, crc32(bits, CRC_AT / 8));
+    put(bits, &at, 32, crc32_z(0, bits, CRC_AT / 8));
 }
 
 void strip_draw(uint8_t *luma, size_t stride, int width, const struct sst_sim_exposure *e)
@@ -122,7 +110,7 @@ int strip_read(const uint8_t *luma, size_t stride, int width, int height, struct
     e.gain = (double)get(bits, &at, 12) / GAIN_ONE;
     for (int i = 0; i < 3; i++)
         e.pose_um[i] = (int32_t)((uint32_t)get(bits, &at, POSE_BITS) << (32 - POSE_BITS)) >> (32 - POSE_BITS);
-    if (get(bits, &at, 32) != crc32(bits, CRC_AT / 8))
+    if (get(bits, &at, 32) != crc32_z(0, bits, CRC_AT / 8))
         return -EBADMSG;
     *out = e;
     return 0;
