@@ -86,7 +86,7 @@ static bool ambiguous(const struct sst_yaml_node *n)
 }
 
 static bool parse_text(struct sst_yaml *doc, const struct sst_yaml_node *n, const struct sst_key *key, char *out,
-                      size_t size)
+                       size_t size)
 {
     const bool optional = key->optional || (key->standard && !*key->standard);
 
