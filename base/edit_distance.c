@@ -1,4 +1,4 @@
-#include "base/word.h"
+#include "base/edit_distance.h"
 
 #include <stdbool.h>
 #include <string.h>
@@ -27,7 +27,7 @@ static int edits(const char *a, const char *b)
     return cost[n % 3][m];
 }
 
-int sst_word_distance(const char *wrong, const char *word)
+int sst_edit_distance(const char *wrong, const char *word)
 {
     const size_t n = strlen(wrong);
     const bool unit = n > 1 && !strncmp(word, wrong, n) && word[n] == '_';
@@ -35,18 +35,18 @@ int sst_word_distance(const char *wrong, const char *word)
     int distance;
 
     if (n >= WORD_MAX || strlen(word) >= WORD_MAX)
-        return SST_WORD_FAR;
+        return SST_EDIT_FAR;
     distance = unit ? 1 : edits(wrong, word);
-    return distance <= most ? distance : SST_WORD_FAR;
+    return distance <= most ? distance : SST_EDIT_FAR;
 }
 
-const char *sst_word_nearest(const char *wrong, const char *const *words)
+const char *sst_edit_nearest(const char *wrong, const char *const *words)
 {
     const char *best = NULL;
-    int least = SST_WORD_FAR;
+    int least = SST_EDIT_FAR;
 
     for (; *words; words++) {
-        const int distance = sst_word_distance(wrong, *words);
+        const int distance = sst_edit_distance(wrong, *words);
 
         if (distance < least) {
             best = *words;

@@ -479,7 +479,7 @@ static bool is_empty(const char *dir)
     return d && n < 3; /* . and .. */
 }
 
-int sst_check_output(const char *out, bool force, const char *marker, const char *const *inputs)
+int sst_path_check_output(const char *out, bool force, const char *marker, const char *const *inputs)
 {
     char path[SST_PATH_MAX];
 

@@ -68,7 +68,7 @@ void sst_outdir_abort(struct sst_outdir *out);
 
 /** Refuse (logged) an output that would replace one of `inputs` (ends in NULL) or a folder that is not of this kind:
  *  with force, `out` may exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL */
-SST_MUST_CHECK int sst_check_output(const char *out, bool force, const char *marker, const char *const *inputs);
+SST_MUST_CHECK int sst_path_check_output(const char *out, bool force, const char *marker, const char *const *inputs);
 
 /** Remove a folder and all below it; links are not followed. Missing is fine. */
 void sst_path_remove_tree(const char *path);

@@ -14,7 +14,7 @@ struct jpeg {
     atomic_int refs;
 };
 
-struct sst_outlet {
+struct sst_slot {
     atomic_int refs, viewers;
     pthread_mutex_t lock; /* of the picture */
     pthread_cond_t changed;
@@ -24,9 +24,9 @@ struct sst_outlet {
     bool shut;
 };
 
-int sst_outlet_create(struct sst_outlet **out)
+int sst_slot_create(struct sst_slot **out)
 {
-    struct sst_outlet *o = calloc(1, sizeof(*o));
+    struct sst_slot *o = calloc(1, sizeof(*o));
 
     if (!o)
         return -ENOMEM;
@@ -37,24 +37,24 @@ int sst_outlet_create(struct sst_outlet **out)
     return 0;
 }
 
-struct sst_outlet *sst_outlet_ref(struct sst_outlet *o)
+struct sst_slot *sst_slot_ref(struct sst_slot *o)
 {
     o->refs++;
     return o;
 }
 
-void sst_outlet_unref(struct sst_outlet *o)
+void sst_slot_unref(struct sst_slot *o)
 {
     if (!o || --o->refs)
         return;
     if (o->newest)
-        sst_jpeg_unref(&o->newest->jpeg);
+        sst_slot_jpeg_unref(&o->newest->jpeg);
     pthread_cond_destroy(&o->changed);
     pthread_mutex_destroy(&o->lock);
     free(o);
 }
 
-int sst_outlet_put(struct sst_outlet *o, uint8_t *data, size_t bytes, uint64_t set, int64_t t_ns, int64_t wall_ns)
+int sst_slot_put(struct sst_slot *o, uint8_t *data, size_t bytes, uint64_t set, int64_t t_ns, int64_t wall_ns)
 {
     struct jpeg *j = calloc(1, sizeof(*j)), *before;
 
@@ -72,11 +72,11 @@ int sst_outlet_put(struct sst_outlet *o, uint8_t *data, size_t bytes, uint64_t s
     pthread_cond_broadcast(&o->changed);
     pthread_mutex_unlock(&o->lock);
     if (before)
-        sst_jpeg_unref(&before->jpeg);
+        sst_slot_jpeg_unref(&before->jpeg);
     return 0;
 }
 
-const struct sst_jpeg *sst_outlet_get(struct sst_outlet *o, uint64_t after)
+const struct sst_jpeg *sst_slot_get(struct sst_slot *o, uint64_t after)
 {
     struct jpeg *j = NULL;
 
@@ -94,13 +94,13 @@ static struct jpeg *whole(const struct sst_jpeg *jpeg)
     return (struct jpeg *)(void *)((uint8_t *)jpeg - offsetof(struct jpeg, jpeg));
 }
 
-const struct sst_jpeg *sst_jpeg_ref(const struct sst_jpeg *jpeg)
+const struct sst_jpeg *sst_slot_jpeg_ref(const struct sst_jpeg *jpeg)
 {
     whole(jpeg)->refs++;
     return jpeg;
 }
 
-void sst_jpeg_unref(const struct sst_jpeg *jpeg)
+void sst_slot_jpeg_unref(const struct sst_jpeg *jpeg)
 {
     struct jpeg *j = whole(jpeg);
 
@@ -110,7 +110,7 @@ void sst_jpeg_unref(const struct sst_jpeg *jpeg)
     free(j);
 }
 
-bool sst_outlet_wait(struct sst_outlet *o, uint64_t after, int timeout_ms)
+bool sst_slot_wait(struct sst_slot *o, uint64_t after, int timeout_ms)
 {
     const int64_t end_ns = sst_clock_now_ns() + (int64_t)timeout_ms * 1000000;
     bool there;
@@ -123,22 +123,22 @@ bool sst_outlet_wait(struct sst_outlet *o, uint64_t after, int timeout_ms)
     return there;
 }
 
-void sst_outlet_join(struct sst_outlet *o)
+void sst_slot_join(struct sst_slot *o)
 {
     o->viewers++;
 }
 
-void sst_outlet_leave(struct sst_outlet *o)
+void sst_slot_leave(struct sst_slot *o)
 {
     o->viewers--;
 }
 
-int sst_outlet_viewers(struct sst_outlet *o)
+int sst_slot_clients(struct sst_slot *o)
 {
     return o->viewers;
 }
 
-void sst_outlet_shut(struct sst_outlet *o)
+void sst_slot_shut(struct sst_slot *o)
 {
     pthread_mutex_lock(&o->lock);
     o->shut = true;
@@ -146,7 +146,7 @@ void sst_outlet_shut(struct sst_outlet *o)
     pthread_mutex_unlock(&o->lock);
 }
 
-bool sst_outlet_is_shut(struct sst_outlet *o)
+bool sst_slot_is_shut(struct sst_slot *o)
 {
     bool shut;
 

@@ -7,7 +7,7 @@
 
 #include "base/base.h"
 
-struct sst_outlet; /* opaque, counted; any thread */
+struct sst_slot; /* opaque, counted; any thread */
 
 /** One encoded picture; counted, read-only. */
 struct sst_jpeg {
@@ -19,30 +19,30 @@ struct sst_jpeg {
 };
 
 /** @return 0, -ENOMEM */
-SST_MUST_CHECK int sst_outlet_create(struct sst_outlet **out);
-struct sst_outlet *sst_outlet_ref(struct sst_outlet *outlet);
-void sst_outlet_unref(struct sst_outlet *outlet); /* NULL is fine */
+SST_MUST_CHECK int sst_slot_create(struct sst_slot **out);
+struct sst_slot *sst_slot_ref(struct sst_slot *outlet);
+void sst_slot_unref(struct sst_slot *outlet); /* NULL is fine */
 
 /** Store a new picture and wake the waiting clients. @param data  malloc'ed, owned from then on @return 0, -ENOMEM
  * (data is freed) */
-SST_MUST_CHECK int sst_outlet_put(struct sst_outlet *outlet, uint8_t *data, size_t bytes, uint64_t set, int64_t t_ns,
-                                  int64_t wall_ns);
+SST_MUST_CHECK int sst_slot_put(struct sst_slot *outlet, uint8_t *data, size_t bytes, uint64_t set, int64_t t_ns,
+                                int64_t wall_ns);
 
-/** The newest picture if its number is above `after`, else NULL; a reference, for sst_jpeg_unref(). */
-const struct sst_jpeg *sst_outlet_get(struct sst_outlet *outlet, uint64_t after);
-const struct sst_jpeg *sst_jpeg_ref(const struct sst_jpeg *jpeg);
-void sst_jpeg_unref(const struct sst_jpeg *jpeg);
+/** The newest picture if its number is above `after`, else NULL; a reference, for sst_slot_jpeg_unref(). */
+const struct sst_jpeg *sst_slot_get(struct sst_slot *outlet, uint64_t after);
+const struct sst_jpeg *sst_slot_jpeg_ref(const struct sst_jpeg *jpeg);
+void sst_slot_jpeg_unref(const struct sst_jpeg *jpeg);
 
 /** Wait for a picture with a number above `after`. @return false: time is up, or shut */
-bool sst_outlet_wait(struct sst_outlet *outlet, uint64_t after, int timeout_ms);
+bool sst_slot_wait(struct sst_slot *outlet, uint64_t after, int timeout_ms);
 
 /** Count a client in or out: without clients the picture is not rendered. */
-void sst_outlet_join(struct sst_outlet *outlet);
-void sst_outlet_leave(struct sst_outlet *outlet);
-int sst_outlet_viewers(struct sst_outlet *outlet);
+void sst_slot_join(struct sst_slot *outlet);
+void sst_slot_leave(struct sst_slot *outlet);
+int sst_slot_clients(struct sst_slot *outlet);
 
 /** No picture will follow: clients leave. */
-void sst_outlet_shut(struct sst_outlet *outlet);
-bool sst_outlet_is_shut(struct sst_outlet *outlet);
+void sst_slot_shut(struct sst_slot *outlet);
+bool sst_slot_is_shut(struct sst_slot *outlet);
 
 #endif

@@ -1,5 +1,5 @@
-/* base/plugin.h - parts of the program that are loaded when they are first used: libsst-NAME.so beside the program, or in
- * lib/ beside its folder. They bring libraries that take long to load and that most runs never need. */
+/* base/plugin.h - parts of the program that are loaded when they are first used: libsst-NAME.so beside the program, or
+ * in lib/ beside its folder. They bring libraries that take long to load and that most runs never need. */
 #ifndef SST_BASE_PLUGIN_H
 #define SST_BASE_PLUGIN_H
 

@@ -8,8 +8,8 @@
 #include <string.h>
 #include <yaml.h>
 
+#include "base/edit_distance.h"
 #include "base/log.h"
-#include "base/word.h"
 
 struct fault {
     int line, column;
@@ -423,10 +423,10 @@ void sst_yaml_know_tree(struct sst_yaml_node *node)
 static const char *suggestion(const struct sst_yaml_node *map, const char *key)
 {
     const char *best = NULL;
-    int least = SST_WORD_FAR;
+    int least = SST_EDIT_FAR;
 
     for (const struct sst_yaml_asked *a = map->asked; a; a = a->next) {
-        const int distance = find(map, a->key) ? SST_WORD_FAR : sst_word_distance(key, a->key);
+        const int distance = find(map, a->key) ? SST_EDIT_FAR : sst_edit_distance(key, a->key);
 
         if (distance < least || (best && distance == least && strcmp(a->key, best) < 0)) {
             best = a->key;

@@ -7,7 +7,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/calibration/drift/check.h"
+#include "pipeline/calibration/drift/drift.h"
 #include "pipeline/image/codec.h"
 
 static const char *const state_names[] = { "measured", "blank", "lost" };
@@ -19,7 +19,7 @@ static json_t *number(double v)
 
 /* --- JSON --------------------------------------------------------------------------------------------------------- */
 
-static json_t *camera_json(const struct sst_check_camera *c, int view, int cols)
+static json_t *camera_json(const struct sst_drift_camera *c, int view, int cols)
 {
     return json_pack("{s:i, s:i, s:b, s:b, s:b, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "row", view / cols, "col",
                      view % cols, "known", c->known, "drifted", c->drifted, "lost", c->lost, "shift_x_px",
@@ -30,9 +30,9 @@ static json_t *camera_json(const struct sst_check_camera *c, int view, int cols)
                      number(c->known ? c->residual_px : NAN));
 }
 
-static json_t *pair_json(const struct sst_check_pair *p, int cols)
+static json_t *pair_json(const struct sst_drift_pair *p, int cols)
 {
-    const bool any = p->state == SST_CHECK_PAIR_MEASURED;
+    const bool any = p->state == SST_DRIFT_PAIR_MEASURED;
 
     return json_pack("{s:[i,i], s:[i,i], s:s, s:i, s:i, s:o, s:o, s:o}", "a", p->a / cols, p->a % cols, "b",
                      p->b / cols, p->b % cols, "state", state_names[p->state], "features", p->features, "matches",
@@ -53,7 +53,7 @@ static json_t *check_json(const struct sst_drift *c)
                             c->swapped_b % c->cols);
     return json_pack("{s:s, s:s, s:i, s:i, s:f, s:f, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:i, s:o, s:[f,f], s:o, s:o, "
                      "s:o}",
-                     "verdict", sst_check_verdict_name(c->verdict), "sentence", c->sentence, "rows", c->rows, "cols",
+                     "verdict", sst_drift_verdict_name(c->verdict), "sentence", c->sentence, "rows", c->rows, "cols",
                      c->cols, "ok_px", c->ok_px, "unusable_px", c->unusable_px, "pairs_checked", c->pairs,
                      "pairs_measured", c->measured, "matches", c->matches, "mean_px", number(c->mean_px), "p95_px",
                      number(c->p95_px), "max_px", number(c->max_px), "axes_px", number(c->axes_px), "far_matches",
@@ -83,7 +83,7 @@ static void print_cameras(const struct sst_drift *c)
 {
     puts("camera   right px    down px   sigma px  roll deg  scale %    off px  pairs RMS px");
     for (int v = 0; v < c->rows * c->cols; v++) {
-        const struct sst_check_camera *k = &c->camera[v];
+        const struct sst_drift_camera *k = &c->camera[v];
 
         printf("%02d_%02d", v / c->cols, v % c->cols);
         cell(k->known ? k->shift_x_px : NAN, 11, 3);
@@ -101,15 +101,15 @@ static void print_pairs(const struct sst_drift *c)
 {
     puts("pair          features  matches   mean px    RMS px    p95 px");
     for (int i = 0; i < c->pairs; i++) {
-        const struct sst_check_pair *p = &c->pair[i];
-        const bool any = p->state == SST_CHECK_PAIR_MEASURED;
+        const struct sst_drift_pair *p = &c->pair[i];
+        const bool any = p->state == SST_DRIFT_PAIR_MEASURED;
 
         printf("%02d_%02d %02d_%02d %10d %8d", p->a / c->cols, p->a % c->cols, p->b / c->cols, p->b % c->cols,
                p->features, p->matches);
         cell(any ? p->mean_px : NAN, 9, 3);
         cell(any ? p->rms_px : NAN, 9, 3);
         cell(any ? p->p95_px : NAN, 9, 3);
-        puts(any ? "" : p->state == SST_CHECK_PAIR_LOST ? "  does not match" : "  too little texture");
+        puts(any ? "" : p->state == SST_DRIFT_PAIR_LOST ? "  does not match" : "  too little texture");
     }
 }
 
@@ -136,7 +136,7 @@ static void print_tables(const struct sst_drift *c)
 static int write_picture(const struct sst_drift *c, const char *path)
 {
     struct sst_image picture;
-    int err = sst_check_picture(&picture, c);
+    int err = sst_drift_picture(&picture, c);
 
     if (err)
         return err;
@@ -147,14 +147,14 @@ static int write_picture(const struct sst_drift *c, const char *path)
 
 int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, int threads, const char *picture)
 {
-    const struct sst_check_config cfg = { .threads = threads };
+    const struct sst_drift_config cfg = { .threads = threads };
     struct sst_lightfield lf;
     struct sst_drift check;
     int code, err = sst_lightfield_load(&lf, dir, SST_LOAD_IMAGES, sst_thread_count(threads));
 
     if (err)
         return cli_exit_code(err);
-    err = sst_check_lightfield(&check, &lf, &cfg);
+    err = sst_drift_check(&check, &lf, &cfg);
     sst_lightfield_fini(&lf);
     if (err)
         return cli_exit_code(err);
@@ -163,12 +163,12 @@ int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool
         code = print_json(&check);
     else if (code == CLI_OK)
         print_tables(&check);
-    if (code == CLI_OK && check.verdict == SST_CHECK_OK && !json)
+    if (code == CLI_OK && check.verdict == SST_DRIFT_OK && !json)
         puts(check.sentence);
-    if (code == CLI_OK && check.verdict != SST_CHECK_OK) {
+    if (code == CLI_OK && check.verdict != SST_DRIFT_OK) {
         sst_log_error("%s: %s: %s", cmd->name, dir, check.sentence);
         code = CLI_INPUT;
     }
-    sst_check_fini(&check);
+    sst_drift_fini(&check);
     return code;
 }

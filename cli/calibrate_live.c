@@ -19,7 +19,7 @@ static void on_signal(int sig)
         sst_gather_live_stop(running);
 }
 
-static int on_frameset(void *arg, const struct sst_set *set)
+static int on_frameset(void *arg, const struct sst_frameset *set)
 {
     struct live *l = arg;
 

@@ -30,7 +30,7 @@ static void on_signal(int sig)
         sst_capture_stop(running);
 }
 
-static int on_set(void *arg, const struct sst_set *set)
+static int on_set(void *arg, const struct sst_frameset *set)
 {
     struct array_capture *a = arg;
 
@@ -107,7 +107,7 @@ static int print_json(const struct array_capture *a, const struct sst_capture *c
         (double)(sst_clock_now_ns() - a->start_ns) / 1e9, "cpu_seconds", (double)(sst_clock_cpu_ns() - a->cpu_ns) / 1e9,
         "bytes", (json_int_t)a->bytes, "trigger",
         json_pack("{s:I, s:I, s:I, s:I}", "edges", (json_int_t)r->edges, "stamped", (json_int_t)r->edges_stamped,
-                  "skipped", (json_int_t)r->beats_skipped, "dropped", (json_int_t)r->sets.dropped),
+                  "skipped", (json_int_t)r->ticks_skipped, "dropped", (json_int_t)r->sets.dropped),
         "frames",
         json_pack("{s:I, s:I, s:I, s:o, s:I}", "delivered", (json_int_t)r->grab.frames, "bad", (json_int_t)r->grab.bad,
                   "lost_by_driver", (json_int_t)r->grab.lost, "buckets",
@@ -147,10 +147,10 @@ static void print_text(const struct array_capture *a, const struct sst_capture *
         if (i == SST_BUCKET_SET || r->sets.bucket[i])
             printf("%s %" PRIu64 " %s", i ? "," : "", r->sets.bucket[i], sst_bucket_name((enum sst_bucket)i));
     printf("\n");
-    if (r->sets.dropped || r->beats_skipped)
+    if (r->sets.dropped || r->ticks_skipped)
         printf("triggers without a set: %" PRIu64 " without a free set because the writer was behind, %" PRIu64
                " too late to fire\n",
-               r->sets.dropped, r->beats_skipped);
+               r->sets.dropped, r->ticks_skipped);
     if (r->unexplained)
         printf("%" PRIu64 " frames are unaccounted for: please report this as a bug\n", r->unexplained);
     for (int i = 0; i < c->bound; i++) {
@@ -352,7 +352,7 @@ const struct cli_command cli_capture_array = {
     .usage = "[-n N | --duration S] [-o DIR] [--config FILE] [--trigger SOURCE] [--rate HZ] [--json]",
     .summary = "record framesets of all cameras of the array",
     .detail = "A frameset (short: set) has one frame of every camera for one trigger; sets that miss a camera are kept "
-              "and\nname it. The camera's bytes are stored unchanged in Matroska segments (docs/recordings.md); `sst "
+              "and\nname it. The camera's bytes are stored unchanged in Matroska segments (docs/integrate/recordings.md); `sst "
               "import\nrecording DIR -o LF` converts them to light fields. At the end every frame is accounted for: in "
               "a set, late,\nduplicate, stray, corrupt, flagged by the driver, or dropped. config/sstd.yaml explains "
               "the configuration.\nCtrl-C ends it properly.",

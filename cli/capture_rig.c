@@ -127,7 +127,7 @@ static int set_format(const struct cli_command *cmd, const char *text, uint32_t 
 
 /* Read the configuration and apply the options. @return CLI_GO_ON or an exit code */
 static int configure(const struct cli_command *cmd, const struct options *o, struct sst_array_config *array,
-                     struct sst_rig_config *rig, struct sst_rig_capture_config *cfg)
+                     struct sst_rig_config *rig, struct sst_scan_config *cfg)
 {
     int r = cli_exit_code(sst_array_config_read(array, o->config));
 
@@ -154,7 +154,7 @@ static int configure(const struct cli_command *cmd, const struct options *o, str
         return cli_usage_error(cmd, "the bus and the drives of the rig are not set: use --bus tcp:HOST:PORT --profile "
                                     "NAME, or rig: in the configuration");
 
-    sst_rig_capture_config_defaults(cfg);
+    sst_scan_config_defaults(cfg);
     cfg->dir = o->dir;
     cfg->must_exist = o->resume;
     cfg->rows = o->grid[0] ? o->grid[0] : array->rows;
@@ -198,15 +198,15 @@ static void controls_text(const struct sst_array_config *a, char *text, size_t s
 
 /* --- output ------------------------------------------------------------------------------------------------------- */
 
-static void print_plan(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_plan *plan, bool json)
+static void print_plan(const struct sst_scan_config *cfg, const struct sst_scan_plan *plan, bool json)
 {
     json_t *poses = json ? json_array() : NULL;
 
     if (!json)
         printf("  nr  row col        x mm       y mm       z mm\n");
     for (int i = 0; i < plan->views; i++) {
-        const int view = sst_rig_capture_view(cfg, i);
-        const struct sst_rig_pos p = sst_rig_capture_pose(cfg, view);
+        const int view = sst_scan_view(cfg, i);
+        const struct sst_rig_pos p = sst_scan_pose(cfg, view);
 
         if (json)
             json_array_append_new(poses, json_pack("{s:i, s:i, s:[iii]}", "row", view / cfg->cols, "col",
@@ -227,7 +227,7 @@ static void print_plan(const struct sst_rig_capture_config *cfg, const struct ss
            plan->seconds, plan->speed_assumed ? " (assuming 50 mm/s: set --speed)" : "", (double)plan->bytes * 1e-6);
 }
 
-static void print_report(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_report *r,
+static void print_report(const struct sst_scan_config *cfg, const struct sst_scan_report *r,
                          const struct sst_grab_counters *camera, int count, bool json)
 {
     if (json) {
@@ -257,7 +257,7 @@ static void print_report(const struct sst_rig_capture_config *cfg, const struct 
 }
 
 /* Warn early if the disk will be full before the end. */
-static void check_space(const struct sst_rig_capture_config *cfg, const struct sst_rig_capture_plan *plan)
+static void check_space(const struct sst_scan_config *cfg, const struct sst_scan_plan *plan)
 {
     struct statvfs v;
 
@@ -290,17 +290,17 @@ static int exit_code(int err)
 }
 
 static int capture(const struct options *o, const struct sst_array_config *array, const struct sst_rig_config *rig_cfg,
-                   const struct sst_rig_capture_config *cfg, struct sst_rig_store *store)
+                   const struct sst_scan_config *cfg, struct sst_scan_store *store)
 {
-    struct sst_rig_capture_report report = { .there = sst_rig_store_count(store) };
+    struct sst_scan_report report = { .there = sst_scan_store_count(store) };
     struct sst_grab_counters camera_count = { .frames = 0 };
-    struct sst_rig_camera camera;
-    struct sst_rig_grab *grab = NULL;
+    struct sst_scan_camera camera;
+    struct sst_scan_grab *grab = NULL;
     struct sst_rig *rig = NULL;
     int err;
 
     if (report.there == cfg->rows * cfg->cols) {
-        err = sst_rig_store_finish(store);
+        err = sst_scan_store_finish(store);
         if (!err)
             print_report(cfg, &report, &camera_count, report.there, o->json);
         return err;
@@ -309,26 +309,26 @@ static int capture(const struct options *o, const struct sst_array_config *array
     err = sst_rig_open(&rig, rig_cfg);
     if (!err) {
         atomic_store(&rig_at_work, rig);
-        err = sst_rig_grab_open(&grab, array, o->camera, &cancel, &camera);
+        err = sst_scan_grab_open(&grab, array, o->camera, &cancel, &camera);
     }
     if (!err) {
-        err = sst_rig_capture(rig, rig_cfg, &camera, store, cfg, &report);
+        err = sst_scan_run(rig, rig_cfg, &camera, store, cfg, &report);
         cli_progress_end();
-        sst_rig_grab_counters(grab, &camera_count);
-        print_report(cfg, &report, &camera_count, sst_rig_store_count(store), o->json);
+        sst_scan_grab_counters(grab, &camera_count);
+        print_report(cfg, &report, &camera_count, sst_scan_store_count(store), o->json);
     }
     atomic_store(&rig_at_work, NULL);
-    sst_rig_grab_close(grab);
+    sst_scan_grab_close(grab);
     sst_rig_close(rig);
     return err;
 }
 
 static int run_with(const struct cli_command *cmd, const struct options *o, struct sst_array_config *array)
 {
-    struct sst_rig_capture_config cfg;
-    struct sst_rig_capture_plan plan;
+    struct sst_scan_config cfg;
+    struct sst_scan_plan plan;
     struct sst_rig_config rig;
-    struct sst_rig_store *store;
+    struct sst_scan_store *store;
     char controls[1024];
     int err, r = configure(cmd, o, array, &rig, &cfg);
 
@@ -338,19 +338,19 @@ static int run_with(const struct cli_command *cmd, const struct options *o, stru
     cfg.controls = controls;
     cfg.progress = cli_progress;
     cfg.progress_arg = (char[]){ "capture" };
-    err = sst_rig_capture_plan(&plan, &cfg, &rig);
+    err = sst_scan_plan(&plan, &cfg, &rig);
     if (err)
         return exit_code(err);
     if (o->dry_run) {
         print_plan(&cfg, &plan, o->json);
         return CLI_OK;
     }
-    err = sst_rig_store_open(&store, &cfg);
+    err = sst_scan_store_open(&store, &cfg);
     if (err)
         return exit_code(err);
     check_space(&cfg, &plan);
     err = capture(o, array, &rig, &cfg, store);
-    sst_rig_store_close(store);
+    sst_scan_store_close(store);
     return exit_code(err);
 }
 
@@ -410,7 +410,7 @@ const struct cli_command cli_capture_rig = {
               "after that,\ncheck that nothing moved, store the camera's bytes and a line in DIR/capture.jsonl. Ctrl-C "
               "stops the motors; the\nsame command resumes, also after a crash or a power cut: views are verified by "
               "their hashes, damaged ones are\ncaptured again. A complete folder is a light field for `sst process`. "
-              "docs/rig.md lists the drives and how to add\none.",
+              "docs/use/rig.md lists the drives and how to add\none.",
     .example = "sst capture rig --grid 6x6 --pitch 40mm --dry-run\n"
                "  sst capture rig --grid 6x6 --pitch 40mm --bus tcp:192.168.0.10:502 --profile sst-sim -o garden",
     .run = run,

@@ -7,7 +7,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
-#include "pipeline/eval/report.h"
+#include "pipeline/eval/evaluation.h"
 #include "pipeline/image/codec.h"
 
 #define MAX_ARGS 12
@@ -143,7 +143,8 @@ const struct cli_command cli_demo = {
     .usage = "[--scene S] [--once] [-o DIR]",
     .summary = "see through things with no hardware: simulated array, service, live page",
     .detail =
-        "Starts simulated 6x6 arrays before moving scenes and the service on them, and prints the address of its page. The\n"
+        "Starts simulated 6x6 arrays before moving scenes and the service on them, and prints the address of its page. "
+        "The\n"
         "configuration that it writes can be edited and used again. Ctrl-C ends it.\n"
         "--once renders a scene as an array sees it, computes labels and disparities, looks behind the occluder and\n"
         "compares that with the truth, by commands that it prints. An earlier one in the folder is replaced.",

@@ -5,7 +5,7 @@
 
 #include "base/thread.h"
 #include "cli/cli_internal.h"
-#include "pipeline/eval/report.h"
+#include "pipeline/eval/evaluation.h"
 
 static json_t *number(double v)
 {
@@ -23,7 +23,7 @@ static json_t *disparity_json(const struct sst_disparity_error *d, int views)
                      number(any ? d->density : NAN));
 }
 
-static json_t *labels_json(const struct sst_report *r)
+static json_t *labels_json(const struct sst_evaluation *r)
 {
     return json_pack("{s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", r->label_views, "miou_initial",
                      number(r->initial.miou), "accuracy_initial", number(r->initial.accuracy), "miou_hcsm",
@@ -39,7 +39,7 @@ static json_t *picture_json(const struct sst_picture_error *p)
                      number(p->seconds));
 }
 
-static json_t *report_json(const struct sst_report *r, const struct sst_truth *truth)
+static json_t *report_json(const struct sst_evaluation *r, const struct sst_truth *truth)
 {
     static const struct sst_picture_error none = { NAN, NAN, NAN, NAN, NAN };
     json_t *disparity = disparity_json(&r->disparity, r->disparity_views), *list = json_array();
@@ -58,7 +58,7 @@ static json_t *report_json(const struct sst_report *r, const struct sst_truth *t
                      picture_json(r->occluders ? &r->occluder[0].refocus : &none), "occluders", list);
 }
 
-static int print_json(const struct sst_report *r, const struct sst_truth *truth)
+static int print_json(const struct sst_evaluation *r, const struct sst_truth *truth)
 {
     json_t *root = report_json(r, truth);
 
@@ -82,7 +82,7 @@ static void row(const char *name, const double *values, int n, int digits)
     putchar('\n');
 }
 
-static void print_disparity(const struct sst_report *r)
+static void print_disparity(const struct sst_evaluation *r)
 {
     const struct sst_disparity_error *const sets[] = { &r->disparity, &r->disparity_nonocc };
     static const char *const names[] = { "all pixels", "visible in a neighbour" };
@@ -96,7 +96,7 @@ static void print_disparity(const struct sst_report *r)
     }
 }
 
-static void print_labels(const struct sst_report *r)
+static void print_labels(const struct sst_evaluation *r)
 {
     const struct sst_label_error *const stages[] = { &r->initial, &r->hcsm, &r->refined };
     static const char *const names[] = { "network", "confident (HCSM)", "refined" };
@@ -111,7 +111,7 @@ static void print_picture(const char *name, const struct sst_picture_error *p)
     row(name, (double[]){ p->psnr, p->ssim, p->psnr_occluded, p->ssim_occluded, p->seconds }, 5, 3);
 }
 
-static void print_table(const struct sst_report *r, const struct sst_truth *truth)
+static void print_table(const struct sst_evaluation *r, const struct sst_truth *truth)
 {
     if (r->disparity_views)
         print_disparity(r);
@@ -132,7 +132,7 @@ static int measure(const char *dir, const char *truth_dir, const struct sst_rend
 {
     struct sst_lightfield lf = { 0 };
     struct sst_truth truth;
-    struct sst_report report;
+    struct sst_evaluation report;
     unsigned what = SST_LOAD_DISPARITY | SST_LOAD_LABELS;
     int err = sst_truth_read(&truth, truth_dir), code;
 
@@ -142,7 +142,7 @@ static int measure(const char *dir, const char *truth_dir, const struct sst_rend
         what |= SST_LOAD_IMAGES | (cfg->verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0);
     err = sst_lightfield_load(&lf, dir, what, threads);
     if (!err) {
-        err = sst_report_make(&report, &lf, dir, &truth, truth_dir, cfg, threads);
+        err = sst_eval_lightfield(&report, &lf, dir, &truth, truth_dir, cfg, threads);
         sst_lightfield_fini(&lf);
     }
     code = cli_exit_code(err);

@@ -247,7 +247,7 @@ int cli_render_explain(const struct render_input *in, const struct render_args *
 {
     struct explanation e = { .in = in, .args = a, .view = &in->lf.views[in->lf.ref_view] };
     struct sst_outdir out;
-    int err = sst_check_output(dir, a->force, "explain.json", (const char *const[]){ in->path, NULL });
+    int err = sst_path_check_output(dir, a->force, "explain.json", (const char *const[]){ in->path, NULL });
 
     err = err ? err : sst_outdir_open(&out, dir, a->force);
     if (err)

@@ -56,7 +56,7 @@ static int try_open(json_t *o, const char *path)
     if (sst_network_metadata(net, SST_RANGES_KEY))
         json_array_append_new(json_object_get(o, "precision"), json_string("int8"));
     if (strcmp(kind_of(net), "labels") == 0) {
-        err = sst_model_info_read(&info, net, path);
+        err = sst_labels_model_info_read(&info, net, path);
         if (!err)
             json_object_set_new(o, "classes", json_integer(info.classes.count));
     }
@@ -272,7 +272,7 @@ static int use_facts(json_t *o, const char *path, bool matching)
         const struct sst_model_info *info = sst_segmenter_info(seg);
 
         add_info(o, info);
-        if (!sst_model_sidecar(sidecar, path))
+        if (!sst_labels_model_sidecar(sidecar, path))
             json_object_set_new(o, "described_by", json_text(sidecar));
         err = shape_of(o, sst_segmenter_network(seg), info->width, info->height);
     }

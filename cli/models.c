@@ -199,7 +199,7 @@ const struct cli_command cli_models = {
     .summary = "installed networks, or the contents of one",
     .detail = "Without an argument: every network in the search folders, its figures, and whether it can be used.\n"
               "With one: its input, output, classes, layers and runner, or why it is refused (exit code 3).\n"
-              "docs/networks.md describes how to add a network of your own.",
+              "docs/use/networks.md describes how to add a network of your own.",
     .example = "sst models\n  sst models my-network.onnx",
     .run = run,
 };

@@ -10,8 +10,8 @@
 #include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/external_maps.h"
 #include "pipeline/lightfield/folder.h"
-#include "pipeline/lightfield/given.h"
 #include "pipeline/method/network/model_path.h"
 #include "pipeline/method/process/process.h"
 
@@ -89,9 +89,9 @@ static int load(struct sst_lightfield *lf, const char *dir, const struct wanted 
     sst_lightfield_fini(&json);
     err = sst_lightfield_load(lf, dir, what, threads);
     if (!err && w->disparity_dir)
-        err = sst_lightfield_give_disparity(lf, w->disparity_dir, threads);
+        err = sst_lightfield_read_disparity(lf, w->disparity_dir, threads);
     if (!err && w->labels_dir)
-        err = sst_lightfield_give_labels(lf, w->labels_dir, threads);
+        err = sst_lightfield_read_labels(lf, w->labels_dir, threads);
     return err;
 }
 

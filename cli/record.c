@@ -226,7 +226,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "export: also fetch the light field; download: the file to write", 0, 0 },
         { "camera", 0, CLI_STRING, &a.camera, "rRcC", "download: this camera's video; default: the see-through view", 0,
           0 },
-        { "json", 0, CLI_FLAG, &a.json, NULL, "the service's answer (docs/api.md)", 0, 0 },
+        { "json", 0, CLI_FLAG, &a.json, NULL, "the service's answer (docs/integrate/api.md)", 0, 0 },
         CLI_SERVICE_OPTIONS(where),
     };
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, words, 1, 2), err;

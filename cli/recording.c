@@ -128,7 +128,7 @@ static void print_text(const struct summary *s, const struct sst_recording *reco
     const int worst = worst_camera(s);
     char format[5];
 
-    sst_pixel_format_name(i->fourcc, format);
+    sst_recording_format_name(i->fourcc, format);
     printf("%s: %d cameras on %dx%d, %s %dx%d, nominal %g Hz\n", sst_recording_dir(recording), i->cameras, i->rows,
            i->cols, format, i->width, i->height, i->rate_hz);
     printf("sets      %d in %d runs, %d complete, %d with missing or bad frames, %.3f GB\n", s->sets, s->runs,
@@ -138,7 +138,8 @@ static void print_text(const struct summary *s, const struct sst_recording *reco
                (unsigned long long)sst_recording_removed(recording)->sets);
     printf("rate      %.3f Hz (median), %d gaps, longest distance %.3f s\n", period > 0 ? 1e9 / (double)period : 0,
            s->gaps, (double)sst_stats_percentile(s->period_ns, s->periods, 100) * 1e-9);
-    printf("skew      p50 %.1f us, p99 %.1f us, max %.1f us", (double)sst_stats_percentile(s->spread_ns, s->spreads, 50) * 1e-3,
+    printf("skew      p50 %.1f us, p99 %.1f us, max %.1f us",
+           (double)sst_stats_percentile(s->spread_ns, s->spreads, 50) * 1e-3,
            (double)sst_stats_percentile(s->spread_ns, s->spreads, 99) * 1e-3,
            (double)sst_stats_percentile(s->spread_ns, s->spreads, 100) * 1e-3);
     if (worst >= 0 && sst_stats_percentile(s->spread_ns, s->spreads, 100) > 0)
@@ -181,20 +182,21 @@ static int print_json(const struct summary *s, const struct sst_recording *recor
     char format[5], *text = NULL;
     json_t *root;
 
-    sst_pixel_format_name(s->info->fourcc, format);
-    root = json_pack(
-        "{s:i, s:i, s:i, s:s, s:i, s:i, s:f, s:i, s:i, s:i, s:i, s:I, s:I, s:f, s:i, s:f,"
-        " s:{s:f, s:f, s:f, s:i}, s:b, s:i, s:O, s:I, s:I, s:o}",
-        "rows", s->info->rows, "cols", s->info->cols, "cameras", s->info->cameras, "pixel_format", format, "width",
-        s->info->width, "height", s->info->height, "nominal_hz", s->info->rate_hz, "sets", s->sets, "runs", s->runs,
-        "complete", s->complete, "partial", s->sets - s->damaged - s->complete, "bytes", (json_int_t)s->bytes,
-        "lost_before", (json_int_t)s->lost_before, "median_hz", period > 0 ? 1e9 / (double)period : 0.0, "gaps",
-        s->gaps, "longest_s", (double)sst_stats_percentile(s->period_ns, s->periods, 100) * 1e-9, "skew_us", "p50",
-        (double)sst_stats_percentile(s->spread_ns, s->spreads, 50) * 1e-3, "p99",
-        (double)sst_stats_percentile(s->spread_ns, s->spreads, 99) * 1e-3, "max",
-        (double)sst_stats_percentile(s->spread_ns, s->spreads, 100) * 1e-3, "worst_cam", worst_camera(s), "verified", verify,
-        "damaged", s->damaged, "damage", s->damage, "torn_bytes", (json_int_t)sst_recording_torn_bytes(recording),
-        "removed_sets", (json_int_t)sst_recording_removed(recording)->sets, "tracks", cameras_to_json(s));
+    sst_recording_format_name(s->info->fourcc, format);
+    root = json_pack("{s:i, s:i, s:i, s:s, s:i, s:i, s:f, s:i, s:i, s:i, s:i, s:I, s:I, s:f, s:i, s:f,"
+                     " s:{s:f, s:f, s:f, s:i}, s:b, s:i, s:O, s:I, s:I, s:o}",
+                     "rows", s->info->rows, "cols", s->info->cols, "cameras", s->info->cameras, "pixel_format", format,
+                     "width", s->info->width, "height", s->info->height, "nominal_hz", s->info->rate_hz, "sets",
+                     s->sets, "runs", s->runs, "complete", s->complete, "partial", s->sets - s->damaged - s->complete,
+                     "bytes", (json_int_t)s->bytes, "lost_before", (json_int_t)s->lost_before, "median_hz",
+                     period > 0 ? 1e9 / (double)period : 0.0, "gaps", s->gaps, "longest_s",
+                     (double)sst_stats_percentile(s->period_ns, s->periods, 100) * 1e-9, "skew_us", "p50",
+                     (double)sst_stats_percentile(s->spread_ns, s->spreads, 50) * 1e-3, "p99",
+                     (double)sst_stats_percentile(s->spread_ns, s->spreads, 99) * 1e-3, "max",
+                     (double)sst_stats_percentile(s->spread_ns, s->spreads, 100) * 1e-3, "worst_cam", worst_camera(s),
+                     "verified", verify, "damaged", s->damaged, "damage", s->damage, "torn_bytes",
+                     (json_int_t)sst_recording_torn_bytes(recording), "removed_sets",
+                     (json_int_t)sst_recording_removed(recording)->sets, "tracks", cameras_to_json(s));
     text = root ? json_dumps(root, JSON_COMPACT) : NULL;
     json_decref(root);
     if (!text)

@@ -30,8 +30,8 @@ static double worst_dz(const struct sst_rectified *to)
     return worst;
 }
 
-static int print_json(const struct sst_lightfield *lf, const struct sst_pixels_kept *worst,
-                      const struct sst_pixels_kept *mean)
+static int print_json(const struct sst_lightfield *lf, const struct sst_rectified_coverage *worst,
+                      const struct sst_rectified_coverage *mean)
 {
     const struct sst_rectified *to = lf->rectified;
     json_t *root = json_pack(
@@ -46,8 +46,8 @@ static int print_json(const struct sst_lightfield *lf, const struct sst_pixels_k
     return cli_print_json(root);
 }
 
-static void print_text(const struct sst_lightfield *lf, const struct sst_pixels_kept *worst,
-                       const struct sst_pixels_kept *mean)
+static void print_text(const struct sst_lightfield *lf, const struct sst_rectified_coverage *worst,
+                       const struct sst_rectified_coverage *mean)
 {
     const struct sst_rectified *to = lf->rectified;
     const double dz = worst_dz(to);
@@ -75,9 +75,9 @@ static void progress(void *arg, double done)
 /* Figures of the result; the geometry is that of the calibrated light field, which a baked one no longer holds. */
 static int report(const char *out, struct sst_lightfield *calibrated, int threads, bool json)
 {
-    struct sst_pixels_kept worst, mean;
+    struct sst_rectified_coverage worst, mean;
     struct sst_lightfield made;
-    int err = sst_lightfield_kept(calibrated, threads, &worst, &mean);
+    int err = sst_lightfield_coverage(calibrated, threads, &worst, &mean);
 
     if (!err)
         err = sst_lightfield_load(&made, out, 0, 1);

@@ -45,7 +45,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool dry_run = false, json = false;
     const struct cli_option options[] = {
         { "dry-run", 'n', CLI_FLAG, &dry_run, NULL, "print only what would change, and what it restarts", 0, 0 },
-        { "json", 0, CLI_FLAG, &json, NULL, "the service's answer (docs/api.md)", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "the service's answer (docs/integrate/api.md)", 0, 0 },
         CLI_SERVICE_OPTIONS(where),
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);

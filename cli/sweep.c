@@ -74,7 +74,7 @@ static int write_folder(const struct sweep *s, struct sst_image *img)
 {
     struct sst_outdir dir;
     char path[SST_PATH_MAX], name[32];
-    int err = sst_check_output(s->out, s->args.force, "sweep.json", (const char *const[]){ s->in.path, NULL });
+    int err = sst_path_check_output(s->out, s->args.force, "sweep.json", (const char *const[]){ s->in.path, NULL });
 
     err = err ? err : sst_outdir_open(&dir, s->out, s->args.force);
     if (err)

@@ -47,7 +47,7 @@ struct sst_live_settings { /* live: */
     double range_min_px, range_max_px;     /* disparities searched; equal: estimated */
     double rate_hz;                        /* maximum number of sets processed per second; 0: no limit */
     int threads;                           /* 0: all processors */
-    bool skip_change, skip_labels;         /* S1, S4 of DESIGN 5.5 */
+    bool skip_change, skip_labels;         /* S1, S4 of design.md, 5.5 */
     double focus_px;                       /* of the main view at the start; NaN: behind the foreground */
     double sigma_px, c1, c2, label_factor; /* of the renderer; its defaults */
     bool verify_rays; /* where maps have low confidence, weight rays by whether their colours agree at the focus */

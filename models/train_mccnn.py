@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """
 Trains the matching network: siamese 3x3 convolutions, unit-length features, cost = -dot product
-(Zbontar and LeCun 2016, "fast" architecture; DESIGN 5.2). Whole crops go through the network, so one pass serves
+(Zbontar and LeCun 2016, "fast" architecture; design.md, 5.2). Whole crops go through the network, so one pass serves
 thousands of matches; loss max(0, margin + s_neg - s_pos), half the mean over the wrong positions, half the hardest one.
 First a base without the Middlebury pairs, then from it the network that ships, and one without each pair to measure by:
 

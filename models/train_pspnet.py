@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """
 Trains the segmentation network: a compact dilated residual network at 1/8, pyramid pooling at four levels (Zhao et al.
-2017; DESIGN 5.1) and a light decoder to 1/4. Learns the 23 classes of pipeline/image/classes.c from simulated scenes
+2017; design.md, 5.1) and a light decoder to 1/4. Learns the 23 classes of pipeline/image/classes.c from simulated scenes
 and CamVid, then fits temperature and entropy threshold on held-out pictures and writes the ONNX file.
 
   /usr/bin/python3 models/train_pspnet.py --scenes DIR --camvid DIR --checkpoint psp.pt --out models/pspnet-small.onnx
@@ -266,7 +266,7 @@ def fit_temperature(rows: torch.Tensor, truth: torch.Tensor) -> float:
 
 def fit_epsilon(rows: torch.Tensor, truth: torch.Tensor, temperature: float,
                 power: int = 4) -> tuple[float, float, float]:
-    """Entropy threshold with the largest accuracy^m * coverage (DESIGN 5.1), with that accuracy and coverage."""
+    """Entropy threshold with the largest accuracy^m * coverage (design.md, 5.1), with that accuracy and coverage."""
     p = (rows / temperature).softmax(1)
     entropy = -(p * p.clamp(min=1e-12).log()).sum(1)
     order = entropy.argsort()

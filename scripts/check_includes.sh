@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Code depends one way (DESIGN: cli, daemon > drivers, pipeline > base). That headers compile alone is the Makefile's.
+# Code depends one way (design.md, 2: cli, daemon > drivers, pipeline > base). That headers compile alone is the Makefile's.
 set -u
 cd "$(dirname "$0")/.."
 bad=0

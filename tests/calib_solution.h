@@ -87,7 +87,7 @@ static inline void made_maps(struct made *m, int view)
 
         s->lens_sigma[view][row][col] = known ? (float)(0.004 + 0.05 * r2 * r2) : NAN;
         for (int range = 0; range < 2; range++)
-            s->carry_sigma[view][range][row][col] =
+            s->transfer_sigma[view][range][row][col] =
                 known ? (float)(away > 0 ? 0.012 + 0.001 * away + 0.08 * r2 * r2 - 0.004 * range : 0) : NAN;
     }
 }
@@ -262,8 +262,8 @@ static inline void made_solution(struct made *m)
     s->iterations = 9;
     s->seconds = 7.3;
     s->rcond = 3.2e-9;
-    s->cross_px = 0.061;
-    s->cross_expected_px = 0.052;
+    s->cv_px = 0.061;
+    s->cv_expected_px = 0.052;
     s->drive_rms_mm = s->drive_scale = s->drive_skew_deg = (double)NAN;
     made_sums(m);
     made_links(m);
@@ -307,7 +307,7 @@ static inline void made_open(struct made *m, const struct made_config *cfg)
     s->view = made_array(most, sizeof(*s->view));
     s->frame = made_array((size_t)cfg->frames, sizeof(*s->frame));
     s->lens_sigma = made_array(views, sizeof(*s->lens_sigma));
-    s->carry_sigma = made_array(views, sizeof(*s->carry_sigma));
+    s->transfer_sigma = made_array(views, sizeof(*s->transfer_sigma));
     made_cameras(m);
     for (int frame = 0; frame < cfg->frames; frame++) {
         const double size = cfg->width / (cfg->across * (1.2 + 2.2 * made_uniform(m)));
@@ -338,7 +338,7 @@ static inline void made_close(struct made *m)
     free(m->solution.frame);
     free(m->solution.link);
     free(m->solution.lens_sigma);
-    free(m->solution.carry_sigma);
+    free(m->solution.transfer_sigma);
     free(m->solution.drive_residual_mm);
 }
 
@@ -349,7 +349,7 @@ static inline void made_forget(struct made *m)
 
     s->rms_px = s->predicted_rms_px = s->rcond = s->seconds = NAN;
     s->noise_px = s->calib.noise_px = s->calib.range_mm = 0;
-    s->cross_px = s->cross_expected_px = NAN;
+    s->cv_px = s->cv_expected_px = NAN;
     s->warp_mm[0] = s->warp_mm[1] = NAN;
     s->weakest = -1;
     s->links = s->corners = s->outliers = 0;

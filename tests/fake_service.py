@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""A service that answers as docs/api.md says, on a UNIX socket: for tests of its clients.
+"""A service that answers as docs/integrate/api.md says, on a UNIX socket: for tests of its clients.
 
 fake_service.py SOCKET [TCP_PORT_FILE]; what it was told goes to SOCKET.log, a line of JSON each. The file SOCKET.mode
 changes what it does: refuse, hang, garbage, huge, cut, torn, failed, evil.

@@ -40,7 +40,7 @@ static SST_UNUSED char control[129], view[129]; /* tokens */
 static atomic_int api_calls;
 static atomic_int api_sleep_ms;
 static const char *fake_state = "capturing";
-static struct sst_outlet *fake_outlet;
+static struct sst_slot *fake_outlet;
 static struct sst_api fake;
 static struct sst_counters fake_counters;
 static struct sst_http *server;
@@ -117,13 +117,13 @@ static int fake_metrics(void *arg, char **text)
     return 0;
 }
 
-static int fake_find(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+static int fake_find(void *arg, enum sst_api_picture kind, const char *name, struct sst_slot **out)
 {
     (void)arg;
     if ((kind == SST_PICTURE_VIEW && strcmp(name, "main") && strcmp(name, "v1")) ||
         (kind == SST_PICTURE_CAMERA && strcmp(name, "r0c0")))
         return -ENOENT;
-    *out = sst_outlet_ref(fake_outlet);
+    *out = sst_slot_ref(fake_outlet);
     return 0;
 }
 
@@ -216,8 +216,7 @@ static SST_UNUSED void show(uint64_t number, size_t bytes)
     memset(data, (int)(number & 0xff), bytes);
     clock_gettime(CLOCK_REALTIME, &now);
     assert_int_equal(
-        sst_outlet_put(fake_outlet, data, bytes, number, sst_clock_now_ns(), now.tv_sec * 1000000000LL + now.tv_nsec),
-        0);
+        sst_slot_put(fake_outlet, data, bytes, number, sst_clock_now_ns(), now.tv_sec * 1000000000LL + now.tv_nsec), 0);
 }
 
 /* --- the server ----------------------------------------------------------------------------------------------------
@@ -270,7 +269,7 @@ static int make_service(void **state)
 {
     (void)state;
     snprintf(folder, sizeof(folder), "/tmp/sst-http-XXXXXX");
-    if (!mkdtemp(folder) || sst_events_create(&fake.events, 256) || sst_outlet_create(&fake_outlet))
+    if (!mkdtemp(folder) || sst_events_create(&fake.events, 256) || sst_slot_create(&fake_outlet))
         return -1;
     fake = (struct sst_api){ .status = fake_status,
                              .cameras = fake_cameras,
@@ -305,7 +304,7 @@ static int end_service(void **state)
     (void)state;
     sst_http_close(server);
     server = NULL;
-    sst_outlet_unref(fake_outlet);
+    sst_slot_unref(fake_outlet);
     sst_events_shut(fake.events);
     sst_events_destroy(fake.events);
     sst_counters_fini(&fake_counters);

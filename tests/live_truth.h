@@ -186,7 +186,8 @@ static inline void live_truth_print(const struct live_truth *t)
     for (int i = 0; i < LIVE_TRUTH_WATCHES; i++)
         printf("| %.3f | %d, %d | %d, %d |\n", live_truth_shares[i], t->told[i][1], t->told[i][0], t->due[i][1],
                t->due[i][0]);
-    printf("| any change, %.2f | %d, %d (times: %d) | |\n", EVENT_TRIGGER_SHARE, t->moved[1], t->moved[0], t->motion.times);
+    printf("| any change, %.2f | %d, %d (times: %d) | |\n", EVENT_TRIGGER_SHARE, t->moved[1], t->moved[0],
+           t->motion.times);
 }
 
 #endif

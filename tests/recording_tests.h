@@ -67,7 +67,7 @@ static inline struct sst_recorder *record(struct synthetic *s, const struct sst_
 
     assert_int_equal(sst_recorder_open(&r, cfg), 0);
     for (int i = from; i < to; i++) {
-        struct sst_set set;
+        struct sst_frameset set;
 
         synthetic_set(s, (uint64_t)i, &set);
         assert_int_equal(sst_recorder_write(r, &set), 0);

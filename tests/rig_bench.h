@@ -26,8 +26,8 @@ struct bench {
     struct sst_sim_drive *drive; /* NULL: the pose comes from `shared` */
     const volatile int32_t *shared;
     struct sst_rig_config rig_cfg;
-    struct sst_rig_capture_config cfg;
-    struct sst_rig_camera camera;
+    struct sst_scan_config cfg;
+    struct sst_scan_camera camera;
     char link[64], dir[64];
 
     /* the camera */
@@ -116,7 +116,7 @@ static inline void bench_config(struct bench *b, const char *bus)
     b->rig_cfg.settle_ms = 15;
     b->rig_cfg.response_ms = 150;
     b->rig_cfg.reconnect_ms = 20000; /* a serial line is back after half a second, on a machine that is awake */
-    sst_rig_capture_config_defaults(&b->cfg);
+    sst_scan_config_defaults(&b->cfg);
     b->cfg.dir = b->dir;
     b->cfg.pitch_um[0] = b->cfg.pitch_um[1] = 4000;
     b->cfg.backlash_um = 300;
@@ -127,7 +127,7 @@ static inline void bench_config(struct bench *b, const char *bus)
     b->cfg.fourcc = 'G' | 'R' << 8 | 'E' << 16 | (uint32_t)'Y' << 24;
     b->cfg.width = BENCH_WIDTH;
     b->cfg.height = BENCH_HEIGHT;
-    b->camera = (struct sst_rig_camera){
+    b->camera = (struct sst_scan_camera){
         .arg = b, .expose = bench_expose, .release = bench_release, .serial = "SIM0001", .port = "1-1"
     };
 }
@@ -163,21 +163,21 @@ static inline void bench_end(struct bench *b)
 }
 
 /** One run of the program: open folder and rig, capture, close. */
-static inline int bench_capture(struct bench *b, struct sst_rig_capture_report *report)
+static inline int bench_capture(struct bench *b, struct sst_scan_report *report)
 {
-    struct sst_rig_store *store;
+    struct sst_scan_store *store;
     struct sst_rig *rig;
-    int err = sst_rig_store_open(&store, &b->cfg);
+    int err = sst_scan_store_open(&store, &b->cfg);
 
-    *report = (struct sst_rig_capture_report){ .taken = 0 };
+    *report = (struct sst_scan_report){ .taken = 0 };
     if (err)
         return err;
     err = sst_rig_open(&rig, &b->rig_cfg);
     if (!err) {
-        err = sst_rig_capture(rig, &b->rig_cfg, &b->camera, store, &b->cfg, report);
+        err = sst_scan_run(rig, &b->rig_cfg, &b->camera, store, &b->cfg, report);
         sst_rig_close(rig);
     }
-    sst_rig_store_close(store);
+    sst_scan_store_close(store);
     return err;
 }
 
@@ -187,7 +187,7 @@ static inline int bench_good_views(const struct bench *b)
     int good = 0;
 
     for (int k = 0; k < b->cfg.rows * b->cfg.cols; k++) {
-        const struct sst_rig_pos want = sst_rig_capture_pose(&b->cfg, k);
+        const struct sst_rig_pos want = sst_scan_pose(&b->cfg, k);
         struct sst_map_u8 map = { 0 };
         struct sst_sim_exposure e;
         char path[128];

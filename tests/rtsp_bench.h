@@ -43,7 +43,7 @@
 
 #define PATIENCE_MS 60000 /* with what comes sooner or later */
 
-static struct sst_outlet *outlet;
+static struct sst_slot *outlet;
 static struct sst_counters counters;
 static struct sst_http *service;
 static pid_t program; /* sst-rtsp; 0: does not run */
@@ -57,13 +57,13 @@ static atomic_bool painting;
 static atomic_int reported_clients, reported_refusals;
 static atomic_bool reported_problem;
 
-static int find(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+static int find(void *arg, enum sst_api_picture kind, const char *name, struct sst_slot **out)
 {
     (void)arg;
     if ((kind == SST_PICTURE_VIEW && strcmp(name, "main") && strcmp(name, "v1")) ||
         (kind == SST_PICTURE_CAMERA && strcmp(name, "r0c0")))
         return -ENOENT;
-    *out = sst_outlet_ref(outlet);
+    *out = sst_slot_ref(outlet);
     return 0;
 }
 
@@ -126,7 +126,7 @@ static void show(int number, int width, int height)
         }
     assert_int_equal(sst_image_encode_jpeg(&img, 85, &data, &bytes), 0);
     sst_image_fini(&img);
-    assert_int_equal(sst_outlet_put(outlet, data, bytes, (uint64_t)number, sst_clock_now_ns(), sst_clock_wall_ns()), 0);
+    assert_int_equal(sst_slot_put(outlet, data, bytes, (uint64_t)number, sst_clock_now_ns(), sst_clock_wall_ns()), 0);
 }
 
 static void sleep_ms(int ms)
@@ -156,7 +156,7 @@ static int make_pictures(void **state)
 {
     (void)state;
     strcpy(folder, "/tmp/sst-rtsp-XXXXXX");
-    if (!mkdtemp(folder) || sst_outlet_create(&outlet) || sst_events_create(&api.events, 16))
+    if (!mkdtemp(folder) || sst_slot_create(&outlet) || sst_events_create(&api.events, 16))
         return -1;
     sst_counters_init(&counters);
     reported_clients = reported_refusals = 0;
@@ -280,9 +280,9 @@ static int end_pictures(void **state)
         program = 0;
     }
     stop_painting();
-    sst_outlet_shut(outlet);
+    sst_slot_shut(outlet);
     sst_http_close(service);
-    sst_outlet_unref(outlet);
+    sst_slot_unref(outlet);
     sst_events_shut(api.events);
     sst_events_destroy(api.events);
     sst_counters_fini(&counters);
@@ -304,7 +304,7 @@ static void wait_for(int (*count)(void), int want)
 
 static int viewers(void)
 {
-    return sst_outlet_viewers(outlet);
+    return sst_slot_clients(outlet);
 }
 
 static int clients(void)

@@ -6,7 +6,7 @@
 
 #include "tests/sim_test.h"
 
-/* --- projection, written anew from the formulas in docs/simulation.md -------------------------------------------- */
+/* --- projection, written anew from the formulas in docs/use/simulation.md -------------------------------------------- */
 
 struct sim_view {
     double k[3][3], d[5], r[3][3], c[3];

@@ -63,7 +63,7 @@ static inline void bench_fini(struct bench *b)
 /* The next set, as if it had been taken at this moment of CLOCK_MONOTONIC. */
 static inline void bench_put(struct bench *b, int64_t t_ns)
 {
-    struct sst_set set;
+    struct sst_frameset set;
     int64_t shift;
 
     synthetic_set(&b->sets, b->index++, &set);
@@ -231,7 +231,7 @@ static inline void bench_put_pictures(struct bench *b, int n, int64_t first_ns)
     assert_int_equal(sst_file_read(in(top, "view.jpg"), 1 << 20, &file, &bytes), 0);
     for (int i = 0; i < n; i++) {
         struct sst_frame frame[3];
-        struct sst_set set = {
+        struct sst_frameset set = {
             .index = b->index++, .t_ns = first_ns + i * INT64_C(100000000), .cameras = 3, .present = 3
         };
 

@@ -95,13 +95,13 @@ static inline struct sst_recorder_config synthetic_config(const struct synthetic
 }
 
 /* Set `index` in the array's memory; good until the next one. */
-static inline void synthetic_set(struct synthetic *s, uint64_t index, struct sst_set *set)
+static inline void synthetic_set(struct synthetic *s, uint64_t index, struct sst_frameset *set)
 {
-    *set = (struct sst_set){ .index = index,
-                             .t_ns = SYNTHETIC_START_NS + (int64_t)index * s->period_ns,
-                             .edge = true,
-                             .cameras = s->cameras,
-                             .skew = { 3999, -2000, 0 } };
+    *set = (struct sst_frameset){ .index = index,
+                                  .t_ns = SYNTHETIC_START_NS + (int64_t)index * s->period_ns,
+                                  .edge = true,
+                                  .cameras = s->cameras,
+                                  .skew = { 3999, -2000, 0 } };
     set->wall_ns = SYNTHETIC_WALL_NS + (int64_t)index * s->period_ns;
     for (int k = 0; k < s->cameras; k++) {
         struct sst_frame *f = &s->frame[k];

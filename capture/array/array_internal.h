@@ -5,7 +5,7 @@
 
 #include <stdbool.h>
 
-#include "capture/array/sets.h"
+#include "capture/array/frame_sync.h"
 
 /** A fault has ended after this number of consecutive sets with a good frame of the camera and without the fault ... */
 #define SST_HEALTH_SETS 20

@@ -28,7 +28,7 @@ struct sst_capture {
     struct sst_capture_events events;
     struct sst_grab *grab;
     struct sst_trigger *trigger;
-    struct sst_sets *sets;
+    struct sst_framesync *sets;
     int wake_fd; /* eventfd: edges, stop */
     atomic_bool stop;
     /* capture thread */
@@ -46,7 +46,7 @@ struct sst_capture {
     pthread_cond_t changed;
     struct sst_trigger_edge edge[EDGES];
     int edge_first, edge_count;
-    struct sst_set *queue[64]; /* closed sets on their way to the writer; the pool is no larger */
+    struct sst_frameset *queue[64]; /* closed sets on their way to the writer; the pool is no larger */
     int queue_first, queue_count;
     bool writer_ends, writer_runs;
     uint64_t refused;
@@ -70,7 +70,7 @@ static void *write_sets(void *arg)
 
     pthread_mutex_lock(&c->lock);
     for (;;) {
-        struct sst_set *set;
+        struct sst_frameset *set;
         int err;
 
         while (!c->queue_count && !c->writer_ends)
@@ -82,7 +82,7 @@ static void *write_sets(void *arg)
         c->queue_count--;
         pthread_mutex_unlock(&c->lock);
         err = c->events.set(c->events.arg, set);
-        sst_sets_recycle(c->sets, set, err != 0);
+        sst_framesync_recycle(c->sets, set, err != 0);
         pthread_mutex_lock(&c->lock);
         c->refused += err != 0;
     }
@@ -92,7 +92,7 @@ static void *write_sets(void *arg)
 
 /* --- events, on the capture thread -------------------------------------------------------------------------------- */
 
-static void watch_skew(struct sst_capture *c, const struct sst_set *set)
+static void watch_skew(struct sst_capture *c, const struct sst_frameset *set)
 {
     const int64_t limit_ns = (int64_t)c->array->skew_limit_us * 1000;
     const bool over = set->skew.spread_ns > limit_ns;
@@ -118,13 +118,13 @@ static void watch_skew(struct sst_capture *c, const struct sst_set *set)
                         c->array->skew_limit_us);
 }
 
-static void on_set(void *arg, struct sst_set *set)
+static void on_set(void *arg, struct sst_frameset *set)
 {
     struct sst_capture *c = arg;
 
     /* In free run sets exist before all cameras have started, and until the stop. */
     if (c->starting || (c->wanted && c->report.handed == c->wanted)) {
-        sst_sets_recycle(c->sets, set, true);
+        sst_framesync_recycle(c->sets, set, true);
         return;
     }
     for (int cam = 0; cam < set->cameras; cam++)
@@ -157,7 +157,7 @@ static void on_frame(void *arg, struct sst_frame *frame)
     c->came[frame->cam] = true;
     if (!c->starting)
         health_frame(&c->health, frame);
-    sst_sets_frame(c->sets, frame);
+    sst_framesync_frame(c->sets, frame);
 }
 
 static void on_state(void *arg, int cam, enum sst_grab_state state, const char *why)
@@ -165,7 +165,7 @@ static void on_state(void *arg, int cam, enum sst_grab_state state, const char *
     struct sst_capture *c = arg;
 
     if (c->sets)
-        sst_sets_camera(c->sets, cam, state == SST_GRAB_STREAMING);
+        sst_framesync_camera(c->sets, cam, state == SST_GRAB_STREAMING);
     if (why && why[0] && state != SST_GRAB_STREAMING && state != SST_GRAB_READY && cam <= c->refused_cam) {
         c->refused_cam = cam; /* always the same camera */
         snprintf(c->refusal, sizeof(c->refusal), "; the first is camera %s: %s", c->name[cam], why);
@@ -216,7 +216,7 @@ static void process_edges(struct sst_capture *c)
         t_ns = edge.kernel_ns ? edge.kernel_ns : edge.before_ns + (edge.after_ns - edge.before_ns) / 2;
         c->report.edges++;
         c->report.edges_stamped += edge.kernel_ns != 0;
-        sst_sets_trigger(c->sets, edge.index, t_ns, edge.kernel_ns != 0);
+        sst_framesync_trigger(c->sets, edge.index, t_ns, edge.kernel_ns != 0);
         sst_grab_expect(c->grab, t_ns);
     }
 }
@@ -268,23 +268,23 @@ static int open_sets(struct sst_capture *c)
 {
     const struct sst_array_config *a = c->array;
     const double hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz;
-    struct sst_sets_config cfg = {
+    struct sst_framesync_config cfg = {
         .cameras = a->bound,
-        .match = a->source == SST_CONFIG_GPIO       ? SST_SETS_EDGE
-                 : a->source == SST_CONFIG_SOFTWARE ? SST_SETS_NEAREST
-                                                    : SST_SETS_FREE,
+        .match = a->source == SST_CONFIG_GPIO       ? SST_FRAMESYNC_EDGE
+                 : a->source == SST_CONFIG_SOFTWARE ? SST_FRAMESYNC_NEAREST
+                                                    : SST_FRAMESYNC_FREE,
         .period_ns = (int64_t)(1e9 / hz),
         .window_ns = (int64_t)a->window_us * 1000,
         .wait_ns = (int64_t)a->wait_ms * 1000000,
         .pool = sst_clamp_int(a->buffers - 2, 2, 30), /* so that sets run out before the buffers of the driver */
     };
-    const struct sst_sets_events events = { .arg = c, .set = on_set, .release = on_release };
+    const struct sst_framesync_events events = { .arg = c, .set = on_set, .release = on_release };
 
-    if (cfg.match == SST_SETS_NEAREST && !cfg.window_ns)
+    if (cfg.match == SST_FRAMESYNC_NEAREST && !cfg.window_ns)
         cfg.window_ns = (int64_t)(0.6e9 / a->rate_hz); /* half a period of the cameras, and some jitter */
     for (int i = 0; i < a->bound && a->lines; i++)
         cfg.delay_ns[i] = (int64_t)a->delay_us[a->camera[i].line] * 1000;
-    return sst_sets_create(&c->sets, &cfg, &events);
+    return sst_framesync_create(&c->sets, &cfg, &events);
 }
 
 static int open_grab(struct sst_capture *c)
@@ -413,10 +413,10 @@ static int start_cameras(struct sst_capture *c)
     c->starting = true;
     while (err >= 0 && ready_cameras(c) < c->array->bound && sst_clock_now_ns() < until_ns && !c->stop) {
         err = sst_grab_poll(c->grab, 50);
-        sst_sets_tick(c->sets, sst_clock_now_ns());
+        sst_framesync_tick(c->sets, sst_clock_now_ns());
     }
     if (c->array->source == SST_CONFIG_FREE_RUN)
-        sst_sets_flush(c->sets);
+        sst_framesync_flush(c->sets);
     c->starting = false;
     if (err < 0)
         return err;
@@ -432,7 +432,7 @@ static int start_cameras(struct sst_capture *c)
 static int serve(struct sst_capture *c, int64_t until_ns)
 {
     struct pollfd fds[2] = { { .fd = sst_grab_fd(c->grab), .events = POLLIN }, { .fd = c->wake_fd, .events = POLLIN } };
-    const int64_t now_ns = sst_clock_now_ns(), due_ns = sst_sets_tick(c->sets, now_ns);
+    const int64_t now_ns = sst_clock_now_ns(), due_ns = sst_framesync_tick(c->sets, now_ns);
     int64_t wait_ns = (due_ns < until_ns ? due_ns : until_ns) - now_ns;
 
     if (c->trigger && sst_trigger_idle(c->trigger) && wait_ns > CHIP_RETRY_NS)
@@ -471,9 +471,9 @@ static bool all_fired(struct sst_capture *c)
 /* All triggered frames are in sets that were passed on. */
 static bool all_in(const struct sst_capture *c)
 {
-    struct sst_sets_counters n;
+    struct sst_framesync_counters n;
 
-    sst_sets_counters(c->sets, &n);
+    sst_framesync_counters(c->sets, &n);
     return n.sets + n.dropped >= c->report.edges;
 }
 
@@ -532,7 +532,7 @@ int sst_capture_run(struct sst_capture *c, uint64_t sets)
                 c->events.progress(c->events.arg, c->report.handed);
         }
     }
-    sst_sets_flush(c->sets);
+    sst_framesync_flush(c->sets);
     end_writer(c);
     health_log(&c->health, c->array->bound, c->name);
     if (c->events.progress)
@@ -554,7 +554,7 @@ void sst_capture_report(const struct sst_capture *capture, struct sst_capture_re
     uint64_t known;
 
     *out = c->report;
-    sst_sets_counters(c->sets, &out->sets);
+    sst_framesync_counters(c->sets, &out->sets);
     out->grab = (struct sst_grab_counters){ 0 };
     for (int cam = 0; cam < c->array->bound; cam++) {
         struct sst_grab_counters n;
@@ -576,7 +576,7 @@ void sst_capture_report(const struct sst_capture *capture, struct sst_capture_re
         known += out->sets.bucket[i];
     out->trigger_away = c->idle_ns != 0;
     out->unexplained = known > out->grab.frames ? known - out->grab.frames : out->grab.frames - known;
-    out->beats_skipped = c->trigger ? sst_trigger_skipped(c->trigger) : 0;
+    out->ticks_skipped = c->trigger ? sst_trigger_skipped(c->trigger) : 0;
     pthread_mutex_lock(&c->lock);
     out->refused = c->refused;
     pthread_mutex_unlock(&c->lock);
@@ -595,10 +595,10 @@ void sst_capture_close(struct sst_capture *c)
         return;
     sst_trigger_close(c->trigger);
     if (c->sets)
-        sst_sets_flush(c->sets);
+        sst_framesync_flush(c->sets);
     end_writer(c);
     sst_grab_close(c->grab);
-    sst_sets_destroy(c->sets);
+    sst_framesync_destroy(c->sets);
     if (c->wake_fd >= 0)
         close(c->wake_fd);
     pthread_cond_destroy(&c->changed);

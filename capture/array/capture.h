@@ -4,7 +4,7 @@
 #define SST_CAPTURE_ARRAY_CAPTURE_H
 
 #include "base/histogram.h"
-#include "capture/array/sets.h"
+#include "capture/array/frame_sync.h"
 #include "config/array.h"
 #include "drivers/grab/grab.h"
 #include "drivers/trigger/trigger.h"
@@ -15,7 +15,7 @@ struct sst_capture_events {
     void *arg;
     /** Store a frameset, on the writer's thread; its frames are released when this returns. An error drops it, counted.
      */
-    int (*set)(void *arg, const struct sst_set *set);
+    int (*set)(void *arg, const struct sst_frameset *set);
     /** Called about once a second and at the end, on the capture thread; may be NULL. */
     void (*progress)(void *arg, uint64_t sets);
     /** Called when the state of a camera changes, on the capture thread; may be NULL. Already logged. */
@@ -26,8 +26,8 @@ struct sst_capture_events {
 
 struct sst_capture_report {
     uint64_t handed, complete, empty; /* sets passed to the writer; of them with every camera, with none */
-    struct sst_sets_counters sets;
-    uint64_t edges, edges_stamped, beats_skipped; /* triggers fired; with a loop-back stamp; too late to fire */
+    struct sst_framesync_counters sets;
+    uint64_t edges, edges_stamped, ticks_skipped; /* triggers fired; with a loop-back stamp; too late to fire */
     uint64_t refused;                             /* sets that the writer returned an error for */
     uint64_t skewed;                              /* sets with more skew than the limit */
     struct sst_histogram skew_ns, from_edge_ns; /* of sets with two frames or more; of those with an edge, magnitude */

@@ -1,4 +1,4 @@
-#include "capture/array/sets.h"
+#include "capture/array/frame_sync.h"
 
 #include <assert.h>
 #include <errno.h>
@@ -19,7 +19,7 @@ struct tick {
     uint64_t index;
     int64_t t_ns;
     bool edge, closed;
-    struct sst_set *set;                 /* while open; NULL then: dropped, no set was free */
+    struct sst_frameset *set;            /* while open; NULL then: dropped, no set was free */
     uint64_t seen[SST_CAMERAS_MAX / 64]; /* cameras with a good frame */
 };
 
@@ -32,11 +32,11 @@ struct camera {
     int64_t tick;       /* FREE: its index */
 };
 
-struct sst_sets {
+struct sst_framesync {
     /* fixed after create */
-    struct sst_sets_config cfg;
-    struct sst_sets_events events;
-    struct sst_set *pool;
+    struct sst_framesync_config cfg;
+    struct sst_framesync_events events;
+    struct sst_frameset *pool;
     /* assembling thread */
     struct tick tick[TICKS]; /* ring in the order of time */
     int first, count;
@@ -48,7 +48,7 @@ struct sst_sets {
     pthread_mutex_t lock;
     bool busy[64];    /* sets of the pool that are open or with the receiver */
     bool counted[64]; /* of them, those whose frames are already counted in a bucket */
-    struct sst_sets_counters counters;
+    struct sst_framesync_counters counters;
 };
 
 const char *sst_bucket_name(enum sst_bucket bucket)
@@ -58,13 +58,13 @@ const char *sst_bucket_name(enum sst_bucket bucket)
     return names[bucket];
 }
 
-static void count_locked(struct sst_sets *s, int cam, enum sst_bucket bucket)
+static void count_locked(struct sst_framesync *s, int cam, enum sst_bucket bucket)
 {
     s->counters.bucket[bucket]++;
     s->counters.camera[cam][bucket]++;
 }
 
-static void end_frame(struct sst_sets *s, struct sst_frame *frame, enum sst_bucket bucket)
+static void end_frame(struct sst_framesync *s, struct sst_frame *frame, enum sst_bucket bucket)
 {
     pthread_mutex_lock(&s->lock);
     count_locked(s, frame->cam, bucket);
@@ -72,7 +72,7 @@ static void end_frame(struct sst_sets *s, struct sst_frame *frame, enum sst_buck
     s->events.release(s->events.arg, frame, bucket);
 }
 
-static struct tick *tick_at(struct sst_sets *s, int i)
+static struct tick *tick_at(struct sst_framesync *s, int i)
 {
     return &s->tick[(s->first + i) % TICKS];
 }
@@ -84,9 +84,9 @@ static bool has_seen(const struct tick *b, int cam)
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-static struct sst_set *acquire_set(struct sst_sets *s)
+static struct sst_frameset *acquire_set(struct sst_framesync *s)
 {
-    struct sst_set *set = NULL;
+    struct sst_frameset *set = NULL;
 
     pthread_mutex_lock(&s->lock);
     for (int i = 0; i < s->cfg.pool && !set; i++)
@@ -102,7 +102,7 @@ static struct sst_set *acquire_set(struct sst_sets *s)
     return set;
 }
 
-void sst_sets_recycle(struct sst_sets *s, struct sst_set *set, bool dropped)
+void sst_framesync_recycle(struct sst_framesync *s, struct sst_frameset *set, bool dropped)
 {
     const enum sst_bucket bucket = dropped ? SST_BUCKET_DROPPED : SST_BUCKET_SET;
 
@@ -120,7 +120,7 @@ void sst_sets_recycle(struct sst_sets *s, struct sst_set *set, bool dropped)
     pthread_mutex_unlock(&s->lock);
 }
 
-static void measure_skew(const struct sst_sets *s, struct sst_set *set)
+static void measure_skew(const struct sst_framesync *s, struct sst_frameset *set)
 {
     int64_t t[SST_CAMERAS_MAX], far = -1, median;
     int n = 0;
@@ -155,9 +155,9 @@ static int64_t wall_at(int64_t t_ns)
     return (int64_t)(wall.tv_sec - mono.tv_sec) * 1000000000 + (wall.tv_nsec - mono.tv_nsec) + t_ns;
 }
 
-static void close_tick(struct sst_sets *s, struct tick *b)
+static void close_tick(struct sst_framesync *s, struct tick *b)
 {
-    struct sst_set *set = b->set;
+    struct sst_frameset *set = b->set;
 
     b->closed = true;
     b->set = NULL;
@@ -167,7 +167,7 @@ static void close_tick(struct sst_sets *s, struct tick *b)
     set->t_ns = b->t_ns;
     set->edge = b->edge;
     set->cameras = s->cfg.cameras;
-    if (s->cfg.match == SST_SETS_FREE) {
+    if (s->cfg.match == SST_FRAMESYNC_FREE) {
         set->t_ns = INT64_MAX;
         for (int cam = 0; cam < set->cameras; cam++)
             if (set->frame[cam] && set->frame[cam]->t_ns < set->t_ns)
@@ -191,7 +191,7 @@ static void close_tick(struct sst_sets *s, struct tick *b)
  * the latency from stamp to arrival must be the usual one. Otherwise latency is not checked: frames may be late for
  * other reasons.
  */
-static bool stamp_holds(const struct sst_sets *s, struct camera *c, const struct sst_frame *frame)
+static bool stamp_holds(const struct sst_framesync *s, struct camera *c, const struct sst_frame *frame)
 {
     const int64_t latency_ns = frame->arrival_ns - frame->t_ns;
 
@@ -207,27 +207,27 @@ static bool stamp_holds(const struct sst_sets *s, struct camera *c, const struct
 }
 
 /* Window around a tick in which the exposure of camera cam must start. */
-static int64_t window_of(const struct sst_sets *s)
+static int64_t window_of(const struct sst_framesync *s)
 {
-    return s->cfg.match == SST_SETS_FREE ? (int64_t)(0.75 * s->period_ns) : s->cfg.window_ns;
+    return s->cfg.match == SST_FRAMESYNC_FREE ? (int64_t)(0.75 * s->period_ns) : s->cfg.window_ns;
 }
 
 /* True if no further frame of this camera can belong to the tick. */
-static bool is_past(const struct sst_sets *s, const struct tick *b, int cam)
+static bool is_past(const struct sst_framesync *s, const struct tick *b, int cam)
 {
     const struct camera *c = &s->camera[cam];
 
-    if (s->cfg.match != SST_SETS_NEAREST && has_seen(b, cam))
+    if (s->cfg.match != SST_FRAMESYNC_NEAREST && has_seen(b, cam))
         return true;
     if (!c->streaming)
         return true;
     if (!c->heard)
         return false;
-    return s->cfg.match == SST_SETS_FREE ? c->tick > (int64_t)b->index
-                                         : c->last_ns - s->cfg.delay_ns[cam] > b->t_ns + window_of(s);
+    return s->cfg.match == SST_FRAMESYNC_FREE ? c->tick > (int64_t)b->index
+                                              : c->last_ns - s->cfg.delay_ns[cam] > b->t_ns + window_of(s);
 }
 
-static bool is_done(const struct sst_sets *s, const struct tick *b)
+static bool is_done(const struct sst_framesync *s, const struct tick *b)
 {
     for (int cam = 0; cam < s->cfg.cameras; cam++)
         if (!is_past(s, b, cam))
@@ -236,7 +236,7 @@ static bool is_done(const struct sst_sets *s, const struct tick *b)
 }
 
 /* Without a streaming camera a tick would be complete at once, before a frame in flight: it waits for its time-out. */
-static bool is_due(const struct sst_sets *s, const struct tick *b, int64_t now_ns)
+static bool is_due(const struct sst_framesync *s, const struct tick *b, int64_t now_ns)
 {
     bool any = false;
 
@@ -247,7 +247,7 @@ static bool is_due(const struct sst_sets *s, const struct tick *b, int64_t now_n
     return any && is_done(s, b);
 }
 
-static struct tick *add_tick(struct sst_sets *s, uint64_t index, int64_t t_ns, bool edge)
+static struct tick *add_tick(struct sst_framesync *s, uint64_t index, int64_t t_ns, bool edge)
 {
     struct tick *b;
 
@@ -264,7 +264,7 @@ static struct tick *add_tick(struct sst_sets *s, uint64_t index, int64_t t_ns, b
 
 /* --- frames ------------------------------------------------------------------------------------------------------- */
 
-static void assign(struct sst_sets *s, struct tick *b, struct sst_frame *frame)
+static void assign(struct sst_framesync *s, struct tick *b, struct sst_frame *frame)
 {
     const int cam = frame->cam;
     struct sst_frame *old;
@@ -279,7 +279,7 @@ static void assign(struct sst_sets *s, struct tick *b, struct sst_frame *frame)
         return;
     }
     old = b->set->frame[cam];
-    if (old && s->cfg.match == SST_SETS_NEAREST) {
+    if (old && s->cfg.match == SST_FRAMESYNC_NEAREST) {
         const int64_t due = b->t_ns + s->cfg.delay_ns[cam];
         const bool nearer = llabs(frame->t_ns - due) < llabs(old->t_ns - due);
 
@@ -298,7 +298,7 @@ static void assign(struct sst_sets *s, struct tick *b, struct sst_frame *frame)
 }
 
 /* The trigger nearest to a time, or NULL; searched from the newest. */
-static struct tick *nearest_tick(struct sst_sets *s, int64_t t_ns)
+static struct tick *nearest_tick(struct sst_framesync *s, int64_t t_ns)
 {
     struct tick *best = NULL;
 
@@ -313,7 +313,7 @@ static struct tick *nearest_tick(struct sst_sets *s, int64_t t_ns)
 }
 
 /* @return false: newer than every trigger, its own may not be reported yet */
-static bool assign_by_trigger(struct sst_sets *s, struct sst_frame *frame)
+static bool assign_by_trigger(struct sst_framesync *s, struct sst_frame *frame)
 {
     const int64_t t = frame->t_ns - s->cfg.delay_ns[frame->cam];
     struct tick *b = nearest_tick(s, t);
@@ -327,7 +327,7 @@ static bool assign_by_trigger(struct sst_sets *s, struct sst_frame *frame)
     return true;
 }
 
-static void hold(struct sst_sets *s, struct sst_frame *frame)
+static void hold(struct sst_framesync *s, struct sst_frame *frame)
 {
     if (s->pending_count == PENDING_PER_CAMERA * s->cfg.cameras) {
         end_frame(s, s->pending[0], SST_BUCKET_STRAY);
@@ -340,7 +340,7 @@ static void hold(struct sst_sets *s, struct sst_frame *frame)
  * FREE: number the frame by the time since the camera's last one, so that a camera near the border between two ticks
  * does not jump between them; a camera that slipped by three quarters of a period is assigned to the nearest tick.
  */
-static void assign_by_tick(struct sst_sets *s, struct sst_frame *frame)
+static void assign_by_tick(struct sst_framesync *s, struct sst_frame *frame)
 {
     struct camera *c = &s->camera[frame->cam];
     struct tick *last = s->count ? tick_at(s, s->count - 1) : NULL;
@@ -385,7 +385,7 @@ static void assign_by_tick(struct sst_sets *s, struct sst_frame *frame)
     end_frame(s, frame, SST_BUCKET_LATE); /* a tick that no frame opened in time */
 }
 
-void sst_sets_frame(struct sst_sets *s, struct sst_frame *frame)
+void sst_framesync_frame(struct sst_framesync *s, struct sst_frame *frame)
 {
     struct camera *c = &s->camera[frame->cam];
 
@@ -396,7 +396,7 @@ void sst_sets_frame(struct sst_sets *s, struct sst_frame *frame)
         end_frame(s, frame, frame->faults & SST_FRAME_FLAGGED ? SST_BUCKET_FLAGGED : SST_BUCKET_CORRUPT);
         return;
     }
-    if (s->cfg.match == SST_SETS_FREE) {
+    if (s->cfg.match == SST_FRAMESYNC_FREE) {
         assign_by_tick(s, frame);
         return;
     }
@@ -410,7 +410,7 @@ void sst_sets_frame(struct sst_sets *s, struct sst_frame *frame)
         hold(s, frame);
 }
 
-void sst_sets_trigger(struct sst_sets *s, uint64_t index, int64_t t_ns, bool edge)
+void sst_framesync_trigger(struct sst_framesync *s, uint64_t index, int64_t t_ns, bool edge)
 {
     int kept = 0;
 
@@ -421,14 +421,14 @@ void sst_sets_trigger(struct sst_sets *s, uint64_t index, int64_t t_ns, bool edg
     s->pending_count = kept;
 }
 
-void sst_sets_camera(struct sst_sets *s, int cam, bool streaming)
+void sst_framesync_camera(struct sst_framesync *s, int cam, bool streaming)
 {
     s->camera[cam].streaming = streaming;
     if (!streaming)
         s->camera[cam].heard = false;
 }
 
-int64_t sst_sets_tick(struct sst_sets *s, int64_t now_ns)
+int64_t sst_framesync_tick(struct sst_framesync *s, int64_t now_ns)
 {
     int64_t next = INT64_MAX;
     int kept = 0;
@@ -457,7 +457,7 @@ int64_t sst_sets_tick(struct sst_sets *s, int64_t now_ns)
     return next;
 }
 
-void sst_sets_flush(struct sst_sets *s)
+void sst_framesync_flush(struct sst_framesync *s)
 {
     for (int i = 0; i < s->count; i++)
         if (!tick_at(s, i)->closed)
@@ -467,9 +467,9 @@ void sst_sets_flush(struct sst_sets *s)
     s->pending_count = 0;
 }
 
-void sst_sets_counters(const struct sst_sets *sets, struct sst_sets_counters *out)
+void sst_framesync_counters(const struct sst_framesync *sets, struct sst_framesync_counters *out)
 {
-    struct sst_sets *s = (struct sst_sets *)sets;
+    struct sst_framesync *s = (struct sst_framesync *)sets;
 
     pthread_mutex_lock(&s->lock);
     *out = s->counters;
@@ -480,12 +480,13 @@ void sst_sets_counters(const struct sst_sets *sets, struct sst_sets_counters *ou
     pthread_mutex_unlock(&s->lock);
 }
 
-int sst_sets_create(struct sst_sets **out, const struct sst_sets_config *cfg, const struct sst_sets_events *events)
+int sst_framesync_create(struct sst_framesync **out, const struct sst_framesync_config *cfg,
+                         const struct sst_framesync_events *events)
 {
-    struct sst_sets *s;
+    struct sst_framesync *s;
 
     if (cfg->cameras < 1 || cfg->cameras > SST_CAMERAS_MAX || cfg->pool < 2 || cfg->pool > 64 || cfg->period_ns < 0 ||
-        (cfg->match == SST_SETS_FREE && cfg->period_ns == 0))
+        (cfg->match == SST_FRAMESYNC_FREE && cfg->period_ns == 0))
         return -EINVAL;
     s = calloc(1, sizeof(*s));
     if (!s)
@@ -501,14 +502,14 @@ int sst_sets_create(struct sst_sets **out, const struct sst_sets_config *cfg, co
     s->pool = calloc((size_t)cfg->pool, sizeof(*s->pool));
     s->pending = calloc((size_t)cfg->cameras * PENDING_PER_CAMERA, sizeof(*s->pending));
     if (!s->pool || !s->pending) {
-        sst_sets_destroy(s);
+        sst_framesync_destroy(s);
         return -ENOMEM;
     }
     *out = s;
     return 0;
 }
 
-void sst_sets_destroy(struct sst_sets *s)
+void sst_framesync_destroy(struct sst_framesync *s)
 {
     if (!s)
         return;

@@ -111,7 +111,7 @@ int sst_ring_create(struct sst_ring **out, size_t bytes)
     return 0;
 }
 
-static void fill(struct slot *s, const struct sst_set *set)
+static void fill(struct slot *s, const struct sst_frameset *set)
 {
     uint8_t *at = (uint8_t *)&s->frame[set->cameras];
     int n = 0;
@@ -134,7 +134,7 @@ static void fill(struct slot *s, const struct sst_set *set)
     }
 }
 
-int sst_ring_put(struct sst_ring *r, const struct sst_set *set)
+int sst_ring_put(struct sst_ring *r, const struct sst_frameset *set)
 {
     size_t size = sizeof(struct slot) + sizeof(struct sst_frame) * (size_t)set->cameras;
     struct slot *s;

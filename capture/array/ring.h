@@ -5,16 +5,16 @@
 #ifndef SST_CAPTURE_ARRAY_RING_H
 #define SST_CAPTURE_ARRAY_RING_H
 
-#include "capture/array/sets.h"
+#include "capture/array/frame_sync.h"
 
 struct sst_ring; /* opaque; any thread */
 
 /** A frameset and the bytes of its frames, read-only; freed with the last reference. */
 struct sst_kept {
-    uint64_t number;    /* in the ring: 1, 2, ... without gaps; set.index is that of the trigger */
-    int64_t kept_ns;    /* when it was stored here */
-    struct sst_set set; /* frame[] points to frame_data */
-    size_t bytes;       /* of all frames */
+    uint64_t number;         /* in the ring: 1, 2, ... without gaps; set.index is that of the trigger */
+    int64_t kept_ns;         /* when it was stored here */
+    struct sst_frameset set; /* frame[] points to frame_data */
+    size_t bytes;            /* of all frames */
 };
 
 struct sst_ring_counters {
@@ -29,7 +29,7 @@ struct sst_ring_counters {
 SST_MUST_CHECK int sst_ring_create(struct sst_ring **out, size_t bytes);
 
 /** Copy a frameset into the ring; the oldest ones without references are dropped. @return 0, or -ENOBUFS (counted) */
-SST_MUST_CHECK int sst_ring_put(struct sst_ring *ring, const struct sst_set *set);
+SST_MUST_CHECK int sst_ring_put(struct sst_ring *ring, const struct sst_frameset *set);
 
 /**
  * Get a reference.

@@ -8,7 +8,7 @@
 #include "pipeline/calibration/photometric/photometric.h"
 
 struct sst_recording;
-struct sst_set;
+struct sst_frameset;
 
 /* --- source: pictures that exist ---------------------------------------------------------------------------------- */
 
@@ -92,7 +92,7 @@ struct sst_gather_live_config {
     int accepted;                   /* end after this many accepted framesets; 0: when nothing is missing */
     double seconds;                 /* 0: no limit */
     /* On the writer's thread; each may be NULL. An error ends the run. */
-    int (*frameset)(void *arg, const struct sst_set *set);            /* each one captured, to record it */
+    int (*frameset)(void *arg, const struct sst_frameset *set);       /* each one captured, to record it */
     int (*status)(void *arg, const struct sst_gather_status *status); /* about every two seconds */
     void *arg;
 };

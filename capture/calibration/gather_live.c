@@ -27,7 +27,7 @@ struct sst_gather_live {
     struct sst_coverage *coverage; /* [views] */
     struct gather_result *result;  /* [views] of the current frameset */
     double (*last)[2];             /* [views] middle of the corners in the last accepted frameset; NAN: none */
-    const struct sst_set *set;
+    const struct sst_frameset *set;
     int *frameset, capacity; /* of the accepted ones: their numbers */
     int framesets, err;
     bool done;
@@ -156,7 +156,7 @@ static bool is_done(const struct sst_gather_live *l)
     return least >= 1;
 }
 
-static int on_set(void *arg, const struct sst_set *set)
+static int on_set(void *arg, const struct sst_frameset *set)
 {
     struct sst_gather_live *l = arg;
     int err;

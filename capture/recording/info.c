@@ -84,7 +84,7 @@ int manifest_write_info(const char *path, const struct sst_recorder_config *cfg)
     char *text;
     int err;
 
-    sst_pixel_format_name(cfg->fourcc, format);
+    sst_recording_format_name(cfg->fourcc, format);
     root = json_pack("{s:s, s:i, s:s, s:s, s:i, s:i, s:i, s:s, s:i, s:i, s:f, s:f, s:o, s:o}", "format", FORMAT_NAME,
                      "version", SST_RECORDING_VERSION, "program", "sst " SST_VERSION, "muxer", muxer(), "rows",
                      cfg->rows, "cols", cfg->cols, "cameras", cfg->cameras, "pixel_format", format, "width", cfg->width,
@@ -150,7 +150,7 @@ static const char *read_info(json_t *root, struct sst_recording_info *info)
                     &info->height, "rate_hz", &info->rate_hz, "spacing_mm", &info->spacing_mm, "frame_columns",
                     &columns, "tracks", &tracks))
         return "a key is missing or of another type";
-    info->fourcc = sst_pixel_format_parse(pixel);
+    info->fourcc = sst_recording_format_parse(pixel);
     if (info->rows < 1 || info->cols < 1 || info->rows > SST_CAMERAS_MAX || info->cols > SST_CAMERAS_MAX ||
         info->cameras < 1 || info->cameras > SST_CAMERAS_MAX || info->cameras > info->rows * info->cols)
         return "rows, cols and cameras do not match";
@@ -158,7 +158,7 @@ static const char *read_info(json_t *root, struct sst_recording_info *info)
         return "width or height is outside 1..32768";
     if (!isfinite(info->rate_hz) || info->rate_hz < 0 || !isfinite(info->spacing_mm) || info->spacing_mm < 0)
         return "rate_hz or spacing_mm is below 0";
-    if (!sst_pixel_format_known(info->fourcc))
+    if (!sst_recording_format_known(info->fourcc))
         return "unsupported pixel_format";
     if (!columns_known(columns))
         return "unexpected frame_columns";

@@ -1,5 +1,5 @@
-/* What recording calls of FFmpeg, which brings more than a hundred libraries: loaded by the first call, so that what does
- * not record starts five times as fast. Without it nothing can be opened, and the rest is never reached. */
+/* What recording calls of FFmpeg, which brings more than a hundred libraries: loaded by the first call, so that what
+ * does not record starts five times as fast. Without it nothing can be opened, and the rest is never reached. */
 #include "base/base.h"
 
 #if WITH_AVFORMAT

@@ -390,7 +390,7 @@ int sst_recording_to_lightfields(const struct sst_recording *recording, const st
 
     if (cfg->count < 1 || (!cfg->each && cfg->count != 1))
         return -EINVAL;
-    err = sst_check_output(cfg->out, cfg->force, cfg->each ? "sets.json" : "lightfield.json", inputs);
+    err = sst_path_check_output(cfg->out, cfg->force, cfg->each ? "sets.json" : "lightfield.json", inputs);
     if (!err)
         err = sst_outdir_open(&out, cfg->out, cfg->force);
     if (err)

@@ -4,7 +4,7 @@
 
 #include <linux/videodev2.h>
 
-bool sst_pixel_format_known(uint32_t fourcc)
+bool sst_recording_format_known(uint32_t fourcc)
 {
     switch (fourcc) {
     case V4L2_PIX_FMT_MJPEG:
@@ -22,7 +22,7 @@ bool sst_pixel_format_known(uint32_t fourcc)
     }
 }
 
-void sst_pixel_format_name(uint32_t fourcc, char out[5])
+void sst_recording_format_name(uint32_t fourcc, char out[5])
 {
     for (int i = 0; i < 4; i++) {
         const char c = (char)(fourcc >> (8 * i) & 0xFF);
@@ -34,7 +34,7 @@ void sst_pixel_format_name(uint32_t fourcc, char out[5])
         out[i] = 0;
 }
 
-uint32_t sst_pixel_format_parse(const char *name)
+uint32_t sst_recording_format_parse(const char *name)
 {
     const size_t n = strlen(name);
 

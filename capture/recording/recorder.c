@@ -59,7 +59,7 @@ static int check_config(const struct sst_recorder_config *cfg)
     char format[5];
     const char *fault = NULL;
 
-    sst_pixel_format_name(cfg->fourcc, format);
+    sst_recording_format_name(cfg->fourcc, format);
     if (!cfg->dir || !cfg->dir[0] || !cfg->tracks)
         fault = "no folder or no cameras given";
     else if (cfg->rows < 1 || cfg->cols < 1 || cfg->rows > SST_CAMERAS_MAX || cfg->cols > SST_CAMERAS_MAX ||
@@ -81,7 +81,7 @@ static int check_config(const struct sst_recorder_config *cfg)
                 fault = "two cameras have the same row and col";
         }
     }
-    if (!fault && !sst_pixel_format_known(cfg->fourcc)) {
+    if (!fault && !sst_recording_format_known(cfg->fourcc)) {
         sst_log_error("frames of format %s cannot be recorded; set MJPG, YUYV, GREY, Y16 or 8-bit Bayer", format);
         return -EINVAL;
     }
@@ -264,7 +264,7 @@ int sst_recorder_open(struct sst_recorder **out, const struct sst_recorder_confi
 /* --- segments ----------------------------------------------------------------------------------------------------- */
 
 /* Time zero of a segment: no frame of its first set is before it. */
-static int64_t earliest(const struct sst_set *set)
+static int64_t earliest(const struct sst_frameset *set)
 {
     int64_t t = set->t_ns;
 
@@ -292,7 +292,7 @@ static int finish_segment(struct sst_recorder *r)
     return err;
 }
 
-static bool segment_is_full(struct sst_recorder *r, const struct sst_set *set)
+static bool segment_is_full(struct sst_recorder *r, const struct sst_frameset *set)
 {
     if ((double)(set->t_ns - r->segment_start_ns) * 1e-9 < r->cfg.segment_s &&
         segment_size_bytes(r->segment) < r->cfg.segment_bytes)
@@ -300,7 +300,7 @@ static bool segment_is_full(struct sst_recorder *r, const struct sst_set *set)
     return !r->sync || sync_has_room(r->sync); /* else the disk is far behind: the segment continues */
 }
 
-static int begin_segment(struct sst_recorder *r, const struct sst_set *set)
+static int begin_segment(struct sst_recorder *r, const struct sst_frameset *set)
 {
     char path[SST_PATH_MAX];
     int err;
@@ -319,7 +319,7 @@ static int begin_segment(struct sst_recorder *r, const struct sst_set *set)
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-static int check_set(const struct sst_recorder *r, const struct sst_set *set)
+static int check_set(const struct sst_recorder *r, const struct sst_frameset *set)
 {
     const char *fault = NULL;
 
@@ -371,7 +371,7 @@ static int sync_here(struct sst_recorder *r, int fd)
     return err;
 }
 
-static int add_set(struct sst_recorder *r, const struct sst_set *set)
+static int add_set(struct sst_recorder *r, const struct sst_frameset *set)
 {
     size_t n = 0;
     int err = r->manifest_fd < 0 ? open_manifest(r, 0) : 0;
@@ -452,7 +452,7 @@ static int drop(struct sst_recorder *r)
     return r->failing;
 }
 
-int sst_recorder_write(struct sst_recorder *r, const struct sst_set *set)
+int sst_recorder_write(struct sst_recorder *r, const struct sst_frameset *set)
 {
     int err = check_set(r, set);
 

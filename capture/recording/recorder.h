@@ -2,7 +2,7 @@
 #ifndef SST_CAPTURE_RECORDING_RECORDER_H
 #define SST_CAPTURE_RECORDING_RECORDER_H
 
-#include "capture/array/sets.h"
+#include "capture/array/frame_sync.h"
 
 struct sst_recorder; /* opaque; one thread at a time */
 
@@ -58,7 +58,7 @@ SST_MUST_CHECK int sst_recorder_open(struct sst_recorder **out, const struct sst
  * @param set  of cfg's number of cameras; frames of cfg's format
  * @return 0, -EINVAL (set; logged), -ENOSPC (also quota and largest file), -EROFS, -EIO, -ENOMEM
  */
-SST_MUST_CHECK int sst_recorder_write(struct sst_recorder *recorder, const struct sst_set *set);
+SST_MUST_CHECK int sst_recorder_write(struct sst_recorder *recorder, const struct sst_frameset *set);
 
 /** Set the largest segment, from the next set on; 0: the default. */
 void sst_recorder_set_segment_bytes(struct sst_recorder *recorder, int64_t bytes);

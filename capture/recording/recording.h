@@ -3,7 +3,7 @@
 #define SST_CAPTURE_RECORDING_RECORDING_H
 
 #include "capture/recording/recorder.h"
-#include "capture/recording/shorten.h"
+#include "capture/recording/trim.h"
 
 struct sst_recording; /* opaque; after open any number of threads may read */
 

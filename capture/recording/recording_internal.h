@@ -49,7 +49,7 @@ SST_MUST_CHECK int manifest_read_info(const char *path, struct sst_recording_inf
 
 /** Write a line with its '\n' into out [MANIFEST_LINE_MAX]. @return its bytes. */
 size_t manifest_segment_line(char *out, int segment, int session, int64_t start_ns, int64_t wall_ns);
-size_t manifest_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32);
+size_t manifest_set_line(char *out, const struct sst_frameset *set, const int64_t *offset, const uint32_t *crc32);
 
 /** Does the line (without '\n') end in its own checksum? */
 bool manifest_line_whole(const char *line, size_t n);
@@ -147,7 +147,8 @@ SST_MUST_CHECK int segment_open(struct sst_segment **out, const char *path, cons
  * @param offset  out, of each present frame's first byte in the file; -1 of others
  * @return 0 or -errno (not logged); after an error only segment_abandon() may follow.
  */
-SST_MUST_CHECK int segment_add(struct sst_segment *segment, const struct sst_set *set, int64_t offset[SST_CAMERAS_MAX]);
+SST_MUST_CHECK int segment_add(struct sst_segment *segment, const struct sst_frameset *set,
+                               int64_t offset[SST_CAMERAS_MAX]);
 
 /** Keep what was added so far, also if the segment is abandoned. */
 void segment_keep(struct sst_segment *segment);

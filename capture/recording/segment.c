@@ -218,7 +218,7 @@ fail:
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-static int add_frame(struct sst_segment *s, const struct sst_set *set, const struct sst_frame *f)
+static int add_frame(struct sst_segment *s, const struct sst_frameset *set, const struct sst_frame *f)
 {
     int64_t from_set = f->t_ns - set->t_ns, ms;
 
@@ -240,7 +240,7 @@ static int add_frame(struct sst_segment *s, const struct sst_set *set, const str
 }
 
 /* One element at pos: enter it, note its frame, or skip it. @return offset of the next one, or -errno */
-static int64_t read_element(const struct sst_segment *s, int64_t pos, const struct sst_set *set, int64_t *offset)
+static int64_t read_element(const struct sst_segment *s, int64_t pos, const struct sst_frameset *set, int64_t *offset)
 {
     uint8_t head[SST_EBML_HEAD_MAX + 8];
     const ssize_t n = pread(s->fd, head, sizeof(head), pos);
@@ -268,7 +268,7 @@ static int64_t read_element(const struct sst_segment *s, int64_t pos, const stru
 }
 
 /* libavformat does not report where it wrote a frame. */
-static int find_frames(const struct sst_segment *s, int64_t pos, const struct sst_set *set, int64_t *offset)
+static int find_frames(const struct sst_segment *s, int64_t pos, const struct sst_frameset *set, int64_t *offset)
 {
     while (pos >= 0 && pos < s->end)
         pos = read_element(s, pos, set, offset);
@@ -281,7 +281,7 @@ static int find_frames(const struct sst_segment *s, int64_t pos, const struct ss
     return pos < 0 ? (int)pos : 0;
 }
 
-int segment_add(struct sst_segment *s, const struct sst_set *set, int64_t offset[SST_CAMERAS_MAX])
+int segment_add(struct sst_segment *s, const struct sst_frameset *set, int64_t offset[SST_CAMERAS_MAX])
 {
     const int64_t from = s->end;
     int err = 0;
@@ -350,7 +350,7 @@ int segment_open(struct sst_segment **out SST_UNUSED, const char *path SST_UNUSE
     return -ENOTSUP;
 }
 
-int segment_add(struct sst_segment *s SST_UNUSED, const struct sst_set *set SST_UNUSED,
+int segment_add(struct sst_segment *s SST_UNUSED, const struct sst_frameset *set SST_UNUSED,
                 int64_t offset[SST_CAMERAS_MAX] SST_UNUSED)
 {
     return -ENOTSUP;

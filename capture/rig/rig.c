@@ -10,10 +10,10 @@
 struct job {
     struct sst_rig *rig;
     const struct sst_rig_config *rig_cfg;
-    const struct sst_rig_camera *camera;
-    struct sst_rig_store *store;
-    const struct sst_rig_capture_config *cfg;
-    struct sst_rig_capture_report *report;
+    const struct sst_scan_camera *camera;
+    struct sst_scan_store *store;
+    const struct sst_scan_config *cfg;
+    struct sst_scan_report *report;
     struct sst_rig_pos at; /* end of the last move; valid if known */
     bool known;
 };
@@ -29,7 +29,7 @@ static int go(struct job *j, struct sst_rig_pos to)
 {
     /* Twice the duration of the move at the configured or assumed speed, at least 10 s. */
     const struct sst_rig_pos home = { { 0 } };
-    const int timeout_ms = 10000 + (int)(2000 * sst_rig_capture_leg_s(j->rig_cfg, j->known ? &j->at : &home, &to));
+    const int timeout_ms = 10000 + (int)(2000 * sst_scan_leg_s(j->rig_cfg, j->known ? &j->at : &home, &to));
     int err = sst_rig_move(j->rig, to);
 
     if (!err)
@@ -50,7 +50,7 @@ static int approach(struct job *j, struct sst_rig_pos to)
         sst_log_info("rig: homing");
         err = sst_rig_home(j->rig, j->cfg->home_ms);
     }
-    via = sst_rig_capture_approach(j->cfg, j->rig_cfg->axes, j->known ? &j->at : NULL, to);
+    via = sst_scan_approach(j->cfg, j->rig_cfg->axes, j->known ? &j->at : NULL, to);
     for (int a = 0; !err && a < j->rig_cfg->axes; a++) {
         if (via.um[a] != to.um[a]) {
             err = go(j, via);
@@ -62,7 +62,7 @@ static int approach(struct job *j, struct sst_rig_pos to)
 
 /* Capture a frame with the rig at standstill before, during and after its exposure. @return 0, -EAGAIN (it moved), or
  * an error */
-static int expose(struct job *j, struct sst_rig_shot *shot, struct sst_frame **frame)
+static int expose(struct job *j, struct sst_scan_shot *shot, struct sst_frame **frame)
 {
     struct sst_rig_pos before;
     struct sst_frame *f;
@@ -94,7 +94,7 @@ static int expose(struct job *j, struct sst_rig_shot *shot, struct sst_frame **f
     return err;
 }
 
-static int try_view(struct job *j, int view, struct sst_rig_shot *shot)
+static int try_view(struct job *j, int view, struct sst_scan_shot *shot)
 {
     struct sst_frame *frame;
     int err = approach(j, shot->asked);
@@ -113,7 +113,7 @@ static int try_view(struct job *j, int view, struct sst_rig_shot *shot)
     }
     if (err)
         return err;
-    err = sst_rig_store_put(j->store, view, shot, j->camera, frame);
+    err = sst_scan_store_put(j->store, view, shot, j->camera, frame);
     j->camera->release(j->camera->arg, frame);
     return err;
 }
@@ -137,7 +137,7 @@ static bool is_final(int err)
 
 static int capture_view(struct job *j, int view)
 {
-    struct sst_rig_shot shot = { .asked = sst_rig_capture_pose(j->cfg, view) };
+    struct sst_scan_shot shot = { .asked = sst_scan_pose(j->cfg, view) };
     int err = 0;
 
     for (shot.attempts = 1; shot.attempts <= j->cfg->attempts; shot.attempts++) {
@@ -166,9 +166,9 @@ static int capture_all(struct job *j)
     int err = 0;
 
     for (int i = 0; !err && i < views; i++) {
-        const int view = sst_rig_capture_view(j->cfg, i);
+        const int view = sst_scan_view(j->cfg, i);
 
-        if (!sst_rig_store_has(j->store, view))
+        if (!sst_scan_store_has(j->store, view))
             err = capture_view(j, view);
         if (!err && j->cfg->progress)
             j->cfg->progress(j->cfg->progress_arg, (i + 1.0) / views);
@@ -176,30 +176,29 @@ static int capture_all(struct job *j)
     return err;
 }
 
-int sst_rig_capture(struct sst_rig *rig, const struct sst_rig_config *rig_cfg, const struct sst_rig_camera *camera,
-                    struct sst_rig_store *store, const struct sst_rig_capture_config *cfg,
-                    struct sst_rig_capture_report *report)
+int sst_scan_run(struct sst_rig *rig, const struct sst_rig_config *rig_cfg, const struct sst_scan_camera *camera,
+                 struct sst_scan_store *store, const struct sst_scan_config *cfg, struct sst_scan_report *report)
 {
     struct job j = { .rig = rig, .rig_cfg = rig_cfg, .camera = camera, .store = store, .cfg = cfg, .report = report };
     const int views = cfg->rows * cfg->cols;
-    int err = sst_rig_store_check_camera(store, camera);
+    int err = sst_scan_store_check_camera(store, camera);
 
-    *report = (struct sst_rig_capture_report){ .there = sst_rig_store_count(store) };
+    *report = (struct sst_scan_report){ .there = sst_scan_store_count(store) };
     if (err)
         return err;
     err = capture_all(&j);
     if (!err)
-        err = sst_rig_store_finish(store);
+        err = sst_scan_store_finish(store);
     sst_rig_counters(rig, &report->rig);
     if (!err)
         return 0;
     (void)sst_rig_stop(rig);
     if (err == -ECANCELED) {
         sst_log_warning("%s: stopped with %d of %d views; run the same command to resume", cfg->dir,
-                        sst_rig_store_count(store), views);
+                        sst_scan_store_count(store), views);
         return -EINTR;
     }
     sst_log_error("%s: capture ended with %d of %d views; remove the cause above, then run the same command to resume",
-                  cfg->dir, sst_rig_store_count(store), views);
+                  cfg->dir, sst_scan_store_count(store), views);
     return err;
 }

@@ -8,7 +8,7 @@
 #include "drivers/rig/rig.h"
 
 /** The camera on the rig (rig_camera.h: one opened by sst_grab). */
-struct sst_rig_camera {
+struct sst_scan_camera {
     void *arg;
     /**
      * The first good frame whose exposure started at or after after_ns (CLOCK_MONOTONIC).
@@ -19,7 +19,7 @@ struct sst_rig_camera {
     const char *serial, *port; /* identity of the camera; "" unknown */
 };
 
-struct sst_rig_capture_config {
+struct sst_scan_config {
     const char *dir; /* created if missing; an incomplete capture with the same settings is resumed */
     bool must_exist; /* only resume, never start a new capture */
     int rows, cols;
@@ -39,24 +39,24 @@ struct sst_rig_capture_config {
     void *progress_arg;
 };
 
-void sst_rig_capture_config_defaults(struct sst_rig_capture_config *cfg);
+void sst_scan_config_defaults(struct sst_scan_config *cfg);
 
 /* --- poses -------------------------------------------------------------------------------------------------------- */
 
 /** The i-th view in the order of capture: rows from the top, every second one from right to left. */
-int sst_rig_capture_view(const struct sst_rig_capture_config *cfg, int i);
+int sst_scan_view(const struct sst_scan_config *cfg, int i);
 
 /** Position of the rig for a view. */
-struct sst_rig_pos sst_rig_capture_pose(const struct sst_rig_capture_config *cfg, int view);
+struct sst_rig_pos sst_scan_pose(const struct sst_scan_config *cfg, int view);
 
 /**
  * Position to go to before a pose, so that every axis reaches it from below; equal to the pose if that is not needed.
  * @param from  NULL: unknown
  */
-struct sst_rig_pos sst_rig_capture_approach(const struct sst_rig_capture_config *cfg, int axes,
-                                            const struct sst_rig_pos *from, struct sst_rig_pos to);
+struct sst_rig_pos sst_scan_approach(const struct sst_scan_config *cfg, int axes, const struct sst_rig_pos *from,
+                                     struct sst_rig_pos to);
 
-struct sst_rig_capture_plan {
+struct sst_scan_plan {
     int views;
     double way_mm; /* sum over the legs of the longest axis */
     double seconds;
@@ -65,19 +65,18 @@ struct sst_rig_capture_plan {
 };
 
 /** Duration of a move from rest to rest. */
-double sst_rig_capture_leg_s(const struct sst_rig_config *rig, const struct sst_rig_pos *from,
-                             const struct sst_rig_pos *to);
+double sst_scan_leg_s(const struct sst_rig_config *rig, const struct sst_rig_pos *from, const struct sst_rig_pos *to);
 
 /** Check the settings against the rig's travel and estimate. @return 0 or -EINVAL, logged. */
-SST_MUST_CHECK int sst_rig_capture_plan(struct sst_rig_capture_plan *out, const struct sst_rig_capture_config *cfg,
-                                        const struct sst_rig_config *rig);
+SST_MUST_CHECK int sst_scan_plan(struct sst_scan_plan *out, const struct sst_scan_config *cfg,
+                                 const struct sst_rig_config *rig);
 
 /* --- the folder --------------------------------------------------------------------------------------------------- */
 
-struct sst_rig_store; /* opaque; one thread at a time */
+struct sst_scan_store; /* opaque; one thread at a time */
 
 /** Positions and attempts of a captured view. */
-struct sst_rig_shot {
+struct sst_scan_shot {
     struct sst_rig_pos asked, read;
     int attempts;
 };
@@ -89,27 +88,28 @@ struct sst_rig_shot {
  * @return 0, -EINVAL (other settings: the difference is logged), -EEXIST (a folder with other contents), -ENOENT
  * (must_exist), -EBUSY (another capture is running in it), -EBADMSG (manifest), -EIO/-ENOSPC/-EROFS/-EACCES; logged.
  */
-SST_MUST_CHECK int sst_rig_store_open(struct sst_rig_store **out, const struct sst_rig_capture_config *cfg);
-void sst_rig_store_close(struct sst_rig_store *store);
+SST_MUST_CHECK int sst_scan_store_open(struct sst_scan_store **out, const struct sst_scan_config *cfg);
+void sst_scan_store_close(struct sst_scan_store *store);
 
-bool sst_rig_store_has(const struct sst_rig_store *store, int view);
-int sst_rig_store_count(const struct sst_rig_store *store); /* views in the store */
+bool sst_scan_store_has(const struct sst_scan_store *store, int view);
+int sst_scan_store_count(const struct sst_scan_store *store); /* views in the store */
 
 /** Store a view durably: its file, then its line of the manifest. @return 0, -EINVAL (format),
  *  -EIO/-ENOSPC/-EROFS/...; logged, the view is then not stored. */
-SST_MUST_CHECK int sst_rig_store_put(struct sst_rig_store *store, int view, const struct sst_rig_shot *shot,
-                                     const struct sst_rig_camera *camera, const struct sst_frame *frame);
+SST_MUST_CHECK int sst_scan_store_put(struct sst_scan_store *store, int view, const struct sst_scan_shot *shot,
+                                      const struct sst_scan_camera *camera, const struct sst_frame *frame);
 
 /** Write lightfield.json of a complete capture, with the offsets that were read back. Does nothing if it exists and no
  *  view was stored since. */
-SST_MUST_CHECK int sst_rig_store_finish(struct sst_rig_store *store);
+SST_MUST_CHECK int sst_scan_store_finish(struct sst_scan_store *store);
 
 /** @return 0 or -EINVAL: the stored views are from another camera; logged. */
-SST_MUST_CHECK int sst_rig_store_check_camera(const struct sst_rig_store *store, const struct sst_rig_camera *camera);
+SST_MUST_CHECK int sst_scan_store_check_camera(const struct sst_scan_store *store,
+                                               const struct sst_scan_camera *camera);
 
 /* --- capture ------------------------------------------------------------------------------------------------------ */
 
-struct sst_rig_capture_report {
+struct sst_scan_report {
     int taken, there;              /* captured by this run; stored before it */
     int again;                     /* failed attempts, by cause: */
     int rig_faults, camera_faults; /* failed moves; missing frames */
@@ -125,8 +125,8 @@ struct sst_rig_capture_report {
  * after cfg->attempts the capture ends with the motion stopped, and the next call resumes it.
  * @return 0 (complete: the folder is a light field), -EINTR (cancelled), or the last fault; logged.
  */
-SST_MUST_CHECK int sst_rig_capture(struct sst_rig *rig, const struct sst_rig_config *rig_cfg,
-                                   const struct sst_rig_camera *camera, struct sst_rig_store *store,
-                                   const struct sst_rig_capture_config *cfg, struct sst_rig_capture_report *report);
+SST_MUST_CHECK int sst_scan_run(struct sst_rig *rig, const struct sst_rig_config *rig_cfg,
+                                const struct sst_scan_camera *camera, struct sst_scan_store *store,
+                                const struct sst_scan_config *cfg, struct sst_scan_report *report);
 
 #endif

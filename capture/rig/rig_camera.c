@@ -16,7 +16,7 @@
 #define START_MS      5000
 #define FIRE_AGAIN_NS 1500000000 /* a trigger without a frame is fired again after this */
 
-struct sst_rig_grab {
+struct sst_scan_grab {
     pthread_t thread;
     bool running;
     struct sst_grab *grab;       /* camera thread, except release and expect */
@@ -41,7 +41,7 @@ struct sst_rig_grab {
 
 static void on_frame(void *arg, struct sst_frame *frame)
 {
-    struct sst_rig_grab *g = arg;
+    struct sst_scan_grab *g = arg;
     bool keep;
 
     pthread_mutex_lock(&g->lock);
@@ -63,7 +63,7 @@ static void on_frame(void *arg, struct sst_frame *frame)
 
 static void on_state(void *arg, int cam SST_UNUSED, enum sst_grab_state state, const char *why)
 {
-    struct sst_rig_grab *g = arg;
+    struct sst_scan_grab *g = arg;
 
     pthread_mutex_lock(&g->lock);
     g->state = state;
@@ -73,7 +73,7 @@ static void on_state(void *arg, int cam SST_UNUSED, enum sst_grab_state state, c
 
 static void *poll_camera(void *arg)
 {
-    struct sst_rig_grab *g = arg;
+    struct sst_scan_grab *g = arg;
     bool stop = false;
     int err = sst_grab_start(g->grab);
 
@@ -95,7 +95,7 @@ static void *poll_camera(void *arg)
 /* --- frames ------------------------------------------------------------------------------------------------------- */
 
 /* Wait until then or for POLL_MS, whichever is shorter. Under lock. @return a frame is available */
-static bool wait_locked(struct sst_rig_grab *g, int64_t end_ns)
+static bool wait_locked(struct sst_scan_grab *g, int64_t end_ns)
 {
     const int64_t now_ns = sst_clock_now_ns(), until_ns = now_ns + POLL_MS * 1000000;
     const int64_t t_ns = end_ns < until_ns ? end_ns : until_ns;
@@ -105,7 +105,7 @@ static bool wait_locked(struct sst_rig_grab *g, int64_t end_ns)
     return g->got != NULL;
 }
 
-static bool cancelled(const struct sst_rig_grab *g)
+static bool cancelled(const struct sst_scan_grab *g)
 {
     return g->cancel && atomic_load(g->cancel);
 }
@@ -118,7 +118,7 @@ static void sleep_until(int64_t t_ns)
         ;
 }
 
-static int fire(struct sst_rig_grab *g)
+static int fire(struct sst_scan_grab *g)
 {
     const int64_t t_ns = sst_clock_now_ns();
     const int err = sst_trigger_fire(g->trigger);
@@ -130,7 +130,7 @@ static int fire(struct sst_rig_grab *g)
 
 static int expose(void *arg, int64_t after_ns, int timeout_ms, struct sst_frame **frame)
 {
-    struct sst_rig_grab *g = arg;
+    struct sst_scan_grab *g = arg;
     const int64_t end_ns = after_ns + (int64_t)timeout_ms * 1000000;
     int64_t fire_ns = after_ns;
     enum sst_grab_state state;
@@ -178,14 +178,14 @@ static int expose(void *arg, int64_t after_ns, int timeout_ms, struct sst_frame 
 
 static void release(void *arg, struct sst_frame *frame)
 {
-    struct sst_rig_grab *g = arg;
+    struct sst_scan_grab *g = arg;
 
     sst_grab_release(g->grab, frame);
 }
 
 /* --- opening ------------------------------------------------------------------------------------------------------ */
 
-static int choose(struct sst_rig_grab *g, const char *which)
+static int choose(struct sst_scan_grab *g, const char *which)
 {
     struct sst_grab_device *devices;
     char list[512] = "";
@@ -216,7 +216,7 @@ static int choose(struct sst_rig_grab *g, const char *which)
     return matches == 1 ? 0 : -ENODEV;
 }
 
-static int open_grab(struct sst_rig_grab *g, const struct sst_array_config *a)
+static int open_grab(struct sst_scan_grab *g, const struct sst_array_config *a)
 {
     const struct sst_grab_events events = { .arg = g, .frame = on_frame, .state = on_state };
     struct sst_grab_config cfg;
@@ -229,7 +229,7 @@ static int open_grab(struct sst_rig_grab *g, const struct sst_array_config *a)
 }
 
 /* Wait until the camera streams or reports an error: there is no use in waiting for one that refuses. */
-static int wait_streaming(struct sst_rig_grab *g)
+static int wait_streaming(struct sst_scan_grab *g)
 {
     const int64_t end_ns = sst_clock_now_ns() + START_MS * (int64_t)1000000;
     enum sst_grab_state state = SST_GRAB_READY;
@@ -252,10 +252,10 @@ static int wait_streaming(struct sst_rig_grab *g)
     return -ENODEV;
 }
 
-int sst_rig_grab_open(struct sst_rig_grab **out, const struct sst_array_config *array, const char *which,
-                      const atomic_bool *cancel, struct sst_rig_camera *camera)
+int sst_scan_grab_open(struct sst_scan_grab **out, const struct sst_array_config *array, const char *which,
+                       const atomic_bool *cancel, struct sst_scan_camera *camera)
 {
-    struct sst_rig_grab *g = calloc(1, sizeof(*g));
+    struct sst_scan_grab *g = calloc(1, sizeof(*g));
     struct sst_trigger_config trigger;
     int err;
 
@@ -279,26 +279,26 @@ int sst_rig_grab_open(struct sst_rig_grab **out, const struct sst_array_config *
     if (!err)
         err = wait_streaming(g);
     if (err) {
-        sst_rig_grab_close(g);
+        sst_scan_grab_close(g);
         return err;
     }
-    *camera = (struct sst_rig_camera){
+    *camera = (struct sst_scan_camera){
         .arg = g, .expose = expose, .release = release, .serial = g->device.serial, .port = g->device.port
     };
     *out = g;
     return 0;
 }
 
-void sst_rig_grab_counters(const struct sst_rig_grab *grab, struct sst_grab_counters *out)
+void sst_scan_grab_counters(const struct sst_scan_grab *grab, struct sst_grab_counters *out)
 {
-    struct sst_rig_grab *g = (struct sst_rig_grab *)grab;
+    struct sst_scan_grab *g = (struct sst_scan_grab *)grab;
 
     pthread_mutex_lock(&g->lock);
     *out = g->count;
     pthread_mutex_unlock(&g->lock);
 }
 
-void sst_rig_grab_close(struct sst_rig_grab *g)
+void sst_scan_grab_close(struct sst_scan_grab *g)
 {
     if (!g)
         return;

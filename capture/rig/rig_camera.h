@@ -7,7 +7,7 @@
 #include "config/array.h"
 #include "drivers/grab/grab.h"
 
-struct sst_rig_grab; /* opaque; one thread at a time */
+struct sst_scan_grab; /* opaque; one thread at a time */
 
 /**
  * Open the camera, start its stream and, with source gpio, the trigger that exposes it.
@@ -18,12 +18,13 @@ struct sst_rig_grab; /* opaque; one thread at a time */
  * @param camera  out: valid until close
  * @return 0, -ENODEV (no such camera, or several: they are listed), or an error of the drivers; logged.
  */
-SST_MUST_CHECK int sst_rig_grab_open(struct sst_rig_grab **out, const struct sst_array_config *array, const char *which,
-                                     const SST_ATOMIC(bool) * cancel, struct sst_rig_camera *camera);
+SST_MUST_CHECK int sst_scan_grab_open(struct sst_scan_grab **out, const struct sst_array_config *array,
+                                      const char *which, const SST_ATOMIC(bool) * cancel,
+                                      struct sst_scan_camera *camera);
 
-void sst_rig_grab_counters(const struct sst_rig_grab *grab, struct sst_grab_counters *out);
+void sst_scan_grab_counters(const struct sst_scan_grab *grab, struct sst_grab_counters *out);
 
 /** NULL is fine. */
-void sst_rig_grab_close(struct sst_rig_grab *grab);
+void sst_scan_grab_close(struct sst_scan_grab *grab);
 
 #endif

@@ -10,9 +10,9 @@
 #define ASSUMED_MM_S2 500.0
 #define OVERHEAD_S    0.1 /* requests, and storing a view */
 
-void sst_rig_capture_config_defaults(struct sst_rig_capture_config *cfg)
+void sst_scan_config_defaults(struct sst_scan_config *cfg)
 {
-    *cfg = (struct sst_rig_capture_config){
+    *cfg = (struct sst_scan_config){
         .rows = 6,
         .cols = 6,
         .pitch_um = { 40000, 40000 },
@@ -27,14 +27,14 @@ void sst_rig_capture_config_defaults(struct sst_rig_capture_config *cfg)
     };
 }
 
-int sst_rig_capture_view(const struct sst_rig_capture_config *cfg, int i)
+int sst_scan_view(const struct sst_scan_config *cfg, int i)
 {
     const int row = i / cfg->cols, col = i % cfg->cols;
 
     return row * cfg->cols + (row % 2 ? cfg->cols - 1 - col : col);
 }
 
-struct sst_rig_pos sst_rig_capture_pose(const struct sst_rig_capture_config *cfg, int view)
+struct sst_rig_pos sst_scan_pose(const struct sst_scan_config *cfg, int view)
 {
     struct sst_rig_pos pos = { { cfg->origin_um[0], cfg->origin_um[1], cfg->origin_um[2] } };
 
@@ -43,8 +43,8 @@ struct sst_rig_pos sst_rig_capture_pose(const struct sst_rig_capture_config *cfg
     return pos;
 }
 
-struct sst_rig_pos sst_rig_capture_approach(const struct sst_rig_capture_config *cfg, int axes,
-                                            const struct sst_rig_pos *from, struct sst_rig_pos to)
+struct sst_rig_pos sst_scan_approach(const struct sst_scan_config *cfg, int axes, const struct sst_rig_pos *from,
+                                     struct sst_rig_pos to)
 {
     for (int a = 0; a < axes; a++) {
         if (!from || from->um[a] > to.um[a])
@@ -53,8 +53,7 @@ struct sst_rig_pos sst_rig_capture_approach(const struct sst_rig_capture_config 
     return to;
 }
 
-double sst_rig_capture_leg_s(const struct sst_rig_config *rig, const struct sst_rig_pos *from,
-                             const struct sst_rig_pos *to)
+double sst_scan_leg_s(const struct sst_rig_config *rig, const struct sst_rig_pos *from, const struct sst_rig_pos *to)
 {
     const double v = rig->speed_mm_s > 0 ? rig->speed_mm_s : ASSUMED_MM_S;
     const double acc = rig->accel_mm_s2 > 0 ? rig->accel_mm_s2 : ASSUMED_MM_S2;
@@ -65,7 +64,7 @@ double sst_rig_capture_leg_s(const struct sst_rig_config *rig, const struct sst_
     return longest > v * v / acc ? longest / v + v / acc : 2 * sqrt(longest / acc);
 }
 
-static int check_travel(const struct sst_rig_capture_config *cfg, const struct sst_rig_config *rig)
+static int check_travel(const struct sst_scan_config *cfg, const struct sst_rig_config *rig)
 {
     for (int a = 0; a < rig->axes; a++) {
         const int64_t steps = a == 0 ? cfg->cols - 1 : a == 1 ? cfg->rows - 1 : 0;
@@ -82,7 +81,7 @@ static int check_travel(const struct sst_rig_capture_config *cfg, const struct s
     return 0;
 }
 
-static int check_settings(const struct sst_rig_capture_config *cfg, const struct sst_rig_config *rig)
+static int check_settings(const struct sst_scan_config *cfg, const struct sst_rig_config *rig)
 {
     const char *fault = NULL;
 
@@ -100,10 +99,9 @@ static int check_settings(const struct sst_rig_capture_config *cfg, const struct
     return -EINVAL;
 }
 
-int sst_rig_capture_plan(struct sst_rig_capture_plan *out, const struct sst_rig_capture_config *cfg,
-                         const struct sst_rig_config *rig)
+int sst_scan_plan(struct sst_scan_plan *out, const struct sst_scan_config *cfg, const struct sst_rig_config *rig)
 {
-    struct sst_rig_capture_plan p = { .views = cfg->rows * cfg->cols, .speed_assumed = !(rig->speed_mm_s > 0) };
+    struct sst_scan_plan p = { .views = cfg->rows * cfg->cols, .speed_assumed = !(rig->speed_mm_s > 0) };
     const double mjpeg_bytes = 0.25, pixels = (double)cfg->width * cfg->height;
     struct sst_rig_pos at = { { 0 } };
     const int err = check_settings(cfg, rig);
@@ -111,8 +109,8 @@ int sst_rig_capture_plan(struct sst_rig_capture_plan *out, const struct sst_rig_
     if (err)
         return err;
     for (int i = 0; i < p.views; i++) {
-        const struct sst_rig_pos to = sst_rig_capture_pose(cfg, sst_rig_capture_view(cfg, i));
-        const struct sst_rig_pos via = sst_rig_capture_approach(cfg, rig->axes, i ? &at : NULL, to);
+        const struct sst_rig_pos to = sst_scan_pose(cfg, sst_scan_view(cfg, i));
+        const struct sst_rig_pos via = sst_scan_approach(cfg, rig->axes, i ? &at : NULL, to);
 
         for (int leg = 0; leg < 2; leg++) {
             const struct sst_rig_pos *next = leg ? &to : &via;
@@ -122,7 +120,7 @@ int sst_rig_capture_plan(struct sst_rig_capture_plan *out, const struct sst_rig_
                 longest = fmax(longest, abs(next->um[a] - at.um[a]) / 1000.0);
             p.way_mm += longest;
             /* A separate leg needs settling as well. */
-            p.seconds += longest > 0 ? sst_rig_capture_leg_s(rig, &at, next) + rig->settle_ms / 1000.0 : 0;
+            p.seconds += longest > 0 ? sst_scan_leg_s(rig, &at, next) + rig->settle_ms / 1000.0 : 0;
             at = *next;
         }
         p.seconds += cfg->guard_ms / 1000.0 + (cfg->rate_hz > 0 ? 1.5 / cfg->rate_hz : 0.1) + OVERHEAD_S;

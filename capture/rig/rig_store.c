@@ -37,7 +37,7 @@ struct stored_view {
     char sha256[SHA256_DIGEST_STRING_LENGTH], serial[64], port[64];
 };
 
-struct sst_rig_store {
+struct sst_scan_store {
     char dir[SST_PATH_MAX], views_dir[SST_PATH_MAX], manifest[SST_PATH_MAX];
     int dir_fd, fd; /* the folder, locked; the manifest, to append */
     int rows, cols;
@@ -53,12 +53,12 @@ static const char *extension(uint32_t fourcc)
     return fourcc == MJPG_FOURCC ? "jpg" : "png";
 }
 
-static void file_name(const struct sst_rig_store *s, int view, char out[32])
+static void file_name(const struct sst_scan_store *s, int view, char out[32])
 {
     snprintf(out, 32, "%02d_%02d.%s", view / s->cols, view % s->cols, extension(s->fourcc));
 }
 
-static int view_path(const struct sst_rig_store *s, int view, char out[SST_PATH_MAX])
+static int view_path(const struct sst_scan_store *s, int view, char out[SST_PATH_MAX])
 {
     char name[32];
 
@@ -66,7 +66,7 @@ static int view_path(const struct sst_rig_store *s, int view, char out[SST_PATH_
     return sst_path_join(out, s->views_dir, name);
 }
 
-static int no_memory(const struct sst_rig_store *s)
+static int no_memory(const struct sst_scan_store *s)
 {
     sst_log_error("%s: not enough memory", s->dir);
     return -ENOMEM;
@@ -74,7 +74,7 @@ static int no_memory(const struct sst_rig_store *s)
 
 /* --- settings ----------------------------------------------------------------------------------------------------- */
 
-static json_t *settings_of(const struct sst_rig_capture_config *cfg)
+static json_t *settings_of(const struct sst_scan_config *cfg)
 {
     char fourcc[5];
 
@@ -88,7 +88,7 @@ static json_t *settings_of(const struct sst_rig_capture_config *cfg)
 }
 
 /* List every setting that differs. */
-static int compare_settings(const struct sst_rig_store *s, json_t *there)
+static int compare_settings(const struct sst_scan_store *s, json_t *there)
 {
     char text[512] = "";
     const char *key;
@@ -134,7 +134,7 @@ static bool read_pos(json_t *list, struct sst_rig_pos *out)
     return true;
 }
 
-static bool read_view(struct sst_rig_store *s, json_t *line)
+static bool read_view(struct sst_scan_store *s, json_t *line)
 {
     json_t *view = json_object_get(line, "view");
     const char *sha256 = json_string_value(json_object_get(line, "sha256"));
@@ -158,7 +158,7 @@ static bool read_view(struct sst_rig_store *s, json_t *line)
     return true;
 }
 
-static int read_header(struct sst_rig_store *s, json_t *line)
+static int read_header(struct sst_scan_store *s, json_t *line)
 {
     const char *format = json_string_value(json_object_get(line, "format"));
 
@@ -172,7 +172,7 @@ static int read_header(struct sst_rig_store *s, json_t *line)
 }
 
 /* @param keep  out: bytes up to the end of the last complete line */
-static int read_lines(struct sst_rig_store *s, const char *text, size_t size, size_t *keep)
+static int read_lines(struct sst_scan_store *s, const char *text, size_t size, size_t *keep)
 {
     size_t at = 0;
 
@@ -201,7 +201,7 @@ static int read_lines(struct sst_rig_store *s, const char *text, size_t size, si
     return -EBADMSG;
 }
 
-static int read_manifest(struct sst_rig_store *s)
+static int read_manifest(struct sst_scan_store *s)
 {
     uint8_t *text;
     size_t size, keep = 0;
@@ -220,7 +220,7 @@ static int read_manifest(struct sst_rig_store *s)
     return err;
 }
 
-static void check_views(struct sst_rig_store *s)
+static void check_views(struct sst_scan_store *s)
 {
     for (int k = 0; k < s->rows * s->cols; k++) {
         char path[SST_PATH_MAX], hash[SHA256_DIGEST_STRING_LENGTH] = "";
@@ -272,7 +272,7 @@ static bool tidy(const char *dir)
     return ours;
 }
 
-static int begin_new(struct sst_rig_store *s, bool must_exist)
+static int begin_new(struct sst_scan_store *s, bool must_exist)
 {
     json_t *line =
         json_pack("{s:s, s:i, s:O}", "format", FORMAT_NAME, "version", FORMAT_VERSION, "settings", s->settings);
@@ -297,7 +297,7 @@ static int begin_new(struct sst_rig_store *s, bool must_exist)
     return err;
 }
 
-static int lock_folder(struct sst_rig_store *s)
+static int lock_folder(struct sst_scan_store *s)
 {
     s->dir_fd = open(s->dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (s->dir_fd < 0)
@@ -310,7 +310,7 @@ static int lock_folder(struct sst_rig_store *s)
     return -EBUSY;
 }
 
-static int make_folders(struct sst_rig_store *s, bool must_exist)
+static int make_folders(struct sst_scan_store *s, bool must_exist)
 {
     int err = 0;
 
@@ -330,7 +330,7 @@ static int make_folders(struct sst_rig_store *s, bool must_exist)
     return err || must_exist ? err : sst_path_make_dir(s->views_dir);
 }
 
-static int open_all(struct sst_rig_store *s, const struct sst_rig_capture_config *cfg)
+static int open_all(struct sst_scan_store *s, const struct sst_scan_config *cfg)
 {
     int err = sst_path_join(s->dir, cfg->dir, NULL);
 
@@ -353,9 +353,9 @@ static int open_all(struct sst_rig_store *s, const struct sst_rig_capture_config
     return s->fd < 0 ? fault("open", s->manifest) : 0;
 }
 
-int sst_rig_store_open(struct sst_rig_store **out, const struct sst_rig_capture_config *cfg)
+int sst_scan_store_open(struct sst_scan_store **out, const struct sst_scan_config *cfg)
 {
-    struct sst_rig_store *s = calloc(1, sizeof(*s));
+    struct sst_scan_store *s = calloc(1, sizeof(*s));
     int err = -ENOMEM;
 
     if (!s)
@@ -380,11 +380,11 @@ int sst_rig_store_open(struct sst_rig_store **out, const struct sst_rig_capture_
     return 0;
 
 fail:
-    sst_rig_store_close(s);
+    sst_scan_store_close(s);
     return err;
 }
 
-void sst_rig_store_close(struct sst_rig_store *s)
+void sst_scan_store_close(struct sst_scan_store *s)
 {
     if (!s)
         return;
@@ -397,12 +397,12 @@ void sst_rig_store_close(struct sst_rig_store *s)
     free(s);
 }
 
-bool sst_rig_store_has(const struct sst_rig_store *s, int view)
+bool sst_scan_store_has(const struct sst_scan_store *s, int view)
 {
     return s->view[view].there;
 }
 
-int sst_rig_store_count(const struct sst_rig_store *s)
+int sst_scan_store_count(const struct sst_scan_store *s)
 {
     int n = 0;
 
@@ -411,7 +411,7 @@ int sst_rig_store_count(const struct sst_rig_store *s)
     return n;
 }
 
-int sst_rig_store_check_camera(const struct sst_rig_store *s, const struct sst_rig_camera *camera)
+int sst_scan_store_check_camera(const struct sst_scan_store *s, const struct sst_scan_camera *camera)
 {
     for (int k = 0; k < s->rows * s->cols; k++) {
         const struct stored_view *v = &s->view[k];
@@ -460,7 +460,7 @@ static int write_y16(const char *path, const struct sst_frame *f)
     return err;
 }
 
-static int write_frame(const struct sst_rig_store *s, const char *path, const struct sst_frame *f)
+static int write_frame(const struct sst_scan_store *s, const char *path, const struct sst_frame *f)
 {
     const size_t sample = s->fourcc == Y16_FOURCC ? 2 : 1;
 
@@ -480,8 +480,8 @@ static int64_t wall_ns(int64_t t_ns)
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec - (sst_clock_now_ns() - t_ns);
 }
 
-static char *view_line(const struct sst_rig_store *s, int view, const struct sst_rig_shot *shot,
-                       const struct sst_rig_camera *camera, const struct sst_frame *f, const char *sha256)
+static char *view_line(const struct sst_scan_store *s, int view, const struct sst_scan_shot *shot,
+                       const struct sst_scan_camera *camera, const struct sst_frame *f, const char *sha256)
 {
     char name[32], *text, *line = NULL;
     const int32_t *asked = shot->asked.um, *read = shot->read.um;
@@ -503,7 +503,7 @@ static char *view_line(const struct sst_rig_store *s, int view, const struct sst
 }
 
 /* Append the whole line durably, or nothing of it. */
-static int append(struct sst_rig_store *s, const char *line)
+static int append(struct sst_scan_store *s, const char *line)
 {
     const size_t size = strlen(line);
     struct stat st;
@@ -526,7 +526,7 @@ static int append(struct sst_rig_store *s, const char *line)
 
 /* While a view is captured again, the folder is not a valid light field: its hashes and offsets would be the old ones.
  */
-static int reopen_capture(struct sst_rig_store *s)
+static int reopen_capture(struct sst_scan_store *s)
 {
     if (!unlinkat(s->dir_fd, "lightfield.json", 0))
         sst_log_warning("%s: data computed from its old views is out of date; process it again", s->dir);
@@ -535,8 +535,8 @@ static int reopen_capture(struct sst_rig_store *s)
     return 0;
 }
 
-int sst_rig_store_put(struct sst_rig_store *s, int view, const struct sst_rig_shot *shot,
-                      const struct sst_rig_camera *camera, const struct sst_frame *f)
+int sst_scan_store_put(struct sst_scan_store *s, int view, const struct sst_scan_shot *shot,
+                       const struct sst_scan_camera *camera, const struct sst_frame *f)
 {
     struct stored_view v = { .there = true, .read = shot->read };
     char path[SST_PATH_MAX], *line;
@@ -566,7 +566,7 @@ int sst_rig_store_put(struct sst_rig_store *s, int view, const struct sst_rig_sh
 
 /* --- the light field ---------------------------------------------------------------------------------------------- */
 
-static int fill(const struct sst_rig_store *s, struct sst_lightfield *lf)
+static int fill(const struct sst_scan_store *s, struct sst_lightfield *lf)
 {
     const struct sst_rig_pos *ref;
     int err = sst_lightfield_init_files(lf, s->rows, s->cols);
@@ -605,7 +605,7 @@ static int fill(const struct sst_rig_store *s, struct sst_lightfield *lf)
     return err;
 }
 
-int sst_rig_store_finish(struct sst_rig_store *s)
+int sst_scan_store_finish(struct sst_scan_store *s)
 {
     struct sst_lightfield lf = { 0 };
     char path[SST_PATH_MAX];

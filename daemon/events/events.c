@@ -38,7 +38,7 @@ struct sst_events {
 
 static const char *const level_names[] = { "info", "warning", "error" };
 
-/* For `journalctl MESSAGE_ID=`; docs/install.md lists them. */
+/* For `journalctl MESSAGE_ID=`; docs/use/install.md lists them. */
 static const struct {
     const char *type, *id;
 } message_ids[] = {

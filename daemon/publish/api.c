@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "base/word.h"
+#include "base/edit_distance.h"
 #include "daemon/publish/api.h"
 
 static void add(char *out, size_t size, const char *text)
@@ -30,7 +30,7 @@ int sst_api_members(const json_t *request, const char *const *known, char error[
             i++;
         if (known[i])
             continue;
-        near = sst_word_nearest(key, known);
+        near = sst_edit_nearest(key, known);
         snprintf(error, 512, "unknown member `%.64s`; %s%s%s", key,
                  near       ? "did you mean `"
                  : known[0] ? "there are "

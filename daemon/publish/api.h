@@ -4,9 +4,9 @@
 
 #include <jansson.h>
 
+#include "base/jpeg_slot.h"
 #include "daemon/events/events.h"
 #include "daemon/storage/download.h"
-#include "base/jpeg_slot.h"
 
 /** Answer to a request: an object that is the caller's (never NULL at 0), or an error with one sentence. */
 struct sst_api_answer {
@@ -49,10 +49,10 @@ struct sst_api {
     int (*publisher)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*calibration_check)(void *live, struct sst_api_answer *out);
     /** A moving picture; a reference to its outlet. @return 0, -ENOENT, -EOVERFLOW, -ENODATA */
-    int (*outlet)(void *live, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
+    int (*outlet)(void *live, enum sst_api_picture kind, const char *name, struct sst_slot **out);
     /** Open something in storage, by its name and what of it (.tar, .mkv ...).
-     *  @param out  the caller's @return 0, -EINPROGRESS (it is being made: call again), -ENOENT, -ENODATA (nothing of it
-     *  was recorded), -EBUSY (it is being written), -EMFILE (too many), -ENOSPC */
+     *  @param out  the caller's @return 0, -EINPROGRESS (it is being made: call again), -ENOENT, -ENODATA (nothing of
+     * it was recorded), -EBUSY (it is being written), -EMFILE (too many), -ENOSPC */
     int (*download)(void *arg, const char *name, struct sst_download **out);
     struct sst_events *events;
 };

@@ -71,7 +71,7 @@ static int serve(struct http_listener *listener, int fd, bool tls)
     listener->daemon = MHD_start_daemon(
         flags, 0, NULL, NULL, http_on_request, listener, MHD_OPTION_EXTERNAL_LOGGER, log_library, NULL,
         MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_NOTIFY_COMPLETED, http_on_done, listener, MHD_OPTION_NOTIFY_CONNECTION,
-        http_on_link, listener, MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_CONNECTION_LIMIT,
+        http_on_connection, listener, MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_CONNECTION_LIMIT,
         clients + SPARE, MHD_OPTION_PER_IP_CONNECTION_LIMIT, listener->local ? 0 : (clients + 3) / 4 * 3,
         MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)HTTP_IDLE_S, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)POOL_BYTES,
         MHD_OPTION_THREAD_STACK_SIZE, (size_t)STACK_BYTES, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, secure,
@@ -174,7 +174,7 @@ static void *reap(void *arg)
     while (!atomic_load(&http->stopping)) {
         (void)sst_cond_wait_until(&http->wake, &http->lock, sst_clock_now_ns() + 1000000000);
         now_ns = sst_clock_now_ns();
-        for (struct http_link *l = http->links; l; l = l->next) {
+        for (struct http_connection *l = http->links; l; l = l->next) {
             if (now_ns > atomic_load(&l->deadline_ns))
                 shutdown(l->fd, SHUT_RDWR);
         }

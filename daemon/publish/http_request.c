@@ -32,11 +32,12 @@ bool http_crowded(struct http_request *q)
     return true;
 }
 
-void http_on_link(void *cls, struct MHD_Connection *connection, void **state, enum MHD_ConnectionNotificationCode how)
+void http_on_connection(void *cls, struct MHD_Connection *connection, void **state,
+                        enum MHD_ConnectionNotificationCode how)
 {
     struct http_listener *listener = cls;
     struct sst_http *http = listener->http;
-    struct http_link *l = *state;
+    struct http_connection *l = *state;
 
     if (how == MHD_CONNECTION_NOTIFY_STARTED) {
         l = calloc(1, sizeof(*l));
@@ -71,7 +72,8 @@ void http_on_link(void *cls, struct MHD_Connection *connection, void **state, en
 
 static struct http_request *new_request(struct http_listener *listener, struct MHD_Connection *connection)
 {
-    struct http_link *link = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
+    struct http_connection *link =
+        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
     struct http_request *q = link ? calloc(1, sizeof(*q)) : NULL;
 
     if (!q)

@@ -27,7 +27,7 @@
 
 struct stream {
     struct sst_http *http;
-    struct sst_outlet *outlet;
+    struct sst_slot *outlet;
     const struct sst_jpeg *jpeg; /* being sent */
     int fd;
     char head[256];
@@ -44,7 +44,7 @@ static const char tail[] = "\r\n--" BOUNDARY "\r\n";
  * one since */
 static const struct sst_jpeg *count_skipped(struct stream *s)
 {
-    const struct sst_jpeg *newest = sst_outlet_get(s->outlet, s->number);
+    const struct sst_jpeg *newest = sst_slot_get(s->outlet, s->number);
 
     if (newest && s->number)
         atomic_fetch_add(&s->http->count->skipped, newest->number - s->number - 1);
@@ -71,19 +71,19 @@ static bool next_picture(struct stream *s)
     s->jpeg = count_skipped(s);
     if (s->period_ns) {
         if (s->jpeg)
-            sst_jpeg_unref(s->jpeg);
+            sst_slot_jpeg_unref(s->jpeg);
         s->jpeg = NULL; /* by then there may be a newer one */
         pause_until(s, s->due_ns);
     }
     for (;;) {
-        if (atomic_load(&s->http->stopping) || sst_outlet_is_shut(s->outlet) || http_peer_gone(s->fd))
+        if (atomic_load(&s->http->stopping) || sst_slot_is_shut(s->outlet) || http_peer_gone(s->fd))
             return false;
         now_ns = sst_clock_now_ns();
         if (!s->jpeg) /* else the one up to which those that were missed are counted */
-            s->jpeg = sst_outlet_get(s->outlet, s->number && now_ns - s->sent_ns > REPEAT_NS ? 0 : s->number);
+            s->jpeg = sst_slot_get(s->outlet, s->number && now_ns - s->sent_ns > REPEAT_NS ? 0 : s->number);
         if (s->jpeg)
             break;
-        sst_outlet_wait(s->outlet, s->number, HTTP_WAIT_MS);
+        sst_slot_wait(s->outlet, s->number, HTTP_WAIT_MS);
     }
     /* Steps of one period, so that jitter of the source does not add up. */
     s->due_ns = s->due_ns + s->period_ns < now_ns - s->period_ns ? now_ns : s->due_ns + s->period_ns;
@@ -128,7 +128,7 @@ static ssize_t stream_read(void *arg, uint64_t pos, char *buf, size_t max)
     n += copy_part(s, s->at + n, s->head_bytes + s->jpeg->bytes, tail, sizeof(tail) - 1, buf + n, max - n);
     s->at += n;
     if (s->at == end) {
-        sst_jpeg_unref(s->jpeg);
+        sst_slot_jpeg_unref(s->jpeg);
         s->jpeg = NULL;
     }
     atomic_fetch_add(&s->http->count->bytes, n);
@@ -140,14 +140,14 @@ static void stream_free(void *arg)
     struct stream *s = arg;
 
     if (s->jpeg)
-        sst_jpeg_unref(s->jpeg);
-    sst_outlet_leave(s->outlet);
-    sst_outlet_unref(s->outlet);
+        sst_slot_jpeg_unref(s->jpeg);
+    sst_slot_leave(s->outlet);
+    sst_slot_unref(s->outlet);
     atomic_fetch_sub(&s->http->count->streams, 1);
     free(s);
 }
 
-static int find_outlet(struct http_request *q, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+static int find_outlet(struct http_request *q, enum sst_api_picture kind, const char *name, struct sst_slot **out)
 {
     static const char *const kinds[] = { "view", "camera", "labels", "disparity" };
     const struct sst_api *api = q->http->cfg.api;
@@ -169,7 +169,7 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
     /* The limits of web: are not for programs beside the service, such as sst-rtsp. */
     const bool limited = !q->local || q->role < SST_ROLE_CONTROL;
     struct MHD_Response *response;
-    struct sst_outlet *outlet;
+    struct sst_slot *outlet;
     struct stream *s;
     int done;
 
@@ -185,14 +185,14 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
     if (!s) {
         atomic_fetch_sub(&q->http->count->streams, 1);
         if (done < 0)
-            sst_outlet_unref(outlet);
+            sst_slot_unref(outlet);
         return done < 0 ? MHD_NO : done;
     }
     s->http = q->http;
     s->outlet = outlet;
     s->fd = q->fd;
     s->period_ns = limited && q->http->cfg.stream_hz > 0 ? (int64_t)(1e9 / q->http->cfg.stream_hz) : 0;
-    sst_outlet_join(outlet);
+    sst_slot_join(outlet);
     response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, stream_read, s, stream_free);
     if (!response) {
         stream_free(s);
@@ -212,10 +212,10 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
 }
 
 /* The newest picture; one that is old only when no newer one comes soon. */
-static const struct sst_jpeg *fresh_picture(struct http_request *q, struct sst_outlet *outlet)
+static const struct sst_jpeg *fresh_picture(struct http_request *q, struct sst_slot *outlet)
 {
     const int64_t start_ns = sst_clock_now_ns();
-    const struct sst_jpeg *jpeg = sst_outlet_get(outlet, 0);
+    const struct sst_jpeg *jpeg = sst_slot_get(outlet, 0);
     int64_t now_ns = start_ns;
 
     while (!jpeg || now_ns - jpeg->t_ns > FRESH_NS) {
@@ -223,13 +223,13 @@ static const struct sst_jpeg *fresh_picture(struct http_request *q, struct sst_o
         const struct sst_jpeg *newer;
 
         if (now_ns - start_ns > (jpeg ? FRESH_NS : FIRST_NS) || atomic_load(&q->http->stopping) ||
-            sst_outlet_is_shut(outlet))
+            sst_slot_is_shut(outlet))
             break;
-        sst_outlet_wait(outlet, number, HTTP_WAIT_MS);
-        newer = sst_outlet_get(outlet, number);
+        sst_slot_wait(outlet, number, HTTP_WAIT_MS);
+        newer = sst_slot_get(outlet, number);
         if (newer) {
             if (jpeg)
-                sst_jpeg_unref(jpeg);
+                sst_slot_jpeg_unref(jpeg);
             jpeg = newer;
             break;
         }
@@ -240,24 +240,24 @@ static const struct sst_jpeg *fresh_picture(struct http_request *q, struct sst_o
 
 static void jpeg_free(void *arg)
 {
-    sst_jpeg_unref(arg);
+    sst_slot_jpeg_unref(arg);
 }
 
 int http_do_snapshot(struct http_request *q, enum sst_api_picture kind, const char *name)
 {
     struct MHD_Response *response;
     const struct sst_jpeg *jpeg;
-    struct sst_outlet *outlet;
+    struct sst_slot *outlet;
     const int done = find_outlet(q, kind, name, &outlet);
     uint64_t set;
     int64_t wall_ns;
 
     if (done >= 0)
         return done;
-    sst_outlet_join(outlet);
+    sst_slot_join(outlet);
     jpeg = fresh_picture(q, outlet);
-    sst_outlet_leave(outlet);
-    sst_outlet_unref(outlet);
+    sst_slot_leave(outlet);
+    sst_slot_unref(outlet);
     if (!jpeg)
         return http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE, "there is no picture yet; try again in a moment");
     atomic_fetch_add(&q->http->count->bytes, jpeg->bytes);
@@ -266,7 +266,7 @@ int http_do_snapshot(struct http_request *q, enum sst_api_picture kind, const ch
     response = MHD_create_response_from_buffer_with_free_callback_cls(jpeg->bytes, (void *)jpeg->data, jpeg_free,
                                                                       (void *)jpeg);
     if (!response) {
-        sst_jpeg_unref(jpeg);
+        sst_slot_jpeg_unref(jpeg);
         return MHD_NO;
     }
     http_set(response, "Content-Type", "image/jpeg");

@@ -195,10 +195,10 @@ struct http_listener { /* the UNIX socket or TCP */
     SST_ATOMIC(int) clients;
 };
 
-struct http_link { /* one connection; under sst_http.lock, deadline_ns by its own thread too */
-    struct http_link *next, **prev;
+struct http_connection { /* one connection; under sst_http.lock, deadline_ns by its own thread too */
+    struct http_connection *next, **prev;
     int fd;
-    struct http_pair *pair; /* of TLS, or NULL */
+    struct http_pair *pair;          /* of TLS, or NULL */
     SST_ATOMIC(int64_t) deadline_ns; /* what a client is to have sent must be here by then; INT64_MAX: all is here */
 };
 
@@ -217,7 +217,7 @@ struct sst_http {
     /* under lock */
     pthread_mutex_t lock;
     pthread_cond_t wake;
-    struct http_link *links;
+    struct http_connection *links;
     int64_t flood_ns; /* when too many connections were last reported */
     int64_t again_ns; /* the reaper's alone: when the address is tried again */
     /* atomic */
@@ -235,7 +235,7 @@ struct http_request {
     struct sst_http *http;
     struct http_listener *listener;
     struct MHD_Connection *connection;
-    struct http_link *link;
+    struct http_connection *link;
     const struct sst_route *route;
     int index; /* of the route */
     int fd;
@@ -263,7 +263,6 @@ bool http_is_picture(const struct sst_route *route);
 /** Fill in q->who from the address. */
 void http_name_peer(struct http_request *q);
 
-
 /** True above the limit of connections; reported as an event once in a while. */
 bool http_crowded(struct http_request *q);
 
@@ -272,7 +271,8 @@ bool http_crowded(struct http_request *q);
 enum MHD_Result http_on_request(void *cls, struct MHD_Connection *connection, const char *path, const char *method,
                                 const char *version, const char *data, size_t *size, void **state);
 void http_on_done(void *cls, struct MHD_Connection *connection, void **state, enum MHD_RequestTerminationCode how);
-void http_on_link(void *cls, struct MHD_Connection *connection, void **state, enum MHD_ConnectionNotificationCode how);
+void http_on_connection(void *cls, struct MHD_Connection *connection, void **state,
+                        enum MHD_ConnectionNotificationCode how);
 #endif
 
 /** Handler of a route; index as in sst_http_routes(). */

@@ -78,7 +78,7 @@ static int snapshot(void *arg, const json_t *request, struct sst_api_answer *out
     struct sst_service *s = arg;
     const json_t *view = json_object_get(request, "view");
     const char *id = view ? json_string_value(view) : "main";
-    struct sst_outlet *from = NULL;
+    struct sst_slot *from = NULL;
     const struct sst_jpeg *jpeg = NULL;
     char name[64];
     int err = sst_api_members(request, known, out->error);
@@ -89,11 +89,11 @@ static int snapshot(void *arg, const json_t *request, struct sst_api_answer *out
         snprintf(out->error, sizeof(out->error), "there is no view %.32s", id ? id : "of that kind");
         return -ENOENT;
     }
-    jpeg = sst_outlet_get(from, 0);
+    jpeg = sst_slot_get(from, 0);
     err = sst_storage_snapshot(s->storage, jpeg ? jpeg->data : NULL, jpeg ? jpeg->bytes : 0, name);
     if (jpeg)
-        sst_jpeg_unref(jpeg);
-    sst_outlet_unref(from);
+        sst_slot_jpeg_unref(jpeg);
+    sst_slot_unref(from);
     return err ? explain(s, err, out) : answer_name(out, name);
 }
 

@@ -49,7 +49,7 @@ const char *array_state_name(enum sst_grab_state state)
 /* --- events of capture -------------------------------------------------------------------------------------------- */
 
 /** Each camera's stamp against the median of its set. */
-static void note_set_locked(struct service_array *a, const struct sst_set *set)
+static void note_set_locked(struct service_array *a, const struct sst_frameset *set)
 {
     int64_t stamp[SST_CAMERAS_MAX], median;
     int n = 0;
@@ -76,7 +76,7 @@ static void note_set_locked(struct service_array *a, const struct sst_set *set)
 }
 
 /** On the writer's thread of capture: copy the set, so that its frames go back at once. */
-static int on_set(void *arg, const struct sst_set *set)
+static int on_set(void *arg, const struct sst_frameset *set)
 {
     struct service_array *a = arg;
     const int err = sst_ring_put(a->ring, set);
@@ -185,7 +185,7 @@ static void log_errors(void)
 }
 
 /** Frames that ended since the last report: were they of any use? */
-static void note_unused_locked(struct service_array *a, const struct sst_sets_counters *n, int64_t now_ns)
+static void note_unused_locked(struct service_array *a, const struct sst_framesync_counters *n, int64_t now_ns)
 {
     const uint64_t *before = a->state.report.sets.bucket, used = n->bucket[SST_BUCKET_SET] - before[SST_BUCKET_SET];
     uint64_t unused = 0, most = 0;

@@ -503,13 +503,13 @@ void engine_stop(struct live_engine *v)
         sst_live_cancel(v->live);
     for (int i = 0; i < VIEWS_MAX; i++)
         if (v->view[i].outlet)
-            sst_outlet_shut(v->view[i].outlet);
+            sst_slot_shut(v->view[i].outlet);
     for (int i = 0; i < 2; i++)
         if (v->overlay[i].outlet)
-            sst_outlet_shut(v->overlay[i].outlet);
+            sst_slot_shut(v->overlay[i].outlet);
     for (int i = 0; i < SST_CAMERAS_MAX; i++)
         if (v->camera[i].outlet)
-            sst_outlet_shut(v->camera[i].outlet);
+            sst_slot_shut(v->camera[i].outlet);
     pthread_cond_broadcast(&v->changed);
     pthread_mutex_unlock(&v->lock);
 }

@@ -42,22 +42,22 @@ static void show(struct live_engine *v, const struct sst_kept *kept)
     for (int i = 0; i < kept->set.cameras; i++) {
         const struct sst_frame *f = kept->set.frame[i];
         struct shared *s = &v->camera[i];
-        struct sst_outlet *outlet = NULL;
+        struct sst_slot *outlet = NULL;
         uint8_t *data;
         size_t bytes;
         int quality;
 
         pthread_mutex_lock(&v->lock);
         if (f && f->bytes && s->outlet && s->shown < kept->number && engine_wanted(s->outlet, s->used_ns)) {
-            outlet = sst_outlet_ref(s->outlet);
+            outlet = sst_slot_ref(s->outlet);
             s->shown = kept->number;
         }
         quality = v->config.live.jpeg_quality;
         pthread_mutex_unlock(&v->lock);
         data = outlet ? as_jpeg(f, quality, &bytes) : NULL;
-        if (data && sst_outlet_put(outlet, data, bytes, kept->set.index, kept->set.t_ns, kept->set.wall_ns))
+        if (data && sst_slot_put(outlet, data, bytes, kept->set.index, kept->set.t_ns, kept->set.wall_ns))
             sst_log_warning("no memory for a picture of camera %d", i);
-        sst_outlet_unref(outlet);
+        sst_slot_unref(outlet);
     }
 }
 

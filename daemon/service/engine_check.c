@@ -9,7 +9,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "daemon/service/service_internal.h"
-#include "pipeline/calibration/drift/check.h"
+#include "pipeline/calibration/drift/drift.h"
 
 #define EVERY_NS INT64_C(86400000000000)
 #define FIRST_NS INT64_C(60000000000)
@@ -40,7 +40,7 @@ static void *run(void *arg)
 {
     struct work *w = arg;
     struct live_engine *v = w->v;
-    const struct sst_check_config cfg = { .threads = 1 };
+    const struct sst_drift_config cfg = { .threads = 1 };
     struct sst_drift check;
     char why[SST_LOG_MAX] = "";
     int err;
@@ -48,7 +48,7 @@ static void *run(void *arg)
     sst_thread_name("sst-check");
     sst_thread_nice(19);
     sst_log_hold_errors(why);
-    err = sst_check_lightfield(&check, &w->lf, &cfg);
+    err = sst_drift_check(&check, &w->lf, &cfg);
     sst_log_hold_errors(NULL);
     if (err)
         sst_events_emit(v->events, SST_EVENT_WARNING, "calibration", NULL, "the calibration could not be checked: %s",
@@ -56,16 +56,16 @@ static void *run(void *arg)
     else
         sst_events_emit(
             v->events,
-            check.verdict == SST_CHECK_OK || check.verdict == SST_CHECK_UNKNOWN ? SST_EVENT_INFO : SST_EVENT_WARNING,
+            check.verdict == SST_DRIFT_OK || check.verdict == SST_DRIFT_UNKNOWN ? SST_EVENT_INFO : SST_EVENT_WARNING,
             "calibration",
-            json_pack("{s:s, s:s}", "verdict", sst_check_verdict_name(check.verdict), "sentence", check.sentence),
+            json_pack("{s:s, s:s}", "verdict", sst_drift_verdict_name(check.verdict), "sentence", check.sentence),
             "calibration %s", check.sentence);
     pthread_mutex_lock(&v->lock);
     snprintf(v->state.check, sizeof(v->state.check), "%s%.490s", err ? "UNKNOWN: " : "", err ? why : check.sentence);
     v->check_ended = true;
     pthread_mutex_unlock(&v->lock);
     if (!err)
-        sst_check_fini(&check);
+        sst_drift_fini(&check);
     sst_lightfield_fini(&w->lf);
     free(w);
     return NULL;

@@ -25,14 +25,14 @@ static struct view *find_locked(struct live_engine *v, const char *id)
 static int add_locked(struct live_engine *v, const char *id, const struct view_settings *settings, struct view **out)
 {
     const int room = 1 + sst_clamp_int(v->config.web.views, 0, VIEWS_MAX - 1);
-    struct sst_outlet *outlet;
+    struct sst_slot *outlet;
 
     for (int i = 0; i < room; i++) {
         struct view *e = &v->view[i];
 
         if (e->used || e->picture)
             continue;
-        if (sst_outlet_create(&outlet))
+        if (sst_slot_create(&outlet))
             return -ENOMEM;
         *e = (struct view){ .used = true, .settings = *settings, .version = 1, .outlet = outlet };
         e->used_ns = sst_clock_now_ns();
@@ -65,18 +65,18 @@ void engine_views_follow_locked(struct live_engine *v, const struct sst_live_set
 void engine_views_close(struct live_engine *v)
 {
     for (int i = 0; i < VIEWS_MAX; i++)
-        sst_outlet_unref(v->view[i].outlet);
+        sst_slot_unref(v->view[i].outlet);
     for (int i = 0; i < 2; i++)
-        sst_outlet_unref(v->overlay[i].outlet);
+        sst_slot_unref(v->overlay[i].outlet);
     for (int i = 0; i < SST_CAMERAS_MAX; i++)
-        sst_outlet_unref(v->camera[i].outlet);
+        sst_slot_unref(v->camera[i].outlet);
     sst_jpeg_encoder_destroy(v->encoder);
     sst_image_fini(&v->overlay_image);
 }
 
 static json_t *view_json_locked(const struct view *e)
 {
-    json_t *o = json_pack("{s:s, s:i, s:o?}", "id", e->id, "viewers", sst_outlet_viewers(e->outlet), "settings",
+    json_t *o = json_pack("{s:s, s:i, s:o?}", "id", e->id, "viewers", sst_slot_clients(e->outlet), "settings",
                           view_settings_json(&e->settings));
 
     if (o)
@@ -169,33 +169,33 @@ static void expire(struct live_engine *v)
 {
     for (int i = 1; i < VIEWS_MAX; i++) {
         struct view *e = &v->view[i];
-        struct sst_live_picture *picture = NULL;
+        struct sst_livepicture *picture = NULL;
 
         pthread_mutex_lock(&v->lock);
-        if (e->used && sst_outlet_viewers(e->outlet))
+        if (e->used && sst_slot_clients(e->outlet))
             e->used_ns = sst_clock_now_ns();
         if (e->used && sst_clock_now_ns() - e->used_ns > EXPIRY_NS) {
             picture = e->picture;
-            sst_outlet_shut(e->outlet);
-            sst_outlet_unref(e->outlet);
+            sst_slot_shut(e->outlet);
+            sst_slot_unref(e->outlet);
             *e = (struct view){ 0 };
         }
         pthread_mutex_unlock(&v->lock);
-        sst_live_picture_destroy(picture);
+        sst_livepicture_destroy(picture);
     }
 }
 
 void engine_forget_pictures(struct live_engine *v)
 {
     for (int i = 0; i < VIEWS_MAX; i++) {
-        struct sst_live_picture *picture;
+        struct sst_livepicture *picture;
 
         pthread_mutex_lock(&v->lock);
         picture = v->view[i].picture;
         v->view[i].picture = NULL;
         v->view[i].shown_version = 0;
         pthread_mutex_unlock(&v->lock);
-        sst_live_picture_destroy(picture);
+        sst_livepicture_destroy(picture);
     }
 }
 
@@ -209,7 +209,7 @@ static void resolve(struct live_engine *v, const struct view_settings *s, struct
     if (s->follow && render->focus_label) {
         double disp_px;
 
-        if (!sst_live_label_disparity(v->live, render->focus_label, &disp_px))
+        if (!sst_livepicture_label_disparity(v->live, render->focus_label, &disp_px))
             render->focus_px = disp_px;
     }
     if (isnan(render->focus_px))
@@ -218,7 +218,7 @@ static void resolve(struct live_engine *v, const struct view_settings *s, struct
         render->focus_px = 0;
 }
 
-static int show(struct live_engine *v, struct sst_outlet *outlet, const struct sst_image *image, int quality)
+static int show(struct live_engine *v, struct sst_slot *outlet, const struct sst_image *image, int quality)
 {
     const uint8_t *jpeg;
     uint8_t *data = NULL;
@@ -231,7 +231,7 @@ static int show(struct live_engine *v, struct sst_outlet *outlet, const struct s
     if (err || !data)
         return err ? err : -ENOMEM;
     memcpy(data, jpeg, bytes);
-    return sst_outlet_put(outlet, data, bytes, v->set_index, v->set_t_ns, v->set_wall_ns);
+    return sst_slot_put(outlet, data, bytes, v->set_index, v->set_t_ns, v->set_wall_ns);
 }
 
 /** @param ns  in, out, time spent on rendering and on encoding @return a picture was made */
@@ -247,12 +247,12 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
 
     resolve(v, settings, &render);
     if (!e->picture)
-        err = sst_live_picture_create(&e->picture, v->live);
+        err = sst_livepicture_create(&e->picture, v->live);
     if (!err)
-        err = sst_live_picture_render(e->picture, &render, &image, &rendered_px);
+        err = sst_livepicture_render(e->picture, &render, &image, &rendered_px);
     if (err == -ENODATA && render.method == SST_RENDER_SST) {
         render.method = SST_RENDER_REFOCUS; /* until there are disparities */
-        err = sst_live_picture_render(e->picture, &render, &image, &rendered_px);
+        err = sst_livepicture_render(e->picture, &render, &image, &rendered_px);
     }
     rendered_ns = sst_clock_now_ns();
     ns[0] += rendered_ns - start_ns;
@@ -299,12 +299,12 @@ static bool publish_view(struct live_engine *v, struct view *e, bool asked, int6
     return made;
 }
 
-static void publish_overlay(struct live_engine *v, enum sst_live_overlay kind)
+static void publish_overlay(struct live_engine *v, enum sst_livepicture_overlay kind)
 {
     const struct sst_lightfield *lf = sst_live_lightfield(v->live);
     struct shared *s = &v->overlay[kind];
     struct sst_image *image = &v->overlay_image;
-    struct sst_outlet *outlet;
+    struct sst_slot *outlet;
     uint64_t update;
     int quality;
 
@@ -320,7 +320,7 @@ static void publish_overlay(struct live_engine *v, enum sst_live_overlay kind)
         if (sst_image_init(image, lf->width, lf->height))
             return;
     }
-    if (!sst_live_overlay(v->live, kind, image) && !show(v, outlet, image, quality)) {
+    if (!sst_livepicture_overlay(v->live, kind, image) && !show(v, outlet, image, quality)) {
         pthread_mutex_lock(&v->lock);
         s->shown = update;
         pthread_cond_broadcast(&v->changed);
@@ -355,17 +355,17 @@ void engine_publish(struct live_engine *v)
 
 /* --- what is asked from outside ----------------------------------------------------------------------------------- */
 
-bool engine_wanted(struct sst_outlet *outlet, int64_t used_ns)
+bool engine_wanted(struct sst_slot *outlet, int64_t used_ns)
 {
-    return sst_outlet_viewers(outlet) > 0 || (used_ns && sst_clock_now_ns() - used_ns < WANTED_NS);
+    return sst_slot_clients(outlet) > 0 || (used_ns && sst_clock_now_ns() - used_ns < WANTED_NS);
 }
 
-int engine_share_locked(struct shared *s, struct sst_outlet **out)
+int engine_share_locked(struct shared *s, struct sst_slot **out)
 {
-    if (!s->outlet && sst_outlet_create(&s->outlet))
+    if (!s->outlet && sst_slot_create(&s->outlet))
         return -ENOMEM;
     s->used_ns = sst_clock_now_ns();
-    *out = sst_outlet_ref(s->outlet);
+    *out = sst_slot_ref(s->outlet);
     return 0;
 }
 
@@ -386,32 +386,32 @@ static void await_view_locked(struct live_engine *v, const char *id)
         ;
 }
 
-static int view_outlet_locked(struct live_engine *v, const char *id, struct sst_outlet **out)
+static int view_outlet_locked(struct live_engine *v, const char *id, struct sst_slot **out)
 {
     struct view *e = find_locked(v, id);
 
     if (!e)
         return -ENOENT;
     e->used_ns = sst_clock_now_ns();
-    *out = sst_outlet_ref(e->outlet);
-    if (!sst_outlet_viewers(e->outlet))
+    *out = sst_slot_ref(e->outlet);
+    if (!sst_slot_clients(e->outlet))
         await_view_locked(v, id);
     return 0;
 }
 
-static int overlay_outlet_locked(struct live_engine *v, enum sst_live_overlay kind, struct sst_outlet **out)
+static int overlay_outlet_locked(struct live_engine *v, enum sst_livepicture_overlay kind, struct sst_slot **out)
 {
     const int64_t end_ns = end_of_wait();
     struct shared *s = &v->overlay[kind];
     const int err = engine_share_locked(s, out);
 
-    while (!err && !v->stop && v->state.ready && s->shown != v->update && !sst_outlet_viewers(s->outlet) &&
+    while (!err && !v->stop && v->state.ready && s->shown != v->update && !sst_slot_clients(s->outlet) &&
            sst_cond_wait_until(&v->changed, &v->lock, end_ns))
         ;
     return err;
 }
 
-static int camera_outlet_locked(struct live_engine *v, const char *name, struct sst_outlet **out)
+static int camera_outlet_locked(struct live_engine *v, const char *name, struct sst_slot **out)
 {
     struct array_layout *layout = malloc(sizeof(*layout));
     int row, col, end = 0, err = -ENOENT;
@@ -427,7 +427,7 @@ static int camera_outlet_locked(struct live_engine *v, const char *name, struct 
     return err;
 }
 
-int engine_outlet(void *engine, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+int engine_outlet(void *engine, enum sst_api_picture kind, const char *name, struct sst_slot **out)
 {
     struct live_engine *v = engine;
     int err;
@@ -458,7 +458,7 @@ int engine_outlet(void *engine, enum sst_api_picture kind, const char *name, str
 void engine_serve(struct live_engine *v)
 {
     int64_t ns[2] = { 0, 0 };
-    struct sst_live_pick pick;
+    struct sst_livepicture_pick pick;
     int x, y, err = -ENODATA;
     unsigned number;
     struct view *e;
@@ -474,11 +474,11 @@ void engine_serve(struct live_engine *v)
     y = v->request.y;
     pthread_mutex_unlock(&v->lock);
     if (e && e->picture)
-        err = sst_live_picture_pick(e->picture, x, y, &pick);
+        err = sst_livepicture_pick(e->picture, x, y, &pick);
     /* Not rendered since cameras came or went. */
     if (e && err == -ENODATA && v->live && (v->set_index || v->set_t_ns)) {
         (void)publish_view(v, e, true, ns);
-        err = e->picture ? sst_live_picture_pick(e->picture, x, y, &pick) : err;
+        err = e->picture ? sst_livepicture_pick(e->picture, x, y, &pick) : err;
     }
     pthread_mutex_lock(&v->lock);
     if (v->request.pending && v->request.number == number) { /* else the request of another client, which is gone */
@@ -493,7 +493,7 @@ void engine_serve(struct live_engine *v)
 
 static int answer_pick_locked(struct live_engine *v, struct sst_api_answer *out)
 {
-    const struct sst_live_pick *p = &v->request.pick;
+    const struct sst_livepicture_pick *p = &v->request.pick;
 
     if (v->request.err == -ERANGE)
         snprintf(out->error, sizeof(out->error), "the point is outside the picture of %d x %d", v->state.width,

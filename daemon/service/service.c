@@ -93,12 +93,12 @@ static int check_alone(const char *path)
 
 void service_record_view(struct sst_service *s)
 {
-    struct sst_outlet *outlet;
+    struct sst_slot *outlet;
 
     if (engine_outlet(s->engine, SST_PICTURE_VIEW, "main", &outlet))
         return; /* there is no live picture */
     sst_storage_view(s->storage, outlet);
-    sst_outlet_unref(outlet);
+    sst_slot_unref(outlet);
 }
 
 static int open_parts(struct sst_service *s, const struct sst_service_config *cfg)
@@ -447,5 +447,5 @@ bool sst_service_stop(struct sst_service *s)
     pthread_mutex_destroy(&s->parts);
     pthread_mutex_destroy(&s->reload);
     free(s);
-    return !sst_live_left_behind();
+    return !sst_livescene_left_behind();
 }

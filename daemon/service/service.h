@@ -6,7 +6,7 @@
 
 struct sst_service; /* opaque; open, tick, reload, stop on the main thread */
 
-/** States of DESIGN section 8. */
+/** States of design.md, 8. */
 enum sst_service_phase {
     SST_SERVICE_STARTING = 0, /* cameras are being opened */
     SST_SERVICE_ARMED = 1,    /* cameras stream, no trigger has come yet */

@@ -164,7 +164,7 @@ int engine_view_create(void *engine, const json_t *settings, struct sst_api_answ
 int engine_view_change(void *engine, const char *id, const json_t *settings, struct sst_api_answer *out);
 int engine_pick(void *engine, const char *id, double x, double y, struct sst_api_answer *out);
 int engine_calibration_check(void *engine, struct sst_api_answer *out);
-int engine_outlet(void *engine, enum sst_api_picture kind, const char *name, struct sst_outlet **out);
+int engine_outlet(void *engine, enum sst_api_picture kind, const char *name, struct sst_slot **out);
 
 /** Ask the threads to end, their work to return early and viewers to leave. */
 void engine_stop(struct live_engine *v);
@@ -229,7 +229,7 @@ void service_process(uint64_t *rss_bytes, int *descriptors);
 /** Pass the JPEG slot of the main view to storage, once there is one. */
 void service_record_view(struct sst_service *s);
 
-/* --- settings: settings of one view as JSON (docs/api.md). --- */
+/* --- settings: settings of one view as JSON (docs/integrate/api.md). --- */
 
 struct view_settings {
     struct sst_render_config render; /* focus_px NaN: the default focus; focus_label is found by name when rendering */
@@ -271,13 +271,13 @@ struct view {
     uint64_t shown_update;  /* state of the light field that its picture shows */
     double shown_focus_px;
     int64_t used_ns; /* when it was last asked for */
-    struct sst_outlet *outlet;
-    struct sst_live_picture *picture; /* live thread only */
+    struct sst_slot *outlet;
+    struct sst_livepicture *picture; /* live thread only */
 };
 
 /** A picture that is the same for all: of a camera, of labels or disparities. */
 struct shared {
-    struct sst_outlet *outlet;
+    struct sst_slot *outlet;
     int64_t used_ns;
     uint64_t shown; /* update, or number of the set */
 };
@@ -288,7 +288,7 @@ struct request {
     unsigned number; /* a request that timed out is not answered */
     char id[16];
     int x, y, err;
-    struct sst_live_pick pick;
+    struct sst_livepicture_pick pick;
 };
 
 /** What happened in one second. */
@@ -356,8 +356,8 @@ void engine_serve(struct live_engine *v);
 /* engine_cameras.c */
 void *engine_run_cameras(void *arg);
 /** An outlet that is asked for: made if there is none.  @return 0, -ENOMEM */
-int engine_share_locked(struct shared *s, struct sst_outlet **out);
-bool engine_wanted(struct sst_outlet *outlet, int64_t used_ns);
+int engine_share_locked(struct shared *s, struct sst_slot **out);
+bool engine_wanted(struct sst_slot *outlet, int64_t used_ns);
 
 /* engine_check.c; live thread, and join once that has ended */
 void engine_check_by_time(struct live_engine *v);

@@ -1,4 +1,4 @@
-/* The status as JSON (docs/api.md). */
+/* The status as JSON (docs/integrate/api.md). */
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>
@@ -56,7 +56,7 @@ static json_t *capture_json(const struct array_state *a, const struct array_layo
         (json_int_t)r->sets.dropped, "refused", (json_int_t)a->ring_refused, "trigger",
         json_pack("{s:s, s:I, s:I, s:I, s:b}", "source", source_names[layout->config.source], "edges",
                   (json_int_t)r->edges, "stamped", (json_int_t)r->edges_stamped, "skipped",
-                  (json_int_t)r->beats_skipped, "away", r->trigger_away),
+                  (json_int_t)r->ticks_skipped, "away", r->trigger_away),
         "frames", frames, "skew_us", skew_json(layout, r), "recovery", counts(rung_keys, r->grab.rung, SST_GRAB_RUNGS));
 }
 

@@ -82,7 +82,7 @@ static int make_lightfield(const struct store_job *job, const struct sst_recordi
 /* Light fields are made from recordings: a set of the ring is first written as a recording of one set. */
 static int record_one(struct sst_storage *s, const struct store_job *job, const char *dir)
 {
-    const struct sst_set *set = &job->kept->set;
+    const struct sst_frameset *set = &job->kept->set;
     struct sst_recorder_config cfg;
     struct sst_recorder *recorder;
     struct sst_recorder_track *tracks = store_tracks(s);

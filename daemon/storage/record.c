@@ -183,7 +183,7 @@ static int make_folder(struct active *a, int64_t wall_ns, const char *why)
     return err;
 }
 
-static int open_recorder(struct active *a, const struct store_settings *set, const struct sst_set *like)
+static int open_recorder(struct active *a, const struct store_settings *set, const struct sst_frameset *like)
 {
     struct sst_recorder_track *tracks = store_tracks(a->s);
     struct sst_recorder_config cfg;
@@ -327,7 +327,7 @@ static void follow_view(struct active *a)
         }
         s->used_bytes += (int64_t)jpeg->bytes;
         pthread_mutex_unlock(&s->lock);
-        sst_jpeg_unref(jpeg);
+        sst_slot_jpeg_unref(jpeg);
         if (err)
             drop_view(a, err);
     }
@@ -400,7 +400,7 @@ static void finish(struct active *a, const char *reason, bool lost)
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
 /* Does a new recording begin with this set? */
-static bool is_over(const struct active *a, const struct wanted *p, const struct sst_set *set)
+static bool is_over(const struct active *a, const struct wanted *p, const struct sst_frameset *set)
 {
     const int64_t age_ns = set->t_ns - a->first_ns;
 

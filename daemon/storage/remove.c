@@ -6,7 +6,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "capture/recording/shorten.h"
+#include "capture/recording/trim.h"
 #include "daemon/storage/storage_internal.h"
 
 /* Renamed first, so that after a kill the rest is no recording any more. */
@@ -81,7 +81,7 @@ int store_trim(struct sst_storage *s, const struct store_entry *entry)
     int err = sst_path_join(path, s->folder[entry->kind], entry->name);
 
     if (!err)
-        err = sst_recording_shorten(path, entry->stage == SST_STORE_ACTIVE ? SST_STORE_SEGMENTS : 1, &now, &bytes);
+        err = sst_recording_trim(path, entry->stage == SST_STORE_ACTIVE ? SST_STORE_SEGMENTS : 1, &now, &bytes);
     if (err)
         return err;
     if (note_trimmed(s, entry, bytes, &now, &e) && store_write(path, &e))

@@ -362,7 +362,7 @@ static void destroy(struct sst_storage *s)
 {
     video_files_fini(s);
     view_history_fini(&s->history);
-    sst_outlet_unref(s->outlet);
+    sst_slot_unref(s->outlet);
     catalog_fini(&s->catalog);
     pthread_cond_destroy(&s->answered);
     pthread_cond_destroy(&s->wake);

@@ -5,15 +5,15 @@
 
 #include <jansson.h>
 
+#include "base/jpeg_slot.h"
 #include "capture/array/ring.h"
 #include "capture/recording/recorder.h"
 #include "config/sstd.h"
 #include "daemon/events/events.h"
 #include "daemon/storage/download.h"
-#include "base/jpeg_slot.h"
 
 /* storage.dir:
- *   recordings/2026-11-21T18-05-00Z/   recordings as sst capture array writes them (docs/recordings.md); a new one each
+ *   recordings/2026-11-21T18-05-00Z/   recordings as sst capture array writes them (docs/integrate/recordings.md); a new one each
  *                                      hour of continuous recording, one per event, one per demand
  *   snapshots/, exports/               light fields; names are never chosen by clients */
 
@@ -49,7 +49,7 @@ SST_MUST_CHECK int sst_storage_configure(struct sst_storage *s, const struct sst
 
 /** Set the see-through view that is recorded beside the sets (storage.record_view); only the first call has effect.
  *  @param outlet  of the main view; referenced */
-void sst_storage_view(struct sst_storage *s, struct sst_outlet *outlet);
+void sst_storage_view(struct sst_storage *s, struct sst_slot *outlet);
 
 /** Results of the live pipeline for a set: recording on event follows them. Shares: changed[i] of zone i,
  * changed[zones] of the whole picture. Never blocks. */

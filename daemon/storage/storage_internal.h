@@ -10,9 +10,9 @@
 
 #include "base/base.h"
 #include "base/file.h"
+#include "base/jpeg_slot.h"
 #include "capture/recording/mkv.h"
 #include "config/sstd.h"
-#include "base/jpeg_slot.h"
 #include "daemon/storage/storage.h"
 
 /* --- catalog ---
@@ -389,7 +389,7 @@ struct sst_storage {
 
     struct video_file video[SST_DOWNLOADS_MAX]; /* each download reads one at most */
 
-    struct sst_outlet *outlet; /* of the main view; NULL: not yet */
+    struct sst_slot *outlet; /* of the main view; NULL: not yet */
     struct view_history history;
 
     pthread_t thread[6];
@@ -422,7 +422,7 @@ SST_MUST_CHECK int store_reserve(struct sst_storage *s, enum store_kind kind, in
  *  KEPT */
 int store_remove(struct sst_storage *s, const struct store_entry *entry);
 /** Remove the oldest segment of a recording because of the limits. sst-retention only. @return 0, -ENODATA (only those
- *  that must stay are left) and what sst_recording_shorten() returns: nothing was removed */
+ *  that must stay are left) and what sst_recording_trim() returns: nothing was removed */
 int store_trim(struct sst_storage *s, const struct store_entry *entry);
 /** Remove what clients deleted. sst-retention only. */
 void store_remove_deleted(struct sst_storage *s);

@@ -26,7 +26,7 @@ static void drop_first(struct view_history *s)
     s->bytes -= gone->bytes;
     s->first = (s->first + 1) % VIEW_HISTORY_MAX;
     s->count--;
-    sst_jpeg_unref(gone);
+    sst_slot_jpeg_unref(gone);
 }
 
 void view_history_add(struct view_history *s, const struct sst_jpeg *jpeg, int64_t keep_ns)
@@ -42,7 +42,7 @@ const struct sst_jpeg *view_history_next(struct view_history *s, uint64_t after)
 {
     for (int i = 0; i < s->count; i++) {
         if ((*at(s, i))->number > after)
-            return sst_jpeg_ref(*at(s, i));
+            return sst_slot_jpeg_ref(*at(s, i));
     }
     return NULL;
 }
@@ -51,7 +51,7 @@ const struct sst_jpeg *view_history_at(struct view_history *s, int64_t t_ns)
 {
     for (int i = s->count - 1; i >= 0; i--) {
         if ((*at(s, i))->t_ns <= t_ns)
-            return sst_jpeg_ref(*at(s, i));
+            return sst_slot_jpeg_ref(*at(s, i));
     }
     return NULL;
 }
@@ -78,30 +78,29 @@ struct viewer {
 /* Without a viewer before, the last picture may be old: it is used only if no newer one follows soon. */
 static void update_viewer_locked(struct sst_storage *s, struct viewer *l)
 {
-    const bool needed = is_needed_locked(s), alone = !needed && sst_outlet_viewers(s->outlet) <= (int)l->joined;
-    const struct sst_jpeg *old = l->alone && !alone ? sst_outlet_get(s->outlet, 0) : NULL;
+    const bool needed = is_needed_locked(s), alone = !needed && sst_slot_clients(s->outlet) <= (int)l->joined;
+    const struct sst_jpeg *old = l->alone && !alone ? sst_slot_get(s->outlet, 0) : NULL;
 
     if (needed != l->joined)
-        (needed ? sst_outlet_join : sst_outlet_leave)(s->outlet);
+        (needed ? sst_slot_join : sst_slot_leave)(s->outlet);
     l->joined = needed;
     if (alone)
         view_history_fini(&s->history);
     if (old) {
         l->number = old->number;
         l->until_ns = sst_clock_now_ns() + FRESH_NS;
-        sst_jpeg_unref(old);
+        sst_slot_jpeg_unref(old);
     }
     l->alone = alone;
 }
 
-static const struct sst_jpeg *next_shown(struct sst_outlet *outlet, struct viewer *l)
+static const struct sst_jpeg *next_shown(struct sst_slot *outlet, struct viewer *l)
 {
-    const struct sst_jpeg *jpeg =
-        sst_outlet_wait(outlet, l->number, WAIT_MS) ? sst_outlet_get(outlet, l->number) : NULL;
+    const struct sst_jpeg *jpeg = sst_slot_wait(outlet, l->number, WAIT_MS) ? sst_slot_get(outlet, l->number) : NULL;
 
     if (!jpeg && l->until_ns && sst_clock_now_ns() > l->until_ns) {
         l->until_ns = 0;
-        jpeg = sst_outlet_get(outlet, 0); /* nothing has changed since */
+        jpeg = sst_slot_get(outlet, 0); /* nothing has changed since */
     }
     if (jpeg) {
         l->number = jpeg->number;
@@ -117,12 +116,12 @@ void *store_view_run(void *storage)
 
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
-        struct sst_outlet *outlet = s->outlet;
+        struct sst_slot *outlet = s->outlet;
         const struct sst_jpeg *jpeg;
 
-        if (!outlet || !s->settings.view || sst_outlet_is_shut(outlet)) {
+        if (!outlet || !s->settings.view || sst_slot_is_shut(outlet)) {
             if (l.joined)
-                sst_outlet_leave(outlet);
+                sst_slot_leave(outlet);
             l = (struct viewer){ .alone = true };
             view_history_fini(&s->history);
             store_wait_locked(s, WAIT_MS);
@@ -140,17 +139,17 @@ void *store_view_run(void *storage)
             view_history_add(&s->history, jpeg, sst_clock_now_ns() - s->settings.preroll_ns - LATE_NS);
     }
     if (l.joined)
-        sst_outlet_leave(s->outlet);
+        sst_slot_leave(s->outlet);
     pthread_mutex_unlock(&s->lock);
     store_thread_ends(s);
     return NULL;
 }
 
-void sst_storage_view(struct sst_storage *s, struct sst_outlet *outlet)
+void sst_storage_view(struct sst_storage *s, struct sst_slot *outlet)
 {
     pthread_mutex_lock(&s->lock);
     if (!s->outlet)
-        s->outlet = sst_outlet_ref(outlet);
+        s->outlet = sst_slot_ref(outlet);
     pthread_cond_broadcast(&s->wake);
     pthread_mutex_unlock(&s->lock);
 }

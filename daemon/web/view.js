@@ -10,7 +10,7 @@ const PICK_AGAIN_MS = 200;
 export class View {
   /**
    * @param canvas    shows it
-   * @param settings  what differs from the service's defaults; see docs/api.md
+   * @param settings  what differs from the service's defaults; see docs/integrate/api.md
    * @param notify    as in Stream; and "shared" (reason) when no own view is available: the main view is shown
    */
   constructor(canvas, settings, notify) {

@@ -68,7 +68,7 @@ enum sst_grab_state {
     SST_GRAB_READY = 4,      /* open and set up, not started */
 };
 
-/** Rungs of the recovery ladder, each tried if the one before did not give a frame (DESIGN section 6). */
+/** Rungs of the recovery ladder, each tried if the one before did not give a frame (design.md, 6). */
 enum sst_grab_rung {
     SST_GRAB_RESTREAM = 0,
     SST_GRAB_REOPEN = 1,

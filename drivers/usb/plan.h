@@ -19,12 +19,12 @@
 #include "drivers/usb/usb.h"
 
 struct sst_usb_stream {
-    int device; /* index in the list of sst_usb_list() */
+    int device;             /* index in the list of sst_usb_list() */
     int64_t needed_bytes_s; /* maximum of format and rate; 0: unknown (many MJPEG cameras report the worst case) */
     int alt;                /* out: the setting that uvcvideo selects, or -1: none is large enough or known */
     double reserved_mbit;   /* out: reserved on its segment, with overhead; 0 for bulk streaming */
-    int segment;          /* out: index of the segment that it loads most */
-    bool fits;            /* out */
+    int segment;            /* out: index of the segment that it loads most */
+    bool fits;              /* out */
 };
 
 /** A piece of wire that streams share: a high-speed bus or transaction translator, or a SuperSpeed link. */

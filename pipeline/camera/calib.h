@@ -61,7 +61,7 @@ const char *sst_calib_fault(const struct sst_calib *calib);
 const char *sst_camera_fault(const struct sst_calib_camera *cam);
 
 /**
- * Read or write calib.yaml (docs/formats.md). Numbers survive a round trip bit for bit; in names, what YAML cannot
+ * Read or write calib.yaml (docs/integrate/formats.md). Numbers survive a round trip bit for bit; in names, what YAML cannot
  * represent (control characters, bytes that are not UTF-8) is written as "?". A calibration with a fault is neither
  * read nor written.
  *

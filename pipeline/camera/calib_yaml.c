@@ -128,7 +128,7 @@ static void put_camera(FILE *f, const struct sst_calib *calib, int view)
 }
 
 static const char preamble[] =
-    "# Calibration of a camera array, by sst; docs/formats.md describes it.\n"
+    "# Calibration of a camera array, by sst; docs/integrate/formats.md describes it.\n"
     "#\n"
     "# Views count from row 0, column 0 at the top left, seen from behind the cameras. Axes: x right, y down, z "
     "forward,\n"

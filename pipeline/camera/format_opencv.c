@@ -476,7 +476,7 @@ int sst_opencv_stereo_write(const struct sst_calib *calib, const char *path, con
                       b < 0 ? "fewer" : "more");
         return -EINVAL;
     }
-    err = sst_check_output(path, cfg->force, file[0].name, inputs);
+    err = sst_path_check_output(path, cfg->force, file[0].name, inputs);
     if (!err)
         err = sst_outdir_open(&folder, path, cfg->force);
     if (err)

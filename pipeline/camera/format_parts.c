@@ -398,7 +398,7 @@ static int write_folder(const struct sst_calib *calib, const char *path, const c
     int err;
 
     snprintf(name, sizeof(name), "%02d_%02d%s", first / calib->cols, first % calib->cols, ending);
-    err = sst_check_output(path, force, name, inputs);
+    err = sst_path_check_output(path, force, name, inputs);
     if (!err)
         err = sst_outdir_open(&folder, path, force);
     if (err)

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-bool sst_solve_definite(double *a, double *b, int n)
+bool sst_numbers_solve_definite(double *a, double *b, int n)
 {
     for (int j = 0; j < n; j++) {
         const double before = a[j * n + j];

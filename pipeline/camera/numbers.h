@@ -8,6 +8,6 @@
 
 /** Solve a x = b for positive definite a (n <= 12, row-major, the lower half is read and overwritten). @return false:
  *  a is not positive definite, or nearly singular */
-SST_MUST_CHECK bool sst_solve_definite(double *a, double *b, int n);
+SST_MUST_CHECK bool sst_numbers_solve_definite(double *a, double *b, int n);
 
 #endif

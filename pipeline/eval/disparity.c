@@ -58,7 +58,7 @@ static double mix(double a, double weight_a, double b, double weight_b)
     return weight_a > 0 ? (a * weight_a + b * weight_b) / (weight_a + weight_b) : b;
 }
 
-void sst_disparity_error_merge(struct sst_disparity_error *sum, const struct sst_disparity_error *add)
+void sst_eval_disparity_merge(struct sst_disparity_error *sum, const struct sst_disparity_error *add)
 {
     const double n = (double)sum->pixels, m = (double)add->pixels;
     const double known_n = n > 0 ? n * sum->density / 100 : 0, known_m = m > 0 ? m * add->density / 100 : 0;

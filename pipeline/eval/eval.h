@@ -21,7 +21,7 @@ SST_MUST_CHECK int sst_eval_disparity(struct sst_disparity_error *out, const str
                                       const struct sst_map_f32 *truth, const struct sst_map_u8 *mask);
 
 /** Merge the errors of two sets of pixels. A zeroed object is a valid start. */
-void sst_disparity_error_merge(struct sst_disparity_error *sum, const struct sst_disparity_error *add);
+void sst_eval_disparity_merge(struct sst_disparity_error *sum, const struct sst_disparity_error *add);
 
 /**
  * Mark the pixels whose surface another view sees too: the point at x with disparity d is at x - d (dbx, dby) there; it

@@ -5,7 +5,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "pipeline/eval/report.h"
+#include "pipeline/eval/evaluation.h"
 
 #define JSON_MAX_BYTES ((size_t)1 << 20)
 

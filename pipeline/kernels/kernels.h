@@ -73,7 +73,7 @@ typedef void sst_feature_cost_rows_fn(uint8_t *cost, size_t cost_stride, const u
 #define SST_FEATURE_ZERO     128
 #define SST_FEATURE_ONE      127
 #define SST_FEATURE_SHIFT    6
-#define SST_FEATURE_COST_MAX 128 /* a dot product of 0.49: costs saturate below it (docs/method.md) */
+#define SST_FEATURE_COST_MAX 128 /* a dot product of 0.49: costs saturate below it (docs/design/method.md) */
 
 /** Insert the mean of two costs, rounded up and at most SST_COST_MAX - 1, into the two smallest ones so far, first <=
  *  second. a and b may be the same. */
@@ -137,9 +137,9 @@ typedef void sst_winner_row_fn(uint16_t *best, uint16_t *second, const uint16_t 
 typedef void sst_median5_row_fn(uint16_t *out, const uint16_t *const rows[5], size_t n);
 
 /**
- * Bilateral filter over 7x7 (see sst_bilateral()): the mean of those disparities within SST_BILATERAL_STEP_Q6 of the
- * centre's whose luma differs by less than tau, weighted. Means are exact quotients of integers below 2^24, rounded
- * half up.
+ * Bilateral filter over 7x7 (see sst_disparity_bilateral()): the mean of those disparities within SST_BILATERAL_STEP_Q6
+ * of the centre's whose luma differs by less than tau, weighted. Means are exact quotients of integers below 2^24,
+ * rounded half up.
  *
  * @param disp, luma  rows y-3 .. y+3, each readable from -3 to n+2; a disparity of 65535 is skipped and kept, all
  *                    others are below 65535 - SST_BILATERAL_STEP_Q6
@@ -174,7 +174,7 @@ struct sst_blend {
 };
 
 /**
- * acc[0..2] += A W_s W_d C, acc[3] += A W_s W_d (DESIGN 5.4) with C bilinear between the two rows,
+ * acc[0..2] += A W_s W_d C, acc[3] += A W_s W_d (design.md, 5.4) with C bilinear between the two rows,
  * W_d = one_minus_c1 exp(-(focus - disp)^2 half_inverse_variance) + c1.
  *
  * @param acc  in and out, four rows of n; n at most SST_BLEND_MAX. The exponential is sst_exp_neg() of exp_neg.h, its

@@ -256,7 +256,7 @@ int calibration_rectify_view(struct sst_lightfield *lf, int view)
 
 #define KEPT_STEP 16
 
-static void view_coverage(const struct sst_lightfield *lf, int view, struct sst_pixels_kept *out)
+static void view_coverage(const struct sst_lightfield *lf, int view, struct sst_rectified_coverage *out)
 {
     const struct sst_calib *c = lf->calibration;
     const int cols = (lf->width + KEPT_STEP - 1) / KEPT_STEP, rows = (lf->height + KEPT_STEP - 1) / KEPT_STEP;
@@ -286,7 +286,7 @@ static void view_coverage(const struct sst_lightfield *lf, int view, struct sst_
 
 struct kept_job {
     const struct sst_lightfield *lf;
-    struct sst_pixels_kept view[SST_MAX_VIEWS];
+    struct sst_rectified_coverage view[SST_MAX_VIEWS];
 };
 
 static int kept_work(void *arg, int view, int worker SST_UNUSED)
@@ -298,8 +298,8 @@ static int kept_work(void *arg, int view, int worker SST_UNUSED)
     return 0;
 }
 
-int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst_pixels_kept *worst,
-                        struct sst_pixels_kept *mean)
+int sst_lightfield_coverage(const struct sst_lightfield *lf, int threads, struct sst_rectified_coverage *worst,
+                            struct sst_rectified_coverage *mean)
 {
     struct kept_job *job = calloc(1, sizeof(*job));
     int n = 0, err;
@@ -310,8 +310,8 @@ int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst
     }
     job->lf = lf;
     err = sst_parallel_for(lf->rows * lf->cols, sst_thread_count(threads), kept_work, job);
-    *worst = (struct sst_pixels_kept){ 1, 1 };
-    *mean = (struct sst_pixels_kept){ 0, 0 };
+    *worst = (struct sst_rectified_coverage){ 1, 1 };
+    *mean = (struct sst_rectified_coverage){ 0, 0 };
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         if (!lf->views[k].present)
             continue;

@@ -39,13 +39,13 @@ SST_MUST_CHECK int sst_lightfield_calibrate(struct sst_lightfield *lf, const str
 
 /** Fractions 0..1: of a view's pixels that come from inside its raw frame, and of the raw frame's pixels that are used.
  */
-struct sst_pixels_kept {
+struct sst_rectified_coverage {
     double filled, kept;
 };
 
 /** Coverage of the views of a calibrated light field, from one pixel in 256. @return 0 or -ENOMEM (logged) */
-SST_MUST_CHECK int sst_lightfield_kept(const struct sst_lightfield *lf, int threads, struct sst_pixels_kept *worst,
-                                       struct sst_pixels_kept *mean);
+SST_MUST_CHECK int sst_lightfield_coverage(const struct sst_lightfield *lf, int threads,
+                                           struct sst_rectified_coverage *worst, struct sst_rectified_coverage *mean);
 
 struct sst_rectify_dir_config {
     const char *dir, *out;

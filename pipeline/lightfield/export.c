@@ -335,7 +335,7 @@ int sst_export(const struct sst_export_config *cfg)
         sst_log_error("--focal-px, --spacing-mm and --lossy belong to colmap and nerfstudio, not to %s", f->name);
         return -EINVAL;
     }
-    err = sst_check_output(cfg->out, cfg->force, f->marker, inputs);
+    err = sst_path_check_output(cfg->out, cfg->force, f->marker, inputs);
     if (!err)
         err = load(&job.lf, f, cfg->dir, threads);
     if (err)

@@ -9,7 +9,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/given.h"
+#include "pipeline/lightfield/external_maps.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define MAX_NAMED 4 /* files or views named in one message */
@@ -329,9 +329,9 @@ static int fill(struct job *job)
         return -EBADMSG;
     }
     if (cfg->disparity_dir)
-        err = sst_lightfield_give_disparity(&plan->lf, cfg->disparity_dir, threads);
+        err = sst_lightfield_read_disparity(&plan->lf, cfg->disparity_dir, threads);
     if (!err && cfg->labels_dir)
-        err = sst_lightfield_give_labels(&plan->lf, cfg->labels_dir, threads);
+        err = sst_lightfield_read_labels(&plan->lf, cfg->labels_dir, threads);
     return err ? err : sst_lightfield_write(&plan->lf, job->out, threads);
 }
 
@@ -372,7 +372,7 @@ int sst_import(const struct sst_import_config *cfg)
         inputs[1] = inputs[2];
     err = check_config(cfg);
     if (!err)
-        err = sst_check_output(cfg->out, cfg->force, "lightfield.json", inputs);
+        err = sst_path_check_output(cfg->out, cfg->force, "lightfield.json", inputs);
     if (!err)
         err = sst_outdir_open(&out, cfg->out, cfg->force);
     if (err)

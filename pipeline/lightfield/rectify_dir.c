@@ -142,7 +142,7 @@ int sst_lightfield_rectify_dir(const struct sst_rectify_dir_config *cfg, struct 
     const char *const inputs[] = { cfg->dir, NULL };
     struct job job = { .cfg = cfg };
     struct sst_outdir out;
-    int err = sst_check_output(cfg->out, cfg->force, "lightfield.json", inputs);
+    int err = sst_path_check_output(cfg->out, cfg->force, "lightfield.json", inputs);
 
     if (!err)
         err = sst_lightfield_load(&job.lf, cfg->dir, 0, cfg->threads);

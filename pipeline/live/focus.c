@@ -14,11 +14,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/live/live_state.h"
+#include "pipeline/live/live_internal.h"
 
-#define SAMPLE_COLS   160 /* about this number of samples per row */
-#define SMOOTH        4   /* bins to each side: windows of 2.25 px, since surfaces are rarely fronto-parallel */
-#define VALLEY        0.5 /* depth of a valley, relative to the lower peak beside it; in windows of 0.75 px */
+#define SAMPLE_COLS   160   /* about this number of samples per row */
+#define SMOOTH        4     /* bins to each side: windows of 2.25 px, since surfaces are rarely fronto-parallel */
+#define VALLEY        0.5   /* depth of a valley, relative to the lower peak beside it; in windows of 0.75 px */
 #define SURFACE_SHARE 0.005 /* of all samples: less is noise */
 #define GAP_MIN_PX    1.0   /* between a surface and what it hides ... */
 #define GAP_SHARE     0.05  /* ... and this fraction of the range: more than the error of the maps */

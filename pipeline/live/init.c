@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/live/live_state.h"
+#include "pipeline/live/live_internal.h"
 
 static int check_config(const struct sst_live_config *cfg)
 {
@@ -63,7 +63,7 @@ static int set_geometry(struct sst_lightfield *lf, const struct sst_live_config 
 static int make_stamps(struct sst_live *live)
 {
     const struct sst_lightfield *lf = &live->lf;
-    int err = sst_live_changes_init(&live->changes, lf);
+    int err = sst_liveframes_changes_init(&live->changes, lf);
 
     for (int k = 0; k < lf->rows * lf->cols && !err; k++) {
         if (!lf->views[k].present)
@@ -103,7 +103,7 @@ void live_fini(struct sst_live *live)
     sst_renderer_destroy(live->renderer);
     for (int k = 0; k < SST_MAX_VIEWS; k++)
         free(live->stamp[k]);
-    sst_live_changes_fini(&live->changes);
+    sst_liveframes_changes_fini(&live->changes);
     live_focus_fini(&live->focus);
     sst_lightfield_fini(&live->lf);
     free(live->model);

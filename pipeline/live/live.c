@@ -8,10 +8,10 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/live/live_state.h"
+#include "pipeline/live/live_internal.h"
 
 /* Maps have low confidence when the fraction of confirmed disparities falls below the first value, until it exceeds the
- * second: it is 0.98 with people in front of a wall, 0.74 in dense leaves (docs/live-scene.md). */
+ * second: it is 0.98 with people in front of a wall, 0.74 in dense leaves (docs/design/live.md). */
 #define CONFIRMED       0.95
 #define CONFIRMED_AGAIN 0.965
 
@@ -25,8 +25,8 @@ int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg)
         return -ENOMEM;
     }
     err = live_init(live, cfg);
-    err = err ? err : sst_live_frames_open(&live->frames, &live->cfg, &live->lf);
-    err = err ? err : sst_live_scene_open(&live->scene, &live->cfg, &live->lf);
+    err = err ? err : sst_liveframes_open(&live->frames, &live->cfg, &live->lf);
+    err = err ? err : sst_livescene_open(&live->scene, &live->cfg, &live->lf);
     if (err) {
         sst_live_close(live);
         return err;
@@ -40,8 +40,8 @@ void sst_live_close(struct sst_live *live)
     if (!live)
         return;
     sst_live_cancel(live);
-    sst_live_scene_close(live->scene);
-    sst_live_frames_close(live->frames);
+    sst_livescene_close(live->scene);
+    sst_liveframes_close(live->frames);
     live_fini(live);
     free(live);
 }
@@ -50,14 +50,14 @@ void sst_live_cancel(struct sst_live *live)
 {
     atomic_store(&live->canceled, true);
     if (live->frames)
-        sst_live_frames_cancel(live->frames);
+        sst_liveframes_cancel(live->frames);
     if (live->scene)
-        sst_live_scene_cancel(live->scene);
+        sst_livescene_cancel(live->scene);
 }
 
 /* --- updates ------------------------------------------------------------------------------------------------------ */
 
-static void mark_all(struct sst_live_changes *c)
+static void mark_all(struct sst_liveframes_changes *c)
 {
     c->whole = true;
     c->changed = 0;
@@ -76,13 +76,13 @@ int sst_live_update(struct sst_live *live, const struct sst_live_input *in, stru
     double changed[SST_LIVE_ZONES + 1];
     int err = atomic_load(&live->canceled) ? -ECANCELED : 0;
 
-    err = err ? err : sst_live_frames_update(live->frames, in, &live->changes, &done);
+    err = err ? err : sst_liveframes_update(live->frames, in, &live->changes, &done);
     if (!err && live->lost)
         mark_all(&live->changes);
     live->lost = true;
     if (!err)
         live_zones_changed(live, &live->changes, changed);
-    err = err ? err : sst_live_scene_update(live->scene, &live->changes, &done);
+    err = err ? err : sst_livescene_update(live->scene, &live->changes, &done);
     live->ready = err ? live->ready : done.ready;
     if (!err && !isnan(done.confirmed))
         live->low_confidence = done.confirmed < (live->low_confidence ? CONFIRMED_AGAIN : CONFIRMED);
@@ -102,12 +102,12 @@ int sst_live_update(struct sst_live *live, const struct sst_live_input *in, stru
 
 bool sst_live_unsettled(struct sst_live *live)
 {
-    return sst_live_scene_unsettled(live->scene);
+    return sst_livescene_unsettled(live->scene);
 }
 
 bool sst_live_settle(struct sst_live *live)
 {
-    if (!sst_live_scene_settle(live->scene, &live->changes))
+    if (!sst_livescene_settle(live->scene, &live->changes))
         return false;
     live->lost = live_ingest(live, &live->changes) || live_summarize(live, live->focus.t_ns);
     return !live->lost;

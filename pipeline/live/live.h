@@ -23,7 +23,7 @@ struct sst_live_config {
     enum sst_precision precision;
     double range_min_px, range_max_px; /* disparities; equal: estimated from the first set, refined in the background */
     int threads;                       /* 0: all processors */
-    bool skip_change;                  /* S1 of DESIGN 5.5; false: every set is fully computed (exact mode) */
+    bool skip_change;                  /* S1 of design.md, 5.5; false: every set is fully computed (exact mode) */
     bool skip_labels;                  /* S4 */
     bool background;                   /* improve the maps of a static scene on a background thread */
     int zones;                         /* in fractions 0..1 of the reference view */
@@ -82,7 +82,7 @@ void sst_live_close(
 
 /** Number of threads that a close has abandoned and that still compute. While it is not 0, the process must end by
  *  _exit(), since exit() destroys library state that they use. They end by themselves. Thread: any */
-int sst_live_left_behind(void);
+int sst_livescene_left_behind(void);
 
 /** Make any work inside return early (-ECANCELED) from now on.  Thread: any. */
 void sst_live_cancel(struct sst_live *live);
@@ -107,17 +107,17 @@ const struct sst_lightfield *sst_live_lightfield(const struct sst_live *live);
 /** --- pictures ------------------------------------------------------------------------------------------------------
  */
 
-struct sst_live_picture; /* the rendered view of one client; reuses what did not change since its last rendering */
+struct sst_livepicture; /* the rendered view of one client; reuses what did not change since its last rendering */
 
-SST_MUST_CHECK int sst_live_picture_create(struct sst_live_picture **out, struct sst_live *live); /* -ENOMEM */
-void sst_live_picture_destroy(struct sst_live_picture *p);
+SST_MUST_CHECK int sst_livepicture_create(struct sst_livepicture **out, struct sst_live *live); /* -ENOMEM */
+void sst_livepicture_destroy(struct sst_livepicture *p);
 
 /** Default focus: behind the foreground. px per spacing; NaN before the first disparities. */
 double sst_live_default_focus(const struct sst_live *live);
 
 /** Median disparity of a label in the reference view, for views that follow a label.
  *  @return 0, -ENODATA (not visible, or on fewer than one pixel in 2000) */
-SST_MUST_CHECK int sst_live_label_disparity(const struct sst_live *live, int label, double *disp_px);
+SST_MUST_CHECK int sst_livepicture_label_disparity(const struct sst_live *live, int label, double *disp_px);
 
 /** Robust range of the disparities in the scene, for sliders. @return false: not known yet */
 bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px);
@@ -133,13 +133,13 @@ bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px)
  * @return 0, -ENODATA (not ready; plain refocusing works from the first set on), -EINVAL (logged), -ERANGE (no view in
  * the aperture; logged), -ECANCELED, -ENOMEM
  */
-SST_MUST_CHECK int sst_live_picture_render(struct sst_live_picture *p, const struct sst_render_config *cfg,
-                                           const struct sst_image **image, int64_t *rendered_px);
+SST_MUST_CHECK int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_config *cfg,
+                                          const struct sst_image **image, int64_t *rendered_px);
 
 /** The surface that the last picture shows at a point. By the maps it is the one with the largest weight in the pixel;
  * with verified rays it is the surface behind the front on which the rays of all views agree, unless they agree as well
  * on the one of the maps. */
-struct sst_live_pick {
+struct sst_livepicture_pick {
     double disp_px;  /* NaN: unknown */
     int label;       /* of the same surface; 0: none or unknown */
     double front_px; /* nearest surface that at least one ray in 16 meets there (fewer are errors); NaN: unknown */
@@ -147,15 +147,16 @@ struct sst_live_pick {
 };
 
 /** Takes about 10 us, or half a millisecond with verified rays. @return 0, -ERANGE (outside), -ENODATA */
-SST_MUST_CHECK int sst_live_picture_pick(struct sst_live_picture *p, int x, int y, struct sst_live_pick *out);
+SST_MUST_CHECK int sst_livepicture_pick(struct sst_livepicture *p, int x, int y, struct sst_livepicture_pick *out);
 
-enum sst_live_overlay {
+enum sst_livepicture_overlay {
     SST_LIVE_LABELS_PICTURE = 0,
     SST_LIVE_DISPARITY_PICTURE = 1,
 };
 
 /** The reference view's labels (colours of the classes over a darkened view) or disparities (colour scale over the
  *  range; unknown is black). @param out  initialised by the caller to the light field's size @return 0, -ENODATA */
-SST_MUST_CHECK int sst_live_overlay(struct sst_live *live, enum sst_live_overlay kind, struct sst_image *out);
+SST_MUST_CHECK int sst_livepicture_overlay(struct sst_live *live, enum sst_livepicture_overlay kind,
+                                           struct sst_image *out);
 
 #endif

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/live/live_state.h"
+#include "pipeline/live/live_internal.h"
 
 #define COUNT_COLS   320   /* about this number of pixels of a row is counted */
 #define OUTSIDE      0.005 /* fraction of the pixels beyond each end of the range for sliders */
@@ -58,7 +58,7 @@ static int give_unknown(struct sst_lightfield *lf, struct sst_view *v)
     return err;
 }
 
-int live_ingest(struct sst_live *live, const struct sst_live_changes *changes)
+int live_ingest(struct sst_live *live, const struct sst_liveframes_changes *changes)
 {
     struct sst_lightfield *lf = &live->lf;
     const uint64_t serial = live->serial + 1;
@@ -104,7 +104,7 @@ static void zone_tiles(const struct sst_live *live, int zone, int *x0, int *x1, 
     *y1 = sst_clamp_int((int)ceil(live->cfg.zone[zone].y1 * live->lf.height - 1) / SST_LIVE_TILE, *y0, rows);
 }
 
-void live_zones_changed(const struct sst_live *live, const struct sst_live_changes *changes, double *changed)
+void live_zones_changed(const struct sst_live *live, const struct sst_liveframes_changes *changes, double *changed)
 {
     const int lead = live_lead_view(live);
     const uint8_t *map = changes->map[lead < 0 ? live->lf.ref_view : lead];

@@ -7,7 +7,7 @@
 
 #include "publishers/publisher.h"
 
-/* Topics below mqtt.topic (docs/mqtt.md):
+/* Topics below mqtt.topic (docs/integrate/mqtt.md):
  *   available                 online, offline (also by last will); retained
  *   status                    short JSON, each 10 s and when something changes; retained
  *   camera/rRcC/state         as GET /api/v1/cameras has it; retained

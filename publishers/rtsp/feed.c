@@ -62,7 +62,7 @@ struct feed {
 static void feed_leave(struct feed *f)
 {
     if (atomic_exchange(&f->joined, false))
-        sst_outlet_leave(f->picture->slot);
+        sst_slot_leave(f->picture->slot);
 }
 
 static void feed_free(gpointer arg)
@@ -77,7 +77,7 @@ static void feed_free(gpointer arg)
 
 static void jpeg_free(gpointer arg)
 {
-    sst_jpeg_unref(arg);
+    sst_slot_jpeg_unref(arg);
 }
 
 /* The pipeline's clock is ours: a picture's time is that of its set, so that receivers see when it was taken. What is
@@ -142,7 +142,7 @@ static bool fits(struct feed *f, const struct sst_jpeg *jpeg)
 static const struct sst_jpeg *next(struct feed *f, int64_t now_ns)
 {
     const bool fresh = atomic_exchange(&f->refresh, false);
-    const struct sst_jpeg *jpeg = sst_outlet_get(f->picture->slot, f->number);
+    const struct sst_jpeg *jpeg = sst_slot_get(f->picture->slot, f->number);
     int64_t repeat_ns;
 
     if (fresh) {
@@ -151,9 +151,9 @@ static const struct sst_jpeg *next(struct feed *f, int64_t now_ns)
     }
     repeat_ns = now_ns - f->came_ns < EAGER_NS && now_ns - f->new_ns > STILL_NS ? EAGER_STEP : REPEAT_NS;
     if (!jpeg && f->pts != GST_CLOCK_TIME_NONE && (fresh || now_ns - f->pushed_ns >= repeat_ns))
-        jpeg = sst_outlet_get(f->picture->slot, 0);
+        jpeg = sst_slot_get(f->picture->slot, 0);
     if (jpeg && !fits(f, jpeg)) {
-        sst_jpeg_unref(jpeg);
+        sst_slot_jpeg_unref(jpeg);
         return NULL;
     }
     return jpeg;
@@ -168,7 +168,7 @@ static void need_data(GstAppSrc *src, guint length, gpointer arg)
     (void)length;
     /* Whoever stops the pipeline waits for this thread; its wish shows in the state that is aimed at. */
     while (GST_STATE_TARGET(src) == GST_STATE_PLAYING) {
-        if (sst_outlet_is_shut(f->picture->slot)) {
+        if (sst_slot_is_shut(f->picture->slot)) {
             atomic_store(&f->over, true);
             atomic_fetch_add(&f->factory->ended, 1);
             gst_app_src_end_of_stream(src);
@@ -180,7 +180,7 @@ static void need_data(GstAppSrc *src, guint length, gpointer arg)
             push(f, src, jpeg, now_ns);
             return;
         }
-        sst_outlet_wait(f->picture->slot, f->number, RTSP_SLICE_MS);
+        sst_slot_wait(f->picture->slot, f->number, RTSP_SLICE_MS);
     }
 }
 
@@ -275,13 +275,13 @@ static struct feed *feed_create(struct rtsp_factory *at)
     f->codec = at->rtsp->codec;
     f->pts = GST_CLOCK_TIME_NONE;
     snprintf(f->path, sizeof(f->path), "%s", at->path);
-    sst_outlet_join(f->picture->slot);
+    sst_slot_join(f->picture->slot);
     atomic_store(&f->joined, true);
     return f;
 }
 
 /* Wait for a frame of now; an old one is enough if no newer one comes soon. */
-static bool wait_for_frame(struct sst_outlet *outlet)
+static bool wait_for_frame(struct sst_slot *outlet)
 {
     const int64_t start_ns = sst_clock_now_ns();
     uint64_t number;
@@ -289,17 +289,17 @@ static bool wait_for_frame(struct sst_outlet *outlet)
     bool fresh, any;
 
     do {
-        const struct sst_jpeg *jpeg = sst_outlet_get(outlet, 0);
+        const struct sst_jpeg *jpeg = sst_slot_get(outlet, 0);
 
         now_ns = sst_clock_now_ns();
         any = jpeg;
         number = any ? jpeg->number : 0;
         fresh = any && now_ns - jpeg->t_ns < FRESH_NS;
         if (any)
-            sst_jpeg_unref(jpeg);
+            sst_slot_jpeg_unref(jpeg);
         if (!fresh)
-            sst_outlet_wait(outlet, number, RTSP_SLICE_MS);
-    } while (!fresh && !sst_outlet_is_shut(outlet) && now_ns - start_ns < (any ? FRESH_NS : FIRST_NS));
+            sst_slot_wait(outlet, number, RTSP_SLICE_MS);
+    } while (!fresh && !sst_slot_is_shut(outlet) && now_ns - start_ns < (any ? FRESH_NS : FIRST_NS));
     return any;
 }
 
@@ -307,7 +307,7 @@ static GstElement *create_element(GstRTSPMediaFactory *factory, const GstRTSPUrl
 {
     struct rtsp_factory *at = (struct rtsp_factory *)factory;
     struct feed *f = feed_create(at);
-    const struct sst_jpeg *jpeg = f && wait_for_frame(f->picture->slot) ? sst_outlet_get(f->picture->slot, 0) : NULL;
+    const struct sst_jpeg *jpeg = f && wait_for_frame(f->picture->slot) ? sst_slot_get(f->picture->slot, 0) : NULL;
     GstElement *bin = NULL;
     int width, height;
 
@@ -315,7 +315,7 @@ static GstElement *create_element(GstRTSPMediaFactory *factory, const GstRTSPUrl
     if (jpeg && !sst_jpeg_size(&width, &height, jpeg->data, jpeg->bytes, at->path))
         bin = make_bin(at->rtsp->codec, width, height);
     if (jpeg)
-        sst_jpeg_unref(jpeg);
+        sst_slot_jpeg_unref(jpeg);
     if (bin)
         attach(f, bin, width, height);
     else if (f)
@@ -456,14 +456,14 @@ GstRTSPStatusCode rtsp_mount(struct rtsp_server *rtsp, const char *path)
     picture = rtsp_picture_get(kind, name);
     if (!picture)
         return status;
-    sst_outlet_join(picture->slot);
+    sst_slot_join(picture->slot);
     if (wait_for_frame(picture->slot)) {
         mount_path(rtsp, path, kind, name);
         status = GST_RTSP_STS_OK;
     } else if (atomic_load(&picture->err) == -ENOENT) {
         status = GST_RTSP_STS_NOT_FOUND;
     }
-    sst_outlet_leave(picture->slot);
+    sst_slot_leave(picture->slot);
     rtsp_picture_unref(picture);
     return status;
 }

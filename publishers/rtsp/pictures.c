@@ -37,7 +37,7 @@ void rtsp_picture_unref(struct rtsp_picture *picture)
 {
     if (!picture || atomic_fetch_sub(&picture->refs, 1) > 1)
         return;
-    sst_outlet_unref(picture->slot);
+    sst_slot_unref(picture->slot);
     free(picture);
 }
 
@@ -56,7 +56,7 @@ static bool is_used(void *arg)
     bool used;
 
     pthread_mutex_lock(&pictures.lock);
-    if (sst_outlet_viewers(s->picture.slot) > 0)
+    if (sst_slot_clients(s->picture.slot) > 0)
         s->used_ns = now_ns;
     used = now_ns - s->used_ns < LINGER_NS;
     if (!used)
@@ -68,12 +68,12 @@ static bool is_used(void *arg)
 /* The service sends a picture that stands still again, as a sign of life. */
 static bool is_repeated(const struct source *s, const struct sst_client_picture *p)
 {
-    const struct sst_jpeg *newest = sst_outlet_get(s->picture.slot, 0);
+    const struct sst_jpeg *newest = sst_slot_get(s->picture.slot, 0);
     const bool same =
         newest && newest->set == p->set && newest->bytes == p->bytes && !memcmp(newest->data, p->data, p->bytes);
 
     if (newest)
-        sst_jpeg_unref(newest);
+        sst_slot_jpeg_unref(newest);
     return same;
 }
 
@@ -91,7 +91,7 @@ static int on_picture(void *arg, const struct sst_client_picture *p)
     copy = malloc(p->bytes);
     if (copy)
         memcpy(copy, p->data, p->bytes);
-    if (!copy || sst_outlet_put(s->picture.slot, copy, p->bytes, p->set, sst_clock_now_ns() - past_ns, p->wall_ns))
+    if (!copy || sst_slot_put(s->picture.slot, copy, p->bytes, p->set, sst_clock_now_ns() - past_ns, p->wall_ns))
         sst_log_warning("rtsp: no memory for a frame; it is dropped");
     return 0;
 }
@@ -120,7 +120,7 @@ static void *receive(void *arg)
     remove_locked(s);
     pthread_mutex_unlock(&pictures.lock);
     atomic_store(&s->picture.err, err ? err : -ENOENT);
-    sst_outlet_shut(s->picture.slot);
+    sst_slot_shut(s->picture.slot);
     rtsp_picture_unref(&s->picture);
     return NULL;
 }
@@ -130,7 +130,7 @@ static struct source *create(enum rtsp_kind kind, const char *name)
     struct source *s = calloc(1, sizeof(*s));
     pthread_t thread;
 
-    if (!s || sst_outlet_create(&s->picture.slot)) {
+    if (!s || sst_slot_create(&s->picture.slot)) {
         free(s);
         return NULL;
     }

@@ -7,8 +7,8 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-#include "config/sstd.h"
 #include "base/jpeg_slot.h"
+#include "config/sstd.h"
 
 #define RTSP_SLICE_MS 50  /* longest wait in one piece: how fast a stop is noticed */
 #define RTSP_NAME_MAX 63  /* characters of the name of a view or camera */
@@ -34,8 +34,8 @@ enum rtsp_kind {
 
 /** A moving picture; its stream is open from rtsp_picture_get() until some seconds after the last viewer has left. */
 struct rtsp_picture {
-    struct sst_outlet *slot; /* newest frame; shut when the stream has ended */
-    atomic_int err;          /* why it ended: -ENOENT, or what sst_client_stream() returns */
+    struct sst_slot *slot; /* newest frame; shut when the stream has ended */
+    atomic_int err;        /* why it ended: -ENOENT, or what sst_client_stream() returns */
     atomic_int refs;
 };
 

@@ -464,7 +464,8 @@ void sim_cam_edge(struct sim_cam *cam, uint64_t trigger, int64_t t_ns);
 void sim_cam_retime(struct sim_cam *cam);
 void sim_cam_fault_set(struct sim_cam *cam, int fault, double value);
 
-/* --- interface of the array to its cameras (camera_array.c) -------------------------------------------------------------- */
+/* --- interface of the array to its cameras (camera_array.c)
+ * -------------------------------------------------------------- */
 
 double sim_cam_fault(const struct sim_cam *cam, enum sim_cam_fault fault);
 bool sim_cam_chance(struct sim_cam *cam, double probability);

@@ -1,4 +1,4 @@
-/* Faults by name and value, as docs/rig.md lists them. */
+/* Faults by name and value, as docs/use/rig.md lists them. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-/* The register map of docs/rig.md and the Modbus function codes over it. */
+/* The register map of docs/use/rig.md and the Modbus function codes over it. */
 #include <string.h>
 
 #include "simulators/rig/rig_internal.h"

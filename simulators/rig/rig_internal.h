@@ -12,7 +12,7 @@
 #define SST_SIM_AXES  3
 #define SST_SIM_TRACE 8192 /* ticks of 1 ms in the trace of true positions */
 
-/** Status word (docs/rig.md). */
+/** Status word (docs/use/rig.md). */
 enum sim_status {
     SST_SIM_READY = 1 << 0, /* no alarm */
     SST_SIM_ENABLED = 1 << 1,

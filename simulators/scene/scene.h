@@ -54,7 +54,7 @@ const struct sst_scene_occluder *sst_scene_occluder_at(const struct sst_scene *s
 SST_MUST_CHECK int sst_scene_render(const struct sst_scene *scene, double bx, double by, unsigned hidden,
                                     struct sst_image *image, struct sst_map_f32 *disp, struct sst_map_u8 *label);
 
-/** Write a whole light-field folder with LF/truth as DESIGN section 9 says. @return as sst_import(). */
+/** Write a whole light-field folder with LF/truth as design.md, 9 says. @return as sst_import(). */
 SST_MUST_CHECK int sst_scene_write(const char *name, const struct sst_scene_config *cfg, const char *out, bool force);
 
 #endif

@@ -221,7 +221,7 @@ int sst_scene_write(const char *name, const struct sst_scene_config *cfg, const 
     j.views = cfg->rows * cfg->cols;
     j.count = j.views + sst_scene_occluder_count(scene);
     if ((err = describe(&lf, scene, name)) ||
-        (err = sst_check_output(out, force, "lightfield.json", (const char *const[]){ NULL })) ||
+        (err = sst_path_check_output(out, force, "lightfield.json", (const char *const[]){ NULL })) ||
         (err = sst_outdir_open(&dir, out, force)))
         goto done;
     j.dir = dir.temporary;

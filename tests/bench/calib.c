@@ -5,7 +5,7 @@
  * 5, 8) keep (share of detections) without (a camera whose detections are taken away; -1 none) outliers (share) cross
  * (0, 1) threads. One JSON object: what the solution says of itself, what true points say of the rectification made of
  * it, and how often the truth lies within the predicted sigma. scripts/bench_calib.py runs it for
- * docs/bench-calibration.md.
+ * docs/measured/bench-calibration.md.
  */
 #include <errno.h>
 #include <stdio.h>
@@ -270,7 +270,7 @@ static json_t *sigma_shares(const struct truth *t, const struct sst_solution *s)
             const int row = i / SST_UNCERTAINTY_COLS, col = i % SST_UNCERTAINTY_COLS;
             const double x = (col + 0.5) * c->width / SST_UNCERTAINTY_COLS - 0.5;
             const double y = (row + 0.5) * c->height / SST_UNCERTAINTY_ROWS - 0.5;
-            const double sigma = s->carry_sigma[view][1][row][col];
+            const double sigma = s->transfer_sigma[view][1][row][col];
             double is[2], should[2];
 
             if (view == c->reference || !(sigma > 0) || !follow(c, view, x, y, c->range_mm, is) ||
@@ -327,8 +327,8 @@ static json_t *told(const struct truth *t, const struct sst_solution *s)
     json_object_set_new(out, "predicted_rms_px", real(s->predicted_rms_px));
     json_object_set_new(out, "noise_px", real(s->noise_px));
     json_object_set_new(out, "rcond", real(s->rcond));
-    json_object_set_new(out, "cross_px", real(s->cross_px));
-    json_object_set_new(out, "cross_expected_px", real(s->cross_expected_px));
+    json_object_set_new(out, "cross_px", real(s->cv_px));
+    json_object_set_new(out, "cross_expected_px", real(s->cv_expected_px));
     json_object_set_new(out, "held_out_px", json_pack("[f, f]", s->held_out_px[0], s->held_out_px[1]));
     json_object_set_new(out, "range_mm", json_real(s->calib.range_mm));
     json_object_set_new(out, "sigma_px", real(known ? sigma / known : NAN));

@@ -2,7 +2,7 @@
  * Real chessboards of a pair of cameras, found and solved as plain least squares, so that another program can do the
  * same with the same corners: make build/bench/calib_pairs && build/bench/calib_pairs FOLDER BOARD FOLDER has
  * leftNN.jpg and rightNN.jpg. One JSON object: the solution's figures, and all corners, [view, frame, [x, y, x, y ...]]
- * by ascending id. scripts/bench_calib.py runs it for docs/bench-calibration.md.
+ * by ascending id. scripts/bench_calib.py runs it for docs/measured/bench-calibration.md.
  */
 #include <errno.h>
 #include <math.h>

@@ -1,6 +1,6 @@
 /* What keeping the views up to date costs, and how far off they are:
  *   make build/bench/live_frames && build/bench/live_frames [SETS [WORLD...]]
- * Prints the table of docs/live-frames.md. Worlds are prepared when they are first used (a minute each). */
+ * Prints the table of docs/measured/notes-live.md. Worlds are prepared when they are first used (a minute each). */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -78,8 +78,8 @@ static void free_sets(struct sets *s)
 struct keeper {
     struct sst_live_config cfg;
     struct sst_lightfield lf;
-    struct sst_live_frames *frames;
-    struct sst_live_changes changes;
+    struct sst_liveframes *frames;
+    struct sst_liveframes_changes changes;
 };
 
 static void open_keeper(struct keeper *k, const struct sets *s, const struct sst_use_calibration *use, bool skip,
@@ -100,14 +100,14 @@ static void open_keeper(struct keeper *k, const struct sets *s, const struct sst
         k->cfg.present[v] = k->lf.views[v].present = true;
     if (use)
         check("calibration", sst_lightfield_calibrate(&k->lf, use));
-    check("open", sst_live_frames_open(&k->frames, &k->cfg, &k->lf));
-    check("changes", sst_live_changes_init(&k->changes, &k->lf));
+    check("open", sst_liveframes_open(&k->frames, &k->cfg, &k->lf));
+    check("changes", sst_liveframes_changes_init(&k->changes, &k->lf));
 }
 
 static void close_keeper(struct keeper *k)
 {
-    sst_live_frames_close(k->frames);
-    sst_live_changes_fini(&k->changes);
+    sst_liveframes_close(k->frames);
+    sst_liveframes_changes_fini(&k->changes);
     sst_lightfield_fini(&k->lf);
 }
 
@@ -157,7 +157,7 @@ static void measure(const char *name, const struct sets *s, const struct sst_use
         const int64_t cpu_start = sst_clock_cpu_ns(), start = sst_clock_now_ns();
         double mean, most;
 
-        check("update", sst_live_frames_update(fast.frames, &s->in[i], &fast.changes, &r));
+        check("update", sst_liveframes_update(fast.frames, &s->in[i], &fast.changes, &r));
         if (!i) /* everything is new */
             continue;
         wall += sst_clock_now_ns() - start;
@@ -171,7 +171,7 @@ static void measure(const char *name, const struct sets *s, const struct sst_use
         sampled = isnan(r.error_change) ? sampled : r.error_change;
         if (!skip)
             continue;
-        check("exact", sst_live_frames_update(exact.frames, &s->in[i], &exact.changes, &r));
+        check("exact", sst_liveframes_update(exact.frames, &s->in[i], &exact.changes, &r));
         compare(&fast.lf, &exact.lf, &mean, &most);
         error += mean;
         worst = fmax(worst, most);

@@ -71,7 +71,7 @@ static struct {
     struct sst_scene *scene;
     struct sst_live_config cfg;
     struct sst_live *live;
-    struct sst_live_picture *picture;
+    struct sst_livepicture *picture;
     struct sst_live_input in;
     struct sst_live_report report;
     uint8_t frame[VIEWS][CAPACITY];
@@ -193,13 +193,13 @@ static int init_truth(void)
 }
 
 /* Do rays within 1 px of d make up most of the pixel? */
-static bool shown(const struct sst_plan *exact, int x, int y, double d)
+static bool shown(const struct sst_render_plan *exact, int x, int y, double d)
 {
     struct sst_ray rays[SST_MAX_VIEWS];
     double rgb[3], share = 0;
     int count;
 
-    sst_pixel_exact(exact, x, y, rgb, rays, &count);
+    sst_render_pixel_exact(exact, x, y, rgb, rays, &count);
     for (int i = 0; i < count; i++)
         share += fabs(rays[i].disp_px - d) <= RIGHT_PX ? rays[i].share : 0;
     return share > 0.5;
@@ -229,7 +229,7 @@ static bool like(const struct sst_image *image, int x, int y)
 
 /* --- clicks ------------------------------------------------------------------------------------------------------- */
 
-static void note(struct count *c, const struct sst_live_pick *pick, double want_px, int label)
+static void note(struct count *c, const struct sst_livepicture_pick *pick, double want_px, int label)
 {
     const bool right = fabs(pick->disp_px - want_px) <= RIGHT_PX;
 
@@ -239,7 +239,7 @@ static void note(struct count *c, const struct sst_live_pick *pick, double want_
 }
 
 /* @param exact  of the same picture by the true maps */
-static int click(enum focus focus, const struct sst_image *image, const struct sst_plan *exact, int x, int y)
+static int click(enum focus focus, const struct sst_image *image, const struct sst_render_plan *exact, int x, int y)
 {
     const double f = (double)sst_map_f32_row(&b.truth.front[REF], y)[x];
     const double behind = (double)sst_map_f32_row(&b.truth.behind, y)[x];
@@ -248,7 +248,7 @@ static int click(enum focus focus, const struct sst_image *image, const struct s
     const int label = sst_map_u8_row(want < f ? &b.truth.label : &b.truth.lf.views[REF].label, y)[x];
     const bool focused = fabs(want - exact->cfg.focus_px) <= IN_FOCUS;
     struct count *count = b.count[focus];
-    struct sst_live_pick pick;
+    struct sst_livepicture_pick pick;
     int64_t cpu;
     int err;
 
@@ -256,7 +256,7 @@ static int click(enum focus focus, const struct sst_image *image, const struct s
         (!hidden && !target))
         return 0;
     cpu = sst_clock_cpu_ns();
-    err = sst_live_picture_pick(b.picture, x, y, &pick);
+    err = sst_livepicture_pick(b.picture, x, y, &pick);
     b.pick_ns += sst_clock_cpu_ns() - cpu;
     b.picks++;
     if (err)
@@ -272,25 +272,25 @@ static int click_everywhere(enum focus focus, double focus_px)
     const struct sst_image *image;
     struct sst_render_config cfg;
     struct sst_renderer *r;
-    struct sst_plan exact;
+    struct sst_render_plan exact;
     int64_t anew;
     int err;
 
     sst_render_config_defaults(&cfg);
     cfg.focus_px = focus_px;
     cfg.verify = true;
-    err = sst_live_picture_render(b.picture, &cfg, &image, &anew);
+    err = sst_livepicture_render(b.picture, &cfg, &image, &anew);
     err = err ? err : sst_renderer_create(&r, &b.truth.lf, b.threads);
     if (err)
         return err;
     cfg.verify = false;
-    err = sst_plan_init(&exact, r, &cfg);
+    err = sst_render_plan_init(&exact, r, &cfg);
     for (int y = STEP / 2; y < HEIGHT && !err; y += STEP) {
         for (int x = STEP / 2; x < WIDTH && !err; x += STEP)
             err = click(focus, image, &exact, x, y);
     }
     if (!err)
-        sst_plan_fini(&exact);
+        sst_render_plan_fini(&exact);
     sst_renderer_destroy(r);
     return err;
 }
@@ -375,11 +375,11 @@ int main(int argc, char **argv)
         b.cfg.range_max_px = ceil(b.cfg.range_max_px);
     }
     err = err ? err : sst_live_open(&b.live, &b.cfg);
-    err = err ? err : sst_live_picture_create(&b.picture, b.live);
+    err = err ? err : sst_livepicture_create(&b.picture, b.live);
     err = err ? err : run(still ? 1 : sets, every, still);
     if (!err)
         print();
-    sst_live_picture_destroy(b.picture);
+    sst_livepicture_destroy(b.picture);
     sst_live_close(b.live);
     sst_scene_destroy(b.scene);
     sst_sim_world_close(b.world);

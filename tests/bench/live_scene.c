@@ -49,8 +49,8 @@ struct bench {
     struct sst_sim_world *world;
     struct sst_lightfield lf, exact; /* exact borrows the images */
     struct sst_live_config cfg;
-    struct sst_live_scene *scene;
-    struct sst_live_changes changes;
+    struct sst_livescene *scene;
+    struct sst_liveframes_changes changes;
     struct sst_image next[VIEWS];
     uint8_t frame[VIEWS][CAPACITY];
     size_t bytes[VIEWS];
@@ -181,7 +181,7 @@ static int segment_job(void *arg, int view, int worker)
 {
     (void)arg;
     sst_map_u8_fini(&b.exact.views[view].label);
-    return sst_segment_sure(b.segmenters[worker], &b.exact.views[view].image, &b.exact.views[view].label);
+    return sst_segment_hcsm(b.segmenters[worker], &b.exact.views[view].image, &b.exact.views[view].label);
 }
 
 /* What sst process does. */
@@ -389,7 +389,7 @@ static int run(int sets, int every)
         share = 100.0 * (double)b.changes.changed / (VIEWS * b.changes.cols * b.changes.rows);
         wall = sst_clock_now_ns();
         cpu = sst_clock_cpu_ns();
-        err = sst_live_scene_update(b.scene, &b.changes, &report);
+        err = sst_livescene_update(b.scene, &b.changes, &report);
         b.confirmed = report.confirmed;
         printf("\n%d,%.1f,%.1f,%.1f,%.1f,%.1f,%.1f,%.1f", set, share, 100 * b.confirmed,
                (double)(sst_clock_now_ns() - wall) / 1e6, (double)(sst_clock_cpu_ns() - cpu) / 1e6,
@@ -423,9 +423,9 @@ int main(int argc, char **argv)
                                       .skip_labels = true };
     err = make_lightfields();
     err = err ? err : open_world(cache);
-    err = err ? err : sst_live_scene_open(&b.scene, &b.cfg, &b.lf);
+    err = err ? err : sst_livescene_open(&b.scene, &b.cfg, &b.lf);
     err = err ? err : run(sets, every);
-    sst_live_scene_close(b.scene);
+    sst_livescene_close(b.scene);
     sst_sim_world_close(b.world);
     if (err)
         fprintf(stderr, "live_scene: error %d\n", -err);

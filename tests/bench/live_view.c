@@ -11,7 +11,7 @@
 #include "base/log.h"
 #include "base/stats.h"
 #include "base/thread.h"
-#include "pipeline/live/live_state.h"
+#include "pipeline/live/live_internal.h"
 #include "simulators/scene/scene.h"
 
 #define THREADS    2
@@ -30,7 +30,7 @@ struct sample {
 struct bench {
     struct sst_live *live;
     struct sst_scene *scene;
-    struct sst_live_changes changes;
+    struct sst_liveframes_changes changes;
     struct sample sample[KINDS];
     int64_t ns, cpu_ns;
     double psnr; /* of parts against an exact picture, worst */
@@ -139,15 +139,15 @@ static int compare(struct bench *b, const struct sst_render_config *cfg, const s
     return err;
 }
 
-static int measure(struct bench *b, struct sst_live_picture *kept, int round)
+static int measure(struct bench *b, struct sst_livepicture *kept, int round)
 {
     struct sst_live *live = b->live;
     const double pixels = (double)live->lf.width * live->lf.height;
     struct sst_render_config cfg;
-    struct sst_live_picture *fresh = NULL;
+    struct sst_livepicture *fresh = NULL;
     const struct sst_image *image;
     struct sst_image overlay = { 0 };
-    struct sst_live_pick pick;
+    struct sst_livepicture_pick pick;
     int64_t anew;
     int err;
 
@@ -158,33 +158,33 @@ static int measure(struct bench *b, struct sst_live_picture *kept, int round)
     err = err ? err : live_summarize(live, (int64_t)(round + 1) * 100000000);
     stop(b, TAKE, 1);
     start(b);
-    err = err ? err : sst_live_picture_render(kept, &cfg, &image, &anew);
+    err = err ? err : sst_livepicture_render(kept, &cfg, &image, &anew);
     if (round)
         stop(b, PART, (double)anew / pixels);
     err = err ? err : compare(b, &cfg, image);
     start(b);
-    err = err ? err : sst_live_picture_render(kept, &cfg, &image, &anew);
+    err = err ? err : sst_livepicture_render(kept, &cfg, &image, &anew);
     stop(b, STILL, (double)anew / pixels);
     start(b);
-    err = err ? err : sst_live_picture_pick(kept, 100, 100, &pick);
+    err = err ? err : sst_livepicture_pick(kept, 100, 100, &pick);
     stop(b, PICK, 0);
-    err = err ? err : sst_live_picture_create(&fresh, live);
-    err = err ? err : sst_live_picture_render(fresh, &cfg, &image, &anew); /* pages that were never used cost extra */
+    err = err ? err : sst_livepicture_create(&fresh, live);
+    err = err ? err : sst_livepicture_render(fresh, &cfg, &image, &anew); /* pages that were never used cost extra */
     cfg.focus_px += 1;
     start(b);
-    err = err ? err : sst_live_picture_render(fresh, &cfg, &image, &anew);
+    err = err ? err : sst_livepicture_render(fresh, &cfg, &image, &anew);
     stop(b, SETTINGS, (double)anew / pixels);
-    sst_live_picture_destroy(fresh);
+    sst_livepicture_destroy(fresh);
     err = err ? err : sst_image_init(&overlay, live->lf.width, live->lf.height);
     start(b);
-    err = err ? err : sst_live_overlay(live, SST_LIVE_DISPARITY_PICTURE, &overlay);
+    err = err ? err : sst_livepicture_overlay(live, SST_LIVE_DISPARITY_PICTURE, &overlay);
     stop(b, OVERLAY, 1);
     sst_image_fini(&overlay);
     return err;
 }
 
 /* All tiles changed, settings as before. */
-static int measure_whole(struct bench *b, struct sst_live_picture *kept)
+static int measure_whole(struct bench *b, struct sst_livepicture *kept)
 {
     struct sst_render_config cfg;
     const struct sst_image *image;
@@ -197,7 +197,7 @@ static int measure_whole(struct bench *b, struct sst_live_picture *kept)
     err = live_ingest(b->live, &b->changes);
     b->changes.whole = false;
     start(b);
-    err = err ? err : sst_live_picture_render(kept, &cfg, &image, &anew);
+    err = err ? err : sst_livepicture_render(kept, &cfg, &image, &anew);
     stop(b, WHOLE, (double)anew / ((double)b->live->lf.width * b->live->lf.height));
     return err;
 }
@@ -216,7 +216,7 @@ static double changed_share(const struct bench *b)
 static int run(struct bench *b, int width, int height, int rounds)
 {
     struct sst_live_config cfg = { .rows = SIDE, .cols = SIDE, .width = width, .height = height, .threads = THREADS };
-    struct sst_live_picture *kept = NULL;
+    struct sst_livepicture *kept = NULL;
     double changed = 0;
     int err;
 
@@ -224,8 +224,8 @@ static int run(struct bench *b, int width, int height, int rounds)
         cfg.present[k] = true;
     err = live_init(b->live, &cfg);
     b->live->ready = true;
-    err = err ? err : sst_live_changes_init(&b->changes, &b->live->lf);
-    err = err ? err : sst_live_picture_create(&kept, b->live);
+    err = err ? err : sst_liveframes_changes_init(&b->changes, &b->live->lf);
+    err = err ? err : sst_livepicture_create(&kept, b->live);
     for (int i = 0; i < rounds && !err; i++) {
         err = step(b, i);
         changed += i && !err ? changed_share(b) / (rounds - 1) : 0;
@@ -241,7 +241,7 @@ static int run(struct bench *b, int width, int height, int rounds)
         printf("| %s | %.2f | %.2f | %.1f |\n", kind_name[i], median(s->ms, s->n), median(s->cpu_ms, s->n),
                median(s->share, s->n));
     }
-    sst_live_picture_destroy(kept);
+    sst_livepicture_destroy(kept);
     return err;
 }
 
@@ -259,7 +259,7 @@ int main(int argc, char **argv)
     if (err)
         sst_log_error("live_view bench: %s", strerror(-err));
     sst_scene_destroy(b.scene);
-    sst_live_changes_fini(&b.changes);
+    sst_liveframes_changes_fini(&b.changes);
     live_fini(b.live);
     free(b.live);
     return err ? 1 : 0;

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A service that only pretends: speaks docs/api.md with pictures made by tests/page/pictures.sh, so that the page can be
+"""A service that only pretends: speaks docs/integrate/api.md with pictures made by tests/page/pictures.sh, so that the page can be
 worked on and tested without cameras.   fake.py --pictures DIR [--port N] [--still]
 
 POST /fake changes what it pretends: {"status": {...}, "cameras": {"r3c2": {...}}, "role": "view", "views_max": 0,

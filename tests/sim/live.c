@@ -32,7 +32,7 @@
 struct array {
     struct sst_live_config cfg;
     struct sst_live *live;
-    struct sst_live_picture *picture;
+    struct sst_livepicture *picture;
     struct sst_scene *scene;
     struct sst_live_input in;
     uint8_t *jpeg[VIEWS];
@@ -122,14 +122,14 @@ static void open_array(struct array *a, bool labels)
     for (int k = 0; k < VIEWS; k++)
         assert_int_equal(sst_map_f32_init(&a->front[k], WIDTH, HEIGHT), 0);
     assert_int_equal(sst_live_open(&a->live, &a->cfg), 0);
-    assert_int_equal(sst_live_picture_create(&a->picture, a->live), 0);
+    assert_int_equal(sst_livepicture_create(&a->picture, a->live), 0);
 }
 
 static void close_array(struct array *a)
 {
     const int64_t start = sst_clock_now_ns();
 
-    sst_live_picture_destroy(a->picture);
+    sst_livepicture_destroy(a->picture);
     sst_live_close(a->live);
     assert_quick(start, INT64_C(1000000000));
     sst_scene_destroy(a->scene);
@@ -164,7 +164,7 @@ static double see_through(struct array *a, enum sst_render_method method, double
     sst_render_config_defaults(&cfg);
     cfg.method = method;
     cfg.focus_px = focus_px;
-    assert_int_equal(sst_live_picture_render(a->picture, &cfg, &image, anew), 0);
+    assert_int_equal(sst_livepicture_render(a->picture, &cfg, &image, anew), 0);
     for (int y = 0; y < HEIGHT; y++) {
         for (int x = 0; x < WIDTH; x++) {
             for (int c = 0; c < 3 && sst_map_u8_row(&a->hidden, y)[x]; c++, n++)
@@ -248,14 +248,14 @@ static void a_click_finds_what_is_between_leaves(void **state SST_UNUSED)
     sst_render_config_defaults(&cfg);
     cfg.focus_px = sst_scene_occluder_at(a.scene, 0)->focus_px;
     cfg.verify = true;
-    assert_int_equal(sst_live_picture_render(a.picture, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(a.picture, &cfg, &image, &anew), 0);
     for (int y = 2; y < HEIGHT; y += 5) {
         for (int x = 2; x < WIDTH; x += 5) {
-            struct sst_live_pick pick;
+            struct sst_livepicture_pick pick;
 
             if (!sst_map_u8_row(&a.hidden, y)[x])
                 continue;
-            assert_int_equal(sst_live_picture_pick(a.picture, x, y, &pick), 0);
+            assert_int_equal(sst_livepicture_pick(a.picture, x, y, &pick), 0);
             right += fabs(pick.disp_px - (double)sst_map_f32_row(&back, y)[x]) <= 1;
             all++;
         }
@@ -282,7 +282,7 @@ static void a_hen_vanishes_with_labels(void **state SST_UNUSED)
 
         assert_true(cat > 0);
         assert_true(a.report.zone[SST_LIVE_ZONES].label[cat] > 0.02f);
-        assert_int_equal(sst_live_label_disparity(a.live, cat, &px), 0);
+        assert_int_equal(sst_livepicture_label_disparity(a.live, cat, &px), 0);
         assert_true(fabs(px - sst_scene_occluder_at(a.scene, 0)->focus_px) < 1);
     }
     close_array(&a);
@@ -351,7 +351,7 @@ static void work_ends_when_it_is_to(void **state SST_UNUSED)
     assert_int_equal(err, -ECANCELED);
     assert_quick(start, INT64_C(3000000000));
     sst_render_config_defaults(&cfg);
-    assert_int_equal(sst_live_picture_render(a.picture, &cfg, &image, &anew), -ECANCELED);
+    assert_int_equal(sst_livepicture_render(a.picture, &cfg, &image, &anew), -ECANCELED);
     close_array(&a);
 }
 

@@ -38,7 +38,7 @@ static struct sst_counters http_counters;
 
 /* --- a service that answers --------------------------------------------------------------------------------------- */
 
-static struct sst_outlet *outlet;
+static struct sst_slot *outlet;
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static struct { /* under lock */
     char record[16], focus[32];
@@ -100,11 +100,11 @@ static int view_change(void *arg, const char *id, const json_t *settings, struct
     return 0;
 }
 
-static int get_outlet(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+static int get_outlet(void *arg, enum sst_api_picture kind, const char *name, struct sst_slot **out)
 {
     (void)arg;
     assert_true(kind == SST_PICTURE_VIEW && !strcmp(name, "main"));
-    *out = sst_outlet_ref(outlet);
+    *out = sst_slot_ref(outlet);
     return 0;
 }
 
@@ -338,7 +338,7 @@ static int setup(void **state)
     memset(&service, 0, sizeof(service));
     service.start_ns = sst_clock_now_ns();
     assert_int_equal(sst_events_create(&api.events, 64), 0);
-    assert_int_equal(sst_outlet_create(&outlet), 0);
+    assert_int_equal(sst_slot_create(&outlet), 0);
     sst_counters_init(&http_counters);
     open_service();
     return 0;
@@ -350,11 +350,11 @@ static int teardown(void **state)
     end(&program);
     end(&subscriber);
     end(&broker);
-    sst_outlet_shut(outlet);
+    sst_slot_shut(outlet);
     sst_events_shut(api.events);
     sst_http_close(http);
     http = NULL;
-    sst_outlet_unref(outlet);
+    sst_slot_unref(outlet);
     sst_counters_fini(&http_counters);
     sst_events_destroy(api.events);
     sst_path_remove_tree(folder);
@@ -584,11 +584,11 @@ static void pictures_come_at_most_so_often(void **state)
     expect_connected();
     start = sst_clock_now_ns();
     for (; took < INT64_C(2500000000) || ((n < 3 || looks < 100) && took < INT64_C(60000000000)); looks++) {
-        if (sst_outlet_viewers(outlet)) {
+        if (sst_slot_clients(outlet)) {
             uint8_t *data = malloc(sizeof(jpeg));
 
             memcpy(data, jpeg, sizeof(jpeg));
-            assert_int_equal(sst_outlet_put(outlet, data, sizeof(jpeg) - 1, 1, 1, 1), 0);
+            assert_int_equal(sst_slot_put(outlet, data, sizeof(jpeg) - 1, 1, 1, 1), 0);
         } else {
             idle++;
         }

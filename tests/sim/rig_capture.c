@@ -23,27 +23,27 @@ static void expect_said(const char *words)
 
 static void poses_go_to_and_fro_and_come_from_below(void **state SST_UNUSED)
 {
-    const struct sst_rig_capture_config cfg = {
+    const struct sst_scan_config cfg = {
         .rows = 2, .cols = 3, .pitch_um = { 40000, 30000 }, .origin_um = { 1000, 2000, 500 }, .backlash_um = 700
     };
     static const int order[] = { 0, 1, 2, 5, 4, 3 };
     struct sst_rig_pos from, to, via;
 
     for (int i = 0; i < 6; i++)
-        assert_int_equal(sst_rig_capture_view(&cfg, i), order[i]);
-    to = sst_rig_capture_pose(&cfg, 5);
+        assert_int_equal(sst_scan_view(&cfg, i), order[i]);
+    to = sst_scan_pose(&cfg, 5);
     assert_int_equal(to.um[0], 81000);
     assert_int_equal(to.um[1], 32000);
     assert_int_equal(to.um[2], 500);
-    from = sst_rig_capture_pose(&cfg, 2);
-    via = sst_rig_capture_approach(&cfg, 2, &from, to); /* up only */
+    from = sst_scan_pose(&cfg, 2);
+    via = sst_scan_approach(&cfg, 2, &from, to); /* up only */
     assert_memory_equal(&via, &to, sizeof(via));
-    to = sst_rig_capture_pose(&cfg, 4);
-    from = sst_rig_capture_pose(&cfg, 5);
-    via = sst_rig_capture_approach(&cfg, 2, &from, to);
+    to = sst_scan_pose(&cfg, 4);
+    from = sst_scan_pose(&cfg, 5);
+    via = sst_scan_approach(&cfg, 2, &from, to);
     assert_int_equal(via.um[0], 41000 - 700);
     assert_int_equal(via.um[1], 32000);
-    via = sst_rig_capture_approach(&cfg, 3, NULL, to);
+    via = sst_scan_approach(&cfg, 3, NULL, to);
     assert_int_equal(via.um[1], 32000 - 700);
     assert_int_equal(via.um[2], 500 - 700);
 }
@@ -57,20 +57,20 @@ static void legs_are_trapezoids(void **state SST_UNUSED)
     sst_rig_config_defaults(&rig);
     rig.speed_mm_s = 100;
     rig.accel_mm_s2 = 1000;
-    assert_float_equal(sst_rig_capture_leg_s(&rig, &from, &near), 0.2, 1e-6);
-    assert_float_equal(sst_rig_capture_leg_s(&rig, &from, &far), 0.5, 1e-6);
+    assert_float_equal(sst_scan_leg_s(&rig, &from, &near), 0.2, 1e-6);
+    assert_float_equal(sst_scan_leg_s(&rig, &from, &far), 0.5, 1e-6);
 }
 
 static void the_plan_checks_the_travel(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_config cfg;
-    struct sst_rig_capture_plan plan;
+    struct sst_scan_config cfg;
+    struct sst_scan_plan plan;
     struct sst_rig_config rig;
 
-    sst_rig_capture_config_defaults(&cfg);
+    sst_scan_config_defaults(&cfg);
     sst_rig_config_defaults(&rig);
     cfg.origin_um[0] = cfg.origin_um[1] = 1000;
-    assert_int_equal(sst_rig_capture_plan(&plan, &cfg, &rig), 0);
+    assert_int_equal(sst_scan_plan(&plan, &cfg, &rig), 0);
     assert_int_equal(plan.views, 36);
     /* 1 mm from 0,0 to the first pose's approach is none: it is at 0. Then 1 + 6 * 5 * 40 + 5 * 40 and, in the three
      * rows from right to left, 5 times 1 mm down and up, and the first of them is not approached from above. */
@@ -79,17 +79,17 @@ static void the_plan_checks_the_travel(void **state SST_UNUSED)
     assert_true(plan.speed_assumed);
     (void)sst_log_hold_errors(said);
     cfg.pitch_um[0] = 60000;
-    assert_int_equal(sst_rig_capture_plan(&plan, &cfg, &rig), -EINVAL);
+    assert_int_equal(sst_scan_plan(&plan, &cfg, &rig), -EINVAL);
     expect_said("301.000");
     cfg.pitch_um[0] = 40000;
     cfg.origin_um[1] = 999;
-    assert_int_equal(sst_rig_capture_plan(&plan, &cfg, &rig), -EINVAL);
+    assert_int_equal(sst_scan_plan(&plan, &cfg, &rig), -EINVAL);
     (void)sst_log_hold_errors(NULL);
 }
 
 static void a_capture_becomes_a_light_field(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_report report;
+    struct sst_scan_report report;
     struct sst_lightfield lf;
     struct bench b;
 
@@ -135,7 +135,7 @@ static void damage(const struct bench *b, const char *name, bool remove_it)
 
 static void what_is_missing_is_taken_again(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_report report;
+    struct sst_scan_report report;
     struct sst_lightfield lf;
     struct bench b;
     char path[160];
@@ -165,7 +165,7 @@ static void what_is_missing_is_taken_again(void **state SST_UNUSED)
 
 static void cancel_leaves_what_can_go_on(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_report report;
+    struct sst_scan_report report;
     atomic_bool cancel;
     struct bench b;
 
@@ -185,7 +185,7 @@ static void cancel_leaves_what_can_go_on(void **state SST_UNUSED)
 
 static int refused(struct bench *b)
 {
-    struct sst_rig_capture_report report;
+    struct sst_scan_report report;
     int err;
 
     said[0] = 0;
@@ -197,8 +197,8 @@ static int refused(struct bench *b)
 
 static void refusals(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_report report;
-    struct sst_rig_store *store;
+    struct sst_scan_report report;
+    struct sst_scan_store *store;
     struct bench b;
     char path[160];
 
@@ -224,9 +224,9 @@ static void refusals(void **state SST_UNUSED)
     assert_int_equal(refused(&b), -EINVAL);
     expect_said("SIM0001");
     b.camera.serial = "SIM0001";
-    assert_int_equal(sst_rig_store_open(&store, &b.cfg), 0);
+    assert_int_equal(sst_scan_store_open(&store, &b.cfg), 0);
     assert_int_equal(refused(&b), -EBUSY);
-    sst_rig_store_close(store);
+    sst_scan_store_close(store);
     b.cfg.fourcc = 'Y' | 'U' << 8 | 'Y' << 16 | (uint32_t)'V' << 24;
     assert_int_equal(refused(&b), -EINVAL);
     bench_end(&b);

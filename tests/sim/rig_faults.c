@@ -50,7 +50,7 @@ static void set_fault(const char *name, const char *value)
 }
 
 /* A fresh capture with a fault that begins after the first view. */
-static int capture_with(const char *fault, const char *value, struct sst_rig_capture_report *report)
+static int capture_with(const char *fault, const char *value, struct sst_scan_report *report)
 {
     const int64_t start_ns = sst_clock_now_ns();
     int err;
@@ -88,7 +88,7 @@ static void expect_all_views(void)
  * still meanwhile: then once more. */
 static void mended(const char *fault, const char *value, uint64_t (*count)(const struct sst_rig_counters *c))
 {
-    struct sst_rig_capture_report report = { .taken = 0 };
+    struct sst_scan_report report = { .taken = 0 };
 
     for (int i = 0; i < ATTEMPTS && !count(&report.rig); i++) {
         assert_int_equal(capture_with(fault, value, &report), 0);
@@ -163,7 +163,7 @@ static void exceptions_stop_and_retry(void **state SST_UNUSED)
     static const char *const codes[] = { "2", "4" };
 
     for (size_t i = 0; i < ARRAY_LEN(codes); i++) {
-        struct sst_rig_capture_report report;
+        struct sst_scan_report report;
 
         assert_int_equal(capture_with("exception", codes[i], &report), 0);
         assert_int_equal(report.again, 1);
@@ -176,7 +176,7 @@ static void exceptions_stop_and_retry(void **state SST_UNUSED)
 /* What never ends is reported in time, and the folder goes on when it does. */
 static void a_dead_bus_ends_the_capture(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_report report;
+    struct sst_scan_report report;
 
     assert_int_equal(capture_with("silence", "always", &report), -ETIMEDOUT);
     assert_int_equal(report.taken, 0); /* that it stood could not be seen after the first exposure */
@@ -190,7 +190,7 @@ static void a_dead_bus_ends_the_capture(void **state SST_UNUSED)
 
 /* --- the axes ----------------------------------------------------------------------------------------------------- */
 
-static void axis_fault(const char *fault, const char *value, const char *words, struct sst_rig_capture_report *report)
+static void axis_fault(const char *fault, const char *value, const char *words, struct sst_scan_report *report)
 {
     assert_int_equal(capture_with(fault, value, report), 0);
     assert_int_equal(report->taken, 2);
@@ -203,7 +203,7 @@ static void axis_fault(const char *fault, const char *value, const char *words, 
 
 static void the_axes(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_report report;
+    struct sst_scan_report report;
 
     assert_int_equal(capture_with(NULL, NULL, &report), 0); /* homes */
     expect_all_views();
@@ -224,7 +224,7 @@ static void the_axes(void **state SST_UNUSED)
 
 static void an_early_in_position_is_not_believed(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_report report = { .taken = 0 };
+    struct sst_scan_report report = { .taken = 0 };
 
     /* Who stands still during the whole motion hears no lie: then once more. */
     for (int i = 0; i < ATTEMPTS && !report.rig.lies; i++) {
@@ -238,7 +238,7 @@ static void an_early_in_position_is_not_believed(void **state SST_UNUSED)
 /* An obstacle that stays: told, stopped, not tried for ever. */
 static void a_lasting_stall_ends_the_capture(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_report report;
+    struct sst_scan_report report;
 
     bench.cfg.attempts = 2;
     assert_int_equal(capture_with("stall", "x:always", &report), -EIO);
@@ -253,7 +253,7 @@ static void a_lasting_stall_ends_the_capture(void **state SST_UNUSED)
 
 static void a_missing_frame_is_tried_again(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_report report;
+    struct sst_scan_report report;
 
     bench.fail_shots = 2;
     assert_int_equal(capture_with(NULL, NULL, &report), 0);
@@ -268,7 +268,7 @@ static void a_missing_frame_is_tried_again(void **state SST_UNUSED)
 /* Somebody pushes the rig, so to say, between the two looks at it. */
 static void a_push_during_the_exposure_throws_the_frame_away(void **state SST_UNUSED)
 {
-    struct sst_rig_capture_report report;
+    struct sst_scan_report report;
 
     assert_int_equal(capture_with("power_loss", "x", &report), 0);
     assert_int_equal(report.moved, 1); /* the view during whose exposure the power went */

@@ -118,7 +118,7 @@ int main(int argc, char **argv)
     cfg.hole = (int)option("hole"), cfg.unsolved = (int)option("unsolved");
     cfg.bent = (int)option("bent"), cfg.moved = (int)option("moved"), cfg.rig = option("rig") > 0;
     made_open(&m, &cfg);
-    m.solution.cross_px = option("cross");
+    m.solution.cv_px = option("cross");
     rectified(&plan, &m);
     if (option("nasty") > 0)
         nasty_names(&m);
@@ -135,8 +135,8 @@ int main(int argc, char **argv)
     if (option("plain") > 0) {
         report.rectified = NULL, report.light = NULL, report.picture = NULL;
         free(m.solution.lens_sigma);
-        free(m.solution.carry_sigma);
-        m.solution.lens_sigma = NULL, m.solution.carry_sigma = NULL;
+        free(m.solution.transfer_sigma);
+        m.solution.lens_sigma = NULL, m.solution.transfer_sigma = NULL;
     }
     if (option("forgotten") > 0)
         made_forget(&m);

@@ -9,7 +9,7 @@
 #include "base/clock.h"
 #include "daemon/publish/http.h"
 
-static struct sst_outlet *outlet;
+static struct sst_slot *outlet;
 
 static int give_status(void *arg, struct sst_api_answer *out)
 {
@@ -18,12 +18,12 @@ static int give_status(void *arg, struct sst_api_answer *out)
     return 0;
 }
 
-static int give_outlet(void *arg, enum sst_api_picture kind, const char *name, struct sst_outlet **out)
+static int give_outlet(void *arg, enum sst_api_picture kind, const char *name, struct sst_slot **out)
 {
     (void)arg;
     (void)kind;
     (void)name;
-    *out = sst_outlet_ref(outlet);
+    *out = sst_slot_ref(outlet);
     return 0;
 }
 
@@ -59,7 +59,7 @@ static int show_all(double seconds, double hz, size_t bytes)
         if (!data)
             return -ENOMEM;
         memset(data, i, bytes);
-        if (sst_outlet_put(outlet, data, bytes, (uint64_t)i, sst_clock_now_ns(), 0))
+        if (sst_slot_put(outlet, data, bytes, (uint64_t)i, sst_clock_now_ns(), 0))
             return -ENOMEM;
         nanosleep(&period, NULL);
     }
@@ -85,7 +85,7 @@ int main(int argc, char **argv)
     int64_t cpu_ns, start_ns;
 
     sst_counters_init(&c);
-    if (argc != 6 || sst_outlet_create(&outlet) || sst_events_create(&api.events, 16))
+    if (argc != 6 || sst_slot_create(&outlet) || sst_events_create(&api.events, 16))
         return 1;
     snprintf(token_file, sizeof(token_file), "%s/token", argv[1]);
     cfg.token_file = token_file;
@@ -93,7 +93,7 @@ int main(int argc, char **argv)
         return 1;
     printf("%d\n", sst_http_port(http));
     fflush(stdout);
-    while (sst_outlet_viewers(outlet) < atoi(argv[2]))
+    while (sst_slot_clients(outlet) < atoi(argv[2]))
         nanosleep(&(struct timespec){ .tv_nsec = 10000000 }, NULL);
     cpu_ns = sst_clock_cpu_ns();
     start_ns = sst_clock_now_ns();
@@ -102,9 +102,9 @@ int main(int argc, char **argv)
     printf("cpu %.1f, %d pictures, %llu skipped\n",
            100.0 * (double)(sst_clock_cpu_ns() - cpu_ns) / (double)(sst_clock_now_ns() - start_ns),
            (int)(atof(argv[3]) * atof(argv[4])), (unsigned long long)c.skipped);
-    sst_outlet_shut(outlet);
+    sst_slot_shut(outlet);
     sst_http_close(http);
-    sst_outlet_unref(outlet);
+    sst_slot_unref(outlet);
     sst_events_shut(api.events);
     sst_events_destroy(api.events);
     return 0;

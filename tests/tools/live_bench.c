@@ -218,16 +218,16 @@ static int write_overlays(struct sst_live *live)
     struct sst_image image = { 0 };
     int err = sst_image_init(&image, lf->width, lf->height);
 
-    if (!err && !sst_live_overlay(live, SST_LIVE_DISPARITY_PICTURE, &image))
+    if (!err && !sst_livepicture_overlay(live, SST_LIVE_DISPARITY_PICTURE, &image))
         err = write_picture(&image, "disparity", 0);
-    if (!err && !sst_live_overlay(live, SST_LIVE_LABELS_PICTURE, &image))
+    if (!err && !sst_livepicture_overlay(live, SST_LIVE_LABELS_PICTURE, &image))
         err = write_picture(&image, "labels", 0);
     sst_image_fini(&image);
     return err ? err : write_picture(&lf->views[lf->ref_view].image, "reference", 0);
 }
 
 /* One set: taken in, rendered, encoded. */
-static int follow(struct sst_live *live, struct sst_live_picture *p, const struct sst_live_input *in, struct cost *cost,
+static int follow(struct sst_live *live, struct sst_livepicture *p, const struct sst_live_input *in, struct cost *cost,
                   struct live_truth *truth, int i)
 {
     const int64_t cpu_ns = sst_clock_cpu_ns();
@@ -247,7 +247,7 @@ static int follow(struct sst_live *live, struct sst_live_picture *p, const struc
     at[0] = sst_clock_now_ns();
     err = sst_live_update(live, in, report);
     at[1] = sst_clock_now_ns();
-    err = err ? err : sst_live_picture_render(p, &cfg, &image, &anew);
+    err = err ? err : sst_livepicture_render(p, &cfg, &image, &anew);
     at[2] = sst_clock_now_ns();
     if (!err && anew)
         err = sst_image_encode_jpeg(image, 85, &jpeg, &bytes);
@@ -317,12 +317,12 @@ static void summary(struct cost *cost)
 static int run(struct source *s, const struct sst_live_config *cfg, struct live_truth *truth)
 {
     struct cost *cost = calloc(1, sizeof(*cost));
-    struct sst_live_picture *p = NULL;
+    struct sst_livepicture *p = NULL;
     struct sst_live *live = NULL;
     int err = cost ? sst_live_open(&live, cfg) : -ENOMEM;
     const int first = (int)option("first"), sets = sst_min_int((int)option("sets"), s->sets - first);
 
-    err = err ? err : sst_live_picture_create(&p, live);
+    err = err ? err : sst_livepicture_create(&p, live);
     for (int i = 0; i < sets && !err; i++) {
         struct sst_live_input in = { 0 };
         const int absent = (int)option("absent");
@@ -342,7 +342,7 @@ static int run(struct source *s, const struct sst_live_config *cfg, struct live_
             live_truth_print(truth);
         err = out_dir ? write_overlays(live) : 0;
     }
-    sst_live_picture_destroy(p);
+    sst_livepicture_destroy(p);
     sst_live_close(live);
     free(cost);
     return err;

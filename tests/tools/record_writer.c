@@ -89,7 +89,7 @@ static size_t make_jpeg(struct synthetic *s, int index, int cam, uint8_t *data)
     return n;
 }
 
-static void put_pictures(struct synthetic *s, int index, struct sst_set *set)
+static void put_pictures(struct synthetic *s, int index, struct sst_frameset *set)
 {
     for (int k = 0; k < s->cameras; k++) {
         if (set->frame[k])
@@ -114,7 +114,7 @@ static int write_sets(struct synthetic *s, const char *dir, bool bench)
     cfg.segment_bytes = (int64_t)option("segment_bytes");
     err = sst_recorder_open(&r, &cfg);
     for (int i = first; !err && i < first + n; i++) {
-        struct sst_set set;
+        struct sst_frameset set;
         int64_t c0, t0, took;
 
         synthetic_set(s, (uint64_t)i, &set);
@@ -210,7 +210,7 @@ int main(int argc, char **argv)
     s.cameras = (int)option("cameras");
     s.width = (int)option("width");
     s.height = (int)option("height");
-    s.fourcc = sst_pixel_format_parse(format);
+    s.fourcc = sst_recording_format_parse(format);
     s.bytes = (size_t)option("bytes");
     s.exact = option("exact") != 0;
     if (s.fourcc != V4L2_PIX_FMT_MJPEG) {

@@ -352,26 +352,26 @@ static void nothing(struct made *m)
 
 static void no_cross(struct made *m)
 {
-    m->solution.cross_px = m->solution.cross_expected_px = NAN;
+    m->solution.cv_px = m->solution.cv_expected_px = NAN;
 }
 
 static void cross_large(struct made *m)
 {
-    m->solution.cross_px = 0.25;
-    m->solution.cross_expected_px = 0.2;
-    m->solution.cross_camera = 2;
+    m->solution.cv_px = 0.25;
+    m->solution.cv_expected_px = 0.2;
+    m->solution.cv_camera = 2;
 }
 
 static void cross_unexplained(struct made *m)
 {
-    m->solution.cross_px = 0.15;
-    m->solution.cross_expected_px = 0.05;
+    m->solution.cv_px = 0.15;
+    m->solution.cv_expected_px = 0.05;
 }
 
 static void cross_tiny(struct made *m)
 {
-    m->solution.cross_px = 0.03;
-    m->solution.cross_expected_px = 0.01;
+    m->solution.cv_px = 0.03;
+    m->solution.cv_expected_px = 0.01;
 }
 
 static void many_outliers(struct made *m)

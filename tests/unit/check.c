@@ -106,9 +106,9 @@ static void make(struct sst_lightfield *lf, const struct recipe *r)
 
 static void run(struct sst_drift *out, const struct sst_lightfield *lf, int threads)
 {
-    const struct sst_check_config cfg = { .threads = threads };
+    const struct sst_drift_config cfg = { .threads = threads };
 
-    assert_int_equal(sst_check_lightfield(out, lf, &cfg), 0);
+    assert_int_equal(sst_drift_check(out, lf, &cfg), 0);
     print_message("%s\n", out->sentence);
 }
 
@@ -230,7 +230,7 @@ static void nothing_is_found_where_nothing_is_wrong(void **state)
         for (int v = 0; v < r.rows * r.cols; v++)
             r.fault[v].gain = seed == 1 ? 1 : 0.9 + 0.05 * (v % 5);
         check_recipe(&c, &r);
-        assert_int_equal(c.verdict, SST_CHECK_OK);
+        assert_int_equal(c.verdict, SST_DRIFT_OK);
         assert_int_equal(c.measured, c.pairs);
         assert_int_equal(c.pairs, r.rows * (r.cols - 1) + r.cols * (r.rows - 1));
         assert_true(c.mean_px < 0.02);
@@ -240,7 +240,7 @@ static void nothing_is_found_where_nothing_is_wrong(void **state)
         for (int v = 0; v < r.rows * r.cols; v++)
             assert_true(c.camera[v].known && c.camera[v].off_px < 0.08);
         assert_true(c.range_min_px < 2.3 && c.range_max_px > 6.6);
-        sst_check_fini(&c);
+        sst_drift_fini(&c);
     }
 }
 
@@ -269,9 +269,9 @@ static void drifts_are_measured(void **state)
     for (size_t i = 0; i < ARRAY_LEN(wrong); i++)
         r.fault[wrong[i].view] = (struct fault){ wrong[i].x, wrong[i].y, wrong[i].roll_deg, 0, i % 2 ? 0.9 : 1.1 };
     check_recipe(&c, &r);
-    assert_int_equal(c.verdict, SST_CHECK_DRIFTED);
+    assert_int_equal(c.verdict, SST_DRIFT_DRIFTED);
     for (size_t i = 0; i < ARRAY_LEN(wrong); i++) {
-        const struct sst_check_camera *k = &c.camera[wrong[i].view];
+        const struct sst_drift_camera *k = &c.camera[wrong[i].view];
 
         near_px(k->shift_x_px, wrong[i].x, 0.05);
         near_px(k->shift_y_px, wrong[i].y, 0.05);
@@ -287,7 +287,7 @@ static void drifts_are_measured(void **state)
     assert_non_null(strstr(c.sentence, "too high and 10.0"));
     assert_non_null(strstr(c.sentence, "px too far right, camera 03_04 sits 3.0"));
     assert_non_null(strstr(c.sentence, "and 3 more; the other 29 are within 0."));
-    sst_check_fini(&c);
+    sst_drift_fini(&c);
 }
 
 /* A camera whose picture is 0.3 % larger, and nothing else. */
@@ -303,10 +303,10 @@ static void another_size_is_measured(void **state)
     near_px(c.camera[4].shift_x_px, 0, 0.05);
     near_px(c.camera[4].shift_y_px, 0, 0.05);
     assert_true(c.camera[4].drifted);
-    assert_int_equal(c.verdict, SST_CHECK_DRIFTED);
+    assert_int_equal(c.verdict, SST_DRIFT_DRIFTED);
     assert_non_null(strstr(c.sentence, "camera 01_01 is 0.3"));
     assert_non_null(strstr(c.sentence, "% too large; the other 8"));
-    sst_check_fini(&c);
+    sst_drift_fini(&c);
 }
 
 static void swap_images(struct sst_lightfield *lf, int a, int b)
@@ -330,11 +330,11 @@ static void exchanged_views_are_named(void **state)
 
         swap_images(&lf, pair[i][0], pair[i][1]);
         run(&c, &lf, 2);
-        assert_int_equal(c.verdict, SST_CHECK_UNUSABLE);
+        assert_int_equal(c.verdict, SST_DRIFT_UNUSABLE);
         assert_int_equal(c.swapped_a, pair[i][0]);
         assert_int_equal(c.swapped_b, pair[i][1]);
         swap_images(&lf, pair[i][0], pair[i][1]);
-        sst_check_fini(&c);
+        sst_drift_fini(&c);
     }
     sst_lightfield_fini(&lf);
 }
@@ -353,9 +353,9 @@ static void turned_grids_are_named(void **state)
             swap_images(&lf, v, v / 4 * 4 + 3 - v % 4);
     }
     run(&c, &lf, 2);
-    assert_int_equal(c.verdict, SST_CHECK_UNUSABLE);
+    assert_int_equal(c.verdict, SST_DRIFT_UNUSABLE);
     assert_non_null(strstr(c.sentence, "right to left"));
-    sst_check_fini(&c);
+    sst_drift_fini(&c);
     for (int v = 0; v < 16; v++) {
         if (v % 4 < 2)
             swap_images(&lf, v, v / 4 * 4 + 3 - v % 4);
@@ -365,9 +365,9 @@ static void turned_grids_are_named(void **state)
             swap_images(&lf, v, v % 4 * 4 + v / 4);
     }
     run(&c, &lf, 2);
-    assert_int_equal(c.verdict, SST_CHECK_UNUSABLE);
+    assert_int_equal(c.verdict, SST_DRIFT_UNUSABLE);
     assert_non_null(strstr(c.sentence, "rows and columns are exchanged"));
-    sst_check_fini(&c);
+    sst_drift_fini(&c);
     sst_lightfield_fini(&lf);
 }
 
@@ -382,9 +382,9 @@ static void unrectified_is_unusable(void **state)
         r.fault[v] = (struct fault){ sst_random_in(&random, -12, 12), sst_random_in(&random, -12, 12),
                                      sst_random_in(&random, -1, 1), sst_random_in(&random, -0.01, 0.01), 1 };
     check_recipe(&c, &r);
-    assert_int_equal(c.verdict, SST_CHECK_UNUSABLE);
+    assert_int_equal(c.verdict, SST_DRIFT_UNUSABLE);
     assert_int_equal(c.swapped_a, -1);
-    sst_check_fini(&c);
+    sst_drift_fini(&c);
 }
 
 static void blank_and_repeated_walls_raise_no_alarm(void **state)
@@ -396,20 +396,20 @@ static void blank_and_repeated_walls_raise_no_alarm(void **state)
     r.contrast = 0;
     r.noise = 3;
     check_recipe(&c, &r);
-    assert_int_equal(c.verdict, SST_CHECK_UNKNOWN);
+    assert_int_equal(c.verdict, SST_DRIFT_UNKNOWN);
     assert_true(isnan(c.mean_px) && isnan(c.far_p95_px) && isnan(c.axes_px));
     assert_false(c.camera[4].known);
-    sst_check_fini(&c);
+    sst_drift_fini(&c);
     r.noise = 0; /* every value the same */
     check_recipe(&c, &r);
-    assert_int_equal(c.verdict, SST_CHECK_UNKNOWN);
-    sst_check_fini(&c);
+    assert_int_equal(c.verdict, SST_DRIFT_UNKNOWN);
+    sst_drift_fini(&c);
     r = plain(3, 3, 42);
     r.repeated = true;
     r.disc = r.wall;
     check_recipe(&c, &r);
-    assert_true(c.verdict == SST_CHECK_UNKNOWN || (c.verdict == SST_CHECK_OK && c.mean_px < 0.02));
-    sst_check_fini(&c);
+    assert_true(c.verdict == SST_DRIFT_UNKNOWN || (c.verdict == SST_DRIFT_OK && c.mean_px < 0.02));
+    sst_drift_fini(&c);
 }
 
 /* (R + 2 G + B) / 4 and the mean of four pixels: noise of 1 becomes sqrt(6) / 8. */
@@ -477,11 +477,11 @@ static void covered_camera_is_lost(void **state)
     sst_image_fini(&lf.views[5].image);
     draw_view(&lf.views[5].image, &other, 5, 0, 0);
     run(&c, &lf, 2);
-    assert_int_equal(c.verdict, SST_CHECK_DRIFTED);
+    assert_int_equal(c.verdict, SST_DRIFT_DRIFTED);
     assert_true(c.camera[5].lost && c.camera[5].drifted && !c.camera[5].known);
     assert_non_null(strstr(c.sentence, "camera 01_01 shows nothing that its neighbours see"));
     assert_non_null(strstr(c.sentence, "the other 15 are within 0.0"));
-    sst_check_fini(&c);
+    sst_drift_fini(&c);
     sst_lightfield_fini(&lf);
 }
 
@@ -497,13 +497,13 @@ static void a_row_sees_vertical_shifts(void **state)
     r.fault[3].y = -0.6;
     r.fault[1].x = 0.6;
     check_recipe(&c, &r);
-    assert_int_equal(c.verdict, SST_CHECK_DRIFTED);
+    assert_int_equal(c.verdict, SST_DRIFT_DRIFTED);
     assert_int_equal(c.pairs, 4);
     near_px(c.camera[3].shift_y_px, -0.6, 0.05);
     assert_true(isnan(c.camera[3].shift_x_px));
     near_px(c.camera[1].shift_y_px, 0, 0.05);
     assert_true(isnan(c.axes_px));
-    sst_check_fini(&c);
+    sst_drift_fini(&c);
 }
 
 static void two_views_cannot_tell_which(void **state)
@@ -513,14 +513,14 @@ static void two_views_cannot_tell_which(void **state)
 
     (void)state;
     check_recipe(&c, &r);
-    assert_int_equal(c.verdict, SST_CHECK_OK);
-    sst_check_fini(&c);
+    assert_int_equal(c.verdict, SST_DRIFT_OK);
+    sst_drift_fini(&c);
     r.fault[1].y = 0.8;
     check_recipe(&c, &r);
-    assert_int_equal(c.verdict, SST_CHECK_DRIFTED);
+    assert_int_equal(c.verdict, SST_DRIFT_DRIFTED);
     assert_non_null(strstr(c.sentence, "cameras 00_00 and 00_01 sit 0.8"));
     near_px(c.pair[0].mean_px, 0.8, 0.05);
-    sst_check_fini(&c);
+    sst_drift_fini(&c);
 }
 
 /* Holes are stepped over; figures stay right. */
@@ -538,12 +538,12 @@ static void holes_are_stepped_over(void **state)
         lf.views[v].present = false;
     }
     run(&c, &lf, 2);
-    assert_int_equal(c.verdict, SST_CHECK_DRIFTED);
+    assert_int_equal(c.verdict, SST_DRIFT_DRIFTED);
     assert_int_equal(c.pairs, 3 + 1 + 3 + 2 + 2 + 2);
     assert_false(c.camera[5].known);
     near_px(c.camera[7].shift_y_px, 0.7, 0.05);
     assert_true(c.camera[7].drifted);
-    sst_check_fini(&c);
+    sst_drift_fini(&c);
     sst_lightfield_fini(&lf);
 }
 
@@ -566,14 +566,14 @@ static void any_number_of_threads_gives_the_same(void **state)
         assert_true(a.camera[v].off_sigma_px == b.camera[v].off_sigma_px);
     }
     assert_string_equal(a.sentence, b.sentence);
-    sst_check_fini(&a);
-    sst_check_fini(&b);
+    sst_drift_fini(&a);
+    sst_drift_fini(&b);
     sst_lightfield_fini(&lf);
 }
 
 static void unfit_input_is_refused(void **state)
 {
-    const struct sst_check_config cfg = { .threads = 1 };
+    const struct sst_drift_config cfg = { .threads = 1 };
     struct sst_drift c = { .pairs = -7 };
     struct sst_lightfield lf;
     char text[SST_LOG_MAX];
@@ -584,11 +584,11 @@ static void unfit_input_is_refused(void **state)
     lf.width = lf.height = 40;
     lf.views[0].present = true;
     assert_int_equal(sst_image_init(&lf.views[0].image, 40, 40), 0);
-    assert_int_equal(sst_check_lightfield(&c, &lf, &cfg), -EBADMSG);
+    assert_int_equal(sst_drift_check(&c, &lf, &cfg), -EBADMSG);
     assert_non_null(strstr(text, "1 view loaded, 2 are needed"));
     lf.views[1].present = true;
     assert_int_equal(sst_image_init(&lf.views[1].image, 40, 40), 0);
-    assert_int_equal(sst_check_lightfield(&c, &lf, &cfg), -EBADMSG);
+    assert_int_equal(sst_drift_check(&c, &lf, &cfg), -EBADMSG);
     assert_non_null(strstr(text, "40 x 40"));
     assert_int_equal(c.pairs, -7); /* untouched */
     sst_log_hold_errors(NULL);
@@ -604,12 +604,12 @@ static void the_picture_shows_the_worst_in_red(void **state)
     (void)state;
     r.fault[5].y = 2;
     check_recipe(&c, &r);
-    assert_int_equal(sst_check_picture(&out, &c), 0);
+    assert_int_equal(sst_drift_picture(&out, &c), 0);
     /* Left edge of the box of camera 01_01 is red, that of 00_03 green. */
     assert_true(sst_image_row(&out, 0, 40 + 168)[168 - 30] > 180 && sst_image_row(&out, 1, 40 + 168)[168 - 30] < 80);
     assert_true(sst_image_row(&out, 0, 40 + 56)[392 - 30] < 130 && sst_image_row(&out, 1, 40 + 56)[392 - 30] > 140);
     sst_image_fini(&out);
-    sst_check_fini(&c);
+    sst_drift_fini(&c);
 }
 
 int main(void)

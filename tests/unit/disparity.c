@@ -259,7 +259,7 @@ static void support_arms(void **state SST_UNUSED)
 
     for (int y = 0; y < 3; y++)
         sst_image_row(&img, 0, y)[3] = sst_image_row(&img, 0, y)[4] = 120;
-    assert_int_equal(sst_support_init(&s, &img, 2, 20), 0);
+    assert_int_equal(sst_disparity_support_init(&s, &img, 2, 20), 0);
     row_is(&s.left, 1, "01201");
     row_is(&s.right, 1, "21010");
     for (int y = 0; y < 3; y++) {
@@ -268,18 +268,18 @@ static void support_arms(void **state SST_UNUSED)
         assert_int_equal(sst_map_u16_row(&s.count, y)[0], 9); /* three rows of 1 + 0 + 2 */
         assert_int_equal(sst_map_u16_row(&s.count, y)[4], 6); /* three rows of 1 + 1 + 0 */
     }
-    sst_support_fini(&s);
-    assert_int_equal(sst_support_init(&s, &img, 2, 21), 0);
+    sst_disparity_support_fini(&s);
+    assert_int_equal(sst_disparity_support_init(&s, &img, 2, 21), 0);
     row_is(&s.left, 0, "01222");
     row_is(&s.right, 2, "22210");
-    sst_support_fini(&s);
+    sst_disparity_support_fini(&s);
     /* An arm that was stopped does not go on behind the obstacle. */
     for (int y = 0; y < 3; y++)
         sst_image_row(&img, 0, y)[4] = 100;
-    assert_int_equal(sst_support_init(&s, &img, 2, 20), 0);
+    assert_int_equal(sst_disparity_support_init(&s, &img, 2, 20), 0);
     row_is(&s.left, 0, "01200");
     row_is(&s.right, 0, "21000");
-    sst_support_fini(&s);
+    sst_disparity_support_fini(&s);
     sst_image_fini(&img);
 }
 
@@ -291,20 +291,20 @@ static void aggregation_of_three_pixels(void **state SST_UNUSED)
     struct sst_volume v;
 
     /* Halves go up: (10 + 21) / 2 = 15.5, 91 / 3 = 30.3, 81 / 2 = 40.5; then 46 / 2, 87 / 3, 71 / 2. */
-    assert_int_equal(sst_support_init(&s, &img, 1, 5), 0);
+    assert_int_equal(sst_disparity_support_init(&s, &img, 1, 5), 0);
     assert_int_equal(sst_volume_init(&v, 3, 1, 0, 2), 0);
     memset(v.cost, SST_COST_MAX, v.width_padded * v.steps_padded);
     for (int rounds = 0; rounds < 3; rounds++) {
         for (int x = 0; x < 3; x++)
             cost_at(&v, x, 0)[1] = costs[x];
-        assert_int_equal(sst_support_aggregate(&v, &s, rounds), 0);
+        assert_int_equal(sst_disparity_support_aggregate(&v, &s, rounds), 0);
         for (int x = 0; x < 3; x++) {
             assert_int_equal(cost_at(&v, x, 0)[1], (rounds == 0 ? costs : rounds == 1 ? once : twice)[x]);
             assert_int_equal(cost_at(&v, x, 0)[2], SST_COST_MAX);
         }
     }
     sst_volume_fini(&v);
-    sst_support_fini(&s);
+    sst_disparity_support_fini(&s);
     sst_image_fini(&img);
 }
 
@@ -315,19 +315,19 @@ static void aggregation_of_equal_costs(void **state SST_UNUSED)
     struct sst_support s;
     struct sst_volume v;
 
-    assert_int_equal(sst_support_init(&s, &img, SST_SUPPORT_MAX_ARM, 5), 0);
+    assert_int_equal(sst_disparity_support_init(&s, &img, SST_SUPPORT_MAX_ARM, 5), 0);
     assert_int_equal(sst_volume_init(&v, 13, 40, 0, 32), 0);
     for (int base = 0; base < 256; base += 32) {
         for (size_t i = 0; i < v.width_padded * 40 * 32; i++)
             v.cost[i] = (uint8_t)(base + (int)(i % 32));
-        assert_int_equal(sst_support_aggregate(&v, &s, 1), 0);
+        assert_int_equal(sst_disparity_support_aggregate(&v, &s, 1), 0);
         for (int i = 0; i < 13 * 40 * 32; i++) {
             if (cost_at(&v, i / 32 % 13, i / 32 / 13)[i % 32] != base + i % 32)
                 fail_msg("a mean of %d is %d", base + i % 32, cost_at(&v, i / 32 % 13, i / 32 / 13)[i % 32]);
         }
     }
     sst_volume_fini(&v);
-    sst_support_fini(&s);
+    sst_disparity_support_fini(&s);
     sst_image_fini(&img);
 }
 
@@ -348,7 +348,7 @@ static void sgm_of_two_pixels(void **state SST_UNUSED)
     for (int i = 0; i < 6; i++)
         cost_at(&v, i / 3, 0)[i % 3] = costs[i / 3][i % 3];
     for (cfg.paths = 4; cfg.paths <= 8; cfg.paths += 4) {
-        assert_int_equal(sst_sgm(&v, &img, &cfg), 0);
+        assert_int_equal(sst_disparity_sgm(&v, &img, &cfg), 0);
         for (int i = 0; i < 6; i++)
             assert_int_equal(sum_at(&v, i / 3, 0)[i % 3], turns[i / 3][i % 3] + (cfg.paths - 2) * costs[i / 3][i % 3]);
     }
@@ -418,7 +418,7 @@ static void same_as_naive(struct sst_volume *v, const struct sst_image *img, con
     memset(want, 0, sizeof(want));
     for (int i = 0; i < cfg->paths; i++)
         naive_path(want, v, img, cfg, ways[i][0], ways[i][1]);
-    assert_int_equal(sst_sgm(v, img, cfg), 0);
+    assert_int_equal(sst_disparity_sgm(v, img, cfg), 0);
     for (int i = 0; i < cells; i++) {
         const int p = i / v->steps;
 
@@ -487,24 +487,24 @@ static void median_of_small_maps(void **state SST_UNUSED)
         holes[i] = (uint16_t)(i % 2 ? NONE : 100 + i); /* 12 unknown: the centre's median is the largest known value */
     }
     map = map16(3, 1, row);
-    assert_int_equal(sst_median5(&map, &lines), 0);
+    assert_int_equal(sst_disparity_median5(&map, &lines), 0);
     holds(&map, row);
     sst_map_u16_fini(&map);
     map = map16(1, 1, single);
-    assert_int_equal(sst_median5(&map, &lines), 0);
+    assert_int_equal(sst_disparity_median5(&map, &lines), 0);
     holds(&map, single);
     sst_map_u16_fini(&map);
     map = map16(1, 7, column);
-    assert_int_equal(sst_median5(&map, &lines), 0);
+    assert_int_equal(sst_disparity_median5(&map, &lines), 0);
     holds(&map, column);
     sst_map_u16_fini(&map);
     map = map16(5, 5, peak);
-    assert_int_equal(sst_median5(&map, &lines), 0);
+    assert_int_equal(sst_disparity_median5(&map, &lines), 0);
     peak[12] = 5;
     holds(&map, peak);
     sst_map_u16_fini(&map);
     map = map16(5, 5, holes);
-    assert_int_equal(sst_median5(&map, &lines), 0);
+    assert_int_equal(sst_disparity_median5(&map, &lines), 0);
     assert_int_equal(sst_map_u16_row(&map, 2)[2], 124);
     sst_map_u16_fini(&map);
     sst_mem_kept_fini(&lines);
@@ -515,7 +515,7 @@ static void filtered(int width, int height, const uint16_t *in, const uint8_t *l
     struct sst_map_u16 map = map16(width, height, in);
     struct sst_map_u8 luma = map8(width, height, levels, 0);
 
-    assert_int_equal(sst_bilateral(&map, &luma, tau), 0);
+    assert_int_equal(sst_disparity_bilateral(&map, &luma, tau), 0);
     holds(&map, want);
     sst_map_u16_fini(&map);
     sst_map_u8_fini(&luma);
@@ -606,11 +606,11 @@ static void multi_view_check(void **state SST_UNUSED)
 
             sst_map_u16_row(&own, down ? c->p : 0)[down ? 0 : c->p] = (uint16_t)c->d;
             sst_map_u16_row(&other, down ? c->q : 0)[down ? 0 : c->q] = (uint16_t)c->dn;
-            sst_check_views(&status, &own, c->disp_min, 8, views, 3);
+            sst_disparity_check_views(&status, &own, c->disp_min, 8, views, 3);
             if (sst_map_u8_row(&status, down ? c->p : 0)[down ? 0 : c->p] != c->want)
                 fail_msg("case %zu, %s: %d, not %d", i, down ? "down" : "across",
                          sst_map_u8_row(&status, down ? c->p : 0)[down ? 0 : c->p], c->want);
-            sst_check_views(&status, &own, c->disp_min, 8, NULL, 0);
+            sst_disparity_check_views(&status, &own, c->disp_min, 8, NULL, 0);
             assert_int_equal(sst_map_u8_row(&status, 0)[0], SST_DISPARITY_OCCLUSION);
             sst_map_u16_fini(&own);
             sst_map_u16_fini(&other);

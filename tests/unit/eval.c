@@ -60,9 +60,9 @@ static void disparity_errors(void **state SST_UNUSED)
     assert_int_equal(m.pixels, 3);
     CLOSE(m.bad1, 100.0 / 3, 1e-9);
     CLOSE(m.rmse, sqrt(2.5 / 3), 1e-9);
-    sst_disparity_error_merge(&sum, &d);
+    sst_eval_disparity_merge(&sum, &d);
     CLOSE(sum.rmse, d.rmse, 1e-12);
-    sst_disparity_error_merge(&sum, &m);
+    sst_eval_disparity_merge(&sum, &m);
     assert_int_equal(sum.pixels, 10);
     CLOSE(sum.bad1, 60, 1e-9);
     CLOSE(sum.density, 80, 1e-9);
@@ -70,11 +70,11 @@ static void disparity_errors(void **state SST_UNUSED)
     CLOSE(sum.mean_abs, 15.0 / 8, 1e-9);
     assert_int_equal(sst_eval_disparity(&d, &e, &t, &none), 0);
     assert_true(d.pixels == 0 && isnan(d.bad1) && isnan(d.rmse) && isnan(d.density));
-    sst_disparity_error_merge(&sum, &d);
+    sst_eval_disparity_merge(&sum, &d);
     assert_int_equal(sum.pixels, 10);
     CLOSE(sum.bad1, 60, 1e-9);
     sum = (struct sst_disparity_error){ 0 };
-    sst_disparity_error_merge(&sum, &d);
+    sst_eval_disparity_merge(&sum, &d);
     assert_true(isnan(sum.bad1) && isnan(sum.rmse));
     assert_int_equal(sst_eval_disparity(&m, &e, &t, &small), -EINVAL);
     sst_map_f32_fini(&e);

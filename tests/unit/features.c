@@ -20,8 +20,8 @@
 
 static void band_is(int rows, int radius, int i, int start, int first, int end)
 {
-    const struct sst_feature_bands bands = sst_feature_bands(rows, radius);
-    const struct sst_feature_band b = sst_feature_band(&bands, rows, radius, i);
+    const struct sst_disparity_feature_bands bands = sst_disparity_feature_bands(rows, radius);
+    const struct sst_disparity_feature_band b = sst_disparity_feature_band(&bands, rows, radius, i);
 
     assert_int_equal(b.start, start);
     assert_int_equal(b.first, first);
@@ -32,7 +32,7 @@ static void bands_of_known_heights(void **state SST_UNUSED)
 {
     /* 750 rows: three bands, a step of (750 - 8) / 3 = 247.3, in tiles of 4 248; 248 + 8 rows, and 2 to be 750 mod 4.
      */
-    struct sst_feature_bands b = sst_feature_bands(750, 4);
+    struct sst_disparity_feature_bands b = sst_disparity_feature_bands(750, 4);
 
     assert_int_equal(b.count, 3);
     assert_int_equal(b.step, 248);
@@ -42,14 +42,14 @@ static void bands_of_known_heights(void **state SST_UNUSED)
     band_is(750, 4, 2, 492, 500, 750); /* 750 - 258 */
 
     /* A radius of 5 takes 8 rows above, to stay on a tile: (521 - 13) / 3 = 169.3, 172, and 172 + 13 = 521 mod 4. */
-    b = sst_feature_bands(521, 5);
+    b = sst_disparity_feature_bands(521, 5);
     assert_int_equal(b.count, 3);
     assert_int_equal(b.step, 172);
     assert_int_equal(b.height, 185);
     band_is(521, 5, 1, 172, 180, 352);
     band_is(521, 5, 2, 336, 352, 521);
 
-    assert_int_equal(sst_feature_bands(750, -1).count, 1); /* not known */
+    assert_int_equal(sst_disparity_feature_bands(750, -1).count, 1); /* not known */
     band_is(750, -1, 0, 0, 0, 750);
     band_is(256, 4, 0, 0, 0, 256);
     band_is(1, 4, 0, 0, 0, 1);
@@ -62,11 +62,11 @@ static void bands_reach_far_enough(void **state SST_UNUSED)
 
     for (size_t r = 0; r < ARRAY_LEN(radii); r++) {
         for (int rows = 1; rows < 2500; rows++) {
-            const struct sst_feature_bands bands = sst_feature_bands(rows, radii[r]);
+            const struct sst_disparity_feature_bands bands = sst_disparity_feature_bands(rows, radii[r]);
             int next = 0;
 
             for (int i = 0; i < bands.count; i++) {
-                const struct sst_feature_band b = sst_feature_band(&bands, rows, radii[r], i);
+                const struct sst_disparity_feature_band b = sst_disparity_feature_band(&bands, rows, radii[r], i);
                 const int stop = b.start + bands.height;
 
                 if (b.start < 0 || b.start % SST_FEATURE_TILE || stop > rows ||

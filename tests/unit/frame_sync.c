@@ -9,13 +9,13 @@
 #include <cmocka.h>
 
 #include "base/histogram.h"
-#include "capture/array/sets.h"
+#include "capture/array/frame_sync.h"
 
 #define MS 1000000ll
 
 static struct {
-    struct sst_sets *sets;
-    struct sst_set *out[4096]; /* in the order of hand-over; recycled at once unless `keep` */
+    struct sst_framesync *sets;
+    struct sst_frameset *out[4096]; /* in the order of hand-over; recycled at once unless `keep` */
     struct {
         uint64_t index;
         int present;
@@ -29,7 +29,7 @@ static struct {
     int frames;
 } t;
 
-static void on_set(void *arg, struct sst_set *set)
+static void on_set(void *arg, struct sst_frameset *set)
 {
     (void)arg;
     assert_true(t.n < 4096);
@@ -42,7 +42,7 @@ static void on_set(void *arg, struct sst_set *set)
         t.seen[t.n].have |= (uint64_t)(set->frame[i] != NULL) << i;
     t.out[t.n++] = set;
     if (!t.keep)
-        sst_sets_recycle(t.sets, set, false);
+        sst_framesync_recycle(t.sets, set, false);
 }
 
 static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucket)
@@ -54,15 +54,17 @@ static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucke
     t.released++;
 }
 
-static void begin(int cameras, enum sst_sets_match match, int64_t period_ns, int pool)
+static void begin(int cameras, enum sst_framesync_match match, int64_t period_ns, int pool)
 {
-    const struct sst_sets_events events = { .set = on_set, .release = on_release };
-    const struct sst_sets_config cfg = { .cameras = cameras, .match = match, .period_ns = period_ns, .pool = pool };
+    const struct sst_framesync_events events = { .set = on_set, .release = on_release };
+    const struct sst_framesync_config cfg = {
+        .cameras = cameras, .match = match, .period_ns = period_ns, .pool = pool
+    };
 
     memset(&t, 0, sizeof(t));
-    assert_int_equal(sst_sets_create(&t.sets, &cfg, &events), 0);
+    assert_int_equal(sst_framesync_create(&t.sets, &cfg, &events), 0);
     for (int i = 0; i < cameras; i++)
-        sst_sets_camera(t.sets, i, true);
+        sst_framesync_camera(t.sets, i, true);
 }
 
 static void frame_bad(int cam, int64_t t_ns, unsigned faults)
@@ -70,8 +72,8 @@ static void frame_bad(int cam, int64_t t_ns, unsigned faults)
     struct sst_frame *f = &t.frame[t.frames++];
 
     *f = (struct sst_frame){ .cam = cam, .t_ns = t_ns, .arrival_ns = t_ns + 20 * MS, .faults = faults, .pool = &t };
-    sst_sets_frame(t.sets, f);
-    sst_sets_tick(t.sets, t_ns + 20 * MS);
+    sst_framesync_frame(t.sets, f);
+    sst_framesync_tick(t.sets, t_ns + 20 * MS);
 }
 
 static void frame(int cam, int64_t t_ns)
@@ -79,13 +81,13 @@ static void frame(int cam, int64_t t_ns)
     frame_bad(cam, t_ns, 0);
 }
 
-static struct sst_sets_counters end(void)
+static struct sst_framesync_counters end(void)
 {
-    struct sst_sets_counters n;
+    struct sst_framesync_counters n;
     uint64_t sum = 0;
 
-    sst_sets_flush(t.sets);
-    sst_sets_counters(t.sets, &n);
+    sst_framesync_flush(t.sets);
+    sst_framesync_counters(t.sets, &n);
     for (int i = 0; i < SST_BUCKETS; i++)
         sum += n.bucket[i];
     assert_int_equal(sum, t.frames);
@@ -94,15 +96,15 @@ static struct sst_sets_counters end(void)
     assert_int_equal(n.sets, t.n);
     for (int i = 1; i < t.n; i++)
         assert_true(t.seen[i].index > t.seen[i - 1].index);
-    sst_sets_destroy(t.sets);
+    sst_framesync_destroy(t.sets);
     return n;
 }
 
 static void complete_sets_and_skew(void **state)
 {
     (void)state;
-    begin(3, SST_SETS_EDGE, 100 * MS, 8);
-    sst_sets_trigger(t.sets, 7, 1000 * MS, true);
+    begin(3, SST_FRAMESYNC_EDGE, 100 * MS, 8);
+    sst_framesync_trigger(t.sets, 7, 1000 * MS, true);
     frame(0, 1000 * MS + 10);
     frame(2, 1000 * MS + 250);
     assert_int_equal(t.n, 0);
@@ -118,13 +120,13 @@ static void complete_sets_and_skew(void **state)
 
 static void planned_delays_are_no_skew(void **state)
 {
-    const struct sst_sets_events events = { .set = on_set, .release = on_release };
-    struct sst_sets_config cfg = { .cameras = 2, .period_ns = 100 * MS, .pool = 4, .delay_ns = { 0, 30 * MS } };
+    const struct sst_framesync_events events = { .set = on_set, .release = on_release };
+    struct sst_framesync_config cfg = { .cameras = 2, .period_ns = 100 * MS, .pool = 4, .delay_ns = { 0, 30 * MS } };
 
     (void)state;
     memset(&t, 0, sizeof(t));
-    assert_int_equal(sst_sets_create(&t.sets, &cfg, &events), 0);
-    sst_sets_trigger(t.sets, 0, 1000 * MS, false);
+    assert_int_equal(sst_framesync_create(&t.sets, &cfg, &events), 0);
+    sst_framesync_trigger(t.sets, 0, 1000 * MS, false);
     frame(0, 1000 * MS);
     frame(1, 1030 * MS + 5);
     assert_int_equal(end().complete, 1);
@@ -136,9 +138,9 @@ static void planned_delays_are_no_skew(void **state)
 static void partial_sets(void **state)
 {
     (void)state;
-    begin(2, SST_SETS_EDGE, 100 * MS, 8);
+    begin(2, SST_FRAMESYNC_EDGE, 100 * MS, 8);
     for (int k = 0; k < 3; k++)
-        sst_sets_trigger(t.sets, (uint64_t)k, (1000 + 100 * k) * MS, false);
+        sst_framesync_trigger(t.sets, (uint64_t)k, (1000 + 100 * k) * MS, false);
     frame(0, 1000 * MS);
     frame(0, 1100 * MS);
     assert_int_equal(t.n, 0);
@@ -147,16 +149,16 @@ static void partial_sets(void **state)
     assert_int_equal(t.seen[0].have, 1);
     assert_int_equal(t.seen[1].have, 3);
     frame(0, 1200 * MS);
-    assert_int_equal(sst_sets_tick(t.sets, 1300 * MS), 1450 * MS); /* 2.5 periods after the trigger */
+    assert_int_equal(sst_framesync_tick(t.sets, 1300 * MS), 1450 * MS); /* 2.5 periods after the trigger */
     assert_int_equal(t.n, 2);
-    sst_sets_camera(t.sets, 1, false);
-    sst_sets_tick(t.sets, 1301 * MS);
+    sst_framesync_camera(t.sets, 1, false);
+    sst_framesync_tick(t.sets, 1301 * MS);
     assert_int_equal(t.n, 3);
-    sst_sets_trigger(t.sets, 3, 1300 * MS, false);
-    sst_sets_camera(t.sets, 1, true);
-    sst_sets_tick(t.sets, 1549 * MS);
+    sst_framesync_trigger(t.sets, 3, 1300 * MS, false);
+    sst_framesync_camera(t.sets, 1, true);
+    sst_framesync_tick(t.sets, 1549 * MS);
     assert_int_equal(t.n, 3);
-    assert_true(sst_sets_tick(t.sets, 1550 * MS) == INT64_MAX);
+    assert_true(sst_framesync_tick(t.sets, 1550 * MS) == INT64_MAX);
     assert_int_equal(t.n, 4);
     assert_int_equal(t.seen[3].present, 0);
     assert_int_equal(end().empty, 1);
@@ -164,11 +166,11 @@ static void partial_sets(void **state)
 
 static void buckets(void **state)
 {
-    struct sst_sets_counters n;
+    struct sst_framesync_counters n;
 
     (void)state;
-    begin(2, SST_SETS_EDGE, 100 * MS, 8);
-    sst_sets_trigger(t.sets, 0, 1000 * MS, false);
+    begin(2, SST_FRAMESYNC_EDGE, 100 * MS, 8);
+    sst_framesync_trigger(t.sets, 0, 1000 * MS, false);
     frame(0, 1000 * MS);
     frame(0, 1001 * MS);                                           /* duplicate */
     frame_bad(1, 1000 * MS, SST_FRAME_FLAGGED | SST_FRAME_NO_EOI); /* flagged */
@@ -177,11 +179,11 @@ static void buckets(void **state)
     assert_int_equal(t.n, 1);
     assert_int_equal(t.seen[0].present, 2);
     frame(0, 1050 * MS); /* held: its trigger may come, and does not */
-    sst_sets_trigger(t.sets, 1, 1100 * MS, false);
+    sst_framesync_trigger(t.sets, 1, 1100 * MS, false);
     frame(1, 1100 * MS);
-    sst_sets_tick(t.sets, 1400 * MS); /* set 1 closed without camera 0 */
-    frame(0, 1101 * MS);              /* late */
-    frame(1, 1102 * MS);              /* duplicate of a closed set */
+    sst_framesync_tick(t.sets, 1400 * MS); /* set 1 closed without camera 0 */
+    frame(0, 1101 * MS);                   /* late */
+    frame(1, 1102 * MS);                   /* duplicate of a closed set */
     n = end();
     assert_int_equal(n.bucket[SST_BUCKET_SET], 3);
     assert_int_equal(n.bucket[SST_BUCKET_DUPLICATE], 2);
@@ -196,23 +198,23 @@ static void buckets(void **state)
  */
 static void jumped_stamps_are_not_matched(void **state)
 {
-    struct sst_sets_counters n;
+    struct sst_framesync_counters n;
     const int64_t jump[] = { 200 * MS, -200 * MS };
 
     (void)state;
     for (int way = 0; way < 2; way++) {
-        begin(2, SST_SETS_EDGE, 100 * MS, 8);
+        begin(2, SST_FRAMESYNC_EDGE, 100 * MS, 8);
         for (int k = 0; k < 20; k++) {
             const int64_t at = (1000 + 100 * k) * MS, off = k >= 5 && k < 10 ? jump[way] : 0;
             const bool back = way ? k == 5 : k == 10; /* what the driver sees: not after the frame before */
             struct sst_frame *f = &t.frame[t.frames++];
 
-            sst_sets_trigger(t.sets, (uint64_t)k, at, false);
+            sst_framesync_trigger(t.sets, (uint64_t)k, at, false);
             frame(0, at);
             *f = (struct sst_frame){ .cam = 1, .t_ns = at + off, .arrival_ns = at + 20 * MS, .pool = &t };
             f->faults = back ? SST_FRAME_BACKWARDS : 0;
-            sst_sets_frame(t.sets, f);
-            sst_sets_tick(t.sets, at + 20 * MS);
+            sst_framesync_frame(t.sets, f);
+            sst_framesync_tick(t.sets, at + 20 * MS);
         }
         n = end();
         assert_int_equal(n.bucket[SST_BUCKET_CORRUPT], way ? 5 : 6);
@@ -225,57 +227,57 @@ static void jumped_stamps_are_not_matched(void **state)
 
 static void frame_before_its_trigger_waits(void **state)
 {
-    struct sst_sets_counters n;
+    struct sst_framesync_counters n;
 
     (void)state;
-    begin(1, SST_SETS_EDGE, 100 * MS, 4);
+    begin(1, SST_FRAMESYNC_EDGE, 100 * MS, 4);
     frame(0, 1000 * MS);
     assert_int_equal(t.n, 0);
-    sst_sets_counters(t.sets, &n);
+    sst_framesync_counters(t.sets, &n);
     assert_int_equal(n.waiting, 1);
-    sst_sets_trigger(t.sets, 0, 999 * MS, false);
-    sst_sets_tick(t.sets, 1021 * MS);
+    sst_framesync_trigger(t.sets, 0, 999 * MS, false);
+    sst_framesync_tick(t.sets, 1021 * MS);
     assert_int_equal(t.n, 1);
     frame(0, 1100 * MS);
-    sst_sets_tick(t.sets, 1500 * MS); /* 250 ms and more after arrival: no trigger came */
+    sst_framesync_tick(t.sets, 1500 * MS); /* 250 ms and more after arrival: no trigger came */
     assert_int_equal(end().bucket[SST_BUCKET_STRAY], 1);
 }
 
 static void frames_of_open_sets_wait(void **state)
 {
-    struct sst_sets_counters n;
+    struct sst_framesync_counters n;
 
     (void)state;
-    begin(3, SST_SETS_EDGE, 100 * MS, 4);
+    begin(3, SST_FRAMESYNC_EDGE, 100 * MS, 4);
     for (int k = 0; k < 2; k++) {
-        sst_sets_trigger(t.sets, (uint64_t)k, (1000 + 100 * k) * MS, false);
+        sst_framesync_trigger(t.sets, (uint64_t)k, (1000 + 100 * k) * MS, false);
         frame(0, (1000 + 100 * k) * MS);
         frame(1, (1000 + 100 * k) * MS);
     }
     assert_int_equal(t.n, 0);
-    sst_sets_counters(t.sets, &n);
+    sst_framesync_counters(t.sets, &n);
     assert_int_equal(n.waiting, 4);
     assert_int_equal(end().bucket[SST_BUCKET_SET], 4);
 }
 
 static void a_receiver_that_keeps_all_sets(void **state)
 {
-    struct sst_sets_counters n;
+    struct sst_framesync_counters n;
 
     (void)state;
-    begin(1, SST_SETS_EDGE, 100 * MS, 2);
+    begin(1, SST_FRAMESYNC_EDGE, 100 * MS, 2);
     t.keep = true;
     for (int k = 0; k < 5; k++) {
-        sst_sets_trigger(t.sets, (uint64_t)k, (1000 + 100 * k) * MS, false);
+        sst_framesync_trigger(t.sets, (uint64_t)k, (1000 + 100 * k) * MS, false);
         frame(0, (1000 + 100 * k) * MS);
     }
     assert_int_equal(t.n, 2);
-    sst_sets_counters(t.sets, &n);
+    sst_framesync_counters(t.sets, &n);
     assert_int_equal(n.waiting, 2);
-    sst_sets_recycle(t.sets, t.out[0], false);
-    sst_sets_counters(t.sets, &n);
+    sst_framesync_recycle(t.sets, t.out[0], false);
+    sst_framesync_counters(t.sets, &n);
     assert_int_equal(n.waiting, 1);
-    sst_sets_recycle(t.sets, t.out[1], true);
+    sst_framesync_recycle(t.sets, t.out[1], true);
     n = end();
     assert_int_equal(n.dropped, 3);
     assert_int_equal(n.bucket[SST_BUCKET_SET], 1);
@@ -284,13 +286,13 @@ static void a_receiver_that_keeps_all_sets(void **state)
 
 static void nearest_of_fast_cameras(void **state)
 {
-    struct sst_sets_counters n;
+    struct sst_framesync_counters n;
 
     (void)state;
-    begin(2, SST_SETS_NEAREST, 100 * MS, 8);
+    begin(2, SST_FRAMESYNC_NEAREST, 100 * MS, 8);
     for (int ms = 960; ms < 1400; ms += 10) {
         if (ms % 100 == 0)
-            sst_sets_trigger(t.sets, (uint64_t)(ms / 100), ms * MS, false);
+            sst_framesync_trigger(t.sets, (uint64_t)(ms / 100), ms * MS, false);
         frame(0, ms * MS + 1 * MS); /* 1 after each mark */
         frame(1, ms * MS + 7 * MS); /* 3 before each mark */
     }
@@ -310,11 +312,11 @@ static double unit(void)
 static void free_run_follows_the_beat(void **state)
 {
     static const double phase[] = { 0, 0.24, 0.49, -0.26 };
-    struct sst_sets_counters n;
+    struct sst_framesync_counters n;
 
     (void)state;
     srand(3);
-    begin(4, SST_SETS_FREE, 100 * MS, 8);
+    begin(4, SST_FRAMESYNC_FREE, 100 * MS, 8);
     for (int k = 0; k < 3000; k++)
         for (int step = 0; step < 4; step++) { /* in the order of time */
             static const int order[] = { 3, 0, 1, 2 };
@@ -331,11 +333,11 @@ static void free_run_follows_the_beat(void **state)
 /** One camera is 0.5 % slow: every 200 beats it has one frame less, and nothing is lost. */
 static void free_run_with_a_slow_camera(void **state)
 {
-    struct sst_sets_counters n;
+    struct sst_framesync_counters n;
     int64_t next[2] = { 1000 * MS, 1001 * MS };
 
     (void)state;
-    begin(2, SST_SETS_FREE, 100 * MS, 8);
+    begin(2, SST_FRAMESYNC_FREE, 100 * MS, 8);
     while (t.frames < 4000) {
         const int cam = next[1] < next[0];
 
@@ -352,7 +354,7 @@ static void random_timelines(void **state)
 {
     (void)state;
     for (int seed = 0; seed < 60; seed++) {
-        const enum sst_sets_match match = (enum sst_sets_match)(seed % 3);
+        const enum sst_framesync_match match = (enum sst_framesync_match)(seed % 3);
         int64_t now = 5000 * MS;
         uint64_t index = 0;
 
@@ -362,15 +364,15 @@ static void random_timelines(void **state)
             const double u = unit();
 
             now += (int64_t)(unit() * 40e6);
-            if (u < 0.2 && match != SST_SETS_FREE)
-                sst_sets_trigger(t.sets, index++, now, false);
+            if (u < 0.2 && match != SST_FRAMESYNC_FREE)
+                sst_framesync_trigger(t.sets, index++, now, false);
             else if (u < 0.22)
-                sst_sets_camera(t.sets, rand() % 5, rand() % 2);
+                sst_framesync_camera(t.sets, rand() % 5, rand() % 2);
             else if (u < 0.3)
                 frame_bad(rand() % 5, now, (unsigned)rand() & SST_FRAME_BAD);
             else
                 frame(rand() % 5, now + (int64_t)((unit() - 0.5) * 400e6));
-            sst_sets_tick(t.sets, now);
+            sst_framesync_tick(t.sets, now);
         }
         end();
     }

@@ -102,9 +102,9 @@ static FILE *open_stream(const char *target, char *type, size_t size)
 
 static void wait_viewers(int wanted)
 {
-    for (int i = 0; i < DEADLINE_MS / 10 && sst_outlet_viewers(fake_outlet) != wanted; i++)
+    for (int i = 0; i < DEADLINE_MS / 10 && sst_slot_clients(fake_outlet) != wanted; i++)
         sleep_ms(10);
-    assert_int_equal(sst_outlet_viewers(fake_outlet), wanted);
+    assert_int_equal(sst_slot_clients(fake_outlet), wanted);
 }
 
 struct viewer {
@@ -224,8 +224,8 @@ static uint64_t watch_at_10_hz(void)
     int64_t start_ns;
 
     sst_http_close(server);
-    sst_outlet_unref(fake_outlet);
-    assert_int_equal(sst_outlet_create(&fake_outlet), 0);
+    sst_slot_unref(fake_outlet);
+    assert_int_equal(sst_slot_create(&fake_outlet), 0);
     cfg.stream_hz = 10;
     serve(&cfg);
     f = open_stream("/stream", type, sizeof(type));
@@ -237,7 +237,7 @@ static uint64_t watch_at_10_hz(void)
         sleep_ms(10);
     }
     most = (int)((sst_clock_now_ns() - start_ns) / 100000000) + 3; /* a busy machine shows them more slowly */
-    sst_outlet_shut(fake_outlet);
+    sst_slot_shut(fake_outlet);
     while ((number = read_picture(f, !got)) >= 0) {
         assert_true(number > last);
         last = number;
@@ -416,7 +416,7 @@ static void closes_within_a_second(void **state)
     assert_quick(start_ns, 2000000000);
     for (int i = 0; i < 12; i++)
         close(fds[i]);
-    assert_int_equal(sst_outlet_viewers(fake_outlet), 0);
+    assert_int_equal(sst_slot_clients(fake_outlet), 0);
 }
 
 int main(void)

@@ -363,18 +363,18 @@ static void factors_are_near_the_exact_chain(void **state SST_UNUSED)
     }
     for (int size = 0; size < 2; size++) {
         struct sst_rectified to;
-        struct light_map *map = NULL;
+        struct gain_map *map = NULL;
 
         calib.camera[1].cx += 30; /* so that a border of the rectified picture is empty */
         assert_int_equal(sst_rectify_plan(&to, &calib, &cfg), 0);
-        assert_int_equal(light_map_create(&map, &to, &calib, 1), 0);
+        assert_int_equal(gain_map_create(&map, &to, &calib, 1), 0);
         assert_non_null(map);
         for (int i = 0; i < 400; i++) {
             const double x0 = size ? floor(600 * uniform()) : 600 * uniform(), y = (HEIGHT - 1) * uniform();
-            struct light_factors f;
+            struct gain_factors f;
             float scratch[80];
 
-            light_map_row(map, x0, y, 40, scratch, &f);
+            gain_map_row(map, x0, y, 40, scratch, &f);
             for (int n = 0; n < 40 && x0 + n <= WIDTH - 1; n++) {
                 double u, v, want;
 
@@ -388,7 +388,7 @@ static void factors_are_near_the_exact_chain(void **state SST_UNUSED)
             for (int c = 0; c < 3; c++)
                 assert_true(fabs(f.gain[c] * calib.camera[1].gain[c] - 1) < 1e-6);
         }
-        light_map_destroy(map);
+        gain_map_destroy(map);
     }
     print_message("%d factors, worst error %.2g\n", compared, worst);
     assert_true(compared > 10000);
@@ -402,25 +402,25 @@ static void factors_stay_sane(void **state SST_UNUSED)
     struct sst_calib calib = make_array(1, 2);
     const struct sst_rectify_config cfg = { .plane_mm = 0 };
     struct sst_rectified to;
-    struct light_map *map = NULL;
-    struct light_factors f;
+    struct gain_map *map = NULL;
+    struct gain_factors f;
     float scratch[2 * WIDTH];
 
     assert_int_equal(sst_rectify_plan(&to, &calib, &cfg), 0);
     calib.camera[0].falloff[0] = -1.2; /* below 0 in the corners */
     calib.camera[0].falloff[1] = calib.camera[0].falloff[2] = 0;
     calib.camera[0].gain[2] = 1e-4;
-    assert_int_equal(light_map_create(&map, &to, &calib, 0), 0);
-    light_map_row(map, 0, 0, WIDTH, scratch, &f);
+    assert_int_equal(gain_map_create(&map, &to, &calib, 0), 0);
+    gain_map_row(map, 0, 0, WIDTH, scratch, &f);
     assert_true(f.gain[2] == 8);
     for (int i = 0; i < WIDTH; i++)
         assert_true(f.falloff[i] >= 1 && f.falloff[i] <= 8);
-    light_map_destroy(map);
+    gain_map_destroy(map);
     for (int i = 0; i < 3; i++) {
         calib.camera[0].falloff[i] = 0;
         calib.camera[0].gain[i] = 1;
     }
-    assert_int_equal(light_map_create(&map, &to, &calib, 0), 0);
+    assert_int_equal(gain_map_create(&map, &to, &calib, 0), 0);
     assert_null(map);
     sst_calib_fini(&calib);
 }

@@ -143,8 +143,8 @@ static void free_set(struct sst_live_input *in)
 struct keeper {
     struct sst_live_config cfg;
     struct sst_lightfield lf;
-    struct sst_live_frames *frames;
-    struct sst_live_changes changes;
+    struct sst_liveframes *frames;
+    struct sst_liveframes_changes changes;
     struct sst_live_report report;
 };
 
@@ -192,14 +192,14 @@ static void open_keeper(struct keeper *k, uint32_t fourcc, const struct sst_use_
         k->cfg.present[v] = k->lf.views[v].present = true;
     if (use)
         assert_int_equal(sst_lightfield_calibrate(&k->lf, use), 0);
-    assert_int_equal(sst_live_frames_open(&k->frames, &k->cfg, &k->lf), 0);
-    assert_int_equal(sst_live_changes_init(&k->changes, &k->lf), 0);
+    assert_int_equal(sst_liveframes_open(&k->frames, &k->cfg, &k->lf), 0);
+    assert_int_equal(sst_liveframes_changes_init(&k->changes, &k->lf), 0);
 }
 
 static void close_keeper(struct keeper *k)
 {
-    sst_live_frames_close(k->frames);
-    sst_live_changes_fini(&k->changes);
+    sst_liveframes_close(k->frames);
+    sst_liveframes_changes_fini(&k->changes);
     sst_lightfield_fini(&k->lf);
 }
 
@@ -208,7 +208,7 @@ static void update(struct keeper *k, const struct sst_live_input *in)
     int64_t marked = 0;
 
     k->report = (struct sst_live_report){ 0 };
-    assert_int_equal(sst_live_frames_update(k->frames, in, &k->changes, &k->report), 0);
+    assert_int_equal(sst_liveframes_update(k->frames, in, &k->changes, &k->report), 0);
     for (int v = 0; v < VIEWS; v++)
         for (int t = 0; t < k->changes.cols * k->changes.rows; t++)
             marked += k->changes.map[v][t];
@@ -629,15 +629,15 @@ static void cancelled_work_is_done_anew(void **state)
     (void)state;
     open_keeper(&k, V4L2_PIX_FMT_MJPEG, NULL, true, 2);
     update(&k, in);
-    sst_live_frames_cancel(k.frames);
-    assert_int_equal(sst_live_frames_update(k.frames, in, &k.changes, &k.report), -ECANCELED);
+    sst_liveframes_cancel(k.frames);
+    assert_int_equal(sst_liveframes_update(k.frames, in, &k.changes, &k.report), -ECANCELED);
     free_set(in);
     close_keeper(&k);
 }
 
 static void wrong_configurations_are_refused(void **state)
 {
-    struct sst_live_frames *frames = NULL;
+    struct sst_liveframes *frames = NULL;
     struct sst_lightfield lf;
     struct sst_live_config cfg = { .rows = ROWS,
                                    .cols = COLS,
@@ -653,11 +653,11 @@ static void wrong_configurations_are_refused(void **state)
     lf.height = HEIGHT;
     lf.views[0].present = true;
     (void)sst_log_hold_errors(text);
-    assert_int_equal(sst_live_frames_open(&frames, &cfg, &lf), -EINVAL);
+    assert_int_equal(sst_liveframes_open(&frames, &cfg, &lf), -EINVAL);
     assert_non_null(strstr(text, "H264"));
     cfg.fourcc = V4L2_PIX_FMT_MJPEG;
     lf.width = 100;
-    assert_int_equal(sst_live_frames_open(&frames, &cfg, &lf), -EINVAL);
+    assert_int_equal(sst_liveframes_open(&frames, &cfg, &lf), -EINVAL);
     (void)sst_log_hold_errors(NULL);
     assert_null(frames);
     sst_lightfield_fini(&lf);

@@ -34,8 +34,8 @@ static char dir[] = "/tmp/sst-live-frames-XXXXXX";
 struct keeper {
     struct sst_live_config cfg;
     struct sst_lightfield lf;
-    struct sst_live_frames *frames;
-    struct sst_live_changes changes;
+    struct sst_liveframes *frames;
+    struct sst_liveframes_changes changes;
     struct sst_live_report report;
 };
 
@@ -60,14 +60,14 @@ static void open_keeper(struct keeper *k, const struct sst_sim_world *w, bool sk
     k->lf.height = k->cfg.height;
     for (int v = 0; v < k->cfg.rows * k->cfg.cols; v++)
         k->cfg.present[v] = k->lf.views[v].present = true;
-    assert_int_equal(sst_live_frames_open(&k->frames, &k->cfg, &k->lf), 0);
-    assert_int_equal(sst_live_changes_init(&k->changes, &k->lf), 0);
+    assert_int_equal(sst_liveframes_open(&k->frames, &k->cfg, &k->lf), 0);
+    assert_int_equal(sst_liveframes_changes_init(&k->changes, &k->lf), 0);
 }
 
 static void close_keeper(struct keeper *k)
 {
-    sst_live_frames_close(k->frames);
-    sst_live_changes_fini(&k->changes);
+    sst_liveframes_close(k->frames);
+    sst_liveframes_changes_fini(&k->changes);
     sst_lightfield_fini(&k->lf);
 }
 
@@ -122,8 +122,8 @@ static struct outcome run(const char *text, int sets)
                                                  frames + (size_t)k * FRAME_ROOM, FRAME_ROOM, &in.frame[k].bytes),
                              0);
         }
-        assert_int_equal(sst_live_frames_update(skip.frames, &in, &skip.changes, &skip.report), 0);
-        assert_int_equal(sst_live_frames_update(exact.frames, &in, &exact.changes, &exact.report), 0);
+        assert_int_equal(sst_liveframes_update(skip.frames, &in, &skip.changes, &skip.report), 0);
+        assert_int_equal(sst_liveframes_update(exact.frames, &in, &exact.changes, &exact.report), 0);
         out.worst = fmax(out.worst, worst_difference(&skip, &exact));
         out.whole += n && skip.changes.whole;
         if (n)

@@ -170,7 +170,7 @@ static int forget(void **state SST_UNUSED)
 struct path {
     struct sst_live_config cfg;
     struct sst_live *live;
-    struct sst_live_picture *picture;
+    struct sst_livepicture *picture;
     struct sst_jpeg_encoder *encoder;
     struct sst_live_input in;
     struct sst_live_report report;
@@ -193,14 +193,14 @@ static void open_path(struct path *p, bool labels, bool skip)
     if (labels && WITH_DNNL)
         p->cfg.model = "models/pspnet-small.onnx";
     assert_int_equal(sst_live_open(&p->live, &p->cfg), 0);
-    assert_int_equal(sst_live_picture_create(&p->picture, p->live), 0);
+    assert_int_equal(sst_livepicture_create(&p->picture, p->live), 0);
     assert_int_equal(sst_jpeg_encoder_create(&p->encoder), 0);
 }
 
 static void close_path(struct path *p)
 {
     sst_jpeg_encoder_destroy(p->encoder);
-    sst_live_picture_destroy(p->picture);
+    sst_livepicture_destroy(p->picture);
     sst_live_close(p->live);
 }
 
@@ -224,7 +224,7 @@ static void step(struct path *p)
     assert_true(p->report.ready && p->report.tiles_changed > 0);
     sst_render_config_defaults(&render);
     render.focus_px = WALL_PX;
-    assert_int_equal(sst_live_picture_render(p->picture, &render, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p->picture, &render, &image, &anew), 0);
     assert_true(anew > 0);
     assert_int_equal(sst_jpeg_encoder_run(p->encoder, image, 85, &data, &size), 0);
     assert_true(size > 100);

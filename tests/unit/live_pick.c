@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/live/live_state.h"
+#include "pipeline/live/live_internal.h"
 #include "pipeline/live/picture/picture_internal.h"
 
 #define SIDE   6
@@ -36,8 +36,8 @@ struct layer {
 
 struct made {
     struct sst_live live;
-    struct sst_live_changes changes;
-    struct sst_live_picture *picture;
+    struct sst_liveframes_changes changes;
+    struct sst_livepicture *picture;
     const struct layer *layer; /* nearest first; the last covers all */
     int layers;
 };
@@ -115,19 +115,19 @@ static void make(struct made *m, const struct layer *layer, int layers)
     for (int k = 0; k < VIEWS; k++)
         cfg.present[k] = true;
     assert_int_equal(live_init(&m->live, &cfg), 0);
-    assert_int_equal(sst_live_changes_init(&m->changes, &m->live.lf), 0);
+    assert_int_equal(sst_liveframes_changes_init(&m->changes, &m->live.lf), 0);
     m->live.lf.range_max_px = 16;
     for (int k = 0; k < VIEWS; k++)
         draw(m, &m->live.lf.views[k]);
     m->live.ready = m->live.low_confidence = true;
     take(m, 1);
-    assert_int_equal(sst_live_picture_create(&m->picture, &m->live), 0);
+    assert_int_equal(sst_livepicture_create(&m->picture, &m->live), 0);
 }
 
 static void unmake(struct made *m)
 {
-    sst_live_picture_destroy(m->picture);
-    sst_live_changes_fini(&m->changes);
+    sst_livepicture_destroy(m->picture);
+    sst_liveframes_changes_fini(&m->changes);
     live_fini(&m->live);
 }
 
@@ -146,9 +146,9 @@ static void tell(struct made *m, double disp_px, int label)
     take(m, 2);
 }
 
-static struct sst_live_pick pick_at(struct made *m, double focus_px, int x, int y)
+static struct sst_livepicture_pick pick_at(struct made *m, double focus_px, int x, int y)
 {
-    struct sst_live_pick pick = { .disp_px = -1 };
+    struct sst_livepicture_pick pick = { .disp_px = -1 };
     struct sst_render_config cfg;
     const struct sst_image *image;
     int64_t anew;
@@ -156,8 +156,8 @@ static struct sst_live_pick pick_at(struct made *m, double focus_px, int x, int 
     sst_render_config_defaults(&cfg);
     cfg.focus_px = focus_px;
     cfg.verify = true;
-    assert_int_equal(sst_live_picture_render(m->picture, &cfg, &image, &anew), 0);
-    assert_int_equal(sst_live_picture_pick(m->picture, x, y, &pick), 0);
+    assert_int_equal(sst_livepicture_render(m->picture, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_pick(m->picture, x, y, &pick), 0);
     return pick;
 }
 
@@ -167,7 +167,7 @@ static struct sst_live_pick pick_at(struct made *m, double focus_px, int x, int 
 /** A sweep needs the views of a plan only. */
 struct swept {
     struct made made;
-    struct sst_plan plan;
+    struct sst_render_plan plan;
     struct patch_sweep sweep;
 };
 
@@ -178,7 +178,7 @@ static void sweep_made(struct swept *s, int x, int y)
     sst_render_config_defaults(&cfg);
     cfg.method = SST_RENDER_REFOCUS;
     cfg.focus_px = 0;
-    assert_int_equal(sst_plan_init(&s->plan, s->made.live.renderer, &cfg), 0);
+    assert_int_equal(sst_render_plan_init(&s->plan, s->made.live.renderer, &cfg), 0);
     sweep_init(&s->sweep, &s->plan, s->made.live.renderer->rarity, x, y);
 }
 
@@ -190,7 +190,7 @@ static void sweep_of(struct swept *s, const struct layer *layer, int layers, int
 
 static void end_sweep(struct swept *s)
 {
-    sst_plan_fini(&s->plan);
+    sst_render_plan_fini(&s->plan);
     unmake(&s->made);
 }
 
@@ -264,7 +264,7 @@ static void where_no_rays_are_nothing_is_told(void **state SST_UNUSED)
     /* One place, and a stretch that is none. */
     assert_near(sweep_peak(&s.sweep, BEHIND, BEHIND, 0).disp_px, BEHIND, 0);
     assert_near(sweep_peak(&s.sweep, BEHIND, BEHIND - 1, 0).disp_px, BEHIND - 1, 1);
-    sst_plan_fini(&s.plan);
+    sst_render_plan_fini(&s.plan);
     for (int k = 1; k < VIEWS; k++)
         s.made.live.lf.views[k].present = false;
     sweep_made(&s, 80, 60);
@@ -281,13 +281,13 @@ static void what_no_camera_saw_does_not_count(void **state SST_UNUSED)
     struct swept s;
 
     sweep_of(&s, wall, 1, 80, 60);
-    sst_plan_fini(&s.plan);
+    sst_render_plan_fini(&s.plan);
     for (int k = 0; k < VIEWS; k += 5)
         s.made.live.lf.views[k].present = false;
     sweep_made(&s, 80, 60);
     without = sweep_agree(&s.sweep, BEHIND);
     assert_true(without > 0.5);
-    sst_plan_fini(&s.plan);
+    sst_render_plan_fini(&s.plan);
     for (int k = 0; k < VIEWS; k += 5) {
         struct sst_view *v = &s.made.live.lf.views[k];
 
@@ -342,7 +342,7 @@ static double found_behind(struct made *m, double focus_px, int *labels)
     *labels = 0;
     for (int y = 20; y < HEIGHT - 20; y += 7) {
         for (int x = 20; x < WIDTH - 20; x += 7) {
-            struct sst_live_pick pick;
+            struct sst_livepicture_pick pick;
 
             if (seen(m, 0, 0, x, y))
                 continue;
@@ -376,7 +376,7 @@ static void what_is_seen_between_leaves_is_found(void **state SST_UNUSED)
 /* Where rays are not verified, the picture shows what the maps say, and so does a click. */
 static void maps_decide_where_the_picture_is_theirs(void **state SST_UNUSED)
 {
-    struct sst_live_pick pick;
+    struct sst_livepicture_pick pick;
     struct made m;
 
     make(&m, hedge, 2);

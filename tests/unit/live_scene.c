@@ -55,8 +55,8 @@ static int look(const struct sst_view *v, int x, int y, int left, uint8_t colour
 struct field {
     struct sst_lightfield lf;
     struct sst_live_config cfg;
-    struct sst_live_changes changes;
-    struct sst_live_scene *scene;
+    struct sst_liveframes_changes changes;
+    struct sst_livescene *scene;
     struct sst_live_report report;
 };
 
@@ -114,12 +114,12 @@ static void init_field(struct field *f, int rows, int cols)
 static void open_field(struct field *f, int rows, int cols)
 {
     init_field(f, rows, cols);
-    assert_int_equal(sst_live_scene_open(&f->scene, &f->cfg, &f->lf), 0);
+    assert_int_equal(sst_livescene_open(&f->scene, &f->cfg, &f->lf), 0);
 }
 
 static void close_field(struct field *f)
 {
-    sst_live_scene_close(f->scene);
+    sst_livescene_close(f->scene);
     for (int view = 0; view < f->lf.rows * f->lf.cols; view++)
         free(f->changes.map[view]);
     sst_lightfield_fini(&f->lf);
@@ -127,7 +127,7 @@ static void close_field(struct field *f)
 
 static void update(struct field *f)
 {
-    assert_int_equal(sst_live_scene_update(f->scene, &f->changes, &f->report), 0);
+    assert_int_equal(sst_livescene_update(f->scene, &f->changes, &f->report), 0);
 }
 
 /* Share of a view's pixels, in percent, that are off by more than 1 px. */
@@ -334,7 +334,7 @@ static void threads_make_no_difference(void **state SST_UNUSED)
         init_field(&f[i], 3, 4);
         f[i].cfg.threads = i ? 5 : 1;
         f[i].cfg.model = "models/pspnet-small.onnx";
-        assert_int_equal(sst_live_scene_open(&f[i].scene, &f[i].cfg, &f[i].lf), 0);
+        assert_int_equal(sst_livescene_open(&f[i].scene, &f[i].cfg, &f[i].lf), 0);
         for (int left = 40; left < 80; left += 20) {
             draw(&f[i], left);
             update(&f[i]);
@@ -359,7 +359,7 @@ static void every_view_is_labelled_without_reuse(void **state SST_UNUSED)
     init_field(&f, 2, 2);
     f.cfg.model = "models/pspnet-small.onnx";
     f.cfg.skip_labels = false;
-    assert_int_equal(sst_live_scene_open(&f.scene, &f.cfg, &f.lf), 0);
+    assert_int_equal(sst_livescene_open(&f.scene, &f.cfg, &f.lf), 0);
     draw(&f, 40);
     update(&f);
     assert_int_equal(f.report.label_runs, 4);
@@ -409,7 +409,7 @@ static void no_texture_is_waited_out(void **state SST_UNUSED)
 
     init_field(&f, 3, 3);
     f.cfg.range_min_px = f.cfg.range_max_px = 0;
-    assert_int_equal(sst_live_scene_open(&f.scene, &f.cfg, &f.lf), 0);
+    assert_int_equal(sst_livescene_open(&f.scene, &f.cfg, &f.lf), 0);
     for (int i = 0; i < 2; i++) {
         f.changes.whole = true;
         update(&f);
@@ -433,8 +433,8 @@ static void cancel_ends_updates(void **state SST_UNUSED)
 
     open_field(&f, 3, 3);
     draw(&f, 40);
-    sst_live_scene_cancel(f.scene);
-    assert_int_equal(sst_live_scene_update(f.scene, &f.changes, &f.report), -ECANCELED);
+    sst_livescene_cancel(f.scene);
+    assert_int_equal(sst_livescene_update(f.scene, &f.changes, &f.report), -ECANCELED);
     close_field(&f);
 }
 
@@ -445,7 +445,7 @@ static void open_with_background(struct field *f)
     init_field(f, 3, 3);
     f->cfg.background = true;
     f->cfg.model = "models/pspnet-small.onnx";
-    assert_int_equal(sst_live_scene_open(&f->scene, &f->cfg, &f->lf), 0);
+    assert_int_equal(sst_livescene_open(&f->scene, &f->cfg, &f->lf), 0);
     draw(f, 40);
     update(f);
     draw(f, 40); /* nothing changes from now on */
@@ -459,8 +459,8 @@ static void a_scene_at_rest_becomes_better_once(void **state SST_UNUSED)
 
     open_with_background(&f);
     before = bad_share(&f, 4, 40);
-    assert_false(sst_live_scene_settle(f.scene, &f.changes));
-    while (!sst_live_scene_unsettled(f.scene)) {
+    assert_false(sst_livescene_settle(f.scene, &f.changes));
+    while (!sst_livescene_unsettled(f.scene)) {
         if (sst_clock_now_ns() > end_ns) {
             print_message("the machine has no idle time for the background\n");
             close_field(&f);
@@ -471,7 +471,7 @@ static void a_scene_at_rest_becomes_better_once(void **state SST_UNUSED)
     }
     draw(&f, 41); /* what changes meanwhile keeps its own maps */
     update(&f);
-    assert_true(sst_live_scene_settle(f.scene, &f.changes));
+    assert_true(sst_livescene_settle(f.scene, &f.changes));
     assert_in_range(f.changes.changed, 1, 9 * TILES - 1);
     assert_int_equal(f.changes.map[4][0], 1);
     assert_int_equal(f.changes.map[4][2 * TILES_X + 1], 0);
@@ -481,7 +481,7 @@ static void a_scene_at_rest_becomes_better_once(void **state SST_UNUSED)
         memset(f.changes.map[view], 0, TILES);
     update(&f);
     assert_true(f.report.error_labels >= 0 && f.report.error_labels <= 1);
-    assert_false(sst_live_scene_settle(f.scene, &f.changes));
+    assert_false(sst_livescene_settle(f.scene, &f.changes));
     close_field(&f);
 }
 
@@ -497,13 +497,13 @@ static void closing_does_not_wait_for_the_background(void **state SST_UNUSED)
         update(&f);
     }
     start_ns = sst_clock_now_ns();
-    sst_live_scene_cancel(f.scene);
+    sst_livescene_cancel(f.scene);
     close_field(&f);
     assert_quick(start_ns, INT64_C(500000000));
     /* What stays behind is counted until it is gone: until then the process must not exit(). */
-    while (sst_live_left_behind() && sst_clock_now_ns() - start_ns < INT64_C(60000000000))
+    while (sst_livescene_left_behind() && sst_clock_now_ns() - start_ns < INT64_C(60000000000))
         nanosleep(&(struct timespec){ .tv_nsec = 20000000 }, NULL);
-    assert_int_equal(sst_live_left_behind(), 0);
+    assert_int_equal(sst_livescene_left_behind(), 0);
 }
 
 int main(void)

@@ -12,7 +12,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/live/live_state.h"
+#include "pipeline/live/live_internal.h"
 #include "simulators/scene/scene.h"
 #include "tests/small.h"
 
@@ -26,7 +26,7 @@
 struct shown {
     struct sst_live *live;
     struct sst_scene *scene;
-    struct sst_live_changes changes;
+    struct sst_liveframes_changes changes;
 };
 
 static int make_view(void *arg, int k, int worker SST_UNUSED)
@@ -90,7 +90,7 @@ static void show(struct shown *s, const char *name, int width, int height, int s
             !only_outer || ((row == 0 || row == last) && (col == 0 || col == last)) || (row == middle && col == middle);
     }
     assert_int_equal(live_init(s->live, &cfg), 0);
-    assert_int_equal(sst_live_changes_init(&s->changes, &s->live->lf), 0);
+    assert_int_equal(sst_liveframes_changes_init(&s->changes, &s->live->lf), 0);
     if (name)
         set_scene(s, name, 0);
 }
@@ -98,7 +98,7 @@ static void show(struct shown *s, const char *name, int width, int height, int s
 static void hide(struct shown *s)
 {
     sst_scene_destroy(s->scene);
-    sst_live_changes_fini(&s->changes);
+    sst_liveframes_changes_fini(&s->changes);
     live_fini(s->live);
     free(s->live);
 }
@@ -127,14 +127,14 @@ static bool same_image(const struct sst_image *a, const struct sst_image *b)
 static void assert_whole(struct shown *s, const struct sst_render_config *cfg, const struct sst_image *got)
 {
     const struct sst_image *want;
-    struct sst_live_picture *p;
+    struct sst_livepicture *p;
     int64_t anew;
 
-    assert_int_equal(sst_live_picture_create(&p, s->live), 0);
-    assert_int_equal(sst_live_picture_render(p, cfg, &want, &anew), 0);
+    assert_int_equal(sst_livepicture_create(&p, s->live), 0);
+    assert_int_equal(sst_livepicture_render(p, cfg, &want, &anew), 0);
     assert_int_equal(anew, (int64_t)want->width * want->height);
     assert_true(same_image(got, want));
-    sst_live_picture_destroy(p);
+    sst_livepicture_destroy(p);
 }
 
 /* Other pixels in one tile of one view; maps too, if asked for. */
@@ -178,16 +178,16 @@ static void parts_have_the_bytes_of_the_whole(void **state SST_UNUSED)
     take(&s, 1);
     for (size_t i = 0; i < ARRAY_LEN(focus); i++) {
         struct sst_render_config cfg = config(focus[i]);
-        struct sst_live_picture *p;
+        struct sst_livepicture *p;
         int64_t anew;
 
         cfg.method = i == 2 ? SST_RENDER_REFOCUS : SST_RENDER_SST;
         cfg.c2 = 1; /* label ranges follow all pixels, and a part would differ by what is not noticeable */
         cfg.aperture = i == 1 ? 1.5 : INFINITY;
-        assert_int_equal(sst_live_picture_create(&p, s.live), 0);
-        assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+        assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
         assert_int_equal(anew, 200 * 141);
-        assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
         assert_int_equal(anew, 0);
         for (int round = 0; round < 6; round++) {
             const int tiles = s.changes.cols * s.changes.rows;
@@ -198,11 +198,11 @@ static void parts_have_the_bytes_of_the_whole(void **state SST_UNUSED)
             take(&s, round + 2);
             if (round == 3)
                 continue; /* two changes at a time */
-            assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+            assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
             assert_true(anew < 200 * 141);
             assert_whole(&s, &cfg, image);
         }
-        sst_live_picture_destroy(p);
+        sst_livepicture_destroy(p);
     }
     hide(&s);
 }
@@ -212,18 +212,18 @@ static void labelled_parts_do_too(void **state SST_UNUSED)
 {
     struct sst_render_config cfg = config(8.43);
     const struct sst_image *image;
-    struct sst_live_picture *p;
+    struct sst_livepicture *p;
     struct shown s;
     int64_t anew;
 
     show(&s, "bush", 200, 141, 3, false);
     take(&s, 1);
-    assert_int_equal(sst_live_picture_create(&p, s.live), 0);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     for (int threads = 1; threads < 4; threads++) {
         change_tile(&s, threads, 2 * threads, false, (uint32_t)threads);
         take(&s, threads + 1);
-        assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
         s.live->cfg.threads = threads;
         assert_whole(&s, &cfg, image);
         s.live->cfg.threads = 2;
@@ -240,9 +240,9 @@ static void labelled_parts_do_too(void **state SST_UNUSED)
         memset(s.changes.map[k], k == 4, (size_t)(s.changes.cols * s.changes.rows));
     }
     take(&s, 9);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     assert_int_equal(anew, 200 * 141);
-    sst_live_picture_destroy(p);
+    sst_livepicture_destroy(p);
     hide(&s);
 }
 
@@ -252,7 +252,7 @@ static void verified_parts_do_too(void **state SST_UNUSED)
     static const int views[] = { 1, 2, 4, 6, 9, 14 };
     struct sst_render_config cfg = config(8.43);
     const struct sst_image *image, *plain;
-    struct sst_live_picture *p, *without;
+    struct sst_livepicture *p, *without;
     struct shown s;
     int64_t anew;
 
@@ -260,15 +260,15 @@ static void verified_parts_do_too(void **state SST_UNUSED)
     take(&s, 1);
     cfg.c1 = cfg.c2 = 0.001;
     cfg.sigma_px = 0.3; /* few rays are in focus, many in front */
-    assert_int_equal(sst_live_picture_create(&without, s.live), 0);
-    assert_int_equal(sst_live_picture_render(without, &cfg, &plain, &anew), 0);
+    assert_int_equal(sst_livepicture_create(&without, s.live), 0);
+    assert_int_equal(sst_livepicture_render(without, &cfg, &plain, &anew), 0);
     cfg.verify = SST_VERIFY_ON;
-    assert_int_equal(sst_live_picture_create(&p, s.live), 0);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     assert_true(same_image(image, plain)); /* maps are not poor */
     s.live->low_confidence = true;
     for (int round = 0; round < 12; round++) {
-        assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
         assert_true(round || !same_image(image, plain)); /* it does something here */
         assert_true(round ? anew < 200 * 141 : anew == 200 * 141);
         assert_whole(&s, &cfg, image);
@@ -276,10 +276,10 @@ static void verified_parts_do_too(void **state SST_UNUSED)
         take(&s, round + 2);
     }
     cfg.verify = SST_VERIFY_OFF;
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0); /* a setting like any other */
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0); /* a setting like any other */
     assert_int_equal(anew, 200 * 141);
-    sst_live_picture_destroy(without);
-    sst_live_picture_destroy(p);
+    sst_livepicture_destroy(without);
+    sst_livepicture_destroy(p);
     hide(&s);
 }
 
@@ -287,19 +287,19 @@ static void absent_views_are_left_out(void **state SST_UNUSED)
 {
     struct sst_render_config cfg = config(8.4);
     const struct sst_image *image;
-    struct sst_live_picture *p;
+    struct sst_livepicture *p;
     struct shown s;
     int64_t anew;
 
     show(&s, "bush", 160, 120, 3, false);
     take(&s, 1);
-    assert_int_equal(sst_live_picture_create(&p, s.live), 0);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     s.live->lf.views[s.live->lf.ref_view].present = false;
     s.live->lf.views[8].present = false;
     take(&s, 2);
     assert_true(live_lead_view(s.live) >= 0 && live_lead_view(s.live) != s.live->lf.ref_view);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     assert_int_equal(anew, 160 * 120);
     assert_whole(&s, &cfg, image);
     /* One comes back and has no maps yet: its rays are of unknown depth. */
@@ -308,14 +308,14 @@ static void absent_views_are_left_out(void **state SST_UNUSED)
     s.live->lf.views[8].present = true;
     take(&s, 3);
     assert_int_equal(s.live->lf.views[8].disp.data[0], SST_DISP_NONE);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     assert_int_equal(anew, 160 * 120);
     assert_whole(&s, &cfg, image);
     for (int k = 0; k < 9; k++)
         s.live->lf.views[k].present = false;
     take(&s, 4);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), -ENODATA);
-    sst_live_picture_destroy(p);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), -ENODATA);
+    sst_livepicture_destroy(p);
     hide(&s);
 }
 
@@ -324,49 +324,49 @@ static void what_cannot_be_rendered_is_said(void **state SST_UNUSED)
     struct sst_render_config cfg = config(NAN);
     struct sst_image overlay = { 0 };
     const struct sst_image *image;
-    struct sst_live_pick pick;
-    struct sst_live_picture *p;
+    struct sst_livepicture_pick pick;
+    struct sst_livepicture *p;
     struct shown s;
     int64_t anew;
     double px;
 
     show(&s, NULL, 160, 120, 2, false);
     assert_int_equal(sst_image_init(&overlay, 160, 120), 0);
-    assert_int_equal(sst_live_picture_create(&p, s.live), 0);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), -ENODATA);
-    assert_int_equal(sst_live_picture_pick(p, 1, 1, &pick), -ENODATA);
-    assert_int_equal(sst_live_overlay(s.live, SST_LIVE_LABELS_PICTURE, &overlay), -ENODATA);
-    assert_int_equal(sst_live_label_disparity(s.live, SST_LABEL_TREE, &px), -ENODATA);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), -ENODATA);
+    assert_int_equal(sst_livepicture_pick(p, 1, 1, &pick), -ENODATA);
+    assert_int_equal(sst_livepicture_overlay(s.live, SST_LIVE_LABELS_PICTURE, &overlay), -ENODATA);
+    assert_int_equal(sst_livepicture_label_disparity(s.live, SST_LABEL_TREE, &px), -ENODATA);
     assert_true(isnan(sst_live_default_focus(s.live)));
     assert_false(sst_live_range(s.live, &px, &px));
     /* Pictures without disparities: plain refocusing works. */
     for (int k = 0; k < 4; k++)
         assert_int_equal(sst_image_init(&s.live->lf.views[k].image, 160, 120), 0);
     take(&s, 1);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), -ENODATA);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), -ENODATA);
     cfg.method = SST_RENDER_REFOCUS;
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     cfg.focus_px = 1e6; /* put where views overlap */
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     assert_int_equal(anew, 160 * 120);
     set_scene(&s, "bush", 0);
     take(&s, 2);
     cfg = config(1e6);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     cfg = config(NAN); /* the default focus */
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     cfg.focus_px = sst_live_default_focus(s.live);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     assert_int_equal(anew, 0);
     sst_log_set_level((enum sst_log_level) - 1);
     cfg.c1 = 2;
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), -EINVAL);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), -EINVAL);
     sst_log_set_level(SST_LOG_WARNING);
     cfg.c1 = 0;
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
-    assert_int_equal(sst_live_picture_pick(p, 160, 0, &pick), -ERANGE);
-    assert_int_equal(sst_live_picture_pick(p, 0, -1, &pick), -ERANGE);
-    sst_live_picture_destroy(p);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_pick(p, 160, 0, &pick), -ERANGE);
+    assert_int_equal(sst_livepicture_pick(p, 0, -1, &pick), -ERANGE);
+    sst_livepicture_destroy(p);
     sst_image_fini(&overlay);
     hide(&s);
 }
@@ -504,8 +504,8 @@ static void a_leaf_and_what_is_behind_it(void **state SST_UNUSED)
     struct sst_map_u8 label = { 0 };
     struct sst_render_config cfg = config(NAN);
     const struct sst_image *image;
-    struct sst_live_picture *p;
-    struct sst_live_pick pick;
+    struct sst_livepicture *p;
+    struct sst_livepicture_pick pick;
     struct shown s;
     int64_t anew;
     int leaves = 0, right_leaf = 0, right_behind = 0;
@@ -515,8 +515,8 @@ static void a_leaf_and_what_is_behind_it(void **state SST_UNUSED)
     assert_int_equal(sst_map_f32_init(&disp, 320, 240), 0);
     assert_int_equal(sst_map_u8_init(&label, 320, 240), 0);
     assert_int_equal(sst_scene_render(s.scene, 0, 0, 1, NULL, &disp, &label), 0);
-    assert_int_equal(sst_live_picture_create(&p, s.live), 0);
-    assert_int_equal(sst_live_picture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     for (int y = 20; y < 220; y += 3) {
         for (int x = 20; x < 300; x += 3) {
             const struct sst_view *ref = &s.live->lf.views[s.live->lf.ref_view];
@@ -525,7 +525,7 @@ static void a_leaf_and_what_is_behind_it(void **state SST_UNUSED)
             if (sst_map_u8_row(&ref->label, y)[x] != SST_LABEL_TREE || leaf_px < 14 || !uniform(&ref->label, x, y) ||
                 sst_map_u8_row(&label, y)[x] != SST_LABEL_PEDESTRIAN || !uniform(&label, x, y))
                 continue;
-            assert_int_equal(sst_live_picture_pick(p, x, y, &pick), 0);
+            assert_int_equal(sst_livepicture_pick(p, x, y, &pick), 0);
             leaves++;
             right_leaf += pick.front_label == SST_LABEL_TREE && pick.front_px >= leaf_px - 1;
             right_behind +=
@@ -537,7 +537,7 @@ static void a_leaf_and_what_is_behind_it(void **state SST_UNUSED)
     assert_true(leaves > 50);
     assert_true(right_leaf >= 0.98 * leaves);
     assert_true(right_behind >= 0.9 * leaves);
-    sst_live_picture_destroy(p);
+    sst_livepicture_destroy(p);
     sst_map_f32_fini(&disp);
     sst_map_u8_fini(&label);
     hide(&s);
@@ -555,10 +555,10 @@ static void labels_and_ranges_are_found(void **state SST_UNUSED)
     s.live->cfg.zone[0].x0 = s.live->cfg.zone[0].y0 = 0.25;
     s.live->cfg.zone[0].x1 = s.live->cfg.zone[0].y1 = 0.5;
     take(&s, 1);
-    assert_int_equal(sst_live_label_disparity(s.live, SST_LABEL_PEDESTRIAN, &px), 0);
+    assert_int_equal(sst_livepicture_label_disparity(s.live, SST_LABEL_PEDESTRIAN, &px), 0);
     assert_near(px, sst_scene_occluder_at(s.scene, 0)->focus_px, 1);
-    assert_int_equal(sst_live_label_disparity(s.live, SST_LABEL_CAT, &px), -ENODATA);
-    assert_int_equal(sst_live_label_disparity(s.live, 0, &px), -ENODATA);
+    assert_int_equal(sst_livepicture_label_disparity(s.live, SST_LABEL_CAT, &px), -ENODATA);
+    assert_int_equal(sst_livepicture_label_disparity(s.live, 0, &px), -ENODATA);
     assert_true(sst_live_range(s.live, &lo, &hi));
     assert_true(lo >= s.live->lf.range_min_px - 0.5 && lo < 9 && hi > 21 && hi <= s.live->lf.range_max_px + 0.5);
     for (int zone = 0; zone <= SST_LIVE_ZONES; zone += SST_LIVE_ZONES) {
@@ -609,9 +609,9 @@ static void counts_of_all_views_are_the_histogram(void **state SST_UNUSED)
     show(&s, "cat", 160, 120, 2, false);
     for (int k = 0; k < 4; k++)
         view[n++] = k;
-    assert_int_equal(sst_label_histogram_init(&all, &s.live->lf, 2), 0);
+    assert_int_equal(sst_render_histogram_init(&all, &s.live->lf, 2), 0);
     for (int round = 0; round < 2; round++) { /* the second one in the memory of the first */
-        assert_int_equal(sst_label_histogram_recount(&again, &s.live->lf, view, n, 1), 0);
+        assert_int_equal(sst_render_histogram_recount(&again, &s.live->lf, view, n, 1), 0);
         assert_int_equal(again.bins, all.bins);
         assert_int_equal(again.first_bin, all.first_bin);
         for (int i = 0; i < 256; i++) {
@@ -621,8 +621,8 @@ static void counts_of_all_views_are_the_histogram(void **state SST_UNUSED)
                 assert_memory_equal(again.count[i], all.count[i], (size_t)all.bins * sizeof(*all.count[i]));
         }
     }
-    sst_label_histogram_fini(&all);
-    sst_label_histogram_fini(&again);
+    sst_render_histogram_fini(&all);
+    sst_render_histogram_fini(&again);
     hide(&s);
 }
 
@@ -654,13 +654,13 @@ static void overlays_show_labels_and_disparities(void **state SST_UNUSED)
     }
     take(&s, 1);
     assert_int_equal(sst_image_init(&out, 160, 120), 0);
-    assert_int_equal(sst_live_overlay(s.live, SST_LIVE_DISPARITY_PICTURE, &out), 0);
+    assert_int_equal(sst_livepicture_overlay(s.live, SST_LIVE_DISPARITY_PICTURE, &out), 0);
     assert_near(luminance(&out, 5, 0), 0, 0);
     for (int x = 5; x < 160; x += 10) { /* nearer is lighter */
         assert_true(luminance(&out, x, 50) > last);
         last = luminance(&out, x, 50);
     }
-    assert_int_equal(sst_live_overlay(s.live, SST_LIVE_LABELS_PICTURE, &out), 0);
+    assert_int_equal(sst_livepicture_overlay(s.live, SST_LIVE_LABELS_PICTURE, &out), 0);
     for (int c = 0; c < 3; c++) {
         const struct sst_image *in = &s.live->lf.views[s.live->lf.ref_view].image;
         const int colour = sst_classes_palette()[SST_LABEL_NUCLEUS][c];

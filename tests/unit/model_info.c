@@ -29,7 +29,7 @@ static void expect_said(const char *words)
 static int parse(struct sst_model_info *info, const char *yaml)
 {
     char *before = sst_log_hold_errors(said);
-    const int err = sst_model_info_parse(info, NULL, "m.onnx", yaml, strlen(yaml), "m.yaml");
+    const int err = sst_labels_model_info_parse(info, NULL, "m.onnx", yaml, strlen(yaml), "m.yaml");
 
     sst_log_hold_errors(before);
     return err;

@@ -137,7 +137,7 @@ static void odd_frames(void **state)
     struct sst_recorder *r = record(&s, &cfg, 0, 1);
     struct sst_recording_set got;
     struct sst_recording *rec;
-    struct sst_set set;
+    struct sst_frameset set;
     uint8_t *data;
 
     (void)state;
@@ -177,7 +177,7 @@ static void rolls_over(void **state)
     struct sst_recording_set set;
     struct sst_recording *rec;
     struct sst_recorder *r;
-    struct sst_set next;
+    struct sst_frameset next;
 
     (void)state;
     cfg.segment_s = 0.5; /* five sets of 100 ms */
@@ -359,7 +359,7 @@ static void refuses(void **state)
     struct sst_recorder_config cfg = good;
     struct sst_recording *rec;
     struct sst_recorder *r;
-    struct sst_set set;
+    struct sst_frameset set;
 
     (void)state;
     cfg.fourcc = V4L2_PIX_FMT_NV12;
@@ -412,12 +412,12 @@ static void begins_later(void **state)
     assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, 20)), 0);
     assert_int_equal(sst_recording_segments(dir), 5);
     before = size_of(in(dir, "segments/000000.mkv"));
-    assert_int_equal(sst_recording_shorten(dir, 4, &removed, &bytes), 0);
+    assert_int_equal(sst_recording_trim(dir, 4, &removed, &bytes), 0);
     assert_true(removed.before_segment == 1 && removed.sets == 4 && bytes >= before && bytes < before + 4096);
     assert_true(removed.wall_ns >= SYNTHETIC_WALL_NS + 3 * s.period_ns);
     assert_true(removed.wall_ns <= SYNTHETIC_WALL_NS + 4 * s.period_ns);
     assert_int_equal(size_of(in(dir, "segments/000000.mkv")), -1);
-    assert_int_equal(sst_recording_shorten(dir, 4, &removed, &bytes), -ENODATA);
+    assert_int_equal(sst_recording_trim(dir, 4, &removed, &bytes), -ENODATA);
     assert_int_equal(sst_recording_open(&r, dir), 0);
     assert_int_equal(sst_recording_sets(r), 16);
     for (int i = 0; i < 16; i++)
@@ -427,10 +427,10 @@ static void begins_later(void **state)
 
     cfg.append = true; /* sets follow, and some go meanwhile */
     recorder = record(&s, &cfg, 20, 22);
-    assert_int_equal(sst_recording_shorten(dir, 2, &removed, &bytes), 0);
+    assert_int_equal(sst_recording_trim(dir, 2, &removed, &bytes), 0);
     assert_int_equal(removed.sets, 8);
     for (int i = 0; i < 3; i++)
-        assert_int_equal(sst_recording_shorten(dir, 2, &removed, &bytes), i < 2 ? 0 : -ENODATA);
+        assert_int_equal(sst_recording_trim(dir, 2, &removed, &bytes), i < 2 ? 0 : -ENODATA);
     assert_int_equal(sst_recorder_close(recorder), 0);
     assert_int_equal(sst_recording_open(&r, dir), 0);
     assert_int_equal(sst_recording_sets(r), 6);
@@ -503,8 +503,8 @@ static void a_damaged_note_costs_nothing(void **state)
     (void)state;
     cfg.segment_s = 4 * (double)s.period_ns * 1e-9 - 0.001;
     assert_int_equal(sst_recorder_close(record(&s, &cfg, 0, 20)), 0);
-    assert_int_equal(sst_recording_shorten(dir, 1, &removed, &bytes), 0);
-    assert_int_equal(sst_recording_shorten(dir, 1, &said_before, &bytes), 0);
+    assert_int_equal(sst_recording_trim(dir, 1, &removed, &bytes), 0);
+    assert_int_equal(sst_recording_trim(dir, 1, &said_before, &bytes), 0);
     assert_int_equal(sst_file_read(in(dir, "removed.json"), 4096, &good, &size), 0);
     for (int how = 0; how <= 6; how++) {
         damage_the_note(how, (const char *)good, size);
@@ -537,7 +537,7 @@ static void a_damaged_note_costs_nothing(void **state)
     assert_int_equal(sst_recording_check(r, 8, &cam), 0);
     sst_recording_close(r);
     /* Resuming repairs it, and so does trimming. */
-    assert_int_equal(sst_recording_shorten(dir, 1, &removed, &bytes), 0);
+    assert_int_equal(sst_recording_trim(dir, 1, &removed, &bytes), 0);
     assert_true(removed.before_segment == 3 && removed.sets == 12);
     assert_int_equal(sst_recording_read_removed(dir, &removed), 0);
     assert_true(!removed.assumed && removed.sets == 12);

@@ -84,7 +84,7 @@ static void record_and_die(struct synthetic *s, const struct sst_recorder_config
         if (sst_recorder_open(&r, &own))
             _exit(1);
         for (int i = 0; i < n; i++) {
-            struct sst_set set;
+            struct sst_frameset set;
 
             synthetic_set(s, (uint64_t)i, &set);
             if (sst_recorder_write(r, &set))
@@ -174,7 +174,7 @@ static int write_with_fault(struct synthetic *s, const char *at, int nth, int ma
     fail_many = many;
     fail_in = nth;
     for (int i = 0; i < 10; i++) {
-        struct sst_set set;
+        struct sst_frameset set;
         int e;
 
         synthetic_set(s, (uint64_t)i, &set);
@@ -233,7 +233,7 @@ static void a_full_disk_is_told_once(void **state)
     struct sst_recorder_config cfg = synthetic_config(&s, dir);
     struct sst_recorder *r = record(&s, &cfg, 0, 2);
     struct sst_recorder_counters c;
-    struct sst_set set;
+    struct sst_frameset set;
     int64_t start;
 
     (void)state;
@@ -280,7 +280,7 @@ static void syncs_beside_the_writer(void **state)
     struct sst_recorder_config cfg = synthetic_config(&s, dir);
     struct sst_recorder_counters c;
     struct sst_recorder *r;
-    struct sst_set set;
+    struct sst_frameset set;
 
     (void)state;
     cfg.sync_s = 0.002;

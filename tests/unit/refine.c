@@ -39,7 +39,7 @@ static struct sst_label_fit fit_of(const int64_t (*pairs)[2], int n, double disp
     cfg.min_pixels = min_pixels;
     for (int i = 0; i < n; i++)
         hist[pairs[i][0]] = pairs[i][1];
-    fit = sst_label_fit_histogram(hist, disp_min_px, &cfg);
+    fit = sst_refine_fit_histogram(hist, disp_min_px, &cfg);
     free(hist);
     return fit;
 }
@@ -105,8 +105,8 @@ static void density_and_candidates(void **state SST_UNUSED)
     uint64_t *mask = malloc(SST_DISP_BINS * sizeof(*mask));
 
     assert_non_null(mask);
-    CLOSE(sst_label_fit_density(&fits[0], 2), 0.7978845608, 1e-9);
-    CLOSE(sst_label_fit_density(&fits[1], 5), 0.2419707245, 1e-9);
+    CLOSE(sst_refine_fit_density(&fits[0], 2), 0.7978845608, 1e-9);
+    CLOSE(sst_refine_fit_density(&fits[1], 5), 0.2419707245, 1e-9);
     /* g > 0.2 where |d - mean| < sigma sqrt(2 ln(peak / 0.2)): up to 2.83177 px, from 2.82483 px; stored 0 is 1 px. */
     sst_candidate_masks(mask, fits, 3, 1, 0.2);
     assert_int_equal(mask[64], 1);

@@ -167,16 +167,16 @@ static void histogram_range_by_hand(void **state SST_UNUSED)
     const uint64_t count[] = { 0, 1, 0, 98, 0, 1, 0 }, pair[] = { 3, 0, 3 };
     int lo, hi;
 
-    assert_true(sst_histogram_range(count, 0, 7, 0, &lo, &hi));
+    assert_true(sst_render_histogram_range(count, 0, 7, 0, &lo, &hi));
     assert_true(lo == 1 && hi == 5);
-    assert_true(sst_histogram_range(count, 0, 7, 0.01, &lo, &hi));
+    assert_true(sst_render_histogram_range(count, 0, 7, 0.01, &lo, &hi));
     assert_true(lo == 3 && hi == 3);
-    assert_true(sst_histogram_range(count, 4, 7, 0.5, &lo, &hi));
+    assert_true(sst_render_histogram_range(count, 4, 7, 0.5, &lo, &hi));
     assert_true(lo == 5 && hi == 5);
-    assert_true(sst_histogram_range(pair, 0, 3, 0.5, &lo, &hi));
+    assert_true(sst_render_histogram_range(pair, 0, 3, 0.5, &lo, &hi));
     assert_true(lo == 0 && hi == 2);
-    assert_false(sst_histogram_range(count, 6, 7, 0, &lo, &hi));
-    assert_false(sst_histogram_range(count, 3, 3, 0, &lo, &hi));
+    assert_false(sst_render_histogram_range(count, 6, 7, 0, &lo, &hi));
+    assert_false(sst_render_histogram_range(count, 3, 3, 0, &lo, &hi));
 }
 
 /* Columns hold 16 bins. Peaks around columns 10 and 30, nothing between 12 and 28: the smoothed counts are 0 from 15 to
@@ -186,29 +186,29 @@ static void histogram_objects_by_hand(void **state SST_UNUSED)
     uint64_t count[1000] = { 0 };
     int end[SST_BLEND_COLUMNS];
 
-    assert_int_equal(sst_histogram_objects(count, 1000, end), 1);
+    assert_int_equal(sst_render_histogram_objects(count, 1000, end), 1);
     for (int c = 8; c <= 12; c++)
         count[c * 16] = 100;
-    assert_int_equal(sst_histogram_objects(count, 1000, end), 1);
+    assert_int_equal(sst_render_histogram_objects(count, 1000, end), 1);
     for (int c = 28; c <= 32; c++)
         count[c * 16 + 3] = 50;
-    assert_int_equal(sst_histogram_objects(count, 1000, end), 2);
+    assert_int_equal(sst_render_histogram_objects(count, 1000, end), 2);
     assert_int_equal(end[0], 21);
     assert_int_equal(end[1], SST_BLEND_COLUMNS);
     /* A bridge of more than a fifth of the lower peak joins them. */
     for (int c = 13; c < 28; c++)
         count[c * 16] = 12;
-    assert_int_equal(sst_histogram_objects(count, 1000, end), 1);
+    assert_int_equal(sst_render_histogram_objects(count, 1000, end), 1);
     /* Two pixels of 752 are no object of their own. */
     for (int c = 13; c < 28; c++)
         count[c * 16] = 0;
     count[50 * 16] = 2;
-    assert_int_equal(sst_histogram_objects(count, 1000, end), 2);
+    assert_int_equal(sst_render_histogram_objects(count, 1000, end), 2);
     assert_int_equal(end[1], SST_BLEND_COLUMNS);
     /* The same below the first object. */
     count[50 * 16] = 0;
     count[0] = 2;
-    assert_int_equal(sst_histogram_objects(count, 1000, end), 2);
+    assert_int_equal(sst_render_histogram_objects(count, 1000, end), 2);
     assert_int_equal(end[0], 21);
 }
 
@@ -416,13 +416,13 @@ static void parts_equal_the_whole(void **state SST_UNUSED)
     struct sst_lightfield lf;
     struct sst_renderer *r;
     struct sst_image whole, part = { 0 };
-    struct sst_plan plan;
+    struct sst_render_plan plan;
 
     make_random(&lf);
     cfg.threads = 2;
     assert_int_equal(render(&lf, &cfg, &whole, NULL), 0);
     assert_int_equal(sst_renderer_create(&r, &lf, 1), 0);
-    assert_int_equal(sst_plan_init(&plan, r, &cfg), 0);
+    assert_int_equal(sst_render_plan_init(&plan, r, &cfg), 0);
     assert_int_equal(sst_image_init(&part, lf.width, lf.height), 0);
     for (int pattern = 1; pattern < 16; pattern++) {
         const int cols = (lf.width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
@@ -434,7 +434,7 @@ static void parts_equal_the_whole(void **state SST_UNUSED)
             cells[i] = (pattern >> (i % 4)) & 1;
         for (int c = 0; c < 3; c++)
             memset(part.plane[c], 77, part.stride * (size_t)part.height);
-        assert_int_equal(sst_plan_render(&plan, cells, &part, NULL), 0);
+        assert_int_equal(sst_render_plan_render(&plan, cells, &part, NULL), 0);
         for (int y = 0; y < lf.height; y++) {
             for (int x = 0; x < lf.width; x++) {
                 const bool made = cells[y / SST_RENDER_CELL_HEIGHT * cols + x / SST_RENDER_CELL_WIDTH];
@@ -445,7 +445,7 @@ static void parts_equal_the_whole(void **state SST_UNUSED)
         }
         free(cells);
     }
-    sst_plan_fini(&plan);
+    sst_render_plan_fini(&plan);
     sst_renderer_destroy(r);
     sst_image_fini(&part);
     sst_image_fini(&whole);

@@ -10,12 +10,12 @@
 #include <cmocka.h>
 
 #include "base/clock.h"
+#include "base/jpeg_slot.h"
 #include "base/log.h"
 #include "capture/array/ring.h"
 #include "daemon/events/events.h"
 #include "daemon/publish/api.h"
 #include "daemon/service/service_internal.h"
-#include "base/jpeg_slot.h"
 
 /* --- ring --------------------------------------------------------------------------------------------------------- */
 
@@ -23,7 +23,7 @@ static int put(struct sst_ring *r, int cameras, size_t bytes, uint64_t index, in
 {
     static uint8_t data[1 << 16];
     static struct sst_frame frame[8];
-    struct sst_set set = { .index = index, .t_ns = (int64_t)index * 1000, .cameras = cameras };
+    struct sst_frameset set = { .index = index, .t_ns = (int64_t)index * 1000, .cameras = cameras };
 
     memset(data, (int)index & 255, sizeof(data));
     for (int i = 0; i < cameras; i++) {
@@ -170,30 +170,30 @@ static void count(void *arg)
 static void outlet_shows_the_newest(void **state)
 {
     const struct sst_jpeg *a, *b;
-    struct sst_outlet *o;
+    struct sst_slot *o;
 
     (void)state;
-    assert_int_equal(sst_outlet_create(&o), 0);
-    assert_null(sst_outlet_get(o, 0));
-    assert_int_equal(sst_outlet_put(o, (uint8_t *)strdup("one"), 3, 11, 5, 6), 0);
-    a = sst_outlet_get(o, 0);
-    assert_int_equal(sst_outlet_put(o, (uint8_t *)strdup("two"), 3, 12, 5, 6), 0);
-    b = sst_outlet_get(o, a->number);
+    assert_int_equal(sst_slot_create(&o), 0);
+    assert_null(sst_slot_get(o, 0));
+    assert_int_equal(sst_slot_put(o, (uint8_t *)strdup("one"), 3, 11, 5, 6), 0);
+    a = sst_slot_get(o, 0);
+    assert_int_equal(sst_slot_put(o, (uint8_t *)strdup("two"), 3, 12, 5, 6), 0);
+    b = sst_slot_get(o, a->number);
     assert_memory_equal(a->data, "one", 3);
     assert_memory_equal(b->data, "two", 3);
     assert_int_equal(b->number, 2);
     assert_int_equal(b->set, 12);
-    assert_null(sst_outlet_get(o, 2));
-    sst_jpeg_unref(a);
-    sst_jpeg_unref(b);
-    assert_true(sst_outlet_wait(o, 1, 0));
-    assert_false(sst_outlet_wait(o, 2, 1));
-    sst_outlet_shut(o);
-    assert_false(sst_outlet_wait(o, 2, 10000));
-    sst_outlet_join(o);
-    assert_int_equal(sst_outlet_viewers(o), 1);
-    sst_outlet_unref(sst_outlet_ref(o));
-    sst_outlet_unref(o);
+    assert_null(sst_slot_get(o, 2));
+    sst_slot_jpeg_unref(a);
+    sst_slot_jpeg_unref(b);
+    assert_true(sst_slot_wait(o, 1, 0));
+    assert_false(sst_slot_wait(o, 2, 1));
+    sst_slot_shut(o);
+    assert_false(sst_slot_wait(o, 2, 10000));
+    sst_slot_join(o);
+    assert_int_equal(sst_slot_clients(o), 1);
+    sst_slot_unref(sst_slot_ref(o));
+    sst_slot_unref(o);
 }
 
 /* --- events ------------------------------------------------------------------------------------------------------- */

@@ -179,9 +179,9 @@ static void threads_do_not_matter(void **state)
     for (int k = 1; k < 3; k++) {
         assert_memory_equal(s[k].calib.camera, s[0].calib.camera, 4 * sizeof(*s[0].calib.camera));
         assert_memory_equal(s[k].frame, s[0].frame, (size_t)cfg.frames * sizeof(*s[0].frame));
-        assert_memory_equal(s[k].carry_sigma, s[0].carry_sigma, 4 * sizeof(*s[0].carry_sigma));
+        assert_memory_equal(s[k].transfer_sigma, s[0].transfer_sigma, 4 * sizeof(*s[0].transfer_sigma));
         assert_memory_equal(s[k].lens_sigma, s[0].lens_sigma, 4 * sizeof(*s[0].lens_sigma));
-        assert_memory_equal(&s[k].cross_px, &s[0].cross_px, sizeof(double));
+        assert_memory_equal(&s[k].cv_px, &s[0].cv_px, sizeof(double));
         assert_memory_equal(&s[k].rcond, &s[0].rcond, sizeof(double));
     }
     for (int k = 0; k < 3; k++)

@@ -141,10 +141,10 @@ static void robust_is_better(void **state)
     assert_int_equal(sst_solve(&s, &all, &how), 0);
     print_message("robust: RMS %.4f px, noise %.4f px, %d outliers of %d, warp %.3f %.3f mm, odd/even %.3f px (%.3f "
                   "expected), right camera known to %.3f px\n",
-                  s.rms_px, s.noise_px, s.outliers, s.corners + s.outliers, s.warp_mm[0], s.warp_mm[1], s.cross_px,
-                  s.cross_expected_px, s.calib.camera[1].sigma_px);
+                  s.rms_px, s.noise_px, s.outliers, s.corners + s.outliers, s.warp_mm[0], s.warp_mm[1], s.cv_px,
+                  s.cv_expected_px, s.calib.camera[1].sigma_px);
     assert_true(s.rms_px < 0.45);
-    assert_true(isfinite(s.cross_px) && s.calib.camera[1].sigma_px > 0);
+    assert_true(isfinite(s.cv_px) && s.calib.camera[1].sigma_px > 0);
     sst_solution_fini(&s);
     sst_detections_fini(&all);
 }

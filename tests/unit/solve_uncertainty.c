@@ -49,7 +49,7 @@ static void compare(struct tally tally[2], const struct truth *t, const struct s
     for (int k = 0; k < t->cfg.rows * t->cfg.cols; k++) {
         for (int cell = 0; cell < 2 * SST_UNCERTAINTY_ROWS * SST_UNCERTAINTY_COLS; cell++) {
             const int at = cell / 2, row = at / SST_UNCERTAINTY_COLS, col = at % SST_UNCERTAINTY_COLS;
-            const double sigma = (double)s->carry_sigma[k][cell % 2][row][col];
+            const double sigma = (double)s->transfer_sigma[k][cell % 2][row][col];
             const double x = (col + 0.5) / SST_UNCERTAINTY_COLS * t->cfg.width - 0.5;
             const double y = (row + 0.5) / SST_UNCERTAINTY_ROWS * t->cfg.height - 0.5;
             const double z = cell % 2 ? s->calib.range_mm : 0;
@@ -88,8 +88,8 @@ static void truth_is_inside(void **state)
         truth_make(&t, &cfg);
         assert_int_equal(sst_solve(&s, &t.all, &how), 0);
         compare(tally, &t, &s);
-        if (isfinite(s.cross_px)) {
-            cross += s.cross_px / s.cross_expected_px;
+        if (isfinite(s.cv_px)) {
+            cross += s.cv_px / s.cv_expected_px;
             crossed++;
         }
         sst_solution_fini(&s);

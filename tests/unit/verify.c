@@ -11,7 +11,7 @@
 
 #include "base/thread.h"
 #include "pipeline/eval/eval.h"
-#include "pipeline/lightfield/unsure.h"
+#include "pipeline/lightfield/unconfirmed.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/render/verify.h"
 #include "simulators/scene/scene.h"
@@ -313,23 +313,23 @@ static void external_maps_are_trusted(void **state SST_UNUSED)
 /* One view of 40x33 pixels: blocks of 32x32, 8x32, 32x1, 8x1. */
 static void guesses_are_counted_in_blocks(void **state SST_UNUSED)
 {
-    struct sst_unsure u = { 0 };
+    struct sst_unconfirmed u = { 0 };
     struct sst_lightfield lf;
     struct sst_view *v;
 
     assert_int_equal(sst_lightfield_init(&lf, 1, 3), 0);
     v = &lf.views[1];
-    assert_int_equal(sst_unsure_init(&u, &lf, 2), 0);
+    assert_int_equal(sst_unconfirmed_init(&u, &lf, 2), 0);
     assert_true(isnan(u.confirmed));
     assert_null(u.view[1].data);
-    sst_unsure_fini(&u);
+    sst_unconfirmed_fini(&u);
 
     assert_int_equal(sst_map_u8_init(&v->confidence, 40, 33), 0);
     for (int y = 0; y < 33; y++)
         memset(sst_map_u8_row(&v->confidence, y), 1 + y, 40);
     memset(sst_map_u8_row(&v->confidence, 5), 0, 32);      /* a row of 32: 1/32 of 1/8 is a quarter of 255 */
     memset(sst_map_u8_row(&v->confidence, 32) + 32, 0, 8); /* all of the last block */
-    assert_int_equal(sst_unsure_init(&u, &lf, 2), 0);
+    assert_int_equal(sst_unconfirmed_init(&u, &lf, 2), 0);
     assert_true(fabs(u.confirmed - (1 - 40.0 / (40 * 33))) < 1e-12);
     assert_int_equal(u.view[1].width, 2);
     assert_int_equal(u.view[1].height, 2);
@@ -338,16 +338,16 @@ static void guesses_are_counted_in_blocks(void **state SST_UNUSED)
     assert_int_equal(sst_map_u8_row(&u.view[1], 1)[0], 0);
     assert_int_equal(sst_map_u8_row(&u.view[1], 1)[1], 255);
     assert_null(u.view[0].data);
-    sst_unsure_fini(&u);
+    sst_unconfirmed_fini(&u);
 
     /* What the view did not see is no guess. */
     assert_int_equal(sst_map_u8_init(&v->valid, 40, 33), 0);
     for (int y = 0; y < 33; y++)
         memset(sst_map_u8_row(&v->valid, y), y < 32 && y != 5 ? 255 : 0, 40);
-    assert_int_equal(sst_unsure_init(&u, &lf, 1), 0);
+    assert_int_equal(sst_unconfirmed_init(&u, &lf, 1), 0);
     assert_true(u.confirmed >= 1);
     assert_int_equal(sst_map_u8_row(&u.view[1], 0)[0] + sst_map_u8_row(&u.view[1], 1)[1], 0);
-    sst_unsure_fini(&u);
+    sst_unconfirmed_fini(&u);
     sst_lightfield_fini(&lf);
 }
 

@@ -1,4 +1,4 @@
-/* Detections as JSON (docs/formats.md); numbers survive a round trip bit for bit. */
+/* Detections as JSON (docs/integrate/formats.md); numbers survive a round trip bit for bit. */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>

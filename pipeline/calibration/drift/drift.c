@@ -15,7 +15,7 @@
 #define SIGMAS        4   /* significance of an offset */
 #define NAMED         4   /* cameras named in the sentence */
 
-const char *sst_check_verdict_name(enum sst_check_verdict verdict)
+const char *sst_drift_verdict_name(enum sst_drift_verdict verdict)
 {
     static const char *const names[] = { "OK", "DRIFTED", "UNUSABLE", "UNKNOWN" };
 
@@ -37,7 +37,7 @@ SST_PRINTF(2, 3) static void append(struct sst_drift *out, const char *fmt, ...)
 /* "camera 02_03 sits 0.8 px too low and 0.3 px too far right (rolled 0.05 degrees clockwise)" */
 static void describe_camera(struct sst_drift *out, const struct drift_work *w, int view, double radius)
 {
-    const struct sst_check_camera *c = &out->camera[view];
+    const struct sst_drift_camera *c = &out->camera[view];
     const double least = fmax(0.05, 0.15 * c->off_px), roll = c->roll_deg * (M_PI / 180) * radius;
     const char *join = " sits";
     char name[16];
@@ -158,8 +158,8 @@ static int fill_pairs(struct sst_drift *out, const struct drift_work *w)
     for (int i = 0; i < w->links; i++) {
         const struct drift_link *l = &w->link[i];
 
-        out->pair[i] = (struct sst_check_pair){ l->a, l->b, l->state, l->features, l->matches, 0, 0, 0 };
-        if (l->state != SST_CHECK_PAIR_MEASURED)
+        out->pair[i] = (struct sst_drift_pair){ l->a, l->b, l->state, l->features, l->matches, 0, 0, 0 };
+        if (l->state != SST_DRIFT_PAIR_MEASURED)
             continue;
         out->pair[i].mean_px = l->mean_px;
         out->pair[i].rms_px = l->rms_px;
@@ -184,7 +184,7 @@ static int fill_pairs(struct sst_drift *out, const struct drift_work *w)
 /* RMS of its pairs, and whether it is off or lost. @return cameras that are */
 static int judge_camera(struct sst_drift *out, const struct drift_work *w, int view)
 {
-    struct sst_check_camera *c = &out->camera[view];
+    struct sst_drift_camera *c = &out->camera[view];
     double squares = 0;
     int n = 0, lost = 0, all = 0;
 
@@ -194,8 +194,8 @@ static int judge_camera(struct sst_drift *out, const struct drift_work *w, int v
         if (l->a != view && l->b != view)
             continue;
         all++;
-        lost += l->state == SST_CHECK_PAIR_LOST;
-        if (l->state != SST_CHECK_PAIR_MEASURED)
+        lost += l->state == SST_DRIFT_PAIR_LOST;
+        if (l->state != SST_DRIFT_PAIR_MEASURED)
             continue;
         n += l->matches;
         squares += l->rms_px * l->rms_px * l->matches;
@@ -213,7 +213,7 @@ static void decide(struct sst_drift *out, const struct drift_work *w, const char
     double worst = 0;
 
     for (int i = 0; i < w->links; i++) {
-        usable += w->link[i].state != SST_CHECK_PAIR_BLANK;
+        usable += w->link[i].state != SST_DRIFT_PAIR_BLANK;
         bad += drift_link_bad(&w->link[i], w->cfg.unusable_px);
     }
     for (int v = 0; v < w->views; v++) {
@@ -225,41 +225,41 @@ static void decide(struct sst_drift *out, const struct drift_work *w, const char
     }
     out->sentence[0] = 0;
     if (order[0]) {
-        out->verdict = SST_CHECK_UNUSABLE;
+        out->verdict = SST_DRIFT_UNUSABLE;
         append(out, "UNUSABLE: %s; correct the order of the views", order);
     } else if (out->swapped_a >= 0) {
         char a[16], b[16];
 
-        out->verdict = SST_CHECK_UNUSABLE;
+        out->verdict = SST_DRIFT_UNUSABLE;
         sst_view_name(w->lf, out->swapped_a, a);
         sst_view_name(w->lf, out->swapped_b, b);
         append(out, "UNUSABLE: views %s and %s are swapped: exchanged, their pairs fit", a, b);
     } else if (2 * usable < w->links || !usable || (2 * bad <= usable && 2 * known < present)) {
-        out->verdict = SST_CHECK_UNKNOWN;
+        out->verdict = SST_DRIFT_UNKNOWN;
         append(out,
                "UNKNOWN: too little texture: %d of %d pairs have the %d distinct features that are needed; point the "
                "array at something with structure",
                usable, w->links, w->cfg.min_matches);
     } else if (2 * bad > usable) {
-        out->verdict = SST_CHECK_UNUSABLE;
+        out->verdict = SST_DRIFT_UNUSABLE;
         append(out,
                "UNUSABLE: %d of %d pairs are off by more than %.2g px or do not match at all: the views were "
                "not rectified, or with another calibration",
                bad, usable, w->cfg.unusable_px);
     } else if (out->axes_px > w->cfg.unusable_px) {
-        out->verdict = SST_CHECK_UNUSABLE;
+        out->verdict = SST_DRIFT_UNUSABLE;
         append(out,
                "UNUSABLE: disparities along rows and along columns differ by %.2f px per spacing; the offsets of the "
                "views are not those of the cameras",
                out->axes_px);
     } else if (drifted) {
-        out->verdict = SST_CHECK_DRIFTED;
+        out->verdict = SST_DRIFT_DRIFTED;
         append(out, "DRIFTED: ");
         if (!describe_two(out, w))
             describe_drifted(out, w, drifted);
         describe_unchecked(out, w);
     } else {
-        out->verdict = SST_CHECK_OK;
+        out->verdict = SST_DRIFT_OK;
         append(out,
                "OK: no camera is off by more than %.2f px; %d matches in %d pairs, epipolar error mean %.3f, p95 "
                "%.3f px",
@@ -286,7 +286,7 @@ static int view_job(void *arg, int index, int worker)
     return err;
 }
 
-static int begin(struct drift_work *w, const struct sst_lightfield *lf, const struct sst_check_config *cfg)
+static int begin(struct drift_work *w, const struct sst_lightfield *lf, const struct sst_drift_config *cfg)
 {
     int present = 0;
 
@@ -347,7 +347,7 @@ static int run(struct sst_drift *out, struct drift_work *w)
     return 0;
 }
 
-int sst_check_lightfield(struct sst_drift *out, const struct sst_lightfield *lf, const struct sst_check_config *cfg)
+int sst_drift_check(struct sst_drift *out, const struct sst_lightfield *lf, const struct sst_drift_config *cfg)
 {
     struct sst_drift made = { 0 };
     struct drift_work w;
@@ -358,13 +358,13 @@ int sst_check_lightfield(struct sst_drift *out, const struct sst_lightfield *lf,
     if (err == -ENOMEM)
         sst_log_error("no memory to check the calibration of %d views; close other programs", lf->rows * lf->cols);
     if (err)
-        sst_check_fini(&made);
+        sst_drift_fini(&made);
     else
         *out = made;
     return err;
 }
 
-void sst_check_fini(struct sst_drift *check)
+void sst_drift_fini(struct sst_drift *check)
 {
     free(check->pair);
     free(check->camera);

@@ -291,7 +291,7 @@ static void iterate(struct system *s, double *part, bool tukey)
 /* --- figures of each camera -------------------------------------------------------------------------------------- */
 
 /* States and covariance of one camera; unobserved ones are NAN. */
-static void read_camera(struct sst_check_camera *cam, const struct system *s, int c, double *column,
+static void read_camera(struct sst_drift_camera *cam, const struct system *s, int c, double *column,
                         double cov[STATES][STATES])
 {
     double state[STATES];
@@ -316,7 +316,7 @@ static void read_camera(struct sst_check_camera *cam, const struct system *s, in
 }
 
 /* All states as one displacement, and its sigma. */
-static void sum_up(struct sst_check_camera *cam, const struct system *s, double cov[STATES][STATES])
+static void sum_up(struct sst_drift_camera *cam, const struct system *s, double cov[STATES][STATES])
 {
     const double state[STATES] = { cam->shift_x_px, cam->shift_y_px, cam->roll_deg * (M_PI / 180) * s->radius,
                                    cam->scale * s->radius };
@@ -333,7 +333,7 @@ static void sum_up(struct sst_check_camera *cam, const struct system *s, double 
     cam->off_sigma_px = squares > 0 ? sqrt(fmax(variance, 0) / squares) : cam->sigma_px;
 }
 
-static int report(struct sst_check_camera *cam, const struct system *s, double *column)
+static int report(struct sst_drift_camera *cam, const struct system *s, double *column)
 {
     const int views = s->w->views;
     double(*cov)[STATES][STATES] = calloc((size_t)views, sizeof(*cov));
@@ -387,7 +387,7 @@ static void leave_open(struct system *s, double *part)
         iterate(s, part, true);
 }
 
-int drift_solve_cameras(struct sst_check_camera *camera, const struct drift_work *w)
+int drift_solve_cameras(struct sst_drift_camera *camera, const struct drift_work *w)
 {
     const size_t most = (size_t)w->links * (2 * DRIFT_CELLS + 1) + 1, n = (size_t)w->views * STATES;
     const double width = w->lf->width, height = w->lf->height;

@@ -30,7 +30,7 @@ static void solve3(double a[3][3], double v[3])
 }
 
 /* Whether the offsets of the observed shifts differ. */
-static bool spread_out(const struct sst_check_camera *cam, const struct drift_work *w)
+static bool spread_out(const struct sst_drift_camera *cam, const struct drift_work *w)
 {
     double mean[2] = { 0 }, squares = 0;
     int n[2] = { 0 };
@@ -52,7 +52,7 @@ static bool spread_out(const struct sst_check_camera *cam, const struct drift_wo
 }
 
 /* Common shift and proportion of the offsets that minimise the sum of magnitudes of the observed shifts. */
-static void fix_shifts(struct sst_check_camera *cam, const struct drift_work *w)
+static void fix_shifts(struct sst_drift_camera *cam, const struct drift_work *w)
 {
     const bool proportion = spread_out(cam, w);
     double g[3] = { 0 };
@@ -61,7 +61,7 @@ static void fix_shifts(struct sst_check_camera *cam, const struct drift_work *w)
         double a[3][3] = { { 1e-9, 0, 0 }, { 0, 1e-9, 0 }, { 0, 0, 1e-9 } }, v[3] = { 0 };
 
         for (int c = 0; c < 2 * w->views; c++) {
-            const struct sst_check_camera *k = &cam[c / 2];
+            const struct sst_drift_camera *k = &cam[c / 2];
             const double shift = c % 2 ? k->shift_y_px : k->shift_x_px;
             const double row[3] = { c % 2 == 0, c % 2 == 1, proportion ? w->offset[c / 2][c % 2] : 0 };
             double weight;
@@ -84,7 +84,7 @@ static void fix_shifts(struct sst_check_camera *cam, const struct drift_work *w)
     }
 }
 
-static void subtract_median(struct sst_check_camera *cam, int views, size_t field)
+static void subtract_median(struct sst_drift_camera *cam, int views, size_t field)
 {
     double v[SST_MAX_VIEWS], median;
     int n = 0;
@@ -107,9 +107,9 @@ static void subtract_median(struct sst_check_camera *cam, int views, size_t fiel
     }
 }
 
-void drift_fix_gauge(struct sst_check_camera *camera, const struct drift_work *w)
+void drift_fix_gauge(struct sst_drift_camera *camera, const struct drift_work *w)
 {
     fix_shifts(camera, w);
-    subtract_median(camera, w->views, offsetof(struct sst_check_camera, roll_deg));
-    subtract_median(camera, w->views, offsetof(struct sst_check_camera, scale));
+    subtract_median(camera, w->views, offsetof(struct sst_drift_camera, roll_deg));
+    subtract_median(camera, w->views, offsetof(struct sst_drift_camera, scale));
 }

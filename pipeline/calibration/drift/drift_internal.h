@@ -3,7 +3,7 @@
 #ifndef SST_PIPELINE_CALIBRATION_DRIFT_DRIFT_INTERNAL_H
 #define SST_PIPELINE_CALIBRATION_DRIFT_DRIFT_INTERNAL_H
 
-#include "pipeline/calibration/drift/check.h"
+#include "pipeline/calibration/drift/drift.h"
 
 #define DRIFT_LEVELS   10
 #define DRIFT_CELLS_X  16 /* one feature at most per cell of the picture */
@@ -110,7 +110,7 @@ struct drift_link {
     int a, b;
     double length;         /* spacings between the centres */
     struct drift_search s; /* as searched */
-    enum sst_check_pair_state state;
+    enum sst_drift_pair_state state;
     int features, matches;
     double median_px, spread_px;       /* of across over all matches: median, robust sigma about it */
     double mean_px, rms_px, p95_px;    /* of across over the used ones; p95 of the magnitude; 0 without any */
@@ -122,7 +122,7 @@ struct drift_link {
 /** State of one check. */
 struct drift_work {
     const struct sst_lightfield *lf;
-    struct sst_check_config cfg; /* defaults filled in */
+    struct sst_drift_config cfg; /* defaults filled in */
     int views;                   /* rows * cols */
     struct drift_pyramid *view;  /* [views]; those absent are empty */
     double (*offset)[2];         /* [views] spacings */
@@ -170,7 +170,7 @@ SST_MUST_CHECK int drift_measure_corner_pairs(struct sst_drift *out, struct drif
 /* --- drift_cameras.c: camera displacements from matches ----------------------------------------------------------- */
 
 /** Fill camera[views], all but residual_px, drifted and lost. @return 0, -ENOMEM */
-SST_MUST_CHECK int drift_solve_cameras(struct sst_check_camera *camera, const struct drift_work *w);
+SST_MUST_CHECK int drift_solve_cameras(struct sst_drift_camera *camera, const struct drift_work *w);
 
 /* Least variance of the offsets along which shifts were seen, spacings^2, for shifts in proportion to them to be
  * distinguishable from others: a row sees vertical shifts, but its cameras hardly differ in height. */
@@ -178,7 +178,7 @@ SST_MUST_CHECK int drift_solve_cameras(struct sst_check_camera *camera, const st
 
 /** Subtract the unobservable part of the cameras' states (drift_gauge.c): the common shift, one in proportion to the
  *  offsets, the medians of roll and scale. NAN stays. */
-void drift_fix_gauge(struct sst_check_camera *camera, const struct drift_work *w);
+void drift_fix_gauge(struct sst_drift_camera *camera, const struct drift_work *w);
 
 /* --- drift_order.c: swapped views --------------------------------------------------------------------------------- */
 

@@ -26,7 +26,7 @@ static void count(struct trial *t)
             continue;
         t->bad += drift_link_bad(&t->w.link[i], t->w.cfg.unusable_px);
         t->good +=
-            t->w.link[i].state == SST_CHECK_PAIR_MEASURED && !drift_link_bad(&t->w.link[i], t->w.cfg.unusable_px);
+            t->w.link[i].state == SST_DRIFT_PAIR_MEASURED && !drift_link_bad(&t->w.link[i], t->w.cfg.unusable_px);
     }
 }
 
@@ -67,7 +67,7 @@ static double bad_share(const struct drift_work *w, int view)
     for (int i = 0; i < w->links; i++) {
         const struct drift_link *l = &w->link[i];
 
-        if ((l->a != view && l->b != view) || l->state == SST_CHECK_PAIR_BLANK)
+        if ((l->a != view && l->b != view) || l->state == SST_DRIFT_PAIR_BLANK)
             continue;
         all++;
         bad += drift_link_bad(l, w->cfg.unusable_px);
@@ -103,7 +103,7 @@ static int find_suspects(int suspect[SUSPECTS], const struct drift_work *w)
 }
 
 /* Swapped views are off by the distance between their positions, in opposite directions. */
-static bool opposed(const struct sst_check_camera *a, const struct sst_check_camera *b, double unusable_px)
+static bool opposed(const struct sst_drift_camera *a, const struct sst_drift_camera *b, double unusable_px)
 {
     const double x = isnan(a->shift_x_px) || isnan(b->shift_x_px) ? 0 : a->shift_x_px * b->shift_x_px;
     const double y = isnan(a->shift_y_px) || isnan(b->shift_y_px) ? 0 : a->shift_y_px * b->shift_y_px;
@@ -174,7 +174,7 @@ static int try_reorder(bool *explains, const struct drift_work *w, const struct 
         /* Holes of the grid move too. */
         t.only[i] = t.w.view[w->link[i].a].image && t.w.view[w->link[i].b].image;
         if (!t.only[i])
-            t.w.link[i].state = SST_CHECK_PAIR_BLANK;
+            t.w.link[i].state = SST_DRIFT_PAIR_BLANK;
     }
     err = drift_match_links(&t.w, t.only);
     count(&t);
@@ -199,7 +199,7 @@ int drift_find_wrong_order(struct sst_drift *out, const struct drift_work *w, ch
     out->swapped_a = out->swapped_b = -1;
     for (int i = 0; i < w->links; i++) {
         bad += drift_link_bad(&w->link[i], w->cfg.unusable_px);
-        usable += w->link[i].state != SST_CHECK_PAIR_BLANK;
+        usable += w->link[i].state != SST_DRIFT_PAIR_BLANK;
     }
     if (2 * bad > usable || out->axes_px > w->cfg.unusable_px) {
         for (size_t i = 0; !err && i < ARRAY_LEN(orders); i++) {

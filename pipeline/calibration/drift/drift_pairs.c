@@ -304,21 +304,21 @@ void drift_link_judge(struct drift_link *link, int min_matches)
     }
     /* Some matches, though too few to measure: the scene is hard, the pair is not lost. */
     if (link->matches >= min_matches)
-        link->state = SST_CHECK_PAIR_MEASURED;
+        link->state = SST_DRIFT_PAIR_MEASURED;
     else if (link->features < min_matches || link->matches >= sst_max_int(FEW, link->features / 20))
-        link->state = SST_CHECK_PAIR_BLANK;
+        link->state = SST_DRIFT_PAIR_BLANK;
     else
-        link->state = SST_CHECK_PAIR_LOST;
+        link->state = SST_DRIFT_PAIR_LOST;
 }
 
 bool drift_link_useful(const struct drift_link *link)
 {
-    return link->state != SST_CHECK_PAIR_LOST && link->matches >= FEW;
+    return link->state != SST_DRIFT_PAIR_LOST && link->matches >= FEW;
 }
 
 bool drift_link_bad(const struct drift_link *link, double unusable_px)
 {
-    return link->state == SST_CHECK_PAIR_LOST || (link->state == SST_CHECK_PAIR_MEASURED && link->rms_px > unusable_px);
+    return link->state == SST_DRIFT_PAIR_LOST || (link->state == SST_DRIFT_PAIR_MEASURED && link->rms_px > unusable_px);
 }
 
 /* --- all pairs ---------------------------------------------------------------------------------------------------- */

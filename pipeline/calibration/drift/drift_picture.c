@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "pipeline/calibration/drift/check.h"
+#include "pipeline/calibration/drift/drift.h"
 #include "pipeline/image/font.h"
 
 #define CELL   112  /* px from camera to camera */
@@ -98,15 +98,15 @@ static void arrow(struct sst_image *out, double x, double y, double dx, double d
     }
 }
 
-static void draw_pair(struct sst_image *out, const struct sst_drift *check, const struct sst_check_pair *p)
+static void draw_pair(struct sst_image *out, const struct sst_drift *check, const struct sst_drift_pair *p)
 {
     const int x0 = p->a % check->cols * CELL + CELL / 2, y0 = p->a / check->cols * CELL + CELL / 2 + TOP;
     const int x1 = p->b % check->cols * CELL + CELL / 2, y1 = p->b / check->cols * CELL + CELL / 2 + TOP;
     struct colour c = grey;
 
-    if (p->state == SST_CHECK_PAIR_MEASURED)
+    if (p->state == SST_DRIFT_PAIR_MEASURED)
         c = colour_of(fabs(p->mean_px), check->ok_px);
-    else if (p->state == SST_CHECK_PAIR_LOST)
+    else if (p->state == SST_DRIFT_PAIR_LOST)
         c = lost;
     if (y0 == y1)
         box(out, x0, y0 - BAR / 2, x1 - x0, BAR, c);
@@ -116,7 +116,7 @@ static void draw_pair(struct sst_image *out, const struct sst_drift *check, cons
 
 static void draw_camera(struct sst_image *out, const struct sst_drift *check, int view)
 {
-    const struct sst_check_camera *c = &check->camera[view];
+    const struct sst_drift_camera *c = &check->camera[view];
     const int x = view % check->cols * CELL + CELL / 2, y = view / check->cols * CELL + CELL / 2 + TOP;
     char line_of[32];
 
@@ -149,7 +149,7 @@ static void draw_key(struct sst_image *out, const struct sst_drift *check)
     text(out, 12 + width + 16, y + 16, 1, "FRAMED: DRIFTED. GREY: UNKNOWN.", ink);
 }
 
-int sst_check_picture(struct sst_image *out, const struct sst_drift *check)
+int sst_drift_picture(struct sst_image *out, const struct sst_drift *check)
 {
     char figures[96] = "NOTHING MEASURED";
     int err = sst_image_init(out, sst_max_int(check->cols * CELL, LEAST), check->rows * CELL + TOP + BOTTOM);
@@ -157,7 +157,7 @@ int sst_check_picture(struct sst_image *out, const struct sst_drift *check)
     if (err)
         return -ENOMEM;
     box(out, 0, 0, out->width, out->height, paper);
-    text(out, 12, 8, 2, sst_check_verdict_name(check->verdict), ink);
+    text(out, 12, 8, 2, sst_drift_verdict_name(check->verdict), ink);
     if (check->measured)
         snprintf(figures, sizeof(figures), "EPIPOLAR ERROR: MEAN %.3f P95 %.3f PX", check->mean_px, check->p95_px);
     text(out, 12, 27, 1, figures, ink);
@@ -166,7 +166,7 @@ int sst_check_picture(struct sst_image *out, const struct sst_drift *check)
     for (int v = 0; v < check->rows * check->cols; v++)
         draw_camera(out, check, v);
     for (int v = 0; v < check->rows * check->cols; v++) {
-        const struct sst_check_camera *c = &check->camera[v];
+        const struct sst_drift_camera *c = &check->camera[v];
 
         if (c->known)
             arrow(out, v % check->cols * CELL + CELL / 2, v / check->cols * CELL + CELL / 2 + TOP,

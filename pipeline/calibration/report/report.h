@@ -23,7 +23,7 @@ struct sst_calibration_report {
 /**
  * Write the page: one HTML file that draws itself from the JSON in it, offline. It shows the verdict, residual vectors
  * and maps of each camera, frames, the worst pictures, links, uncertainties, light, lattice. How to read it:
- * docs/calibration-report.md.
+ * docs/use/calibration-report.md.
  *
  * Deterministic: the same report gives the same bytes.
  * @return 0, -ENOMEM, or what outputs return; logged.
@@ -34,7 +34,7 @@ SST_MUST_CHECK int sst_calibration_report_write(const char *path, const struct s
  *  @return 0, -ENOMEM; logged. The caller checks `out` for errors (ferror). */
 SST_MUST_CHECK int sst_calibration_report_text(FILE *out, const struct sst_calibration_report *report);
 
-/** All figures as one JSON object (docs/calibration-report.md), unknown ones null; to free with free().
+/** All figures as one JSON object (docs/use/calibration-report.md), unknown ones null; to free with free().
  *  @return NULL: no memory; logged. */
 SST_MUST_CHECK char *sst_calibration_report_json(const struct sst_calibration_report *report);
 

@@ -176,12 +176,12 @@ static void judge_residuals(struct report_figures *f, const struct sst_solution 
 
 static void judge_cross(struct report_figures *f, const struct sst_solution *s)
 {
-    const bool done = isfinite(s->cross_px);
-    const double ratio = done && s->cross_expected_px > 0 ? s->cross_px / s->cross_expected_px : (double)NAN;
+    const bool done = isfinite(s->cv_px);
+    const double ratio = done && s->cv_expected_px > 0 ? s->cv_px / s->cv_expected_px : (double)NAN;
 
-    add_of_camera(f, CROSS, s->cross_px, done ? s->cross_camera : -1)->judged =
+    add_of_camera(f, CROSS, s->cv_px, done ? s->cv_camera : -1)->judged =
         done || !s->calib.rig; /* a rig's lens may have been given */
-    add(f, CROSS_OVER_EXPECTED, ratio)->judged = done && s->cross_px > CROSS_HARMLESS_PX;
+    add(f, CROSS_OVER_EXPECTED, ratio)->judged = done && s->cv_px > CROSS_HARMLESS_PX;
 }
 
 static void judge_geometry(struct report_figures *f, const struct sst_solution *s)

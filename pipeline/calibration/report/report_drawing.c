@@ -116,7 +116,7 @@ static json_t *camera(const struct sst_calibration_report *report, const struct 
     add_regions(o, &f->camera[view]);
     json_object_set_new(o, "lens", s->lens_sigma ? sigma_map(s->lens_sigma[view]) : json_null());
     json_object_set_new(o, "transfer",
-                        s->carry_sigma ? sigma_map(s->carry_sigma[view][s->calib.range_mm > 0]) : json_null());
+                        s->transfer_sigma ? sigma_map(s->transfer_sigma[view][s->calib.range_mm > 0]) : json_null());
     json_object_set_new(o, "used", vectors(report, f, view, false));
     json_object_set_new(o, "outliers", vectors(report, f, view, true));
     json_object_set_new(o, "frames", frames_of_camera(report, f, view));

@@ -225,7 +225,7 @@ static void describe_cameras(struct report_figures *f, const struct sst_calibrat
         f->missing += cam->expected && !c->known;
         cam->lens_px = map_rms(s->lens_sigma ? s->lens_sigma[k] : NULL);
         for (int i = 0; i < 2; i++)
-            cam->transfer_px[i] = map_rms(s->carry_sigma ? s->carry_sigma[k][i] : NULL);
+            cam->transfer_px[i] = map_rms(s->transfer_sigma ? s->transfer_sigma[k][i] : NULL);
         if (!c->known)
             continue;
         if (c->rms_px > 0 && (f->worst_camera < 0 || c->rms_px > s->calib.camera[f->worst_camera].rms_px))

@@ -137,7 +137,7 @@ const char *report_criterion_word(enum criterion_state state);
 /** Why the verdict is not better, and what to do: one sentence, plain text. @return false: this one is no reason */
 bool report_criterion_reason(const struct report_criterion *c, char out[640]);
 
-/* --- JSON: docs/calibration-report.md ----------------------------------------------------------------------------- */
+/* --- JSON: docs/use/calibration-report.md ----------------------------------------------------------------------------- */
 
 /** null where not finite */
 json_t *report_json_number(double value);

@@ -261,8 +261,8 @@ static void add_solution(json_t *o, const struct sst_solution *s)
     json_object_set_new(o, "corners", json_integer(s->corners));
     json_object_set_new(o, "outliers", json_integer(s->outliers));
     json_object_set_new(o, "outliers_percent", report_json_number(all > 0 ? 100 * s->outliers / all : (double)NAN));
-    json_object_set_new(o, "cross_px", report_json_number(s->cross_px));
-    json_object_set_new(o, "cross_expected_px", report_json_number(s->cross_expected_px));
+    json_object_set_new(o, "cross_px", report_json_number(s->cv_px));
+    json_object_set_new(o, "cross_expected_px", report_json_number(s->cv_expected_px));
     json_object_set_new(o, "held_out_px",
                         report_json_numbers((const double[]){ s->held_out_px[0] > 0 ? s->held_out_px[0] : (double)NAN,
                                                               s->held_out_px[1] > 0 ? s->held_out_px[1] : (double)NAN },
@@ -292,7 +292,7 @@ json_t *report_figures_json(const struct sst_calibration_report *report, const s
     json_object_set_new(o, "cameras_missing", json_integer(f->missing));
     json_object_set_new(o, "frames_used", json_integer(f->used_frames));
     add_solution(o, s);
-    json_object_set_new(o, "cross_camera", isfinite(s->cross_px) ? name_of(f, s->cross_camera) : json_null());
+    json_object_set_new(o, "cross_camera", isfinite(s->cv_px) ? name_of(f, s->cv_camera) : json_null());
     json_object_set_new(o, "worst_camera", name_of(f, f->worst_camera));
     json_object_set_new(o, "worst_frame",
                         f->worst_frame >= 0 ? report_json_text(report->detections->frame_name[f->worst_frame])

@@ -14,10 +14,10 @@ static void errors(FILE *out, const struct sst_calibration_report *report, const
             NUM0(s->predicted_rms_px, 3), NUM0(s->noise_px, 3), COUNT(s->states));
     fprintf(out, "  %9s %%   outliers: %s of %s corners rejected\n",
             NUM(all > 0 ? 100 * s->outliers / all : (double)NAN, 2), COUNT(s->outliers), COUNT((int64_t)all));
-    if (isfinite(s->cross_px))
+    if (isfinite(s->cv_px))
         fprintf(out,
                 "  %9s px  cross-validation, odd against even frames, central 80 %%, worst camera (expected %s px)\n",
-                NUM(s->cross_px, 2), NUM(s->cross_expected_px, 2));
+                NUM(s->cv_px, 2), NUM(s->cv_expected_px, 2));
     else
         fprintf(out, "  %9s     cross-validation (odd against even frames): not done\n", "-");
     if (f->worst_transfer >= 0) {

@@ -394,9 +394,9 @@ static int fill_maps(struct sst_solution *s, struct solve_case *c)
         if (!c->p.camera[v].known)
             continue;
         solve_lens_map(&c->p, &cov, v, 1, s->lens_sigma[v]);
-        solve_transfer_map(&c->p, &cov, v, 0, s->carry_sigma[v][0]);
-        solve_transfer_map(&c->p, &cov, v, s->calib.range_mm, s->carry_sigma[v][1]);
-        s->calib.camera[v].sigma_px = solve_map_rms(s->carry_sigma[v][1]);
+        solve_transfer_map(&c->p, &cov, v, 0, s->transfer_sigma[v][0]);
+        solve_transfer_map(&c->p, &cov, v, s->calib.range_mm, s->transfer_sigma[v][1]);
+        s->calib.camera[v].sigma_px = solve_map_rms(s->transfer_sigma[v][1]);
     }
     solve_covariance_fini(&cov);
     return err;
@@ -412,13 +412,13 @@ static int allocate(struct sst_solution *s, const struct sst_detections *all)
     s->view = calloc((size_t)all->count + 1, sizeof(*s->view));
     s->frame = calloc(frames + 1, sizeof(*s->frame));
     s->lens_sigma = malloc(views * sizeof(*s->lens_sigma));
-    s->carry_sigma = malloc(views * sizeof(*s->carry_sigma));
-    if (!s->view || !s->frame || !s->lens_sigma || !s->carry_sigma)
+    s->transfer_sigma = malloc(views * sizeof(*s->transfer_sigma));
+    if (!s->view || !s->frame || !s->lens_sigma || !s->transfer_sigma)
         return -ENOMEM;
     for (size_t v = 0; v < views; v++) {
         for (int i = 0; i < SST_UNCERTAINTY_ROWS * SST_UNCERTAINTY_COLS; i++) {
             (&s->lens_sigma[v][0][0])[i] = NAN;
-            (&s->carry_sigma[v][0][0][0])[i] = (&s->carry_sigma[v][1][0][0])[i] = NAN;
+            (&s->transfer_sigma[v][0][0][0])[i] = (&s->transfer_sigma[v][1][0][0])[i] = NAN;
         }
     }
     return 0;
@@ -450,9 +450,9 @@ static int fill(struct sst_solution *s, struct solve_case *c)
     s->predicted_rms_px = sqrt(2) * c->sigma_px;
     s->noise_px = c->sigma_px / sqrt(fmax(1 - (double)s->states / fmax(s->measurements, 1), 1e-3));
     s->calib.noise_px = s->noise_px;
-    s->cross_px = c->cross_px;
-    s->cross_expected_px = c->cross_expected_px;
-    s->cross_camera = c->cross_camera;
+    s->cv_px = c->cv_px;
+    s->cv_expected_px = c->cv_expected_px;
+    s->cv_camera = c->cv_camera;
     s->drive_rms_mm = c->drive_rms_mm;
     s->drive_scale = c->drive_scale;
     s->drive_skew_deg = c->drive_skew_deg;
@@ -474,9 +474,9 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
     const int64_t start_ns = sst_clock_now_ns();
     struct solve_case c = { .all = all,
                             .cfg = cfg,
-                            .cross_px = NAN,
-                            .cross_expected_px = NAN,
-                            .cross_camera = -1,
+                            .cv_px = NAN,
+                            .cv_expected_px = NAN,
+                            .cv_camera = -1,
                             .drive_rms_mm = NAN,
                             .drive_scale = NAN,
                             .drive_skew_deg = NAN };
@@ -530,7 +530,7 @@ void sst_solution_fini(struct sst_solution *solution)
     free(solution->frame);
     free(solution->link);
     free(solution->lens_sigma);
-    free(solution->carry_sigma);
+    free(solution->transfer_sigma);
     free(solution->drive_residual_mm);
     sst_calib_fini(&solution->calib);
     *solution = (struct sst_solution){ 0 };

@@ -57,15 +57,15 @@ struct sst_solution {
     struct sst_solve_link *link;
     /* One sigma of one axis (root of the mean of both axes' variances) in px, [rows * cols] cameras each; NAN where a
      * camera is unknown or the pixel is outside its picture. lens_sigma: of the pixel of a direction, with the common
-     * rotation removed. carry_sigma: of the transfer of a pixel from the reference view to this view, [0] at infinity,
-     * [1] at calib.range_mm (0 for the reference itself). */
+     * rotation removed. transfer_sigma: of the transfer of a pixel from the reference view to this view, [0] at
+     * infinity, [1] at calib.range_mm (0 for the reference itself). */
     float (*lens_sigma)[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS];
-    float (*carry_sigma)[2][SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS];
+    float (*transfer_sigma)[2][SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS];
     /* Cross-validation of odd against even frames with the common rotation removed, central 80 % of the picture, px:
      * largest RMS difference over the cameras, the difference expected from the uncertainties, and the camera; NAN:
      * not done. */
-    double cross_px, cross_expected_px;
-    int cross_camera;
+    double cv_px, cv_expected_px;
+    int cv_camera;
     double held_out_px[2]; /* RMS per point on held-out frames with 5 and 8 coefficients; 0: not compared */
     /* For a rig with drive positions: RMS distance of the solved centres from the drives' after the best rigid fit,
      * scale (solved over drive), angle between the axes minus 90 degrees; otherwise NAN. */

@@ -9,7 +9,8 @@
 #define SOLVE_COLS_MAX    (SOLVE_LENS_MAX + 6 + 3) /* lens, relative pose, board warp, residual */
 #define SOLVE_MIN_CORNERS 6                        /* of a detection, for a pose */
 
-/* --- small dense algebra (solve_dense.c), all row-major ----------------------------------------------------------- */
+/* --- small dense algebra (solve_linalg.c), all row-major -----------------------------------------------------------
+ */
 
 void solve_mul3(const double a[9], const double b[9], double out[9]);
 void solve_mul3t(const double a[9], const double b[9], double out[9]); /* a^T b */
@@ -216,8 +217,8 @@ struct solve_case {
     struct solve_single *single; /* [all->count] */
     struct sst_solve_link *link;
     int links;
-    double sigma_px, held_out_px[2], cross_px, cross_expected_px;
-    int cross_camera;
+    double sigma_px, held_out_px[2], cv_px, cv_expected_px;
+    int cv_camera;
     struct solve_adjusted done;
     double (*drive_residual_mm)[3];
     double drive_rms_mm, drive_scale, drive_skew_deg;
@@ -239,7 +240,7 @@ void solve_covariance_fini(struct solve_covariance *c);
 /** lens_sigma of one view over the central part of the picture, with the common rotation removed. */
 void solve_lens_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double share,
                     float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
-/** carry_sigma of one view; depth_mm 0: at infinity. */
+/** transfer_sigma of one view; depth_mm 0: at infinity. */
 void solve_transfer_map(const struct solve_problem *p, const struct solve_covariance *c, int view, double depth_mm,
                         float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
 /** Root mean square of the finite cells; 0 if there are none. */
@@ -247,7 +248,8 @@ double solve_map_rms(float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
 /** Noise of a corner of weight 1 from the sum of squares, one axis. */
 double solve_unit_sigma(const struct solve_adjusted *done);
 
-/* --- refusals (solve_refuse.c, solve_explain.c) ------------------------------------------------------------------- */
+/* --- refusals (solve_validate.c, solve_diagnose.c) -------------------------------------------------------------------
+ */
 
 /** Log an error and return -EBADMSG; with cfg->force log a warning and return 0. */
 int solve_reject(const struct sst_solve_config *cfg, const char *fmt, ...) SST_PRINTF(2, 3);
@@ -269,7 +271,8 @@ SST_MUST_CHECK int solve_check_focal(struct solve_case *c, const struct solve_co
 /** Cameras swapped on the grid. */
 SST_MUST_CHECK int solve_check_places(struct solve_case *c);
 
-/* --- comparisons (solve_cross.c) and rigs (solve_rig.c) ----------------------------------------------------------- */
+/* --- comparisons (solve_cross_validation.c) and rigs (solve_rig.c)
+ * ----------------------------------------------------------- */
 
 /** Choose 5 or 8 coefficients by held-out frames; sets the problem's lens and refits its cameras. */
 SST_MUST_CHECK int solve_choose_lens(struct solve_case *c);

@@ -221,7 +221,7 @@ int sst_rectify_map_create(struct sst_rectify_map **out, const struct sst_rectif
     while ((err = make_cells(map)) == -ERANGE)
         map->shift--;
     if (!err)
-        err = light_map_create(&map->light, to, calib, view);
+        err = gain_map_create(&map->light, to, calib, view);
     if (err)
         sst_rectify_map_destroy(map);
     else
@@ -233,7 +233,7 @@ void sst_rectify_map_destroy(struct sst_rectify_map *map)
 {
     if (!map)
         return;
-    light_map_destroy(map->light);
+    gain_map_destroy(map->light);
     free(map->node);
     free(map->cell);
     free(map);

@@ -38,7 +38,8 @@ struct sst_rectify_config {
 
 /**
  * Fit plane and lattice to the centres and choose the common rotation and K, so that most of every view stays in the
- * picture. Grids of one row or column use the mean of the cameras' axes for the missing direction. Derived in geometry.c.
+ * picture. Grids of one row or column use the mean of the cameras' axes for the missing direction. Derived in
+ * geometry.c.
  *
  * @return 0, -EINVAL (cfg: sizes, a plane nearer than twice a camera's dz), -EBADMSG (fewer than 2 known cameras,
  * centres that form no lattice or contradict the grid's order: the message names the camera, its distance or the

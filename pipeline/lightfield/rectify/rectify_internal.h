@@ -5,7 +5,7 @@
 
 #include "pipeline/lightfield/rectify/rectify.h"
 
-/* --- light_map: gain map of one view: factors to the light of the array's mean camera. --- */
+/* --- gain_map: gain map of one view: factors to the light of the array's mean camera. --- */
 
 /*
  * The factor at a rectified pixel is 1 / (gain falloff) at its position in the raw picture, in linear light. The common
@@ -17,19 +17,19 @@
  * Use: resample a row to values in 1/128, get the row's factors, and combine both to bytes with the kernel light_row,
  * colour by colour.
  */
-struct light_map; /* of one view; any number of threads may use it */
+struct gain_map; /* of one view; any number of threads may use it */
 
 /**
  * @param out  NULL if there is nothing to correct (gain 1 and no fall-off): samples are only rounded
  * @return 0, -ENOMEM (not logged)
  */
-SST_MUST_CHECK int light_map_create(struct light_map **out, const struct sst_rectified *to,
-                                    const struct sst_calib *calib, int view);
+SST_MUST_CHECK int gain_map_create(struct gain_map **out, const struct sst_rectified *to, const struct sst_calib *calib,
+                                   int view);
 /** NULL is fine. */
-void light_map_destroy(struct light_map *map);
+void gain_map_destroy(struct gain_map *map);
 
 /** Factors of a row: of the fall-off and their 2.4th roots, and the same for each colour's gain. */
-struct light_factors {
+struct gain_factors {
     const float *falloff, *falloff_root; /* [n], in the given scratch */
     float gain[3], gain_root[3];
 };
@@ -42,7 +42,7 @@ struct light_factors {
  * @param x0, y    may be fractional: rays that are sampled from raw frames lie between pixels
  * @param scratch  [2 n]
  */
-void light_map_row(const struct light_map *map, double x0, double y, int n, float *scratch, struct light_factors *out);
+void gain_map_row(const struct gain_map *map, double x0, double y, int n, float *scratch, struct gain_factors *out);
 
 /* --- map: layout of the map for resampling. --- */
 
@@ -54,16 +54,16 @@ struct rectify_chain {
     int raw_width, raw_height;
 };
 
-struct light_map;
+struct gain_map;
 
 struct sst_rectify_map {
     struct rectify_chain chain;
     int width, height; /* of the rectified view */
     int shift;         /* cells of (1 << shift) pixels */
     int cells_x, cells_y;
-    double (*node)[2];       /* [cells_y + 3][cells_x + 3] positions at the corners of cells, one more cell around */
-    uint8_t *cell;           /* [cells_y][cells_x] enum cell of map.c */
-    struct light_map *light; /* NULL: nothing to correct */
+    double (*node)[2];      /* [cells_y + 3][cells_x + 3] positions at the corners of cells, one more cell around */
+    uint8_t *cell;          /* [cells_y][cells_x] enum cell of map.c */
+    struct gain_map *light; /* NULL: nothing to correct */
 };
 
 #endif

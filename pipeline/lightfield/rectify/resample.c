@@ -272,14 +272,14 @@ bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filt
 /* --- rows --------------------------------------------------------------------------------------------------------- */
 
 /* Samples to bytes: with light correction, or only rounded. */
-static void finish_row(const struct light_map *light, uint16_t *const sample[3], double x0, double y, int n,
+static void finish_row(const struct gain_map *light, uint16_t *const sample[3], double x0, double y, int n,
                        uint8_t *const out[3])
 {
-    struct light_factors factors = { 0 };
+    struct gain_factors factors = { 0 };
     float scratch[2 * SST_SAMPLE_MAX];
 
     if (light)
-        light_map_row(light, x0, y, n, scratch, &factors);
+        gain_map_row(light, x0, y, n, scratch, &factors);
     for (int c = 0; c < 3; c++) {
         const struct sst_light l = { .value = sample[c],
                                      .falloff = factors.falloff,

@@ -186,7 +186,8 @@ static void follow_noise(struct change_detector *w, double gain_step)
                 w->scratch[s * tiles + n] = stat[s];
         }
         for (int s = 0; n && s < SST_DETECTOR_STATS; s++) {
-            const double seen = sst_stats_upper_median_float(w->scratch + (size_t)s * (size_t)tiles, n), known = w->noise[p][s];
+            const double seen = sst_stats_upper_median_float(w->scratch + (size_t)s * (size_t)tiles, n),
+                         known = w->noise[p][s];
 
             if (w->judged < 2)
                 w->noise[p][s] = seen;

@@ -22,31 +22,31 @@ static int tiles_across(int px)
     return (px + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
 }
 
-int sst_live_changes_init(struct sst_live_changes *c, const struct sst_lightfield *lf)
+int sst_liveframes_changes_init(struct sst_liveframes_changes *c, const struct sst_lightfield *lf)
 {
-    *c = (struct sst_live_changes){ .cols = tiles_across(lf->width), .rows = tiles_across(lf->height) };
+    *c = (struct sst_liveframes_changes){ .cols = tiles_across(lf->width), .rows = tiles_across(lf->height) };
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         if (!lf->views[k].present && !lf->views[k].image.plane[0])
             continue;
         c->map[k] = sst_mem_alloc((size_t)c->cols, (size_t)c->rows);
         if (!c->map[k]) {
-            sst_live_changes_fini(c);
+            sst_liveframes_changes_fini(c);
             return -ENOMEM;
         }
     }
     return 0;
 }
 
-void sst_live_changes_fini(struct sst_live_changes *c)
+void sst_liveframes_changes_fini(struct sst_liveframes_changes *c)
 {
     for (int k = 0; k < SST_MAX_VIEWS; k++)
         sst_mem_free(c->map[k]);
-    *c = (struct sst_live_changes){ 0 };
+    *c = (struct sst_liveframes_changes){ 0 };
 }
 
 /* --- opening ------------------------------------------------------------------------------------------------------ */
 
-static void choose_keys(struct sst_live_frames *f)
+static void choose_keys(struct sst_liveframes *f)
 {
     const int r = f->lf->rows - 1, c = f->lf->cols - 1;
     const int place[SST_LIVE_KEY_VIEWS][2] = { { 0, 0 }, { 0, c }, { r, 0 }, { r, c }, { r / 2, c / 2 } };
@@ -68,7 +68,7 @@ static void choose_keys(struct sst_live_frames *f)
 }
 
 /* Source tiles of each rectified tile, and pixels outside of the raw frame. */
-static int open_map(struct sst_live_frames *f, struct live_view *v, struct sst_view *view)
+static int open_map(struct sst_liveframes *f, struct live_view *v, struct sst_view *view)
 {
     const struct sst_lightfield *lf = f->lf;
     const enum sst_filter filter = (enum sst_filter)lf->filter;
@@ -104,7 +104,7 @@ static int open_map(struct sst_live_frames *f, struct live_view *v, struct sst_v
 
 static int open_view(void *arg, int index, int worker SST_UNUSED)
 {
-    struct sst_live_frames *f = arg;
+    struct sst_liveframes *f = arg;
     struct live_view *v = &f->view[index];
     struct sst_view *view = &f->lf->views[index];
     int err;
@@ -121,7 +121,7 @@ static int open_view(void *arg, int index, int worker SST_UNUSED)
     return err ? err : v->dirty && (v->last || !f->last_room) ? 0 : -ENOMEM;
 }
 
-static int open_all(struct sst_live_frames *f)
+static int open_all(struct sst_liveframes *f)
 {
     const struct sst_live_config *cfg = f->cfg;
     int err;
@@ -147,9 +147,9 @@ static int open_all(struct sst_live_frames *f)
     return sst_parallel_for(f->views, f->threads, open_view, f);
 }
 
-int sst_live_frames_open(struct sst_live_frames **out, const struct sst_live_config *cfg, struct sst_lightfield *lf)
+int sst_liveframes_open(struct sst_liveframes **out, const struct sst_live_config *cfg, struct sst_lightfield *lf)
 {
-    struct sst_live_frames *f;
+    struct sst_liveframes *f;
     int err;
 
     if (cfg->rows != lf->rows || cfg->cols != lf->cols || (cfg->calibration && !(lf->calibration && lf->rectified)) ||
@@ -174,14 +174,14 @@ int sst_live_frames_open(struct sst_live_frames **out, const struct sst_live_con
     if (err) {
         if (err == -ENOMEM)
             sst_log_error("no memory for the live view of %d cameras", f->used);
-        sst_live_frames_close(f);
+        sst_liveframes_close(f);
         return err;
     }
     *out = f;
     return 0;
 }
 
-void sst_live_frames_close(struct sst_live_frames *f)
+void sst_liveframes_close(struct sst_liveframes *f)
 {
     if (!f)
         return;
@@ -206,14 +206,14 @@ void sst_live_frames_close(struct sst_live_frames *f)
     free(f);
 }
 
-void sst_live_frames_cancel(struct sst_live_frames *f)
+void sst_liveframes_cancel(struct sst_liveframes *f)
 {
     atomic_store(&f->cancelled, true);
 }
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-static void begin_set(struct sst_live_frames *f, const struct sst_live_input *in, struct sst_live_changes *changes)
+static void begin_set(struct sst_liveframes *f, const struct sst_live_input *in, struct sst_liveframes_changes *changes)
 {
     f->in = in;
     f->changes = changes;
@@ -232,7 +232,7 @@ static void begin_set(struct sst_live_frames *f, const struct sst_live_input *in
 }
 
 /* Log once when the frames of a camera become unusable, and once when they are good again. */
-static void log_state(const struct sst_live_frames *f, int k)
+static void log_state(const struct sst_liveframes *f, int k)
 {
     struct live_view *v = &f->view[k];
 
@@ -247,7 +247,7 @@ static void log_state(const struct sst_live_frames *f, int k)
 }
 
 /* A view is present from its first picture on, while frames arrive. */
-static void follow_presence(struct sst_live_frames *f, int k)
+static void follow_presence(struct sst_liveframes *f, int k)
 {
     struct live_view *v = &f->view[k];
     struct sst_view *view = &f->lf->views[k];
@@ -266,7 +266,7 @@ static void follow_presence(struct sst_live_frames *f, int k)
     }
 }
 
-static void end_set(struct sst_live_frames *f, struct sst_live_report *report)
+static void end_set(struct sst_liveframes *f, struct sst_live_report *report)
 {
     const int tiles = f->cols * f->rows;
     int decoded = 0, given = 0, whole = 0;
@@ -290,7 +290,7 @@ static void end_set(struct sst_live_frames *f, struct sst_live_report *report)
     report->whole = f->changes->whole;
 }
 
-static int run(struct sst_live_frames *f, struct sst_live_report *report)
+static int run(struct sst_liveframes *f, struct sst_live_report *report)
 {
     const int64_t start = sst_clock_now_ns();
     int64_t found, decoded;
@@ -308,8 +308,8 @@ static int run(struct sst_live_frames *f, struct sst_live_report *report)
     return err;
 }
 
-int sst_live_frames_update(struct sst_live_frames *f, const struct sst_live_input *in, struct sst_live_changes *changes,
-                           struct sst_live_report *report)
+int sst_liveframes_update(struct sst_liveframes *f, const struct sst_live_input *in,
+                          struct sst_liveframes_changes *changes, struct sst_live_report *report)
 {
     int err;
 

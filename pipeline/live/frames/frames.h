@@ -6,7 +6,7 @@
 #include "pipeline/live/live.h"
 
 /** Tiles of SST_LIVE_TILE px, row by row; the last ones of a row or column may be smaller. */
-struct sst_live_changes {
+struct sst_liveframes_changes {
     int cols, rows;
     uint8_t *map[SST_MAX_VIEWS]; /* [rows * cols] 1: changed; NULL: absent view */
     int64_t changed;             /* tiles of all views */
@@ -14,10 +14,10 @@ struct sst_live_changes {
 };
 
 /** All zero, with a map for each view that is present or has a picture. @return 0, -ENOMEM */
-SST_MUST_CHECK int sst_live_changes_init(struct sst_live_changes *c, const struct sst_lightfield *lf);
-void sst_live_changes_fini(struct sst_live_changes *c);
+SST_MUST_CHECK int sst_liveframes_changes_init(struct sst_liveframes_changes *c, const struct sst_lightfield *lf);
+void sst_liveframes_changes_fini(struct sst_liveframes_changes *c);
 
-struct sst_live_frames; /* opaque; one thread */
+struct sst_liveframes; /* opaque; one thread */
 
 /**
  * @param cfg  must outlive the object; fourcc is MJPG, JPEG, or a format of pipeline/image/raw.h
@@ -25,9 +25,9 @@ struct sst_live_frames; /* opaque; one thread */
  *             images; views with a camera are present. This object owns views[].image, .valid and .present.
  * @return 0, -EINVAL (format, sizes; logged), -ENOMEM (logged)
  */
-SST_MUST_CHECK int sst_live_frames_open(struct sst_live_frames **out, const struct sst_live_config *cfg,
-                                        struct sst_lightfield *lf);
-void sst_live_frames_close(struct sst_live_frames *f);
+SST_MUST_CHECK int sst_liveframes_open(struct sst_liveframes **out, const struct sst_live_config *cfg,
+                                       struct sst_lightfield *lf);
+void sst_liveframes_close(struct sst_liveframes *f);
 
 /**
  * Update the views and report which tiles changed.
@@ -40,14 +40,14 @@ void sst_live_frames_close(struct sst_live_frames *f);
  * A view is present from its first picture on, until 2 s have passed without a good frame. When it disappears and when
  * it returns, all its tiles are changed.
  *
- * @param changes  out; of sst_live_changes_init() with the views that were present when this was opened
+ * @param changes  out; of sst_liveframes_changes_init() with the views that were present when this was opened
  * @param report   out, CHANGE, DECODE, RECTIFY and their counters, whole, views, error_change
  * @return 0, -ECANCELED, -ENOMEM; then the next update computes everything
  */
-SST_MUST_CHECK int sst_live_frames_update(struct sst_live_frames *f, const struct sst_live_input *in,
-                                          struct sst_live_changes *changes, struct sst_live_report *report);
+SST_MUST_CHECK int sst_liveframes_update(struct sst_liveframes *f, const struct sst_live_input *in,
+                                         struct sst_liveframes_changes *changes, struct sst_live_report *report);
 
 /** Make updates return -ECANCELED from now on, within the time of one frame.  Thread: any. */
-void sst_live_frames_cancel(struct sst_live_frames *f);
+void sst_liveframes_cancel(struct sst_liveframes *f);
 
 #endif

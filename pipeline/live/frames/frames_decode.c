@@ -24,7 +24,7 @@ static void unpack(struct sst_image *image, int x0, int y0, int x1, int y1, cons
     }
 }
 
-static void store_pixels(struct sst_live_frames *f, int k, const uint8_t *pixels, size_t stride)
+static void store_pixels(struct sst_liveframes *f, int k, const uint8_t *pixels, size_t stride)
 {
     struct live_view *v = &f->view[k];
 
@@ -51,7 +51,7 @@ static void store_pixels(struct sst_live_frames *f, int k, const uint8_t *pixels
 }
 
 /* Bounds of the dirty tiles, px. */
-static void bounds(const struct sst_live_frames *f, const struct live_view *v, int box[4])
+static void bounds(const struct sst_liveframes *f, const struct live_view *v, int box[4])
 {
     int low[2] = { f->raw_cols, f->raw_rows }, high[2] = { 0, 0 };
 
@@ -71,7 +71,7 @@ static void bounds(const struct sst_live_frames *f, const struct live_view *v, i
 
 static int decode(void *arg, int index, int worker)
 {
-    struct sst_live_frames *f = arg;
+    struct sst_liveframes *f = arg;
     const int k = f->list[index];
     struct live_view *v = &f->view[k];
     const struct decoder_frame frame = frame_of(f, k);
@@ -96,7 +96,7 @@ static int decode(void *arg, int index, int worker)
     return 0;
 }
 
-static int dirty_views(struct sst_live_frames *f)
+static int dirty_views(struct sst_liveframes *f)
 {
     int n = 0;
 
@@ -107,14 +107,14 @@ static int dirty_views(struct sst_live_frames *f)
     return n;
 }
 
-int frames_decode(struct sst_live_frames *f)
+int frames_decode(struct sst_liveframes *f)
 {
     return sst_parallel_for(dirty_views(f), f->threads, decode, f);
 }
 
 /* --- rectifying --------------------------------------------------------------------------------------------------- */
 
-static bool any_dirty(const struct sst_live_frames *f, const struct live_view *v, const struct from *from)
+static bool any_dirty(const struct sst_liveframes *f, const struct live_view *v, const struct from *from)
 {
     for (int row = from->tile[1]; row < from->tile[3]; row++) {
         if (memchr(v->dirty + (size_t)row * (size_t)f->raw_cols + from->tile[0], 1,
@@ -125,7 +125,7 @@ static bool any_dirty(const struct sst_live_frames *f, const struct live_view *v
 }
 
 /* Runs of changed tiles, row by row of pixels. */
-static void rectify_row(struct sst_live_frames *f, int k, int row, const uint8_t *map)
+static void rectify_row(struct sst_liveframes *f, int k, int row, const uint8_t *map)
 {
     const struct sst_image *image = &f->lf->views[k].image;
     const int y1 = sst_min_int((row + 1) * SST_LIVE_TILE, image->height);
@@ -147,7 +147,7 @@ static void rectify_row(struct sst_live_frames *f, int k, int row, const uint8_t
 
 static int rectify(void *arg, int index, int worker SST_UNUSED)
 {
-    struct sst_live_frames *f = arg;
+    struct sst_liveframes *f = arg;
     const int k = f->list[index];
     const struct live_view *v = &f->view[k];
     uint8_t *map = f->changes->map[k];
@@ -165,7 +165,7 @@ static int rectify(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-static int decoded_views(struct sst_live_frames *f)
+static int decoded_views(struct sst_liveframes *f)
 {
     int n = 0;
 
@@ -176,14 +176,14 @@ static int decoded_views(struct sst_live_frames *f)
     return n;
 }
 
-int frames_rectify(struct sst_live_frames *f)
+int frames_rectify(struct sst_liveframes *f)
 {
     return sst_parallel_for(decoded_views(f), f->threads, rectify, f);
 }
 
 /* --- error of skipping -------------------------------------------------------------------------------------------- */
 
-static double difference(const struct sst_live_frames *f, int k, const uint8_t *pixels, size_t stride)
+static double difference(const struct sst_liveframes *f, int k, const uint8_t *pixels, size_t stride)
 {
     const struct live_view *v = &f->view[k];
     const struct sst_image *image = &f->lf->views[k].image;
@@ -211,7 +211,7 @@ static double difference(const struct sst_live_frames *f, int k, const uint8_t *
 }
 
 /* Decode one view with skipped tiles, and compare. */
-double frames_sample_error(struct sst_live_frames *f)
+double frames_sample_error(struct sst_liveframes *f)
 {
     const int first = (int)(f->in->set / SST_LIVE_SAMPLE_SETS % (uint64_t)f->views);
 

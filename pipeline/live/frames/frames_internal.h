@@ -89,16 +89,16 @@ const char *decoder_fault(const struct decoder *d);
 #define SST_DETECTOR_BUDGET 4.0  /* and in the mean of a tile including light. */
 
 struct change_detector {
-    int width, height, cols, rows;    /* px; tiles. Fixed after init */
-    struct block_means now;           /* input of detector_judge() */
-    struct block_means before, kept;  /* the last picture judged; of each tile, the accepted (stored) picture */
-    double *gain_kept;                /* [tiles] gain when it was accepted */
-    uint8_t *unsettled;               /* [tiles] number of judgements with lower thresholds after a change */
-    double gain;                      /* current gain of the light, relative */
+    int width, height, cols, rows;       /* px; tiles. Fixed after init */
+    struct block_means now;              /* input of detector_judge() */
+    struct block_means before, kept;     /* the last picture judged; of each tile, the accepted (stored) picture */
+    double *gain_kept;                   /* [tiles] gain when it was accepted */
+    uint8_t *unsettled;                  /* [tiles] number of judgements with lower thresholds after a change */
+    double gain;                         /* current gain of the light, relative */
     double noise[3][SST_DETECTOR_STATS]; /* 1/8 levels */
     int noise_phase;                     /* which of the tiles measure the noise next */
     int judged;                          /* pictures since everything was accepted, at most 2 */
-    float *scratch;                   /* [3 SST_DETECTOR_STATS tiles] */
+    float *scratch;                      /* [3 SST_DETECTOR_STATS tiles] */
 };
 
 /** @return 0, -ENOMEM */
@@ -151,7 +151,7 @@ struct live_view {
     char fault[200];
 };
 
-struct sst_live_frames {
+struct sst_liveframes {
     /* fixed after open */
     const struct sst_live_config *cfg;
     struct sst_lightfield *lf;
@@ -163,24 +163,24 @@ struct sst_live_frames {
     int turn, sample; /* next of the views scanned in turn; sets until the error is sampled */
     /* of this set */
     const struct sst_live_input *in;
-    struct sst_live_changes *changes;
+    struct sst_liveframes_changes *changes;
     int list[SST_MAX_VIEWS]; /* views of the current step */
     SST_ATOMIC(bool) cancelled;
 };
 
-static inline struct decoder_frame frame_of(const struct sst_live_frames *f, int k)
+static inline struct decoder_frame frame_of(const struct sst_liveframes *f, int k)
 {
     const struct decoder_frame frame = { f->in->frame[k].data, f->in->frame[k].bytes, f->in->frame[k].stride };
 
     return frame;
 }
 
-static inline int raw_tiles(const struct sst_live_frames *f)
+static inline int raw_tiles(const struct sst_liveframes *f)
 {
     return f->raw_cols * f->raw_rows;
 }
 
-static inline bool has_frame(const struct sst_live_frames *f, int k)
+static inline bool has_frame(const struct sst_liveframes *f, int k)
 {
     return f->view[k].used && f->in->frame[k].data;
 }
@@ -189,13 +189,13 @@ static inline bool has_frame(const struct sst_live_frames *f, int k)
 void frames_reject(struct live_view *v, const struct decoder *d);
 
 /** Step 1: detect changed tiles of all views. @return 0, -ECANCELED, -ENOMEM */
-SST_MUST_CHECK int frames_scan(struct sst_live_frames *f);
+SST_MUST_CHECK int frames_scan(struct sst_liveframes *f);
 /** Step 2: decode the changed tiles. @return as above */
-SST_MUST_CHECK int frames_decode(struct sst_live_frames *f);
+SST_MUST_CHECK int frames_decode(struct sst_liveframes *f);
 /** Step 3: rectify the tiles that depend on them and fill the maps of changes. @return as above */
-SST_MUST_CHECK int frames_rectify(struct sst_live_frames *f);
+SST_MUST_CHECK int frames_rectify(struct sst_liveframes *f);
 
 /** Decode one view with skipped tiles. @return mean |difference| of those tiles to the stored picture; NaN: none */
-double frames_sample_error(struct sst_live_frames *f);
+double frames_sample_error(struct sst_liveframes *f);
 
 #endif

@@ -10,7 +10,7 @@
 #define FEW_VIEWS    12  /* up to this number of views, all are scanned */
 #define MOST_CHANGED 0.6 /* from this fraction of all tiles on, everything is accepted */
 
-static void set_all_dirty(const struct sst_live_frames *f, struct live_view *v)
+static void set_all_dirty(const struct sst_liveframes *f, struct live_view *v)
 {
     memset(v->dirty, 1, (size_t)raw_tiles(f));
     v->verdict.changed = raw_tiles(f);
@@ -27,7 +27,7 @@ void frames_reject(struct live_view *v, const struct decoder *d)
 
 static int scan_view(void *arg, int index, int worker)
 {
-    struct sst_live_frames *f = arg;
+    struct sst_liveframes *f = arg;
     const int k = f->list[index];
     struct live_view *v = &f->view[k];
     const struct decoder_frame frame = frame_of(f, k);
@@ -59,7 +59,7 @@ static int scan_view(void *arg, int index, int worker)
 }
 
 /* Views to scan first: all, or the key views and those whose turn it is. */
-static int first_views(struct sst_live_frames *f)
+static int first_views(struct sst_liveframes *f)
 {
     const int in_turn = (f->used - SST_LIVE_KEY_VIEWS + SKIP_SETS - 1) / SKIP_SETS;
     int n = 0, others = 0;
@@ -76,7 +76,7 @@ static int first_views(struct sst_live_frames *f)
     return n;
 }
 
-static int other_views(struct sst_live_frames *f)
+static int other_views(struct sst_liveframes *f)
 {
     int n = 0;
 
@@ -87,7 +87,7 @@ static int other_views(struct sst_live_frames *f)
     return n;
 }
 
-static bool any_changed(const struct sst_live_frames *f)
+static bool any_changed(const struct sst_liveframes *f)
 {
     for (int k = 0; k < f->views; k++) {
         if (f->view[k].verdict.changed)
@@ -97,7 +97,7 @@ static bool any_changed(const struct sst_live_frames *f)
 }
 
 /* True if the light changed, or so many tiles that accepting all of them is cheaper. All views have been scanned. */
-static bool is_whole(const struct sst_live_frames *f)
+static bool is_whole(const struct sst_liveframes *f)
 {
     int looked = 0, lit = 0, over = 0;
     int64_t changed = 0;
@@ -115,7 +115,7 @@ static bool is_whole(const struct sst_live_frames *f)
     return looked && ((over && 2 * lit > looked) || (double)changed > MOST_CHANGED * looked * raw_tiles(f));
 }
 
-int frames_scan(struct sst_live_frames *f)
+int frames_scan(struct sst_liveframes *f)
 {
     int err;
 

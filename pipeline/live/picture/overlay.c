@@ -3,14 +3,14 @@
 #include <math.h>
 #include <string.h>
 
-#include "pipeline/live/live_state.h"
+#include "pipeline/live/live_internal.h"
 
 #define LABEL_STEP   2 /* pixels counted for a label's disparity: every second of every second row */
 #define LABEL_SHARE  (1 / 2000.0)
 #define COLOUR_SHARE 160 /* of 256: opacity of a label's colour */
 #define COLOURS      256
 
-int sst_live_label_disparity(const struct sst_live *live, int label, double *disp_px)
+int sst_livepicture_label_disparity(const struct sst_live *live, int label, double *disp_px)
 {
     const int lead = live_lead_view(live);
     const struct sst_view *v = lead < 0 ? NULL : &live->lf.views[lead];
@@ -110,7 +110,7 @@ static void paint_disparities(const struct sst_lightfield *lf, const struct sst_
     }
 }
 
-int sst_live_overlay(struct sst_live *live, enum sst_live_overlay kind, struct sst_image *out)
+int sst_livepicture_overlay(struct sst_live *live, enum sst_livepicture_overlay kind, struct sst_image *out)
 {
     const int lead = live_lead_view(live);
     const struct sst_view *v = lead < 0 ? NULL : &live->lf.views[lead];

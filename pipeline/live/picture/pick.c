@@ -7,7 +7,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "pipeline/live/live_state.h"
+#include "pipeline/live/live_internal.h"
 #include "pipeline/live/picture/picture_internal.h"
 #include "pipeline/method/render/verify.h"
 
@@ -72,7 +72,7 @@ static double disparity_of(const struct sst_ray *rays, int from, int to)
 }
 
 /* The surface that makes up most of the pixel, and what is in front. @return the surface's share of the pixel */
-static double pick_by_maps(const struct met *met, struct sst_live_pick *pick)
+static double pick_by_maps(const struct met *met, struct sst_livepicture_pick *pick)
 {
     double most = 0;
     int best = -1;
@@ -101,12 +101,12 @@ static double pick_by_maps(const struct met *met, struct sst_live_pick *pick)
     return most;
 }
 
-static void meet(struct met *met, const struct sst_plan *plan, int x, int y)
+static void meet(struct met *met, const struct sst_render_plan *plan, int x, int y)
 {
     double rgb[3];
 
     met->known = 0;
-    sst_pixel_exact(plan, x, y, rgb, met->ray, &met->count);
+    sst_render_pixel_exact(plan, x, y, rgb, met->ray, &met->count);
     met->open = plan->verifier ? sst_verify_open(plan, met->ray, met->count) : 0;
     for (int i = 0; i < met->count; i++) {
         if (!isnan(met->ray[i].disp_px))
@@ -120,7 +120,7 @@ static void meet(struct met *met, const struct sst_plan *plan, int x, int y)
 /* True if the sweep confirms the surface of the maps: the rays agree there nearly as well as at the best disparity
  * behind. If it is in front of the focus, it must also be behind something and have most of the pixel's weight, since
  * the picture sees through the nearest surface. */
-static bool borne_out(struct patch_sweep *s, const struct sst_live_pick *by_maps, double share, double limit_px,
+static bool borne_out(struct patch_sweep *s, const struct sst_livepicture_pick *by_maps, double share, double limit_px,
                       const struct sweep_peak *peak)
 {
     const double px = by_maps->disp_px;
@@ -130,8 +130,8 @@ static bool borne_out(struct patch_sweep *s, const struct sst_live_pick *by_maps
     return isgreaterequal(sweep_agree(s, px), AS_WELL * peak->agree);
 }
 
-static void pick_by_rays(struct sst_live_pick *pick, const struct sst_live *live, const struct sst_plan *plan,
-                         double share, int x, int y)
+static void pick_by_rays(struct sst_livepicture_pick *pick, const struct sst_live *live,
+                         const struct sst_render_plan *plan, double share, int x, int y)
 {
     const double focus_px = plan->cfg.focus_px;
     const double limit_px = focus_px + fmax(FRONT_SIGMAS * plan->cfg.sigma_px, PICK_PX);
@@ -149,9 +149,9 @@ static void pick_by_rays(struct sst_live_pick *pick, const struct sst_live *live
     pick->label = sweep_label(&sweep, peak.disp_px, PICK_PX);
 }
 
-struct sst_live_pick pick_surface(const struct sst_live *live, const struct sst_plan *plan, int x, int y)
+struct sst_livepicture_pick pick_surface(const struct sst_live *live, const struct sst_render_plan *plan, int x, int y)
 {
-    struct sst_live_pick pick = { .disp_px = NAN, .front_px = NAN };
+    struct sst_livepicture_pick pick = { .disp_px = NAN, .front_px = NAN };
     struct met met;
     double share;
 

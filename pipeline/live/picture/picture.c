@@ -8,28 +8,28 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/live/live_state.h"
+#include "pipeline/live/live_internal.h"
 
 /* Label ranges change with every pixel; everything is rendered again when the weights of this fraction of rays are off
  * by this much. */
 #define NOTICEABLE       0.25
 #define NOTICEABLE_SHARE 0.01
 
-struct sst_live_picture {
+struct sst_livepicture {
     struct sst_live *live;
     struct sst_image image;
     struct sst_render_config cfg; /* settings of the plan */
     bool planned;
-    struct sst_plan plan;
+    struct sst_render_plan plan;
     uint64_t serial, counted, present_serial; /* of the light field in the image */
     double disp_min_px;                       /* likewise: disparity of stored value 0 */
     uint8_t *cells;
     int cols, rows;
 };
 
-int sst_live_picture_create(struct sst_live_picture **out, struct sst_live *live)
+int sst_livepicture_create(struct sst_livepicture **out, struct sst_live *live)
 {
-    struct sst_live_picture *p = calloc(1, sizeof(*p));
+    struct sst_livepicture *p = calloc(1, sizeof(*p));
     int err;
 
     if (!p) {
@@ -43,19 +43,19 @@ int sst_live_picture_create(struct sst_live_picture **out, struct sst_live *live
     err = p->cells ? sst_image_init(&p->image, live->lf.width, live->lf.height) : -ENOMEM;
     if (err) {
         sst_log_error("no memory for a picture of %dx%d pixels", live->lf.width, live->lf.height);
-        sst_live_picture_destroy(p);
+        sst_livepicture_destroy(p);
         return -ENOMEM;
     }
     *out = p;
     return 0;
 }
 
-void sst_live_picture_destroy(struct sst_live_picture *p)
+void sst_livepicture_destroy(struct sst_livepicture *p)
 {
     if (!p)
         return;
     if (p->planned)
-        sst_plan_fini(&p->plan);
+        sst_render_plan_fini(&p->plan);
     sst_image_fini(&p->image);
     free(p->cells);
     free(p);
@@ -117,15 +117,15 @@ static bool same_settings(const struct sst_render_config *a, const struct sst_re
 }
 
 /* Make a plan for these settings and the present views. */
-static int make_plan(struct sst_live_picture *p, const struct sst_render_config *cfg)
+static int make_plan(struct sst_livepicture *p, const struct sst_render_config *cfg)
 {
-    struct sst_plan plan;
-    int err = sst_plan_init(&plan, p->live->renderer, cfg);
+    struct sst_render_plan plan;
+    int err = sst_render_plan_init(&plan, p->live->renderer, cfg);
 
     if (err)
         return err;
     if (p->planned)
-        sst_plan_fini(&p->plan);
+        sst_render_plan_fini(&p->plan);
     p->plan = plan;
     p->planned = true;
     p->cfg = *cfg;
@@ -140,7 +140,7 @@ static int make_plan(struct sst_live_picture *p, const struct sst_render_config 
 /* Cells of output pixels whose ray of this tap meets pixels x0 .. x1-1, y0 .. y1-1 of the view: colour is read at
  * x + ix and, between pixels, at x + ix + 1; disparity and label at one of the two. Verified rays also affect the
  * pixels around. */
-static void mark_tile(struct sst_live_picture *p, const struct sst_tap *t, int x0, int x1, int y0, int y1)
+static void mark_tile(struct sst_livepicture *p, const struct sst_render_tap *t, int x0, int x1, int y0, int y1)
 {
     const int around = p->plan.verifier ? 1 : 0;
     int from_x = sst_max_int(x0 - t->ix - (t->fx > 0), t->x0), to_x = sst_min_int(x1 - t->ix, t->x1) - 1;
@@ -157,7 +157,7 @@ static void mark_tile(struct sst_live_picture *p, const struct sst_tap *t, int x
                (size_t)(to_x / SST_RENDER_CELL_WIDTH - from_x / SST_RENDER_CELL_WIDTH + 1));
 }
 
-static void mark_view(struct sst_live_picture *p, const struct sst_tap *t)
+static void mark_view(struct sst_livepicture *p, const struct sst_render_tap *t)
 {
     const struct sst_live *live = p->live;
     const uint64_t *stamp = live->stamp[t->view];
@@ -178,7 +178,7 @@ static void mark_view(struct sst_live_picture *p, const struct sst_tap *t)
 }
 
 /* @return pixels in marked cells */
-static int64_t mark_changes(struct sst_live_picture *p)
+static int64_t mark_changes(struct sst_livepicture *p)
 {
     int64_t n = 0;
 
@@ -207,8 +207,8 @@ static bool has_views(const struct sst_live *live)
     return false;
 }
 
-int sst_live_picture_render(struct sst_live_picture *p, const struct sst_render_config *cfg,
-                            const struct sst_image **image, int64_t *rendered_px)
+int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_config *cfg,
+                           const struct sst_image **image, int64_t *rendered_px)
 {
     const struct sst_live *live = p->live;
     struct sst_render_config wanted = *cfg;
@@ -227,15 +227,15 @@ int sst_live_picture_render(struct sst_live_picture *p, const struct sst_render_
     if (whole) {
         err = make_plan(p, &wanted);
     } else if (p->counted != live->counted) {
-        whole = sst_plan_renew(&p->plan, live->renderer, NOTICEABLE, NOTICEABLE_SHARE);
+        whole = sst_render_plan_update(&p->plan, live->renderer, NOTICEABLE, NOTICEABLE_SHARE);
         p->counted = live->counted;
     }
     if (!err && !whole)
         pixels = p->serial != live->serial ? mark_changes(p) : 0;
     if (!err && !whole && pixels == all) /* new histogram counts then cost nothing extra */
-        (void)sst_plan_renew(&p->plan, live->renderer, 0, 0);
+        (void)sst_render_plan_update(&p->plan, live->renderer, 0, 0);
     if (!err && pixels)
-        err = sst_plan_render(&p->plan, whole ? NULL : p->cells, &p->image, NULL);
+        err = sst_render_plan_render(&p->plan, whole ? NULL : p->cells, &p->image, NULL);
     if (err) {
         p->present_serial = UINT64_MAX; /* render everything next time */
         return err;
@@ -248,7 +248,7 @@ int sst_live_picture_render(struct sst_live_picture *p, const struct sst_render_
 
 /* --- picking ------------------------------------------------------------------------------------------------------ */
 
-int sst_live_picture_pick(struct sst_live_picture *p, int x, int y, struct sst_live_pick *out)
+int sst_livepicture_pick(struct sst_livepicture *p, int x, int y, struct sst_livepicture_pick *out)
 {
     if (x < 0 || y < 0 || x >= p->image.width || y >= p->image.height)
         return -ERANGE;

@@ -16,9 +16,9 @@
 
 /** State of a sweep; 84 KiB, on the stack. */
 struct patch_sweep {
-    const struct sst_plan *plan; /* plan with the rectified views to sweep */
-    const uint8_t *rarity;       /* [SST_AGREE_BINS] of the views' colours */
-    int x, y, step;              /* centre of the patch and distance of its samples, px of the picture */
+    const struct sst_render_plan *plan; /* plan with the rectified views to sweep */
+    const uint8_t *rarity;              /* [SST_AGREE_BINS] of the views' colours */
+    int x, y, step;                     /* centre of the patch and distance of its samples, px of the picture */
     /* of the last disparity */
     uint8_t colour[SST_MAX_VIEWS][3][SST_SWEEP_PATCH], vote[SST_MAX_VIEWS][SST_SWEEP_PATCH];
     uint8_t mode[3][SST_SWEEP_PATCH]; /* the colour with most votes */
@@ -31,7 +31,7 @@ struct sweep_peak {
     double agree;   /* at disp_px */
 };
 
-void sweep_init(struct patch_sweep *s, const struct sst_plan *plan, const uint8_t *rarity, int x, int y);
+void sweep_init(struct patch_sweep *s, const struct sst_render_plan *plan, const uint8_t *rarity, int x, int y);
 
 /**
  * Agreement of the rays: the fraction of votes for the most frequent colours, less its value by chance (every ray

@@ -12,7 +12,7 @@
 #define PARTS      256 /* sub-pixel steps of the interpolation */
 #define CANDIDATES 36  /* about this number of views gives candidate colours; of few views all */
 
-void sweep_init(struct patch_sweep *s, const struct sst_plan *plan, const uint8_t *rarity, int x, int y)
+void sweep_init(struct patch_sweep *s, const struct sst_render_plan *plan, const uint8_t *rarity, int x, int y)
 {
     s->plan = plan;
     s->rarity = rarity;
@@ -28,7 +28,7 @@ struct corner {
     int x, y, fx, fy;
 };
 
-static struct corner corner_of(const struct patch_sweep *s, const struct sst_tap *t, double disp_px)
+static struct corner corner_of(const struct patch_sweep *s, const struct sst_render_tap *t, double disp_px)
 {
     const double x = s->x - (SST_SWEEP_SIDE - 1) * 0.5 * s->step - disp_px * (t->v->bx - s->plan->cfg.view_bx);
     const double y = s->y - (SST_SWEEP_SIDE - 1) * 0.5 * s->step - disp_px * (t->v->by - s->plan->cfg.view_by);
@@ -93,7 +93,7 @@ static void count_near(struct patch_sweep *s, int k)
 double sweep_agree(struct patch_sweep *s, double disp_px)
 {
     const struct sst_kernels *kernels = sst_kernels_get();
-    const struct sst_plan *p = s->plan;
+    const struct sst_render_plan *p = s->plan;
     const float most = (float)sst_min_int(ALL_VOTES / p->count, 255);
     const struct sst_voting voting = { s->rarity, 1, most / 255, most };
     uint8_t *const mode[3] = { s->mode[0], s->mode[1], s->mode[2] };
@@ -125,7 +125,7 @@ double sweep_agree(struct patch_sweep *s, double disp_px)
 /* --- best peak ---------------------------------------------------------------------------------------------------- */
 
 /* Step between disparities of a range. */
-static double step_of(const struct sst_plan *p, double stretch_px)
+static double step_of(const struct sst_render_plan *p, double stretch_px)
 {
     double reach = 1;
 
@@ -203,7 +203,7 @@ static int label_of_patch(struct patch_sweep *s, double disp_px, double reach_px
     if (isnan(sweep_agree(s, disp_px)))
         return 0;
     for (int k = 0; k < s->plan->count; k++) {
-        const struct sst_tap *t = &s->plan->tap[k];
+        const struct sst_render_tap *t = &s->plan->tap[k];
 
         if (!t->v->disp.data || !t->v->label.data)
             continue;

@@ -86,7 +86,7 @@ static int work(struct scene_background *b)
     widen_range(b);
     cfg.disparity.disp_min_px = b->copy.range_min_px;
     cfg.disparity.disp_max_px = b->copy.range_max_px;
-    cfg.disparity.phase_step = 2; /* as good a picture as quarters give (docs/service.md) */
+    cfg.disparity.phase_step = 2; /* as good a picture as quarters give (docs/measured/notes-live.md) */
     cfg.disparity.frugal = true;
     sst_refine_config_defaults(&cfg.refinement);
     return b->cancel ? -ECANCELED : sst_process(&b->copy, &cfg, NULL, NULL);
@@ -200,7 +200,7 @@ void scene_background_close(struct scene_background *b)
     pthread_detach(thread);
 }
 
-int sst_live_left_behind(void)
+int sst_livescene_left_behind(void)
 {
     return left_behind;
 }

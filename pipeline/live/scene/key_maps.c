@@ -68,7 +68,7 @@ void scene_check(struct scene_key *keys, int count, int k, const struct sst_ligh
 }
 
 void scene_transfer_labels(struct scene_key *key, const struct scene_key *ref, const struct sst_lightfield *lf,
-                       const uint8_t *dirty, int tile_cols)
+                           const uint8_t *dirty, int tile_cols)
 {
     const struct scene_warp way = scene_warp(lf, key->view, ref->view);
 
@@ -125,10 +125,10 @@ void scene_fit_labels(struct scene_candidates *c, const struct scene_maps *maps,
 
         if (count_label(hist, maps, label) < MIN_CELLS)
             continue;
-        fit = sst_label_fit_histogram(hist, disp_min_px, &cfg);
+        fit = sst_refine_fit_histogram(hist, disp_min_px, &cfg);
         for (int i = 0; i < SST_SCENE_COLUMNS; i++) {
             const double px = disp_min_px + ((i + 0.5) * (1 << SST_SCENE_COLUMN_SHIFT)) / SST_DISP_SCALE;
-            const float density = (float)sst_label_fit_density(&fit, px);
+            const float density = (float)sst_refine_fit_density(&fit, px);
 
             if (!((double)density > cfg.eps_d))
                 continue;

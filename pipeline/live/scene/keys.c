@@ -215,9 +215,9 @@ int scene_match(struct scene_matcher *m, const struct sst_lightfield *lf, const 
     disp.height = confidence.height = part.height;
     sst_volume_window(&m->volume, rect->x0, rect->y0, part.width, part.height);
     sst_volume_fill(&m->volume, &desc[key->view], neighbours, key->neighbours);
-    err = sst_sgm(&m->volume, &part, &cfg);
+    err = sst_disparity_sgm(&m->volume, &part, &cfg);
     err = err ? err : sst_volume_winner(&m->volume, false, &disp, &confidence);
-    err = err ? err : sst_median5(&disp, &m->volume.lines);
+    err = err ? err : sst_disparity_median5(&disp, &m->volume.lines);
     if (!err)
         store(key, &disp, &desc[key->view], rect, dirty, tile_cols);
     return err;

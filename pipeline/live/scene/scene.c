@@ -12,7 +12,7 @@
 #include "pipeline/method/refine/parts.h"
 
 /* Scale of the network input relative to its nominal size: half the work of the whole picture (measured in
- * docs/live-scene.md). */
+ * docs/design/live.md). */
 #define LABEL_SCALE 1.0
 /* Above this fraction of changed tiles everything is computed. */
 #define WHOLE_SHARE 0.8
@@ -24,7 +24,7 @@ static void free_maps(struct scene_maps *m)
     sst_map_u8_fini(&m->confirmed);
 }
 
-void sst_live_scene_close(struct sst_live_scene *s)
+void sst_livescene_close(struct sst_livescene *s)
 {
     if (!s)
         return;
@@ -57,7 +57,7 @@ void sst_live_scene_close(struct sst_live_scene *s)
     free(s);
 }
 
-static int allocate(struct sst_live_scene *s)
+static int allocate(struct sst_livescene *s)
 {
     int err = 0;
 
@@ -83,7 +83,7 @@ static int allocate(struct sst_live_scene *s)
     return err;
 }
 
-static int open_labels(struct sst_live_scene *s)
+static int open_labels(struct sst_livescene *s)
 {
     const struct sst_segment_config quick = { .scale = LABEL_SCALE };
     int err;
@@ -105,9 +105,9 @@ static int open_labels(struct sst_live_scene *s)
     return err;
 }
 
-int sst_live_scene_open(struct sst_live_scene **out, const struct sst_live_config *cfg, struct sst_lightfield *lf)
+int sst_livescene_open(struct sst_livescene **out, const struct sst_live_config *cfg, struct sst_lightfield *lf)
 {
-    struct sst_live_scene *s = calloc(1, sizeof(*s));
+    struct sst_livescene *s = calloc(1, sizeof(*s));
     int err;
 
     if (!s)
@@ -129,13 +129,13 @@ int sst_live_scene_open(struct sst_live_scene **out, const struct sst_live_confi
     if (!err && cfg->background)
         err = scene_background_open(&s->background, cfg, lf);
     if (err)
-        sst_live_scene_close(s);
+        sst_livescene_close(s);
     else
         *out = s;
     return err;
 }
 
-void sst_live_scene_cancel(struct sst_live_scene *s)
+void sst_livescene_cancel(struct sst_livescene *s)
 {
     s->cancel = true;
     scene_background_cancel(s->background);
@@ -143,7 +143,7 @@ void sst_live_scene_cancel(struct sst_live_scene *s)
 
 /* --- an update ---------------------------------------------------------------------------------------------------- */
 
-static bool beside_changed(const struct sst_live_scene *s, int view, int tile)
+static bool beside_changed(const struct sst_livescene *s, int view, int tile)
 {
     const int x0 = sst_max_int(tile % s->cols - 1, 0), x1 = sst_min_int(tile % s->cols + 1, s->cols - 1);
     const int y0 = sst_max_int(tile / s->cols - 1, 0), y1 = sst_min_int(tile / s->cols + 1, s->rows - 1);
@@ -156,7 +156,7 @@ static bool beside_changed(const struct sst_live_scene *s, int view, int tile)
 }
 
 /* Mark tiles to compute again: see SST_SCENE_AGAIN. */
-static void mark_again(struct sst_live_scene *s, int view)
+static void mark_again(struct sst_livescene *s, int view)
 {
     for (int i = 0; i < s->tiles; i++) {
         if (!s->dirty[view][i] && s->before[view][i] && beside_changed(s, view, i))
@@ -165,7 +165,7 @@ static void mark_again(struct sst_live_scene *s, int view)
 }
 
 /* Mark the tiles to compute. @return their number */
-static int64_t mark_dirty(struct sst_live_scene *s, const struct sst_live_changes *changes)
+static int64_t mark_dirty(struct sst_livescene *s, const struct sst_liveframes_changes *changes)
 {
     const int64_t now = sst_clock_now_ns();
     int64_t all = 0, count = 0;
@@ -199,7 +199,7 @@ static int64_t mark_dirty(struct sst_live_scene *s, const struct sst_live_change
 }
 
 /* Report changed tiles: of pictures, and all tiles if everything was computed. */
-static void report_changes(const struct sst_live_scene *s, struct sst_live_changes *changes)
+static void report_changes(const struct sst_livescene *s, struct sst_liveframes_changes *changes)
 {
     changes->whole = s->whole;
     changes->changed = 0;
@@ -213,7 +213,7 @@ static void report_changes(const struct sst_live_scene *s, struct sst_live_chang
     }
 }
 
-static void clean(struct sst_live_scene *s)
+static void clean(struct sst_livescene *s)
 {
     for (int view = 0; view < s->views; view++) {
         for (int i = 0; i < s->tiles; i++)
@@ -226,7 +226,8 @@ static void clean(struct sst_live_scene *s)
 }
 
 /* Compute what changed, as far as possible. */
-static int compute_changes(struct sst_live_scene *s, struct sst_live_changes *changes, struct sst_live_report *report)
+static int compute_changes(struct sst_livescene *s, struct sst_liveframes_changes *changes,
+                           struct sst_live_report *report)
 {
     int64_t tiles;
     int err = scene_plan(s);
@@ -261,7 +262,8 @@ static int compute_changes(struct sst_live_scene *s, struct sst_live_changes *ch
     return 0;
 }
 
-int sst_live_scene_update(struct sst_live_scene *s, struct sst_live_changes *changes, struct sst_live_report *report)
+int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes *changes,
+                         struct sst_live_report *report)
 {
     int64_t present = 0;
     int err = scene_cancelled(s);

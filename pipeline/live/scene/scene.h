@@ -5,7 +5,7 @@
 
 #include "pipeline/live/frames/frames.h"
 
-struct sst_live_scene; /* opaque; one thread */
+struct sst_livescene; /* opaque; one thread */
 
 /**
  * @param cfg  must outlive the object
@@ -13,9 +13,9 @@ struct sst_live_scene; /* opaque; one thread */
  *             only with the range.
  * @return 0, -ENOENT/-EBADMSG (model), -ENOMEM; logged
  */
-SST_MUST_CHECK int sst_live_scene_open(struct sst_live_scene **out, const struct sst_live_config *cfg,
-                                       struct sst_lightfield *lf);
-void sst_live_scene_close(struct sst_live_scene *s);
+SST_MUST_CHECK int sst_livescene_open(struct sst_livescene **out, const struct sst_live_config *cfg,
+                                      struct sst_lightfield *lf);
+void sst_livescene_close(struct sst_livescene *s);
 
 /**
  * Update the maps after changes in the views.
@@ -32,8 +32,8 @@ void sst_live_scene_close(struct sst_live_scene *s);
  * replaced
  * @return 0, -ECANCELED, -ENOMEM
  */
-SST_MUST_CHECK int sst_live_scene_update(struct sst_live_scene *s, struct sst_live_changes *changes,
-                                         struct sst_live_report *report);
+SST_MUST_CHECK int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes *changes,
+                                        struct sst_live_report *report);
 
 /**
  * The background: while most of the scene is static, a thread of low priority computes the whole light field as
@@ -41,10 +41,10 @@ SST_MUST_CHECK int sst_live_scene_update(struct sst_live_scene *s, struct sst_li
  * since. It runs once per state of the scene: a static scene costs nothing afterwards. It may widen an estimated range
  * but never narrows it.
  */
-bool sst_live_scene_unsettled(struct sst_live_scene *s); /* any thread */
+bool sst_livescene_unsettled(struct sst_livescene *s); /* any thread */
 /** @param changes  out: tiles whose maps were replaced @return true if there are any */
-bool sst_live_scene_settle(struct sst_live_scene *s, struct sst_live_changes *changes);
+bool sst_livescene_settle(struct sst_livescene *s, struct sst_liveframes_changes *changes);
 
-void sst_live_scene_cancel(struct sst_live_scene *s);
+void sst_livescene_cancel(struct sst_livescene *s);
 
 #endif

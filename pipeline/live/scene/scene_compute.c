@@ -15,7 +15,7 @@
 /* Label distributions are fitted again with every whole set and after this number of network runs. */
 #define FIT_RUNS 16
 
-int scene_open_segmenter(struct sst_live_scene *s, int worker)
+int scene_open_segmenter(struct sst_livescene *s, int worker)
 {
     const int err =
         s->segmenters[worker] ? 0 : sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision, 1);
@@ -29,7 +29,7 @@ static bool any(const uint8_t *tiles, int count)
 }
 
 /* Half-size rows that contain the changed tiles. */
-static void changed_rows(const struct sst_live_scene *s, int view, int *y0, int *y1)
+static void changed_rows(const struct sst_livescene *s, int view, int *y0, int *y1)
 {
     *y0 = s->height;
     *y1 = 0;
@@ -41,7 +41,7 @@ static void changed_rows(const struct sst_live_scene *s, int view, int *y0, int 
     }
 }
 
-static unsigned phases_of(const struct sst_live_scene *s, int view)
+static unsigned phases_of(const struct sst_livescene *s, int view)
 {
     unsigned phases = 0;
 
@@ -59,7 +59,7 @@ static unsigned phases_of(const struct sst_live_scene *s, int view)
 
 static int describe_job(void *arg, int view, int worker SST_UNUSED)
 {
-    struct sst_live_scene *s = arg;
+    struct sst_livescene *s = arg;
     const struct sst_view *v = &s->lf->views[view];
     struct sst_descriptor *d = &s->desc[view];
     int y0, y1, err = scene_cancelled(s);
@@ -68,24 +68,24 @@ static int describe_job(void *arg, int view, int worker SST_UNUSED)
         return err;
     if (d->luma.data) {
         changed_rows(s, view, &y0, &y1);
-        err = y0 < y1 ? sst_descriptor_renew(d, &v->image, y0, y1) : 0;
+        err = y0 < y1 ? sst_descriptor_update(d, &v->image, y0, y1) : 0;
         return err ? err : sst_descriptor_add_phases(d, phases_of(s, view));
     }
     err = sst_descriptor_init(d, &v->image, 2, SST_COST_CENSUS, NULL);
     if (!err && v->valid.data)
-        err = sst_mask_reduce(&d->seen, &v->valid, 2);
+        err = sst_disparity_mask_reduce(&d->seen, &v->valid, 2);
     return err ? err : sst_descriptor_add_phases(d, phases_of(s, view));
 }
 
 /* Tiles of a key to match. */
-static const uint8_t *dirty_of(const struct sst_live_scene *s, int k)
+static const uint8_t *dirty_of(const struct sst_livescene *s, int k)
 {
     return s->key_whole[k] ? s->all : s->dirty[s->key[k].view];
 }
 
 static int match_job(void *arg, int index, int worker)
 {
-    struct sst_live_scene *s = arg;
+    struct sst_livescene *s = arg;
     const struct scene_job *job = &s->jobs[index];
     int64_t start_ns;
     int err = scene_cancelled(s);
@@ -95,7 +95,7 @@ static int match_job(void *arg, int index, int worker)
                    : scene_match(&s->matchers[worker], s->lf, s->desc, &s->key[job->key], &job->rect,
                                  dirty_of(s, job->key), s->cols);
     start_ns = sst_clock_now_ns();
-    err = sst_segment_sure(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
+    err = sst_segment_hcsm(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
     s->label_ns = sst_clock_now_ns() - start_ns;
     s->label_runs += !err;
     return err;
@@ -112,7 +112,7 @@ static int larger_first(const void *a, const void *b)
 }
 
 /* The network and the rectangles of all keys, longest jobs first. @return their number */
-static int make_jobs(struct sst_live_scene *s)
+static int make_jobs(struct sst_livescene *s)
 {
     struct scene_rect rects[SST_SCENE_RECTS];
     int count = 0, changed = 0;
@@ -133,7 +133,7 @@ static int make_jobs(struct sst_live_scene *s)
 
 static int check_job(void *arg, int k, int worker SST_UNUSED)
 {
-    struct sst_live_scene *s = arg;
+    struct sst_livescene *s = arg;
 
     if (any(dirty_of(s, k), s->tiles))
         scene_check(s->key, s->keys, k, s->lf, dirty_of(s, k), s->cols);
@@ -141,7 +141,7 @@ static int check_job(void *arg, int k, int worker SST_UNUSED)
 }
 
 /* Fraction of the disparities of the keys that another key confirms. */
-static double count_confirmed(const struct sst_live_scene *s)
+static double count_confirmed(const struct sst_livescene *s)
 {
     int64_t known = 0, confirmed = 0;
 
@@ -165,7 +165,7 @@ static double count_confirmed(const struct sst_live_scene *s)
 }
 
 /* Copy the network labels to changed tiles of the reference key, and fill cells without a label. */
-static void label_reference(struct sst_live_scene *s)
+static void label_reference(struct sst_livescene *s)
 {
     struct scene_maps *maps = &s->key[0].maps;
     const uint8_t *dirty = dirty_of(s, 0);
@@ -191,7 +191,7 @@ static void label_reference(struct sst_live_scene *s)
 
 static int label_job(void *arg, int index, int worker SST_UNUSED)
 {
-    struct sst_live_scene *s = arg;
+    struct sst_livescene *s = arg;
     struct scene_key *key = &s->key[index + 1];
     const uint8_t *dirty = dirty_of(s, index + 1);
 
@@ -204,7 +204,7 @@ static int label_job(void *arg, int index, int worker SST_UNUSED)
 
 static int compose_job(void *arg, int view, int worker)
 {
-    struct sst_live_scene *s = arg;
+    struct sst_livescene *s = arg;
     int err = scene_cancelled(s);
 
     if (!err && s->lf->views[view].present)
@@ -217,7 +217,7 @@ static int compose_job(void *arg, int view, int worker)
  */
 static int segment_job(void *arg, int view, int worker)
 {
-    struct sst_live_scene *s = arg;
+    struct sst_livescene *s = arg;
     struct sst_view *v = &s->lf->views[view];
     struct sst_map_u8 label = { 0 };
     int err = scene_cancelled(s);
@@ -225,7 +225,7 @@ static int segment_job(void *arg, int view, int worker)
     if (err || !v->present || !any(s->dirty[view], s->tiles))
         return err;
     err = scene_open_segmenter(s, worker);
-    err = err ? err : sst_segment_sure(s->segmenters[worker], &v->image, &label);
+    err = err ? err : sst_segment_hcsm(s->segmenters[worker], &v->image, &label);
     s->label_runs += !err;
     for (int y = 0; !err && y < label.height; y++) {
         const uint8_t *from = sst_map_u8_row(&label, y), *tiles = s->dirty[view] + y / SST_LIVE_TILE * s->cols;
@@ -250,7 +250,7 @@ static int64_t lap(int64_t *from)
     return took;
 }
 
-int scene_compute(struct sst_live_scene *s, struct sst_live_report *report)
+int scene_compute(struct sst_livescene *s, struct sst_live_report *report)
 {
     int64_t clock = sst_clock_now_ns();
     int err = sst_parallel_for(s->views, s->threads, describe_job, s);

@@ -45,7 +45,7 @@ static inline struct scene_warp scene_warp(const struct sst_lightfield *lf, int 
     const struct sst_view *a = &lf->views[from], *b = &lf->views[to];
 
     return (struct scene_warp){ llround(lf->disp_min_px * SST_DISP_SCALE), llround((b->bx - a->bx) * 65536),
-                               llround((b->by - a->by) * 65536) };
+                                llround((b->by - a->by) * 65536) };
 }
 
 /* --- keys.c: key views and their disparities ---------------------------------------------------------------------- */
@@ -114,7 +114,7 @@ void scene_check(struct scene_key *keys, int count, int k, const struct sst_ligh
 
 /** Copy labels to the changed cells of a key from the reference key, where it sees the same surface. */
 void scene_transfer_labels(struct scene_key *key, const struct scene_key *ref, const struct sst_lightfield *lf,
-                       const uint8_t *dirty, int tile_cols);
+                           const uint8_t *dirty, int tile_cols);
 
 /** Columns of disparity, a quarter px each, in which labels are candidates. */
 #define SST_SCENE_COLUMNS      4096
@@ -125,7 +125,7 @@ struct scene_candidates {
     uint8_t best[SST_SCENE_COLUMNS];  /* the most likely label; 0: none */
 };
 
-/** Compute the candidates from the disparity distribution of each label in a key (DESIGN 5.3). @param hist  scratch,
+/** Compute the candidates from the disparity distribution of each label in a key (design.md, 5.3). @param hist  scratch,
  * [65536] */
 void scene_fit_labels(struct scene_candidates *c, const struct scene_maps *maps, int classes, double disp_min_px,
                       int64_t *hist);
@@ -222,7 +222,7 @@ struct scene_job {
     struct scene_rect rect;
 };
 
-struct sst_live_scene {
+struct sst_livescene {
     /* fixed after open */
     const struct sst_live_config *cfg;
     struct sst_lightfield *lf;
@@ -253,12 +253,12 @@ struct sst_live_scene {
                                  changed */
     /* from set to set */
     bool ready, whole_next;
-    int runs;                            /* runs of the network since the labels were fitted */
-    uint8_t *dirty[SST_MAX_VIEWS];       /* [tiles] to compute in this set: 1, or SST_SCENE_AGAIN */
-    uint8_t *before[SST_MAX_VIEWS];      /* [tiles] 1: changed in the last set with changes; all 0 after a whole one */
-    int64_t *changed_ns[SST_MAX_VIEWS];  /* [tiles] last change of the picture */
-    bool *settled[SST_MAX_VIEWS];        /* [tiles] maps come from the background */
-    int64_t copied_ns, next_start_ns;    /* of the background */
+    int runs;                           /* runs of the network since the labels were fitted */
+    uint8_t *dirty[SST_MAX_VIEWS];      /* [tiles] to compute in this set: 1, or SST_SCENE_AGAIN */
+    uint8_t *before[SST_MAX_VIEWS];     /* [tiles] 1: changed in the last set with changes; all 0 after a whole one */
+    int64_t *changed_ns[SST_MAX_VIEWS]; /* [tiles] last change of the picture */
+    bool *settled[SST_MAX_VIEWS];       /* [tiles] maps come from the background */
+    int64_t copied_ns, next_start_ns;   /* of the background */
     double error_labels;
     double confirmed; /* of the report */
     /* of this set */
@@ -271,7 +271,7 @@ struct sst_live_scene {
     SST_ATOMIC(bool) cancel;
 };
 
-static inline int scene_cancelled(const struct sst_live_scene *s)
+static inline int scene_cancelled(const struct sst_livescene *s)
 {
     return s->cancel ? -ECANCELED : 0;
 }
@@ -279,36 +279,36 @@ static inline int scene_cancelled(const struct sst_live_scene *s)
 /* --- scene_plan.c ------------------------------------------------------------------------------------------------- */
 
 /** Update keys and maps when views appear or disappear. Marks tiles of new views dirty. @return 0, -ENOMEM */
-SST_MUST_CHECK int scene_plan(struct sst_live_scene *s);
+SST_MUST_CHECK int scene_plan(struct sst_livescene *s);
 
 /** Estimate the range of disparities unless it is known; sets s->ranged on success. @return 0, -ENOMEM */
-SST_MUST_CHECK int scene_find_range(struct sst_live_scene *s);
+SST_MUST_CHECK int scene_find_range(struct sst_livescene *s);
 
 /**
  * Extend the estimated range if something came nearer.
  * @param still  nothing changed in this set
  * @return 0, -ENOMEM; the range stays
  */
-SST_MUST_CHECK int scene_follow_range(struct sst_live_scene *s, bool still);
+SST_MUST_CHECK int scene_follow_range(struct sst_livescene *s, bool still);
 
 /** After matching: update the fraction of changed cells that no other key confirms. */
-void scene_note_unconfirmed(struct sst_live_scene *s);
+void scene_note_unconfirmed(struct sst_livescene *s);
 
 /** Set the searched range: matchers, and range and zero of the light field. @return 0, -ENOMEM */
-SST_MUST_CHECK int scene_set_range(struct sst_live_scene *s, double min_px, double max_px);
-void scene_free_matchers(struct sst_live_scene *s);
+SST_MUST_CHECK int scene_set_range(struct sst_livescene *s, double min_px, double max_px);
+void scene_free_matchers(struct sst_livescene *s);
 
 /* --- scene_work.c ------------------------------------------------------------------------------------------------- */
 
 /** Disparities and labels of all dirty tiles. @return 0, -ECANCELED, -ENOMEM, -EBADMSG (network) */
-SST_MUST_CHECK int scene_compute(struct sst_live_scene *s, struct sst_live_report *report);
+SST_MUST_CHECK int scene_compute(struct sst_livescene *s, struct sst_live_report *report);
 
 /** The segmenter of a worker. */
-SST_MUST_CHECK int scene_open_segmenter(struct sst_live_scene *s, int worker);
+SST_MUST_CHECK int scene_open_segmenter(struct sst_livescene *s, int worker);
 
 /* --- scene_settle.c ----------------------------------------------------------------------------------------------- */
 
 /** Start the background if the scene is static enough. */
-void scene_start_background(struct sst_live_scene *s);
+void scene_start_background(struct sst_livescene *s);
 
 #endif

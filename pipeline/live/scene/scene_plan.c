@@ -15,16 +15,16 @@
  * as three sets: after one without a new result, the number of such sets until the next one grows fourfold each time;
  * after a static phase it starts again at the minimum. */
 #define UNCONFIRMED_SHARE 0.15
-#define CHANGED      33
+#define CHANGED           33
 #define SCAN_FIRST        2
 #define SCAN_MOST         512
-#define REST_SETS    100
+#define REST_SETS         100
 /* The range grows if two consecutive estimates exceed it by more than their accuracy. */
 #define NEARER_PX 2.0
 
 /* --- key views ---------------------------------------------------------------------------------------------------- */
 
-static int make_key(struct sst_live_scene *s, struct scene_key *key, int view)
+static int make_key(struct sst_livescene *s, struct scene_key *key, int view)
 {
     struct scene_maps *m = &key->maps;
     int err = 0;
@@ -42,7 +42,7 @@ static int make_key(struct sst_live_scene *s, struct scene_key *key, int view)
 }
 
 /* Maps of a new view: unknown everywhere. */
-static int make_view_maps(struct sst_live_scene *s, struct sst_view *v)
+static int make_view_maps(struct sst_livescene *s, struct sst_view *v)
 {
     int err = 0;
 
@@ -57,7 +57,7 @@ static int make_view_maps(struct sst_live_scene *s, struct sst_view *v)
 }
 
 /* Choose the keys again; earlier keys keep their maps. */
-static int choose_keys(struct sst_live_scene *s)
+static int choose_keys(struct sst_livescene *s)
 {
     int views[SST_SCENE_KEYS], err = 0;
     const int count = scene_choose_keys(s->lf, views);
@@ -85,7 +85,7 @@ static int choose_keys(struct sst_live_scene *s)
     return err;
 }
 
-int scene_plan(struct sst_live_scene *s)
+int scene_plan(struct sst_livescene *s)
 {
     bool same = true;
     int err = 0;
@@ -119,7 +119,7 @@ int scene_plan(struct sst_live_scene *s)
 
 /* --- the range ---------------------------------------------------------------------------------------------------- */
 
-void scene_free_matchers(struct sst_live_scene *s)
+void scene_free_matchers(struct sst_livescene *s)
 {
     for (int i = 0; s->matchers && i < s->threads; i++)
         scene_matcher_fini(&s->matchers[i]);
@@ -127,7 +127,7 @@ void scene_free_matchers(struct sst_live_scene *s)
     s->matchers = NULL;
 }
 
-int scene_set_range(struct sst_live_scene *s, double min_px, double max_px)
+int scene_set_range(struct sst_livescene *s, double min_px, double max_px)
 {
     struct scene_matcher *made = calloc((size_t)s->threads, sizeof(*made));
     int err = made ? 0 : -ENOMEM;
@@ -148,7 +148,7 @@ int scene_set_range(struct sst_live_scene *s, double min_px, double max_px)
     return 0;
 }
 
-int scene_find_range(struct sst_live_scene *s)
+int scene_find_range(struct sst_livescene *s)
 {
     double min_px = s->cfg->range_min_px, max_px = s->cfg->range_max_px;
     char text[SST_LOG_MAX], *before;
@@ -180,7 +180,7 @@ int scene_find_range(struct sst_live_scene *s)
 }
 
 /* Extend the near end of the range by an estimate from this set. */
-static int extend_range(struct sst_live_scene *s)
+static int extend_range(struct sst_livescene *s)
 {
     double min_px, max_px, both_px;
     char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
@@ -204,7 +204,7 @@ static int extend_range(struct sst_live_scene *s)
     return scene_set_range(s, s->lf->range_min_px, both_px);
 }
 
-void scene_note_unconfirmed(struct sst_live_scene *s)
+void scene_note_unconfirmed(struct sst_livescene *s)
 {
     const struct scene_maps *maps = &s->key[0].maps;
     const uint8_t *dirty = s->dirty[s->key[0].view];
@@ -224,7 +224,7 @@ void scene_note_unconfirmed(struct sst_live_scene *s)
     s->unconfirmed_share = CHANGED * tiles < s->tiles ? 0 : (double)unconfirmed / cells;
 }
 
-int scene_follow_range(struct sst_live_scene *s, bool still)
+int scene_follow_range(struct sst_livescene *s, bool still)
 {
     if (s->cfg->range_min_px < s->cfg->range_max_px || !s->ranged)
         return 0;

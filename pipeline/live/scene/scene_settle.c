@@ -9,14 +9,14 @@
 #include "pipeline/live/scene/scene_internal.h"
 
 /* The background starts when this fraction of the tiles has been static for this time, and enough of it can improve. */
-#define STILL_NS      INT64_C(2000000000)
-#define STILL_SHARE   0.7
-#define BETTER_SHARE  0.05
+#define STILL_NS       INT64_C(2000000000)
+#define STILL_SHARE    0.7
+#define BETTER_SHARE   0.05
 #define CHECK_EVERY_NS INT64_C(250000000)
 /* Pause after a failure of the background. */
 #define RETRY_NS INT64_C(60000000000)
 
-void scene_start_background(struct sst_live_scene *s)
+void scene_start_background(struct sst_livescene *s)
 {
     const int64_t now = sst_clock_now_ns();
     int64_t all = 0, still = 0, better = 0;
@@ -45,13 +45,13 @@ void scene_start_background(struct sst_live_scene *s)
     s->copied_ns = now;
 }
 
-bool sst_live_scene_unsettled(struct sst_live_scene *s)
+bool sst_livescene_unsettled(struct sst_livescene *s)
 {
     return scene_background_done(s->background);
 }
 
 /* Convert all maps to a new disparity of stored value 0. */
-static void move_zero(struct sst_live_scene *s, double before_px)
+static void move_zero(struct sst_livescene *s, double before_px)
 {
     const int by = (int)lround((before_px - s->lf->disp_min_px) * SST_DISP_SCALE);
     struct sst_map_u16 *maps[SST_MAX_VIEWS + SST_SCENE_KEYS];
@@ -72,7 +72,7 @@ static void move_zero(struct sst_live_scene *s, double before_px)
 }
 
 /* Apply a wider range of the background. @return true: it is searched from now on */
-static bool apply_range(struct sst_live_scene *s, const struct sst_lightfield *from)
+static bool apply_range(struct sst_livescene *s, const struct sst_lightfield *from)
 {
     const double before_px = s->lf->disp_min_px;
 
@@ -91,7 +91,7 @@ static bool apply_range(struct sst_live_scene *s, const struct sst_lightfield *f
 }
 
 /* Copy one tile of one view. @return number of pixels whose label changed */
-static int64_t copy_tile(struct sst_live_scene *s, const struct sst_lightfield *from, int view, int tile)
+static int64_t copy_tile(struct sst_livescene *s, const struct sst_lightfield *from, int view, int tile)
 {
     struct sst_view *to = &s->lf->views[view];
     const struct sst_view *v = &from->views[view];
@@ -117,7 +117,7 @@ static int64_t copy_tile(struct sst_live_scene *s, const struct sst_lightfield *
 }
 
 /* Copy the same cells of a key, which improves what is warped to other views. */
-static void copy_cells(struct sst_live_scene *s, struct scene_key *key, const struct sst_view *from, int tile)
+static void copy_cells(struct sst_livescene *s, struct scene_key *key, const struct sst_view *from, int tile)
 {
     const struct sst_view *v = &s->lf->views[key->view];
     const int x0 = tile % s->cols * SST_SCENE_CELLS, y0 = tile / s->cols * SST_SCENE_CELLS;
@@ -133,7 +133,7 @@ static void copy_cells(struct sst_live_scene *s, struct scene_key *key, const st
     }
 }
 
-static int key_of(const struct sst_live_scene *s, int view)
+static int key_of(const struct sst_livescene *s, int view)
 {
     for (int k = 0; k < s->keys; k++) {
         if (s->key[k].view == view)
@@ -142,7 +142,7 @@ static int key_of(const struct sst_live_scene *s, int view)
     return -1;
 }
 
-bool sst_live_scene_settle(struct sst_live_scene *s, struct sst_live_changes *changes)
+bool sst_livescene_settle(struct sst_livescene *s, struct sst_liveframes_changes *changes)
 {
     const struct sst_lightfield *from;
     int64_t taken = 0, other = 0, pixels = 0;

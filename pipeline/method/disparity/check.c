@@ -60,8 +60,8 @@ static void mark_served(struct sst_map_u8 *mark, const struct sst_checked_view *
     }
 }
 
-void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px, int steps,
-                     const struct sst_checked_view *views, int count)
+void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px,
+                               int steps, const struct sst_checked_view *views, int count)
 {
     memset(status->data, SST_DISPARITY_OCCLUSION, status->stride * (size_t)status->height);
     for (int i = 0; i < count; i++)

@@ -52,7 +52,7 @@ static int make_census(struct sst_descriptor *desc, int phase)
     return desc->census[phase] ? census_rows(desc, phase, 0, desc->height) : -ENOMEM;
 }
 
-int sst_descriptor_renew(struct sst_descriptor *desc, const struct sst_image *img, int y0, int y1)
+int sst_descriptor_update(struct sst_descriptor *desc, const struct sst_image *img, int y0, int y1)
 {
     int err = 0;
 
@@ -112,7 +112,7 @@ int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img
     return 0;
 }
 
-int sst_mask_reduce(struct sst_map_u8 *out, const struct sst_map_u8 *mask, int factor)
+int sst_disparity_mask_reduce(struct sst_map_u8 *out, const struct sst_map_u8 *mask, int factor)
 {
     const int err = sst_map_u8_init(out, (mask->width + factor - 1) / factor, (mask->height + factor - 1) / factor);
 

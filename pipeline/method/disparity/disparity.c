@@ -88,7 +88,7 @@ static int describe_job(void *arg, int index, int worker)
               : sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost,
                                     run->nets ? run->nets[worker] : NULL);
     if (!err && v->valid.data)
-        err = sst_mask_reduce(&run->desc[view].seen, &v->valid, run->scale);
+        err = sst_disparity_mask_reduce(&run->desc[view].seen, &v->valid, run->scale);
     return err || run->cfg->frugal ? err : sst_descriptor_add_phases(&run->desc[view], run->phases);
 }
 
@@ -146,12 +146,12 @@ static int match_sides(struct run *run, struct sst_volume *v, int view, int firs
     if (cfg->raw)
         return sst_volume_winner(v, true, disp, confidence);
     err = cancelled(run);
-    err = err ? err : sst_support_aggregate(v, support, cfg->support_arm ? cfg->support_before : 0);
+    err = err ? err : sst_disparity_support_aggregate(v, support, cfg->support_arm ? cfg->support_before : 0);
     err = err ? err : cancelled(run);
-    err = err ? err : sst_sgm(v, &run->desc[view].image, cfg);
+    err = err ? err : sst_disparity_sgm(v, &run->desc[view].image, cfg);
     if (!err && cfg->support_arm && cfg->support_after) {
         sst_volume_requantise(v);
-        err = sst_support_aggregate(v, support, cfg->support_after);
+        err = sst_disparity_support_aggregate(v, support, cfg->support_after);
     }
     return err ? err : sst_volume_winner(v, cfg->support_arm && cfg->support_after, disp, confidence);
 }
@@ -205,20 +205,21 @@ static int match_job(void *arg, int index, int worker)
     err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
     err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
     if (!err && run->cfg->support_arm && !run->cfg->raw)
-        err = sst_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
+        err =
+            sst_disparity_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
     if (!err)
         err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support,
                                             &run->disp[view], &run->confidence[view])
                               : match_apart(run, &run->volumes[worker], view, &support);
-    sst_support_fini(&support);
+    sst_disparity_support_fini(&support);
     if (err == -ENODATA) { /* a view without neighbours: unknown everywhere, filled from distant views below */
         memset(run->disp[view].data, 0xFF, run->disp[view].stride * (size_t)run->height);
         return 0;
     }
     if (!err && !run->cfg->raw)
-        err = sst_median5(&run->disp[view], &run->volumes[worker].lines);
+        err = sst_disparity_median5(&run->disp[view], &run->volumes[worker].lines);
     if (!err && !run->cfg->raw)
-        err = sst_bilateral(&run->disp[view], &run->desc[view].luma, run->cfg->bilateral_tau);
+        err = sst_disparity_bilateral(&run->disp[view], &run->desc[view].luma, run->cfg->bilateral_tau);
     if (!err)
         forget_unseen(&run->disp[view], &run->desc[view].seen);
     return err;
@@ -256,7 +257,7 @@ static int check_job(void *arg, int view, int worker SST_UNUSED)
     err = cancelled(run);
     err = err ? err : sst_map_u8_init(&run->status[view], run->width, run->height);
     if (!err)
-        sst_check_views(&run->status[view], &run->disp[view], run->disp_min, run->range + 1, views, count);
+        sst_disparity_check_views(&run->status[view], &run->disp[view], run->disp_min, run->range + 1, views, count);
     return err;
 }
 

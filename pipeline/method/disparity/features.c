@@ -22,7 +22,7 @@ static int round_up(int n)
     return (n + SST_FEATURE_TILE - 1) / SST_FEATURE_TILE * SST_FEATURE_TILE;
 }
 
-struct sst_feature_bands sst_feature_bands(int rows, int radius)
+struct sst_disparity_feature_bands sst_disparity_feature_bands(int rows, int radius)
 {
     const int above = round_up(sst_max_int(radius, 0)), beyond = above + sst_max_int(radius, 0);
     const int wanted = (rows + BAND_ROWS - 1) / BAND_ROWS;
@@ -32,15 +32,16 @@ struct sst_feature_bands sst_feature_bands(int rows, int radius)
     const int height = least + (rows - least % SST_FEATURE_TILE) % SST_FEATURE_TILE;
 
     if (radius < 0 || height >= rows)
-        return (struct sst_feature_bands){ 1, 0, rows };
-    return (struct sst_feature_bands){ (rows - beyond + step - 1) / step, step, height };
+        return (struct sst_disparity_feature_bands){ 1, 0, rows };
+    return (struct sst_disparity_feature_bands){ (rows - beyond + step - 1) / step, step, height };
 }
 
-struct sst_feature_band sst_feature_band(const struct sst_feature_bands *bands, int rows, int radius, int i)
+struct sst_disparity_feature_band sst_disparity_feature_band(const struct sst_disparity_feature_bands *bands, int rows,
+                                                             int radius, int i)
 {
     const int above = round_up(sst_max_int(radius, 0)), start = i * bands->step;
 
-    return (struct sst_feature_band){
+    return (struct sst_disparity_feature_band){
         .start = sst_min_int(start, rows - bands->height),
         .first = i ? start + above : 0,
         .end = i + 1 < bands->count ? start + bands->step + above : rows,
@@ -141,7 +142,7 @@ int sst_descriptor_check_network(struct sst_network *net, const char *name, int 
                       name, MAX_RADIUS);
         return err;
     }
-    height = sst_feature_bands(height, radius).height;
+    height = sst_disparity_feature_bands(height, radius).height;
     err = sst_network_out_shape(net, width, height, &channels, &out_w, &out_h);
     if (err || (channels == SST_FEATURE_CHANNELS && out_w == width && out_h == height))
         return err;
@@ -158,7 +159,7 @@ struct buffers {
 };
 
 static int make_band(struct sst_descriptor *desc, struct sst_network *net, const struct moments *moments,
-                     const struct buffers *buf, const struct sst_feature_band *band, int height)
+                     const struct buffers *buf, const struct sst_disparity_feature_band *band, int height)
 {
     enum { GROUPS = SST_FEATURE_CHANNELS / 4 };
     const size_t w = (size_t)desc->width;
@@ -179,13 +180,13 @@ int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network 
 {
     const size_t w = (size_t)desc->width, groups = SST_FEATURE_CHANNELS / 4 * (size_t)desc->height;
     const struct moments moments = measure(&desc->luma);
-    struct sst_feature_bands bands;
+    struct sst_disparity_feature_bands bands;
     struct buffers buf;
     int radius, err = find_radius(net, &radius);
 
     if (err)
         return err;
-    bands = sst_feature_bands(desc->height, radius);
+    bands = sst_disparity_feature_bands(desc->height, radius);
     buf.in = sst_mem_alloc_raw(w * (size_t)bands.height, sizeof(float));
     buf.out = sst_mem_alloc_raw(SST_FEATURE_CHANNELS * w * (size_t)bands.height, 1);
     desc->feature_stride = feature_stride(desc->width);
@@ -195,7 +196,7 @@ int sst_descriptor_add_features(struct sst_descriptor *desc, struct sst_network 
     else
         desc->features = (uint8_t *)desc->feature_memory + desc->feature_stride;
     for (int i = 0; !err && i < bands.count; i++) {
-        const struct sst_feature_band band = sst_feature_band(&bands, desc->height, radius, i);
+        const struct sst_disparity_feature_band band = sst_disparity_feature_band(&bands, desc->height, radius, i);
 
         err = make_band(desc, net, &moments, &buf, &band, bands.height);
     }

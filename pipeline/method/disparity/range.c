@@ -88,7 +88,7 @@ static int make_pair(struct sst_lightfield *pair, const struct sst_lightfield *l
 
         err = reduce(&pair->views[i].image, &from->image, factor);
         if (!err && from->valid.data)
-            err = sst_mask_reduce(&pair->views[i].valid, &from->valid, *factor);
+            err = sst_disparity_mask_reduce(&pair->views[i].valid, &from->valid, *factor);
         pair->views[i].present = true;
         pair->views[i].bx = from->bx - lf->views[a].bx;
         pair->views[i].by = from->by - lf->views[a].by;

@@ -71,7 +71,7 @@ static void sweep(struct sst_volume *v, const struct sst_image *img, int slants,
     }
 }
 
-int sst_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg)
+int sst_disparity_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg)
 {
     const size_t line = sst_sgm_line(v);
     const int slants = cfg->paths == 8 ? 3 : 1;

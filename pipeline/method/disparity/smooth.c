@@ -10,7 +10,7 @@
 #define MARGIN           4 /* repeated columns of the median's rows */
 #define BILATERAL_RADIUS 3 /* the standard normal density is below 0.005 of its peak beyond it */
 
-int sst_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines)
+int sst_disparity_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t w = (size_t)map->width, padded = w + 2 * MARGIN;
@@ -57,7 +57,7 @@ static void pad_rows(uint16_t *disp, uint8_t *luma_row, const struct sst_map_u16
     memcpy(luma_row + MARGIN, sst_map_u8_row(luma, y), w);
 }
 
-int sst_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau)
+int sst_disparity_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau)
 {
     enum { R = BILATERAL_RADIUS, SIDE = 2 * R + 1 };
     const struct sst_kernels *k = sst_kernels_get();

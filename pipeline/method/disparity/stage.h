@@ -48,7 +48,7 @@ SST_MUST_CHECK int sst_descriptor_check_network(struct sst_network *net, const c
 SST_MUST_CHECK int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale,
                                        enum sst_cost cost, struct sst_network *net);
 /** A mask at 1 / factor of the size, rounded up: 255 where all covered pixels are. @param out  out, initialised here */
-SST_MUST_CHECK int sst_mask_reduce(struct sst_map_u8 *out, const struct sst_map_u8 *mask, int factor);
+SST_MUST_CHECK int sst_disparity_mask_reduce(struct sst_map_u8 *out, const struct sst_map_u8 *mask, int factor);
 void sst_descriptor_fini(struct sst_descriptor *desc);
 
 /** Compute the census of more phases (bit p of `phases`); no-op for a descriptor without census. */
@@ -65,7 +65,7 @@ void sst_descriptor_drop_phases(struct sst_descriptor *desc);
  * @param y0, y1  rows of the descriptor, y1 excluded, that contain all changes
  * @return 0, -ENOMEM
  */
-SST_MUST_CHECK int sst_descriptor_renew(struct sst_descriptor *desc, const struct sst_image *img, int y0, int y1);
+SST_MUST_CHECK int sst_descriptor_update(struct sst_descriptor *desc, const struct sst_image *img, int y0, int y1);
 
 #define SST_FEATURE_TILE 4
 
@@ -75,12 +75,12 @@ SST_MUST_CHECK int sst_descriptor_renew(struct sst_descriptor *desc, const struc
  * one, which ends with the view; all starts are multiples of SST_FEATURE_TILE, so Winograd's tiles are those of the
  * whole view.
  */
-struct sst_feature_bands {
+struct sst_disparity_feature_bands {
     int count, step, height;
 };
 
 /** The run over the rows from start on yields rows first .. end - 1. */
-struct sst_feature_band {
+struct sst_disparity_feature_band {
     int start, first, end;
 };
 
@@ -89,8 +89,9 @@ struct sst_feature_band {
  * @param radius  of the network: rows above and below that a result depends on; negative: unknown, one band with all
  * rows
  */
-struct sst_feature_bands sst_feature_bands(int rows, int radius);
-struct sst_feature_band sst_feature_band(const struct sst_feature_bands *bands, int rows, int radius, int i);
+struct sst_disparity_feature_bands sst_disparity_feature_bands(int rows, int radius);
+struct sst_disparity_feature_band sst_disparity_feature_band(const struct sst_disparity_feature_bands *bands, int rows,
+                                                             int radius, int i);
 
 /**
  * Compute the features of a descriptor that has its luma: standardised over the whole view, the network run band by
@@ -122,7 +123,7 @@ struct sst_volume {
     int phase_step;      /* quarter pixels that shifts are rounded to: 4 (whole pixels, set by init), 2 or 1 */
     size_t steps_padded; /* multiple of 32; the padding costs SST_COST_MAX */
     uint8_t *cost;
-    uint16_t *sum;             /* the same shape: summed path costs; allocated by sst_sgm() */
+    uint16_t *sum;             /* the same shape: summed path costs; allocated by sst_disparity_sgm() */
     void *scratch;             /* of sst_volume_fill(), see volume.c */
     struct sst_mem_kept lines; /* scratch of the other steps */
 };
@@ -160,17 +161,18 @@ struct sst_support {
     struct sst_map_u16 count;
 };
 
-SST_MUST_CHECK int sst_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau);
-void sst_support_fini(struct sst_support *s);
+SST_MUST_CHECK int sst_disparity_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau);
+void sst_disparity_support_fini(struct sst_support *s);
 
 /** Replace every cost by its mean over the pixel's support region; `rounds` times. */
-SST_MUST_CHECK int sst_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds);
+SST_MUST_CHECK int sst_disparity_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds);
 
 /**
  * Semi-global optimisation of v->cost into v->sum along 4 or 8 paths (paper: energy E(D); Hirschmueller 2008, with the
  * minimum subtracted, so that L <= 255 + p2).
  */
-SST_MUST_CHECK int sst_sgm(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_config *cfg);
+SST_MUST_CHECK int sst_disparity_sgm(struct sst_volume *v, const struct sst_image *img,
+                                     const struct sst_disparity_config *cfg);
 
 /** Elements of one row of paths. */
 static inline size_t sst_sgm_line(const struct sst_volume *v)
@@ -198,14 +200,14 @@ SST_MUST_CHECK int sst_volume_winner(struct sst_volume *v, bool from_cost, struc
 int sst_parabola_q6(int before, int at, int after);
 
 /** 5x5 median, borders repeated. In place. @param lines  scratch */
-SST_MUST_CHECK int sst_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines);
+SST_MUST_CHECK int sst_disparity_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines);
 
 /**
  * Bilateral filter of the paper with g the standard normal density (radius 3):
  * D(p) = sum D(q) g(|p-q|) 1(|I(p)-I(q)| < tau) / sum, over q with a known disparity within SST_BILATERAL_STEP_Q6 of
  * D(p): averaging across a depth edge would create points in empty space.
  */
-SST_MUST_CHECK int sst_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
+SST_MUST_CHECK int sst_disparity_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
 
 /** Fuse two maps of a view by confidence: agreement within 1 px averages, else the more confident one wins, ties to the
  * first.
@@ -228,17 +230,17 @@ struct sst_checked_view {
 };
 
 /**
- * DESIGN 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them; mismatch if
+ * design.md, 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them; mismatch if
  * that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1; else occlusion.
  *
  * @param status  out, enum sst_disparity_check
  * @param disp_min_px  disparity of stored value 0
  */
-void sst_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px, int steps,
-                     const struct sst_checked_view *views, int count);
+void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px,
+                               int steps, const struct sst_checked_view *views, int count);
 
 /**
- * DESIGN 5.2 step 5: occlusions get the disparity of a neighbour's correct pixel that projects onto them (near views
+ * design.md, 5.2 step 5: occlusions get the disparity of a neighbour's correct pixel that projects onto them (near views
  * first, the nearest surface of several), mismatches the median of the nearest correct pixels in 16 directions, the
  * rest the smaller of the nearest correct disparities to both sides (background). The result is dense if any pixel is
  * correct.

@@ -49,7 +49,7 @@ static void arm_row(uint8_t *length, uint8_t *scratch, const struct sst_image *i
     }
 }
 
-int sst_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau)
+int sst_disparity_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau)
 {
     const int w = img->width, h = img->height;
     struct sst_support made = { 0 };
@@ -60,7 +60,7 @@ int sst_support_init(struct sst_support *s, const struct sst_image *img, int arm
     err = err ? err : sst_map_u8_init(&made.down, w, h);
     err = err ? err : sst_map_u16_init(&made.count, w, h);
     if (err) {
-        sst_support_fini(&made);
+        sst_disparity_support_fini(&made);
         return err;
     }
     for (int y = 0; y < h; y++) {
@@ -84,7 +84,7 @@ int sst_support_init(struct sst_support *s, const struct sst_image *img, int arm
     return 0;
 }
 
-void sst_support_fini(struct sst_support *s)
+void sst_disparity_support_fini(struct sst_support *s)
 {
     sst_map_u8_fini(&s->left);
     sst_map_u8_fini(&s->right);
@@ -93,7 +93,7 @@ void sst_support_fini(struct sst_support *s)
     sst_map_u16_fini(&s->count);
 }
 
-int sst_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds)
+int sst_disparity_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;

@@ -64,7 +64,7 @@ int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, i
     made.cost = sst_mem_alloc_raw(cells, 1);
     made.sum = sst_mem_alloc_raw(cells, sizeof(uint16_t));
     made.scratch = sst_mem_alloc_raw(1, scratch_bytes(&made));
-    /* Allocate what sst_sgm() needs on 4 paths, so that nothing is allocated later. */
+    /* Allocate what sst_disparity_sgm() needs on 4 paths, so that nothing is allocated later. */
     if (!made.cost || !made.sum || !made.scratch ||
         !sst_mem_keep(&made.lines, 3 * sst_sgm_line(&made) + (size_t)width, sizeof(uint16_t))) {
         sst_volume_fini(&made);
@@ -180,7 +180,7 @@ static void merge_costs(const struct strip *s, uint8_t *first, uint8_t *second, 
 }
 
 /* The same, only where the pixel and its match are valid: black borders match each other only. Windows that reach into
- * them are still useful (docs/calibration-rectify.md). */
+ * them are still useful (docs/design/rectification.md). */
 static void merge_valid(const struct strip *s, const struct sst_neighbour *n, const struct step *at, int x0, int x1,
                         int y, uint8_t *first, uint8_t *second, const uint8_t *features)
 {

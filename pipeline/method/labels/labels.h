@@ -14,7 +14,7 @@ struct sst_epsilon_result {
 };
 
 /**
- * The eps_h that maximises Acc^m * Cvg on one hand-labelled view (DESIGN 5.1): an exact scan of all thresholds in O(n
+ * The eps_h that maximises Acc^m * Cvg on one hand-labelled view (design.md, 5.1): an exact scan of all thresholds in O(n
  * log n), compared in the log domain; ties (to 1e-13) go to the smaller one.
  *
  * Over the N pixels whose truth is not 0 (the background is left out), with those kept whose label is not 0 and H <
@@ -71,7 +71,7 @@ void sst_segmenter_configure(struct sst_segmenter *seg, const struct sst_segment
  * The network's input keeps the image's proportions, with sides that are multiples of 8; for a network of fixed size,
  * or fixed-size windows, the image is stretched to the nominal size. By default an image whose sides are 1 to 1.5 times
  * those of the nominal working size (by area) is not resized; others are resized to the nearer of the two limits:
- * objects then have the sizes that networks learn (measured: docs/bench-labels.md). Windows are blended where they
+ * objects then have the sizes that networks learn (measured: docs/measured/bench-labels.md). Windows are blended where they
  * overlap. Probabilities are upsampled along the edges of the image (upsample.c). Apart from label and entropy, memory
  * does not grow with the image unless prob is requested. Same bytes for any number of threads.
  *
@@ -84,6 +84,6 @@ SST_MUST_CHECK int sst_segment(struct sst_segmenter *seg, const struct sst_image
 
 /** The labels of sst_segment() whose entropy is below sst_segmenter_eps_h() (HCSM); allocates nothing but the label map
  * after its first run for an image of that size. @param label  out, initialised here @return as sst_segment() */
-SST_MUST_CHECK int sst_segment_sure(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label);
+SST_MUST_CHECK int sst_segment_hcsm(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label);
 
 #endif

@@ -149,7 +149,7 @@ static int read_classes(struct reader *r)
 static int no_classes(const struct reader *r)
 {
     sst_log_error("model %s does not name the classes of its output: list them in a YAML file beside it"
-                  " (docs/networks.md) or in its metadata sst.classes",
+                  " (docs/use/networks.md) or in its metadata sst.classes",
                   r->path);
     return -EBADMSG;
 }
@@ -410,8 +410,8 @@ static int read_channels(struct reader *r)
     return list ? 0 : read_ground(r); /* its ground entry may name the metadata's classes */
 }
 
-int sst_model_info_parse(struct sst_model_info *out, const struct sst_network *net, const char *path, const char *yaml,
-                         size_t size, const char *yaml_name)
+int sst_labels_model_info_parse(struct sst_model_info *out, const struct sst_network *net, const char *path,
+                                const char *yaml, size_t size, const char *yaml_name)
 {
     struct sst_model_info info = {
         .std = { 1, 1, 1 },
@@ -452,7 +452,7 @@ int sst_model_info_parse(struct sst_model_info *out, const struct sst_network *n
 
 /* --- the file beside a network ------------------------------------------------------------------------------------ */
 
-int sst_model_sidecar(char out[SST_PATH_MAX], const char *path)
+int sst_labels_model_sidecar(char out[SST_PATH_MAX], const char *path)
 {
     const size_t n = strlen(path), stem = n > 5 && !strcmp(path + n - 5, ".onnx") ? n - 5 : n;
     char instead[SST_PATH_MAX], added[SST_PATH_MAX];
@@ -473,20 +473,20 @@ int sst_model_sidecar(char out[SST_PATH_MAX], const char *path)
     return 0;
 }
 
-int sst_model_info_read(struct sst_model_info *out, const struct sst_network *net, const char *path)
+int sst_labels_model_info_read(struct sst_model_info *out, const struct sst_network *net, const char *path)
 {
     char sidecar[SST_PATH_MAX];
     uint8_t *text = NULL;
     size_t size = 0;
-    int err = sst_model_sidecar(sidecar, path);
+    int err = sst_labels_model_sidecar(sidecar, path);
 
     if (err == -ENOENT)
-        return sst_model_info_parse(out, net, path, NULL, 0, NULL);
+        return sst_labels_model_info_parse(out, net, path, NULL, 0, NULL);
     if (!err)
         err = sst_file_read(sidecar, SST_YAML_MAX_BYTES, &text, &size);
     if (!err) {
         sst_log_debug("model %s: described by %s", path, sidecar);
-        err = sst_model_info_parse(out, net, path, (const char *)text, size, sidecar);
+        err = sst_labels_model_info_parse(out, net, path, (const char *)text, size, sidecar);
     }
     free(text);
     return err;

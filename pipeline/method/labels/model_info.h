@@ -23,20 +23,21 @@ struct sst_model_info {
 
 /**
  * The description of a network: each entry from the file beside it (FILE.yaml or FILE.onnx.yaml for FILE.onnx), else
- * from its metadata (sst.*), else the default. docs/formats.md lists both. If a file overrides metadata, a debug
+ * from its metadata (sst.*), else the default. docs/integrate/formats.md lists both. If a file overrides metadata, a debug
  * message reports it.
  *
  * @param net   the network's metadata and its fixed input size count
  * @param path  of the network
  * @return 0, -EBADMSG (faults: those of the YAML file with line and column, a sentence each), -ENOMEM; logged.
  */
-SST_MUST_CHECK int sst_model_info_read(struct sst_model_info *out, const struct sst_network *net, const char *path);
+SST_MUST_CHECK int sst_labels_model_info_read(struct sst_model_info *out, const struct sst_network *net,
+                                              const char *path);
 
 /** The same from the text of the YAML file; NULL: none. @param net  NULL: no metadata either */
-SST_MUST_CHECK int sst_model_info_parse(struct sst_model_info *out, const struct sst_network *net, const char *path,
-                                        const char *yaml, size_t size, const char *yaml_name);
+SST_MUST_CHECK int sst_labels_model_info_parse(struct sst_model_info *out, const struct sst_network *net,
+                                               const char *path, const char *yaml, size_t size, const char *yaml_name);
 
 /** The YAML file beside a network. @return 0, -ENOENT (none; not logged), -EBADMSG (both spellings), -ENAMETOOLONG */
-SST_MUST_CHECK int sst_model_sidecar(char out[SST_PATH_MAX], const char *path);
+SST_MUST_CHECK int sst_labels_model_sidecar(char out[SST_PATH_MAX], const char *path);
 
 #endif

@@ -21,7 +21,7 @@ struct sst_segmenter {
     /* kept from image to image */
     struct sst_mem_kept picture, window, out, cells, resample; /* see struct working, struct class_grid */
     struct upsample_memory upsample;
-    struct sst_map_f32 entropy; /* of sst_segment_sure() */
+    struct sst_map_f32 entropy; /* of sst_segment_hcsm() */
 };
 
 /* An output that covers the image must have its proportions, and a size between a 64th and 8 times its own. */
@@ -76,7 +76,7 @@ int sst_segmenter_open(struct sst_segmenter **out, const char *model, enum sst_p
     if (seg->path)
         err = sst_network_open(&seg->net, model, precision, threads);
     if (!err)
-        err = sst_model_info_read(&seg->info, seg->net, model);
+        err = sst_labels_model_info_read(&seg->info, seg->net, model);
     if (!err)
         err = check_shape(seg);
     if (err)
@@ -130,7 +130,7 @@ double sst_segmenter_eps_h(const struct sst_segmenter *seg)
 /* --- one image ------------------------------------------------------------------------------------ */
 
 #define UNIT       8   /* sides of working pictures and window origins are multiples of it */
-#define MOST_SCALE 1.5 /* largest default scale of the nominal sides: docs/bench-labels.md */
+#define MOST_SCALE 1.5 /* largest default scale of the nominal sides: docs/measured/bench-labels.md */
 #define LONGEST    8   /* longest side of the working picture, in longer nominal sides */
 
 /* The network's input, whole or by windows, and the destination of the windows' results. */
@@ -373,7 +373,7 @@ fail:
     return err;
 }
 
-int sst_segment_sure(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label)
+int sst_segment_hcsm(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label)
 {
     struct sst_map_f32 *entropy = &seg->entropy;
     struct sst_map_u8 made = { 0 };

@@ -10,7 +10,7 @@
 #include "pipeline/kernels/kernels.h"
 
 #define BLOCK  SST_CLASS_ROW_MAX
-#define SPREAD 0.7 /* in cells: deviation of the distance weight; with SST_GUIDE_SIGMA the best of docs/method.md */
+#define SPREAD 0.7 /* in cells: deviation of the distance weight; with SST_GUIDE_SIGMA the best of docs/design/method.md */
 
 /* Scratch of one worker. */
 struct scratch {

@@ -29,7 +29,7 @@ struct sst_manifest {
 };
 
 /**
- * Read a manifest (docs/formats.md); every entry is complete and checked.
+ * Read a manifest (docs/integrate/formats.md); every entry is complete and checked.
  *
  * @param name  of the file, for messages
  * @return 0, -ENOENT (a JSON object of another format; not logged), -EBADMSG, -ENOMEM; logged. Free with fini.

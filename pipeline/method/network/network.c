@@ -122,8 +122,8 @@ static int choose_precision(struct sst_network *net)
 }
 #endif
 
-static int open_opencv(struct sst_network *net, const struct sst_onnx *model, const uint8_t *data,
-                       size_t size, const char *reason)
+static int open_opencv(struct sst_network *net, const struct sst_onnx *model, const uint8_t *data, size_t size,
+                       const char *reason)
 {
     char why[256];
     int err = -EINVAL;

@@ -31,7 +31,7 @@ enum sst_precision {
  * (pipeline/method/network/manifest.h).
  *
  * With SST_PRECISION_INT8 convolutions after the first one, and the layers between them, are computed on 8 bits in the
- * ranges of the file's metadata sst.ranges (see docs/method.md); sums are exact. Processors without VNNI use 7 bits for
+ * ranges of the file's metadata sst.ranges (see docs/design/method.md); sums are exact. Processors without VNNI use 7 bits for
  * values that are never negative.
  *
  * @param threads  used by runs; at least 1

@@ -8,7 +8,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/lightfield/unsure.h"
+#include "pipeline/lightfield/unconfirmed.h"
 #include "pipeline/method/labels/labels.h"
 
 struct run {
@@ -130,7 +130,7 @@ static int segment_view(void *arg, int view, int worker)
         return -ECANCELED;
     sst_map_u8_fini(&v->label);
     err = run->entropy ? sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL)
-                       : sst_segment_sure(seg, &v->image, &v->label);
+                       : sst_segment_hcsm(seg, &v->image, &v->label);
     if (!err)
         unlabel_unseen(v);
     if (err || !extras)
@@ -223,12 +223,12 @@ static int label_views(struct run *run)
 /* The fraction of the disparities that other views confirm. */
 static int count_confirmed(const struct run *run)
 {
-    struct sst_unsure u = { 0 };
-    const int err = log_oom(sst_unsure_init(&u, run->lf, run->cfg->threads));
+    struct sst_unconfirmed u = { 0 };
+    const int err = log_oom(sst_unconfirmed_init(&u, run->lf, run->cfg->threads));
 
     if (!err)
         run->report->confirmed = 100 * u.confirmed;
-    sst_unsure_fini(&u);
+    sst_unconfirmed_fini(&u);
     return err;
 }
 

@@ -53,8 +53,8 @@ static struct moments sum_up(const int64_t *hist, int first, int last)
     return s;
 }
 
-struct sst_label_fit sst_label_fit_histogram(const int64_t *hist, double disp_min_px,
-                                             const struct sst_refine_config *cfg)
+struct sst_label_fit sst_refine_fit_histogram(const int64_t *hist, double disp_min_px,
+                                              const struct sst_refine_config *cfg)
 {
     const double floor_q6 =
         sqrt(1.0 / 12 + cfg->matcher_sigma_px * cfg->matcher_sigma_px * SST_DISP_SCALE * SST_DISP_SCALE);
@@ -81,7 +81,7 @@ struct sst_label_fit sst_label_fit_histogram(const int64_t *hist, double disp_mi
     return fit;
 }
 
-double sst_label_fit_density(const struct sst_label_fit *fit, double disp_px)
+double sst_refine_fit_density(const struct sst_label_fit *fit, double disp_px)
 {
     const double z = (disp_px - fit->mean_px) / fit->sigma_px;
 
@@ -93,7 +93,7 @@ void sst_candidate_masks(uint64_t *mask, const struct sst_label_fit *fits, int c
     for (int q = 0; q < SST_DISP_BINS; q++) {
         mask[q] = 0;
         for (int i = 0; i < count && q != (int)SST_DISP_NONE; i++) {
-            if (fits[i].usable && sst_label_fit_density(&fits[i], disp_min_px + q / SST_DISP_SCALE) > eps_d)
+            if (fits[i].usable && sst_refine_fit_density(&fits[i], disp_min_px + q / SST_DISP_SCALE) > eps_d)
                 mask[q] |= (uint64_t)1 << i;
         }
     }

@@ -18,16 +18,16 @@
  * Rule: with the median M and sigma_r = max(1.4826 MAD, floor), disparities further than 5 sigma_r from M are trimmed,
  * unless they are more than a quarter: then they are not outliers but a second object of the label (near and far
  * trees), and none is trimmed. Mean and sample variance of the rest; the spread is floored by floor^2 = quantum^2 / 12
- * + matcher_sigma_px^2.   Equation: DESIGN 5.3.
+ * + matcher_sigma_px^2.   Equation: design.md, 5.3.
  *
  * @param hist  [SST_DISP_BINS] pixels per stored disparity
  * @return a fit with usable set if it has at least cfg->min_pixels pixels; without pixels: mean 0 and the floor
  */
-struct sst_label_fit sst_label_fit_histogram(const int64_t *hist, double disp_min_px,
-                                             const struct sst_refine_config *cfg);
+struct sst_label_fit sst_refine_fit_histogram(const int64_t *hist, double disp_min_px,
+                                              const struct sst_refine_config *cfg);
 
 /** Density of the fit at disp_px, 1/px. */
-double sst_label_fit_density(const struct sst_label_fit *fit, double disp_px);
+double sst_refine_fit_density(const struct sst_label_fit *fit, double disp_px);
 
 /**
  * Bit i of mask[q] is set where label i + 1 takes part and g_i(D) > eps_d, D the disparity stored as q.

@@ -307,7 +307,7 @@ static int fit_labels(struct job *job, struct sst_label_fit *fits)
             job->hist[i] += job->hist[(size_t)k * size + i];
     }
     for (int i = 0; i < lf->classes.count && !err; i++)
-        fits[i] = sst_label_fit_histogram(job->hist + (size_t)i * SST_DISP_BINS, lf->disp_min_px, job->cfg);
+        fits[i] = sst_refine_fit_histogram(job->hist + (size_t)i * SST_DISP_BINS, lf->disp_min_px, job->cfg);
     sst_mem_free(job->hist);
     job->hist = NULL;
     if (!err)

@@ -36,7 +36,7 @@ struct sst_label_fit {
  * objects compete by E_d alone, and so do grounds; the best object and the best ground then compete by E = p_n E_n +
  * p_d E_d, because normals only distinguish a ground from objects on it. Ties go to the smaller label. A candidate that
  * is absent from the view's HCSM has E_d = 1; where one of the two has no normals (absent, foliage), E_n is left out.
- * Source: DESIGN 5.3.
+ * Source: design.md, 5.3.
  *
  * @param fits  out, lf->classes.count entries, or NULL
  * @return 0, -EINVAL (maps missing), -ENOMEM; logged; -ECANCELED, not logged.  The same bytes for any number of

@@ -29,7 +29,7 @@ int sst_renderer_count(struct sst_renderer *r)
 
     pthread_mutex_lock(&r->lock);
     if (!r->counted) {
-        err = sst_label_histogram_init(&r->histogram, r->lf, r->threads);
+        err = sst_render_histogram_init(&r->histogram, r->lf, r->threads);
         if (!err)
             count_rarity(r);
         r->counted = !err;
@@ -45,7 +45,7 @@ int sst_renderer_recount(struct sst_renderer *r, const int *view, int views, int
     int err;
 
     pthread_mutex_lock(&r->lock);
-    err = sst_label_histogram_recount(&r->histogram, r->lf, view, views, step);
+    err = sst_render_histogram_recount(&r->histogram, r->lf, view, views, step);
     sst_rarity_count(r->rarity, r->lf, view, views, step);
     r->counted = true; /* if out of memory: empty */
     pthread_mutex_unlock(&r->lock);
@@ -54,15 +54,15 @@ int sst_renderer_recount(struct sst_renderer *r, const int *view, int views, int
     return err;
 }
 
-const struct sst_unsure *sst_renderer_judge(struct sst_renderer *r)
+const struct sst_unconfirmed *sst_renderer_unconfirmed(struct sst_renderer *r)
 {
     int err = 0;
 
     pthread_mutex_lock(&r->lock);
     if (!r->unconfirmed_counted) {
-        err = sst_unsure_init(&r->unconfirmed, r->lf, r->threads);
+        err = sst_unconfirmed_init(&r->unconfirmed, r->lf, r->threads);
         if (err)
-            sst_unsure_fini(&r->unconfirmed);
+            sst_unconfirmed_fini(&r->unconfirmed);
         r->unconfirmed_counted = !err;
     }
     pthread_mutex_unlock(&r->lock);
@@ -126,12 +126,12 @@ static int fit_to_disparities(struct sst_render_config *cfg, struct sst_renderer
     return 0;
 }
 
-static double distance(const struct sst_tap *t, const struct sst_render_config *cfg)
+static double distance(const struct sst_render_tap *t, const struct sst_render_config *cfg)
 {
     return hypot(t->v->bx - cfg->view_bx, t->v->by - cfg->view_by);
 }
 
-static bool in_aperture(const struct sst_tap *t, const struct sst_render_config *cfg)
+static bool in_aperture(const struct sst_render_tap *t, const struct sst_render_config *cfg)
 {
     return t->v->present && distance(t, cfg) <= cfg->aperture + 1e-9;
 }
@@ -141,7 +141,7 @@ int sst_render_views(const struct sst_lightfield *lf, const struct sst_render_co
     int n = 0;
 
     for (int view = 0; view < lf->rows * lf->cols; view++)
-        n += in_aperture(&(struct sst_tap){ .v = &lf->views[view] }, cfg);
+        n += in_aperture(&(struct sst_render_tap){ .v = &lf->views[view] }, cfg);
     return cfg->max_views > 0 ? sst_min_int(n, cfg->max_views) : n;
 }
 
@@ -168,9 +168,9 @@ static void place(double shift, int size, int *tap, double *part, int *nearest, 
 }
 
 /* Keep the max_views taps nearest to the viewpoint, the earlier view first in a tie; their order is kept. */
-static void select_nearest(struct sst_plan *p)
+static void select_nearest(struct sst_render_plan *p)
 {
-    struct sst_tap kept[SST_MAX_VIEWS];
+    struct sst_render_tap kept[SST_MAX_VIEWS];
     int n = 0;
 
     for (int i = 0; i < p->count; i++) {
@@ -189,13 +189,13 @@ static void select_nearest(struct sst_plan *p)
     p->count = n;
 }
 
-static int choose_views(struct sst_plan *p)
+static int choose_views(struct sst_render_plan *p)
 {
     const struct sst_lightfield *lf = p->lf;
     double rim = 0;
 
     for (int view = 0; view < lf->rows * lf->cols; view++) {
-        struct sst_tap t = { .view = view, .v = &lf->views[view], .aperture = 1 };
+        struct sst_render_tap t = { .view = view, .v = &lf->views[view], .aperture = 1 };
 
         if (t.v->image.plane[0] && in_aperture(&t, &p->cfg))
             p->tap[p->count++] = t;
@@ -218,12 +218,12 @@ static int choose_views(struct sst_plan *p)
     return 0;
 }
 
-static int place_views(struct sst_plan *p)
+static int place_views(struct sst_render_plan *p)
 {
     int overlapping = 0;
 
     for (int i = 0; i < p->count; i++) {
-        struct sst_tap *t = &p->tap[i];
+        struct sst_render_tap *t = &p->tap[i];
 
         place(-p->cfg.focus_px * (t->v->bx - p->cfg.view_bx), p->lf->width, &t->ix, &t->fx, &t->nx, &t->x0, &t->x1);
         place(-p->cfg.focus_px * (t->v->by - p->cfg.view_by), p->lf->height, &t->iy, &t->fy, &t->ny, &t->y0, &t->y1);
@@ -240,14 +240,14 @@ static int place_views(struct sst_plan *p)
 
 struct raw_job {
     struct sst_renderer *r;
-    const struct sst_plan *plan;
+    const struct sst_render_plan *plan;
 };
 
 static int make_raw(void *arg, int index, int worker SST_UNUSED)
 {
     const struct raw_job *job = arg;
     const struct sst_lightfield *lf = job->r->lf;
-    const struct sst_tap *t = &job->plan->tap[index];
+    const struct sst_render_tap *t = &job->plan->tap[index];
     struct sst_raw_view *raw = &job->r->raw[t->view];
     int err = 0;
 
@@ -265,7 +265,7 @@ static int make_raw(void *arg, int index, int worker SST_UNUSED)
 }
 
 /* Create the samplers of the plan's views that earlier pictures did not. */
-static int prepare_raw(struct sst_plan *p, struct sst_renderer *r)
+static int prepare_raw(struct sst_render_plan *p, struct sst_renderer *r)
 {
     struct raw_job job = { r, p };
     int err;
@@ -281,7 +281,7 @@ static int prepare_raw(struct sst_plan *p, struct sst_renderer *r)
 }
 
 /* Set the constants of the weights, and the table if labels have weights. */
-static int weigh(struct sst_plan *p, struct sst_renderer *r)
+static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
 {
     const struct sst_render_config *cfg = &p->cfg;
     const double sigma_q6 = cfg->sigma_px * SST_DISP_SCALE;
@@ -314,19 +314,19 @@ static int weigh(struct sst_plan *p, struct sst_renderer *r)
         sst_log_error("not enough memory for the table of label weights");
         return -ENOMEM;
     }
-    sst_label_weight_table(p->table, &r->histogram, cfg);
+    sst_render_label_weight_table(p->table, &r->histogram, cfg);
     p->blend.label_weight = p->table;
     return 0;
 }
 
 /* Create the verifiers, one per thread. */
-static int open_verifiers(struct sst_plan *p, struct sst_renderer *r)
+static int open_verifiers(struct sst_render_plan *p, struct sst_renderer *r)
 {
     const int threads = sst_thread_count(p->cfg.threads);
     int err = 0;
 
     if (p->cfg.verify == SST_VERIFY_AUTO) {
-        p->unconfirmed = sst_renderer_judge(r);
+        p->unconfirmed = sst_renderer_unconfirmed(r);
         if (!p->unconfirmed)
             return -ENOMEM;
         if (isnan(p->unconfirmed->confirmed))
@@ -347,11 +347,11 @@ static int open_verifiers(struct sst_plan *p, struct sst_renderer *r)
     return 0;
 }
 
-int sst_plan_init(struct sst_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
+int sst_render_plan_init(struct sst_render_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
 {
     int err = check_config(cfg);
 
-    *p = (struct sst_plan){ .lf = r->lf, .cfg = *cfg };
+    *p = (struct sst_render_plan){ .lf = r->lf, .cfg = *cfg };
     if (!err)
         err = fit_to_disparities(&p->cfg, r);
     if (!err)
@@ -365,11 +365,11 @@ int sst_plan_init(struct sst_plan *p, struct sst_renderer *r, const struct sst_r
     if (!err && cfg->verify != SST_VERIFY_OFF && p->weighted && isfinite(p->cfg.sigma_px))
         err = open_verifiers(p, r);
     if (err)
-        sst_plan_fini(p);
+        sst_render_plan_fini(p);
     return err;
 }
 
-void sst_plan_fini(struct sst_plan *p)
+void sst_render_plan_fini(struct sst_render_plan *p)
 {
     for (int i = 0; i < p->verifiers; i++)
         sst_verifier_destroy(p->verifier[i]);
@@ -382,20 +382,20 @@ void sst_plan_fini(struct sst_plan *p)
     p->table = NULL;
 }
 
-bool sst_plan_renew(struct sst_plan *p, const struct sst_renderer *r, double tolerance, double share)
+bool sst_render_plan_update(struct sst_render_plan *p, const struct sst_renderer *r, double tolerance, double share)
 {
-    const bool labels = p->table && sst_label_weight_differs(p->table, &r->histogram, &p->cfg, tolerance, share);
+    const bool labels = p->table && sst_render_label_weight_differs(p->table, &r->histogram, &p->cfg, tolerance, share);
 
     if (!labels && !(p->rarity && sst_rarity_differs(p->rarity, r->rarity, tolerance)))
         return false;
     if (p->table)
-        sst_label_weight_table(p->table, &r->histogram, &p->cfg);
+        sst_render_label_weight_table(p->table, &r->histogram, &p->cfg);
     if (p->rarity)
         memcpy(p->rarity, r->rarity, sizeof(r->rarity));
     return true;
 }
 
-double sst_plan_label_weight(const struct sst_plan *p, int label, uint16_t disp_q6)
+double sst_render_plan_label_weight(const struct sst_render_plan *p, int label, uint16_t disp_q6)
 {
     return p->table ? (double)p->table[(size_t)label * SST_BLEND_COLUMNS + (disp_q6 >> SST_BLEND_COLUMN_SHIFT)] : 1;
 }

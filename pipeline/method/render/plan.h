@@ -7,7 +7,7 @@
 
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/rectify/rectify.h"
-#include "pipeline/lightfield/unsure.h"
+#include "pipeline/lightfield/unconfirmed.h"
 #include "pipeline/method/render/ranges.h"
 #include "pipeline/method/render/render.h"
 
@@ -23,7 +23,7 @@ struct sst_renderer {
     struct sst_label_histogram histogram;
     uint8_t rarity[SST_AGREE_BINS]; /* of colours, see verify.h */
     bool unconfirmed_counted;
-    struct sst_unsure unconfirmed; /* fixed once counted */
+    struct sst_unconfirmed unconfirmed; /* fixed once counted */
     struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each created on first use */
 };
 
@@ -37,7 +37,7 @@ struct sst_raw_view {
  * One view of the aperture. Output pixel (x, y) with x0 <= x < x1, y0 <= y < y1 takes its colour between columns
  * x + ix, x + ix + 1 at fx (rows likewise) and its disparity and label at (x + nx, y + ny).
  */
-struct sst_tap {
+struct sst_render_tap {
     int view;
     const struct sst_view *v;
     const struct sst_sampler *sampler; /* of raw frames, at (x + ix + fx, y + iy + fy); NULL: v's image is the view */
@@ -49,7 +49,7 @@ struct sst_tap {
 
 /** True if all colour taps of output pixel (x, y), inside t's bounds, are valid pixels of the view. Not for raw frames.
  */
-static inline bool sst_tap_sees(const struct sst_tap *t, int x, int y)
+static inline bool sst_render_tap_sees(const struct sst_render_tap *t, int x, int y)
 {
     const uint8_t *top, *bottom;
 
@@ -60,34 +60,36 @@ static inline bool sst_tap_sees(const struct sst_tap *t, int x, int y)
     return top[0] && bottom[0] && (!(t->fx > 0) || (top[1] && bottom[1]));
 }
 
-struct sst_plan {
+struct sst_render_plan {
     const struct sst_lightfield *lf;
     struct sst_render_config cfg;
     bool weighted; /* false: rays have aperture weights only, plain refocusing */
     int count;
-    struct sst_tap tap[SST_MAX_VIEWS]; /* in view order: the order of summation */
-    struct sst_blend blend;            /* shared by all rows */
-    float *table;                      /* owned; NULL: label weights are all 1 */
+    struct sst_render_tap tap[SST_MAX_VIEWS]; /* in view order: the order of summation */
+    struct sst_blend blend;                   /* shared by all rows */
+    float *table;                             /* owned; NULL: label weights are all 1 */
     /* for verification; only one caller at a time may render from a plan */
     int verifiers;
-    struct sst_verifier **verifier;       /* [verifiers], one per thread, owned; NULL: rays are not verified */
-    uint8_t *rarity;                      /* [SST_AGREE_BINS] owned */
-    const struct sst_unsure *unconfirmed; /* the renderer's, where rays are verified; NULL: everywhere */
+    struct sst_verifier **verifier;            /* [verifiers], one per thread, owned; NULL: rays are not verified */
+    uint8_t *rarity;                           /* [SST_AGREE_BINS] owned */
+    const struct sst_unconfirmed *unconfirmed; /* the renderer's, where rays are verified; NULL: everywhere */
 };
 
 /** Output arrays for the rays of one view; they begin at the first requested pixel. */
-struct sst_take {
+struct sst_render_samples {
     uint8_t *colour[3];
     float *weight;
 };
 
 /** Sample the rays of a tap for output pixels x .. x+n-1 of row y, n at most SST_BLEND_MAX; elements without a ray are
  * not written. For plans with weights only. */
-void sst_plan_take(const struct sst_take *to, const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y);
+void sst_render_plan_sample(const struct sst_render_samples *to, const struct sst_render_plan *p,
+                            const struct sst_render_tap *t, int x, int n, int y);
 
 /** @return 0, -EINVAL, -ERANGE, -ENODATA, -ENOMEM; logged. */
-SST_MUST_CHECK int sst_plan_init(struct sst_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg);
-void sst_plan_fini(struct sst_plan *p);
+SST_MUST_CHECK int sst_render_plan_init(struct sst_render_plan *p, struct sst_renderer *r,
+                                        const struct sst_render_config *cfg);
+void sst_render_plan_fini(struct sst_render_plan *p);
 
 /* Sides of the cells that select parts of a picture, px: narrow runs cost more per pixel. */
 #define SST_RENDER_CELL_WIDTH  64
@@ -102,27 +104,27 @@ void sst_plan_fini(struct sst_plan *p);
  * @param valid  likewise, or NULL
  * @return 0, -ENOMEM
  */
-SST_MUST_CHECK int sst_plan_render(const struct sst_plan *p, const uint8_t *cells, struct sst_image *out,
-                                   struct sst_map_u8 *valid);
+SST_MUST_CHECK int sst_render_plan_render(const struct sst_render_plan *p, const uint8_t *cells, struct sst_image *out,
+                                          struct sst_map_u8 *valid);
 
 /**
  * Apply the renderer's new counts, if they change the weights of more than the fraction `share` of the rays by more
  * than the fraction `tolerance`, or the rarities of colours by that fraction.
  * @return true: applied, and the whole picture must be rendered; false: the plan is unchanged
  */
-bool sst_plan_renew(struct sst_plan *p, const struct sst_renderer *r, double tolerance, double share);
+bool sst_render_plan_update(struct sst_render_plan *p, const struct sst_renderer *r, double tolerance, double share);
 
-/** Recount disparities and labels with sst_label_histogram_recount(); no picture may be rendered meanwhile.
+/** Recount disparities and labels with sst_render_histogram_recount(); no picture may be rendered meanwhile.
  *  @return 0 or -ENOMEM (logged) */
 SST_MUST_CHECK int sst_renderer_recount(struct sst_renderer *r, const int *view, int views, int step);
 
 /** W_s of a stored disparity and label. */
-double sst_plan_label_weight(const struct sst_plan *p, int label, uint16_t disp_q6);
+double sst_render_plan_label_weight(const struct sst_render_plan *p, int label, uint16_t disp_q6);
 
 /** Count the histogram on the first call. @return 0 or -ENOMEM (logged). */
 SST_MUST_CHECK int sst_renderer_count(struct sst_renderer *r);
 
-/** Result of sst_pixel_exact(). */
+/** Result of sst_render_pixel_exact(). */
 enum sst_pixel {
     SST_PIXEL_EMPTY = 0,       /* no ray inside its view; rgb is black */
     SST_PIXEL_UNSUPPORTED = 1, /* all weights are exactly 0; rgb is the plain refocus value */
@@ -130,10 +132,11 @@ enum sst_pixel {
 };
 
 /** Unconfirmed disparities of the maps, counted on the first call. @return NULL: no memory (logged) */
-const struct sst_unsure *sst_renderer_judge(struct sst_renderer *r);
+const struct sst_unconfirmed *sst_renderer_unconfirmed(struct sst_renderer *r);
 
 /** One output pixel in double, weights computed from their logarithms. @param rays  out, [SST_MAX_VIEWS], count of them
  */
-enum sst_pixel sst_pixel_exact(const struct sst_plan *p, int x, int y, double rgb[3], struct sst_ray *rays, int *count);
+enum sst_pixel sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, double rgb[3],
+                                      struct sst_ray *rays, int *count);
 
 #endif

@@ -91,7 +91,7 @@ static void merge(struct sst_label_histogram *h, const struct job *j, int worker
     }
 }
 
-int sst_label_histogram_init(struct sst_label_histogram *h, const struct sst_lightfield *lf, int threads)
+int sst_render_histogram_init(struct sst_label_histogram *h, const struct sst_lightfield *lf, int threads)
 {
     const int views = lf->rows * lf->cols, workers = sst_min_int(sst_thread_count(threads), views);
     struct sst_label_histogram made = { .disp_min_px = lf->disp_min_px };
@@ -129,7 +129,7 @@ int sst_label_histogram_init(struct sst_label_histogram *h, const struct sst_lig
     return 0;
 }
 
-void sst_label_histogram_fini(struct sst_label_histogram *h)
+void sst_render_histogram_fini(struct sst_label_histogram *h)
 {
     free(h->memory);
     *h = (struct sst_label_histogram){ 0 };
@@ -146,7 +146,7 @@ static int clear_counts(struct sst_label_histogram *h, int bins)
     }
     if (bins <= h->row)
         return 0;
-    sst_label_histogram_fini(h);
+    sst_render_histogram_fini(h);
     bins = sst_min_int(bins + (int)(2 * SST_DISP_SCALE),
                        SST_DISP_NONE); /* slack, so that slightly larger values need no reallocation */
     h->memory = calloc((size_t)256 * (size_t)bins, sizeof(*h->memory));
@@ -175,8 +175,8 @@ static void count_sampled(struct sst_label_histogram *h, const struct sst_view *
     }
 }
 
-int sst_label_histogram_recount(struct sst_label_histogram *h, const struct sst_lightfield *lf, const int *view,
-                                int views, int step)
+int sst_render_histogram_recount(struct sst_label_histogram *h, const struct sst_lightfield *lf, const int *view,
+                                 int views, int step)
 {
     int first = SST_DISP_NONE, bins = 0, err;
 
@@ -203,7 +203,7 @@ int sst_label_histogram_recount(struct sst_label_histogram *h, const struct sst_
     return err;
 }
 
-bool sst_histogram_range(const uint64_t *count, int first, int end, double cut, int *min_bin, int *max_bin)
+bool sst_render_histogram_range(const uint64_t *count, int first, int end, double cut, int *min_bin, int *max_bin)
 {
     uint64_t total = 0, below = 0, above = 0;
     double out;
@@ -264,7 +264,7 @@ static int join_small(int *end, int n, const uint64_t *count, int bins)
     return kept;
 }
 
-int sst_histogram_objects(const uint64_t *count, int bins, int *end)
+int sst_render_histogram_objects(const uint64_t *count, int bins, int *end)
 {
     double h[SST_BLEND_COLUMNS], peak = 0, valley = 0;
     int n = 0, valley_from = 0, valley_to = 0;
@@ -295,7 +295,7 @@ static double range_weight(const struct sst_label_histogram *h, const struct sst
 
     first = sst_min_int(first << SST_BLEND_COLUMN_SHIFT, h->bins);
     end = sst_min_int(end << SST_BLEND_COLUMN_SHIFT, h->bins);
-    if (!count || !sst_histogram_range(count, first, end, cut, &lo, &hi))
+    if (!count || !sst_render_histogram_range(count, first, end, cut, &lo, &hi))
         return 1;
     return sst_weight_label(cfg->focus_px, h->disp_min_px + lo / SST_DISP_SCALE - margin_px,
                             h->disp_min_px + hi / SST_DISP_SCALE + margin_px, 1 / SST_DISP_SCALE, cfg->c2);
@@ -316,7 +316,7 @@ static void weight_row(float *row, const struct sst_label_histogram *h, const st
     int end[SST_BLEND_COLUMNS] = { SST_BLEND_COLUMNS }, n = 1, column = 0;
 
     if (cfg->range == SST_RANGE_OBJECT && count)
-        n = sst_histogram_objects(count, h->bins, end);
+        n = sst_render_histogram_objects(count, h->bins, end);
     for (int i = 0; i < n; i++) {
         const double w = range_weight(h, cfg, count, column, end[i], cut, margin_px);
 
@@ -326,7 +326,8 @@ static void weight_row(float *row, const struct sst_label_histogram *h, const st
     row[SST_BLEND_COLUMNS - 1] = narrow(range_weight(h, cfg, count, 0, SST_BLEND_COLUMNS, cut, 0) * factor);
 }
 
-void sst_label_weight_table(float *table, const struct sst_label_histogram *h, const struct sst_render_config *cfg)
+void sst_render_label_weight_table(float *table, const struct sst_label_histogram *h,
+                                   const struct sst_render_config *cfg)
 {
     for (int label = 0; label < 256; label++)
         weight_row(table + (size_t)label * SST_BLEND_COLUMNS, h, cfg, label);
@@ -337,8 +338,8 @@ static bool differs(float a, float b, double tolerance)
     return fabs((double)a - (double)b) > tolerance * fmax((double)a, (double)b);
 }
 
-bool sst_label_weight_differs(const float *table, const struct sst_label_histogram *h,
-                              const struct sst_render_config *cfg, double tolerance, double share)
+bool sst_render_label_weight_differs(const float *table, const struct sst_label_histogram *h,
+                                     const struct sst_render_config *cfg, double tolerance, double share)
 {
     uint64_t total = 0, off = 0;
 

@@ -16,9 +16,9 @@ struct sst_label_histogram {
 };
 
 /** @return 0 or -ENOMEM (not logged). The same counts for any number of threads. */
-SST_MUST_CHECK int sst_label_histogram_init(struct sst_label_histogram *h, const struct sst_lightfield *lf,
-                                            int threads);
-void sst_label_histogram_fini(struct sst_label_histogram *h);
+SST_MUST_CHECK int sst_render_histogram_init(struct sst_label_histogram *h, const struct sst_lightfield *lf,
+                                             int threads);
+void sst_render_histogram_fini(struct sst_label_histogram *h);
 
 /**
  * Recount from some views and every step-th of their rows and columns: ranges describe the scene, which a few views
@@ -27,14 +27,14 @@ void sst_label_histogram_fini(struct sst_label_histogram *h);
  * @param view  in, [views] numbers of views; those without a disparity map are skipped
  * @return 0 or -ENOMEM (not logged; h is empty then)
  */
-SST_MUST_CHECK int sst_label_histogram_recount(struct sst_label_histogram *h, const struct sst_lightfield *lf,
-                                               const int *view, int views, int step);
+SST_MUST_CHECK int sst_render_histogram_recount(struct sst_label_histogram *h, const struct sst_lightfield *lf,
+                                                const int *view, int views, int step);
 
 /**
  * Range of bins first..end-1 without the fraction `cut` at each end: the smallest and the largest value with more than
  * cut * total values up to and from it. @return false where those bins are empty.
  */
-bool sst_histogram_range(const uint64_t *count, int first, int end, double cut, int *min_bin, int *max_bin);
+bool sst_render_histogram_range(const uint64_t *count, int first, int end, double cut, int *min_bin, int *max_bin);
 
 /**
  * Split a label's histogram into objects: intervals of columns (SST_BLEND_COLUMNS of 1/4 px) between two of which the
@@ -44,18 +44,19 @@ bool sst_histogram_range(const uint64_t *count, int first, int end, double cut, 
  * @param end  out, [SST_BLEND_COLUMNS], columns at which the objects end, ascending; the last is SST_BLEND_COLUMNS
  * @return the number of objects, at least 1
  */
-int sst_histogram_objects(const uint64_t *count, int bins, int *end);
+int sst_render_histogram_objects(const uint64_t *count, int bins, int *end);
 
 /**
  * Table of label weights for the kernels: W_s by cfg, including the focus label's factor. The last column is for
  * unknown disparity and uses the label's whole range. A label that does not occur has W_s = 1.
  * @param table  out, [256][SST_BLEND_COLUMNS]
  */
-void sst_label_weight_table(float *table, const struct sst_label_histogram *h, const struct sst_render_config *cfg);
+void sst_render_label_weight_table(float *table, const struct sst_label_histogram *h,
+                                   const struct sst_render_config *cfg);
 
 /** True if the table's weights of more than the fraction `share` of the pixels differ from those of h by more than the
  * fraction `tolerance`. */
-bool sst_label_weight_differs(const float *table, const struct sst_label_histogram *h,
-                              const struct sst_render_config *cfg, double tolerance, double share);
+bool sst_render_label_weight_differs(const float *table, const struct sst_label_histogram *h,
+                                     const struct sst_render_config *cfg, double tolerance, double share);
 
 #endif

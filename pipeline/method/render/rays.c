@@ -23,7 +23,7 @@ static double log_depth_weight(const struct sst_render_config *cfg, double disp_
 }
 
 /* @return false: the view does not see it */
-static bool ray_colour(double colour[3], const struct sst_tap *t, int x, int y)
+static bool ray_colour(double colour[3], const struct sst_render_tap *t, int x, int y)
 {
     const int x0 = x + t->ix, y0 = y + t->iy, x1 = x0 + (t->fx > 0), y1 = y0 + (t->fy > 0);
     uint8_t rgb[3], seen;
@@ -34,7 +34,7 @@ static bool ray_colour(double colour[3], const struct sst_tap *t, int x, int y)
             colour[c] = rgb[c];
         return seen;
     }
-    if (!sst_tap_sees(t, x, y))
+    if (!sst_render_tap_sees(t, x, y))
         return false;
     for (int c = 0; c < 3; c++) {
         const uint8_t *top = sst_image_row(&t->v->image, c, y0), *bottom = sst_image_row(&t->v->image, c, y1);
@@ -46,7 +46,7 @@ static bool ray_colour(double colour[3], const struct sst_tap *t, int x, int y)
 }
 
 /* The ray of one tap; returns log of its weight. */
-static double trace(struct sst_ray *ray, const struct sst_plan *p, const struct sst_tap *t, int x, int y,
+static double trace(struct sst_ray *ray, const struct sst_render_plan *p, const struct sst_render_tap *t, int x, int y,
                     const double colour[3])
 {
     const struct sst_render_config *cfg = &p->cfg;
@@ -70,7 +70,7 @@ static double trace(struct sst_ray *ray, const struct sst_plan *p, const struct 
         return log(t->aperture);
     ray->w_depth = sst_weight_depth(cfg->focus_px, ray->disp_px, cfg->sigma_px, cfg->c1);
     if (t->v->label.data)
-        ray->w_label = sst_plan_label_weight(p, ray->label, disp);
+        ray->w_label = sst_render_plan_label_weight(p, ray->label, disp);
     if (ray->w_label <= 0)
         return -INFINITY;
     return log(t->aperture) + log(ray->w_label) + log_depth_weight(cfg, ray->disp_px);
@@ -96,14 +96,15 @@ static bool share(struct sst_ray *rays, const double *log_weight, int n)
     return true;
 }
 
-enum sst_pixel sst_pixel_exact(const struct sst_plan *p, int x, int y, double rgb[3], struct sst_ray *rays, int *count)
+enum sst_pixel sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, double rgb[3],
+                                      struct sst_ray *rays, int *count)
 {
     double log_weight[SST_MAX_VIEWS], plain = 0;
     bool supported;
     int n = 0;
 
     for (int i = 0; i < p->count; i++) {
-        const struct sst_tap *t = &p->tap[i];
+        const struct sst_render_tap *t = &p->tap[i];
         double colour[3];
 
         if (x < t->x0 || x >= t->x1 || y < t->y0 || y >= t->y1 || !ray_colour(colour, t, x, y))
@@ -127,7 +128,7 @@ enum sst_pixel sst_pixel_exact(const struct sst_plan *p, int x, int y, double rg
 int sst_render_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y, struct sst_ray *rays,
                     int *count)
 {
-    struct sst_plan plan;
+    struct sst_render_plan plan;
     double rgb[3];
     int err;
 
@@ -135,11 +136,11 @@ int sst_render_rays(struct sst_renderer *r, const struct sst_render_config *cfg,
         sst_log_error("pixel %d,%d is outside the picture of %d x %d", x, y, r->lf->width, r->lf->height);
         return -ERANGE;
     }
-    err = sst_plan_init(&plan, r, cfg);
+    err = sst_render_plan_init(&plan, r, cfg);
     if (err)
         return err;
-    sst_pixel_exact(&plan, x, y, rgb, rays, count);
-    sst_plan_fini(&plan);
+    sst_render_pixel_exact(&plan, x, y, rgb, rays, count);
+    sst_render_plan_fini(&plan);
     return 0;
 }
 
@@ -147,14 +148,14 @@ int sst_render_weights(struct sst_renderer *r, const struct sst_render_config *c
                        struct sst_map_f32 *w_depth, struct sst_map_f32 *w_label)
 {
     const struct sst_view *v = &r->lf->views[view];
-    struct sst_plan p;
-    int err = sst_plan_init(&p, r, cfg);
+    struct sst_render_plan p;
+    int err = sst_render_plan_init(&p, r, cfg);
 
     if (err)
         return err;
     if (!v->disp.data || w_depth->width != v->disp.width || w_depth->height != v->disp.height ||
         w_label->width != v->disp.width || w_label->height != v->disp.height) {
-        sst_plan_fini(&p);
+        sst_render_plan_fini(&p);
         sst_log_error("render: view %d has no disparity map, or one of another size", view);
         return -EINVAL;
     }
@@ -167,9 +168,10 @@ int sst_render_weights(struct sst_renderer *r, const struct sst_render_config *c
 
             sst_map_f32_row(w_depth, y)[x] =
                 p.weighted ? (float)sst_weight_depth(p.cfg.focus_px, d, p.cfg.sigma_px, p.cfg.c1) : 1;
-            sst_map_f32_row(w_label, y)[x] = v->label.data ? (float)sst_plan_label_weight(&p, label, disp[x]) : 1;
+            sst_map_f32_row(w_label, y)[x] =
+                v->label.data ? (float)sst_render_plan_label_weight(&p, label, disp[x]) : 1;
         }
     }
-    sst_plan_fini(&p);
+    sst_render_plan_fini(&p);
     return 0;
 }

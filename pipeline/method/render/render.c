@@ -60,15 +60,15 @@ void sst_renderer_destroy(struct sst_renderer *r)
         sst_rectify_map_destroy(r->raw[k].map);
     }
     free(r->raw);
-    sst_label_histogram_fini(&r->histogram);
-    sst_unsure_fini(&r->unconfirmed);
+    sst_render_histogram_fini(&r->histogram);
+    sst_unconfirmed_fini(&r->unconfirmed);
     pthread_mutex_destroy(&r->lock);
     free(r);
 }
 
 double sst_renderer_confirmed(struct sst_renderer *r)
 {
-    const struct sst_unsure *u = sst_renderer_judge(r);
+    const struct sst_unconfirmed *u = sst_renderer_unconfirmed(r);
 
     return u ? u->confirmed : NAN;
 }
@@ -107,7 +107,7 @@ int sst_renderer_labels(struct sst_renderer *r, int label[255])
 }
 
 struct picture {
-    const struct sst_plan *plan;
+    const struct sst_render_plan *plan;
     const uint8_t *cells; /* [rows][cols]; NULL: all */
     int cols;
     struct sst_image *out;
@@ -117,11 +117,11 @@ struct picture {
 /* Destination of a view's rays: sums, or separate arrays. */
 struct sink {
     float *acc[4];
-    const struct sst_take *samples; /* NULL: acc */
+    const struct sst_render_samples *samples; /* NULL: acc */
 };
 
 /* Pass rays with colours at top and bottom, `skip` pixels after the sink's first; output pixels from .. to of row y. */
-static void blend(const struct sink *s, int skip, const struct sst_plan *p, const struct sst_tap *t,
+static void blend(const struct sink *s, int skip, const struct sst_render_plan *p, const struct sst_render_tap *t,
                   struct sst_blend *b, int from, int to, int y)
 {
     const struct sst_kernels *k = sst_kernels_get();
@@ -141,8 +141,8 @@ static void blend(const struct sink *s, int skip, const struct sst_plan *p, cons
     }
 }
 /* Pass the rays of one view, output pixels from .. to of row y; the sink begins at x. */
-static void add_run(const struct sink *s, const struct sst_plan *p, const struct sst_tap *t, int x, int from, int to,
-                    int y)
+static void add_run(const struct sink *s, const struct sst_render_plan *p, const struct sst_render_tap *t, int x,
+                    int from, int to, int y)
 {
     struct sst_blend b = p->blend;
 
@@ -156,8 +156,8 @@ static void add_run(const struct sink *s, const struct sst_plan *p, const struct
 }
 
 /* The same from a raw frame: colours are sampled at the rays; rays outside the frame are skipped. */
-static void add_raw(const struct sink *s, const struct sst_plan *p, const struct sst_tap *t, int x, int from, int end,
-                    int y)
+static void add_raw(const struct sink *s, const struct sst_render_plan *p, const struct sst_render_tap *t, int x,
+                    int from, int end, int y)
 {
     uint8_t colour[3][SST_BLEND_MAX + 1], seen[SST_BLEND_MAX], *const out[3] = { colour[0], colour[1], colour[2] };
     const int n = end - from;
@@ -179,15 +179,16 @@ static void add_raw(const struct sink *s, const struct sst_plan *p, const struct
 }
 
 /* First output pixel from x on whose ray is valid in the view (found), or is not. */
-static int next_ray(const struct sst_tap *t, int x, int end, int y, bool found)
+static int next_ray(const struct sst_render_tap *t, int x, int end, int y, bool found)
 {
-    while (x < end && sst_tap_sees(t, x, y) != found)
+    while (x < end && sst_render_tap_sees(t, x, y) != found)
         x++;
     return x;
 }
 
 /* One view's rays, pixels x .. x + n of row y. */
-static void add_view(const struct sink *s, const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
+static void add_view(const struct sink *s, const struct sst_render_plan *p, const struct sst_render_tap *t, int x,
+                     int n, int y)
 {
     const int end = sst_min_int(x + n, t->x1);
     int from = sst_max_int(x, t->x0);
@@ -208,7 +209,8 @@ static void add_view(const struct sink *s, const struct sst_plan *p, const struc
         add_run(s, p, t, x, from, end, y);
 }
 
-void sst_plan_take(const struct sst_take *to, const struct sst_plan *p, const struct sst_tap *t, int x, int n, int y)
+void sst_render_plan_sample(const struct sst_render_samples *to, const struct sst_render_plan *p,
+                            const struct sst_render_tap *t, int x, int n, int y)
 {
     const struct sink s = { .samples = to };
 
@@ -226,7 +228,7 @@ static void mend_row(const struct picture *pic, const float *weight, int x, int 
         enum sst_pixel found = SST_PIXEL_SUPPORTED;
 
         if (weight[i] < SST_BLEND_FLOOR) {
-            found = sst_pixel_exact(pic->plan, x + i, y, rgb, rays, &count);
+            found = sst_render_pixel_exact(pic->plan, x + i, y, rgb, rays, &count);
             if (found == SST_PIXEL_UNSUPPORTED && pic->plan->cfg.unsupported == SST_UNSUPPORTED_INVALID)
                 memset(rgb, 0, sizeof(rgb));
             for (int c = 0; c < 3; c++)
@@ -240,7 +242,7 @@ static void mend_row(const struct picture *pic, const float *weight, int x, int 
 /* n pixels of row y, n at most SST_BLEND_MAX. @param weight  out, [n] sums of weights */
 static void render_run(const struct picture *pic, float *weight, int x, int n, int y)
 {
-    const struct sst_plan *p = pic->plan;
+    const struct sst_render_plan *p = pic->plan;
     float sums[3][SST_BLEND_MAX];
     const struct sink s = { { sums[0], sums[1], sums[2], weight }, NULL };
 
@@ -282,7 +284,8 @@ static int render_band(void *arg, int index, int worker)
     return 0;
 }
 
-int sst_plan_render(const struct sst_plan *p, const uint8_t *cells, struct sst_image *out, struct sst_map_u8 *valid)
+int sst_render_plan_render(const struct sst_render_plan *p, const uint8_t *cells, struct sst_image *out,
+                           struct sst_map_u8 *valid)
 {
     struct picture pic = { .plan = p, .cells = cells, .out = out, .valid = valid };
 
@@ -295,7 +298,7 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
                struct sst_map_u8 *valid)
 {
     const struct sst_lightfield *lf = r->lf;
-    struct sst_plan plan;
+    struct sst_render_plan plan;
     int err;
 
     if (out->width != lf->width || out->height != lf->height ||
@@ -304,10 +307,10 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
                       lf->height);
         return -EINVAL;
     }
-    err = sst_plan_init(&plan, r, cfg);
+    err = sst_render_plan_init(&plan, r, cfg);
     if (err)
         return err;
-    err = sst_plan_render(&plan, NULL, out, valid);
-    sst_plan_fini(&plan);
+    err = sst_render_plan_render(&plan, NULL, out, valid);
+    sst_render_plan_fini(&plan);
     return err;
 }

@@ -55,12 +55,12 @@ struct sst_render_config {
 void sst_render_config_defaults(struct sst_render_config *cfg);
 
 /**
- * Depth weight, DESIGN 5.4: (1-C1) exp(-(d_f-d_r)^2 / 2 sigma^2) + C1.   Reference implementation in double.
+ * Depth weight, design.md, 5.4: (1-C1) exp(-(d_f-d_r)^2 / 2 sigma^2) + C1.   Reference implementation in double.
  * A ray of unknown disparity (NaN) has weight C1, like one far from the focus; 1 if sigma is infinite.
  */
 double sst_weight_depth(double focus_px, double disp_px, double sigma_px, double c1);
 
-/** Semantic weight, DESIGN 5.4, with a range below quantum_px widened to it around its middle. */
+/** Semantic weight, design.md, 5.4, with a range below quantum_px widened to it around its middle. */
 double sst_weight_label(double focus_px, double range_min_px, double range_max_px, double quantum_px, double c2);
 
 struct sst_renderer; /* label ranges of one light field, computed on first use; any number of threads may render */

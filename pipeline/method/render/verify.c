@@ -7,7 +7,7 @@
 
 #include "base/mem.h"
 
-/* Chosen by the figures in docs/live-view.md. */
+/* Chosen by the figures in docs/design/live.md. */
 #define DOUBT            0.5f  /* added to all weights, which are 0..1 ... */
 #define DOUBT_LEAST      0.3f  /* ... or, where a disparity has a confidence, from this for 255 on ... */
 #define DOUBT_MOST       2.3f  /* ... to this for 0 */
@@ -122,7 +122,7 @@ struct sst_verifier {
     float share[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX]; /* fraction left to votes by the maps */
 };
 
-int sst_verifier_create(struct sst_verifier **out, const struct sst_plan *p)
+int sst_verifier_create(struct sst_verifier **out, const struct sst_render_plan *p)
 {
     const size_t n = (size_t)p->count * STRIDE;
     struct sst_verifier *v = calloc(1, sizeof(*v));
@@ -159,16 +159,16 @@ void sst_verifier_destroy(struct sst_verifier *v)
 struct rays {
     float there;       /* all */
     float front;       /* that end in front of the focus, or have no disparity */
-    float unconfirmed; /* fractions of unconfirmed disparities around them, 255 for SST_UNSURE_FULL */
+    float unconfirmed; /* fractions of unconfirmed disparities around them, 255 for SST_UNCONFIRMED_FULL */
 };
 
 static void add_unconfirmed(struct rays *rays, const struct sst_map_u8 *unconfirmed, int x, int y, int n,
                             float aperture)
 {
-    const uint8_t *row = sst_map_u8_row(unconfirmed, y / SST_UNSURE_BLOCK);
+    const uint8_t *row = sst_map_u8_row(unconfirmed, y / SST_UNCONFIRMED_BLOCK);
 
     for (int i = 0; i < n; i++)
-        rays[i].unconfirmed += aperture * (float)row[(x + i) / SST_UNSURE_BLOCK];
+        rays[i].unconfirmed += aperture * (float)row[(x + i) / SST_UNCONFIRMED_BLOCK];
 }
 
 /* Disparities above this end in front of the focus. */
@@ -178,14 +178,14 @@ static double front_of(const struct sst_render_config *cfg)
 }
 
 /* Rays of a row of one cell. */
-static void count_rays(struct rays *rays, const struct sst_plan *p, int x, int to, int y)
+static void count_rays(struct rays *rays, const struct sst_render_plan *p, int x, int to, int y)
 {
     const double limit = (front_of(&p->cfg) - p->lf->disp_min_px) * SST_DISP_SCALE;
     const int nearest = (int)sst_clamp_double(limit, -1, 65534);
 
     memset(rays, 0, SST_RENDER_CELL_WIDTH * sizeof(*rays));
     for (int k = 0; k < p->count; k++) {
-        const struct sst_tap *t = &p->tap[k];
+        const struct sst_render_tap *t = &p->tap[k];
         const int from = sst_max_int(x, t->x0), n = sst_min_int(to, t->x1) - from;
         const float aperture = (float)t->aperture;
         const uint16_t *disp;
@@ -210,7 +210,7 @@ static float ramp(float v, float low, float high)
 
 /* Fraction of a pixel that the maps leave to votes; `assigned` is the weight of rays that they assign to the focus.
  */
-static float open_share(const struct sst_plan *p, const struct rays *r, float assigned)
+static float open_share(const struct sst_render_plan *p, const struct rays *r, float assigned)
 {
     float share;
 
@@ -219,11 +219,12 @@ static float open_share(const struct sst_plan *p, const struct rays *r, float as
         return 0;
     share = fmaxf(1 - assigned / (ENOUGH * r->there), 0) * ramp(r->front / r->there, FRONT_LOW, FRONT_HIGH);
     if (p->unconfirmed)
-        share *= ramp(r->unconfirmed / r->there * (float)(SST_UNSURE_FULL / 255), UNCONFIRMED_LOW, UNCONFIRMED_HIGH);
+        share *=
+            ramp(r->unconfirmed / r->there * (float)(SST_UNCONFIRMED_FULL / 255), UNCONFIRMED_LOW, UNCONFIRMED_HIGH);
     return share;
 }
 
-double sst_verify_open(const struct sst_plan *p, const struct sst_ray *ray, int count)
+double sst_verify_open(const struct sst_render_plan *p, const struct sst_ray *ray, int count)
 {
     struct rays rays = { .unconfirmed = 0 };
     float assigned = 0;
@@ -240,8 +241,8 @@ double sst_verify_open(const struct sst_plan *p, const struct sst_ray *ray, int 
 }
 
 /* Compute the fractions left to votes in a cell. @return true if any is above 0 */
-static bool open_cell(struct sst_verifier *v, const struct sst_plan *p, float (*weight)[SST_BLEND_MAX], int left, int x,
-                      int to, int y, int end)
+static bool open_cell(struct sst_verifier *v, const struct sst_render_plan *p, float (*weight)[SST_BLEND_MAX], int left,
+                      int x, int to, int y, int end)
 {
     struct rays rays[SST_RENDER_CELL_WIDTH];
     float all = 0, least = INFINITY;
@@ -273,7 +274,7 @@ static bool open_cell(struct sst_verifier *v, const struct sst_plan *p, float (*
 /* Add the doubt that follows from the maps' confidence to the weights of a tap's rays, output pixels x .. x+n-1 of row
  * y.
  * @return false: the view has no confidences, and nothing was added */
-static bool add_doubt(float *weight, const struct sst_tap *t, int x, int n, int y)
+static bool add_doubt(float *weight, const struct sst_render_tap *t, int x, int n, int y)
 {
     const float least = DOUBT_LEAST * (float)t->aperture, step = (DOUBT_MOST - DOUBT_LEAST) / 255 * (float)t->aperture;
     const int from = sst_max_int(x, t->x0), to = sst_min_int(x + n, t->x1);
@@ -294,7 +295,7 @@ static bool add_doubt(float *weight, const struct sst_tap *t, int x, int n, int 
 
 /* Votes of row y, columns x .. to-1, which may lie a pixel outside the picture, and the similarity of each ray to the
  * colour with most votes. */
-static void vote_row(struct sst_verifier *v, const struct sst_plan *p, int x, int to, int y)
+static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, int x, int to, int y)
 {
     const struct sst_kernels *kernels = sst_kernels_get();
     const float most = (float)sst_min_int(ALL_VOTES / p->count, 255);
@@ -304,14 +305,14 @@ static void vote_row(struct sst_verifier *v, const struct sst_plan *p, int x, in
 
     memset(r->total, 0, sizeof(r->total));
     for (size_t k = 0; k < v->views; k++) {
-        const struct sst_tap *t = &p->tap[k];
+        const struct sst_render_tap *t = &p->tap[k];
         struct sst_voting voting = { p->rarity, 0, most / (255 * (1 + DOUBT)), most };
         uint8_t *colour = r->colour + k * 3 * stride, *vote = r->vote + k * stride;
-        const struct sst_take take = { { colour, colour + stride, colour + 2 * stride }, v->weight };
+        const struct sst_render_samples take = { { colour, colour + stride, colour + 2 * stride }, v->weight };
 
         for (size_t i = 0; i < stride; i++)
             v->weight[i] = -1;
-        sst_plan_take(&take, p, t, x, (int)n, y);
+        sst_render_plan_sample(&take, p, t, x, (int)n, y);
         if (!add_doubt(v->weight, t, x, (int)n, y))
             voting.doubt = DOUBT * (float)t->aperture;
         kernels->agree_votes(vote, (const uint8_t *const *)take.colour, v->weight, &voting, stride);
@@ -328,8 +329,8 @@ static void vote_row(struct sst_verifier *v, const struct sst_plan *p, int x, in
 }
 
 /* Apply the votes to n pixels from x on of row y, using the rows above and below. */
-static void finish_row(const struct sst_verifier *v, const struct sst_plan *p, const float *share, int x, int n, int y,
-                       size_t stride, struct sst_image *out)
+static void finish_row(const struct sst_verifier *v, const struct sst_render_plan *p, const float *share, int x, int n,
+                       int y, size_t stride, struct sst_image *out)
 {
     const struct row *const rows[3] = { &v->row[(y + 2) % 3], &v->row[y % 3], &v->row[(y + 1) % 3] };
     float sums[4][STRIDE] = { { 0 } };
@@ -362,8 +363,8 @@ static void finish_row(const struct sst_verifier *v, const struct sst_plan *p, c
     }
 }
 
-void sst_verify(struct sst_verifier *v, const struct sst_plan *p, float (*weight)[SST_BLEND_MAX], int x, int to, int y,
-                int end, struct sst_image *out)
+void sst_verify(struct sst_verifier *v, const struct sst_render_plan *p, float (*weight)[SST_BLEND_MAX], int x, int to,
+                int y, int end, struct sst_image *out)
 {
     const int left = x;
 

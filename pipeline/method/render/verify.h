@@ -3,7 +3,7 @@
  *
  * All rays that show the surface in focus have one colour, whatever view they are from; those of an occluder in front
  * have the colours of many points on it. So for each pixel every ray votes for its own colour and similar ones
- * (pipeline/kernels/kernels.h). A vote is weighted by the maps (W of DESIGN 5.4, plus a constant for possible errors,
+ * (pipeline/kernels/kernels.h). A vote is weighted by the maps (W of design.md, 5.4, plus a constant for possible errors,
  * larger where the map is less confident) and by the rarity of the colour in the views: dozens of green rays mean
  * little in front of a hedge, ten of the same red do. Rays are then weighted by their votes and by their similarity,
  * averaged over 3x3 pixels, to the colour with most votes.
@@ -16,7 +16,7 @@
  * - SST_VERIFY_AUTO: less agreement than on a plain surface: rises as agreement falls from 45 % to 35 %. Textureless
  *   surfaces have unconfirmed disparities as well, and most rays that meet one agree on its colour at any focus: there
  *   is nothing to see through;
- * - SST_VERIFY_AUTO: more unconfirmed disparities around the rays (pipeline/lightfield/unsure.h): rises from 3 %
+ * - SST_VERIFY_AUTO: more unconfirmed disparities around the rays (pipeline/lightfield/unconfirmed.h): rises from 3 %
  *   to 5 %. Reliable maps are better than votes.
  */
 #ifndef SST_PIPELINE_METHOD_RENDER_VERIFY_H
@@ -39,7 +39,7 @@ bool sst_rarity_differs(const uint8_t *was, const uint8_t *is, double tolerance)
 struct sst_verifier;
 
 /** @return -ENOMEM (not logged) */
-SST_MUST_CHECK int sst_verifier_create(struct sst_verifier **out, const struct sst_plan *p);
+SST_MUST_CHECK int sst_verifier_create(struct sst_verifier **out, const struct sst_render_plan *p);
 void sst_verifier_destroy(struct sst_verifier *v);
 
 /**
@@ -49,11 +49,11 @@ void sst_verifier_destroy(struct sst_verifier *v);
  * @param weight  in, [SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX] sums of the rays' weights
  * @param out     in and out
  */
-void sst_verify(struct sst_verifier *v, const struct sst_plan *p, float (*weight)[SST_BLEND_MAX], int x, int to, int y,
-                int end, struct sst_image *out);
+void sst_verify(struct sst_verifier *v, const struct sst_render_plan *p, float (*weight)[SST_BLEND_MAX], int x, int to,
+                int y, int end, struct sst_image *out);
 
 /** Fraction of a pixel that the maps leave to votes: the product of the first two factors (SST_VERIFY_ON).
- *  @param rays  of sst_pixel_exact() */
-double sst_verify_open(const struct sst_plan *p, const struct sst_ray *rays, int count);
+ *  @param rays  of sst_render_pixel_exact() */
+double sst_verify_open(const struct sst_render_plan *p, const struct sst_ray *rays, int count);
 
 #endif

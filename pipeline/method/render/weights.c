@@ -1,4 +1,4 @@
-/* The two weights of a ray (DESIGN 5.4) in double: the reference for every faster version. */
+/* The two weights of a ray (design.md, 5.4) in double: the reference for every faster version. */
 #include <math.h>
 
 #include "pipeline/method/render/render.h"

@@ -55,7 +55,7 @@ SST_MUST_CHECK int sst_sim_world_hold(struct sst_sim_world *world, int pose);
 
 /**
  * Write all true parameters of a world without preparing it: as JSON, or to a name that ends in .yaml as a calibration
- * (docs/formats.md) in the reference camera's axes.
+ * (docs/integrate/formats.md) in the reference camera's axes.
  *
  * @param world  as for sst_sim_world_open()
  * @return 0, -EINVAL/-EBADMSG (world file), -ENOMEM, or what a failed output returns; logged
@@ -63,7 +63,7 @@ SST_MUST_CHECK int sst_sim_world_hold(struct sst_sim_world *world, int pose);
 SST_MUST_CHECK int sst_sim_world_parameters(const char *world, const char *path);
 
 /**
- * Write all true parameters as JSON (docs/simulation.md explains it): cameras, loop, board.
+ * Write all true parameters as JSON (docs/use/simulation.md explains it): cameras, loop, board.
  *
  * @return 0, -ENOMEM, or what a failed output returns; logged
  */

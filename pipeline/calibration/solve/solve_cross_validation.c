@@ -262,13 +262,13 @@ int solve_cross_validate(struct solve_case *c)
             worst_view = v;
         }
         px = solve_lens_difference(&c->p, half[0].camera[v].lens, half[1].camera[v].lens, CENTRAL);
-        if (c->cross_camera >= 0 && !(px > c->cross_px))
+        if (c->cv_camera >= 0 && !(px > c->cv_px))
             continue;
         for (int k = 0; k < 2; k++)
             solve_lens_map(&half[k], &cov[k], v, CENTRAL, map[k]);
-        c->cross_px = px;
-        c->cross_expected_px = sqrt(2) * hypot(solve_map_rms(map[0]), solve_map_rms(map[1]));
-        c->cross_camera = v;
+        c->cv_px = px;
+        c->cv_expected_px = sqrt(2) * hypot(solve_map_rms(map[0]), solve_map_rms(map[1]));
+        c->cv_camera = v;
     }
     for (int k = 0; k < 2; k++) {
         solve_problem_fini(&half[k]);
@@ -284,6 +284,6 @@ int solve_cross_validate(struct solve_case *c)
             "odd and even frames give lenses of %s that differ by %.2g times what the corner noise explains "
             "(largest difference of all cameras %.2g px): something moves between frames, or the lens needs "
             "more coefficients",
-            solve_name(c->all, worst_view, name), worst, c->cross_px);
+            solve_name(c->all, worst_view, name), worst, c->cv_px);
     return err;
 }

@@ -1,6 +1,6 @@
-/* pipeline/lightfield/given.h - external maps: they come with the images instead of being computed. */
-#ifndef SST_PIPELINE_LIGHTFIELD_GIVEN_H
-#define SST_PIPELINE_LIGHTFIELD_GIVEN_H
+/* pipeline/lightfield/external_maps.h - external maps: they come with the images instead of being computed. */
+#ifndef SST_PIPELINE_LIGHTFIELD_EXTERNAL_MAPS_H
+#define SST_PIPELINE_LIGHTFIELD_EXTERNAL_MAPS_H
 
 #include "pipeline/lightfield/lightfield.h"
 
@@ -12,7 +12,7 @@
  *
  * @return 0, -ENOENT, -EBADMSG (missing, other size, NaN, a range over 1023 px), -ENOMEM; logged
  */
-SST_MUST_CHECK int sst_lightfield_give_disparity(struct sst_lightfield *lf, const char *dir, int threads);
-SST_MUST_CHECK int sst_lightfield_give_labels(struct sst_lightfield *lf, const char *dir, int threads);
+SST_MUST_CHECK int sst_lightfield_read_disparity(struct sst_lightfield *lf, const char *dir, int threads);
+SST_MUST_CHECK int sst_lightfield_read_labels(struct sst_lightfield *lf, const char *dir, int threads);
 
 #endif

@@ -1,29 +1,29 @@
-/* pipeline/calibration/drift/check.h - drift check: whether views are still rectified, from scene features alone,
+/* pipeline/calibration/drift/drift.h - drift check: whether views are still rectified, from scene features alone,
  * without a board. */
-#ifndef SST_PIPELINE_CALIBRATION_DRIFT_CHECK_H
-#define SST_PIPELINE_CALIBRATION_DRIFT_CHECK_H
+#ifndef SST_PIPELINE_CALIBRATION_DRIFT_DRIFT_H
+#define SST_PIPELINE_CALIBRATION_DRIFT_DRIFT_H
 
 #include "pipeline/lightfield/lightfield.h"
 
-enum sst_check_verdict {
-    SST_CHECK_OK = 0,
-    SST_CHECK_DRIFTED = 1,  /* some cameras have moved; the rest is fine */
-    SST_CHECK_UNUSABLE = 2, /* most pairs are off, so far that matching fails, or views are swapped */
-    SST_CHECK_UNKNOWN = 3,  /* too little texture */
+enum sst_drift_verdict {
+    SST_DRIFT_OK = 0,
+    SST_DRIFT_DRIFTED = 1,  /* some cameras have moved; the rest is fine */
+    SST_DRIFT_UNUSABLE = 2, /* most pairs are off, so far that matching fails, or views are swapped */
+    SST_DRIFT_UNKNOWN = 3,  /* too little texture */
 };
 
-enum sst_check_pair_state {
-    SST_CHECK_PAIR_MEASURED = 0,
-    SST_CHECK_PAIR_BLANK = 1, /* fewer distinct features than min_matches: no figures */
-    SST_CHECK_PAIR_LOST = 2,  /* enough features, but they are not found in the other view: no figures */
+enum sst_drift_pair_state {
+    SST_DRIFT_PAIR_MEASURED = 0,
+    SST_DRIFT_PAIR_BLANK = 1, /* fewer distinct features than min_matches: no figures */
+    SST_DRIFT_PAIR_LOST = 2,  /* enough features, but they are not found in the other view: no figures */
 };
 
 /** Two views side by side or one above the other. Epipolar error: displacement across the line between their centres,
  *  measured minus predicted, px; positive: b's picture is too low (side by side) or too far right (one above the
  *  other). */
-struct sst_check_pair {
+struct sst_drift_pair {
     int a, b;
-    enum sst_check_pair_state state;
+    enum sst_drift_pair_state state;
     int features;                   /* distinct ones of a that lie in b as well */
     int matches;                    /* used */
     double mean_px, rms_px, p95_px; /* mean is signed, p95 of the magnitude; 0 unless measured */
@@ -34,7 +34,7 @@ struct sst_check_pair {
  * pairs. Gauge: medians are 0 for what pairs do not observe, the common shift (and roll and scale), and a shift of
  * every camera in proportion to its offset, which equals another disparity of the whole scene.
  */
-struct sst_check_camera {
+struct sst_drift_camera {
     bool known;                    /* false: no view, or too few matches tie it to the others (sigma above ok_px) */
     double shift_x_px, shift_y_px; /* right and down positive, at the picture's centre; NAN: no pair sees it */
     double sigma_px;               /* of either, the larger */
@@ -48,12 +48,12 @@ struct sst_check_camera {
 };
 
 struct sst_drift {
-    enum sst_check_verdict verdict;
+    enum sst_drift_verdict verdict;
     int rows, cols;
     double ok_px, unusable_px;         /* thresholds of the verdict */
     int pairs, measured, matches;      /* pairs checked, of these measured; matches in them */
-    struct sst_check_pair *pair;       /* [pairs] */
-    struct sst_check_camera *camera;   /* [rows * cols] */
+    struct sst_drift_pair *pair;       /* [pairs] */
+    struct sst_drift_camera *camera;   /* [rows * cols] */
     double mean_px, p95_px, max_px;    /* of |epipolar error| pair by pair: mean of means' magnitude, p95 over all
                                           matches, largest pair mean; NAN: nothing was measured */
     double axes_px;                    /* median of |disparity along the row - disparity along the column| of features
@@ -65,7 +65,7 @@ struct sst_drift {
     char sentence[512];                /* the verdict as one sentence with cameras and pixels */
 };
 
-struct sst_check_config {
+struct sst_drift_config {
     double ok_px;       /* a camera off by less than this is fine; 0: 0.25 */
     double unusable_px; /* more than half of the pairs beyond this; 0: 1 */
     int min_matches;    /* of a pair; 0: 10 */
@@ -78,18 +78,18 @@ struct sst_check_config {
  * take 0.4 to 0.7 s, foliage 1.5 to 2.5 s, up to 2.5 times as long where views seem swapped.
  * @return 0, -EINVAL (cfg), -EBADMSG (fewer than 2 views, or pictures too small), -ENOMEM; logged.
  */
-SST_MUST_CHECK int sst_check_lightfield(struct sst_drift *out, const struct sst_lightfield *lf,
-                                        const struct sst_check_config *cfg);
-void sst_check_fini(struct sst_drift *check);
+SST_MUST_CHECK int sst_drift_check(struct sst_drift *out, const struct sst_lightfield *lf,
+                                   const struct sst_drift_config *cfg);
+void sst_drift_fini(struct sst_drift *check);
 
 /** "OK", "DRIFTED" ... */
-const char *sst_check_verdict_name(enum sst_check_verdict verdict);
+const char *sst_drift_verdict_name(enum sst_drift_verdict verdict);
 
 /**
  * The grid of cameras: colour by off_px, arrows for shifts (30 times their size), bars for pairs.
  * @param out  initialised here
  * @return 0, -ENOMEM
  */
-SST_MUST_CHECK int sst_check_picture(struct sst_image *out, const struct sst_drift *check);
+SST_MUST_CHECK int sst_drift_picture(struct sst_image *out, const struct sst_drift *check);
 
 #endif

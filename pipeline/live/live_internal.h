@@ -1,7 +1,7 @@
-/* pipeline/live/live_state.h - the state that pipeline/live and pipeline/live/picture share. Pictures depend only on
+/* pipeline/live/live_internal.h - the state that pipeline/live and pipeline/live/picture share. Pictures depend only on
  * the light field and on the changes recorded by live_ingest(), not on how they were computed. */
-#ifndef SST_PIPELINE_LIVE_LIVE_STATE_H
-#define SST_PIPELINE_LIVE_LIVE_STATE_H
+#ifndef SST_PIPELINE_LIVE_LIVE_INTERNAL_H
+#define SST_PIPELINE_LIVE_LIVE_INTERNAL_H
 
 #include "pipeline/live/scene/scene.h"
 #include "pipeline/method/render/plan.h"
@@ -23,21 +23,21 @@ struct sst_live {
     /* fixed after open */
     struct sst_live_config cfg;
     char *model; /* copy of cfg.model */
-    struct sst_live_frames *frames;
-    struct sst_live_scene *scene;
+    struct sst_liveframes *frames;
+    struct sst_livescene *scene;
     struct sst_renderer *renderer;
     SST_ATOMIC(bool) canceled; /* any thread */
     /* the caller's thread */
     struct sst_lightfield lf;
-    struct sst_live_changes changes;
+    struct sst_liveframes_changes changes;
     bool ready;
-    bool low_confidence; /* the maps have low confidence: rays are verified if the settings ask for it */
-    bool lost;           /* changes got lost by an error: the next update computes everything */
-    uint64_t serial;     /* of the last change ingested; 0: none */
-    uint64_t *stamp[SST_MAX_VIEWS];        /* [tiles] serial of the tile's last change; NULL: absent view */
-    uint64_t present_serial;               /* of the last change of the set of present views */
-    bool present[SST_MAX_VIEWS];           /* at present_serial */
-    uint64_t counted;                      /* serial at which histograms and focus votes were counted */
+    bool low_confidence;            /* the maps have low confidence: rays are verified if the settings ask for it */
+    bool lost;                      /* changes got lost by an error: the next update computes everything */
+    uint64_t serial;                /* of the last change ingested; 0: none */
+    uint64_t *stamp[SST_MAX_VIEWS]; /* [tiles] serial of the tile's last change; NULL: absent view */
+    uint64_t present_serial;        /* of the last change of the set of present views */
+    bool present[SST_MAX_VIEWS];    /* at present_serial */
+    uint64_t counted;               /* serial at which histograms and focus votes were counted */
     int sampled, sample[SST_LIVE_SAMPLED]; /* views that were counted; the first is the lead view */
     double min_px, max_px;                 /* range of the disparities in the scene; NaN: unknown */
     int64_t range_ns;                      /* when disparities last reached that far */
@@ -58,14 +58,14 @@ void live_fini(struct sst_live *live);
  * @param changes  NULL: none
  * @return 0, -ENOMEM (logged)
  */
-SST_MUST_CHECK int live_ingest(struct sst_live *live, const struct sst_live_changes *changes);
+SST_MUST_CHECK int live_ingest(struct sst_live *live, const struct sst_liveframes_changes *changes);
 
 /** Recount histograms, zones and focus votes if anything changed since, and step the focus. @return 0, -ENOMEM (logged)
  */
 SST_MUST_CHECK int live_summarize(struct sst_live *live, int64_t t_ns);
 
 /** Fraction of tiles that changed in every zone. @param changed  out, [SST_LIVE_ZONES + 1] */
-void live_zones_changed(const struct sst_live *live, const struct sst_live_changes *changes, double *changed);
+void live_zones_changed(const struct sst_live *live, const struct sst_liveframes_changes *changes, double *changed);
 
 /** The lead view, whose maps describe the scene: the reference view, or the nearest present view; -1: none. */
 int live_lead_view(const struct sst_live *live);
@@ -73,7 +73,7 @@ int live_lead_view(const struct sst_live *live);
 /* --- pick.c --- */
 
 /** The surface at pixel (x, y), inside the picture, as this plan rendered it from the current light field. */
-struct sst_live_pick pick_surface(const struct sst_live *live, const struct sst_plan *plan, int x, int y);
+struct sst_livepicture_pick pick_surface(const struct sst_live *live, const struct sst_render_plan *plan, int x, int y);
 
 /* --- focus.c --- */
 
@@ -85,8 +85,7 @@ void live_focus_fini(struct live_focus *f);
  * @param view  in, [views] views with maps, the lead view first
  * @return 0, -ENOMEM (not logged; the old votes stay)
  */
-SST_MUST_CHECK int live_focus_vote(struct live_focus *f, const struct sst_lightfield *lf, const int *view,
-                                       int views);
+SST_MUST_CHECK int live_focus_vote(struct live_focus *f, const struct sst_lightfield *lf, const int *view, int views);
 
 /** Add the votes to the memory, weighted by the time since the last step. */
 void live_focus_step(struct live_focus *f, int64_t t_ns);

@@ -50,7 +50,7 @@ const char *const manifest_columns[MANIFEST_COLUMNS] = {
     "cam", "sequence", "lost_before", "from_set_ns", "arrival_ns", "offset", "bytes", "stride", "faults", "crc32",
 };
 
-size_t manifest_set_line(char *out, const struct sst_set *set, const int64_t *offset, const uint32_t *crc32)
+size_t manifest_set_line(char *out, const struct sst_frameset *set, const int64_t *offset, const uint32_t *crc32)
 {
     const char *comma = "";
     size_t at = put(out, 0,

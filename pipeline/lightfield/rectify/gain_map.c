@@ -11,7 +11,7 @@
 #define SRGB_POWER (1 / 2.4)
 
 /* Nodes every `step` pixels, the last ones on or beyond the last pixel. */
-struct light_map {
+struct gain_map {
     int step, cols, rows;
     float gain[3], gain_root[3];
     float *falloff, *root; /* [rows][cols], one allocation */
@@ -81,11 +81,11 @@ static bool is_neutral(const struct sst_calib_camera *cam)
     return true;
 }
 
-int light_map_create(struct light_map **out, const struct sst_rectified *to, const struct sst_calib *calib, int view)
+int gain_map_create(struct gain_map **out, const struct sst_rectified *to, const struct sst_calib *calib, int view)
 {
     const struct sst_calib_camera *cam = &calib->camera[view];
     const int longer = sst_max_int(to->width, to->height);
-    struct light_map *m;
+    struct gain_map *m;
     int step = 1, nodes;
 
     if (is_neutral(cam)) {
@@ -124,7 +124,7 @@ int light_map_create(struct light_map **out, const struct sst_rectified *to, con
     return 0;
 }
 
-void light_map_destroy(struct light_map *map)
+void gain_map_destroy(struct gain_map *map)
 {
     if (!map)
         return;
@@ -133,7 +133,7 @@ void light_map_destroy(struct light_map *map)
 }
 
 /* One row of nodes at y, then straight lines between them: cell by cell, so that the loop inside is vectorised. */
-static void interpolate(const struct light_map *m, const float *grid, double x0, double y, int n, float *out)
+static void interpolate(const struct gain_map *m, const float *grid, double x0, double y, int n, float *out)
 {
     const double at = sst_clamp_double(y / m->step, 0, m->rows - 1);
     const int row = sst_min_int((int)at, m->rows - 2), first = sst_clamp_int((int)(x0 / m->step), 0, m->cols - 2);
@@ -153,7 +153,7 @@ static void interpolate(const struct light_map *m, const float *grid, double x0,
     }
 }
 
-void light_map_row(const struct light_map *map, double x0, double y, int n, float *scratch, struct light_factors *out)
+void gain_map_row(const struct gain_map *map, double x0, double y, int n, float *scratch, struct gain_factors *out)
 {
     interpolate(map, map->falloff, x0, y, n, scratch);
     interpolate(map, map->root, x0, y, n, scratch + n);

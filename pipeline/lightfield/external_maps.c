@@ -1,4 +1,4 @@
-#include "pipeline/lightfield/given.h"
+#include "pipeline/lightfield/external_maps.h"
 
 #include <errno.h>
 #include <math.h>
@@ -90,7 +90,7 @@ static int disparity_view(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
-int sst_lightfield_give_disparity(struct sst_lightfield *lf, const char *dir, int threads)
+int sst_lightfield_read_disparity(struct sst_lightfield *lf, const char *dir, int threads)
 {
     double min[SST_MAX_VIEWS], max[SST_MAX_VIEWS], lo = INFINITY, hi = -INFINITY;
     struct job job = { .lf = lf, .dir = dir, .min = min, .max = max };
@@ -147,7 +147,7 @@ static int labels_view(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
-int sst_lightfield_give_labels(struct sst_lightfield *lf, const char *dir, int threads)
+int sst_lightfield_read_labels(struct sst_lightfield *lf, const char *dir, int threads)
 {
     int max_label[SST_MAX_VIEWS] = { 0 };
     struct job job = { .lf = lf, .dir = dir, .max_label = max_label };

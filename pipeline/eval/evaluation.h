@@ -1,6 +1,6 @@
-/* pipeline/eval/report.h - evaluation of a light-field folder against a truth folder. */
-#ifndef SST_PIPELINE_EVAL_REPORT_H
-#define SST_PIPELINE_EVAL_REPORT_H
+/* pipeline/eval/evaluation.h - evaluation of a light-field folder against a truth folder. */
+#ifndef SST_PIPELINE_EVAL_EVALUATION_H
+#define SST_PIPELINE_EVAL_EVALUATION_H
 
 #include "pipeline/eval/eval.h"
 #include "pipeline/method/render/render.h"
@@ -42,7 +42,7 @@ struct sst_label_error {
     double miou, accuracy, coverage;
 };
 
-struct sst_report {
+struct sst_evaluation {
     int disparity_views, label_views;            /* number of views with truth */
     struct sst_disparity_error disparity;        /* pixels 0: no truth */
     struct sst_disparity_error disparity_nonocc; /* pixels whose true surface is visible in a neighbouring view too */
@@ -63,8 +63,8 @@ struct sst_report {
  * @return 0, -ENOENT (no truth; truth without an estimate; a file missing), -EBADMSG (a file does not fit), -ENOMEM, or
  * what sst_render() returns; logged.
  */
-SST_MUST_CHECK int sst_report_make(struct sst_report *out, const struct sst_lightfield *lf, const char *lf_dir,
-                                   const struct sst_truth *truth, const char *truth_dir,
-                                   const struct sst_render_config *cfg, int threads);
+SST_MUST_CHECK int sst_eval_lightfield(struct sst_evaluation *out, const struct sst_lightfield *lf, const char *lf_dir,
+                                       const struct sst_truth *truth, const char *truth_dir,
+                                       const struct sst_render_config *cfg, int threads);
 
 #endif

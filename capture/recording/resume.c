@@ -27,8 +27,8 @@ static int check_fit(const struct sst_recording_info *info, const struct sst_rec
 {
     char was[5], is[5];
 
-    sst_pixel_format_name(info->fourcc, was);
-    sst_pixel_format_name(cfg->fourcc, is);
+    sst_recording_format_name(info->fourcc, was);
+    sst_recording_format_name(cfg->fourcc, is);
     if (info->rows != cfg->rows || info->cols != cfg->cols || info->cameras != cfg->cameras ||
         info->fourcc != cfg->fourcc || info->width != cfg->width || info->height != cfg->height) {
         sst_log_error(

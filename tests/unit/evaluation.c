@@ -13,7 +13,7 @@
 
 #include <cmocka.h>
 
-#include "pipeline/eval/report.h"
+#include "pipeline/eval/evaluation.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/folder.h"
 #include "simulators/scene/scene.h"
@@ -130,7 +130,7 @@ static int teardown(void **state SST_UNUSED)
     return 0;
 }
 
-static int measure(struct sst_report *out, int threads)
+static int measure(struct sst_evaluation *out, int threads)
 {
     struct sst_render_config cfg;
     struct sst_lightfield lf;
@@ -141,14 +141,14 @@ static int measure(struct sst_report *out, int threads)
         return err;
     sst_render_config_defaults(&cfg);
     assert_int_equal(sst_lightfield_load(&lf, dir, SST_LOAD_ALL, threads), 0);
-    err = sst_report_make(out, &lf, dir, &truth, at("truth"), &cfg, threads);
+    err = sst_eval_lightfield(out, &lf, dir, &truth, at("truth"), &cfg, threads);
     sst_lightfield_fini(&lf);
     return err;
 }
 
 static void exact_maps_are_perfect(void **state SST_UNUSED)
 {
-    struct sst_report r, again;
+    struct sst_evaluation r, again;
 
     assert_int_equal(measure(&r, 3), 0);
     assert_int_equal(r.disparity_views, SIDE * SIDE);
@@ -177,7 +177,7 @@ static void exact_maps_are_perfect(void **state SST_UNUSED)
 static void label_stages_are_read(void **state SST_UNUSED)
 {
     struct sst_map_u8 map;
-    struct sst_report r;
+    struct sst_evaluation r;
 
     assert_int_equal(sst_map_u8_read_png(&map, at("truth/01_01.png")), 0);
     for (int y = 0; y < HEIGHT / 2; y++)
@@ -209,7 +209,7 @@ static void damaged_truth_is_refused(void **state SST_UNUSED)
         "\"focus_px\": 9,"
         " \"behind\": \"../behind.png\", \"mask\": \"occluder.png\"}]}",
     };
-    struct sst_report r = { .disparity_views = -7 };
+    struct sst_evaluation r = { .disparity_views = -7 };
 
     assert_int_equal(rename(at("truth/truth.json"), at("truth.json")), 0);
     for (size_t i = 0; i < ARRAY_LEN(bad); i++) {
@@ -232,7 +232,7 @@ static void damaged_truth_is_refused(void **state SST_UNUSED)
 
 static void nothing_to_measure_is_refused(void **state SST_UNUSED)
 {
-    struct sst_report r;
+    struct sst_evaluation r;
 
     assert_int_equal(rename(at("disparity"), at("away")), 0);
     assert_int_equal(measure(&r, 2), -ENOENT);

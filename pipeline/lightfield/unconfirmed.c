@@ -1,4 +1,4 @@
-#include "pipeline/lightfield/unsure.h"
+#include "pipeline/lightfield/unconfirmed.h"
 
 #include <errno.h>
 #include <math.h>
@@ -11,7 +11,7 @@ struct count {
 };
 
 struct job {
-    struct sst_unsure *u;
+    struct sst_unconfirmed *u;
     const struct sst_lightfield *lf;
     struct count *count; /* [views] */
 };
@@ -40,24 +40,24 @@ static int count_view(void *arg, int view, int worker SST_UNUSED)
 
     if (!v->confidence.data)
         return 0;
-    err = sst_map_u8_init(map, (width + SST_UNSURE_BLOCK - 1) / SST_UNSURE_BLOCK,
-                          (height + SST_UNSURE_BLOCK - 1) / SST_UNSURE_BLOCK);
+    err = sst_map_u8_init(map, (width + SST_UNCONFIRMED_BLOCK - 1) / SST_UNCONFIRMED_BLOCK,
+                          (height + SST_UNCONFIRMED_BLOCK - 1) / SST_UNCONFIRMED_BLOCK);
     for (int i = 0; !err && i < map->width * map->height; i++) {
-        const int x = i % map->width * SST_UNSURE_BLOCK, y = i / map->width * SST_UNSURE_BLOCK;
+        const int x = i % map->width * SST_UNCONFIRMED_BLOCK, y = i / map->width * SST_UNCONFIRMED_BLOCK;
         struct count c = { 0, 0 };
 
-        for (int row = y; row < sst_min_int(y + SST_UNSURE_BLOCK, height); row++)
-            count_run(&c, v, x, sst_min_int(x + SST_UNSURE_BLOCK, width), row);
+        for (int row = y; row < sst_min_int(y + SST_UNCONFIRMED_BLOCK, height); row++)
+            count_run(&c, v, x, sst_min_int(x + SST_UNCONFIRMED_BLOCK, width), row);
         if (c.pixels)
-            sst_map_u8_row(map, y / SST_UNSURE_BLOCK)[x / SST_UNSURE_BLOCK] =
-                (uint8_t)fmin(255 / SST_UNSURE_FULL * (double)c.unconfirmed / (double)c.pixels + 0.5, 255);
+            sst_map_u8_row(map, y / SST_UNCONFIRMED_BLOCK)[x / SST_UNCONFIRMED_BLOCK] =
+                (uint8_t)fmin(255 / SST_UNCONFIRMED_FULL * (double)c.unconfirmed / (double)c.pixels + 0.5, 255);
         job->count[view].pixels += c.pixels;
         job->count[view].unconfirmed += c.unconfirmed;
     }
     return err;
 }
 
-int sst_unsure_init(struct sst_unsure *u, const struct sst_lightfield *lf, int threads)
+int sst_unconfirmed_init(struct sst_unconfirmed *u, const struct sst_lightfield *lf, int threads)
 {
     struct job job = { .u = u, .lf = lf };
     struct count all = { 0, 0 };
@@ -77,10 +77,10 @@ int sst_unsure_init(struct sst_unsure *u, const struct sst_lightfield *lf, int t
     return err;
 }
 
-void sst_unsure_fini(struct sst_unsure *u)
+void sst_unconfirmed_fini(struct sst_unconfirmed *u)
 {
     for (int k = 0; u->view && k < u->views; k++)
         sst_map_u8_fini(&u->view[k]);
     free(u->view);
-    *u = (struct sst_unsure){ 0 };
+    *u = (struct sst_unconfirmed){ 0 };
 }

@@ -1,9 +1,9 @@
-/* capture/recording/shorten.h - trims a recording: removes its oldest segments.
+/* capture/recording/trim.h - trims a recording: removes its oldest segments.
  *
  * removed.json in a recording's folder states up to which segment its beginning was removed on purpose; lines of
  * sets.jsonl that name older segments stay and are skipped. Other missing segments are damage. */
-#ifndef SST_CAPTURE_RECORDING_SHORTEN_H
-#define SST_CAPTURE_RECORDING_SHORTEN_H
+#ifndef SST_CAPTURE_RECORDING_TRIM_H
+#define SST_CAPTURE_RECORDING_TRIM_H
 
 #include <stdbool.h>
 
@@ -39,6 +39,6 @@ int sst_recording_segments(const char *dir);
  * @return 0, -ENODATA (it has no more than those), -EBADMSG (its manifest names no set after it), -ENOSPC, -EROFS,
  * -EIO, -ENOMEM; logged, but for -ENODATA. Thread: any, one at a time for a recording; waits for the disk.
  */
-SST_MUST_CHECK int sst_recording_shorten(const char *dir, int keep, struct sst_recording_removed *out, int64_t *bytes);
+SST_MUST_CHECK int sst_recording_trim(const char *dir, int keep, struct sst_recording_removed *out, int64_t *bytes);
 
 #endif

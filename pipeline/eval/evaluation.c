@@ -1,4 +1,4 @@
-#include "pipeline/eval/report.h"
+#include "pipeline/eval/evaluation.h"
 
 #include <errno.h>
 #include <math.h>
@@ -194,7 +194,7 @@ static struct sst_label_error label_error(const struct job *job, int stage)
 }
 
 /* Sum over the views in order, so that the result is the same for any number of threads. */
-static void sum_up(struct sst_report *out, const struct job *job)
+static void sum_up(struct sst_evaluation *out, const struct job *job)
 {
     for (int k = 0; k < job->lf->rows * job->lf->cols; k++) {
         const struct view_truth *t = &job->views[k];
@@ -202,8 +202,8 @@ static void sum_up(struct sst_report *out, const struct job *job)
         out->label_views += t->label.data != NULL;
         if (t->disp.data) {
             out->disparity_views++;
-            sst_disparity_error_merge(&out->disparity, &t->all);
-            sst_disparity_error_merge(&out->disparity_nonocc, &t->nonocc);
+            sst_eval_disparity_merge(&out->disparity, &t->all);
+            sst_eval_disparity_merge(&out->disparity_nonocc, &t->nonocc);
         }
     }
     out->initial = label_error(job, INITIAL);
@@ -246,7 +246,7 @@ static double covered(const struct sst_map_u8 *mask)
     return 100.0 * (double)n / ((double)mask->width * mask->height);
 }
 
-static int measure_occluder(struct sst_report *out, int index, const struct job *job, const struct sst_truth *truth,
+static int measure_occluder(struct sst_evaluation *out, int index, const struct job *job, const struct sst_truth *truth,
                             struct sst_renderer *r, const struct sst_render_config *cfg)
 {
     const struct sst_truth_occluder *o = &truth->occluders[index];
@@ -281,7 +281,7 @@ done:
     return err;
 }
 
-static int measure_pictures(struct sst_report *out, const struct job *job, const struct sst_truth *truth,
+static int measure_pictures(struct sst_evaluation *out, const struct job *job, const struct sst_truth *truth,
                             const struct sst_render_config *cfg, int threads)
 {
     const struct sst_lightfield *lf = job->lf;
@@ -318,13 +318,13 @@ static void job_fini(struct job *job)
     sst_mem_free(job->views);
 }
 
-int sst_report_make(struct sst_report *out, const struct sst_lightfield *lf, const char *lf_dir,
-                    const struct sst_truth *truth, const char *truth_dir, const struct sst_render_config *cfg,
-                    int threads)
+int sst_eval_lightfield(struct sst_evaluation *out, const struct sst_lightfield *lf, const char *lf_dir,
+                        const struct sst_truth *truth, const char *truth_dir, const struct sst_render_config *cfg,
+                        int threads)
 {
     const int views = lf->rows * lf->cols;
     struct job job = { .lf = lf, .lf_dir = lf_dir, .truth_dir = truth_dir };
-    struct sst_report made = { 0 };
+    struct sst_evaluation made = { 0 };
     int err = -ENOMEM;
 
     job.views = sst_mem_alloc((size_t)views, sizeof(*job.views));

@@ -1,13 +1,13 @@
-/* capture/array/sets.h - groups the frames of all cameras into framesets, one per trigger; every frame is accounted
- * for. */
-#ifndef SST_CAPTURE_ARRAY_SETS_H
-#define SST_CAPTURE_ARRAY_SETS_H
+/* capture/array/frame_sync.h - groups the frames of all cameras into framesets, one per trigger; every frame is
+ * accounted for. */
+#ifndef SST_CAPTURE_ARRAY_FRAME_SYNC_H
+#define SST_CAPTURE_ARRAY_FRAME_SYNC_H
 
 #include <stdbool.h>
 
 #include "base/frame.h"
 
-/** Where a frame ended: exactly one bucket each (DESIGN section 6). */
+/** Where a frame ended: exactly one bucket each (design.md, 6). */
 enum sst_bucket {
     SST_BUCKET_SET = 0,       /* in a set that was passed on */
     SST_BUCKET_LATE = 1,      /* its set was already closed */
@@ -29,7 +29,7 @@ struct sst_skew {
 
 /** A frameset: one frame of each camera for one trigger. Frames are borrowed from the grab; release them all when done.
  */
-struct sst_set {
+struct sst_frameset {
     uint64_t index;  /* of the trigger */
     int64_t t_ns;    /* time zero: loop-back edge, else the trigger's own time, else the earliest stamp */
     int64_t wall_ns; /* CLOCK_REALTIME at t_ns */
@@ -40,19 +40,19 @@ struct sst_set {
     struct sst_frame *frame[SST_CAMERAS_MAX]; /* NULL: missing */
 };
 
-struct sst_sets; /* opaque; one thread, but for sst_sets_recycle() */
+struct sst_framesync; /* opaque; one thread, but for sst_framesync_recycle() */
 
 /** How frames are assigned to sets. */
-enum sst_sets_match {
-    SST_SETS_EDGE = 0,    /* each trigger exposes every camera once: to the trigger within the window */
-    SST_SETS_NEAREST = 1, /* cameras run on their own, faster than the triggers: the frame of each camera that is
+enum sst_framesync_match {
+    SST_FRAMESYNC_EDGE = 0,    /* each trigger exposes every camera once: to the trigger within the window */
+    SST_FRAMESYNC_NEAREST = 1, /* cameras run on their own, faster than the triggers: the frame of each camera that is
                              nearest to a trigger; the others are stray */
-    SST_SETS_FREE = 2,    /* no triggers: by ticks of the frame period, tracked per camera */
+    SST_FRAMESYNC_FREE = 2,    /* no triggers: by ticks of the frame period, tracked per camera */
 };
 
-struct sst_sets_config {
+struct sst_framesync_config {
     int cameras;
-    enum sst_sets_match match;
+    enum sst_framesync_match match;
     int64_t period_ns; /* of triggers (EDGE, NEAREST; 0: irregular) or frames (FREE, > 0) */
     int64_t window_ns; /* 0: 0.4 of the period, at least 1 ms (EDGE, NEAREST) */
     int64_t wait_ns; /* a set is closed this long after its trigger, complete or not; 0: 2.5 periods, at least 250 ms */
@@ -60,16 +60,17 @@ struct sst_sets_config {
     int pool;                          /* maximum number of sets that are open or with the receiver, 2..64 */
 };
 
-struct sst_sets_events {
+struct sst_framesync_events {
     void *arg;
-    /** A closed set, in the order of the triggers, also without frames; owned by the receiver until sst_sets_recycle().
+    /** A closed set, in the order of the triggers, also without frames; owned by the receiver until
+     * sst_framesync_recycle().
      */
-    void (*set)(void *arg, struct sst_set *set);
-    /** A frame can be released; for SET and DROPPED called by sst_sets_recycle(), on its thread. */
+    void (*set)(void *arg, struct sst_frameset *set);
+    /** A frame can be released; for SET and DROPPED called by sst_framesync_recycle(), on its thread. */
     void (*release)(void *arg, struct sst_frame *frame, enum sst_bucket bucket);
 };
 
-struct sst_sets_counters {
+struct sst_framesync_counters {
     uint64_t sets, complete, empty; /* passed on; of them with every camera, with none */
     uint64_t dropped;               /* triggers without a free set: the receiver holds them all */
     uint64_t relocked;              /* FREE: a camera's ticks slipped against those of the others */
@@ -80,33 +81,33 @@ struct sst_sets_counters {
 };
 
 /** @return 0, -EINVAL, -ENOMEM. */
-SST_MUST_CHECK int sst_sets_create(struct sst_sets **out, const struct sst_sets_config *cfg,
-                                   const struct sst_sets_events *events);
+SST_MUST_CHECK int sst_framesync_create(struct sst_framesync **out, const struct sst_framesync_config *cfg,
+                                        const struct sst_framesync_events *events);
 
 /** Report a fired trigger, in the order of time. @param edge  t_ns is the kernel's stamp of a loop-back edge */
-void sst_sets_trigger(struct sst_sets *sets, uint64_t index, int64_t t_ns, bool edge);
+void sst_framesync_trigger(struct sst_framesync *sets, uint64_t index, int64_t t_ns, bool edge);
 
 /** Add an arrived frame; it ends in its bucket now or when its set is closed. */
-void sst_sets_frame(struct sst_sets *sets, struct sst_frame *frame);
+void sst_framesync_frame(struct sst_framesync *sets, struct sst_frame *frame);
 
 /** Set whether a camera streams: sets wait only for streaming cameras. Initially none streams. */
-void sst_sets_camera(struct sst_sets *sets, int cam, bool streaming);
+void sst_framesync_camera(struct sst_framesync *sets, int cam, bool streaming);
 
 /** Close complete and overdue sets. @return latest time of the next call; INT64_MAX: after the next event */
-int64_t sst_sets_tick(struct sst_sets *sets, int64_t now_ns);
+int64_t sst_framesync_tick(struct sst_framesync *sets, int64_t now_ns);
 
 /** Close all open sets as they are. */
-void sst_sets_flush(struct sst_sets *sets);
+void sst_framesync_flush(struct sst_framesync *sets);
 
 /** Return a set from the receiver: its frames are released.  Thread: any; calls the release event.
  *  @param dropped  count its frames as dropped by policy */
-void sst_sets_recycle(struct sst_sets *sets, struct sst_set *set, bool dropped);
+void sst_framesync_recycle(struct sst_framesync *sets, struct sst_frameset *set, bool dropped);
 
-/** Thread: that of sst_sets_frame() and sst_sets_trigger(). */
-void sst_sets_counters(const struct sst_sets *sets, struct sst_sets_counters *out);
+/** Thread: that of sst_framesync_frame() and sst_framesync_trigger(). */
+void sst_framesync_counters(const struct sst_framesync *sets, struct sst_framesync_counters *out);
 
 /** Every set must have been recycled. NULL is fine. */
-void sst_sets_destroy(struct sst_sets *sets);
+void sst_framesync_destroy(struct sst_framesync *sets);
 
 const char *sst_bucket_name(enum sst_bucket bucket);
 

@@ -14,7 +14,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "capture/recording/shorten.h"
+#include "capture/recording/trim.h"
 #include "daemon/storage/storage_internal.h"
 
 #define PASS_MS     500

@@ -1,4 +1,4 @@
-#include "capture/recording/shorten.h"
+#include "capture/recording/trim.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -185,7 +185,7 @@ int sst_recording_write_removed(const char *dir, const struct sst_recording_remo
 
 /* --- making room -------------------------------------------------------------------------------------------------- */
 
-int sst_recording_shorten(const char *dir, int keep, struct sst_recording_removed *out, int64_t *bytes)
+int sst_recording_trim(const char *dir, int keep, struct sst_recording_removed *out, int64_t *bytes)
 {
     struct sst_recording_removed made;
     char path[SST_PATH_MAX];
