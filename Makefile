@@ -218,7 +218,7 @@ ADDRESS := build-address-undefined
 
 check: deps ## build with warnings as errors, once plain and once sanitized, and run every test
 	$(MAKE) WERROR=1 $(PARALLEL) built-check
-	$(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(SYSTEM_TESTS)
+	@$(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(SYSTEM_TESTS)
 
 check-thread: deps ## unit and simulator tests that have threads, under the thread sanitizer
 	$(MAKE) WERROR=1 $(PARALLEL) SAN=thread built
@@ -235,13 +235,13 @@ built-address: $(BUILD)/one_thread.so
 	+$(MAKE) SAN=address,undefined built
 
 check-tests: built $(BUILD)/config_man
-	$(RUN_TESTS) $(TESTS) $(SYSTEM_TESTS)
+	@$(RUN_TESTS) $(TESTS) $(SYSTEM_TESTS)
 
 check-unit: built
-	$(RUN_TESTS) $(TESTS)
+	@$(RUN_TESTS) $(TESTS)
 
 check-cli: built-plain
-	$(RUN_TESTS) $(SYSTEM_TESTS)
+	@$(RUN_TESTS) $(SYSTEM_TESTS)
 
 # Loaded into tests that tests/special.txt says have one thread.
 $(BUILD)/one_thread.so: tests/one_thread.c
