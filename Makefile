@@ -218,7 +218,7 @@ ADDRESS := build-address-undefined
 
 check: deps ## build with warnings as errors, once plain and once sanitized, and run every test
 	$(MAKE) WERROR=1 $(PARALLEL) built-check
-	$(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(SYSTEM_TESTS)
+	@$(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(PLAIN_TESTS) $(SYSTEM_TESTS)
 
 check-thread: deps ## unit and simulator tests that have threads, under the thread sanitizer
 	$(MAKE) WERROR=1 $(PARALLEL) SAN=thread built
@@ -235,13 +235,13 @@ built-address: $(BUILD)/one_thread.so
 	+$(MAKE) SAN=address,undefined built
 
 check-tests: built $(BUILD)/config_man
-	$(RUN_TESTS) $(TESTS) $(SYSTEM_TESTS)
+	@$(RUN_TESTS) $(TESTS) $(SYSTEM_TESTS)
 
 check-unit: built
-	$(RUN_TESTS) $(TESTS)
+	@$(RUN_TESTS) $(TESTS)
 
 check-cli: built-plain
-	$(RUN_TESTS) $(SYSTEM_TESTS)
+	@$(RUN_TESTS) $(SYSTEM_TESTS)
 
 # Loaded into tests that tests/special.txt says have one thread.
 $(BUILD)/one_thread.so: tests/one_thread.c
@@ -282,14 +282,15 @@ fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of net
 	done
 
 # Each header compiles alone; those that a .c includes several times with other macros (templates) do not.
-HEADERS := $(filter-out %_tmpl.h %/templates.h,$(wildcard $(foreach d,base client config drivers capture pipeline daemon publishers cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
+# Headers of optional parts come with what they are built with.
+HEADERS := $(filter-out $(if $(filter 1,$(WITH_RTSP)),,publishers/rtsp/%) $(if $(filter 1,$(WITH_DNNL)),,%_dnnl.h) %_tmpl.h %/templates.h,$(wildcard $(foreach d,base client config drivers capture pipeline daemon publishers cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
 $(BUILD)/headers/%.h.ok: %.h
 	@mkdir -p $(@D)
-	@echo '#include "$<"' | $(CC) -std=c11 -D_DEFAULT_SOURCE -I. -Wall -Werror -fsyntax-only -MMD -MP -MT $@ -MF $(@:.ok=.d) -x c -
+	@echo '#include "$<"' | $(CC) -std=c11 -D_DEFAULT_SOURCE -I. $(if $(filter publishers/rtsp/%,$<),$(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES_rtsp)))) -Wall -Werror -fsyntax-only -MMD -MP -MT $@ -MF $(@:.ok=.d) -x c -
 	@touch $@
 check-includes: $(HEADERS:%=$(BUILD)/headers/%.ok) ## headers compile alone, includes go one way
 	scripts/check_includes.sh
-check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) ## names say which folder they belong to, links go one way
+check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) $(PUBLISHERS:%=$(BUILD)/sst-%) $(BUILD)/sstd ## names say which folder they belong to, links go one way
 	SST_BUILD=$(BUILD) scripts/check_names.sh
 
 BENCH := $(BUILD)/sst $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render)

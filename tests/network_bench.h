@@ -4,18 +4,14 @@
 
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "pipeline/method/network/network.h"
 #include "tests/onnx_writer.h"
+#include "tests/test.h"
 
 struct image {
     int c, h, w;

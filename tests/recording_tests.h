@@ -3,21 +3,17 @@
 #define SST_TESTS_RECORDING_TESTS_H
 
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <linux/videodev2.h>
 
-#include <cmocka.h>
-
 #include "base/file.h"
 #include "base/log.h"
 #include "capture/recording/recording.h"
 #include "tests/synthetic_sets.h"
+#include "tests/test.h"
 
 static char top[] = "/tmp/sst-recording-XXXXXX";
 static char dir[SST_PATH_MAX]; /* of one test */

@@ -12,11 +12,8 @@
 #include <netinet/in.h>
 #include <poll.h>
 #include <pthread.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
 #include <stdatomic.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,8 +22,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
@@ -34,6 +29,7 @@
 #include "daemon/publish/http.h"
 #include "pipeline/image/codec.h"
 #include "tests/quick.h"
+#include "tests/test.h"
 
 #define WIDTH     320
 #define HEIGHT    240

@@ -3,15 +3,11 @@
 #define SST_TESTS_SIM_TEST_H
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
 #include <linux/videodev2.h>
 #include <turbojpeg.h>
 
@@ -20,6 +16,7 @@
 #include "pipeline/image/image.h"
 #include "simulators/scene/world/sim_world.h"
 #include "simulators/scene/world/world_internal.h"
+#include "tests/test.h"
 
 #define SIM_CAPACITY ((size_t)4 << 20)
 

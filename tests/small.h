@@ -3,13 +3,11 @@
 #ifndef SST_TESTS_SMALL_H
 #define SST_TESTS_SMALL_H
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 
-#include <cmocka.h>
+#include "tests/test.h"
+
 
 static inline int small_level(void)
 {

@@ -38,6 +38,7 @@ struct sst_events {
 
 static const char *const level_names[] = { "info", "warning", "error" };
 
+#if WITH_SYSTEMD
 /* For `journalctl MESSAGE_ID=`; docs/use/install.md lists them. */
 static const struct {
     const char *type, *id;
@@ -53,6 +54,7 @@ static const struct {
     { "client", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a11" },        { "start", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a12" },
     { "stop", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a13" },          { "certificate", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a14" },
 };
+#endif
 
 int sst_events_create(struct sst_events **out, int capacity)
 {

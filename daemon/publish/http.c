@@ -289,6 +289,8 @@ void sst_http_close(struct sst_http *http)
 
 #include <errno.h>
 
+#include "base/log.h"
+
 int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
 {
     (void)out;

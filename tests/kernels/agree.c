@@ -1,15 +1,11 @@
 /* Kernels of colour agreement and of map enlargement: every level against the reference, byte for byte, and the
  * references against hand-worked values. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "pipeline/kernels/kernels.h"
+#include "tests/test.h"
 
 #define RAYS   36
 #define STRIDE 128

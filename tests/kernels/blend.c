@@ -1,18 +1,14 @@
 /* Blending kernels: every level against the reference, byte for byte, buffers ending at an unmapped page. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "pipeline/kernels/exp_neg.h"
 #include "pipeline/kernels/kernels.h"
+#include "tests/test.h"
 
 #define GUARDS 24
 

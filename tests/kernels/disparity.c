@@ -1,17 +1,13 @@
 /* Every kernel of the disparity stage, at every level this CPU has, against its plain reference. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
+#include "tests/test.h"
 
 static uint64_t seed = 0x9E3779B97F4A7C15ull;
 

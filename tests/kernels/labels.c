@@ -1,18 +1,14 @@
 /* Kernels of the labels: known values of the reference, every level equal to it, buffers ending at an unmapped page. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/kernels/log_pos.h"
+#include "tests/test.h"
 
 static uint32_t seed = 1;
 

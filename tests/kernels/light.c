@@ -1,17 +1,13 @@
 /* light_row: against the exact chain in double, every level against the reference, buffers ending at unmapped pages. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "pipeline/kernels/kernels.h"
+#include "tests/test.h"
 
 #define SAMPLES (SST_LIGHT_WHITE + 1)
 

@@ -1,9 +1,6 @@
 /* Resampling kernel: every level against the reference, byte for byte, pictures ending at an unmapped page; the
  * reference against interpolation in double. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,9 +8,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "pipeline/kernels/kernels.h"
+#include "tests/test.h"
 
 #define WIDTH  37
 #define HEIGHT 23

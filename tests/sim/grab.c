@@ -1,18 +1,14 @@
 /* drivers/grab on simulated cameras: every fault that a camera can have, plugging, recovery. Runs itself in sst-sim. */
 #include <dirent.h>
 #include <errno.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <sys/wait.h>
-
-#include <cmocka.h>
 
 #include "base/log.h"
 #include "drivers/grab/grab_internal.h"
 #include "tests/grab_rig.h"
 #include "tests/quick.h"
+#include "tests/test.h"
 
 /* So long a condition may take on a busy machine under a sanitizer; what must be quick is measured, see measured(). */
 #define PATIENCE_MS 60000

@@ -3,15 +3,11 @@
 #include <errno.h>
 #include <math.h>
 #include <pthread.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
-#include <cmocka.h>
 #include <linux/videodev2.h>
 
 #include "base/clock.h"
@@ -22,6 +18,7 @@
 #include "simulators/scene/scene.h"
 #include "tests/quick.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 #define SIDE   6
 #define VIEWS  (SIDE * SIDE)

@@ -3,11 +3,8 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <setjmp.h>
 #include <signal.h>
 #include <spawn.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,13 +12,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/clock.h"
 #include "base/file.h"
 #include "config/sstd.h"
 #include "daemon/publish/http.h"
 #include "tests/quick.h"
+#include "tests/test.h"
 
 #define BROKER   "/usr/sbin/mosquitto"
 #define PATIENCE 6000 /* looks, 10 ms apart, for what comes sooner or later */

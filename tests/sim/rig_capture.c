@@ -2,16 +2,12 @@
  */
 #include <errno.h>
 #include <fcntl.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <sys/stat.h>
-
-#include <cmocka.h>
 
 #include "base/log.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "tests/rig_bench.h"
+#include "tests/test.h"
 
 static char said[SST_LOG_MAX];
 

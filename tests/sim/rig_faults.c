@@ -1,15 +1,11 @@
 /* Every fault of the simulated drives during a capture: named, counted, recovered or reported in time, never a view
  * that was taken while the rig moved. */
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-
-#include <cmocka.h>
 
 #include "base/log.h"
 #include "tests/quick.h"
 #include "tests/rig_bench.h"
+#include "tests/test.h"
 
 #define ATTEMPTS 5
 

@@ -1,21 +1,17 @@
 /* The rig driver against the simulated drives, over TCP and over a serial line: open, home, move, stand still, stop. */
 #include <errno.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/clock.h"
 #include "base/log.h"
 #include "drivers/rig/rig.h"
 #include "simulators/rig/drive.h"
+#include "tests/test.h"
 
 #define PATIENCE_MS 60000
 

@@ -1,21 +1,17 @@
 /* drivers/trigger on the simulated GPIO chip: trains with loop-back stamps, groups, and every fault by its name. */
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdatomic.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/clock.h"
 #include "base/log.h"
 #include "drivers/trigger/trigger.h"
 #include "tests/quick.h"
 #include "tests/sim_session.h"
+#include "tests/test.h"
 
 #define PATIENCE_MS 60000 /* for what comes on any machine, sooner or later */
 

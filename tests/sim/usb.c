@@ -2,19 +2,15 @@
  */
 #include <errno.h>
 #include <fcntl.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/log.h"
 #include "drivers/usb/usb.h"
 #include "tests/sim_session.h"
+#include "tests/test.h"
 
 #define PATIENCE 1200 /* looks, 50 ms apart, for what comes on any machine, sooner or later */
 

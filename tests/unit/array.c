@@ -1,18 +1,14 @@
 /* The array's configuration: the shipped file equals the defaults, values arrive, faults are all told with places. */
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/file.h"
 #include "base/log.h"
 #include "config/array.h"
+#include "tests/test.h"
 
 static char said[SST_LOG_MAX];
 

@@ -1,17 +1,12 @@
 /* base/: files that appear whole or not at all, parallel work. */
 #include <dirent.h>
 #include <errno.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/clock.h"
 #include "base/file.h"
@@ -19,6 +14,7 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 static int square(void *arg, int index, int worker SST_UNUSED)
 {

@@ -1,19 +1,15 @@
 /* Boards: parsing and formatting, points, markers, and printing. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/calibration/board/homography.h"
 #include "pipeline/calibration/board/print.h"
 #include "pipeline/image/codec.h"
+#include "tests/test.h"
 
 #include <errno.h>
 #include <math.h>

@@ -1,18 +1,15 @@
 /* Calibrations of other tools: hand-worked answers for each convention, refusals, and round trips. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/camera/format.h"
+#include "tests/test.h"
 
 static char dir[] = "/tmp/sst-formats-XXXXXX";
 

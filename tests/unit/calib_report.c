@@ -2,21 +2,18 @@
  * empty solutions. The page itself is tested in a browser by tests/system/calib_report.sh. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
 #include <jansson.h>
 
 #include "base/clock.h"
 #include "base/file.h"
 #include "pipeline/calibration/report/report_internal.h"
 #include "tests/calib_solution.h"
+#include "tests/test.h"
 
 static char dir[] = "/tmp/sst-calib-report-XXXXXX";
 

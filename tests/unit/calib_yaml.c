@@ -2,18 +2,15 @@
 #include <errno.h>
 #include <float.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/camera/calib.h"
+#include "tests/test.h"
 
 static char path[] = "/tmp/sst-calib-XXXXXX.yaml";
 

@@ -1,17 +1,12 @@
 /* Light fields of raw frames: a plane with a known picture on it, seen by an array that is mounted badly. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/file.h"
 #include "base/log.h"
@@ -21,6 +16,7 @@
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/render/render.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 #define ROWS   2
 #define COLS   3

@@ -4,21 +4,17 @@
  */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/clock.h"
 #include "base/log.h"
 #include "pipeline/calibration/drift/drift_internal.h"
 #include "simulators/scene/noise.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 #define WIDTH  320
 #define HEIGHT 240

@@ -3,22 +3,18 @@
 #include <errno.h>
 #include <ftw.h>
 #include <math.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/image/codec.h"
+#include "tests/test.h"
 
 #define ROBUSTNESS "../shared/data/jpeg-robustness"
 

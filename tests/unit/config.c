@@ -1,21 +1,17 @@
 /* The service's configuration: the shipped file, the table, parts in conf.d, faults with places, differences. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/file.h"
 #include "base/log.h"
 #include "base/yaml.h"
 #include "config/schema.h"
+#include "tests/test.h"
 
 static struct sst_config cfg, other;
 static char folder[64], said[8192];

@@ -1,11 +1,6 @@
 /* Coverage: counts, criteria, text and picture; detections sorted and in files. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include <errno.h>
 
@@ -13,6 +8,7 @@
 #include "base/log.h"
 #include "pipeline/calibration/board/coverage.h"
 #include "tests/board_scene.h"
+#include "tests/test.h"
 
 static struct sst_board parsed(const char *text)
 {

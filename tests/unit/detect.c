@@ -1,11 +1,6 @@
 /* Detection of boards in pictures with known truth: positions, numbers, blur, and false detections. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include <errno.h>
 
@@ -15,6 +10,7 @@
 #include "pipeline/calibration/board/detect.h"
 #include "tests/board_scene.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 #ifdef __SANITIZE_THREAD__
 #define WATCH_THREADS true

@@ -1,18 +1,14 @@
 /* Photographs of a chessboard by two cameras: all found, and as well as by OpenCV (tests/board_pictures.py). */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/file.h"
 #include "pipeline/calibration/board/detect.h"
 #include "pipeline/image/codec.h"
+#include "tests/test.h"
 
 #define FOLDER "../shared/data/calib-opencv-stereo"
 

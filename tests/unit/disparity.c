@@ -1,14 +1,10 @@
 /* The steps of the disparity stage, each formula with values worked by hand. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "pipeline/method/disparity/stage.h"
+#include "tests/test.h"
 
 #define NONE      ((int)SST_DISP_NONE)
 #define MAX_CELLS 4096

@@ -1,18 +1,14 @@
 /* The disparity stage as a whole: two textured planes seen by arrays of several shapes, and nothing to match. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "pipeline/method/disparity/disparity.h"
 #include "simulators/scene/scene.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 /* Even, so that half-size views are whole pixels apart too. */
 #define BACK_PX  (-2)

@@ -1,17 +1,13 @@
 /* The winner of the matching costs alone, and which networks may make features. */
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "pipeline/method/disparity/stage.h"
 #include "tests/onnx_writer.h"
+#include "tests/test.h"
 
 #define WIDTH    80
 #define HEIGHT   24

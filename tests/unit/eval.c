@@ -1,14 +1,10 @@
 /* pipeline/eval: figures of merit against hand-worked values and direct loops. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "pipeline/eval/eval.h"
+#include "tests/test.h"
 
 #define CLOSE(a, b, eps) assert_true(fabs((double)(a) - (double)(b)) <= (eps))
 

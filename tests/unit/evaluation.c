@@ -2,21 +2,17 @@
  * truth. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "pipeline/eval/evaluation.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/folder.h"
 #include "simulators/scene/scene.h"
+#include "tests/test.h"
 
 #define WIDTH  200
 #define HEIGHT 150

@@ -1,20 +1,16 @@
 /* Features of views that are cut into bands, against one run of the network over the whole view. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/mem.h"
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/network/network.h"
 #include "tests/onnx_writer.h"
+#include "tests/test.h"
 
 #define SHIPPED "models/mccnn-fast.onnx"
 

@@ -1,15 +1,11 @@
 /* Assembly of sets: hand-worked timelines, and random ones in which every frame must end in exactly one bucket. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "base/histogram.h"
 #include "capture/array/frame_sync.h"
+#include "tests/test.h"
 
 #define MS 1000000ll
 

@@ -1,17 +1,13 @@
 /* drivers/grab without devices: what a frame's bytes show, which device is which camera, names of controls. */
 #include <errno.h>
 #include <linux/videodev2.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <turbojpeg.h>
 
-#include <cmocka.h>
-
 #include "drivers/grab/grab_internal.h"
+#include "tests/test.h"
 
 /* --- frames ------------------------------------------------------------------------------------------------------- */
 

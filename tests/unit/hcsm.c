@@ -1,16 +1,12 @@
 /* HCSM and the search for its threshold. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "pipeline/method/labels/labels.h"
+#include "tests/test.h"
 
 /* Entropies below, at and above the threshold, and one that is infinite. */
 static void labels_below_the_threshold_are_kept(void **state SST_UNUSED)

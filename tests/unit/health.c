@@ -1,13 +1,9 @@
 /* What is wrong with the cameras' frames: told when it begins and ends, in a line for all cameras that have it, and
  * ever more seldom when it comes and goes. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "capture/array/array_internal.h"
+#include "tests/test.h"
 
 enum { CAMERAS = 36 };
 

@@ -1,21 +1,17 @@
 /* Hooks: what a program is given, that no shell sees it, limits of time and number, and stopping. */
 #include <errno.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/clock.h"
 #include "base/file.h"
 #include "daemon/publish/hooks.h"
 #include "daemon/publish/publish_internal.h"
 #include "tests/quick.h"
+#include "tests/test.h"
 
 static char folder[64];
 static struct sst_events *events;

@@ -1,16 +1,12 @@
 /* The table of routes, openapi.json and docs/integrate/api.md name exactly the same; texts of clients are taken apart
  * rightly. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "base/file.h"
 #include "daemon/publish/publish_internal.h"
+#include "tests/test.h"
 
 static const char *const roles[] = { "anyone", "view", "control" };
 

@@ -1,21 +1,17 @@
 /* pipeline/lightfield: import and export, each conversion with a known answer, and what is refused. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-
-#include <cmocka.h>
 
 #include "base/file.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/lightfield_internal.h"
+#include "tests/test.h"
 
 #define WIDTH  6
 #define HEIGHT 5

@@ -1,17 +1,13 @@
 /* pipeline/image/jpeg_means: against libjpeg's own decoding at 1/8, on every kind of frame, and on damaged ones. */
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "pipeline/image/jpeg_means.h"
+#include "tests/test.h"
 
 #define WIDTH_MAX  200
 #define HEIGHT_MAX 120

@@ -1,11 +1,7 @@
 /* drivers/grab/ladder: hand-worked timelines. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-
-#include <cmocka.h>
 
 #include "drivers/grab/grab_internal.h"
+#include "tests/test.h"
 
 #define S        INT64_C(1000000000)
 #define PATIENCE (2 * S)

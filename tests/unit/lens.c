@@ -1,15 +1,11 @@
 /* pipeline/camera/camera.c: the lens model and its inverse, and rotations as vectors. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "pipeline/camera/calib.h"
+#include "tests/test.h"
 
 static struct sst_calib_camera camera(int lens, const double *k)
 {

@@ -1,19 +1,15 @@
 /* Photometric calibration from samples with known gains and fall-offs, and from drawn boards; then its correction. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/log.h"
 #include "pipeline/calibration/photometric/photometric.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
+#include "tests/test.h"
 
 #define WIDTH  640
 #define HEIGHT 480

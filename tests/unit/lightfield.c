@@ -1,21 +1,17 @@
 /* pipeline/lightfield: in memory, and as a folder. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-
-#include <cmocka.h>
 
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/lightfield/lightfield_internal.h"
+#include "tests/test.h"
 
 static char dir[] = "/tmp/sst-lightfield-XXXXXX";
 

@@ -1,13 +1,9 @@
 /* pipeline/live/things: labels of what moves before a wall, by what a network says of a part of its cells. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "pipeline/live/scene/scene_internal.h"
+#include "tests/test.h"
 
 #define COLS   8
 #define ROWS   6

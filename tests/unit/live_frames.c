@@ -2,15 +2,11 @@
  */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
 #include <linux/videodev2.h>
 
 #include "base/log.h"
@@ -18,6 +14,7 @@
 #include "pipeline/image/raw.h"
 #include "pipeline/live/frames/frames.h"
 #include "pipeline/live/frames/frames_internal.h"
+#include "tests/test.h"
 
 #ifdef __SANITIZE_THREAD__
 #define WATCH_THREADS true

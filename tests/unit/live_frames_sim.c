@@ -2,22 +2,19 @@
  * kept never differs from what exact mode keeps by more than the budget. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
 #include <linux/videodev2.h>
 
 #include "base/file.h"
 #include "pipeline/live/frames/frames.h"
 #include "pipeline/live/frames/frames_internal.h"
 #include "simulators/scene/world/sim_world.h"
+#include "tests/test.h"
 
 #ifdef __SANITIZE_THREAD__
 #define WATCH_THREADS true

@@ -3,21 +3,18 @@
  * does not grow. */
 #include <errno.h>
 #include <malloc.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdatomic.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
 #include <linux/videodev2.h>
 
 #include "base/mem.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/live/live.h"
+#include "tests/test.h"
 
 #define SIDE     3
 #define VIEWS    (SIDE * SIDE)

@@ -1,16 +1,12 @@
 /* What a click finds, on light fields made by hand: layers of noise, each with a disparity and holes, and maps that are
  * right or wrong about them. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "pipeline/live/live_internal.h"
 #include "pipeline/live/picture/picture_internal.h"
+#include "tests/test.h"
 
 #define SIDE   6
 #define VIEWS  (SIDE * SIDE)

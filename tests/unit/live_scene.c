@@ -1,19 +1,15 @@
 /* pipeline/live/scene: maps that follow a small light field in which a square moves before a wall, and their pieces. */
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
-
-#include <cmocka.h>
 
 #include "base/clock.h"
 #include "base/log.h"
 #include "pipeline/live/scene/scene_internal.h"
 #include "tests/quick.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 #define WIDTH   256
 #define HEIGHT  192

@@ -2,19 +2,15 @@
  * field's maps are those of simulated scenes; what follows cameras is tested in tests/sim/live.c. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/live/live_internal.h"
 #include "simulators/scene/scene.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 #define assert_near(got, want, eps)                                                                                    \
     do {                                                                                                               \

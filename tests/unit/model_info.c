@@ -1,14 +1,9 @@
 /* Descriptions of networks (YAML beside them, metadata inside them) and manifests. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/file.h"
 #include "base/log.h"
@@ -16,6 +11,7 @@
 #include "pipeline/method/labels/model_info.h"
 #include "pipeline/method/network/manifest.h"
 #include "tests/onnx_writer.h"
+#include "tests/test.h"
 
 static char said[SST_LOG_MAX]; /* the last error */
 static char dir[] = "/tmp/sst-info-XXXXXX";

@@ -1,19 +1,15 @@
 /* Damaged and hostile network files: an error in one sentence, never a crash. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/log.h"
 #include "pipeline/method/network/graph.h"
 #include "pipeline/method/network/onnx.h"
 #include "tests/onnx_writer.h"
+#include "tests/test.h"
 
 /* Parse and build as the runner does, without running; the model is taken. */
 static int read_model(const uint8_t *data, size_t size)

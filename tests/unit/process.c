@@ -1,20 +1,16 @@
 /* The stages in memory: what is computed, what is kept, and that the short way to the labels gives the same ones. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/process/process.h"
 #include "simulators/scene/scene.h"
 #include "tests/onnx_writer.h"
+#include "tests/test.h"
 
 #define WIDTH  64
 #define HEIGHT 48

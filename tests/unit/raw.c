@@ -1,8 +1,5 @@
 /* pipeline/image/raw: uncompressed frames as pictures, with hand-worked values. */
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,12 +7,11 @@
 
 #include <linux/videodev2.h>
 
-#include <cmocka.h>
-
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
+#include "tests/test.h"
 
 static char dir[] = "/tmp/sst-raw-XXXXXX";
 static char path[SST_PATH_MAX];

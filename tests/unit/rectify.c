@@ -1,20 +1,16 @@
 /* Rectification: hand-worked arrays, the disparity law on random points, the map against the exact chain. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "base/clock.h"
 #include "base/log.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
+#include "tests/test.h"
 
 #define F     1000.0
 #define PITCH 50.0

@@ -3,18 +3,14 @@
  */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "base/log.h"
 #include "base/mem.h"
 #include "pipeline/method/refine/parts.h"
+#include "tests/test.h"
 
 #define CLOSE(a, b, eps) assert_true(fabs((double)(a) - (double)(b)) <= (eps))
 

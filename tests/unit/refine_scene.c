@@ -1,16 +1,12 @@
 /* pipeline/method/refine: labels of a synthetic light field of things standing on a table, and that the normals earn
  * their keep. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "pipeline/method/refine/refine.h"
+#include "tests/test.h"
 
 #define SIDE         3
 #define VIEWS        (SIDE * SIDE)

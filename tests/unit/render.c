@@ -4,19 +4,15 @@
 #include <errno.h>
 #include <fenv.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/log.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/render/plan.h"
 #include "pipeline/method/render/ranges.h"
+#include "tests/test.h"
 
 #define UNKNOWN (-1000.0) /* outside what can be stored, so SST_DISP_NONE */
 

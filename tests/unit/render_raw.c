@@ -1,15 +1,11 @@
 /* Pictures straight from raw frames against pictures of rectified views and against the exact ones. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdint.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/log.h"
 #include "tests/raw_field.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 #define WIDTH  256
 #define HEIGHT 192

@@ -1,18 +1,14 @@
 /* Drive profiles: the ones that ship are read; faults are told with line and column. */
 #include <dirent.h>
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/log.h"
 #include "drivers/rig/rig_internal.h"
+#include "tests/test.h"
 
 static struct rig_profile profile;
 static char said[SST_LOG_MAX];

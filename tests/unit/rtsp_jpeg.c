@@ -1,17 +1,14 @@
 /* Which JPEGs RTP carries. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
 
 #if WITH_RTSP
 #include <jpeglib.h>
 
 #include "publishers/rtsp/rtsp_internal.h"
+#include "tests/test.h"
 
 struct form {
     int width, components, across, down;

@@ -2,15 +2,10 @@
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/file.h"
 #include "pipeline/image/classes.h"
@@ -18,6 +13,7 @@
 #include "pipeline/lightfield/folder.h"
 #include "simulators/scene/scene_internal.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 #define assert_near(a, b, within) assert_true(fabs((double)(a) - (double)(b)) <= (within))
 

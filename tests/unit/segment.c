@@ -1,15 +1,10 @@
 /* The segmenter: metadata, scaling of the image and of the probabilities, errors. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/file.h"
 #include "base/log.h"
@@ -17,6 +12,7 @@
 #include "pipeline/method/labels/labels_internal.h"
 #include "pipeline/method/network/model_path.h"
 #include "tests/onnx_writer.h"
+#include "tests/test.h"
 
 struct entry {
     const char *key, *value;

@@ -1,13 +1,9 @@
 #include <errno.h>
 #include <math.h>
 #include <pthread.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/clock.h"
 #include "base/jpeg_slot.h"
@@ -16,6 +12,7 @@
 #include "daemon/events/events.h"
 #include "daemon/publish/api.h"
 #include "daemon/service/service_internal.h"
+#include "tests/test.h"
 
 /* --- ring --------------------------------------------------------------------------------------------------------- */
 

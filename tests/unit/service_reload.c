@@ -1,9 +1,6 @@
 /* What a reload does with each key of the configuration, and what the service does when the wall clock is set. */
 #define _GNU_SOURCE
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,13 +8,12 @@
 #include <time.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "config/schema.h"
 #include "daemon/service/service_internal.h"
+#include "tests/test.h"
 
 static char folder[64], base_yaml[600];
 static struct sst_service *service;

@@ -1,14 +1,11 @@
 /* tests/unit/sim_gpio.c - simulated GPIO chips behave like the kernel's gpiolib, in both versions of its uAPI. */
 #include <errno.h>
 #include <linux/gpio.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "simulators/devices/gpio/gpio_model.h"
+#include "tests/test.h"
 
 #define US 1000LL
 

@@ -1,13 +1,10 @@
 /* tests/unit/sim_usb.c - the simulated USB tree: plugging, bandwidth, descriptors. */
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "simulators/devices/usb/usb_model.h"
+#include "tests/test.h"
 
 static char trace[4096]; /* events as words: "+1-1 b1-1:0 -1-1 ..." */
 

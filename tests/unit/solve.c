@@ -1,17 +1,13 @@
 /* Solutions of made-up arrays against their truth. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/log.h"
 #include "pipeline/calibration/solve/solve.h"
 #include "tests/calib_truth.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 #define assert_near(a, b, within) assert_true(fabs((double)(a) - (double)(b)) <= (within))
 

@@ -1,15 +1,11 @@
 /* The solver's algebra and derivatives against hand-worked values and differences; its compressed rows against all. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "pipeline/calibration/solve/solve_internal.h"
 #include "tests/calib_truth.h"
+#include "tests/test.h"
 
 #define assert_near(a, b, within) assert_true(fabs((double)(a) - (double)(b)) <= (within))
 

@@ -1,17 +1,13 @@
 /* Real pictures of a chessboard by two cameras: our solution against OpenCV's from the same corners. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "pipeline/calibration/solve/solve.h"
 #include "pipeline/image/codec.h"
+#include "tests/test.h"
 #include "tests/unit/solve_oracle.h"
 
 #define FOLDER "../shared/data/calib-opencv-stereo"

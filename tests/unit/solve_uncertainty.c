@@ -1,14 +1,10 @@
 /* Predicted uncertainty against what really happens: many made-up arrays, each solved, each compared with its truth. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "pipeline/calibration/solve/solve.h"
 #include "tests/calib_truth.h"
+#include "tests/test.h"
 
 #define TRIALS    24
 #define STRETCHES 4 /* |error| over sigma: 0.5, 1, 1.5, 2 */

@@ -1,16 +1,12 @@
 /* Faulty captures are refused with a message naming what, where and how much; never fitted silently. */
 #include <errno.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/log.h"
 #include "pipeline/calibration/solve/solve.h"
 #include "tests/calib_truth.h"
+#include "tests/test.h"
 
 static char said[SST_LOG_MAX];
 

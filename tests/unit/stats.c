@@ -1,13 +1,9 @@
 /* base/stats: orders, medians and quantiles of hand-worked values; none, one, NaN. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "base/stats.h"
+#include "tests/test.h"
 
 #define NONE ((double)NAN)
 

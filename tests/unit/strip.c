@@ -1,14 +1,10 @@
 /* The strip: its bits by hand, every field and its limits, and that a wrong bit anywhere is refused. */
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "simulators/scene/world/world_internal.h"
+#include "tests/test.h"
 
 #define WIDTH  640
 #define HEIGHT 24 /* 240 bits in rows of 80 cells */

@@ -1,21 +1,17 @@
 /* drivers/trigger: ticks, steps of a pulse, clocks of edge stamps; trains of time marks; what open refuses. */
 #include <errno.h>
 #include <pthread.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/clock.h"
 #include "base/log.h"
 #include "drivers/trigger/trigger.h"
 #include "drivers/trigger/trigger_internal.h"
 #include "tests/quick.h"
+#include "tests/test.h"
 
 static void equal_delays_change_in_one_step(void **state SST_UNUSED)
 {

@@ -1,20 +1,16 @@
 /* drivers/usb: the tree read from files laid out like sysfs, descriptors, port names, bandwidth sums worked by hand. */
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/clock.h"
 #include "drivers/usb/plan.h"
 #include "drivers/usb/usb_internal.h"
 #include "tests/quick.h"
+#include "tests/test.h"
 
 /* --- a tree in files ---------------------------------------------------------------------------------------------- */
 

@@ -1,13 +1,8 @@
 /* Verified rays: a bush whose maps know nothing of what is behind it, maps that are good, foci where nothing is. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/thread.h"
 #include "pipeline/eval/eval.h"
@@ -16,6 +11,7 @@
 #include "pipeline/method/render/verify.h"
 #include "simulators/scene/scene.h"
 #include "tests/small.h"
+#include "tests/test.h"
 
 #define WIDTH  258 /* more than one run of cells, and no multiple of anything */
 #define HEIGHT 150

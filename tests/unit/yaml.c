@@ -1,16 +1,12 @@
 /* The strict YAML reader: trees with places, typed values, every fault with line and column, limits. */
 #include <errno.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "base/log.h"
 #include "base/yaml.h"
+#include "tests/test.h"
 
 static char said[SST_LOG_MAX]; /* the last error */
 
