@@ -48,7 +48,7 @@ static int on_line(void *arg, const char *line)
     int err = 0;
 
     if (!json_is_integer(id) || json_integer_value(id) < 0) {
-        sst_log_error("the service sends what is no event: %.60s", line);
+        sst_log_error("the service sent a line that is not an event: %.60s", line);
         err = -EPROTO;
     } else {
         s->last = (uint64_t)json_integer_value(id);

@@ -91,7 +91,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (of && keep_it)
         return cli_usage_error(cmd, "--keep keeps the whole light field and the main view: --of does not go with it");
     if (of && !is_name(of))
-        return cli_usage_error(cmd, "--of %s is no view, camera, labels or disparity", of);
+        return cli_usage_error(cmd, "--of %s is not a view, a camera, labels or disparity", of);
     err = sst_client_open(&client, &where);
     if (!err) {
         err = keep_it ? keep(client, file) : save(client, of, file);

@@ -139,7 +139,7 @@ static int pass_parts(struct sst_client *c)
 
     while (!err && (used = parse_part(c, &picture)) != 0) {
         if (used < 0) {
-            sst_log_error("what answers at %s is no service of sst: its stream has no pictures", c->place);
+            sst_log_error("%s does not answer as sstd does: its stream has no pictures", c->place);
             return -EPROTO;
         }
         err = c->picture(c->arg, &picture);
@@ -248,7 +248,7 @@ static int refusal(struct sst_client *c, long code)
     for (char *t = sentence; *t; t++) /* no answer drives the terminal */
         *t = (unsigned char)*t < ' ' || *t == 127 ? '?' : *t;
     if (code == 401)
-        sst_log_error("the service at %s wants a token: --token-file FILE names a file that holds it, a copy of its "
+        sst_log_error("the service at %s requires a token: --token-file FILE names a file that holds it, a copy of its "
                       "web.token_file",
                       c->place);
     else if (*sentence)
@@ -419,7 +419,7 @@ int sst_client_json(struct sst_client *c, const char *path, const json_t *post, 
         return err;
     answer = c->length ? json_loadb(c->text, c->length, JSON_REJECT_DUPLICATES, NULL) : NULL;
     if (!answer) {
-        sst_log_error("what answers at %s is no service of sst: %s is no JSON", c->place, path);
+        sst_log_error("%s does not answer as sstd does: %s is not JSON", c->place, path);
         return -EPROTO;
     }
     *out = answer;
@@ -444,7 +444,7 @@ int sst_client_save(struct sst_client *c, const char *path, const char *type, co
         sst_log_error("%s: %s: free space, or name another file", file, strerror(-c->err));
     (void)curl_easy_getinfo(c->curl, CURLINFO_CONTENT_TYPE, &got); /* belongs to curl */
     if (!err && (!got || strncmp(got, type, strlen(type)) != 0)) {
-        sst_log_error("what answers at %s is no service of sst: %s is no %s", c->place, path, type);
+        sst_log_error("%s does not answer as sstd does: %s is not %s", c->place, path, type);
         err = -EPROTO;
     } else if (!err && !strcmp(type, "application/x-tar") && c->zeros < TAR_END_BYTES) {
         sst_log_error("the service at %s ended while it sent %s: see `journalctl -u sstd`", c->place, path);
@@ -463,7 +463,7 @@ int sst_client_bytes(struct sst_client *c, const char *path, uint8_t **data, siz
     if (err)
         return err;
     if (!c->length) {
-        sst_log_error("what answers at %s is no service of sst: %s is empty", c->place, path);
+        sst_log_error("%s does not answer as sstd does: %s is empty", c->place, path);
         return -EPROTO;
     }
     *data = (uint8_t *)c->text;

@@ -184,7 +184,7 @@ int manifest_read_info(const char *path, struct sst_recording_info *info)
     root = json_loadb((const char *)data, size, JSON_REJECT_DUPLICATES, &error);
     free(data);
     if (!root) {
-        sst_log_error("%s:%d:%d: %s; it is no recording.json", path, error.line, error.column, error.text);
+        sst_log_error("%s:%d:%d: %s; this is not a recording.json", path, error.line, error.column, error.text);
         return -EBADMSG;
     }
     fault = read_info(root, &made);

@@ -151,7 +151,7 @@ static void report_trigger(struct service_array *a, bool away)
     a->trigger_away = away;
     if (away)
         sst_events_emit(a->events, SST_EVENT_ERROR, "trigger-lost", NULL,
-                        "the trigger's GPIO chip \"%s\" is gone; it is looked for, cameras wait",
+                        "the trigger's GPIO chip \"%s\" is gone; searching for it, cameras wait",
                         a->config.chip[0] ? a->config.chip : a->config.line[0]);
     else
         sst_events_emit(a->events, SST_EVENT_INFO, "trigger-found", NULL, "the trigger fires again");
