@@ -8,6 +8,7 @@
 
 #include "pipeline/kernels/exp_neg.h"
 #include "pipeline/kernels/kernels.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 #define GUARDS 24
@@ -17,13 +18,7 @@ static struct {
     size_t size;
 } guards[GUARDS];
 static int guard_count;
-static uint32_t seed = 1;
-
-static uint32_t next_random(void)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return seed >> 8;
-}
+static uint64_t seed = 1;
 
 /* Bytes that end where the next page faults. */
 static void *guard_random(size_t bytes)
@@ -37,7 +32,7 @@ static void *guard_random(size_t bytes)
     guards[guard_count++].size = size;
     data = map + size - page - bytes;
     for (size_t i = 0; i < bytes; i++)
-        data[i] = (uint8_t)next_random();
+        data[i] = (uint8_t)sst_random_u64(&seed);
     return data;
 }
 
@@ -54,7 +49,7 @@ static float *guard_floats(size_t n)
     float *f = guard_random(n * sizeof(*f));
 
     for (size_t i = 0; i < n; i++)
-        f[i] = (float)(next_random() % 4096) / 16;
+        f[i] = (float)(sst_random_u64(&seed) % 4096) / 16;
     return f;
 }
 
@@ -76,8 +71,8 @@ static struct accumulators guard_accumulators(size_t n, const struct accumulator
 
 static struct sst_blend random_blend(size_t n, const float *table)
 {
-    struct sst_blend b = { .fx = (float)(next_random() % 1000) / 1000,
-                           .fy = (float)(next_random() % 1000) / 1000,
+    struct sst_blend b = { .fx = (float)(sst_random_u64(&seed) % 1000) / 1000,
+                           .fy = (float)(sst_random_u64(&seed) % 1000) / 1000,
                            .aperture = 0.75f,
                            .label_weight = table,
                            .focus_whole_q6 = 300,
@@ -93,9 +88,9 @@ static struct sst_blend random_blend(size_t n, const float *table)
         b.bottom[c] = guard_random(n + 1);
     }
     for (size_t x = 0; x < n; x++)
-        disp[x] = next_random() % 5 ? disp[x] % 600 : disp[x] % 7 ? disp[x] : 0xFFFF;
+        disp[x] = sst_random_u64(&seed) % 5 ? disp[x] % 600 : disp[x] % 7 ? disp[x] : 0xFFFF;
     b.disp = disp;
-    b.label = next_random() % 4 ? guard_random(n) : NULL;
+    b.label = sst_random_u64(&seed) % 4 ? guard_random(n) : NULL;
     return b;
 }
 
@@ -121,7 +116,7 @@ static void blend_equals_reference(void **state SST_UNUSED)
 
     assert_non_null(table);
     for (size_t i = 0; i < 256 * SST_BLEND_COLUMNS; i++)
-        table[i] = (float)(next_random() % 1000) / 1000;
+        table[i] = (float)(sst_random_u64(&seed) % 1000) / 1000;
     for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
         struct sst_kernels k;
 
@@ -149,7 +144,7 @@ static void finish_equals_reference(void **state SST_UNUSED)
 
             for (size_t x = 0; x < n; x++) {
                 weight[x] = x % 5 ? weight[x] / 256 : 0;
-                sum[x] = weight[x] * (float)(next_random() % 255001) / 1000;
+                sum[x] = weight[x] * (float)(sst_random_u64(&seed) % 255001) / 1000;
             }
             sst_blend_finish_ref(want, sum, weight, n);
             k.blend_finish(got, sum, weight, n);

@@ -7,15 +7,10 @@
 
 #include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 static uint64_t seed = 0x9E3779B97F4A7C15ull;
-
-static uint32_t next_random(void)
-{
-    seed = seed * 6364136223846793005ull + 1442695040888963407ull;
-    return (uint32_t)(seed >> 32);
-}
 
 static void *random_bytes(size_t n)
 {
@@ -23,7 +18,7 @@ static void *random_bytes(size_t n)
 
     assert_non_null(p);
     for (size_t i = 0; i < n; i++)
-        p[i] = (uint8_t)(next_random() >> 11);
+        p[i] = (uint8_t)sst_random_u64(&seed);
     return p;
 }
 
@@ -96,7 +91,7 @@ static uint8_t *guarded(size_t n)
     assert_true(p != MAP_FAILED);
     assert_int_equal(mprotect(p + bytes, page, PROT_NONE), 0);
     for (size_t i = 0; i < bytes; i++)
-        p[i] = (uint8_t)(next_random() >> 11);
+        p[i] = (uint8_t)sst_random_u64(&seed);
     return p + bytes - n;
 }
 
@@ -229,11 +224,11 @@ static void support(void **state SST_UNUSED)
     const uint16_t *rows[5];
 
     for (int x = 0; x < N; x++) {
-        left[x] = (uint8_t)(x < 7 ? x : (int)(next_random() % 8));
-        right[x] = (uint8_t)(N - 1 - x < 7 ? N - 1 - x : (int)(next_random() % 8));
-        up[x] = (uint8_t)(next_random() % 2);
-        down[x] = (uint8_t)(next_random() % 3);
-        count[x] = (uint16_t)(1 + next_random() % 225);
+        left[x] = (uint8_t)(x < 7 ? x : (int)(sst_random_u64(&seed) % 8));
+        right[x] = (uint8_t)(N - 1 - x < 7 ? N - 1 - x : (int)(sst_random_u64(&seed) % 8));
+        up[x] = (uint8_t)(sst_random_u64(&seed) % 2);
+        down[x] = (uint8_t)(sst_random_u64(&seed) % 3);
+        count[x] = (uint16_t)(1 + sst_random_u64(&seed) % 225);
     }
     for (int j = 0; j < 5; j++)
         rows[j] = sums + j * N * ND;
@@ -271,7 +266,7 @@ static void sgm(void **state SST_UNUSED)
     uint16_t *line = sst_mem_alloc((N + 2) * ENTRY, 2);
 
     for (int x = 0; x < N; x++)
-        penalty[x] = (uint8_t)(next_random() % 2);
+        penalty[x] = (uint8_t)(sst_random_u64(&seed) % 2);
     memset(want, 0, N * ND * 2);
     sst_sgm_along_row_ref(prev, want, cost, penalty, p1, p2, 1, 1, N, ND);
     sst_sgm_across_row_ref(cur, prev, want, cost, penalty, p1, p2, 1, 0, N, ND);
@@ -352,7 +347,7 @@ static void bilateral(void **state SST_UNUSED)
     for (int i = 0; i < 7 * 150; i++)
         disp[i] = (uint16_t)(i % 31 == 0 ? 65535 : 1000 + disp[i] % 200);
     for (int i = 0; i < 49; i++)
-        weight[i] = (int16_t)(i == 24 ? 4096 : next_random() % 600);
+        weight[i] = (int16_t)(i == 24 ? 4096 : sst_random_u64(&seed) % 600);
     for (size_t n = 1; n < 130; n++) {
         const uint16_t *d[7];
         const uint8_t *l[7];

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "pipeline/kernels/kernels.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 #define SAMPLES (SST_LIGHT_WHITE + 1)
@@ -103,7 +104,7 @@ static void *guarded(size_t bytes, void **map, size_t *size)
 static void levels_equal_the_reference(void **state SST_UNUSED)
 {
     static const size_t widths[] = { 1, 7, 15, 16, 17, 31, 32, 33, 63, 64, 65, 129, 512 };
-    uint32_t seed = 5;
+    uint64_t seed = 5;
 
     for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
         struct sst_kernels k;
@@ -123,9 +124,8 @@ static void levels_equal_the_reference(void **state SST_UNUSED)
             const struct sst_light l = { value, falloff, root, 1.07f, (float)pow(1.07, 1 / 2.4) };
 
             for (size_t i = 0; i < n; i++) {
-                seed = seed * 1664525u + 1013904223u;
-                value[i] = (uint16_t)((seed >> 8) % SAMPLES);
-                falloff[i] = 0.2f + (float)(seed >> 24) / 64;
+                value[i] = (uint16_t)(sst_random_u64(&seed) % SAMPLES);
+                falloff[i] = (float)sst_random_in(&seed, 0.2, 4.2);
                 root[i] = (float)pow(falloff[i], 1 / 2.4);
             }
             sst_light_row_ref(want, &l, n);

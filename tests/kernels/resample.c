@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "pipeline/kernels/kernels.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 #define WIDTH  37
@@ -16,13 +17,7 @@
 #define SIDE   (2 * SST_RESAMPLE_BORDER)
 #define STRIDE (4 * (WIDTH + SIDE))
 
-static uint32_t seed = 3;
-
-static uint32_t next_random(void)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return seed >> 8;
-}
+static uint64_t seed = 3;
 
 /* A picture whose last byte is the last before a page that faults; its first follows one. */
 struct guarded {
@@ -41,7 +36,7 @@ static struct guarded guarded_picture(void)
     assert_int_equal(mprotect(g.map + size - page, page, PROT_NONE), 0);
     g.data = g.map + size - page - bytes;
     for (size_t i = 0; i < bytes; i++)
-        g.data[i] = next_random() % 3 ? (uint8_t)next_random() : next_random() % 2 ? 255 : 0;
+        g.data[i] = sst_random_u64(&seed) % 3 ? (uint8_t)sst_random_u64(&seed) : sst_random_u64(&seed) % 2 ? 255 : 0;
     return g;
 }
 
@@ -54,8 +49,8 @@ static void random_weights(int16_t *w, int taps)
 
         for (int i = 0; i < taps; i++) {
             w[p * taps + i] = (int16_t)(i == middle       ? 0
-                                        : i == middle + 1 ? (int)(next_random() % 16384)
-                                                          : -(int)(next_random() % 2048));
+                                        : i == middle + 1 ? (int)(sst_random_u64(&seed) % 16384)
+                                                          : -(int)(sst_random_u64(&seed) % 2048));
             left -= w[p * taps + i];
         }
         w[p * taps + middle] = (int16_t)left;
@@ -73,10 +68,11 @@ static struct sst_resample source(const struct guarded *g, const int16_t *weight
 static void random_places(int32_t *xy, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
-        xy[2 * i] = i < 4 ? (int32_t)(i & 1) * 256 * (WIDTH - 1) : (int32_t)(next_random() % (256 * (WIDTH - 1) + 1));
+        xy[2 * i] =
+            i < 4 ? (int32_t)(i & 1) * 256 * (WIDTH - 1) : (int32_t)(sst_random_u64(&seed) % (256 * (WIDTH - 1) + 1));
         xy[2 * i + 1] =
-            i < 4 ? (int32_t)(i / 2) * 256 * (HEIGHT - 1) : (int32_t)(next_random() % (256 * (HEIGHT - 1) + 1));
-        if (i > 4 && next_random() % 7 == 0)
+            i < 4 ? (int32_t)(i / 2) * 256 * (HEIGHT - 1) : (int32_t)(sst_random_u64(&seed) % (256 * (HEIGHT - 1) + 1));
+        if (i > 4 && sst_random_u64(&seed) % 7 == 0)
             xy[2 * i] = xy[2 * i + 1] = INT32_MIN;
     }
 }
