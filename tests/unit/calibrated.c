@@ -15,6 +15,7 @@
 #include "pipeline/lightfield/import.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/render/render.h"
+#include "simulators/scene/noise.h"
 #include "tests/small.h"
 #include "tests/test.h"
 
@@ -25,7 +26,7 @@
 #define DEPTH  2000.0
 
 static char base[64];
-static uint32_t seed = 5;
+static uint64_t seed = 5;
 
 static const char *at(const char *fmt, ...) SST_PRINTF(1, 2);
 static const char *at(const char *fmt, ...)
@@ -40,12 +41,6 @@ static const char *at(const char *fmt, ...)
     vsnprintf(p + n, SST_PATH_MAX - (size_t)n, fmt, args);
     va_end(args);
     return p;
-}
-
-static double uniform(double lo, double hi)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return lo + (hi - lo) * ((seed >> 8) / 16777216.0);
 }
 
 /* The plane's picture in sRGB levels: waves of 60 mm and more, 8 px and more at 300 px / 2000 mm. */
@@ -73,22 +68,23 @@ static struct sst_calib bad_array(void)
     calib.range_mm = DEPTH;
     for (int k = 0; k < ROWS * COLS; k++) {
         struct sst_calib_camera *cam = &calib.camera[k];
-        const double v[3] = { uniform(-0.02, 0.02), uniform(-0.02, 0.02), uniform(-0.02, 0.02) };
+        const double v[3] = { sst_random_in(&seed, -0.02, 0.02), sst_random_in(&seed, -0.02, 0.02),
+                              sst_random_in(&seed, -0.02, 0.02) };
         const double lens[5] = { -0.2, 0.06, 5e-4, -5e-4, 0 };
 
         *cam = (struct sst_calib_camera){ .known = true,
-                                          .fx = uniform(295, 305),
-                                          .fy = uniform(295, 305),
-                                          .cx = uniform(155, 164),
-                                          .cy = uniform(115, 124),
+                                          .fx = sst_random_in(&seed, 295, 305),
+                                          .fy = sst_random_in(&seed, 295, 305),
+                                          .cx = sst_random_in(&seed, 155, 164),
+                                          .cy = sst_random_in(&seed, 115, 124),
                                           .lens = 5,
                                           .gain = { 1, 1, 1 } };
         snprintf(cam->name, sizeof(cam->name), "cam%d", k);
         memcpy(cam->k, lens, sizeof(lens));
         if (k != calib.reference) {
             sst_rotation_from_vector(v, cam->rotation);
-            cam->position_mm[0] = 100 * (k % COLS - 1) + uniform(-3, 3);
-            cam->position_mm[1] = 100 * (k / COLS) + uniform(-3, 3);
+            cam->position_mm[0] = 100 * (k % COLS - 1) + sst_random_in(&seed, -3, 3);
+            cam->position_mm[1] = 100 * (k / COLS) + sst_random_in(&seed, -3, 3);
         } else {
             sst_rotation_from_vector((const double[3]){ 0, 0, 0 }, cam->rotation);
         }

@@ -446,7 +446,7 @@ static void bad_camera_pulls_nobody(void **state)
     forced(&t, &good);
     for (int f = 0; f < cfg.frames; f++) {
         struct sst_detection *d = find(&t, 5, f);
-        const double off[2] = { 60 * truth_normal(&t.state), 60 * truth_normal(&t.state) };
+        const double off[2] = { 60 * test_normal(&t.state), 60 * test_normal(&t.state) };
 
         for (int k = 0; d && k < d->corners; k++) {
             d->corner[k].x += off[0];
