@@ -11,27 +11,18 @@
 #include "base/log.h"
 #include "base/yaml.h"
 #include "config/schema.h"
+#include "tests/folder.h"
 #include "tests/test.h"
 
 static struct sst_config cfg, other;
-static char folder[64], said[8192];
+static char said[8192];
 
 /* --- files -------------------------------------------------------------------------------------------------------- */
 
-static int make_folder(void **state)
+static int setup(void **state)
 {
-    (void)state;
-    strcpy(folder, "/tmp/sst-config-XXXXXX");
-    assert_non_null(mkdtemp(folder));
     sst_config_defaults(&cfg);
-    return 0;
-}
-
-static int remove_folder(void **state)
-{
-    (void)state;
-    sst_path_remove_tree(folder);
-    return 0;
+    return test_folder_create(state);
 }
 
 /* A file of the test's folder; with a '/' in its name in a folder of that. */
@@ -40,8 +31,8 @@ static void put(const char *name, const char *text)
     char path[SST_PATH_MAX], *slash;
     FILE *f;
 
-    snprintf(path, sizeof(path), "%s/%s", folder, name);
-    slash = strchr(path + strlen(folder) + 1, '/');
+    snprintf(path, sizeof(path), "%s/%s", test_folder, name);
+    slash = strchr(path + strlen(test_folder) + 1, '/');
     if (slash) {
         *slash = 0;
         (void)mkdir(path, 0755);
@@ -56,17 +47,15 @@ static void put(const char *name, const char *text)
 /* Read it; all that was said on standard error is kept. */
 static int read_back(struct sst_config *c, const char *name)
 {
-    char path[SST_PATH_MAX];
     FILE *kept = tmpfile();
     const int before = dup(2);
     int err;
     size_t n;
 
     assert_non_null(kept);
-    snprintf(path, sizeof(path), "%s/%s", folder, name);
     fflush(stderr);
     dup2(fileno(kept), 2);
-    err = sst_config_read(c, path);
+    err = sst_config_read(c, test_path("%s", name));
     fflush(stderr);
     dup2(before, 2);
     close(before);
@@ -245,14 +234,10 @@ static void parts_replace_key_by_key(void **state)
                        "web: { port: 1000, host: a.example }\n"
                        "zones: [ { name: a, x0: 0, y0: 0, x1: 1, y1: 1 }, { name: b, x0: 0, y0: 0, x1: 1, y1: 1 } ]\n"
                        "storage: { record_on: [ { zone: a } ] }\n");
-    char part[128];
-
-    snprintf(part, sizeof(part), "%s/s/conf.d", folder);
-    assert_int_equal(mkdir(part, 0755), 0);
+    assert_int_equal(mkdir(test_path("s/conf.d"), 0755), 0);
     sst_config_defaults(&cfg);
     assert_int_equal(read_back(&cfg, "s/sstd.yaml"), 0); /* an empty folder is none */
     assert_int_equal(cfg.zones, 2);
-    snprintf(part, sizeof(part), "%s/s/conf.d/x", folder);
     for (int i = 0; i < 4; i++) {
         static const char *const names[] = { "s/conf.d/90-late.yaml", "s/conf.d/10-early.yaml", "s/conf.d/.hidden.yaml",
                                              "s/conf.d/no.yaml~" };
@@ -261,14 +246,8 @@ static void parts_replace_key_by_key(void **state)
                                              "trigger: { lines: [B, A] }\n"
                                              "zones: [ { name: a, x0: 0.5, y0: 0, x1: 1, y1: 1 } ]\n",
                                              "rubbish", "rubbish" };
-        char path[256];
-        FILE *f;
 
-        snprintf(path, sizeof(path), "%s/%s", folder, names[i]);
-        f = fopen(path, "w");
-        assert_non_null(f);
-        fputs(texts[i], f);
-        fclose(f);
+        assert_int_equal(sst_file_write(test_path("%s", names[i]), texts[i], strlen(texts[i])), 0);
     }
     sst_config_defaults(&cfg);
     if (read_back(&cfg, "s/sstd.yaml"))
@@ -356,8 +335,6 @@ static void single_faults_are_told(void **state)
 /* Also those of values that another file replaces, and of all files at once. */
 static void all_faults_of_all_files_are_told(void **state)
 {
-    char path[128];
-
     (void)state;
     put("a.yaml", "web: { port: x }\nlive: { c1: 2 }\nzonse: []\n");
     put("conf.d/10.yaml", "web: { port: 1 }\nlive: { c2: -1 }\n");
@@ -375,8 +352,7 @@ static void all_faults_of_all_files_are_told(void **state)
     expect_said("conf.d/15.yaml:2:1: invalid YAML");
     expect_said("a.yaml:1:14: port");
     expect_said("conf.d/10.yaml:2:13: c2");
-    snprintf(path, sizeof(path), "%s/conf.d", folder);
-    sst_path_remove_tree(path);
+    sst_path_remove_tree(test_path("conf.d"));
     assert_int_equal(read_back(&cfg, "missing.yaml"), -ENOENT);
 }
 
@@ -396,17 +372,14 @@ static void what_is_odd_is_warned_of(void **state)
 static void the_array_alone_leaves_the_service_alone(void **state)
 {
     struct sst_array_config a;
-    char path[128];
 
     (void)state;
     put("c.yaml", "array: { rows: 3 }\nlive: { whatever: 1 }\nhooks: [ { event: motion, run: [/nonexistent] } ]\n");
     put("conf.d/a.yaml", "array: { cols: 4 }\nweb: { port: none }\n");
-    snprintf(path, sizeof(path), "%s/c.yaml", folder);
     sst_array_config_defaults(&a);
-    assert_int_equal(sst_array_config_read(&a, path), 0);
+    assert_int_equal(sst_array_config_read(&a, test_path("c.yaml")), 0);
     assert_int_equal(a.rows * a.cols, 12);
-    snprintf(path, sizeof(path), "%s/conf.d", folder);
-    sst_path_remove_tree(path);
+    sst_path_remove_tree(test_path("conf.d"));
 }
 
 /* --- differences -------------------------------------------------------------------------------------------------- */
@@ -479,5 +452,5 @@ int main(void)
         cmocka_unit_test(differences_are_told),
     };
 
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return cmocka_run_group_tests(tests, setup, test_folder_remove);
 }

@@ -10,12 +10,11 @@
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/labels/model_info.h"
 #include "pipeline/method/network/manifest.h"
+#include "tests/folder.h"
 #include "tests/onnx_writer.h"
 #include "tests/test.h"
 
 static char said[SST_LOG_MAX]; /* the last error */
-static char dir[] = "/tmp/sst-info-XXXXXX";
-
 static void expect_said(const char *words)
 {
     if (!strstr(said, words))
@@ -33,10 +32,7 @@ static int parse(struct sst_model_info *info, const char *yaml)
 
 static void write_file(const char *name, const void *data, size_t n)
 {
-    char path[SST_PATH_MAX];
-
-    assert_int_equal(sst_path_join(path, dir, name), 0);
-    assert_int_equal(sst_file_write(path, data, n), 0);
+    assert_int_equal(sst_file_write(test_path("%s", name), data, n), 0);
 }
 
 /* y = x in `channels` channels, of a fixed size where height is not 0. */
@@ -76,18 +72,16 @@ static struct ow_buf identity_net(int channels, int height, int width, const cha
 
 static int open_net(struct sst_segmenter **seg, struct ow_buf model, const char *yaml)
 {
-    char path[SST_PATH_MAX], *before;
+    char *before;
     int err;
 
     write_file("m.onnx", model.p, model.n);
     free(model.p);
-    assert_int_equal(sst_path_join(path, dir, "m.yaml"), 0);
-    remove(path);
+    remove(test_path("m.yaml"));
     if (yaml)
         write_file("m.yaml", yaml, strlen(yaml));
-    assert_int_equal(sst_path_join(path, dir, "m.onnx"), 0);
     before = sst_log_hold_errors(said);
-    err = sst_segmenter_open(seg, path, SST_PRECISION_F32, 1);
+    err = sst_segmenter_open(seg, test_path("m.onnx"), SST_PRECISION_F32, 1);
     sst_log_hold_errors(before);
     return err;
 }
@@ -181,12 +175,7 @@ static void the_file_beside_wins(void **state SST_UNUSED)
     expect_said("3 channels for the 1 classes");
     write_file("m.onnx.yaml", "", 0);
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, NULL), NULL), -EBADMSG);
-    {
-        char path[SST_PATH_MAX];
-
-        assert_int_equal(sst_path_join(path, dir, "m.onnx.yaml"), 0);
-        remove(path);
-    }
+    remove(test_path("m.onnx.yaml"));
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, NULL), NULL), -EBADMSG);
     expect_said("does not name the classes");
     assert_int_equal(open_net(&seg, identity_net(4, 0, 0, "a,b,c,d"), NULL), -EBADMSG);
@@ -372,7 +361,6 @@ static void listed_networks_must_be_themselves(void **state SST_UNUSED)
 {
     const char *text = MANIFEST(ENTRY("m.onnx", "labels", "3", ABC, "1"));
     const char *other = MANIFEST(ENTRY("n.onnx", "labels", "3", ABC, "1"));
-    char path[SST_PATH_MAX];
     struct sst_segmenter *seg;
 
     write_file(SST_MANIFEST_NAME, text, strlen(text));
@@ -385,8 +373,7 @@ static void listed_networks_must_be_themselves(void **state SST_UNUSED)
     write_file(SST_MANIFEST_NAME, "{\n\"x\"", 5);
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, "a,b,c"), NULL), -EBADMSG);
     expect_said("manifest.json:2:");
-    assert_int_equal(sst_path_join(path, dir, SST_MANIFEST_NAME), 0);
-    remove(path);
+    remove(test_path(SST_MANIFEST_NAME));
 }
 
 /* What ships is what its manifest lists. */
@@ -412,17 +399,6 @@ static void the_manifest_that_ships_is_right(void **state SST_UNUSED)
     sst_manifest_fini(&m);
 }
 
-static int make_dir(void **state SST_UNUSED)
-{
-    return mkdtemp(dir) ? 0 : -1;
-}
-
-static int remove_dir(void **state SST_UNUSED)
-{
-    sst_path_remove_tree(dir);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -438,5 +414,5 @@ int main(void)
         cmocka_unit_test(the_manifest_that_ships_is_right),
     };
 
-    return cmocka_run_group_tests(tests, make_dir, remove_dir);
+    return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
 }
