@@ -86,8 +86,7 @@ static void refuses(const struct sst_calib *calib, const struct sst_rectify_conf
 
     sst_log_hold_errors(before);
     assert_int_equal(err, want);
-    if (!strstr(text, words))
-        fail_msg("no '%s' in: %s", words, text);
+    assert_contains(text, words);
     assert_int_equal(to.rows, 77);
 }
 
