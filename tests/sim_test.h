@@ -3,7 +3,6 @@
 #define SST_TESTS_SIM_TEST_H
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>

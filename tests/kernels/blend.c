@@ -3,50 +3,17 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include "pipeline/kernels/exp_neg.h"
 #include "pipeline/kernels/kernels.h"
-#include "simulators/scene/noise.h"
+#include "tests/kernels/guard.h"
 #include "tests/test.h"
 
-#define GUARDS 24
-
-static struct {
-    void *map;
-    size_t size;
-} guards[GUARDS];
-static int guard_count;
 static uint64_t seed = 1;
-
-/* Bytes that end where the next page faults. */
-static void *guard_random(size_t bytes)
-{
-    const size_t page = (size_t)sysconf(_SC_PAGESIZE), size = (bytes + page - 1) / page * page + page;
-    uint8_t *map = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0), *data;
-
-    assert_true(map != MAP_FAILED && guard_count < GUARDS);
-    assert_int_equal(mprotect(map + size - page, page, PROT_NONE), 0);
-    guards[guard_count].map = map;
-    guards[guard_count++].size = size;
-    data = map + size - page - bytes;
-    for (size_t i = 0; i < bytes; i++)
-        data[i] = (uint8_t)sst_random_u64(&seed);
-    return data;
-}
-
-static void guard_free_all(void)
-{
-    while (guard_count > 0) {
-        guard_count--;
-        munmap(guards[guard_count].map, guards[guard_count].size);
-    }
-}
 
 static float *guard_floats(size_t n)
 {
-    float *f = guard_random(n * sizeof(*f));
+    float *f = guard_random(n * sizeof(*f), &seed);
 
     for (size_t i = 0; i < n; i++)
         f[i] = (float)(sst_random_u64(&seed) % 4096) / 16;
@@ -81,16 +48,16 @@ static struct sst_blend random_blend(size_t n, const float *table)
                            .c1 = 0.01f,
                            .one_minus_c1 = 0.99f,
                            .unknown = 0.01f };
-    uint16_t *disp = guard_random(n * sizeof(*disp));
+    uint16_t *disp = guard_random(n * sizeof(*disp), &seed);
 
     for (int c = 0; c < 3; c++) {
-        b.top[c] = guard_random(n + 1);
-        b.bottom[c] = guard_random(n + 1);
+        b.top[c] = guard_random(n + 1, &seed);
+        b.bottom[c] = guard_random(n + 1, &seed);
     }
     for (size_t x = 0; x < n; x++)
         disp[x] = sst_random_u64(&seed) % 5 ? disp[x] % 600 : disp[x] % 7 ? disp[x] : 0xFFFF;
     b.disp = disp;
-    b.label = sst_random_u64(&seed) % 4 ? guard_random(n) : NULL;
+    b.label = sst_random_u64(&seed) % 4 ? guard_random(n, &seed) : NULL;
     return b;
 }
 
@@ -140,7 +107,7 @@ static void finish_equals_reference(void **state SST_UNUSED)
             continue;
         for (size_t n = 1; n <= 129; n++) {
             float *weight = guard_floats(n), *sum = guard_floats(n);
-            uint8_t *want = guard_random(n), *got = guard_random(n);
+            uint8_t *want = guard_random(n, &seed), *got = guard_random(n, &seed);
 
             for (size_t x = 0; x < n; x++) {
                 weight[x] = x % 5 ? weight[x] / 256 : 0;

@@ -3,25 +3,17 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/kernels/log_pos.h"
-#include "simulators/scene/noise.h"
+#include "tests/kernels/guard.h"
 #include "tests/test.h"
 
 static uint64_t seed = 1;
 
-/* n floats that end where the next page faults; freed with the process. */
 static float *guarded(size_t n)
 {
-    const size_t page = (size_t)sysconf(_SC_PAGESIZE), size = (n * sizeof(float) + page - 1) / page * page + page;
-    uint8_t *map = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-
-    assert_true(map != MAP_FAILED);
-    assert_int_equal(mprotect(map + size - page, page, PROT_NONE), 0);
-    return (float *)(void *)(map + size - page - n * sizeof(float));
+    return guard_random(n * sizeof(float), &seed);
 }
 
 static void logarithms_are_those_of_libm(void **state SST_UNUSED)
@@ -124,15 +116,15 @@ static void check_classes(const struct sst_kernels *k, size_t count, size_t n)
     memset(got_top, 99, sizeof(got_top));
     k->class_row(got_top, NULL, p, n, count, n);
     assert_memory_equal(got_top, want_top, n);
+    guard_free_all();
 }
 
 static void check_guide(const struct sst_kernels *k, size_t values, size_t n)
 {
     float *across = guarded(16 * n), *want = guarded(values * n), *got = guarded(values * n);
-    uint8_t *pixels = (uint8_t *)guarded(n); /* of which the last 3 n bytes are used */
+    uint8_t *pixels = guard_random(3 * n, &seed);
     struct sst_guide g = { .across = across, .cells = 16, .values = values };
 
-    pixels += n; /* n floats are 4 n bytes */
     for (size_t i = 0; i < 3 * n; i++)
         pixels[i] = (uint8_t)(255 * sst_random(&seed));
     for (int c = 0; c < 3; c++)
@@ -152,6 +144,7 @@ static void check_guide(const struct sst_kernels *k, size_t values, size_t n)
     sst_guide_cells_ref(want, &g, n);
     k->guide_cells(got, &g, n);
     assert_memory_equal(got, want, values * n * sizeof(*got));
+    guard_free_all();
 }
 
 static void check_level(const struct sst_kernels *k, size_t count, size_t n)

@@ -5,11 +5,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include "pipeline/kernels/kernels.h"
-#include "simulators/scene/noise.h"
+#include "tests/kernels/guard.h"
 #include "tests/test.h"
 
 #define WIDTH  37
@@ -19,25 +17,14 @@
 
 static uint64_t seed = 3;
 
-/* A picture whose last byte is the last before a page that faults; its first follows one. */
-struct guarded {
-    uint8_t *map, *data;
-    size_t map_size;
-};
-
-static struct guarded guarded_picture(void)
+static const uint8_t *guarded_picture(void)
 {
-    const size_t page = (size_t)sysconf(_SC_PAGESIZE), bytes = (size_t)STRIDE * (HEIGHT + SIDE);
-    const size_t size = (bytes + page - 1) / page * page + page;
-    struct guarded g = { .map_size = size };
+    const size_t bytes = (size_t)STRIDE * (HEIGHT + SIDE);
+    uint8_t *data = guard_random(bytes, &seed);
 
-    g.map = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    assert_true(g.map != MAP_FAILED);
-    assert_int_equal(mprotect(g.map + size - page, page, PROT_NONE), 0);
-    g.data = g.map + size - page - bytes;
     for (size_t i = 0; i < bytes; i++)
-        g.data[i] = sst_random_u64(&seed) % 3 ? (uint8_t)sst_random_u64(&seed) : sst_random_u64(&seed) % 2 ? 255 : 0;
-    return g;
+        data[i] = sst_random_u64(&seed) % 3 ? data[i] : sst_random_u64(&seed) % 2 ? 255 : 0;
+    return data;
 }
 
 /* Sums of 2^14, magnitudes of up to 2^15. */
@@ -57,10 +44,10 @@ static void random_weights(int16_t *w, int taps)
     }
 }
 
-static struct sst_resample source(const struct guarded *g, const int16_t *weight, int taps)
+static struct sst_resample source(const uint8_t *picture, const int16_t *weight, int taps)
 {
     return (struct sst_resample){
-        .pixel = g->data + SST_RESAMPLE_BORDER * (STRIDE + 4), .stride = STRIDE, .weight = weight, .taps = taps
+        .pixel = picture + SST_RESAMPLE_BORDER * (STRIDE + 4), .stride = STRIDE, .weight = weight, .taps = taps
     };
 }
 
@@ -80,7 +67,7 @@ static void random_places(int32_t *xy, size_t n)
 static void resample_equals_reference(void **state SST_UNUSED)
 {
     static const size_t counts[] = { 1, 2, 3, 7, 8, 9, 63, 129, 512 };
-    struct guarded g = guarded_picture();
+    const uint8_t *picture = guarded_picture();
 
     for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
         struct sst_kernels k;
@@ -95,7 +82,7 @@ static void resample_equals_reference(void **state SST_UNUSED)
             uint16_t want[3][512], got[3][512];
             int16_t weight[SST_RESAMPLE_PHASES * 6];
             int32_t xy[2 * 512];
-            struct sst_resample from = source(&g, weight, taps);
+            struct sst_resample from = source(picture, weight, taps);
 
             random_weights(weight, taps);
             random_places(xy, n);
@@ -111,20 +98,20 @@ static void resample_equals_reference(void **state SST_UNUSED)
             }
         }
     }
-    munmap(g.map, g.map_size);
+    guard_free_all();
 }
 
 /* Against the sum in double with the same weights: columns are rounded to 1/64 (1/128 off at most, times the weights'
  * magnitudes), the result to 1/128. */
 static void reference_is_the_sum(void **state SST_UNUSED)
 {
-    struct guarded g = guarded_picture();
+    const uint8_t *picture = guarded_picture();
 
     for (int taps = 2; taps <= 6; taps += 2) {
         uint16_t got[3][512];
         int16_t weight[SST_RESAMPLE_PHASES * 6];
         int32_t xy[2 * 512];
-        struct sst_resample from = source(&g, weight, taps);
+        struct sst_resample from = source(picture, weight, taps);
         double worst = 0;
 
         random_weights(weight, taps);
@@ -148,7 +135,7 @@ static void reference_is_the_sum(void **state SST_UNUSED)
         print_message("%d taps: worst error %.4f levels\n", taps, worst);
         assert_true(worst <= 2 / 128.0 + 1 / 256.0);
     }
-    munmap(g.map, g.map_size);
+    guard_free_all();
 }
 
 /* One position by hand, two taps: 3/4 of the way right, half way down between 10, 50 over 30, 110. Columns 20 and 80,
