@@ -9,6 +9,7 @@
 #include "pipeline/calibration/board/print.h"
 #include "pipeline/camera/calib.h"
 #include "pipeline/image/image.h"
+#include "tests/random.h"
 
 #define SCENE_FINE 5 /* samples along a side of a pixel */
 
@@ -75,19 +76,6 @@ static inline bool board_scene_project(const struct board_scene *s, const double
     for (int i = 0; i < 3; i++)
         X[i] = m[3 * i] * p[0] + m[3 * i + 1] * p[1] + m[3 * i + 2];
     return sst_camera_project(&s->cam, X, x, y);
-}
-
-static inline double board_scene_random(uint64_t *state)
-{
-    *state = *state * 6364136223846793005u + 1442695040888963407u;
-    return (double)(*state >> 11) / 9007199254740992.0;
-}
-
-static inline double board_scene_normal(uint64_t *state)
-{
-    const double u = board_scene_random(state), v = board_scene_random(state);
-
-    return sqrt(-2 * log(fmax(u, 1e-300))) * cos(2 * M_PI * v);
 }
 
 /* The print as a texture whose dots are so small that all edges fall between them. */
@@ -247,7 +235,7 @@ static inline int board_scene_draw(struct sst_image *out, const struct board_sce
             sum *= (1 - s->vignetting * r * r) / (SCENE_FINE * SCENE_FINE);
             grey = 255 * pow(fmin(fmax(sum, 0), 1), 1 / s->gamma);
             if (s->noise > 0)
-                grey += s->noise * board_scene_normal(&rng);
+                grey += s->noise * test_normal(&rng);
             for (int c = 0; c < 3; c++)
                 sst_image_row(out, c, y)[x] = (uint8_t)lround(fmin(fmax(grey, 0), 255));
         }

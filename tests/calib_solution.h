@@ -12,6 +12,7 @@
 #include <string.h>
 
 #include "pipeline/calibration/solve/solve.h"
+#include "tests/random.h"
 
 struct made_config {
     int rows, cols, width, height, frames;
@@ -49,24 +50,6 @@ static inline struct made_config made_defaults(void)
                                  .seed = 1 };
 }
 
-/* Steele et al. 2014, splitmix64. */
-static inline double made_uniform(struct made *m)
-{
-    uint64_t z = (m->state += 0x9e3779b97f4a7c15u);
-
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    z ^= z >> 31;
-    return ((double)(z >> 11) + 0.5) / 9007199254740992.0;
-}
-
-static inline double made_normal(struct made *m)
-{
-    const double u = made_uniform(m), v = made_uniform(m);
-
-    return sqrt(-2 * log(u)) * cos(2 * M_PI * v);
-}
-
 static inline void *made_array(size_t count, size_t size)
 {
     void *p = calloc(count ? count : 1, size);
@@ -99,7 +82,8 @@ static inline void made_cameras(struct made *m)
 
     for (int k = 0; k < c->rows * c->cols; k++) {
         struct sst_calib_camera *cam = &s->calib.camera[k];
-        const double turn[3] = { 0.004 * made_normal(m), 0.004 * made_normal(m), 0.004 * made_normal(m) };
+        const double turn[3] = { 0.004 * test_normal(&m->state), 0.004 * test_normal(&m->state),
+                                 0.004 * test_normal(&m->state) };
         const int right = k % c->cols - s->calib.reference % c->cols, down = k / c->cols - s->calib.reference / c->cols;
 
         if (k != c->hole)
@@ -109,22 +93,22 @@ static inline void made_cameras(struct made *m)
         if (!cam->known)
             continue;
         snprintf(cam->name, sizeof(cam->name), "SIM%04d", k);
-        cam->fx = 2250 + 5 * made_normal(m);
+        cam->fx = 2250 + 5 * test_normal(&m->state);
         cam->fy = cam->fx * 1.0003;
-        cam->cx = c->width / 2.0 + 8 * made_normal(m);
-        cam->cy = c->height / 2.0 + 8 * made_normal(m);
+        cam->cx = c->width / 2.0 + 8 * test_normal(&m->state);
+        cam->cy = c->height / 2.0 + 8 * test_normal(&m->state);
         cam->lens = 5;
-        cam->k[0] = -0.11 + 0.003 * made_normal(m);
+        cam->k[0] = -0.11 + 0.003 * test_normal(&m->state);
         cam->k[1] = 0.04;
-        cam->falloff[0] = -0.25 + 0.02 * made_normal(m);
-        cam->gain[1] = 1 + 0.02 * made_normal(m);
+        cam->falloff[0] = -0.25 + 0.02 * test_normal(&m->state);
+        cam->gain[1] = 1 + 0.02 * test_normal(&m->state);
         cam->sigma_px = 0.02 + 0.0005 * k;
         if (k == s->calib.reference)
             continue;
         sst_rotation_from_vector(turn, cam->rotation);
-        cam->position_mm[0] = 60 * right + 0.5 * made_normal(m);
-        cam->position_mm[1] = 60 * down + 0.5 * made_normal(m);
-        cam->position_mm[2] = 0.7 * made_normal(m);
+        cam->position_mm[0] = 60 * right + 0.5 * test_normal(&m->state);
+        cam->position_mm[1] = 60 * down + 0.5 * test_normal(&m->state);
+        cam->position_mm[2] = 0.7 * test_normal(&m->state);
     }
 }
 
@@ -133,16 +117,16 @@ static inline bool made_residual(struct made *m, int view, int frame, const stru
 {
     const struct made_config *g = &m->cfg;
     const double x = c->x / g->width - 0.5, y = c->y / g->height - 0.5;
-    const bool outlier = made_uniform(m) < g->outliers;
+    const bool outlier = sst_random(&m->state) < g->outliers;
 
     for (int i = 0; i < 2; i++)
-        e[i] = outlier ? 20 * made_uniform(m) - 10 : g->noise_px * made_normal(m);
+        e[i] = outlier ? 20 * sst_random(&m->state) - 10 : g->noise_px * test_normal(&m->state);
     if (view == g->bent) {
         e[0] += 3 * g->noise_px * x * (4 * (x * x + y * y) - 0.5) * 2;
         e[1] += 3 * g->noise_px * y * (4 * (x * x + y * y) - 0.5) * 2;
     }
     if (frame == g->moved)
-        e[0] += 4 * g->noise_px * made_normal(m);
+        e[0] += 4 * g->noise_px * test_normal(&m->state);
     return outlier;
 }
 
@@ -275,7 +259,7 @@ static inline void made_solution(struct made *m)
     s->drive_rms_mm = 0.041, s->drive_scale = 1.0012, s->drive_skew_deg = 0.03;
     s->drive_residual_mm = made_array((size_t)(c->rows * c->cols), sizeof(*s->drive_residual_mm));
     for (int i = 0; i < 3 * c->rows * c->cols; i++)
-        s->drive_residual_mm[i / 3][i % 3] = 0.03 * made_normal(m);
+        s->drive_residual_mm[i / 3][i % 3] = 0.03 * test_normal(&m->state);
 }
 
 static inline void made_open(struct made *m, const struct made_config *cfg)
@@ -310,13 +294,14 @@ static inline void made_open(struct made *m, const struct made_config *cfg)
     s->transfer_sigma = made_array(views, sizeof(*s->transfer_sigma));
     made_cameras(m);
     for (int frame = 0; frame < cfg->frames; frame++) {
-        const double size = cfg->width / (cfg->across * (1.2 + 2.2 * made_uniform(m)));
-        const double place[5] = { cfg->width * (0.1 + made_uniform(m)), cfg->height * (0.1 + made_uniform(m)), size,
-                                  0.5 * made_normal(m), 0.7 + 0.3 * made_uniform(m) };
+        const double size = cfg->width / (cfg->across * (1.2 + 2.2 * sst_random(&m->state)));
+        const double place[5] = { cfg->width * (0.1 + sst_random(&m->state)),
+                                  cfg->height * (0.1 + sst_random(&m->state)), size, 0.5 * test_normal(&m->state),
+                                  0.7 + 0.3 * sst_random(&m->state) };
 
         snprintf(m->all.frame_name[frame], 64, "frame%04d", frame);
         for (int k = 0; k < (int)views; k++) {
-            if (s->calib.camera[k].known && made_uniform(m) < 0.9)
+            if (s->calib.camera[k].known && sst_random(&m->state) < 0.9)
                 made_detection(m, k, frame, place);
         }
     }

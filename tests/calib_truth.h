@@ -12,6 +12,7 @@
 #include <string.h>
 
 #include "pipeline/calibration/board/detect.h"
+#include "tests/random.h"
 
 struct truth_config {
     int rows, cols, width, height, frames;
@@ -44,24 +45,6 @@ struct truth {
     int made;       /* detections that there were at first */
     uint64_t state;
 };
-
-/* Steele et al. 2014, splitmix64. */
-static inline double truth_uniform(uint64_t *state)
-{
-    uint64_t z = (*state += 0x9e3779b97f4a7c15u);
-
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    z ^= z >> 31;
-    return ((double)(z >> 11) + 0.5) / 9007199254740992.0;
-}
-
-static inline double truth_normal(uint64_t *state)
-{
-    const double u = truth_uniform(state), v = truth_uniform(state);
-
-    return sqrt(-2 * log(u)) * cos(2 * M_PI * v);
-}
 
 /* 6x6 cameras of 2000x1500 px, 100 frames of a board with 150 points. */
 static inline struct truth_config truth_defaults(void)
@@ -124,17 +107,17 @@ static inline void truth_cameras(struct truth *t)
         cam->known = true;
         snprintf(cam->name, sizeof(cam->name), "%02d_%02d", view / c->cols, view % c->cols);
         cam->lens = c->lens;
-        cam->fx = c->focal_px * (1 + c->focal_spread * truth_normal(&t->state));
-        cam->fy = cam->fx * (1 + 0.001 * truth_normal(&t->state));
-        cam->cx = (c->width - 1) / 2.0 + c->centre_spread_px * truth_normal(&t->state);
-        cam->cy = (c->height - 1) / 2.0 + c->centre_spread_px * truth_normal(&t->state);
+        cam->fx = c->focal_px * (1 + c->focal_spread * test_normal(&t->state));
+        cam->fy = cam->fx * (1 + 0.001 * test_normal(&t->state));
+        cam->cx = (c->width - 1) / 2.0 + c->centre_spread_px * test_normal(&t->state);
+        cam->cy = (c->height - 1) / 2.0 + c->centre_spread_px * test_normal(&t->state);
         memcpy(cam->k, c->k, sizeof(cam->k));
-        cam->k[0] += c->k_spread * truth_normal(&t->state);
-        cam->k[1] += c->k_spread / 3 * truth_normal(&t->state);
-        cam->k[4] += c->k_spread / 10 * truth_normal(&t->state);
+        cam->k[0] += c->k_spread * test_normal(&t->state);
+        cam->k[1] += c->k_spread / 3 * test_normal(&t->state);
+        cam->k[4] += c->k_spread / 10 * test_normal(&t->state);
         for (int i = 0; i < 3; i++) {
-            turn[i] = first ? 0 : c->turn_sigma_deg * M_PI / 180 * truth_normal(&t->state);
-            cam->position_mm[i] = first ? 0 : c->spacing_mm * step[i] + c->place_sigma_mm * truth_normal(&t->state);
+            turn[i] = first ? 0 : c->turn_sigma_deg * M_PI / 180 * test_normal(&t->state);
+            cam->position_mm[i] = first ? 0 : c->spacing_mm * step[i] + c->place_sigma_mm * test_normal(&t->state);
         }
         sst_rotation_from_vector(turn, cam->rotation);
         if (c->rig) {
@@ -159,12 +142,12 @@ static inline void truth_boards(struct truth *t)
         middle[i] = (middle[i] + far_end[i]) / 2;
     for (int f = 0; f < c->frames; f++) {
         struct truth_frame *to = &t->frame[f];
-        const double z = c->near_mm * pow(c->far_mm / c->near_mm, truth_uniform(&t->state));
+        const double z = c->near_mm * pow(c->far_mm / c->near_mm, sst_random(&t->state));
         /* Fields of a 5x5 raster in turn, so that a few frames already reach everywhere. */
-        const double u = ((f * 7 % 25) % 5 - 2 + truth_uniform(&t->state) - 0.5) / 2.5;
-        const double v = ((f * 7 % 25) / 5 - 2 + truth_uniform(&t->state) - 0.5) / 2.5;
-        const double tilt = c->tilt_deg * M_PI / 180 * sqrt(truth_uniform(&t->state));
-        const double towards = 2 * M_PI * truth_uniform(&t->state), roll = 0.3 * truth_normal(&t->state);
+        const double u = ((f * 7 % 25) % 5 - 2 + sst_random(&t->state) - 0.5) / 2.5;
+        const double v = ((f * 7 % 25) / 5 - 2 + sst_random(&t->state) - 0.5) / 2.5;
+        const double tilt = c->tilt_deg * M_PI / 180 * sqrt(sst_random(&t->state));
+        const double towards = 2 * M_PI * sst_random(&t->state), roll = 0.3 * test_normal(&t->state);
         const double lean[3] = { tilt * cos(towards), tilt * sin(towards), 0 }, spin[3] = { 0, 0, roll };
         double a[9], b[9];
         const double at[3] = { z * u * c->aside * c->width / 2 / c->focal_px,
@@ -212,9 +195,9 @@ static inline void truth_see(struct truth *t, int view, int frame)
     d.corner = calloc((size_t)points, sizeof(*d.corner));
     assert(d.corner && moved);
     for (int id = 0; id < points; id++) {
-        const double off[2] = { truth_normal(&t->state), truth_normal(&t->state) };
-        const double far_off[2] = { truth_uniform(&t->state), truth_uniform(&t->state) };
-        const bool kept = truth_uniform(&t->state) < c->corners, out = truth_uniform(&t->state) < c->outliers;
+        const double off[2] = { test_normal(&t->state), test_normal(&t->state) };
+        const double far_off[2] = { sst_random(&t->state), sst_random(&t->state) };
+        const bool kept = sst_random(&t->state) < c->corners, out = sst_random(&t->state) < c->outliers;
         double X[3], x, y;
 
         truth_point(t, frame, id, X);
@@ -226,7 +209,7 @@ static inline void truth_see(struct truth *t, int view, int frame)
         moved[d.corners] = out;
         d.corner[d.corners++] = (struct sst_corner){ .id = id, .x = x, .y = y, .weight = 1 };
     }
-    if (d.corners < 6 || truth_uniform(&t->state) >= c->detections) {
+    if (d.corners < 6 || sst_random(&t->state) >= c->detections) {
         free(d.corner);
         free(moved);
         return;
@@ -249,7 +232,7 @@ static inline void truth_drives(struct truth *t)
     for (int view = 0; view < views; view++) {
         for (int i = 0; i < 3; i++)
             t->all.drive_mm[view][i] = t->cfg.drive_scale * t->calib.camera[view].position_mm[i] +
-                                       t->cfg.drive_sigma_mm * truth_normal(&t->state);
+                                       t->cfg.drive_sigma_mm * test_normal(&t->state);
     }
 }
 

@@ -3,7 +3,6 @@
 #define SST_TESTS_SIM_TEST_H
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -16,40 +15,20 @@
 #include "pipeline/image/image.h"
 #include "simulators/scene/world/sim_world.h"
 #include "simulators/scene/world/world_internal.h"
+#include "tests/folder.h"
 #include "tests/test.h"
 
 #define SIM_CAPACITY ((size_t)4 << 20)
 
-static char sim_folder[64];
 static uint8_t sim_out[SIM_CAPACITY];
-
-static inline int sim_set_up(void **state SST_UNUSED)
-{
-    snprintf(sim_folder, sizeof(sim_folder), "/tmp/sst-sim-test-XXXXXX");
-    return mkdtemp(sim_folder) ? 0 : -1;
-}
-
-static inline int sim_tear_down(void **state SST_UNUSED)
-{
-    sst_path_remove_tree(sim_folder);
-    return 0;
-}
-
-static inline const char *sim_path(const char *name)
-{
-    static char path[128];
-
-    snprintf(path, sizeof(path), "%s/%s", sim_folder, name);
-    return path;
-}
 
 /** Open the world of this text; the cache is the test's folder. */
 static inline struct sst_sim_world *sim_open(const char *text)
 {
     struct sst_sim_world *w = NULL;
 
-    assert_int_equal(sst_file_write(sim_path("w.yaml"), text, strlen(text)), 0);
-    assert_int_equal(sst_sim_world_open(&w, sim_path("w.yaml"), sim_folder), 0);
+    assert_int_equal(sst_file_write(test_path("w.yaml"), text, strlen(text)), 0);
+    assert_int_equal(sst_sim_world_open(&w, test_path("w.yaml"), test_folder), 0);
     return w;
 }
 

@@ -6,7 +6,8 @@
 
 #include "tests/sim_test.h"
 
-/* --- projection, written anew from the formulas in docs/use/simulation.md -------------------------------------------- */
+/* --- projection, written anew from the formulas in docs/use/simulation.md --------------------------------------------
+ */
 
 struct sim_view {
     double k[3][3], d[5], r[3][3], c[3];
@@ -45,8 +46,8 @@ static inline json_t *sim_truth_of(const struct sst_sim_world *w)
 {
     json_t *truth;
 
-    assert_int_equal(sst_sim_world_truth(w, sim_path("truth.json")), 0);
-    truth = json_load_file(sim_path("truth.json"), 0, NULL);
+    assert_int_equal(sst_sim_world_truth(w, test_path("truth.json")), 0);
+    truth = json_load_file(test_path("truth.json"), 0, NULL);
     assert_non_null(truth);
     return truth;
 }

@@ -44,7 +44,7 @@ static const char *const names[METHODS] = { "live", "its maps alone", "preview",
 struct bench {
     const char *scene_name, *folder;
     bool presets;
-    double sure;
+    double confirmed;
     int threads;
     struct sst_sim_world *world;
     struct sst_lightfield lf, exact; /* exact borrows the images */
@@ -372,7 +372,7 @@ static int run(int sets, int every)
 {
     int err = 0;
 
-    printf("set,changed %%,sure %%,wall ms,cpu ms,disparity ms,labels ms,refine ms,bad1 %%,label errors %%");
+    printf("set,changed %%,confirmed %%,wall ms,cpu ms,disparity ms,labels ms,refine ms,bad1 %%,label errors %%");
     for (int m = 0; m < METHODS; m++) {
         if (b.presets || (m != PREVIEW && m != BALANCED))
             printf(",%s dB,edges dB,SSIM,cpu ms", names[m]);

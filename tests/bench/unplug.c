@@ -5,6 +5,7 @@
 
 #include "base/log.h"
 #include "base/stats.h"
+#include "simulators/scene/noise.h"
 #include "tests/grab_rig.h"
 
 #define CAMERAS   36
@@ -22,12 +23,6 @@ struct trial {
     uint64_t harm_lost, harm_bad;
     int64_t polled_ns, pause_ns; /* longest time in which this program did not poll */
 };
-
-static int pick(struct trial *t, int n)
-{
-    t->seed = t->seed * UINT64_C(6364136223846793005) + UINT64_C(1442695040888963407);
-    return (int)((t->seed >> 33) % (uint64_t)n);
-}
 
 static int count_away(const struct trial *t)
 {
@@ -76,7 +71,7 @@ static void watch(struct trial *t, int ms)
 
 static int event(struct trial *t)
 {
-    const int away = count_away(t), cam = pick(t, CAMERAS);
+    const int away = count_away(t), cam = (int)(sst_random_u64(&t->seed) % CAMERAS);
     bool plug_in = t->away[cam];
 
     if (!plug_in && (away >= AWAY_MAX || t->plugged_ns[cam]))
@@ -132,7 +127,7 @@ int main(int argc, char **argv)
     while (t.events < wanted) {
         if (event(&t))
             return 1;
-        watch(&t, 20 + pick(&t, 300));
+        watch(&t, 20 + (int)(sst_random_u64(&t.seed) % 300));
         if (isatty(STDERR_FILENO))
             fprintf(stderr, "\r%d of %d ", t.events, wanted);
     }

@@ -5,18 +5,13 @@
 #include <string.h>
 
 #include "pipeline/kernels/kernels.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 #define RAYS   36
 #define STRIDE 128
 
-static uint32_t seed = 1;
-
-static uint32_t next_random(void)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return seed >> 8;
-}
+static uint64_t seed = 1;
 
 /* Exactly n bytes from the heap: the sanitizers detect reads beyond. */
 static void *random_bytes(size_t n)
@@ -25,7 +20,7 @@ static void *random_bytes(size_t n)
 
     assert_non_null(data);
     for (size_t i = 0; i < n; i++)
-        data[i] = (uint8_t)next_random();
+        data[i] = (uint8_t)sst_random_u64(&seed);
     return data;
 }
 
@@ -99,7 +94,7 @@ static void check_votes(const struct sst_kernels *k, size_t n)
     float *weight = random_bytes(n * sizeof(float));
 
     for (size_t x = 0; x < n; x++)
-        weight[x] = next_random() % 5 ? (float)(next_random() % 1000) / 1000 : -1;
+        weight[x] = sst_random_u64(&seed) % 5 ? (float)(sst_random_u64(&seed) % 1000) / 1000 : -1;
     sst_agree_votes_ref(want, (const uint8_t *const *)c, weight, &v, n);
     k->agree_votes(got, (const uint8_t *const *)c, weight, &v, n);
     assert_memory_equal(got, want, n);
@@ -120,7 +115,7 @@ static void check_near(const struct sst_kernels *k, size_t n)
         c[i] = random_bytes(n);
     for (size_t x = 0; x < n; x++) {
         for (int i = 0; i < 3 && x % 3; i++)
-            c[i][x] = (uint8_t)(c[3 + i][x] + next_random() % 40);
+            c[i][x] = (uint8_t)(c[3 + i][x] + sst_random_u64(&seed) % 40);
     }
     sst_agree_near_ref(want, (const uint8_t *const *)c, (const uint8_t *const *)c + 3, vote, n);
     k->agree_near(got, (const uint8_t *const *)c, (const uint8_t *const *)c + 3, vote, n);

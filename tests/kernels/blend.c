@@ -3,58 +3,20 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include "pipeline/kernels/exp_neg.h"
 #include "pipeline/kernels/kernels.h"
+#include "tests/kernels/guard.h"
 #include "tests/test.h"
 
-#define GUARDS 24
-
-static struct {
-    void *map;
-    size_t size;
-} guards[GUARDS];
-static int guard_count;
-static uint32_t seed = 1;
-
-static uint32_t next_random(void)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return seed >> 8;
-}
-
-/* Bytes that end where the next page faults. */
-static void *guard_random(size_t bytes)
-{
-    const size_t page = (size_t)sysconf(_SC_PAGESIZE), size = (bytes + page - 1) / page * page + page;
-    uint8_t *map = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0), *data;
-
-    assert_true(map != MAP_FAILED && guard_count < GUARDS);
-    assert_int_equal(mprotect(map + size - page, page, PROT_NONE), 0);
-    guards[guard_count].map = map;
-    guards[guard_count++].size = size;
-    data = map + size - page - bytes;
-    for (size_t i = 0; i < bytes; i++)
-        data[i] = (uint8_t)next_random();
-    return data;
-}
-
-static void guard_free_all(void)
-{
-    while (guard_count > 0) {
-        guard_count--;
-        munmap(guards[guard_count].map, guards[guard_count].size);
-    }
-}
+static uint64_t seed = 1;
 
 static float *guard_floats(size_t n)
 {
-    float *f = guard_random(n * sizeof(*f));
+    float *f = guard_random(n * sizeof(*f), &seed);
 
     for (size_t i = 0; i < n; i++)
-        f[i] = (float)(next_random() % 4096) / 16;
+        f[i] = (float)(sst_random_u64(&seed) % 4096) / 16;
     return f;
 }
 
@@ -76,8 +38,8 @@ static struct accumulators guard_accumulators(size_t n, const struct accumulator
 
 static struct sst_blend random_blend(size_t n, const float *table)
 {
-    struct sst_blend b = { .fx = (float)(next_random() % 1000) / 1000,
-                           .fy = (float)(next_random() % 1000) / 1000,
+    struct sst_blend b = { .fx = (float)(sst_random_u64(&seed) % 1000) / 1000,
+                           .fy = (float)(sst_random_u64(&seed) % 1000) / 1000,
                            .aperture = 0.75f,
                            .label_weight = table,
                            .focus_whole_q6 = 300,
@@ -86,16 +48,16 @@ static struct sst_blend random_blend(size_t n, const float *table)
                            .c1 = 0.01f,
                            .one_minus_c1 = 0.99f,
                            .unknown = 0.01f };
-    uint16_t *disp = guard_random(n * sizeof(*disp));
+    uint16_t *disp = guard_random(n * sizeof(*disp), &seed);
 
     for (int c = 0; c < 3; c++) {
-        b.top[c] = guard_random(n + 1);
-        b.bottom[c] = guard_random(n + 1);
+        b.top[c] = guard_random(n + 1, &seed);
+        b.bottom[c] = guard_random(n + 1, &seed);
     }
     for (size_t x = 0; x < n; x++)
-        disp[x] = next_random() % 5 ? disp[x] % 600 : disp[x] % 7 ? disp[x] : 0xFFFF;
+        disp[x] = sst_random_u64(&seed) % 5 ? disp[x] % 600 : disp[x] % 7 ? disp[x] : 0xFFFF;
     b.disp = disp;
-    b.label = next_random() % 4 ? guard_random(n) : NULL;
+    b.label = sst_random_u64(&seed) % 4 ? guard_random(n, &seed) : NULL;
     return b;
 }
 
@@ -121,7 +83,7 @@ static void blend_equals_reference(void **state SST_UNUSED)
 
     assert_non_null(table);
     for (size_t i = 0; i < 256 * SST_BLEND_COLUMNS; i++)
-        table[i] = (float)(next_random() % 1000) / 1000;
+        table[i] = (float)(sst_random_u64(&seed) % 1000) / 1000;
     for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
         struct sst_kernels k;
 
@@ -145,11 +107,11 @@ static void finish_equals_reference(void **state SST_UNUSED)
             continue;
         for (size_t n = 1; n <= 129; n++) {
             float *weight = guard_floats(n), *sum = guard_floats(n);
-            uint8_t *want = guard_random(n), *got = guard_random(n);
+            uint8_t *want = guard_random(n, &seed), *got = guard_random(n, &seed);
 
             for (size_t x = 0; x < n; x++) {
                 weight[x] = x % 5 ? weight[x] / 256 : 0;
-                sum[x] = weight[x] * (float)(next_random() % 255001) / 1000;
+                sum[x] = weight[x] * (float)(sst_random_u64(&seed) % 255001) / 1000;
             }
             sst_blend_finish_ref(want, sum, weight, n);
             k.blend_finish(got, sum, weight, n);

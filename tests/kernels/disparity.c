@@ -2,20 +2,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
+#include "tests/kernels/guard.h"
 #include "tests/test.h"
 
 static uint64_t seed = 0x9E3779B97F4A7C15ull;
-
-static uint32_t next_random(void)
-{
-    seed = seed * 6364136223846793005ull + 1442695040888963407ull;
-    return (uint32_t)(seed >> 32);
-}
 
 static void *random_bytes(size_t n)
 {
@@ -23,7 +16,7 @@ static void *random_bytes(size_t n)
 
     assert_non_null(p);
     for (size_t i = 0; i < n; i++)
-        p[i] = (uint8_t)(next_random() >> 11);
+        p[i] = (uint8_t)sst_random_u64(&seed);
     return p;
 }
 
@@ -87,26 +80,6 @@ static void census_of_known_pixels(void **state SST_UNUSED)
 
 enum { GROUPS = SST_FEATURE_CHANNELS / 4 };
 
-/* Rows end at an unmapped page: accesses past the last pixel fault. */
-static uint8_t *guarded(size_t n)
-{
-    const size_t page = (size_t)sysconf(_SC_PAGESIZE), bytes = (n + page - 1) / page * page;
-    uint8_t *p = mmap(NULL, bytes + page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-
-    assert_true(p != MAP_FAILED);
-    assert_int_equal(mprotect(p + bytes, page, PROT_NONE), 0);
-    for (size_t i = 0; i < bytes; i++)
-        p[i] = (uint8_t)(next_random() >> 11);
-    return p + bytes - n;
-}
-
-static void unguard(uint8_t *p, size_t n)
-{
-    const size_t page = (size_t)sysconf(_SC_PAGESIZE), bytes = (n + page - 1) / page * page;
-
-    munmap(p + n - bytes, bytes + page);
-}
-
 /* Vectors of about unit length, whose costs fill the range; every fourth position has arbitrary bytes. */
 static void feature_costs(void **state SST_UNUSED)
 {
@@ -116,13 +89,14 @@ static void feature_costs(void **state SST_UNUSED)
     for (size_t i = 0; i < ARRAY_LEN(sizes) * ARRAY_LEN(counts); i++) {
         const size_t n = sizes[i % ARRAY_LEN(sizes)], count = counts[i / ARRAY_LEN(sizes)], stride = 4 * n + 12;
         const size_t bytes = (GROUPS - 1) * stride + 4 * n, out = (count - 1) * (n + 5) + n;
-        uint8_t *a = guarded(bytes), *want = guarded(out), *got = guarded(out), *rows[17];
+        uint8_t *a = guard_random(bytes, &seed), *want = guard_random(out, &seed), *got = guard_random(out, &seed),
+                *rows[17];
         const uint8_t *b[17];
 
         for (size_t at = 0; at < bytes; at++)
             a[at] = (uint8_t)(SST_FEATURE_ZERO + a[at] % 64 - 32);
         for (size_t j = 0; j < count; j++) {
-            b[j] = rows[j] = guarded(bytes);
+            b[j] = rows[j] = guard_random(bytes, &seed);
             for (size_t at = 0; at < bytes && j % 4 != 3; at++)
                 rows[j][at] = (uint8_t)(a[at] + rows[j][at] % (8 * j + 1));
         }
@@ -133,11 +107,7 @@ static void feature_costs(void **state SST_UNUSED)
             k.feature_cost_rows(got, n + 5, a, b, count, stride, n);
             same(got, want, out, "feature_cost_rows", level, n);
         }
-        for (size_t j = 0; j < count; j++)
-            unguard(rows[j], bytes);
-        unguard(a, bytes);
-        unguard(want, out);
-        unguard(got, out);
+        guard_free_all();
     }
 }
 
@@ -168,7 +138,8 @@ static void cheapest(void **state SST_UNUSED)
     struct sst_kernels k;
 
     for (size_t n = 1; n < 150; n++) {
-        uint8_t *first = guarded(n), *second = guarded(n), *a = guarded(n), *b = guarded(n);
+        uint8_t *first = guard_random(n, &seed), *second = guard_random(n, &seed), *a = guard_random(n, &seed),
+                *b = guard_random(n, &seed);
         uint8_t want[2][150], got[2][150];
 
         for (size_t x = 0; x < n; x++) {
@@ -187,10 +158,7 @@ static void cheapest(void **state SST_UNUSED)
             same(got[0], want[0], n, "cheapest_row first", level, n);
             same(got[1], want[1], n, "cheapest_row second", level, n);
         }
-        unguard(first, n);
-        unguard(second, n);
-        unguard(a, n);
-        unguard(b, n);
+        guard_free_all();
     }
 }
 
@@ -229,11 +197,11 @@ static void support(void **state SST_UNUSED)
     const uint16_t *rows[5];
 
     for (int x = 0; x < N; x++) {
-        left[x] = (uint8_t)(x < 7 ? x : (int)(next_random() % 8));
-        right[x] = (uint8_t)(N - 1 - x < 7 ? N - 1 - x : (int)(next_random() % 8));
-        up[x] = (uint8_t)(next_random() % 2);
-        down[x] = (uint8_t)(next_random() % 3);
-        count[x] = (uint16_t)(1 + next_random() % 225);
+        left[x] = (uint8_t)(x < 7 ? x : (int)(sst_random_u64(&seed) % 8));
+        right[x] = (uint8_t)(N - 1 - x < 7 ? N - 1 - x : (int)(sst_random_u64(&seed) % 8));
+        up[x] = (uint8_t)(sst_random_u64(&seed) % 2);
+        down[x] = (uint8_t)(sst_random_u64(&seed) % 3);
+        count[x] = (uint16_t)(1 + sst_random_u64(&seed) % 225);
     }
     for (int j = 0; j < 5; j++)
         rows[j] = sums + j * N * ND;
@@ -271,7 +239,7 @@ static void sgm(void **state SST_UNUSED)
     uint16_t *line = sst_mem_alloc((N + 2) * ENTRY, 2);
 
     for (int x = 0; x < N; x++)
-        penalty[x] = (uint8_t)(next_random() % 2);
+        penalty[x] = (uint8_t)(sst_random_u64(&seed) % 2);
     memset(want, 0, N * ND * 2);
     sst_sgm_along_row_ref(prev, want, cost, penalty, p1, p2, 1, 1, N, ND);
     sst_sgm_across_row_ref(cur, prev, want, cost, penalty, p1, p2, 1, 0, N, ND);
@@ -352,7 +320,7 @@ static void bilateral(void **state SST_UNUSED)
     for (int i = 0; i < 7 * 150; i++)
         disp[i] = (uint16_t)(i % 31 == 0 ? 65535 : 1000 + disp[i] % 200);
     for (int i = 0; i < 49; i++)
-        weight[i] = (int16_t)(i == 24 ? 4096 : next_random() % 600);
+        weight[i] = (int16_t)(i == 24 ? 4096 : sst_random_u64(&seed) % 600);
     for (size_t n = 1; n < 130; n++) {
         const uint16_t *d[7];
         const uint8_t *l[7];

@@ -3,30 +3,17 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/kernels/log_pos.h"
+#include "tests/kernels/guard.h"
 #include "tests/test.h"
 
-static uint32_t seed = 1;
+static uint64_t seed = 1;
 
-static float next_random(void)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return (float)(seed >> 8) / (float)(1 << 24);
-}
-
-/* n floats that end where the next page faults; freed with the process. */
 static float *guarded(size_t n)
 {
-    const size_t page = (size_t)sysconf(_SC_PAGESIZE), size = (n * sizeof(float) + page - 1) / page * page + page;
-    uint8_t *map = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-
-    assert_true(map != MAP_FAILED);
-    assert_int_equal(mprotect(map + size - page, page, PROT_NONE), 0);
-    return (float *)(void *)(map + size - page - n * sizeof(float));
+    return guard_random(n * sizeof(float), &seed);
 }
 
 static void logarithms_are_those_of_libm(void **state SST_UNUSED)
@@ -99,11 +86,11 @@ static void guided_cells_have_known_values(void **state SST_UNUSED)
 static void random_distributions(float *p, size_t count, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
-        const float power = 60 * next_random() * next_random();
+        const float power = (float)(60 * sst_random(&seed) * sst_random(&seed));
         float sum = 0;
 
         for (size_t c = 0; c < count; c++)
-            sum += p[c * n + x] = powf(next_random(), power);
+            sum += p[c * n + x] = powf((float)sst_random(&seed), power);
         for (size_t c = 0; c < count && sum > 0; c++)
             p[c * n + x] /= sum;
     }
@@ -129,34 +116,35 @@ static void check_classes(const struct sst_kernels *k, size_t count, size_t n)
     memset(got_top, 99, sizeof(got_top));
     k->class_row(got_top, NULL, p, n, count, n);
     assert_memory_equal(got_top, want_top, n);
+    guard_free_all();
 }
 
 static void check_guide(const struct sst_kernels *k, size_t values, size_t n)
 {
     float *across = guarded(16 * n), *want = guarded(values * n), *got = guarded(values * n);
-    uint8_t *pixels = (uint8_t *)guarded(n); /* of which the last 3 n bytes are used */
+    uint8_t *pixels = guard_random(3 * n, &seed);
     struct sst_guide g = { .across = across, .cells = 16, .values = values };
 
-    pixels += n; /* n floats are 4 n bytes */
     for (size_t i = 0; i < 3 * n; i++)
-        pixels[i] = (uint8_t)(255 * next_random());
+        pixels[i] = (uint8_t)(255 * sst_random(&seed));
     for (int c = 0; c < 3; c++)
         g.pixel[c] = pixels + (size_t)c * n;
     for (size_t i = 0; i < 16 * n; i++)
-        across[i] = next_random();
+        across[i] = (float)sst_random(&seed);
     for (size_t i = 0; i < 16; i++) {
         float *cell = guarded(values);
 
         for (size_t v = 0; v < values; v++)
-            cell[v] = next_random();
+            cell[v] = (float)sst_random(&seed);
         g.cell[i] = cell;
-        g.down[i] = next_random();
+        g.down[i] = (float)sst_random(&seed);
         for (int c = 0; c < 3; c++)
-            g.colour[c][i] = 255 * next_random();
+            g.colour[c][i] = (float)(255 * sst_random(&seed));
     }
     sst_guide_cells_ref(want, &g, n);
     k->guide_cells(got, &g, n);
     assert_memory_equal(got, want, values * n * sizeof(*got));
+    guard_free_all();
 }
 
 static void check_level(const struct sst_kernels *k, size_t count, size_t n)

@@ -3,10 +3,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include "pipeline/kernels/kernels.h"
+#include "tests/kernels/guard.h"
 #include "tests/test.h"
 
 #define SAMPLES (SST_LIGHT_WHITE + 1)
@@ -88,22 +87,10 @@ static void hand_worked_values(void **state SST_UNUSED)
         assert_int_equal(out[i], value[i] >> 7);
 }
 
-/* Bytes that end where the next page faults. */
-static void *guarded(size_t bytes, void **map, size_t *size)
-{
-    const size_t page = (size_t)sysconf(_SC_PAGESIZE);
-
-    *size = (bytes + page - 1) / page * page + page;
-    *map = mmap(NULL, *size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    assert_true(*map != MAP_FAILED);
-    assert_int_equal(mprotect((uint8_t *)*map + *size - page, page, PROT_NONE), 0);
-    return (uint8_t *)*map + *size - page - bytes;
-}
-
 static void levels_equal_the_reference(void **state SST_UNUSED)
 {
     static const size_t widths[] = { 1, 7, 15, 16, 17, 31, 32, 33, 63, 64, 65, 129, 512 };
-    uint32_t seed = 5;
+    uint64_t seed = 5;
 
     for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
         struct sst_kernels k;
@@ -115,25 +102,21 @@ static void levels_equal_the_reference(void **state SST_UNUSED)
         }
         for (size_t w = 0; w < ARRAY_LEN(widths); w++) {
             const size_t n = widths[w];
-            void *map[4];
-            size_t size[4];
-            uint16_t *value = guarded(n * 2, &map[0], &size[0]);
-            float *falloff = guarded(n * 4, &map[1], &size[1]), *root = guarded(n * 4, &map[2], &size[2]);
-            uint8_t *got = guarded(n, &map[3], &size[3]), want[512];
+            uint16_t *value = guard_random(n * 2, &seed);
+            float *falloff = guard_random(n * 4, &seed), *root = guard_random(n * 4, &seed);
+            uint8_t *got = guard_random(n, &seed), want[512];
             const struct sst_light l = { value, falloff, root, 1.07f, (float)pow(1.07, 1 / 2.4) };
 
             for (size_t i = 0; i < n; i++) {
-                seed = seed * 1664525u + 1013904223u;
-                value[i] = (uint16_t)((seed >> 8) % SAMPLES);
-                falloff[i] = 0.2f + (float)(seed >> 24) / 64;
+                value[i] = (uint16_t)(sst_random_u64(&seed) % SAMPLES);
+                falloff[i] = (float)sst_random_in(&seed, 0.2, 4.2);
                 root[i] = (float)pow(falloff[i], 1 / 2.4);
             }
             sst_light_row_ref(want, &l, n);
             k.light_row(got, &l, n);
             if (memcmp(got, want, n))
                 fail_msg("n=%zu level=%s", n, sst_cpu_level_name((enum sst_cpu_level)level));
-            for (int i = 0; i < 4; i++)
-                munmap(map[i], size[i]);
+            guard_free_all();
         }
     }
 }

@@ -5,10 +5,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include "pipeline/kernels/kernels.h"
+#include "tests/kernels/guard.h"
 #include "tests/test.h"
 
 #define WIDTH  37
@@ -16,33 +15,16 @@
 #define SIDE   (2 * SST_RESAMPLE_BORDER)
 #define STRIDE (4 * (WIDTH + SIDE))
 
-static uint32_t seed = 3;
+static uint64_t seed = 3;
 
-static uint32_t next_random(void)
+static const uint8_t *guarded_picture(void)
 {
-    seed = seed * 1664525u + 1013904223u;
-    return seed >> 8;
-}
+    const size_t bytes = (size_t)STRIDE * (HEIGHT + SIDE);
+    uint8_t *data = guard_random(bytes, &seed);
 
-/* A picture whose last byte is the last before a page that faults; its first follows one. */
-struct guarded {
-    uint8_t *map, *data;
-    size_t map_size;
-};
-
-static struct guarded guarded_picture(void)
-{
-    const size_t page = (size_t)sysconf(_SC_PAGESIZE), bytes = (size_t)STRIDE * (HEIGHT + SIDE);
-    const size_t size = (bytes + page - 1) / page * page + page;
-    struct guarded g = { .map_size = size };
-
-    g.map = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    assert_true(g.map != MAP_FAILED);
-    assert_int_equal(mprotect(g.map + size - page, page, PROT_NONE), 0);
-    g.data = g.map + size - page - bytes;
     for (size_t i = 0; i < bytes; i++)
-        g.data[i] = next_random() % 3 ? (uint8_t)next_random() : next_random() % 2 ? 255 : 0;
-    return g;
+        data[i] = sst_random_u64(&seed) % 3 ? data[i] : sst_random_u64(&seed) % 2 ? 255 : 0;
+    return data;
 }
 
 /* Sums of 2^14, magnitudes of up to 2^15. */
@@ -54,18 +36,18 @@ static void random_weights(int16_t *w, int taps)
 
         for (int i = 0; i < taps; i++) {
             w[p * taps + i] = (int16_t)(i == middle       ? 0
-                                        : i == middle + 1 ? (int)(next_random() % 16384)
-                                                          : -(int)(next_random() % 2048));
+                                        : i == middle + 1 ? (int)(sst_random_u64(&seed) % 16384)
+                                                          : -(int)(sst_random_u64(&seed) % 2048));
             left -= w[p * taps + i];
         }
         w[p * taps + middle] = (int16_t)left;
     }
 }
 
-static struct sst_resample source(const struct guarded *g, const int16_t *weight, int taps)
+static struct sst_resample source(const uint8_t *picture, const int16_t *weight, int taps)
 {
     return (struct sst_resample){
-        .pixel = g->data + SST_RESAMPLE_BORDER * (STRIDE + 4), .stride = STRIDE, .weight = weight, .taps = taps
+        .pixel = picture + SST_RESAMPLE_BORDER * (STRIDE + 4), .stride = STRIDE, .weight = weight, .taps = taps
     };
 }
 
@@ -73,10 +55,11 @@ static struct sst_resample source(const struct guarded *g, const int16_t *weight
 static void random_places(int32_t *xy, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
-        xy[2 * i] = i < 4 ? (int32_t)(i & 1) * 256 * (WIDTH - 1) : (int32_t)(next_random() % (256 * (WIDTH - 1) + 1));
+        xy[2 * i] =
+            i < 4 ? (int32_t)(i & 1) * 256 * (WIDTH - 1) : (int32_t)(sst_random_u64(&seed) % (256 * (WIDTH - 1) + 1));
         xy[2 * i + 1] =
-            i < 4 ? (int32_t)(i / 2) * 256 * (HEIGHT - 1) : (int32_t)(next_random() % (256 * (HEIGHT - 1) + 1));
-        if (i > 4 && next_random() % 7 == 0)
+            i < 4 ? (int32_t)(i / 2) * 256 * (HEIGHT - 1) : (int32_t)(sst_random_u64(&seed) % (256 * (HEIGHT - 1) + 1));
+        if (i > 4 && sst_random_u64(&seed) % 7 == 0)
             xy[2 * i] = xy[2 * i + 1] = INT32_MIN;
     }
 }
@@ -84,7 +67,7 @@ static void random_places(int32_t *xy, size_t n)
 static void resample_equals_reference(void **state SST_UNUSED)
 {
     static const size_t counts[] = { 1, 2, 3, 7, 8, 9, 63, 129, 512 };
-    struct guarded g = guarded_picture();
+    const uint8_t *picture = guarded_picture();
 
     for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
         struct sst_kernels k;
@@ -99,7 +82,7 @@ static void resample_equals_reference(void **state SST_UNUSED)
             uint16_t want[3][512], got[3][512];
             int16_t weight[SST_RESAMPLE_PHASES * 6];
             int32_t xy[2 * 512];
-            struct sst_resample from = source(&g, weight, taps);
+            struct sst_resample from = source(picture, weight, taps);
 
             random_weights(weight, taps);
             random_places(xy, n);
@@ -115,20 +98,20 @@ static void resample_equals_reference(void **state SST_UNUSED)
             }
         }
     }
-    munmap(g.map, g.map_size);
+    guard_free_all();
 }
 
 /* Against the sum in double with the same weights: columns are rounded to 1/64 (1/128 off at most, times the weights'
  * magnitudes), the result to 1/128. */
 static void reference_is_the_sum(void **state SST_UNUSED)
 {
-    struct guarded g = guarded_picture();
+    const uint8_t *picture = guarded_picture();
 
     for (int taps = 2; taps <= 6; taps += 2) {
         uint16_t got[3][512];
         int16_t weight[SST_RESAMPLE_PHASES * 6];
         int32_t xy[2 * 512];
-        struct sst_resample from = source(&g, weight, taps);
+        struct sst_resample from = source(picture, weight, taps);
         double worst = 0;
 
         random_weights(weight, taps);
@@ -152,7 +135,7 @@ static void reference_is_the_sum(void **state SST_UNUSED)
         print_message("%d taps: worst error %.4f levels\n", taps, worst);
         assert_true(worst <= 2 / 128.0 + 1 / 256.0);
     }
-    munmap(g.map, g.map_size);
+    guard_free_all();
 }
 
 /* One position by hand, two taps: 3/4 of the way right, half way down between 10, 50 over 30, 110. Columns 20 and 80,

@@ -9,30 +9,8 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/camera/format.h"
+#include "tests/folder.h"
 #include "tests/test.h"
-
-static char dir[] = "/tmp/sst-formats-XXXXXX";
-
-static int setup(void **state SST_UNUSED)
-{
-    return mkdtemp(dir) ? 0 : -1;
-}
-
-static int teardown(void **state SST_UNUSED)
-{
-    sst_path_remove_tree(dir);
-    return 0;
-}
-
-static const char *in_dir(const char *name)
-{
-    static char path[4][128];
-    static int next;
-
-    next = (next + 1) % 4;
-    snprintf(path[next], sizeof(path[next]), "%s/%s", dir, name);
-    return path[next];
-}
 
 typedef int parse_fn(struct sst_calib *out, const char *text, size_t size, const char *name,
                      const struct sst_calib_format_config *cfg);
@@ -213,11 +191,11 @@ static void opencv_folder_by_hand(void **state SST_UNUSED)
     const struct sst_calib_format_config cfg = { .unit_mm = 10 };
     struct sst_calib calib;
 
-    assert_int_equal(sst_path_make_dir(in_dir("cv")), 0);
-    assert_int_equal(sst_file_write(in_dir("cv/cam_00_00.yml"), a, strlen(a)), 0);
-    assert_int_equal(sst_file_write(in_dir("cv/cam_02_01.yaml"), b, strlen(b)), 0);
-    assert_string_equal(sst_calib_format_of(in_dir("cv"))->name, "opencv");
-    assert_int_equal(sst_calib_format_find("opencv")->read(&calib, in_dir("cv"), &cfg), 0);
+    assert_int_equal(sst_path_make_dir(test_path("cv")), 0);
+    assert_int_equal(sst_file_write(test_path("cv/cam_00_00.yml"), a, strlen(a)), 0);
+    assert_int_equal(sst_file_write(test_path("cv/cam_02_01.yaml"), b, strlen(b)), 0);
+    assert_string_equal(sst_calib_format_of(test_path("cv"))->name, "opencv");
+    assert_int_equal(sst_calib_format_find("opencv")->read(&calib, test_path("cv"), &cfg), 0);
     assert_int_equal(calib.rows, 3);
     assert_int_equal(calib.cols, 2);
     assert_int_equal(calib.reference, 0); /* nearest to (1, 0) */
@@ -238,13 +216,13 @@ static void opencv_stereo_by_hand(void **state SST_UNUSED)
     struct sst_calib_format_config cfg = { .width = 640, .height = 480 };
     struct sst_calib calib;
 
-    assert_int_equal(sst_path_make_dir(in_dir("pair")), 0);
-    assert_int_equal(sst_file_write(in_dir("pair/intrinsics.yml"), in, strlen(in)), 0);
-    assert_int_equal(sst_file_write(in_dir("pair/extrinsics.yml"), ex, strlen(ex)), 0);
-    assert_string_equal(sst_calib_format_of(in_dir("pair"))->name, "opencv-stereo");
-    assert_string_equal(sst_calib_format_of(in_dir("pair/intrinsics.yml"))->name, "opencv-stereo");
+    assert_int_equal(sst_path_make_dir(test_path("pair")), 0);
+    assert_int_equal(sst_file_write(test_path("pair/intrinsics.yml"), in, strlen(in)), 0);
+    assert_int_equal(sst_file_write(test_path("pair/extrinsics.yml"), ex, strlen(ex)), 0);
+    assert_string_equal(sst_calib_format_of(test_path("pair"))->name, "opencv-stereo");
+    assert_string_equal(sst_calib_format_of(test_path("pair/intrinsics.yml"))->name, "opencv-stereo");
     for (int i = 0; i < 2; i++) {
-        const char *path = i ? in_dir("pair/intrinsics.yml") : in_dir("pair");
+        const char *path = i ? test_path("pair/intrinsics.yml") : test_path("pair");
 
         assert_int_equal(sst_calib_format_find("opencv-stereo")->read(&calib, path, &cfg), 0);
         assert_true(calib.rows == 1 && calib.cols == 2);
@@ -402,7 +380,7 @@ static void every_format_reads_what_it_writes(void **state SST_UNUSED)
 
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
         for (int lens = 0; lens <= 8; lens += lens ? 3 : 5) {
-            const char *path = in_dir(cases[i].path);
+            const char *path = test_path("%s", cases[i].path);
             struct sst_calib calib, back;
 
             sst_path_remove_tree(path);
@@ -423,7 +401,7 @@ static void every_format_reads_what_it_writes(void **state SST_UNUSED)
 static void stereo_reads_what_it_writes(void **state SST_UNUSED)
 {
     const struct sst_calib_format *f = sst_calib_format_find("opencv-stereo");
-    const char *path = in_dir("stereo");
+    const char *path = test_path("stereo");
     struct sst_calib calib, back;
     char said[SST_LOG_MAX] = "";
 
@@ -615,5 +593,5 @@ int main(void)
         cmocka_unit_test(names_suggest_formats),
     };
 
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
 }

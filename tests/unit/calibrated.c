@@ -15,6 +15,8 @@
 #include "pipeline/lightfield/import.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/render/render.h"
+#include "simulators/scene/noise.h"
+#include "tests/folder.h"
 #include "tests/small.h"
 #include "tests/test.h"
 
@@ -24,29 +26,7 @@
 #define HEIGHT 240
 #define DEPTH  2000.0
 
-static char base[64];
-static uint32_t seed = 5;
-
-static const char *at(const char *fmt, ...) SST_PRINTF(1, 2);
-static const char *at(const char *fmt, ...)
-{
-    static char path[4][SST_PATH_MAX];
-    static int next;
-    char *p = path[next = (next + 1) % 4];
-    va_list args;
-    int n = snprintf(p, SST_PATH_MAX, "%s/", base);
-
-    va_start(args, fmt);
-    vsnprintf(p + n, SST_PATH_MAX - (size_t)n, fmt, args);
-    va_end(args);
-    return p;
-}
-
-static double uniform(double lo, double hi)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return lo + (hi - lo) * ((seed >> 8) / 16777216.0);
-}
+static uint64_t seed = 5;
 
 /* The plane's picture in sRGB levels: waves of 60 mm and more, 8 px and more at 300 px / 2000 mm. */
 static double picture(double X, double Y, int c)
@@ -73,22 +53,23 @@ static struct sst_calib bad_array(void)
     calib.range_mm = DEPTH;
     for (int k = 0; k < ROWS * COLS; k++) {
         struct sst_calib_camera *cam = &calib.camera[k];
-        const double v[3] = { uniform(-0.02, 0.02), uniform(-0.02, 0.02), uniform(-0.02, 0.02) };
+        const double v[3] = { sst_random_in(&seed, -0.02, 0.02), sst_random_in(&seed, -0.02, 0.02),
+                              sst_random_in(&seed, -0.02, 0.02) };
         const double lens[5] = { -0.2, 0.06, 5e-4, -5e-4, 0 };
 
         *cam = (struct sst_calib_camera){ .known = true,
-                                          .fx = uniform(295, 305),
-                                          .fy = uniform(295, 305),
-                                          .cx = uniform(155, 164),
-                                          .cy = uniform(115, 124),
+                                          .fx = sst_random_in(&seed, 295, 305),
+                                          .fy = sst_random_in(&seed, 295, 305),
+                                          .cx = sst_random_in(&seed, 155, 164),
+                                          .cy = sst_random_in(&seed, 115, 124),
                                           .lens = 5,
                                           .gain = { 1, 1, 1 } };
         snprintf(cam->name, sizeof(cam->name), "cam%d", k);
         memcpy(cam->k, lens, sizeof(lens));
         if (k != calib.reference) {
             sst_rotation_from_vector(v, cam->rotation);
-            cam->position_mm[0] = 100 * (k % COLS - 1) + uniform(-3, 3);
-            cam->position_mm[1] = 100 * (k / COLS) + uniform(-3, 3);
+            cam->position_mm[0] = 100 * (k % COLS - 1) + sst_random_in(&seed, -3, 3);
+            cam->position_mm[1] = 100 * (k / COLS) + sst_random_in(&seed, -3, 3);
         } else {
             sst_rotation_from_vector((const double[3]){ 0, 0, 0 }, cam->rotation);
         }
@@ -130,18 +111,18 @@ static void take_frame(const struct sst_calib *calib, int k)
             }
         }
     }
-    assert_int_equal(sst_image_write_png(&img, at("frames/%02d_%02d.png", k / COLS, k % COLS)), 0);
+    assert_int_equal(sst_image_write_png(&img, test_path("frames/%02d_%02d.png", k / COLS, k % COLS)), 0);
     sst_image_fini(&img);
 }
 
 /* Frames of the whole array in frames/, its calibration in calib.yaml. */
 static void take_frames(const struct sst_calib *calib)
 {
-    sst_path_remove_tree(at("frames"));
-    assert_int_equal(mkdir(at("frames"), 0777), 0);
+    sst_path_remove_tree(test_path("frames"));
+    assert_int_equal(mkdir(test_path("frames"), 0777), 0);
     for (int k = 0; k < ROWS * COLS; k++)
         take_frame(calib, k);
-    assert_int_equal(sst_calib_write(calib, at("calib.yaml")), 0);
+    assert_int_equal(sst_calib_write(calib, test_path("calib.yaml")), 0);
 }
 
 static struct sst_use_calibration use_file(void)
@@ -149,14 +130,14 @@ static struct sst_use_calibration use_file(void)
     struct sst_use_calibration use;
 
     sst_use_calibration_defaults(&use);
-    assert_int_equal(sst_use_calibration_read(&use, at("calib.yaml")), 0);
+    assert_int_equal(sst_use_calibration_read(&use, test_path("calib.yaml")), 0);
     return use;
 }
 
 static int import(const char *out, const struct sst_use_calibration *use)
 {
     const struct sst_import_config cfg = { .format = "folder",
-                                           .source = at("frames"),
+                                           .source = test_path("frames"),
                                            .out = out,
                                            .rows = ROWS,
                                            .cols = COLS,
@@ -171,7 +152,7 @@ static void make(const char *name)
 {
     struct sst_use_calibration use = use_file();
 
-    assert_int_equal(import(at("%s", name), &use), 0);
+    assert_int_equal(import(test_path("%s", name), &use), 0);
     sst_use_calibration_fini(&use);
 }
 
@@ -214,7 +195,7 @@ static void rectified_views_show_the_plane(void **state SST_UNUSED)
 
     take_frames(&calib);
     make("lf");
-    assert_int_equal(sst_lightfield_load(&lf, at("lf"), SST_LOAD_IMAGES, 2), 0);
+    assert_int_equal(sst_lightfield_load(&lf, test_path("lf"), SST_LOAD_IMAGES, 2), 0);
     assert_non_null(lf.calibration);
     assert_true(fabs(lf.spacing_mm - 100) < 3 && fabs(lf.focal_px - 300) < 5 && lf.ref_view == 1);
     for (int k = 0; k < ROWS * COLS; k++) {
@@ -242,7 +223,7 @@ static void light_is_corrected(void **state SST_UNUSED)
     }
     take_frames(&calib);
     make("lf");
-    assert_int_equal(sst_lightfield_load(&lf, at("lf"), SST_LOAD_IMAGES, 2), 0);
+    assert_int_equal(sst_lightfield_load(&lf, test_path("lf"), SST_LOAD_IMAGES, 2), 0);
     for (int k = 0; k < ROWS * COLS; k++) {
         double rms;
 
@@ -273,21 +254,21 @@ static void threads_raw_and_bake(void **state SST_UNUSED)
 
     take_frames(&calib);
     make("lf");
-    assert_int_equal(sst_lightfield_load(&one, at("lf"), SST_LOAD_IMAGES, 1), 0);
-    assert_int_equal(sst_lightfield_load(&three, at("lf"), SST_LOAD_IMAGES, 3), 0);
+    assert_int_equal(sst_lightfield_load(&one, test_path("lf"), SST_LOAD_IMAGES, 1), 0);
+    assert_int_equal(sst_lightfield_load(&three, test_path("lf"), SST_LOAD_IMAGES, 3), 0);
     same_images(&one, &three);
     sst_lightfield_fini(&three);
-    assert_int_equal(sst_lightfield_load(&raw, at("lf"), SST_LOAD_IMAGES | SST_LOAD_RAW, 2), 0);
-    assert_int_equal(sst_image_read(&frame, at("frames/01_02.png")), 0);
+    assert_int_equal(sst_lightfield_load(&raw, test_path("lf"), SST_LOAD_IMAGES | SST_LOAD_RAW, 2), 0);
+    assert_int_equal(sst_image_read(&frame, test_path("frames/01_02.png")), 0);
     assert_memory_equal(sst_image_row(&raw.views[5].image, 1, 100), sst_image_row(&frame, 1, 100), WIDTH);
     assert_null(raw.views[5].valid.data);
     sst_image_fini(&frame);
     sst_lightfield_fini(&raw);
-    cfg.dir = at("lf");
-    cfg.out = at("baked");
+    cfg.dir = test_path("lf");
+    cfg.out = test_path("baked");
     assert_int_equal(sst_lightfield_rectify_dir(&cfg, &own), 0);
     sst_lightfield_fini(&own);
-    assert_int_equal(sst_lightfield_load(&three, at("baked"), SST_LOAD_IMAGES, 2), 0);
+    assert_int_equal(sst_lightfield_load(&three, test_path("baked"), SST_LOAD_IMAGES, 2), 0);
     assert_null(three.calibration);
     same_images(&one, &three);
     assert_true(one.views[0].bx == three.views[0].bx && one.focal_px == three.focal_px);
@@ -306,21 +287,21 @@ static void maps_and_versions(void **state SST_UNUSED)
 
     take_frames(&calib);
     make("lf");
-    assert_int_equal(sst_lightfield_load(&lf, at("lf"), 0, 1), 0);
+    assert_int_equal(sst_lightfield_load(&lf, test_path("lf"), 0, 1), 0);
     assert_int_equal(sst_map_u16_init(&lf.views[2].disp, lf.width, lf.height), 0);
     sst_map_u16_row(&lf.views[2].disp, 7)[9] = 777;
-    assert_int_equal(sst_lightfield_save_maps(&lf, at("lf"), 1), 0);
+    assert_int_equal(sst_lightfield_save_maps(&lf, test_path("lf"), 1), 0);
     sst_lightfield_fini(&lf);
-    assert_int_equal(sst_lightfield_load(&lf, at("lf"), SST_LOAD_ALL, 1), 0);
+    assert_int_equal(sst_lightfield_load(&lf, test_path("lf"), SST_LOAD_ALL, 1), 0);
     assert_non_null(lf.calibration);
     assert_int_equal(sst_map_u16_row(&lf.views[2].disp, 7)[9], 777);
-    assert_int_equal(sst_lightfield_verify(&lf, at("lf"), 1), 0);
+    assert_int_equal(sst_lightfield_verify(&lf, test_path("lf"), 1), 0);
     sst_lightfield_fini(&lf);
-    assert_int_equal(sst_file_read(at("lf/lightfield.json"), 1 << 20, &text, &size), 0);
+    assert_int_equal(sst_file_read(test_path("lf/lightfield.json"), 1 << 20, &text, &size), 0);
     assert_non_null(strstr((char *)text, "\"version\": 2"));
     free(text);
-    assert_int_equal(import(at("plain"), NULL), 0);
-    assert_int_equal(sst_file_read(at("plain/lightfield.json"), 1 << 20, &text, &size), 0);
+    assert_int_equal(import(test_path("plain"), NULL), 0);
+    assert_int_equal(sst_file_read(test_path("plain/lightfield.json"), 1 << 20, &text, &size), 0);
     assert_non_null(strstr((char *)text, "\"version\": 1"));
     assert_null(strstr((char *)text, "calibration"));
     free(text);
@@ -330,8 +311,7 @@ static void maps_and_versions(void **state SST_UNUSED)
 static void refused(int err, int want, const char *words, const char *text)
 {
     assert_int_equal(err, want);
-    if (!strstr(text, words))
-        fail_msg("no '%s' in: %s", words, text);
+    assert_contains(text, words);
 }
 
 #define REFUSED(call, want, words)                                                                                     \
@@ -356,35 +336,36 @@ static void what_does_not_fit(void **state SST_UNUSED)
     make("lf");
     use = use_file();
     use.calib.width = 640;
-    REFUSED(import(at("no"), &use), -EBADMSG, "frames of 640x240 pixels, the views have 320x240");
+    REFUSED(import(test_path("no"), &use), -EBADMSG, "frames of 640x240 pixels, the views have 320x240");
     use.calib.width = WIDTH;
     use.calib.rows = COLS;
     use.calib.cols = ROWS;
-    REFUSED(import(at("no"), &use), -EBADMSG, "grid of 3x2 cameras, the views form one of 2x3");
+    REFUSED(import(test_path("no"), &use), -EBADMSG, "grid of 3x2 cameras, the views form one of 2x3");
     use.calib.rows = ROWS;
     use.calib.cols = COLS;
-    assert_false(sst_path_exists(at("no")));
+    assert_false(sst_path_exists(test_path("no")));
     use.calib.camera[4].k[0] = 1e11; /* no lens sees like this */
-    REFUSED(import(at("no"), &use), -EBADMSG, "nothing of the frames of camera");
+    REFUSED(import(test_path("no"), &use), -EBADMSG, "nothing of the frames of camera");
     use.calib.camera[4].k[0] = calib.camera[4].k[0];
-    assert_false(sst_path_exists(at("no")));
+    assert_false(sst_path_exists(test_path("no")));
     use.calib.camera[5].known = false; /* a hole; the rest goes on */
-    assert_int_equal(import(at("hole"), &use), 0);
-    assert_int_equal(sst_lightfield_load(&lf, at("hole"), SST_LOAD_IMAGES, 1), 0);
+    assert_int_equal(import(test_path("hole"), &use), 0);
+    assert_int_equal(sst_lightfield_load(&lf, test_path("hole"), SST_LOAD_IMAGES, 1), 0);
     assert_false(lf.views[5].present);
-    assert_false(sst_path_exists(at("hole/views/01_02.png")));
+    assert_false(sst_path_exists(test_path("hole/views/01_02.png")));
     sst_lightfield_fini(&lf);
     sst_use_calibration_fini(&use);
     /* The folder after someone has been at it. */
     assert_int_equal(sst_image_init(&small, 32, 24), 0);
-    assert_int_equal(sst_image_write_png(&small, at("lf/views/00_01.png")), 0);
+    assert_int_equal(sst_image_write_png(&small, test_path("lf/views/00_01.png")), 0);
     sst_image_fini(&small);
-    REFUSED(sst_lightfield_load(&lf, at("lf"), SST_LOAD_IMAGES, 1), -EBADMSG, "32x24 pixels, the calibration is of");
-    assert_int_equal(sst_file_read(at("lf/calibration.yaml"), 1 << 20, &text, &size), 0);
-    assert_int_equal(sst_file_write(at("lf/calibration.yaml"), text, size - 1), 0);
-    REFUSED(sst_lightfield_load(&lf, at("lf"), 0, 1), -EBADMSG, "has changed since the light field was made");
-    assert_int_equal(remove(at("lf/calibration.yaml")), 0);
-    REFUSED(sst_lightfield_load(&lf, at("lf"), 0, 1), -ENOENT, "calibration.yaml");
+    REFUSED(sst_lightfield_load(&lf, test_path("lf"), SST_LOAD_IMAGES, 1), -EBADMSG,
+            "32x24 pixels, the calibration is of");
+    assert_int_equal(sst_file_read(test_path("lf/calibration.yaml"), 1 << 20, &text, &size), 0);
+    assert_int_equal(sst_file_write(test_path("lf/calibration.yaml"), text, size - 1), 0);
+    REFUSED(sst_lightfield_load(&lf, test_path("lf"), 0, 1), -EBADMSG, "has changed since the light field was made");
+    assert_int_equal(remove(test_path("lf/calibration.yaml")), 0);
+    REFUSED(sst_lightfield_load(&lf, test_path("lf"), 0, 1), -ENOENT, "calibration.yaml");
     free(text);
     sst_calib_fini(&calib);
 }
@@ -402,7 +383,7 @@ static void rays_from_outside_do_not_count(void **state SST_UNUSED)
 
     take_frames(&calib);
     make("lf");
-    assert_int_equal(sst_lightfield_load(&lf, at("lf"), SST_LOAD_IMAGES, 2), 0);
+    assert_int_equal(sst_lightfield_load(&lf, test_path("lf"), SST_LOAD_IMAGES, 2), 0);
     assert_int_equal(sst_renderer_create(&r, &lf, 2), 0);
     assert_int_equal(sst_image_init(&out, lf.width, lf.height), 0);
     assert_int_equal(sst_map_u8_init(&valid, lf.width, lf.height), 0);
@@ -448,9 +429,9 @@ static void borders_do_not_match(void **state SST_UNUSED)
     take_frames(&calib);
     use = use_file();
     use.plan.focal_px = 250;
-    assert_int_equal(import(at("lf"), &use), 0);
+    assert_int_equal(import(test_path("lf"), &use), 0);
     sst_use_calibration_fini(&use);
-    assert_int_equal(sst_lightfield_load(&lf, at("lf"), SST_LOAD_IMAGES, 2), 0);
+    assert_int_equal(sst_lightfield_load(&lf, test_path("lf"), SST_LOAD_IMAGES, 2), 0);
     assert_int_equal(sst_disparity_preset(&cfg, "balanced"), 0);
     cfg.disp_min_px = 4;
     cfg.disp_max_px = 24;
@@ -488,15 +469,15 @@ static void damage(const char *from, const char *to, const char *words)
     size_t size;
 
     make("lf");
-    assert_int_equal(sst_file_read(at("lf/lightfield.json"), 1 << 20, &text, &size), 0);
+    assert_int_equal(sst_file_read(test_path("lf/lightfield.json"), 1 << 20, &text, &size), 0);
     place = strstr((char *)text, from);
     assert_non_null(place);
     changed = malloc(size + strlen(to) + 1);
     assert_non_null(changed);
     snprintf(changed, size + strlen(to) + 1, "%.*s%s%s", (int)(place - (char *)text), (char *)text, to,
              place + strlen(from));
-    assert_int_equal(sst_file_write(at("lf/lightfield.json"), changed, strlen(changed)), 0);
-    REFUSED(sst_lightfield_load(&lf, at("lf"), 0, 1), -EBADMSG, words);
+    assert_int_equal(sst_file_write(test_path("lf/lightfield.json"), changed, strlen(changed)), 0);
+    REFUSED(sst_lightfield_load(&lf, test_path("lf"), 0, 1), -EBADMSG, words);
     free(changed);
     free(text);
 }
@@ -519,18 +500,6 @@ static void damaged_folders(void **state SST_UNUSED)
     sst_calib_fini(&calib);
 }
 
-static int setup(void **state SST_UNUSED)
-{
-    snprintf(base, sizeof(base), "/tmp/sst-calibrated-XXXXXX");
-    return mkdtemp(base) ? 0 : -1;
-}
-
-static int teardown(void **state SST_UNUSED)
-{
-    sst_path_remove_tree(base);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -540,5 +509,5 @@ int main(void)
         serial_test(borders_do_not_match),           cmocka_unit_test(damaged_folders),
     };
 
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
 }

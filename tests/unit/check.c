@@ -12,7 +12,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "pipeline/calibration/drift/drift_internal.h"
-#include "simulators/scene/noise.h"
+#include "tests/random.h"
 #include "tests/small.h"
 #include "tests/test.h"
 
@@ -45,15 +45,6 @@ static double texture(double x, double y, uint32_t seed, const struct recipe *r)
     return 128 + 180 * r->contrast * (sst_noise_fbm((struct sst_vec3){ x / 14 + 500, y / 14 + 500, 0 }, 3, seed) - 0.5);
 }
 
-static double normal(uint64_t *state)
-{
-    double sum = -6;
-
-    for (int i = 0; i < 12; i++)
-        sum += sst_random(state);
-    return sum;
-}
-
 static void draw_view(struct sst_image *out, const struct recipe *r, int view, double bx, double by)
 {
     const struct fault *f = &r->fault[view];
@@ -73,7 +64,7 @@ static void draw_view(struct sst_image *out, const struct recipe *r, int view, d
 
             v *= gain;
             for (int k = 0; k < 3; k++) {
-                const double w = v + (r->noise > 0 ? r->noise * normal(&state) : 0);
+                const double w = v + (r->noise > 0 ? r->noise * test_normal(&state) : 0);
 
                 sst_image_row(out, k, y)[x] = (uint8_t)sst_clamp_double(floor(w + 0.5), 0, 255);
             }

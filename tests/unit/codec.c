@@ -14,23 +14,14 @@
 #include "base/log.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/image/codec.h"
+#include "tests/folder.h"
 #include "tests/test.h"
 
 #define ROBUSTNESS "../shared/data/jpeg-robustness"
 
-static char dir[] = "/tmp/sst-codec-XXXXXX";
-
-static const char *in_dir(const char *name)
-{
-    static char path[SST_PATH_MAX];
-
-    assert_int_equal(sst_path_join(path, dir, name), 0);
-    return path;
-}
-
 static void put(const char *name, const void *data, size_t size)
 {
-    assert_int_equal(sst_file_write(in_dir(name), data, size), 0);
+    assert_int_equal(sst_file_write(test_path("%s", name), data, size), 0);
 }
 
 static struct sst_image make_image(int width, int height)
@@ -67,10 +58,10 @@ static void png_gives_the_same_pixels(void **state SST_UNUSED)
         struct sst_image a = make_image(sizes[i][0], sizes[i][1]), b;
         int width, height;
 
-        assert_int_equal(sst_image_write_png(&a, in_dir("a.png")), 0);
-        assert_int_equal(sst_image_read(&b, in_dir("a.png")), 0);
+        assert_int_equal(sst_image_write_png(&a, test_path("a.png")), 0);
+        assert_int_equal(sst_image_read(&b, test_path("a.png")), 0);
         assert_same_image(&a, &b, 0);
-        assert_int_equal(sst_image_read_size(in_dir("a.png"), &width, &height), 0);
+        assert_int_equal(sst_image_read_size(test_path("a.png"), &width, &height), 0);
         assert_int_equal(width, a.width);
         assert_int_equal(height, a.height);
         sst_image_fini(&a);
@@ -93,27 +84,27 @@ static void maps_give_the_same_values(void **state SST_UNUSED)
         }
     }
     for (int indexed = 0; indexed < 2; indexed++) {
-        assert_int_equal(sst_map_u8_write_png(&a, in_dir("m.png"), indexed ? sst_classes_palette() : NULL), 0);
-        assert_int_equal(sst_map_u8_read_png(&b, in_dir("m.png")), 0);
+        assert_int_equal(sst_map_u8_write_png(&a, test_path("m.png"), indexed ? sst_classes_palette() : NULL), 0);
+        assert_int_equal(sst_map_u8_read_png(&b, test_path("m.png")), 0);
         for (int y = 0; y < 3; y++)
             assert_memory_equal(sst_map_u8_row(&a, y), sst_map_u8_row(&b, y), 256);
         sst_map_u8_fini(&b);
     }
     /* Label 3 as a colour, through the palette. */
-    assert_int_equal(sst_image_read(&picture, in_dir("m.png")), 0);
+    assert_int_equal(sst_image_read(&picture, test_path("m.png")), 0);
     for (int ch = 0; ch < 3; ch++)
         assert_int_equal(sst_image_row(&picture, ch, 0)[3], sst_classes_palette()[3][ch]);
-    assert_int_equal(sst_map_u16_write_png(&c, in_dir("d.png")), 0);
-    assert_int_equal(sst_map_u16_read_png(&d, in_dir("d.png")), 0);
+    assert_int_equal(sst_map_u16_write_png(&c, test_path("d.png")), 0);
+    assert_int_equal(sst_map_u16_read_png(&d, test_path("d.png")), 0);
     for (int y = 0; y < 3; y++)
         assert_memory_equal(sst_map_u16_row(&c, y), sst_map_u16_row(&d, y), 512);
     /* 16 bits to 8: v * 255 / 65535, rounded. 257 * x becomes x. */
     sst_image_fini(&picture);
-    assert_int_equal(sst_image_read(&picture, in_dir("d.png")), 0);
+    assert_int_equal(sst_image_read(&picture, test_path("d.png")), 0);
     for (int x = 0; x < 256; x++)
         assert_int_equal(sst_image_row(&picture, 1, 0)[x], x);
-    assert_int_equal(sst_map_u8_read_png(&b, in_dir("d.png")), -EBADMSG);
-    assert_int_equal(sst_map_u16_read_png(&d, in_dir("m.png")), -EBADMSG);
+    assert_int_equal(sst_map_u8_read_png(&b, test_path("d.png")), -EBADMSG);
+    assert_int_equal(sst_map_u16_read_png(&d, test_path("m.png")), -EBADMSG);
     sst_image_fini(&picture);
     sst_map_u8_fini(&a);
     sst_map_u16_fini(&c);
@@ -132,8 +123,8 @@ static void jpeg_stays_close(void **state SST_UNUSED)
             sst_image_row(&a, 2, y)[x] = 60;
         }
     }
-    assert_int_equal(sst_image_write_jpeg(&a, in_dir("a.jpg"), 98), 0);
-    assert_int_equal(sst_image_read(&b, in_dir("a.jpg")), 0);
+    assert_int_equal(sst_image_write_jpeg(&a, test_path("a.jpg"), 98), 0);
+    assert_int_equal(sst_image_read(&b, test_path("a.jpg")), 0);
     assert_same_image(&a, &b, 4);
     sst_image_fini(&a);
     sst_image_fini(&b);
@@ -150,11 +141,11 @@ static void cut_and_damaged_files_are_refused(void **state SST_UNUSED)
     size_t size;
 
     assert_int_equal(sst_map_f32_init(&m, 5, 4), 0);
-    assert_int_equal(sst_image_write_png(&a, in_dir("cut.png")), 0);
-    assert_int_equal(sst_image_write_jpeg(&a, in_dir("cut.jpg"), 90), 0);
-    assert_int_equal(sst_map_f32_write_pfm(&m, in_dir("cut.pfm")), 0);
+    assert_int_equal(sst_image_write_png(&a, test_path("cut.png")), 0);
+    assert_int_equal(sst_image_write_jpeg(&a, test_path("cut.jpg"), 90), 0);
+    assert_int_equal(sst_map_f32_write_pfm(&m, test_path("cut.pfm")), 0);
     for (size_t i = 0; i < 2; i++) {
-        assert_int_equal(sst_file_read(in_dir(names[i]), 1 << 20, &data, &size), 0);
+        assert_int_equal(sst_file_read(test_path("%s", names[i]), 1 << 20, &data, &size), 0);
         for (size_t n = 0; n < size; n++)
             assert_int_equal(sst_image_decode(&img, data, n, names[i]), -EBADMSG);
         for (size_t n = 0; n < size; n++) {
@@ -167,10 +158,10 @@ static void cut_and_damaged_files_are_refused(void **state SST_UNUSED)
         }
         free(data);
     }
-    assert_int_equal(sst_file_read(in_dir("cut.pfm"), 1 << 20, &data, &size), 0);
+    assert_int_equal(sst_file_read(test_path("cut.pfm"), 1 << 20, &data, &size), 0);
     for (size_t n = 0; n < size; n += 3) {
         put("short.pfm", data, n);
-        assert_int_equal(sst_map_f32_read_pfm(&f, in_dir("short.pfm")), -EBADMSG);
+        assert_int_equal(sst_map_f32_read_pfm(&f, test_path("short.pfm")), -EBADMSG);
     }
     free(data);
     sst_map_f32_fini(&m);
@@ -206,10 +197,10 @@ static void absurd_sizes_are_refused(void **state SST_UNUSED)
     uint8_t *png, *jpeg, *sof = NULL;
     size_t png_size, jpeg_size;
 
-    assert_int_equal(sst_image_write_png(&a, in_dir("s.png")), 0);
-    assert_int_equal(sst_image_write_jpeg(&a, in_dir("s.jpg"), 90), 0);
-    assert_int_equal(sst_file_read(in_dir("s.png"), 1 << 20, &png, &png_size), 0);
-    assert_int_equal(sst_file_read(in_dir("s.jpg"), 1 << 20, &jpeg, &jpeg_size), 0);
+    assert_int_equal(sst_image_write_png(&a, test_path("s.png")), 0);
+    assert_int_equal(sst_image_write_jpeg(&a, test_path("s.jpg"), 90), 0);
+    assert_int_equal(sst_file_read(test_path("s.png"), 1 << 20, &png, &png_size), 0);
+    assert_int_equal(sst_file_read(test_path("s.jpg"), 1 << 20, &jpeg, &jpeg_size), 0);
     for (size_t i = 0; !sof && i + 1 < jpeg_size; i++)
         sof = jpeg[i] == 0xFF && jpeg[i + 1] == 0xC0 ? jpeg + i : NULL;
     assert_non_null(sof);
@@ -246,14 +237,14 @@ static void pfm_is_read_bottom_up_in_either_order(void **state SST_UNUSED)
         struct sst_map_f32 m;
 
         put("x.pfm", i ? little : big, (i ? sizeof(little) : sizeof(big)) - 1);
-        assert_int_equal(sst_map_f32_read_pfm(&m, in_dir("x.pfm")), 0);
+        assert_int_equal(sst_map_f32_read_pfm(&m, test_path("x.pfm")), 0);
         assert_true(isinf(sst_map_f32_row(&m, 0)[0]));
         assert_true(sst_map_f32_row(&m, 0)[1] == 0.5f);
         assert_true(sst_map_f32_row(&m, 1)[0] == 1.0f);
         assert_true(sst_map_f32_row(&m, 1)[1] == -2.5f);
-        assert_int_equal(sst_map_f32_write_pfm(&m, in_dir("y.pfm")), 0);
+        assert_int_equal(sst_map_f32_write_pfm(&m, test_path("y.pfm")), 0);
         sst_map_f32_fini(&m);
-        assert_int_equal(sst_map_f32_read_pfm(&m, in_dir("y.pfm")), 0);
+        assert_int_equal(sst_map_f32_read_pfm(&m, test_path("y.pfm")), 0);
         assert_true(sst_map_f32_row(&m, 1)[1] == -2.5f);
         sst_map_f32_fini(&m);
     }
@@ -283,10 +274,10 @@ static void bad_pfm_files_are_refused(void **state SST_UNUSED)
 
     for (size_t i = 0; i < ARRAY_LEN(bad); i++) {
         put("bad.pfm", bad[i], strlen(bad[i]));
-        assert_int_equal(sst_map_f32_read_pfm(&m, in_dir("bad.pfm")), -EBADMSG);
+        assert_int_equal(sst_map_f32_read_pfm(&m, test_path("bad.pfm")), -EBADMSG);
         assert_int_equal(m.width, 77);
     }
-    assert_int_equal(sst_map_f32_read_pfm(&m, in_dir("none.pfm")), -ENOENT);
+    assert_int_equal(sst_map_f32_read_pfm(&m, test_path("none.pfm")), -ENOENT);
 }
 
 static void npy_header_is_exact(void **state SST_UNUSED)
@@ -297,8 +288,8 @@ static void npy_header_is_exact(void **state SST_UNUSED)
     uint8_t *file;
     size_t size;
 
-    assert_int_equal(sst_npy_write_f32(data, dims, 2, in_dir("a.npy")), 0);
-    assert_int_equal(sst_file_read(in_dir("a.npy"), 1 << 20, &file, &size), 0);
+    assert_int_equal(sst_npy_write_f32(data, dims, 2, test_path("a.npy")), 0);
+    assert_int_equal(sst_file_read(test_path("a.npy"), 1 << 20, &file, &size), 0);
     assert_memory_equal(file, "\x93NUMPY\x01\x00", 8);
     assert_int_equal((10 + file[8] + 256 * file[9]) % 64, 0);
     assert_memory_equal(file + 10, dict, strlen(dict));
@@ -306,7 +297,7 @@ static void npy_header_is_exact(void **state SST_UNUSED)
     assert_memory_equal(file + 10 + file[8], data, sizeof(data));
     assert_int_equal(size, 10 + file[8] + sizeof(data));
     free(file);
-    assert_int_equal(sst_npy_write_f32(data, dims, 0, in_dir("a.npy")), -EINVAL);
+    assert_int_equal(sst_npy_write_f32(data, dims, 0, test_path("a.npy")), -EINVAL);
 }
 
 static void failed_writes_leave_nothing(void **state SST_UNUSED)
@@ -319,11 +310,11 @@ static void failed_writes_leave_nothing(void **state SST_UNUSED)
     small.rlim_max = old.rlim_max;
     signal(SIGXFSZ, SIG_IGN);
     assert_int_equal(setrlimit(RLIMIT_FSIZE, &small), 0);
-    assert_int_equal(sst_image_write_png(&a, in_dir("full.png")), -EFBIG);
-    assert_int_equal(sst_image_write_jpeg(&a, in_dir("full.jpg"), 90), -EFBIG);
+    assert_int_equal(sst_image_write_png(&a, test_path("full.png")), -EFBIG);
+    assert_int_equal(sst_image_write_jpeg(&a, test_path("full.jpg"), 90), -EFBIG);
     assert_int_equal(setrlimit(RLIMIT_FSIZE, &old), 0);
-    assert_false(sst_path_exists(in_dir("full.png")));
-    assert_false(sst_path_exists(in_dir("full.jpg")));
+    assert_false(sst_path_exists(test_path("full.png")));
+    assert_false(sst_path_exists(test_path("full.jpg")));
     sst_image_fini(&a);
 }
 
@@ -400,17 +391,6 @@ static void files_of_others_decode_or_are_refused(void **state SST_UNUSED)
     assert_true(refused > 10);
 }
 
-static int setup(void **state SST_UNUSED)
-{
-    return mkdtemp(dir) ? 0 : -1;
-}
-
-static int teardown(void **state SST_UNUSED)
-{
-    sst_path_remove_tree(dir);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -426,5 +406,5 @@ int main(void)
         cmocka_unit_test(files_of_others_decode_or_are_refused),
     };
 
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
 }

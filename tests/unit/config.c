@@ -11,27 +11,18 @@
 #include "base/log.h"
 #include "base/yaml.h"
 #include "config/schema.h"
+#include "tests/folder.h"
 #include "tests/test.h"
 
 static struct sst_config cfg, other;
-static char folder[64], said[8192];
+static char said[8192];
 
 /* --- files -------------------------------------------------------------------------------------------------------- */
 
-static int make_folder(void **state)
+static int setup(void **state)
 {
-    (void)state;
-    strcpy(folder, "/tmp/sst-config-XXXXXX");
-    assert_non_null(mkdtemp(folder));
     sst_config_defaults(&cfg);
-    return 0;
-}
-
-static int remove_folder(void **state)
-{
-    (void)state;
-    sst_path_remove_tree(folder);
-    return 0;
+    return test_folder_create(state);
 }
 
 /* A file of the test's folder; with a '/' in its name in a folder of that. */
@@ -40,8 +31,8 @@ static void put(const char *name, const char *text)
     char path[SST_PATH_MAX], *slash;
     FILE *f;
 
-    snprintf(path, sizeof(path), "%s/%s", folder, name);
-    slash = strchr(path + strlen(folder) + 1, '/');
+    snprintf(path, sizeof(path), "%s/%s", test_folder, name);
+    slash = strchr(path + strlen(test_folder) + 1, '/');
     if (slash) {
         *slash = 0;
         (void)mkdir(path, 0755);
@@ -56,17 +47,15 @@ static void put(const char *name, const char *text)
 /* Read it; all that was said on standard error is kept. */
 static int read_back(struct sst_config *c, const char *name)
 {
-    char path[SST_PATH_MAX];
     FILE *kept = tmpfile();
     const int before = dup(2);
     int err;
     size_t n;
 
     assert_non_null(kept);
-    snprintf(path, sizeof(path), "%s/%s", folder, name);
     fflush(stderr);
     dup2(fileno(kept), 2);
-    err = sst_config_read(c, path);
+    err = sst_config_read(c, test_path("%s", name));
     fflush(stderr);
     dup2(before, 2);
     close(before);
@@ -77,12 +66,6 @@ static int read_back(struct sst_config *c, const char *name)
     return err;
 }
 
-static void expect_said(const char *words)
-{
-    if (!strstr(said, words))
-        fail_msg("no '%s' in: %s", words, said);
-}
-
 static void refuse(const char *text, const char *words)
 {
     put("c.yaml", text);
@@ -90,7 +73,7 @@ static void refuse(const char *text, const char *words)
     if (read_back(&cfg, "c.yaml") != -EBADMSG)
         fail_msg("taken: %s", text);
     assert_memory_equal(&cfg, &other, sizeof(cfg));
-    expect_said(words);
+    assert_contains(said, words);
 }
 
 static void accept(const char *text)
@@ -245,14 +228,10 @@ static void parts_replace_key_by_key(void **state)
                        "web: { port: 1000, host: a.example }\n"
                        "zones: [ { name: a, x0: 0, y0: 0, x1: 1, y1: 1 }, { name: b, x0: 0, y0: 0, x1: 1, y1: 1 } ]\n"
                        "storage: { record_on: [ { zone: a } ] }\n");
-    char part[128];
-
-    snprintf(part, sizeof(part), "%s/s/conf.d", folder);
-    assert_int_equal(mkdir(part, 0755), 0);
+    assert_int_equal(mkdir(test_path("s/conf.d"), 0755), 0);
     sst_config_defaults(&cfg);
     assert_int_equal(read_back(&cfg, "s/sstd.yaml"), 0); /* an empty folder is none */
     assert_int_equal(cfg.zones, 2);
-    snprintf(part, sizeof(part), "%s/s/conf.d/x", folder);
     for (int i = 0; i < 4; i++) {
         static const char *const names[] = { "s/conf.d/90-late.yaml", "s/conf.d/10-early.yaml", "s/conf.d/.hidden.yaml",
                                              "s/conf.d/no.yaml~" };
@@ -261,14 +240,8 @@ static void parts_replace_key_by_key(void **state)
                                              "trigger: { lines: [B, A] }\n"
                                              "zones: [ { name: a, x0: 0.5, y0: 0, x1: 1, y1: 1 } ]\n",
                                              "rubbish", "rubbish" };
-        char path[256];
-        FILE *f;
 
-        snprintf(path, sizeof(path), "%s/%s", folder, names[i]);
-        f = fopen(path, "w");
-        assert_non_null(f);
-        fputs(texts[i], f);
-        fclose(f);
+        assert_int_equal(sst_file_write(test_path("%s", names[i]), texts[i], strlen(texts[i])), 0);
     }
     sst_config_defaults(&cfg);
     if (read_back(&cfg, "s/sstd.yaml"))
@@ -356,27 +329,24 @@ static void single_faults_are_told(void **state)
 /* Also those of values that another file replaces, and of all files at once. */
 static void all_faults_of_all_files_are_told(void **state)
 {
-    char path[128];
-
     (void)state;
     put("a.yaml", "web: { port: x }\nlive: { c1: 2 }\nzonse: []\n");
     put("conf.d/10.yaml", "web: { port: 1 }\nlive: { c2: -1 }\n");
     put("conf.d/20.yaml", "storage: { record_on: [ { zone: z } ] }\nrtsp:\n  - 1\n");
     sst_config_defaults(&cfg);
     assert_int_equal(read_back(&cfg, "a.yaml"), -EBADMSG);
-    expect_said("a.yaml:1:14: port");
-    expect_said("a.yaml:2:13: c1");
-    expect_said("a.yaml:3:1: unknown key `zonse`; did you mean `zones`?");
-    expect_said("conf.d/10.yaml:2:13: c2");
-    expect_said("conf.d/20.yaml:1:33: unknown zone");
-    expect_said("conf.d/20.yaml:3:3: rtsp must contain keys");
+    assert_contains(said, "a.yaml:1:14: port");
+    assert_contains(said, "a.yaml:2:13: c1");
+    assert_contains(said, "a.yaml:3:1: unknown key `zonse`; did you mean `zones`?");
+    assert_contains(said, "conf.d/10.yaml:2:13: c2");
+    assert_contains(said, "conf.d/20.yaml:1:33: unknown zone");
+    assert_contains(said, "conf.d/20.yaml:3:3: rtsp must contain keys");
     put("conf.d/15.yaml", "a: [\n"); /* no YAML: the others are told all the same */
     assert_int_equal(read_back(&cfg, "a.yaml"), -EBADMSG);
-    expect_said("conf.d/15.yaml:2:1: invalid YAML");
-    expect_said("a.yaml:1:14: port");
-    expect_said("conf.d/10.yaml:2:13: c2");
-    snprintf(path, sizeof(path), "%s/conf.d", folder);
-    sst_path_remove_tree(path);
+    assert_contains(said, "conf.d/15.yaml:2:1: invalid YAML");
+    assert_contains(said, "a.yaml:1:14: port");
+    assert_contains(said, "conf.d/10.yaml:2:13: c2");
+    sst_path_remove_tree(test_path("conf.d"));
     assert_int_equal(read_back(&cfg, "missing.yaml"), -ENOENT);
 }
 
@@ -384,10 +354,10 @@ static void what_is_odd_is_warned_of(void **state)
 {
     (void)state;
     accept("storage: { ring_mb: 64 }\n");
-    expect_said("warning: ");
-    expect_said("c.yaml:1:21: preroll_s 5 of 36 cameras needs about 174 MB, more than ring_mb (64)");
+    assert_contains(said, "warning: ");
+    assert_contains(said, "c.yaml:1:21: preroll_s 5 of 36 cameras needs about 174 MB, more than ring_mb (64)");
     accept("live: { calibration: /nonexistent/calib.yaml }\n");
-    expect_said("/nonexistent/calib.yaml does not exist");
+    assert_contains(said, "/nonexistent/calib.yaml does not exist");
     accept("storage: { quota_gb: 1 }\n");
     assert_string_equal(said, "");
 }
@@ -396,17 +366,14 @@ static void what_is_odd_is_warned_of(void **state)
 static void the_array_alone_leaves_the_service_alone(void **state)
 {
     struct sst_array_config a;
-    char path[128];
 
     (void)state;
     put("c.yaml", "array: { rows: 3 }\nlive: { whatever: 1 }\nhooks: [ { event: motion, run: [/nonexistent] } ]\n");
     put("conf.d/a.yaml", "array: { cols: 4 }\nweb: { port: none }\n");
-    snprintf(path, sizeof(path), "%s/c.yaml", folder);
     sst_array_config_defaults(&a);
-    assert_int_equal(sst_array_config_read(&a, path), 0);
+    assert_int_equal(sst_array_config_read(&a, test_path("c.yaml")), 0);
     assert_int_equal(a.rows * a.cols, 12);
-    snprintf(path, sizeof(path), "%s/conf.d", folder);
-    sst_path_remove_tree(path);
+    sst_path_remove_tree(test_path("conf.d"));
 }
 
 /* --- differences -------------------------------------------------------------------------------------------------- */
@@ -479,5 +446,5 @@ int main(void)
         cmocka_unit_test(differences_are_told),
     };
 
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return cmocka_run_group_tests(tests, setup, test_folder_remove);
 }

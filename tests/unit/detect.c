@@ -316,7 +316,7 @@ static void fill(struct sst_image *img, int how)
         for (int x = 0; x < img->width; x++) {
             const int v = how == 0   ? 0
                           : how == 1 ? 255
-                          : how == 2 ? (int)(255 * board_scene_random(&rng))
+                          : how == 2 ? (int)(255 * sst_random(&rng))
                           : how == 3 ? (x / 16 + y / 16) % 2 * 255 /* squares without an end */
                                      : (x * x / 64 + y * y / 64) % 256;
 

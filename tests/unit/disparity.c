@@ -4,16 +4,11 @@
 #include <string.h>
 
 #include "pipeline/method/disparity/stage.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 #define NONE      ((int)SST_DISP_NONE)
 #define MAX_CELLS 4096
-
-static uint32_t next_random(uint32_t *state)
-{
-    *state = *state * 1664525u + 1013904223u;
-    return *state >> 8;
-}
 
 static struct sst_map_u16 map16(int width, int height, const uint16_t *values)
 {
@@ -211,11 +206,11 @@ static void census_costs_of_a_shifted_pair(void **state SST_UNUSED)
     struct sst_descriptor a, b;
     struct sst_neighbour n = { &b, 1, 0 };
     struct sst_volume v;
-    uint32_t seed = 5;
+    uint64_t seed = 5;
 
     for (int i = 0; i < 3 * W * H; i++) {
         const int x = i % W, y = i / W % H, c = i / W / H;
-        const uint8_t value = (uint8_t)next_random(&seed);
+        const uint8_t value = (uint8_t)sst_random_u64(&seed);
 
         sst_image_row(&left, c, y)[x] = value;
         if (x >= SHIFT)
@@ -432,14 +427,14 @@ static void sgm_equals_a_naive_one_in_32_bits(void **state SST_UNUSED)
                                         { SST_DISPARITY_MAX_PENALTY, SST_DISPARITY_MAX_PENALTY, 0 },
                                         { 1, SST_DISPARITY_MAX_PENALTY, 0 } };
     static const int sizes[][3] = { { 7, 5, 9 }, { 1, 1, 1 }, { 1, 6, 33 }, { 9, 1, 64 }, { 5, 5, 32 } };
-    uint32_t seed = 11;
+    uint64_t seed = 11;
 
     for (int s = 0; s < (int)ARRAY_LEN(sizes); s++) {
         struct sst_image img = grey_image(sizes[s][0], sizes[s][1], 0);
         struct sst_volume v;
 
         for (int i = 0; i < 3 * img.height * img.width; i++)
-            sst_image_row(&img, i % 3, i / 3 / img.width)[i / 3 % img.width] = (uint8_t)(next_random(&seed) % 60);
+            sst_image_row(&img, i % 3, i / 3 / img.width)[i / 3 % img.width] = (uint8_t)(sst_random_u64(&seed) % 60);
         assert_int_equal(sst_volume_init(&v, sizes[s][0], sizes[s][1], 0, sizes[s][2]), 0);
         /* Random costs, all at their largest, and 0 against 255 by turns: along x, along d, as a chessboard. */
         for (int kind = 0; kind < 5; kind++) {
@@ -449,7 +444,7 @@ static void sgm_equals_a_naive_one_in_32_bits(void **state SST_UNUSED)
                 const int odd = kind == 2 ? x : kind == 3 ? d : x + y + d;
 
                 cost_at(&v, x, y)[d] = (uint8_t)(d >= v.steps || kind == 1 ? 255
-                                                 : kind == 0               ? next_random(&seed) % 256
+                                                 : kind == 0               ? sst_random_u64(&seed) % 256
                                                                            : 255u * (odd % 2u));
             }
             for (size_t p = 0; p < ARRAY_LEN(penalties); p++) {

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "pipeline/method/disparity/stage.h"
+#include "simulators/scene/noise.h"
 #include "tests/onnx_writer.h"
 #include "tests/test.h"
 
@@ -23,17 +24,17 @@ struct pair {
 static struct pair new_pair(void)
 {
     struct pair p;
-    uint32_t seed = 7;
+    uint64_t seed = 7;
 
     assert_int_equal(sst_image_init(&p.left, WIDTH, HEIGHT), 0);
     assert_int_equal(sst_image_init(&p.right, WIDTH, HEIGHT), 0);
     for (int i = 0; i < 3 * WIDTH * HEIGHT; i++) {
         const int x = i % WIDTH, y = i / WIDTH % HEIGHT, c = i / WIDTH / HEIGHT;
+        const uint64_t r = sst_random_u64(&seed);
 
-        seed = seed * 1664525u + 1013904223u;
-        sst_image_row(&p.left, c, y)[x] = (uint8_t)((seed >> 24) / 2 + (seed >> 16 & 127));
+        sst_image_row(&p.left, c, y)[x] = (uint8_t)((r & 127) + (r >> 8 & 127));
         if (x >= SHIFT_PX)
-            sst_image_row(&p.right, c, y)[x - SHIFT_PX] = (uint8_t)((seed >> 24) / 2 + (seed >> 8 & 127));
+            sst_image_row(&p.right, c, y)[x - SHIFT_PX] = (uint8_t)((r & 127) + (r >> 16 & 127));
     }
     return p;
 }

@@ -4,17 +4,12 @@
 #include <string.h>
 
 #include "pipeline/eval/eval.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 #define CLOSE(a, b, eps) assert_true(fabs((double)(a) - (double)(b)) <= (eps))
 
-static uint64_t random_state = 7;
-
-static uint8_t random_byte(void)
-{
-    random_state = random_state * 6364136223846793005u + 1442695040888963407u;
-    return (uint8_t)(random_state >> 56);
-}
+static uint64_t seed = 7;
 
 static struct sst_map_f32 map_f32(int width, const float *values)
 {
@@ -133,7 +128,7 @@ static void fill(struct sst_image *img, int width, int height, int value)
     for (int c = 0; c < 3; c++) {
         for (int y = 0; y < height; y++) {
             for (int x = 0; x < width; x++)
-                sst_image_row(img, c, y)[x] = value < 0 ? random_byte() : (uint8_t)value;
+                sst_image_row(img, c, y)[x] = value < 0 ? (uint8_t)sst_random_u64(&seed) : (uint8_t)value;
         }
     }
 }

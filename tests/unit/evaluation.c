@@ -12,29 +12,12 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/folder.h"
 #include "simulators/scene/scene.h"
+#include "tests/folder.h"
 #include "tests/test.h"
 
 #define WIDTH  200
 #define HEIGHT 150
 #define SIDE   5
-
-static char dir[] = "/tmp/sst-report-XXXXXX";
-
-/* Path of a file in the test's folder; valid until the next but three. */
-static const char *at(const char *fmt, ...) SST_PRINTF(1, 2);
-static const char *at(const char *fmt, ...)
-{
-    static char paths[4][SST_PATH_MAX];
-    static int next;
-    char name[256], *path = paths[next++ % 4];
-    va_list args;
-
-    va_start(args, fmt);
-    vsnprintf(name, sizeof(name), fmt, args);
-    va_end(args);
-    assert_int_equal(sst_path_join(path, dir, name), 0);
-    return path;
-}
 
 static void write_text(const char *path, const char *text)
 {
@@ -58,9 +41,9 @@ static void write_view(struct sst_lightfield *lf, const struct sst_scene *scene,
     assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &v->image, &disp, &v->label), 0);
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         sst_map_u16_row(&v->disp, i / WIDTH)[i % WIDTH] = sst_disp_q6(lf, sst_map_f32_row(&disp, i / WIDTH)[i % WIDTH]);
-    assert_int_equal(sst_image_write_png(&v->image, at("views/%s.png", name)), 0);
-    assert_int_equal(sst_map_f32_write_pfm(&disp, at("truth/%s.pfm", name)), 0);
-    assert_int_equal(sst_map_u8_write_png(&v->label, at("truth/%s.png", name), NULL), 0);
+    assert_int_equal(sst_image_write_png(&v->image, test_path("views/%s.png", name)), 0);
+    assert_int_equal(sst_map_f32_write_pfm(&disp, test_path("truth/%s.pfm", name)), 0);
+    assert_int_equal(sst_map_u8_write_png(&v->label, test_path("truth/%s.png", name), NULL), 0);
     sst_map_f32_fini(&disp);
 }
 
@@ -81,14 +64,14 @@ static void write_truth(const struct sst_lightfield *lf, const struct sst_scene 
         if (sst_map_u8_row(&hidden, y)[x] != sst_map_u8_row(&ref->label, y)[x])
             sst_map_u8_row(&mask, y)[x] = 255;
     }
-    assert_int_equal(sst_image_write_png(&behind, at("truth/behind.png")), 0);
-    assert_int_equal(sst_map_u8_write_png(&mask, at("truth/occluder.png"), NULL), 0);
+    assert_int_equal(sst_image_write_png(&behind, test_path("truth/behind.png")), 0);
+    assert_int_equal(sst_map_u8_write_png(&mask, test_path("truth/occluder.png"), NULL), 0);
     snprintf(
         text, sizeof(text),
         "{\"reference\": \"02_02\", \"focus_px\": %.6f, \"occluders\": [{\"name\": \"bush\", \"label\": \"Tree\","
         " \"target\": \"Pedestrian\", \"focus_px\": %.6f, \"behind\": \"behind.png\", \"mask\": \"occluder.png\"}]}",
         sst_scene_occluder_at(scene, 0)->focus_px, sst_scene_occluder_at(scene, 0)->focus_px);
-    write_text(at("truth/truth.json"), text);
+    write_text(test_path("truth/truth.json"), text);
     sst_image_fini(&behind);
     sst_map_u8_fini(&hidden);
     sst_map_u8_fini(&mask);
@@ -104,8 +87,9 @@ static int setup(void **state SST_UNUSED)
     cfg.width = WIDTH;
     cfg.height = HEIGHT;
     cfg.rows = cfg.cols = SIDE;
-    assert_non_null(mkdtemp(dir));
-    assert_int_equal(mkdir(at("views"), 0755) | mkdir(at("truth"), 0755) | mkdir(at("labels_hcsm"), 0755), 0);
+    assert_int_equal(test_folder_create(NULL), 0);
+    assert_int_equal(
+        mkdir(test_path("views"), 0755) | mkdir(test_path("truth"), 0755) | mkdir(test_path("labels_hcsm"), 0755), 0);
     assert_int_equal(sst_scene_create(&scene, "bush", &cfg), 0);
     assert_int_equal(sst_lightfield_init_files(&lf, SIDE, SIDE), 0);
     lf.width = WIDTH;
@@ -114,15 +98,9 @@ static int setup(void **state SST_UNUSED)
     for (int k = 0; k < SIDE * SIDE; k++)
         write_view(&lf, scene, k);
     write_truth(&lf, scene);
-    assert_int_equal(sst_lightfield_write(&lf, dir, 2), 0);
+    assert_int_equal(sst_lightfield_write(&lf, test_folder, 2), 0);
     sst_scene_destroy(scene);
     sst_lightfield_fini(&lf);
-    return 0;
-}
-
-static int teardown(void **state SST_UNUSED)
-{
-    sst_path_remove_tree(dir);
     return 0;
 }
 
@@ -131,13 +109,13 @@ static int measure(struct sst_evaluation *out, int threads)
     struct sst_render_config cfg;
     struct sst_lightfield lf;
     struct sst_truth truth;
-    int err = sst_truth_read(&truth, at("truth"));
+    int err = sst_truth_read(&truth, test_path("truth"));
 
     if (err)
         return err;
     sst_render_config_defaults(&cfg);
-    assert_int_equal(sst_lightfield_load(&lf, dir, SST_LOAD_ALL, threads), 0);
-    err = sst_eval_lightfield(out, &lf, dir, &truth, at("truth"), &cfg, threads);
+    assert_int_equal(sst_lightfield_load(&lf, test_folder, SST_LOAD_ALL, threads), 0);
+    err = sst_eval_lightfield(out, &lf, test_folder, &truth, test_path("truth"), &cfg, threads);
     sst_lightfield_fini(&lf);
     return err;
 }
@@ -175,18 +153,18 @@ static void label_stages_are_read(void **state SST_UNUSED)
     struct sst_map_u8 map;
     struct sst_evaluation r;
 
-    assert_int_equal(sst_map_u8_read_png(&map, at("truth/01_01.png")), 0);
+    assert_int_equal(sst_map_u8_read_png(&map, test_path("truth/01_01.png")), 0);
     for (int y = 0; y < HEIGHT / 2; y++)
         memset(sst_map_u8_row(&map, y), 0, WIDTH);
-    assert_int_equal(sst_map_u8_write_png(&map, at("labels_hcsm/01_01.png"), NULL), 0);
+    assert_int_equal(sst_map_u8_write_png(&map, test_path("labels_hcsm/01_01.png"), NULL), 0);
     assert_int_equal(measure(&r, 2), 0);
     assert_true(fabs(r.hcsm.coverage - 50) < 1e-9 && r.hcsm.accuracy == 100);
     assert_true(r.hcsm.miou > 1 && r.hcsm.miou < 100 && isnan(r.initial.miou));
     sst_map_u8_fini(&map);
     assert_int_equal(sst_map_u8_init(&map, 3, 3), 0);
-    assert_int_equal(sst_map_u8_write_png(&map, at("labels_hcsm/01_01.png"), NULL), 0);
+    assert_int_equal(sst_map_u8_write_png(&map, test_path("labels_hcsm/01_01.png"), NULL), 0);
     assert_int_equal(measure(&r, 2), -EBADMSG);
-    assert_int_equal(unlink(at("labels_hcsm/01_01.png")), 0);
+    assert_int_equal(unlink(test_path("labels_hcsm/01_01.png")), 0);
     sst_map_u8_fini(&map);
 }
 
@@ -207,38 +185,38 @@ static void damaged_truth_is_refused(void **state SST_UNUSED)
     };
     struct sst_evaluation r = { .disparity_views = -7 };
 
-    assert_int_equal(rename(at("truth/truth.json"), at("truth.json")), 0);
+    assert_int_equal(rename(test_path("truth/truth.json"), test_path("truth.json")), 0);
     for (size_t i = 0; i < ARRAY_LEN(bad); i++) {
-        write_text(at("truth/truth.json"), bad[i]);
+        write_text(test_path("truth/truth.json"), bad[i]);
         assert_int_equal(measure(&r, 2), -EBADMSG);
     }
     assert_int_equal(r.disparity_views, -7);
-    write_text(at("truth/truth.json"), "{\"reference\": \"02_02\", \"focus_px\": 12.5}");
+    write_text(test_path("truth/truth.json"), "{\"reference\": \"02_02\", \"focus_px\": 12.5}");
     assert_int_equal(measure(&r, 2), 0);
     assert_int_equal(r.occluders, 1);
-    assert_int_equal(unlink(at("truth/truth.json")), 0);
+    assert_int_equal(unlink(test_path("truth/truth.json")), 0);
     assert_int_equal(measure(&r, 2), 0);
     assert_int_equal(r.occluders, 0);
     assert_int_equal(r.disparity_views, SIDE * SIDE);
-    assert_int_equal(rename(at("truth.json"), at("truth/truth.json")), 0);
-    assert_int_equal(rename(at("truth/occluder.png"), at("occluder.png")), 0);
+    assert_int_equal(rename(test_path("truth.json"), test_path("truth/truth.json")), 0);
+    assert_int_equal(rename(test_path("truth/occluder.png"), test_path("occluder.png")), 0);
     assert_int_equal(measure(&r, 2), -ENOENT);
-    assert_int_equal(rename(at("occluder.png"), at("truth/occluder.png")), 0);
+    assert_int_equal(rename(test_path("occluder.png"), test_path("truth/occluder.png")), 0);
 }
 
 static void nothing_to_measure_is_refused(void **state SST_UNUSED)
 {
     struct sst_evaluation r;
 
-    assert_int_equal(rename(at("disparity"), at("away")), 0);
+    assert_int_equal(rename(test_path("disparity"), test_path("away")), 0);
     assert_int_equal(measure(&r, 2), -ENOENT);
-    assert_int_equal(rename(at("away"), at("disparity")), 0);
-    assert_int_equal(rename(at("truth"), at("away")), 0);
+    assert_int_equal(rename(test_path("away"), test_path("disparity")), 0);
+    assert_int_equal(rename(test_path("truth"), test_path("away")), 0);
     assert_int_equal(measure(&r, 2), -ENOENT);
-    assert_int_equal(mkdir(at("truth"), 0755), 0);
+    assert_int_equal(mkdir(test_path("truth"), 0755), 0);
     assert_int_equal(measure(&r, 2), -ENOENT);
-    assert_int_equal(rmdir(at("truth")), 0);
-    assert_int_equal(rename(at("away"), at("truth")), 0);
+    assert_int_equal(rmdir(test_path("truth")), 0);
+    assert_int_equal(rename(test_path("away"), test_path("truth")), 0);
 }
 
 int main(void)
@@ -250,5 +228,5 @@ int main(void)
         cmocka_unit_test(nothing_to_measure_is_refused),
     };
 
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, setup, test_folder_remove);
 }

@@ -9,6 +9,7 @@
 #include "base/mem.h"
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/network/network.h"
+#include "simulators/scene/noise.h"
 #include "tests/onnx_writer.h"
 #include "tests/test.h"
 
@@ -112,16 +113,13 @@ static struct sst_network *one_layer(const char *radius)
 static struct sst_image texture(int width, int height)
 {
     struct sst_image img;
-    uint32_t state = 1;
+    uint64_t seed = 1;
 
     assert_int_equal(sst_image_init(&img, width, height), 0);
     for (int c = 0; c < 3; c++) {
         for (int y = 0; y < height; y++) {
-            for (int x = 0; x < width; x++) {
-                state = state * 1664525u + 1013904223u;
-                sst_image_row(&img, c, y)[x] =
-                    (uint8_t)((state >> 25) + (uint32_t)(y * 128 / height)); /* brighter below */
-            }
+            for (int x = 0; x < width; x++) /* brighter below */
+                sst_image_row(&img, c, y)[x] = (uint8_t)(sst_random_u64(&seed) % 128 + (uint64_t)(y * 128 / height));
         }
     }
     return img;

@@ -10,30 +10,25 @@
 #include "base/file.h"
 #include "daemon/publish/hooks.h"
 #include "daemon/publish/publish_internal.h"
+#include "tests/folder.h"
 #include "tests/quick.h"
 #include "tests/test.h"
 
-static char folder[64];
 static struct sst_events *events;
 static struct sst_hooks *hooks;
 
 static int setup(void **state)
 {
-    (void)state;
-    strcpy(folder, "/tmp/sst-hooks-XXXXXX");
-    assert_non_null(mkdtemp(folder));
     assert_int_equal(sst_events_create(&events, 256), 0);
-    return 0;
+    return test_folder_create(state);
 }
 
 static int teardown(void **state)
 {
-    (void)state;
     sst_hooks_close(hooks);
     hooks = NULL;
     sst_events_destroy(events);
-    sst_path_remove_tree(folder);
-    return 0;
+    return test_folder_remove(state);
 }
 
 /* One hook that gives a script to the shell; $0 is the test's folder, $1 the argument. */
@@ -43,7 +38,7 @@ static struct sst_hook script(const char *event, const char *text, const char *a
 
     snprintf(h.event, sizeof(h.event), "%s", event);
     snprintf(h.argv[2], sizeof(h.argv[2]), "%s", text);
-    snprintf(h.argv[3], sizeof(h.argv[3]), "%s", folder);
+    snprintf(h.argv[3], sizeof(h.argv[3]), "%s", test_folder);
     snprintf(h.argv[4], sizeof(h.argv[4]), "%s", argument);
     return h;
 }
@@ -81,11 +76,8 @@ static struct sst_hooks_counters wait_for(uint64_t run)
 static const char *content(const char *name)
 {
     static char text[16384];
-    char path[SST_PATH_MAX];
-    FILE *f;
+    FILE *f = fopen(test_path("%s", name), "r");
 
-    snprintf(path, sizeof(path), "%s/%s", folder, name);
-    f = fopen(path, "r");
     assert_non_null(f);
     text[fread(text, 1, sizeof(text) - 1, f)] = 0;
     fclose(f);
@@ -112,7 +104,6 @@ static void a_program_is_told_what_happened(void **state)
         script("label", "touch $0/boom", ""),
     };
     const char *text, *second;
-    char boom[SST_PATH_MAX];
 
     (void)state;
     setenv("NOTIFY_SOCKET", "/nowhere", 1);
@@ -149,8 +140,7 @@ static void a_program_is_told_what_happened(void **state)
     assert_int_equal(atoi(text), atoi(second + 1));
     text = content("arg");
     assert_string_equal(text, "$(touch boom); `touch boom`");
-    snprintf(boom, sizeof(boom), "%s/boom", folder);
-    assert_false(sst_path_exists(boom) || sst_path_exists("boom"));
+    assert_false(sst_path_exists(test_path("boom")) || sst_path_exists("boom"));
 }
 
 static void what_is_no_event_makes_no_environment(void **state)
@@ -184,12 +174,10 @@ static void programs_are_killed_with_their_groups(void **state)
     const struct sst_hook left = script("motion", "sleep 600 & echo $! >$0/left; wait", "");
     const struct sst_hook behind = script("label", "sleep 600 & echo $! >$0/behind", "");
     struct sst_hooks_counters n;
-    char path[SST_PATH_MAX];
     uint64_t runs = 0;
     int64_t start;
 
     (void)state;
-    snprintf(path, sizeof(path), "%s/left", folder);
     open_hooks(&behind, 1, 60000);
     sst_events_emit(events, SST_EVENT_INFO, "label", NULL, "label");
     n = wait_for(1);
@@ -205,7 +193,7 @@ static void programs_are_killed_with_their_groups(void **state)
         assert_quick(start, INT64_C(6000000000));
         assert_int_equal(n.killed, runs);
         assert_int_equal(n.failed, runs);
-    } while (runs < 10 && (access(path, F_OK) || !content("left")[0]));
+    } while (runs < 10 && (access(test_path("left"), F_OK) || !content("left")[0]));
     expect_gone("left");
 }
 
@@ -236,7 +224,7 @@ static void a_status_is_told_once(void **state)
 {
     struct sst_hook h = script("motion", "test -e $0/good", "");
     struct sst_hook missing = { .event = "label", .argv = { "/nonexistent/program" } };
-    char said[4096] = "", path[SST_PATH_MAX];
+    char said[4096] = "";
     FILE *kept = tmpfile(), *good;
     const int before = dup(2);
     struct sst_hook both[2] = { h, missing };
@@ -247,8 +235,7 @@ static void a_status_is_told_once(void **state)
     open_hooks(both, 2, 0);
     for (uint64_t i = 1; i <= 6; i++) {
         if (i == 4) {
-            snprintf(path, sizeof(path), "%s/good", folder);
-            good = fopen(path, "w");
+            good = fopen(test_path("good"), "w");
             fclose(good);
         }
         sst_events_emit(events, SST_EVENT_INFO, i == 6 ? "label" : "motion", NULL, "event");

@@ -1,6 +1,7 @@
 /* What clients may use up: silence, trickles, floods, garbage; and nothing of it is left afterwards. */
 #include "tests/http_fake.h"
 #include "tests/quick.h"
+#include "tests/random.h"
 
 #define MANY 1000
 
@@ -164,7 +165,7 @@ static void garbage(void **state)
         "GET * HTTP/1.1\r\nHost: localhost\r\n\r\n",
         "GET http://localhost/healthz HTTP/1.1\r\nHost: localhost\r\n\r\n",
     };
-    unsigned seed = 12345;
+    uint64_t seed = 12345;
     char noise[4096];
     int fd;
 
@@ -179,7 +180,7 @@ static void garbage(void **state)
     }
     for (int i = 0; i < 50; i++) {
         for (size_t k = 0; k < sizeof(noise); k++)
-            noise[k] = (char)((seed = seed * 1103515245u + 12345u) >> 16);
+            noise[k] = (char)sst_random_u64(&seed);
         memcpy(noise, "GET ", 4);
         fd = connect_tcp();
         send_all(fd, noise, sizeof(noise));

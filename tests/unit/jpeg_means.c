@@ -7,18 +7,14 @@
 #include <string.h>
 
 #include "pipeline/image/jpeg_means.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 #define WIDTH_MAX  200
 #define HEIGHT_MAX 120
 #define CELLS_MAX  (((WIDTH_MAX + 7) / 8) * ((HEIGHT_MAX + 7) / 8))
 
-static uint32_t seed = 1;
-
-static uint32_t rnd(void)
-{
-    return seed = seed * 1664525u + 1013904223u;
-}
+static uint64_t seed = 1;
 
 struct kind {
     int width, height, h, v, quality, restart, components;
@@ -33,7 +29,8 @@ struct frame {
 /* Smooth, with detail and noise. */
 static int sample(int x, int y, int c)
 {
-    const int v = 128 + (x * (c + 3) % 150 - 75) + ((x / 5 + y / 7) % 2 ? 30 : -30) + (int)(rnd() >> 27) - 16;
+    const int v =
+        128 + (x * (c + 3) % 150 - 75) + ((x / 5 + y / 7) % 2 ? 30 : -30) + (int)(sst_random_u64(&seed) % 32) - 16;
 
     return v < 0 ? 0 : v > 255 ? 255 : v;
 }
@@ -242,10 +239,10 @@ static void damaged_frames_do_no_harm(void **state)
     assert_int_equal(sst_jpeg_means_create(&m), 0);
     for (int i = 0; i < 1500; i++) {
         struct frame f = encode(&kinds[(size_t)i % (sizeof(kinds) / sizeof(*kinds))]);
-        const int hits = 1 + (int)(rnd() >> 29);
+        const int hits = 1 + (int)(sst_random_u64(&seed) % 8);
 
         for (int k = 0; k < hits; k++)
-            f.data[rnd() % f.bytes] = i % 3 ? (unsigned char)(rnd() >> 24) : 0xFF;
+            f.data[sst_random_u64(&seed) % f.bytes] = i % 3 ? (unsigned char)sst_random_u64(&seed) : 0xFF;
         refused += read_means(m, f.data, f.bytes, out) != 0;
         free(f.data);
     }

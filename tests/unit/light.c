@@ -9,25 +9,14 @@
 #include "base/log.h"
 #include "pipeline/calibration/photometric/photometric.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
+#include "tests/random.h"
 #include "tests/test.h"
 
 #define WIDTH  640
 #define HEIGHT 480
 #define HALF2  (0.25 * (WIDTH * WIDTH + HEIGHT * HEIGHT))
 
-static uint64_t rng = 1;
-
-/* 0..1 */
-static double uniform(void)
-{
-    rng = rng * 6364136223846793005u + 1442695040888963407u;
-    return (double)(rng >> 11) / 9007199254740992.0;
-}
-
-static double normal(void)
-{
-    return sqrt(-2 * log(1 - uniform())) * cos(2 * M_PI * uniform());
-}
+static uint64_t seed = 1;
 
 /* --- an array with known light ----------------------------------------------------------------------------------- */
 
@@ -46,15 +35,15 @@ static struct sst_calib make_array(int rows, int cols)
         c->known = true;
         snprintf(c->name, sizeof(c->name), "cam%d", k);
         c->fx = c->fy = 700;
-        c->cx = 320 + 4 * normal();
-        c->cy = 240 + 4 * normal();
+        c->cx = 320 + 4 * test_normal(&seed);
+        c->cy = 240 + 4 * test_normal(&seed);
         for (int i = 0; i < 3; i++) {
             c->rotation[4 * i] = 1;
-            c->gain[i] = 0.05 * normal();
+            c->gain[i] = 0.05 * test_normal(&seed);
             sum[i] += c->gain[i];
         }
-        c->falloff[0] = -0.3 + 0.02 * normal();
-        c->falloff[1] = -0.05 + 0.002 * normal();
+        c->falloff[0] = -0.3 + 0.02 * test_normal(&seed);
+        c->falloff[1] = -0.05 + 0.002 * test_normal(&seed);
         c->falloff[2] = 0.05;
         c->position_mm[0] = 60 * (k % cols);
         c->position_mm[1] = 60 * (k / cols);
@@ -90,9 +79,11 @@ static struct sst_photometric_samples see(const struct sst_calib *truth, int fra
     struct sst_photometric_samples all = { 0 };
 
     for (int f = 0; f < frames; f++) {
-        const double at[3] = { 700 * uniform() - 360, 500 * uniform() - 260, 900 + 400 * uniform() };
-        const double slant = uniform() - 0.5, side[2] = { 2 * uniform() - 1, 2 * uniform() - 1 };
-        const double level = 0.3 + 0.4 * uniform();
+        const double at[3] = { 700 * sst_random(&seed) - 360, 500 * sst_random(&seed) - 260,
+                               900 + 400 * sst_random(&seed) };
+        const double slant = sst_random(&seed) - 0.5,
+                     side[2] = { 2 * sst_random(&seed) - 1, 2 * sst_random(&seed) - 1 };
+        const double level = 0.3 + 0.4 * sst_random(&seed);
 
         for (int patch = 0; patch < 35; patch++) {
             const double u = (patch % 7 - 3) * 50, v = (patch / 7 - 2) * 50, z = at[2] + slant * u;
@@ -107,8 +98,8 @@ static struct sst_photometric_samples see(const struct sst_calib *truth, int fra
                 if (!c->known || x < 0 || y < 0 || x > WIDTH - 1 || y > HEIGHT - 1)
                     continue;
                 for (int i = 0; i < 3; i++)
-                    s.linear[i] =
-                        (float)(lit * (1 - 0.1 * i) * c->gain[i] * falloff_of(c, s.x, s.y) * (1 + noise * normal()));
+                    s.linear[i] = (float)(lit * (1 - 0.1 * i) * c->gain[i] * falloff_of(c, s.x, s.y) *
+                                          (1 + noise * test_normal(&seed)));
                 add(&all, s);
             }
         }
@@ -176,7 +167,7 @@ static void wrong_samples_do_not_matter(void **state SST_UNUSED)
     double gain, corner;
 
     for (int i = 0; i < all.count; i++) {
-        const double dim = uniform() < 0.05 ? 0.2 + 0.7 * uniform() : 1;
+        const double dim = sst_random(&seed) < 0.05 ? 0.2 + 0.7 * sst_random(&seed) : 1;
 
         for (int c = 0; c < 3; c++)
             all.sample[i].linear[c] *= (float)dim;
@@ -202,7 +193,7 @@ static void order_of_samples_does_not_matter(void **state SST_UNUSED)
     reset(&b, &truth);
     assert_int_equal(sst_photometric_solve(&a, &all, &report), 0);
     for (int i = all.count - 1; i > 0; i--) {
-        const int k = (int)(uniform() * (i + 1));
+        const int k = (int)(sst_random(&seed) * (i + 1));
         const struct sst_photometric_sample s = all.sample[i];
 
         all.sample[i] = all.sample[k];
@@ -366,7 +357,8 @@ static void factors_are_near_the_exact_chain(void **state SST_UNUSED)
         assert_int_equal(gain_map_create(&map, &to, &calib, 1), 0);
         assert_non_null(map);
         for (int i = 0; i < 400; i++) {
-            const double x0 = size ? floor(600 * uniform()) : 600 * uniform(), y = (HEIGHT - 1) * uniform();
+            const double x0 = size ? floor(600 * sst_random(&seed)) : 600 * sst_random(&seed),
+                         y = (HEIGHT - 1) * sst_random(&seed);
             struct gain_factors f;
             float scratch[80];
 

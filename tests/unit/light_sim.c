@@ -206,8 +206,8 @@ static void check_board(const char *board, double gain, double corner)
              "mounting: {rotation_spread_deg: 0.4}\nsensor: {gain_spread_percent: 4, "
              "balance_spread_percent: 3, full_well_e: 12000, read_noise_e: 6}\nboard: %s\n",
              board);
-    assert_int_equal(sst_file_write(sim_path("w.yaml"), text, strlen(text)), 0);
-    r = calibrate(sim_path("w.yaml"));
+    assert_int_equal(sst_file_write(test_path("w.yaml"), text, strlen(text)), 0);
+    r = calibrate(test_path("w.yaml"));
     assert_int_equal(r.report.cameras, 4);
     if (!(r.gain < gain) || !(r.corner < corner))
         fail_msg("%s: errors of the gains %g, of the corners %g", board, r.gain, r.corner);
@@ -241,5 +241,5 @@ int main(int argc, char **argv)
         calibrate(argv[1]);
         return 0;
     }
-    return cmocka_run_group_tests(tests, sim_set_up, sim_tear_down);
+    return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
 }

@@ -11,21 +11,10 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/lightfield/lightfield_internal.h"
+#include "tests/folder.h"
 #include "tests/test.h"
 
-static char dir[] = "/tmp/sst-lightfield-XXXXXX";
-
-static const char *in_dir(const char *name)
-{
-    static char path[4][SST_PATH_MAX];
-    static int next;
-
-    next = (next + 1) % 4;
-    assert_int_equal(sst_path_join(path[next], dir, name), 0);
-    return path[next];
-}
-
-/* A 2x3 light field of 5x4 pixels with a hole at row 1, col 2, in dir/name. */
+/* A 2x3 light field of 5x4 pixels with a hole at row 1, col 2, in a folder of this name. */
 static void make_lightfield(struct sst_lightfield *lf, const char *name)
 {
     char path[SST_PATH_MAX];
@@ -39,9 +28,9 @@ static void make_lightfield(struct sst_lightfield *lf, const char *name)
     lf->focal_px = 1200.125;
     lf->spacing_mm = 50;
     snprintf(lf->files->source, sizeof(lf->files->source), "test \"quoted\" \xC3\xA9");
-    (void)mkdir(in_dir(name), 0777);
+    (void)mkdir(test_path("%s", name), 0777);
     snprintf(path, sizeof(path), "%s/views", name);
-    (void)mkdir(in_dir(path), 0777);
+    (void)mkdir(test_path("%s", path), 0777);
     for (int k = 0; k < 5; k++) {
         struct sst_view *v = &lf->views[k];
 
@@ -61,7 +50,7 @@ static void make_lightfield(struct sst_lightfield *lf, const char *name)
             }
         }
         snprintf(path, sizeof(path), "%s/views/%s", name, lf->files->view[k].name);
-        assert_int_equal(sst_image_write_png(&v->image, in_dir(path)), 0);
+        assert_int_equal(sst_image_write_png(&v->image, test_path("%s", path)), 0);
     }
     assert_int_equal(sst_map_u8_init(&lf->views[1].label, 5, 4), 0);
     sst_map_u8_row(&lf->views[1].label, 3)[4] = SST_LABEL_NUCLEUS;
@@ -141,16 +130,16 @@ static void a_folder_gives_back_what_was_written(void **state SST_UNUSED)
     struct sst_lightfield lf, back;
 
     make_lightfield(&lf, "round");
-    assert_int_equal(sst_lightfield_write(&lf, in_dir("round"), 2), 0);
-    assert_int_equal(sst_lightfield_load(&back, in_dir("round"), SST_LOAD_ALL, 2), 0);
+    assert_int_equal(sst_lightfield_write(&lf, test_path("round"), 2), 0);
+    assert_int_equal(sst_lightfield_load(&back, test_path("round"), SST_LOAD_ALL, 2), 0);
     assert_same(&lf, &back);
     assert_int_equal(sst_map_u8_row(&back.views[1].label, 3)[4], SST_LABEL_NUCLEUS);
-    assert_int_equal(sst_lightfield_verify(&back, in_dir("round"), 2), 0);
+    assert_int_equal(sst_lightfield_verify(&back, test_path("round"), 2), 0);
     /* Another picture under an old hash. */
-    assert_int_equal(sst_image_write_png(&lf.views[0].image, in_dir("round/views/00_01.png")), 0);
-    assert_int_equal(sst_lightfield_verify(&back, in_dir("round"), 2), -EBADMSG);
+    assert_int_equal(sst_image_write_png(&lf.views[0].image, test_path("round/views/00_01.png")), 0);
+    assert_int_equal(sst_lightfield_verify(&back, test_path("round"), 2), -EBADMSG);
     sst_lightfield_fini(&back);
-    assert_int_equal(sst_lightfield_load(&back, in_dir("round"), 0, 1), 0);
+    assert_int_equal(sst_lightfield_load(&back, test_path("round"), 0, 1), 0);
     assert_null(back.views[0].image.plane[0]);
     assert_null(back.views[0].disp.data);
     sst_lightfield_fini(&back);
@@ -162,14 +151,14 @@ static void maps_are_replaced_whole_or_not(void **state SST_UNUSED)
     struct sst_lightfield lf, back;
 
     make_lightfield(&lf, "maps");
-    assert_int_equal(sst_lightfield_write(&lf, in_dir("maps"), 2), 0);
+    assert_int_equal(sst_lightfield_write(&lf, test_path("maps"), 2), 0);
     sst_map_u8_fini(&lf.views[1].label);
     sst_map_u16_fini(&lf.views[0].disp);
     sst_map_u16_row(&lf.views[2].disp, 0)[0] = 4711;
     assert_int_equal(sst_map_u8_init(&lf.views[4].confidence, 5, 4), 0);
     snprintf(lf.files->history, sizeof(lf.files->history), "second");
-    assert_int_equal(sst_lightfield_save_maps(&lf, in_dir("maps"), 2), 0);
-    assert_int_equal(sst_lightfield_load(&back, in_dir("maps"), SST_LOAD_ALL, 2), 0);
+    assert_int_equal(sst_lightfield_save_maps(&lf, test_path("maps"), 2), 0);
+    assert_int_equal(sst_lightfield_load(&back, test_path("maps"), SST_LOAD_ALL, 2), 0);
     assert_string_equal(back.files->history, "second");
     assert_non_null(back.views[1].label.data); /* no labels in memory: those in the folder stay */
     assert_null(back.views[0].disp.data);
@@ -179,11 +168,11 @@ static void maps_are_replaced_whole_or_not(void **state SST_UNUSED)
     /* What cannot be written leaves the old state. */
     sst_map_u16_row(&lf.views[2].disp, 0)[0] = 1;
     assert_int_equal(sst_map_u8_init(&lf.views[1].label, 4, 4), 0);
-    assert_int_equal(sst_lightfield_save_maps(&lf, in_dir("maps"), 2), -EINVAL);
+    assert_int_equal(sst_lightfield_save_maps(&lf, test_path("maps"), 2), -EINVAL);
     sst_map_u8_fini(&lf.views[1].label);
     lf.range_max_px = (double)NAN;
-    assert_int_equal(sst_lightfield_save_maps(&lf, in_dir("maps"), 2), -EINVAL);
-    assert_int_equal(sst_lightfield_load(&back, in_dir("maps"), SST_LOAD_ALL, 2), 0);
+    assert_int_equal(sst_lightfield_save_maps(&lf, test_path("maps"), 2), -EINVAL);
+    assert_int_equal(sst_lightfield_load(&back, test_path("maps"), SST_LOAD_ALL, 2), 0);
     assert_int_equal(sst_map_u16_row(&back.views[2].disp, 0)[0], 4711);
     sst_lightfield_fini(&back);
     sst_lightfield_fini(&lf);
@@ -198,17 +187,17 @@ static int load_edited(const char *from, const char *to)
     char *at, *edited;
     int err;
 
-    assert_int_equal(sst_file_read(in_dir("edit/lightfield.json"), 1 << 20, &text, &size), 0);
+    assert_int_equal(sst_file_read(test_path("edit/lightfield.json"), 1 << 20, &text, &size), 0);
     at = strstr((char *)text, from);
     assert_non_null(at);
     edited = malloc(size + strlen(to) + 1);
     assert_non_null(edited);
     sprintf(edited, "%.*s%s%s", (int)(at - (char *)text), text, to, at + strlen(from));
-    assert_int_equal(sst_file_write(in_dir("edit/lightfield.json"), edited, strlen(edited)), 0);
-    err = sst_lightfield_load(&lf, in_dir("edit"), 0, 1);
+    assert_int_equal(sst_file_write(test_path("edit/lightfield.json"), edited, strlen(edited)), 0);
+    err = sst_lightfield_load(&lf, test_path("edit"), 0, 1);
     if (!err)
         sst_lightfield_fini(&lf);
-    assert_int_equal(sst_file_write(in_dir("edit/lightfield.json"), text, size), 0);
+    assert_int_equal(sst_file_write(test_path("edit/lightfield.json"), text, size), 0);
     free(edited);
     free(text);
     return err;
@@ -258,7 +247,7 @@ static void every_field_is_checked(void **state SST_UNUSED)
     struct sst_lightfield lf;
 
     make_lightfield(&lf, "edit");
-    assert_int_equal(sst_lightfield_write(&lf, in_dir("edit"), 2), 0);
+    assert_int_equal(sst_lightfield_write(&lf, test_path("edit"), 2), 0);
     assert_int_equal(load_edited("\"bx\": -1.0", "\"bx\": -1"), 0);
     assert_int_equal(load_edited("\"history\": \"\"", "\"history\": \"x\""), 0);
     for (size_t i = 0; i < ARRAY_LEN(edits); i++) {
@@ -266,7 +255,7 @@ static void every_field_is_checked(void **state SST_UNUSED)
             fail_msg("%s was accepted", edits[i][1]);
     }
     sst_lightfield_fini(&lf);
-    assert_int_equal(sst_lightfield_load(&lf, in_dir("none"), 0, 1), -ENOENT);
+    assert_int_equal(sst_lightfield_load(&lf, test_path("none"), 0, 1), -ENOENT);
 }
 
 static void maps_of_another_size_are_refused(void **state SST_UNUSED)
@@ -275,32 +264,21 @@ static void maps_of_another_size_are_refused(void **state SST_UNUSED)
     struct sst_map_u8 wrong, label;
 
     make_lightfield(&lf, "sizes");
-    assert_int_equal(sst_lightfield_write(&lf, in_dir("sizes"), 2), 0);
+    assert_int_equal(sst_lightfield_write(&lf, test_path("sizes"), 2), 0);
     assert_int_equal(sst_map_u8_init(&wrong, 4, 5), 0);
     assert_int_equal(sst_map_u8_init(&label, 5, 4), 0);
     sst_map_u8_row(&label, 0)[3] = 24; /* one more than there are classes */
-    assert_int_equal(sst_map_u8_write_png(&wrong, in_dir("sizes/labels/00_01.png"), NULL), 0);
-    assert_int_equal(sst_lightfield_load(&back, in_dir("sizes"), SST_LOAD_LABELS, 2), -EBADMSG);
-    assert_int_equal(sst_map_u8_write_png(&label, in_dir("sizes/labels/00_01.png"), NULL), 0);
-    assert_int_equal(sst_lightfield_load(&back, in_dir("sizes"), SST_LOAD_LABELS, 2), -EBADMSG);
-    assert_int_equal(sst_lightfield_load(&back, in_dir("sizes"), SST_LOAD_DISPARITY, 2), 0);
+    assert_int_equal(sst_map_u8_write_png(&wrong, test_path("sizes/labels/00_01.png"), NULL), 0);
+    assert_int_equal(sst_lightfield_load(&back, test_path("sizes"), SST_LOAD_LABELS, 2), -EBADMSG);
+    assert_int_equal(sst_map_u8_write_png(&label, test_path("sizes/labels/00_01.png"), NULL), 0);
+    assert_int_equal(sst_lightfield_load(&back, test_path("sizes"), SST_LOAD_LABELS, 2), -EBADMSG);
+    assert_int_equal(sst_lightfield_load(&back, test_path("sizes"), SST_LOAD_DISPARITY, 2), 0);
     sst_lightfield_fini(&back);
-    assert_int_equal(remove(in_dir("sizes/views/00_02.png")), 0);
-    assert_int_equal(sst_lightfield_load(&back, in_dir("sizes"), SST_LOAD_IMAGES, 2), -ENOENT);
+    assert_int_equal(remove(test_path("sizes/views/00_02.png")), 0);
+    assert_int_equal(sst_lightfield_load(&back, test_path("sizes"), SST_LOAD_IMAGES, 2), -ENOENT);
     sst_map_u8_fini(&wrong);
     sst_map_u8_fini(&label);
     sst_lightfield_fini(&lf);
-}
-
-static int setup(void **state SST_UNUSED)
-{
-    return mkdtemp(dir) ? 0 : -1;
-}
-
-static int teardown(void **state SST_UNUSED)
-{
-    sst_path_remove_tree(dir);
-    return 0;
 }
 
 int main(void)
@@ -315,5 +293,5 @@ int main(void)
         cmocka_unit_test(maps_of_another_size_are_refused),
     };
 
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
 }

@@ -14,6 +14,7 @@
 #include "pipeline/image/raw.h"
 #include "pipeline/live/frames/frames.h"
 #include "pipeline/live/frames/frames_internal.h"
+#include "tests/random.h"
 #include "tests/test.h"
 
 #ifdef __SANITIZE_THREAD__
@@ -30,22 +31,7 @@
 #define STEP_NS 100000000
 #define SETS    4 /* any change is seen within so many */
 
-static uint32_t seed = 1;
-
-static double uniform(void)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return (seed >> 8) / 16777216.0;
-}
-
-static double normal(void)
-{
-    double sum = -6;
-
-    for (int i = 0; i < 12; i++)
-        sum += uniform();
-    return sum;
-}
+static uint64_t seed = 1;
 
 /* --- what the cameras see ----------------------------------------------------------------------------------------- */
 
@@ -70,12 +56,12 @@ static void prepare(void)
         for (int y = 0; y < HEIGHT; y++)
             down[c][y] = (float)(30 * cos(0.06 * y + c));
     for (int i = 0; i < NORMALS; i++)
-        normals[i] = (float)normal();
+        normals[i] = (float)test_normal(&seed);
 }
 
 static void paint_row(uint8_t *row, const struct seen *s, int k, int y, int c)
 {
-    const int sx = s->x - 3 * (k % COLS), from = (int)(uniform() * NORMALS);
+    const int sx = s->x - 3 * (k % COLS), from = (int)(sst_random(&seed) * NORMALS);
     const bool here = y >= s->y && y < s->y + s->side && (!s->only || s->only == k + 1);
     const float light = s->light > 0 ? (float)s->light : 1, noise = (float)s->noise;
 

@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/live/live_internal.h"
+#include "simulators/scene/noise.h"
 #include "simulators/scene/scene.h"
 #include "tests/small.h"
 #include "tests/test.h"
@@ -134,7 +135,7 @@ static void assert_whole(struct shown *s, const struct sst_render_config *cfg, c
 }
 
 /* Other pixels in one tile of one view; maps too, if asked for. */
-static void change_tile(struct shown *s, int view, int tile, bool maps, uint32_t seed)
+static void change_tile(struct shown *s, int view, int tile, bool maps, uint64_t seed)
 {
     const int cols = s->changes.cols, x0 = tile % cols * SST_LIVE_TILE, y0 = tile / cols * SST_LIVE_TILE;
     struct sst_lightfield *lf = &s->live->lf;
@@ -143,13 +144,14 @@ static void change_tile(struct shown *s, int view, int tile, bool maps, uint32_t
     s->changes.map[view][tile] = 1;
     for (int y = y0; y < sst_min_int(y0 + SST_LIVE_TILE, lf->height); y++) {
         for (int x = x0; x < sst_min_int(x0 + SST_LIVE_TILE, lf->width); x++) {
-            seed = seed * 1664525u + 1013904223u;
+            const uint64_t r = sst_random_u64(&seed);
+
             for (int c = 0; c < 3; c++)
-                sst_image_row(&v->image, c, y)[x] = (uint8_t)(seed >> (8 * c));
+                sst_image_row(&v->image, c, y)[x] = (uint8_t)(r >> (8 * c));
             if (!maps)
                 continue;
-            sst_map_u16_row(&v->disp, y)[x] = seed % 17 ? (uint16_t)(seed >> 8) % 700 : SST_DISP_NONE;
-            sst_map_u8_row(&v->label, y)[x] = (uint8_t)(seed >> 28);
+            sst_map_u16_row(&v->disp, y)[x] = r % 17 ? (uint16_t)(r >> 8) % 700 : SST_DISP_NONE;
+            sst_map_u8_row(&v->label, y)[x] = (uint8_t)(r >> 28);
         }
     }
 }
@@ -188,9 +190,9 @@ static void parts_have_the_bytes_of_the_whole(void **state SST_UNUSED)
         for (int round = 0; round < 6; round++) {
             const int tiles = s.changes.cols * s.changes.rows;
 
-            change_tile(&s, (round * 7) % 16, (round * 11) % tiles, true, (uint32_t)round);
+            change_tile(&s, (round * 7) % 16, (round * 11) % tiles, true, (uint64_t)round);
             if (round % 2)
-                change_tile(&s, (round * 5) % 16, (round * 13 + 3) % tiles, true, (uint32_t)round + 100);
+                change_tile(&s, (round * 5) % 16, (round * 13 + 3) % tiles, true, (uint64_t)round + 100);
             take(&s, round + 2);
             if (round == 3)
                 continue; /* two changes at a time */
@@ -217,7 +219,7 @@ static void labelled_parts_do_too(void **state SST_UNUSED)
     assert_int_equal(sst_livepicture_create(&p, s.live), 0);
     assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
     for (int threads = 1; threads < 4; threads++) {
-        change_tile(&s, threads, 2 * threads, false, (uint32_t)threads);
+        change_tile(&s, threads, 2 * threads, false, (uint64_t)threads);
         take(&s, threads + 1);
         assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
         s.live->cfg.threads = threads;
@@ -268,7 +270,7 @@ static void verified_parts_do_too(void **state SST_UNUSED)
         assert_true(round || !same_image(image, plain)); /* it does something here */
         assert_true(round ? anew < 200 * 141 : anew == 200 * 141);
         assert_whole(&s, &cfg, image);
-        change_tile(&s, views[round % 6], (round * 11) % (s.changes.cols * s.changes.rows), true, (uint32_t)round);
+        change_tile(&s, views[round % 6], (round * 11) % (s.changes.cols * s.changes.rows), true, (uint64_t)round);
         take(&s, round + 2);
     }
     cfg.verify = SST_VERIFY_OFF;
@@ -390,14 +392,14 @@ static void the_focus_is_behind_what_is_in_front(void **state SST_UNUSED)
 static void spoil(struct shown *s)
 {
     struct sst_lightfield *lf = &s->live->lf;
-    uint32_t seed = 1;
+    uint64_t seed = 1;
 
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         for (int y = 0; lf->views[k].present && y < lf->height; y++) {
             uint16_t *d = sst_map_u16_row(&lf->views[k].disp, y);
 
             for (int x = 0; x < lf->width; x++) {
-                const uint32_t r = (seed = seed * 1664525u + 1013904223u) >> 8;
+                const uint64_t r = sst_random_u64(&seed);
 
                 d[x] = (uint16_t)sst_clamp_int(d[x] + (int)(r % 33) - 16, 0, SST_DISP_MAX_Q6);
                 if (r % 100 < 3)

@@ -10,18 +10,11 @@
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/labels/model_info.h"
 #include "pipeline/method/network/manifest.h"
+#include "tests/folder.h"
 #include "tests/onnx_writer.h"
 #include "tests/test.h"
 
 static char said[SST_LOG_MAX]; /* the last error */
-static char dir[] = "/tmp/sst-info-XXXXXX";
-
-static void expect_said(const char *words)
-{
-    if (!strstr(said, words))
-        fail_msg("no '%s' in: %s", words, said);
-}
-
 static int parse(struct sst_model_info *info, const char *yaml)
 {
     char *before = sst_log_hold_errors(said);
@@ -33,10 +26,7 @@ static int parse(struct sst_model_info *info, const char *yaml)
 
 static void write_file(const char *name, const void *data, size_t n)
 {
-    char path[SST_PATH_MAX];
-
-    assert_int_equal(sst_path_join(path, dir, name), 0);
-    assert_int_equal(sst_file_write(path, data, n), 0);
+    assert_int_equal(sst_file_write(test_path("%s", name), data, n), 0);
 }
 
 /* y = x in `channels` channels, of a fixed size where height is not 0. */
@@ -76,18 +66,16 @@ static struct ow_buf identity_net(int channels, int height, int width, const cha
 
 static int open_net(struct sst_segmenter **seg, struct ow_buf model, const char *yaml)
 {
-    char path[SST_PATH_MAX], *before;
+    char *before;
     int err;
 
     write_file("m.onnx", model.p, model.n);
     free(model.p);
-    assert_int_equal(sst_path_join(path, dir, "m.yaml"), 0);
-    remove(path);
+    remove(test_path("m.yaml"));
     if (yaml)
         write_file("m.yaml", yaml, strlen(yaml));
-    assert_int_equal(sst_path_join(path, dir, "m.onnx"), 0);
     before = sst_log_hold_errors(said);
-    err = sst_segmenter_open(seg, path, SST_PRECISION_F32, 1);
+    err = sst_segmenter_open(seg, test_path("m.onnx"), SST_PRECISION_F32, 1);
     sst_log_hold_errors(before);
     return err;
 }
@@ -146,13 +134,13 @@ static void faults_of_descriptions(void **state SST_UNUSED)
 
     for (size_t i = 0; i < ARRAY_LEN(bad); i++) {
         assert_int_equal(parse(&info, bad[i].text), -EBADMSG);
-        expect_said(bad[i].said);
+        assert_contains(said, bad[i].said);
     }
     for (int i = 0; i < 65; i++)
         snprintf(many + strlen(many), sizeof(many) - strlen(many), "c%d, ", i);
     strcat(many, "]\n");
     assert_int_equal(parse(&info, many), -EBADMSG);
-    expect_said("65 channels make more than 64 classes");
+    assert_contains(said, "65 channels make more than 64 classes");
     assert_int_equal(info.channels, -7); /* untouched */
     strcat(many, "labels: {c64: c0}\n");
     assert_int_equal(parse(&info, many), 0);
@@ -176,21 +164,16 @@ static void the_file_beside_wins(void **state SST_UNUSED)
     sst_segmenter_close(seg);
     write_file("m.onnx.yaml", "classes: [a]\n", 13);
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, NULL), "classes: [a, b, c]\n"), -EBADMSG);
-    expect_said("two descriptions");
+    assert_contains(said, "two descriptions");
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, NULL), NULL), -EBADMSG);
-    expect_said("3 channels for the 1 classes");
+    assert_contains(said, "3 channels for the 1 classes");
     write_file("m.onnx.yaml", "", 0);
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, NULL), NULL), -EBADMSG);
-    {
-        char path[SST_PATH_MAX];
-
-        assert_int_equal(sst_path_join(path, dir, "m.onnx.yaml"), 0);
-        remove(path);
-    }
+    remove(test_path("m.onnx.yaml"));
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, NULL), NULL), -EBADMSG);
-    expect_said("does not name the classes");
+    assert_contains(said, "does not name the classes");
     assert_int_equal(open_net(&seg, identity_net(4, 0, 0, "a,b,c,d"), NULL), -EBADMSG);
-    expect_said("takes 4 channels");
+    assert_contains(said, "takes 4 channels");
 }
 
 static struct sst_image plain_image(int r, int g, int b)
@@ -232,7 +215,7 @@ static void colours_ranges_and_joined_channels(void **state SST_UNUSED)
     sst_map_u8_fini(&label);
     sst_segmenter_close(seg);
     assert_int_equal(open_net(&seg, identity_net(3, 16, 24, NULL), "classes: [a, b, c]\nsize: 48x32\n"), -EBADMSG);
-    expect_said("24x16 only");
+    assert_contains(said, "24x16 only");
     sst_image_fini(&img);
 }
 
@@ -296,13 +279,13 @@ static void other_ends_are_refused_with_the_reason(void **state SST_UNUSED)
     const int nchw[4] = { 1, 3, 32, 48 }, nhwc[4] = { 1, 32, 48, 3 }, batch[4] = { 8, 3, 32, 48 };
 
     assert_int_equal(open_ends(nchw, 1, 7), -EBADMSG);
-    expect_said("ArgMax");
+    assert_contains(said, "ArgMax");
     assert_int_equal(open_ends(nhwc, 1, 1), -EBADMSG);
-    expect_said("NHWC");
+    assert_contains(said, "NHWC");
     assert_int_equal(open_ends(nchw, 2, 1), -EBADMSG);
-    expect_said("32-bit floats");
+    assert_contains(said, "32-bit floats");
     assert_int_equal(open_ends(batch, 1, 1), -EBADMSG);
-    expect_said("1 x C x height x width");
+    assert_contains(said, "1 x C x height x width");
 }
 
 /* One result for the whole image. */
@@ -315,7 +298,7 @@ static void classifiers_are_refused(void **state SST_UNUSED)
     ow_value(&g, 12, "y", 3);
     ow_node(&g, "GlobalAveragePool", "x", "y", NULL);
     assert_int_equal(open_net(&seg, ow_model(&g, 13), "classes: [a, b, c]\nsize: 160x120\n"), -EBADMSG);
-    expect_said("1x1 results for an image of 160x120");
+    assert_contains(said, "1x1 results for an image of 160x120");
 }
 
 /* --- manifests --- */
@@ -355,7 +338,7 @@ static void manifests_are_checked(void **state SST_UNUSED)
         before = sst_log_hold_errors(said);
         assert_int_equal(sst_manifest_parse(&m, bad[i].text, strlen(bad[i].text), "t"), -EBADMSG);
         sst_log_hold_errors(before);
-        expect_said(bad[i].said);
+        assert_contains(said, bad[i].said);
     }
     assert_int_equal(sst_manifest_parse(&m, "{\"name\": \"a web page\"}", 22, "t"), -ENOENT);
     assert_int_equal(sst_manifest_parse(&m, good, strlen(good), "t"), 0);
@@ -372,21 +355,19 @@ static void listed_networks_must_be_themselves(void **state SST_UNUSED)
 {
     const char *text = MANIFEST(ENTRY("m.onnx", "labels", "3", ABC, "1"));
     const char *other = MANIFEST(ENTRY("n.onnx", "labels", "3", ABC, "1"));
-    char path[SST_PATH_MAX];
     struct sst_segmenter *seg;
 
     write_file(SST_MANIFEST_NAME, text, strlen(text));
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, "a,b,c"), NULL), -EBADMSG);
-    expect_said("another SHA-256");
-    expect_said("install the networks again");
+    assert_contains(said, "another SHA-256");
+    assert_contains(said, "install the networks again");
     write_file(SST_MANIFEST_NAME, other, strlen(other));
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, "a,b,c"), NULL), 0);
     sst_segmenter_close(seg);
     write_file(SST_MANIFEST_NAME, "{\n\"x\"", 5);
     assert_int_equal(open_net(&seg, identity_net(3, 0, 0, "a,b,c"), NULL), -EBADMSG);
-    expect_said("manifest.json:2:");
-    assert_int_equal(sst_path_join(path, dir, SST_MANIFEST_NAME), 0);
-    remove(path);
+    assert_contains(said, "manifest.json:2:");
+    remove(test_path(SST_MANIFEST_NAME));
 }
 
 /* What ships is what its manifest lists. */
@@ -412,17 +393,6 @@ static void the_manifest_that_ships_is_right(void **state SST_UNUSED)
     sst_manifest_fini(&m);
 }
 
-static int make_dir(void **state SST_UNUSED)
-{
-    return mkdtemp(dir) ? 0 : -1;
-}
-
-static int remove_dir(void **state SST_UNUSED)
-{
-    sst_path_remove_tree(dir);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -438,5 +408,5 @@ int main(void)
         cmocka_unit_test(the_manifest_that_ships_is_right),
     };
 
-    return cmocka_run_group_tests(tests, make_dir, remove_dir);
+    return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
 }

@@ -10,18 +10,13 @@
 #include "base/log.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 #define F     1000.0
 #define PITCH 50.0
 
-static uint32_t seed = 7;
-
-static double uniform(double lo, double hi)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return lo + (hi - lo) * ((seed >> 8) / 16777216.0);
-}
+static uint64_t seed = 7;
 
 /* A perfect array: pitch 50 mm across and down, all axes parallel, camera "rr_cc". */
 static struct sst_calib perfect(int rows, int cols)
@@ -91,8 +86,7 @@ static void refuses(const struct sst_calib *calib, const struct sst_rectify_conf
 
     sst_log_hold_errors(before);
     assert_int_equal(err, want);
-    if (!strstr(text, words))
-        fail_msg("no '%s' in: %s", words, text);
+    assert_contains(text, words);
     assert_int_equal(to.rows, 77);
 }
 
@@ -255,7 +249,7 @@ static void swapped_cameras_are_named(void **state SST_UNUSED)
         swap_cameras(&calib, a, b);
         for (int k = 0; k < calib.rows * calib.cols; k++) { /* mounting errors must not hide it */
             for (int j = 0; j < 3; j++)
-                calib.camera[k].position_mm[j] += uniform(-1, 1);
+                calib.camera[k].position_mm[j] += sst_random_in(&seed, -1, 1);
         }
         snprintf(words, sizeof(words),
                  "cameras %02d_%02d (row %d, column %d) and %02d_%02d (row %d, column %d) are swapped", a / cols,
@@ -364,20 +358,21 @@ static struct sst_calib real_array(int lens, double dz_mm)
 
     for (int k = 0; k < 9; k++) {
         struct sst_calib_camera *cam = &calib.camera[k];
-        const double v[3] = { uniform(-0.02, 0.02), uniform(-0.02, 0.02), uniform(-0.02, 0.02) };
+        const double v[3] = { sst_random_in(&seed, -0.02, 0.02), sst_random_in(&seed, -0.02, 0.02),
+                              sst_random_in(&seed, -0.02, 0.02) };
         const double k5[5] = { -0.25, 0.12, 8e-4, -5e-4, -0.02 },
                      k8[8] = { 0.3, -0.2, 4e-4, 6e-4, 0.05, 0.5, -0.1, 0.1 };
 
         sst_rotation_from_vector(v, cam->rotation);
-        cam->fx = uniform(590, 610); /* wide: 56 degrees, where lenses bend */
-        cam->fy = uniform(590, 610);
-        cam->cx = uniform(310, 330);
-        cam->cy = uniform(230, 250);
+        cam->fx = sst_random_in(&seed, 590, 610); /* wide: 56 degrees, where lenses bend */
+        cam->fy = sst_random_in(&seed, 590, 610);
+        cam->cx = sst_random_in(&seed, 310, 330);
+        cam->cy = sst_random_in(&seed, 230, 250);
         cam->lens = lens;
         memcpy(cam->k, lens == 8 ? k8 : k5, (size_t)lens * sizeof(double));
-        cam->position_mm[0] += uniform(-2, 2);
-        cam->position_mm[1] += uniform(-2, 2);
-        cam->position_mm[2] += uniform(-dz_mm, dz_mm);
+        cam->position_mm[0] += sst_random_in(&seed, -2, 2);
+        cam->position_mm[1] += sst_random_in(&seed, -2, 2);
+        cam->position_mm[2] += sst_random_in(&seed, -dz_mm, dz_mm);
     }
     turn_rig(&calib, any, true);
     return calib;
@@ -422,8 +417,8 @@ static void disparity_law(void **state SST_UNUSED)
         if (round < 2)
             NEAR(to.out_max_mm, 0, 1e-10);
         for (int i = 0; i < 300; i++) {
-            const double Z = round < 2 ? uniform(700, 20000) : plane;
-            const double P[3] = { uniform(-0.3, 0.3) * Z, uniform(-0.25, 0.25) * Z, Z };
+            const double Z = round < 2 ? sst_random_in(&seed, 700, 20000) : plane;
+            const double P[3] = { sst_random_in(&seed, -0.3, 0.3) * Z, sst_random_in(&seed, -0.25, 0.25) * Z, Z };
             const double d = to.focal_px * to.spacing_mm / Z;
             double ref[2], at[2];
 
@@ -537,7 +532,7 @@ static void fill_random(struct sst_image *img)
     for (int c = 0; c < 3; c++)
         for (int y = 0; y < img->height; y++)
             for (int x = 0; x < img->width; x++)
-                sst_image_row(img, c, y)[x] = (uint8_t)uniform(0, 256);
+                sst_image_row(img, c, y)[x] = (uint8_t)sst_random_in(&seed, 0, 256);
 }
 
 static void put(struct sst_sampler *s, const struct sst_image *raw, int x0, int y0, int x1, int y1)
@@ -624,8 +619,8 @@ static void boxes_hold_what_is_seen(void **state)
     assert_int_equal(sst_image_init(&b, to.width, to.height), 0);
     fill_random(&one);
     for (int i = 0; i < 8; i++) {
-        const int x = i == 0 ? 0 : i == 1 ? to.width - 32 : (int)uniform(0, to.width - 32);
-        const int y = i == 0 ? 0 : i == 1 ? to.height - 32 : (int)uniform(0, to.height - 32);
+        const int x = i == 0 ? 0 : i == 1 ? to.width - 32 : (int)sst_random_in(&seed, 0, to.width - 32);
+        const int y = i == 0 ? 0 : i == 1 ? to.height - 32 : (int)sst_random_in(&seed, 0, to.height - 32);
         const enum sst_filter filter = (enum sst_filter)(i % 3);
         int box[4];
 

@@ -10,17 +10,12 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "pipeline/method/refine/parts.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 #define CLOSE(a, b, eps) assert_true(fabs((double)(a) - (double)(b)) <= (eps))
 
-static uint64_t random_state = 1;
-
-static unsigned random_below(unsigned n)
-{
-    random_state = random_state * 6364136223846793005u + 1442695040888963407u;
-    return (unsigned)(random_state >> 33) % n;
-}
+static uint64_t seed = 1;
 
 static struct sst_label_fit fit_of(const int64_t (*pairs)[2], int n, double disp_min_px, double sigma_px,
                                    int min_pixels)
@@ -128,7 +123,7 @@ static void check_distances(int width, int height, unsigned one_in)
     assert_true(got && scratch.start && scratch.vertex && scratch.row && hull.x && hull.y);
     assert_int_equal(sst_map_u8_init(&map, width, height), 0);
     for (int i = 0; i < (int)pixels; i++) {
-        sst_map_u8_row(&map, i / width)[i % width] = random_below(one_in) ? 3 : 7;
+        sst_map_u8_row(&map, i / width)[i % width] = sst_random_u64(&seed) % (unsigned)one_in ? 3 : 7;
         region += sst_map_u8_row(&map, i / width)[i % width] == 7;
     }
     assert_int_equal(sst_distance_nearest(got, &map, 7, &scratch), region > 0);
@@ -224,7 +219,7 @@ static void planes_are_exact_on_a_plane(void **state SST_UNUSED)
     surface_init(&s, 31, 41);
     for (int i = 0; i < 31 * 41; i++)
         sst_map_u16_row(&s.disp, i / 31)[i % 31] =
-            (uint16_t)(random_below(3) ? 640 + 3 * (i % 31) + 2 * (i / 31) : (int)SST_DISP_NONE);
+            (uint16_t)(sst_random_u64(&seed) % 3 ? 640 + 3 * (i % 31) + 2 * (i / 31) : (int)SST_DISP_NONE);
     sst_map_u16_row(&s.disp, 0)[0] = 640;
     sst_map_u16_row(&s.disp, 40)[30] = SST_DISP_NONE;
     surface_fit(&s);
@@ -394,7 +389,7 @@ static void ground_without_a_plane(void **state SST_UNUSED)
     assert_false(sst_ground_fit(&plane, &g.view, 4, &g.cfg, g.hist));
     for (int i = 0; i < 50 * 40; i++) {
         sst_map_u8_row(&g.view.label, i / 50)[i % 50] = 4;
-        sst_map_u16_row(&g.view.disp, i / 50)[i % 50] = random_below(10) < 6 ? 1000 : 20000;
+        sst_map_u16_row(&g.view.disp, i / 50)[i % 50] = sst_random_u64(&seed) % 10 < 6 ? 1000 : 20000;
     }
     assert_true(!sst_ground_fit(&plane, &g.view, 4, &g.cfg, g.hist) || plane.limit > 9000);
     ground_view_fini(&g);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "pipeline/method/refine/refine.h"
+#include "tests/random.h"
 #include "tests/test.h"
 
 #define SIDE         3
@@ -27,22 +28,7 @@ static const struct thing things[] = {
     { SST_LABEL_MOTORCYCLE, 150, 205, 36, 75 },
 };
 
-static uint64_t random_state;
-
-static double uniform(void)
-{
-    random_state = random_state * 6364136223846793005u + 1442695040888963407u;
-    return (double)(random_state >> 11) / 9007199254740992.0;
-}
-
-static double gauss(void)
-{
-    double sum = -6;
-
-    for (int i = 0; i < 12; i++)
-        sum += uniform();
-    return sum;
-}
+static uint64_t seed;
 
 static double table_disparity(double y_ref)
 {
@@ -109,12 +95,12 @@ static void make_view(struct scene *s, int k, double noise_px)
             double d;
 
             sst_map_u8_row(&s->truth[k], y)[x] = trace(x, y, v, &d);
-            sst_map_u16_row(&v->disp, y)[x] = sst_disp_q6(&s->lf, d + noise_px * gauss());
+            sst_map_u16_row(&v->disp, y)[x] = sst_disp_q6(&s->lf, d + noise_px * test_normal(&seed));
         }
     }
     for (int y = 0; y < h; y++) {
         for (int x = 0; x < w; x++) {
-            if (!near_border(&s->truth[k], x, y) && uniform() > 0.3)
+            if (!near_border(&s->truth[k], x, y) && sst_random(&seed) > 0.3)
                 sst_map_u8_row(&s->hcsm[k], y)[x] = sst_map_u8_row(&s->truth[k], y)[x];
         }
     }
@@ -129,7 +115,7 @@ static void restore(struct scene *s)
 static void scene_init(struct scene *s, double noise_px)
 {
     memset(s, 0, sizeof(*s));
-    random_state = 1;
+    seed = 1;
     s->lf = (struct sst_lightfield){ .rows = SIDE,
                                      .cols = SIDE,
                                      .width = 300,

@@ -12,17 +12,12 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/render/plan.h"
 #include "pipeline/method/render/ranges.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 #define UNKNOWN (-1000.0) /* outside what can be stored, so SST_DISP_NONE */
 
-static uint32_t seed = 1;
-
-static uint32_t next_random(uint32_t below)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return (seed >> 8) % below;
-}
+static uint64_t seed = 1;
 
 static void make_views(struct sst_lightfield *lf, int rows, int cols, int width, int height)
 {
@@ -77,9 +72,9 @@ static void make_random(struct sst_lightfield *lf)
         lf->views[i].by -= (i % 5 - 2) * 0.017;
         for (int y = 0; y < 29; y++) {
             for (int x = 0; x < 41; x++) {
-                const double d = next_random(9) ? -3 + next_random(500) / 64.0 : UNKNOWN;
+                const double d = sst_random_u64(&seed) % 9 ? -3 + (double)(sst_random_u64(&seed) % 500) / 64 : UNKNOWN;
 
-                set_pixel(lf, i, x, y, (int)next_random(256), d, (int)next_random(5));
+                set_pixel(lf, i, x, y, (int)(sst_random_u64(&seed) % 256), d, (int)(sst_random_u64(&seed) % 5));
             }
         }
     }

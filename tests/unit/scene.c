@@ -12,6 +12,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/folder.h"
 #include "simulators/scene/scene_internal.h"
+#include "tests/folder.h"
 #include "tests/small.h"
 #include "tests/test.h"
 
@@ -382,29 +383,6 @@ static int compare_folders(const char *a, const char *b)
     return files;
 }
 
-static char folder[] = "/tmp/sst-test-XXXXXX";
-
-static char *inside(const char *name)
-{
-    static char paths[4][SST_PATH_MAX];
-    static int next;
-    char *path = paths[next++ % 4];
-
-    assert_int_equal(sst_path_join(path, folder, name), 0);
-    return path;
-}
-
-static int make_folder(void **state SST_UNUSED)
-{
-    return mkdtemp(folder) ? 0 : -1;
-}
-
-static int remove_folder(void **state SST_UNUSED)
-{
-    sst_path_remove_tree(folder);
-    return 0;
-}
-
 static struct sst_scene_config small(int width, int height, int rows, int cols, int threads)
 {
     return (struct sst_scene_config){
@@ -416,13 +394,13 @@ static void any_number_of_threads_gives_the_same_bytes(void **state SST_UNUSED)
 {
     struct sst_scene_config one = small(80, 60, 2, 3, 1), three = small(80, 60, 2, 3, 3);
 
-    assert_int_equal(sst_scene_write("pedestrian", &one, inside("one"), false), 0);
-    assert_int_equal(sst_scene_write("pedestrian", &three, inside("three"), false), 0);
+    assert_int_equal(sst_scene_write("pedestrian", &one, test_path("one"), false), 0);
+    assert_int_equal(sst_scene_write("pedestrian", &three, test_path("three"), false), 0);
     /* lightfield.json, 6 views, 6 disparities, 6 labels, truth.json, behind and occluder of the principal and of both
      */
-    assert_int_equal(compare_folders(inside("one"), inside("three")), 1 + 6 + 6 + 6 + 1 + 6);
-    assert_int_equal(sst_scene_write("pedestrian", &one, inside("one"), false), -EEXIST);
-    assert_int_equal(sst_scene_write("cat", &one, inside("one"), true), 0);
+    assert_int_equal(compare_folders(test_path("one"), test_path("three")), 1 + 6 + 6 + 6 + 1 + 6);
+    assert_int_equal(sst_scene_write("pedestrian", &one, test_path("one"), false), -EEXIST);
+    assert_int_equal(sst_scene_write("cat", &one, test_path("one"), true), 0);
 }
 
 static void folder_says_what_is_in_it(void **state SST_UNUSED)
@@ -434,8 +412,8 @@ static void folder_says_what_is_in_it(void **state SST_UNUSED)
     struct sst_scene *s = NULL;
     struct view v;
 
-    assert_int_equal(sst_scene_write("bush", &cfg, inside("bush"), false), 0);
-    assert_int_equal(sst_lightfield_load(&lf, inside("bush"), SST_LOAD_IMAGES, 1), 0);
+    assert_int_equal(sst_scene_write("bush", &cfg, test_path("bush"), false), 0);
+    assert_int_equal(sst_lightfield_load(&lf, test_path("bush"), SST_LOAD_IMAGES, 1), 0);
     assert_int_equal(lf.rows, 3);
     assert_int_equal(lf.cols, 4);
     assert_int_equal(lf.ref_view, 5);
@@ -446,8 +424,8 @@ static void folder_says_what_is_in_it(void **state SST_UNUSED)
 
     assert_int_equal(sst_scene_create(&s, "bush", &cfg), 0);
     v = render(s, 120, 90, 2, 1, 0, true);
-    assert_int_equal(sst_map_f32_read_pfm(&disp, inside("bush/truth/02_03.pfm")), 0);
-    assert_int_equal(sst_map_u8_read_png(&label, inside("bush/truth/02_03.png")), 0);
+    assert_int_equal(sst_map_f32_read_pfm(&disp, test_path("bush/truth/02_03.pfm")), 0);
+    assert_int_equal(sst_map_u8_read_png(&label, test_path("bush/truth/02_03.png")), 0);
     for (int y = 0; y < 90; y++) {
         assert_memory_equal(sst_map_f32_row(&disp, y), sst_map_f32_row(&v.disp, y), 120 * sizeof(float));
         assert_memory_equal(sst_map_u8_row(&label, y), sst_map_u8_row(&v.label, y), 120);
@@ -455,7 +433,7 @@ static void folder_says_what_is_in_it(void **state SST_UNUSED)
     }
     view_fini(&v);
     v = render(s, 120, 90, 0, 0, 0, false);
-    assert_int_equal(sst_map_u8_read_png(&mask, inside("bush/truth/occluder.png")), 0);
+    assert_int_equal(sst_map_u8_read_png(&mask, test_path("bush/truth/occluder.png")), 0);
     for (int y = 0; y < 90; y++) {
         for (int x = 0; x < 120; x++)
             assert_int_equal(sst_map_u8_row(&mask, y)[x], label_at(&v, x, y) == SST_LABEL_TREE ? 255 : 0);
@@ -474,12 +452,12 @@ static void odd_sizes_work(void **state SST_UNUSED)
     struct sst_scene_config cfg = small(17, 5, 1, 1, 2);
 
     for (const char *const *name = sst_scene_names(); *name; name++) {
-        assert_int_equal(sst_scene_write(*name, &cfg, inside("odd"), true), 0);
-        assert_true(sst_path_exists(inside("odd/truth/behind.png")));
+        assert_int_equal(sst_scene_write(*name, &cfg, test_path("odd"), true), 0);
+        assert_true(sst_path_exists(test_path("odd/truth/behind.png")));
     }
     for (size_t i = 0; i < ARRAY_LEN(sizes); i++) {
         cfg = small(sizes[i][0], sizes[i][1], sizes[i][2], sizes[i][3], 2);
-        assert_int_equal(sst_scene_write("pedestrian", &cfg, inside("odd"), true), 0);
+        assert_int_equal(sst_scene_write("pedestrian", &cfg, test_path("odd"), true), 0);
     }
 }
 
@@ -488,10 +466,10 @@ static void what_cannot_be_made_is_refused(void **state SST_UNUSED)
     struct sst_scene_config cfg = small(40, 30, 1, 1, 1);
     struct sst_scene *s = NULL;
 
-    assert_int_equal(sst_scene_write("Bush", &cfg, inside("no"), false), -EINVAL);
+    assert_int_equal(sst_scene_write("Bush", &cfg, test_path("no"), false), -EINVAL);
     assert_int_equal(sst_scene_create(&s, "", &cfg), -EINVAL);
     cfg.width = 0;
-    assert_int_equal(sst_scene_write("bush", &cfg, inside("no"), false), -EINVAL);
+    assert_int_equal(sst_scene_write("bush", &cfg, test_path("no"), false), -EINVAL);
     cfg = small(SST_IMAGE_MAX_SIDE, SST_IMAGE_MAX_SIDE, 1, 1, 1);
     assert_int_equal(sst_scene_create(&s, "bush", &cfg), -EINVAL);
     cfg = small(40, 30, 1, 257, 1);
@@ -500,7 +478,7 @@ static void what_cannot_be_made_is_refused(void **state SST_UNUSED)
     cfg.time_s = NAN;
     assert_int_equal(sst_scene_create(&s, "bush", &cfg), -EINVAL);
     assert_null(s);
-    assert_false(sst_path_exists(inside("no")));
+    assert_false(sst_path_exists(test_path("no")));
 }
 
 /* --- small parts ------------------------------------------------------------------------------------------------- */
@@ -566,5 +544,5 @@ int main(void)
         cmocka_unit_test(letters_are_readable),
     };
 
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
 }

@@ -208,18 +208,14 @@ static void parameters_need_no_prepared_world(void **state SST_UNUSED)
     static const char world[] = "scene: board\nseed: 4\nmounting: {rotation_spread_deg: 1}\nboard: {poses: 3}\n";
     json_t *truth;
 
-    assert_int_equal(sst_file_write(sim_path("w.yaml"), world, strlen(world)), 0);
-    assert_true(sst_sim_world_parameters(sim_path("w.yaml"), "/no/such/folder/p.json") < 0);
-    /* sim_path() has one buffer. */
-    char path[128];
-
-    snprintf(path, sizeof(path), "%s/p.json", sim_folder);
-    assert_int_equal(sst_sim_world_parameters(sim_path("w.yaml"), path), 0);
-    truth = json_load_file(path, 0, NULL);
+    assert_int_equal(sst_file_write(test_path("w.yaml"), world, strlen(world)), 0);
+    assert_true(sst_sim_world_parameters(test_path("w.yaml"), "/no/such/folder/p.json") < 0);
+    assert_int_equal(sst_sim_world_parameters(test_path("w.yaml"), test_path("p.json")), 0);
+    truth = json_load_file(test_path("p.json"), 0, NULL);
     assert_int_equal(json_array_size(json_object_get(truth, "cameras")), 36);
     assert_int_equal(json_array_size(json_object_get(json_object_get(truth, "board"), "poses")), 3);
     json_decref(truth);
-    assert_int_equal(sst_sim_world_parameters("/no/such/world.yaml", path), -EINVAL);
+    assert_int_equal(sst_sim_world_parameters("/no/such/world.yaml", test_path("p.json")), -EINVAL);
 }
 
 /* A point is seen in the same place by the world's own formulas and by a calibration in the reference camera's axes. */
@@ -230,9 +226,8 @@ static void true_parameters_are_a_calibration(void **state SST_UNUSED)
                                 "focal_spread_percent: 1, vignetting: 0.2}\nsensor: {gain_spread_percent: 5}\n"
                                 "board: {kind: aprilgrid, poses: 3}\n%s";
     const double points[][3] = { { 0, 0, 1000 }, { 300, -200, 900 }, { -250, 150, 2500 }, { 10, 240, 700 } };
-    char path[128], text[1024];
+    char text[1024];
 
-    snprintf(path, sizeof(path), "%s/p.yaml", sim_folder);
     for (int rig = 0; rig < 2; rig++) {
         struct sst_calib calib;
         struct sst_sim_world *w;
@@ -243,8 +238,8 @@ static void true_parameters_are_a_calibration(void **state SST_UNUSED)
         snprintf(text, sizeof(text), world, rig ? "rig: true\nsize: [160, 192]\n" : "size: [160, 192]\n");
         w = sim_open(text);
         truth = sim_truth_of(w);
-        assert_int_equal(sst_sim_world_parameters(sim_path("w.yaml"), path), 0);
-        assert_int_equal(sst_calib_read(&calib, path), 0);
+        assert_int_equal(sst_sim_world_parameters(test_path("w.yaml"), test_path("p.yaml")), 0);
+        assert_int_equal(sst_calib_read(&calib, test_path("p.yaml")), 0);
         assert_string_equal(calib.board, "aprilgrid:6x6:50mm:0.3");
         assert_true(calib.range_mm > 500);
         assert_int_equal(calib.reference, 1);
@@ -284,13 +279,13 @@ static void true_parameters_are_a_calibration(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_camera_moves_at_a_pose, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(the_array_of_another_scene_sees_boards, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(a_moving_board_is_blurred_along_x, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(a_board_stays_where_it_is_held, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(a_rig_sees_the_first_pose_until_told, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(parameters_need_no_prepared_world, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(true_parameters_are_a_calibration, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(a_camera_moves_at_a_pose, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(the_array_of_another_scene_sees_boards, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(a_moving_board_is_blurred_along_x, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(a_board_stays_where_it_is_held, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(a_rig_sees_the_first_pose_until_told, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(parameters_need_no_prepared_world, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(true_parameters_are_a_calibration, test_folder_create, test_folder_remove),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -315,13 +315,13 @@ static void opencv_reads_the_boards(void **state SST_UNUSED)
             const size_t bytes = sim_frame(w, &e, V4L2_PIX_FMT_MJPEG, 800, 600);
 
             snprintf(name, sizeof(name), "%d-%d.jpg", i, k);
-            assert_int_equal(sst_file_write(sim_path(name), sim_out, bytes), 0);
+            assert_int_equal(sst_file_write(test_path("%s", name), sim_out, bytes), 0);
         }
         snprintf(name, sizeof(name), "%d.json", i);
-        assert_int_equal(sst_sim_world_truth(w, sim_path(name)), 0);
+        assert_int_equal(sst_sim_world_truth(w, test_path("%s", name)), 0);
         sst_sim_world_close(w);
     }
-    snprintf(command, sizeof(command), "timeout 600 /usr/bin/python3 tests/sim_boards.py %s", sim_folder);
+    snprintf(command, sizeof(command), "timeout 600 /usr/bin/python3 tests/sim_boards.py %s", test_folder);
     status = system(command);
     assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
 }
@@ -329,13 +329,16 @@ static void opencv_reads_the_boards(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(corners_are_where_the_truth_puts_them, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(an_ideal_array_has_the_scenes_views_and_disparity, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(drawing_what_moves_gives_the_bytes_of_the_whole, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(loops_have_no_seam, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(a_rolling_shutter_sees_lower_rows_later, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(the_rigs_pose_decides_the_view, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(opencv_reads_the_boards, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(corners_are_where_the_truth_puts_them, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(an_ideal_array_has_the_scenes_views_and_disparity, test_folder_create,
+                                        test_folder_remove),
+        cmocka_unit_test_setup_teardown(drawing_what_moves_gives_the_bytes_of_the_whole, test_folder_create,
+                                        test_folder_remove),
+        cmocka_unit_test_setup_teardown(loops_have_no_seam, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(a_rolling_shutter_sees_lower_rows_later, test_folder_create,
+                                        test_folder_remove),
+        cmocka_unit_test_setup_teardown(the_rigs_pose_decides_the_view, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(opencv_reads_the_boards, test_folder_create, test_folder_remove),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

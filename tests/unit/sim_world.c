@@ -258,7 +258,7 @@ static void the_loop_follows_time_and_a_trigger_shows_one_frame(void **state SST
 /* The one prepared loop in the folder, or NULL. */
 static uint8_t *prepared(size_t *bytes, char path[512])
 {
-    DIR *dir = opendir(sim_folder);
+    DIR *dir = opendir(test_folder);
     uint8_t *data = NULL;
     struct dirent *d;
 
@@ -267,7 +267,7 @@ static uint8_t *prepared(size_t *bytes, char path[512])
         if (!strstr(d->d_name, ".loop"))
             continue;
         assert_null(data);
-        snprintf(path, 512, "%s/%s", sim_folder, d->d_name);
+        snprintf(path, 512, "%s/%s", test_folder, d->d_name);
         assert_int_equal(sst_file_read(path, SIM_CAPACITY, &data, bytes), 0);
     }
     closedir(dir);
@@ -331,8 +331,8 @@ static void cached(const char *name, time_t used)
 {
     const struct timespec times[2] = { { .tv_sec = used }, { .tv_sec = used } };
 
-    assert_int_equal(sst_file_write(sim_path(name), "x", 1), 0);
-    assert_int_equal(utimensat(AT_FDCWD, sim_path(name), times, 0), 0);
+    assert_int_equal(sst_file_write(test_path("%s", name), "x", 1), 0);
+    assert_int_equal(utimensat(AT_FDCWD, test_path("%s", name), times, 0), 0);
 }
 
 /** Before a loop is written, leftovers of killed programs are removed, and of 20 loops the 15 used last are kept
@@ -352,11 +352,11 @@ static void the_cache_does_not_grow_for_ever(void **state SST_UNUSED)
     sst_sim_world_close(sim_open(SMALL));
     for (int i = 0; i < 20; i++) {
         snprintf(name, sizeof(name), "%032d.loop", i);
-        assert_int_equal(sst_path_exists(sim_path(name)), i < 15);
+        assert_int_equal(sst_path_exists(test_path("%s", name)), i < 15);
     }
-    assert_false(sst_path_exists(sim_path("00000000000000000000000000000077.loop.tmp-abcdef")));
-    assert_true(sst_path_exists(sim_path("00000000000000000000000000000078.loop.tmp-abcdef")));
-    assert_true(sst_path_exists(sim_path("notes.txt")));
+    assert_false(sst_path_exists(test_path("00000000000000000000000000000077.loop.tmp-abcdef")));
+    assert_true(sst_path_exists(test_path("00000000000000000000000000000078.loop.tmp-abcdef")));
+    assert_true(sst_path_exists(test_path("notes.txt")));
 }
 
 /* --- world files -------------------------------------------------------------------------------------------------- */
@@ -395,14 +395,13 @@ static void a_fault_in_a_world_file_is_named_with_its_place(void **state SST_UNU
         struct sst_sim_world *w = NULL;
         int err;
 
-        assert_int_equal(sst_file_write(sim_path("w.yaml"), cases[i].text, strlen(cases[i].text)), 0);
+        assert_int_equal(sst_file_write(test_path("w.yaml"), cases[i].text, strlen(cases[i].text)), 0);
         before = sst_log_hold_errors(said);
-        err = sst_sim_world_open(&w, sim_path("w.yaml"), sim_folder);
+        err = sst_sim_world_open(&w, test_path("w.yaml"), test_folder);
         sst_log_hold_errors(before);
         assert_true(err == -EBADMSG || err == -EINVAL);
         assert_null(w);
-        if (!strstr(said, cases[i].words))
-            fail_msg("no '%s' in: %s", cases[i].words, said);
+        assert_contains(said, cases[i].words);
     }
 }
 
@@ -426,7 +425,7 @@ static void an_unknown_world_and_an_unwritable_cache_are_told(void **state SST_U
     char said[SST_LOG_MAX] = "", *before = sst_log_hold_errors(said);
     struct sst_sim_world *w = NULL;
 
-    assert_int_equal(sst_sim_world_open(&w, "nowhere", sim_folder), -EINVAL);
+    assert_int_equal(sst_sim_world_open(&w, "nowhere", test_folder), -EINVAL);
     assert_non_null(strstr(said, "nowhere"));
     assert_true(sst_sim_world_open(&w, "cat", "/proc/none/cache") < 0);
     assert_non_null(strstr(said, "/proc/none"));
@@ -438,20 +437,26 @@ static void an_unknown_world_and_an_unwritable_cache_are_told(void **state SST_U
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(any_quality_and_width_makes_valid_frames, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(a_picture_without_room_for_the_strip_is_refused, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(formats_are_packed_as_v4l2_says, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(bayer_has_its_four_orders, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(every_format_and_size_carries_the_strip, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(what_no_camera_offers_is_refused, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(exposure_and_gain_change_the_light, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(the_loop_follows_time_and_a_trigger_shows_one_frame, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(the_same_seed_gives_the_same_bytes, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(a_damaged_cache_is_made_again, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(the_cache_does_not_grow_for_ever, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(a_fault_in_a_world_file_is_named_with_its_place, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(the_examples_can_be_read, sim_set_up, sim_tear_down),
-        cmocka_unit_test_setup_teardown(an_unknown_world_and_an_unwritable_cache_are_told, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(any_quality_and_width_makes_valid_frames, test_folder_create,
+                                        test_folder_remove),
+        cmocka_unit_test_setup_teardown(a_picture_without_room_for_the_strip_is_refused, test_folder_create,
+                                        test_folder_remove),
+        cmocka_unit_test_setup_teardown(formats_are_packed_as_v4l2_says, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(bayer_has_its_four_orders, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(every_format_and_size_carries_the_strip, test_folder_create,
+                                        test_folder_remove),
+        cmocka_unit_test_setup_teardown(what_no_camera_offers_is_refused, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(exposure_and_gain_change_the_light, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(the_loop_follows_time_and_a_trigger_shows_one_frame, test_folder_create,
+                                        test_folder_remove),
+        cmocka_unit_test_setup_teardown(the_same_seed_gives_the_same_bytes, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(a_damaged_cache_is_made_again, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(the_cache_does_not_grow_for_ever, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(a_fault_in_a_world_file_is_named_with_its_place, test_folder_create,
+                                        test_folder_remove),
+        cmocka_unit_test_setup_teardown(the_examples_can_be_read, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(an_unknown_world_and_an_unwritable_cache_are_told, test_folder_create,
+                                        test_folder_remove),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -334,8 +334,8 @@ static void weights_count(void **state)
             struct sst_corner *c = &t.all.detection[i].corner[k];
 
             c->weight = 0.1;
-            c->x += truth_normal(&t.state);
-            c->y += truth_normal(&t.state);
+            c->x += test_normal(&t.state);
+            c->y += test_normal(&t.state);
         }
     }
     solve(&s, &t, &how);

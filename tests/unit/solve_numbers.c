@@ -60,7 +60,7 @@ static void triangle(void **state)
         double a[80], r[80];
 
         for (int i = 0; i < m * n; i++)
-            a[i] = trial % 5 == 4 && i % n == n / 2 ? 0 : trial % 3 == 2 ? 1 + i / n : truth_normal(&seed);
+            a[i] = trial % 5 == 4 && i % n == n / 2 ? 0 : trial % 3 == 2 ? 1 + i / n : test_normal(&seed);
         memcpy(r, a, sizeof(r));
         solve_qr(r, m, n);
         for (int i = 0; i < n * n; i++) {

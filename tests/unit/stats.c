@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/stats.h"
+#include "simulators/scene/noise.h"
 #include "tests/test.h"
 
 #define NONE ((double)NAN)
@@ -57,15 +58,16 @@ static void the_upper_median_has_rank_half_n(void **state SST_UNUSED)
 /* Against sorting, for all sizes and many ties. */
 static void selection_agrees_with_sorting(void **state SST_UNUSED)
 {
-    uint32_t seed = 1;
+    uint64_t seed = 1;
 
     for (int n = 1; n < 300; n++) {
         double a[300], b[300];
         float f[300];
 
         for (int i = 0; i < n; i++) {
-            seed = seed * 1664525u + 1013904223u;
-            a[i] = b[i] = seed % 31 ? (double)(seed >> 16 & (n % 2 ? 7u : 0xffffu)) : NONE;
+            const uint64_t r = sst_random_u64(&seed);
+
+            a[i] = b[i] = r % 31 ? (double)(r >> 16 & (n % 2 ? 7u : 0xffffu)) : NONE;
             f[i] = (float)a[i];
         }
         sst_stats_sort_double(b, n);

@@ -9,6 +9,7 @@
 #include "base/clock.h"
 #include "drivers/usb/plan.h"
 #include "drivers/usb/usb_internal.h"
+#include "simulators/scene/noise.h"
 #include "tests/quick.h"
 #include "tests/test.h"
 
@@ -187,7 +188,7 @@ static void superspeed_packets_come_from_the_companion(void **state SST_UNUSED)
 static void damaged_descriptors_end_the_walk(void **state SST_UNUSED)
 {
     struct sst_usb_alt alt[SST_USB_ALTS_MAX];
-    uint32_t seed = 1;
+    uint64_t seed = 1;
 
     for (size_t size = 0; size <= sizeof(camera_descriptors); size++) {
         uint8_t *copy = malloc(size + 1);
@@ -197,8 +198,7 @@ static void damaged_descriptors_end_the_walk(void **state SST_UNUSED)
         copy = realloc(copy, size ? size : 1);
         assert_in_range(usb_parse_alts(alt, copy, size, 480), 0, 2);
         for (int i = 0; i < 50 && size; i++) {
-            seed = seed * 1664525u + 1013904223u;
-            copy[(seed >> 8) % size] = (uint8_t)(seed >> 24);
+            copy[sst_random_u64(&seed) % size] = (uint8_t)sst_random_u64(&seed);
             assert_in_range(usb_parse_alts(alt, copy, size, 5000), 0, SST_USB_ALTS_MAX);
         }
         free(copy);
