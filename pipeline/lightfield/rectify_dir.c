@@ -8,7 +8,6 @@
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/calibrated.h"
-#include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 struct job {
