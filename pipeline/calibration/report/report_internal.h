@@ -142,9 +142,6 @@ bool report_criterion_reason(const struct report_criterion *c, char out[640]);
 
 /** null where not finite */
 json_t *report_json_number(double value);
-/** Any bytes: cleaned. */
-json_t *report_json_text(const char *text);
-json_t *report_json_numbers(const double *values, int n);
 
 /** report_json.c: all figures. @return NULL: no memory */
 json_t *report_figures_json(const struct sst_calibration_report *report, const struct report_figures *f);
