@@ -215,13 +215,9 @@ struct solve_case {
     const struct sst_solve_config *cfg;
     struct solve_problem p;
     struct solve_single *single; /* [all->count] */
-    struct sst_solve_link *link;
-    int links;
-    double sigma_px, held_out_px[2], cv_px, cv_expected_px;
-    int cv_camera;
+    double sigma_px;
     struct solve_adjusted done;
-    double (*drive_residual_mm)[3];
-    double drive_rms_mm, drive_scale, drive_skew_deg;
+    struct sst_solution s; /* the results so far */
 };
 
 /* --- uncertainty (solve_uncertainty.c) ---------------------------------------------------------------------------- */
