@@ -242,8 +242,7 @@ static int check_sizes(const struct job *job)
     return 0;
 }
 
-/* --- the import ----------------------------------------------------------------------------------------------------
- */
+/* --- the import --------------------------------------------------------------------------------------------------- */
 
 /* Range by precedence: the user's, the source's, that of the true disparities. */
 static void set_range(const struct job *job)

@@ -4,7 +4,6 @@
 #include <stdlib.h>
 
 #include "pipeline/calibration/board/board_internal.h"
-#include "pipeline/calibration/board/opencv_boards.h"
 
 /* Corners row by row. */
 struct grid {

@@ -133,8 +133,7 @@ int solve_check_places(struct solve_case *c)
     return err;
 }
 
-/* --- drives --------------------------------------------------------------------------------------------------------
- */
+/* --- drives ------------------------------------------------------------------------------------------------------- */
 
 /* Rotation from `from` to `to` (least squares, both about 0), by Gauss-Newton from an initial guess along three axes;
  * for collinear points the rotation about their line stays as it is. */
