@@ -1,7 +1,6 @@
 /* Export to other tools' formats; import_stanford.c and import_hci.c describe them. */
 #include <errno.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -21,33 +20,13 @@ struct format {
     int (*rest)(const struct export_job *job);
 };
 
-/* Text buffer with room for two lines of numbers for each of 256 views. */
-struct text {
-    char data[65536];
-    size_t size;
-};
-
-static void add(struct text *t, const char *fmt, ...) SST_PRINTF(2, 3);
-
-static void add(struct text *t, const char *fmt, ...)
-{
-    const size_t left = sizeof(t->data) - t->size;
-    va_list args;
-    int n;
-
-    va_start(args, fmt);
-    n = vsnprintf(t->data + t->size, left, fmt, args);
-    va_end(args);
-    if (n > 0)
-        t->size += (size_t)n < left ? (size_t)n : left - 1;
-}
-
-static int write_text(const struct export_job *job, const char *name, const struct text *t)
+/* Open a text file in the output's folder. */
+static int open_text(struct sst_outfile *out, const struct export_job *job, const char *name)
 {
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, job->out, name);
 
-    return err ? err : sst_file_write(path, t->data, t->size);
+    return err ? err : sst_outfile_open(out, path);
 }
 
 /* --- stanford ----------------------------------------------------------------------------------------------------- */
@@ -88,14 +67,17 @@ static int stanford_view(void *arg, int k, int worker SST_UNUSED)
 static int stanford_rest(const struct export_job *job)
 {
     const struct sst_lightfield *lf = &job->lf;
-    struct text t = { .size = 0 };
+    struct sst_outfile out;
+    int err = open_text(&out, job, "positions.cfg");
 
-    add(&t, "[positions]\nspacing = %.17g\nspacing_mm = %.17g\n", position_unit(lf), lf->spacing_mm);
+    if (err)
+        return err;
+    fprintf(out.stream, "[positions]\nspacing = %.17g\nspacing_mm = %.17g\n", position_unit(lf), lf->spacing_mm);
     if (lf->focal_px > 0)
-        add(&t, "focal_px = %.17g\n", lf->focal_px);
+        fprintf(out.stream, "focal_px = %.17g\n", lf->focal_px);
     if (lf->range_min_px < lf->range_max_px)
-        add(&t, "disp_min = %.17g\ndisp_max = %.17g\n", lf->range_min_px, lf->range_max_px);
-    return write_text(job, "positions.cfg", &t);
+        fprintf(out.stream, "disp_min = %.17g\ndisp_max = %.17g\n", lf->range_min_px, lf->range_max_px);
+    return sst_outfile_commit(&out);
 }
 
 /* --- hci ---------------------------------------------------------------------------------------------------------- */
@@ -167,7 +149,7 @@ static int hci_view(void *arg, int k, int worker SST_UNUSED)
 }
 
 /* HCI cannot express a camera off its grid position; a section of our own records it. */
-static void add_offsets(struct text *t, const struct sst_lightfield *lf)
+static void put_offsets(FILE *f, const struct sst_lightfield *lf)
 {
     const int ref_row = lf->ref_view / lf->cols, ref_col = lf->ref_view % lf->cols;
     double worst = 0;
@@ -179,8 +161,8 @@ static void add_offsets(struct text *t, const struct sst_lightfield *lf)
         if (!v->present || off == 0)
             continue;
         if (worst == 0)
-            add(t, "\n[offsets]\n");
-        add(t, "offset_x_%03d = %.17g\noffset_y_%03d = %.17g\n", k, x, k, y);
+            fputs("\n[offsets]\n", f);
+        fprintf(f, "offset_x_%03d = %.17g\noffset_y_%03d = %.17g\n", k, x, k, y);
         worst = fmax(worst, off);
     }
     if (worst > 0.01)
@@ -192,26 +174,29 @@ static int hci_rest(const struct export_job *job)
 {
     const struct sst_lightfield *lf = &job->lf;
     const int centre = lf->rows / 2 * lf->cols + lf->cols / 2;
-    struct text t = { .size = 0 };
-    int err;
+    struct sst_outfile out;
+    int err = open_text(&out, job, "parameters.cfg");
 
-    add(&t, "[intrinsics]\nimage_resolution_x_px = %d\nimage_resolution_y_px = %d\n", lf->width, lf->height);
+    if (err)
+        return err;
+    fprintf(out.stream, "[intrinsics]\nimage_resolution_x_px = %d\nimage_resolution_y_px = %d\n", lf->width,
+            lf->height);
     if (lf->focal_px > 0)
-        add(&t, "focal_length_mm = %.17g\nsensor_size_mm = %g\n",
-            lf->focal_px * SENSOR_MM / sst_max_int(lf->width, lf->height), SENSOR_MM);
-    add(&t, "\n[extrinsics]\nnum_cams_x = %d\nnum_cams_y = %d\n", lf->cols, lf->rows);
+        fprintf(out.stream, "focal_length_mm = %.17g\nsensor_size_mm = %g\n",
+                lf->focal_px * SENSOR_MM / sst_max_int(lf->width, lf->height), SENSOR_MM);
+    fprintf(out.stream, "\n[extrinsics]\nnum_cams_x = %d\nnum_cams_y = %d\n", lf->cols, lf->rows);
     if (lf->spacing_mm > 0)
-        add(&t, "baseline_mm = %.17g\n", lf->spacing_mm);
+        fprintf(out.stream, "baseline_mm = %.17g\n", lf->spacing_mm);
     if (lf->range_min_px < lf->range_max_px)
-        add(&t, "\n[meta]\ndisp_min = %.17g\ndisp_max = %.17g\n", lf->range_min_px, lf->range_max_px);
-    add_offsets(&t, lf);
-    err = write_text(job, "parameters.cfg", &t);
+        fprintf(out.stream, "\n[meta]\ndisp_min = %.17g\ndisp_max = %.17g\n", lf->range_min_px, lf->range_max_px);
+    put_offsets(out.stream, lf);
+    err = sst_outfile_commit(&out);
     return err || !lf->views[centre].disp.data ? err : hci_disparity(job, centre, "gt_disp_lowres.pfm");
 }
 
 /* --- colmap, nerfstudio: the files as they are, and the cameras that made them ------------------------------------ */
 
-void export_image_name(const struct export_job *job, int view, char out[64])
+static void image_name(const struct export_job *job, int view, char out[64])
 {
     const char *file = job->lf.files->view[view].name, *dot = strrchr(file, '.');
     char place[16];
@@ -233,7 +218,7 @@ static int posed_view(void *arg, int k, int worker SST_UNUSED)
     err = read_view(&job->lf, k, job->cfg->dir, path, &data, &size);
     if (err)
         return err;
-    export_image_name(job, k, name);
+    image_name(job, k, name);
     snprintf(file, sizeof(file), "images/%s", name);
     err = sst_path_join(path, job->out, file);
     if (!err)
@@ -256,7 +241,7 @@ static int write_poses(const struct export_job *job, write_poses_fn *write, int 
         return -ENOMEM;
     }
     for (int k = 0; k < views; k++)
-        export_image_name(job, k, name[k]);
+        image_name(job, k, name[k]);
     err = export_cameras(&exact, &job->lf, job->cfg);
     if (!err) {
         if (coefficients)
@@ -301,21 +286,6 @@ static int load(struct sst_lightfield *lf, const struct format *f, const char *d
     return err ? err : sst_lightfield_load(lf, dir, f->load | SST_LOAD_IMAGES, threads);
 }
 
-static int make_folder(struct sst_outdir *folder, const struct format *f, const struct sst_export_config *cfg)
-{
-    char path[SST_PATH_MAX];
-    int err = sst_outdir_open(folder, cfg->out, cfg->force);
-
-    if (err || !f->raw)
-        return err;
-    err = sst_path_join(path, folder->temporary, "images");
-    if (!err)
-        err = sst_path_make_dir(path);
-    if (err)
-        sst_outdir_abort(folder);
-    return err;
-}
-
 int sst_export(const struct sst_export_config *cfg)
 {
     const char *const inputs[] = { cfg->dir, NULL };
@@ -340,11 +310,14 @@ int sst_export(const struct sst_export_config *cfg)
         err = load(&job.lf, f, cfg->dir, threads);
     if (err)
         return err;
-    err = make_folder(&folder, f, cfg);
+    err = sst_outdir_open(&folder, cfg->out, cfg->force);
     if (err)
         goto out;
     job.out = folder.temporary;
-    err = sst_parallel_for(job.lf.rows * job.lf.cols, threads, f->view, &job);
+    if (f->raw)
+        err = make_folder(job.out, "images");
+    if (!err)
+        err = sst_parallel_for(job.lf.rows * job.lf.cols, threads, f->view, &job);
     if (!err)
         err = f->rest(&job);
     if (err)

@@ -216,18 +216,6 @@ static void put_frames(FILE *f, const struct sst_calib *calib, const char (*name
     fputs(calib->rig ? "" : "\n", f);
 }
 
-static int make_dirs(char out[SST_PATH_MAX], const char *dir, const char *a, const char *b)
-{
-    char first[SST_PATH_MAX];
-    int err = sst_path_join(first, dir, a);
-
-    if (!err)
-        err = sst_path_make_dir(first);
-    if (!err)
-        err = sst_path_join(out, first, b);
-    return err || !b ? err : sst_path_make_dir(out);
-}
-
 int colmap_write(const struct sst_calib *calib, const char (*name)[64], const char *dir)
 {
     static const struct {
@@ -240,8 +228,12 @@ int colmap_write(const struct sst_calib *calib, const char (*name)[64], const ch
                   { "frames.txt", put_frames } };
     char model[SST_PATH_MAX], path[SST_PATH_MAX];
     struct sst_outfile out;
-    int err = make_dirs(model, dir, "sparse", "0");
+    int err = make_folder(dir, "sparse");
 
+    if (!err)
+        err = make_folder(dir, "sparse/0");
+    if (!err)
+        err = sst_path_join(model, dir, "sparse/0");
     for (size_t i = 0; i < ARRAY_LEN(files) && !err; i++) {
         err = sst_path_join(path, model, files[i].name);
         if (!err)

@@ -242,8 +242,7 @@ static int check_sizes(const struct job *job)
     return 0;
 }
 
-/* --- the import ----------------------------------------------------------------------------------------------------
- */
+/* --- the import --------------------------------------------------------------------------------------------------- */
 
 /* Range by precedence: the user's, the source's, that of the true disparities. */
 static void set_range(const struct job *job)
@@ -286,17 +285,12 @@ static void set_source(struct sst_lightfield_files *files, const struct sst_impo
 
 static int make_folders(const struct job *job)
 {
-    char path[SST_PATH_MAX];
     bool truth = false;
-    int err = sst_path_join(path, job->out, "views");
+    int err = make_folder(job->out, "views");
 
-    err = err ? err : sst_path_make_dir(path);
     for (int k = 0; k < job->plan->lf.rows * job->plan->lf.cols; k++)
         truth |= job->plan->lf.views[k].present && job->plan->views[k].truth >= 0;
-    if (err || !truth)
-        return err;
-    err = sst_path_join(path, job->out, "truth");
-    return err ? err : sst_path_make_dir(path);
+    return err || !truth ? err : make_folder(job->out, "truth");
 }
 
 static int fill(struct job *job)

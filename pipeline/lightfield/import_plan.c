@@ -12,7 +12,6 @@
 
 #include "base/log.h"
 #include "base/stats.h"
-#include "pipeline/lightfield/folder.h"
 
 #define MAX_NAMES 65536
 

@@ -146,20 +146,15 @@ static json_t *classes_to_json(const struct sst_classes *c)
 static json_t *calibration_to_json(const struct sst_lightfield *lf, const char *sha256)
 {
     const struct sst_rectified *r = lf->rectified;
-    json_t *rotation = json_array();
-    bool complete = rotation != NULL;
+    const double *m = r->rotation;
 
-    for (int i = 0; i < 9; i++)
-        complete &= !json_array_append_new(rotation, json_real(r->rotation[i]));
-    if (complete)
-        return json_pack("{s:s, s:s, s:s, s:i, s:f, s:f, s:o, s:f, s:f, s:f, s:f, s:f, s:[f, f], s:f}", "file",
-                         SST_CALIBRATION_FILE, "sha256", sha256, "filter", sst_filter_name((enum sst_filter)lf->filter),
-                         "reference", r->reference, "cx", r->cx, "cy", r->cy, "rotation", rotation, "plane_mm",
-                         r->plane_mm, "out_rms_mm", r->out_rms_mm, "out_max_mm", r->out_max_mm, "lattice_rms_mm",
-                         r->lattice_rms_mm, "lattice_max_mm", r->lattice_max_mm, "step_mm", r->step_mm[0],
-                         r->step_mm[1], "skew_deg", r->skew_deg);
-    json_decref(rotation);
-    return NULL;
+    return json_pack(
+        "{s:s, s:s, s:s, s:i, s:f, s:f, s:[f, f, f, f, f, f, f, f, f], s:f, s:f, s:f, s:f, s:f, s:[f, f], s:f}", "file",
+        SST_CALIBRATION_FILE, "sha256", sha256, "filter", sst_filter_name((enum sst_filter)lf->filter), "reference",
+        r->reference, "cx", r->cx, "cy", r->cy, "rotation", m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8],
+        "plane_mm", r->plane_mm, "out_rms_mm", r->out_rms_mm, "out_max_mm", r->out_max_mm, "lattice_rms_mm",
+        r->lattice_rms_mm, "lattice_max_mm", r->lattice_max_mm, "step_mm", r->step_mm[0], r->step_mm[1], "skew_deg",
+        r->skew_deg);
 }
 
 char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], const char *calibration_sha256)

@@ -23,9 +23,6 @@ struct export_job {
 SST_MUST_CHECK int export_cameras(struct sst_calib *out, const struct sst_lightfield *lf,
                                   const struct sst_export_config *cfg);
 
-/** "images/rr_cc.png" (or .jpg) of a view. */
-void export_image_name(const struct export_job *job, int view, char out[64]);
-
 /**
  * A COLMAP model as text in dir/sparse/0: cameras, images, points3D (empty), rigs and frames. COLMAP's convention:
  * the upper left pixel's centre is (0.5, 0.5); poses take points (metres) from the reference camera's axes into a
@@ -111,6 +108,9 @@ SST_MUST_CHECK int params_number(const char *text, const char *path, const char 
 #define SST_DISP_ABS_MAX_PX    32768.0           /* no disparity is larger than an image */
 #define SST_RANGE_MAX_PX       1023.0            /* what 16 bits of 1/64 px hold, without the value for unknown */
 #define SST_VIEW_FILE_MAX      ((size_t)1 << 30) /* bytes of one view's file */
+
+/** Create the folder dir/name; an existing one is fine. */
+SST_MUST_CHECK int make_folder(const char *dir, const char *name);
 
 /** Path of a view's file. */
 SST_MUST_CHECK int view_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, int view, const char *dir);

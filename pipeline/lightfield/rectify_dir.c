@@ -8,7 +8,6 @@
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/calibrated.h"
-#include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 struct job {
@@ -118,11 +117,8 @@ static int prepare(struct job *job)
 
 static int fill(struct job *job)
 {
-    char path[SST_PATH_MAX];
-    int err = sst_path_join(path, job->out, "views");
+    int err = make_folder(job->out, "views");
 
-    if (!err)
-        err = sst_path_make_dir(path);
     if (!err)
         err = sst_parallel_for(job->lf.rows * job->lf.cols, sst_thread_count(job->cfg->threads), convert_view, job);
     if (err)

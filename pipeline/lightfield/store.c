@@ -5,7 +5,6 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include <sha2.h>
 
@@ -59,6 +58,14 @@ static int map_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, con
     sst_view_name(lf, view, rr_cc);
     snprintf(name, sizeof(name), "%s/%s.png", kinds[kind].folder, rr_cc);
     return sst_path_join(out, dir, name);
+}
+
+int make_folder(const char *dir, const char *name)
+{
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, dir, name);
+
+    return err ? err : sst_path_make_dir(path);
 }
 
 int view_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, int k, const char *dir)
@@ -342,12 +349,8 @@ static int write_files(const struct sst_lightfield *lf, const char *calibration_
         goto no_memory;
     err = sst_parallel_for(lf->rows * lf->cols, threads, hash_if_empty, &job);
     for (enum map_kind kind = 0; !err && kind < MAP_KINDS; kind++) {
-        char folder[SST_PATH_MAX];
-
-        if (!sst_lightfield_has(lf, kinds[kind].load))
-            continue;
-        err = sst_path_join(folder, out, kinds[kind].folder);
-        err = err ? err : sst_path_make_dir(folder);
+        if (sst_lightfield_has(lf, kinds[kind].load))
+            err = make_folder(out, kinds[kind].folder);
     }
     job.dir = out;
     if (!err)

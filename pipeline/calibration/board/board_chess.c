@@ -2,10 +2,8 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "pipeline/calibration/board/board_internal.h"
-#include "pipeline/calibration/board/opencv_boards.h"
 
 /* Corners row by row. */
 struct grid {

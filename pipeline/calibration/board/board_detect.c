@@ -2,9 +2,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
-#include "base/log.h"
 #include "base/stats.h"
 #include "pipeline/calibration/board/board_internal.h"
 #include "pipeline/camera/numbers.h"

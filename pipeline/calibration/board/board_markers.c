@@ -6,7 +6,6 @@
 
 #include "pipeline/calibration/board/board_internal.h"
 #include "pipeline/calibration/board/homography.h"
-#include "pipeline/calibration/board/opencv_boards.h"
 
 #define TRIES                200
 #define GOOD_ENOUGH          6    /* agreeing markers: the larger picture is not searched */

@@ -1,5 +1,4 @@
 /* opencv_boards.cc is in a part of its own, libsst-opencv.so. */
-#include <errno.h>
 #include <stdatomic.h>
 
 #include "base/log.h"

@@ -270,13 +270,12 @@ static void decide(struct sst_drift *out, const struct drift_work *w, const char
 
 /* --- the check ---------------------------------------------------------------------------------------------------- */
 
-static int view_job(void *arg, int index, int worker)
+static int view_job(void *arg, int index, int worker SST_UNUSED)
 {
     struct drift_work *w = arg;
     const struct sst_view *v = &w->lf->views[index];
     int err;
 
-    (void)worker;
     if (!v->present || !v->image.plane[0])
         return 0;
     err = drift_pyramid_init(&w->view[index], &v->image, &v->valid, COARSEST_SIDE);

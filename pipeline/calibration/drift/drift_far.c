@@ -47,9 +47,7 @@ int drift_measure_axes(const struct drift_work *w, double *axes_px)
 
 /* --- corner to corner --------------------------------------------------------------------------------------------- */
 
-#define DISPARITY_VAR                                                                                                  \
-    0.01 /* px^2 per spacing^2: disparities with more variance do not predict from corner to corner                    \
-          */
+#define DISPARITY_VAR 0.01 /* px^2 per spacing^2: with more, disparities do not predict from corner to corner */
 
 /* A feature of a cell, and its disparity, from the better of the view's matches with neighbours. */
 static bool cell_disparity(const struct drift_work *w, int view, int k, int *feature, double *d)

@@ -13,9 +13,8 @@
 #define WINDOW   3  /* radius of a feature's structure tensor, half-size px */
 #define MARGIN   6  /* features keep this far from the edge, half-size px: windows and filters fit */
 #define SMALLEST 64 /* shorter side of a picture, px */
-#define TEXTURE_FLOOR                                                                                                  \
-    0.25                   /* least eigenvalue of the structure tensor, (grey levels / half-size px)^2: rounding alone \
-                              gives 1/12 */
+/* Least eigenvalue of the structure tensor, (grey levels / half-size px)^2: rounding alone gives 1/12. */
+#define TEXTURE_FLOOR 0.25
 #define TEXTURE_NOISE 15.0 /* and this many times what noise gives */
 #define NOISE_CAP     3.0  /* grey levels: more than that is texture everywhere */
 #define NOISE_BLOCK   8    /* half-size px */

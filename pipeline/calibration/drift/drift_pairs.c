@@ -128,11 +128,10 @@ static int vote(struct job *job, int index, double band)
     return 2 * n >= tried ? 0 : tried;
 }
 
-static int vote_job(void *arg, int index, int worker)
+static int vote_job(void *arg, int index, int worker SST_UNUSED)
 {
     struct job *job = arg;
 
-    (void)worker;
     if (!skipped(job, index) && vote(job, index, VOTE_BAND) > VOTES_LEAST)
         vote(job, index, 4 * VOTE_BAND);
     return 0;
@@ -200,14 +199,13 @@ static void match_rest(struct drift_link *link, const struct drift_pyramid *a, c
     }
 }
 
-static int best_job(void *arg, int index, int worker)
+static int best_job(void *arg, int index, int worker SST_UNUSED)
 {
     struct job *job = arg;
     struct drift_work *w = job->w;
     struct drift_link *link = &w->link[index];
     const struct drift_pyramid *a = &w->view[link->a], *b = &w->view[link->b];
 
-    (void)worker;
     if (skipped(job, index))
         return 0;
     set_range(&link->s, link, w->range[0], w->range[1], DRIFT_REACH * longer_side(w));
@@ -216,14 +214,13 @@ static int best_job(void *arg, int index, int worker)
     return 0;
 }
 
-static int rest_job(void *arg, int index, int worker)
+static int rest_job(void *arg, int index, int worker SST_UNUSED)
 {
     struct job *job = arg;
     struct drift_work *w = job->w;
     struct drift_link *link = &w->link[index];
     const struct drift_pyramid *a = &w->view[link->a], *b = &w->view[link->b];
 
-    (void)worker;
     if (skipped(job, index))
         return 0;
     link->s.noise = 0.5 * (a->noise + b->noise) * w->noise_factor;

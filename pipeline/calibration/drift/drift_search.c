@@ -1,6 +1,5 @@
 /* Where a feature may be in another view: correlation of a small block over a band about the predicted line. */
 #include <math.h>
-#include <string.h>
 
 #include "pipeline/calibration/drift/drift_internal.h"
 

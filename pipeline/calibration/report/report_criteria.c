@@ -31,111 +31,56 @@ enum key {
 /* A small RMS alone is no evidence, as a lean model with few corners fits anything: the verdict needs the
  * cross-validation too. */
 static const struct report_criterion thresholds[] = {
-    [RMS_CAMERA] = { .key = "rms_camera",
-                     .what = "largest RMS per point of a camera, over its used corners",
-                     .unit = "px",
-                     .stretch = 0.15,
-                     .pass = 0.30,
-                     .limit = 0.60,
-                     .judged = true,
-                     .remedy = "look at its residuals: arrows that agree within a region mean a lens that the model "
-                               "does not fit (try 8 coefficients), arrows in all directions mean noise, blur or "
-                               "motion (more light, shorter exposure, focus)" },
-    [RMS_OVER_EXPECTED] = { .key = "rms_over_expected",
-                            .what = "RMS over all corners against the RMS expected from corner noise, relative",
-                            .unit = "%",
-                            .stretch = 2,
-                            .pass = 5,
-                            .limit = INFINITY },
-    [OUTLIERS] = { .key = "outliers",
-                   .what = "corners rejected as outliers",
-                   .unit = "%",
-                   .stretch = 1,
-                   .pass = 3,
-                   .limit = 3,
-                   .judged = true,
-                   .remedy = "the corners contradict each other: check that all cameras expose at the same moment, "
-                             "that none of them moved and that the board is rigid; the list of outliers names the "
-                             "pictures" },
-    [SYSTEMATIC] = { .key = "systematic",
-                     .what = "systematic part of the residuals, worst camera: RMS of their means over regions, less "
-                             "what random residuals leave in a mean",
-                     .unit = "px",
-                     .stretch = 0.05,
-                     .pass = 0.10,
-                     .limit = 0.25,
-                     .judged = true,
-                     .remedy = "the lens model is too lean or the board differs from its description: try 8 "
-                               "coefficients, measure the board" },
-    [CROSS] = { .key = "cross",
-                .what = "cross-validation, odd against even frames: RMS difference over the central 80 % of the "
-                        "picture, worst camera",
-                .unit = "px",
-                .stretch = 0.1,
-                .pass = 0.2,
-                .limit = 0.4,
-                .remedy = "two halves of the capture give different calibrations: take more frames, with the board "
-                          "in all regions of the picture, near and far, and tilted by 30 to 45 degrees" },
-    [CROSS_OVER_EXPECTED] = { .key = "cross_over_expected",
-                              .what = "that difference over the one expected from the uncertainties",
-                              .unit = "times",
-                              .stretch = 1.5,
-                              .pass = 2,
-                              .limit = INFINITY, /* the worst of many cameras exceeds it by chance */
-                              .remedy = "the halves differ by more than corner noise explains: something moved during "
-                                        "the capture, or the lens model does not fit" },
-    [TRANSFER] = { .key = "carry",
-                   .what = "expected error of transferring a pixel from the reference view to another at the working "
-                           "range, RMS over its picture, worst camera",
-                   .unit = "px",
-                   .stretch = 0.05,
-                   .pass = 0.10,
-                   .limit = 0.25,
-                   .judged = true,
-                   .remedy = "the capture does not determine this camera well: take more frames that it shares with "
-                             "others, near the working range and in all regions of its picture" },
-    [PAIRS_MEAN] = { .key = "pairs_mean",
-                     .what = "epipolar error of neighbours (across the line between them): mean over pairs of the "
-                             "magnitude of their mean",
-                     .unit = "px",
-                     .stretch = 0.05,
-                     .pass = 0.10,
-                     .limit = 0.20,
-                     .remedy = PAIR_REMEDY },
-    [PAIRS_P95] = { .key = "pairs_p95",
-                    .what = "likewise, 95 % of the regions of a picture (with 20 corners and more) are below",
-                    .unit = "px",
-                    .stretch = 0.12,
-                    .pass = 0.25,
-                    .limit = 0.5,
-                    .remedy = PAIR_REMEDY },
-    [PAIRS_MAX] = { .key = "pairs_max",
-                    .what = "likewise, the worst pair",
-                    .unit = "px",
-                    .stretch = 0.25,
-                    .pass = 0.5,
-                    .limit = 1,
-                    .remedy = PAIR_REMEDY },
+    /* key, definition, unit, stretch, pass, limit, judged, remedy */
+    [RMS_CAMERA] = { "rms_camera", "largest RMS per point of a camera, over its used corners", "px", 0.15, 0.30, 0.60,
+                     true,
+                     "look at its residuals: arrows that agree within a region mean a lens that the model "
+                     "does not fit (try 8 coefficients), arrows in all directions mean noise, blur or "
+                     "motion (more light, shorter exposure, focus)" },
+    [RMS_OVER_EXPECTED] = { "rms_over_expected",
+                            "RMS over all corners against the RMS expected from corner noise, relative", "%", 2, 5,
+                            INFINITY, false, NULL },
+    [OUTLIERS] = { "outliers", "corners rejected as outliers", "%", 1, 3, 3, true,
+                   "the corners contradict each other: check that all cameras expose at the same moment, "
+                   "that none of them moved and that the board is rigid; the list of outliers names the "
+                   "pictures" },
+    [SYSTEMATIC] = { "systematic",
+                     "systematic part of the residuals, worst camera: RMS of their means over regions, less "
+                     "what random residuals leave in a mean",
+                     "px", 0.05, 0.10, 0.25, true,
+                     "the lens model is too lean or the board differs from its description: try 8 "
+                     "coefficients, measure the board" },
+    [CROSS] = { "cross",
+                "cross-validation, odd against even frames: RMS difference over the central 80 % of the "
+                "picture, worst camera",
+                "px", 0.1, 0.2, 0.4, false,
+                "two halves of the capture give different calibrations: take more frames, with the board "
+                "in all regions of the picture, near and far, and tilted by 30 to 45 degrees" },
+    /* No limit: the worst of many cameras exceeds any by chance. */
+    [CROSS_OVER_EXPECTED] = { "cross_over_expected", "that difference over the one expected from the uncertainties",
+                              "times", 1.5, 2, INFINITY, false,
+                              "the halves differ by more than corner noise explains: something moved during "
+                              "the capture, or the lens model does not fit" },
+    [TRANSFER] = { "carry",
+                   "expected error of transferring a pixel from the reference view to another at the working "
+                   "range, RMS over its picture, worst camera",
+                   "px", 0.05, 0.10, 0.25, true,
+                   "the capture does not determine this camera well: take more frames that it shares with "
+                   "others, near the working range and in all regions of its picture" },
+    [PAIRS_MEAN] = { "pairs_mean",
+                     "epipolar error of neighbours (across the line between them): mean over pairs of the "
+                     "magnitude of their mean",
+                     "px", 0.05, 0.10, 0.20, false, PAIR_REMEDY },
+    [PAIRS_P95] = { "pairs_p95", "likewise, 95 % of the regions of a picture (with 20 corners and more) are below",
+                    "px", 0.12, 0.25, 0.5, false, PAIR_REMEDY },
+    [PAIRS_MAX] = { "pairs_max", "likewise, the worst pair", "px", 0.25, 0.5, 1, false, PAIR_REMEDY },
     /* What --force accepted may fit well nevertheless: two swapped cameras, for example. */
-    [OVERRIDDEN] = { .key = "overridden",
-                     .what = "reasons to refuse the calibration that were overridden",
-                     .unit = "",
-                     .limit = INFINITY,
-                     .judged = true,
-                     .remedy = "the warnings name what to correct; then solve without --force" },
-    [MISSING] = { .key = "missing",
-                  .what = "cameras of the array without a calibration",
-                  .unit = "",
-                  .limit = INFINITY,
-                  .judged = true,
-                  .remedy = "they see no board that another camera sees in the same frame: take frames in which they "
-                            "do" },
-    [SECONDS] = { .key = "seconds",
-                  .what = "time that solving took",
-                  .unit = "s",
-                  .stretch = 15,
-                  .pass = 60,
-                  .limit = INFINITY },
+    [OVERRIDDEN] = { "overridden", "reasons to refuse the calibration that were overridden", "", 0, 0, INFINITY, true,
+                     "the warnings name what to correct; then solve without --force" },
+    [MISSING] = { "missing", "cameras of the array without a calibration", "", 0, 0, INFINITY, true,
+                  "they see no board that another camera sees in the same frame: take frames in which they "
+                  "do" },
+    [SECONDS] = { "seconds", "time that solving took", "s", 15, 60, INFINITY, false, NULL },
 };
 
 static struct report_criterion *add(struct report_figures *f, enum key key, double value)

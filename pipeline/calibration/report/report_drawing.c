@@ -76,10 +76,8 @@ static json_t *vectors(const struct sst_calibration_report *report, const struct
 }
 
 /* RMS of each region, and the means of those with enough corners. */
-static void add_regions(json_t *o, const struct report_camera *cam)
+static void regions(json_t *rms, json_t *mean, const struct report_camera *cam)
 {
-    json_t *rms = json_array(), *mean = json_array();
-
     for (int i = 0; i < REPORT_ROWS * REPORT_COLS; i++) {
         const struct report_region *r = &cam->region[i / REPORT_COLS][i % REPORT_COLS];
 
@@ -87,8 +85,6 @@ static void add_regions(json_t *o, const struct report_camera *cam)
         for (int a = 0; a < 2; a++)
             json_array_append_new(mean, r->corners >= MEAN_CORNERS ? report_json_number(r->mean[a]) : json_null());
     }
-    json_object_set_new(o, "rms", rms);
-    json_object_set_new(o, "mean", mean);
 }
 
 /* RMS of the camera's picture in each frame. */
@@ -107,20 +103,17 @@ static json_t *frames_of_camera(const struct sst_calibration_report *report, con
 static json_t *camera(const struct sst_calibration_report *report, const struct report_figures *f, int view)
 {
     const struct sst_solution *s = report->solution;
-    json_t *o = json_object(), *seen = json_array();
+    json_t *seen = json_array(), *rms = json_array(), *mean = json_array();
 
     for (int i = 0; i < SST_UNCERTAINTY_ROWS * SST_UNCERTAINTY_COLS; i++)
         json_array_append_new(seen,
                               json_integer(f->camera[view].seen[i / SST_UNCERTAINTY_COLS][i % SST_UNCERTAINTY_COLS]));
-    json_object_set_new(o, "seen", seen);
-    add_regions(o, &f->camera[view]);
-    json_object_set_new(o, "lens", s->lens_sigma ? sigma_map(s->lens_sigma[view]) : json_null());
-    json_object_set_new(o, "transfer",
-                        s->transfer_sigma ? sigma_map(s->transfer_sigma[view][s->calib.range_mm > 0]) : json_null());
-    json_object_set_new(o, "used", vectors(report, f, view, false));
-    json_object_set_new(o, "outliers", vectors(report, f, view, true));
-    json_object_set_new(o, "frames", frames_of_camera(report, f, view));
-    return o;
+    regions(rms, mean, &f->camera[view]);
+    return json_pack("{s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "seen", seen, "rms", rms, "mean", mean, "lens",
+                     s->lens_sigma ? sigma_map(s->lens_sigma[view]) : json_null(), "transfer",
+                     s->transfer_sigma ? sigma_map(s->transfer_sigma[view][s->calib.range_mm > 0]) : json_null(),
+                     "used", vectors(report, f, view, false), "outliers", vectors(report, f, view, true), "frames",
+                     frames_of_camera(report, f, view));
 }
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */

@@ -76,12 +76,12 @@ enum criterion_state {
 /** A figure and its thresholds; smaller is better. */
 struct report_criterion {
     const char *key, *what, *unit; /* what: its definition */
-    double value;                  /* NAN unknown */
     double stretch, pass, limit;
-    bool judged; /* false: for information, the verdict does not depend on it */
-    enum criterion_state state;
-    char where[160];    /* camera or pair that it is the worst of; "" none */
+    bool judged;        /* false: for information, the verdict does not depend on it */
     const char *remedy; /* for one that is missed */
+    double value;       /* NAN unknown */
+    enum criterion_state state;
+    char where[160]; /* camera or pair that it is the worst of; "" none */
 };
 
 enum report_verdict {
@@ -137,13 +137,11 @@ const char *report_criterion_word(enum criterion_state state);
 /** Why the verdict is not better, and what to do: one sentence, plain text. @return false: this one is no reason */
 bool report_criterion_reason(const struct report_criterion *c, char out[640]);
 
-/* --- JSON: docs/use/calibration-report.md ----------------------------------------------------------------------------- */
+/* --- JSON: docs/use/calibration-report.md
+ * ----------------------------------------------------------------------------- */
 
 /** null where not finite */
 json_t *report_json_number(double value);
-/** Any bytes: cleaned. */
-json_t *report_json_text(const char *text);
-json_t *report_json_numbers(const double *values, int n);
 
 /** report_json.c: all figures. @return NULL: no memory */
 json_t *report_figures_json(const struct sst_calibration_report *report, const struct report_figures *f);

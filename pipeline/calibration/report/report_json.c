@@ -14,7 +14,7 @@ static json_t *positive(double value)
     return value > 0 ? report_json_number(value) : json_null();
 }
 
-json_t *report_json_text(const char *text)
+static json_t *text_of(const char *text)
 {
     char clean[3 * 640 + 1];
 
@@ -22,7 +22,7 @@ json_t *report_json_text(const char *text)
     return json_string(clean);
 }
 
-json_t *report_json_numbers(const double *values, int n)
+static json_t *numbers(const double *values, int n)
 {
     json_t *list = json_array();
 
@@ -33,7 +33,7 @@ json_t *report_json_numbers(const double *values, int n)
 
 static json_t *name_of(const struct report_figures *f, int view)
 {
-    return view >= 0 ? report_json_text(f->camera[view].name) : json_null();
+    return view >= 0 ? text_of(f->camera[view].name) : json_null();
 }
 
 static json_t *criteria(const struct report_figures *f)
@@ -49,8 +49,8 @@ static json_t *criteria(const struct report_figures *f)
             list, json_pack("{s:s, s:s, s:s, s:o, s:o, s:o, s:s, s:b, s:o, s:o}", "key", b->key, "definition", b->what,
                             "unit", b->unit, "value", report_json_number(b->value), "bar", report_json_number(b->pass),
                             "easily", report_json_number(b->stretch), "state", report_criterion_word(b->state),
-                            "judged", (int)b->judged, "where", b->where[0] ? report_json_text(b->where) : json_null(),
-                            "reason", is_reason ? report_json_text(reason) : json_null()));
+                            "judged", (int)b->judged, "where", b->where[0] ? text_of(b->where) : json_null(), "reason",
+                            is_reason ? text_of(reason) : json_null()));
     }
     return list;
 }
@@ -68,29 +68,26 @@ static json_t *cameras(const struct sst_calibration_report *report, const struct
 
         if (!g->expected)
             continue;
-        o = json_pack("{s:o, s:i, s:i, s:b, s:i, s:i, s:i, s:o, s:o, s:o}", "name", report_json_text(g->name), "row",
+        o = json_pack("{s:o, s:i, s:i, s:b, s:i, s:i, s:i, s:o, s:o, s:o}", "name", text_of(g->name), "row",
                       k / calib->cols, "col", k % calib->cols, "known", (int)c->known, "pictures", g->frames, "corners",
                       c->corners, "outliers", g->outliers, "rms_px", positive(c->rms_px), "systematic_px",
                       report_json_number(g->systematic_px), "coverage_lacks",
-                      g->lacking[0] ? report_json_text(g->lacking) : json_null());
+                      g->lacking[0] ? text_of(g->lacking) : json_null());
         if (o && c->known) {
             sst_rotation_to_vector(c->rotation, rotation);
-            json_object_set_new(o, "sigma_px", k == calib->reference ? json_real(0) : positive(c->sigma_px));
-            json_object_set_new(o, "sigma_infinity_px", report_json_number(g->transfer_px[0]));
-            json_object_set_new(o, "lens_sigma_px", report_json_number(g->lens_px));
-            json_object_set_new(o, "focal_px", report_json_numbers((const double[]){ c->fx, c->fy }, 2));
-            json_object_set_new(o, "centre_px", report_json_numbers((const double[]){ c->cx, c->cy }, 2));
-            json_object_set_new(o, "lens", report_json_numbers(c->k, c->lens));
-            json_object_set_new(o, "position_mm", report_json_numbers(c->position_mm, 3));
-            json_object_set_new(o, "rotation_rad", report_json_numbers(rotation, 3));
-            json_object_set_new(o, "lattice_off_mm", report_json_numbers(f->lattice_mm[k], 2));
-            json_object_set_new(o, "out_of_plane_mm", report_json_number(f->centre_mm[k][2]));
-            json_object_set_new(o, "reference", json_boolean(k == calib->reference));
-            json_object_set_new(o, "plan_mm", report_json_numbers(f->centre_mm[k], 2));
-            json_object_set_new(o, "gain", report_json_numbers(c->gain, 3));
-            json_object_set_new(o, "falloff", report_json_numbers(c->falloff, 3));
+            json_object_update_new(
+                o,
+                json_pack("{s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:b, s:o, s:o, s:o}", "sigma_px",
+                          k == calib->reference ? json_real(0) : positive(c->sigma_px), "sigma_infinity_px",
+                          report_json_number(g->transfer_px[0]), "lens_sigma_px", report_json_number(g->lens_px),
+                          "focal_px", numbers((const double[]){ c->fx, c->fy }, 2), "centre_px",
+                          numbers((const double[]){ c->cx, c->cy }, 2), "lens", numbers(c->k, c->lens), "position_mm",
+                          numbers(c->position_mm, 3), "rotation_rad", numbers(rotation, 3), "lattice_off_mm",
+                          numbers(f->lattice_mm[k], 2), "out_of_plane_mm", report_json_number(f->centre_mm[k][2]),
+                          "reference", k == calib->reference, "plan_mm", numbers(f->centre_mm[k], 2), "gain",
+                          numbers(c->gain, 3), "falloff", numbers(c->falloff, 3)));
             if (report->solution->drive_residual_mm)
-                json_object_set_new(o, "drive_off_mm", report_json_numbers(report->solution->drive_residual_mm[k], 3));
+                json_object_set_new(o, "drive_off_mm", numbers(report->solution->drive_residual_mm[k], 3));
         }
         json_array_append_new(list, o);
     }
@@ -103,9 +100,9 @@ static json_t *frames(const struct sst_calibration_report *report)
     json_t *list = json_array();
 
     for (int i = 0; list && s->frame && i < report->detections->frames; i++)
-        json_array_append_new(
-            list, json_pack("{s:o, s:o}", "name", report_json_text(report->detections->frame_name[i]), "rms_px",
-                            s->frame[i].known ? report_json_number(s->frame[i].rms_px) : json_null()));
+        json_array_append_new(list,
+                              json_pack("{s:o, s:o}", "name", text_of(report->detections->frame_name[i]), "rms_px",
+                                        s->frame[i].known ? report_json_number(s->frame[i].rms_px) : json_null()));
     return list;
 }
 
@@ -132,23 +129,19 @@ static json_t *array(const struct sst_calibration_report *report, const struct r
     const struct sst_rectified *r = report->rectified;
     double turn[3], mean_deg, most_deg;
     int most;
-    json_t *o;
 
     if (!r)
         return json_null();
-    o = json_pack("{s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "spacing_mm", positive(r->spacing_mm), "step_mm",
-                  report_json_numbers(r->step_mm, 2), "skew_deg", report_json_number(r->skew_deg), "lattice_rms_mm",
-                  report_json_number(r->lattice_rms_mm), "lattice_max_mm", report_json_number(r->lattice_max_mm),
-                  "out_of_plane_rms_mm", report_json_number(r->out_rms_mm), "out_of_plane_max_mm",
-                  report_json_number(r->out_max_mm), "focal_px", positive(r->focal_px), "plane_mm",
-                  positive(r->plane_mm));
     sst_rotation_to_vector(r->rotation, turn);
     report_figures_angles(f, report, &mean_deg, &most_deg, &most);
-    json_object_set_new(o, "rotation_rad", report_json_numbers(turn, 3));
-    json_object_set_new(o, "turned_mean_deg", report_json_number(mean_deg));
-    json_object_set_new(o, "turned_max_deg", report_json_number(most_deg));
-    json_object_set_new(o, "turned_max_camera", name_of(f, most));
-    return o;
+    return json_pack("{s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "spacing_mm",
+                     positive(r->spacing_mm), "step_mm", numbers(r->step_mm, 2), "skew_deg",
+                     report_json_number(r->skew_deg), "lattice_rms_mm", report_json_number(r->lattice_rms_mm),
+                     "lattice_max_mm", report_json_number(r->lattice_max_mm), "out_of_plane_rms_mm",
+                     report_json_number(r->out_rms_mm), "out_of_plane_max_mm", report_json_number(r->out_max_mm),
+                     "focal_px", positive(r->focal_px), "plane_mm", positive(r->plane_mm), "rotation_rad",
+                     numbers(turn, 3), "turned_mean_deg", report_json_number(mean_deg), "turned_max_deg",
+                     report_json_number(most_deg), "turned_max_camera", name_of(f, most));
 }
 
 static json_t *light(const struct sst_photometric_report *l)
@@ -213,11 +206,11 @@ static json_t *outliers(const struct sst_calibration_report *report, const struc
         const struct report_outlier *far = &f->outlier[i];
         const struct sst_detection *d = &all->detection[far->detection];
 
-        json_array_append_new(
-            list, json_pack("{s:o, s:i, s:o, s:i, s:o, s:o}", "camera", name_of(f, d->view), "view", d->view, "frame",
-                            report_json_text(all->frame_name[d->frame]), "corner", d->corner[far->corner].id, "off_px",
-                            report_json_number(far->px), "residual_px",
-                            report_json_numbers(report->solution->view[far->detection].residual[far->corner], 2)));
+        json_array_append_new(list,
+                              json_pack("{s:o, s:i, s:o, s:i, s:o, s:o}", "camera", name_of(f, d->view), "view",
+                                        d->view, "frame", text_of(all->frame_name[d->frame]), "corner",
+                                        d->corner[far->corner].id, "off_px", report_json_number(far->px), "residual_px",
+                                        numbers(report->solution->view[far->detection].residual[far->corner], 2)));
     }
     return list;
 }
@@ -231,89 +224,68 @@ static json_t *worst_pictures(const struct sst_calibration_report *report, const
         const struct sst_detection *d = &all->detection[f->worst[i].detection];
 
         json_array_append_new(list, json_pack("{s:o, s:i, s:o, s:o, s:i, s:i}", "camera", name_of(f, d->view), "view",
-                                              d->view, "frame", report_json_text(all->frame_name[d->frame]),
-                                              "median_px", report_json_number(f->worst[i].px), "corners", d->corners,
-                                              "outliers", report->solution->view[f->worst[i].detection].outliers));
+                                              d->view, "frame", text_of(all->frame_name[d->frame]), "median_px",
+                                              report_json_number(f->worst[i].px), "corners", d->corners, "outliers",
+                                              report->solution->view[f->worst[i].detection].outliers));
     }
     return list;
 }
 
 /* What was calibrated, with what. */
-static void add_origin(json_t *o, const struct sst_calib *calib)
+static json_t *origin(const struct sst_calib *calib)
 {
-    json_object_set_new(o, "version", json_string(SST_VERSION));
-    json_object_set_new(
-        o, "created", calib->created_wall_ns > 0 ? json_string(report_date(calib->created_wall_ns).text) : json_null());
-    json_object_set_new(o, "rows", json_integer(calib->rows));
-    json_object_set_new(o, "cols", json_integer(calib->cols));
-    json_object_set_new(o, "width", json_integer(calib->width));
-    json_object_set_new(o, "height", json_integer(calib->height));
-    json_object_set_new(o, "poses_of_a_rig", json_boolean(calib->rig));
+    const bool dated = calib->created_wall_ns > 0;
+
+    return json_pack("{s:s, s:o, s:i, s:i, s:i, s:i, s:b}", "version", SST_VERSION, "created",
+                     dated ? json_string(report_date(calib->created_wall_ns).text) : json_null(), "rows", calib->rows,
+                     "cols", calib->cols, "width", calib->width, "height", calib->height, "poses_of_a_rig",
+                     (int)calib->rig);
 }
 
-static void add_solution(json_t *o, const struct sst_solution *s)
+static json_t *held_out(const double px[2])
+{
+    return json_pack("[o, o]", positive(px[0]), positive(px[1]));
+}
+
+static json_t *solution(const struct sst_solution *s)
 {
     const double all = (double)s->corners + s->outliers;
 
-    json_object_set_new(o, "rms_px", report_json_number(s->rms_px));
-    json_object_set_new(o, "expected_rms_px", positive(s->predicted_rms_px));
-    json_object_set_new(o, "noise_px", positive(s->noise_px));
-    json_object_set_new(o, "corners", json_integer(s->corners));
-    json_object_set_new(o, "outliers", json_integer(s->outliers));
-    json_object_set_new(o, "outliers_percent", report_json_number(all > 0 ? 100 * s->outliers / all : (double)NAN));
-    json_object_set_new(o, "cross_px", report_json_number(s->cv_px));
-    json_object_set_new(o, "cross_expected_px", report_json_number(s->cv_expected_px));
-    json_object_set_new(o, "held_out_px",
-                        report_json_numbers((const double[]){ s->held_out_px[0] > 0 ? s->held_out_px[0] : (double)NAN,
-                                                              s->held_out_px[1] > 0 ? s->held_out_px[1] : (double)NAN },
-                                            2));
-    json_object_set_new(o, "lens_coefficients", json_integer(s->lens));
-    json_object_set_new(o, "source", report_json_text(s->calib.source));
-    json_object_set_new(o, "board", report_json_text(s->calib.board));
-    json_object_set_new(o, "board_warp_mm", report_json_numbers(s->warp_mm, 2));
-    json_object_set_new(o, "range_mm", positive(s->calib.range_mm));
-    json_object_set_new(o, "states", json_integer(s->states));
-    json_object_set_new(o, "measurements", json_integer(s->measurements));
-    json_object_set_new(o, "iterations", json_integer(s->iterations));
-    json_object_set_new(o, "seconds", positive(s->seconds));
-    json_object_set_new(o, "rcond", positive(s->rcond));
+    return json_pack("{s:o, s:o, s:o, s:i, s:i, s:o, s:o, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:i, s:i, s:i, s:o, s:o}",
+                     "rms_px", report_json_number(s->rms_px), "expected_rms_px", positive(s->predicted_rms_px),
+                     "noise_px", positive(s->noise_px), "corners", s->corners, "outliers", s->outliers,
+                     "outliers_percent", report_json_number(all > 0 ? 100 * s->outliers / all : (double)NAN),
+                     "cross_px", report_json_number(s->cv_px), "cross_expected_px",
+                     report_json_number(s->cv_expected_px), "held_out_px", held_out(s->held_out_px),
+                     "lens_coefficients", s->lens, "source", text_of(s->calib.source), "board", text_of(s->calib.board),
+                     "board_warp_mm", numbers(s->warp_mm, 2), "range_mm", positive(s->calib.range_mm), "states",
+                     s->states, "measurements", s->measurements, "iterations", s->iterations, "seconds",
+                     positive(s->seconds), "rcond", positive(s->rcond));
+}
+
+static json_t *pairs(const struct report_figures *f)
+{
+    return json_pack("{s:i, s:o, s:o, s:o}", "count", f->pairs, "mean_px", report_json_number(f->pair_mean_px),
+                     "p95_px", report_json_number(f->pair_p95_px), "max_px", report_json_number(f->pair_max_px));
 }
 
 json_t *report_figures_json(const struct sst_calibration_report *report, const struct report_figures *f)
 {
     const struct sst_solution *s = report->solution;
-    json_t *o = json_object();
+    const char *worst_frame = f->worst_frame >= 0 ? report->detections->frame_name[f->worst_frame] : NULL;
+    json_t *o = json_pack("{s:s, s:i, s:i, s:i}", "verdict", report_verdict_word(f->verdict), "cameras_known", f->known,
+                          "cameras_missing", f->missing, "frames_used", f->used_frames);
 
-    if (!o)
-        return NULL;
-
-    json_object_set_new(o, "verdict", json_string(report_verdict_word(f->verdict)));
-    json_object_set_new(o, "cameras_known", json_integer(f->known));
-    json_object_set_new(o, "cameras_missing", json_integer(f->missing));
-    json_object_set_new(o, "frames_used", json_integer(f->used_frames));
-    add_solution(o, s);
-    json_object_set_new(o, "cross_camera", isfinite(s->cv_px) ? name_of(f, s->cv_camera) : json_null());
-    json_object_set_new(o, "worst_camera", name_of(f, f->worst_camera));
-    json_object_set_new(o, "worst_frame",
-                        f->worst_frame >= 0 ? report_json_text(report->detections->frame_name[f->worst_frame])
-                                            : json_null());
-    json_object_set_new(o, "weakest_link", link_of(s, f, s->weakest));
-    json_object_set_new(o, "pairs",
-                        json_pack("{s:i, s:o, s:o, s:o}", "count", f->pairs, "mean_px",
-                                  report_json_number(f->pair_mean_px), "p95_px", report_json_number(f->pair_p95_px),
-                                  "max_px", report_json_number(f->pair_max_px)));
-    json_object_set_new(o, "bars", criteria(f));
-    json_object_set_new(o, "residuals", residuals(f));
-    json_object_set_new(o, "array", array(report, f));
-    json_object_set_new(o, "light", light(report->light));
-    json_object_set_new(o, "rig", rig(s));
-    json_object_set_new(o, "cameras", cameras(report, f));
-    json_object_set_new(o, "frames", frames(report));
-    json_object_set_new(o, "links", links(s, f));
-    json_object_set_new(o, "worst_pictures", worst_pictures(report, f));
-    json_object_set_new(o, "outliers_known", json_integer(f->outliers));
-    json_object_set_new(o, "outlier_list", outliers(report, f));
-    json_object_set_new(o, "picture_outcomes", outcomes(report->detections));
-    add_origin(o, &s->calib);
+    json_object_update_new(o, solution(s));
+    json_object_update_new(
+        o, json_pack("{s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:i, s:o, s:o}",
+                     "cross_camera", isfinite(s->cv_px) ? name_of(f, s->cv_camera) : json_null(), "worst_camera",
+                     name_of(f, f->worst_camera), "worst_frame", worst_frame ? text_of(worst_frame) : json_null(),
+                     "weakest_link", link_of(s, f, s->weakest), "pairs", pairs(f), "bars", criteria(f), "residuals",
+                     residuals(f), "array", array(report, f), "light", light(report->light), "rig", rig(s), "cameras",
+                     cameras(report, f), "frames", frames(report), "links", links(s, f), "worst_pictures",
+                     worst_pictures(report, f), "outliers_known", f->outliers, "outlier_list", outliers(report, f),
+                     "picture_outcomes", outcomes(report->detections)));
+    json_object_update_new(o, origin(&s->calib));
     return o;
 }

@@ -225,9 +225,9 @@ static int begin(struct solve_case *c)
     if (!err)
         err = solve_check_mirrored(c);
     if (!err)
-        err = solve_links(&c->p, &c->link, &c->links);
+        err = solve_links(&c->p, &c->s.link, &c->s.links);
     if (!err)
-        err = solve_chain(&c->p, c->single, c->link, c->links);
+        err = solve_chain(&c->p, c->single, c->s.link, c->s.links);
     if (!err)
         err = solve_check_linked(c);
     report_progress(c, 0.3);
@@ -296,8 +296,9 @@ static void spread(struct sst_solve_view *view, const struct solve_detection *ta
     }
 }
 
-static int fill_views(struct sst_solution *s, const struct solve_case *c)
+static int fill_views(struct solve_case *c)
 {
+    struct sst_solution *s = &c->s;
     double(*sum)[2] = calloc((size_t)(c->p.views + c->p.frames), sizeof(*sum)); /* squares, corners */
 
     if (!sum)
@@ -349,8 +350,10 @@ static int fill_views(struct sst_solution *s, const struct solve_case *c)
     return 0;
 }
 
-static void fill_cameras(struct sst_solution *s, const struct solve_case *c)
+static void fill_cameras(struct solve_case *c)
 {
+    struct sst_solution *s = &c->s;
+
     s->calib.width = c->all->width;
     s->calib.height = c->all->height;
     s->calib.reference = c->p.reference;
@@ -379,8 +382,9 @@ static void fill_cameras(struct sst_solution *s, const struct solve_case *c)
     }
 }
 
-static int fill_maps(struct sst_solution *s, struct solve_case *c)
+static int fill_maps(struct solve_case *c)
 {
+    struct sst_solution *s = &c->s;
     struct solve_covariance cov;
     int err = solve_covariances(&cov, &c->p, solve_unit_sigma(&c->done));
 
@@ -424,20 +428,20 @@ static int allocate(struct sst_solution *s, const struct sst_detections *all)
     return 0;
 }
 
-/* Fill the public solution; ownership of the case's arrays moves to it. */
-static int fill(struct sst_solution *s, struct solve_case *c)
+static int fill(struct solve_case *c)
 {
+    struct sst_solution *s = &c->s;
     double *depth = malloc((size_t)(c->p.frames + 1) * sizeof(*depth));
     int err;
 
     if (!depth)
         return -ENOMEM;
-    fill_cameras(s, c);
+    fill_cameras(c);
     s->calib.range_mm = board_range(c, depth);
     free(depth);
-    err = fill_views(s, c);
+    err = fill_views(c);
     if (!err)
-        err = fill_maps(s, c);
+        err = fill_maps(c);
     if (err)
         return err;
     s->lens = c->p.lens;
@@ -446,21 +450,9 @@ static int fill(struct sst_solution *s, struct solve_case *c)
     s->iterations = c->done.evaluations;
     s->rcond = c->done.rcond;
     memcpy(s->warp_mm, c->p.warp, sizeof(s->warp_mm));
-    memcpy(s->held_out_px, c->held_out_px, sizeof(s->held_out_px));
     s->predicted_rms_px = sqrt(2) * c->sigma_px;
     s->noise_px = c->sigma_px / sqrt(fmax(1 - (double)s->states / fmax(s->measurements, 1), 1e-3));
     s->calib.noise_px = s->noise_px;
-    s->cv_px = c->cv_px;
-    s->cv_expected_px = c->cv_expected_px;
-    s->cv_camera = c->cv_camera;
-    s->drive_rms_mm = c->drive_rms_mm;
-    s->drive_scale = c->drive_scale;
-    s->drive_skew_deg = c->drive_skew_deg;
-    s->drive_residual_mm = c->drive_residual_mm;
-    c->drive_residual_mm = NULL;
-    s->link = c->link;
-    s->links = c->links;
-    c->link = NULL;
     s->weakest = -1;
     for (int i = 0; i < s->links; i++) {
         if (s->link[i].tree && (s->weakest < 0 || s->link[i].corners < s->link[s->weakest].corners))
@@ -474,13 +466,12 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
     const int64_t start_ns = sst_clock_now_ns();
     struct solve_case c = { .all = all,
                             .cfg = cfg,
-                            .cv_px = NAN,
-                            .cv_expected_px = NAN,
-                            .cv_camera = -1,
-                            .drive_rms_mm = NAN,
-                            .drive_scale = NAN,
-                            .drive_skew_deg = NAN };
-    struct sst_solution s = { 0 };
+                            .s = { .cv_px = NAN,
+                                   .cv_expected_px = NAN,
+                                   .cv_camera = -1,
+                                   .drive_rms_mm = NAN,
+                                   .drive_scale = NAN,
+                                   .drive_skew_deg = NAN } };
     int err;
 
     if (!WITH_DOGLEG) {
@@ -491,7 +482,7 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
     if (err)
         return err;
     c.single = calloc((size_t)all->count + 1, sizeof(*c.single));
-    err = c.single ? allocate(&s, all) : -ENOMEM;
+    err = c.single ? allocate(&c.s, all) : -ENOMEM;
     if (!err)
         err = begin(&c);
     if (!err)
@@ -504,17 +495,15 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
         err = solve_cross_validate(&c);
     report_progress(&c, 0.95);
     if (!err)
-        err = fill(&s, &c);
+        err = fill(&c);
     if (!err) {
-        s.seconds = (double)(sst_clock_now_ns() - start_ns) * 1e-9;
-        *out = s;
-        s = (struct sst_solution){ 0 };
+        c.s.seconds = (double)(sst_clock_now_ns() - start_ns) * 1e-9;
+        *out = c.s;
+        c.s = (struct sst_solution){ 0 };
         report_progress(&c, 1);
     }
-    sst_solution_fini(&s);
-    free(c.link);
+    sst_solution_fini(&c.s);
     free(c.single);
-    free(c.drive_residual_mm);
     solve_problem_fini(&c.p);
     return err;
 }

@@ -127,15 +127,16 @@ int solve_choose_lens(struct solve_case *c)
     for (int k = 0; k < 2 && !err; k++)
         err = hold_out(&c->p, k ? 8 : 5, &half[k]);
     if (!err)
-        err = compare(half, SOLVE_OUTLIER_SIGMA * c->sigma_px, c->held_out_px);
+        err = compare(half, SOLVE_OUTLIER_SIGMA * c->sigma_px, c->s.held_out_px);
     solve_problem_fini(&half[0]);
     solve_problem_fini(&half[1]);
     if (err == -EDOM)
         return 0; /* three quarters do not suffice for one of them: keep the lens with fewer coefficients */
     if (err)
         return err;
-    sst_log_info("held-out frames: %.4f px with 5 coefficients, %.4f px with 8", c->held_out_px[0], c->held_out_px[1]);
-    if (c->held_out_px[1] < BETTER * c->held_out_px[0]) {
+    sst_log_info("held-out frames: %.4f px with 5 coefficients, %.4f px with 8", c->s.held_out_px[0],
+                 c->s.held_out_px[1]);
+    if (c->s.held_out_px[1] < BETTER * c->s.held_out_px[0]) {
         /* Corners that the lens with 5 coefficients could not explain may still be inliers. */
         c->p.lens = 8;
         for (int i = 0; i < c->p.count; i++) {
@@ -262,13 +263,13 @@ int solve_cross_validate(struct solve_case *c)
             worst_view = v;
         }
         px = solve_lens_difference(&c->p, half[0].camera[v].lens, half[1].camera[v].lens, CENTRAL);
-        if (c->cv_camera >= 0 && !(px > c->cv_px))
+        if (c->s.cv_camera >= 0 && !(px > c->s.cv_px))
             continue;
         for (int k = 0; k < 2; k++)
             solve_lens_map(&half[k], &cov[k], v, CENTRAL, map[k]);
-        c->cv_px = px;
-        c->cv_expected_px = sqrt(2) * hypot(solve_map_rms(map[0]), solve_map_rms(map[1]));
-        c->cv_camera = v;
+        c->s.cv_px = px;
+        c->s.cv_expected_px = sqrt(2) * hypot(solve_map_rms(map[0]), solve_map_rms(map[1]));
+        c->s.cv_camera = v;
     }
     for (int k = 0; k < 2; k++) {
         solve_problem_fini(&half[k]);
@@ -284,6 +285,6 @@ int solve_cross_validate(struct solve_case *c)
             "odd and even frames give lenses of %s that differ by %.2g times what the corner noise explains "
             "(largest difference of all cameras %.2g px): something moves between frames, or the lens needs "
             "more coefficients",
-            solve_name(c->all, worst_view, name), worst, c->cv_px);
+            solve_name(c->all, worst_view, name), worst, c->s.cv_px);
     return err;
 }

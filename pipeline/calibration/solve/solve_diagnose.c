@@ -101,8 +101,7 @@ static int check_exchanged(struct diagnosis *l)
     return 0;
 }
 
-/* --- a camera that moved -------------------------------------------------------------------------------------------
- */
+/* --- a camera that moved ------------------------------------------------------------------------------------------ */
 
 /* Normal equations of a small rotation and shift of a camera: residuals r + J x. */
 struct motion {
@@ -262,8 +261,7 @@ static int check_moved(struct diagnosis *l)
                         l->c->all->frame_name[worst.frame], worst.px, worst.turn_deg, worst.shift_mm);
 }
 
-/* --- boards and cameras that are wrong as a whole ------------------------------------------------------------------
- */
+/* --- boards and cameras that are wrong as a whole ----------------------------------------------------------------- */
 
 /* Find frames in which cameras disagree about the board's pose. */
 static int check_boards(struct diagnosis *l)

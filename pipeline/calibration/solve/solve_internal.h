@@ -9,8 +9,7 @@
 #define SOLVE_COLS_MAX    (SOLVE_LENS_MAX + 6 + 3) /* lens, relative pose, board warp, residual */
 #define SOLVE_MIN_CORNERS 6                        /* of a detection, for a pose */
 
-/* --- small dense algebra (solve_linalg.c), all row-major -----------------------------------------------------------
- */
+/* --- small dense algebra (solve_linalg.c), all row-major ---------------------------------------------------------- */
 
 void solve_mul3(const double a[9], const double b[9], double out[9]);
 void solve_mul3t(const double a[9], const double b[9], double out[9]); /* a^T b */
@@ -215,13 +214,9 @@ struct solve_case {
     const struct sst_solve_config *cfg;
     struct solve_problem p;
     struct solve_single *single; /* [all->count] */
-    struct sst_solve_link *link;
-    int links;
-    double sigma_px, held_out_px[2], cv_px, cv_expected_px;
-    int cv_camera;
+    double sigma_px;
     struct solve_adjusted done;
-    double (*drive_residual_mm)[3];
-    double drive_rms_mm, drive_scale, drive_skew_deg;
+    struct sst_solution s; /* the results so far */
 };
 
 /* --- uncertainty (solve_uncertainty.c) ---------------------------------------------------------------------------- */
@@ -248,8 +243,7 @@ double solve_map_rms(float map[SST_UNCERTAINTY_ROWS][SST_UNCERTAINTY_COLS]);
 /** Noise of a corner of weight 1 from the sum of squares, one axis. */
 double solve_unit_sigma(const struct solve_adjusted *done);
 
-/* --- refusals (solve_validate.c, solve_diagnose.c) -------------------------------------------------------------------
- */
+/* --- refusals (solve_validate.c, solve_diagnose.c) ---------------------------------------------------------------- */
 
 /** Log an error and return -EBADMSG; with cfg->force log a warning and return 0. */
 int solve_reject(const struct sst_solve_config *cfg, const char *fmt, ...) SST_PRINTF(2, 3);
@@ -271,8 +265,7 @@ SST_MUST_CHECK int solve_check_focal(struct solve_case *c, const struct solve_co
 /** Cameras swapped on the grid. */
 SST_MUST_CHECK int solve_check_places(struct solve_case *c);
 
-/* --- comparisons (solve_cross_validation.c) and rigs (solve_rig.c)
- * ----------------------------------------------------------- */
+/* --- comparisons (solve_cross_validation.c) and rigs (solve_rig.c) ------------------------------------------------ */
 
 /** Choose 5 or 8 coefficients by held-out frames; sets the problem's lens and refits its cameras. */
 SST_MUST_CHECK int solve_choose_lens(struct solve_case *c);

@@ -1,6 +1,5 @@
 /* Small dense linear algebra in a fixed order of operations; the results of LAPACK depend on its threads. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "pipeline/calibration/solve/solve_internal.h"

@@ -133,8 +133,7 @@ int solve_check_places(struct solve_case *c)
     return err;
 }
 
-/* --- drives --------------------------------------------------------------------------------------------------------
- */
+/* --- drives ------------------------------------------------------------------------------------------------------- */
 
 /* Rotation from `from` to `to` (least squares, both about 0), by Gauss-Newton from an initial guess along three axes;
  * for collinear points the rotation about their line stays as it is. */
@@ -262,8 +261,8 @@ int solve_compare_drives(struct solve_case *c)
     centre = calloc(views, sizeof(*centre));
     drive = calloc(views, sizeof(*drive));
     known = calloc(views, sizeof(*known));
-    c->drive_residual_mm = calloc(views, sizeof(*c->drive_residual_mm));
-    if (!centre || !drive || !known || !c->drive_residual_mm)
+    c->s.drive_residual_mm = calloc(views, sizeof(*c->s.drive_residual_mm));
+    if (!centre || !drive || !known || !c->s.drive_residual_mm)
         goto out;
     err = 0;
     n = centred(c, centre, drive, known);
@@ -277,16 +276,16 @@ int solve_compare_drives(struct solve_case *c)
         for (int i = 0; i < 3; i++) {
             top += at[i] * centre[v][i];
             bottom += at[i] * at[i];
-            c->drive_residual_mm[v][i] = centre[v][i] - at[i];
-            sum += c->drive_residual_mm[v][i] * c->drive_residual_mm[v][i];
+            c->s.drive_residual_mm[v][i] = centre[v][i] - at[i];
+            sum += c->s.drive_residual_mm[v][i] * c->s.drive_residual_mm[v][i];
         }
     }
     if (n < 2 || !(bottom > 1e-6))
         goto out; /* nothing to compare */
-    c->drive_rms_mm = sqrt(sum / n);
-    c->drive_scale = top / bottom;
-    c->drive_skew_deg = skew((const double(*)[3])centre, (const double(*)[3])drive, known, c->p.views);
-    err = judge_scale(c, c->drive_scale);
+    c->s.drive_rms_mm = sqrt(sum / n);
+    c->s.drive_scale = top / bottom;
+    c->s.drive_skew_deg = skew((const double(*)[3])centre, (const double(*)[3])drive, known, c->p.views);
+    err = judge_scale(c, c->s.drive_scale);
 out:
     free(centre);
     free(drive);

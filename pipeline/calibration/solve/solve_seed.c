@@ -330,24 +330,22 @@ out:
     return err;
 }
 
-static int lens_of_group(void *arg, int group, int worker)
+static int lens_of_group(void *arg, int group, int worker SST_UNUSED)
 {
     struct seed *s = arg;
     const int n = s->first[group + 1] - s->first[group];
     const double own = seed_focal(s->p, s->list + s->first[group], n);
     const bool trust = own > 0.67 * s->focal && own < 1.5 * s->focal;
 
-    (void)worker;
     plain_lens(s->p, trust ? own : s->focal, s->lens[group]);
     return n ? fit_alone(s, group, s->lens[group], &s->known[group]) : 0;
 }
 
-static int pose_of_one(void *arg, int index, int worker)
+static int pose_of_one(void *arg, int index, int worker SST_UNUSED)
 {
     struct seed *s = arg;
     const struct solve_detection *d = &s->p->detection[index];
 
-    (void)worker;
     if (d->used)
         solve_single_camera(&s->single[index], s->p, d, s->p->camera[d->view].lens);
     return 0;

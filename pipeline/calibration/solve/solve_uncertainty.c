@@ -67,13 +67,12 @@ static void share_of(struct build *b, const struct solve_detection *d, struct sh
     }
 }
 
-static int share_work(void *arg, int index, int worker)
+static int share_work(void *arg, int index, int worker SST_UNUSED)
 {
     struct build *b = arg;
     const struct solve_detection *d = b->at[index];
     double *rows;
 
-    (void)worker;
     if (!d)
         return 0;
     rows = malloc((size_t)(2 * d->corners + SOLVE_COLS_MAX) * SOLVE_COLS_MAX * sizeof(*rows));
