@@ -11,7 +11,6 @@
 #include "base/log.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/render/plan.h"
-#include "pipeline/method/render/ranges.h"
 #include "tests/test.h"
 
 #define UNKNOWN (-1000.0) /* outside what can be stored, so SST_DISP_NONE */
