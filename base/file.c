@@ -143,6 +143,16 @@ const char *sst_path_base(const char *path)
     return slash ? slash + 1 : path;
 }
 
+int sst_path_beside_program(char out[SST_PATH_MAX], const char *below)
+{
+    char exe[SST_PATH_MAX] = "", *slash;
+
+    if (readlink("/proc/self/exe", exe, sizeof(exe) - 1) < 0 || !(slash = strrchr(exe, '/')))
+        return -ENOENT;
+    *slash = 0;
+    return sst_path_join(out, exe, below);
+}
+
 bool sst_path_exists(const char *path)
 {
     struct stat st;

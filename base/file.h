@@ -15,6 +15,9 @@ SST_MUST_CHECK int sst_path_join(char out[SST_PATH_MAX], const char *dir, const 
 /** Last part of a path; points into it. */
 const char *sst_path_base(const char *path);
 
+/** The path `below` the program's own folder. @return 0, -ENOENT (unknown folder), -ENAMETOOLONG (logged) */
+SST_MUST_CHECK int sst_path_beside_program(char out[SST_PATH_MAX], const char *below);
+
 bool sst_path_exists(const char *path);
 bool sst_path_is_dir(const char *path);
 

@@ -16,12 +16,12 @@ struct jpeg {
 
 struct sst_slot {
     atomic_int refs, viewers;
+    atomic_bool shut;     /* written under lock */
     pthread_mutex_t lock; /* of the picture */
     pthread_cond_t changed;
     /* under lock */
     struct jpeg *newest;
     uint64_t number;
-    bool shut;
 };
 
 int sst_slot_create(struct sst_slot **out)
@@ -148,10 +148,5 @@ void sst_slot_shut(struct sst_slot *o)
 
 bool sst_slot_is_shut(struct sst_slot *o)
 {
-    bool shut;
-
-    pthread_mutex_lock(&o->lock);
-    shut = o->shut;
-    pthread_mutex_unlock(&o->lock);
-    return shut;
+    return o->shut;
 }

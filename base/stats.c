@@ -4,39 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static int compare_double(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y) + !!isnan(x) - !!isnan(y);
-}
-
-static int compare_float(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-
-    return (x > y) - (x < y) + !!isnan(x) - !!isnan(y);
-}
-
-static int compare_int(const void *a, const void *b)
-{
-    const int x = *(const int *)a, y = *(const int *)b;
-
-    return (x > y) - (x < y);
-}
-
-static int compare_int64(const void *a, const void *b)
-{
-    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-
-    return (x > y) - (x < y);
-}
-
-static int compare_string(const void *a, const void *b)
-{
-    return strcmp(*(char *const *)a, *(char *const *)b);
-}
-
 /* qsort() must not get NULL, which an empty array may be. */
 static void sort(void *v, int n, size_t size, int (*compare)(const void *, const void *))
 {
@@ -44,24 +11,27 @@ static void sort(void *v, int n, size_t size, int (*compare)(const void *, const
         qsort(v, (size_t)n, size, compare);
 }
 
-void sst_stats_sort_double(double *v, int n)
-{
-    sort(v, n, sizeof(*v), compare_double);
-}
+/* `nan_last` orders x and y if one of them is not a number. */
+#define DEFINE_SORT(name, type, nan_last)                                                                              \
+    static int compare_##name(const void *a, const void *b)                                                            \
+    {                                                                                                                  \
+        const type x = *(const type *)a, y = *(const type *)b;                                                         \
+                                                                                                                       \
+        return (x > y) - (x < y) + (nan_last);                                                                         \
+    }                                                                                                                  \
+    void sst_stats_sort_##name(type *v, int n)                                                                         \
+    {                                                                                                                  \
+        sort(v, n, sizeof(*v), compare_##name);                                                                        \
+    }
 
-void sst_stats_sort_float(float *v, int n)
-{
-    sort(v, n, sizeof(*v), compare_float);
-}
+DEFINE_SORT(double, double, !!isnan(x) - !!isnan(y))
+DEFINE_SORT(float, float, !!isnan(x) - !!isnan(y))
+DEFINE_SORT(int, int, 0)
+DEFINE_SORT(int64, int64_t, 0)
 
-void sst_stats_sort_int(int *v, int n)
+static int compare_string(const void *a, const void *b)
 {
-    sort(v, n, sizeof(*v), compare_int);
-}
-
-void sst_stats_sort_int64(int64_t *v, int n)
-{
-    sort(v, n, sizeof(*v), compare_int64);
+    return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
 void sst_stats_sort_strings(char **v, int n)

@@ -40,22 +40,25 @@ struct builder {
 
 /* --- faults ------------------------------------------------------------------------------------------------------- */
 
-static void note(struct sst_yaml *doc, int line, int column, const char *text)
+static void SST_PRINTF(4, 5) note(struct sst_yaml *doc, int line, int column, const char *fmt, ...)
 {
     struct fault *f;
+    va_list args;
 
     if (doc->n_faults++ >= SST_YAML_MAX_FAULTS)
         return;
     f = &doc->faults[doc->n_faults - 1];
     f->line = line;
     f->column = column;
-    snprintf(f->text, sizeof(f->text), "%s", text);
+    va_start(args, fmt);
+    vsnprintf(f->text, sizeof(f->text), fmt, args);
+    va_end(args);
 }
 
 void sst_yaml_fault(struct sst_yaml *doc, const struct sst_yaml_node *at, const char *fmt, ...)
 {
     const struct sst_yaml_node *named = at;
-    char what[400], text[480];
+    char what[400];
     va_list args;
 
     va_start(args, fmt);
@@ -63,16 +66,12 @@ void sst_yaml_fault(struct sst_yaml *doc, const struct sst_yaml_node *at, const 
     va_end(args);
     while (named && !named->key)
         named = named->parent; /* elements of a list are reported under the list's key */
-    snprintf(text, sizeof(text), "%.60s%s%s", named ? named->key : "", named ? " " : "", what);
-    note(doc, at ? at->line : 1, at ? at->column : 1, text);
+    note(doc, at ? at->line : 1, at ? at->column : 1, "%.60s%s%s", named ? named->key : "", named ? " " : "", what);
 }
 
 void sst_yaml_unknown(struct sst_yaml *doc, const struct sst_yaml_node *at, const char *what, const char *remedy)
 {
-    char text[200];
-
-    snprintf(text, sizeof(text), "unknown %s `%.60s`; %s", what, at->text, remedy);
-    note(doc, at->line, at->column, text);
+    note(doc, at->line, at->column, "unknown %s `%.60s`; %s", what, at->text, remedy);
 }
 
 static int by_position(const void *a, const void *b)
@@ -130,7 +129,7 @@ void sst_yaml_destroy(struct sst_yaml *doc)
 /* Note a fault that ends parsing. */
 static int refuse(struct builder *b, const yaml_event_t *e, const char *what)
 {
-    note(b->doc, (int)e->start_mark.line + 1, (int)e->start_mark.column + 1, what);
+    note(b->doc, (int)e->start_mark.line + 1, (int)e->start_mark.column + 1, "%s", what);
     return -EBADMSG;
 }
 
@@ -204,8 +203,6 @@ static int append(struct builder *b, const yaml_event_t *e, enum sst_yaml_type t
 
 static int add_key(struct builder *b, const yaml_event_t *e)
 {
-    char text[160];
-
     b->key = copy(e->data.scalar.value, e->data.scalar.length);
     b->key_line = (int)e->start_mark.line + 1;
     b->key_column = (int)e->start_mark.column + 1;
@@ -214,9 +211,8 @@ static int add_key(struct builder *b, const yaml_event_t *e)
     if (b->open->count == SST_YAML_MAX_KEYS)
         return refuse(b, e, "a mapping with more than 1024 keys; split it");
     if (find(b->open, b->key)) {
-        snprintf(text, sizeof(text), "duplicate key `%.60s`, first in line %d; keep one of them", b->key,
-                 find(b->open, b->key)->key_line);
-        note(b->doc, b->key_line, b->key_column, text);
+        note(b->doc, b->key_line, b->key_column, "duplicate key `%.60s`, first in line %d; keep one of them", b->key,
+             find(b->open, b->key)->key_line);
         b->again = true;
     }
     return 0;
@@ -282,13 +278,10 @@ static int handle_event(struct builder *b, const yaml_event_t *e)
 
 static int syntax_fault(struct sst_yaml *doc, const yaml_parser_t *p)
 {
-    char text[256];
-
     if (p->error == YAML_MEMORY_ERROR)
         return -ENOMEM;
-    snprintf(text, sizeof(text), "invalid YAML: %s%s%s; correct this line", p->problem ? p->problem : "unreadable",
-             p->context ? " " : "", p->context ? p->context : "");
-    note(doc, (int)p->problem_mark.line + 1, (int)p->problem_mark.column + 1, text);
+    note(doc, (int)p->problem_mark.line + 1, (int)p->problem_mark.column + 1, "invalid YAML: %s%s%s; correct this line",
+         p->problem ? p->problem : "unreadable", p->context ? " " : "", p->context ? p->context : "");
     return -EBADMSG;
 }
 
@@ -438,8 +431,6 @@ static const char *suggestion(const struct sst_yaml_node *map, const char *key)
 
 static void note_unknown(struct sst_yaml *doc, const struct sst_yaml_node *node)
 {
-    char text[200];
-
     for (const struct sst_yaml_node *n = node->first; n; n = n->next) {
         if (n->again)
             continue; /* reported as a duplicate; its content was never read */
@@ -447,10 +438,9 @@ static void note_unknown(struct sst_yaml *doc, const struct sst_yaml_node *node)
             const char *best = suggestion(node, n->key);
 
             if (best)
-                snprintf(text, sizeof(text), "unknown key `%.60s`; did you mean `%s`?", n->key, best);
+                note(doc, n->key_line, n->key_column, "unknown key `%.60s`; did you mean `%s`?", n->key, best);
             else
-                snprintf(text, sizeof(text), "unknown key `%.60s`; correct its spelling or remove it", n->key);
-            note(doc, n->key_line, n->key_column, text);
+                note(doc, n->key_line, n->key_column, "unknown key `%.60s`; correct its spelling or remove it", n->key);
         } else {
             note_unknown(doc, n);
         }

@@ -14,7 +14,6 @@
 #include "pipeline/method/network/graph.h"
 #include "pipeline/method/network/manifest.h"
 #include "pipeline/method/network/onnx.h"
-#include "pipeline/method/network/summary.h"
 
 #define KIND_METADATA "sst.kind"
 #define KIND_MATCHING "mccnn-features" /* value of that metadata entry */

@@ -4,7 +4,6 @@
 #include <errno.h>
 #include <inttypes.h>
 #include <linux/videodev2.h>
-#include <stdio.h>
 #include <string.h>
 
 void control_name(char *out, size_t size, const char *title)

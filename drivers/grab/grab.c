@@ -1,10 +1,7 @@
 #include "drivers/grab/grab.h"
 
 #include <errno.h>
-#include <limits.h>
 #include <linux/videodev2.h>
-#include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>

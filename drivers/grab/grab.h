@@ -113,8 +113,7 @@ SST_MUST_CHECK int sst_grab_start(struct sst_grab *grab);
  *  @return 0 (early after a signal or a suspend of the machine), or -errno of the poll itself. */
 SST_MUST_CHECK int sst_grab_poll(struct sst_grab *grab, int timeout_ms);
 
-/** Descriptor that is readable when sst_grab_poll(grab, 0) has work, timers included: for the event loop of a caller.
- */
+/** Descriptor that is readable when sst_grab_poll(grab, 0) has work, timers included: for a caller's event loop. */
 int sst_grab_fd(const struct sst_grab *grab);
 
 /** Report a trigger fired at t_ns: from now on a frame of each camera is due.  Thread: any. */

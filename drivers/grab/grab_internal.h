@@ -1,5 +1,4 @@
-/* drivers/grab/grab_internal.h - what the files of this folder share; code outside of it includes the public headers.
- */
+/* drivers/grab/grab_internal.h - what the files of this folder share; code outside includes the public headers. */
 #ifndef SST_DRIVERS_GRAB_GRAB_INTERNAL_H
 #define SST_DRIVERS_GRAB_GRAB_INTERNAL_H
 
@@ -54,8 +53,7 @@ SST_MUST_CHECK int grab_scan(struct grab_node **nodes, int *count);
 
 struct grab_monitor; /* opaque; hotplug events */
 
-/** @return 0, -errno, logged. *out is NULL if there are no hotplug events (built without libudev): scan periodically.
- */
+/** @return 0, -errno, logged. *out is NULL without hotplug events (built without libudev): scan periodically. */
 SST_MUST_CHECK int grab_monitor_open(struct grab_monitor **out);
 int grab_monitor_fd(const struct grab_monitor *watch);
 
@@ -269,8 +267,8 @@ struct sst_grab {
     struct grab_node *nodes; /* [SST_GRAB_NODES_MAX], in order */
     int node_count;
     bool scanning;
-    unsigned changes, changes_at_scan; /* changes of the nodes: a scan that began before one is discarded */
-    int64_t scan_ns;                   /* time of the next scan; 0: not needed */
+    unsigned changes; /* of the nodes: a scan that began before one is discarded */
+    int64_t scan_ns;  /* time of the next scan; 0: not needed */
 
     SST_ATOMIC(int64_t) fired_ns; /* sst_grab_expect(), not yet seen by the polling thread */
     struct grab_camera *camera;   /* [cfg.cameras] */
@@ -379,8 +377,7 @@ SST_MUST_CHECK int node_open(struct sst_grab_device *device);
 
 /* --- raw: sizes of uncompressed V4L2 formats, and format names --- */
 
-/** Minimum size of a whole frame in bytes, 0 for unknown formats. @param stride  bytes of a luma row; 0: packed
- */
+/** Minimum size of a whole frame in bytes, 0 for unknown formats. @param stride  bytes of a luma row; 0: packed */
 size_t raw_bytes(uint32_t fourcc, int width, int height, size_t stride);
 
 /** Four characters as in v4l2-ctl; unprintable ones become dots. */

@@ -141,19 +141,9 @@ void jobs_wait(struct jobs *jobs, int timeout_ms)
     (void)poll(&p, 1, timeout_ms);
 }
 
-static void discard_all(struct grab_job *job)
-{
-    while (job) {
-        struct grab_job *next = job->next;
-
-        job->discard(job);
-        job = next;
-    }
-}
-
 void jobs_destroy(struct jobs *jobs)
 {
-    struct grab_job *done;
+    struct grab_job *done, *next;
 
     if (!jobs)
         return;
@@ -162,6 +152,9 @@ void jobs_destroy(struct jobs *jobs)
     done = jobs->done;
     jobs->done = NULL;
     pthread_mutex_unlock(&jobs->lock);
-    discard_all(done);
+    for (; done; done = next) {
+        next = done->next;
+        done->discard(done);
+    }
     unref(jobs);
 }

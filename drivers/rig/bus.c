@@ -28,7 +28,7 @@ struct rig_bus {
     int response_ms, gap_ms;
     int64_t last_ns; /* end of the last request */
     char name[SST_RIG_TEXT_MAX], device[SST_RIG_TEXT_MAX], why[128];
-    struct sst_rig_counters count;
+    struct sst_rig_counters *count;
 };
 
 static void sleep_ns(int64_t ns)
@@ -138,7 +138,7 @@ static int connect_once(struct rig_bus *b)
     return 0;
 }
 
-int rig_bus_open(struct rig_bus **out, const char *bus, int response_ms, int gap_ms)
+int rig_bus_open(struct rig_bus **out, const char *bus, int response_ms, int gap_ms, struct sst_rig_counters *count)
 {
     struct rig_bus *b = calloc(1, sizeof(*b));
     int err;
@@ -147,6 +147,7 @@ int rig_bus_open(struct rig_bus **out, const char *bus, int response_ms, int gap
         return -ENOMEM;
     b->response_ms = response_ms;
     b->gap_ms = gap_ms;
+    b->count = count;
     if (snprintf(b->name, sizeof(b->name), "%s", bus) >= (int)sizeof(b->name))
         err = bad_name(bus);
     else if (!strncmp(bus, "tcp:", 4) && strrchr(bus, ':') > bus + 4)
@@ -188,7 +189,7 @@ void rig_bus_close(struct rig_bus *b)
 
 static int exception(struct rig_bus *b, int code)
 {
-    b->count.exceptions++;
+    b->count->exceptions++;
     snprintf(b->why, sizeof(b->why), "exception %d (%s)", code, modbus_strerror(MODBUS_ENOBASE + code));
     switch (code) {
     case MODBUS_EXCEPTION_ILLEGAL_FUNCTION:
@@ -208,16 +209,16 @@ static int request_errno(struct rig_bus *b, int e)
     if (e > MODBUS_ENOBASE && e < MODBUS_ENOBASE + MODBUS_EXCEPTION_MAX)
         return exception(b, e - MODBUS_ENOBASE);
     if (e == ETIMEDOUT) {
-        b->count.timeouts++;
+        b->count->timeouts++;
         snprintf(b->why, sizeof(b->why), "no reply within %d ms", b->response_ms);
         return -ETIMEDOUT;
     }
     if (e >= MODBUS_ENOBASE) {
-        b->count.garbled++;
+        b->count->garbled++;
         snprintf(b->why, sizeof(b->why), "a garbled reply (%s)", modbus_strerror(e));
         return -EBADMSG;
     }
-    b->count.lost++;
+    b->count->lost++;
     snprintf(b->why, sizeof(b->why), "the line is lost (%s)", strerror(e));
     return -ENOTCONN;
 }
@@ -229,7 +230,7 @@ static int begin(struct rig_bus *b, int unit)
         return -ENOTCONN;
     }
     sleep_ns(b->last_ns + (int64_t)b->gap_ms * 1000000 - sst_clock_now_ns());
-    b->count.requests++;
+    b->count->requests++;
     return modbus_set_slave(b->ctx, unit) ? -EINVAL : 0;
 }
 
@@ -306,7 +307,7 @@ static int drain(struct rig_bus *b)
     return 0;
 }
 
-int rig_bus_restore(struct rig_bus *b, int reconnect_ms, bool (*cancelled)(void *arg), void *arg)
+int rig_bus_restore(struct rig_bus *b, int reconnect_ms, const SST_ATOMIC(bool) * cancel)
 {
     const int64_t end_ns = sst_clock_now_ns() + (int64_t)reconnect_ms * 1000000;
     bool logged = false;
@@ -325,24 +326,20 @@ int rig_bus_restore(struct rig_bus *b, int reconnect_ms, bool (*cancelled)(void 
             sst_log_warning("rig %s: connection lost, cannot reconnect: %s; retrying for %d ms", b->name, b->why,
                             reconnect_ms);
         logged = true;
-        if (sst_clock_now_ns() >= end_ns || cancelled(arg))
+        if (sst_clock_now_ns() >= end_ns || atomic_load(cancel))
             return err;
         sleep_ns(RETRY_NS);
     }
-    b->count.reconnects++;
+    b->count->reconnects++;
     if (logged)
         sst_log_warning("rig %s: reconnected", b->name);
     return 0;
 }
 
-void rig_bus_counters(const struct rig_bus *b, struct sst_rig_counters *out)
-{
-    *out = b->count;
-}
-
 #else
 
-int rig_bus_open(struct rig_bus **out SST_UNUSED, const char *bus, int response_ms SST_UNUSED, int gap_ms SST_UNUSED)
+int rig_bus_open(struct rig_bus **out SST_UNUSED, const char *bus, int response_ms SST_UNUSED, int gap_ms SST_UNUSED,
+                 struct sst_rig_counters *count SST_UNUSED)
 {
     sst_log_error("rig %s: this sst was built without libmodbus; install libmodbus-dev and build again", bus);
     return -ENOSYS;
@@ -370,15 +367,10 @@ const char *rig_bus_why(const struct rig_bus *b SST_UNUSED)
     return "built without libmodbus";
 }
 
-int rig_bus_restore(struct rig_bus *b SST_UNUSED, int reconnect_ms SST_UNUSED, bool (*cancelled)(void *arg) SST_UNUSED,
-                    void *arg SST_UNUSED)
+int rig_bus_restore(struct rig_bus *b SST_UNUSED, int reconnect_ms SST_UNUSED,
+                    const SST_ATOMIC(bool) * cancel SST_UNUSED)
 {
     return -ENOSYS;
-}
-
-void rig_bus_counters(const struct rig_bus *b SST_UNUSED, struct sst_rig_counters *out)
-{
-    *out = (struct sst_rig_counters){ 0 };
 }
 
 #endif

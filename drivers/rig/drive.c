@@ -3,7 +3,6 @@
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 #include <time.h>
 
 #include "base/clock.h"
@@ -31,13 +30,6 @@ void rig_sleep_ms(struct sst_rig *rig, int ms)
             return;
         (void)nanosleep(&t, NULL);
     }
-}
-
-static bool cancelled(void *arg)
-{
-    struct sst_rig *rig = arg;
-
-    return atomic_load(&rig->cancel);
 }
 
 /* --- requests, retried -------------------------------------------------------------------------------------------- */
@@ -79,7 +71,7 @@ static int before_retry(struct sst_rig *rig, int a, int err, const char *doing, 
         return 0;
     }
     log_fault(rig, a, doing, reg);
-    return rig_bus_restore(rig->bus, rig->cfg.reconnect_ms, cancelled, rig);
+    return rig_bus_restore(rig->bus, rig->cfg.reconnect_ms, &rig->cancel);
 }
 
 static int read_words(struct sst_rig *rig, int a, const struct rig_register *reg, uint16_t out[2])
@@ -246,23 +238,16 @@ static int run_write(struct sst_rig *rig, int a, const struct rig_step *step, in
 {
     const struct rig_register *reg = &rig->profile.reg[step->reg];
     const double counts_per_mm = 1000.0 / fabs(rig->cfg.um_per_count[a]);
-    double value = step->number;
+    const double values[] = {
+        [SST_RIG_NUMBER] = step->number,
+        [SST_RIG_TARGET] = round(um / rig->cfg.um_per_count[a]) / reg->scale,
+        [SST_RIG_SPEED] = rig->cfg.speed_mm_s * counts_per_mm / reg->scale,
+        [SST_RIG_ACCEL] = rig->cfg.accel_mm_s2 * counts_per_mm / reg->scale,
+    };
+    const double value = values[step->value];
     uint16_t words[2];
     char name[32];
 
-    switch (step->value) {
-    case SST_RIG_NUMBER:
-        break;
-    case SST_RIG_TARGET:
-        value = round(um / rig->cfg.um_per_count[a]) / reg->scale;
-        break;
-    case SST_RIG_SPEED:
-        value = rig->cfg.speed_mm_s * counts_per_mm / reg->scale;
-        break;
-    case SST_RIG_ACCEL:
-        value = rig->cfg.accel_mm_s2 * counts_per_mm / reg->scale;
-        break;
-    }
     if (step->value >= SST_RIG_SPEED && value <= 0)
         return 0;
     if (words_of(reg, round(value), words)) {

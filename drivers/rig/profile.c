@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "base/log.h"
 #include "base/yaml.h"
@@ -253,18 +252,9 @@ static bool try_folder(char out[SST_PATH_MAX], const char *folder, const char *n
 
 static bool try_beside_program(char out[SST_PATH_MAX], const char *below, const char *name)
 {
-    char exe[SST_PATH_MAX], folder[SST_PATH_MAX];
-    const ssize_t n = readlink("/proc/self/exe", exe, sizeof(exe) - 1);
-    char *slash;
+    char folder[SST_PATH_MAX];
 
-    if (n <= 0)
-        return false;
-    exe[n] = 0;
-    slash = strrchr(exe, '/');
-    if (!slash)
-        return false;
-    *slash = 0;
-    return snprintf(folder, sizeof(folder), "%s/%s", exe, below) < (int)sizeof(folder) && try_folder(out, folder, name);
+    return !sst_path_beside_program(folder, below) && try_folder(out, folder, name);
 }
 
 static int find_profile(char out[SST_PATH_MAX], const char *name)

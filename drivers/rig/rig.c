@@ -3,10 +3,8 @@
 
 #include <errno.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -96,7 +94,7 @@ int sst_rig_open(struct sst_rig **out, const struct sst_rig_config *cfg)
     atomic_init(&rig->cancel, false);
     err = rig_profile_read(&rig->profile, cfg->profile);
     if (!err)
-        err = rig_bus_open(&rig->bus, cfg->bus, cfg->response_ms, rig->profile.gap_ms);
+        err = rig_bus_open(&rig->bus, cfg->bus, cfg->response_ms, rig->profile.gap_ms, &rig->count);
     for (int a = 0; !err && a < cfg->axes; a++)
         err = check_axis(rig, a);
     if (!err) {
@@ -142,18 +140,13 @@ int sst_rig_stop(struct sst_rig *rig)
     return err;
 }
 
-/* Stop because of err. @return err */
+/* Stop because of err; -ECANCELED ends the cancellation. @return err */
 static int stop_for(struct sst_rig *rig, int err)
 {
+    if (err == -ECANCELED)
+        atomic_store(&rig->cancel, false);
     (void)sst_rig_stop(rig);
     return err;
-}
-
-static int cancelled(struct sst_rig *rig)
-{
-    atomic_store(&rig->cancel, false);
-    (void)sst_rig_stop(rig);
-    return -ECANCELED;
 }
 
 void sst_rig_cancel(struct sst_rig *rig)
@@ -267,8 +260,6 @@ int sst_rig_home(struct sst_rig *rig, int timeout_ms)
     rig->count.homings++;
     for (int a = rig->cfg.axes - 1; !err && a >= 0; a--)
         err = home_axis(rig, a, end_ns);
-    if (err == -ECANCELED)
-        return cancelled(rig);
     if (err)
         return stop_for(rig, err);
     rig->doubt = false;
@@ -333,8 +324,6 @@ int sst_rig_move(struct sst_rig *rig, struct sst_rig_pos target)
     rig->count.moves++;
     for (int a = 0; !err && a < rig->cfg.axes; a++)
         err = move_axis(rig, a, target.um[a]);
-    if (err == -ECANCELED)
-        return cancelled(rig);
     return err ? stop_for(rig, err) : 0;
 }
 
@@ -447,7 +436,7 @@ int sst_rig_wait(struct sst_rig *rig, int timeout_ms)
         const int64_t now_ns = sst_clock_now_ns();
 
         if (r == -ECANCELED || atomic_load(&rig->cancel))
-            return cancelled(rig);
+            return stop_for(rig, -ECANCELED);
         if (r < 0)
             return stop_for(rig, r);
         since_ns = !r ? 0 : since_ns ? since_ns : now_ns;
@@ -492,14 +481,5 @@ bool sst_rig_still(struct sst_rig *rig)
 
 void sst_rig_counters(const struct sst_rig *rig, struct sst_rig_counters *out)
 {
-    struct sst_rig_counters bus;
-
-    rig_bus_counters(rig->bus, &bus);
     *out = rig->count;
-    out->requests = bus.requests;
-    out->timeouts = bus.timeouts;
-    out->garbled = bus.garbled;
-    out->exceptions = bus.exceptions;
-    out->lost = bus.lost;
-    out->reconnects = bus.reconnects;
 }

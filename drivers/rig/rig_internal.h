@@ -122,11 +122,13 @@ struct rig_bus; /* opaque; one thread at a time */
 
 /**
  * Connect.
- * @param bus  "tcp:HOST:PORT" or "rtu:DEVICE,BAUD,8E1"
+ * @param bus    "tcp:HOST:PORT" or "rtu:DEVICE,BAUD,8E1"
+ * @param count  its requests and failures are counted there; outlives the bus
  * @return 0, -EINVAL (form of bus), -EMFILE (no low descriptor left), -EHOSTUNREACH, -ECONNREFUSED, -ENODEV, -EACCES,
  * -EBUSY (serial line in use), -ENOMEM, -ENOSYS (built without libmodbus); logged.
  */
-SST_MUST_CHECK int rig_bus_open(struct rig_bus **out, const char *bus, int response_ms, int gap_ms);
+SST_MUST_CHECK int rig_bus_open(struct rig_bus **out, const char *bus, int response_ms, int gap_ms,
+                                struct sst_rig_counters *count);
 void rig_bus_close(struct rig_bus *bus);
 
 /**
@@ -148,12 +150,10 @@ const char *rig_bus_why(const struct rig_bus *bus);
 /**
  * Restore the bus after a failed request, so that a late reply cannot be mistaken for that of the next request. TCP
  * reconnects; a serial line is read until it is silent, and reopened if it was lost.
- * @param cancelled  called between attempts; true gives up
+ * @param cancel  read between attempts; true gives up
  * @return 0, or the error of the last attempt after reconnect_ms
  */
-SST_MUST_CHECK int rig_bus_restore(struct rig_bus *bus, int reconnect_ms, bool (*cancelled)(void *arg), void *arg);
-
-void rig_bus_counters(const struct rig_bus *bus, struct sst_rig_counters *out);
+SST_MUST_CHECK int rig_bus_restore(struct rig_bus *bus, int reconnect_ms, const SST_ATOMIC(bool) * cancel);
 
 /* --- drive: runs the profile of one axis: status, steps, read-back --- */
 
@@ -174,9 +174,9 @@ struct sst_rig {
     struct rig_profile profile; /* fixed after open */
     struct rig_bus *bus;
     struct rig_axis axis[SST_RIG_AXES];
-    struct sst_rig_counters count; /* of motions; those of the bus are in `bus` */
-    bool moving, doubt;            /* doubt: positions are unreliable until homing */
-    int64_t logged_ns;             /* last time a fault of the bus was logged; 0: never */
+    struct sst_rig_counters count;
+    bool moving, doubt; /* doubt: positions are unreliable until homing */
+    int64_t logged_ns;  /* last time a fault of the bus was logged; 0: never */
     SST_ATOMIC(bool) cancel;
 };
 

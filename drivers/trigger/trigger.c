@@ -11,6 +11,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/thread.h"
 #include "drivers/trigger/trigger_internal.h"
 
 #define PRIORITY       50
@@ -58,14 +59,9 @@ void sst_trigger_config_defaults(struct sst_trigger_config *cfg)
 
 /* --- sleeping ----------------------------------------------------------------------------------------------------- */
 
-static struct timespec timespec_of(int64_t t_ns)
-{
-    return (struct timespec){ t_ns / 1000000000, t_ns % 1000000000 };
-}
-
 static void sleep_until(int64_t t_ns)
 {
-    const struct timespec ts = timespec_of(t_ns);
+    const struct timespec ts = { t_ns / 1000000000, t_ns % 1000000000 };
 
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &ts, NULL) == EINTR)
         ;
@@ -74,10 +70,8 @@ static void sleep_until(int64_t t_ns)
 /* @return false: stopped before t_ns */
 static bool wait_until_locked(struct sst_trigger *t, int64_t t_ns)
 {
-    const struct timespec coarse = timespec_of(t_ns - FINE_NS);
-
     while (!t->stop && !t->quit && sst_clock_now_ns() < t_ns - FINE_NS)
-        pthread_cond_timedwait(&t->wake, &t->lock, &coarse);
+        (void)sst_cond_wait_until(&t->wake, &t->lock, t_ns - FINE_NS);
     if (t->stop || t->quit)
         return false;
     pthread_mutex_unlock(&t->lock);
@@ -245,9 +239,9 @@ static void find_chip_locked(struct sst_trigger *t)
 
     while (!t->quit) {
         char why[SST_LOG_MAX];
-        const struct timespec next = timespec_of(sst_clock_now_ns() + wait_ns);
+        const int64_t next_ns = sst_clock_now_ns() + wait_ns;
 
-        while (!t->quit && pthread_cond_timedwait(&t->wake, &t->lock, &next) != ETIMEDOUT)
+        while (!t->quit && sst_cond_wait_until(&t->wake, &t->lock, next_ns))
             ;
         if (t->quit)
             return;
@@ -382,20 +376,6 @@ int sst_trigger_check(const struct sst_trigger_config *cfg, char *why, size_t si
     return err;
 }
 
-static int init_lock(struct sst_trigger *t)
-{
-    pthread_condattr_t attr;
-
-    if (pthread_condattr_init(&attr))
-        return -ENOMEM;
-    pthread_condattr_setclock(&attr, CLOCK_MONOTONIC);
-    pthread_mutex_init(&t->lock, NULL);
-    pthread_cond_init(&t->wake, &attr);
-    pthread_cond_init(&t->ended, &attr);
-    pthread_condattr_destroy(&attr);
-    return 0;
-}
-
 int sst_trigger_open(struct sst_trigger **out, const struct sst_trigger_config *cfg, sst_trigger_edge_fn *edge,
                      void *arg)
 {
@@ -408,11 +388,13 @@ int sst_trigger_open(struct sst_trigger **out, const struct sst_trigger_config *
         return err;
     }
     t = calloc(1, sizeof(*t));
-    if (!t || init_lock(t)) {
-        free(t);
+    if (!t) {
         sst_log_error("trigger: out of memory");
         return -ENOMEM;
     }
+    pthread_mutex_init(&t->lock, NULL);
+    sst_cond_init(&t->wake);
+    sst_cond_init(&t->ended);
     t->cfg = *cfg;
     t->edge = edge;
     t->arg = arg;

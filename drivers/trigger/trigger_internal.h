@@ -41,8 +41,7 @@ const char *gpio_chip_label(const struct trigger_chip *chip);
 int gpio_chip_lines(const struct trigger_chip *chip);
 SST_MUST_CHECK int gpio_chip_line(struct trigger_chip *chip, unsigned offset, struct trigger_line *out);
 
-/** Request the lines until close; once per chip. @return 0, -EBUSY (a line is in use), -EINVAL, -errno of the kernel.
- */
+/** Request the lines until close; once per chip. @return 0, -EBUSY (a line is in use), -EINVAL, -errno. */
 SST_MUST_CHECK int gpio_chip_request(struct trigger_chip *chip, const struct gpio_request *request);
 
 /** Make output i of the request active where bit i of `active` is set, all in one ioctl. @return 0, -ENODEV, -EIO. */

@@ -1,13 +1,11 @@
 #include "drivers/usb/usb_internal.h"
 
 #include <errno.h>
-#include <pthread.h>
-#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "base/clock.h"
+#include "base/thread.h"
 
 struct job {
     /* fixed */
@@ -46,28 +44,17 @@ static void *work(void *arg)
     return NULL;
 }
 
-static void init(struct job *job)
-{
-    pthread_condattr_t attr;
-
-    pthread_condattr_init(&attr);
-    pthread_condattr_setclock(&attr, CLOCK_MONOTONIC);
-    pthread_mutex_init(&job->lock, NULL);
-    pthread_cond_init(&job->ended, &attr);
-    pthread_condattr_destroy(&attr);
-}
-
 int deadline_call(deadline_fn *fn, const void *arg, size_t arg_size, int timeout_ms)
 {
     const int64_t end_ns = sst_clock_now_ns() + (int64_t)timeout_ms * 1000000;
-    const struct timespec end = { end_ns / 1000000000, end_ns % 1000000000 };
     struct job *job = calloc(1, sizeof(*job) + arg_size);
     pthread_t thread;
     int err;
 
     if (!job)
         return -ENOMEM;
-    init(job);
+    pthread_mutex_init(&job->lock, NULL);
+    sst_cond_init(&job->ended);
     job->fn = fn;
     job->users = 2;
     memcpy(job->arg, arg, arg_size);
@@ -79,8 +66,8 @@ int deadline_call(deadline_fn *fn, const void *arg, size_t arg_size, int timeout
         return -err;
     }
     pthread_detach(thread);
-    while (!job->done && !err)
-        err = pthread_cond_timedwait(&job->ended, &job->lock, &end);
+    while (!job->done && sst_cond_wait_until(&job->ended, &job->lock, end_ns))
+        ;
     err = job->done ? job->result : -ETIMEDOUT;
     leave_locked(job);
     return err;

@@ -1,4 +1,3 @@
-#include <string.h>
 
 #include "drivers/usb/usb_internal.h"
 

@@ -192,19 +192,13 @@ static int switch_port(const struct power_port *p, bool on)
 static int check_switching(const struct power_port *p)
 {
     struct port_job job;
+    enum sst_usb_switching how;
     const int err = hub_address(p, &job);
 
     if (err)
         return err;
-    switch (hub_switching(job.bus, job.address)) {
-    case SST_USB_POWER_ALWAYS:
-    case SST_USB_POWER_GANGED:
-        return -ENOTSUP;
-    case SST_USB_POWER_UNKNOWN:
-    case SST_USB_POWER_PORTS:
-        break;
-    }
-    return 0;
+    how = hub_switching(job.bus, job.address);
+    return how == SST_USB_POWER_ALWAYS || how == SST_USB_POWER_GANGED ? -ENOTSUP : 0;
 }
 
 static void sleep_ms(int ms)

@@ -41,7 +41,8 @@ static int read_bytes(void *data, size_t size, const char *folder, const char *a
     return err ? err : (int)used;
 }
 
-int sysfs_read(char *text, size_t size, const char *folder, const char *attribute)
+/* First line of an attribute. @return its length, or -errno; not logged */
+static int read_text(char *text, size_t size, const char *folder, const char *attribute)
 {
     const int n = read_bytes(text, size - 1, folder, attribute);
 
@@ -57,7 +58,7 @@ int sysfs_int(const char *folder, const char *attribute, int base, int missing)
     char text[32], *end;
     long v;
 
-    if (sysfs_read(text, sizeof(text), folder, attribute) <= 0)
+    if (read_text(text, sizeof(text), folder, attribute) <= 0)
         return missing;
     v = strtol(text, &end, base);
     return end == text ? missing : (int)v;
@@ -158,11 +159,11 @@ static int read_device(struct sst_usb_device *d, const char *devices, const char
     d->single_tt = d->hub && sysfs_int(folder, "bDeviceProtocol", 16, 0) == 1;
     d->vendor = sysfs_int(folder, "idVendor", 16, 0);
     d->product = sysfs_int(folder, "idProduct", 16, 0);
-    if (sysfs_read(d->maker, sizeof(d->maker), folder, "manufacturer") < 0)
+    if (read_text(d->maker, sizeof(d->maker), folder, "manufacturer") < 0)
         d->maker[0] = 0;
-    if (sysfs_read(d->name, sizeof(d->name), folder, "product") < 0)
+    if (read_text(d->name, sizeof(d->name), folder, "product") < 0)
         d->name[0] = 0;
-    if (sysfs_read(d->serial, sizeof(d->serial), folder, "serial") < 0)
+    if (read_text(d->serial, sizeof(d->serial), folder, "serial") < 0)
         d->serial[0] = 0;
     if (!strncmp(name, "usb", 3))
         read_controller(d, devices, folder);

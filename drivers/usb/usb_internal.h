@@ -31,8 +31,6 @@ enum sst_usb_switching hub_switching(int bus, int address);
 /** As sst_usb_list(), below `root` instead of /sys. */
 SST_MUST_CHECK int usb_scan(struct sst_usb_device **devices, int *count, const char *root);
 
-/** First line of an attribute. @return its length, or -errno; not logged */
-SST_MUST_CHECK int sysfs_read(char *text, size_t size, const char *folder, const char *attribute);
 /** A decimal or, with base 16, hexadecimal attribute; `missing` if it cannot be read. */
 int sysfs_int(const char *folder, const char *attribute, int base, int missing);
 

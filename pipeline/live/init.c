@@ -20,12 +20,13 @@ static int check_config(const struct sst_live_config *cfg)
         return -EINVAL;
     }
     for (int i = 0; i < cfg->zones; i++) {
-        if (cfg->zone[i].x0 >= 0 && cfg->zone[i].x0 < cfg->zone[i].x1 && cfg->zone[i].x1 <= 1 && cfg->zone[i].y0 >= 0 &&
-            cfg->zone[i].y0 < cfg->zone[i].y1 && cfg->zone[i].y1 <= 1)
+        const struct sst_live_zone *z = &cfg->zone[i];
+
+        if (z->x0 >= 0 && z->x0 < z->x1 && z->x1 <= 1 && z->y0 >= 0 && z->y0 < z->y1 && z->y1 <= 1)
             continue;
         sst_log_error(
             "live: zone %d from %g,%g to %g,%g is not inside the picture; give fractions 0..1, the smaller one first",
-            i, cfg->zone[i].x0, cfg->zone[i].y0, cfg->zone[i].x1, cfg->zone[i].y1);
+            i, z->x0, z->y0, z->x1, z->y1);
         return -EINVAL;
     }
     return 0;

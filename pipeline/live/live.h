@@ -27,7 +27,7 @@ struct sst_live_config {
     bool skip_labels;                  /* S4 */
     bool background;                   /* improve the maps of a static scene on a background thread */
     int zones;                         /* in fractions 0..1 of the reference view */
-    struct {
+    struct sst_live_zone {
         double x0, y0, x1, y1;
     } zone[SST_LIVE_ZONES];
 };
@@ -104,8 +104,7 @@ bool sst_live_settle(struct sst_live *live);
 /** The current light field: sizes, classes, maps. Valid until the next update. */
 const struct sst_lightfield *sst_live_lightfield(const struct sst_live *live);
 
-/** --- pictures ------------------------------------------------------------------------------------------------------
- */
+/* --- pictures ----------------------------------------------------------------------------------------------------- */
 
 struct sst_livepicture; /* the rendered view of one client; reuses what did not change since its last rendering */
 

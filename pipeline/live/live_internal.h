@@ -60,8 +60,7 @@ void live_fini(struct sst_live *live);
  */
 SST_MUST_CHECK int live_ingest(struct sst_live *live, const struct sst_liveframes_changes *changes);
 
-/** Recount histograms, zones and focus votes if anything changed since, and step the focus. @return 0, -ENOMEM (logged)
- */
+/** Recount histograms, zones and focus votes after changes, and step the focus. @return 0, -ENOMEM (logged) */
 SST_MUST_CHECK int live_summarize(struct sst_live *live, int64_t t_ns);
 
 /** Fraction of tiles that changed in every zone. @param changed  out, [SST_LIVE_ZONES + 1] */

@@ -1,7 +1,5 @@
 /* Summary of the scene for pictures and reports: when each tile changed, and which disparities and labels occur. */
-#include <errno.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"
@@ -87,21 +85,21 @@ int live_ingest(struct sst_live *live, const struct sst_liveframes_changes *chan
     return 0;
 }
 
+static struct sst_live_zone zone_of(const struct sst_live *live, int zone)
+{
+    return zone < live->cfg.zones ? live->cfg.zone[zone] : (struct sst_live_zone){ 0, 0, 1, 1 };
+}
+
 /* First and last columns and rows of the tiles that overlap a zone. */
 static void zone_tiles(const struct sst_live *live, int zone, int *x0, int *x1, int *y0, int *y1)
 {
     const int cols = live->changes.cols - 1, rows = live->changes.rows - 1;
+    const struct sst_live_zone z = zone_of(live, zone);
 
-    if (zone >= live->cfg.zones) {
-        *x0 = *y0 = 0;
-        *x1 = cols;
-        *y1 = rows;
-        return;
-    }
-    *x0 = sst_clamp_int((int)(live->cfg.zone[zone].x0 * live->lf.width) / SST_LIVE_TILE, 0, cols);
-    *y0 = sst_clamp_int((int)(live->cfg.zone[zone].y0 * live->lf.height) / SST_LIVE_TILE, 0, rows);
-    *x1 = sst_clamp_int((int)ceil(live->cfg.zone[zone].x1 * live->lf.width - 1) / SST_LIVE_TILE, *x0, cols);
-    *y1 = sst_clamp_int((int)ceil(live->cfg.zone[zone].y1 * live->lf.height - 1) / SST_LIVE_TILE, *y0, rows);
+    *x0 = sst_clamp_int((int)(z.x0 * live->lf.width) / SST_LIVE_TILE, 0, cols);
+    *y0 = sst_clamp_int((int)(z.y0 * live->lf.height) / SST_LIVE_TILE, 0, rows);
+    *x1 = sst_clamp_int((int)ceil(z.x1 * live->lf.width - 1) / SST_LIVE_TILE, *x0, cols);
+    *y1 = sst_clamp_int((int)ceil(z.y1 * live->lf.height - 1) / SST_LIVE_TILE, *y0, rows);
 }
 
 void live_zones_changed(const struct sst_live *live, const struct sst_liveframes_changes *changes, double *changed)
@@ -210,14 +208,12 @@ static void follow_range(struct sst_live *live, int64_t t_ns)
 /* Fractions of the labels in a zone of the lead view. */
 static void count_zone(struct sst_live *live, int zone, const struct sst_map_u8 *label)
 {
-    const bool all = zone >= live->cfg.zones;
+    const struct sst_live_zone z = zone_of(live, zone);
     const int step = sst_max_int(label->width / COUNT_COLS, 1);
-    const int x0 = all ? 0 : sst_clamp_int((int)(live->cfg.zone[zone].x0 * label->width), 0, label->width - 1);
-    const int y0 = all ? 0 : sst_clamp_int((int)(live->cfg.zone[zone].y0 * label->height), 0, label->height - 1);
-    const int x1 =
-        all ? label->width : sst_clamp_int((int)ceil(live->cfg.zone[zone].x1 * label->width), x0 + 1, label->width);
-    const int y1 =
-        all ? label->height : sst_clamp_int((int)ceil(live->cfg.zone[zone].y1 * label->height), y0 + 1, label->height);
+    const int x0 = sst_clamp_int((int)(z.x0 * label->width), 0, label->width - 1);
+    const int y0 = sst_clamp_int((int)(z.y0 * label->height), 0, label->height - 1);
+    const int x1 = sst_clamp_int((int)ceil(z.x1 * label->width), x0 + 1, label->width);
+    const int y1 = sst_clamp_int((int)ceil(z.y1 * label->height), y0 + 1, label->height);
     uint32_t count[256] = { 0 }, total = 0;
 
     for (int y = y0; y < y1; y += step) {

@@ -5,7 +5,6 @@
 #include "pipeline/method/network/graph.h"
 #include "pipeline/method/network/network_internal.h"
 #include "pipeline/method/network/onnx.h"
-#include "pipeline/method/network/summary.h"
 #include "tests/fuzz/seeds.h"
 #include "tests/onnx_writer.h"
 

@@ -11,7 +11,6 @@
 #include "base/log.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/render/plan.h"
-#include "pipeline/method/render/ranges.h"
 #include "simulators/scene/noise.h"
 #include "tests/test.h"
 

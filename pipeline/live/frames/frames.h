@@ -1,5 +1,4 @@
-/* pipeline/live/frames/frames.h - updates the views from camera frames; only changed tiles are decoded and rectified.
- */
+/* pipeline/live/frames/frames.h - updates the views from camera frames; decodes and rectifies only changed tiles. */
 #ifndef SST_PIPELINE_LIVE_FRAMES_FRAMES_H
 #define SST_PIPELINE_LIVE_FRAMES_FRAMES_H
 

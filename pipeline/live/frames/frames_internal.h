@@ -170,9 +170,7 @@ struct sst_liveframes {
 
 static inline struct decoder_frame frame_of(const struct sst_liveframes *f, int k)
 {
-    const struct decoder_frame frame = { f->in->frame[k].data, f->in->frame[k].bytes, f->in->frame[k].stride };
-
-    return frame;
+    return (struct decoder_frame){ f->in->frame[k].data, f->in->frame[k].bytes, f->in->frame[k].stride };
 }
 
 static inline int raw_tiles(const struct sst_liveframes *f)

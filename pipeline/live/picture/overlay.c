@@ -1,7 +1,6 @@
 /* Pictures of the maps: labels over the lead view, and disparities by colour. */
 #include <errno.h>
 #include <math.h>
-#include <string.h>
 
 #include "pipeline/live/live_internal.h"
 

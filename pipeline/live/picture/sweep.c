@@ -1,7 +1,6 @@
 #include "pipeline/live/picture/picture_internal.h"
 
 #include <math.h>
-#include <string.h>
 
 #define STEP_PX   1.5 /* shift of the patch per disparity step, in the view farthest from the viewpoint */
 #define STEPS_MAX 256

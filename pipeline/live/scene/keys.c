@@ -1,6 +1,4 @@
-#include <errno.h>
 #include <math.h>
-#include <string.h>
 
 #include "pipeline/live/scene/scene_internal.h"
 

@@ -3,24 +3,18 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "base/log.h"
-#include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/live/scene/scene_internal.h"
 #include "pipeline/method/refine/parts.h"
 
-/* The network runs if at least one tile in this number changed in the reference; smaller changes get the labels around.
- */
+/* The network runs if at least one tile in this number changed in the reference; fewer get the labels around. */
 #define LABEL_TILES 100
 /* Label distributions are fitted again with every whole set and after this number of network runs. */
 #define FIT_RUNS 16
 
 int scene_open_segmenter(struct sst_livescene *s, int worker)
 {
-    const int err =
-        s->segmenters[worker] ? 0 : sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision, 1);
-
-    return err;
+    return s->segmenters[worker] ? 0 : sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision, 1);
 }
 
 static bool any(const uint8_t *tiles, int count)
@@ -213,8 +207,7 @@ static int compose_job(void *arg, int view, int worker)
     return err;
 }
 
-/* Without S4: run the network on every changed view; pixels of low confidence keep the label warped with the disparity.
- */
+/* Without S4: run the network on every changed view; pixels of low confidence keep the warped label. */
 static int segment_job(void *arg, int view, int worker)
 {
     struct sst_livescene *s = arg;

@@ -5,8 +5,6 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "base/mem.h"
-#include "base/thread.h"
 #include "pipeline/live/scene/scene_internal.h"
 
 #define RETRY_NS INT64_C(2000000000)

@@ -1,11 +1,8 @@
 /* Starts the background and applies its result. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "base/mem.h"
-#include "base/thread.h"
 #include "pipeline/live/scene/scene_internal.h"
 
 /* The background starts when this fraction of the tiles has been static for this time, and enough of it can improve. */

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/network/network.h"
@@ -277,7 +276,6 @@ static int fill_job(void *arg, int view, int worker SST_UNUSED)
     if (!err) {
         memcpy(out->data, run->disp[view].data, out->stride * (size_t)out->height);
         sst_fill_views(out, &run->status[view], run->disp_min, views, count, near, &scratch);
-        err = 0;
     }
     sst_map_u16_fini(&scratch);
     return err;

@@ -4,52 +4,17 @@
 #include "base/log.h"
 #include "pipeline/method/disparity/disparity.h"
 
+#define COMMON  .disp_max_px = 127, .p1 = 14, .p2 = 90, .edge_step = 24, .fill = true, .joint = true, .neighbours = 12
+#define SUPPORT .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8
+
 /* One parameter set per preset for all inputs; chosen on simulated scenes and stereo pairs, see docs/. */
 static const struct {
     const char *name;
     struct sst_disparity_config cfg;
 } presets[] = {
-    { "preview",
-      { .disp_max_px = 127,
-        .cost = SST_COST_CENSUS,
-        .paths = 4,
-        .p1 = 14,
-        .p2 = 90,
-        .edge_step = 24,
-        .fill = true,
-        .joint = true,
-        .neighbours = 12,
-        .scale = 2 } },
-    { "balanced",
-      { .disp_max_px = 127,
-        .cost = SST_COST_CENSUS,
-        .paths = 4,
-        .p1 = 14,
-        .p2 = 90,
-        .edge_step = 24,
-        .support_arm = 5,
-        .support_tau = 18,
-        .support_before = 1,
-        .bilateral_tau = 8,
-        .fill = true,
-        .joint = true,
-        .neighbours = 12,
-        .scale = 1 } },
-    { "accurate",
-      { .disp_max_px = 127,
-        .cost = SST_COST_BOTH,
-        .paths = 8,
-        .p1 = 14,
-        .p2 = 90,
-        .edge_step = 24,
-        .support_arm = 5,
-        .support_tau = 18,
-        .support_before = 1,
-        .bilateral_tau = 8,
-        .fill = true,
-        .joint = true,
-        .neighbours = 12,
-        .scale = 1 } },
+    { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2 } },
+    { "balanced", { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1 } },
+    { "accurate", { COMMON, SUPPORT, .cost = SST_COST_BOTH, .paths = 8, .scale = 1 } },
 };
 
 int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset)

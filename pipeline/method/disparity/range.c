@@ -32,8 +32,7 @@ static int reduce(struct sst_image *out, const struct sst_image *in, int *factor
     return err;
 }
 
-/* A pair's disparity of a reference pixel, in 1/64 px from the lowest searched; < 0: none, or low confidence.
- */
+/* A pair's disparity of a reference pixel, in 1/64 px from the lowest searched; < 0: none, or low confidence. */
 static int confident(const struct sst_lightfield *pair, int x, int y)
 {
     const uint16_t d = sst_map_u16_row(&pair->views[0].disp, y)[x];

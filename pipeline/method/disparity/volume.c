@@ -93,8 +93,7 @@ void sst_volume_fini(struct sst_volume *v)
     *v = (struct sst_volume){ 0 };
 }
 
-/* Displacement by disparity step i into a neighbour at offset b along one axis, in quarter pixels.
- */
+/* Displacement by disparity step i into a neighbour at offset b along one axis, in quarter pixels. */
 static int shift_q2(const struct sst_volume *v, int i, double b)
 {
     const double d = v->disp_min + (double)i / v->divisor;

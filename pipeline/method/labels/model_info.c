@@ -1,5 +1,4 @@
-/* A network's description: the YAML file beside it first, then the metadata inside it for entries that the file lacks.
- */
+/* A network's description: the YAML file beside it first, then its own metadata for entries that the file lacks. */
 #include "pipeline/method/labels/model_info.h"
 
 #include <errno.h>

@@ -1,5 +1,4 @@
-/* pipeline/method/labels/model_info.h - input and output of a segmentation network, from its metadata or a YAML file.
- */
+/* pipeline/method/labels/model_info.h - input and output of a segmentation network, from metadata or a YAML file. */
 #ifndef SST_PIPELINE_METHOD_LABELS_MODEL_INFO_H
 #define SST_PIPELINE_METHOD_LABELS_MODEL_INFO_H
 
@@ -23,8 +22,8 @@ struct sst_model_info {
 
 /**
  * The description of a network: each entry from the file beside it (FILE.yaml or FILE.onnx.yaml for FILE.onnx), else
- * from its metadata (sst.*), else the default. docs/integrate/formats.md lists both. If a file overrides metadata, a debug
- * message reports it.
+ * from its metadata (sst.*), else the default. docs/integrate/formats.md lists both. If a file overrides metadata, a
+ * debug message reports it.
  *
  * @param net   the network's metadata and its fixed input size count
  * @param path  of the network

@@ -7,7 +7,6 @@
 
 #include "base/log.h"
 #include "base/mem.h"
-#include "base/thread.h"
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/labels/labels_internal.h"
 #include "pipeline/method/labels/model_info.h"
@@ -222,8 +221,7 @@ static bool to_probabilities(float *p, const struct sst_segmenter *seg)
     return true;
 }
 
-/* Add the network's weighted result for window (i, j) to the grid; probabilities of channels of one class add up.
- */
+/* Add the network's weighted result for window (i, j) to the grid; probabilities of channels of one class add up. */
 static int add_window(struct class_grid *grid, const struct working *w, int i, int j, const struct sst_segmenter *seg)
 {
     const size_t plane = (size_t)w->out_width * (size_t)w->out_height;

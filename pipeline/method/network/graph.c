@@ -27,13 +27,18 @@ bool graph_is(const struct sst_onnx_node *node, const char *op)
     return (!node->domain.n || sst_onnx_str_is(node->domain, "ai.onnx")) && sst_onnx_str_is(node->op, op);
 }
 
+int graph_original(const struct graph_builder *b, int v)
+{
+    while (b->values[v].alias >= 0)
+        v = b->values[v].alias;
+    return v;
+}
+
 const struct sst_onnx_tensor *graph_constant(const struct graph_builder *b, const struct raw_node *node, int in)
 {
-    int v = in < node->onnx->n_in ? node->in[in] : -1;
+    const int v = in < node->onnx->n_in ? node->in[in] : -1;
 
-    while (v >= 0 && b->values[v].alias >= 0)
-        v = b->values[v].alias;
-    return v >= 0 ? b->values[v].constant : NULL;
+    return v >= 0 ? b->values[graph_original(b, v)].constant : NULL;
 }
 
 /* --- names ---------------------------------------------------------------------------------------- */
@@ -220,8 +225,7 @@ static int translate(struct graph_builder *b)
     }
     if (err)
         return err;
-    while (b->values[g->output].alias >= 0)
-        g->output = b->values[g->output].alias;
+    g->output = graph_original(b, g->output);
     out = &b->values[g->output];
     if (out->op < 0) {
         snprintf(b->why, 256, "an output that is a constant, the input or only padded");
@@ -259,9 +263,7 @@ static int read_range(struct graph_builder *b, struct sst_onnx_str text)
     v = find_value(b, (struct sst_onnx_str){ text.p + digits + 1, n - digits - 1 });
     if (v < 0)
         return bad_ranges(b, "name a value that the network lacks");
-    while (b->values[v].alias >= 0)
-        v = b->values[v].alias;
-    b->graph.range[v] = (float)range;
+    b->graph.range[graph_original(b, v)] = (float)range;
     return (int)n + (end ? 1 : 0);
 }
 

@@ -29,8 +29,7 @@ enum sst_resize_mode {
 
 #define SST_GRAPH_MAX_OPS 1024
 
-/* Metadata key: one line per value (input and node results) with the largest |x| that 8 bits must hold, and its name.
- */
+/* Metadata key: a line per value (input and node results) with the largest |x| that 8 bits must hold, and its name. */
 #define SST_RANGES_KEY "sst.ranges"
 /* Limit of the numbers in all operations' weights: twice what a file can hold, as constants may be shared. */
 #define SST_GRAPH_MAX_WEIGHTS ((int64_t)2 * (int64_t)(SST_ONNX_MAX_BYTES / sizeof(float)))

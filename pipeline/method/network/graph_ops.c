@@ -11,19 +11,12 @@
 
 typedef int translate_fn(struct graph_builder *b, const struct raw_node *node);
 
-static int resolve_alias(const struct graph_builder *b, int v)
-{
-    while (b->values[v].alias >= 0)
-        v = b->values[v].alias;
-    return v;
-}
-
 /* A value with channels that a node reads; `pad` comes from a Pad node, which only convolutions support. */
 static int image_value(struct graph_builder *b, const struct raw_node *node, int v, bool padding_is_fine, int *out)
 {
     const struct raw_value *value;
 
-    v = resolve_alias(b, v);
+    v = graph_original(b, v);
     value = &b->values[v];
     if (!value->channels)
         return graph_unsupported(b, node->onnx, "of a constant or of something that is not an image");
@@ -335,23 +328,14 @@ static int pool(struct graph_builder *b, const struct raw_node *node)
     return commit_op(b, op);
 }
 
-static int global_pool(struct graph_builder *b, const struct raw_node *node)
-{
-    struct sst_op *op = NULL;
-    int err = new_op(b, node, SST_OP_ADAPTIVE_POOL, &op);
-
-    if (err)
-        return err;
-    op->size[0] = op->size[1] = 1;
-    return commit_op(b, op);
-}
-
 static int adaptive_pool(struct graph_builder *b, const struct raw_node *node)
 {
     struct sst_op *op = NULL;
     int err = new_op(b, node, SST_OP_ADAPTIVE_POOL, &op);
 
-    if (!err)
+    if (!err && graph_is(node->onnx, "GlobalAveragePool"))
+        op->size[0] = op->size[1] = 1;
+    else if (!err)
         err = read_pair(b, node, "output_size", 1, op->size);
     if (err)
         return err;
@@ -478,7 +462,7 @@ static int identity(struct graph_builder *b, const struct raw_node *node)
 {
     if (node->onnx->n_in < 1 || node->in[0] < 0)
         return graph_wrong(b, node->onnx, "lacks an input");
-    return make_alias(b, node, resolve_alias(b, node->in[0]));
+    return make_alias(b, node, graph_original(b, node->in[0]));
 }
 
 static int constant(struct graph_builder *b, const struct raw_node *node)
@@ -527,7 +511,7 @@ int graph_translate(struct graph_builder *b, const struct raw_node *node)
         translate_fn *fn;
     } standard[] = {
         { "Conv", conv }, { "BatchNormalization", batch_norm }, { "Relu", relu }, { "Add", add }, { "Concat", concat },
-        { "MaxPool", pool }, { "AveragePool", pool }, { "GlobalAveragePool", global_pool }, { "Resize", resize },
+        { "MaxPool", pool }, { "AveragePool", pool }, { "GlobalAveragePool", adaptive_pool }, { "Resize", resize },
         { "Upsample", resize }, { "Softmax", softmax }, { "LpNormalization", lp_norm }, { "Identity", identity },
         { "Dropout", identity }, { "Constant", constant }, { "Pad", pad },
     }, own[] = {

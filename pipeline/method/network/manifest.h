@@ -1,5 +1,4 @@
-/* pipeline/method/network/manifest.h - manifest.json of a folder of networks: kind, hash and figures of each.
- */
+/* pipeline/method/network/manifest.h - manifest.json of a folder of networks: kind, hash and figures of each. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_MANIFEST_H
 #define SST_PIPELINE_METHOD_NETWORK_MANIFEST_H
 

@@ -5,28 +5,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "base/log.h"
-
-/* The folder `below` beside the program's own folder, or "". */
-static void beside_program(char out[SST_PATH_MAX], const char *below)
-{
-    char exe[SST_PATH_MAX];
-    const ssize_t n = readlink("/proc/self/exe", exe, sizeof(exe) - 1);
-    char *slash;
-
-    out[0] = 0;
-    if (n <= 0)
-        return;
-    exe[n] = 0;
-    slash = strrchr(exe, '/');
-    if (!slash)
-        return;
-    *slash = 0;
-    if (sst_path_join(out, exe, below))
-        out[0] = 0;
-}
 
 static void add_folder(struct sst_model_folders *f, const char *folder)
 {
@@ -47,10 +27,10 @@ void sst_model_folders(struct sst_model_folders *out)
 
     out->n = 0;
     add_folder(out, getenv("SST_MODELS"));
-    beside_program(path, "../models");
-    add_folder(out, path);
-    beside_program(path, "../share/sst/models");
-    add_folder(out, path);
+    if (!sst_path_beside_program(path, "../models"))
+        add_folder(out, path);
+    if (!sst_path_beside_program(path, "../share/sst/models"))
+        add_folder(out, path);
     add_folder(out, SST_DATADIR "/models");
 }
 

@@ -54,13 +54,14 @@ struct graph_builder {
 int graph_unsupported(struct graph_builder *b, const struct sst_onnx_node *node, const char *what);
 /** Log a fault of a node and return -EBADMSG. */
 int graph_wrong(struct graph_builder *b, const struct sst_onnx_node *node, const char *what);
+/** The value that an alias stands for; any other value itself. */
+int graph_original(const struct graph_builder *b, int v);
 /** Constant input of a node, or NULL. */
 const struct sst_onnx_tensor *graph_constant(const struct graph_builder *b, const struct raw_node *node, int in);
 /** True where the node is op of the standard domain. */
 bool graph_is(const struct sst_onnx_node *node, const char *op);
 
-/** Detect a node that ends a normalisation over channels exported in single steps, and return the normalised value.
- */
+/** Detect a node that ends a normalisation over channels exported in single steps, and return the normalised value. */
 struct graph_norm graph_find_norm(const struct graph_builder *b, const struct raw_node *node);
 
 struct resize_target {
@@ -68,8 +69,7 @@ struct resize_target {
     int like;        /* value whose height and width it takes, or -1 */
 };
 
-/** Find the target size of a Resize, which exporters wrap into arithmetic on shapes. False if it cannot be determined.
- */
+/** Find the target size of a Resize, which exporters wrap into arithmetic on shapes. @return false: unknown */
 bool graph_resize_target(const struct graph_builder *b, const struct raw_node *node, struct resize_target *out);
 
 /** Turn one node into an operation, fuse it into an earlier one, or make its output an alias. */

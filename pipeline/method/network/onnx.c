@@ -486,12 +486,10 @@ static int read_graph(struct sst_onnx *m, struct sst_onnx_str bytes, const char 
             t = add((void **)&m->tensors, &m->n_tensors, SST_ONNX_MAX_TENSORS, sizeof(*t), "constants", name, &err);
             if (t)
                 err = sst_onnx_tensor_read(t, f.bytes, name);
-        } else if (f.number == 11) {
-            v = add((void **)&m->ins, &m->n_ins, SST_ONNX_MAX_TENSORS, sizeof(*v), "inputs", name, &err);
-            if (v)
-                err = read_value(v, f.bytes, name);
-        } else if (f.number == 12) {
-            v = add((void **)&m->outs, &m->n_outs, SST_ONNX_MAX_TENSORS, sizeof(*v), "outputs", name, &err);
+        } else if (f.number == 11 || f.number == 12) {
+            v = f.number == 11
+                    ? add((void **)&m->ins, &m->n_ins, SST_ONNX_MAX_TENSORS, sizeof(*v), "inputs", name, &err)
+                    : add((void **)&m->outs, &m->n_outs, SST_ONNX_MAX_TENSORS, sizeof(*v), "outputs", name, &err);
             if (v)
                 err = read_value(v, f.bytes, name);
         } else if (f.number == 15) {

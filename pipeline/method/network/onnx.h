@@ -101,4 +101,21 @@ int64_t sst_onnx_attr_int(const struct sst_onnx_node *node, const char *name, in
 SST_MUST_CHECK int sst_onnx_tensor_read(struct sst_onnx_tensor *out, struct sst_onnx_str bytes, const char *name);
 void sst_onnx_tensor_fini(struct sst_onnx_tensor *tensor);
 
+/* --- operators and parameters of a file, counted --- */
+
+#define SST_SUMMARY_MAX_OPS 48
+
+struct sst_op_count {
+    char name[48]; /* with its domain, if that is not the standard one */
+    int count;
+};
+
+struct sst_summary {
+    int64_t opset, parameters; /* numbers in constants of floats */
+    int n_nodes, n_ops;
+    struct sst_op_count ops[SST_SUMMARY_MAX_OPS]; /* most frequent first, then by name; the rarest are dropped */
+};
+
+void sst_onnx_summary(struct sst_summary *out, const struct sst_onnx *model);
+
 #endif

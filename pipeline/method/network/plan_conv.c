@@ -179,21 +179,6 @@ static int quantise_weights(struct quantised *q, const struct sst_op *op)
     return 0;
 }
 
-/* The residual in 8 bits if the result is, else in f32. Returns its tensor or a negative errno. */
-static int residual_tensor(struct net_plan *p, const struct sst_op *op, bool bits8)
-{
-    const int t = p->current[op->in[1]];
-    dnnl_memory_desc_t md;
-    int err;
-
-    if (bits8)
-        return net_plan_in_8_bits(p, op->in[1]);
-    if (p->tensors[t].md.data_type == dnnl_f32)
-        return t;
-    err = net_plan_desc(&md, p->shapes[op->in[1]], dnnl_f32, dnnl_nhwc);
-    return err ? err : net_plan_in_layout(p, op->in[1], &md, 1);
-}
-
 static int quantise(struct net_plan *p, const struct sst_op *op, struct quantised *q, int *residual)
 {
     const struct net_plan_value *out = &p->values[op->out];
@@ -213,7 +198,7 @@ static int quantise(struct net_plan *p, const struct sst_op *op, struct quantise
         q->scales[c] *= q->src_scale / q->dst_scale;
     if (!op->residual)
         return 0;
-    *residual = residual_tensor(p, op, out->bits8);
+    *residual = out->bits8 ? net_plan_in_8_bits(p, op->in[1]) : net_plan_in_f32(p, op->in[1]);
     if (*residual < 0)
         return *residual;
     q->sum = p->tensors[*residual].md.data_type;
@@ -339,7 +324,7 @@ int net_plan_add_conv(struct net_plan *p, const struct sst_op *op)
     if (net_plan_conv_on_8_bits(p, op))
         err = quantise(p, op, &q, &residual);
     else if (op->residual)
-        err = residual = residual_tensor(p, op, false);
+        err = residual = net_plan_in_f32(p, op->in[1]);
     if (err >= 0)
         err = best_conv_desc(p, op, &q, &pd);
     if (!err)

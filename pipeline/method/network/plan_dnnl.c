@@ -5,9 +5,6 @@
 
 #include <errno.h>
 #include <stdlib.h>
-#include <string.h>
-
-#include "base/mem.h"
 
 int net_plan_errno(dnnl_status_t status)
 {
@@ -131,30 +128,27 @@ int net_plan_in_layout(struct net_plan *p, int value, const dnnl_memory_desc_t *
     return to;
 }
 
+/* The same for channels last. */
+static int in_nhwc(struct net_plan *p, int value, dnnl_data_type_t type, float scale)
+{
+    dnnl_memory_desc_t md;
+    const int err = net_plan_desc(&md, p->shapes[value], type, dnnl_nhwc);
+
+    return err ? err : net_plan_in_layout(p, value, &md, scale);
+}
+
 int net_plan_in_8_bits(struct net_plan *p, int value)
 {
-    const struct net_plan_value *v = &p->values[value];
-    dnnl_memory_desc_t md;
-    int err;
-
     for (int i = 0; i < p->n_tensors; i++) {
         if (p->tensors[i].value == value && p->tensors[i].md.data_type != dnnl_f32)
             return i;
     }
-    err = net_plan_desc(&md, p->shapes[value], v->type, dnnl_nhwc);
-    return err ? err : net_plan_in_layout(p, value, &md, v->scale);
+    return in_nhwc(p, value, p->values[value].type, p->values[value].scale);
 }
 
-/* A tensor of a value in f32, in whatever layout. */
-static int in_f32(struct net_plan *p, int value)
+int net_plan_in_f32(struct net_plan *p, int value)
 {
-    dnnl_memory_desc_t md;
-    int err;
-
-    if (p->tensors[p->current[value]].md.data_type == dnnl_f32)
-        return p->current[value];
-    err = net_plan_desc(&md, p->shapes[value], dnnl_f32, dnnl_nhwc);
-    return err ? err : net_plan_in_layout(p, value, &md, 1);
+    return p->tensors[p->current[value]].md.data_type == dnnl_f32 ? p->current[value] : in_nhwc(p, value, dnnl_f32, 1);
 }
 
 /* --- the other primitives ------------------------------------------------------------------------- */
@@ -179,7 +173,7 @@ static int finish(struct net_plan *p, const struct sst_op *op, dnnl_primitive_de
 
 static int add_relu(struct net_plan *p, const struct sst_op *op)
 {
-    const int src = in_f32(p, op->in[0]);
+    const int src = net_plan_in_f32(p, op->in[0]);
     dnnl_eltwise_desc_t desc;
     dnnl_primitive_desc_t pd;
     int err = src < 0 ? src
@@ -193,7 +187,7 @@ static int add_relu(struct net_plan *p, const struct sst_op *op)
 
 static int add_sum(struct net_plan *p, const struct sst_op *op)
 {
-    int src[2] = { in_f32(p, op->in[0]), -1 };
+    int src[2] = { net_plan_in_f32(p, op->in[0]), -1 };
     dnnl_memory_desc_t md;
     dnnl_binary_desc_t desc;
     dnnl_primitive_desc_t pd;
@@ -213,13 +207,8 @@ static int add_sum(struct net_plan *p, const struct sst_op *op)
 static int concat_input(struct net_plan *p, const struct sst_op *op, int value)
 {
     const struct net_plan_value *out = &p->values[op->out];
-    dnnl_memory_desc_t md;
-    int err;
 
-    if (!out->bits8)
-        return in_f32(p, value);
-    err = net_plan_desc(&md, p->shapes[value], out->type, dnnl_nhwc);
-    return err ? err : net_plan_in_layout(p, value, &md, out->scale);
+    return out->bits8 ? in_nhwc(p, value, out->type, out->scale) : net_plan_in_f32(p, value);
 }
 
 static int add_concat(struct net_plan *p, const struct sst_op *op)
@@ -245,7 +234,7 @@ static int add_concat(struct net_plan *p, const struct sst_op *op)
 
 static int add_pool(struct net_plan *p, const struct sst_op *op)
 {
-    const int src = p->values[op->out].bits8 ? net_plan_in_8_bits(p, op->in[0]) : in_f32(p, op->in[0]);
+    const int src = p->values[op->out].bits8 ? net_plan_in_8_bits(p, op->in[0]) : net_plan_in_f32(p, op->in[0]);
     const struct sst_shape in = p->shapes[op->in[0]], out = p->shapes[op->out];
     const int sizes[2] = { in.h, in.w }, outs[2] = { out.h, out.w };
     const dnnl_dims_t strides = { op->stride[0], op->stride[1] }, kernel = { op->kernel[0], op->kernel[1] };
@@ -298,7 +287,7 @@ static int add_own(struct net_plan *p, const struct sst_op *op)
     const struct sst_shape in = p->shapes[op->in[0]], out = p->shapes[op->out];
     dnnl_memory_desc_t md;
     struct net_plan_step *s;
-    int src = in_f32(p, op->in[0]), dst, err = 0;
+    int src = net_plan_in_f32(p, op->in[0]), dst, err = 0;
 
     if (src >= 0 && !p->tensors[src].view.block) {
         err = net_plan_desc(&md, in, dnnl_f32, dnnl_nchw);

@@ -92,6 +92,9 @@ int net_plan_in_layout(struct net_plan *p, int value, const dnnl_memory_desc_t *
 /** Number of a tensor that holds a value in 8 bits of any scale. */
 int net_plan_in_8_bits(struct net_plan *p, int value);
 
+/** The same in f32, in whatever layout. */
+int net_plan_in_f32(struct net_plan *p, int value);
+
 /** Create the tensor that holds a value from now on; its number or a negative errno. */
 int net_plan_result(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale);
 
@@ -111,8 +114,7 @@ int net_plan_errno(dnnl_status_t status);
 
 SST_MUST_CHECK int net_plan_add_conv(struct net_plan *p, const struct sst_op *op);
 
-/** Tile side of an operation as a oneDNN Winograd convolution with the current number of threads; 0: not possible.
- */
+/** Tile side of an operation as a oneDNN Winograd convolution with the current number of threads; 0: not possible. */
 uint8_t net_plan_winograd_tile(struct net_plan *p, const struct sst_op *op);
 
 /* --- plan_bits.c --- */

@@ -1,4 +1,4 @@
-#include "pipeline/method/network/summary.h"
+#include "pipeline/method/network/onnx.h"
 
 #include <stdio.h>
 #include <stdlib.h>

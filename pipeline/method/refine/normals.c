@@ -3,14 +3,11 @@
 #include <math.h>
 #include <string.h>
 
-#define COLLINEAR 1e-6
-#define RELIABLE_SIGMAS2                                                                                               \
-    4.0 /* a surface rougher than this, in squared deviations of the matcher, has no normal; ...                       \
-         */
-#define RELIABLE_FLOOR  0.0025 /* ... that deviation is at least 0.05 px */
-#define OUTSIDE_SIGMAS2 9.0F   /* a pixel this far off a plane, in squared deviations, ... */
-#define OUTSIDE_FLOOR                                                                                                  \
-    0.01F /* ... and 0.1 px, is not on it; smaller residuals are noise and must not choose the plane */
+#define COLLINEAR        1e-6
+#define RELIABLE_SIGMAS2 4.0    /* squared deviations of the matcher: a rougher surface has no normal; ... */
+#define RELIABLE_FLOOR   0.0025 /* ... that deviation is at least 0.05 px */
+#define OUTSIDE_SIGMAS2  9.0F   /* a pixel this far off a plane, in squared deviations, ... */
+#define OUTSIDE_FLOOR    0.01F  /* ... and 0.1 px, is not on it; smaller residuals are noise, which must not count */
 
 enum column_sum { COL_N, COL_Y, COL_YY, COL_D, COL_YD, COL_DD };
 

@@ -71,14 +71,6 @@ const struct sst_unconfirmed *sst_renderer_unconfirmed(struct sst_renderer *r)
     return err ? NULL : &r->unconfirmed;
 }
 
-static int check_value(const char *name, double v, double min, double max)
-{
-    if (isgreaterequal(v, min) && islessequal(v, max)) /* false for NaN, quietly */
-        return 0;
-    sst_log_error("render: %s %g is outside %g..%g", name, v, min, max);
-    return -EINVAL;
-}
-
 static int check_config(const struct sst_render_config *cfg)
 {
     const struct {
@@ -99,10 +91,10 @@ static int check_config(const struct sst_render_config *cfg)
     };
 
     for (size_t i = 0; i < ARRAY_LEN(values); i++) {
-        int err = check_value(values[i].name, values[i].v, values[i].min, values[i].max);
-
-        if (err)
-            return err;
+        if (isgreaterequal(values[i].v, values[i].min) && islessequal(values[i].v, values[i].max))
+            continue; /* not for NaN, quietly */
+        sst_log_error("render: %s %g is outside %g..%g", values[i].name, values[i].v, values[i].min, values[i].max);
+        return -EINVAL;
     }
     return 0;
 }
@@ -136,7 +128,8 @@ static bool in_aperture(const struct sst_render_tap *t, const struct sst_render_
     return t->v->present && distance(t, cfg) <= cfg->aperture + 1e-9;
 }
 
-int sst_render_views(const struct sst_lightfield *lf, const struct sst_render_config *cfg)
+/* Number of views that a picture uses: those in the aperture, at most max_views. */
+static int views_used(const struct sst_lightfield *lf, const struct sst_render_config *cfg)
 {
     int n = 0;
 
@@ -151,7 +144,7 @@ bool sst_render_prefers_raw(const struct sst_lightfield *lf, const struct sst_re
 
     for (int view = 0; view < lf->rows * lf->cols; view++)
         present += lf->views[view].present;
-    return lf->calibration && (int64_t)pictures * sst_render_views(lf, cfg) <= present;
+    return lf->calibration && (int64_t)pictures * views_used(lf, cfg) <= present;
 }
 
 /* Mapping of output pixels by a shift of `shift` px: first tap, fraction, nearest tap, range of pixels with all taps

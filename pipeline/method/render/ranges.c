@@ -1,4 +1,4 @@
-#include "pipeline/method/render/ranges.h"
+#include "pipeline/method/render/plan.h"
 
 #include <errno.h>
 #include <float.h>

@@ -77,9 +77,6 @@ struct sst_renderer; /* label ranges of one light field, computed on first use; 
 SST_MUST_CHECK int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *lf, int threads);
 void sst_renderer_destroy(struct sst_renderer *r);
 
-/** Number of views that a picture uses: those in the aperture, at most max_views. */
-int sst_render_views(const struct sst_lightfield *lf, const struct sst_render_config *cfg);
-
 /**
  * True if sampling raw frames (SST_LOAD_RAW) costs no more than rectifying them first.
  *

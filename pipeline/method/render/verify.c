@@ -34,8 +34,7 @@ _Static_assert(STRIDE <= SST_BLEND_MAX && STRIDE % 64 == 0, "a run is one call o
 #define SIDE         16 /* bins of a colour */
 _Static_assert(SIDE *SIDE *SIDE == SST_AGREE_BINS, "4 bits a colour");
 
-/* --- how rare colours are ------------------------------------------------------------------------------------------
- */
+/* --- how rare colours are ----------------------------------------------------------------------------------------- */
 
 static int64_t count_colours(float *count, const struct sst_view *v, int step)
 {
@@ -101,8 +100,7 @@ bool sst_rarity_differs(const uint8_t *was, const uint8_t *is, double tolerance)
     return off > tolerance * sum;
 }
 
-/* --- memory --------------------------------------------------------------------------------------------------------
- */
+/* --- memory ------------------------------------------------------------------------------------------------------- */
 
 /* A row of all rays; a ring of three, by y modulo 3. */
 struct row {
@@ -152,8 +150,7 @@ void sst_verifier_destroy(struct sst_verifier *v)
     free(v);
 }
 
-/* --- fraction left to votes --------------------------------------------------------------------------------------
- */
+/* --- fraction left to votes --------------------------------------------------------------------------------------- */
 
 /* Sums over the rays of a pixel, weighted by aperture. */
 struct rays {
@@ -208,8 +205,7 @@ static float ramp(float v, float low, float high)
     return fminf(fmaxf((v - low) / (high - low), 0), 1);
 }
 
-/* Fraction of a pixel that the maps leave to votes; `assigned` is the weight of rays that they assign to the focus.
- */
+/* Fraction of a pixel that the maps leave to votes; `assigned` is the weight of rays that they assign to the focus. */
 static float open_share(const struct sst_render_plan *p, const struct rays *r, float assigned)
 {
     float share;
@@ -268,8 +264,7 @@ static bool open_cell(struct sst_verifier *v, const struct sst_render_plan *p, f
     return open;
 }
 
-/* --- votes ---------------------------------------------------------------------------------------------------------
- */
+/* --- votes -------------------------------------------------------------------------------------------------------- */
 
 /* Add the doubt that follows from the maps' confidence to the weights of a tap's rays, output pixels x .. x+n-1 of row
  * y.
