@@ -104,12 +104,11 @@ static bool next_text(struct listener *l)
     return true;
 }
 
-static ssize_t listener_read(void *arg, uint64_t pos, char *buf, size_t max)
+static ssize_t listener_read(void *arg, uint64_t pos SST_UNUSED, char *buf, size_t max)
 {
     struct listener *l = arg;
     size_t n;
 
-    (void)pos;
     if (!l->text && !next_text(l))
         return MHD_CONTENT_READER_END_OF_STREAM;
     n = l->size - l->at < max ? l->size - l->at : max;

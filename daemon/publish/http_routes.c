@@ -1,5 +1,4 @@
 /* The table of routes, and what each of them does. */
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -100,12 +100,10 @@ static bool next_picture(struct stream *s)
 }
 
 /* Copy what fits of a part that lies at `start` of head, picture, tail. */
-static size_t copy_part(const struct stream *s, size_t at, size_t start, const void *part, size_t bytes, char *buf,
-                        size_t room)
+static size_t copy_part(size_t at, size_t start, const void *part, size_t bytes, char *buf, size_t room)
 {
     size_t n;
 
-    (void)s;
     if (at < start || at >= start + bytes)
         return 0;
     n = start + bytes - at;
@@ -114,18 +112,17 @@ static size_t copy_part(const struct stream *s, size_t at, size_t start, const v
     return n;
 }
 
-static ssize_t stream_read(void *arg, uint64_t pos, char *buf, size_t max)
+static ssize_t stream_read(void *arg, uint64_t pos SST_UNUSED, char *buf, size_t max)
 {
     struct stream *s = arg;
     size_t n = 0, end;
 
-    (void)pos;
     if (!s->jpeg && !next_picture(s))
         return MHD_CONTENT_READER_END_OF_STREAM;
     end = s->head_bytes + s->jpeg->bytes + sizeof(tail) - 1;
-    n += copy_part(s, s->at + n, 0, s->head, s->head_bytes, buf + n, max - n);
-    n += copy_part(s, s->at + n, s->head_bytes, s->jpeg->data, s->jpeg->bytes, buf + n, max - n);
-    n += copy_part(s, s->at + n, s->head_bytes + s->jpeg->bytes, tail, sizeof(tail) - 1, buf + n, max - n);
+    n += copy_part(s->at + n, 0, s->head, s->head_bytes, buf + n, max - n);
+    n += copy_part(s->at + n, s->head_bytes, s->jpeg->data, s->jpeg->bytes, buf + n, max - n);
+    n += copy_part(s->at + n, s->head_bytes + s->jpeg->bytes, tail, sizeof(tail) - 1, buf + n, max - n);
     s->at += n;
     if (s->at == end) {
         sst_slot_jpeg_unref(s->jpeg);

@@ -1,7 +1,6 @@
 /* struct sst_api of the service: its verbs, and those of the live engine as they are. */
 #define _XOPEN_SOURCE 700 /* strptime */
 #include <errno.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

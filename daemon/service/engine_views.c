@@ -7,7 +7,6 @@
 #include <sys/random.h>
 
 #include "base/clock.h"
-#include "base/log.h"
 #include "base/thread.h"
 #include "daemon/service/service_internal.h"
 #include "pipeline/image/codec.h"

@@ -5,7 +5,6 @@
 
 #include <jansson.h>
 #include <pthread.h>
-#include <stdatomic.h>
 
 #include "base/base.h"
 #include "capture/array/capture.h"

@@ -1,5 +1,4 @@
 /* State and status of storage, from what the threads have reported; nothing here waits for a disk. */
-#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 

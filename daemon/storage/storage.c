@@ -162,8 +162,7 @@ int sst_storage_configure(struct sst_storage *s, const struct sst_config *config
     return 0;
 }
 
-/* --- event triggers ------------------------------------------------------------------------------------------------
- */
+/* --- event triggers ----------------------------------------------------------------------------------------------- */
 
 void event_trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w)
 {

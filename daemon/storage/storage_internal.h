@@ -117,8 +117,7 @@ int64_t store_bytes(const char *dir);
  *  @return 0, -ENODATA (it has no set), -EBUSY (another process records there), -EBADMSG, -EIO ...; logged */
 SST_MUST_CHECK int store_repair(const char *dir, struct store_entry *entry);
 
-/* --- what is removed next
- * ---------------------------------------------------------------------------------------------- */
+/* --- what is removed next ----------------------------------------------------------------------------------------- */
 
 struct store_limits {
     int64_t quota_bytes, min_free_bytes;   /* 0: none */
@@ -162,8 +161,7 @@ int64_t store_download_bytes(const struct store_limits *limits, const struct sto
 enum store_verdict store_judge(const struct catalog *c, const struct store_limits *limits,
                                const struct store_room *room, int *victim);
 
-/* --- triggers: when a change or a label is there for long enough to be reported and recorded. No input or output. ---
- */
+/* --- triggers: when a change or a label is there for long enough to be reported and recorded. No input or output. - */
 
 /* A trigger has hysteresis: its condition holds from its share up, and down to half of that. It becomes active when the
  * condition held for begin_s, inactive when it did not for end_s, in two sets at least. Sets to the contrary subtract

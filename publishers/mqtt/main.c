@@ -27,9 +27,8 @@ static void wake(struct mqtt *m)
     errno = err;
 }
 
-static void on_signal(int sig)
+static void on_signal(int sig SST_UNUSED)
 {
-    (void)sig;
     mqtt.stop = true;
     wake(&mqtt);
 }
