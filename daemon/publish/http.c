@@ -4,9 +4,10 @@
  * call delays its own client alone. */
 #include "daemon/publish/publish_internal.h"
 
+#include <errno.h>
+
 #if WITH_HTTPD
 
-#include <errno.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -283,8 +284,6 @@ void sst_http_close(struct sst_http *http)
 }
 
 #else
-
-#include <errno.h>
 
 int sst_http_open(struct sst_http **out SST_UNUSED, const struct sst_http_config *cfg SST_UNUSED)
 {

@@ -75,12 +75,8 @@ void engine_views_close(struct live_engine *v)
 
 static json_t *view_json_locked(const struct view *e)
 {
-    json_t *o = json_pack("{s:s, s:i, s:o?}", "id", e->id, "viewers", sst_slot_clients(e->outlet), "settings",
-                          view_settings_json(&e->settings));
-
-    if (o)
-        json_object_set_new(o, "shown_focus_px", isnan(e->shown_focus_px) ? json_null() : json_real(e->shown_focus_px));
-    return o;
+    return json_pack("{s:s, s:i, s:o?, s:o}", "id", e->id, "viewers", sst_slot_clients(e->outlet), "settings",
+                     view_settings_json(&e->settings), "shown_focus_px", sst_api_real(e->shown_focus_px));
 }
 
 int engine_views(void *engine, struct sst_api_answer *out)

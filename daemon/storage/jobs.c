@@ -90,25 +90,9 @@ static int record_one(struct sst_storage *s, const struct store_job *job, const 
 
     if (!tracks)
         return -ENOMEM;
-    sst_recorder_config_defaults(&cfg);
+    store_recorder_config(&cfg, &job->settings.array, set);
     cfg.dir = dir;
-    cfg.rows = job->settings.rows;
-    cfg.cols = job->settings.cols;
-    cfg.cameras = job->settings.cameras;
     cfg.tracks = tracks;
-    cfg.fourcc = job->settings.fourcc;
-    cfg.width = job->settings.width;
-    cfg.height = job->settings.height;
-    cfg.rate_hz = job->settings.rate_hz;
-    cfg.spacing_mm = job->settings.spacing_mm;
-    for (int k = 0; k < set->cameras; k++) {
-        if (!set->frame[k])
-            continue;
-        cfg.fourcc = set->frame[k]->fourcc;
-        cfg.width = set->frame[k]->width;
-        cfg.height = set->frame[k]->height;
-        break;
-    }
     err = sst_recorder_open(&recorder, &cfg);
     free(tracks);
     if (err)
