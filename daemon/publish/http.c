@@ -6,6 +6,8 @@
 
 #include <errno.h>
 
+#include "base/log.h"
+
 #if WITH_HTTPD
 
 #include <signal.h>
@@ -16,7 +18,6 @@
 #include <unistd.h>
 
 #include "base/clock.h"
-#include "base/log.h"
 #include "base/thread.h"
 
 #define AGAIN_S     5           /* between tries for an address that is not to be had yet */

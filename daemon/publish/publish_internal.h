@@ -295,8 +295,6 @@ int http_do_listen(struct http_request *q);
 int http_do_web(struct http_request *q, const char *file, bool redirect); /* http_web.c */
 int http_do_login_form(struct http_request *q);
 int http_do_login(struct http_request *q);
-int http_reply_login(struct http_request *q, int status, const char *sentence);
-void http_set_cookie(struct http_request *q, struct MHD_Response *response, const char *token);
 
 /** What came too often or wrongly, as a status to refuse with; 0: fine. */
 int http_wrong_token(struct http_request *q, int *retry_s);

@@ -260,8 +260,8 @@ void *store_jobs_run(void *storage)
 
 /* --- calls -------------------------------------------------------------------------------------------------------- */
 
-/* May something be added? sst-retention removes what then exceeds the limits. */
-static int check_room(struct sst_storage *s)
+/* A job, unless nothing may be added; sst-retention removes what then exceeds the limits. */
+static int new_job(struct sst_storage *s, enum store_kind kind, struct store_job **out)
 {
     int err;
 
@@ -270,7 +270,13 @@ static int check_room(struct sst_storage *s)
     if (!err && s->jobs == SST_STORE_JOBS)
         err = -EBUSY;
     pthread_mutex_unlock(&s->lock);
-    return err;
+    if (err)
+        return err;
+    *out = calloc(1, sizeof(**out));
+    if (!*out)
+        return -ENOMEM;
+    (*out)->entry.kind = kind;
+    return 0;
 }
 
 /* Queue the job and wait for a limited time. The job is freed here or by the thread. */
@@ -326,14 +332,10 @@ static const struct sst_kept *newest_set(struct sst_ring *ring)
 int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jpeg, size_t bytes, char *name)
 {
     struct store_job *job;
-    int err = check_room(s);
+    int err = new_job(s, SST_STORE_SNAPSHOT, &job);
 
     if (err)
         return err;
-    job = calloc(1, sizeof(*job));
-    if (!job)
-        return -ENOMEM;
-    job->entry.kind = SST_STORE_SNAPSHOT;
     job->kept = newest_set(s->ring);
     if (!job->kept || !job->kept->set.present)
         err = -ENODATA;
@@ -410,14 +412,10 @@ int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wal
 {
     struct store_job *job;
     int64_t away, away_ram = INT64_MAX;
-    int err = check_room(s);
+    const int err = new_job(s, SST_STORE_EXPORT, &job);
 
     if (err)
         return err;
-    job = calloc(1, sizeof(*job));
-    if (!job)
-        return -ENOMEM;
-    job->entry.kind = SST_STORE_EXPORT;
     job->wall_ns = wall_ns;
     away = find_recording(s, recording, wall_ns, job->recording);
     job->kept = recording ? NULL : find_kept(s->ring, wall_ns);

@@ -142,18 +142,6 @@ static void *follow(void *arg SST_UNUSED)
 
 /* --- begin -------------------------------------------------------------------------------------------------------- */
 
-static int start_thread(void *(*run)(void *))
-{
-    pthread_t thread;
-    const int err = -pthread_create(&thread, NULL, run, NULL);
-
-    if (!err)
-        pthread_detach(thread);
-    else
-        sst_log_error("rtsp: no thread: %s", strerror(-err));
-    return err;
-}
-
 static int open_server(struct rtsp_server *server)
 {
     struct rtsp_login login;
@@ -206,9 +194,9 @@ int main(int argc, char **argv)
     mallopt(M_ARENA_MAX, ARENAS);
     sst_cond_init(&state.changed);
     rtsp_pictures_init(&state.publisher.service);
-    if (start_thread(follow))
+    if (sst_publisher_start(&state.publisher, follow, NULL))
         return EXIT_FAILURE;
-    if (state.config.rtsp.enabled && !start_thread(report))
+    if (state.config.rtsp.enabled && !sst_publisher_start(&state.publisher, report, NULL))
         serve();
     for (;;)
         pause(); /* disabled: until a reload */
