@@ -132,8 +132,7 @@ static void listener_free(void *arg)
     free(l);
 }
 
-/* The first event to send: after Last-Event-ID, after the query's `after`, or from now. @return false: answered already
- */
+/* The first event to send: after Last-Event-ID, after the query's `after`, or from now. @return false: answered */
 static bool start_of(struct http_request *q, struct sst_events *events, uint64_t *after, int *done)
 {
     const char *got = http_header(q, "Last-Event-ID");

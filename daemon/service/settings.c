@@ -70,11 +70,9 @@ static int parse_number(struct view_settings *s, size_t i, const json_t *value, 
         *member_of(s, i) = numbers[i].natural;
         return 0;
     }
-    if (!json_is_number(value) || !(v >= numbers[i].min && v <= numbers[i].max)) {
-        snprintf(error, 512, "%s must be a number from %g to %g%s", numbers[i].key, numbers[i].min, numbers[i].max,
-                 numbers[i].null ? " or null" : "");
-        return -EINVAL;
-    }
+    if (!json_is_number(value) || !(v >= numbers[i].min && v <= numbers[i].max))
+        return sst_api_refuse(error, -EINVAL, "%s must be a number from %g to %g%s", numbers[i].key, numbers[i].min,
+                              numbers[i].max, numbers[i].null ? " or null" : "");
     *member_of(s, i) = v;
     return 0;
 }
@@ -83,10 +81,8 @@ static int parse_method(struct view_settings *s, const json_t *value, char error
 {
     const char *text = json_string_value(value);
 
-    if (!text || (strcmp(text, "sst") && strcmp(text, "refocus"))) {
-        snprintf(error, 512, "method must be \"sst\" or \"refocus\"");
-        return -EINVAL;
-    }
+    if (!text || (strcmp(text, "sst") && strcmp(text, "refocus")))
+        return sst_api_refuse(error, -EINVAL, "method must be \"sst\" or \"refocus\"");
     s->render.method = strcmp(text, "sst") ? SST_RENDER_REFOCUS : SST_RENDER_SST;
     return 0;
 }
@@ -95,10 +91,8 @@ static int parse_label(struct view_settings *s, const json_t *value, char error[
 {
     const char *text = json_is_null(value) ? "" : json_string_value(value);
 
-    if (!text || strlen(text) >= sizeof(s->focus_label)) {
-        snprintf(error, 512, "focus_label must be the name of a class, see /api/v1/labels, or \"\"");
-        return -EINVAL;
-    }
+    if (!text || strlen(text) >= sizeof(s->focus_label))
+        return sst_api_refuse(error, -EINVAL, "focus_label must be the name of a class, see /api/v1/labels, or \"\"");
     snprintf(s->focus_label, sizeof(s->focus_label), "%s", text);
     return 0;
 }
@@ -116,8 +110,7 @@ static int parse_member(struct view_settings *s, const char *key, const json_t *
         s->follow = json_is_true(value);
         return 0;
     }
-    snprintf(error, 512, "follow must be true or false");
-    return -EINVAL;
+    return sst_api_refuse(error, -EINVAL, "follow must be true or false");
 }
 
 int view_settings_take(struct view_settings *s, const json_t *from, char error[512])
@@ -128,10 +121,8 @@ int view_settings_take(struct view_settings *s, const json_t *from, char error[5
     const char *key;
     json_t *value;
 
-    if (!json_is_object(from)) {
-        snprintf(error, 512, "the settings of a view are an object, like {\"focus_px\": 12}");
-        return -EINVAL;
-    }
+    if (!json_is_object(from))
+        return sst_api_refuse(error, -EINVAL, "the settings of a view are an object, like {\"focus_px\": 12}");
     if (sst_api_members(from, known, error))
         return -EINVAL;
     json_object_foreach((json_t *)from, key, value)

@@ -1,5 +1,4 @@
-/* Snapshots and exports: light fields, made one after another by the thread sst-export; calls wait for a limited time.
- */
+/* Snapshots and exports: light fields, made one after another by the thread sst-export; calls wait for a while. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -107,8 +106,7 @@ static int64_t distance(int64_t a, int64_t b)
     return a > b ? a - b : b - a;
 }
 
-/* The set nearest to a moment. Wall clocks are stepped, so this checks every 64th set, then those around the nearest.
- */
+/* The set nearest to a moment. Wall clocks are stepped, so this checks each 64th set, then those around the best. */
 static int find_set(const struct sst_recording *r, int64_t wall_ns, int *nearest)
 {
     struct sst_recording_set *set = malloc(sizeof(*set));

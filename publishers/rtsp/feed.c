@@ -400,8 +400,7 @@ static bool parse_path(const char *path, enum rtsp_kind *kind, char name[RTSP_NA
     return true;
 }
 
-/* Views come and go, each with a name of its own: paths that have no source are unmounted; DESCRIBE mounts them again.
- */
+/* Views come and go, each with its own name: paths that have no source are unmounted; DESCRIBE mounts them again. */
 static void unmount_unused_locked(struct rtsp_server *rtsp)
 {
     for (guint i = rtsp->factories->len; i-- > 0;) {
