@@ -70,8 +70,7 @@ static bool next_picture(struct stream *s)
 
     s->jpeg = count_skipped(s);
     if (s->period_ns) {
-        if (s->jpeg)
-            sst_slot_jpeg_unref(s->jpeg);
+        sst_slot_jpeg_unref(s->jpeg);
         s->jpeg = NULL; /* by then there may be a newer one */
         pause_until(s, s->due_ns);
     }
@@ -136,8 +135,7 @@ static void stream_free(void *arg)
 {
     struct stream *s = arg;
 
-    if (s->jpeg)
-        sst_slot_jpeg_unref(s->jpeg);
+    sst_slot_jpeg_unref(s->jpeg);
     sst_slot_leave(s->outlet);
     sst_slot_unref(s->outlet);
     atomic_fetch_sub(&s->http->count->streams, 1);
@@ -225,8 +223,7 @@ static const struct sst_jpeg *fresh_picture(struct http_request *q, struct sst_s
         sst_slot_wait(outlet, number, HTTP_WAIT_MS);
         newer = sst_slot_get(outlet, number);
         if (newer) {
-            if (jpeg)
-                sst_slot_jpeg_unref(jpeg);
+            sst_slot_jpeg_unref(jpeg);
             jpeg = newer;
             break;
         }

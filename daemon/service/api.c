@@ -82,8 +82,7 @@ static int snapshot(void *arg, const json_t *request, struct sst_api_answer *out
         return sst_api_refuse(out->error, -ENOENT, "there is no view %.32s", id ? id : "of that kind");
     jpeg = sst_slot_get(from, 0);
     err = sst_storage_snapshot(s->storage, jpeg ? jpeg->data : NULL, jpeg ? jpeg->bytes : 0, name);
-    if (jpeg)
-        sst_slot_jpeg_unref(jpeg);
+    sst_slot_jpeg_unref(jpeg);
     sst_slot_unref(from);
     return err ? explain(s, err, out) : answer_name(out, name);
 }

@@ -165,8 +165,7 @@ static int run_job(struct sst_storage *s, const struct store_job *job)
 
 static void free_job(struct sst_storage *s, struct store_job *job)
 {
-    if (job->kept)
-        sst_ring_unref(s->ring, job->kept);
+    sst_ring_unref(s->ring, job->kept);
     free(job->jpeg);
     free(job);
 }
@@ -322,8 +321,7 @@ static const struct sst_kept *newest_set(struct sst_ring *ring)
     const uint64_t number = k ? k->number : 0;
     uint64_t dropped;
 
-    if (k)
-        sst_ring_unref(ring, k);
+    sst_ring_unref(ring, k);
     return k ? sst_ring_newest(ring, number > RECENT ? number - RECENT : 0, &dropped) : NULL;
 }
 
@@ -371,12 +369,10 @@ static const struct sst_kept *find_kept(struct sst_ring *ring, int64_t wall_ns)
                 best = k;
                 k = other;
             }
-            if (k)
-                sst_ring_unref(ring, k);
+            sst_ring_unref(ring, k);
             continue;
         }
-        if (k)
-            sst_ring_unref(ring, k);
+        sst_ring_unref(ring, k);
         return best;
     }
 }

@@ -591,8 +591,7 @@ static uint64_t newest(struct sst_ring *ring)
     const struct sst_kept *k = sst_ring_get(ring, 0);
     const uint64_t number = k ? k->number : 0;
 
-    if (k)
-        sst_ring_unref(ring, k);
+    sst_ring_unref(ring, k);
     return number;
 }
 

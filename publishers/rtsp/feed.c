@@ -312,8 +312,7 @@ static GstElement *create_element(GstRTSPMediaFactory *factory, const GstRTSPUrl
 
     if (jpeg && !sst_jpeg_size(&width, &height, jpeg->data, jpeg->bytes, at->path))
         bin = make_bin(at->rtsp->codec, width, height);
-    if (jpeg)
-        sst_slot_jpeg_unref(jpeg);
+    sst_slot_jpeg_unref(jpeg);
     if (bin)
         attach(f, bin, width, height);
     else if (f)
