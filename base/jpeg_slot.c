@@ -102,9 +102,9 @@ const struct sst_jpeg *sst_slot_jpeg_ref(const struct sst_jpeg *jpeg)
 
 void sst_slot_jpeg_unref(const struct sst_jpeg *jpeg)
 {
-    struct jpeg *j = whole(jpeg);
+    struct jpeg *j = jpeg ? whole(jpeg) : NULL;
 
-    if (--j->refs)
+    if (!j || --j->refs)
         return;
     free(j->data);
     free(j);

@@ -31,7 +31,7 @@ SST_MUST_CHECK int sst_slot_put(struct sst_slot *outlet, uint8_t *data, size_t b
 /** The newest picture if its number is above `after`, else NULL; a reference, for sst_slot_jpeg_unref(). */
 const struct sst_jpeg *sst_slot_get(struct sst_slot *outlet, uint64_t after);
 const struct sst_jpeg *sst_slot_jpeg_ref(const struct sst_jpeg *jpeg);
-void sst_slot_jpeg_unref(const struct sst_jpeg *jpeg);
+void sst_slot_jpeg_unref(const struct sst_jpeg *jpeg); /* NULL is fine */
 
 /** Wait for a picture with a number above `after`. @return false: time is up, or shut */
 bool sst_slot_wait(struct sst_slot *outlet, uint64_t after, int timeout_ms);

@@ -45,8 +45,7 @@ struct sst_client {
     void *go_on_arg;
 };
 
-/* --- receiving -----------------------------------------------------------------------------------------------------
- */
+/* --- receiving ---------------------------------------------------------------------------------------------------- */
 
 static int append(struct sst_client *c, const char *data, size_t bytes)
 {
@@ -192,8 +191,7 @@ static int progress(void *arg, curl_off_t total, curl_off_t now, curl_off_t up_t
     return c->err != 0;
 }
 
-/* --- errors -------------------------------------------------------------------------------------------------------
- */
+/* --- errors ------------------------------------------------------------------------------------------------------- */
 
 static int transfer_error(struct sst_client *c, CURLcode code, const char *said)
 {
@@ -295,8 +293,7 @@ static int transfer(struct sst_client *c, const char *path, const char *post, bo
     return status / 100 == 2 ? 0 : refusal(c, status);
 }
 
-/* --- opening -------------------------------------------------------------------------------------------------------
- */
+/* --- opening ------------------------------------------------------------------------------------------------------ */
 
 static bool add_header(struct curl_slist **list, const char *header)
 {
@@ -400,8 +397,7 @@ void sst_client_close(struct sst_client *c)
     free(c);
 }
 
-/* --- requests ------------------------------------------------------------------------------------------------------
- */
+/* --- requests ----------------------------------------------------------------------------------------------------- */
 
 int sst_client_json(struct sst_client *c, const char *path, const json_t *post, json_t **out)
 {
@@ -505,17 +501,14 @@ int sst_client_lines(struct sst_client *c, const char *path, bool endless, sst_c
 
 #else /* !WITH_CURL */
 
-int sst_client_open(struct sst_client **out, const struct sst_client_service *where)
+int sst_client_open(struct sst_client **out SST_UNUSED, const struct sst_client_service *where SST_UNUSED)
 {
-    (void)out;
-    (void)where;
     sst_log_error("this build cannot ask the service: it was made without libcurl");
     return -ENOTSUP;
 }
 
-void sst_client_close(struct sst_client *client)
+void sst_client_close(struct sst_client *client SST_UNUSED)
 {
-    (void)client;
 }
 
 int sst_client_json(struct sst_client *client, const char *path, const json_t *post, json_t **out)
@@ -548,9 +541,9 @@ int sst_client_stream(struct sst_client *client, const char *path, sst_client_pi
     return -ENOTSUP;
 }
 
-void sst_client_set_continue(struct sst_client *client, sst_client_continue_fn *fn, void *arg)
+void sst_client_set_continue(struct sst_client *client SST_UNUSED, sst_client_continue_fn *fn SST_UNUSED,
+                             void *arg SST_UNUSED)
 {
-    (void)client, (void)fn, (void)arg;
 }
 
 #endif

@@ -81,12 +81,11 @@ static int64_t watchdog_ns(void)
 
 static int signal_pipe[2];
 
-static void on_alarm(int sig)
+static void on_alarm(int sig SST_UNUSED)
 {
     static const char text[] = "sst: warning: something hangs; the process ends without it\n";
     struct pollfd log = { .fd = STDERR_FILENO, .events = POLLOUT };
 
-    (void)sig;
     if (poll(&log, 1, 0) == 1 && write(STDERR_FILENO, text, sizeof(text) - 1) < 0) {
         /* no reader of the log: that may be what hangs */
     }
@@ -119,9 +118,8 @@ static void on_signal(int sig)
 }
 
 /* The one thread in which signals are not blocked: nothing delays it, not even the start of the service. */
-static void *wait_for_signals(void *arg)
+static void *wait_for_signals(void *arg SST_UNUSED)
 {
-    (void)arg;
     sst_thread_name("sst-signals");
     for (;;)
         pause();

@@ -2,7 +2,7 @@
 
 #include <errno.h>
 #include <getopt.h>
-#include <math.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -90,6 +90,18 @@ int sst_publisher_begin(struct sst_publisher *p, struct sst_config *config, cons
     snprintf(p->socket, sizeof(p->socket), "%s", p->service.socket ? p->service.socket : config->control.socket);
     p->service.socket = p->socket;
     return SST_PUBLISHER_GO_ON;
+}
+
+int sst_publisher_start(const struct sst_publisher *p, void *(*run)(void *), void *arg)
+{
+    pthread_t thread;
+    const int err = -pthread_create(&thread, NULL, run, arg);
+
+    if (!err)
+        pthread_detach(thread);
+    else
+        sst_log_error("%s: no thread: %s", p->name, strerror(-err));
+    return err;
 }
 
 bool sst_publisher_changed(const struct sst_publisher *p, const struct sst_config *before, struct sst_config *out,

@@ -25,6 +25,9 @@ struct sst_publisher {
 int sst_publisher_begin(struct sst_publisher *p, struct sst_config *config, const char *name, const char *what,
                         int argc, char **argv);
 
+/** Start a thread that ends with the process. @return 0 or -errno; logged */
+SST_MUST_CHECK int sst_publisher_start(const struct sst_publisher *p, void *(*run)(void *), void *arg);
+
 /** Read the configuration again. @return true: a key that begins with one of `sections` (ends in NULL) has changed;
  *  false: none, or it cannot be read (logged) */
 bool sst_publisher_changed(const struct sst_publisher *p, const struct sst_config *before, struct sst_config *out,

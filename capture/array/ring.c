@@ -208,8 +208,11 @@ const struct sst_kept *sst_ring_newest(struct sst_ring *r, uint64_t after, uint6
 
 void sst_ring_unref(struct sst_ring *r, const struct sst_kept *kept)
 {
-    struct slot *s = (struct slot *)((uint8_t *)kept - offsetof(struct slot, kept));
+    struct slot *s;
 
+    if (!kept)
+        return;
+    s = (struct slot *)((uint8_t *)kept - offsetof(struct slot, kept));
     pthread_mutex_lock(&r->lock);
     s->refs--;
     pthread_mutex_unlock(&r->lock);

@@ -43,7 +43,7 @@ const struct sst_kept *sst_ring_get(struct sst_ring *ring, uint64_t number);
  *  @param dropped  out, number of sets between `after` and it */
 const struct sst_kept *sst_ring_newest(struct sst_ring *ring, uint64_t after, uint64_t *dropped);
 
-void sst_ring_unref(struct sst_ring *ring, const struct sst_kept *kept);
+void sst_ring_unref(struct sst_ring *ring, const struct sst_kept *kept); /* NULL is fine */
 
 /** Wait for a set with a number above `after`. @return false: time-out, or the ring was shut */
 bool sst_ring_wait(struct sst_ring *ring, uint64_t after, int timeout_ms);

@@ -130,6 +130,14 @@ static void show(const struct sst_events *e, enum sst_event_level level, const c
     sst_log_hold_errors(held);
 }
 
+static void call_watchers(struct sst_events *e)
+{
+    pthread_mutex_lock(&e->watch);
+    for (int i = 0; i < e->watchers; i++)
+        e->watcher[i].fn(e->watcher[i].arg);
+    pthread_mutex_unlock(&e->watch);
+}
+
 void sst_events_emit(struct sst_events *e, enum sst_event_level level, const char *type, json_t *data, const char *fmt,
                      ...)
 {
@@ -161,10 +169,7 @@ void sst_events_emit(struct sst_events *e, enum sst_event_level level, const cha
     }
     pthread_mutex_unlock(&e->lock);
     json_decref(o);
-    pthread_mutex_lock(&e->watch);
-    for (int i = 0; i < e->watchers; i++)
-        e->watcher[i].fn(e->watcher[i].arg);
-    pthread_mutex_unlock(&e->watch);
+    call_watchers(e);
 }
 
 bool sst_events_next(struct sst_events *e, uint64_t after, uint64_t *id, char **json)
@@ -248,10 +253,7 @@ void sst_events_shut(struct sst_events *e)
     e->shut = true;
     pthread_cond_broadcast(&e->changed);
     pthread_mutex_unlock(&e->lock);
-    pthread_mutex_lock(&e->watch);
-    for (int i = 0; i < e->watchers; i++)
-        e->watcher[i].fn(e->watcher[i].arg);
-    pthread_mutex_unlock(&e->watch);
+    call_watchers(e);
 }
 
 void sst_events_destroy(struct sst_events *e)

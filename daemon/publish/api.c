@@ -1,5 +1,6 @@
 #include <errno.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -18,10 +19,8 @@ int sst_api_members(const json_t *request, const char *const *known, char error[
     const char *key, *near;
     json_t *value;
 
-    if (request && !json_is_object(request)) {
-        snprintf(error, 512, "the request must be an object of JSON");
-        return -EINVAL;
-    }
+    if (request && !json_is_object(request))
+        return sst_api_refuse(error, -EINVAL, "the request must be an object of JSON");
     json_object_foreach((json_t *)(uintptr_t)request, key, value)
     {
         int i = 0;
@@ -43,6 +42,16 @@ int sst_api_members(const json_t *request, const char *const *known, char error[
         return -EINVAL;
     }
     return 0;
+}
+
+int sst_api_refuse(char error[512], int err, const char *fmt, ...)
+{
+    va_list args;
+
+    va_start(args, fmt);
+    vsnprintf(error, 512, fmt, args);
+    va_end(args);
+    return err;
 }
 
 json_t *sst_api_real(double v)

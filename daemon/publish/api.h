@@ -61,6 +61,9 @@ struct sst_api {
  *  missing request is an empty one. @return 0, -EINVAL (`error` is one sentence) */
 SST_MUST_CHECK int sst_api_members(const json_t *request, const char *const *known, char error[512]);
 
+/** Write the sentence of an error. @return err */
+int sst_api_refuse(char error[512], int err, const char *fmt, ...) SST_PRINTF(3, 4);
+
 /** A number, or null for what is none, or infinite: JSON has neither. NULL: no memory */
 json_t *sst_api_real(double v);
 

@@ -4,9 +4,12 @@
  * call delays its own client alone. */
 #include "daemon/publish/publish_internal.h"
 
+#include <errno.h>
+
+#include "base/log.h"
+
 #if WITH_HTTPD
 
-#include <errno.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,7 +18,6 @@
 #include <unistd.h>
 
 #include "base/clock.h"
-#include "base/log.h"
 #include "base/thread.h"
 
 #define AGAIN_S     5           /* between tries for an address that is not to be had yet */
@@ -25,19 +27,16 @@
 
 static _Thread_local char library_error[256]; /* of the library, the last one on this thread */
 
-static void log_library(void *cls, const char *fmt, va_list args)
+static void log_library(void *cls SST_UNUSED, const char *fmt, va_list args)
 {
-    (void)cls;
     vsnprintf(library_error, sizeof(library_error), fmt, args);
     library_error[strcspn(library_error, "\n")] = 0;
     sst_log_debug("http: %s", library_error);
 }
 
 /* "%00" stays as it is: a NUL would end the path before the rest of it is checked. */
-static size_t unescape(void *cls, struct MHD_Connection *connection, char *text)
+static size_t unescape(void *cls SST_UNUSED, struct MHD_Connection *connection SST_UNUSED, char *text)
 {
-    (void)cls;
-    (void)connection;
     return strstr(text, "%00") ? strlen(text) : MHD_http_unescape(text);
 }
 
@@ -287,32 +286,23 @@ void sst_http_close(struct sst_http *http)
 
 #else
 
-#include <errno.h>
-
-#include "base/log.h"
-
-int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
+int sst_http_open(struct sst_http **out SST_UNUSED, const struct sst_http_config *cfg SST_UNUSED)
 {
-    (void)out;
-    (void)cfg;
     sst_log_error("this build has no HTTP: build it with libmicrohttpd, or set web.enabled: false");
     return -ENOTSUP;
 }
 
-int sst_http_port(const struct sst_http *http)
+int sst_http_port(const struct sst_http *http SST_UNUSED)
 {
-    (void)http;
     return 0;
 }
 
-void sst_http_stop(struct sst_http *http)
+void sst_http_stop(struct sst_http *http SST_UNUSED)
 {
-    (void)http;
 }
 
-void sst_http_close(struct sst_http *http)
+void sst_http_close(struct sst_http *http SST_UNUSED)
 {
-    (void)http;
 }
 
 #endif

@@ -1,6 +1,5 @@
 #define _GNU_SOURCE /* struct ucred */
 /* Authorization: tokens, peers of the UNIX socket, and delays after wrong tokens. */
-#include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <grp.h>

@@ -104,12 +104,11 @@ static bool next_text(struct listener *l)
     return true;
 }
 
-static ssize_t listener_read(void *arg, uint64_t pos, char *buf, size_t max)
+static ssize_t listener_read(void *arg, uint64_t pos SST_UNUSED, char *buf, size_t max)
 {
     struct listener *l = arg;
     size_t n;
 
-    (void)pos;
     if (!l->text && !next_text(l))
         return MHD_CONTENT_READER_END_OF_STREAM;
     n = l->size - l->at < max ? l->size - l->at : max;
@@ -133,8 +132,7 @@ static void listener_free(void *arg)
     free(l);
 }
 
-/* The first event to send: after Last-Event-ID, after the query's `after`, or from now. @return false: answered already
- */
+/* The first event to send: after Last-Event-ID, after the query's `after`, or from now. @return false: answered */
 static bool start_of(struct http_request *q, struct sst_events *events, uint64_t *after, int *done)
 {
     const char *got = http_header(q, "Last-Event-ID");

@@ -1,7 +1,5 @@
 /* Pure parsers for text from clients; no side effects. */
 #include <ctype.h>
-#include <errno.h>
-#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 

@@ -3,7 +3,6 @@
 
 #if WITH_HTTPD
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -148,12 +147,11 @@ static int answer(struct http_request *q)
 }
 
 enum MHD_Result http_on_request(void *cls, struct MHD_Connection *connection, const char *path, const char *method,
-                                const char *version, const char *data, size_t *size, void **state)
+                                const char *version SST_UNUSED, const char *data, size_t *size, void **state)
 {
     struct http_request *q = *state;
     int done;
 
-    (void)version;
     if (!q) {
         *state = q = new_request(cls, connection);
         if (!q)
@@ -170,13 +168,11 @@ enum MHD_Result http_on_request(void *cls, struct MHD_Connection *connection, co
     return answer(q) ? MHD_YES : MHD_NO;
 }
 
-void http_on_done(void *cls, struct MHD_Connection *connection, void **state, enum MHD_RequestTerminationCode how)
+void http_on_done(void *cls SST_UNUSED, struct MHD_Connection *connection SST_UNUSED, void **state,
+                  enum MHD_RequestTerminationCode how SST_UNUSED)
 {
     struct http_request *q = *state;
 
-    (void)cls;
-    (void)connection;
-    (void)how;
     if (!q)
         return;
     /* An idle connection goes earlier, and what comes after it has its time from its first byte on. */

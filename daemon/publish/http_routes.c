@@ -1,5 +1,4 @@
 /* The table of routes, and what each of them does. */
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,16 +9,16 @@
 /* method, path, role, one line, handler. The first that fits counts: {name} comes after words. */
 #define ROUTES(X)                                                                                                      \
     X("GET", "/healthz", ANYONE, "Health check: is the array being captured?", healthz)                                \
-    X("GET", "/login", ANYONE, "A form for the token", login_form)                                                     \
-    X("POST", "/login", ANYONE, "Log in with a token; sets a cookie", login)                                           \
+    X("GET", "/login", ANYONE, "A form for the token", http_do_login_form)                                             \
+    X("POST", "/login", ANYONE, "Log in with a token; sets a cookie", http_do_login)                                   \
     X("GET", "/", VIEW, "The page", page)                                                                              \
     X("GET", "/web/{file}", VIEW, "A file of the page", web)                                                           \
     X("GET", "/api/v1/openapi.json", VIEW, "This API", openapi)                                                        \
     X("GET", "/api/v1/status", VIEW, "State, rates, latencies, counters", status)                                      \
     X("GET", "/api/v1/cameras", VIEW, "The grid of cameras and each one's state", cameras)                             \
     X("GET", "/api/v1/labels", VIEW, "Classes, colours, shares of the picture", labels)                                \
-    X("GET", "/api/v1/events", VIEW, "Stored events, one line of JSON each", events)                                   \
-    X("GET", "/api/v1/events/stream", VIEW, "Event stream", event_stream)                                              \
+    X("GET", "/api/v1/events", VIEW, "Stored events, one line of JSON each", http_do_events)                           \
+    X("GET", "/api/v1/events/stream", VIEW, "Event stream", http_do_listen)                                            \
     X("GET", "/api/v1/views", VIEW, "Views and their settings", views)                                                 \
     X("POST", "/api/v1/views", VIEW, "A view with settings of its own", view_create)                                   \
     X("POST", "/api/v1/views/{id}", VIEW, "Change a view's settings; main: control", view_change)                      \
@@ -38,7 +37,7 @@
     X("POST", "/api/v1/record", CONTROL, "Start or stop recording", record)                                            \
     X("GET", "/api/v1/recordings", VIEW, "Stored recordings, snapshots and exports", recordings)                       \
     X("POST", "/api/v1/export", CONTROL, "A light field of a moment of a recording", export)                           \
-    X("GET", "/api/v1/download/{name}", VIEW, "Download a recording, snapshot or export as a file", download)          \
+    X("GET", "/api/v1/download/{name}", VIEW, "Download a recording, snapshot or export as a file", http_do_download)  \
     X("POST", "/api/v1/delete", CONTROL, "Delete a recording, snapshot or export", delete)                             \
     X("POST", "/api/v1/reload", CONTROL, "Reload the configuration", reload)                                           \
     X("POST", "/api/v1/publishers", CONTROL, "Report of a program that publishes", publishers)                         \
@@ -75,16 +74,6 @@ static int healthz(struct http_request *q)
     return http_reply_text(q, ok ? MHD_HTTP_OK : MHD_HTTP_SERVICE_UNAVAILABLE, "text/plain; charset=utf-8", text);
 }
 
-static int login_form(struct http_request *q)
-{
-    return http_do_login_form(q);
-}
-
-static int login(struct http_request *q)
-{
-    return http_do_login(q);
-}
-
 static int page(struct http_request *q)
 {
     return http_do_web(q, "index.html", true);
@@ -98,16 +87,6 @@ static int web(struct http_request *q)
 static int openapi(struct http_request *q)
 {
     return http_do_web(q, "openapi.json", false);
-}
-
-static int events(struct http_request *q)
-{
-    return http_do_events(q);
-}
-
-static int event_stream(struct http_request *q)
-{
-    return http_do_listen(q);
 }
 
 /* Calls without arguments. */
@@ -223,11 +202,6 @@ static int metrics(struct http_request *q)
     if (err)
         return http_reply_answer(q, err, &out, "metrics");
     return http_reply_text(q, MHD_HTTP_OK, "text/plain; version=0.0.4; charset=utf-8", text);
-}
-
-static int download(struct http_request *q)
-{
-    return http_do_download(q);
 }
 
 #define PICTURE(what, kind, name)                                                                                      \

@@ -70,8 +70,7 @@ static bool next_picture(struct stream *s)
 
     s->jpeg = count_skipped(s);
     if (s->period_ns) {
-        if (s->jpeg)
-            sst_slot_jpeg_unref(s->jpeg);
+        sst_slot_jpeg_unref(s->jpeg);
         s->jpeg = NULL; /* by then there may be a newer one */
         pause_until(s, s->due_ns);
     }
@@ -100,12 +99,10 @@ static bool next_picture(struct stream *s)
 }
 
 /* Copy what fits of a part that lies at `start` of head, picture, tail. */
-static size_t copy_part(const struct stream *s, size_t at, size_t start, const void *part, size_t bytes, char *buf,
-                        size_t room)
+static size_t copy_part(size_t at, size_t start, const void *part, size_t bytes, char *buf, size_t room)
 {
     size_t n;
 
-    (void)s;
     if (at < start || at >= start + bytes)
         return 0;
     n = start + bytes - at;
@@ -114,18 +111,17 @@ static size_t copy_part(const struct stream *s, size_t at, size_t start, const v
     return n;
 }
 
-static ssize_t stream_read(void *arg, uint64_t pos, char *buf, size_t max)
+static ssize_t stream_read(void *arg, uint64_t pos SST_UNUSED, char *buf, size_t max)
 {
     struct stream *s = arg;
     size_t n = 0, end;
 
-    (void)pos;
     if (!s->jpeg && !next_picture(s))
         return MHD_CONTENT_READER_END_OF_STREAM;
     end = s->head_bytes + s->jpeg->bytes + sizeof(tail) - 1;
-    n += copy_part(s, s->at + n, 0, s->head, s->head_bytes, buf + n, max - n);
-    n += copy_part(s, s->at + n, s->head_bytes, s->jpeg->data, s->jpeg->bytes, buf + n, max - n);
-    n += copy_part(s, s->at + n, s->head_bytes + s->jpeg->bytes, tail, sizeof(tail) - 1, buf + n, max - n);
+    n += copy_part(s->at + n, 0, s->head, s->head_bytes, buf + n, max - n);
+    n += copy_part(s->at + n, s->head_bytes, s->jpeg->data, s->jpeg->bytes, buf + n, max - n);
+    n += copy_part(s->at + n, s->head_bytes + s->jpeg->bytes, tail, sizeof(tail) - 1, buf + n, max - n);
     s->at += n;
     if (s->at == end) {
         sst_slot_jpeg_unref(s->jpeg);
@@ -139,8 +135,7 @@ static void stream_free(void *arg)
 {
     struct stream *s = arg;
 
-    if (s->jpeg)
-        sst_slot_jpeg_unref(s->jpeg);
+    sst_slot_jpeg_unref(s->jpeg);
     sst_slot_leave(s->outlet);
     sst_slot_unref(s->outlet);
     atomic_fetch_sub(&s->http->count->streams, 1);
@@ -228,8 +223,7 @@ static const struct sst_jpeg *fresh_picture(struct http_request *q, struct sst_s
         sst_slot_wait(outlet, number, HTTP_WAIT_MS);
         newer = sst_slot_get(outlet, number);
         if (newer) {
-            if (jpeg)
-                sst_slot_jpeg_unref(jpeg);
+            sst_slot_jpeg_unref(jpeg);
             jpeg = newer;
             break;
         }

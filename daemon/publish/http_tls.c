@@ -8,7 +8,6 @@
 
 #include <errno.h>
 #include <gnutls/x509.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -392,21 +391,14 @@ int sst_http_renew(struct sst_http *http, const char *certificate, const char *k
 
 #else
 
-bool sst_http_certificate(struct sst_http *http, struct sst_http_certificate *out)
+bool sst_http_certificate(struct sst_http *http SST_UNUSED, struct sst_http_certificate *out SST_UNUSED)
 {
-    (void)http;
-    (void)out;
     return false;
 }
 
-int sst_http_renew(struct sst_http *http, const char *certificate, const char *key, bool dry_run,
-                   struct sst_http_certificate *out)
+int sst_http_renew(struct sst_http *http SST_UNUSED, const char *certificate SST_UNUSED, const char *key SST_UNUSED,
+                   bool dry_run SST_UNUSED, struct sst_http_certificate *out SST_UNUSED)
 {
-    (void)http;
-    (void)certificate;
-    (void)key;
-    (void)dry_run;
-    (void)out;
     return 0;
 }
 

@@ -50,23 +50,17 @@ static struct MHD_Response *empty(void)
     return MHD_create_response_from_buffer(0, (void *)"", MHD_RESPMEM_PERSISTENT);
 }
 
-void http_set_cookie(struct http_request *q, struct MHD_Response *response, const char *token)
-{
-    char name[HTTP_COOKIE];
-
-    http_cookie(q->http, name);
-    http_set(response, "Set-Cookie", "%s=%s; Path=/; Max-Age=%d; HttpOnly; SameSite=Strict%s", name, token, COOKIE_S,
-             q->http->tls ? "; Secure" : "");
-}
-
 /* The token goes from the address into a cookie, so that it stands in no history. */
 static int redirect_with_cookie(struct http_request *q, const char *token)
 {
     struct MHD_Response *response = empty();
+    char name[HTTP_COOKIE];
 
     if (!response)
         return MHD_NO;
-    http_set_cookie(q, response, token);
+    http_cookie(q->http, name);
+    http_set(response, "Set-Cookie", "%s=%s; Path=/; Max-Age=%d; HttpOnly; SameSite=Strict%s", name, token, COOKIE_S,
+             q->http->tls ? "; Secure" : "");
     if (!q->name[0])
         http_set(response, "Location", "/");
     else
@@ -130,7 +124,7 @@ static void escape(char *out, size_t size, const char *text)
     out[n] = 0;
 }
 
-int http_reply_login(struct http_request *q, int status, const char *sentence)
+static int reply_login(struct http_request *q, int status, const char *sentence)
 {
     struct MHD_Response *response;
     char file[1024], *text;
@@ -156,15 +150,13 @@ int http_reply_login(struct http_request *q, int status, const char *sentence)
 
 int http_do_login_form(struct http_request *q)
 {
-    return http_reply_login(q, MHD_HTTP_OK,
-                            http_query(q, "wrong") ? "The token that was given is not right, or not any more." : NULL);
+    return reply_login(q, MHD_HTTP_OK,
+                       http_query(q, "wrong") ? "The token that was given is not right, or not any more." : NULL);
 }
 
 int http_do_login(struct http_request *q)
 {
-    char token[HTTP_TOKEN_MAX + 1];
-    struct MHD_Response *response;
-    char sentence[96];
+    char token[HTTP_TOKEN_MAX + 1], sentence[96];
     int retry_s, status;
 
     if (!http_form_token(q->data ? q->data : "", q->size, token) ||
@@ -175,14 +167,9 @@ int http_do_login(struct http_request *q)
         else
             snprintf(sentence, sizeof(sentence), "That is not the token.");
         atomic_fetch_add(&q->http->count->refused, 1);
-        return http_reply_login(q, status, sentence);
+        return reply_login(q, status, sentence);
     }
-    response = empty();
-    if (!response)
-        return MHD_NO;
-    http_set_cookie(q, response, token);
-    http_set(response, "Location", "/");
-    return http_reply(q, MHD_HTTP_SEE_OTHER, response);
+    return redirect_with_cookie(q, token);
 }
 
 #endif

@@ -47,8 +47,7 @@ struct MHD_Response;
 #define HTTP_WRONG_TOKENS  10    /* of an address in a minute, then it is put off */
 #define HTTP_ADDRESSES_MAX 64    /* with wrong tokens that are remembered */
 
-/* --- sockets (http_listen.c) ---------------------------------------------------------------------------------------
- */
+/* --- sockets (http_listen.c) -------------------------------------------------------------------------------------- */
 
 /** A listening UNIX socket at `path`, and its identity, so that only this one is removed. */
 struct http_unix {
@@ -67,8 +66,7 @@ void http_unlink_unix(const struct http_unix *u);
 SST_MUST_CHECK int http_listen_tcp(const char *address, int port, bool open, bool quiet);
 int http_socket_port(int fd);
 
-/* --- pure parsing (http_parse.c) ------------------------------------------------------------------------------------
- */
+/* --- pure parsing (http_parse.c) ---------------------------------------------------------------------------------- */
 
 /** Does a path fit a pattern? @param name  out [HTTP_NAME_MAX + 1], what stands for {name}; "" without one */
 bool http_path_matches(const char *pattern, const char *path, char *name);
@@ -141,8 +139,7 @@ void http_network_of(const struct sockaddr *address, uint8_t out[16]);
  *  @return seconds for which the address is put off; 0: not yet */
 int http_auth_wrong(struct http_auth *a, const struct sockaddr *address, int64_t now_ns, bool *first);
 
-/* --- certificate and key (http_tls.c) --------------------------------------------------------------------------------
- */
+/* --- certificate and key (http_tls.c) ----------------------------------------------------------------------------- */
 
 struct http_stamp { /* of a file; zeros: there is none */
     dev_t dev;
@@ -185,8 +182,7 @@ void http_tls_end(struct http_tls *t, struct http_pair *p);
 /** Check every 20 s for changed files and a near end; report them as events. */
 void http_tls_look(struct http_tls *t, struct sst_events *events, int64_t now_ns);
 
-/* --- the server ------------------------------------------------------------------------------------------------------
- */
+/* --- the server --------------------------------------------------------------------------------------------------- */
 
 struct http_listener { /* the UNIX socket or TCP */
     struct sst_http *http;
@@ -299,8 +295,6 @@ int http_do_listen(struct http_request *q);
 int http_do_web(struct http_request *q, const char *file, bool redirect); /* http_web.c */
 int http_do_login_form(struct http_request *q);
 int http_do_login(struct http_request *q);
-int http_reply_login(struct http_request *q, int status, const char *sentence);
-void http_set_cookie(struct http_request *q, struct MHD_Response *response, const char *token);
 
 /** What came too often or wrongly, as a status to refuse with; 0: fine. */
 int http_wrong_token(struct http_request *q, int *retry_s);
@@ -308,8 +302,7 @@ int http_wrong_token(struct http_request *q, int *retry_s);
 /** Has the peer of a connection gone? */
 bool http_peer_gone(int fd);
 
-/* --- the page's files (made by the Makefile of daemon/web)
- * ------------------------------------------------------------ */
+/* --- the page's files (made by the Makefile of daemon/web) -------------------------------------------------------- */
 
 struct web_file {
     const char *name;

@@ -1,7 +1,6 @@
 /* struct sst_api of the service: its verbs, and those of the live engine as they are. */
 #define _XOPEN_SOURCE 700 /* strptime */
 #include <errno.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -49,23 +48,17 @@ static int record(void *arg, const json_t *request, struct sst_api_answer *out)
 
     if (err)
         return err;
-    if (!action || (strcmp(action, "start") && strcmp(action, "stop"))) {
-        snprintf(out->error, sizeof(out->error), "action must be \"start\" or \"stop\"");
-        return -EINVAL;
-    }
-    if (seconds && !json_is_null(seconds) && (!json_is_number(seconds) || !(length_s >= 0 && length_s <= 1e7))) {
-        snprintf(out->error, sizeof(out->error), "seconds must be a number from 0 (until stopped) to 10000000");
-        return -EINVAL;
-    }
+    if (!action || (strcmp(action, "start") && strcmp(action, "stop")))
+        return sst_api_refuse(out->error, -EINVAL, "action must be \"start\" or \"stop\"");
+    if (seconds && !json_is_null(seconds) && (!json_is_number(seconds) || !(length_s >= 0 && length_s <= 1e7)))
+        return sst_api_refuse(out->error, -EINVAL, "seconds must be a number from 0 (until stopped) to 10000000");
     if (!strcmp(action, "start")) {
         err = sst_storage_record(s->storage, length_s, name);
         return err ? explain(s, err, out) : answer_name(out, name);
     }
     err = sst_storage_stop(s->storage);
-    if (err == -ENOENT) {
-        snprintf(out->error, sizeof(out->error), "nothing is being recorded on demand");
-        return -EAGAIN;
-    }
+    if (err == -ENOENT)
+        return sst_api_refuse(out->error, -EAGAIN, "nothing is being recorded on demand");
     if (err)
         return explain(s, err, out);
     out->body = json_object();
@@ -85,14 +78,11 @@ static int snapshot(void *arg, const json_t *request, struct sst_api_answer *out
 
     if (err)
         return err;
-    if (!id || engine_outlet(s->engine, SST_PICTURE_VIEW, id, &from)) {
-        snprintf(out->error, sizeof(out->error), "there is no view %.32s", id ? id : "of that kind");
-        return -ENOENT;
-    }
+    if (!id || engine_outlet(s->engine, SST_PICTURE_VIEW, id, &from))
+        return sst_api_refuse(out->error, -ENOENT, "there is no view %.32s", id ? id : "of that kind");
     jpeg = sst_slot_get(from, 0);
     err = sst_storage_snapshot(s->storage, jpeg ? jpeg->data : NULL, jpeg ? jpeg->bytes : 0, name);
-    if (jpeg)
-        sst_slot_jpeg_unref(jpeg);
+    sst_slot_jpeg_unref(jpeg);
     sst_slot_unref(from);
     return err ? explain(s, err, out) : answer_name(out, name);
 }
@@ -134,20 +124,15 @@ static int export_moment(void *arg, const json_t *request, struct sst_api_answer
 
     if (err)
         return err;
-    if (!read_time(json_string_value(json_object_get(request, "time")), &wall_ns)) {
-        snprintf(out->error, sizeof(out->error), "time must be like \"2026-11-21T18:05:00.5Z\"");
-        return -EINVAL;
-    }
+    if (!read_time(json_string_value(json_object_get(request, "time")), &wall_ns))
+        return sst_api_refuse(out->error, -EINVAL, "time must be like \"2026-11-21T18:05:00.5Z\"");
     err = sst_storage_export(s->storage, recording && recording[0] ? recording : NULL, wall_ns, name);
     if (err == -ENOENT)
-        snprintf(out->error, sizeof(out->error), "there is no set within 10 s of that moment in %.64s",
-                 recording && recording[0] ? recording : "the recordings");
-    else if (err == -EBADMSG)
-        snprintf(out->error, sizeof(out->error),
-                 "the recording is damaged at that moment; the journal names the frame");
-    else if (err)
-        return explain(s, err, out);
-    return err ? err : answer_name(out, name);
+        return sst_api_refuse(out->error, err, "there is no set within 10 s of that moment in %.64s",
+                              recording && recording[0] ? recording : "the recordings");
+    if (err == -EBADMSG)
+        return sst_api_refuse(out->error, err, "the recording is damaged at that moment; the journal names the frame");
+    return err ? explain(s, err, out) : answer_name(out, name);
 }
 
 static int delete_kept(void *arg, const json_t *request, struct sst_api_answer *out)
@@ -159,10 +144,8 @@ static int delete_kept(void *arg, const json_t *request, struct sst_api_answer *
 
     if (err)
         return err;
-    if (!name || !name[0]) {
-        snprintf(out->error, sizeof(out->error), "name must be that of a recording, snapshot or export");
-        return -EINVAL;
-    }
+    if (!name || !name[0])
+        return sst_api_refuse(out->error, -EINVAL, "name must be that of a recording, snapshot or export");
     err = sst_storage_delete(s->storage, name);
     if (err == -ENOENT)
         snprintf(out->error, sizeof(out->error), "there is no recording, snapshot or export %.64s", name);
@@ -205,10 +188,8 @@ static int publisher(void *arg, const json_t *request, struct sst_api_answer *ou
 
     if (err)
         return err;
-    if (!name || strcmp(name, "rtsp") != 0 || pid < 1 || pid > INT32_MAX || clients < 0 || clients > INT32_MAX) {
-        snprintf(out->error, sizeof(out->error), "name must be \"rtsp\", pid and clients whole numbers");
-        return -EINVAL;
-    }
+    if (!name || strcmp(name, "rtsp") != 0 || pid < 1 || pid > INT32_MAX || clients < 0 || clients > INT32_MAX)
+        return sst_api_refuse(out->error, -EINVAL, "name must be \"rtsp\", pid and clients whole numbers");
     sst_counters_report(&s->counters, SST_COUNTERS_RTSP, (int)pid, (int)clients, problem ? problem : "");
     report_refused(s, refused ? refused : "");
     out->body = json_object();

@@ -221,8 +221,6 @@ static void note_locked(struct live_engine *v, const struct sst_live_report *r, 
     s->present = r->views;
     s->tiles += (uint64_t)r->tiles;
     s->tiles_changed += (uint64_t)r->tiles_changed;
-    s->decodes += (uint64_t)r->decodes;
-    s->decodes_skipped += (uint64_t)r->decodes_skipped;
     s->label_runs += (uint64_t)r->label_runs;
     s->label_runs_skipped += (uint64_t)r->label_runs_skipped;
     if (!isnan(r->error_change))
@@ -262,7 +260,7 @@ static void note_scene(struct live_engine *v)
 /** Recording on event follows what was seen. */
 static void notify_storage(struct live_engine *v, const struct sst_kept *kept, const struct sst_live_report *r)
 {
-    struct sst_seen seen = { .number = kept->number, .t_ns = kept->set.t_ns, .zones = v->live_config.zones };
+    struct sst_seen seen = { .t_ns = kept->set.t_ns, .zones = v->live_config.zones };
 
     for (int i = 0; i < seen.zones; i++)
         seen.changed[i] = r->zone[i].changed;

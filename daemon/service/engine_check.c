@@ -1,5 +1,4 @@
-/* Check of the calibration, once a day and on demand, from the pictures of the cameras, on a thread of its own.
- */
+/* Check of the calibration, once a day and on demand, from the pictures of the cameras, on a thread of its own. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -126,10 +125,8 @@ int engine_calibration_check(void *engine, struct sst_api_answer *out)
     if (ready)
         v->check_due_ns = 1;
     pthread_mutex_unlock(&v->lock);
-    if (!ready) {
-        snprintf(out->error, sizeof(out->error), "there are no pictures to check by yet");
-        return -ENODATA;
-    }
+    if (!ready)
+        return sst_api_refuse(out->error, -ENODATA, "there are no pictures to check by yet");
     out->body = json_pack("{s:b, s:s}", "started", 1, "result", "an event of type calibration, and the status");
     return out->body ? 0 : -ENOMEM;
 }

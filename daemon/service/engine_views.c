@@ -7,7 +7,6 @@
 #include <sys/random.h>
 
 #include "base/clock.h"
-#include "base/log.h"
 #include "base/thread.h"
 #include "daemon/service/service_internal.h"
 #include "pipeline/image/codec.h"
@@ -76,12 +75,8 @@ void engine_views_close(struct live_engine *v)
 
 static json_t *view_json_locked(const struct view *e)
 {
-    json_t *o = json_pack("{s:s, s:i, s:o?}", "id", e->id, "viewers", sst_slot_clients(e->outlet), "settings",
-                          view_settings_json(&e->settings));
-
-    if (o)
-        json_object_set_new(o, "shown_focus_px", isnan(e->shown_focus_px) ? json_null() : json_real(e->shown_focus_px));
-    return o;
+    return json_pack("{s:s, s:i, s:o?, s:o}", "id", e->id, "viewers", sst_slot_clients(e->outlet), "settings",
+                     view_settings_json(&e->settings), "shown_focus_px", sst_api_real(e->shown_focus_px));
 }
 
 int engine_views(void *engine, struct sst_api_answer *out)
@@ -103,8 +98,8 @@ static int check_label_locked(struct live_engine *v, const struct view_settings 
 {
     if (!s->focus_label[0] || !v->classes.count || sst_classes_find(&v->classes, s->focus_label))
         return 0;
-    snprintf(error, 512, "the network knows no class \"%s\"; /api/v1/labels lists them", s->focus_label);
-    return -EINVAL;
+    return sst_api_refuse(error, -EINVAL, "the network knows no class \"%s\"; /api/v1/labels lists them",
+                          s->focus_label);
 }
 
 int engine_view_create(void *engine, const json_t *settings, struct sst_api_answer *out)
@@ -496,12 +491,10 @@ static int answer_pick_locked(struct live_engine *v, struct sst_api_answer *out)
     const struct sst_livepicture_pick *p = &v->request.pick;
 
     if (v->request.err == -ERANGE)
-        snprintf(out->error, sizeof(out->error), "the point is outside the picture of %d x %d", v->state.width,
-                 v->state.height);
-    else if (v->request.err)
-        snprintf(out->error, sizeof(out->error), "nothing is known about depths yet");
+        return sst_api_refuse(out->error, -EINVAL, "the point is outside the picture of %d x %d", v->state.width,
+                              v->state.height);
     if (v->request.err)
-        return v->request.err == -ERANGE ? -EINVAL : v->request.err;
+        return sst_api_refuse(out->error, v->request.err, "nothing is known about depths yet");
     out->body = json_pack("{s:o, s:i, s:s, s:o, s:i, s:s}", "disparity_px", sst_api_real(p->disp_px), "label", p->label,
                           "name", p->label ? sst_classes_name(&v->classes, p->label) : "", "front_px",
                           sst_api_real(p->front_px), "front_label", p->front_label, "front_name",
@@ -515,19 +508,15 @@ int engine_pick(void *engine, const char *id, double x, double y, struct sst_api
     const int64_t end_ns = end_of_wait();
     int err;
 
-    if (!(x >= -1e6 && x <= 1e6 && y >= -1e6 && y <= 1e6)) {
-        snprintf(out->error, sizeof(out->error), "x and y are pixels of the picture");
-        return -EINVAL;
-    }
+    if (!(x >= -1e6 && x <= 1e6 && y >= -1e6 && y <= 1e6))
+        return sst_api_refuse(out->error, -EINVAL, "x and y are pixels of the picture");
     pthread_mutex_lock(&v->lock);
     while (v->request.pending && !v->stop && sst_cond_wait_until(&v->changed, &v->lock, end_ns))
         ;
     if (!find_locked(v, id)) {
-        snprintf(out->error, sizeof(out->error), "there is no view %.32s; it may have ended for want of viewers", id);
-        err = -ENOENT;
+        err = sst_api_refuse(out->error, -ENOENT, "there is no view %.32s; it may have ended for want of viewers", id);
     } else if (v->request.pending || v->stop) {
-        snprintf(out->error, sizeof(out->error), "the service is busy; ask again");
-        err = -EAGAIN;
+        err = sst_api_refuse(out->error, -EAGAIN, "the service is busy; ask again");
     } else {
         v->request = (struct request){
             .pending = true, .number = v->request.number + 1, .x = (int)floor(x + 0.5), .y = (int)floor(y + 0.5)
@@ -535,12 +524,8 @@ int engine_pick(void *engine, const char *id, double x, double y, struct sst_api
         snprintf(v->request.id, sizeof(v->request.id), "%s", id);
         while (!v->request.done && !v->stop && sst_cond_wait_until(&v->changed, &v->lock, end_ns))
             ;
-        if (v->request.done) {
-            err = answer_pick_locked(v, out);
-        } else {
-            snprintf(out->error, sizeof(out->error), "the service is busy; ask again");
-            err = -EAGAIN;
-        }
+        err = v->request.done ? answer_pick_locked(v, out)
+                              : sst_api_refuse(out->error, -EAGAIN, "the service is busy; ask again");
         v->request.pending = false;
         pthread_cond_broadcast(&v->changed);
     }

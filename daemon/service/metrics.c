@@ -1,7 +1,5 @@
 /* The same numbers for Prometheus (text format 0.0.4). */
 #include <errno.h>
-#include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 

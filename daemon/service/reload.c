@@ -77,12 +77,6 @@ static int renew(struct sst_service *s, const struct sst_config *to, bool dry_ru
     return 0;
 }
 
-static int read_files(struct sst_service *s, struct sst_config *to)
-{
-    sst_config_defaults(to);
-    return sst_config_read(to, s->path[0] ? s->path : NULL);
-}
-
 /** Apply a configuration, or report what it would change. @return 0 (out->body is made) or an error, logged */
 static int change(struct sst_service *s, struct sst_config *to, const struct sst_config *from, bool dry_run,
                   struct sst_api_answer *out)
@@ -126,8 +120,10 @@ int service_apply(void *arg, bool dry_run, struct sst_api_answer *out)
 
     pthread_mutex_lock(&s->reload); /* by signal and by request at a time, parts would get different halves */
     sst_log_copy_errors(why, sizeof(why));
-    if (!err)
-        err = read_files(s, to);
+    if (!err) {
+        sst_config_defaults(to);
+        err = sst_config_read(to, s->path[0] ? s->path : NULL);
+    }
     if (!err) {
         pthread_mutex_lock(&s->lock);
         *from = s->config;

@@ -5,7 +5,6 @@
 
 #include <jansson.h>
 #include <pthread.h>
-#include <stdatomic.h>
 
 #include "base/base.h"
 #include "capture/array/capture.h"
@@ -132,7 +131,7 @@ struct engine_state {
     double changed_percent;       /* tiles, over the last ten seconds */
     double cpu_percent;           /* of one core, over the last ten seconds, without rendering */
     struct time_window latency_ms, stage_ms[ENGINE_STAGES]; /* of sets that changed something */
-    uint64_t tiles, tiles_changed, decodes, decodes_skipped, label_runs, label_runs_skipped;
+    uint64_t tiles, tiles_changed, label_runs, label_runs_skipped;
     double error_change, error_labels;           /* last sampled; NaN */
     int width, height, views, present;           /* of the light field */
     double range_min_px, range_max_px, focus_px; /* NaN: not known */

@@ -2,53 +2,31 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "daemon/publish/api.h"
 
 /* Numbers, with what they may be. */
-enum number {
-    FOCUS = 0,
-    SIGMA = 1,
-    C1 = 2,
-    C2 = 3,
-    FACTOR = 4,
-    APERTURE = 5,
-    NUMBERS = 6,
-};
-
 static const struct {
     const char *key;
+    size_t member; /* of struct view_settings */
     double min, max;
-    bool null; /* may be null: the default */
-} numbers[NUMBERS] = {
-    { "focus_px", -1e4, 1e4, true }, { "sigma_px", 0, 1e4, true },      { "c1", 0, 1, false },
-    { "c2", 0, 1, false },           { "label_factor", 1, 1e6, false }, { "aperture", 0, 1e3, true },
+    bool null;      /* may be null ... */
+    double natural; /* ... which stands for this */
+} numbers[] = {
+    { "focus_px", offsetof(struct view_settings, render.focus_px), -1e4, 1e4, true, NAN },
+    { "sigma_px", offsetof(struct view_settings, render.sigma_px), 0, 1e4, true, 0 },
+    { "c1", offsetof(struct view_settings, render.c1), 0, 1, false, 0 },
+    { "c2", offsetof(struct view_settings, render.c2), 0, 1, false, 0 },
+    { "label_factor", offsetof(struct view_settings, render.label_factor), 1, 1e6, false, 0 },
+    { "aperture", offsetof(struct view_settings, render.aperture), 0, 1e3, true, INFINITY },
 };
 
-static double *member_of(struct view_settings *s, enum number i)
+static double *member_of(struct view_settings *s, size_t i)
 {
-    switch (i) {
-    case FOCUS:
-        return &s->render.focus_px;
-    case SIGMA:
-        return &s->render.sigma_px;
-    case C1:
-        return &s->render.c1;
-    case C2:
-        return &s->render.c2;
-    case FACTOR:
-        return &s->render.label_factor;
-    default:
-        return &s->render.aperture;
-    }
-}
-
-/* What null stands for. */
-static double natural(enum number i)
-{
-    return i == FOCUS ? (double)NAN : i == SIGMA ? 0 : (double)INFINITY;
+    return (double *)(void *)((char *)s + numbers[i].member);
 }
 
 void view_settings_defaults(struct view_settings *s, const struct sst_live_settings *config)
@@ -84,19 +62,17 @@ void view_settings_follow(struct view_settings *s, const struct sst_live_setting
     s->render.threads = to->threads;
 }
 
-static int parse_number(struct view_settings *s, enum number i, const json_t *value, char error[512])
+static int parse_number(struct view_settings *s, size_t i, const json_t *value, char error[512])
 {
     const double v = json_number_value(value);
 
     if (json_is_null(value) && numbers[i].null) {
-        *member_of(s, i) = natural(i);
+        *member_of(s, i) = numbers[i].natural;
         return 0;
     }
-    if (!json_is_number(value) || !(v >= numbers[i].min && v <= numbers[i].max)) {
-        snprintf(error, 512, "%s must be a number from %g to %g%s", numbers[i].key, numbers[i].min, numbers[i].max,
-                 numbers[i].null ? " or null" : "");
-        return -EINVAL;
-    }
+    if (!json_is_number(value) || !(v >= numbers[i].min && v <= numbers[i].max))
+        return sst_api_refuse(error, -EINVAL, "%s must be a number from %g to %g%s", numbers[i].key, numbers[i].min,
+                              numbers[i].max, numbers[i].null ? " or null" : "");
     *member_of(s, i) = v;
     return 0;
 }
@@ -105,10 +81,8 @@ static int parse_method(struct view_settings *s, const json_t *value, char error
 {
     const char *text = json_string_value(value);
 
-    if (!text || (strcmp(text, "sst") && strcmp(text, "refocus"))) {
-        snprintf(error, 512, "method must be \"sst\" or \"refocus\"");
-        return -EINVAL;
-    }
+    if (!text || (strcmp(text, "sst") && strcmp(text, "refocus")))
+        return sst_api_refuse(error, -EINVAL, "method must be \"sst\" or \"refocus\"");
     s->render.method = strcmp(text, "sst") ? SST_RENDER_REFOCUS : SST_RENDER_SST;
     return 0;
 }
@@ -117,19 +91,17 @@ static int parse_label(struct view_settings *s, const json_t *value, char error[
 {
     const char *text = json_is_null(value) ? "" : json_string_value(value);
 
-    if (!text || strlen(text) >= sizeof(s->focus_label)) {
-        snprintf(error, 512, "focus_label must be the name of a class, see /api/v1/labels, or \"\"");
-        return -EINVAL;
-    }
+    if (!text || strlen(text) >= sizeof(s->focus_label))
+        return sst_api_refuse(error, -EINVAL, "focus_label must be the name of a class, see /api/v1/labels, or \"\"");
     snprintf(s->focus_label, sizeof(s->focus_label), "%s", text);
     return 0;
 }
 
 static int parse_member(struct view_settings *s, const char *key, const json_t *value, char error[512])
 {
-    for (int i = 0; i < NUMBERS; i++)
+    for (size_t i = 0; i < ARRAY_LEN(numbers); i++)
         if (!strcmp(key, numbers[i].key))
-            return parse_number(s, (enum number)i, value, error);
+            return parse_number(s, i, value, error);
     if (!strcmp(key, "method"))
         return parse_method(s, value, error);
     if (!strcmp(key, "focus_label"))
@@ -138,8 +110,7 @@ static int parse_member(struct view_settings *s, const char *key, const json_t *
         s->follow = json_is_true(value);
         return 0;
     }
-    snprintf(error, 512, "follow must be true or false");
-    return -EINVAL;
+    return sst_api_refuse(error, -EINVAL, "follow must be true or false");
 }
 
 int view_settings_take(struct view_settings *s, const json_t *from, char error[512])
@@ -150,10 +121,8 @@ int view_settings_take(struct view_settings *s, const json_t *from, char error[5
     const char *key;
     json_t *value;
 
-    if (!json_is_object(from)) {
-        snprintf(error, 512, "the settings of a view are an object, like {\"focus_px\": 12}");
-        return -EINVAL;
-    }
+    if (!json_is_object(from))
+        return sst_api_refuse(error, -EINVAL, "the settings of a view are an object, like {\"focus_px\": 12}");
     if (sst_api_members(from, known, error))
         return -EINVAL;
     json_object_foreach((json_t *)from, key, value)
@@ -172,9 +141,9 @@ json_t *view_settings_json(const struct view_settings *s)
     json_t *o = json_pack("{s:s, s:s, s:b}", "method", s->render.method == SST_RENDER_SST ? "sst" : "refocus",
                           "focus_label", s->focus_label, "follow", s->follow);
 
-    for (int i = 0; i < NUMBERS && o; i++) {
-        const double v = *member_of((struct view_settings *)s, (enum number)i);
-        const bool null = isnan(v) || isinf(v) || (i == SIGMA && v == 0);
+    for (size_t i = 0; i < ARRAY_LEN(numbers) && o; i++) {
+        const double v = *member_of((struct view_settings *)s, i);
+        const bool null = isnan(v) || isinf(v) || (numbers[i].null && v == numbers[i].natural);
 
         json_object_set_new(o, numbers[i].key, null ? json_null() : json_real(v));
     }

@@ -87,11 +87,6 @@ bool store_is_manual(const struct store_entry *e)
     return e->kind != SST_STORE_RECORDING || !strcmp(e->why, SST_STORE_ON_DEMAND);
 }
 
-const char *store_kind_name(enum store_kind kind)
-{
-    return kind == SST_STORE_SNAPSHOT ? "snapshot" : kind == SST_STORE_EXPORT ? "export" : "recording";
-}
-
 const char *store_prefix(enum store_kind kind)
 {
     return kind == SST_STORE_SNAPSHOT ? "snapshot-" : kind == SST_STORE_EXPORT ? "export-" : "";

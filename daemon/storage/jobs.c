@@ -1,5 +1,4 @@
-/* Snapshots and exports: light fields, made one after another by the thread sst-export; calls wait for a limited time.
- */
+/* Snapshots and exports: light fields, made one after another by the thread sst-export; calls wait for a while. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -90,25 +89,9 @@ static int record_one(struct sst_storage *s, const struct store_job *job, const 
 
     if (!tracks)
         return -ENOMEM;
-    sst_recorder_config_defaults(&cfg);
+    store_recorder_config(&cfg, &job->settings.array, set);
     cfg.dir = dir;
-    cfg.rows = job->settings.rows;
-    cfg.cols = job->settings.cols;
-    cfg.cameras = job->settings.cameras;
     cfg.tracks = tracks;
-    cfg.fourcc = job->settings.fourcc;
-    cfg.width = job->settings.width;
-    cfg.height = job->settings.height;
-    cfg.rate_hz = job->settings.rate_hz;
-    cfg.spacing_mm = job->settings.spacing_mm;
-    for (int k = 0; k < set->cameras; k++) {
-        if (!set->frame[k])
-            continue;
-        cfg.fourcc = set->frame[k]->fourcc;
-        cfg.width = set->frame[k]->width;
-        cfg.height = set->frame[k]->height;
-        break;
-    }
     err = sst_recorder_open(&recorder, &cfg);
     free(tracks);
     if (err)
@@ -123,8 +106,7 @@ static int64_t distance(int64_t a, int64_t b)
     return a > b ? a - b : b - a;
 }
 
-/* The set nearest to a moment. Wall clocks are stepped, so this checks every 64th set, then those around the nearest.
- */
+/* The set nearest to a moment. Wall clocks are stepped, so this checks each 64th set, then those around the best. */
 static int find_set(const struct sst_recording *r, int64_t wall_ns, int *nearest)
 {
     struct sst_recording_set *set = malloc(sizeof(*set));
@@ -183,8 +165,7 @@ static int run_job(struct sst_storage *s, const struct store_job *job)
 
 static void free_job(struct sst_storage *s, struct store_job *job)
 {
-    if (job->kept)
-        sst_ring_unref(s->ring, job->kept);
+    sst_ring_unref(s->ring, job->kept);
     free(job->jpeg);
     free(job);
 }
@@ -276,8 +257,8 @@ void *store_jobs_run(void *storage)
 
 /* --- calls -------------------------------------------------------------------------------------------------------- */
 
-/* May something be added? sst-retention removes what then exceeds the limits. */
-static int check_room(struct sst_storage *s)
+/* A job, unless nothing may be added; sst-retention removes what then exceeds the limits. */
+static int new_job(struct sst_storage *s, enum store_kind kind, struct store_job **out)
 {
     int err;
 
@@ -286,7 +267,13 @@ static int check_room(struct sst_storage *s)
     if (!err && s->jobs == SST_STORE_JOBS)
         err = -EBUSY;
     pthread_mutex_unlock(&s->lock);
-    return err;
+    if (err)
+        return err;
+    *out = calloc(1, sizeof(**out));
+    if (!*out)
+        return -ENOMEM;
+    (*out)->entry.kind = kind;
+    return 0;
 }
 
 /* Queue the job and wait for a limited time. The job is freed here or by the thread. */
@@ -334,22 +321,17 @@ static const struct sst_kept *newest_set(struct sst_ring *ring)
     const uint64_t number = k ? k->number : 0;
     uint64_t dropped;
 
-    if (k)
-        sst_ring_unref(ring, k);
+    sst_ring_unref(ring, k);
     return k ? sst_ring_newest(ring, number > RECENT ? number - RECENT : 0, &dropped) : NULL;
 }
 
 int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jpeg, size_t bytes, char *name)
 {
     struct store_job *job;
-    int err = check_room(s);
+    int err = new_job(s, SST_STORE_SNAPSHOT, &job);
 
     if (err)
         return err;
-    job = calloc(1, sizeof(*job));
-    if (!job)
-        return -ENOMEM;
-    job->entry.kind = SST_STORE_SNAPSHOT;
     job->kept = newest_set(s->ring);
     if (!job->kept || !job->kept->set.present)
         err = -ENODATA;
@@ -387,12 +369,10 @@ static const struct sst_kept *find_kept(struct sst_ring *ring, int64_t wall_ns)
                 best = k;
                 k = other;
             }
-            if (k)
-                sst_ring_unref(ring, k);
+            sst_ring_unref(ring, k);
             continue;
         }
-        if (k)
-            sst_ring_unref(ring, k);
+        sst_ring_unref(ring, k);
         return best;
     }
 }
@@ -426,14 +406,10 @@ int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wal
 {
     struct store_job *job;
     int64_t away, away_ram = INT64_MAX;
-    int err = check_room(s);
+    const int err = new_job(s, SST_STORE_EXPORT, &job);
 
     if (err)
         return err;
-    job = calloc(1, sizeof(*job));
-    if (!job)
-        return -ENOMEM;
-    job->entry.kind = SST_STORE_EXPORT;
     job->wall_ns = wall_ns;
     away = find_recording(s, recording, wall_ns, job->recording);
     job->kept = recording ? NULL : find_kept(s->ring, wall_ns);

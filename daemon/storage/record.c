@@ -81,7 +81,7 @@ static void read_wanted(struct sst_storage *s, struct wanted *p)
                           .settings = s->settings };
     p->continuous = s->settings.mode == SST_RECORD_CONTINUOUS;
     w = s->event.armed && s->settings.mode == SST_RECORD_EVENT ? &s->event : s->demand.armed ? &s->demand : NULL;
-    p->wanted = s->wanted = s->settings.opening && (p->continuous || w);
+    p->wanted = s->wanted = s->settings.array.opening && (p->continuous || w);
     if (p->continuous) {
         snprintf(p->why, sizeof(p->why), "continuous");
     } else if (w) {
@@ -158,6 +158,15 @@ static void failed(struct active *a, int err)
     pthread_mutex_unlock(&s->lock);
 }
 
+static void forget(struct active *a)
+{
+    struct sst_storage *s = a->s;
+
+    pthread_mutex_lock(&s->lock);
+    catalog_remove(&s->catalog, a->entry.name);
+    pthread_mutex_unlock(&s->lock);
+}
+
 /* Creates a new folder, also when the wall clock was set back. */
 static int make_folder(struct active *a, int64_t wall_ns, const char *why)
 {
@@ -174,13 +183,34 @@ static int make_folder(struct active *a, int64_t wall_ns, const char *why)
             if (err != -EEXIST)
                 sst_log_error("cannot create the folder %s: %s", a->dir, strerror(-err));
         }
-        if (err) {
-            pthread_mutex_lock(&s->lock);
-            catalog_remove(&s->catalog, a->entry.name);
-            pthread_mutex_unlock(&s->lock);
-        }
+        if (err)
+            forget(a);
     }
     return err;
+}
+
+void store_recorder_config(struct sst_recorder_config *out, const struct store_array *array,
+                           const struct sst_frameset *set)
+{
+    sst_recorder_config_defaults(out);
+    out->rows = array->rows;
+    out->cols = array->cols;
+    out->cameras = array->cameras;
+    out->fourcc = array->fourcc;
+    out->width = array->width;
+    out->height = array->height;
+    out->rate_hz = array->rate_hz;
+    out->spacing_mm = array->spacing_mm;
+    for (int k = 0; k < set->cameras; k++) {
+        const struct sst_frame *f = set->frame[k];
+
+        if (!f)
+            continue;
+        out->fourcc = f->fourcc;
+        out->width = f->width;
+        out->height = f->height;
+        break;
+    }
 }
 
 static int open_recorder(struct active *a, const struct store_settings *set, const struct sst_frameset *like)
@@ -191,45 +221,18 @@ static int open_recorder(struct active *a, const struct store_settings *set, con
 
     if (!tracks)
         return -ENOMEM;
-    a->opening = set->opening;
-    a->fourcc = set->fourcc;
-    a->width = set->width;
-    a->height = set->height;
-    for (int k = 0; k < like->cameras; k++) {
-        const struct sst_frame *f = like->frame[k];
-
-        if (!f)
-            continue;
-        a->fourcc = f->fourcc;
-        a->width = f->width;
-        a->height = f->height;
-        break;
-    }
-    sst_recorder_config_defaults(&cfg);
+    store_recorder_config(&cfg, &set->array, like);
     cfg.dir = a->dir;
-    cfg.rows = set->rows;
-    cfg.cols = set->cols;
-    cfg.cameras = set->cameras;
     cfg.tracks = tracks;
-    cfg.fourcc = a->fourcc;
-    cfg.width = a->width;
-    cfg.height = a->height;
-    cfg.rate_hz = set->rate_hz;
-    cfg.spacing_mm = set->spacing_mm;
     cfg.segment_s = set->segment_s;
     cfg.sync_s = set->sync_s;
+    a->opening = set->array.opening;
+    a->fourcc = cfg.fourcc;
+    a->width = cfg.width;
+    a->height = cfg.height;
     err = sst_recorder_open(&a->recorder, &cfg);
     free(tracks);
     return err;
-}
-
-static void forget(struct active *a)
-{
-    struct sst_storage *s = a->s;
-
-    pthread_mutex_lock(&s->lock);
-    catalog_remove(&s->catalog, a->entry.name);
-    pthread_mutex_unlock(&s->lock);
 }
 
 static int begin(struct active *a, const struct wanted *p, const struct sst_kept *k)
@@ -404,7 +407,7 @@ static bool is_over(const struct active *a, const struct wanted *p, const struct
 {
     const int64_t age_ns = set->t_ns - a->first_ns;
 
-    if (p->settings.opening != a->opening)
+    if (p->settings.array.opening != a->opening)
         return true;
     for (int k = 0; k < set->cameras; k++) {
         const struct sst_frame *f = set->frame[k];
@@ -562,7 +565,7 @@ static bool follow(struct active *a, const struct wanted *p)
 
     if (!k)
         return false;
-    if (k->set.cameras == p->settings.cameras && is_wanted(s, k)) { /* others were captured with another array */
+    if (k->set.cameras == p->settings.array.cameras && is_wanted(s, k)) { /* others were captured with another array */
         err = write_set(a, p, k);
         if (err != -EAGAIN)
             answer(s, err);
@@ -588,8 +591,7 @@ static uint64_t newest(struct sst_ring *ring)
     const struct sst_kept *k = sst_ring_get(ring, 0);
     const uint64_t number = k ? k->number : 0;
 
-    if (k)
-        sst_ring_unref(ring, k);
+    sst_ring_unref(ring, k);
     return number;
 }
 

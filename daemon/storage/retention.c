@@ -286,8 +286,7 @@ static void measure_active(struct retention *r)
     pthread_mutex_lock(&s->lock);
     e = catalog_find(&s->catalog, name);
     if (e && e->stage == SST_STORE_ACTIVE) {
-        /* Bytes written meanwhile are estimated, never too low; without any the measured value replaces the estimate.
-         */
+        /* Bytes written meanwhile are estimated, never too low; without any the measured value replaces it. */
         if (e->bytes == before || bytes > e->bytes)
             e->bytes = bytes;
         e->segments = segments;
@@ -309,7 +308,7 @@ static void follow_clock(struct retention *r)
 
 static int64_t margin_of(const struct store_settings *set, int64_t limit_bytes, int64_t set_bytes)
 {
-    const double rate = set->rate_hz > 0 ? set->rate_hz : 1;
+    const double rate = set->array.rate_hz > 0 ? set->array.rate_hz : 1;
     const double want = fmax((double)limit_bytes / 20, MARGIN_S * rate * (double)set_bytes);
 
     return (int64_t)fmin(want, (double)limit_bytes / 4);
@@ -358,8 +357,7 @@ static void set_limit(struct retention *r, enum store_trouble limit, const struc
                       const struct store_room *room)
 {
     struct sst_storage *s = r->s;
-    /* After a removal both values may be within their limits again: the free space is the cause only while it is low.
-     */
+    /* After a removal both values may be within their limits again: the free space is the cause while it is low. */
     const bool room_lacks = l->min_free_bytes && room->free_bytes / 2 < l->min_free_bytes;
     const bool quota = l->quota_bytes && (!room_lacks || room->used_bytes > l->quota_bytes - 2 * l->margin_bytes);
     const double gb = 1e-9;

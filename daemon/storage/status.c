@@ -1,5 +1,4 @@
 /* State and status of storage, from what the threads have reported; nothing here waits for a disk. */
-#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -131,9 +130,8 @@ static json_t *recording_json_locked(const struct sst_storage *s)
 }
 
 /* Counts of the catalog, by the keys of the status. */
-static void add_counts_locked(json_t *status, const struct sst_storage *s)
+static json_t *counts_json_locked(const struct sst_storage *s)
 {
-    static const char *const names[SST_STORE_KINDS] = { "recordings", "snapshots", "exports" };
     int64_t count[SST_STORE_KINDS] = { 0 }, manual_bytes = 0, removed = 0;
 
     for (int i = 0; i < s->catalog.count; i++) {
@@ -142,21 +140,17 @@ static void add_counts_locked(json_t *status, const struct sst_storage *s)
         count[e->kind]++;
         manual_bytes += store_is_manual(e) ? e->bytes : 0;
     }
-    for (int i = 0; i < SST_STORE_KINDS; i++) {
+    for (int i = 0; i < SST_STORE_KINDS; i++)
         removed += (int64_t)s->removed[i];
-        json_object_set_new(status, names[i], json_integer(count[i]));
-    }
-    json_object_set_new(status, "by_hand_bytes", json_integer(manual_bytes));
-    json_object_set_new(status, "by_hand_limit_bytes", json_integer(s->manual_bytes));
-    json_object_set_new(status, "removed", json_integer(removed));
-    json_object_set_new(status, "shortened", json_integer((json_int_t)s->trimmed));
-    json_object_set_new(status, "deleted", json_integer((json_int_t)s->deleted));
-    json_object_set_new(status, "downloads", json_integer(s->downloads));
+    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:i}", "recordings", (json_int_t)count[0], "snapshots",
+                     (json_int_t)count[1], "exports", (json_int_t)count[2], "by_hand_bytes", (json_int_t)manual_bytes,
+                     "by_hand_limit_bytes", (json_int_t)s->manual_bytes, "removed", (json_int_t)removed, "shortened",
+                     (json_int_t)s->trimmed, "deleted", (json_int_t)s->deleted, "downloads", s->downloads);
 }
 
 json_t *sst_storage_status(struct sst_storage *s)
 {
-    json_t *o, *ring = ring_json(s);
+    json_t *o, *counts, *ring = ring_json(s);
     const struct store_entry *oldest = NULL;
 
     pthread_mutex_lock(&s->lock);
@@ -170,9 +164,10 @@ json_t *sst_storage_status(struct sst_storage *s)
                   time_json(oldest ? oldest->from_ns : 0), "age_s",
                   s->checked_ns ? (double)(sst_clock_now_ns() - s->checked_ns) * 1e-9 : 0.0, "recording",
                   recording_json_locked(s), "ring", ring);
-    if (o)
-        add_counts_locked(o, s);
+    counts = counts_json_locked(s);
     pthread_mutex_unlock(&s->lock);
+    json_object_update(o, counts);
+    json_decref(counts);
     return o;
 }
 

@@ -61,16 +61,17 @@ static int64_t ns_of(double s)
     return s > 0 ? (int64_t)fmin(s * 1e9, 9e18) : 0;
 }
 
-static void copy_array(struct store_settings *to, const struct sst_array_config *a)
+static struct store_array describe_array(const struct sst_array_config *a, unsigned opening)
 {
-    to->rate_hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz;
-    to->spacing_mm = a->spacing_mm;
-    to->rows = a->rows;
-    to->cols = a->cols;
-    to->cameras = a->bound;
-    to->fourcc = a->fourcc;
-    to->width = a->width;
-    to->height = a->height;
+    return (struct store_array){ .rate_hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz,
+                                 .spacing_mm = a->spacing_mm,
+                                 .rows = a->rows,
+                                 .cols = a->cols,
+                                 .cameras = a->bound,
+                                 .fourcc = a->fourcc,
+                                 .width = a->width,
+                                 .height = a->height,
+                                 .opening = opening };
 }
 
 static void copy_settings(struct store_settings *to, const struct sst_config *c)
@@ -87,32 +88,17 @@ static void copy_settings(struct store_settings *to, const struct sst_config *c)
         .sync_s = c->storage.sync_s,
         .preroll_ns = ns_of(c->storage.preroll_s),
         .postroll_ns = ns_of(c->storage.postroll_s),
+        .array = describe_array(&c->array, 0),
         .plane_mm = c->live.plane_mm,
     };
     snprintf(to->calibration, sizeof(to->calibration), "%s", c->live.calibration);
-    copy_array(to, &c->array);
-}
-
-/* Properties of the array stay as it was opened until it is opened again. */
-static void preserve_array(struct store_settings *to, const struct store_settings *from)
-{
-    to->rate_hz = from->rate_hz;
-    to->spacing_mm = from->spacing_mm;
-    to->rows = from->rows;
-    to->cols = from->cols;
-    to->cameras = from->cameras;
-    to->fourcc = from->fourcc;
-    to->width = from->width;
-    to->height = from->height;
-    to->opening = from->opening;
 }
 
 void sst_storage_cameras(struct sst_storage *s, const struct sst_array_config *array,
                          const struct sst_recorder_track *tracks)
 {
     pthread_mutex_lock(&s->lock);
-    copy_array(&s->settings, array);
-    s->settings.opening++;
+    s->settings.array = describe_array(array, s->settings.array.opening + 1);
     memcpy(s->tracks, tracks, (size_t)array->bound * sizeof(*tracks));
     pthread_cond_broadcast(&s->wake);
     pthread_mutex_unlock(&s->lock);
@@ -133,16 +119,16 @@ struct sst_recorder_track *store_tracks(struct sst_storage *s)
 int sst_storage_configure(struct sst_storage *s, const struct sst_config *config)
 {
     struct event_triggers *fresh = malloc(sizeof(*fresh));
-    struct store_settings before;
+    struct store_array before;
 
     if (!fresh)
         return -ENOMEM;
     event_triggers_init(fresh, config);
     pthread_mutex_lock(&s->lock);
-    before = s->settings;
+    before = s->settings.array;
     copy_settings(&s->settings, config);
-    if (before.opening)
-        preserve_array(&s->settings, &before);
+    if (before.opening) /* it stays as it was opened until it is opened again */
+        s->settings.array = before;
     /* The state of triggers that are configured again is kept. */
     for (int i = 0; i < fresh->count; i++) {
         struct event_trigger *to = &fresh->list[i];
@@ -162,8 +148,7 @@ int sst_storage_configure(struct sst_storage *s, const struct sst_config *config
     return 0;
 }
 
-/* --- event triggers ------------------------------------------------------------------------------------------------
- */
+/* --- event triggers ----------------------------------------------------------------------------------------------- */
 
 void event_trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w)
 {
@@ -381,13 +366,6 @@ static int set_paths(struct sst_storage *s, const char *dir)
     return err ? -EINVAL : 0;
 }
 
-static void init_locks(struct sst_storage *s)
-{
-    pthread_mutex_init(&s->lock, NULL);
-    sst_cond_init(&s->wake);
-    sst_cond_init(&s->answered);
-}
-
 int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *cfg)
 {
     static void *(*const run[])(void *) = { store_record_run, retention_run, store_jobs_run,
@@ -403,7 +381,9 @@ int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *
     s = calloc(1, sizeof(*s));
     if (!s)
         return -ENOMEM;
-    init_locks(s);
+    pthread_mutex_init(&s->lock, NULL);
+    sst_cond_init(&s->wake);
+    sst_cond_init(&s->answered);
     s->ring = cfg->ring;
     s->events = cfg->events;
     s->blocked = true; /* until the folder has been scanned */
@@ -412,7 +392,7 @@ int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *
     if (!err) {
         memcpy(s->tracks, cfg->tracks, (size_t)cameras * sizeof(*s->tracks));
         err = sst_storage_configure(s, cfg->config);
-        s->settings.opening = cameras > 0;
+        s->settings.array.opening = cameras > 0;
     }
     for (int i = 0; !err && i < (int)ARRAY_LEN(run); i++) {
         pthread_mutex_lock(&s->lock);

@@ -54,7 +54,6 @@ void sst_storage_view(struct sst_storage *s, struct sst_slot *outlet);
 /** Results of the live pipeline for a set: recording on event follows them. Shares: changed[i] of zone i,
  * changed[zones] of the whole picture. Never blocks. */
 struct sst_seen {
-    uint64_t number; /* of the ring */
     int64_t t_ns;
     int zones;
     double changed[SST_ZONES_MAX + 1];

@@ -82,9 +82,6 @@ bool store_name_good(const char *name);
 /** Snapshots, exports, recordings on demand: retention keeps them longer than what is recorded automatically. */
 bool store_is_manual(const struct store_entry *entry);
 
-/** "recording", "snapshot", "export". */
-const char *store_kind_name(enum store_kind kind);
-
 /** "", "snapshot-", "export-": prefix of names of the kind. */
 const char *store_prefix(enum store_kind kind);
 
@@ -117,8 +114,7 @@ int64_t store_bytes(const char *dir);
  *  @return 0, -ENODATA (it has no set), -EBUSY (another process records there), -EBADMSG, -EIO ...; logged */
 SST_MUST_CHECK int store_repair(const char *dir, struct store_entry *entry);
 
-/* --- what is removed next
- * ---------------------------------------------------------------------------------------------- */
+/* --- what is removed next ----------------------------------------------------------------------------------------- */
 
 struct store_limits {
     int64_t quota_bytes, min_free_bytes;   /* 0: none */
@@ -162,8 +158,7 @@ int64_t store_download_bytes(const struct store_limits *limits, const struct sto
 enum store_verdict store_judge(const struct catalog *c, const struct store_limits *limits,
                                const struct store_room *room, int *victim);
 
-/* --- triggers: when a change or a label is there for long enough to be reported and recorded. No input or output. ---
- */
+/* --- triggers: when a change or a label is there for long enough to be reported and recorded. No input or output. - */
 
 /* A trigger has hysteresis: its condition holds from its share up, and down to half of that. It becomes active when the
  * condition held for begin_s, inactive when it did not for end_s, in two sets at least. Sets to the contrary subtract
@@ -276,6 +271,15 @@ int view_end(struct view_files *f, int64_t end_ns, int64_t end_wall_ns);
 #define SST_STORE_GRACE_NS  100000000  /* and this much longer after a stall of the machine */
 #define SST_STORE_HUNG_NS   5000000000 /* a disk counts as hung after this */
 
+/** The array as it was opened. */
+struct store_array {
+    double rate_hz, spacing_mm;
+    int rows, cols, cameras;
+    uint32_t fourcc;
+    int width, height;
+    unsigned opening; /* counts openings of the array; a recording belongs to one; 0: never open */
+};
+
 /** The configuration as the threads use it. */
 struct store_settings {
     enum sst_record_mode mode;
@@ -283,11 +287,7 @@ struct store_settings {
     struct store_limits limits;
     double segment_s, sync_s;
     int64_t preroll_ns, postroll_ns;
-    double rate_hz, spacing_mm;
-    int rows, cols, cameras;
-    uint32_t fourcc;
-    int width, height;
-    unsigned opening; /* counts openings of the array; a recording belongs to one; 0: never open */
+    struct store_array array;
     char calibration[SST_CONFIG_TEXT_MAX];
     double plane_mm;
 };
@@ -450,6 +450,9 @@ void event_trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w);
 
 /** Tracks of the cameras as they are now. @return [SST_CAMERAS_MAX] to free, or NULL: no memory */
 struct sst_recorder_track *store_tracks(struct sst_storage *s);
+/** Settings of a recorder for the array, with the format of the set's frames. */
+void store_recorder_config(struct sst_recorder_config *out, const struct store_array *array,
+                           const struct sst_frameset *set);
 
 /* --- tar ---
  * a folder as a tar archive that is read without being made: nearly all of its bytes are those of its files, so the

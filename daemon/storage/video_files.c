@@ -2,7 +2,6 @@
  * the process ends. A file stays while it is read, and a while longer: players ask for one part after the other. */
 #include <errno.h>
 #include <fcntl.h>
-#include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>

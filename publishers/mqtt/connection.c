@@ -46,12 +46,10 @@ bool mqtt_publish(struct mqtt *m, const char *topic, const void *payload, size_t
     return mqtt_publish_at(m, whole, payload, bytes, qos, retain);
 }
 
-static void on_publish(struct mosquitto *client, void *arg, int id)
+static void on_publish(struct mosquitto *client SST_UNUSED, void *arg, int id SST_UNUSED)
 {
     struct mqtt *m = arg;
 
-    (void)client;
-    (void)id;
     m->in_flight = sst_max_int(m->in_flight - 1, 0); /* some may be of an earlier connection */
 }
 
@@ -60,12 +58,11 @@ bool mqtt_subscribe(struct mqtt *m, const char *pattern)
     return !mosquitto_subscribe(m->client, NULL, pattern, 0);
 }
 
-static void on_message(struct mosquitto *client, void *arg, const struct mosquitto_message *message)
+static void on_message(struct mosquitto *client SST_UNUSED, void *arg, const struct mosquitto_message *message)
 {
     struct mqtt *m = arg;
     const size_t n = strlen(m->config->mqtt.topic);
 
-    (void)client;
     if (m->stop)
         return;
     if (message->retain && message->payloadlen)
@@ -205,8 +202,7 @@ static void try_connect(struct mqtt *m)
         m->connecting = true;
 }
 
-/* --- another configuration ------------------------------------------------------------------------------------------
- */
+/* --- another configuration ---------------------------------------------------------------------------------------- */
 
 static bool same_connection(const struct sst_config *a, const struct sst_config *b)
 {

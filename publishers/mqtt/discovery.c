@@ -47,12 +47,6 @@ static const struct entity entities[] = {
     { "camera", "picture", "See-through view", "picture", NULL, NULL, NULL, NULL, NULL, false },
 };
 
-static void set_text(json_t *o, const char *key, const char *text)
-{
-    if (text)
-        json_object_set_new(o, key, json_string(text));
-}
-
 static json_t *device(const struct announcement *a)
 {
     const struct sst_config *c = a->config;
@@ -65,42 +59,26 @@ static json_t *device(const struct announcement *a)
                      "model", model, "sw_version", SST_VERSION);
 }
 
-static void below(const struct announcement *a, char out[MQTT_TOPIC_MAX], const char *topic)
-{
-    snprintf(out, MQTT_TOPIC_MAX, "%s/%s", a->config->mqtt.topic, topic);
-}
-
 static void add(struct announcement *a, const struct entity *e)
 {
-    char topic[MQTT_TOPIC_MAX], id[256];
-    json_t *o = json_object();
+    const char *base = a->config->mqtt.topic;
+    const char *state_topic = strcmp(e->component, "camera") ? "state_topic" : "topic";
+    char topic[MQTT_TOPIC_MAX];
     struct mqtt_message *m = &a->list[a->n];
+    json_t *o;
 
-    if (a->n == ENTITIES_MAX || !o) {
-        json_decref(o);
+    if (a->n == ENTITIES_MAX)
         return;
-    }
-    snprintf(id, sizeof(id), "%s_%s", a->node, e->id);
-    set_text(o, "name", e->name);
-    set_text(o, "unique_id", id);
-    below(a, topic, e->topic);
-    set_text(o, strcmp(e->component, "camera") ? "state_topic" : "topic", topic);
-    below(a, topic, "available");
-    set_text(o, "availability_topic", topic);
-    set_text(o, "value_template", e->value);
-    set_text(o, "device_class", e->class_);
-    set_text(o, "unit_of_measurement", e->unit);
-    set_text(o, "icon", e->icon);
-    set_text(o, "entity_category", e->category);
-    set_text(o, "state_class", e->measured ? "measurement" : NULL);
-    if (!strcmp(e->component, "switch")) {
-        below(a, topic, "record/set");
-        set_text(o, "command_topic", topic);
-    }
-    if (!strcmp(e->id, "problem")) {
-        below(a, topic, "status");
-        set_text(o, "json_attributes_topic", topic);
-    }
+    o = json_pack("{s:s, s:s++, s:s++, s:s+, s:s*, s:s*, s:s*, s:s*, s:s*, s:s*}", "name", e->name, "unique_id",
+                  a->node, "_", e->id, state_topic, base, "/", e->topic, "availability_topic", base, "/available",
+                  "value_template", e->value, "device_class", e->class_, "unit_of_measurement", e->unit, "icon",
+                  e->icon, "entity_category", e->category, "state_class", e->measured ? "measurement" : NULL);
+    if (!o)
+        return;
+    if (!strcmp(e->component, "switch"))
+        json_object_set_new(o, "command_topic", json_sprintf("%s/record/set", base));
+    if (!strcmp(e->id, "problem"))
+        json_object_set_new(o, "json_attributes_topic", json_sprintf("%s/status", base));
     json_object_set_new(o, "device", device(a));
     json_object_set_new(o, "origin", json_pack("{s:s, s:s}", "name", "sstd", "sw_version", SST_VERSION));
     snprintf(topic, sizeof(topic), "%s/%s/%s/%s/config", a->config->mqtt.discovery, e->component, a->node, e->id);

@@ -27,9 +27,8 @@ static void wake(struct mqtt *m)
     errno = err;
 }
 
-static void on_signal(int sig)
+static void on_signal(int sig SST_UNUSED)
 {
-    (void)sig;
     mqtt.stop = true;
     wake(&mqtt);
 }
@@ -205,18 +204,6 @@ static void run(struct mqtt *m)
     }
 }
 
-static int start_thread(void *(*work)(void *), struct mqtt *m)
-{
-    pthread_t thread;
-    const int err = -pthread_create(&thread, NULL, work, m);
-
-    if (!err)
-        pthread_detach(thread);
-    else
-        sst_log_error("mqtt: no thread: %s", strerror(-err));
-    return err;
-}
-
 int main(int argc, char **argv)
 {
     const struct sigaction act = { .sa_handler = on_signal };
@@ -234,7 +221,7 @@ int main(int argc, char **argv)
     sigaction(SIGTERM, &act, NULL);
     sigaction(SIGINT, &act, NULL);
     mqtt_init(m);
-    if (start_thread(follow, m) || start_thread(get_pictures, m))
+    if (sst_publisher_start(&m->publisher, follow, m) || sst_publisher_start(&m->publisher, get_pictures, m))
         return EXIT_FAILURE;
     run(m);
     mqtt_fini(m);

@@ -1,5 +1,4 @@
-/* publishers/mqtt/mqtt_internal.h - parts of sst-mqtt: the service, the broker, topics, and Home Assistant's discovery.
- */
+/* publishers/mqtt/mqtt_internal.h - parts of sst-mqtt: the service, the broker, topics, Home Assistant's discovery. */
 #ifndef SST_PUBLISHERS_MQTT_MQTT_INTERNAL_H
 #define SST_PUBLISHERS_MQTT_MQTT_INTERNAL_H
 

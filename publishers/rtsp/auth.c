@@ -52,9 +52,8 @@ static gboolean check(GstRTSPAuth *auth, GstRTSPContext *ctx, const gchar *what)
     return strcmp(what, GST_RTSP_AUTH_CHECK_TRANSPORT_CLIENT_SETTINGS) != 0;
 }
 
-static void class_init(gpointer class, gpointer data)
+static void class_init(gpointer class, gpointer data SST_UNUSED)
 {
-    (void)data;
     ((GstRTSPAuthClass *)class)->check = check;
 }
 

@@ -159,13 +159,12 @@ static const struct sst_jpeg *next(struct feed *f, int64_t now_ns)
     return jpeg;
 }
 
-static void need_data(GstAppSrc *src, guint length, gpointer arg)
+static void need_data(GstAppSrc *src, guint length SST_UNUSED, gpointer arg)
 {
     struct feed *f = arg;
     const struct sst_jpeg *jpeg;
     int64_t now_ns;
 
-    (void)length;
     /* Whoever stops the pipeline waits for this thread; its wish shows in the state that is aimed at. */
     while (GST_STATE_TARGET(src) == GST_STATE_PLAYING) {
         if (sst_slot_is_shut(f->picture->slot)) {
@@ -303,7 +302,7 @@ static bool wait_for_frame(struct sst_slot *outlet)
     return any;
 }
 
-static GstElement *create_element(GstRTSPMediaFactory *factory, const GstRTSPUrl *url)
+static GstElement *create_element(GstRTSPMediaFactory *factory, const GstRTSPUrl *url SST_UNUSED)
 {
     struct rtsp_factory *at = (struct rtsp_factory *)factory;
     struct feed *f = feed_create(at);
@@ -311,11 +310,9 @@ static GstElement *create_element(GstRTSPMediaFactory *factory, const GstRTSPUrl
     GstElement *bin = NULL;
     int width, height;
 
-    (void)url;
     if (jpeg && !sst_jpeg_size(&width, &height, jpeg->data, jpeg->bytes, at->path))
         bin = make_bin(at->rtsp->codec, width, height);
-    if (jpeg)
-        sst_slot_jpeg_unref(jpeg);
+    sst_slot_jpeg_unref(jpeg);
     if (bin)
         attach(f, bin, width, height);
     else if (f)
@@ -323,25 +320,22 @@ static GstElement *create_element(GstRTSPMediaFactory *factory, const GstRTSPUrl
     return bin;
 }
 
-static void unprepared(GstRTSPMedia *media, gpointer arg)
+static void unprepared(GstRTSPMedia *media, gpointer arg SST_UNUSED)
 {
     struct feed *f = feed_of(media);
 
-    (void)arg;
     if (f)
         feed_leave(f);
 }
 
-static void aims_at(GstRTSPMedia *media, gint state, gpointer factory)
+static void aims_at(GstRTSPMedia *media SST_UNUSED, gint state, gpointer factory)
 {
-    (void)media;
     if (state == GST_STATE_NULL)
         atomic_fetch_add(&((struct rtsp_factory *)factory)->ended, 1);
 }
 
-static void unref_factory(gpointer factory, GClosure *closure)
+static void unref_factory(gpointer factory, GClosure *closure SST_UNUSED)
 {
-    (void)closure;
     g_object_unref(factory);
 }
 
@@ -354,19 +348,17 @@ static void configure(GstRTSPMediaFactory *factory, GstRTSPMedia *media)
 }
 
 /* Whatever a client adds to the path, it shares the pipeline. */
-static gchar *gen_key(GstRTSPMediaFactory *factory, const GstRTSPUrl *url)
+static gchar *gen_key(GstRTSPMediaFactory *factory, const GstRTSPUrl *url SST_UNUSED)
 {
     struct rtsp_factory *at = (struct rtsp_factory *)factory;
 
-    (void)url;
     return g_strdup_printf("%s %u", at->path, atomic_load(&at->ended));
 }
 
-static void class_init(gpointer class, gpointer data)
+static void class_init(gpointer class, gpointer data SST_UNUSED)
 {
     GstRTSPMediaFactoryClass *c = class;
 
-    (void)data;
     c->create_element = create_element;
     c->configure = configure;
     c->gen_key = gen_key;
@@ -407,8 +399,7 @@ static bool parse_path(const char *path, enum rtsp_kind *kind, char name[RTSP_NA
     return true;
 }
 
-/* Views come and go, each with a name of its own: paths that have no source are unmounted; DESCRIBE mounts them again.
- */
+/* Views come and go, each with its own name: paths that have no source are unmounted; DESCRIBE mounts them again. */
 static void unmount_unused_locked(struct rtsp_server *rtsp)
 {
     for (guint i = rtsp->factories->len; i-- > 0;) {

@@ -19,9 +19,8 @@ static _Noreturn void fail(j_common_ptr jpeg)
     longjmp(((struct errors *)(void *)jpeg->err)->escape, 1);
 }
 
-static void ignore_message(j_common_ptr jpeg)
+static void ignore_message(j_common_ptr jpeg SST_UNUSED)
 {
-    (void)jpeg;
 }
 
 static bool same_table(const JHUFF_TBL *table, const JHUFF_TBL *standard)

@@ -6,7 +6,6 @@
 #include "base/file.h"
 #include "base/log.h"
 
-#include <arpa/inet.h>
 #include <netdb.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -3,7 +3,6 @@
  * its clients there, and starts itself again when the rtsp section of the configuration has changed. */
 #include "publishers/rtsp/rtsp_internal.h"
 
-#include <errno.h>
 #include <linux/close_range.h>
 #include <malloc.h>
 #include <signal.h>
@@ -67,11 +66,10 @@ static void report_problem(const char *problem)
     pthread_mutex_unlock(&state.lock);
 }
 
-static void *report(void *arg)
+static void *report(void *arg SST_UNUSED)
 {
     json_t *request, *answer;
 
-    (void)arg;
     sst_thread_name("rtsp-report");
     for (;;) {
         pthread_mutex_lock(&state.lock);
@@ -107,9 +105,8 @@ static void reload(void)
     free(now);
 }
 
-static void on_connected(void *arg, bool connected)
+static void on_connected(void *arg SST_UNUSED, bool connected)
 {
-    (void)arg;
     if (!connected)
         return;
     reload();
@@ -119,47 +116,31 @@ static void on_connected(void *arg, bool connected)
     pthread_mutex_unlock(&state.lock);
 }
 
-static void on_event(void *arg, const json_t *event, const char *line)
+static void on_event(void *arg SST_UNUSED, const json_t *event, const char *line SST_UNUSED)
 {
     const char *type = json_string_value(json_object_get(event, "type"));
 
-    (void)arg;
-    (void)line;
     if (type && !strcmp(type, "reload"))
         reload();
 }
 
-static bool go_on(void *arg)
+static bool go_on(void *arg SST_UNUSED)
 {
-    (void)arg;
     return true;
 }
 
-static void *follow(void *arg)
+static void *follow(void *arg SST_UNUSED)
 {
     static const struct sst_publisher_listener listener = { .connected = on_connected,
                                                             .event = on_event,
                                                             .go_on = go_on };
 
-    (void)arg;
     sst_thread_name("rtsp-events");
     sst_publisher_follow(&state.publisher, &listener);
     return NULL;
 }
 
 /* --- begin -------------------------------------------------------------------------------------------------------- */
-
-static int start_thread(void *(*run)(void *))
-{
-    pthread_t thread;
-    const int err = -pthread_create(&thread, NULL, run, NULL);
-
-    if (!err)
-        pthread_detach(thread);
-    else
-        sst_log_error("rtsp: no thread: %s", strerror(-err));
-    return err;
-}
 
 static int open_server(struct rtsp_server *server)
 {
@@ -213,9 +194,9 @@ int main(int argc, char **argv)
     mallopt(M_ARENA_MAX, ARENAS);
     sst_cond_init(&state.changed);
     rtsp_pictures_init(&state.publisher.service);
-    if (start_thread(follow))
+    if (sst_publisher_start(&state.publisher, follow, NULL))
         return EXIT_FAILURE;
-    if (state.config.rtsp.enabled && !start_thread(report))
+    if (state.config.rtsp.enabled && !sst_publisher_start(&state.publisher, report, NULL))
         serve();
     for (;;)
         pause(); /* disabled: until a reload */

@@ -72,8 +72,7 @@ static bool is_repeated(const struct source *s, const struct sst_client_picture 
     const bool same =
         newest && newest->set == p->set && newest->bytes == p->bytes && !memcmp(newest->data, p->data, p->bytes);
 
-    if (newest)
-        sst_slot_jpeg_unref(newest);
+    sst_slot_jpeg_unref(newest);
     return same;
 }
 

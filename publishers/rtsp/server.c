@@ -6,7 +6,6 @@
 #include <netinet/in.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -52,14 +51,13 @@ static const struct {
 };
 
 /* Warnings of the library, mostly about clients that vanish: one line a minute. */
-static void on_library_log(const gchar *domain, GLogLevelFlags level, const gchar *text, gpointer arg)
+static void on_library_log(const gchar *domain, GLogLevelFlags level SST_UNUSED, const gchar *text,
+                           gpointer arg SST_UNUSED)
 {
     static _Atomic int64_t logged_ns;
     const int64_t now_ns = sst_clock_now_ns();
     int64_t before_ns = atomic_load(&logged_ns);
 
-    (void)level;
-    (void)arg;
     if ((!before_ns || now_ns - before_ns > LOG_NS) && atomic_compare_exchange_strong(&logged_ns, &before_ns, now_ns))
         sst_log_warning("rtsp: %s: %s", domain ? domain : "GLib", text);
 }
@@ -133,21 +131,19 @@ static struct client *client_of(GstRTSPClient *client)
     return g_object_get_data(G_OBJECT(client), CLIENT_KEY);
 }
 
-static GstRTSPFilterResult check_over(GstRTSPSession *session, GstRTSPSessionMedia *media, gpointer over)
+static GstRTSPFilterResult check_over(GstRTSPSession *session SST_UNUSED, GstRTSPSessionMedia *media, gpointer over)
 {
-    (void)session;
     *(bool *)over |= rtsp_feed_is_over(gst_rtsp_session_media_get_media(media));
     return GST_RTSP_FILTER_KEEP;
 }
 
-static GstRTSPFilterResult check_session(GstRTSPSessionPool *pool, GstRTSPSession *session, gpointer over)
+static GstRTSPFilterResult check_session(GstRTSPSessionPool *pool SST_UNUSED, GstRTSPSession *session, gpointer over)
 {
-    (void)pool;
     g_list_free_full(gst_rtsp_session_filter(session, check_over, over), g_object_unref);
     return GST_RTSP_FILTER_KEEP;
 }
 
-static GstRTSPFilterResult check_client(GstRTSPServer *server, GstRTSPClient *client, gpointer watching)
+static GstRTSPFilterResult check_client(GstRTSPServer *server SST_UNUSED, GstRTSPClient *client, gpointer watching)
 {
     struct client *c = client_of(client);
     const uint64_t bytes = received(client);
@@ -155,7 +151,6 @@ static GstRTSPFilterResult check_client(GstRTSPServer *server, GstRTSPClient *cl
     const guint sessions = gst_rtsp_session_pool_get_n_sessions(c->sessions);
     bool over = false;
 
-    (void)server;
     gst_rtsp_session_pool_cleanup(c->sessions);
     g_list_free_full(gst_rtsp_session_pool_filter(c->sessions, check_session, &over), g_object_unref);
     *(guint *)watching += sessions;
@@ -192,9 +187,8 @@ static GstRTSPStatusCode before_describe(GstRTSPClient *client, GstRTSPContext *
     return rtsp_mount(arg, ctx->uri->abspath);
 }
 
-static GstRTSPFilterResult count(GstRTSPServer *server, GstRTSPClient *client, gpointer sessions)
+static GstRTSPFilterResult count(GstRTSPServer *server SST_UNUSED, GstRTSPClient *client, gpointer sessions)
 {
-    (void)server;
     *(guint *)sessions += gst_rtsp_session_pool_get_n_sessions(client_of(client)->sessions);
     return GST_RTSP_FILTER_KEEP;
 }
@@ -214,33 +208,28 @@ static GstRTSPStatusCode before_setup(GstRTSPClient *client, GstRTSPContext *ctx
     return GST_RTSP_STS_OK;
 }
 
-static void on_play(GstRTSPClient *client, GstRTSPContext *ctx, gpointer arg)
+static void on_play(GstRTSPClient *client SST_UNUSED, GstRTSPContext *ctx, gpointer arg SST_UNUSED)
 {
-    (void)client;
-    (void)arg;
     if (ctx->sessmedia)
         rtsp_feed_refresh(gst_rtsp_session_media_get_media(ctx->sessmedia));
 }
 
-static GstRTSPFilterResult detach(GstRTSPSession *session, GstRTSPSessionMedia *media, gpointer arg)
+static GstRTSPFilterResult detach(GstRTSPSession *session SST_UNUSED, GstRTSPSessionMedia *media,
+                                  gpointer arg SST_UNUSED)
 {
-    (void)session;
-    (void)arg;
     gst_rtsp_session_media_set_state(media, GST_STATE_NULL);
     return GST_RTSP_FILTER_REMOVE;
 }
 
-static GstRTSPFilterResult end_session(GstRTSPSessionPool *pool, GstRTSPSession *session, gpointer arg)
+static GstRTSPFilterResult end_session(GstRTSPSessionPool *pool SST_UNUSED, GstRTSPSession *session,
+                                       gpointer arg SST_UNUSED)
 {
-    (void)pool;
-    (void)arg;
     g_list_free_full(gst_rtsp_session_filter(session, detach, NULL), g_object_unref);
     return GST_RTSP_FILTER_REMOVE;
 }
 
-static gboolean end_keep(gpointer arg)
+static gboolean end_keep(gpointer arg SST_UNUSED)
 {
-    (void)arg;
     return G_SOURCE_REMOVE;
 }
 
@@ -262,13 +251,11 @@ static void on_close(GstRTSPClient *client, gpointer arg)
     g_list_free_full(gst_rtsp_session_pool_filter(client_of(client)->sessions, end_session, NULL), g_object_unref);
 }
 
-static void on_answer(GstRTSPClient *client, GstRTSPContext *ctx, GstRTSPMessage *message, gpointer arg)
+static void on_answer(GstRTSPClient *client, GstRTSPContext *ctx SST_UNUSED, GstRTSPMessage *message SST_UNUSED,
+                      gpointer arg SST_UNUSED)
 {
     struct client *c = client_of(client);
 
-    (void)ctx;
-    (void)message;
-    (void)arg;
     atomic_store(&c->since_ns, sst_clock_now_ns());
     atomic_store(&c->busy, false);
 }
