@@ -104,16 +104,10 @@ static int gather_live(struct job *job, const struct sst_gather_config *cfg)
     return err;
 }
 
-static bool is_corners_file(const char *path)
+/* A file of corners instead of pictures. */
+static bool is_corners_file(const char *source)
 {
-    const size_t n = strlen(path);
-
-    return n > 5 && !strcmp(path + n - 5, ".json");
-}
-
-static void progress(void *arg, double done)
-{
-    cli_progress(arg, done);
+    return source && cli_ends_with(source, ".json");
 }
 
 static int gather(struct job *job)
@@ -124,7 +118,7 @@ static int gather(struct job *job)
 
     cfg.detect.max_blur_px = o->max_blur_px;
     cfg.detect.quick = o->live;
-    if (o->source && is_corners_file(o->source))
+    if (is_corners_file(o->source))
         return sst_detections_read(&job->gathered.all, o->source);
     err = sst_board_parse(&cfg.board, o->board);
     if (!err && o->live)
@@ -133,7 +127,7 @@ static int gather(struct job *job)
         err = sst_gather_source_open(&job->source, o->source, &o->pick);
     if (!err) {
         job->spacing_mm = job->source.spacing_mm;
-        cfg.progress = progress;
+        cfg.progress = cli_progress;
         cfg.arg = (void *)(uintptr_t) "corners";
         err = sst_gather(&job->gathered, &job->source, &cfg);
         cli_progress_end();
@@ -154,7 +148,7 @@ static int solve(struct job *job)
     cfg.overridden = &job->overridden;
     cfg.cross_validate = !o->no_cross;
     cfg.max_outliers = o->outliers_percent / 100;
-    cfg.progress = progress;
+    cfg.progress = cli_progress;
     cfg.progress_arg = (void *)(uintptr_t) "solve";
     if (o->lenses) {
         err = sst_calib_read(&job->lenses, o->lenses);
@@ -345,13 +339,13 @@ static int check_options(const struct cli_command *cmd, const struct options *o)
         return cli_usage_error(cmd, "give either a source of pictures or --live");
     if (!o->out)
         return cli_usage_error(cmd, "-o calib.yaml is missing");
-    if (!o->board && !(o->source && is_corners_file(o->source)))
+    if (!o->board && !is_corners_file(o->source))
         return cli_usage_error(cmd, "--board is missing, such as --board charuco:9x7:50mm:0.7");
     if (!o->live && (o->keep || o->config || o->limits.accepted || o->limits.seconds > 0))
         return cli_usage_error(cmd, "--config, --keep, --sets and --duration belong to --live");
     if (o->live && (o->pick.rig || o->pick.every || o->pick.max))
         return cli_usage_error(cmd, "--rig, --every and --max-frames belong to pictures that exist already");
-    if (o->source && is_corners_file(o->source) &&
+    if (is_corners_file(o->source) &&
         (o->board || o->pick.grid[0] || o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0))
         return cli_usage_error(cmd,
                                "%s has the corners, board and grid: it does not combine with --board, --grid, "

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/file.h"
 #include "base/log.h"
 
 #define MAX_OPTIONS 64
@@ -256,6 +257,33 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
     return CLI_GO_ON;
 }
 
+json_t *cli_real_json(double v)
+{
+    return isfinite(v) ? json_real(v) : json_null();
+}
+
+int cli_write_json(const json_t *root, const char *dir, const char *name)
+{
+    struct sst_outfile out;
+    char path[SST_PATH_MAX];
+    int err = root ? sst_path_join(path, dir, name) : -ENOMEM;
+
+    if (!err)
+        err = sst_outfile_open(&out, path);
+    if (err)
+        return err;
+    json_dumpf(root, out.stream, JSON_INDENT(2));
+    fputc('\n', out.stream);
+    return sst_outfile_commit(&out);
+}
+
+bool cli_ends_with(const char *text, const char *end)
+{
+    const size_t n = strlen(text), m = strlen(end);
+
+    return n > m && !strcmp(text + n - m, end);
+}
+
 static int64_t progress_start_ns;
 static bool progress_shown;
 
@@ -285,9 +313,9 @@ void cli_progress_end(void)
     progress_start_ns = 0;
 }
 
-int cli_print_json(json_t *root)
+int cli_dump_json(json_t *root, size_t flags)
 {
-    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) : NULL;
+    char *text = root ? json_dumps(root, flags) : NULL;
 
     json_decref(root);
     if (!text)
@@ -295,4 +323,9 @@ int cli_print_json(json_t *root)
     puts(text);
     free(text);
     return CLI_OK;
+}
+
+int cli_print_json(json_t *root)
+{
+    return cli_dump_json(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
 }

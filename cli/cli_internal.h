@@ -86,9 +86,21 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
 /** Log a usage error with the command's name: "sst: error: render: ..." */
 int cli_usage_error(const struct cli_command *cmd, const char *fmt, ...) SST_PRINTF(2, 3);
 
+/** Print an object on standard output by jansson's flags, with a line's end, and release it. @param root  NULL: out of
+ * memory @return exit code */
+int cli_dump_json(json_t *root, size_t flags);
 /** Print an object on standard output, 9 digits per number, and release it. @param root  NULL: out of memory @return
  *  exit code */
 int cli_print_json(json_t *root);
+
+/** A number; null if it is not finite. */
+json_t *cli_real_json(double v);
+
+/** Write an object as a file of a folder, whole or not at all. @return 0, -ENOMEM, or an error of the output; logged */
+SST_MUST_CHECK int cli_write_json(const json_t *root, const char *dir, const char *name);
+
+/** Whether a text ends so (".png") and is longer; case counts. */
+bool cli_ends_with(const char *text, const char *end);
 
 /** Progress bar with remaining time; only on a terminal, and only after a second. */
 void cli_progress(void *title, double done);
@@ -264,17 +276,17 @@ int cli_run_import_recording(const struct cli_command *cmd, const struct import_
 
 /* --- lightfield_line: one line about a light field, as `sst import` and `sst export` end with. --- */
 
-/** Print "NAME: 36 views of 1024x640, grid 6x6, offsets ..., disparity ...". Only lightfield.json is needed. */
-void cli_print_lightfield(const struct sst_lightfield *lf, const char *name);
+/** Print "NAME: 36 views of 1024x640, grid 6x6, offsets ..., disparity ..." of the light field in a folder. Only
+ *  lightfield.json is read. @return 0 or its error; logged */
+SST_MUST_CHECK int cli_print_lightfield(const char *dir, const char *name);
 
-/* --- precision: the option --precision of commands that run networks. --- */
+/* --- matching: the option --precision of commands that run networks, and the matching options that `sst stereo` and
+ * `sst process` share. --- */
 
 #define CLI_PRECISION_HELP "networks on f32 or int8 numbers; default: int8 where file and processor have it"
 
 /** @param name  f32 or int8; NULL leaves *out alone. @return 0 or -EINVAL, logged */
 SST_MUST_CHECK int cli_precision(enum sst_precision *out, const char *name);
-
-/* --- matching: the matching options that `sst stereo` and `sst process` share. --- */
 
 /** What the user said; unset numbers keep the preset's values. */
 struct cli_matching {
@@ -315,7 +327,6 @@ SST_MUST_CHECK int cli_matching_config(struct sst_disparity_config *cfg, const s
 
 /* --- model_facts: what `sst models` finds out about one network. --- */
 
-struct json_t;
 struct sst_manifest_entry;
 
 /**
@@ -325,13 +336,10 @@ struct sst_manifest_entry;
  * @param entry  of the folder's manifest, or NULL
  * @return an object, to release with json_decref(); NULL without memory
  */
-struct json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry);
+json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry);
 
 /** Print all about one network. @return 0, or what opening it returned; logged. */
 SST_MUST_CHECK int cli_model_inspect(const char *path, bool json);
-
-/** Print an object, which is released; NULL is -ENOMEM. */
-SST_MUST_CHECK int cli_model_print(struct json_t *object);
 
 /* --- places: which device sits where in the array, for commands that list cameras. --- */
 

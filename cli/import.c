@@ -1,5 +1,4 @@
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "cli/cli_internal.h"
@@ -7,7 +6,6 @@
 
 static int import_folder(struct sst_import_config *cfg, const char *format, const char *source, const int grid[2])
 {
-    struct sst_lightfield lf;
     int err;
 
     cfg->format = format;
@@ -15,13 +13,7 @@ static int import_folder(struct sst_import_config *cfg, const char *format, cons
     cfg->rows = grid[0];
     cfg->cols = grid[1];
     err = sst_import(cfg);
-    if (!err)
-        err = sst_lightfield_load(&lf, cfg->out, 0, 1);
-    if (err)
-        return cli_exit_code(err);
-    cli_print_lightfield(&lf, cfg->out);
-    sst_lightfield_fini(&lf);
-    return CLI_OK;
+    return cli_exit_code(err ? err : cli_print_lightfield(cfg->out, cfg->out));
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)

@@ -102,15 +102,8 @@ static int make(const struct cli_command *cmd, const struct import_recording *ar
         printf("%s: %d light fields, %s/set-%06d to %s/set-%06d\n", args->out, cfg.count, args->out, sets[0], args->out,
                sets[cfg.count - 1]);
     free(sets);
-    if (!err && !cfg.each) {
-        struct sst_lightfield lf;
-
-        err = sst_lightfield_load(&lf, args->out, 0, 1);
-        if (!err) {
-            cli_print_lightfield(&lf, args->out);
-            sst_lightfield_fini(&lf);
-        }
-    }
+    if (!err && !cfg.each)
+        err = cli_print_lightfield(args->out, args->out);
     return cli_exit_code(err);
 }
 

@@ -108,17 +108,10 @@ static int delete_one(const struct args *a)
     return post(a, "/api/v1/delete", json_pack("{s:s}", "name", a->name), NULL, 0);
 }
 
-static bool ends_in(const char *text, const char *end)
-{
-    const size_t n = strlen(text), m = strlen(end);
-
-    return n > m && !strcmp(text + n - m, end);
-}
-
 /* FILE.tar is all of it, FILE.jpg the picture of a snapshot, else the video. */
 static int download(const struct args *a)
 {
-    const bool tar = ends_in(a->output, ".tar"), picture = ends_in(a->output, ".jpg");
+    const bool tar = cli_ends_with(a->output, ".tar"), picture = cli_ends_with(a->output, ".jpg");
     char path[300];
 
     snprintf(path, sizeof(path), "/api/v1/download/%s%s%s%s", a->name, a->camera ? "." : "", a->camera ? a->camera : "",
@@ -202,7 +195,7 @@ static int check(const struct cli_command *cmd, const struct args *a, const char
         return cli_usage_error(cmd, "--camera belongs to download, not to %s", action);
     if (downloads && !a->output)
         return cli_usage_error(cmd, "missing -o FILE.mkv (video), FILE.tar (all of it) or FILE.jpg (picture)");
-    if (downloads && a->camera && (!is_name(a->camera) || ends_in(a->output, ".tar") || ends_in(a->output, ".jpg")))
+    if (downloads && a->camera && (!is_name(a->camera) || cli_ends_with(a->output, ".tar") || cli_ends_with(a->output, ".jpg")))
         return cli_usage_error(cmd, "--camera r0c5 needs -o FILE.mkv, the video of that camera");
     if (exports && !a->time == !(a->ago_s >= 0))
         return cli_usage_error(cmd, "missing the moment: --time 2026-11-21T18:05:00Z, or --ago 30 (seconds)");

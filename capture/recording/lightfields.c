@@ -1,6 +1,5 @@
 #include "capture/recording/lightfields.h"
 
-#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
