@@ -30,7 +30,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     sst_board_format(&board, name);
     err = sst_print_board(&print, &board);
     if (!err)
-        err = cli_ends_with(out, ".svg") ? sst_print_write_svg(&print, name, out) : sst_print_write_png(&print, dpi, out);
+        err =
+            cli_ends_with(out, ".svg") ? sst_print_write_svg(&print, name, out) : sst_print_write_png(&print, dpi, out);
     if (!err)
         printf("%s: %s, %.4g x %.4g mm with its margin; print at 100 %%, then measure a %s: it must be %.4g mm\n", out,
                name, print.width_mm, print.height_mm, board.kind == SST_BOARD_APRILGRID ? "tag" : "square",

@@ -15,13 +15,14 @@ static const char *const state_names[] = { "measured", "blank", "lost" };
 
 static json_t *camera_json(const struct sst_drift_camera *c, int view, int cols)
 {
-    return json_pack("{s:i, s:i, s:b, s:b, s:b, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "row", view / cols, "col",
-                     view % cols, "known", c->known, "drifted", c->drifted, "lost", c->lost, "shift_x_px",
-                     cli_real_json(c->known ? c->shift_x_px : NAN), "shift_y_px", cli_real_json(c->known ? c->shift_y_px : NAN),
-                     "sigma_px", cli_real_json(c->known ? c->sigma_px : NAN), "roll_deg", cli_real_json(c->known ? c->roll_deg : NAN),
-                     "scale", cli_real_json(c->known ? c->scale : NAN), "off_px", cli_real_json(c->known ? c->off_px : NAN),
-                     "off_sigma_px", cli_real_json(c->known ? c->off_sigma_px : NAN), "residual_px",
-                     cli_real_json(c->known ? c->residual_px : NAN));
+    return json_pack(
+        "{s:i, s:i, s:b, s:b, s:b, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "row", view / cols, "col", view % cols,
+        "known", c->known, "drifted", c->drifted, "lost", c->lost, "shift_x_px",
+        cli_real_json(c->known ? c->shift_x_px : NAN), "shift_y_px", cli_real_json(c->known ? c->shift_y_px : NAN),
+        "sigma_px", cli_real_json(c->known ? c->sigma_px : NAN), "roll_deg",
+        cli_real_json(c->known ? c->roll_deg : NAN), "scale", cli_real_json(c->known ? c->scale : NAN), "off_px",
+        cli_real_json(c->known ? c->off_px : NAN), "off_sigma_px", cli_real_json(c->known ? c->off_sigma_px : NAN),
+        "residual_px", cli_real_json(c->known ? c->residual_px : NAN));
 }
 
 static json_t *pair_json(const struct sst_drift_pair *p, int cols)
@@ -30,8 +31,8 @@ static json_t *pair_json(const struct sst_drift_pair *p, int cols)
 
     return json_pack("{s:[i,i], s:[i,i], s:s, s:i, s:i, s:o, s:o, s:o}", "a", p->a / cols, p->a % cols, "b",
                      p->b / cols, p->b % cols, "state", state_names[p->state], "features", p->features, "matches",
-                     p->matches, "mean_px", cli_real_json(any ? p->mean_px : NAN), "rms_px", cli_real_json(any ? p->rms_px : NAN),
-                     "p95_px", cli_real_json(any ? p->p95_px : NAN));
+                     p->matches, "mean_px", cli_real_json(any ? p->mean_px : NAN), "rms_px",
+                     cli_real_json(any ? p->rms_px : NAN), "p95_px", cli_real_json(any ? p->p95_px : NAN));
 }
 
 static json_t *check_json(const struct sst_drift *c)
@@ -49,10 +50,11 @@ static json_t *check_json(const struct sst_drift *c)
                      "s:o}",
                      "verdict", sst_drift_verdict_name(c->verdict), "sentence", c->sentence, "rows", c->rows, "cols",
                      c->cols, "ok_px", c->ok_px, "unusable_px", c->unusable_px, "pairs_checked", c->pairs,
-                     "pairs_measured", c->measured, "matches", c->matches, "mean_px", cli_real_json(c->mean_px), "p95_px",
-                     cli_real_json(c->p95_px), "max_px", cli_real_json(c->max_px), "axes_px", cli_real_json(c->axes_px), "far_matches",
-                     c->far_matches, "far_p95_px", cli_real_json(c->far_p95_px), "range_px", c->range_min_px, c->range_max_px,
-                     "swapped", swapped, "cameras", cameras, "pairs", pairs);
+                     "pairs_measured", c->measured, "matches", c->matches, "mean_px", cli_real_json(c->mean_px),
+                     "p95_px", cli_real_json(c->p95_px), "max_px", cli_real_json(c->max_px), "axes_px",
+                     cli_real_json(c->axes_px), "far_matches", c->far_matches, "far_p95_px",
+                     cli_real_json(c->far_p95_px), "range_px", c->range_min_px, c->range_max_px, "swapped", swapped,
+                     "cameras", cameras, "pairs", pairs);
 }
 
 /* --- tables ------------------------------------------------------------------------------------------------------- */

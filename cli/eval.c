@@ -11,8 +11,8 @@ static json_t *disparity_json(const struct sst_disparity_error *d, int views)
     const bool any = d->pixels > 0;
 
     return json_pack("{s:i, s:I, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", views, "pixels", (json_int_t)d->pixels,
-                     "bad05", cli_real_json(any ? d->bad_half : NAN), "bad1", cli_real_json(any ? d->bad1 : NAN), "bad2",
-                     cli_real_json(any ? d->bad2 : NAN), "bad4", cli_real_json(any ? d->bad4 : NAN), "rmse",
+                     "bad05", cli_real_json(any ? d->bad_half : NAN), "bad1", cli_real_json(any ? d->bad1 : NAN),
+                     "bad2", cli_real_json(any ? d->bad2 : NAN), "bad4", cli_real_json(any ? d->bad4 : NAN), "rmse",
                      cli_real_json(any ? d->rmse : NAN), "mae", cli_real_json(any ? d->mean_abs : NAN), "density",
                      cli_real_json(any ? d->density : NAN));
 }
@@ -20,17 +20,18 @@ static json_t *disparity_json(const struct sst_disparity_error *d, int views)
 static json_t *labels_json(const struct sst_evaluation *r)
 {
     return json_pack("{s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", r->label_views, "miou_initial",
-                     cli_real_json(r->initial.miou), "accuracy_initial", cli_real_json(r->initial.accuracy), "miou_hcsm",
-                     cli_real_json(r->hcsm.miou), "accuracy_hcsm", cli_real_json(r->hcsm.accuracy), "coverage_hcsm",
-                     cli_real_json(r->hcsm.coverage), "miou_refined", cli_real_json(r->refined.miou), "accuracy_refined",
-                     cli_real_json(r->refined.accuracy), "coverage_refined", cli_real_json(r->refined.coverage));
+                     cli_real_json(r->initial.miou), "accuracy_initial", cli_real_json(r->initial.accuracy),
+                     "miou_hcsm", cli_real_json(r->hcsm.miou), "accuracy_hcsm", cli_real_json(r->hcsm.accuracy),
+                     "coverage_hcsm", cli_real_json(r->hcsm.coverage), "miou_refined", cli_real_json(r->refined.miou),
+                     "accuracy_refined", cli_real_json(r->refined.accuracy), "coverage_refined",
+                     cli_real_json(r->refined.coverage));
 }
 
 static json_t *picture_json(const struct sst_picture_error *p)
 {
-    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "psnr", cli_real_json(p->psnr), "ssim", cli_real_json(p->ssim), "psnr_occluded",
-                     cli_real_json(p->psnr_occluded), "ssim_occluded", cli_real_json(p->ssim_occluded), "seconds",
-                     cli_real_json(p->seconds));
+    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "psnr", cli_real_json(p->psnr), "ssim", cli_real_json(p->ssim),
+                     "psnr_occluded", cli_real_json(p->psnr_occluded), "ssim_occluded", cli_real_json(p->ssim_occluded),
+                     "seconds", cli_real_json(p->seconds));
 }
 
 static json_t *report_json(const struct sst_evaluation *r, const struct sst_truth *truth)
@@ -42,10 +43,11 @@ static json_t *report_json(const struct sst_evaluation *r, const struct sst_trut
     for (int i = 0; i < r->occluders; i++) {
         const struct sst_truth_occluder *o = &truth->occluders[i];
 
-        json_array_append_new(
-            list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o}", "name", o->name, "label", o->label, "target",
-                            o->target, "focus_px", o->focus_px, "covered", cli_real_json(r->occluder[i].covered), "render",
-                            picture_json(&r->occluder[i].render), "refocus", picture_json(&r->occluder[i].refocus)));
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o}", "name", o->name, "label", o->label,
+                                              "target", o->target, "focus_px", o->focus_px, "covered",
+                                              cli_real_json(r->occluder[i].covered), "render",
+                                              picture_json(&r->occluder[i].render), "refocus",
+                                              picture_json(&r->occluder[i].refocus)));
     }
     return json_pack("{s:o, s:o, s:o, s:o, s:o}", "disparity", disparity, "labels", labels_json(r), "render",
                      picture_json(r->occluders ? &r->occluder[0].render : &none), "refocus",

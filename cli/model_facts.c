@@ -203,13 +203,13 @@ static void add_info(json_t *o, const struct sst_model_info *info)
         if (info->classes.ground[i])
             json_array_append_new(ground, json_text(info->classes.names[i]));
     }
-    json_object_update_new(
-        o, json_pack("{s:o, s:o, s:i, s:s, s:[f, f, f], s:[f, f, f], s:[i, i], s:b, s:s, s:f, s:o}", "classes", names,
-                     "ground", ground, "channels", info->channels, "colour", info->bgr ? "bgr" : "rgb", "mean",
-                     info->mean[0], info->mean[1], info->mean[2], "std", info->std[0], info->std[1], info->std[2],
-                     "size", info->width, info->height, "fixed_size", info->fixed_size, "output",
-                     info->probabilities ? "probabilities" : "logits", "temperature", info->temperature, "epsilon_h",
-                     cli_real_json(info->eps_h)));
+    json_object_update_new(o, json_pack("{s:o, s:o, s:i, s:s, s:[f, f, f], s:[f, f, f], s:[i, i], s:b, s:s, s:f, s:o}",
+                                        "classes", names, "ground", ground, "channels", info->channels, "colour",
+                                        info->bgr ? "bgr" : "rgb", "mean", info->mean[0], info->mean[1], info->mean[2],
+                                        "std", info->std[0], info->std[1], info->std[2], "size", info->width,
+                                        info->height, "fixed_size", info->fixed_size, "output",
+                                        info->probabilities ? "probabilities" : "logits", "temperature",
+                                        info->temperature, "epsilon_h", cli_real_json(info->eps_h)));
 }
 
 static int shape_of(json_t *o, struct sst_network *net, int width, int height)

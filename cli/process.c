@@ -49,10 +49,8 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
     root =
         json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols,
                   "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px,
-                  "confirmed_percent", cli_real_json(r->confirmed), "eps_h",
-                  cli_real_json(r->eps_h), "coverage_hcsm",
-                  cli_real_json(r->coverage_hcsm), "coverage_refined",
-                  cli_real_json(r->coverage_refined), "seconds",
+                  "confirmed_percent", cli_real_json(r->confirmed), "eps_h", cli_real_json(r->eps_h), "coverage_hcsm",
+                  cli_real_json(r->coverage_hcsm), "coverage_refined", cli_real_json(r->coverage_refined), "seconds",
                   seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
                   "cpu_seconds",
                   seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));

@@ -195,7 +195,8 @@ static int check(const struct cli_command *cmd, const struct args *a, const char
         return cli_usage_error(cmd, "--camera belongs to download, not to %s", action);
     if (downloads && !a->output)
         return cli_usage_error(cmd, "missing -o FILE.mkv (video), FILE.tar (all of it) or FILE.jpg (picture)");
-    if (downloads && a->camera && (!is_name(a->camera) || cli_ends_with(a->output, ".tar") || cli_ends_with(a->output, ".jpg")))
+    if (downloads && a->camera &&
+        (!is_name(a->camera) || cli_ends_with(a->output, ".tar") || cli_ends_with(a->output, ".jpg")))
         return cli_usage_error(cmd, "--camera r0c5 needs -o FILE.mkv, the video of that camera");
     if (exports && !a->time == !(a->ago_s >= 0))
         return cli_usage_error(cmd, "missing the moment: --time 2026-11-21T18:05:00Z, or --ago 30 (seconds)");

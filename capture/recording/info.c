@@ -77,11 +77,19 @@ static const char *muxer(void)
 #endif
 }
 
+int manifest_write_json(const char *path, const json_t *root)
+{
+    char *text = root ? json_dumps(root, JSON_INDENT(1)) : NULL;
+    const int err = text ? sst_file_write(path, text, strlen(text)) : -ENOMEM;
+
+    free(text);
+    return err;
+}
+
 int manifest_write_info(const char *path, const struct sst_recorder_config *cfg)
 {
     char format[5];
     json_t *root;
-    char *text;
     int err;
 
     sst_recording_format_name(cfg->fourcc, format);
@@ -90,12 +98,8 @@ int manifest_write_info(const char *path, const struct sst_recorder_config *cfg)
                      cfg->rows, "cols", cfg->cols, "cameras", cfg->cameras, "pixel_format", format, "width", cfg->width,
                      "height", cfg->height, "rate_hz", cfg->rate_hz, "spacing_mm", cfg->spacing_mm, "frame_columns",
                      columns_to_json(), "tracks", tracks_to_json(cfg));
-    text = root ? json_dumps(root, JSON_INDENT(1)) : NULL;
+    err = manifest_write_json(path, root);
     json_decref(root);
-    if (!text)
-        return -ENOMEM;
-    err = sst_file_write(path, text, strlen(text));
-    free(text);
     return err;
 }
 

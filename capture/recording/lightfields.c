@@ -5,14 +5,15 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include <jansson.h>
 #include <linux/videodev2.h>
 
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "base/thread.h"
+#include "capture/recording/recording_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
@@ -133,17 +134,6 @@ static int check_missing(const struct job *job)
 
 /* --- one light field ---------------------------------------------------------------------------------------------- */
 
-static void format_wall(char out[40], int64_t wall_ns)
-{
-    const time_t s = (time_t)(wall_ns / 1000000000);
-    struct tm tm;
-    char date[32];
-
-    if (!gmtime_r(&s, &tm) || !strftime(date, sizeof(date), "%Y-%m-%dT%H:%M:%S", &tm))
-        snprintf(date, sizeof(date), "?");
-    snprintf(out, 40, "%s.%03dZ", date, (int)(wall_ns / 1000000 % 1000));
-}
-
 /* JSON holds UTF-8 only; names of folders are arbitrary bytes. */
 static void make_utf8(char *text)
 {
@@ -158,12 +148,12 @@ static void describe(struct job *job)
 {
     const struct sst_recording_set *set = &job->set;
     struct sst_lightfield *lf = &job->lf;
-    char wall[40];
+    char wall[SST_CLOCK_TEXT];
     int present = 0;
 
     for (int k = 0; k < lf->rows * lf->cols; k++)
         present += lf->views[k].present;
-    format_wall(wall, set->wall_ns);
+    sst_clock_text(wall, set->wall_ns);
     snprintf(lf->files->source, sizeof(lf->files->source),
              "recording import of %.700s, set %d: trigger %llu of run %d, %s, t_ns %lld "
              "(%s), skew %.3f us, %d of %d views",
@@ -353,7 +343,7 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
 static int make_each(const struct sst_recording *recording, const struct sst_lightfields_config *cfg, const char *out)
 {
     json_t *list = json_array();
-    char path[SST_PATH_MAX], *text = NULL;
+    char path[SST_PATH_MAX];
     int err = list ? 0 : -ENOMEM;
 
     for (int i = 0; !err && i < cfg->count; i++) {
@@ -373,10 +363,7 @@ static int make_each(const struct sst_recording *recording, const struct sst_lig
     if (!err)
         err = sst_path_join(path, out, "sets.json");
     if (!err)
-        text = json_dumps(list, JSON_INDENT(1));
-    if (!err)
-        err = text ? sst_file_write(path, text, strlen(text)) : -ENOMEM;
-    free(text);
+        err = manifest_write_json(path, list);
     json_decref(list);
     return err;
 }

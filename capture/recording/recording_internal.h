@@ -3,6 +3,8 @@
 #ifndef SST_CAPTURE_RECORDING_RECORDING_INTERNAL_H
 #define SST_CAPTURE_RECORDING_RECORDING_INTERNAL_H
 
+#include <jansson.h>
+
 #include "base/file.h"
 #include "capture/recording/recorder.h"
 #include "capture/recording/recording.h"
@@ -40,6 +42,9 @@ SST_MUST_CHECK int segment_path(char out[SST_PATH_MAX], const char *dir, int num
 
 /** The columns of a line's frames, in their order. */
 extern const char *const manifest_columns[MANIFEST_COLUMNS];
+
+/** Write an object as a file, whole or not at all. @return 0, -ENOMEM, or an error of the output; logged. */
+SST_MUST_CHECK int manifest_write_json(const char *path, const json_t *root);
 
 /** Write recording.json, whole or not at all. @return 0 or an error of the output; logged. */
 SST_MUST_CHECK int manifest_write_info(const char *path, const struct sst_recorder_config *cfg);
