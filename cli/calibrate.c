@@ -4,8 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
@@ -70,7 +70,7 @@ static int gather_live(struct job *job, const struct sst_gather_config *cfg)
 {
     const struct options *o = job->o;
     struct sst_array_config *array = malloc(sizeof(*array));
-    struct sst_gather_live_config limits = o->limits;
+    struct sst_gather_live_config live = o->limits;
     const struct sst_gather_selection all = { .max = 0 };
     int *frameset = NULL;
     int err = array ? 0 : -ENOMEM;
@@ -85,11 +85,11 @@ static int gather_live(struct job *job, const struct sst_gather_config *cfg)
         array->trigger_hz = o->rate_hz;
         if (array->source == SST_CONFIG_FREE_RUN)
             array->rate_hz = o->rate_hz;
-        limits.array = array;
+        live.array = array;
         fprintf(stderr, "hold the board before the cameras, near and far, tilted every way; Ctrl-C ends early%s%s\n",
                 o->coverage ? "; coverage: " : "", o->coverage ? o->coverage : "");
         job->spacing_mm = array->spacing_mm;
-        err = cli_calibrate_live(&job->gathered, &frameset, cfg, &limits, o->keep, o->coverage);
+        err = cli_calibrate_live(&job->gathered, &frameset, cfg, &live, o->keep, o->coverage);
     }
     if (!err && o->keep) { /* pictures for the report: of the accepted framesets */
         err = sst_gather_source_open(&job->source, o->keep, &all);
@@ -142,7 +142,6 @@ static int solve(struct job *job)
     const struct options *o = job->o;
     struct sst_solve_config cfg = { .lens = o->lens, .force = o->force, .flat = o->flat, .threads = o->threads };
     struct sst_calib *calib = &job->solution.calib;
-    struct timespec now;
     int err = 0;
 
     cfg.overridden = &job->overridden;
@@ -160,8 +159,7 @@ static int solve(struct job *job)
     if (err)
         return err;
     job->solved = true;
-    clock_gettime(CLOCK_REALTIME, &now);
-    calib->created_wall_ns = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+    calib->created_wall_ns = sst_clock_wall_ns();
     snprintf(calib->source, sizeof(calib->source), "%s", o->source ? o->source : o->keep ? o->keep : "live cameras");
     sst_board_format(&job->gathered.all.board, calib->board);
     return 0;

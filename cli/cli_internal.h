@@ -14,7 +14,7 @@
 #include "drivers/grab/grab.h"
 #include "drivers/usb/plan.h"
 #include "pipeline/image/image.h"
-#include "pipeline/lightfield/calibrated.h"
+#include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/network/network.h"
@@ -130,14 +130,13 @@ int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool
  * Gather corners from the live array, with status lines on standard error.
  *
  * @param out, frameset  of sst_gather_live_run()
- * @param limits    array, accepted and seconds are used
+ * @param live      array, accepted and seconds; its callbacks are set here
  * @param record    folder of the recording to write, or NULL
  * @param coverage  picture to update, or NULL
  * @return 0, or what the cameras, the recorder or the picture return; logged
  */
 SST_MUST_CHECK int cli_calibrate_live(struct sst_gathered *out, int **frameset, const struct sst_gather_config *cfg,
-                                      const struct sst_gather_live_config *limits, const char *record,
-                                      const char *coverage);
+                                      struct sst_gather_live_config *live, const char *record, const char *coverage);
 
 /* --- client: options that name the service, and its answers shown to people. --- */
 
@@ -260,15 +259,10 @@ void doctor_check_uvcvideo(struct doctor *d);
 
 /* --- import_recording: `sst import recording`: sets of a recording as light fields. --- */
 
-struct sst_use_calibration;
-
 struct import_recording {
-    const char *source, *out;
-    const char *sets; /* "0,5-9", "all", "first", "last"; NULL: the only one there is */
-    bool allow_partial, force;
-    double range_min_px, range_max_px;
-    const struct sst_use_calibration *calibration; /* or NULL */
-    int threads;
+    const struct sst_import_config *import; /* as for the other formats; without grid, spacing and external maps */
+    const char *sets;                       /* "0,5-9", "all", "first", "last"; NULL: the only one there is */
+    bool allow_partial;
 };
 
 /** @return exit code; the sentence was printed. */

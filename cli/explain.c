@@ -7,7 +7,6 @@
 #include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/import.h"
 
 #define PATCH       15 /* pixels around a ray */
 #define MAGNIFY     4  /* each of them so wide */

@@ -1,6 +1,5 @@
 
 #include "cli/cli_internal.h"
-#include "pipeline/lightfield/import.h"
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {

@@ -1,10 +1,9 @@
 /* sst record: has the service record, lists what it keeps, takes it away as files, deletes it. */
 #include <errno.h>
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
 
@@ -39,11 +38,9 @@ static int post(const struct args *a, const char *path, json_t *request, char *n
 
 static int start(const struct args *a)
 {
-    json_t *request = json_pack("{s:s}", "action", "start");
+    json_t *seconds = a->duration_s > 0 ? json_real(a->duration_s) : NULL;
 
-    if (request && a->duration_s > 0)
-        (void)json_object_set_new(request, "seconds", json_real(a->duration_s));
-    return post(a, "/api/v1/record", request, NULL, 0);
+    return post(a, "/api/v1/record", json_pack("{s:s, s:o*}", "action", "start", "seconds", seconds), NULL, 0);
 }
 
 static int stop(const struct args *a)
@@ -127,28 +124,11 @@ static int download(const struct args *a)
 
 static json_t *export_request(const struct args *a)
 {
-    char text[40];
-    json_t *request;
+    char text[SST_CLOCK_TEXT];
 
-    if (a->ago_s >= 0) {
-        struct timespec now;
-        struct tm utc;
-        double t;
-        time_t seconds;
-
-        clock_gettime(CLOCK_REALTIME, &now);
-        t = (double)now.tv_sec + (double)now.tv_nsec * 1e-9 - a->ago_s;
-        seconds = (time_t)floor(t);
-        gmtime_r(&seconds, &utc);
-        strftime(text, sizeof(text), "%Y-%m-%dT%H:%M:%S", &utc);
-        snprintf(text + strlen(text), sizeof(text) - strlen(text), ".%03dZ", (int)((t - floor(t)) * 1000));
-    } else {
-        snprintf(text, sizeof(text), "%s", a->time);
-    }
-    request = json_pack("{s:s}", "time", text);
-    if (request && a->recording)
-        (void)json_object_set_new(request, "recording", json_string(a->recording));
-    return request;
+    if (a->ago_s >= 0)
+        sst_clock_text(text, sst_clock_wall_ns() - (int64_t)(a->ago_s * 1e9));
+    return json_pack("{s:s, s:s*}", "time", a->ago_s >= 0 ? text : a->time, "recording", a->recording);
 }
 
 static int export_moment(const struct args *a)

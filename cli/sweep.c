@@ -5,7 +5,6 @@
 #include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/import.h"
 
 struct sweep {
     struct render_input in;

@@ -21,9 +21,6 @@
 
 #define MAX_NAMED 4 /* views named in one message */
 
-/* Faults that concern a frame's bytes; a stamp that went backwards does not. */
-#define BAD_PICTURE (SST_FRAME_BAD & ~(unsigned)SST_FRAME_BACKWARDS)
-
 /* One set; each thread writes only its own view's elements. */
 struct job {
     const struct sst_recording *recording;
@@ -86,7 +83,8 @@ static int take_view(void *arg, int view, int worker SST_UNUSED)
 
     if (!f)
         return 0;
-    err = f->faults & BAD_PICTURE ? -ECANCELED : sst_recording_frame(job->recording, &job->set, cam, &data);
+    err =
+        f->faults & SST_RECORDING_BAD_PICTURE ? -ECANCELED : sst_recording_frame(job->recording, &job->set, cam, &data);
     job->why[view] = err == -ENODATA     ? "missing"
                      : err == -ECANCELED ? "marked bad by the driver"
                                          : "damaged on the disk";
@@ -134,16 +132,6 @@ static int check_missing(const struct job *job)
 
 /* --- one light field ---------------------------------------------------------------------------------------------- */
 
-/* JSON holds UTF-8 only; names of folders are arbitrary bytes. */
-static void make_utf8(char *text)
-{
-    json_t *probe = json_string(text);
-
-    for (; !probe && *text; text++)
-        *text = (unsigned char)*text < 0x80 ? *text : '?';
-    json_decref(probe);
-}
-
 static void describe(struct job *job)
 {
     const struct sst_recording_set *set = &job->set;
@@ -161,7 +149,7 @@ static void describe(struct job *job)
              (unsigned long long)set->index, set->session, wall, (long long)set->t_ns,
              set->edge ? "edge of the trigger" : "no edge", (double)set->skew.spread_ns * 1e-3, present,
              job->info->cameras);
-    make_utf8(lf->files->source);
+    manifest_make_utf8(lf->files->source);
 }
 
 /* Is it the camera that a calibration calls by this name? */

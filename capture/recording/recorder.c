@@ -293,8 +293,7 @@ static int finish_segment(struct sst_recorder *r)
 
 static bool segment_is_full(struct sst_recorder *r, const struct sst_frameset *set)
 {
-    if ((double)(set->t_ns - r->segment_start_ns) * 1e-9 < r->cfg.segment_s &&
-        segment_size_bytes(r->segment) < r->cfg.segment_bytes)
+    if ((double)(set->t_ns - r->segment_start_ns) * 1e-9 < r->cfg.segment_s && r->segment->end < r->cfg.segment_bytes)
         return false;
     return !r->sync || sync_has_room(r->sync); /* else the disk is far behind: the segment continues */
 }
@@ -380,7 +379,7 @@ static int add_set(struct sst_recorder *r, const struct sst_frameset *set)
     if (!err)
         err = segment_add(r->segment, set, r->offset);
     if (!err && !r->sync)
-        err = sync_here(r, segment_fd(r->segment));
+        err = sync_here(r, r->segment->fd);
     if (!err && !r->sync && !r->watched)
         err = sync_folder(r->folder);
     if (err)
@@ -394,11 +393,11 @@ static int add_set(struct sst_recorder *r, const struct sst_frameset *set)
     if (!err && !r->sync)
         err = sync_here(r, r->manifest_fd);
     if (!err && r->sync && !r->watched)
-        err = sync_watch(r->sync, segment_fd(r->segment), r->manifest_fd);
+        err = sync_watch(r->sync, r->segment->fd, r->manifest_fd);
     if (err)
         return err;
     r->manifest_bytes += (int64_t)n;
-    segment_keep(r->segment);
+    r->segment->kept = r->segment->end;
     r->counters.segments += !r->watched;
     r->watched = true;
     return 0;

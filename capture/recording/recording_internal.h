@@ -43,6 +43,11 @@ SST_MUST_CHECK int segment_path(char out[SST_PATH_MAX], const char *dir, int num
 /** The columns of a line's frames, in their order. */
 extern const char *const manifest_columns[MANIFEST_COLUMNS];
 
+/** Names of devices and folders are arbitrary bytes, JSON holds UTF-8 only: in other text '?' replaces what is not
+ * ASCII.
+ */
+void manifest_make_utf8(char *text);
+
 /** Write an object as a file, whole or not at all. @return 0, -ENOMEM, or an error of the output; logged. */
 SST_MUST_CHECK int manifest_write_json(const char *path, const json_t *root);
 
@@ -129,7 +134,17 @@ SST_MUST_CHECK int ebml_head(const uint8_t *data, size_t n, struct ebml *out);
 
 /* --- segment: writes one Matroska file of a recording. --- */
 
-struct sst_segment; /* opaque; one thread at a time */
+struct sst_segment { /* one thread at a time */
+    char *path;
+    int fd, cameras;
+    int64_t start_ns;
+    int64_t pos, end; /* of the next write; size: end of what was added */
+    int64_t kept;     /* end of what stays, also if the segment is abandoned: set by the caller */
+    int64_t last_ms[SST_CAMERAS_MAX];
+    int error; /* of the first failed write, negative; nothing is written after it */
+    struct AVFormatContext *format;
+    struct AVPacket *packet;
+};
 
 /** Largest frame, bytes: fits one block. */
 #define SST_SEGMENT_FRAME_MAX ((size_t)1 << 30)
@@ -154,12 +169,6 @@ SST_MUST_CHECK int segment_open(struct sst_segment **out, const char *path, cons
  */
 SST_MUST_CHECK int segment_add(struct sst_segment *segment, const struct sst_frameset *set,
                                int64_t offset[SST_CAMERAS_MAX]);
-
-/** Keep what was added so far, also if the segment is abandoned. */
-void segment_keep(struct sst_segment *segment);
-
-int64_t segment_size_bytes(const struct sst_segment *segment);
-int segment_fd(const struct sst_segment *segment);
 
 /** Write cues, duration and size, and free. @param sync  make it durable as well
  *  @return 0 or -errno (not logged): the file is then truncated after the last set and readable. */

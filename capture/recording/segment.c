@@ -19,17 +19,6 @@
 #define IO_BYTES (64 << 10)
 #define SLACK_NS 1000000000 /* a stamp farther from that of its set is wrong and must not move others */
 
-struct sst_segment {
-    char *path;
-    int fd, cameras;
-    int64_t start_ns;
-    int64_t pos, end, kept; /* of the next write; end of what was added; end of what is kept */
-    int64_t last_ms[SST_CAMERAS_MAX];
-    int error; /* of the first failed write, negative; nothing is written after it */
-    AVFormatContext *format;
-    AVPacket *packet;
-};
-
 static const struct {
     uint32_t fourcc;
     enum AVPixelFormat pixel;
@@ -300,21 +289,6 @@ int segment_add(struct sst_segment *s, const struct sst_frameset *set, int64_t o
     return find_frames(s, from, set, offset);
 }
 
-void segment_keep(struct sst_segment *s)
-{
-    s->kept = s->end;
-}
-
-int64_t segment_size_bytes(const struct sst_segment *s)
-{
-    return s->end;
-}
-
-int segment_fd(const struct sst_segment *s)
-{
-    return s->fd;
-}
-
 int segment_finish(struct sst_segment *s, bool sync)
 {
     int err = av_write_trailer(s->format);
@@ -354,20 +328,6 @@ int segment_add(struct sst_segment *s SST_UNUSED, const struct sst_frameset *set
                 int64_t offset[SST_CAMERAS_MAX] SST_UNUSED)
 {
     return -ENOTSUP;
-}
-
-void segment_keep(struct sst_segment *s SST_UNUSED)
-{
-}
-
-int64_t segment_size_bytes(const struct sst_segment *s SST_UNUSED)
-{
-    return 0;
-}
-
-int segment_fd(const struct sst_segment *s SST_UNUSED)
-{
-    return -1;
 }
 
 int segment_finish(struct sst_segment *s SST_UNUSED, bool sync SST_UNUSED)

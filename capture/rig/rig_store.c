@@ -145,25 +145,24 @@ static bool read_pos(json_t *list, struct sst_rig_pos *out)
 
 static bool read_view(struct sst_scan_store *s, json_t *line)
 {
-    json_t *view = json_object_get(line, "view");
-    const char *sha256 = json_string_value(json_object_get(line, "sha256"));
-    const char *serial = json_string_value(json_object_get(line, "serial"));
-    const char *port = json_string_value(json_object_get(line, "port"));
-    const char *file = json_string_value(json_object_get(line, "file"));
+    const char *sha256, *serial, *port, *file;
     struct stored_view v = { .there = true };
+    json_int_t view;
+    json_t *read_um;
     char name[32];
 
-    if (!json_is_integer(view) || json_integer_value(view) < 0 || json_integer_value(view) >= s->rows * s->cols ||
-        !sha256 || strlen(sha256) != 64 || !serial || strlen(serial) >= sizeof(v.serial) || !port ||
-        strlen(port) >= sizeof(v.port) || !file || !read_pos(json_object_get(line, "read_um"), &v.read))
+    if (json_unpack(line, "{s:I, s:s, s:s, s:s, s:s, s:o}", "view", &view, "sha256", &sha256, "serial", &serial, "port",
+                    &port, "file", &file, "read_um", &read_um) ||
+        view < 0 || view >= s->rows * s->cols || strlen(sha256) != 64 || strlen(serial) >= sizeof(v.serial) ||
+        strlen(port) >= sizeof(v.port) || !read_pos(read_um, &v.read))
         return false;
-    file_name(s, (int)json_integer_value(view), name);
+    file_name(s, (int)view, name);
     if (strcmp(name, file) != 0)
         return false;
     strcpy(v.sha256, sha256);
     strcpy(v.serial, serial);
     strcpy(v.port, port);
-    s->view[json_integer_value(view)] = v;
+    s->view[view] = v;
     return true;
 }
 
