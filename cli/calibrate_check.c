@@ -59,15 +59,6 @@ static json_t *check_json(const struct sst_drift *c)
 
 /* --- tables ------------------------------------------------------------------------------------------------------- */
 
-/* A figure in a column; a dash if unknown. */
-static void cell(double v, int width, int digits)
-{
-    if (isfinite(v))
-        printf(" %*.*f", width, digits, v);
-    else
-        printf(" %*s", width, "-");
-}
-
 static void print_cameras(const struct sst_drift *c)
 {
     puts("camera   right px    down px   sigma px  roll deg  scale %    off px  pairs RMS px");
@@ -75,13 +66,13 @@ static void print_cameras(const struct sst_drift *c)
         const struct sst_drift_camera *k = &c->camera[v];
 
         printf("%02d_%02d", v / c->cols, v % c->cols);
-        cell(k->known ? k->shift_x_px : NAN, 11, 3);
-        cell(k->known ? k->shift_y_px : NAN, 10, 3);
-        cell(k->known ? k->sigma_px : NAN, 10, 3);
-        cell(k->known ? k->roll_deg : NAN, 9, 4);
-        cell(k->known ? 100 * k->scale : NAN, 8, 3);
-        cell(k->known ? k->off_px : NAN, 9, 3);
-        cell(k->known ? k->residual_px : NAN, 13, 3);
+        cli_print_cell(k->known ? k->shift_x_px : NAN, 11, 3);
+        cli_print_cell(k->known ? k->shift_y_px : NAN, 10, 3);
+        cli_print_cell(k->known ? k->sigma_px : NAN, 10, 3);
+        cli_print_cell(k->known ? k->roll_deg : NAN, 9, 4);
+        cli_print_cell(k->known ? 100 * k->scale : NAN, 8, 3);
+        cli_print_cell(k->known ? k->off_px : NAN, 9, 3);
+        cli_print_cell(k->known ? k->residual_px : NAN, 13, 3);
         puts(k->lost ? "  lost" : k->drifted ? "  drifted" : "");
     }
 }
@@ -95,9 +86,9 @@ static void print_pairs(const struct sst_drift *c)
 
         printf("%02d_%02d %02d_%02d %10d %8d", p->a / c->cols, p->a % c->cols, p->b / c->cols, p->b % c->cols,
                p->features, p->matches);
-        cell(any ? p->mean_px : NAN, 9, 3);
-        cell(any ? p->rms_px : NAN, 9, 3);
-        cell(any ? p->p95_px : NAN, 9, 3);
+        cli_print_cell(any ? p->mean_px : NAN, 9, 3);
+        cli_print_cell(any ? p->rms_px : NAN, 9, 3);
+        cli_print_cell(any ? p->p95_px : NAN, 9, 3);
         puts(any ? "" : p->state == SST_DRIFT_PAIR_LOST ? "  does not match" : "  too little texture");
     }
 }
@@ -108,15 +99,15 @@ static void print_tables(const struct sst_drift *c)
     putchar('\n');
     print_pairs(c);
     printf("\nepipolar error over %d of %d pairs: mean", c->measured, c->pairs);
-    cell(c->mean_px, 0, 3);
+    cli_print_cell(c->mean_px, 0, 3);
     printf(", p95");
-    cell(c->p95_px, 0, 3);
+    cli_print_cell(c->p95_px, 0, 3);
     printf(", largest pair");
-    cell(c->max_px, 0, 3);
+    cli_print_cell(c->max_px, 0, 3);
     printf(" px\nopposite corners: p95");
-    cell(c->far_p95_px, 0, 3);
+    cli_print_cell(c->far_p95_px, 0, 3);
     printf(" px, %d matches\nrows against columns: disparities differ by", c->far_matches);
-    cell(c->axes_px, 0, 3);
+    cli_print_cell(c->axes_px, 0, 3);
     puts(" px per spacing");
 }
 

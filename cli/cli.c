@@ -277,6 +277,14 @@ int cli_write_json(const json_t *root, const char *dir, const char *name)
     return sst_outfile_commit(&out);
 }
 
+void cli_print_cell(double v, int width, int digits)
+{
+    if (isfinite(v))
+        printf(" %*.*f", width, digits, v);
+    else
+        printf(" %*s", width, "-");
+}
+
 bool cli_ends_with(const char *text, const char *end)
 {
     const size_t n = strlen(text), m = strlen(end);

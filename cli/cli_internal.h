@@ -96,6 +96,9 @@ int cli_print_json(json_t *root);
 /** A number; null if it is not finite. */
 json_t *cli_real_json(double v);
 
+/** A figure in a column of a table; a dash if it is not finite. */
+void cli_print_cell(double v, int width, int digits);
+
 /** Write an object as a file of a folder, whole or not at all. @return 0, -ENOMEM, or an error of the output; logged */
 SST_MUST_CHECK int cli_write_json(const json_t *root, const char *dir, const char *name);
 

@@ -54,20 +54,11 @@ static json_t *report_json(const struct sst_evaluation *r, const struct sst_trut
                      picture_json(r->occluders ? &r->occluder[0].refocus : &none), "occluders", list);
 }
 
-/* A figure in a column; a missing one is a dash. */
-static void cell(double v, int digits)
-{
-    if (isfinite(v))
-        printf(" %10.*f", digits, v);
-    else
-        printf(" %10s", "-");
-}
-
 static void row(const char *name, const double *values, int n, int digits)
 {
     printf("  %-24s", name);
     for (int i = 0; i < n; i++)
-        cell(values[i], digits);
+        cli_print_cell(values[i], 10, digits);
     putchar('\n');
 }
 

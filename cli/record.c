@@ -48,34 +48,28 @@ static int stop(const struct args *a)
     return post(a, "/api/v1/record", json_pack("{s:s}", "action", "stop"), NULL, 0);
 }
 
-static void print_recordings(const json_t *list)
+/* @param kind  of moments; NULL: recordings */
+static void print_stored(const json_t *list, const char *kind)
 {
     const json_t *one;
     size_t i;
 
     json_array_foreach(list, i, one)
     {
+        const bool active = cli_number(one, "active") > 0;
         char name[100], from[40], to[40], why[200], size[CLI_SHORT];
 
+        cli_text(one, "to", to, sizeof(to));
+        cli_text(one, "why", why, sizeof(why));
         printf("%-32s %-24s %-24s %9.0f %9s  %s\n", cli_text(one, "name", name, sizeof(name)),
-               cli_text(one, "from", from, sizeof(from)),
-               cli_number(one, "active") > 0 ? "now" : cli_text(one, "to", to, sizeof(to)), cli_number(one, "sets"),
-               cli_bytes_text(size, cli_number(one, "bytes")), cli_text(one, "why", why, sizeof(why)));
-    }
-}
-
-static void print_moments(const json_t *list, const char *kind)
-{
-    const json_t *one;
-    size_t i;
-
-    json_array_foreach(list, i, one)
-    {
-        char name[100], at[40], size[CLI_SHORT];
-
-        printf("%-32s %-24s %-24s %9d %9s  %s\n", cli_text(one, "name", name, sizeof(name)),
-               cli_text(one, "time", at, sizeof(at)), "", 1, cli_bytes_text(size, cli_number(one, "bytes")),
-               cli_number(one, "active") > 0 ? "being made" : kind);
+               cli_text(one, kind ? "time" : "from", from, sizeof(from)),
+               kind     ? ""
+               : active ? "now"
+                        : to,
+               kind ? 1 : cli_number(one, "sets"), cli_bytes_text(size, cli_number(one, "bytes")),
+               !kind    ? why
+               : active ? "being made"
+                        : kind);
     }
 }
 
@@ -93,9 +87,9 @@ static int list(const struct args *a)
         printf("%-32s %-24s %-24s %9s %9s  %s\n", "NAME", "FROM", "TO", "SETS", "SIZE", "WHY");
     else
         printf("nothing is stored yet\n");
-    print_recordings(cli_member(answer, "recordings"));
-    print_moments(cli_member(answer, "snapshots"), "snapshot");
-    print_moments(cli_member(answer, "exports"), "export");
+    print_stored(cli_member(answer, "recordings"), NULL);
+    print_stored(cli_member(answer, "snapshots"), "snapshot");
+    print_stored(cli_member(answer, "exports"), "export");
     json_decref(answer);
     return 0;
 }

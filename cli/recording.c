@@ -5,7 +5,6 @@
 
 #include "base/log.h"
 #include "base/stats.h"
-#include "capture/recording/pixel_format.h"
 #include "capture/recording/recording.h"
 #include "cli/cli_internal.h"
 

@@ -11,7 +11,6 @@
 #endif
 
 #include "base/log.h"
-#include "capture/recording/pixel_format.h"
 #include "capture/recording/recording_internal.h"
 
 #define FORMAT_NAME    "sst-recording"

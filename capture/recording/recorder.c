@@ -15,12 +15,9 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "capture/recording/pixel_format.h"
 #include "capture/recording/recording_internal.h"
 
-#define RETRY_NS           500000000 /* between attempts while writing fails */
-#define SEGMENT_NUMBER_MAX 999999
-#define STAMP_SLACK_NS     1000000000 /* as in the segment: a stamp farther from that of its set is wrong */
+#define RETRY_NS 500000000 /* between attempts while writing fails */
 
 struct sst_recorder {
     /* fixed after open */

@@ -37,7 +37,9 @@ SST_MUST_CHECK int resume_prepare(struct resume_point *out, const struct sst_rec
 #define MANIFEST_COLUMNS      10
 #define MANIFEST_LINE_MAX     (1024 + SST_CAMERAS_MAX * 192) /* bytes of a line with its end */
 
-/** segments/NNNNNN.mkv in dir; number 0..999999. */
+#define SEGMENT_NUMBER_MAX 999999 /* six digits */
+
+/** segments/NNNNNN.mkv in dir; number 0..SEGMENT_NUMBER_MAX. */
 SST_MUST_CHECK int segment_path(char out[SST_PATH_MAX], const char *dir, int number);
 
 /** The columns of a line's frames, in their order. */
@@ -145,6 +147,8 @@ struct sst_segment { /* one thread at a time */
     struct AVFormatContext *format;
     struct AVPacket *packet;
 };
+
+#define STAMP_SLACK_NS 1000000000 /* a stamp farther from that of its set is wrong and must not move others */
 
 /** Largest frame, bytes: fits one block. */
 #define SST_SEGMENT_FRAME_MAX ((size_t)1 << 30)

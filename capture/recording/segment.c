@@ -17,7 +17,6 @@
 #include <linux/videodev2.h>
 
 #define IO_BYTES (64 << 10)
-#define SLACK_NS 1000000000 /* a stamp farther from that of its set is wrong and must not move others */
 
 static const struct {
     uint32_t fourcc;
@@ -211,10 +210,10 @@ static int add_frame(struct sst_segment *s, const struct sst_frameset *set, cons
 {
     int64_t from_set = f->t_ns - set->t_ns, ms;
 
-    if (from_set > SLACK_NS)
-        from_set = SLACK_NS;
-    if (from_set < -SLACK_NS)
-        from_set = -SLACK_NS;
+    if (from_set > STAMP_SLACK_NS)
+        from_set = STAMP_SLACK_NS;
+    if (from_set < -STAMP_SLACK_NS)
+        from_set = -STAMP_SLACK_NS;
     ms = set->t_ns + from_set - s->start_ns;
     ms = ms > 0 ? (ms + 500000) / 1000000 : 0;
     if (ms < s->last_ms[f->cam])

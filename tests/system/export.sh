@@ -189,7 +189,7 @@ cmp -s baked/views/01_02.png c-hci/input_Cam005.png || fail "hci: view 5 is not 
 
 # A light field shows the calibration that it has.
 ok calibration show cal
-grep -q "^6 cameras in 2 x 3 places" out || fail "show: $(head -n 3 out)"
+grep -q "^6 cameras in a grid of 2 x 3" out || fail "show: $(head -n 3 out)"
 
 # --- refusals ---
 want 3 "off by up to .* px.*--lossy" export nerfstudio cal8 -o bad
