@@ -30,8 +30,8 @@ struct sst_recorder {
     /* the caller's thread only */
     int manifest_fd; /* -1 after a failure: opened again */
     int64_t manifest_bytes;
-    struct sst_segment *segment; /* NULL: the next set begins one */
-    int number;                  /* of the segment, or of the next */
+    struct segment_file *segment; /* NULL: the next set begins one */
+    int number;                   /* of the segment, or of the next */
     int64_t segment_start_ns;
     bool watched; /* the sync thread knows the segment */
     int failing;  /* negative errno while writing fails */

@@ -136,7 +136,7 @@ SST_MUST_CHECK int ebml_head(const uint8_t *data, size_t n, struct ebml *out);
 
 /* --- segment: writes one Matroska file of a recording. --- */
 
-struct sst_segment { /* one thread at a time */
+struct segment_file { /* one thread at a time */
     char *path;
     int fd, cameras;
     int64_t start_ns;
@@ -161,7 +161,7 @@ struct sst_segment { /* one thread at a time */
  * @return 0, -errno of the system, -ENOTSUP (built without libavformat), -EINVAL (libavformat refuses the tracks;
  *         logged). Other errors are not logged; nothing is left of the file.
  */
-SST_MUST_CHECK int segment_open(struct sst_segment **out, const char *path, const struct sst_recorder_config *cfg,
+SST_MUST_CHECK int segment_open(struct segment_file **out, const char *path, const struct sst_recorder_config *cfg,
                                 int64_t start_ns);
 
 /**
@@ -171,15 +171,15 @@ SST_MUST_CHECK int segment_open(struct sst_segment **out, const char *path, cons
  * @param offset  out, of each present frame's first byte in the file; -1 of others
  * @return 0 or -errno (not logged); after an error only segment_abandon() may follow.
  */
-SST_MUST_CHECK int segment_add(struct sst_segment *segment, const struct sst_frameset *set,
+SST_MUST_CHECK int segment_add(struct segment_file *segment, const struct sst_frameset *set,
                                int64_t offset[SST_CAMERAS_MAX]);
 
 /** Write cues, duration and size, and free. @param sync  make it durable as well
  *  @return 0 or -errno (not logged): the file is then truncated after the last set and readable. */
-SST_MUST_CHECK int segment_finish(struct sst_segment *segment, bool sync);
+SST_MUST_CHECK int segment_finish(struct segment_file *segment, bool sync);
 
 /** Truncate the file after the last set that was kept (remove it if there is none), and free. NULL is fine. */
-void segment_abandon(struct sst_segment *segment);
+void segment_abandon(struct segment_file *segment);
 
 /* Shared with mkv.c; types of libavformat. */
 struct AVCodecParameters;
