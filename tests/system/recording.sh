@@ -53,7 +53,7 @@ cmp -s lf/views/00_03.jpg some/set-000005/views/00_03.jpg && fail "set 5 is set 
 want 2 "12 sets; choose with" import recording full -o bad
 want 2 "sets 0 to 11" import recording full -o bad --sets 3,12
 for s in x 3- -4 5-3 1,,2 1, "1 2" ""; do want 2 "not a list" import recording full -o bad --sets "$s"; done
-want 2 "says its grid" import recording full -o bad --sets 1 --grid 6x6
+want 2 "has its own grid" import recording full -o bad --sets 1 --grid 6x6
 want 2 "belong to the format recording" import hci full -o bad --sets 1
 want 3 "not a recording" import recording lf -o bad
 want 3 "not a recording" recording nothing
