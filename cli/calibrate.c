@@ -4,8 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
@@ -70,7 +70,7 @@ static int gather_live(struct job *job, const struct sst_gather_config *cfg)
 {
     const struct options *o = job->o;
     struct sst_array_config *array = malloc(sizeof(*array));
-    struct sst_gather_live_config limits = o->limits;
+    struct sst_gather_live_config live = o->limits;
     const struct sst_gather_selection all = { .max = 0 };
     int *frameset = NULL;
     int err = array ? 0 : -ENOMEM;
@@ -83,11 +83,11 @@ static int gather_live(struct job *job, const struct sst_gather_config *cfg)
         array->trigger_hz = o->rate_hz;
         if (array->source == SST_CONFIG_FREE_RUN)
             array->rate_hz = o->rate_hz;
-        limits.array = array;
+        live.array = array;
         fprintf(stderr, "hold the board before the cameras, near and far, tilted every way; Ctrl-C ends early%s%s\n",
                 o->coverage ? "; coverage: " : "", o->coverage ? o->coverage : "");
         job->spacing_mm = array->spacing_mm;
-        err = cli_calibrate_live(&job->gathered, &frameset, cfg, &limits, o->keep, o->coverage);
+        err = cli_calibrate_live(&job->gathered, &frameset, cfg, &live, o->keep, o->coverage);
     }
     if (!err && o->keep) { /* pictures for the report: of the accepted framesets */
         err = sst_gather_source_open(&job->source, o->keep, &all);
@@ -102,16 +102,10 @@ static int gather_live(struct job *job, const struct sst_gather_config *cfg)
     return err;
 }
 
-static bool is_corners_file(const char *path)
+/* A file of corners instead of pictures. */
+static bool is_corners_file(const char *source)
 {
-    const size_t n = strlen(path);
-
-    return n > 5 && !strcmp(path + n - 5, ".json");
-}
-
-static void progress(void *arg, double done)
-{
-    cli_progress(arg, done);
+    return source && cli_ends_with(source, ".json");
 }
 
 static int gather(struct job *job)
@@ -122,7 +116,7 @@ static int gather(struct job *job)
 
     cfg.detect.max_blur_px = o->max_blur_px;
     cfg.detect.quick = o->live;
-    if (o->source && is_corners_file(o->source))
+    if (is_corners_file(o->source))
         return sst_detections_read(&job->gathered.all, o->source);
     err = sst_board_parse(&cfg.board, o->board);
     if (!err && o->live)
@@ -131,7 +125,7 @@ static int gather(struct job *job)
         err = sst_gather_source_open(&job->source, o->source, &o->pick);
     if (!err) {
         job->spacing_mm = job->source.spacing_mm;
-        cfg.progress = progress;
+        cfg.progress = cli_progress;
         cfg.arg = (void *)(uintptr_t) "corners";
         err = sst_gather(&job->gathered, &job->source, &cfg);
         cli_progress_end();
@@ -146,13 +140,12 @@ static int solve(struct job *job)
     const struct options *o = job->o;
     struct sst_solve_config cfg = { .lens = o->lens, .force = o->force, .flat = o->flat, .threads = o->threads };
     struct sst_calib *calib = &job->solution.calib;
-    struct timespec now;
     int err = 0;
 
     cfg.overridden = &job->overridden;
     cfg.cross_validate = !o->no_cross;
     cfg.max_outliers = o->outliers_percent / 100;
-    cfg.progress = progress;
+    cfg.progress = cli_progress;
     cfg.progress_arg = (void *)(uintptr_t) "solve";
     if (o->lenses) {
         err = sst_calib_read(&job->lenses, o->lenses);
@@ -164,8 +157,7 @@ static int solve(struct job *job)
     if (err)
         return err;
     job->solved = true;
-    clock_gettime(CLOCK_REALTIME, &now);
-    calib->created_wall_ns = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+    calib->created_wall_ns = sst_clock_wall_ns();
     snprintf(calib->source, sizeof(calib->source), "%s", o->source ? o->source : o->keep ? o->keep : "live cameras");
     sst_board_format(&job->gathered.all.board, calib->board);
     return 0;
@@ -343,13 +335,13 @@ static int check_options(const struct cli_command *cmd, const struct options *o)
         return cli_usage_error(cmd, "give either a source of pictures or --live");
     if (!o->out)
         return cli_usage_error(cmd, "-o calib.yaml is missing");
-    if (!o->board && !(o->source && is_corners_file(o->source)))
+    if (!o->board && !is_corners_file(o->source))
         return cli_usage_error(cmd, "--board is missing, such as --board charuco:9x7:50mm:0.7");
     if (!o->live && (o->keep || o->config || o->limits.accepted || o->limits.seconds > 0))
         return cli_usage_error(cmd, "--config, --keep, --sets and --duration belong to --live");
     if (o->live && (o->pick.rig || o->pick.every || o->pick.max))
         return cli_usage_error(cmd, "--rig, --every and --max-frames belong to pictures that exist already");
-    if (o->source && is_corners_file(o->source) &&
+    if (is_corners_file(o->source) &&
         (o->board || o->pick.grid[0] || o->pick.rig || o->pick.every || o->pick.max || o->max_blur_px > 0))
         return cli_usage_error(cmd,
                                "%s has the corners, board and grid: it does not combine with --board, --grid, "

@@ -1,6 +1,5 @@
 #include "cli/cli_internal.h"
 
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,22 +11,18 @@
 
 static const char *const state_names[] = { "measured", "blank", "lost" };
 
-static json_t *number(double v)
-{
-    return isfinite(v) ? json_real(v) : json_null();
-}
-
 /* --- JSON --------------------------------------------------------------------------------------------------------- */
 
 static json_t *camera_json(const struct sst_drift_camera *c, int view, int cols)
 {
-    return json_pack("{s:i, s:i, s:b, s:b, s:b, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "row", view / cols, "col",
-                     view % cols, "known", c->known, "drifted", c->drifted, "lost", c->lost, "shift_x_px",
-                     number(c->known ? c->shift_x_px : NAN), "shift_y_px", number(c->known ? c->shift_y_px : NAN),
-                     "sigma_px", number(c->known ? c->sigma_px : NAN), "roll_deg", number(c->known ? c->roll_deg : NAN),
-                     "scale", number(c->known ? c->scale : NAN), "off_px", number(c->known ? c->off_px : NAN),
-                     "off_sigma_px", number(c->known ? c->off_sigma_px : NAN), "residual_px",
-                     number(c->known ? c->residual_px : NAN));
+    return json_pack(
+        "{s:i, s:i, s:b, s:b, s:b, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "row", view / cols, "col", view % cols,
+        "known", c->known, "drifted", c->drifted, "lost", c->lost, "shift_x_px",
+        cli_real_json(c->known ? c->shift_x_px : NAN), "shift_y_px", cli_real_json(c->known ? c->shift_y_px : NAN),
+        "sigma_px", cli_real_json(c->known ? c->sigma_px : NAN), "roll_deg",
+        cli_real_json(c->known ? c->roll_deg : NAN), "scale", cli_real_json(c->known ? c->scale : NAN), "off_px",
+        cli_real_json(c->known ? c->off_px : NAN), "off_sigma_px", cli_real_json(c->known ? c->off_sigma_px : NAN),
+        "residual_px", cli_real_json(c->known ? c->residual_px : NAN));
 }
 
 static json_t *pair_json(const struct sst_drift_pair *p, int cols)
@@ -36,8 +31,8 @@ static json_t *pair_json(const struct sst_drift_pair *p, int cols)
 
     return json_pack("{s:[i,i], s:[i,i], s:s, s:i, s:i, s:o, s:o, s:o}", "a", p->a / cols, p->a % cols, "b",
                      p->b / cols, p->b % cols, "state", state_names[p->state], "features", p->features, "matches",
-                     p->matches, "mean_px", number(any ? p->mean_px : NAN), "rms_px", number(any ? p->rms_px : NAN),
-                     "p95_px", number(any ? p->p95_px : NAN));
+                     p->matches, "mean_px", cli_real_json(any ? p->mean_px : NAN), "rms_px",
+                     cli_real_json(any ? p->rms_px : NAN), "p95_px", cli_real_json(any ? p->p95_px : NAN));
 }
 
 static json_t *check_json(const struct sst_drift *c)
@@ -55,29 +50,14 @@ static json_t *check_json(const struct sst_drift *c)
                      "s:o}",
                      "verdict", sst_drift_verdict_name(c->verdict), "sentence", c->sentence, "rows", c->rows, "cols",
                      c->cols, "ok_px", c->ok_px, "unusable_px", c->unusable_px, "pairs_checked", c->pairs,
-                     "pairs_measured", c->measured, "matches", c->matches, "mean_px", number(c->mean_px), "p95_px",
-                     number(c->p95_px), "max_px", number(c->max_px), "axes_px", number(c->axes_px), "far_matches",
-                     c->far_matches, "far_p95_px", number(c->far_p95_px), "range_px", c->range_min_px, c->range_max_px,
-                     "swapped", swapped, "cameras", cameras, "pairs", pairs);
-}
-
-static int print_json(const struct sst_drift *c)
-{
-    json_t *root = check_json(c);
-
-    return cli_print_json(root);
+                     "pairs_measured", c->measured, "matches", c->matches, "mean_px", cli_real_json(c->mean_px),
+                     "p95_px", cli_real_json(c->p95_px), "max_px", cli_real_json(c->max_px), "axes_px",
+                     cli_real_json(c->axes_px), "far_matches", c->far_matches, "far_p95_px",
+                     cli_real_json(c->far_p95_px), "range_px", c->range_min_px, c->range_max_px, "swapped", swapped,
+                     "cameras", cameras, "pairs", pairs);
 }
 
 /* --- tables ------------------------------------------------------------------------------------------------------- */
-
-/* A figure in a column; a dash if unknown. */
-static void cell(double v, int width, int digits)
-{
-    if (isfinite(v))
-        printf(" %*.*f", width, digits, v);
-    else
-        printf(" %*s", width, "-");
-}
 
 static void print_cameras(const struct sst_drift *c)
 {
@@ -86,13 +66,13 @@ static void print_cameras(const struct sst_drift *c)
         const struct sst_drift_camera *k = &c->camera[v];
 
         printf("%02d_%02d", v / c->cols, v % c->cols);
-        cell(k->known ? k->shift_x_px : NAN, 11, 3);
-        cell(k->known ? k->shift_y_px : NAN, 10, 3);
-        cell(k->known ? k->sigma_px : NAN, 10, 3);
-        cell(k->known ? k->roll_deg : NAN, 9, 4);
-        cell(k->known ? 100 * k->scale : NAN, 8, 3);
-        cell(k->known ? k->off_px : NAN, 9, 3);
-        cell(k->known ? k->residual_px : NAN, 13, 3);
+        cli_print_cell(k->known ? k->shift_x_px : NAN, 11, 3);
+        cli_print_cell(k->known ? k->shift_y_px : NAN, 10, 3);
+        cli_print_cell(k->known ? k->sigma_px : NAN, 10, 3);
+        cli_print_cell(k->known ? k->roll_deg : NAN, 9, 4);
+        cli_print_cell(k->known ? 100 * k->scale : NAN, 8, 3);
+        cli_print_cell(k->known ? k->off_px : NAN, 9, 3);
+        cli_print_cell(k->known ? k->residual_px : NAN, 13, 3);
         puts(k->lost ? "  lost" : k->drifted ? "  drifted" : "");
     }
 }
@@ -106,9 +86,9 @@ static void print_pairs(const struct sst_drift *c)
 
         printf("%02d_%02d %02d_%02d %10d %8d", p->a / c->cols, p->a % c->cols, p->b / c->cols, p->b % c->cols,
                p->features, p->matches);
-        cell(any ? p->mean_px : NAN, 9, 3);
-        cell(any ? p->rms_px : NAN, 9, 3);
-        cell(any ? p->p95_px : NAN, 9, 3);
+        cli_print_cell(any ? p->mean_px : NAN, 9, 3);
+        cli_print_cell(any ? p->rms_px : NAN, 9, 3);
+        cli_print_cell(any ? p->p95_px : NAN, 9, 3);
         puts(any ? "" : p->state == SST_DRIFT_PAIR_LOST ? "  does not match" : "  too little texture");
     }
 }
@@ -119,15 +99,15 @@ static void print_tables(const struct sst_drift *c)
     putchar('\n');
     print_pairs(c);
     printf("\nepipolar error over %d of %d pairs: mean", c->measured, c->pairs);
-    cell(c->mean_px, 0, 3);
+    cli_print_cell(c->mean_px, 0, 3);
     printf(", p95");
-    cell(c->p95_px, 0, 3);
+    cli_print_cell(c->p95_px, 0, 3);
     printf(", largest pair");
-    cell(c->max_px, 0, 3);
+    cli_print_cell(c->max_px, 0, 3);
     printf(" px\nopposite corners: p95");
-    cell(c->far_p95_px, 0, 3);
+    cli_print_cell(c->far_p95_px, 0, 3);
     printf(" px, %d matches\nrows against columns: disparities differ by", c->far_matches);
-    cell(c->axes_px, 0, 3);
+    cli_print_cell(c->axes_px, 0, 3);
     puts(" px per spacing");
 }
 
@@ -160,7 +140,7 @@ int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool
         return cli_exit_code(err);
     code = cli_exit_code(picture ? write_picture(&check, picture) : 0);
     if (code == CLI_OK && json)
-        code = print_json(&check);
+        code = cli_print_json(check_json(&check));
     else if (code == CLI_OK)
         print_tables(&check);
     if (code == CLI_OK && check.verdict == SST_DRIFT_OK && !json)

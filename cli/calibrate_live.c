@@ -43,24 +43,23 @@ static int on_status(void *arg, const struct sst_gather_status *s)
 }
 
 int cli_calibrate_live(struct sst_gathered *out, int **frameset, const struct sst_gather_config *cfg,
-                       const struct sst_gather_live_config *limits, const char *record, const char *coverage)
+                       struct sst_gather_live_config *config, const char *record, const char *coverage)
 {
     struct live l = { .coverage = coverage };
-    struct sst_gather_live_config config = *limits;
     const struct sigaction act = { .sa_handler = on_signal };
     struct sst_gather_live *live = NULL;
     struct sst_recorder_config rec;
     struct sigaction old[2];
     int err, closed;
 
-    config.frameset = on_frameset;
-    config.status = on_status;
-    config.arg = &l;
-    err = sst_gather_live_open(&live, cfg, &config);
+    config->frameset = on_frameset;
+    config->status = on_status;
+    config->arg = &l;
+    err = sst_gather_live_open(&live, cfg, config);
     if (!err && record) {
         sst_recorder_config_defaults(&rec);
         rec.dir = record;
-        err = cli_open_recorder(&l.recorder, config.array, &rec);
+        err = cli_open_recorder(&l.recorder, config->array, &rec);
     }
     if (!err) {
         running = live;

@@ -1,6 +1,5 @@
 /* sst calibration: show a calibration in any known format, or convert it to another. */
 #include <errno.h>
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -47,7 +46,6 @@ static json_t *camera_to_json(const struct sst_calib *calib, int view)
 static int print_json(const struct sst_calib *calib, const char *format)
 {
     json_t *root, *cameras = json_array();
-    char *text;
 
     for (int k = 0; k < calib->rows * calib->cols; k++) {
         if (calib->camera[k].known)
@@ -58,15 +56,10 @@ static int print_json(const struct sst_calib *calib, const char *format)
                      calib->reference / calib->cols, calib->reference % calib->cols, "rig", calib->rig, "range_mm",
                      calib->range_mm, "noise_px", calib->noise_px, "source", calib->source, "board", calib->board,
                      "cameras", cameras);
-    text = root ? json_dumps(root, JSON_COMPACT) : NULL;
-    json_decref(root);
-    if (!text) {
-        sst_log_error("calibration show: not enough memory, or a name in it is not UTF-8");
-        return -ENOMEM;
-    }
-    puts(text);
-    free(text);
-    return 0;
+    if (!cli_dump_json(root, JSON_COMPACT))
+        return 0;
+    sst_log_error("calibration show: not enough memory, or a name in it is not UTF-8");
+    return -ENOMEM;
 }
 
 static void print_camera(const struct sst_calib *calib, int view)

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/file.h"
 #include "base/log.h"
 
 int cli_exit_code(int err)
@@ -246,6 +247,41 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
     if (n < n_min)
         return cli_usage_error(cmd, "an argument is missing: sst %s %s", cmd->name, cmd->usage);
     return CLI_GO_ON;
+}
+
+json_t *cli_real_json(double v)
+{
+    return isfinite(v) ? json_real(v) : json_null();
+}
+
+int cli_write_json(const json_t *root, const char *dir, const char *name)
+{
+    struct sst_outfile out;
+    char path[SST_PATH_MAX];
+    int err = root ? sst_path_join(path, dir, name) : -ENOMEM;
+
+    if (!err)
+        err = sst_outfile_open(&out, path);
+    if (err)
+        return err;
+    json_dumpf(root, out.stream, JSON_INDENT(2));
+    fputc('\n', out.stream);
+    return sst_outfile_commit(&out);
+}
+
+void cli_print_cell(double v, int width, int digits)
+{
+    if (isfinite(v))
+        printf(" %*.*f", width, digits, v);
+    else
+        printf(" %*s", width, "-");
+}
+
+bool cli_ends_with(const char *text, const char *end)
+{
+    const size_t n = strlen(text), m = strlen(end);
+
+    return n > m && !strcmp(text + n - m, end);
 }
 
 static int64_t progress_start_ns;

@@ -14,7 +14,7 @@
 #include "drivers/grab/grab.h"
 #include "drivers/usb/plan.h"
 #include "pipeline/image/image.h"
-#include "pipeline/lightfield/calibrated.h"
+#include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/network/network.h"
@@ -92,6 +92,18 @@ int cli_dump_json(json_t *root, size_t flags);
 /** The same, indented, 9 digits per number. */
 int cli_print_json(json_t *root);
 
+/** A number; null if it is not finite. */
+json_t *cli_real_json(double v);
+
+/** A figure in a column of a table; a dash if it is not finite. */
+void cli_print_cell(double v, int width, int digits);
+
+/** Write an object as a file of a folder, whole or not at all. @return 0, -ENOMEM, or an error of the output; logged */
+SST_MUST_CHECK int cli_write_json(const json_t *root, const char *dir, const char *name);
+
+/** Whether a text ends so (".png") and is longer; case counts. */
+bool cli_ends_with(const char *text, const char *end);
+
 /** Progress bar with remaining time; only on a terminal, and only after a second. */
 void cli_progress(void *title, double done);
 void cli_progress_end(void);
@@ -120,14 +132,13 @@ int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool
  * Gather corners from the live array, with status lines on standard error.
  *
  * @param out, frameset  of sst_gather_live_run()
- * @param limits    array, accepted and seconds are used
+ * @param live      array, accepted and seconds; its callbacks are set here
  * @param record    folder of the recording to write, or NULL
  * @param coverage  picture to update, or NULL
  * @return 0, or what the cameras, the recorder or the picture return; logged
  */
 SST_MUST_CHECK int cli_calibrate_live(struct sst_gathered *out, int **frameset, const struct sst_gather_config *cfg,
-                                      const struct sst_gather_live_config *limits, const char *record,
-                                      const char *coverage);
+                                      struct sst_gather_live_config *live, const char *record, const char *coverage);
 
 /* --- client: options that name the service, and its answers shown to people. --- */
 
@@ -254,15 +265,10 @@ void doctor_check_uvcvideo(struct doctor *d);
 
 /* --- import_recording: `sst import recording`: sets of a recording as light fields. --- */
 
-struct sst_use_calibration;
-
 struct import_recording {
-    const char *source, *out;
-    const char *sets; /* "0,5-9", "all", "first", "last"; NULL: the only one there is */
-    bool allow_partial, force;
-    double range_min_px, range_max_px;
-    const struct sst_use_calibration *calibration; /* or NULL */
-    int threads;
+    const struct sst_import_config *import; /* as for the other formats; without grid, spacing and external maps */
+    const char *sets;                       /* "0,5-9", "all", "first", "last"; NULL: the only one there is */
+    bool allow_partial;
 };
 
 /** @return exit code; the sentence was printed. */
@@ -270,17 +276,17 @@ int cli_run_import_recording(const struct cli_command *cmd, const struct import_
 
 /* --- lightfield_line: one line about a light field, as `sst import` and `sst export` end with. --- */
 
-/** Print "NAME: 36 views of 1024x640, grid 6x6, offsets ..., disparity ...". Only lightfield.json is needed. */
-void cli_print_lightfield(const struct sst_lightfield *lf, const char *name);
+/** Print "NAME: 36 views of 1024x640, grid 6x6, offsets ..., disparity ..." of the light field in a folder. Only
+ *  lightfield.json is read. @return 0 or its error; logged */
+SST_MUST_CHECK int cli_print_lightfield(const char *dir, const char *name);
 
-/* --- precision: the option --precision of commands that run networks. --- */
+/* --- matching: the option --precision of commands that run networks, and the matching options that `sst stereo` and
+ * `sst process` share. --- */
 
 #define CLI_PRECISION_HELP "networks on f32 or int8 numbers; default: int8 where file and processor have it"
 
 /** @param name  f32 or int8; NULL leaves *out alone. @return 0 or -EINVAL, logged */
 SST_MUST_CHECK int cli_precision(enum sst_precision *out, const char *name);
-
-/* --- matching: the matching options that `sst stereo` and `sst process` share. --- */
 
 /** What the user said; unset numbers keep the preset's values. */
 struct cli_matching {
@@ -321,7 +327,6 @@ SST_MUST_CHECK int cli_matching_config(struct sst_disparity_config *cfg, const s
 
 /* --- model_facts: what `sst models` finds out about one network. --- */
 
-struct json_t;
 struct sst_manifest_entry;
 
 /**
@@ -331,13 +336,10 @@ struct sst_manifest_entry;
  * @param entry  of the folder's manifest, or NULL
  * @return an object, to release with json_decref(); NULL without memory
  */
-struct json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry);
+json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry);
 
 /** Print all about one network. @return 0, or what opening it returned; logged. */
 SST_MUST_CHECK int cli_model_inspect(const char *path, bool json);
-
-/** Print an object, which is released; NULL is -ENOMEM. */
-SST_MUST_CHECK int cli_model_print(struct json_t *object);
 
 /* --- places: which device sits where in the array, for commands that list cameras. --- */
 

@@ -1,11 +1,9 @@
 /* sst demo: the service on simulated arrays; with --once the whole way from a scene to a see-through picture, with the
  * commands that a user would type. */
-#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "base/file.h"
-#include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/eval/evaluation.h"
 #include "pipeline/image/codec.h"

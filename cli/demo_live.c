@@ -61,25 +61,20 @@ static void on_signal(int sig)
     interrupted = 1;
 }
 
-/** A file of the demo's folder. @return 0 or -ENAMETOOLONG */
-static int name_file(char out[SST_PATH_MAX], const char *dir, const char *scene, const char *ending)
-{
-    char name[128];
-
-    snprintf(name, sizeof(name), "%s%s", scene, ending);
-    return sst_path_join(out, dir, name);
-}
-
 static int name_files(struct site *s, const char *dir)
 {
-    int err = name_file(s->world, dir, s->scene, "-world.yaml");
+    const struct {
+        char *path;
+        const char *ending;
+    } files[] = { { s->world, "-world.yaml" }, { s->config, ".yaml" }, { s->socket, ".sock" }, { s->token, ".token" },
+                  { s->storage, "" },          { s->log, ".log" },     { s->picture, ".jpg" } };
+    char name[128];
+    int err = 0;
 
-    err = err ? err : name_file(s->config, dir, s->scene, ".yaml");
-    err = err ? err : name_file(s->socket, dir, s->scene, ".sock");
-    err = err ? err : name_file(s->token, dir, s->scene, ".token");
-    err = err ? err : name_file(s->storage, dir, s->scene, "");
-    err = err ? err : name_file(s->log, dir, s->scene, ".log");
-    err = err ? err : name_file(s->picture, dir, s->scene, ".jpg");
+    for (size_t i = 0; i < ARRAY_LEN(files) && !err; i++) {
+        snprintf(name, sizeof(name), "%s%s", s->scene, files[i].ending);
+        err = sst_path_join(files[i].path, dir, name);
+    }
     if (!err && strlen(s->socket) >= 108) {
         sst_log_error("%s is too long for a socket's name: choose a shorter folder with -o", s->socket);
         err = -ENAMETOOLONG;

@@ -1,4 +1,3 @@
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,36 +6,32 @@
 #include "cli/cli_internal.h"
 #include "pipeline/eval/evaluation.h"
 
-static json_t *number(double v)
-{
-    return isfinite(v) ? json_real(v) : json_null();
-}
-
 static json_t *disparity_json(const struct sst_disparity_error *d, int views)
 {
     const bool any = d->pixels > 0;
 
     return json_pack("{s:i, s:I, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", views, "pixels", (json_int_t)d->pixels,
-                     "bad05", number(any ? d->bad_half : NAN), "bad1", number(any ? d->bad1 : NAN), "bad2",
-                     number(any ? d->bad2 : NAN), "bad4", number(any ? d->bad4 : NAN), "rmse",
-                     number(any ? d->rmse : NAN), "mae", number(any ? d->mean_abs : NAN), "density",
-                     number(any ? d->density : NAN));
+                     "bad05", cli_real_json(any ? d->bad_half : NAN), "bad1", cli_real_json(any ? d->bad1 : NAN),
+                     "bad2", cli_real_json(any ? d->bad2 : NAN), "bad4", cli_real_json(any ? d->bad4 : NAN), "rmse",
+                     cli_real_json(any ? d->rmse : NAN), "mae", cli_real_json(any ? d->mean_abs : NAN), "density",
+                     cli_real_json(any ? d->density : NAN));
 }
 
 static json_t *labels_json(const struct sst_evaluation *r)
 {
     return json_pack("{s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "views", r->label_views, "miou_initial",
-                     number(r->initial.miou), "accuracy_initial", number(r->initial.accuracy), "miou_hcsm",
-                     number(r->hcsm.miou), "accuracy_hcsm", number(r->hcsm.accuracy), "coverage_hcsm",
-                     number(r->hcsm.coverage), "miou_refined", number(r->refined.miou), "accuracy_refined",
-                     number(r->refined.accuracy), "coverage_refined", number(r->refined.coverage));
+                     cli_real_json(r->initial.miou), "accuracy_initial", cli_real_json(r->initial.accuracy),
+                     "miou_hcsm", cli_real_json(r->hcsm.miou), "accuracy_hcsm", cli_real_json(r->hcsm.accuracy),
+                     "coverage_hcsm", cli_real_json(r->hcsm.coverage), "miou_refined", cli_real_json(r->refined.miou),
+                     "accuracy_refined", cli_real_json(r->refined.accuracy), "coverage_refined",
+                     cli_real_json(r->refined.coverage));
 }
 
 static json_t *picture_json(const struct sst_picture_error *p)
 {
-    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "psnr", number(p->psnr), "ssim", number(p->ssim), "psnr_occluded",
-                     number(p->psnr_occluded), "ssim_occluded", number(p->ssim_occluded), "seconds",
-                     number(p->seconds));
+    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "psnr", cli_real_json(p->psnr), "ssim", cli_real_json(p->ssim),
+                     "psnr_occluded", cli_real_json(p->psnr_occluded), "ssim_occluded", cli_real_json(p->ssim_occluded),
+                     "seconds", cli_real_json(p->seconds));
 }
 
 static json_t *report_json(const struct sst_evaluation *r, const struct sst_truth *truth)
@@ -48,37 +43,22 @@ static json_t *report_json(const struct sst_evaluation *r, const struct sst_trut
     for (int i = 0; i < r->occluders; i++) {
         const struct sst_truth_occluder *o = &truth->occluders[i];
 
-        json_array_append_new(
-            list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o}", "name", o->name, "label", o->label, "target",
-                            o->target, "focus_px", o->focus_px, "covered", number(r->occluder[i].covered), "render",
-                            picture_json(&r->occluder[i].render), "refocus", picture_json(&r->occluder[i].refocus)));
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o}", "name", o->name, "label", o->label,
+                                              "target", o->target, "focus_px", o->focus_px, "covered",
+                                              cli_real_json(r->occluder[i].covered), "render",
+                                              picture_json(&r->occluder[i].render), "refocus",
+                                              picture_json(&r->occluder[i].refocus)));
     }
     return json_pack("{s:o, s:o, s:o, s:o, s:o}", "disparity", disparity, "labels", labels_json(r), "render",
                      picture_json(r->occluders ? &r->occluder[0].render : &none), "refocus",
                      picture_json(r->occluders ? &r->occluder[0].refocus : &none), "occluders", list);
 }
 
-static int print_json(const struct sst_evaluation *r, const struct sst_truth *truth)
-{
-    json_t *root = report_json(r, truth);
-
-    return cli_print_json(root);
-}
-
-/* A figure in a column; a missing one is a dash. */
-static void cell(double v, int digits)
-{
-    if (isfinite(v))
-        printf(" %10.*f", digits, v);
-    else
-        printf(" %10s", "-");
-}
-
 static void row(const char *name, const double *values, int n, int digits)
 {
     printf("  %-24s", name);
     for (int i = 0; i < n; i++)
-        cell(values[i], digits);
+        cli_print_cell(values[i], 10, digits);
     putchar('\n');
 }
 
@@ -150,7 +130,7 @@ static int measure(const char *dir, const char *truth_dir, const struct sst_rend
         return code == CLI_USAGE ? CLI_INPUT
                                  : code; /* options were checked before: a value out of range comes from a file */
     if (json)
-        return print_json(&report, &truth);
+        return cli_print_json(report_json(&report, &truth));
     print_table(&report, &truth);
     return CLI_OK;
 }

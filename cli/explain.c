@@ -1,6 +1,5 @@
 /* Explains a picture: maps and weights of the reference view, and the rays of one pixel. */
 #include <errno.h>
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -8,7 +7,6 @@
 #include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/import.h"
 
 #define PATCH       15 /* pixels around a ray */
 #define MAGNIFY     4  /* each of them so wide */
@@ -228,21 +226,6 @@ static int write_rays(const struct explanation *e, int x, int y)
     return err;
 }
 
-static int write_json(const struct explanation *e)
-{
-    struct sst_outfile out;
-    char path[SST_PATH_MAX];
-    int err = sst_path_join(path, e->dir, "explain.json");
-
-    if (!err)
-        err = sst_outfile_open(&out, path);
-    if (err)
-        return err;
-    json_dumpf(e->root, out.stream, JSON_INDENT(2));
-    fputc('\n', out.stream);
-    return sst_outfile_commit(&out);
-}
-
 int cli_render_explain(const struct render_input *in, const struct render_args *a, const char *dir, int x, int y)
 {
     struct explanation e = { .in = in, .args = a, .view = &in->lf.views[in->lf.ref_view] };
@@ -269,7 +252,7 @@ int cli_render_explain(const struct render_input *in, const struct render_args *
     if (!err)
         err = write_rays(&e, x, y);
     if (!err)
-        err = write_json(&e);
+        err = cli_write_json(e.root, e.dir, "explain.json");
     json_decref(e.root);
     if (err == -ENOMEM)
         sst_log_error("no memory to explain the picture");

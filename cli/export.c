@@ -1,7 +1,5 @@
-#include <stdio.h>
 
 #include "cli/cli_internal.h"
-#include "pipeline/lightfield/import.h"
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
@@ -18,7 +16,6 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "threads", 0, CLI_INT, &cfg.threads, "N", "threads (default: all processors)", 1, 256 },
         { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an earlier export", 0, 0 },
     };
-    struct sst_lightfield lf;
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 2, 2);
 
     if (r != CLI_GO_ON)
@@ -28,13 +25,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     cfg.format = args[0];
     cfg.dir = args[1];
     err = sst_export(&cfg);
-    if (!err)
-        err = sst_lightfield_load(&lf, args[1], 0, 1);
-    if (err)
-        return cli_exit_code(err);
-    cli_print_lightfield(&lf, cfg.out);
-    sst_lightfield_fini(&lf);
-    return CLI_OK;
+    return cli_exit_code(err ? err : cli_print_lightfield(cfg.dir, cfg.out));
 }
 
 const struct cli_command cli_export = {

@@ -1,34 +1,20 @@
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "cli/cli_internal.h"
-#include "pipeline/lightfield/import.h"
 
-static int import_folder(struct sst_import_config *cfg, const char *format, const char *source, const int grid[2])
+static int import_folder(const struct sst_import_config *cfg)
 {
-    struct sst_lightfield lf;
-    int err;
+    const int err = sst_import(cfg);
 
-    cfg->format = format;
-    cfg->source = source;
-    cfg->rows = grid[0];
-    cfg->cols = grid[1];
-    err = sst_import(cfg);
-    if (!err)
-        err = sst_lightfield_load(&lf, cfg->out, 0, 1);
-    if (err)
-        return cli_exit_code(err);
-    cli_print_lightfield(&lf, cfg->out);
-    sst_lightfield_fini(&lf);
-    return CLI_OK;
+    return cli_exit_code(err ? err : cli_print_lightfield(cfg->out, cfg->out));
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     const char *calib = NULL, *filter = "bicubic";
     struct sst_import_config cfg = { .range_min_px = (double)NAN, .range_max_px = (double)NAN };
-    struct import_recording recording = { 0 };
+    struct import_recording recording = { .import = &cfg };
     int grid[2] = { 0, 0 };
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &cfg.out, "LF", "light-field folder to make", 0, 0 },
@@ -74,19 +60,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         r = cli_use_calibration(&use, cmd, calib, filter);
         if (r != CLI_GO_ON)
             return r;
-        cfg.calibration = recording.calibration = &use;
+        cfg.calibration = &use;
     }
-    if (!strcmp(args[0], "recording")) {
-        recording.source = args[1];
-        recording.out = cfg.out;
-        recording.force = cfg.force;
-        recording.range_min_px = cfg.range_min_px;
-        recording.range_max_px = cfg.range_max_px;
-        recording.threads = cfg.threads;
-        r = cli_run_import_recording(cmd, &recording);
-    } else {
-        r = import_folder(&cfg, args[0], args[1], grid);
-    }
+    cfg.format = args[0];
+    cfg.source = args[1];
+    cfg.rows = grid[0];
+    cfg.cols = grid[1];
+    r = strcmp(cfg.format, "recording") ? import_folder(&cfg) : cli_run_import_recording(cmd, &recording);
     sst_use_calibration_fini(&use);
     return r;
 }

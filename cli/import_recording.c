@@ -57,7 +57,7 @@ static int choose(const struct cli_command *cmd, const struct import_recording *
     }
     free(chosen);
     if (err == -ERANGE)
-        return cli_usage_error(cmd, "--sets %s: %s has sets 0 to %d", args->sets, args->source, n - 1);
+        return cli_usage_error(cmd, "--sets %s: %s has sets 0 to %d", args->sets, args->import->source, n - 1);
     if (err == -EINVAL)
         return cli_usage_error(cmd, "--sets %s is not a list such as 0,5-9, nor all, first or last", args->sets);
     return err ? cli_exit_code(err) : CLI_GO_ON;
@@ -68,24 +68,24 @@ static int make(const struct cli_command *cmd, const struct import_recording *ar
 {
     const int n = sst_recording_sets(recording);
     struct sst_lightfields_config cfg = {
-        .out = args->out,
+        .out = args->import->out,
         .allow_partial = args->allow_partial,
-        .force = args->force,
-        .range_min_px = args->range_min_px,
-        .range_max_px = args->range_max_px,
-        .threads = args->threads,
-        .calibration = args->calibration,
+        .force = args->import->force,
+        .range_min_px = args->import->range_min_px,
+        .range_max_px = args->import->range_max_px,
+        .threads = args->import->threads,
+        .calibration = args->import->calibration,
         .progress = cli_progress,
         .progress_arg = (void *)(uintptr_t) "import",
     };
     int *sets, err, r;
 
     if (!n) {
-        sst_log_error("%s holds no set; record some first", args->source);
+        sst_log_error("%s holds no set; record some first", args->import->source);
         return CLI_INPUT;
     }
     if (!args->sets && n > 1)
-        return cli_usage_error(cmd, "%s has %d sets; choose with --sets first, 0,5-9 or all", args->source, n);
+        return cli_usage_error(cmd, "%s has %d sets; choose with --sets first, 0,5-9 or all", args->import->source, n);
     sets = malloc((size_t)n * sizeof(*sets));
     if (!sets)
         return CLI_MEMORY;
@@ -99,25 +99,18 @@ static int make(const struct cli_command *cmd, const struct import_recording *ar
     err = sst_recording_to_lightfields(recording, &cfg);
     cli_progress_end();
     if (!err && cfg.each)
-        printf("%s: %d light fields, %s/set-%06d to %s/set-%06d\n", args->out, cfg.count, args->out, sets[0], args->out,
-               sets[cfg.count - 1]);
+        printf("%s: %d light fields, %s/set-%06d to %s/set-%06d\n", args->import->out, cfg.count, args->import->out,
+               sets[0], args->import->out, sets[cfg.count - 1]);
     free(sets);
-    if (!err && !cfg.each) {
-        struct sst_lightfield lf;
-
-        err = sst_lightfield_load(&lf, args->out, 0, 1);
-        if (!err) {
-            cli_print_lightfield(&lf, args->out);
-            sst_lightfield_fini(&lf);
-        }
-    }
+    if (!err && !cfg.each)
+        err = cli_print_lightfield(args->import->out, args->import->out);
     return cli_exit_code(err);
 }
 
 int cli_run_import_recording(const struct cli_command *cmd, const struct import_recording *args)
 {
     struct sst_recording *recording;
-    const int err = sst_recording_open(&recording, args->source);
+    const int err = sst_recording_open(&recording, args->import->source);
     int code;
 
     if (err)

@@ -7,6 +7,18 @@
 #include "base/thread.h"
 #include "pipeline/method/network/model_path.h"
 
+int cli_precision(enum sst_precision *out, const char *name)
+{
+    if (!name)
+        return 0;
+    if (strcmp(name, "f32") && strcmp(name, "int8")) {
+        sst_log_error("unknown precision `%s`; use f32 or int8", name);
+        return -EINVAL;
+    }
+    *out = strcmp(name, "f32") ? SST_PRECISION_INT8 : SST_PRECISION_F32;
+    return 0;
+}
+
 int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_matching *m, char model_path[SST_PATH_MAX])
 {
     int err = sst_disparity_preset(cfg, m->preset);

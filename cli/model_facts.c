@@ -1,8 +1,6 @@
 #include "cli/cli_internal.h"
 
 #include <errno.h>
-#include <jansson.h>
-#include <math.h>
 #include <sha2.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -88,18 +86,11 @@ static int check_file(json_t *o, const char *path, const struct sst_manifest_ent
     return err ? err : try_open(o, path);
 }
 
-static json_t *copy(const json_t *value)
-{
-    return json_deep_copy((json_t *)(uintptr_t)value);
-}
-
 static void add_entry(json_t *o, const struct sst_manifest_entry *e)
 {
-    json_object_set_new(o, "kind", json_string(e->kind));
-    json_object_set_new(o, "licence", json_string(e->licence));
-    json_object_set_new(o, "training_data", json_string(e->training_data));
-    json_object_set_new(o, "description", json_string(e->description));
-    json_object_set_new(o, "figures", copy(e->figures));
+    json_object_update_new(o, json_pack("{s:s, s:s, s:s, s:s, s:o}", "kind", e->kind, "licence", e->licence,
+                                        "training_data", e->training_data, "description", e->description, "figures",
+                                        json_deep_copy(e->figures)));
 }
 
 /* Strip the file name, which the list already shows, from a reason. */
@@ -133,18 +124,6 @@ json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry
     if (err)
         json_object_set_new(o, "reason", json_text(bare_reason(reason, path)));
     return o;
-}
-
-int cli_model_print(json_t *object)
-{
-    char *text = object ? json_dumps(object, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) : NULL;
-
-    json_decref(object);
-    if (!text)
-        return -ENOMEM;
-    puts(text);
-    free(text);
-    return 0;
 }
 
 /* --- one network -------------------------------------------------------------------------------------------------- */
@@ -182,12 +161,9 @@ static void add_summary(json_t *o, const struct sst_onnx *model)
     }
     for (int i = 0; i < model->n_outs; i++)
         json_array_append_new(outputs, value_text(&model->outs[i]));
-    json_object_set_new(o, "opset", json_integer(s.opset));
-    json_object_set_new(o, "parameters", json_integer(s.parameters));
-    json_object_set_new(o, "nodes", json_integer(s.n_nodes));
-    json_object_set_new(o, "operators", ops);
-    json_object_set_new(o, "inputs", inputs);
-    json_object_set_new(o, "outputs", outputs);
+    json_object_update_new(o, json_pack("{s:I, s:I, s:I, s:o, s:o, s:o}", "opset", (json_int_t)s.opset, "parameters",
+                                        (json_int_t)s.parameters, "nodes", (json_int_t)s.n_nodes, "operators", ops,
+                                        "inputs", inputs, "outputs", outputs));
 }
 
 /* Size, hash and content of the file, without running it. */
@@ -226,28 +202,22 @@ static void add_info(json_t *o, const struct sst_model_info *info)
         if (info->classes.ground[i])
             json_array_append_new(ground, json_text(info->classes.names[i]));
     }
-    json_object_set_new(o, "classes", names);
-    json_object_set_new(o, "ground", ground);
-    json_object_set_new(o, "channels", json_integer(info->channels));
-    json_object_set_new(o, "colour", json_string(info->bgr ? "bgr" : "rgb"));
-    json_object_set_new(o, "mean", json_pack("[f, f, f]", info->mean[0], info->mean[1], info->mean[2]));
-    json_object_set_new(o, "std", json_pack("[f, f, f]", info->std[0], info->std[1], info->std[2]));
-    json_object_set_new(o, "size", json_pack("[i, i]", info->width, info->height));
-    json_object_set_new(o, "fixed_size", json_boolean(info->fixed_size));
-    json_object_set_new(o, "output", json_string(info->probabilities ? "probabilities" : "logits"));
-    json_object_set_new(o, "temperature", json_real(info->temperature));
-    json_object_set_new(o, "epsilon_h", isfinite(info->eps_h) ? json_real(info->eps_h) : json_null());
+    json_object_update_new(o, json_pack("{s:o, s:o, s:i, s:s, s:[f, f, f], s:[f, f, f], s:[i, i], s:b, s:s, s:f, s:o}",
+                                        "classes", names, "ground", ground, "channels", info->channels, "colour",
+                                        info->bgr ? "bgr" : "rgb", "mean", info->mean[0], info->mean[1], info->mean[2],
+                                        "std", info->std[0], info->std[1], info->std[2], "size", info->width,
+                                        info->height, "fixed_size", info->fixed_size, "output",
+                                        info->probabilities ? "probabilities" : "logits", "temperature",
+                                        info->temperature, "epsilon_h", cli_real_json(info->eps_h)));
 }
 
 static int shape_of(json_t *o, struct sst_network *net, int width, int height)
 {
     int c, w, h, err = sst_network_out_shape(net, width, height, &c, &w, &h);
 
-    if (!err) {
-        json_object_set_new(o, "runner", json_string(sst_network_runner(net)));
-        json_object_set_new(o, "runs_at", json_pack("[i, i]", width, height));
-        json_object_set_new(o, "gives", json_pack("[i, i, i]", c, w, h));
-    }
+    if (!err)
+        json_object_update_new(o, json_pack("{s:s, s:[i, i], s:[i, i, i]}", "runner", sst_network_runner(net),
+                                            "runs_at", width, height, "gives", c, w, h));
     return err;
 }
 
@@ -346,7 +316,7 @@ int cli_model_inspect(const char *path, bool json)
     for (size_t i = n_file; !json && !err && i < ARRAY_LEN(lines); i++)
         print_line(o, lines[i][0], lines[i][1]);
     if (json && !err)
-        return cli_model_print(o);
+        return cli_dump_json(o, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
     json_decref(o);
     return err;
 }

@@ -1,12 +1,10 @@
 /* sst models: which networks are installed, whether they can be used, and the contents of one. */
 #include <dirent.h>
 #include <errno.h>
-#include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/method/network/manifest.h"
 #include "pipeline/method/network/model_path.h"
@@ -17,9 +15,7 @@
 
 static int onnx_only(const struct dirent *d)
 {
-    const size_t n = strlen(d->d_name);
-
-    return n > 5 && !strcmp(d->d_name + n - 5, ".onnx");
+    return cli_ends_with(d->d_name, ".onnx");
 }
 
 static bool has_name(const json_t *list, const char *name)
@@ -139,7 +135,7 @@ static int print_list(json_t *list, bool json)
     size_t i;
 
     if (json)
-        return cli_model_print(json_pack("{s:O}", "models", list));
+        return cli_dump_json(json_pack("{s:O}", "models", list), JSON_INDENT(2) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
     if (!json_array_size(list))
         puts("no networks are installed; set SST_MODELS to a folder of ONNX files, or install the shipped ones");
     else

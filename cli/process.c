@@ -1,13 +1,11 @@
 /* sst process: labels and disparity for all views of a light field. */
 #include <errno.h>
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/clock.h"
-#include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/external_maps.h"
@@ -34,7 +32,6 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
 {
     const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
     json_t *root;
-    char *text;
 
     if (!json) {
         printf("%dx%d views of %dx%d: ", lf->rows, lf->cols, lf->width, lf->height);
@@ -52,20 +49,12 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
     root =
         json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols,
                   "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px,
-                  "confirmed_percent", isnan(r->confirmed) ? json_null() : json_real(r->confirmed), "eps_h",
-                  isfinite(r->eps_h) ? json_real(r->eps_h) : json_null(), "coverage_hcsm",
-                  isnan(r->coverage_hcsm) ? json_null() : json_real(r->coverage_hcsm), "coverage_refined",
-                  isnan(r->coverage_refined) ? json_null() : json_real(r->coverage_refined), "seconds",
+                  "confirmed_percent", cli_real_json(r->confirmed), "eps_h", cli_real_json(r->eps_h), "coverage_hcsm",
+                  cli_real_json(r->coverage_hcsm), "coverage_refined", cli_real_json(r->coverage_refined), "seconds",
                   seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
                   "cpu_seconds",
                   seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
-    text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) : NULL;
-    json_decref(root);
-    if (!text)
-        return -ENOMEM;
-    puts(text);
-    free(text);
-    return 0;
+    return cli_dump_json(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
 }
 
 /* Options of the command line beyond the matching. */

@@ -1,10 +1,9 @@
 /* sst record: has the service record, lists what it keeps, takes it away as files, deletes it. */
 #include <errno.h>
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
 
@@ -39,11 +38,9 @@ static int post(const struct args *a, const char *path, json_t *request, char *n
 
 static int start(const struct args *a)
 {
-    json_t *request = json_pack("{s:s}", "action", "start");
+    json_t *seconds = a->duration_s > 0 ? json_real(a->duration_s) : NULL;
 
-    if (request && a->duration_s > 0)
-        (void)json_object_set_new(request, "seconds", json_real(a->duration_s));
-    return post(a, "/api/v1/record", request, NULL, 0);
+    return post(a, "/api/v1/record", json_pack("{s:s, s:o*}", "action", "start", "seconds", seconds), NULL, 0);
 }
 
 static int stop(const struct args *a)
@@ -51,34 +48,28 @@ static int stop(const struct args *a)
     return post(a, "/api/v1/record", json_pack("{s:s}", "action", "stop"), NULL, 0);
 }
 
-static void print_recordings(const json_t *list)
+/* @param kind  of moments; NULL: recordings */
+static void print_stored(const json_t *list, const char *kind)
 {
     const json_t *one;
     size_t i;
 
     json_array_foreach(list, i, one)
     {
+        const bool active = cli_number(one, "active") > 0;
         char name[100], from[40], to[40], why[200], size[CLI_SHORT];
 
+        cli_text(one, "to", to, sizeof(to));
+        cli_text(one, "why", why, sizeof(why));
         printf("%-32s %-24s %-24s %9.0f %9s  %s\n", cli_text(one, "name", name, sizeof(name)),
-               cli_text(one, "from", from, sizeof(from)),
-               cli_number(one, "active") > 0 ? "now" : cli_text(one, "to", to, sizeof(to)), cli_number(one, "sets"),
-               cli_bytes_text(size, cli_number(one, "bytes")), cli_text(one, "why", why, sizeof(why)));
-    }
-}
-
-static void print_moments(const json_t *list, const char *kind)
-{
-    const json_t *one;
-    size_t i;
-
-    json_array_foreach(list, i, one)
-    {
-        char name[100], at[40], size[CLI_SHORT];
-
-        printf("%-32s %-24s %-24s %9d %9s  %s\n", cli_text(one, "name", name, sizeof(name)),
-               cli_text(one, "time", at, sizeof(at)), "", 1, cli_bytes_text(size, cli_number(one, "bytes")),
-               cli_number(one, "active") > 0 ? "being made" : kind);
+               cli_text(one, kind ? "time" : "from", from, sizeof(from)),
+               kind     ? ""
+               : active ? "now"
+                        : to,
+               kind ? 1 : cli_number(one, "sets"), cli_bytes_text(size, cli_number(one, "bytes")),
+               !kind    ? why
+               : active ? "being made"
+                        : kind);
     }
 }
 
@@ -96,9 +87,9 @@ static int list(const struct args *a)
         printf("%-32s %-24s %-24s %9s %9s  %s\n", "NAME", "FROM", "TO", "SETS", "SIZE", "WHY");
     else
         printf("nothing is stored yet\n");
-    print_recordings(cli_member(answer, "recordings"));
-    print_moments(cli_member(answer, "snapshots"), "snapshot");
-    print_moments(cli_member(answer, "exports"), "export");
+    print_stored(cli_member(answer, "recordings"), NULL);
+    print_stored(cli_member(answer, "snapshots"), "snapshot");
+    print_stored(cli_member(answer, "exports"), "export");
     json_decref(answer);
     return 0;
 }
@@ -108,17 +99,10 @@ static int delete_one(const struct args *a)
     return post(a, "/api/v1/delete", json_pack("{s:s}", "name", a->name), NULL, 0);
 }
 
-static bool ends_in(const char *text, const char *end)
-{
-    const size_t n = strlen(text), m = strlen(end);
-
-    return n > m && !strcmp(text + n - m, end);
-}
-
 /* FILE.tar is all of it, FILE.jpg the picture of a snapshot, else the video. */
 static int download(const struct args *a)
 {
-    const bool tar = ends_in(a->output, ".tar"), picture = ends_in(a->output, ".jpg");
+    const bool tar = cli_ends_with(a->output, ".tar"), picture = cli_ends_with(a->output, ".jpg");
     char path[300];
 
     snprintf(path, sizeof(path), "/api/v1/download/%s%s%s%s", a->name, a->camera ? "." : "", a->camera ? a->camera : "",
@@ -134,28 +118,11 @@ static int download(const struct args *a)
 
 static json_t *export_request(const struct args *a)
 {
-    char text[40];
-    json_t *request;
+    char text[SST_CLOCK_TEXT];
 
-    if (a->ago_s >= 0) {
-        struct timespec now;
-        struct tm utc;
-        double t;
-        time_t seconds;
-
-        clock_gettime(CLOCK_REALTIME, &now);
-        t = (double)now.tv_sec + (double)now.tv_nsec * 1e-9 - a->ago_s;
-        seconds = (time_t)floor(t);
-        gmtime_r(&seconds, &utc);
-        strftime(text, sizeof(text), "%Y-%m-%dT%H:%M:%S", &utc);
-        snprintf(text + strlen(text), sizeof(text) - strlen(text), ".%03dZ", (int)((t - floor(t)) * 1000));
-    } else {
-        snprintf(text, sizeof(text), "%s", a->time);
-    }
-    request = json_pack("{s:s}", "time", text);
-    if (request && a->recording)
-        (void)json_object_set_new(request, "recording", json_string(a->recording));
-    return request;
+    if (a->ago_s >= 0)
+        sst_clock_text(text, sst_clock_wall_ns() - (int64_t)(a->ago_s * 1e9));
+    return json_pack("{s:s, s:s*}", "time", a->ago_s >= 0 ? text : a->time, "recording", a->recording);
 }
 
 static int export_moment(const struct args *a)
@@ -202,7 +169,8 @@ static int check(const struct cli_command *cmd, const struct args *a, const char
         return cli_usage_error(cmd, "--camera belongs to download, not to %s", action);
     if (downloads && !a->output)
         return cli_usage_error(cmd, "missing -o FILE.mkv (video), FILE.tar (all of it) or FILE.jpg (picture)");
-    if (downloads && a->camera && (!is_name(a->camera) || ends_in(a->output, ".tar") || ends_in(a->output, ".jpg")))
+    if (downloads && a->camera &&
+        (!is_name(a->camera) || cli_ends_with(a->output, ".tar") || cli_ends_with(a->output, ".jpg")))
         return cli_usage_error(cmd, "--camera r0c5 needs -o FILE.mkv, the video of that camera");
     if (exports && !a->time == !(a->ago_s >= 0))
         return cli_usage_error(cmd, "missing the moment: --time 2026-11-21T18:05:00Z, or --ago 30 (seconds)");

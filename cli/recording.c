@@ -3,11 +3,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include <jansson.h>
-
 #include "base/log.h"
 #include "base/stats.h"
-#include "capture/recording/pixel_format.h"
 #include "capture/recording/recording.h"
 #include "cli/cli_internal.h"
 
@@ -179,7 +176,7 @@ static json_t *cameras_to_json(const struct summary *s)
 static int print_json(const struct summary *s, const struct sst_recording *recording, bool verify)
 {
     const int64_t period = sst_stats_percentile(s->period_ns, s->periods, 50);
-    char format[5], *text = NULL;
+    char format[5];
     json_t *root;
 
     sst_recording_format_name(s->info->fourcc, format);
@@ -197,13 +194,7 @@ static int print_json(const struct summary *s, const struct sst_recording *recor
                      "verified", verify, "damaged", s->damaged, "damage", s->damage, "torn_bytes",
                      (json_int_t)sst_recording_torn_bytes(recording), "removed_sets",
                      (json_int_t)sst_recording_removed(recording)->sets, "tracks", cameras_to_json(s));
-    text = root ? json_dumps(root, JSON_COMPACT) : NULL;
-    json_decref(root);
-    if (!text)
-        return -ENOMEM;
-    puts(text);
-    free(text);
-    return 0;
+    return cli_dump_json(root, JSON_COMPACT) ? -ENOMEM : 0;
 }
 
 static int print(const struct sst_recording *recording, bool verify, bool json)

@@ -1,11 +1,9 @@
 /* sst rectify: attach a calibration to a light field of raw frames, or resample it. */
 #include "cli/cli_internal.h"
 
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 int cli_use_calibration(struct sst_use_calibration *use, const struct cli_command *cmd, const char *path,
                         const char *filter)
@@ -67,35 +65,25 @@ static void print_text(const struct sst_lightfield *lf, const struct sst_rectifi
            100 * mean->filled, 100 * worst->filled, 100 * mean->kept, 100 * worst->kept);
 }
 
-static void progress(void *arg, double done)
-{
-    cli_progress(arg, done);
-}
-
 /* Figures of the result; the geometry is that of the calibrated light field, which a baked one no longer holds. */
 static int report(const char *out, struct sst_lightfield *calibrated, int threads, bool json)
 {
     struct sst_rectified_coverage worst, mean;
-    struct sst_lightfield made;
     int err = sst_lightfield_coverage(calibrated, threads, &worst, &mean);
 
-    if (!err)
-        err = sst_lightfield_load(&made, out, 0, 1);
+    if (!err && !json)
+        err = cli_print_lightfield(out, out);
     if (err)
         return cli_exit_code(err);
-    if (json) {
-        err = print_json(calibrated, &worst, &mean);
-    } else {
-        cli_print_lightfield(&made, out);
-        print_text(calibrated, &worst, &mean);
-    }
-    sst_lightfield_fini(&made);
-    return err;
+    if (json)
+        return print_json(calibrated, &worst, &mean);
+    print_text(calibrated, &worst, &mean);
+    return CLI_OK;
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct sst_rectify_dir_config cfg = { .progress = progress, .progress_arg = (char[]){ "rectify" } };
+    struct sst_rectify_dir_config cfg = { .progress = cli_progress, .progress_arg = (char[]){ "rectify" } };
     const char *calib = NULL, *filter = NULL;
     double focal = 0, plane = -1;
     struct sst_lightfield lf = { 0 };

@@ -1,4 +1,3 @@
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 
@@ -71,7 +70,7 @@ static void report(const struct picture *p, const struct render_input *in, const
         const double confirmed = sst_renderer_confirmed(in->renderer);
 
         json_object_set_new(root, "verify_rays", json_string(a->verify));
-        json_object_set_new(root, "confirmed_percent", isnan(confirmed) ? json_null() : json_real(100 * confirmed));
+        json_object_set_new(root, "confirmed_percent", cli_real_json(100 * confirmed));
     }
     if (sst_renderer_disparities(in->renderer, &lo, &hi))
         json_object_set_new(root, "disparity_px", json_pack("[f, f]", lo, hi));
@@ -79,9 +78,7 @@ static void report(const struct picture *p, const struct render_input *in, const
         json_object_set_new(
             root, "render_ms",
             json_pack("{s:f, s:f, s:i}", "median", p->ms[p->repeat / 2], "min", p->ms[0], "repeat", p->repeat));
-    json_dumpf(root, stdout, JSON_INDENT(2));
-    putchar('\n');
-    json_decref(root);
+    cli_dump_json(root, JSON_INDENT(2));
 }
 
 /* Parse "X,Y"; default: the centre. */

@@ -1,6 +1,5 @@
 #include "cli/cli_internal.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

@@ -5,7 +5,6 @@
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sst_scene_config cfg;
-    struct sst_lightfield lf = { 0 };
     const char *name, *out = NULL;
     int size[2], grid[2], r;
     bool force = false;
@@ -40,10 +39,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     r = cli_exit_code(sst_scene_write(name, &cfg, out, force));
     cli_progress_end();
     if (r == CLI_OK)
-        r = cli_exit_code(sst_lightfield_load(&lf, out, 0, 1));
-    if (r == CLI_OK)
-        cli_print_lightfield(&lf, out);
-    sst_lightfield_fini(&lf);
+        r = cli_exit_code(cli_print_lightfield(out, out));
     return r;
 }
 

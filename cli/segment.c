@@ -1,7 +1,6 @@
 /* sst segment: labels of images with one load of the network. */
 #include <dirent.h>
 #include <errno.h>
-#include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -263,14 +262,8 @@ static int label_all(json_t *list, struct sst_segmenter *seg, const struct input
 static int print_json(json_t *images, const char *model, double load_ms)
 {
     json_t *root = json_pack("{s:s, s:f, s:O}", "model", model, "load_ms", load_ms, "images", images);
-    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) : NULL;
 
-    json_decref(root);
-    if (!text)
-        return -ENOMEM;
-    puts(text);
-    free(text);
-    return 0;
+    return cli_dump_json(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
 }
 
 static int segment(const char *const *args, const struct options *o)

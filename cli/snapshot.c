@@ -16,13 +16,6 @@ static bool is_name(const char *text)
            strspn(text, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.") == strlen(text);
 }
 
-static bool ends_with(const char *file, const char *end)
-{
-    const size_t n = strlen(file), m = strlen(end);
-
-    return n > m && !strcmp(file + n - m, end);
-}
-
 static bool is_camera(const char *text)
 {
     int row, col, end = 0;
@@ -50,7 +43,7 @@ static int keep(struct sst_client *client, const char *file)
     printf("%s\n", name);
     if (!file)
         return 0;
-    tar = ends_with(file, ".tar");
+    tar = cli_ends_with(file, ".tar");
     snprintf(path, sizeof(path), "/api/v1/download/%s%s", name, tar ? ".tar" : "");
     return sst_client_save(client, path, tar ? TAR : JPEG, file);
 }
@@ -86,7 +79,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!file && !keep_it)
         return cli_usage_error(cmd, "an output is missing: -o FILE.jpg, or --keep");
-    if (file && ends_with(file, ".png"))
+    if (file && cli_ends_with(file, ".png"))
         return cli_usage_error(cmd, "pictures of the service are JPEG: -o FILE.jpg");
     if (of && keep_it)
         return cli_usage_error(cmd, "--keep keeps the whole light field and the main view: --of does not go with it");

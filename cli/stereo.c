@@ -1,7 +1,5 @@
 /* sst stereo: disparity of one rectified pair. */
-#include <errno.h>
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "base/clock.h"
@@ -33,13 +31,6 @@ static int write_png16(const struct sst_map_f32 *disp, const char *path)
     return err;
 }
 
-static bool ends_with(const char *text, const char *end)
-{
-    const size_t n = strlen(text), m = strlen(end);
-
-    return n >= m && !strcmp(text + n - m, end);
-}
-
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct cli_matching m = CLI_MATCHING_DEFAULTS;
@@ -65,9 +56,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!out || isnan(disp_max))
         return cli_usage_error(cmd, "%s is missing", out ? "--max-disparity N" : "-o out.pfm");
-    if (!ends_with(out, ".pfm") && !ends_with(out, ".png"))
+    if (!cli_ends_with(out, ".pfm") && !cli_ends_with(out, ".png"))
         return cli_usage_error(cmd, "-o %s must end in .pfm or .png", out);
-    if (ends_with(out, ".png") && (disp_min < 0 || disp_max > PNG_MAX_PX))
+    if (cli_ends_with(out, ".png") && (disp_min < 0 || disp_max > PNG_MAX_PX))
         return cli_usage_error(cmd, "a .png holds disparities of 0..%d px; write -o out.pfm", PNG_MAX_PX);
     err = cli_matching_config(&cfg, &m, model);
     cfg.raw = raw;
@@ -79,7 +70,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     err = err ? err : sst_disparity_stereo(&disp, &left, &right, &cfg);
     sst_log_info("matched in %.0f ms", (double)(sst_clock_now_ns() - start) * 1e-6);
     if (!err)
-        err = ends_with(out, ".pfm") ? sst_map_f32_write_pfm(&disp, out) : write_png16(&disp, out);
+        err = cli_ends_with(out, ".pfm") ? sst_map_f32_write_pfm(&disp, out) : write_png16(&disp, out);
     sst_image_fini(&left);
     sst_image_fini(&right);
     sst_map_f32_fini(&disp);

@@ -1,4 +1,3 @@
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 
@@ -6,7 +5,6 @@
 #include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
-#include "pipeline/lightfield/import.h"
 
 struct sweep {
     struct render_input in;
@@ -54,20 +52,11 @@ static json_t *describe(const struct sweep *s)
 
 static int write_description(const struct sweep *s, const char *dir)
 {
-    struct sst_outfile out;
-    char path[SST_PATH_MAX];
-    int err = sst_path_join(path, dir, "sweep.json");
-    json_t *root;
+    json_t *root = describe(s);
+    const int err = cli_write_json(root, dir, "sweep.json");
 
-    if (!err)
-        err = sst_outfile_open(&out, path);
-    if (err)
-        return err;
-    root = describe(s);
-    json_dumpf(root, out.stream, JSON_INDENT(2));
-    fputc('\n', out.stream);
     json_decref(root);
-    return sst_outfile_commit(&out);
+    return err;
 }
 
 static int write_folder(const struct sweep *s, struct sst_image *img)
@@ -169,12 +158,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     err = make_sweep(&s);
     if (!err && s.args.json) {
-        json_t *root = json_pack("{s:s, s:i, s:f, s:f}", "output", s.out, "frames", frame_count(&s), "from_px", s.from,
-                                 "to_px", s.to);
-
-        json_dumpf(root, stdout, JSON_INDENT(2));
-        putchar('\n');
-        json_decref(root);
+        cli_dump_json(json_pack("{s:s, s:i, s:f, s:f}", "output", s.out, "frames", frame_count(&s), "from_px", s.from,
+                                "to_px", s.to),
+                      JSON_INDENT(2));
     }
     cli_render_close(&s.in);
     return cli_exit_code(err);

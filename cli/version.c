@@ -1,4 +1,3 @@
-#include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -35,17 +34,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         json_t *found = json_object();
         json_t *root = json_pack("{s:s, s:s, s:i, s:o, s:o}", "version", SST_VERSION, "cpu", cpu, "threads",
                                  sst_thread_count(0), "parts", optional, "models", found);
-        char *text;
 
         for (size_t i = 0; i < ARRAY_LEN(parts); i++)
             json_object_set_new(optional, parts[i].name, json_boolean(parts[i].built));
         for (size_t i = 0; i < ARRAY_LEN(models); i++)
             json_object_set_new(found, models[i], sst_model_find(path, models[i]) ? json_null() : json_string(path));
-        text = json_dumps(root, JSON_INDENT(2));
-        puts(text ? text : "{}");
-        free(text);
-        json_decref(root);
-        return CLI_OK;
+        return cli_dump_json(root, JSON_INDENT(2));
     }
     printf("sst %s, kernels for %s, %d threads\n", SST_VERSION, cpu, sst_thread_count(0));
     for (size_t i = 0; i < ARRAY_LEN(parts); i++)

@@ -2,13 +2,12 @@
 
 #include <assert.h>
 #include <errno.h>
-#include <limits.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
+#include "base/clock.h"
 #include "base/stats.h"
 
 #define TICKS              128 /* triggers that are remembered, to distinguish late frames from stray ones */
@@ -146,15 +145,6 @@ static void measure_skew(const struct sst_framesync *s, struct sst_frameset *set
         }
 }
 
-static int64_t wall_at(int64_t t_ns)
-{
-    struct timespec mono, wall;
-
-    clock_gettime(CLOCK_MONOTONIC, &mono);
-    clock_gettime(CLOCK_REALTIME, &wall);
-    return (int64_t)(wall.tv_sec - mono.tv_sec) * 1000000000 + (wall.tv_nsec - mono.tv_nsec) + t_ns;
-}
-
 static void close_tick(struct sst_framesync *s, struct tick *b)
 {
     struct sst_frameset *set = b->set;
@@ -175,7 +165,7 @@ static void close_tick(struct sst_framesync *s, struct tick *b)
         if (!set->present)
             set->t_ns = b->t_ns;
     }
-    set->wall_ns = wall_at(set->t_ns);
+    set->wall_ns = set->t_ns - sst_clock_now_ns() + sst_clock_wall_ns();
     measure_skew(s, set);
     pthread_mutex_lock(&s->lock);
     s->counters.sets++;

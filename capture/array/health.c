@@ -1,6 +1,7 @@
 #include "capture/array/array_internal.h"
 
 #include <limits.h>
+#include <stdio.h>
 
 #include "base/log.h"
 
@@ -82,45 +83,36 @@ void health_set(struct health *h, int cam)
     }
 }
 
-/* Log cameras whose fault started since the last call. @return number of lines */
-static int log_began(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
-{
-    int n = 0, first = 0;
-
-    for (int cam = cameras - 1; cam >= 0; cam--)
-        if (h->camera[cam][trouble].began) {
-            h->camera[cam][trouble].began = false;
-            first = cam;
-            n++;
-        }
-    if (n == 1)
-        sst_log_warning("camera %s: %s; %s", name[first], texts[trouble].what, texts[trouble].remedy);
-    else if (n > 1)
-        sst_log_warning("%d of %d cameras, first camera %s: %s; %s", n, cameras, name[first], texts[trouble].what,
-                        texts[trouble].remedy);
-    return n > 0;
-}
-
-/* Log cameras whose fault ended. @return number of lines */
-static int log_ended(struct health *h, enum trouble trouble, int cameras, const char (*name)[SST_HEALTH_NAME])
+/* Log cameras whose fault started, or ended, since the last call. @return number of lines */
+static int log_change(struct health *h, enum trouble trouble, bool ended, int cameras,
+                      const char (*name)[SST_HEALTH_NAME])
 {
     uint64_t frames = 0;
     int n = 0, first = 0;
+    char who[SST_HEALTH_NAME + 64];
 
-    for (int cam = cameras - 1; cam >= 0; cam--)
-        if (h->camera[cam][trouble].ended) {
-            h->camera[cam][trouble].ended = false;
-            frames += h->camera[cam][trouble].events;
-            first = cam;
-            n++;
-        }
+    for (int cam = cameras - 1; cam >= 0; cam--) {
+        bool *changed = ended ? &h->camera[cam][trouble].ended : &h->camera[cam][trouble].began;
+
+        if (!*changed)
+            continue;
+        *changed = false;
+        frames += h->camera[cam][trouble].events;
+        first = cam;
+        n++;
+    }
+    if (!n)
+        return 0;
     if (n == 1)
-        sst_log_warning("camera %s: recovered; before: %s (%llu frames)", name[first], texts[trouble].what,
+        snprintf(who, sizeof(who), "camera %s", name[first]);
+    else
+        snprintf(who, sizeof(who), "%d of %d cameras, first camera %s", n, cameras, name[first]);
+    if (ended)
+        sst_log_warning("%s: recovered; before: %s (%llu frames)", who, texts[trouble].what,
                         (unsigned long long)frames);
-    else if (n > 1)
-        sst_log_warning("%d of %d cameras, first camera %s: recovered; before: %s (%llu frames)", n, cameras,
-                        name[first], texts[trouble].what, (unsigned long long)frames);
-    return n > 0;
+    else
+        sst_log_warning("%s: %s; %s", who, texts[trouble].what, texts[trouble].remedy);
+    return 1;
 }
 
 int health_log(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME])
@@ -128,8 +120,8 @@ int health_log(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME
     int lines = 0;
 
     for (int i = 0; i < SST_TROUBLES; i++) {
-        lines += log_began(h, (enum trouble)i, cameras, name);
-        lines += log_ended(h, (enum trouble)i, cameras, name);
+        lines += log_change(h, (enum trouble)i, false, cameras, name);
+        lines += log_change(h, (enum trouble)i, true, cameras, name);
     }
     return lines;
 }

@@ -156,7 +156,6 @@ int sst_ring_put(struct sst_ring *r, const struct sst_frameset *set)
     s->size = size;
     s->refs = 0;
     fill(s, set);
-    s->kept.kept_ns = sst_clock_now_ns();
 
     pthread_mutex_lock(&r->lock);
     s->kept.number = ++r->number;

@@ -12,7 +12,6 @@ struct sst_ring; /* opaque; any thread */
 /** A frameset and the bytes of its frames, read-only; freed with the last reference. */
 struct sst_kept {
     uint64_t number;         /* in the ring: 1, 2, ... without gaps; set.index is that of the trigger */
-    int64_t kept_ns;         /* when it was stored here */
     struct sst_frameset set; /* frame[] points to frame_data */
     size_t bytes;            /* of all frames */
 };

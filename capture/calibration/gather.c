@@ -1,5 +1,6 @@
 /* Corners and samples of light from all pictures of a source. */
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -180,6 +181,7 @@ static void log_left_out(const struct work *w)
 
     for (size_t k = 0; k < ARRAY_LEN(kinds); k++) {
         int n = 0, worst = -1;
+        char edges[64] = "";
 
         for (int i = 0; i < w->source->frames * w->views; i++) {
             const struct gather_result *s = &w->result[i];
@@ -191,14 +193,11 @@ static void log_left_out(const struct work *w)
                 worst = i;
         }
         if (n && w->result[worst].detection.blur_px > 0)
-            sst_log_warning(
-                "%d of %d pictures are left out because they are %s; worst: camera %s, %s, edges %.1f px wide", n,
-                w->done, kinds[k].what, w->source->camera_name[worst % w->views],
-                w->source->frame_name[worst / w->views], w->result[worst].detection.blur_px);
-        else if (n)
-            sst_log_warning("%d of %d pictures are left out because they are %s, the first of camera %s, %s", n,
-                            w->done, kinds[k].what, w->source->camera_name[worst % w->views],
-                            w->source->frame_name[worst / w->views]);
+            snprintf(edges, sizeof(edges), ", edges %.1f px wide", w->result[worst].detection.blur_px);
+        if (n)
+            sst_log_warning("%d of %d pictures are left out because they are %s%s camera %s, %s%s", n, w->done,
+                            kinds[k].what, edges[0] ? "; worst:" : ", the first of",
+                            w->source->camera_name[worst % w->views], w->source->frame_name[worst / w->views], edges);
     }
 }
 

@@ -2,7 +2,6 @@
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include <linux/videodev2.h>
 
@@ -11,9 +10,6 @@
 #include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
-
-/* A frame whose bytes are in doubt; a timestamp that went backwards does not count. */
-#define BAD_PICTURE (SST_FRAME_BAD & ~(unsigned)SST_FRAME_BACKWARDS)
 
 int gather_recorded_open(struct sst_gather_source *out, const struct sst_gather_selection *selection)
 {
@@ -92,7 +88,7 @@ int gather_recorded_read(const struct sst_gather_source *source, int view, int f
         err = -ENODATA;
     if (!err)
         err = sst_recording_set(source->recording, source->frameset[frame], set);
-    if (!err && set->frame[cam].faults & BAD_PICTURE)
+    if (!err && set->frame[cam].faults & SST_RECORDING_BAD_PICTURE)
         err = -ENODATA;
     if (!err)
         err = sst_recording_frame(source->recording, set, cam, &data);

@@ -115,7 +115,7 @@ static int scan_camera(struct list *l, const char *dir, const char *camera)
 /* "left01.jpg": camera left, frame 01. */
 static int add_flat(struct list *l, const char *dir, const char *name)
 {
-    char camera[256], path[SST_PATH_MAX];
+    char camera[256], frame[256], path[SST_PATH_MAX];
     size_t digits;
     int err = sst_path_join(path, dir, name);
 
@@ -126,18 +126,20 @@ static int add_flat(struct list *l, const char *dir, const char *name)
     digits = strlen(camera);
     while (digits && isdigit((unsigned char)camera[digits - 1]))
         digits--;
-    err = 0;
     if (!camera[digits]) /* no number: one camera, its name is the frame */
         return list_add(l, "camera", camera, path);
-    {
-        char frame[256];
+    snprintf(frame, sizeof(frame), "%s", camera + digits);
+    while (digits && strchr("_- .", camera[digits - 1]))
+        digits--;
+    camera[digits] = 0;
+    return list_add(l, digits ? camera : "camera", frame, path);
+}
 
-        snprintf(frame, sizeof(frame), "%s", camera + digits);
-        while (digits && strchr("_- .", camera[digits - 1]))
-            digits--;
-        camera[digits] = 0;
-        return list_add(l, digits ? camera : "camera", frame, path);
-    }
+static bool has(const char *dir, const char *name)
+{
+    char path[SST_PATH_MAX];
+
+    return !sst_path_join(path, dir, name) && sst_path_exists(path);
 }
 
 /* Views of a light field: they are its files, raw where it has a calibration. */
@@ -154,7 +156,7 @@ static int add_lightfield(struct sst_gather_source *s, struct list *l, const cha
                       lf.rows, lf.cols, s->rows, s->cols);
         err = -EBADMSG;
     }
-    if (!err && sst_path_join(path, dir, "capture.jsonl") == 0 && sst_path_exists(path))
+    if (!err && has(dir, "capture.jsonl"))
         s->rig = true;
     if (!err && s->rig && !s->drive_mm && lf.spacing_mm > 0) {
         s->drive_mm = calloc((size_t)(lf.rows * lf.cols), sizeof(*s->drive_mm));
@@ -180,13 +182,6 @@ static int add_lightfield(struct sst_gather_source *s, struct list *l, const cha
     }
     sst_lightfield_fini(&lf);
     return err;
-}
-
-static bool has(const char *dir, const char *name)
-{
-    char path[SST_PATH_MAX];
-
-    return !sst_path_join(path, dir, name) && sst_path_exists(path);
 }
 
 static int scan_all(struct sst_gather_source *s, struct list *l)

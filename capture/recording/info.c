@@ -11,7 +11,6 @@
 #endif
 
 #include "base/log.h"
-#include "capture/recording/pixel_format.h"
 #include "capture/recording/recording_internal.h"
 
 #define FORMAT_NAME    "sst-recording"
@@ -19,19 +18,13 @@
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */
 
-/* Names of devices are arbitrary bytes; JSON holds UTF-8 only. */
-static json_t *text_to_json(const char *text)
+void manifest_make_utf8(char *text)
 {
-    json_t *json = json_string(text);
-    char plain[256];
-    size_t i = 0;
+    json_t *probe = json_string(text);
 
-    if (json)
-        return json;
-    for (; text[i] && i + 1 < sizeof(plain); i++)
-        plain[i] = (unsigned char)text[i] < 0x80 ? text[i] : '?';
-    plain[i] = 0;
-    return json_string(plain);
+    for (; !probe && *text; text++)
+        *text = (unsigned char)*text < 0x80 ? *text : '?';
+    json_decref(probe);
 }
 
 static json_t *tracks_to_json(const struct sst_recorder_config *cfg)
@@ -39,11 +32,14 @@ static json_t *tracks_to_json(const struct sst_recorder_config *cfg)
     json_t *tracks = json_array();
 
     for (int k = 0; tracks && k < cfg->cameras; k++) {
-        const struct sst_recorder_track *t = &cfg->tracks[k];
+        struct sst_recorder_track t = cfg->tracks[k];
 
-        if (json_array_append_new(tracks, json_pack("{s:i, s:i, s:i, s:i, s:o, s:o, s:o}", "cam", k, "track", k + 1,
-                                                    "row", t->row, "col", t->col, "serial", text_to_json(t->serial),
-                                                    "port", text_to_json(t->port), "name", text_to_json(t->name)))) {
+        manifest_make_utf8(t.serial);
+        manifest_make_utf8(t.port);
+        manifest_make_utf8(t.name);
+        if (json_array_append_new(tracks,
+                                  json_pack("{s:i, s:i, s:i, s:i, s:s, s:s, s:s}", "cam", k, "track", k + 1, "row",
+                                            t.row, "col", t.col, "serial", t.serial, "port", t.port, "name", t.name))) {
             json_decref(tracks);
             tracks = NULL;
         }
@@ -77,11 +73,19 @@ static const char *muxer(void)
 #endif
 }
 
+int manifest_write_json(const char *path, const json_t *root)
+{
+    char *text = root ? json_dumps(root, JSON_INDENT(1)) : NULL;
+    const int err = text ? sst_file_write(path, text, strlen(text)) : -ENOMEM;
+
+    free(text);
+    return err;
+}
+
 int manifest_write_info(const char *path, const struct sst_recorder_config *cfg)
 {
     char format[5];
     json_t *root;
-    char *text;
     int err;
 
     sst_recording_format_name(cfg->fourcc, format);
@@ -90,12 +94,8 @@ int manifest_write_info(const char *path, const struct sst_recorder_config *cfg)
                      cfg->rows, "cols", cfg->cols, "cameras", cfg->cameras, "pixel_format", format, "width", cfg->width,
                      "height", cfg->height, "rate_hz", cfg->rate_hz, "spacing_mm", cfg->spacing_mm, "frame_columns",
                      columns_to_json(), "tracks", tracks_to_json(cfg));
-    text = root ? json_dumps(root, JSON_INDENT(1)) : NULL;
+    err = manifest_write_json(path, root);
     json_decref(root);
-    if (!text)
-        return -ENOMEM;
-    err = sst_file_write(path, text, strlen(text));
-    free(text);
     return err;
 }
 

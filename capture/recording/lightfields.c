@@ -1,28 +1,25 @@
 #include "capture/recording/lightfields.h"
 
-#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include <jansson.h>
 #include <linux/videodev2.h>
 
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "base/thread.h"
+#include "capture/recording/recording_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/import.h"
 
 #define MAX_NAMED 4 /* views named in one message */
-
-/* Faults that concern a frame's bytes; a stamp that went backwards does not. */
-#define BAD_PICTURE (SST_FRAME_BAD & ~(unsigned)SST_FRAME_BACKWARDS)
 
 /* One set; each thread writes only its own view's elements. */
 struct job {
@@ -86,7 +83,8 @@ static int take_view(void *arg, int view, int worker SST_UNUSED)
 
     if (!f)
         return 0;
-    err = f->faults & BAD_PICTURE ? -ECANCELED : sst_recording_frame(job->recording, &job->set, cam, &data);
+    err =
+        f->faults & SST_RECORDING_BAD_PICTURE ? -ECANCELED : sst_recording_frame(job->recording, &job->set, cam, &data);
     job->why[view] = err == -ENODATA     ? "missing"
                      : err == -ECANCELED ? "marked bad by the driver"
                                          : "damaged on the disk";
@@ -134,37 +132,16 @@ static int check_missing(const struct job *job)
 
 /* --- one light field ---------------------------------------------------------------------------------------------- */
 
-static void format_wall(char out[40], int64_t wall_ns)
-{
-    const time_t s = (time_t)(wall_ns / 1000000000);
-    struct tm tm;
-    char date[32];
-
-    if (!gmtime_r(&s, &tm) || !strftime(date, sizeof(date), "%Y-%m-%dT%H:%M:%S", &tm))
-        snprintf(date, sizeof(date), "?");
-    snprintf(out, 40, "%s.%03dZ", date, (int)(wall_ns / 1000000 % 1000));
-}
-
-/* JSON holds UTF-8 only; names of folders are arbitrary bytes. */
-static void make_utf8(char *text)
-{
-    json_t *probe = json_string(text);
-
-    for (; !probe && *text; text++)
-        *text = (unsigned char)*text < 0x80 ? *text : '?';
-    json_decref(probe);
-}
-
 static void describe(struct job *job)
 {
     const struct sst_recording_set *set = &job->set;
     struct sst_lightfield *lf = &job->lf;
-    char wall[40];
+    char wall[SST_CLOCK_TEXT];
     int present = 0;
 
     for (int k = 0; k < lf->rows * lf->cols; k++)
         present += lf->views[k].present;
-    format_wall(wall, set->wall_ns);
+    sst_clock_text(wall, set->wall_ns);
     snprintf(lf->files->source, sizeof(lf->files->source),
              "recording import of %.700s, set %d: trigger %llu of run %d, %s, t_ns %lld "
              "(%s), skew %.3f us, %d of %d views",
@@ -172,7 +149,7 @@ static void describe(struct job *job)
              (unsigned long long)set->index, set->session, wall, (long long)set->t_ns,
              set->edge ? "edge of the trigger" : "no edge", (double)set->skew.spread_ns * 1e-3, present,
              job->info->cameras);
-    make_utf8(lf->files->source);
+    manifest_make_utf8(lf->files->source);
 }
 
 /* Is it the camera that a calibration calls by this name? */
@@ -354,7 +331,7 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
 static int make_each(const struct sst_recording *recording, const struct sst_lightfields_config *cfg, const char *out)
 {
     json_t *list = json_array();
-    char path[SST_PATH_MAX], *text = NULL;
+    char path[SST_PATH_MAX];
     int err = list ? 0 : -ENOMEM;
 
     for (int i = 0; !err && i < cfg->count; i++) {
@@ -374,10 +351,7 @@ static int make_each(const struct sst_recording *recording, const struct sst_lig
     if (!err)
         err = sst_path_join(path, out, "sets.json");
     if (!err)
-        text = json_dumps(list, JSON_INDENT(1));
-    if (!err)
-        err = text ? sst_file_write(path, text, strlen(text)) : -ENOMEM;
-    free(text);
+        err = manifest_write_json(path, list);
     json_decref(list);
     return err;
 }

@@ -1,4 +1,4 @@
-#include "capture/recording/pixel_format.h"
+#include "capture/recording/recorder.h"
 
 #include <string.h>
 

@@ -5,7 +5,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
@@ -16,12 +15,9 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "capture/recording/pixel_format.h"
 #include "capture/recording/recording_internal.h"
 
-#define RETRY_NS           500000000 /* between attempts while writing fails */
-#define SEGMENT_NUMBER_MAX 999999
-#define STAMP_SLACK_NS     1000000000 /* as in the segment: a stamp farther from that of its set is wrong */
+#define RETRY_NS 500000000 /* between attempts while writing fails */
 
 struct sst_recorder {
     /* fixed after open */
@@ -34,8 +30,8 @@ struct sst_recorder {
     /* the caller's thread only */
     int manifest_fd; /* -1 after a failure: opened again */
     int64_t manifest_bytes;
-    struct sst_segment *segment; /* NULL: the next set begins one */
-    int number;                  /* of the segment, or of the next */
+    struct segment_file *segment; /* NULL: the next set begins one */
+    int number;                   /* of the segment, or of the next */
     int64_t segment_start_ns;
     bool watched; /* the sync thread knows the segment */
     int failing;  /* negative errno while writing fails */
@@ -294,8 +290,7 @@ static int finish_segment(struct sst_recorder *r)
 
 static bool segment_is_full(struct sst_recorder *r, const struct sst_frameset *set)
 {
-    if ((double)(set->t_ns - r->segment_start_ns) * 1e-9 < r->cfg.segment_s &&
-        segment_size_bytes(r->segment) < r->cfg.segment_bytes)
+    if ((double)(set->t_ns - r->segment_start_ns) * 1e-9 < r->cfg.segment_s && r->segment->end < r->cfg.segment_bytes)
         return false;
     return !r->sync || sync_has_room(r->sync); /* else the disk is far behind: the segment continues */
 }
@@ -381,7 +376,7 @@ static int add_set(struct sst_recorder *r, const struct sst_frameset *set)
     if (!err)
         err = segment_add(r->segment, set, r->offset);
     if (!err && !r->sync)
-        err = sync_here(r, segment_fd(r->segment));
+        err = sync_here(r, r->segment->fd);
     if (!err && !r->sync && !r->watched)
         err = sync_folder(r->folder);
     if (err)
@@ -395,11 +390,11 @@ static int add_set(struct sst_recorder *r, const struct sst_frameset *set)
     if (!err && !r->sync)
         err = sync_here(r, r->manifest_fd);
     if (!err && r->sync && !r->watched)
-        err = sync_watch(r->sync, segment_fd(r->segment), r->manifest_fd);
+        err = sync_watch(r->sync, r->segment->fd, r->manifest_fd);
     if (err)
         return err;
     r->manifest_bytes += (int64_t)n;
-    segment_keep(r->segment);
+    r->segment->kept = r->segment->end;
     r->counters.segments += !r->watched;
     r->watched = true;
     return 0;

@@ -26,6 +26,9 @@ struct sst_recording_frame {
     uint32_t crc32;
 };
 
+/** Faults that concern a frame's bytes; a stamp that went backwards does not. */
+#define SST_RECORDING_BAD_PICTURE (SST_FRAME_BAD & ~(unsigned)SST_FRAME_BACKWARDS)
+
 struct sst_recording_set {
     uint64_t index; /* of the trigger; restarts with each run of the recorder */
     int64_t t_ns, wall_ns;

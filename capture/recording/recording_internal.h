@@ -3,6 +3,8 @@
 #ifndef SST_CAPTURE_RECORDING_RECORDING_INTERNAL_H
 #define SST_CAPTURE_RECORDING_RECORDING_INTERNAL_H
 
+#include <jansson.h>
+
 #include "base/file.h"
 #include "capture/recording/recorder.h"
 #include "capture/recording/recording.h"
@@ -35,11 +37,21 @@ SST_MUST_CHECK int resume_prepare(struct resume_point *out, const struct sst_rec
 #define MANIFEST_COLUMNS      10
 #define MANIFEST_LINE_MAX     (1024 + SST_CAMERAS_MAX * 192) /* bytes of a line with its end */
 
-/** segments/NNNNNN.mkv in dir; number 0..999999. */
+#define SEGMENT_NUMBER_MAX 999999 /* six digits */
+
+/** segments/NNNNNN.mkv in dir; number 0..SEGMENT_NUMBER_MAX. */
 SST_MUST_CHECK int segment_path(char out[SST_PATH_MAX], const char *dir, int number);
 
 /** The columns of a line's frames, in their order. */
 extern const char *const manifest_columns[MANIFEST_COLUMNS];
+
+/** Names of devices and folders are arbitrary bytes, JSON holds UTF-8 only: in other text '?' replaces what is not
+ * ASCII.
+ */
+void manifest_make_utf8(char *text);
+
+/** Write an object as a file, whole or not at all. @return 0, -ENOMEM, or an error of the output; logged. */
+SST_MUST_CHECK int manifest_write_json(const char *path, const json_t *root);
 
 /** Write recording.json, whole or not at all. @return 0 or an error of the output; logged. */
 SST_MUST_CHECK int manifest_write_info(const char *path, const struct sst_recorder_config *cfg);
@@ -124,7 +136,19 @@ SST_MUST_CHECK int ebml_head(const uint8_t *data, size_t n, struct ebml *out);
 
 /* --- segment: writes one Matroska file of a recording. --- */
 
-struct sst_segment; /* opaque; one thread at a time */
+struct segment_file { /* one thread at a time */
+    char *path;
+    int fd, cameras;
+    int64_t start_ns;
+    int64_t pos, end; /* of the next write; size: end of what was added */
+    int64_t kept;     /* end of what stays, also if the segment is abandoned: set by the caller */
+    int64_t last_ms[SST_CAMERAS_MAX];
+    int error; /* of the first failed write, negative; nothing is written after it */
+    struct AVFormatContext *format;
+    struct AVPacket *packet;
+};
+
+#define STAMP_SLACK_NS 1000000000 /* a stamp farther from that of its set is wrong and must not move others */
 
 /** Largest frame, bytes: fits one block. */
 #define SST_SEGMENT_FRAME_MAX ((size_t)1 << 30)
@@ -137,7 +161,7 @@ struct sst_segment; /* opaque; one thread at a time */
  * @return 0, -errno of the system, -ENOTSUP (built without libavformat), -EINVAL (libavformat refuses the tracks;
  *         logged). Other errors are not logged; nothing is left of the file.
  */
-SST_MUST_CHECK int segment_open(struct sst_segment **out, const char *path, const struct sst_recorder_config *cfg,
+SST_MUST_CHECK int segment_open(struct segment_file **out, const char *path, const struct sst_recorder_config *cfg,
                                 int64_t start_ns);
 
 /**
@@ -147,21 +171,15 @@ SST_MUST_CHECK int segment_open(struct sst_segment **out, const char *path, cons
  * @param offset  out, of each present frame's first byte in the file; -1 of others
  * @return 0 or -errno (not logged); after an error only segment_abandon() may follow.
  */
-SST_MUST_CHECK int segment_add(struct sst_segment *segment, const struct sst_frameset *set,
+SST_MUST_CHECK int segment_add(struct segment_file *segment, const struct sst_frameset *set,
                                int64_t offset[SST_CAMERAS_MAX]);
-
-/** Keep what was added so far, also if the segment is abandoned. */
-void segment_keep(struct sst_segment *segment);
-
-int64_t segment_size_bytes(const struct sst_segment *segment);
-int segment_fd(const struct sst_segment *segment);
 
 /** Write cues, duration and size, and free. @param sync  make it durable as well
  *  @return 0 or -errno (not logged): the file is then truncated after the last set and readable. */
-SST_MUST_CHECK int segment_finish(struct sst_segment *segment, bool sync);
+SST_MUST_CHECK int segment_finish(struct segment_file *segment, bool sync);
 
 /** Truncate the file after the last set that was kept (remove it if there is none), and free. NULL is fine. */
-void segment_abandon(struct sst_segment *segment);
+void segment_abandon(struct segment_file *segment);
 
 /* Shared with mkv.c; types of libavformat. */
 struct AVCodecParameters;

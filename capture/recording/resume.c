@@ -4,15 +4,11 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/log.h"
-#include "capture/recording/pixel_format.h"
-
-#define SEGMENT_MAX 999999 /* six digits */
 
 /* --- does it fit? ------------------------------------------------------------------------------------------------- */
 
@@ -181,9 +177,9 @@ int resume_prepare(struct resume_point *out, const struct sst_recorder_config *c
     made.manifest_bytes = last ? last->at + last->bytes + 1 : 0;
     made.segment = sst_max_int(segment + 1, r->removed.before_segment); /* numbers below would count as removed */
     made.session = last ? last->session + 1 : 0;
-    if (made.segment > SEGMENT_MAX) {
+    if (made.segment > SEGMENT_NUMBER_MAX) {
         sst_log_error("%s already has the maximum of %d segments; record into another folder", cfg->dir,
-                      SEGMENT_MAX + 1);
+                      SEGMENT_NUMBER_MAX + 1);
         err = -ENOSPC;
         goto out;
     }

@@ -17,18 +17,6 @@
 #include <linux/videodev2.h>
 
 #define IO_BYTES (64 << 10)
-#define SLACK_NS 1000000000 /* a stamp farther from that of its set is wrong and must not move others */
-
-struct sst_segment {
-    char *path;
-    int fd, cameras;
-    int64_t start_ns;
-    int64_t pos, end, kept; /* of the next write; end of what was added; end of what is kept */
-    int64_t last_ms[SST_CAMERAS_MAX];
-    int error; /* of the first failed write, negative; nothing is written after it */
-    AVFormatContext *format;
-    AVPacket *packet;
-};
 
 static const struct {
     uint32_t fourcc;
@@ -49,7 +37,7 @@ static int write_bytes(void *opaque, const uint8_t *data, int size)
 static int write_bytes(void *opaque, uint8_t *data, int size)
 #endif
 {
-    struct sst_segment *s = opaque;
+    struct segment_file *s = opaque;
     int done = 0;
 
     while (!s->error && done < size) {
@@ -71,7 +59,7 @@ static int write_bytes(void *opaque, uint8_t *data, int size)
 
 static int64_t seek(void *opaque, int64_t offset, int whence)
 {
-    struct sst_segment *s = opaque;
+    struct segment_file *s = opaque;
 
     if (whence == AVSEEK_SIZE)
         return s->end;
@@ -82,7 +70,7 @@ static int64_t seek(void *opaque, int64_t offset, int whence)
 }
 
 /* Error of a call of libavformat: that of the system call, if one failed. */
-static int failure(const struct sst_segment *s, int err)
+static int failure(const struct segment_file *s, int err)
 {
     return s->error ? s->error : err == AVERROR(ENOMEM) ? -ENOMEM : -EIO;
 }
@@ -141,7 +129,7 @@ static int add_track(AVFormatContext *format, const struct sst_recorder_config *
     return av_dict_set(&stream->metadata, "title", title, 0) < 0 ? -ENOMEM : 0;
 }
 
-static int write_head(struct sst_segment *s, const struct sst_recorder_config *cfg)
+static int write_head(struct segment_file *s, const struct sst_recorder_config *cfg)
 {
     AVDictionary *options = NULL;
     int err = 0;
@@ -162,7 +150,7 @@ static int write_head(struct sst_segment *s, const struct sst_recorder_config *c
     return s->error;
 }
 
-static void close_format(struct sst_segment *s)
+static void close_format(struct segment_file *s)
 {
     if (s->format && s->format->pb) {
         av_freep(&s->format->pb->buffer);
@@ -176,9 +164,9 @@ static void close_format(struct sst_segment *s)
     free(s);
 }
 
-int segment_open(struct sst_segment **out, const char *path, const struct sst_recorder_config *cfg, int64_t start_ns)
+int segment_open(struct segment_file **out, const char *path, const struct sst_recorder_config *cfg, int64_t start_ns)
 {
-    struct sst_segment *s = calloc(1, sizeof(*s));
+    struct segment_file *s = calloc(1, sizeof(*s));
     uint8_t *buffer = NULL;
     int err = -ENOMEM;
 
@@ -218,14 +206,14 @@ fail:
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-static int add_frame(struct sst_segment *s, const struct sst_frameset *set, const struct sst_frame *f)
+static int add_frame(struct segment_file *s, const struct sst_frameset *set, const struct sst_frame *f)
 {
     int64_t from_set = f->t_ns - set->t_ns, ms;
 
-    if (from_set > SLACK_NS)
-        from_set = SLACK_NS;
-    if (from_set < -SLACK_NS)
-        from_set = -SLACK_NS;
+    if (from_set > STAMP_SLACK_NS)
+        from_set = STAMP_SLACK_NS;
+    if (from_set < -STAMP_SLACK_NS)
+        from_set = -STAMP_SLACK_NS;
     ms = set->t_ns + from_set - s->start_ns;
     ms = ms > 0 ? (ms + 500000) / 1000000 : 0;
     if (ms < s->last_ms[f->cam])
@@ -240,7 +228,7 @@ static int add_frame(struct sst_segment *s, const struct sst_frameset *set, cons
 }
 
 /* One element at pos: enter it, note its frame, or skip it. @return offset of the next one, or -errno */
-static int64_t read_element(const struct sst_segment *s, int64_t pos, const struct sst_frameset *set, int64_t *offset)
+static int64_t read_element(const struct segment_file *s, int64_t pos, const struct sst_frameset *set, int64_t *offset)
 {
     uint8_t head[SST_EBML_HEAD_MAX + 8];
     const ssize_t n = pread(s->fd, head, sizeof(head), pos);
@@ -268,7 +256,7 @@ static int64_t read_element(const struct sst_segment *s, int64_t pos, const stru
 }
 
 /* libavformat does not report where it wrote a frame. */
-static int find_frames(const struct sst_segment *s, int64_t pos, const struct sst_frameset *set, int64_t *offset)
+static int find_frames(const struct segment_file *s, int64_t pos, const struct sst_frameset *set, int64_t *offset)
 {
     while (pos >= 0 && pos < s->end)
         pos = read_element(s, pos, set, offset);
@@ -281,7 +269,7 @@ static int find_frames(const struct sst_segment *s, int64_t pos, const struct ss
     return pos < 0 ? (int)pos : 0;
 }
 
-int segment_add(struct sst_segment *s, const struct sst_frameset *set, int64_t offset[SST_CAMERAS_MAX])
+int segment_add(struct segment_file *s, const struct sst_frameset *set, int64_t offset[SST_CAMERAS_MAX])
 {
     const int64_t from = s->end;
     int err = 0;
@@ -300,22 +288,7 @@ int segment_add(struct sst_segment *s, const struct sst_frameset *set, int64_t o
     return find_frames(s, from, set, offset);
 }
 
-void segment_keep(struct sst_segment *s)
-{
-    s->kept = s->end;
-}
-
-int64_t segment_size_bytes(const struct sst_segment *s)
-{
-    return s->end;
-}
-
-int segment_fd(const struct sst_segment *s)
-{
-    return s->fd;
-}
-
-int segment_finish(struct sst_segment *s, bool sync)
+int segment_finish(struct segment_file *s, bool sync)
 {
     int err = av_write_trailer(s->format);
 
@@ -330,7 +303,7 @@ int segment_finish(struct sst_segment *s, bool sync)
     return err;
 }
 
-void segment_abandon(struct sst_segment *s)
+void segment_abandon(struct segment_file *s)
 {
     if (!s)
         return;
@@ -344,38 +317,24 @@ void segment_abandon(struct sst_segment *s)
 
 #else
 
-int segment_open(struct sst_segment **out SST_UNUSED, const char *path SST_UNUSED,
+int segment_open(struct segment_file **out SST_UNUSED, const char *path SST_UNUSED,
                  const struct sst_recorder_config *cfg SST_UNUSED, int64_t start_ns SST_UNUSED)
 {
     return -ENOTSUP;
 }
 
-int segment_add(struct sst_segment *s SST_UNUSED, const struct sst_frameset *set SST_UNUSED,
+int segment_add(struct segment_file *s SST_UNUSED, const struct sst_frameset *set SST_UNUSED,
                 int64_t offset[SST_CAMERAS_MAX] SST_UNUSED)
 {
     return -ENOTSUP;
 }
 
-void segment_keep(struct sst_segment *s SST_UNUSED)
-{
-}
-
-int64_t segment_size_bytes(const struct sst_segment *s SST_UNUSED)
-{
-    return 0;
-}
-
-int segment_fd(const struct sst_segment *s SST_UNUSED)
-{
-    return -1;
-}
-
-int segment_finish(struct sst_segment *s SST_UNUSED, bool sync SST_UNUSED)
+int segment_finish(struct segment_file *s SST_UNUSED, bool sync SST_UNUSED)
 {
     return -ENOTSUP;
 }
 
-void segment_abandon(struct sst_segment *s SST_UNUSED)
+void segment_abandon(struct segment_file *s SST_UNUSED)
 {
 }
 #endif

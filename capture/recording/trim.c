@@ -173,12 +173,11 @@ int sst_recording_write_removed(const char *dir, const struct sst_recording_remo
     json_t *root = json_pack("{s:s, s:i, s:i, s:I, s:I, s:I}", "format", FORMAT_NAME, "version", 1, "before_segment",
                              r->before_segment, "sets", (json_int_t)r->sets, "t_ns", (json_int_t)r->t_ns, "wall_ns",
                              (json_int_t)r->wall_ns);
-    char path[SST_PATH_MAX], *text = root ? json_dumps(root, JSON_INDENT(1)) : NULL;
-    int err = text ? sst_path_join(path, dir, NAME) : -ENOMEM;
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, dir, NAME);
 
     if (!err)
-        err = sst_file_write(path, text, strlen(text));
-    free(text);
+        err = manifest_write_json(path, root);
     json_decref(root);
     return err;
 }

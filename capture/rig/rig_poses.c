@@ -1,7 +1,6 @@
 /* Order, approach and duration of the poses. */
 #include <errno.h>
 #include <math.h>
-#include <stdlib.h>
 
 #include "base/log.h"
 #include "capture/rig/rig.h"
@@ -53,14 +52,22 @@ struct sst_rig_pos sst_scan_approach(const struct sst_scan_config *cfg, int axes
     return to;
 }
 
+/* Of the axis that goes farthest. */
+static double longest_mm(int axes, const struct sst_rig_pos *from, const struct sst_rig_pos *to)
+{
+    double longest = 0;
+
+    for (int a = 0; a < axes; a++)
+        longest = fmax(longest, fabs((double)to->um[a] - from->um[a]) / 1000.0);
+    return longest;
+}
+
 double sst_scan_leg_s(const struct sst_rig_config *rig, const struct sst_rig_pos *from, const struct sst_rig_pos *to)
 {
     const double v = rig->speed_mm_s > 0 ? rig->speed_mm_s : ASSUMED_MM_S;
     const double acc = rig->accel_mm_s2 > 0 ? rig->accel_mm_s2 : ASSUMED_MM_S2;
-    double longest = 0;
+    const double longest = longest_mm(rig->axes, from, to);
 
-    for (int a = 0; a < rig->axes; a++)
-        longest = fmax(longest, fabs((double)to->um[a] - from->um[a]) / 1000.0);
     return longest > v * v / acc ? longest / v + v / acc : 2 * sqrt(longest / acc);
 }
 
@@ -114,10 +121,8 @@ int sst_scan_plan(struct sst_scan_plan *out, const struct sst_scan_config *cfg, 
 
         for (int leg = 0; leg < 2; leg++) {
             const struct sst_rig_pos *next = leg ? &to : &via;
-            double longest = 0;
+            const double longest = longest_mm(rig->axes, &at, next);
 
-            for (int a = 0; a < rig->axes; a++)
-                longest = fmax(longest, abs(next->um[a] - at.um[a]) / 1000.0);
             p.way_mm += longest;
             /* A separate leg needs settling as well. */
             p.seconds += longest > 0 ? sst_scan_leg_s(rig, &at, next) + rig->settle_ms / 1000.0 : 0;

@@ -4,16 +4,15 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
 #include <sys/stat.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <jansson.h>
+#include <linux/videodev2.h>
 #include <sha2.h>
 
 #include "base/clock.h"
@@ -21,15 +20,13 @@
 #include "base/log.h"
 #include "capture/rig/rig.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
 
 #define MANIFEST       "capture.jsonl"
 #define MANIFEST_MAX   ((size_t)16 << 20)
 #define FORMAT_NAME    "sst-rig-capture"
 #define FORMAT_VERSION 1
-#define GREY_FOURCC    ('G' | 'R' << 8 | 'E' << 16 | (uint32_t)'Y' << 24)
-#define Y16_FOURCC     ('Y' | '1' << 8 | '6' << 16 | (uint32_t)' ' << 24)
-#define MJPG_FOURCC    ('M' | 'J' << 8 | 'P' << 16 | (uint32_t)'G' << 24)
 
 struct stored_view {
     bool there;
@@ -50,7 +47,7 @@ struct sst_scan_store {
 
 static const char *extension(uint32_t fourcc)
 {
-    return fourcc == MJPG_FOURCC ? "jpg" : "png";
+    return fourcc == V4L2_PIX_FMT_MJPEG ? "jpg" : "png";
 }
 
 static void file_name(const struct sst_scan_store *s, int view, char out[32])
@@ -70,6 +67,18 @@ static int no_memory(const struct sst_scan_store *s)
 {
     sst_log_error("%s: not enough memory", s->dir);
     return -ENOMEM;
+}
+
+/* An object as a line of the manifest, to free; releases it. NULL: no memory. */
+static char *line_of(json_t *object)
+{
+    char *text = object ? json_dumps(object, JSON_COMPACT) : NULL, *line = NULL;
+
+    if (text && asprintf(&line, "%s\n", text) < 0)
+        line = NULL;
+    free(text);
+    json_decref(object);
+    return line;
 }
 
 /* --- settings ----------------------------------------------------------------------------------------------------- */
@@ -136,25 +145,24 @@ static bool read_pos(json_t *list, struct sst_rig_pos *out)
 
 static bool read_view(struct sst_scan_store *s, json_t *line)
 {
-    json_t *view = json_object_get(line, "view");
-    const char *sha256 = json_string_value(json_object_get(line, "sha256"));
-    const char *serial = json_string_value(json_object_get(line, "serial"));
-    const char *port = json_string_value(json_object_get(line, "port"));
-    const char *file = json_string_value(json_object_get(line, "file"));
+    const char *sha256, *serial, *port, *file;
     struct stored_view v = { .there = true };
+    json_int_t view;
+    json_t *read_um;
     char name[32];
 
-    if (!json_is_integer(view) || json_integer_value(view) < 0 || json_integer_value(view) >= s->rows * s->cols ||
-        !sha256 || strlen(sha256) != 64 || !serial || strlen(serial) >= sizeof(v.serial) || !port ||
-        strlen(port) >= sizeof(v.port) || !file || !read_pos(json_object_get(line, "read_um"), &v.read))
+    if (json_unpack(line, "{s:I, s:s, s:s, s:s, s:s, s:o}", "view", &view, "sha256", &sha256, "serial", &serial, "port",
+                    &port, "file", &file, "read_um", &read_um) ||
+        view < 0 || view >= s->rows * s->cols || strlen(sha256) != 64 || strlen(serial) >= sizeof(v.serial) ||
+        strlen(port) >= sizeof(v.port) || !read_pos(read_um, &v.read))
         return false;
-    file_name(s, (int)json_integer_value(view), name);
+    file_name(s, (int)view, name);
     if (strcmp(name, file) != 0)
         return false;
     strcpy(v.sha256, sha256);
     strcpy(v.serial, serial);
     strcpy(v.port, port);
-    s->view[json_integer_value(view)] = v;
+    s->view[view] = v;
     return true;
 }
 
@@ -274,26 +282,21 @@ static bool tidy(const char *dir)
 
 static int begin_new(struct sst_scan_store *s, bool must_exist)
 {
-    json_t *line =
-        json_pack("{s:s, s:i, s:O}", "format", FORMAT_NAME, "version", FORMAT_VERSION, "settings", s->settings);
-    char *text = line ? json_dumps(line, JSON_COMPACT) : NULL, *with_end = NULL;
-    int err = 0;
+    char *line;
+    int err;
 
     if (must_exist) {
         sst_log_error("%s contains no capture to resume; omit --resume to start one", s->dir);
-        err = -ENOENT;
-    } else if (!tidy(s->views_dir)) {
-        sst_log_error("%s is a folder with other contents; choose another one", s->dir);
-        err = -EEXIST;
-    } else if (!text || asprintf(&with_end, "%s\n", text) < 0) {
-        with_end = NULL;
-        err = no_memory(s);
-    } else {
-        err = sst_file_write(s->manifest, with_end, strlen(with_end));
+        return -ENOENT;
     }
-    free(with_end);
-    free(text);
-    json_decref(line);
+    if (!tidy(s->views_dir)) {
+        sst_log_error("%s is a folder with other contents; choose another one", s->dir);
+        return -EEXIST;
+    }
+    line = line_of(
+        json_pack("{s:s, s:i, s:O}", "format", FORMAT_NAME, "version", FORMAT_VERSION, "settings", s->settings));
+    err = line ? sst_file_write(s->manifest, line, strlen(line)) : no_memory(s);
+    free(line);
     return err;
 }
 
@@ -365,7 +368,7 @@ int sst_scan_store_open(struct sst_scan_store **out, const struct sst_scan_confi
     s->cols = cfg->cols;
     s->fourcc = cfg->fourcc;
     memcpy(s->pitch_um, cfg->pitch_um, sizeof(s->pitch_um));
-    if (s->fourcc != MJPG_FOURCC && s->fourcc != GREY_FOURCC && s->fourcc != Y16_FOURCC) {
+    if (s->fourcc != V4L2_PIX_FMT_MJPEG && s->fourcc != V4L2_PIX_FMT_GREY && s->fourcc != V4L2_PIX_FMT_Y16) {
         sst_log_error("a rig capture supports MJPG (stored unchanged), GREY and Y16 (stored as PNG); choose one of "
                       "them as the cameras' format");
         err = -EINVAL;
@@ -429,77 +432,27 @@ int sst_scan_store_check_camera(const struct sst_scan_store *s, const struct sst
 
 /* --- storing ------------------------------------------------------------------------------------------------------ */
 
-static int write_grey(const char *path, const struct sst_frame *f)
-{
-    struct sst_map_u8 map = { 0 };
-    int err = sst_map_u8_init(&map, f->width, f->height);
-
-    for (int y = 0; !err && y < f->height; y++)
-        memcpy(sst_map_u8_row(&map, y), f->data + (size_t)y * f->stride, (size_t)f->width);
-    if (!err)
-        err = sst_map_u8_write_png(&map, path, NULL);
-    sst_map_u8_fini(&map);
-    return err;
-}
-
-static int write_y16(const char *path, const struct sst_frame *f)
-{
-    struct sst_map_u16 map = { 0 };
-    int err = sst_map_u16_init(&map, f->width, f->height);
-
-    for (int y = 0; !err && y < f->height; y++) {
-        const uint8_t *from = f->data + (size_t)y * f->stride;
-        uint16_t *row = sst_map_u16_row(&map, y);
-
-        for (int x = 0; x < f->width; x++)
-            row[x] = (uint16_t)(from[2 * x] | from[2 * x + 1] << 8);
-    }
-    if (!err)
-        err = sst_map_u16_write_png(&map, path);
-    sst_map_u16_fini(&map);
-    return err;
-}
-
 static int write_frame(const struct sst_scan_store *s, const char *path, const struct sst_frame *f)
 {
-    const size_t sample = s->fourcc == Y16_FOURCC ? 2 : 1;
+    const struct sst_raw raw = { s->fourcc, f->width, f->height, f->stride, f->data, f->bytes };
 
-    if (s->fourcc == MJPG_FOURCC)
-        return sst_file_write(path, f->data, f->bytes);
-    if (f->stride < (size_t)f->width * sample ||
-        f->bytes < f->stride * (size_t)(f->height - 1) + (size_t)f->width * sample)
-        return -EBADMSG;
-    return sample == 1 ? write_grey(path, f) : write_y16(path, f);
-}
-
-static int64_t wall_ns(int64_t t_ns)
-{
-    struct timespec now;
-
-    clock_gettime(CLOCK_REALTIME, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec - (sst_clock_now_ns() - t_ns);
+    return s->fourcc == V4L2_PIX_FMT_MJPEG ? sst_file_write(path, f->data, f->bytes) : sst_raw_write_png(&raw, path);
 }
 
 static char *view_line(const struct sst_scan_store *s, int view, const struct sst_scan_shot *shot,
                        const struct sst_scan_camera *camera, const struct sst_frame *f, const char *sha256)
 {
-    char name[32], *text, *line = NULL;
     const int32_t *asked = shot->asked.um, *read = shot->read.um;
-    json_t *o;
+    char name[32];
 
     file_name(s, view, name);
-    o = json_pack("{s:i, s:i, s:i, s:s, s:[iii], s:[iii], s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:I, s:s}", "view", view,
-                  "row", view / s->cols, "col", view % s->cols, "file", name, "asked_um", asked[0], asked[1], asked[2],
-                  "read_um", read[0], read[1], read[2], "serial", camera->serial, "port", camera->port, "sequence",
-                  (json_int_t)f->sequence, "t_ns", (json_int_t)f->t_ns, "wall_ns", (json_int_t)wall_ns(f->t_ns),
-                  "arrival_ns", (json_int_t)f->arrival_ns, "attempts", shot->attempts, "bytes", (json_int_t)f->bytes,
-                  "sha256", sha256);
-    text = o ? json_dumps(o, JSON_COMPACT) : NULL;
-    if (text && asprintf(&line, "%s\n", text) < 0)
-        line = NULL;
-    free(text);
-    json_decref(o);
-    return line;
+    return line_of(json_pack(
+        "{s:i, s:i, s:i, s:s, s:[iii], s:[iii], s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:I, s:s}", "view", view, "row",
+        view / s->cols, "col", view % s->cols, "file", name, "asked_um", asked[0], asked[1], asked[2], "read_um",
+        read[0], read[1], read[2], "serial", camera->serial, "port", camera->port, "sequence", (json_int_t)f->sequence,
+        "t_ns", (json_int_t)f->t_ns, "wall_ns", (json_int_t)(sst_clock_wall_ns() - sst_clock_now_ns() + f->t_ns),
+        "arrival_ns", (json_int_t)f->arrival_ns, "attempts", shot->attempts, "bytes", (json_int_t)f->bytes, "sha256",
+        sha256));
 }
 
 /* Append the whole line durably, or nothing of it. */

@@ -17,7 +17,6 @@
 
 #include "base/clock.h"
 #include "base/file.h"
-#include "capture/recording/pixel_format.h"
 #include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
 #include "tests/synthetic_sets.h"
