@@ -26,6 +26,7 @@ echo failed >s.mode
 "$sst" status >out 2>err; [ $? -eq 3 ] || fail "status of a failed service: exit $?"
 shows 'failed: no camera'
 rm s.mode
+: >out # what an earlier command wrote must not count
 "$sst" status --watch --json >out 2>err & watch=$!
 for _ in $(seq 600); do [ "$(wc -l <out)" -ge 2 ] && break; sleep 0.1; done
 kill $watch && [ "$(wc -l <out)" -ge 2 ] || fail "--watch: $(wc -l <out) lines, $(cat err)"
@@ -94,13 +95,13 @@ told "r['path'] == '/snapshot/camera/r0c5'"
 see snapshot --keep -o kept.tar
 shows 2026-11-21T18-05-00.123Z
 want 2 'an output is missing' snapshot
-want 2 'is no view' snapshot --of ../../etc -o bad.jpg
+want 2 'is not a view' snapshot --of ../../etc -o bad.jpg
 want 4 'no-such' snapshot -o no-such/bad.jpg
 
 # What is not the service, or not well. Files appear whole or not at all, and nobody writes to the terminal but us.
 echo garbage >s.mode
-want 1 'no JSON' status
-want 1 'no image/jpeg' snapshot -o bad.jpg
+want 1 'not JSON' status
+want 1 'not image/jpeg' snapshot -o bad.jpg
 echo huge >s.mode
 want 1 'more than 16 MiB' status
 echo cut >s.mode
