@@ -112,7 +112,7 @@ GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 .PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
-all: $(PROGRAMS) ## build the programs into build/: sst, sstd, and sst-sim (simulated devices)
+all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
 
 # Objects of other flags or optional parts are made anew.
 FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS) $(OPENCV_LIBS) $(AV_LIBS))
