@@ -19,7 +19,7 @@
  *   motion             change in a zone began or ended        {zone, active, share}; zone "": the whole picture
  *   label              a label appeared in a zone or left it  {zone, label, active, share}
  *                      both also have, at the end             {peak, times, seconds}: largest share; number of
- *                                                             appearances; time from first to last appearance
+ *                                                             appearances; time from its begin until last seen
  *   snapshot, export   a light field was stored               {name}
  *   reload             a configuration was applied or refused {applied, reason, changes}
  *   calibration        the calibration was checked            {verdict, sentence}

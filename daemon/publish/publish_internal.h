@@ -87,7 +87,7 @@ bool http_etag_matches(const char *if_none_match, const char *etag);
 enum http_range {
     HTTP_RANGE_WHOLE = 0, /* no range requested, or one to ignore: several, another unit, malformed */
     HTTP_RANGE_PART = 1,
-    HTTP_RANGE_BEYOND = 2, /* it begins beyond the end: 416 */
+    HTTP_RANGE_BEYOND = 2, /* no byte of it exists: 416 */
 };
 
 /** Evaluate a Range header (RFC 9110, 14.2) for `size` bytes; NULL: no header. @param first, bytes  out with PART */
