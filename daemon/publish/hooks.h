@@ -11,7 +11,7 @@
 struct sst_hooks; /* opaque; open, configure and close on one thread */
 
 struct sst_hooks_config {
-    struct sst_events *events; /* must stay; events already stored are handled, too */
+    struct sst_events *events; /* must outlive the hooks; events already stored are handled, too */
     const struct sst_hook *hook;
     int hooks;
     int limit_ms; /* a program is killed after this; 0: 30 s */

@@ -32,8 +32,8 @@ struct sst_http_config {
     bool insecure;                         /* allow an address other than loopback without TLS */
     int clients, streams;                  /* limits */
     double stream_hz;                      /* at most this many pictures per second and stream; 0: no limit */
-    const struct sst_api *api;             /* must stay */
-    struct sst_counters *counters;         /* must stay */
+    const struct sst_api *api;             /* must outlive the server */
+    struct sst_counters *counters;         /* must outlive the server */
 };
 
 /**

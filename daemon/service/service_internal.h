@@ -61,7 +61,7 @@ struct array_state {
     struct sst_capture_report report;      /* of this one */
 };
 
-/** Start the thread that captures into the ring. @param events, ring  must stay @return 0, -ENOMEM, -EAGAIN */
+/** Start the thread that captures into the ring. @param events, ring  must outlive it @return 0, -ENOMEM, -EAGAIN */
 SST_MUST_CHECK int array_open(struct service_array **out, const struct sst_array_config *config, struct sst_ring *ring,
                               struct sst_events *events);
 
@@ -142,7 +142,7 @@ struct engine_state {
 
 struct engine_config {
     const struct sst_config *config; /* copied */
-    struct sst_ring *ring;           /* these stay */
+    struct sst_ring *ring;           /* this and all below must outlive the engine */
     struct service_array *array;
     struct sst_storage *storage;
     struct sst_events *events;

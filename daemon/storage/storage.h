@@ -27,8 +27,8 @@ struct sst_storage; /* opaque; any thread */
 
 struct sst_storage_config {
     const struct sst_config *config; /* copied */
-    struct sst_ring *ring;           /* must stay */
-    struct sst_events *events;       /* must stay */
+    struct sst_ring *ring;           /* must outlive the storage */
+    struct sst_events *events;       /* must outlive the storage */
     /* [config->array.bound]; copied. With 0 nothing is recorded before sst_storage_cameras(). */
     const struct sst_recorder_track *tracks;
 };
