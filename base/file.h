@@ -29,7 +29,7 @@ SST_MUST_CHECK int sst_path_make_dir(const char *path);
  *
  * @param data   out, to free with free()
  * @param limit_bytes  larger files are refused
- * @return 0, -ENOENT, -EISDIR, -EACCES, -EFBIG -> reported as -EBADMSG, -EIO. Logged.
+ * @return 0, -ENOENT, -EISDIR, -EACCES, -EBADMSG (no regular file, or over the limit), -EIO. Logged.
  */
 SST_MUST_CHECK int sst_file_read(const char *path, size_t limit_bytes, uint8_t **data, size_t *size);
 

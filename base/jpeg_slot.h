@@ -1,5 +1,5 @@
-/* base/jpeg_slot.h - the newest JPEG of one moving picture, for any number of clients that never wait for
- * one another. */
+/* base/jpeg_slot.h - the newest JPEG of one picture stream, for any number of clients that never wait for one
+ * another. */
 #ifndef SST_BASE_JPEG_SLOT_H
 #define SST_BASE_JPEG_SLOT_H
 
@@ -11,7 +11,7 @@ struct sst_slot; /* opaque, counted; any thread */
 
 /** One encoded picture; counted, read-only. */
 struct sst_jpeg {
-    uint64_t number;       /* 1, 2, ... of its outlet */
+    uint64_t number;       /* 1, 2, ... in its slot */
     uint64_t set;          /* index of the trigger that it shows */
     int64_t t_ns, wall_ns; /* of that set: time zero */
     size_t bytes;
@@ -28,20 +28,21 @@ void sst_slot_unref(struct sst_slot *outlet); /* NULL is fine */
 SST_MUST_CHECK int sst_slot_put(struct sst_slot *outlet, uint8_t *data, size_t bytes, uint64_t set, int64_t t_ns,
                                 int64_t wall_ns);
 
-/** The newest picture if its number is above `after`, else NULL; a reference, for sst_slot_jpeg_unref(). */
+/** Get a reference to the newest picture if its number is above `after`, else NULL; release it with
+ *  sst_slot_jpeg_unref(). */
 const struct sst_jpeg *sst_slot_get(struct sst_slot *outlet, uint64_t after);
 const struct sst_jpeg *sst_slot_jpeg_ref(const struct sst_jpeg *jpeg);
 void sst_slot_jpeg_unref(const struct sst_jpeg *jpeg); /* NULL is fine */
 
-/** Wait for a picture with a number above `after`. @return false: time is up, or shut */
+/** Wait for a picture with a number above `after`. @return false: time-out, or shut */
 bool sst_slot_wait(struct sst_slot *outlet, uint64_t after, int timeout_ms);
 
-/** Count a client in or out: without clients the picture is not rendered. */
+/** Register and unregister a client: without clients the picture is not rendered. */
 void sst_slot_join(struct sst_slot *outlet);
 void sst_slot_leave(struct sst_slot *outlet);
 int sst_slot_clients(struct sst_slot *outlet);
 
-/** No picture will follow: clients leave. */
+/** Mark the end of the stream: waiting clients wake up and leave. */
 void sst_slot_shut(struct sst_slot *outlet);
 bool sst_slot_is_shut(struct sst_slot *outlet);
 

@@ -30,7 +30,7 @@ void sst_log_warning(const char *fmt, ...) SST_PRINTF(1, 2);
 void sst_log_info(const char *fmt, ...) SST_PRINTF(1, 2);
 void sst_log_debug(const char *fmt, ...) SST_PRINTF(1, 2);
 
-/* Longest line that is shown, with its end. */
+/* Longest line that is shown, with its NUL. */
 #define SST_LOG_MAX 1024
 
 /**

@@ -1,14 +1,15 @@
-/* base/plugin.h - parts of the program that are loaded when they are first used: libsst-NAME.so beside the program, or
- * in lib/ beside its folder. They bring libraries that take long to load and that most runs never need. */
+/* base/plugin.h - loads parts of the program on first use: libsst-NAME.so beside the program, or in lib/ beside its
+ * folder. They depend on libraries that load slowly and that most runs do not need. */
 #ifndef SST_BASE_PLUGIN_H
 #define SST_BASE_PLUGIN_H
 
 #include "base/base.h"
 
-/** Function of a part; loads it. @param why  why not, in a few words. @return NULL: cannot be loaded. Thread: any */
+/** Address of a function of a part; loads the part. @param why  out, cause of a failure. @return NULL: failed.
+ *  Thread: any */
 void *sst_plugin_symbol(const char *name, const char *symbol, char why[256]);
 
-/** Body of a function that is in a part: its result there, -ENOTSUP if load(its name) returns NULL. */
+/** Body of a wrapper: calls the function of the same name in a part; -ENOTSUP if load(its name) returns NULL. */
 #define SST_PLUGIN_CALL(load, function, ...)                                                                           \
     __typeof__(&(function)) loaded;                                                                                    \
                                                                                                                        \

@@ -24,7 +24,7 @@ double sst_stats_quantile(double *v, int n, double share);
 /** The value of rank floor(share n), at most n - 1, NaN last. 0 for n = 0; v is sorted. */
 float sst_stats_quantile_float(float *v, int n, double share);
 
-/** The smallest of the sorted v[0..n) that `percent` (1 .. 100) of 100 values do not exceed. 0 for n = 0. */
+/** Smallest value of the sorted v[0..n) that at least `percent` % (1 .. 100) of them do not exceed. 0 for n = 0. */
 int64_t sst_stats_percentile(const int64_t *v, int n, int percent);
 
 #endif

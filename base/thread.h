@@ -32,8 +32,8 @@ void sst_thread_name(const char *name);
 /** Set the nice value of the calling thread and of threads that it starts from now on: 0..19. */
 void sst_thread_nice(int nice);
 
-/** Raise all threads of this process, also idle ones, to the highest permitted priority, down to nice -10, or to that
- * of the caller: a process ends only after its last thread has run. */
+/** Raise all threads of this process, also idle-class ones, to the highest permitted priority (nice -10 at most), else
+ * to the caller's, so that low-priority threads do not delay the end of the process. */
 void sst_thread_raise_all(void);
 
 /** Initialise a condition variable that waits on CLOCK_MONOTONIC. */

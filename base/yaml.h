@@ -32,9 +32,9 @@ struct sst_yaml_node {
     int count;                           /* children */
     struct sst_yaml_node *first, *next;  /* child; sibling */
     struct sst_yaml_node *last, *parent; /* child; NULL for the root */
-    bool again;                          /* a duplicate of a key of its mapping: noted as a fault */
+    bool again;                          /* duplicate of an earlier key of the mapping: noted as a fault */
     bool known;                          /* sst_yaml_get() was called for it */
-    struct sst_yaml_asked *asked;        /* keys that it looked up in this mapping: suggestions for an unknown one */
+    struct sst_yaml_asked *asked;        /* keys looked up in this mapping: suggestions for an unknown key */
 };
 
 /**
@@ -51,7 +51,7 @@ void sst_yaml_destroy(struct sst_yaml *doc);
 /** True if the document has no content but comments. */
 bool sst_yaml_empty(const struct sst_yaml *doc);
 
-/** The file's name, as it was given. */
+/** The name passed to sst_yaml_parse(). */
 const char *sst_yaml_name(const struct sst_yaml *doc);
 
 /** The document's top-level mapping; NULL, with a fault noted, if it is anything else. */
@@ -66,7 +66,7 @@ struct sst_yaml_node *sst_yaml_get(struct sst_yaml_node *map, const char *key);
 /** The same for a required key: a missing one is a fault. */
 struct sst_yaml_node *sst_yaml_need(struct sst_yaml *doc, struct sst_yaml_node *map, const char *key);
 
-/** Mark all keys of the mapping as known: the user chooses their names. */
+/** Mark all keys of the mapping as known, because the user chooses their names. */
 void sst_yaml_know_all(struct sst_yaml_node *map);
 
 /** Mark all keys at any depth as known: the file belongs to another program and may contain more than is read. */

@@ -120,7 +120,7 @@ extern const struct cli_command cli_board, cli_calibrate, cli_calibration, cli_c
  *
  * @param threads  0: all processors
  * @param picture  PNG of the grid to write, or NULL
- * @return CLI_OK (the calibration is fine), CLI_INPUT (it is not, or cannot be told: the sentence is on standard
+ * @return CLI_OK (the calibration is fine), CLI_INPUT (it is not, or cannot be checked: the sentence is on standard
  *         error), or what reading and writing return
  */
 int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, int threads,
@@ -243,7 +243,7 @@ struct doctor_finding {
 
 struct doctor {
     const struct sst_array_config *cfg;
-    const char *folder; /* where recordings will go; NULL: not told */
+    const char *folder; /* folder for recordings; NULL: not given */
     int cameras;        /* that will stream, for the sums */
     int count;
     struct doctor_finding finding[DOCTOR_FINDINGS_MAX];

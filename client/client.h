@@ -1,4 +1,4 @@
-/* client/client.h - client of the service's HTTP API: JSON, files, lines and moving pictures, over its UNIX socket or
+/* client/client.h - client of the service's HTTP API: JSON, files, lines and picture streams, over its UNIX socket or
  * TCP. */
 #ifndef SST_CLIENT_CLIENT_H
 #define SST_CLIENT_CLIENT_H
@@ -21,23 +21,23 @@ struct sst_client_service {
 
 struct sst_client; /* opaque; one thread at a time */
 
-/** @param where  its strings must stay @return 0, -EINVAL, -ENOENT... (token file), -ENOTSUP (built without libcurl),
- *          -ENOMEM; logged */
+/** @param where  its strings must outlive the client
+ *  @return 0, -EINVAL, -ENOENT... (token file), -ENOTSUP (built without libcurl), -ENOMEM; logged */
 SST_MUST_CHECK int sst_client_open(struct sst_client **out, const struct sst_client_service *where);
 
 /**
- * GET, or POST of `post` where that is not NULL.
+ * GET, or POST of `post` if it is not NULL.
  *
  * @param path  from "/", with its query
- * @param out   the answer, an object or array; a reference of the caller's
- * @return 0; -ENOPKG (no service there), -ETIMEDOUT (no answer within 15 s), -EACCES (no right), -EPROTO (the answer is
- *         no JSON), -ENOMEM; or by the status of the answer: -EBADMSG (400), -EACCES (401, 403), -ENOENT (404),
+ * @param out   the answer, an object or array; the caller owns a reference
+ * @return 0; -ENOPKG (no service there), -ETIMEDOUT (no answer within 15 s), -EACCES (no right), -EPROTO (not JSON),
+ *         -ENOMEM; or by the status of the answer: -EBADMSG (400), -EACCES (401, 403), -ENOENT (404),
  *         -EBUSY (409, 429), -ENOTSUP (501), -ENODATA (503), -ENOSPC (507), -EPROTO (else). All logged in one sentence.
  */
 SST_MUST_CHECK int sst_client_json(struct sst_client *client, const char *path, const json_t *post, json_t **out);
 
 /** GET into a file, which appears whole or not at all. @param type  required Content-Type, "image/jpeg"
- *  @return as above (-EPROTO also: another type), and what sst_outfile_commit() returns */
+ *  @return as above (-EPROTO also: another type), and errors of sst_outfile_commit() */
 SST_MUST_CHECK int sst_client_save(struct sst_client *client, const char *path, const char *type, const char *file);
 
 /** GET into memory. @param data  out, to free with free() @return as above */
@@ -46,7 +46,7 @@ SST_MUST_CHECK int sst_client_bytes(struct sst_client *client, const char *path,
 /** Receives a line without its end; a value other than 0 ends the transfer with it. */
 typedef int sst_client_line_fn(void *arg, const char *line);
 
-/** GET lines as they come, without a limit of time if `endless`. @return as above; 0: the service ended it */
+/** GET lines as they arrive, without a time limit if `endless`. @return as above; 0: the service ended it */
 SST_MUST_CHECK int sst_client_lines(struct sst_client *client, const char *path, bool endless, sst_client_line_fn *fn,
                                     void *arg);
 

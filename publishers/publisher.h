@@ -1,4 +1,4 @@
-/* publishers/publisher.h - what the programs beside the service share: options, configuration, the service's events. */
+/* publishers/publisher.h - shared by the publisher programs: options, configuration, events of the service. */
 #ifndef SST_PUBLISHERS_PUBLISHER_H
 #define SST_PUBLISHERS_PUBLISHER_H
 

@@ -1,6 +1,6 @@
 /*
- * tests/calib_solution.h - a made-up solution of a calibration, its residuals drawn at random, for what shows
- * solutions: nothing is solved here. Everything follows from the settings and the seed.
+ * tests/calib_solution.h - a synthetic calibration solution with random residuals, to test reports of solutions;
+ * nothing is solved here. Everything follows from the settings and the seed.
  */
 #ifndef SST_TESTS_CALIB_SOLUTION_H
 #define SST_TESTS_CALIB_SOLUTION_H

@@ -1,5 +1,5 @@
 /*
- * tests/calib_truth.h - a made-up array, boards before it, and the corners that its cameras see of them: exact truth
+ * tests/calib_truth.h - a synthetic array, boards in front of it, and the corners that its cameras see: exact truth
  * for calibration. Everything follows from the settings and the seed.
  */
 #ifndef SST_TESTS_CALIB_TRUTH_H

@@ -1,4 +1,4 @@
-/* tests/http_fake.h - a service that is made up, behind a real HTTP server, and a client that can misbehave. */
+/* tests/http_fake.h - a fake service behind the real HTTP server, and a client that can misbehave. */
 #ifndef SST_TESTS_HTTP_FAKE_H
 #define SST_TESTS_HTTP_FAKE_H
 

@@ -1,4 +1,4 @@
-/* tests/live_truth.h - a label of the live maps against the truth of a simulated world, and what is told of it.
+/* tests/live_truth.h - compares a label of the live maps with the truth of a simulated world, and formats the result.
  *
  * For tools and benches. One zone counts: all of the picture below the simulator's strip. */
 #ifndef SST_TESTS_LIVE_TRUTH_H

@@ -1,5 +1,5 @@
-/* tests/quick.h - limits of time: as written under `make check-timing`, on a quiet machine, which sets SST_TIMING.
- * Elsewhere half a minute more, so that a busy machine fails no test and what never ends still does. */
+/* tests/quick.h - time limits of tests: exact under `make check-timing`, which sets SST_TIMING and needs a quiet
+ * machine. Otherwise half a minute longer, so that a busy machine fails no test but a hang still does. */
 #ifndef SST_TESTS_QUICK_H
 #define SST_TESTS_QUICK_H
 

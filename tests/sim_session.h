@@ -1,4 +1,4 @@
-/* tests/sim_session.h - for tests that run themselves on simulated devices and set faults there. */
+/* tests/sim_session.h - runs a test program on simulated devices and sets faults of them. */
 #ifndef SST_TESTS_SIM_SESSION_H
 #define SST_TESTS_SIM_SESSION_H
 

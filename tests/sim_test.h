@@ -1,4 +1,4 @@
-/* tests/sim_test.h - worlds for tests: a folder that goes at the end, world files in it, decoded frames. */
+/* tests/sim_test.h - simulated worlds for tests: a temporary folder, world files in it, decoded frames. */
 #ifndef SST_TESTS_SIM_TEST_H
 #define SST_TESTS_SIM_TEST_H
 

@@ -1,4 +1,4 @@
-/* tests/sim_truth.h - where the truth of a world puts points, and where corners are in its pictures. */
+/* tests/sim_truth.h - true positions of points in a simulated world's pictures, and detected corners. */
 #ifndef SST_TESTS_SIM_TRUTH_H
 #define SST_TESTS_SIM_TRUTH_H
 

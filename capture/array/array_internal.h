@@ -1,5 +1,4 @@
-/* capture/array/array_internal.h - per-camera health of the frames: faults are logged when they start and when they
- * end. */
+/* capture/array/array_internal.h - tracks faults of each camera's frames; logs when a fault starts and when it ends. */
 #ifndef SST_CAPTURE_ARRAY_ARRAY_INTERNAL_H
 #define SST_CAPTURE_ARRAY_ARRAY_INTERNAL_H
 
@@ -9,12 +8,12 @@
 
 /** A fault has ended after this number of consecutive sets with a good frame of the camera and without the fault ... */
 #define SST_HEALTH_SETS 20
-/** ... and after twice as many each time that it recurs within SST_HEALTH_AGAIN sets, up to SST_HEALTH_SETS_MAX: an
- *  intermittent fault is logged a few times, not for months. */
+/** ... and this number doubles each time the fault recurs within SST_HEALTH_AGAIN sets, up to SST_HEALTH_SETS_MAX: an
+ *  intermittent fault is logged only a few times. */
 #define SST_HEALTH_AGAIN    6000
 #define SST_HEALTH_SETS_MAX 10240
 
-/** Longest name of a camera, with its end. */
+/** Longest name of a camera, with its NUL. */
 #define SST_HEALTH_NAME 96
 
 enum trouble {

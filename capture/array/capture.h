@@ -13,19 +13,19 @@ struct sst_capture; /* opaque; open, run and close on one thread */
 
 struct sst_capture_events {
     void *arg;
-    /** Store a frameset, on the writer's thread; its frames are released when this returns. An error drops it, counted.
+    /** Store a frameset; called on the writer's thread. Its frames are released on return; an error drops it, counted.
      */
     int (*set)(void *arg, const struct sst_frameset *set);
     /** Called about once a second and at the end, on the capture thread; may be NULL. */
     void (*progress)(void *arg, uint64_t sets);
     /** Called when the state of a camera changes, on the capture thread; may be NULL. Already logged. */
     void (*camera)(void *arg, int cam, enum sst_grab_state state, const char *why);
-    bool quiet; /* do not log trigger chip and skew, which the report has: the caller logs them */
-    bool again; /* the same was opened before and failed: do not repeat warnings about the number of cameras */
+    bool quiet; /* do not log loss and return of the trigger chip, nor skew: the caller logs them */
+    bool again; /* a retry of a failed open: do not repeat warnings about the number of cameras */
 };
 
 struct sst_capture_report {
-    uint64_t handed, complete, empty; /* sets passed to the writer; of them with every camera, with none */
+    uint64_t handed, complete, empty; /* sets passed to the writer; of these, with all cameras, with none */
     struct sst_framesync_counters sets;
     uint64_t edges, edges_stamped, ticks_skipped; /* triggers fired; with a loop-back stamp; too late to fire */
     uint64_t refused;                             /* sets that the writer returned an error for */
@@ -53,7 +53,7 @@ SST_MUST_CHECK int sst_capture_open(struct sst_capture **out, struct sst_array_c
  */
 SST_MUST_CHECK int sst_capture_run(struct sst_capture *capture, uint64_t sets);
 
-/** Make run return when the open sets are closed; async-signal-safe. */
+/** Make run return as soon as the open sets are closed; async-signal-safe. */
 void sst_capture_stop(struct sst_capture *capture);
 
 /** Thread: that of run (progress), or any once it has returned. */

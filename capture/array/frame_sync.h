@@ -44,7 +44,7 @@ struct sst_framesync; /* opaque; one thread, but for sst_framesync_recycle() */
 
 /** How frames are assigned to sets. */
 enum sst_framesync_match {
-    SST_FRAMESYNC_EDGE = 0,    /* each trigger exposes every camera once: to the trigger within the window */
+    SST_FRAMESYNC_EDGE = 0,    /* each trigger exposes every camera once: a frame matches if it is in the window */
     SST_FRAMESYNC_NEAREST = 1, /* cameras run on their own, faster than the triggers: the frame of each camera that is
                              nearest to a trigger; the others are stray */
     SST_FRAMESYNC_FREE = 2,    /* no triggers: by ticks of the frame period, tracked per camera */
@@ -71,7 +71,7 @@ struct sst_framesync_events {
 };
 
 struct sst_framesync_counters {
-    uint64_t sets, complete, empty; /* passed on; of them with every camera, with none */
+    uint64_t sets, complete, empty; /* passed on; of these, with all cameras, with none */
     uint64_t dropped;               /* triggers without a free set: the receiver holds them all */
     uint64_t relocked;              /* FREE: a camera's ticks slipped against those of the others */
     uint64_t bucket[SST_BUCKETS];
@@ -84,7 +84,7 @@ struct sst_framesync_counters {
 SST_MUST_CHECK int sst_framesync_create(struct sst_framesync **out, const struct sst_framesync_config *cfg,
                                         const struct sst_framesync_events *events);
 
-/** Report a fired trigger, in the order of time. @param edge  t_ns is the kernel's stamp of a loop-back edge */
+/** Report a fired trigger, in order of time. @param edge  t_ns is the kernel's stamp of a loop-back edge */
 void sst_framesync_trigger(struct sst_framesync *sets, uint64_t index, int64_t t_ns, bool edge);
 
 /** Add an arrived frame; it ends in its bucket now or when its set is closed. */

@@ -27,7 +27,7 @@ struct sst_ring_counters {
 /** @param bytes  memory for frames, allocated at once @return 0, -EINVAL, -ENOMEM */
 SST_MUST_CHECK int sst_ring_create(struct sst_ring **out, size_t bytes);
 
-/** Copy a frameset into the ring; the oldest ones without references are dropped. @return 0, or -ENOBUFS (counted) */
+/** Copy a frameset into the ring; drops the oldest unreferenced ones to make room. @return 0, or -ENOBUFS (counted) */
 SST_MUST_CHECK int sst_ring_put(struct sst_ring *ring, const struct sst_frameset *set);
 
 /**

@@ -1,4 +1,5 @@
-/* capture/calibration/calibration_internal.h - one picture at a time, and the recorded source; callers use gather.h. */
+/* capture/calibration/calibration_internal.h - board search in one picture, and recordings as a source; callers use
+ * gather.h. */
 #ifndef SST_CAPTURE_CALIBRATION_CALIBRATION_INTERNAL_H
 #define SST_CAPTURE_CALIBRATION_CALIBRATION_INTERNAL_H
 
@@ -20,7 +21,7 @@ static inline int gather_selection_at(const struct sst_gather_selection *selecti
     return (int)((long long)i * some / gather_selection_count(selection, all)) * every;
 }
 
-/** The recorded kind of a source (gather_recorded.c). */
+/** A source that is a recording (gather_recorded.c). */
 SST_MUST_CHECK int gather_recorded_open(struct sst_gather_source *out, const struct sst_gather_selection *selection);
 SST_MUST_CHECK int gather_recorded_read(const struct sst_gather_source *source, int view, int frame,
                                         struct sst_image *out);
@@ -41,7 +42,7 @@ struct gather_result {
 /** Find the board in one picture; the picture is released. */
 SST_MUST_CHECK int gather_detect(struct gather_result *out, const struct sst_gather_config *cfg,
                                  struct sst_image *image, int view, int frame);
-/** Move a result into what was gathered. */
+/** Move a result into the gathered samples. */
 SST_MUST_CHECK int gather_add(struct sst_gathered *to, struct gather_result *result);
 void gather_result_fini(struct gather_result *result);
 

@@ -1,5 +1,5 @@
-/* capture/calibration/gather.h - what a calibration starts from: a board's corners and samples of light, gathered from
- * folders of pictures, recordings, a rig's captures or live cameras. */
+/* capture/calibration/gather.h - gathers the input of a calibration, board corners and samples of light, from folders
+ * of pictures, recordings, captures of a rig or live cameras. */
 #ifndef SST_CAPTURE_CALIBRATION_GATHER_H
 #define SST_CAPTURE_CALIBRATION_GATHER_H
 
@@ -10,7 +10,7 @@
 struct sst_recording;
 struct sst_frameset;
 
-/* --- source: pictures that exist ---------------------------------------------------------------------------------- */
+/* --- source: stored pictures -------------------------------------------------------------------------------------- */
 
 /** Pictures by view and frame; a frame is a moment (or, on a rig, a placement of the board). */
 struct sst_gather_source {
@@ -29,7 +29,7 @@ struct sst_gather_source {
 /** The pictures to use. */
 struct sst_gather_selection {
     int grid[2];    /* rows, columns; 0: from names */
-    bool rig;       /* views are poses of one camera, also where the source does not mark them */
+    bool rig;       /* views are poses of one camera, even if the source does not say so */
     int every, max; /* of a recording's framesets each n-th, and at most this many; 0: all */
 };
 
@@ -39,7 +39,7 @@ struct sst_gather_selection {
  *   files of the same name being one moment; a folder of pictures named CAMERA + number (left01.jpg, right01.jpg).
  * Cameras named rr_cc have that position in the grid; others fill it in the order of their names.
  *
- * @param path  must stay
+ * @param path  must outlive the source
  * @return 0, -ENOENT, -EBADMSG (no pictures, names that do not fit the grid), -ENOMEM ...; logged.
  */
 SST_MUST_CHECK int sst_gather_source_open(struct sst_gather_source *out, const char *path,
@@ -81,14 +81,14 @@ struct sst_gather_live; /* opaque; open, run and close on one thread */
 
 /** The current state of a run. */
 struct sst_gather_status {
-    int framesets, accepted;          /* captured; of these with a board that shows more */
-    double coverage;                  /* 0..1 of what a calibration needs, of the camera that lacks most: */
-    const char *camera, *missing;     /* its name, and what it lacks; "" nothing */
+    int framesets, accepted;          /* captured; of these, accepted because they add coverage */
+    double coverage;                  /* lowest coverage of any camera, 0..1 of what a calibration needs */
+    const char *camera, *missing;     /* name of that camera, and what is missing there; "": nothing */
     const struct sst_detections *all; /* so far */
 };
 
 struct sst_gather_live_config {
-    struct sst_array_config *array; /* must stay; bound cameras are filled in by open */
+    struct sst_array_config *array; /* must outlive the run; open fills in the bound cameras */
     int accepted;                   /* end after this many accepted framesets; 0: when nothing is missing */
     double seconds;                 /* 0: no limit */
     /* On the writer's thread; each may be NULL. An error ends the run. */
@@ -97,7 +97,7 @@ struct sst_gather_live_config {
     void *arg;
 };
 
-/** Open the array's cameras and trigger. @param cfg, live  copied @return 0, -ENOMEM, or what capture returns; logged
+/** Open the array's cameras and trigger. @param cfg, live  copied @return 0, -ENOMEM, or as sst_capture_open(); logged
  */
 SST_MUST_CHECK int sst_gather_live_open(struct sst_gather_live **out, const struct sst_gather_config *cfg,
                                         const struct sst_gather_live_config *live);

@@ -11,10 +11,10 @@ struct sst_lightfields_config {
     int count;
     bool each; /* one folder out/set-NNNNNN per set and out/sets.json, even of one set; else out is the light field */
     bool allow_partial;                            /* views may be missing or damaged; the light field then has holes */
-    bool force;                                    /* replace an output made before */
+    bool force;                                    /* replace an existing output */
     double range_min_px, range_max_px;             /* disparities in the scene; equal: unknown */
     const struct sst_use_calibration *calibration; /* of this array, or NULL: the views stay as captured */
-    const char *source;                            /* named as the light field's source; NULL: the recording's folder */
+    const char *source;                            /* recorded as the origin; NULL: the recording's folder */
     const char *picture;                           /* name of a further file in each light field, or NULL */
     const void *picture_data;
     size_t picture_bytes;
@@ -25,8 +25,8 @@ struct sst_lightfields_config {
 
 /**
  * Make light fields of sets. JPEG stays as the camera sent it; other formats become PNG (pipeline/image/raw.h). Each
- * light field also gets set.json, the set's line of the recording. A calibration of other cameras, or of these at other
- * positions in the grid, is refused if it names them by serials, ports or names of the recording.
+ * light field also gets set.json, the set's line of the recording. A calibration of other cameras, or of the
+ * same cameras at other positions in the grid, is refused if it has serials, ports or names to compare.
  *
  * A view is missing where its frame is missing, damaged, marked bad by the driver, or no picture of the recording's
  * size.

@@ -1,4 +1,4 @@
-/* capture/recording/mkv.h - writes a Matroska file with one video track of untouched frames and its index in front. */
+/* capture/recording/mkv.h - writes a Matroska file with one video track of untouched frames; the index comes first. */
 #ifndef SST_CAPTURE_RECORDING_MKV_H
 #define SST_CAPTURE_RECORDING_MKV_H
 
@@ -23,10 +23,10 @@ struct sst_mkv_config {
 typedef int sst_mkv_read_fn(void *arg, size_t i, uint8_t *data);
 
 /**
- * Write the file: head with duration and an index to seek by, then the frames; a cluster begins with each second. The
+ * Write the file: header with duration and seek index, then the frames, a new cluster each second. The
  * same arguments give the same bytes.
  *
- * @param fd     an empty file that the process may open again by /proc/self/fd; the caller keeps it
+ * @param fd     an empty file that can be reopened through /proc/self/fd; stays the caller's
  * @param frame  [count], count > 0
  * @return 0, what read returned, -ENOTSUP (built without libavformat), -ENOMEM, -EINVAL (libavformat refuses the track)
  *         or -errno of writing; not logged.

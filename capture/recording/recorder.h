@@ -7,7 +7,7 @@
 /** Can frames of this V4L2 format be recorded? MJPG, JPEG, YUYV, GREY, Y16 and 8-bit Bayer are. */
 bool sst_recording_format_known(uint32_t fourcc);
 
-/** "MJPG", "Y16" ... (no blanks at the end; what cannot be printed is '?'), and the way back; 0: not 1 to 4 letters. */
+/** "MJPG", "Y16" ... (without trailing blanks; '?' for unprintable bytes), and the inverse; 0: not 1 to 4 letters. */
 void sst_recording_format_name(uint32_t fourcc, char out[5]);
 uint32_t sst_recording_format_parse(const char *name);
 
@@ -36,7 +36,7 @@ struct sst_recorder_config {
 struct sst_recorder_counters {
     uint64_t sets, dropped; /* written, and not written because writing failed */
     uint64_t bytes;         /* of frames */
-    uint64_t segments;      /* files begun */
+    uint64_t segments;      /* files started */
     uint64_t syncs, sync_failures;
     int64_t sync_max_ns; /* longest sync */
 };

@@ -40,9 +40,9 @@ struct sst_recording_set {
 };
 
 /**
- * Read recording.json and index sets.jsonl; lines of sets are read again when asked for. Skips a torn end (a recorder
- * was killed, or is writing) and sets that were removed to make room (trim.h); if removed.json is damaged, those of
- * segments before the first present.
+ * Read recording.json and index sets.jsonl; the lines of sets are read again on access. Skips a torn end (a recorder
+ * was killed, or is writing) and sets that were trimmed (trim.h); if removed.json is damaged, all sets of segments
+ * before the first present one count as trimmed.
  *
  * @return 0, -ENOENT (no recording), -EBADMSG, -EIO, -EACCES, -ENOMEM; logged.
  */
@@ -55,7 +55,7 @@ const char *sst_recording_dir(const struct sst_recording *recording);
 /** Number of sets, in the order of recording: 0 .. n-1. */
 int sst_recording_sets(const struct sst_recording *recording);
 
-/** What was removed from its beginning. */
+/** What was trimmed from its beginning. */
 const struct sst_recording_removed *sst_recording_removed(const struct sst_recording *recording);
 
 /** Bytes after the last whole line of the manifest. */
@@ -65,14 +65,14 @@ int64_t sst_recording_torn_bytes(const struct sst_recording *recording);
 SST_MUST_CHECK int sst_recording_set(const struct sst_recording *recording, int i, struct sst_recording_set *set);
 
 /**
- * Read one camera's frame of set i from the manifest: enough, and faster, for following a camera through an hour.
+ * Read one camera's frame of set i from the manifest; faster than sst_recording_set() for one camera in many sets.
  * @param segment, wall_ns  out, of the set; frame: out, without its arrival_ns
  * @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged.
  */
 SST_MUST_CHECK int sst_recording_frame_of(const struct sst_recording *recording, int i, int cam, int *segment,
                                           int64_t *wall_ns, struct sst_recording_frame *frame);
 
-/** The line itself, as it is in the file, without its end. *text to free with free(). The same errors. */
+/** The line of set i, unchanged, without its newline. *text to free with free(). The same errors. */
 SST_MUST_CHECK int sst_recording_line(const struct sst_recording *recording, int i, char **text);
 
 /**
@@ -85,7 +85,7 @@ SST_MUST_CHECK int sst_recording_line(const struct sst_recording *recording, int
 SST_MUST_CHECK int sst_recording_frame(const struct sst_recording *recording, const struct sst_recording_set *set,
                                        int cam, uint8_t **data);
 
-/** Read all of set i. @param cam  out, the first camera whose frame is damaged, -1: the line.
+/** Read and verify all of set i. @param cam  out, first camera with a damaged frame; -1: the line is damaged.
  *  @return 0 or the error. */
 SST_MUST_CHECK int sst_recording_check(const struct sst_recording *recording, int i, int *cam);
 

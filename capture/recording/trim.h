@@ -12,7 +12,7 @@
 struct sst_recording_removed {
     int before_segment;    /* segments below it were removed; 0: none */
     uint64_t sets;         /* that were in them */
-    int64_t t_ns, wall_ns; /* start of the first segment of the rest (CLOCK_MONOTONIC), and UTC */
+    int64_t t_ns, wall_ns; /* start of the first remaining segment, CLOCK_MONOTONIC and UTC */
     bool assumed;          /* removed.json is damaged: derived from the first segment present */
 };
 
@@ -30,13 +30,13 @@ SST_MUST_CHECK int sst_recording_write_removed(const char *dir, const struct sst
 int sst_recording_segments(const char *dir);
 
 /**
- * Remove the oldest segment of a recording, which may be being written: removed.json is written first, so that
- * a kill in between leaves nothing that looks damaged (on a full disk it is written second).
+ * Remove the oldest segment of a recording, which may be active. removed.json is written first, so that a kill
+ * in between leaves no apparent damage (on a full disk it is written second).
  *
- * @param keep   least number of segments that stay: 1, of a recording that is being written 2
- * @param out    what has been removed of the recording in all
+ * @param keep   minimum number of segments to keep: 1; 2 for an active recording
+ * @param out    everything removed from the recording so far
  * @param bytes  out, freed, in whole blocks of 4 KiB
- * @return 0, -ENODATA (it has no more than those), -EBADMSG (its manifest names no set after it), -ENOSPC, -EROFS,
+ * @return 0, -ENODATA (no segment beyond `keep`), -EBADMSG (its manifest names no set after it), -ENOSPC, -EROFS,
  * -EIO, -ENOMEM; logged, but for -ENODATA. Thread: any, one at a time for a recording; waits for the disk.
  */
 SST_MUST_CHECK int sst_recording_trim(const char *dir, int keep, struct sst_recording_removed *out, int64_t *bytes);

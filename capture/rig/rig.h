@@ -58,7 +58,7 @@ struct sst_rig_pos sst_scan_approach(const struct sst_scan_config *cfg, int axes
 
 struct sst_scan_plan {
     int views;
-    double way_mm; /* sum over the legs of the longest axis */
+    double way_mm; /* sum over all moves of the longest travel of any axis */
     double seconds;
     bool speed_assumed; /* the configuration has no speed: 50 mm/s */
     int64_t bytes;      /* of all views; MJPEG: at a quarter of a byte per pixel */
@@ -111,7 +111,7 @@ SST_MUST_CHECK int sst_scan_store_check_camera(const struct sst_scan_store *stor
 
 struct sst_scan_report {
     int taken, there;              /* captured by this run; stored before it */
-    int again;                     /* failed attempts, by cause: */
+    int again;                     /* failed attempts in total; by cause: */
     int rig_faults, camera_faults; /* failed moves; missing frames */
     int moved;                     /* frames dropped: the rig was not at standstill before and after the exposure */
     int homed;

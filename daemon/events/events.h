@@ -8,7 +8,7 @@
 
 #include "base/base.h"
 
-/* Types, as they stand in JSON, hooks and MQTT topics:
+/* Event types, spelt as in JSON, hooks and MQTT topics, with the members of `data`:
  *   state              the service's state changed            {state, reason}
  *   camera-lost        a camera fell silent or was unplugged  {row, col, serial, port, reason}
  *   camera-found       it delivers again                      {row, col, serial, port}
@@ -17,11 +17,12 @@
  *   storage            OK, LOW, FULL, or cannot be written    {state, reason, free_bytes, used_bytes}
  *   record-start, record-stop                                 {recording, reason, zone, label, sets}
  *   motion             change in a zone began or ended        {zone, active, share}; zone "": the whole picture
- *   label              a label appeared in a zone or left     {zone, label, active, share}
- *                      both, when it ended                    {peak, times, seconds}: largest share; how often it came
- *                                                             back meanwhile, and once; from its begin to its last
- * sight snapshot, export                                          {name} reload             a configuration was applied
- * or refused {applied, reason, changes} calibration        a check of the calibration             {verdict, sentence}
+ *   label              a label appeared in a zone or left it  {zone, label, active, share}
+ *                      both also have, at the end             {peak, times, seconds}: largest share; number of
+ *                                                             appearances; time from its begin until last seen
+ *   snapshot, export   a light field was stored               {name}
+ *   reload             a configuration was applied or refused {applied, reason, changes}
+ *   calibration        the calibration was checked            {verdict, sentence}
  *   certificate        of HTTPS: renewed, refused, expiring, expired {state, until}
  *   clock              the wall clock was stepped             {step_ms}
  *   client             a flood or many wrong tokens           {reason}
@@ -48,10 +49,10 @@ struct sst_events; /* opaque; any thread */
 SST_MUST_CHECK int sst_events_create(struct sst_events **out, int capacity);
 
 /**
- * Store an event, write it to the journal (fields SST_EVENT=, CAMERA=rRcC, SET=, MESSAGE_ID= where `data`
- * has them) or, without one, to standard error, and wake the waiting threads.
+ * Store an event, write it to the journal (fields SST_EVENT=, CAMERA=rRcC, SET=, MESSAGE_ID=, as far as
+ * `data` has them) or, without one, to standard error, and wake the waiting threads.
  *
- * @param data  taken over; NULL: none. "row" and "col", "set" also become fields of the journal.
+ * @param data  owned from then on; NULL: none. "row" and "col", "set" also become fields of the journal.
  */
 void sst_events_emit(struct sst_events *events, enum sst_event_level level, const char *type, json_t *data,
                      const char *fmt, ...) SST_PRINTF(5, 6);
@@ -60,13 +61,13 @@ void sst_events_emit(struct sst_events *events, enum sst_event_level level, cons
  *  free(). @param id  out @return false: there is none */
 SST_MUST_CHECK bool sst_events_next(struct sst_events *events, uint64_t after, uint64_t *id, char **json);
 
-/** Wait for an event with an id above `after`. @return true: there is one; false: time is up, or shut */
+/** Wait for an event with an id above `after`. @return true: there is one; false: time-out, or shut */
 bool sst_events_wait(struct sst_events *events, uint64_t after, int timeout_ms);
 
 /** Id of the newest; 0: none. */
 uint64_t sst_events_last(struct sst_events *events);
 
-/** Called after each event, on the thread that it came from; must not block nor emit. At most 8 watchers. */
+/** Called after each event, on the thread that emitted it; must neither block nor emit. At most 8 watchers. */
 typedef void sst_events_fn(void *arg);
 SST_MUST_CHECK int sst_events_watch(struct sst_events *events, sst_events_fn *fn, void *arg);
 void sst_events_unwatch(struct sst_events *events, sst_events_fn *fn, void *arg);

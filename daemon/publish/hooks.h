@@ -11,7 +11,7 @@
 struct sst_hooks; /* opaque; open, configure and close on one thread */
 
 struct sst_hooks_config {
-    struct sst_events *events; /* must stay; those kept already count, too */
+    struct sst_events *events; /* must outlive the hooks; events already stored are handled, too */
     const struct sst_hook *hook;
     int hooks;
     int limit_ms; /* a program is killed after this; 0: 30 s */
@@ -20,32 +20,32 @@ struct sst_hooks_config {
 struct sst_hooks_counters {
     uint64_t run;
     uint64_t failed;  /* could not be started, or ended with another status than 0 */
-    uint64_t killed;  /* had not ended in time; counted as failed, too */
-    uint64_t dropped; /* not run: too many were waiting, or events came faster than they are kept */
+    uint64_t killed;  /* did not end in time; counted as failed, too */
+    uint64_t dropped; /* not run: too many were waiting, or the event was overwritten before it was read */
     int running, waiting;
 };
 
 /**
- * Follow the events on a thread of its own and run the programs whose event it is.
+ * Follow the events on a separate thread and run the programs that are configured for each.
  *
- * No shell is involved. A program is a process group of its own, with standard input empty, its output on our standard
- * error, all other descriptors closed, signals as usual, and nothing of systemd's in its environment, but SST_EVENT,
- * SST_LEVEL, SST_MESSAGE, SST_TIME, SST_ID, SST_DATA (JSON) and each member of data as SST_<MEMBER>. When it ends, what
- * is left of its group is killed. A status is logged when it differs from the program's last one.
+ * No shell is involved. Each program runs in its own process group, with empty standard input, its output on our
+ * standard error, all other descriptors closed and default signal handling. Its environment lacks systemd's variables
+ * and has SST_EVENT, SST_LEVEL, SST_MESSAGE, SST_TIME, SST_ID, SST_DATA (JSON) and each member of data as
+ * SST_<MEMBER>. When it ends, the rest of its group is killed. A status is logged if it differs from the last run's.
  *
- * @return 0, -EINVAL, -ENOMEM, -ENOSPC (too many watch the events)
+ * @return 0, -EINVAL, -ENOMEM, -ENOSPC (too many watchers of the events)
  */
 SST_MUST_CHECK int sst_hooks_open(struct sst_hooks **out, const struct sst_hooks_config *cfg);
 
-/** Other programs from now on; runs that wait for the old ones are dropped. */
+/** Replace the programs; waiting runs of the old ones are dropped. */
 void sst_hooks_configure(struct sst_hooks *h, const struct sst_hook *hook, int hooks);
 
 void sst_hooks_counters(struct sst_hooks *h, struct sst_hooks_counters *out);
 
-/** Begin to end; sst_hooks_close() waits for it. NULL is fine. */
+/** Start to shut down; sst_hooks_close() waits for the end. NULL is fine. */
 void sst_hooks_stop(struct sst_hooks *h);
 
-/** Kills what runs; within half a second. NULL is fine. */
+/** Kills running programs and frees; within half a second. NULL is fine. */
 void sst_hooks_close(struct sst_hooks *h);
 
 #endif

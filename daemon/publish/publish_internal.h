@@ -17,7 +17,7 @@
 /* --- hooks_env: inside hooks: the environment that describes the event. --- */
 
 /**
- * Environment for one event: ours without what is between systemd and the service, and SST_....
+ * Environment for one event: ours without systemd's service variables, plus SST_....
  *
  * @param event  line of JSON, of sst_events_next()
  * @return ended by NULL; to free with hook_env_free(); NULL: no memory, or `event` is no such line
@@ -85,15 +85,15 @@ bool http_form_token(const char *body, size_t size, char *out);
 bool http_etag_matches(const char *if_none_match, const char *etag);
 
 enum http_range {
-    HTTP_RANGE_WHOLE = 0, /* none was asked for, or one that is to be passed over: several, another unit, malformed */
+    HTTP_RANGE_WHOLE = 0, /* no range requested, or one to ignore: several, another unit, malformed */
     HTTP_RANGE_PART = 1,
-    HTTP_RANGE_BEYOND = 2, /* nothing of it is there: 416 */
+    HTTP_RANGE_BEYOND = 2, /* no byte of it exists: 416 */
 };
 
-/** What a Range asks for (RFC 9110, 14.2) of `size` bytes; NULL: nothing. @param first, bytes  out with PART */
+/** Evaluate a Range header (RFC 9110, 14.2) for `size` bytes; NULL: no header. @param first, bytes  out with PART */
 enum http_range http_range_parse(const char *range, uint64_t size, uint64_t *first, uint64_t *bytes);
 
-/** Does If-Range let a Range count? Only with exactly this strong etag. */
+/** Does If-Range allow the Range? Only with exactly this strong etag. */
 bool http_if_range(const char *if_range, const char *etag);
 
 /** Is `type` (without parameters) the media type of a Content-Type? */
@@ -102,14 +102,12 @@ bool http_is_type(const char *content_type, const char *type);
 /** A whole decimal number. @param max  9 or more @return false: not one, or above max */
 bool http_number(const char *text, uint64_t max, uint64_t *out);
 
-/* --- authorization (http_auth.c)
- * ------------------------------------------------------------------------------------------
- */
+/* --- authorization (http_auth.c) ---------------------------------------------------------------------------------- */
 
 struct http_wrong {
-    uint8_t address[16]; /* v4 mapped; of v6 the network */
+    uint8_t address[16]; /* IPv4 mapped; of IPv6 the network */
     int64_t since_ns;    /* of the minute counted; 0: free */
-    int64_t until_ns;    /* put off until then */
+    int64_t until_ns;    /* blocked until then */
     int count, times;
 };
 
@@ -129,14 +127,14 @@ void http_auth_fini(struct http_auth *a);
 /** @return SST_ROLE_ANYONE for a wrong token */
 enum sst_role http_auth_token(const struct http_auth *a, const char *token);
 
-/** Role of the peer of a UNIX socket. @param who  out [96], a name of it for people */
+/** Role of the peer of a UNIX socket. @param who  out [96], its name for messages */
 enum sst_role http_auth_peer(const struct http_auth *a, int fd, char *who);
 
-/** What counts as one client: an address of v4, as a mapped one; of v6 its network. */
+/** The address that identifies a client: IPv4 as a mapped address; of IPv6 the network. */
 void http_network_of(const struct sockaddr *address, uint8_t out[16]);
 
-/** A wrong token came from an address. @param first  out: from now on it is put off
- *  @return seconds for which the address is put off; 0: not yet */
+/** Count a wrong token from an address. @param first  out: true if this one starts a block
+ *  @return seconds for which the address is blocked; 0: not blocked */
 int http_auth_wrong(struct http_auth *a, const struct sockaddr *address, int64_t now_ns, bool *first);
 
 /* --- certificate and key (http_tls.c) ----------------------------------------------------------------------------- */
@@ -157,8 +155,8 @@ struct http_tls {
     char path[2][SST_PATH_MAX];  /* certificate, key */
     struct http_stamp stamp[2];  /* when they were read */
     struct http_stamp seen[2];   /* at the last check */
-    int told;                    /* of the end: 1 near, 2 there */
-    SST_ATOMIC(int64_t) look_ns; /* next */
+    int told;                    /* expiry reported: 1 near, 2 past; 0: none */
+    SST_ATOMIC(int64_t) look_ns; /* time of the next check */
     /* under lock */
     pthread_mutex_t lock;
     struct http_pair *pair; /* of new connections; NULL: no TLS. Changes under both */
@@ -170,16 +168,16 @@ void http_tls_fini(struct http_tls *t);
 /** Read the first pair. @return 0, -ENOTSUP, -EINVAL and what sst_file_read() returns; logged */
 SST_MUST_CHECK int http_tls_open(struct http_tls *t, const struct sst_http_config *cfg);
 
-/** The newest pair, for the library's start; stays until http_tls_end(). @return NULL: no TLS */
+/** A reference to the newest pair, for starting the library; released by http_tls_end(). @return NULL: no TLS */
 struct http_pair *http_tls_take(struct http_tls *t);
-/** The pair as text, which the library reads through a pointer without const. @return NULL: of no pair */
+/** PEM text of the pair, not const because the library's interface lacks it. @return NULL if p is NULL */
 void *http_tls_pem(const struct http_pair *p, bool key);
 
-/** Use the newest pair for a connection that begins. @return a reference to release when it has ended; may be NULL */
+/** Use the newest pair for a new connection. @return a reference to release when the connection ends; may be NULL */
 struct http_pair *http_tls_begin(struct http_tls *t, struct MHD_Connection *connection);
 void http_tls_end(struct http_tls *t, struct http_pair *p);
 
-/** Check every 20 s for changed files and a near end; report them as events. */
+/** Check every 20 s for changed files and a near expiry; report them as events. */
 void http_tls_look(struct http_tls *t, struct sst_events *events, int64_t now_ns);
 
 /* --- the server --------------------------------------------------------------------------------------------------- */
@@ -195,12 +193,12 @@ struct http_connection { /* one connection; under sst_http.lock, deadline_ns by 
     struct http_connection *next, **prev;
     int fd;
     struct http_pair *pair;          /* of TLS, or NULL */
-    SST_ATOMIC(int64_t) deadline_ns; /* what a client is to have sent must be here by then; INT64_MAX: all is here */
+    SST_ATOMIC(int64_t) deadline_ns; /* the request must be complete by then; INT64_MAX: it is complete */
 };
 
 struct sst_http {
     /* fixed after open */
-    struct sst_http_config cfg; /* numbers and api; its texts end with open */
+    struct sst_http_config cfg; /* numbers and api; its strings are valid during open only */
     struct sst_counters *count;
     char host[256], address[64], token_file[512];
     bool tls;
@@ -215,15 +213,15 @@ struct sst_http {
     pthread_cond_t wake;
     struct http_connection *links;
     int64_t flood_ns; /* when too many connections were last reported */
-    int64_t again_ns; /* the reaper's alone: when the address is tried again */
+    int64_t again_ns; /* reaper thread only: when the address is tried again */
     /* atomic */
     SST_ATOMIC(bool) stopping;
     SST_ATOMIC(int) port;
-    SST_ATOMIC(int) away; /* errno of the address that is not to be had yet; 0: it is */
+    SST_ATOMIC(int) away; /* errno of an address that cannot be bound yet; 0: it is bound */
 };
 
 #define HTTP_COOKIE 32
-/** Name of the cookie that holds the token: cookies know no ports, so the port is in it. */
+/** Name of the cookie that holds the token. Cookies are shared by all ports of a host, so the port is in it. */
 void http_cookie(const struct sst_http *http, char out[HTTP_COOKIE]);
 
 /** One request, on its connection's thread. */
@@ -236,12 +234,12 @@ struct http_request {
     int index; /* of the route */
     int fd;
     bool local; /* over the UNIX socket */
-    bool head;  /* asked by HEAD: the answer goes without its body */
+    bool head;  /* method HEAD: the answer is sent without its body */
     enum sst_role role;
     char name[HTTP_NAME_MAX + 1]; /* {a part} of the path */
-    char who[96];                 /* for people */
+    char who[96];                 /* the client, for messages */
     char allow[24];               /* answer 405: methods */
-    int retry_s;                  /* answer 429: when to come again */
+    int retry_s;                  /* answer 429: seconds until a retry */
     char *data;                   /* body, with a NUL after it */
     size_t size, capacity;
     bool too_large;
@@ -250,16 +248,16 @@ struct http_request {
 
 typedef int http_handler_fn(struct http_request *q); /* queues an answer; MHD_YES or MHD_NO */
 
-/** Is it one of ours, may this client, is it well formed so far? @return -1: yes; else an answer is queued */
+/** Check route, role and form of a request. @return -1: accepted; else an answer is queued */
 int http_check(struct http_request *q, const char *path, const char *method);
 
-/** True for pictures: their token may be in the query or a password, which allow reading alone. */
+/** True for pictures: their token may also be in the query or a password, which allow reading only. */
 bool http_is_picture(const struct sst_route *route);
 
 /** Fill in q->who from the address. */
 void http_name_peer(struct http_request *q);
 
-/** True above the limit of connections; reported as an event once in a while. */
+/** True above the limit of connections; reported as an event at intervals. */
 bool http_crowded(struct http_request *q);
 
 #if WITH_HTTPD
@@ -296,7 +294,7 @@ int http_do_web(struct http_request *q, const char *file, bool redirect); /* htt
 int http_do_login_form(struct http_request *q);
 int http_do_login(struct http_request *q);
 
-/** What came too often or wrongly, as a status to refuse with; 0: fine. */
+/** Count a wrong token of this client. @return status to refuse the request with; 0: none */
 int http_wrong_token(struct http_request *q, int *retry_s);
 
 /** Has the peer of a connection gone? */
@@ -316,7 +314,7 @@ extern const struct web_file web_files[]; /* up to one without a name */
  * Start a program as a process group of its own, so that Ctrl-C on a terminal is for the service alone, with signals as
  * usual.
  *
- * @param fd   [fds]; what becomes descriptor 0, 1 ...: one that is not below its place, or 2, standard error; -1:
+ * @param fd   [fds]; descriptors to become 0, 1 ...; none may be below its new number, except 2, standard error; -1:
  *             /dev/null to read. All others are closed
  * @param env  environ, or another one
  * @return 0, or a negative errno, also of what keeps the program itself from being run. Thread: any

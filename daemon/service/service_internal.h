@@ -21,11 +21,11 @@
 #include "pipeline/live/live.h"
 #include "pipeline/method/render/render.h"
 
-/* --- array: the array kept capturing for months: opened, run, and opened again whatever ends it. --- */
+/* --- array: captures for months: opens and runs the array, and reopens it after every failure. --- */
 
 struct service_array; /* opaque; any thread, but open and close */
 
-/** Where cameras sit, from one opening of the array to the next. */
+/** Positions of the cameras in the grid, valid from one opening of the array to the next. */
 struct array_layout {
     unsigned generation;            /* 0: the array was never open; counts openings */
     uint64_t first;                 /* sets of the ring with lower numbers are of another layout */
@@ -46,8 +46,8 @@ struct array_camera {
 };
 
 struct array_state {
-    bool open;   /* cameras and trigger are */
-    bool failed; /* opening or running ended with `reason`, which stays until sets come; tried again */
+    bool open;   /* cameras and trigger are open */
+    bool failed; /* opening or running ended with `reason`, which stays until sets arrive; it is retried */
     char reason[512];
     int cameras, present;                  /* bound; of them streaming */
     double rate_hz;                        /* sets per second */
@@ -61,7 +61,7 @@ struct array_state {
     struct sst_capture_report report;      /* of this one */
 };
 
-/** Start the thread that captures into the ring. @param events, ring  must stay @return 0, -ENOMEM, -EAGAIN */
+/** Start the thread that captures into the ring. @param events, ring  must outlive it @return 0, -ENOMEM, -EAGAIN */
 SST_MUST_CHECK int array_open(struct service_array **out, const struct sst_array_config *config, struct sst_ring *ring,
                               struct sst_events *events);
 
@@ -70,7 +70,7 @@ void array_configure(struct service_array *a, const struct sst_array_config *con
 
 void array_state(struct service_array *a, struct array_state *out);
 
-/** Of the newest opening, by index of array_layout.config.camera. @param out  [SST_CAMERAS_MAX] @return how many */
+/** Cameras of the last opening, by index of array_layout.config.camera. @param out  [SST_CAMERAS_MAX] @return count */
 int array_cameras(struct service_array *a, struct array_camera *out);
 
 unsigned array_generation(struct service_array *a);
@@ -79,9 +79,9 @@ void array_layout(struct service_array *a, struct array_layout *out);
 /** Tracks of the cameras for recordings. @param out  [SST_CAMERAS_MAX] */
 void array_tracks(struct service_array *a, struct sst_recorder_track *out);
 
-/** Ask the thread to end. */
+/** Make the thread end; does not wait. */
 void array_stop(struct service_array *a);
-/** @return true: it has ended; false: something in it hangs */
+/** @return true: the thread has ended; false: it hangs */
 SST_MUST_CHECK bool array_join(struct service_array *a, int64_t until_ns);
 /** After a join. NULL is fine. */
 void array_close(struct service_array *a);
@@ -89,7 +89,7 @@ void array_close(struct service_array *a);
 /** "streaming", "absent" ... */
 const char *array_state_name(enum sst_grab_state state);
 
-/* --- window: the last values of something that is measured again and again, and their percentiles. --- */
+/* --- window: percentiles of the last values of a repeated measurement. --- */
 
 #define SST_WINDOW 512
 
@@ -105,16 +105,16 @@ void window_add(struct time_window *w, double value);
 double window_quantile(const struct time_window *w, double q);
 
 /* --- engine ---
- * the live picture: newest sets of the ring go through the pipeline, viewers' pictures come
- * out. */
+ * the live engine: runs the newest sets of the ring through the pipeline and renders the viewers'
+ * pictures. */
 
 struct live_engine; /* opaque; any thread, but open and close */
 
-/** From the trigger to the picture: waiting in the ring, the stages of sst_live_update(), and what follows. */
+/** From the trigger to the picture: waiting in the ring, the stages of sst_live_update(), rendering, encoding. */
 enum engine_stage {
     ENGINE_WAIT = 0,                     /* from the trigger until the set is processed */
     ENGINE_LIVE = 1,                     /* SST_LIVE_STAGES of them */
-    ENGINE_RENDER = 1 + SST_LIVE_STAGES, /* of all pictures wanted */
+    ENGINE_RENDER = 1 + SST_LIVE_STAGES, /* of all requested pictures */
     ENGINE_ENCODE = 2 + SST_LIVE_STAGES,
     ENGINE_STAGES = 3 + SST_LIVE_STAGES,
 };
@@ -142,7 +142,7 @@ struct engine_state {
 
 struct engine_config {
     const struct sst_config *config; /* copied */
-    struct sst_ring *ring;           /* these stay */
+    struct sst_ring *ring;           /* this and all below must outlive the engine */
     struct service_array *array;
     struct sst_storage *storage;
     struct sst_events *events;
@@ -165,14 +165,14 @@ int engine_pick(void *engine, const char *id, double x, double y, struct sst_api
 int engine_calibration_check(void *engine, struct sst_api_answer *out);
 int engine_outlet(void *engine, enum sst_api_picture kind, const char *name, struct sst_slot **out);
 
-/** Ask the threads to end, their work to return early and viewers to leave. */
+/** Ask the threads to end: work in progress returns early, and the viewers' streams end. */
 void engine_stop(struct live_engine *v);
-/** @return false: something in it hangs */
+/** @return true: all threads have ended; false: one hangs */
 SST_MUST_CHECK bool engine_join(struct live_engine *v, int64_t until_ns);
 /** After a join. NULL is fine. */
 void engine_close(struct live_engine *v);
 
-/* --- service_parts: the state behind sst_service, shared by its files. Only for them. --- */
+/* --- state behind sst_service; used by the files of sst_service only --- */
 
 struct sst_service {
     /* fixed after open */
@@ -188,14 +188,14 @@ struct sst_service {
     struct sst_hooks *hooks;
     struct sst_counters counters;
     /* main thread */
-    unsigned generation;    /* of the layout that storage knows */
+    unsigned generation;    /* of the layout that was passed to storage */
     int64_t wall_offset_ns; /* wall less monotonic */
     int64_t cpu_ns, cpu_at_ns;
     struct array_state array_now; /* the last state; too large for a stack */
     struct engine_state engine_now;
     pthread_mutex_t reload; /* held while the configuration is read and applied */
     pthread_mutex_t parts;  /* held while a configuration is applied to them */
-    bool open;              /* under parts: all of them are there */
+    bool open;              /* under parts: all parts are open */
     /* under lock */
     pthread_mutex_t lock;
     struct sst_config config;
@@ -212,8 +212,8 @@ void service_api(struct sst_service *s);
 int service_status(void *arg, struct sst_api_answer *out);
 int service_cameras(void *arg, struct sst_api_answer *out);
 
-/** The certificate of HTTPS. @param days  out, left of it; negative: it has ended
- *  @return its end, seconds since 1970; 0: there is none */
+/** Expiry of the HTTPS certificate. @param days  out, days left; negative: it has expired
+ *  @return time of expiry, seconds since 1970; 0: there is none */
 int64_t service_certificate(const struct sst_service *s, double *days);
 
 /* metrics.c */
@@ -233,12 +233,12 @@ void service_record_view(struct sst_service *s);
 struct view_settings {
     struct sst_render_config render; /* focus_px NaN: the default focus; focus_label is found by name when rendering */
     char focus_label[SST_CLASS_NAME_MAX]; /* "": none */
-    bool follow;                          /* the focus follows that label */
+    bool follow;                          /* the focus tracks that label */
 };
 
 void view_settings_defaults(struct view_settings *s, const struct sst_live_settings *config);
 
-/** Apply the defaults that another configuration changes; the rest keeps what clients have set. */
+/** Apply the defaults that a new configuration changes; other settings keep the clients' values. */
 void view_settings_follow(struct view_settings *s, const struct sst_live_settings *from,
                           const struct sst_live_settings *to);
 
@@ -252,7 +252,7 @@ SST_MUST_CHECK int view_settings_take(struct view_settings *s, const json_t *fro
 /** NULL: no memory. */
 json_t *view_settings_json(const struct view_settings *s);
 
-/* --- engine_parts: the state behind live_engine, shared by its files. Only for them. --- */
+/* --- state behind live_engine; used by the files of live_engine only --- */
 
 #define VIEWS_MAX  17                   /* "main" and those of viewers */
 #define WANTED_NS  INT64_C(5000000000)  /* a picture that was requested once is rendered for this long */
@@ -266,22 +266,22 @@ struct view {
     char id[16];
     struct view_settings settings;
     unsigned version;       /* of the settings */
-    unsigned shown_version; /* that its picture shows */
+    unsigned shown_version; /* version that its picture shows */
     uint64_t shown_update;  /* state of the light field that its picture shows */
     double shown_focus_px;
-    int64_t used_ns; /* when it was last asked for */
+    int64_t used_ns; /* time of the last request for it */
     struct sst_slot *outlet;
     struct sst_livepicture *picture; /* live thread only */
 };
 
-/** A picture that is the same for all: of a camera, of labels or disparities. */
+/** A picture shared by all clients: of a camera, of labels or disparities. */
 struct shared {
     struct sst_slot *outlet;
     int64_t used_ns;
     uint64_t shown; /* update, or number of the set */
 };
 
-/** Work that only the live thread may do, for another thread that waits for it. */
+/** Work done by the live thread for another thread, which waits for it. */
 struct request {
     bool pending, done;
     unsigned number; /* a request that timed out is not answered */
@@ -318,7 +318,7 @@ struct live_engine {
     char model[SST_PATH_MAX];
     uint64_t last; /* number of the last set */
     int64_t last_ns, retry_ns;
-    uint64_t set_index; /* that the pictures show, its time zero and wall time */
+    uint64_t set_index; /* the set that the pictures show; its time zero and wall time */
     int64_t set_t_ns, set_wall_ns;
     bool latency_due;                 /* the next pictures are the first of a set */
     struct sst_jpeg_encoder *encoder; /* NULL until the first picture */
@@ -347,18 +347,18 @@ void engine_views_follow_locked(struct live_engine *v, const struct sst_live_set
 void engine_views_close(struct live_engine *v);
 /** Render every wanted picture that is out of date. Live thread. */
 void engine_publish(struct live_engine *v);
-/** The light field goes: pictures of it, too.  Live thread. */
+/** Discard all rendered pictures before the light field is freed.  Live thread. */
 void engine_forget_pictures(struct live_engine *v);
 /** Serve engine_pick().  Live thread. */
 void engine_serve(struct live_engine *v);
 
 /* engine_cameras.c */
 void *engine_run_cameras(void *arg);
-/** An outlet that is asked for: made if there is none.  @return 0, -ENOMEM */
+/** Get the JPEG slot of a shared picture; created if there is none.  @return 0, -ENOMEM */
 int engine_share_locked(struct shared *s, struct sst_slot **out);
 bool engine_wanted(struct sst_slot *outlet, int64_t used_ns);
 
-/* engine_check.c; live thread, and join once that has ended */
+/* engine_check.c; both on the live thread, join also after it has ended */
 void engine_check_by_time(struct live_engine *v);
 void engine_check_join(struct live_engine *v);
 

@@ -1,4 +1,4 @@
-/* daemon/storage/download.h - something in storage, opened for a client that downloads it. */
+/* daemon/storage/download.h - a recording, snapshot or export opened for download, read by position. */
 #ifndef SST_DAEMON_STORAGE_DOWNLOAD_H
 #define SST_DAEMON_STORAGE_DOWNLOAD_H
 
@@ -10,8 +10,8 @@
 
 /** One thread at a time. */
 struct sst_download {
-    int64_t bytes;    /* of the whole */
-    char tag[24];     /* [0-9a-f], differs for other content; "": it still grows, parts of it do not fit together */
+    int64_t bytes;    /* total size */
+    char tag[24];     /* [0-9a-f], differs for other content; "": still growing, ranges must not be combined */
     const char *type; /* MIME type, static */
     /** Read up to n bytes from any position before the end; waits for the disk. @return bytes, at least one, or -errno:
      *  the rest was removed or cannot be read */

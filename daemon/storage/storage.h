@@ -13,8 +13,8 @@
 #include "daemon/storage/download.h"
 
 /* storage.dir:
- *   recordings/2026-11-21T18-05-00Z/   recordings as sst capture array writes them (docs/integrate/recordings.md); a new one each
- *                                      hour of continuous recording, one per event, one per demand
+ *   recordings/2026-11-21T18-05-00Z/   recordings as by sst capture array (docs/integrate/recordings.md): one per
+ *                                      hour of continuous recording, per event and per demand
  *   snapshots/, exports/               light fields; names are never chosen by clients */
 
 enum sst_storage_state {
@@ -27,24 +27,24 @@ struct sst_storage; /* opaque; any thread */
 
 struct sst_storage_config {
     const struct sst_config *config; /* copied */
-    struct sst_ring *ring;           /* must stay */
-    struct sst_events *events;       /* must stay */
+    struct sst_ring *ring;           /* must outlive the storage */
+    struct sst_events *events;       /* must outlive the storage */
     /* [config->array.bound]; copied. With 0 nothing is recorded before sst_storage_cameras(). */
     const struct sst_recorder_track *tracks;
 };
 
 /**
  * Create the folders, repair what a killed daemon left, and start the threads that record and clean up. A disk that
- * cannot be written is a state, not an error: it is retried for ever.
+ * cannot be written is a state, not an error: storage retries without limit.
  * @return 0, -EINVAL, -ENOMEM
  */
 SST_MUST_CHECK int sst_storage_open(struct sst_storage **out, const struct sst_storage_config *cfg);
 
-/** The array was opened: later recordings are of these cameras. @param tracks  [array->bound]; both are copied */
+/** Set the cameras of later recordings, after the array was opened. @param tracks  [array->bound]; both are copied */
 void sst_storage_cameras(struct sst_storage *s, const struct sst_array_config *array,
                          const struct sst_recorder_track *tracks);
 
-/** Apply other settings of storage: and zones: (not the folder nor the ring). @return 0, -ENOMEM */
+/** Apply changed settings of `storage:` and `zones:`, except the folder and the size of the ring. @return 0, -ENOMEM */
 SST_MUST_CHECK int sst_storage_configure(struct sst_storage *s, const struct sst_config *config);
 
 /** Set the see-through view that is recorded beside the sets (storage.record_view); only the first call has effect.
@@ -63,8 +63,8 @@ void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen);
 
 /** Start or extend a recording on demand, with pre-roll; an active recording continues.
  *  @param seconds  0: until stopped; name: out, [64]
- *  @return 0, -ENODATA (no set comes), -ENOSPC (FULL), -EROFS, -EBUSY (another service has the folder), -EIO (what the
- *          disk said last, or it does not answer); after an error nothing will be recorded later */
+ *  @return 0, -ENODATA (no set arrives), -ENOSPC (FULL), -EROFS, -EBUSY (another service uses the folder), -EIO (last
+ *          error of the disk, or it hangs); after an error the request is dropped */
 SST_MUST_CHECK int sst_storage_record(struct sst_storage *s, double seconds, char *name);
 /** Stop a recording on demand. @return 0, -ENOENT (nothing is being recorded on demand) */
 SST_MUST_CHECK int sst_storage_stop(struct sst_storage *s);
@@ -81,16 +81,16 @@ SST_MUST_CHECK int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jp
  */
 SST_MUST_CHECK int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name);
 
-/** Open something for a client: "NAME.tar" is all of it; "NAME" or "NAME.jpg" the picture of a snapshot; of a recording
- *  "NAME.r0c5.mkv" is the video of a camera, "NAME.mkv" that of the see-through view. A video is made first, as a file
- *  that counts for the limits; one of a recording that is being written gives what it holds by now. Waits for the disk.
- *  @param name  checked here; out: to close before the storage is
+/** Open a download: "NAME.tar" is the whole folder; "NAME" or "NAME.jpg" the picture of a snapshot; "NAME.r0c5.mkv"
+ *  the video of a camera of a recording, "NAME.mkv" that of the see-through view. A video is first made as a file that
+ *  counts towards the limits; one of the active recording has the frames so far. Waits for the disk.
+ *  @param name  validated here; out: must be closed before the storage is
  *  @return 0, -EINPROGRESS (it is being made: call again, after 0.2 s already), -ENOENT, -ENODATA (nothing of it was
  *          recorded), -EBUSY (all of a recording that is being written), -EMFILE (sixteen are open), -ENOSPC (for the
  *          video), -EAGAIN (it changed meanwhile), -EBADMSG, -EROFS, -EIO */
 SST_MUST_CHECK int sst_storage_download(struct sst_storage *s, const char *name, struct sst_download **out);
 
-/** Delete a recording, snapshot or export for good; archives of it that are being downloaded break off. Returns after
+/** Delete a recording, snapshot or export; running downloads of its archive are aborted. Returns after
  * 0.8 s even if the removal continues. @return 0, -ENOENT, -EBUSY (it is being written), -EROFS, -EIO */
 SST_MUST_CHECK int sst_storage_delete(struct sst_storage *s, const char *name);
 
@@ -104,12 +104,12 @@ json_t *sst_storage_list(struct sst_storage *s);
 
 enum sst_storage_state sst_storage_state(struct sst_storage *s);
 
-/** Begin to finish, within timeout_ms: half of it for sets that wait in memory, half for the disk. Further calls are
+/** Start to shut down, within timeout_ms: half of it for sets that wait in memory, half for the disk. New calls are
  * refused, waiting ones return. sst_storage_close() waits for the end. NULL is fine. */
 void sst_storage_shut(struct sst_storage *s, int timeout_ms);
 
-/** Finish what is being written; other threads may still call. @return true: all is on disk; false: the disk hangs,
- * after timeout_ms (its threads still run: the process is to end by _exit(); what was acknowledged is on disk) */
+/** Finish all writing; other threads may still call. @return true: everything is on disk; false: the disk still hangs
+ * after timeout_ms (its threads still run: the process must end by _exit(); acknowledged data is on disk) */
 SST_MUST_CHECK bool sst_storage_finish(struct sst_storage *s, int timeout_ms);
 
 /** The same, and free it; no other calls may follow. @return as above; false: it is not freed */

@@ -16,10 +16,10 @@
 #include "daemon/storage/storage.h"
 
 /* --- catalog ---
- * what the storage folder holds: recordings, snapshots, exports.
+ * list of the recordings, snapshots and exports in the storage folder.
  *
- * A recording of ours has storage.json beside its sets, written before the first set and again at the end; folders
- * without one are other people's and are neither counted nor touched. Snapshots and exports have one, too; those
+ * Our recordings have storage.json beside their sets, written before the first set and again at the end; folders
+ * without one are foreign and are neither counted nor touched. Snapshots and exports have one, too; those
  * without (a daemon was killed in between) are recognized by lightfield.json and count as the oldest. */
 
 #define SST_STORE_NAME 64 /* bytes of a name with its end */
@@ -318,7 +318,7 @@ enum video_stage {
     VIDEO_MADE = 3,    /* or not: err */
 };
 
-/** A video that a client asked for, as a file without a name (video_files.c); under the storage's lock. */
+/** A video requested by a client, as an unnamed file (video_files.c); under the storage's lock. */
 struct video_file {
     enum video_stage stage;
     /* fixed from WANTED on */
@@ -406,9 +406,9 @@ void *store_view_run(void *storage);
 void store_wait_locked(struct sst_storage *s, int ms);
 /** Wait for `answered`; call again until the condition holds. @return false: until_ns has passed, with some grace */
 bool store_wait_answer_locked(struct sst_storage *s, int64_t until_ns);
-/** The calling thread ends. */
+/** Report that the calling thread ends. */
 void store_thread_ends(struct sst_storage *s);
-/** Mark that the thread waits for the disk, or no longer does. */
+/** Set whether the thread waits for the disk. */
 void store_busy(struct sst_storage *s, int64_t *since_ns, bool busy);
 
 /** The result of a call that needs the disk: 0, or why it is refused now: -ENOSPC, -EROFS, -EBUSY, -EIO. */
@@ -422,7 +422,7 @@ SST_MUST_CHECK int store_reserve(struct sst_storage *s, enum store_kind kind, in
  *  KEPT */
 int store_remove(struct sst_storage *s, const struct store_entry *entry);
 /** Remove the oldest segment of a recording because of the limits. sst-retention only. @return 0, -ENODATA (only those
- *  that must stay are left) and what sst_recording_trim() returns: nothing was removed */
+ *  that must stay are left) or an error of sst_recording_trim(): nothing was removed */
 int store_trim(struct sst_storage *s, const struct store_entry *entry);
 /** Remove what clients deleted. sst-retention only. */
 void store_remove_deleted(struct sst_storage *s);
@@ -430,9 +430,9 @@ void store_remove_deleted(struct sst_storage *s);
 /**
  * Open a video, or have it made; waits for it for 0.2 s.
  *
- * @param e    a recording of the catalog; not valid any more afterwards
- * @param out  has a reader more until video_file_close_locked(); its fd and bytes stay until then
- * @return 0, -EINPROGRESS (ask again, within a minute), -EMFILE, and what making it met: -ENOENT, -ENODATA (no frame),
+ * @param e    a recording of the catalog; no longer valid on return
+ * @param out  counts one more reader until video_file_close_locked(); its fd and bytes stay until then
+ * @return 0, -EINPROGRESS (ask again, within a minute), -EMFILE, and errors of making it: -ENOENT, -ENODATA (no frame),
  *         -ENOSPC, -EAGAIN (its beginning was removed meanwhile), -EBADMSG, -EIO ...
  */
 SST_MUST_CHECK int video_file_open_locked(struct sst_storage *s, struct store_entry *e, int row, int col,
@@ -455,8 +455,8 @@ void store_recorder_config(struct sst_recorder_config *out, const struct store_a
                            const struct sst_frameset *set);
 
 /* --- tar ---
- * a folder as a tar archive that is read without being made: nearly all of its bytes are those of its files, so the
- * archive of an hour needs no room and no wait. */
+ * a folder as a virtual tar archive: headers in memory, contents read from the files themselves, so that it needs no
+ * disk space and is ready at once. */
 
 #define TAR_BLOCK 512
 
@@ -497,7 +497,7 @@ SST_MUST_CHECK int open_below(int folder, const char *path);
 /** FNV-1a over some more bytes; *tag begins at 0. */
 void add_to_tag(uint64_t *tag, const void *data, size_t n);
 
-/* --- video: a recording as a file that plays: one camera, or the see-through view. --- */
+/* --- video: exports one camera of a recording, or the see-through view, as a playable file. --- */
 
 /* The see-through view of a recording: pictures one after the other, and a line of JSON for each. */
 #define SST_VIDEO_PICTURES "view.mjpeg"
@@ -541,7 +541,7 @@ SST_MUST_CHECK int video_of_view(struct video *v, const char *dir);
 /** @return true: the file is no longer wanted */
 typedef bool video_ended_fn(void *arg);
 
-/** Write the file, bytes of frames untouched. @param fd  as of sst_mkv_write() @return what that returns, -ECANCELED,
+/** Write the file, bytes of frames untouched. @param fd  as of sst_mkv_write() @return as sst_mkv_write(), -ECANCELED,
  *  -EAGAIN (something of it was removed meanwhile) or -errno of reading; not logged */
 SST_MUST_CHECK int video_write(struct video *v, int fd, video_ended_fn *ended, void *arg);
 

@@ -53,8 +53,8 @@ struct sst_grab_config {
     int buffers;    /* per camera, 2..32 */
     int controls;
     struct sst_grab_control control[SST_GRAB_CONTROLS_MAX]; /* set at each open in this order, read back, compared */
-    bool triggered;    /* frames are expected after sst_grab_expect() only; else at rate_hz */
-    int stall_ms;      /* a frame this late starts the next step of the recovery ladder; 0: 1000 */
+    bool triggered;    /* frames are expected only after sst_grab_expect(); else at rate_hz */
+    int stall_ms;      /* a frame that is this late starts the next rung of the recovery ladder; 0: 1000 */
     bool port_power;   /* allow the ladder to switch the hub port off and on */
     bool check_frozen; /* compare each frame's bytes with a hash of the one before */
 };
@@ -68,7 +68,7 @@ enum sst_grab_state {
     SST_GRAB_READY = 4,      /* open and set up, not started */
 };
 
-/** Rungs of the recovery ladder, each tried if the one before did not give a frame (design.md, 6). */
+/** Rungs of the recovery ladder; each is tried if the previous one gave no frame (design.md, 6). */
 enum sst_grab_rung {
     SST_GRAB_RESTREAM = 0,
     SST_GRAB_REOPEN = 1,
@@ -79,7 +79,7 @@ enum sst_grab_rung {
     SST_GRAB_RUNGS = 6,
 };
 
-/** Since open. frames = good + bad; every delivered frame is one of both. */
+/** Since open. Every delivered frame is good or bad; `frames` counts both. */
 struct sst_grab_counters {
     uint64_t frames, bad, lost; /* lost: gaps in the driver's sequence */
     uint64_t fault[8];          /* by bit of sst_frame_fault */

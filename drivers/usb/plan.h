@@ -6,10 +6,10 @@
  * - High speed: the time of all packets of a microframe, worst-case bit stuffing included, is at most 80 %, 100 of
  *   125 us; as Linux computes it for EHCI, where a controller has one high-speed bus. xHCI controllers compute it
  *   themselves. Those of Intel have one bus per root port and count in blocks of 4 bytes (26 more per packet, at most
- *   80 % of 1607); Linux has this formula because it must apply it for an early one. For others it is unknown; one bus
- *   for the whole controller is assumed as the minimum: they may carry more than planned.
+ *   80 % of 1607); the formula is known from Linux, which applies it for an early controller. For other controllers it
+ *   is unknown; one bus for the whole controller is assumed, so they may carry more than planned.
  * - Full speed: 900 of 1000 us of a frame in a transaction translator of the nearest high-speed hub (one for all its
- *   ports, or one each), which takes time of the high-speed bus too.
+ *   ports, or one each), which also uses time of the high-speed bus.
  * - SuperSpeed: 90 % of a link of 5, 10 or 20 Gbit/s less its line coding, on each link up to the root port.
  * Interrupt endpoints (hubs, mice) and microphones are not counted: keep 10 % free for them.
  */

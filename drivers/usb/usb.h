@@ -1,4 +1,4 @@
-/* drivers/usb/usb.h - the tree of USB controllers, hubs and cameras; resets and port power. */
+/* drivers/usb/usb.h - lists USB controllers, hubs and cameras as a tree; resets devices and switches port power. */
 #ifndef SST_DRIVERS_USB_USB_H
 #define SST_DRIVERS_USB_USB_H
 
@@ -55,7 +55,7 @@ enum sst_usb_switching sst_usb_hub_switching(const struct sst_usb_device *hub);
  * port). Thread: any; they block, up to their deadline.
  */
 
-/** Reset the port's device, as a re-plug; its nodes may be renumbered. */
+/** Reset the port's device, with the effect of re-plugging it; its nodes may be renumbered. */
 SST_MUST_CHECK int sst_usb_reset(const char *port);
 /** Write sysfs `authorized` 0, then 1. */
 SST_MUST_CHECK int sst_usb_reauthorise(const char *port);

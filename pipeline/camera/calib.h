@@ -1,4 +1,4 @@
-/* pipeline/camera/calib.h - calibration of an array: lenses, poses, photometry; and its file, calib.yaml. */
+/* pipeline/camera/calib.h - calibration of an array (lenses, poses, photometry) and its file, calib.yaml. */
 #ifndef SST_PIPELINE_CAMERA_CALIB_H
 #define SST_PIPELINE_CAMERA_CALIB_H
 
@@ -54,16 +54,16 @@ SST_MUST_CHECK int sst_calib_copy(struct sst_calib *out, const struct sst_calib 
 void sst_calib_fini(struct sst_calib *calib);
 
 /** The first fault (not finite, not a rotation, focal length not positive ...), NULL: none. The text is valid until
- *  the thread's next call. */
+ *  this thread's next call. */
 const char *sst_calib_fault(const struct sst_calib *calib);
 
-/** The same for one known camera: a clause, constant. */
+/** The same for one known camera, as a clause; the text is static. */
 const char *sst_camera_fault(const struct sst_calib_camera *cam);
 
 /**
- * Read or write calib.yaml (docs/integrate/formats.md). Numbers survive a round trip bit for bit; in names, what YAML cannot
- * represent (control characters, bytes that are not UTF-8) is written as "?". A calibration with a fault is neither
- * read nor written.
+ * Read or write calib.yaml (docs/integrate/formats.md). Numbers survive a round trip bit for bit; in names, what YAML
+ * cannot represent (control characters, bytes that are not UTF-8) is written as "?". A calibration with a fault is
+ * neither read nor written.
  *
  * @param name  of the text, for messages
  * @return 0, -ENOENT, -EBADMSG (all faults with file:line:column), -EINVAL (the calibration to write has a fault),
@@ -88,7 +88,7 @@ SST_MUST_CHECK bool sst_camera_project(const struct sst_calib_camera *cam, const
 void sst_rotation_from_vector(const double v[3], double m[9]);
 void sst_rotation_to_vector(const double m[9], double v[3]);
 
-/** a b^T: rotation from b's axes to a's, both given relative to the same axes. out must be neither a nor b. */
+/** out = a b^T: rotation from b's axes to a's, both given relative to the same axes. out must be neither a nor b. */
 void sst_rotation_between(const double a[9], const double b[9], double out[9]);
 
 #endif

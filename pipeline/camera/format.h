@@ -1,4 +1,4 @@
-/* pipeline/camera/format.h - import and export of calibrations of other tools. */
+/* pipeline/camera/format.h - import and export of calibrations in other tools' formats. */
 #ifndef SST_PIPELINE_CAMERA_FORMAT_H
 #define SST_PIPELINE_CAMERA_FORMAT_H
 
@@ -10,7 +10,7 @@ struct sst_calib_format_config {
     int rows, cols;    /* reading: the grid, if the source has none; 0: not given */
     int width, height; /* reading: size of the frames, if the source has none; 0: not given */
     double unit_mm;    /* reading: unit of the source's lengths; 0: the format's */
-    bool lossy;        /* writing: even if a lens fits the format's model worse than SST_LENS_LOSS_PX */
+    bool lossy;        /* writing: accept lenses that the format's model misses by over SST_LENS_LOSS_PX */
     bool force;        /* writing: replace an earlier folder */
 };
 
@@ -20,8 +20,8 @@ struct sst_calib_format_config {
  *
  * read  @return 0, -ENOENT, -EBADMSG, -EINVAL (a grid or size that does not fit), -ENOMEM; logged
  * write: of a calibration without a fault
- *       @return 0, -EINVAL (more cameras than the format takes), -EBADMSG (a lens that its model cannot follow),
- * -EEXIST, or what outputs return; logged
+ *       @return 0, -EINVAL (too many cameras for the format), -EBADMSG (a lens that its model cannot represent),
+ * -EEXIST, or an output error; logged
  */
 struct sst_calib_format {
     const char *name;  /* "kalibr" */

@@ -1,4 +1,4 @@
-/* pipeline/camera/format_parts.h - helpers of the readers and writers of calibration files. */
+/* pipeline/camera/format_parts.h - helpers shared by the readers and writers of calibration files. */
 #ifndef SST_PIPELINE_CAMERA_FORMAT_PARTS_H
 #define SST_PIPELINE_CAMERA_FORMAT_PARTS_H
 
@@ -33,7 +33,7 @@ const char *sst_loose_lens(struct sst_calib_camera *cam, const double *d, int n)
  *  used. */
 const char *sst_loose_pose(struct sst_loose_camera *camera, const double R[9], const double T[3], double unit_mm);
 
-/** "rr_cc", alone or at the end of the name. */
+/** Parse "rr_cc", alone or at the end of the name. @return false: there is none */
 bool sst_loose_place(const char *name, int *row, int *col);
 
 /**

@@ -1,4 +1,4 @@
-/* pipeline/lightfield/folder.h - what only the folder of a light field records: its files, their hashes, provenance. */
+/* pipeline/lightfield/folder.h - data of a light field that only its folder has: file names, hashes, provenance. */
 #ifndef SST_PIPELINE_LIGHTFIELD_FOLDER_H
 #define SST_PIPELINE_LIGHTFIELD_FOLDER_H
 
@@ -10,7 +10,7 @@ struct sst_lightfield_file {
 };
 
 struct sst_lightfield_files {
-    bool external_labels, external_disparity; /* came with the images: processing does not replace them */
+    bool external_labels, external_disparity; /* supplied with the images: processing does not replace them */
     char calibration_sha256[65];              /* of the folder's calibration.yaml; empty: not written yet */
     char source[1024];                        /* provenance: format and origin */
     char history[1024];                       /* what computed the maps, one line */

@@ -1,4 +1,4 @@
-/* pipeline/lightfield/import.h - light fields from and to other tools' folders. */
+/* pipeline/lightfield/import.h - import and export of light fields in other tools' formats. */
 #ifndef SST_PIPELINE_LIGHTFIELD_IMPORT_H
 #define SST_PIPELINE_LIGHTFIELD_IMPORT_H
 

@@ -43,7 +43,7 @@ struct sst_lightfield {
     struct sst_calib *calibration;
     struct sst_rectified *rectified;    /* common geometry of the rectified views; NULL like calibration */
     int filter;                         /* sst_filter of the resampling */
-    bool images_raw;                    /* the images are raw frames, of the calibration's size: SST_LOAD_RAW */
+    bool images_raw;                    /* images are raw frames of the calibration's size (SST_LOAD_RAW) */
     struct sst_view *views;             /* rows * cols */
     struct sst_lightfield_files *files; /* folder.h; NULL: made in memory, without a folder. Owned. */
 };

@@ -66,7 +66,7 @@ struct sst_live_report {
     double confirmed; /* fraction of the key views' disparities that another key view confirms; NaN: unknown */
     bool whole;       /* everything was recomputed */
     bool ready;       /* disparities (and labels, with a model) are available */
-    bool alone;       /* no two neighbouring cameras deliver pictures: no disparities are possible */
+    bool alone;       /* no two neighbouring cameras deliver pictures, so disparities cannot be computed */
     struct {
         double changed;         /* fraction of its tiles that changed in the reference view */
         float label[256];       /* fraction of its pixels with the label, 0 = unlabeled */

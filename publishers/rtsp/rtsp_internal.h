@@ -40,7 +40,7 @@ struct rtsp_picture {
 };
 
 struct sst_client_service;
-/** @param service  must stay */
+/** @param service  must outlive all pictures */
 void rtsp_pictures_init(const struct sst_client_service *service);
 /** @return a reference; NULL: too many, or no memory */
 struct rtsp_picture *rtsp_picture_get(enum rtsp_kind kind, const char *name);

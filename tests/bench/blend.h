@@ -1,4 +1,4 @@
-/* tests/bench/blend.h - the weighted sum of shifted views as one writes it with OpenCV: remap each view, blend. */
+/* tests/bench/blend.h - the weighted sum of shifted views, written in OpenCV: remap each view, then blend. */
 #ifndef SST_TESTS_BENCH_BLEND_H
 #define SST_TESTS_BENCH_BLEND_H
 

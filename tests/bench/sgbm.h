@@ -1,4 +1,4 @@
-/* tests/bench/sgbm.h - OpenCV's semi-global block matching, the method others are held against. */
+/* tests/bench/sgbm.h - OpenCV's semi-global block matching, the baseline for comparisons. */
 #ifndef SST_TESTS_BENCH_SGBM_H
 #define SST_TESTS_BENCH_SGBM_H
 

@@ -1,4 +1,4 @@
-/* tests/fuzz/seeds.h - good inputs to start from: a fuzzer that begins with nothing rarely gets past the first check.
+/* tests/fuzz/seeds.h - valid seed inputs: without them a fuzzer rarely gets past the first check.
  */
 #ifndef SST_TESTS_FUZZ_SEEDS_H
 #define SST_TESTS_FUZZ_SEEDS_H

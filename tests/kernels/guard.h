@@ -1,4 +1,4 @@
-/* tests/kernels/guard.h - memory that ends where the next page faults, so that reads and writes beyond it are found. */
+/* tests/kernels/guard.h - buffers that end at an unmapped page, so that accesses beyond the end fault. */
 #ifndef SST_TESTS_KERNELS_GUARD_H
 #define SST_TESTS_KERNELS_GUARD_H
 

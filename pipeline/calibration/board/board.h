@@ -38,7 +38,7 @@ SST_MUST_CHECK int sst_board_parse(struct sst_board *out, const char *text);
 void sst_board_format(const struct sst_board *board, char out[128]);
 
 int sst_board_points(const struct sst_board *board);
-/** Point id, mm. */
+/** Position of point id, mm. */
 void sst_board_point(const struct sst_board *board, int id, double out[2]);
 /** Smallest distance of neighbouring points, mm: the scale for windows and tests. */
 double sst_board_pitch_mm(const struct sst_board *board);

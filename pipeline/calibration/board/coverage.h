@@ -1,4 +1,4 @@
-/* pipeline/calibration/board/coverage.h - coverage of pictures, tilts and depths by the detections so far. */
+/* pipeline/calibration/board/coverage.h - how well detections cover the picture, tilts and depths, per camera. */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_COVERAGE_H
 #define SST_PIPELINE_CALIBRATION_BOARD_COVERAGE_H
 
@@ -16,10 +16,10 @@ struct sst_coverage {
     int cell[SST_COVERAGE_CELLS][SST_COVERAGE_CELLS]; /* corners in each cell */
     int tilt[SST_COVERAGE_TILTS];                     /* detections by tilt; below 15 degrees is flat */
     double near_size, far_size; /* largest and smallest size of a square (a tag) in px, without foreshortening: their
-                                   ratio is that of depths; 0: none */
+                                   ratio is the ratio of depths; 0: none */
 };
 
-/** By homography of each detection, without a calibration. @param out  [rows * cols] */
+/** Compute it from the homography of each detection; needs no calibration. @param out  [rows * cols] */
 void sst_coverage_count(struct sst_coverage *out, const struct sst_detections *all);
 
 /** True if a cell has enough corners; ratio of the farthest to the nearest depth, 0: unknown. */

@@ -15,7 +15,7 @@ struct sst_print {
 };
 
 /**
- * Lay out a board with a white margin of half a square, on an AprilGrid of a gap but at least a module.
+ * Lay out a board with a white margin: half a square; on an AprilGrid a gap between tags, at least one module.
  * @return 0, -ENOTSUP (markers, in a build without OpenCV; logged), -ENOMEM
  */
 SST_MUST_CHECK int sst_print_board(struct sst_print *out, const struct sst_board *board);
@@ -24,7 +24,7 @@ void sst_print_fini(struct sst_print *print);
 /** Write an SVG in mm. @return 0 or an output error; logged */
 SST_MUST_CHECK int sst_print_write_svg(const struct sst_print *print, const char *title, const char *path);
 
-/** Write a PNG of about this many dots per inch; edges fall between dots. @return 0, -EINVAL (too large), or as above;
+/** Write a PNG at about `dpi` dots per inch; edges fall between dots. @return 0, -EINVAL (too large), or as above;
  *  logged */
 SST_MUST_CHECK int sst_print_write_png(const struct sst_print *print, double dpi, const char *path);
 

@@ -1,5 +1,5 @@
-/* pipeline/calibration/drift/drift.h - drift check: whether views are still rectified, from scene features alone,
- * without a board. */
+/* pipeline/calibration/drift/drift.h - drift check: verifies from scene features, without a board, that the views are
+ * still rectified. */
 #ifndef SST_PIPELINE_CALIBRATION_DRIFT_DRIFT_H
 #define SST_PIPELINE_CALIBRATION_DRIFT_DRIFT_H
 
@@ -7,7 +7,7 @@
 
 enum sst_drift_verdict {
     SST_DRIFT_OK = 0,
-    SST_DRIFT_DRIFTED = 1,  /* some cameras have moved; the rest is fine */
+    SST_DRIFT_DRIFTED = 1,  /* some cameras have moved; the others are fine */
     SST_DRIFT_UNUSABLE = 2, /* most pairs are off, so far that matching fails, or views are swapped */
     SST_DRIFT_UNKNOWN = 3,  /* too little texture */
 };
@@ -39,7 +39,7 @@ struct sst_drift_camera {
     double shift_x_px, shift_y_px; /* right and down positive, at the picture's centre; NAN: no pair sees it */
     double sigma_px;               /* of either, the larger */
     double roll_deg;               /* clockwise, about the picture's centre */
-    double scale;                  /* size of the picture over the array's, less 1 */
+    double scale;                  /* size of the picture relative to the array's, minus 1 */
     double off_px;                 /* all of these as one displacement: RMS over the picture */
     double off_sigma_px;
     double residual_px; /* RMS of the epipolar error of its pairs */

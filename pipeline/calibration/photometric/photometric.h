@@ -20,7 +20,7 @@ struct sst_photometric_samples {
 /**
  * Collect the samples of one picture: white squares of a chessboard, the white rims around the markers of a ChArUco
  * board, the gaps between the tags of an AprilGrid, each between corners that were all found. Clipped, uneven and dark
- * patches are left out, and so are rims of less than about 5 px (squares of 33 px where a marker takes 0.7 of them).
+ * patches are left out, and so are rims of less than about 5 px (squares of 33 px with markers of 0.7 squares).
  *
  * @param image  the picture as the camera made it, in which the detection was found
  * @return 0, also without any usable patch, -ENOMEM (nothing is added). Thread: one per object.
@@ -41,9 +41,9 @@ struct sst_photometric_report {
  * Solve gain and falloff of calib's cameras, such that each patch is equally bright in all cameras whatever its
  * illumination. Robust least squares in log light, the light of each patch in each frame eliminated:
  * log light(view, patch, frame, colour) = log lit(patch, frame, colour) + log gain(view, colour) + log falloff(view).
- * The geometric mean of all gains is 1 in each colour. The fall-off is a common polynomial, of as high a
- * degree, at most 3, as rises or falls one way and stays above 1/8 up to the corners, with a first coefficient of each
- * camera's own.
+ * The geometric mean of all gains is 1 in each colour. The fall-off is a polynomial that all
+ * cameras share, except for its first coefficient; its degree is the highest, at most 3, for which it is monotonic and
+ * stays above 1/8 up to the corners.
  *
  * A rig's camera gets one fall-off and gain 1. Cameras that share no patch with the others are equalised among
  * themselves, and logged. The order of the samples does not matter.

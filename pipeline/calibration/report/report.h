@@ -14,8 +14,8 @@ struct sst_calibration_report {
     const struct sst_solution *solution;
     const struct sst_photometric_report *light; /* or NULL */
     const struct sst_rectified *rectified;      /* or NULL: one camera */
-    int overridden;                             /* refusals that were turned into warnings by force */
-    /** A picture, to show the worst ones; 0 or a negative errno (then it is left out). May be NULL. */
+    int overridden;                             /* number of refusals that force turned into warnings */
+    /** A picture, to show the worst ones; returns 0 or a negative errno (then it is left out). May be NULL. */
     int (*picture)(void *arg, int view, int frame, struct sst_image *out);
     void *arg;
 };
@@ -26,7 +26,7 @@ struct sst_calibration_report {
  * docs/use/calibration-report.md.
  *
  * Deterministic: the same report gives the same bytes.
- * @return 0, -ENOMEM, or what outputs return; logged.
+ * @return 0, -ENOMEM, or an output error; logged.
  */
 SST_MUST_CHECK int sst_calibration_report_write(const char *path, const struct sst_calibration_report *report);
 

@@ -1,4 +1,4 @@
-/* pipeline/calibration/solve/solve.h - solver: from corners to a calibration with its uncertainty. */
+/* pipeline/calibration/solve/solve.h - solver: computes a calibration and its uncertainty from board corners. */
 #ifndef SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_H
 #define SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_H
 
@@ -11,7 +11,7 @@ struct sst_solve_config {
     int lens;                       /* 5 or 8; 0: the one with the smaller error on held-out frames */
     double loss_px;                 /* scale of the robust loss; 0: from the estimated noise */
     double max_outliers;            /* fraction of corners; more is a failure; 0: 0.03 */
-    bool force;                     /* solve although checks fail: refusals become warnings */
+    bool force;                     /* solve even if checks fail: refusals become warnings */
     int *overridden;                /* counts the refusals that force turned into warnings; or NULL */
     bool plain;                     /* least squares over all corners: no robust loss, no outliers (for comparisons) */
     bool flat;                      /* the board is a plane: its warp is not solved */

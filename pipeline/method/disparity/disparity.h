@@ -1,4 +1,4 @@
-/* pipeline/method/disparity/disparity.h - dense disparity of every view, and of one rectified pair. */
+/* pipeline/method/disparity/disparity.h - computes dense disparity, for all views or for one rectified pair. */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
 

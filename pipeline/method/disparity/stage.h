@@ -20,7 +20,7 @@ struct sst_descriptor {
     struct sst_image image; /* borrowed, or half size and owned */
     bool image_owned;
     struct sst_map_u8 luma; /* BT.601 */
-    struct sst_map_u8 seen; /* 0 where the image must not be matched: outside the raw frame; empty: nowhere */
+    struct sst_map_u8 seen; /* 0 where pixels must not be matched (outside the raw frame); empty: all may be */
     uint64_t
         *census[SST_PHASES];  /* [height][census_stride] of the view sampled at (x, y) + phase, or NULL; see below */
     size_t census_stride;     /* elements */
@@ -61,7 +61,7 @@ void sst_descriptor_drop_phases(struct sst_descriptor *desc);
  * Update the descriptor of a view that changed in some rows; equal to initialising it from the new image.
  *
  * @param desc  of scale 2 and census alone
- * @param img   the view, as large as ever
+ * @param img   the view, of unchanged size
  * @param y0, y1  rows of the descriptor, y1 excluded, that contain all changes
  * @return 0, -ENOMEM
  */
@@ -230,8 +230,8 @@ struct sst_checked_view {
 };
 
 /**
- * design.md, 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them; mismatch if
- * that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1; else occlusion.
+ * design.md, 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them;
+ * mismatch if that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1; else occlusion.
  *
  * @param status  out, enum sst_disparity_check
  * @param disp_min_px  disparity of stored value 0
@@ -240,10 +240,10 @@ void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u
                                int steps, const struct sst_checked_view *views, int count);
 
 /**
- * design.md, 5.2 step 5: occlusions get the disparity of a neighbour's correct pixel that projects onto them (near views
- * first, the nearest surface of several), mismatches the median of the nearest correct pixels in 16 directions, the
- * rest the smaller of the nearest correct disparities to both sides (background). The result is dense if any pixel is
- * correct.
+ * design.md, 5.2 step 5: occlusions get the disparity of a neighbour's correct pixel that projects onto them (near
+ * views first, the nearest surface of several), mismatches the median of the nearest correct pixels in 16 directions,
+ * the rest the smaller of the nearest correct disparities to both sides (background). The result is dense if any pixel
+ * is correct.
  *
  * @param views  the nearer neighbours first; near_count of them are one spacing away
  */

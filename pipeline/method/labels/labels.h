@@ -14,8 +14,8 @@ struct sst_epsilon_result {
 };
 
 /**
- * The eps_h that maximises Acc^m * Cvg on one hand-labelled view (design.md, 5.1): an exact scan of all thresholds in O(n
- * log n), compared in the log domain; ties (to 1e-13) go to the smaller one.
+ * The eps_h that maximises Acc^m * Cvg on one hand-labelled view (design.md, 5.1): an exact scan of all thresholds in
+ * O(n log n), compared in the log domain; ties (to 1e-13) go to the smaller one.
  *
  * Over the N pixels whose truth is not 0 (the background is left out), with those kept whose label is not 0 and H <
  * eps_h: TP = kept and right, FP = kept and wrong, FN = N - TP: all pixels not kept with the right label. So Acc = TP
@@ -71,13 +71,13 @@ void sst_segmenter_configure(struct sst_segmenter *seg, const struct sst_segment
  * The network's input keeps the image's proportions, with sides that are multiples of 8; for a network of fixed size,
  * or fixed-size windows, the image is stretched to the nominal size. By default an image whose sides are 1 to 1.5 times
  * those of the nominal working size (by area) is not resized; others are resized to the nearer of the two limits:
- * objects then have the sizes that networks learn (measured: docs/measured/bench-labels.md). Windows are blended where they
- * overlap. Probabilities are upsampled along the edges of the image (upsample.c). Apart from label and entropy, memory
- * does not grow with the image unless prob is requested. Same bytes for any number of threads.
+ * objects then have the sizes that networks learn (measured: docs/measured/bench-labels.md). Windows are blended where
+ * they overlap. Probabilities are upsampled along the edges of the image (upsample.c). Apart from label and entropy,
+ * memory does not grow with the image unless prob is requested. Same bytes for any number of threads.
  *
  * @param label, entropy  out, initialised here, of the image's size; entropy may be NULL
  * @param prob  out, malloc'ed [classes][height][width] of the image's size, or NULL
- * @return 0, -EBADMSG (the network gave NaN or infinities), -EINVAL (it cannot run at this size), -ENOMEM; logged.
+ * @return 0, -EBADMSG (the network returned NaN or infinities), -EINVAL (it cannot run at this size), -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label,
                                struct sst_map_f32 *entropy, float **prob);

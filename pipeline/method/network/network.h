@@ -1,4 +1,4 @@
-/* pipeline/method/network/network.h - run a convolutional network from an ONNX file on oneDNN. */
+/* pipeline/method/network/network.h - runs a convolutional network from an ONNX file, on oneDNN or else on OpenCV. */
 #ifndef SST_PIPELINE_METHOD_NETWORK_NETWORK_H
 #define SST_PIPELINE_METHOD_NETWORK_NETWORK_H
 
@@ -31,12 +31,12 @@ enum sst_precision {
  * (pipeline/method/network/manifest.h).
  *
  * With SST_PRECISION_INT8 convolutions after the first one, and the layers between them, are computed on 8 bits in the
- * ranges of the file's metadata sst.ranges (see docs/design/method.md); sums are exact. Processors without VNNI use 7 bits for
- * values that are never negative.
+ * ranges of the file's metadata sst.ranges (see docs/design/method.md); sums are exact. Processors without VNNI use 7
+ * bits for values that are never negative.
  *
  * @param threads  used by runs; at least 1
  * @return 0, -ENOENT, -EBADMSG (truncated, inconsistent, absurd sizes, NaN weights, ranges that do not fit, not the
- * file of the manifest), -ENOTSUP (neither runner can, or SST_PRECISION_INT8 and no ranges), -ENOMEM; logged in one
+ * file of the manifest), -ENOTSUP (no runner supports it, or SST_PRECISION_INT8 without ranges), -ENOMEM; logged in one
  * sentence.
  */
 SST_MUST_CHECK int sst_network_open(struct sst_network **out, const char *path, enum sst_precision precision,

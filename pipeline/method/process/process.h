@@ -1,4 +1,4 @@
-/* pipeline/method/process/process.h - a label and a disparity for every ray: runs the stages in order. */
+/* pipeline/method/process/process.h - runs the stages that give every ray a label and a disparity. */
 #ifndef SST_PIPELINE_METHOD_PROCESS_PROCESS_H
 #define SST_PIPELINE_METHOD_PROCESS_PROCESS_H
 
@@ -16,11 +16,11 @@ struct sst_process_config {
     double accuracy_weight;              /* m of the score Acc^m Cvg */
     bool keep_disparity;                 /* external maps: nothing is matched */
     bool refine;
-    /* Threads and cancel of these two are those below. Equal range ends: the light field's own, else estimated. */
+    /* `threads` and `cancel` below replace those of these two. Equal range ends: the light field's, else estimated. */
     struct sst_disparity_config disparity;
     struct sst_refine_config refinement;
     int threads;
-    const SST_ATOMIC(bool) * cancel; /* once true, the work is given up within a view; or NULL */
+    const SST_ATOMIC(bool) * cancel; /* once true, processing stops within one view; or NULL */
     /* [threads], kept open for the next call: NULL entries are opened here and closed by the caller; or NULL */
     struct sst_segmenter **segmenters;
     void (*progress)(void *arg, const char *stage, double done); /* or NULL */
@@ -77,7 +77,7 @@ void sst_process_extras_fini(struct sst_process_extras *extras);
 SST_MUST_CHECK int sst_process_save(const struct sst_lightfield *lf, const struct sst_process_extras *extras,
                                     const char *dir, int threads);
 
-/** Time since *from, which moves up to now. */
+/** Time since *from, which is then set to now. */
 struct sst_process_time sst_process_lap(struct sst_process_time *from);
 
 #endif

@@ -1,4 +1,4 @@
-/* pipeline/method/refine/refine.h - labels for unlabeled rays from their disparity (paper: disparity-guided
+/* pipeline/method/refine/refine.h - labels the unlabeled rays by their disparity (paper: disparity-guided
  * refinement). */
 #ifndef SST_PIPELINE_METHOD_REFINE_REFINE_H
 #define SST_PIPELINE_METHOD_REFINE_REFINE_H

@@ -1,4 +1,4 @@
-/* pipeline/method/render/plan.h - prepared state of one picture: views with shifts and weights; disparity ranges. */
+/* pipeline/method/render/plan.h - prepares one picture for rendering: shifts and weights of views, disparity ranges. */
 #ifndef SST_PIPELINE_METHOD_RENDER_PLAN_H
 #define SST_PIPELINE_METHOD_RENDER_PLAN_H
 
