@@ -352,7 +352,8 @@ const struct cli_command cli_capture_array = {
     .usage = "[-n N | --duration S] [-o DIR] [--config FILE] [--trigger SOURCE] [--rate HZ] [--json]",
     .summary = "record framesets of all cameras of the array",
     .detail = "A frameset (short: set) has one frame of every camera for one trigger; sets that miss a camera are kept "
-              "and\nname it. The camera's bytes are stored unchanged in Matroska segments (docs/integrate/recordings.md); `sst "
+              "and\nname it. The camera's bytes are stored unchanged in Matroska segments "
+              "(docs/integrate/recordings.md); `sst "
               "import\nrecording DIR -o LF` converts them to light fields. At the end every frame is accounted for: in "
               "a set, late,\nduplicate, stray, corrupt, flagged by the driver, or dropped. config/sstd.yaml explains "
               "the configuration.\nCtrl-C ends it properly.",

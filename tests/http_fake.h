@@ -283,7 +283,7 @@ static int make_service(void **state)
                              .delete_ = fake_delete_,
                              .publisher = fake_publisher,
                              .calibration_check = fake_calibration_check,
-                             .outlet = fake_find,
+                             .slot = fake_find,
                              .download = fake_download,
                              .events = fake.events };
     sst_counters_init(&fake_counters);

@@ -39,7 +39,7 @@
 
 #define PATIENCE_MS 60000 /* with what comes sooner or later */
 
-static struct sst_slot *outlet;
+static struct sst_slot *slot;
 static struct sst_counters counters;
 static struct sst_http *service;
 static pid_t program; /* sst-rtsp; 0: does not run */
@@ -59,7 +59,7 @@ static int find(void *arg, enum sst_api_picture kind, const char *name, struct s
     if ((kind == SST_PICTURE_VIEW && strcmp(name, "main") && strcmp(name, "v1")) ||
         (kind == SST_PICTURE_CAMERA && strcmp(name, "r0c0")))
         return -ENOENT;
-    *out = sst_slot_ref(outlet);
+    *out = sst_slot_ref(slot);
     return 0;
 }
 
@@ -80,7 +80,7 @@ static int get_report(void *arg, const json_t *request, struct sst_api_answer *o
     return 0;
 }
 
-static struct sst_api api = { .outlet = find, .status = give_status, .publisher = get_report };
+static struct sst_api api = { .slot = find, .status = give_status, .publisher = get_report };
 
 static const char *in_folder(const char *name)
 {
@@ -122,7 +122,7 @@ static void show(int number, int width, int height)
         }
     assert_int_equal(sst_image_encode_jpeg(&img, 85, &data, &bytes), 0);
     sst_image_fini(&img);
-    assert_int_equal(sst_slot_put(outlet, data, bytes, (uint64_t)number, sst_clock_now_ns(), sst_clock_wall_ns()), 0);
+    assert_int_equal(sst_slot_put(slot, data, bytes, (uint64_t)number, sst_clock_now_ns(), sst_clock_wall_ns()), 0);
 }
 
 static void sleep_ms(int ms)
@@ -152,7 +152,7 @@ static int make_pictures(void **state)
 {
     (void)state;
     strcpy(folder, "/tmp/sst-rtsp-XXXXXX");
-    if (!mkdtemp(folder) || sst_slot_create(&outlet) || sst_events_create(&api.events, 16))
+    if (!mkdtemp(folder) || sst_slot_create(&slot) || sst_events_create(&api.events, 16))
         return -1;
     sst_counters_init(&counters);
     reported_clients = reported_refusals = 0;
@@ -276,9 +276,9 @@ static int end_pictures(void **state)
         program = 0;
     }
     stop_painting();
-    sst_slot_shut(outlet);
+    sst_slot_shut(slot);
     sst_http_close(service);
-    sst_slot_unref(outlet);
+    sst_slot_unref(slot);
     sst_events_shut(api.events);
     sst_events_destroy(api.events);
     sst_counters_fini(&counters);
@@ -300,7 +300,7 @@ static void wait_for(int (*count)(void), int want)
 
 static int viewers(void)
 {
-    return sst_slot_clients(outlet);
+    return sst_slot_clients(slot);
 }
 
 static int clients(void)

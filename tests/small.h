@@ -8,7 +8,6 @@
 
 #include "tests/test.h"
 
-
 static inline int small_level(void)
 {
     const char *level = getenv("SST_TEST_SMALL");

@@ -1,4 +1,5 @@
-/* A sync may take long (measured: docs/integrate/recordings.md), so the thread that writes frames never waits for one. */
+/* A sync may take long (measured: docs/integrate/recordings.md), so the thread that writes frames never waits for one.
+ */
 #define _GNU_SOURCE
 #include "capture/recording/recording_internal.h"
 

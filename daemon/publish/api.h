@@ -49,7 +49,7 @@ struct sst_api {
     int (*publisher)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*calibration_check)(void *live, struct sst_api_answer *out);
     /** Get a reference to the JPEG slot of a picture stream. @return 0, -ENOENT, -EOVERFLOW, -ENODATA */
-    int (*outlet)(void *live, enum sst_api_picture kind, const char *name, struct sst_slot **out);
+    int (*slot)(void *live, enum sst_api_picture kind, const char *name, struct sst_slot **out);
     /** Open a recording, snapshot or export for download, by its name with an extension (.tar, .mkv ...).
      *  @param out  owned by the caller @return 0, -EINPROGRESS (being made: call again), -ENOENT, -ENODATA (nothing
      * of it was recorded), -EBUSY (it is being written), -EMFILE (too many), -ENOSPC */

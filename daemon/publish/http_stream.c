@@ -27,7 +27,7 @@
 
 struct stream {
     struct sst_http *http;
-    struct sst_slot *outlet;
+    struct sst_slot *slot;
     const struct sst_jpeg *jpeg; /* being sent */
     int fd;
     char head[256];
@@ -44,7 +44,7 @@ static const char tail[] = "\r\n--" BOUNDARY "\r\n";
  * one since */
 static const struct sst_jpeg *count_skipped(struct stream *s)
 {
-    const struct sst_jpeg *newest = sst_slot_get(s->outlet, s->number);
+    const struct sst_jpeg *newest = sst_slot_get(s->slot, s->number);
 
     if (newest && s->number)
         atomic_fetch_add(&s->http->count->skipped, newest->number - s->number - 1);
@@ -75,14 +75,14 @@ static bool next_picture(struct stream *s)
         pause_until(s, s->due_ns);
     }
     for (;;) {
-        if (atomic_load(&s->http->stopping) || sst_slot_is_shut(s->outlet) || http_peer_gone(s->fd))
+        if (atomic_load(&s->http->stopping) || sst_slot_is_shut(s->slot) || http_peer_gone(s->fd))
             return false;
         now_ns = sst_clock_now_ns();
         if (!s->jpeg) /* else the one up to which those that were missed are counted */
-            s->jpeg = sst_slot_get(s->outlet, s->number && now_ns - s->sent_ns > REPEAT_NS ? 0 : s->number);
+            s->jpeg = sst_slot_get(s->slot, s->number && now_ns - s->sent_ns > REPEAT_NS ? 0 : s->number);
         if (s->jpeg)
             break;
-        sst_slot_wait(s->outlet, s->number, HTTP_WAIT_MS);
+        sst_slot_wait(s->slot, s->number, HTTP_WAIT_MS);
     }
     /* Steps of one period, so that jitter of the source does not add up. */
     s->due_ns = s->due_ns + s->period_ns < now_ns - s->period_ns ? now_ns : s->due_ns + s->period_ns;
@@ -136,8 +136,8 @@ static void stream_free(void *arg)
     struct stream *s = arg;
 
     sst_slot_jpeg_unref(s->jpeg);
-    sst_slot_leave(s->outlet);
-    sst_slot_unref(s->outlet);
+    sst_slot_leave(s->slot);
+    sst_slot_unref(s->slot);
     atomic_fetch_sub(&s->http->count->streams, 1);
     free(s);
 }
@@ -147,7 +147,7 @@ static int find_outlet(struct http_request *q, enum sst_api_picture kind, const 
     static const char *const kinds[] = { "view", "camera", "labels", "disparity" };
     const struct sst_api *api = q->http->cfg.api;
     struct sst_api_answer answer = { 0 };
-    const int err = api->outlet(api->live, kind, name, out);
+    const int err = api->slot(api->live, kind, name, out);
 
     if (!err)
         return -1;
@@ -164,7 +164,7 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
     /* The limits of web: are not for programs beside the service, such as sst-rtsp. */
     const bool limited = !q->local || q->role < SST_ROLE_CONTROL;
     struct MHD_Response *response;
-    struct sst_slot *outlet;
+    struct sst_slot *slot;
     struct stream *s;
     int done;
 
@@ -175,19 +175,19 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
                                 "%d moving pictures are being watched already; close one, or raise web.streams",
                                 q->http->cfg.streams);
     }
-    done = find_outlet(q, kind, name, &outlet);
+    done = find_outlet(q, kind, name, &slot);
     s = done < 0 ? calloc(1, sizeof(*s)) : NULL;
     if (!s) {
         atomic_fetch_sub(&q->http->count->streams, 1);
         if (done < 0)
-            sst_slot_unref(outlet);
+            sst_slot_unref(slot);
         return done < 0 ? MHD_NO : done;
     }
     s->http = q->http;
-    s->outlet = outlet;
+    s->slot = slot;
     s->fd = q->fd;
     s->period_ns = limited && q->http->cfg.stream_hz > 0 ? (int64_t)(1e9 / q->http->cfg.stream_hz) : 0;
-    sst_slot_join(outlet);
+    sst_slot_join(slot);
     response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, stream_read, s, stream_free);
     if (!response) {
         stream_free(s);
@@ -207,10 +207,10 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
 }
 
 /* The newest picture; one that is old only when no newer one comes soon. */
-static const struct sst_jpeg *fresh_picture(struct http_request *q, struct sst_slot *outlet)
+static const struct sst_jpeg *fresh_picture(struct http_request *q, struct sst_slot *slot)
 {
     const int64_t start_ns = sst_clock_now_ns();
-    const struct sst_jpeg *jpeg = sst_slot_get(outlet, 0);
+    const struct sst_jpeg *jpeg = sst_slot_get(slot, 0);
     int64_t now_ns = start_ns;
 
     while (!jpeg || now_ns - jpeg->t_ns > FRESH_NS) {
@@ -218,10 +218,10 @@ static const struct sst_jpeg *fresh_picture(struct http_request *q, struct sst_s
         const struct sst_jpeg *newer;
 
         if (now_ns - start_ns > (jpeg ? FRESH_NS : FIRST_NS) || atomic_load(&q->http->stopping) ||
-            sst_slot_is_shut(outlet))
+            sst_slot_is_shut(slot))
             break;
-        sst_slot_wait(outlet, number, HTTP_WAIT_MS);
-        newer = sst_slot_get(outlet, number);
+        sst_slot_wait(slot, number, HTTP_WAIT_MS);
+        newer = sst_slot_get(slot, number);
         if (newer) {
             sst_slot_jpeg_unref(jpeg);
             jpeg = newer;
@@ -241,17 +241,17 @@ int http_do_snapshot(struct http_request *q, enum sst_api_picture kind, const ch
 {
     struct MHD_Response *response;
     const struct sst_jpeg *jpeg;
-    struct sst_slot *outlet;
-    const int done = find_outlet(q, kind, name, &outlet);
+    struct sst_slot *slot;
+    const int done = find_outlet(q, kind, name, &slot);
     uint64_t set;
     int64_t wall_ns;
 
     if (done >= 0)
         return done;
-    sst_slot_join(outlet);
-    jpeg = fresh_picture(q, outlet);
-    sst_slot_leave(outlet);
-    sst_slot_unref(outlet);
+    sst_slot_join(slot);
+    jpeg = fresh_picture(q, slot);
+    sst_slot_leave(slot);
+    sst_slot_unref(slot);
     if (!jpeg)
         return http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE, "there is no picture yet; try again in a moment");
     atomic_fetch_add(&q->http->count->bytes, jpeg->bytes);

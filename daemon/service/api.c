@@ -222,7 +222,7 @@ void service_api(struct sst_service *s)
         .delete_ = delete_kept,
         .publisher = publisher,
         .calibration_check = engine_calibration_check,
-        .outlet = engine_outlet,
+        .slot = engine_outlet,
         .download = download,
         .events = s->events,
     };

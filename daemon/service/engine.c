@@ -500,14 +500,14 @@ void engine_stop(struct live_engine *v)
     if (v->live)
         sst_live_cancel(v->live);
     for (int i = 0; i < VIEWS_MAX; i++)
-        if (v->view[i].outlet)
-            sst_slot_shut(v->view[i].outlet);
+        if (v->view[i].slot)
+            sst_slot_shut(v->view[i].slot);
     for (int i = 0; i < 2; i++)
-        if (v->overlay[i].outlet)
-            sst_slot_shut(v->overlay[i].outlet);
+        if (v->overlay[i].slot)
+            sst_slot_shut(v->overlay[i].slot);
     for (int i = 0; i < SST_CAMERAS_MAX; i++)
-        if (v->camera[i].outlet)
-            sst_slot_shut(v->camera[i].outlet);
+        if (v->camera[i].slot)
+            sst_slot_shut(v->camera[i].slot);
     pthread_cond_broadcast(&v->changed);
     pthread_mutex_unlock(&v->lock);
 }

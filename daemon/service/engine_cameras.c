@@ -42,22 +42,22 @@ static void show(struct live_engine *v, const struct sst_kept *kept)
     for (int i = 0; i < kept->set.cameras; i++) {
         const struct sst_frame *f = kept->set.frame[i];
         struct shared *s = &v->camera[i];
-        struct sst_slot *outlet = NULL;
+        struct sst_slot *slot = NULL;
         uint8_t *data;
         size_t bytes;
         int quality;
 
         pthread_mutex_lock(&v->lock);
-        if (f && f->bytes && s->outlet && s->shown < kept->number && engine_wanted(s->outlet, s->used_ns)) {
-            outlet = sst_slot_ref(s->outlet);
+        if (f && f->bytes && s->slot && s->shown < kept->number && engine_wanted(s->slot, s->used_ns)) {
+            slot = sst_slot_ref(s->slot);
             s->shown = kept->number;
         }
         quality = v->config.live.jpeg_quality;
         pthread_mutex_unlock(&v->lock);
-        data = outlet ? as_jpeg(f, quality, &bytes) : NULL;
-        if (data && sst_slot_put(outlet, data, bytes, kept->set.index, kept->set.t_ns, kept->set.wall_ns))
+        data = slot ? as_jpeg(f, quality, &bytes) : NULL;
+        if (data && sst_slot_put(slot, data, bytes, kept->set.index, kept->set.t_ns, kept->set.wall_ns))
             sst_log_warning("no memory for a picture of camera %d", i);
-        sst_slot_unref(outlet);
+        sst_slot_unref(slot);
     }
 }
 
@@ -67,7 +67,7 @@ static bool any_wanted(struct live_engine *v, bool *stop)
 
     pthread_mutex_lock(&v->lock);
     for (int i = 0; i < SST_CAMERAS_MAX && !any; i++)
-        any = v->camera[i].outlet && engine_wanted(v->camera[i].outlet, v->camera[i].used_ns);
+        any = v->camera[i].slot && engine_wanted(v->camera[i].slot, v->camera[i].used_ns);
     *stop = v->stop;
     pthread_mutex_unlock(&v->lock);
     return any;

@@ -24,16 +24,16 @@ static struct view *find_locked(struct live_engine *v, const char *id)
 static int add_locked(struct live_engine *v, const char *id, const struct view_settings *settings, struct view **out)
 {
     const int room = 1 + sst_clamp_int(v->config.web.views, 0, VIEWS_MAX - 1);
-    struct sst_slot *outlet;
+    struct sst_slot *slot;
 
     for (int i = 0; i < room; i++) {
         struct view *e = &v->view[i];
 
         if (e->used || e->picture)
             continue;
-        if (sst_slot_create(&outlet))
+        if (sst_slot_create(&slot))
             return -ENOMEM;
-        *e = (struct view){ .used = true, .settings = *settings, .version = 1, .outlet = outlet };
+        *e = (struct view){ .used = true, .settings = *settings, .version = 1, .slot = slot };
         e->used_ns = sst_clock_now_ns();
         snprintf(e->id, sizeof(e->id), "%s", id);
         *out = e;
@@ -64,18 +64,18 @@ void engine_views_follow_locked(struct live_engine *v, const struct sst_live_set
 void engine_views_close(struct live_engine *v)
 {
     for (int i = 0; i < VIEWS_MAX; i++)
-        sst_slot_unref(v->view[i].outlet);
+        sst_slot_unref(v->view[i].slot);
     for (int i = 0; i < 2; i++)
-        sst_slot_unref(v->overlay[i].outlet);
+        sst_slot_unref(v->overlay[i].slot);
     for (int i = 0; i < SST_CAMERAS_MAX; i++)
-        sst_slot_unref(v->camera[i].outlet);
+        sst_slot_unref(v->camera[i].slot);
     sst_jpeg_encoder_destroy(v->encoder);
     sst_image_fini(&v->overlay_image);
 }
 
 static json_t *view_json_locked(const struct view *e)
 {
-    return json_pack("{s:s, s:i, s:o?, s:o}", "id", e->id, "viewers", sst_slot_clients(e->outlet), "settings",
+    return json_pack("{s:s, s:i, s:o?, s:o}", "id", e->id, "viewers", sst_slot_clients(e->slot), "settings",
                      view_settings_json(&e->settings), "shown_focus_px", sst_api_real(e->shown_focus_px));
 }
 
@@ -167,12 +167,12 @@ static void expire(struct live_engine *v)
         struct sst_livepicture *picture = NULL;
 
         pthread_mutex_lock(&v->lock);
-        if (e->used && sst_slot_clients(e->outlet))
+        if (e->used && sst_slot_clients(e->slot))
             e->used_ns = sst_clock_now_ns();
         if (e->used && sst_clock_now_ns() - e->used_ns > EXPIRY_NS) {
             picture = e->picture;
-            sst_slot_shut(e->outlet);
-            sst_slot_unref(e->outlet);
+            sst_slot_shut(e->slot);
+            sst_slot_unref(e->slot);
             *e = (struct view){ 0 };
         }
         pthread_mutex_unlock(&v->lock);
@@ -213,7 +213,7 @@ static void resolve(struct live_engine *v, const struct view_settings *s, struct
         render->focus_px = 0;
 }
 
-static int show(struct live_engine *v, struct sst_slot *outlet, const struct sst_image *image, int quality)
+static int show(struct live_engine *v, struct sst_slot *slot, const struct sst_image *image, int quality)
 {
     const uint8_t *jpeg;
     uint8_t *data = NULL;
@@ -226,7 +226,7 @@ static int show(struct live_engine *v, struct sst_slot *outlet, const struct sst
     if (err || !data)
         return err ? err : -ENOMEM;
     memcpy(data, jpeg, bytes);
-    return sst_slot_put(outlet, data, bytes, v->set_index, v->set_t_ns, v->set_wall_ns);
+    return sst_slot_put(slot, data, bytes, v->set_index, v->set_t_ns, v->set_wall_ns);
 }
 
 /** @param ns  in, out, time spent on rendering and on encoding @return a picture was made */
@@ -259,7 +259,7 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     pthread_mutex_unlock(&v->lock);
     if (!rendered_px && !first)
         return false;
-    err = show(v, e->outlet, image, quality);
+    err = show(v, e->slot, image, quality);
     ns[1] += sst_clock_now_ns() - rendered_ns;
     return !err;
 }
@@ -276,7 +276,7 @@ static bool publish_view(struct live_engine *v, struct view *e, bool asked, int6
     int quality;
 
     pthread_mutex_lock(&v->lock);
-    due = e->used && (asked || engine_wanted(e->outlet, e->used_ns)) &&
+    due = e->used && (asked || engine_wanted(e->slot, e->used_ns)) &&
           (e->shown_version != e->version || e->shown_update != v->update);
     settings = e->settings;
     version = e->version;
@@ -299,23 +299,23 @@ static void publish_overlay(struct live_engine *v, enum sst_livepicture_overlay 
     const struct sst_lightfield *lf = sst_live_lightfield(v->live);
     struct shared *s = &v->overlay[kind];
     struct sst_image *image = &v->overlay_image;
-    struct sst_slot *outlet;
+    struct sst_slot *slot;
     uint64_t update;
     int quality;
 
     pthread_mutex_lock(&v->lock);
-    outlet = s->outlet && s->shown != v->update && engine_wanted(s->outlet, s->used_ns) ? s->outlet : NULL;
+    slot = s->slot && s->shown != v->update && engine_wanted(s->slot, s->used_ns) ? s->slot : NULL;
     update = v->update;
     quality = v->config.live.jpeg_quality;
     pthread_mutex_unlock(&v->lock);
-    if (!outlet)
+    if (!slot)
         return;
     if (image->width != lf->width || image->height != lf->height) {
         sst_image_fini(image);
         if (sst_image_init(image, lf->width, lf->height))
             return;
     }
-    if (!sst_livepicture_overlay(v->live, kind, image) && !show(v, outlet, image, quality)) {
+    if (!sst_livepicture_overlay(v->live, kind, image) && !show(v, slot, image, quality)) {
         pthread_mutex_lock(&v->lock);
         s->shown = update;
         pthread_cond_broadcast(&v->changed);
@@ -350,17 +350,17 @@ void engine_publish(struct live_engine *v)
 
 /* --- what is asked from outside ----------------------------------------------------------------------------------- */
 
-bool engine_wanted(struct sst_slot *outlet, int64_t used_ns)
+bool engine_wanted(struct sst_slot *slot, int64_t used_ns)
 {
-    return sst_slot_clients(outlet) > 0 || (used_ns && sst_clock_now_ns() - used_ns < WANTED_NS);
+    return sst_slot_clients(slot) > 0 || (used_ns && sst_clock_now_ns() - used_ns < WANTED_NS);
 }
 
 int engine_share_locked(struct shared *s, struct sst_slot **out)
 {
-    if (!s->outlet && sst_slot_create(&s->outlet))
+    if (!s->slot && sst_slot_create(&s->slot))
         return -ENOMEM;
     s->used_ns = sst_clock_now_ns();
-    *out = sst_slot_ref(s->outlet);
+    *out = sst_slot_ref(s->slot);
     return 0;
 }
 
@@ -388,8 +388,8 @@ static int view_outlet_locked(struct live_engine *v, const char *id, struct sst_
     if (!e)
         return -ENOENT;
     e->used_ns = sst_clock_now_ns();
-    *out = sst_slot_ref(e->outlet);
-    if (!sst_slot_clients(e->outlet))
+    *out = sst_slot_ref(e->slot);
+    if (!sst_slot_clients(e->slot))
         await_view_locked(v, id);
     return 0;
 }
@@ -400,7 +400,7 @@ static int overlay_outlet_locked(struct live_engine *v, enum sst_livepicture_ove
     struct shared *s = &v->overlay[kind];
     const int err = engine_share_locked(s, out);
 
-    while (!err && !v->stop && v->state.ready && s->shown != v->update && !sst_slot_clients(s->outlet) &&
+    while (!err && !v->stop && v->state.ready && s->shown != v->update && !sst_slot_clients(s->slot) &&
            sst_cond_wait_until(&v->changed, &v->lock, end_ns))
         ;
     return err;

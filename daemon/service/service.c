@@ -93,12 +93,12 @@ static int check_alone(const char *path)
 
 void service_record_view(struct sst_service *s)
 {
-    struct sst_slot *outlet;
+    struct sst_slot *slot;
 
-    if (engine_outlet(s->engine, SST_PICTURE_VIEW, "main", &outlet))
+    if (engine_outlet(s->engine, SST_PICTURE_VIEW, "main", &slot))
         return; /* there is no live picture */
-    sst_storage_view(s->storage, outlet);
-    sst_slot_unref(outlet);
+    sst_storage_view(s->storage, slot);
+    sst_slot_unref(slot);
 }
 
 static int open_parts(struct sst_service *s, const struct sst_service_config *cfg)

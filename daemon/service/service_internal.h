@@ -270,13 +270,13 @@ struct view {
     uint64_t shown_update;  /* state of the light field that its picture shows */
     double shown_focus_px;
     int64_t used_ns; /* time of the last request for it */
-    struct sst_slot *outlet;
+    struct sst_slot *slot;
     struct sst_livepicture *picture; /* live thread only */
 };
 
 /** A picture shared by all clients: of a camera, of labels or disparities. */
 struct shared {
-    struct sst_slot *outlet;
+    struct sst_slot *slot;
     int64_t used_ns;
     uint64_t shown; /* update, or number of the set */
 };
@@ -356,7 +356,7 @@ void engine_serve(struct live_engine *v);
 void *engine_run_cameras(void *arg);
 /** Get the JPEG slot of a shared picture; created if there is none.  @return 0, -ENOMEM */
 int engine_share_locked(struct shared *s, struct sst_slot **out);
-bool engine_wanted(struct sst_slot *outlet, int64_t used_ns);
+bool engine_wanted(struct sst_slot *slot, int64_t used_ns);
 
 /* engine_check.c; both on the live thread, join also after it has ended */
 void engine_check_by_time(struct live_engine *v);

@@ -347,7 +347,7 @@ static void destroy(struct sst_storage *s)
 {
     video_files_fini(s);
     view_history_fini(&s->history);
-    sst_slot_unref(s->outlet);
+    sst_slot_unref(s->slot);
     catalog_fini(&s->catalog);
     pthread_cond_destroy(&s->answered);
     pthread_cond_destroy(&s->wake);

@@ -48,8 +48,8 @@ void sst_storage_cameras(struct sst_storage *s, const struct sst_array_config *a
 SST_MUST_CHECK int sst_storage_configure(struct sst_storage *s, const struct sst_config *config);
 
 /** Set the see-through view that is recorded beside the sets (storage.record_view); only the first call has effect.
- *  @param outlet  of the main view; referenced */
-void sst_storage_view(struct sst_storage *s, struct sst_slot *outlet);
+ *  @param slot  of the main view; referenced */
+void sst_storage_view(struct sst_storage *s, struct sst_slot *slot);
 
 /** Results of the live pipeline for a set: recording on event follows them. Shares: changed[i] of zone i,
  * changed[zones] of the whole picture. Never blocks. */

@@ -389,7 +389,7 @@ struct sst_storage {
 
     struct video_file video[SST_DOWNLOADS_MAX]; /* each download reads one at most */
 
-    struct sst_slot *outlet; /* of the main view; NULL: not yet */
+    struct sst_slot *slot; /* of the main view; NULL: not yet */
     struct view_history history;
 
     pthread_t thread[6];

@@ -78,11 +78,11 @@ struct viewer {
 /* Without a viewer before, the last picture may be old: it is used only if no newer one follows soon. */
 static void update_viewer_locked(struct sst_storage *s, struct viewer *l)
 {
-    const bool needed = is_needed_locked(s), alone = !needed && sst_slot_clients(s->outlet) <= (int)l->joined;
-    const struct sst_jpeg *old = l->alone && !alone ? sst_slot_get(s->outlet, 0) : NULL;
+    const bool needed = is_needed_locked(s), alone = !needed && sst_slot_clients(s->slot) <= (int)l->joined;
+    const struct sst_jpeg *old = l->alone && !alone ? sst_slot_get(s->slot, 0) : NULL;
 
     if (needed != l->joined)
-        (needed ? sst_slot_join : sst_slot_leave)(s->outlet);
+        (needed ? sst_slot_join : sst_slot_leave)(s->slot);
     l->joined = needed;
     if (alone)
         view_history_fini(&s->history);
@@ -94,13 +94,13 @@ static void update_viewer_locked(struct sst_storage *s, struct viewer *l)
     l->alone = alone;
 }
 
-static const struct sst_jpeg *next_shown(struct sst_slot *outlet, struct viewer *l)
+static const struct sst_jpeg *next_shown(struct sst_slot *slot, struct viewer *l)
 {
-    const struct sst_jpeg *jpeg = sst_slot_wait(outlet, l->number, WAIT_MS) ? sst_slot_get(outlet, l->number) : NULL;
+    const struct sst_jpeg *jpeg = sst_slot_wait(slot, l->number, WAIT_MS) ? sst_slot_get(slot, l->number) : NULL;
 
     if (!jpeg && l->until_ns && sst_clock_now_ns() > l->until_ns) {
         l->until_ns = 0;
-        jpeg = sst_slot_get(outlet, 0); /* nothing has changed since */
+        jpeg = sst_slot_get(slot, 0); /* nothing has changed since */
     }
     if (jpeg) {
         l->number = jpeg->number;
@@ -116,12 +116,12 @@ void *store_view_run(void *storage)
 
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
-        struct sst_slot *outlet = s->outlet;
+        struct sst_slot *slot = s->slot;
         const struct sst_jpeg *jpeg;
 
-        if (!outlet || !s->settings.view || sst_slot_is_shut(outlet)) {
+        if (!slot || !s->settings.view || sst_slot_is_shut(slot)) {
             if (l.joined)
-                sst_slot_leave(outlet);
+                sst_slot_leave(slot);
             l = (struct viewer){ .alone = true };
             view_history_fini(&s->history);
             store_wait_locked(s, WAIT_MS);
@@ -133,23 +133,23 @@ void *store_view_run(void *storage)
             continue;
         }
         pthread_mutex_unlock(&s->lock);
-        jpeg = next_shown(outlet, &l);
+        jpeg = next_shown(slot, &l);
         pthread_mutex_lock(&s->lock);
         if (jpeg)
             view_history_add(&s->history, jpeg, sst_clock_now_ns() - s->settings.preroll_ns - LATE_NS);
     }
     if (l.joined)
-        sst_slot_leave(s->outlet);
+        sst_slot_leave(s->slot);
     pthread_mutex_unlock(&s->lock);
     store_thread_ends(s);
     return NULL;
 }
 
-void sst_storage_view(struct sst_storage *s, struct sst_slot *outlet)
+void sst_storage_view(struct sst_storage *s, struct sst_slot *slot)
 {
     pthread_mutex_lock(&s->lock);
-    if (!s->outlet)
-        s->outlet = sst_slot_ref(outlet);
+    if (!s->slot)
+        s->slot = sst_slot_ref(slot);
     pthread_cond_broadcast(&s->wake);
     pthread_mutex_unlock(&s->lock);
 }

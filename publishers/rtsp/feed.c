@@ -280,7 +280,7 @@ static struct feed *feed_create(struct rtsp_factory *at)
 }
 
 /* Wait for a frame of now; an old one is enough if no newer one comes soon. */
-static bool wait_for_frame(struct sst_slot *outlet)
+static bool wait_for_frame(struct sst_slot *slot)
 {
     const int64_t start_ns = sst_clock_now_ns();
     uint64_t number;
@@ -288,7 +288,7 @@ static bool wait_for_frame(struct sst_slot *outlet)
     bool fresh, any;
 
     do {
-        const struct sst_jpeg *jpeg = sst_slot_get(outlet, 0);
+        const struct sst_jpeg *jpeg = sst_slot_get(slot, 0);
 
         now_ns = sst_clock_now_ns();
         any = jpeg;
@@ -297,8 +297,8 @@ static bool wait_for_frame(struct sst_slot *outlet)
         if (any)
             sst_slot_jpeg_unref(jpeg);
         if (!fresh)
-            sst_slot_wait(outlet, number, RTSP_SLICE_MS);
-    } while (!fresh && !sst_slot_is_shut(outlet) && now_ns - start_ns < (any ? FRESH_NS : FIRST_NS));
+            sst_slot_wait(slot, number, RTSP_SLICE_MS);
+    } while (!fresh && !sst_slot_is_shut(slot) && now_ns - start_ns < (any ? FRESH_NS : FIRST_NS));
     return any;
 }
 

@@ -1,6 +1,7 @@
-/* What rectifying costs and how true it is: rectify PICTURE. Prints the tables of docs/measured/notes-calibration.md: maps and
- * resampling in milliseconds of CPU time (medians of 9, interleaved), the error against interpolation in double at the
- * exact place, and the PSNR of each filter on a real picture moved by half a pixel and turned there and back. */
+/* What rectifying costs and how true it is: rectify PICTURE. Prints the tables of docs/measured/notes-calibration.md:
+ * maps and resampling in milliseconds of CPU time (medians of 9, interleaved), the error against interpolation in
+ * double at the exact place, and the PSNR of each filter on a real picture moved by half a pixel and turned there and
+ * back. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

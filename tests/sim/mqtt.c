@@ -34,7 +34,7 @@ static struct sst_counters http_counters;
 
 /* --- a service that answers --------------------------------------------------------------------------------------- */
 
-static struct sst_slot *outlet;
+static struct sst_slot *slot;
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static struct { /* under lock */
     char record[16], focus[32];
@@ -100,12 +100,12 @@ static int get_outlet(void *arg, enum sst_api_picture kind, const char *name, st
 {
     (void)arg;
     assert_true(kind == SST_PICTURE_VIEW && !strcmp(name, "main"));
-    *out = sst_slot_ref(outlet);
+    *out = sst_slot_ref(slot);
     return 0;
 }
 
 static struct sst_api api = {
-    .status = status, .cameras = cameras, .record = record, .view_change = view_change, .outlet = get_outlet
+    .status = status, .cameras = cameras, .record = record, .view_change = view_change, .slot = get_outlet
 };
 
 /* --- processes ---------------------------------------------------------------------------------------------------- */
@@ -334,7 +334,7 @@ static int setup(void **state)
     memset(&service, 0, sizeof(service));
     service.start_ns = sst_clock_now_ns();
     assert_int_equal(sst_events_create(&api.events, 64), 0);
-    assert_int_equal(sst_slot_create(&outlet), 0);
+    assert_int_equal(sst_slot_create(&slot), 0);
     sst_counters_init(&http_counters);
     open_service();
     return 0;
@@ -346,11 +346,11 @@ static int teardown(void **state)
     end(&program);
     end(&subscriber);
     end(&broker);
-    sst_slot_shut(outlet);
+    sst_slot_shut(slot);
     sst_events_shut(api.events);
     sst_http_close(http);
     http = NULL;
-    sst_slot_unref(outlet);
+    sst_slot_unref(slot);
     sst_counters_fini(&http_counters);
     sst_events_destroy(api.events);
     sst_path_remove_tree(folder);
@@ -580,11 +580,11 @@ static void pictures_come_at_most_so_often(void **state)
     expect_connected();
     start = sst_clock_now_ns();
     for (; took < INT64_C(2500000000) || ((n < 3 || looks < 100) && took < INT64_C(60000000000)); looks++) {
-        if (sst_slot_clients(outlet)) {
+        if (sst_slot_clients(slot)) {
             uint8_t *data = malloc(sizeof(jpeg));
 
             memcpy(data, jpeg, sizeof(jpeg));
-            assert_int_equal(sst_slot_put(outlet, data, sizeof(jpeg) - 1, 1, 1, 1), 0);
+            assert_int_equal(sst_slot_put(slot, data, sizeof(jpeg) - 1, 1, 1, 1), 0);
         } else {
             idle++;
         }

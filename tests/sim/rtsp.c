@@ -120,8 +120,8 @@ static void without_pictures(void **state)
 
     (void)state;
     stop_painting();
-    sst_slot_unref(outlet);
-    assert_int_equal(sst_slot_create(&outlet), 0);
+    sst_slot_unref(slot);
+    assert_int_equal(sst_slot_create(&slot), 0);
     serve(SST_RTSP_H264);
     start_ns = sst_clock_now_ns();
     assert_int_equal(ask_once("DESCRIBE", "/main", ""), 503);
@@ -236,7 +236,7 @@ static void a_view_that_ends(void **state)
     sleep_ms(500);
     stop_painting();
     start_ns = sst_clock_now_ns();
-    sst_slot_shut(outlet);
+    sst_slot_shut(slot);
     pclose(f);
     assert_quick(start_ns, 5000000000);
     wait_for(clients, 0);

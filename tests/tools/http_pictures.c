@@ -9,7 +9,7 @@
 #include "base/clock.h"
 #include "daemon/publish/http.h"
 
-static struct sst_slot *outlet;
+static struct sst_slot *slot;
 
 static int give_status(void *arg, struct sst_api_answer *out)
 {
@@ -23,7 +23,7 @@ static int give_outlet(void *arg, enum sst_api_picture kind, const char *name, s
     (void)arg;
     (void)kind;
     (void)name;
-    *out = sst_slot_ref(outlet);
+    *out = sst_slot_ref(slot);
     return 0;
 }
 
@@ -59,7 +59,7 @@ static int show_all(double seconds, double hz, size_t bytes)
         if (!data)
             return -ENOMEM;
         memset(data, i, bytes);
-        if (sst_slot_put(outlet, data, bytes, (uint64_t)i, sst_clock_now_ns(), 0))
+        if (sst_slot_put(slot, data, bytes, (uint64_t)i, sst_clock_now_ns(), 0))
             return -ENOMEM;
         nanosleep(&period, NULL);
     }
@@ -75,7 +75,7 @@ int main(int argc, char **argv)
                            .recordings = give_nothing,
                            .view_create = make_nothing,
                            .reload = take_nothing,
-                           .outlet = give_outlet };
+                           .slot = give_outlet };
     struct sst_counters c;
     struct sst_http_config cfg = {
         .socket_fd = -1, .address = "127.0.0.1", .clients = 64, .streams = 32, .api = &api, .counters = &c
@@ -85,7 +85,7 @@ int main(int argc, char **argv)
     int64_t cpu_ns, start_ns;
 
     sst_counters_init(&c);
-    if (argc != 6 || sst_slot_create(&outlet) || sst_events_create(&api.events, 16))
+    if (argc != 6 || sst_slot_create(&slot) || sst_events_create(&api.events, 16))
         return 1;
     snprintf(token_file, sizeof(token_file), "%s/token", argv[1]);
     cfg.token_file = token_file;
@@ -93,7 +93,7 @@ int main(int argc, char **argv)
         return 1;
     printf("%d\n", sst_http_port(http));
     fflush(stdout);
-    while (sst_slot_clients(outlet) < atoi(argv[2]))
+    while (sst_slot_clients(slot) < atoi(argv[2]))
         nanosleep(&(struct timespec){ .tv_nsec = 10000000 }, NULL);
     cpu_ns = sst_clock_cpu_ns();
     start_ns = sst_clock_now_ns();
@@ -102,9 +102,9 @@ int main(int argc, char **argv)
     printf("cpu %.1f, %d pictures, %llu skipped\n",
            100.0 * (double)(sst_clock_cpu_ns() - cpu_ns) / (double)(sst_clock_now_ns() - start_ns),
            (int)(atof(argv[3]) * atof(argv[4])), (unsigned long long)c.skipped);
-    sst_slot_shut(outlet);
+    sst_slot_shut(slot);
     sst_http_close(http);
-    sst_slot_unref(outlet);
+    sst_slot_unref(slot);
     sst_events_shut(api.events);
     sst_events_destroy(api.events);
     return 0;

@@ -3,7 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-
 #if WITH_RTSP
 #include <jpeglib.h>
 

@@ -545,14 +545,14 @@ static void a_video_needs_room(void **state)
 }
 
 /* A picture of the view with this content, shown at a time. */
-static void show(struct bench *b, struct sst_slot *outlet, int content, int64_t t_ns, int in_memory)
+static void show(struct bench *b, struct sst_slot *slot, int content, int64_t t_ns, int in_memory)
 {
     static const uint8_t head[] = { 0xff, 0xd8, 0xff, 0xc0, 0, 11, 8, 0, 6, 0, 8, 1, 1, 0x11, 0 };
     uint8_t *data = malloc(sizeof(head) + 1);
 
     memcpy(data, head, sizeof(head));
     data[sizeof(head)] = (uint8_t)content;
-    assert_int_equal(sst_slot_put(outlet, data, sizeof(head) + 1, (uint64_t)content, t_ns, t_ns + 5), 0);
+    assert_int_equal(sst_slot_put(slot, data, sizeof(head) + 1, (uint64_t)content, t_ns, t_ns + 5), 0);
     bench_wait(b, "ring", "pictures", in_memory);
 }
 
@@ -575,33 +575,33 @@ static void the_view_is_recorded_with_what_was_before(void **state)
 {
     const int64_t now_ns = sst_clock_now_ns();
     char name[SST_STORE_NAME], file[SST_STORE_NAME + 8];
-    struct sst_slot *outlet;
+    struct sst_slot *slot;
     struct bench b;
 
     (void)state;
-    assert_int_equal(sst_slot_create(&outlet), 0);
+    assert_int_equal(sst_slot_create(&slot), 0);
     bench_init(&b, SST_RECORD_OFF);
     b.config->live.enabled = b.config->storage.record_view = true;
     b.config->storage.preroll_s = 1000;
     bench_open_storage(&b);
     bench_wait_ready(&b);
-    sst_storage_view(b.storage, outlet);
+    sst_storage_view(b.storage, slot);
     usleep(50000);
-    assert_int_equal(sst_slot_clients(outlet), 0); /* nothing is recorded: no viewer */
-    show(&b, outlet, 1, now_ns - 6000 * MS, 0);
-    sst_slot_join(outlet); /* another viewer, noticed at the next poll */
+    assert_int_equal(sst_slot_clients(slot), 0); /* nothing is recorded: no viewer */
+    show(&b, slot, 1, now_ns - 6000 * MS, 0);
+    sst_slot_join(slot); /* another viewer, noticed at the next poll */
     bench_wait(&b, "ring", "pictures", 1);
     for (int i = 0; i < 40; i++)
         bench_put(&b, now_ns - (40 - i) * 100 * MS);
-    show(&b, outlet, 2, now_ns - 5000 * MS, 2); /* what is seen when it begins, 4 s ago */
-    show(&b, outlet, 3, now_ns - 500 * MS, 3);
+    show(&b, slot, 2, now_ns - 5000 * MS, 2); /* what is seen when it begins, 4 s ago */
+    show(&b, slot, 3, now_ns - 500 * MS, 3);
     assert_int_equal(sst_storage_record(b.storage, 0, name), 0);
     bench_put(&b, now_ns);
     bench_wait(&b, "recording", "sets", 41);
-    for (int i = 0; sst_slot_clients(outlet) < 2 && i < 60000; i++)
+    for (int i = 0; sst_slot_clients(slot) < 2 && i < 60000; i++)
         usleep(1000);
-    assert_int_equal(sst_slot_clients(outlet), 2);
-    show(&b, outlet, 4, now_ns, 4);
+    assert_int_equal(sst_slot_clients(slot), 2);
+    show(&b, slot, 4, now_ns, 4);
     bench_put(&b, now_ns + 3000 * MS);
     bench_wait(&b, "recording", "sets", 42);
     assert_int_equal(sst_storage_stop(b.storage), 0);
@@ -629,8 +629,8 @@ static void the_view_is_recorded_with_what_was_before(void **state)
     assert_true(seconds > 7 && seconds < 8.1);
 #endif
     bench_fini(&b);
-    assert_int_equal(sst_slot_clients(outlet), 1);
-    sst_slot_unref(outlet);
+    assert_int_equal(sst_slot_clients(slot), 1);
+    sst_slot_unref(slot);
 }
 
 /* A picture from before anybody looked is none of now, but if nothing has moved since. */
@@ -640,25 +640,25 @@ static void an_old_picture_does_not_pass_for_a_new_one(void **state)
 
     (void)state;
     for (int still = 0; still < 2; still++) {
-        struct sst_slot *outlet;
+        struct sst_slot *slot;
         struct bench b;
 
-        assert_int_equal(sst_slot_create(&outlet), 0);
+        assert_int_equal(sst_slot_create(&slot), 0);
         bench_init(&b, SST_RECORD_OFF);
         b.config->live.enabled = b.config->storage.record_view = true;
         bench_open_storage(&b);
         bench_wait_ready(&b);
-        sst_storage_view(b.storage, outlet);
-        show(&b, outlet, 1, sst_clock_now_ns() - 1000000 * MS, 0);
+        sst_storage_view(b.storage, slot);
+        show(&b, slot, 1, sst_clock_now_ns() - 1000000 * MS, 0);
         bench_put(&b, sst_clock_now_ns());
         assert_int_equal(sst_storage_record(b.storage, 0, name), 0);
         bench_put(&b, sst_clock_now_ns());
-        for (int i = 0; !sst_slot_clients(outlet) && i < 60000; i++)
+        for (int i = 0; !sst_slot_clients(slot) && i < 60000; i++)
             usleep(1000);
         if (!still)
             assert_int_equal(bench_number(&b, "ring", "pictures"), 0);
         if (!still)
-            show(&b, outlet, 2, sst_clock_now_ns(), 1);
+            show(&b, slot, 2, sst_clock_now_ns(), 1);
         bench_wait(&b, "ring", "pictures", 1);
         bench_put(&b, sst_clock_now_ns());
         assert_int_equal(sst_storage_stop(b.storage), 0);
@@ -679,21 +679,21 @@ static void an_old_picture_does_not_pass_for_a_new_one(void **state)
         }
 #endif
         bench_fini(&b);
-        sst_slot_unref(outlet);
+        sst_slot_unref(slot);
     }
 }
 
 static void moments_are_kept_as_long_as_they_may_be_wanted(void **state)
 {
     struct view_history *shown = calloc(1, sizeof(*shown));
-    struct sst_slot *outlet;
+    struct sst_slot *slot;
     const struct sst_jpeg *jpeg;
 
     (void)state;
-    assert_int_equal(sst_slot_create(&outlet), 0);
+    assert_int_equal(sst_slot_create(&slot), 0);
     for (int i = 1; i <= 10000; i++) {
-        assert_int_equal(sst_slot_put(outlet, calloc(1, 100), 100, 0, i * MS, 0), 0);
-        view_history_add(shown, sst_slot_get(outlet, 0), i > 9000 ? 9500 * MS : 0);
+        assert_int_equal(sst_slot_put(slot, calloc(1, 100), 100, 0, i * MS, 0), 0);
+        view_history_add(shown, sst_slot_get(slot, 0), i > 9000 ? 9500 * MS : 0);
         assert_in_range(shown->count, 1, VIEW_HISTORY_MAX);
     }
     jpeg = view_history_next(shown, 0);
@@ -707,13 +707,13 @@ static void moments_are_kept_as_long_as_they_may_be_wanted(void **state)
     assert_int_equal(shown->bytes, 501 * 100);
     /* However large: the newest stays. */
     for (int i = 0; i < 8; i++) {
-        assert_int_equal(sst_slot_put(outlet, calloc(1, (size_t)30 << 20), (size_t)30 << 20, 0, INT64_MAX, 0), 0);
-        view_history_add(shown, sst_slot_get(outlet, 0), 0);
+        assert_int_equal(sst_slot_put(slot, calloc(1, (size_t)30 << 20), (size_t)30 << 20, 0, INT64_MAX, 0), 0);
+        view_history_add(shown, sst_slot_get(slot, 0), 0);
     }
     assert_int_equal(shown->count, 2);
     view_history_fini(shown);
     assert_int_equal(shown->bytes, 0);
-    sst_slot_unref(outlet);
+    sst_slot_unref(slot);
     free(shown);
 }
 

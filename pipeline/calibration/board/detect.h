@@ -88,8 +88,8 @@ SST_MUST_CHECK int sst_detections_frame(struct sst_detections *all, const char *
  */
 SST_MUST_CHECK int sst_detections_add(struct sst_detections *all, struct sst_detection *detection);
 
-/** Write or read all corners as JSON (docs/integrate/formats.md): to solve again, or to use another detector. Errors are
- *  logged. */
+/** Write or read all corners as JSON (docs/integrate/formats.md): to solve again, or to use another detector. Errors
+ * are logged. */
 SST_MUST_CHECK int sst_detections_write(const struct sst_detections *all, const char *path);
 SST_MUST_CHECK int sst_detections_read(struct sst_detections *all, const char *path);
 

@@ -125,7 +125,7 @@ struct scene_candidates {
     uint8_t best[SST_SCENE_COLUMNS];  /* the most likely label; 0: none */
 };
 
-/** Compute the candidates from the disparity distribution of each label in a key (design.md, 5.3). @param hist  scratch,
+/** Compute the candidates from the disparity distribution of each label in a key (design.md, 5.3). @param hist scratch,
  * [65536] */
 void scene_fit_labels(struct scene_candidates *c, const struct scene_maps *maps, int classes, double disp_min_px,
                       int64_t *hist);

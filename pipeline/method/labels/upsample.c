@@ -9,8 +9,9 @@
 #include "pipeline/image/classes.h"
 #include "pipeline/kernels/kernels.h"
 
-#define BLOCK  SST_CLASS_ROW_MAX
-#define SPREAD 0.7 /* in cells: deviation of the distance weight; with SST_GUIDE_SIGMA the best of docs/design/method.md */
+#define BLOCK SST_CLASS_ROW_MAX
+#define SPREAD                                                                                                         \
+    0.7 /* in cells: deviation of the distance weight; with SST_GUIDE_SIGMA the best of docs/design/method.md */
 
 /* Scratch of one worker. */
 struct scratch {

@@ -3,10 +3,10 @@
  *
  * All rays that show the surface in focus have one colour, whatever view they are from; those of an occluder in front
  * have the colours of many points on it. So for each pixel every ray votes for its own colour and similar ones
- * (pipeline/kernels/kernels.h). A vote is weighted by the maps (W of design.md, 5.4, plus a constant for possible errors,
- * larger where the map is less confident) and by the rarity of the colour in the views: dozens of green rays mean
- * little in front of a hedge, ten of the same red do. Rays are then weighted by their votes and by their similarity,
- * averaged over 3x3 pixels, to the colour with most votes.
+ * (pipeline/kernels/kernels.h). A vote is weighted by the maps (W of design.md, 5.4, plus a constant for possible
+ * errors, larger where the map is less confident) and by the rarity of the colour in the views: dozens of green rays
+ * mean little in front of a hedge, ten of the same red do. Rays are then weighted by their votes and by their
+ * similarity, averaged over 3x3 pixels, to the colour with most votes.
  *
  * The result is blended with the plain weighted mean by a fraction 0..1, the product of these factors:
  * - fewer rays that the maps assign to the focus: 0 from a fifth of the rays on;
