@@ -37,7 +37,7 @@ static void run(const struct sst_graph *g, const struct sst_shape *shapes)
 
     for (int i = 0; x && i < g->in_channels * WIDTH * HEIGHT; i++)
         x[i] = (float)(i % 7) - 3;
-    if (x && y && !net_plan_create(&plan, g, shapes, 1, "fuzz") && net_plan_run(plan, x, y))
+    if (x && y && !net_plan_create(&plan, g, shapes, 1, SST_PRECISION_F32, "fuzz") && net_plan_run(plan, x, y))
         abort();
     net_plan_destroy(plan);
     free(x);
