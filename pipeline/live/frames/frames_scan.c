@@ -96,7 +96,7 @@ static bool any_changed(const struct sst_liveframes *f)
     return false;
 }
 
-/* True if the light changed, or so many tiles that accepting all of them is cheaper. All views have been scanned. */
+/* True if the light changed, or enough tiles that accepting all of them is cheaper. All views have been scanned. */
 static bool is_whole(const struct sst_liveframes *f)
 {
     int looked = 0, lit = 0, over = 0;
