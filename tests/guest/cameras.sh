@@ -23,14 +23,19 @@ ports=$(cut -d'|' -f2 list)
 "$bin/grab" GREY 320 180 5 10 $ports >all 2>&1 || fail "36 cameras do not stream: $(tail -n 3 all)"
 grep -v ^sum all
 is "started" "$(grep ^started all)" "started 36"
-awk '$1 == "sum" {
-  n++; frames += $4
-  if ($4 < 20 || $4 > 60) print "FAIL: camera " $2 " gave " $4 " frames in 10 s at 5 Hz"
-  if ($6) print "FAIL: camera " $2 " gave " $6 " bad frames"
-  lost += $8
-}
-END { if (n != 36) print "FAIL: " n " cameras summed"; print frames " frames of 36 cameras, " lost + 0 " lost in the driver" }' \
-  all | tee judged
+# No frame may be lost that the machine itself did not lose: while a processor does not run in time, vivid skips frames.
+awk '$1 == "stalled" { stalled = $2 }
+$1 == "sum" { n++; frames[$2] = $4; bad[$2] = $6; lost[$2] = $8 }
+END {
+  for (c in frames) {
+    if (frames[c] + stalled < 40 || frames[c] > 60) print "FAIL: camera " c " gave " frames[c] " frames in 10 s at 5 Hz"
+    if (bad[c]) print "FAIL: camera " c " gave " bad[c] " bad frames"
+    if (lost[c] > stalled) print "FAIL: camera " c " lost " lost[c] " frames, the machine at most " stalled
+    all += frames[c]; gaps += lost[c]
+  }
+  if (n != 36) print "FAIL: " n " cameras summed"
+  print all " frames of 36 cameras, " gaps + 0 " lost in the driver, at most " stalled " of each by the machine"
+}' all | tee judged
 ! grep -q FAIL judged || failed=1
 
 # Faults of camera 1 of three while all stream.
@@ -48,12 +53,12 @@ run() { # NAME SECONDS FAULTS...: the faults as commands, one after the other
   is "$name: state of camera 1 at the end" "$(grep '^1 ' "$name" | tail -n 1 | cut -d: -f1)" "1 streaming"
   for c in 0 2; do
     [ "$(sum $c bad) $(sum $c gone) $(sum $c restream)" = "0 0 0" ] || fail "$name: camera $c suffers"
-    # A busy host loses some frames of any camera; a driver that waits for camera 1 loses seconds of them.
-    [ "$(sum $c lost)" -le $((seconds * 5 / 4)) ] || fail "$name: camera $c lost $(sum $c lost) frames in $seconds s"
-    [ "$(sum $c frames)" -gt $((seconds * 3)) ] || fail "$name: camera $c gave $(sum $c frames) frames in $seconds s"
+    [ "$(sum $c lost)" -le "$(stalled)" ] || fail "$name: camera $c lost $(sum $c lost) frames, the machine at most $(stalled)"
+    [ $(($(sum $c frames) + $(stalled))) -gt $((seconds * 3)) ] || fail "$name: camera $c gave $(sum $c frames) frames in $seconds s"
   done
 }
 sum() { awk -v c="$1" -v w="$2" '$1 == "sum" && $2 == c { for (i = 3; i < NF; i += 2) if ($i == w) print $(i + 1) }' $now; }
+stalled() { awk '$1 == "stalled" { print $2 }' $now; }
 
 now=flag run flag 4 "set_control inject_v4l2_buf_flag_error=1"
 now=flag
@@ -63,7 +68,7 @@ now=drops run drops 8 "set_control percentage_of_dropped_buffers=50" "sleep 5" \
   "set_control percentage_of_dropped_buffers=0"
 now=drops
 lost=$(sum 1 lost)
-[ "$lost" -ge 5 ] && [ "$lost" -le 20 ] || fail "drops: $lost of about 25 frames lost, not about 12"
+[ "$lost" -ge 5 ] && [ "$lost" -le $((20 + $(stalled))) ] || fail "drops: $lost of about 25 frames lost, not about 12"
 
 now=gone run gone 8 "set_control disconnect=1"
 now=gone
@@ -82,5 +87,5 @@ refuse_buffers() { for _ in 1 2 3 4 5; do set_control inject_vidioc_qbuf_error=1
 now=qbuf run qbuf 16 refuse_buffers
 now=qbuf
 # A buffer that was refused is offered again; else five refusals take all four from it, and it is mute for good.
-[ "$(sum 1 frames)" -gt 48 ] || fail "qbuf: $(sum 1 frames) frames in 16 s at 5 Hz"
+[ $(($(sum 1 frames) + $(stalled))) -gt 48 ] || fail "qbuf: $(sum 1 frames) frames in 16 s at 5 Hz"
 exit $failed

@@ -1,20 +1,89 @@
-/* Cameras through drivers/grab on whatever nodes there are: a line per change of state, at the end the sums per camera.
+/* Cameras through drivers/grab on whatever nodes there are: a line per change of state, at the end the sums per camera
+   and how many frames of each camera the machine itself may have lost because a processor did not run in time.
+
    grab [-o DIR] FOURCC WIDTH HEIGHT RATE_HZ SECONDS PORT...   (-o: keep the good frames of the first camera as files)
    grab -l   lists the capture nodes */
+#define _GNU_SOURCE /* pthread_setaffinity_np */
 #include <inttypes.h>
 #include <linux/videodev2.h>
+#include <pthread.h>
+#include <sched.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/clock.h"
 #include "drivers/grab/grab.h"
+
+enum { CPUS_MAX = 64, WAKE_MS = 10 };
+
+/* A thread on each processor wakes every 10 ms and measures how late it is. vivid makes a frame when its own thread
+   runs and skips those whose time has passed, so a processor that runs its threads late loses at most late / period
+   frames of a camera, rounded up. */
+struct stalls {
+    pthread_t thread[CPUS_MAX];
+    int threads;
+    int64_t period_ns;
+    atomic_bool end;
+    atomic_int frames;
+    atomic_int worst_ms;
+};
 
 struct run {
     struct sst_grab *grab;
     const char *dir;
     int kept;
 };
+
+static void *stalls_thread(void *arg)
+{
+    struct stalls *s = arg;
+    int64_t last_ns = sst_clock_now_ns();
+
+    while (!atomic_load(&s->end)) {
+        int64_t now_ns, late_ns;
+        int ms;
+
+        usleep(WAKE_MS * 1000);
+        now_ns = sst_clock_now_ns();
+        late_ns = now_ns - last_ns - WAKE_MS * INT64_C(1000000);
+        last_ns = now_ns;
+        ms = (int)(late_ns / 1000000);
+        if (ms > atomic_load(&s->worst_ms))
+            atomic_store(&s->worst_ms, ms);
+        /* vivid's thread wakes at another moment: when this one is late by half a period, vivid's can be by a whole
+         * one. */
+        if (late_ns > s->period_ns / 2)
+            atomic_fetch_add(&s->frames, (int)(late_ns / s->period_ns) + 1);
+    }
+    return NULL;
+}
+
+static void stalls_start(struct stalls *s, double rate_hz)
+{
+    const long cpus = sysconf(_SC_NPROCESSORS_ONLN);
+
+    s->period_ns = (int64_t)(1e9 / rate_hz);
+    for (int i = 0; i < cpus && i < CPUS_MAX; i++) {
+        cpu_set_t one;
+
+        CPU_ZERO(&one);
+        CPU_SET(i, &one);
+        if (pthread_create(&s->thread[s->threads], NULL, stalls_thread, s))
+            break;
+        pthread_setaffinity_np(s->thread[s->threads++], sizeof(one), &one);
+    }
+}
+
+static void stalls_end(struct stalls *s)
+{
+    atomic_store(&s->end, true);
+    for (int i = 0; i < s->threads; i++)
+        pthread_join(s->thread[i], NULL);
+    printf("stalled %d frames, worst %d ms\n", atomic_load(&s->frames), atomic_load(&s->worst_ms));
+}
 
 static void keep(struct run *r, const struct sst_frame *f)
 {
@@ -77,6 +146,7 @@ static int list(void)
 static int capture(struct run *r, const struct sst_grab_config *cfg, double seconds)
 {
     const struct sst_grab_events events = { r, on_frame, on_state };
+    struct stalls stalls = { 0 };
     int64_t end_ns;
     int n, err = sst_grab_open(&r->grab, cfg, &events);
 
@@ -84,6 +154,7 @@ static int capture(struct run *r, const struct sst_grab_config *cfg, double seco
         printf("open %d\n", err);
         return 1;
     }
+    stalls_start(&stalls, cfg->rate_hz);
     n = sst_grab_start(r->grab);
     printf("started %d\n", n);
     fflush(stdout);
@@ -91,6 +162,7 @@ static int capture(struct run *r, const struct sst_grab_config *cfg, double seco
     while (!err && sst_clock_now_ns() < end_ns)
         err = sst_grab_poll(r->grab, 100);
     sum(r, cfg->cameras);
+    stalls_end(&stalls);
     end_ns = sst_clock_now_ns();
     sst_grab_close(r->grab);
     printf("closed in %.1f s\n", (double)(sst_clock_now_ns() - end_ns) * 1e-9);
