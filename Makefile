@@ -255,7 +255,7 @@ check-kernel: $(BUILD)/sst $(PLUGINS) $(GUEST_TESTS) ## boot a stock Debian kern
 	SST_BUILD=$(BUILD) scripts/kernel/check.sh $(GUEST)
 
 # Statement and branch coverage by all tests but those that measure time; per folder to build-coverage/coverage.txt.
-coverage: deps ## measure which lines and branches the tests run, about half an hour
+coverage: deps ## measure which lines and branches the tests run, about a quarter of an hour
 	rm -rf build-coverage && mkdir build-coverage
 	$(MAKE) $(PARALLEL) BUILD=build-coverage OPT='-O1 -g1' CFLAGS='--coverage -fprofile-update=atomic' CXXFLAGS=--coverage LDFLAGS=--coverage built build-coverage/config_man
 	-SST_BUILD=build-coverage SST_TEST_SMALL=1 scripts/run_tests.sh $(TESTS:$(BUILD)/%=build-coverage/%) $(SYSTEM_TESTS)
