@@ -31,6 +31,8 @@ enum sst_cpu_level {
     X(winner_row)                                                                                                      \
     X(median5_row)                                                                                                     \
     X(bilateral_row)                                                                                                   \
+    X(candidate_cost_row)                                                                                              \
+    X(candidate_path_row)                                                                                              \
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
     X(blend_finish)                                                                                                    \
@@ -148,6 +150,61 @@ typedef void sst_median5_row_fn(uint16_t *out, const uint16_t *const rows[5], si
 typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], const uint8_t *const luma[7],
                                   const int16_t *weight, int tau, size_t n);
 #define SST_BILATERAL_STEP_Q6 96
+
+/* Second pass (design.md, 5.7): each pixel has a list of up to SST_CANDIDATES disparities, in 1/64 px. */
+#define SST_CANDIDATES      8
+#define SST_CANDIDATE_BEST  4     /* cheapest views that count, visible or not */
+#define SST_CANDIDATE_LIMIT 480   /* largest cost of a view: colour difference in eighths of a level, R + G + B */
+#define SST_CANDIDATE_FAR   12000 /* cost of unused entries: 4 * (FAR + SST_DISPARITY_MAX_PENALTY) < 2^16 */
+#define SST_DEPTH_OUTSIDE   255   /* depth code of pixels that must not be matched */
+
+/** A view that candidates are tested against. Pixels are R, G, B and a depth code from the lowest byte up. */
+struct sst_candidate_view {
+    const uint32_t *pixels; /* pixel (0, 0); one row and column above and left, one row and two columns below and right
+                               are readable */
+    ptrdiff_t stride;       /* pixels */
+    int64_t x, y;           /* displacement there of disparity value 0, px in Q32, plus a half */
+    int64_t dx, dy;         /* displacement by each 1/64 px */
+};
+
+struct sst_candidate_test {
+    struct sst_candidate_view own; /* the view of the candidates; only its pixels count */
+    const struct sst_candidate_view *view;
+    size_t views;
+    int width, height;   /* of all views */
+    const uint8_t *code; /* [65536] depth code of a disparity: 1..254 and ascending; 0: unknown */
+    int tolerance;       /* 1/64 px: a surface nearer by more than this hides the candidate */
+    int similar;         /* pixels of the 3x3 window count whose channels all differ by at most this from the middle */
+};
+
+/**
+ * Costs of the candidates of row y: each view's mean colour difference over the similar pixels of a 3x3 window, at most
+ * SST_CANDIDATE_LIMIT, where the candidate projects to (nearest pixel). The cost is the mean over the views in which
+ * nothing nearer hides the candidate, with the SST_CANDIDATE_BEST cheapest of all views added once more; the cheapest
+ * alone where fewer views see it at all. Pixels with one candidate cost 0.
+ *
+ * @param cost       out [n][SST_CANDIDATES]; unused entries SST_CANDIDATE_FAR
+ * @param candidate  [n][SST_CANDIDATES]
+ * @param count      [n] of them in use, 0..SST_CANDIDATES
+ */
+typedef void sst_candidate_cost_row_fn(uint16_t *cost, const uint16_t *candidate, const uint8_t *count,
+                                       const struct sst_candidate_test *test, int y, size_t n);
+
+/** Penalties of a path: 0 up to a step of `near`, p1 up to twice that, p2 beyond; by colour step. */
+struct sst_candidate_penalty {
+    uint16_t near; /* 1/64 px, at most 2^14 */
+    uint16_t p1[256], p2[256];
+};
+
+/**
+ * One path of the semi-global optimisation over candidates: entry i of a pixel is
+ * L[i] = C[i] + min over j of (P[j] + penalty(|D[i] - D'[j]|)) - min P, at most C[i] + p2, and sum += L.
+ * P and D' are the path and the candidates of the predecessor. All pointers advance by `step` entries a pixel, `colour`
+ * by a SST_CANDIDATES-th of it; a path along a row reads what it wrote for the last pixel.
+ */
+typedef void sst_candidate_path_row_fn(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *candidate,
+                                       const uint16_t *from, const uint16_t *from_candidate, const uint8_t *colour,
+                                       const struct sst_candidate_penalty *penalty, ptrdiff_t step, size_t n);
 
 /* --- rendering (pipeline/method/render/) --- */
 

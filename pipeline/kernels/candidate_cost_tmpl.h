@@ -1,0 +1,127 @@
+/* candidate_cost_row. Positions are arbitrary, so the work is vectorised inside each window: three rows of four pixels,
+ * of which a mask selects the similar ones. */
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
+struct KERNEL(candidate_window) {
+    uint8_t mask[3][16]; /* 255 in the three channels of similar pixels */
+    uint8_t pixels[3][16]; /* masked */
+    unsigned scale;      /* 2^19 / number of similar pixels */
+};
+
+static inline void KERNEL(candidate_window_init)(struct KERNEL(candidate_window) *w, const uint32_t *at, ptrdiff_t stride,
+                                                 int similar)
+{
+    uint8_t middle[16], same[12];
+    unsigned count = 0;
+
+    for (int i = 0; i < 16; i++)
+        middle[i] = (uint8_t)(at[0] >> 8 * (i & 3));
+    memset(w->mask, 0, sizeof(w->mask));
+    for (int row = 0; row < 3; row++) {
+        memcpy(w->pixels[row], at + (row - 1) * stride - 1, 16);
+        for (int i = 0; i < 12; i++) {
+            const int a = w->pixels[row][i], b = middle[i];
+
+            same[i] = (a > b ? a - b : b - a) <= similar;
+        }
+        for (int i = 0; i < 3; i++) {
+            const uint8_t all = same[4 * i] & same[4 * i + 1] & same[4 * i + 2];
+
+            count += all;
+            for (int c = 0; c < 3; c++)
+                w->mask[row][4 * i + c] = (uint8_t)-all;
+        }
+        for (int i = 0; i < 16; i++)
+            w->pixels[row][i] &= w->mask[row][i];
+    }
+    w->scale = 65536 * 8 / count;
+}
+
+#if defined(__SSE2__)
+static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidate_window) *w, const uint32_t *at,
+                                                    ptrdiff_t stride)
+{
+    __m128i sum = _mm_setzero_si128();
+
+    for (int row = 0; row < 3; row++) {
+        const __m128i there = _mm_loadu_si128((const __m128i *)(const void *)(at + (row - 1) * stride - 1));
+        const __m128i mask = _mm_loadu_si128((const __m128i *)(const void *)w->mask[row]);
+
+        sum = _mm_add_epi32(sum, _mm_sad_epu8(_mm_and_si128(there, mask),
+                                              _mm_loadu_si128((const __m128i *)(const void *)w->pixels[row])));
+    }
+    return (unsigned)_mm_cvtsi128_si32(_mm_add_epi32(sum, _mm_unpackhi_epi64(sum, sum)));
+}
+#else
+static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidate_window) *w, const uint32_t *at,
+                                                    ptrdiff_t stride)
+{
+    unsigned sum = 0;
+
+    for (int row = 0; row < 3; row++) {
+        uint8_t there[16];
+
+        memcpy(there, at + (row - 1) * stride - 1, 16);
+        for (int i = 0; i < 16; i++) {
+            const int a = there[i] & w->mask[row][i], b = w->pixels[row][i];
+
+            sum += (unsigned)(a > b ? a - b : b - a);
+        }
+    }
+    return sum;
+}
+#endif
+
+static inline unsigned KERNEL(candidate_cost)(const struct sst_candidate_test *t, const struct KERNEL(candidate_window) *w,
+                                              int x, int y, int d)
+{
+    const unsigned hides = t->code[d + t->tolerance < 65534 ? d + t->tolerance : 65534];
+    unsigned best[SST_CANDIDATE_BEST] = { 65535, 65535, 65535, 65535 }, seen = 0, visible = 0, sum = 0;
+
+    for (size_t k = 0; k < t->views; k++) {
+        const struct sst_candidate_view *v = &t->view[k];
+        const int xv = x + (int)((v->x + d * v->dx) >> 32), yv = y + (int)((v->y + d * v->dy) >> 32);
+        const uint32_t *at = v->pixels + yv * v->stride + xv;
+        unsigned cost, open;
+
+        if ((unsigned)xv >= (unsigned)t->width || (unsigned)yv >= (unsigned)t->height || *at >> 24 == SST_DEPTH_OUTSIDE)
+            continue;
+        cost = KERNEL(candidate_difference)(w, at, v->stride) * w->scale >> 16;
+        cost = cost < SST_CANDIDATE_LIMIT ? cost : SST_CANDIDATE_LIMIT;
+        open = *at >> 24 <= hides;
+        seen++;
+        visible += open;
+        sum += cost & -open;
+        for (int i = 0; i < SST_CANDIDATE_BEST; i++) {
+            const unsigned least = best[i] < cost ? best[i] : cost;
+
+            cost = best[i] < cost ? cost : best[i];
+            best[i] = least;
+        }
+    }
+    if (seen < SST_CANDIDATE_BEST)
+        return seen ? best[0] : SST_CANDIDATE_LIMIT;
+    return (sum + best[0] + best[1] + best[2] + best[3]) / (visible + SST_CANDIDATE_BEST);
+}
+
+static void KERNEL(candidate_cost_row)(uint16_t *cost, const uint16_t *candidate, const uint8_t *count,
+                                       const struct sst_candidate_test *test, int y, size_t n)
+{
+    _Static_assert(SST_CANDIDATE_BEST == 4, "four sums");
+    for (size_t x = 0; x < n; x++, cost += SST_CANDIDATES, candidate += SST_CANDIDATES) {
+        struct KERNEL(candidate_window) w;
+
+        for (size_t i = count[x]; i < SST_CANDIDATES; i++)
+            cost[i] = SST_CANDIDATE_FAR;
+        if (count[x] == 1)
+            cost[0] = 0;
+        if (count[x] < 2)
+            continue;
+        KERNEL(candidate_window_init)(&w, test->own.pixels + y * test->own.stride + (ptrdiff_t)x, test->own.stride,
+                                      test->similar);
+        for (size_t i = 0; i < count[x]; i++)
+            cost[i] = (uint16_t)KERNEL(candidate_cost)(test, &w, (int)x, y, candidate[i]);
+    }
+}
