@@ -43,9 +43,9 @@ static unsigned cost_of(const struct sst_candidate_test *t, int x, int y, int d)
     unsigned best[SST_CANDIDATE_BEST + 1], seen = 0, visible = 0, sum = 0;
     size_t found = 0;
 
-    for (size_t k = 0; k < t->views; k++) {
-        const struct sst_candidate_view *v = &t->view[k];
-        const int64_t xv = x + ((v->x + d * v->dx) >> 32), yv = y + ((v->y + d * v->dy) >> 32);
+    for (int k = 0; k < t->views; k++) {
+        const struct sst_packed_view *v = &t->view[k];
+        const int xv = x + ((t->x[k] + d * t->dx[k]) >> 16), yv = y + ((t->y[k] + d * t->dy[k]) >> 16);
         const uint32_t *at = v->pixels + yv * v->stride + xv;
         unsigned cost;
         size_t i;

@@ -74,36 +74,48 @@ static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidat
 }
 #endif
 
-static inline unsigned KERNEL(candidate_cost)(const struct sst_candidate_test *t, const struct KERNEL(candidate_window) *w,
-                                              int x, int y, int d)
-{
-    const unsigned hides = t->code[d + t->tolerance < 65534 ? d + t->tolerance : 65534];
-    unsigned best[SST_CANDIDATE_BEST] = { 65535, 65535, 65535, 65535 }, seen = 0, visible = 0, sum = 0;
+/* Where a disparity moves a pixel to in each view. */
+struct KERNEL(candidate_moves) {
+    int32_t x[SST_CANDIDATE_VIEWS], y[SST_CANDIDATE_VIEWS];
+};
 
-    for (size_t k = 0; k < t->views; k++) {
-        const struct sst_candidate_view *v = &t->view[k];
-        const int xv = x + (int)((v->x + d * v->dx) >> 32), yv = y + (int)((v->y + d * v->dy) >> 32);
-        const uint32_t *at = v->pixels + yv * v->stride + xv;
-        unsigned cost, open;
+static inline void KERNEL(candidate_move)(struct KERNEL(candidate_moves) *m, const struct sst_candidate_test *t, int d)
+{
+    for (int k = 0; k < SST_CANDIDATE_VIEWS; k++) {
+        m->x[k] = (t->x[k] + d * t->dx[k]) >> 16;
+        m->y[k] = (t->y[k] + d * t->dy[k]) >> 16;
+    }
+}
+
+static inline unsigned KERNEL(candidate_cost)(const struct sst_candidate_test *t, const struct KERNEL(candidate_window) *w,
+                                              const struct KERNEL(candidate_moves) *m, int x, int y, unsigned hides)
+{
+    unsigned b0 = 65535, b1 = 65535, b2 = 65535, b3 = 65535, seen = 0, visible = 0, sum = 0;
+
+    for (int k = 0; k < t->views; k++) {
+        const int xv = x + m->x[k], yv = y + m->y[k];
+        const uint32_t *at = t->view[k].pixels + yv * t->view[k].stride + xv;
+        unsigned cost, open, c1, c2, c3;
 
         if ((unsigned)xv >= (unsigned)t->width || (unsigned)yv >= (unsigned)t->height || *at >> 24 == SST_DEPTH_OUTSIDE)
             continue;
-        cost = KERNEL(candidate_difference)(w, at, v->stride) * w->scale >> 16;
+        cost = KERNEL(candidate_difference)(w, at, t->view[k].stride) * w->scale >> 16;
         cost = cost < SST_CANDIDATE_LIMIT ? cost : SST_CANDIDATE_LIMIT;
         open = *at >> 24 <= hides;
         seen++;
         visible += open;
         sum += cost & -open;
-        for (int i = 0; i < SST_CANDIDATE_BEST; i++) {
-            const unsigned least = best[i] < cost ? best[i] : cost;
-
-            cost = best[i] < cost ? cost : best[i];
-            best[i] = least;
-        }
+        c1 = cost > b0 ? cost : b0;
+        b0 = cost > b0 ? b0 : cost;
+        c2 = c1 > b1 ? c1 : b1;
+        b1 = c1 > b1 ? b1 : c1;
+        c3 = c2 > b2 ? c2 : b2;
+        b2 = c2 > b2 ? b2 : c2;
+        b3 = c3 > b3 ? b3 : c3;
     }
     if (seen < SST_CANDIDATE_BEST)
-        return seen ? best[0] : SST_CANDIDATE_LIMIT;
-    return (sum + best[0] + best[1] + best[2] + best[3]) / (visible + SST_CANDIDATE_BEST);
+        return seen ? b0 : SST_CANDIDATE_LIMIT;
+    return (sum + b0 + b1 + b2 + b3) / (visible + SST_CANDIDATE_BEST);
 }
 
 static void KERNEL(candidate_cost_row)(uint16_t *cost, const uint16_t *candidate, const uint8_t *count,
@@ -112,6 +124,7 @@ static void KERNEL(candidate_cost_row)(uint16_t *cost, const uint16_t *candidate
     _Static_assert(SST_CANDIDATE_BEST == 4, "four sums");
     for (size_t x = 0; x < n; x++, cost += SST_CANDIDATES, candidate += SST_CANDIDATES) {
         struct KERNEL(candidate_window) w;
+        struct KERNEL(candidate_moves) moves;
 
         for (size_t i = count[x]; i < SST_CANDIDATES; i++)
             cost[i] = SST_CANDIDATE_FAR;
@@ -121,7 +134,12 @@ static void KERNEL(candidate_cost_row)(uint16_t *cost, const uint16_t *candidate
             continue;
         KERNEL(candidate_window_init)(&w, test->own.pixels + y * test->own.stride + (ptrdiff_t)x, test->own.stride,
                                       test->similar);
-        for (size_t i = 0; i < count[x]; i++)
-            cost[i] = (uint16_t)KERNEL(candidate_cost)(test, &w, (int)x, y, candidate[i]);
+        for (size_t i = 0; i < count[x]; i++) {
+            const int d = candidate[i], front = d + test->tolerance;
+
+            KERNEL(candidate_move)(&moves, test, d);
+            cost[i] = (uint16_t)KERNEL(candidate_cost)(test, &w, &moves, (int)x, y,
+                                                       test->code[front < 65534 ? front : 65534]);
+        }
     }
 }

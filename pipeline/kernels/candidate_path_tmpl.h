@@ -1,32 +1,36 @@
-/* candidate_path_row: one lane for each candidate of the pixel, one candidate of the predecessor after the other. */
+/* candidate_path_row: one lane for each candidate of the pixel, one candidate of the predecessor after the other. In the
+ * compiler's vectors, because loops of eight are unrolled into scalars instead. */
+typedef uint16_t KERNEL(candidate_lanes) __attribute__((vector_size(2 * SST_CANDIDATES), aligned(2), may_alias));
+
+static inline KERNEL(candidate_lanes) KERNEL(candidate_min)(KERNEL(candidate_lanes) a, KERNEL(candidate_lanes) b)
+{
+    const KERNEL(candidate_lanes) less = (KERNEL(candidate_lanes))(a < b);
+
+    return (a & less) | (b & ~less);
+}
+
 static inline void KERNEL(candidate_path)(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *candidate,
                                           const uint16_t *from, const uint16_t *from_candidate, uint16_t p1, uint16_t p2,
                                           uint16_t near)
 {
-    const uint16_t farther = (uint16_t)(2 * near);
-    uint16_t best[SST_CANDIDATES], total[SST_CANDIDATES], least = from[0];
+    typedef KERNEL(candidate_lanes) lanes;
+    const lanes here = *(const lanes *)candidate;
+    uint16_t least = from[0];
+    lanes best, l;
 
     for (int j = 1; j < SST_CANDIDATES; j++)
         least = from[j] < least ? from[j] : least;
-    for (int i = 0; i < SST_CANDIDATES; i++)
-        best[i] = (uint16_t)(least + p2);
+    best = (lanes){ 0 } + (uint16_t)(least + p2);
     for (int j = 0; j < SST_CANDIDATES; j++) {
-        const uint16_t there = from_candidate[j], before = from[j];
+        const lanes there = (lanes){ 0 } + from_candidate[j], up = here - there, down = there - here;
+        const lanes jump = KERNEL(candidate_min)(up, down); /* the other one wraps around */
+        const lanes penalty = (lanes)(jump > near) & p1;
 
-        for (int i = 0; i < SST_CANDIDATES; i++) {
-            const uint16_t a = candidate[i], jump = (uint16_t)(a > there ? a - there : there - a);
-            const uint16_t up_to = jump <= farther ? p1 : p2, penalty = jump <= near ? 0 : up_to;
-            const uint16_t here = (uint16_t)(before + penalty);
-
-            best[i] = here < best[i] ? here : best[i];
-        }
+        best = KERNEL(candidate_min)(best, (penalty + from[j]) | (lanes)(jump > (uint16_t)(2 * near)));
     }
-    for (int i = 0; i < SST_CANDIDATES; i++)
-        best[i] = (uint16_t)(cost[i] + best[i] - least);
-    for (int i = 0; i < SST_CANDIDATES; i++)
-        total[i] = (uint16_t)(sum[i] + best[i]);
-    memcpy(path, best, sizeof(best));
-    memcpy(sum, total, sizeof(total));
+    l = *(const lanes *)cost + best - least;
+    *(lanes *)path = l;
+    *(lanes *)sum += l;
 }
 
 static void KERNEL(candidate_path_row)(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *candidate,

@@ -158,19 +158,21 @@ typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], 
 #define SST_CANDIDATE_FAR   12000 /* cost of unused entries: 4 * (FAR + SST_DISPARITY_MAX_PENALTY) < 2^16 */
 #define SST_DEPTH_OUTSIDE   255   /* depth code of pixels that must not be matched */
 
-/** A view that candidates are tested against. Pixels are R, G, B and a depth code from the lowest byte up. */
-struct sst_candidate_view {
+/** A view whose pixels are R, G, B and a depth code from the lowest byte up. */
+struct sst_packed_view {
     const uint32_t *pixels; /* pixel (0, 0); one row and column above and left, one row and two columns below and right
                                are readable */
     ptrdiff_t stride;       /* pixels */
-    int64_t x, y;           /* displacement there of disparity value 0, px in Q32, plus a half */
-    int64_t dx, dy;         /* displacement by each 1/64 px */
 };
 
+#define SST_CANDIDATE_VIEWS 24
+
+/** What the candidates of a view are tested against. A disparity d moves a pixel by (x + d dx) / 2^16 to a view, rounded
+ *  down: x holds the disparity of value 0 and a half. All displacements of disparities 0..65534 fit 32 bits. */
 struct sst_candidate_test {
-    struct sst_candidate_view own; /* the view of the candidates; only its pixels count */
-    const struct sst_candidate_view *view;
-    size_t views;
+    struct sst_packed_view own, view[SST_CANDIDATE_VIEWS];
+    int32_t x[SST_CANDIDATE_VIEWS], y[SST_CANDIDATE_VIEWS], dx[SST_CANDIDATE_VIEWS], dy[SST_CANDIDATE_VIEWS];
+    int views;           /* used */
     int width, height;   /* of all views */
     const uint8_t *code; /* [65536] depth code of a disparity: 1..254 and ascending; 0: unknown */
     int tolerance;       /* 1/64 px: a surface nearer by more than this hides the candidate */
@@ -198,7 +200,8 @@ struct sst_candidate_penalty {
 
 /**
  * One path of the semi-global optimisation over candidates: entry i of a pixel is
- * L[i] = C[i] + min over j of (P[j] + penalty(|D[i] - D'[j]|)) - min P, at most C[i] + p2, and sum += L.
+ * L[i] = C[i] + min over j of (P[j] + penalty(|D[i] - D'[j]|)) - min P, at most C[i] + p2, and sum += L. Candidates are
+ * at most 2^15.
  * P and D' are the path and the candidates of the predecessor. All pointers advance by `step` entries a pixel, `colour`
  * by a SST_CANDIDATES-th of it; a path along a row reads what it wrote for the last pixel.
  */

@@ -15,7 +15,6 @@
 #include "pipeline/method/disparity/stage.h"
 
 #define MARGIN       2   /* columns and rows around a packed view */
-#define VIEWS        24  /* nearest views that a candidate is tested against */
 #define SIMILAR      24  /* levels: pixels of a window that count */
 #define LEVELS_RANGE 24  /* the range's share that makes a step: surfaces that are nearer to each other are one */
 #define STEP_LEAST   8   /* 1/64 px */
@@ -24,6 +23,7 @@
 #define P2           300
 #define EDGE_STEP    16  /* levels at which P2 is halved */
 #define NEAREST_CODE 254
+#define DISPLACED_MOST 32000 /* px */
 #define EXTREMES     6 /* farthest and nearest in windows of three sizes */
 
 static const int radii[EXTREMES / 2] = { 2, 6, 16 };
@@ -297,7 +297,8 @@ static int list_candidates(uint16_t *list, const struct pass *p, const struct ar
 static int nearest_views(const struct pass *p, int k, int *nearest)
 {
     const struct sst_visible_view *own = &p->in->view[k];
-    double distance[VIEWS];
+    const double reach = fabs(p->in->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE;
+    double distance[SST_CANDIDATE_VIEWS];
     int n = 0;
 
     for (int i = 0; i < p->in->count; i++) {
@@ -305,9 +306,10 @@ static int nearest_views(const struct pass *p, int k, int *nearest)
         const double far = hypot(v->bx - own->bx, v->by - own->by);
         int at;
 
-        if (i == k || !v->image || (n == VIEWS && far >= distance[n - 1]))
+        /* Displacements are 32-bit numbers in 2^-16 px; farther than that, nothing of this view is seen anyway. */
+        if (i == k || !v->image || far * reach > DISPLACED_MOST || (n == SST_CANDIDATE_VIEWS && far >= distance[n - 1]))
             continue;
-        n += n < VIEWS;
+        n += n < SST_CANDIDATE_VIEWS;
         for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
             distance[at] = distance[at - 1];
             nearest[at] = nearest[at - 1];
@@ -318,36 +320,34 @@ static int nearest_views(const struct pass *p, int k, int *nearest)
     return n;
 }
 
-static int64_t q32(double px)
+/* In 2^-16 px. */
+static int32_t q16(double px)
 {
-    return (int64_t)floor(px * 4294967296.0 + 0.5);
+    return (int32_t)floor(px * 65536 + 0.5);
 }
 
-static void set_test(struct sst_candidate_test *t, struct sst_candidate_view views[VIEWS], const struct pass *p, int k)
+static void set_test(struct sst_candidate_test *t, const struct pass *p, int k)
 {
     const struct sst_visible_view *own = &p->in->view[k];
-    int nearest[VIEWS];
-    const int n = nearest_views(p, k, nearest);
+    int nearest[SST_CANDIDATE_VIEWS];
 
-    for (int i = 0; i < n; i++) {
-        const struct packed *at = &p->view[nearest[i]];
-        const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
-
-        views[i] = (struct sst_candidate_view){ .pixels = at->pixels,
-                                                .stride = at->stride,
-                                                .x = q32(0.5 - p->in->disp_min_px * bx),
-                                                .y = q32(0.5 - p->in->disp_min_px * by),
-                                                .dx = q32(-bx / 64),
-                                                .dy = q32(-by / 64) };
-    }
-    *t = (struct sst_candidate_test){ .own = { .pixels = p->view[k].pixels, .stride = p->view[k].stride },
-                                      .view = views,
-                                      .views = (size_t)n,
+    *t = (struct sst_candidate_test){ .own = { p->view[k].pixels, p->view[k].stride },
+                                      .views = nearest_views(p, k, nearest),
                                       .width = own->disp->width,
                                       .height = own->disp->height,
                                       .code = p->code,
                                       .tolerance = p->step,
                                       .similar = SIMILAR };
+    for (int i = 0; i < t->views; i++) {
+        const struct packed *at = &p->view[nearest[i]];
+        const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
+
+        t->view[i] = (struct sst_packed_view){ at->pixels, at->stride };
+        t->x[i] = q16(0.5 - p->in->disp_min_px * bx);
+        t->y[i] = q16(0.5 - p->in->disp_min_px * by);
+        t->dx[i] = q16(-bx / 64);
+        t->dy[i] = q16(-by / 64);
+    }
 }
 
 /* --- optimisation ------------------------------------------------------------------------------------------------- */
@@ -477,7 +477,6 @@ static int second_job(void *arg, int k, int worker SST_UNUSED)
 {
     struct pass *p = arg;
     const struct sst_visible_view *v = &p->in->view[k];
-    struct sst_candidate_view views[VIEWS];
     struct sst_candidate_test test;
     struct around around = { 0 };
     struct lists lists = { 0 };
@@ -490,7 +489,7 @@ static int second_job(void *arg, int k, int worker SST_UNUSED)
     err = sst_map_u16_init(&p->out[k], v->disp->width, v->disp->height);
     err = err ? err : lists_init(&lists, v->disp->width, v->disp->height);
     err = err ? err : around_init(&around, p, k);
-    set_test(&test, views, p, k);
+    set_test(&test, p, k);
     for (int y = 0; !err && y < lists.height; y++) {
         const size_t row = (size_t)y * (size_t)lists.width;
 
