@@ -75,9 +75,9 @@ void sst_candidate_cost_row_ref(uint16_t *cost, const uint16_t *candidate, const
         for (size_t i = 0; i < SST_CANDIDATES; i++) {
             const size_t at = x * SST_CANDIDATES + i;
 
-            cost[at] = i >= count[x]     ? SST_CANDIDATE_FAR
-                       : count[x] == 1   ? 0
-                                         : (uint16_t)cost_of(test, (int)x, y, candidate[at]);
+            cost[at] = i >= count[x]   ? SST_CANDIDATE_FAR
+                       : count[x] == 1 ? 0
+                                       : (uint16_t)cost_of(test, (int)x, y, candidate[at]);
         }
     }
 }

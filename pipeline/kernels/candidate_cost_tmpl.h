@@ -5,13 +5,13 @@
 #endif
 
 struct KERNEL(candidate_window) {
-    uint8_t mask[3][16]; /* 255 in the three channels of similar pixels */
+    uint8_t mask[3][16];   /* 255 in the three channels of similar pixels */
     uint8_t pixels[3][16]; /* masked */
-    unsigned scale;      /* 2^19 / number of similar pixels */
+    unsigned scale;        /* 2^19 / number of similar pixels */
 };
 
-static inline void KERNEL(candidate_window_init)(struct KERNEL(candidate_window) *w, const uint32_t *at, ptrdiff_t stride,
-                                                 int similar)
+static inline void KERNEL(candidate_window_init)(struct KERNEL(candidate_window) * w, const uint32_t *at,
+                                                 ptrdiff_t stride, int similar)
 {
     uint8_t middle[16], same[12];
     unsigned count = 0;
@@ -40,7 +40,7 @@ static inline void KERNEL(candidate_window_init)(struct KERNEL(candidate_window)
 }
 
 #if defined(__SSE2__)
-static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidate_window) *w, const uint32_t *at,
+static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidate_window) * w, const uint32_t *at,
                                                     ptrdiff_t stride)
 {
     __m128i sum = _mm_setzero_si128();
@@ -55,7 +55,7 @@ static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidat
     return (unsigned)_mm_cvtsi128_si32(_mm_add_epi32(sum, _mm_unpackhi_epi64(sum, sum)));
 }
 #else
-static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidate_window) *w, const uint32_t *at,
+static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidate_window) * w, const uint32_t *at,
                                                     ptrdiff_t stride)
 {
     unsigned sum = 0;
@@ -79,7 +79,7 @@ struct KERNEL(candidate_moves) {
     int32_t x[SST_CANDIDATE_VIEWS], y[SST_CANDIDATE_VIEWS];
 };
 
-static inline void KERNEL(candidate_move)(struct KERNEL(candidate_moves) *m, const struct sst_candidate_test *t, int d)
+static inline void KERNEL(candidate_move)(struct KERNEL(candidate_moves) * m, const struct sst_candidate_test *t, int d)
 {
     for (int k = 0; k < SST_CANDIDATE_VIEWS; k++) {
         m->x[k] = (t->x[k] + d * t->dx[k]) >> 16;
@@ -87,8 +87,9 @@ static inline void KERNEL(candidate_move)(struct KERNEL(candidate_moves) *m, con
     }
 }
 
-static inline unsigned KERNEL(candidate_cost)(const struct sst_candidate_test *t, const struct KERNEL(candidate_window) *w,
-                                              const struct KERNEL(candidate_moves) *m, int x, int y, unsigned hides)
+static inline unsigned KERNEL(candidate_cost)(const struct sst_candidate_test *t,
+                                              const struct KERNEL(candidate_window) * w,
+                                              const struct KERNEL(candidate_moves) * m, int x, int y, unsigned hides)
 {
     unsigned b0 = 65535, b1 = 65535, b2 = 65535, b3 = 65535, seen = 0, visible = 0, sum = 0;
 
@@ -132,8 +133,8 @@ static void KERNEL(candidate_cost_row)(uint16_t *cost, const uint16_t *candidate
             cost[0] = 0;
         if (count[x] < 2)
             continue;
-        KERNEL(candidate_window_init)(&w, test->own.pixels + y * test->own.stride + (ptrdiff_t)x, test->own.stride,
-                                      test->similar);
+        KERNEL(candidate_window_init)
+        (&w, test->own.pixels + y * test->own.stride + (ptrdiff_t)x, test->own.stride, test->similar);
         for (size_t i = 0; i < count[x]; i++) {
             const int d = candidate[i], front = d + test->tolerance;
 

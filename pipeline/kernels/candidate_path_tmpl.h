@@ -1,5 +1,5 @@
-/* candidate_path_row: one lane for each candidate of the pixel, one candidate of the predecessor after the other. In the
- * compiler's vectors, because loops of eight are unrolled into scalars instead. */
+/* candidate_path_row: one lane for each candidate of the pixel, one candidate of the predecessor after the other. In
+ * the compiler's vectors, because loops of eight are unrolled into scalars instead. */
 typedef uint16_t KERNEL(candidate_lanes) __attribute__((vector_size(2 * SST_CANDIDATES), aligned(2), may_alias));
 
 static inline KERNEL(candidate_lanes) KERNEL(candidate_min)(KERNEL(candidate_lanes) a, KERNEL(candidate_lanes) b)
@@ -9,9 +9,9 @@ static inline KERNEL(candidate_lanes) KERNEL(candidate_min)(KERNEL(candidate_lan
     return (a & less) | (b & ~less);
 }
 
-static inline void KERNEL(candidate_path)(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *candidate,
-                                          const uint16_t *from, const uint16_t *from_candidate, uint16_t p1, uint16_t p2,
-                                          uint16_t near)
+static inline void KERNEL(candidate_path)(uint16_t *path, uint16_t *sum, const uint16_t *cost,
+                                          const uint16_t *candidate, const uint16_t *from,
+                                          const uint16_t *from_candidate, uint16_t p1, uint16_t p2, uint16_t near)
 {
     typedef KERNEL(candidate_lanes) lanes;
     const lanes here = *(const lanes *)candidate;
@@ -41,7 +41,8 @@ static void KERNEL(candidate_path_row)(uint16_t *path, uint16_t *sum, const uint
         const ptrdiff_t at = x * step;
         const uint8_t c = colour[at / SST_CANDIDATES];
 
-        KERNEL(candidate_path)(path + at, sum + at, cost + at, candidate + at, from + at, from_candidate + at,
-                               penalty->p1[c], penalty->p2[c], penalty->near);
+        KERNEL(candidate_path)
+        (path + at, sum + at, cost + at, candidate + at, from + at, from_candidate + at, penalty->p1[c], penalty->p2[c],
+         penalty->near);
     }
 }

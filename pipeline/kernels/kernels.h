@@ -167,8 +167,8 @@ struct sst_packed_view {
 
 #define SST_CANDIDATE_VIEWS 24
 
-/** What the candidates of a view are tested against. A disparity d moves a pixel by (x + d dx) / 2^16 to a view, rounded
- *  down: x holds the disparity of value 0 and a half. All displacements of disparities 0..65534 fit 32 bits. */
+/** What the candidates of a view are tested against. A disparity d moves a pixel by (x + d dx) / 2^16 to a view,
+ * rounded down: x holds the disparity of value 0 and a half. All displacements of disparities 0..65534 fit 32 bits. */
 struct sst_candidate_test {
     struct sst_packed_view own, view[SST_CANDIDATE_VIEWS];
     int32_t x[SST_CANDIDATE_VIEWS], y[SST_CANDIDATE_VIEWS], dx[SST_CANDIDATE_VIEWS], dy[SST_CANDIDATE_VIEWS];

@@ -20,7 +20,8 @@ struct scene {
 
 static uint8_t colour_of(int x, int y, int surface, int channel)
 {
-    uint64_t seed = (uint64_t)(x + 4096) * 8191 + (uint64_t)(y + 4096) * 131 + (uint64_t)surface * 7 + (uint64_t)channel;
+    uint64_t seed =
+        (uint64_t)(x + 4096) * 8191 + (uint64_t)(y + 4096) * 131 + (uint64_t)surface * 7 + (uint64_t)channel;
 
     return (uint8_t)(40 + (surface ? 100 : 0) + (int)(sst_random_u64(&seed) % 80));
 }
@@ -55,8 +56,8 @@ static void scene_init(struct scene *s)
         assert_int_equal(sst_map_u16_init(&s->truth[k], W, H), 0);
         assert_int_equal(sst_map_u8_init(&s->confidence[k], W, H), 0);
         draw(s, k);
-        s->view[k] = (struct sst_visible_view){ &s->image[k],      NULL, &s->disp[k], &s->confidence[k], k % SIDE - 1,
-                                                k / SIDE - 1 };
+        s->view[k] =
+            (struct sst_visible_view){ &s->image[k], NULL, &s->disp[k], &s->confidence[k], k % SIDE - 1, k / SIDE - 1 };
     }
 }
 
@@ -148,7 +149,8 @@ static void same_bytes_for_any_threads(void **state SST_UNUSED)
     scene_fini(&four);
 }
 
-/* Pixels that must not be matched get no disparity, and those without candidates keep none; absent views are left out. */
+/* Pixels that must not be matched get no disparity, and those without candidates keep none; absent views are left out.
+ */
 static void unknown_pixels(void **state SST_UNUSED)
 {
     struct scene s;
@@ -204,12 +206,9 @@ static void cancelled(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(closed_gaps_open),
-        cmocka_unit_test(lost_bars_return),
-        cmocka_unit_test(right_maps_stay),
-        cmocka_unit_test(same_bytes_for_any_threads),
-        cmocka_unit_test(unknown_pixels),
-        cmocka_unit_test(smallest_views),
+        cmocka_unit_test(closed_gaps_open), cmocka_unit_test(lost_bars_return),
+        cmocka_unit_test(right_maps_stay),  cmocka_unit_test(same_bytes_for_any_threads),
+        cmocka_unit_test(unknown_pixels),   cmocka_unit_test(smallest_views),
         cmocka_unit_test(cancelled),
     };
 

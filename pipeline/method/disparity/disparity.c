@@ -23,7 +23,7 @@ struct run {
     const struct sst_disparity_config *cfg;
     struct sst_network **nets; /* [workers]; NULL without features */
     bool fill;
-    int rounds, support_arm;       /* of the second pass; of the first one's aggregation */
+    int rounds;                    /* of the second pass */
     int scale, width, height;      /* of the images that are matched */
     int disp_min, range;           /* in pixels of those images; range + 1 whole disparities are searched */
     int divisor;                   /* steps per pixel */
@@ -148,14 +148,14 @@ static int match_sides(struct run *run, struct sst_volume *v, int view, int firs
     if (cfg->raw)
         return sst_volume_winner(v, true, disp, confidence);
     err = cancelled(run);
-    err = err ? err : sst_disparity_support_aggregate(v, support, run->support_arm ? cfg->support_before : 0);
+    err = err ? err : sst_disparity_support_aggregate(v, support, cfg->support_arm ? cfg->support_before : 0);
     err = err ? err : cancelled(run);
     err = err ? err : sst_disparity_sgm(v, &run->desc[view].image, cfg);
-    if (!err && run->support_arm && cfg->support_after) {
+    if (!err && cfg->support_arm && cfg->support_after) {
         sst_volume_requantise(v);
         err = sst_disparity_support_aggregate(v, support, cfg->support_after);
     }
-    return err ? err : sst_volume_winner(v, run->support_arm && cfg->support_after, disp, confidence);
+    return err ? err : sst_volume_winner(v, cfg->support_arm && cfg->support_after, disp, confidence);
 }
 
 static int match_apart(struct run *run, struct sst_volume *v, int view, const struct sst_support *support)
@@ -206,8 +206,9 @@ static int match_job(void *arg, int index, int worker)
     err = cancelled(run);
     err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
     err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
-    if (!err && run->support_arm)
-        err = sst_disparity_support_init(&support, &run->desc[view].image, run->support_arm, run->cfg->support_tau);
+    if (!err && run->cfg->support_arm && !run->cfg->raw)
+        err =
+            sst_disparity_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
     if (!err)
         err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support,
                                             &run->disp[view], &run->confidence[view])
@@ -480,8 +481,7 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     run->divisor = run->range <= FINE_RANGE_PX ? 4 : run->range <= 2 * FINE_RANGE_PX ? 2 : 1;
     for (size_t k = 0; k < views; k++)
         present += lf->views[k].present;
-    run->rounds = cfg->raw || present < SST_VISIBLE_LEAST ? 0 : cfg->rounds;
-    run->support_arm = cfg->raw || run->rounds ? 0 : cfg->support_arm;
+    run->rounds = cfg->raw || present < SST_VISIBLE_LEAST || run->range < SST_VISIBLE_RANGE ? 0 : cfg->rounds;
     run->desc = calloc(views, sizeof(*run->desc));
     run->disp = calloc(views, sizeof(*run->disp));
     run->confidence = calloc(views, sizeof(*run->confidence));

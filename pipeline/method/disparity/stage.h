@@ -234,14 +234,16 @@ struct sst_visible_view {
 struct sst_visible_views {
     struct sst_visible_view *view; /* [count] */
     int count;
-    int scale;          /* of the maps: 1 full size, 2 half size */
-    double disp_min_px; /* at their size */
-    int range;          /* whole pixels from there */
+    int scale;                       /* of the maps: 1 full size, 2 half size */
+    double disp_min_px;              /* at their size */
+    int range;                       /* whole pixels from there */
     const SST_ATOMIC(bool) * cancel; /* as in struct sst_disparity_config */
 };
 
-/** Views that the second pass needs; with fewer it gains nothing. */
-#define SST_VISIBLE_LEAST 6
+/* What the second pass needs. It samples the nearest pixels: surfaces of a narrow range are nearer to each other than
+ * that can distinguish. */
+#define SST_VISIBLE_LEAST 6 /* views */
+#define SST_VISIBLE_RANGE 8 /* px */
 
 /**
  * The second pass (design.md, 5.7): choose each pixel's disparity again, among those of the surfaces around it, by its

@@ -14,17 +14,18 @@
 #include "base/thread.h"
 #include "pipeline/method/disparity/stage.h"
 
-#define MARGIN       2   /* columns and rows around a packed view */
-#define SIMILAR      24  /* levels: pixels of a window that count */
-#define LEVELS_RANGE 24  /* the range's share that makes a step: surfaces that are nearer to each other are one */
-#define STEP_LEAST   8   /* 1/64 px */
-#define STEP_MOST    96  /* 1/64 px: a pixel and a half, what checks and noise of the first pass leave */
-#define P1           30  /* penalties, in the units of SST_CANDIDATE_LIMIT */
-#define P2           300
-#define EDGE_STEP    16  /* levels at which P2 is halved */
-#define NEAREST_CODE 254
+#define MARGIN         2  /* columns and rows around a packed view */
+#define SIMILAR        24 /* levels: pixels of a window that count */
+#define LEVELS_RANGE   24 /* the range's share that makes a step: surfaces that are nearer to each other are one */
+#define STEP_LEAST     8  /* 1/64 px */
+#define STEP_MOST      96 /* 1/64 px: a pixel and a half, what checks and noise of the first pass leave */
+#define P1             30 /* penalties, in the units of SST_CANDIDATE_LIMIT */
+#define P2             300
+#define CHANGE         24 /* penalty of a disparity other than the first pass's */
+#define EDGE_STEP      16 /* levels at which P2 is halved */
+#define NEAREST_CODE   254
 #define DISPLACED_MOST 32000 /* px */
-#define EXTREMES     6 /* farthest and nearest in windows of three sizes */
+#define EXTREMES       6     /* farthest and nearest in windows of three sizes */
 
 static const int radii[EXTREMES / 2] = { 2, 6, 16 };
 
@@ -473,6 +474,16 @@ static void choose_row(const struct lists *l, int y, uint16_t *disp, uint8_t *co
     }
 }
 
+/* Where colours are alike everywhere, no candidate is better than another by more than noise: the pixel's own one
+ * stays. */
+static void prefer_own(uint16_t *cost, const uint8_t *count, int n)
+{
+    for (int x = 0; x < n; x++) {
+        for (int i = 1; i < count[x]; i++)
+            cost[x * SST_CANDIDATES + i] = (uint16_t)(cost[x * SST_CANDIDATES + i] + CHANGE);
+    }
+}
+
 static int second_job(void *arg, int k, int worker SST_UNUSED)
 {
     struct pass *p = arg;
@@ -494,10 +505,11 @@ static int second_job(void *arg, int k, int worker SST_UNUSED)
         const size_t row = (size_t)y * (size_t)lists.width;
 
         for (int x = 0; x < lists.width; x++)
-            lists.count[row + (size_t)x] = (uint8_t)list_candidates(
-                lists.candidate + (row + (size_t)x) * SST_CANDIDATES, p, &around, v, x, y);
+            lists.count[row + (size_t)x] =
+                (uint8_t)list_candidates(lists.candidate + (row + (size_t)x) * SST_CANDIDATES, p, &around, v, x, y);
         sst_kernels_get()->candidate_cost_row(lists.cost + row * SST_CANDIDATES, lists.candidate + row * SST_CANDIDATES,
                                               lists.count + row, &test, y, (size_t)lists.width);
+        prefer_own(lists.cost + row * SST_CANDIDATES, lists.count + row, lists.width);
         along_row(&lists, p, &p->view[k], y);
     }
     around_fini(&around);
