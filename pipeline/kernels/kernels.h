@@ -31,8 +31,8 @@ enum sst_cpu_level {
     X(winner_row)                                                                                                      \
     X(median5_row)                                                                                                     \
     X(bilateral_row)                                                                                                   \
-    X(candidate_cost_row)                                                                                              \
-    X(candidate_path_row)                                                                                              \
+    X(hypothesis_cost_row)                                                                                             \
+    X(hypothesis_path_row)                                                                                             \
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
     X(blend_finish)                                                                                                    \
@@ -151,12 +151,12 @@ typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], 
                                   const int16_t *weight, int tau, size_t n);
 #define SST_BILATERAL_STEP_Q6 96
 
-/* Second pass (design.md, 5.7): each pixel has a list of up to SST_CANDIDATES disparities, in 1/64 px. */
-#define SST_CANDIDATES      8
-#define SST_CANDIDATE_BEST  4     /* cheapest views that count, visible or not */
-#define SST_CANDIDATE_LIMIT 480   /* largest cost of a view: colour difference in eighths of a level, R + G + B */
-#define SST_CANDIDATE_FAR   12000 /* cost of unused entries: 4 * (FAR + SST_DISPARITY_MAX_PENALTY) < 2^16 */
-#define SST_DEPTH_OUTSIDE   255   /* depth code of pixels that must not be matched */
+/* Second pass (design.md, 5.7): each pixel has a list of up to SST_HYPOTHESES disparities, in 1/64 px. */
+#define SST_HYPOTHESES       8
+#define SST_HYPOTHESIS_BEST  4     /* cheapest views that count, visible or not */
+#define SST_HYPOTHESIS_LIMIT 480   /* largest cost of a view: colour difference in eighths of a level, R + G + B */
+#define SST_HYPOTHESIS_FAR   12000 /* cost of unused entries: 4 * (FAR + SST_DISPARITY_MAX_PENALTY) < 2^16 */
+#define SST_DEPTH_OUTSIDE    255   /* depth code of pixels that must not be matched */
 
 /** A view whose pixels are R, G, B and a depth code from the lowest byte up. */
 struct sst_packed_view {
@@ -165,49 +165,49 @@ struct sst_packed_view {
     ptrdiff_t stride;       /* pixels */
 };
 
-#define SST_CANDIDATE_VIEWS 24
+#define SST_HYPOTHESIS_VIEWS 24
 
-/** What the candidates of a view are tested against. A disparity d moves a pixel by (x + d dx) / 2^16 to a view,
+/** What the hypotheses of a view are tested against. A disparity d moves a pixel by (x + d dx) / 2^16 to a view,
  * rounded down: x holds the disparity of value 0 and a half. All displacements of disparities 0..65534 fit 32 bits. */
-struct sst_candidate_test {
-    struct sst_packed_view own, view[SST_CANDIDATE_VIEWS];
-    int32_t x[SST_CANDIDATE_VIEWS], y[SST_CANDIDATE_VIEWS], dx[SST_CANDIDATE_VIEWS], dy[SST_CANDIDATE_VIEWS];
+struct sst_hypothesis_test {
+    struct sst_packed_view own, view[SST_HYPOTHESIS_VIEWS];
+    int32_t x[SST_HYPOTHESIS_VIEWS], y[SST_HYPOTHESIS_VIEWS], dx[SST_HYPOTHESIS_VIEWS], dy[SST_HYPOTHESIS_VIEWS];
     int views;           /* used */
     int width, height;   /* of all views */
     const uint8_t *code; /* [65536] depth code of a disparity: 1..254 and ascending; 0: unknown */
-    int tolerance;       /* 1/64 px: a surface nearer by more than this hides the candidate */
+    int tolerance;       /* 1/64 px: a surface nearer by more than this hides the hypothesis */
     int similar;         /* pixels of the 3x3 window count whose channels all differ by at most this from the middle */
 };
 
 /**
- * Costs of the candidates of row y: each view's mean colour difference over the similar pixels of a 3x3 window, at most
- * SST_CANDIDATE_LIMIT, where the candidate projects to (nearest pixel). The cost is the mean over the views in which
- * nothing nearer hides the candidate, with the SST_CANDIDATE_BEST cheapest of all views added once more; the cheapest
- * alone where fewer views see it at all. Pixels with one candidate cost 0.
+ * Costs of the hypotheses of row y: each view's mean colour difference over the similar pixels of a 3x3 window, at most
+ * SST_HYPOTHESIS_LIMIT, where the hypothesis projects to (nearest pixel). The cost is the mean over the views in which
+ * nothing nearer hides the hypothesis, with the SST_HYPOTHESIS_BEST cheapest of all views added once more; the cheapest
+ * alone where fewer views see it at all. Pixels with one hypothesis cost 0.
  *
- * @param cost       out [n][SST_CANDIDATES]; unused entries SST_CANDIDATE_FAR
- * @param candidate  [n][SST_CANDIDATES]
- * @param count      [n] of them in use, 0..SST_CANDIDATES
+ * @param cost       out [n][SST_HYPOTHESES]; unused entries SST_HYPOTHESIS_FAR
+ * @param hypothesis  [n][SST_HYPOTHESES]
+ * @param count      [n] of them in use, 0..SST_HYPOTHESES
  */
-typedef void sst_candidate_cost_row_fn(uint16_t *cost, const uint16_t *candidate, const uint8_t *count,
-                                       const struct sst_candidate_test *test, int y, size_t n);
+typedef void sst_hypothesis_cost_row_fn(uint16_t *cost, const uint16_t *hypothesis, const uint8_t *count,
+                                        const struct sst_hypothesis_test *test, int y, size_t n);
 
 /** Penalties of a path: 0 up to a step of `near`, p1 up to twice that, p2 beyond; by colour step. */
-struct sst_candidate_penalty {
+struct sst_hypothesis_penalty {
     uint16_t near; /* 1/64 px, at most 2^14 */
     uint16_t p1[256], p2[256];
 };
 
 /**
- * One path of the semi-global optimisation over candidates: entry i of a pixel is
- * L[i] = C[i] + min over j of (P[j] + penalty(|D[i] - D'[j]|)) - min P, at most C[i] + p2, and sum += L. Candidates are
+ * One path of the semi-global optimisation over hypotheses: entry i of a pixel is
+ * L[i] = C[i] + min over j of (P[j] + penalty(|D[i] - D'[j]|)) - min P, at most C[i] + p2, and sum += L. Hypotheses are
  * at most 2^15.
- * P and D' are the path and the candidates of the predecessor. All pointers advance by `step` entries a pixel, `colour`
- * by a SST_CANDIDATES-th of it; a path along a row reads what it wrote for the last pixel.
+ * P and D' are the path and the hypotheses of the predecessor. All pointers advance by `step` entries a pixel, `colour`
+ * by a SST_HYPOTHESES-th of it; a path along a row reads what it wrote for the last pixel.
  */
-typedef void sst_candidate_path_row_fn(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *candidate,
-                                       const uint16_t *from, const uint16_t *from_candidate, const uint8_t *colour,
-                                       const struct sst_candidate_penalty *penalty, ptrdiff_t step, size_t n);
+typedef void sst_hypothesis_path_row_fn(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
+                                        const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,
+                                        const struct sst_hypothesis_penalty *penalty, ptrdiff_t step, size_t n);
 
 /* --- rendering (pipeline/method/render/) --- */
 

@@ -149,7 +149,7 @@ static void same_bytes_for_any_threads(void **state SST_UNUSED)
     scene_fini(&four);
 }
 
-/* Pixels that must not be matched get no disparity, and those without candidates keep none; absent views are left out.
+/* Pixels that must not be matched get no disparity, and those without hypotheses keep none; absent views are left out.
  */
 static void unknown_pixels(void **state SST_UNUSED)
 {

@@ -1,9 +1,9 @@
 /*
  * The second pass (design.md, 5.7). The first one compares windows, which at a gap between leaves hold more leaf than
- * gap: its maps let thin things grow and close what is between them. Here each pixel has a few candidates, the surfaces
- * around it and those that other views project onto it, and each candidate is tested pixel by pixel against the views
+ * gap: its maps let thin things grow and close what is between them. Here each pixel has a few hypotheses, the surfaces
+ * around it and those that other views project onto it, and each hypothesis is tested pixel by pixel against the views
  * around, of which those count in which nothing nearer hides it. What the colours cannot decide, the semi-global
- * optimisation over the candidates does.
+ * optimisation over the hypotheses does.
  */
 #include <errno.h>
 #include <math.h>
@@ -19,7 +19,7 @@
 #define LEVELS_RANGE   24 /* the range's share that makes a step: surfaces that are nearer to each other are one */
 #define STEP_LEAST     8  /* 1/64 px */
 #define STEP_MOST      96 /* 1/64 px: a pixel and a half, what checks and noise of the first pass leave */
-#define P1             30 /* penalties, in the units of SST_CANDIDATE_LIMIT */
+#define P1             30 /* penalties, in the units of SST_HYPOTHESIS_LIMIT */
 #define P2             300
 #define CHANGE         24 /* penalty of a disparity other than the first pass's */
 #define EDGE_STEP      16 /* levels at which P2 is halved */
@@ -37,10 +37,10 @@ struct packed {
 struct pass {
     const struct sst_visible_views *in;
     int step;            /* 1/64 px */
-    uint8_t *code;       /* [65536], see struct sst_candidate_test */
+    uint8_t *code;       /* [65536], see struct sst_hypothesis_test */
     struct packed *view; /* [in->count] */
     struct sst_map_u16 *out;
-    struct sst_candidate_penalty penalty;
+    struct sst_hypothesis_penalty penalty;
 };
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
@@ -116,7 +116,7 @@ static void set_codes(struct pass *p)
     p->code[SST_DISP_NONE] = 0;
 }
 
-/* --- candidates --------------------------------------------------------------------------------------------------- */
+/* --- hypotheses --------------------------------------------------------------------------------------------------- */
 
 /* Surfaces of other views at a pixel: the farthest (NONE: none) and the nearest (0: none or the range's end). */
 struct projected {
@@ -257,10 +257,10 @@ static int around_init(struct around *a, const struct pass *p, int k)
     return err;
 }
 
-/* Add a candidate unless it is unknown or closer than `apart` to one in the list. */
+/* Add a hypothesis unless it is unknown or closer than `apart` to one in the list. */
 static int add(uint16_t *list, int count, uint16_t d, int apart)
 {
-    if (d == SST_DISP_NONE || count == SST_CANDIDATES)
+    if (d == SST_DISP_NONE || count == SST_HYPOTHESES)
         return count;
     for (int i = 0; i < count; i++) {
         if (abs(list[i] - d) < apart)
@@ -270,8 +270,8 @@ static int add(uint16_t *list, int count, uint16_t d, int apart)
     return count + 1;
 }
 
-/* The candidates of a pixel, its own disparity first; unused entries repeat it. @return their number */
-static int list_candidates(uint16_t *list, const struct pass *p, const struct around *a,
+/* The hypotheses of a pixel, its own disparity first; unused entries repeat it. @return their number */
+static int list_hypotheses(uint16_t *list, const struct pass *p, const struct around *a,
                            const struct sst_visible_view *v, int x, int y)
 {
     const int apart = sst_max_int(p->step, 1);
@@ -287,7 +287,7 @@ static int list_candidates(uint16_t *list, const struct pass *p, const struct ar
         for (int i = 2; i < EXTREMES; i++)
             n = add(list, n, sst_map_u16_row(&a->extreme[i], y)[x], apart);
     }
-    for (int i = n; i < SST_CANDIDATES; i++)
+    for (int i = n; i < SST_HYPOTHESES; i++)
         list[i] = n ? list[0] : 0;
     return n;
 }
@@ -299,7 +299,7 @@ static int nearest_views(const struct pass *p, int k, int *nearest)
 {
     const struct sst_visible_view *own = &p->in->view[k];
     const double reach = fabs(p->in->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE;
-    double distance[SST_CANDIDATE_VIEWS];
+    double distance[SST_HYPOTHESIS_VIEWS];
     int n = 0;
 
     for (int i = 0; i < p->in->count; i++) {
@@ -308,9 +308,10 @@ static int nearest_views(const struct pass *p, int k, int *nearest)
         int at;
 
         /* Displacements are 32-bit numbers in 2^-16 px; farther than that, nothing of this view is seen anyway. */
-        if (i == k || !v->image || far * reach > DISPLACED_MOST || (n == SST_CANDIDATE_VIEWS && far >= distance[n - 1]))
+        if (i == k || !v->image || far * reach > DISPLACED_MOST ||
+            (n == SST_HYPOTHESIS_VIEWS && far >= distance[n - 1]))
             continue;
-        n += n < SST_CANDIDATE_VIEWS;
+        n += n < SST_HYPOTHESIS_VIEWS;
         for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
             distance[at] = distance[at - 1];
             nearest[at] = nearest[at - 1];
@@ -327,18 +328,18 @@ static int32_t q16(double px)
     return (int32_t)floor(px * 65536 + 0.5);
 }
 
-static void set_test(struct sst_candidate_test *t, const struct pass *p, int k)
+static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k)
 {
     const struct sst_visible_view *own = &p->in->view[k];
-    int nearest[SST_CANDIDATE_VIEWS];
+    int nearest[SST_HYPOTHESIS_VIEWS];
 
-    *t = (struct sst_candidate_test){ .own = { p->view[k].pixels, p->view[k].stride },
-                                      .views = nearest_views(p, k, nearest),
-                                      .width = own->disp->width,
-                                      .height = own->disp->height,
-                                      .code = p->code,
-                                      .tolerance = p->step,
-                                      .similar = SIMILAR };
+    *t = (struct sst_hypothesis_test){ .own = { p->view[k].pixels, p->view[k].stride },
+                                       .views = nearest_views(p, k, nearest),
+                                       .width = own->disp->width,
+                                       .height = own->disp->height,
+                                       .code = p->code,
+                                       .tolerance = p->step,
+                                       .similar = SIMILAR };
     for (int i = 0; i < t->views; i++) {
         const struct packed *at = &p->view[nearest[i]];
         const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
@@ -353,10 +354,10 @@ static void set_test(struct sst_candidate_test *t, const struct pass *p, int k)
 
 /* --- optimisation ------------------------------------------------------------------------------------------------- */
 
-/* Candidates of a view, [height][width][SST_CANDIDATES], and scratch. */
+/* Hypotheses of a view, [height][width][SST_HYPOTHESES], and scratch. */
 struct lists {
     int width, height;
-    uint16_t *candidate, *cost, *sum;
+    uint16_t *hypothesis, *cost, *sum;
     uint8_t *count;
     uint16_t *line[2]; /* paths of two rows */
     uint8_t *colour;   /* steps of a row */
@@ -364,7 +365,7 @@ struct lists {
 
 static void lists_fini(struct lists *l)
 {
-    sst_mem_free(l->candidate);
+    sst_mem_free(l->hypothesis);
     sst_mem_free(l->cost);
     sst_mem_free(l->sum);
     sst_mem_free(l->count);
@@ -375,18 +376,18 @@ static void lists_fini(struct lists *l)
 
 static int lists_init(struct lists *l, int width, int height)
 {
-    const size_t pixels = (size_t)width * (size_t)height, row = (size_t)width * SST_CANDIDATES;
+    const size_t pixels = (size_t)width * (size_t)height, row = (size_t)width * SST_HYPOTHESES;
 
     l->width = width;
     l->height = height;
-    l->candidate = sst_mem_alloc_raw(pixels, SST_CANDIDATES * sizeof(uint16_t));
-    l->cost = sst_mem_alloc_raw(pixels, SST_CANDIDATES * sizeof(uint16_t));
-    l->sum = sst_mem_alloc(pixels, SST_CANDIDATES * sizeof(uint16_t));
+    l->hypothesis = sst_mem_alloc_raw(pixels, SST_HYPOTHESES * sizeof(uint16_t));
+    l->cost = sst_mem_alloc_raw(pixels, SST_HYPOTHESES * sizeof(uint16_t));
+    l->sum = sst_mem_alloc(pixels, SST_HYPOTHESES * sizeof(uint16_t));
     l->count = sst_mem_alloc_raw(pixels, 1);
     l->line[0] = sst_mem_alloc_raw(row, sizeof(uint16_t));
     l->line[1] = sst_mem_alloc_raw(row, sizeof(uint16_t));
     l->colour = sst_mem_alloc_raw((size_t)width, 1);
-    return l->candidate && l->cost && l->sum && l->count && l->line[0] && l->line[1] && l->colour ? 0 : -ENOMEM;
+    return l->hypothesis && l->cost && l->sum && l->count && l->line[0] && l->line[1] && l->colour ? 0 : -ENOMEM;
 }
 
 /* Largest colour step between packed pixels of two rows. */
@@ -416,29 +417,29 @@ static void start_path(uint16_t *path, uint16_t *sum, const uint16_t *cost, size
 /* The two paths along row y. */
 static void along_row(struct lists *l, const struct pass *p, const struct packed *view, int y)
 {
-    const size_t row = (size_t)l->width * SST_CANDIDATES, at = (size_t)y * row, last = row - SST_CANDIDATES;
-    const uint16_t *cost = l->cost + at, *candidate = l->candidate + at;
+    const size_t row = (size_t)l->width * SST_HYPOTHESES, at = (size_t)y * row, last = row - SST_HYPOTHESES;
+    const uint16_t *cost = l->cost + at, *hypothesis = l->hypothesis + at;
     const uint32_t *pixels = view->pixels + y * view->stride;
     uint16_t *sum = l->sum + at, *path = l->line[0];
     const size_t n = (size_t)l->width - 1;
 
     colour_steps(l->colour, pixels + 1, pixels, l->width - 1); /* between x and x + 1 */
-    start_path(path, sum, cost, SST_CANDIDATES);
-    sst_kernels_get()->candidate_path_row(path + SST_CANDIDATES, sum + SST_CANDIDATES, cost + SST_CANDIDATES,
-                                          candidate + SST_CANDIDATES, path, candidate, l->colour, &p->penalty,
-                                          SST_CANDIDATES, n);
-    start_path(path + last, sum + last, cost + last, SST_CANDIDATES);
+    start_path(path, sum, cost, SST_HYPOTHESES);
+    sst_kernels_get()->hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,
+                                           hypothesis + SST_HYPOTHESES, path, hypothesis, l->colour, &p->penalty,
+                                           SST_HYPOTHESES, n);
+    start_path(path + last, sum + last, cost + last, SST_HYPOTHESES);
     if (n)
-        sst_kernels_get()->candidate_path_row(path + last - SST_CANDIDATES, sum + last - SST_CANDIDATES,
-                                              cost + last - SST_CANDIDATES, candidate + last - SST_CANDIDATES,
-                                              path + last, candidate + last, l->colour + n - 1, &p->penalty,
-                                              -SST_CANDIDATES, n);
+        sst_kernels_get()->hypothesis_path_row(path + last - SST_HYPOTHESES, sum + last - SST_HYPOTHESES,
+                                               cost + last - SST_HYPOTHESES, hypothesis + last - SST_HYPOTHESES,
+                                               path + last, hypothesis + last, l->colour + n - 1, &p->penalty,
+                                               -SST_HYPOTHESES, n);
 }
 
 /* The path from above (dir 1) or below (dir -1) through all rows. */
 static void across_rows(struct lists *l, const struct pass *p, const struct packed *view, int dir)
 {
-    const size_t row = (size_t)l->width * SST_CANDIDATES;
+    const size_t row = (size_t)l->width * SST_HYPOTHESES;
 
     for (int i = 0; i < l->height; i++) {
         const int y = dir > 0 ? i : l->height - 1 - i;
@@ -450,37 +451,37 @@ static void across_rows(struct lists *l, const struct pass *p, const struct pack
             continue;
         }
         colour_steps(l->colour, view->pixels + y * view->stride, view->pixels + (y - dir) * view->stride, l->width);
-        sst_kernels_get()->candidate_path_row(path, l->sum + at, l->cost + at, l->candidate + at, l->line[(i + 1) % 2],
-                                              l->candidate + from, l->colour, &p->penalty, SST_CANDIDATES,
-                                              (size_t)l->width);
+        sst_kernels_get()->hypothesis_path_row(path, l->sum + at, l->cost + at, l->hypothesis + at,
+                                               l->line[(i + 1) % 2], l->hypothesis + from, l->colour, &p->penalty,
+                                               SST_HYPOTHESES, (size_t)l->width);
     }
 }
 
-/* The cheapest candidate; where it is not the pixel's own disparity, the confidence is the distance to the next. */
+/* The cheapest hypothesis; where it is not the pixel's own disparity, the confidence is the distance to the next. */
 static void choose_row(const struct lists *l, int y, uint16_t *disp, uint8_t *confidence)
 {
     for (int x = 0; x < l->width; x++) {
         const size_t pixel = (size_t)y * (size_t)l->width + (size_t)x;
-        const uint16_t *sum = l->sum + pixel * SST_CANDIDATES;
+        const uint16_t *sum = l->sum + pixel * SST_HYPOTHESES;
         int best = 0, next = 65535;
 
         for (int i = 1; i < l->count[pixel]; i++)
             best = sum[i] < sum[best] ? i : best;
         for (int i = 0; i < l->count[pixel]; i++)
             next = i != best && sum[i] < next ? sum[i] : next;
-        disp[x] = l->count[pixel] ? l->candidate[pixel * SST_CANDIDATES + (size_t)best] : (uint16_t)SST_DISP_NONE;
+        disp[x] = l->count[pixel] ? l->hypothesis[pixel * SST_HYPOTHESES + (size_t)best] : (uint16_t)SST_DISP_NONE;
         if (best)
             confidence[x] = (uint8_t)(255 * (next - sum[best]) / (next - sum[best] + 128));
     }
 }
 
-/* Where colours are alike everywhere, no candidate is better than another by more than noise: the pixel's own one
+/* Where colours are alike everywhere, no hypothesis is better than another by more than noise: the pixel's own one
  * stays. */
 static void prefer_own(uint16_t *cost, const uint8_t *count, int n)
 {
     for (int x = 0; x < n; x++) {
         for (int i = 1; i < count[x]; i++)
-            cost[x * SST_CANDIDATES + i] = (uint16_t)(cost[x * SST_CANDIDATES + i] + CHANGE);
+            cost[x * SST_HYPOTHESES + i] = (uint16_t)(cost[x * SST_HYPOTHESES + i] + CHANGE);
     }
 }
 
@@ -488,7 +489,7 @@ static int second_job(void *arg, int k, int worker SST_UNUSED)
 {
     struct pass *p = arg;
     const struct sst_visible_view *v = &p->in->view[k];
-    struct sst_candidate_test test;
+    struct sst_hypothesis_test test;
     struct around around = { 0 };
     struct lists lists = { 0 };
     int err;
@@ -506,10 +507,11 @@ static int second_job(void *arg, int k, int worker SST_UNUSED)
 
         for (int x = 0; x < lists.width; x++)
             lists.count[row + (size_t)x] =
-                (uint8_t)list_candidates(lists.candidate + (row + (size_t)x) * SST_CANDIDATES, p, &around, v, x, y);
-        sst_kernels_get()->candidate_cost_row(lists.cost + row * SST_CANDIDATES, lists.candidate + row * SST_CANDIDATES,
-                                              lists.count + row, &test, y, (size_t)lists.width);
-        prefer_own(lists.cost + row * SST_CANDIDATES, lists.count + row, lists.width);
+                (uint8_t)list_hypotheses(lists.hypothesis + (row + (size_t)x) * SST_HYPOTHESES, p, &around, v, x, y);
+        sst_kernels_get()->hypothesis_cost_row(lists.cost + row * SST_HYPOTHESES,
+                                               lists.hypothesis + row * SST_HYPOTHESES, lists.count + row, &test, y,
+                                               (size_t)lists.width);
+        prefer_own(lists.cost + row * SST_HYPOTHESES, lists.count + row, lists.width);
         along_row(&lists, p, &p->view[k], y);
     }
     around_fini(&around);

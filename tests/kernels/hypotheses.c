@@ -11,7 +11,7 @@ static uint64_t seed = 0xC0FFEE123456789ull;
     for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++)                                                   \
         if (sst_kernels_at((enum sst_cpu_level)level, &(k)))
 
-enum { W = 37, H = 11, STRIDE = W + 3, ENTRIES = W * SST_CANDIDATES };
+enum { W = 37, H = 11, STRIDE = W + 3, ENTRIES = W * SST_HYPOTHESES };
 
 static int below(int n)
 {
@@ -28,11 +28,11 @@ static struct sst_packed_view random_view(void)
     return (struct sst_packed_view){ p + STRIDE + 1, STRIDE };
 }
 
-static struct sst_candidate_test random_test(uint8_t code[65536])
+static struct sst_hypothesis_test random_test(uint8_t code[65536])
 {
-    struct sst_candidate_test t = { .width = W, .height = H, .code = code, .own = random_view() };
+    struct sst_hypothesis_test t = { .width = W, .height = H, .code = code, .own = random_view() };
 
-    t.views = below(SST_CANDIDATE_VIEWS + 1);
+    t.views = below(SST_HYPOTHESIS_VIEWS + 1);
     t.tolerance = below(200);
     t.similar = below(40);
     for (int i = 0; i < t.views; i++) {
@@ -53,22 +53,22 @@ static void costs(void **state SST_UNUSED)
     struct sst_kernels k;
 
     for (int round = 0; round < 40; round++) {
-        const struct sst_candidate_test t = random_test(code);
-        uint16_t *candidate = guard_random(ENTRIES * sizeof(*candidate), &seed);
+        const struct sst_hypothesis_test t = random_test(code);
+        uint16_t *hypothesis = guard_random(ENTRIES * sizeof(*hypothesis), &seed);
         uint16_t *want = guard_random(ENTRIES * sizeof(*want), &seed);
         uint16_t *got = guard_random(ENTRIES * sizeof(*got), &seed);
         uint8_t *count = guard_random(W, &seed);
 
         for (int i = 0; i < ENTRIES; i++)
-            candidate[i] = (uint16_t)(round % 4 ? candidate[i] & 4095 : candidate[i] < 65535 ? candidate[i] : 0);
+            hypothesis[i] = (uint16_t)(round % 4 ? hypothesis[i] & 4095 : hypothesis[i] < 65535 ? hypothesis[i] : 0);
         for (int x = 0; x < W; x++)
-            count[x] %= SST_CANDIDATES + 1;
+            count[x] %= SST_HYPOTHESES + 1;
         for (int y = 0; y < H; y += H - 1) {
-            sst_candidate_cost_row_ref(want, candidate, count, &t, y, W);
+            sst_hypothesis_cost_row_ref(want, hypothesis, count, &t, y, W);
             FOR_EACH_LEVEL(k, level)
             {
                 memset(got, 0xA5, ENTRIES * sizeof(*got));
-                k.candidate_cost_row(got, candidate, count, &t, y, W);
+                k.hypothesis_cost_row(got, hypothesis, count, &t, y, W);
                 assert_memory_equal(got, want, ENTRIES * sizeof(*got));
             }
         }
@@ -81,13 +81,13 @@ static void costs_of_known_views(void **state SST_UNUSED)
 {
     enum { SIDE = 8 };
     static uint8_t code[65536];
-    static uint32_t pixels[SST_CANDIDATE_VIEWS + 1][SIDE * SIDE];
-    struct sst_candidate_test t = {
+    static uint32_t pixels[SST_HYPOTHESIS_VIEWS + 1][SIDE * SIDE];
+    struct sst_hypothesis_test t = {
         .width = 3, .height = 3, .code = code, .views = 5, .similar = 5, .own = { &pixels[0][3 * SIDE + 3], SIDE }
     };
-    const uint16_t candidate[SST_CANDIDATES] = { 0, 64 };
+    const uint16_t hypothesis[SST_HYPOTHESES] = { 0, 64 };
     const uint8_t two = 2, one = 1;
-    uint16_t cost[SST_CANDIDATES];
+    uint16_t cost[SST_HYPOTHESES];
 
     memset(code, 100, sizeof(code));
     for (int k = 0; k <= 5; k++) {
@@ -96,23 +96,23 @@ static void costs_of_known_views(void **state SST_UNUSED)
         if (k)
             t.view[k - 1] = (struct sst_packed_view){ &pixels[k][3 * SIDE + 3], SIDE };
     }
-    sst_candidate_cost_row_ref(cost, candidate, &two, &t, 1, 1);
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 1, 1);
     /* Views 1 to 4 are visible, view 4 differs; the four cheapest are three equal ones and one of the others. */
     assert_int_equal(cost[0], (239 + 239) / (4 + 4));
     assert_int_equal(cost[1], cost[0]);
-    assert_int_equal(cost[2], SST_CANDIDATE_FAR);
-    sst_candidate_cost_row_ref(cost, candidate, &one, &t, 1, 1);
+    assert_int_equal(cost[2], SST_HYPOTHESIS_FAR);
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &one, &t, 1, 1);
     assert_int_equal(cost[0], 0);
-    assert_int_equal(cost[1], SST_CANDIDATE_FAR);
+    assert_int_equal(cost[1], SST_HYPOTHESIS_FAR);
     t.views = 3;
-    sst_candidate_cost_row_ref(cost, candidate, &two, &t, 1, 1);
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 1, 1);
     assert_int_equal(cost[0], 0); /* too few for a mean: the cheapest */
     t.views = 0;
-    sst_candidate_cost_row_ref(cost, candidate, &two, &t, 1, 1);
-    assert_int_equal(cost[0], SST_CANDIDATE_LIMIT);
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 1, 1);
+    assert_int_equal(cost[0], SST_HYPOTHESIS_LIMIT);
 }
 
-static void random_path(struct sst_candidate_penalty *p, uint16_t *values, int n, int most)
+static void random_path(struct sst_hypothesis_penalty *p, uint16_t *values, int n, int most)
 {
     p->near = (uint16_t)(1 + below(100));
     for (int i = 0; i < 256; i++) {
@@ -128,24 +128,24 @@ static void paths(void **state SST_UNUSED)
     struct sst_kernels k;
 
     for (int round = 0; round < 40; round++) {
-        const ptrdiff_t step = round % 2 ? SST_CANDIDATES : -SST_CANDIDATES;
-        const size_t first = step > 0 ? 0 : ENTRIES - SST_CANDIDATES, all = ENTRIES * sizeof(uint16_t);
-        struct sst_candidate_penalty penalty;
-        uint16_t *data[5], want[2][ENTRIES], got[2][ENTRIES]; /* sum, cost, candidate, from, its candidates */
+        const ptrdiff_t step = round % 2 ? SST_HYPOTHESES : -SST_HYPOTHESES;
+        const size_t first = step > 0 ? 0 : ENTRIES - SST_HYPOTHESES, all = ENTRIES * sizeof(uint16_t);
+        struct sst_hypothesis_penalty penalty;
+        uint16_t *data[5], want[2][ENTRIES], got[2][ENTRIES]; /* sum, cost, hypothesis, from, its hypotheses */
         const uint8_t *colour = guard_random(W, &seed);
 
         for (int i = 0; i < 5; i++) {
             data[i] = guard_random(all, &seed);
-            random_path(&penalty, data[i], ENTRIES, i == 2 || i == 4 ? 32769 : SST_CANDIDATE_FAR);
+            random_path(&penalty, data[i], ENTRIES, i == 2 || i == 4 ? 32769 : SST_HYPOTHESIS_FAR);
         }
         memcpy(want[1], data[0], all);
-        sst_candidate_path_row_ref(want[0] + first, want[1] + first, data[1] + first, data[2] + first, data[3] + first,
-                                   data[4] + first, colour + first / SST_CANDIDATES, &penalty, step, W);
+        sst_hypothesis_path_row_ref(want[0] + first, want[1] + first, data[1] + first, data[2] + first, data[3] + first,
+                                    data[4] + first, colour + first / SST_HYPOTHESES, &penalty, step, W);
         FOR_EACH_LEVEL(k, level)
         {
             memcpy(got[1], data[0], all);
-            k.candidate_path_row(got[0] + first, got[1] + first, data[1] + first, data[2] + first, data[3] + first,
-                                 data[4] + first, colour + first / SST_CANDIDATES, &penalty, step, W);
+            k.hypothesis_path_row(got[0] + first, got[1] + first, data[1] + first, data[2] + first, data[3] + first,
+                                  data[4] + first, colour + first / SST_HYPOTHESES, &penalty, step, W);
             assert_memory_equal(got, want, 2 * all);
         }
         guard_free_all();
@@ -155,25 +155,25 @@ static void paths(void **state SST_UNUSED)
 /* Along a row a path reads what it has just written: a pixel without an opinion takes its predecessor's surface. */
 static void path_along_a_row(void **state SST_UNUSED)
 {
-    struct sst_candidate_penalty penalty = { .near = 32 };
-    uint16_t path[3 * SST_CANDIDATES] = { 0 }, sum[3 * SST_CANDIDATES] = { 0 }, cost[3 * SST_CANDIDATES] = { 0 };
-    uint16_t candidate[3 * SST_CANDIDATES];
+    struct sst_hypothesis_penalty penalty = { .near = 32 };
+    uint16_t path[3 * SST_HYPOTHESES] = { 0 }, sum[3 * SST_HYPOTHESES] = { 0 }, cost[3 * SST_HYPOTHESES] = { 0 };
+    uint16_t hypothesis[3 * SST_HYPOTHESES];
     const uint8_t colour[2] = { 0 };
     struct sst_kernels k;
 
     penalty.p1[0] = 10;
     penalty.p2[0] = 100;
-    for (int i = 0; i < 3 * SST_CANDIDATES; i++)
-        candidate[i] = (uint16_t)(i % SST_CANDIDATES * 1000);
-    for (int i = 0; i < SST_CANDIDATES; i++)
+    for (int i = 0; i < 3 * SST_HYPOTHESES; i++)
+        hypothesis[i] = (uint16_t)(i % SST_HYPOTHESES * 1000);
+    for (int i = 0; i < SST_HYPOTHESES; i++)
         path[i] = i == 5 ? 0 : 300;
     for (int level = SST_CPU_REF; level <= SST_CPU_AVX512; level++) {
         if (!sst_kernels_at((enum sst_cpu_level)level, &k))
             continue;
-        k.candidate_path_row(path + SST_CANDIDATES, sum + SST_CANDIDATES, cost + SST_CANDIDATES,
-                             candidate + SST_CANDIDATES, path, candidate, colour, &penalty, SST_CANDIDATES, 2);
-        for (int i = 0; i < SST_CANDIDATES; i++)
-            assert_int_equal(path[2 * SST_CANDIDATES + i], i == 5 ? 0 : 100);
+        k.hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,
+                              hypothesis + SST_HYPOTHESES, path, hypothesis, colour, &penalty, SST_HYPOTHESES, 2);
+        for (int i = 0; i < SST_HYPOTHESES; i++)
+            assert_int_equal(path[2 * SST_HYPOTHESES + i], i == 5 ? 0 : 100);
     }
 }
 

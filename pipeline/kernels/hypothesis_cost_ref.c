@@ -34,13 +34,13 @@ static unsigned difference(const uint32_t *a, ptrdiff_t a_stride, const uint32_t
         }
     }
     mean = sum * (65536 * 8 / count) >> 16;
-    return mean < SST_CANDIDATE_LIMIT ? mean : SST_CANDIDATE_LIMIT;
+    return mean < SST_HYPOTHESIS_LIMIT ? mean : SST_HYPOTHESIS_LIMIT;
 }
 
-static unsigned cost_of(const struct sst_candidate_test *t, int x, int y, int d)
+static unsigned cost_of(const struct sst_hypothesis_test *t, int x, int y, int d)
 {
     const unsigned hides = t->code[d + t->tolerance < 65534 ? d + t->tolerance : 65534];
-    unsigned best[SST_CANDIDATE_BEST + 1], seen = 0, visible = 0, sum = 0;
+    unsigned best[SST_HYPOTHESIS_BEST + 1], seen = 0, visible = 0, sum = 0;
     size_t found = 0;
 
     for (int k = 0; k < t->views; k++) {
@@ -59,25 +59,25 @@ static unsigned cost_of(const struct sst_candidate_test *t, int x, int y, int d)
         for (i = found; i > 0 && best[i - 1] > cost; i--)
             best[i] = best[i - 1];
         best[i] = cost;
-        found += found < SST_CANDIDATE_BEST;
+        found += found < SST_HYPOTHESIS_BEST;
     }
-    if (seen < SST_CANDIDATE_BEST)
-        return seen ? best[0] : SST_CANDIDATE_LIMIT;
-    for (int i = 0; i < SST_CANDIDATE_BEST; i++)
+    if (seen < SST_HYPOTHESIS_BEST)
+        return seen ? best[0] : SST_HYPOTHESIS_LIMIT;
+    for (int i = 0; i < SST_HYPOTHESIS_BEST; i++)
         sum += best[i];
-    return sum / (visible + SST_CANDIDATE_BEST);
+    return sum / (visible + SST_HYPOTHESIS_BEST);
 }
 
-void sst_candidate_cost_row_ref(uint16_t *cost, const uint16_t *candidate, const uint8_t *count,
-                                const struct sst_candidate_test *test, int y, size_t n)
+void sst_hypothesis_cost_row_ref(uint16_t *cost, const uint16_t *hypothesis, const uint8_t *count,
+                                 const struct sst_hypothesis_test *test, int y, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
-        for (size_t i = 0; i < SST_CANDIDATES; i++) {
-            const size_t at = x * SST_CANDIDATES + i;
+        for (size_t i = 0; i < SST_HYPOTHESES; i++) {
+            const size_t at = x * SST_HYPOTHESES + i;
 
-            cost[at] = i >= count[x]   ? SST_CANDIDATE_FAR
+            cost[at] = i >= count[x]   ? SST_HYPOTHESIS_FAR
                        : count[x] == 1 ? 0
-                                       : (uint16_t)cost_of(test, (int)x, y, candidate[at]);
+                                       : (uint16_t)cost_of(test, (int)x, y, hypothesis[at]);
         }
     }
 }

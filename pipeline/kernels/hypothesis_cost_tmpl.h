@@ -1,17 +1,17 @@
-/* candidate_cost_row. Positions are arbitrary, so the work is vectorised inside each window: three rows of four pixels,
- * of which a mask selects the similar ones. */
+/* hypothesis_cost_row. Positions are arbitrary, so the work is vectorised inside each window: three rows of four
+ * pixels, of which a mask selects the similar ones. */
 #if defined(__SSE2__)
 #include <emmintrin.h>
 #endif
 
-struct KERNEL(candidate_window) {
+struct KERNEL(hypothesis_window) {
     uint8_t mask[3][16];   /* 255 in the three channels of similar pixels */
     uint8_t pixels[3][16]; /* masked */
     unsigned scale;        /* 2^19 / number of similar pixels */
 };
 
-static inline void KERNEL(candidate_window_init)(struct KERNEL(candidate_window) * w, const uint32_t *at,
-                                                 ptrdiff_t stride, int similar)
+static inline void KERNEL(hypothesis_window_init)(struct KERNEL(hypothesis_window) * w, const uint32_t *at,
+                                                  ptrdiff_t stride, int similar)
 {
     uint8_t middle[16], same[12];
     unsigned count = 0;
@@ -40,8 +40,8 @@ static inline void KERNEL(candidate_window_init)(struct KERNEL(candidate_window)
 }
 
 #if defined(__SSE2__)
-static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidate_window) * w, const uint32_t *at,
-                                                    ptrdiff_t stride)
+static inline unsigned KERNEL(hypothesis_difference)(const struct KERNEL(hypothesis_window) * w, const uint32_t *at,
+                                                     ptrdiff_t stride)
 {
     __m128i sum = _mm_setzero_si128();
 
@@ -55,8 +55,8 @@ static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidat
     return (unsigned)_mm_cvtsi128_si32(_mm_add_epi32(sum, _mm_unpackhi_epi64(sum, sum)));
 }
 #else
-static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidate_window) * w, const uint32_t *at,
-                                                    ptrdiff_t stride)
+static inline unsigned KERNEL(hypothesis_difference)(const struct KERNEL(hypothesis_window) * w, const uint32_t *at,
+                                                     ptrdiff_t stride)
 {
     unsigned sum = 0;
 
@@ -75,21 +75,22 @@ static inline unsigned KERNEL(candidate_difference)(const struct KERNEL(candidat
 #endif
 
 /* Where a disparity moves a pixel to in each view. */
-struct KERNEL(candidate_moves) {
-    int32_t x[SST_CANDIDATE_VIEWS], y[SST_CANDIDATE_VIEWS];
+struct KERNEL(hypothesis_moves) {
+    int32_t x[SST_HYPOTHESIS_VIEWS], y[SST_HYPOTHESIS_VIEWS];
 };
 
-static inline void KERNEL(candidate_move)(struct KERNEL(candidate_moves) * m, const struct sst_candidate_test *t, int d)
+static inline void KERNEL(hypothesis_move)(struct KERNEL(hypothesis_moves) * m, const struct sst_hypothesis_test *t,
+                                           int d)
 {
-    for (int k = 0; k < SST_CANDIDATE_VIEWS; k++) {
+    for (int k = 0; k < SST_HYPOTHESIS_VIEWS; k++) {
         m->x[k] = (t->x[k] + d * t->dx[k]) >> 16;
         m->y[k] = (t->y[k] + d * t->dy[k]) >> 16;
     }
 }
 
-static inline unsigned KERNEL(candidate_cost)(const struct sst_candidate_test *t,
-                                              const struct KERNEL(candidate_window) * w,
-                                              const struct KERNEL(candidate_moves) * m, int x, int y, unsigned hides)
+static inline unsigned KERNEL(hypothesis_cost)(const struct sst_hypothesis_test *t,
+                                               const struct KERNEL(hypothesis_window) * w,
+                                               const struct KERNEL(hypothesis_moves) * m, int x, int y, unsigned hides)
 {
     unsigned b0 = 65535, b1 = 65535, b2 = 65535, b3 = 65535, seen = 0, visible = 0, sum = 0;
 
@@ -100,8 +101,8 @@ static inline unsigned KERNEL(candidate_cost)(const struct sst_candidate_test *t
 
         if ((unsigned)xv >= (unsigned)t->width || (unsigned)yv >= (unsigned)t->height || *at >> 24 == SST_DEPTH_OUTSIDE)
             continue;
-        cost = KERNEL(candidate_difference)(w, at, t->view[k].stride) * w->scale >> 16;
-        cost = cost < SST_CANDIDATE_LIMIT ? cost : SST_CANDIDATE_LIMIT;
+        cost = KERNEL(hypothesis_difference)(w, at, t->view[k].stride) * w->scale >> 16;
+        cost = cost < SST_HYPOTHESIS_LIMIT ? cost : SST_HYPOTHESIS_LIMIT;
         open = *at >> 24 <= hides;
         seen++;
         visible += open;
@@ -114,33 +115,33 @@ static inline unsigned KERNEL(candidate_cost)(const struct sst_candidate_test *t
         b2 = c2 > b2 ? b2 : c2;
         b3 = c3 > b3 ? b3 : c3;
     }
-    if (seen < SST_CANDIDATE_BEST)
-        return seen ? b0 : SST_CANDIDATE_LIMIT;
-    return (sum + b0 + b1 + b2 + b3) / (visible + SST_CANDIDATE_BEST);
+    if (seen < SST_HYPOTHESIS_BEST)
+        return seen ? b0 : SST_HYPOTHESIS_LIMIT;
+    return (sum + b0 + b1 + b2 + b3) / (visible + SST_HYPOTHESIS_BEST);
 }
 
-static void KERNEL(candidate_cost_row)(uint16_t *cost, const uint16_t *candidate, const uint8_t *count,
-                                       const struct sst_candidate_test *test, int y, size_t n)
+static void KERNEL(hypothesis_cost_row)(uint16_t *cost, const uint16_t *hypothesis, const uint8_t *count,
+                                        const struct sst_hypothesis_test *test, int y, size_t n)
 {
-    _Static_assert(SST_CANDIDATE_BEST == 4, "four sums");
-    for (size_t x = 0; x < n; x++, cost += SST_CANDIDATES, candidate += SST_CANDIDATES) {
-        struct KERNEL(candidate_window) w;
-        struct KERNEL(candidate_moves) moves;
+    _Static_assert(SST_HYPOTHESIS_BEST == 4, "four sums");
+    for (size_t x = 0; x < n; x++, cost += SST_HYPOTHESES, hypothesis += SST_HYPOTHESES) {
+        struct KERNEL(hypothesis_window) w;
+        struct KERNEL(hypothesis_moves) moves;
 
-        for (size_t i = count[x]; i < SST_CANDIDATES; i++)
-            cost[i] = SST_CANDIDATE_FAR;
+        for (size_t i = count[x]; i < SST_HYPOTHESES; i++)
+            cost[i] = SST_HYPOTHESIS_FAR;
         if (count[x] == 1)
             cost[0] = 0;
         if (count[x] < 2)
             continue;
-        KERNEL(candidate_window_init)
+        KERNEL(hypothesis_window_init)
         (&w, test->own.pixels + y * test->own.stride + (ptrdiff_t)x, test->own.stride, test->similar);
         for (size_t i = 0; i < count[x]; i++) {
-            const int d = candidate[i], front = d + test->tolerance;
+            const int d = hypothesis[i], front = d + test->tolerance;
 
-            KERNEL(candidate_move)(&moves, test, d);
-            cost[i] = (uint16_t)KERNEL(candidate_cost)(test, &w, &moves, (int)x, y,
-                                                       test->code[front < 65534 ? front : 65534]);
+            KERNEL(hypothesis_move)(&moves, test, d);
+            cost[i] = (uint16_t)KERNEL(hypothesis_cost)(test, &w, &moves, (int)x, y,
+                                                        test->code[front < 65534 ? front : 65534]);
         }
     }
 }
