@@ -3,6 +3,7 @@
 #ifndef SST_SIMULATORS_SCENE_SCENE_INTERNAL_H
 #define SST_SIMULATORS_SCENE_SCENE_INTERNAL_H
 
+#include "simulators/scene/photo.h"
 #include "simulators/scene/surfaces.h"
 
 /* --- internal: the scene object. --- */
@@ -13,7 +14,11 @@ struct sst_scene {
     struct sst_scene_config cfg;
     struct sst_scene_world world;
     double range_min_px, range_max_px;
+    struct photo_scene *photo; /* the scene `layers`; NULL: the world's surfaces */
 };
+
+/** Mask of the reference view: 255 where the occluder stands. @return 0 or -ENOMEM */
+SST_MUST_CHECK int scene_mask(const struct sst_scene *scene, int occluder, struct sst_map_u8 *mask);
 
 /** Raster settings of one view with all outputs NULL. */
 void scene_raster(const struct sst_scene *scene, double bx, double by, unsigned hidden, struct sst_scene_raster *out);
