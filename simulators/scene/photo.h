@@ -58,8 +58,9 @@ struct photo_sprite {
     double d0, gx, gy;
     double order; /* sprites are in front of those of a lower order */
     int width, height, label;
-    bool front;    /* one of the occluder */
-    uint8_t *rgba; /* premultiplied, [height][width][4] */
+    bool front;      /* one of the occluder */
+    uint8_t *rgba;   /* premultiplied, [height][width][4] */
+    int (*spans)[2]; /* [height + 1]; of photo_sprite_index() */
 };
 
 struct photo_scene {
@@ -106,6 +107,9 @@ SST_MUST_CHECK int photo_occluder_add(struct photo_scene *s, const char *kind, d
                                       double spread_px);
 
 /* --- renderer --- */
+
+/** Find the rows' transparent ends, after the last change of the texels. @return 0 or -ENOMEM */
+SST_MUST_CHECK int photo_sprite_index(struct photo_sprite *p);
 
 /**
  * Render one view; see sst_scene_render().

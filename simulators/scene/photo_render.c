@@ -1,8 +1,10 @@
 /* Renderer of layered scenes: sprites from front to back, each pixel until it is opaque. */
 #include <errno.h>
 #include <float.h>
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/mem.h"
 #include "simulators/scene/photo.h"
@@ -29,36 +31,36 @@ static void weights(double t, float w[4])
     w[3] = 0.5F * f * f * (f - 1);
 }
 
+typedef float quad __attribute__((vector_size(16)));
+typedef uint8_t quad_u8 __attribute__((vector_size(4)));
+
+static quad texel_at(const struct photo_sprite *p, int x, int y)
+{
+    quad_u8 t = { 0 };
+
+    if (x >= 0 && y >= 0 && x < p->width && y < p->height)
+        memcpy(&t, p->rgba + 4 * ((size_t)y * (size_t)p->width + (size_t)x), sizeof(t));
+    return __builtin_convertvector(t, quad);
+}
+
 /* RGBA at texel position (u, v); beyond the sprite everything is transparent. */
 static void sample(const struct photo_sprite *p, double u, double v, float out[4])
 {
     const int iu = (int)floor(u), iv = (int)floor(v);
     float wu[4], wv[4];
+    quad sum = { 0 };
 
     weights(u - iu, wu);
     weights(v - iv, wv);
-    out[0] = out[1] = out[2] = out[3] = 0;
     for (int j = 0; j < 4; j++) {
-        const int y = iv - 1 + j;
-        float row[4] = { 0 };
+        quad row = { 0 };
 
-        if (y < 0 || y >= p->height)
-            continue;
-        for (int i = 0; i < 4; i++) {
-            const int x = iu - 1 + i;
-            const uint8_t *t = p->rgba + 4 * ((size_t)y * (size_t)p->width + (size_t)x);
-
-            if (x < 0 || x >= p->width)
-                continue;
-            for (int c = 0; c < 4; c++)
-                row[c] += wu[i] * t[c];
-        }
-        for (int c = 0; c < 4; c++)
-            out[c] += wv[j] * row[c];
+        for (int i = 0; i < 4; i++)
+            row += wu[i] * texel_at(p, iu - 1 + i, iv - 1 + j);
+        sum += wv[j] * row;
     }
-    out[3] = fminf(fmaxf(out[3], 0), 255);
-    for (int c = 0; c < 3; c++)
-        out[c] = fminf(fmaxf(out[c], 0), out[3]);
+    for (int c = 3; c >= 0; c--)
+        out[c] = sum[c] < 0 ? 0 : sum[c] > (c == 3 ? 255 : out[3]) ? (c == 3 ? 255 : out[3]) : sum[c];
 }
 
 /* Disparity at pixel (x, y) of a view: of the plane point X with X - d(X) b = x. */
@@ -67,14 +69,44 @@ static double disparity_at(const struct canvas *c, const struct photo_sprite *p,
     return (p->d0 + p->gx * x + p->gy * y) / (1 - p->gx * c->bx - p->gy * c->by);
 }
 
+/* Rows v .. v + 1 of a sprite are transparent at u <= spans[v + 1][0] and u >= spans[v + 1][1]. */
+int photo_sprite_index(struct photo_sprite *p)
+{
+    p->spans = malloc((size_t)(p->height + 1) * sizeof(*p->spans));
+    if (!p->spans)
+        return -ENOMEM;
+    for (int i = 0; i <= p->height; i++) {
+        int lo = INT_MAX, hi = INT_MIN;
+
+        for (int y = sst_max_int(i - 2, 0); y <= sst_min_int(i + 1, p->height - 1); y++) {
+            const uint8_t *row = p->rgba + 4 * (size_t)y * (size_t)p->width;
+            int x0 = 0, x1 = p->width - 1;
+
+            while (x0 <= x1 && !row[4 * x0 + 3])
+                x0++;
+            while (x1 > x0 && !row[4 * x1 + 3])
+                x1--;
+            lo = x0 <= x1 ? sst_min_int(lo, x0) : lo;
+            hi = x0 <= x1 ? sst_max_int(hi, x1) : hi;
+        }
+        p->spans[i][0] = lo > hi ? INT_MAX : lo - 2;
+        p->spans[i][1] = lo > hi ? INT_MIN : hi + 2;
+    }
+    return 0;
+}
+
 static void draw_pixel(const struct canvas *c, const struct photo_sprite *p, int x, int y)
 {
     const size_t at = (size_t)y * (size_t)c->s->width + (size_t)x;
     const double d = disparity_at(c, p, x, y), u = x + c->bx * d - p->x, v = y + c->by * d - p->y;
     const float before = c->light[at];
+    const int *span;
     float rgba[4];
 
-    if (before < CLEAR || u <= -1 || v <= -1 || u >= p->width || v >= p->height)
+    if (before < CLEAR || v <= -1 || v >= p->height)
+        return;
+    span = p->spans[(int)(v + 1)];
+    if (u <= span[0] || u >= span[1])
         return;
     sample(p, u, v, rgba);
     if (rgba[3] <= 0)

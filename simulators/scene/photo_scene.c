@@ -408,6 +408,8 @@ int photo_scene_create(struct photo_scene **out, const struct sst_scene_config *
     err = photo_library_init(&s->library, &cfg->layers, sst_random_u64(&s->rng));
     if (!err)
         err = add_layers(s, &cfg->layers);
+    for (int i = 0; i < s->count && !err; i++)
+        err = photo_sprite_index(&s->sprites[i]);
     if (err) {
         photo_scene_destroy(s);
         return err;
@@ -422,8 +424,10 @@ void photo_scene_destroy(struct photo_scene *s)
 {
     if (!s)
         return;
-    for (int i = 0; i < s->count; i++)
+    for (int i = 0; i < s->count; i++) {
+        free(s->sprites[i].spans);
         free(s->sprites[i].rgba);
+    }
     free(s->sprites);
     photo_library_fini(&s->library);
     free(s);
