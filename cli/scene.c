@@ -1,5 +1,8 @@
 #include "simulators/scene/scene.h"
 
+#include <math.h>
+#include <string.h>
+
 #include "cli/cli_internal.h"
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
@@ -39,6 +42,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!out)
         return cli_usage_error(cmd, "-o LF is missing");
+    if (strcmp(name, "layers") &&
+        (cfg.layers.photos || cfg.layers.masks || cfg.layers.kind ||
+         fmax(cfg.layers.cover_percent, cfg.layers.noise) >= 0 || fmax(cfg.layers.gain_percent, cfg.layers.jpeg) >= 0))
+        return cli_usage_error(
+            cmd, "--photos, --masks, --kind, --cover, --noise, --gain and --jpeg need the scene `layers`");
+    if (cfg.layers.masks && !cfg.layers.photos)
+        return cli_usage_error(cmd, "--masks needs --photos");
     cfg.width = size[0];
     cfg.height = size[1];
     cfg.rows = grid[0];
@@ -63,6 +73,7 @@ const struct cli_command cli_scene = {
         "depends on the seed.\n"
         "LF/truth gets the disparity (rr_cc.pfm, px per spacing) and the labels (rr_cc.png) of every view, what is\n"
         "behind each occluder in the reference view (behind*.png, mask occluder*.png), and truth.json.",
-    .example = "sst scene bush -o bush.lf\n  sst scene pedestrian -o walk.lf --size 500x375 --time 0.5",
+    .example = "sst scene bush -o bush.lf\n  sst scene pedestrian -o walk.lf --size 500x375 --time 0.5\n"
+               "  sst scene layers -o leaves.lf --kind leaves --cover 50 --size 640x480",
     .run = run,
 };

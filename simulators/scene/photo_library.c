@@ -11,7 +11,7 @@
 #include "base/stats.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/image/codec.h"
-#include "simulators/scene/photo.h"
+#include "simulators/scene/scene_internal.h"
 
 #define PHOTOS         24   /* of one scene */
 #define LEAVES         4096 /* places kept */

@@ -7,7 +7,7 @@
 #include "base/log.h"
 #include "base/stats.h"
 #include "pipeline/image/classes.h"
-#include "simulators/scene/photo.h"
+#include "simulators/scene/scene_internal.h"
 
 #define SPRITES_MAX 80000
 #define SHEETS_MAX  8

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "base/mem.h"
-#include "simulators/scene/photo.h"
+#include "simulators/scene/scene_internal.h"
 
 #define CLEAR (1 / 512.0F) /* transmittance below which nothing behind is visible */
 

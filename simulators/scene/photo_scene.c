@@ -6,7 +6,7 @@
 
 #include "base/mem.h"
 #include "pipeline/image/classes.h"
-#include "simulators/scene/photo.h"
+#include "simulators/scene/scene_internal.h"
 
 #define OBJECT_WIDTH_MAX 0.8 /* of the picture */
 

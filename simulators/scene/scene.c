@@ -238,10 +238,25 @@ static int find_photo_range(struct sst_scene *s)
     return err;
 }
 
+/* The nearest sprite covers what all views see of its plane, at most. */
+static int check_photo(const struct sst_scene_config *c)
+{
+    const double margin = 2.0 * sst_max_int(c->rows, c->cols) * (c->width / 480.0 * PHOTO_DISP_MAX + 8);
+
+    if (c->width < 32 || c->height < 32 || (c->width + margin) * (c->height + margin) > 1 << 26) {
+        sst_log_error("layers of %dx%d pixels in %dx%d views are out of range; choose --size 640x480 and --grid 6x6",
+                      c->width, c->height, c->rows, c->cols);
+        return -EINVAL;
+    }
+    return 0;
+}
+
 static int create_photo(struct sst_scene *s, const struct sst_scene_config *cfg)
 {
     int err = check(cfg);
 
+    if (!err)
+        err = check_photo(cfg);
     s->cfg = *cfg;
     s->world = (struct sst_scene_world){ .focal = 1200, .spacing_mm = 50, .occluder_count = 1 };
     if (!err)
