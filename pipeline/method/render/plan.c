@@ -13,6 +13,8 @@
 #define RARITY_STEP 8
 /* Shifts this close to an integer are rounded: products like 0.1 * 3 must not lose a column. */
 #define WHOLE_PX 1e-6
+/* A ray this near to the focus supports it: its depth weight above the floor is at least exp(-2). */
+#define END_SIGMAS 2.0
 
 static void count_rarity(struct sst_renderer *r)
 {
@@ -273,13 +275,47 @@ static int prepare_raw(struct sst_render_plan *p, struct sst_renderer *r)
     return err;
 }
 
+static bool depth_counts(const struct sst_render_config *cfg)
+{
+    return isfinite(cfg->sigma_px) && cfg->c1 < 1;
+}
+
+/* Set the disparities that end at the focus, by label: those within END_SIGMAS of it in columns whose object's range
+ * contains it. Unknown ones only where depth does not count and their label has one range. */
+static void set_ends(struct sst_render_plan *p, const struct sst_columns *within)
+{
+    const double focus_q6 = (p->cfg.focus_px - p->lf->disp_min_px) * SST_DISP_SCALE;
+    const double reach_q6 = END_SIGMAS * p->cfg.sigma_px * SST_DISP_SCALE;
+    const bool by_depth = depth_counts(&p->cfg);
+    const int nearest = by_depth ? (int)sst_clamp_double(floor(focus_q6 + reach_q6), -1, SST_DISP_NONE - 1)
+                                 : (int)SST_DISP_NONE;
+    const int farthest = by_depth ? (int)sst_clamp_double(ceil(focus_q6 - reach_q6), 0, SST_DISP_NONE) : 0;
+
+    for (int label = 0; label < 256; label++) {
+        const int first = sst_max_int(farthest, within[label].first << SST_BLEND_COLUMN_SHIFT);
+        const int end = (within[label].last + 1) << SST_BLEND_COLUMN_SHIFT;
+        const int last = sst_min_int(nearest, first ? sst_min_int(end, SST_DISP_NONE) - 1 : end - 1);
+
+        p->ends[label] = first <= last ? (uint32_t)first | (uint32_t)last << 16 : SST_DISP_NONE;
+    }
+}
+
+static void set_label_weights(struct sst_render_plan *p, const struct sst_renderer *r)
+{
+    struct sst_columns within[256];
+
+    sst_render_label_weight_table(p->table, within, &r->histogram, &p->cfg);
+    set_ends(p, within);
+}
+
 /* Set the constants of the weights, and the table if labels have weights. */
 static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
 {
     const struct sst_render_config *cfg = &p->cfg;
     const double sigma_q6 = cfg->sigma_px * SST_DISP_SCALE;
     const double focus_q6 = (cfg->focus_px - p->lf->disp_min_px) * SST_DISP_SCALE;
-    const bool by_depth = isfinite(cfg->sigma_px) && cfg->c1 < 1, by_label = cfg->c2 < 1 || cfg->focus_label;
+    const bool by_depth = depth_counts(cfg), by_label = cfg->c2 < 1 || cfg->focus_label;
+    struct sst_columns within[256];
     int err;
 
     p->weighted = by_depth || by_label;
@@ -297,7 +333,12 @@ static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
             return -ENODATA;
         }
     }
-    if (!p->weighted || !by_label)
+    if (!p->weighted)
+        return 0;
+    for (int label = 0; label < 256; label++)
+        within[label] = (struct sst_columns){ 0, SST_BLEND_COLUMNS - 1 };
+    set_ends(p, within);
+    if (!by_label)
         return 0;
     err = sst_renderer_count(r);
     if (err)
@@ -307,7 +348,7 @@ static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
         sst_log_error("not enough memory for the table of label weights");
         return -ENOMEM;
     }
-    sst_render_label_weight_table(p->table, &r->histogram, cfg);
+    set_label_weights(p, r);
     p->blend.label_weight = p->table;
     return 0;
 }
@@ -382,7 +423,7 @@ bool sst_render_plan_update(struct sst_render_plan *p, const struct sst_renderer
     if (!labels && !(p->rarity && sst_rarity_differs(p->rarity, r->rarity, tolerance)))
         return false;
     if (p->table)
-        sst_render_label_weight_table(p->table, &r->histogram, &p->cfg);
+        set_label_weights(p, r);
     if (p->rarity)
         memcpy(p->rarity, r->rarity, sizeof(r->rarity));
     return true;

@@ -210,8 +210,7 @@ static float open_share(const struct sst_render_plan *p, const struct rays *r, f
 {
     float share;
 
-    /* Invalid pixels stay invalid. */
-    if (!(r->there > 0) || (p->cfg.unsupported == SST_UNSUPPORTED_INVALID && assigned < SST_BLEND_FLOOR))
+    if (!(r->there > 0))
         return 0;
     share = fmaxf(1 - assigned / (ENOUGH * r->there), 0) * ramp(r->front / r->there, FRONT_LOW, FRONT_HIGH);
     if (p->unconfirmed)
