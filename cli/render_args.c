@@ -31,7 +31,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
           0 },
         { "percentile", 0, CLI_DOUBLE, &cfg->range_percentile, "P", "share cut off at each end of a range (0.01)", 0,
           0.5 },
-        { "unsupported", 0, CLI_STRING, &a->unsupported, "U", "pixels no ray supports: refocus (default) or invalid", 0,
+        { "unsupported", 0, CLI_STRING, &a->unsupported, "U", "pixels without a ray that ends at the focus: shown (refocus, default) or black (invalid)", 0,
           0 },
         CLI_VERIFY_OPTION(a->verify),
         { "aperture", 'a', CLI_DOUBLE, &cfg->aperture, "R", "use views within R spacings of the viewpoint", 0,
