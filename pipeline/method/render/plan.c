@@ -8,13 +8,12 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/method/render/render_internal.h"
 
 /* Offline, rarity of colours is counted from every n-th pixel of every n-th row of all views. */
 #define RARITY_STEP 8
 /* Shifts this close to an integer are rounded: products like 0.1 * 3 must not lose a column. */
 #define WHOLE_PX 1e-6
-/* A ray this near to the focus supports it: its depth weight above the floor is at least exp(-2). */
-#define END_SIGMAS 2.0
 
 static void count_rarity(struct sst_renderer *r)
 {
@@ -54,23 +53,6 @@ int sst_renderer_recount(struct sst_renderer *r, const int *view, int views, int
     if (err)
         sst_log_error("not enough memory for the disparity histograms");
     return err;
-}
-
-const struct sst_unconfirmed *sst_renderer_unconfirmed(struct sst_renderer *r)
-{
-    int err = 0;
-
-    pthread_mutex_lock(&r->lock);
-    if (!r->unconfirmed_counted) {
-        err = sst_unconfirmed_init(&r->unconfirmed, r->lf, r->threads);
-        if (err)
-            sst_unconfirmed_fini(&r->unconfirmed);
-        r->unconfirmed_counted = !err;
-    }
-    pthread_mutex_unlock(&r->lock);
-    if (err)
-        sst_log_error("not enough memory to count the unconfirmed disparities");
-    return err ? NULL : &r->unconfirmed;
 }
 
 static int check_config(const struct sst_render_config *cfg)
@@ -280,12 +262,12 @@ static bool depth_counts(const struct sst_render_config *cfg)
     return isfinite(cfg->sigma_px) && cfg->c1 < 1;
 }
 
-/* Set the disparities that end at the focus, by label: those within END_SIGMAS of it in columns whose object's range
+/* Set the disparities that end at the focus, by label: those within SST_END_SIGMAS of it in columns whose object's range
  * contains it. Unknown ones only where depth does not count and their label has one range. */
 static void set_ends(struct sst_render_plan *p, const struct sst_columns *within)
 {
     const double focus_q6 = (p->cfg.focus_px - p->lf->disp_min_px) * SST_DISP_SCALE;
-    const double reach_q6 = END_SIGMAS * p->cfg.sigma_px * SST_DISP_SCALE;
+    const double reach_q6 = SST_END_SIGMAS * p->cfg.sigma_px * SST_DISP_SCALE;
     const bool by_depth = depth_counts(&p->cfg);
     const int nearest = by_depth ? (int)sst_clamp_double(floor(focus_q6 + reach_q6), -1, SST_DISP_NONE - 1)
                                  : (int)SST_DISP_NONE;
@@ -359,13 +341,8 @@ static int open_verifiers(struct sst_render_plan *p, struct sst_renderer *r)
     const int threads = sst_thread_count(p->cfg.threads);
     int err = 0;
 
-    if (p->cfg.verify == SST_VERIFY_AUTO) {
-        p->unconfirmed = sst_renderer_unconfirmed(r);
-        if (!p->unconfirmed)
-            return -ENOMEM;
-        if (isnan(p->unconfirmed->confirmed))
-            return 0;
-    }
+    if (p->cfg.verify == SST_VERIFY_AUTO && !sst_lightfield_has(p->lf, SST_LOAD_CONFIDENCE))
+        return 0;
     err = sst_renderer_count(r);
     if (err)
         return err;
@@ -373,6 +350,8 @@ static int open_verifiers(struct sst_render_plan *p, struct sst_renderer *r)
     p->verifier = calloc((size_t)threads, sizeof(struct sst_verifier *));
     for (; p->rarity && p->verifier && p->verifiers < threads && !err; p->verifiers += !err)
         err = sst_verifier_create(&p->verifier[p->verifiers], p);
+    if (!err && p->cfg.verify == SST_VERIFY_AUTO)
+        err = explainer_create(&p->explainer, p, r);
     if (err || !p->rarity || !p->verifier) {
         sst_log_error("not enough memory to verify rays on %d threads", threads);
         return -ENOMEM;
@@ -407,9 +386,11 @@ void sst_render_plan_fini(struct sst_render_plan *p)
 {
     for (int i = 0; i < p->verifiers; i++)
         sst_verifier_destroy(p->verifier[i]);
+    explainer_destroy(p->explainer);
     free(p->verifier);
     free(p->rarity);
     sst_mem_free(p->table);
+    p->explainer = NULL;
     p->verifier = NULL;
     p->verifiers = 0;
     p->rarity = NULL;

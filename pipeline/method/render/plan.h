@@ -6,8 +6,10 @@
 
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/rectify/rectify.h"
-#include "pipeline/lightfield/unconfirmed.h"
 #include "pipeline/method/render/render.h"
+
+/** A ray this near to the focus, in sigma_d, ends at it: its depth weight above the floor is at least exp(-2). */
+#define SST_END_SIGMAS 2.0
 
 /* --- ranges.c: disparity ranges of labels and objects, from exact histograms over all views --- */
 
@@ -78,6 +80,7 @@ bool sst_render_label_weight_differs(const float *table, const struct sst_label_
 /* --- plan.c --- */
 
 struct sst_verifier; /* verify.h */
+struct explainer;    /* render_internal.h */
 
 struct sst_renderer {
     /* fixed after create */
@@ -88,8 +91,6 @@ struct sst_renderer {
     bool counted;
     struct sst_label_histogram histogram;
     uint8_t rarity[SST_AGREE_BINS]; /* of colours, see verify.h */
-    bool unconfirmed_counted;
-    struct sst_unconfirmed unconfirmed; /* fixed once counted */
     struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each created on first use */
 };
 
@@ -97,6 +98,8 @@ struct sst_renderer {
 struct sst_raw_view {
     struct sst_rectify_map *map;
     struct sst_sampler *sampler;
+    struct sst_image rectified; /* with seen, its valid pixels: empty until a ray must be explained */
+    struct sst_map_u8 seen;
 };
 
 /**
@@ -138,7 +141,7 @@ struct sst_render_plan {
     int verifiers;
     struct sst_verifier **verifier;            /* [verifiers], one per thread, owned; NULL: rays are not verified */
     uint8_t *rarity;                           /* [SST_AGREE_BINS] owned */
-    const struct sst_unconfirmed *unconfirmed; /* the renderer's, where rays are verified; NULL: everywhere */
+    struct explainer *explainer;               /* owned; NULL: all rays vote */
 };
 
 /** Output arrays for the rays of one view; they begin at the first requested pixel. */
@@ -189,9 +192,6 @@ double sst_render_plan_label_weight(const struct sst_render_plan *p, int label, 
 
 /** Count the histogram on the first call. @return 0 or -ENOMEM (logged). */
 SST_MUST_CHECK int sst_renderer_count(struct sst_renderer *r);
-
-/** Unconfirmed disparities of the maps, counted on the first call. @return NULL: no memory (logged) */
-const struct sst_unconfirmed *sst_renderer_unconfirmed(struct sst_renderer *r);
 
 /** One output pixel in double, weights from their logarithms: the plain refocus value if all are exactly 0, black
  *  without rays. @param rays  out, [SST_MAX_VIEWS], count of them */

@@ -58,19 +58,18 @@ void sst_renderer_destroy(struct sst_renderer *r)
     for (int k = 0; r->raw && k < r->lf->rows * r->lf->cols; k++) {
         sst_sampler_destroy(r->raw[k].sampler);
         sst_rectify_map_destroy(r->raw[k].map);
+        sst_image_fini(&r->raw[k].rectified);
+        sst_map_u8_fini(&r->raw[k].seen);
     }
     free(r->raw);
     sst_render_histogram_fini(&r->histogram);
-    sst_unconfirmed_fini(&r->unconfirmed);
     pthread_mutex_destroy(&r->lock);
     free(r);
 }
 
 double sst_renderer_confirmed(struct sst_renderer *r)
 {
-    const struct sst_unconfirmed *u = sst_renderer_unconfirmed(r);
-
-    return u ? u->confirmed : NAN;
+    return sst_lightfield_confirmed(r->lf, r->threads);
 }
 
 bool sst_renderer_disparities(struct sst_renderer *r, double *min_px, double *max_px)
