@@ -132,7 +132,7 @@ bool explainer_test(const struct explainer *e, int k, int x, int y)
     const struct ray ray = ray_at(e, t, x, y);
     int agree = 0, other = 0;
 
-    for (int i = 0; i < t->count && agree <= t->count / 2 && other <= t->count / 2; i++) {
+    for (int i = 0; i < t->count && 2 * agree < t->count && 2 * other <= t->count; i++) {
         const int by = differs_from(&ray, &t->around[i]);
 
         agree += by >= 0 && by < e->levels;

@@ -117,6 +117,7 @@ struct sst_verifier {
     struct row row[3];
     uint8_t mode[3][STRIDE];
     float weight[STRIDE];
+    uint8_t needed[STRIDE]; /* pixels of the row that decide about a pixel left to votes */
     /* of the row of cells */
     float share[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX]; /* fraction left to votes by the maps */
 };
@@ -271,6 +272,19 @@ static bool add_doubt(float *weight, const struct sst_render_tap *t, int x, int 
     return true;
 }
 
+/* Mark the pixels of a row within 3x3 pixels of one left to votes, in columns x .. to-1 of rows y .. end-1; the first mark
+ * is that of column x-1. */
+static void mark_needed(struct sst_verifier *v, int left, int x, int to, int row, int y, int end)
+{
+    memset(v->needed, 0, sizeof(v->needed));
+    for (int near = sst_max_int(row - 1, y); near <= sst_min_int(row + 1, end - 1); near++) {
+        for (int i = x; i < to; i++) {
+            if (v->share[near - y][i - left] > 0)
+                memset(v->needed + (i - x), 1, 3);
+        }
+    }
+}
+
 /* Of a tap's rays that end in front, output pixels x .. x+n-1 of row y, drop those explained by it and count the others.
  */
 static void drop_explained(struct sst_verifier *v, struct row *r, const struct sst_render_plan *p, int k, int x, int n,
@@ -284,7 +298,7 @@ static void drop_explained(struct sst_verifier *v, struct row *r, const struct s
         return;
     disp = sst_map_u16_row(&t->v->disp, y + t->ny) + t->nx;
     for (int i = from; i < to; i++) {
-        if (v->weight[i - x] < 0 || disp[i] <= nearest)
+        if (v->weight[i - x] < 0 || disp[i] <= nearest || !v->needed[i - x])
             continue;
         if (disp[i] != SST_DISP_NONE && explainer_test(p->explainer, k, i + t->nx, y + t->ny))
             v->weight[i - x] = -1;
@@ -392,6 +406,7 @@ void sst_verify(struct sst_verifier *v, const struct sst_render_plan *p, float (
         if (p->explainer && explainer_prepare(p->explainer))
             return; /* no memory: as without verification */
         for (int row = y - 1; row <= end; row++) {
+            mark_needed(v, left, x, next, row, y, end);
             vote_row(v, p, x - 1, next + 1, row);
             if (row > y)
                 finish_row(v, p, v->share[row - 1 - y] + x - left, x, next - x, row - 1,
