@@ -57,7 +57,8 @@ static void report(const struct picture *p, const struct render_input *in, const
         if (p->repeat)
             printf("%s: %.1f ms (median of %d, fastest %.1f ms)\n", out, p->ms[p->repeat / 2], p->repeat, p->ms[0]);
         if (supported < 100)
-            sst_log_info("%.2f %% of the pixels are unsupported: none of their rays ends at the focus", 100 - supported);
+            sst_log_info("%.2f %% of the pixels are unsupported: none of their rays ends at the focus",
+                         100 - supported);
         return;
     }
     root = json_pack("{s:s, s:s, s:f, s:i, s:i, s:f}", "output", out, "method", a->method, "focus_px", a->cfg.focus_px,

@@ -1,4 +1,5 @@
-/* blend_rays, blend_plain, blend_support: one pass per quantity over at most SST_BLEND_MAX pixels, all in the L1 cache. */
+/* blend_rays, blend_plain, blend_support: one pass per quantity over at most SST_BLEND_MAX pixels, all in the L1 cache.
+ */
 #include "pipeline/kernels/exp_neg.h"
 
 /* The two rows blended once per column, not once per tap. */

@@ -213,12 +213,9 @@ static void exponential_is_within_its_bound(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(blend_equals_reference),
-        cmocka_unit_test(finish_equals_reference),
-        cmocka_unit_test(support_equals_reference),
-        cmocka_unit_test(support_by_hand),
-        cmocka_unit_test(reference_is_the_formula),
-        cmocka_unit_test(exponential_is_within_its_bound),
+        cmocka_unit_test(blend_equals_reference),   cmocka_unit_test(finish_equals_reference),
+        cmocka_unit_test(support_equals_reference), cmocka_unit_test(support_by_hand),
+        cmocka_unit_test(reference_is_the_formula), cmocka_unit_test(exponential_is_within_its_bound),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

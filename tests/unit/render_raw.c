@@ -199,7 +199,8 @@ static void weights_are_those_of_rectified_views(void **state SST_UNUSED)
     }
 }
 
-/* Raw frames are rectified for this: the rays that rectified views explain, but for the few whose colours just agree. */
+/* Raw frames are rectified for this: the rays that rectified views explain, but for the few whose colours just agree.
+ */
 static void rays_are_explained_as_in_rectified_views(void **state SST_UNUSED)
 {
     struct sst_renderer *r[2] = { from_raw, from_rectified };
@@ -217,9 +218,10 @@ static void rays_are_explained_as_in_rectified_views(void **state SST_UNUSED)
     }
     for (int y = 0; y < HEIGHT; y += 3) {
         for (int x = 0; x < WIDTH; x += 3, n++) {
-            const bool from[2] = { explainer_test(plan[0].explainer, 1, x, y), explainer_test(plan[1].explainer, 1, x, y) };
+            const enum explanation from[2] = { explainer_test(plan[0].explainer, 1, x, y),
+                                               explainer_test(plan[1].explainer, 1, x, y) };
 
-            explained += from[0];
+            explained += from[0] != UNEXPLAINED;
             differ += from[0] != from[1];
         }
     }
@@ -269,8 +271,10 @@ static void rays_add_up_to_the_picture(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        serial_test(one_view_is_that_view_rectified), plain_test(one_interpolation_is_nearer_to_the_truth_than_two),
-        cmocka_unit_test(threads_do_not_matter),      serial_test(weights_are_those_of_rectified_views),
+        serial_test(one_view_is_that_view_rectified),
+        plain_test(one_interpolation_is_nearer_to_the_truth_than_two),
+        cmocka_unit_test(threads_do_not_matter),
+        serial_test(weights_are_those_of_rectified_views),
         serial_test(rays_are_explained_as_in_rectified_views),
         serial_test(rays_add_up_to_the_picture),
     };

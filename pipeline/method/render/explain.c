@@ -7,7 +7,7 @@
 #include "pipeline/method/render/render_internal.h"
 
 #define LEVELS   24  /* difference of colours that agree, at least ... */
-#define NOISE    3   /* ... and this many lower quartiles */
+#define NOISE    2.5 /* ... and this many lower quartiles */
 #define SPACINGS 1.5 /* distance of the views around */
 #define AROUND   8   /* at most */
 #define SAMPLES  256 /* rows and columns from which noise is measured, over all views */
@@ -28,7 +28,7 @@ struct explainer {
         const struct sst_map_u16 *disp;
         int count;
         struct neighbour around[AROUND];
-    } *tap; /* [plan->count] */
+    } * tap; /* [plan->count] */
     atomic_bool prepared;
     int levels; /* fixed once prepared */
 };
@@ -121,24 +121,44 @@ static struct ray ray_at(const struct explainer *e, const struct tap *t, int x, 
     return ray;
 }
 
-static int differs_from(const struct ray *ray, const struct neighbour *n)
+/* Difference from what a neighbour shows of the ray's place at a disparity. */
+static int differs_from(const struct ray *ray, const struct neighbour *n, float disp_px)
 {
-    return difference(n, ray->colour, ray->x + ray->disp_px * n->bx, ray->y + ray->disp_px * n->by);
+    return difference(n, ray->colour, ray->x + disp_px * n->bx, ray->y + disp_px * n->by);
 }
 
-bool explainer_test(const struct explainer *e, int k, int x, int y)
+/* Views around that agree with a ray at a disparity, and those that do not. */
+struct agreement {
+    int agree, differ;
+};
+
+/* Stops once more than `most` differ. */
+static struct agreement agreement_at(const struct explainer *e, const struct tap *t, const struct ray *ray,
+                                     float disp_px, int most)
+{
+    struct agreement a = { 0, 0 };
+
+    for (int i = 0; i < t->count && a.differ <= most; i++) {
+        const int by = differs_from(ray, &t->around[i], disp_px);
+
+        a.agree += by >= 0 && by < e->levels;
+        a.differ += by >= e->levels;
+    }
+    return a;
+}
+
+enum explanation explainer_test(const struct explainer *e, int k, int x, int y)
 {
     const struct tap *t = &e->tap[k];
     const struct ray ray = ray_at(e, t, x, y);
-    int agree = 0, other = 0;
+    const struct agreement own = agreement_at(e, t, &ray, ray.disp_px, t->count / 2);
+    struct agreement focus;
 
-    for (int i = 0; i < t->count && 2 * agree < t->count && 2 * other <= t->count; i++) {
-        const int by = differs_from(&ray, &t->around[i]);
-
-        agree += by >= 0 && by < e->levels;
-        other += by >= e->levels;
-    }
-    return agree && agree >= other;
+    if (!own.agree || own.agree < own.differ)
+        return UNEXPLAINED;
+    focus = agreement_at(e, t, &ray, (float)e->plan->cfg.focus_px, t->count);
+    return 2 * focus.agree * (own.agree + own.differ) < own.agree * (focus.agree + focus.differ) ? EXPLAINED
+                                                                                                 : AMBIGUOUS;
 }
 
 /* --- preparation -------------------------------------------------------------------------------------------------- */
@@ -174,7 +194,7 @@ static int middle_difference(const struct tap *t, const struct ray *ray)
     int sorted[AROUND], n = 0;
 
     for (int i = 0; i < t->count; i++) {
-        const int by = differs_from(ray, &t->around[i]);
+        const int by = differs_from(ray, &t->around[i], ray->disp_px);
         int at = n;
 
         for (; by >= 0 && at > 0 && sorted[at - 1] > by; at--)
@@ -213,7 +233,7 @@ static int measure_levels(const struct explainer *e)
     }
     while (n && 4 * (below += count[quartile]) < n)
         quartile++;
-    return sst_max_int(LEVELS, NOISE * quartile);
+    return sst_max_int(LEVELS, (int)(NOISE * quartile));
 }
 
 int explainer_prepare(struct explainer *e)

@@ -262,15 +262,15 @@ static bool depth_counts(const struct sst_render_config *cfg)
     return isfinite(cfg->sigma_px) && cfg->c1 < 1;
 }
 
-/* Set the disparities that end at the focus, by label: those within SST_END_SIGMAS of it in columns whose object's range
- * contains it. Unknown ones only where depth does not count and their label has one range. */
+/* Set the disparities that end at the focus, by label: those within SST_END_SIGMAS of it in columns whose object's
+ * range contains it. Unknown ones only where depth does not count and their label has one range. */
 static void set_ends(struct sst_render_plan *p, const struct sst_columns *within)
 {
     const double focus_q6 = (p->cfg.focus_px - p->lf->disp_min_px) * SST_DISP_SCALE;
     const double reach_q6 = SST_END_SIGMAS * p->cfg.sigma_px * SST_DISP_SCALE;
     const bool by_depth = depth_counts(&p->cfg);
-    const int nearest = by_depth ? (int)sst_clamp_double(floor(focus_q6 + reach_q6), -1, SST_DISP_NONE - 1)
-                                 : (int)SST_DISP_NONE;
+    const int nearest =
+        by_depth ? (int)sst_clamp_double(floor(focus_q6 + reach_q6), -1, SST_DISP_NONE - 1) : (int)SST_DISP_NONE;
     const int farthest = by_depth ? (int)sst_clamp_double(ceil(focus_q6 - reach_q6), 0, SST_DISP_NONE) : 0;
 
     for (int label = 0; label < 256; label++) {

@@ -139,9 +139,9 @@ struct sst_render_plan {
     uint32_t ends[256];                       /* rays that end at the focus, see sst_blend_support_fn; if weighted */
     /* for verification; only one caller at a time may render from a plan */
     int verifiers;
-    struct sst_verifier **verifier;            /* [verifiers], one per thread, owned; NULL: rays are not verified */
-    uint8_t *rarity;                           /* [SST_AGREE_BINS] owned */
-    struct explainer *explainer;               /* owned; NULL: all rays vote */
+    struct sst_verifier **verifier; /* [verifiers], one per thread, owned; NULL: rays are not verified */
+    uint8_t *rarity;                /* [SST_AGREE_BINS] owned */
+    struct explainer *explainer;    /* owned; NULL: all rays vote */
 };
 
 /** Output arrays for the rays of one view; they begin at the first requested pixel. */

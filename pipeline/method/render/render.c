@@ -116,7 +116,7 @@ struct picture {
 /* Destination of a view's rays: sums, or separate arrays. */
 struct sink {
     float *acc[4];
-    uint8_t *support;                         /* with acc: becomes 255 where a ray supports the pixel; NULL: not counted */
+    uint8_t *support; /* with acc: becomes 255 where a ray supports the pixel; NULL: not counted */
     const struct sst_render_samples *samples; /* NULL: acc */
 };
 

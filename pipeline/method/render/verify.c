@@ -15,7 +15,7 @@
 #define ENOUGH           0.2f  /* of a pixel's rays that the maps assign to the focus: nothing to verify */
 #define FRONT_LOW        0.25f /* of a pixel's rays that end in front: no occluder ... */
 #define FRONT_HIGH       0.5f  /* ... to certainly one */
-#define UNEXPLAINED_LOW  0.1f  /* of all views: rays that end in front, not explained by it: reliable maps ... */
+#define UNEXPLAINED_LOW  0.1f  /* of all views: rays that end in front, unexplained: reliable maps ... */
 #define UNEXPLAINED_HIGH 0.2f  /* ... to unreliable ones */
 #define AGREE_LOW        0.1f  /* of all votes: chance ... */
 #define AGREE_HIGH       0.2f  /* ... to certainly a surface */
@@ -107,7 +107,7 @@ struct row {
     uint8_t *vote;   /* [views][STRIDE] 0: no ray */
     uint16_t *near;  /* [views][STRIDE] */
     float total[STRIDE];
-    float unexplained[STRIDE]; /* rays that end in front and are not explained by it, by aperture */
+    float unexplained[STRIDE]; /* unexplained rays that end in front, by aperture */
 };
 
 struct sst_verifier {
@@ -272,8 +272,8 @@ static bool add_doubt(float *weight, const struct sst_render_tap *t, int x, int 
     return true;
 }
 
-/* Mark the pixels of a row within 3x3 pixels of one left to votes, in columns x .. to-1 of rows y .. end-1; the first mark
- * is that of column x-1. */
+/* Mark the pixels of a row within 3x3 pixels of one left to votes, in columns x .. to-1 of rows y .. end-1; the first
+ * mark is that of column x-1. */
 static void mark_needed(struct sst_verifier *v, int left, int x, int to, int row, int y, int end)
 {
     memset(v->needed, 0, sizeof(v->needed));
@@ -285,8 +285,8 @@ static void mark_needed(struct sst_verifier *v, int left, int x, int to, int row
     }
 }
 
-/* Of a tap's rays that end in front, output pixels x .. x+n-1 of row y, drop those explained by it and count the others.
- */
+/* Of a tap's rays that end in front, output pixels x .. x+n-1 of row y, drop those explained by it and count the
+ * unexplained ones. */
 static void drop_explained(struct sst_verifier *v, struct row *r, const struct sst_render_plan *p, int k, int x, int n,
                            int y)
 {
@@ -298,11 +298,14 @@ static void drop_explained(struct sst_verifier *v, struct row *r, const struct s
         return;
     disp = sst_map_u16_row(&t->v->disp, y + t->ny) + t->nx;
     for (int i = from; i < to; i++) {
+        enum explanation by;
+
         if (v->weight[i - x] < 0 || disp[i] <= nearest || !v->needed[i - x])
             continue;
-        if (disp[i] != SST_DISP_NONE && explainer_test(p->explainer, k, i + t->nx, y + t->ny))
+        by = disp[i] == SST_DISP_NONE ? UNEXPLAINED : explainer_test(p->explainer, k, i + t->nx, y + t->ny);
+        if (by == EXPLAINED)
             v->weight[i - x] = -1;
-        else
+        else if (by == UNEXPLAINED)
             r->unexplained[i - x] += (float)t->aperture;
     }
 }
