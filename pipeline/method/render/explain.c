@@ -147,6 +147,15 @@ static struct agreement agreement_at(const struct explainer *e, const struct tap
     return a;
 }
 
+bool explainer_contradicts(const struct explainer *e, int k, int x, int y)
+{
+    const struct tap *t = &e->tap[k];
+    const struct ray ray = ray_at(e, t, x, y);
+    const struct agreement own = agreement_at(e, t, &ray, ray.disp_px, t->count / 2);
+
+    return !own.agree || own.agree < own.differ;
+}
+
 enum explanation explainer_test(const struct explainer *e, int k, int x, int y)
 {
     const struct tap *t = &e->tap[k];

@@ -31,4 +31,7 @@ enum explanation {
 /** Explanation of the pixel (x, y) of the view of tap k, whose disparity is known. */
 enum explanation explainer_test(const struct explainer *e, int k, int x, int y);
 
+/** True if the pixel (x, y) of the view of tap k, whose disparity is known, is UNEXPLAINED. */
+bool explainer_contradicts(const struct explainer *e, int k, int x, int y);
+
 #endif

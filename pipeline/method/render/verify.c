@@ -19,6 +19,7 @@
 #define UNEXPLAINED_HIGH 0.2f  /* ... to unreliable ones */
 #define AGREE_LOW        0.1f  /* of all votes: chance ... */
 #define AGREE_HIGH       0.2f  /* ... to certainly a surface */
+#define SCREEN_STEP      4     /* pixels that decide whether a cell is verified */
 #define FRONT_SIGMAS     0.5   /* in front: nearer than the focus by this many sigma_d */
 #define CANDIDATES       2     /* one ray in this many proposes its colour */
 /* Votes for a colour are sums in 16 bits. */
@@ -222,7 +223,41 @@ double sst_verify_open(const struct sst_render_plan *p, const struct sst_ray *ra
     return (double)open_share(&rays, assigned);
 }
 
-/* Compute the fractions left to votes in a cell. @return true if any is above 0 */
+/* True if more than UNEXPLAINED_LOW of the rays of output pixel (x, y) are unexplained. */
+static bool contradicted(const struct sst_verifier *v, const struct sst_render_plan *p, int x, int y)
+{
+    const int nearest = front_of(p, SST_END_SIGMAS);
+    float unexplained = 0;
+
+    for (int k = 0; k < p->count; k++) {
+        const struct sst_render_tap *t = &p->tap[k];
+        uint16_t disp;
+
+        if (x < t->x0 || x >= t->x1 || y < t->y0 || y >= t->y1)
+            continue;
+        disp = sst_map_u16_row(&t->v->disp, y + t->ny)[x + t->nx];
+        if (disp > nearest && (disp == SST_DISP_NONE || explainer_contradicts(p->explainer, k, x + t->nx, y + t->ny)))
+            unexplained += (float)t->aperture;
+    }
+    return unexplained > UNEXPLAINED_LOW * v->all;
+}
+
+/* True if that is so for any pixel left to votes among every SCREEN_STEP-th pixel of every SCREEN_STEP-th row. */
+static bool screen_cell(const struct sst_verifier *v, const struct sst_render_plan *p, int left, int x, int to, int y,
+                        int end)
+{
+    if (explainer_prepare(p->explainer))
+        return false; /* no memory: as without verification */
+    for (int row = y + SCREEN_STEP / 2; row < end; row += SCREEN_STEP) {
+        for (int i = x + SCREEN_STEP / 2; i < to; i += SCREEN_STEP) {
+            if (v->share[row - y][i - left] > 0 && contradicted(v, p, i, row))
+                return true;
+        }
+    }
+    return false;
+}
+
+/* Compute the fractions left to votes in a cell. @return true if any is above 0 and the cell is worth the time */
 static bool open_cell(struct sst_verifier *v, const struct sst_render_plan *p, float (*weight)[SST_BLEND_MAX], int left,
                       int x, int to, int y, int end)
 {
@@ -245,7 +280,7 @@ static bool open_cell(struct sst_verifier *v, const struct sst_render_plan *p, f
             open = open || share > 0;
         }
     }
-    return open;
+    return open && (!p->explainer || screen_cell(v, p, left, x, to, y, end));
 }
 
 /* --- votes -------------------------------------------------------------------------------------------------------- */
@@ -406,8 +441,6 @@ void sst_verify(struct sst_verifier *v, const struct sst_render_plan *p, float (
             x = sst_min_int(x + SST_RENDER_CELL_WIDTH, to);
             continue;
         }
-        if (p->explainer && explainer_prepare(p->explainer))
-            return; /* no memory: as without verification */
         for (int row = y - 1; row <= end; row++) {
             mark_needed(v, left, x, next, row, y, end);
             vote_row(v, p, x - 1, next + 1, row);
