@@ -19,7 +19,8 @@
 #define UNEXPLAINED_HIGH 0.2f  /* ... to unreliable ones */
 #define AGREE_LOW        0.1f  /* of all votes: chance ... */
 #define AGREE_HIGH       0.2f  /* ... to certainly a surface */
-#define SCREEN_STEP      4     /* pixels that decide whether a cell is verified */
+#define SCREEN_STEP      4     /* a cell is verified if, of every 4th pixel of every 4th row left to votes ... */
+#define SCREEN_SHARE     8     /* ... one in 8 has more than UNEXPLAINED_LOW */
 #define FRONT_SIGMAS     0.5   /* in front: nearer than the focus by this many sigma_d */
 #define CANDIDATES       2     /* one ray in this many proposes its colour */
 /* Votes for a colour are sums in 16 bits. */
@@ -242,19 +243,23 @@ static bool contradicted(const struct sst_verifier *v, const struct sst_render_p
     return unexplained > UNEXPLAINED_LOW * v->all;
 }
 
-/* True if that is so for any pixel left to votes among every SCREEN_STEP-th pixel of every SCREEN_STEP-th row. */
+/* True if a sample of the pixels left to votes finds enough for which that is so. */
 static bool screen_cell(const struct sst_verifier *v, const struct sst_render_plan *p, int left, int x, int to, int y,
                         int end)
 {
+    int found = 0, n = 0;
+
     if (explainer_prepare(p->explainer))
         return false; /* no memory: as without verification */
     for (int row = y + SCREEN_STEP / 2; row < end; row += SCREEN_STEP) {
         for (int i = x + SCREEN_STEP / 2; i < to; i += SCREEN_STEP) {
-            if (v->share[row - y][i - left] > 0 && contradicted(v, p, i, row))
-                return true;
+            if (v->share[row - y][i - left] > 0) {
+                found += contradicted(v, p, i, row);
+                n++;
+            }
         }
     }
-    return false;
+    return SCREEN_SHARE * found > n;
 }
 
 /* Compute the fractions left to votes in a cell. @return true if any is above 0 and the cell is worth the time */
