@@ -384,7 +384,7 @@ static void rays_beside_a_rim_are_not_explained_by_it(void **state SST_UNUSED)
             for (int x = 20; x < 46; x++) {
                 const bool near = x < 40;
 
-                wrong += explainer_test(plan.explainer, 4, x, y) != (near ? EXPLAINED : UNEXPLAINED);
+                wrong += explainer_contradicts(plan.explainer, 4, x, y) == near;
             }
         }
         print_message("noise %u: %d of %d rays\n", noise, wrong, 28 * 26);
@@ -415,13 +415,13 @@ static void unseen_places_explain_nothing(void **state SST_UNUSED)
     assert_int_equal(sst_render_plan_init(&plan, r, &cfg), 0);
     assert_int_equal(plan.tap[3].view, 4);
     assert_int_equal(explainer_prepare(plan.explainer), 0);
-    assert_int_equal(explainer_test(plan.explainer, 3, 30, 20), EXPLAINED); /* by view 1 alone */
-    assert_int_equal(explainer_test(plan.explainer, 3, 42, 20), UNEXPLAINED);
-    assert_int_equal(explainer_test(plan.explainer, 3, 30, 44), UNEXPLAINED); /* view 1 shows it beyond its last row */
-    /* One colour everywhere: the focus explains it as well. */
+    assert_false(explainer_contradicts(plan.explainer, 3, 30, 20)); /* by view 1 alone */
+    assert_true(explainer_contradicts(plan.explainer, 3, 42, 20));
+    assert_true(explainer_contradicts(plan.explainer, 3, 30, 44)); /* view 1 shows it beyond its last row */
+    /* One colour everywhere: no view contradicts. */
     for (int i = 0; i < 3 * 9 * 48; i++)
         memset(sst_image_row(&lf.views[i / 3 % 9].image, i % 3, i / 27), 90, 64);
-    assert_int_equal(explainer_test(plan.explainer, 3, 30, 20), AMBIGUOUS);
+    assert_false(explainer_contradicts(plan.explainer, 3, 30, 20));
     sst_render_plan_fini(&plan);
     sst_renderer_destroy(r);
     sst_lightfield_fini(&lf);

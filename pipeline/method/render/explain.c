@@ -132,13 +132,13 @@ struct agreement {
     int agree, differ;
 };
 
-/* Stops once more than `most` differ. */
+/* Stops once more than half differ. */
 static struct agreement agreement_at(const struct explainer *e, const struct tap *t, const struct ray *ray,
-                                     float disp_px, int most)
+                                     float disp_px)
 {
     struct agreement a = { 0, 0 };
 
-    for (int i = 0; i < t->count && a.differ <= most; i++) {
+    for (int i = 0; i < t->count && 2 * a.differ <= t->count; i++) {
         const int by = differs_from(ray, &t->around[i], disp_px);
 
         a.agree += by >= 0 && by < e->levels;
@@ -151,23 +151,9 @@ bool explainer_contradicts(const struct explainer *e, int k, int x, int y)
 {
     const struct tap *t = &e->tap[k];
     const struct ray ray = ray_at(e, t, x, y);
-    const struct agreement own = agreement_at(e, t, &ray, ray.disp_px, t->count / 2);
+    const struct agreement own = agreement_at(e, t, &ray, ray.disp_px);
 
     return !own.agree || own.agree < own.differ;
-}
-
-enum explanation explainer_test(const struct explainer *e, int k, int x, int y)
-{
-    const struct tap *t = &e->tap[k];
-    const struct ray ray = ray_at(e, t, x, y);
-    const struct agreement own = agreement_at(e, t, &ray, ray.disp_px, t->count / 2);
-    struct agreement focus;
-
-    if (!own.agree || own.agree < own.differ)
-        return UNEXPLAINED;
-    focus = agreement_at(e, t, &ray, (float)e->plan->cfg.focus_px, t->count);
-    return 2 * focus.agree * (own.agree + own.differ) < own.agree * (focus.agree + focus.differ) ? EXPLAINED
-                                                                                                 : AMBIGUOUS;
 }
 
 /* --- preparation -------------------------------------------------------------------------------------------------- */

@@ -27,8 +27,8 @@ enum sst_render_unsupported {
 enum sst_render_verify {
     SST_VERIFY_OFF = 0,
     SST_VERIFY_ON = 1,   /* wherever the maps assign hardly any ray to the focus */
-    SST_VERIFY_AUTO = 2, /* there, but only where other views contradict the maps, and without rays that truly show
-                            what is in front. Disparities without a confidence are external and trusted; the default */
+    SST_VERIFY_AUTO = 2, /* there, but only where other views contradict the maps. Disparities without a confidence are
+                            external and trusted; the default */
 };
 
 struct sst_render_config {

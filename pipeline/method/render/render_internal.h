@@ -1,9 +1,8 @@
 /* pipeline/method/render/render_internal.h - which rays are explained by their own disparity.
  *
  * Rays that a map assigns to an occluder may show it, or what is behind it: maps extend a rim over narrow gaps. A ray
- * is explained if at least half of the views around it show its colour at its own disparity, and less than half as many
- * show it at the focus. Those of a gap are not: there the other views show other places of what is behind. Where
- * colours are flat, the views agree at both, and the ray may be either.
+ * is explained if at least half of the views around it show its colour at its own disparity. Those of a gap are not:
+ * there the other views show other places of what is behind.
  *
  * Colours agree if they differ by less than 24 levels (sum of R, G, B), and more in noise: by less than three times the
  * lower quartile of the differences of all rays from the views around them.
@@ -22,16 +21,7 @@ void explainer_destroy(struct explainer *e);
 /** Rectify raw frames and measure the noise, on the first call. @return 0 or -ENOMEM (not logged) */
 SST_MUST_CHECK int explainer_prepare(struct explainer *e);
 
-enum explanation {
-    UNEXPLAINED = 0, /* few views around show its colour at its disparity */
-    AMBIGUOUS = 1,   /* they do, and at the focus as well */
-    EXPLAINED = 2,
-};
-
-/** Explanation of the pixel (x, y) of the view of tap k, whose disparity is known. */
-enum explanation explainer_test(const struct explainer *e, int k, int x, int y);
-
-/** True if the pixel (x, y) of the view of tap k, whose disparity is known, is UNEXPLAINED. */
+/** True if the pixel (x, y) of the view of tap k, whose disparity is known, is unexplained. */
 bool explainer_contradicts(const struct explainer *e, int k, int x, int y);
 
 #endif

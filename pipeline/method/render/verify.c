@@ -325,10 +325,9 @@ static void mark_needed(struct sst_verifier *v, int left, int x, int to, int row
     }
 }
 
-/* Of a tap's rays that end in front, output pixels x .. x+n-1 of row y, drop those explained by it and count the
- * unexplained ones. */
-static void drop_explained(struct sst_verifier *v, struct row *r, const struct sst_render_plan *p, int k, int x, int n,
-                           int y)
+/* Count the unexplained rays of a tap that end in front, output pixels x .. x+n-1 of row y. */
+static void count_unexplained(struct sst_verifier *v, struct row *r, const struct sst_render_plan *p, int k, int x,
+                              int n, int y)
 {
     const struct sst_render_tap *t = &p->tap[k];
     const int from = sst_max_int(x, t->x0), to = sst_min_int(x + n, t->x1), nearest = front_of(p, SST_END_SIGMAS);
@@ -338,14 +337,9 @@ static void drop_explained(struct sst_verifier *v, struct row *r, const struct s
         return;
     disp = sst_map_u16_row(&t->v->disp, y + t->ny) + t->nx;
     for (int i = from; i < to; i++) {
-        enum explanation by;
-
         if (v->weight[i - x] < 0 || disp[i] <= nearest || !v->needed[i - x])
             continue;
-        by = disp[i] == SST_DISP_NONE ? UNEXPLAINED : explainer_test(p->explainer, k, i + t->nx, y + t->ny);
-        if (by == EXPLAINED)
-            v->weight[i - x] = -1;
-        else if (by == UNEXPLAINED)
+        if (disp[i] == SST_DISP_NONE || explainer_contradicts(p->explainer, k, i + t->nx, y + t->ny))
             r->unexplained[i - x] += (float)t->aperture;
     }
 }
@@ -378,7 +372,7 @@ static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, in
             v->weight[i] = -1;
         sst_render_plan_sample(&take, p, t, x, (int)n, y);
         if (p->explainer)
-            drop_explained(v, r, p, (int)k, x, (int)n, y);
+            count_unexplained(v, r, p, (int)k, x, (int)n, y);
         if (!add_doubt(v->weight, t, x, (int)n, y))
             voting.doubt = DOUBT * (float)t->aperture;
         kernels->agree_votes(vote, (const uint8_t *const *)take.colour, v->weight, &voting, stride);

@@ -15,9 +15,6 @@
  * - more agreement of the votes: rises from a tenth to a fifth of them. Less is chance;
  * - SST_VERIFY_AUTO: more unexplained rays among those that end in front of the focus (render_internal.h), over 3x3
  *   pixels: rises from a tenth to a fifth of all views. Reliable maps are better than votes.
- *
- * With SST_VERIFY_AUTO, rays that end in front by more than 2 sigma_d and are explained by their own disparity do not
- * vote.
  */
 #ifndef SST_PIPELINE_METHOD_RENDER_VERIFY_H
 #define SST_PIPELINE_METHOD_RENDER_VERIFY_H
