@@ -37,6 +37,7 @@ enum sst_cpu_level {
     X(blend_plain)                                                                                                     \
     X(blend_finish)                                                                                                    \
     X(blend_take)                                                                                                      \
+    X(blend_support)                                                                                                   \
     X(agree_votes)                                                                                                     \
     X(agree_mode)                                                                                                      \
     X(agree_near)                                                                                                      \
@@ -250,6 +251,15 @@ typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *we
 
 /** The rays of blend_rays one by one: colours rounded, weights A W_s W_d. n at most SST_BLEND_MAX. */
 typedef void sst_blend_take_fn(uint8_t *const colour[3], float *weight, const struct sst_blend *b, size_t n);
+
+/**
+ * support = 255 where the ray's disparity is in its label's range: ends[label] = first | last << 16, stored disparities
+ * both; none if first > last. Other elements keep their value.
+ *
+ * @param label  NULL: ends[0] for all  @param ends  in, [256]
+ */
+typedef void sst_blend_support_fn(uint8_t *support, const uint16_t *disp, const uint8_t *label, const uint32_t *ends,
+                                  size_t n);
 
 /*
  * Colour agreement of the rays of a pixel (pipeline/method/render/verify.h). A ray votes for its own colour and, with
