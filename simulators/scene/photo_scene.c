@@ -398,6 +398,8 @@ int photo_scene_create(struct photo_scene **out, const struct sst_scene_config *
     s->scale = cfg->width / 480.0;
     s->reach = sst_max_int(far_view, sst_max_int(ref_row, ref_col));
     s->rng = cfg->seed * 0x2545F4914F6CDD1Du + 77;
+    for (const char *c = cfg->layers.kind; c && *c; c++) /* kinds of one seed share nothing */
+        s->rng = s->rng * 31 + (uint64_t)*c;
     s->edge_px = photo_random(s, 0.3, 1.2);
     noise = photo_random(s, 0, 4);
     gain = photo_random(s, 0, 3);

@@ -240,12 +240,13 @@ static void good_maps_decide_alone(void **state SST_UNUSED)
 
 /* --- where maps are poor by their own account --------------------------------------------------------------------- */
 
-/* Maps as `sst process` makes them, and their confidences; labels stay true. */
+/* Maps of the first pass, which closes gaps, and their confidences; labels stay true. */
 static void match_field(struct field *f)
 {
     struct sst_disparity_config cfg;
 
     assert_int_equal(sst_disparity_preset(&cfg, "balanced"), 0);
+    cfg.rounds = 0;
     cfg.disp_min_px = floor(f->lf.range_min_px);
     cfg.disp_max_px = ceil(f->lf.range_max_px);
     cfg.threads = 2;
