@@ -291,13 +291,13 @@ SST_MUST_CHECK int cli_precision(enum sst_precision *out, const char *name);
 /** What the user said; unset numbers keep the preset's values. */
 struct cli_matching {
     const char *preset, *cost, *model, *precision;
-    int paths, p1, p2, scale, threads;
+    int paths, p1, p2, rounds, scale, threads;
     bool no_fill, pairs;
 };
 
 #define CLI_MATCHING_DEFAULTS                                                                                          \
     {                                                                                                                  \
-        .preset = "balanced", .paths = -1, .p1 = -1, .p2 = -1, .scale = -1                                             \
+        .preset = "balanced", .paths = -1, .p1 = -1, .p2 = -1, .rounds = -1, .scale = -1                               \
     }
 
 /* Rows of an option table for a struct cli_matching m. */
@@ -309,6 +309,10 @@ struct cli_matching {
         { "paths", 0, CLI_INT, &(m).paths, "N", "directions of the optimisation: 4 or 8", 4, 8 },                      \
         { "p1", 0, CLI_INT, &(m).p1, "N", "penalty of a disparity step of 1 px", 1, SST_DISPARITY_MAX_PENALTY },       \
         { "p2", 0, CLI_INT, &(m).p2, "N", "penalty of a larger step", 1, SST_DISPARITY_MAX_PENALTY },                  \
+        { "rounds", 0,                                                                                                 \
+          CLI_INT,  &(m).rounds,                                                                                       \
+          "N",      "of testing surfaces where they are visible (6 views and more)",                                   \
+          0,        SST_DISPARITY_MAX_ROUNDS },                                                                        \
         { "scale", 0, CLI_INT, &(m).scale, "N", "match at full (1) or half size (2)", 1, 2 },                          \
         { "pairs", 0, CLI_FLAG, &(m).pairs, NULL, "match horizontal and vertical neighbours apart and fuse the maps",  \
           0,       0 },                                                                                                \

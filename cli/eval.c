@@ -43,9 +43,11 @@ static json_t *report_json(const struct sst_evaluation *r, const struct sst_trut
     for (int i = 0; i < r->occluders; i++) {
         const struct sst_truth_occluder *o = &truth->occluders[i];
 
-        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o}", "name", o->name, "label", o->label,
-                                              "target", o->target, "focus_px", o->focus_px, "covered",
-                                              cli_real_json(r->occluder[i].covered), "render",
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o, s:o, s:o}", "name", o->name, "label",
+                                              o->label, "target", o->target, "focus_px", o->focus_px, "covered",
+                                              cli_real_json(r->occluder[i].covered), "rejected_percent",
+                                              cli_real_json(r->occluder[i].rejected), "accepted_wrong_percent",
+                                              cli_real_json(r->occluder[i].accepted_wrong), "render",
                                               picture_json(&r->occluder[i].render), "refocus",
                                               picture_json(&r->occluder[i].refocus)));
     }
@@ -104,6 +106,8 @@ static void print_table(const struct sst_evaluation *r, const struct sst_truth *
         printf("  %-24s    PSNR dB       SSIM   occluded   occluded    seconds\n", "");
         print_picture("see-through", &r->occluder[i].render);
         print_picture("plain refocus", &r->occluder[i].refocus);
+        row("rays rejected falsely %", &r->occluder[i].rejected, 1, 2);
+        row("rays accepted falsely %", &r->occluder[i].accepted_wrong, 1, 2);
     }
 }
 

@@ -41,6 +41,7 @@ int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_match
     cfg->paths = m->paths > 0 ? m->paths : cfg->paths;
     cfg->p1 = m->p1 > 0 ? m->p1 : cfg->p1;
     cfg->p2 = m->p2 > 0 ? m->p2 : cfg->p2;
+    cfg->rounds = m->rounds >= 0 ? m->rounds : cfg->rounds;
     cfg->scale = m->scale > 0 ? m->scale : cfg->scale;
     cfg->fill = cfg->fill && !m->no_fill;
     cfg->joint = cfg->joint && !m->pairs;

@@ -1,5 +1,8 @@
 #include "simulators/scene/scene.h"
 
+#include <math.h>
+#include <string.h>
+
 #include "cli/cli_internal.h"
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
@@ -20,6 +23,15 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "size", 0, CLI_SIZE, size, "WxH", "pixels of a view; 1000x750", 1, SST_IMAGE_MAX_SIDE },
         { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns of views; 6x6", 1, 256 },
         { "seed", 0, CLI_SEED, &cfg.seed, "N", "random seed: moves and recolours objects; 1", 0, 0 },
+        { "photos", 0, CLI_STRING, &cfg.layers.photos, "DIR", "layers: folder of pictures; procedural ones", 0, 0 },
+        { "masks", 0, CLI_STRING, &cfg.layers.masks, "DIR", "layers: their label images, CamVid's classes", 0, 0 },
+        { "kind", 0, CLI_STRING, &cfg.layers.kind, "NAME",
+          "layers: leaves, foliage, branches, slats, mesh, crowd or mixed (default)", 0, 0 },
+        { "cover", 0, CLI_DOUBLE, &cfg.layers.cover_percent, "PCT", "layers: percent of the picture hidden; 30..80", 1,
+          95 },
+        { "noise", 0, CLI_DOUBLE, &cfg.layers.noise, "SD", "layers: noise of the views, levels; 0..4", 0, 50 },
+        { "gain", 0, CLI_DOUBLE, &cfg.layers.gain_percent, "PCT", "layers: gain differs by up to this; 0..3", 0, 50 },
+        { "jpeg", 0, CLI_INT, &cfg.layers.jpeg, "Q", "layers: quality of JPEG views, 0: PNG; 85..95 or PNG", 0, 100 },
         { "time", 0, CLI_DOUBLE, &cfg.time_s, "S", "seconds of motion; 0", -1e6, 1e6 },
         { "threads", 0, CLI_INT, &cfg.threads, "N", "threads; all processors", 1, 256 },
         { "force", 'f', CLI_FLAG, &force, NULL, "replace an existing folder", 0, 0 },
@@ -30,6 +42,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!out)
         return cli_usage_error(cmd, "-o LF is missing");
+    if (strcmp(name, "layers") &&
+        (cfg.layers.photos || cfg.layers.masks || cfg.layers.kind ||
+         fmax(cfg.layers.cover_percent, cfg.layers.noise) >= 0 || fmax(cfg.layers.gain_percent, cfg.layers.jpeg) >= 0))
+        return cli_usage_error(
+            cmd, "--photos, --masks, --kind, --cover, --noise, --gain and --jpeg need the scene `layers`");
+    if (cfg.layers.masks && !cfg.layers.photos)
+        return cli_usage_error(cmd, "--masks needs --photos");
     cfg.width = size[0];
     cfg.height = size[1];
     cfg.rows = grid[0];
@@ -45,12 +64,16 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
 const struct cli_command cli_scene = {
     .name = "scene",
-    .usage = "NAME -o LF [--size WxH] [--grid RxC] [--seed N] [--time S] [--threads N] [--force]",
+    .usage =
+        "NAME -o LF [--photos DIR] [--masks DIR] [--kind NAME] [--cover PCT] [--noise SD] [--gain PCT] [--jpeg Q]\n"
+        "       [--size WxH] [--grid RxC] [--seed N] [--time S] [--threads N] [--force]",
     .summary = "make a simulated light field with exact truth",
     .detail =
-        "Scenes: bush pedestrian transportation cell humvee cd-cases cat.\n"
+        "Scenes: bush pedestrian transportation cell humvee cd-cases cat layers. Of `layers`, what is not given "
+        "depends on the seed.\n"
         "LF/truth gets the disparity (rr_cc.pfm, px per spacing) and the labels (rr_cc.png) of every view, what is\n"
         "behind each occluder in the reference view (behind*.png, mask occluder*.png), and truth.json.",
-    .example = "sst scene bush -o bush.lf\n  sst scene pedestrian -o walk.lf --size 500x375 --time 0.5",
+    .example = "sst scene bush -o bush.lf\n  sst scene pedestrian -o walk.lf --size 500x375 --time 0.5\n"
+               "  sst scene layers -o leaves.lf --kind leaves --cover 50 --size 640x480",
     .run = run,
 };

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Measure time against error from scratch and renew the tables and charts of docs/measured/: `make bench`, `make bench-quick`.
 
-Raw figures go to BUILD/bench/ (stereo.csv, render.csv, scenes.json), tables and charts to BUILD/bench/docs/ and from
+Raw figures go to BUILD/bench/ (stereo.csv, render.csv, scenes.json, layers.json), tables and charts to BUILD/bench/docs/ and from
 there, unless --quick, to docs/measured/. What a machine lacks (the Middlebury pairs, OpenCV) is named, left out, and its page of
 docs/ stays as it is.
 """
@@ -18,6 +18,8 @@ import bench_report
 PAIRS = ("cones/disp2.png", "teddy/disp2.png", "motorcycle/motorcycle_disp.npz")
 SCENES = ("bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat")
 ALL_PRESETS = ("bush", "pedestrian")  # scenes that are matched with every preset
+KINDS = ("leaves", "foliage", "branches", "slats", "mesh", "crowd")  # occluders of layered scenes
+SETS = {"development": (1, 2), "validation": (1001, 1002)}  # seeds; methods are tuned on the first only
 THREADS = "2"
 
 
@@ -87,10 +89,35 @@ def scenes(build, out, names, size):
     os.replace(f"{out}/scenes.json.part", f"{out}/scenes.json")
 
 
+def layered(sst, out, camvid, name, kind, seed):
+    """A light field of photographs in layers, measured with the maps of sst process and with the true ones."""
+    say(f"layers, {name}: {kind}, seed {seed}")
+    lf = f"{out}/lf"
+    truth = f"{lf}/truth"
+    call(sst, "scene", "layers", "-o", lf, "--photos", f"{camvid}/train", "--masks", f"{camvid}/trainannot", "--kind",
+         kind, "--seed", seed, "--size", "640x480", "--threads", THREADS, "--force", "-q", stdout=subprocess.DEVNULL)
+    result = {"set": name, "kind": kind, "seed": seed, "own": process(sst, lf, truth, "--no-labels"),
+              "truth": process(sst, lf, truth, "--no-labels", "--disparity", truth)}
+    shutil.rmtree(lf)
+    return result
+
+
+def layers(build, out, camvid, sets):
+    if not all(os.path.isdir(f"{camvid}/{part}") for part in ("train", "trainannot")):
+        return say(f"skipped: layers; {camvid} lacks CamVid's train and trainannot, give --camvid DIR")
+    results = [layered(f"{build}/sst", out, camvid, name, kind, seed)
+               for name, seeds in sets.items() for kind in KINDS for seed in seeds]
+    with open(f"{out}/layers.json.part", "w") as f:
+        json.dump(results, f, indent=1)
+    os.replace(f"{out}/layers.json.part", f"{out}/layers.json")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", default="build", help="folder with the built programs (build)")
     parser.add_argument("--data", default="../shared/data/stereo-middlebury", help="Middlebury pairs (%(default)s)")
+    parser.add_argument("--camvid", default="../shared/data/camvid", help="CamVid's pictures (%(default)s)")
+    parser.add_argument("--only", choices=("layers",), help="measure this part alone")
     parser.add_argument("--quick", action="store_true", help="few rounds and small pictures; docs/ stays as it is")
     args = parser.parse_args()
     os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
@@ -99,12 +126,14 @@ def main():
         sys.exit("bench: gnuplot, which draws the charts, is missing: install gnuplot-nox")
     out, start = f"{args.build}/bench" + ("-quick" if args.quick else ""), time.monotonic()
     os.makedirs(out, exist_ok=True)
-    for name in ("stereo.csv", "render.csv", "scenes.json"):
+    for name in ("stereo.csv", "render.csv", "scenes.json", "layers.json"):
         if os.path.exists(f"{out}/{name}"):
             os.remove(f"{out}/{name}")
-    stereo(args.build, out, args.data, 3 if args.quick else 11)
-    render(args.build, out, ("500x375",) if args.quick else ("2000x1500", "1000x750"), 3 if args.quick else 11)
-    scenes(args.build, out, SCENES[:1] if args.quick else SCENES, "500x375" if args.quick else "1000x750")
+    if not args.only:
+        stereo(args.build, out, args.data, 3 if args.quick else 11)
+        render(args.build, out, ("500x375",) if args.quick else ("2000x1500", "1000x750"), 3 if args.quick else 11)
+        scenes(args.build, out, SCENES[:1] if args.quick else SCENES, "500x375" if args.quick else "1000x750")
+    layers(args.build, out, args.camvid, {"development": (1,)} if args.quick else SETS)
     made = bench_report.write(out, "make bench-quick" if args.quick else "make bench")
     if not args.quick:
         os.makedirs("docs/measured", exist_ok=True)

@@ -293,11 +293,51 @@ def scenes(source, out, command):
                   ("time, s", "pixels off by more than 2 px, %"), groups, command, log_y=True))
 
 
+LAYERS_TEXT = """\
+Photographs in layers (`sst scene layers`, CamVid's pictures), 6x6 views of 640x480 with noise, gain differences and JPEG
+as the seed has it, `sst process --no-labels`. PSNR in dB of the pixels that the occluder covers, focused on the target: by
+plain refocusing, and seen through with the program's own maps and with the true ones. Rays in percent: *rejected* show the
+target, but their map says nearer; *accepted wrongly* pass for the target, but show something nearer. Methods are tuned on
+the development set only.
+
+"""
+
+
+def layer_figures(measured):
+    own, true = measured["own"], measured["truth"]
+    occluder = own["occluders"][0]
+    return [occluder["covered"], own["refocus"]["psnr_occluded"], own["render"]["psnr_occluded"],
+            true["render"]["psnr_occluded"], occluder["rejected_percent"], occluder["accepted_wrong_percent"],
+            own["disparity"]["bad1"]]
+
+
+def mean_known(values):
+    known = [v for v in values if v is not None]
+    return statistics.mean(known) if known else None
+
+
+def layers(source, out, command):
+    with open(source) as f:
+        measured = json.load(f)
+    head = ["scene", "covered %", "refocus", "own maps", "true maps", "rejected %", "accepted wrongly %", "bad 1 %"]
+    text = LAYERS_TEXT
+    for name in dict.fromkeys(m["set"] for m in measured):
+        part = [m for m in measured if m["set"] == name]
+        rows = [(f"{m['kind']} {m['seed']}", layer_figures(m)) for m in part]
+        groups = {m["kind"]: [f for n, f in rows if n.startswith(m["kind"] + " ")] for m in part}
+        for low, high in ((0, 50), (50, 70), (70, 100)):
+            groups[f"covered {low}..{high} %"] = [f for _, f in rows if low <= f[0] < high]
+        groups["mean"] = [f for _, f in rows]
+        rows += [(f"*{n}*", [mean_known(c) for c in zip(*g)]) for n, g in groups.items() if g]
+        text += f"## {name.capitalize()} set\n\n" + table(head, [[n] + [number(v) for v in f] for n, f in rows]) + "\n"
+    return write_page(out, "bench-layers", page("Layers of photographs", command, text))
+
+
 def write(folder, command):
     """Tables and charts of what was measured, in folder/docs. Returns their paths."""
     out, made = f"{folder}/docs", []
     os.makedirs(out, exist_ok=True)
-    for name, report in (("stereo.csv", stereo), ("render.csv", render), ("scenes.json", scenes)):
+    for name, report in (("stereo.csv", stereo), ("render.csv", render), ("scenes.json", scenes), ("layers.json", layers)):
         if os.path.exists(f"{folder}/{name}"):
             made += report(f"{folder}/{name}", out, command)
     return made

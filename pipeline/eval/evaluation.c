@@ -246,6 +246,67 @@ static double covered(const struct sst_map_u8 *mask)
     return 100.0 * (double)n / ((double)mask->width * mask->height);
 }
 
+/* Rays of a see-through picture: those that show the target or pass for it, and how many of them are wrong. */
+struct ray_count {
+    int64_t target, rejected, accepted, wrong;
+};
+
+/* Disparities by truth and by map of the ray of view k that passes (x, y) of view `ref` at the focus. */
+static bool ray_at(const struct job *job, int k, int ref, int x, int y, double focus_px, double *truth, double *map)
+{
+    const struct sst_lightfield *lf = job->lf;
+    const struct sst_view *v = &lf->views[k], *r = &lf->views[ref];
+    const double vx = floor(x - focus_px * (v->bx - r->bx) + 0.5), vy = floor(y - focus_px * (v->by - r->by) + 0.5);
+
+    if (!v->disp.data || !job->views[k].disp.data || vx < 0 || vy < 0 || vx >= lf->width || vy >= lf->height)
+        return false;
+    *truth = sst_map_f32_row(&job->views[k].disp, (int)vy)[(int)vx];
+    *map = sst_map_u16_row(&v->disp, (int)vy)[(int)vx] == SST_DISP_NONE
+               ? NAN
+               : sst_disp_px(lf, sst_map_u16_row(&v->disp, (int)vy)[(int)vx]);
+    return true;
+}
+
+static void count_pixel(struct ray_count *sum, const struct job *job, int ref, int x, int y, double focus_px)
+{
+    struct ray_count n = { 0 };
+
+    for (int k = 0; k < job->lf->rows * job->lf->cols; k++) {
+        double truth, map;
+
+        if (!ray_at(job, k, ref, x, y, focus_px, &truth, &map))
+            continue;
+        n.target += fabs(truth - focus_px) <= 0.5;
+        n.rejected += fabs(truth - focus_px) <= 0.5 && map > focus_px + 1;
+        n.accepted += fabs(map - focus_px) <= 1;
+        n.wrong += fabs(map - focus_px) <= 1 && truth > focus_px + 1;
+    }
+    if (n.target == 0)
+        return;
+    sum->target += n.target;
+    sum->rejected += n.rejected;
+    sum->accepted += n.accepted;
+    sum->wrong += n.wrong;
+}
+
+static struct ray_count count_rays(const struct job *job, int ref, const struct sst_map_u8 *mask, double focus_px)
+{
+    struct ray_count sum = { 0 };
+
+    for (int y = 0; y < mask->height; y++) {
+        for (int x = 0; x < mask->width; x++) {
+            if (sst_map_u8_row(mask, y)[x])
+                count_pixel(&sum, job, ref, x, y, focus_px);
+        }
+    }
+    return sum;
+}
+
+static double percent(int64_t part, int64_t whole)
+{
+    return whole ? 100.0 * (double)part / (double)whole : NAN;
+}
+
 static int measure_occluder(struct sst_evaluation *out, int index, const struct job *job, const struct sst_truth *truth,
                             struct sst_renderer *r, const struct sst_render_config *cfg)
 {
@@ -253,6 +314,7 @@ static int measure_occluder(struct sst_evaluation *out, int index, const struct 
     struct sst_render_config c = *cfg;
     struct sst_image behind = { 0 };
     struct sst_map_u8 mask = { 0 };
+    struct ray_count rays;
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, job->truth_dir, o->behind);
 
@@ -269,6 +331,9 @@ static int measure_occluder(struct sst_evaluation *out, int index, const struct 
     if (err)
         goto done;
     out->occluder[index].covered = covered(&mask);
+    rays = count_rays(job, truth->ref_row * job->lf->cols + truth->ref_col, &mask, o->focus_px);
+    out->occluder[index].rejected = percent(rays.rejected, rays.target);
+    out->occluder[index].accepted_wrong = percent(rays.wrong, rays.accepted);
     c.focus_px = o->focus_px;
     c.method = SST_RENDER_SST;
     err = measure_picture(&out->occluder[index].render, r, &c, &behind, &mask);

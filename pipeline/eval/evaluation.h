@@ -50,6 +50,10 @@ struct sst_evaluation {
     int occluders;
     struct {
         double covered; /* percent of the picture */
+        /* Rays of all views through the covered pixels that show the target in at least one view, percent; NaN: none.
+         * A ray shows the target if its disparity is within 0.5 px of the focus, and is nearer from 1 px on. */
+        double rejected;       /* of the rays that show the target: the map says nearer */
+        double accepted_wrong; /* of those that are not nearer by the map, within 1 px of the focus: in truth nearer */
         struct sst_picture_error render, refocus;
     } occluder[SST_TRUTH_MAX_OCCLUDERS];
 };

@@ -1,4 +1,5 @@
-/* blend_rays and blend_plain: one pass per quantity over at most SST_BLEND_MAX pixels, all in the L1 cache. */
+/* blend_rays, blend_plain, blend_support: one pass per quantity over at most SST_BLEND_MAX pixels, all in the L1 cache.
+ */
 #include "pipeline/kernels/exp_neg.h"
 
 /* The two rows blended once per column, not once per tap. */
@@ -98,4 +99,14 @@ static void KERNEL(blend_plain)(float *const acc[4], const struct sst_blend *b, 
     }
     for (size_t x = 0; x < n; x++)
         acc[3][x] += aperture;
+}
+
+static void KERNEL(blend_support)(uint8_t *restrict support, const uint16_t *restrict disp,
+                                  const uint8_t *restrict label, const uint32_t *restrict ends, size_t n)
+{
+    for (size_t x = 0; x < n; x++) {
+        const uint32_t range = ends[label ? label[x] : 0], d = disp[x];
+
+        support[x] = (uint8_t)(support[x] | -((d >= (range & 0xFFFF)) & (d <= range >> 16)));
+    }
 }

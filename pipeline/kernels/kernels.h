@@ -31,10 +31,13 @@ enum sst_cpu_level {
     X(winner_row)                                                                                                      \
     X(median5_row)                                                                                                     \
     X(bilateral_row)                                                                                                   \
+    X(hypothesis_cost_row)                                                                                             \
+    X(hypothesis_path_row)                                                                                             \
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
     X(blend_finish)                                                                                                    \
     X(blend_take)                                                                                                      \
+    X(blend_support)                                                                                                   \
     X(agree_votes)                                                                                                     \
     X(agree_mode)                                                                                                      \
     X(agree_near)                                                                                                      \
@@ -149,6 +152,64 @@ typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], 
                                   const int16_t *weight, int tau, size_t n);
 #define SST_BILATERAL_STEP_Q6 96
 
+/* Second pass (design.md, 5.7): each pixel has a list of up to SST_HYPOTHESES disparities, in 1/64 px. */
+#define SST_HYPOTHESES       8
+#define SST_HYPOTHESIS_BEST  4     /* cheapest views that count, visible or not */
+#define SST_HYPOTHESIS_LIMIT 480   /* largest cost of a view: colour difference in eighths of a level, R + G + B */
+#define SST_HYPOTHESIS_FAR   12000 /* cost of unused entries: 4 * (FAR + SST_DISPARITY_MAX_PENALTY) < 2^16 */
+#define SST_DEPTH_OUTSIDE    255   /* depth code of pixels that must not be matched */
+
+/** A view whose pixels are R, G, B and a depth code from the lowest byte up. */
+struct sst_packed_view {
+    const uint32_t *pixels; /* pixel (0, 0); one row and column above and left, one row and two columns below and right
+                               are readable */
+    ptrdiff_t stride;       /* pixels */
+};
+
+#define SST_HYPOTHESIS_VIEWS 24
+
+/** What the hypotheses of a view are tested against. A disparity d moves a pixel by (x + d dx) / 2^16 to a view,
+ * rounded down: x holds the disparity of value 0 and a half. All displacements of disparities 0..65534 fit 32 bits. */
+struct sst_hypothesis_test {
+    struct sst_packed_view own, view[SST_HYPOTHESIS_VIEWS];
+    int32_t x[SST_HYPOTHESIS_VIEWS], y[SST_HYPOTHESIS_VIEWS], dx[SST_HYPOTHESIS_VIEWS], dy[SST_HYPOTHESIS_VIEWS];
+    int views;           /* used */
+    int width, height;   /* of all views */
+    const uint8_t *code; /* [65536] depth code of a disparity: 1..254 and ascending; 0: unknown */
+    int tolerance;       /* 1/64 px: a surface nearer by more than this hides the hypothesis */
+    int similar;         /* pixels of the 3x3 window count whose channels all differ by at most this from the middle */
+};
+
+/**
+ * Costs of the hypotheses of row y: each view's mean colour difference over the similar pixels of a 3x3 window, at most
+ * SST_HYPOTHESIS_LIMIT, where the hypothesis projects to (nearest pixel). The cost is the mean over the views in which
+ * nothing nearer hides the hypothesis, with the SST_HYPOTHESIS_BEST cheapest of all views added once more; the cheapest
+ * alone where fewer views see it at all. Pixels with one hypothesis cost 0.
+ *
+ * @param cost       out [n][SST_HYPOTHESES]; unused entries SST_HYPOTHESIS_FAR
+ * @param hypothesis  [n][SST_HYPOTHESES]
+ * @param count      [n] of them in use, 0..SST_HYPOTHESES
+ */
+typedef void sst_hypothesis_cost_row_fn(uint16_t *cost, const uint16_t *hypothesis, const uint8_t *count,
+                                        const struct sst_hypothesis_test *test, int y, size_t n);
+
+/** Penalties of a path: 0 up to a step of `near`, p1 up to twice that, p2 beyond; by colour step. */
+struct sst_hypothesis_penalty {
+    uint16_t near; /* 1/64 px, at most 2^14 */
+    uint16_t p1[256], p2[256];
+};
+
+/**
+ * One path of the semi-global optimisation over hypotheses: entry i of a pixel is
+ * L[i] = C[i] + min over j of (P[j] + penalty(|D[i] - D'[j]|)) - min P, at most C[i] + p2, and sum += L. Hypotheses are
+ * at most 2^15.
+ * P and D' are the path and the hypotheses of the predecessor. All pointers advance by `step` entries a pixel, `colour`
+ * by a SST_HYPOTHESES-th of it; a path along a row reads what it wrote for the last pixel.
+ */
+typedef void sst_hypothesis_path_row_fn(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
+                                        const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,
+                                        const struct sst_hypothesis_penalty *penalty, ptrdiff_t step, size_t n);
+
 /* --- rendering (pipeline/method/render/) --- */
 
 #define SST_BLEND_MAX          512  /* pixels that one call of a blend kernel takes at most */
@@ -190,6 +251,15 @@ typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *we
 
 /** The rays of blend_rays one by one: colours rounded, weights A W_s W_d. n at most SST_BLEND_MAX. */
 typedef void sst_blend_take_fn(uint8_t *const colour[3], float *weight, const struct sst_blend *b, size_t n);
+
+/**
+ * support = 255 where the ray's disparity is in its label's range: ends[label] = first | last << 16, stored disparities
+ * both; none if first > last. Other elements keep their value.
+ *
+ * @param label  NULL: ends[0] for all  @param ends  in, [256]
+ */
+typedef void sst_blend_support_fn(uint8_t *support, const uint16_t *disp, const uint8_t *label, const uint32_t *ends,
+                                  size_t n);
 
 /*
  * Colour agreement of the rays of a pixel (pipeline/method/render/verify.h). A ray votes for its own colour and, with

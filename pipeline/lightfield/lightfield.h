@@ -68,6 +68,10 @@ void sst_lightfield_fini(struct sst_lightfield *lf);
 bool sst_view_has(const struct sst_view *v, enum sst_lightfield_load kind);
 bool sst_lightfield_has(const struct sst_lightfield *lf, enum sst_lightfield_load kind);
 
+/** Fraction of the disparities that another view confirms: matching gives the others confidence 0. NaN: no confidences.
+ */
+double sst_lightfield_confirmed(const struct sst_lightfield *lf, int threads);
+
 /** Copy a view's image, validity mask and offset; buffers of `to` of the same size are reused.
  *  @return 0, -ENOMEM (`to` is still freed with its light field) */
 SST_MUST_CHECK int sst_view_copy(struct sst_view *to, const struct sst_view *from);

@@ -20,6 +20,7 @@ static build_fn *const builders[] = { build_bush,     build_pedestrian, build_tr
 void sst_scene_config_defaults(struct sst_scene_config *cfg)
 {
     *cfg = (struct sst_scene_config){ .width = 1000, .height = 750, .rows = 6, .cols = 6, .seed = 1 };
+    cfg->layers = (struct sst_layers_config){ .cover_percent = -1, .noise = -1, .gain_percent = -1, .jpeg = -1 };
 }
 
 const char *const *sst_scene_names(void)
@@ -33,7 +34,8 @@ static int find(const char *name)
         if (!strcmp(names[i], name))
             return i;
     }
-    sst_log_error("unknown scene `%s`; choose bush, pedestrian, transportation, cell, humvee, cd-cases or cat", name);
+    sst_log_error("unknown scene `%s`; choose bush, pedestrian, transportation, cell, humvee, cd-cases, cat or layers",
+                  name);
     return -EINVAL;
 }
 
@@ -208,16 +210,79 @@ void sst_scene_world_fini(struct sst_scene_world *w)
     *w = (struct sst_scene_world){ 0 };
 }
 
+/* --- layers of photographs ---------------------------------------------------------------------------------------- */
+
+/* Range of the true disparities of the corner views and the reference view. */
+static int find_photo_range(struct sst_scene *s)
+{
+    const int ref_row = (s->cfg.rows - 1) / 2, ref_col = (s->cfg.cols - 1) / 2;
+    struct sst_map_f32 disp = { 0 };
+    int err = sst_map_f32_init(&disp, s->cfg.width, s->cfg.height);
+    float lo = HUGE_VALF, hi = 0;
+
+    for (int i = 0; i < 5 && !err; i++) {
+        const double bx = i == 4 ? 0 : (i & 1 ? s->cfg.cols - 1 : 0) - ref_col;
+        const double by = i == 4 ? 0 : (i & 2 ? s->cfg.rows - 1 : 0) - ref_row;
+
+        err = photo_render(s->photo, bx, by, false, NULL, &disp, NULL, NULL);
+        for (int y = 0; y < disp.height && !err; y++) {
+            for (int x = 0; x < disp.width; x++) {
+                lo = fminf(lo, sst_map_f32_row(&disp, y)[x]);
+                hi = fmaxf(hi, sst_map_f32_row(&disp, y)[x]);
+            }
+        }
+    }
+    sst_map_f32_fini(&disp);
+    s->range_min_px = fmax(0, floor(lo - 0.5));
+    s->range_max_px = ceil(hi + 0.5);
+    return err;
+}
+
+/* The nearest sprite covers what all views see of its plane, at most. */
+static int check_photo(const struct sst_scene_config *c)
+{
+    const double margin = 2.0 * sst_max_int(c->rows, c->cols) * (c->width / 480.0 * PHOTO_DISP_MAX + 8);
+
+    if (c->width < 32 || c->height < 32 || (c->width + margin) * (c->height + margin) > 1 << 26) {
+        sst_log_error("layers of %dx%d pixels in %dx%d views are out of range; choose --size 640x480 and --grid 6x6",
+                      c->width, c->height, c->rows, c->cols);
+        return -EINVAL;
+    }
+    return 0;
+}
+
+static int create_photo(struct sst_scene *s, const struct sst_scene_config *cfg)
+{
+    int err = check(cfg);
+
+    if (!err)
+        err = check_photo(cfg);
+    s->cfg = *cfg;
+    s->world = (struct sst_scene_world){ .focal = 1200, .spacing_mm = 50, .occluder_count = 1 };
+    if (!err)
+        err = photo_scene_create(&s->photo, cfg, (cfg->rows - 1) / 2, (cfg->cols - 1) / 2);
+    if (err)
+        return err;
+    s->world.occluders[0] = (struct sst_scene_occluder){ .name = "front",
+                                                         .label = s->photo->front_label,
+                                                         .target_label = s->photo->target_label,
+                                                         .focus_px = s->photo->focus_px };
+    return find_photo_range(s);
+}
+
+/* --- public functions --------------------------------------------------------------------------------------------- */
+
 int sst_scene_create(struct sst_scene **out, const char *name, const struct sst_scene_config *cfg)
 {
     struct sst_scene *s = calloc(1, sizeof(*s));
-    int err = s ? sst_scene_world_build(&s->world, name, cfg) : -ENOMEM;
+    const bool photo = !strcmp(name, "layers");
+    int err = !s ? -ENOMEM : photo ? create_photo(s, cfg) : sst_scene_world_build(&s->world, name, cfg);
 
-    if (!err) {
+    if (!err && !photo) {
         s->cfg = *cfg;
         err = find_range(s);
     }
-    if (!err)
+    if (!err && !photo)
         err = find_focus(s);
     if (err) {
         sst_scene_destroy(s);
@@ -232,6 +297,7 @@ void sst_scene_destroy(struct sst_scene *s)
     if (!s)
         return;
     sst_scene_world_fini(&s->world);
+    photo_scene_destroy(s->photo);
     free(s);
 }
 
@@ -270,9 +336,30 @@ int sst_scene_render(const struct sst_scene *s, double bx, double by, unsigned h
     if ((image && (image->width != w || image->height != h)) || (disp && (disp->width != w || disp->height != h)) ||
         (label && (label->width != w || label->height != h)))
         return -EINVAL;
+    if (s->photo)
+        return photo_render(s->photo, bx, by, hidden & 1, image, disp, label, NULL);
     scene_raster(s, bx, by, hidden, &r);
     r.image = image;
     r.disp = disp;
     r.label = label;
     return sst_scene_raster_run(&r);
+}
+
+int scene_mask(const struct sst_scene *scene, int occluder, struct sst_map_u8 *mask)
+{
+    struct sst_scene_raster r;
+    int err;
+
+    if (scene->photo)
+        return photo_render(scene->photo, 0, 0, false, NULL, NULL, NULL, mask);
+    scene_raster(scene, 0, 0, 0, &r);
+    r.owner = mask;
+    err = sst_scene_raster_run(&r);
+    for (int y = 0; y < mask->height && !err; y++) {
+        uint8_t *row = sst_map_u8_row(mask, y);
+
+        for (int x = 0; x < mask->width; x++)
+            row[x] = row[x] & 1u << occluder ? 255 : 0;
+    }
+    return err;
 }

@@ -6,6 +6,15 @@
 
 #define SST_SCENE_MAX_OCCLUDERS 4
 
+/** The scene `layers`: photographs in layers. Negative numbers: the seed decides. */
+struct sst_layers_config {
+    const char *photos; /* folder of pictures; NULL: procedural ones */
+    const char *masks;  /* folder of label images of the same names, CamVid's classes; NULL: none */
+    const char *kind;   /* of the occluder: leaves foliage branches slats mesh crowd; NULL or mixed: the seed decides */
+    double cover_percent, noise, gain_percent;
+    int jpeg; /* quality of the views' files; 0: PNG */
+};
+
 struct sst_scene_config {
     int width, height, rows, cols;
     uint64_t seed; /* varies positions and colours; the same seed gives the same bytes */
@@ -13,6 +22,7 @@ struct sst_scene_config {
     int threads;
     void (*progress)(void *arg, double done); /* called by sst_scene_write() with 0..1, one call at a time; or NULL */
     void *progress_arg;
+    struct sst_layers_config layers;
 };
 
 /** One see-through task: objects to hide and the focus behind them. */
@@ -27,7 +37,8 @@ struct sst_scene; /* opaque; read-only after create: any number of threads may r
 
 void sst_scene_config_defaults(struct sst_scene_config *cfg); /* 1000x750, 6x6, seed 1 */
 
-/** NULL-terminated list: bush pedestrian transportation cell humvee cd-cases cat. */
+/** NULL-terminated list: bush pedestrian transportation cell humvee cd-cases cat; `layers`, which has no surfaces, is
+ * not in it. */
 const char *const *sst_scene_names(void);
 
 /** @return 0, -EINVAL (unknown name or absurd size, logged), -ENOMEM. */

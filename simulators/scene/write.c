@@ -53,6 +53,7 @@ static int write_view(const struct job *j, int view)
     struct sst_image image = { 0 };
     struct sst_map_f32 disp = { 0 };
     struct sst_map_u8 label = { 0 };
+    const int quality = j->scene->photo ? j->scene->photo->jpeg : 0;
     int err;
 
     sst_view_name(j->lf, view, name);
@@ -60,8 +61,10 @@ static int write_view(const struct job *j, int view)
         (err = sst_map_u8_init(&label, c->width, c->height)) ||
         (err = sst_scene_render(j->scene, v->bx, v->by, 0, &image, &disp, &label)))
         goto done;
+    if (j->scene->photo)
+        photo_expose(j->scene->photo, &image, view, view == j->lf->ref_view);
     if ((err = path_of(path, j->dir, "views", j->lf->files->view[view].name)) ||
-        (err = sst_image_write_png(&image, path)))
+        (err = quality ? sst_image_write_jpeg(&image, path, quality) : sst_image_write_png(&image, path)))
         goto done;
     snprintf(file, sizeof(file), "%s.pfm", name);
     if ((err = path_of(path, j->dir, "truth", file)) || (err = sst_map_f32_write_pfm(&disp, path)))
@@ -94,24 +97,6 @@ static int write_pair(const struct job *j, const char *suffix, const struct sst_
     return sst_map_u8_write_png(mask, path, NULL);
 }
 
-/* Mask: 255 where the surface visible in the reference view belongs to the occluder. */
-static int render_mask(const struct sst_scene *scene, unsigned bit, struct sst_map_u8 *mask)
-{
-    struct sst_scene_raster r;
-    int err;
-
-    scene_raster(scene, 0, 0, 0, &r);
-    r.owner = mask;
-    err = sst_scene_raster_run(&r);
-    for (int y = 0; y < mask->height && !err; y++) {
-        uint8_t *row = sst_map_u8_row(mask, y);
-
-        for (int x = 0; x < mask->width; x++)
-            row[x] = row[x] & bit ? 255 : 0;
-    }
-    return err;
-}
-
 static int write_occluder(const struct job *j, int index)
 {
     const struct sst_scene_config *c = &j->scene->cfg;
@@ -122,7 +107,7 @@ static int write_occluder(const struct job *j, int index)
 
     if ((err = sst_image_init(&behind, c->width, c->height)) || (err = sst_map_u8_init(&mask, c->width, c->height)) ||
         (err = sst_scene_render(j->scene, 0, 0, 1u << index, &behind, NULL, NULL)) ||
-        (err = render_mask(j->scene, 1u << index, &mask)))
+        (err = scene_mask(j->scene, index, &mask)))
         goto done;
     snprintf(suffix, sizeof(suffix), "_%s", sst_scene_occluder_at(j->scene, index)->name);
     err = write_pair(j, suffix, &behind, &mask);
@@ -172,6 +157,11 @@ static int write_truth_json(const struct job *j, const char *name)
     root = json_pack("{s:s, s:s, s:s, s:f, s:[f, f], s:o}", "scene", name, "seed", seed, "reference", reference,
                      "focus_px", s->world.occluders[0].focus_px, "range_px", s->range_min_px, s->range_max_px,
                      "occluders", list);
+    if (root && s->photo)
+        json_object_set_new(root, "layers",
+                            json_pack("{s:s, s:f, s:f, s:f, s:i, s:f}", "kind", s->photo->kind, "cover_percent",
+                                      s->photo->cover_percent, "noise", s->photo->noise, "gain_percent",
+                                      s->photo->gain_percent, "jpeg", s->photo->jpeg, "edge_px", s->photo->edge_px));
     if (root)
         text = json_dumps(root, JSON_INDENT(2));
     err = text ? path_of(path, j->dir, "truth", "truth.json") : -ENOMEM;
@@ -201,7 +191,8 @@ static int describe(struct sst_lightfield *lf, const struct sst_scene *s, const 
 
         sst_view_name(lf, view, file);
         lf->views[view].present = true;
-        snprintf(lf->files->view[view].name, sizeof(lf->files->view[view].name), "%s.png", file);
+        snprintf(lf->files->view[view].name, sizeof(lf->files->view[view].name), "%s.%s", file,
+                 s->photo && s->photo->jpeg ? "jpg" : "png");
     }
     return 0;
 }

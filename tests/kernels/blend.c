@@ -121,6 +121,42 @@ static void finish_equals_reference(void **state SST_UNUSED)
     }
 }
 
+static void support_equals_reference(void **state SST_UNUSED)
+{
+    for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
+        struct sst_kernels k;
+
+        if (!sst_kernels_at((enum sst_cpu_level)level, &k))
+            continue;
+        for (size_t n = 1; n <= 129; n++) {
+            const uint16_t *disp = guard_random(n * sizeof(*disp), &seed);
+            const uint8_t *label = n % 3 ? guard_random(n, &seed) : NULL;
+            uint32_t *ends = guard_random(256 * sizeof(*ends), &seed); /* half of them empty */
+            uint8_t *want = guard_random(n, &seed), *got = guard_random(n, &seed);
+
+            memcpy(got, want, n);
+            sst_blend_support_ref(want, disp, label, ends, n);
+            k.blend_support(got, disp, label, ends, n);
+            assert_memory_equal(got, want, n);
+            guard_free_all();
+        }
+    }
+}
+
+static void support_by_hand(void **state SST_UNUSED)
+{
+    const uint32_t ends[256] = { 0xFFFFu << 16, 100 | 200u << 16, 0xFFFF };
+    const uint16_t disp[] = { 99, 100, 200, 201, 0xFFFF, 150, 0 };
+    const uint8_t label[] = { 1, 1, 1, 1, 2, 2, 0 }, want[] = { 7, 255, 255, 7, 7, 7, 255 };
+    uint8_t support[] = { 7, 7, 7, 7, 7, 7, 7 };
+
+    sst_blend_support_ref(support, disp, label, ends, 7);
+    assert_memory_equal(support, want, 7);
+    sst_blend_support_ref(support, disp, NULL, ends, 7);
+    for (int i = 0; i < 7; i++)
+        assert_int_equal(support[i], 255);
+}
+
 /* One pixel by hand: rows {10, 30} and {50, 110} at fx = 0.5, fy = 0.25: left 20, right 50, colour 35. Disparity 8 from
  * the focus, 2 sigma^2 = 64: exp(-1) = 0.36788; c1 = 0.2: W_d = 0.49430; W_s = 0.5, A = 2: weight 0.49430. */
 static void reference_is_the_formula(void **state SST_UNUSED)
@@ -177,10 +213,9 @@ static void exponential_is_within_its_bound(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(blend_equals_reference),
-        cmocka_unit_test(finish_equals_reference),
-        cmocka_unit_test(reference_is_the_formula),
-        cmocka_unit_test(exponential_is_within_its_bound),
+        cmocka_unit_test(blend_equals_reference),   cmocka_unit_test(finish_equals_reference),
+        cmocka_unit_test(support_equals_reference), cmocka_unit_test(support_by_hand),
+        cmocka_unit_test(reference_is_the_formula), cmocka_unit_test(exponential_is_within_its_bound),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

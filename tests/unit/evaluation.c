@@ -135,6 +135,7 @@ static void exact_maps_are_perfect(void **state SST_UNUSED)
     assert_true(isnan(r.initial.miou) && isnan(r.hcsm.miou) && isnan(r.hcsm.coverage));
     assert_int_equal(r.occluders, 1);
     assert_true(r.occluder[0].covered > 1 && r.occluder[0].covered < 90);
+    assert_true(r.occluder[0].rejected == 0 && r.occluder[0].accepted_wrong < 0.5);
     assert_true(r.occluder[0].render.psnr_occluded > r.occluder[0].refocus.psnr_occluded + 1);
     assert_true(r.occluder[0].render.ssim_occluded > r.occluder[0].refocus.ssim_occluded);
     assert_true(r.occluder[0].render.psnr > 10 && r.occluder[0].render.ssim > 0);

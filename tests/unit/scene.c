@@ -522,6 +522,144 @@ static void letters_are_readable(void **state SST_UNUSED)
     assert_false(sst_font_dot("S T", 8, 3));
 }
 
+/* --- layers of photographs ---------------------------------------------------------------------------------------- */
+
+static const char *const kinds[] = { "leaves", "foliage", "branches", "slats", "mesh", "crowd" };
+
+static struct sst_scene *create_layers(const char *kind, uint64_t seed)
+{
+    struct sst_scene_config cfg;
+    struct sst_scene *s = NULL;
+
+    sst_scene_config_defaults(&cfg);
+    cfg.width = 240;
+    cfg.height = 180;
+    cfg.seed = seed;
+    cfg.layers.kind = kind;
+    assert_int_equal(sst_scene_create(&s, "layers", &cfg), 0);
+    return s;
+}
+
+/* What a view shows at x lies at x + d b in the reference view: there is the same, or something nearer. Single pixels
+ * at edges differ by rounding. */
+static int misplaced(const struct view *v, const struct view *ref, int bx, int by, int *checked)
+{
+    int wrong = 0;
+
+    for (int y = 0; y < v->disp.height; y++) {
+        for (int x = 0; x < v->disp.width; x++) {
+            const double d = sst_map_f32_row(&v->disp, y)[x], fx = x + d * bx + 0.5, fy = y + d * by + 0.5;
+            const int rx = (int)floor(fx), ry = (int)floor(fy);
+            bool found = false;
+
+            if (rx < 1 || ry < 1 || rx >= v->disp.width - 1 || ry >= v->disp.height - 1)
+                continue;
+            for (int i = 0; i < 9; i++) {
+                const float there = sst_map_f32_row(&ref->disp, ry - 1 + i / 3)[rx - 1 + i % 3];
+
+                found |= there > d + 0.5 ||
+                         (fabs(there - d) <= 0.5 && label_at(ref, rx - 1 + i % 3, ry - 1 + i / 3) == label_at(v, x, y));
+            }
+            (*checked)++;
+            wrong += !found;
+        }
+    }
+    return wrong;
+}
+
+static void truth_of_layers_agrees_between_views(void **state SST_UNUSED)
+{
+    for (size_t i = 0; i < ARRAY_LEN(kinds); i++) {
+        struct sst_scene *s = create_layers(kinds[i], 5 + i);
+        struct view ref = render(s, 240, 180, 0, 0, 0, false), v = render(s, 240, 180, 2, -1, 0, false);
+        int checked = 0;
+        const int wrong = misplaced(&v, &ref, 2, -1, &checked);
+        double lo, hi;
+
+        sst_scene_range(s, &lo, &hi);
+        assert_true(lo > 0 && hi < 60 && sst_scene_occluder_at(s, 0)->focus_px > lo);
+        assert_true(checked > 240 * 180 / 4 && wrong * 200 < checked);
+        view_fini(&v);
+        view_fini(&ref);
+        sst_scene_destroy(s);
+    }
+}
+
+/* Hidden, nothing in front of the focus is left; shown, the mask marks what is nearer. */
+static void occluders_of_layers_stand_in_front(void **state SST_UNUSED)
+{
+    for (size_t i = 0; i < ARRAY_LEN(kinds); i++) {
+        struct sst_scene *s = create_layers(kinds[i], 21 + i);
+        const double focus = sst_scene_occluder_at(s, 0)->focus_px;
+        struct view front = render(s, 240, 180, 0, 0, 0, false), behind = render(s, 240, 180, 0, 0, 1, false);
+        struct sst_map_u8 mask = { 0 };
+        int covered = 0;
+
+        assert_int_equal(sst_map_u8_init(&mask, 240, 180), 0);
+        assert_int_equal(scene_mask(s, 0, &mask), 0);
+        for (int k = 0; k < 240 * 180; k++) {
+            const int x = k % 240, y = k / 240;
+
+            assert_true(sst_map_f32_row(&behind.disp, y)[x] < focus + 1);
+            assert_int_equal(sst_map_f32_row(&front.disp, y)[x] > focus + 4, sst_map_u8_row(&mask, y)[x] != 0);
+            covered += sst_map_u8_row(&mask, y)[x] != 0;
+        }
+        assert_true(covered > 240 * 180 / 10 && covered < 240 * 180 * 9 / 10);
+        sst_map_u8_fini(&mask);
+        view_fini(&behind);
+        view_fini(&front);
+        sst_scene_destroy(s);
+    }
+}
+
+static void layers_repeat_for_any_number_of_threads(void **state SST_UNUSED)
+{
+    struct sst_scene_config one = small(120, 90, 2, 3, 1), four = small(120, 90, 2, 3, 4);
+
+    one.layers = four.layers = (struct sst_layers_config){ .kind = "mixed", .noise = 2, .gain_percent = 3, .jpeg = -1 };
+    assert_int_equal(sst_scene_write("layers", &one, test_path("layers1"), false), 0);
+    assert_int_equal(sst_scene_write("layers", &four, test_path("layers4"), false), 0);
+    assert_int_equal(compare_folders(test_path("layers1"), test_path("layers4")), 1 + 6 + 6 + 6 + 1 + 4);
+}
+
+static int write_with_photos(const char *photos, const char *masks, const char *kind)
+{
+    struct sst_scene_config cfg = small(64, 48, 2, 2, 1);
+
+    cfg.layers = (struct sst_layers_config){ .photos = photos, .masks = masks, .kind = kind };
+    return sst_scene_write("layers", &cfg, test_path("layers.lf"), true);
+}
+
+static void hostile_photos_are_refused(void **state SST_UNUSED)
+{
+    char photos[SST_PATH_MAX], masks[SST_PATH_MAX], path[SST_PATH_MAX];
+    struct sst_image image = { 0 };
+    struct sst_map_u8 map = { 0 };
+
+    snprintf(photos, sizeof(photos), "%s", test_path("photos"));
+    snprintf(masks, sizeof(masks), "%s", test_path("masks"));
+    assert_int_equal(write_with_photos(photos, NULL, NULL), -ENOENT);
+    assert_int_equal(sst_path_make_dir(photos) | sst_path_make_dir(masks), 0);
+    assert_int_equal(write_with_photos(photos, NULL, NULL), -ENOENT); /* empty */
+    assert_int_equal(sst_path_join(path, photos, "a.png"), 0);
+    assert_int_equal(sst_file_write(path, "no picture", 10), 0);
+    assert_int_equal(write_with_photos(photos, NULL, NULL), -EBADMSG);
+    assert_int_equal(sst_image_init(&image, 8, 8) | sst_image_write_png(&image, path), 0);
+    assert_int_equal(write_with_photos(photos, NULL, NULL), -EBADMSG); /* too small */
+    sst_image_fini(&image);
+    assert_int_equal(sst_image_init(&image, 64, 40) | sst_image_write_png(&image, path), 0);
+    assert_int_equal(write_with_photos(photos, NULL, "curtain"), -EINVAL);
+    assert_int_equal(write_with_photos(photos, masks, NULL), -ENOENT);
+    assert_int_equal(sst_path_join(path, masks, "a.png"), 0);
+    assert_int_equal(sst_map_u8_init(&map, 64, 41) | sst_map_u8_write_png(&map, path, NULL), 0);
+    assert_int_equal(write_with_photos(photos, masks, NULL), -EBADMSG); /* another size */
+    sst_map_u8_fini(&map);
+    assert_int_equal(sst_map_u8_init(&map, 64, 40) | sst_map_u8_write_png(&map, path, NULL), 0);
+    assert_int_equal(write_with_photos(photos, masks, "crowd"), 0); /* nothing to cut out */
+    sst_map_u8_fini(&map);
+    sst_image_fini(&image);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -537,6 +675,10 @@ int main(void)
         serial_test(time_moves_the_walker_and_the_leaves),
         cmocka_unit_test(any_number_of_threads_gives_the_same_bytes),
         cmocka_unit_test(folder_says_what_is_in_it),
+        serial_test(truth_of_layers_agrees_between_views),
+        serial_test(occluders_of_layers_stand_in_front),
+        cmocka_unit_test(layers_repeat_for_any_number_of_threads),
+        cmocka_unit_test(hostile_photos_are_refused),
         cmocka_unit_test(odd_sizes_work),
         cmocka_unit_test(what_cannot_be_made_is_refused),
         cmocka_unit_test(random_numbers_are_splitmix64),

@@ -6,9 +6,10 @@
 
 #include "base/thread.h"
 #include "pipeline/eval/eval.h"
-#include "pipeline/lightfield/unconfirmed.h"
 #include "pipeline/method/disparity/disparity.h"
+#include "pipeline/method/render/render_internal.h"
 #include "pipeline/method/render/verify.h"
+#include "simulators/scene/noise.h"
 #include "simulators/scene/scene.h"
 #include "tests/small.h"
 #include "tests/test.h"
@@ -239,12 +240,13 @@ static void good_maps_decide_alone(void **state SST_UNUSED)
 
 /* --- where maps are poor by their own account --------------------------------------------------------------------- */
 
-/* Maps as `sst process` makes them, and their confidences; labels stay true. */
+/* Maps of the first pass, which closes gaps, and their confidences; labels stay true. */
 static void match_field(struct field *f)
 {
     struct sst_disparity_config cfg;
 
     assert_int_equal(sst_disparity_preset(&cfg, "balanced"), 0);
+    cfg.rounds = 0;
     cfg.disp_min_px = floor(f->lf.range_min_px);
     cfg.disp_max_px = ceil(f->lf.range_max_px);
     cfg.threads = 2;
@@ -306,44 +308,123 @@ static void external_maps_are_trusted(void **state SST_UNUSED)
     close_field(&f);
 }
 
-/* One view of 40x33 pixels: blocks of 32x32, 8x32, 32x1, 8x1. */
-static void guesses_are_counted_in_blocks(void **state SST_UNUSED)
+static void confirmed_disparities_are_counted(void **state SST_UNUSED)
 {
-    struct sst_unconfirmed u = { 0 };
     struct sst_lightfield lf;
     struct sst_view *v;
 
     assert_int_equal(sst_lightfield_init(&lf, 1, 3), 0);
     v = &lf.views[1];
-    assert_int_equal(sst_unconfirmed_init(&u, &lf, 2), 0);
-    assert_true(isnan(u.confirmed));
-    assert_null(u.view[1].data);
-    sst_unconfirmed_fini(&u);
-
+    assert_true(isnan(sst_lightfield_confirmed(&lf, 2)));
     assert_int_equal(sst_map_u8_init(&v->confidence, 40, 33), 0);
     for (int y = 0; y < 33; y++)
-        memset(sst_map_u8_row(&v->confidence, y), 1 + y, 40);
-    memset(sst_map_u8_row(&v->confidence, 5), 0, 32);      /* a row of 32: 1/32 of 1/8 is a quarter of 255 */
-    memset(sst_map_u8_row(&v->confidence, 32) + 32, 0, 8); /* all of the last block */
-    assert_int_equal(sst_unconfirmed_init(&u, &lf, 2), 0);
-    assert_true(fabs(u.confirmed - (1 - 40.0 / (40 * 33))) < 1e-12);
-    assert_int_equal(u.view[1].width, 2);
-    assert_int_equal(u.view[1].height, 2);
-    assert_int_equal(sst_map_u8_row(&u.view[1], 0)[0], 64);
-    assert_int_equal(sst_map_u8_row(&u.view[1], 0)[1], 0);
-    assert_int_equal(sst_map_u8_row(&u.view[1], 1)[0], 0);
-    assert_int_equal(sst_map_u8_row(&u.view[1], 1)[1], 255);
-    assert_null(u.view[0].data);
-    sst_unconfirmed_fini(&u);
-
-    /* What the view did not see is no guess. */
+        memset(sst_map_u8_row(&v->confidence, y), y == 5 ? 0 : 1 + y, 40);
+    assert_true(fabs(sst_lightfield_confirmed(&lf, 2) - 32.0 / 33) < 1e-12);
+    /* What the view did not see does not count. */
     assert_int_equal(sst_map_u8_init(&v->valid, 40, 33), 0);
     for (int y = 0; y < 33; y++)
-        memset(sst_map_u8_row(&v->valid, y), y < 32 && y != 5 ? 255 : 0, 40);
-    assert_int_equal(sst_unconfirmed_init(&u, &lf, 1), 0);
-    assert_true(u.confirmed >= 1);
-    assert_int_equal(sst_map_u8_row(&u.view[1], 0)[0] + sst_map_u8_row(&u.view[1], 1)[1], 0);
-    sst_unconfirmed_fini(&u);
+        memset(sst_map_u8_row(&v->valid, y), y != 5 ? 255 : 0, 40);
+    assert_true(sst_lightfield_confirmed(&lf, 1) >= 1);
+    sst_lightfield_fini(&lf);
+}
+
+/* --- which rays are explained ------------------------------------------------------------------------------------- */
+
+#define NEAR_PX 8
+#define FAR_PX  2
+
+/* 3x3 views of 64x48: columns 20 to 39 of the reference are near, the rest is far, all of random colours; the map of
+ * the middle view extends what is near by six columns. */
+static void make_rim(struct sst_lightfield *lf, unsigned noise)
+{
+    uint64_t seed = 3;
+
+    assert_int_equal(sst_lightfield_init(lf, 3, 3), 0);
+    lf->width = 64;
+    lf->height = 48;
+    lf->range_max_px = NEAR_PX + 1;
+    for (int i = 0; i < 9 * 64 * 48; i++) {
+        const int k = i / (64 * 48), x = i % 64, y = i / 64 % 48;
+        struct sst_view *v = &lf->views[k];
+        const int bx = (int)v->bx, by = (int)v->by;
+        const bool near = x + NEAR_PX * bx >= 20 && x + NEAR_PX * bx < 40;
+        const int d = near ? NEAR_PX : FAR_PX;
+        const uint32_t colour = sst_noise_hash(x + d * bx, y + d * by, d, 5);
+
+        if (!v->present) {
+            v->present = true;
+            assert_int_equal(sst_image_init(&v->image, 64, 48), 0);
+            assert_int_equal(sst_map_u16_init(&v->disp, 64, 48), 0);
+            assert_int_equal(sst_map_u8_init(&v->confidence, 64, 48), 0);
+        }
+        for (int c = 0; c < 3; c++)
+            sst_image_row(&v->image, c, y)[x] =
+                (uint8_t)((colour >> 8 * c & 127) + 32 + (noise ? sst_random_u64(&seed) % noise : 0));
+        sst_map_u16_row(&v->disp, y)[x] = sst_disp_q6(lf, k == 4 && x >= 20 && x < 46 ? NEAR_PX : d);
+    }
+}
+
+static void rays_beside_a_rim_are_not_explained_by_it(void **state SST_UNUSED)
+{
+    for (unsigned noise = 0; noise <= 24; noise += 24) {
+        struct sst_render_config cfg;
+        struct sst_render_plan plan;
+        struct sst_lightfield lf;
+        struct sst_renderer *r;
+        int wrong = 0;
+
+        make_rim(&lf, noise);
+        sst_render_config_defaults(&cfg);
+        cfg.focus_px = FAR_PX;
+        cfg.threads = 2;
+        assert_int_equal(sst_renderer_create(&r, &lf, 2), 0);
+        assert_int_equal(sst_render_plan_init(&plan, r, &cfg), 0);
+        assert_non_null(plan.explainer);
+        assert_int_equal(explainer_prepare(plan.explainer), 0);
+        for (int y = 10; y < 38; y++) {
+            for (int x = 20; x < 46; x++) {
+                const bool near = x < 40;
+
+                wrong += explainer_contradicts(plan.explainer, 4, x, y) == near;
+            }
+        }
+        print_message("noise %u: %d of %d rays\n", noise, wrong, 28 * 26);
+        assert_true(wrong <= (noise ? 28 * 26 / 20 : 0));
+        sst_render_plan_fini(&plan);
+        sst_renderer_destroy(r);
+        sst_lightfield_fini(&lf);
+    }
+}
+
+/* A view that did not see a place, and one that is missing, say nothing about it. */
+static void unseen_places_explain_nothing(void **state SST_UNUSED)
+{
+    struct sst_render_config cfg;
+    struct sst_render_plan plan;
+    struct sst_lightfield lf;
+    struct sst_renderer *r;
+
+    make_rim(&lf, 0);
+    for (int k = 0; k < 9; k++) {
+        if (k != 4 && k != 1)
+            assert_int_equal(sst_map_u8_init(&lf.views[k].valid, 64, 48), 0);
+    }
+    lf.views[0].present = false;
+    sst_render_config_defaults(&cfg);
+    cfg.focus_px = FAR_PX;
+    assert_int_equal(sst_renderer_create(&r, &lf, 1), 0);
+    assert_int_equal(sst_render_plan_init(&plan, r, &cfg), 0);
+    assert_int_equal(plan.tap[3].view, 4);
+    assert_int_equal(explainer_prepare(plan.explainer), 0);
+    assert_false(explainer_contradicts(plan.explainer, 3, 30, 20)); /* by view 1 alone */
+    assert_true(explainer_contradicts(plan.explainer, 3, 42, 20));
+    assert_true(explainer_contradicts(plan.explainer, 3, 30, 44)); /* view 1 shows it beyond its last row */
+    /* One colour everywhere: no view contradicts. */
+    for (int i = 0; i < 3 * 9 * 48; i++)
+        memset(sst_image_row(&lf.views[i / 3 % 9].image, i % 3, i / 27), 90, 64);
+    assert_false(explainer_contradicts(plan.explainer, 3, 30, 20));
+    sst_render_plan_fini(&plan);
+    sst_renderer_destroy(r);
     sst_lightfield_fini(&lf);
 }
 
@@ -382,7 +463,9 @@ int main(void)
         serial_test(matched_leaves_no_longer_hide_what_is_behind),
         serial_test(good_matches_decide_alone),
         cmocka_unit_test(external_maps_are_trusted),
-        cmocka_unit_test(guesses_are_counted_in_blocks),
+        cmocka_unit_test(confirmed_disparities_are_counted),
+        cmocka_unit_test(rays_beside_a_rim_are_not_explained_by_it),
+        cmocka_unit_test(unseen_places_explain_nothing),
         cmocka_unit_test(rarity_is_that_of_the_pixels),
     };
 

@@ -23,6 +23,7 @@ struct run {
     const struct sst_disparity_config *cfg;
     struct sst_network **nets; /* [workers]; NULL without features */
     bool fill;
+    int rounds;                    /* of the second pass */
     int scale, width, height;      /* of the images that are matched */
     int disp_min, range;           /* in pixels of those images; range + 1 whole disparities are searched */
     int divisor;                   /* steps per pixel */
@@ -48,9 +49,11 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
     }
     if ((cfg->paths != 4 && cfg->paths != 8) || cfg->p1 < 1 || cfg->p2 < cfg->p1 ||
         cfg->p2 > SST_DISPARITY_MAX_PENALTY || cfg->support_arm < 0 || cfg->support_arm > SST_SUPPORT_MAX_ARM ||
-        (cfg->scale != 1 && cfg->scale != 2) || cfg->phase_step < 0 || cfg->phase_step > 2) {
-        sst_log_error("matching parameters are outside their ranges: paths 4 or 8, 0 < P1 <= P2 <= %d, arm 0..%d",
-                      SST_DISPARITY_MAX_PENALTY, SST_SUPPORT_MAX_ARM);
+        (cfg->scale != 1 && cfg->scale != 2) || cfg->phase_step < 0 || cfg->phase_step > 2 || cfg->rounds < 0 ||
+        cfg->rounds > SST_DISPARITY_MAX_ROUNDS) {
+        sst_log_error("matching parameters are outside their ranges: paths 4 or 8, 0 < P1 <= P2 <= %d, arm 0..%d, "
+                      "rounds 0..%d",
+                      SST_DISPARITY_MAX_PENALTY, SST_SUPPORT_MAX_ARM, SST_DISPARITY_MAX_ROUNDS);
         return -EINVAL;
     }
     for (int view = 0; view < lf->rows * lf->cols; view++) {
@@ -389,6 +392,41 @@ static int open_networks(struct run *run, int workers, int threads)
     return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
 }
 
+/* The second pass over all maps. */
+static int match_again(struct run *run, int threads)
+{
+    const struct sst_lightfield *lf = run->lf;
+    struct sst_visible_views in = { .count = lf->rows * lf->cols,
+                                    .scale = run->scale,
+                                    .disp_min_px = run->disp_min,
+                                    .range = run->range,
+                                    .cancel = run->cfg->cancel };
+    struct sst_map_u8 *seen = calloc((size_t)in.count, sizeof(*seen));
+    int err = 0;
+
+    in.view = calloc((size_t)in.count, sizeof(*in.view));
+    if (!in.view || !seen)
+        err = -ENOMEM;
+    for (int k = 0; !err && k < in.count; k++) {
+        const struct sst_view *v = &lf->views[k];
+
+        if (v->present && v->valid.data)
+            err = sst_disparity_mask_reduce(&seen[k], &v->valid, run->scale);
+        in.view[k] = (struct sst_visible_view){ .image = v->present ? &v->image : NULL,
+                                                .seen = &seen[k],
+                                                .disp = &run->disp[k],
+                                                .confidence = &run->confidence[k],
+                                                .bx = v->bx,
+                                                .by = v->by };
+    }
+    err = err ? err : sst_disparity_visible(&in, run->rounds, threads);
+    for (int k = 0; seen && k < in.count; k++)
+        sst_map_u8_fini(&seen[k]);
+    free(seen);
+    free(in.view);
+    return err;
+}
+
 static int run_all(struct run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
     const int views = run->lf->rows * run->lf->cols;
@@ -412,6 +450,8 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     }
     free(run->volumes);
     free(run->nets);
+    if (run->rounds)
+        err = err ? err : match_again(run, threads);
     if (run->fill) {
         err = err ? err : sst_parallel_for(views, threads, check_job, run);
         err = err ? err : sst_parallel_for(views, threads, fill_job, run);
@@ -430,6 +470,7 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
 static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
 {
     const size_t views = (size_t)(lf->rows * lf->cols);
+    int present = 0;
 
     *run = (struct run){ .lf = lf, .cfg = cfg, .scale = cfg->scale, .fill = cfg->fill && !cfg->raw };
     run->width = (lf->width + cfg->scale - 1) / cfg->scale;
@@ -438,6 +479,9 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     run->range = (int)ceil(cfg->disp_max_px / cfg->scale) - run->disp_min;
     /* Short ranges allow finer steps, and need them: the depth of such scenes spans few pixels. */
     run->divisor = run->range <= FINE_RANGE_PX ? 4 : run->range <= 2 * FINE_RANGE_PX ? 2 : 1;
+    for (size_t k = 0; k < views; k++)
+        present += lf->views[k].present;
+    run->rounds = cfg->raw || present < SST_VISIBLE_LEAST || run->range < SST_VISIBLE_RANGE ? 0 : cfg->rounds;
     run->desc = calloc(views, sizeof(*run->desc));
     run->disp = calloc(views, sizeof(*run->disp));
     run->confidence = calloc(views, sizeof(*run->confidence));

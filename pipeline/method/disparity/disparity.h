@@ -16,6 +16,7 @@ enum sst_cost {
  * 8 * (255 + 4000) = 34040 < 2^16 (see sgm.c). */
 #define SST_DISPARITY_MAX_STEPS   512
 #define SST_DISPARITY_MAX_PENALTY 4000
+#define SST_DISPARITY_MAX_ROUNDS  8
 /* Longest support arm: 11^2 * 255 < 2^16, so column sums modulo 2^16 are exact; so are the means of equal costs, which
  * the rounded-up reciprocal of the kernel makes inexact from 151 pixels on. */
 #define SST_SUPPORT_MAX_ARM 5
@@ -37,6 +38,8 @@ struct sst_disparity_config {
     bool fill;      /* check and fill: the result is dense */
     bool joint;     /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
     int neighbours; /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
+    int rounds;     /* of the second pass (design.md, 5.7), 0..SST_DISPARITY_MAX_ROUNDS; light fields of few views
+                       or of a narrow range have none */
     int scale;      /* 1 full size, 2 half size with the result scaled up */
     int phase_step; /* census between pixels in quarters (1) or in halves (2), which needs a quarter of the memory;
                        0: in quarters unless views are very large */

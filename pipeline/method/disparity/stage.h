@@ -222,6 +222,38 @@ enum sst_disparity_check {
     SST_DISPARITY_OCCLUSION = 2,
 };
 
+/** A view of the second pass; all maps of one size, disparities in 1/64 px above disp_min_px. */
+struct sst_visible_view {
+    const struct sst_image *image; /* at full size; NULL: no view here */
+    const struct sst_map_u8 *seen; /* 0 where pixels must not be matched; NULL or empty: all may be */
+    struct sst_map_u16 *disp;      /* in and out; SST_DISP_NONE: unknown */
+    struct sst_map_u8 *confidence; /* in and out */
+    double bx, by;
+};
+
+struct sst_visible_views {
+    struct sst_visible_view *view; /* [count] */
+    int count;
+    int scale;                       /* of the maps: 1 full size, 2 half size */
+    double disp_min_px;              /* at their size */
+    int range;                       /* whole pixels from there */
+    const SST_ATOMIC(bool) * cancel; /* as in struct sst_disparity_config */
+};
+
+/* What the second pass needs. It samples the nearest pixels: surfaces of a narrow range are nearer to each other than
+ * that can distinguish. */
+#define SST_VISIBLE_LEAST 6 /* views */
+#define SST_VISIBLE_RANGE 8 /* px */
+
+/**
+ * The second pass (design.md, 5.7): choose each pixel's disparity again, among those of the surfaces around it, by its
+ * colours in the views where it is visible.
+ *
+ * @param rounds  1 or more: each starts from the maps of the last one
+ * @return 0, -ENOMEM, -ECANCELED; the maps then are those of the last whole round
+ */
+SST_MUST_CHECK int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int threads);
+
 /** A neighbouring view's disparities at offset b from the view under check. */
 struct sst_checked_view {
     const struct sst_map_u16 *disp_q6; /* same disparity of value 0 as the view's own */

@@ -8,7 +8,6 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/lightfield/unconfirmed.h"
 #include "pipeline/method/labels/labels.h"
 
 struct run {
@@ -220,18 +219,6 @@ static int label_views(struct run *run)
     return err;
 }
 
-/* The fraction of the disparities that other views confirm. */
-static int count_confirmed(const struct run *run)
-{
-    struct sst_unconfirmed u = { 0 };
-    const int err = log_oom(sst_unconfirmed_init(&u, run->lf, run->cfg->threads));
-
-    if (!err)
-        run->report->confirmed = 100 * u.confirmed;
-    sst_unconfirmed_fini(&u);
-    return err;
-}
-
 static void disparity_progress(void *arg, double done)
 {
     show_progress(arg, "disparity", done);
@@ -301,7 +288,7 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
     if (!err && !cfg->keep_disparity)
         err = match_views(&run);
     if (!err && report)
-        err = count_confirmed(&run);
+        run.report->confirmed = 100 * sst_lightfield_confirmed(lf, cfg->threads);
     run.report->disparity = sst_process_lap(&clock);
     err = err ? err : refine_views(&run);
     run.report->refinement = sst_process_lap(&clock);

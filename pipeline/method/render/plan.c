@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/method/render/render_internal.h"
 
 /* Offline, rarity of colours is counted from every n-th pixel of every n-th row of all views. */
 #define RARITY_STEP 8
@@ -52,23 +53,6 @@ int sst_renderer_recount(struct sst_renderer *r, const int *view, int views, int
     if (err)
         sst_log_error("not enough memory for the disparity histograms");
     return err;
-}
-
-const struct sst_unconfirmed *sst_renderer_unconfirmed(struct sst_renderer *r)
-{
-    int err = 0;
-
-    pthread_mutex_lock(&r->lock);
-    if (!r->unconfirmed_counted) {
-        err = sst_unconfirmed_init(&r->unconfirmed, r->lf, r->threads);
-        if (err)
-            sst_unconfirmed_fini(&r->unconfirmed);
-        r->unconfirmed_counted = !err;
-    }
-    pthread_mutex_unlock(&r->lock);
-    if (err)
-        sst_log_error("not enough memory to count the unconfirmed disparities");
-    return err ? NULL : &r->unconfirmed;
 }
 
 static int check_config(const struct sst_render_config *cfg)
@@ -273,13 +257,47 @@ static int prepare_raw(struct sst_render_plan *p, struct sst_renderer *r)
     return err;
 }
 
+static bool depth_counts(const struct sst_render_config *cfg)
+{
+    return isfinite(cfg->sigma_px) && cfg->c1 < 1;
+}
+
+/* Set the disparities that end at the focus, by label: those within SST_END_SIGMAS of it in columns whose object's
+ * range contains it. Unknown ones only where depth does not count and their label has one range. */
+static void set_ends(struct sst_render_plan *p, const struct sst_columns *within)
+{
+    const double focus_q6 = (p->cfg.focus_px - p->lf->disp_min_px) * SST_DISP_SCALE;
+    const double reach_q6 = SST_END_SIGMAS * p->cfg.sigma_px * SST_DISP_SCALE;
+    const bool by_depth = depth_counts(&p->cfg);
+    const int nearest =
+        by_depth ? (int)sst_clamp_double(floor(focus_q6 + reach_q6), -1, SST_DISP_NONE - 1) : (int)SST_DISP_NONE;
+    const int farthest = by_depth ? (int)sst_clamp_double(ceil(focus_q6 - reach_q6), 0, SST_DISP_NONE) : 0;
+
+    for (int label = 0; label < 256; label++) {
+        const int first = sst_max_int(farthest, within[label].first << SST_BLEND_COLUMN_SHIFT);
+        const int end = (within[label].last + 1) << SST_BLEND_COLUMN_SHIFT;
+        const int last = sst_min_int(nearest, first ? sst_min_int(end, SST_DISP_NONE) - 1 : end - 1);
+
+        p->ends[label] = first <= last ? (uint32_t)first | (uint32_t)last << 16 : SST_DISP_NONE;
+    }
+}
+
+static void set_label_weights(struct sst_render_plan *p, const struct sst_renderer *r)
+{
+    struct sst_columns within[256];
+
+    sst_render_label_weight_table(p->table, within, &r->histogram, &p->cfg);
+    set_ends(p, within);
+}
+
 /* Set the constants of the weights, and the table if labels have weights. */
 static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
 {
     const struct sst_render_config *cfg = &p->cfg;
     const double sigma_q6 = cfg->sigma_px * SST_DISP_SCALE;
     const double focus_q6 = (cfg->focus_px - p->lf->disp_min_px) * SST_DISP_SCALE;
-    const bool by_depth = isfinite(cfg->sigma_px) && cfg->c1 < 1, by_label = cfg->c2 < 1 || cfg->focus_label;
+    const bool by_depth = depth_counts(cfg), by_label = cfg->c2 < 1 || cfg->focus_label;
+    struct sst_columns within[256];
     int err;
 
     p->weighted = by_depth || by_label;
@@ -297,7 +315,12 @@ static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
             return -ENODATA;
         }
     }
-    if (!p->weighted || !by_label)
+    if (!p->weighted)
+        return 0;
+    for (int label = 0; label < 256; label++)
+        within[label] = (struct sst_columns){ 0, SST_BLEND_COLUMNS - 1 };
+    set_ends(p, within);
+    if (!by_label)
         return 0;
     err = sst_renderer_count(r);
     if (err)
@@ -307,7 +330,7 @@ static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
         sst_log_error("not enough memory for the table of label weights");
         return -ENOMEM;
     }
-    sst_render_label_weight_table(p->table, &r->histogram, cfg);
+    set_label_weights(p, r);
     p->blend.label_weight = p->table;
     return 0;
 }
@@ -318,13 +341,8 @@ static int open_verifiers(struct sst_render_plan *p, struct sst_renderer *r)
     const int threads = sst_thread_count(p->cfg.threads);
     int err = 0;
 
-    if (p->cfg.verify == SST_VERIFY_AUTO) {
-        p->unconfirmed = sst_renderer_unconfirmed(r);
-        if (!p->unconfirmed)
-            return -ENOMEM;
-        if (isnan(p->unconfirmed->confirmed))
-            return 0;
-    }
+    if (p->cfg.verify == SST_VERIFY_AUTO && !sst_lightfield_has(p->lf, SST_LOAD_CONFIDENCE))
+        return 0;
     err = sst_renderer_count(r);
     if (err)
         return err;
@@ -332,6 +350,8 @@ static int open_verifiers(struct sst_render_plan *p, struct sst_renderer *r)
     p->verifier = calloc((size_t)threads, sizeof(struct sst_verifier *));
     for (; p->rarity && p->verifier && p->verifiers < threads && !err; p->verifiers += !err)
         err = sst_verifier_create(&p->verifier[p->verifiers], p);
+    if (!err && p->cfg.verify == SST_VERIFY_AUTO)
+        err = explainer_create(&p->explainer, p, r);
     if (err || !p->rarity || !p->verifier) {
         sst_log_error("not enough memory to verify rays on %d threads", threads);
         return -ENOMEM;
@@ -366,9 +386,11 @@ void sst_render_plan_fini(struct sst_render_plan *p)
 {
     for (int i = 0; i < p->verifiers; i++)
         sst_verifier_destroy(p->verifier[i]);
+    explainer_destroy(p->explainer);
     free(p->verifier);
     free(p->rarity);
     sst_mem_free(p->table);
+    p->explainer = NULL;
     p->verifier = NULL;
     p->verifiers = 0;
     p->rarity = NULL;
@@ -382,7 +404,7 @@ bool sst_render_plan_update(struct sst_render_plan *p, const struct sst_renderer
     if (!labels && !(p->rarity && sst_rarity_differs(p->rarity, r->rarity, tolerance)))
         return false;
     if (p->table)
-        sst_render_label_weight_table(p->table, &r->histogram, &p->cfg);
+        set_label_weights(p, r);
     if (p->rarity)
         memcpy(p->rarity, r->rarity, sizeof(r->rarity));
     return true;

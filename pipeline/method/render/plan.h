@@ -6,8 +6,10 @@
 
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/rectify/rectify.h"
-#include "pipeline/lightfield/unconfirmed.h"
 #include "pipeline/method/render/render.h"
+
+/** A ray this near to the focus, in sigma_d, ends at it: its depth weight above the floor is at least exp(-2). */
+#define SST_END_SIGMAS 2.0
 
 /* --- ranges.c: disparity ranges of labels and objects, from exact histograms over all views --- */
 
@@ -53,12 +55,21 @@ bool sst_render_histogram_range(const uint64_t *count, int first, int end, doubl
  */
 int sst_render_histogram_objects(const uint64_t *count, int bins, int *end);
 
+/** Columns first..last of the label weights; none if first > last. */
+struct sst_columns {
+    int first, last;
+};
+
 /**
  * Table of label weights for the kernels: W_s by cfg, including the focus label's factor. The last column is for
  * unknown disparity and uses the label's whole range. A label that does not occur has W_s = 1.
- * @param table  out, [256][SST_BLEND_COLUMNS]
+ *
+ * @param table   out, [256][SST_BLEND_COLUMNS]
+ * @param within  out, [256] columns of known disparity in which the focus is within the range of the object, i.e. W_s
+ *                exceeds its floor. They are contiguous, since the ranges of a label's objects ascend and all have the
+ *                same margin. All columns where C2 is 1, or the label has no range.
  */
-void sst_render_label_weight_table(float *table, const struct sst_label_histogram *h,
+void sst_render_label_weight_table(float *table, struct sst_columns *within, const struct sst_label_histogram *h,
                                    const struct sst_render_config *cfg);
 
 /** True if the table's weights of more than the fraction `share` of the pixels differ from those of h by more than the
@@ -69,6 +80,7 @@ bool sst_render_label_weight_differs(const float *table, const struct sst_label_
 /* --- plan.c --- */
 
 struct sst_verifier; /* verify.h */
+struct explainer;    /* render_internal.h */
 
 struct sst_renderer {
     /* fixed after create */
@@ -79,8 +91,6 @@ struct sst_renderer {
     bool counted;
     struct sst_label_histogram histogram;
     uint8_t rarity[SST_AGREE_BINS]; /* of colours, see verify.h */
-    bool unconfirmed_counted;
-    struct sst_unconfirmed unconfirmed; /* fixed once counted */
     struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each created on first use */
 };
 
@@ -88,6 +98,8 @@ struct sst_renderer {
 struct sst_raw_view {
     struct sst_rectify_map *map;
     struct sst_sampler *sampler;
+    struct sst_image rectified; /* with seen, its valid pixels: empty until a ray must be explained */
+    struct sst_map_u8 seen;
 };
 
 /**
@@ -124,11 +136,12 @@ struct sst_render_plan {
     struct sst_render_tap tap[SST_MAX_VIEWS]; /* in view order: the order of summation */
     struct sst_blend blend;                   /* shared by all rows */
     float *table;                             /* owned; NULL: label weights are all 1 */
+    uint32_t ends[256];                       /* rays that end at the focus, see sst_blend_support_fn; if weighted */
     /* for verification; only one caller at a time may render from a plan */
     int verifiers;
-    struct sst_verifier **verifier;            /* [verifiers], one per thread, owned; NULL: rays are not verified */
-    uint8_t *rarity;                           /* [SST_AGREE_BINS] owned */
-    const struct sst_unconfirmed *unconfirmed; /* the renderer's, where rays are verified; NULL: everywhere */
+    struct sst_verifier **verifier; /* [verifiers], one per thread, owned; NULL: rays are not verified */
+    uint8_t *rarity;                /* [SST_AGREE_BINS] owned */
+    struct explainer *explainer;    /* owned; NULL: all rays vote */
 };
 
 /** Output arrays for the rays of one view; they begin at the first requested pixel. */
@@ -157,7 +170,7 @@ void sst_render_plan_fini(struct sst_render_plan *p);
  * The plan stays valid while pixels of images and maps change, as long as views are neither added nor removed.
  * @param cells  [rows][cols], not 0: render this cell, other pixels are not written; NULL: all
  * @param out    of the light field's size
- * @param valid  likewise, or NULL
+ * @param valid  likewise, or NULL, which saves the time to count support unless unsupported pixels are marked
  * @return 0, -ENOMEM
  */
 SST_MUST_CHECK int sst_render_plan_render(const struct sst_render_plan *p, const uint8_t *cells, struct sst_image *out,
@@ -180,18 +193,9 @@ double sst_render_plan_label_weight(const struct sst_render_plan *p, int label, 
 /** Count the histogram on the first call. @return 0 or -ENOMEM (logged). */
 SST_MUST_CHECK int sst_renderer_count(struct sst_renderer *r);
 
-/** Result of sst_render_pixel_exact(). */
-enum sst_pixel {
-    SST_PIXEL_EMPTY = 0,       /* no ray inside its view; rgb is black */
-    SST_PIXEL_UNSUPPORTED = 1, /* all weights are exactly 0; rgb is the plain refocus value */
-    SST_PIXEL_SUPPORTED = 2,
-};
-
-/** Unconfirmed disparities of the maps, counted on the first call. @return NULL: no memory (logged) */
-const struct sst_unconfirmed *sst_renderer_unconfirmed(struct sst_renderer *r);
-
-/** One output pixel in double, weights from their logarithms. @param rays  out, [SST_MAX_VIEWS], count of them */
-enum sst_pixel sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, double rgb[3],
-                                      struct sst_ray *rays, int *count);
+/** One output pixel in double, weights from their logarithms: the plain refocus value if all are exactly 0, black
+ *  without rays. @param rays  out, [SST_MAX_VIEWS], count of them */
+void sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, double rgb[3], struct sst_ray *rays,
+                            int *count);
 
 #endif

@@ -307,7 +307,9 @@ static float narrow(double w)
     return w > 0 ? (float)fmax(w, FLT_MIN) : 0;
 }
 
-static void weight_row(float *row, const struct sst_label_histogram *h, const struct sst_render_config *cfg, int label)
+/* @param within  out: the columns of known disparity whose object's range contains the focus */
+static void weight_row(float *row, struct sst_columns *within, const struct sst_label_histogram *h,
+                       const struct sst_render_config *cfg, int label)
 {
     const double factor = cfg->focus_label && label && label != cfg->focus_label ? 1 / cfg->label_factor : 1;
     const double cut = cfg->range == SST_RANGE_MINMAX ? 0 : cfg->range_percentile;
@@ -317,20 +319,23 @@ static void weight_row(float *row, const struct sst_label_histogram *h, const st
 
     if (cfg->range == SST_RANGE_OBJECT && count)
         n = sst_render_histogram_objects(count, h->bins, end);
+    *within = (struct sst_columns){ SST_BLEND_COLUMNS, -1 };
     for (int i = 0; i < n; i++) {
         const double w = range_weight(h, cfg, count, column, end[i], cut, margin_px);
 
+        if (w > cfg->c2 || cfg->c2 >= 1)
+            *within = (struct sst_columns){ sst_min_int(within->first, column), end[i] - 1 };
         for (; column < end[i]; column++)
             row[column] = narrow(w * factor);
     }
     row[SST_BLEND_COLUMNS - 1] = narrow(range_weight(h, cfg, count, 0, SST_BLEND_COLUMNS, cut, 0) * factor);
 }
 
-void sst_render_label_weight_table(float *table, const struct sst_label_histogram *h,
+void sst_render_label_weight_table(float *table, struct sst_columns *within, const struct sst_label_histogram *h,
                                    const struct sst_render_config *cfg)
 {
     for (int label = 0; label < 256; label++)
-        weight_row(table + (size_t)label * SST_BLEND_COLUMNS, h, cfg, label);
+        weight_row(table + (size_t)label * SST_BLEND_COLUMNS, &within[label], h, cfg, label);
 }
 
 static bool differs(float a, float b, double tolerance)
@@ -345,10 +350,11 @@ bool sst_render_label_weight_differs(const float *table, const struct sst_label_
 
     for (int label = 0; label < 256; label++, table += SST_BLEND_COLUMNS) {
         float row[SST_BLEND_COLUMNS];
+        struct sst_columns within;
 
         if (!h->count[label])
             continue;
-        weight_row(row, h, cfg, label);
+        weight_row(row, &within, h, cfg, label);
         for (int bin = 0; bin < h->bins; bin++) {
             const int column = bin >> SST_BLEND_COLUMN_SHIFT;
 

@@ -96,11 +96,11 @@ static bool share(struct sst_ray *rays, const double *log_weight, int n)
     return true;
 }
 
-enum sst_pixel sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, double rgb[3],
-                                      struct sst_ray *rays, int *count)
+void sst_render_pixel_exact(const struct sst_render_plan *p, int x, int y, double rgb[3], struct sst_ray *rays,
+                            int *count)
 {
     double log_weight[SST_MAX_VIEWS], plain = 0;
-    bool supported;
+    bool any;
     int n = 0;
 
     for (int i = 0; i < p->count; i++) {
@@ -113,16 +113,15 @@ enum sst_pixel sst_render_pixel_exact(const struct sst_render_plan *p, int x, in
         plain += t->aperture;
         n++;
     }
-    supported = share(rays, log_weight, n);
+    any = share(rays, log_weight, n);
     memset(rgb, 0, 3 * sizeof(rgb[0]));
     for (int i = 0; i < n; i++) {
-        const double w = supported ? rays[i].share : rays[i].aperture / plain;
+        const double w = any ? rays[i].share : rays[i].aperture / plain;
 
         for (int c = 0; c < 3; c++)
             rgb[c] += w * rays[i].colour[c];
     }
     *count = n;
-    return !n ? SST_PIXEL_EMPTY : supported ? SST_PIXEL_SUPPORTED : SST_PIXEL_UNSUPPORTED;
 }
 
 int sst_render_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y, struct sst_ray *rays,

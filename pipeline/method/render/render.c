@@ -58,19 +58,18 @@ void sst_renderer_destroy(struct sst_renderer *r)
     for (int k = 0; r->raw && k < r->lf->rows * r->lf->cols; k++) {
         sst_sampler_destroy(r->raw[k].sampler);
         sst_rectify_map_destroy(r->raw[k].map);
+        sst_image_fini(&r->raw[k].rectified);
+        sst_map_u8_fini(&r->raw[k].seen);
     }
     free(r->raw);
     sst_render_histogram_fini(&r->histogram);
-    sst_unconfirmed_fini(&r->unconfirmed);
     pthread_mutex_destroy(&r->lock);
     free(r);
 }
 
 double sst_renderer_confirmed(struct sst_renderer *r)
 {
-    const struct sst_unconfirmed *u = sst_renderer_unconfirmed(r);
-
-    return u ? u->confirmed : NAN;
+    return sst_lightfield_confirmed(r->lf, r->threads);
 }
 
 bool sst_renderer_disparities(struct sst_renderer *r, double *min_px, double *max_px)
@@ -117,8 +116,19 @@ struct picture {
 /* Destination of a view's rays: sums, or separate arrays. */
 struct sink {
     float *acc[4];
+    uint8_t *support; /* with acc: becomes 255 where a ray supports the pixel; NULL: not counted */
     const struct sst_render_samples *samples; /* NULL: acc */
 };
+
+/* Note which of n pixels from the sink's `skip` on the rays of one view support. */
+static void add_support(const struct sink *s, int skip, const struct sst_render_plan *p, const struct sst_blend *b,
+                        int n)
+{
+    if (p->weighted)
+        sst_kernels_get()->blend_support(s->support + skip, b->disp, b->label, p->ends, (size_t)n);
+    else
+        memset(s->support + skip, 255, (size_t)n);
+}
 
 /* Pass rays with colours at top and bottom, `skip` pixels after the sink's first; output pixels from .. to of row y. */
 static void blend(const struct sink *s, int skip, const struct sst_render_plan *p, const struct sst_render_tap *t,
@@ -138,6 +148,8 @@ static void blend(const struct sink *s, int skip, const struct sst_render_plan *
         float *const at[4] = { s->acc[0] + skip, s->acc[1] + skip, s->acc[2] + skip, s->acc[3] + skip };
 
         (p->weighted ? k->blend_rays : k->blend_plain)(at, b, (size_t)(to - from));
+        if (s->support)
+            add_support(s, skip, p, b, to - from);
     }
 }
 /* Pass the rays of one view, output pixels from .. to of row y; the sink begins at x. */
@@ -225,29 +237,39 @@ static void mend_row(const struct picture *pic, const float *weight, int x, int 
     int count;
 
     for (int i = 0; i < n; i++) {
-        enum sst_pixel found = SST_PIXEL_SUPPORTED;
-
-        if (weight[i] < SST_BLEND_FLOOR) {
-            found = sst_render_pixel_exact(pic->plan, x + i, y, rgb, rays, &count);
-            if (found == SST_PIXEL_UNSUPPORTED && pic->plan->cfg.unsupported == SST_UNSUPPORTED_INVALID)
-                memset(rgb, 0, sizeof(rgb));
-            for (int c = 0; c < 3; c++)
-                sst_image_row(pic->out, c, y)[x + i] = (uint8_t)(rgb[c] + 0.5);
-        }
-        if (pic->valid)
-            sst_map_u8_row(pic->valid, y)[x + i] = found == SST_PIXEL_SUPPORTED ? 255 : 0;
+        if (weight[i] >= SST_BLEND_FLOOR)
+            continue;
+        sst_render_pixel_exact(pic->plan, x + i, y, rgb, rays, &count);
+        for (int c = 0; c < 3; c++)
+            sst_image_row(pic->out, c, y)[x + i] = (uint8_t)(rgb[c] + 0.5);
     }
 }
 
-/* n pixels of row y, n at most SST_BLEND_MAX. @param weight  out, [n] sums of weights */
-static void render_run(const struct picture *pic, float *weight, int x, int n, int y)
+/* Report which of n pixels of row y are supported, and mark the others if that is wanted. */
+static void mark_row(const struct picture *pic, const uint8_t *support, int x, int n, int y)
+{
+    if (pic->valid)
+        memcpy(sst_map_u8_row(pic->valid, y) + x, support, (size_t)n);
+    for (int c = 0; c < 3 && pic->plan->cfg.unsupported == SST_UNSUPPORTED_INVALID; c++) {
+        uint8_t *out = sst_image_row(pic->out, c, y) + x;
+
+        for (int i = 0; i < n; i++)
+            out[i] &= support[i];
+    }
+}
+
+/* n pixels of row y, n at most SST_BLEND_MAX. @param weight  out, [n] sums of weights @param support  out, [n], or
+ * NULL */
+static void render_run(const struct picture *pic, float *weight, uint8_t *support, int x, int n, int y)
 {
     const struct sst_render_plan *p = pic->plan;
     float sums[3][SST_BLEND_MAX];
-    const struct sink s = { { sums[0], sums[1], sums[2], weight }, NULL };
+    const struct sink s = { { sums[0], sums[1], sums[2], weight }, support, NULL };
 
     for (int c = 0; c < 4; c++)
         memset(s.acc[c], 0, (size_t)n * sizeof(*weight));
+    if (support)
+        memset(support, 0, (size_t)n);
     for (int k = 0; k < p->count; k++)
         add_view(&s, p, &p->tap[k], x, n, y);
     for (int c = 0; c < 3; c++)
@@ -269,6 +291,8 @@ static int render_band(void *arg, int index, int worker)
     const struct picture *pic = arg;
     struct sst_verifier *verifier = pic->plan->verifier ? pic->plan->verifier[worker] : NULL;
     float weight[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX];
+    uint8_t support[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX];
+    const bool count = pic->valid || pic->plan->cfg.unsupported == SST_UNSUPPORTED_INVALID;
     const int width = pic->plan->lf->width, top = index * SST_RENDER_CELL_HEIGHT;
     const int end = sst_min_int(top + SST_RENDER_CELL_HEIGHT, pic->plan->lf->height);
     const uint8_t *cells = pic->cells ? pic->cells + (size_t)index * (size_t)pic->cols : NULL;
@@ -277,9 +301,11 @@ static int render_band(void *arg, int index, int worker)
         x = cells ? next_cell(cells, x, width, true) : x;
         to = sst_min_int(cells ? next_cell(cells, x, width, false) : width, x + SST_BLEND_MAX);
         for (int y = top; y < end && x < to; y++)
-            render_run(pic, weight[y - top], x, to - x, y);
+            render_run(pic, weight[y - top], count ? support[y - top] : NULL, x, to - x, y);
         if (verifier && x < to)
             sst_verify(verifier, pic->plan, weight, x, to, top, end, pic->out);
+        for (int y = top; y < end && count && x < to; y++)
+            mark_row(pic, support[y - top], x, to - x, y);
     }
     return 0;
 }

@@ -17,9 +17,9 @@ enum sst_label_range {
     SST_RANGE_MINMAX = 2,     /* of the whole label, exact minimum and maximum: the paper's form */
 };
 
-/** Value of a pixel that no ray supports. */
+/** Value of a pixel that no ray supports (design.md, 5.4). */
 enum sst_render_unsupported {
-    SST_UNSUPPORTED_REFOCUS = 0, /* plain refocus value; the default */
+    SST_UNSUPPORTED_REFOCUS = 0, /* weighted mean all the same; plain refocus value if all weights are 0; default */
     SST_UNSUPPORTED_INVALID = 1, /* black and 0 in the validity mask */
 };
 
@@ -27,8 +27,8 @@ enum sst_render_unsupported {
 enum sst_render_verify {
     SST_VERIFY_OFF = 0,
     SST_VERIFY_ON = 1,   /* wherever the maps assign hardly any ray to the focus */
-    SST_VERIFY_AUTO = 2, /* there, but only among unconfirmed disparities. Disparities without a confidence are external
-                            and trusted; the default */
+    SST_VERIFY_AUTO = 2, /* there, but only where other views contradict the maps. Disparities without a confidence are
+                            external and trusted; the default */
 };
 
 struct sst_render_config {
@@ -106,7 +106,8 @@ int sst_renderer_labels(struct sst_renderer *r, int label[255]);
  * disparity anywhere: W_s = 1.
  *
  * @param out    out, initialised by the caller to lf's size
- * @param valid  out, 255 where at least one ray supports the pixel, or NULL; initialised by the caller
+ * @param valid  out, 255 where at least one ray supports the pixel (design.md, 5.4), else 0, or NULL; initialised by
+ *               the caller
  * @return 0, -ERANGE (focus outside the disparities of the light field by more than a tenth of their range plus a
  * pixel, or so large that the views do not overlap; no view in the aperture), -EINVAL (a value of cfg, sizes), -ENODATA
  *         (SST without disparity in some view used), -ENOMEM; logged.

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/mem.h"
+#include "pipeline/method/render/render_internal.h"
 
 /* Chosen by the figures in docs/design/live.md. */
 #define DOUBT            0.5f  /* added to all weights, which are 0..1 ... */
@@ -14,12 +15,12 @@
 #define ENOUGH           0.2f  /* of a pixel's rays that the maps assign to the focus: nothing to verify */
 #define FRONT_LOW        0.25f /* of a pixel's rays that end in front: no occluder ... */
 #define FRONT_HIGH       0.5f  /* ... to certainly one */
-#define UNCONFIRMED_LOW  0.03f /* of the disparities around a pixel's rays: reliable maps ... */
-#define UNCONFIRMED_HIGH 0.05f /* ... to unreliable ones */
+#define UNEXPLAINED_LOW  0.1f  /* of all views: rays that end in front, unexplained: reliable maps ... */
+#define UNEXPLAINED_HIGH 0.2f  /* ... to unreliable ones */
 #define AGREE_LOW        0.1f  /* of all votes: chance ... */
 #define AGREE_HIGH       0.2f  /* ... to certainly a surface */
-#define FLAT_LOW         0.35f /* of all votes, where maps are unreliable: rays that see through an occluder ... */
-#define FLAT_HIGH        0.45f /* ... to the occluder itself, out of focus, of one colour */
+#define SCREEN_STEP      4     /* a cell is verified if, of every 4th pixel of every 4th row left to votes ... */
+#define SCREEN_SHARE     8     /* ... one in 8 has more than UNEXPLAINED_LOW */
 #define FRONT_SIGMAS     0.5   /* in front: nearer than the focus by this many sigma_d */
 #define CANDIDATES       2     /* one ray in this many proposes its colour */
 /* Votes for a colour are sums in 16 bits. */
@@ -108,14 +109,17 @@ struct row {
     uint8_t *vote;   /* [views][STRIDE] 0: no ray */
     uint16_t *near;  /* [views][STRIDE] */
     float total[STRIDE];
+    float unexplained[STRIDE]; /* unexplained rays that end in front, by aperture */
 };
 
 struct sst_verifier {
     size_t views;
+    float all; /* their apertures */
     uint8_t *memory;
     struct row row[3];
     uint8_t mode[3][STRIDE];
     float weight[STRIDE];
+    uint8_t needed[STRIDE]; /* pixels of the row that decide about a pixel left to votes */
     /* of the row of cells */
     float share[SST_RENDER_CELL_HEIGHT][SST_BLEND_MAX]; /* fraction left to votes by the maps */
 };
@@ -128,6 +132,8 @@ int sst_verifier_create(struct sst_verifier **out, const struct sst_render_plan 
     if (!v)
         return -ENOMEM;
     v->views = (size_t)p->count;
+    for (int k = 0; k < p->count; k++)
+        v->all += (float)p->tap[k].aperture;
     v->memory = sst_mem_alloc(3 * 6 * n, 1);
     if (!v->memory) {
         free(v);
@@ -154,31 +160,22 @@ void sst_verifier_destroy(struct sst_verifier *v)
 
 /* Sums over the rays of a pixel, weighted by aperture. */
 struct rays {
-    float there;       /* all */
-    float front;       /* that end in front of the focus, or have no disparity */
-    float unconfirmed; /* fractions of unconfirmed disparities around them, 255 for SST_UNCONFIRMED_FULL */
+    float there; /* all */
+    float front; /* that end in front of the focus, or have no disparity */
 };
 
-static void add_unconfirmed(struct rays *rays, const struct sst_map_u8 *unconfirmed, int x, int y, int n,
-                            float aperture)
+/* The largest stored disparity that does not end in front of the focus, by `sigmas` sigma_d. */
+static int front_of(const struct sst_render_plan *p, double sigmas)
 {
-    const uint8_t *row = sst_map_u8_row(unconfirmed, y / SST_UNCONFIRMED_BLOCK);
+    const double limit_px = p->cfg.focus_px + sigmas * p->cfg.sigma_px;
 
-    for (int i = 0; i < n; i++)
-        rays[i].unconfirmed += aperture * (float)row[(x + i) / SST_UNCONFIRMED_BLOCK];
-}
-
-/* Disparities above this end in front of the focus. */
-static double front_of(const struct sst_render_config *cfg)
-{
-    return cfg->focus_px + FRONT_SIGMAS * cfg->sigma_px;
+    return (int)sst_clamp_double((limit_px - p->lf->disp_min_px) * SST_DISP_SCALE, -1, SST_DISP_NONE - 1);
 }
 
 /* Rays of a row of one cell. */
 static void count_rays(struct rays *rays, const struct sst_render_plan *p, int x, int to, int y)
 {
-    const double limit = (front_of(&p->cfg) - p->lf->disp_min_px) * SST_DISP_SCALE;
-    const int nearest = (int)sst_clamp_double(limit, -1, 65534);
+    const int nearest = front_of(p, FRONT_SIGMAS);
 
     memset(rays, 0, SST_RENDER_CELL_WIDTH * sizeof(*rays));
     for (int k = 0; k < p->count; k++) {
@@ -194,8 +191,6 @@ static void count_rays(struct rays *rays, const struct sst_render_plan *p, int x
             rays[from - x + i].there += aperture;
             rays[from - x + i].front += disp[i] > nearest ? aperture : 0;
         }
-        if (p->unconfirmed && p->unconfirmed->view[t->view].data)
-            add_unconfirmed(rays + (from - x), &p->unconfirmed->view[t->view], from + t->nx, y + t->ny, n, aperture);
     }
 }
 
@@ -206,62 +201,91 @@ static float ramp(float v, float low, float high)
 }
 
 /* Fraction of a pixel that the maps leave to votes; `assigned` is the weight of rays that they assign to the focus. */
-static float open_share(const struct sst_render_plan *p, const struct rays *r, float assigned)
+static float open_share(const struct rays *r, float assigned)
 {
-    float share;
-
-    /* Invalid pixels stay invalid. */
-    if (!(r->there > 0) || (p->cfg.unsupported == SST_UNSUPPORTED_INVALID && assigned < SST_BLEND_FLOOR))
+    if (!(r->there > 0))
         return 0;
-    share = fmaxf(1 - assigned / (ENOUGH * r->there), 0) * ramp(r->front / r->there, FRONT_LOW, FRONT_HIGH);
-    if (p->unconfirmed)
-        share *=
-            ramp(r->unconfirmed / r->there * (float)(SST_UNCONFIRMED_FULL / 255), UNCONFIRMED_LOW, UNCONFIRMED_HIGH);
-    return share;
+    return fmaxf(1 - assigned / (ENOUGH * r->there), 0) * ramp(r->front / r->there, FRONT_LOW, FRONT_HIGH);
 }
 
 double sst_verify_open(const struct sst_render_plan *p, const struct sst_ray *ray, int count)
 {
-    struct rays rays = { .unconfirmed = 0 };
+    const double limit_px = p->cfg.focus_px + FRONT_SIGMAS * p->cfg.sigma_px;
+    struct rays rays = { 0, 0 };
     float assigned = 0;
 
     for (int i = 0; i < count; i++) {
         const float aperture = (float)ray[i].aperture;
 
         rays.there += aperture;
-        rays.front += islessequal(ray[i].disp_px, front_of(&p->cfg)) ? 0 : aperture;
-        rays.unconfirmed += 255 * aperture;
+        rays.front += islessequal(ray[i].disp_px, limit_px) ? 0 : aperture;
         assigned += aperture * (float)(ray[i].w_depth * ray[i].w_label);
     }
-    return (double)open_share(p, &rays, assigned);
+    return (double)open_share(&rays, assigned);
 }
 
-/* Compute the fractions left to votes in a cell. @return true if any is above 0 */
+/* True if more than UNEXPLAINED_LOW of the rays of output pixel (x, y) are unexplained. */
+static bool contradicted(const struct sst_verifier *v, const struct sst_render_plan *p, int x, int y)
+{
+    const int nearest = front_of(p, SST_END_SIGMAS);
+    float unexplained = 0;
+
+    for (int k = 0; k < p->count; k++) {
+        const struct sst_render_tap *t = &p->tap[k];
+        uint16_t disp;
+
+        if (x < t->x0 || x >= t->x1 || y < t->y0 || y >= t->y1)
+            continue;
+        disp = sst_map_u16_row(&t->v->disp, y + t->ny)[x + t->nx];
+        if (disp > nearest && (disp == SST_DISP_NONE || explainer_contradicts(p->explainer, k, x + t->nx, y + t->ny)))
+            unexplained += (float)t->aperture;
+    }
+    return unexplained > UNEXPLAINED_LOW * v->all;
+}
+
+/* True if a sample of the pixels left to votes finds enough for which that is so. */
+static bool screen_cell(const struct sst_verifier *v, const struct sst_render_plan *p, int left, int x, int to, int y,
+                        int end)
+{
+    int found = 0, n = 0;
+
+    if (explainer_prepare(p->explainer))
+        return false; /* no memory: as without verification */
+    for (int row = y + SCREEN_STEP / 2; row < end; row += SCREEN_STEP) {
+        for (int i = x + SCREEN_STEP / 2; i < to; i += SCREEN_STEP) {
+            if (v->share[row - y][i - left] > 0) {
+                found += contradicted(v, p, i, row);
+                n++;
+            }
+        }
+    }
+    return SCREEN_SHARE * found > n;
+}
+
+/* Compute the fractions left to votes in a cell. @return true if any is above 0 and the cell is worth the time */
 static bool open_cell(struct sst_verifier *v, const struct sst_render_plan *p, float (*weight)[SST_BLEND_MAX], int left,
                       int x, int to, int y, int end)
 {
     struct rays rays[SST_RENDER_CELL_WIDTH];
-    float all = 0, least = INFINITY;
+    float least = INFINITY;
     bool open = false;
 
-    for (int k = 0; k < p->count; k++)
-        all += (float)p->tap[k].aperture;
     for (int row = y; row < end; row++) {
         for (int i = x; i < to; i++)
             least = fminf(least, weight[row - y][i - left]);
     }
-    if (!(least < ENOUGH * all))
+    if (!(least < ENOUGH * v->all))
         return false;
     for (int row = y; row < end; row++) {
         count_rays(rays, p, x, to, row);
         for (int i = x; i < to; i++) {
-            const float share = open_share(p, &rays[i - x], weight[row - y][i - left]);
+            const float share = open_share(&rays[i - x], weight[row - y][i - left]);
 
             v->share[row - y][i - left] = share;
             open = open || share > 0;
         }
     }
-    return open;
+    return open && (!p->explainer || screen_cell(v, p, left, x, to, y, end));
 }
 
 /* --- votes -------------------------------------------------------------------------------------------------------- */
@@ -288,6 +312,44 @@ static bool add_doubt(float *weight, const struct sst_render_tap *t, int x, int 
     return true;
 }
 
+/* Mark the pixels of a row within 3x3 pixels of one left to votes, in columns x .. to-1 of rows y .. end-1; the first
+ * mark is that of column x-1. */
+static void mark_needed(struct sst_verifier *v, int left, int x, int to, int row, int y, int end)
+{
+    memset(v->needed, 0, sizeof(v->needed));
+    for (int near = sst_max_int(row - 1, y); near <= sst_min_int(row + 1, end - 1); near++) {
+        for (int i = x; i < to; i++) {
+            if (v->share[near - y][i - left] > 0)
+                memset(v->needed + (i - x), 1, 3);
+        }
+    }
+}
+
+/* Count the unexplained rays of a tap that end in front, output pixels x .. x+n-1 of row y. */
+static void count_unexplained(struct sst_verifier *v, struct row *r, const struct sst_render_plan *p, int k, int x,
+                              int n, int y)
+{
+    const struct sst_render_tap *t = &p->tap[k];
+    const int from = sst_max_int(x, t->x0), to = sst_min_int(x + n, t->x1), nearest = front_of(p, SST_END_SIGMAS);
+    const uint16_t *disp;
+
+    if (from >= to || y < t->y0 || y >= t->y1)
+        return;
+    disp = sst_map_u16_row(&t->v->disp, y + t->ny) + t->nx;
+    for (int i = from; i < to; i++) {
+        if (v->weight[i - x] < 0 || disp[i] <= nearest || !v->needed[i - x])
+            continue;
+        if (disp[i] == SST_DISP_NONE || explainer_contradicts(p->explainer, k, i + t->nx, y + t->ny))
+            r->unexplained[i - x] += (float)t->aperture;
+    }
+}
+
+/* Sum over 3x3 values; the first columns are those to the left. */
+static float sum3(const float *above, const float *at, const float *below)
+{
+    return above[0] + above[1] + above[2] + at[0] + at[1] + at[2] + below[0] + below[1] + below[2];
+}
+
 /* Votes of row y, columns x .. to-1, which may lie a pixel outside the picture, and the similarity of each ray to the
  * colour with most votes. */
 static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, int x, int to, int y)
@@ -299,6 +361,7 @@ static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, in
     const size_t n = (size_t)(to - x), stride = (n + 63) / 64 * 64;
 
     memset(r->total, 0, sizeof(r->total));
+    memset(r->unexplained, 0, sizeof(r->unexplained));
     for (size_t k = 0; k < v->views; k++) {
         const struct sst_render_tap *t = &p->tap[k];
         struct sst_voting voting = { p->rarity, 0, most / (255 * (1 + DOUBT)), most };
@@ -308,6 +371,8 @@ static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, in
         for (size_t i = 0; i < stride; i++)
             v->weight[i] = -1;
         sst_render_plan_sample(&take, p, t, x, (int)n, y);
+        if (p->explainer)
+            count_unexplained(v, r, p, (int)k, x, (int)n, y);
         if (!add_doubt(v->weight, t, x, (int)n, y))
             voting.doubt = DOUBT * (float)t->aperture;
         kernels->agree_votes(vote, (const uint8_t *const *)take.colour, v->weight, &voting, stride);
@@ -340,16 +405,17 @@ static void finish_row(const struct sst_verifier *v, const struct sst_render_pla
         sst_kernels_get()->agree_sum(acc, near, planes, rows[1]->vote + k * stride + 1, (size_t)n);
     }
     for (int i = 0; i < n; i++) {
-        float total = 0, agree, by;
+        float total, by;
 
         if (!(share[i] > 0) || !(sums[3][i] > 0))
             continue;
-        for (int row = 0; row < 3; row++)
-            total += rows[row]->total[i] + rows[row]->total[i + 1] + rows[row]->total[i + 2];
-        agree = sums[3][i] / (SST_AGREE_NEAR * total);
-        by = share[i] * ramp(agree, AGREE_LOW, AGREE_HIGH);
-        if (p->unconfirmed)
-            by *= 1 - ramp(agree, FLAT_LOW, FLAT_HIGH);
+        total = sum3(rows[0]->total + i, rows[1]->total + i, rows[2]->total + i);
+        by = share[i] * ramp(sums[3][i] / (SST_AGREE_NEAR * total), AGREE_LOW, AGREE_HIGH);
+        if (p->explainer) {
+            const float open = sum3(rows[0]->unexplained + i, rows[1]->unexplained + i, rows[2]->unexplained + i);
+
+            by *= ramp(open / (9 * v->all), UNEXPLAINED_LOW, UNEXPLAINED_HIGH);
+        }
         for (int c = 0; c < 3; c++) {
             uint8_t *at = sst_image_row(out, c, y) + x + i;
 
@@ -375,6 +441,7 @@ void sst_verify(struct sst_verifier *v, const struct sst_render_plan *p, float (
             continue;
         }
         for (int row = y - 1; row <= end; row++) {
+            mark_needed(v, left, x, next, row, y, end);
             vote_row(v, p, x - 1, next + 1, row);
             if (row > y)
                 finish_row(v, p, v->share[row - 1 - y] + x - left, x, next - x, row - 1,

@@ -13,11 +13,8 @@
  * - more rays that end in front of the focus by the maps: rises from a quarter to a half of them. Without an occluder
  *   there is nothing to see through, and what is out of focus must stay blurred;
  * - more agreement of the votes: rises from a tenth to a fifth of them. Less is chance;
- * - SST_VERIFY_AUTO: less agreement than on a plain surface: rises as agreement falls from 45 % to 35 %. Textureless
- *   surfaces have unconfirmed disparities as well, and most rays that meet one agree on its colour at any focus: there
- *   is nothing to see through;
- * - SST_VERIFY_AUTO: more unconfirmed disparities around the rays (pipeline/lightfield/unconfirmed.h): rises from 3 %
- *   to 5 %. Reliable maps are better than votes.
+ * - SST_VERIFY_AUTO: more unexplained rays among those that end in front of the focus (render_internal.h), over 3x3
+ *   pixels: rises from a tenth to a fifth of all views. Reliable maps are better than votes.
  */
 #ifndef SST_PIPELINE_METHOD_RENDER_VERIFY_H
 #define SST_PIPELINE_METHOD_RENDER_VERIFY_H

@@ -1,0 +1,48 @@
+/* hypothesis_path_row: one lane for each hypothesis of the pixel, one hypothesis of the predecessor after the other. In
+ * the compiler's vectors, because loops of eight are unrolled into scalars instead. */
+typedef uint16_t KERNEL(hypothesis_lanes) __attribute__((vector_size(2 * SST_HYPOTHESES), aligned(2), may_alias));
+
+static inline KERNEL(hypothesis_lanes) KERNEL(hypothesis_min)(KERNEL(hypothesis_lanes) a, KERNEL(hypothesis_lanes) b)
+{
+    const KERNEL(hypothesis_lanes) less = (KERNEL(hypothesis_lanes))(a < b);
+
+    return (a & less) | (b & ~less);
+}
+
+static inline void KERNEL(hypothesis_path)(uint16_t *path, uint16_t *sum, const uint16_t *cost,
+                                           const uint16_t *hypothesis, const uint16_t *from,
+                                           const uint16_t *from_hypothesis, uint16_t p1, uint16_t p2, uint16_t near)
+{
+    typedef KERNEL(hypothesis_lanes) lanes;
+    const lanes here = *(const lanes *)hypothesis;
+    uint16_t least = from[0];
+    lanes best, l;
+
+    for (int j = 1; j < SST_HYPOTHESES; j++)
+        least = from[j] < least ? from[j] : least;
+    best = (lanes){ 0 } + (uint16_t)(least + p2);
+    for (int j = 0; j < SST_HYPOTHESES; j++) {
+        const lanes there = (lanes){ 0 } + from_hypothesis[j], up = here - there, down = there - here;
+        const lanes jump = KERNEL(hypothesis_min)(up, down); /* the other one wraps around */
+        const lanes penalty = (lanes)(jump > near) & p1;
+
+        best = KERNEL(hypothesis_min)(best, (penalty + from[j]) | (lanes)(jump > (uint16_t)(2 * near)));
+    }
+    l = *(const lanes *)cost + best - least;
+    *(lanes *)path = l;
+    *(lanes *)sum += l;
+}
+
+static void KERNEL(hypothesis_path_row)(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
+                                        const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,
+                                        const struct sst_hypothesis_penalty *penalty, ptrdiff_t step, size_t n)
+{
+    for (ptrdiff_t x = 0; x < (ptrdiff_t)n; x++) {
+        const ptrdiff_t at = x * step;
+        const uint8_t c = colour[at / SST_HYPOTHESES];
+
+        KERNEL(hypothesis_path)
+        (path + at, sum + at, cost + at, hypothesis + at, from + at, from_hypothesis + at, penalty->p1[c],
+         penalty->p2[c], penalty->near);
+    }
+}

@@ -1,0 +1,572 @@
+/*
+ * The second pass (design.md, 5.7). The first one compares windows, which at a gap between leaves hold more leaf than
+ * gap: its maps let thin things grow and close what is between them. Here each pixel has a few hypotheses, the surfaces
+ * around it and those that other views project onto it, and each hypothesis is tested pixel by pixel against the views
+ * around, of which those count in which nothing nearer hides it. What the colours cannot decide, the semi-global
+ * optimisation over the hypotheses does.
+ */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/method/disparity/stage.h"
+
+#define MARGIN         2  /* columns and rows around a packed view */
+#define SIMILAR        24 /* levels: pixels of a window that count */
+#define LEVELS_RANGE   24 /* the range's share that makes a step: surfaces that are nearer to each other are one */
+#define STEP_LEAST     8  /* 1/64 px */
+#define STEP_MOST      96 /* 1/64 px: a pixel and a half, what checks and noise of the first pass leave */
+#define P1             30 /* penalties, in the units of SST_HYPOTHESIS_LIMIT */
+#define P2             300
+#define CHANGE         24 /* penalty of a disparity other than the first pass's */
+#define EDGE_STEP      16 /* levels at which P2 is halved */
+#define NEAREST_CODE   254
+#define DISPLACED_MOST 32000 /* px */
+#define EXTREMES       6     /* farthest and nearest in windows of three sizes */
+
+static const int radii[EXTREMES / 2] = { 2, 6, 16 };
+
+struct packed {
+    uint32_t *memory, *pixels; /* pixels: (0, 0) */
+    ptrdiff_t stride;
+};
+
+struct pass {
+    const struct sst_visible_views *in;
+    int step;            /* 1/64 px */
+    uint8_t *code;       /* [65536], see struct sst_hypothesis_test */
+    struct packed *view; /* [in->count] */
+    struct sst_map_u16 *out;
+    struct sst_hypothesis_penalty penalty;
+};
+
+/* --- pictures ----------------------------------------------------------------------------------------------------- */
+
+static int pack_colours(struct packed *p, const struct sst_image *img)
+{
+    const ptrdiff_t stride = img->width + 2 * MARGIN;
+
+    p->memory = sst_mem_alloc_raw((size_t)stride * (size_t)(img->height + 2 * MARGIN), sizeof(*p->memory));
+    if (!p->memory)
+        return -ENOMEM;
+    p->stride = stride;
+    p->pixels = p->memory + MARGIN * stride + MARGIN;
+    for (int y = -MARGIN; y < img->height + MARGIN; y++) {
+        const int from = sst_clamp_int(y, 0, img->height - 1);
+        const uint8_t *r = sst_image_row(img, 0, from), *g = sst_image_row(img, 1, from);
+        const uint8_t *b = sst_image_row(img, 2, from);
+        uint32_t *to = p->pixels + y * stride;
+
+        for (int x = 0; x < img->width; x++)
+            to[x] = r[x] | (uint32_t)g[x] << 8 | (uint32_t)b[x] << 16;
+        for (int x = 1; x <= MARGIN; x++) {
+            to[-x] = to[0];
+            to[img->width - 1 + x] = to[img->width - 1];
+        }
+    }
+    return 0;
+}
+
+static int pack_job(void *arg, int k, int worker SST_UNUSED)
+{
+    struct pass *p = arg;
+    const struct sst_visible_view *v = &p->in->view[k];
+    struct sst_image half = { 0 };
+    int err;
+
+    if (!v->image)
+        return 0;
+    if (p->in->scale == 1)
+        return pack_colours(&p->view[k], v->image);
+    err = sst_image_halve(&half, v->image);
+    err = err ? err : pack_colours(&p->view[k], &half);
+    sst_image_fini(&half);
+    return err;
+}
+
+/* Write the depth codes of a view's map into its packed pixels. */
+static int code_job(void *arg, int k, int worker SST_UNUSED)
+{
+    struct pass *p = arg;
+    const struct sst_visible_view *v = &p->in->view[k];
+
+    for (int y = 0; v->image && y < v->disp->height; y++) {
+        const uint16_t *d = sst_map_u16_row(v->disp, y);
+        const uint8_t *seen = v->seen && v->seen->data ? sst_map_u8_row(v->seen, y) : NULL;
+        uint32_t *to = p->view[k].pixels + y * p->view[k].stride;
+
+        for (int x = 0; x < v->disp->width; x++) {
+            const uint32_t code = seen && !seen[x] ? SST_DEPTH_OUTSIDE : p->code[d[x]];
+
+            to[x] = (to[x] & 0xFFFFFF) | code << 24;
+        }
+    }
+    return 0;
+}
+
+static void set_codes(struct pass *p)
+{
+    const unsigned most = (unsigned)p->in->range * 64 + 1;
+
+    for (unsigned d = 0; d < SST_DISP_NONE; d++)
+        p->code[d] = (uint8_t)(1 + (d < most ? d : most) * (NEAREST_CODE - 1) / most);
+    p->code[SST_DISP_NONE] = 0;
+}
+
+/* --- hypotheses --------------------------------------------------------------------------------------------------- */
+
+/* Surfaces of other views at a pixel: the farthest (NONE: none) and the nearest (0: none or the range's end). */
+struct projected {
+    struct sst_map_u16 far, near;
+};
+
+static int floor_half(double v)
+{
+    return (int)(v + 65536.5) - 65536;
+}
+
+static void project_view(struct projected *to, const struct sst_visible_view *from, double bx, double by,
+                         double disp_min_px)
+{
+    for (int y = 0; y < from->disp->height; y++) {
+        const uint16_t *d = sst_map_u16_row(from->disp, y);
+
+        for (int x = 0; x < from->disp->width; x++) {
+            const double px = disp_min_px + d[x] / 64.0;
+            const int xt = floor_half(x + px * bx), yt = floor_half(y + px * by);
+            uint16_t *far, *near;
+
+            if (d[x] == SST_DISP_NONE || xt < 0 || yt < 0 || xt >= to->far.width || yt >= to->far.height)
+                continue;
+            far = &sst_map_u16_row(&to->far, yt)[xt];
+            near = &sst_map_u16_row(&to->near, yt)[xt];
+            *far = d[x] < *far ? d[x] : *far;
+            *near = d[x] > *near ? d[x] : *near;
+        }
+    }
+}
+
+/* Surfaces of the views up to two spacings away on the axes and one on the diagonals. */
+static int project_around(struct projected *to, const struct pass *p, int k)
+{
+    const struct sst_visible_view *own = &p->in->view[k];
+    int err = sst_map_u16_init(&to->far, own->disp->width, own->disp->height);
+
+    err = err ? err : sst_map_u16_init(&to->near, own->disp->width, own->disp->height);
+    if (err)
+        return err;
+    memset(to->far.data, 0xFF, to->far.stride * (size_t)to->far.height);
+    for (int i = 0; i < p->in->count; i++) {
+        const struct sst_visible_view *v = &p->in->view[i];
+        const double bx = v->bx - own->bx, by = v->by - own->by;
+
+        if (i != k && v->image && fabs(bx) + fabs(by) < 2.5)
+            project_view(to, v, bx, by, p->in->disp_min_px);
+    }
+    return 0;
+}
+
+/* v[i] = least of v[i .. i + 2 radius], in place; n + 2 radius values. Windows grow by doubling. */
+static void least_ahead(uint16_t *v, int n, int radius)
+{
+    const int total = 2 * radius + 1;
+
+    for (int have = 1, more; have < total; have += more) {
+        more = sst_min_int(have, total - have);
+        for (int i = 0; i <= n + 2 * radius - have - more; i++)
+            v[i] = v[i + more] < v[i] ? v[i + more] : v[i];
+    }
+}
+
+/* The same over rows of n values. */
+static void least_below(uint16_t *v, int n, int rows, int radius)
+{
+    const int total = 2 * radius + 1;
+
+    for (int have = 1, more; have < total; have += more) {
+        more = sst_min_int(have, total - have);
+        for (int y = 0; y <= rows + 2 * radius - have - more; y++) {
+            uint16_t *a = v + (size_t)y * (size_t)n;
+            const uint16_t *b = v + (size_t)(y + more) * (size_t)n;
+
+            for (int x = 0; x < n; x++)
+                a[x] = b[x] < a[x] ? b[x] : a[x];
+        }
+    }
+}
+
+/*
+ * The farthest (nearest: the nearest) known disparity in windows of 2 radius + 1; NONE where nothing is known. The
+ * nearest is the least of the complements.
+ */
+static int find_extreme(struct sst_map_u16 *out, const struct sst_map_u16 *map, int radius, bool nearest)
+{
+    const int w = map->width, h = map->height;
+    const uint16_t flip = nearest ? SST_DISP_MAX_Q6 : 0;
+    uint16_t *rows = sst_mem_alloc_raw((size_t)w * (size_t)(h + 2 * radius), sizeof(*rows));
+    uint16_t *line = sst_mem_alloc_raw((size_t)(w + 2 * radius), sizeof(*line));
+    int err = rows && line ? sst_map_u16_init(out, w, h) : -ENOMEM;
+
+    for (int y = -radius; !err && y < h + radius; y++) {
+        memset(line, 0xFF, (size_t)(w + 2 * radius) * sizeof(*line));
+        for (int x = 0; y >= 0 && y < h && x < w; x++) {
+            const uint16_t d = sst_map_u16_row(map, y)[x];
+
+            line[x + radius] = d == SST_DISP_NONE ? d : (uint16_t)(nearest ? flip - d : d);
+        }
+        least_ahead(line, w, radius);
+        memcpy(rows + (size_t)(y + radius) * (size_t)w, line, (size_t)w * sizeof(*line));
+    }
+    if (!err)
+        least_below(rows, w, h, radius);
+    for (int y = 0; !err && y < h; y++) {
+        for (int x = 0; x < w; x++) {
+            const uint16_t d = rows[(size_t)y * (size_t)w + (size_t)x];
+
+            sst_map_u16_row(out, y)[x] = d == SST_DISP_NONE ? d : (uint16_t)(nearest ? flip - d : d);
+        }
+    }
+    sst_mem_free(rows);
+    sst_mem_free(line);
+    return err;
+}
+
+/* Surfaces around each pixel of a view. */
+struct around {
+    struct sst_map_u16 extreme[EXTREMES];
+    struct projected projected;
+};
+
+static void around_fini(struct around *a)
+{
+    for (int i = 0; i < EXTREMES; i++)
+        sst_map_u16_fini(&a->extreme[i]);
+    sst_map_u16_fini(&a->projected.far);
+    sst_map_u16_fini(&a->projected.near);
+}
+
+static int around_init(struct around *a, const struct pass *p, int k)
+{
+    int err = project_around(&a->projected, p, k);
+
+    for (int i = 0; !err && i < EXTREMES; i++)
+        err = find_extreme(&a->extreme[i], p->in->view[k].disp, radii[i / 2], i % 2);
+    return err;
+}
+
+/* Add a hypothesis unless it is unknown or closer than `apart` to one in the list. */
+static int add(uint16_t *list, int count, uint16_t d, int apart)
+{
+    if (d == SST_DISP_NONE || count == SST_HYPOTHESES)
+        return count;
+    for (int i = 0; i < count; i++) {
+        if (abs(list[i] - d) < apart)
+            return count;
+    }
+    list[count] = d;
+    return count + 1;
+}
+
+/* The hypotheses of a pixel, its own disparity first; unused entries repeat it. @return their number */
+static int list_hypotheses(uint16_t *list, const struct pass *p, const struct around *a,
+                           const struct sst_visible_view *v, int x, int y)
+{
+    const int apart = sst_max_int(p->step, 1);
+    const uint16_t near = sst_map_u16_row(&a->projected.near, y)[x];
+    int n = 0;
+
+    if (!v->seen || !v->seen->data || sst_map_u8_row(v->seen, y)[x]) {
+        n = add(list, n, sst_map_u16_row(v->disp, y)[x], apart);
+        for (int i = 0; i < 2; i++)
+            n = add(list, n, sst_map_u16_row(&a->extreme[i], y)[x], apart);
+        n = add(list, n, sst_map_u16_row(&a->projected.far, y)[x], apart);
+        n = add(list, n, near ? near : (uint16_t)SST_DISP_NONE, apart);
+        for (int i = 2; i < EXTREMES; i++)
+            n = add(list, n, sst_map_u16_row(&a->extreme[i], y)[x], apart);
+    }
+    for (int i = n; i < SST_HYPOTHESES; i++)
+        list[i] = n ? list[0] : 0;
+    return n;
+}
+
+/* --- views to test against ---------------------------------------------------------------------------------------- */
+
+/* The nearest views, sorted by distance and number. @return their number */
+static int nearest_views(const struct pass *p, int k, int *nearest)
+{
+    const struct sst_visible_view *own = &p->in->view[k];
+    const double reach = fabs(p->in->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE;
+    double distance[SST_HYPOTHESIS_VIEWS];
+    int n = 0;
+
+    for (int i = 0; i < p->in->count; i++) {
+        const struct sst_visible_view *v = &p->in->view[i];
+        const double far = hypot(v->bx - own->bx, v->by - own->by);
+        int at;
+
+        /* Displacements are 32-bit numbers in 2^-16 px; farther than that, nothing of this view is seen anyway. */
+        if (i == k || !v->image || far * reach > DISPLACED_MOST ||
+            (n == SST_HYPOTHESIS_VIEWS && far >= distance[n - 1]))
+            continue;
+        n += n < SST_HYPOTHESIS_VIEWS;
+        for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
+            distance[at] = distance[at - 1];
+            nearest[at] = nearest[at - 1];
+        }
+        distance[at] = far;
+        nearest[at] = i;
+    }
+    return n;
+}
+
+/* In 2^-16 px. */
+static int32_t q16(double px)
+{
+    return (int32_t)floor(px * 65536 + 0.5);
+}
+
+static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k)
+{
+    const struct sst_visible_view *own = &p->in->view[k];
+    int nearest[SST_HYPOTHESIS_VIEWS];
+
+    *t = (struct sst_hypothesis_test){ .own = { p->view[k].pixels, p->view[k].stride },
+                                       .views = nearest_views(p, k, nearest),
+                                       .width = own->disp->width,
+                                       .height = own->disp->height,
+                                       .code = p->code,
+                                       .tolerance = p->step,
+                                       .similar = SIMILAR };
+    for (int i = 0; i < t->views; i++) {
+        const struct packed *at = &p->view[nearest[i]];
+        const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
+
+        t->view[i] = (struct sst_packed_view){ at->pixels, at->stride };
+        t->x[i] = q16(0.5 - p->in->disp_min_px * bx);
+        t->y[i] = q16(0.5 - p->in->disp_min_px * by);
+        t->dx[i] = q16(-bx / 64);
+        t->dy[i] = q16(-by / 64);
+    }
+}
+
+/* --- optimisation ------------------------------------------------------------------------------------------------- */
+
+/* Hypotheses of a view, [height][width][SST_HYPOTHESES], and scratch. */
+struct lists {
+    int width, height;
+    uint16_t *hypothesis, *cost, *sum;
+    uint8_t *count;
+    uint16_t *line[2]; /* paths of two rows */
+    uint8_t *colour;   /* steps of a row */
+};
+
+static void lists_fini(struct lists *l)
+{
+    sst_mem_free(l->hypothesis);
+    sst_mem_free(l->cost);
+    sst_mem_free(l->sum);
+    sst_mem_free(l->count);
+    sst_mem_free(l->line[0]);
+    sst_mem_free(l->line[1]);
+    sst_mem_free(l->colour);
+}
+
+static int lists_init(struct lists *l, int width, int height)
+{
+    const size_t pixels = (size_t)width * (size_t)height, row = (size_t)width * SST_HYPOTHESES;
+
+    l->width = width;
+    l->height = height;
+    l->hypothesis = sst_mem_alloc_raw(pixels, SST_HYPOTHESES * sizeof(uint16_t));
+    l->cost = sst_mem_alloc_raw(pixels, SST_HYPOTHESES * sizeof(uint16_t));
+    l->sum = sst_mem_alloc(pixels, SST_HYPOTHESES * sizeof(uint16_t));
+    l->count = sst_mem_alloc_raw(pixels, 1);
+    l->line[0] = sst_mem_alloc_raw(row, sizeof(uint16_t));
+    l->line[1] = sst_mem_alloc_raw(row, sizeof(uint16_t));
+    l->colour = sst_mem_alloc_raw((size_t)width, 1);
+    return l->hypothesis && l->cost && l->sum && l->count && l->line[0] && l->line[1] && l->colour ? 0 : -ENOMEM;
+}
+
+/* Largest colour step between packed pixels of two rows. */
+static void colour_steps(uint8_t *out, const uint32_t *a, const uint32_t *b, int n)
+{
+    for (int x = 0; x < n; x++) {
+        int most = 0;
+
+        for (int c = 0; c < 24; c += 8) {
+            const int p = (int)(a[x] >> c & 255), q = (int)(b[x] >> c & 255), step = p > q ? p - q : q - p;
+
+            most = step > most ? step : most;
+        }
+        out[x] = (uint8_t)most;
+    }
+}
+
+/* A path starts with the pixels' costs. */
+static void start_path(uint16_t *path, uint16_t *sum, const uint16_t *cost, size_t entries)
+{
+    for (size_t i = 0; i < entries; i++) {
+        path[i] = cost[i];
+        sum[i] = (uint16_t)(sum[i] + cost[i]);
+    }
+}
+
+/* The two paths along row y. */
+static void along_row(struct lists *l, const struct pass *p, const struct packed *view, int y)
+{
+    const size_t row = (size_t)l->width * SST_HYPOTHESES, at = (size_t)y * row, last = row - SST_HYPOTHESES;
+    const uint16_t *cost = l->cost + at, *hypothesis = l->hypothesis + at;
+    const uint32_t *pixels = view->pixels + y * view->stride;
+    uint16_t *sum = l->sum + at, *path = l->line[0];
+    const size_t n = (size_t)l->width - 1;
+
+    colour_steps(l->colour, pixels + 1, pixels, l->width - 1); /* between x and x + 1 */
+    start_path(path, sum, cost, SST_HYPOTHESES);
+    sst_kernels_get()->hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,
+                                           hypothesis + SST_HYPOTHESES, path, hypothesis, l->colour, &p->penalty,
+                                           SST_HYPOTHESES, n);
+    start_path(path + last, sum + last, cost + last, SST_HYPOTHESES);
+    if (n)
+        sst_kernels_get()->hypothesis_path_row(path + last - SST_HYPOTHESES, sum + last - SST_HYPOTHESES,
+                                               cost + last - SST_HYPOTHESES, hypothesis + last - SST_HYPOTHESES,
+                                               path + last, hypothesis + last, l->colour + n - 1, &p->penalty,
+                                               -SST_HYPOTHESES, n);
+}
+
+/* The path from above (dir 1) or below (dir -1) through all rows. */
+static void across_rows(struct lists *l, const struct pass *p, const struct packed *view, int dir)
+{
+    const size_t row = (size_t)l->width * SST_HYPOTHESES;
+
+    for (int i = 0; i < l->height; i++) {
+        const int y = dir > 0 ? i : l->height - 1 - i;
+        const size_t at = (size_t)y * row, from = (size_t)(y - dir) * row;
+        uint16_t *path = l->line[i % 2];
+
+        if (!i) {
+            start_path(path, l->sum + at, l->cost + at, row);
+            continue;
+        }
+        colour_steps(l->colour, view->pixels + y * view->stride, view->pixels + (y - dir) * view->stride, l->width);
+        sst_kernels_get()->hypothesis_path_row(path, l->sum + at, l->cost + at, l->hypothesis + at,
+                                               l->line[(i + 1) % 2], l->hypothesis + from, l->colour, &p->penalty,
+                                               SST_HYPOTHESES, (size_t)l->width);
+    }
+}
+
+/* The cheapest hypothesis; where it is not the pixel's own disparity, the confidence is the distance to the next. */
+static void choose_row(const struct lists *l, int y, uint16_t *disp, uint8_t *confidence)
+{
+    for (int x = 0; x < l->width; x++) {
+        const size_t pixel = (size_t)y * (size_t)l->width + (size_t)x;
+        const uint16_t *sum = l->sum + pixel * SST_HYPOTHESES;
+        int best = 0, next = 65535;
+
+        for (int i = 1; i < l->count[pixel]; i++)
+            best = sum[i] < sum[best] ? i : best;
+        for (int i = 0; i < l->count[pixel]; i++)
+            next = i != best && sum[i] < next ? sum[i] : next;
+        disp[x] = l->count[pixel] ? l->hypothesis[pixel * SST_HYPOTHESES + (size_t)best] : (uint16_t)SST_DISP_NONE;
+        if (best)
+            confidence[x] = (uint8_t)(255 * (next - sum[best]) / (next - sum[best] + 128));
+    }
+}
+
+/* Where colours are alike everywhere, no hypothesis is better than another by more than noise: the pixel's own one
+ * stays. */
+static void prefer_own(uint16_t *cost, const uint8_t *count, int n)
+{
+    for (int x = 0; x < n; x++) {
+        for (int i = 1; i < count[x]; i++)
+            cost[x * SST_HYPOTHESES + i] = (uint16_t)(cost[x * SST_HYPOTHESES + i] + CHANGE);
+    }
+}
+
+static int second_job(void *arg, int k, int worker SST_UNUSED)
+{
+    struct pass *p = arg;
+    const struct sst_visible_view *v = &p->in->view[k];
+    struct sst_hypothesis_test test;
+    struct around around = { 0 };
+    struct lists lists = { 0 };
+    int err;
+
+    if (!v->image)
+        return 0;
+    if (p->in->cancel && *p->in->cancel)
+        return -ECANCELED;
+    err = sst_map_u16_init(&p->out[k], v->disp->width, v->disp->height);
+    err = err ? err : lists_init(&lists, v->disp->width, v->disp->height);
+    err = err ? err : around_init(&around, p, k);
+    set_test(&test, p, k);
+    for (int y = 0; !err && y < lists.height; y++) {
+        const size_t row = (size_t)y * (size_t)lists.width;
+
+        for (int x = 0; x < lists.width; x++)
+            lists.count[row + (size_t)x] =
+                (uint8_t)list_hypotheses(lists.hypothesis + (row + (size_t)x) * SST_HYPOTHESES, p, &around, v, x, y);
+        sst_kernels_get()->hypothesis_cost_row(lists.cost + row * SST_HYPOTHESES,
+                                               lists.hypothesis + row * SST_HYPOTHESES, lists.count + row, &test, y,
+                                               (size_t)lists.width);
+        prefer_own(lists.cost + row * SST_HYPOTHESES, lists.count + row, lists.width);
+        along_row(&lists, p, &p->view[k], y);
+    }
+    around_fini(&around);
+    if (!err) {
+        across_rows(&lists, p, &p->view[k], 1);
+        across_rows(&lists, p, &p->view[k], -1);
+    }
+    for (int y = 0; !err && y < lists.height; y++)
+        choose_row(&lists, y, sst_map_u16_row(&p->out[k], y), sst_map_u8_row(v->confidence, y));
+    lists_fini(&lists);
+    return err;
+}
+
+static void set_penalties(struct pass *p)
+{
+    p->penalty.near = (uint16_t)sst_max_int(p->step / 2, 1);
+    for (int colour = 0; colour < 256; colour++) {
+        p->penalty.p1[colour] = P1;
+        p->penalty.p2[colour] = (uint16_t)sst_max_int(P2 * EDGE_STEP / (EDGE_STEP + colour), P1);
+    }
+}
+
+static int one_round(struct pass *p, int threads)
+{
+    const struct sst_visible_views *in = p->in;
+    int err = sst_parallel_for(in->count, threads, code_job, p);
+
+    err = err ? err : sst_parallel_for(in->count, threads, second_job, p);
+    for (int k = 0; k < in->count; k++) {
+        if (!err && in->view[k].image)
+            memcpy(in->view[k].disp->data, p->out[k].data, p->out[k].stride * (size_t)p->out[k].height);
+        sst_map_u16_fini(&p->out[k]);
+    }
+    return err;
+}
+
+int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int threads)
+{
+    struct pass p = { .in = in, .step = sst_clamp_int(in->range * 64 / LEVELS_RANGE, STEP_LEAST, STEP_MOST) };
+    int err = -ENOMEM;
+
+    p.view = calloc((size_t)in->count, sizeof(*p.view));
+    p.out = calloc((size_t)in->count, sizeof(*p.out));
+    p.code = sst_mem_alloc_raw(65536, 1);
+    if (p.view && p.out && p.code) {
+        set_codes(&p);
+        set_penalties(&p);
+        err = sst_parallel_for(in->count, threads, pack_job, &p);
+    }
+    for (int i = 0; !err && i < rounds; i++)
+        err = one_round(&p, threads);
+    for (int k = 0; p.view && k < in->count; k++)
+        sst_mem_free(p.view[k].memory);
+    sst_mem_free(p.code);
+    free(p.view);
+    free(p.out);
+    return err;
+}

@@ -1,0 +1,250 @@
+#include <errno.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+
+#include "base/thread.h"
+#include "pipeline/method/render/render_internal.h"
+
+#define LEVELS   24  /* difference of colours that agree, at least ... */
+#define NOISE    2.5 /* ... and this many lower quartiles */
+#define SPACINGS 1.5 /* distance of the views around */
+#define AROUND   8   /* at most */
+#define SAMPLES  256 /* rows and columns from which noise is measured, over all views */
+#define PART     64  /* positions between pixels */
+
+/* A view around another. */
+struct neighbour {
+    const struct sst_image *image;
+    const struct sst_map_u8 *valid; /* without data: all */
+    float bx, by; /* pixels that a point moves by from the other view to this one, per pixel of disparity */
+};
+
+struct explainer {
+    const struct sst_render_plan *plan;
+    struct sst_renderer *renderer;
+    struct tap {
+        const struct sst_image *image;
+        const struct sst_map_u16 *disp;
+        int count;
+        struct neighbour around[AROUND];
+    } * tap; /* [plan->count] */
+    atomic_bool prepared;
+    int levels; /* fixed once prepared */
+};
+
+static struct neighbour neighbour(const struct explainer *e, const struct sst_render_tap *t, const struct sst_view *of)
+{
+    const struct sst_raw_view *raw = t->sampler ? &e->renderer->raw[t->view] : NULL;
+
+    return (struct neighbour){ raw ? &raw->rectified : &t->v->image, raw ? &raw->seen : &t->v->valid,
+                               (float)(of->bx - t->v->bx), (float)(of->by - t->v->by) };
+}
+
+static void find_around(struct explainer *e, int k)
+{
+    const struct sst_render_plan *p = e->plan;
+    const struct sst_view *v = p->tap[k].v;
+    struct tap *t = &e->tap[k];
+
+    t->image = neighbour(e, &p->tap[k], v).image;
+    t->disp = &v->disp;
+    for (int i = 0; i < p->count && t->count < AROUND; i++) {
+        const struct sst_view *other = p->tap[i].v;
+
+        if (i != k && hypot(v->bx - other->bx, v->by - other->by) <= SPACINGS)
+            t->around[t->count++] = neighbour(e, &p->tap[i], v);
+    }
+}
+
+int explainer_create(struct explainer **out, const struct sst_render_plan *p, struct sst_renderer *r)
+{
+    struct explainer *e = calloc(1, sizeof(*e));
+
+    if (!e)
+        return -ENOMEM;
+    e->plan = p;
+    e->renderer = r;
+    e->tap = calloc((size_t)p->count, sizeof(*e->tap));
+    if (!e->tap) {
+        free(e);
+        return -ENOMEM;
+    }
+    for (int k = 0; k < p->count; k++)
+        find_around(e, k);
+    *out = e;
+    return 0;
+}
+
+void explainer_destroy(struct explainer *e)
+{
+    if (!e)
+        return;
+    free(e->tap);
+    free(e);
+}
+
+/* Difference of a colour from that of a neighbour at (x, y), bilinear; -1: not seen there. */
+static int difference(const struct neighbour *n, const int colour[3], float x, float y)
+{
+    const struct sst_image *img = n->image;
+    const int xp = (int)(x * PART + 0.5f), yp = (int)(y * PART + 0.5f);
+    const int x0 = xp / PART, y0 = yp / PART, fx = xp % PART, fy = yp % PART;
+    int sum = 0;
+
+    if (x < 0 || y < 0 || x0 + 1 >= img->width || y0 + 1 >= img->height ||
+        (n->valid->data && !sst_map_u8_row(n->valid, y0 + fy * 2 / PART)[x0 + fx * 2 / PART]))
+        return -1;
+    for (int c = 0; c < 3; c++) {
+        const uint8_t *top = img->plane[c] + (size_t)y0 * img->stride + x0, *bottom = top + img->stride;
+        const int upper = PART * top[0] + fx * (top[1] - top[0]);
+        const int lower = PART * bottom[0] + fx * (bottom[1] - bottom[0]);
+        const int value = PART * upper + fy * (lower - upper);
+
+        sum += abs(value - PART * PART * colour[c]);
+    }
+    return sum / (PART * PART);
+}
+
+struct ray {
+    int colour[3];
+    float x, y, disp_px;
+};
+
+static struct ray ray_at(const struct explainer *e, const struct tap *t, int x, int y)
+{
+    struct ray ray = { .x = (float)x, .y = (float)y };
+
+    for (int c = 0; c < 3; c++)
+        ray.colour[c] = sst_image_row(t->image, c, y)[x];
+    ray.disp_px = (float)sst_disp_px(e->plan->lf, sst_map_u16_row(t->disp, y)[x]);
+    return ray;
+}
+
+/* Difference from what a neighbour shows of the ray's place at a disparity. */
+static int differs_from(const struct ray *ray, const struct neighbour *n, float disp_px)
+{
+    return difference(n, ray->colour, ray->x + disp_px * n->bx, ray->y + disp_px * n->by);
+}
+
+/* Views around that agree with a ray at a disparity, and those that do not. */
+struct agreement {
+    int agree, differ;
+};
+
+/* Stops once more than half differ. */
+static struct agreement agreement_at(const struct explainer *e, const struct tap *t, const struct ray *ray,
+                                     float disp_px)
+{
+    struct agreement a = { 0, 0 };
+
+    for (int i = 0; i < t->count && 2 * a.differ <= t->count; i++) {
+        const int by = differs_from(ray, &t->around[i], disp_px);
+
+        a.agree += by >= 0 && by < e->levels;
+        a.differ += by >= e->levels;
+    }
+    return a;
+}
+
+bool explainer_contradicts(const struct explainer *e, int k, int x, int y)
+{
+    const struct tap *t = &e->tap[k];
+    const struct ray ray = ray_at(e, t, x, y);
+    const struct agreement own = agreement_at(e, t, &ray, ray.disp_px);
+
+    return !own.agree || own.agree < own.differ;
+}
+
+/* --- preparation -------------------------------------------------------------------------------------------------- */
+
+static int rectify(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct explainer *e = arg;
+    const struct sst_render_tap *t = &e->plan->tap[index];
+    struct sst_raw_view *raw = &e->renderer->raw[t->view];
+    struct sst_image *out = &raw->rectified;
+    int err;
+
+    if (raw->seen.data)
+        return 0;
+    err = out->plane[0] ? 0 : sst_image_init(out, e->plan->lf->width, e->plan->lf->height);
+    if (!err)
+        err = sst_map_u8_init(&raw->seen, out->width, out->height);
+    for (int y = 0; !err && y < out->height; y++) {
+        for (int x = 0; x < out->width; x += SST_SAMPLE_MAX) {
+            uint8_t *const row[3] = { sst_image_row(out, 0, y) + x, sst_image_row(out, 1, y) + x,
+                                      sst_image_row(out, 2, y) + x };
+
+            sst_sampler_row(t->sampler, x, y, sst_min_int(SST_SAMPLE_MAX, out->width - x), row,
+                            sst_map_u8_row(&raw->seen, y) + x);
+        }
+    }
+    return err;
+}
+
+/* Lower median of the differences of a ray from the views around; -1: there are none. */
+static int middle_difference(const struct tap *t, const struct ray *ray)
+{
+    int sorted[AROUND], n = 0;
+
+    for (int i = 0; i < t->count; i++) {
+        const int by = differs_from(ray, &t->around[i], ray->disp_px);
+        int at = n;
+
+        for (; by >= 0 && at > 0 && sorted[at - 1] > by; at--)
+            sorted[at] = sorted[at - 1];
+        if (by >= 0) {
+            sorted[at] = by;
+            n++;
+        }
+    }
+    return n ? sorted[(n - 1) / 2] : -1;
+}
+
+static int measure_levels(const struct explainer *e)
+{
+    const struct sst_lightfield *lf = e->plan->lf;
+    const int step = sst_max_int((int)(sqrt((double)lf->width * lf->height * e->plan->count) / SAMPLES), 1);
+    int64_t count[3 * 255 + 1] = { 0 }, n = 0, below = 0;
+    int quartile = 0;
+
+    for (int k = 0; k < e->plan->count; k++) {
+        for (int y = step / 2; y < lf->height; y += step) {
+            for (int x = step / 2; x < lf->width; x += step) {
+                struct ray ray;
+                int by;
+
+                if (sst_map_u16_row(e->tap[k].disp, y)[x] == SST_DISP_NONE)
+                    continue;
+                ray = ray_at(e, &e->tap[k], x, y);
+                by = middle_difference(&e->tap[k], &ray);
+                if (by >= 0) {
+                    count[by]++;
+                    n++;
+                }
+            }
+        }
+    }
+    while (n && 4 * (below += count[quartile]) < n)
+        quartile++;
+    return sst_max_int(LEVELS, (int)(NOISE * quartile));
+}
+
+int explainer_prepare(struct explainer *e)
+{
+    int err = 0;
+
+    if (atomic_load_explicit(&e->prepared, memory_order_acquire))
+        return 0;
+    pthread_mutex_lock(&e->renderer->lock);
+    if (!atomic_load_explicit(&e->prepared, memory_order_relaxed)) {
+        if (e->renderer->raw)
+            err = sst_parallel_for(e->plan->count, sst_thread_count(e->plan->cfg.threads), rectify, e);
+        if (!err)
+            e->levels = measure_levels(e);
+        atomic_store_explicit(&e->prepared, !err, memory_order_release);
+    }
+    pthread_mutex_unlock(&e->renderer->lock);
+    return err;
+}

@@ -1,0 +1,190 @@
+/* The kernels of the second pass, at every level this CPU has, against their plain references. */
+#include <string.h>
+
+#include "pipeline/kernels/kernels.h"
+#include "tests/kernels/guard.h"
+#include "tests/test.h"
+
+static uint64_t seed = 0xC0FFEE123456789ull;
+
+#define FOR_EACH_LEVEL(k, level)                                                                                       \
+    for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++)                                                   \
+        if (sst_kernels_at((enum sst_cpu_level)level, &(k)))
+
+enum { W = 37, H = 11, STRIDE = W + 3, ENTRIES = W * SST_HYPOTHESES };
+
+static int below(int n)
+{
+    return (int)(sst_random_u64(&seed) % (uint64_t)n);
+}
+
+/* A view whose readable pixels end at an unmapped page; of few colours, so that windows hold similar pixels. */
+static struct sst_packed_view random_view(void)
+{
+    uint32_t *p = guard_random(STRIDE * (H + 2) * sizeof(*p), &seed);
+
+    for (int i = 0; i < STRIDE * (H + 2); i++)
+        p[i] &= below(4) ? 0x0F0F0F0Fu : 0xFFFFFFFFu;
+    return (struct sst_packed_view){ p + STRIDE + 1, STRIDE };
+}
+
+static struct sst_hypothesis_test random_test(uint8_t code[65536])
+{
+    struct sst_hypothesis_test t = { .width = W, .height = H, .code = code, .own = random_view() };
+
+    t.views = below(SST_HYPOTHESIS_VIEWS + 1);
+    t.tolerance = below(200);
+    t.similar = below(40);
+    for (int i = 0; i < t.views; i++) {
+        t.view[i] = random_view();
+        t.x[i] = below(8 * 65536) - 4 * 65536;
+        t.y[i] = below(4 * 65536) - 2 * 65536;
+        t.dx[i] = below(64) - 32;
+        t.dy[i] = below(64) - 32;
+    }
+    for (int d = 0; d < 65536; d++)
+        code[d] = (uint8_t)(1 + sst_min_int(d, 32768) * 253 / 32768);
+    return t;
+}
+
+static void costs(void **state SST_UNUSED)
+{
+    static uint8_t code[65536];
+    struct sst_kernels k;
+
+    for (int round = 0; round < 40; round++) {
+        const struct sst_hypothesis_test t = random_test(code);
+        uint16_t *hypothesis = guard_random(ENTRIES * sizeof(*hypothesis), &seed);
+        uint16_t *want = guard_random(ENTRIES * sizeof(*want), &seed);
+        uint16_t *got = guard_random(ENTRIES * sizeof(*got), &seed);
+        uint8_t *count = guard_random(W, &seed);
+
+        for (int i = 0; i < ENTRIES; i++)
+            hypothesis[i] = (uint16_t)(round % 4 ? hypothesis[i] & 4095 : hypothesis[i] < 65535 ? hypothesis[i] : 0);
+        for (int x = 0; x < W; x++)
+            count[x] %= SST_HYPOTHESES + 1;
+        for (int y = 0; y < H; y += H - 1) {
+            sst_hypothesis_cost_row_ref(want, hypothesis, count, &t, y, W);
+            FOR_EACH_LEVEL(k, level)
+            {
+                memset(got, 0xA5, ENTRIES * sizeof(*got));
+                k.hypothesis_cost_row(got, hypothesis, count, &t, y, W);
+                assert_memory_equal(got, want, ENTRIES * sizeof(*got));
+            }
+        }
+        guard_free_all();
+    }
+}
+
+/* Views of one colour: a view that differs by 10 levels in each channel costs 8 * 30, rounded down to 239. */
+static void costs_of_known_views(void **state SST_UNUSED)
+{
+    enum { SIDE = 8 };
+    static uint8_t code[65536];
+    static uint32_t pixels[SST_HYPOTHESIS_VIEWS + 1][SIDE * SIDE];
+    struct sst_hypothesis_test t = {
+        .width = 3, .height = 3, .code = code, .views = 5, .similar = 5, .own = { &pixels[0][3 * SIDE + 3], SIDE }
+    };
+    const uint16_t hypothesis[SST_HYPOTHESES] = { 0, 64 };
+    const uint8_t two = 2, one = 1;
+    uint16_t cost[SST_HYPOTHESES];
+
+    memset(code, 100, sizeof(code));
+    for (int k = 0; k <= 5; k++) {
+        for (int i = 0; i < SIDE * SIDE; i++) /* surfaces of code 100, but nearer in view 5 */
+            pixels[k][i] = (k == 5 ? 0xC8000000u : 0x64000000u) | (k < 4 ? 0x202020u : 0x2A2A2Au);
+        if (k)
+            t.view[k - 1] = (struct sst_packed_view){ &pixels[k][3 * SIDE + 3], SIDE };
+    }
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 1, 1);
+    /* Views 1 to 4 are visible, view 4 differs; the four cheapest are three equal ones and one of the others. */
+    assert_int_equal(cost[0], (239 + 239) / (4 + 4));
+    assert_int_equal(cost[1], cost[0]);
+    assert_int_equal(cost[2], SST_HYPOTHESIS_FAR);
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &one, &t, 1, 1);
+    assert_int_equal(cost[0], 0);
+    assert_int_equal(cost[1], SST_HYPOTHESIS_FAR);
+    t.views = 3;
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 1, 1);
+    assert_int_equal(cost[0], 0); /* too few for a mean: the cheapest */
+    t.views = 0;
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 1, 1);
+    assert_int_equal(cost[0], SST_HYPOTHESIS_LIMIT);
+}
+
+static void random_path(struct sst_hypothesis_penalty *p, uint16_t *values, int n, int most)
+{
+    p->near = (uint16_t)(1 + below(100));
+    for (int i = 0; i < 256; i++) {
+        p->p1[i] = (uint16_t)below(2000);
+        p->p2[i] = (uint16_t)(p->p1[i] + below(2000));
+    }
+    for (int i = 0; i < n; i++)
+        values[i] = (uint16_t)(values[i] % (unsigned)most);
+}
+
+static void paths(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+
+    for (int round = 0; round < 40; round++) {
+        const ptrdiff_t step = round % 2 ? SST_HYPOTHESES : -SST_HYPOTHESES;
+        const size_t first = step > 0 ? 0 : ENTRIES - SST_HYPOTHESES, all = ENTRIES * sizeof(uint16_t);
+        struct sst_hypothesis_penalty penalty;
+        uint16_t *data[5], want[2][ENTRIES], got[2][ENTRIES]; /* sum, cost, hypothesis, from, its hypotheses */
+        const uint8_t *colour = guard_random(W, &seed);
+
+        for (int i = 0; i < 5; i++) {
+            data[i] = guard_random(all, &seed);
+            random_path(&penalty, data[i], ENTRIES, i == 2 || i == 4 ? 32769 : SST_HYPOTHESIS_FAR);
+        }
+        memcpy(want[1], data[0], all);
+        sst_hypothesis_path_row_ref(want[0] + first, want[1] + first, data[1] + first, data[2] + first, data[3] + first,
+                                    data[4] + first, colour + first / SST_HYPOTHESES, &penalty, step, W);
+        FOR_EACH_LEVEL(k, level)
+        {
+            memcpy(got[1], data[0], all);
+            k.hypothesis_path_row(got[0] + first, got[1] + first, data[1] + first, data[2] + first, data[3] + first,
+                                  data[4] + first, colour + first / SST_HYPOTHESES, &penalty, step, W);
+            assert_memory_equal(got, want, 2 * all);
+        }
+        guard_free_all();
+    }
+}
+
+/* Along a row a path reads what it has just written: a pixel without an opinion takes its predecessor's surface. */
+static void path_along_a_row(void **state SST_UNUSED)
+{
+    struct sst_hypothesis_penalty penalty = { .near = 32 };
+    uint16_t path[3 * SST_HYPOTHESES] = { 0 }, sum[3 * SST_HYPOTHESES] = { 0 }, cost[3 * SST_HYPOTHESES] = { 0 };
+    uint16_t hypothesis[3 * SST_HYPOTHESES];
+    const uint8_t colour[2] = { 0 };
+    struct sst_kernels k;
+
+    penalty.p1[0] = 10;
+    penalty.p2[0] = 100;
+    for (int i = 0; i < 3 * SST_HYPOTHESES; i++)
+        hypothesis[i] = (uint16_t)(i % SST_HYPOTHESES * 1000);
+    for (int i = 0; i < SST_HYPOTHESES; i++)
+        path[i] = i == 5 ? 0 : 300;
+    for (int level = SST_CPU_REF; level <= SST_CPU_AVX512; level++) {
+        if (!sst_kernels_at((enum sst_cpu_level)level, &k))
+            continue;
+        k.hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,
+                              hypothesis + SST_HYPOTHESES, path, hypothesis, colour, &penalty, SST_HYPOTHESES, 2);
+        for (int i = 0; i < SST_HYPOTHESES; i++)
+            assert_int_equal(path[2 * SST_HYPOTHESES + i], i == 5 ? 0 : 100);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(costs),
+        cmocka_unit_test(costs_of_known_views),
+        cmocka_unit_test(paths),
+        cmocka_unit_test(path_along_a_row),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
