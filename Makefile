@@ -114,7 +114,7 @@ GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
 
-# Objects of other flags or optional parts are made anew.
+# Objects of other flags or optional parts are rebuilt.
 FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS) $(OPENCV_LIBS) $(AV_LIBS))
 $(BUILD)/flags: FORCE
 	@mkdir -p $(@D)
@@ -308,7 +308,7 @@ bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; rene
 SOAK ?= 30
 bench-service: all ## measure the service on simulated arrays, about 10 minutes; renews docs/measured/bench-service.md
 	$(PYTHON) scripts/bench_service.py --build $(BUILD)
-soak-service: all ## SOAK=30 minutes of faults; tells the slope of memory
+soak-service: all ## SOAK=30 minutes of faults; reports the slope of memory
 	$(PYTHON) scripts/bench_service.py --build $(BUILD) --soak $(SOAK)
 
 BENCH_CALIB := $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs
@@ -328,7 +328,7 @@ install-built: ## the same without building
 uninstall: ## remove what install put there, changed configuration excepted
 	$(INSTALL) uninstall
 
-man: $(BUILD)/sst $(BUILD)/config_man ## write the man pages sst.1 and sstd.yaml.5 and the completion for bash anew from their tables
+man: $(BUILD)/sst $(BUILD)/config_man ## write the man pages sst.1 and sstd.yaml.5 and the completion for bash from their tables
 	scripts/man.py --build $(BUILD)
 	$(BUILD)/config_man > docs/man/sstd.yaml.5.new
 	mv docs/man/sstd.yaml.5.new docs/man/sstd.yaml.5

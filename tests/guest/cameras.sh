@@ -73,7 +73,7 @@ lost=$(sum 1 lost)
 now=gone run gone 8 "set_control disconnect=1"
 now=gone
 is "times gone and found" "$(sum 1 gone) $(sum 1 found)" "1 2"
-is "told once" "$(grep -c 'sst: warning: .*unplugged' gone)" 1
+is "logged once" "$(grep -c 'sst: warning: .*unplugged' gone)" 1
 
 now=fatal run fatal 8 "set_control inject_fatal_streaming_error=1"
 now=fatal
@@ -81,7 +81,7 @@ now=fatal
 
 now=streamon run streamon 12 "set_control inject_vidioc_streamon_error=1" "set_control inject_fatal_streaming_error=1"
 now=streamon
-[ "$(sum 1 reopen)" -ge 1 ] || fail "streamon: the node was not opened anew"
+[ "$(sum 1 reopen)" -ge 1 ] || fail "streamon: the node was not opened again"
 
 refuse_buffers() { for _ in 1 2 3 4 5; do set_control inject_vidioc_qbuf_error=1; sleep 0.3; done; }
 now=qbuf run qbuf 16 refuse_buffers
