@@ -21,7 +21,7 @@
 #define STEP_MOST      96 /* 1/64 px: a pixel and a half, what checks and noise of the first pass leave */
 #define P1             30 /* penalties, in the units of SST_HYPOTHESIS_LIMIT */
 #define P2             300
-#define CHANGE         24 /* penalty of a disparity other than the first pass's */
+#define CHANGE         40 /* penalty of a disparity other than the first pass's */
 #define EDGE_STEP      16 /* levels at which P2 is halved */
 #define NEAREST_CODE   254
 #define DISPLACED_MOST 32000 /* px */
