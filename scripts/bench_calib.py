@@ -353,7 +353,7 @@ def main():
     parser.add_argument("--data", default="../shared/data/calib-opencv-stereo",
                         help="leftNN.jpg and rightNN.jpg, chessboards of 9x6 corners (%(default)s)")
     parser.add_argument("--keep", action="store_true", help="leave docs/ as it is; the page stays in BUILD/bench/docs")
-    parser.add_argument("--draw", action="store_true", help="page and charts anew from the figures of the last run")
+    parser.add_argument("--draw", action="store_true", help="page and charts again from the figures of the last run")
     args = parser.parse_args()
     os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
     out = f"{args.build}/bench"

@@ -6,7 +6,7 @@
 
 #include "tests/sim_test.h"
 
-/* --- projection, written anew from the formulas in docs/use/simulation.md --------------------------------------------
+/* --- projection, written again from the formulas in docs/use/simulation.md --------------------------------------------
  */
 
 struct sim_view {

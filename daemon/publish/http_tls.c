@@ -328,19 +328,19 @@ static void check_files(struct http_tls *t, struct sst_events *events)
 static void check_time(struct http_tls *t, const struct sst_http_certificate *c, struct sst_events *events)
 {
     const int64_t left_s = c->until_s - sst_clock_wall_ns() / 1000000000;
-    const int told = left_s <= 0 ? 2 : left_s <= SOON_S ? 1 : 0;
+    const int warned = left_s <= 0 ? 2 : left_s <= SOON_S ? 1 : 0;
     char day[SST_CLOCK_TEXT];
 
     format_day(day, c->until_s);
-    if (told > t->told && told == 2)
+    if (warned > t->warned && warned == 2)
         sst_events_emit(events, SST_EVENT_ERROR, "certificate", event_data("expired", c->until_s),
                         "the certificate ended on %s: browsers refuse the page; renew web.tls_certificate", day);
-    else if (told > t->told)
+    else if (warned > t->warned)
         sst_events_emit(
             events, SST_EVENT_WARNING, "certificate", event_data("expiring", c->until_s),
             "the certificate ends on %s, in less than %d days: renew web.tls_certificate, it is taken over by itself",
             day, (int)(left_s / DAY_S) + 1);
-    t->told = told;
+    t->warned = warned;
 }
 
 void http_tls_look(struct http_tls *t, struct sst_events *events, int64_t now_ns)

@@ -155,7 +155,7 @@ struct http_tls {
     char path[2][SST_PATH_MAX];  /* certificate, key */
     struct http_stamp stamp[2];  /* when they were read */
     struct http_stamp seen[2];   /* at the last check */
-    int told;                    /* expiry reported: 1 near, 2 past; 0: none */
+    int warned;                  /* expiry reported: 1 near, 2 past; 0: none */
     SST_ATOMIC(int64_t) look_ns; /* time of the next check */
     /* under lock */
     pthread_mutex_t lock;

@@ -341,7 +341,7 @@ def test_restart(b, fake):
 
 
 def test_reload(b, fake):
-    """A page that is loaded anew has the view that it had."""
+    """A page that is reloaded has the view that it had."""
     x, y, w, _ = b.box("#focus")
     b.click((x - 0.2 * w, y))
     b.click("#chips .chip:nth-child(2)")

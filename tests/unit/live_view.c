@@ -120,16 +120,16 @@ static bool same_image(const struct sst_image *a, const struct sst_image *b)
     return true;
 }
 
-/* A picture made anew of the light field as it is. */
+/* A picture rendered again of the light field as it is. */
 static void assert_whole(struct shown *s, const struct sst_render_config *cfg, const struct sst_image *got)
 {
     const struct sst_image *want;
     struct sst_livepicture *p;
-    int64_t anew;
+    int64_t rendered_px;
 
     assert_int_equal(sst_livepicture_create(&p, s->live), 0);
-    assert_int_equal(sst_livepicture_render(p, cfg, &want, &anew), 0);
-    assert_int_equal(anew, (int64_t)want->width * want->height);
+    assert_int_equal(sst_livepicture_render(p, cfg, &want, &rendered_px), 0);
+    assert_int_equal(rendered_px, (int64_t)want->width * want->height);
     assert_true(same_image(got, want));
     sst_livepicture_destroy(p);
 }
@@ -177,16 +177,16 @@ static void parts_have_the_bytes_of_the_whole(void **state SST_UNUSED)
     for (size_t i = 0; i < ARRAY_LEN(focus); i++) {
         struct sst_render_config cfg = config(focus[i]);
         struct sst_livepicture *p;
-        int64_t anew;
+        int64_t rendered_px;
 
         cfg.method = i == 2 ? SST_RENDER_REFOCUS : SST_RENDER_SST;
         cfg.c2 = 1; /* label ranges follow all pixels, and a part would differ by what is not noticeable */
         cfg.aperture = i == 1 ? 1.5 : INFINITY;
         assert_int_equal(sst_livepicture_create(&p, s.live), 0);
-        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
-        assert_int_equal(anew, 200 * 141);
-        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
-        assert_int_equal(anew, 0);
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
+        assert_int_equal(rendered_px, 200 * 141);
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
+        assert_int_equal(rendered_px, 0);
         for (int round = 0; round < 6; round++) {
             const int tiles = s.changes.cols * s.changes.rows;
 
@@ -196,8 +196,8 @@ static void parts_have_the_bytes_of_the_whole(void **state SST_UNUSED)
             take(&s, round + 2);
             if (round == 3)
                 continue; /* two changes at a time */
-            assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
-            assert_true(anew < 200 * 141);
+            assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
+            assert_true(rendered_px < 200 * 141);
             assert_whole(&s, &cfg, image);
         }
         sst_livepicture_destroy(p);
@@ -212,20 +212,20 @@ static void labelled_parts_do_too(void **state SST_UNUSED)
     const struct sst_image *image;
     struct sst_livepicture *p;
     struct shown s;
-    int64_t anew;
+    int64_t rendered_px;
 
     show(&s, "bush", 200, 141, 3, false);
     take(&s, 1);
     assert_int_equal(sst_livepicture_create(&p, s.live), 0);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
     for (int threads = 1; threads < 4; threads++) {
         change_tile(&s, threads, 2 * threads, false, (uint64_t)threads);
         take(&s, threads + 1);
-        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
         s.live->cfg.threads = threads;
         assert_whole(&s, &cfg, image);
         s.live->cfg.threads = 2;
-        assert_true(anew > 0 && anew < 200 * 141 / 2);
+        assert_true(rendered_px > 0 && rendered_px < 200 * 141 / 2);
     }
     /* Without labels' pixels where the focus is, the object's range is another: that is noticed. */
     for (int k = 0; k < 9; k++) {
@@ -238,8 +238,8 @@ static void labelled_parts_do_too(void **state SST_UNUSED)
         memset(s.changes.map[k], k == 4, (size_t)(s.changes.cols * s.changes.rows));
     }
     take(&s, 9);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
-    assert_int_equal(anew, 200 * 141);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
+    assert_int_equal(rendered_px, 200 * 141);
     sst_livepicture_destroy(p);
     hide(&s);
 }
@@ -252,30 +252,30 @@ static void verified_parts_do_too(void **state SST_UNUSED)
     const struct sst_image *image, *plain;
     struct sst_livepicture *p, *without;
     struct shown s;
-    int64_t anew;
+    int64_t rendered_px;
 
     show(&s, "bush", 200, 141, 4, false);
     take(&s, 1);
     cfg.c1 = cfg.c2 = 0.001;
     cfg.sigma_px = 0.3; /* few rays are in focus, many in front */
     assert_int_equal(sst_livepicture_create(&without, s.live), 0);
-    assert_int_equal(sst_livepicture_render(without, &cfg, &plain, &anew), 0);
+    assert_int_equal(sst_livepicture_render(without, &cfg, &plain, &rendered_px), 0);
     cfg.verify = SST_VERIFY_ON;
     assert_int_equal(sst_livepicture_create(&p, s.live), 0);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
     assert_true(same_image(image, plain)); /* maps are not poor */
     s.live->low_confidence = true;
     for (int round = 0; round < 12; round++) {
-        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
         assert_true(round || !same_image(image, plain)); /* it does something here */
-        assert_true(round ? anew < 200 * 141 : anew == 200 * 141);
+        assert_true(round ? rendered_px < 200 * 141 : rendered_px == 200 * 141);
         assert_whole(&s, &cfg, image);
         change_tile(&s, views[round % 6], (round * 11) % (s.changes.cols * s.changes.rows), true, (uint64_t)round);
         take(&s, round + 2);
     }
     cfg.verify = SST_VERIFY_OFF;
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0); /* a setting like any other */
-    assert_int_equal(anew, 200 * 141);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0); /* a setting like any other */
+    assert_int_equal(rendered_px, 200 * 141);
     sst_livepicture_destroy(without);
     sst_livepicture_destroy(p);
     hide(&s);
@@ -287,18 +287,18 @@ static void absent_views_are_left_out(void **state SST_UNUSED)
     const struct sst_image *image;
     struct sst_livepicture *p;
     struct shown s;
-    int64_t anew;
+    int64_t rendered_px;
 
     show(&s, "bush", 160, 120, 3, false);
     take(&s, 1);
     assert_int_equal(sst_livepicture_create(&p, s.live), 0);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
     s.live->lf.views[s.live->lf.ref_view].present = false;
     s.live->lf.views[8].present = false;
     take(&s, 2);
     assert_true(live_lead_view(s.live) >= 0 && live_lead_view(s.live) != s.live->lf.ref_view);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
-    assert_int_equal(anew, 160 * 120);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
+    assert_int_equal(rendered_px, 160 * 120);
     assert_whole(&s, &cfg, image);
     /* One comes back and has no maps yet: its rays are of unknown depth. */
     sst_map_u16_fini(&s.live->lf.views[8].disp);
@@ -306,13 +306,13 @@ static void absent_views_are_left_out(void **state SST_UNUSED)
     s.live->lf.views[8].present = true;
     take(&s, 3);
     assert_int_equal(s.live->lf.views[8].disp.data[0], SST_DISP_NONE);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
-    assert_int_equal(anew, 160 * 120);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
+    assert_int_equal(rendered_px, 160 * 120);
     assert_whole(&s, &cfg, image);
     for (int k = 0; k < 9; k++)
         s.live->lf.views[k].present = false;
     take(&s, 4);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), -ENODATA);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), -ENODATA);
     sst_livepicture_destroy(p);
     hide(&s);
 }
@@ -325,13 +325,13 @@ static void what_cannot_be_rendered_is_said(void **state SST_UNUSED)
     struct sst_livepicture_pick pick;
     struct sst_livepicture *p;
     struct shown s;
-    int64_t anew;
+    int64_t rendered_px;
     double px;
 
     show(&s, NULL, 160, 120, 2, false);
     assert_int_equal(sst_image_init(&overlay, 160, 120), 0);
     assert_int_equal(sst_livepicture_create(&p, s.live), 0);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), -ENODATA);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), -ENODATA);
     assert_int_equal(sst_livepicture_pick(p, 1, 1, &pick), -ENODATA);
     assert_int_equal(sst_livepicture_overlay(s.live, SST_LIVE_LABELS_PICTURE, &overlay), -ENODATA);
     assert_int_equal(sst_livepicture_label_disparity(s.live, SST_LABEL_TREE, &px), -ENODATA);
@@ -341,27 +341,27 @@ static void what_cannot_be_rendered_is_said(void **state SST_UNUSED)
     for (int k = 0; k < 4; k++)
         assert_int_equal(sst_image_init(&s.live->lf.views[k].image, 160, 120), 0);
     take(&s, 1);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), -ENODATA);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), -ENODATA);
     cfg.method = SST_RENDER_REFOCUS;
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
     cfg.focus_px = 1e6; /* put where views overlap */
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
-    assert_int_equal(anew, 160 * 120);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
+    assert_int_equal(rendered_px, 160 * 120);
     set_scene(&s, "bush", 0);
     take(&s, 2);
     cfg = config(1e6);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
     cfg = config(NAN); /* the default focus */
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
     cfg.focus_px = sst_live_default_focus(s.live);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
-    assert_int_equal(anew, 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
+    assert_int_equal(rendered_px, 0);
     sst_log_set_level((enum sst_log_level) - 1);
     cfg.c1 = 2;
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), -EINVAL);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), -EINVAL);
     sst_log_set_level(SST_LOG_WARNING);
     cfg.c1 = 0;
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
     assert_int_equal(sst_livepicture_pick(p, 160, 0, &pick), -ERANGE);
     assert_int_equal(sst_livepicture_pick(p, 0, -1, &pick), -ERANGE);
     sst_livepicture_destroy(p);
@@ -505,7 +505,7 @@ static void a_leaf_and_what_is_behind_it(void **state SST_UNUSED)
     struct sst_livepicture *p;
     struct sst_livepicture_pick pick;
     struct shown s;
-    int64_t anew;
+    int64_t rendered_px;
     int leaves = 0, right_leaf = 0, right_behind = 0;
 
     show(&s, "bush", 320, 240, 6, false);
@@ -514,7 +514,7 @@ static void a_leaf_and_what_is_behind_it(void **state SST_UNUSED)
     assert_int_equal(sst_map_u8_init(&label, 320, 240), 0);
     assert_int_equal(sst_scene_render(s.scene, 0, 0, 1, NULL, &disp, &label), 0);
     assert_int_equal(sst_livepicture_create(&p, s.live), 0);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
     for (int y = 20; y < 220; y += 3) {
         for (int x = 20; x < 300; x += 3) {
             const struct sst_view *ref = &s.live->lf.views[s.live->lf.ref_view];
