@@ -7,8 +7,8 @@
 
 #include "base/file.h"
 
-/* Folders relative to the program's: installed in bin/ or sbin/, in the build, a test in the build. */
-static const char *const folders[] = { "", "../lib/", "../../" };
+/* Folders relative to the program's: in the build, installed in bin/ or sbin/, a bench and a test in the build. */
+static const char *const folders[] = { "", "../lib/", "../", "../../" };
 
 void *sst_plugin_symbol(const char *name, const char *symbol, char why[256])
 {
