@@ -75,8 +75,8 @@ void sst_hypothesis_cost_row_ref(uint16_t *cost, const uint16_t *hypothesis, con
         for (size_t i = 0; i < SST_HYPOTHESES; i++) {
             const size_t at = x * SST_HYPOTHESES + i;
 
-            cost[at] = i >= count[x]   ? SST_HYPOTHESIS_FAR
-                       : count[x] == 1 ? 0
+            cost[at] = i >= count[x] || (i && cost[at - i] <= test->settled) ? SST_HYPOTHESIS_FAR
+                       : count[x] == 1                                       ? 0
                                        : (uint16_t)cost_of(test, (int)x, y, hypothesis[at]);
         }
     }

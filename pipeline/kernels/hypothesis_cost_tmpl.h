@@ -128,7 +128,7 @@ static void KERNEL(hypothesis_cost_row)(uint16_t *cost, const uint16_t *hypothes
         struct KERNEL(hypothesis_window) w;
         struct KERNEL(hypothesis_moves) moves;
 
-        for (size_t i = count[x]; i < SST_HYPOTHESES; i++)
+        for (size_t i = 0; i < SST_HYPOTHESES; i++)
             cost[i] = SST_HYPOTHESIS_FAR;
         if (count[x] == 1)
             cost[0] = 0;
@@ -136,7 +136,7 @@ static void KERNEL(hypothesis_cost_row)(uint16_t *cost, const uint16_t *hypothes
             continue;
         KERNEL(hypothesis_window_init)
         (&w, test->own.pixels + y * test->own.stride + (ptrdiff_t)x, test->own.stride, test->similar);
-        for (size_t i = 0; i < count[x]; i++) {
+        for (size_t i = 0; i < count[x] && (!i || cost[0] > test->settled); i++) {
             const int d = hypothesis[i], front = d + test->tolerance;
 
             KERNEL(hypothesis_move)(&moves, test, d);

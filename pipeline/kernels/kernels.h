@@ -178,6 +178,7 @@ struct sst_hypothesis_test {
     const uint8_t *code; /* [65536] depth code of a disparity: 1..254 and ascending; 0: unknown */
     int tolerance;       /* 1/64 px: a surface nearer by more than this hides the hypothesis */
     int similar;         /* pixels of the 3x3 window count whose channels all differ by at most this from the middle */
+    unsigned settled;    /* where the first hypothesis costs at most this, no other one is tested */
 };
 
 /**
@@ -186,7 +187,7 @@ struct sst_hypothesis_test {
  * nothing nearer hides the hypothesis, with the SST_HYPOTHESIS_BEST cheapest of all views added once more; the cheapest
  * alone where fewer views see it at all. Pixels with one hypothesis cost 0.
  *
- * @param cost       out [n][SST_HYPOTHESES]; unused entries SST_HYPOTHESIS_FAR
+ * @param cost       out [n][SST_HYPOTHESES]; unused and untested entries SST_HYPOTHESIS_FAR
  * @param hypothesis  [n][SST_HYPOTHESES]
  * @param count      [n] of them in use, 0..SST_HYPOTHESES
  */

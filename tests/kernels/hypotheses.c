@@ -35,6 +35,7 @@ static struct sst_hypothesis_test random_test(uint8_t code[65536])
     t.views = below(SST_HYPOTHESIS_VIEWS + 1);
     t.tolerance = below(200);
     t.similar = below(40);
+    t.settled = (unsigned)below(SST_HYPOTHESIS_LIMIT);
     for (int i = 0; i < t.views; i++) {
         t.view[i] = random_view();
         t.x[i] = below(8 * 65536) - 4 * 65536;

@@ -14,8 +14,10 @@
 #include "base/thread.h"
 #include "pipeline/method/disparity/stage.h"
 
-#define MARGIN         2  /* columns and rows around a packed view */
-#define SIMILAR        24 /* levels: pixels of a window that count */
+#define MARGIN  2  /* columns and rows around a packed view */
+#define SIMILAR 24 /* levels: pixels of a window that count */
+#define SETTLED 60 /* cost, in the units of SST_HYPOTHESIS_LIMIT, at which a pixel's own disparity is not questioned   \
+                    */
 #define LEVELS_RANGE   24 /* the range's share that makes a step: surfaces that are nearer to each other are one */
 #define STEP_LEAST     8  /* 1/64 px */
 #define STEP_MOST      96 /* 1/64 px: a pixel and a half, what checks and noise of the first pass leave */
@@ -234,26 +236,53 @@ static int find_extreme(struct sst_map_u16 *out, const struct sst_map_u16 *map, 
     return err;
 }
 
+/* 0 where the map steps by more than 3/2 of `step` to the pixel on the right or below, 1 elsewhere. */
+static int find_steps(struct sst_map_u16 *out, const struct sst_map_u16 *map, int step)
+{
+    const int most = step * 3 / 2, err = sst_map_u16_init(out, map->width, map->height);
+
+    for (int y = 0; !err && y < map->height; y++) {
+        const uint16_t *at = sst_map_u16_row(map, y), *below = y + 1 < map->height ? sst_map_u16_row(map, y + 1) : at;
+        uint16_t *to = sst_map_u16_row(out, y);
+
+        for (int x = 0; x < map->width; x++) {
+            const int right = at[x + 1 < map->width ? x + 1 : x];
+
+            to[x] = abs(at[x] - right) <= most && abs(at[x] - below[x]) <= most;
+        }
+    }
+    return err;
+}
+
 /* Surfaces around each pixel of a view. */
 struct around {
+    struct sst_map_u16 flat[EXTREMES / 2]; /* 0 where the window holds a step: a slanted surface alone has none */
     struct sst_map_u16 extreme[EXTREMES];
     struct projected projected;
 };
 
 static void around_fini(struct around *a)
 {
-    for (int i = 0; i < EXTREMES; i++)
+    for (int i = 0; i < EXTREMES; i++) {
         sst_map_u16_fini(&a->extreme[i]);
+        sst_map_u16_fini(&a->flat[i / 2]);
+    }
     sst_map_u16_fini(&a->projected.far);
     sst_map_u16_fini(&a->projected.near);
 }
 
 static int around_init(struct around *a, const struct pass *p, int k)
 {
+    const struct sst_map_u16 *map = p->in->view[k].disp;
+    struct sst_map_u16 steps = { 0 };
     int err = project_around(&a->projected, p, k);
 
+    err = err ? err : find_steps(&steps, map, p->step);
+    for (int i = 0; !err && i < EXTREMES / 2; i++)
+        err = find_extreme(&a->flat[i], &steps, radii[i], false);
     for (int i = 0; !err && i < EXTREMES; i++)
-        err = find_extreme(&a->extreme[i], p->in->view[k].disp, radii[i / 2], i % 2);
+        err = find_extreme(&a->extreme[i], map, radii[i / 2], i % 2);
+    sst_map_u16_fini(&steps);
     return err;
 }
 
@@ -270,6 +299,15 @@ static int add(uint16_t *list, int count, uint16_t d, int apart)
     return count + 1;
 }
 
+/* Add the farthest and the nearest of a window that holds a step. */
+static int add_extremes(uint16_t *list, int count, const struct around *a, int window, int x, int y, int apart)
+{
+    if (sst_map_u16_row(&a->flat[window], y)[x])
+        return count;
+    count = add(list, count, sst_map_u16_row(&a->extreme[2 * window], y)[x], apart);
+    return add(list, count, sst_map_u16_row(&a->extreme[2 * window + 1], y)[x], apart);
+}
+
 /* The hypotheses of a pixel, its own disparity first; unused entries repeat it. @return their number */
 static int list_hypotheses(uint16_t *list, const struct pass *p, const struct around *a,
                            const struct sst_visible_view *v, int x, int y)
@@ -280,12 +318,11 @@ static int list_hypotheses(uint16_t *list, const struct pass *p, const struct ar
 
     if (!v->seen || !v->seen->data || sst_map_u8_row(v->seen, y)[x]) {
         n = add(list, n, sst_map_u16_row(v->disp, y)[x], apart);
-        for (int i = 0; i < 2; i++)
-            n = add(list, n, sst_map_u16_row(&a->extreme[i], y)[x], apart);
+        n = add_extremes(list, n, a, 0, x, y, apart);
         n = add(list, n, sst_map_u16_row(&a->projected.far, y)[x], apart);
         n = add(list, n, near ? near : (uint16_t)SST_DISP_NONE, apart);
-        for (int i = 2; i < EXTREMES; i++)
-            n = add(list, n, sst_map_u16_row(&a->extreme[i], y)[x], apart);
+        for (int i = 1; i < EXTREMES / 2; i++)
+            n = add_extremes(list, n, a, i, x, y, apart);
     }
     for (int i = n; i < SST_HYPOTHESES; i++)
         list[i] = n ? list[0] : 0;
@@ -339,7 +376,8 @@ static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k)
                                        .height = own->disp->height,
                                        .code = p->code,
                                        .tolerance = p->step,
-                                       .similar = SIMILAR };
+                                       .similar = SIMILAR,
+                                       .settled = SETTLED };
     for (int i = 0; i < t->views; i++) {
         const struct packed *at = &p->view[nearest[i]];
         const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
