@@ -312,21 +312,21 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     o.sync_s = rec.sync_s;
 
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.dir, "DIR", "record into this folder; default: frames are only counted", 0, 0 },
+        { "output", 'o', CLI_STRING, &o.dir, "DIR", "record into this folder; default: frames are only counted" },
         { "sets", 'n', CLI_INT, &o.sets, "N", "number of sets; without -n and --duration until Ctrl-C", 1, 1000000000 },
         { "duration", 0, CLI_DOUBLE, &a->seconds, "S", "duration in seconds", 0.001, 1e9 },
-        { "config", 0, CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml", 0, 0 },
+        { "config", 0, CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml" },
         { "grid", 0, CLI_GRID, o.grid, "RxC", "rows and columns of the array; 6x6", 1, SST_CAMERAS_MAX },
         { "size", 0, CLI_SIZE, o.size, "WxH", "pixels of a frame; 640x480", 16, 16384 },
-        { "format", 0, CLI_STRING, &o.format, "F", "pixel format; MJPEG", 0, 0 },
-        { "trigger", 0, CLI_STRING, &o.source, "SOURCE", "gpio, software or free-run", 0, 0 },
+        { "format", 0, CLI_STRING, &o.format, "F", "pixel format; MJPEG" },
+        { "trigger", 0, CLI_STRING, &o.source, "SOURCE", "gpio, software or free-run" },
         { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "sets per second; 10", 0.01, 1000 },
         { "camera-rate", 0, CLI_DOUBLE, &o.camera_hz, "HZ", "frame rate requested from the cameras", 0.01, 1000 },
-        { "append", 0, CLI_FLAG, &o.append, NULL, "append to an existing recording", 0, 0 },
+        { "append", 0, CLI_FLAG, &o.append, NULL, "append to an existing recording" },
         { "segment", 0, CLI_DOUBLE, &o.segment_s, "S", "length of each file in seconds", 1, 1e6 },
         { "sync", 0, CLI_DOUBLE, &o.sync_s, "S", "maximum time in seconds that a power cut may lose; 0: sync every set",
           0, 1e6 },
-        { "json", 0, CLI_FLAG, &o.json, NULL, "print the frame statistics as JSON", 0, 0 },
+        { "json", 0, CLI_FLAG, &o.json, NULL, "print the frame statistics as JSON" },
     };
 
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);

@@ -389,12 +389,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *serial = NULL, *port = NULL, *dir = "identify", *write = NULL, *config = NULL;
     bool json = false;
     const struct cli_option options[] = {
-        { "serial", 0, CLI_STRING, &serial, "S", "only the camera of this serial", 0, 0 },
-        { "port", 0, CLI_STRING, &port, "P", "only the camera at this USB port", 0, 0 },
-        { "output", 'o', CLI_STRING, &dir, "DIR", "folder for the pictures (identify)", 0, 0 },
-        { "write", 0, CLI_STRING, &write, "FILE", "write a `bind:` section in the order of ports", 0, 0 },
-        { "config", 'c', CLI_STRING, &config, "FILE", "configuration of the array (/etc/sst/sstd.yaml)", 0, 0 },
-        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "serial", 0, CLI_STRING, &serial, "S", "only the camera of this serial" },
+        { "port", 0, CLI_STRING, &port, "P", "only the camera at this USB port" },
+        { "output", 'o', CLI_STRING, &dir, "DIR", "folder for the pictures (identify)" },
+        { "write", 0, CLI_STRING, &write, "FILE", "write a `bind:` section in the order of ports" },
+        { "config", 'c', CLI_STRING, &config, "FILE", "configuration of the array (/etc/sst/sstd.yaml)" },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     struct session s = { 0 };

@@ -173,7 +173,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *file = NULL;
     bool json = false;
     const struct cli_option options[] = {
-        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &file, 0, 1);
     char path[SST_PATH_MAX];

@@ -186,15 +186,14 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *words[2], *action;
     const struct cli_option options[] = {
         { "duration", 0, CLI_DOUBLE, &a.duration_s, "S", "start: stop after this many seconds", 0.1, 1e7 },
-        { "time", 0, CLI_STRING, &a.time, "T", "export: the moment, UTC: 2026-11-21T18:05:00Z", 0, 0 },
+        { "time", 0, CLI_STRING, &a.time, "T", "export: the moment, UTC: 2026-11-21T18:05:00Z" },
         { "ago", 0, CLI_DOUBLE, &a.ago_s, "S", "export: the moment this many seconds ago", 0, 1e9 },
         { "recording", 0, CLI_STRING, &a.recording, "NAME",
-          "export: of this recording; default: the one that has the moment", 0, 0 },
+          "export: of this recording; default: the one that has the moment" },
         { "output", 'o', CLI_STRING, &a.output, "FILE",
-          "export: also fetch the light field; download: the file to write", 0, 0 },
-        { "camera", 0, CLI_STRING, &a.camera, "rRcC", "download: this camera's video; default: the see-through view", 0,
-          0 },
-        { "json", 0, CLI_FLAG, &a.json, NULL, "the service's answer (docs/integrate/api.md)", 0, 0 },
+          "export: also fetch the light field; download: the file to write" },
+        { "camera", 0, CLI_STRING, &a.camera, "rRcC", "download: this camera's video; default: the see-through view" },
+        { "json", 0, CLI_FLAG, &a.json, NULL, "the service's answer (docs/integrate/api.md)" },
         CLI_SERVICE_OPTIONS(where),
     };
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, words, 1, 2), err;

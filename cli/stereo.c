@@ -38,11 +38,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     double disp_max = NAN, disp_min = 0;
     bool raw = false;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &out, "FILE", "disparity map: .pfm (px, inf unknown) or 16-bit .png (1/256 px)", 0,
-          0 },
+        { "output", 'o', CLI_STRING, &out, "FILE", "disparity map: .pfm (px, inf unknown) or 16-bit .png (1/256 px)" },
         { "max-disparity", 'm', CLI_DOUBLE, &disp_max, "N", "largest disparity searched, px", -9999, 9999 },
         { "min-disparity", 0, CLI_DOUBLE, &disp_min, "N", "smallest disparity searched, px (0)", -9999, 9999 },
-        { "raw", 0, CLI_FLAG, &raw, NULL, "cheapest disparity of each pixel: no optimisation, no filling", 0, 0 },
+        { "raw", 0, CLI_FLAG, &raw, NULL, "cheapest disparity of each pixel: no optimisation, no filling" },
         CLI_MATCHING_OPTIONS(m),
     };
     struct sst_image left = { 0 }, right = { 0 };

@@ -6,6 +6,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/mem.h"
 #include "base/thread.h"
 #include "capture/array/capture.h"
 #include "capture/calibration/calibration_internal.h"
@@ -93,15 +94,8 @@ static int accept_frameset(struct sst_gather_live *l, uint64_t index)
     int frame, err = 0;
 
     snprintf(name, sizeof(name), "set %llu", (unsigned long long)index);
-    if (l->out->all.frames == l->capacity) {
-        const int capacity = l->capacity ? 2 * l->capacity : 64;
-        int *more = realloc(l->frameset, (size_t)capacity * sizeof(*more));
-
-        if (!more)
-            return -ENOMEM;
-        l->frameset = more;
-        l->capacity = capacity;
-    }
+    if (!sst_mem_grow(&l->frameset, l->out->all.frames, &l->capacity, sizeof(*l->frameset)))
+        return -ENOMEM;
     frame = sst_detections_frame(&l->out->all, name);
     if (frame < 0)
         return frame;

@@ -9,6 +9,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/mem.h"
 #include "capture/calibration/calibration_internal.h"
 #include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
@@ -36,15 +37,8 @@ static int list_add(struct list *l, const char *camera, const char *frame, const
 {
     struct found *f;
 
-    if (l->count == l->capacity) {
-        const int capacity = l->capacity ? 2 * l->capacity : 64;
-
-        f = realloc(l->item, (size_t)capacity * sizeof(*f));
-        if (!f)
-            return -ENOMEM;
-        l->item = f;
-        l->capacity = capacity;
-    }
+    if (!sst_mem_grow(&l->item, l->count, &l->capacity, sizeof(*l->item)))
+        return -ENOMEM;
     f = &l->item[l->count];
     snprintf(f->camera, sizeof(f->camera), "%s", camera);
     snprintf(f->frame, sizeof(f->frame), "%s", frame);
