@@ -9,6 +9,7 @@
 #include <sys/statvfs.h>
 
 #include "base/log.h"
+#include "base/text.h"
 #include "capture/rig/rig_camera.h"
 #include "cli/cli_internal.h"
 #include "config/array.h"
@@ -188,12 +189,9 @@ static int configure(const struct cli_command *cmd, const struct options *o, str
 /* Names and values of the controls, which must be the same in a resumed capture. */
 static void controls_text(const struct sst_array_config *a, char *text, size_t size)
 {
-    size_t at = 0;
-
     text[0] = 0;
-    for (int i = 0; i < a->controls && at < size; i++)
-        at += (size_t)snprintf(text + at, size - at, "%s%s=%lld", i ? "," : "", a->control[i].name,
-                               (long long)a->control[i].value);
+    for (int i = 0; i < a->controls; i++)
+        sst_text_add(text, size, "%s%s=%lld", i ? "," : "", a->control[i].name, (long long)a->control[i].value);
 }
 
 /* --- output ------------------------------------------------------------------------------------------------------- */

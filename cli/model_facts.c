@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/text.h"
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/labels/model_info.h"
 #include "pipeline/method/network/graph.h"
@@ -132,13 +133,13 @@ json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry
 static json_t *value_text(const struct sst_onnx_value *v)
 {
     char text[320];
-    int at = snprintf(text, sizeof(text), "%.*s", SST_ONNX_STR(v->name));
 
+    snprintf(text, sizeof(text), "%.*s", SST_ONNX_STR(v->name));
     for (int i = 0; i < v->n_dims; i++) {
         if (v->dims[i])
-            at += snprintf(text + at, sizeof(text) - (size_t)at, "%s%lld", i ? " x " : " ", (long long)v->dims[i]);
+            sst_text_add(text, sizeof(text), "%s%lld", i ? " x " : " ", (long long)v->dims[i]);
         else
-            at += snprintf(text + at, sizeof(text) - (size_t)at, "%s?", i ? " x " : " ");
+            sst_text_add(text, sizeof(text), "%s?", i ? " x " : " ");
     }
     return json_text(text);
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/text.h"
 #include "cli/cli_internal.h"
 #include "pipeline/method/network/manifest.h"
 #include "pipeline/method/network/model_path.h"
@@ -85,27 +86,20 @@ static void join_figures(char *out, size_t size, const json_t *one)
 {
     const char *key;
     json_t *value;
-    size_t at = 0;
 
     *out = 0;
     json_object_foreach(json_object_get(one, "figures"), key, value)
-    {
-        if (at < size)
-            at += (size_t)snprintf(out + at, size - at, "%s%s %.4g", at ? ", " : "", key, json_number_value(value));
-    }
+        sst_text_add(out, size, "%s%s %.4g", *out ? ", " : "", key, json_number_value(value));
 }
 
 static void join_names(char *out, size_t size, const json_t *list)
 {
     const json_t *one;
-    size_t i, at = 0;
+    size_t i;
 
     *out = 0;
     json_array_foreach((json_t *)(uintptr_t)list, i, one)
-    {
-        if (at < size)
-            at += (size_t)snprintf(out + at, size - at, "%s%s", i ? "," : "", json_string_value(one));
-    }
+        sst_text_add(out, size, "%s%s", i ? "," : "", json_string_value(one));
 }
 
 /* A line of the table; longer text ends in dots. */

@@ -12,6 +12,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "base/thread.h"
 #include "capture/recording/recording_internal.h"
 #include "pipeline/image/codec.h"
@@ -111,12 +112,11 @@ static int check_missing(const struct job *job)
 
     for (int view = 0; view < job->lf.rows * job->lf.cols; view++) {
         char rr_cc[16];
-        size_t n = strlen(named);
 
         if (!job->why[view] || missing++ >= MAX_NAMED)
             continue;
         sst_view_name(&job->lf, view, rr_cc);
-        snprintf(named + n, sizeof(named) - n, "%s%s (%s)", n ? ", " : "", rr_cc, job->why[view]);
+        sst_text_add(named, sizeof(named), "%s%s (%s)", *named ? ", " : "", rr_cc, job->why[view]);
     }
     if (missing > MAX_NAMED)
         strcat(named, " ...");

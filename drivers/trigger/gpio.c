@@ -10,18 +10,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Append to a message of limited length, truncated to fit. */
-static void add(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
-
-static void add(char *text, size_t size, const char *fmt, ...)
-{
-    const size_t used = strlen(text);
-    va_list args;
-
-    va_start(args, fmt);
-    vsnprintf(text + used, size - used, fmt, args);
-    va_end(args);
-}
+#include "base/text.h"
 
 static int by_number(const void *a, const void *b)
 {
@@ -135,19 +124,19 @@ static void list_lines(struct trigger_chip *chip, char *text, size_t size)
     for (int i = 0; i < lines && strlen(text) + 80 < size; i++) {
         if (gpio_chip_line(chip, (unsigned)i, &line) || !line.name[0])
             continue;
-        add(text, size, "%s%s", comma, line.name);
+        sst_text_add(text, size, "%s%s", comma, line.name);
         comma = ", ";
     }
-    add(text, size, *comma ? "" : "without names: give offsets 0..%d", lines - 1);
+    sst_text_add(text, size, *comma ? "" : "without names: give offsets 0..%d", lines - 1);
 }
 
 static void list_chips(const struct gpio_listed *list, int n, char *text, size_t size)
 {
     for (int i = 0; i < n; i++) {
         if (list[i].error)
-            add(text, size, "%s%s (%s)", i ? ", " : "", list[i].path, strerror(list[i].error));
+            sst_text_add(text, size, "%s%s (%s)", i ? ", " : "", list[i].path, strerror(list[i].error));
         else
-            add(text, size, "%s%s \"%s\"", i ? ", " : "", list[i].path, list[i].label);
+            sst_text_add(text, size, "%s%s \"%s\"", i ? ", " : "", list[i].path, list[i].label);
     }
 }
 
