@@ -1,7 +1,6 @@
 /* Parses the values of one document by the table of keys, and checks each value. */
 #include <arpa/inet.h>
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "config/config_internal.h"

@@ -1,8 +1,6 @@
 #include "publishers/publisher.h"
 
-#include <errno.h>
 #include <getopt.h>
-#include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,7 +9,6 @@
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "base/thread.h"
 
 #define EXIT_USAGE    2
 #define WAIT_MAX_S    30

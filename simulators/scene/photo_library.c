@@ -8,7 +8,6 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/mem.h"
-#include "base/stats.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/image/codec.h"
 #include "simulators/scene/scene_internal.h"
