@@ -139,21 +139,6 @@ static int take_pictures(struct session *s, const struct sst_array_config *array
 
 /* --- output ------------------------------------------------------------------------------------------------------- */
 
-static int shrink(struct sst_image *out, const struct sst_image *in)
-{
-    struct sst_image half;
-    int err = sst_image_halve(out, in);
-
-    while (!err && out->width > TILE_WIDTH) {
-        err = sst_image_halve(&half, out);
-        if (err)
-            break;
-        sst_image_fini(out);
-        *out = half;
-    }
-    return err;
-}
-
 static void paste(struct sst_image *sheet, const struct sst_image *tile, int left, int top)
 {
     const int width = sst_min_int(tile->width, sheet->width - left);
@@ -204,7 +189,9 @@ static int write_sheet(const struct session *s, const struct sst_array_config *c
 
         if (!s->shots[i].image.width)
             continue;
-        err = shrink(&tile, &s->shots[i].image);
+        err = sst_image_halve(&tile, &s->shots[i].image);
+        if (!err)
+            err = sst_image_shrink(&tile, TILE_WIDTH);
         if (!err && !sheet.width) {
             err = sst_image_init(&sheet, cfg->cols * (tile.width + GAP), rows * (tile.height + CAPTION + GAP));
             if (!err)

@@ -153,11 +153,7 @@ static void add_summary(json_t *o, const struct sst_onnx *model)
     for (int i = 0; i < s.n_ops; i++)
         json_object_set_new(ops, s.ops[i].name, json_integer(s.ops[i].count));
     for (int i = 0; i < model->n_ins; i++) {
-        bool constant = false;
-
-        for (int k = 0; k < model->n_tensors && !constant; k++)
-            constant = sst_onnx_str_same(model->tensors[k].name, model->ins[i].name);
-        if (!constant)
+        if (!sst_onnx_is_constant(model, &model->ins[i]))
             json_array_append_new(inputs, value_text(&model->ins[i]));
     }
     for (int i = 0; i < model->n_outs; i++)

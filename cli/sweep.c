@@ -78,10 +78,7 @@ static int write_folder(const struct sweep *s, struct sst_image *img)
     }
     if (!err)
         err = write_description(s, dir.temporary);
-    if (!err)
-        return sst_outdir_commit(&dir);
-    sst_outdir_abort(&dir);
-    return err;
+    return sst_outdir_end(&dir, err);
 }
 
 static int write_video(const struct sweep *s, struct sst_image *img)

@@ -372,9 +372,5 @@ int sst_recording_to_lightfields(const struct sst_recording *recording, const st
     err = cfg->each ? make_each(recording, cfg, out.temporary) : make_one(recording, cfg, cfg->sets[0], out.temporary);
     if (err == -ENOMEM)
         sst_log_error("no memory to import %s", sst_recording_dir(recording));
-    if (err)
-        sst_outdir_abort(&out);
-    else
-        err = sst_outdir_commit(&out);
-    return err;
+    return sst_outdir_end(&out, err);
 }

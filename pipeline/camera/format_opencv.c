@@ -490,9 +490,5 @@ int sst_opencv_stereo_write(const struct sst_calib *calib, const char *path, con
             err = sst_outfile_commit(&out);
         }
     }
-    if (err)
-        sst_outdir_abort(&folder);
-    else
-        err = sst_outdir_commit(&folder);
-    return err;
+    return sst_outdir_end(&folder, err);
 }

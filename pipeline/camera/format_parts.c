@@ -413,11 +413,7 @@ static int write_folder(const struct sst_calib *calib, const char *path, const c
         put(out.stream, calib, k);
         err = sst_outfile_commit(&out);
     }
-    if (err)
-        sst_outdir_abort(&folder);
-    else
-        err = sst_outdir_commit(&folder);
-    return err;
+    return sst_outdir_end(&folder, err);
 }
 
 int sst_calib_write_each(const struct sst_calib *calib, const char *path, const char *ending,

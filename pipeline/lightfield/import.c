@@ -376,10 +376,7 @@ int sst_import(const struct sst_import_config *cfg)
     err = run(&plan, formats[i].plan, out.temporary);
     if (err == -ENOMEM)
         sst_log_error("not enough memory to import %s", cfg->source);
-    if (err)
-        sst_outdir_abort(&out);
-    else
-        err = sst_outdir_commit(&out);
+    err = sst_outdir_end(&out, err);
     sst_lightfield_fini(&plan.lf);
     names_fini(&plan.names);
     free(plan.views);
