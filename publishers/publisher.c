@@ -1,6 +1,7 @@
 #include "publishers/publisher.h"
 
 #include <getopt.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,6 +10,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/thread.h"
 
 #define EXIT_USAGE    2
 #define WAIT_MAX_S    30
