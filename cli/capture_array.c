@@ -55,7 +55,6 @@ static void on_progress(void *arg, uint64_t sets)
 static const char *const fault_names[] = { "flagged", "empty",  "short",     "no_soi",
                                            "no_eoi",  "marker", "backwards", "frozen" };
 static const char *const rung_names[] = { "restream", "reopen", "reset", "reauthorise", "power", "back_off" };
-static const char *const bucket_keys[] = { "set", "late", "duplicate", "stray", "corrupt", "flagged", "dropped" };
 
 static json_t *counts(const char *const *names, const uint64_t *n, size_t size)
 {
@@ -82,7 +81,7 @@ static json_t *cameras_json(const struct array_capture *a, const struct sst_capt
                                         device->serial[0] ? device->serial : a->config.camera[i].serial, "port",
                                         device->port[0] ? device->port : a->config.camera[i].port, "frames",
                                         (json_int_t)n.frames, "bad", (json_int_t)n.bad, "lost", (json_int_t)n.lost,
-                                        "buckets", counts(bucket_keys, r->sets.camera[i], SST_BUCKETS), "faults",
+                                        "buckets", counts(sst_bucket_keys, r->sets.camera[i], SST_BUCKETS), "faults",
                                         counts(fault_names, n.fault, ARRAY_LEN(fault_names)), "recovery",
                                         counts(rung_names, n.rung, ARRAY_LEN(rung_names))));
     }
@@ -111,7 +110,7 @@ static int print_json(const struct array_capture *a, const struct sst_capture *c
         "frames",
         json_pack("{s:I, s:I, s:I, s:o, s:I}", "delivered", (json_int_t)r->grab.frames, "bad", (json_int_t)r->grab.bad,
                   "lost_by_driver", (json_int_t)r->grab.lost, "buckets",
-                  counts(bucket_keys, r->sets.bucket, SST_BUCKETS), "unexplained", (json_int_t)r->unexplained),
+                  counts(sst_bucket_keys, r->sets.bucket, SST_BUCKETS), "unexplained", (json_int_t)r->unexplained),
         "skewed_sets", (json_int_t)r->skewed, "skew", skew_json(&r->skew_ns), "from_edge", skew_json(&r->from_edge_ns),
         "recovery", counts(rung_names, r->grab.rung, ARRAY_LEN(rung_names)), "array", cameras_json(a, capture, r));
 

@@ -45,7 +45,7 @@ static int decode(struct sst_image *img, const struct sst_frame *f, const char *
     const struct sst_raw raw = { f->fourcc, f->width, f->height, f->stride, f->data, f->bytes };
     int err;
 
-    if (f->fourcc == V4L2_PIX_FMT_MJPEG || f->fourcc == V4L2_PIX_FMT_JPEG)
+    if (sst_raw_is_jpeg(f->fourcc))
         return sst_image_decode(img, f->data, f->bytes, name);
     err = sst_raw_to_image(img, &raw);
     if (err)

@@ -11,6 +11,7 @@
 #include "capture/array/capture.h"
 #include "capture/calibration/calibration_internal.h"
 #include "pipeline/calibration/board/coverage.h"
+#include "pipeline/image/raw.h"
 
 #define STILL_SHARE 0.02 /* of the picture's width: a board that moved less shows nothing new */
 #define STATUS_NS   2000000000ll
@@ -47,7 +48,7 @@ static int detect_one(void *arg, int cam, int worker SST_UNUSED)
     const int view = view_of(l->array, cam);
     struct sst_image image;
 
-    if (!f || gather_decode(&image, f->fourcc, f->width, f->height, f->stride, f->data, f->bytes))
+    if (!f || sst_raw_decode(&image, &(struct sst_raw){ f->fourcc, f->width, f->height, f->stride, f->data, f->bytes }))
         return 0;
     return gather_detect(&l->result[view], &l->cfg, &image, view, l->out->all.frames);
 }
