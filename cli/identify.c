@@ -1,7 +1,6 @@
 /* sst identify: takes a picture of every camera, to identify its position. */
 #include <errno.h>
 #include <jansson.h>
-#include <linux/videodev2.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/clock.h"
 #include "base/file.h"
@@ -52,13 +51,6 @@ static int add_path(struct inputs *in, const char *dir, const char *name)
     return in->paths[in->count++] ? 0 : -ENOMEM;
 }
 
-static bool is_picture(const char *name)
-{
-    const char *dot = strrchr(name, '.');
-
-    return dot && dot != name && (!strcasecmp(dot, ".png") || !strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg"));
-}
-
 /* The PNG and JPEG files of a folder, by name. */
 static int add_folder(struct inputs *in, const char *dir)
 {
@@ -68,7 +60,7 @@ static int add_folder(struct inputs *in, const char *dir)
     int err = d ? 0 : -errno;
 
     while (!err && (entry = readdir(d))) {
-        if (is_picture(entry->d_name))
+        if (sst_image_is_picture(entry->d_name))
             err = add_path(in, dir, entry->d_name);
     }
     if (d)

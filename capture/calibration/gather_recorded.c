@@ -3,8 +3,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include <linux/videodev2.h>
-
 #include "base/log.h"
 #include "capture/calibration/calibration_internal.h"
 #include "capture/recording/recording.h"

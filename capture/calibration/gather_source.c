@@ -5,7 +5,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/file.h"
 #include "base/log.h"
@@ -49,24 +48,17 @@ static int list_add(struct list *l, const char *camera, const char *frame, const
     return 0;
 }
 
-static bool is_picture(const char *name)
-{
-    const char *dot = strrchr(name, '.');
-
-    return dot && name[0] != '.' && (!strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg") || !strcasecmp(dot, ".png"));
-}
-
 static int visible(const struct dirent *e)
 {
     return e->d_name[0] != '.';
 }
 
-/* Names in a folder, sorted bytewise: the same order in every locale. @return count or a negative errno, logged */
 static int by_bytes(const struct dirent **a, const struct dirent **b)
 {
     return strcmp((*a)->d_name, (*b)->d_name);
 }
 
+/* Names in a folder, sorted bytewise: the same order in every locale. @return count or a negative errno, logged */
 static int scan(const char *dir, struct dirent ***names)
 {
     const int n = scandir(dir, names, visible, by_bytes), err = n < 0 ? -errno : 0;
@@ -93,7 +85,7 @@ static int scan_camera(struct list *l, const char *dir, const char *camera)
     for (int i = 0; i < n && !err; i++) {
         char path[SST_PATH_MAX], frame[256];
 
-        if (!is_picture(names[i]->d_name))
+        if (!sst_image_is_picture(names[i]->d_name))
             continue;
         snprintf(frame, sizeof(frame), "%s", names[i]->d_name);
         *strrchr(frame, '.') = 0;
@@ -195,7 +187,7 @@ static int scan_all(struct sst_gather_source *s, struct list *l)
         err = sst_path_join(path, s->path, name);
         if (!err && sst_path_is_dir(path))
             err = has(path, "lightfield.json") ? add_lightfield(s, l, path, name) : scan_camera(l, path, name);
-        else if (!err && is_picture(name))
+        else if (!err && sst_image_is_picture(name))
             err = add_flat(l, s->path, name);
     }
     free_names(names, n);

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include <jansson.h>
-#include <linux/videodev2.h>
 
 #include "base/clock.h"
 #include "base/file.h"

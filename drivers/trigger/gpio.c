@@ -1,3 +1,4 @@
+#define _GNU_SOURCE /* versionsort */
 #include "drivers/trigger/trigger_internal.h"
 
 #include <ctype.h>
@@ -11,44 +12,28 @@
 
 #include "base/text.h"
 
-static int by_number(const void *a, const void *b)
+/* Links beside the nodes (old names of a chip) are skipped. */
+static int is_chip(const struct dirent *e)
 {
-    const struct gpio_listed *x = a, *y = b;
-    const size_t m = strlen(x->path), n = strlen(y->path);
-
-    return m != n ? (m < n ? -1 : 1) : strcmp(x->path, y->path);
+    return !strncmp(e->d_name, "gpiochip", 8) && isdigit((unsigned char)e->d_name[8]) && e->d_type != DT_LNK &&
+           strlen(e->d_name) <= 32;
 }
 
-/* opendir, because GPIO chips do not depend on udev. Links beside the nodes (old names of a chip) are skipped. */
+/* The nodes in /dev, by their numbers: GPIO chips do not depend on udev. */
 static int scan(struct gpio_listed **out)
 {
-    DIR *dir = opendir("/dev");
-    struct gpio_listed *list = NULL;
-    struct dirent *entry;
-    int n = 0;
+    struct dirent **entry = NULL;
+    const int n = scandir("/dev", &entry, is_chip, versionsort);
+    struct gpio_listed *list = n > 0 ? calloc((size_t)n, sizeof(*list)) : NULL;
 
-    while (dir && (entry = readdir(dir))) {
-        struct gpio_listed *more;
-
-        if (strncmp(entry->d_name, "gpiochip", 8) || !isdigit((unsigned char)entry->d_name[8]) ||
-            entry->d_type == DT_LNK || strlen(entry->d_name) > 32)
-            continue;
-        more = realloc(list, (size_t)(n + 1) * sizeof(*list));
-        if (!more) {
-            free(list);
-            closedir(dir);
-            return -ENOMEM;
-        }
-        list = more;
-        memset(&list[n], 0, sizeof(list[n]));
-        snprintf(list[n++].path, sizeof(list->path), "/dev/%.32s", entry->d_name);
+    for (int i = 0; i < n; i++) {
+        if (list)
+            snprintf(list[i].path, sizeof(list[i].path), "/dev/%.32s", entry[i]->d_name);
+        free(entry[i]);
     }
-    if (dir)
-        closedir(dir);
-    if (n)
-        qsort(list, (size_t)n, sizeof(*list), by_number);
+    free(entry);
     *out = list;
-    return n;
+    return n > 0 && !list ? -ENOMEM : sst_max_int(n, 0);
 }
 
 int gpio_list(struct gpio_listed **out)

@@ -3,7 +3,6 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/file.h"
 #include "base/log.h"
@@ -24,10 +23,7 @@
 
 static int is_picture(const struct dirent *e)
 {
-    const char *dot = strrchr(e->d_name, '.');
-
-    return dot && dot != e->d_name &&
-           (!strcasecmp(dot, ".png") || !strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg"));
+    return sst_image_is_picture(e->d_name);
 }
 
 static int by_bytes(const struct dirent **a, const struct dirent **b)
