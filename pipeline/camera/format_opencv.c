@@ -288,18 +288,10 @@ static int read_folder(struct sst_loose *loose, const char *path, const struct s
 int sst_opencv_read(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg)
 {
     struct sst_loose *loose;
-    uint8_t *data;
-    size_t size;
     int err;
 
-    if (!sst_path_is_dir(path)) {
-        err = sst_file_read(path, SST_YAML_MAX_BYTES, &data, &size);
-        if (err)
-            return err;
-        err = sst_opencv_parse(out, (const char *)data, size, path, cfg);
-        free(data);
-        return err;
-    }
+    if (!sst_path_is_dir(path))
+        return sst_calib_read_file(out, path, SST_YAML_MAX_BYTES, cfg, sst_opencv_parse);
     loose = sst_loose_create();
     if (!loose)
         return -ENOMEM;

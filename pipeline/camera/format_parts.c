@@ -380,6 +380,20 @@ int sst_utf8_character(const unsigned char *s, uint32_t *code)
     return n;
 }
 
+int sst_calib_read_file(struct sst_calib *out, const char *path, size_t limit,
+                        const struct sst_calib_format_config *cfg, sst_calib_parse_fn *parse)
+{
+    uint8_t *data;
+    size_t size;
+    int err = sst_file_read(path, limit, &data, &size);
+
+    if (err)
+        return err;
+    err = parse(out, (const char *)data, size, path, cfg);
+    free(data);
+    return err;
+}
+
 static bool ends_in(const char *path, const char *ending)
 {
     const size_t n = strlen(path), m = strlen(ending);
