@@ -13,3 +13,10 @@ void sst_text_add(char *text, size_t size, const char *fmt, ...)
     vsnprintf(text + used, size - used, fmt, args);
     va_end(args);
 }
+
+bool sst_text_ends(const char *text, const char *end)
+{
+    const size_t n = strlen(text), m = strlen(end);
+
+    return n > m && !strcmp(text + n - m, end);
+}

@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "cli/cli_internal.h"
 #include "pipeline/calibration/report/report.h"
 
@@ -105,7 +106,7 @@ static int gather_live(struct job *job, const struct sst_gather_config *cfg)
 /* A file of corners instead of pictures. */
 static bool is_corners_file(const char *source)
 {
-    return source && cli_ends_with(source, ".json");
+    return source && sst_text_ends(source, ".json");
 }
 
 static int gather(struct job *job)

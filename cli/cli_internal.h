@@ -101,9 +101,6 @@ void cli_print_cell(double v, int width, int digits);
 /** Write an object as a file of a folder, whole or not at all. @return 0, -ENOMEM, or an error of the output; logged */
 SST_MUST_CHECK int cli_write_json(const json_t *root, const char *dir, const char *name);
 
-/** Whether a text ends so (".png") and is longer; case counts. */
-bool cli_ends_with(const char *text, const char *end);
-
 /** Progress bar with remaining time; only on a terminal, and only after a second. */
 void cli_progress(void *title, double done);
 void cli_progress_end(void);

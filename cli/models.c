@@ -16,7 +16,7 @@
 
 static int onnx_only(const struct dirent *d)
 {
-    return cli_ends_with(d->d_name, ".onnx");
+    return sst_text_ends(d->d_name, ".onnx");
 }
 
 static bool has_name(const json_t *list, const char *name)

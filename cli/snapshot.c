@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/text.h"
 #include "cli/cli_internal.h"
 
 #define JPEG "image/jpeg"
@@ -43,7 +44,7 @@ static int keep(struct sst_client *client, const char *file)
     printf("%s\n", name);
     if (!file)
         return 0;
-    tar = cli_ends_with(file, ".tar");
+    tar = sst_text_ends(file, ".tar");
     snprintf(path, sizeof(path), "/api/v1/download/%s%s", name, tar ? ".tar" : "");
     return sst_client_save(client, path, tar ? TAR : JPEG, file);
 }
@@ -77,7 +78,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!file && !keep_it)
         return cli_usage_error(cmd, "an output is missing: -o FILE.jpg, or --keep");
-    if (file && cli_ends_with(file, ".png"))
+    if (file && sst_text_ends(file, ".png"))
         return cli_usage_error(cmd, "pictures of the service are JPEG: -o FILE.jpg");
     if (of && keep_it)
         return cli_usage_error(cmd, "--keep keeps the whole light field and the main view: --of does not go with it");

@@ -53,15 +53,10 @@ static int visible(const struct dirent *e)
     return e->d_name[0] != '.';
 }
 
-static int by_bytes(const struct dirent **a, const struct dirent **b)
-{
-    return strcmp((*a)->d_name, (*b)->d_name);
-}
-
-/* Names in a folder, sorted bytewise: the same order in every locale. @return count or a negative errno, logged */
+/* Names in a folder, sorted bytewise: no program here sets a locale. @return count or a negative errno, logged */
 static int scan(const char *dir, struct dirent ***names)
 {
-    const int n = scandir(dir, names, visible, by_bytes), err = n < 0 ? -errno : 0;
+    const int n = scandir(dir, names, visible, alphasort), err = n < 0 ? -errno : 0;
 
     if (err)
         sst_log_error("cannot read the folder %s: %s", dir, strerror(-err));

@@ -8,6 +8,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "base/yaml.h"
 #include "pipeline/camera/format_parts.h"
 #include "pipeline/lightfield/import.h"
@@ -252,9 +253,7 @@ int sst_opencv_parse(struct sst_calib *out, const char *text, size_t size, const
 static int is_ours(const struct dirent *e)
 {
     for (size_t i = 0; i < ARRAY_LEN(endings); i++) {
-        const size_t n = strlen(e->d_name), m = strlen(endings[i]);
-
-        if (n > m && e->d_name[0] != '.' && !strcmp(e->d_name + n - m, endings[i]))
+        if (e->d_name[0] != '.' && sst_text_ends(e->d_name, endings[i]))
             return 1;
     }
     return 0;

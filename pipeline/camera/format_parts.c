@@ -9,6 +9,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "pipeline/lightfield/import.h"
 
 struct sst_loose *sst_loose_create(void)
@@ -394,13 +395,6 @@ int sst_calib_read_file(struct sst_calib *out, const char *path, size_t limit,
     return err;
 }
 
-static bool ends_in(const char *path, const char *ending)
-{
-    const size_t n = strlen(path), m = strlen(ending);
-
-    return n > m && !strcmp(path + n - m, ending);
-}
-
 static int write_folder(const struct sst_calib *calib, const char *path, const char *ending, bool force,
                         void (*put)(FILE *f, const struct sst_calib *calib, int view))
 {
@@ -438,7 +432,7 @@ int sst_calib_write_each(const struct sst_calib *calib, const char *path, const 
     struct sst_outfile out;
     int err;
 
-    if (!ends_in(path, ending))
+    if (!sst_text_ends(path, ending))
         return write_folder(calib, path, ending, cfg->force, put);
     if (sst_calib_next(calib, first + 1) >= 0) {
         sst_log_error("%s names the file of one camera, but there are more; name a folder without %s", path, ending);

@@ -26,11 +26,6 @@ static int is_picture(const struct dirent *e)
     return sst_image_is_picture(e->d_name);
 }
 
-static int by_bytes(const struct dirent **a, const struct dirent **b)
-{
-    return strcmp((*a)->d_name, (*b)->d_name);
-}
-
 /* Label of a stored class: CamVid's classes in its order are the first of the default list. */
 static void to_labels(struct sst_map_u8 *map)
 {
@@ -107,7 +102,7 @@ static int read_photo(struct photo *p, const struct sst_layers_config *cfg, cons
 static int read_photos(struct photo_library *lib, const struct sst_layers_config *cfg, uint64_t *rng)
 {
     struct dirent **names = NULL;
-    const int n = scandir(cfg->photos, &names, is_picture, by_bytes);
+    const int n = scandir(cfg->photos, &names, is_picture, alphasort);
     int err = n < 0 ? -errno : n == 0 ? -ENOENT : 0;
 
     if (err)
