@@ -39,7 +39,9 @@ PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
             $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod)
 
 # --- flags ---------------------------------------------------------------------------------------------------------
-WARN := -Wall -Wextra -Wshadow -Wvla -Wundef -Wconversion -Wno-sign-conversion $(if $(WERROR),-Werror)
+# What a row of a table leaves out is zero.
+WARN := -Wall -Wextra -Wshadow -Wvla -Wundef -Wconversion -Wno-sign-conversion -Wno-missing-field-initializers \
+        $(if $(WERROR),-Werror)
 CWARN = $(WARN) -Wstrict-prototypes -Wmissing-prototypes $(SANWARN)
 HARDEN := -fstack-protector-strong -fstack-clash-protection -fcf-protection -fPIE \
           $(if $(SAN),,-D_FORTIFY_SOURCE=2)

@@ -359,6 +359,22 @@ int sst_file_write(const char *path, const void *data, size_t size)
     return sst_outfile_commit(&out);
 }
 
+int sst_file_write_at(int fd, const void *data, size_t size, int64_t offset)
+{
+    size_t done = 0;
+
+    while (done < size) {
+        const ssize_t n = pwrite(fd, (const char *)data + done, size - done, offset + (int64_t)done);
+
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n <= 0)
+            return n < 0 ? -errno : -EIO;
+        done += (size_t)n;
+    }
+    return 0;
+}
+
 int sst_outdir_open(struct sst_outdir *out, const char *path, bool replace)
 {
     int err;
@@ -450,6 +466,14 @@ void sst_outdir_abort(struct sst_outdir *out)
         pending_drop(out->temporary);
     }
     out->temporary[0] = 0;
+}
+
+int sst_outdir_end(struct sst_outdir *out, int err)
+{
+    if (!err)
+        return sst_outdir_commit(out);
+    sst_outdir_abort(out);
+    return err;
 }
 
 static int remove_entry(const char *path, const struct stat *st SST_UNUSED, int type SST_UNUSED,

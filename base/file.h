@@ -51,6 +51,9 @@ SST_MUST_CHECK int sst_outfile_commit(struct sst_outfile *out);
 /** Discard the output. A zeroed or committed object is fine. */
 void sst_outfile_abort(struct sst_outfile *out);
 
+/** Write all bytes at an offset of an open file. @return 0 or -errno, not logged */
+SST_MUST_CHECK int sst_file_write_at(int fd, const void *data, size_t size, int64_t offset);
+
 /** Write a whole buffer through an sst_outfile. */
 SST_MUST_CHECK int sst_file_write(const char *path, const void *data, size_t size);
 
@@ -68,6 +71,9 @@ struct sst_outdir {
 SST_MUST_CHECK int sst_outdir_open(struct sst_outdir *out, const char *path, bool replace);
 SST_MUST_CHECK int sst_outdir_commit(struct sst_outdir *out);
 void sst_outdir_abort(struct sst_outdir *out);
+
+/** Commit, or discard it after an error. @return err, else as sst_outdir_commit() */
+SST_MUST_CHECK int sst_outdir_end(struct sst_outdir *out, int err);
 
 /** Refuse (logged) an output that would replace one of `inputs` (ends in NULL) or a folder that is not of this kind:
  *  with force, `out` may exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL */

@@ -27,6 +27,22 @@ void sst_mem_free(void *p)
     free(p);
 }
 
+bool sst_mem_grow(void *list, int count, int *capacity, size_t size)
+{
+    const int more = sst_max_int(2 * count, 16);
+    void *grown;
+
+    if (count < *capacity)
+        return true;
+    memcpy(&grown, list, sizeof(grown)); /* pointers to all types look alike */
+    grown = reallocarray(grown, (size_t)more, size);
+    if (!grown)
+        return false;
+    memcpy(list, &grown, sizeof(grown));
+    *capacity = more;
+    return true;
+}
+
 void *sst_mem_keep(struct sst_mem_kept *kept, size_t count, size_t size)
 {
     size_t bytes;

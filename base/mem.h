@@ -1,6 +1,8 @@
-/* base/mem.h - aligned memory for image rows and working buffers. */
+/* base/mem.h - aligned memory for image rows and working buffers; arrays that grow. */
 #ifndef SST_BASE_MEM_H
 #define SST_BASE_MEM_H
+
+#include <stdbool.h>
 
 #include "base/base.h"
 
@@ -26,6 +28,15 @@ struct sst_mem_kept {
  *  unchanged. */
 void *sst_mem_keep(struct sst_mem_kept *kept, size_t count, size_t size) SST_MUST_CHECK;
 void sst_mem_kept_fini(struct sst_mem_kept *kept);
+
+/**
+ * Make room for one more element in an array of malloc().
+ *
+ * @param list      address of the pointer to the array, NULL at first
+ * @param capacity  elements that fit; it doubles when `count` of them are in use
+ * @return false: out of memory, nothing has changed
+ */
+bool sst_mem_grow(void *list, int count, int *capacity, size_t size) SST_MUST_CHECK;
 
 /** Bytes of a row of n elements, rounded up to SST_ALIGN. */
 static inline size_t sst_mem_stride(size_t n, size_t size)

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/text.h"
 #include "base/yaml.h"
 
 /* True for a non-empty scalar; else notes a fault that names what is expected. */
@@ -108,11 +109,8 @@ bool sst_yaml_choice(struct sst_yaml *doc, const struct sst_yaml_node *node, con
 {
     char want[160] = "";
 
-    for (int i = 0; i < n; i++) {
-        const size_t at = strlen(want);
-
-        snprintf(want + at, sizeof(want) - at, "%s%s", i == 0 ? "" : i + 1 < n ? ", " : " or ", names[i]);
-    }
+    for (int i = 0; i < n; i++)
+        sst_text_add(want, sizeof(want), "%s%s", i == 0 ? "" : i + 1 < n ? ", " : " or ", names[i]);
     if (!has_text(doc, node, want))
         return false;
     for (int i = 0; i < n; i++) {

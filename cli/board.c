@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <stdio.h>
 
+#include "base/text.h"
 #include "cli/cli_internal.h"
 #include "pipeline/calibration/board/print.h"
 
@@ -15,14 +16,14 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     int err, r;
 
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &out, "FILE", "picture to write: .svg or .png", 0, 0 },
+        { "output", 'o', CLI_STRING, &out, "FILE", "picture to write: .svg or .png" },
         { "dpi", 0, CLI_DOUBLE, &dpi, "N", "dots per inch of a PNG; 300", 10, 2400 },
     };
 
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &text, 1, 1);
     if (r != CLI_GO_ON)
         return r;
-    if (!out || (!cli_ends_with(out, ".svg") && !cli_ends_with(out, ".png")))
+    if (!out || (!sst_text_ends(out, ".svg") && !sst_text_ends(out, ".png")))
         return cli_usage_error(cmd, "-o FILE is missing: -o board.svg or -o board.png");
     err = sst_board_parse(&board, text);
     if (err)
@@ -31,7 +32,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     err = sst_print_board(&print, &board);
     if (!err)
         err =
-            cli_ends_with(out, ".svg") ? sst_print_write_svg(&print, name, out) : sst_print_write_png(&print, dpi, out);
+            sst_text_ends(out, ".svg") ? sst_print_write_svg(&print, name, out) : sst_print_write_png(&print, dpi, out);
     if (!err)
         printf("%s: %s, %.4g x %.4g mm with its margin; print at 100 %%, then measure a %s: it must be %.4g mm\n", out,
                name, print.width_mm, print.height_mm, board.kind == SST_BOARD_APRILGRID ? "tag" : "square",

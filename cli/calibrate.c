@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "cli/cli_internal.h"
 #include "pipeline/calibration/report/report.h"
 
@@ -105,7 +106,7 @@ static int gather_live(struct job *job, const struct sst_gather_config *cfg)
 /* A file of corners instead of pictures. */
 static bool is_corners_file(const char *source)
 {
-    return source && cli_ends_with(source, ".json");
+    return source && sst_text_ends(source, ".json");
 }
 
 static int gather(struct job *job)
@@ -368,40 +369,38 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct options o = { .rate_hz = 1 };
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.out, "FILE", "calibration to write (calib.yaml)", 0, 0 },
+        { "output", 'o', CLI_STRING, &o.out, "FILE", "calibration to write (calib.yaml)" },
         { "board", 'b', CLI_STRING, &o.board, "BOARD",
-          "charuco:9x7:50mm:0.7, aprilgrid:6x6:50mm:0.3, chessboard:10x7:25mm or a Kalibr target file", 0, 0 },
-        { "report", 0, CLI_STRING, &o.report, "FILE", "also write an acceptance report (one HTML file)", 0, 0 },
-        { "coverage", 0, CLI_STRING, &o.coverage, "FILE", "picture of each camera's coverage and what is missing (PNG)",
-          0, 0 },
-        { "corners", 0, CLI_STRING, &o.corners, "FILE", "write the corners (JSON); a later run can start from them", 0,
-          0 },
+          "charuco:9x7:50mm:0.7, aprilgrid:6x6:50mm:0.3, chessboard:10x7:25mm or a Kalibr target file" },
+        { "report", 0, CLI_STRING, &o.report, "FILE", "also write an acceptance report (one HTML file)" },
+        { "coverage", 0, CLI_STRING, &o.coverage, "FILE",
+          "picture of each camera's coverage and what is missing (PNG)" },
+        { "corners", 0, CLI_STRING, &o.corners, "FILE", "write the corners (JSON); a later run can start from them" },
         { "grid", 0, CLI_GRID, o.pick.grid, "RxC", "rows and columns, where names do not give them", 1,
           SST_CAMERAS_MAX },
-        { "rig", 0, CLI_FLAG, &o.pick.rig, NULL, "the views are poses of one camera: one lens for all", 0, 0 },
+        { "rig", 0, CLI_FLAG, &o.pick.rig, NULL, "the views are poses of one camera: one lens for all" },
         { "lens", 0, CLI_INT, &o.lens, "N", "5 or 8 coefficients (default: by held-out frames)", 5, 8 },
-        { "lenses", 0, CLI_STRING, &o.lenses, "FILE", "use the lenses of this calibration, solve the poses alone", 0,
-          0 },
+        { "lenses", 0, CLI_STRING, &o.lenses, "FILE", "use the lenses of this calibration, solve the poses alone" },
         { "every", 0, CLI_INT, &o.pick.every, "N", "each n-th frame of the source", 1, 1000000 },
         { "max-frames", 0, CLI_INT, &o.pick.max, "N", "at most N frames, spread evenly", 1, 100000 },
         { "max-blur", 0, CLI_DOUBLE, &o.max_blur_px, "PX", "leave out pictures with wider edges; 3", 0.5, 100 },
         { "outliers", 0, CLI_DOUBLE, &o.outliers_percent, "PERCENT", "more outliers than this are a failure; 3", 0.01,
           50 },
-        { "flat", 0, CLI_FLAG, &o.flat, NULL, "the board is a plane: do not solve its warp", 0, 0 },
-        { "no-light", 0, CLI_FLAG, &o.no_light, NULL, "do not solve gain, colour and fall-off of the cameras", 0, 0 },
-        { "no-cross", 0, CLI_FLAG, &o.no_cross, NULL, "no cross-validation (odd against even frames)", 0, 0 },
-        { "force", 'f', CLI_FLAG, &o.force, NULL, "turn reasons to refuse the calibration into warnings", 0, 0 },
-        { "live", 0, CLI_FLAG, &o.live, NULL, "capture from the cameras now", 0, 0 },
-        { "config", 0, CLI_STRING, &o.config, "FILE", "live: configuration of the array; /etc/sst/sstd.yaml", 0, 0 },
-        { "keep", 0, CLI_STRING, &o.keep, "DIR", "live: record the sets too", 0, 0 },
+        { "flat", 0, CLI_FLAG, &o.flat, NULL, "the board is a plane: do not solve its warp" },
+        { "no-light", 0, CLI_FLAG, &o.no_light, NULL, "do not solve gain, colour and fall-off of the cameras" },
+        { "no-cross", 0, CLI_FLAG, &o.no_cross, NULL, "no cross-validation (odd against even frames)" },
+        { "force", 'f', CLI_FLAG, &o.force, NULL, "turn reasons to refuse the calibration into warnings" },
+        { "live", 0, CLI_FLAG, &o.live, NULL, "capture from the cameras now" },
+        { "config", 0, CLI_STRING, &o.config, "FILE", "live: configuration of the array; /etc/sst/sstd.yaml" },
+        { "keep", 0, CLI_STRING, &o.keep, "DIR", "live: record the sets too" },
         { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "live: sets per second; 1", 0.01, 30 },
         { "sets", 'n', CLI_INT, &o.limits.accepted, "N", "live: N sets with the board (default: until complete)", 1,
           100000 },
         { "duration", 0, CLI_DOUBLE, &o.limits.seconds, "S", "live: at most S seconds", 0.1, 1e6 },
-        { "check", 0, CLI_FLAG, &o.check, NULL, "check the calibration of a light field, by its features alone", 0, 0 },
-        { "picture", 0, CLI_STRING, &o.picture, "FILE", "check: picture of the cameras' displacements (PNG)", 0, 0 },
+        { "check", 0, CLI_FLAG, &o.check, NULL, "check the calibration of a light field, by its features alone" },
+        { "picture", 0, CLI_STRING, &o.picture, "FILE", "check: picture of the cameras' displacements (PNG)" },
         { "threads", 0, CLI_INT, &o.threads, "N", "threads (default: all processors)", 1, 256 },
-        { "json", 0, CLI_FLAG, &o.json, NULL, "print all figures as JSON", 0, 0 },
+        { "json", 0, CLI_FLAG, &o.json, NULL, "print all figures as JSON" },
     };
     const char *args[1];
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 0, 1);

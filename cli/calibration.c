@@ -157,18 +157,17 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct request q = { 0 };
     int grid[2] = { 0 }, size[2] = { 0 };
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &q.out, "OUT", "convert: file or folder to write", 0, 0 },
-        { "from", 0, CLI_STRING, &q.from, "F", "format of IN (default: by its content)", 0, 0 },
-        { "to", 0, CLI_STRING, &q.to, "F", "format of OUT (default: by its name)", 0, 0 },
+        { "output", 'o', CLI_STRING, &q.out, "OUT", "convert: file or folder to write" },
+        { "from", 0, CLI_STRING, &q.from, "F", "format of IN (default: by its content)" },
+        { "to", 0, CLI_STRING, &q.to, "F", "format of OUT (default: by its name)" },
         { "grid", 'g', CLI_GRID, grid, "RxC", "rows and columns, where IN does not have the cameras' positions", 1,
           256 },
         { "size", 0, CLI_SIZE, size, "WxH", "size of the pictures, where IN does not have it", 1, SST_IMAGE_MAX_SIDE },
         { "unit-mm", 0, CLI_DOUBLE, &q.cfg.unit_mm, "U", "unit of the lengths in IN (OpenCV: 1, others: 1000)", 1e-6,
           1e6 },
-        { "lossy", 0, CLI_FLAG, &q.cfg.lossy, NULL, "write lenses also where OUT's model is off by over 0.05 px", 0,
-          0 },
-        { "force", 'f', CLI_FLAG, &q.cfg.force, NULL, "replace an earlier folder", 0, 0 },
-        { "json", 0, CLI_FLAG, &q.json, NULL, "show: print one JSON object", 0, 0 },
+        { "lossy", 0, CLI_FLAG, &q.cfg.lossy, NULL, "write lenses also where OUT's model is off by over 0.05 px" },
+        { "force", 'f', CLI_FLAG, &q.cfg.force, NULL, "replace an earlier folder" },
+        { "json", 0, CLI_FLAG, &q.json, NULL, "show: print one JSON object" },
     };
     const char *args[2];
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 2, 2);

@@ -204,11 +204,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *config = NULL;
     bool json = false, only_local = false, all = false, asked;
     const struct cli_option options[] = {
-        { "local", 0, CLI_FLAG, &only_local, NULL, "list the cameras of this machine, even if a service runs", 0, 0 },
-        { "all", 'a', CLI_FLAG, &all, NULL, "list each camera of the service on its own line", 0, 0 },
-        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "local", 0, CLI_FLAG, &only_local, NULL, "list the cameras of this machine, even if a service runs" },
+        { "all", 'a', CLI_FLAG, &all, NULL, "list each camera of the service on its own line" },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
         { "config", 'c', CLI_STRING, &config, "FILE",
-          "list local cameras with their positions in this configuration (/etc/sst/sstd.yaml)", 0, 0 },
+          "list local cameras with their positions in this configuration (/etc/sst/sstd.yaml)" },
         CLI_SERVICE_OPTIONS(where),
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);

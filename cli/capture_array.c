@@ -55,7 +55,6 @@ static void on_progress(void *arg, uint64_t sets)
 static const char *const fault_names[] = { "flagged", "empty",  "short",     "no_soi",
                                            "no_eoi",  "marker", "backwards", "frozen" };
 static const char *const rung_names[] = { "restream", "reopen", "reset", "reauthorise", "power", "back_off" };
-static const char *const bucket_keys[] = { "set", "late", "duplicate", "stray", "corrupt", "flagged", "dropped" };
 
 static json_t *counts(const char *const *names, const uint64_t *n, size_t size)
 {
@@ -82,7 +81,7 @@ static json_t *cameras_json(const struct array_capture *a, const struct sst_capt
                                         device->serial[0] ? device->serial : a->config.camera[i].serial, "port",
                                         device->port[0] ? device->port : a->config.camera[i].port, "frames",
                                         (json_int_t)n.frames, "bad", (json_int_t)n.bad, "lost", (json_int_t)n.lost,
-                                        "buckets", counts(bucket_keys, r->sets.camera[i], SST_BUCKETS), "faults",
+                                        "buckets", counts(sst_bucket_keys, r->sets.camera[i], SST_BUCKETS), "faults",
                                         counts(fault_names, n.fault, ARRAY_LEN(fault_names)), "recovery",
                                         counts(rung_names, n.rung, ARRAY_LEN(rung_names))));
     }
@@ -111,7 +110,7 @@ static int print_json(const struct array_capture *a, const struct sst_capture *c
         "frames",
         json_pack("{s:I, s:I, s:I, s:o, s:I}", "delivered", (json_int_t)r->grab.frames, "bad", (json_int_t)r->grab.bad,
                   "lost_by_driver", (json_int_t)r->grab.lost, "buckets",
-                  counts(bucket_keys, r->sets.bucket, SST_BUCKETS), "unexplained", (json_int_t)r->unexplained),
+                  counts(sst_bucket_keys, r->sets.bucket, SST_BUCKETS), "unexplained", (json_int_t)r->unexplained),
         "skewed_sets", (json_int_t)r->skewed, "skew", skew_json(&r->skew_ns), "from_edge", skew_json(&r->from_edge_ns),
         "recovery", counts(rung_names, r->grab.rung, ARRAY_LEN(rung_names)), "array", cameras_json(a, capture, r));
 
@@ -312,21 +311,21 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     o.sync_s = rec.sync_s;
 
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.dir, "DIR", "record into this folder; default: frames are only counted", 0, 0 },
+        { "output", 'o', CLI_STRING, &o.dir, "DIR", "record into this folder; default: frames are only counted" },
         { "sets", 'n', CLI_INT, &o.sets, "N", "number of sets; without -n and --duration until Ctrl-C", 1, 1000000000 },
         { "duration", 0, CLI_DOUBLE, &a->seconds, "S", "duration in seconds", 0.001, 1e9 },
-        { "config", 0, CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml", 0, 0 },
+        { "config", 0, CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml" },
         { "grid", 0, CLI_GRID, o.grid, "RxC", "rows and columns of the array; 6x6", 1, SST_CAMERAS_MAX },
         { "size", 0, CLI_SIZE, o.size, "WxH", "pixels of a frame; 640x480", 16, 16384 },
-        { "format", 0, CLI_STRING, &o.format, "F", "pixel format; MJPEG", 0, 0 },
-        { "trigger", 0, CLI_STRING, &o.source, "SOURCE", "gpio, software or free-run", 0, 0 },
+        { "format", 0, CLI_STRING, &o.format, "F", "pixel format; MJPEG" },
+        { "trigger", 0, CLI_STRING, &o.source, "SOURCE", "gpio, software or free-run" },
         { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "sets per second; 10", 0.01, 1000 },
         { "camera-rate", 0, CLI_DOUBLE, &o.camera_hz, "HZ", "frame rate requested from the cameras", 0.01, 1000 },
-        { "append", 0, CLI_FLAG, &o.append, NULL, "append to an existing recording", 0, 0 },
+        { "append", 0, CLI_FLAG, &o.append, NULL, "append to an existing recording" },
         { "segment", 0, CLI_DOUBLE, &o.segment_s, "S", "length of each file in seconds", 1, 1e6 },
         { "sync", 0, CLI_DOUBLE, &o.sync_s, "S", "maximum time in seconds that a power cut may lose; 0: sync every set",
           0, 1e6 },
-        { "json", 0, CLI_FLAG, &o.json, NULL, "print the frame statistics as JSON", 0, 0 },
+        { "json", 0, CLI_FLAG, &o.json, NULL, "print the frame statistics as JSON" },
     };
 
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);

@@ -9,6 +9,7 @@
 #include <sys/statvfs.h>
 
 #include "base/log.h"
+#include "base/text.h"
 #include "capture/rig/rig_camera.h"
 #include "cli/cli_internal.h"
 #include "config/array.h"
@@ -188,12 +189,9 @@ static int configure(const struct cli_command *cmd, const struct options *o, str
 /* Names and values of the controls, which must be the same in a resumed capture. */
 static void controls_text(const struct sst_array_config *a, char *text, size_t size)
 {
-    size_t at = 0;
-
     text[0] = 0;
-    for (int i = 0; i < a->controls && at < size; i++)
-        at += (size_t)snprintf(text + at, size - at, "%s%s=%lld", i ? "," : "", a->control[i].name,
-                               (long long)a->control[i].value);
+    for (int i = 0; i < a->controls; i++)
+        sst_text_add(text, size, "%s%s=%lld", i ? "," : "", a->control[i].name, (long long)a->control[i].value);
 }
 
 /* --- output ------------------------------------------------------------------------------------------------------- */
@@ -358,21 +356,18 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct options o = { .settle_ms = -1, .backlash_mm = 1, .attempts = 3, .guard_ms = 40 };
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.dir, "DIR", "light-field folder; an incomplete capture in it is resumed", 0,
-          0 },
+        { "output", 'o', CLI_STRING, &o.dir, "DIR", "light-field folder; an incomplete capture in it is resumed" },
         { "grid", 0, CLI_GRID, o.grid, "RxC", "rows and columns of views; array: in the configuration", 1, 256 },
-        { "pitch", 0, CLI_STRING, &o.pitch, "P", "distance between columns: 40mm, 4cm, 250um; array: spacing_mm", 0,
-          0 },
-        { "pitch-y", 0, CLI_STRING, &o.pitch_y, "P", "distance between rows; as --pitch", 0, 0 },
-        { "origin", 0, CLI_STRING, &o.origin, "X,Y[,Z]", "position of view 0,0; start of the travel plus backlash", 0,
-          0 },
-        { "camera", 0, CLI_STRING, &o.camera, "ID", "serial or port of the camera; the only one connected", 0, 0 },
+        { "pitch", 0, CLI_STRING, &o.pitch, "P", "distance between columns: 40mm, 4cm, 250um; array: spacing_mm" },
+        { "pitch-y", 0, CLI_STRING, &o.pitch_y, "P", "distance between rows; as --pitch" },
+        { "origin", 0, CLI_STRING, &o.origin, "X,Y[,Z]", "position of view 0,0; start of the travel plus backlash" },
+        { "camera", 0, CLI_STRING, &o.camera, "ID", "serial or port of the camera; the only one connected" },
         { "size", 0, CLI_SIZE, o.size, "WxH", "pixels of a frame; cameras: in the configuration", 1, 32768 },
-        { "format", 0, CLI_STRING, &o.format, "F", "MJPG, GREY or Y16; likewise", 0, 0 },
-        { "config", 'c', CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml if it exists", 0, 0 },
-        { "bus", 0, CLI_STRING, &o.bus, "BUS", "tcp:HOST:PORT or rtu:DEVICE,BAUD,8E1; rig: bus", 0, 0 },
+        { "format", 0, CLI_STRING, &o.format, "F", "MJPG, GREY or Y16; likewise" },
+        { "config", 'c', CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml if it exists" },
+        { "bus", 0, CLI_STRING, &o.bus, "BUS", "tcp:HOST:PORT or rtu:DEVICE,BAUD,8E1; rig: bus" },
         { "profile", 0, CLI_STRING, &o.profile, "NAME",
-          "register map of the drives, a name or a .yaml file; rig: profile", 0, 0 },
+          "register map of the drives, a name or a .yaml file; rig: profile" },
         { "axes", 0, CLI_INT, &o.axes, "N", "number of axes: x, y, z; rig: axes", 1, 3 },
         { "speed", 0, CLI_DOUBLE, &o.speed_mm_s, "MM/S", "speed of all axes; rig: speed_mm_s", 0.001, 1e5 },
         { "accel", 0, CLI_DOUBLE, &o.accel_mm_s2, "MM/S2", "acceleration of all axes; rig: accel_mm_s2", 0.001, 1e6 },
@@ -382,9 +377,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "backlash", 0, CLI_DOUBLE, &o.backlash_mm, "MM", "approach each pose from this far below; 0: directly; 1", 0,
           1000 },
         { "attempts", 0, CLI_INT, &o.attempts, "N", "attempts per view; 3", 1, 100 },
-        { "dry-run", 'n', CLI_FLAG, &o.dry_run, NULL, "only print poses, duration and disk space", 0, 0 },
-        { "resume", 0, CLI_FLAG, &o.resume, NULL, "resume only, never start a new capture", 0, 0 },
-        { "json", 0, CLI_FLAG, &o.json, NULL, "print JSON", 0, 0 },
+        { "dry-run", 'n', CLI_FLAG, &o.dry_run, NULL, "only print poses, duration and disk space" },
+        { "resume", 0, CLI_FLAG, &o.resume, NULL, "resume only, never start a new capture" },
+        { "json", 0, CLI_FLAG, &o.json, NULL, "print JSON" },
     };
     struct sst_array_config *array;
     const char *none[1];

@@ -277,13 +277,6 @@ void cli_print_cell(double v, int width, int digits)
         printf(" %*s", width, "-");
 }
 
-bool cli_ends_with(const char *text, const char *end)
-{
-    const size_t n = strlen(text), m = strlen(end);
-
-    return n > m && !strcmp(text + n - m, end);
-}
-
 static int64_t progress_start_ns;
 static bool progress_shown;
 

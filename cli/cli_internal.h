@@ -54,7 +54,7 @@ struct cli_option {
     void *value;
     const char *meta; /* name of the value in help, NULL for flags */
     const char *help; /* one line */
-    double min, max;  /* of numbers; both 0: no limit */
+    double min, max;  /* of numbers; both 0 (left out): no limit */
 };
 
 struct cli_command {
@@ -101,9 +101,6 @@ void cli_print_cell(double v, int width, int digits);
 /** Write an object as a file of a folder, whole or not at all. @return 0, -ENOMEM, or an error of the output; logged */
 SST_MUST_CHECK int cli_write_json(const json_t *root, const char *dir, const char *name);
 
-/** Whether a text ends so (".png") and is longer; case counts. */
-bool cli_ends_with(const char *text, const char *end);
-
 /** Progress bar with remaining time; only on a terminal, and only after a second. */
 void cli_progress(void *title, double done);
 void cli_progress_end(void);
@@ -143,14 +140,12 @@ SST_MUST_CHECK int cli_calibrate_live(struct sst_gathered *out, int **frameset, 
 /* --- client: options that name the service, and its answers shown to people. --- */
 
 /* Rows for a table of options. */
-#define CLI_SERVICE_OPTIONS(s)                                                                                           \
-    {                                                                                                                    \
-        "socket", 0, CLI_STRING, &(s).socket, "PATH", "the service's socket ($SST_SOCKET, " SST_CLIENT_SOCKET ")", 0, 0  \
-    },                                                                                                                   \
-        { "url", 0, CLI_STRING, &(s).url, "URL", "the service on another machine: http://HOST:PORT or https://", 0, 0 }, \
-        { "token-file", 0, CLI_STRING, &(s).token_file, "FILE", "with --url: file that holds the token", 0, 0 },         \
-    {                                                                                                                    \
-        "ca", 0, CLI_STRING, &(s).ca, "FILE", "with https: certificate to trust, PEM", 0, 0                              \
+#define CLI_SERVICE_OPTIONS(s)                                                                                         \
+    { "socket", 0, CLI_STRING, &(s).socket, "PATH", "the service's socket ($SST_SOCKET, " SST_CLIENT_SOCKET ")" },     \
+        { "url", 0, CLI_STRING, &(s).url, "URL", "the service on another machine: http://HOST:PORT or https://" },     \
+        { "token-file", 0, CLI_STRING, &(s).token_file, "FILE", "with --url: file that holds the token" },             \
+    {                                                                                                                  \
+        "ca", 0, CLI_STRING, &(s).ca, "FILE", "with https: certificate to trust, PEM"                                  \
     }
 
 /* --- reading and showing answers ---------------------------------------------------------------------------------- */
@@ -302,10 +297,10 @@ struct cli_matching {
 
 /* Rows of an option table for a struct cli_matching m. */
 #define CLI_MATCHING_OPTIONS(m)                                                                                        \
-    { "preset", 'p', CLI_STRING, &(m).preset, "NAME", "preview, balanced (default) or accurate", 0, 0 },               \
-        { "cost", 0, CLI_STRING, &(m).cost, "NAME", "matching cost: census, mccnn or both", 0, 0 },                    \
-        { "mccnn-model", 0, CLI_STRING, &(m).model, "NAME", "features network of the mccnn cost", 0, 0 },              \
-        { "precision", 0, CLI_STRING, &(m).precision, "NAME", CLI_PRECISION_HELP, 0, 0 },                              \
+    { "preset", 'p', CLI_STRING, &(m).preset, "NAME", "preview, balanced (default) or accurate" },                     \
+        { "cost", 0, CLI_STRING, &(m).cost, "NAME", "matching cost: census, mccnn or both" },                          \
+        { "mccnn-model", 0, CLI_STRING, &(m).model, "NAME", "features network of the mccnn cost" },                    \
+        { "precision", 0, CLI_STRING, &(m).precision, "NAME", CLI_PRECISION_HELP },                                    \
         { "paths", 0, CLI_INT, &(m).paths, "N", "directions of the optimisation: 4 or 8", 4, 8 },                      \
         { "p1", 0, CLI_INT, &(m).p1, "N", "penalty of a disparity step of 1 px", 1, SST_DISPARITY_MAX_PENALTY },       \
         { "p2", 0, CLI_INT, &(m).p2, "N", "penalty of a larger step", 1, SST_DISPARITY_MAX_PENALTY },                  \
@@ -316,7 +311,7 @@ struct cli_matching {
         { "scale", 0, CLI_INT, &(m).scale, "N", "match at full (1) or half size (2)", 1, 2 },                          \
         { "pairs", 0, CLI_FLAG, &(m).pairs, NULL, "match horizontal and vertical neighbours apart and fuse the maps",  \
           0,       0 },                                                                                                \
-        { "no-fill", 0, CLI_FLAG, &(m).no_fill, NULL, "skip the multi-view check and filling", 0, 0 },                 \
+        { "no-fill", 0, CLI_FLAG, &(m).no_fill, NULL, "skip the multi-view check and filling" },                       \
     {                                                                                                                  \
         "threads", 't', CLI_INT, &(m).threads, "N", "threads; default: all processors", 1, 256                         \
     }
@@ -395,7 +390,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
 #define CLI_VERIFY_OPTION(value)                                                                                       \
     {                                                                                                                  \
         "verify-rays", 0, CLI_STRING, &(value), "W",                                                                   \
-            "count rays whose colours agree at the focus: auto (default: where the maps are poor), on or off", 0, 0    \
+            "count rays whose colours agree at the focus: auto (default: where the maps are poor), on or off"          \
     }
 
 /** Read that word. @return CLI_GO_ON or CLI_USAGE (the sentence was printed) */

@@ -101,12 +101,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool once = false;
     int port = 8090;
     const struct cli_option options[] = {
-        { "scene", 's', CLI_STRING, &scene, "NAME", "scene to see through (pedestrian and bush; once: bush)", 0, 0 },
-        { "once", 0, CLI_FLAG, &once, NULL, "one set, its pictures, and exit", 0, 0 },
+        { "scene", 's', CLI_STRING, &scene, "NAME", "scene to see through (pedestrian and bush; once: bush)" },
+        { "once", 0, CLI_FLAG, &once, NULL, "one set, its pictures, and exit" },
         { "port", 0, CLI_INT, &port, "N", "of the first page, the next follows (8090)", 1, 65000 },
-        { "output", 'o', CLI_STRING, &out, "DIR", "folder for all that is written (sst-demo)", 0, 0 },
-        { "preset", 'p', CLI_STRING, &preset, "NAME", "once: preview, balanced (default) or accurate", 0, 0 },
-        { "size", 0, CLI_STRING, &size, "WxH", "once: pixels of a view (1000x750)", 0, 0 },
+        { "output", 'o', CLI_STRING, &out, "DIR", "folder for all that is written (sst-demo)" },
+        { "preset", 'p', CLI_STRING, &preset, "NAME", "once: preview, balanced (default) or accurate" },
+        { "size", 0, CLI_STRING, &size, "WxH", "once: pixels of a view (1000x750)" },
     };
     struct demo d;
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);

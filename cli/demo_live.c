@@ -120,22 +120,15 @@ static int try_port(int port)
     return err == -EADDRINUSE ? -EBUSY : err;
 }
 
-/** A program beside this one. @return 0, -ENOENT */
+/** A program beside this one, or where it is installed. @return 0, -ENOENT */
 static int find_program(char out[SST_PATH_MAX], const char *name)
 {
-    char self[PATH_MAX];
-    const ssize_t n = readlink("/proc/self/exe", self, sizeof(self) - 1);
-    char *slash;
+    char installed[64];
 
-    if (n <= 0)
-        return -ENOENT;
-    self[n] = 0;
-    slash = strrchr(self, '/');
-    *slash = 0;
-    if (!sst_path_join(out, self, name) && !access(out, X_OK))
+    if (!sst_path_beside_program(out, name) && !access(out, X_OK))
         return 0;
-    snprintf(out, SST_PATH_MAX, "%.4000s/../sbin/%s", self, name);
-    return access(out, X_OK) ? -ENOENT : 0;
+    snprintf(installed, sizeof(installed), "../sbin/%s", name);
+    return sst_path_beside_program(out, installed) || access(out, X_OK) ? -ENOENT : 0;
 }
 
 static int need_program(char out[SST_PATH_MAX], const char *name)

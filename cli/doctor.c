@@ -61,10 +61,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *config = NULL, *folder = NULL;
     bool json = false;
     const struct cli_option options[] = {
-        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it exists)", 0, 0 },
-        { "output", 'o', CLI_STRING, &folder, "DIR", "folder of recordings; its write speed is measured for 1 s", 0,
-          0 },
-        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it exists)" },
+        { "output", 'o', CLI_STRING, &folder, "DIR", "folder of recordings; its write speed is measured for 1 s" },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     int err;

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/text.h"
 #include "cli/cli_internal.h"
 #include "drivers/grab/grab.h"
 #include "drivers/trigger/trigger.h"
@@ -24,17 +25,15 @@ static void add_name(struct names *n, const char *name)
     const size_t used = strlen(n->text);
 
     if (n->shown == n->count++ && used + strlen(name) + 24 < sizeof(n->text)) {
-        snprintf(n->text + used, sizeof(n->text) - used, "%s%s", used ? ", " : "", name);
+        sst_text_add(n->text, sizeof(n->text), "%s%s", used ? ", " : "", name);
         n->shown++;
     }
 }
 
 static const char *text_of(struct names *n)
 {
-    const size_t used = strlen(n->text);
-
     if (n->shown < n->count)
-        snprintf(n->text + used, sizeof(n->text) - used, " and %d more", n->count - n->shown);
+        sst_text_add(n->text, sizeof(n->text), " and %d more", n->count - n->shown);
     n->shown = n->count;
     return n->text;
 }

@@ -117,11 +117,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool go_on = false;
     double after = -1;
     const struct cli_option options[] = {
-        { "follow", 'f', CLI_FLAG, &go_on, NULL, "the last ten, and then all as they come", 0, 0 },
+        { "follow", 'f', CLI_FLAG, &go_on, NULL, "the last ten, and then all as they come" },
         { "after", 0, CLI_DOUBLE, &after, "ID", "those after this one; --follow then begins there", 0, 9e15 },
         { "type", 0, CLI_STRING, &s.type, "TYPE",
-          "only of this type: camera-lost, record-start ... (docs/integrate/api.md)", 0, 0 },
-        { "json", 0, CLI_FLAG, &s.json, NULL, "a line of JSON each, as the service sends them", 0, 0 },
+          "only of this type: camera-lost, record-start ... (docs/integrate/api.md)" },
+        { "json", 0, CLI_FLAG, &s.json, NULL, "a line of JSON each, as the service sends them" },
         CLI_SERVICE_OPTIONS(where),
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);

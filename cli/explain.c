@@ -256,8 +256,5 @@ int cli_render_explain(const struct render_input *in, const struct render_args *
     json_decref(e.root);
     if (err == -ENOMEM)
         sst_log_error("no memory to explain the picture");
-    if (!err)
-        return sst_outdir_commit(&out);
-    sst_outdir_abort(&out);
-    return err;
+    return sst_outdir_end(&out, err);
 }

@@ -7,14 +7,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *args[2];
     int err;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &cfg.out, "DST", "folder to make", 0, 0 },
+        { "output", 'o', CLI_STRING, &cfg.out, "DST", "folder to make" },
         { "focal-px", 0, CLI_DOUBLE, &cfg.focal_px, "F", "colmap, nerfstudio: focal length if LF has none", 1e-3, 1e7 },
         { "spacing-mm", 0, CLI_DOUBLE, &cfg.spacing_mm, "B", "colmap, nerfstudio: camera spacing if LF has none", 1e-6,
           1e6 },
-        { "lossy", 0, CLI_FLAG, &cfg.lossy, NULL, "nerfstudio: accept lenses that its model misses by over 0.05 px", 0,
-          0 },
+        { "lossy", 0, CLI_FLAG, &cfg.lossy, NULL, "nerfstudio: accept lenses that its model misses by over 0.05 px" },
         { "threads", 0, CLI_INT, &cfg.threads, "N", "threads (default: all processors)", 1, 256 },
-        { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an earlier export", 0, 0 },
+        { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an earlier export" },
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 2, 2);
 

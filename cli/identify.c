@@ -1,7 +1,6 @@
 /* sst identify: takes a picture of every camera, to identify its position. */
 #include <errno.h>
 #include <jansson.h>
-#include <linux/videodev2.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -45,7 +44,7 @@ static int decode(struct sst_image *img, const struct sst_frame *f, const char *
     const struct sst_raw raw = { f->fourcc, f->width, f->height, f->stride, f->data, f->bytes };
     int err;
 
-    if (f->fourcc == V4L2_PIX_FMT_MJPEG || f->fourcc == V4L2_PIX_FMT_JPEG)
+    if (sst_raw_is_jpeg(f->fourcc))
         return sst_image_decode(img, f->data, f->bytes, name);
     err = sst_raw_to_image(img, &raw);
     if (err)
@@ -139,21 +138,6 @@ static int take_pictures(struct session *s, const struct sst_array_config *array
 
 /* --- output ------------------------------------------------------------------------------------------------------- */
 
-static int shrink(struct sst_image *out, const struct sst_image *in)
-{
-    struct sst_image half;
-    int err = sst_image_halve(out, in);
-
-    while (!err && out->width > TILE_WIDTH) {
-        err = sst_image_halve(&half, out);
-        if (err)
-            break;
-        sst_image_fini(out);
-        *out = half;
-    }
-    return err;
-}
-
 static void paste(struct sst_image *sheet, const struct sst_image *tile, int left, int top)
 {
     const int width = sst_min_int(tile->width, sheet->width - left);
@@ -204,7 +188,9 @@ static int write_sheet(const struct session *s, const struct sst_array_config *c
 
         if (!s->shots[i].image.width)
             continue;
-        err = shrink(&tile, &s->shots[i].image);
+        err = sst_image_halve(&tile, &s->shots[i].image);
+        if (!err)
+            err = sst_image_shrink(&tile, TILE_WIDTH);
         if (!err && !sheet.width) {
             err = sst_image_init(&sheet, cfg->cols * (tile.width + GAP), rows * (tile.height + CAPTION + GAP));
             if (!err)
@@ -389,12 +375,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *serial = NULL, *port = NULL, *dir = "identify", *write = NULL, *config = NULL;
     bool json = false;
     const struct cli_option options[] = {
-        { "serial", 0, CLI_STRING, &serial, "S", "only the camera of this serial", 0, 0 },
-        { "port", 0, CLI_STRING, &port, "P", "only the camera at this USB port", 0, 0 },
-        { "output", 'o', CLI_STRING, &dir, "DIR", "folder for the pictures (identify)", 0, 0 },
-        { "write", 0, CLI_STRING, &write, "FILE", "write a `bind:` section in the order of ports", 0, 0 },
-        { "config", 'c', CLI_STRING, &config, "FILE", "configuration of the array (/etc/sst/sstd.yaml)", 0, 0 },
-        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "serial", 0, CLI_STRING, &serial, "S", "only the camera of this serial" },
+        { "port", 0, CLI_STRING, &port, "P", "only the camera at this USB port" },
+        { "output", 'o', CLI_STRING, &dir, "DIR", "folder for the pictures (identify)" },
+        { "write", 0, CLI_STRING, &write, "FILE", "write a `bind:` section in the order of ports" },
+        { "config", 'c', CLI_STRING, &config, "FILE", "configuration of the array (/etc/sst/sstd.yaml)" },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     struct session s = { 0 };

@@ -17,26 +17,26 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct import_recording recording = { .import = &cfg };
     int grid[2] = { 0, 0 };
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &cfg.out, "LF", "light-field folder to make", 0, 0 },
+        { "output", 'o', CLI_STRING, &cfg.out, "LF", "light-field folder to make" },
         { "grid", 0, CLI_GRID, grid, "RxC", "rows and columns; required for folder, lets the others have holes", 1,
           256 },
         { "spacing-px", 0, CLI_DOUBLE, &cfg.spacing_px, "P", "folder: focal length times spacing, stored as provenance",
           0, 1e12 },
         { "disparity", 0, CLI_STRING, &cfg.disparity_dir, "DIR",
-          "folder: external disparity rr_cc.pfm, px per spacing, inf unknown", 0, 0 },
-        { "labels", 0, CLI_STRING, &cfg.labels_dir, "DIR", "folder: external labels rr_cc.png, 0 unlabeled", 0, 0 },
+          "folder: external disparity rr_cc.pfm, px per spacing, inf unknown" },
+        { "labels", 0, CLI_STRING, &cfg.labels_dir, "DIR", "folder: external labels rr_cc.png, 0 unlabeled" },
         { "sets", 0, CLI_STRING, &recording.sets, "LIST",
-          "recording: 0,5-9, first, last or all; more than one: LF/set-NNNNNN each", 0, 0 },
+          "recording: 0,5-9, first, last or all; more than one: LF/set-NNNNNN each" },
         { "allow-partial", 0, CLI_FLAG, &recording.allow_partial, NULL,
-          "recording: sets may lack views; the light field then has holes", 0, 0 },
+          "recording: sets may lack views; the light field then has holes" },
         { "range-min", 0, CLI_DOUBLE, &cfg.range_min_px, "D", "smallest disparity in the scene, px per spacing", -32768,
           32768 },
         { "range-max", 0, CLI_DOUBLE, &cfg.range_max_px, "D", "largest disparity in the scene", -32768, 32768 },
         { "calib", 0, CLI_STRING, &calib, "FILE",
-          "recording, folder: the array's calibration; views are then rectified", 0, 0 },
-        { "filter", 0, CLI_STRING, &filter, "F", "of that: bilinear, bicubic (default) or lanczos", 0, 0 },
+          "recording, folder: the array's calibration; views are then rectified" },
+        { "filter", 0, CLI_STRING, &filter, "F", "of that: bilinear, bicubic (default) or lanczos" },
         { "threads", 0, CLI_INT, &cfg.threads, "N", "threads (default: all processors)", 1, 256 },
-        { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an existing light field", 0, 0 },
+        { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an existing light field" },
     };
     struct sst_use_calibration use;
     const char *args[2];

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/text.h"
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/labels/model_info.h"
 #include "pipeline/method/network/graph.h"
@@ -132,13 +133,13 @@ json_t *cli_model_facts(const char *path, const struct sst_manifest_entry *entry
 static json_t *value_text(const struct sst_onnx_value *v)
 {
     char text[320];
-    int at = snprintf(text, sizeof(text), "%.*s", SST_ONNX_STR(v->name));
 
+    snprintf(text, sizeof(text), "%.*s", SST_ONNX_STR(v->name));
     for (int i = 0; i < v->n_dims; i++) {
         if (v->dims[i])
-            at += snprintf(text + at, sizeof(text) - (size_t)at, "%s%lld", i ? " x " : " ", (long long)v->dims[i]);
+            sst_text_add(text, sizeof(text), "%s%lld", i ? " x " : " ", (long long)v->dims[i]);
         else
-            at += snprintf(text + at, sizeof(text) - (size_t)at, "%s?", i ? " x " : " ");
+            sst_text_add(text, sizeof(text), "%s?", i ? " x " : " ");
     }
     return json_text(text);
 }
@@ -152,11 +153,7 @@ static void add_summary(json_t *o, const struct sst_onnx *model)
     for (int i = 0; i < s.n_ops; i++)
         json_object_set_new(ops, s.ops[i].name, json_integer(s.ops[i].count));
     for (int i = 0; i < model->n_ins; i++) {
-        bool constant = false;
-
-        for (int k = 0; k < model->n_tensors && !constant; k++)
-            constant = sst_onnx_str_same(model->tensors[k].name, model->ins[i].name);
-        if (!constant)
+        if (!sst_onnx_is_constant(model, &model->ins[i]))
             json_array_append_new(inputs, value_text(&model->ins[i]));
     }
     for (int i = 0; i < model->n_outs; i++)

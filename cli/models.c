@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/text.h"
 #include "cli/cli_internal.h"
 #include "pipeline/method/network/manifest.h"
 #include "pipeline/method/network/model_path.h"
@@ -15,7 +16,7 @@
 
 static int onnx_only(const struct dirent *d)
 {
-    return cli_ends_with(d->d_name, ".onnx");
+    return sst_text_ends(d->d_name, ".onnx");
 }
 
 static bool has_name(const json_t *list, const char *name)
@@ -85,27 +86,20 @@ static void join_figures(char *out, size_t size, const json_t *one)
 {
     const char *key;
     json_t *value;
-    size_t at = 0;
 
     *out = 0;
     json_object_foreach(json_object_get(one, "figures"), key, value)
-    {
-        if (at < size)
-            at += (size_t)snprintf(out + at, size - at, "%s%s %.4g", at ? ", " : "", key, json_number_value(value));
-    }
+        sst_text_add(out, size, "%s%s %.4g", *out ? ", " : "", key, json_number_value(value));
 }
 
 static void join_names(char *out, size_t size, const json_t *list)
 {
     const json_t *one;
-    size_t i, at = 0;
+    size_t i;
 
     *out = 0;
     json_array_foreach((json_t *)(uintptr_t)list, i, one)
-    {
-        if (at < size)
-            at += (size_t)snprintf(out + at, size - at, "%s%s", i ? "," : "", json_string_value(one));
-    }
+        sst_text_add(out, size, "%s%s", i ? "," : "", json_string_value(one));
 }
 
 /* A line of the table; longer text ends in dots. */
@@ -173,7 +167,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *file = NULL;
     bool json = false;
     const struct cli_option options[] = {
-        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &file, 0, 1);
     char path[SST_PATH_MAX];

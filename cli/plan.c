@@ -74,11 +74,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool json = false;
     struct cli_usb usb;
     const struct cli_option options[] = {
-        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it exists)", 0, 0 },
-        { "format", 'f', CLI_STRING, &format, "F", "instead of the configured one: MJPEG YUYV GREY ...", 0, 0 },
+        { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it exists)" },
+        { "format", 'f', CLI_STRING, &format, "F", "instead of the configured one: MJPEG YUYV GREY ..." },
         { "size", 0, CLI_SIZE, size, "WxH", "instead of the configured one", 1, 16384 },
         { "rate", 'r', CLI_DOUBLE, &rate_hz, "R", "frames/s, instead of the configured ones", 0.01, 1000 },
-        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     int err;

@@ -5,6 +5,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "cli/cli_internal.h"
 
 struct args {
@@ -102,7 +103,7 @@ static int delete_one(const struct args *a)
 /* FILE.tar is all of it, FILE.jpg the picture of a snapshot, else the video. */
 static int download(const struct args *a)
 {
-    const bool tar = cli_ends_with(a->output, ".tar"), picture = cli_ends_with(a->output, ".jpg");
+    const bool tar = sst_text_ends(a->output, ".tar"), picture = sst_text_ends(a->output, ".jpg");
     char path[300];
 
     snprintf(path, sizeof(path), "/api/v1/download/%s%s%s%s", a->name, a->camera ? "." : "", a->camera ? a->camera : "",
@@ -170,7 +171,7 @@ static int check(const struct cli_command *cmd, const struct args *a, const char
     if (downloads && !a->output)
         return cli_usage_error(cmd, "missing -o FILE.mkv (video), FILE.tar (all of it) or FILE.jpg (picture)");
     if (downloads && a->camera &&
-        (!is_name(a->camera) || cli_ends_with(a->output, ".tar") || cli_ends_with(a->output, ".jpg")))
+        (!is_name(a->camera) || sst_text_ends(a->output, ".tar") || sst_text_ends(a->output, ".jpg")))
         return cli_usage_error(cmd, "--camera r0c5 needs -o FILE.mkv, the video of that camera");
     if (exports && !a->time == !(a->ago_s >= 0))
         return cli_usage_error(cmd, "missing the moment: --time 2026-11-21T18:05:00Z, or --ago 30 (seconds)");
@@ -186,15 +187,14 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *words[2], *action;
     const struct cli_option options[] = {
         { "duration", 0, CLI_DOUBLE, &a.duration_s, "S", "start: stop after this many seconds", 0.1, 1e7 },
-        { "time", 0, CLI_STRING, &a.time, "T", "export: the moment, UTC: 2026-11-21T18:05:00Z", 0, 0 },
+        { "time", 0, CLI_STRING, &a.time, "T", "export: the moment, UTC: 2026-11-21T18:05:00Z" },
         { "ago", 0, CLI_DOUBLE, &a.ago_s, "S", "export: the moment this many seconds ago", 0, 1e9 },
         { "recording", 0, CLI_STRING, &a.recording, "NAME",
-          "export: of this recording; default: the one that has the moment", 0, 0 },
+          "export: of this recording; default: the one that has the moment" },
         { "output", 'o', CLI_STRING, &a.output, "FILE",
-          "export: also fetch the light field; download: the file to write", 0, 0 },
-        { "camera", 0, CLI_STRING, &a.camera, "rRcC", "download: this camera's video; default: the see-through view", 0,
-          0 },
-        { "json", 0, CLI_FLAG, &a.json, NULL, "the service's answer (docs/integrate/api.md)", 0, 0 },
+          "export: also fetch the light field; download: the file to write" },
+        { "camera", 0, CLI_STRING, &a.camera, "rRcC", "download: this camera's video; default: the see-through view" },
+        { "json", 0, CLI_FLAG, &a.json, NULL, "the service's answer (docs/integrate/api.md)" },
         CLI_SERVICE_OPTIONS(where),
     };
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, words, 1, 2), err;

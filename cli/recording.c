@@ -223,8 +223,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     bool json = false, verify = false;
     const struct cli_option options[] = {
-        { "verify", 0, CLI_FLAG, &verify, NULL, "read all frames and compare them with their checksums", 0, 0 },
-        { "json", 0, CLI_FLAG, &json, NULL, "one JSON object", 0, 0 },
+        { "verify", 0, CLI_FLAG, &verify, NULL, "read all frames and compare them with their checksums" },
+        { "json", 0, CLI_FLAG, &json, NULL, "one JSON object" },
     };
     struct sst_recording *recording;
     const char *dir;

@@ -92,20 +92,19 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     int size[2] = { 0, 0 }, err, r;
     bool json = false;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &cfg.out, "OUT", "light-field folder to write", 0, 0 },
-        { "calib", 0, CLI_STRING, &calib, "FILE", "the array's calibration; default: the light field's own", 0, 0 },
-        { "filter", 0, CLI_STRING, &filter, "F", "bilinear, bicubic (default) or lanczos", 0, 0 },
+        { "output", 'o', CLI_STRING, &cfg.out, "OUT", "light-field folder to write" },
+        { "calib", 0, CLI_STRING, &calib, "FILE", "the array's calibration; default: the light field's own" },
+        { "filter", 0, CLI_STRING, &filter, "F", "bilinear, bicubic (default) or lanczos" },
         { "focal", 0, CLI_DOUBLE, &focal, "PX", "focal length of the views; default: the cameras' mean", 1, 1e7 },
         { "plane", 0, CLI_DOUBLE, &plane, "MM",
           "depth at which views off the array's plane are exact; inf; default: "
           "the depth of the boards",
           1, (double)INFINITY },
         { "size", 0, CLI_SIZE, size, "WxH", "pixels of a view; default: the cameras'", 1, SST_IMAGE_MAX_SIDE },
-        { "bake", 0, CLI_FLAG, &cfg.bake, NULL, "write rectified PNG views instead of raw frames and calibration", 0,
-          0 },
+        { "bake", 0, CLI_FLAG, &cfg.bake, NULL, "write rectified PNG views instead of raw frames and calibration" },
         { "threads", 't', CLI_INT, &cfg.threads, "N", "threads (all processors)", 1, 256 },
-        { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an existing light field", 0, 0 },
-        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an existing light field" },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };
 
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &cfg.dir, 1, 1);

@@ -4,11 +4,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/mem.h"
 #include "base/stats.h"
 #include "base/thread.h"
 #include "cli/cli_internal.h"
@@ -27,7 +27,7 @@ struct options {
 /* Images to label. */
 struct inputs {
     char **paths;
-    size_t count, room;
+    int count, room;
     bool batch; /* -o, --prob and --entropy name folders */
 };
 
@@ -45,35 +45,22 @@ static int add_path(struct inputs *in, const char *dir, const char *name)
 
     if (sst_path_join(path, dir, name))
         return -ENAMETOOLONG;
-    if (in->count == in->room) {
-        char **more = realloc(in->paths, (2 * in->room + 16) * sizeof(*more));
-
-        if (!more)
-            return -ENOMEM;
-        in->paths = more;
-        in->room = 2 * in->room + 16;
-    }
+    if (!sst_mem_grow(&in->paths, in->count, &in->room, sizeof(*in->paths)))
+        return -ENOMEM;
     in->paths[in->count] = strdup(path);
     return in->paths[in->count++] ? 0 : -ENOMEM;
-}
-
-static bool is_picture(const char *name)
-{
-    const char *dot = strrchr(name, '.');
-
-    return dot && dot != name && (!strcasecmp(dot, ".png") || !strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg"));
 }
 
 /* The PNG and JPEG files of a folder, by name. */
 static int add_folder(struct inputs *in, const char *dir)
 {
-    const size_t first = in->count;
+    const int first = in->count;
     DIR *d = opendir(dir);
     const struct dirent *entry;
     int err = d ? 0 : -errno;
 
     while (!err && (entry = readdir(d))) {
-        if (is_picture(entry->d_name))
+        if (sst_image_is_picture(entry->d_name))
             err = add_path(in, dir, entry->d_name);
     }
     if (d)
@@ -84,7 +71,7 @@ static int add_folder(struct inputs *in, const char *dir)
         sst_log_error("%s: %s; give images or a folder with PNG or JPEG files", dir,
                       err == -ENODATA ? "no PNG or JPEG file in it" : strerror(-err));
     else
-        sst_stats_sort_strings(in->paths + first, (int)(in->count - first));
+        sst_stats_sort_strings(in->paths + first, in->count - first);
     return err;
 }
 
@@ -103,17 +90,17 @@ static int result_path(char out[SST_PATH_MAX], const char *dir, const char *imag
 /* Two images of one name would overwrite each other's result. */
 static int check_names(const struct inputs *in, const char *dir)
 {
-    char **names = calloc(in->count, sizeof(*names)), path[SST_PATH_MAX];
+    char **names = calloc((size_t)in->count, sizeof(*names)), path[SST_PATH_MAX];
     int err = names ? 0 : -ENOMEM;
 
-    for (size_t i = 0; !err && i < in->count; i++) {
+    for (int i = 0; !err && i < in->count; i++) {
         err = result_path(path, dir, in->paths[i], ".png");
         names[i] = err ? NULL : strdup(path);
         err = err || names[i] ? err : -ENOMEM;
     }
     if (!err)
-        sst_stats_sort_strings(names, (int)in->count);
-    for (size_t i = 1; !err && i < in->count; i++) {
+        sst_stats_sort_strings(names, in->count);
+    for (int i = 1; !err && i < in->count; i++) {
         if (!strcmp(names[i - 1], names[i])) {
             sst_log_error(
                 "%s would be written twice: two of the images have this name; label them one folder at a time",
@@ -121,7 +108,7 @@ static int check_names(const struct inputs *in, const char *dir)
             err = -EINVAL;
         }
     }
-    for (size_t i = 0; names && i < in->count; i++)
+    for (int i = 0; names && i < in->count; i++)
         free(names[i]);
     free(names);
     return err;
@@ -240,12 +227,12 @@ static int label_all(json_t *list, struct sst_segmenter *seg, const struct input
     const struct sst_classes *classes = sst_segmenter_classes(seg);
     int first = 0;
 
-    for (size_t i = 0; i < in->count; i++) {
+    for (int i = 0; i < in->count; i++) {
         struct result r = { 0 };
         double ms[2] = { 0, 0 };
         int err;
 
-        cli_progress((void *)(uintptr_t) "labels", (double)i / (double)in->count);
+        cli_progress((void *)(uintptr_t) "labels", (double)i / in->count);
         err = label_image(&r, ms, seg, in->paths[i], o);
         err = err ? err : write_result(&r, classes->count, in->paths[i], o, in->batch);
         json_array_append_new(list, err ? json_pack("{s:s, s:s}", "image", in->paths[i], "error", strerror(-err))
@@ -291,7 +278,7 @@ static int segment(const char *const *args, const struct options *o)
         err = err ? err : printed;
     }
     json_decref(images);
-    for (size_t i = 0; i < in.count; i++)
+    for (int i = 0; i < in.count; i++)
         free(in.paths[i]);
     free(in.paths);
     sst_segmenter_close(seg);
@@ -315,17 +302,16 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct options o = { .eps_h = -1 };
     const char **args = calloc((size_t)argc + 1, sizeof(*args));
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &o.output, "FILE|DIR", "labels as indexed PNG: class index + 1, 0 = unlabeled", 0,
-          0 },
-        { "model", 'm', CLI_STRING, &o.model, "NAME", "installed network (see sst models) or ONNX file", 0, 0 },
-        { "precision", 0, CLI_STRING, &o.precision, "NAME", CLI_PRECISION_HELP, 0, 0 },
-        { "prob", 0, CLI_STRING, &o.prob, "FILE|DIR", "write the probabilities as .npy [class][y][x]", 0, 0 },
-        { "entropy", 0, CLI_STRING, &o.entropy, "FILE|DIR", "write the entropy as .pfm", 0, 0 },
-        { "hcsm", 0, CLI_FLAG, &o.hcsm, NULL, "drop labels above the model's entropy threshold", 0, 0 },
+        { "output", 'o', CLI_STRING, &o.output, "FILE|DIR", "labels as indexed PNG: class index + 1, 0 = unlabeled" },
+        { "model", 'm', CLI_STRING, &o.model, "NAME", "installed network (see sst models) or ONNX file" },
+        { "precision", 0, CLI_STRING, &o.precision, "NAME", CLI_PRECISION_HELP },
+        { "prob", 0, CLI_STRING, &o.prob, "FILE|DIR", "write the probabilities as .npy [class][y][x]" },
+        { "entropy", 0, CLI_STRING, &o.entropy, "FILE|DIR", "write the entropy as .pfm" },
+        { "hcsm", 0, CLI_FLAG, &o.hcsm, NULL, "drop labels above the model's entropy threshold" },
         { "epsilon-h", 0, CLI_DOUBLE, &o.eps_h, "V", "drop labels whose entropy is not below V", 0, 1e9 },
-        { "scale", 0, CLI_STRING, &o.scale, "S", "scale of the network's input: auto, or 1 = its nominal size", 0, 0 },
-        { "tiles", 0, CLI_FLAG, &o.layout.windows, NULL, "overlapping windows of the network's nominal size", 0, 0 },
-        { "json", 0, CLI_FLAG, &o.json, NULL, "print one JSON object: time and classes of each image", 0, 0 },
+        { "scale", 0, CLI_STRING, &o.scale, "S", "scale of the network's input: auto, or 1 = its nominal size" },
+        { "tiles", 0, CLI_FLAG, &o.layout.windows, NULL, "overlapping windows of the network's nominal size" },
+        { "json", 0, CLI_FLAG, &o.json, NULL, "print one JSON object: time and classes of each image" },
         { "threads", 't', CLI_INT, &o.threads, "N", "threads (0: all processors)", 0, 256 },
     };
     int r = args ? cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 1, argc) : CLI_MEMORY;

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/text.h"
 #include "cli/cli_internal.h"
 
 #define JPEG "image/jpeg"
@@ -43,7 +44,7 @@ static int keep(struct sst_client *client, const char *file)
     printf("%s\n", name);
     if (!file)
         return 0;
-    tar = cli_ends_with(file, ".tar");
+    tar = sst_text_ends(file, ".tar");
     snprintf(path, sizeof(path), "/api/v1/download/%s%s", name, tar ? ".tar" : "");
     return sst_client_save(client, path, tar ? TAR : JPEG, file);
 }
@@ -65,11 +66,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *file = NULL, *of = NULL;
     bool keep_it = false;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &file, "FILE", "where the JPEG goes; with --keep FILE.tar: the light field", 0,
-          0 },
-        { "of", 0, CLI_STRING, &of, "WHAT", "main (default) or another view, a camera (r0c5), labels, disparity", 0,
-          0 },
-        { "keep", 0, CLI_FLAG, &keep_it, NULL, "the service keeps light field and picture; prints their name", 0, 0 },
+        { "output", 'o', CLI_STRING, &file, "FILE", "where the JPEG goes; with --keep FILE.tar: the light field" },
+        { "of", 0, CLI_STRING, &of, "WHAT", "main (default) or another view, a camera (r0c5), labels, disparity" },
+        { "keep", 0, CLI_FLAG, &keep_it, NULL, "the service keeps light field and picture; prints their name" },
         CLI_SERVICE_OPTIONS(where),
     };
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0), err;
@@ -79,7 +78,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!file && !keep_it)
         return cli_usage_error(cmd, "an output is missing: -o FILE.jpg, or --keep");
-    if (file && cli_ends_with(file, ".png"))
+    if (file && sst_text_ends(file, ".png"))
         return cli_usage_error(cmd, "pictures of the service are JPEG: -o FILE.jpg");
     if (of && keep_it)
         return cli_usage_error(cmd, "--keep keeps the whole light field and the main view: --of does not go with it");

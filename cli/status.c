@@ -285,8 +285,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct sst_client_service where = { 0 };
     bool json = false, watch = false, failed = false;
     const struct cli_option options[] = {
-        { "watch", 'w', CLI_FLAG, &watch, NULL, "again each second, also while the service is away", 0, 0 },
-        { "json", 0, CLI_FLAG, &json, NULL, "the service's answer (docs/integrate/api.md), a line each time", 0, 0 },
+        { "watch", 'w', CLI_FLAG, &watch, NULL, "again each second, also while the service is away" },
+        { "json", 0, CLI_FLAG, &json, NULL, "the service's answer (docs/integrate/api.md), a line each time" },
         CLI_SERVICE_OPTIONS(where),
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);

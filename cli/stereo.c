@@ -4,6 +4,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 
@@ -38,11 +39,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     double disp_max = NAN, disp_min = 0;
     bool raw = false;
     const struct cli_option options[] = {
-        { "output", 'o', CLI_STRING, &out, "FILE", "disparity map: .pfm (px, inf unknown) or 16-bit .png (1/256 px)", 0,
-          0 },
+        { "output", 'o', CLI_STRING, &out, "FILE", "disparity map: .pfm (px, inf unknown) or 16-bit .png (1/256 px)" },
         { "max-disparity", 'm', CLI_DOUBLE, &disp_max, "N", "largest disparity searched, px", -9999, 9999 },
         { "min-disparity", 0, CLI_DOUBLE, &disp_min, "N", "smallest disparity searched, px (0)", -9999, 9999 },
-        { "raw", 0, CLI_FLAG, &raw, NULL, "cheapest disparity of each pixel: no optimisation, no filling", 0, 0 },
+        { "raw", 0, CLI_FLAG, &raw, NULL, "cheapest disparity of each pixel: no optimisation, no filling" },
         CLI_MATCHING_OPTIONS(m),
     };
     struct sst_image left = { 0 }, right = { 0 };
@@ -56,9 +56,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!out || isnan(disp_max))
         return cli_usage_error(cmd, "%s is missing", out ? "--max-disparity N" : "-o out.pfm");
-    if (!cli_ends_with(out, ".pfm") && !cli_ends_with(out, ".png"))
+    if (!sst_text_ends(out, ".pfm") && !sst_text_ends(out, ".png"))
         return cli_usage_error(cmd, "-o %s must end in .pfm or .png", out);
-    if (cli_ends_with(out, ".png") && (disp_min < 0 || disp_max > PNG_MAX_PX))
+    if (sst_text_ends(out, ".png") && (disp_min < 0 || disp_max > PNG_MAX_PX))
         return cli_usage_error(cmd, "a .png holds disparities of 0..%d px; write -o out.pfm", PNG_MAX_PX);
     err = cli_matching_config(&cfg, &m, model);
     cfg.raw = raw;
@@ -70,7 +70,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     err = err ? err : sst_disparity_stereo(&disp, &left, &right, &cfg);
     sst_log_info("matched in %.0f ms", (double)(sst_clock_now_ns() - start) * 1e-6);
     if (!err)
-        err = cli_ends_with(out, ".pfm") ? sst_map_f32_write_pfm(&disp, out) : write_png16(&disp, out);
+        err = sst_text_ends(out, ".pfm") ? sst_map_f32_write_pfm(&disp, out) : write_png16(&disp, out);
     sst_image_fini(&left);
     sst_image_fini(&right);
     sst_map_f32_fini(&disp);

@@ -78,10 +78,7 @@ static int write_folder(const struct sweep *s, struct sst_image *img)
     }
     if (!err)
         err = write_description(s, dir.temporary);
-    if (!err)
-        return sst_outdir_commit(&dir);
-    sst_outdir_abort(&dir);
-    return err;
+    return sst_outdir_end(&dir, err);
 }
 
 static int write_video(const struct sweep *s, struct sst_image *img)
@@ -134,12 +131,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sweep s = { .from = NAN, .to = NAN, .fps = 10, .steps = 20 };
     struct cli_option options[RENDER_OPTIONS + 6] = {
-        { "from", 0, CLI_DOUBLE, &s.from, "A", "first focus, disparity in px per spacing", 0, 0 },
-        { "to", 0, CLI_DOUBLE, &s.to, "B", "last focus", 0, 0 },
+        { "from", 0, CLI_DOUBLE, &s.from, "A", "first focus, disparity in px per spacing" },
+        { "to", 0, CLI_DOUBLE, &s.to, "B", "last focus" },
         { "steps", 'n', CLI_INT, &s.steps, "N", "pictures from A to B (20)", 1, 9999 },
-        { "output", 'o', CLI_STRING, &s.out, "DIR", "folder of PNG files, or a video if it ends in .mp4", 0, 0 },
+        { "output", 'o', CLI_STRING, &s.out, "DIR", "folder of PNG files, or a video if it ends in .mp4" },
         { "fps", 0, CLI_DOUBLE, &s.fps, "F", "pictures per second of the video (10)", 0.1, 240 },
-        { "bounce", 0, CLI_FLAG, &s.bounce, NULL, "go back to A as well, so that the video can loop", 0, 0 },
+        { "bounce", 0, CLI_FLAG, &s.bounce, NULL, "go back to A as well, so that the video can loop" },
     };
     const char *path;
     int r, err;

@@ -90,7 +90,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct sst_usb_device *list;
     bool json = false;
     const struct cli_option options[] = {
-        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     int n, err;

@@ -1,12 +1,12 @@
 #include "cli/cli_internal.h"
 
 #include <errno.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"
+#include "base/text.h"
 
 static bool is_camera(const struct sst_usb_device *d)
 {
@@ -71,18 +71,6 @@ json_t *cli_text_json(const char *text)
 }
 
 /* --- advice ------------------------------------------------------------------------------------------------------- */
-
-static void add_text(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
-
-static void add_text(char *text, size_t size, const char *fmt, ...)
-{
-    const size_t used = strlen(text);
-    va_list args;
-
-    va_start(args, fmt);
-    vsnprintf(text + used, size - used, fmt, args);
-    va_end(args);
-}
 
 /* Number of refused cameras if each needs this rate. -1: out of memory */
 static int refused_at(const struct cli_usb *u, int64_t bytes_s)
@@ -187,14 +175,14 @@ static void advise_port(struct cli_usb *u, int stream, char *text, size_t size)
                              : 0;
 
         if (port && fits_at(u, stream, hub, port)) {
-            add_text(text, size, "Plug %s into the free port %d-%d of controller %s. ", d->port, h->bus, port,
-                     h->controller);
+            sst_text_add(text, size, "Plug %s into the free port %d-%d of controller %s. ", d->port, h->bus, port,
+                         h->controller);
             return;
         }
     }
-    add_text(text, size,
-             "No free port of this machine has room for %s: add a controller (a card with one for each port). ",
-             d->port);
+    sst_text_add(text, size,
+                 "No free port of this machine has room for %s: add a controller (a card with one for each port). ",
+                 d->port);
 }
 
 void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cfg, char *text, size_t size)
@@ -210,20 +198,21 @@ void cli_usb_advise(const struct cli_usb *usb, const struct sst_array_config *cf
     while (usb->streams[stream].fits)
         stream++;
     if (usb->streams[stream].alt < 0 && usb->devices[usb->streams[stream].device].alts)
-        add_text(text, size, "No setting of %s carries %.1f MB/s. ", usb->devices[usb->streams[stream].device].port,
-                 (double)usb->needed_bytes_s / 1e6);
+        sst_text_add(text, size, "No setting of %s carries %.1f MB/s. ", usb->devices[usb->streams[stream].device].port,
+                     (double)usb->needed_bytes_s / 1e6);
     else
         advise_port(&copy, stream, text, size);
     most = most_bytes_s(usb);
     if (most && frame_bytes > 0)
-        add_text(text, size,
-                 "Or lower the rate: at %.2f/s all cameras fit (%.1f MB/s each), or a smaller size in proportion.",
-                 (double)most / frame_bytes, (double)most / 1e6);
+        sst_text_add(text, size,
+                     "Or lower the rate: at %.2f/s all cameras fit (%.1f MB/s each), or a smaller size in proportion.",
+                     (double)most / frame_bytes, (double)most / 1e6);
     else if (most)
-        add_text(text, size,
-                 "Or make each camera request at most %.1f MB/s: a smaller size or a lower rate, if this camera then "
-                 "requests less (many request the worst case for any picture).",
-                 (double)most / 1e6);
+        sst_text_add(
+            text, size,
+            "Or make each camera request at most %.1f MB/s: a smaller size or a lower rate, if this camera then "
+            "requests less (many request the worst case for any picture).",
+            (double)most / 1e6);
     else
-        add_text(text, size, "No rate is low enough for this number of cameras on these wires.");
+        sst_text_add(text, size, "No rate is low enough for this number of cameras on these wires.");
 }

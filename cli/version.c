@@ -22,7 +22,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     char path[SST_PATH_MAX];
     bool json = false;
     const struct cli_option options[] = {
-        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object", 0, 0 },
+        { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     const char *cpu = sst_cpu_level_name(sst_cpu_level());

@@ -12,9 +12,9 @@
 #include "base/log.h"
 
 #if WITH_CURL
-
 #include <curl/curl.h>
 #include <sys/un.h>
+#endif
 
 #define CONNECT_S       5
 #define ANSWER_S        15         /* without a byte */
@@ -26,16 +26,19 @@
 #define TAR_END_BYTES   1024 /* zeros that end an archive; a chunked transfer has no length */
 
 struct sst_client {
+#if WITH_CURL
     CURL *curl;
     struct curl_slist *get_headers, *post_headers;
+#endif
     char place[512];  /* for messages: socket path or URL */
     const char *base; /* of URLs */
     /* of the running transfer */
     char *text; /* the answer, or the beginning of a line or part; ends in NUL */
     size_t length, room;
-    FILE *file;   /* destination instead of `text`, or NULL */
-    bool made;    /* the answer has to be made first */
-    size_t zeros; /* zero bytes that it ends with */
+    FILE *file;       /* destination instead of `text`, or NULL */
+    bool made;        /* the answer has to be made first */
+    size_t zeros;     /* zero bytes that it ends with */
+    const char *type; /* Content-Type of the answer, or NULL; until the next transfer */
     sst_client_line_fn *line;
     sst_client_picture_fn *picture;
     void *arg;                    /* of both */
@@ -44,6 +47,8 @@ struct sst_client {
     sst_client_continue_fn *go_on;
     void *go_on_arg;
 };
+
+#if WITH_CURL
 
 /* --- receiving ---------------------------------------------------------------------------------------------------- */
 
@@ -284,6 +289,7 @@ static int transfer(struct sst_client *c, const char *path, const char *post, bo
     code = curl_easy_perform(c->curl);
     (void)curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, NULL);
     (void)curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &status);
+    (void)curl_easy_getinfo(c->curl, CURLINFO_CONTENT_TYPE, &c->type);
     if (c->err == -ETIMEDOUT)
         return transfer_error(c, CURLE_OPERATION_TIMEDOUT, said);
     if (c->err)
@@ -397,6 +403,27 @@ void sst_client_close(struct sst_client *c)
     free(c);
 }
 
+#else
+
+int sst_client_open(struct sst_client **out SST_UNUSED, const struct sst_client_service *where SST_UNUSED)
+{
+    sst_log_error("this build cannot ask the service: it was made without libcurl");
+    return -ENOTSUP;
+}
+
+void sst_client_close(struct sst_client *c SST_UNUSED)
+{
+}
+
+/* Never called: without open there is no client. */
+static int transfer(struct sst_client *c SST_UNUSED, const char *path SST_UNUSED, const char *post SST_UNUSED,
+                    bool endless SST_UNUSED)
+{
+    return -ENOTSUP;
+}
+
+#endif
+
 /* --- requests ----------------------------------------------------------------------------------------------------- */
 
 int sst_client_json(struct sst_client *c, const char *path, const json_t *post, json_t **out)
@@ -425,7 +452,6 @@ int sst_client_json(struct sst_client *c, const char *path, const json_t *post, 
 int sst_client_save(struct sst_client *c, const char *path, const char *type, const char *file)
 {
     struct sst_outfile out;
-    char *got = NULL;
     int err = sst_outfile_open(&out, file);
 
     if (err)
@@ -438,8 +464,7 @@ int sst_client_save(struct sst_client *c, const char *path, const char *type, co
     c->file = NULL;
     if (c->err)
         sst_log_error("%s: %s: free space, or name another file", file, strerror(-c->err));
-    (void)curl_easy_getinfo(c->curl, CURLINFO_CONTENT_TYPE, &got); /* belongs to curl */
-    if (!err && (!got || strncmp(got, type, strlen(type)) != 0)) {
+    if (!err && (!c->type || strncmp(c->type, type, strlen(type)) != 0)) {
         sst_log_error("%s does not answer as sstd does: %s is not %s", c->place, path, type);
         err = -EPROTO;
     } else if (!err && !strcmp(type, "application/x-tar") && c->zeros < TAR_END_BYTES) {
@@ -498,55 +523,6 @@ int sst_client_lines(struct sst_client *c, const char *path, bool endless, sst_c
         err = fn(arg, c->text);
     return err;
 }
-
-#else /* !WITH_CURL */
-
-int sst_client_open(struct sst_client **out SST_UNUSED, const struct sst_client_service *where SST_UNUSED)
-{
-    sst_log_error("this build cannot ask the service: it was made without libcurl");
-    return -ENOTSUP;
-}
-
-void sst_client_close(struct sst_client *client SST_UNUSED)
-{
-}
-
-int sst_client_json(struct sst_client *client, const char *path, const json_t *post, json_t **out)
-{
-    (void)client, (void)path, (void)post, (void)out;
-    return -ENOTSUP;
-}
-
-int sst_client_save(struct sst_client *client, const char *path, const char *type, const char *file)
-{
-    (void)client, (void)path, (void)type, (void)file;
-    return -ENOTSUP;
-}
-
-int sst_client_lines(struct sst_client *client, const char *path, bool endless, sst_client_line_fn *fn, void *arg)
-{
-    (void)client, (void)path, (void)endless, (void)fn, (void)arg;
-    return -ENOTSUP;
-}
-
-int sst_client_bytes(struct sst_client *client, const char *path, uint8_t **data, size_t *bytes)
-{
-    (void)client, (void)path, (void)data, (void)bytes;
-    return -ENOTSUP;
-}
-
-int sst_client_stream(struct sst_client *client, const char *path, sst_client_picture_fn *fn, void *arg)
-{
-    (void)client, (void)path, (void)fn, (void)arg;
-    return -ENOTSUP;
-}
-
-void sst_client_set_continue(struct sst_client *client SST_UNUSED, sst_client_continue_fn *fn SST_UNUSED,
-                             void *arg SST_UNUSED)
-{
-}
-
-#endif
 
 int sst_client_ask(const struct sst_client_service *where, const char *path, const json_t *post, json_t **out)
 {

@@ -1,5 +1,4 @@
 /* Checks between values, after all files are read. */
-#include <arpa/inet.h>
 #include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/mem.h"
 #include "config/schema.h"
 
 struct diff {
@@ -17,15 +18,8 @@ static int add(struct diff *d, const char *key, enum sst_reload_class class_)
 {
     struct sst_config_change *c;
 
-    if (d->n == d->room) {
-        const int room = d->room ? 2 * d->room : 16;
-
-        c = realloc(d->list, (size_t)room * sizeof(*c));
-        if (!c)
-            return -ENOMEM;
-        d->list = c;
-        d->room = room;
-    }
+    if (!sst_mem_grow(&d->list, d->n, &d->room, sizeof(*d->list)))
+        return -ENOMEM;
     c = &d->list[d->n++];
     c->class_ = class_;
     snprintf(c->key, sizeof(c->key), "%s", key);

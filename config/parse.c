@@ -1,10 +1,11 @@
 /* Parses the values of one document by the table of keys, and checks each value. */
 #include <arpa/inet.h>
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "config/config_internal.h"
+
+#include "base/text.h"
 
 /* Empty, as "live:" with all its keys commented out. */
 static bool nothing(const struct sst_yaml_node *n)
@@ -24,7 +25,7 @@ static void fault_event(struct sst_yaml *doc, const struct sst_yaml_node *n)
     char list[300] = "";
 
     for (int i = 1; i < sst_event_types_count; i++)
-        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s", i > 1 ? ", " : "", sst_event_types[i]);
+        sst_text_add(list, sizeof(list), "%s%s", i > 1 ? ", " : "", sst_event_types[i]);
     sst_yaml_fault(doc, n, "must be \"*\" or one of %s, not %.40s", list, n->text);
 }
 

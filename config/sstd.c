@@ -10,6 +10,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/stats.h"
+#include "base/text.h"
 #include "config/config_internal.h"
 
 /* The parsed documents are kept until all faults are logged. */
@@ -21,9 +22,7 @@ struct files {
 
 static bool is_part(const char *name)
 {
-    const size_t n = strlen(name);
-
-    return *name != '.' && n > 5 && !strcmp(name + n - 5, ".yaml");
+    return *name != '.' && sst_text_ends(name, ".yaml");
 }
 
 static int add_path(struct files *f, const char *path)

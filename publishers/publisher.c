@@ -1,6 +1,5 @@
 #include "publishers/publisher.h"
 
-#include <errno.h>
 #include <getopt.h>
 #include <pthread.h>
 #include <signal.h>

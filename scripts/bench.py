@@ -31,15 +31,20 @@ def call(*command, **options):
     return subprocess.run([str(c) for c in command], check=True, text=True, **options)
 
 
+def write(path, text):
+    """A file that appears whole or not at all."""
+    with open(path + ".part", "w") as f:
+        f.write(text)
+    os.replace(path + ".part", path)
+
+
 def to_file(path, *commands):
     """Tables that the commands print, one after the other under the first one's heading, as one file, whole or not."""
     lines = []
     for command in commands:
         table = call(*command, stdout=subprocess.PIPE).stdout.splitlines(True)
         lines += table[1:] if lines else table
-    with open(path + ".part", "w") as f:
-        f.writelines(lines)
-    os.replace(path + ".part", path)
+    write(path, "".join(lines))
 
 
 def stereo(build, out, data, rounds):
@@ -84,9 +89,7 @@ def scene(sst, out, name, size, presets):
 
 def scenes(build, out, names, size):
     results = [scene(f"{build}/sst", out, n, size, ("preview", "accurate") if n in ALL_PRESETS else ()) for n in names]
-    with open(f"{out}/scenes.json.part", "w") as f:
-        json.dump(results, f, indent=1)
-    os.replace(f"{out}/scenes.json.part", f"{out}/scenes.json")
+    write(f"{out}/scenes.json", json.dumps(results, indent=1))
 
 
 def layered(sst, out, camvid, name, kind, seed):
@@ -107,9 +110,7 @@ def layers(build, out, camvid, sets):
         return say(f"skipped: layers; {camvid} lacks CamVid's train and trainannot, give --camvid DIR")
     results = [layered(f"{build}/sst", out, camvid, name, kind, seed)
                for name, seeds in sets.items() for kind in KINDS for seed in seeds]
-    with open(f"{out}/layers.json.part", "w") as f:
-        json.dump(results, f, indent=1)
-    os.replace(f"{out}/layers.json.part", f"{out}/layers.json")
+    write(f"{out}/layers.json", json.dumps(results, indent=1))
 
 
 def main():

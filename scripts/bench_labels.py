@@ -19,17 +19,14 @@ import time
 
 import numpy as np
 
+import bench
 import labels_math
 import labels_report
 import labels_scenes
+from bench import say
 
-CAMVID = "Sky Building Pole Road Pavement Tree SignSymbol Fence Car Pedestrian Bicyclist".split()
 PARTS = ("quality", "calibration", "times", "layouts", "refinement", "sheets")
 CHUNK = 8  # images whose probabilities lie on the disk at a time
-
-
-def say(text):
-    print(f"bench: {text}", file=sys.stderr, flush=True)
 
 
 def call(*command):
@@ -186,9 +183,7 @@ def main():
         else:
             function = {"quality": quality, "calibration": calibration}[part]
             result[part] = {os.path.basename(m): {name: function(pairs, m) for name, pairs in sets.items()} for m in models}
-        with open(f"{saved}.part", "w") as f:
-            json.dump(result, f, indent=1)
-        os.replace(f"{saved}.part", saved)
+        bench.write(saved, json.dumps(result, indent=1))
     missing = sorted(set(PARTS) - {"sheets"} - set(result))
     if missing:
         return say(f"labels: no page before these are measured: {', '.join(missing)}")

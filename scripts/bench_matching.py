@@ -18,8 +18,10 @@ from PIL import Image, ImageFilter
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 sys.path.insert(0, os.path.join(ROOT, "models"))
+import bench  # noqa: E402
 import common  # noqa: E402
 import onnx_file  # noqa: E402
+from bench import say  # noqa: E402
 from matching_pairs import MIDDLEBURY, middlebury, seen_in_both  # noqa: E402
 from train_mccnn import build  # noqa: E402
 
@@ -50,10 +52,6 @@ class Method:
 
     def fits(self, pair: str) -> bool:
         return not self.model or os.path.exists(self.file(pair))
-
-
-def say(text: str) -> None:
-    print(f"bench: {text}", file=sys.stderr, flush=True)
 
 
 # --- input -----------------------------------------------------------------------------------------------------------
@@ -226,9 +224,7 @@ def measure(args: argparse.Namespace, out: str) -> None:
     chain = robust_table(sst, out, pairs, [census, *(m for m in both if m.file("") != shipped.file(""))], ())
     page = PAGE.format(aloe="x".join(map(str, pairs[2].disp.shape[::-1])), accuracy="\n".join(accuracy),
                        names=", ".join(MIDDLEBURY), robust_raw=raw, robust_chain=chain)
-    with open(args.out + ".part", "w") as f:
-        f.write(page)
-    os.replace(args.out + ".part", args.out)
+    bench.write(args.out, page)
     say(f"{time.monotonic() - start:.0f} s; {args.out}")
 
 

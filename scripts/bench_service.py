@@ -79,12 +79,13 @@ class Service:
             time.sleep(0.5)
         self.start()
 
-    def start(self):
+    def start(self, setup="", options=""):
+        """Start sstd with more options, after commands of the shell that become it."""
         pid_file = os.path.join(self.dir, "pid")
         if os.path.exists(pid_file):
             os.unlink(pid_file)
         self.shell = subprocess.Popen([f"{self.build}/sst-sim", "--quiet", "--join", self.session, "--", "sh", "-c",
-                                       f'echo $$ >{pid_file}; exec "$0" --config {self.dir}/sstd.yaml',
+                                       f'echo $$ >{pid_file}; {setup} exec "$0" {options} --config {self.dir}/sstd.yaml',
                                        f"{self.build}/sstd"], stdout=self.log, stderr=self.log)
         while not os.path.exists(pid_file) or not os.path.getsize(pid_file):
             time.sleep(0.02)
@@ -245,7 +246,7 @@ def soak(args):
     for v in viewers:
         v.start()
     begin, samples, told, faults = time.monotonic(), [], 0, 0
-    kinds = ["unplug=1", "eio=0.2", "corrupt=0.3", "truncate=0.3", "late_ms=80", "duplicate=0.2"]
+    kinds = ["unplug=1", "eio=0.2", "corrupt_mid=0.3", "truncated=0.3", "late_ms=80", "duplicate=0.2"]
     while time.monotonic() - begin < 60 * args.soak:
         cam, kind = random.randrange(36), random.choice(kinds)
         chip = random.random() < 0.05

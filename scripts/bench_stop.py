@@ -56,17 +56,7 @@ class Service(bench_service.Service):
                            input=HANG.encode(), check=True)
             with open(os.path.join(self.dir, "sstd.yaml"), "a") as f:
                 f.write(MORE.format(rtsp=self.rtsp, mqtt=self.broker.getsockname()[1]))
-        pid_file = os.path.join(self.dir, "pid")
-        if os.path.exists(pid_file):
-            os.unlink(pid_file)
-        self.shell = subprocess.Popen(
-            [f"{self.build}/sst-sim", "--quiet", "--join", self.session, "--", "sh", "-c",
-             f'echo $$ >{pid_file}; export SST_BENCH_HANG={self.hang}; '
-             f'export LD_PRELOAD="$LD_PRELOAD${{LD_PRELOAD:+:}}{self.dir}/hang.so"; exec "$0" -v --config {self.dir}/sstd.yaml',
-             f"{self.build}/sstd"], stdout=self.log, stderr=self.log)
-        while not os.path.exists(pid_file) or not os.path.getsize(pid_file):
-            time.sleep(0.02)
-        self.pid = int(open(pid_file).read())
+        super().start(f'export SST_BENCH_HANG={self.hang} LD_PRELOAD="$LD_PRELOAD${{LD_PRELOAD:+:}}{self.dir}/hang.so";', "-v")
         if not self.publishers:
             self.publishers = [subprocess.Popen([f"{self.build}/sst-{name}", "--config", f"{self.dir}/sstd.yaml"],
                                                 stdout=self.log, stderr=self.log) for name in ("rtsp", "mqtt")]

@@ -50,6 +50,10 @@ struct sst_framesync {
     struct sst_framesync_counters counters;
 };
 
+const char *const sst_bucket_keys[SST_BUCKETS] = {
+    "set", "late", "duplicate", "stray", "corrupt", "flagged", "dropped"
+};
+
 const char *sst_bucket_name(enum sst_bucket bucket)
 {
     static const char *const names[] = { "in a set", "late", "duplicate", "stray", "corrupt", "flagged", "dropped" };

@@ -111,4 +111,7 @@ void sst_framesync_destroy(struct sst_framesync *sets);
 
 const char *sst_bucket_name(enum sst_bucket bucket);
 
+/** Their names in JSON and metrics. */
+extern const char *const sst_bucket_keys[SST_BUCKETS];
+
 #endif

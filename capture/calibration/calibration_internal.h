@@ -26,10 +26,6 @@ SST_MUST_CHECK int gather_recorded_open(struct sst_gather_source *out, const str
 SST_MUST_CHECK int gather_recorded_read(const struct sst_gather_source *source, int view, int frame,
                                         struct sst_image *out);
 
-/** A frame's bytes as a picture. @return 0, -EBADMSG, -EINVAL, -ENOMEM; not logged. */
-SST_MUST_CHECK int gather_decode(struct sst_image *out, uint32_t fourcc, int width, int height, size_t stride,
-                                 const uint8_t *data, size_t bytes);
-
 /** The result of one picture; zeroed before use. */
 struct gather_result {
     enum sst_detect_outcome outcome;

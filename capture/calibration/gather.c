@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/mem.h"
 #include "base/thread.h"
 #include "capture/calibration/calibration_internal.h"
 #include "pipeline/calibration/board/coverage.h"
@@ -48,21 +49,11 @@ int gather_add(struct sst_gathered *to, struct gather_result *result)
         to->all.outcome[result->outcome]++;
     if (result->present && result->outcome == SST_DETECT_FOUND)
         err = sst_detections_add(&to->all, &result->detection);
-    if (!err && result->light.count) {
-        const int need = light->count + result->light.count;
-
-        if (need > light->capacity) {
-            struct sst_photometric_sample *more = realloc(light->sample, 2 * (size_t)need * sizeof(*more));
-
-            err = more ? 0 : -ENOMEM;
-            light->sample = more ? more : light->sample;
-            light->capacity = more ? 2 * need : light->capacity;
-        }
-        if (!err) {
-            memcpy(light->sample + light->count, result->light.sample,
-                   (size_t)result->light.count * sizeof(*light->sample));
-            light->count = need;
-        }
+    for (int i = 0; !err && i < result->light.count; i++) {
+        if (sst_mem_grow(&light->sample, light->count, &light->capacity, sizeof(*light->sample)))
+            light->sample[light->count++] = result->light.sample[i];
+        else
+            err = -ENOMEM;
     }
     gather_result_fini(result);
     return err;

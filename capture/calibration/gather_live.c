@@ -6,10 +6,12 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/mem.h"
 #include "base/thread.h"
 #include "capture/array/capture.h"
 #include "capture/calibration/calibration_internal.h"
 #include "pipeline/calibration/board/coverage.h"
+#include "pipeline/image/raw.h"
 
 #define STILL_SHARE 0.02 /* of the picture's width: a board that moved less shows nothing new */
 #define STATUS_NS   2000000000ll
@@ -46,7 +48,7 @@ static int detect_one(void *arg, int cam, int worker SST_UNUSED)
     const int view = view_of(l->array, cam);
     struct sst_image image;
 
-    if (!f || gather_decode(&image, f->fourcc, f->width, f->height, f->stride, f->data, f->bytes))
+    if (!f || sst_raw_decode(&image, &(struct sst_raw){ f->fourcc, f->width, f->height, f->stride, f->data, f->bytes }))
         return 0;
     return gather_detect(&l->result[view], &l->cfg, &image, view, l->out->all.frames);
 }
@@ -93,15 +95,8 @@ static int accept_frameset(struct sst_gather_live *l, uint64_t index)
     int frame, err = 0;
 
     snprintf(name, sizeof(name), "set %llu", (unsigned long long)index);
-    if (l->out->all.frames == l->capacity) {
-        const int capacity = l->capacity ? 2 * l->capacity : 64;
-        int *more = realloc(l->frameset, (size_t)capacity * sizeof(*more));
-
-        if (!more)
-            return -ENOMEM;
-        l->frameset = more;
-        l->capacity = capacity;
-    }
+    if (!sst_mem_grow(&l->frameset, l->out->all.frames, &l->capacity, sizeof(*l->frameset)))
+        return -ENOMEM;
     frame = sst_detections_frame(&l->out->all, name);
     if (frame < 0)
         return frame;

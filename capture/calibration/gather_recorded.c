@@ -3,8 +3,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include <linux/videodev2.h>
-
 #include "base/log.h"
 #include "capture/calibration/calibration_internal.h"
 #include "capture/recording/recording.h"
@@ -56,25 +54,6 @@ int gather_recorded_open(struct sst_gather_source *out, const struct sst_gather_
     return 0;
 }
 
-int gather_decode(struct sst_image *out, uint32_t fourcc, int width, int height, size_t stride, const uint8_t *data,
-                  size_t bytes)
-{
-    const struct sst_raw raw = { fourcc, width, height, stride, data, bytes };
-    char text[SST_LOG_MAX] = "", *before;
-    int err;
-
-    if (fourcc != V4L2_PIX_FMT_MJPEG && fourcc != V4L2_PIX_FMT_JPEG)
-        return sst_raw_to_image(out, &raw);
-    before = sst_log_hold_errors(text);
-    err = sst_image_decode(out, data, bytes, "frame");
-    sst_log_hold_errors(before);
-    if (!err && (out->width != width || out->height != height)) {
-        sst_image_fini(out);
-        err = -EBADMSG;
-    }
-    return err;
-}
-
 int gather_recorded_read(const struct sst_gather_source *source, int view, int frame, struct sst_image *out)
 {
     const struct sst_recording_info *info = sst_recording_info(source->recording);
@@ -93,8 +72,8 @@ int gather_recorded_read(const struct sst_gather_source *source, int view, int f
     if (!err)
         err = sst_recording_frame(source->recording, set, cam, &data);
     if (!err)
-        err = gather_decode(out, info->fourcc, info->width, info->height, set->frame[cam].stride, data,
-                            set->frame[cam].bytes);
+        err = sst_raw_decode(out, &(struct sst_raw){ info->fourcc, info->width, info->height, set->frame[cam].stride,
+                                                     data, set->frame[cam].bytes });
     free(data);
     free(set);
     return err == -EBADMSG ? -EILSEQ : err;

@@ -5,10 +5,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/mem.h"
 #include "capture/calibration/calibration_internal.h"
 #include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
@@ -36,15 +36,8 @@ static int list_add(struct list *l, const char *camera, const char *frame, const
 {
     struct found *f;
 
-    if (l->count == l->capacity) {
-        const int capacity = l->capacity ? 2 * l->capacity : 64;
-
-        f = realloc(l->item, (size_t)capacity * sizeof(*f));
-        if (!f)
-            return -ENOMEM;
-        l->item = f;
-        l->capacity = capacity;
-    }
+    if (!sst_mem_grow(&l->item, l->count, &l->capacity, sizeof(*l->item)))
+        return -ENOMEM;
     f = &l->item[l->count];
     snprintf(f->camera, sizeof(f->camera), "%s", camera);
     snprintf(f->frame, sizeof(f->frame), "%s", frame);
@@ -55,27 +48,15 @@ static int list_add(struct list *l, const char *camera, const char *frame, const
     return 0;
 }
 
-static bool is_picture(const char *name)
-{
-    const char *dot = strrchr(name, '.');
-
-    return dot && name[0] != '.' && (!strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg") || !strcasecmp(dot, ".png"));
-}
-
 static int visible(const struct dirent *e)
 {
     return e->d_name[0] != '.';
 }
 
-/* Names in a folder, sorted bytewise: the same order in every locale. @return count or a negative errno, logged */
-static int by_bytes(const struct dirent **a, const struct dirent **b)
-{
-    return strcmp((*a)->d_name, (*b)->d_name);
-}
-
+/* Names in a folder, sorted bytewise: no program here sets a locale. @return count or a negative errno, logged */
 static int scan(const char *dir, struct dirent ***names)
 {
-    const int n = scandir(dir, names, visible, by_bytes), err = n < 0 ? -errno : 0;
+    const int n = scandir(dir, names, visible, alphasort), err = n < 0 ? -errno : 0;
 
     if (err)
         sst_log_error("cannot read the folder %s: %s", dir, strerror(-err));
@@ -99,7 +80,7 @@ static int scan_camera(struct list *l, const char *dir, const char *camera)
     for (int i = 0; i < n && !err; i++) {
         char path[SST_PATH_MAX], frame[256];
 
-        if (!is_picture(names[i]->d_name))
+        if (!sst_image_is_picture(names[i]->d_name))
             continue;
         snprintf(frame, sizeof(frame), "%s", names[i]->d_name);
         *strrchr(frame, '.') = 0;
@@ -201,7 +182,7 @@ static int scan_all(struct sst_gather_source *s, struct list *l)
         err = sst_path_join(path, s->path, name);
         if (!err && sst_path_is_dir(path))
             err = has(path, "lightfield.json") ? add_lightfield(s, l, path, name) : scan_camera(l, path, name);
-        else if (!err && is_picture(name))
+        else if (!err && sst_image_is_picture(name))
             err = add_flat(l, s->path, name);
     }
     free_names(names, n);

@@ -39,17 +39,6 @@ static void *find(const char *name)
         *(void **)&call = at;                                                                                          \
         return call ? call arguments : without;                                                                        \
     }
-#define LAZY_VOID(function, parameters, arguments)                                                                     \
-    void function parameters                                                                                           \
-    {                                                                                                                  \
-        static void *_Atomic found;                                                                                    \
-        void *at = found ? found : (found = find(#function));                                                          \
-        __typeof__(&(function)) call;                                                                                  \
-                                                                                                                       \
-        *(void **)&call = at;                                                                                          \
-        if (call)                                                                                                      \
-            call arguments;                                                                                            \
-    }
 
 LAZY(unsigned, avformat_version, (void), (), 0)
 LAZY(int, avformat_alloc_output_context2,
@@ -62,7 +51,7 @@ LAZY(int, avformat_write_header, (AVFormatContext * context, AVDictionary **opti
      AVERROR(ENOSYS))
 LAZY(int, av_write_frame, (AVFormatContext * context, AVPacket *packet), (context, packet), AVERROR(ENOSYS))
 LAZY(int, av_write_trailer, (AVFormatContext * context), (context), AVERROR(ENOSYS))
-LAZY_VOID(avformat_free_context, (AVFormatContext * context), (context))
+LAZY(void, avformat_free_context, (AVFormatContext * context), (context), (void)0)
 LAZY(AVIOContext *, avio_alloc_context,
      (unsigned char *buffer, int size, int writes, void *opaque, int (*read_bytes)(void *, uint8_t *, int),
 #if LIBAVFORMAT_VERSION_MAJOR >= 61
@@ -72,23 +61,23 @@ LAZY(AVIOContext *, avio_alloc_context,
 #endif
       int64_t (*seek_to)(void *, int64_t, int)),
      (buffer, size, writes, opaque, read_bytes, write_bytes, seek_to), NULL)
-LAZY_VOID(avio_context_free, (AVIOContext * *context), (context))
-LAZY_VOID(avio_flush, (AVIOContext * context), (context))
+LAZY(void, avio_context_free, (AVIOContext * *context), (context), (void)0)
+LAZY(void, avio_flush, (AVIOContext * context), (context), (void)0)
 LAZY(int, avio_open, (AVIOContext * *context, const char *url, int flags), (context, url, flags), AVERROR(ENOSYS))
 LAZY(int, avio_closep, (AVIOContext * *context), (context), 0)
 LAZY(AVPacket *, av_packet_alloc, (void), (), NULL)
 LAZY(int, av_new_packet, (AVPacket * packet, int size), (packet, size), AVERROR(ENOSYS))
-LAZY_VOID(av_packet_unref, (AVPacket * packet), (packet))
-LAZY_VOID(av_packet_free, (AVPacket * *packet), (packet))
+LAZY(void, av_packet_unref, (AVPacket * packet), (packet), (void)0)
+LAZY(void, av_packet_free, (AVPacket * *packet), (packet), (void)0)
 LAZY(unsigned, avcodec_pix_fmt_to_codec_tag, (enum AVPixelFormat format), (format), 0)
 LAZY(int, av_dict_set, (AVDictionary * *options, const char *key, const char *value, int flags),
      (options, key, value, flags), AVERROR(ENOSYS))
 LAZY(int, av_dict_set_int, (AVDictionary * *options, const char *key, int64_t value, int flags),
      (options, key, value, flags), AVERROR(ENOSYS))
-LAZY_VOID(av_dict_free, (AVDictionary * *options), (options))
+LAZY(void, av_dict_free, (AVDictionary * *options), (options), (void)0)
 LAZY(AVRational, av_d2q, (double value, int max), (value, max), ((AVRational){ 0, 1 }))
 LAZY(void *, av_malloc, (size_t size), (size), NULL)
-LAZY_VOID(av_free, (void *block), (block))
-LAZY_VOID(av_freep, (void *block), (block))
+LAZY(void, av_free, (void *block), (block), (void)0)
+LAZY(void, av_freep, (void *block), (block), (void)0)
 LAZY(int, av_strerror, (int error, char *text, size_t size), (error, text, size), -1)
 #endif

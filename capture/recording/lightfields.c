@@ -7,11 +7,11 @@
 #include <string.h>
 
 #include <jansson.h>
-#include <linux/videodev2.h>
 
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "base/thread.h"
 #include "capture/recording/recording_internal.h"
 #include "pipeline/image/codec.h"
@@ -38,28 +38,22 @@ struct job {
 
 static bool is_jpeg(const struct job *job)
 {
-    return job->info->fourcc == V4L2_PIX_FMT_MJPEG || job->info->fourcc == V4L2_PIX_FMT_JPEG;
+    return sst_raw_is_jpeg(job->info->fourcc);
 }
 
-/* Is it a complete picture of the right size? The decoder's message becomes part of the message about the set. */
-static bool decodes(const struct job *job, const uint8_t *data, size_t bytes)
+/* Is it a complete picture of the right size? */
+static bool decodes(const struct sst_raw *raw)
 {
-    char text[SST_LOG_MAX] = "", *before = sst_log_hold_errors(text);
     struct sst_image img;
-    const int err = sst_image_decode(&img, data, bytes, "frame");
-    bool good;
 
-    sst_log_hold_errors(before);
-    if (err)
+    if (sst_raw_decode(&img, raw))
         return false;
-    good = img.width == job->info->width && img.height == job->info->height;
     sst_image_fini(&img);
-    return good;
+    return true;
 }
 
-static int write_view(struct job *job, int view, const struct sst_recording_frame *f, const uint8_t *data)
+static int write_view(struct job *job, int view, const struct sst_raw *raw)
 {
-    const struct sst_raw raw = { job->info->fourcc, job->info->width, job->info->height, f->stride, data, f->bytes };
     char name[300], path[SST_PATH_MAX], *file = job->lf.files->view[view].name;
     int err;
 
@@ -70,7 +64,7 @@ static int write_view(struct job *job, int view, const struct sst_recording_fram
     if (err)
         return err;
     job->lf.views[view].present = true;
-    return is_jpeg(job) ? sst_file_write(path, data, f->bytes) : sst_raw_write_png(&raw, path);
+    return is_jpeg(job) ? sst_file_write(path, raw->data, raw->bytes) : sst_raw_write_png(raw, path);
 }
 
 static int take_view(void *arg, int view, int worker SST_UNUSED)
@@ -78,6 +72,7 @@ static int take_view(void *arg, int view, int worker SST_UNUSED)
     struct job *job = arg;
     const int cam = job->cam[view];
     const struct sst_recording_frame *f = cam < 0 ? NULL : &job->set.frame[cam];
+    struct sst_raw raw;
     uint8_t *data;
     int err;
 
@@ -95,10 +90,11 @@ static int take_view(void *arg, int view, int worker SST_UNUSED)
         return err;
     }
     job->why[view] = NULL;
-    if (is_jpeg(job) && !decodes(job, data, f->bytes))
+    raw = (struct sst_raw){ job->info->fourcc, job->info->width, job->info->height, f->stride, data, f->bytes };
+    if (is_jpeg(job) && !decodes(&raw))
         job->why[view] = "not a complete picture of the recording's size";
     else
-        err = write_view(job, view, f, data);
+        err = write_view(job, view, &raw);
     free(data);
     return err;
 }
@@ -111,12 +107,11 @@ static int check_missing(const struct job *job)
 
     for (int view = 0; view < job->lf.rows * job->lf.cols; view++) {
         char rr_cc[16];
-        size_t n = strlen(named);
 
         if (!job->why[view] || missing++ >= MAX_NAMED)
             continue;
         sst_view_name(&job->lf, view, rr_cc);
-        snprintf(named + n, sizeof(named) - n, "%s%s (%s)", n ? ", " : "", rr_cc, job->why[view]);
+        sst_text_add(named, sizeof(named), "%s%s (%s)", *named ? ", " : "", rr_cc, job->why[view]);
     }
     if (missing > MAX_NAMED)
         strcat(named, " ...");
@@ -372,9 +367,5 @@ int sst_recording_to_lightfields(const struct sst_recording *recording, const st
     err = cfg->each ? make_each(recording, cfg, out.temporary) : make_one(recording, cfg, cfg->sets[0], out.temporary);
     if (err == -ENOMEM)
         sst_log_error("no memory to import %s", sst_recording_dir(recording));
-    if (err)
-        sst_outdir_abort(&out);
-    else
-        err = sst_outdir_commit(&out);
-    return err;
+    return sst_outdir_end(&out, err);
 }

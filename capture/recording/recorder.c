@@ -337,22 +337,6 @@ static int check_set(const struct sst_recorder *r, const struct sst_frameset *se
     return fault ? -EINVAL : 0;
 }
 
-static int write_line(struct sst_recorder *r, size_t n)
-{
-    size_t done = 0;
-
-    while (done < n) {
-        const ssize_t got = pwrite(r->manifest_fd, r->line + done, n - done, r->manifest_bytes + (int64_t)done);
-
-        if (got < 0 && errno == EINTR)
-            continue;
-        if (got <= 0)
-            return got < 0 ? -errno : -EIO;
-        done += (size_t)got;
-    }
-    return 0;
-}
-
 static int sync_here(struct sst_recorder *r, int fd)
 {
     const int64_t start = sst_clock_now_ns();
@@ -386,7 +370,7 @@ static int add_set(struct sst_recorder *r, const struct sst_frameset *set)
     if (!r->watched)
         n = manifest_segment_line(r->line, r->number, r->session, r->segment_start_ns, set->wall_ns);
     n += manifest_set_line(r->line + n, set, r->offset, r->crc32);
-    err = write_line(r, n);
+    err = sst_file_write_at(r->manifest_fd, r->line, n, r->manifest_bytes);
     if (!err && !r->sync)
         err = sync_here(r, r->manifest_fd);
     if (!err && r->sync && !r->watched)

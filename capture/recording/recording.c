@@ -11,22 +11,14 @@
 #include <zlib.h>
 
 #include "base/log.h"
+#include "base/mem.h"
 #include "capture/recording/recording_internal.h"
 
 /* --- the index ---------------------------------------------------------------------------------------------------- */
 
 static struct index_line *next_line(struct sst_recording *r)
 {
-    if (r->count == r->capacity) {
-        const int capacity = 2 * r->capacity + 1024;
-        struct index_line *grown = realloc(r->line, (size_t)capacity * sizeof(*grown));
-
-        if (!grown)
-            return NULL;
-        r->line = grown;
-        r->capacity = capacity;
-    }
-    return &r->line[r->count++];
+    return sst_mem_grow(&r->line, r->count, &r->capacity, sizeof(*r->line)) ? &r->line[r->count++] : NULL;
 }
 
 /* One line of n bytes without its end, at `at` in the file. */

@@ -38,20 +38,11 @@ static int write_bytes(void *opaque, uint8_t *data, int size)
 #endif
 {
     struct segment_file *s = opaque;
-    int done = 0;
 
-    while (!s->error && done < size) {
-        const ssize_t n = pwrite(s->fd, data + done, (size_t)(size - done), s->pos);
-
-        if (n < 0 && errno == EINTR)
-            continue;
-        if (n <= 0) {
-            s->error = n < 0 ? -errno : -EIO;
-            break;
-        }
-        s->pos += n;
-        done += (int)n;
-    }
+    if (!s->error)
+        s->error = sst_file_write_at(s->fd, data, (size_t)size, s->pos);
+    if (!s->error)
+        s->pos += size;
     if (s->pos > s->end)
         s->end = s->pos;
     return s->error ? s->error : size;

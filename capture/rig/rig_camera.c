@@ -9,6 +9,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "base/thread.h"
 #include "capture/array/capture.h"
 
@@ -194,10 +195,8 @@ static int choose(struct sst_scan_grab *g, const char *which)
     if (err)
         return err;
     for (int i = 0; i < count; i++) {
-        const size_t at = strlen(list);
-
-        snprintf(list + at, sizeof(list) - at, "%s%s at %s", i ? ", " : "",
-                 devices[i].serial[0] ? devices[i].serial : "no serial", devices[i].port);
+        sst_text_add(list, sizeof(list), "%s%s at %s", i ? ", " : "",
+                     devices[i].serial[0] ? devices[i].serial : "no serial", devices[i].port);
         if (which && strcmp(which, devices[i].serial) != 0 && strcmp(which, devices[i].port) != 0)
             continue;
         found = i;

@@ -18,6 +18,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "capture/rig/rig.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
@@ -107,14 +108,13 @@ static int compare_settings(const struct sst_scan_store *s, json_t *there)
     {
         json_t *old = json_object_get(there, key);
         char *a, *b;
-        const size_t at = strlen(text);
 
         if (json_equal(old, asked))
             continue;
         a = json_dumps(old, JSON_ENCODE_ANY | JSON_COMPACT);
         b = json_dumps(asked, JSON_ENCODE_ANY | JSON_COMPACT);
-        snprintf(text + at, sizeof(text) - at, "%s%s was %s and is now %s", at ? ", " : "", key, a ? a : "missing",
-                 b ? b : "?");
+        sst_text_add(text, sizeof(text), "%s%s was %s and is now %s", *text ? ", " : "", key, a ? a : "missing",
+                     b ? b : "?");
         free(a);
         free(b);
     }

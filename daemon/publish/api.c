@@ -5,14 +5,8 @@
 #include <string.h>
 
 #include "base/edit_distance.h"
+#include "base/text.h"
 #include "daemon/publish/api.h"
-
-static void add(char *out, size_t size, const char *text)
-{
-    const size_t n = strlen(out);
-
-    snprintf(out + n, size - n, "%s", text);
-}
 
 int sst_api_members(const json_t *request, const char *const *known, char error[512])
 {
@@ -35,10 +29,8 @@ int sst_api_members(const json_t *request, const char *const *known, char error[
                  : known[0] ? "there are "
                             : "it has none",
                  near ? near : "", near ? "`?" : "");
-        for (i = 0; !near && known[i]; i++) {
-            add(error, 512, i == 0 ? "" : known[i + 1] ? ", " : " and ");
-            add(error, 512, known[i]);
-        }
+        for (i = 0; !near && known[i]; i++)
+            sst_text_add(error, 512, "%s%s", i == 0 ? "" : known[i + 1] ? ", " : " and ", known[i]);
         return -EINVAL;
     }
     return 0;

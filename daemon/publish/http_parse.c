@@ -1,5 +1,7 @@
 /* Pure parsers for text from clients; no side effects. */
 #include <ctype.h>
+#include <errno.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
@@ -134,35 +136,24 @@ bool http_is_type(const char *content_type, const char *type)
     return !strncasecmp(content_type, type, n) && strchr("; \t", content_type[n]); /* the NUL counts */
 }
 
-bool http_number(const char *text, uint64_t max, uint64_t *out)
-{
-    uint64_t value = 0;
-
-    if (!*text)
-        return false;
-    for (; *text; text++) {
-        if (*text < '0' || *text > '9')
-            return false;
-        if (value > (max - (uint64_t)(*text - '0')) / 10)
-            return false;
-        value = value * 10 + (uint64_t)(*text - '0');
-    }
-    *out = value;
-    return value <= max;
-}
-
-/* Digits, as many as there are; what does not fit is as much as fits. @return behind them */
+/* The digits at the start; ERANGE: what does not fit is as much as fits. @return behind them */
 static const char *read_place(const char *text, uint64_t *value)
 {
-    uint64_t v = 0;
+    char *end = (char *)(uintptr_t)text;
 
-    for (; *text >= '0' && *text <= '9'; text++) {
-        const uint64_t digit = (uint64_t)(*text - '0');
+    errno = 0;
+    *value = isdigit((unsigned char)*text) ? strtoull(text, &end, 10) : 0;
+    return end;
+}
 
-        v = v > (UINT64_MAX - digit) / 10 ? UINT64_MAX : v * 10 + digit;
-    }
-    *value = v;
-    return text;
+bool http_number(const char *text, uint64_t max, uint64_t *out)
+{
+    uint64_t value;
+
+    if (!*text || *read_place(text, &value) || value > max || errno == ERANGE)
+        return false;
+    *out = value;
+    return true;
 }
 
 enum http_range http_range_parse(const char *range, uint64_t size, uint64_t *first, uint64_t *bytes)

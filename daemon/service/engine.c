@@ -9,6 +9,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "base/thread.h"
 #include "pipeline/method/network/model_path.h"
 
@@ -34,14 +35,12 @@ const char *engine_stage_name(enum engine_stage stage)
 /** Labels that start recordings, but are none of the network's: one that is misspelt would never record. */
 static void name_unknown_locked(const struct live_engine *v, char out[512])
 {
-    size_t used = 0;
-
     out[0] = 0;
-    for (int i = 0; i < v->config.storage.triggers && v->classes.count && used < 512; i++) {
+    for (int i = 0; i < v->config.storage.triggers && v->classes.count; i++) {
         const char *label = v->config.storage.trigger[i].label;
 
         if (label[0] && !sst_classes_find(&v->classes, label))
-            used += (size_t)snprintf(out + used, 512 - used, "%s%s", used ? ", " : "", label);
+            sst_text_add(out, 512, "%s%s", *out ? ", " : "", label);
     }
 }
 

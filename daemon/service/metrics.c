@@ -25,7 +25,6 @@ static void write_phase(FILE *f, enum sst_service_phase phase)
 
 static void write_capture(FILE *f, const struct array_state *a)
 {
-    static const char *const buckets[] = { "set", "late", "duplicate", "stray", "corrupt", "flagged", "dropped" };
     static const double quantiles[] = { 0.5, 0.99, 1 };
     const struct sst_capture_report *r = &a->report;
 
@@ -38,7 +37,7 @@ static void write_capture(FILE *f, const struct array_state *a)
     metric(f, "trigger_edges", "gauge", "Triggers fired since the cameras were opened.", (double)r->edges);
     head(f, "frames", "gauge", "Frames since the cameras were opened, by where they ended.");
     for (int i = 0; i < SST_BUCKETS; i++)
-        fprintf(f, "sst_frames{bucket=\"%s\"} %llu\n", buckets[i], (unsigned long long)r->sets.bucket[i]);
+        fprintf(f, "sst_frames{bucket=\"%s\"} %llu\n", sst_bucket_keys[i], (unsigned long long)r->sets.bucket[i]);
     metric(f, "frames_unexplained", "gauge", "Frames that ended nowhere or twice: 0, or a bug.",
            (double)r->unexplained);
     head(f, "skew_seconds", "summary", "Spread of the exposures of a set since the cameras were opened.");

@@ -10,6 +10,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "base/thread.h"
 #include "daemon/service/service_internal.h"
 
@@ -184,18 +185,17 @@ static void name_missing(struct sst_service *s, const struct array_state *a, cha
 {
     struct array_camera *c = calloc(SST_CAMERAS_MAX, sizeof(*c));
     const int n = c ? array_cameras(s->array, c) : 0;
-    int shown = 0, used;
+    int shown = 0;
 
-    used = snprintf(why, size, "%d of %d cameras are missing:", a->cameras - a->present, a->cameras);
-    for (int i = 0; i < n && used > 0 && (size_t)used < size; i++) {
+    snprintf(why, size, "%d of %d cameras are missing:", a->cameras - a->present, a->cameras);
+    for (int i = 0; i < n; i++) {
         if (c[i].state == SST_GRAB_STREAMING)
             continue;
         if (shown++ == 8) {
-            snprintf(why + used, size - (size_t)used, " ...");
+            sst_text_add(why, size, " ...");
             break;
         }
-        used +=
-            snprintf(why + used, size - (size_t)used, " r%dc%d (%s)", c[i].row, c[i].col, array_state_name(c[i].state));
+        sst_text_add(why, size, " r%dc%d (%s)", c[i].row, c[i].col, array_state_name(c[i].state));
     }
     free(c);
 }
@@ -399,9 +399,8 @@ static bool start_drain(struct sst_service *s, int64_t until_ns)
 static void note(char *text, size_t size, const char *part, int64_t *since_ns)
 {
     const int64_t now_ns = sst_clock_now_ns();
-    const size_t n = strlen(text);
 
-    snprintf(text + n, size - n, "%s%s %.0f", n ? ", " : "", part, (double)(now_ns - *since_ns) * 1e-6);
+    sst_text_add(text, size, "%s%s %.0f", *text ? ", " : "", part, (double)(now_ns - *since_ns) * 1e-6);
     *since_ns = now_ns;
 }
 

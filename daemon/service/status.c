@@ -16,7 +16,6 @@ static json_t *count(uint64_t n)
     return json_integer((json_int_t)n);
 }
 
-static const char *const bucket_keys[] = { "set", "late", "duplicate", "stray", "corrupt", "flagged", "dropped" };
 static const char *const rung_keys[] = { "restream", "reopen", "reset", "reauthorise", "power", "back_off" };
 static const char *const source_names[] = { "gpio", "software", "free-run" };
 
@@ -45,7 +44,7 @@ static json_t *skew_json(const struct array_layout *layout, const struct sst_cap
 static json_t *capture_json(const struct array_state *a, const struct array_layout *layout)
 {
     const struct sst_capture_report *r = &a->report;
-    json_t *frames = counts(bucket_keys, r->sets.bucket, SST_BUCKETS);
+    json_t *frames = counts(sst_bucket_keys, r->sets.bucket, SST_BUCKETS);
 
     json_object_set_new(frames, "delivered", count(r->grab.frames));
     json_object_set_new(frames, "lost_by_drivers", count(r->grab.lost));
@@ -222,7 +221,7 @@ static json_t *camera_json(const struct array_camera *c, int64_t now_ns)
                      c->port, "device", c->name, "frames", (json_int_t)c->grab.frames, "bad", (json_int_t)c->grab.bad,
                      "lost", (json_int_t)c->grab.lost, "rate_hz", c->rate_hz, "skew_us", c->skew_us, "last_s",
                      c->last_ns ? json_real((double)(now_ns - c->last_ns) / 1e9) : json_null(), "buckets",
-                     counts(bucket_keys, c->bucket, SST_BUCKETS), "recovery",
+                     counts(sst_bucket_keys, c->bucket, SST_BUCKETS), "recovery",
                      counts(rung_keys, c->grab.rung, SST_GRAB_RUNGS), "reason", c->reason);
 }
 

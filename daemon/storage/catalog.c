@@ -6,6 +6,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/mem.h"
+
 #define PLAUSIBLE_NS (INT64_C(1767225600) * 1000000000) /* 2026-01-01: no clock that was set is earlier */
 #define SLACK_NS     (INT64_C(3600) * 1000000000)       /* for pre-roll and length */
 
@@ -18,15 +20,8 @@ int catalog_add(struct catalog *c, const struct store_entry *entry)
 {
     int at = c->count;
 
-    if (c->count == c->capacity) {
-        const int capacity = 2 * c->capacity + 64;
-        struct store_entry *grown = realloc(c->entry, (size_t)capacity * sizeof(*grown));
-
-        if (!grown)
-            return -ENOMEM;
-        c->entry = grown;
-        c->capacity = capacity;
-    }
+    if (!sst_mem_grow(&c->entry, c->count, &c->capacity, sizeof(*c->entry)))
+        return -ENOMEM;
     while (at > 0 && is_before(entry, &c->entry[at - 1]))
         at--;
     memmove(&c->entry[at + 1], &c->entry[at], (size_t)(c->count - at) * sizeof(*c->entry));

@@ -9,6 +9,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/mem.h"
+
 /* POSIX.1-2001, pax: ustar interchange format. */
 struct header {
     char name[100], mode[8], uid[8], gid[8], size[12], mtime[12], checksum[8], type, link[100], magic[6], version[2],
@@ -102,13 +104,8 @@ static int add_entry(struct tar *t, const char *name, const char *path, const st
     _Static_assert(sizeof(h) == TAR_BLOCK, "a header is a block");
     if (strlen(name) > sizeof(h.name))
         return -ENAMETOOLONG;
-    if (t->count == t->capacity) {
-        t->capacity = 2 * t->capacity + 64;
-        e = realloc(t->entry, (size_t)t->capacity * sizeof(*e));
-        if (!e)
-            return -ENOMEM;
-        t->entry = e;
-    }
+    if (!sst_mem_grow(&t->entry, t->count, &t->capacity, sizeof(*t->entry)))
+        return -ENOMEM;
     set_header(&h, name, st);
     e = &t->entry[t->count];
     *e = (struct tar_entry){ .at = t->bytes, .size = S_ISDIR(st->st_mode) ? 0 : st->st_size, .path = strdup(path) };

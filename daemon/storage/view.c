@@ -199,17 +199,10 @@ int view_write(struct view_files *f, const struct sst_jpeg *jpeg, int64_t t_ns)
 {
     const struct video_line line = { t_ns, jpeg->wall_ns + (t_ns - jpeg->t_ns), jpeg->set, f->at,
                                      (int64_t)jpeg->bytes };
-    size_t done = 0;
+    const int err = sst_file_write_at(f->fd, jpeg->data, jpeg->bytes, f->at);
 
-    while (done < jpeg->bytes) {
-        const ssize_t n = pwrite(f->fd, jpeg->data + done, jpeg->bytes - done, f->at + (int64_t)done);
-
-        if (n < 0 && errno == EINTR)
-            continue;
-        if (n <= 0)
-            return n < 0 ? -errno : -EIO;
-        done += (size_t)n;
-    }
+    if (err)
+        return err;
     f->at += (int64_t)jpeg->bytes;
     return write_line(f, &line);
 }

@@ -6,6 +6,8 @@
 #include <linux/videodev2.h>
 #include <string.h>
 
+#include "base/text.h"
+
 void control_name(char *out, size_t size, const char *title)
 {
     size_t n = 0;
@@ -42,7 +44,7 @@ static int find(int fd, const char *name, struct v4l2_query_ext_ctrl *q, char *n
         control_name(here, sizeof(here), q->name);
         if (!strcmp(here, name))
             return 0;
-        text_add(names, size, "%s%s", *names ? " " : "", here);
+        sst_text_add(names, size, "%s%s", *names ? " " : "", here);
     }
 }
 
@@ -78,8 +80,8 @@ static void apply_pass(int fd, const struct sst_grab_control *control, int count
         int err = find(fd, control[i].name, &q, names, sizeof(names));
 
         if (err && modes)
-            text_add(why, size, "%sunknown control %s (available: %s)", *why ? "; " : "", control[i].name,
-                     *names ? names : "none");
+            sst_text_add(why, size, "%sunknown control %s (available: %s)", *why ? "; " : "", control[i].name,
+                         *names ? names : "none");
         if (err || is_mode(&q) != modes)
             continue;
         if (value < q.minimum || value > q.maximum)
@@ -87,11 +89,11 @@ static void apply_pass(int fd, const struct sst_grab_control *control, int count
         else
             err = transfer(fd, VIDIOC_S_EXT_CTRLS, &q, &value);
         if (err == -ERANGE)
-            text_add(why, size, "%s%s cannot be %" PRId64 " (%" PRId64 "..%" PRId64 " step %" PRIu64 ")",
-                     *why ? "; " : "", control[i].name, value, (int64_t)q.minimum, (int64_t)q.maximum,
-                     (uint64_t)q.step);
+            sst_text_add(why, size, "%s%s cannot be %" PRId64 " (%" PRId64 "..%" PRId64 " step %" PRIu64 ")",
+                         *why ? "; " : "", control[i].name, value, (int64_t)q.minimum, (int64_t)q.maximum,
+                         (uint64_t)q.step);
         else if (err)
-            text_add(why, size, "%s%s cannot be set: %s", *why ? "; " : "", control[i].name, strerror(-err));
+            sst_text_add(why, size, "%s%s cannot be set: %s", *why ? "; " : "", control[i].name, strerror(-err));
     }
 }
 
@@ -106,8 +108,8 @@ static void compare(int fd, const struct sst_grab_control *control, int count, c
             control[i].value > q.maximum || (q.flags & V4L2_CTRL_FLAG_WRITE_ONLY))
             continue;
         if (!transfer(fd, VIDIOC_G_EXT_CTRLS, &q, &now) && now != control[i].value)
-            text_add(why, size, "%s%s reads back as %" PRId64 ", not %" PRId64, *why ? "; " : "", control[i].name, now,
-                     control[i].value);
+            sst_text_add(why, size, "%s%s reads back as %" PRId64 ", not %" PRId64, *why ? "; " : "", control[i].name,
+                         now, control[i].value);
     }
 }
 

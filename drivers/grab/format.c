@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/text.h"
+
 /* Bounds for enumerations that never end with a broken driver. */
 #define FORMATS_MAX 64
 #define SIZES_MAX   256
@@ -45,7 +47,7 @@ static void add_format_names(int fd, char *out, size_t size)
         char name[5];
 
         fourcc_name(name, f.pixelformat);
-        text_add(out, size, "%s%s", i ? ", " : "", name);
+        sst_text_add(out, size, "%s%s", i ? ", " : "", name);
     }
 }
 
@@ -75,10 +77,10 @@ static void nearest_size(int fd, const struct sst_grab_config *cfg, int best[2],
         const int64_t off = llabs((long long)w - cfg->width) + llabs((long long)h - cfg->height);
 
         if (discrete)
-            text_add(list, size, "%s%dx%d", i ? ", " : "", w, h);
+            sst_text_add(list, size, "%s%dx%d", i ? ", " : "", w, h);
         else
-            text_add(list, size, "%ux%u to %ux%u", s.stepwise.min_width, s.stepwise.min_height, s.stepwise.max_width,
-                     s.stepwise.max_height);
+            sst_text_add(list, size, "%ux%u to %ux%u", s.stepwise.min_width, s.stepwise.min_height,
+                         s.stepwise.max_width, s.stepwise.max_height);
         if (best_off < 0 || off < best_off) {
             best_off = off;
             best[0] = w;
@@ -105,16 +107,16 @@ static void add_rates(int fd, const struct sst_grab_config *cfg, char *out, size
             discrete ? hz(v.discrete) : fmin(fmax(cfg->rate_hz, hz(v.stepwise.max)), hz(v.stepwise.min));
 
         if (discrete)
-            text_add(out, size, "%s%.4g", i ? ", " : "; it offers ", rate);
+            sst_text_add(out, size, "%s%.4g", i ? ", " : "; it offers ", rate);
         else
-            text_add(out, size, "; it offers %.4g to %.4g", hz(v.stepwise.max), hz(v.stepwise.min));
+            sst_text_add(out, size, "; it offers %.4g to %.4g", hz(v.stepwise.max), hz(v.stepwise.min));
         if (!best || fabs(rate - cfg->rate_hz) < fabs(best - cfg->rate_hz))
             best = rate;
         if (!discrete)
             break;
     }
     if (best)
-        text_add(out, size, " Hz, nearest %.4g", best);
+        sst_text_add(out, size, " Hz, nearest %.4g", best);
 }
 
 /* --- setting ------------------------------------------------------------------------------------------------------ */
@@ -127,18 +129,18 @@ static int refuse(int fd, const struct sst_grab_config *cfg, const struct v4l2_p
     fourcc_name(want, cfg->fourcc);
     fourcc_name(is, got->pixelformat);
     if (got->pixelformat != cfg->fourcc) {
-        text_add(why, size, "it does not support format %s, it offers ", want);
+        sst_text_add(why, size, "it does not support format %s, it offers ", want);
         add_format_names(fd, why, size);
-        text_add(why, size, "; set cameras: format");
+        sst_text_add(why, size, "; set cameras: format");
         return -EINVAL;
     }
     nearest_size(fd, cfg, best, sizes, sizeof(sizes));
     snprintf(nearest, sizeof(nearest), "%dx%d", best[0] < 0 ? (int)got->width : best[0],
              best[0] < 0 ? (int)got->height : best[1]);
-    text_add(why, size, "it has no %s of %dx%d, nearest is %s", want, cfg->width, cfg->height, nearest);
+    sst_text_add(why, size, "it has no %s of %dx%d, nearest is %s", want, cfg->width, cfg->height, nearest);
     if (*sizes && strcmp(sizes, nearest))
-        text_add(why, size, " of %s", sizes);
-    text_add(why, size, "; set cameras: width and height");
+        sst_text_add(why, size, " of %s", sizes);
+    sst_text_add(why, size, "; set cameras: width and height");
     return -EINVAL;
 }
 
@@ -177,7 +179,7 @@ static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t
     if (err == -ENODEV || err == -EIO)
         return err;
     if (err || !(c->capability & V4L2_CAP_TIMEPERFRAME)) {
-        text_add(why, size, "it does not support setting the rate, %.4g Hz is ignored", cfg->rate_hz);
+        sst_text_add(why, size, "it does not support setting the rate, %.4g Hz is ignored", cfg->rate_hz);
         return 0;
     }
     c->timeperframe.numerator = 10000;
@@ -188,7 +190,7 @@ static int set_rate(int fd, const struct sst_grab_config *cfg, char *why, size_t
     got = hz(c->timeperframe);
     if (fabs(got - cfg->rate_hz) <= RATE_TOLERANCE * cfg->rate_hz)
         return 0;
-    text_add(why, size, "at %dx%d it delivers %.4g Hz, not %.4g", cfg->width, cfg->height, got, cfg->rate_hz);
+    sst_text_add(why, size, "at %dx%d it delivers %.4g Hz, not %.4g", cfg->width, cfg->height, got, cfg->rate_hz);
     add_rates(fd, cfg, why, size);
     return cfg->triggered ? 0 : -EINVAL;
 }
@@ -212,14 +214,14 @@ void format_summary(int fd, char *out, size_t size)
         char name[5];
 
         fourcc_name(name, f.pixelformat);
-        text_add(out, size, "%s%s", i ? ", " : "", name);
+        sst_text_add(out, size, "%s%s", i ? ", " : "", name);
         for (uint32_t j = 0; size_at(fd, f.pixelformat, j, &s); j++) {
             if (s.type == V4L2_FRMSIZE_TYPE_DISCRETE) {
-                text_add(out, size, " %ux%u", s.discrete.width, s.discrete.height);
+                sst_text_add(out, size, " %ux%u", s.discrete.width, s.discrete.height);
                 continue;
             }
-            text_add(out, size, " %ux%u-%ux%u", s.stepwise.min_width, s.stepwise.min_height, s.stepwise.max_width,
-                     s.stepwise.max_height);
+            sst_text_add(out, size, " %ux%u-%ux%u", s.stepwise.min_width, s.stepwise.min_height, s.stepwise.max_width,
+                         s.stepwise.max_height);
             break;
         }
     }

@@ -389,6 +389,5 @@ uint64_t frame_hash(const uint8_t *data, size_t bytes);
 /* --- text: builds messages piece by piece --- */
 
 /** Append to a string in a buffer of `size`, truncated to fit. */
-void text_add(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
 
 #endif

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/text.h"
 
 enum slot_place {
     SLOT_IDLE = 0,   /* neither */
@@ -135,9 +136,9 @@ static int set_up(struct grab_stream *s, const struct sst_grab_device *device, c
     }
     controls_apply(s->fd, cfg->control, cfg->controls, controls, sizeof(controls));
     if (*controls)
-        text_add(note, SST_WHY_MAX, "%s%s", *note ? "; " : "", controls);
+        sst_text_add(note, SST_WHY_MAX, "%s%s", *note ? "; " : "", controls);
     if (*note)
-        text_add(note, SST_WHY_MAX, " [%s]", device->node);
+        sst_text_add(note, SST_WHY_MAX, " [%s]", device->node);
     return map_buffers(s, cfg, cam, stride, why);
 }
 

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/text.h"
 #include "base/yaml.h"
 
 #define PROFILE_MAX_BYTES ((size_t)256 << 10)
@@ -259,9 +260,7 @@ static bool try_beside_program(char out[SST_PATH_MAX], const char *below, const 
 
 static int find_profile(char out[SST_PATH_MAX], const char *name)
 {
-    const size_t n = strlen(name);
-
-    if (strchr(name, '/') || (n > 5 && !strcmp(name + n - 5, ".yaml")))
+    if (strchr(name, '/') || sst_text_ends(name, ".yaml"))
         return sst_path_join(out, name, NULL);
     if (try_folder(out, getenv("SST_PROFILES"), name) || try_beside_program(out, "../config/profiles", name) ||
         try_beside_program(out, "../share/sst/profiles", name) || try_folder(out, SST_DATADIR "/profiles", name))

@@ -1,66 +1,39 @@
+#define _GNU_SOURCE /* versionsort */
 #include "drivers/trigger/trigger_internal.h"
 
 #include <ctype.h>
 #include <dirent.h>
 #include <errno.h>
 #include <grp.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
-/* Append to a message of limited length, truncated to fit. */
-static void add(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
+#include "base/text.h"
 
-static void add(char *text, size_t size, const char *fmt, ...)
+/* Links beside the nodes (old names of a chip) are skipped. */
+static int is_chip(const struct dirent *e)
 {
-    const size_t used = strlen(text);
-    va_list args;
-
-    va_start(args, fmt);
-    vsnprintf(text + used, size - used, fmt, args);
-    va_end(args);
+    return !strncmp(e->d_name, "gpiochip", 8) && isdigit((unsigned char)e->d_name[8]) && e->d_type != DT_LNK &&
+           strlen(e->d_name) <= 32;
 }
 
-static int by_number(const void *a, const void *b)
-{
-    const struct gpio_listed *x = a, *y = b;
-    const size_t m = strlen(x->path), n = strlen(y->path);
-
-    return m != n ? (m < n ? -1 : 1) : strcmp(x->path, y->path);
-}
-
-/* opendir, because GPIO chips do not depend on udev. Links beside the nodes (old names of a chip) are skipped. */
+/* The nodes in /dev, by their numbers: GPIO chips do not depend on udev. */
 static int scan(struct gpio_listed **out)
 {
-    DIR *dir = opendir("/dev");
-    struct gpio_listed *list = NULL;
-    struct dirent *entry;
-    int n = 0;
+    struct dirent **entry = NULL;
+    const int n = scandir("/dev", &entry, is_chip, versionsort);
+    struct gpio_listed *list = n > 0 ? calloc((size_t)n, sizeof(*list)) : NULL;
 
-    while (dir && (entry = readdir(dir))) {
-        struct gpio_listed *more;
-
-        if (strncmp(entry->d_name, "gpiochip", 8) || !isdigit((unsigned char)entry->d_name[8]) ||
-            entry->d_type == DT_LNK || strlen(entry->d_name) > 32)
-            continue;
-        more = realloc(list, (size_t)(n + 1) * sizeof(*list));
-        if (!more) {
-            free(list);
-            closedir(dir);
-            return -ENOMEM;
-        }
-        list = more;
-        memset(&list[n], 0, sizeof(list[n]));
-        snprintf(list[n++].path, sizeof(list->path), "/dev/%.32s", entry->d_name);
+    for (int i = 0; i < n; i++) {
+        if (list)
+            snprintf(list[i].path, sizeof(list[i].path), "/dev/%.32s", entry[i]->d_name);
+        free(entry[i]);
     }
-    if (dir)
-        closedir(dir);
-    if (n)
-        qsort(list, (size_t)n, sizeof(*list), by_number);
+    free(entry);
     *out = list;
-    return n;
+    return n > 0 && !list ? -ENOMEM : sst_max_int(n, 0);
 }
 
 int gpio_list(struct gpio_listed **out)
@@ -135,19 +108,19 @@ static void list_lines(struct trigger_chip *chip, char *text, size_t size)
     for (int i = 0; i < lines && strlen(text) + 80 < size; i++) {
         if (gpio_chip_line(chip, (unsigned)i, &line) || !line.name[0])
             continue;
-        add(text, size, "%s%s", comma, line.name);
+        sst_text_add(text, size, "%s%s", comma, line.name);
         comma = ", ";
     }
-    add(text, size, *comma ? "" : "without names: give offsets 0..%d", lines - 1);
+    sst_text_add(text, size, *comma ? "" : "without names: give offsets 0..%d", lines - 1);
 }
 
 static void list_chips(const struct gpio_listed *list, int n, char *text, size_t size)
 {
     for (int i = 0; i < n; i++) {
         if (list[i].error)
-            add(text, size, "%s%s (%s)", i ? ", " : "", list[i].path, strerror(list[i].error));
+            sst_text_add(text, size, "%s%s (%s)", i ? ", " : "", list[i].path, strerror(list[i].error));
         else
-            add(text, size, "%s%s \"%s\"", i ? ", " : "", list[i].path, list[i].label);
+            sst_text_add(text, size, "%s%s \"%s\"", i ? ", " : "", list[i].path, list[i].label);
     }
 }
 

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
+#include "base/mem.h"
 
 #define DESCRIPTORS_MAX 65536
 #define VENDOR_INTEL    0x8086
@@ -225,6 +226,7 @@ static void link_parents(struct sst_usb_device *list, int n)
 static int read_all(struct sst_usb_device **list, DIR *dir, const char *devices, bool interfaces, int n)
 {
     struct dirent *entry;
+    int capacity = n;
 
     rewinddir(dir);
     while ((entry = readdir(dir))) {
@@ -241,14 +243,11 @@ static int read_all(struct sst_usb_device **list, DIR *dir, const char *devices,
                 read_node(&(*list)[i], devices, entry->d_name);
             continue;
         }
-        struct sst_usb_device *more = realloc(*list, (size_t)(n + 1) * sizeof(*more));
-
-        if (!more) {
+        if (!sst_mem_grow(list, n, &capacity, sizeof(**list))) {
             sst_log_error("listing USB devices: out of memory");
             return -ENOMEM;
         }
-        *list = more;
-        n += !read_device(&more[n], devices, entry->d_name);
+        n += !read_device(&(*list)[n], devices, entry->d_name);
     }
     return n;
 }

@@ -6,6 +6,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "pipeline/camera/format_parts.h"
 #include "pipeline/lightfield/calibrated.h"
 
@@ -121,14 +122,11 @@ const struct sst_calib_format *sst_calib_format_for(const char *path)
     } endings[] = {
         { ".cameramodel", MRCAL }, { ".json", MULTICAL }, { ".yml", OPENCV }, { ".yaml", SST }, { "/", OPENCV }
     };
-    const size_t n = strlen(path);
 
     if (strstr(sst_path_base(path), "camchain"))
         return &formats[KALIBR];
     for (size_t i = 0; i < ARRAY_LEN(endings); i++) {
-        const size_t m = strlen(endings[i].ending);
-
-        if (n > m && !strcmp(path + n - m, endings[i].ending))
+        if (sst_text_ends(path, endings[i].ending))
             return &formats[endings[i].format];
     }
     if (!strchr(sst_path_base(path), '.'))

@@ -223,15 +223,7 @@ int sst_multical_parse(struct sst_calib *out, const char *text, size_t size, con
 
 int sst_multical_read(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg)
 {
-    uint8_t *data;
-    size_t size;
-    int err = sst_file_read(path, MAX_BYTES, &data, &size);
-
-    if (err)
-        return err;
-    err = sst_multical_parse(out, (const char *)data, size, path, cfg);
-    free(data);
-    return err;
+    return sst_calib_read_file(out, path, MAX_BYTES, cfg, sst_multical_parse);
 }
 
 /* --- writing ------------------------------------------------------------------------------------------------------ */

@@ -8,6 +8,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "base/yaml.h"
 #include "pipeline/camera/format_parts.h"
 #include "pipeline/lightfield/import.h"
@@ -252,9 +253,7 @@ int sst_opencv_parse(struct sst_calib *out, const char *text, size_t size, const
 static int is_ours(const struct dirent *e)
 {
     for (size_t i = 0; i < ARRAY_LEN(endings); i++) {
-        const size_t n = strlen(e->d_name), m = strlen(endings[i]);
-
-        if (n > m && e->d_name[0] != '.' && !strcmp(e->d_name + n - m, endings[i]))
+        if (e->d_name[0] != '.' && sst_text_ends(e->d_name, endings[i]))
             return 1;
     }
     return 0;
@@ -288,18 +287,10 @@ static int read_folder(struct sst_loose *loose, const char *path, const struct s
 int sst_opencv_read(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg)
 {
     struct sst_loose *loose;
-    uint8_t *data;
-    size_t size;
     int err;
 
-    if (!sst_path_is_dir(path)) {
-        err = sst_file_read(path, SST_YAML_MAX_BYTES, &data, &size);
-        if (err)
-            return err;
-        err = sst_opencv_parse(out, (const char *)data, size, path, cfg);
-        free(data);
-        return err;
-    }
+    if (!sst_path_is_dir(path))
+        return sst_calib_read_file(out, path, SST_YAML_MAX_BYTES, cfg, sst_opencv_parse);
     loose = sst_loose_create();
     if (!loose)
         return -ENOMEM;
@@ -490,9 +481,5 @@ int sst_opencv_stereo_write(const struct sst_calib *calib, const char *path, con
             err = sst_outfile_commit(&out);
         }
     }
-    if (err)
-        sst_outdir_abort(&folder);
-    else
-        err = sst_outdir_commit(&folder);
-    return err;
+    return sst_outdir_end(&folder, err);
 }

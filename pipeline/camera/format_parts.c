@@ -9,6 +9,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "pipeline/lightfield/import.h"
 
 struct sst_loose *sst_loose_create(void)
@@ -380,11 +381,18 @@ int sst_utf8_character(const unsigned char *s, uint32_t *code)
     return n;
 }
 
-static bool ends_in(const char *path, const char *ending)
+int sst_calib_read_file(struct sst_calib *out, const char *path, size_t limit,
+                        const struct sst_calib_format_config *cfg, sst_calib_parse_fn *parse)
 {
-    const size_t n = strlen(path), m = strlen(ending);
+    uint8_t *data;
+    size_t size;
+    int err = sst_file_read(path, limit, &data, &size);
 
-    return n > m && !strcmp(path + n - m, ending);
+    if (err)
+        return err;
+    err = parse(out, (const char *)data, size, path, cfg);
+    free(data);
+    return err;
 }
 
 static int write_folder(const struct sst_calib *calib, const char *path, const char *ending, bool force,
@@ -413,11 +421,7 @@ static int write_folder(const struct sst_calib *calib, const char *path, const c
         put(out.stream, calib, k);
         err = sst_outfile_commit(&out);
     }
-    if (err)
-        sst_outdir_abort(&folder);
-    else
-        err = sst_outdir_commit(&folder);
-    return err;
+    return sst_outdir_end(&folder, err);
 }
 
 int sst_calib_write_each(const struct sst_calib *calib, const char *path, const char *ending,
@@ -428,7 +432,7 @@ int sst_calib_write_each(const struct sst_calib *calib, const char *path, const 
     struct sst_outfile out;
     int err;
 
-    if (!ends_in(path, ending))
+    if (!sst_text_ends(path, ending))
         return write_folder(calib, path, ending, cfg->force, put);
     if (sst_calib_next(calib, first + 1) >= 0) {
         sst_log_error("%s names the file of one camera, but there are more; name a folder without %s", path, ending);

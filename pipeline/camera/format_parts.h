@@ -56,6 +56,13 @@ void sst_put_numbers(FILE *f, const double *v, int n);
  *  its code point; 0 if there is none */
 int sst_utf8_character(const unsigned char *s, uint32_t *code);
 
+typedef int sst_calib_parse_fn(struct sst_calib *out, const char *text, size_t size, const char *name,
+                               const struct sst_calib_format_config *cfg);
+
+/** Read a file of at most `limit` bytes by one of the parsers of format.h. @return as the parser and sst_file_read() */
+SST_MUST_CHECK int sst_calib_read_file(struct sst_calib *out, const char *path, size_t limit,
+                                       const struct sst_calib_format_config *cfg, sst_calib_parse_fn *parse);
+
 /* Formats with their own source file. */
 int sst_kalibr_read(struct sst_calib *out, const char *path, const struct sst_calib_format_config *cfg);
 int sst_kalibr_write(const struct sst_calib *calib, const char *path, const struct sst_calib_format_config *cfg);

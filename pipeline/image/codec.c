@@ -2,6 +2,8 @@
 
 #include <errno.h>
 #include <stdlib.h>
+#include <string.h>
+#include <strings.h>
 
 #include "base/file.h"
 #include "base/log.h"
@@ -57,6 +59,13 @@ void sst_rgb_pack_row(uint8_t *rgb, const struct sst_image *img, int y)
         rgb[3 * x + 1] = g[x];
         rgb[3 * x + 2] = b[x];
     }
+}
+
+bool sst_image_is_picture(const char *name)
+{
+    const char *dot = strrchr(name, '.');
+
+    return dot && dot != name && (!strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg") || !strcasecmp(dot, ".png"));
 }
 
 int sst_image_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name)

@@ -8,6 +8,9 @@
  * leaves its output untouched. Readers return 0, -ENOENT, -EBADMSG (not an image, truncated, absurd size), -ENOMEM or
  * -EIO. Every writer goes through sst_outfile: whole file or none. Thread: any. */
 
+/** Does the name of a file end as that of a PNG or JPEG? */
+bool sst_image_is_picture(const char *name);
+
 /** Read a PNG or JPEG, detected by content. Grey becomes three equal planes, 16 bits are rounded to 8, alpha is
  *  dropped. */
 SST_MUST_CHECK int sst_image_read(struct sst_image *img, const char *path);

@@ -89,6 +89,20 @@ int sst_image_halve(struct sst_image *out, const struct sst_image *in)
     return err;
 }
 
+int sst_image_shrink(struct sst_image *img, int max_width)
+{
+    while (img->width > max_width) {
+        struct sst_image half;
+        const int err = sst_image_halve(&half, img);
+
+        if (err)
+            return err;
+        sst_image_fini(img);
+        *img = half;
+    }
+    return 0;
+}
+
 void sst_luma_rows(struct sst_map_u8 *luma, const struct sst_image *img, int y0, int y1)
 {
     for (int y = y0; y < y1; y++) {

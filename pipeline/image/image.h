@@ -59,6 +59,9 @@ SST_MUST_CHECK int sst_image_halve(struct sst_image *out, const struct sst_image
 /** The same for rows y0 .. y1-1 of out, which has that size. */
 void sst_image_halve_rows(struct sst_image *out, const struct sst_image *in, int y0, int y1);
 
+/** Halve in place until it is at most max_width wide. @return 0, or as sst_image_init() with the last size */
+SST_MUST_CHECK int sst_image_shrink(struct sst_image *img, int max_width);
+
 /** Luma: 0.299 R + 0.587 G + 0.114 B in 1/256. @param luma  out, initialised here. @return as sst_map_u8_init() */
 SST_MUST_CHECK int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img);
 

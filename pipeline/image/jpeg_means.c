@@ -8,11 +8,10 @@
 
 #include "base/mem.h"
 
-#define LOOK_BITS   13
-#define SYMBOL_BITS 31 /* largest size of a symbol with its extra bits: 16 + 15 */
-#define PEEK_BITS   57
-#define MEAN_BITS   11 /* table lookup that covers most means */
-#define BROKEN      SIZE_MAX
+#define LOOK_BITS 13
+#define PEEK_BITS 57
+#define MEAN_BITS 11 /* table lookup that covers most means */
+#define BROKEN    SIZE_MAX
 /* Zeros after the data: a block that runs past the end is noticed at its own end, 64 symbols later. */
 #define SPARE 512
 

@@ -190,6 +190,28 @@ int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw)
     return 0;
 }
 
+bool sst_raw_is_jpeg(uint32_t fourcc)
+{
+    return fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG;
+}
+
+int sst_raw_decode(struct sst_image *img, const struct sst_raw *raw)
+{
+    char text[SST_LOG_MAX] = "", *before;
+    int err;
+
+    if (!sst_raw_is_jpeg(raw->fourcc))
+        return sst_raw_to_image(img, raw);
+    before = sst_log_hold_errors(text);
+    err = sst_image_decode(img, raw->data, raw->bytes, "frame");
+    sst_log_hold_errors(before);
+    if (!err && (img->width != raw->width || img->height != raw->height)) {
+        sst_image_fini(img);
+        err = -EBADMSG;
+    }
+    return err;
+}
+
 /* --- files -------------------------------------------------------------------------------------------------------- */
 
 static int write_grey(const struct sst_raw *raw, const char *path)

@@ -6,9 +6,9 @@
 
 #include "pipeline/image/image.h"
 
-/** An uncompressed frame as V4L2 describes it. */
+/** A frame as V4L2 describes it: uncompressed, unless a function says that it may be a JPEG. */
 struct sst_raw {
-    uint32_t fourcc; /* V4L2: GREY, Y16, YUYV, BA81, GBRG, GRBG, RGGB */
+    uint32_t fourcc; /* V4L2: GREY, Y16, YUYV, BA81, GBRG, GRBG, RGGB; MJPG, JPEG */
     int width, height;
     size_t stride; /* bytes; 0: rows without padding */
     const uint8_t *data;
@@ -34,9 +34,15 @@ SST_MUST_CHECK int sst_raw_write_png(const struct sst_raw *raw, const char *path
  */
 SST_MUST_CHECK int sst_raw_to_image(struct sst_image *img, const struct sst_raw *raw);
 
+/** The same of a frame that may be a JPEG, which must have the frame's size. @return as above; not logged */
+SST_MUST_CHECK int sst_raw_decode(struct sst_image *img, const struct sst_raw *raw);
+
+/** Is a format JPEG, one picture per frame? */
+bool sst_raw_is_jpeg(uint32_t fourcc);
+
 /**
- * The same for columns x0 .. x1-1 of rows y0 .. y1-1, with the same bytes as the conversion of the whole frame; the
- * rest of the picture is unchanged.
+ * sst_raw_to_image() for columns x0 .. x1-1 of rows y0 .. y1-1, with the same bytes as the conversion of the whole
+ * frame; the rest of the picture is unchanged.
  * @param img  initialised by the caller to the frame's size; contains the part
  * @return 0, -EINVAL, -EBADMSG (as above, or img has another size); not logged
  */

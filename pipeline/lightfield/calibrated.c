@@ -7,7 +7,6 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define MAX_NAMED   4    /* views named in one message */

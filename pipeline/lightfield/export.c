@@ -320,10 +320,7 @@ int sst_export(const struct sst_export_config *cfg)
         err = sst_parallel_for(job.lf.rows * job.lf.cols, threads, f->view, &job);
     if (!err)
         err = f->rest(&job);
-    if (err)
-        sst_outdir_abort(&folder);
-    else
-        err = sst_outdir_commit(&folder);
+    err = sst_outdir_end(&folder, err);
 
 out:
     sst_lightfield_fini(&job.lf);

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/text.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/external_maps.h"
@@ -271,10 +272,11 @@ static void set_range(const struct job *job)
 static void set_source(struct sst_lightfield_files *files, const struct sst_import_config *cfg)
 {
     json_t *probe;
-    int n = snprintf(files->source, sizeof(files->source), "%s import of %.900s", cfg->format, cfg->source);
+
+    snprintf(files->source, sizeof(files->source), "%s import of %.900s", cfg->format, cfg->source);
 
     if (cfg->spacing_px > 0)
-        snprintf(files->source + n, sizeof(files->source) - (size_t)n, ", spacing %.17g px", cfg->spacing_px);
+        sst_text_add(files->source, sizeof(files->source), ", spacing %.17g px", cfg->spacing_px);
     probe = json_string(files->source);
     for (char *p = files->source; !probe && *p; p++) {
         if ((unsigned char)*p >= 0x80)
@@ -374,10 +376,7 @@ int sst_import(const struct sst_import_config *cfg)
     err = run(&plan, formats[i].plan, out.temporary);
     if (err == -ENOMEM)
         sst_log_error("not enough memory to import %s", cfg->source);
-    if (err)
-        sst_outdir_abort(&out);
-    else
-        err = sst_outdir_commit(&out);
+    err = sst_outdir_end(&out, err);
     sst_lightfield_fini(&plan.lf);
     names_fini(&plan.names);
     free(plan.views);

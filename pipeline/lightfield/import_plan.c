@@ -1,4 +1,5 @@
 #define _GNU_SOURCE
+#include "base/mem.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #include <ctype.h>
@@ -43,16 +44,10 @@ int names_read(struct name_list *names, const char *dir)
     while (!err && (e = readdir(d))) {
         if (!wanted(d, e->d_name))
             continue;
-        if (made.count == capacity) {
-            capacity = 2 * capacity + 64;
-            void *grown = capacity <= MAX_NAMES ? realloc(made.name, (size_t)capacity * SST_NAME_MAX) : NULL;
-
-            if (!grown) {
-                sst_log_error("the folder %s has more files than can be listed", dir);
-                err = -ENOMEM;
-                break;
-            }
-            made.name = grown;
+        if (made.count == MAX_NAMES || !sst_mem_grow(&made.name, made.count, &capacity, sizeof(*made.name))) {
+            sst_log_error("the folder %s has more files than can be listed", dir);
+            err = -ENOMEM;
+            break;
         }
         snprintf(made.name[made.count++], SST_NAME_MAX, "%s", e->d_name);
     }

@@ -151,10 +151,7 @@ int sst_lightfield_rectify_dir(const struct sst_rectify_dir_config *cfg, struct 
         goto out;
     job.out = out.temporary;
     err = fill(&job);
-    if (err)
-        sst_outdir_abort(&out);
-    else
-        err = sst_outdir_commit(&out);
+    err = sst_outdir_end(&out, err);
 
 out:
     if (err)

@@ -5,7 +5,6 @@
 
 #include <linux/close_range.h>
 #include <malloc.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

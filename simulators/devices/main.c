@@ -68,83 +68,54 @@ static int read_port(const char *text)
 /* @return 0, or exit status + 1 */
 static int read_options(int argc, char **argv, struct arguments *a)
 {
+    struct sim_options *o = &a->options;
+    const char **const texts[] = { &o->world, &o->cache, &o->wires.usb, &o->truth,     &o->stats,
+                                   &a->serve, &a->join,  &a->dir,       &a->parameters };
+    bool *const flags[] = { &o->wires.rig, &o->quiet, &a->list, &a->json };
     static const struct option options[] = {
-        { "world", required_argument, NULL, 'w' },
-        { "cache", required_argument, NULL, 'c' },
-        { "usb", required_argument, NULL, 'u' },
+        { "world", required_argument }, /* the texts above */
+        { "cache", required_argument },
+        { "usb", required_argument },
+        { "truth", required_argument },
+        { "stats", required_argument },
+        { "serve", required_argument },
+        { "join", required_argument },
+        { "dir", required_argument },
+        { "parameters", required_argument },
+        { "rig", no_argument }, /* the flags above */
+        { "quiet", no_argument },
+        { "list", no_argument },
+        { "json", no_argument },
         { "fault", required_argument, NULL, 'f' },
-        { "rig", no_argument, NULL, 'r' },
         { "rig-port", required_argument, NULL, 'p' },
         { "triggers", required_argument, NULL, 'T' },
-        { "truth", required_argument, NULL, 't' },
-        { "stats", required_argument, NULL, 's' },
-        { "quiet", no_argument, NULL, 'q' },
-        { "serve", required_argument, NULL, 'S' },
-        { "join", required_argument, NULL, 'J' },
-        { "dir", required_argument, NULL, 'd' },
-        { "list", no_argument, NULL, 'l' },
-        { "json", no_argument, NULL, 'j' },
-        { "parameters", required_argument, NULL, 'P' },
         { "help", no_argument, NULL, 'h' },
-        { NULL, 0, NULL, 0 },
+        { NULL },
     };
-    int c;
+    int c, index;
 
-    while ((c = getopt_long(argc, argv, "+h", options, NULL)) != -1) {
+    while ((c = getopt_long(argc, argv, "+h", options, &index)) != -1) {
         switch (c) {
-        case 'w':
-            a->options.world = optarg;
-            break;
-        case 'c':
-            a->options.cache = optarg;
-            break;
-        case 'P':
-            a->parameters = optarg;
-            break;
-        case 't':
-            a->options.truth = optarg;
-            break;
-        case 's':
-            a->options.stats = optarg;
-            break;
-        case 'q':
-            a->options.quiet = true;
-            break;
-        case 'S':
-            a->serve = optarg;
-            break;
-        case 'J':
-            a->join = optarg;
-            break;
-        case 'd':
-            a->dir = optarg;
-            break;
-        case 'l':
-            a->list = true;
-            break;
-        case 'j':
-            a->json = true;
-            break;
-        case 'u':
-            a->options.wires.usb = optarg;
+        case 0:
+            if (index < (int)ARRAY_LEN(texts))
+                *texts[index] = optarg;
+            else
+                *flags[index - (int)ARRAY_LEN(texts)] = true;
             break;
         case 'T':
             if (strcmp(optarg, "rows") != 0 && strcmp(optarg, "one") != 0)
                 return usage("--triggers takes rows or one") + 1;
-            a->options.wires.one_trigger = strcmp(optarg, "one") == 0;
-            break;
-        case 'r':
-            a->options.wires.rig = true;
+            o->wires.one_trigger = strcmp(optarg, "one") == 0;
             break;
         case 'p':
-            a->options.wires.rig_port = read_port(optarg);
-            if (a->options.wires.rig_port < 0)
+            o->wires.rig_port = read_port(optarg);
+            if (o->wires.rig_port < 0)
                 return usage("--rig-port takes 0 to 65535") + 1;
             break;
         case 'f':
-            if (a->options.fault_count == FAULTS_MAX)
+            if (o->fault_count == FAULTS_MAX)
                 return usage("too many --fault") + 1;
-            a->faults[a->options.fault_count++] = optarg;
+            a->faults[o->fault_count++] = optarg;
             break;
         case 'h':
             (void)fputs(help, stdout);
@@ -153,7 +124,7 @@ static int read_options(int argc, char **argv, struct arguments *a)
             return usage("unknown option or a value is missing") + 1;
         }
     }
-    a->options.faults = a->faults;
+    o->faults = a->faults;
     return 0;
 }
 

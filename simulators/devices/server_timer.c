@@ -4,6 +4,7 @@
 #include <sys/timerfd.h>
 
 #include "base/clock.h"
+#include "base/mem.h"
 #include "simulators/devices/devices_internal.h"
 
 static void place(struct sim_server *s, int i, struct sim_timer *timer)
@@ -45,15 +46,8 @@ void sim_timers_arm(struct sim_server *s)
 int sim_timer_set(struct sim_server *s, struct sim_timer *timer, int64_t due_ns)
 {
     if (!timer->slot) {
-        if (s->timers == s->heap_room) {
-            const int room = s->heap_room ? 2 * s->heap_room : 64;
-            struct sim_timer **heap = realloc(s->heap, (size_t)room * sizeof(*heap));
-
-            if (!heap)
-                return -ENOMEM;
-            s->heap = heap;
-            s->heap_room = room;
-        }
+        if (!sst_mem_grow(&s->heap, s->timers, &s->heap_room, sizeof(*s->heap)))
+            return -ENOMEM;
         place(s, s->timers++, timer);
     }
     timer->due_ns = due_ns;

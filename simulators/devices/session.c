@@ -78,20 +78,14 @@ int sim_session_make(char dir[SST_PATH_MAX])
 
 static int find_preload(char out[SST_PATH_MAX])
 {
-    char self[SST_PATH_MAX];
-    const ssize_t n = readlink("/proc/self/exe", self, sizeof(self) - 1);
-    int err;
+    int err = sst_path_beside_program(out, PRELOAD);
 
-    if (n < 0)
-        return -errno;
-    self[n] = 0;
-    self[n - (ssize_t)strlen(sst_path_base(self))] = 0;
-    err = sst_path_join(out, self, PRELOAD);
     if (!err && !sst_path_exists(out))
-        err = sst_path_join(out, self, "../lib/" PRELOAD); /* installed location */
+        err = sst_path_beside_program(out, "../lib/" PRELOAD); /* installed location */
     if (!err && !sst_path_exists(out)) {
-        sst_log_error("preload library '%s' is not beside the program in '%s'; build it with 'make'", PRELOAD, self);
-        return -ENOENT;
+        err = sst_path_beside_program(out, "");
+        sst_log_error("preload library '%s' is not beside the program in '%s'; build it with 'make'", PRELOAD, out);
+        return err ? err : -ENOENT;
     }
     return err;
 }

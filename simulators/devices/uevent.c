@@ -8,6 +8,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "simulators/devices/devices_internal.h"
 
 #define GROUP_KERNEL 1 /* netlink groups, bits */
@@ -115,8 +116,7 @@ static size_t flatten(char *out, size_t size, size_t at, const struct sim_props 
         const int bytes = (int)(strchr(line, '\n') - line);
 
         if (strncmp(line, "S:", 2) == 0)
-            snprintf(links + strlen(links), sizeof(links) - strlen(links), "%s/dev/%.*s", links[0] ? " " : "",
-                     bytes - 2, line + 2);
+            sst_text_add(links, sizeof(links), "%s/dev/%.*s", links[0] ? " " : "", bytes - 2, line + 2);
         else if (at + (size_t)bytes + 1 < size)
             at += (size_t)snprintf(out + at, size - at, "%.*s", bytes, line) + 1;
     }

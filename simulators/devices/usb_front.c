@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/text.h"
 
 /* --- events of the model ------------------------------------------------------------------------------------------ */
 
@@ -172,7 +173,7 @@ static void no_layout(const char *layout)
     const char *name, *help;
 
     for (int i = 0; sst_sim_usb_layout(i, &name, &help); i++)
-        snprintf(names + strlen(names), sizeof(names) - strlen(names), "%s%s", i ? ", " : "", name);
+        sst_text_add(names, sizeof(names), "%s%s", i ? ", " : "", name);
     sst_log_error("USB layout '%s' is unknown or has too few ports for the cameras; choose %s", layout, names);
 }
 

@@ -4,6 +4,8 @@
 
 #include "simulators/devices/devices_internal.h"
 
+#include "base/text.h"
+
 /* --- names -------------------------------------------------------------------------------------------------------- */
 
 /** Folder of a device in /sys. */
@@ -65,12 +67,12 @@ static void underscores(char *text, const char *which)
 static void path_id(const struct sst_sim_usb_device *d, int interface, char *out, size_t size)
 {
     const char *ports = d->kind == SST_SIM_USB_ROOT ? NULL : strchr(d->path, '-') + 1;
-    int n = snprintf(out, size, "pci-%s", d->controller);
 
+    snprintf(out, size, "pci-%s", d->controller);
     if (ports)
-        n += snprintf(out + n, size - (size_t)n, "-usb-0:%s", ports);
+        sst_text_add(out, size, "-usb-0:%s", ports);
     if (ports && interface >= 0)
-        snprintf(out + n, size - (size_t)n, ":1.%d", interface);
+        sst_text_add(out, size, ":1.%d", interface);
 }
 
 static void add_identity(struct sim_props *udev, const struct sst_sim_usb_device *d, const uint8_t *descriptor)

@@ -3,12 +3,10 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/file.h"
 #include "base/log.h"
 #include "base/mem.h"
-#include "base/stats.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/image/codec.h"
 #include "simulators/scene/scene_internal.h"
@@ -25,15 +23,7 @@
 
 static int is_picture(const struct dirent *e)
 {
-    const char *dot = strrchr(e->d_name, '.');
-
-    return dot && dot != e->d_name &&
-           (!strcasecmp(dot, ".png") || !strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg"));
-}
-
-static int by_bytes(const struct dirent **a, const struct dirent **b)
-{
-    return strcmp((*a)->d_name, (*b)->d_name);
+    return sst_image_is_picture(e->d_name);
 }
 
 /* Label of a stored class: CamVid's classes in its order are the first of the default list. */
@@ -112,7 +102,7 @@ static int read_photo(struct photo *p, const struct sst_layers_config *cfg, cons
 static int read_photos(struct photo_library *lib, const struct sst_layers_config *cfg, uint64_t *rng)
 {
     struct dirent **names = NULL;
-    const int n = scandir(cfg->photos, &names, is_picture, by_bytes);
+    const int n = scandir(cfg->photos, &names, is_picture, alphasort);
     int err = n < 0 ? -errno : n == 0 ? -ENOENT : 0;
 
     if (err)

@@ -10,7 +10,6 @@
 #include "simulators/scene/scene_internal.h"
 
 #define SPRITES_MAX 80000
-#define SHEETS_MAX  8
 
 /* State while an occluder is added piece by piece. */
 struct cover {

@@ -124,15 +124,8 @@ struct photo_sprite *photo_sprite_add(struct photo_scene *s, int width, int heig
 {
     struct photo_sprite *p;
 
-    if (s->count == s->capacity) {
-        const int capacity = s->capacity ? 2 * s->capacity : 256;
-        struct photo_sprite *grown = realloc(s->sprites, (size_t)capacity * sizeof(*grown));
-
-        if (!grown)
-            return NULL;
-        s->sprites = grown;
-        s->capacity = capacity;
-    }
+    if (!sst_mem_grow(&s->sprites, s->count, &s->capacity, sizeof(*s->sprites)))
+        return NULL;
     p = &s->sprites[s->count];
     *p = (struct photo_sprite){ .width = width, .height = height };
     p->rgba = calloc((size_t)width * (size_t)height, 4);

@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/mem.h"
+
 #define GRAIN    0.16f
 #define GRAIN_PX 2.6 /* design pixels between values of the fine texture */
 #define TINT     0.05
@@ -47,16 +49,9 @@ static struct sst_scene_rgb tinted(const struct sst_scene_world *w, struct sst_s
 
 static struct sst_scene_surface *add(struct sst_scene_world *w)
 {
-    if (w->count == w->capacity) {
-        const int capacity = w->capacity ? 2 * w->capacity : 256;
-        struct sst_scene_surface *grown = realloc(w->surfaces, (size_t)capacity * sizeof(*grown));
-
-        if (!grown) {
-            w->failed = true;
-            return &w->scrap;
-        }
-        w->surfaces = grown;
-        w->capacity = capacity;
+    if (!sst_mem_grow(&w->surfaces, w->count, &w->capacity, sizeof(*w->surfaces))) {
+        w->failed = true;
+        return &w->scrap;
     }
     return &w->surfaces[w->count++];
 }

@@ -16,15 +16,14 @@
 #include "base/file.h"
 #include "config/sstd.h"
 #include "daemon/publish/http.h"
+#include "tests/folder.h"
 #include "tests/quick.h"
-#include "tests/test.h"
 
 #define BROKER   "/usr/sbin/mosquitto"
 #define PATIENCE 6000 /* looks, 10 ms apart, for what comes sooner or later */
 
 extern char **environ;
 
-static char folder[64];
 static int port;
 static pid_t broker, subscriber;
 static struct sst_config cfg;
@@ -113,12 +112,10 @@ static struct sst_api api = {
 static pid_t run(const char *const argv[], const char *output)
 {
     posix_spawn_file_actions_t files;
-    char path[SST_PATH_MAX];
     pid_t pid;
 
-    snprintf(path, sizeof(path), "%s/%s", folder, output);
     posix_spawn_file_actions_init(&files);
-    posix_spawn_file_actions_addopen(&files, 1, path, O_WRONLY | O_CREAT | O_APPEND, 0600);
+    posix_spawn_file_actions_addopen(&files, 1, test_path("%s", output), O_WRONLY | O_CREAT | O_APPEND, 0600);
     posix_spawn_file_actions_adddup2(&files, 1, 2);
     assert_int_equal(posix_spawnp(&pid, argv[0], &files, NULL, (char *const *)(uintptr_t)argv, environ), 0);
     posix_spawn_file_actions_destroy(&files);
@@ -163,12 +160,10 @@ static int free_port(void)
 
 static void start_broker(const char *more)
 {
-    char path[SST_PATH_MAX];
+    const char *path = test_path("broker.conf");
     const struct sockaddr_in a = here(port);
-    FILE *f;
+    FILE *f = fopen(path, "w");
 
-    snprintf(path, sizeof(path), "%s/broker.conf", folder);
-    f = fopen(path, "w");
     assert_non_null(f);
     fprintf(f, "listener %d 127.0.0.1\nuser root\npersistence false\nset_tcp_nodelay true\n%s\n", port, more);
     fclose(f);
@@ -198,20 +193,24 @@ static void publish(const char *topic, const char *payload, bool retained)
     assert_int_equal(ended, 0);
 }
 
-/* Lines of what the subscriber heard that begin with these words. @param last  out, [2048], of the last one */
-static int heard(const char *words, char *last)
+/* The text of a file that a program writes; "": not yet there. Valid until the next call. */
+static char *read_text(const char *name)
 {
     static char text[1 << 20];
-    char path[SST_PATH_MAX];
-    int n = 0;
-    FILE *f;
+    FILE *f = fopen(test_path("%s", name), "r");
 
-    snprintf(path, sizeof(path), "%s/heard", folder);
-    f = fopen(path, "r");
     text[f ? fread(text, 1, sizeof(text) - 1, f) : 0] = 0;
     if (f)
         fclose(f);
-    for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) {
+    return text;
+}
+
+/* Lines of what the subscriber heard that begin with these words. @param last  out, [2048], of the last one */
+static int heard(const char *words, char *last)
+{
+    int n = 0;
+
+    for (char *line = strtok(read_text("heard"), "\n"); line; line = strtok(NULL, "\n")) {
         if (strncmp(line, words, strlen(words)) != 0)
             continue;
         n++;
@@ -245,16 +244,10 @@ static void expect_heard(const char *words, char *last)
 /* Connections of sst-mqtt that brokers have accepted: other clients have another interval of signs of life. */
 static int connects(void)
 {
-    char path[SST_PATH_MAX], line[512];
-    FILE *f;
     int n = 0;
 
-    snprintf(path, sizeof(path), "%s/broker.log", folder);
-    f = fopen(path, "r");
-    while (f && fgets(line, sizeof(line), f))
+    for (char *line = strtok(read_text("broker.log"), "\n"); line; line = strtok(NULL, "\n"))
         n += strstr(line, "New client connected") && strstr(line, " k30");
-    if (f)
-        fclose(f);
     return n;
 }
 
@@ -269,42 +262,39 @@ static void expect_connected(void)
 
 static void open_service(void)
 {
-    char path[SST_PATH_MAX];
-    const struct sst_http_config c = {
-        .socket = path, .socket_fd = -1, .clients = 16, .streams = 4, .api = &api, .counters = &http_counters
-    };
+    const struct sst_http_config c = { .socket = test_path("c.sock"),
+                                       .socket_fd = -1,
+                                       .clients = 16,
+                                       .streams = 4,
+                                       .api = &api,
+                                       .counters = &http_counters };
 
-    snprintf(path, sizeof(path), "%s/c.sock", folder);
     assert_int_equal(sst_http_open(&http, &c), 0);
 }
 
 static void write_config(void)
 {
-    char path[SST_PATH_MAX];
-    FILE *f;
+    FILE *f = fopen(test_path("sstd.yaml"), "w");
 
-    snprintf(path, sizeof(path), "%s/sstd.yaml", folder);
-    f = fopen(path, "w");
     assert_non_null(f);
     fprintf(f,
             "control: {socket: %s/c.sock, group: \"\"}\n"
             "zones: [{name: %s, x0: 0, y0: 0, x1: 1, y1: 1}]\n"
             "mqtt: {enabled: %s, host: %s, port: %d, topic: %s, picture_s: %g, user: \"%s\", password_file: \"%s\", "
             "ca_file: \"%s\"}\n",
-            folder, cfg.zone[0].name, cfg.mqtt.enabled ? "true" : "false", cfg.mqtt.host, cfg.mqtt.port, cfg.mqtt.topic,
-            cfg.mqtt.picture_s, cfg.mqtt.user, cfg.mqtt.password_file, cfg.mqtt.ca_file);
+            test_folder, cfg.zone[0].name, cfg.mqtt.enabled ? "true" : "false", cfg.mqtt.host, cfg.mqtt.port,
+            cfg.mqtt.topic, cfg.mqtt.picture_s, cfg.mqtt.user, cfg.mqtt.password_file, cfg.mqtt.ca_file);
     fclose(f);
 }
 
 static void open_mqtt(void)
 {
     const char *build = getenv("SST_BUILD");
-    char path[SST_PATH_MAX], config[SST_PATH_MAX];
+    char path[SST_PATH_MAX];
 
     write_config();
     snprintf(path, sizeof(path), "%s/sst-mqtt", build ? build : "build");
-    snprintf(config, sizeof(config), "%s/sstd.yaml", folder);
-    program = run((const char *const[]){ path, "--config", config, NULL }, "mqtt.log");
+    program = run((const char *const[]){ path, "--config", test_path("sstd.yaml"), NULL }, "mqtt.log");
 }
 
 /* Ended by SIGTERM, with status 0. */
@@ -322,8 +312,7 @@ static void close_mqtt(void)
 static int setup(void **state)
 {
     (void)state;
-    strcpy(folder, "/tmp/sst-mqtt-XXXXXX");
-    assert_non_null(mkdtemp(folder));
+    assert_int_equal(test_folder_create(NULL), 0);
     port = free_port();
     sst_config_defaults(&cfg);
     cfg.mqtt.enabled = true;
@@ -353,8 +342,7 @@ static int teardown(void **state)
     sst_slot_unref(slot);
     sst_counters_fini(&http_counters);
     sst_events_destroy(api.events);
-    sst_path_remove_tree(folder);
-    return 0;
+    return test_folder_remove(NULL);
 }
 
 static void motion(bool active)
@@ -638,13 +626,12 @@ static void the_service_may_go_and_come(void **state)
 /* Without its password we do not connect: not before somebody listens at the new broker, as an event is told once. */
 static void events_without_a_broker_are_kept(void **state)
 {
-    char path[SST_PATH_MAX];
+    const char *path = cfg.mqtt.password_file;
 
     (void)state;
-    snprintf(path, sizeof(path), "%s/password", folder);
-    assert_int_equal(sst_file_write(path, "secret", 6), 0);
+    strcpy(cfg.mqtt.password_file, test_path("password"));
     strcpy(cfg.mqtt.user, "me");
-    strcpy(cfg.mqtt.password_file, path);
+    assert_int_equal(sst_file_write(path, "secret", 6), 0);
     start_broker("allow_anonymous true");
     open_mqtt();
     expect_connected();
@@ -681,49 +668,34 @@ static void a_broker_that_hangs_delays_no_end(void **state)
     assert_quick(start, INT64_C(10000000000));
 }
 
-static const char *logged(void)
-{
-    static char text[4096];
-    char path[SST_PATH_MAX];
-    FILE *f;
-
-    snprintf(path, sizeof(path), "%s/mqtt.log", folder);
-    f = fopen(path, "r");
-    text[f ? fread(text, 1, sizeof(text) - 1, f) : 0] = 0;
-    if (f)
-        fclose(f);
-    return text;
-}
-
 /* A refusal is logged once, with the remedy; so is a broker that is not there. */
 static void refusals_are_logged_once(void **state)
 {
     static const char *const words[] = { "Check mqtt: user and password_file", "refused" };
-    char path[SST_PATH_MAX];
 
     (void)state;
     start_broker("allow_anonymous false");
     for (int round = 0; round < 2; round++) {
-        const char *at;
+        const char *text, *at;
 
-        snprintf(path, sizeof(path), "%s/mqtt.log", folder);
-        unlink(path);
+        unlink(test_path("mqtt.log"));
         open_mqtt();
-        for (int i = 0; i < PATIENCE && !strstr(logged(), words[round]); i++)
+        for (int i = 0; i < PATIENCE && !strstr(read_text("mqtt.log"), words[round]); i++)
             usleep(10000);
         usleep(1500000); /* the second attempt comes after a second */
         assert_int_equal(connects(), 0);
         close_mqtt();
-        at = strstr(logged(), words[round]);
-        if (!at || strchr(logged(), '\n') != logged() + strlen(logged()) - 1)
-            fail_msg("not one line with '%s': %s", words[round], logged());
+        text = read_text("mqtt.log");
+        at = strstr(text, words[round]);
+        if (!at || strchr(text, '\n') != text + strlen(text) - 1)
+            fail_msg("not one line with '%s': %s", words[round], text);
         end(&broker);
     }
 }
 
 static void shell(const char *command)
 {
-    const pid_t pid = run((const char *const[]){ "sh", "-c", command, folder, NULL }, "shell.log");
+    const pid_t pid = run((const char *const[]){ "sh", "-c", command, test_folder, NULL }, "shell.log");
     int ended;
 
     assert_int_equal(waitpid(pid, &ended, 0), pid);
@@ -744,14 +716,14 @@ static void a_broker_may_want_tls_and_a_password(void **state)
           "-addext subjectAltName=IP:127.0.0.1 -keyout key.pem -out cert.pem && mosquitto_passwd -c -b users me secret "
           "&& echo secret >good && echo wrong >bad");
     snprintf(more, sizeof(more),
-             "allow_anonymous false\npassword_file %s/users\ncertfile %s/cert.pem\nkeyfile %s/key.pem", folder, folder,
-             folder);
+             "allow_anonymous false\npassword_file %s/users\ncertfile %s/cert.pem\nkeyfile %s/key.pem", test_folder,
+             test_folder, test_folder);
     start_broker(more);
     strcpy(cfg.mqtt.user, "me");
     for (int i = 0; i < 3; i++) {
         snprintf(cfg.mqtt.ca_file, sizeof(cfg.mqtt.ca_file), "%s",
-                 i == 1 ? "/etc/ssl/certs/ca-certificates.crt" : strcat(strcpy(more, folder), "/cert.pem"));
-        snprintf(cfg.mqtt.password_file, sizeof(cfg.mqtt.password_file), "%s/%s", folder, i == 0 ? "bad" : "good");
+                 i == 1 ? "/etc/ssl/certs/ca-certificates.crt" : test_path("cert.pem"));
+        snprintf(cfg.mqtt.password_file, sizeof(cfg.mqtt.password_file), "%s", test_path(i == 0 ? "bad" : "good"));
         open_mqtt();
         if (i == 2)
             expect_connected();
@@ -767,18 +739,17 @@ static void closing_does_not_wait_for_an_answer(void **state)
 {
     const struct sockaddr_in a = here(port);
     const int s = socket(AF_INET, SOCK_STREAM, 0);
-    char path[SST_PATH_MAX];
     int64_t before;
 
     (void)state;
     assert_int_equal(bind(s, (const struct sockaddr *)&a, sizeof(a)), 0);
     assert_int_equal(listen(s, 4), 0);
-    snprintf(path, sizeof(path), "%s/ca", folder);
     for (int tls = 0; tls < 2; tls++) {
         if (tls) {
-            assert_int_equal(sst_file_write(path, "", 0), 0);
-            strcpy(cfg.mqtt.ca_file,
-                   access("/etc/ssl/certs/ca-certificates.crt", R_OK) ? path : "/etc/ssl/certs/ca-certificates.crt");
+            assert_int_equal(sst_file_write(test_path("ca"), "", 0), 0);
+            strcpy(cfg.mqtt.ca_file, access("/etc/ssl/certs/ca-certificates.crt", R_OK)
+                                         ? test_path("ca")
+                                         : "/etc/ssl/certs/ca-certificates.crt");
         }
         open_mqtt();
         usleep(300000);

@@ -12,6 +12,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/mem.h"
+#include "base/text.h"
 #include "base/thread.h"
 #include "tests/small.h"
 #include "tests/test.h"
@@ -74,6 +75,36 @@ static void alloc_refuses_overflow(void **state SST_UNUSED)
     sst_mem_free(p);
     assert_null(sst_mem_alloc(SIZE_MAX / 2, 3));
     assert_null(sst_mem_alloc(SIZE_MAX, 1));
+}
+
+static void arrays_grow_and_keep_their_elements(void **state SST_UNUSED)
+{
+    int *list = NULL, capacity = 0;
+
+    for (int i = 0; i < 1000; i++) {
+        assert_true(sst_mem_grow(&list, i, &capacity, sizeof(*list)));
+        assert_true(capacity > i);
+        list[i] = i;
+    }
+    for (int i = 0; i < 1000; i++)
+        assert_int_equal(list[i], i);
+    free(list);
+}
+
+static void texts_are_added_as_far_as_they_fit(void **state SST_UNUSED)
+{
+    char text[8] = "";
+
+    sst_text_add(text, sizeof(text), "%s%d", "a", 12);
+    assert_string_equal(text, "a12");
+    sst_text_add(text, sizeof(text), ", %s", "longer");
+    assert_string_equal(text, "a12, lo");
+    sst_text_add(text, sizeof(text), "more");
+    assert_string_equal(text, "a12, lo");
+    assert_true(sst_text_ends("a.png", ".png"));
+    assert_false(sst_text_ends(".png", ".png"));
+    assert_false(sst_text_ends("a.PNG", ".png"));
+    assert_false(sst_text_ends("", ".png"));
 }
 
 static void outfile_appears_whole_or_not(void **state SST_UNUSED)
@@ -222,9 +253,10 @@ static void interrupt_leaves_whole_folders(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(parallel_for_runs_every_index),  cmocka_unit_test(parallel_for_reports_the_lowest_error),
-        cmocka_unit_test(parallel_for_shows_one_error),   cmocka_unit_test(alloc_refuses_overflow),
-        cmocka_unit_test(outfile_appears_whole_or_not),   cmocka_unit_test(swap_exchanges_or_moves),
+        cmocka_unit_test(parallel_for_runs_every_index),       cmocka_unit_test(parallel_for_reports_the_lowest_error),
+        cmocka_unit_test(parallel_for_shows_one_error),        cmocka_unit_test(alloc_refuses_overflow),
+        cmocka_unit_test(arrays_grow_and_keep_their_elements), cmocka_unit_test(texts_are_added_as_far_as_they_fit),
+        cmocka_unit_test(outfile_appears_whole_or_not),        cmocka_unit_test(swap_exchanges_or_moves),
         cmocka_unit_test(interrupt_leaves_whole_folders),
     };
 

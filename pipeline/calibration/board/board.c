@@ -9,6 +9,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "base/yaml.h"
 
 #define SQUARES_MAX    100 /* along a side */
@@ -298,8 +299,7 @@ static int read_kalibr(struct sst_board *b, const char *path)
 
 int sst_board_parse(struct sst_board *out, const char *text)
 {
-    const size_t n = strlen(text);
-    const bool file = (n > 5 && !strcmp(text + n - 5, ".yaml")) || (n > 4 && !strcmp(text + n - 4, ".yml")) ||
+    const bool file = sst_text_ends(text, ".yaml") || sst_text_ends(text, ".yml") ||
                       (sst_path_exists(text) && !sst_path_is_dir(text));
     struct sst_board b = { 0 };
     const char *fault;

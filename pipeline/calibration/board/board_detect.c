@@ -5,7 +5,6 @@
 
 #include "base/stats.h"
 #include "pipeline/calibration/board/board_internal.h"
-#include "pipeline/camera/numbers.h"
 
 #define LEAST_POINTS  6
 #define COARSE_SIDE   1100 /* px: larger pictures are searched only if nothing is found at this size */

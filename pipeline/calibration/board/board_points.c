@@ -7,7 +7,6 @@
 #include "base/stats.h"
 #include "pipeline/calibration/board/board_internal.h"
 #include "pipeline/calibration/board/homography.h"
-#include "pipeline/camera/numbers.h"
 
 #define NEIGHBOURS  14
 #define GROW_ROUNDS 12

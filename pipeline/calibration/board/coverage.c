@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/text.h"
 #include "pipeline/calibration/board/homography.h"
 
 #define TILT_COS       0.96592582628906829 /* of 15 degrees */
@@ -119,9 +120,7 @@ double sst_coverage_share(const struct sst_coverage *c)
 
 static void append(char out[160], const char *what)
 {
-    const size_t n = strlen(out);
-
-    snprintf(out + n, 160 - n, "%s%s", n ? ", " : "", what);
+    sst_text_add(out, 160, "%s%s", *out ? ", " : "", what);
 }
 
 /* Nine regions: cells 0-1, 2, 3-4 each way. The emptiest first; ties: corners before sides. */

@@ -35,10 +35,10 @@ enum sst_detect_outcome {
 struct sst_detections {
     struct sst_board board;
     int rows, cols, width, height;
-    int frames;
+    int frames, frame_capacity;
     char (*frame_name)[64];  /* [frames]; for messages */
     char (*camera_name)[64]; /* [rows * cols]; "" for holes of the grid */
-    int count;
+    int count, capacity;
     struct sst_detection *detection; /* in ascending order of frame, then view */
     int outcome[6];                  /* pictures by sst_detect_outcome */
     bool rig;                        /* the views are poses of one camera: one lens for all */

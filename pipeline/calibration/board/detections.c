@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/mem.h"
 #include "pipeline/calibration/board/detect.h"
 
 int sst_detections_init(struct sst_detections *all, const struct sst_board *board, int rows, int cols, int width,
@@ -33,26 +34,9 @@ void sst_detections_fini(struct sst_detections *all)
     *all = (struct sst_detections){ 0 };
 }
 
-/* Reserve one more element; capacity doubles. */
-static bool grow(void **list, int count, size_t size)
-{
-    void *more;
-
-    if (count & (count - 1) && count > 0)
-        return true;
-    more = realloc(*list, (count ? 2 * (size_t)count : 1) * size);
-    if (more)
-        *list = more;
-    return more;
-}
-
 int sst_detections_frame(struct sst_detections *all, const char *name)
 {
-    void *list = all->frame_name;
-    const bool room = grow(&list, all->frames, sizeof(*all->frame_name));
-
-    all->frame_name = list;
-    if (!room)
+    if (!sst_mem_grow(&all->frame_name, all->frames, &all->frame_capacity, sizeof(*all->frame_name)))
         return -ENOMEM;
     snprintf(all->frame_name[all->frames], sizeof(*all->frame_name), "%s", name);
     return all->frames++;
@@ -162,8 +146,6 @@ int sst_detections_add(struct sst_detections *all, struct sst_detection *detecti
     const int ways =
         all->board.kind == SST_BOARD_CHESSBOARD ? sst_chessboard_ways(all->board.cols - 1, all->board.rows - 1) : 1;
     int at = all->count, first, end;
-    void *list = all->detection;
-    bool room;
 
     if (!sound(all, detection))
         return -EINVAL;
@@ -173,9 +155,7 @@ int sst_detections_add(struct sst_detections *all, struct sst_detection *detecti
         at--;
     if (at > 0 && all->detection[at - 1].frame == detection->frame && all->detection[at - 1].view == detection->view)
         return -EINVAL;
-    room = grow(&list, all->count, sizeof(*all->detection));
-    all->detection = list;
-    if (!room)
+    if (!sst_mem_grow(&all->detection, all->count, &all->capacity, sizeof(*all->detection)))
         return -ENOMEM;
     memmove(&all->detection[at + 1], &all->detection[at], (size_t)(all->count - at) * sizeof(*all->detection));
     all->detection[at] = *detection;

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/mem.h"
 #include "pipeline/calibration/photometric/photometric.h"
 #include "pipeline/image/srgb.h"
 
@@ -234,15 +235,8 @@ static bool is_fair(const struct measured *m)
 
 static int keep(struct sst_photometric_samples *all, const struct sst_photometric_sample *s)
 {
-    if (all->count == all->capacity) {
-        const int capacity = all->capacity ? 2 * all->capacity : 256;
-        struct sst_photometric_sample *grown = realloc(all->sample, (size_t)capacity * sizeof(*grown));
-
-        if (!grown)
-            return -ENOMEM;
-        all->sample = grown;
-        all->capacity = capacity;
-    }
+    if (!sst_mem_grow(&all->sample, all->count, &all->capacity, sizeof(*all->sample)))
+        return -ENOMEM;
     all->sample[all->count++] = *s;
     return 0;
 }

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "base/stats.h"
-#include "pipeline/camera/numbers.h"
 
 #define ROUNDS       40
 #define HUBER_ROUNDS 6

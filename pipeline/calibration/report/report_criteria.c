@@ -5,6 +5,8 @@
 
 #include "pipeline/calibration/report/report_internal.h"
 
+#include "base/text.h"
+
 /* Below this difference the halves of a cross-validation agree, whatever the uncertainties let expect. */
 #define CROSS_HARMLESS_PX 0.1
 
@@ -151,10 +153,8 @@ static void judge_missing(struct report_figures *f, const struct sst_solution *s
     struct report_criterion *c = add(f, MISSING, f->known ? f->missing : (double)NAN);
 
     for (int k = 0; k < f->views && f->missing; k++) {
-        const size_t used = strlen(c->where);
-
         if (f->camera[k].expected && !s->calib.camera[k].known)
-            snprintf(c->where + used, sizeof(c->where) - used, "%s%s", used ? ", " : "", f->camera[k].name);
+            sst_text_add(c->where, sizeof(c->where), "%s%s", *c->where ? ", " : "", f->camera[k].name);
     }
 }
 

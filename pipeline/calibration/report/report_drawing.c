@@ -154,16 +154,7 @@ static int cut_out(struct sst_image *out, const struct sst_image *in, struct cut
         for (int y = 0; y < cut.height; y++)
             memcpy(sst_image_row(out, c, y), sst_image_row(in, c, cut.y + y) + cut.x, (size_t)cut.width);
     }
-    while (!err && out->width > SHOWN_PX) {
-        struct sst_image half;
-
-        err = sst_image_halve(&half, out);
-        if (err)
-            break;
-        sst_image_fini(out);
-        *out = half;
-    }
-    return err;
+    return err ? err : sst_image_shrink(out, SHOWN_PX);
 }
 
 /* RFC 4648. @return to free, NULL: no memory */

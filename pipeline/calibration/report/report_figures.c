@@ -8,7 +8,6 @@
 #include "base/stats.h"
 #include "pipeline/calibration/board/coverage.h"
 #include "pipeline/calibration/report/report_internal.h"
-#include "pipeline/camera/numbers.h"
 
 #define REGIONS      (REPORT_ROWS * REPORT_COLS)
 #define TEST_CORNERS 8    /* of a region whose directions are tested */

@@ -318,11 +318,6 @@ static int open_jpeg(struct decoder *d)
 
 /* --- both --------------------------------------------------------------------------------------------------------- */
 
-bool decoder_is_jpeg(uint32_t fourcc)
-{
-    return fourcc == V4L2_PIX_FMT_MJPEG || fourcc == V4L2_PIX_FMT_JPEG;
-}
-
 static bool is_raw(uint32_t fourcc, int width)
 {
     int x, y;
@@ -333,7 +328,7 @@ static bool is_raw(uint32_t fourcc, int width)
 
 int decoder_create(struct decoder **out, uint32_t fourcc, int width, int height)
 {
-    const bool jpeg = decoder_is_jpeg(fourcc);
+    const bool jpeg = sst_raw_is_jpeg(fourcc);
     struct decoder *d;
     int err = 0;
 
@@ -376,7 +371,7 @@ int decoder_read_means(struct decoder *d, const struct decoder_frame *frame, str
     struct sst_raw raw;
     int err;
 
-    if (decoder_is_jpeg(d->fourcc))
+    if (sst_raw_is_jpeg(d->fourcc))
         return jpeg_means(d, frame, means);
     err = raw_of(d, frame, &raw);
     if (!err)
@@ -388,7 +383,7 @@ int decoder_decode(struct decoder *d, const struct decoder_frame *frame, int x0,
                    const uint8_t **pixels, size_t *stride)
 {
     const int err =
-        decoder_is_jpeg(d->fourcc) ? decode_jpeg(d, frame, x0, y0, x1, y1) : decode_raw(d, frame, x0, y0, x1, y1);
+        sst_raw_is_jpeg(d->fourcc) ? decode_jpeg(d, frame, x0, y0, x1, y1) : decode_raw(d, frame, x0, y0, x1, y1);
 
     if (err)
         return err;

@@ -11,6 +11,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/image/raw.h"
 #include "pipeline/live/frames/frames_internal.h"
 
 #define ABSENT_NS 2000000000
@@ -167,7 +168,7 @@ int sst_liveframes_open(struct sst_liveframes **out, const struct sst_live_confi
     f->cols = tiles_across(lf->width);
     f->rows = tiles_across(lf->height);
     /* Frames of normal quality fit; larger ones are read again even if nothing changed. */
-    f->last_room = decoder_is_jpeg(cfg->fourcc) ? (size_t)cfg->width * (size_t)cfg->height / 2 : 0;
+    f->last_room = sst_raw_is_jpeg(cfg->fourcc) ? (size_t)cfg->width * (size_t)cfg->height / 2 : 0;
     f->all = true;
     f->sample = SST_LIVE_SAMPLE_SETS;
     err = open_all(f);

@@ -37,8 +37,6 @@ struct decoder; /* one thread at a time */
 SST_MUST_CHECK int decoder_create(struct decoder **out, uint32_t fourcc, int width, int height);
 void decoder_destroy(struct decoder *d);
 
-bool decoder_is_jpeg(uint32_t fourcc);
-
 /** A camera's bytes; stride 0: rows without padding, or JPEG. */
 struct decoder_frame {
     const uint8_t *data;

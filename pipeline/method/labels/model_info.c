@@ -9,6 +9,7 @@
 #include <strings.h>
 
 #include "base/log.h"
+#include "base/text.h"
 #include "base/yaml.h"
 
 #define MEAN_MAX 1000.0
@@ -453,7 +454,7 @@ int sst_labels_model_info_parse(struct sst_model_info *out, const struct sst_net
 
 int sst_labels_model_sidecar(char out[SST_PATH_MAX], const char *path)
 {
-    const size_t n = strlen(path), stem = n > 5 && !strcmp(path + n - 5, ".onnx") ? n - 5 : n;
+    const size_t n = strlen(path), stem = sst_text_ends(path, ".onnx") ? n - 5 : n;
     char instead[SST_PATH_MAX], added[SST_PATH_MAX];
 
     if (n + sizeof(".yaml") > SST_PATH_MAX) {

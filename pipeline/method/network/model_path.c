@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/text.h"
 
 static void add_folder(struct sst_model_folders *f, const char *folder)
 {
@@ -66,12 +67,11 @@ int sst_model_path(char out[SST_PATH_MAX], const char *name)
 
 int sst_model_resolve(char out[SST_PATH_MAX], const char *text)
 {
-    const size_t n = strlen(text);
-    const bool onnx = n > 5 && !strcmp(text + n - 5, ".onnx");
+    const bool onnx = sst_text_ends(text, ".onnx");
     char name[256];
     int err = -ENOPKG;
 
-    if (!strchr(text, '/') && *text && n < sizeof(name) - 5 && !(onnx && sst_path_exists(text))) {
+    if (!strchr(text, '/') && *text && strlen(text) < sizeof(name) - 5 && !(onnx && sst_path_exists(text))) {
         snprintf(name, sizeof(name), "%s%s", text, onnx ? "" : ".onnx");
         err = sst_model_find(out, name);
         if (err == -ENOPKG && !strchr(text, '.') && !sst_path_exists(text)) {

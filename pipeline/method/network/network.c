@@ -59,15 +59,11 @@ static int copy_metadata(struct sst_network *net, const struct sst_onnx *model)
     return 0;
 }
 
-/* The first input that is not a constant (old files list those as well), or NULL. */
+/* The first input that is not a constant, or NULL. */
 static const struct sst_onnx_value *find_input(const struct sst_onnx *model)
 {
     for (int i = 0; i < model->n_ins; i++) {
-        bool constant = false;
-
-        for (int k = 0; k < model->n_tensors && !constant; k++)
-            constant = sst_onnx_str_same(model->tensors[k].name, model->ins[i].name);
-        if (!constant)
+        if (!sst_onnx_is_constant(model, &model->ins[i]))
             return &model->ins[i];
     }
     return NULL;

@@ -136,6 +136,15 @@ bool sst_onnx_str_is(struct sst_onnx_str s, const char *text)
     return sst_onnx_str_same(s, (struct sst_onnx_str){ text, strlen(text) });
 }
 
+bool sst_onnx_is_constant(const struct sst_onnx *model, const struct sst_onnx_value *in)
+{
+    for (int i = 0; i < model->n_tensors; i++) {
+        if (sst_onnx_str_same(model->tensors[i].name, in->name))
+            return true;
+    }
+    return false;
+}
+
 /* Names appear in messages. */
 static bool printable(struct sst_onnx_str s)
 {

@@ -116,6 +116,9 @@ struct sst_summary {
     struct sst_op_count ops[SST_SUMMARY_MAX_OPS]; /* most frequent first, then by name; the rarest are dropped */
 };
 
+/** Is a listed input a constant of the file? (Old files list those as well.) */
+bool sst_onnx_is_constant(const struct sst_onnx *model, const struct sst_onnx_value *in);
+
 void sst_onnx_summary(struct sst_summary *out, const struct sst_onnx *model);
 
 #endif

@@ -34,15 +34,8 @@ int net_plan_add_tensor(struct net_plan *p, int value, const dnnl_memory_desc_t 
     const struct sst_shape shape = p->shapes[value];
     struct net_plan_tensor *t;
 
-    if (p->n_tensors == p->tensors_room) {
-        const int room = p->tensors_room ? 2 * p->tensors_room : 32;
-
-        t = realloc(p->tensors, (size_t)room * sizeof(*t));
-        if (!t)
-            return -ENOMEM;
-        p->tensors = t;
-        p->tensors_room = room;
-    }
+    if (!sst_mem_grow(&p->tensors, p->n_tensors, &p->tensors_room, sizeof(*p->tensors)))
+        return -ENOMEM;
     t = &p->tensors[p->n_tensors];
     *t = (struct net_plan_tensor){
         .value = value,
@@ -61,15 +54,8 @@ struct net_plan_step *net_plan_add_step(struct net_plan *p, const struct sst_op 
 {
     struct net_plan_step *s;
 
-    if (p->n_steps == p->steps_room) {
-        const int room = p->steps_room ? 2 * p->steps_room : 32;
-
-        s = realloc(p->steps, (size_t)room * sizeof(*s));
-        if (!s)
-            return NULL;
-        p->steps = s;
-        p->steps_room = room;
-    }
+    if (!sst_mem_grow(&p->steps, p->n_steps, &p->steps_room, sizeof(*p->steps)))
+        return NULL;
     s = &p->steps[p->n_steps++];
     *s = (struct net_plan_step){ .op = op };
     return s;

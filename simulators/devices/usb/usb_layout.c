@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/mem.h"
 #include "simulators/devices/usb/usb_internal.h"
 
 #define HUB_PORTS 4
@@ -31,15 +32,8 @@ bool sst_sim_usb_layout(int i, const char **name, const char **help)
 
 static struct sst_sim_usb_device *append(struct sst_sim_usb *usb)
 {
-    if (usb->count == usb->room) {
-        const int room = usb->room ? 2 * usb->room : 64;
-        struct sst_sim_usb_device *more = realloc(usb->device, (size_t)room * sizeof(*more));
-
-        if (!more)
-            return NULL;
-        usb->device = more;
-        usb->room = room;
-    }
+    if (!sst_mem_grow(&usb->device, usb->count, &usb->room, sizeof(*usb->device)))
+        return NULL;
     usb->device[usb->count] = (struct sst_sim_usb_device){ .parent = -1, .twin = -1, .camera = -1, .plugged = true };
     return &usb->device[usb->count++];
 }

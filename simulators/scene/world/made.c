@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/mem.h"
+
 struct item {
     struct sim_made_key key;
     struct sim_jpeg frame;
@@ -93,16 +95,9 @@ int sim_made_keep(struct sim_made *m, const struct sim_made_key *key, const stru
 
     while (m->bytes && m->bytes + frame->bytes > m->budget)
         drop_oldest(m);
-    if (s->count == s->capacity) {
-        const int capacity = s->capacity ? 2 * s->capacity : 8;
-        struct item *grown = realloc(s->items, (size_t)capacity * sizeof(*grown));
-
-        if (!grown) {
-            free(frame->data);
-            return -ENOMEM;
-        }
-        s->items = grown;
-        s->capacity = capacity;
+    if (!sst_mem_grow(&s->items, s->count, &s->capacity, sizeof(*s->items))) {
+        free(frame->data);
+        return -ENOMEM;
     }
     s->items[s->count++] = (struct item){ *key, *frame, ++m->clock };
     m->bytes += frame->bytes;

@@ -1,0 +1,15 @@
+/* base/text.h - texts that are put together from parts; their endings. */
+#ifndef SST_BASE_TEXT_H
+#define SST_BASE_TEXT_H
+
+#include <stdbool.h>
+
+#include "base/base.h"
+
+/** Append to a text of `size` bytes, NUL included; what does not fit is left out. */
+void sst_text_add(char *text, size_t size, const char *fmt, ...) SST_PRINTF(3, 4);
+
+/** Does a text end so (".png") and is it longer? Case counts. */
+bool sst_text_ends(const char *text, const char *end);
+
+#endif
