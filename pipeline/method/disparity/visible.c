@@ -14,10 +14,8 @@
 #include "base/thread.h"
 #include "pipeline/method/disparity/stage.h"
 
-#define MARGIN  2  /* columns and rows around a packed view */
-#define SIMILAR 24 /* levels: pixels of a window that count */
-#define SETTLED 60 /* cost, in the units of SST_HYPOTHESIS_LIMIT, at which a pixel's own disparity is not questioned   \
-                    */
+#define MARGIN         2  /* columns and rows around a packed view */
+#define SIMILAR        24 /* levels: pixels of a window that count */
 #define LEVELS_RANGE   24 /* the range's share that makes a step: surfaces that are nearer to each other are one */
 #define STEP_LEAST     8  /* 1/64 px */
 #define STEP_MOST      96 /* 1/64 px: a pixel and a half, what checks and noise of the first pass leave */
@@ -377,7 +375,7 @@ static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k)
                                        .code = p->code,
                                        .tolerance = p->step,
                                        .similar = SIMILAR,
-                                       .settled = SETTLED };
+                                       .settled = CHANGE };
     for (int i = 0; i < t->views; i++) {
         const struct packed *at = &p->view[nearest[i]];
         const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
@@ -514,7 +512,7 @@ static void choose_row(const struct lists *l, int y, uint16_t *disp, uint8_t *co
 }
 
 /* Where colours are alike everywhere, no hypothesis is better than another by more than noise: the pixel's own one
- * stays. */
+ * stays. One that costs CHANGE or less cannot lose, and no other is tested. */
 static void prefer_own(uint16_t *cost, const uint8_t *count, int n)
 {
     for (int x = 0; x < n; x++) {
