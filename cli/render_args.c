@@ -177,9 +177,15 @@ static int find_removed(struct render_input *in, struct render_args *a, const st
     if (r != CLI_GO_ON || a->cfg.method != SST_RENDER_CLEAR)
         return r;
     a->cfg.remove = in->removed;
-    if (isnan(a->cut) && !a->remove_label && !a->remove_at && sst_render_find_cut(in->renderer, &a->cut)) {
-        sst_log_error("%s: no cut found; give --cut D, --remove-label or --remove-at", in->path);
-        return CLI_INPUT;
+    if (isnan(a->cut) && !a->remove_label && !a->remove_at) {
+        const int err = sst_render_find_cut(in->renderer, &a->cut);
+
+        if (err == -ENODATA)
+            sst_log_error("%s: its disparities show no gap between what stands in front and the rest; give --cut D, "
+                          "--remove-label NAME or --remove-at X,Y",
+                          in->path);
+        if (err)
+            return cli_exit_code(err);
     }
     a->cfg.cut_px = isnan(a->cut) ? INFINITY : a->cut;
     return CLI_GO_ON;

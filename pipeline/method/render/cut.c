@@ -8,13 +8,15 @@
 #define COLUMN_Q6   16   /* 1/4 px: columns of the histogram */
 #define REACH       2    /* smoothed over this many columns to each side */
 #define SPARSE      0.3  /* of the mean density: columns of a gap have less */
-#define LEAST_SHARE 0.03 /* of all rays on each side of a gap */
+#define LEAST_SHARE 0.05 /* of all rays on each side of a gap */
+
+#define LEAST_WIDTH 0.1 /* of a gap, of all columns in use */
 
 /* Densities of disparities, mean 1. */
 struct density {
-    int columns;
-    double *smooth; /* [columns] */
-    double *nearer; /* [columns + 1] share of the rays in columns from here on */
+    int columns, first; /* the first in use */
+    double *smooth;     /* [columns] */
+    double *nearer;     /* [columns + 1] share of the rays in columns from here on */
 };
 
 static double column_count(const struct sst_label_histogram *h, int column)
@@ -35,6 +37,7 @@ static int measure(struct density *d, const struct sst_label_histogram *h)
     double *plain, total;
 
     d->columns = columns;
+    d->first = first;
     d->smooth = sst_mem_alloc(3 * (size_t)columns + 1, sizeof(double));
     if (!d->smooth)
         return -ENOMEM;
@@ -81,6 +84,8 @@ static double gap_score(const struct density *d, int from, int to)
 {
     double emptiness = 0;
 
+    if (to - from < LEAST_WIDTH * (d->columns - d->first))
+        return 0;
     for (int i = from; i < to; i++)
         emptiness += 1 - d->smooth[i] / SPARSE;
     return emptiness * sqrt(fmin(d->nearer[to], 1 - d->nearer[from]));
@@ -121,10 +126,8 @@ int sst_render_find_cut(struct sst_renderer *r, double *cut_px)
     sst_mem_free(d.smooth);
     if (err)
         return err;
-    if (column < 0) {
-        sst_log_error("the disparities have no gap between what stands in front and the rest; give the cut yourself");
+    if (column < 0)
         return -ENODATA;
-    }
     *cut_px = r->lf->disp_min_px + column * COLUMN_Q6 / SST_DISP_SCALE;
     return 0;
 }

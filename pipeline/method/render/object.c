@@ -9,14 +9,21 @@
 #include "pipeline/method/render/plan.h"
 
 #define STEP_PX     0.5 /* of disparity between neighbouring pixels of one object ... */
-#define STEP_LEVELS 120 /* ... of one colour; and of colour (sum of R, G, B) where the disparity is the same */
+#define STEP_LEVELS 300 /* ... of one colour; and of colour (sum of R, G, B) where the disparity is the same */
 #define SAME_PX     1.0 /* disparities of one surface in two views */
+/* The ground comes nearer from row to row, and is level to both sides. */
+#define SLOPE_ROWS    4   /* up and down, over which the slope is measured */
+#define GROUND_PX     0.6 /* of disparity that it gains over these rows, at least, and at most ... */
+#define STEEP_PX      3.0 /* ... from where on it is an outline */
+#define LEVEL_COLUMNS 8   /* to both sides ... */
+#define LEVEL_PX      0.2 /* ... that differ by less */
 
 struct object {
     const struct sst_lightfield *lf;
     struct sst_map_u8 *mask; /* [rows * cols] */
     int view;                /* in which the region is known */
     const struct sst_map_u8 *region;
+    bool ground;            /* the region is ground itself */
     double near_px, far_px; /* disparities of the region */
 };
 
@@ -34,6 +41,19 @@ static bool disparity_at(const struct sst_lightfield *lf, int view, int x, int y
 
     *d = q == SST_DISP_NONE ? NAN : sst_disp_px(lf, q);
     return q != SST_DISP_NONE;
+}
+
+/* Does a pixel show the ground? Objects that stand on it end there. */
+static bool is_ground(const struct sst_lightfield *lf, int view, int x, int y)
+{
+    double at, above, below, left, right;
+
+    if (y < SLOPE_ROWS || y + SLOPE_ROWS >= lf->height || x < LEVEL_COLUMNS || x + LEVEL_COLUMNS >= lf->width)
+        return false;
+    return disparity_at(lf, view, x, y, &at) && disparity_at(lf, view, x, y - SLOPE_ROWS, &above) &&
+           disparity_at(lf, view, x, y + SLOPE_ROWS, &below) && disparity_at(lf, view, x - LEVEL_COLUMNS, y, &left) &&
+           disparity_at(lf, view, x + LEVEL_COLUMNS, y, &right) && below - above > GROUND_PX &&
+           below - above < STEEP_PX && fabs(left - at) < LEVEL_PX && fabs(right - at) < LEVEL_PX;
 }
 
 /* Do two neighbouring pixels belong to one object? */
@@ -87,7 +107,7 @@ static void spread(struct front *f)
 
             if (x2 >= 0 && y2 >= 0 && x2 < lf->width && y2 < lf->height &&
                 !sst_map_u8_row(&f->o->mask[f->view], y2)[x2] && joined(lf, f->view, x, y, x2, y2) &&
-                may_continue(f->o, f->view, x2, y2))
+                (f->o->ground || !is_ground(lf, f->view, x2, y2)) && may_continue(f->o, f->view, x2, y2))
                 visit(f, x2, y2);
         }
     }
@@ -133,6 +153,32 @@ static int carry(void *arg, int view, int worker SST_UNUSED)
     if (!err && view != o->view)
         spread(&f);
     sst_mem_free(f.pixel);
+    return err;
+}
+
+/* Outlines mix object and surroundings, and their disparities are the least certain: one pixel more on every side. */
+static int widen(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct object *o = arg;
+    struct sst_map_u8 *mask = &o->mask[view];
+    struct sst_map_u8 from = *mask;
+    int err = from.data ? sst_map_u8_init(mask, from.width, from.height) : 0;
+
+    for (int y = 0; y < from.height && !err; y++) {
+        for (int x = 0; x < from.width; x++) {
+            uint8_t any = 0;
+
+            for (int dy = y > 0 ? -1 : 0; dy <= (y + 1 < from.height); dy++) {
+                for (int dx = x > 0 ? -1 : 0; dx <= (x + 1 < from.width); dx++)
+                    any |= sst_map_u8_row(&from, y + dy)[x + dx];
+            }
+            sst_map_u8_row(mask, y)[x] = any;
+        }
+    }
+    if (err)
+        *mask = from;
+    else
+        sst_map_u8_fini(&from);
     return err;
 }
 
@@ -186,6 +232,8 @@ int sst_render_carry_object(struct sst_map_u8 *mask, const struct sst_lightfield
     err = measure_range(&o);
     if (!err)
         err = sst_parallel_for(lf->rows * lf->cols, threads, carry, &o);
+    if (!err)
+        err = sst_parallel_for(lf->rows * lf->cols, threads, widen, &o);
     if (err)
         sst_log_error("not enough memory to find an object in %d views", lf->rows * lf->cols);
     return err;
@@ -208,6 +256,7 @@ int sst_render_grow_object(struct sst_map_u8 *mask, const struct sst_lightfield 
         sst_log_error("the disparity of pixel %d,%d is unknown; choose another pixel of the object", x, y);
         return -ENODATA;
     }
+    o.ground = is_ground(lf, lf->ref_view, x, y);
     o.near_px = d + 0.04 * fmax(lf->range_max_px - lf->range_min_px, 50 * SAME_PX);
     o.far_px = d - 0.04 * fmax(lf->range_max_px - lf->range_min_px, 50 * SAME_PX);
     err = open_front(&f, &o, lf->ref_view);

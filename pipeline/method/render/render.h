@@ -127,7 +127,7 @@ SST_MUST_CHECK int sst_render(struct sst_renderer *r, const struct sst_render_co
  * disparities of all views.
  *
  * @param cut_px  out, px per spacing; untouched on failure
- * @return 0, -ENODATA (no gap: everything in one depth, or spread without one; no disparities), -ENOMEM; logged.
+ * @return 0, -ENODATA (no gap: everything in one depth, or spread without one; no disparities; not logged), -ENOMEM (logged)
  */
 SST_MUST_CHECK int sst_render_find_cut(struct sst_renderer *r, double *cut_px);
 
