@@ -436,6 +436,25 @@ static void clear_fini(struct clear *c)
     sst_mem_free(c->rows);
 }
 
+/* Between the views there are rays for every viewpoint; outside there are not. */
+static int check_viewpoint(const struct sst_render_config *cfg, const struct sst_render_plan *p)
+{
+    double x[2] = { INFINITY, -INFINITY }, y[2] = { INFINITY, -INFINITY };
+
+    for (int i = 0; i < p->count; i++) {
+        x[0] = fmin(x[0], p->tap[i].v->bx);
+        x[1] = fmax(x[1], p->tap[i].v->bx);
+        y[0] = fmin(y[0], p->tap[i].v->by);
+        y[1] = fmax(y[1], p->tap[i].v->by);
+    }
+    if (cfg->view_bx > x[0] - 1e-6 && cfg->view_bx < x[1] + 1e-6 && cfg->view_by > y[0] - 1e-6 &&
+        cfg->view_by < y[1] + 1e-6)
+        return 0;
+    sst_log_error("the viewpoint (%g, %g) lies outside the views; choose one in %g..%g, %g..%g spacings", cfg->view_bx,
+                  cfg->view_by, x[0], x[1], y[0], y[1]);
+    return -ERANGE;
+}
+
 static int check_config(const struct sst_render_config *cfg, const struct sst_render_plan *p)
 {
     if (isnan(cfg->cut_px) || cfg->remove_label < 0 || cfg->remove_label > 255) {
@@ -448,7 +467,7 @@ static int check_config(const struct sst_render_config *cfg, const struct sst_re
             return -ENODATA;
         }
     }
-    return 0;
+    return check_viewpoint(cfg, p);
 }
 
 /* Views, samplers of raw frames and limits are those of plain refocusing on the middle of the scene. */

@@ -116,8 +116,8 @@ int sst_renderer_labels(struct sst_renderer *r, int label[255]);
  *               the caller. SST_RENDER_CLEAR: 255 seen, 64 filled from the surroundings, 0 unknown: no view shows
  *               anything
  * @return 0, -ERANGE (focus outside the disparities of the light field by more than a tenth of their range plus a
- * pixel, or so large that the views do not overlap; no view in the aperture), -EINVAL (a value of cfg, sizes), -ENODATA
- *         (SST or CLEAR without disparity in some view used), -ENOMEM; logged.
+ * pixel, or so large that the views do not overlap; no view in the aperture; CLEAR: viewpoint outside the views),
+ * -EINVAL (a value of cfg, sizes), -ENODATA (SST or CLEAR without disparity in some view used), -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
                               struct sst_map_u8 *valid);
@@ -127,7 +127,8 @@ SST_MUST_CHECK int sst_render(struct sst_renderer *r, const struct sst_render_co
  * disparities of all views.
  *
  * @param cut_px  out, px per spacing; untouched on failure
- * @return 0, -ENODATA (no gap: everything in one depth, or spread without one; no disparities; not logged), -ENOMEM (logged)
+ * @return 0, -ENODATA (no gap: everything in one depth, or spread without one; no disparities; not logged), -ENOMEM
+ * (logged)
  */
 SST_MUST_CHECK int sst_render_find_cut(struct sst_renderer *r, double *cut_px);
 
