@@ -1,4 +1,4 @@
-#include "pipeline/method/render/clear.h"
+#include "pipeline/method/render/render_internal.h"
 
 #include <errno.h>
 #include <math.h>
@@ -478,6 +478,10 @@ static int plan_views(struct sst_render_plan *p, struct sst_renderer *r, const s
 
     plain.method = SST_RENDER_REFOCUS;
     plain.focus_px = sst_renderer_disparities(r, &lo, &hi) ? (lo + hi) / 2 : 0;
+    if (cfg->cut_px < lo) {
+        sst_log_error("the cut %g px removes everything; choose one in %.2f..%.2f", cfg->cut_px, lo, hi);
+        return -ERANGE;
+    }
     return sst_render_plan_init(p, r, &plain);
 }
 
@@ -487,14 +491,15 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
 {
     int err = check_config(cfg, p);
 
+    *c = (struct clear){ 0 };
+    if (err)
+        return err;
     *c = (struct clear){ .lf = p->lf,
                          .cfg = cfg,
                          .width = p->lf->width,
                          .height = p->lf->height,
                          .bins = r->histogram.bins,
                          .cut_q6 = cut_q6(p->lf, cfg->cut_px) };
-    if (err)
-        return err;
     for (int i = 0; i < p->count; i++)
         add_view(c, &p->tap[i]);
     err = allocate(c, threads);

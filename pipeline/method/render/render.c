@@ -7,7 +7,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
-#include "pipeline/method/render/clear.h"
+#include "pipeline/method/render/render_internal.h"
 #include "pipeline/method/render/verify.h"
 
 _Static_assert(SST_BLEND_MAX <= SST_SAMPLE_MAX, "a run of rays is sampled in one go");
