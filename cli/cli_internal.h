@@ -375,13 +375,15 @@ int cli_use_calibration(struct sst_use_calibration *use, const struct cli_comman
 struct render_args {
     struct sst_render_config cfg;
     const char *label, *method, *range, *unsupported, *sampling, *verify; /* as written */
+    const char *remove_label, *remove_at;                                 /* of the clear method */
+    double cut;        /* NaN: not given */
     int pictures;      /* that will be rendered: what `--sampling auto` goes by */
     bool views_needed; /* rectified views are looked at besides */
     double f_stop;     /* 0: not given */
     bool json, force;
 };
 
-#define RENDER_OPTIONS 20
+#define RENDER_OPTIONS 23
 
 /** The shared options, their values set to the defaults; pictures is 1. */
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a);
@@ -401,11 +403,12 @@ struct render_input {
     const char *path;
     struct sst_lightfield lf;
     struct sst_renderer *renderer;
+    struct sst_map_u8 *removed; /* of --remove-at: [rows * cols]; NULL: not given */
 };
 
 /**
- * Read the words among the options, load what the method needs, as raw frames or rectified, find the label and turn the
- * f-stop into a radius.
+ * Read the words among the options, load what the method needs, as raw frames or rectified, find the label and what the
+ * clear method removes, and turn the f-stop into a radius.
  * @return CLI_GO_ON, or the exit code of the failure, which was logged; then nothing is to be freed
  */
 int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path);

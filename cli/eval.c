@@ -34,6 +34,19 @@ static json_t *picture_json(const struct sst_picture_error *p)
                      "seconds", cli_real_json(p->seconds));
 }
 
+/* Without an occluder (index -1) all is null. */
+static json_t *clear_json(const struct sst_evaluation *r, int index)
+{
+    static const struct sst_picture_error none = { NAN, NAN, NAN, NAN, NAN };
+    json_t *o = picture_json(index < 0 ? &none : &r->occluder[index].clear);
+
+    json_object_set_new(o, "psnr_holes", cli_real_json(index < 0 ? NAN : r->occluder[index].psnr_holes));
+    json_object_set_new(o, "ssim_holes", cli_real_json(index < 0 ? NAN : r->occluder[index].ssim_holes));
+    json_object_set_new(o, "filled_percent", cli_real_json(index < 0 ? NAN : r->occluder[index].filled));
+    json_object_set_new(o, "cut_px", cli_real_json(index < 0 ? NAN : r->occluder[index].cut_px));
+    return o;
+}
+
 static json_t *report_json(const struct sst_evaluation *r, const struct sst_truth *truth)
 {
     static const struct sst_picture_error none = { NAN, NAN, NAN, NAN, NAN };
@@ -43,17 +56,18 @@ static json_t *report_json(const struct sst_evaluation *r, const struct sst_trut
     for (int i = 0; i < r->occluders; i++) {
         const struct sst_truth_occluder *o = &truth->occluders[i];
 
-        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o, s:o, s:o}", "name", o->name, "label",
-                                              o->label, "target", o->target, "focus_px", o->focus_px, "covered",
-                                              cli_real_json(r->occluder[i].covered), "rejected_percent",
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o, s:o, s:o, s:o}", "name", o->name,
+                                              "label", o->label, "target", o->target, "focus_px", o->focus_px,
+                                              "covered", cli_real_json(r->occluder[i].covered), "rejected_percent",
                                               cli_real_json(r->occluder[i].rejected), "accepted_wrong_percent",
                                               cli_real_json(r->occluder[i].accepted_wrong), "render",
                                               picture_json(&r->occluder[i].render), "refocus",
-                                              picture_json(&r->occluder[i].refocus)));
+                                              picture_json(&r->occluder[i].refocus), "clear", clear_json(r, i)));
     }
-    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "disparity", disparity, "labels", labels_json(r), "render",
+    return json_pack("{s:o, s:o, s:o, s:o, s:o, s:o}", "disparity", disparity, "labels", labels_json(r), "render",
                      picture_json(r->occluders ? &r->occluder[0].render : &none), "refocus",
-                     picture_json(r->occluders ? &r->occluder[0].refocus : &none), "occluders", list);
+                     picture_json(r->occluders ? &r->occluder[0].refocus : &none), "clear",
+                     clear_json(r, r->occluders ? 0 : -1), "occluders", list);
 }
 
 static void row(const char *name, const double *values, int n, int digits)
@@ -106,6 +120,9 @@ static void print_table(const struct sst_evaluation *r, const struct sst_truth *
         printf("  %-24s    PSNR dB       SSIM   occluded   occluded    seconds\n", "");
         print_picture("see-through", &r->occluder[i].render);
         print_picture("plain refocus", &r->occluder[i].refocus);
+        print_picture("clear", &r->occluder[i].clear);
+        row("  its holes", (double[]){ r->occluder[i].psnr_holes, r->occluder[i].ssim_holes }, 2, 3);
+        row("  filled %, cut px", (double[]){ r->occluder[i].filled, r->occluder[i].cut_px }, 2, 2);
         row("rays rejected falsely %", &r->occluder[i].rejected, 1, 2);
         row("rays accepted falsely %", &r->occluder[i].accepted_wrong, 1, 2);
     }

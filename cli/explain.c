@@ -229,6 +229,7 @@ static int write_rays(const struct explanation *e, int x, int y)
 int cli_render_explain(const struct render_input *in, const struct render_args *a, const char *dir, int x, int y)
 {
     struct explanation e = { .in = in, .args = a, .view = &in->lf.views[in->lf.ref_view] };
+    const bool clear = a->cfg.method == SST_RENDER_CLEAR;
     struct sst_outdir out;
     int err = sst_path_check_output(dir, a->force, "explain.json", (const char *const[]){ in->path, NULL });
 
@@ -236,7 +237,10 @@ int cli_render_explain(const struct render_input *in, const struct render_args *
     if (err)
         return err;
     e.dir = out.temporary;
-    e.root = json_pack("{s:f}", "focus_px", a->cfg.focus_px);
+    e.root = json_pack("{s:o}", clear ? "cut_px" : "focus_px",
+                       cli_real_json(!clear                    ? a->cfg.focus_px
+                                     : isfinite(a->cfg.cut_px) ? a->cfg.cut_px
+                                                               : NAN));
     sst_view_name(&in->lf, in->lf.ref_view, e.name);
     err = write_disparity(&e);
     if (!err && e.view->label.data)
@@ -247,7 +251,7 @@ int cli_render_explain(const struct render_input *in, const struct render_args *
         err = write_stored(&e, "confidence", false);
     if (!err)
         err = write_stored(&e, "entropy", false);
-    if (!err && e.view->disp.data)
+    if (!err && e.view->disp.data && !clear)
         err = write_weights(&e);
     if (!err)
         err = write_rays(&e, x, y);

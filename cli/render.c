@@ -1,10 +1,12 @@
 #include <math.h>
 #include <stdio.h>
+#include <strings.h>
 
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/stats.h"
 #include "cli/cli_internal.h"
+#include "pipeline/image/codec.h"
 
 #define MAX_REPEAT 1000
 
@@ -36,33 +38,55 @@ static int make_picture(struct picture *p, const struct render_input *in, const 
     return err;
 }
 
-static double supported_percent(const struct sst_map_u8 *valid)
+static double share_percent(const struct sst_map_u8 *map, uint8_t value)
 {
     int64_t n = 0;
 
-    for (int y = 0; y < valid->height; y++) {
-        for (int x = 0; x < valid->width; x++)
-            n += sst_map_u8_row(valid, y)[x] != 0;
+    for (int y = 0; y < map->height; y++) {
+        for (int x = 0; x < map->width; x++)
+            n += sst_map_u8_row(map, y)[x] == value;
     }
-    return 100.0 * (double)n / ((double)valid->width * valid->height);
+    return 100.0 * (double)n / ((double)map->width * map->height);
+}
+
+/* What was removed, and how much of the picture no view shows. */
+static void report_clear(json_t *root, const struct picture *p, const struct render_args *a)
+{
+    json_object_set_new(root, "cut_px", cli_real_json(isfinite(a->cfg.cut_px) ? a->cfg.cut_px : NAN));
+    json_object_set_new(root, "remove_label", a->remove_label ? json_string(a->remove_label) : json_null());
+    json_object_set_new(root, "remove_at", a->remove_at ? json_string(a->remove_at) : json_null());
+    json_object_set_new(root, "seen_percent", json_real(share_percent(&p->valid, 255)));
+    json_object_set_new(root, "filled_percent", json_real(share_percent(&p->valid, 64)));
 }
 
 static void report(const struct picture *p, const struct render_input *in, const struct render_args *a, const char *out)
 {
-    const double supported = supported_percent(&p->valid);
+    const double supported = share_percent(&p->valid, 255);
     json_t *root;
     double lo, hi;
 
     if (!a->json) {
         if (p->repeat)
             printf("%s: %.1f ms (median of %d, fastest %.1f ms)\n", out, p->ms[p->repeat / 2], p->repeat, p->ms[0]);
-        if (supported < 100)
+        if (a->cfg.method == SST_RENDER_CLEAR && isfinite(a->cfg.cut_px))
+            sst_log_info("removed what is nearer than %.2f px per spacing; %.2f %% of the pixels are filled from "
+                         "their surroundings: fewer than two views show them",
+                         a->cfg.cut_px, 100 - supported);
+        else if (a->cfg.method == SST_RENDER_CLEAR)
+            sst_log_info("%.2f %% of the pixels are filled from their surroundings: fewer than two views show them",
+                         100 - supported);
+        else if (supported < 100)
             sst_log_info("%.2f %% of the pixels are unsupported: none of their rays ends at the focus",
                          100 - supported);
         return;
     }
-    root = json_pack("{s:s, s:s, s:f, s:i, s:i, s:f}", "output", out, "method", a->method, "focus_px", a->cfg.focus_px,
-                     "width", p->image.width, "height", p->image.height, "supported_percent", supported);
+    root = json_pack("{s:s, s:s, s:i, s:i}", "output", out, "method", a->method, "width", p->image.width, "height",
+                     p->image.height);
+    if (a->cfg.method == SST_RENDER_CLEAR)
+        report_clear(root, p, a);
+    else
+        json_object_update_new(root,
+                               json_pack("{s:f, s:f}", "focus_px", a->cfg.focus_px, "supported_percent", supported));
     if (in->lf.calibration)
         json_object_set_new(root, "sampling", json_string(in->lf.images_raw ? "raw" : "rectified"));
     if (a->label)
@@ -97,33 +121,50 @@ static int read_pixel(const struct cli_command *cmd, const char *text, const str
     return CLI_GO_ON;
 }
 
-static int run(const struct cli_command *cmd, int argc, char **argv)
+static int check_files(const struct cli_command *cmd, const struct render_args *a, double focus, const char *out,
+                       const char *valid)
 {
-    const char *path, *out = NULL, *explain = NULL, *pixel_text = NULL;
-    struct picture picture = { 0 };
-    struct render_input in;
-    struct render_args a;
-    double focus = NAN;
-    struct cli_option options[RENDER_OPTIONS + 5] = {
-        { "focus", 'f', CLI_DOUBLE, &focus, "D", "disparity to focus on, px per spacing", 0, 0 },
-        { "output", 'o', CLI_STRING, &out, "FILE", "picture, .png or .jpg", 0, 0 },
-        { "repeat", 0, CLI_INT, &picture.repeat, "N", "render N times more and print the median time", 1, MAX_REPEAT },
-        { "explain", 0, CLI_STRING, &explain, "DIR", "write maps and weights that explain the picture", 0, 0 },
-        { "explain-pixel", 0, CLI_STRING, &pixel_text, "X,Y", "whose rays are explained (the centre)", 0, 0 },
-    };
-    int r, err, pixel[2] = { 0, 0 };
+    const bool clear = !strcasecmp(a->method, "clear");
 
-    cli_render_options(options + 5, &a);
-    r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &path, 1, 1);
-    if (r != CLI_GO_ON)
-        return r;
-    if (isnan(focus))
+    if (isnan(focus) && !clear)
         return cli_usage_error(cmd, "--focus D is missing");
+    if (!isnan(focus) && clear)
+        return cli_usage_error(cmd, "--focus has no effect with --method clear, which is in focus everywhere");
     if (!out)
         return cli_usage_error(cmd, "-o FILE is missing");
     if (!cli_has_suffix(out, ".png") && !cli_has_suffix(out, ".jpg") && !cli_has_suffix(out, ".jpeg"))
         return cli_usage_error(cmd, "-o %s ends neither in .png nor in .jpg", out);
-    a.cfg.focus_px = focus;
+    if (valid && !cli_has_suffix(valid, ".png"))
+        return cli_usage_error(cmd, "--valid %s does not end in .png", valid);
+    return CLI_GO_ON;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    const char *path, *out = NULL, *explain = NULL, *pixel_text = NULL, *valid = NULL;
+    struct picture picture = { 0 };
+    struct render_input in;
+    struct render_args a;
+    double focus = NAN;
+    struct cli_option options[RENDER_OPTIONS + 6] = {
+        { "focus", 'f', CLI_DOUBLE, &focus, "D", "disparity to focus on, px per spacing" },
+        { "output", 'o', CLI_STRING, &out, "FILE", "picture, .png or .jpg" },
+        { "valid", 0, CLI_STRING, &valid, "FILE", "PNG of what the rays support: 255 seen, 64 filled, 0 nothing", 0,
+          0 },
+        { "repeat", 0, CLI_INT, &picture.repeat, "N", "render N times more and print the median time", 1, MAX_REPEAT },
+        { "explain", 0, CLI_STRING, &explain, "DIR", "write maps and weights that explain the picture" },
+        { "explain-pixel", 0, CLI_STRING, &pixel_text, "X,Y", "whose rays are explained (the centre)" },
+    };
+    int r, err, pixel[2] = { 0, 0 };
+
+    cli_render_options(options + 6, &a);
+    r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &path, 1, 1);
+    if (r != CLI_GO_ON)
+        return r;
+    r = check_files(cmd, &a, focus, out, valid);
+    if (r != CLI_GO_ON)
+        return r;
+    a.cfg.focus_px = isnan(focus) ? 0 : focus;
     a.views_needed = explain;
     r = cli_render_open(&in, &a, cmd, path);
     if (r != CLI_GO_ON)
@@ -135,6 +176,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
             err = cli_render_explain(&in, &a, explain, pixel[0], pixel[1]);
         if (!err)
             err = cli_write_picture(&picture.image, out);
+        if (!err && valid)
+            err = sst_map_u8_write_png(&picture.valid, valid, NULL);
         if (!err)
             report(&picture, &in, &a, out);
         r = cli_exit_code(err);
@@ -147,12 +190,17 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
 const struct cli_command cli_render = {
     .name = "render",
-    .usage = "LF --focus D [--label NAME] [options] -o out.png",
+    .usage = "LF --focus D [--label NAME] [options] -o out.png | LF --method clear [--cut D] [options] -o out.png",
     .summary = "render one picture that sees through occluders",
     .detail =
         "Every ray is weighted by its disparity and by the depth range of its label: rays of what lies in front of\n"
         "the focus count little, so occluders vanish. The focus is a disparity in px per camera spacing; larger is\n"
         "nearer. `--f-stop N` uses the views within 1/N of the distance from the viewpoint to the farthest view.\n"
+        "\n"
+        "--method clear needs no focus: every surface behind the cut is sharp and what stands in front is gone. The\n"
+        "cut is a disparity (--cut), a label (--remove-label) or the object at a pixel of the reference view\n"
+        "(--remove-at); without any of them it is the gap between what stands in front and the rest. Pixels that\n"
+        "fewer than two views show are filled from their surroundings; --valid shows which.\n"
         "\n"
         "Where disparities are unreliable, as behind dense leaves, and hardly any ray supports the focus, the\n"
         "picture uses rays whose colours agree at the focus (--verify-rays auto). External disparities are trusted;\n"
@@ -167,6 +215,7 @@ const struct cli_command cli_render = {
         "the light field has them; rays.png shows what each view sees at the pixel and, as a bar, the share of it\n"
         "in the picture; explain.json holds the legend and the same rays as numbers.",
     .example = "sst scene bush -o bush.lf && sst process bush.lf && sst render bush.lf --focus 12 -o person.png\n"
-               "  sst render bush.lf --focus 12 --label Pedestrian --explain why -o person.png",
+               "  sst render bush.lf --focus 12 --label Pedestrian --explain why -o person.png\n"
+               "  sst render bush.lf --method clear --valid seen.png -o clear.png",
     .run = run,
 };

@@ -1,11 +1,14 @@
 #include "cli/cli_internal.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
 #include "base/log.h"
+#include "base/thread.h"
 #include "pipeline/image/codec.h"
 
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a)
@@ -17,11 +20,17 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
                                .unsupported = "refocus",
                                .sampling = "auto",
                                .verify = "auto",
+                               .cut = NAN,
                                .pictures = 1 };
     sst_render_config_defaults(cfg);
     const struct cli_option made[RENDER_OPTIONS] = {
-        { "method", 'm', CLI_STRING, &a->method, "M", "sst (see-through, default) or refocus (all rays alike)", 0, 0 },
-        { "label", 'l', CLI_STRING, &a->label, "NAME", "focus label: the other labels weigh less", 0, 0 },
+        { "method", 'm', CLI_STRING, &a->method, "M", "sst (see-through, default), refocus (all rays alike) or clear",
+          0, 0 },
+        { "cut", 0, CLI_DOUBLE, &a->cut, "D", "clear: remove what is nearer than D px per spacing (found by itself)", 0,
+          0 },
+        { "remove-label", 0, CLI_STRING, &a->remove_label, "NAME", "clear: remove what has this label" },
+        { "remove-at", 0, CLI_STRING, &a->remove_at, "X,Y", "clear: remove the object at this pixel" },
+        { "label", 'l', CLI_STRING, &a->label, "NAME", "focus label: the other labels weigh less" },
         { "label-factor", 0, CLI_DOUBLE, &cfg->label_factor, "F", "by this factor (2)", 1, 1e6 },
         { "sigma", 0, CLI_DOUBLE, &cfg->sigma_px, "S", "depth weight: width in px per spacing, or inf (range / 10)",
           1e-6, INFINITY },
@@ -32,12 +41,12 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "percentile", 0, CLI_DOUBLE, &cfg->range_percentile, "P", "share cut off at each end of a range (0.01)", 0,
           0.5 },
         { "unsupported", 0, CLI_STRING, &a->unsupported, "U",
-          "pixels without a ray that ends at the focus: shown (refocus, default) or black (invalid)", 0, 0 },
+          "pixels without a ray that ends at the focus: shown (refocus, default) or black (invalid)" },
         CLI_VERIFY_OPTION(a->verify),
         { "aperture", 'a', CLI_DOUBLE, &cfg->aperture, "R", "use views within R spacings of the viewpoint", 0,
           INFINITY },
         { "f-stop", 0, CLI_DOUBLE, &a->f_stop, "N", "the same as 1/N of the widest aperture, N >= 1", 1, 1e6 },
-        { "soft", 0, CLI_FLAG, &cfg->aperture_soft, NULL, "aperture that fades towards its rim", 0, 0 },
+        { "soft", 0, CLI_FLAG, &cfg->aperture_soft, NULL, "aperture that fades towards its rim" },
         { "max-views", 0, CLI_INT, &cfg->max_views, "N", "use at most the N views nearest to the viewpoint", 1,
           SST_MAX_VIEWS },
         { "view-x", 0, CLI_DOUBLE, &cfg->view_bx, "BX", "viewpoint, spacings right of the reference view",
@@ -45,10 +54,10 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "view-y", 0, CLI_DOUBLE, &cfg->view_by, "BY", "viewpoint, spacings below the reference view", -SST_MAX_VIEWS,
           SST_MAX_VIEWS },
         { "sampling", 0, CLI_STRING, &a->sampling, "S",
-          "calibrated light fields: straight from raw frames, from rectified views, or auto (the cheaper one)", 0, 0 },
+          "calibrated light fields: straight from raw frames, from rectified views, or auto (the cheaper one)" },
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
-        { "force", 0, CLI_FLAG, &a->force, NULL, "replace an existing folder", 0, 0 },
-        { "json", 0, CLI_FLAG, &a->json, NULL, "print one JSON object", 0, 0 },
+        { "force", 0, CLI_FLAG, &a->force, NULL, "replace an existing folder" },
+        { "json", 0, CLI_FLAG, &a->json, NULL, "print one JSON object" },
     };
 
     memcpy(options, made, sizeof(made));
@@ -86,51 +95,100 @@ int cli_read_verify(enum sst_render_verify *verify, const char *word, const stru
 
 static int read_words(struct render_args *a, const struct cli_command *cmd)
 {
-    static const char *const methods[] = { "refocus", "sst" }, *const ranges[] = { "object", "percentile", "minmax" },
+    static const char *const methods[] = { "refocus", "sst", "clear" },
+                             *const ranges[] = { "object", "percentile", "minmax" },
                              *const unsupported[] = { "refocus", "invalid" };
     static const char *const samplings[] = { "auto", "raw", "rectified" };
-    const int method = find_word(cmd, "method", a->method, methods, 2);
+    const int method = find_word(cmd, "method", a->method, methods, 3);
     const int range = method < 0 ? -1 : find_word(cmd, "range", a->range, ranges, 3);
     const int fallback = range < 0 ? -1 : find_word(cmd, "unsupported", a->unsupported, unsupported, 2);
 
     if (fallback < 0 || find_word(cmd, "sampling", a->sampling, samplings, 3) < 0 ||
         cli_read_verify(&a->cfg.verify, a->verify, cmd) != CLI_GO_ON)
         return CLI_USAGE;
-    if (a->views_needed && !strcasecmp(a->sampling, "raw"))
-        return cli_usage_error(cmd, "--explain shows rectified views; leave out --sampling raw");
+    if ((a->views_needed || a->remove_at) && !strcasecmp(a->sampling, "raw"))
+        return cli_usage_error(cmd, "--explain and --remove-at need rectified views; leave out --sampling raw");
     a->cfg.method = (enum sst_render_method)method;
     a->cfg.range = (enum sst_label_range)range;
     a->cfg.unsupported = (enum sst_render_unsupported)fallback;
     if (a->f_stop > 0 && isfinite(a->cfg.aperture))
         return cli_usage_error(cmd, "--aperture and --f-stop set the same value; use one of them");
     if (a->label && a->cfg.method != SST_RENDER_SST)
-        return cli_usage_error(cmd, "--label has no effect with --method refocus, which weights all rays equally");
+        return cli_usage_error(cmd, "--label has no effect with --method %s, which focuses on no label", a->method);
+    if (a->cfg.method != SST_RENDER_CLEAR && (!isnan(a->cut) || a->remove_label || a->remove_at))
+        return cli_usage_error(cmd, "--cut, --remove-label and --remove-at need --method clear");
     return CLI_GO_ON;
 }
 
-static int find_label(struct render_input *in, struct render_args *a, const struct cli_command *cmd)
+/* Number of a label that occurs in the light field. @param option  that asks for it */
+static int find_label(struct render_input *in, const char *option, const char *name, int *out,
+                      const struct cli_command *cmd)
 {
     const struct sst_classes *classes = &in->lf.classes;
     char list[512] = "";
     int labels[255], n, label;
 
-    if (!a->label)
+    if (!name)
         return CLI_GO_ON;
     n = sst_renderer_labels(in->renderer, labels);
     if (!n) {
-        sst_log_error("%s has no labels; run `sst process %s` first, or leave out --label", in->path, in->path);
+        sst_log_error("%s has no labels; run `sst process %s` first, or leave out --%s", in->path, in->path, option);
         return CLI_INPUT;
     }
-    label = sst_classes_find(classes, a->label);
+    label = sst_classes_find(classes, name);
     for (int i = 0; i < n; i++) {
         if (labels[i] == label) {
-            a->cfg.focus_label = label;
+            *out = label;
             return CLI_GO_ON;
         }
         snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s%s", i ? ", " : "",
                  sst_classes_name(classes, labels[i]));
     }
-    return cli_usage_error(cmd, "the label %s does not occur in %s, which has %s", a->label, in->path, list);
+    return cli_usage_error(cmd, "the label %s does not occur in %s, which has %s", name, in->path, list);
+}
+
+/* Find the object of --remove-at in all views. */
+static int find_object(struct render_input *in, const struct render_args *a, const struct cli_command *cmd)
+{
+    int x, y, err;
+    char rest;
+
+    if (sscanf(a->remove_at, "%d,%d%c", &x, &y, &rest) != 2)
+        return cli_usage_error(cmd, "--remove-at %s is not X,Y, for example 500,375", a->remove_at);
+    if (x < 0 || y < 0 || x >= in->lf.width || y >= in->lf.height)
+        return cli_usage_error(cmd, "--remove-at %d,%d is outside the picture of %d x %d", x, y, in->lf.width,
+                               in->lf.height);
+    in->removed = calloc((size_t)(in->lf.rows * in->lf.cols), sizeof(*in->removed));
+    if (!in->removed) {
+        sst_log_error("no memory for the object at %d,%d", x, y);
+        return cli_exit_code(-ENOMEM);
+    }
+    err = sst_render_grow_object(in->removed, &in->lf, x, y, sst_thread_count(a->cfg.threads));
+    return err ? cli_exit_code(err) : CLI_GO_ON;
+}
+
+/* Set what the clear method removes: what was asked for, else what is nearer than a cut found by itself. */
+static int find_removed(struct render_input *in, struct render_args *a, const struct cli_command *cmd)
+{
+    int r = a->cfg.method == SST_RENDER_CLEAR && a->remove_at ? find_object(in, a, cmd) : CLI_GO_ON;
+
+    if (r == CLI_GO_ON)
+        r = find_label(in, "remove-label", a->remove_label, &a->cfg.remove_label, cmd);
+    if (r != CLI_GO_ON || a->cfg.method != SST_RENDER_CLEAR)
+        return r;
+    a->cfg.remove = in->removed;
+    if (isnan(a->cut) && !a->remove_label && !a->remove_at) {
+        const int err = sst_render_find_cut(in->renderer, &a->cut);
+
+        if (err == -ENODATA)
+            sst_log_error("%s: its disparities show no gap between what stands in front and the rest; give --cut D, "
+                          "--remove-label NAME or --remove-at X,Y",
+                          in->path);
+        if (err)
+            return cli_exit_code(err);
+    }
+    a->cfg.cut_px = isnan(a->cut) ? INFINITY : a->cut;
+    return CLI_GO_ON;
 }
 
 static void set_aperture(const struct sst_lightfield *lf, struct render_args *a)
@@ -148,7 +206,7 @@ static void set_aperture(const struct sst_lightfield *lf, struct render_args *a)
 
 static int check_maps(const struct render_input *in, const struct render_args *a)
 {
-    for (int i = 0; i < in->lf.rows * in->lf.cols && a->cfg.method == SST_RENDER_SST; i++) {
+    for (int i = 0; i < in->lf.rows * in->lf.cols && a->cfg.method != SST_RENDER_REFOCUS; i++) {
         if (in->lf.views[i].present && !in->lf.views[i].disp.data) {
             sst_log_error("%s has no disparity map of view %d; run `sst process %s` first, or add --method refocus",
                           in->path, i, in->path);
@@ -186,7 +244,9 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
 
     if (r != CLI_GO_ON)
         return r;
-    what = a->cfg.method == SST_RENDER_SST ? SST_LOAD_IMAGES | SST_LOAD_DISPARITY | SST_LOAD_LABELS : SST_LOAD_IMAGES;
+    a->views_needed |= a->remove_at != NULL;
+    what =
+        a->cfg.method != SST_RENDER_REFOCUS ? SST_LOAD_IMAGES | SST_LOAD_DISPARITY | SST_LOAD_LABELS : SST_LOAD_IMAGES;
     what |= a->cfg.method == SST_RENDER_SST && a->cfg.verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0;
     r = choose_sampling(a, path, &what);
     if (r != CLI_GO_ON)
@@ -198,7 +258,9 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
     err = sst_renderer_create(&in->renderer, &in->lf, a->cfg.threads);
     r = err ? cli_exit_code(err) : check_maps(in, a);
     if (r == CLI_GO_ON)
-        r = find_label(in, a, cmd);
+        r = find_label(in, "label", a->label, &a->cfg.focus_label, cmd);
+    if (r == CLI_GO_ON)
+        r = find_removed(in, a, cmd);
     if (r != CLI_GO_ON)
         cli_render_close(in);
     return r;
@@ -206,6 +268,9 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
 
 void cli_render_close(struct render_input *in)
 {
+    for (int i = 0; in->removed && i < in->lf.rows * in->lf.cols; i++)
+        sst_map_u8_fini(&in->removed[i]);
+    free(in->removed);
     sst_renderer_destroy(in->renderer);
     sst_lightfield_fini(&in->lf);
 }

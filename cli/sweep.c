@@ -1,14 +1,22 @@
 #include <math.h>
 #include <stdio.h>
+#include <strings.h>
 
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 
+/* What changes from picture to picture. */
+enum over { OVER_FOCUS, OVER_CUT, OVER_VIEW_X, OVER_VIEW_Y, OVERS };
+
+static const char *const over_names[OVERS] = { "focus", "cut", "view-x", "view-y" };
+static const char *const over_keys[OVERS] = { "focus_px", "cut_px", "view_x", "view_y" };
+
 struct sweep {
     struct render_input in;
     struct render_args args;
+    enum over over;
     double from, to, fps;
     int steps;
     bool bounce;
@@ -21,18 +29,26 @@ static int frame_count(const struct sweep *s)
 }
 
 /* When bouncing, frame `steps` repeats the last but one, and the first frame is not repeated. */
-static double focus_of(const struct sweep *s, int frame)
+static double value_of(const struct sweep *s, int frame)
 {
     const int step = frame < s->steps ? frame : 2 * s->steps - 2 - frame;
 
     return s->steps > 1 ? s->from + (s->to - s->from) * step / (s->steps - 1) : s->from;
 }
 
-static int render_frame(const struct sweep *s, int frame, struct sst_image *img)
+static struct sst_render_config config_at(const struct sweep *s, double value)
 {
     struct sst_render_config cfg = s->args.cfg;
+    double *const what[OVERS] = { &cfg.focus_px, &cfg.cut_px, &cfg.view_bx, &cfg.view_by };
 
-    cfg.focus_px = focus_of(s, frame);
+    *what[s->over] = value;
+    return cfg;
+}
+
+static int render_frame(const struct sweep *s, int frame, struct sst_image *img)
+{
+    const struct sst_render_config cfg = config_at(s, value_of(s, frame));
+
     cli_progress((void *)"sweep", (double)frame / frame_count(s));
     return sst_render(s->in.renderer, &cfg, img, NULL);
 }
@@ -44,7 +60,7 @@ static json_t *describe(const struct sweep *s)
 
     for (int i = 0; i < frame_count(s); i++) {
         snprintf(name, sizeof(name), "%04d.png", i);
-        json_array_append_new(frames, json_pack("{s:s, s:f}", "file", name, "focus_px", focus_of(s, i)));
+        json_array_append_new(frames, json_pack("{s:s, s:f}", "file", name, over_keys[s->over], value_of(s, i)));
     }
     return json_pack("{s:s, s:s, s:f, s:o}", "source", s->in.path, "method", s->args.method, "fps", s->fps, "frames",
                      frames);
@@ -97,17 +113,14 @@ static int write_video(const struct sweep *s, struct sst_image *img)
     return err;
 }
 
-/* Check the focus range before rendering the first picture. */
+/* Check both ends before rendering the first picture. */
 static int check_ends(const struct sweep *s)
 {
-    struct sst_render_config cfg = s->args.cfg;
+    const struct sst_render_config from = config_at(s, s->from), to = config_at(s, s->to);
     struct sst_ray rays[SST_MAX_VIEWS];
-    int n, err;
+    int n, err = sst_render_rays(s->in.renderer, &from, 0, 0, rays, &n);
 
-    cfg.focus_px = s->from;
-    err = sst_render_rays(s->in.renderer, &cfg, 0, 0, rays, &n);
-    cfg.focus_px = s->to;
-    return err ? err : sst_render_rays(s->in.renderer, &cfg, 0, 0, rays, &n);
+    return err ? err : sst_render_rays(s->in.renderer, &to, 0, 0, rays, &n);
 }
 
 static int make_sweep(const struct sweep *s)
@@ -127,21 +140,51 @@ static int make_sweep(const struct sweep *s)
     return err;
 }
 
+/* Read what changes; by default the focus, or the cut of clear pictures. */
+static int read_over(struct sweep *s, const char *word, double focus, const struct cli_command *cmd)
+{
+    const bool clear = !strcasecmp(s->args.method, "clear");
+
+    s->over = clear ? OVER_CUT : OVER_FOCUS;
+    for (int i = 0; word && i < OVERS; i++) {
+        if (!strcasecmp(word, over_names[i])) {
+            s->over = (enum over)i;
+            word = NULL;
+        }
+    }
+    if (word)
+        return cli_usage_error(cmd, "unknown --over `%s`; use focus, cut, view-x or view-y", word);
+    if (clear ? s->over == OVER_FOCUS : s->over == OVER_CUT)
+        return cli_usage_error(cmd, "--over %s has no effect with --method %s", over_names[s->over], s->args.method);
+    if (isnan(focus) && !clear && s->over != OVER_FOCUS)
+        return cli_usage_error(cmd, "--focus D is missing, the focus of all pictures");
+    if (!isnan(focus) && (clear || s->over == OVER_FOCUS))
+        return cli_usage_error(cmd, clear ? "--focus has no effect with --method clear"
+                                          : "--focus has no effect in a sweep over the focus");
+    if (s->over == OVER_CUT)
+        s->args.cut = s->from;
+    s->args.cfg.focus_px = isnan(focus) ? 0 : focus;
+    return CLI_GO_ON;
+}
+
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct sweep s = { .from = NAN, .to = NAN, .fps = 10, .steps = 20 };
-    struct cli_option options[RENDER_OPTIONS + 6] = {
-        { "from", 0, CLI_DOUBLE, &s.from, "A", "first focus, disparity in px per spacing" },
+    const char *path, *over = NULL;
+    double focus = NAN;
+    struct cli_option options[RENDER_OPTIONS + 8] = {
+        { "from", 0, CLI_DOUBLE, &s.from, "A", "first focus (or cut), disparity in px per spacing" },
         { "to", 0, CLI_DOUBLE, &s.to, "B", "last focus" },
+        { "over", 0, CLI_STRING, &over, "W", "what changes: focus, cut, view-x or view-y (focus; clear: cut)" },
+        { "focus", 'f', CLI_DOUBLE, &focus, "D", "focus of a sweep over the viewpoint" },
         { "steps", 'n', CLI_INT, &s.steps, "N", "pictures from A to B (20)", 1, 9999 },
         { "output", 'o', CLI_STRING, &s.out, "DIR", "folder of PNG files, or a video if it ends in .mp4" },
         { "fps", 0, CLI_DOUBLE, &s.fps, "F", "pictures per second of the video (10)", 0.1, 240 },
         { "bounce", 0, CLI_FLAG, &s.bounce, NULL, "go back to A as well, so that the video can loop" },
     };
-    const char *path;
     int r, err;
 
-    cli_render_options(options + 6, &s.args);
+    cli_render_options(options + 8, &s.args);
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &path, 1, 1);
     if (r != CLI_GO_ON)
         return r;
@@ -149,14 +192,18 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "--%s D is missing", isnan(s.from) ? "from" : "to");
     if (!s.out)
         return cli_usage_error(cmd, "-o DIR or -o FILE.mp4 is missing");
+    r = read_over(&s, over, focus, cmd);
+    if (r != CLI_GO_ON)
+        return r;
     s.args.pictures = frame_count(&s);
     r = cli_render_open(&s.in, &s.args, cmd, path);
     if (r != CLI_GO_ON)
         return r;
     err = make_sweep(&s);
     if (!err && s.args.json) {
-        cli_dump_json(json_pack("{s:s, s:i, s:f, s:f}", "output", s.out, "frames", frame_count(&s), "from_px", s.from,
-                                "to_px", s.to),
+        cli_dump_json(json_pack("{s:s, s:i, s:s, s:f, s:f}", "output", s.out, "frames", frame_count(&s), "over",
+                                over_names[s.over], s.over > OVER_CUT ? "from" : "from_px", s.from,
+                                s.over > OVER_CUT ? "to" : "to_px", s.to),
                       JSON_INDENT(2));
     }
     cli_render_close(&s.in);
@@ -166,9 +213,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_sweep = {
     .name = "sweep",
     .usage = "LF --from A --to B --steps N [options] -o DIR|out.mp4",
-    .summary = "render a focal sweep as pictures or as a video",
+    .summary = "render a sweep over focus, cut or viewpoint as pictures or as a video",
     .detail = "The focus moves from A to B in N pictures. A folder gets 0000.png, 0001.png, ... and sweep.json with\n"
-              "the focus of each. The other options are those of `sst render`.",
-    .example = "sst sweep bush.lf --from 5 --to 40 --steps 60 --bounce -o sweep.mp4",
+              "the focus of each. --over cut moves the cut of clear pictures, from what stands in front into the\n"
+              "scene; --over view-x or view-y moves the viewpoint, in spacings from the reference view, with --focus\n"
+              "or --method clear. The other options are those of `sst render`.",
+    .example = "sst sweep bush.lf --from 5 --to 40 --steps 60 --bounce -o sweep.mp4\n"
+               "  sst sweep bush.lf --method clear --over view-x --from -2 --to 3 --bounce -o around.mp4",
     .run = run,
 };

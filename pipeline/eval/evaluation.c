@@ -7,6 +7,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/mem.h"
+#include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
 
@@ -211,25 +212,21 @@ static void sum_up(struct sst_evaluation *out, const struct job *job)
     out->refined = label_error(job, REFINED);
 }
 
+/* @param valid  out, initialised by the caller, or NULL */
 static int measure_picture(struct sst_picture_error *out, struct sst_renderer *r, const struct sst_render_config *cfg,
-                           const struct sst_image *behind, const struct sst_map_u8 *mask)
+                           const struct sst_image *behind, const struct sst_map_u8 *mask, struct sst_image *picture,
+                           struct sst_map_u8 *valid)
 {
-    struct sst_image picture;
-    int64_t start_ns;
-    int err = sst_image_init(&picture, behind->width, behind->height);
+    const int64_t start_ns = sst_clock_now_ns();
+    int err = sst_render(r, cfg, picture, valid);
 
-    if (err)
-        return err;
-    start_ns = sst_clock_now_ns();
-    err = sst_render(r, cfg, &picture, NULL);
     out->seconds = (double)(sst_clock_now_ns() - start_ns) * 1e-9;
-    out->psnr = sst_psnr(&picture, behind, NULL);
-    out->psnr_occluded = sst_psnr(&picture, behind, mask);
+    out->psnr = sst_psnr(picture, behind, NULL);
+    out->psnr_occluded = sst_psnr(picture, behind, mask);
     if (!err)
-        err = sst_ssim(&out->ssim, &picture, behind, NULL);
+        err = sst_ssim(&out->ssim, picture, behind, NULL);
     if (!err)
-        err = sst_ssim(&out->ssim_occluded, &picture, behind, mask);
-    sst_image_fini(&picture);
+        err = sst_ssim(&out->ssim_occluded, picture, behind, mask);
     return err;
 }
 
@@ -307,12 +304,104 @@ static double percent(int64_t part, int64_t whole)
     return whole ? 100.0 * (double)part / (double)whole : NAN;
 }
 
+/* --- the clear picture -------------------------------------------------------------------------------------------- */
+
+/* Disparities of the reference view that the mask covers, or does not; by truth where there is one. */
+static int disparities(float *d, const struct job *job, int ref, const struct sst_map_u8 *mask, bool covered_ones)
+{
+    const struct sst_map_f32 *truth = &job->views[ref].disp;
+    int n = 0;
+
+    for (int y = 0; y < mask->height; y++) {
+        const uint16_t *map = sst_map_u16_row(&job->lf->views[ref].disp, y);
+
+        for (int x = 0; x < mask->width; x++) {
+            if ((sst_map_u8_row(mask, y)[x] != 0) != covered_ones)
+                continue;
+            if (truth->data)
+                d[n++] = sst_map_f32_row(truth, y)[x];
+            else if (map[x] != SST_DISP_NONE)
+                d[n++] = (float)sst_disp_px(job->lf, map[x]);
+        }
+    }
+    return n;
+}
+
+/* A cut between what the mask covers and the rest; NaN: the rest is not all farther. */
+static int cut_between(double *cut_px, const struct job *job, int ref, const struct sst_map_u8 *mask)
+{
+    float *d = sst_mem_alloc_raw((size_t)mask->width * (size_t)mask->height, sizeof(*d));
+    float nearest, farthest;
+    int n;
+
+    if (!d)
+        return -ENOMEM;
+    n = disparities(d, job, ref, mask, false);
+    nearest = n ? sst_stats_quantile_float(d, n, 0.99) : -INFINITY;
+    n = disparities(d, job, ref, mask, true);
+    farthest = n ? sst_stats_quantile_float(d, n, 0.001) : -INFINITY;
+    *cut_px = farthest > nearest ? (double)(farthest + fmaxf(nearest, farthest - 50)) / 2 : NAN;
+    sst_mem_free(d);
+    return 0;
+}
+
+/* Removes the occluder by a cut where there is one, else the object that the mask covers. */
+static int render_clear(struct sst_evaluation *out, int index, struct sst_renderer *r, struct sst_render_config *cfg,
+                        const struct sst_image *behind, const struct sst_map_u8 *mask)
+{
+    struct sst_image picture = { 0 };
+    struct sst_map_u8 valid = { 0 };
+    int err = sst_image_init(&picture, behind->width, behind->height);
+
+    if (!err)
+        err = sst_map_u8_init(&valid, behind->width, behind->height);
+    if (!err)
+        err = measure_picture(&out->occluder[index].clear, r, cfg, behind, mask, &picture, &valid);
+    for (int y = 0; y < behind->height && !err; y++) {
+        uint8_t *row = sst_map_u8_row(&valid, y);
+
+        for (int x = 0; x < behind->width; x++)
+            row[x] = row[x] == 255 ? 0 : 255;
+    }
+    if (!err) {
+        out->occluder[index].filled = covered(&valid);
+        out->occluder[index].psnr_holes = sst_psnr(&picture, behind, &valid);
+        err = sst_ssim(&out->occluder[index].ssim_holes, &picture, behind, &valid);
+    }
+    sst_image_fini(&picture);
+    sst_map_u8_fini(&valid);
+    return err;
+}
+
+static int measure_clear(struct sst_evaluation *out, int index, const struct job *job, const struct sst_truth *truth,
+                         struct sst_renderer *r, const struct sst_render_config *cfg, const struct sst_image *behind,
+                         const struct sst_map_u8 *mask)
+{
+    const int views = job->lf->rows * job->lf->cols, ref = truth->ref_row * job->lf->cols + truth->ref_col;
+    struct sst_map_u8 *object = sst_mem_alloc((size_t)views, sizeof(*object));
+    struct sst_render_config c = *cfg;
+    int err = object ? cut_between(&out->occluder[index].cut_px, job, ref, mask) : -ENOMEM;
+
+    c.method = SST_RENDER_CLEAR;
+    c.cut_px = isnan(out->occluder[index].cut_px) ? INFINITY : out->occluder[index].cut_px;
+    if (!err && isinf(c.cut_px)) {
+        err = sst_render_carry_object(object, job->lf, ref, mask, c.threads);
+        c.remove = object;
+    }
+    if (!err)
+        err = render_clear(out, index, r, &c, behind, mask);
+    for (int i = 0; i < views && object; i++)
+        sst_map_u8_fini(&object[i]);
+    sst_mem_free(object);
+    return err;
+}
+
 static int measure_occluder(struct sst_evaluation *out, int index, const struct job *job, const struct sst_truth *truth,
                             struct sst_renderer *r, const struct sst_render_config *cfg)
 {
     const struct sst_truth_occluder *o = &truth->occluders[index];
     struct sst_render_config c = *cfg;
-    struct sst_image behind = { 0 };
+    struct sst_image behind = { 0 }, picture = { 0 };
     struct sst_map_u8 mask = { 0 };
     struct ray_count rays;
     char path[SST_PATH_MAX];
@@ -336,11 +425,16 @@ static int measure_occluder(struct sst_evaluation *out, int index, const struct 
     out->occluder[index].accepted_wrong = percent(rays.wrong, rays.accepted);
     c.focus_px = o->focus_px;
     c.method = SST_RENDER_SST;
-    err = measure_picture(&out->occluder[index].render, r, &c, &behind, &mask);
+    err = sst_image_init(&picture, behind.width, behind.height);
+    if (!err)
+        err = measure_picture(&out->occluder[index].render, r, &c, &behind, &mask, &picture, NULL);
     c.method = SST_RENDER_REFOCUS;
     if (!err)
-        err = measure_picture(&out->occluder[index].refocus, r, &c, &behind, &mask);
+        err = measure_picture(&out->occluder[index].refocus, r, &c, &behind, &mask, &picture, NULL);
+    if (!err)
+        err = measure_clear(out, index, job, truth, r, &c, &behind, &mask);
 done:
+    sst_image_fini(&picture);
     sst_image_fini(&behind);
     sst_map_u8_fini(&mask);
     return err;

@@ -54,7 +54,10 @@ struct sst_evaluation {
          * A ray shows the target if its disparity is within 0.5 px of the focus, and is nearer from 1 px on. */
         double rejected;       /* of the rays that show the target: the map says nearer */
         double accepted_wrong; /* of those that are not nearer by the map, within 1 px of the focus: in truth nearer */
-        struct sst_picture_error render, refocus;
+        struct sst_picture_error render, refocus, clear;
+        double cut_px;                 /* of the clear picture; NaN: the occluder was removed as an object */
+        double filled;                 /* percent of the clear picture that no two views show */
+        double psnr_holes, ssim_holes; /* there; NaN: there are none */
     } occluder[SST_TRUTH_MAX_OCCLUDERS];
 };
 

@@ -37,13 +37,17 @@ for k in "psnr", "ssim", "psnr_occluded", "ssim_occluded":
     assert r["render"][k] == r["occluders"][0]["render"][k], k
     assert r["refocus"][k] == r["occluders"][0]["refocus"][k], k
 assert r["render"]["psnr_occluded"] > r["refocus"]["psnr_occluded"] + 1, r["render"]
+c = r["clear"]
+assert c == r["occluders"][0]["clear"] and c["psnr"] > r["render"]["psnr"] + 3, c
+assert c["psnr_occluded"] > r["render"]["psnr_occluded"] and 0 <= c["filled_percent"] < 10, c
 assert r["occluders"][0]["name"] == "pedestrian" and 0 < r["occluders"][0]["covered"] < 50
 for x in r, one:
-    for p in [x["render"], x["refocus"]] + [o[k] for o in x["occluders"] for k in ("render", "refocus")]:
+    for p in [x[k] for x in [x] + x["occluders"] for k in ("render", "refocus", "clear")]:
         p.pop("seconds", None)
 assert r == one, "threads change the figures"
 PY
 "$sst" eval "$dir/given" --truth "$truth" | grep -q "see-through" || fail "the table lacks the see-through row"
+"$sst" eval "$dir/given" --truth "$truth" | grep -q "filled %, cut px" || fail "the table lacks the clear picture"
 "$sst" eval "$dir/given" --truth "$truth" --sigma inf --c2 1 --json >"$dir/json" || fail "eval --sigma inf failed"
 python3 -c '
 import json, sys

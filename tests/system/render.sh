@@ -48,7 +48,38 @@ else
   want 5 "libavformat" sweep lf --from 6 --to 12 --steps 4 -o bad.mp4
 fi
 
+# --- clear: all in focus, without what stands in front ---
+"$sst" render lf --method clear --valid seen.png -o clear.png --json >clear.json || fail "clear"
+grep -q '"cut_px": [0-9]' clear.json && grep -q '"filled_percent"' clear.json || fail "clear --json: $(cat clear.json)"
+cut=$(sed -n 's/.*"cut_px": \([0-9.]*\).*/\1/p' clear.json)
+"$sst" render lf --method clear --cut "$cut" --valid seen2.png -o b.png --threads 1 || fail "clear --cut"
+cmp -s clear.png b.png && cmp -s seen.png seen2.png || fail "the cut found, given, or threads change the clear picture"
+SST_CPU=ref "$sst" render lf --method clear -o c.png --threads 3 || fail "clear, references"
+cmp -s clear.png c.png || fail "the CPU level changes the clear picture"
+"$sst" render lf --method clear --remove-label Tree --view-x 0.5 --view-y -0.25 -o d.png || fail "clear by label"
+"$sst" render lf --method clear --remove-at 100,100 -o d.png || fail "clear by object"
+"$sst" render lf --method clear --explain whyclear --explain-pixel 100,70 -o d.png || fail "clear --explain"
+grep -q '"cut_px"' whyclear/explain.json && [ -s whyclear/rays.png ] || fail "whyclear"
+"$sst" sweep lf --method clear --over view-x --from -1 --to 1 --steps 3 -o around || fail "sweep over the viewpoint"
+cmp -s around/0001.png clear.png || fail "the middle of the sweep is not the clear picture"
+grep -q '"view_x": -1' around/sweep.json || fail "around/sweep.json"
+"$sst" sweep lf --method clear --from "$cut" --to 20 --steps 2 -o cuts || fail "sweep over the cut"
+cmp -s cuts/0000.png clear.png || fail "the first cut is not the clear picture"
+"$sst" sweep lf --over view-y --focus "$focus" --from 0 --to 1 --steps 2 -o rise || fail "sweep over the viewpoint, in focus"
+cmp -s rise/0000.png a.png || fail "the first viewpoint is not the picture"
+
 # --- refusals ---
+want 2 "clear" render lf --focus "$focus" --cut 20 -o bad.png
+want 2 "focus" render lf --method clear --focus "$focus" -o bad.png
+want 2 "removes everything" render lf --method clear --cut 0 -o bad.png
+want 2 "outside the views" render lf --method clear --view-x 4 -o bad.png
+want 2 "X,Y" render lf --method clear --remove-at 5 -o bad.png
+want 2 "outside the picture" render lf --method clear --remove-at 200,5 -o bad.png
+want 2 "does not occur" render lf --method clear --remove-label Dog -o bad.png
+want 2 ".png" render lf --method clear --valid seen.jpg -o bad.png
+want 2 "no effect" sweep lf --over cut --from 1 --to 2 -o bad
+want 2 "unknown --over" sweep lf --over all --from 1 --to 2 -o bad
+want 2 "focus" sweep lf --over view-x --from 0 --to 1 -o bad
 want 2 "outside the disparities" render lf --focus 900 -o bad.png
 want 2 "outside the disparities" sweep lf --from "$focus" --to 900 --steps 3 -o bad
 want 2 "Pedestrian" render lf --focus "$focus" --label Dog -o bad.png

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/method/render/plan.h"
+#include "pipeline/method/render/render_internal.h"
 
 /* log W_d, which cannot underflow; -inf where W_d is exactly 0. */
 static double log_depth_weight(const struct sst_render_config *cfg, double disp_px)
@@ -135,6 +135,8 @@ int sst_render_rays(struct sst_renderer *r, const struct sst_render_config *cfg,
         sst_log_error("pixel %d,%d is outside the picture of %d x %d", x, y, r->lf->width, r->lf->height);
         return -ERANGE;
     }
+    if (cfg->method == SST_RENDER_CLEAR)
+        return clear_rays(r, cfg, x, y, rays, count);
     err = sst_render_plan_init(&plan, r, cfg);
     if (err)
         return err;

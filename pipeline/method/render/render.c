@@ -7,6 +7,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
+#include "pipeline/method/render/render_internal.h"
 #include "pipeline/method/render/verify.h"
 
 _Static_assert(SST_BLEND_MAX <= SST_SAMPLE_MAX, "a run of rays is sampled in one go");
@@ -25,6 +26,7 @@ void sst_render_config_defaults(struct sst_render_config *cfg)
         .unsupported = SST_UNSUPPORTED_REFOCUS,
         .verify = SST_VERIFY_AUTO,
         .aperture = INFINITY,
+        .cut_px = INFINITY,
     };
 }
 
@@ -333,6 +335,8 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
                       lf->height);
         return -EINVAL;
     }
+    if (cfg->method == SST_RENDER_CLEAR)
+        return clear_render(r, cfg, out, valid);
     err = sst_render_plan_init(&plan, r, cfg);
     if (err)
         return err;

@@ -7,6 +7,7 @@
 enum sst_render_method {
     SST_RENDER_REFOCUS = 0, /* plain refocusing: all rays weigh the same */
     SST_RENDER_SST = 1,     /* semantic see-through */
+    SST_RENDER_CLEAR = 2,   /* all in focus, without what stands in front (design.md, 5.6) */
 };
 
 /** Depth range that W_s uses for a label (docs/design/design.md, 5.4: the paper's form per label can hurt). */
@@ -48,6 +49,11 @@ struct sst_render_config {
     double view_bx, view_by;       /* viewpoint, offset from the reference view */
     enum sst_render_verify verify; /* not in plain refocusing */
     int max_views;                 /* use at most this many views, nearest to the viewpoint first; 0: all */
+    /* SST_RENDER_CLEAR: what is removed. Focus, weights and verification have no effect there. */
+    double cut_px;                   /* what is nearer, px per spacing; infinity: nothing */
+    int remove_label;                /* what has this label; 0: none */
+    const struct sst_map_u8 *remove; /* pixels that are not 0, [rows * cols] maps of the views' size, borrowed; an empty
+                                        map: none of that view; NULL: none. See sst_render_grow_object() */
     int threads;
 };
 
@@ -107,13 +113,40 @@ int sst_renderer_labels(struct sst_renderer *r, int label[255]);
  *
  * @param out    out, initialised by the caller to lf's size
  * @param valid  out, 255 where at least one ray supports the pixel (design.md, 5.4), else 0, or NULL; initialised by
- *               the caller
+ *               the caller. SST_RENDER_CLEAR: 255 seen, 64 filled from the surroundings, 0 unknown: no view shows
+ *               anything
  * @return 0, -ERANGE (focus outside the disparities of the light field by more than a tenth of their range plus a
- * pixel, or so large that the views do not overlap; no view in the aperture), -EINVAL (a value of cfg, sizes), -ENODATA
- *         (SST without disparity in some view used), -ENOMEM; logged.
+ * pixel, or so large that the views do not overlap; no view in the aperture; CLEAR: viewpoint outside the views),
+ * -EINVAL (a value of cfg, sizes), -ENODATA (SST or CLEAR without disparity in some view used), -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
                               struct sst_map_u8 *valid);
+
+/**
+ * Find the cut between what stands in front and the rest: the middle of the emptiest part of the widest gap in the
+ * disparities of all views.
+ *
+ * @param cut_px  out, px per spacing; untouched on failure
+ * @return 0, -ENODATA (no gap: everything in one depth, or spread without one; no disparities; not logged), -ENOMEM
+ * (logged)
+ */
+SST_MUST_CHECK int sst_render_find_cut(struct sst_renderer *r, double *cut_px);
+
+/**
+ * Mark the object at a pixel of the reference view in all views: pixels connected with it by nearly the same disparity
+ * and colour, then those of the other views that show the same surface or continue it where the reference view is
+ * covered.
+ *
+ * @param mask  out, [rows * cols] initialised here to 0 or 255; to free one by one, also on failure
+ * @param lf    images and disparities loaded, not as raw frames
+ * @return 0, -ERANGE (pixel outside the view), -ENODATA (no disparity there, or in a view), -ENOMEM; logged.
+ */
+SST_MUST_CHECK int sst_render_grow_object(struct sst_map_u8 *mask, const struct sst_lightfield *lf, int x, int y,
+                                          int threads);
+
+/** The same for an object whose pixels in view `view` are known. @param region  in, not 0: object */
+SST_MUST_CHECK int sst_render_carry_object(struct sst_map_u8 *mask, const struct sst_lightfield *lf, int view,
+                                           const struct sst_map_u8 *region, int threads);
 
 /** One ray of one output pixel. */
 struct sst_ray {
