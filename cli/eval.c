@@ -29,15 +29,15 @@ static json_t *labels_json(const struct sst_evaluation *r)
 
 static json_t *picture_json(const struct sst_picture_error *p)
 {
-    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "psnr", cli_real_json(p->psnr), "ssim", cli_real_json(p->ssim),
+    return json_pack("{s:o, s:o, s:o, s:o, s:o, s:o}", "psnr", cli_real_json(p->psnr), "ssim", cli_real_json(p->ssim),
                      "psnr_occluded", cli_real_json(p->psnr_occluded), "ssim_occluded", cli_real_json(p->ssim_occluded),
-                     "seconds", cli_real_json(p->seconds));
+                     "psnr_target", cli_real_json(p->psnr_target), "seconds", cli_real_json(p->seconds));
 }
 
 /* Without an occluder (index -1) all is null. */
 static json_t *clear_json(const struct sst_evaluation *r, int index)
 {
-    static const struct sst_picture_error none = { NAN, NAN, NAN, NAN, NAN };
+    static const struct sst_picture_error none = { NAN, NAN, NAN, NAN, NAN, NAN };
     json_t *o = picture_json(index < 0 ? &none : &r->occluder[index].clear);
 
     json_object_set_new(o, "psnr_holes", cli_real_json(index < 0 ? NAN : r->occluder[index].psnr_holes));
@@ -49,7 +49,7 @@ static json_t *clear_json(const struct sst_evaluation *r, int index)
 
 static json_t *report_json(const struct sst_evaluation *r, const struct sst_truth *truth)
 {
-    static const struct sst_picture_error none = { NAN, NAN, NAN, NAN, NAN };
+    static const struct sst_picture_error none = { NAN, NAN, NAN, NAN, NAN, NAN };
     json_t *disparity = disparity_json(&r->disparity, r->disparity_views), *list = json_array();
 
     json_object_set_new(disparity, "nonocc", disparity_json(&r->disparity_nonocc, r->disparity_views));
@@ -104,7 +104,7 @@ static void print_labels(const struct sst_evaluation *r)
 
 static void print_picture(const char *name, const struct sst_picture_error *p)
 {
-    row(name, (double[]){ p->psnr, p->ssim, p->psnr_occluded, p->ssim_occluded, p->seconds }, 5, 3);
+    row(name, (double[]){ p->psnr, p->ssim, p->psnr_occluded, p->ssim_occluded, p->psnr_target, p->seconds }, 6, 3);
 }
 
 static void print_table(const struct sst_evaluation *r, const struct sst_truth *truth)
@@ -117,7 +117,7 @@ static void print_table(const struct sst_evaluation *r, const struct sst_truth *
         const struct sst_truth_occluder *o = &truth->occluders[i];
 
         printf("behind %s, focus %.2f px, %.1f %% of the picture\n", o->name, o->focus_px, r->occluder[i].covered);
-        printf("  %-24s    PSNR dB       SSIM   occluded   occluded    seconds\n", "");
+        printf("  %-24s    PSNR dB       SSIM   occluded   occluded     target    seconds\n", "");
         print_picture("see-through", &r->occluder[i].render);
         print_picture("plain refocus", &r->occluder[i].refocus);
         print_picture("clear", &r->occluder[i].clear);

@@ -295,10 +295,11 @@ def scenes(source, out, command):
 
 LAYERS_TEXT = """\
 Photographs in layers (`sst scene layers`, CamVid's pictures), 6x6 views of 640x480 with noise, gain differences and JPEG
-as the seed has it, `sst process --no-labels`. PSNR in dB of the pixels that the occluder covers, focused on the target: by
-plain refocusing, and seen through with the program's own maps and with the true ones. Rays in percent: *rejected* show the
-target, but their map says nearer; *accepted wrongly* pass for the target, but show something nearer. Methods are tuned on
-the development set only.
+as the seed has it, `sst process --no-labels`. PSNR in dB of the covered pixels that show the target (`psnr_target`): by
+plain refocusing on it, seen through with the program's own maps and with the true ones, and of the clear picture; *clear,
+whole*: of all its pixels against the scene without the occluder. Rays in percent: *rejected* show the target, but their
+map says nearer; *accepted wrongly* pass for the target, but show something nearer. Methods are tuned on the development
+set only.
 
 """
 
@@ -306,9 +307,10 @@ the development set only.
 def layer_figures(measured):
     own, true = measured["own"], measured["truth"]
     occluder = own["occluders"][0]
-    return [occluder["covered"], own["refocus"]["psnr_occluded"], own["render"]["psnr_occluded"],
-            true["render"]["psnr_occluded"], occluder["rejected_percent"], occluder["accepted_wrong_percent"],
-            own["disparity"]["bad1"]]
+    return [occluder["covered"], own["refocus"]["psnr_target"], own["render"]["psnr_target"],
+            true["render"]["psnr_target"], own["clear"]["psnr_target"], true["clear"]["psnr_target"],
+            own["clear"]["psnr"], true["clear"]["psnr"], occluder["rejected_percent"],
+            occluder["accepted_wrong_percent"], own["disparity"]["bad1"]]
 
 
 def mean_known(values):
@@ -319,7 +321,8 @@ def mean_known(values):
 def layers(source, out, command):
     with open(source) as f:
         measured = json.load(f)
-    head = ["scene", "covered %", "refocus", "own maps", "true maps", "rejected %", "accepted wrongly %", "bad 1 %"]
+    head = ["scene", "covered %", "refocus", "see-through, own maps", "true maps", "clear, own maps", "true maps",
+            "clear, whole, own maps", "true maps", "rejected %", "accepted wrongly %", "bad 1 %"]
     text = LAYERS_TEXT
     for name in dict.fromkeys(m["set"] for m in measured):
         part = [m for m in measured if m["set"] == name]

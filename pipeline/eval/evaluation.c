@@ -212,21 +212,27 @@ static void sum_up(struct sst_evaluation *out, const struct job *job)
     out->refined = label_error(job, REFINED);
 }
 
+/* What is behind an occluder, the pixels that it covers, and of these those that show the target. */
+struct hidden {
+    struct sst_image behind;
+    struct sst_map_u8 mask, target;
+};
+
 /* @param valid  out, initialised by the caller, or NULL */
 static int measure_picture(struct sst_picture_error *out, struct sst_renderer *r, const struct sst_render_config *cfg,
-                           const struct sst_image *behind, const struct sst_map_u8 *mask, struct sst_image *picture,
-                           struct sst_map_u8 *valid)
+                           const struct hidden *h, struct sst_image *picture, struct sst_map_u8 *valid)
 {
     const int64_t start_ns = sst_clock_now_ns();
     int err = sst_render(r, cfg, picture, valid);
 
     out->seconds = (double)(sst_clock_now_ns() - start_ns) * 1e-9;
-    out->psnr = sst_psnr(picture, behind, NULL);
-    out->psnr_occluded = sst_psnr(picture, behind, mask);
+    out->psnr = sst_psnr(picture, &h->behind, NULL);
+    out->psnr_occluded = sst_psnr(picture, &h->behind, &h->mask);
+    out->psnr_target = sst_psnr(picture, &h->behind, &h->target);
     if (!err)
-        err = sst_ssim(&out->ssim, picture, behind, NULL);
+        err = sst_ssim(&out->ssim, picture, &h->behind, NULL);
     if (!err)
-        err = sst_ssim(&out->ssim_occluded, picture, behind, mask);
+        err = sst_ssim(&out->ssim_occluded, picture, &h->behind, &h->mask);
     return err;
 }
 
@@ -264,36 +270,40 @@ static bool ray_at(const struct job *job, int k, int ref, int x, int y, double f
     return true;
 }
 
-static void count_pixel(struct ray_count *sum, const struct job *job, int ref, int x, int y, double focus_px)
+/* @return whether the pixel shows the target */
+static bool count_pixel(struct ray_count *sum, const struct job *job, int ref, int x, int y, double focus_px)
 {
     struct ray_count n = { 0 };
+    int64_t behind = 0;
 
     for (int k = 0; k < job->lf->rows * job->lf->cols; k++) {
         double truth, map;
 
         if (!ray_at(job, k, ref, x, y, focus_px, &truth, &map))
             continue;
+        behind += truth < focus_px - 0.5;
         n.target += fabs(truth - focus_px) <= 0.5;
         n.rejected += fabs(truth - focus_px) <= 0.5 && map > focus_px + 1;
         n.accepted += fabs(map - focus_px) <= 1;
         n.wrong += fabs(map - focus_px) <= 1 && truth > focus_px + 1;
     }
     if (n.target == 0)
-        return;
+        return false;
     sum->target += n.target;
     sum->rejected += n.rejected;
     sum->accepted += n.accepted;
     sum->wrong += n.wrong;
+    return n.target >= 3 && n.target > behind;
 }
 
-static struct ray_count count_rays(const struct job *job, int ref, const struct sst_map_u8 *mask, double focus_px)
+static struct ray_count count_rays(struct hidden *h, const struct job *job, int ref, double focus_px)
 {
     struct ray_count sum = { 0 };
 
-    for (int y = 0; y < mask->height; y++) {
-        for (int x = 0; x < mask->width; x++) {
-            if (sst_map_u8_row(mask, y)[x])
-                count_pixel(&sum, job, ref, x, y, focus_px);
+    for (int y = 0; y < h->mask.height; y++) {
+        for (int x = 0; x < h->mask.width; x++) {
+            if (sst_map_u8_row(&h->mask, y)[x] && count_pixel(&sum, job, ref, x, y, focus_px))
+                sst_map_u8_row(&h->target, y)[x] = 255;
         }
     }
     return sum;
@@ -347,8 +357,9 @@ static int cut_between(double *cut_px, const struct job *job, int ref, const str
 
 /* Removes the occluder by a cut where there is one, else the object that the mask covers. */
 static int render_clear(struct sst_evaluation *out, int index, struct sst_renderer *r, struct sst_render_config *cfg,
-                        const struct sst_image *behind, const struct sst_map_u8 *mask)
+                        const struct hidden *h)
 {
+    const struct sst_image *behind = &h->behind;
     struct sst_image picture = { 0 };
     struct sst_map_u8 valid = { 0 };
     int err = sst_image_init(&picture, behind->width, behind->height);
@@ -356,7 +367,7 @@ static int render_clear(struct sst_evaluation *out, int index, struct sst_render
     if (!err)
         err = sst_map_u8_init(&valid, behind->width, behind->height);
     if (!err)
-        err = measure_picture(&out->occluder[index].clear, r, cfg, behind, mask, &picture, &valid);
+        err = measure_picture(&out->occluder[index].clear, r, cfg, h, &picture, &valid);
     for (int y = 0; y < behind->height && !err; y++) {
         uint8_t *row = sst_map_u8_row(&valid, y);
 
@@ -374,22 +385,21 @@ static int render_clear(struct sst_evaluation *out, int index, struct sst_render
 }
 
 static int measure_clear(struct sst_evaluation *out, int index, const struct job *job, const struct sst_truth *truth,
-                         struct sst_renderer *r, const struct sst_render_config *cfg, const struct sst_image *behind,
-                         const struct sst_map_u8 *mask)
+                         struct sst_renderer *r, const struct sst_render_config *cfg, const struct hidden *h)
 {
     const int views = job->lf->rows * job->lf->cols, ref = truth->ref_row * job->lf->cols + truth->ref_col;
     struct sst_map_u8 *object = sst_mem_alloc((size_t)views, sizeof(*object));
     struct sst_render_config c = *cfg;
-    int err = object ? cut_between(&out->occluder[index].cut_px, job, ref, mask) : -ENOMEM;
+    int err = object ? cut_between(&out->occluder[index].cut_px, job, ref, &h->mask) : -ENOMEM;
 
     c.method = SST_RENDER_CLEAR;
     c.cut_px = isnan(out->occluder[index].cut_px) ? INFINITY : out->occluder[index].cut_px;
     if (!err && isinf(c.cut_px)) {
-        err = sst_render_carry_object(object, job->lf, ref, mask, c.threads);
+        err = sst_render_carry_object(object, job->lf, ref, &h->mask, c.threads);
         c.remove = object;
     }
     if (!err)
-        err = render_clear(out, index, r, &c, behind, mask);
+        err = render_clear(out, index, r, &c, h);
     for (int i = 0; i < views && object; i++)
         sst_map_u8_fini(&object[i]);
     sst_mem_free(object);
@@ -401,42 +411,45 @@ static int measure_occluder(struct sst_evaluation *out, int index, const struct 
 {
     const struct sst_truth_occluder *o = &truth->occluders[index];
     struct sst_render_config c = *cfg;
-    struct sst_image behind = { 0 }, picture = { 0 };
-    struct sst_map_u8 mask = { 0 };
+    struct hidden h = { 0 };
+    struct sst_image picture = { 0 };
     struct ray_count rays;
     char path[SST_PATH_MAX];
     int err = sst_path_join(path, job->truth_dir, o->behind);
 
     if (!err)
-        err = sst_image_read(&behind, path);
+        err = sst_image_read(&h.behind, path);
     if (!err)
-        err = check_size(path, behind.width, behind.height, job->lf);
+        err = check_size(path, h.behind.width, h.behind.height, job->lf);
     if (!err)
         err = sst_path_join(path, job->truth_dir, o->mask);
     if (!err)
-        err = sst_map_u8_read_png(&mask, path);
+        err = sst_map_u8_read_png(&h.mask, path);
     if (!err)
-        err = check_size(path, mask.width, mask.height, job->lf);
+        err = check_size(path, h.mask.width, h.mask.height, job->lf);
+    if (!err)
+        err = sst_map_u8_init(&h.target, h.mask.width, h.mask.height);
     if (err)
         goto done;
-    out->occluder[index].covered = covered(&mask);
-    rays = count_rays(job, truth->ref_row * job->lf->cols + truth->ref_col, &mask, o->focus_px);
+    out->occluder[index].covered = covered(&h.mask);
+    rays = count_rays(&h, job, truth->ref_row * job->lf->cols + truth->ref_col, o->focus_px);
     out->occluder[index].rejected = percent(rays.rejected, rays.target);
     out->occluder[index].accepted_wrong = percent(rays.wrong, rays.accepted);
     c.focus_px = o->focus_px;
     c.method = SST_RENDER_SST;
-    err = sst_image_init(&picture, behind.width, behind.height);
+    err = sst_image_init(&picture, h.behind.width, h.behind.height);
     if (!err)
-        err = measure_picture(&out->occluder[index].render, r, &c, &behind, &mask, &picture, NULL);
+        err = measure_picture(&out->occluder[index].render, r, &c, &h, &picture, NULL);
     c.method = SST_RENDER_REFOCUS;
     if (!err)
-        err = measure_picture(&out->occluder[index].refocus, r, &c, &behind, &mask, &picture, NULL);
+        err = measure_picture(&out->occluder[index].refocus, r, &c, &h, &picture, NULL);
     if (!err)
-        err = measure_clear(out, index, job, truth, r, &c, &behind, &mask);
+        err = measure_clear(out, index, job, truth, r, &c, &h);
 done:
     sst_image_fini(&picture);
-    sst_image_fini(&behind);
-    sst_map_u8_fini(&mask);
+    sst_image_fini(&h.behind);
+    sst_map_u8_fini(&h.mask);
+    sst_map_u8_fini(&h.target);
     return err;
 }
 

@@ -31,9 +31,11 @@ struct sst_truth {
  */
 SST_MUST_CHECK int sst_truth_read(struct sst_truth *truth, const char *dir);
 
-/** A rendered picture against the true one: all pixels, and those that the occluder covers. dB and 0..1; NaN: none. */
+/** A rendered picture against the true one: all pixels, those that the occluder covers, and of these those that show
+ * the target, so that nothing out of focus counts. dB and 0..1; NaN: none. */
 struct sst_picture_error {
     double psnr, ssim, psnr_occluded, ssim_occluded;
+    double psnr_target; /* three rays or more end at the focus, and fewer end behind it */
     double seconds; /* rendering time */
 };
 

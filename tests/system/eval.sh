@@ -33,7 +33,7 @@ assert d["bad1"] == 0 and d["bad2"] == 0 and d["density"] == 100 and d["rmse"] <
 assert d["nonocc"]["bad1"] == 0 and 0 < d["nonocc"]["pixels"] < d["pixels"] == 25 * 200 * 150, d
 assert l["miou_initial"] is None and l["miou_hcsm"] is None and l["coverage_hcsm"] is None, l
 assert l["miou_refined"] == 100, l
-for k in "psnr", "ssim", "psnr_occluded", "ssim_occluded":
+for k in "psnr", "ssim", "psnr_occluded", "ssim_occluded", "psnr_target":
     assert r["render"][k] == r["occluders"][0]["render"][k], k
     assert r["refocus"][k] == r["occluders"][0]["refocus"][k], k
 assert r["render"]["psnr_occluded"] > r["refocus"]["psnr_occluded"] + 1, r["render"]
