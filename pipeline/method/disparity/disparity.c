@@ -24,6 +24,7 @@ struct run {
     struct sst_network **nets; /* [workers]; NULL without features */
     bool fill;
     int rounds;                    /* of the second pass */
+    bool subpixel;                 /* refine between pixels */
     int scale, width, height;      /* of the images that are matched */
     int disp_min, range;           /* in pixels of those images; range + 1 whole disparities are searched */
     int divisor;                   /* steps per pixel */
@@ -392,7 +393,7 @@ static int open_networks(struct run *run, int workers, int threads)
     return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
 }
 
-/* The second pass over all maps. */
+/* What improves all maps together: the second pass and the refinement between pixels. */
 static int match_again(struct run *run, int threads)
 {
     const struct sst_lightfield *lf = run->lf;
@@ -419,7 +420,10 @@ static int match_again(struct run *run, int threads)
                                                 .bx = v->bx,
                                                 .by = v->by };
     }
-    err = err ? err : sst_disparity_visible(&in, run->rounds, threads);
+    if (run->rounds)
+        err = err ? err : sst_disparity_visible(&in, run->rounds, threads);
+    if (run->subpixel)
+        err = err ? err : sst_disparity_subpixel(&in, threads);
     for (int k = 0; seen && k < in.count; k++)
         sst_map_u8_fini(&seen[k]);
     free(seen);
@@ -450,7 +454,7 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     }
     free(run->volumes);
     free(run->nets);
-    if (run->rounds)
+    if (run->rounds || run->subpixel)
         err = err ? err : match_again(run, threads);
     if (run->fill) {
         err = err ? err : sst_parallel_for(views, threads, check_job, run);
@@ -482,6 +486,8 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     for (size_t k = 0; k < views; k++)
         present += lf->views[k].present;
     run->rounds = cfg->raw || present < SST_VISIBLE_LEAST || run->range < SST_VISIBLE_RANGE ? 0 : cfg->rounds;
+    run->subpixel =
+        cfg->subpixel && !cfg->raw && present >= SST_VISIBLE_LEAST && run->range <= SST_SUBPIXEL_RANGE;
     run->desc = calloc(views, sizeof(*run->desc));
     run->disp = calloc(views, sizeof(*run->disp));
     run->confidence = calloc(views, sizeof(*run->confidence));

@@ -40,6 +40,7 @@ struct sst_disparity_config {
     int neighbours; /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
     int rounds;     /* of the second pass (design.md, 5.7), 0..SST_DISPARITY_MAX_ROUNDS; light fields of few views
                        or of a narrow range have none */
+    bool subpixel;  /* refine between pixels (design.md, 5.8); light fields of few views or of a wide range are not */
     int scale;      /* 1 full size, 2 half size with the result scaled up */
     int phase_step; /* census between pixels in quarters (1) or in halves (2), which needs a quarter of the memory;
                        0: in quarters unless views are very large */

@@ -13,8 +13,8 @@ static const struct {
     struct sst_disparity_config cfg;
 } presets[] = {
     { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2 } },
-    { "balanced", { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1 } },
-    { "accurate", { COMMON, SUPPORT, .cost = SST_COST_BOTH, .paths = 8, .scale = 1, .rounds = 2 } },
+    { "balanced", { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .subpixel = true } },
+    { "accurate", { COMMON, SUPPORT, .cost = SST_COST_BOTH, .paths = 8, .scale = 1, .rounds = 2, .subpixel = true } },
 };
 
 int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset)
