@@ -213,7 +213,7 @@ typedef void sst_hypothesis_path_row_fn(uint16_t *path, uint16_t *sum, const uin
                                         const struct sst_hypothesis_penalty *penalty, ptrdiff_t step, size_t n);
 
 /* Sub-pixel refinement (design.md, 5.8). */
-#define SST_SUBPIXEL_VIEWS 16
+#define SST_SUBPIXEL_VIEWS 24
 #define SST_SUBPIXEL_NONE  32768 /* unknown disparity */
 #define SST_SUBPIXEL_BLOCK 64    /* pixels that the kernels process together */
 

@@ -15,7 +15,7 @@ static SST_NOINLINE void KERNEL(subpixel_view)(float *restrict ss, float *restri
         const int d = disp[x] & (SST_SUBPIXEL_NONE - 1), px = x_q16 + d * dx, py = y_q16 + d * dy;
         const int xv = x0 + x + (px >> 16), yv = y + (py >> 16);
         const int inside = (xv >= 0) & (yv >= 0) & (xv < across) & (yv < down);
-        const int at = inside ? yv * stride + xv : 0;
+        const int xc = sst_clamp_int(xv, 0, across), yc = sst_clamp_int(yv, 0, down - 1), at = yc * stride + xc;
         const uint32_t a = top[at], b = bottom[at];
         const int front = d + tolerance, hides = ((int)(a >> 16) > front) | ((int)(b >> 16) > front);
         const float fx = (float)(px & 65535) * (1 / 65536.0f), fy = (float)(py & 65535) * (1 / 65536.0f);

@@ -4,8 +4,10 @@
 #include "base/log.h"
 #include "pipeline/method/disparity/disparity.h"
 
-#define COMMON  .disp_max_px = 127, .p1 = 14, .p2 = 90, .edge_step = 24, .fill = true, .joint = true, .neighbours = 12
-#define SUPPORT .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8
+#define COMMON .disp_max_px = 127, .p1 = 14, .p2 = 90, .edge_step = 24, .fill = true, .joint = true, .neighbours = 12
+#define SUPPORT                                                                                                        \
+    .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8, .subpixel_steps = 2,                 \
+    .subpixel_views = 12
 
 /* One parameter set per preset for all inputs; chosen on simulated scenes and stereo pairs, see docs/. */
 static const struct {
@@ -13,8 +15,8 @@ static const struct {
     struct sst_disparity_config cfg;
 } presets[] = {
     { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2 } },
-    { "balanced", { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .subpixel = true } },
-    { "accurate", { COMMON, SUPPORT, .cost = SST_COST_BOTH, .paths = 8, .scale = 1, .rounds = 2, .subpixel = true } },
+    { "balanced", { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1 } },
+    { "accurate", { COMMON, SUPPORT, .cost = SST_COST_BOTH, .paths = 8, .scale = 1, .rounds = 2 } },
 };
 
 int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset)

@@ -1,7 +1,8 @@
 /*
  * Refinement between pixels (design.md, 5.8). The first pass searches quarter pixels, and its answers gather around
- * them. Here the luma of the views around a pixel, whose differences are nearly linear in the disparity, gives each pixel
- * a disparity and a weight; windows of similar pixels share them. Windows that carry no texture follow larger ones.
+ * them. Here the luma of the views around a pixel, whose differences are nearly linear in the disparity, gives each
+ * pixel a disparity and a weight; windows of similar pixels share them. Windows that carry no texture follow larger
+ * ones.
  */
 #include <errno.h>
 #include <math.h>
@@ -12,17 +13,15 @@
 #include "base/thread.h"
 #include "pipeline/method/disparity/stage.h"
 
-#define STEPS          2    /* of Gauss-Newton */
-#define VIEWS          12   /* nearest views that are compared */
-#define LIMIT          16   /* levels: from this difference on, a view does not count */
-#define MOST           32   /* 1/64 px: farthest from the first pass's answer */
+#define LIMIT          10   /* levels: from this difference on, a view does not count */
+#define MOST           20   /* 1/64 px: farthest from the first pass's answer */
 #define TOLERANCE      20   /* 1/64 px: a surface that is nearer by more than this hides a point */
 #define SIMILAR        24   /* levels: pixels of a window that count ... */
 #define APART          20   /* ... and 1/64 px */
-#define WIDE_APART     10   /* the same for the large windows */
+#define WIDE_APART     12   /* the same for the large windows */
 #define WIDE_STEP      4    /* pixels between those of the large windows */
 #define FEW            30.f /* weight of the pixel's own answer: noise where there is no texture */
-#define ENOUGH         1e4f /* weight at which a window and the large window around it count alike */
+#define ENOUGH         1e5f /* weight at which a window and the large window around it count alike */
 #define MARGIN         (2 * WIDE_STEP)
 #define GAIN_STEP      8     /* pixels between those that gains are measured at */
 #define GAIN_LIMIT     32    /* levels: pixels that differ by more are not the same surface */
@@ -37,6 +36,7 @@ struct packed {
 
 struct pass {
     const struct sst_visible_views *in;
+    int steps, views;
     struct packed *view;     /* [in->count] */
     struct sst_map_u16 *out; /* [in->count] */
 };
@@ -96,11 +96,11 @@ static int pack_job(void *arg, int k, int worker SST_UNUSED)
 /* --- views to compare with ---------------------------------------------------------------------------------------- */
 
 /* The nearest views, sorted by distance and number. @return their number */
-static int nearest_views(const struct pass *p, int k, int nearest[VIEWS])
+static int nearest_views(const struct pass *p, int k, int nearest[SST_SUBPIXEL_VIEWS])
 {
     const struct sst_visible_view *own = &p->in->view[k];
     const double reach = fabs(p->in->disp_min_px) + SST_SUBPIXEL_NONE / SST_DISP_SCALE;
-    double distance[VIEWS];
+    double distance[SST_SUBPIXEL_VIEWS];
     int n = 0;
 
     for (int i = 0; i < p->in->count; i++) {
@@ -108,9 +108,9 @@ static int nearest_views(const struct pass *p, int k, int nearest[VIEWS])
         const double far = hypot(v->bx - own->bx, v->by - own->by);
         int at;
 
-        if (i == k || !v->image || far * reach > DISPLACED_MOST || (n == VIEWS && far >= distance[n - 1]))
+        if (i == k || !v->image || far * reach > DISPLACED_MOST || (n == p->views && far >= distance[n - 1]))
             continue;
-        n += n < VIEWS;
+        n += n < p->views;
         for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
             distance[at] = distance[at - 1];
             nearest[at] = nearest[at - 1];
@@ -178,7 +178,7 @@ static void set_gain(struct sst_subpixel_view *v, const struct sst_subpixel_fit 
 static void set_fit(struct sst_subpixel_fit *f, const struct pass *p, int k)
 {
     const struct sst_visible_view *own = &p->in->view[k];
-    int nearest[VIEWS];
+    int nearest[SST_SUBPIXEL_VIEWS];
 
     *f = (struct sst_subpixel_fit){ .own = { p->view[k].pixels, p->view[k].stride },
                                     .views = nearest_views(p, k, nearest),
@@ -355,7 +355,7 @@ static int refine_job(void *arg, int k, int worker SST_UNUSED)
     }
     if (!err) {
         set_fit(&fit, p, k);
-        for (int i = 0; i < STEPS; i++)
+        for (int i = 0; i < p->steps; i++)
             step_all(&planes, &fit, p->in->range, rows, rows + planes.width);
         finish(&planes, &p->out[k], p->in->range, rows, rows + planes.width);
     }
@@ -364,9 +364,9 @@ static int refine_job(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
-int sst_disparity_subpixel(const struct sst_visible_views *in, int threads)
+int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int views, int threads)
 {
-    struct pass p = { .in = in };
+    struct pass p = { .in = in, .steps = steps, .views = views };
     int err = -ENOMEM;
 
     p.view = calloc((size_t)in->count, sizeof(*p.view));
