@@ -13,6 +13,7 @@
 #include "base/thread.h"
 #include "pipeline/method/disparity/stage.h"
 
+#define FIRST_VIEWS    8    /* that the first step compares */
 #define LIMIT          10   /* levels: from this difference on, a view does not count */
 #define MOST           20   /* 1/64 px: farthest from the first pass's answer */
 #define TOLERANCE      20   /* 1/64 px: a surface that is nearer by more than this hides a point */
@@ -304,11 +305,10 @@ static void step_all(struct planes *p, const struct sst_subpixel_fit *f, int ran
         for (int x = 0; x < p->width; x++) {
             const int32_t d = p->disp[row + x];
             const float refined = (product[x] + FEW * ((float)d * (1 / 64.0f))) / (weight[x] + FEW);
-            const float counted = weight[x] < ENOUGH ? weight[x] : ENOUGH;
 
             p->next[row + x] = d < SST_SUBPIXEL_NONE ? near_first(refined, p->first[row + x], range * 64) : d;
-            p->wide_weight[row + x] = counted + FEW;
-            p->wide_product[row + x] = (counted + FEW) * refined;
+            p->wide_weight[row + x] = (weight[x] < ENOUGH ? weight[x] : ENOUGH) + FEW;
+            p->wide_product[row + x] = p->wide_weight[row + x] * refined;
         }
     }
     p->next = p->disp;
@@ -341,7 +341,7 @@ static int refine_job(void *arg, int k, int worker SST_UNUSED)
     struct planes planes = { 0 };
     struct sst_subpixel_fit fit;
     float *rows = NULL;
-    int err;
+    int err, views;
 
     if (!v->image)
         return 0;
@@ -355,8 +355,11 @@ static int refine_job(void *arg, int k, int worker SST_UNUSED)
     }
     if (!err) {
         set_fit(&fit, p, k);
-        for (int i = 0; i < p->steps; i++)
+        views = fit.views;
+        for (int i = 0; i < p->steps; i++) {
+            fit.views = i ? views : sst_min_int(views, FIRST_VIEWS);
             step_all(&planes, &fit, p->in->range, rows, rows + planes.width);
+        }
         finish(&planes, &p->out[k], p->in->range, rows, rows + planes.width);
     }
     sst_mem_free(rows);
