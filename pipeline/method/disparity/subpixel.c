@@ -35,11 +35,14 @@ struct packed {
     ptrdiff_t stride;
 };
 
+struct planes;
+
 struct pass {
     const struct sst_visible_views *in;
     int steps, views;
     struct packed *view;     /* [in->count] */
     struct sst_map_u16 *out; /* [in->count] */
+    struct planes *planes;   /* [threads] made by the first view of a thread */
 };
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
@@ -255,7 +258,7 @@ static void load_row(struct planes *p, const struct sst_image *img, const struct
 static int load(struct planes *p, const struct pass *pass, const struct sst_visible_view *v)
 {
     struct sst_image half = { 0 };
-    int err = planes_init(p, v->disp->width, v->disp->height);
+    int err = p->memory ? 0 : planes_init(p, v->disp->width, v->disp->height);
 
     if (!err && pass->in->scale == 2)
         err = sst_image_halve(&half, v->image);
@@ -334,11 +337,11 @@ static void finish(struct planes *p, struct sst_map_u16 *out, int range, float *
     }
 }
 
-static int refine_job(void *arg, int k, int worker SST_UNUSED)
+static int refine_job(void *arg, int k, int worker)
 {
     struct pass *p = arg;
     const struct sst_visible_view *v = &p->in->view[k];
-    struct planes planes = { 0 };
+    struct planes *planes = &p->planes[worker];
     struct sst_subpixel_fit fit;
     float *rows = NULL;
     int err, views;
@@ -347,10 +350,10 @@ static int refine_job(void *arg, int k, int worker SST_UNUSED)
         return 0;
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
-    err = load(&planes, p, v);
-    err = err ? err : sst_map_u16_init(&p->out[k], planes.width, planes.height);
+    err = load(planes, p, v);
+    err = err ? err : sst_map_u16_init(&p->out[k], planes->width, planes->height);
     if (!err) {
-        rows = sst_mem_alloc_raw(2 * (size_t)planes.width, sizeof(*rows));
+        rows = sst_mem_alloc_raw(2 * (size_t)planes->width, sizeof(*rows));
         err = rows ? 0 : -ENOMEM;
     }
     if (!err) {
@@ -358,12 +361,11 @@ static int refine_job(void *arg, int k, int worker SST_UNUSED)
         views = fit.views;
         for (int i = 0; i < p->steps; i++) {
             fit.views = i ? views : sst_min_int(views, FIRST_VIEWS);
-            step_all(&planes, &fit, p->in->range, rows, rows + planes.width);
+            step_all(planes, &fit, p->in->range, rows, rows + planes->width);
         }
-        finish(&planes, &p->out[k], p->in->range, rows, rows + planes.width);
+        finish(planes, &p->out[k], p->in->range, rows, rows + planes->width);
     }
     sst_mem_free(rows);
-    sst_mem_free(planes.memory);
     return err;
 }
 
@@ -374,15 +376,19 @@ int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int vi
 
     p.view = calloc((size_t)in->count, sizeof(*p.view));
     p.out = calloc((size_t)in->count, sizeof(*p.out));
-    if (p.view && p.out)
+    p.planes = calloc((size_t)threads, sizeof(*p.planes));
+    if (p.view && p.out && p.planes)
         err = sst_parallel_for(in->count, threads, pack_job, &p);
     err = err ? err : sst_parallel_for(in->count, threads, refine_job, &p);
-    for (int k = 0; p.view && p.out && k < in->count; k++) {
+    for (int k = 0; p.view && p.out && p.planes && k < in->count; k++) {
         if (!err && in->view[k].image)
             memcpy(in->view[k].disp->data, p.out[k].data, p.out[k].stride * (size_t)p.out[k].height);
         sst_map_u16_fini(&p.out[k]);
         sst_mem_free(p.view[k].memory);
     }
+    for (int i = 0; p.planes && i < threads; i++)
+        sst_mem_free(p.planes[i].memory);
+    free(p.planes);
     free(p.view);
     free(p.out);
     return err;
