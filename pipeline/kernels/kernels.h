@@ -33,6 +33,8 @@ enum sst_cpu_level {
     X(bilateral_row)                                                                                                   \
     X(hypothesis_cost_row)                                                                                             \
     X(hypothesis_path_row)                                                                                             \
+    X(subpixel_fit_row)                                                                                                \
+    X(subpixel_window_row)                                                                                             \
     X(blend_rays)                                                                                                      \
     X(blend_plain)                                                                                                     \
     X(blend_finish)                                                                                                    \
@@ -210,6 +212,54 @@ struct sst_hypothesis_penalty {
 typedef void sst_hypothesis_path_row_fn(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
                                         const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,
                                         const struct sst_hypothesis_penalty *penalty, ptrdiff_t step, size_t n);
+
+/* Sub-pixel refinement (design.md, 5.8). */
+#define SST_SUBPIXEL_VIEWS 24
+#define SST_SUBPIXEL_NONE  32768 /* unknown disparity */
+#define SST_SUBPIXEL_BLOCK 64    /* pixels that the kernels process together */
+
+/** A view to compare with. Its pixels are the luma of (x, y), the luma of (x + 1, y) and, from bit 16 on, the larger one
+ *  of their disparities, 65535 where it is unknown. */
+struct sst_subpixel_view {
+    struct sst_packed_view view;
+    int32_t x, y, dx, dy; /* a disparity d, 1/64 px, moves a pixel by (x + d dx) / 2^16 */
+    float bx, by;         /* offset from the own view */
+    float gain, offset;   /* its luma times gain plus offset is the own one's */
+};
+
+struct sst_subpixel_fit {
+    struct sst_packed_view own; /* packed likewise */
+    struct sst_subpixel_view view[SST_SUBPIXEL_VIEWS];
+    int views;           /* used */
+    int width, height;   /* of all views, at least 2 */
+    int tolerance;       /* 1/64 px: a surface nearer by more than this hides the point */
+    float inverse_limit; /* 1 / luma difference from which on a view does not count */
+};
+
+/**
+ * A Gauss-Newton step of the disparity for each pixel of row y: the luma difference r_k to each view that sees the
+ * point (interpolated between four pixels), linear in the disparity with slope s_k = -(gradient . b_k), has weight
+ * w_k = 1 - |r_k| / limit.
+ * @param weight   out, sum of w_k s_k^2
+ * @param product  out, weight times the disparity, px, at which sum of w_k (r_k + s_k step)^2 is least
+ * @param disp     1/64 px; SST_SUBPIXEL_NONE: unknown, weight 0
+ */
+typedef void sst_subpixel_fit_row_fn(float *weight, float *product, const int32_t *disp,
+                                     const struct sst_subpixel_fit *fit, int y, size_t n);
+
+/** Planes of one stride, pointers to the first pixel of a row; 2 * step pixels on all sides are readable. */
+struct sst_subpixel_window {
+    const uint32_t *colour; /* R, G, B from the lowest byte up */
+    const int32_t *disp;    /* 1/64 px */
+    const float *weight, *product;
+    ptrdiff_t stride;
+    int step;           /* pixels between those of the window */
+    int similar, apart; /* channels and disparities that differ by at most this count */
+};
+
+/** Sums of weight and product over windows of 5x5 pixels, of which those count that are of similar colour and disparity.
+ * Both kernels give the same bytes at every level: no sum is split. */
+typedef void sst_subpixel_window_row_fn(float *weight, float *product, const struct sst_subpixel_window *w, size_t n);
 
 /* --- rendering (pipeline/method/render/) --- */
 

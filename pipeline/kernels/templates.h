@@ -15,6 +15,7 @@
 #include "pipeline/kernels/median_tmpl.h"
 #include "pipeline/kernels/resample_row_tmpl.h"
 #include "pipeline/kernels/sgm_tmpl.h"
+#include "pipeline/kernels/subpixel_tmpl.h"
 #include "pipeline/kernels/support_tmpl.h"
 #include "pipeline/kernels/transpose_tmpl.h"
 #include "pipeline/kernels/winner_tmpl.h"

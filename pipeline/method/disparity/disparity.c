@@ -21,9 +21,11 @@
 struct run {
     struct sst_lightfield *lf;
     const struct sst_disparity_config *cfg;
-    struct sst_network **nets; /* [workers]; NULL without features */
+    struct sst_disparity_config narrow; /* what cfg points to where the range is narrow */
+    struct sst_network **nets;          /* [workers]; NULL without features */
     bool fill;
     int rounds;                    /* of the second pass */
+    bool subpixel;                 /* refine between pixels */
     int scale, width, height;      /* of the images that are matched */
     int disp_min, range;           /* in pixels of those images; range + 1 whole disparities are searched */
     int divisor;                   /* steps per pixel */
@@ -50,7 +52,8 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
     if ((cfg->paths != 4 && cfg->paths != 8) || cfg->p1 < 1 || cfg->p2 < cfg->p1 ||
         cfg->p2 > SST_DISPARITY_MAX_PENALTY || cfg->support_arm < 0 || cfg->support_arm > SST_SUPPORT_MAX_ARM ||
         (cfg->scale != 1 && cfg->scale != 2) || cfg->phase_step < 0 || cfg->phase_step > 2 || cfg->rounds < 0 ||
-        cfg->rounds > SST_DISPARITY_MAX_ROUNDS) {
+        cfg->rounds > SST_DISPARITY_MAX_ROUNDS || cfg->subpixel_steps < 0 || cfg->subpixel_steps > SST_SUBPIXEL_MOST ||
+        (cfg->subpixel_steps && (cfg->subpixel_views < 1 || cfg->subpixel_views > SST_SUBPIXEL_VIEWS))) {
         sst_log_error("matching parameters are outside their ranges: paths 4 or 8, 0 < P1 <= P2 <= %d, arm 0..%d, "
                       "rounds 0..%d",
                       SST_DISPARITY_MAX_PENALTY, SST_SUPPORT_MAX_ARM, SST_DISPARITY_MAX_ROUNDS);
@@ -392,7 +395,7 @@ static int open_networks(struct run *run, int workers, int threads)
     return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
 }
 
-/* The second pass over all maps. */
+/* What improves all maps together: the second pass and the refinement between pixels. */
 static int match_again(struct run *run, int threads)
 {
     const struct sst_lightfield *lf = run->lf;
@@ -419,7 +422,10 @@ static int match_again(struct run *run, int threads)
                                                 .bx = v->bx,
                                                 .by = v->by };
     }
-    err = err ? err : sst_disparity_visible(&in, run->rounds, threads);
+    if (run->rounds)
+        err = err ? err : sst_disparity_visible(&in, run->rounds, threads);
+    if (run->subpixel)
+        err = err ? err : sst_disparity_subpixel(&in, run->cfg->subpixel_steps, run->cfg->subpixel_views, threads);
     for (int k = 0; seen && k < in.count; k++)
         sst_map_u8_fini(&seen[k]);
     free(seen);
@@ -450,7 +456,7 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     }
     free(run->volumes);
     free(run->nets);
-    if (run->rounds)
+    if (run->rounds || run->subpixel)
         err = err ? err : match_again(run, threads);
     if (run->fill) {
         err = err ? err : sst_parallel_for(views, threads, check_job, run);
@@ -467,6 +473,22 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     return err;
 }
 
+/*
+ * Where many views span few pixels, the learned cost, whose features are those of whole pixels, hides what the census
+ * finds between them: the census alone is better, and with it half the penalties are enough.
+ */
+static void set_narrow(struct run *run, int present)
+{
+    if (run->cfg->raw || run->cfg->cost != SST_COST_BOTH || present < SST_VISIBLE_LEAST ||
+        run->range >= SST_VISIBLE_RANGE)
+        return;
+    run->narrow = *run->cfg;
+    run->narrow.cost = SST_COST_CENSUS;
+    run->narrow.p1 = sst_max_int(run->cfg->p1 / 2, 1);
+    run->narrow.p2 = sst_max_int(run->cfg->p2 / 2, run->narrow.p1);
+    run->cfg = &run->narrow;
+}
+
 static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
 {
     const size_t views = (size_t)(lf->rows * lf->cols);
@@ -481,7 +503,10 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     run->divisor = run->range <= FINE_RANGE_PX ? 4 : run->range <= 2 * FINE_RANGE_PX ? 2 : 1;
     for (size_t k = 0; k < views; k++)
         present += lf->views[k].present;
+    set_narrow(run, present);
     run->rounds = cfg->raw || present < SST_VISIBLE_LEAST || run->range < SST_VISIBLE_RANGE ? 0 : cfg->rounds;
+    run->subpixel =
+        cfg->subpixel_steps > 0 && !cfg->raw && present >= SST_VISIBLE_LEAST && run->range <= SST_SUBPIXEL_RANGE;
     run->desc = calloc(views, sizeof(*run->desc));
     run->disp = calloc(views, sizeof(*run->disp));
     run->confidence = calloc(views, sizeof(*run->confidence));

@@ -17,6 +17,7 @@ enum sst_cost {
 #define SST_DISPARITY_MAX_STEPS   512
 #define SST_DISPARITY_MAX_PENALTY 4000
 #define SST_DISPARITY_MAX_ROUNDS  8
+#define SST_SUBPIXEL_MOST         8
 /* Longest support arm: 11^2 * 255 < 2^16, so column sums modulo 2^16 are exact; so are the means of equal costs, which
  * the rounded-up reciprocal of the kernel makes inexact from 151 pixels on. */
 #define SST_SUPPORT_MAX_ARM 5
@@ -40,6 +41,9 @@ struct sst_disparity_config {
     int neighbours; /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
     int rounds;     /* of the second pass (design.md, 5.7), 0..SST_DISPARITY_MAX_ROUNDS; light fields of few views
                        or of a narrow range have none */
+    int subpixel_steps; /* of the refinement between pixels (design.md, 5.8), 0..SST_SUBPIXEL_MOST; light fields of few
+                           views or of a wide range are not refined */
+    int subpixel_views; /* compared in it at most, up to SST_SUBPIXEL_VIEWS */
     int scale;      /* 1 full size, 2 half size with the result scaled up */
     int phase_step; /* census between pixels in quarters (1) or in halves (2), which needs a quarter of the memory;
                        0: in quarters unless views are very large */

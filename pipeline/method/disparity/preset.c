@@ -4,8 +4,10 @@
 #include "base/log.h"
 #include "pipeline/method/disparity/disparity.h"
 
-#define COMMON  .disp_max_px = 127, .p1 = 14, .p2 = 90, .edge_step = 24, .fill = true, .joint = true, .neighbours = 12
-#define SUPPORT .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8
+#define COMMON .disp_max_px = 127, .p1 = 14, .p2 = 90, .edge_step = 24, .fill = true, .joint = true, .neighbours = 12
+#define SUPPORT                                                                                                        \
+    .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8, .subpixel_steps = 2,                 \
+    .subpixel_views = 12
 
 /* One parameter set per preset for all inputs; chosen on simulated scenes and stereo pairs, see docs/. */
 static const struct {

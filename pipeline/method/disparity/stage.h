@@ -254,6 +254,19 @@ struct sst_visible_views {
  */
 SST_MUST_CHECK int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int threads);
 
+/* Sub-pixel refinement pays where the range is narrow: steps of the first pass are then coarse against it. */
+#define SST_SUBPIXEL_RANGE 16 /* px: wider light fields are not refined */
+
+/**
+ * Refine disparities by the luma of the views around, in small windows, by at most 20/64 px (design.md, 5.8).
+ * Confidences are not used.
+ *
+ * @param steps  of Gauss-Newton, 1 or more
+ * @param views  compared at most, 1..SST_SUBPIXEL_VIEWS
+ * @return 0, -ENOMEM, -ECANCELED; the maps are unchanged then
+ */
+SST_MUST_CHECK int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int views, int threads);
+
 /** A neighbouring view's disparities at offset b from the view under check. */
 struct sst_checked_view {
     const struct sst_map_u16 *disp_q6; /* same disparity of value 0 as the view's own */

@@ -1,0 +1,395 @@
+/*
+ * Refinement between pixels (design.md, 5.8). The first pass searches quarter pixels, and its answers gather around
+ * them. Here the luma of the views around a pixel, whose differences are nearly linear in the disparity, gives each
+ * pixel a disparity and a weight; windows of similar pixels share them. Windows that carry no texture follow larger
+ * ones.
+ */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/method/disparity/stage.h"
+
+#define FIRST_VIEWS    8    /* that the first step compares */
+#define LIMIT          10   /* levels: from this difference on, a view does not count */
+#define MOST           20   /* 1/64 px: farthest from the first pass's answer */
+#define TOLERANCE      20   /* 1/64 px: a surface that is nearer by more than this hides a point */
+#define SIMILAR        24   /* levels: pixels of a window that count ... */
+#define APART          20   /* ... and 1/64 px */
+#define WIDE_APART     12   /* the same for the large windows */
+#define WIDE_STEP      4    /* pixels between those of the large windows */
+#define FEW            30.f /* weight of the pixel's own answer: noise where there is no texture */
+#define ENOUGH         1e5f /* weight at which a window and the large window around it count alike */
+#define MARGIN         (2 * WIDE_STEP)
+#define GAIN_STEP      8     /* pixels between those that gains are measured at */
+#define GAIN_LIMIT     32    /* levels: pixels that differ by more are not the same surface */
+#define GAIN_LEAST     64    /* pixels */
+#define GAIN_MOST      1.25  /* gains are within 1 / this and this */
+#define DISPLACED_MOST 32000 /* px */
+
+struct packed {
+    uint32_t *memory, *pixels; /* pixels: (0, 0) */
+    ptrdiff_t stride;
+};
+
+struct planes;
+
+struct pass {
+    const struct sst_visible_views *in;
+    int steps, views;
+    struct packed *view;     /* [in->count] */
+    struct sst_map_u16 *out; /* [in->count] */
+    struct planes *planes;   /* [threads] made by the first view of a thread */
+};
+
+/* --- pictures ----------------------------------------------------------------------------------------------------- */
+
+static uint32_t larger(uint16_t a, uint16_t b)
+{
+    return a > b ? a : b;
+}
+
+/* Row y of a view, one column more on both sides. */
+static void pack_row(uint32_t *to, const uint8_t *luma, const uint16_t *disp, int width)
+{
+    for (int x = 0; x + 1 < width; x++)
+        to[x] = luma[x] | (uint32_t)luma[x + 1] << 8 | larger(disp[x], disp[x + 1]) << 16;
+    to[width - 1] = to[width] = luma[width - 1] * 257u | (uint32_t)disp[width - 1] << 16;
+    to[-1] = to[0];
+}
+
+static int pack_luma(struct packed *p, const struct sst_map_u8 *luma, const struct sst_map_u16 *disp)
+{
+    const int w = luma->width, h = luma->height;
+
+    p->stride = w + 2;
+    p->memory = sst_mem_alloc_raw((size_t)p->stride * (size_t)(h + 2), sizeof(*p->memory));
+    if (!p->memory)
+        return -ENOMEM;
+    p->pixels = p->memory + p->stride + 1;
+    for (int y = -1; y <= h; y++) {
+        const int from = sst_clamp_int(y, 0, h - 1);
+
+        pack_row(p->pixels + y * p->stride, sst_map_u8_row(luma, from), sst_map_u16_row(disp, from), w);
+    }
+    return 0;
+}
+
+static int pack_job(void *arg, int k, int worker SST_UNUSED)
+{
+    struct pass *p = arg;
+    const struct sst_visible_view *v = &p->in->view[k];
+    struct sst_image half = { 0 };
+    struct sst_map_u8 luma = { 0 };
+    int err = 0;
+
+    if (!v->image)
+        return 0;
+    if (p->in->scale == 2)
+        err = sst_image_halve(&half, v->image);
+    err = err ? err : sst_luma(&luma, p->in->scale == 2 ? &half : v->image);
+    err = err ? err : pack_luma(&p->view[k], &luma, v->disp);
+    sst_map_u8_fini(&luma);
+    sst_image_fini(&half);
+    return err;
+}
+
+/* --- views to compare with ---------------------------------------------------------------------------------------- */
+
+/* The nearest views, sorted by distance and number. @return their number */
+static int nearest_views(const struct pass *p, int k, int nearest[SST_SUBPIXEL_VIEWS])
+{
+    const struct sst_visible_view *own = &p->in->view[k];
+    const double reach = fabs(p->in->disp_min_px) + SST_SUBPIXEL_NONE / SST_DISP_SCALE;
+    double distance[SST_SUBPIXEL_VIEWS];
+    int n = 0;
+
+    for (int i = 0; i < p->in->count; i++) {
+        const struct sst_visible_view *v = &p->in->view[i];
+        const double far = hypot(v->bx - own->bx, v->by - own->by);
+        int at;
+
+        if (i == k || !v->image || far * reach > DISPLACED_MOST || (n == p->views && far >= distance[n - 1]))
+            continue;
+        n += n < p->views;
+        for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
+            distance[at] = distance[at - 1];
+            nearest[at] = nearest[at - 1];
+        }
+        distance[at] = far;
+        nearest[at] = i;
+    }
+    return n;
+}
+
+static int32_t q16(double px)
+{
+    return (int32_t)floor(px * 65536 + 0.5);
+}
+
+/* Sums over pairs of levels, here and in another view. */
+struct levels {
+    double n, here, there, mixed, squared;
+};
+
+static void add_levels(struct levels *s, const struct sst_subpixel_fit *f, const struct sst_subpixel_view *v,
+                       const struct sst_map_u16 *disp, int x, int y)
+{
+    const int d = sst_map_u16_row(disp, y)[x];
+    const int here = f->own.pixels[y * f->own.stride + x] & 255;
+    int there, xv, yv;
+
+    if (d >= SST_SUBPIXEL_NONE)
+        return;
+    xv = x + ((v->x + d * v->dx + 32768) >> 16);
+    yv = y + ((v->y + d * v->dy + 32768) >> 16);
+    if (xv < 0 || yv < 0 || xv >= f->width || yv >= f->height)
+        return;
+    there = v->view.pixels[yv * v->view.stride + xv] & 255;
+    if (abs(there - here) > GAIN_LIMIT)
+        return;
+    s->n += 1;
+    s->here += here;
+    s->there += there;
+    s->mixed += here * there;
+    s->squared += there * there;
+}
+
+/* Fit the gain and the offset between two views: least squares over a sample of their pixels. */
+static void set_gain(struct sst_subpixel_view *v, const struct sst_subpixel_fit *f, const struct sst_map_u16 *disp)
+{
+    struct levels s = { 0 };
+    double variance, gain = 1;
+
+    for (int y = 0; y < f->height; y += GAIN_STEP) {
+        for (int x = 0; x < f->width; x += GAIN_STEP)
+            add_levels(&s, f, v, disp, x, y);
+    }
+    v->gain = 1;
+    v->offset = 0;
+    if (s.n < GAIN_LEAST)
+        return;
+    variance = s.n * s.squared - s.there * s.there;
+    if (variance > s.n * s.n) /* more than a level */
+        gain = fmin(fmax((s.n * s.mixed - s.here * s.there) / variance, 1 / GAIN_MOST), GAIN_MOST);
+    v->gain = (float)gain;
+    v->offset = (float)((s.here - gain * s.there) / s.n);
+}
+
+static void set_fit(struct sst_subpixel_fit *f, const struct pass *p, int k)
+{
+    const struct sst_visible_view *own = &p->in->view[k];
+    int nearest[SST_SUBPIXEL_VIEWS];
+
+    *f = (struct sst_subpixel_fit){ .own = { p->view[k].pixels, p->view[k].stride },
+                                    .views = nearest_views(p, k, nearest),
+                                    .width = own->disp->width,
+                                    .height = own->disp->height,
+                                    .tolerance = TOLERANCE,
+                                    .inverse_limit = 1.0f / LIMIT };
+    for (int i = 0; i < f->views; i++) {
+        const struct packed *at = &p->view[nearest[i]];
+        const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
+
+        f->view[i] = (struct sst_subpixel_view){ .view = { at->pixels, at->stride },
+                                                 .x = q16(-p->in->disp_min_px * bx),
+                                                 .y = q16(-p->in->disp_min_px * by),
+                                                 .dx = q16(-bx / 64),
+                                                 .dy = q16(-by / 64),
+                                                 .bx = (float)bx,
+                                                 .by = (float)by };
+        set_gain(&f->view[i], f, own->disp);
+    }
+}
+
+/* --- one view ----------------------------------------------------------------------------------------------------- */
+
+/* Planes with MARGIN pixels of weight 0 around; pointers to (0, 0). */
+struct planes {
+    int width, height;
+    ptrdiff_t stride;
+    void *memory;
+    uint32_t *colour;
+    int32_t *first, *disp, *next; /* 1/64 px: the answer that is refined, of this step, of the next one */
+    float *weight, *product, *wide_weight, *wide_product;
+};
+
+enum { PLANES = 8 };
+
+static int planes_init(struct planes *p, int width, int height)
+{
+    const size_t stride = sst_mem_stride((size_t)width + 2 * MARGIN, sizeof(float)) / sizeof(float);
+    const size_t plane = stride * (size_t)(height + 2 * MARGIN), origin = MARGIN * stride + MARGIN;
+    uint32_t *at;
+
+    _Static_assert(sizeof(float) == sizeof(uint32_t), "planes of one size");
+    *p = (struct planes){ .width = width, .height = height, .stride = (ptrdiff_t)stride };
+    p->memory = sst_mem_alloc(PLANES * plane, sizeof(float));
+    if (!p->memory)
+        return -ENOMEM;
+    at = (uint32_t *)p->memory + origin;
+    p->colour = at;
+    p->first = (int32_t *)(at + plane);
+    p->disp = (int32_t *)(at + 2 * plane);
+    p->next = (int32_t *)(at + 3 * plane);
+    p->weight = (float *)p->memory + origin + 4 * plane;
+    p->product = p->weight + plane;
+    p->wide_weight = p->weight + 2 * plane;
+    p->wide_product = p->weight + 3 * plane;
+    return 0;
+}
+
+static void load_row(struct planes *p, const struct sst_image *img, const struct sst_map_u16 *disp, int y)
+{
+    const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
+    const uint16_t *d = sst_map_u16_row(disp, y);
+    uint32_t *colour = p->colour + y * p->stride;
+    int32_t *first = p->first + y * p->stride, *to = p->disp + y * p->stride;
+
+    for (int x = 0; x < p->width; x++) {
+        colour[x] = r[x] | (uint32_t)g[x] << 8 | (uint32_t)b[x] << 16;
+        to[x] = first[x] = d[x] < SST_SUBPIXEL_NONE ? d[x] : SST_SUBPIXEL_NONE;
+    }
+}
+
+static int load(struct planes *p, const struct pass *pass, const struct sst_visible_view *v)
+{
+    struct sst_image half = { 0 };
+    int err = p->memory ? 0 : planes_init(p, v->disp->width, v->disp->height);
+
+    if (!err && pass->in->scale == 2)
+        err = sst_image_halve(&half, v->image);
+    for (int y = 0; !err && y < p->height; y++)
+        load_row(p, pass->in->scale == 2 ? &half : v->image, v->disp, y);
+    sst_image_fini(&half);
+    return err;
+}
+
+static void sum_window(float *weight, float *product, const struct planes *p, int y, bool wide)
+{
+    const ptrdiff_t row = y * p->stride;
+    const struct sst_subpixel_window w = { .colour = p->colour + row,
+                                           .disp = p->disp + row,
+                                           .weight = (wide ? p->wide_weight : p->weight) + row,
+                                           .product = (wide ? p->wide_product : p->product) + row,
+                                           .stride = p->stride,
+                                           .step = wide ? WIDE_STEP : 1,
+                                           .similar = SIMILAR,
+                                           .apart = wide ? WIDE_APART : APART };
+
+    sst_kernels_get()->subpixel_window_row(weight, product, &w, (size_t)p->width);
+}
+
+/* 1/64 px. */
+static int32_t near_first(float disp_px, int32_t first, int most)
+{
+    const int32_t d = (int32_t)floorf(disp_px * 64 + 0.5f);
+
+    return sst_clamp_int(d, sst_max_int(first - MOST, 0), sst_min_int(first + MOST, most));
+}
+
+/* One step: fit each pixel, then share among windows. @param weight, product  rows of scratch */
+static void step_all(struct planes *p, const struct sst_subpixel_fit *f, int range, float *weight, float *product)
+{
+    int32_t *swap = p->next;
+
+    for (int y = 0; y < p->height; y++) {
+        const ptrdiff_t row = y * p->stride;
+
+        sst_kernels_get()->subpixel_fit_row(p->weight + row, p->product + row, p->disp + row, f, y, (size_t)p->width);
+    }
+    for (int y = 0; y < p->height; y++) {
+        const ptrdiff_t row = y * p->stride;
+
+        sum_window(weight, product, p, y, false);
+        for (int x = 0; x < p->width; x++) {
+            const int32_t d = p->disp[row + x];
+            const float refined = (product[x] + FEW * ((float)d * (1 / 64.0f))) / (weight[x] + FEW);
+
+            p->next[row + x] = d < SST_SUBPIXEL_NONE ? near_first(refined, p->first[row + x], range * 64) : d;
+            p->wide_weight[row + x] = (weight[x] < ENOUGH ? weight[x] : ENOUGH) + FEW;
+            p->wide_product[row + x] = p->wide_weight[row + x] * refined;
+        }
+    }
+    p->next = p->disp;
+    p->disp = swap;
+}
+
+static void finish(struct planes *p, struct sst_map_u16 *out, int range, float *weight, float *product)
+{
+    for (int y = 0; y < p->height; y++) {
+        const ptrdiff_t row = y * p->stride;
+        uint16_t *to = sst_map_u16_row(out, y);
+
+        sum_window(weight, product, p, y, true);
+        for (int x = 0; x < p->width; x++) {
+            const int32_t d = p->disp[row + x];
+            const float own = p->wide_weight[row + x], share = own < ENOUGH ? 1 - own / ENOUGH : 0;
+            const float refined = p->wide_product[row + x] / own, mean = product[x] / weight[x];
+            const float mixed = refined + share * (mean - refined);
+
+            to[x] = d < SST_SUBPIXEL_NONE ? (uint16_t)near_first(mixed, p->first[row + x], range * 64)
+                                          : (uint16_t)SST_DISP_NONE;
+        }
+    }
+}
+
+static int refine_job(void *arg, int k, int worker)
+{
+    struct pass *p = arg;
+    const struct sst_visible_view *v = &p->in->view[k];
+    struct planes *planes = &p->planes[worker];
+    struct sst_subpixel_fit fit;
+    float *rows = NULL;
+    int err, views;
+
+    if (!v->image)
+        return 0;
+    if (p->in->cancel && *p->in->cancel)
+        return -ECANCELED;
+    err = load(planes, p, v);
+    err = err ? err : sst_map_u16_init(&p->out[k], planes->width, planes->height);
+    if (!err) {
+        rows = sst_mem_alloc_raw(2 * (size_t)planes->width, sizeof(*rows));
+        err = rows ? 0 : -ENOMEM;
+    }
+    if (!err) {
+        set_fit(&fit, p, k);
+        views = fit.views;
+        for (int i = 0; i < p->steps; i++) {
+            fit.views = i ? views : sst_min_int(views, FIRST_VIEWS);
+            step_all(planes, &fit, p->in->range, rows, rows + planes->width);
+        }
+        finish(planes, &p->out[k], p->in->range, rows, rows + planes->width);
+    }
+    sst_mem_free(rows);
+    return err;
+}
+
+int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int views, int threads)
+{
+    struct pass p = { .in = in, .steps = steps, .views = views };
+    int err = -ENOMEM;
+
+    p.view = calloc((size_t)in->count, sizeof(*p.view));
+    p.out = calloc((size_t)in->count, sizeof(*p.out));
+    p.planes = calloc((size_t)threads, sizeof(*p.planes));
+    if (p.view && p.out && p.planes)
+        err = sst_parallel_for(in->count, threads, pack_job, &p);
+    err = err ? err : sst_parallel_for(in->count, threads, refine_job, &p);
+    for (int k = 0; p.view && p.out && p.planes && k < in->count; k++) {
+        if (!err && in->view[k].image)
+            memcpy(in->view[k].disp->data, p.out[k].data, p.out[k].stride * (size_t)p.out[k].height);
+        sst_map_u16_fini(&p.out[k]);
+        sst_mem_free(p.view[k].memory);
+    }
+    for (int i = 0; p.planes && i < threads; i++)
+        sst_mem_free(p.planes[i].memory);
+    free(p.planes);
+    free(p.view);
+    free(p.out);
+    return err;
+}
