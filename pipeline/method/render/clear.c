@@ -11,7 +11,7 @@
 
 #define TOLERANCE_Q6 48    /* 0.75 px: rays of one surface */
 #define LEAST_VIEWS  2     /* that confirm a surface, ... */
-#define LEAST_SHARE  10    /* ... and one in this many of the rays that arrive */
+#define LEAST_SHARE  4     /* ... and one in this many of the rays that arrive */
 #define ENOUGH       16    /* rays of full weight for one pixel: the nearest views are the sharpest */
 #define RIM_WEIGHT   0.02F /* of a ray next to something removed */
 #define COLOUR_STEPS 2     /* of the robust mean: deviations with half the weight, levels per channel */
