@@ -35,6 +35,15 @@ cmp -s frames/0000.png b.png || fail "a sweep is not made of rectified views"
 ok sweep lf --from 7.4 --to 7 --steps 6 --method refocus --max-views 1 -o frames1
 cmp -s frames1/0000.png one.png || fail "a sweep of one view is not taken from its raw frame"
 
+# --- clear pictures, too, sample raw frames ---
+ok process lf --no-labels --preset preview
+ok render lf --method clear --cut 50 --json -o f.png
+grep -q '"sampling": "raw"' out || fail "a clear picture is not taken from raw frames"
+ok render lf --method clear --cut 50 --sampling raw --threads 1 -o g.png
+ok render lf --method clear --cut 50 --sampling rectified -o h.png
+cmp -s f.png g.png || fail "threads change the clear picture"
+cmp -s f.png h.png && fail "raw and rectified give the same clear picture: one of them is the other"
+
 want 3 "has no calibration" render plain --focus 7.4 --method refocus --sampling raw -o bad.png
 want 2 "use auto, raw or rectified" render lf --focus 7.4 --sampling both -o bad.png
 want 2 "leave out --sampling raw" render lf --focus 7.4 --method refocus --sampling raw --explain x -o bad.png

@@ -332,7 +332,7 @@ static double surface(const struct sst_lightfield *lf, int px, int py, double cu
                 count++;
             }
         }
-        if (count >= 2)
+        if (count >= 2 && 4 * count >= n)
             return sum / count;
     }
     return NAN;

@@ -11,11 +11,12 @@
 
 #define TOLERANCE_Q6 48    /* 0.75 px: rays of one surface */
 #define LEAST_VIEWS  2     /* that confirm a surface, ... */
-#define LEAST_SHARE  10    /* ... and one in this many of the rays that arrive */
+#define LEAST_SHARE  4     /* ... and one in this many of the rays that arrive */
 #define ENOUGH       16    /* rays of full weight for one pixel: the nearest views are the sharpest */
 #define RIM_WEIGHT   0.02F /* of a ray next to something removed */
 #define COLOUR_STEPS 2     /* of the robust mean: deviations with half the weight, levels per channel */
 static const float half_weight[COLOUR_STEPS] = { 20, 10 };
+#define ALIKE      4  /* levels: all weights would be at least 0.97 */
 #define OWN_LEVELS 10 /* the viewpoint's own camera counts up to this deviation, and fades out up to twice as much */
 
 /* What a view's pixel is. */
@@ -50,7 +51,8 @@ struct clear {
     struct scratch *scratch;               /* [threads] */
     struct sst_image *out;
     struct sst_map_u8 weight; /* of the picture's pixels: 255 is enough */
-    uint8_t *maps;            /* owned: state and landed of all views */
+    struct sst_renderer *renderer;
+    struct sst_mem_kept maps; /* state and landed of all views: the renderer's, from one picture to the next */
     void *rows;               /* owned: scratch */
 };
 
@@ -313,10 +315,24 @@ static float deviation(const struct rays *rays, int i, const float mean[3])
            fabsf(rays->colour[2][i] - mean[2]);
 }
 
-/* Colour of the rays that agree. Their agreement is left in rays->agree. */
+static float largest_deviation(const struct rays *rays, const float mean[3])
+{
+    float largest = 0;
+
+    for (int i = 0; i < rays->count; i++)
+        if (deviation(rays, i, mean) > largest)
+            largest = deviation(rays, i, mean);
+    return largest;
+}
+
+/* Colour of the rays that agree. Their agreement is left in rays->agree; where no ray deviates it is 1. */
 static void blend_rays(struct rays *rays, float colour[3])
 {
     mean_colour(rays, NULL, colour);
+    for (int i = 0; i < rays->count; i++)
+        rays->agree[i] = 1;
+    if (largest_deviation(rays, colour) <= 3 * ALIKE)
+        return;
     for (int step = 0; step < COLOUR_STEPS; step++) {
         const float scale = 1 / (3 * half_weight[step]);
 
@@ -398,16 +414,20 @@ static int allocate(struct clear *c, int threads)
 {
     const size_t w = (size_t)c->width, n = sst_mem_stride(w * (size_t)c->height, 3);
     const size_t bins = sst_mem_stride((size_t)c->bins, sizeof(struct shift)), row = sst_mem_stride(w + 2, 4);
-    uint8_t *rows;
+    uint8_t *maps, *rows;
 
+    pthread_mutex_lock(&c->renderer->lock);
+    c->maps = c->renderer->spare;
+    c->renderer->spare = (struct sst_mem_kept){ 0 };
+    pthread_mutex_unlock(&c->renderer->lock);
     c->scratch = calloc((size_t)threads, sizeof(*c->scratch));
-    c->maps = sst_mem_alloc_raw((size_t)c->count, n);
+    maps = sst_mem_keep(&c->maps, (size_t)c->count, n);
     c->rows = rows = sst_mem_alloc_raw((size_t)threads, bins + 7 * row);
-    if (!c->scratch || !c->maps || !rows)
+    if (!c->scratch || !maps || !rows)
         return -ENOMEM;
     for (int k = 0; k < c->count; k++) {
-        c->view[k].landed = (uint16_t *)(void *)(c->maps + (size_t)k * n);
-        c->view[k].state = c->maps + (size_t)k * n + 2 * w * (size_t)c->height;
+        c->view[k].landed = (uint16_t *)(void *)(maps + (size_t)k * n);
+        c->view[k].state = maps + (size_t)k * n + 2 * w * (size_t)c->height;
     }
     for (int i = 0; i < threads; i++, rows += bins + 7 * row) {
         uint8_t *at = rows + bins;
@@ -431,8 +451,16 @@ static int cut_q6(const struct sst_lightfield *lf, double cut_px)
 
 static void clear_fini(struct clear *c)
 {
+    if (c->maps.data) {
+        pthread_mutex_lock(&c->renderer->lock);
+        if (!c->renderer->spare.data) {
+            c->renderer->spare = c->maps;
+            c->maps = (struct sst_mem_kept){ 0 };
+        }
+        pthread_mutex_unlock(&c->renderer->lock);
+    }
+    sst_mem_kept_fini(&c->maps);
     free(c->scratch);
-    sst_mem_free(c->maps);
     sst_mem_free(c->rows);
 }
 
@@ -494,7 +522,8 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
     *c = (struct clear){ 0 };
     if (err)
         return err;
-    *c = (struct clear){ .lf = p->lf,
+    *c = (struct clear){ .renderer = r,
+                         .lf = p->lf,
                          .cfg = cfg,
                          .width = p->lf->width,
                          .height = p->lf->height,

@@ -6,6 +6,7 @@
 
 #define MAX_LEVELS 17 /* of sides up to 2^16 */
 #define BAND       16 /* rows of a job */
+#define FULL       2  /* pixels of four that make the coarser one certain: single ones are likely to be wrong */
 
 /* One level of the pyramid: colours times weight, then filled colours; weights 0..1. */
 struct level {
@@ -94,7 +95,7 @@ static int pull(void *arg, int index, int worker SST_UNUSED)
             else
                 sum_picture(p, x, y, sum);
             for (int c = 0; c < 4; c++)
-                l->plane[c][(size_t)y * (size_t)l->width + (size_t)x] = sum[c] / fmaxf(sum[3], 1);
+                l->plane[c][(size_t)y * (size_t)l->width + (size_t)x] = sum[c] / fmaxf(sum[3], FULL);
         }
     }
     return 0;

@@ -4,6 +4,7 @@
 
 #include <pthread.h>
 
+#include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 #include "pipeline/method/render/render.h"
@@ -91,6 +92,7 @@ struct sst_renderer {
     bool counted;
     struct sst_label_histogram histogram;
     uint8_t rarity[SST_AGREE_BINS]; /* of colours, see verify.h */
+    struct sst_mem_kept spare;      /* maps of the last clear picture, for the next one; empty while one is rendered */
     struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each created on first use */
 };
 

@@ -64,6 +64,7 @@ void sst_renderer_destroy(struct sst_renderer *r)
         sst_map_u8_fini(&r->raw[k].seen);
     }
     free(r->raw);
+    sst_mem_kept_fini(&r->spare);
     sst_render_histogram_fini(&r->histogram);
     pthread_mutex_destroy(&r->lock);
     free(r);

@@ -27,7 +27,7 @@ bool explainer_contradicts(const struct explainer *e, int k, int x, int y);
 /* --- clear.c, fill.c: the clear picture, all in focus, without what stands in front (design.md, 5.6) ---------------
  *
  * Surface: every view's kept rays go to the viewpoint by their own disparity; of the rays that arrive at a pixel, the
- * nearest group within CLEAR_TOLERANCE_PX wins that has at least 2 views and a tenth of all that arrive.
+ * nearest group within 3/4 px wins that has at least 2 views and a quarter of all that arrive.
  * Colour: weighted mean over the rays that see that surface, the nearest views first. Rays next to something removed
  * mix its colour with theirs and count little; so do colours that differ from the mean. The viewpoint's own camera
  * replaces the mean where it sees the surface and agrees with it.
