@@ -10,6 +10,8 @@
 
 #define MAX_ARGS 12
 #define GAP      8 /* white pixels between the panels */
+#define COLUMNS  3
+#define PANELS   6
 
 /* Show a command line, then run it in this process. */
 static int step(const struct cli_command *cmd, const char *const *args)
@@ -27,23 +29,25 @@ static int step(const struct cli_command *cmd, const char *const *args)
     return cmd->run(cmd, argc, argv);
 }
 
-/* Four pictures of one size, two by two on white. */
-static int montage(const char *out, const char *const files[4])
+/* Pictures of one size in two rows on white. */
+static int montage(const char *out, const char *const files[PANELS])
 {
     struct sst_image panel = { 0 }, sheet = { 0 };
     int err = 0;
 
-    for (int i = 0; !err && i < 4; i++) {
+    for (int i = 0; !err && i < PANELS; i++) {
         sst_image_fini(&panel);
         err = sst_image_read(&panel, files[i]);
         if (!err && !sheet.width) {
-            err = sst_image_init(&sheet, 2 * panel.width + GAP, 2 * panel.height + GAP);
+            err = sst_image_init(&sheet, COLUMNS * (panel.width + GAP) - GAP,
+                                 PANELS / COLUMNS * (panel.height + GAP) - GAP);
             if (!err)
                 memset(sheet.plane[0], 255, 3 * sheet.stride * (size_t)sheet.height);
         }
         for (int c = 0; !err && c < 3; c++) {
             for (int y = 0; y < panel.height; y++)
-                memcpy(sst_image_row(&sheet, c, (i / 2) * (panel.height + GAP) + y) + (i % 2) * (panel.width + GAP),
+                memcpy(sst_image_row(&sheet, c, i / COLUMNS * (panel.height + GAP) + y) +
+                           i % COLUMNS * (panel.width + GAP),
                        sst_image_row(&panel, c, y), (size_t)panel.width);
         }
     }
@@ -55,7 +59,8 @@ static int montage(const char *out, const char *const files[4])
 
 struct demo {
     char lf[SST_PATH_MAX], truth[SST_PATH_MAX], view[SST_PATH_MAX], behind[SST_PATH_MAX];
-    char see_through[SST_PATH_MAX], refocus[SST_PATH_MAX], sheet[SST_PATH_MAX];
+    char clear[SST_PATH_MAX], see_through[SST_PATH_MAX], refocus[SST_PATH_MAX], why[SST_PATH_MAX];
+    char disparity[SST_PATH_MAX], sheet[SST_PATH_MAX];
 };
 
 static int name_files(struct demo *d, const char *out, const char *scene)
@@ -66,6 +71,9 @@ static int name_files(struct demo *d, const char *out, const char *scene)
     err = err ? err : sst_path_join(d->behind, d->truth, "behind.png");
     err = err ? err : sst_path_join(d->see_through, out, "see-through.png");
     err = err ? err : sst_path_join(d->refocus, out, "refocus.png");
+    err = err ? err : sst_path_join(d->clear, out, "clear.png");
+    err = err ? err : sst_path_join(d->why, out, "why");
+    err = err ? err : sst_path_join(d->disparity, d->why, "disparity.png");
     return err ? err : sst_path_join(d->sheet, out, "side-by-side.png");
 }
 
@@ -83,12 +91,14 @@ static int run_steps(struct demo *d, const char *scene, const char *preset, cons
     if (r == CLI_OK)
         r = cli_exit_code(sst_truth_read(&truth, d->truth));
     if (r == CLI_OK) {
-        const char *const sst[] = { d->lf, "--focus", focus, "-o", d->see_through, NULL };
+        const char *const clear[] = { d->lf, "--method", "clear", "-o", d->clear, NULL };
+        const char *const sst[] = { d->lf, "--focus", focus, "-o", d->see_through, "--explain", d->why, NULL };
         const char *const plain[] = { d->lf, "--focus", focus, "--method", "refocus", "-o", d->refocus, NULL };
 
         snprintf(focus, sizeof(focus), "%.2f", truth.occluders[0].focus_px);
         snprintf(name, sizeof(name), "views/%02d_%02d.png", truth.ref_row, truth.ref_col);
         r = cli_exit_code(sst_path_join(d->view, d->lf, name));
+        r = r ? r : step(&cli_render, clear);
         r = r ? r : step(&cli_render, sst);
         r = r ? r : step(&cli_render, plain);
     }
@@ -127,12 +137,14 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     r = r ? r : cli_exit_code(sst_path_make_dir(out));
     r = r ? r : run_steps(&d, scene, preset, size);
     if (r == CLI_OK) {
-        const char *const panels[4] = { d.view, d.refocus, d.see_through, d.behind };
+        const char *const panels[PANELS] = { d.view, d.clear, d.behind, d.refocus, d.see_through, d.disparity };
 
         r = cli_exit_code(montage(d.sheet, panels));
     }
     if (r == CLI_OK)
-        printf("\nThe view in the middle, plain refocusing; see-through, and what really is behind:\n  %s\n", d.sheet);
+        printf("\nThe view in the middle, the clear picture, and what really is behind;\n"
+               "plain refocusing, see-through at one focus, and the disparities:\n  %s\n",
+               d.sheet);
     return r;
 }
 
@@ -144,8 +156,9 @@ const struct cli_command cli_demo = {
         "Starts simulated 6x6 arrays before moving scenes and the service on them, and prints the address of its page. "
         "The\n"
         "configuration that it writes can be edited and used again. Ctrl-C ends it.\n"
-        "--once renders a scene as an array sees it, computes labels and disparities, looks behind the occluder and\n"
-        "compares that with the truth, by commands that it prints. An earlier one in the folder is replaced.",
+        "--once renders a scene as an array sees it, computes labels and disparities, renders what is behind the\n"
+        "occluder, in focus everywhere and at one depth, and compares that with the truth, by commands that it\n"
+        "prints. An earlier one in the folder is replaced.",
     .example = "sst demo\n  sst demo --scene pedestrian --once",
     .run = run,
 };
