@@ -1,5 +1,7 @@
 /* sst demo: the service on simulated arrays; with --once the whole way from a scene to a see-through picture, with the
  * commands that a user would type. */
+#include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -7,6 +9,8 @@
 #include "cli/cli_internal.h"
 #include "pipeline/eval/evaluation.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/lightfield/lightfield.h"
+#include "pipeline/method/render/render.h"
 
 #define MAX_ARGS 12
 #define GAP      8 /* white pixels between the panels */
@@ -77,6 +81,69 @@ static int name_files(struct demo *d, const char *out, const char *scene)
     return err ? err : sst_path_join(d->sheet, out, "side-by-side.png");
 }
 
+/* Is there a gap in depth between what stands in front and the rest? */
+static int has_gap(const struct demo *d, bool *found)
+{
+    struct sst_lightfield lf;
+    struct sst_renderer *r = NULL;
+    double cut;
+    int err = sst_lightfield_load(&lf, d->lf, SST_LOAD_IMAGES | SST_LOAD_DISPARITY, 0);
+
+    if (err)
+        return err;
+    err = sst_renderer_create(&r, &lf, 0);
+    err = err ? err : sst_render_find_cut(r, &cut);
+    *found = !err;
+    sst_renderer_destroy(r);
+    sst_lightfield_fini(&lf);
+    return err == -ENODATA ? 0 : err;
+}
+
+/* "X,Y" of the occluder's pixel that is nearest to the middle of all its pixels. */
+static int find_occluder(char *at, size_t size, const struct demo *d, const struct sst_truth *truth)
+{
+    struct sst_map_u8 mask = { 0 };
+    char path[SST_PATH_MAX];
+    double x_mean = 0, y_mean = 0, n = 0, nearest = INFINITY;
+    int err = sst_path_join(path, d->truth, truth->occluders[0].mask);
+
+    err = err ? err : sst_map_u8_read_png(&mask, path);
+    for (int pass = 0; !err && pass < 2; pass++) {
+        for (int y = 0; y < mask.height; y++) {
+            for (int x = 0; x < mask.width; x++) {
+                if (!sst_map_u8_row(&mask, y)[x])
+                    continue;
+                if (pass && hypot(x - x_mean / n, y - y_mean / n) < nearest) {
+                    nearest = hypot(x - x_mean / n, y - y_mean / n);
+                    snprintf(at, size, "%d,%d", x, y);
+                } else if (!pass) {
+                    x_mean += x;
+                    y_mean += y;
+                    n++;
+                }
+            }
+        }
+    }
+    sst_map_u8_fini(&mask);
+    return err;
+}
+
+static int run_clear(const struct demo *d, const struct sst_truth *truth)
+{
+    char at[32] = "";
+    bool gap;
+    int err = has_gap(d, &gap);
+
+    err = err || gap ? err : find_occluder(at, sizeof(at), d, truth);
+    if (!err) {
+        const char *const by_cut[] = { d->lf, "--method", "clear", "-o", d->clear, NULL };
+        const char *const by_pixel[] = { d->lf, "--method", "clear", "--remove-at", at, "-o", d->clear, NULL };
+
+        return step(&cli_render, gap ? by_cut : by_pixel);
+    }
+    return cli_exit_code(err);
+}
+
 static int run_steps(struct demo *d, const char *scene, const char *preset, const char *size)
 {
     const char *const make[] = { scene, "-o", d->lf, "--size", size, "--force", NULL };
@@ -91,14 +158,13 @@ static int run_steps(struct demo *d, const char *scene, const char *preset, cons
     if (r == CLI_OK)
         r = cli_exit_code(sst_truth_read(&truth, d->truth));
     if (r == CLI_OK) {
-        const char *const clear[] = { d->lf, "--method", "clear", "-o", d->clear, NULL };
         const char *const sst[] = { d->lf, "--focus", focus, "-o", d->see_through, "--explain", d->why, NULL };
         const char *const plain[] = { d->lf, "--focus", focus, "--method", "refocus", "-o", d->refocus, NULL };
 
         snprintf(focus, sizeof(focus), "%.2f", truth.occluders[0].focus_px);
         snprintf(name, sizeof(name), "views/%02d_%02d.png", truth.ref_row, truth.ref_col);
         r = cli_exit_code(sst_path_join(d->view, d->lf, name));
-        r = r ? r : step(&cli_render, clear);
+        r = r ? r : run_clear(d, &truth);
         r = r ? r : step(&cli_render, sst);
         r = r ? r : step(&cli_render, plain);
     }
