@@ -479,8 +479,7 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
  */
 static void set_narrow(struct run *run, int present)
 {
-    if (run->cfg->raw || run->cfg->cost != SST_COST_BOTH || present < SST_VISIBLE_LEAST ||
-        run->range >= SST_VISIBLE_RANGE)
+    if (run->cfg->raw || !run->cfg->narrow_census || present < SST_VISIBLE_LEAST || run->range >= SST_VISIBLE_RANGE)
         return;
     run->narrow = *run->cfg;
     run->narrow.cost = SST_COST_CENSUS;

@@ -25,7 +25,8 @@ enum sst_cost {
 struct sst_disparity_config {
     double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */
     enum sst_cost cost;
-    const char *model;            /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
+    bool narrow_census; /* census alone where many views span few pixels (design.md, 5.8), whatever `cost` is */
+    const char *model;  /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
     enum sst_precision precision; /* of that network */
     int paths;                    /* of the semi-global optimisation: 4 or 8 */
     int p1, p2;                   /* smoothness penalties in cost units (costs are 0..255); 0 < p1 <= p2 */
@@ -44,9 +45,9 @@ struct sst_disparity_config {
     int subpixel_steps; /* of the refinement between pixels (design.md, 5.8), 0..SST_SUBPIXEL_MOST; light fields of few
                            views or of a wide range are not refined */
     int subpixel_views; /* compared in it at most, up to SST_SUBPIXEL_VIEWS */
-    int scale;      /* 1 full size, 2 half size with the result scaled up */
-    int phase_step; /* census between pixels in quarters (1) or in halves (2), which needs a quarter of the memory;
-                       0: in quarters unless views are very large */
+    int scale;          /* 1 full size, 2 half size with the result scaled up */
+    int phase_step;     /* census between pixels in quarters (1) or in halves (2), which needs a quarter of the memory;
+                           0: in quarters unless views are very large */
     bool frugal; /* one view after the other on one thread, with its neighbours' phases computed for it and freed again:
                     the same result in a fraction of the memory */
     int threads;

@@ -16,7 +16,8 @@ static const struct {
 } presets[] = {
     { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2 } },
     { "balanced", { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1 } },
-    { "accurate", { COMMON, SUPPORT, .cost = SST_COST_BOTH, .paths = 8, .scale = 1, .rounds = 2 } },
+    { "accurate",
+      { COMMON, SUPPORT, .cost = SST_COST_BOTH, .narrow_census = true, .paths = 8, .scale = 1, .rounds = 2 } },
 };
 
 int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset)
