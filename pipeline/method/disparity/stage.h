@@ -240,6 +240,16 @@ struct sst_visible_views {
     const SST_ATOMIC(bool) * cancel; /* as in struct sst_disparity_config */
 };
 
+/**
+ * The views nearest to view k, sorted by distance and number. Displacements are 32-bit numbers in 2^-16 px: views so far
+ * away that they do not fit are left out, nothing of view k is seen there.
+ *
+ * @param most     at most SST_HYPOTHESIS_VIEWS
+ * @param nearest  out [most], indices of in->view
+ * @return their number
+ */
+int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int *nearest);
+
 /* What the second pass needs. It samples the nearest pixels: surfaces of a narrow range are nearer to each other than
  * that can distinguish. */
 #define SST_VISIBLE_LEAST 6 /* views */

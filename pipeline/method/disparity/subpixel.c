@@ -28,7 +28,6 @@
 #define GAIN_LIMIT     32    /* levels: pixels that differ by more are not the same surface */
 #define GAIN_LEAST     64    /* pixels */
 #define GAIN_MOST      1.25  /* gains are within 1 / this and this */
-#define DISPLACED_MOST 32000 /* px */
 
 struct packed {
     uint32_t *memory, *pixels; /* pixels: (0, 0) */
@@ -99,32 +98,6 @@ static int pack_job(void *arg, int k, int worker SST_UNUSED)
 
 /* --- views to compare with ---------------------------------------------------------------------------------------- */
 
-/* The nearest views, sorted by distance and number. @return their number */
-static int nearest_views(const struct pass *p, int k, int nearest[SST_SUBPIXEL_VIEWS])
-{
-    const struct sst_visible_view *own = &p->in->view[k];
-    const double reach = fabs(p->in->disp_min_px) + SST_SUBPIXEL_NONE / SST_DISP_SCALE;
-    double distance[SST_SUBPIXEL_VIEWS];
-    int n = 0;
-
-    for (int i = 0; i < p->in->count; i++) {
-        const struct sst_visible_view *v = &p->in->view[i];
-        const double far = hypot(v->bx - own->bx, v->by - own->by);
-        int at;
-
-        if (i == k || !v->image || far * reach > DISPLACED_MOST || (n == p->views && far >= distance[n - 1]))
-            continue;
-        n += n < p->views;
-        for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
-            distance[at] = distance[at - 1];
-            nearest[at] = nearest[at - 1];
-        }
-        distance[at] = far;
-        nearest[at] = i;
-    }
-    return n;
-}
-
 static int32_t q16(double px)
 {
     return (int32_t)floor(px * 65536 + 0.5);
@@ -185,7 +158,7 @@ static void set_fit(struct sst_subpixel_fit *f, const struct pass *p, int k)
     int nearest[SST_SUBPIXEL_VIEWS];
 
     *f = (struct sst_subpixel_fit){ .own = { p->view[k].pixels, p->view[k].stride },
-                                    .views = nearest_views(p, k, nearest),
+                                    .views = sst_visible_nearest(p->in, k, p->views, nearest),
                                     .width = own->disp->width,
                                     .height = own->disp->height,
                                     .tolerance = TOLERANCE,

@@ -329,24 +329,21 @@ static int list_hypotheses(uint16_t *list, const struct pass *p, const struct ar
 
 /* --- views to test against ---------------------------------------------------------------------------------------- */
 
-/* The nearest views, sorted by distance and number. @return their number */
-static int nearest_views(const struct pass *p, int k, int *nearest)
+int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int *nearest)
 {
-    const struct sst_visible_view *own = &p->in->view[k];
-    const double reach = fabs(p->in->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE;
+    const struct sst_visible_view *own = &in->view[k];
+    const double reach = fabs(in->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE;
     double distance[SST_HYPOTHESIS_VIEWS];
     int n = 0;
 
-    for (int i = 0; i < p->in->count; i++) {
-        const struct sst_visible_view *v = &p->in->view[i];
+    for (int i = 0; i < in->count; i++) {
+        const struct sst_visible_view *v = &in->view[i];
         const double far = hypot(v->bx - own->bx, v->by - own->by);
         int at;
 
-        /* Displacements are 32-bit numbers in 2^-16 px; farther than that, nothing of this view is seen anyway. */
-        if (i == k || !v->image || far * reach > DISPLACED_MOST ||
-            (n == SST_HYPOTHESIS_VIEWS && far >= distance[n - 1]))
+        if (i == k || !v->image || far * reach > DISPLACED_MOST || (n == most && far >= distance[n - 1]))
             continue;
-        n += n < SST_HYPOTHESIS_VIEWS;
+        n += n < most;
         for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
             distance[at] = distance[at - 1];
             nearest[at] = nearest[at - 1];
@@ -369,7 +366,7 @@ static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k)
     int nearest[SST_HYPOTHESIS_VIEWS];
 
     *t = (struct sst_hypothesis_test){ .own = { p->view[k].pixels, p->view[k].stride },
-                                       .views = nearest_views(p, k, nearest),
+                                       .views = sst_visible_nearest(p->in, k, SST_HYPOTHESIS_VIEWS, nearest),
                                        .width = own->disp->width,
                                        .height = own->disp->height,
                                        .code = p->code,
