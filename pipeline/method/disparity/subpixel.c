@@ -13,21 +13,21 @@
 #include "base/thread.h"
 #include "pipeline/method/disparity/stage.h"
 
-#define FIRST_VIEWS    8    /* that the first step compares */
-#define LIMIT          10   /* levels: from this difference on, a view does not count */
-#define MOST           20   /* 1/64 px: farthest from the first pass's answer */
-#define TOLERANCE      20   /* 1/64 px: a surface that is nearer by more than this hides a point */
-#define SIMILAR        24   /* levels: pixels of a window that count ... */
-#define APART          20   /* ... and 1/64 px */
-#define WIDE_APART     12   /* the same for the large windows */
-#define WIDE_STEP      4    /* pixels between those of the large windows */
-#define FEW            30.f /* weight of the pixel's own answer: noise where there is no texture */
-#define ENOUGH         1e5f /* weight at which a window and the large window around it count alike */
-#define MARGIN         (2 * WIDE_STEP)
-#define GAIN_STEP      8     /* pixels between those that gains are measured at */
-#define GAIN_LIMIT     32    /* levels: pixels that differ by more are not the same surface */
-#define GAIN_LEAST     64    /* pixels */
-#define GAIN_MOST      1.25  /* gains are within 1 / this and this */
+#define FIRST_VIEWS 8    /* that the first step compares */
+#define LIMIT       10   /* levels: from this difference on, a view does not count */
+#define MOST        20   /* 1/64 px: farthest from the first pass's answer */
+#define TOLERANCE   20   /* 1/64 px: a surface that is nearer by more than this hides a point */
+#define SIMILAR     24   /* levels: pixels of a window that count ... */
+#define APART       20   /* ... and 1/64 px */
+#define WIDE_APART  12   /* the same for the large windows */
+#define WIDE_STEP   4    /* pixels between those of the large windows */
+#define FEW         30.f /* weight of the pixel's own answer: noise where there is no texture */
+#define ENOUGH      1e5f /* weight at which a window and the large window around it count alike */
+#define MARGIN      (2 * WIDE_STEP)
+#define GAIN_STEP   8    /* pixels between those that gains are measured at */
+#define GAIN_LIMIT  32   /* levels: pixels that differ by more are not the same surface */
+#define GAIN_LEAST  64   /* pixels */
+#define GAIN_MOST   1.25 /* gains are within 1 / this and this */
 
 struct packed {
     uint32_t *memory, *pixels; /* pixels: (0, 0) */
