@@ -69,15 +69,15 @@ static unsigned cost_of(const struct sst_hypothesis_test *t, int x, int y, int d
 }
 
 void sst_hypothesis_cost_row_ref(uint16_t *cost, const uint16_t *hypothesis, const uint8_t *count,
-                                 const struct sst_hypothesis_test *test, int y, size_t n)
+                                 const struct sst_hypothesis_test *test, int x, int y, size_t n)
 {
-    for (size_t x = 0; x < n; x++) {
+    for (size_t k = 0; k < n; k++) {
         for (size_t i = 0; i < SST_HYPOTHESES; i++) {
-            const size_t at = x * SST_HYPOTHESES + i;
+            const size_t at = k * SST_HYPOTHESES + i;
 
-            cost[at] = i >= count[x] || (i && cost[at - i] <= test->settled) ? SST_HYPOTHESIS_FAR
-                       : count[x] == 1                                       ? 0
-                                       : (uint16_t)cost_of(test, (int)x, y, hypothesis[at]);
+            cost[at] = i >= count[k] || (i && cost[at - i] < test->settled) ? SST_HYPOTHESIS_FAR
+                       : count[k] == 1                                       ? 0
+                                       : (uint16_t)cost_of(test, x + (int)k, y, hypothesis[at]);
         }
     }
 }

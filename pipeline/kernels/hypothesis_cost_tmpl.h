@@ -121,26 +121,26 @@ static inline unsigned KERNEL(hypothesis_cost)(const struct sst_hypothesis_test 
 }
 
 static void KERNEL(hypothesis_cost_row)(uint16_t *cost, const uint16_t *hypothesis, const uint8_t *count,
-                                        const struct sst_hypothesis_test *test, int y, size_t n)
+                                        const struct sst_hypothesis_test *test, int x, int y, size_t n)
 {
     _Static_assert(SST_HYPOTHESIS_BEST == 4, "four sums");
-    for (size_t x = 0; x < n; x++, cost += SST_HYPOTHESES, hypothesis += SST_HYPOTHESES) {
+    for (size_t k = 0; k < n; k++, x++, cost += SST_HYPOTHESES, hypothesis += SST_HYPOTHESES) {
         struct KERNEL(hypothesis_window) w;
         struct KERNEL(hypothesis_moves) moves;
 
         for (size_t i = 0; i < SST_HYPOTHESES; i++)
             cost[i] = SST_HYPOTHESIS_FAR;
-        if (count[x] == 1)
+        if (count[k] == 1)
             cost[0] = 0;
-        if (count[x] < 2)
+        if (count[k] < 2)
             continue;
         KERNEL(hypothesis_window_init)
-        (&w, test->own.pixels + y * test->own.stride + (ptrdiff_t)x, test->own.stride, test->similar);
-        for (size_t i = 0; i < count[x] && (!i || cost[0] > test->settled); i++) {
+        (&w, test->own.pixels + y * test->own.stride + x, test->own.stride, test->similar);
+        for (size_t i = 0; i < count[k] && (!i || cost[0] >= test->settled); i++) {
             const int d = hypothesis[i], front = d + test->tolerance;
 
             KERNEL(hypothesis_move)(&moves, test, d);
-            cost[i] = (uint16_t)KERNEL(hypothesis_cost)(test, &w, &moves, (int)x, y,
+            cost[i] = (uint16_t)KERNEL(hypothesis_cost)(test, &w, &moves, x, y,
                                                         test->code[front < 65534 ? front : 65534]);
         }
     }

@@ -180,11 +180,11 @@ struct sst_hypothesis_test {
     const uint8_t *code; /* [65536] depth code of a disparity: 1..254 and ascending; 0: unknown */
     int tolerance;       /* 1/64 px: a surface nearer by more than this hides the hypothesis */
     int similar;         /* pixels of the 3x3 window count whose channels all differ by at most this from the middle */
-    unsigned settled;    /* where the first hypothesis costs at most this, no other one is tested */
+    unsigned settled;    /* where the first hypothesis costs less than this, no other one is tested */
 };
 
 /**
- * Costs of the hypotheses of row y: each view's mean colour difference over the similar pixels of a 3x3 window, at most
+ * Costs of the hypotheses of n pixels from (x, y) on: each view's mean colour difference over the similar pixels of a 3x3 window, at most
  * SST_HYPOTHESIS_LIMIT, where the hypothesis projects to (nearest pixel). The cost is the mean over the views in which
  * nothing nearer hides the hypothesis, with the SST_HYPOTHESIS_BEST cheapest of all views added once more; the cheapest
  * alone where fewer views see it at all. Pixels with one hypothesis cost 0.
@@ -194,7 +194,7 @@ struct sst_hypothesis_test {
  * @param count      [n] of them in use, 0..SST_HYPOTHESES
  */
 typedef void sst_hypothesis_cost_row_fn(uint16_t *cost, const uint16_t *hypothesis, const uint8_t *count,
-                                        const struct sst_hypothesis_test *test, int y, size_t n);
+                                        const struct sst_hypothesis_test *test, int x, int y, size_t n);
 
 /** Penalties of a path: 0 up to a step of `near`, p1 up to twice that, p2 beyond; by colour step. */
 struct sst_hypothesis_penalty {

@@ -65,11 +65,11 @@ static void costs(void **state SST_UNUSED)
         for (int x = 0; x < W; x++)
             count[x] %= SST_HYPOTHESES + 1;
         for (int y = 0; y < H; y += H - 1) {
-            sst_hypothesis_cost_row_ref(want, hypothesis, count, &t, y, W);
+            sst_hypothesis_cost_row_ref(want, hypothesis, count, &t, 0, y, W);
             FOR_EACH_LEVEL(k, level)
             {
                 memset(got, 0xA5, ENTRIES * sizeof(*got));
-                k.hypothesis_cost_row(got, hypothesis, count, &t, y, W);
+                k.hypothesis_cost_row(got, hypothesis, count, &t, 0, y, W);
                 assert_memory_equal(got, want, ENTRIES * sizeof(*got));
             }
         }
@@ -97,19 +97,19 @@ static void costs_of_known_views(void **state SST_UNUSED)
         if (k)
             t.view[k - 1] = (struct sst_packed_view){ &pixels[k][3 * SIDE + 3], SIDE };
     }
-    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 1, 1);
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 0, 1, 1);
     /* Views 1 to 4 are visible, view 4 differs; the four cheapest are three equal ones and one of the others. */
     assert_int_equal(cost[0], (239 + 239) / (4 + 4));
     assert_int_equal(cost[1], cost[0]);
     assert_int_equal(cost[2], SST_HYPOTHESIS_FAR);
-    sst_hypothesis_cost_row_ref(cost, hypothesis, &one, &t, 1, 1);
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &one, &t, 0, 1, 1);
     assert_int_equal(cost[0], 0);
     assert_int_equal(cost[1], SST_HYPOTHESIS_FAR);
     t.views = 3;
-    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 1, 1);
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 0, 1, 1);
     assert_int_equal(cost[0], 0); /* too few for a mean: the cheapest */
     t.views = 0;
-    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 1, 1);
+    sst_hypothesis_cost_row_ref(cost, hypothesis, &two, &t, 0, 1, 1);
     assert_int_equal(cost[0], SST_HYPOTHESIS_LIMIT);
 }
 

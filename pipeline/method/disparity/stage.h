@@ -264,6 +264,51 @@ int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int
  */
 SST_MUST_CHECK int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int threads);
 
+/* Surfaces that the first pass missed (design.md, 5.7, sweep.c). `step`: surfaces that are nearer to each other are one,
+ * 1/64 px; disparities are tested at levels of half of it, from the disparity of stored value 0 on. */
+#define SST_SWEEP_PEAKS 6
+
+/** Points in space that one view found. */
+struct sst_sweep {
+    struct sst_sweep_point {
+        uint16_t x, y, level, weight;
+    } *point; /* owned */
+    size_t count;
+    double bx, by; /* of the view; set by the caller */
+};
+
+/** Disparities between levels, 1/64 px, so that there are at most 256 of them. */
+int sst_sweep_level(int range_q6, int step);
+
+/**
+ * Find the points of sparse pixels that their own disparity does not explain, as `test` decides it.
+ * @param out  out; sst_sweep_fini() frees it, also after a failure
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_sweep_view(struct sst_sweep *out, const struct sst_hypothesis_test *test,
+                                  const struct sst_map_u16 *disp, const struct sst_map_u8 *seen, int range_q6,
+                                  int step);
+void sst_sweep_fini(struct sst_sweep *s);
+
+/** Disparities at which points gather, by cell of a view. */
+struct sst_sweep_candidates {
+    int cols;
+    uint16_t *peak; /* [rows][cols][SST_SWEEP_PEAKS], heaviest first, then SST_DISP_NONE; owned */
+};
+
+/**
+ * Candidates of a view at offset (bx, by) from the points of `count` sweeps.
+ * @param out  out; sst_sweep_candidates_fini() frees it, also after a failure
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_sweep_candidates(struct sst_sweep_candidates *out, const struct sst_sweep *sweep, int count,
+                                        double bx, double by, int width, int height, double disp_min_px, int range_q6,
+                                        int step);
+void sst_sweep_candidates_fini(struct sst_sweep_candidates *c);
+
+/** [SST_SWEEP_PEAKS] candidates at a pixel. */
+const uint16_t *sst_sweep_candidates_at(const struct sst_sweep_candidates *c, int x, int y);
+
 /* Sub-pixel refinement pays where the range is narrow: steps of the first pass are then coarse against it. */
 #define SST_SUBPIXEL_RANGE 16 /* px: wider light fields are not refined */
 

@@ -23,6 +23,7 @@
 #define P2             300
 #define CHANGE         40 /* penalty of a disparity other than the first pass's */
 #define EDGE_STEP      16 /* levels at which P2 is halved */
+#define SWEPT 4 /* one in this many views looks for surfaces that no map has */
 #define NEAREST_CODE   254
 #define DISPLACED_MOST 32000 /* px */
 #define EXTREMES       6     /* farthest and nearest in windows of three sizes */
@@ -41,6 +42,9 @@ struct pass {
     struct packed *view; /* [in->count] */
     struct sst_map_u16 *out;
     struct sst_hypothesis_penalty penalty;
+    struct sst_sweep *sweep; /* [sweeps] */
+    int *swept;              /* [sweeps] views */
+    int sweeps;
 };
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
@@ -257,6 +261,7 @@ struct around {
     struct sst_map_u16 flat[EXTREMES / 2]; /* 0 where the window holds a step: a slanted surface alone has none */
     struct sst_map_u16 extreme[EXTREMES];
     struct projected projected;
+    struct sst_sweep_candidates swept;
 };
 
 static void around_fini(struct around *a)
@@ -267,6 +272,7 @@ static void around_fini(struct around *a)
     }
     sst_map_u16_fini(&a->projected.far);
     sst_map_u16_fini(&a->projected.near);
+    sst_sweep_candidates_fini(&a->swept);
 }
 
 static int around_init(struct around *a, const struct pass *p, int k)
@@ -281,7 +287,9 @@ static int around_init(struct around *a, const struct pass *p, int k)
     for (int i = 0; !err && i < EXTREMES; i++)
         err = find_extreme(&a->extreme[i], map, radii[i / 2], i % 2);
     sst_map_u16_fini(&steps);
-    return err;
+    return err ? err
+               : sst_sweep_candidates(&a->swept, p->sweep, p->sweeps, p->in->view[k].bx, p->in->view[k].by, map->width,
+                                      map->height, p->in->disp_min_px, p->in->range * 64, p->step);
 }
 
 /* Add a hypothesis unless it is unknown or closer than `apart` to one in the list. */
@@ -319,6 +327,8 @@ static int list_hypotheses(uint16_t *list, const struct pass *p, const struct ar
         n = add_extremes(list, n, a, 0, x, y, apart);
         n = add(list, n, sst_map_u16_row(&a->projected.far, y)[x], apart);
         n = add(list, n, near ? near : (uint16_t)SST_DISP_NONE, apart);
+        for (int i = 0; i < SST_SWEEP_PEAKS; i++)
+            n = add(list, n, sst_sweep_candidates_at(&a->swept, x, y)[i], apart);
         for (int i = 1; i < EXTREMES / 2; i++)
             n = add_extremes(list, n, a, i, x, y, apart);
     }
@@ -372,7 +382,7 @@ static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k)
                                        .code = p->code,
                                        .tolerance = p->step,
                                        .similar = SIMILAR,
-                                       .settled = CHANGE };
+                                       .settled = CHANGE + 1 };
     for (int i = 0; i < t->views; i++) {
         const struct packed *at = &p->view[nearest[i]];
         const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
@@ -383,6 +393,41 @@ static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k)
         t->dx[i] = q16(-bx / 64);
         t->dy[i] = q16(-by / 64);
     }
+}
+
+/* --- surfaces that no map has ------------------------------------------------------------------------------------- */
+
+static int sweep_job(void *arg, int i, int worker SST_UNUSED)
+{
+    struct pass *p = arg;
+    const struct sst_visible_view *v = &p->in->view[p->swept[i]];
+    struct sst_hypothesis_test test;
+
+    if (p->in->cancel && *p->in->cancel)
+        return -ECANCELED;
+    set_test(&test, p, p->swept[i]);
+    p->sweep[i].bx = v->bx;
+    p->sweep[i].by = v->by;
+    return sst_sweep_view(&p->sweep[i], &test, v->disp, v->seen, p->in->range * 64, p->step);
+}
+
+/* Every SWEPT-th view. */
+static int sweep(struct pass *p, int threads)
+{
+    int present = 0;
+
+    p->sweep = calloc((size_t)p->in->count, sizeof(*p->sweep));
+    p->swept = calloc((size_t)p->in->count, sizeof(*p->swept));
+    if (!p->sweep || !p->swept)
+        return -ENOMEM;
+    for (int k = 0; k < p->in->count; k++) {
+        const struct sst_visible_view *v = &p->in->view[k];
+
+        if (v->image && (lround(v->bx) + 2 * lround(v->by)) % SWEPT == 0)
+            p->swept[p->sweeps++] = k;
+    }
+    (void)present;
+    return sst_parallel_for(p->sweeps, threads, sweep_job, p);
 }
 
 /* --- optimisation ------------------------------------------------------------------------------------------------- */
@@ -542,7 +587,7 @@ static int second_job(void *arg, int k, int worker SST_UNUSED)
             lists.count[row + (size_t)x] =
                 (uint8_t)list_hypotheses(lists.hypothesis + (row + (size_t)x) * SST_HYPOTHESES, p, &around, v, x, y);
         sst_kernels_get()->hypothesis_cost_row(lists.cost + row * SST_HYPOTHESES,
-                                               lists.hypothesis + row * SST_HYPOTHESES, lists.count + row, &test, y,
+                                               lists.hypothesis + row * SST_HYPOTHESES, lists.count + row, &test, 0, y,
                                                (size_t)lists.width);
         prefer_own(lists.cost + row * SST_HYPOTHESES, lists.count + row, lists.width);
         along_row(&lists, p, &p->view[k], y);
@@ -593,11 +638,17 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
         set_codes(&p);
         set_penalties(&p);
         err = sst_parallel_for(in->count, threads, pack_job, &p);
+        err = err ? err : sst_parallel_for(in->count, threads, code_job, &p);
+        err = err ? err : sweep(&p, threads);
     }
     for (int i = 0; !err && i < rounds; i++)
         err = one_round(&p, threads);
     for (int k = 0; p.view && k < in->count; k++)
         sst_mem_free(p.view[k].memory);
+    for (int i = 0; i < p.sweeps; i++)
+        sst_sweep_fini(&p.sweep[i]);
+    free(p.sweep);
+    free(p.swept);
     sst_mem_free(p.code);
     free(p.view);
     free(p.out);
