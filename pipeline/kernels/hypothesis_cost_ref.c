@@ -76,7 +76,7 @@ void sst_hypothesis_cost_row_ref(uint16_t *cost, const uint16_t *hypothesis, con
             const size_t at = k * SST_HYPOTHESES + i;
 
             cost[at] = i >= count[k] || (i && cost[at - i] < test->settled) ? SST_HYPOTHESIS_FAR
-                       : count[k] == 1                                       ? 0
+                       : count[k] == 1                                      ? 0
                                        : (uint16_t)cost_of(test, x + (int)k, y, hypothesis[at]);
         }
     }

@@ -184,10 +184,10 @@ struct sst_hypothesis_test {
 };
 
 /**
- * Costs of the hypotheses of n pixels from (x, y) on: each view's mean colour difference over the similar pixels of a 3x3 window, at most
- * SST_HYPOTHESIS_LIMIT, where the hypothesis projects to (nearest pixel). The cost is the mean over the views in which
- * nothing nearer hides the hypothesis, with the SST_HYPOTHESIS_BEST cheapest of all views added once more; the cheapest
- * alone where fewer views see it at all. Pixels with one hypothesis cost 0.
+ * Costs of the hypotheses of n pixels from (x, y) on: each view's mean colour difference over the similar pixels of a
+ * 3x3 window, at most SST_HYPOTHESIS_LIMIT, where the hypothesis projects to (nearest pixel). The cost is the mean over
+ * the views in which nothing nearer hides the hypothesis, with the SST_HYPOTHESIS_BEST cheapest of all views added once
+ * more; the cheapest alone where fewer views see it at all. Pixels with one hypothesis cost 0.
  *
  * @param cost       out [n][SST_HYPOTHESES]; unused and untested entries SST_HYPOTHESIS_FAR
  * @param hypothesis  [n][SST_HYPOTHESES]
@@ -218,8 +218,8 @@ typedef void sst_hypothesis_path_row_fn(uint16_t *path, uint16_t *sum, const uin
 #define SST_SUBPIXEL_NONE  32768 /* unknown disparity */
 #define SST_SUBPIXEL_BLOCK 64    /* pixels that the kernels process together */
 
-/** A view to compare with. Its pixels are the luma of (x, y), the luma of (x + 1, y) and, from bit 16 on, the larger one
- *  of their disparities, 65535 where it is unknown. */
+/** A view to compare with. Its pixels are the luma of (x, y), the luma of (x + 1, y) and, from bit 16 on, the larger
+ * one of their disparities, 65535 where it is unknown. */
 struct sst_subpixel_view {
     struct sst_packed_view view;
     int32_t x, y, dx, dy; /* a disparity d, 1/64 px, moves a pixel by (x + d dx) / 2^16 */
@@ -257,8 +257,8 @@ struct sst_subpixel_window {
     int similar, apart; /* channels and disparities that differ by at most this count */
 };
 
-/** Sums of weight and product over windows of 5x5 pixels, of which those count that are of similar colour and disparity.
- * Both kernels give the same bytes at every level: no sum is split. */
+/** Sums of weight and product over windows of 5x5 pixels, of which those count that are of similar colour and
+ * disparity. Both kernels give the same bytes at every level: no sum is split. */
 typedef void sst_subpixel_window_row_fn(float *weight, float *product, const struct sst_subpixel_window *w, size_t n);
 
 /* --- rendering (pipeline/method/render/) --- */

@@ -166,8 +166,11 @@ static void unknown_pixels(void **state SST_UNUSED)
     assert_int_equal(sst_disparity_visible(&s.all, 1, 2), 0);
     for (int x = 0; x < W; x++)
         assert_int_equal(sst_map_u16_row(&s.disp[4], 5)[x], SST_DISP_NONE);
-    for (int k = 0; k < VIEWS; k++)
+    for (int k = 0; k < VIEWS; k++) { /* unknown everywhere, and nothing in the picture that could change it */
         memset(s.disp[k].data, 0xFF, s.disp[k].stride * H);
+        for (int i = 0; i < 3 * H; i++)
+            memset(sst_image_row(&s.image[k], i / H, i % H), 128, W);
+    }
     assert_int_equal(sst_disparity_visible(&s.all, 1, 2), 0);
     for (int i = 0; i < W * H; i++)
         assert_int_equal(sst_map_u16_row(&s.disp[4], i / W)[i % W], SST_DISP_NONE);

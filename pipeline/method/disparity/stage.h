@@ -241,8 +241,8 @@ struct sst_visible_views {
 };
 
 /**
- * The views nearest to view k, sorted by distance and number. Displacements are 32-bit numbers in 2^-16 px: views so far
- * away that they do not fit are left out, nothing of view k is seen there.
+ * The views nearest to view k, sorted by distance and number. Displacements are 32-bit numbers in 2^-16 px: views so
+ * far away that they do not fit are left out, nothing of view k is seen there.
  *
  * @param most     at most SST_HYPOTHESIS_VIEWS
  * @param nearest  out [most], indices of in->view
@@ -264,15 +264,15 @@ int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int
  */
 SST_MUST_CHECK int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int threads);
 
-/* Surfaces that the first pass missed (design.md, 5.7, sweep.c). `step`: surfaces that are nearer to each other are one,
- * 1/64 px; disparities are tested at levels of half of it, from the disparity of stored value 0 on. */
+/* Surfaces that the first pass missed (design.md, 5.7, sweep.c). `step`: surfaces that are nearer to each other are
+ * one, 1/64 px; disparities are tested at levels of half of it, from the disparity of stored value 0 on. */
 #define SST_SWEEP_PEAKS 6
 
 /** Points in space that one view found. */
 struct sst_sweep {
     struct sst_sweep_point {
         uint16_t x, y, level, weight;
-    } *point; /* owned */
+    } * point; /* owned */
     size_t count;
     double bx, by; /* of the view; set by the caller */
 };

@@ -1,8 +1,8 @@
 /*
- * Surfaces that the first pass missed (design.md, 5.7). Where gaps are small everywhere, no window holds more of what is
- * behind than of what is in front, and no map has the surface behind. In a few views, sparse pixels that their own
- * disparity does not explain are tested at all disparities. Those that one disparity alone explains are points in space:
- * seen from each view, the disparities where points gather are its candidates.
+ * Surfaces that the first pass missed (design.md, 5.7). Where gaps are small everywhere, no window holds more of what
+ * is behind than of what is in front, and no map has the surface behind. In a few views, sparse pixels that their own
+ * disparity does not explain are tested at all disparities. Those that one disparity alone explains are points in
+ * space: seen from each view, the disparities where points gather are its candidates.
  */
 #include <errno.h>
 #include <math.h>
@@ -11,13 +11,13 @@
 
 #include "pipeline/method/disparity/stage.h"
 
-#define STRIDE       4   /* pixels between samples */
-#define LEVELS_MOST  256 /* disparities that are tested */
-#define DISTINCT     15  /* how much the cheapest disparity costs less than those that are not next to it, at least, ... */
-#define WEIGHT_MOST  100 /* ... and by how much it counts at most */
-#define CELL         16  /* px: candidates are found per cell, ... */
-#define AROUND       2   /* ... from the points of this many cells around */
-#define GATHERED     60  /* weight that makes a candidate */
+#define STRIDE      4   /* pixels between samples */
+#define LEVELS_MOST 256 /* disparities that are tested */
+#define DISTINCT    15 /* how much the cheapest disparity costs less than those that are not next to it, at least, ... */
+#define WEIGHT_MOST 100  /* ... and by how much it counts at most */
+#define CELL        16   /* px: candidates are found per cell, ... */
+#define AROUND      2    /* ... from the points of this many cells around */
+#define GATHERED    6000 /* weight that makes a candidate */
 
 int sst_sweep_level(int range_q6, int step)
 {
@@ -85,8 +85,8 @@ int sst_sweep_view(struct sst_sweep *out, const struct sst_hypothesis_test *test
             cost_of_levels(cost, &all, x, y, level, levels);
             weight = find_distinct(cost, levels, sst_max_int(step / level, 1), &best);
             if (weight)
-                out->point[out->count++] = (struct sst_sweep_point){ (uint16_t)x, (uint16_t)y, (uint16_t)best,
-                                                                     (uint16_t)weight };
+                out->point[out->count++] =
+                    (struct sst_sweep_point){ (uint16_t)x, (uint16_t)y, (uint16_t)best, (uint16_t)weight };
         }
     }
     return 0;

@@ -1,9 +1,9 @@
 /*
  * The second pass (design.md, 5.7). The first one compares windows, which at a gap between leaves hold more leaf than
  * gap: its maps let thin things grow and close what is between them. Here each pixel has a few hypotheses, the surfaces
- * around it and those that other views project onto it, and each hypothesis is tested pixel by pixel against the views
- * around, of which those count in which nothing nearer hides it. What the colours cannot decide, the semi-global
- * optimisation over the hypotheses does.
+ * around it, those that other views project onto it and those that a sweep finds (sweep.c), and each hypothesis is
+ * tested pixel by pixel against the views around, of which those count in which nothing nearer hides it. What the
+ * colours cannot decide, the semi-global optimisation over the hypotheses does.
  */
 #include <errno.h>
 #include <math.h>
@@ -23,7 +23,7 @@
 #define P2             300
 #define CHANGE         40 /* penalty of a disparity other than the first pass's */
 #define EDGE_STEP      16 /* levels at which P2 is halved */
-#define SWEPT 4 /* one in this many views looks for surfaces that no map has */
+#define SWEPT          4  /* one in this many views looks for surfaces that no map has */
 #define NEAREST_CODE   254
 #define DISPLACED_MOST 32000 /* px */
 #define EXTREMES       6     /* farthest and nearest in windows of three sizes */
@@ -42,8 +42,8 @@ struct pass {
     struct packed *view; /* [in->count] */
     struct sst_map_u16 *out;
     struct sst_hypothesis_penalty penalty;
-    struct sst_sweep *sweep; /* [sweeps] */
-    int *swept;              /* [sweeps] views */
+    struct sst_sweep *sweep; /* [sweeps] points that views found, of all rounds */
+    int *swept;              /* [sweeps] these views */
     int sweeps;
 };
 
@@ -411,11 +411,9 @@ static int sweep_job(void *arg, int i, int worker SST_UNUSED)
     return sst_sweep_view(&p->sweep[i], &test, v->disp, v->seen, p->in->range * 64, p->step);
 }
 
-/* Every SWEPT-th view. */
-static int sweep(struct pass *p, int threads)
+/* Points in space from one view in SWEPT. */
+static int sweep_views(struct pass *p, int threads)
 {
-    int present = 0;
-
     p->sweep = calloc((size_t)p->in->count, sizeof(*p->sweep));
     p->swept = calloc((size_t)p->in->count, sizeof(*p->swept));
     if (!p->sweep || !p->swept)
@@ -426,7 +424,6 @@ static int sweep(struct pass *p, int threads)
         if (v->image && (lround(v->bx) + 2 * lround(v->by)) % SWEPT == 0)
             p->swept[p->sweeps++] = k;
     }
-    (void)present;
     return sst_parallel_for(p->sweeps, threads, sweep_job, p);
 }
 
@@ -639,7 +636,7 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
         set_penalties(&p);
         err = sst_parallel_for(in->count, threads, pack_job, &p);
         err = err ? err : sst_parallel_for(in->count, threads, code_job, &p);
-        err = err ? err : sweep(&p, threads);
+        err = err ? err : sweep_views(&p, threads);
     }
     for (int i = 0; !err && i < rounds; i++)
         err = one_round(&p, threads);

@@ -1,0 +1,155 @@
+/* The sweep: points of a surface that no map has, and the candidates that they make. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/method/disparity/stage.h"
+#include "simulators/scene/noise.h"
+#include "tests/test.h"
+
+enum { W = 160, H = 96, SIDE = 3, VIEWS = SIDE * SIDE, BACK = 4, FRONT = 12, RANGE = 16, MARGIN = 2, STEP = 64 };
+enum { STRIDE = W + 2 * MARGIN, LEVEL = STEP / 2 };
+
+/* Views of a plane of random colours at BACK, whose maps say FRONT. */
+struct scene {
+    uint32_t pixels[VIEWS][STRIDE * (H + 2 * MARGIN)];
+    uint8_t code[65536];
+    struct sst_hypothesis_test test; /* of the middle view */
+    struct sst_map_u16 disp;
+};
+
+static uint32_t colour_at(int x, int y)
+{
+    uint64_t seed = (uint64_t)(x + 4096) * 8191 + (uint64_t)(y + 4096) * 131;
+
+    return (uint32_t)sst_random_u64(&seed) & 0xFFFFFF;
+}
+
+static struct scene *scene_new(bool plain)
+{
+    struct scene *s = calloc(1, sizeof(*s));
+
+    assert_non_null(s);
+    for (int d = 0; d < 65536; d++)
+        s->code[d] = (uint8_t)(1 + sst_min_int(d / 16, 253));
+    s->test = (struct sst_hypothesis_test){ .width = W, .height = H, .code = s->code, .tolerance = STEP };
+    s->test.similar = 24;
+    s->test.settled = 41;
+    for (int k = 0; k < VIEWS; k++) {
+        const int bx = k % SIDE - 1, by = k / SIDE - 1;
+        uint32_t *origin = s->pixels[k] + MARGIN * STRIDE + MARGIN;
+
+        for (int y = -MARGIN; y < H + MARGIN; y++) {
+            for (int x = -MARGIN; x < W + MARGIN; x++)
+                origin[y * STRIDE + x] =
+                    (plain ? 0x808080 : colour_at(x + BACK * bx, y + BACK * by)) | (uint32_t)s->code[64 * FRONT] << 24;
+        }
+        if (k == VIEWS / 2) {
+            s->test.own = (struct sst_packed_view){ origin, STRIDE };
+            continue;
+        }
+        s->test.view[s->test.views] = (struct sst_packed_view){ origin, STRIDE };
+        s->test.x[s->test.views] = s->test.y[s->test.views] = 32768;
+        s->test.dx[s->test.views] = -bx * 1024;
+        s->test.dy[s->test.views++] = -by * 1024;
+    }
+    assert_int_equal(sst_map_u16_init(&s->disp, W, H), 0);
+    for (int i = 0; i < W * H; i++)
+        sst_map_u16_row(&s->disp, i / W)[i % W] = 64 * FRONT;
+    return s;
+}
+
+static void scene_free(struct scene *s)
+{
+    sst_map_u16_fini(&s->disp);
+    free(s);
+}
+
+static void finds_what_the_map_lacks(void **state SST_UNUSED)
+{
+    struct scene *s = scene_new(false);
+    struct sst_sweep sweep = { 0 };
+    size_t right = 0;
+
+    assert_int_equal(sst_sweep_view(&sweep, &s->test, &s->disp, NULL, RANGE * 64, STEP), 0);
+    assert_true(sweep.count > 600); /* of 40 x 24 samples, those near the border are seen by too few views */
+    for (size_t i = 0; i < sweep.count; i++)
+        right += sweep.point[i].level * LEVEL == 64 * BACK;
+    assert_true(100 * right > 99 * sweep.count);
+    sst_sweep_fini(&sweep);
+    scene_free(s);
+}
+
+/* A right map and a plain picture leave nothing to find; neither does a mask. */
+static void finds_nothing_else(void **state SST_UNUSED)
+{
+    struct scene *s = scene_new(false), *plain = scene_new(true);
+    struct sst_map_u8 seen = { 0 };
+    struct sst_sweep sweep = { 0 };
+
+    assert_int_equal(sst_map_u8_init(&seen, W, H), 0);
+    assert_int_equal(sst_sweep_view(&sweep, &s->test, &s->disp, &seen, RANGE * 64, STEP), 0);
+    assert_int_equal(sweep.count, 0);
+    sst_sweep_fini(&sweep);
+    for (int i = 0; i < W * H; i++)
+        sst_map_u16_row(&s->disp, i / W)[i % W] = 64 * BACK;
+    assert_int_equal(sst_sweep_view(&sweep, &s->test, &s->disp, NULL, RANGE * 64, STEP), 0);
+    assert_true(sweep.count < 20); /* at the border */
+    sst_sweep_fini(&sweep);
+    for (int i = 0; i < W * H; i++)
+        sst_map_u16_row(&plain->disp, i / W)[i % W] = SST_DISP_NONE;
+    assert_int_equal(sst_sweep_view(&sweep, &plain->test, &plain->disp, NULL, RANGE * 64, STEP), 0);
+    assert_int_equal(sweep.count, 0);
+    sst_sweep_fini(&sweep);
+    sst_map_u8_fini(&seen);
+    scene_free(plain);
+    scene_free(s);
+}
+
+/* Points of one view are candidates in another, where they are seen from there, heaviest first. */
+static void candidates_of_another_view(void **state SST_UNUSED)
+{
+    struct sst_sweep_point point[400];
+    const struct sst_sweep sweep = { .point = point, .count = 400, .bx = 1 };
+    struct sst_sweep_candidates c = { 0 };
+    const uint16_t *at;
+
+    for (int i = 0; i < 400; i++)
+        point[i] = (struct sst_sweep_point){ (uint16_t)(100 + i % 20), (uint16_t)(40 + i / 20 % 20),
+                                             (uint16_t)(i % 4 ? 8 : 24), 100 };
+    /* Disparities 14 and 22 px, seen from (0, 0): at x + 14 and x + 22. */
+    assert_int_equal(sst_sweep_candidates(&c, &sweep, 1, 0, 0, 320, 96, 10, RANGE * 64, STEP), 0);
+    at = sst_sweep_candidates_at(&c, 120, 48);
+    assert_int_equal(at[0], 8 * LEVEL);
+    assert_int_equal(at[1], 24 * LEVEL);
+    for (int i = 2; i < SST_SWEEP_PEAKS; i++)
+        assert_int_equal(at[i], SST_DISP_NONE);
+    assert_int_equal(sst_sweep_candidates_at(&c, 300, 48)[0], SST_DISP_NONE);
+    sst_sweep_candidates_fini(&c);
+    assert_int_equal(sst_sweep_candidates(&c, &sweep, 0, 0, 0, 1, 1, 10, RANGE * 64, STEP), 0);
+    assert_int_equal(sst_sweep_candidates_at(&c, 0, 0)[0], SST_DISP_NONE);
+    sst_sweep_candidates_fini(&c);
+}
+
+/* However wide the range, levels are few; however narrow, they differ. */
+static void levels(void **state SST_UNUSED)
+{
+    assert_int_equal(sst_sweep_level(64, 8), 4);
+    assert_int_equal(sst_sweep_level(64, 1), 1);
+    for (int range = 1; range <= 65534; range += 97) {
+        const int level = sst_sweep_level(range, 96);
+
+        assert_true(level >= 48 && range / level < 256);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_what_the_map_lacks),
+        cmocka_unit_test(finds_nothing_else),
+        cmocka_unit_test(candidates_of_another_view),
+        cmocka_unit_test(levels),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
