@@ -111,23 +111,31 @@ static void candidates_of_another_view(void **state SST_UNUSED)
     struct sst_sweep_point point[400];
     const struct sst_sweep sweep = { .point = point, .count = 400, .bx = 1 };
     struct sst_sweep_candidates c = { 0 };
-    const uint16_t *at;
+    const struct sst_sweep_peak *at;
+    struct sst_map_u16 map;
 
+    assert_int_equal(sst_map_u16_init(&map, 320, 96), 0);
+    for (int i = 0; i < 320 * 96; i++)
+        sst_map_u16_row(&map, i / 320)[i % 320] = 24 * LEVEL;
     for (int i = 0; i < 400; i++)
         point[i] = (struct sst_sweep_point){ (uint16_t)(100 + i % 20), (uint16_t)(40 + i / 20 % 20),
                                              (uint16_t)(i % 4 ? 8 : 24), 100 };
-    /* Disparities 14 and 22 px, seen from (0, 0): at x + 14 and x + 22. */
-    assert_int_equal(sst_sweep_candidates(&c, &sweep, 1, 0, 0, 320, 96, 10, RANGE * 64, STEP), 0);
+    /* Disparities 14 and 22 px, seen from (0, 0): at x + 14 and x + 22. The map has the second one alone. */
+    assert_int_equal(sst_sweep_candidates(&c, &sweep, 1, 0, 0, &map, 10, RANGE * 64, STEP), 0);
     at = sst_sweep_candidates_at(&c, 120, 48);
-    assert_int_equal(at[0], 8 * LEVEL);
-    assert_int_equal(at[1], 24 * LEVEL);
+    assert_int_equal(at[0].disp, 8 * LEVEL);
+    assert_true(at[0].absent);
+    assert_int_equal(at[1].disp, 24 * LEVEL);
+    assert_false(at[1].absent);
     for (int i = 2; i < SST_SWEEP_PEAKS; i++)
-        assert_int_equal(at[i], SST_DISP_NONE);
-    assert_int_equal(sst_sweep_candidates_at(&c, 300, 48)[0], SST_DISP_NONE);
+        assert_int_equal(at[i].disp, SST_DISP_NONE);
+    assert_int_equal(sst_sweep_candidates_at(&c, 300, 48)->disp, SST_DISP_NONE);
     sst_sweep_candidates_fini(&c);
-    assert_int_equal(sst_sweep_candidates(&c, &sweep, 0, 0, 0, 1, 1, 10, RANGE * 64, STEP), 0);
-    assert_int_equal(sst_sweep_candidates_at(&c, 0, 0)[0], SST_DISP_NONE);
+    map.width = map.height = 1;
+    assert_int_equal(sst_sweep_candidates(&c, &sweep, 0, 0, 0, &map, 10, RANGE * 64, STEP), 0);
+    assert_int_equal(sst_sweep_candidates_at(&c, 0, 0)->disp, SST_DISP_NONE);
     sst_sweep_candidates_fini(&c);
+    sst_map_u16_fini(&map);
 }
 
 /* However wide the range, levels are few; however narrow, they differ. */

@@ -293,7 +293,10 @@ void sst_sweep_fini(struct sst_sweep *s);
 /** Disparities at which points gather, by cell of a view. */
 struct sst_sweep_candidates {
     int cols;
-    uint16_t *peak; /* [rows][cols][SST_SWEEP_PEAKS], heaviest first, then SST_DISP_NONE; owned */
+    struct sst_sweep_peak {
+        uint16_t disp; /* SST_DISP_NONE: no more */
+        bool absent;   /* the view's map hardly has it around there */
+    } * peak;          /* [rows][cols][SST_SWEEP_PEAKS], heaviest first; owned */
 };
 
 /**
@@ -302,12 +305,12 @@ struct sst_sweep_candidates {
  * @return 0, -ENOMEM
  */
 SST_MUST_CHECK int sst_sweep_candidates(struct sst_sweep_candidates *out, const struct sst_sweep *sweep, int count,
-                                        double bx, double by, int width, int height, double disp_min_px, int range_q6,
-                                        int step);
+                                        double bx, double by, const struct sst_map_u16 *disp, double disp_min_px,
+                                        int range_q6, int step);
 void sst_sweep_candidates_fini(struct sst_sweep_candidates *c);
 
 /** [SST_SWEEP_PEAKS] candidates at a pixel. */
-const uint16_t *sst_sweep_candidates_at(const struct sst_sweep_candidates *c, int x, int y);
+const struct sst_sweep_peak *sst_sweep_candidates_at(const struct sst_sweep_candidates *c, int x, int y);
 
 /* Sub-pixel refinement pays where the range is narrow: steps of the first pass are then coarse against it. */
 #define SST_SUBPIXEL_RANGE 16 /* px: wider light fields are not refined */

@@ -18,6 +18,7 @@
 #define CELL        16   /* px: candidates are found per cell, ... */
 #define AROUND      2    /* ... from the points of this many cells around */
 #define GATHERED    6000 /* weight that makes a candidate */
+#define MAPPED      8    /* sparse pixels of a map that do not make a surface, each counted twice */
 
 int sst_sweep_level(int range_q6, int step)
 {
@@ -104,7 +105,13 @@ void sst_sweep_fini(struct sst_sweep *s)
 struct gathered {
     int cols, rows, levels;
     uint32_t *weight, *sum;
+    uint32_t *mapped, *mapped_sum; /* sparse pixels of the view's map, likewise */
 };
+
+static size_t cell_at(const struct gathered *g, int col, int row)
+{
+    return ((size_t)row * (size_t)g->cols + (size_t)col) * (size_t)g->levels;
+}
 
 /* Points of one sweep, seen from a view at offset (bx, by) from its. */
 static void gather(struct gathered *g, const struct sst_sweep *s, double bx, double by, double disp_min_px, int level)
@@ -115,35 +122,48 @@ static void gather(struct gathered *g, const struct sst_sweep *s, double bx, dou
         const int col = (int)floor((p->x - d * bx) / CELL), row = (int)floor((p->y - d * by) / CELL);
 
         if (col >= 0 && row >= 0 && col < g->cols && row < g->rows)
-            g->weight[((size_t)row * (size_t)g->cols + (size_t)col) * (size_t)g->levels + p->level] += p->weight;
+            g->weight[cell_at(g, col, row) + p->level] += p->weight;
     }
 }
 
-/* Weights around a cell, by level; neighbouring levels count half. */
-static void sum_around(const struct gathered *g, int col, int row)
+/* Sparse pixels of a map. */
+static void count_map(struct gathered *g, const struct sst_map_u16 *disp, int level)
+{
+    for (int y = STRIDE / 2; y < disp->height; y += STRIDE) {
+        for (int x = STRIDE / 2; x < disp->width; x += STRIDE) {
+            const int l = (sst_map_u16_row(disp, y)[x] + level / 2) / level;
+
+            if (l < g->levels)
+                g->mapped[cell_at(g, x / CELL, y / CELL) + (size_t)l]++;
+        }
+    }
+}
+
+/* sum = values around a cell by level; neighbouring levels count half. */
+static void sum_around(uint32_t *sum, const struct gathered *g, const uint32_t *value, int col, int row)
 {
     const int n = g->levels;
     uint32_t before = 0;
 
-    memset(g->sum, 0, (size_t)n * sizeof(*g->sum));
+    memset(sum, 0, (size_t)n * sizeof(*sum));
     for (int y = sst_max_int(row - AROUND, 0); y <= sst_min_int(row + AROUND, g->rows - 1); y++) {
         for (int x = sst_max_int(col - AROUND, 0); x <= sst_min_int(col + AROUND, g->cols - 1); x++) {
-            const uint32_t *w = g->weight + ((size_t)y * (size_t)g->cols + (size_t)x) * (size_t)n;
+            const uint32_t *v = value + cell_at(g, x, y);
 
             for (int l = 0; l < n; l++)
-                g->sum[l] += w[l];
+                sum[l] += v[l];
         }
     }
     for (int l = 0; l < n; l++) {
-        const uint32_t at = g->sum[l];
+        const uint32_t at = sum[l];
 
-        g->sum[l] = before + 2 * at + (l + 1 < n ? g->sum[l + 1] : 0);
+        sum[l] = before + 2 * at + (l + 1 < n ? sum[l + 1] : 0);
         before = at;
     }
 }
 
 /* The heaviest levels that are not next to each other. */
-static void pick_peaks(uint16_t *peak, const struct gathered *g, int apart, int level)
+static void pick_peaks(struct sst_sweep_peak *peak, const struct gathered *g, int apart, int level)
 {
     for (int i = 0; i < SST_SWEEP_PEAKS; i++) {
         int best = 0;
@@ -152,38 +172,45 @@ static void pick_peaks(uint16_t *peak, const struct gathered *g, int apart, int 
             best = g->sum[l] > g->sum[best] ? l : best;
         if (g->sum[best] < GATHERED)
             break;
-        peak[i] = (uint16_t)(best * level);
+        peak[i] = (struct sst_sweep_peak){ (uint16_t)(best * level), g->mapped_sum[best] <= MAPPED };
         for (int l = sst_max_int(best - apart, 0); l <= sst_min_int(best + apart, g->levels - 1); l++)
             g->sum[l] = 0;
     }
 }
 
 int sst_sweep_candidates(struct sst_sweep_candidates *out, const struct sst_sweep *sweep, int count, double bx,
-                         double by, int width, int height, double disp_min_px, int range_q6, int step)
+                         double by, const struct sst_map_u16 *disp, double disp_min_px, int range_q6, int step)
 {
     const int level = sst_sweep_level(range_q6, step);
-    struct gathered g = { (width + CELL - 1) / CELL, (height + CELL - 1) / CELL, range_q6 / level + 1, NULL, NULL };
+    struct gathered g = {
+        (disp->width + CELL - 1) / CELL, (disp->height + CELL - 1) / CELL, range_q6 / level + 1, NULL, NULL, NULL, NULL
+    };
     const size_t cells = (size_t)g.cols * (size_t)g.rows;
 
     out->cols = g.cols;
     out->peak = sst_mem_alloc_raw(cells * SST_SWEEP_PEAKS, sizeof(*out->peak));
-    g.weight = sst_mem_alloc(cells, (size_t)g.levels * sizeof(*g.weight));
-    g.sum = sst_mem_alloc(1, (size_t)g.levels * sizeof(*g.sum));
-    if (out->peak && g.weight && g.sum) {
-        memset(out->peak, 0xFF, cells * SST_SWEEP_PEAKS * sizeof(*out->peak));
+    g.weight = sst_mem_alloc(cells + 1, (size_t)g.levels * sizeof(*g.weight)); /* the last one: the sum */
+    g.mapped = sst_mem_alloc(cells + 1, (size_t)g.levels * sizeof(*g.mapped));
+    if (out->peak && g.weight && g.mapped) {
+        g.sum = g.weight + cells * (size_t)g.levels;
+        g.mapped_sum = g.mapped + cells * (size_t)g.levels;
         for (int i = 0; i < count; i++)
             gather(&g, &sweep[i], bx - sweep[i].bx, by - sweep[i].by, disp_min_px, level);
-        for (int row = 0; row < g.rows; row++) {
-            for (int col = 0; col < g.cols; col++) {
-                sum_around(&g, col, row);
-                pick_peaks(out->peak + ((size_t)row * (size_t)g.cols + (size_t)col) * SST_SWEEP_PEAKS, &g,
-                           sst_max_int(step * 3 / 2 / level, 1), level);
-            }
+        count_map(&g, disp, level);
+        for (size_t i = 0; i < cells; i++) {
+            struct sst_sweep_peak *peak = out->peak + i * SST_SWEEP_PEAKS;
+            const int col = (int)(i % (size_t)g.cols), row = (int)(i / (size_t)g.cols);
+
+            for (int k = 0; k < SST_SWEEP_PEAKS; k++)
+                peak[k] = (struct sst_sweep_peak){ SST_DISP_NONE, false };
+            sum_around(g.sum, &g, g.weight, col, row);
+            sum_around(g.mapped_sum, &g, g.mapped, col, row);
+            pick_peaks(peak, &g, sst_max_int(step * 3 / 2 / level, 1), level);
         }
     }
-    sst_mem_free(g.sum);
+    sst_mem_free(g.mapped);
     sst_mem_free(g.weight);
-    return out->peak && g.weight && g.sum ? 0 : -ENOMEM;
+    return out->peak && g.weight && g.mapped ? 0 : -ENOMEM;
 }
 
 void sst_sweep_candidates_fini(struct sst_sweep_candidates *c)
@@ -192,7 +219,7 @@ void sst_sweep_candidates_fini(struct sst_sweep_candidates *c)
     *c = (struct sst_sweep_candidates){ 0 };
 }
 
-const uint16_t *sst_sweep_candidates_at(const struct sst_sweep_candidates *c, int x, int y)
+const struct sst_sweep_peak *sst_sweep_candidates_at(const struct sst_sweep_candidates *c, int x, int y)
 {
     return c->peak + ((size_t)(y / CELL) * (size_t)c->cols + (size_t)(x / CELL)) * SST_SWEEP_PEAKS;
 }

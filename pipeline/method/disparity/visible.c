@@ -288,8 +288,8 @@ static int around_init(struct around *a, const struct pass *p, int k)
         err = find_extreme(&a->extreme[i], map, radii[i / 2], i % 2);
     sst_map_u16_fini(&steps);
     return err ? err
-               : sst_sweep_candidates(&a->swept, p->sweep, p->sweeps, p->in->view[k].bx, p->in->view[k].by, map->width,
-                                      map->height, p->in->disp_min_px, p->in->range * 64, p->step);
+               : sst_sweep_candidates(&a->swept, p->sweep, p->sweeps, p->in->view[k].bx, p->in->view[k].by, map,
+                                      p->in->disp_min_px, p->in->range * 64, p->step);
 }
 
 /* Add a hypothesis unless it is unknown or closer than `apart` to one in the list. */
@@ -314,6 +314,19 @@ static int add_extremes(uint16_t *list, int count, const struct around *a, int w
     return add(list, count, sst_map_u16_row(&a->extreme[2 * window + 1], y)[x], apart);
 }
 
+/* Add the candidates of the sweep; inside a surface without steps, only those that the map does not have. */
+static int add_candidates(uint16_t *list, int count, const struct around *a, int x, int y, int apart)
+{
+    const struct sst_sweep_peak *peak = sst_sweep_candidates_at(&a->swept, x, y);
+    const bool flat = sst_map_u16_row(&a->flat[EXTREMES / 2 - 1], y)[x];
+
+    for (int i = 0; i < SST_SWEEP_PEAKS; i++) {
+        if (!flat || peak[i].absent)
+            count = add(list, count, peak[i].disp, apart);
+    }
+    return count;
+}
+
 /* The hypotheses of a pixel, its own disparity first; unused entries repeat it. @return their number */
 static int list_hypotheses(uint16_t *list, const struct pass *p, const struct around *a,
                            const struct sst_visible_view *v, int x, int y)
@@ -327,8 +340,7 @@ static int list_hypotheses(uint16_t *list, const struct pass *p, const struct ar
         n = add_extremes(list, n, a, 0, x, y, apart);
         n = add(list, n, sst_map_u16_row(&a->projected.far, y)[x], apart);
         n = add(list, n, near ? near : (uint16_t)SST_DISP_NONE, apart);
-        for (int i = 0; i < SST_SWEEP_PEAKS; i++)
-            n = add(list, n, sst_sweep_candidates_at(&a->swept, x, y)[i], apart);
+        n = add_candidates(list, n, a, x, y, apart);
         for (int i = 1; i < EXTREMES / 2; i++)
             n = add_extremes(list, n, a, i, x, y, apart);
     }
