@@ -1,8 +1,8 @@
 /* The automatic cut of clear pictures, and the histogram that the page draws it into.
  *
- * A cut that separates the same rays stays, wherever in the gap it lies, and so does one behind which nothing else
- * stands: when what stood in front has left, the cut waits for the next one. It moves when another cut has been found
- * for a second between which and itself there are rays, and goes when for a second there is no gap any more. */
+ * A cut is of use where other views see behind what it removes. One that is known stays as long as its gap is open,
+ * also when what stood in front has left: it waits for the next one. When its gap has been closed for a second, or
+ * another cut of use has been found for a second that removes less, that one is accepted, or none. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -10,9 +10,11 @@
 #include "pipeline/live/live_internal.h"
 
 #define WAIT_NS     INT64_C(1000000000)
-#define MOVED_SHARE 0.01 /* rays between two cuts that are not the same */
+#define MOVED_SHARE 0.05 /* of all rays between two cuts that are not the same */
 #define CLOSE_PX    0.5  /* to both sides of a cut, where ... */
-#define CLOSE_SHARE 0.01 /* ... so many rays close the gap */
+#define CLOSE_SHARE 0.01 /* ... this fraction of the rays closes the gap */
+#define SEEN_SHARE  0.5  /* of what is removed: other views see behind it. In dense leaves the maps ... */
+#define DENSE       0.9  /* ... confirm a smaller fraction than this, and say little about that */
 
 /* Fraction of the counted rays with a disparity of from_px .. to_px. */
 static double share_between(const struct sst_live *live, double from_px, double to_px)
@@ -31,16 +33,33 @@ static double share_between(const struct sst_live *live, double from_px, double 
     return all ? (double)inside / (double)all : 0;
 }
 
-/* What the cut should become: the one found, if it separates other rays; NaN, if its gap has closed; else itself. */
+/* Do other views see behind enough of what the cut removes from the lead view? By the samples of live_focus_vote(). */
+static bool sees_behind(const struct sst_live *live, double cut_px)
+{
+    const struct live_focus *f = &live->focus;
+    const int cut_q6 = (int)((cut_px - live->lf.disp_min_px) * SST_DISP_SCALE);
+    int removed = 0, seen = 0;
+
+    for (int i = 0; i < f->cells; i++) {
+        if (f->front[i] == SST_DISP_NONE || f->front[i] <= cut_q6)
+            continue;
+        removed++;
+        seen += f->behind[i] && f->behind[i] - 1 <= cut_q6;
+    }
+    return seen >= SEEN_SHARE * removed;
+}
+
+/* What the cut should become: itself, while its gap is open; else the one found; NaN: none. */
 static double wanted(const struct sst_live *live, double found_px)
 {
     const double cut_px = live->cut.cut_px;
 
-    if (isnan(cut_px))
-        return found_px;
-    if (!isnan(found_px))
-        return share_between(live, cut_px, found_px) > MOVED_SHARE ? found_px : cut_px;
-    return share_between(live, cut_px - CLOSE_PX, cut_px + CLOSE_PX) > CLOSE_SHARE ? NAN : cut_px;
+    const bool open = !isnan(cut_px) && share_between(live, cut_px - CLOSE_PX, cut_px + CLOSE_PX) <= CLOSE_SHARE;
+    const bool useful = !isnan(found_px) && (live->confirmed < DENSE || sees_behind(live, found_px));
+
+    if (open && !(useful && found_px > cut_px && share_between(live, cut_px, found_px) > MOVED_SHARE))
+        return cut_px;
+    return useful ? found_px : NAN;
 }
 
 static bool same(double a, double b)

@@ -37,6 +37,7 @@ struct sst_live {
     struct sst_lightfield lf;
     struct sst_liveframes_changes changes;
     bool ready;
+    double confirmed;               /* fraction of the disparities that another key view confirms; 1: unknown */
     bool low_confidence;            /* the maps have low confidence: rays are verified if the settings ask for it */
     bool lost;                      /* changes got lost by an error: the next update computes everything */
     uint64_t serial;                /* of the last change ingested; 0: none */

@@ -21,9 +21,9 @@
 #define MOVER_MS      900 /* in which what came in front, or has not been there for long, must be seen again */
 #define SETTLED_MS    3000 /* what has been there for so long stays for ... */
 #define LONG_MS       20000
-#define AGREED        56 /* of 255, from which rays that agree on a colour count ... */
+#define AGREED        48 /* of 255, from which rays that agree on a colour count ... */
 #define AGREED_SUPPORT (8 * SST_RENDER_SUPPORT) /* ... all of them like so many rays of the maps */
-#define LEAST         14 /* support without which a pixel counts as not seen */
+#define LEAST         12 /* support without which a pixel counts as not seen */
 #define BAND          4 /* rows of a job: those of the finest cells */
 #define CELL_SHIFT    2
 #define VOTERS        8 /* pixels that decide */
