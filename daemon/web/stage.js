@@ -28,7 +28,8 @@ export class Stage {
     this.canvas = $("canvas");
     this.mode = "";
     this.cross = null; // fraction of the picture, moved by the keyboard
-    this.plain = null; // View of the right half
+    this.plain = null; // View of the right half, while it is shown
+    this.spare = null; // the same one, kept for the next time
     this.lost = null;  // time of the loss
     this.refused = ""; // reason why there is no stream, if the service or the browser gave one
     this.overlayTimer = null;
@@ -236,16 +237,23 @@ export class Stage {
   }
 
   startCompare() {
-    const other = this.app.mode === "clear" ? CAMERA : { ...this.app.view.settings, method: "refocus" };
-    this.plain = new View($("canvas-plain"), other, (what, why) => {
+    this.spare ??= new View($("canvas-plain"), {}, (what, why) => {
       if (what === "shared") {
         this.stopCompare();
+        this.spare = null;
         complain(why);
       }
       if (what === "picture" && this.plain) $("canvas-plain").hidden = false;
     });
+    this.plain = this.spare;
+    this.plain.change(this.compared());
     this.plain.start();
     this.showCompare(true);
+  }
+
+  /** Settings of the right half. */
+  compared() {
+    return this.app.mode === "clear" ? CAMERA : { ...this.app.view.settings, method: "refocus" };
   }
 
   stopCompare() {
@@ -328,10 +336,7 @@ export class Stage {
     $("divider").setAttribute("aria-label", `Divider: ${words.left.toLowerCase()} left, ${words.right.toLowerCase()} right`);
     setText($("tag-right"), words.right);
     $("hint").hidden = storage(words.hint) === "seen";
-    if (this.plain) {
-      this.stopCompare();
-      this.startCompare();
-    }
+    this.plain?.change(this.compared());
   }
 
   /** Caption in the corner of the picture. */

@@ -225,7 +225,8 @@ def test_compare_camera(b, fake):
 
 def fresh(b, fake):
     """The page as if opened for the first time."""
-    b.js("window.old = true; addEventListener('pagehide', () => sessionStorage.clear()); localStorage.clear()")
+    fake.set(forget_views=True)
+    b.js("window.old = true; localStorage.clear()")
     b.call("Page.reload")
     b.wait("!window.old && Number(document.getElementById('stage')?.dataset.pictures) > 1")
 
