@@ -505,6 +505,7 @@ void engine_serve(struct live_engine *v)
         return;
     }
     e = find_locked(v, v->request.id);
+    v->request.started = true;
     r = v->request;
     pthread_mutex_unlock(&v->lock);
     if (e && e->picture)
@@ -588,6 +589,10 @@ static int request(struct live_engine *v, const char *id, enum request_kind kind
                                        .y = (int)floor(y + 0.5) };
         snprintf(v->request.id, sizeof(v->request.id), "%s", id);
         while (!v->request.done && !v->stop && sst_cond_wait_until(&v->changed, &v->lock, end_ns))
+            ;
+        /* A click that is told to have failed must not take effect. */
+        while (v->request.started && !v->request.done && !v->stop &&
+               sst_cond_wait_until(&v->changed, &v->lock, end_ns + STARTED_MS * INT64_C(1000000)))
             ;
         err = v->request.done ? answer_locked(v, out)
                               : sst_api_refuse(out->error, -EAGAIN, "the service is busy; ask again");

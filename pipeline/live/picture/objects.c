@@ -19,6 +19,7 @@
 #define DRIFT_PX    0.5 /* of its disparities between two sets */
 #define GROWTH      1.5
 #define LEAST_SHARE 0.25 /* of its region that is still there, or it is lost */
+#define GROWN_SHARE 0.05 /* of the range of disparities: an object's, to both sides of its first pixel */
 #define LOST_NS     INT64_C(2000000000)
 #define MOST_SHARE  0.6 /* of the picture */
 
@@ -287,6 +288,25 @@ static int reserve(struct picture_objects *o)
     return o->next.data ? 0 : sst_map_u8_init(&o->next, o->width, o->height);
 }
 
+/* The outline that sst_render_grow_object() adds is of other surfaces; only what has nearly the disparity of the pixel
+ * that was clicked on can be followed. */
+static void drop_outline(struct sst_map_u8 *region, const struct sst_lightfield *lf, int x, int y)
+{
+    const double slack_px = SAME_PX + GROWN_SHARE * fmax(lf->range_max_px - lf->range_min_px, 0);
+    double at, d;
+
+    if (!disparity_at(lf, lf->ref_view, x, y, &at))
+        return;
+    for (int row = 0; row < region->height; row++) {
+        uint8_t *in = sst_map_u8_row(region, row);
+
+        for (int col = 0; col < region->width; col++) {
+            if (in[col] && !(disparity_at(lf, lf->ref_view, col, row, &d) && fabs(d - at) <= slack_px))
+                in[col] = 0;
+        }
+    }
+}
+
 static int add(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y, int64_t t_ns, int threads)
 {
     struct picture_object *at = &o->object[o->count];
@@ -297,6 +317,7 @@ static int add(struct picture_objects *o, const struct sst_lightfield *lf, int x
         *at = (struct picture_object){ .region = mask[lf->ref_view], .seen_ns = t_ns };
         mask[lf->ref_view] = (struct sst_map_u8){ 0 };
         o->count++;
+        drop_outline(&at->region, lf, x, y);
         measure(at, lf);
         if (at->area > MOST_SHARE * lf->width * lf->height) {
             drop(o, o->count - 1);
