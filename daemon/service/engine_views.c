@@ -76,12 +76,12 @@ void engine_views_close(struct live_engine *v)
 
 static json_t *view_json_locked(const struct view *e)
 {
-    return json_pack("{s:s, s:i, s:o?, s:o, s:o, s:o, s:o, s:o, s:o}", "id", e->id, "viewers",
+    return json_pack("{s:s, s:i, s:o?, s:o, s:o, s:o, s:o, s:o, s:o, s:i}", "id", e->id, "viewers",
                      sst_slot_clients(e->slot), "settings", view_settings_json(&e->settings), "shown_focus_px",
                      sst_api_real(e->shown_focus_px), "shown_cut_px", sst_api_real(e->shown.cut_px), "seen_percent",
                      sst_api_real(100 * e->shown.seen), "remembered_percent", sst_api_real(100 * e->shown.remembered),
                      "filled_percent", sst_api_real(100 * e->shown.filled), "oldest_s",
-                     sst_api_real(e->shown.oldest_s));
+                     sst_api_real(e->shown.oldest_s), "objects", e->shown.objects);
 }
 
 int engine_views(void *engine, struct sst_api_answer *out)
@@ -481,6 +481,7 @@ static int change_objects(struct live_engine *v, struct view *e, struct request 
     sst_livepicture_clear(e->picture, &shown);
     r->objects = shown.objects;
     pthread_mutex_lock(&v->lock);
+    e->shown.objects = shown.objects;
     e->version++;
     v->interaction_ns = sst_clock_now_ns();
     pthread_mutex_unlock(&v->lock);

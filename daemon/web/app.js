@@ -55,7 +55,10 @@ app.view = new View($("canvas"), { method: "clear", tint: true }, (what, why) =>
     toast(`${sentence(why.message)} The main view is shown, which all share.`, "error");
     app.view.current().then((view) => view && show(view.settings)).catch(() => {}); // the next status request reports it
   }
-  else if (what === "own") show(app.view.settings);
+  else if (what === "made") {
+    show({ ...why, ...app.view.settings });
+    app.clear.forget();
+  }
   else app.stage.onStream(what, why);
 });
 app.stage = new Stage(app);

@@ -73,6 +73,12 @@ export class Clear {
     setText($("restore-count"), `${count} removed`);
   }
 
+  /** A new view on the service removes nothing by points. */
+  forget() {
+    if (this.objects > 0) toast("What you removed is back: the page has a new view, as its last one expired.");
+    this.setObjects(0);
+  }
+
   now_px() {
     return this.cut_px ?? this.auto_px;
   }

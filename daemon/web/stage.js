@@ -243,7 +243,7 @@ export class Stage {
         this.spare = null;
         complain(why);
       }
-      if (what === "picture" && this.plain) $("canvas-plain").hidden = false;
+      if (what === "picture" && this.plain) $("canvas-plain").hidden = $("tag-right").hidden = false;
     });
     this.plain = this.spare;
     this.plain.change(this.compared());
@@ -265,7 +265,8 @@ export class Stage {
 
   showCompare(on) {
     $("compare").setAttribute("aria-pressed", on);
-    $("divider").hidden = $("tag-right").hidden = !on;
+    $("divider").hidden = !on;
+    $("tag-right").hidden = true; // until there is a picture
   }
 
   // --- overlays ---

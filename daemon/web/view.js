@@ -12,7 +12,7 @@ export class View {
    * @param canvas    shows it
    * @param settings  what differs from the service's defaults; see docs/integrate/api.md
    * @param notify    as in Stream; and "shared" (reason) when no own view is available: the main view is shown,
-   *                  until "own"
+   *                  until "made" (its settings, defaults included)
    */
   constructor(canvas, settings, notify) {
     this.settings = { ...settings };
@@ -69,10 +69,10 @@ export class View {
   async create() {
     const sent = { ...this.settings };
     try {
-      const { id } = await post("/api/v1/views", sent);
+      const { id, settings } = await post("/api/v1/views", sent);
       this.id = id;
-      if (this.shared) this.notify("own", null);
       this.shared = false;
+      this.notify("made", settings);
       this.pending = null;
       if (JSON.stringify(sent) !== JSON.stringify(this.settings)) this.change(this.settings); // changed meanwhile
     } catch (error) {

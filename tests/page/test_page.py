@@ -187,6 +187,15 @@ def test_remove(b, fake):
     fake.set(refuse={})
 
 
+def test_expired(b, fake):
+    """A view that has expired is made again; what was removed from it is not."""
+    b.click("#stage")
+    b.wait("!document.getElementById('restore').hidden")
+    fake.set(forget_views=True)
+    b.wait("document.getElementById('toasts').textContent.includes('has a new view') && document.getElementById('restore').hidden")
+    check(fake.posts("/api/v1/views")[-1]["method"] == "clear", "it is another picture")
+
+
 def test_remove_label(b, fake):
     b.wait("document.querySelectorAll('.chip').length > 3")
     check(b.js("document.getElementById('labels-caption').textContent") == "Also remove", "the chips keep labels clear")
@@ -635,7 +644,7 @@ def test_contrast(b, fake):
             check(not bad, f"{'light' if light else 'dark'}, {tab}: too little contrast: {bad[:5]}")
 
 
-TESTS = [test_picture, test_cut_slider, test_remove, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_label, test_compare, test_sweep, test_overlay, test_adjust, test_cameras,
+TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_label, test_compare, test_sweep, test_overlay, test_adjust, test_cameras,
          test_events, test_recordings, test_role, test_states, test_shared, test_restart, test_reload, test_hidden,
          test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast]
 # Errors that the browser itself writes where a test makes the service refuse or end.
