@@ -612,7 +612,8 @@ int engine_pick(void *engine, const char *id, double x, double y, struct sst_api
 int engine_remove(void *engine, const char *id, const json_t *body, struct sst_api_answer *out)
 {
     static const char *const known[] = { "x", "y", "clear", NULL };
-    const json_t *x = json_object_get(body, "x"), *y = json_object_get(body, "y"), *clear = json_object_get(body, "clear");
+    const json_t *x = json_object_get(body, "x"), *y = json_object_get(body, "y"),
+                 *clear = json_object_get(body, "clear");
 
     if (sst_api_members(body, known, out->error))
         return -EINVAL;

@@ -139,9 +139,9 @@ struct engine_state {
     bool counted;                                /* the histogram is known */
     double share_min_px, share_max_px;
     float share[SST_LIVE_HISTOGRAM]; /* of the disparities in that range */
-    double focal_px, spacing_mm;                 /* 0: not known */
-    int64_t beat_ns;                             /* when the thread was last seen alive */
-    char check[512];                             /* last verdict on the calibration */
+    double focal_px, spacing_mm;     /* 0: not known */
+    int64_t beat_ns;                 /* when the thread was last seen alive */
+    char check[512];                 /* last verdict on the calibration */
 };
 
 struct engine_config {
@@ -237,8 +237,8 @@ void service_record_view(struct sst_service *s);
 
 struct view_settings {
     struct sst_render_config render; /* focus_px NaN: the default focus; focus_label is found by name when rendering */
-    char focus_label[SST_CLASS_NAME_MAX]; /* "": none */
-    bool follow;                          /* the focus tracks that label */
+    char focus_label[SST_CLASS_NAME_MAX];  /* "": none */
+    bool follow;                           /* the focus tracks that label */
     char remove_label[SST_CLASS_NAME_MAX]; /* likewise of clear pictures; their cut_px NaN: the automatic one */
     bool outline, tint;                    /* of clear pictures */
 };
@@ -278,7 +278,7 @@ struct view {
     uint64_t shown_update;  /* state of the light field that its picture shows */
     double shown_focus_px;
     struct sst_livepicture_clear shown; /* of its picture */
-    int64_t used_ns; /* time of the last request for it */
+    int64_t used_ns;                    /* time of the last request for it */
     struct sst_slot *slot;
     struct sst_livepicture *picture; /* live thread only */
 };
@@ -300,7 +300,7 @@ enum request_kind {
 struct request {
     enum request_kind kind;
     bool pending, started, done; /* started: it will be done, so that its answer is waited for */
-    unsigned number; /* a request that timed out is not answered */
+    unsigned number;             /* a request that timed out is not answered */
     char id[16];
     int x, y, err;
     struct sst_livepicture_pick pick;

@@ -152,9 +152,9 @@ static int parse_member(struct view_settings *s, const char *key, const json_t *
 
 int view_settings_take(struct view_settings *s, const json_t *from, char error[512])
 {
-    static const char *const known[] = { "method",  "cut_px",   "remove_label", "outline", "tint",
-                                         "focus_px", "focus_label", "follow",  "sigma_px", "c1",
-                                         "c2",      "label_factor", "aperture", NULL };
+    static const char *const known[] = { "method",   "cut_px",       "remove_label", "outline",  "tint",
+                                         "focus_px", "focus_label",  "follow",       "sigma_px", "c1",
+                                         "c2",       "label_factor", "aperture",     NULL };
     struct view_settings to = *s;
     const char *key;
     json_t *value;
@@ -176,9 +176,9 @@ int view_settings_take(struct view_settings *s, const json_t *from, char error[5
 
 json_t *view_settings_json(const struct view_settings *s)
 {
-    json_t *o = json_pack("{s:s, s:s, s:s, s:b, s:b, s:b}", "method", methods[s->render.method], "focus_label",
-                          s->focus_label, "remove_label", s->remove_label, "follow", s->follow, "outline", s->outline,
-                          "tint", s->tint);
+    json_t *o =
+        json_pack("{s:s, s:s, s:s, s:b, s:b, s:b}", "method", methods[s->render.method], "focus_label", s->focus_label,
+                  "remove_label", s->remove_label, "follow", s->follow, "outline", s->outline, "tint", s->tint);
 
     for (size_t i = 0; i < ARRAY_LEN(numbers) && o; i++) {
         const double v = *member_of((struct view_settings *)s, i);

@@ -3,8 +3,9 @@
  * sets=21 threads=2 cut=AUTO label=NAME (removed) from=0 (first set) cache=/tmp out=DIR (pictures)
  *
  * Prints CSV: CPU ms of the update, of the clear picture and of a see-through one; dB over the whole picture against
- * the scene without its first occluder, with memory and of this set alone; percent of pixels wrong by more than 20 levels, and that
- * differ by as much from the picture of this set alone; shares seen, remembered and filled, oldest pixel. The last line sums up. */
+ * the scene without its first occluder, with memory and of this set alone; percent of pixels wrong by more than 20
+ * levels, and that differ by as much from the picture of this set alone; shares seen, remembered and filled, oldest
+ * pixel. The last line sums up. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -50,8 +51,8 @@ static bool set_option(const char *text)
     const struct {
         const char *name, **text;
         int *number;
-    } known[] = { { "label", &b.label, NULL }, { "cache", &b.cache, NULL },   { "out", &b.out, NULL },
-                  { "sets", NULL, &b.sets },   { "from", NULL, &b.from },     { "threads", NULL, &b.threads } };
+    } known[] = { { "label", &b.label, NULL }, { "cache", &b.cache, NULL }, { "out", &b.out, NULL },
+                  { "sets", NULL, &b.sets },   { "from", NULL, &b.from },   { "threads", NULL, &b.threads } };
 
     for (size_t i = 0; n && i < ARRAY_LEN(known); i++) {
         if (strlen(known[i].name) != n || strncmp(text, known[i].name, n) != 0)
@@ -204,8 +205,8 @@ static int show(int set, double update_ms, struct sum *sum)
         sst_livepicture_clear(b.clear, &state);
         db[0] = sst_psnr(memory, &truth, NULL);
         db[1] = sst_psnr(alone, &truth, NULL);
-        printf("%d,%.1f,%.1f,%.1f,%.2f,%.2f,%.2f,%.2f,%.3f,%.3f,%.1f,%.1f,%.1f,%.2f\n", set, update_ms, clear_ms, see_ms,
-               state.cut_px, db[0], db[1], sst_psnr(see_through, &truth, NULL), wrong_percent(memory, &truth),
+        printf("%d,%.1f,%.1f,%.1f,%.2f,%.2f,%.2f,%.2f,%.3f,%.3f,%.1f,%.1f,%.1f,%.2f\n", set, update_ms, clear_ms,
+               see_ms, state.cut_px, db[0], db[1], sst_psnr(see_through, &truth, NULL), wrong_percent(memory, &truth),
                wrong_percent(memory, alone), 100 * state.seen, 100 * state.remembered, 100 * state.filled,
                state.oldest_s);
         fflush(stdout);

@@ -489,13 +489,13 @@ static void a_click_removes_and_brings_back(void **state SST_UNUSED)
     all = wrong(image, &s.live->lf.views[s.live->lf.ref_view].image); /* the camera's picture */
     if (getenv("SST_VERBOSE"))
         printf("back: wrong %.2f %%\n", all);
-    assert_true(all < 3);
+    assert_true(all < 4);
     assert_int_equal(sst_livepicture_toggle(p, x, y, &removed), 0);
     assert_true(removed);
     sst_livepicture_restore(p);
     sst_livepicture_clear(p, &shown);
     assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
-    assert_true(px > 0 && wrong(image, &s.live->lf.views[s.live->lf.ref_view].image) < 3);
+    assert_true(px > 0 && wrong(image, &s.live->lf.views[s.live->lf.ref_view].image) < 4);
     sst_livepicture_clear(p, &shown);
     assert_int_equal(shown.objects, 0);
     sst_livepicture_destroy(p);

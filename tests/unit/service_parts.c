@@ -361,11 +361,12 @@ static void settings_of_a_view(void **state)
     assert_true(json_number_value(json_object_get(o, "aperture")) == 1.5);
     assert_string_equal(json_string_value(json_object_get(o, "method")), "refocus");
     json_decref(o);
-    assert_int_equal(take(&s,
-                          "{\"method\": \"clear\", \"cut_px\": 12, \"remove_label\": \"Pedestrian\", \"outline\": true, "
-                          "\"tint\": true}",
-                          error),
-                     0);
+    assert_int_equal(
+        take(&s,
+             "{\"method\": \"clear\", \"cut_px\": 12, \"remove_label\": \"Pedestrian\", \"outline\": true, "
+             "\"tint\": true}",
+             error),
+        0);
     assert_true(s.render.method == SST_RENDER_CLEAR && s.render.cut_px == 12 && s.outline && s.tint);
     assert_string_equal(s.remove_label, "Pedestrian");
     assert_int_equal(take(&s, "{\"cut_px\": null, \"outline\": false}", error), 0);

@@ -1,7 +1,7 @@
 /* Behind dense leaves the maps miss most of what the gaps show, and the clear picture has holes there. Rays that agree
- * show it (pipeline/method/render/verify.h), one plane at a time: the default focus, behind what is in front, and planes
- * around it up to the cut. Every cell of the picture keeps the plane on which most of its rays agreed; some cells are
- * tried on another one in each set. */
+ * show it (pipeline/method/render/verify.h), one plane at a time: the default focus, behind what is in front, and
+ * planes around it up to the cut. Every cell of the picture keeps the plane on which most of its rays agreed; some
+ * cells are tried on another one in each set. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -9,9 +9,9 @@
 
 #include "pipeline/live/picture/picture_internal.h"
 
-#define STEP_PX    1.5 /* between planes: what lies between two is off by 2 px in the outermost views */
-#define BETTER     1.1 /* another plane must have this multiple of the agreement */
-#define EXPLORE    8   /* one cell in this many is tried on another plane; at the start ... */
+#define STEP_PX      1.5 /* between planes: what lies between two is off by 2 px in the outermost views */
+#define BETTER       1.1 /* another plane must have this multiple of the agreement */
+#define EXPLORE      8   /* one cell in this many is tried on another plane; at the start ... */
 #define START_ROUNDS (4 * PICTURE_PLANES) /* ... for this many sets every second one */
 
 void picture_behind_fini(struct picture_behind *b)

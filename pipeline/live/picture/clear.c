@@ -13,11 +13,11 @@
 #include "base/thread.h"
 #include "pipeline/live/picture/picture_internal.h"
 
-#define OLD_S          1.0
-#define TINT_SHARE     64 /* of 256 */
-#define OUTLINE_SHARE  110
-#define OUTLINE_REACH  5 /* px: outlines are those of what is removed on average over this many to each side */
-#define BAND           16
+#define OLD_S         1.0
+#define TINT_SHARE    64 /* of 256 */
+#define OUTLINE_SHARE 110
+#define OUTLINE_REACH 5 /* px: outlines are those of what is removed on average over this many to each side */
+#define BAND          16
 
 static const uint8_t tint_colour[3] = { 60, 120, 255 };
 static const uint8_t outline_colour[3] = { 255, 255, 255 };
@@ -33,7 +33,7 @@ struct picture_clear {
     struct picture_memory memory;
     struct picture_objects objects;
     struct picture_behind behind;
-    struct sst_map_u16 surface, sums; /* sums: working memory of outlines; empty until the first ones */
+    struct sst_map_u16 surface, sums;     /* sums: working memory of outlines; empty until the first ones */
     struct sst_map_u8 support, kind, cut; /* cut: 1: the reference view's pixel is removed */
     struct sst_livepicture_clear state;
     struct sst_image *image; /* while rendering */
@@ -355,8 +355,8 @@ void picture_clear_state(const struct picture_clear *c, struct sst_livepicture_c
 
 int picture_clear_toggle(struct picture_clear *c, int x, int y, bool *removed)
 {
-    const int err = picture_objects_toggle(&c->objects, &c->live->lf, x, y, c->live->focus.t_ns, c->live->cfg.threads,
-                                           removed);
+    const int err =
+        picture_objects_toggle(&c->objects, &c->live->lf, x, y, c->live->focus.t_ns, c->live->cfg.threads, removed);
 
     c->objects_version += !err;
     return err;
@@ -377,7 +377,8 @@ static int shown_label(const struct sst_lightfield *lf, double disp_px, int x, i
         const struct sst_view *v = &lf->views[k];
         const double px = floor(x - disp_px * v->bx + 0.5), py = floor(y - disp_px * v->by + 0.5);
 
-        if (!v->present || !v->disp.data || !v->label.data || !(px >= 0 && py >= 0 && px < lf->width && py < lf->height))
+        if (!v->present || !v->disp.data || !v->label.data ||
+            !(px >= 0 && py >= 0 && px < lf->width && py < lf->height))
             continue;
         if (fabs(sst_disp_px(lf, sst_map_u16_row(&v->disp, (int)py)[(int)px]) - disp_px) <= 1)
             count[sst_map_u8_row(&v->label, (int)py)[(int)px]]++;

@@ -14,19 +14,19 @@
 #include "base/thread.h"
 #include "pipeline/live/picture/picture_internal.h"
 
-#define SAME_Q6       80  /* disparities of one surface in two sets: maps of half size jump by a pixel */
-#define SAME_LEVELS   60  /* colours of one surface in two sets, sum of R, G, B */
-#define STRONG        (4 * SST_RENDER_SUPPORT) /* rays that agree and need no confirmation by earlier sets */
-#define SUPPORT_MOST  (12 * SST_RENDER_SUPPORT)
-#define MOVER_MS      900 /* in which what came in front, or has not been there for long, must be seen again */
-#define SETTLED_MS    3000 /* what has been there for so long stays for ... */
-#define LONG_MS       20000
-#define AGREED        48 /* of 255, from which rays that agree on a colour count ... */
+#define SAME_Q6        80 /* disparities of one surface in two sets: maps of half size jump by a pixel */
+#define SAME_LEVELS    60 /* colours of one surface in two sets, sum of R, G, B */
+#define STRONG         (4 * SST_RENDER_SUPPORT) /* rays that agree and need no confirmation by earlier sets */
+#define SUPPORT_MOST   (12 * SST_RENDER_SUPPORT)
+#define MOVER_MS       900  /* in which what came in front, or has not been there for long, must be seen again */
+#define SETTLED_MS     3000 /* what has been there for so long stays for ... */
+#define LONG_MS        20000
+#define AGREED         48                       /* of 255, from which rays that agree on a colour count ... */
 #define AGREED_SUPPORT (8 * SST_RENDER_SUPPORT) /* ... all of them like so many rays of the maps */
-#define LEAST         12 /* support without which a pixel counts as not seen */
-#define BAND          4 /* rows of a job: those of the finest cells */
-#define CELL_SHIFT    2
-#define VOTERS        8 /* pixels that decide */
+#define LEAST          12                       /* support without which a pixel counts as not seen */
+#define BAND           4                        /* rows of a job: those of the finest cells */
+#define CELL_SHIFT     2
+#define VOTERS         8 /* pixels that decide */
 
 static const struct picture_pixel nothing = { .disp = SST_DISP_NONE };
 
@@ -103,7 +103,8 @@ static void confirm(struct picture_pixel *p, const uint8_t rgb[3], uint16_t disp
 
     for (int c = 0; c < 3 && sum; c++)
         p->rgb[c] = (uint8_t)((p->rgb[c] * p->support + rgb[c] * support + sum / 2) / sum);
-    p->disp = sum ? (uint16_t)(((uint32_t)p->disp * p->support + (uint32_t)disp * (uint32_t)support) / (uint32_t)sum) : disp;
+    p->disp =
+        sum ? (uint16_t)(((uint32_t)p->disp * p->support + (uint32_t)disp * (uint32_t)support) / (uint32_t)sum) : disp;
     p->support = (uint8_t)sst_min_int(sum, SUPPORT_MOST);
     p->seen_ms = now_ms;
     p->doubt_ms = 0;
@@ -148,8 +149,7 @@ static void fill_behind(const struct merge *g, int y)
             sst_image_row(in->image, c, y)[x] = sst_image_row(&b->image, c, y)[x];
         weight[x] = 255;
         support[x] = (uint8_t)sst_min_int(agreed[x] * AGREED_SUPPORT / 255, STRONG - 1);
-        sst_map_u16_row(in->surface, y)[x] =
-            sst_disp_q6(in->lf, b->plane_px[cell[x / SST_RENDER_CELL_WIDTH].plane]);
+        sst_map_u16_row(in->surface, y)[x] = sst_disp_q6(in->lf, b->plane_px[cell[x / SST_RENDER_CELL_WIDTH].plane]);
     }
 }
 

@@ -2,8 +2,8 @@
  *
  * A thing is found by sst_render_grow_object(). In the next set it is what continues its last region: pixels of it that
  * still have its disparities, and what is connected with them by nearly the same disparity and colour. It may grow by
- * half, so that it does not run into what it touches. In the other views it is marked by disparity: pixels whose surface
- * the region shows, or whose place in the reference view is covered or outside of it beside the region. */
+ * half, so that it does not run into what it touches. In the other views it is marked by disparity: pixels whose
+ * surface the region shows, or whose place in the reference view is covered or outside of it beside the region. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -137,8 +137,8 @@ static int keep_region(struct picture_objects *o, const struct picture_object *a
 }
 
 /* Add what is connected, `most` pixels in all. */
-static void spread(struct picture_objects *o, const struct picture_object *at, const struct sst_lightfield *lf, int count,
-                   int most)
+static void spread(struct picture_objects *o, const struct picture_object *at, const struct sst_lightfield *lf,
+                   int count, int most)
 {
     const int step[4] = { -lf->width, lf->width, -1, 1 };
 
@@ -197,11 +197,12 @@ static bool belongs(const struct picture_object *at, const struct sst_lightfield
     px = (int)floor(x + d * v->bx + 0.5);
     py = (int)floor(y + d * v->by + 0.5);
     if (px < 0 || py < 0 || px >= lf->width || py >= lf->height)
-        return sst_map_u8_row(&at->region, sst_clamp_int(py, 0, lf->height - 1))[sst_clamp_int(px, 0, lf->width - 1)] != 0;
+        return sst_map_u8_row(&at->region, sst_clamp_int(py, 0, lf->height - 1))[sst_clamp_int(px, 0, lf->width - 1)] !=
+               0;
     if (sst_map_u8_row(&at->region, py)[px])
         return true;
-    return px >= at->x0 && px < at->x1 && py >= at->y0 && py < at->y1 && disparity_at(lf, lf->ref_view, px, py, &other) &&
-           other > d + SAME_PX;
+    return px >= at->x0 && px < at->x1 && py >= at->y0 && py < at->y1 &&
+           disparity_at(lf, lf->ref_view, px, py, &other) && other > d + SAME_PX;
 }
 
 /* With one pixel more on every side: outlines mix object and surroundings, and are the least certain. */

@@ -278,8 +278,9 @@ void sst_livepicture_clear(const struct sst_livepicture *p, struct sst_livepictu
     if (p->is_clear)
         picture_clear_state(p->clear, out);
     else
-        *out = (struct sst_livepicture_clear){ .cut_px = NAN, .seen = NAN, .remembered = NAN, .filled = NAN,
-                                               .oldest_s = NAN };
+        *out = (struct sst_livepicture_clear){
+            .cut_px = NAN, .seen = NAN, .remembered = NAN, .filled = NAN, .oldest_s = NAN
+        };
 }
 
 int sst_livepicture_toggle(struct sst_livepicture *p, int x, int y, bool *removed)

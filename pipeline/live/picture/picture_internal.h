@@ -18,7 +18,8 @@ bool picture_same_settings(const struct sst_render_config *a, const struct sst_r
 
 #define PICTURE_SEEN_WEIGHT 64 /* from which a pixel is seen, as in pipeline/method/render/clear.c */
 
-/* --- behind.c: what rays agree on where the maps show nothing ------------------------------------------------------ */
+/* --- behind.c: what rays agree on where the maps show nothing ------------------------------------------------------
+ */
 
 #define PICTURE_PLANES 6
 
@@ -64,11 +65,11 @@ enum picture_kind { PICTURE_UNKNOWN = 0, PICTURE_FILLED = 64, PICTURE_REMEMBERED
 /** What was last seen in one pixel. */
 struct picture_pixel {
     uint8_t rgb[3];
-    uint8_t support;    /* as of struct sst_render_merge, of several sets */
-    uint16_t disp;      /* stored disparity; SST_DISP_NONE: nothing is remembered */
-    uint16_t doubt_ms;  /* time in which it was not seen while views changed there */
-    uint32_t seen_ms;   /* since the memory's start: last seen, ... */
-    uint32_t since_ms;  /* ... and this surface first */
+    uint8_t support;   /* as of struct sst_render_merge, of several sets */
+    uint16_t disp;     /* stored disparity; SST_DISP_NONE: nothing is remembered */
+    uint16_t doubt_ms; /* time in which it was not seen while views changed there */
+    uint32_t seen_ms;  /* since the memory's start: last seen, ... */
+    uint32_t since_ms; /* ... and this surface first */
 };
 
 /** Pixels of a cell that confirm what they held, and that hold something else now. */
@@ -92,11 +93,11 @@ struct picture_merge {
     const struct sst_lightfield *lf;
     int64_t t_ns;
     int threads;
-    struct sst_image *image;           /* in, out */
-    struct sst_map_u8 *weight;         /* in, out; as of struct sst_render_merge */
-    struct sst_map_u16 *surface;       /* likewise */
+    struct sst_image *image;     /* in, out */
+    struct sst_map_u8 *weight;   /* in, out; as of struct sst_render_merge */
+    struct sst_map_u16 *surface; /* likewise */
     struct sst_map_u8 *support;
-    struct sst_map_u8 *kind; /* out, enum picture_kind */
+    struct sst_map_u8 *kind;             /* out, enum picture_kind */
     const struct picture_behind *behind; /* NULL: none */
     /* what is removed */
     int cut_q6, remove_label;         /* stored disparity; 0: none */

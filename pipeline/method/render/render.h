@@ -39,8 +39,9 @@ struct sst_render_merge {
      *  @param weight  in, out, 255: seen; less: mixed with the mean of the surroundings as far as it lacks */
     int (*merge)(void *arg, struct sst_image *img, struct sst_map_u8 *weight);
     void *arg;
-    struct sst_map_u16 *surface; /* out, stored disparity of the surface; SST_DISP_NONE: a hole; of the picture's size */
-    struct sst_map_u8 *support;  /* out, rays that agree on the colour, times SST_RENDER_SUPPORT, at most 255 */
+    struct sst_map_u16
+        *surface;               /* out, stored disparity of the surface; SST_DISP_NONE: a hole; of the picture's size */
+    struct sst_map_u8 *support; /* out, rays that agree on the colour, times SST_RENDER_SUPPORT, at most 255 */
 };
 
 struct sst_render_config {

@@ -19,6 +19,7 @@
 #define UNEXPLAINED_HIGH 0.2f  /* ... to unreliable ones */
 #define AGREE_LOW        0.1f  /* of all votes: chance ... */
 #define AGREE_HIGH       0.2f  /* ... to certainly a surface */
+#define AGREED_GAIN      24    /* in sst_render_plan.agreed, so that its 8 bits cover what occurs */
 #define SCREEN_STEP      4     /* a cell is verified if, of every 4th pixel of every 4th row left to votes ... */
 #define SCREEN_SHARE     8     /* ... one in 8 has more than UNEXPLAINED_LOW */
 #define FRONT_SIGMAS     0.5   /* in front: nearer than the focus by this many sigma_d */
@@ -388,7 +389,8 @@ static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, in
     }
 }
 
-/* A pixel shows what the votes say, as far as they replaced it. */
+/* A pixel that the votes replaced shows what so many of all possible votes say: rays of a common colour, as of leaves,
+ * have fewer votes than those of a rare one. */
 static void note_agreed(struct sst_map_u8 *agreed, int x, int y, float agree, float by)
 {
     uint8_t *to = sst_map_u8_row(agreed, y) + x;
@@ -428,7 +430,7 @@ static void finish_row(const struct sst_verifier *v, const struct sst_render_pla
             by *= ramp(open / (9 * v->all), UNEXPLAINED_LOW, UNEXPLAINED_HIGH);
         }
         if (p->agreed)
-            note_agreed(p->agreed, x + i, y, 24 * sums[3][i] / (SST_AGREE_NEAR * most), by);
+            note_agreed(p->agreed, x + i, y, AGREED_GAIN * sums[3][i] / (SST_AGREE_NEAR * most), by);
         for (int c = 0; c < 3; c++) {
             uint8_t *at = sst_image_row(out, c, y) + x + i;
 
@@ -438,13 +440,12 @@ static void finish_row(const struct sst_verifier *v, const struct sst_render_pla
 }
 
 /* What the maps alone assign to the focus, before votes. */
-static void note_assigned(const struct sst_verifier *v, struct sst_map_u8 *agreed, float (*weight)[SST_BLEND_MAX], int x,
-                          int to, int y, int end)
+static void note_assigned(const struct sst_verifier *v, struct sst_map_u8 *agreed, float (*weight)[SST_BLEND_MAX],
+                          int x, int to, int y, int end)
 {
     for (int row = y; row < end; row++) {
         for (int i = x; i < to; i++)
-            sst_map_u8_row(agreed, row)[i] =
-                (uint8_t)(255 * fminf(weight[row - y][i - x] / v->all, 1) + 0.5F);
+            sst_map_u8_row(agreed, row)[i] = (uint8_t)(255 * fminf(weight[row - y][i - x] / v->all, 1) + 0.5F);
     }
 }
 
