@@ -502,6 +502,40 @@ static void a_click_removes_and_brings_back(void **state SST_UNUSED)
     hide(&s);
 }
 
+/* Where the walker hides the van and the cut removes the walker, a click removes the van, and brings it back. */
+static void a_click_goes_through_what_the_cut_removes(void **state SST_UNUSED)
+{
+    struct sst_livepicture_pick before, after;
+    struct sst_livepicture_clear shown;
+    struct sst_render_config cfg;
+    const struct sst_image *image;
+    struct sst_livepicture *p;
+    bool removed;
+    struct shown s;
+    int64_t px;
+    int x, y;
+
+    show(&s, "pedestrian", 320, 240, 6, false);
+    take(&s, 1000000);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    find_label(&s, sst_scene_occluder_at(s.scene, 0)->label, &x, &y);
+    cfg = clear_config(1.4 * sst_scene_occluder_at(s.scene, 0)->focus_px);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+    assert_int_equal(sst_livepicture_pick(p, x, y, &before), 0);
+    assert_true(before.front_px > cfg.cut_px && before.disp_px < cfg.cut_px);
+    assert_int_equal(sst_livepicture_toggle(p, x, y, &removed), 0);
+    assert_true(removed);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+    assert_int_equal(sst_livepicture_pick(p, x, y, &after), 0);
+    assert_false(fabs(after.disp_px - before.disp_px) < 0.5); /* the walker parts it in two: both are removed */
+    sst_livepicture_clear(p, &shown);
+    assert_int_equal(shown.objects, 1);
+    assert_int_equal(sst_livepicture_toggle(p, x, y, &removed), 0);
+    assert_false(removed);
+    sst_livepicture_destroy(p);
+    hide(&s);
+}
+
 /* What has gone is forgotten after two seconds; there are at most so many. */
 static void objects_are_bounded(void **state SST_UNUSED)
 {
@@ -579,6 +613,7 @@ int main(void)
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(outlines_and_other_methods),
         cmocka_unit_test(a_click_removes_and_brings_back),
+        cmocka_unit_test(a_click_goes_through_what_the_cut_removes),
         cmocka_unit_test(objects_are_bounded),
         cmocka_unit_test(the_cut_stays_when_the_walker_has_left),
     };

@@ -18,6 +18,9 @@
 #define OUTLINE_SHARE 110
 #define OUTLINE_REACH 5 /* px: outlines are those of what is removed on average over this many to each side */
 #define BAND          16
+#define SAME_PX       1.0 /* disparities of one surface */
+#define AIM_REACH     48  /* px around a click on something hidden */
+#define AIM_PARTS     6   /* of it, as what hides it parts it */
 
 static const uint8_t tint_colour[3] = { 60, 120, 255 };
 static const uint8_t outline_colour[3] = { 255, 255, 255 };
@@ -353,11 +356,80 @@ void picture_clear_state(const struct picture_clear *c, struct sst_livepicture_c
 
 /* --- clicks ------------------------------------------------------------------------------------------------------- */
 
+/* Disparity of the surface shown at a pixel; NaN: filled. */
+static double shown_px(const struct picture_clear *c, int x, int y)
+{
+    const uint8_t kind = sst_map_u8_row(&c->kind, y)[x];
+    const uint16_t shown = kind == PICTURE_REMEMBERED
+                               ? c->memory.pixel[(size_t)y * (size_t)c->memory.width + (size_t)x].disp
+                               : sst_map_u16_row(&c->surface, y)[x];
+
+    return shown != SST_DISP_NONE && kind > PICTURE_FILLED ? sst_disp_px(&c->live->lf, shown) : NAN;
+}
+
+enum aimed { AIMED_NOTHING, AIMED_SURFACE, AIMED_OBJECT };
+
+/* What a pixel of the reference view is for a click on a surface that it does not see: part of that surface, or of an
+ * object whose removal shows it. */
+static enum aimed match(const struct picture_clear *c, const struct sst_view *v, int x, int y, double shown)
+{
+    const uint16_t q = sst_map_u16_row(&v->disp, y)[x];
+
+    for (int i = 0; i < c->objects.count; i++) {
+        const struct picture_object *at = &c->objects.object[i];
+
+        if (sst_map_u8_row(&at->region, y)[x])
+            return shown >= at->far_px - SAME_PX ? AIMED_NOTHING : AIMED_OBJECT; /* also where nothing is shown */
+    }
+    return q != SST_DISP_NONE && fabs(sst_disp_px(&c->live->lf, q) - shown) <= SAME_PX ? AIMED_SURFACE : AIMED_NOTHING;
+}
+
+/* Where the reference camera sees what the cut removes, a click means something behind it: an object that was removed
+ * there, else the surface shown. Moves to the nearest pixel of it that the camera sees. @return false: there is none */
+static bool aim(const struct picture_clear *c, int *x, int *y)
+{
+    const struct sst_lightfield *lf = &c->live->lf;
+    const struct sst_view *v = lead_view(c->live);
+    const int x0 = *x, y0 = *y, far = AIM_REACH * AIM_REACH;
+    int best = far + 1;
+    double shown;
+
+    if (!c->rendered || !v || x0 < 0 || y0 < 0 || x0 >= lf->width || y0 >= lf->height ||
+        sst_map_u16_row(&v->disp, y0)[x0] == SST_DISP_NONE ||
+        !(sst_disp_px(lf, sst_map_u16_row(&v->disp, y0)[x0]) > c->state.cut_px))
+        return true;
+    shown = shown_px(c, x0, y0);
+    for (int row = sst_max_int(y0 - AIM_REACH, 0); row < sst_min_int(y0 + AIM_REACH + 1, lf->height); row++) {
+        for (int col = sst_max_int(x0 - AIM_REACH, 0); col < sst_min_int(x0 + AIM_REACH + 1, lf->width); col++) {
+            const enum aimed what = match(c, v, col, row, shown);
+            const int distance =
+                (col - x0) * (col - x0) + (row - y0) * (row - y0) - (what == AIMED_OBJECT ? 2 * far : 0);
+
+            if (what != AIMED_NOTHING && distance < best) {
+                best = distance;
+                *x = col;
+                *y = row;
+            }
+        }
+    }
+    return best <= far;
+}
+
 int picture_clear_toggle(struct picture_clear *c, int x, int y, bool *removed)
 {
-    const int err =
-        picture_objects_toggle(&c->objects, &c->live->lf, x, y, c->live->focus.t_ns, c->live->cfg.threads, removed);
+    const int64_t t_ns = c->live->focus.t_ns;
+    const int threads = c->live->cfg.threads;
+    int at_x = x, at_y = y, err = aim(c, &at_x, &at_y) ? 0 : -ENODATA;
+    const bool hidden = at_x != x || at_y != y;
 
+    err = err ? err : picture_objects_toggle(&c->objects, &c->live->lf, at_x, at_y, t_ns, threads, removed);
+    for (int part = 1; !err && hidden && *removed && part < AIM_PARTS; part++) {
+        at_x = x;
+        at_y = y;
+        if (!aim(c, &at_x, &at_y))
+            break;
+        err = picture_objects_extend(&c->objects, &c->live->lf, at_x, at_y, t_ns, threads);
+    }
     c->objects_version += !err;
     return err;
 }
@@ -394,18 +466,13 @@ int picture_clear_pick(const struct picture_clear *c, int x, int y, struct sst_l
 {
     const struct sst_live *live = c->live;
     const struct sst_view *v = lead_view(live);
-    uint16_t shown, front;
+    uint16_t front;
 
     if (!c->rendered || c->present_serial != live->present_serial || !live->ready)
         return -ENODATA;
-    *out = (struct sst_livepicture_pick){ .disp_px = NAN, .front_px = NAN };
-    shown = sst_map_u8_row(&c->kind, y)[x] == PICTURE_REMEMBERED
-                ? c->memory.pixel[(size_t)y * (size_t)c->memory.width + (size_t)x].disp
-                : sst_map_u16_row(&c->surface, y)[x];
-    if (shown != SST_DISP_NONE && sst_map_u8_row(&c->kind, y)[x] > PICTURE_FILLED) {
-        out->disp_px = sst_disp_px(&live->lf, shown);
+    *out = (struct sst_livepicture_pick){ .disp_px = shown_px(c, x, y), .front_px = NAN };
+    if (!isnan(out->disp_px))
         out->label = shown_label(&live->lf, out->disp_px, x, y);
-    }
     front = v ? sst_map_u16_row(&v->disp, y)[x] : SST_DISP_NONE;
     if (front == SST_DISP_NONE)
         return 0;

@@ -356,3 +356,23 @@ int picture_objects_toggle(struct picture_objects *o, const struct sst_lightfiel
         *removed = true;
     return err;
 }
+
+int picture_objects_extend(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y, int64_t t_ns,
+                           int threads)
+{
+    struct picture_object *at = &o->object[o->count - 1];
+    int err = o->count < SST_LIVEPICTURE_OBJECTS ? add(o, lf, x, y, t_ns, threads) : -EOVERFLOW;
+
+    if (err)
+        return err == -ENOMEM ? err : 0;
+    for (int row = 0; row < o->height; row++) {
+        const uint8_t *from = sst_map_u8_row(&at[1].region, row);
+        uint8_t *to = sst_map_u8_row(&at->region, row);
+
+        for (int col = 0; col < o->width; col++)
+            to[col] |= from[col];
+    }
+    drop(o, o->count - 1);
+    measure(at, lf);
+    return mark_views(o, lf, threads);
+}

@@ -148,6 +148,11 @@ SST_MUST_CHECK int picture_objects_follow(struct picture_objects *o, const struc
 /** As sst_livepicture_toggle(). */
 SST_MUST_CHECK int picture_objects_toggle(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y,
                                           int64_t t_ns, int threads, bool *removed);
+
+/** Add what is at a pixel to the object that was removed last, of which something in front parts it; nothing where it
+ *  cannot be found or no object more fits. @return 0, -ENOMEM */
+SST_MUST_CHECK int picture_objects_extend(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y,
+                                          int64_t t_ns, int threads);
 void picture_objects_restore(struct picture_objects *o);
 
 /* --- clear.c ------------------------------------------------------------------------------------------------------ */
