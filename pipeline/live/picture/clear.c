@@ -13,6 +13,7 @@
 #include "base/thread.h"
 #include "pipeline/live/picture/picture_internal.h"
 
+#define RAYS          5 /* live maps are off by half a pixel: more rays blur */
 #define OLD_S         1.0
 #define TINT_SHARE    64 /* of 256 */
 #define OUTLINE_SHARE 110
@@ -281,6 +282,7 @@ static void resolve(struct picture_clear *c, struct sst_render_config *cfg)
     double lo, hi;
 
     cfg->threads = c->live->cfg.threads;
+    cfg->rays = RAYS;
     cfg->view_bx = cfg->view_by = 0; /* the memory is of the reference view */
     if (isnan(cfg->cut_px))
         cfg->cut_px = sst_live_cut(c->live);

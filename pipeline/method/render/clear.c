@@ -284,12 +284,13 @@ static bool gather(const struct clear *c, struct rays *rays, int k, int px, int 
 static void gather_all(const struct clear *c, struct rays *rays, int x, int y, float q6)
 {
     const float d = (float)(c->lf->disp_min_px + (double)q6 / SST_DISP_SCALE);
+    const int enough = c->cfg->rays ? c->cfg->rays : ENOUGH;
     int whole = 0;
 
     rays->count = 0;
     rays->own = -1;
     rays->total = 0;
-    for (int k = 0; k < c->count && whole < ENOUGH; k++)
+    for (int k = 0; k < c->count && whole < enough; k++)
         whole += gather(c, rays, k, x, y, d, q6);
 }
 
@@ -528,6 +529,15 @@ static int plan_views(struct sst_render_plan *p, struct sst_renderer *r, const s
     return sst_render_plan_init(p, r, &plain);
 }
 
+/* Stored disparities are below: live counts are samples, so that some may exceed them. */
+static int count_bins(const struct sst_renderer *r)
+{
+    const bool known = r->lf->range_min_px < r->lf->range_max_px;
+
+    return sst_max_int(r->histogram.bins,
+                       known ? sst_min_int(sst_disp_q6(r->lf, r->lf->range_max_px) + 1, SST_DISP_NONE) : 0);
+}
+
 /* Send all rays to the viewpoint. */
 static int clear_init(struct clear *c, const struct sst_render_plan *p, struct sst_renderer *r,
                       const struct sst_render_config *cfg, int threads)
@@ -542,7 +552,7 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
                          .cfg = cfg,
                          .width = p->lf->width,
                          .height = p->lf->height,
-                         .bins = r->histogram.bins,
+                         .bins = count_bins(r),
                          .cut_q6 = cut_q6(p->lf, cfg->cut_px) };
     for (int i = 0; i < p->count; i++)
         add_view(c, &p->tap[i]);
