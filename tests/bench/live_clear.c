@@ -3,8 +3,8 @@
  * sets=21 threads=2 cut=AUTO label=NAME (removed) from=0 (first set) cache=/tmp out=DIR (pictures)
  *
  * Prints CSV: CPU ms of the update, of the clear picture and of a see-through one; dB over the whole picture against
- * the scene without its first occluder, with memory and of this set alone; percent of pixels wrong by more than 20
- * levels, and that differ by as much from the picture of this set alone; shares seen, remembered and filled, oldest
+ * the scene without its first occluder: with memory, of this set alone, see-through; percent of pixels wrong by more
+ * than 20 levels, and of those that only the memory makes wrong (ghosts); shares seen, remembered and filled, oldest
  * pixel. The last line sums up. */
 #include <errno.h>
 #include <math.h>
@@ -138,18 +138,35 @@ static int make_truth(struct sst_image *truth, int set)
     return err;
 }
 
+static int deviation(const struct sst_image *a, const struct sst_image *t, int x, int y)
+{
+    int most = 0;
+
+    for (int c = 0; c < 3; c++)
+        most = sst_max_int(most, abs(sst_image_row(a, c, y)[x] - sst_image_row(t, c, y)[x]));
+    return most;
+}
+
+/* Pixels that only the memory makes wrong. */
+static double ghost_percent(const struct sst_image *memory, const struct sst_image *alone,
+                            const struct sst_image *truth)
+{
+    int ghosts = 0;
+
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++)
+            ghosts += deviation(memory, truth, x, y) > WRONG && deviation(alone, truth, x, y) <= WRONG;
+    }
+    return 100.0 * ghosts / (WIDTH * HEIGHT);
+}
+
 static double wrong_percent(const struct sst_image *a, const struct sst_image *t)
 {
     int wrong = 0;
 
     for (int y = 0; y < HEIGHT; y++) {
-        for (int x = 0; x < WIDTH; x++) {
-            int most = 0;
-
-            for (int c = 0; c < 3; c++)
-                most = sst_max_int(most, abs(sst_image_row(a, c, y)[x] - sst_image_row(t, c, y)[x]));
-            wrong += most > WRONG;
-        }
+        for (int x = 0; x < WIDTH; x++)
+            wrong += deviation(a, t, x, y) > WRONG;
     }
     return 100.0 * wrong / (WIDTH * HEIGHT);
 }
@@ -207,7 +224,7 @@ static int show(int set, double update_ms, struct sum *sum)
         db[1] = sst_psnr(alone, &truth, NULL);
         printf("%d,%.1f,%.1f,%.1f,%.2f,%.2f,%.2f,%.2f,%.3f,%.3f,%.1f,%.1f,%.1f,%.2f\n", set, update_ms, clear_ms,
                see_ms, state.cut_px, db[0], db[1], sst_psnr(see_through, &truth, NULL), wrong_percent(memory, &truth),
-               wrong_percent(memory, alone), 100 * state.seen, 100 * state.remembered, 100 * state.filled,
+               ghost_percent(memory, alone, &truth), 100 * state.seen, 100 * state.remembered, 100 * state.filled,
                state.oldest_s);
         fflush(stdout);
         sum->update += update_ms;

@@ -110,15 +110,19 @@ static void confirm(struct picture_pixel *p, const uint8_t rgb[3], uint16_t disp
     p->doubt_ms = 0;
 }
 
+static bool is_same(const struct picture_pixel *p, const uint8_t rgb[3], uint16_t disp)
+{
+    return p->disp != SST_DISP_NONE && abs(p->disp - disp) <= SAME_Q6 && colour_distance(p, rgb) <= SAME_LEVELS;
+}
+
 enum vote { VOTE_NONE = 0, VOTE_SAME = 1, VOTE_CHANGED = 2 };
 
 /* A pixel that is seen: @return what it says about its neighbourhood */
 static enum vote see(const struct merge *g, struct picture_pixel *p, uint8_t rgb[3], uint16_t disp, int support)
 {
     const bool known = p->disp != SST_DISP_NONE;
-    const bool same = known && abs(p->disp - disp) <= SAME_Q6 && colour_distance(p, rgb) <= SAME_LEVELS;
 
-    if (same) {
+    if (is_same(p, rgb, disp)) {
         confirm(p, rgb, disp, support, g->now_ms);
         if (support < STRONG)
             memcpy(rgb, p->rgb, 3);
@@ -167,7 +171,7 @@ static void see_row(const struct merge *g, int y, struct picture_votes *cells)
         uint8_t rgb[3] = { out[0][x], out[1][x], out[2][x] };
         enum vote vote;
 
-        if (support[x] < LEAST)
+        if (support[x] < LEAST && !is_same(&pixel[x], rgb, surface[x]))
             weight[x] = 0;
         if (weight[x] < PICTURE_SEEN_WEIGHT || surface[x] == SST_DISP_NONE)
             continue;

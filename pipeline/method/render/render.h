@@ -66,7 +66,7 @@ struct sst_render_config {
     int remove_label;                /* what has this label; 0: none */
     const struct sst_map_u8 *remove; /* pixels that are not 0, [rows * cols] maps of the views' size, borrowed; an empty
                                         map: none of that view; NULL: none. See sst_render_grow_object() */
-    int rays; /* of full weight that make up a pixel, the nearest views first; 0: 16 */
+    int rays;                        /* of full weight that make up a pixel, the nearest views first; 0: 16 */
     const struct sst_render_merge *merge; /* borrowed; NULL: none */
     int threads;
 };
