@@ -21,6 +21,7 @@
 
 static const char *const sources[] = { "gpio", "software", "free-run" };
 static const char *const modes[] = { "off", "continuous", "event" };
+static const char *const methods[] = { "refocus", "sst", "clear" };
 static const char *const codecs[] = { "h264", "mjpeg" };
 
 const char *const sst_event_types[] = {
@@ -189,6 +190,17 @@ static const struct sst_key keys[] = {
           "compute only what changed; false: everything for each set") },
     { KEY("live", "skip_labels", BOOL, live.skip_labels, "true", PICTURE,
           "label key views only, and again after changes") },
+    { KEY("live", "method", CHOICE, live.method, "clear", LIVE,
+          "picture of the main view: clear: all in focus, without what stands in front; sst: one plane, seen through "
+          "what is in front of it; refocus: one plane"),
+      CHOICE(methods) },
+    { KEY("live", "cut_px", DOUBLE, live.cut_px, "auto", LIVE,
+          "clear: what is nearer is removed, px per spacing; auto: a gap in depth, if there is one"),
+      RANGE(-1000, 1000), WORD("auto", NAN) },
+    { KEY("live", "remove_label", TEXT, live.remove_label, "", LIVE,
+          "clear: what has this label is removed, for example Pedestrian; \"\": nothing") },
+    { KEY("live", "outline", BOOL, live.outline, "false", LIVE, "clear: draw a faint outline of what was removed") },
+    { KEY("live", "tint", BOOL, live.tint, "false", LIVE, "clear: tint what was last seen more than a second ago") },
     { KEY("live", "focus_px", DOUBLE, live.focus_px, "auto", LIVE,
           "focus of the main view, px per spacing; auto: behind the foreground"),
       RANGE(-1000, 1000), WORD("auto", NAN) },
@@ -347,7 +359,7 @@ const char *sst_schema_section_help(const char *section)
         { "trigger", "The trigger that exposes all cameras together." },
         { "sets", "How frames are grouped into framesets (short: sets), one frame of each camera for one trigger." },
         { "rig", "The motor rig of sst capture rig; the service does not use it." },
-        { "live", "The live see-through view." },
+        { "live", "The live picture." },
         { "control", "The UNIX socket through which local clients control the service." },
         { "web", "The page, the API and the video streams over TCP, with a token." },
         { "rtsp", "The main view for video recorders." },

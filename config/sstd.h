@@ -39,6 +39,13 @@ struct sst_hook {
     char argv[SST_HOOK_ARGS][SST_CONFIG_TEXT_MAX]; /* no shell; argv[0] is an absolute path; ends at "" */
 };
 
+/** Values of enum sst_render_method. */
+enum sst_live_method {
+    SST_LIVE_REFOCUS = 0,
+    SST_LIVE_SST = 1,
+    SST_LIVE_CLEAR = 2,
+};
+
 struct sst_live_settings { /* live: */
     bool enabled;
     char calibration[SST_CONFIG_TEXT_MAX]; /* "": views are not rectified */
@@ -48,6 +55,10 @@ struct sst_live_settings { /* live: */
     double rate_hz;                        /* maximum number of sets processed per second; 0: no limit */
     int threads;                           /* 0: all processors */
     bool skip_change, skip_labels;         /* S1, S4 of design.md, 5.5 */
+    enum sst_live_method method;           /* of the main view, and at first of the others, as all below */
+    double cut_px;                         /* clear: what is nearer is removed; NaN: found automatically */
+    char remove_label[32];                 /* clear: what has this label, too; "": nothing */
+    bool outline, tint;                    /* clear: outlines of what was removed; old pixels tinted */
     double focus_px;                       /* of the main view at the start; NaN: behind the foreground */
     double sigma_px, c1, c2, label_factor; /* of the renderer; its defaults */
     bool verify_rays; /* where maps have low confidence, weight rays by whether their colours agree at the focus */

@@ -275,6 +275,7 @@ static int make_service(void **state)
                              .view_create = fake_view_create,
                              .view_change = fake_view_change,
                              .pick = fake_pick,
+                             .view_remove = fake_view_change,
                              .reload = fake_reload,
                              .record = fake_record,
                              .snapshot = fake_snapshot,

@@ -65,6 +65,7 @@ for name in ("status", "cameras", "labels", "events", "views", "recordings"):
 answer("/api/v1/views/main/pick?x=80&y=60", route="/api/v1/views/{id}/pick")
 answer("/api/v1/views", {})
 answer("/api/v1/views/main", {"focus_px": None}, "/api/v1/views/{id}")
+answer("/api/v1/views/main/remove", {"clear": True}, "/api/v1/views/{id}/remove")
 answer("/api/v1/reload", {"dry_run": True})
 answer("/api/v1/snapshot", {})
 answer("/api/v1/record", {"action": "start", "seconds": 1})

@@ -39,6 +39,8 @@ struct sst_api {
     int (*view_create)(void *live, const json_t *settings, struct sst_api_answer *out);
     int (*view_change)(void *live, const char *id, const json_t *settings, struct sst_api_answer *out);
     int (*pick)(void *live, const char *id, double x, double y, struct sst_api_answer *out); /* px of the picture */
+    /** Remove the thing at {x, y} of the reference view from a view's clear picture, or bring it back. */
+    int (*view_remove)(void *live, const char *id, const json_t *request, struct sst_api_answer *out);
     int (*reload)(void *arg, bool dry_run, struct sst_api_answer *out);
     int (*record)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*snapshot)(void *arg, const json_t *request, struct sst_api_answer *out);

@@ -22,6 +22,7 @@
     X("GET", "/api/v1/views", VIEW, "Views and their settings", views)                                                 \
     X("POST", "/api/v1/views", VIEW, "A view with settings of its own", view_create)                                   \
     X("POST", "/api/v1/views/{id}", VIEW, "Change a view's settings; main: control", view_change)                      \
+    X("POST", "/api/v1/views/{id}/remove", VIEW, "Remove the thing at a point; main: control", view_remove)            \
     X("GET", "/api/v1/views/{id}/pick", VIEW, "What is under a point of a view", pick)                                 \
     X("GET", "/stream", VIEW, "Moving picture of the main view", stream_main)                                          \
     X("GET", "/stream/labels", VIEW, "Moving picture of the labels", stream_labels)                                    \
@@ -141,7 +142,8 @@ WITH_BODY(export, export_, arg, "export")
 WITH_BODY(delete, delete_, arg, "delete")
 WITH_BODY(publishers, publisher, arg, "publisher")
 
-static int view_change(struct http_request *q)
+static int change_view(struct http_request *q,
+                       int (*change)(void *live, const char *id, const json_t *body, struct sst_api_answer *out))
 {
     struct sst_api_answer out = { 0 };
     int err;
@@ -150,8 +152,18 @@ static int view_change(struct http_request *q)
         return http_reply_error(q, MHD_HTTP_FORBIDDEN,
                                 "the main view is shared by all: changing it needs the control role; "
                                 "POST /api/v1/views makes a view of your own");
-    err = api_of(q)->view_change(api_of(q)->live, q->name, q->body, &out);
+    err = change(api_of(q)->live, q->name, q->body, &out);
     return http_reply_answer(q, err, &out, "view");
+}
+
+static int view_change(struct http_request *q)
+{
+    return change_view(q, api_of(q)->view_change);
+}
+
+static int view_remove(struct http_request *q)
+{
+    return change_view(q, api_of(q)->view_remove);
 }
 
 static bool coordinate(struct http_request *q, const char *name, double *out)

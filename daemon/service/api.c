@@ -214,6 +214,7 @@ void service_api(struct sst_service *s)
         .view_create = engine_view_create,
         .view_change = engine_view_change,
         .pick = engine_pick,
+        .view_remove = engine_remove,
         .reload = service_apply,
         .record = record,
         .snapshot = snapshot,

@@ -61,7 +61,8 @@ static void close_live(struct live_engine *v)
     engine_forget_pictures(v);
     pthread_mutex_lock(&v->lock);
     v->live = NULL;
-    v->state.ready = false;
+    v->state.ready = v->state.counted = false;
+    v->state.cut_px = NAN;
     pthread_mutex_unlock(&v->lock);
     sst_live_close(live);
     sst_use_calibration_fini(&v->use);
@@ -242,12 +243,21 @@ static void note_scene(struct live_engine *v)
     const struct sst_lightfield *lf = sst_live_lightfield(v->live);
     double min_px = NAN, max_px = NAN;
     const bool known = sst_live_range(v->live, &min_px, &max_px);
-    const double focus_px = sst_live_default_focus(v->live);
+    const double focus_px = sst_live_default_focus(v->live), cut_px = sst_live_cut(v->live);
+    float share[SST_LIVE_HISTOGRAM];
+    double share_min_px = NAN, share_max_px = NAN;
+    const bool counted = sst_live_histogram(v->live, &share_min_px, &share_max_px, share);
 
     pthread_mutex_lock(&v->lock);
     v->state.range_min_px = known ? min_px : NAN;
     v->state.range_max_px = known ? max_px : NAN;
     v->state.focus_px = focus_px;
+    v->state.cut_px = cut_px;
+    v->state.counted = counted;
+    v->state.share_min_px = share_min_px;
+    v->state.share_max_px = share_max_px;
+    if (counted)
+        memcpy(v->state.share, share, sizeof(share));
     v->state.width = lf->width;
     v->state.height = lf->height;
     v->state.focal_px = lf->focal_px;
@@ -413,7 +423,7 @@ int engine_open(struct live_engine **out, const struct engine_config *cfg)
     v->config = *cfg->config;
     v->state.enabled = cfg->config->live.enabled;
     v->state.error_change = v->state.error_labels = v->state.range_min_px = v->state.range_max_px = v->state.focus_px =
-        NAN;
+        v->state.cut_px = NAN;
     v->state.beat_ns = sst_clock_now_ns();
     pthread_mutex_init(&v->lock, NULL);
     sst_cond_init(&v->changed);

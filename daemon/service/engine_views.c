@@ -35,6 +35,7 @@ static int add_locked(struct live_engine *v, const char *id, const struct view_s
             return -ENOMEM;
         *e = (struct view){ .used = true, .settings = *settings, .version = 1, .slot = slot };
         e->used_ns = sst_clock_now_ns();
+        e->shown = (struct sst_livepicture_clear){ NAN, NAN, NAN, NAN, NAN, 0 };
         snprintf(e->id, sizeof(e->id), "%s", id);
         *out = e;
         return 0;
@@ -75,8 +76,12 @@ void engine_views_close(struct live_engine *v)
 
 static json_t *view_json_locked(const struct view *e)
 {
-    return json_pack("{s:s, s:i, s:o?, s:o}", "id", e->id, "viewers", sst_slot_clients(e->slot), "settings",
-                     view_settings_json(&e->settings), "shown_focus_px", sst_api_real(e->shown_focus_px));
+    return json_pack("{s:s, s:i, s:o?, s:o, s:o, s:o, s:o, s:o, s:o, s:i}", "id", e->id, "viewers",
+                     sst_slot_clients(e->slot), "settings", view_settings_json(&e->settings), "shown_focus_px",
+                     sst_api_real(e->shown_focus_px), "shown_cut_px", sst_api_real(e->shown.cut_px), "seen_percent",
+                     sst_api_real(100 * e->shown.seen), "remembered_percent", sst_api_real(100 * e->shown.remembered),
+                     "filled_percent", sst_api_real(100 * e->shown.filled), "oldest_s",
+                     sst_api_real(e->shown.oldest_s), "objects", e->shown.objects);
 }
 
 int engine_views(void *engine, struct sst_api_answer *out)
@@ -93,13 +98,17 @@ int engine_views(void *engine, struct sst_api_answer *out)
     return out->body ? 0 : -ENOMEM;
 }
 
-/** A label must be one of the network's. */
+/** Labels must be some of the network's. */
 static int check_label_locked(struct live_engine *v, const struct view_settings *s, char error[512])
 {
-    if (!s->focus_label[0] || !v->classes.count || sst_classes_find(&v->classes, s->focus_label))
-        return 0;
-    return sst_api_refuse(error, -EINVAL, "the network knows no class \"%s\"; /api/v1/labels lists them",
-                          s->focus_label);
+    const char *const labels[] = { s->focus_label, s->remove_label };
+
+    for (size_t i = 0; i < ARRAY_LEN(labels) && v->classes.count; i++) {
+        if (labels[i][0] && !sst_classes_find(&v->classes, labels[i]))
+            return sst_api_refuse(error, -EINVAL, "the network knows no class \"%s\"; /api/v1/labels lists them",
+                                  labels[i]);
+    }
+    return 0;
 }
 
 int engine_view_create(void *engine, const json_t *settings, struct sst_api_answer *out)
@@ -116,6 +125,7 @@ int engine_view_create(void *engine, const json_t *settings, struct sst_api_answ
     snprintf(id, sizeof(id), "v%08x", number);
     pthread_mutex_lock(&v->lock);
     view_settings_defaults(&s, &v->config.live);
+    s.tint = true;
     err = settings ? view_settings_take(&s, settings, out->error) : 0;
     if (!err)
         err = check_label_locked(v, &s, out->error);
@@ -200,6 +210,7 @@ static void resolve(struct live_engine *v, const struct view_settings *s, struct
     const struct sst_classes *classes = &sst_live_lightfield(v->live)->classes;
 
     *render = s->render;
+    render->remove_label = s->remove_label[0] ? sst_classes_find(classes, s->remove_label) : 0;
     render->focus_label = s->focus_label[0] ? sst_classes_find(classes, s->focus_label) : 0;
     if (s->follow && render->focus_label) {
         double disp_px;
@@ -235,6 +246,7 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
 {
     const int64_t start_ns = sst_clock_now_ns();
     const struct sst_image *image;
+    struct sst_livepicture_clear shown;
     struct sst_render_config render;
     int64_t rendered_px = 0, rendered_ns;
     bool first;
@@ -243,9 +255,11 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     resolve(v, settings, &render);
     if (!e->picture)
         err = sst_livepicture_create(&e->picture, v->live);
-    if (!err)
+    if (!err) {
+        sst_livepicture_decorate(e->picture, settings->outline, settings->tint);
         err = sst_livepicture_render(e->picture, &render, &image, &rendered_px);
-    if (err == -ENODATA && render.method == SST_RENDER_SST) {
+    }
+    if (err == -ENODATA && e->picture && render.method != SST_RENDER_REFOCUS) {
         render.method = SST_RENDER_REFOCUS; /* until there are disparities */
         err = sst_livepicture_render(e->picture, &render, &image, &rendered_px);
     }
@@ -253,9 +267,11 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     ns[0] += rendered_ns - start_ns;
     if (err)
         return false;
+    sst_livepicture_clear(e->picture, &shown);
     pthread_mutex_lock(&v->lock);
     first = !e->shown_version;
     e->shown_focus_px = render.focus_px;
+    e->shown = shown;
     pthread_mutex_unlock(&v->lock);
     if (!rendered_px && !first)
         return false;
@@ -450,12 +466,38 @@ int engine_outlet(void *engine, enum sst_api_picture kind, const char *name, str
     return err;
 }
 
+/* Remove a thing from a view's clear picture, bring it back, or bring all back; the next picture shows it. */
+static int change_objects(struct live_engine *v, struct view *e, struct request *r)
+{
+    struct sst_livepicture_clear shown;
+    int err = 0;
+
+    if (r->kind == REQUEST_TOGGLE)
+        err = sst_livepicture_toggle(e->picture, r->x, r->y, &r->removed);
+    else
+        sst_livepicture_restore(e->picture);
+    if (err)
+        return err;
+    sst_livepicture_clear(e->picture, &shown);
+    r->objects = shown.objects;
+    pthread_mutex_lock(&v->lock);
+    e->shown.objects = shown.objects;
+    e->version++;
+    v->interaction_ns = sst_clock_now_ns();
+    pthread_mutex_unlock(&v->lock);
+    return 0;
+}
+
+static int serve(struct live_engine *v, struct view *e, struct request *r)
+{
+    return r->kind == REQUEST_PICK ? sst_livepicture_pick(e->picture, r->x, r->y, &r->pick) : change_objects(v, e, r);
+}
+
 void engine_serve(struct live_engine *v)
 {
     int64_t ns[2] = { 0, 0 };
-    struct sst_livepicture_pick pick;
-    int x, y, err = -ENODATA;
-    unsigned number;
+    struct request r;
+    int err = -ENODATA;
     struct view *e;
 
     pthread_mutex_lock(&v->lock);
@@ -464,47 +506,70 @@ void engine_serve(struct live_engine *v)
         return;
     }
     e = find_locked(v, v->request.id);
-    number = v->request.number;
-    x = v->request.x;
-    y = v->request.y;
+    v->request.started = true;
+    r = v->request;
     pthread_mutex_unlock(&v->lock);
     if (e && e->picture)
-        err = sst_livepicture_pick(e->picture, x, y, &pick);
+        err = serve(v, e, &r);
     /* Not rendered since cameras came or went. */
     if (e && err == -ENODATA && v->live && (v->set_index || v->set_t_ns)) {
         (void)publish_view(v, e, true, ns);
-        err = e->picture ? sst_livepicture_pick(e->picture, x, y, &pick) : err;
+        err = e->picture ? serve(v, e, &r) : err;
     }
     pthread_mutex_lock(&v->lock);
-    if (v->request.pending && v->request.number == number) { /* else the request of another client, which is gone */
-        v->request.err = err;
-        v->request.done = true;
-        if (!err)
-            v->request.pick = pick;
+    if (v->request.pending && v->request.number == r.number) { /* else the request of another client, which is gone */
+        r.err = err;
+        r.done = true;
+        v->request = r;
         pthread_cond_broadcast(&v->changed);
     }
     pthread_mutex_unlock(&v->lock);
 }
 
-static int answer_pick_locked(struct live_engine *v, struct sst_api_answer *out)
+/* What the failure of a request means to a client. */
+static int explain_locked(struct live_engine *v, struct sst_api_answer *out)
+{
+    switch (v->request.err) {
+    case -ERANGE:
+        return sst_api_refuse(out->error, -EINVAL, "the point is outside the picture of %d x %d", v->state.width,
+                              v->state.height);
+    case -EOVERFLOW:
+        return sst_api_refuse(out->error, -EAGAIN, "%d things are removed already; bring one back first",
+                              SST_LIVEPICTURE_OBJECTS);
+    case -EINVAL:
+        return sst_api_refuse(out->error, -EINVAL,
+                              "what is there fills most of the picture, as a wall or the ground does; choose a thing "
+                              "that stands out from it, or set cut_px");
+    case -ENODATA:
+        return v->state.ready && v->request.kind == REQUEST_TOGGLE
+                   ? sst_api_refuse(out->error, -EINVAL,
+                                    "the depth of that point is not known; choose another point of the thing")
+                   : sst_api_refuse(out->error, -ENODATA, "nothing is known about depths yet");
+    default:
+        return sst_api_refuse(out->error, v->request.err, "the request failed: %s", strerror(-v->request.err));
+    }
+}
+
+static int answer_locked(struct live_engine *v, struct sst_api_answer *out)
 {
     const struct sst_livepicture_pick *p = &v->request.pick;
 
-    if (v->request.err == -ERANGE)
-        return sst_api_refuse(out->error, -EINVAL, "the point is outside the picture of %d x %d", v->state.width,
-                              v->state.height);
     if (v->request.err)
-        return sst_api_refuse(out->error, v->request.err, "nothing is known about depths yet");
-    out->body = json_pack("{s:o, s:i, s:s, s:o, s:i, s:s}", "disparity_px", sst_api_real(p->disp_px), "label", p->label,
-                          "name", p->label ? sst_classes_name(&v->classes, p->label) : "", "front_px",
-                          sst_api_real(p->front_px), "front_label", p->front_label, "front_name",
-                          p->front_label ? sst_classes_name(&v->classes, p->front_label) : "");
+        return explain_locked(v, out);
+    if (v->request.kind == REQUEST_PICK)
+        out->body = json_pack("{s:o, s:i, s:s, s:o, s:i, s:s}", "disparity_px", sst_api_real(p->disp_px), "label",
+                              p->label, "name", p->label ? sst_classes_name(&v->classes, p->label) : "", "front_px",
+                              sst_api_real(p->front_px), "front_label", p->front_label, "front_name",
+                              p->front_label ? sst_classes_name(&v->classes, p->front_label) : "");
+    else
+        out->body = json_pack("{s:b, s:i}", "removed", v->request.removed, "objects", v->request.objects);
     return out->body ? 0 : -ENOMEM;
 }
 
-int engine_pick(void *engine, const char *id, double x, double y, struct sst_api_answer *out)
+/* Have the live thread do something with a view. */
+static int request(struct live_engine *v, const char *id, enum request_kind kind, double x, double y,
+                   struct sst_api_answer *out)
 {
-    struct live_engine *v = engine;
     const int64_t end_ns = end_of_wait();
     int err;
 
@@ -518,17 +583,47 @@ int engine_pick(void *engine, const char *id, double x, double y, struct sst_api
     } else if (v->request.pending || v->stop) {
         err = sst_api_refuse(out->error, -EAGAIN, "the service is busy; ask again");
     } else {
-        v->request = (struct request){
-            .pending = true, .number = v->request.number + 1, .x = (int)floor(x + 0.5), .y = (int)floor(y + 0.5)
-        };
+        v->request = (struct request){ .kind = kind,
+                                       .pending = true,
+                                       .number = v->request.number + 1,
+                                       .x = (int)floor(x + 0.5),
+                                       .y = (int)floor(y + 0.5) };
         snprintf(v->request.id, sizeof(v->request.id), "%s", id);
         while (!v->request.done && !v->stop && sst_cond_wait_until(&v->changed, &v->lock, end_ns))
             ;
-        err = v->request.done ? answer_pick_locked(v, out)
+        /* A click that is told to have failed must not take effect. */
+        while (v->request.started && !v->request.done && !v->stop &&
+               sst_cond_wait_until(&v->changed, &v->lock, end_ns + STARTED_MS * INT64_C(1000000)))
+            ;
+        err = v->request.done ? answer_locked(v, out)
                               : sst_api_refuse(out->error, -EAGAIN, "the service is busy; ask again");
         v->request.pending = false;
         pthread_cond_broadcast(&v->changed);
     }
     pthread_mutex_unlock(&v->lock);
     return err;
+}
+
+int engine_pick(void *engine, const char *id, double x, double y, struct sst_api_answer *out)
+{
+    return request(engine, id, REQUEST_PICK, x, y, out);
+}
+
+int engine_remove(void *engine, const char *id, const json_t *body, struct sst_api_answer *out)
+{
+    static const char *const known[] = { "x", "y", "clear", NULL };
+    const json_t *x = json_object_get(body, "x"), *y = json_object_get(body, "y"),
+                 *clear = json_object_get(body, "clear");
+
+    if (sst_api_members(body, known, out->error))
+        return -EINVAL;
+    if (clear && !json_is_boolean(clear))
+        return sst_api_refuse(out->error, -EINVAL, "clear must be true or false");
+    if (json_is_true(clear))
+        return request(engine, id, REQUEST_RESTORE, 0, 0, out);
+    if (!json_is_number(x) || !json_is_number(y))
+        return sst_api_refuse(out->error, -EINVAL,
+                              "give x and y in pixels of the picture, like {\"x\": 320, \"y\": 240}, or "
+                              "{\"clear\": true} to bring everything back");
+    return request(engine, id, REQUEST_TOGGLE, json_number_value(x), json_number_value(y), out);
 }

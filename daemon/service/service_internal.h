@@ -135,9 +135,13 @@ struct engine_state {
     double error_change, error_labels;           /* last sampled; NaN */
     int width, height, views, present;           /* of the light field */
     double range_min_px, range_max_px, focus_px; /* NaN: not known */
-    double focal_px, spacing_mm;                 /* 0: not known */
-    int64_t beat_ns;                             /* when the thread was last seen alive */
-    char check[512];                             /* last verdict on the calibration */
+    double cut_px;                               /* automatic; NaN: none */
+    bool counted;                                /* the histogram is known */
+    double share_min_px, share_max_px;
+    float share[SST_LIVE_HISTOGRAM]; /* of the disparities in that range */
+    double focal_px, spacing_mm;     /* 0: not known */
+    int64_t beat_ns;                 /* when the thread was last seen alive */
+    char check[512];                 /* last verdict on the calibration */
 };
 
 struct engine_config {
@@ -162,6 +166,7 @@ int engine_views(void *engine, struct sst_api_answer *out);
 int engine_view_create(void *engine, const json_t *settings, struct sst_api_answer *out);
 int engine_view_change(void *engine, const char *id, const json_t *settings, struct sst_api_answer *out);
 int engine_pick(void *engine, const char *id, double x, double y, struct sst_api_answer *out);
+int engine_remove(void *engine, const char *id, const json_t *request, struct sst_api_answer *out);
 int engine_calibration_check(void *engine, struct sst_api_answer *out);
 int engine_outlet(void *engine, enum sst_api_picture kind, const char *name, struct sst_slot **out);
 
@@ -232,8 +237,10 @@ void service_record_view(struct sst_service *s);
 
 struct view_settings {
     struct sst_render_config render; /* focus_px NaN: the default focus; focus_label is found by name when rendering */
-    char focus_label[SST_CLASS_NAME_MAX]; /* "": none */
-    bool follow;                          /* the focus tracks that label */
+    char focus_label[SST_CLASS_NAME_MAX];  /* "": none */
+    bool follow;                           /* the focus tracks that label */
+    char remove_label[SST_CLASS_NAME_MAX]; /* likewise of clear pictures; their cut_px NaN: the automatic one */
+    bool outline, tint;                    /* of clear pictures */
 };
 
 void view_settings_defaults(struct view_settings *s, const struct sst_live_settings *config);
@@ -258,6 +265,7 @@ json_t *view_settings_json(const struct view_settings *s);
 #define WANTED_NS  INT64_C(5000000000)  /* a picture that was requested once is rendered for this long */
 #define EXPIRY_NS  INT64_C(30000000000) /* a view without viewers goes after this */
 #define FRESH_MS   800                  /* a picture is waited for no longer */
+#define STARTED_MS 2000                 /* and what the live thread has begun, for so long in addition */
 #define RATE_SLOTS 16                   /* seconds that rates are averaged over, and some */
 
 /** One view. */
@@ -269,7 +277,8 @@ struct view {
     unsigned shown_version; /* version that its picture shows */
     uint64_t shown_update;  /* state of the light field that its picture shows */
     double shown_focus_px;
-    int64_t used_ns; /* time of the last request for it */
+    struct sst_livepicture_clear shown; /* of its picture */
+    int64_t used_ns;                    /* time of the last request for it */
     struct sst_slot *slot;
     struct sst_livepicture *picture; /* live thread only */
 };
@@ -281,13 +290,22 @@ struct shared {
     uint64_t shown; /* update, or number of the set */
 };
 
+enum request_kind {
+    REQUEST_PICK = 0,
+    REQUEST_TOGGLE = 1, /* remove the thing at a point, or bring it back */
+    REQUEST_RESTORE = 2,
+};
+
 /** Work done by the live thread for another thread, which waits for it. */
 struct request {
-    bool pending, done;
-    unsigned number; /* a request that timed out is not answered */
+    enum request_kind kind;
+    bool pending, started, done; /* started: it will be done, so that its answer is waited for */
+    unsigned number;             /* a request that timed out is not answered */
     char id[16];
     int x, y, err;
     struct sst_livepicture_pick pick;
+    bool removed;
+    int objects;
 };
 
 /** What happened in one second. */
@@ -349,7 +367,7 @@ void engine_views_close(struct live_engine *v);
 void engine_publish(struct live_engine *v);
 /** Discard all rendered pictures before the light field is freed.  Live thread. */
 void engine_forget_pictures(struct live_engine *v);
-/** Serve engine_pick().  Live thread. */
+/** Serve engine_pick() and engine_remove().  Live thread. */
 void engine_serve(struct live_engine *v);
 
 /* engine_cameras.c */

@@ -17,12 +17,18 @@ static const struct {
     double natural; /* ... which stands for this */
 } numbers[] = {
     { "focus_px", offsetof(struct view_settings, render.focus_px), -1e4, 1e4, true, NAN },
+    { "cut_px", offsetof(struct view_settings, render.cut_px), -1e4, 1e4, true, NAN },
     { "sigma_px", offsetof(struct view_settings, render.sigma_px), 0, 1e4, true, 0 },
     { "c1", offsetof(struct view_settings, render.c1), 0, 1, false, 0 },
     { "c2", offsetof(struct view_settings, render.c2), 0, 1, false, 0 },
     { "label_factor", offsetof(struct view_settings, render.label_factor), 1, 1e6, false, 0 },
     { "aperture", offsetof(struct view_settings, render.aperture), 0, 1e3, true, INFINITY },
 };
+
+static const char *const methods[] = { "refocus", "sst", "clear" };
+_Static_assert((int)SST_LIVE_REFOCUS == (int)SST_RENDER_REFOCUS && (int)SST_LIVE_SST == (int)SST_RENDER_SST &&
+                   (int)SST_LIVE_CLEAR == (int)SST_RENDER_CLEAR,
+               "the configuration's methods are the renderer's");
 
 static double *member_of(struct view_settings *s, size_t i)
 {
@@ -33,7 +39,11 @@ void view_settings_defaults(struct view_settings *s, const struct sst_live_setti
 {
     memset(s, 0, sizeof(*s));
     sst_render_config_defaults(&s->render);
-    s->render.method = SST_RENDER_SST;
+    s->render.method = (enum sst_render_method)config->method;
+    s->render.cut_px = config->cut_px;
+    snprintf(s->remove_label, sizeof(s->remove_label), "%s", config->remove_label);
+    s->outline = config->outline;
+    s->tint = config->tint;
     s->render.focus_px = config->focus_px;
     s->render.sigma_px = config->sigma_px;
     s->render.c1 = config->c1;
@@ -43,9 +53,25 @@ void view_settings_defaults(struct view_settings *s, const struct sst_live_setti
     s->render.threads = config->threads;
 }
 
+static void follow_clear(struct view_settings *s, const struct sst_live_settings *from,
+                         const struct sst_live_settings *to)
+{
+    if (from->method != to->method)
+        s->render.method = (enum sst_render_method)to->method;
+    if (from->cut_px != to->cut_px && !(isnan(from->cut_px) && isnan(to->cut_px)))
+        s->render.cut_px = to->cut_px;
+    if (strcmp(from->remove_label, to->remove_label) != 0)
+        snprintf(s->remove_label, sizeof(s->remove_label), "%s", to->remove_label);
+    if (from->outline != to->outline)
+        s->outline = to->outline;
+    if (from->tint != to->tint)
+        s->tint = to->tint;
+}
+
 void view_settings_follow(struct view_settings *s, const struct sst_live_settings *from,
                           const struct sst_live_settings *to)
 {
+    follow_clear(s, from, to);
     if (from->focus_px != to->focus_px && !(isnan(from->focus_px) && isnan(to->focus_px))) {
         s->render.focus_px = to->focus_px;
         s->follow = false;
@@ -81,19 +107,32 @@ static int parse_method(struct view_settings *s, const json_t *value, char error
 {
     const char *text = json_string_value(value);
 
-    if (!text || (strcmp(text, "sst") && strcmp(text, "refocus")))
-        return sst_api_refuse(error, -EINVAL, "method must be \"sst\" or \"refocus\"");
-    s->render.method = strcmp(text, "sst") ? SST_RENDER_REFOCUS : SST_RENDER_SST;
-    return 0;
+    for (size_t i = 0; text && i < ARRAY_LEN(methods); i++) {
+        if (!strcmp(text, methods[i])) {
+            s->render.method = (enum sst_render_method)i;
+            return 0;
+        }
+    }
+    return sst_api_refuse(error, -EINVAL, "method must be \"clear\", \"sst\" or \"refocus\"");
 }
 
-static int parse_label(struct view_settings *s, const json_t *value, char error[512])
+static int parse_label(char label[SST_CLASS_NAME_MAX], const char *key, const json_t *value, char error[512])
 {
     const char *text = json_is_null(value) ? "" : json_string_value(value);
 
-    if (!text || strlen(text) >= sizeof(s->focus_label))
-        return sst_api_refuse(error, -EINVAL, "focus_label must be the name of a class, see /api/v1/labels, or \"\"");
-    snprintf(s->focus_label, sizeof(s->focus_label), "%s", text);
+    if (!text || strlen(text) >= SST_CLASS_NAME_MAX)
+        return sst_api_refuse(error, -EINVAL, "%s must be the name of a class, see /api/v1/labels, or \"\"", key);
+    snprintf(label, SST_CLASS_NAME_MAX, "%s", text);
+    return 0;
+}
+
+static int parse_flag(struct view_settings *s, const char *key, const json_t *value, char error[512])
+{
+    bool *flag = !strcmp(key, "follow") ? &s->follow : !strcmp(key, "outline") ? &s->outline : &s->tint;
+
+    if (!json_is_boolean(value))
+        return sst_api_refuse(error, -EINVAL, "%s must be true or false", key);
+    *flag = json_is_true(value);
     return 0;
 }
 
@@ -105,18 +144,17 @@ static int parse_member(struct view_settings *s, const char *key, const json_t *
     if (!strcmp(key, "method"))
         return parse_method(s, value, error);
     if (!strcmp(key, "focus_label"))
-        return parse_label(s, value, error);
-    if (!strcmp(key, "follow") && json_is_boolean(value)) {
-        s->follow = json_is_true(value);
-        return 0;
-    }
-    return sst_api_refuse(error, -EINVAL, "follow must be true or false");
+        return parse_label(s->focus_label, key, value, error);
+    if (!strcmp(key, "remove_label"))
+        return parse_label(s->remove_label, key, value, error);
+    return parse_flag(s, key, value, error);
 }
 
 int view_settings_take(struct view_settings *s, const json_t *from, char error[512])
 {
-    static const char *const known[] = { "method", "focus_px", "focus_label",  "follow",   "sigma_px",
-                                         "c1",     "c2",       "label_factor", "aperture", NULL };
+    static const char *const known[] = { "method",   "cut_px",       "remove_label", "outline",  "tint",
+                                         "focus_px", "focus_label",  "follow",       "sigma_px", "c1",
+                                         "c2",       "label_factor", "aperture",     NULL };
     struct view_settings to = *s;
     const char *key;
     json_t *value;
@@ -138,8 +176,9 @@ int view_settings_take(struct view_settings *s, const json_t *from, char error[5
 
 json_t *view_settings_json(const struct view_settings *s)
 {
-    json_t *o = json_pack("{s:s, s:s, s:b}", "method", s->render.method == SST_RENDER_SST ? "sst" : "refocus",
-                          "focus_label", s->focus_label, "follow", s->follow);
+    json_t *o =
+        json_pack("{s:s, s:s, s:s, s:b, s:b, s:b}", "method", methods[s->render.method], "focus_label", s->focus_label,
+                  "remove_label", s->remove_label, "follow", s->follow, "outline", s->outline, "tint", s->tint);
 
     for (size_t i = 0; i < ARRAY_LEN(numbers) && o; i++) {
         const double v = *member_of((struct view_settings *)s, i);

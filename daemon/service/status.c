@@ -73,6 +73,17 @@ static json_t *skip_json(bool on, uint64_t done, uint64_t skipped, double error)
                      "error", sst_api_real(error));
 }
 
+/* Shares of the reference view's disparities, for the slider of the cut; zeros until they are known. */
+static json_t *histogram_json(const struct engine_state *v)
+{
+    json_t *share = json_array();
+
+    for (int i = 0; i < SST_LIVE_HISTOGRAM; i++)
+        json_array_append_new(share, json_real(v->counted ? (double)v->share[i] : 0));
+    return json_pack("{s:o, s:o, s:o}", "min_px", v->counted ? json_real(v->share_min_px) : json_null(), "max_px",
+                     v->counted ? json_real(v->share_max_px) : json_null(), "share", share);
+}
+
 static json_t *live_json(const struct engine_state *v, const struct sst_live_settings *settings)
 {
     json_t *stages = json_object(), *live;
@@ -100,6 +111,8 @@ static json_t *live_json(const struct engine_state *v, const struct sst_live_set
                             ? json_pack("[f, f]", v->range_min_px, v->range_max_px)
                             : json_null());
     json_object_set_new(live, "focus_px", sst_api_real(v->focus_px));
+    json_object_set_new(live, "cut_px", sst_api_real(v->cut_px));
+    json_object_set_new(live, "histogram", histogram_json(v));
     json_object_set_new(live, "focal_px", v->focal_px > 0 ? json_real(v->focal_px) : json_null());
     json_object_set_new(live, "spacing_mm", v->spacing_mm > 0 ? json_real(v->spacing_mm) : json_null());
     json_object_set_new(live, "calibration", json_string(v->check));

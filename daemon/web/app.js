@@ -3,6 +3,7 @@
 import { Adjust } from "/web/adjust.js";
 import { get, getStatus } from "/web/api.js";
 import { Cameras } from "/web/cameras.js";
+import { Clear } from "/web/clear.js";
 import { Events } from "/web/events.js";
 import { Focus } from "/web/focus.js";
 import { Health } from "/web/health.js";
@@ -18,6 +19,8 @@ const SLOW = 2; // cameras and labels: every second status request
 const SLOWER = 5; // recordings, while they are shown
 const OWN_AGAIN = 30; // retry interval while the main view is shown instead
 
+const KEPT = ["method", "focus_px", "focus_label", "cut_px", "remove_label", "outline", "tint"]; // not reset by the drawer
+
 let status = null;
 let taken = { sets: -1, idle: 0, at_ms: 0, still: false }; // the last frameset that the service processed, and whether anything moved
 let failures = 0;
@@ -25,30 +28,42 @@ let trouble = null; // the latest one
 let wake = () => {}; // requests the status now
 
 const app = {
+  mode: "clear", // or "sst": see-through
+  /** What the wheel, two fingers, plus and minus move. */
+  depth: () => (app.mode === "clear" ? app.clear : app.focus),
   /** True while framesets arrive and the scene is still. */
   still: () => taken.still && Date.now() - taken.at_ms < STILL_TAKING_MS,
   /** Applies settings to the picture and to the one that it is compared with. */
   change(settings) {
     app.view.change(settings);
-    app.stage.plain?.change(settings);
+    if (app.mode !== "clear") app.stage.plain?.change(settings); // the camera's picture has settings of its own
   },
 };
 app.focus = new Focus((px) => {
   app.focus.followed_px = NaN; // a manual focus ends following
   app.change(app.view.settings.follow ? { focus_px: px, follow: false } : { focus_px: px });
 });
-app.labels = new Labels((name) => app.change({ focus_label: name }));
-app.view = new View($("canvas"), {}, (what, why) => {
+app.clear = new Clear(app.focus, app.change, () => app.view.restore());
+app.labels = new Labels(app.change);
+app.view = new View($("canvas"), { method: "clear", tint: true }, (what, why) => {
   if (what === "refused") {
     complain(why);
     if (why.status === 403) adopt(app.view.id).catch(complain); // the controls show the settings in force
+    if (why.status === 400) show(app.view.settings);
   }
-  else if (what === "shared") toast(`${sentence(why.message)} The main view is shown, which all share.`, "error");
+  else if (what === "shared") {
+    toast(`${sentence(why.message)} The main view is shown, which all share.`, "error");
+    app.view.current().then((view) => view && show(view.settings)).catch(() => {}); // the next status request reports it
+  }
+  else if (what === "made") {
+    show({ ...why, ...app.view.settings });
+    app.clear.forget();
+  }
   else app.stage.onStream(what, why);
 });
 app.stage = new Stage(app);
 const adjust = new Adjust(app, () => {
-  const kept = { focus_px: app.focus.px, focus_label: app.labels.chosen };
+  const kept = Object.fromEntries(Object.entries(app.view.settings).filter(([key]) => KEPT.includes(key)));
   app.view.renew(kept);
   app.stage.plain?.renew({ ...kept, method: "refocus" });
 });
@@ -61,10 +76,30 @@ const events = new Events((event) => {
 
 async function adopt(id) {
   const settings = await app.view.adopt(id);
-  if (!settings) return;
-  app.focus.adopt(settings);
-  app.labels.adopt(settings);
+  if (settings) show(settings);
 }
+
+/** The controls show settings. */
+function show(settings) {
+  showMode(settings.method === "clear" ? "clear" : "sst");
+  for (const part of [app.focus, app.clear, app.labels]) part.adopt(settings);
+}
+
+function showMode(mode) {
+  app.mode = mode;
+  $("viewer").dataset.mode = mode;
+  for (const radio of $("mode").querySelectorAll("input")) radio.checked = radio.value === mode;
+  app.labels.setKey(mode === "clear" ? "remove_label" : "focus_label");
+  app.focus.stopSweep();
+  if (mode === "clear" && !$("drawer").hidden) adjust.toggle(false);
+  app.stage.setMode(mode);
+}
+
+for (const radio of $("mode").querySelectorAll("input"))
+  radio.addEventListener("change", () => {
+    app.view.change({ method: radio.value });
+    showMode(radio.value);
+  });
 
 // --- panels ---
 
@@ -160,6 +195,7 @@ function take(body) {
   if (finite(sets) && sets !== taken.sets)
     taken = { sets, idle, at_ms: Date.now(), still: sets - taken.sets === idle - taken.idle };
   app.focus.update(status.live);
+  app.clear.update(status.live);
   health.update(status);
   recordings.update(status);
   adjust.update(status);
@@ -183,11 +219,13 @@ async function ask(round) {
   app.stage.explain(explanation());
 }
 
-/** While the focus follows a label, only the service knows its disparity. */
-async function showFollowed() {
-  const follows = app.view.settings.follow && app.labels.chosen;
-  const view = follows ? await app.view.current() : null;
-  app.focus.setFollowed(finite(view?.shown_focus_px) ? view.shown_focus_px : NaN);
+/** What only the service knows: the disparity of a label that the focus follows, and of what the clear picture consists. */
+async function showView() {
+  const clear = app.mode === "clear";
+  const follows = !clear && app.view.settings.follow && app.labels.chosen;
+  const view = follows || clear ? await app.view.current() : null;
+  app.focus.setFollowed(follows && finite(view?.shown_focus_px) ? view.shown_focus_px : NaN);
+  if (clear) app.clear.setView(view);
 }
 
 async function askMore(round) {
@@ -198,7 +236,7 @@ async function askMore(round) {
     adjust.setGrid(body.rows, body.cols);
     cameras.update(body);
     await app.labels.refresh();
-    await showFollowed();
+    await showView();
     if (round % (SLOW * SLOWER) === 0 && !$("panel-recordings").hidden) await recordings.refresh();
   } catch (error) {
     if (error.status !== 503 && error.status !== 0) complain(error); // 503: nothing captured yet, 0: the next status request reports it
@@ -232,6 +270,7 @@ function whileVisible() {
 const KEPT_VIEW = "sst-view";
 
 async function start() {
+  show(app.view.settings);
   const id = session(KEPT_VIEW);
   session(KEPT_VIEW, "");
   if (id) await adopt(id).catch(() => {}); // the next status request reports it

@@ -1,21 +1,39 @@
-// Labels that can be kept clear: one chip for each label in the picture.
+// Labels that can be kept clear, or removed from the clear picture: one chip for each label in the picture.
 
 import { get } from "/web/api.js";
 import { $, el, number, setText } from "/web/ui.js";
 
+const WORDS = {
+  focus_label: { caption: "Keep clear", none: "Everything", noneTitle: "All labels count alike",
+    title: (name) => `Keep ${name} clear: all other labels count less` },
+  remove_label: { caption: "Also remove", none: "No label", noneTitle: "Labels remove nothing",
+    title: (name) => `Remove what bears the label ${name}` },
+};
 const SHOWN_SHARE = 0.0005; // fraction of the picture; less is label noise
 
 export class Labels {
-  /** @param onChoose  called with a label's name, "" for none */
+  /** @param onChoose  called with settings: the name of a label, "" for none */
   constructor(onChoose) {
     this.onChoose = onChoose;
-    this.chosen = "";
+    this.key = "focus_label"; // the setting that the chips change
+    this.names = { focus_label: "", remove_label: "" };
     this.all = [];
     this.chips = new Map();
-    this.none = this.chip("", "Everything", null);
+    this.none = this.chip("", "", null);
     $("chips").append(this.none);
     this.empty = el("span", { class: "quiet" }, "no labels yet");
     $("chips").append(this.empty);
+    this.show();
+  }
+
+  get chosen() {
+    return this.names[this.key];
+  }
+
+  /** @param key  "focus_label" or "remove_label" */
+  setKey(key) {
+    this.key = key;
+    this.show();
   }
 
   chip(name, text, colour) {
@@ -25,18 +43,17 @@ export class Labels {
     return el("button", {
       type: "button", class: "chip", "aria-pressed": String(name === this.chosen),
       onclick: () => this.choose(name === this.chosen ? "" : name),
-      title: name ? `Keep ${name} clear: all other labels count less` : "All labels count alike",
     }, swatch, el("span", {}, text), share);
   }
 
   choose(name) {
-    this.chosen = name;
-    this.onChoose(name);
+    this.names[this.key] = name;
+    this.onChoose({ [this.key]: name });
     this.show();
   }
 
-  adopt({ focus_label }) {
-    this.chosen = focus_label ?? "";
+  adopt({ focus_label, remove_label }) {
+    this.names = { focus_label: focus_label ?? "", remove_label: remove_label ?? "" };
     this.show();
   }
 
@@ -54,12 +71,20 @@ export class Labels {
 
   async refresh() {
     this.all = (await get("/api/v1/labels")).labels;
-    if (this.chosen && !this.all.some((entry) => entry.name === this.chosen)) this.choose(""); // the network changed
+    for (const [key, name] of Object.entries(this.names))
+      if (name && !this.all.some((entry) => entry.name === name)) { // the network changed
+        this.names[key] = "";
+        this.onChoose({ [key]: "" });
+      }
     this.show();
   }
 
   show() {
     const present = this.present();
+    const words = WORDS[this.key];
+    setText($("labels-caption"), words.caption);
+    setText(this.none.querySelector("span"), words.none);
+    this.none.title = words.noneTitle;
     const names = new Set(present.map((entry) => entry.name));
     for (const [name, chip] of this.chips)
       if (!names.has(name)) {
@@ -76,6 +101,7 @@ export class Labels {
       }
       const chip = this.chips.get(entry.name);
       chip.setAttribute("aria-pressed", String(entry.name === this.chosen));
+      chip.title = words.title(entry.name);
       const percent = entry.share * 100;
       setText(chip.lastElementChild, percent < 0.1 ? "0 %" : `${number(percent, percent < 9.95 ? 1 : 0)} %`);
     }

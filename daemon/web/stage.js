@@ -1,24 +1,35 @@
 // The picture: pointing, comparing, overlays, its age, and the message shown while there is none.
 
 import { getBlob } from "/web/api.js";
-import { $, complain, el, finite, number, setText, storage, visible } from "/web/ui.js";
+import { CAMERA } from "/web/clear.js";
+import { $, complain, el, finite, number, setText, storage, toast, visible } from "/web/ui.js";
 import { View } from "/web/view.js";
 
 const TAP_PX = 8;
 const TAP_MS = 700;
 const WHEEL_SHARE = 0.00025; // of the range, per px of wheel
 const CARD_MS = 12000;
+const RING_MS = 1200;
 const OVERLAY_MS = 500;
 const OLD_MS = 2500;
 
+const WORDS = {
+  clear: { left: "Clear", right: "Camera", hint: "sst-hint-clear",
+    keys: "Enter removes what is under it or brings it back, plus and minus move the cut" },
+  sst: { left: "See-through", right: "Plain refocus", hint: "sst-hint",
+    keys: "Enter focuses on what is under it, plus and minus move the focus" },
+};
+
 export class Stage {
-  /** @param app  {view, focus, labels, still(): framesets arrive and nothing changes in them} */
+  /** @param app  {view, mode, focus, clear, depth(), labels, still(): framesets arrive and nothing changes in them} */
   constructor(app) {
     this.app = app;
     this.frame = $("stage");
     this.canvas = $("canvas");
+    this.mode = "";
     this.cross = null; // fraction of the picture, moved by the keyboard
-    this.plain = null; // View of the right half
+    this.plain = null; // View of the right half, while it is shown
+    this.spare = null; // the same one, kept for the next time
     this.lost = null;  // time of the loss
     this.refused = ""; // reason why there is no stream, if the service or the browser gave one
     this.overlayTimer = null;
@@ -27,7 +38,10 @@ export class Stage {
     this.listen();
     this.compare();
     this.overlay();
-    this.hint();
+    $("hint-close").addEventListener("click", () => {
+      this.closeHint();
+      this.frame.focus();
+    });
     setInterval(() => this.showAge(), 250);
   }
 
@@ -38,7 +52,7 @@ export class Stage {
     frame.addEventListener("wheel", (event) => {
       event.preventDefault();
       const px = event.deltaMode === 1 ? event.deltaY * 32 : event.deltaY;
-      this.app.focus.nudge(-Math.max(-200, Math.min(200, px)) * WHEEL_SHARE);
+      this.app.depth().nudge(-Math.max(-200, Math.min(200, px)) * WHEEL_SHARE);
     }, { passive: false });
     frame.addEventListener("pointerdown", (event) => this.down(event));
     frame.addEventListener("pointermove", (event) => this.move(event));
@@ -68,7 +82,7 @@ export class Stage {
     pointer.x = event.clientX;
     pointer.y = event.clientY;
     const after = this.spread();
-    if (before > 20 && after > 20) this.app.focus.nudge(Math.log2(after / before) * 0.4);
+    if (before > 20 && after > 20) this.app.depth().nudge(Math.log2(after / before) * 0.4);
   }
 
   spread() {
@@ -83,7 +97,7 @@ export class Stage {
     if (!pointer || pointer.many || event.timeStamp - pointer.at > TAP_MS) return;
     if (Math.hypot(event.clientX - pointer.x0, event.clientY - pointer.y0) > TAP_PX) return;
     const box = this.canvas.getBoundingClientRect();
-    this.pickAt((event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height);
+    this.tapAt((event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height);
   }
 
   key(event) {
@@ -97,37 +111,52 @@ export class Stage {
       this.cross = [within(x + moves[event.key][0]), within(y + moves[event.key][1])];
       place($("crosshair"), this.cross);
     } else if (event.key === "Enter" || event.key === " ") {
-      this.pickAt(...(this.cross ?? [0.5, 0.5]), true);
+      this.tapAt(...(this.cross ?? [0.5, 0.5]), true);
     } else if (event.key === "+" || event.key === "-") {
-      this.app.focus.nudge(event.key === "+" ? 0.02 : -0.02);
+      this.app.depth().nudge(event.key === "+" ? 0.02 : -0.02);
     } else {
       return;
     }
     event.preventDefault();
   }
 
-  async pickAt(x, y, byKey = false) {
+  /** Asks about a point of the picture, which a ring marks meanwhile: removes what is there, or focuses on it. */
+  async tapAt(x, y, byKey = false) {
     const mine = ++this.picks;
-    const { view, focus } = this.app;
+    const { view, mode } = this.app;
+    const at = [x * this.canvas.width, y * this.canvas.height];
     this.closePick();
     place($("ring"), [x, y]);
     $("ring").dataset.busy = "1";
     try {
-      const found = await view.pick(x * this.canvas.width, y * this.canvas.height);
+      const found = await (mode === "clear" ? view.remove(...at) : view.pick(...at));
+      if (mode === "clear") this.showRemoved(found);
       if (mine !== this.picks) return;
       this.closeHint();
-      if (finite(found.disparity_px)) {
-        focus.stopSweep();
-        focus.set(found.disparity_px);
-      }
-      this.showPick(found, x, y);
-      if (byKey) $("pick").querySelector("button")?.focus();
+      if (mode === "clear") setTimeout(() => { if (mine === this.picks) this.closePick(); }, RING_MS);
+      else this.focusOn(found, x, y, byKey);
     } catch (error) {
       if (mine === this.picks) this.closePick();
       complain(error);
     } finally {
       delete $("ring").dataset.busy;
     }
+  }
+
+  focusOn(found, x, y, byKey) {
+    const { focus } = this.app;
+    if (finite(found.disparity_px)) {
+      focus.stopSweep();
+      focus.set(found.disparity_px);
+    }
+    this.showPick(found, x, y);
+    if (byKey) $("pick").querySelector("button")?.focus();
+  }
+
+  showRemoved({ removed, objects }) {
+    this.app.clear.setObjects(objects);
+    const tap = matchMedia("(pointer: coarse)").matches ? "Tap" : "Click";
+    toast(removed ? `Removed. ${tap} there again to bring it back.` : "It is back in the picture.", "info", null, "tap");
   }
 
   showPick(found, x, y) {
@@ -208,16 +237,23 @@ export class Stage {
   }
 
   startCompare() {
-    const { settings } = this.app.view;
-    this.plain = new View($("canvas-plain"), { ...settings, method: "refocus" }, (what, why) => {
+    this.spare ??= new View($("canvas-plain"), {}, (what, why) => {
       if (what === "shared") {
         this.stopCompare();
+        this.spare = null;
         complain(why);
       }
-      if (what === "picture" && this.plain) $("canvas-plain").hidden = false;
+      if (what === "picture" && this.plain) $("canvas-plain").hidden = $("tag-right").hidden = false;
     });
+    this.plain = this.spare;
+    this.plain.change(this.compared());
     this.plain.start();
     this.showCompare(true);
+  }
+
+  /** Settings of the right half. */
+  compared() {
+    return this.app.mode === "clear" ? CAMERA : { ...this.app.view.settings, method: "refocus" };
   }
 
   stopCompare() {
@@ -229,7 +265,8 @@ export class Stage {
 
   showCompare(on) {
     $("compare").setAttribute("aria-pressed", on);
-    $("divider").hidden = $("tag-right").hidden = !on;
+    $("divider").hidden = !on;
+    $("tag-right").hidden = true; // until there is a picture
   }
 
   // --- overlays ---
@@ -290,26 +327,33 @@ export class Stage {
     }
   }
 
+  /** Another mode: what is compared changes with it. */
+  setMode(mode) {
+    if (this.mode === mode) return;
+    this.mode = mode;
+    const words = WORDS[mode];
+    this.closePick();
+    this.frame.setAttribute("aria-label", `Live picture: arrow keys move a cross-hair, ${words.keys}`);
+    $("divider").setAttribute("aria-label", `Divider: ${words.left.toLowerCase()} left, ${words.right.toLowerCase()} right`);
+    setText($("tag-right"), words.right);
+    $("hint").hidden = storage(words.hint) === "seen";
+    this.plain?.change(this.compared());
+  }
+
   /** Caption in the corner of the picture. */
   showMethod() {
-    const { labels, view } = this.app;
-    const shared = view.shared ? "Main view, shared by all" : "See-through";
-    setText($("tag-left"), labels.chosen ? `${shared} · ${labels.chosen} kept clear` : shared);
+    const { clear, labels, mode, view } = this.app;
+    const parts = [view.shared ? "Main view, shared by all" : WORDS[mode].left];
+    if (labels.chosen) parts.push(mode === "clear" ? `without ${labels.chosen}` : `${labels.chosen} kept clear`);
+    if (mode === "clear" && clear.note) parts.push(clear.note);
+    setText($("tag-left"), parts.join(" · "));
   }
 
   // --- state of the stream ---
 
-  hint() {
-    $("hint").hidden = storage("sst-hint") === "seen";
-    $("hint-close").addEventListener("click", () => {
-      this.closeHint();
-      this.frame.focus();
-    });
-  }
-
   closeHint() {
     $("hint").hidden = true;
-    storage("sst-hint", "seen");
+    storage(WORDS[this.app.mode].hint, "seen");
   }
 
   onStream(what, why) {

@@ -31,13 +31,13 @@ export function setText(node, text) {
 
 const MOST_TOASTS = 4;
 
-/** kind: "info" | "error"; action: {text, href, download} */
-export function toast(text, kind = "info", action = null) {
+/** kind: "info" | "error"; action: {text, href, download}; topic: replaces an earlier one of the same topic */
+export function toast(text, kind = "info", action = null, topic = text) {
   const box = $("toasts");
   const close = el("button", { type: "button", class: "icon", "aria-label": "Dismiss" }, icon("close"));
   const link = action && el("a", { href: action.href, download: action.download ?? "", class: "button small" }, action.text);
-  const node = el("div", { class: `toast ${kind}` }, el("span", {}, text), link, close);
-  const same = [...box.children].find((other) => other.firstChild.textContent === text);
+  const node = el("div", { class: `toast ${kind}`, dataset: { topic } }, el("span", {}, text), link, close);
+  const same = [...box.children].find((other) => other.dataset.topic === topic);
   same?.remove();
   close.addEventListener("click", () => node.remove());
   box.append(node);

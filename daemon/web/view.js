@@ -11,7 +11,8 @@ export class View {
   /**
    * @param canvas    shows it
    * @param settings  what differs from the service's defaults; see docs/integrate/api.md
-   * @param notify    as in Stream; and "shared" (reason) when no own view is available: the main view is shown
+   * @param notify    as in Stream; and "shared" (reason) when no own view is available: the main view is shown,
+   *                  until "made" (its settings, defaults included)
    */
   constructor(canvas, settings, notify) {
     this.settings = { ...settings };
@@ -68,9 +69,10 @@ export class View {
   async create() {
     const sent = { ...this.settings };
     try {
-      const { id } = await post("/api/v1/views", sent);
+      const { id, settings } = await post("/api/v1/views", sent);
       this.id = id;
       this.shared = false;
+      this.notify("made", settings);
       this.pending = null;
       if (JSON.stringify(sent) !== JSON.stringify(this.settings)) this.change(this.settings); // changed meanwhile
     } catch (error) {
@@ -86,7 +88,7 @@ export class View {
   /** Settings that the service refuses (a label of another network ...) are dropped: they would be refused for ever. */
   forget(error) {
     const { method } = this.settings;
-    this.settings = method ? { method } : {};
+    this.settings = method && Object.keys(this.settings).length > 1 ? { method } : {}; // an older service may not know the method
     this.notify("refused", error);
   }
 
@@ -112,11 +114,25 @@ export class View {
     this.sending = false;
   }
 
-  async pick(x, y) {
+  /** What the picture shows at a point. */
+  pick(x, y) {
+    return this.retry((address) => get(`${address}/pick?x=${Math.floor(x)}&y=${Math.floor(y)}`));
+  }
+
+  /** Removes the thing at a point of the clear picture, or brings it back. @return {removed, objects} */
+  remove(x, y) {
+    return this.retry((address) => post(`${address}/remove`, { x: Math.floor(x), y: Math.floor(y) }));
+  }
+
+  restore() {
+    return this.retry((address) => post(`${address}/remove`, { clear: true }));
+  }
+
+  async retry(ask) {
     if (!this.id) throw new ApiError(0, "There is no picture yet.");
     for (let left = PICK_TRIES - 1; ; left--) {
       try {
-        return await get(`/api/v1/views/${encodeURIComponent(this.id)}/pick?x=${Math.floor(x)}&y=${Math.floor(y)}`);
+        return await ask(`/api/v1/views/${encodeURIComponent(this.id)}`);
       } catch (error) {
         if (error.status !== 409 || left === 0) throw error; // 409: busy with a set, for longer than it waited
         await new Promise((done) => setTimeout(done, PICK_AGAIN_MS));

@@ -80,7 +80,8 @@ int live_init(struct sst_live *live, const struct sst_live_config *cfg)
     int err = check_config(cfg);
 
     live_focus_init(&live->focus);
-    live->min_px = live->max_px = NAN;
+    live->min_px = live->max_px = live->cut.cut_px = NAN;
+    live->confirmed = 1;
     live->cfg = *cfg;
     if (err)
         return err;

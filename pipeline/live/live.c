@@ -85,6 +85,8 @@ int sst_live_update(struct sst_live *live, const struct sst_live_input *in, stru
     err = err ? err : sst_livescene_update(live->scene, &live->changes, &done);
     live->ready = err ? live->ready : done.ready;
     if (!err && !isnan(done.confirmed))
+        live->confirmed = done.confirmed;
+    if (!err && !isnan(done.confirmed))
         live->low_confidence = done.confirmed < (live->low_confidence ? CONFIRMED_AGAIN : CONFIRMED);
     err = err ? err : live_ingest(live, &live->changes);
     err = err ? err : live_summarize(live, in->t_ns);

@@ -118,6 +118,15 @@ double sst_live_default_focus(const struct sst_live *live);
  *  @return 0, -ENODATA (not visible, or on fewer than one pixel in 2000) */
 SST_MUST_CHECK int sst_livepicture_label_disparity(const struct sst_live *live, int label, double *disp_px);
 
+/** The cut between what stands in front and the rest, as sst_render_find_cut() finds it and as long as it separates the
+ *  same surfaces; px per spacing; NaN: none known. */
+double sst_live_cut(const struct sst_live *live);
+
+#define SST_LIVE_HISTOGRAM 64
+
+/** Shares of the lead view's disparities over the range of sst_live_range(); they sum to 1. @return false: not known */
+bool sst_live_histogram(const struct sst_live *live, double *min_px, double *max_px, float share[SST_LIVE_HISTOGRAM]);
+
 /** Robust range of the disparities in the scene, for sliders. @return false: not known yet */
 bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px);
 
@@ -134,6 +143,36 @@ bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px)
  */
 SST_MUST_CHECK int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_config *cfg,
                                           const struct sst_image **image, int64_t *rendered_px);
+
+/* Clear pictures (SST_RENDER_CLEAR): all in focus, without what stands in front; what was seen a moment ago stays where
+ * nothing can be seen now. In the settings a cut_px of NaN is the automatic one, which removes nothing while it is not
+ * known; `remove` and `merge` are not for the caller. */
+
+#define SST_LIVEPICTURE_OBJECTS 8
+
+/** Draw outlines of what was removed, and a tint over pixels that were last seen more than a second ago. */
+void sst_livepicture_decorate(struct sst_livepicture *p, bool outline, bool tint);
+
+/** About the last picture; all NaN or 0 for other methods. */
+struct sst_livepicture_clear {
+    double cut_px;                   /* NaN: nothing is removed by depth */
+    double seen, remembered, filled; /* fractions of the picture */
+    double oldest_s;                 /* of the pixel that was last seen longest ago */
+    int objects;                     /* removed */
+};
+
+void sst_livepicture_clear(const struct sst_livepicture *p, struct sst_livepicture_clear *out);
+
+/**
+ * Remove the thing at a pixel of the reference view from clear pictures, or bring it back: a pixel of something removed
+ * so brings that back. It is followed while it moves slowly, and forgotten when it is lost for two seconds.
+ *
+ * @return 0, -ERANGE (outside), -ENODATA (no disparity there, or not ready), -EOVERFLOW (SST_LIVEPICTURE_OBJECTS are
+ * removed), -EINVAL (most of the picture), -ENOMEM; not logged.
+ */
+SST_MUST_CHECK int sst_livepicture_toggle(struct sst_livepicture *p, int x, int y, bool *removed);
+/** Bring all back. */
+void sst_livepicture_restore(struct sst_livepicture *p);
 
 /** The surface that the last picture shows at a point. By the maps it is the one with the largest weight in the pixel;
  * with verified rays it is the surface behind the front on which the rays of all views agree, unless they agree as well

@@ -19,6 +19,12 @@ struct live_focus {
     double focus_px; /* NaN: unknown */
 };
 
+/** The automatic cut: it stays while it separates the same rays. */
+struct live_cut {
+    double cut_px;    /* NaN: unknown */
+    int64_t since_ns; /* another one has been found since then; 0: none */
+};
+
 struct sst_live {
     /* fixed after open */
     struct sst_live_config cfg;
@@ -31,6 +37,7 @@ struct sst_live {
     struct sst_lightfield lf;
     struct sst_liveframes_changes changes;
     bool ready;
+    double confirmed;               /* fraction of the disparities that another key view confirms; 1: unknown */
     bool low_confidence;            /* the maps have low confidence: rays are verified if the settings ask for it */
     bool lost;                      /* changes got lost by an error: the next update computes everything */
     uint64_t serial;                /* of the last change ingested; 0: none */
@@ -42,6 +49,7 @@ struct sst_live {
     double min_px, max_px;                 /* range of the disparities in the scene; NaN: unknown */
     int64_t range_ns;                      /* when disparities last reached that far */
     struct live_focus focus;
+    struct live_cut cut;
     float zone_label[SST_LIVE_ZONES + 1][256]; /* of the report, as of `counted` */
 };
 
@@ -68,6 +76,11 @@ void live_zones_changed(const struct sst_live *live, const struct sst_liveframes
 
 /** The lead view, whose maps describe the scene: the reference view, or the nearest present view; -1: none. */
 int live_lead_view(const struct sst_live *live);
+
+/* --- cut.c --- */
+
+/** Find the cut in the renderer's new counts. @return 0, -ENOMEM (logged) */
+SST_MUST_CHECK int live_cut_follow(struct sst_live *live, int64_t t_ns);
 
 /* --- pick.c --- */
 

@@ -242,6 +242,9 @@ int live_summarize(struct sst_live *live, int64_t t_ns)
         if (err)
             return err;
         follow_range(live, t_ns);
+        err = live_cut_follow(live, t_ns);
+        if (err)
+            return err;
         label = live->sampled ? &live->lf.views[live->sample[0]].label : NULL;
         for (int zone = 0; label && label->data && zone <= SST_LIVE_ZONES; zone++) {
             if (zone < live->cfg.zones || zone == SST_LIVE_ZONES)

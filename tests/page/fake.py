@@ -3,8 +3,8 @@
 worked on and tested without cameras.   fake.py --pictures DIR [--port N] [--still]
 
 POST /fake changes what it pretends: {"status": {...}, "cameras": {"r3c2": {...}}, "role": "view", "views_max": 0,
-"event": {...}, "refuse": {"/api/v1/record": [507, "the disk is full"]}, "hold": true}; GET /fake lists requests. A third
-member of what refuses says how often it does."""
+"event": {...}, "refuse": {"/api/v1/record": [507, "the disk is full"]}, "hold": true, "old": true}; GET /fake lists requests. A third
+member of what refuses says how often it does; an old service has no clear picture."""
 import argparse
 import copy
 import datetime
@@ -25,10 +25,11 @@ WEB = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "daem
 TYPES = {"html": "text/html; charset=utf-8", "js": "text/javascript; charset=utf-8", "css": "text/css; charset=utf-8",
          "svg": "image/svg+xml"}
 CSP = "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
+CLEAR = ("cut_px", "remove_label", "outline", "tint")
 CLASSES = [("Sky", "#80b2e6"), ("Building", "#803c32"), ("Pole", "#c0c080"), ("Road", "#804080"), ("Pavement", "#3c28de"),
            ("Tree", "#6e8c1e"), ("SignSymbol", "#c08080"), ("Fence", "#404080"), ("Car", "#6414aa"),
            ("Pedestrian", "#e65a1e"), ("Bicyclist", "#0080c0")]
-SETTINGS = {"method": "sst", "focus_px": None, "focus_label": "", "sigma_px": None, "c1": 0.005, "c2": 0.02,
+SETTINGS = {"method": "sst", "cut_px": None, "remove_label": "", "outline": False, "tint": False, "focus_px": None, "focus_label": "", "sigma_px": None, "c1": 0.005, "c2": 0.02,
             "label_factor": 2.0, "aperture": None, "follow": False}
 
 
@@ -63,6 +64,12 @@ class World:
         raw = open(f"{folder}/02_02.pfm", "rb").read()
         self.disp = raw[-4 * self.size[0] * self.size[1]:]
         counts = self.labels.histogram()
+        self.cut = round(1.4 * self.truth["focus_px"], 2)
+        values = struct.unpack(f"<{len(self.disp) // 4}f", self.disp)
+        bins = [0] * 64
+        for v in values:
+            bins[min(max(int((v - self.range[0]) / (self.range[1] - self.range[0]) * 64), 0), 63)] += 1
+        self.histogram = {"min_px": self.range[0], "max_px": self.range[1], "share": [round(n / len(values), 5) for n in bins]}
         self.share = [counts[i + 1] / (self.size[0] * self.size[1]) for i in range(len(CLASSES))]
 
     def focus(self, settings):
@@ -72,7 +79,11 @@ class World:
 
     def view(self, settings, number):
         far, near = self.range
-        step = round((self.focus(settings) - far) / (near - far) * (self.steps - 1))
+        depth = self.focus(settings)
+        if settings["method"] == "clear":
+            depth = self.cut if settings["cut_px"] is None else settings["cut_px"]
+            far += 0.2 * (near - far)
+        step = min(max(round((depth - far) / (near - far) * (self.steps - 1)), 0), self.steps - 1)
         data = self.data[f"{settings['method']}_{step:02d}"]
         return data if self.still else self.marked(data, number)
 
@@ -105,9 +116,9 @@ class Service:
         self.world = world
         self.lock = threading.RLock()
         self.start = time.time() - age_s
-        self.role, self.views_max, self.refuse, self.hold = "control", 8, {}, False
+        self.role, self.views_max, self.refuse, self.hold, self.old = "control", 8, {}, False, False
         self.patch, self.camera_patch = {}, {}
-        self.views = {"main": dict(copy.deepcopy(SETTINGS), viewers=0, seen=math.inf)}
+        self.views = {"main": dict(copy.deepcopy(SETTINGS), removed=set(), viewers=0, seen=math.inf)}
         self.events, self.log, self.next_view = [], [], 1
         self.recording = None
         self.hour = now().replace(minute=0, second=0, microsecond=0)
@@ -154,7 +165,7 @@ class Service:
                 "skips": {"change": {"on": True, "skipped_percent": 85.8, "error": 0.4},
                           "labels": {"on": True, "skipped_percent": 75.0, "error": 0.01}},
                 "size": list(self.world.size), "range_px": self.world.range, "focal_px": 560.0, "spacing_mm": 120.0,
-                "focus_px": self.world.truth["focus_px"], "views": 36, "cpu_percent": 92.0},
+                "focus_px": self.world.truth["focus_px"], "cut_px": self.world.cut, "histogram": self.world.histogram, "views": 36, "cpu_percent": 92.0},
             "storage": {
                 "state": "OK", "reason": "", "dir": "/var/lib/sst", "free_bytes": 412 * 10**9, "used_bytes": 188 * 10**9,
                 "quota_bytes": 400 * 10**9, "oldest": stamp(now() - datetime.timedelta(days=6, hours=3)), "recordings": 4,
@@ -224,8 +235,20 @@ class Service:
 
     def view_json(self, name):
         view = self.views[name]
+        clear = view["method"] == "clear"
         return {"id": name, "viewers": view["viewers"], "settings": {k: view[k] for k in SETTINGS},
-                "shown_focus_px": self.world.focus(view)}
+                "shown_focus_px": self.world.focus(view), "shown_cut_px": (view["cut_px"] or self.world.cut) if clear else None,
+                "objects": len(view["removed"]), "seen_percent": 96.1, "remembered_percent": 3.2, "filled_percent": 0.7,
+                "oldest_s": 4.1}
+
+    def remove(self, view, body):
+        """Things are told apart by their labels."""
+        if body.get("clear"):
+            view["removed"].clear()
+            return {"removed": False, "objects": 0}
+        label = self.world.pick(view, body["x"], body["y"])["front_label"]
+        view["removed"] ^= {label}
+        return {"removed": label in view["removed"], "objects": len(view["removed"])}
 
     def expire(self):
         for name in [n for n, v in self.views.items() if not v["viewers"] and time.time() - v["seen"] > 30]:
@@ -305,7 +328,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             merge(s.patch, body.get("status", {}))
             for name, patch in body.get("cameras", {}).items():
                 s.camera_patch.setdefault(name, {}).update(patch)
-            for key in ("role", "views_max", "refuse", "hold"):
+            for key in ("role", "views_max", "refuse", "hold", "old"):
                 if key in body:
                     setattr(s, key, body[key])
             for e in body.get("events", []):
@@ -434,7 +457,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         s = self.service
         part = path.strip("/").split("/")
         if part[:3] == ["api", "v1", "views"]:
-            self.post_view(part[3] if len(part) > 3 else None, body)
+            self.post_view(part[3] if len(part) > 3 else None, path, body)
             return
         if s.role != "control":
             raise Refused(403, "this token is read-only: use the other token to control")
@@ -464,11 +487,17 @@ class Handler(http.server.BaseHTTPRequestHandler):
         else:
             raise Refused(404, f"there is no {path}")
 
-    def post_view(self, name, body):
+    def post_view(self, name, path, body):
         s = self.service
-        unknown = [k for k in body if k not in SETTINGS]
+        if name and path.endswith("/remove"):
+            with s.lock:
+                self.answer(200, s.remove(self.view(name), body))
+            return
+        unknown = [k for k in body if k not in SETTINGS or s.old and k in CLEAR]
         if unknown:
             raise Refused(400, f"unknown member {unknown[0]}")
+        if s.old and body.get("method") == "clear":
+            raise Refused(400, "method: not sst or refocus")
         with s.lock:
             if name is None:
                 s.expire()
@@ -476,7 +505,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
                     raise Refused(429, f"all {s.views_max} views are in use: close another page, or raise web.views")
                 name = f"v{s.next_view}-{int(s.start) % 1000}"
                 s.next_view += 1
-                s.views[name] = dict(copy.deepcopy(SETTINGS), viewers=0, seen=time.time())
+                s.views[name] = dict(copy.deepcopy(SETTINGS), removed=set(), viewers=0, seen=time.time())
             elif name == "main" and s.role != "control":
                 raise Refused(403, "this token is read-only: the main view is for those who control")
             self.view(name).update(body)

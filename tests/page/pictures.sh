@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # pictures.sh SST SCENE WxH STEPS OUT: real pictures for tests/page/fake.py: a simulated scene seen through (sst_NN.jpg) and
-# plainly refocused (refocus_NN.jpg) at STEPS focuses from far to near, its maps, and the views of all cameras.
+# plainly refocused (refocus_NN.jpg) at STEPS focuses from far to near, clear at as many cuts (clear_NN.jpg; not at the farthest,
+# which remove everything), its maps, and the views of all cameras.
 set -eu
 sst=$1 scene=$2 size=$3 steps=$4 out=$5
 tmp=$(mktemp -d)
@@ -16,6 +17,8 @@ read -r far near <<<"$range"
 for method in sst refocus; do
   "$sst" sweep "$tmp/lf" --from "$far" --to "$near" --steps "$steps" --method "$method" -o "$tmp/$method" -q >/dev/null
 done
+cut=$(/usr/bin/python3 -c 'import sys; far, near = map(float, sys.argv[1:]); print(far + 0.2 * (near - far))' "$far" "$near")
+"$sst" sweep "$tmp/lf" --from "$cut" --to "$near" --steps "$steps" --method clear -o "$tmp/clear" -q >/dev/null
 "$sst" render "$tmp/lf" --focus "$far" --explain "$tmp/why" -o "$tmp/far.png" -q >/dev/null
 /usr/bin/python3 - "$tmp" "$out" <<'PY'
 import glob
@@ -26,7 +29,7 @@ import sys
 from PIL import Image
 
 tmp, out = sys.argv[1:]
-for method in ("sst", "refocus"):
+for method in ("sst", "refocus", "clear"):
     for i, name in enumerate(sorted(glob.glob(f"{tmp}/{method}/*.png"))):
         Image.open(name).convert("RGB").save(f"{out}/{method}_{i:02d}.jpg", quality=88)
 view = Image.open(glob.glob(f"{tmp}/lf/views/02_02.*")[0]).convert("RGB")

@@ -105,6 +105,15 @@ def last(fake, key):
 
 
 
+def mode(b, name):
+    b.click(f"#mode label:has([value={name}])")
+    b.wait(f"document.getElementById('viewer').dataset.mode === '{name}'")
+
+
+def pressed(b, name):
+    return b.js(f"document.getElementById('{name}').getAttribute('aria-pressed')") == "true"
+
+
 # --- what users do ---
 
 def test_picture(b, fake):
@@ -114,8 +123,150 @@ def test_picture(b, fake):
     first = b.js("document.getElementById('canvas').toDataURL()")
     b.wait(f"document.getElementById('canvas').toDataURL() !== {json.dumps(first)}")
     check(len(fake.posts("/api/v1/views")) >= 1, "no view of its own")
+    check(fake.posts("/api/v1/views")[0]["method"] == "clear", "the first picture is not the clear one")
+    b.wait("document.getElementById('tag-left').textContent === 'Clear · 3 % remembered, up to 4 s old · 1 % filled in'")
     b.click("#hint-close")
     b.wait("document.getElementById('hint').hidden")
+
+
+def test_cut_slider(b, fake):
+    value = "document.getElementById('cut-value').textContent"
+    b.wait(f"/^\\d+\\.\\d+ m · \\d+\\.\\d px$/.test({value})")
+    check(pressed(b, "cut-auto"), "the cut is not automatic")
+    check(b.js("document.getElementById('histogram-path').getAttribute('d').split('L').length") > 60, "no histogram")
+    x, y, w, _ = b.box("#cut")
+    b.click((x + 0.2 * w, y))
+    far = expect(lambda: isinstance(last(fake, "cut_px"), float) and last(fake, "cut_px"))
+    check(far and 15 > far > 1, f"the cut is at {far} px")
+    check(not pressed(b, "cut-auto"), "still automatic")
+    share = b.js("Number(document.getElementById('histogram-removed').getAttribute('width'))")
+    check(65 < share < 75, f"{share} % are drawn as removed")
+    check(b.js("document.getElementById('cut').getAttribute('aria-valuetext')").endswith(" m"), "no metres")
+    b.key("ArrowLeft", 37)
+    check(expect(lambda: last(fake, "cut_px") > far), "the left arrow does not go nearer")
+    x, y, *_ = b.box("#stage")
+    before = last(fake, "cut_px")
+    b.mouse("mouseWheel", x, y, deltaX=0, deltaY=-240)
+    check(expect(lambda: last(fake, "cut_px") > before), "the wheel does not move the cut")
+    b.js("document.getElementById('cut').focus()")
+    b.key("Home", 36)
+    check(expect(lambda: last(fake, "cut_px") == 9999), "the near end removes something")
+    check("nothing is removed" in b.js(value), "the near end is not told")
+    b.click("#cut-auto")
+    check(expect(lambda: last(fake, "cut_px") is None), "Auto is not the service's own cut")
+    b.wait(f"/ m/.test({value})")
+    fake.set(status={"live": {"cut_px": None}})
+    b.wait(f"{value}.includes('nothing stands in front')")
+    fake.set(status={"live": {"cut_px": 9.0}})
+    b.wait(f"{value}.includes('9.0 px')")
+
+
+def test_remove(b, fake):
+    posts = lambda: [r["body"] for r in fake.log() if r["method"] == "POST" and r["path"].endswith("/remove")]
+    toasts = "document.getElementById('toasts').textContent"
+    b.click("#stage")
+    b.wait(f"{toasts}.includes('Removed. Click there again')")
+    check([sorted(p) for p in posts()] == [["x", "y"]], f"asked: {posts()}")
+    b.wait("document.getElementById('restore').textContent.includes('1 removed')")
+    b.click("#stage")
+    b.wait(f"{toasts}.includes('It is back in the picture')")
+    b.wait("document.getElementById('restore').hidden && document.getElementById('ring').hidden")
+    b.js("document.getElementById('stage').focus()")
+    b.key("ArrowLeft", 37)
+    b.key("Enter", 13, "\r")
+    b.wait("!document.getElementById('restore').hidden")
+    check(posts()[-1]["x"] < posts()[0]["x"], "the cross-hair is not asked about")
+    b.click("#restore")
+    b.wait("document.getElementById('restore').hidden")
+    check(posts()[-1] == {"clear": True}, "not all are brought back")
+    view = [r["path"] for r in fake.log() if r["path"].startswith("/stream/v")][-1].split("/")[-1]
+    fake.set(refuse={f"/api/v1/views/{view}/remove": [409, "no disparity is known at this point"]})
+    b.click("#stage")
+    b.wait(f"{toasts}.includes('No disparity is known')")
+    check(b.js("document.getElementById('restore').hidden && document.getElementById('ring').hidden"), "counted as removed")
+    fake.set(refuse={})
+
+
+def test_expired(b, fake):
+    """A view that has expired is made again; what was removed from it is not."""
+    b.click("#stage")
+    b.wait("!document.getElementById('restore').hidden")
+    fake.set(forget_views=True)
+    b.wait("document.getElementById('toasts').textContent.includes('has a new view') && document.getElementById('restore').hidden")
+    check(fake.posts("/api/v1/views")[-1]["method"] == "clear", "it is another picture")
+
+
+def test_remove_label(b, fake):
+    b.wait("document.querySelectorAll('.chip').length > 3")
+    check(b.js("document.getElementById('labels-caption').textContent") == "Also remove", "the chips keep labels clear")
+    b.click("#chips .chip:nth-child(2)")
+    check(expect(lambda: last(fake, "remove_label") == "Building"), "the chip does not remove its label")
+    b.wait("document.getElementById('tag-left').textContent.includes('without Building')")
+    b.click("#chips .chip:first-child")
+    check(expect(lambda: last(fake, "remove_label") == ""), "No label does not clear the label")
+    check(last(fake, "focus_label") == "never", "see-through's label changed")
+
+
+def test_marks(b, fake):
+    check(fake.posts("/api/v1/views")[0].get("tint"), "what is old is not tinted")
+    for name, on in (("outline", True), ("tint", False), ("outline", False), ("tint", True)):
+        b.click(f"#{name}")
+        check(expect(lambda: last(fake, name) == on), f"{name} is not {on}")
+        check(pressed(b, name) == on, f"{name} is shown as something else")
+
+
+def test_compare_camera(b, fake):
+    b.click("#compare")
+    check(expect(lambda: any(p.get("cut_px") == 9999 and not p.get("tint") for p in fake.posts("/api/v1/views")[-1:])), "no camera")
+    b.wait("!document.getElementById('canvas-plain').hidden")
+    check(b.js("document.getElementById('tag-right').textContent") == "Camera", "not called camera")
+    count = len(fake.posts("/api/v1/views"))
+    b.js("document.getElementById('outline').click()")
+    check(expect(lambda: len(fake.posts("/api/v1/views")) == count + 1), "no outline, or one in the camera's picture")
+    b.js("document.getElementById('outline').click()")
+    mode(b, "sst")
+    check(expect(lambda: any(p.get("method") == "refocus" for p in fake.posts("/api/v1/views"))), "see-through is compared with the camera")
+    mode(b, "clear")
+    b.wait("document.getElementById('tag-right').textContent === 'Camera' && !document.getElementById('canvas-plain').hidden")
+    b.click("#compare")
+    b.wait("document.getElementById('canvas-plain').hidden")
+
+
+def fresh(b, fake):
+    """The page as if opened for the first time."""
+    fake.set(forget_views=True)
+    b.js("window.old = true; localStorage.clear()")
+    b.call("Page.reload")
+    b.wait("!window.old && Number(document.getElementById('stage')?.dataset.pictures) > 1")
+
+
+def test_unknown(b, fake):
+    """Depths that are not known yet, and a service that has no clear picture."""
+    live = json.load(urllib.request.urlopen(fake.url + "api/v1/status", timeout=60))["live"]
+    known = {key: live[key] for key in ("range_px", "histogram", "cut_px")}
+    fake.set(status={"live": dict.fromkeys(known)})
+    fresh(b, fake)
+    b.wait("document.getElementById('cut').disabled")
+    b.wait("document.getElementById('cut-value').textContent.includes('depths are not known yet')")
+    fake.set(status={"live": {**known, "histogram": None}})
+    b.wait("!document.getElementById('cut').disabled && document.getElementById('histogram').hasAttribute('data-empty')")
+    fake.set(status={"live": known})
+    b.wait("!document.getElementById('histogram').hasAttribute('data-empty')")
+    fake.set(old=True)
+    fresh(b, fake)
+    b.wait("document.getElementById('viewer').dataset.mode === 'sst' && document.getElementById('tag-left').textContent === 'See-through'")
+    fake.set(old=False)
+    fresh(b, fake)
+    b.wait("document.getElementById('viewer').dataset.mode === 'clear'")
+
+
+def test_mode(b, fake):
+    mode(b, "sst")
+    check(expect(lambda: last(fake, "method") == "sst"), "no see-through")
+    check("focuses on" in b.js("document.getElementById('stage').getAttribute('aria-label')"), "the keys are not told")
+    check(b.js("document.getElementById('focus').checkVisibility() && !document.getElementById('cut').checkVisibility()"), "controls")
+    b.wait("document.getElementById('tag-left').textContent === 'See-through'")
+    b.click("#hint-close")
 
 
 def test_focus(b, fake):
@@ -458,37 +609,46 @@ def test_phone(b, fake):
             apart = b.js(f"Math.abs(document.getElementById('{left}').getBoundingClientRect().y - "
                          f"document.getElementById('{right}').getBoundingClientRect().y)")
             check(apart < 10, f"at {width} x {height} {left} and {right} are in different rows")
+        mode(b, "clear")
+        check(b.js(f"document.documentElement.scrollWidth <= {width}"), f"clear: {width} x {height} scrolls sideways")
+        for left, right in (("cut-auto", "outline"), ("snapshot", "record")):
+            apart = b.js(f"Math.abs(document.getElementById('{left}').getBoundingClientRect().y - "
+                         f"document.getElementById('{right}').getBoundingClientRect().y)")
+            check(apart < 10, f"at {width} x {height} {left} and {right} are in different rows")
+        mode(b, "sst")
     b.size(1440, 900)
 
 
 def test_names(b, fake):
     roles = {"button", "slider", "checkbox", "radio", "combobox", "tab", "link", "application", "DisclosureTriangle"}
-    nameless = [n for n in b.tree() if n["role"] in roles and not n["name"].strip()]
-    check(not nameless, f"without a name: {nameless}")
-    stops = []
-    b.js("document.activeElement.blur()")
-    for _ in range(40):
-        b.key("Tab", 9)
-        stops.append(b.js("(() => { const n = document.activeElement; return n.id || n.dataset.name || n.name || n.textContent.trim(); })()"))
-    for wanted in ("stage", "auto", "sweep", "sweep-speed", "focus", "compare", "overlay", "adjust", "snapshot", "record",
-                   "tab-overview", "r0c0"):
-        check(wanted in stops, f"Tab does not reach {wanted}: {stops}")
+    for name, own in (("sst", ("auto", "sweep", "sweep-speed", "focus", "adjust")), ("clear", ("cut-auto", "cut", "outline", "tint"))):
+        mode(b, name)
+        nameless = [n for n in b.tree() if n["role"] in roles and not n["name"].strip()]
+        check(not nameless, f"without a name: {nameless}")
+        stops = []
+        b.js("document.activeElement.blur()")
+        for _ in range(40):
+            b.key("Tab", 9)
+            stops.append(b.js("(() => { const n = document.activeElement; return n.id || n.dataset.name || n.name || n.textContent.trim(); })()"))
+        for wanted in ("stage", "mode", "compare", "overlay", "snapshot", "record", "tab-overview", "r0c0", *own):
+            check(wanted in stops, f"Tab does not reach {wanted}: {stops}")
 
 
 def test_contrast(b, fake):
     for light in (True, False):
         b.scheme(light)
         for tab in ("health", "events", "recordings", "overview"):
+            mode(b, "clear" if tab == "events" else "sst")
             b.click(f"#tab-{tab}")
             bad = b.js(CONTRAST)
             check(not bad, f"{'light' if light else 'dark'}, {tab}: too little contrast: {bad[:5]}")
 
 
-TESTS = [test_picture, test_focus, test_pick, test_label, test_compare, test_sweep, test_overlay, test_adjust, test_cameras,
+TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_label, test_compare, test_sweep, test_overlay, test_adjust, test_cameras,
          test_events, test_recordings, test_role, test_states, test_shared, test_restart, test_reload, test_hidden,
          test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast]
 # Errors that the browser itself writes where a test makes the service refuse or end.
-WANTED = ("403", "429", "404", "409", "507", "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET",
+WANTED = ("400", "403", "429", "404", "409", "507", "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET",
           "ERR_EMPTY_RESPONSE", "ERR_SOCKET_NOT_CONNECTED", "ERR_CONNECTION_CLOSED", "ERR_CONTENT_LENGTH_MISMATCH")
 
 

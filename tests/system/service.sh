@@ -69,12 +69,31 @@ until_is 20 live.idle 'v > 10'
 
 # A view of one's own: other focus, what is under a point, and what is refused.
 ask() { curl -s --unix-socket c.sock -H 'Content-Type: application/json' "http://x$1" ${2:+-d "$2"}; }
+# field NAME: what GET /api/v1/views says about the view $id; shown_percent: all shares together
+field() {
+  curl -s --unix-socket c.sock http://x/api/v1/views >views
+  /usr/bin/python3 -c 'import json, sys
+v = [v for v in json.load(open("views"))["views"] if v["id"] == sys.argv[1]][0]
+v["shown_percent"] = round(sum(v[k + "_percent"] or 0 for k in ("seen", "remembered", "filled")), 3)
+print(v[sys.argv[2]])' "$id" "$1"
+}
 # picks ID: what is under a point of a view; a service that is busy with a set is asked again
 picks() { awaits "curl -s -m 10 --unix-socket c.sock 'http://x/api/v1/views/$1/pick?x=80&y=64' >picked; grep -q disparity_px picked" >/dev/null; }
 id=$(ask /api/v1/views '{"focus_px": 5}' | /usr/bin/python3 -c 'import json, sys; print(json.load(sys.stdin)["id"])')
 awaits "curl -sf -m 10 --unix-socket c.sock 'http://x/snapshot/$id' >own.jpg" || fail "/snapshot/$id"
 picks "$id" || fail "pick: $(cat picked)"
 ask "/api/v1/views/$id" '{"focus": 5}' | grep -q 'did you mean .focus_px' || fail "an unknown setting is not refused"
+ask "/api/v1/views/$id" '{"remove_label": "Dragon"}' | grep -q 'knows no class' || fail "an unknown label to remove is not refused"
+ask "/api/v1/views/$id" '{"method": "magic"}' | grep -q 'method must be' || fail "an unknown method is not refused"
+
+# Clear is what views show unless told otherwise; a thing under a point goes, and comes back.
+[ "$(field shown_percent)" = 100.0 ] || fail "the clear picture of a new view: $(cat views)"
+removes() { awaits "curl -s -m 10 --unix-socket c.sock -H 'Content-Type: application/json' -d '$1' 'http://x/api/v1/views/$id/remove' >removed; grep -q '$2' removed" || fail "remove $1: $(cat removed)"; }
+removes '{"x": 80}' 'give x and y'
+removes '{"x": 9999, "y": 1}' 'outside the picture'
+removes '{"x": 1, "y": 1, "z": 1}' 'unknown member .z'
+removes '{"clear": true}' '"objects": *0'
+ask /api/v1/views/nobody/remove '{"x": 1, "y": 1}' | grep -q 'there is no view' || fail "a thing is removed from no view"
 ask /api/v1/calibration/check '{"now": true}' | grep -q 'has none' || fail "an unknown member of a check is not refused"
 ask "/api/v1/views/$id" '{"focus_label": "Dragon"}' | grep -q 'knows no class' || fail "an unknown label is not refused"
 /usr/bin/python3 "$root/tests/openapi.py" "$SST_SOCKET" >out || fail "answers and openapi.json differ: $(cat out)"

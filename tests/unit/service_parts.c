@@ -301,6 +301,14 @@ static void settings_follow_the_configuration(void **state)
     view_settings_follow(&s, &from, &to);
     assert_true(s.render.focus_px == 7 && s.render.c2 == 0.125 && s.follow);
     assert_true(s.render.c1 == 0.75 && s.render.sigma_px == 3 && s.render.label_factor == 9 && s.render.threads == 2);
+    to.method = SST_LIVE_CLEAR;
+    to.cut_px = 9;
+    to.outline = true;
+    snprintf(to.remove_label, sizeof(to.remove_label), "Car");
+    s.tint = true;
+    view_settings_follow(&s, &from, &to);
+    assert_true(s.render.method == SST_RENDER_CLEAR && s.render.cut_px == 9 && s.outline && s.tint);
+    assert_string_equal(s.remove_label, "Car");
     to.focus_px = 5;
     to.c2 = 0;
     view_settings_follow(&s, &from, &to);
@@ -321,6 +329,10 @@ static void settings_of_a_view(void **state)
                                          "{\"method\": null}",
                                          "{\"follow\": 1}",
                                          "{\"focus_label\": 3}",
+                                         "{\"remove_label\": 3}",
+                                         "{\"cut_px\": \"near\"}",
+                                         "{\"outline\": 1}",
+                                         "{\"tint\": null}",
                                          "{\"focus_label\": \"a name that is longer than any class can be, by far\"}",
                                          "{\"c2\": 0.5, \"focus_px\": true}" };
     const struct sst_live_settings config = { .focus_px = NAN, .c1 = 0.25, .c2 = 0.5, .label_factor = 2 };
@@ -348,6 +360,21 @@ static void settings_of_a_view(void **state)
     assert_true(json_is_null(json_object_get(o, "focus_px")));
     assert_true(json_number_value(json_object_get(o, "aperture")) == 1.5);
     assert_string_equal(json_string_value(json_object_get(o, "method")), "refocus");
+    json_decref(o);
+    assert_int_equal(
+        take(&s,
+             "{\"method\": \"clear\", \"cut_px\": 12, \"remove_label\": \"Pedestrian\", \"outline\": true, "
+             "\"tint\": true}",
+             error),
+        0);
+    assert_true(s.render.method == SST_RENDER_CLEAR && s.render.cut_px == 12 && s.outline && s.tint);
+    assert_string_equal(s.remove_label, "Pedestrian");
+    assert_int_equal(take(&s, "{\"cut_px\": null, \"outline\": false}", error), 0);
+    assert_true(isnan(s.render.cut_px) && !s.outline && s.tint);
+    o = view_settings_json(&s);
+    assert_true(json_is_null(json_object_get(o, "cut_px")));
+    assert_string_equal(json_string_value(json_object_get(o, "method")), "clear");
+    assert_string_equal(json_string_value(json_object_get(o, "remove_label")), "Pedestrian");
     json_decref(o);
 }
 

@@ -8,12 +8,7 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "pipeline/live/live_internal.h"
-
-/* Label ranges change with every pixel; everything is rendered again when the weights of this fraction of rays are off
- * by this much. */
-#define NOTICEABLE       0.25
-#define NOTICEABLE_SHARE 0.01
+#include "pipeline/live/picture/picture_internal.h"
 
 struct sst_livepicture {
     struct sst_live *live;
@@ -25,6 +20,9 @@ struct sst_livepicture {
     double disp_min_px;                       /* likewise: disparity of stored value 0 */
     uint8_t *cells;
     int cols, rows;
+    struct picture_clear *clear; /* NULL until the first clear picture */
+    bool is_clear;               /* the image */
+    bool outline, tint;
 };
 
 int sst_livepicture_create(struct sst_livepicture **out, struct sst_live *live)
@@ -56,6 +54,7 @@ void sst_livepicture_destroy(struct sst_livepicture *p)
         return;
     if (p->planned)
         sst_render_plan_fini(&p->plan);
+    picture_clear_destroy(p->clear);
     sst_image_fini(&p->image);
     free(p->cells);
     free(p);
@@ -79,7 +78,7 @@ static double reach(const struct sst_lightfield *lf, const struct sst_render_con
 
 /* Resolve defaults, and clamp the focus to where there is something to render: by the disparities in the scene, not by
  * the searched range, which may be much wider. */
-static void resolve(struct sst_render_config *cfg, const struct sst_live *live)
+void picture_resolve(struct sst_render_config *cfg, const struct sst_live *live)
 {
     const struct sst_lightfield *lf = &live->lf;
     const double most_px = 0.5 * sst_min_int(lf->width, lf->height) / reach(lf, cfg);
@@ -105,7 +104,7 @@ static bool same(double a, double b)
     return a <= b && a >= b;
 }
 
-static bool same_settings(const struct sst_render_config *a, const struct sst_render_config *b)
+bool picture_same_settings(const struct sst_render_config *a, const struct sst_render_config *b)
 {
     return a->method == b->method && same(a->focus_px, b->focus_px) && same(a->sigma_px, b->sigma_px) &&
            same(a->c1, b->c1) && same(a->c2, b->c2) && a->focus_label == b->focus_label &&
@@ -207,6 +206,23 @@ static bool has_views(const struct sst_live *live)
     return false;
 }
 
+static int reserve_clear(struct sst_livepicture *p)
+{
+    return p->clear ? 0 : picture_clear_create(&p->clear, p->live);
+}
+
+static int render_clear(struct sst_livepicture *p, const struct sst_render_config *cfg, const struct sst_image **image,
+                        int64_t *rendered_px)
+{
+    int err = reserve_clear(p);
+
+    p->present_serial = UINT64_MAX; /* the image is not the plan's any more */
+    err = err ? err : picture_clear_render(p->clear, cfg, !p->is_clear, p->outline, p->tint, &p->image, rendered_px);
+    p->is_clear = !err;
+    *image = &p->image;
+    return err;
+}
+
 int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_config *cfg,
                            const struct sst_image **image, int64_t *rendered_px)
 {
@@ -219,15 +235,18 @@ int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_co
 
     if (atomic_load(&live->canceled))
         return -ECANCELED;
-    if (!has_views(live) || (cfg->method == SST_RENDER_SST && !live->ready))
+    if (!has_views(live) || (cfg->method != SST_RENDER_REFOCUS && !live->ready))
         return -ENODATA;
-    resolve(&wanted, live);
-    whole = !p->planned || !same_settings(&wanted, &p->cfg) || p->present_serial != live->present_serial ||
+    if (cfg->method == SST_RENDER_CLEAR)
+        return render_clear(p, cfg, image, rendered_px);
+    p->is_clear = false;
+    picture_resolve(&wanted, live);
+    whole = !p->planned || !picture_same_settings(&wanted, &p->cfg) || p->present_serial != live->present_serial ||
             !same(p->disp_min_px, live->lf.disp_min_px);
     if (whole) {
         err = make_plan(p, &wanted);
     } else if (p->counted != live->counted) {
-        whole = sst_render_plan_update(&p->plan, live->renderer, NOTICEABLE, NOTICEABLE_SHARE);
+        whole = sst_render_plan_update(&p->plan, live->renderer, PICTURE_NOTICEABLE, PICTURE_NOTICEABLE_SHARE);
         p->counted = live->counted;
     }
     if (!err && !whole)
@@ -246,12 +265,45 @@ int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_co
     return 0;
 }
 
+/* --- clear pictures ----------------------------------------------------------------------------------------------- */
+
+void sst_livepicture_decorate(struct sst_livepicture *p, bool outline, bool tint)
+{
+    p->outline = outline;
+    p->tint = tint;
+}
+
+void sst_livepicture_clear(const struct sst_livepicture *p, struct sst_livepicture_clear *out)
+{
+    if (p->is_clear)
+        picture_clear_state(p->clear, out);
+    else
+        *out = (struct sst_livepicture_clear){
+            .cut_px = NAN, .seen = NAN, .remembered = NAN, .filled = NAN, .oldest_s = NAN
+        };
+}
+
+int sst_livepicture_toggle(struct sst_livepicture *p, int x, int y, bool *removed)
+{
+    const int err = p->live->ready ? reserve_clear(p) : -ENODATA;
+
+    return err ? err : picture_clear_toggle(p->clear, x, y, removed);
+}
+
+void sst_livepicture_restore(struct sst_livepicture *p)
+{
+    if (p->clear)
+        picture_clear_restore(p->clear);
+}
+
 /* --- picking ------------------------------------------------------------------------------------------------------ */
 
 int sst_livepicture_pick(struct sst_livepicture *p, int x, int y, struct sst_livepicture_pick *out)
 {
     if (x < 0 || y < 0 || x >= p->image.width || y >= p->image.height)
         return -ERANGE;
+    if (p->is_clear)
+        return picture_clear_pick(p->clear, x, y, out);
     if (!p->planned || p->present_serial != p->live->present_serial || !p->live->ready)
         return -ENODATA;
     *out = pick_surface(p->live, &p->plan, x, y);

@@ -1,14 +1,182 @@
-/* pipeline/live/picture/picture_internal.h - plane sweep of a small patch: at which disparities do the views agree?
+/* pipeline/live/picture/picture_internal.h - the clear picture of a view with its memory; removed objects; the plane
+ * sweep behind a click. */
+#ifndef SST_PIPELINE_LIVE_PICTURE_PICTURE_INTERNAL_H
+#define SST_PIPELINE_LIVE_PICTURE_PICTURE_INTERNAL_H
+
+#include "pipeline/live/live_internal.h"
+
+/* --- picture.c ---------------------------------------------------------------------------------------------------- */
+
+/* Label ranges change with every pixel; everything is rendered again when the weights of this fraction of rays are off
+ * by this much. */
+#define PICTURE_NOTICEABLE       0.25
+#define PICTURE_NOTICEABLE_SHARE 0.01
+
+/** Resolve defaults, and clamp the focus to where there is something to render. */
+void picture_resolve(struct sst_render_config *cfg, const struct sst_live *live);
+bool picture_same_settings(const struct sst_render_config *a, const struct sst_render_config *b);
+
+#define PICTURE_SEEN_WEIGHT 64 /* from which a pixel is seen, as in pipeline/method/render/clear.c */
+
+/* --- behind.c: what rays agree on where the maps show nothing ------------------------------------------------------
+ */
+
+#define PICTURE_PLANES 6
+
+struct picture_cell {
+    uint16_t holes; /* pixels */
+    uint8_t plane;
+    float score; /* mean agreement of its pixels on that plane, 0..255 */
+};
+
+/** A see-through picture of cells with holes, each on its best plane; only while the maps have low confidence. */
+struct picture_behind {
+    int planned;
+    struct sst_render_plan plan[PICTURE_PLANES];
+    double plane_px[PICTURE_PLANES];
+    double focus_px, cut_px, disp_min_px; /* that the plans are made for */
+    uint64_t counted, present_serial;
+    int round;
+    struct sst_image image;   /* empty until the first picture */
+    struct sst_map_u8 agreed; /* as of struct sst_render_plan */
+    int cols, rows;
+    struct picture_cell *cell; /* [rows][cols] */
+    uint8_t *wanted;           /* behind cell: those to render */
+};
+
+void picture_behind_fini(struct picture_behind *b);
+
+/**
+ * Render what rays agree on in the cells with holes.
+ * @param weight  in, of the clear picture
+ * @return true: image and agreed are valid where the weight is below PICTURE_SEEN_WEIGHT; false: nothing to do, or
+ * failed (logged)
+ */
+bool picture_behind_render(struct picture_behind *b, const struct sst_live *live, const struct sst_map_u8 *weight,
+                           double cut_px);
+/** Try some cells on other planes, for the next picture; image and agreed are lost. */
+void picture_behind_explore(struct picture_behind *b);
+
+/* --- memory.c: what the clear picture saw a moment ago ------------------------------------------------------------ */
+
+/** Values of the validity plane (design.md, 5.6). */
+enum picture_kind { PICTURE_UNKNOWN = 0, PICTURE_FILLED = 64, PICTURE_REMEMBERED = 128, PICTURE_SEEN = 255 };
+
+/** What was last seen in one pixel. */
+struct picture_pixel {
+    uint8_t rgb[3];
+    uint8_t support;   /* as of struct sst_render_merge, of several sets */
+    uint16_t disp;     /* stored disparity; SST_DISP_NONE: nothing is remembered */
+    uint16_t doubt_ms; /* time in which it was not seen while views changed there */
+    uint32_t seen_ms;  /* since the memory's start: last seen, ... */
+    uint32_t since_ms; /* ... and this surface first */
+};
+
+/** Pixels of a cell that confirm what they held, and that hold something else now. */
+struct picture_votes {
+    uint16_t same, changed;
+};
+
+#define PICTURE_VOTE_LEVELS 6 /* cells of 4, 8 ... 128 px */
+
+struct picture_memory {
+    int width, height;
+    bool started;
+    int64_t start_ns, last_ns;
+    struct picture_pixel *pixel; /* [height][width] */
+    struct picture_votes *votes, *level[PICTURE_VOTE_LEVELS];
+    int cols[PICTURE_VOTE_LEVELS], rows[PICTURE_VOTE_LEVELS];
+};
+
+/** A picture to merge. */
+struct picture_merge {
+    const struct sst_lightfield *lf;
+    int64_t t_ns;
+    int threads;
+    struct sst_image *image;     /* in, out */
+    struct sst_map_u8 *weight;   /* in, out; as of struct sst_render_merge */
+    struct sst_map_u16 *surface; /* likewise */
+    struct sst_map_u8 *support;
+    struct sst_map_u8 *kind;             /* out, enum picture_kind */
+    const struct picture_behind *behind; /* NULL: none */
+    /* what is removed */
+    int cut_q6, remove_label;         /* stored disparity; 0: none */
+    const struct sst_view *lead;      /* at the viewpoint, or NULL */
+    const struct sst_map_u8 *removed; /* pixels of that view, or NULL */
+    /* what changed: tiles of some views with a later serial number */
+    int views;
+    const int *view;
+    uint64_t *const *stamp;
+    uint64_t serial;
+    int tile, tile_cols;
+};
+
+SST_MUST_CHECK int picture_memory_init(struct picture_memory *m, int width, int height); /* -ENOMEM */
+void picture_memory_fini(struct picture_memory *m);
+void picture_memory_forget(struct picture_memory *m);
+
+/** Remember what is seen, and show what is not seen now but was. @return 0, -ENOMEM */
+SST_MUST_CHECK int picture_memory_merge(struct picture_memory *m, const struct picture_merge *in);
+
+/** Seconds since a remembered pixel was last seen. */
+double picture_memory_age_s(const struct picture_memory *m, int x, int y);
+
+/* --- objects.c: what a user has removed --------------------------------------------------------------------------- */
+
+struct picture_object {
+    struct sst_map_u8 region; /* of the reference view, not 0: object */
+    double near_px, far_px;   /* its disparities */
+    int area, x0, y0, x1, y1;
+    int64_t seen_ns; /* when it was last found */
+};
+
+struct picture_objects {
+    int width, height, count;
+    struct picture_object object[SST_LIVEPICTURE_OBJECTS];
+    struct sst_map_u8 mask[SST_MAX_VIEWS]; /* of all objects together; empty until the first one */
+    struct sst_map_u8 next;                /* spare region */
+    int32_t *stack;                        /* [width * height] pixels of the region that grows */
+};
+
+void picture_objects_init(struct picture_objects *o, int width, int height);
+void picture_objects_fini(struct picture_objects *o);
+
+/** Find the objects again after a change, and mark them in all views. @return 0, -ENOMEM */
+SST_MUST_CHECK int picture_objects_follow(struct picture_objects *o, const struct sst_lightfield *lf, int64_t t_ns,
+                                          int threads);
+
+/** As sst_livepicture_toggle(). */
+SST_MUST_CHECK int picture_objects_toggle(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y,
+                                          int64_t t_ns, int threads, bool *removed);
+
+/** Add what is at a pixel to the object that was removed last, of which something in front parts it; nothing where it
+ *  cannot be found or no object more fits. @return 0, -ENOMEM */
+SST_MUST_CHECK int picture_objects_extend(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y,
+                                          int64_t t_ns, int threads);
+void picture_objects_restore(struct picture_objects *o);
+
+/* --- clear.c ------------------------------------------------------------------------------------------------------ */
+
+struct picture_clear; /* of one picture */
+
+SST_MUST_CHECK int picture_clear_create(struct picture_clear **out, struct sst_live *live); /* -ENOMEM, logged */
+void picture_clear_destroy(struct picture_clear *c);
+
+/** As sst_livepicture_render(), and with outlines and tint.
+ *  @param whole  the image shows something else @param image  out, of the light field's size */
+SST_MUST_CHECK int picture_clear_render(struct picture_clear *c, const struct sst_render_config *cfg, bool whole,
+                                        bool outline, bool tint, struct sst_image *image, int64_t *rendered_px);
+void picture_clear_state(const struct picture_clear *c, struct sst_livepicture_clear *out);
+SST_MUST_CHECK int picture_clear_pick(const struct picture_clear *c, int x, int y, struct sst_livepicture_pick *out);
+SST_MUST_CHECK int picture_clear_toggle(struct picture_clear *c, int x, int y, bool *removed);
+void picture_clear_restore(struct picture_clear *c);
+
+/* --- sweep.c: plane sweep of a small patch: at which disparities do the views agree? ------------------------------
  *
  * At the disparity of a surface all rays that reach it have the same colour, for each pixel of the patch, however many
  * others end in front of it; at other disparities the rays of a pixel show different places. As for verified rays
  * (pipeline/method/render/verify.h), the measure is the fraction of votes for the most frequent colour; here the maps
  * are not used, and rare colours have more weight than common ones. */
-#ifndef SST_PIPELINE_LIVE_PICTURE_PICTURE_INTERNAL_H
-#define SST_PIPELINE_LIVE_PICTURE_PICTURE_INTERNAL_H
-
-#include "pipeline/method/render/plan.h"
-
 #define SST_SWEEP_SIDE  8 /* samples of a patch along each side ... */
 #define SST_SWEEP_STEP  2 /* px between samples: 15x15 px around the requested pixel; */
 #define SST_SWEEP_WIDE  6 /* px if that gives no label: 43x43 px */

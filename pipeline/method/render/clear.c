@@ -284,12 +284,13 @@ static bool gather(const struct clear *c, struct rays *rays, int k, int px, int 
 static void gather_all(const struct clear *c, struct rays *rays, int x, int y, float q6)
 {
     const float d = (float)(c->lf->disp_min_px + (double)q6 / SST_DISP_SCALE);
+    const int enough = c->cfg->rays ? c->cfg->rays : ENOUGH;
     int whole = 0;
 
     rays->count = 0;
     rays->own = -1;
     rays->total = 0;
-    for (int k = 0; k < c->count && whole < ENOUGH; k++)
+    for (int k = 0; k < c->count && whole < enough; k++)
         whole += gather(c, rays, k, x, y, d, q6);
 }
 
@@ -361,6 +362,18 @@ static uint8_t pixel_weight(float total)
     return (uint8_t)(255 * t * t + 0.5F);
 }
 
+/* For the caller's merge: the surface of a pixel, and how many rays agree on its colour. */
+static void note_surface(const struct clear *c, const struct rays *rays, int x, int y, float q6)
+{
+    const struct sst_render_merge *to = c->cfg->merge;
+    float agree = 0;
+
+    for (int i = 0; i < rays->count; i++)
+        agree += rays->weight[i] * rays->agree[i];
+    sst_map_u16_row(to->surface, y)[x] = rays->count ? (uint16_t)(q6 + 0.5F) : SST_DISP_NONE;
+    sst_map_u8_row(to->support, y)[x] = (uint8_t)fminf(SST_RENDER_SUPPORT * agree + 0.5F, 255);
+}
+
 static int colour_row(void *arg, int y, int worker)
 {
     const struct clear *c = arg;
@@ -378,9 +391,12 @@ static int colour_row(void *arg, int y, int worker)
         if (q6 >= 0)
             gather_all(c, &rays, x, y, q6);
         sst_map_u8_row(&c->weight, y)[x] = pixel_weight(rays.total);
+        if (rays.count)
+            blend_rays(&rays, colour);
+        if (c->cfg->merge)
+            note_surface(c, &rays, x, y, q6);
         if (!rays.count)
             continue;
-        blend_rays(&rays, colour);
         own = own_share(&rays, colour);
         for (int i = 0; i < 3; i++) {
             const float v = own > 0 ? colour[i] + own * (rays.colour[i][rays.own] - colour[i]) : colour[i];
@@ -513,6 +529,15 @@ static int plan_views(struct sst_render_plan *p, struct sst_renderer *r, const s
     return sst_render_plan_init(p, r, &plain);
 }
 
+/* Stored disparities are below: live counts are samples, so that some may exceed them. */
+static int count_bins(const struct sst_renderer *r)
+{
+    const bool known = r->lf->range_min_px < r->lf->range_max_px;
+
+    return sst_max_int(r->histogram.bins,
+                       known ? sst_min_int(sst_disp_q6(r->lf, r->lf->range_max_px) + 1, SST_DISP_NONE) : 0);
+}
+
 /* Send all rays to the viewpoint. */
 static int clear_init(struct clear *c, const struct sst_render_plan *p, struct sst_renderer *r,
                       const struct sst_render_config *cfg, int threads)
@@ -527,7 +552,7 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
                          .cfg = cfg,
                          .width = p->lf->width,
                          .height = p->lf->height,
-                         .bins = r->histogram.bins,
+                         .bins = count_bins(r),
                          .cut_q6 = cut_q6(p->lf, cfg->cut_px) };
     for (int i = 0; i < p->count; i++)
         add_view(c, &p->tap[i]);
@@ -562,6 +587,8 @@ static int render_clear(struct clear *c, struct sst_image *out, struct sst_map_u
         memset(out->plane[i], 0, out->stride * (size_t)out->height);
     if (!err)
         err = sst_parallel_for(c->height, threads, colour_row, c);
+    if (!err && c->cfg->merge)
+        err = c->cfg->merge->merge(c->cfg->merge->arg, out, &c->weight);
     if (!err)
         err = clear_fill(out, &c->weight, levels, threads);
     if (!err && valid)

@@ -144,6 +144,9 @@ struct sst_render_plan {
     struct sst_verifier **verifier; /* [verifiers], one per thread, owned; NULL: rays are not verified */
     uint8_t *rarity;                /* [SST_AGREE_BINS] owned */
     struct explainer *explainer;    /* owned; NULL: all rays vote */
+    struct sst_map_u8 *agreed; /* out, borrowed: how surely a rendered pixel shows the surface in focus, 0..255: share
+                                  of its rays by the maps, or where votes replaced it share of all possible votes, times
+                                  24; NULL: not wanted */
 };
 
 /** Output arrays for the rays of one view; they begin at the first requested pixel. */

@@ -32,6 +32,18 @@ enum sst_render_verify {
                             external and trusted; the default */
 };
 
+/** SST_RENDER_CLEAR: a step between colouring what is seen and filling the holes, as of a memory over time. */
+#define SST_RENDER_SUPPORT 8 /* of struct sst_render_merge: value of one ray */
+struct sst_render_merge {
+    /** @param img     in, out, undefined where the weight is 0
+     *  @param weight  in, out, 255: seen; less: mixed with the mean of the surroundings as far as it lacks */
+    int (*merge)(void *arg, struct sst_image *img, struct sst_map_u8 *weight);
+    void *arg;
+    struct sst_map_u16
+        *surface;               /* out, stored disparity of the surface; SST_DISP_NONE: a hole; of the picture's size */
+    struct sst_map_u8 *support; /* out, rays that agree on the colour, times SST_RENDER_SUPPORT, at most 255 */
+};
+
 struct sst_render_config {
     enum sst_render_method method;
     double focus_px;     /* d_f, px per spacing */
@@ -54,6 +66,8 @@ struct sst_render_config {
     int remove_label;                /* what has this label; 0: none */
     const struct sst_map_u8 *remove; /* pixels that are not 0, [rows * cols] maps of the views' size, borrowed; an empty
                                         map: none of that view; NULL: none. See sst_render_grow_object() */
+    int rays;                        /* of full weight that make up a pixel, the nearest views first; 0: 16 */
+    const struct sst_render_merge *merge; /* borrowed; NULL: none */
     int threads;
 };
 

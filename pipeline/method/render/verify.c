@@ -19,6 +19,7 @@
 #define UNEXPLAINED_HIGH 0.2f  /* ... to unreliable ones */
 #define AGREE_LOW        0.1f  /* of all votes: chance ... */
 #define AGREE_HIGH       0.2f  /* ... to certainly a surface */
+#define AGREED_GAIN      24    /* in sst_render_plan.agreed, so that its 8 bits cover what occurs */
 #define SCREEN_STEP      4     /* a cell is verified if, of every 4th pixel of every 4th row left to votes ... */
 #define SCREEN_SHARE     8     /* ... one in 8 has more than UNEXPLAINED_LOW */
 #define FRONT_SIGMAS     0.5   /* in front: nearer than the focus by this many sigma_d */
@@ -388,6 +389,16 @@ static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, in
     }
 }
 
+/* A pixel that the votes replaced shows what so many of all possible votes say: rays of a common colour, as of leaves,
+ * have fewer votes than those of a rare one. */
+static void note_agreed(struct sst_map_u8 *agreed, int x, int y, float agree, float by)
+{
+    uint8_t *to = sst_map_u8_row(agreed, y) + x;
+
+    if (by > 0.5F)
+        *to = (uint8_t)(255 * fminf(agree, 1) + 0.5F);
+}
+
 /* Apply the votes to n pixels from x on of row y, using the rows above and below. */
 static void finish_row(const struct sst_verifier *v, const struct sst_render_plan *p, const float *share, int x, int n,
                        int y, size_t stride, struct sst_image *out)
@@ -395,6 +406,8 @@ static void finish_row(const struct sst_verifier *v, const struct sst_render_pla
     const struct row *const rows[3] = { &v->row[(y + 2) % 3], &v->row[y % 3], &v->row[(y + 1) % 3] };
     float sums[4][STRIDE] = { { 0 } };
     float *const acc[4] = { sums[0], sums[1], sums[2], sums[3] };
+
+    const float most = 9 * (float)p->count * (float)sst_min_int(ALL_VOTES / p->count, 255);
 
     for (size_t k = 0; k < v->views; k++) {
         const uint16_t *const near[3] = { rows[0]->near + k * stride, rows[1]->near + k * stride,
@@ -416,6 +429,8 @@ static void finish_row(const struct sst_verifier *v, const struct sst_render_pla
 
             by *= ramp(open / (9 * v->all), UNEXPLAINED_LOW, UNEXPLAINED_HIGH);
         }
+        if (p->agreed)
+            note_agreed(p->agreed, x + i, y, AGREED_GAIN * sums[3][i] / (SST_AGREE_NEAR * most), by);
         for (int c = 0; c < 3; c++) {
             uint8_t *at = sst_image_row(out, c, y) + x + i;
 
@@ -424,11 +439,23 @@ static void finish_row(const struct sst_verifier *v, const struct sst_render_pla
     }
 }
 
+/* What the maps alone assign to the focus, before votes. */
+static void note_assigned(const struct sst_verifier *v, struct sst_map_u8 *agreed, float (*weight)[SST_BLEND_MAX],
+                          int x, int to, int y, int end)
+{
+    for (int row = y; row < end; row++) {
+        for (int i = x; i < to; i++)
+            sst_map_u8_row(agreed, row)[i] = (uint8_t)(255 * fminf(weight[row - y][i - x] / v->all, 1) + 0.5F);
+    }
+}
+
 void sst_verify(struct sst_verifier *v, const struct sst_render_plan *p, float (*weight)[SST_BLEND_MAX], int x, int to,
                 int y, int end, struct sst_image *out)
 {
     const int left = x;
 
+    if (p->agreed)
+        note_assigned(v, p->agreed, weight, x, to, y, end);
     while (x < to) {
         int next, cells = 0;
 

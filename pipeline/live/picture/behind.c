@@ -1,0 +1,202 @@
+/* Behind dense leaves the maps miss most of what the gaps show, and the clear picture has holes there. Rays that agree
+ * show it (pipeline/method/render/verify.h), one plane at a time: the default focus, behind what is in front, and
+ * planes around it up to the cut. Every cell of the picture keeps the plane on which most of its rays agreed; some
+ * cells are tried on another one in each set. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/live/picture/picture_internal.h"
+
+#define STEP_PX      1.5 /* between planes: what lies between two is off by 2 px in the outermost views */
+#define BETTER       1.1 /* another plane must have this multiple of the agreement */
+#define EXPLORE      8   /* one cell in this many is tried on another plane; at the start ... */
+#define START_ROUNDS (4 * PICTURE_PLANES) /* ... for this many sets every second one */
+
+void picture_behind_fini(struct picture_behind *b)
+{
+    for (int i = 0; i < b->planned; i++)
+        sst_render_plan_fini(&b->plan[i]);
+    sst_image_fini(&b->image);
+    sst_map_u8_fini(&b->agreed);
+    free(b->cell);
+    *b = (struct picture_behind){ 0 };
+}
+
+static int reserve(struct picture_behind *b, const struct sst_lightfield *lf)
+{
+    int err = b->image.plane[0] ? 0 : sst_image_init(&b->image, lf->width, lf->height);
+
+    b->cols = (lf->width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
+    b->rows = (lf->height + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT;
+    err = err || b->agreed.data ? err : sst_map_u8_init(&b->agreed, lf->width, lf->height);
+    if (!err && !b->cell)
+        b->cell = calloc((size_t)b->cols * (size_t)b->rows, sizeof(*b->cell) + 1);
+    b->wanted = b->cell ? (uint8_t *)(b->cell + (size_t)b->cols * (size_t)b->rows) : NULL;
+    return err || b->cell ? err : -ENOMEM;
+}
+
+/* --- planes ------------------------------------------------------------------------------------------------------- */
+
+static bool same(double a, double b)
+{
+    return a <= b && a >= b;
+}
+
+/* Is a plan for what is there now? */
+static bool is_current(const struct picture_behind *b, const struct sst_live *live, double focus_px, double cut_px)
+{
+    return b->planned && same(b->focus_px, focus_px) && same(b->cut_px, cut_px) &&
+           b->present_serial == live->present_serial && same(b->disp_min_px, live->lf.disp_min_px);
+}
+
+/* The focus, what lies behind it, and what lies before it and behind the cut. */
+static int choose_planes(double plane_px[PICTURE_PLANES], const struct sst_live *live, double cut_px)
+{
+    const double focus_px = live->focus.focus_px;
+    int n = 0;
+
+    plane_px[n++] = focus_px;
+    if (focus_px - STEP_PX >= live->min_px)
+        plane_px[n++] = focus_px - STEP_PX;
+    for (int i = 1; n < PICTURE_PLANES && focus_px + i * STEP_PX < fmin(cut_px, live->max_px); i++)
+        plane_px[n++] = focus_px + i * STEP_PX;
+    return n;
+}
+
+static int make_plans(struct picture_behind *b, const struct sst_live *live, double cut_px)
+{
+    double plane_px[PICTURE_PLANES];
+    const int n = choose_planes(plane_px, live, cut_px);
+    int err = 0;
+
+    for (int i = 0; i < b->planned; i++)
+        sst_render_plan_fini(&b->plan[i]);
+    for (int i = 0; i < b->cols * b->rows; i++)
+        b->cell[i].plane = 0;
+    for (b->planned = b->round = 0; b->planned < n && !err; b->planned += !err) {
+        struct sst_render_config cfg;
+
+        sst_render_config_defaults(&cfg);
+        cfg.verify = SST_VERIFY_ON;
+        cfg.focus_px = plane_px[b->planned];
+        picture_resolve(&cfg, live);
+        b->plane_px[b->planned] = cfg.focus_px;
+        err = sst_render_plan_init(&b->plan[b->planned], live->renderer, &cfg);
+        if (!err)
+            b->plan[b->planned].agreed = &b->agreed;
+    }
+    b->focus_px = live->focus.focus_px;
+    b->cut_px = cut_px;
+    b->counted = live->counted;
+    b->present_serial = live->present_serial;
+    b->disp_min_px = live->lf.disp_min_px;
+    return b->planned ? 0 : err;
+}
+
+static int update_plans(struct picture_behind *b, const struct sst_live *live, double cut_px)
+{
+    if (!is_current(b, live, live->focus.focus_px, cut_px))
+        return make_plans(b, live, cut_px);
+    for (int i = 0; i < b->planned && b->counted != live->counted; i++)
+        (void)sst_render_plan_update(&b->plan[i], live->renderer, PICTURE_NOTICEABLE, PICTURE_NOTICEABLE_SHARE);
+    b->counted = live->counted;
+    return 0;
+}
+
+/* --- cells -------------------------------------------------------------------------------------------------------- */
+
+/* Count the holes of all cells. @return any */
+static bool count_holes(struct picture_behind *b, const struct sst_map_u8 *weight)
+{
+    bool any = false;
+
+    for (int i = 0; i < b->cols * b->rows; i++)
+        b->cell[i].holes = 0;
+    for (int y = 0; y < weight->height; y++) {
+        const uint8_t *row = sst_map_u8_row(weight, y);
+        struct picture_cell *cell = b->cell + (size_t)(y / SST_RENDER_CELL_HEIGHT) * (size_t)b->cols;
+
+        for (int x = 0; x < weight->width; x++) {
+            if (row[x] < PICTURE_SEEN_WEIGHT) {
+                cell[x / SST_RENDER_CELL_WIDTH].holes++;
+                any = true;
+            }
+        }
+    }
+    return any;
+}
+
+/* Mean agreement of a cell's pixels. */
+static float score(const struct picture_behind *b, int at)
+{
+    const int x0 = at % b->cols * SST_RENDER_CELL_WIDTH, y0 = at / b->cols * SST_RENDER_CELL_HEIGHT;
+    const int x1 = sst_min_int(x0 + SST_RENDER_CELL_WIDTH, b->agreed.width);
+    const int y1 = sst_min_int(y0 + SST_RENDER_CELL_HEIGHT, b->agreed.height);
+    int sum = 0;
+
+    for (int y = y0; y < y1; y++) {
+        for (int x = x0; x < x1; x++)
+            sum += sst_map_u8_row(&b->agreed, y)[x];
+    }
+    return (float)sum / (float)((x1 - x0) * (y1 - y0));
+}
+
+/* Render the wanted cells on one plane. */
+static int render_cells(struct picture_behind *b, int plane)
+{
+    return memchr(b->wanted, 1, (size_t)b->cols * (size_t)b->rows)
+               ? sst_render_plan_render(&b->plan[plane], b->wanted, &b->image, NULL)
+               : 0;
+}
+
+bool picture_behind_render(struct picture_behind *b, const struct sst_live *live, const struct sst_map_u8 *weight,
+                           double cut_px)
+{
+    int err = 0;
+
+    if (!live->low_confidence || isnan(live->focus.focus_px) || reserve(b, &live->lf) || !count_holes(b, weight) ||
+        update_plans(b, live, cut_px))
+        return false;
+    for (int plane = 0; plane < b->planned && !err; plane++) {
+        for (int i = 0; i < b->cols * b->rows; i++)
+            b->wanted[i] = b->cell[i].holes && b->cell[i].plane == plane;
+        err = render_cells(b, plane);
+    }
+    for (int i = 0; i < b->cols * b->rows && !err; i++)
+        b->cell[i].score = b->cell[i].holes ? score(b, i) : 0;
+    return !err;
+}
+
+/* The plane that a cell is tried on in this round; -1: none. */
+static int candidate(const struct picture_behind *b, int at)
+{
+    const int col = at % b->cols, row = at / b->cols, plane = b->cell[at].plane;
+
+    if (!b->cell[at].holes)
+        return -1;
+    if (b->round < START_ROUNDS)
+        return (col + row + b->round) % 2 ? -1 : (1 + b->round / 2) % b->planned;
+    if ((at + b->round) % EXPLORE)
+        return -1;
+    return (plane + (b->round / EXPLORE % 2 ? 1 : b->planned - 1)) % b->planned;
+}
+
+void picture_behind_explore(struct picture_behind *b)
+{
+    int err = 0;
+
+    for (int plane = 0; plane < b->planned && !err; plane++) {
+        for (int i = 0; i < b->cols * b->rows; i++)
+            b->wanted[i] = b->cell[i].plane != plane && candidate(b, i) == plane;
+        err = render_cells(b, plane);
+        for (int i = 0; i < b->cols * b->rows && !err; i++) {
+            const float found = b->wanted[i] ? score(b, i) : 0;
+
+            if (found > (float)BETTER * b->cell[i].score)
+                b->cell[i] = (struct picture_cell){ b->cell[i].holes, (uint8_t)plane, found };
+        }
+    }
+    b->round++;
+}

@@ -1,0 +1,365 @@
+/* What was seen a moment ago behind things that move.
+ *
+ * Every pixel holds the colour and the surface that were last seen there, and since when. A pixel that is seen now
+ * either confirms what it holds or changes it. A pixel that is not seen shows what it holds, unless that is
+ * contradicted: by what is seen around it (most of the nearest pixels that are seen now have just changed: somebody
+ * came or left), by the reference camera (what it shows there is being removed, and is the same surface), or by time
+ * (the cameras' tiles changed there, and it was not seen again). */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/live/picture/picture_internal.h"
+
+#define SAME_Q6        80 /* disparities of one surface in two sets: maps of half size jump by a pixel */
+#define SAME_LEVELS    60 /* colours of one surface in two sets, sum of R, G, B */
+#define STRONG         (4 * SST_RENDER_SUPPORT) /* rays that agree and need no confirmation by earlier sets */
+#define SUPPORT_MOST   (12 * SST_RENDER_SUPPORT)
+#define MOVER_MS       900  /* in which what came in front, or has not been there for long, must be seen again */
+#define SETTLED_MS     3000 /* what has been there for so long stays for ... */
+#define LONG_MS        20000
+#define AGREED         48                       /* of 255, from which rays that agree on a colour count ... */
+#define AGREED_SUPPORT (8 * SST_RENDER_SUPPORT) /* ... all of them like so many rays of the maps */
+#define LEAST          12                       /* support without which a pixel counts as not seen */
+#define BAND           4                        /* rows of a job: those of the finest cells */
+#define CELL_SHIFT     2
+#define VOTERS         8 /* pixels that decide */
+
+static const struct picture_pixel nothing = { .disp = SST_DISP_NONE };
+
+struct merge {
+    struct picture_memory *m;
+    const struct picture_merge *in;
+    uint32_t now_ms, dt_ms;
+};
+
+/* --- set-up ------------------------------------------------------------------------------------------------------- */
+
+static int half(int side)
+{
+    return (side + 1) / 2;
+}
+
+int picture_memory_init(struct picture_memory *m, int width, int height)
+{
+    int cols = (width + 3) >> CELL_SHIFT, rows = (height + 3) >> CELL_SHIFT;
+    size_t cells = 0;
+
+    *m = (struct picture_memory){ .width = width, .height = height };
+    for (int i = 0; i < PICTURE_VOTE_LEVELS; i++, cols = half(cols), rows = half(rows)) {
+        m->cols[i] = cols;
+        m->rows[i] = rows;
+        cells += (size_t)cols * (size_t)rows;
+    }
+    m->pixel = sst_mem_alloc_raw((size_t)width * (size_t)height, sizeof(*m->pixel));
+    m->votes = sst_mem_alloc_raw(cells, sizeof(*m->votes));
+    if (!m->pixel || !m->votes) {
+        picture_memory_fini(m);
+        return -ENOMEM;
+    }
+    for (int i = 0; i < PICTURE_VOTE_LEVELS; i++)
+        m->level[i] = i ? m->level[i - 1] + (size_t)m->cols[i - 1] * (size_t)m->rows[i - 1] : m->votes;
+    picture_memory_forget(m);
+    return 0;
+}
+
+void picture_memory_fini(struct picture_memory *m)
+{
+    sst_mem_free(m->pixel);
+    sst_mem_free(m->votes);
+    *m = (struct picture_memory){ 0 };
+}
+
+void picture_memory_forget(struct picture_memory *m)
+{
+    for (size_t i = 0; i < (size_t)m->width * (size_t)m->height; i++)
+        m->pixel[i] = nothing;
+    m->started = false;
+}
+
+/* --- what is seen now --------------------------------------------------------------------------------------------- */
+
+static int colour_distance(const struct picture_pixel *p, const uint8_t rgb[3])
+{
+    return abs(p->rgb[0] - rgb[0]) + abs(p->rgb[1] - rgb[1]) + abs(p->rgb[2] - rgb[2]);
+}
+
+static void replace(struct picture_pixel *p, const uint8_t rgb[3], uint16_t disp, int support, uint32_t now_ms)
+{
+    *p = (struct picture_pixel){ .rgb = { rgb[0], rgb[1], rgb[2] },
+                                 .support = (uint8_t)sst_min_int(support, SUPPORT_MOST),
+                                 .disp = disp,
+                                 .seen_ms = now_ms,
+                                 .since_ms = now_ms };
+}
+
+/* The same surface again: the mean over sets, each by the rays that agreed. */
+static void confirm(struct picture_pixel *p, const uint8_t rgb[3], uint16_t disp, int support, uint32_t now_ms)
+{
+    const int sum = p->support + support;
+
+    for (int c = 0; c < 3 && sum; c++)
+        p->rgb[c] = (uint8_t)((p->rgb[c] * p->support + rgb[c] * support + sum / 2) / sum);
+    p->disp =
+        sum ? (uint16_t)(((uint32_t)p->disp * p->support + (uint32_t)disp * (uint32_t)support) / (uint32_t)sum) : disp;
+    p->support = (uint8_t)sst_min_int(sum, SUPPORT_MOST);
+    p->seen_ms = now_ms;
+    p->doubt_ms = 0;
+}
+
+static bool is_same(const struct picture_pixel *p, const uint8_t rgb[3], uint16_t disp)
+{
+    return p->disp != SST_DISP_NONE && abs(p->disp - disp) <= SAME_Q6 && colour_distance(p, rgb) <= SAME_LEVELS;
+}
+
+enum vote { VOTE_NONE = 0, VOTE_SAME = 1, VOTE_CHANGED = 2 };
+
+/* A pixel that is seen: @return what it says about its neighbourhood */
+static enum vote see(const struct merge *g, struct picture_pixel *p, uint8_t rgb[3], uint16_t disp, int support)
+{
+    const bool known = p->disp != SST_DISP_NONE;
+
+    if (is_same(p, rgb, disp)) {
+        confirm(p, rgb, disp, support, g->now_ms);
+        if (support < STRONG)
+            memcpy(rgb, p->rgb, 3);
+        return VOTE_SAME;
+    }
+    if (known && support < STRONG && 2 * support < p->support && g->now_ms - p->seen_ms < MOVER_MS) {
+        p->support = (uint8_t)(p->support - support);
+        memcpy(rgb, p->rgb, 3);
+        return VOTE_NONE;
+    }
+    replace(p, rgb, disp, support, g->now_ms);
+    return known ? VOTE_CHANGED : VOTE_NONE;
+}
+
+/* Fill holes with what rays agree on at one disparity. */
+static void fill_behind(const struct merge *g, int y)
+{
+    const struct picture_merge *in = g->in;
+    const struct picture_behind *b = in->behind;
+    const struct picture_cell *cell = b->cell + (size_t)(y / SST_RENDER_CELL_HEIGHT) * (size_t)b->cols;
+    const uint8_t *agreed = sst_map_u8_row(&b->agreed, y);
+    uint8_t *weight = sst_map_u8_row(in->weight, y), *support = sst_map_u8_row(in->support, y);
+
+    for (int x = 0; x < g->m->width; x++) {
+        if (weight[x] >= PICTURE_SEEN_WEIGHT || agreed[x] < AGREED)
+            continue;
+        for (int c = 0; c < 3; c++)
+            sst_image_row(in->image, c, y)[x] = sst_image_row(&b->image, c, y)[x];
+        weight[x] = 255;
+        support[x] = (uint8_t)sst_min_int(agreed[x] * AGREED_SUPPORT / 255, STRONG - 1);
+        sst_map_u16_row(in->surface, y)[x] = sst_disp_q6(in->lf, b->plane_px[cell[x / SST_RENDER_CELL_WIDTH].plane]);
+    }
+}
+
+static void see_row(const struct merge *g, int y, struct picture_votes *cells)
+{
+    const struct picture_merge *in = g->in;
+    const uint16_t *surface = sst_map_u16_row(in->surface, y);
+    const uint8_t *support = sst_map_u8_row(in->support, y);
+    uint8_t *weight = sst_map_u8_row(in->weight, y);
+    struct picture_pixel *pixel = g->m->pixel + (size_t)y * (size_t)g->m->width;
+    uint8_t *out[3] = { sst_image_row(in->image, 0, y), sst_image_row(in->image, 1, y),
+                        sst_image_row(in->image, 2, y) };
+
+    for (int x = 0; x < g->m->width; x++) {
+        uint8_t rgb[3] = { out[0][x], out[1][x], out[2][x] };
+        enum vote vote;
+
+        if (support[x] < LEAST && !is_same(&pixel[x], rgb, surface[x]))
+            weight[x] = 0;
+        if (weight[x] < PICTURE_SEEN_WEIGHT || surface[x] == SST_DISP_NONE)
+            continue;
+        vote = see(g, &pixel[x], rgb, surface[x], support[x]);
+        for (int c = 0; c < 3; c++)
+            out[c][x] = rgb[c];
+        cells[x >> CELL_SHIFT].same = (uint16_t)(cells[x >> CELL_SHIFT].same + (vote == VOTE_SAME));
+        cells[x >> CELL_SHIFT].changed = (uint16_t)(cells[x >> CELL_SHIFT].changed + (vote == VOTE_CHANGED));
+    }
+}
+
+static int see_band(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct merge *g = arg;
+    struct picture_votes *cells = g->m->level[0] + (size_t)index * (size_t)g->m->cols[0];
+
+    memset(cells, 0, (size_t)g->m->cols[0] * sizeof(*cells));
+    for (int y = index * BAND; y < sst_min_int((index + 1) * BAND, g->m->height); y++) {
+        if (g->in->behind)
+            fill_behind(g, y);
+        see_row(g, y, cells);
+    }
+    return 0;
+}
+
+/* --- what is seen around it --------------------------------------------------------------------------------------- */
+
+static void sum_votes(const struct picture_memory *m, int level)
+{
+    const int cols = m->cols[level - 1], rows = m->rows[level - 1];
+    struct picture_votes *to = m->level[level];
+
+    memset(to, 0, (size_t)m->cols[level] * (size_t)m->rows[level] * sizeof(*to));
+    for (int y = 0; y < rows; y++) {
+        const struct picture_votes *from = m->level[level - 1] + (size_t)y * (size_t)cols;
+
+        for (int x = 0; x < cols; x++) {
+            struct picture_votes *v = &to[(size_t)(y / 2) * (size_t)m->cols[level] + (size_t)(x / 2)];
+
+            v->same = (uint16_t)(v->same + from[x].same);
+            v->changed = (uint16_t)(v->changed + from[x].changed);
+        }
+    }
+}
+
+/* Votes of the cell of a pixel and of those around it. */
+static struct picture_votes votes_around(const struct picture_memory *m, int level, int x, int y)
+{
+    const int col = x >> (CELL_SHIFT + level), row = y >> (CELL_SHIFT + level);
+    struct picture_votes sum = { 0 };
+
+    for (int r = sst_max_int(row - 1, 0); r <= sst_min_int(row + 1, m->rows[level] - 1); r++) {
+        for (int c = sst_max_int(col - 1, 0); c <= sst_min_int(col + 1, m->cols[level] - 1); c++) {
+            const struct picture_votes *v = &m->level[level][(size_t)r * (size_t)m->cols[level] + (size_t)c];
+
+            sum.same = (uint16_t)(sum.same + v->same);
+            sum.changed = (uint16_t)(sum.changed + v->changed);
+        }
+    }
+    return sum;
+}
+
+/* Have most of the nearest pixels that are seen now just changed? */
+static bool changed_around(const struct picture_memory *m, int x, int y)
+{
+    for (int level = 0; level < PICTURE_VOTE_LEVELS; level++) {
+        const struct picture_votes v = votes_around(m, level, x, y);
+
+        if (v.same + v.changed >= VOTERS)
+            return v.changed > v.same;
+    }
+    return false;
+}
+
+/* --- what is not seen --------------------------------------------------------------------------------------------- */
+
+/* Has any of some views changed where it would see what the pixel holds? */
+static bool views_changed(const struct picture_merge *in, const struct picture_pixel *p, int x, int y)
+{
+    const double d = sst_disp_px(in->lf, p->disp);
+
+    for (int i = 0; i < in->views; i++) {
+        const struct sst_view *v = &in->lf->views[in->view[i]];
+        const double px = x - d * v->bx, py = y - d * v->by;
+
+        if (px >= 0 && py >= 0 && px < in->lf->width && py < in->lf->height &&
+            in->stamp[in->view[i]][(int)py / in->tile * in->tile_cols + (int)px / in->tile] > in->serial)
+            return true;
+    }
+    return false;
+}
+
+/* What the reference camera shows here is removed, and is what the pixel holds. */
+static bool is_removed(const struct picture_merge *in, const struct picture_pixel *p, int x, int y)
+{
+    uint16_t disp;
+
+    if (p->disp > in->cut_q6)
+        return true;
+    if (!in->lead || !in->lead->disp.data)
+        return false;
+    disp = sst_map_u16_row(&in->lead->disp, y)[x];
+    if (disp == SST_DISP_NONE || abs(disp - p->disp) > SAME_Q6)
+        return false;
+    return (in->remove_label && in->lead->label.data && sst_map_u8_row(&in->lead->label, y)[x] == in->remove_label) ||
+           (in->removed && in->removed->data && sst_map_u8_row(in->removed, y)[x]);
+}
+
+static uint32_t lifetime_ms(const struct picture_pixel *p)
+{
+    return p->seen_ms - p->since_ms >= SETTLED_MS ? LONG_MS : MOVER_MS;
+}
+
+/* A pixel that is not seen: does it keep what it holds? */
+static bool stays(const struct merge *g, struct picture_pixel *p, int x, int y)
+{
+    if (is_removed(g->in, p, x, y) || changed_around(g->m, x, y))
+        return false;
+    if (!g->dt_ms || !views_changed(g->in, p, x, y))
+        return true;
+    p->doubt_ms = (uint16_t)sst_min_int((int)(p->doubt_ms + g->dt_ms), UINT16_MAX);
+    return p->doubt_ms < lifetime_ms(p);
+}
+
+/* Mix what a pixel holds into it, as far as it lacks weight. */
+static void show(const struct picture_merge *in, const struct picture_pixel *p, int x, int y)
+{
+    uint8_t *weight = sst_map_u8_row(in->weight, y) + x;
+
+    for (int c = 0; c < 3; c++) {
+        uint8_t *to = sst_image_row(in->image, c, y) + x;
+
+        *to = (uint8_t)((*to * *weight + p->rgb[c] * (255 - *weight) + 127) / 255);
+    }
+    *weight = 255;
+}
+
+static int remember_band(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct merge *g = arg;
+    const struct picture_merge *in = g->in;
+
+    for (int y = index * BAND; y < sst_min_int((index + 1) * BAND, g->m->height); y++) {
+        struct picture_pixel *pixel = g->m->pixel + (size_t)y * (size_t)g->m->width;
+        const uint8_t *weight = sst_map_u8_row(in->weight, y);
+        uint8_t *kind = sst_map_u8_row(in->kind, y);
+
+        for (int x = 0; x < g->m->width; x++) {
+            if (weight[x] >= PICTURE_SEEN_WEIGHT && sst_map_u16_row(in->surface, y)[x] != SST_DISP_NONE) {
+                kind[x] = PICTURE_SEEN;
+                continue;
+            }
+            kind[x] = PICTURE_FILLED;
+            if (pixel[x].disp == SST_DISP_NONE)
+                continue;
+            if (!stays(g, &pixel[x], x, y)) {
+                pixel[x] = nothing;
+            } else {
+                kind[x] = PICTURE_REMEMBERED;
+                show(in, &pixel[x], x, y);
+            }
+        }
+    }
+    return 0;
+}
+
+int picture_memory_merge(struct picture_memory *m, const struct picture_merge *in)
+{
+    const int bands = (m->height + BAND - 1) / BAND;
+    struct merge g = { .m = m, .in = in };
+    int err;
+
+    if (!m->started) {
+        m->start_ns = m->last_ns = in->t_ns;
+        m->started = true;
+    }
+    g.now_ms = (uint32_t)((in->t_ns - m->start_ns) / 1000000);
+    g.dt_ms = (uint32_t)((in->t_ns > m->last_ns ? in->t_ns - m->last_ns : 0) / 1000000);
+    m->last_ns = in->t_ns;
+    err = sst_parallel_for(bands, in->threads, see_band, &g);
+    for (int level = 1; level < PICTURE_VOTE_LEVELS; level++)
+        sum_votes(m, level);
+    return err ? err : sst_parallel_for(bands, in->threads, remember_band, &g);
+}
+
+double picture_memory_age_s(const struct picture_memory *m, int x, int y)
+{
+    const struct picture_pixel *p = &m->pixel[(size_t)y * (size_t)m->width + (size_t)x];
+
+    return (double)((m->last_ns - m->start_ns) / 1000000 - p->seen_ms) / 1e3;
+}

@@ -1,0 +1,286 @@
+/* How the live clear picture compares with the truth, set by set, on a simulated world that moves:
+ *   make build/bench/live_clear && build/bench/live_clear SCENE [name=value ...]
+ * sets=21 threads=2 cut=AUTO label=NAME (removed) from=0 (first set) cache=/tmp out=DIR (pictures)
+ *
+ * Prints CSV: CPU ms of the update, of the clear picture and of a see-through one; dB over the whole picture against
+ * the scene without its first occluder: with memory, of this set alone, see-through; percent of pixels wrong by more
+ * than 20 levels, and of those that only the memory makes wrong (ghosts); shares seen, remembered and filled, oldest
+ * pixel. The last line sums up. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <linux/videodev2.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/eval/eval.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/live/live.h"
+#include "simulators/scene/scene.h"
+#include "simulators/scene/world/sim_world.h"
+
+#define WIDTH    640
+#define HEIGHT   480
+#define SIDE     6
+#define VIEWS    (SIDE * SIDE)
+#define RATE_HZ  10
+#define CAPACITY ((size_t)1 << 20)
+#define WRONG    20 /* levels in one channel */
+
+static struct {
+    const char *scene, *label, *cache, *out;
+    int sets, from, threads;
+    double cut;
+    struct sst_sim_world *world;
+    struct sst_live *live;
+    struct sst_livepicture *clear, *alone, *see_through;
+    struct sst_live_input in;
+    struct sst_live_report report;
+    uint8_t frame[VIEWS][CAPACITY];
+} b = { .cache = "/tmp", .sets = 21, .threads = 2, .cut = NAN };
+
+static bool set_option(const char *text)
+{
+    const char *eq = strchr(text, '=');
+    const size_t n = eq ? (size_t)(eq - text) : 0;
+    const struct {
+        const char *name, **text;
+        int *number;
+    } known[] = { { "label", &b.label, NULL }, { "cache", &b.cache, NULL }, { "out", &b.out, NULL },
+                  { "sets", NULL, &b.sets },   { "from", NULL, &b.from },   { "threads", NULL, &b.threads } };
+
+    for (size_t i = 0; n && i < ARRAY_LEN(known); i++) {
+        if (strlen(known[i].name) != n || strncmp(text, known[i].name, n) != 0)
+            continue;
+        if (known[i].text)
+            *known[i].text = eq + 1;
+        else
+            *known[i].number = atoi(eq + 1);
+        return true;
+    }
+    if (n == 3 && !strncmp(text, "cut", 3)) {
+        b.cut = atof(eq + 1);
+        return true;
+    }
+    fprintf(stderr, "live_clear: unknown option %s\n", text);
+    return false;
+}
+
+static int open_world(void)
+{
+    char path[SST_PATH_MAX], text[256];
+    int err;
+
+    snprintf(path, sizeof(path), "%s/live-%s.yaml", b.cache, b.scene);
+    snprintf(text, sizeof(text), "scene: %s\nstrip: false\n", b.scene);
+    err = sst_file_write(path, text, strlen(text));
+    return err ? err : sst_sim_world_open(&b.world, path, b.cache);
+}
+
+static int open_live(void)
+{
+    struct sst_live_config cfg = { .rows = SIDE,
+                                   .cols = SIDE,
+                                   .fourcc = V4L2_PIX_FMT_MJPEG,
+                                   .width = WIDTH,
+                                   .height = HEIGHT,
+                                   .model = "models/pspnet-small.onnx",
+                                   .threads = b.threads,
+                                   .skip_change = true,
+                                   .skip_labels = true };
+    int err;
+
+    for (int k = 0; k < VIEWS; k++)
+        cfg.present[k] = true;
+    err = sst_live_open(&b.live, &cfg);
+    err = err ? err : sst_livepicture_create(&b.clear, b.live);
+    return err ? err : sst_livepicture_create(&b.see_through, b.live);
+}
+
+static int feed(int set)
+{
+    b.in.set = (uint64_t)set;
+    b.in.t_ns = INT64_C(1000000000) / RATE_HZ * set + 1000000;
+    for (int view = 0; view < VIEWS; view++) {
+        const struct sst_sim_exposure e = {
+            .cam = view, .trigger = (uint64_t)set, .exposure_us = 5000, .gain = 1, .t_ns = b.in.t_ns
+        };
+        const int err = sst_sim_world_frame(b.world, &e, V4L2_PIX_FMT_MJPEG, WIDTH, HEIGHT, b.frame[view], CAPACITY,
+                                            &b.in.frame[view].bytes);
+
+        if (err)
+            return err;
+        b.in.frame[view].data = b.frame[view];
+    }
+    return sst_live_update(b.live, &b.in, &b.report);
+}
+
+static int make_truth(struct sst_image *truth, int set)
+{
+    struct sst_scene_config cfg;
+    struct sst_scene *scene;
+    int err;
+
+    sst_scene_config_defaults(&cfg);
+    cfg.width = WIDTH;
+    cfg.height = HEIGHT;
+    cfg.time_s = (double)set / RATE_HZ;
+    err = sst_scene_create(&scene, b.scene, &cfg);
+    if (err)
+        return err;
+    err = sst_scene_render(scene, 0, 0, 1, truth, NULL, NULL);
+    sst_scene_destroy(scene);
+    return err;
+}
+
+static int deviation(const struct sst_image *a, const struct sst_image *t, int x, int y)
+{
+    int most = 0;
+
+    for (int c = 0; c < 3; c++)
+        most = sst_max_int(most, abs(sst_image_row(a, c, y)[x] - sst_image_row(t, c, y)[x]));
+    return most;
+}
+
+/* Pixels that only the memory makes wrong. */
+static double ghost_percent(const struct sst_image *memory, const struct sst_image *alone,
+                            const struct sst_image *truth)
+{
+    int ghosts = 0;
+
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++)
+            ghosts += deviation(memory, truth, x, y) > WRONG && deviation(alone, truth, x, y) <= WRONG;
+    }
+    return 100.0 * ghosts / (WIDTH * HEIGHT);
+}
+
+static double wrong_percent(const struct sst_image *a, const struct sst_image *t)
+{
+    int wrong = 0;
+
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++)
+            wrong += deviation(a, t, x, y) > WRONG;
+    }
+    return 100.0 * wrong / (WIDTH * HEIGHT);
+}
+
+static int write_picture(const struct sst_image *image, const char *name, int set)
+{
+    char file[64], path[SST_PATH_MAX];
+
+    if (!b.out)
+        return 0;
+    snprintf(file, sizeof(file), "%s-%03d-%s.png", b.scene, set, name);
+    return sst_path_join(path, b.out, file) ? -ENAMETOOLONG : sst_image_write_png(image, path);
+}
+
+static int render(struct sst_livepicture *p, enum sst_render_method method, const struct sst_image **image,
+                  double *cpu_ms)
+{
+    const int64_t cpu_ns = sst_clock_cpu_ns();
+    struct sst_render_config cfg;
+    int64_t px;
+    int err;
+
+    sst_render_config_defaults(&cfg);
+    cfg.method = method;
+    cfg.focus_px = NAN;
+    cfg.verify = SST_VERIFY_ON;
+    cfg.cut_px = b.cut;
+    cfg.remove_label = b.label ? sst_classes_find(&sst_live_lightfield(b.live)->classes, b.label) : 0;
+    err = sst_livepicture_render(p, &cfg, image, &px);
+    *cpu_ms = (double)(sst_clock_cpu_ns() - cpu_ns) / 1e6;
+    return err;
+}
+
+struct sum {
+    double update, clear, see_through, memory_db, alone_db;
+    int n;
+};
+
+static int show(int set, double update_ms, struct sum *sum)
+{
+    struct sst_livepicture_clear state;
+    const struct sst_image *memory, *alone, *see_through;
+    struct sst_image truth = { 0 };
+    double clear_ms, alone_ms, see_ms, db[2];
+    int err = sst_image_init(&truth, WIDTH, HEIGHT);
+
+    err = err ? err : make_truth(&truth, set);
+    err = err ? err : render(b.see_through, SST_RENDER_SST, &see_through, &see_ms);
+    err = err ? err : render(b.clear, SST_RENDER_CLEAR, &memory, &clear_ms);
+    err = err ? err : sst_livepicture_create(&b.alone, b.live); /* without a memory */
+    err = err ? err : render(b.alone, SST_RENDER_CLEAR, &alone, &alone_ms);
+    if (!err) {
+        sst_livepicture_clear(b.clear, &state);
+        db[0] = sst_psnr(memory, &truth, NULL);
+        db[1] = sst_psnr(alone, &truth, NULL);
+        printf("%d,%.1f,%.1f,%.1f,%.2f,%.2f,%.2f,%.2f,%.3f,%.3f,%.1f,%.1f,%.1f,%.2f\n", set, update_ms, clear_ms,
+               see_ms, state.cut_px, db[0], db[1], sst_psnr(see_through, &truth, NULL), wrong_percent(memory, &truth),
+               ghost_percent(memory, alone, &truth), 100 * state.seen, 100 * state.remembered, 100 * state.filled,
+               state.oldest_s);
+        fflush(stdout);
+        sum->update += update_ms;
+        sum->clear += clear_ms;
+        sum->see_through += see_ms;
+        sum->memory_db += db[0];
+        sum->alone_db += db[1];
+        sum->n++;
+        err = write_picture(memory, "clear", set);
+        err = err ? err : write_picture(alone, "alone", set);
+        err = err ? err : write_picture(&truth, "truth", set);
+        err = err ? err : write_picture(&sst_live_lightfield(b.live)->views[14].image, "camera", set);
+    }
+    sst_livepicture_destroy(b.alone);
+    b.alone = NULL;
+    sst_image_fini(&truth);
+    return err;
+}
+
+static int run(void)
+{
+    struct sum sum = { 0 };
+    int err = 0;
+
+    printf("set,update ms,clear ms,see-through ms,cut px,with memory dB,alone dB,see-through dB,wrong %%,ghosts %%,"
+           "seen %%,remembered %%,filled %%,oldest s\n");
+    for (int set = b.from; !err && set < b.from + b.sets; set++) {
+        const int64_t cpu_ns = sst_clock_cpu_ns();
+
+        err = feed(set);
+        err = err ? err : show(set, (double)(sst_clock_cpu_ns() - cpu_ns) / 1e6, &sum);
+    }
+    if (sum.n)
+        printf("mean of %d sets: update %.1f ms, clear %.1f ms, see-through %.1f ms; %.2f dB, alone %.2f dB\n", sum.n,
+               sum.update / sum.n, sum.clear / sum.n, sum.see_through / sum.n, sum.memory_db / sum.n,
+               sum.alone_db / sum.n);
+    return err;
+}
+
+int main(int argc, char **argv)
+{
+    int err;
+
+    b.scene = argc > 1 ? argv[1] : "bush";
+    for (int i = 2; i < argc; i++) {
+        if (!set_option(argv[i]))
+            return 2;
+    }
+    err = open_world();
+    err = err ? err : open_live();
+    err = err ? err : run();
+    sst_livepicture_destroy(b.clear);
+    sst_livepicture_destroy(b.see_through);
+    sst_live_close(b.live);
+    sst_sim_world_close(b.world);
+    if (err)
+        fprintf(stderr, "live_clear: error %d\n", -err);
+    return err ? 1 : 0;
+}

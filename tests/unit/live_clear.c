@@ -1,0 +1,622 @@
+/* Clear pictures of a light field that changes: what is remembered and what is not, things removed by a click, the
+ * automatic cut. Maps are true, or made by hand. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/live/picture/picture_internal.h"
+#include "tests/live_shown.h"
+#include "tests/small.h"
+
+/* --- memory, by hand ---------------------------------------------------------------------------------------------- */
+
+#define SIDE    64
+#define WALL    100
+#define WALKER  200
+#define WALL_Q6 (5 * 64)
+#define NEAR_Q6 (12 * 64)
+
+/* One view of SIDE x SIDE; pixels are seen or not, with one level as colour. */
+struct field {
+    struct sst_lightfield lf;
+    struct picture_memory memory;
+    struct sst_image image;
+    struct sst_map_u8 weight, support, kind;
+    struct sst_map_u16 surface;
+    uint64_t tiles[(SIDE / SST_LIVE_TILE) * (SIDE / SST_LIVE_TILE)], *stamp[SST_MAX_VIEWS];
+    struct picture_merge in;
+    int64_t t_ns;
+};
+
+static void open_field(struct field *f)
+{
+    static const int view[1] = { 0 };
+
+    memset(f, 0, sizeof(*f));
+    assert_int_equal(sst_lightfield_init(&f->lf, 1, 1), 0);
+    f->lf.width = f->lf.height = SIDE;
+    assert_int_equal(picture_memory_init(&f->memory, SIDE, SIDE), 0);
+    assert_int_equal(sst_image_init(&f->image, SIDE, SIDE), 0);
+    assert_int_equal(sst_map_u8_init(&f->weight, SIDE, SIDE), 0);
+    assert_int_equal(sst_map_u8_init(&f->support, SIDE, SIDE), 0);
+    assert_int_equal(sst_map_u8_init(&f->kind, SIDE, SIDE), 0);
+    assert_int_equal(sst_map_u16_init(&f->surface, SIDE, SIDE), 0);
+    f->stamp[0] = f->tiles;
+    f->in = (struct picture_merge){ .lf = &f->lf,
+                                    .threads = 2,
+                                    .image = &f->image,
+                                    .weight = &f->weight,
+                                    .surface = &f->surface,
+                                    .support = &f->support,
+                                    .kind = &f->kind,
+                                    .cut_q6 = 40 * 64,
+                                    .views = 1,
+                                    .view = view,
+                                    .stamp = f->stamp,
+                                    .tile = SST_LIVE_TILE,
+                                    .tile_cols = SIDE / SST_LIVE_TILE };
+}
+
+static void close_field(struct field *f)
+{
+    picture_memory_fini(&f->memory);
+    sst_image_fini(&f->image);
+    sst_map_u8_fini(&f->weight);
+    sst_map_u8_fini(&f->support);
+    sst_map_u8_fini(&f->kind);
+    sst_map_u16_fini(&f->surface);
+    sst_lightfield_fini(&f->lf);
+}
+
+static void put(struct field *f, int x, int y, bool seen, int level, int disp_q6)
+{
+    for (int c = 0; c < 3; c++)
+        sst_image_row(&f->image, c, y)[x] = (uint8_t)(seen ? level : 0);
+    sst_map_u8_row(&f->weight, y)[x] = seen ? 255 : 0;
+    sst_map_u8_row(&f->support, y)[x] = seen ? 16 * SST_RENDER_SUPPORT - 1 : 0;
+    sst_map_u16_row(&f->surface, y)[x] = seen ? (uint16_t)disp_q6 : SST_DISP_NONE;
+}
+
+/* The wall, seen through every gap-th pixel of every gap-th row. */
+static void wall_through_gaps(struct field *f, int gap)
+{
+    for (int y = 0; y < SIDE; y++) {
+        for (int x = 0; x < SIDE; x++)
+            put(f, x, y, x % gap == 0 && y % gap == 0, WALL, WALL_Q6);
+    }
+}
+
+/* Merge after some time; all tiles changed, or none. */
+static void merge(struct field *f, double s, bool changed)
+{
+    f->t_ns += (int64_t)(s * 1e9);
+    f->in.t_ns = f->t_ns;
+    for (size_t i = 0; i < ARRAY_LEN(f->tiles) && changed; i++)
+        f->tiles[i] = f->in.serial + 1;
+    assert_int_equal(picture_memory_merge(&f->memory, &f->in), 0);
+    f->in.serial += changed;
+}
+
+static int kinds(const struct field *f, int kind)
+{
+    int n = 0;
+
+    for (int y = 0; y < SIDE; y++) {
+        for (int x = 0; x < SIDE; x++)
+            n += sst_map_u8_row(&f->kind, y)[x] == kind;
+    }
+    return n;
+}
+
+static void what_was_seen_through_a_gap_stays(void **state SST_UNUSED)
+{
+    struct field f;
+
+    open_field(&f);
+    wall_through_gaps(&f, 1);
+    merge(&f, 0.1, true);
+    assert_int_equal(kinds(&f, PICTURE_SEEN), SIDE * SIDE);
+    wall_through_gaps(&f, 4);
+    merge(&f, 0.25, true);
+    assert_int_equal(kinds(&f, PICTURE_SEEN), SIDE * SIDE / 16);
+    assert_int_equal(kinds(&f, PICTURE_REMEMBERED), SIDE * SIDE * 15 / 16);
+    assert_int_equal(sst_image_row(&f.image, 1, 7)[9], WALL);
+    assert_int_equal(sst_map_u8_row(&f.weight, 7)[9], 255);
+    assert_float_equal(picture_memory_age_s(&f.memory, 9, 7), 0.25, 1e-6);
+    assert_float_equal(picture_memory_age_s(&f.memory, 8, 8), 0, 1e-6);
+    close_field(&f);
+}
+
+static void it_goes_within_a_second_where_views_change(void **state SST_UNUSED)
+{
+    struct field f;
+
+    open_field(&f);
+    wall_through_gaps(&f, 1);
+    merge(&f, 0.1, true);
+    for (int i = 0; i < 50; i++) { /* still: it may take as long as it likes */
+        wall_through_gaps(&f, SIDE);
+        merge(&f, 0.1, false);
+    }
+    assert_int_equal(kinds(&f, PICTURE_REMEMBERED), SIDE * SIDE - 1);
+    for (int i = 0; i < 8; i++) {
+        wall_through_gaps(&f, SIDE);
+        merge(&f, 0.1, true);
+        assert_int_equal(kinds(&f, PICTURE_REMEMBERED), SIDE * SIDE - 1);
+    }
+    wall_through_gaps(&f, SIDE);
+    merge(&f, 0.15, true);
+    assert_int_equal(kinds(&f, PICTURE_REMEMBERED), 0);
+    assert_int_equal(kinds(&f, PICTURE_FILLED), SIDE * SIDE - 1);
+    close_field(&f);
+}
+
+/* A wall that has been there for long stays for longer. */
+static void what_is_settled_stays_longer(void **state SST_UNUSED)
+{
+    struct field f;
+
+    open_field(&f);
+    for (int i = 0; i < 40; i++) {
+        wall_through_gaps(&f, 1);
+        merge(&f, 0.1, true);
+    }
+    for (int i = 0; i < 100; i++) {
+        wall_through_gaps(&f, 8);
+        merge(&f, 0.1, true);
+    }
+    assert_int_equal(kinds(&f, PICTURE_REMEMBERED), SIDE * SIDE * 63 / 64);
+    close_field(&f);
+}
+
+/* Somebody comes behind the leaves and is seen through gaps: the wall must not show between these; at the other end it
+ * must stay. */
+static void who_stands_behind_leaves_is_not_a_wall(void **state SST_UNUSED)
+{
+    struct field f;
+
+    open_field(&f);
+    wall_through_gaps(&f, 1);
+    merge(&f, 0.1, true);
+    wall_through_gaps(&f, 4);
+    for (int y = 0; y < SIDE; y += 4) {
+        for (int x = 0; x < SIDE / 2; x += 4)
+            put(&f, x, y, true, WALKER, NEAR_Q6);
+    }
+    merge(&f, 0.1, true);
+    for (int y = 0; y < SIDE; y++) {
+        for (int x = 0; x < SIDE; x++) {
+            const int kind = sst_map_u8_row(&f.kind, y)[x];
+
+            if (x % 4 == 0 && y % 4 == 0)
+                assert_int_equal(kind, PICTURE_SEEN);
+            else if (x < SIDE / 2 - 8)
+                assert_int_equal(kind, PICTURE_FILLED);
+            else if (x > SIDE / 2 + 8)
+                assert_int_equal(kind, PICTURE_REMEMBERED);
+        }
+    }
+    /* The walker leaves: where the wall is seen again, nothing of the walker stays. */
+    wall_through_gaps(&f, 4);
+    merge(&f, 0.1, true);
+    for (int y = 0; y < SIDE; y++) {
+        for (int x = 0; x < SIDE; x++)
+            assert_int_not_equal(sst_image_row(&f.image, 0, y)[x], WALKER);
+    }
+    close_field(&f);
+}
+
+static void what_is_seen_replaces_what_was(void **state SST_UNUSED)
+{
+    struct field f;
+
+    open_field(&f);
+    wall_through_gaps(&f, 1);
+    merge(&f, 0.1, true);
+    put(&f, 20, 20, true, WALKER, NEAR_Q6); /* another surface */
+    put(&f, 30, 30, true, WALKER, WALL_Q6); /* another colour */
+    merge(&f, 0.1, true);
+    assert_int_equal(sst_image_row(&f.image, 0, 20)[20], WALKER);
+    assert_int_equal(sst_image_row(&f.image, 0, 30)[30], WALKER);
+    put(&f, 20, 20, true, WALL, WALL_Q6); /* what is behind is seen: it is not there any more */
+    put(&f, 30, 30, false, 0, 0);
+    merge(&f, 0.1, true);
+    assert_int_equal(sst_image_row(&f.image, 0, 20)[20], WALL);
+    assert_int_equal(sst_image_row(&f.image, 0, 30)[30], WALKER); /* one pixel; the next second takes it */
+    close_field(&f);
+}
+
+/* A weak sighting does not replace what many rays showed a moment ago; several do. */
+static void weak_sightings_need_another(void **state SST_UNUSED)
+{
+    struct field f;
+    int sets = 0;
+
+    open_field(&f);
+    wall_through_gaps(&f, 1);
+    merge(&f, 0.1, true);
+    do {
+        wall_through_gaps(&f, 1);
+        put(&f, 20, 20, true, WALKER, NEAR_Q6);
+        sst_map_u8_row(&f.support, 20)[20] = 2 * SST_RENDER_SUPPORT;
+        merge(&f, 0.1, true);
+        sets++;
+    } while (sst_image_row(&f.image, 0, 20)[20] == WALL && sets < 20);
+    assert_in_range(sets, 2, 8);
+    close_field(&f);
+}
+
+static void what_is_being_removed_is_not_remembered(void **state SST_UNUSED)
+{
+    struct sst_map_u8 removed = { 0 };
+    struct field f;
+
+    open_field(&f);
+    assert_int_equal(sst_map_u8_init(&removed, SIDE, SIDE), 0);
+    assert_int_equal(sst_map_u16_init(&f.lf.views[0].disp, SIDE, SIDE), 0);
+    wall_through_gaps(&f, 1);
+    for (int x = 0; x < 16; x++) {
+        put(&f, x, 5, true, WALKER, NEAR_Q6);
+        sst_map_u16_row(&f.lf.views[0].disp, 5)[x] = NEAR_Q6;
+        sst_map_u8_row(&removed, 5)[x] = 255;
+    }
+    merge(&f, 0.1, true);
+    f.in.lead = &f.lf.views[0];
+    f.in.removed = &removed;
+    wall_through_gaps(&f, SIDE);
+    merge(&f, 0.1, false);
+    assert_int_equal(kinds(&f, PICTURE_REMEMBERED), SIDE * SIDE - 1 - 16);
+    f.in.cut_q6 = WALL_Q6 - 1; /* the cut moves behind the wall */
+    wall_through_gaps(&f, SIDE);
+    merge(&f, 0.1, false);
+    assert_int_equal(kinds(&f, PICTURE_REMEMBERED), 0);
+    sst_map_u8_fini(&removed);
+    close_field(&f);
+}
+
+/* --- pictures ----------------------------------------------------------------------------------------------------- */
+
+static struct sst_render_config clear_config(double cut_px)
+{
+    struct sst_render_config cfg;
+
+    sst_render_config_defaults(&cfg);
+    cfg.method = SST_RENDER_CLEAR;
+    cfg.cut_px = cut_px;
+    return cfg;
+}
+
+/* Share of the picture that is wrong by more than 20 levels, in percent. */
+static double wrong(const struct sst_image *a, const struct sst_image *b)
+{
+    int n = 0;
+
+    for (int y = 0; y < a->height; y++) {
+        for (int x = 0; x < a->width; x++) {
+            int most = 0;
+
+            for (int c = 0; c < 3; c++)
+                most = sst_max_int(most, abs(sst_image_row(a, c, y)[x] - sst_image_row(b, c, y)[x]));
+            n += most > 20;
+        }
+    }
+    return 100.0 * n / ((double)a->width * a->height);
+}
+
+static void behind(struct shown *s, struct sst_image *out)
+{
+    assert_int_equal(sst_image_init(out, s->live->lf.width, s->live->lf.height), 0);
+    assert_int_equal(sst_scene_render(s->scene, 0, 0, 1, out, NULL, NULL), 0);
+}
+
+static void a_walker_vanishes_and_leaves_nothing(void **state SST_UNUSED)
+{
+    struct sst_livepicture_clear shown;
+    struct sst_render_config cfg = clear_config(NAN);
+    const struct sst_image *image;
+    struct sst_image truth = { 0 };
+    struct sst_livepicture *p;
+    struct shown s;
+    int64_t px;
+
+    show(&s, "pedestrian", 160, 120, 6, false);
+    take(&s, 1000000);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    sst_livepicture_clear(p, &shown);
+    assert_true(isnan(shown.cut_px) && isnan(shown.seen));
+    for (int i = 0; i < 8; i++) {
+        if (i)
+            set_scene(&s, "pedestrian", 0.2 * i);
+        take(&s, 1000000 + i * INT64_C(200000000));
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+        sst_livepicture_clear(p, &shown);
+        if (isnan(shown.cut_px))
+            continue; /* no gap yet: all in focus */
+        behind(&s, &truth);
+        if (getenv("SST_VERBOSE"))
+            printf("%.1f s: cut %.2f px, wrong %.2f %%, seen %.1f, remembered %.1f %%\n", 0.2 * i, shown.cut_px,
+                   wrong(image, &truth), 100 * shown.seen, 100 * shown.remembered);
+        assert_true(wrong(image, &truth) < 3);
+        assert_true(shown.seen + shown.remembered + shown.filled > 0.999 && shown.seen > 0.9);
+        sst_image_fini(&truth);
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+        assert_int_equal(px, 0); /* nothing changed: nothing is computed */
+    }
+    assert_false(isnan(sst_live_cut(s.live)));
+    sst_livepicture_destroy(p);
+    hide(&s);
+}
+
+/* Any number of threads gives the same bytes. */
+static void threads_do_not_matter(void **state SST_UNUSED)
+{
+    struct sst_render_config cfg = clear_config(11);
+    const struct sst_image *image;
+    struct sst_image first = { 0 };
+    struct shown s;
+    int64_t px;
+
+    for (int threads = 1; threads < 5; threads += 2) {
+        struct sst_livepicture *p;
+
+        show(&s, "bush", 160, 120, 3, false);
+        s.live->cfg.threads = threads;
+        assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+        sst_livepicture_decorate(p, true, true);
+        for (int i = 0; i < 3; i++) {
+            set_scene(&s, "bush", 0.3 * i);
+            s.live->low_confidence = i == 1; /* then rays are verified, too */
+            take(&s, 1000000 + i * INT64_C(700000000));
+            assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+        }
+        if (threads == 1) {
+            assert_int_equal(sst_image_init(&first, 160, 120), 0);
+            for (int c = 0; c < 3; c++)
+                memcpy(first.plane[c], image->plane[c], image->stride * 120);
+        } else {
+            assert_true(same_image(image, &first));
+        }
+        sst_livepicture_destroy(p);
+        hide(&s);
+    }
+    sst_image_fini(&first);
+}
+
+static void outlines_and_other_methods(void **state SST_UNUSED)
+{
+    struct sst_render_config cfg = clear_config(8), sst;
+    const struct sst_image *image;
+    struct sst_image plain = { 0 };
+    struct sst_livepicture_pick pick;
+    struct sst_livepicture *p;
+    struct shown s;
+    int64_t px;
+
+    show(&s, "pedestrian", 160, 120, 3, false);
+    take(&s, 1);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+    assert_int_equal(sst_image_init(&plain, 160, 120), 0);
+    for (int c = 0; c < 3; c++)
+        memcpy(plain.plane[c], image->plane[c], image->stride * 120);
+    assert_int_equal(sst_livepicture_pick(p, 80, 20, &pick), 0);
+    assert_true(fabs(pick.disp_px - pick.front_px) < 1); /* the wall, which nothing hides */
+    sst_livepicture_decorate(p, true, false);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+    assert_true(px && !same_image(image, &plain));
+    sst_livepicture_decorate(p, false, false);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+    assert_true(px && same_image(image, &plain));
+    sst_render_config_defaults(&sst);
+    sst.focus_px = 5;
+    assert_int_equal(sst_livepicture_render(p, &sst, &image, &px), 0);
+    assert_true(px == 160 * 120 && !same_image(image, &plain));
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+    assert_true(px == 160 * 120 && same_image(image, &plain));
+    sst_image_fini(&plain);
+    sst_livepicture_destroy(p);
+    hide(&s);
+}
+
+/* --- things removed by a click ------------------------------------------------------------------------------------ */
+
+/* A pixel of the reference view with a label. */
+static void find_label(const struct shown *s, int label, int *at_x, int *at_y)
+{
+    const struct sst_lightfield *lf = &s->live->lf;
+    const struct sst_map_u8 *map = &lf->views[lf->ref_view].label;
+    int n = 0, x_sum = 0, y_sum = 0;
+
+    for (int y = 0; y < lf->height; y++) {
+        for (int x = 0; x < lf->width; x++) {
+            if (sst_map_u8_row(map, y)[x] == label) {
+                n++;
+                x_sum += x;
+                y_sum += y;
+            }
+        }
+    }
+    assert_true(n > 0);
+    *at_x = x_sum / n;
+    *at_y = y_sum / n;
+}
+
+static void a_click_removes_and_brings_back(void **state SST_UNUSED)
+{
+    struct sst_render_config cfg = clear_config(INFINITY);
+    struct sst_livepicture_clear shown;
+    struct sst_image truth = { 0 };
+    const struct sst_image *image;
+    struct sst_livepicture *p;
+    bool removed = false;
+    double all;
+    struct shown s;
+    int64_t px;
+    int x, y;
+
+    show(&s, NULL, 320, 240, 6, false);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    assert_int_equal(sst_livepicture_toggle(p, 5, 5, &removed), -ENODATA);
+    set_scene(&s, "pedestrian", 0.2);
+    take(&s, 1000000);
+    find_label(&s, sst_scene_occluder_at(s.scene, 0)->label, &x, &y);
+    assert_int_equal(sst_livepicture_toggle(p, -1, 5, &removed), -ERANGE);
+    assert_int_equal(sst_livepicture_toggle(p, x, y, &removed), 0);
+    assert_true(removed);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+    behind(&s, &truth);
+    assert_true(wrong(image, &truth) < 5);
+    sst_image_fini(&truth);
+    sst_livepicture_clear(p, &shown);
+    assert_true(shown.objects == 1 && isnan(shown.cut_px));
+    /* It moves on, and stays removed. */
+    for (int i = 1; i < 6; i++) {
+        set_scene(&s, "pedestrian", 0.2 + 0.05 * i);
+        take(&s, 1000000 + i * INT64_C(50000000));
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+        behind(&s, &truth);
+        if (getenv("SST_VERBOSE"))
+            printf("followed for %d sets: wrong %.2f %%\n", i, wrong(image, &truth));
+        assert_true(wrong(image, &truth) < 5);
+        sst_image_fini(&truth);
+    }
+    find_label(&s, sst_scene_occluder_at(s.scene, 0)->label, &x, &y);
+    assert_int_equal(sst_livepicture_toggle(p, x, y, &removed), 0);
+    assert_false(removed);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+    assert_true(px > 0);
+    all = wrong(image, &s.live->lf.views[s.live->lf.ref_view].image); /* the camera's picture */
+    if (getenv("SST_VERBOSE"))
+        printf("back: wrong %.2f %%\n", all);
+    assert_true(all < 4);
+    assert_int_equal(sst_livepicture_toggle(p, x, y, &removed), 0);
+    assert_true(removed);
+    sst_livepicture_restore(p);
+    sst_livepicture_clear(p, &shown);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+    assert_true(px > 0 && wrong(image, &s.live->lf.views[s.live->lf.ref_view].image) < 4);
+    sst_livepicture_clear(p, &shown);
+    assert_int_equal(shown.objects, 0);
+    sst_livepicture_destroy(p);
+    hide(&s);
+}
+
+/* Where the walker hides the van and the cut removes the walker, a click removes the van, and brings it back. */
+static void a_click_goes_through_what_the_cut_removes(void **state SST_UNUSED)
+{
+    struct sst_livepicture_pick before, after;
+    struct sst_livepicture_clear shown;
+    struct sst_render_config cfg;
+    const struct sst_image *image;
+    struct sst_livepicture *p;
+    bool removed;
+    struct shown s;
+    int64_t px;
+    int x, y;
+
+    show(&s, "pedestrian", 320, 240, 6, false);
+    take(&s, 1000000);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    find_label(&s, sst_scene_occluder_at(s.scene, 0)->label, &x, &y);
+    cfg = clear_config(1.4 * sst_scene_occluder_at(s.scene, 0)->focus_px);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+    assert_int_equal(sst_livepicture_pick(p, x, y, &before), 0);
+    assert_true(before.front_px > cfg.cut_px && before.disp_px < cfg.cut_px);
+    assert_int_equal(sst_livepicture_toggle(p, x, y, &removed), 0);
+    assert_true(removed);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+    assert_int_equal(sst_livepicture_pick(p, x, y, &after), 0);
+    assert_false(fabs(after.disp_px - before.disp_px) < 0.5); /* the walker parts it in two: both are removed */
+    sst_livepicture_clear(p, &shown);
+    assert_int_equal(shown.objects, 1);
+    assert_int_equal(sst_livepicture_toggle(p, x, y, &removed), 0);
+    assert_false(removed);
+    sst_livepicture_destroy(p);
+    hide(&s);
+}
+
+/* What has gone is forgotten after two seconds; there are at most so many. */
+static void objects_are_bounded(void **state SST_UNUSED)
+{
+    struct picture_objects o;
+    struct sst_lightfield *lf;
+    bool removed;
+    struct shown s;
+    int err = 0;
+
+    show(&s, "pedestrian", 160, 120, 3, false);
+    take(&s, 1);
+    lf = &s.live->lf;
+    picture_objects_init(&o, lf->width, lf->height);
+    for (int i = 0; i < 9; i++) { /* nine patches of other depths than their surroundings */
+        const int x0 = 10 + i % 3 * 40, y0 = 8 + i / 3 * 24;
+
+        for (int y = y0; y < y0 + 8; y++) {
+            for (int x = x0; x < x0 + 8; x++)
+                sst_map_u16_row(&lf->views[lf->ref_view].disp, y)[x] = (uint16_t)(64 * (20 + i));
+        }
+        err = picture_objects_toggle(&o, lf, x0 + 4, y0 + 4, 1, 2, &removed);
+        assert_int_equal(err, i < 8 ? 0 : -EOVERFLOW);
+    }
+    assert_int_equal(o.count, SST_LIVEPICTURE_OBJECTS);
+    assert_int_equal(picture_objects_toggle(&o, lf, 14, 12, 1, 2, &removed), 0);
+    assert_false(removed);
+    set_scene(&s, "pedestrian", 0); /* the patches are gone */
+    assert_int_equal(picture_objects_follow(&o, lf, INT64_C(1000000000), 2), 0);
+    assert_int_equal(o.count, SST_LIVEPICTURE_OBJECTS - 1);
+    assert_int_equal(picture_objects_follow(&o, lf, INT64_C(2100000000), 2), 0);
+    assert_int_equal(o.count, 0);
+    picture_objects_fini(&o);
+    hide(&s);
+}
+
+/* --- cut and histogram -------------------------------------------------------------------------------------------- */
+
+static void the_cut_stays_when_the_walker_has_left(void **state SST_UNUSED)
+{
+    float share[SST_LIVE_HISTOGRAM];
+    double min_px, max_px, sum = 0, cut = NAN;
+    struct shown s;
+
+    show(&s, NULL, 320, 240, 6, true);
+    assert_true(isnan(sst_live_cut(s.live)));
+    assert_false(sst_live_histogram(s.live, &min_px, &max_px, share));
+    for (int i = 0; i < 25; i++) {
+        set_scene(&s, "pedestrian", 0.1 * i);
+        take(&s, 1 + i * INT64_C(100000000));
+        if (isnan(cut))
+            cut = sst_live_cut(s.live);
+        else
+            assert_true(sst_live_cut(s.live) >= cut); /* it never cuts off what does not stand in front */
+    }
+    assert_false(isnan(cut));
+    assert_true(sst_live_histogram(s.live, &min_px, &max_px, share));
+    for (int i = 0; i < SST_LIVE_HISTOGRAM; i++)
+        sum += (double)share[i];
+    assert_float_equal(sum, 1, 1e-4);
+    assert_true(min_px < max_px);
+    hide(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_was_seen_through_a_gap_stays),
+        cmocka_unit_test(it_goes_within_a_second_where_views_change),
+        cmocka_unit_test(what_is_settled_stays_longer),
+        cmocka_unit_test(who_stands_behind_leaves_is_not_a_wall),
+        cmocka_unit_test(what_is_seen_replaces_what_was),
+        cmocka_unit_test(weak_sightings_need_another),
+        cmocka_unit_test(what_is_being_removed_is_not_remembered),
+        cmocka_unit_test(a_walker_vanishes_and_leaves_nothing),
+        cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(outlines_and_other_methods),
+        cmocka_unit_test(a_click_removes_and_brings_back),
+        cmocka_unit_test(a_click_goes_through_what_the_cut_removes),
+        cmocka_unit_test(objects_are_bounded),
+        cmocka_unit_test(the_cut_stays_when_the_walker_has_left),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
