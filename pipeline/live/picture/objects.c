@@ -1,9 +1,11 @@
 /* Things that a user has removed: regions of the reference view that follow the scene from set to set.
  *
  * A thing is found by sst_render_grow_object(). In the next set it is what continues its last region: pixels of it that
- * still have its disparities, and what is connected with them by nearly the same disparity and colour. It may grow by
- * half, so that it does not run into what it touches. In the other views it is marked by disparity: pixels whose
- * surface the region shows, or whose place in the reference view is covered or outside of it beside the region. */
+ * still have its disparities, and what is connected with them by nearly the same disparity and colour. So that it does
+ * not run into what it touches, it ends at the ground, its disparities stay within the width that they had, and it
+ * grows by half from set to set, to three times its first area at most. In the other views it is marked by disparity:
+ * pixels whose surface the region shows, or whose place in the reference view is covered or outside of it beside the
+ * region. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -13,11 +15,12 @@
 #include "base/thread.h"
 #include "pipeline/live/picture/picture_internal.h"
 
-#define SAME_PX     1.0 /* disparities of one surface in two views, as in object.c */
-#define STEP_PX     0.5 /* of disparity between neighbouring pixels of one object ... */
-#define STEP_LEVELS 300 /* ... of one colour; and of colour (sum of R, G, B) where the disparity is the same */
-#define DRIFT_PX    0.5 /* of its disparities between two sets */
-#define GROWTH      1.5
+#define SAME_PX     1.0  /* disparities of one surface in two views, as in object.c */
+#define STEP_PX     0.5  /* of disparity between neighbouring pixels of one object ... */
+#define STEP_LEVELS 300  /* ... of one colour; and of colour (sum of R, G, B) where the disparity is the same */
+#define DRIFT_PX    0.5  /* of its disparities between two sets */
+#define GROWTH      1.5  /* of its area from set to set, ... */
+#define GROWTH_MOST 3    /* ... and in all */
 #define LEAST_SHARE 0.25 /* of its region that is still there, or it is lost */
 #define GROWN_SHARE 0.05 /* of the range of disparities: an object's, to both sides of its first pixel */
 #define LOST_NS     INT64_C(2000000000)
@@ -99,6 +102,15 @@ static void measure(struct picture_object *at, const struct sst_lightfield *lf)
     at->near_px = lf->disp_min_px + (near + 1) * (1 << SST_BLEND_COLUMN_SHIFT) / SST_DISP_SCALE;
 }
 
+/* Keep the width of the disparities around their middle. */
+static void narrow(struct picture_object *at)
+{
+    const double excess = fmax(at->near_px - at->far_px - at->first_px, 0) / 2;
+
+    at->near_px -= excess;
+    at->far_px += excess;
+}
+
 static bool in_range(const struct picture_object *at, double d, double slack_px)
 {
     return d >= at->far_px - slack_px && d <= at->near_px + slack_px;
@@ -151,7 +163,8 @@ static void spread(struct picture_objects *o, const struct picture_object *at, c
             double d;
 
             if (!inside[i] || sst_map_u8_row(&o->next, y2)[x2] || !disparity_at(lf, lf->ref_view, x2, y2, &d) ||
-                !in_range(at, d, DRIFT_PX) || !joined(lf, from, to))
+                !in_range(at, d, DRIFT_PX) || !joined(lf, from, to) ||
+                (!at->ground && sst_render_is_ground(lf, lf->ref_view, x2, y2)))
                 continue;
             sst_map_u8_row(&o->next, y2)[x2] = 255;
             o->stack[count++] = to;
@@ -163,15 +176,17 @@ static void spread(struct picture_objects *o, const struct picture_object *at, c
 static bool follow(struct picture_objects *o, struct picture_object *at, const struct sst_lightfield *lf, int64_t t_ns)
 {
     const int kept = keep_region(o, at, lf);
+    const double most = fmin(GROWTH * at->area + 1, (double)GROWTH_MOST * at->first_area);
     struct sst_map_u8 region = at->region;
 
     if (kept < LEAST_SHARE * at->area)
         return t_ns - at->seen_ns < LOST_NS;
-    spread(o, at, lf, kept, sst_min_int((int)(GROWTH * at->area) + 1, lf->width * lf->height));
+    spread(o, at, lf, kept, (int)fmin(most, (double)lf->width * lf->height));
     at->region = o->next;
     o->next = region;
     at->seen_ns = t_ns;
     measure(at, lf);
+    narrow(at);
     return true;
 }
 
@@ -308,6 +323,13 @@ static void drop_outline(struct sst_map_u8 *region, const struct sst_lightfield 
     }
 }
 
+static void measure_first(struct picture_object *at, const struct sst_lightfield *lf)
+{
+    measure(at, lf);
+    at->first_area = at->area;
+    at->first_px = at->near_px - at->far_px;
+}
+
 static int add(struct picture_objects *o, const struct sst_lightfield *lf, int x, int y, int64_t t_ns, int threads)
 {
     struct picture_object *at = &o->object[o->count];
@@ -319,7 +341,8 @@ static int add(struct picture_objects *o, const struct sst_lightfield *lf, int x
         mask[lf->ref_view] = (struct sst_map_u8){ 0 };
         o->count++;
         drop_outline(&at->region, lf, x, y);
-        measure(at, lf);
+        at->ground = sst_render_is_ground(lf, lf->ref_view, x, y);
+        measure_first(at, lf);
         if (at->area > MOST_SHARE * lf->width * lf->height) {
             drop(o, o->count - 1);
             err = -EINVAL;
@@ -373,6 +396,6 @@ int picture_objects_extend(struct picture_objects *o, const struct sst_lightfiel
             to[col] |= from[col];
     }
     drop(o, o->count - 1);
-    measure(at, lf);
+    measure_first(at, lf);
     return mark_views(o, lf, threads);
 }

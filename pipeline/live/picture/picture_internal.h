@@ -128,6 +128,10 @@ struct picture_object {
     double near_px, far_px;   /* its disparities */
     int area, x0, y0, x1, y1;
     int64_t seen_ns; /* when it was last found */
+    /* when it was removed */
+    int first_area;
+    double first_px; /* width of its disparities */
+    bool ground;     /* it is ground itself */
 };
 
 struct picture_objects {

@@ -43,8 +43,7 @@ static bool disparity_at(const struct sst_lightfield *lf, int view, int x, int y
     return q != SST_DISP_NONE;
 }
 
-/* Does a pixel show the ground? Objects that stand on it end there. */
-static bool is_ground(const struct sst_lightfield *lf, int view, int x, int y)
+bool sst_render_is_ground(const struct sst_lightfield *lf, int view, int x, int y)
 {
     double at, above, below, left, right;
 
@@ -107,7 +106,7 @@ static void spread(struct front *f)
 
             if (x2 >= 0 && y2 >= 0 && x2 < lf->width && y2 < lf->height &&
                 !sst_map_u8_row(&f->o->mask[f->view], y2)[x2] && joined(lf, f->view, x, y, x2, y2) &&
-                (f->o->ground || !is_ground(lf, f->view, x2, y2)) && may_continue(f->o, f->view, x2, y2))
+                (f->o->ground || !sst_render_is_ground(lf, f->view, x2, y2)) && may_continue(f->o, f->view, x2, y2))
                 visit(f, x2, y2);
         }
     }
@@ -256,7 +255,7 @@ int sst_render_grow_object(struct sst_map_u8 *mask, const struct sst_lightfield 
         sst_log_error("the disparity of pixel %d,%d is unknown; choose another pixel of the object", x, y);
         return -ENODATA;
     }
-    o.ground = is_ground(lf, lf->ref_view, x, y);
+    o.ground = sst_render_is_ground(lf, lf->ref_view, x, y);
     o.near_px = d + 0.04 * fmax(lf->range_max_px - lf->range_min_px, 50 * SAME_PX);
     o.far_px = d - 0.04 * fmax(lf->range_max_px - lf->range_min_px, 50 * SAME_PX);
     err = open_front(&f, &o, lf->ref_view);

@@ -162,6 +162,9 @@ SST_MUST_CHECK int sst_render_grow_object(struct sst_map_u8 *mask, const struct 
 SST_MUST_CHECK int sst_render_carry_object(struct sst_map_u8 *mask, const struct sst_lightfield *lf, int view,
                                            const struct sst_map_u8 *region, int threads);
 
+/** True if a pixel shows the ground, level and nearer from row to row: objects that stand on it end there. */
+bool sst_render_is_ground(const struct sst_lightfield *lf, int view, int x, int y);
+
 /** One ray of one output pixel. */
 struct sst_ray {
     int view;
