@@ -536,7 +536,7 @@ static void a_click_goes_through_what_the_cut_removes(void **state SST_UNUSED)
     hide(&s);
 }
 
-/* What has gone is forgotten after two seconds; there are at most so many. */
+/* What has gone is forgotten after two seconds; their number is bounded. */
 static void objects_are_bounded(void **state SST_UNUSED)
 {
     struct picture_objects o;
@@ -567,6 +567,39 @@ static void objects_are_bounded(void **state SST_UNUSED)
     assert_int_equal(o.count, SST_LIVEPICTURE_OBJECTS - 1);
     assert_int_equal(picture_objects_follow(&o, lf, INT64_C(2100000000), 2), 0);
     assert_int_equal(o.count, 0);
+    picture_objects_fini(&o);
+    hide(&s);
+}
+
+/* Set by set a thing would run along a surface that comes nearer and nearer. */
+static void objects_do_not_creep(void **state SST_UNUSED)
+{
+    struct picture_objects o;
+    struct sst_lightfield *lf;
+    bool removed;
+    struct shown s;
+    double first_px;
+    int first;
+
+    show(&s, "pedestrian", 160, 120, 3, false);
+    take(&s, 1);
+    lf = &s.live->lf;
+    picture_objects_init(&o, lf->width, lf->height);
+    for (int y = 0; y < lf->height; y++) { /* of one colour, a quarter of a pixel a column */
+        for (int c = 0; c < 3; c++)
+            memset(sst_image_row(&lf->views[lf->ref_view].image, c, y), 90, (size_t)lf->width);
+        for (int x = 0; x < lf->width; x++)
+            sst_map_u16_row(&lf->views[lf->ref_view].disp, y)[x] = (uint16_t)(16 * x);
+    }
+    assert_int_equal(picture_objects_toggle(&o, lf, 80, 60, 1, 2, &removed), 0);
+    assert_true(removed);
+    first = o.object[0].area;
+    first_px = o.object[0].near_px - o.object[0].far_px;
+    for (int i = 2; i < 30; i++)
+        assert_int_equal(picture_objects_follow(&o, lf, i, 2), 0);
+    assert_int_equal(o.count, 1);
+    assert_true(o.object[0].area <= 3 * first);
+    assert_true(o.object[0].near_px - o.object[0].far_px <= first_px + 1e-9);
     picture_objects_fini(&o);
     hide(&s);
 }
@@ -615,6 +648,7 @@ int main(void)
         cmocka_unit_test(a_click_removes_and_brings_back),
         cmocka_unit_test(a_click_goes_through_what_the_cut_removes),
         cmocka_unit_test(objects_are_bounded),
+        cmocka_unit_test(objects_do_not_creep),
         cmocka_unit_test(the_cut_stays_when_the_walker_has_left),
     };
 
