@@ -591,7 +591,7 @@ static int request(struct live_engine *v, const char *id, enum request_kind kind
         snprintf(v->request.id, sizeof(v->request.id), "%s", id);
         while (!v->request.done && !v->stop && sst_cond_wait_until(&v->changed, &v->lock, end_ns))
             ;
-        /* A click that is told to have failed must not take effect. */
+        /* A click that is answered with an error must not take effect. */
         while (v->request.started && !v->request.done && !v->stop &&
                sst_cond_wait_until(&v->changed, &v->lock, end_ns + STARTED_MS * INT64_C(1000000)))
             ;

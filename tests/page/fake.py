@@ -242,7 +242,7 @@ class Service:
                 "oldest_s": 4.1}
 
     def remove(self, view, body):
-        """Things are told apart by their labels."""
+        """Things are distinguished by their labels."""
         if body.get("clear"):
             view["removed"].clear()
             return {"removed": False, "objects": 0}

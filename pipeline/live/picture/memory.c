@@ -2,7 +2,7 @@
  *
  * Every pixel holds the colour and the surface that were last seen there, and since when. A pixel that is seen now
  * either confirms what it holds or changes it. A pixel that is not seen shows what it holds, unless that is
- * contradicted: by what is seen around it (most of the nearest pixels that are seen now have just changed: somebody
+ * contradicted: by what is seen around it (most of the nearest pixels that are seen now have just changed: a person
  * came or left), by the reference camera (what it shows there is being removed, and is the same surface), or by time
  * (the cameras' tiles changed there, and it was not seen again). */
 #include <errno.h>
@@ -22,7 +22,7 @@
 #define SETTLED_MS     3000 /* what has been there for so long stays for ... */
 #define LONG_MS        20000
 #define AGREED         48                       /* of 255, from which rays that agree on a colour count ... */
-#define AGREED_SUPPORT (8 * SST_RENDER_SUPPORT) /* ... all of them like so many rays of the maps */
+#define AGREED_SUPPORT (8 * SST_RENDER_SUPPORT) /* ... together like this many rays of the maps */
 #define LEAST          12                       /* support without which a pixel counts as not seen */
 #define BAND           4                        /* rows of a job: those of the finest cells */
 #define CELL_SHIFT     2
