@@ -47,6 +47,15 @@ static json_t *clear_json(const struct sst_evaluation *r, int index)
     return o;
 }
 
+static json_t *gaps_json(const double *percent)
+{
+    json_t *list = json_array();
+
+    for (int i = 0; i < SST_EVAL_GAPS; i++)
+        json_array_append_new(list, cli_real_json(percent[i]));
+    return list;
+}
+
 static json_t *report_json(const struct sst_evaluation *r, const struct sst_truth *truth)
 {
     static const struct sst_picture_error none = { NAN, NAN, NAN, NAN, NAN, NAN };
@@ -56,11 +65,13 @@ static json_t *report_json(const struct sst_evaluation *r, const struct sst_trut
     for (int i = 0; i < r->occluders; i++) {
         const struct sst_truth_occluder *o = &truth->occluders[i];
 
-        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o, s:o, s:o, s:o}", "name", o->name,
-                                              "label", o->label, "target", o->target, "focus_px", o->focus_px,
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:f, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "name",
+                                              o->name, "label", o->label, "target", o->target, "focus_px", o->focus_px,
                                               "covered", cli_real_json(r->occluder[i].covered), "rejected_percent",
                                               cli_real_json(r->occluder[i].rejected), "accepted_wrong_percent",
-                                              cli_real_json(r->occluder[i].accepted_wrong), "render",
+                                              cli_real_json(r->occluder[i].accepted_wrong), "rejected_by_gap",
+                                              gaps_json(r->occluder[i].rejected_gap), "psnr_median",
+                                              cli_real_json(r->occluder[i].psnr_median), "render",
                                               picture_json(&r->occluder[i].render), "refocus",
                                               picture_json(&r->occluder[i].refocus), "clear", clear_json(r, i)));
     }
@@ -124,6 +135,7 @@ static void print_table(const struct sst_evaluation *r, const struct sst_truth *
         row("  its holes", (double[]){ r->occluder[i].psnr_holes, r->occluder[i].ssim_holes }, 2, 3);
         row("  filled %, cut px", (double[]){ r->occluder[i].filled, r->occluder[i].cut_px }, 2, 2);
         row("rays rejected falsely %", &r->occluder[i].rejected, 1, 2);
+        row("  gaps of 1-4, 5-12, more", r->occluder[i].rejected_gap, SST_EVAL_GAPS, 2);
         row("rays accepted falsely %", &r->occluder[i].accepted_wrong, 1, 2);
     }
 }

@@ -299,7 +299,7 @@ as the seed has it, `sst process --no-labels`. PSNR in dB of the covered pixels 
 plain refocusing on it, seen through with the program's own maps and with the true ones, and of the clear picture; *clear,
 whole*: of all its pixels against the scene without the occluder. Rays in percent: *rejected* show the target, but their
 map says nearer; *accepted wrongly* pass for the target, but show something nearer. Methods are tuned on the development
-set only.
+set only. *Median*: of the rays at the focus. *Gaps*: rejected rays by the size of the gap that they pass, in px.
 
 """
 
@@ -307,9 +307,9 @@ set only.
 def layer_figures(measured):
     own, true = measured["own"], measured["truth"]
     occluder = own["occluders"][0]
-    return [occluder["covered"], own["refocus"]["psnr_target"], own["render"]["psnr_target"],
+    return [occluder["covered"], own["refocus"]["psnr_target"], occluder["psnr_median"], own["render"]["psnr_target"],
             true["render"]["psnr_target"], own["clear"]["psnr_target"], true["clear"]["psnr_target"],
-            own["clear"]["psnr"], true["clear"]["psnr"], occluder["rejected_percent"],
+            own["clear"]["psnr"], true["clear"]["psnr"], occluder["rejected_percent"], *occluder["rejected_by_gap"],
             occluder["accepted_wrong_percent"], own["disparity"]["bad1"]]
 
 
@@ -321,8 +321,9 @@ def mean_known(values):
 def layers(source, out, command):
     with open(source) as f:
         measured = json.load(f)
-    head = ["scene", "covered %", "refocus", "see-through, own maps", "true maps", "clear, own maps", "true maps",
-            "clear, whole, own maps", "true maps", "rejected %", "accepted wrongly %", "bad 1 %"]
+    head = ["scene", "covered %", "refocus", "median", "see-through, own maps", "true maps", "clear, own maps", "true maps",
+            "clear, whole, own maps", "true maps", "rejected %", "gaps 1..4", "5..12", "more",
+            "accepted wrongly %", "bad 1 %"]
     text = LAYERS_TEXT
     for name in dict.fromkeys(m["set"] for m in measured):
         part = [m for m in measured if m["set"] == name]

@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -252,10 +253,51 @@ static double covered(const struct sst_map_u8 *mask)
 /* Rays of a see-through picture: those that show the target or pass for it, and how many of them are wrong. */
 struct ray_count {
     int64_t target, rejected, accepted, wrong;
+    int64_t gap_target[SST_EVAL_GAPS], gap_rejected[SST_EVAL_GAPS];
+    double median_error; /* squared, of the median's channels ... */
+    int64_t medians;     /* ... at this many pixels */
 };
 
-/* Disparities by truth and by map of the ray of view k that passes (x, y) of view `ref` at the focus. */
-static bool ray_at(const struct job *job, int k, int ref, int x, int y, double focus_px, double *truth, double *map)
+static const int gap_most[SST_EVAL_GAPS - 1] = { 4, 12 };
+
+/* Pixels of a row or column around (x, y) that show nothing nearer than the focus. */
+static int open_pixels(const struct sst_map_f32 *truth, int x, int y, int dx, int dy, double focus_px)
+{
+    int n = 1;
+
+    for (int side = -1; side <= 1; side += 2) {
+        int at = side, most = gap_most[SST_EVAL_GAPS - 2];
+
+        for (; most > 0; most--, at += side) {
+            const int xa = x + at * dx, ya = y + at * dy;
+
+            if (xa < 0 || ya < 0 || xa >= truth->width || ya >= truth->height)
+                return gap_most[SST_EVAL_GAPS - 2] + 1; /* goes on outside */
+            if (sst_map_f32_row(truth, ya)[xa] > focus_px + 1)
+                break;
+            n++;
+        }
+    }
+    return n;
+}
+
+static int gap_class(const struct sst_map_f32 *truth, int x, int y, double focus_px)
+{
+    const int across = open_pixels(truth, x, y, 1, 0, focus_px), down = open_pixels(truth, x, y, 0, 1, focus_px);
+    int class = 0;
+
+    while (class < SST_EVAL_GAPS - 1 && sst_min_int(across, down) > gap_most[class])
+        class ++;
+    return class;
+}
+
+/* The ray of view k that passes a pixel of the reference view at the focus: where, and its disparities. */
+struct eval_ray {
+    int x, y;
+    double truth, map; /* px per spacing; map NaN: unknown */
+};
+
+static bool ray_at(struct eval_ray *ray, const struct job *job, int k, int ref, int x, int y, double focus_px)
 {
     const struct sst_lightfield *lf = job->lf;
     const struct sst_view *v = &lf->views[k], *r = &lf->views[ref];
@@ -263,37 +305,78 @@ static bool ray_at(const struct job *job, int k, int ref, int x, int y, double f
 
     if (!v->disp.data || !job->views[k].disp.data || vx < 0 || vy < 0 || vx >= lf->width || vy >= lf->height)
         return false;
-    *truth = sst_map_f32_row(&job->views[k].disp, (int)vy)[(int)vx];
-    *map = sst_map_u16_row(&v->disp, (int)vy)[(int)vx] == SST_DISP_NONE
-               ? NAN
-               : sst_disp_px(lf, sst_map_u16_row(&v->disp, (int)vy)[(int)vx]);
+    ray->x = (int)vx;
+    ray->y = (int)vy;
+    ray->truth = sst_map_f32_row(&job->views[k].disp, ray->y)[ray->x];
+    ray->map = sst_map_u16_row(&v->disp, ray->y)[ray->x] == SST_DISP_NONE
+                   ? NAN
+                   : sst_disp_px(lf, sst_map_u16_row(&v->disp, ray->y)[ray->x]);
     return true;
 }
 
-/* @return whether the pixel shows the target */
-static bool count_pixel(struct ray_count *sum, const struct job *job, int ref, int x, int y, double focus_px)
+static void count_gap(struct ray_count *n, const struct job *job, int k, const struct eval_ray *ray, double focus_px)
 {
-    struct ray_count n = { 0 };
-    int64_t behind = 0;
+    const int class = gap_class(&job->views[k].disp, ray->x, ray->y, focus_px);
+
+    n->gap_target[class]++;
+    n->gap_rejected[class] += ray->map > focus_px + 1;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    return *(const uint8_t *)a - *(const uint8_t *)b;
+}
+
+/* Squared error of the median of the rays' colours, nearest pixels. */
+static double median_error(const struct job *job, const struct eval_ray *rays, const int *view, int count,
+                           const struct sst_image *behind, int x, int y)
+{
+    double sum = 0;
+
+    for (int c = 0; c < 3; c++) {
+        uint8_t value[SST_MAX_VIEWS];
+        double error;
+
+        for (int i = 0; i < count; i++)
+            value[i] = sst_image_row(&job->lf->views[view[i]].image, c, rays[i].y)[rays[i].x];
+        qsort(value, (size_t)count, 1, by_value);
+        error = (value[(count - 1) / 2] + value[count / 2]) / 2.0 - sst_image_row(behind, c, y)[x];
+        sum += error * error;
+    }
+    return sum / 3;
+}
+
+/* @return whether the pixel shows the target */
+static bool count_pixel(struct ray_count *sum, const struct job *job, int ref, const struct hidden *h, int x, int y,
+                        double focus_px)
+{
+    struct eval_ray ray[SST_MAX_VIEWS];
+    int view[SST_MAX_VIEWS], count = 0;
+    int64_t target = 0, behind = 0;
 
     for (int k = 0; k < job->lf->rows * job->lf->cols; k++) {
-        double truth, map;
-
-        if (!ray_at(job, k, ref, x, y, focus_px, &truth, &map))
-            continue;
-        behind += truth < focus_px - 0.5;
-        n.target += fabs(truth - focus_px) <= 0.5;
-        n.rejected += fabs(truth - focus_px) <= 0.5 && map > focus_px + 1;
-        n.accepted += fabs(map - focus_px) <= 1;
-        n.wrong += fabs(map - focus_px) <= 1 && truth > focus_px + 1;
+        view[count] = k;
+        count += ray_at(&ray[count], job, k, ref, x, y, focus_px);
     }
-    if (n.target == 0)
+    for (int i = 0; i < count; i++) {
+        behind += ray[i].truth < focus_px - 0.5;
+        target += fabs(ray[i].truth - focus_px) <= 0.5;
+    }
+    for (int i = 0; i < count && target; i++) {
+        const bool shows = fabs(ray[i].truth - focus_px) <= 0.5, passes = fabs(ray[i].map - focus_px) <= 1;
+
+        sum->target += shows;
+        sum->rejected += shows && ray[i].map > focus_px + 1;
+        sum->accepted += passes;
+        sum->wrong += passes && ray[i].truth > focus_px + 1;
+        if (shows)
+            count_gap(sum, job, view[i], &ray[i], focus_px);
+    }
+    if (target < 3 || target <= behind)
         return false;
-    sum->target += n.target;
-    sum->rejected += n.rejected;
-    sum->accepted += n.accepted;
-    sum->wrong += n.wrong;
-    return n.target >= 3 && n.target > behind;
+    sum->median_error += median_error(job, ray, view, count, &h->behind, x, y);
+    sum->medians++;
+    return true;
 }
 
 static struct ray_count count_rays(struct hidden *h, const struct job *job, int ref, double focus_px)
@@ -302,7 +385,7 @@ static struct ray_count count_rays(struct hidden *h, const struct job *job, int 
 
     for (int y = 0; y < h->mask.height; y++) {
         for (int x = 0; x < h->mask.width; x++) {
-            if (sst_map_u8_row(&h->mask, y)[x] && count_pixel(&sum, job, ref, x, y, focus_px))
+            if (sst_map_u8_row(&h->mask, y)[x] && count_pixel(&sum, job, ref, h, x, y, focus_px))
                 sst_map_u8_row(&h->target, y)[x] = 255;
         }
     }
@@ -433,6 +516,10 @@ static int measure_occluder(struct sst_evaluation *out, int index, const struct 
         goto done;
     out->occluder[index].covered = covered(&h.mask);
     rays = count_rays(&h, job, truth->ref_row * job->lf->cols + truth->ref_col, o->focus_px);
+    for (int i = 0; i < SST_EVAL_GAPS; i++)
+        out->occluder[index].rejected_gap[i] = percent(rays.gap_rejected[i], rays.gap_target[i]);
+    out->occluder[index].psnr_median =
+        rays.medians ? 10 * log10(255 * 255 * (double)rays.medians / fmax(rays.median_error, 1e-9)) : NAN;
     out->occluder[index].rejected = percent(rays.rejected, rays.target);
     out->occluder[index].accepted_wrong = percent(rays.wrong, rays.accepted);
     c.focus_px = o->focus_px;

@@ -44,6 +44,8 @@ struct sst_label_error {
     double miou, accuracy, coverage;
 };
 
+#define SST_EVAL_GAPS 3
+
 struct sst_evaluation {
     int disparity_views, label_views;            /* number of views with truth */
     struct sst_disparity_error disparity;        /* pixels 0: no truth */
@@ -55,8 +57,12 @@ struct sst_evaluation {
         /* Rays of all views through the covered pixels that show the target in at least one view, percent; NaN: none.
          * A ray shows the target if its disparity is within 0.5 px of the focus, and is nearer from 1 px on. */
         double rejected;       /* of the rays that show the target: the map says nearer */
+        /* Likewise by the size of the gap that the ray passes: up to 4 px, up to 12 px, larger; in its view, along the
+         * row or the column, whichever is shorter. */
+        double rejected_gap[SST_EVAL_GAPS];
         double accepted_wrong; /* of those that are not nearer by the map, within 1 px of the focus: in truth nearer */
         struct sst_picture_error render, refocus, clear;
+        double psnr_median; /* psnr_target of the median of the rays at the focus */
         double cut_px;                 /* of the clear picture; NaN: the occluder was removed as an object */
         double filled;                 /* percent of the clear picture that no two views show */
         double psnr_holes, ssim_holes; /* there; NaN: there are none */

@@ -136,6 +136,10 @@ static void exact_maps_are_perfect(void **state SST_UNUSED)
     assert_int_equal(r.occluders, 1);
     assert_true(r.occluder[0].covered > 1 && r.occluder[0].covered < 90);
     assert_true(r.occluder[0].rejected == 0 && r.occluder[0].accepted_wrong < 0.5);
+    for (int i = 0; i < SST_EVAL_GAPS; i++)
+        assert_true(isnan(r.occluder[0].rejected_gap[i]) || r.occluder[0].rejected_gap[i] == 0);
+    assert_true(r.occluder[0].rejected_gap[SST_EVAL_GAPS - 1] == 0);
+    assert_true(r.occluder[0].psnr_median > 5 && r.occluder[0].psnr_median < r.occluder[0].render.psnr_target);
     assert_true(r.occluder[0].render.psnr_occluded > r.occluder[0].refocus.psnr_occluded + 1);
     assert_true(r.occluder[0].render.ssim_occluded > r.occluder[0].refocus.ssim_occluded);
     assert_true(r.occluder[0].render.psnr > 10 && r.occluder[0].render.ssim > 0);
