@@ -292,7 +292,7 @@ void sst_sweep_fini(struct sst_sweep *s);
 
 /** Disparities at which points gather, by cell of a view. */
 struct sst_sweep_candidates {
-    int cols;
+    int cell, cols; /* px of a side; cells of a row */
     struct sst_sweep_peak {
         uint16_t disp; /* SST_DISP_NONE: no more */
         bool absent;   /* the view's map hardly has it around there */

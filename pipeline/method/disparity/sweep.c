@@ -11,14 +11,21 @@
 
 #include "pipeline/method/disparity/stage.h"
 
-#define STRIDE      4   /* pixels between samples */
+#define STRIDE      4   /* pixels between samples, in units */
 #define LEVELS_MOST 256 /* disparities that are tested */
 #define DISTINCT    15 /* how much the cheapest disparity costs less than those that are not next to it, at least, ... */
 #define WEIGHT_MOST 100  /* ... and by how much it counts at most */
-#define CELL        16   /* px: candidates are found per cell, ... */
+#define CELL        16   /* units: candidates are found per cell, ... */
 #define AROUND      2    /* ... from the points of this many cells around */
 #define GATHERED    6000 /* weight that makes a candidate */
 #define MAPPED      8    /* sparse pixels of a map that do not make a surface, each counted twice */
+
+/* Lengths grow with the picture, and with it what it shows: a unit is 1 px up to 1500 px of width and height together,
+ * 2 px up to 2500, and so on. */
+static int unit_of(const struct sst_map_u16 *disp)
+{
+    return sst_max_int((disp->width + disp->height + 499) / 1000, 1);
+}
 
 int sst_sweep_level(int range_q6, int step)
 {
@@ -66,7 +73,8 @@ int sst_sweep_view(struct sst_sweep *out, const struct sst_hypothesis_test *test
                    const struct sst_map_u8 *seen, int range_q6, int step)
 {
     const int level = sst_sweep_level(range_q6, step), levels = range_q6 / level + 1;
-    const size_t most = (size_t)(disp->width / STRIDE + 1) * (size_t)(disp->height / STRIDE + 1);
+    const int stride = STRIDE * unit_of(disp);
+    const size_t most = (size_t)(disp->width / stride + 1) * (size_t)(disp->height / stride + 1);
     struct sst_hypothesis_test all = *test;
     uint16_t cost[LEVELS_MOST + SST_HYPOTHESES];
 
@@ -75,8 +83,8 @@ int sst_sweep_view(struct sst_sweep *out, const struct sst_hypothesis_test *test
     out->point = sst_mem_alloc_raw(most, sizeof(*out->point));
     if (!out->point)
         return -ENOMEM;
-    for (int y = STRIDE / 2; y < disp->height; y += STRIDE) {
-        for (int x = STRIDE / 2; x < disp->width; x += STRIDE) {
+    for (int y = stride / 2; y < disp->height; y += stride) {
+        for (int x = stride / 2; x < disp->width; x += stride) {
             const uint16_t own = sst_map_u16_row(disp, y)[x];
             int best, weight;
 
@@ -103,6 +111,7 @@ void sst_sweep_fini(struct sst_sweep *s)
 
 /* Weights of points by cell and level, [rows][cols][levels]. */
 struct gathered {
+    int cell; /* px */
     int cols, rows, levels;
     uint32_t *weight, *sum;
     uint32_t *mapped, *mapped_sum; /* sparse pixels of the view's map, likewise */
@@ -119,7 +128,7 @@ static void gather(struct gathered *g, const struct sst_sweep *s, double bx, dou
     for (size_t i = 0; i < s->count; i++) {
         const struct sst_sweep_point *p = &s->point[i];
         const double d = disp_min_px + p->level * level / 64.0;
-        const int col = (int)floor((p->x - d * bx) / CELL), row = (int)floor((p->y - d * by) / CELL);
+        const int col = (int)floor((p->x - d * bx) / g->cell), row = (int)floor((p->y - d * by) / g->cell);
 
         if (col >= 0 && row >= 0 && col < g->cols && row < g->rows)
             g->weight[cell_at(g, col, row) + p->level] += p->weight;
@@ -129,12 +138,14 @@ static void gather(struct gathered *g, const struct sst_sweep *s, double bx, dou
 /* Sparse pixels of a map. */
 static void count_map(struct gathered *g, const struct sst_map_u16 *disp, int level)
 {
-    for (int y = STRIDE / 2; y < disp->height; y += STRIDE) {
-        for (int x = STRIDE / 2; x < disp->width; x += STRIDE) {
+    const int stride = STRIDE * g->cell / CELL;
+
+    for (int y = stride / 2; y < disp->height; y += stride) {
+        for (int x = stride / 2; x < disp->width; x += stride) {
             const int l = (sst_map_u16_row(disp, y)[x] + level / 2) / level;
 
             if (l < g->levels)
-                g->mapped[cell_at(g, x / CELL, y / CELL) + (size_t)l]++;
+                g->mapped[cell_at(g, x / g->cell, y / g->cell) + (size_t)l]++;
         }
     }
 }
@@ -182,11 +193,14 @@ int sst_sweep_candidates(struct sst_sweep_candidates *out, const struct sst_swee
                          double by, const struct sst_map_u16 *disp, double disp_min_px, int range_q6, int step)
 {
     const int level = sst_sweep_level(range_q6, step);
-    struct gathered g = {
-        (disp->width + CELL - 1) / CELL, (disp->height + CELL - 1) / CELL, range_q6 / level + 1, NULL, NULL, NULL, NULL
-    };
+    const int cell = CELL * unit_of(disp);
+    struct gathered g = { .cell = cell,
+                          .cols = (disp->width + cell - 1) / cell,
+                          .rows = (disp->height + cell - 1) / cell,
+                          .levels = range_q6 / level + 1 };
     const size_t cells = (size_t)g.cols * (size_t)g.rows;
 
+    out->cell = cell;
     out->cols = g.cols;
     out->peak = sst_mem_alloc_raw(cells * SST_SWEEP_PEAKS, sizeof(*out->peak));
     g.weight = sst_mem_alloc(cells + 1, (size_t)g.levels * sizeof(*g.weight)); /* the last one: the sum */
@@ -221,5 +235,5 @@ void sst_sweep_candidates_fini(struct sst_sweep_candidates *c)
 
 const struct sst_sweep_peak *sst_sweep_candidates_at(const struct sst_sweep_candidates *c, int x, int y)
 {
-    return c->peak + ((size_t)(y / CELL) * (size_t)c->cols + (size_t)(x / CELL)) * SST_SWEEP_PEAKS;
+    return c->peak + ((size_t)(y / c->cell) * (size_t)c->cols + (size_t)(x / c->cell)) * SST_SWEEP_PEAKS;
 }
