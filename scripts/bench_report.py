@@ -208,6 +208,16 @@ def picture_table(scenes, reports):
                         for name, f in zip([s["scene"] for s in scenes] + ["mean"], figures)])
 
 
+def clear_table(scenes, reports):
+    head = ["scene", "own maps: PSNR", "SSIM", "occ. PSNR", "holes %", "true maps: PSNR", "SSIM", "occ. PSNR", "holes %"]
+    digits = [2, 3, 2, 1] * 2
+    keys = ("psnr", "ssim", "psnr_occluded", "filled_percent")
+    figures = [[r["clear"][k] for r in (own, s["truth"]) for k in keys] for s, own in zip(scenes, reports)]
+    figures.append([mean_known(column) for column in zip(*figures)])
+    return table(head, [[name] + [number(v, n) for v, n in zip(f, digits)]
+                        for name, f in zip([s["scene"] for s in scenes] + ["mean"], figures)])
+
+
 def disparity_table(scenes, reports):
     head = ["scene", "searched px", "bad 1 %", "bad 2 %", "RMSE px", "visible: bad 1 %", "bad 2 %", "RMSE px"]
     return table(head, [[s["scene"], "{:.0f}..{:.0f}".format(*r["searched_px"])] +
@@ -232,13 +242,13 @@ def stage_table(scenes, reports):
 def preset_part(scenes):
     """Chart points and table of the scenes that were matched with every preset."""
     head = ["scene, preset", "wall s", "CPU s", "bad 0.5 %", "bad 1 %", "bad 2 %", "bad 4 %", "RMSE px",
-            "visible: bad 2 %"]
+            "visible: bad 2 %", "clear, PSNR"]
     rows, groups = [], {}
     for s in (s for s in scenes if len(s["presets"]) > 1):
         for preset in ("preview", "balanced", "accurate"):
             r = s["presets"][preset]
             errors = [r["disparity"][k] for k in ("bad05", "bad1", "bad2", "bad4", "rmse")]
-            errors.append(r["disparity"]["nonocc"]["bad2"])
+            errors += [r["disparity"]["nonocc"]["bad2"], r["clear"]["psnr"]]
             times = [r[k]["disparity"] for k in ("seconds", "cpu_seconds")]
             rows.append([f"{s['scene']}, {preset}"] + [number(v) for v in times + errors])
             groups.setdefault(s["scene"], []).append((f"sst {preset}", times[0], r["disparity"]["bad2"]))
@@ -259,6 +269,13 @@ each.
 `sst process --preset balanced`.{given}
 
 {pictures}
+## Clear picture
+
+The whole picture, and the pixels that the occluder covers, against the scene without it (`sst render --method clear`, cut
+behind the occluder, or it removed as an object where nothing lies between). Holes: pixels that fewer than two views show,
+filled from behind.
+
+{clear}
 ## Disparity, all 36 views, preset balanced
 
 {disparity}
@@ -286,8 +303,9 @@ def scenes(source, out, command):
     groups, presets = preset_part(measured)
     text = SCENES_TEXT.format(
         size=size, given=given, true_pictures=picture_table(measured, [s["truth"] for s in measured]),
-        pictures=picture_table(measured, reports), disparity=disparity_table(measured, reports),
-        labels=label_table(measured, reports), stages=stage_table(measured, reports), presets=presets)
+        pictures=picture_table(measured, reports), clear=clear_table(measured, reports),
+        disparity=disparity_table(measured, reports), labels=label_table(measured, reports),
+        stages=stage_table(measured, reports), presets=presets)
     return (write_page(out, "bench-scenes", page("Simulated scenes", command, text)) +
             chart(out, "time-error-scenes", f"Simulated scenes, disparity of 36 views of {size}",
                   ("time, s", "pixels off by more than 2 px, %"), groups, command, log_y=True))

@@ -80,8 +80,8 @@ static json_t *view_json_locked(const struct view *e)
                      sst_slot_clients(e->slot), "settings", view_settings_json(&e->settings), "shown_focus_px",
                      sst_api_real(e->shown_focus_px), "shown_cut_px", sst_api_real(e->shown.cut_px), "seen_percent",
                      sst_api_real(100 * e->shown.seen), "remembered_percent", sst_api_real(100 * e->shown.remembered),
-                     "filled_percent", sst_api_real(100 * e->shown.filled), "oldest_s",
-                     sst_api_real(e->shown.oldest_s), "objects", e->shown.objects);
+                     "filled_percent", sst_api_real(100 * e->shown.filled), "oldest_s", sst_api_real(e->shown.oldest_s),
+                     "objects", e->shown.objects);
 }
 
 int engine_views(void *engine, struct sst_api_answer *out)

@@ -36,7 +36,7 @@ SST_MUST_CHECK int sst_truth_read(struct sst_truth *truth, const char *dir);
 struct sst_picture_error {
     double psnr, ssim, psnr_occluded, ssim_occluded;
     double psnr_target; /* three rays or more end at the focus, and fewer end behind it */
-    double seconds; /* rendering time */
+    double seconds;     /* rendering time */
 };
 
 /** Labels against the truth of all views, percent; NaN: there are none. */
@@ -56,13 +56,13 @@ struct sst_evaluation {
         double covered; /* percent of the picture */
         /* Rays of all views through the covered pixels that show the target in at least one view, percent; NaN: none.
          * A ray shows the target if its disparity is within 0.5 px of the focus, and is nearer from 1 px on. */
-        double rejected;       /* of the rays that show the target: the map says nearer */
+        double rejected; /* of the rays that show the target: the map says nearer */
         /* Likewise by the size of the gap that the ray passes: up to 4 px, up to 12 px, larger; in its view, along the
          * row or the column, whichever is shorter. */
         double rejected_gap[SST_EVAL_GAPS];
         double accepted_wrong; /* of those that are not nearer by the map, within 1 px of the focus: in truth nearer */
         struct sst_picture_error render, refocus, clear;
-        double psnr_median; /* psnr_target of the median of the rays at the focus */
+        double psnr_median;            /* psnr_target of the median of the rays at the focus */
         double cut_px;                 /* of the clear picture; NaN: the occluder was removed as an object */
         double filled;                 /* percent of the clear picture that no two views show */
         double psnr_holes, ssim_holes; /* there; NaN: there are none */

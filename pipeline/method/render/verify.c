@@ -389,8 +389,8 @@ static void vote_row(struct sst_verifier *v, const struct sst_render_plan *p, in
     }
 }
 
-/* A pixel that the votes replaced shows what this share of all possible votes agrees on: rays of a common colour, as of leaves,
- * have fewer votes than those of a rare one. */
+/* A pixel that the votes replaced shows what this share of all possible votes agrees on: rays of a common colour, as of
+ * leaves, have fewer votes than those of a rare one. */
 static void note_agreed(struct sst_map_u8 *agreed, int x, int y, float agree, float by)
 {
     uint8_t *to = sst_map_u8_row(agreed, y) + x;
