@@ -103,8 +103,10 @@ static void confirm(struct picture_pixel *p, const uint8_t rgb[3], uint16_t disp
 
     for (int c = 0; c < 3 && sum; c++)
         p->rgb[c] = (uint8_t)((p->rgb[c] * p->support + rgb[c] * support + sum / 2) / sum);
-    p->disp =
-        sum ? (uint16_t)(((uint32_t)p->disp * p->support + (uint32_t)disp * (uint32_t)support) / (uint32_t)sum) : disp;
+    if (sum)
+        p->disp = (uint16_t)((p->disp * p->support + disp * support) / sum);
+    else
+        p->disp = disp;
     p->support = (uint8_t)sst_min_int(sum, SUPPORT_MOST);
     p->seen_ms = now_ms;
     p->doubt_ms = 0;
