@@ -370,7 +370,7 @@ static void note_surface(const struct clear *c, const struct rays *rays, int x, 
 
     for (int i = 0; i < rays->count; i++)
         agree += rays->weight[i] * rays->agree[i];
-    sst_map_u16_row(to->surface, y)[x] = rays->count ? (uint16_t)(q6 + 0.5F) : SST_DISP_NONE;
+    sst_map_u16_row(to->surface, y)[x] = (uint16_t)(rays->count ? (unsigned)(q6 + 0.5F) : SST_DISP_NONE);
     sst_map_u8_row(to->support, y)[x] = (uint8_t)fminf(SST_RENDER_SUPPORT * agree + 0.5F, 255);
 }
 
