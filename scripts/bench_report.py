@@ -158,7 +158,8 @@ RENDER_TEXT = """\
 One picture from the simulated bush with its true maps, all views, exact mode, {rounds} interleaved rounds.
 OpenCV makes the same sums: bands of rows in parallel, each view by warpAffine (bilinear), blended in float; its views
 are interleaved beforehand, and for see-through it gets the weight of every ray ready-made, while `sst` forms the
-weights within its time. Time relative to OpenCV: median over the rounds. Peak: largest memory of the process while it
+weights within its time. Time relative to OpenCV: median over the rounds; a clear picture
+is compared with see-through ones made in turn with it. Peak: largest memory of the process while it
 made its first picture. The last column is how far OpenCV's picture is from ours, in grey levels of 0..255 (warpAffine
 places its samples on 1/32 px).
 
@@ -183,6 +184,9 @@ def render(source, out, command):
         for method in ("refocus", "see-through"):
             ours, others = by_method[(*size, method)], by_method[(*size, f"OpenCV {method}")]
             rows += [render_row(f"sst {method}", ours, others), render_row(f"OpenCV {method}", others, others)]
+        clear, beside = (by_method[(*size, name)] for name in ("clear", "see-through beside clear"))
+        rows.append([f"{cell} of see-through" if i == 3 else cell
+                     for i, cell in enumerate(render_row("sst clear", clear, beside))])
         text += (f"## 36 views of {size[0]:.0f}x{size[1]:.0f}; the light field takes "
                  f"{ours[0]['light_field_mib']:.0f} MiB\n\n{table(head, rows)}\n")
     return write_page(out, "bench-render", page("Rendering: time", command, text))

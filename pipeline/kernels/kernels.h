@@ -40,6 +40,10 @@ enum sst_cpu_level {
     X(blend_finish)                                                                                                    \
     X(blend_take)                                                                                                      \
     X(blend_support)                                                                                                   \
+    X(clear_land)                                                                                                      \
+    X(clear_surface)                                                                                                   \
+    X(clear_take)                                                                                                      \
+    X(clear_blend)                                                                                                     \
     X(agree_votes)                                                                                                     \
     X(agree_mode)                                                                                                      \
     X(agree_near)                                                                                                      \
@@ -311,6 +315,84 @@ typedef void sst_blend_take_fn(uint8_t *const colour[3], float *weight, const st
  */
 typedef void sst_blend_support_fn(uint8_t *support, const uint16_t *disp, const uint8_t *label, const uint32_t *ends,
                                   size_t n);
+
+/*
+ * The clear picture (design.md, 5.9; pipeline/method/render/clear.c): rays are sent to the viewpoint, and the pixels of
+ * the picture are coloured in stretches of SST_CLEAR_BLOCK.
+ */
+#define SST_CLEAR_BLOCK     32
+#define SST_CLEAR_TOLERANCE 48    /* stored disparities, 0.75 px: rays of one surface */
+#define SST_CLEAR_RIM       0.02F /* weight of a ray next to something removed */
+
+/** What a view's pixel is: removed, or nothing is known; next to something removed; neither. */
+enum sst_clear_state { SST_CLEAR_REMOVED = 0, SST_CLEAR_BESIDE = 1, SST_CLEAR_KEPT = 2 };
+
+/** One view. A ray of stored disparity q goes from pixel (x, y) to (x + floor(q x_q6 + x_0), y + floor(q y_q6 + y_0)),
+ *  products and sums in float, |results| below 2^30. */
+struct sst_clear_view {
+    int width, height;
+    const uint8_t *plane[3]; /* R, G, B, rows `stride` apart; NULL: clear_take leaves colours 0 */
+    size_t stride;
+    const uint16_t *disp; /* rows disp_stride apart */
+    size_t disp_stride;
+    const uint8_t *state; /* [height][width] enum sst_clear_state */
+    float bx, by;         /* offset from the viewpoint, spacings */
+    float x_q6, x_0, y_q6, y_0;
+};
+
+/**
+ * Send the rays of row y of a view that are not removed: landed = max(landed, stored disparity + 1) where they arrive.
+ * Those that leave the picture are dropped.
+ *
+ * @param landed  in and out, [height] rows `stride` apart
+ */
+typedef void sst_clear_land_fn(uint16_t *landed, size_t stride, const struct sst_clear_view *v, int y);
+
+/**
+ * The nearest surface of each pixel that enough views confirm: those whose ray is at most SST_CLEAR_TOLERANCE behind
+ * the nearest one of it, at least 2 and a quarter of the rays that arrive.
+ *
+ * @param surface  out [SST_CLEAR_BLOCK]: mean stored disparity of these rays; -1: there is none
+ * @param landed   in [views] stretches of SST_CLEAR_BLOCK: 0, or stored disparity + 1
+ */
+typedef void sst_clear_surface_fn(float *surface, const uint16_t *const *landed, size_t views);
+
+/** Rays of SST_CLEAR_BLOCK pixels of a row. One slot holds at most one ray of each pixel. */
+struct sst_clear_rays {
+    float surface[SST_CLEAR_BLOCK];    /* stored disparity; < 0: no rays */
+    float px[SST_CLEAR_BLOCK];         /* the same in px */
+    int32_t wanted[SST_CLEAR_BLOCK];   /* rays of full weight that are still to be taken */
+    int slots;                         /* in use */
+    float (*weight)[SST_CLEAR_BLOCK];  /* [slots]; 0: no ray */
+    float (*colour[3])[SST_CLEAR_BLOCK]; /* [slots] 0..255; any finite value where there is no ray */
+    float (*agree)[SST_CLEAR_BLOCK];   /* [slots], set by clear_blend: agreement of a ray with the others, 0..1 */
+};
+
+/**
+ * The rays of one view that see the surface of pixels x .. of row y, in a new slot if there are any: the nearest pixel
+ * to the ray's exact position is not removed and has the surface's disparity within SST_CLEAR_TOLERANCE. Colours are
+ * bilinear at 1/64 px. Weights are 1 (which counts as taken) or SST_CLEAR_RIM.
+ *
+ * @param n  pixels, at most SST_CLEAR_BLOCK  @return whether a pixel still wants rays
+ */
+typedef int sst_clear_take_fn(struct sst_clear_rays *rays, const struct sst_clear_view *v, int x, int y, int n);
+
+/** Colours of the pixels of a block. */
+struct sst_clear_colours {
+    float colour[3][SST_CLEAR_BLOCK]; /* 0..255; 0 where there is no ray */
+    float weight[SST_CLEAR_BLOCK];    /* sum of weights */
+    float support[SST_CLEAR_BLOCK];   /* sum of weight times agreement */
+    float own[SST_CLEAR_BLOCK];       /* share of the viewpoint's own camera in the colour, 0..1 */
+};
+
+/**
+ * Mean colour of the rays that agree: from the weighted mean of all, two steps of weights 1 / (1 + t^4), t the mean
+ * deviation of R, G and B in units of 20, then 10 levels; none where no ray deviates by more than 4 levels. Then slot
+ * `own`, if its ray has weight 1, replaces it: wholly up to a deviation of 10 levels, fading out up to 20.
+ *
+ * @param own  slot of the viewpoint's own camera; -1: none
+ */
+typedef void sst_clear_blend_fn(struct sst_clear_colours *out, const struct sst_clear_rays *rays, int own);
 
 /*
  * Colour agreement of the rays of a pixel (pipeline/method/render/verify.h). A ray votes for its own colour and, with

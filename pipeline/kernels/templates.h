@@ -3,6 +3,7 @@
 #include "pipeline/kernels/bilateral_tmpl.h"
 #include "pipeline/kernels/blend_finish_tmpl.h"
 #include "pipeline/kernels/blend_tmpl.h"
+#include "pipeline/kernels/clear_tmpl.h"
 #include "pipeline/kernels/hypothesis_cost_tmpl.h"
 #include "pipeline/kernels/hypothesis_path_tmpl.h"
 #include "pipeline/kernels/census_tmpl.h"

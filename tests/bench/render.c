@@ -1,4 +1,5 @@
-/* Times see-through and plain pictures against the same sums written with OpenCV, interleaved: render WxH ROUNDS.
+/* Times see-through and plain pictures against the same sums written with OpenCV, and clear ones against see-through
+ * ones, interleaved: render WxH ROUNDS.
  * Prints CSV, one line for each round and method. The light field is the bush of the simulator with its true maps,
  * 36 views, made in memory. */
 #include <errno.h>
@@ -21,7 +22,7 @@ struct bench {
     struct sst_lightfield lf;
     struct sst_scene *scene;
     struct sst_renderer *renderer;
-    struct sst_image out[2]; /* of each method */
+    struct sst_image out[3]; /* of each method */
     double lf_mib;           /* memory that the light field takes */
 };
 
@@ -135,6 +136,27 @@ static int measure(struct bench *b, int method, const struct sst_render_config *
     return err;
 }
 
+/* Clear and see-through pictures in turn: without a peer, both are ours. */
+static int measure_clear(struct bench *b, const struct sst_render_config *see_through)
+{
+    struct sst_render_config clear = *see_through;
+    double mib;
+    int err = sst_render_find_cut(b->renderer, &clear.cut_px);
+
+    clear.method = SST_RENDER_CLEAR;
+    err = err ? err : sst_image_init(&b->out[2], b->lf.width, b->lf.height);
+    err = err ? err : warm_up(b, 2, &clear, &mib);
+    for (int i = 0; !err && i < 2 * b->rounds; i++) {
+        const int64_t start_ns = sst_clock_now_ns(), start_cpu_ns = sst_clock_cpu_ns();
+
+        err = sst_render(b->renderer, i % 2 ? see_through : &clear, &b->out[i % 2 ? 1 : 2], NULL);
+        printf("%d,%d,%s,%d,%.3f,%.3f,%.0f,%.0f,0,0\n", b->lf.width, b->lf.height,
+               i % 2 ? "see-through beside clear" : "clear", i / 2 + 1, (double)(sst_clock_now_ns() - start_ns) * 1e-6,
+               (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6, b->lf_mib, mib);
+    }
+    return err;
+}
+
 static int run(struct bench *b, int width, int height)
 {
     struct sst_render_config cfg[2];
@@ -151,7 +173,7 @@ static int run(struct bench *b, int width, int height)
     }
     for (int m = 0; !err && m < 2; m++)
         err = measure(b, m, &cfg[m], mib[m]);
-    return err;
+    return err ? err : measure_clear(b, &cfg[1]);
 }
 
 int main(int argc, char **argv)
@@ -168,8 +190,8 @@ int main(int argc, char **argv)
     err = run(&b, width, height);
     if (err)
         sst_log_error("render bench: %s", strerror(-err));
-    sst_image_fini(&b.out[0]);
-    sst_image_fini(&b.out[1]);
+    for (int m = 0; m < 3; m++)
+        sst_image_fini(&b.out[m]);
     sst_renderer_destroy(b.renderer);
     sst_scene_destroy(b.scene);
     sst_lightfield_fini(&b.lf);

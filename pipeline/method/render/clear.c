@@ -8,44 +8,31 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/kernels/kernels.h"
 
-#define TOLERANCE_Q6 48    /* 0.75 px: rays of one surface */
-#define LEAST_VIEWS  2     /* that confirm a surface, ... */
-#define LEAST_SHARE  4     /* ... and one in this many of the rays that arrive */
-#define ENOUGH       16    /* rays of full weight for one pixel: the nearest views are the sharpest */
-#define RIM_WEIGHT   0.02F /* of a ray next to something removed */
-#define COLOUR_STEPS 2     /* of the robust mean: deviations with half the weight, levels per channel */
-static const float half_weight[COLOUR_STEPS] = { 20, 10 };
-#define ALIKE      4  /* levels: all weights would be at least 0.97 */
-#define OWN_LEVELS 10 /* the viewpoint's own camera counts up to this deviation, and fades out up to twice as much */
-
-/* What a view's pixel is. */
-enum state { REMOVED = 0, RIM = 1, KEPT = 2 }; /* removed, or nothing is known; next to something removed; neither */
-
-/* Pixels that a ray moves by on its way to the viewpoint. */
-struct shift {
-    int32_t dx, dy;
-};
+#define ENOUGH 16 /* rays of full weight for one pixel: the nearest views are the sharpest */
 
 struct clear_view {
     const struct sst_render_tap *tap;
-    float bx, by;     /* offset from the viewpoint */
-    uint8_t *state;   /* [height][width] enum state */
-    uint16_t *landed; /* [height][width] of the picture: stored disparity + 1 of the nearest ray; 0: none */
+    struct sst_clear_view at; /* state: the renderer's memory */
+    uint8_t *state;           /* [height][width] enum sst_clear_state */
+    uint16_t *landed;         /* [height][stride] of the picture: stored disparity + 1 of the nearest ray; 0: none */
 };
 
 /* Working memory of one thread. */
 struct scratch {
-    struct shift *shift;             /* [bins] */
-    uint8_t *row[3];                 /* [width + 2] removed pixels of three rows, in a ring */
-    uint16_t *top, *arrived, *count; /* [width] nearest ray; rays that arrive; those of its surface */
-    uint32_t *sum;                   /* [width] of their landed values */
+    uint8_t *row[3];         /* [width + 2] removed pixels of three rows, in a ring */
+    const uint16_t **landed; /* [views] */
+    int *view;               /* [slots] whose rays they are: index in struct clear */
+    struct sst_clear_rays rays;
+    struct sst_clear_colours out;
 };
 
 struct clear {
     const struct sst_lightfield *lf;
     const struct sst_render_config *cfg;
     int width, height, bins, cut_q6; /* bins: stored disparities are below; cut: those above are removed */
+    size_t stride;                   /* of landed, elements: whole blocks */
     int count;
     struct clear_view view[SST_MAX_VIEWS]; /* nearest to the viewpoint first */
     struct scratch *scratch;               /* [threads] */
@@ -53,7 +40,8 @@ struct clear {
     struct sst_map_u8 weight; /* of the picture's pixels: 255 is enough */
     struct sst_renderer *renderer;
     struct sst_mem_kept maps; /* state and landed of all views: the renderer's, from one picture to the next */
-    void *rows;               /* owned: scratch */
+    const struct sst_kernels *kernels;
+    void *rows; /* owned: scratch */
 };
 
 /* --- rays of one view --------------------------------------------------------------------------------------------- */
@@ -96,17 +84,10 @@ static void set_states(const struct clear *c, const struct clear_view *v, const 
             const int near =
                 above[x - 1] | above[x] | above[x + 1] | at[x - 1] | at[x + 1] | below[x - 1] | below[x] | below[x + 1];
 
-            state[x] = (uint8_t)(at[x] | (disp[x] >= c->bins) ? REMOVED : near ? RIM : KEPT);
+            state[x] = (uint8_t)(at[x] | (disp[x] >= c->bins) ? SST_CLEAR_REMOVED
+                                 : near                       ? SST_CLEAR_BESIDE
+                                                              : SST_CLEAR_KEPT);
         }
-    }
-}
-
-static void set_shifts(const struct clear *c, const struct clear_view *v, struct shift *shift)
-{
-    for (int q = 0; q < c->bins; q++) {
-        const double d = sst_disp_px(c->lf, (uint16_t)q);
-
-        shift[q] = (struct shift){ (int32_t)floor(d * (double)v->bx + 0.5), (int32_t)floor(d * (double)v->by + 0.5) };
     }
 }
 
@@ -115,294 +96,113 @@ static int land_view(void *arg, int index, int worker)
 {
     const struct clear *c = arg;
     const struct clear_view *v = &c->view[index];
-    const struct scratch *s = &c->scratch[worker];
-    const unsigned w = (unsigned)c->width, h = (unsigned)c->height;
 
-    set_states(c, v, s);
-    set_shifts(c, v, s->shift);
-    memset(v->landed, 0, (size_t)w * h * sizeof(*v->landed));
-    for (unsigned y = 0; y < h; y++) {
-        const uint16_t *disp = sst_map_u16_row(&v->tap->v->disp, (int)y);
-        const uint8_t *state = v->state + (size_t)y * w;
-
-        for (unsigned x = 0; x < w; x++) {
-            struct shift by;
-            unsigned tx, ty;
-
-            if (!state[x])
-                continue;
-            by = s->shift[disp[x]];
-            tx = x + (unsigned)by.dx;
-            ty = y + (unsigned)by.dy;
-            if (tx < w && ty < h) {
-                uint16_t *to = &v->landed[(size_t)ty * w + tx];
-
-                if (*to <= disp[x])
-                    *to = (uint16_t)(disp[x] + 1);
-            }
-        }
-    }
+    set_states(c, v, &c->scratch[worker]);
+    memset(v->landed, 0, c->stride * (size_t)c->height * sizeof(*v->landed));
+    for (int y = 0; y < c->height; y++)
+        c->kernels->clear_land(v->landed, c->stride, &v->at, y);
     return 0;
 }
 
-/* --- surface ------------------------------------------------------------------------------------------------------ */
+/* --- rays of one block -------------------------------------------------------------------------------------------- */
 
-static int needed(int arrived)
+/* Colours of the rays in the slot that a view with a raw frame has taken. Returns whether a ray was dropped, because its
+ * position is outside the frame. */
+static int sample_slot(struct sst_clear_rays *rays, int slot, const struct clear_view *v, int x, int y, int n)
 {
-    return sst_max_int(LEAST_VIEWS, (arrived + LEAST_SHARE - 1) / LEAST_SHARE);
-}
+    int dropped = 0;
 
-/* The nearest surface of every pixel of a row, without asking whether enough views confirm it. */
-static void find_nearest(const struct clear *c, const struct scratch *s, int y)
-{
-    const size_t w = (size_t)c->width;
-    uint16_t *restrict top = s->top, *restrict arrived = s->arrived, *restrict count = s->count;
-    uint32_t *restrict sum = s->sum;
-
-    memset(top, 0, w * sizeof(*top));
-    memset(arrived, 0, w * sizeof(*arrived));
-    memset(count, 0, w * sizeof(*count));
-    memset(sum, 0, w * sizeof(*sum));
-    for (int k = 0; k < c->count; k++) {
-        const uint16_t *restrict landed = c->view[k].landed + (size_t)y * w;
-
-        for (size_t x = 0; x < w; x++) {
-            top[x] = landed[x] > top[x] ? landed[x] : top[x];
-            arrived[x] = (uint16_t)(arrived[x] + (landed[x] != 0));
-        }
-    }
-    for (int k = 0; k < c->count; k++) {
-        const uint16_t *restrict landed = c->view[k].landed + (size_t)y * w;
-
-        for (size_t x = 0; x < w; x++) {
-            const uint16_t near = (uint16_t)(landed[x] && landed[x] + TOLERANCE_Q6 >= top[x]);
-
-            count[x] = (uint16_t)(count[x] + near);
-            sum[x] += near ? landed[x] : 0U;
-        }
-    }
-}
-
-/* The surface of pixel x behind those that too few views confirm; -1: there is none. Stored disparity. */
-static float find_behind(const struct clear *c, const struct scratch *s, int x, int y)
-{
-    const size_t at = (size_t)y * (size_t)c->width + (size_t)x;
-    int top = s->top[x];
-
-    while (top) {
-        int next = 0, count = 0;
-        uint32_t sum = 0;
-
-        for (int k = 0; k < c->count; k++) {
-            const int landed = c->view[k].landed[at];
-            const bool near = landed && landed <= top && landed + TOLERANCE_Q6 >= top;
-
-            count += near;
-            sum += near ? (uint32_t)landed : 0;
-            next = landed < top && landed > next ? landed : next;
-        }
-        if (count >= needed(s->arrived[x]))
-            return (float)sum / (float)count - 1;
-        top = next;
-    }
-    return -1;
-}
-
-static float surface_at(const struct clear *c, const struct scratch *s, int x, int y)
-{
-    if (s->count[x] >= needed(s->arrived[x]))
-        return (float)s->sum[x] / (float)s->count[x] - 1;
-    return find_behind(c, s, x, y);
-}
-
-/* --- colour ------------------------------------------------------------------------------------------------------- */
-
-/* Rays that see the surface of one pixel, the nearest views first. */
-struct rays {
-    int count, own; /* own: the ray of the camera at the viewpoint; -1: none of full weight */
-    float total;    /* sum of weights */
-    float weight[SST_MAX_VIEWS], colour[3][SST_MAX_VIEWS], agree[SST_MAX_VIEWS];
-    int view[SST_MAX_VIEWS]; /* index in struct clear */
-    float x[SST_MAX_VIEWS], y[SST_MAX_VIEWS];
-};
-
-static bool sample(float colour[3], const struct clear_view *v, float x, float y)
-{
-    const struct sst_image *img = &v->tap->v->image;
-    const int x0 = (int)x, y0 = (int)y, xp = (int)((x - (float)x0) * 64 + 0.5F),
-              yp = (int)((y - (float)y0) * 64 + 0.5F);
-
-    if (v->tap->sampler) {
+    for (int i = 0; i < n; i++) {
+        const float at_x = (float)(x + i) - rays->px[i] * v->at.bx, at_y = (float)y - rays->px[i] * v->at.by;
         uint8_t rgb[3], seen;
 
-        sst_sampler_row(v->tap->sampler, (double)x, (double)y, 1, (uint8_t *const[3]){ rgb, rgb + 1, rgb + 2 }, &seen);
-        for (int c = 0; c < 3; c++)
-            colour[c] = rgb[c];
-        return seen;
-    }
-    for (int c = 0; c < 3; c++) {
-        const uint8_t *top = img->plane[c] + (size_t)y0 * img->stride + x0;
-        const uint8_t *bottom = yp ? top + img->stride : top;
-        const int right = xp != 0;
-        const int upper = 64 * top[0] + xp * (top[right] - top[0]);
-        const int lower = 64 * bottom[0] + xp * (bottom[right] - bottom[0]);
-
-        colour[c] = (float)(64 * upper + yp * (lower - upper)) * (1.0F / 4096);
-    }
-    return true;
-}
-
-/* Does a view see the surface of disparity d (px; stored: q6)? Appends its ray. */
-static bool gather(const struct clear *c, struct rays *rays, int k, int px, int py, float d, float q6)
-{
-    const struct clear_view *v = &c->view[k];
-    const float x = (float)px - d * v->bx, y = (float)py - d * v->by;
-    float colour[3];
-    int nx, ny;
-    enum state state;
-
-    if (!(x >= 0 && y >= 0 && x <= (float)(c->width - 1) && y <= (float)(c->height - 1)))
-        return false;
-    nx = (int)(x + 0.5F);
-    ny = (int)(y + 0.5F);
-    state = v->state[(size_t)ny * (size_t)c->width + (size_t)nx];
-    if (!state || fabsf((float)sst_map_u16_row(&v->tap->v->disp, ny)[nx] - q6) > TOLERANCE_Q6 ||
-        !sample(colour, v, x, y))
-        return false;
-    for (int i = 0; i < 3; i++)
-        rays->colour[i][rays->count] = colour[i];
-    rays->x[rays->count] = x;
-    rays->y[rays->count] = y;
-    rays->weight[rays->count] = state == KEPT ? 1 : RIM_WEIGHT;
-    rays->view[rays->count] = k;
-    if (state == KEPT && v->bx * v->bx + v->by * v->by < 1e-12F)
-        rays->own = rays->count;
-    rays->total += rays->weight[rays->count++];
-    return state == KEPT;
-}
-
-static void gather_all(const struct clear *c, struct rays *rays, int x, int y, float q6)
-{
-    const float d = (float)(c->lf->disp_min_px + (double)q6 / SST_DISP_SCALE);
-    const int enough = c->cfg->rays ? c->cfg->rays : ENOUGH;
-    int whole = 0;
-
-    rays->count = 0;
-    rays->own = -1;
-    rays->total = 0;
-    for (int k = 0; k < c->count && whole < enough; k++)
-        whole += gather(c, rays, k, x, y, d, q6);
-}
-
-static void mean_colour(const struct rays *rays, const float *agree, float mean[3])
-{
-    float sum[3] = { 0 }, total = 0;
-
-    for (int i = 0; i < rays->count; i++) {
-        const float w = agree ? rays->weight[i] * agree[i] : rays->weight[i];
-
-        for (int c = 0; c < 3; c++)
-            sum[c] += w * rays->colour[c][i];
-        total += w;
-    }
-    for (int c = 0; c < 3; c++)
-        mean[c] = sum[c] / total;
-}
-
-/* Sum of a ray's deviations in R, G and B. */
-static float deviation(const struct rays *rays, int i, const float mean[3])
-{
-    return fabsf(rays->colour[0][i] - mean[0]) + fabsf(rays->colour[1][i] - mean[1]) +
-           fabsf(rays->colour[2][i] - mean[2]);
-}
-
-static float largest_deviation(const struct rays *rays, const float mean[3])
-{
-    float largest = 0;
-
-    for (int i = 0; i < rays->count; i++)
-        if (deviation(rays, i, mean) > largest)
-            largest = deviation(rays, i, mean);
-    return largest;
-}
-
-/* Colour of the rays that agree. Their agreement is left in rays->agree; where no ray deviates it is 1. */
-static void blend_rays(struct rays *rays, float colour[3])
-{
-    mean_colour(rays, NULL, colour);
-    for (int i = 0; i < rays->count; i++)
-        rays->agree[i] = 1;
-    if (largest_deviation(rays, colour) <= 3 * ALIKE)
-        return;
-    for (int step = 0; step < COLOUR_STEPS; step++) {
-        const float scale = 1 / (3 * half_weight[step]);
-
-        for (int i = 0; i < rays->count; i++) {
-            const float t = deviation(rays, i, colour) * scale, t2 = t * t;
-
-            rays->agree[i] = 1 / (1 + t2 * t2);
+        if (!(rays->weight[slot][i] > 0))
+            continue;
+        sst_sampler_row(v->tap->sampler, (double)at_x, (double)at_y, 1, (uint8_t *const[3]){ rgb, rgb + 1, rgb + 2 },
+                        &seen);
+        for (int k = 0; k < 3; k++)
+            rays->colour[k][slot][i] = rgb[k];
+        if (!seen) {
+            rays->wanted[i] += rays->weight[slot][i] >= 1;
+            rays->weight[slot][i] = 0;
+            dropped = 1;
         }
-        mean_colour(rays, rays->agree, colour);
     }
+    return dropped;
 }
 
-/* Share of the viewpoint's own camera in the colour. */
-static float own_share(const struct rays *rays, const float colour[3])
+/* The surface of n pixels from x on, and the rays that see it. Returns the slot of the camera at the viewpoint; -1: it
+ * has none. */
+static int find_rays(const struct clear *c, struct scratch *s, int x, int y, int n)
 {
-    if (rays->own < 0)
-        return 0;
-    return fminf(fmaxf(2 - deviation(rays, rays->own, colour) / (3 * OWN_LEVELS), 0), 1);
+    struct sst_clear_rays *rays = &s->rays;
+    int own = -1, more = 1;
+
+    for (int k = 0; k < c->count; k++)
+        s->landed[k] = c->view[k].landed + (size_t)y * c->stride + x;
+    c->kernels->clear_surface(rays->surface, s->landed, (size_t)c->count);
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        rays->px[i] = (float)(c->lf->disp_min_px + (double)rays->surface[i] / SST_DISP_SCALE);
+        rays->wanted[i] = c->cfg->rays ? c->cfg->rays : ENOUGH;
+    }
+    rays->slots = 0;
+    for (int k = 0; k < c->count && more; k++) {
+        const struct clear_view *v = &c->view[k];
+        const int slot = rays->slots;
+
+        more = c->kernels->clear_take(rays, &v->at, x, y, n);
+        if (rays->slots == slot)
+            continue;
+        if (v->tap->sampler)
+            more |= sample_slot(rays, slot, v, x, y, n);
+        s->view[slot] = k;
+        if (v->at.bx * v->at.bx + v->at.by * v->at.by < 1e-12F)
+            own = slot;
+    }
+    return own;
 }
 
 /* Weight of a pixel, 0..255, from the weight of its rays: 1 is enough. */
 static uint8_t pixel_weight(float total)
 {
-    const float t = fminf(total, 1);
+    const float t = total < 1 ? total : 1;
 
     return (uint8_t)(255 * t * t + 0.5F);
 }
 
-/* For the caller's merge: the surface of a pixel, and how many rays agree on its colour. */
-static void note_surface(const struct clear *c, const struct rays *rays, int x, int y, float q6)
+/* For the caller's merge: the surface of each pixel, and how many rays agree on its colour. */
+static void note_surface(const struct clear *c, const struct scratch *s, int x, int y, int n)
 {
-    const struct sst_render_merge *to = c->cfg->merge;
-    float agree = 0;
+    uint16_t *surface = sst_map_u16_row(c->cfg->merge->surface, y) + x;
+    uint8_t *support = sst_map_u8_row(c->cfg->merge->support, y) + x;
 
-    for (int i = 0; i < rays->count; i++)
-        agree += rays->weight[i] * rays->agree[i];
-    sst_map_u16_row(to->surface, y)[x] = (uint16_t)(rays->count ? (unsigned)(q6 + 0.5F) : SST_DISP_NONE);
-    sst_map_u8_row(to->support, y)[x] = (uint8_t)fminf(SST_RENDER_SUPPORT * agree + 0.5F, 255);
+    for (int i = 0; i < n; i++) {
+        surface[i] = (uint16_t)(s->out.weight[i] > 0 ? (unsigned)(s->rays.surface[i] + 0.5F) : SST_DISP_NONE);
+        support[i] = (uint8_t)fminf(SST_RENDER_SUPPORT * s->out.support[i] + 0.5F, 255);
+    }
 }
 
 static int colour_row(void *arg, int y, int worker)
 {
     const struct clear *c = arg;
-    const struct scratch *s = &c->scratch[worker];
-    struct rays rays;
+    struct scratch *s = &c->scratch[worker];
+    uint8_t *weight = sst_map_u8_row(&c->weight, y);
 
-    find_nearest(c, s, y);
-    for (int x = 0; x < c->width; x++) {
-        const float q6 = surface_at(c, s, x, y);
-        float colour[3] = { 0 };
-        float own;
+    for (int x = 0; x < c->width; x += SST_CLEAR_BLOCK) {
+        const int n = sst_min_int(c->width - x, SST_CLEAR_BLOCK);
+        const int own = find_rays(c, s, x, y, n);
 
-        rays.count = 0;
-        rays.total = 0;
-        if (q6 >= 0)
-            gather_all(c, &rays, x, y, q6);
-        sst_map_u8_row(&c->weight, y)[x] = pixel_weight(rays.total);
-        if (rays.count)
-            blend_rays(&rays, colour);
-        if (c->cfg->merge)
-            note_surface(c, &rays, x, y, q6);
-        if (!rays.count)
-            continue;
-        own = own_share(&rays, colour);
-        for (int i = 0; i < 3; i++) {
-            const float v = own > 0 ? colour[i] + own * (rays.colour[i][rays.own] - colour[i]) : colour[i];
+        c->kernels->clear_blend(&s->out, &s->rays, own);
+        for (int k = 0; k < 3; k++) {
+            uint8_t *to = sst_image_row(c->out, k, y) + x;
 
-            sst_image_row(c->out, i, y)[x] = (uint8_t)(v + 0.5F);
+            for (int i = 0; i < n; i++)
+                to[i] = (uint8_t)(int)(s->out.colour[k][i] + 0.5F);
         }
+        for (int i = 0; i < n; i++)
+            weight[x + i] = pixel_weight(s->out.weight[i]);
+        if (c->cfg->merge)
+            note_surface(c, s, x, y, n);
     }
     return 0;
 }
@@ -411,25 +211,58 @@ static int colour_row(void *arg, int y, int worker)
 
 static double distance(const struct clear_view *v)
 {
-    return hypot((double)v->bx, (double)v->by);
+    return hypot((double)v->at.bx, (double)v->at.by);
 }
 
 static void add_view(struct clear *c, const struct sst_render_tap *t)
 {
+    const double bx = t->v->bx - c->cfg->view_bx, by = t->v->by - c->cfg->view_by;
     struct clear_view v = { .tap = t,
-                            .bx = (float)(t->v->bx - c->cfg->view_bx),
-                            .by = (float)(t->v->by - c->cfg->view_by) };
+                            .at = { .width = c->width,
+                                    .height = c->height,
+                                    .stride = t->v->image.stride,
+                                    .disp = sst_map_u16_row(&t->v->disp, 0),
+                                    .disp_stride = t->v->disp.stride / sizeof(uint16_t),
+                                    .bx = (float)bx,
+                                    .by = (float)by,
+                                    .x_q6 = (float)(bx / SST_DISP_SCALE),
+                                    .x_0 = (float)(c->lf->disp_min_px * bx + 0.5),
+                                    .y_q6 = (float)(by / SST_DISP_SCALE),
+                                    .y_0 = (float)(c->lf->disp_min_px * by + 0.5) } };
     int at = c->count++;
 
+    for (int k = 0; k < 3 && !t->sampler; k++)
+        v.at.plane[k] = t->v->image.plane[k];
     for (; at > 0 && distance(&c->view[at - 1]) > distance(&v); at--)
         c->view[at] = c->view[at - 1];
     c->view[at] = v;
 }
 
+/* Working memory of a thread from `at` on; NULL: only count. Returns its size. */
+static size_t place_scratch(struct scratch *s, uint8_t *at, const struct clear *c)
+{
+    const size_t views = (size_t)c->count, row = sst_mem_stride((size_t)c->width + 2, 1);
+    const size_t slots = views * sizeof(*s->rays.weight), lists = sst_mem_stride(views, sizeof(*s->landed));
+
+    if (at) {
+        for (int j = 0; j < 3; j++)
+            s->row[j] = at + (size_t)j * row;
+        at += 3 * row;
+        s->rays.weight = (void *)at;
+        s->rays.agree = (void *)(at + slots);
+        for (int j = 0; j < 3; j++)
+            s->rays.colour[j] = (void *)(at + (size_t)(2 + j) * slots);
+        at += 5 * slots;
+        s->landed = (void *)at;
+        s->view = (void *)(at + lists);
+    }
+    return 3 * row + 5 * slots + 2 * lists;
+}
+
 static int allocate(struct clear *c, int threads)
 {
-    const size_t w = (size_t)c->width, n = sst_mem_stride(w * (size_t)c->height, 3);
-    const size_t bins = sst_mem_stride((size_t)c->bins, sizeof(struct shift)), row = sst_mem_stride(w + 2, 4);
+    const size_t pixels = (size_t)c->width * (size_t)c->height, landed = 2 * c->stride * (size_t)c->height;
+    const size_t view = sst_mem_stride(landed + pixels, 1), scratch = place_scratch(NULL, NULL, c);
     uint8_t *maps, *rows;
 
     pthread_mutex_lock(&c->renderer->lock);
@@ -437,25 +270,16 @@ static int allocate(struct clear *c, int threads)
     c->renderer->spare = (struct sst_mem_kept){ 0 };
     pthread_mutex_unlock(&c->renderer->lock);
     c->scratch = calloc((size_t)threads, sizeof(*c->scratch));
-    maps = sst_mem_keep(&c->maps, (size_t)c->count, n);
-    c->rows = rows = sst_mem_alloc_raw((size_t)threads, bins + 7 * row);
+    maps = sst_mem_keep(&c->maps, (size_t)c->count, view);
+    c->rows = rows = sst_mem_alloc_raw((size_t)threads, scratch);
     if (!c->scratch || !maps || !rows)
         return -ENOMEM;
     for (int k = 0; k < c->count; k++) {
-        c->view[k].landed = (uint16_t *)(void *)(maps + (size_t)k * n);
-        c->view[k].state = maps + (size_t)k * n + 2 * w * (size_t)c->height;
+        c->view[k].landed = (void *)(maps + (size_t)k * view);
+        c->view[k].at.state = c->view[k].state = maps + (size_t)k * view + landed;
     }
-    for (int i = 0; i < threads; i++, rows += bins + 7 * row) {
-        uint8_t *at = rows + bins;
-
-        c->scratch[i].shift = (struct shift *)(void *)rows;
-        for (int j = 0; j < 3; j++, at += row)
-            c->scratch[i].row[j] = at;
-        c->scratch[i].top = (uint16_t *)(void *)at;
-        c->scratch[i].arrived = (uint16_t *)(void *)(at + row);
-        c->scratch[i].count = (uint16_t *)(void *)(at + 2 * row);
-        c->scratch[i].sum = (uint32_t *)(void *)(at + 3 * row);
-    }
+    for (int i = 0; i < threads; i++)
+        place_scratch(&c->scratch[i], rows + (size_t)i * scratch, c);
     return 0;
 }
 
@@ -553,7 +377,9 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
                          .width = p->lf->width,
                          .height = p->lf->height,
                          .bins = count_bins(r),
-                         .cut_q6 = cut_q6(p->lf, cfg->cut_px) };
+                         .cut_q6 = cut_q6(p->lf, cfg->cut_px),
+                         .stride = sst_mem_stride((size_t)p->lf->width, 2) / 2,
+                         .kernels = sst_kernels_get() };
     for (int i = 0; i < p->count; i++)
         add_view(c, &p->tap[i]);
     err = allocate(c, threads);
@@ -620,39 +446,42 @@ int clear_render(struct sst_renderer *r, const struct sst_render_config *cfg, st
 
 /* --- one pixel explained ------------------------------------------------------------------------------------------ */
 
-static void describe(const struct clear *c, struct rays *rays, struct sst_ray *out)
+/* The rays of the i-th pixel of a block, which is (x, y). Returns their number. */
+static int describe(const struct clear *c, const struct scratch *s, int i, int x, int y, struct sst_ray *out, int own)
 {
-    float colour[3], total = 0, own;
+    const struct sst_clear_rays *rays = &s->rays;
+    int count = 0;
 
-    blend_rays(rays, colour);
-    own = own_share(rays, colour);
-    for (int i = 0; i < rays->count; i++)
-        total += rays->weight[i] * rays->agree[i];
-    for (int i = 0; i < rays->count; i++) {
-        const struct clear_view *v = &c->view[rays->view[i]];
-        const int x = (int)(rays->x[i] + 0.5F), y = (int)(rays->y[i] + 0.5F);
+    for (int slot = 0; slot < rays->slots; slot++) {
+        const struct clear_view *v = &c->view[s->view[slot]];
+        const float at_x = (float)x - rays->px[i] * v->at.bx, at_y = (float)y - rays->px[i] * v->at.by;
+        const float weight = rays->weight[slot][i], share = weight * rays->agree[slot][i] / s->out.support[i];
+        const int nx = (int)(at_x + 0.5F), ny = (int)(at_y + 0.5F);
 
-        out[i] = (struct sst_ray){ .view = v->tap->view,
-                                   .x = (double)rays->x[i],
-                                   .y = (double)rays->y[i],
-                                   .disp_px = sst_disp_px(c->lf, sst_map_u16_row(&v->tap->v->disp, y)[x]),
-                                   .aperture = 1,
-                                   .w_depth = (double)rays->weight[i],
-                                   .w_label = (double)rays->agree[i] };
+        if (!(weight > 0))
+            continue;
+        out[count] = (struct sst_ray){ .view = v->tap->view,
+                                       .x = (double)at_x,
+                                       .y = (double)at_y,
+                                       .disp_px = sst_disp_px(c->lf, sst_map_u16_row(&v->tap->v->disp, ny)[nx]),
+                                       .aperture = 1,
+                                       .w_depth = (double)weight,
+                                       .w_label = (double)rays->agree[slot][i] };
         if (v->tap->v->label.data)
-            out[i].label = sst_map_u8_row(&v->tap->v->label, y)[x];
-        out[i].share = (double)((1 - own) * rays->weight[i] * rays->agree[i] / total + (i == rays->own ? own : 0));
+            out[count].label = sst_map_u8_row(&v->tap->v->label, ny)[nx];
+        out[count].share = (double)((1 - s->out.own[i]) * share + (slot == own ? s->out.own[i] : 0));
         for (int k = 0; k < 3; k++)
-            out[i].colour[k] = (double)rays->colour[k][i];
+            out[count].colour[k] = (double)rays->colour[k][slot][i];
+        count++;
     }
+    return count;
 }
 
 int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y, struct sst_ray *rays,
                int *count)
 {
-    const int threads = sst_thread_count(cfg->threads);
+    const int threads = sst_thread_count(cfg->threads), i = x % SST_CLEAR_BLOCK;
     struct sst_render_plan plan;
-    struct rays found = { 0 };
     struct clear c;
     int err = plan_views(&plan, r, cfg);
 
@@ -660,15 +489,11 @@ int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int 
         return err;
     err = clear_init(&c, &plan, r, cfg, threads);
     if (!err) {
-        float q6;
+        struct scratch *s = &c.scratch[0];
+        const int own = find_rays(&c, s, x - i, y, sst_min_int(c.width - x + i, SST_CLEAR_BLOCK));
 
-        find_nearest(&c, &c.scratch[0], y);
-        q6 = surface_at(&c, &c.scratch[0], x, y);
-        if (q6 >= 0)
-            gather_all(&c, &found, x, y, q6);
-        if (found.count)
-            describe(&c, &found, rays);
-        *count = found.count;
+        c.kernels->clear_blend(&s->out, &s->rays, own);
+        *count = describe(&c, s, i, x, y, rays, own);
     }
     clear_fini(&c);
     sst_render_plan_fini(&plan);

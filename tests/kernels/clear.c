@@ -1,0 +1,229 @@
+/* Kernels of the clear picture: every level against the reference, byte for byte, buffers ending at an unmapped page. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/kernels/kernels.h"
+#include "tests/kernels/guard.h"
+#include "tests/test.h"
+
+#define VIEWS 40
+#define MAX_W 150
+
+static uint64_t seed = 1;
+
+static unsigned below(unsigned n)
+{
+    return (unsigned)(sst_random_u64(&seed) % n);
+}
+
+/* Smooth maps with steps, all 16-bit values, states mostly kept. */
+static struct sst_clear_view random_view(int w, int h, int step)
+{
+    const size_t n = (size_t)w * (size_t)h;
+    uint16_t *disp = guard_random(n * sizeof(*disp), &seed);
+    uint8_t *state = guard_random(n, &seed);
+    const float x = (float)below(1000) / 100 - 5, y = (float)below(1000) / 100 - 5, min = (float)below(20) - 10;
+    struct sst_clear_view v = { .width = w,
+                                .height = h,
+                                .stride = (size_t)w,
+                                .disp = disp,
+                                .disp_stride = (size_t)w,
+                                .state = state,
+                                .bx = x,
+                                .by = below(3) ? y : 0,
+                                .x_q6 = x / 64,
+                                .x_0 = min * x + 0.5F };
+    unsigned at = below(2000);
+
+    v.y_q6 = v.by / 64;
+    v.y_0 = min * v.by + 0.5F;
+    for (int c = 0; c < 3; c++)
+        v.plane[c] = guard_random(n, &seed);
+    for (size_t i = 0; i < n; i++) {
+        at = below(50) ? at + below(3) : below(step ? 65536 : 2000);
+        disp[i] = (uint16_t)(below(300) ? at : 0xFFFF);
+        state[i] = (uint8_t)(state[i] % 8 < 2 ? state[i] % 8 : SST_CLEAR_KEPT);
+    }
+    return v;
+}
+
+static void check_land(const struct sst_kernels *k, int w, int h, int step, enum sst_cpu_level level)
+{
+    const size_t stride = (size_t)(w + 31) / 32 * 32, n = stride * (size_t)h;
+    const struct sst_clear_view v = random_view(w, h, step);
+    uint16_t *want = calloc(n, sizeof(*want)), *got = guard_random(n * sizeof(*got), &seed);
+
+    assert_non_null(want);
+    memset(got, 0, n * sizeof(*got));
+    for (int y = 0; y < h; y++) {
+        sst_clear_land_ref(want, stride, &v, y);
+        k->clear_land(got, stride, &v, y);
+    }
+    if (memcmp(want, got, n * sizeof(*got)))
+        fail_msg("%s, %dx%d", sst_cpu_level_name(level), w, h);
+    free(want);
+    guard_free_all();
+}
+
+/* What a pixel sees: nothing, one surface with noise, several, or anything. */
+static void check_surface(const struct sst_kernels *k, size_t views, int layers, enum sst_cpu_level level)
+{
+    uint16_t landed[VIEWS][SST_CLEAR_BLOCK];
+    const uint16_t *row[VIEWS];
+    float want[SST_CLEAR_BLOCK], got[SST_CLEAR_BLOCK];
+
+    for (size_t j = 0; j < views; j++) {
+        row[j] = landed[j];
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++)
+            landed[j][i] = (uint16_t)(!layers || !below(4) ? 0
+                                      : layers > 5         ? below(65536)
+                                                           : 30 + 100 * below((unsigned)layers) + below(90));
+    }
+    sst_clear_surface_ref(want, row, views);
+    k->clear_surface(got, row, views);
+    if (memcmp(want, got, sizeof(want)))
+        fail_msg("%s, %zu views, %d layers", sst_cpu_level_name(level), views, layers);
+}
+
+struct rays {
+    struct sst_clear_rays rays;
+    float weight[VIEWS][SST_CLEAR_BLOCK], agree[VIEWS][SST_CLEAR_BLOCK], colour[3][VIEWS][SST_CLEAR_BLOCK];
+};
+
+static void rays_init(struct rays *r)
+{
+    memset(r, 0, sizeof(*r));
+    r->rays.weight = r->weight;
+    r->rays.agree = r->agree;
+    for (int c = 0; c < 3; c++)
+        r->rays.colour[c] = r->colour[c];
+}
+
+static void check_rays(const struct rays *want, const struct rays *got, const char *what, enum sst_cpu_level level)
+{
+    const size_t used = (size_t)want->rays.slots * sizeof(want->weight[0]);
+
+    if (want->rays.slots != got->rays.slots || memcmp(want->rays.wanted, got->rays.wanted, sizeof(want->rays.wanted)) ||
+        memcmp(want->weight, got->weight, used) || memcmp(want->agree, got->agree, used))
+        fail_msg("%s, %s", what, sst_cpu_level_name(level));
+    for (int c = 0; c < 3; c++)
+        if (memcmp(want->colour[c], got->colour[c], used))
+            fail_msg("%s, %s: colour %d", what, sst_cpu_level_name(level), c);
+}
+
+static void check_colours(const struct sst_kernels *k, struct rays *want, struct rays *got, enum sst_cpu_level level)
+{
+    struct sst_clear_colours a, b;
+
+    for (int own = -1; own < 1 && own < want->rays.slots; own++) {
+        sst_clear_blend_ref(&a, &want->rays, own);
+        k->clear_blend(&b, &got->rays, own);
+        if (memcmp(&a, &b, sizeof(a)))
+            fail_msg("%s: blended colours, own %d", sst_cpu_level_name(level), own);
+        check_rays(want, got, "agreement", level);
+    }
+}
+
+/* Views of one row whose surfaces are those of the first one, with steps; the last block of a row may be short. */
+static void check_take(const struct sst_kernels *k, int w, int h, enum sst_cpu_level level)
+{
+    const int x = (int)below((unsigned)w), y = (int)below((unsigned)h);
+    const int n = w - x < SST_CLEAR_BLOCK ? w - x : SST_CLEAR_BLOCK;
+    struct rays want, got;
+
+    rays_init(&want);
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        want.rays.surface[i] = below(9) ? (float)(200 + 3 * i) + (float)below(100) / 8 : -1;
+        want.rays.px[i] = want.rays.surface[i] / 64 - (float)below(9) / 100;
+        want.rays.wanted[i] = (int32_t)below(6);
+    }
+    rays_init(&got);
+    memcpy(&got.rays, &want.rays, offsetof(struct sst_clear_rays, weight));
+    for (int j = 0; j < 5; j++) {
+        struct sst_clear_view v = random_view(w, h, 0);
+        uint16_t *disp = guard_random((size_t)w * (size_t)h * sizeof(*disp), &seed);
+
+        for (int i = 0; i < w * h; i++)
+            disp[i] = (uint16_t)(220 + below(60));
+        v.disp = disp;
+        v.bx *= j ? 1 : 0;
+        v.by *= j ? 1 : 0;
+        if (j == 4)
+            v.plane[0] = v.plane[1] = v.plane[2] = NULL;
+        assert_int_equal(sst_clear_take_ref(&want.rays, &v, x, y, n), k->clear_take(&got.rays, &v, x, y, n));
+        check_rays(&want, &got, "taken", level);
+        guard_free_all();
+    }
+    check_colours(k, &want, &got, level);
+}
+
+static void clear_equals_reference(void **state SST_UNUSED)
+{
+    for (int level = SST_CPU_REF; level <= SST_CPU_AVX512; level++) {
+        struct sst_kernels k;
+
+        if (!sst_kernels_at((enum sst_cpu_level)level, &k))
+            continue;
+        for (int w = 1; w < MAX_W; w++) {
+            const int h = 1 + (int)below(12);
+
+            check_land(&k, w, h, w % 2, (enum sst_cpu_level)level);
+            for (int i = 0; i < 10; i++)
+                check_take(&k, w, h, (enum sst_cpu_level)level);
+        }
+        for (size_t views = 1; views <= VIEWS; views++)
+            for (int layers = 0; layers < 8; layers++)
+                check_surface(&k, views, layers, (enum sst_cpu_level)level);
+    }
+}
+
+/* Two rays make a surface, one does not, and a nearer one alone is passed over. */
+static void surface_needs_two_rays(void **state SST_UNUSED)
+{
+    uint16_t landed[3][SST_CLEAR_BLOCK] = { { 500, 500, 500 }, { 0, 470, 301 }, { 0, 0, 301 } };
+    const uint16_t *const row[3] = { landed[0], landed[1], landed[2] };
+    float surface[SST_CLEAR_BLOCK];
+
+    sst_kernels_get()->clear_surface(surface, row, 3);
+    assert_float_equal(surface[0], -1, 0);
+    assert_float_equal(surface[1], 484, 0);
+    assert_float_equal(surface[2], 300, 0);
+    assert_float_equal(surface[3], -1, 0);
+}
+
+/* One colour far from four equal ones does not count, and the viewpoint's own camera wins where it agrees. */
+static void colours_are_robust(void **state SST_UNUSED)
+{
+    struct sst_clear_colours out;
+    struct rays r;
+
+    rays_init(&r);
+    r.rays.slots = 5;
+    for (int k = 0; k < 5; k++) {
+        r.weight[k][0] = r.weight[k][1] = 1;
+        for (int c = 0; c < 3; c++) {
+            r.colour[c][k][0] = k == 1 ? 250 : 100;
+            r.colour[c][k][1] = k ? 100 : 104;
+        }
+    }
+    sst_kernels_get()->clear_blend(&out, &r.rays, 0);
+    for (int c = 0; c < 3; c++) {
+        assert_float_equal(out.colour[c][0], 100, 0.1);
+        assert_float_equal(out.colour[c][1], 104, 0);
+        assert_float_equal(out.colour[c][2], 0, 0);
+    }
+    assert_float_equal(out.weight[0], 5, 0);
+    assert_float_equal(out.weight[2], 0, 0);
+    assert_true(out.support[0] < 4.05F && out.support[0] > 3.9F);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(clear_equals_reference),
+        cmocka_unit_test(surface_needs_two_rays),
+        cmocka_unit_test(colours_are_robust),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
