@@ -6,14 +6,14 @@ static float surface_of(const uint16_t *const *landed, size_t views, size_t x)
     unsigned top = 0, arrived = 0;
 
     for (size_t k = 0; k < views; k++) {
-        top = landed[k][x] > top ? landed[k][x] : top;
+        top = landed[k][x] / 2U > top ? landed[k][x] / 2U : top;
         arrived += landed[k][x] != 0;
     }
     while (top) {
         unsigned count = 0, sum = 0, next = 0;
 
         for (size_t k = 0; k < views; k++) {
-            const unsigned at = landed[k][x];
+            const unsigned at = landed[k][x] / 2U;
 
             if (at && at <= top && at + SST_CLEAR_TOLERANCE >= top) {
                 count++;
@@ -22,10 +22,10 @@ static float surface_of(const uint16_t *const *landed, size_t views, size_t x)
             next = at < top && at > next ? at : next;
         }
         if (count >= 2 && 4 * count >= arrived)
-            return (float)sum / (float)count - 1;
+            return (float)sum / (float)count;
         top = next;
     }
-    return -1;
+    return 0;
 }
 
 void sst_clear_surface_ref(float *surface, const uint16_t *const *landed, size_t views)

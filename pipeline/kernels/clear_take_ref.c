@@ -18,41 +18,35 @@ static void bilinear(float colour[3], const struct sst_clear_view *v, float x, f
     }
 }
 
-/* Weight of the ray of pixel (x, y), its i-th of the block. */
-static float take(float colour[3], const struct sst_clear_rays *rays, const struct sst_clear_view *v, int x, int y,
-                  int i)
+/* Weight of the ray of pixel (x, y), the i-th of the block. */
+static float take(float colour[3], const struct sst_clear_rays *rays, const struct sst_clear_view *v, unsigned landed,
+                  int x, int y, int i)
 {
     const float at_x = (float)x - rays->px[i] * v->bx, at_y = (float)y - rays->px[i] * v->by;
-    int nx, ny, state;
 
-    if (rays->surface[i] < 0 || rays->wanted[i] <= 0 || !(at_x >= 0) || !(at_y >= 0) ||
-        at_x > (float)(v->width - 1) || at_y > (float)(v->height - 1))
-        return 0;
-    nx = (int)(at_x + 0.5F);
-    ny = (int)(at_y + 0.5F);
-    state = v->state[(size_t)ny * (size_t)v->width + (size_t)nx];
-    if (!state ||
-        fabsf((float)v->disp[(size_t)ny * v->disp_stride + (size_t)nx] - rays->surface[i]) > SST_CLEAR_TOLERANCE)
+    if (landed / 2 < rays->first[i] || landed / 2 > rays->last[i] || rays->wanted[i] <= 0 || !(at_x >= 0) ||
+        !(at_y >= 0) || at_x > (float)(v->width - 1) || at_y > (float)(v->height - 1))
         return 0;
     bilinear(colour, v, at_x, at_y);
-    return state == SST_CLEAR_KEPT ? 1 : SST_CLEAR_RIM;
+    return landed % 2 ? 1 : SST_CLEAR_RIM;
 }
 
-int sst_clear_take_ref(struct sst_clear_rays *rays, const struct sst_clear_view *v, int x, int y, int n)
+int sst_clear_take_ref(struct sst_clear_rays *rays, const struct sst_clear_view *v, const uint16_t *landed, int x,
+                       int y)
 {
     const int slot = rays->slots;
     int any = 0, more = 0;
 
     for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
         float colour[3] = { 0, 0, 0 };
-        const float w = i < n ? take(colour, rays, v, x + i, y, i) : 0;
+        const float w = take(colour, rays, v, landed[i], x + i, y, i);
 
         rays->weight[slot][i] = w;
         for (int c = 0; c < 3; c++)
             rays->colour[c][slot][i] = colour[c];
-        rays->wanted[i] -= w >= 1;
+        rays->wanted[i] = (int16_t)(rays->wanted[i] - (w >= 1));
         any |= w > 0;
-        more |= i < n && rays->surface[i] >= 0 && rays->wanted[i] > 0;
+        more |= rays->wanted[i] > 0;
     }
     rays->slots += any;
     return more;

@@ -321,61 +321,65 @@ typedef void sst_blend_support_fn(uint8_t *support, const uint16_t *disp, const 
  * the picture are coloured in stretches of SST_CLEAR_BLOCK.
  */
 #define SST_CLEAR_BLOCK     32
-#define SST_CLEAR_TOLERANCE 48    /* stored disparities, 0.75 px: rays of one surface */
+#define SST_CLEAR_TOLERANCE 48    /* levels, see below: rays of one surface */
 #define SST_CLEAR_RIM       0.02F /* weight of a ray next to something removed */
 
 /** What a view's pixel is: removed, or nothing is known; next to something removed; neither. */
 enum sst_clear_state { SST_CLEAR_REMOVED = 0, SST_CLEAR_BESIDE = 1, SST_CLEAR_KEPT = 2 };
 
-/** One view. A ray of stored disparity q goes from pixel (x, y) to (x + floor(q x_q6 + x_0), y + floor(q y_q6 + y_0)),
- *  products and sums in float, |results| below 2^30. */
+/**
+ * One view. A ray of stored disparity q goes from pixel (x, y) to (x + floor(q x_q6 + x_0), y + floor(q y_q6 + y_0)),
+ * products and sums in float, |results| below 2^30. Where it lands it is stored as 2 (q >> coarse) + 2, plus 1 if its
+ * pixel is kept; half of that is its level, 0: no ray.
+ */
 struct sst_clear_view {
     int width, height;
     const uint8_t *plane[3]; /* R, G, B, rows `stride` apart; NULL: clear_take leaves colours 0 */
     size_t stride;
-    const uint16_t *disp; /* rows disp_stride apart */
-    size_t disp_stride;
-    const uint8_t *state; /* [height][width] enum sst_clear_state */
-    float bx, by;         /* offset from the viewpoint, spacings */
+    float bx, by; /* offset from the viewpoint, spacings */
     float x_q6, x_0, y_q6, y_0;
+    int coarse; /* 0, or 1 where stored disparities reach 2^15 - 1 */
 };
 
 /**
- * Send the rays of row y of a view that are not removed: landed = max(landed, stored disparity + 1) where they arrive.
+ * Send the rays of row y of a view that are not removed; the nearest one stays where several land, kept pixels first.
  * Those that leave the picture are dropped.
  *
  * @param landed  in and out, [height] rows `stride` apart
+ * @param disp    in [width]  @param state  in [width]: removed where the disparity is unknown
  */
-typedef void sst_clear_land_fn(uint16_t *landed, size_t stride, const struct sst_clear_view *v, int y);
+typedef void sst_clear_land_fn(uint16_t *landed, size_t stride, const struct sst_clear_view *v, const uint16_t *disp,
+                               const uint8_t *state, int y);
 
 /**
  * The nearest surface of each pixel that enough views confirm: those whose ray is at most SST_CLEAR_TOLERANCE behind
  * the nearest one of it, at least 2 and a quarter of the rays that arrive.
  *
- * @param surface  out [SST_CLEAR_BLOCK]: mean stored disparity of these rays; -1: there is none
- * @param landed   in [views] stretches of SST_CLEAR_BLOCK: 0, or stored disparity + 1
+ * @param surface  out [SST_CLEAR_BLOCK]: mean level of these rays; 0: there is none
+ * @param landed   in [views] stretches of SST_CLEAR_BLOCK
  */
 typedef void sst_clear_surface_fn(float *surface, const uint16_t *const *landed, size_t views);
 
 /** Rays of SST_CLEAR_BLOCK pixels of a row. One slot holds at most one ray of each pixel. */
 struct sst_clear_rays {
-    float surface[SST_CLEAR_BLOCK];    /* stored disparity; < 0: no rays */
-    float px[SST_CLEAR_BLOCK];         /* the same in px */
-    int32_t wanted[SST_CLEAR_BLOCK];   /* rays of full weight that are still to be taken */
-    int slots;                         /* in use */
-    float (*weight)[SST_CLEAR_BLOCK];  /* [slots]; 0: no ray */
-    float (*colour[3])[SST_CLEAR_BLOCK]; /* [slots] 0..255; any finite value where there is no ray */
-    float (*agree)[SST_CLEAR_BLOCK];   /* [slots], set by clear_blend: agreement of a ray with the others, 0..1 */
+    uint16_t first[SST_CLEAR_BLOCK], last[SST_CLEAR_BLOCK]; /* levels of the surface's rays; none: 1, 0 */
+    float px[SST_CLEAR_BLOCK];                              /* its disparity */
+    int16_t wanted[SST_CLEAR_BLOCK];     /* rays of full weight that are still to be taken */
+    int slots;                           /* in use */
+    float (*weight)[SST_CLEAR_BLOCK];    /* [slots]; 0: no ray */
+    float (*colour[3])[SST_CLEAR_BLOCK]; /* [slots] 0..255; 0 where there is no ray */
+    float (*agree)[SST_CLEAR_BLOCK];     /* [slots], set by clear_blend: agreement of a ray with the others, 0..1 */
 };
 
 /**
- * The rays of one view that see the surface of pixels x .. of row y, in a new slot if there are any: the nearest pixel
- * to the ray's exact position is not removed and has the surface's disparity within SST_CLEAR_TOLERANCE. Colours are
- * bilinear at 1/64 px. Weights are 1 (which counts as taken) or SST_CLEAR_RIM.
+ * The rays of one view that see the surface of the pixels x .. of row y, in a new slot if there are any: those that
+ * landed at a level of the surface, unless the surface's exact position lies outside the view. Colours are bilinear at
+ * 1/64 px. Weights are 1 (which counts as taken) or SST_CLEAR_RIM.
  *
- * @param n  pixels, at most SST_CLEAR_BLOCK  @return whether a pixel still wants rays
+ * @param landed  in [SST_CLEAR_BLOCK]  @return whether a pixel still wants rays
  */
-typedef int sst_clear_take_fn(struct sst_clear_rays *rays, const struct sst_clear_view *v, int x, int y, int n);
+typedef int sst_clear_take_fn(struct sst_clear_rays *rays, const struct sst_clear_view *v, const uint16_t *landed,
+                              int x, int y);
 
 /** Colours of the pixels of a block. */
 struct sst_clear_colours {

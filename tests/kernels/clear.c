@@ -16,48 +16,48 @@ static unsigned below(unsigned n)
     return (unsigned)(sst_random_u64(&seed) % n);
 }
 
-/* Smooth maps with steps, all 16-bit values, states mostly kept. */
-static struct sst_clear_view random_view(int w, int h, int step)
+static struct sst_clear_view random_view(int w, int h)
 {
     const size_t n = (size_t)w * (size_t)h;
-    uint16_t *disp = guard_random(n * sizeof(*disp), &seed);
-    uint8_t *state = guard_random(n, &seed);
-    const float x = (float)below(1000) / 100 - 5, y = (float)below(1000) / 100 - 5, min = (float)below(20) - 10;
+    const float x = (float)below(1000) / 100 - 5, y = below(3) ? (float)below(1000) / 100 - 5 : 0;
+    const float min = (float)below(20) - 10;
     struct sst_clear_view v = { .width = w,
                                 .height = h,
                                 .stride = (size_t)w,
-                                .disp = disp,
-                                .disp_stride = (size_t)w,
-                                .state = state,
                                 .bx = x,
-                                .by = below(3) ? y : 0,
+                                .by = y,
                                 .x_q6 = x / 64,
-                                .x_0 = min * x + 0.5F };
-    unsigned at = below(2000);
+                                .x_0 = min * x + 0.5F,
+                                .y_q6 = y / 64,
+                                .y_0 = min * y + 0.5F,
+                                .coarse = !below(4) };
 
-    v.y_q6 = v.by / 64;
-    v.y_0 = min * v.by + 0.5F;
     for (int c = 0; c < 3; c++)
         v.plane[c] = guard_random(n, &seed);
-    for (size_t i = 0; i < n; i++) {
-        at = below(50) ? at + below(3) : below(step ? 65536 : 2000);
-        disp[i] = (uint16_t)(below(300) ? at : 0xFFFF);
-        state[i] = (uint8_t)(state[i] % 8 < 2 ? state[i] % 8 : SST_CLEAR_KEPT);
-    }
     return v;
 }
 
-static void check_land(const struct sst_kernels *k, int w, int h, int step, enum sst_cpu_level level)
+/* A smooth map with steps, which has all values if `any`, and states that are mostly kept. */
+static void check_land(const struct sst_kernels *k, int w, int h, int any, enum sst_cpu_level level)
 {
     const size_t stride = (size_t)(w + 31) / 32 * 32, n = stride * (size_t)h;
-    const struct sst_clear_view v = random_view(w, h, step);
+    struct sst_clear_view v = random_view(w, h);
     uint16_t *want = calloc(n, sizeof(*want)), *got = guard_random(n * sizeof(*got), &seed);
+    uint16_t *disp = guard_random((size_t)w * sizeof(*disp), &seed);
+    uint8_t *state = guard_random((size_t)w, &seed);
+    unsigned at = below(2000);
 
     assert_non_null(want);
+    v.coarse |= any;
     memset(got, 0, n * sizeof(*got));
     for (int y = 0; y < h; y++) {
-        sst_clear_land_ref(want, stride, &v, y);
-        k->clear_land(got, stride, &v, y);
+        for (int x = 0; x < w; x++) {
+            at = below(20) ? at + below(3) : below(any ? 65536 : 2000);
+            disp[x] = (uint16_t)at;
+            state[x] = (uint8_t)(below(9) ? SST_CLEAR_KEPT : below(2));
+        }
+        sst_clear_land_ref(want, stride, &v, disp, state, y);
+        k->clear_land(got, stride, &v, disp, state, y);
     }
     if (memcmp(want, got, n * sizeof(*got)))
         fail_msg("%s, %dx%d", sst_cpu_level_name(level), w, h);
@@ -124,33 +124,34 @@ static void check_colours(const struct sst_kernels *k, struct rays *want, struct
     }
 }
 
-/* Views of one row whose surfaces are those of the first one, with steps; the last block of a row may be short. */
+/* Views of one row; the last block of a row may reach beyond the picture, where nothing has landed. */
 static void check_take(const struct sst_kernels *k, int w, int h, enum sst_cpu_level level)
 {
     const int x = (int)below((unsigned)w), y = (int)below((unsigned)h);
-    const int n = w - x < SST_CLEAR_BLOCK ? w - x : SST_CLEAR_BLOCK;
     struct rays want, got;
 
     rays_init(&want);
     for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
-        want.rays.surface[i] = below(9) ? (float)(200 + 3 * i) + (float)below(100) / 8 : -1;
-        want.rays.px[i] = want.rays.surface[i] / 64 - (float)below(9) / 100;
-        want.rays.wanted[i] = (int32_t)below(6);
+        const unsigned at = 200 + 3 * (unsigned)i;
+
+        want.rays.first[i] = (uint16_t)(below(9) ? at - 48 : 1);
+        want.rays.last[i] = (uint16_t)(want.rays.first[i] > 1 ? at + 48 : 0);
+        want.rays.px[i] = (float)at / 64 - (float)below(9) / 100;
+        want.rays.wanted[i] = (int16_t)below(6);
     }
     rays_init(&got);
     memcpy(&got.rays, &want.rays, offsetof(struct sst_clear_rays, weight));
     for (int j = 0; j < 5; j++) {
-        struct sst_clear_view v = random_view(w, h, 0);
-        uint16_t *disp = guard_random((size_t)w * (size_t)h * sizeof(*disp), &seed);
+        struct sst_clear_view v = random_view(w, h);
+        uint16_t landed[SST_CLEAR_BLOCK];
 
-        for (int i = 0; i < w * h; i++)
-            disp[i] = (uint16_t)(220 + below(60));
-        v.disp = disp;
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++)
+            landed[i] = (uint16_t)(x + i >= w || !below(9) ? 0 : 2 * (150 + below(200)) + below(2));
         v.bx *= j ? 1 : 0;
         v.by *= j ? 1 : 0;
         if (j == 4)
             v.plane[0] = v.plane[1] = v.plane[2] = NULL;
-        assert_int_equal(sst_clear_take_ref(&want.rays, &v, x, y, n), k->clear_take(&got.rays, &v, x, y, n));
+        assert_int_equal(sst_clear_take_ref(&want.rays, &v, landed, x, y), k->clear_take(&got.rays, &v, landed, x, y));
         check_rays(&want, &got, "taken", level);
         guard_free_all();
     }
@@ -180,15 +181,15 @@ static void clear_equals_reference(void **state SST_UNUSED)
 /* Two rays make a surface, one does not, and a nearer one alone is passed over. */
 static void surface_needs_two_rays(void **state SST_UNUSED)
 {
-    uint16_t landed[3][SST_CLEAR_BLOCK] = { { 500, 500, 500 }, { 0, 470, 301 }, { 0, 0, 301 } };
+    uint16_t landed[3][SST_CLEAR_BLOCK] = { { 1000, 1000, 1001 }, { 0, 941, 600 }, { 0, 0, 601 } };
     const uint16_t *const row[3] = { landed[0], landed[1], landed[2] };
     float surface[SST_CLEAR_BLOCK];
 
     sst_kernels_get()->clear_surface(surface, row, 3);
-    assert_float_equal(surface[0], -1, 0);
-    assert_float_equal(surface[1], 484, 0);
+    assert_float_equal(surface[0], 0, 0);
+    assert_float_equal(surface[1], 485, 0);
     assert_float_equal(surface[2], 300, 0);
-    assert_float_equal(surface[3], -1, 0);
+    assert_float_equal(surface[3], 0, 0);
 }
 
 /* One colour far from four equal ones does not count, and the viewpoint's own camera wins where it agrees. */

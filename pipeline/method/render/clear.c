@@ -14,16 +14,16 @@
 
 struct clear_view {
     const struct sst_render_tap *tap;
-    struct sst_clear_view at; /* state: the renderer's memory */
-    uint8_t *state;           /* [height][width] enum sst_clear_state */
-    uint16_t *landed;         /* [height][stride] of the picture: stored disparity + 1 of the nearest ray; 0: none */
+    struct sst_clear_view at;
+    uint16_t *landed; /* [height][stride] of the picture: the nearest ray of each pixel */
 };
 
 /* Working memory of one thread. */
 struct scratch {
-    uint8_t *row[3];         /* [width + 2] removed pixels of three rows, in a ring */
+    uint8_t *row[3], *state; /* [width + 2] removed pixels of three rows, in a ring; [width] enum sst_clear_state */
     const uint16_t **landed; /* [views] */
     int *view;               /* [slots] whose rays they are: index in struct clear */
+    float surface[SST_CLEAR_BLOCK]; /* levels; 0: none */
     struct sst_clear_rays rays;
     struct sst_clear_colours out;
 };
@@ -32,6 +32,7 @@ struct clear {
     const struct sst_lightfield *lf;
     const struct sst_render_config *cfg;
     int width, height, bins, cut_q6; /* bins: stored disparities are below; cut: those above are removed */
+    int coarse;                      /* of struct sst_clear_view */
     size_t stride;                   /* of landed, elements: whole blocks */
     int count;
     struct clear_view view[SST_MAX_VIEWS]; /* nearest to the viewpoint first */
@@ -39,7 +40,7 @@ struct clear {
     struct sst_image *out;
     struct sst_map_u8 weight; /* of the picture's pixels: 255 is enough */
     struct sst_renderer *renderer;
-    struct sst_mem_kept maps; /* state and landed of all views: the renderer's, from one picture to the next */
+    struct sst_mem_kept maps; /* landed rays of all views: the renderer's, from one picture to the next */
     const struct sst_kernels *kernels;
     void *rows; /* owned: scratch */
 };
@@ -64,30 +65,21 @@ static void mark_removed(const struct clear *c, const struct clear_view *v, uint
         removed[x] |= !sst_map_u8_row(&view->valid, y)[x];
 }
 
-static void set_states(const struct clear *c, const struct clear_view *v, const struct scratch *s)
+/* From the removed pixels of a row and of those beside it. */
+static void set_states(const struct clear *c, const struct scratch *s, const uint16_t *restrict disp, int y)
 {
-    const int w = c->width;
+    const uint8_t *restrict above = s->row[(y + 2) % 3] + 1, *restrict at = s->row[y % 3] + 1;
+    const uint8_t *restrict below = s->row[(y + 1) % 3] + 1;
+    uint8_t *restrict state = s->state;
+    const int w = c->width, bins = c->bins;
 
-    for (int i = 0; i < 3; i++)
-        memset(s->row[i], 0, (size_t)w + 2);
-    mark_removed(c, v, s->row[0] + 1, 0);
-    for (int y = 0; y < c->height; y++) {
-        const uint8_t *restrict above = s->row[(y + 2) % 3] + 1, *restrict at = s->row[y % 3] + 1;
-        uint8_t *restrict below = s->row[(y + 1) % 3] + 1, *restrict state = v->state + (size_t)y * (size_t)w;
-        const uint16_t *restrict disp = sst_map_u16_row(&v->tap->v->disp, y);
+    for (int x = 0; x < w; x++) {
+        const int near =
+            above[x - 1] | above[x] | above[x + 1] | at[x - 1] | at[x + 1] | below[x - 1] | below[x] | below[x + 1];
 
-        if (y + 1 < c->height)
-            mark_removed(c, v, below, y + 1);
-        else
-            memset(below, 0, (size_t)w);
-        for (int x = 0; x < w; x++) {
-            const int near =
-                above[x - 1] | above[x] | above[x + 1] | at[x - 1] | at[x + 1] | below[x - 1] | below[x] | below[x + 1];
-
-            state[x] = (uint8_t)(at[x] | (disp[x] >= c->bins) ? SST_CLEAR_REMOVED
-                                 : near                       ? SST_CLEAR_BESIDE
-                                                              : SST_CLEAR_KEPT);
-        }
+        state[x] = (uint8_t)(at[x] | (disp[x] >= bins) ? SST_CLEAR_REMOVED
+                             : near                    ? SST_CLEAR_BESIDE
+                                                       : SST_CLEAR_KEPT);
     }
 }
 
@@ -96,11 +88,24 @@ static int land_view(void *arg, int index, int worker)
 {
     const struct clear *c = arg;
     const struct clear_view *v = &c->view[index];
+    const struct scratch *s = &c->scratch[worker];
+    const size_t w = (size_t)c->width;
 
-    set_states(c, v, &c->scratch[worker]);
     memset(v->landed, 0, c->stride * (size_t)c->height * sizeof(*v->landed));
-    for (int y = 0; y < c->height; y++)
-        c->kernels->clear_land(v->landed, c->stride, &v->at, y);
+    for (int i = 0; i < 3; i++)
+        memset(s->row[i], 0, w + 2);
+    mark_removed(c, v, s->row[0] + 1, 0);
+    for (int y = 0; y < c->height; y++) {
+        const uint16_t *disp = sst_map_u16_row(&v->tap->v->disp, y);
+        uint8_t *below = s->row[(y + 1) % 3] + 1;
+
+        if (y + 1 < c->height)
+            mark_removed(c, v, below, y + 1);
+        else
+            memset(below, 0, w);
+        set_states(c, s, disp, y);
+        c->kernels->clear_land(v->landed, c->stride, &v->at, disp, s->state, y);
+    }
     return 0;
 }
 
@@ -108,11 +113,11 @@ static int land_view(void *arg, int index, int worker)
 
 /* Colours of the rays in the slot that a view with a raw frame has taken. Returns whether a ray was dropped, because its
  * position is outside the frame. */
-static int sample_slot(struct sst_clear_rays *rays, int slot, const struct clear_view *v, int x, int y, int n)
+static int sample_slot(struct sst_clear_rays *rays, int slot, const struct clear_view *v, int x, int y)
 {
     int dropped = 0;
 
-    for (int i = 0; i < n; i++) {
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
         const float at_x = (float)(x + i) - rays->px[i] * v->at.bx, at_y = (float)y - rays->px[i] * v->at.by;
         uint8_t rgb[3], seen;
 
@@ -123,7 +128,7 @@ static int sample_slot(struct sst_clear_rays *rays, int slot, const struct clear
         for (int k = 0; k < 3; k++)
             rays->colour[k][slot][i] = rgb[k];
         if (!seen) {
-            rays->wanted[i] += rays->weight[slot][i] >= 1;
+            rays->wanted[i] = (int16_t)(rays->wanted[i] + (rays->weight[slot][i] >= 1));
             rays->weight[slot][i] = 0;
             dropped = 1;
         }
@@ -131,30 +136,45 @@ static int sample_slot(struct sst_clear_rays *rays, int slot, const struct clear
     return dropped;
 }
 
-/* The surface of n pixels from x on, and the rays that see it. Returns the slot of the camera at the viewpoint; -1: it
+/* The surface of each pixel of a block: its disparity and the levels of its rays. */
+static void find_surface(const struct clear *c, struct scratch *s)
+{
+    const double scale = (double)(1 << c->coarse) / SST_DISP_SCALE;
+    const int enough = c->cfg->rays ? c->cfg->rays : ENOUGH;
+    struct sst_clear_rays *rays = &s->rays;
+
+    c->kernels->clear_surface(s->surface, s->landed, (size_t)c->count);
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        const float level = s->surface[i];
+        const int whole = (int)level, up = (float)whole < level, found = level > 0;
+
+        rays->first[i] = (uint16_t)(found ? sst_max_int(whole + up - SST_CLEAR_TOLERANCE, 1) : 1);
+        rays->last[i] = (uint16_t)(found ? sst_min_int(whole + SST_CLEAR_TOLERANCE, UINT16_MAX) : 0);
+        rays->px[i] = (float)(c->lf->disp_min_px + (double)(level - 1) * scale);
+        rays->wanted[i] = (int16_t)(found ? enough : 0);
+    }
+}
+
+/* The rays that see the surfaces of the block from pixel x on. Returns the slot of the camera at the viewpoint; -1: it
  * has none. */
-static int find_rays(const struct clear *c, struct scratch *s, int x, int y, int n)
+static int find_rays(const struct clear *c, struct scratch *s, int x, int y)
 {
     struct sst_clear_rays *rays = &s->rays;
     int own = -1, more = 1;
 
     for (int k = 0; k < c->count; k++)
         s->landed[k] = c->view[k].landed + (size_t)y * c->stride + x;
-    c->kernels->clear_surface(rays->surface, s->landed, (size_t)c->count);
-    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
-        rays->px[i] = (float)(c->lf->disp_min_px + (double)rays->surface[i] / SST_DISP_SCALE);
-        rays->wanted[i] = c->cfg->rays ? c->cfg->rays : ENOUGH;
-    }
+    find_surface(c, s);
     rays->slots = 0;
     for (int k = 0; k < c->count && more; k++) {
         const struct clear_view *v = &c->view[k];
         const int slot = rays->slots;
 
-        more = c->kernels->clear_take(rays, &v->at, x, y, n);
+        more = c->kernels->clear_take(rays, &v->at, s->landed[k], x, y);
         if (rays->slots == slot)
             continue;
         if (v->tap->sampler)
-            more |= sample_slot(rays, slot, v, x, y, n);
+            more |= sample_slot(rays, slot, v, x, y);
         s->view[slot] = k;
         if (v->at.bx * v->at.bx + v->at.by * v->at.by < 1e-12F)
             own = slot;
@@ -175,9 +195,10 @@ static void note_surface(const struct clear *c, const struct scratch *s, int x, 
 {
     uint16_t *surface = sst_map_u16_row(c->cfg->merge->surface, y) + x;
     uint8_t *support = sst_map_u8_row(c->cfg->merge->support, y) + x;
+    const float scale = (float)(1 << c->coarse);
 
     for (int i = 0; i < n; i++) {
-        surface[i] = (uint16_t)(s->out.weight[i] > 0 ? (unsigned)(s->rays.surface[i] + 0.5F) : SST_DISP_NONE);
+        surface[i] = (uint16_t)(s->out.weight[i] > 0 ? (unsigned)((s->surface[i] - 1) * scale + 0.5F) : SST_DISP_NONE);
         support[i] = (uint8_t)fminf(SST_RENDER_SUPPORT * s->out.support[i] + 0.5F, 255);
     }
 }
@@ -190,7 +211,7 @@ static int colour_row(void *arg, int y, int worker)
 
     for (int x = 0; x < c->width; x += SST_CLEAR_BLOCK) {
         const int n = sst_min_int(c->width - x, SST_CLEAR_BLOCK);
-        const int own = find_rays(c, s, x, y, n);
+        const int own = find_rays(c, s, x, y);
 
         c->kernels->clear_blend(&s->out, &s->rays, own);
         for (int k = 0; k < 3; k++) {
@@ -221,14 +242,13 @@ static void add_view(struct clear *c, const struct sst_render_tap *t)
                             .at = { .width = c->width,
                                     .height = c->height,
                                     .stride = t->v->image.stride,
-                                    .disp = sst_map_u16_row(&t->v->disp, 0),
-                                    .disp_stride = t->v->disp.stride / sizeof(uint16_t),
                                     .bx = (float)bx,
                                     .by = (float)by,
                                     .x_q6 = (float)(bx / SST_DISP_SCALE),
                                     .x_0 = (float)(c->lf->disp_min_px * bx + 0.5),
                                     .y_q6 = (float)(by / SST_DISP_SCALE),
-                                    .y_0 = (float)(c->lf->disp_min_px * by + 0.5) } };
+                                    .y_0 = (float)(c->lf->disp_min_px * by + 0.5),
+                                    .coarse = c->coarse } };
     int at = c->count++;
 
     for (int k = 0; k < 3 && !t->sampler; k++)
@@ -247,7 +267,8 @@ static size_t place_scratch(struct scratch *s, uint8_t *at, const struct clear *
     if (at) {
         for (int j = 0; j < 3; j++)
             s->row[j] = at + (size_t)j * row;
-        at += 3 * row;
+        s->state = at + 3 * row;
+        at += 4 * row;
         s->rays.weight = (void *)at;
         s->rays.agree = (void *)(at + slots);
         for (int j = 0; j < 3; j++)
@@ -256,28 +277,26 @@ static size_t place_scratch(struct scratch *s, uint8_t *at, const struct clear *
         s->landed = (void *)at;
         s->view = (void *)(at + lists);
     }
-    return 3 * row + 5 * slots + 2 * lists;
+    return 4 * row + 5 * slots + 2 * lists;
 }
 
 static int allocate(struct clear *c, int threads)
 {
-    const size_t pixels = (size_t)c->width * (size_t)c->height, landed = 2 * c->stride * (size_t)c->height;
-    const size_t view = sst_mem_stride(landed + pixels, 1), scratch = place_scratch(NULL, NULL, c);
-    uint8_t *maps, *rows;
+    const size_t view = c->stride * (size_t)c->height, scratch = place_scratch(NULL, NULL, c);
+    uint16_t *maps;
+    uint8_t *rows;
 
     pthread_mutex_lock(&c->renderer->lock);
     c->maps = c->renderer->spare;
     c->renderer->spare = (struct sst_mem_kept){ 0 };
     pthread_mutex_unlock(&c->renderer->lock);
     c->scratch = calloc((size_t)threads, sizeof(*c->scratch));
-    maps = sst_mem_keep(&c->maps, (size_t)c->count, view);
+    maps = sst_mem_keep(&c->maps, (size_t)c->count, view * sizeof(*maps));
     c->rows = rows = sst_mem_alloc_raw((size_t)threads, scratch);
     if (!c->scratch || !maps || !rows)
         return -ENOMEM;
-    for (int k = 0; k < c->count; k++) {
-        c->view[k].landed = (void *)(maps + (size_t)k * view);
-        c->view[k].at.state = c->view[k].state = maps + (size_t)k * view + landed;
-    }
+    for (int k = 0; k < c->count; k++)
+        c->view[k].landed = maps + (size_t)k * view;
     for (int i = 0; i < threads; i++)
         place_scratch(&c->scratch[i], rows + (size_t)i * scratch, c);
     return 0;
@@ -380,6 +399,7 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
                          .cut_q6 = cut_q6(p->lf, cfg->cut_px),
                          .stride = sst_mem_stride((size_t)p->lf->width, 2) / 2,
                          .kernels = sst_kernels_get() };
+    c->coarse = c->bins > 0x7FFF;
     for (int i = 0; i < p->count; i++)
         add_view(c, &p->tap[i]);
     err = allocate(c, threads);
@@ -490,7 +510,7 @@ int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int 
     err = clear_init(&c, &plan, r, cfg, threads);
     if (!err) {
         struct scratch *s = &c.scratch[0];
-        const int own = find_rays(&c, s, x - i, y, sst_min_int(c.width - x + i, SST_CLEAR_BLOCK));
+        const int own = find_rays(&c, s, x - i, y);
 
         c.kernels->clear_blend(&s->out, &s->rays, own);
         *count = describe(&c, s, i, x, y, rays, own);
