@@ -82,54 +82,64 @@ static void KERNEL(clear_land)(uint16_t *landed, size_t stride, const struct sst
 
 /* --- surface --- */
 
-typedef uint16_t KERNEL(clear_block) __attribute__((vector_size(2 * SST_CLEAR_BLOCK)));
+#if defined(__AVX512BW__)
+#define CLEAR_LANES 32
+#elif defined(__AVX2__)
+#define CLEAR_LANES 16
+#else
+#define CLEAR_LANES 8
+#endif
+typedef uint16_t KERNEL(clear_levels) __attribute__((vector_size(2 * CLEAR_LANES)));
 
-/* a = max(a, b). By address: as values their ABI would depend on the level. */
-static inline void KERNEL(clear_raise)(KERNEL(clear_block) * a, const KERNEL(clear_block) * b)
+/* a = max(a, b) */
+static inline void KERNEL(clear_raise)(KERNEL(clear_levels) * a, KERNEL(clear_levels) b)
 {
-    const KERNEL(clear_block) of_a = (KERNEL(clear_block))(*a > *b);
+    const KERNEL(clear_levels) of_a = (KERNEL(clear_levels))(*a > b);
 
-    *a = (*a & of_a) | (*b & ~of_a);
+    *a = (*a & of_a) | (b & ~of_a);
 }
 
-static void KERNEL(clear_surface)(float *surface, const uint16_t *const *landed, size_t views)
+static inline KERNEL(clear_levels) KERNEL(clear_level)(const uint16_t *landed)
 {
-    const KERNEL(clear_block) zero = { 0 }, two = zero + 2;
-    KERNEL(clear_block) top = zero, needed = zero;
+    KERNEL(clear_levels) at;
+
+    memcpy(&at, landed, sizeof(at));
+    return at >> 1;
+}
+
+/* The surface of CLEAR_LANES pixels, the x-th and following of the block. */
+static inline void KERNEL(clear_surface_lanes)(float *surface, const uint16_t *const *landed, size_t views, int x)
+{
+    const KERNEL(clear_levels) zero = { 0 };
+    KERNEL(clear_levels) top = zero, needed = zero;
 
     for (size_t k = 0; k < views; k++) {
-        KERNEL(clear_block) at;
+        const KERNEL(clear_levels) at = KERNEL(clear_level)(landed[k] + x);
 
-        memcpy(&at, landed[k], sizeof(at));
-        at >>= 1;
-        KERNEL(clear_raise)(&top, &at);
-        needed -= (KERNEL(clear_block))(at != 0);
+        KERNEL(clear_raise)(&top, at);
+        needed -= (KERNEL(clear_levels))(at != 0);
     }
     needed = (needed + 3) >> 2;
-    KERNEL(clear_raise)(&needed, &two);
-    for (int i = 0; i < SST_CLEAR_BLOCK; i++)
+    KERNEL(clear_raise)(&needed, zero + 2);
+    for (int i = 0; i < CLEAR_LANES; i++)
         surface[i] = 0;
     for (;;) {
         /* behind: sum of distances from the nearest ray, at most SST_CLEAR_TOLERANCE each. */
-        KERNEL(clear_block) count = zero, behind = zero, next = zero, found, left;
+        KERNEL(clear_levels) count = zero, behind = zero, next = zero, found, left;
         unsigned any = 0;
 
         for (size_t k = 0; k < views; k++) {
-            KERNEL(clear_block) at, distance, farther, of_it;
+            const KERNEL(clear_levels) at = KERNEL(clear_level)(landed[k] + x), distance = top - at;
+            const KERNEL(clear_levels) of_it = (KERNEL(clear_levels))(distance <= SST_CLEAR_TOLERANCE) &
+                                               (KERNEL(clear_levels))(at <= top) & (KERNEL(clear_levels))(at != 0);
 
-            memcpy(&at, landed[k], sizeof(at));
-            at >>= 1;
-            distance = top - at;
-            farther = at & (KERNEL(clear_block))(at < top);
-            of_it = (KERNEL(clear_block))(distance <= SST_CLEAR_TOLERANCE) & (KERNEL(clear_block))(at <= top) &
-                    (KERNEL(clear_block))(at != 0);
             count -= of_it;
             behind += distance & of_it;
-            KERNEL(clear_raise)(&next, &farther);
+            KERNEL(clear_raise)(&next, at & (KERNEL(clear_levels))(at < top));
         }
-        found = (KERNEL(clear_block))(count >= needed) & (KERNEL(clear_block))(top != 0);
+        found = (KERNEL(clear_levels))(count >= needed) & (KERNEL(clear_levels))(top != 0);
         left = next & ~found;
-        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        for (int i = 0; i < CLEAR_LANES; i++) {
             const int sum = (int)count[i] * top[i] - behind[i];
 
             surface[i] = found[i] ? (float)sum / (float)count[i] : surface[i];
@@ -140,6 +150,13 @@ static void KERNEL(clear_surface)(float *surface, const uint16_t *const *landed,
         top = left;
     }
 }
+
+static void KERNEL(clear_surface)(float *surface, const uint16_t *const *landed, size_t views)
+{
+    for (int x = 0; x < SST_CLEAR_BLOCK; x += CLEAR_LANES)
+        KERNEL(clear_surface_lanes)(surface + x, landed, views, x);
+}
+#undef CLEAR_LANES
 
 /* --- rays of a surface --- */
 
@@ -275,10 +292,148 @@ static int KERNEL(clear_take)(struct sst_clear_rays *rays, const struct sst_clea
     return _mm512_cmpgt_epi16_mask(left, _mm512_setzero_si512()) != 0;
 }
 #else
+/* Where the rays of a block come from: upper left pixel and bilinear weights, in 1/64. */
+struct KERNEL(clear_places) {
+    int32_t seen[SST_CLEAR_BLOCK]; /* 0 or 1 */
+    int32_t x[SST_CLEAR_BLOCK], y[SST_CLEAR_BLOCK], across[SST_CLEAR_BLOCK], down[SST_CLEAR_BLOCK];
+};
+
+/* Rays outside the view are no longer seen. */
+static inline void KERNEL(clear_place)(struct KERNEL(clear_places) * p, const struct sst_clear_view *v,
+                                       const float *restrict px, int x, int y)
+{
+    const float right = (float)(v->width - 1), bottom = (float)(v->height - 1), bx = v->bx, by = v->by;
+
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        const float to_x = (float)(x + i) - px[i] * bx, to_y = (float)y - px[i] * by;
+        const float in_x = to_x > 0 ? to_x : 0, in_y = to_y > 0 ? to_y : 0;
+        const float at_x = in_x < right ? in_x : right, at_y = in_y < bottom ? in_y : bottom;
+        const int32_t on_x = to_x == at_x ? -1 : 0, on_y = to_y == at_y ? -1 : 0;
+        const int32_t x0 = (int32_t)at_x, y0 = (int32_t)at_y;
+
+        p->seen[i] &= on_x & on_y;
+        p->x[i] = x0;
+        p->y[i] = y0;
+        p->across[i] = (int32_t)((at_x - (float)x0) * 64 + 0.5F);
+        p->down[i] = (int32_t)((at_y - (float)y0) * 64 + 0.5F);
+    }
+}
+
+#if defined(__AVX2__)
+/* The low bytes of eight integers, twice each. */
+static inline __m128i KERNEL(clear_bytes)(__m256i v)
+{
+    const __m256i pairs = _mm256_shuffle_epi8(
+        v, _mm256_set_epi8(-1, -1, -1, -1, -1, -1, -1, -1, 12, 12, 8, 8, 4, 4, 0, 0, -1, -1, -1, -1, -1, -1, -1, -1, 12,
+                           12, 8, 8, 4, 4, 0, 0));
+
+    return _mm_unpacklo_epi64(_mm256_castsi256_si128(pairs), _mm256_extracti128_si256(pairs, 1));
+}
+
+/* Bilinear values of eight pixels of two rows: `bytes` the left and right one of each, `across` and `down` weights. */
+static inline __m256 KERNEL(clear_eight)(const uint8_t *top, const uint8_t *bottom, __m128i bytes, __m128i across,
+                                         __m256i down)
+{
+    const __m128i upper = _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)top), bytes);
+    const __m128i lower = _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(const void *)bottom), bytes);
+    const __m128i up = _mm_maddubs_epi16(upper, across), low = _mm_maddubs_epi16(lower, across);
+    const __m256i both = _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_unpacklo_epi16(up, low)),
+                                                 _mm_unpackhi_epi16(up, low), 1);
+
+    return _mm256_mul_ps(_mm256_cvtepi32_ps(_mm256_madd_epi16(both, down)), _mm256_set1_ps(1.0F / 4096));
+}
+
+static inline __m256i KERNEL(clear_load_8)(const int32_t *from)
+{
+    return _mm256_loadu_si256((const __m256i *)(const void *)from);
+}
+
+/* Rays that lie on the same two rows and within 15 columns are sampled at once. */
+static inline void KERNEL(clear_sample)(float (*const colour[3])[SST_CLEAR_BLOCK], int slot,
+                                        const struct sst_clear_view *v, const struct KERNEL(clear_places) * p)
+{
+    const __m128i one = _mm_set1_epi16(0x0100);
+
+    for (int i = 0; i < SST_CLEAR_BLOCK; i += 8) {
+        const __m256i x = KERNEL(clear_load_8)(p->x + i), y = KERNEL(clear_load_8)(p->y + i);
+        const __m256i f = KERNEL(clear_load_8)(p->down + i), whole = _mm256_set1_epi32(64);
+        const __m256i down = _mm256_or_si256(_mm256_sub_epi32(whole, f), _mm256_slli_epi32(f, 16));
+        const __m128i right = KERNEL(clear_bytes)(KERNEL(clear_load_8)(p->across + i));
+        const __m128i across = _mm_blendv_epi8(_mm_sub_epi8(_mm_set1_epi8(64), right), right, _mm_set1_epi16(-256));
+        __m256i left = _mm256_cmpgt_epi32(KERNEL(clear_load_8)(p->seen + i), _mm256_setzero_si256());
+        __m256 sum[3] = { _mm256_setzero_ps(), _mm256_setzero_ps(), _mm256_setzero_ps() };
+
+        while (!_mm256_testz_si256(left, left)) {
+            const int first = __builtin_ctz((unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(left)));
+            const int row = p->y[i + first], column = p->x[i + first] > 7 ? p->x[i + first] - 7 : 0;
+            const size_t top = (size_t)row * v->stride + (size_t)column;
+            const size_t bottom = row + 1 < v->height ? top + v->stride : top;
+            const __m256i at = _mm256_sub_epi32(x, _mm256_set1_epi32(column));
+            const __m256i near = _mm256_cmpeq_epi32(at, _mm256_min_epu32(at, _mm256_set1_epi32(14)));
+            const __m256i on = _mm256_and_si256(_mm256_and_si256(left, near),
+                                                _mm256_cmpeq_epi32(y, _mm256_set1_epi32(row)));
+            const __m128i bytes = _mm_add_epi8(KERNEL(clear_bytes)(at), one);
+
+            for (int c = 0; c < 3; c++)
+                sum[c] = _mm256_blendv_ps(
+                    sum[c], KERNEL(clear_eight)(v->plane[c] + top, v->plane[c] + bottom, bytes, across, down),
+                    _mm256_castsi256_ps(on));
+            left = _mm256_andnot_si256(on, left);
+        }
+        for (int c = 0; c < 3; c++)
+            _mm256_storeu_ps(colour[c][slot] + i, sum[c]);
+    }
+}
+#else
+static inline void KERNEL(clear_sample)(float (*const colour[3])[SST_CLEAR_BLOCK], int slot,
+                                        const struct sst_clear_view *v, const struct KERNEL(clear_places) * p)
+{
+    for (int c = 0; c < 3; c++) {
+        for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+            const uint8_t *top = v->plane[c] + (size_t)p->y[i] * v->stride + p->x[i];
+            const uint8_t *bottom = p->down[i] ? top + v->stride : top;
+            const int across = p->across[i], right = across != 0;
+            const int upper = p->seen[i] ? 64 * top[0] + across * (top[right] - top[0]) : 0;
+            const int lower = p->seen[i] ? 64 * bottom[0] + across * (bottom[right] - bottom[0]) : 0;
+
+            colour[c][slot][i] = (float)(64 * upper + p->down[i] * (lower - upper)) * (1.0F / 4096);
+        }
+    }
+}
+#endif
+
 static int KERNEL(clear_take)(struct sst_clear_rays *rays, const struct sst_clear_view *v, const uint16_t *landed,
                               int x, int y)
 {
-    return sst_clear_take_ref(rays, v, landed, x, y);
+    float *restrict weight = rays->weight[rays->slots];
+    struct KERNEL(clear_places) p;
+    int32_t any = 0, more = 0;
+
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        const int level = landed[i] >> 1;
+
+        p.seen[i] = (level >= rays->first[i]) & (level <= rays->last[i]) & (rays->wanted[i] > 0);
+        any |= p.seen[i];
+        more |= rays->wanted[i] > 0;
+    }
+    if (!any)
+        return more;
+    KERNEL(clear_place)(&p, v, rays->px, x, y);
+    any = more = 0;
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        const int full = p.seen[i] & landed[i];
+
+        weight[i] = full ? 1 : p.seen[i] ? SST_CLEAR_RIM : 0;
+        rays->wanted[i] = (int16_t)(rays->wanted[i] - full);
+        any |= p.seen[i];
+        more |= rays->wanted[i] > 0;
+    }
+    if (any && v->plane[0])
+        KERNEL(clear_sample)(rays->colour, rays->slots, v, &p);
+    for (int c = 0; c < 3 && !v->plane[0]; c++)
+        memset(rays->colour[c][rays->slots], 0, sizeof(rays->colour[c][rays->slots]));
+    rays->slots += any;
+    return more;
 }
 #endif
 

@@ -334,7 +334,8 @@ enum sst_clear_state { SST_CLEAR_REMOVED = 0, SST_CLEAR_BESIDE = 1, SST_CLEAR_KE
  */
 struct sst_clear_view {
     int width, height;
-    const uint8_t *plane[3]; /* R, G, B, rows `stride` apart; NULL: clear_take leaves colours 0 */
+    const uint8_t *plane[3]; /* R, G, B, rows `stride` apart, 15 bytes readable after them; NULL: clear_take leaves
+                                colours 0 */
     size_t stride;
     float bx, by; /* offset from the viewpoint, spacings */
     float x_q6, x_0, y_q6, y_0;

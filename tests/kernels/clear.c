@@ -33,7 +33,7 @@ static struct sst_clear_view random_view(int w, int h)
                                 .coarse = !below(4) };
 
     for (int c = 0; c < 3; c++)
-        v.plane[c] = guard_random(n, &seed);
+        v.plane[c] = guard_random(n + 15, &seed);
     return v;
 }
 
