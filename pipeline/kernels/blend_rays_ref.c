@@ -1,5 +1,5 @@
+#include "pipeline/kernels/blend_colour_ref.h"
 #include "pipeline/kernels/exp_neg.h"
-#include "pipeline/kernels/kernels.h"
 
 void sst_blend_rays_ref(float *const acc[4], const struct sst_blend *b, size_t n)
 {
@@ -11,12 +11,8 @@ void sst_blend_rays_ref(float *const acc[4], const struct sst_blend *b, size_t n
         const float w_s = b->label ? b->label_weight[b->label[x] * (size_t)SST_BLEND_COLUMNS + column] : 1.0f;
         const float w = b->aperture * w_s * (b->disp[x] == 0xFFFF ? b->unknown : known);
 
-        for (int c = 0; c < 3; c++) {
-            const float left = (float)b->top[c][x] + b->fy * (float)(b->bottom[c][x] - b->top[c][x]);
-            const float right = (float)b->top[c][x + 1] + b->fy * (float)(b->bottom[c][x + 1] - b->top[c][x + 1]);
-
-            acc[c][x] += w * (left + b->fx * (right - left));
-        }
+        for (int c = 0; c < 3; c++)
+            acc[c][x] += w * (1.0f / SST_BLEND_LEVEL) * (float)blend_colour_ref(b, c, x);
         acc[3][x] += w;
     }
 }

@@ -2,6 +2,8 @@
 #ifndef SST_PIPELINE_KERNELS_KERNELS_H
 #define SST_PIPELINE_KERNELS_KERNELS_H
 
+#include <math.h>
+
 #include "base/base.h"
 
 /*
@@ -267,11 +269,27 @@ typedef void sst_subpixel_window_row_fn(float *weight, float *product, const str
 
 /* --- rendering (pipeline/method/render/) --- */
 
-#define SST_BLEND_MAX          512  /* pixels that one call of a blend kernel takes at most */
+#define SST_BLEND_MAX          2048  /* pixels that one call of a blend kernel takes at most */
 #define SST_BLEND_COLUMNS      4096 /* columns of the table of label weights: stored disparity / 16, 1/4 px each */
 #define SST_BLEND_COLUMN_SHIFT 4
 #define SST_BLEND_FLOOR        1e-28f /* smaller weight sums are invalid */
 #define SST_BLEND_TINY         1e-37f /* changes no weight sum above the floor, and keeps 0 / 0 away below it */
+
+/** Position between two pixels, 0 <= f < 1, for colours of 16 bits: levels times SST_BLEND_LEVEL are interpolated as
+ *  v0 + ((v1 - v0) f + 2^14) >> 15, between the rows and then between the columns, off by at most 1/64 level. */
+static inline int16_t sst_blend_fraction(float f)
+{
+    const int whole = (int)(f * 32768 + 0.5F);
+
+    return (int16_t)(whole < 32767 ? whole : 32767);
+}
+#define SST_BLEND_LEVEL 128
+
+/** Where the exponential of blend_rays can be left out: it is below 2^-26 c1. c1 = 0: nowhere. */
+static inline float sst_blend_vanishes(float c1)
+{
+    return c1 > 0 ? 18.1F - logf(c1) : INFINITY;
+}
 
 /** Contribution of one view to a stretch of one output row. Pointers refer to the source pixel of the first output
  *  pixel. */
@@ -286,7 +304,8 @@ struct sst_blend {
     float focus_whole_q6, focus_part_q6; /* d_f in stored units, split so that their rounding does not show */
     float half_inverse_variance;         /* 1 / (2 sigma_d^2) in stored units, >= 0 */
     float c1, one_minus_c1;
-    float unknown; /* W_d of a ray of unknown disparity */
+    float vanishes; /* argument above which one_minus_c1 exp(-argument) + c1 == c1; sst_blend_vanishes() */
+    float unknown;  /* W_d of a ray of unknown disparity */
 };
 
 /**

@@ -121,7 +121,7 @@ const uint8_t *sst_sampler_pixels(const struct sst_sampler *sampler, size_t *str
 bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filter, int x, int y, int width, int height,
                          int box[4], uint8_t *valid, size_t valid_stride);
 
-#define SST_SAMPLE_MAX 512
+#define SST_SAMPLE_MAX 2048
 
 /**
  * Colours at the rectified positions (x0 + i, y), i = 0 .. n-1, sampled from the raw frame with light corrected; at

@@ -224,6 +224,29 @@ static void add_view(const struct sink *s, const struct sst_render_plan *p, cons
         add_run(s, p, t, x, from, end, y);
 }
 
+static void prefetch(const uint8_t *from, size_t bytes)
+{
+    for (size_t i = 0; i < bytes; i += SST_ALIGN)
+        __builtin_prefetch(from + i, 0, 2);
+}
+
+/* Fetch what pixels x .. x + n of row y will read from one view, but for the row above, which was read for the last row
+ * of the picture: the rows of all views are too many streams for the processor to follow. */
+static void prefetch_view(const struct sst_render_plan *p, const struct sst_render_tap *t, int x, int n, int y)
+{
+    const int from = sst_max_int(x, t->x0), end = sst_min_int(x + n, t->x1), below = y + t->iy + (t->fy > 0);
+
+    if (from >= end || y < t->y0 || y >= t->y1 || t->sampler)
+        return;
+    for (int c = 0; c < 3; c++)
+        prefetch(sst_image_row(&t->v->image, c, below) + from + t->ix, (size_t)(end - from));
+    if (!p->weighted)
+        return;
+    prefetch((const uint8_t *)(sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx), 2 * (size_t)(end - from));
+    if (p->table && t->v->label.data)
+        prefetch(sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx, (size_t)(end - from));
+}
+
 void sst_render_plan_sample(const struct sst_render_samples *to, const struct sst_render_plan *p,
                             const struct sst_render_tap *t, int x, int n, int y)
 {
@@ -273,8 +296,11 @@ static void render_run(const struct picture *pic, float *weight, uint8_t *suppor
         memset(s.acc[c], 0, (size_t)n * sizeof(*weight));
     if (support)
         memset(support, 0, (size_t)n);
-    for (int k = 0; k < p->count; k++)
+    for (int k = 0; k < p->count; k++) {
+        if (k + 1 < p->count)
+            prefetch_view(p, &p->tap[k + 1], x, n, y);
         add_view(&s, p, &p->tap[k], x, n, y);
+    }
     for (int c = 0; c < 3; c++)
         sst_kernels_get()->blend_finish(sst_image_row(pic->out, c, y) + x, sums[c], weight, (size_t)n);
     mend_row(pic, weight, x, n, y);
