@@ -64,9 +64,11 @@ static inline void KERNEL(blend_label_weights)(float *restrict out, const struct
         out[x] = table[label[x] * SST_BLEND_COLUMNS + (disp[x] >> SST_BLEND_COLUMN_SHIFT)];
 }
 
-/* Is t above the limit, from which exp(-t) changes nothing, in a whole stretch? t >= 0: the bits are ordered as t. */
-static inline int KERNEL(blend_vanishes)(const float *restrict t, float limit, size_t n)
+/* Is exp(-t) below 2^-26 c1 in a whole stretch, so that adding it to c1 changes nothing? t >= 0: its bits have the same
+ * order. */
+static inline int KERNEL(blend_vanishes)(const float *restrict t, float c1, size_t n)
 {
+    const float limit = c1 > 0 ? 18.1F - logf(c1) : SST_EXP_NEG_MAX;
     int32_t bits[BLEND_STRETCH], least = INT32_MAX, most;
 
     memcpy(bits, t, sizeof(bits[0]) * n);
@@ -91,7 +93,7 @@ static inline void KERNEL(blend_stretch_weights)(float *restrict w, const struct
 
         depth[x] = t < SST_EXP_NEG_MAX ? t : SST_EXP_NEG_MAX;
     }
-    if (KERNEL(blend_vanishes)(depth, b->vanishes, n)) {
+    if (KERNEL(blend_vanishes)(depth, c1, n)) {
         for (size_t x = 0; x < n; x++)
             depth[x] = c1;
     } else {

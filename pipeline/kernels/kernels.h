@@ -2,8 +2,6 @@
 #ifndef SST_PIPELINE_KERNELS_KERNELS_H
 #define SST_PIPELINE_KERNELS_KERNELS_H
 
-#include <math.h>
-
 #include "base/base.h"
 
 /*
@@ -285,12 +283,6 @@ static inline int16_t sst_blend_fraction(float f)
 }
 #define SST_BLEND_LEVEL 128
 
-/** Where the exponential of blend_rays can be left out: it is below 2^-26 c1. c1 = 0: nowhere. */
-static inline float sst_blend_vanishes(float c1)
-{
-    return c1 > 0 ? 18.1F - logf(c1) : INFINITY;
-}
-
 /** Contribution of one view to a stretch of one output row. Pointers refer to the source pixel of the first output
  *  pixel. */
 struct sst_blend {
@@ -304,8 +296,7 @@ struct sst_blend {
     float focus_whole_q6, focus_part_q6; /* d_f in stored units, split so that their rounding does not show */
     float half_inverse_variance;         /* 1 / (2 sigma_d^2) in stored units, >= 0 */
     float c1, one_minus_c1;
-    float vanishes; /* argument above which one_minus_c1 exp(-argument) + c1 == c1; sst_blend_vanishes() */
-    float unknown;  /* W_d of a ray of unknown disparity */
+    float unknown; /* W_d of a ray of unknown disparity */
 };
 
 /**
@@ -444,7 +435,7 @@ typedef void sst_agree_votes_fn(uint8_t *vote, const uint8_t *const colour[3], c
  * @param mode    out, three rows of `stride`
  * @param colour  [rays][3][stride] @param vote  [rays][stride], 0: no ray; sum of a pixel at most 65535 /
  *                (SST_AGREE_MODE / 2)
- * @param stride  a multiple of 64: pixels, all of which are done
+ * @param rays    at most 256  @param stride  a multiple of 64: pixels, all of which are done
  */
 typedef void sst_agree_mode_fn(uint8_t *const mode[3], const uint8_t *colour, const uint8_t *vote, size_t rays,
                                size_t step, size_t stride);

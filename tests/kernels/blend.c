@@ -47,7 +47,6 @@ static struct sst_blend random_blend(size_t n, const float *table)
                            .half_inverse_variance = 1 / 3000.0f,
                            .c1 = 0.01f,
                            .one_minus_c1 = 0.99f,
-                           .vanishes = sst_blend_vanishes(0.01f),
                            .unknown = 0.01f };
     uint16_t *disp = guard_random(n * sizeof(*disp), &seed);
 

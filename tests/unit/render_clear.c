@@ -291,27 +291,36 @@ static int compare_down(const void *a, const void *b)
     return x < y ? 1 : x > y ? -1 : 0;
 }
 
-/* Nearest kept disparity that each view sends to the pixel; returns how many, the nearest first. */
+/* Nearest disparity that a view sends to the pixel; -infinity: none. *weight: the largest of those at this disparity. */
+static double landed(double *weight, const struct sst_lightfield *lf, int view, int px, int py, double cut_px)
+{
+    const struct sst_view *v = &lf->views[view];
+    double nearest = -INFINITY;
+
+    *weight = 0;
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++) {
+            const double d = sst_disp_px(lf, sst_map_u16_row(&v->disp, y)[x]), w = place_weight(lf, view, x, y, cut_px);
+
+            if (w > 0 && x + (int)floor(d * (double)(float)v->bx + 0.5) == px &&
+                y + (int)floor(d * (double)(float)v->by + 0.5) == py && d >= nearest) {
+                *weight = d > nearest ? w : fmax(w, *weight);
+                nearest = d;
+            }
+        }
+    }
+    return nearest;
+}
+
+/* What all views send to the pixel; returns how many do, the nearest first. */
 static int arriving(double *d, const struct sst_lightfield *lf, int px, int py, double cut_px)
 {
+    double weight;
     int n = 0;
 
     for (int k = 0; k < 9; k++) {
-        const struct sst_view *v = &lf->views[k];
-        double nearest = -INFINITY;
-
-        for (int y = 0; y < HEIGHT; y++) {
-            for (int x = 0; x < WIDTH; x++) {
-                const uint16_t q = sst_map_u16_row(&v->disp, y)[x];
-
-                if (place_weight(lf, k, x, y, cut_px) > 0 &&
-                    x + (int)floor(sst_disp_px(lf, q) * (double)(float)v->bx + 0.5) == px &&
-                    y + (int)floor(sst_disp_px(lf, q) * (double)(float)v->by + 0.5) == py)
-                    nearest = fmax(nearest, sst_disp_px(lf, q));
-            }
-        }
-        if (nearest > -INFINITY)
-            d[n++] = nearest;
+        d[n] = landed(&weight, lf, k, px, py, cut_px);
+        n += d[n] > -INFINITY;
     }
     qsort(d, (size_t)n, sizeof(*d), compare_down);
     return n;
@@ -360,11 +369,12 @@ static void surfaces_equal_the_plain_reference(void **state SST_UNUSED)
                 assert_int_equal(n, 0);
             for (int i = 0; i < n; i++) {
                 const double bx = lf.views[rays[i].view].bx, by = lf.views[rays[i].view].by;
+                double weight;
 
                 assert_true(fabs(rays[i].x - (x - want * bx)) < 1e-4 && fabs(rays[i].y - (y - want * by)) < 1e-4);
+                assert_true(fabs(rays[i].disp_px - landed(&weight, &lf, rays[i].view, x, y, cut)) < 1e-6);
                 assert_true(fabs(rays[i].disp_px - want) <= 0.75 + 1e-6);
-                assert_true(fabs(rays[i].w_depth - place_weight(&lf, rays[i].view, (int)floor(rays[i].x + 0.5),
-                                                                (int)floor(rays[i].y + 0.5), cut)) < 1e-6);
+                assert_true(fabs(rays[i].w_depth - weight) < 1e-6);
                 share += rays[i].share;
             }
             assert_true(n == 0 || fabs(share - 1) < 1e-5);

@@ -476,14 +476,14 @@ static int describe(const struct clear *c, const struct scratch *s, int i, int x
         const struct clear_view *v = &c->view[s->view[slot]];
         const float at_x = (float)x - rays->px[i] * v->at.bx, at_y = (float)y - rays->px[i] * v->at.by;
         const float weight = rays->weight[slot][i], share = weight * rays->agree[slot][i] / s->out.support[i];
-        const int nx = (int)(at_x + 0.5F), ny = (int)(at_y + 0.5F);
+        const int nx = (int)(at_x + 0.5F), ny = (int)(at_y + 0.5F), landed = s->landed[s->view[slot]][i];
 
         if (!(weight > 0))
             continue;
         out[count] = (struct sst_ray){ .view = v->tap->view,
                                        .x = (double)at_x,
                                        .y = (double)at_y,
-                                       .disp_px = sst_disp_px(c->lf, sst_map_u16_row(&v->tap->v->disp, ny)[nx]),
+                                       .disp_px = sst_disp_px(c->lf, (uint16_t)((landed / 2 - 1) << c->coarse)),
                                        .aperture = 1,
                                        .w_depth = (double)weight,
                                        .w_label = (double)rays->agree[slot][i] };

@@ -306,7 +306,6 @@ static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
     p->blend.half_inverse_variance = by_depth ? (float)(0.5 / (sigma_q6 * sigma_q6)) : 0;
     p->blend.c1 = by_depth ? (float)cfg->c1 : 0;
     p->blend.one_minus_c1 = by_depth ? (float)(1 - cfg->c1) : 1;
-    p->blend.vanishes = sst_blend_vanishes(p->blend.c1);
     p->blend.unknown = by_depth ? (float)cfg->c1 : 1;
     for (int i = 0; i < p->count && p->weighted; i++) {
         if (!p->tap[i].v->disp.data) {
