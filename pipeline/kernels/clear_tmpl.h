@@ -1,5 +1,32 @@
-/* clear_land, clear_surface, clear_take, clear_blend. Positions of rays are nearly in line, so that AVX-512 gathers by
+/* clear_removed, clear_state, clear_land, clear_surface, clear_take, clear_blend. Positions of rays are nearly in line, so that AVX-512 gathers by
  * permuting a stretch of 64 pixels instead of loading one by one; without it the compiler's loops are the fastest. */
+
+/* --- what is removed --- */
+
+static void KERNEL(clear_removed)(uint8_t *restrict removed, const uint16_t *restrict disp, int cut, size_t n)
+{
+    const uint16_t above = (uint16_t)(cut < -1 ? 0 : cut + 1 > 0xFFFF ? 0xFFFF : cut + 1);
+
+    for (size_t x = 0; x < n; x++)
+        removed[x] = (uint8_t)((disp[x] >= above) & (disp[x] != 0xFFFF));
+}
+
+/* Both tests are 0 or 1: kept is 2, beside 1. */
+static void KERNEL(clear_state)(uint8_t *restrict state, const uint8_t *const removed[3], const uint16_t *restrict disp,
+                                int bins, size_t n)
+{
+    const uint8_t *restrict above = removed[0], *restrict at = removed[1], *restrict below = removed[2];
+    const uint16_t most = (uint16_t)(bins < 0xFFFF ? bins : 0xFFFF);
+
+    for (size_t x = 0; x < n; x++) {
+        const uint8_t columns = (uint8_t)(above[x] | at[x] | below[x]);
+        const uint8_t left = (uint8_t)(*(above + x - 1) | *(at + x - 1) | *(below + x - 1));
+        const uint8_t near = (uint8_t)(columns | left | above[x + 1] | at[x + 1] | below[x + 1]);
+        const uint8_t gone = (uint8_t)(at[x] | (disp[x] >= most));
+
+        state[x] = (uint8_t)((2 - near) & (gone - 1));
+    }
+}
 
 /* --- rays to the viewpoint --- */
 

@@ -40,6 +40,8 @@ enum sst_cpu_level {
     X(blend_finish)                                                                                                    \
     X(blend_take)                                                                                                      \
     X(blend_support)                                                                                                   \
+    X(clear_removed)                                                                                                   \
+    X(clear_state)                                                                                                     \
     X(clear_land)                                                                                                      \
     X(clear_surface)                                                                                                   \
     X(clear_take)                                                                                                      \
@@ -336,6 +338,14 @@ typedef void sst_blend_support_fn(uint8_t *support, const uint16_t *disp, const 
 
 /** What a view's pixel is: removed, or nothing is known; next to something removed; neither. */
 enum sst_clear_state { SST_CLEAR_REMOVED = 0, SST_CLEAR_BESIDE = 1, SST_CLEAR_KEPT = 2 };
+
+/** removed[x] = 1 where disp[x] > cut and the disparity is known (not 0xFFFF), else 0. */
+typedef void sst_clear_removed_fn(uint8_t *removed, const uint16_t *disp, int cut, size_t n);
+
+/** State of n pixels of a row: removed where removed[1] says so or disp is at least `bins`; beside it where one of the
+ *  eight neighbours is. removed: the rows above, at and below, readable from -1 to n, 0 or 1. */
+typedef void sst_clear_state_fn(uint8_t *state, const uint8_t *const removed[3], const uint16_t *disp, int bins,
+                                size_t n);
 
 /**
  * One view. A ray of stored disparity q goes from pixel (x, y) to (x + floor(q x_q6 + x_0), y + floor(q y_q6 + y_0)),

@@ -65,6 +65,33 @@ static void check_land(const struct sst_kernels *k, int w, int h, int any, enum 
     guard_free_all();
 }
 
+static void check_states(const struct sst_kernels *k, size_t n, enum sst_cpu_level level)
+{
+    uint16_t *disp = guard_random(n * sizeof(*disp), &seed);
+    uint8_t *want = guard_random(n, &seed), *got = guard_random(n, &seed), *row[3];
+    const int cut[] = { -1, 0, 30000, 65534, 65535 }, bins[] = { 0, 1, 40000, 65535 };
+
+    disp[0] = 0xFFFF;
+    for (size_t i = 0; i < ARRAY_LEN(cut); i++) {
+        sst_clear_removed_ref(want, disp, cut[i], n);
+        k->clear_removed(got, disp, cut[i], n);
+        if (memcmp(want, got, n))
+            fail_msg("%s, removed, %zu pixels, cut %d", sst_cpu_level_name(level), n, cut[i]);
+    }
+    for (size_t i = 0; i < ARRAY_LEN(bins); i++) {
+        for (int j = 0; j < 3; j++) {
+            row[j] = guard_random(n + 2, &seed);
+            for (size_t x = 0; x < n + 2; x++)
+                row[j][x] = row[j][x] < 20;
+        }
+        sst_clear_state_ref(want, (const uint8_t *const[3]){ row[0] + 1, row[1] + 1, row[2] + 1 }, disp, bins[i], n);
+        k->clear_state(got, (const uint8_t *const[3]){ row[0] + 1, row[1] + 1, row[2] + 1 }, disp, bins[i], n);
+        if (memcmp(want, got, n))
+            fail_msg("%s, states, %zu pixels, bins %d", sst_cpu_level_name(level), n, bins[i]);
+    }
+    guard_free_all();
+}
+
 /* What a pixel sees: nothing, one surface with noise, several, or anything. */
 static void check_surface(const struct sst_kernels *k, size_t views, int layers, enum sst_cpu_level level)
 {
@@ -168,6 +195,7 @@ static void clear_equals_reference(void **state SST_UNUSED)
         for (int w = 1; w < MAX_W; w++) {
             const int h = 1 + (int)below(12);
 
+            check_states(&k, (size_t)w, (enum sst_cpu_level)level);
             check_land(&k, w, h, w % 2, (enum sst_cpu_level)level);
             for (int i = 0; i < 10; i++)
                 check_take(&k, w, h, (enum sst_cpu_level)level);

@@ -51,36 +51,16 @@ struct clear {
 static void mark_removed(const struct clear *c, const struct clear_view *v, uint8_t *removed, int y)
 {
     const struct sst_view *view = v->tap->v;
-    const uint16_t *restrict disp = sst_map_u16_row(&view->disp, y);
     const struct sst_map_u8 *mask = c->cfg->remove ? &c->cfg->remove[v->tap->view] : NULL;
     const int w = c->width;
 
-    for (int x = 0; x < w; x++)
-        removed[x] = (disp[x] > c->cut_q6) & (disp[x] != SST_DISP_NONE);
+    c->kernels->clear_removed(removed, sst_map_u16_row(&view->disp, y), c->cut_q6, (size_t)w);
     for (int x = 0; x < w && mask && mask->data; x++)
         removed[x] |= sst_map_u8_row(mask, y)[x] != 0;
     for (int x = 0; x < w && c->cfg->remove_label && view->label.data; x++)
         removed[x] |= sst_map_u8_row(&view->label, y)[x] == c->cfg->remove_label;
     for (int x = 0; x < w && view->valid.data; x++)
         removed[x] |= !sst_map_u8_row(&view->valid, y)[x];
-}
-
-/* From the removed pixels of a row and of those beside it. */
-static void set_states(const struct clear *c, const struct scratch *s, const uint16_t *restrict disp, int y)
-{
-    const uint8_t *restrict above = s->row[(y + 2) % 3] + 1, *restrict at = s->row[y % 3] + 1;
-    const uint8_t *restrict below = s->row[(y + 1) % 3] + 1;
-    uint8_t *restrict state = s->state;
-    const int w = c->width, bins = c->bins;
-
-    for (int x = 0; x < w; x++) {
-        const int near =
-            above[x - 1] | above[x] | above[x + 1] | at[x - 1] | at[x + 1] | below[x - 1] | below[x] | below[x + 1];
-
-        state[x] = (uint8_t)(at[x] | (disp[x] >= bins) ? SST_CLEAR_REMOVED
-                             : near                    ? SST_CLEAR_BESIDE
-                                                       : SST_CLEAR_KEPT);
-    }
 }
 
 /* All rays of one view go to the viewpoint; the nearest one at each pixel stays. */
@@ -98,12 +78,13 @@ static int land_view(void *arg, int index, int worker)
     for (int y = 0; y < c->height; y++) {
         const uint16_t *disp = sst_map_u16_row(&v->tap->v->disp, y);
         uint8_t *below = s->row[(y + 1) % 3] + 1;
+        const uint8_t *const removed[3] = { s->row[(y + 2) % 3] + 1, s->row[y % 3] + 1, below };
 
         if (y + 1 < c->height)
             mark_removed(c, v, below, y + 1);
         else
             memset(below, 0, w);
-        set_states(c, s, disp, y);
+        c->kernels->clear_state(s->state, removed, disp, c->bins, w);
         c->kernels->clear_land(v->landed, c->stride, &v->at, disp, s->state, y);
     }
     return 0;
