@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Measure time against error from scratch and renew the tables and charts of docs/measured/: `make bench`, `make bench-quick`.
 
-Raw figures go to BUILD/bench/ (stereo.csv, render.csv, scenes.json, layers.json), tables and charts to BUILD/bench/docs/ and from
+Raw figures go to BUILD/bench/ (stereo.csv, render.csv, scenes.json, seeds.json, layers.json), tables and charts to BUILD/bench/docs/ and from
 there, unless --quick, to docs/measured/. What a machine lacks (the Middlebury pairs, OpenCV) is named, left out, and its page of
 docs/ stays as it is.
 """
@@ -18,6 +18,7 @@ import bench_report
 PAIRS = ("cones/disp2.png", "teddy/disp2.png", "motorcycle/motorcycle_disp.npz")
 SCENES = ("bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat")
 ALL_PRESETS = ("bush", "pedestrian")  # scenes that are matched with every preset
+SEEDS = (2, 3)  # more draws of each scene, in half size, for the clear picture
 KINDS = ("leaves", "foliage", "branches", "slats", "mesh", "crowd")  # occluders of layered scenes
 SETS = {"development": (1, 2), "validation": (3001, 3002)}  # seeds; methods are tuned on the first only
 THREADS = "2"
@@ -92,6 +93,21 @@ def scenes(build, out, names, size):
     write(f"{out}/scenes.json", json.dumps(results, indent=1))
 
 
+def seeds(build, out, names, drawn, size):
+    """Clear pictures of other draws of the scenes, with the maps of sst process and with the true ones."""
+    results = []
+    for seed in drawn:
+        for name in names:
+            say(f"scene {name}, {size}, seed {seed}")
+            lf, sst = f"{out}/lf", f"{build}/sst"
+            call(sst, "scene", name, "-o", lf, "--size", size, "--seed", seed, "--force", "-q", stdout=subprocess.DEVNULL)
+            own, true = (process(sst, lf, f"{lf}/truth", "--no-labels", *options)["clear"]
+                         for options in ((), ("--disparity", f"{lf}/truth")))
+            results.append({"scene": name, "seed": seed, "size": size, "own": own, "truth": true})
+            shutil.rmtree(lf)
+    write(f"{out}/seeds.json", json.dumps(results, indent=1))
+
+
 def layered(sst, out, camvid, name, kind, seed):
     """A light field of photographs in layers, measured with the maps of sst process and with the true ones."""
     say(f"layers, {name}: {kind}, seed {seed}")
@@ -127,13 +143,14 @@ def main():
         sys.exit("bench: gnuplot, which draws the charts, is missing: install gnuplot-nox")
     out, start = f"{args.build}/bench" + ("-quick" if args.quick else ""), time.monotonic()
     os.makedirs(out, exist_ok=True)
-    for name in ("stereo.csv", "render.csv", "scenes.json", "layers.json"):
+    for name in ("stereo.csv", "render.csv", "scenes.json", "seeds.json", "layers.json"):
         if os.path.exists(f"{out}/{name}"):
             os.remove(f"{out}/{name}")
     if not args.only:
         stereo(args.build, out, args.data, 3 if args.quick else 11)
         render(args.build, out, ("500x375",) if args.quick else ("2000x1500", "1000x750"), 3 if args.quick else 11)
         scenes(args.build, out, SCENES[:1] if args.quick else SCENES, "500x375" if args.quick else "1000x750")
+        seeds(args.build, out, SCENES[:1] if args.quick else SCENES, SEEDS[:1] if args.quick else SEEDS, "500x375")
     layers(args.build, out, args.camvid, {"development": (1,)} if args.quick else SETS)
     made = bench_report.write(out, "make bench-quick" if args.quick else "make bench")
     if not args.quick:

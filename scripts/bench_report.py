@@ -222,6 +222,18 @@ def clear_table(scenes, reports):
                         for name, f in zip([s["scene"] for s in scenes] + ["mean"], figures)])
 
 
+def seeds_table(draws):
+    seeds = sorted({d["seed"] for d in draws})
+    head = ["scene"] + [f"{maps} maps: seed {seed}" for maps in ("own", "true") for seed in seeds]
+    rows = []
+    for name in dict.fromkeys(d["scene"] for d in draws):
+        of = {d["seed"]: d for d in draws if d["scene"] == name}
+        rows.append([of[seed][maps]["psnr"] for maps in ("own", "truth") for seed in seeds])
+    rows.append([mean_known(column) for column in zip(*rows)])
+    names = [*dict.fromkeys(d["scene"] for d in draws), "mean"]
+    return table(head, [[name] + [number(v) for v in row] for name, row in zip(names, rows)])
+
+
 def disparity_table(scenes, reports):
     head = ["scene", "searched px", "bad 1 %", "bad 2 %", "RMSE px", "visible: bad 1 %", "bad 2 %", "RMSE px"]
     return table(head, [[s["scene"], "{:.0f}..{:.0f}".format(*r["searched_px"])] +
@@ -247,7 +259,7 @@ def preset_part(scenes):
     """Chart points and table of the scenes that were matched with every preset."""
     head = ["scene, preset", "wall s", "CPU s", "bad 0.5 %", "bad 1 %", "bad 2 %", "bad 4 %", "RMSE px",
             "visible: bad 2 %", "clear, PSNR"]
-    rows, groups = [], {}
+    rows, groups, clear = [], {}, {}
     for s in (s for s in scenes if len(s["presets"]) > 1):
         for preset in ("preview", "balanced", "accurate"):
             r = s["presets"][preset]
@@ -256,7 +268,8 @@ def preset_part(scenes):
             times = [r[k]["disparity"] for k in ("seconds", "cpu_seconds")]
             rows.append([f"{s['scene']}, {preset}"] + [number(v) for v in times + errors])
             groups.setdefault(s["scene"], []).append((f"sst {preset}", times[0], r["disparity"]["bad2"]))
-    return groups, table(head, rows)
+            clear.setdefault(s["scene"], []).append((f"sst {preset}", times[0], 255 * 10 ** (-r["clear"]["psnr"] / 20)))
+    return groups, clear, table(head, rows)
 
 
 SCENES_TEXT = """\
@@ -280,6 +293,13 @@ behind the occluder, or it removed as an object where nothing lies between). Hol
 filled from behind.
 
 {clear}
+Other draws of the same scenes, {seeds_size}, PSNR of the whole picture:
+
+{seeds}
+Time of `sst process` against the clear picture's error, by preset:
+
+![time against error of the clear picture](time-error-clear.svg)
+
 ## Disparity, all 36 views, preset balanced
 
 {disparity}
@@ -304,15 +324,20 @@ def scenes(source, out, command):
     size, reports = measured[0]["size"], [s["presets"]["balanced"] for s in measured]
     given = " **The labels were given (true), for the network was absent.**"
     given = "" if measured[0]["labels"] == "network" else given
-    groups, presets = preset_part(measured)
+    with open(os.path.join(os.path.dirname(source), "seeds.json")) as f:
+        draws = json.load(f)
+    groups, clear, presets = preset_part(measured)
     text = SCENES_TEXT.format(
         size=size, given=given, true_pictures=picture_table(measured, [s["truth"] for s in measured]),
         pictures=picture_table(measured, reports), clear=clear_table(measured, reports),
+        seeds=seeds_table(draws), seeds_size=draws[0]["size"],
         disparity=disparity_table(measured, reports), labels=label_table(measured, reports),
         stages=stage_table(measured, reports), presets=presets)
     return (write_page(out, "bench-scenes", page("Simulated scenes", command, text)) +
             chart(out, "time-error-scenes", f"Simulated scenes, disparity of 36 views of {size}",
-                  ("time, s", "pixels off by more than 2 px, %"), groups, command, log_y=True))
+                  ("time, s", "pixels off by more than 2 px, %"), groups, command, log_y=True) +
+            chart(out, "time-error-clear", f"Clear picture of simulated scenes, 36 views of {size}",
+                  ("time of the disparity maps, s", "RMSE, grey levels of 255"), clear, command))
 
 
 LAYERS_TEXT = """\

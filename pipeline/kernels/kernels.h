@@ -269,7 +269,7 @@ typedef void sst_subpixel_window_row_fn(float *weight, float *product, const str
 
 /* --- rendering (pipeline/method/render/) --- */
 
-#define SST_BLEND_MAX          2048  /* pixels that one call of a blend kernel takes at most */
+#define SST_BLEND_MAX          2048 /* pixels that one call of a blend kernel takes at most */
 #define SST_BLEND_COLUMNS      4096 /* columns of the table of label weights: stored disparity / 16, 1/4 px each */
 #define SST_BLEND_COLUMN_SHIFT 4
 #define SST_BLEND_FLOOR        1e-28f /* smaller weight sums are invalid */
@@ -329,7 +329,7 @@ typedef void sst_blend_support_fn(uint8_t *support, const uint16_t *disp, const 
                                   size_t n);
 
 /*
- * The clear picture (design.md, 5.9; pipeline/method/render/clear.c): rays are sent to the viewpoint, and the pixels of
+ * The clear picture (design.md, 5.6; pipeline/method/render/clear.c): rays are sent to the viewpoint, and the pixels of
  * the picture are coloured in stretches of SST_CLEAR_BLOCK.
  */
 #define SST_CLEAR_BLOCK     32
@@ -385,11 +385,11 @@ typedef void sst_clear_surface_fn(float *surface, const uint16_t *const *landed,
 struct sst_clear_rays {
     uint16_t first[SST_CLEAR_BLOCK], last[SST_CLEAR_BLOCK]; /* levels of the surface's rays; none: 1, 0 */
     float px[SST_CLEAR_BLOCK];                              /* its disparity */
-    int16_t wanted[SST_CLEAR_BLOCK];     /* rays of full weight that are still to be taken */
-    int slots;                           /* in use */
-    float (*weight)[SST_CLEAR_BLOCK];    /* [slots]; 0: no ray */
-    float (*colour[3])[SST_CLEAR_BLOCK]; /* [slots] 0..255; 0 where there is no ray */
-    float (*agree)[SST_CLEAR_BLOCK];     /* [slots], set by clear_blend: agreement of a ray with the others, 0..1 */
+    int16_t wanted[SST_CLEAR_BLOCK];                        /* rays of full weight that are still to be taken */
+    int slots;                                              /* in use */
+    float (*weight)[SST_CLEAR_BLOCK];                       /* [slots]; 0: no ray */
+    float (*colour[3])[SST_CLEAR_BLOCK];                    /* [slots] 0..255; 0 where there is no ray */
+    float (*agree)[SST_CLEAR_BLOCK]; /* [slots], set by clear_blend: agreement of a ray with the others, 0..1 */
 };
 
 /**

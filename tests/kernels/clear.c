@@ -1,4 +1,5 @@
-/* Kernels of the clear picture: every level against the reference, byte for byte, buffers ending at an unmapped page. */
+/* Kernels of the clear picture: every level against the reference, byte for byte, buffers ending at an unmapped page.
+ */
 #include <stdlib.h>
 #include <string.h>
 

@@ -291,7 +291,8 @@ static int compare_down(const void *a, const void *b)
     return x < y ? 1 : x > y ? -1 : 0;
 }
 
-/* Nearest disparity that a view sends to the pixel; -infinity: none. *weight: the largest of those at this disparity. */
+/* Nearest disparity that a view sends to the pixel; -infinity: none. *weight: the largest of those at this disparity.
+ */
 static double landed(double *weight, const struct sst_lightfield *lf, int view, int px, int py, double cut_px)
 {
     const struct sst_view *v = &lf->views[view];

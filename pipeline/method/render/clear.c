@@ -92,8 +92,8 @@ static int land_view(void *arg, int index, int worker)
 
 /* --- rays of one block -------------------------------------------------------------------------------------------- */
 
-/* Colours of the rays in the slot that a view with a raw frame has taken. Returns whether a ray was dropped, because its
- * position is outside the frame. */
+/* Colours of the rays in the slot that a view with a raw frame has taken. Returns whether a ray was dropped, because
+ * its position is outside the frame. */
 static int sample_slot(struct sst_clear_rays *rays, int slot, const struct clear_view *v, int x, int y)
 {
     int dropped = 0;
@@ -127,7 +127,7 @@ static void find_surface(const struct clear *c, struct scratch *s)
     c->kernels->clear_surface(s->surface, s->landed, (size_t)c->count);
     for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
         const float level = s->surface[i];
-        const int whole = (int)level, up = (float)whole < level, found = level > 0;
+        const int whole = (int)level, up = (float)whole<level, found = level> 0;
 
         rays->first[i] = (uint16_t)(found ? sst_max_int(whole + up - SST_CLEAR_TOLERANCE, 1) : 1);
         rays->last[i] = (uint16_t)(found ? sst_min_int(whole + SST_CLEAR_TOLERANCE, UINT16_MAX) : 0);
@@ -456,7 +456,7 @@ static int describe(const struct clear *c, const struct scratch *s, int i, int x
     for (int slot = 0; slot < rays->slots; slot++) {
         const struct clear_view *v = &c->view[s->view[slot]];
         const float at_x = (float)x - rays->px[i] * v->at.bx, at_y = (float)y - rays->px[i] * v->at.by;
-        const float weight = rays->weight[slot][i], share = weight * rays->agree[slot][i] / s->out.support[i];
+        const float weight = rays->weight[slot][i];
         const int nx = (int)(at_x + 0.5F), ny = (int)(at_y + 0.5F), landed = s->landed[s->view[slot]][i];
 
         if (!(weight > 0))
@@ -470,7 +470,8 @@ static int describe(const struct clear *c, const struct scratch *s, int i, int x
                                        .w_label = (double)rays->agree[slot][i] };
         if (v->tap->v->label.data)
             out[count].label = sst_map_u8_row(&v->tap->v->label, ny)[nx];
-        out[count].share = (double)((1 - s->out.own[i]) * share + (slot == own ? s->out.own[i] : 0));
+        out[count].share = (double)((1 - s->out.own[i]) * weight * rays->agree[slot][i] / s->out.support[i] +
+                                    (slot == own ? s->out.own[i] : 0));
         for (int k = 0; k < 3; k++)
             out[count].colour[k] = (double)rays->colour[k][slot][i];
         count++;
