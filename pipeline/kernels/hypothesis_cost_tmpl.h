@@ -74,6 +74,161 @@ static inline unsigned KERNEL(hypothesis_difference)(const struct KERNEL(hypothe
 }
 #endif
 
+#if defined(__AVX2__)
+/* All views at once but for their windows, which lie anywhere. */
+#define HYPOTHESIS_PARTS (SST_HYPOTHESIS_VIEWS / 8)
+_Static_assert(HYPOTHESIS_PARTS == 3, "costs of a part are sorted as three");
+
+struct KERNEL(hypothesis_views) {
+    const uint32_t *pixels[SST_HYPOTHESIS_VIEWS]; /* unused ones are the own view's */
+    ptrdiff_t stride[SST_HYPOTHESIS_VIEWS];
+    __m256i x[HYPOTHESIS_PARTS], y[HYPOTHESIS_PARTS], dx[HYPOTHESIS_PARTS], dy[HYPOTHESIS_PARTS];
+    __m256i strides[HYPOTHESIS_PARTS], used[HYPOTHESIS_PARTS];
+    __m256i right, bottom; /* last column and row */
+};
+
+static inline __m256i KERNEL(hypothesis_load)(const int32_t *from)
+{
+    return _mm256_loadu_si256((const __m256i *)(const void *)from);
+}
+
+static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views) * v, const struct sst_hypothesis_test *t)
+{
+    int32_t used[SST_HYPOTHESIS_VIEWS], stride[SST_HYPOTHESIS_VIEWS];
+
+    for (int k = 0; k < SST_HYPOTHESIS_VIEWS; k++) {
+        const struct sst_packed_view *view = k < t->views ? &t->view[k] : &t->own;
+
+        v->pixels[k] = view->pixels;
+        v->stride[k] = view->stride;
+        stride[k] = (int32_t)view->stride;
+        used[k] = k < t->views ? -1 : 0;
+    }
+    for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
+        v->x[i] = KERNEL(hypothesis_load)(t->x + 8 * i);
+        v->y[i] = KERNEL(hypothesis_load)(t->y + 8 * i);
+        v->dx[i] = KERNEL(hypothesis_load)(t->dx + 8 * i);
+        v->dy[i] = KERNEL(hypothesis_load)(t->dy + 8 * i);
+        v->strides[i] = KERNEL(hypothesis_load)(stride + 8 * i);
+        v->used[i] = KERNEL(hypothesis_load)(used + 8 * i);
+    }
+    v->right = _mm256_set1_epi32(t->width - 1);
+    v->bottom = _mm256_set1_epi32(t->height - 1);
+}
+
+/* (start + d step) >> 16 */
+static inline __m256i KERNEL(hypothesis_moved)(__m256i start, __m256i step, __m256i d)
+{
+    return _mm256_srai_epi32(_mm256_add_epi32(start, _mm256_mullo_epi32(d, step)), 16);
+}
+
+/* 0 <= v <= most */
+static inline __m256i KERNEL(hypothesis_within)(__m256i v, __m256i most)
+{
+    return _mm256_cmpeq_epi32(_mm256_min_epu32(v, most), v);
+}
+
+/* Offsets of the pixels in their views; 0 outside. inside: out, where they lie in the picture. */
+static inline void KERNEL(hypothesis_place)(int32_t *offset, __m256i inside[HYPOTHESIS_PARTS],
+                                            const struct KERNEL(hypothesis_views) * v, int x, int y, int d)
+{
+    const __m256i disp = _mm256_set1_epi32(d), own_x = _mm256_set1_epi32(x), own_y = _mm256_set1_epi32(y);
+
+    for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
+        const __m256i at_x = _mm256_add_epi32(own_x, KERNEL(hypothesis_moved)(v->x[i], v->dx[i], disp));
+        const __m256i at_y = _mm256_add_epi32(own_y, KERNEL(hypothesis_moved)(v->y[i], v->dy[i], disp));
+        const __m256i at = _mm256_add_epi32(_mm256_mullo_epi32(at_y, v->strides[i]), at_x);
+
+        inside[i] = _mm256_and_si256(v->used[i], _mm256_and_si256(KERNEL(hypothesis_within)(at_x, v->right),
+                                                                  KERNEL(hypothesis_within)(at_y, v->bottom)));
+        _mm256_storeu_si256((__m256i *)(void *)(offset + 8 * i), _mm256_and_si256(at, inside[i]));
+    }
+}
+
+static inline __m128i KERNEL(hypothesis_row_difference)(const uint8_t *mask, const uint8_t *pixels, const uint32_t *at)
+{
+    const __m128i there = _mm_loadu_si128((const __m128i *)(const void *)at);
+
+    return _mm_sad_epu8(_mm_and_si128(there, _mm_loadu_si128((const __m128i *)(const void *)mask)),
+                        _mm_loadu_si128((const __m128i *)(const void *)pixels));
+}
+
+/* Sum of the four least of 24 values. *least: the first of them. Columns of three are sorted, then the least of the
+ * eight tops is taken off its column four times. */
+static inline unsigned KERNEL(hypothesis_best)(const __m128i v[HYPOTHESIS_PARTS], unsigned *least)
+{
+    const __m128i lane = _mm_set_epi16(7, 6, 5, 4, 3, 2, 1, 0);
+    const __m128i lower = _mm_min_epu16(v[0], v[1]), upper = _mm_max_epu16(v[0], v[1]);
+    __m128i top = _mm_min_epu16(lower, v[2]), rest = _mm_max_epu16(lower, v[2]);
+    __m128i middle = _mm_min_epu16(upper, rest), last = _mm_max_epu16(upper, rest);
+    unsigned sum = 0;
+
+    for (int i = 0; i < SST_HYPOTHESIS_BEST; i++) {
+        const __m128i found = _mm_minpos_epu16(top);
+        const __m128i at = _mm_cmpeq_epi16(lane, _mm_broadcastw_epi16(_mm_srli_si128(found, 2)));
+        const unsigned value = (unsigned)_mm_cvtsi128_si32(found) & 0xFFFF;
+
+        if (!i)
+            *least = value;
+        sum += value;
+        top = _mm_blendv_epi8(top, middle, at);
+        middle = _mm_blendv_epi8(middle, last, at);
+        last = _mm_or_si128(last, at);
+    }
+    return sum;
+}
+
+static inline unsigned KERNEL(hypothesis_sum)(__m256i v)
+{
+    const __m128i four = _mm_add_epi32(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1));
+    const __m128i two = _mm_add_epi32(four, _mm_unpackhi_epi64(four, four));
+
+    return (unsigned)_mm_cvtsi128_si32(_mm_add_epi32(two, _mm_shuffle_epi32(two, 1)));
+}
+
+static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_views) * v,
+                                               const struct KERNEL(hypothesis_window) * w, int x, int y, int d,
+                                               unsigned hides)
+{
+    const __m256i scale = _mm256_set1_epi32((int)w->scale), limit = _mm256_set1_epi32(SST_HYPOTHESIS_LIMIT);
+    int32_t offset[SST_HYPOTHESIS_VIEWS], difference[SST_HYPOTHESIS_VIEWS], pixel[SST_HYPOTHESIS_VIEWS];
+    __m256i inside[HYPOTHESIS_PARTS], open_sum = _mm256_setzero_si256();
+    unsigned seen = 0, visible = 0, best, least;
+    __m128i costs[HYPOTHESIS_PARTS];
+
+    KERNEL(hypothesis_place)(offset, inside, v, x, y, d);
+    for (int k = 0; k < SST_HYPOTHESIS_VIEWS; k++) {
+        const uint32_t *at = v->pixels[k] + offset[k];
+        const __m128i rows =
+            _mm_add_epi32(KERNEL(hypothesis_row_difference)(w->mask[0], w->pixels[0], at - v->stride[k] - 1),
+                          _mm_add_epi32(KERNEL(hypothesis_row_difference)(w->mask[1], w->pixels[1], at - 1),
+                                        KERNEL(hypothesis_row_difference)(w->mask[2], w->pixels[2],
+                                                                          at + v->stride[k] - 1)));
+
+        difference[k] = _mm_cvtsi128_si32(_mm_add_epi32(rows, _mm_unpackhi_epi64(rows, rows)));
+        pixel[k] = (int32_t)*at;
+    }
+    for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
+        const __m256i code = _mm256_srli_epi32(KERNEL(hypothesis_load)(pixel + 8 * i), 24);
+        const __m256i there =
+            _mm256_andnot_si256(_mm256_cmpeq_epi32(code, _mm256_set1_epi32(SST_DEPTH_OUTSIDE)), inside[i]);
+        const __m256i scaled = _mm256_mullo_epi32(KERNEL(hypothesis_load)(difference + 8 * i), scale);
+        const __m256i cost = _mm256_min_epu32(_mm256_srli_epi32(scaled, 16), limit);
+        const __m256i open = _mm256_andnot_si256(_mm256_cmpgt_epi32(code, _mm256_set1_epi32((int)hides)), there);
+        const __m256i of_there = _mm256_or_si256(cost, _mm256_andnot_si256(there, _mm256_set1_epi32(0xFFFF)));
+
+        open_sum = _mm256_add_epi32(open_sum, _mm256_and_si256(cost, open));
+        seen += (unsigned)__builtin_popcount((unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(there)));
+        visible += (unsigned)__builtin_popcount((unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(open)));
+        costs[i] = _mm_packus_epi32(_mm256_castsi256_si128(of_there), _mm256_extracti128_si256(of_there, 1));
+    }
+    best = KERNEL(hypothesis_best)(costs, &least);
+    if (seen < SST_HYPOTHESIS_BEST)
+        return seen ? least : SST_HYPOTHESIS_LIMIT;
+    return (KERNEL(hypothesis_sum)(open_sum) + best) / (visible + SST_HYPOTHESIS_BEST);
+}
+#undef HYPOTHESIS_PARTS
+#else
 /* Where a disparity moves a pixel to in each view. */
 struct KERNEL(hypothesis_moves) {
     int32_t x[SST_HYPOTHESIS_VIEWS], y[SST_HYPOTHESIS_VIEWS];
@@ -88,14 +243,26 @@ static inline void KERNEL(hypothesis_move)(struct KERNEL(hypothesis_moves) * m, 
     }
 }
 
-static inline unsigned KERNEL(hypothesis_cost)(const struct sst_hypothesis_test *t,
-                                               const struct KERNEL(hypothesis_window) * w,
-                                               const struct KERNEL(hypothesis_moves) * m, int x, int y, unsigned hides)
+struct KERNEL(hypothesis_views) {
+    const struct sst_hypothesis_test *test;
+};
+
+static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views) * v, const struct sst_hypothesis_test *t)
 {
+    v->test = t;
+}
+
+static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_views) * v,
+                                               const struct KERNEL(hypothesis_window) * w, int x, int y, int d,
+                                               unsigned hides)
+{
+    const struct sst_hypothesis_test *t = v->test;
+    struct KERNEL(hypothesis_moves) m;
     unsigned b0 = 65535, b1 = 65535, b2 = 65535, b3 = 65535, seen = 0, visible = 0, sum = 0;
 
+    KERNEL(hypothesis_move)(&m, t, d);
     for (int k = 0; k < t->views; k++) {
-        const int xv = x + m->x[k], yv = y + m->y[k];
+        const int xv = x + m.x[k], yv = y + m.y[k];
         const uint32_t *at = t->view[k].pixels + yv * t->view[k].stride + xv;
         unsigned cost, open, c1, c2, c3;
 
@@ -119,14 +286,17 @@ static inline unsigned KERNEL(hypothesis_cost)(const struct sst_hypothesis_test 
         return seen ? b0 : SST_HYPOTHESIS_LIMIT;
     return (sum + b0 + b1 + b2 + b3) / (visible + SST_HYPOTHESIS_BEST);
 }
+#endif
 
 static void KERNEL(hypothesis_cost_row)(uint16_t *cost, const uint16_t *hypothesis, const uint8_t *count,
                                         const struct sst_hypothesis_test *test, int x, int y, size_t n)
 {
+    struct KERNEL(hypothesis_views) views;
+
     _Static_assert(SST_HYPOTHESIS_BEST == 4, "four sums");
+    KERNEL(hypothesis_views_init)(&views, test);
     for (size_t k = 0; k < n; k++, x++, cost += SST_HYPOTHESES, hypothesis += SST_HYPOTHESES) {
         struct KERNEL(hypothesis_window) w;
-        struct KERNEL(hypothesis_moves) moves;
 
         for (size_t i = 0; i < SST_HYPOTHESES; i++)
             cost[i] = SST_HYPOTHESIS_FAR;
@@ -139,9 +309,7 @@ static void KERNEL(hypothesis_cost_row)(uint16_t *cost, const uint16_t *hypothes
         for (size_t i = 0; i < count[k] && (!i || cost[0] >= test->settled); i++) {
             const int d = hypothesis[i], front = d + test->tolerance;
 
-            KERNEL(hypothesis_move)(&moves, test, d);
-            cost[i] = (uint16_t)KERNEL(hypothesis_cost)(test, &w, &moves, x, y,
-                                                        test->code[front < 65534 ? front : 65534]);
+            cost[i] = (uint16_t)KERNEL(hypothesis_cost)(&views, &w, x, y, d, test->code[front < 65534 ? front : 65534]);
         }
     }
 }
