@@ -162,7 +162,7 @@ static void fill_row_from_background(uint16_t *d, int width)
     }
 }
 
-static void fill_background(struct sst_map_u16 *disp)
+void sst_fill_background(struct sst_map_u16 *disp)
 {
     int known = -1;
 
@@ -205,5 +205,5 @@ void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status
             project(scratch, &views[i], disp_min_px);
         copy_projected(disp_q6, status, scratch);
     }
-    fill_background(disp_q6);
+    sst_fill_background(disp_q6);
 }

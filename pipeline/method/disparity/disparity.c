@@ -16,6 +16,8 @@
 #define FINE_RANGE_PX 24
 /* Up to this many pixels a view is matched in quarter-pixel phases. */
 #define FINE_PIXELS ((size_t)1200000)
+/* Where only some views are matched, they are checked against others up to so many spacings away. */
+#define CHECKED_FAR 3.5
 
 /* State of one run; descriptors exist only while a grid row or its neighbours are matched. */
 struct run {
@@ -24,6 +26,7 @@ struct run {
     struct sst_disparity_config narrow; /* what cfg points to where the range is narrow */
     struct sst_network **nets;          /* [workers]; NULL without features */
     bool fill;
+    bool *carried;                 /* [views] not matched; NULL: all are */
     int rounds;                    /* of the second pass */
     bool subpixel;                 /* refine between pixels */
     int scale, width, height;      /* of the images that are matched */
@@ -52,7 +55,8 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
     if ((cfg->paths != 4 && cfg->paths != 8) || cfg->p1 < 1 || cfg->p2 < cfg->p1 ||
         cfg->p2 > SST_DISPARITY_MAX_PENALTY || cfg->support_arm < 0 || cfg->support_arm > SST_SUPPORT_MAX_ARM ||
         (cfg->scale != 1 && cfg->scale != 2) || cfg->phase_step < 0 || cfg->phase_step > 2 || cfg->rounds < 0 ||
-        cfg->rounds > SST_DISPARITY_MAX_ROUNDS || cfg->subpixel_steps < 0 || cfg->subpixel_steps > SST_SUBPIXEL_MOST ||
+        cfg->rounds > SST_DISPARITY_MAX_ROUNDS || cfg->key_spacing < 0 || cfg->key_spacing > 5 ||
+        cfg->subpixel_steps < 0 || cfg->subpixel_steps > SST_SUBPIXEL_MOST ||
         (cfg->subpixel_steps && (cfg->subpixel_views < 1 || cfg->subpixel_views > SST_SUBPIXEL_VIEWS))) {
         sst_log_error("matching parameters are outside their ranges: paths 4 or 8, 0 < P1 <= P2 <= %d, arm 0..%d, "
                       "rounds 0..%d",
@@ -197,6 +201,11 @@ static void forget_unseen(struct sst_map_u16 *disp, const struct sst_map_u8 *see
     }
 }
 
+static bool is_carried(const struct run *run, int view)
+{
+    return run->carried && run->carried[view];
+}
+
 static int match_job(void *arg, int index, int worker)
 {
     struct run *run = arg;
@@ -209,6 +218,8 @@ static int match_job(void *arg, int index, int worker)
     err = cancelled(run);
     err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
     err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
+    if (!err && is_carried(run, view))
+        return 0;
     if (!err && run->cfg->support_arm && !run->cfg->raw)
         err =
             sst_disparity_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
@@ -230,6 +241,28 @@ static int match_job(void *arg, int index, int worker)
     return err;
 }
 
+static struct sst_checked_view checked_view(const struct run *run, int view, int n)
+{
+    const struct sst_view *from = &run->lf->views[view], *to = &run->lf->views[n];
+
+    return (struct sst_checked_view){ &run->disp[n], &run->status[n], to->bx - from->bx, to->by - from->by };
+}
+
+/* The matched views at most CHECKED_FAR away. */
+static int checked_keys(const struct run *run, int view, struct sst_checked_view *out)
+{
+    const struct sst_lightfield *lf = run->lf;
+    int count = 0;
+
+    for (int n = 0; n < lf->rows * lf->cols && count < SST_MAX_NEIGHBOURS; n++) {
+        const struct sst_view *from = &lf->views[view], *to = &lf->views[n];
+
+        if (n != view && to->present && !run->carried[n] && hypot(to->bx - from->bx, to->by - from->by) < CHECKED_FAR)
+            out[count++] = checked_view(run, view, n);
+    }
+    return count;
+}
+
 /* Views one and two steps away on all sides; the nearer ones first. @return their number; *near of them are one step
  * away. */
 static int checked_views(const struct run *run, int view, struct sst_checked_view *out, int *near)
@@ -241,9 +274,7 @@ static int checked_views(const struct run *run, int view, struct sst_checked_vie
         const int n = view_at(lf, view, sides[s][0], sides[s][1]);
 
         if (n >= 0)
-            out[count++] =
-                (struct sst_checked_view){ &run->disp[n], &run->status[n], lf->views[n].bx - lf->views[view].bx,
-                                           lf->views[n].by - lf->views[view].by };
+            out[count++] = checked_view(run, view, n);
         if (s == 7)
             *near = count;
     }
@@ -258,10 +289,10 @@ static int check_job(void *arg, int view, int worker SST_UNUSED)
 
     if (!run->lf->views[view].present)
         return 0;
-    count = checked_views(run, view, views, &near);
+    count = run->carried ? checked_keys(run, view, views) : checked_views(run, view, views, &near);
     err = cancelled(run);
     err = err ? err : sst_map_u8_init(&run->status[view], run->width, run->height);
-    if (!err)
+    if (!err && !is_carried(run, view))
         sst_disparity_check_views(&run->status[view], &run->disp[view], run->disp_min, run->range + 1, views, count);
     return err;
 }
@@ -291,7 +322,7 @@ static int fill_job(void *arg, int view, int worker SST_UNUSED)
 static int deliver(struct run *run, int view)
 {
     struct sst_view *v = &run->lf->views[view];
-    struct sst_map_u16 *from = run->fill ? &run->filled[view] : &run->disp[view], disp = { 0 };
+    struct sst_map_u16 *from = run->filled[view].data ? &run->filled[view] : &run->disp[view], disp = { 0 };
     const struct sst_map_u8 *conf_from = &run->confidence[view];
     struct sst_map_u8 conf = { 0 };
     int err = sst_map_u16_init(&disp, run->lf->width, run->lf->height);
@@ -395,38 +426,77 @@ static int open_networks(struct run *run, int workers, int threads)
     return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
 }
 
-/* What improves all maps together: the second pass and the refinement between pixels. */
-static int match_again(struct run *run, int threads)
+/* The views as the steps after the first pass see them. @param seen  [views], zeroed; owned by the caller */
+static int visible_views(const struct run *run, struct sst_visible_views *out, struct sst_map_u8 *seen)
 {
     const struct sst_lightfield *lf = run->lf;
-    struct sst_visible_views in = { .count = lf->rows * lf->cols,
-                                    .scale = run->scale,
-                                    .disp_min_px = run->disp_min,
-                                    .range = run->range,
-                                    .cancel = run->cfg->cancel };
-    struct sst_map_u8 *seen = calloc((size_t)in.count, sizeof(*seen));
     int err = 0;
 
-    in.view = calloc((size_t)in.count, sizeof(*in.view));
-    if (!in.view || !seen)
-        err = -ENOMEM;
-    for (int k = 0; !err && k < in.count; k++) {
+    *out = (struct sst_visible_views){ .view = calloc((size_t)(lf->rows * lf->cols), sizeof(*out->view)),
+                                       .count = lf->rows * lf->cols,
+                                       .scale = run->scale,
+                                       .disp_min_px = run->disp_min,
+                                       .range = run->range,
+                                       .skip_hypotheses = run->cfg->skip_hypotheses,
+                                       .report = run->cfg->report,
+                                       .cancel = run->cfg->cancel };
+    if (!out->view)
+        return -ENOMEM;
+    for (int k = 0; !err && k < out->count; k++) {
         const struct sst_view *v = &lf->views[k];
 
         if (v->present && v->valid.data)
             err = sst_disparity_mask_reduce(&seen[k], &v->valid, run->scale);
-        in.view[k] = (struct sst_visible_view){ .image = v->present ? &v->image : NULL,
-                                                .seen = &seen[k],
-                                                .disp = &run->disp[k],
-                                                .confidence = &run->confidence[k],
-                                                .bx = v->bx,
-                                                .by = v->by };
+        out->view[k] = (struct sst_visible_view){ .image = v->present ? &v->image : NULL,
+                                                  .seen = &seen[k],
+                                                  .disp = &run->disp[k],
+                                                  .confidence = &run->confidence[k],
+                                                  .bx = v->bx,
+                                                  .by = v->by,
+                                                  .carried = is_carried(run, k) };
     }
+    return err;
+}
+
+/* Check the matched views against each other, and carry them to the others. */
+static int carry(struct run *run, const struct sst_visible_views *in, int threads)
+{
+    const struct sst_lightfield *lf = run->lf;
+    int err = sst_parallel_for(in->count, threads, check_job, run);
+
+    err = err ? err : sst_disparity_carry(in, run->status, threads);
+    if (!err && run->cfg->report && lf->views[lf->ref_view].present && !run->carried[lf->ref_view])
+        err = sst_disparity_carry_error(in, run->status, lf->ref_view, &run->cfg->report->views_error);
+    for (int k = 0; !err && k < in->count; k++) {
+        if (in->view[k].image)
+            sst_fill_background(&run->disp[k]);
+        if (in->view[k].image && *sst_map_u16_row(&run->disp[k], 0) == SST_DISP_NONE) /* nothing arrived: far away */
+            memset(run->disp[k].data, 0, run->disp[k].stride * (size_t)run->height);
+    }
+    return err;
+}
+
+/* What improves all maps together: the second pass, the refinement between pixels, check, filling or carrying. */
+static int finish_maps(struct run *run, int threads)
+{
+    const int count = run->lf->rows * run->lf->cols;
+    struct sst_map_u8 *seen = calloc((size_t)count, sizeof(*seen));
+    struct sst_visible_views in = { 0 };
+    int err = seen ? visible_views(run, &in, seen) : -ENOMEM;
+
+    if (run->carried && (run->rounds || run->subpixel))
+        err = err ? err : sst_disparity_carry(&in, NULL, threads);
     if (run->rounds)
         err = err ? err : sst_disparity_visible(&in, run->rounds, threads);
     if (run->subpixel)
         err = err ? err : sst_disparity_subpixel(&in, run->cfg->subpixel_steps, run->cfg->subpixel_views, threads);
-    for (int k = 0; seen && k < in.count; k++)
+    if (run->carried) {
+        err = err ? err : carry(run, &in, threads);
+    } else if (run->fill) {
+        err = err ? err : sst_parallel_for(count, threads, check_job, run);
+        err = err ? err : sst_parallel_for(count, threads, fill_job, run);
+    }
+    for (int k = 0; seen && k < count; k++)
         sst_map_u8_fini(&seen[k]);
     free(seen);
     free(in.view);
@@ -456,12 +526,7 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     }
     free(run->volumes);
     free(run->nets);
-    if (run->rounds || run->subpixel)
-        err = err ? err : match_again(run, threads);
-    if (run->fill) {
-        err = err ? err : sst_parallel_for(views, threads, check_job, run);
-        err = err ? err : sst_parallel_for(views, threads, fill_job, run);
-    }
+    err = err ? err : finish_maps(run, threads);
     for (int view = 0; !err && view < views; view++) {
         if (run->lf->views[view].present)
             err = deliver(run, view);
@@ -488,6 +553,51 @@ static void set_narrow(struct run *run, int present)
     run->cfg = &run->narrow;
 }
 
+/* Does a view have another one to match with? */
+static bool has_neighbour(const struct sst_lightfield *lf, int view)
+{
+    for (int s = 0; s < SST_MAX_NEIGHBOURS; s++) {
+        if (view_at(lf, view, sides[s][0], sides[s][1]) >= 0)
+            return true;
+    }
+    return false;
+}
+
+/*
+ * Choose the views that are matched: a lattice that contains the reference view, of spacing 5 (each other view is a
+ * step away from one of it) or 3 (half of them are from three), and views that have none of it around them.
+ */
+static int choose_keys(struct run *run)
+{
+    const struct sst_lightfield *lf = run->lf;
+    const int views = lf->rows * lf->cols, spacing = run->cfg->key_spacing, slope = spacing == 3 ? 1 : 2;
+    const int phase = lf->ref_view % lf->cols + slope * (lf->ref_view / lf->cols);
+    int matched = 0, all = 0;
+
+    run->carried = calloc((size_t)views, sizeof(*run->carried));
+    if (!run->carried)
+        return -ENOMEM;
+    for (int k = 0; k < views; k++)
+        run->carried[k] = (k % lf->cols + slope * (k / lf->cols) - phase) % spacing != 0 || !has_neighbour(lf, k);
+    for (int k = 0; k < views; k++) {
+        bool near = !lf->views[k].present || !has_neighbour(lf, k);
+
+        for (int dr = -1; dr <= 1; dr++) {
+            for (int dc = -1; dc <= 1; dc++) {
+                const int n = view_at(lf, k, dr, dc);
+
+                near |= n >= 0 && !run->carried[n];
+            }
+        }
+        run->carried[k] &= near;
+        matched += lf->views[k].present && !run->carried[k];
+        all += lf->views[k].present;
+    }
+    if (run->cfg->report)
+        run->cfg->report->views_skipped = 100.0 * (all - matched) / all;
+    return 0;
+}
+
 static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
 {
     const size_t views = (size_t)(lf->rows * lf->cols);
@@ -511,7 +621,9 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     run->confidence = calloc(views, sizeof(*run->confidence));
     run->status = calloc(views, sizeof(*run->status));
     run->filled = calloc(views, sizeof(*run->filled));
-    return run->desc && run->disp && run->confidence && run->status && run->filled ? 0 : -ENOMEM;
+    if (!run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
+        return -ENOMEM;
+    return cfg->key_spacing > 1 && run->fill && cfg->joint && present >= SST_VISIBLE_LEAST ? choose_keys(run) : 0;
 }
 
 static void run_fini(struct run *run)
@@ -528,6 +640,7 @@ static void run_fini(struct run *run)
         if (run->filled)
             sst_map_u16_fini(&run->filled[view]);
     }
+    free(run->carried);
     free(run->desc);
     free(run->disp);
     free(run->confidence);
@@ -544,6 +657,8 @@ int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_dispari
 
     if (err)
         return err;
+    if (cfg->report)
+        *cfg->report = (struct sst_disparity_report){ NAN, NAN, NAN, NAN };
     err = run_init(&run, lf, cfg);
     if (!err)
         err = run_all(&run, threads, progress, progress_arg);

@@ -51,7 +51,21 @@ struct sst_disparity_config {
     bool frugal; /* one view after the other on one thread, with its neighbours' phases computed for it and freed again:
                     the same result in a fraction of the memory */
     int threads;
+    /* Light fields of SST_VISIBLE_LEAST views and more: 5 or 3: one view in so many is matched, and the maps of the
+     * others are carried over from those; 1: every view is matched. Without `fill` or `joint` every one is. */
+    int key_spacing;
+    bool
+        skip_hypotheses; /* the second pass tests no other disparity where the first pass's explains the colours well */
     const SST_ATOMIC(bool) * cancel; /* once true, matching of a light field stops within a part of a view; or NULL */
+    struct sst_disparity_report *report; /* out, or NULL */
+};
+
+/** What was skipped, and the error that this adds; percent, NaN where nothing was. */
+struct sst_disparity_report {
+    double views_skipped;      /* of the views: carried, not matched */
+    double views_error;        /* disparities that change by more than 1 px if the reference view is carried as well */
+    double hypotheses_skipped; /* of the second pass */
+    double hypotheses_error;   /* pixels in a sample of rows whose cheapest hypothesis was not tested */
 };
 
 /** Values of a preset: "preview", "balanced", "accurate". @return 0 or -EINVAL (logged with the list). */

@@ -14,10 +14,13 @@ static const struct {
     const char *name;
     struct sst_disparity_config cfg;
 } presets[] = {
-    { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2 } },
-    { "balanced", { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1 } },
+    { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2, .key_spacing = 3 } },
+    { "balanced",
+      { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .key_spacing = 5,
+        .skip_hypotheses = true } },
     { "accurate",
-      { COMMON, SUPPORT, .cost = SST_COST_BOTH, .narrow_census = true, .paths = 8, .scale = 1, .rounds = 2 } },
+      { COMMON, SUPPORT, .cost = SST_COST_BOTH, .narrow_census = true, .paths = 8, .scale = 1, .rounds = 2,
+        .key_spacing = 3 } },
 };
 
 int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset)

@@ -229,15 +229,18 @@ struct sst_visible_view {
     struct sst_map_u16 *disp;      /* in and out; SST_DISP_NONE: unknown */
     struct sst_map_u8 *confidence; /* in and out */
     double bx, by;
+    bool carried; /* not matched: its map only hides what is behind it, and stays as it is */
 };
 
 struct sst_visible_views {
     struct sst_visible_view *view; /* [count] */
     int count;
-    int scale;                       /* of the maps: 1 full size, 2 half size */
-    double disp_min_px;              /* at their size */
-    int range;                       /* whole pixels from there */
-    const SST_ATOMIC(bool) * cancel; /* as in struct sst_disparity_config */
+    int scale;                           /* of the maps: 1 full size, 2 half size */
+    double disp_min_px;                  /* at their size */
+    int range;                           /* whole pixels from there */
+    bool skip_hypotheses;                /* see struct sst_disparity_config */
+    struct sst_disparity_report *report; /* out, skip_hypotheses' counters, or NULL */
+    const SST_ATOMIC(bool) * cancel;     /* as in struct sst_disparity_config */
 };
 
 /**
@@ -263,6 +266,24 @@ int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int
  * @return 0, -ENOMEM, -ECANCELED; the maps then are those of the last whole round
  */
 SST_MUST_CHECK int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int threads);
+
+/**
+ * Carry the maps of the matched views to the others (design.md, 5.7), which become dense.
+ *
+ * @param status  [count] enum sst_disparity_check of the matched views' pixels; out for the others: pixels whose
+ *                disparity comes from a correct one are correct, all others occluded; NULL: none is correct
+ * @return 0, -ENOMEM, -ECANCELED
+ */
+SST_MUST_CHECK int sst_disparity_carry(const struct sst_visible_views *in, struct sst_map_u8 *status, int threads);
+
+/** Percent of a matched view's disparities that differ by more than 1 px from those carried to it from the other
+ * matched views, which are farther from it than those that a carried view has. NaN: none to compare. */
+SST_MUST_CHECK int sst_disparity_carry_error(const struct sst_visible_views *in, struct sst_map_u8 *status, int k,
+                                             double *percent);
+
+/** Give unknown pixels the farther of the nearest known disparities to their left and right, empty rows that of the
+ *  next row. A map without any known pixel stays. */
+void sst_fill_background(struct sst_map_u16 *disp);
 
 /* Surfaces that the first pass missed (design.md, 5.7, sweep.c). `step`: surfaces that are nearer to each other are
  * one, 1/64 px; disparities are tested at levels of half of it, from the disparity of stored value 0 on. */

@@ -319,7 +319,7 @@ static int refine_job(void *arg, int k, int worker)
     float *rows = NULL;
     int err, views;
 
-    if (!v->image)
+    if (!v->image || v->carried)
         return 0;
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
@@ -354,7 +354,7 @@ int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int vi
         err = sst_parallel_for(in->count, threads, pack_job, &p);
     err = err ? err : sst_parallel_for(in->count, threads, refine_job, &p);
     for (int k = 0; p.view && p.out && p.planes && k < in->count; k++) {
-        if (!err && in->view[k].image)
+        if (!err && p.out[k].data)
             memcpy(in->view[k].disp->data, p.out[k].data, p.out[k].stride * (size_t)p.out[k].height);
         sst_map_u16_fini(&p.out[k]);
         sst_mem_free(p.view[k].memory);

@@ -7,6 +7,7 @@
  */
 #include <errno.h>
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -22,6 +23,8 @@
 #define P1             30 /* penalties, in the units of SST_HYPOTHESIS_LIMIT */
 #define P2             300
 #define CHANGE         40 /* penalty of a disparity other than the first pass's */
+#define CHEAP          96 /* cost of a disparity that needs no other to be tested, if hypotheses are skipped */
+#define SAMPLED_ROWS   64 /* one in this many is tested whole, to measure that */
 #define EDGE_STEP      16 /* levels at which P2 is halved */
 #define SWEPT          4  /* one in this many views looks for surfaces that no map has */
 #define NEAREST_CODE   254
@@ -45,6 +48,7 @@ struct pass {
     struct sst_sweep *sweep; /* [sweeps] points that views found, of all rounds */
     int *swept;              /* [sweeps] these views */
     int sweeps;
+    atomic_long hypotheses, skipped, samples, changed; /* see struct sst_disparity_report */
 };
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
@@ -394,7 +398,7 @@ static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k)
                                        .code = p->code,
                                        .tolerance = p->step,
                                        .similar = SIMILAR,
-                                       .settled = CHANGE + 1 };
+                                       .settled = p->in->skip_hypotheses ? CHEAP : CHANGE + 1 };
     for (int i = 0; i < t->views; i++) {
         const struct packed *at = &p->view[nearest[i]];
         const double bx = p->in->view[nearest[i]].bx - own->bx, by = p->in->view[nearest[i]].by - own->by;
@@ -572,6 +576,47 @@ static void prefer_own(uint16_t *cost, const uint8_t *count, int n)
     }
 }
 
+/* Best hypothesis of a pixel by its costs alone. */
+static int cheapest(const uint16_t *cost, int count)
+{
+    int best = 0;
+
+    for (int i = 1; i < count; i++)
+        best = cost[i] < cost[best] ? i : best;
+    return best;
+}
+
+/* Count what skipping left out in row y, and measure in some rows what that changes. @param exact  scratch, a row */
+static void count_skipped(struct pass *p, const struct lists *l, const struct sst_hypothesis_test *test, int y,
+                          uint16_t *exact)
+{
+    const size_t row = (size_t)y * (size_t)l->width, entries = row * SST_HYPOTHESES;
+    const bool sampled = y % SAMPLED_ROWS == SAMPLED_ROWS / 2;
+    struct sst_hypothesis_test whole = *test;
+    long all = 0, skipped = 0, samples = 0, changed = 0;
+
+    whole.settled = CHANGE + 1;
+    if (sampled) {
+        sst_kernels_get()->hypothesis_cost_row(exact, l->hypothesis + entries, l->count + row, &whole, 0, y,
+                                               (size_t)l->width);
+        prefer_own(exact, l->count + row, l->width);
+    }
+    for (int x = 0; x < l->width; x++) {
+        const int count = l->count[row + (size_t)x];
+        const size_t at = (size_t)x * SST_HYPOTHESES;
+        const uint16_t own = l->cost[entries + at];
+
+        all += count;
+        skipped += count > 1 && own > CHANGE && own < CHEAP ? count - 1 : 0;
+        samples += sampled && count;
+        changed += sampled && count && cheapest(exact + at, count) != cheapest(l->cost + entries + at, count);
+    }
+    atomic_fetch_add_explicit(&p->hypotheses, all, memory_order_relaxed);
+    atomic_fetch_add_explicit(&p->skipped, skipped, memory_order_relaxed);
+    atomic_fetch_add_explicit(&p->samples, samples, memory_order_relaxed);
+    atomic_fetch_add_explicit(&p->changed, changed, memory_order_relaxed);
+}
+
 static int second_job(void *arg, int k, int worker SST_UNUSED)
 {
     struct pass *p = arg;
@@ -581,7 +626,7 @@ static int second_job(void *arg, int k, int worker SST_UNUSED)
     struct lists lists = { 0 };
     int err;
 
-    if (!v->image)
+    if (!v->image || v->carried)
         return 0;
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
@@ -599,6 +644,8 @@ static int second_job(void *arg, int k, int worker SST_UNUSED)
                                                lists.hypothesis + row * SST_HYPOTHESES, lists.count + row, &test, 0, y,
                                                (size_t)lists.width);
         prefer_own(lists.cost + row * SST_HYPOTHESES, lists.count + row, lists.width);
+        if (p->in->skip_hypotheses && p->in->report)
+            count_skipped(p, &lists, &test, y, lists.line[1]);
         along_row(&lists, p, &p->view[k], y);
     }
     around_fini(&around);
@@ -628,7 +675,7 @@ static int one_round(struct pass *p, int threads)
 
     err = err ? err : sst_parallel_for(in->count, threads, second_job, p);
     for (int k = 0; k < in->count; k++) {
-        if (!err && in->view[k].image)
+        if (!err && p->out[k].data)
             memcpy(in->view[k].disp->data, p->out[k].data, p->out[k].stride * (size_t)p->out[k].height);
         sst_map_u16_fini(&p->out[k]);
     }
@@ -652,6 +699,10 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
     }
     for (int i = 0; !err && i < rounds; i++)
         err = one_round(&p, threads);
+    if (!err && in->report && p.hypotheses)
+        in->report->hypotheses_skipped = 100 * (double)p.skipped / (double)p.hypotheses;
+    if (!err && in->report && p.samples)
+        in->report->hypotheses_error = 100 * (double)p.changed / (double)p.samples;
     for (int k = 0; p.view && k < in->count; k++)
         sst_mem_free(p.view[k].memory);
     for (int i = 0; i < p.sweeps; i++)

@@ -1,0 +1,195 @@
+/*
+ * Maps of the matched views carried to the others (design.md, 5.7): a pixel goes to where its disparity puts it in the
+ * other view, and the nearest surface wins there.
+ */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/method/disparity/stage.h"
+
+#define SOURCES 4  /* nearest matched views that a map comes from */
+#define STEP_Q6 64 /* neighbours with a larger difference are on two surfaces */
+
+/* What arrives at a pixel, the larger the better: disparity + 1 (0: nothing yet), the check's result, half of the
+ * confidence. */
+#define DISP_SHIFT 8
+#define CONFIRMED  128u
+
+static int disp_of(uint32_t arrived)
+{
+    return (int)(arrived >> DISP_SHIFT) - 1;
+}
+
+static uint8_t confidence_of(uint32_t arrived)
+{
+    return (uint8_t)(arrived << 1);
+}
+
+struct carry {
+    const struct sst_visible_views *in;
+    struct sst_map_u8 *status;
+};
+
+/* A pixel x with disparity d goes to x + floor((at + d step) / 2^16). */
+struct shift {
+    int32_t at, step;
+};
+
+static struct shift shift_of(double b, double disp_min_px)
+{
+    return (struct shift){ (int32_t)floor((disp_min_px * b + 0.5) * 65536 + 0.5), (int32_t)floor(b * 1024 + 0.5) };
+}
+
+/* Views that are too far away to count in the second pass are too far here: their numbers would not fit. */
+static int sources_of(const struct sst_visible_views *in, int k, int *source)
+{
+    struct sst_visible_views matched = *in;
+    struct sst_visible_view *view = calloc((size_t)in->count, sizeof(*view));
+    int n;
+
+    if (!view)
+        return -ENOMEM;
+    matched.view = view;
+    for (int i = 0; i < in->count; i++) {
+        view[i] = in->view[i];
+        if (view[i].carried)
+            view[i].image = NULL;
+    }
+    n = sst_visible_nearest(&matched, k, SOURCES, source);
+    free(view);
+    return n;
+}
+
+static void carry_row(uint32_t *arrived, int width, int height, const struct sst_visible_view *from,
+                      const struct sst_map_u8 *status, int y, struct shift across, struct shift down)
+{
+    const uint16_t *d = sst_map_u16_row(from->disp, y);
+    const uint8_t *confidence = sst_map_u8_row(from->confidence, y), *s = status ? sst_map_u8_row(status, y) : NULL;
+
+    for (int x = 0; x < width; x++) {
+        const int xt = x + ((across.at + d[x] * across.step) >> 16), yt = y + ((down.at + d[x] * down.step) >> 16);
+        const uint32_t checked = s && s[x] == SST_DISPARITY_CORRECT ? CONFIRMED : 0;
+        const uint32_t value = ((uint32_t)d[x] + 1) << DISP_SHIFT | checked | confidence[x] >> 1;
+        uint32_t *at;
+
+        if (d[x] == SST_DISP_NONE || (unsigned)xt >= (unsigned)width || (unsigned)yt >= (unsigned)height)
+            continue;
+        at = &arrived[(size_t)yt * (size_t)width + (size_t)xt];
+        *at = value > *at ? value : *at;
+    }
+}
+
+/* A gap of a pixel between pixels a and b of one nearer surface: slanted surfaces get wider from view to view. */
+static uint32_t between(uint32_t at, uint32_t a, uint32_t b)
+{
+    const int d = disp_of(at), da = disp_of(a), db = disp_of(b), least = da < db ? da : db;
+
+    return least >= 0 && abs(da - db) < STEP_Q6 && (d < 0 || least > d + STEP_Q6) ? (da < db ? a : b) : at;
+}
+
+static void close_gaps(uint32_t *arrived, int width, int height)
+{
+    for (int y = 0; y < height; y++) {
+        uint32_t *at = arrived + (size_t)y * (size_t)width;
+
+        for (int x = 1; x + 1 < width; x++)
+            at[x] = between(at[x], at[x - 1], at[x + 1]);
+        for (int x = 0; y > 0 && y + 1 < height && x < width; x++)
+            at[x] = between(at[x], at[x - width], at[x + width]);
+    }
+}
+
+/* What arrives in view k from the matched views other than itself. @param arrived  out, [height][width] */
+static int carry_to(uint32_t *arrived, const struct carry *c, int k)
+{
+    const struct sst_visible_view *own = &c->in->view[k];
+    const int width = own->disp->width, height = own->disp->height;
+    int source[SOURCES];
+    const int n = sources_of(c->in, k, source);
+
+    if (n < 0)
+        return n;
+    memset(arrived, 0, (size_t)width * (size_t)height * sizeof(*arrived));
+    for (int i = 0; i < n; i++) {
+        const struct sst_visible_view *from = &c->in->view[source[i]];
+        const struct shift across = shift_of(from->bx - own->bx, c->in->disp_min_px);
+        const struct shift down = shift_of(from->by - own->by, c->in->disp_min_px);
+
+        for (int y = 0; y < height; y++)
+            carry_row(arrived, width, height, from, c->status ? &c->status[source[i]] : NULL, y, across, down);
+    }
+    close_gaps(arrived, width, height);
+    return 0;
+}
+
+static uint32_t *arrived_init(const struct sst_visible_view *v)
+{
+    return sst_mem_alloc_raw((size_t)v->disp->width * (size_t)v->disp->height, sizeof(uint32_t));
+}
+
+static int carry_job(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct carry *c = arg;
+    const struct sst_visible_view *own = &c->in->view[k];
+    uint32_t *arrived;
+    int err;
+
+    if (!own->image || !own->carried)
+        return 0;
+    if (c->in->cancel && *c->in->cancel)
+        return -ECANCELED;
+    arrived = arrived_init(own);
+    err = arrived ? carry_to(arrived, c, k) : -ENOMEM;
+    for (int y = 0; !err && y < own->disp->height; y++) {
+        const uint32_t *at = arrived + (size_t)y * (size_t)own->disp->width;
+        uint16_t *d = sst_map_u16_row(own->disp, y);
+        uint8_t *confidence = sst_map_u8_row(own->confidence, y);
+
+        for (int x = 0; x < own->disp->width; x++) {
+            d[x] = disp_of(at[x]) < 0 ? (uint16_t)SST_DISP_NONE : (uint16_t)disp_of(at[x]);
+            confidence[x] = confidence_of(at[x]);
+            if (c->status)
+                sst_map_u8_row(&c->status[k], y)[x] =
+                    at[x] & CONFIRMED ? SST_DISPARITY_CORRECT : SST_DISPARITY_OCCLUSION;
+        }
+    }
+    if (!err)
+        sst_fill_background(own->disp);
+    sst_mem_free(arrived);
+    return err;
+}
+
+int sst_disparity_carry(const struct sst_visible_views *in, struct sst_map_u8 *status, int threads)
+{
+    struct carry c = { in, status };
+
+    return sst_parallel_for(in->count, threads, carry_job, &c);
+}
+
+int sst_disparity_carry_error(const struct sst_visible_views *in, struct sst_map_u8 *status, int k, double *percent)
+{
+    const struct sst_visible_view *own = &in->view[k];
+    const struct carry c = { in, status };
+    uint32_t *arrived = arrived_init(own);
+    int64_t n = 0, off = 0;
+    const int err = arrived ? carry_to(arrived, &c, k) : -ENOMEM;
+
+    for (int y = 0; !err && y < own->disp->height; y++) {
+        const uint32_t *at = arrived + (size_t)y * (size_t)own->disp->width;
+        const uint16_t *d = sst_map_u16_row(own->disp, y);
+
+        for (int x = 0; x < own->disp->width; x++) {
+            if (d[x] == SST_DISP_NONE || disp_of(at[x]) < 0)
+                continue;
+            n++;
+            off += abs(d[x] - disp_of(at[x])) > STEP_Q6;
+        }
+    }
+    *percent = n ? 100.0 * (double)off / (double)n : NAN;
+    sst_mem_free(arrived);
+    return err;
+}
