@@ -27,6 +27,17 @@ static json_t *seconds_json(double load, double labels, double disparity, double
                      load + labels + disparity + refinement + saving);
 }
 
+static void print_skipped(const char *what, double percent, const char *error, double error_percent)
+{
+    if (percent > 0)
+        printf("%.0f %% of the %s skipped (%.1f %% %s), ", percent, what, error_percent, error);
+}
+
+static json_t *skipped_json(double percent, double error)
+{
+    return json_pack("{s:o, s:o}", "skipped_percent", cli_real_json(percent), "error_percent", cli_real_json(error));
+}
+
 static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r,
                         struct sst_process_time load, struct sst_process_time saving, bool json)
 {
@@ -42,18 +53,25 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         if (!isnan(r->coverage_refined))
             printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined,
                    r->coverage_hcsm);
+        print_skipped("views to match", r->skipped.views_skipped, "disparities off by more than 1 px",
+                      r->skipped.views_error);
+        print_skipped("hypotheses", r->skipped.hypotheses_skipped, "other choices", r->skipped.hypotheses_error);
+        print_skipped("views to label", r->labels_skipped, "other labels", r->labels_error);
         printf("%.1f s (load %.1f, labels %.1f, disparity %.1f, refinement %.1f, saving %.1f)\n", total, load.wall_s,
                r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s);
         return 0;
     }
-    root =
-        json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:o}", "rows", lf->rows, "cols", lf->cols,
-                  "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px,
-                  "confirmed_percent", cli_real_json(r->confirmed), "eps_h", cli_real_json(r->eps_h), "coverage_hcsm",
-                  cli_real_json(r->coverage_hcsm), "coverage_refined", cli_real_json(r->coverage_refined), "seconds",
-                  seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
-                  "cpu_seconds",
-                  seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
+    root = json_pack(
+        "{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:{s:o, s:o, s:o}, s:o, s:o}", "rows", lf->rows, "cols",
+        lf->cols, "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px,
+        "confirmed_percent", cli_real_json(r->confirmed), "eps_h", cli_real_json(r->eps_h), "coverage_hcsm",
+        cli_real_json(r->coverage_hcsm), "coverage_refined", cli_real_json(r->coverage_refined), "skips", "keys",
+        skipped_json(r->skipped.views_skipped, r->skipped.views_error), "hypotheses",
+        skipped_json(r->skipped.hypotheses_skipped, r->skipped.hypotheses_error), "labels",
+        skipped_json(r->labels_skipped, r->labels_error), "seconds",
+        seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
+        "cpu_seconds",
+        seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
     return cli_dump_json(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
 }
 
@@ -106,9 +124,25 @@ static int process(struct sst_lightfield *lf, const char *dir, struct sst_proces
     return err;
 }
 
+/* What the preset skips, unless the list says otherwise. */
+static int read_skips(const struct cli_command *cmd, const char *list, struct sst_process_config *cfg)
+{
+    bool keys = cfg->disparity.key_spacing > 1;
+    const struct cli_skip skips[] = { { "keys", &keys },
+                                      { "hypotheses", &cfg->disparity.skip_hypotheses },
+                                      { "labels", &cfg->skip_labels } };
+    const int r = cli_read_skips(cmd, list, skips, ARRAY_LEN(skips));
+
+    if (!keys)
+        cfg->disparity.key_spacing = 1;
+    return r;
+}
+
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct sst_process_config cfg = { .eps_h = -1, .accuracy_weight = 4, .refine = true, .progress = progress };
+    struct sst_process_config cfg = {
+        .eps_h = -1, .accuracy_weight = 4, .refine = true, .skip_labels = true, .progress = progress
+    };
     struct cli_matching m = CLI_MATCHING_DEFAULTS;
     struct wanted w = { .range_min = NAN, .range_max = NAN };
     bool no_refine = false;
@@ -126,7 +160,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE",
           "hand labels of the reference view, to optimise the threshold" },
         { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled" },
-        { "skip", 0, CLI_STRING, &w.skip, "LIST", "work to skip where a scene allows: none (the default)" },
+        { "skip", 0, CLI_STRING, &w.skip, "LIST",
+          "what to compute for some views or pixels only: keys, hypotheses, labels, all or none" },
         { "json", 0, CLI_FLAG, &w.json, NULL, "print one JSON object" },
     };
     struct sst_process_report report;
@@ -137,8 +172,6 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
     if (r != CLI_GO_ON)
         return r;
-    if (w.skip && strcmp(w.skip, "none"))
-        return cli_usage_error(cmd, "unknown --skip `%s`; this version can skip nothing: use none", w.skip);
     if (isnan(w.range_min) != isnan(w.range_max) || w.range_min >= w.range_max)
         return cli_usage_error(cmd, "--range-min and --range-max must be given together, --range-min smaller");
     if (w.no_labels && (w.model || w.labels_dir || w.hand_label))
@@ -147,6 +180,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
                                : w.labels_dir ? "labels"
                                               : "hand-label");
     err = cli_matching_config(&cfg.disparity, &m, mccnn);
+    if (!err) {
+        r = read_skips(cmd, w.skip, &cfg);
+        if (r != CLI_GO_ON)
+            return r;
+    }
     cfg.threads = cfg.disparity.threads;
     cfg.precision = cfg.disparity.precision;
     cfg.disparity.disp_min_px = isnan(w.range_min) ? 0 : w.range_min;
@@ -181,7 +219,10 @@ const struct cli_command cli_process = {
     .summary = "labels and disparity for all views",
     .detail = "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
               "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
-              "Presets: preview (half-size census), balanced (census), accurate (census and MC-CNN, 8 paths).",
+              "Presets: preview (half-size census), balanced (census), accurate (census and MC-CNN, 8 paths).\n"
+              "--skip keys matches one view in three or five and carries its maps to the others; hypotheses tests\n"
+              "no other disparity where the first one explains the colours; labels runs the network on one view in\n"
+              "five. Presets skip all that suits them; `--skip none` computes everything.",
     .example = "sst process garden --preset balanced",
     .run = run,
 };

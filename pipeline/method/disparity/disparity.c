@@ -553,48 +553,17 @@ static void set_narrow(struct run *run, int present)
     run->cfg = &run->narrow;
 }
 
-/* Does a view have another one to match with? */
-static bool has_neighbour(const struct sst_lightfield *lf, int view)
-{
-    for (int s = 0; s < SST_MAX_NEIGHBOURS; s++) {
-        if (view_at(lf, view, sides[s][0], sides[s][1]) >= 0)
-            return true;
-    }
-    return false;
-}
-
-/*
- * Choose the views that are matched: a lattice that contains the reference view, of spacing 5 (each other view is a
- * step away from one of it) or 3 (half of them are from three), and views that have none of it around them.
- */
-static int choose_keys(struct run *run)
+static int choose_keys(struct run *run, int present)
 {
     const struct sst_lightfield *lf = run->lf;
-    const int views = lf->rows * lf->cols, spacing = run->cfg->key_spacing, slope = spacing == 3 ? 1 : 2;
-    const int phase = lf->ref_view % lf->cols + slope * (lf->ref_view / lf->cols);
-    int matched = 0, all = 0;
+    int keys;
 
-    run->carried = calloc((size_t)views, sizeof(*run->carried));
+    run->carried = calloc((size_t)(lf->rows * lf->cols), sizeof(*run->carried));
     if (!run->carried)
         return -ENOMEM;
-    for (int k = 0; k < views; k++)
-        run->carried[k] = (k % lf->cols + slope * (k / lf->cols) - phase) % spacing != 0 || !has_neighbour(lf, k);
-    for (int k = 0; k < views; k++) {
-        bool near = !lf->views[k].present || !has_neighbour(lf, k);
-
-        for (int dr = -1; dr <= 1; dr++) {
-            for (int dc = -1; dc <= 1; dc++) {
-                const int n = view_at(lf, k, dr, dc);
-
-                near |= n >= 0 && !run->carried[n];
-            }
-        }
-        run->carried[k] &= near;
-        matched += lf->views[k].present && !run->carried[k];
-        all += lf->views[k].present;
-    }
+    keys = sst_disparity_keys(lf, run->cfg->key_spacing, run->carried);
     if (run->cfg->report)
-        run->cfg->report->views_skipped = 100.0 * (all - matched) / all;
+        run->cfg->report->views_skipped = 100.0 * (present - keys) / present;
     return 0;
 }
 
@@ -623,7 +592,8 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     run->filled = calloc(views, sizeof(*run->filled));
     if (!run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
         return -ENOMEM;
-    return cfg->key_spacing > 1 && run->fill && cfg->joint && present >= SST_VISIBLE_LEAST ? choose_keys(run) : 0;
+    return cfg->key_spacing > 1 && run->fill && cfg->joint && present >= SST_VISIBLE_LEAST ? choose_keys(run, present)
+                                                                                           : 0;
 }
 
 static void run_fini(struct run *run)

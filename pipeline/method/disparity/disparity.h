@@ -71,6 +71,16 @@ struct sst_disparity_report {
 /** Values of a preset: "preview", "balanced", "accurate". @return 0 or -EINVAL (logged with the list). */
 SST_MUST_CHECK int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset);
 
+/**
+ * Choose the key views of a light field: a lattice that contains the reference view, of spacing 5 (each other view is a
+ * step away from one of it) or 3 (half of the others lie between three), and views that have none of it around them.
+ * Views without any other one to match with are none.
+ *
+ * @param carried  out, [views] true for all that are not key views
+ * @return number of key views
+ */
+int sst_disparity_keys(const struct sst_lightfield *lf, int spacing, bool *carried);
+
 /** Called repeatedly with 0..1, from the calling thread. */
 typedef void sst_progress_fn(void *arg, double done);
 

@@ -9,6 +9,10 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/method/labels/labels.h"
+#include "pipeline/method/process/process_internal.h"
+
+/* One view in so many is labelled by the network; see sst_disparity_keys(). */
+#define LABEL_SPACING 5
 
 struct run {
     struct sst_lightfield *lf;
@@ -17,6 +21,7 @@ struct run {
     struct sst_process_report *report;
     struct sst_map_f32 *entropy;       /* [views]; NULL: the threshold is the model's and extras are not wanted */
     struct sst_segmenter **segmenters; /* [threads] */
+    bool *carried;                     /* [views] labels are carried over; NULL: no view's are */
 };
 
 static int views_of(const struct run *run)
@@ -117,13 +122,12 @@ static int segment_view(void *arg, int view, int worker)
 {
     struct run *run = arg;
     struct sst_segmenter *seg = run->segmenters[worker];
-    struct sst_process_extras *extras = run->extras;
     struct sst_view *v = &run->lf->views[view];
     int err;
 
     if (worker == 0)
         show_progress(run, "labels", (double)view / views_of(run));
-    if (!v->present)
+    if (!v->present || (run->carried && run->carried[view]))
         return 0;
     if (cancelled(run))
         return -ECANCELED;
@@ -132,12 +136,55 @@ static int segment_view(void *arg, int view, int worker)
                        : sst_segment_hcsm(seg, &v->image, &v->label);
     if (!err)
         unlabel_unseen(v);
-    if (err || !extras)
-        return err;
+    return err;
+}
+
+/* Keep the labels and entropies before the threshold for the extras. */
+static int copy_extras(void *arg, int view, int worker SST_UNUSED)
+{
+    struct run *run = arg;
+    struct sst_process_extras *extras = run->extras;
+    const struct sst_view *v = &run->lf->views[view];
+    int err;
+
+    if (!v->present)
+        return 0;
     err = copy_map(&extras->map[SST_EXTRA_INITIAL][view], &v->label);
+    return log_oom(
+        err ? err : pack_entropy(&extras->map[SST_EXTRA_ENTROPY][view], &run->entropy[view], run->lf->classes.count));
+}
+
+/* Choose the views that the network labels. */
+static int choose_keys(struct run *run)
+{
+    const struct sst_lightfield *lf = run->lf;
+    int keys, present = 0;
+
+    for (int k = 0; k < views_of(run); k++)
+        present += lf->views[k].present;
+    run->carried = calloc((size_t)views_of(run), sizeof(*run->carried));
+    if (!run->carried)
+        return -ENOMEM;
+    keys = sst_disparity_keys(lf, LABEL_SPACING, run->carried);
+    if (!lf->views[lf->ref_view].present || run->carried[lf->ref_view]) {
+        free(run->carried); /* a reference view on its own has nothing to be carried from or to */
+        run->carried = NULL;
+        return 0;
+    }
+    run->report->labels_skipped = 100.0 * (present - keys) / present;
+    return 0;
+}
+
+/* The carried views' labels, and what this changes. */
+static int carry_views(struct run *run)
+{
+    int err;
+
+    if (!run->carried)
+        return 0;
+    err = process_carry_labels(run->lf, run->carried, run->entropy, run->cfg->threads);
     return log_oom(err ? err
-                       : pack_entropy(&extras->map[SST_EXTRA_ENTROPY][view], &run->entropy[view],
-                                      sst_segmenter_classes(seg)->count));
+                       : process_carry_error(run->lf, run->carried, run->lf->ref_view, &run->report->labels_error));
 }
 
 /* One segmenter per thread, each on one core: whole views side by side need no waiting between layers. */
@@ -207,7 +254,12 @@ static int label_views(struct run *run)
     double eps_h = 0;
     int err = log_oom(allocate(run));
 
+    if (run->cfg->skip_labels)
+        err = err ? err : log_oom(choose_keys(run));
     err = err ? err : segment_views(run, &eps_h);
+    err = err ? err : carry_views(run);
+    if (run->extras)
+        err = err ? err : sst_parallel_for(views_of(run), run->cfg->threads, copy_extras, run);
     if (!err && run->cfg->hand_label)
         err = find_eps_h(run, &eps_h);
     if (!err && run->entropy)
@@ -216,6 +268,7 @@ static int label_views(struct run *run)
     for (int view = 0; run->entropy && view < views_of(run); view++)
         sst_map_f32_fini(&run->entropy[view]);
     free(run->entropy);
+    free(run->carried);
     return err;
 }
 
@@ -232,6 +285,7 @@ static int match_views(struct run *run)
 
     cfg.threads = run->cfg->threads;
     cfg.cancel = run->cfg->cancel;
+    cfg.report = &run->report->skipped;
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
         cfg.disp_min_px = lf->range_min_px;
         cfg.disp_max_px = lf->range_max_px;
@@ -279,17 +333,22 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
     struct sst_process_time clock = { 0 };
     int err = 0;
 
-    *run.report =
-        (struct sst_process_report){ .eps_h = NAN, .coverage_hcsm = NAN, .coverage_refined = NAN, .confirmed = NAN };
+    *run.report = (struct sst_process_report){ .eps_h = NAN,
+                                               .coverage_hcsm = NAN,
+                                               .coverage_refined = NAN,
+                                               .confirmed = NAN,
+                                               .skipped = { NAN, NAN, NAN, NAN },
+                                               .labels_skipped = NAN,
+                                               .labels_error = NAN };
     sst_process_lap(&clock);
-    if (cfg->model)
-        err = label_views(&run);
-    run.report->labels = sst_process_lap(&clock);
-    if (!err && !cfg->keep_disparity)
+    if (!cfg->keep_disparity)
         err = match_views(&run);
     if (!err && report)
         run.report->confirmed = 100 * sst_lightfield_confirmed(lf, cfg->threads);
     run.report->disparity = sst_process_lap(&clock);
+    if (!err && cfg->model)
+        err = label_views(&run);
+    run.report->labels = sst_process_lap(&clock);
     err = err ? err : refine_views(&run);
     run.report->refinement = sst_process_lap(&clock);
     return err;

@@ -16,6 +16,7 @@ struct sst_process_config {
     double accuracy_weight;              /* m of the score Acc^m Cvg */
     bool keep_disparity;                 /* external maps: nothing is matched */
     bool refine;
+    bool skip_labels; /* the network labels key views only; the labels of the others are carried over by disparity */
     /* `threads` and `cancel` below replace those of these two. Equal range ends: the light field's, else estimated. */
     struct sst_disparity_config disparity;
     struct sst_refine_config refinement;
@@ -37,6 +38,9 @@ struct sst_process_report {
     double eps_h, coverage_hcsm, coverage_refined; /* coverage in percent of all pixels; NaN without labels */
     double disp_min_px, disp_max_px;               /* searched; equal when nothing was matched */
     double confirmed; /* percent of the disparities that another view confirms; NaN without confidences */
+    struct sst_disparity_report skipped; /* of the matching */
+    double labels_skipped, labels_error; /* percent: views that the network did not see; labels of the reference
+                                            view that differ from those carried to it; NaN: nothing skipped */
     struct sst_process_time labels, disparity, refinement;
 };
 

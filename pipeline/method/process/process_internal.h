@@ -1,0 +1,24 @@
+/* pipeline/method/process/process_internal.h - labels carried from key views to the others. */
+#ifndef SST_PIPELINE_METHOD_PROCESS_PROCESS_INTERNAL_H
+#define SST_PIPELINE_METHOD_PROCESS_PROCESS_INTERNAL_H
+
+#include "pipeline/lightfield/lightfield.h"
+
+/**
+ * Give the carried views the labels of the key views: a labelled pixel of the four nearest ones goes to where its
+ * disparity puts it, the nearest surface wins, and gaps of a pixel in a surface are closed. What nothing arrives at has
+ * no label.
+ *
+ * @param lf       disparities of all present views; labels of the key views; views[].label of the others is made here
+ * @param carried  [views]
+ * @param entropy  [views] of the labels, made here for the carried views, infinite where they have none; or NULL
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int process_carry_labels(struct sst_lightfield *lf, const bool *carried, struct sst_map_f32 *entropy,
+                                        int threads);
+
+/** Percent of a key view's labels that differ from those that the other key views carry to it, where there are both.
+ *  NaN: none to compare. */
+SST_MUST_CHECK int process_carry_error(const struct sst_lightfield *lf, const bool *carried, int view, double *percent);
+
+#endif
