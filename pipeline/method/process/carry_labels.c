@@ -9,6 +9,7 @@
 
 #define SOURCES    4       /* nearest key views that labels come from */
 #define DISP_SHIFT 8       /* what arrives at a pixel: disparity + 1 (0: nothing yet), label */
+#define SIMILAR    24      /* levels: a label stays with a colour whose channels all differ by at most this */
 #define REACH_MOST 32768.0 /* px; sources that are farther away are left out */
 
 struct carry {
@@ -75,8 +76,17 @@ static struct shift shift_of(double b, double disp_min_px)
     return (struct shift){ (int32_t)floor((disp_min_px * b + 0.5) * 65536 + 0.5), (int32_t)floor(b * 1024 + 0.5) };
 }
 
-static void carry_row(struct arrived *a, const struct sst_view *from, const struct sst_map_f32 *entropy, int y,
-                      struct shift across, struct shift down)
+static bool similar(const struct sst_image *a, int xa, int ya, const struct sst_image *b, int xb, int yb)
+{
+    for (int c = 0; c < 3; c++) {
+        if (abs(sst_image_row(a, c, ya)[xa] - sst_image_row(b, c, yb)[xb]) > SIMILAR)
+            return false;
+    }
+    return true;
+}
+
+static void carry_row(struct arrived *a, const struct sst_view *own, const struct sst_view *from,
+                      const struct sst_map_f32 *entropy, int y, struct shift across, struct shift down)
 {
     const uint16_t *d = sst_map_u16_row(&from->disp, y);
     const uint8_t *label = sst_map_u8_row(&from->label, y);
@@ -90,7 +100,7 @@ static void carry_row(struct arrived *a, const struct sst_view *from, const stru
         if (d[x] == SST_DISP_NONE || (unsigned)xt >= (unsigned)a->width || (unsigned)yt >= (unsigned)a->height)
             continue;
         at = (size_t)yt * (size_t)a->width + (size_t)xt;
-        if (value <= a->at[at])
+        if (value <= a->at[at] || !similar(&own->image, xt, yt, &from->image, x, y))
             continue;
         a->at[at] = value;
         if (e)
@@ -111,7 +121,7 @@ static void carry_to(struct arrived *a, const struct carry *c, int view)
         const struct shift down = shift_of(from->by - own->by, lf->disp_min_px);
 
         for (int y = 0; y < a->height; y++)
-            carry_row(a, from, c->entropy ? &c->entropy[source[i]] : NULL, y, across, down);
+            carry_row(a, own, from, c->entropy ? &c->entropy[source[i]] : NULL, y, across, down);
     }
 }
 

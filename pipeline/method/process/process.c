@@ -12,7 +12,7 @@
 #include "pipeline/method/process/process_internal.h"
 
 /* One view in so many is labelled by the network; see sst_disparity_keys(). */
-#define LABEL_SPACING 5
+#define LABEL_SPACING 3
 
 struct run {
     struct sst_lightfield *lf;
