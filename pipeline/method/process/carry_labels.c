@@ -184,6 +184,44 @@ int process_carry_labels(struct sst_lightfield *lf, const bool *carried, struct 
     return sst_parallel_for(lf->rows * lf->cols, threads, carry_job, &c);
 }
 
+/* Columns from .. end - 1 have no label; those beside them have one, unless they are outside. */
+static void fill_run(uint8_t *label, const uint16_t *d, int from, int end, int width)
+{
+    for (int x = from; x < end; x++) {
+        const bool left = from > 0 && (end == width || abs(d[x] - d[from - 1]) <= abs(d[x] - d[end]));
+
+        label[x] = left ? label[from - 1] : label[end];
+    }
+}
+
+static int fill_job(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct carry *c = arg;
+    struct sst_view *v = &c->lf->views[view];
+
+    for (int y = 0; v->present && c->carried[view] && y < v->label.height; y++) {
+        const uint16_t *d = sst_map_u16_row(&v->disp, y);
+        uint8_t *label = sst_map_u8_row(&v->label, y);
+
+        for (int x = 0, end; x < v->label.width; x = end + 1) {
+            for (end = x; end < v->label.width && label[end] == SST_LABEL_NONE; end++)
+                ;
+            if (end > x && (x > 0 || end < v->label.width))
+                fill_run(label, d, x, end, v->label.width);
+        }
+        for (int x = 0; v->valid.data && x < v->label.width; x++)
+            label[x] &= sst_map_u8_row(&v->valid, y)[x];
+    }
+    return 0;
+}
+
+int process_fill_labels(struct sst_lightfield *lf, const bool *carried, int threads)
+{
+    struct carry c = { lf, carried, NULL };
+
+    return sst_parallel_for(lf->rows * lf->cols, threads, fill_job, &c);
+}
+
 int process_carry_error(const struct sst_lightfield *lf, const bool *carried, int view, double *percent)
 {
     struct sst_lightfield borrowed = *lf;

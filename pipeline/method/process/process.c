@@ -268,7 +268,6 @@ static int label_views(struct run *run)
     for (int view = 0; run->entropy && view < views_of(run); view++)
         sst_map_f32_fini(&run->entropy[view]);
     free(run->entropy);
-    free(run->carried);
     return err;
 }
 
@@ -309,9 +308,14 @@ static int refine_views(struct run *run)
         return 0;
     cfg.threads = run->cfg->threads;
     cfg.cancel = run->cfg->cancel;
+    cfg.skip = run->carried;
     run->report->coverage_hcsm = coverage(run);
     if (run->cfg->refine)
         err = sst_refine_labels(run->lf, &cfg, NULL);
+    if (run->cfg->refine && run->carried) {
+        err = err ? err : log_oom(process_carry_labels(run->lf, run->carried, NULL, cfg.threads));
+        err = err ? err : process_fill_labels(run->lf, run->carried, cfg.threads);
+    }
     run->report->coverage_refined = coverage(run);
     return err;
 }
@@ -351,6 +355,7 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
     run.report->labels = sst_process_lap(&clock);
     err = err ? err : refine_views(&run);
     run.report->refinement = sst_process_lap(&clock);
+    free(run.carried);
     return err;
 }
 

@@ -17,6 +17,10 @@
 SST_MUST_CHECK int process_carry_labels(struct sst_lightfield *lf, const bool *carried, struct sst_map_f32 *entropy,
                                         int threads);
 
+/** Give the unlabelled pixels of the carried views the label of the labelled pixel to their left or right whose
+ * disparity is nearer to theirs. */
+SST_MUST_CHECK int process_fill_labels(struct sst_lightfield *lf, const bool *carried, int threads);
+
 /** Percent of a key view's labels that differ from those that the other key views carry to it, where there are both.
  *  NaN: none to compare. */
 SST_MUST_CHECK int process_carry_error(const struct sst_lightfield *lf, const bool *carried, int view, double *percent);

@@ -83,12 +83,12 @@ static int check_config(const struct sst_refine_config *cfg)
     return 0;
 }
 
-static int check_maps(const struct sst_lightfield *lf)
+static int check_maps(const struct sst_lightfield *lf, const struct sst_refine_config *cfg)
 {
     for (int view = 0; view < lf->rows * lf->cols; view++) {
         const struct sst_view *v = &lf->views[view];
 
-        if (!v->present)
+        if (!v->present || (cfg->skip && cfg->skip[view]))
             continue;
         if (v->disp.width != lf->width || v->disp.height != lf->height || v->label.width != lf->width ||
             v->label.height != lf->height) {
@@ -250,7 +250,7 @@ static int refine_view(void *arg, int index, int worker)
     struct sst_region regions[SST_MAX_CLASSES] = { { { 0 }, 0, 0 } };
     uint64_t seen;
 
-    if (!v->present)
+    if (!v->present || (job->cfg->skip && job->cfg->skip[index]))
         return 0;
     if (job->cfg->cancel && *job->cfg->cancel)
         return -ECANCELED;
@@ -277,7 +277,7 @@ static int count_view(void *arg, int index, int worker)
     const struct sst_view *v = &job->lf->views[index];
     int64_t *hist = job->hist + (size_t)worker * (size_t)job->lf->classes.count * SST_DISP_BINS;
 
-    if (!v->present)
+    if (!v->present || (job->cfg->skip && job->cfg->skip[index]))
         return 0;
     for (int y = 0; y < v->label.height; y++) {
         const uint8_t *label = sst_map_u8_row(&v->label, y);
@@ -380,7 +380,7 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
     int err = check_config(cfg);
 
     if (!err)
-        err = check_maps(lf);
+        err = check_maps(lf, cfg);
     if (err)
         return err;
     if (!(lf->focal_px > 0))

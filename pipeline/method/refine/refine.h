@@ -14,6 +14,7 @@ struct sst_refine_config {
     int normal_window; /* side of the window that normals are fitted in; odd, 21..127 */
     bool ground_plane; /* a ground that is a plane in a view is a candidate only for pixels on that plane (not in the
                           paper) */
+    const bool *skip;  /* [views] these take no part and stay as they are; NULL: none */
     int threads;       /* 0: all processors */
     const SST_ATOMIC(bool) * cancel; /* once true, processing stops within one view; or NULL */
 };
