@@ -18,6 +18,9 @@ typedef int sst_work_fn(void *arg, int index, int worker);
 /** Threads to use: requested if positive, else the processors this process may run on (at most 256). */
 int sst_thread_count(int requested);
 
+/** Threads that write many files at once: they mostly wait for the disk, which takes their files together. */
+#define SST_WRITE_THREADS 16
+
 /**
  * Call fn for every index in 0 .. count-1, on `threads` threads (the caller's among them).
  *

@@ -354,7 +354,7 @@ static int write_files(const struct sst_lightfield *lf, const char *calibration_
     }
     job.dir = out;
     if (!err)
-        err = sst_parallel_for(lf->rows * lf->cols, threads, write_view, &job);
+        err = sst_parallel_for(lf->rows * lf->cols, SST_WRITE_THREADS, write_view, &job);
     if (err)
         goto out;
     json = lightfield_to_json(lf, job.hashes, calibration_sha256);

@@ -61,7 +61,7 @@ int sst_process_save(const struct sst_lightfield *lf, const struct sst_process_e
         err = err ? err : sst_outdir_open(&out[opened], path, true);
         if (err)
             break;
-        err = sst_parallel_for(lf->rows * lf->cols, threads, write_extra, &job);
+        err = sst_parallel_for(lf->rows * lf->cols, SST_WRITE_THREADS, write_extra, &job);
     }
     err = err ? err : sst_lightfield_save_maps(lf, dir, threads);
     for (int i = 0; i < opened; i++) {

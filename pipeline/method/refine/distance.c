@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#define FAR UINT32_MAX /* no pixel of the region in this column */
+#define FAR (1u << 20) /* larger than any distance: no pixel of the region in this column */
 
 /* Distance to the nearest pixel of the region in the same column: one sweep down, one up. */
 static bool sweep_columns(uint32_t *dist, const struct sst_map_u8 *label, int value)
@@ -16,24 +16,22 @@ static bool sweep_columns(uint32_t *dist, const struct sst_map_u8 *label, int va
     if (!any)
         return false;
     for (int y = 0; y < label->height; y++) {
-        const uint8_t *row = sst_map_u8_row(label, y);
-        uint32_t *d = dist + (size_t)y * width;
+        const uint8_t *restrict row = sst_map_u8_row(label, y);
+        uint32_t *restrict d = dist + (size_t)y * width;
+        const uint32_t *restrict above = y ? d - width : NULL;
 
         for (size_t x = 0; x < width; x++) {
-            const uint32_t above = y ? d[x - width] : FAR;
+            const uint32_t farther = above ? above[x] + 1 : FAR;
 
-            d[x] = row[x] == value ? 0 : above == FAR ? FAR : above + 1;
+            d[x] = row[x] == value ? 0 : farther < FAR ? farther : FAR;
         }
     }
     for (int y = label->height - 2; y >= 0; y--) {
-        uint32_t *d = dist + (size_t)y * width;
+        uint32_t *restrict d = dist + (size_t)y * width;
+        const uint32_t *restrict below = d + width;
 
-        for (size_t x = 0; x < width; x++) {
-            const uint32_t below = d[x + width];
-
-            if (below < d[x])
-                d[x] = below + 1 < d[x] ? below + 1 : d[x];
-        }
+        for (size_t x = 0; x < width; x++)
+            d[x] = below[x] + 1 < d[x] ? below[x] + 1 : d[x];
     }
     return true;
 }
@@ -53,9 +51,9 @@ static void envelope_row(uint32_t *d, int width, struct sst_distance_scratch *sc
     for (int q = 0; q < width; q++) {
         double s = -INFINITY;
 
-        g[q] = d[q] == FAR ? FAR : d[q] * d[q];
-        if (g[q] == FAR)
+        if (d[q] == FAR)
             continue;
+        g[q] = d[q] * d[q];
         while (n > 0) {
             const int v = vertex[n - 1];
 
