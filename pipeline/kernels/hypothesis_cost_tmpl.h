@@ -228,6 +228,8 @@ static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_vi
     return (KERNEL(hypothesis_sum)(open_sum) + best) / (visible + SST_HYPOTHESIS_BEST);
 }
 #undef HYPOTHESIS_PARTS
+#elif defined(__aarch64__)
+#include "pipeline/kernels/arm/hypothesis_cost_tmpl.h"
 #else
 /* Where a disparity moves a pixel to in each view. */
 struct KERNEL(hypothesis_moves) {
