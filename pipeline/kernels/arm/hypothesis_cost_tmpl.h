@@ -3,13 +3,44 @@
 #define HYPOTHESIS_PARTS (SST_HYPOTHESIS_VIEWS / 8)
 _Static_assert(HYPOTHESIS_PARTS == 3, "costs of a part are sorted as three");
 
+/* The 3x3 pixels around one, four in a row: the masked channels, and the masks of similar pixels. */
+struct KERNEL(hypothesis_window) {
+    uint8x16_t mask[3], pixels[3]; /* masks: 255, with dot products 1 */
+    unsigned scale;                /* 2^19 / number of similar pixels */
+};
+
+static inline void KERNEL(hypothesis_window_init)(struct KERNEL(hypothesis_window) * w, const uint32_t *at,
+                                                  ptrdiff_t stride, int similar)
+{
+    static const uint32_t three[4] = { 0xFFFFFF, 0xFFFFFF, 0xFFFFFF, 0 };
+    const uint8x16_t middle = vreinterpretq_u8_u32(vdupq_n_u32(*at));
+    const uint8x16_t most = vdupq_n_u8((uint8_t)(similar < 255 ? similar : 255));
+    uint32x4_t count = vdupq_n_u32(0);
+
+    for (int row = 0; row < 3; row++) {
+        const uint8x16_t here = vld1q_u8((const uint8_t *)(at + (row - 1) * stride - 1));
+        const uint32x4_t same = vreinterpretq_u32_u8(vcleq_u8(vabdq_u8(here, middle), most));
+        const uint32x4_t all = vceqq_u32(vorrq_u32(same, vdupq_n_u32(0xFF000000)), vdupq_n_u32(0xFFFFFFFF));
+        const uint32x4_t mask = vandq_u32(all, vld1q_u32(three));
+
+        count = vsraq_n_u32(count, mask, 23);
+        w->pixels[row] = vandq_u8(here, vreinterpretq_u8_u32(mask));
+#if defined(__ARM_FEATURE_DOTPROD)
+        w->mask[row] = vshrq_n_u8(vreinterpretq_u8_u32(mask), 7);
+#else
+        w->mask[row] = vreinterpretq_u8_u32(mask);
+#endif
+    }
+    w->scale = 65536 * 8 / vaddvq_u32(count);
+}
+
 struct KERNEL(hypothesis_views) {
     struct {
-        const uint32_t *pixels;
-        ptrdiff_t stride;
+        const uint8_t *pixels;
+        ptrdiff_t stride; /* bytes */
     } view[SST_HYPOTHESIS_VIEWS]; /* unused ones are the own view, of width 0 */
     int32_t x[SST_HYPOTHESIS_VIEWS], y[SST_HYPOTHESIS_VIEWS], dx[SST_HYPOTHESIS_VIEWS], dy[SST_HYPOTHESIS_VIEWS];
-    int32_t stride[SST_HYPOTHESIS_VIEWS];
+    int32_t stride[SST_HYPOTHESIS_VIEWS]; /* pixels */
     uint32_t width[SST_HYPOTHESIS_VIEWS];
     uint32_t height;
 };
@@ -19,8 +50,8 @@ static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views)
     for (int k = 0; k < SST_HYPOTHESIS_VIEWS; k++) {
         const struct sst_packed_view *view = k < t->views ? &t->view[k] : &t->own;
 
-        v->view[k].pixels = view->pixels;
-        v->view[k].stride = view->stride;
+        v->view[k].pixels = (const uint8_t *)view->pixels;
+        v->view[k].stride = 4 * view->stride;
         v->stride[k] = (int32_t)view->stride;
         v->width[k] = k < t->views ? (uint32_t)t->width : 0;
     }
@@ -44,43 +75,37 @@ static inline int32x4_t KERNEL(hypothesis_place)(uint32x4_t *inside, const struc
     return vandq_s32(vmlaq_s32(at_x, at_y, vld1q_s32(v->stride + k)), vreinterpretq_s32_u32(*inside));
 }
 
-/* A window's masked pixels, and its masks: bits, or with dot products 1. */
-struct KERNEL(hypothesis_rows) {
-    uint8x16_t mask[3], pixels[3];
-};
-
 /* Sum of differences to the window at a pixel, in four parts; *middle: its row. */
-static inline uint32x4_t KERNEL(hypothesis_at)(const struct KERNEL(hypothesis_rows) * w, const uint32_t *at,
+static inline uint32x4_t KERNEL(hypothesis_at)(const struct KERNEL(hypothesis_window) * w, const uint8_t *at,
                                                ptrdiff_t stride, uint32x4_t *middle)
 {
-    const uint8x16_t top = vld1q_u8((const uint8_t *)(at - stride - 1)), here = vld1q_u8((const uint8_t *)(at - 1));
-    const uint8x16_t bottom = vld1q_u8((const uint8_t *)(at + stride - 1));
-
-    *middle = vreinterpretq_u32_u8(here);
+    const uint8x16_t top = vld1q_u8(at - stride - 4), here = vld1q_u8(at - 4), bottom = vld1q_u8(at + stride - 4);
 #if defined(__ARM_FEATURE_DOTPROD)
-    return vdotq_u32(vdotq_u32(vdotq_u32(vdupq_n_u32(0), vabdq_u8(top, w->pixels[0]), w->mask[0]),
-                               vabdq_u8(here, w->pixels[1]), w->mask[1]),
-                     vabdq_u8(bottom, w->pixels[2]), w->mask[2]);
-#else
-    {
-        uint16x8_t sum = vpaddlq_u8(vabdq_u8(vandq_u8(top, w->mask[0]), w->pixels[0]));
+    uint32x4_t sum = vdotq_u32(vdupq_n_u32(0), vabdq_u8(top, w->pixels[0]), w->mask[0]);
 
-        sum = vpadalq_u8(sum, vabdq_u8(vandq_u8(here, w->mask[1]), w->pixels[1]));
-        return vreinterpretq_u32_u16(vpadalq_u8(sum, vabdq_u8(vandq_u8(bottom, w->mask[2]), w->pixels[2])));
-    }
+    sum = vdotq_u32(sum, vabdq_u8(here, w->pixels[1]), w->mask[1]);
+    sum = vdotq_u32(sum, vabdq_u8(bottom, w->pixels[2]), w->mask[2]);
+#else
+    uint16x8_t pairs = vpaddlq_u8(vabdq_u8(vandq_u8(top, w->mask[0]), w->pixels[0]));
+    uint32x4_t sum;
+
+    pairs = vpadalq_u8(pairs, vabdq_u8(vandq_u8(here, w->mask[1]), w->pixels[1]));
+    sum = vreinterpretq_u32_u16(vpadalq_u8(pairs, vabdq_u8(vandq_u8(bottom, w->mask[2]), w->pixels[2])));
 #endif
+    *middle = vreinterpretq_u32_u8(here);
+    return sum;
 }
 
 /* Differences to the windows at the pixel in four views. pixel: out, the pixels. */
 static inline uint32x4_t KERNEL(hypothesis_differences)(const struct KERNEL(hypothesis_views) * v,
-                                                        const struct KERNEL(hypothesis_rows) * w, int k,
+                                                        const struct KERNEL(hypothesis_window) * w, int k,
                                                         int32x4_t offset, uint32x4_t *pixel)
 {
     uint32x4_t sum[4], middle[4];
 
 #define HYPOTHESIS_AT(i)                                                                                               \
-    sum[i] = KERNEL(hypothesis_at)(w, v->view[k + (i)].pixels + vgetq_lane_s32(offset, i), v->view[k + (i)].stride,     \
-                                   &middle[i])
+    sum[i] = KERNEL(hypothesis_at)(w, v->view[k + (i)].pixels + 4 * (ptrdiff_t)vgetq_lane_s32(offset, i),               \
+                                   v->view[k + (i)].stride, &middle[i])
     HYPOTHESIS_AT(0);
     HYPOTHESIS_AT(1);
     HYPOTHESIS_AT(2);
@@ -136,22 +161,14 @@ static inline unsigned KERNEL(hypothesis_best)(const uint16x8_t c[HYPOTHESIS_PAR
 }
 
 static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_views) * v,
-                                               const struct KERNEL(hypothesis_window) * window, int x, int y, int d,
+                                               const struct KERNEL(hypothesis_window) * w, int x, int y, int d,
                                                unsigned hides)
 {
     const uint16x8_t limit = vdupq_n_u16(SST_HYPOTHESIS_LIMIT), outside = vdupq_n_u16(SST_DEPTH_OUTSIDE);
     const uint16x8_t nearest = vdupq_n_u16((uint16_t)hides);
     uint16x8_t costs[HYPOTHESIS_PARTS], sum = vdupq_n_u16(0), seen = sum, visible = sum;
-    struct KERNEL(hypothesis_rows) w;
     unsigned best, least, seen_count;
 
-    for (int i = 0; i < 3; i++) {
-        w.mask[i] = vld1q_u8(window->mask[i]);
-        w.pixels[i] = vld1q_u8(window->pixels[i]);
-#if defined(__ARM_FEATURE_DOTPROD)
-        w.mask[i] = vshrq_n_u8(w.mask[i], 7);
-#endif
-    }
     for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
         uint32x4_t inside[2], pixel[2], difference[2];
         uint16x8_t cost, code, there, open;
@@ -160,8 +177,8 @@ static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_vi
             const int k = 8 * i + 4 * half;
             const int32x4_t offset = KERNEL(hypothesis_place)(&inside[half], v, k, x, y, d);
 
-            difference[half] = KERNEL(hypothesis_differences)(v, &w, k, offset, &pixel[half]);
-            difference[half] = vmulq_n_u32(difference[half], window->scale);
+            difference[half] = KERNEL(hypothesis_differences)(v, w, k, offset, &pixel[half]);
+            difference[half] = vmulq_n_u32(difference[half], w->scale);
         }
         cost = vminq_u16(vuzp2q_u16(vreinterpretq_u16_u32(difference[0]), vreinterpretq_u16_u32(difference[1])), limit);
         code = vshrq_n_u16(vuzp2q_u16(vreinterpretq_u16_u32(pixel[0]), vreinterpretq_u16_u32(pixel[1])), 8);
