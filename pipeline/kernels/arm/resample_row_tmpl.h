@@ -7,15 +7,17 @@ static inline void KERNEL(resample_run)(uint16_t *const out[3], const struct sst
 
     for (size_t i = 0; i < n; i++) {
         const int32_t x = xy_q8[2 * i], y = xy_q8[2 * i + 1];
-        const int16_t *wx = from->weight + (x & 255) * taps, *wy = from->weight + (y & 255) * taps;
         const uint8_t *p = origin + (y >> 8) * (ptrdiff_t)from->stride + 4 * (ptrdiff_t)(x >> 8);
         int32x4_t column[6], sum = vdupq_n_s32(0);
+        int16x8_t wx = vdupq_n_s16(0), wy = wx;
         uint16x4_t value;
 
         if (x == INT32_MIN) {
             red[i] = green[i] = blue[i] = 0;
             continue;
         }
+        memcpy(&wx, from->weight + (x & 255) * taps, 2 * (size_t)taps);
+        memcpy(&wy, from->weight + (y & 255) * taps, 2 * (size_t)taps);
         for (int t = 0; t < taps; t++)
             column[t] = sum;
         for (int ty = 0; ty < taps; ty++) {
