@@ -7,7 +7,7 @@ DESTDIR ?=
 BUILD ?= build$(if $(ARCH),-$(ARCH))$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 comma := ,
 hash := \#
-# ARCH=arm64 cross-compiles with the libraries that scripts/arm64/sysroot.sh unpacks.
+# ARCH=arm64 cross-compiles with the libraries that `make deps` unpacks then; LIBRARIES=all: of every optional part too.
 ifeq (arm64,$(ARCH))
 SYSROOT ?= $(CURDIR)/build-arm64/sysroot
 CC = aarch64-linux-gnu-gcc --sysroot=$(SYSROOT)
@@ -123,7 +123,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
@@ -222,7 +222,8 @@ $(BUILD)/config_man: $(BUILD)/obj/scripts/config_man.o $(BUILD)/libsst.a
 tests: $(TESTS) $(TOOLS) $(GUEST_TESTS)
 
 deps: ## install what building and testing needs (Debian 12; root or sudo)
-	scripts/deps.sh
+	scripts/deps.sh $(if $(ARCH),scripts/$(ARCH)/packages.txt)
+	$(if $(ARCH),scripts/$(ARCH)/sysroot.sh $(SYSROOT) $(LIBRARIES))
 
 # Tests run after everything is built, as many at a time as scripts/run_tests.sh finds right: docs in CONTRIBUTING.md.
 PARALLEL = $(if $(filter -j%,$(MAKEFLAGS)),,-j$(shell nproc))
@@ -265,6 +266,10 @@ check-cli: built-plain
 $(BUILD)/one_thread.so: tests/one_thread.c
 	@mkdir -p $(@D)
 	@$(CC) -std=gnu11 -D_GNU_SOURCE -fPIC -shared $(CWARN) $< -o $@
+
+check-arm64: ## build everything for arm64 with a cross compiler and run the tests of kernels in an emulator
+	scripts/arm64/check.sh
+kernel-tests: $(filter $(BUILD)/tests/kernels/%,$(TESTS))
 
 deps-kernel: ## install what check-kernel needs besides
 	scripts/deps.sh scripts/kernel/packages.txt
