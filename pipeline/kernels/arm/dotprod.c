@@ -1,4 +1,5 @@
-/* The templates that gain from byte dot products (Cortex-A76, Neoverse N1, Apple M1 and later); the others are NEON's. */
+/* The templates that gain from byte dot products (Cortex-A76, Neoverse N1, Apple M1 and later); the others are NEON's.
+ */
 #if defined(__aarch64__)
 #include <arm_neon.h>
 #include <string.h>
