@@ -146,7 +146,9 @@ endif
 # The assembler includes the page of the calibration report.
 $(BUILD)/obj/pipeline/calibration/report/report.o: pipeline/calibration/report/report.html
 # libcurl is loaded when it is first used.
+ifeq (1,$(WITH_CURL))
 $(BUILD)/obj/client/curl.o: private CFLAGS_ALL += -DSST_CURL_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=$(patsubst -l%,lib%.so,$(filter -lcurl%,$(PACKAGE_LIBS)))) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
+endif
 # Where plugins of GStreamer are: they are loaded one by one.
 $(BUILD)/obj/publishers/rtsp/%.o $(BUILD)/obj/tests/unit/rtsp_jpeg.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES_rtsp))) \
     -DSST_GST_PLUGINS='"$(shell $(PKG_CONFIG) --variable=pluginsdir gstreamer-1.0 2>/dev/null)"'
