@@ -273,6 +273,10 @@ $(BUILD)/one_thread.so: tests/one_thread.c
 
 check-arm64: ## build everything for arm64 with a cross compiler and run the tests of kernels in an emulator
 	scripts/arm64/check.sh
+# Counts instructions by function, in the emulator.
+$(BUILD)/arm64_profile.so: scripts/arm64/profile.c
+	@mkdir -p $(@D)
+	@$(CC) -std=gnu11 -I. -O2 -fPIC -shared $(CWARN) $< -o $@
 kernel-tests: $(filter $(BUILD)/tests/kernels/%,$(TESTS))
 
 deps-kernel: ## install what check-kernel needs besides
