@@ -4,17 +4,27 @@ VERSION := 0.1.0
 PREFIX ?= /usr/local
 SYSCONFDIR ?= /etc
 DESTDIR ?=
-BUILD ?= build$(if $(SAN),-$(subst $(comma),-,$(SAN)))
+BUILD ?= build$(if $(ARCH),-$(ARCH))$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 comma := ,
+hash := \#
+# ARCH=arm64 cross-compiles with the libraries that `make deps` unpacks then; LIBRARIES=all: of every optional part too.
+ifeq (arm64,$(ARCH))
+SYSROOT ?= $(CURDIR)/build-arm64/sysroot
+CC = aarch64-linux-gnu-gcc --sysroot=$(SYSROOT)
+CXX = aarch64-linux-gnu-g++ --sysroot=$(SYSROOT)
+AR = aarch64-linux-gnu-ar
+PKG_CONFIG ?= env PKG_CONFIG_SYSROOT_DIR=$(SYSROOT) PKG_CONFIG_LIBDIR=$(SYSROOT)/usr/lib/aarch64-linux-gnu/pkgconfig:$(SYSROOT)/usr/share/pkgconfig pkg-config
+endif
 CC ?= gcc
 CXX ?= g++
+PKG_CONFIG ?= pkg-config
 PYTHON ?= /usr/bin/python3
 
 # --- optional parts: present packages are used, WITH_X=0 builds without -------------------------------------------
-have = $(shell pkg-config --exists $(1) 2>/dev/null && echo 1 || echo 0)
+have = $(shell $(PKG_CONFIG) --exists $(1) 2>/dev/null && echo 1 || echo 0)
 WITH_OPENCV ?= $(call have,opencv4)
 WITH_AVFORMAT ?= $(call have,libavformat libavcodec libavutil libswscale)
-WITH_DNNL ?= $(shell echo '\#include <dnnl.h>' | $(CC) -E - >/dev/null 2>&1 && echo 1 || echo 0)
+WITH_DNNL ?= $(shell echo '$(hash)include <dnnl.h>' | $(CC) -E - >/dev/null 2>&1 && echo 1 || echo 0)
 WITH_UDEV ?= $(call have,libudev)
 WITH_USB ?= $(call have,libusb-1.0)
 WITH_MODBUS ?= $(call have,libmodbus)
@@ -23,14 +33,14 @@ WITH_SYSTEMD ?= $(call have,libsystemd)
 WITH_RTSP ?= $(call have,gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-app-1.0)
 WITH_MQTT ?= $(call have,libmosquitto)
 WITH_CURL ?= $(call have,libcurl)
-WITH_DOGLEG ?= $(shell echo '\#include <dogleg.h>' | $(CC) -I/usr/include/suitesparse -E - >/dev/null 2>&1 && echo 1 || echo 0)
+WITH_DOGLEG ?= $(shell echo '$(hash)include <dogleg.h>' | $(CC) -I$(SYSROOT)/usr/include/suitesparse -E - >/dev/null 2>&1 && echo 1 || echo 0)
 # sst-rtsp and sst-mqtt are clients of the service.
 ifneq (1,$(WITH_CURL))
 override WITH_RTSP := 0
 override WITH_MQTT := 0
 endif
 # Which API libgpiod has: 1, 2 or 0 for none.
-WITH_GPIOD ?= $(shell pkg-config --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { pkg-config --exists libgpiod 2>/dev/null && echo 1 || echo 0; })
+WITH_GPIOD ?= $(shell $(PKG_CONFIG) --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { $(PKG_CONFIG) --exists libgpiod 2>/dev/null && echo 1 || echo 0; })
 
 PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
             $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
@@ -43,7 +53,9 @@ PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
 WARN := -Wall -Wextra -Wshadow -Wvla -Wundef -Wconversion -Wno-sign-conversion -Wno-missing-field-initializers \
         $(if $(WERROR),-Werror)
 CWARN = $(WARN) -Wstrict-prototypes -Wmissing-prototypes $(SANWARN)
-HARDEN := -fstack-protector-strong -fstack-clash-protection -fcf-protection -fPIE \
+TARGET := $(shell $(CC) -dumpmachine)
+HARDEN := -fstack-protector-strong -fstack-clash-protection -fPIE \
+          $(if $(filter x86_64%,$(TARGET)),-fcf-protection) $(if $(filter aarch64%,$(TARGET)),-mbranch-protection=standard) \
           $(if $(SAN),,-D_FORTIFY_SOURCE=2)
 # A sanitized build is compiled three times as fast with -O1, and its reports need lines alone.
 OPT ?= $(if $(SAN),-O1 -g1,-O3 -g)
@@ -63,18 +75,18 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
         -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) \
         -DWITH_CURL=$(WITH_CURL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
-PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES) $(AV_PACKAGES)))
-PACKAGE_LIBS := $(shell pkg-config --libs $(PACKAGES))
+PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) $(AV_PACKAGES)))
+PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES))
 BASEFLAGS = -I. $(OPT) -ffp-contract=off -fno-math-errno -fno-trapping-math -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
 CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET_BITS=64 $(BASEFLAGS) $(CWARN) \
              $(PACKAGE_CFLAGS) $(CFLAGS)
 # OpenCV's headers do not survive our warnings.
-CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) -fPIC $(WARN) $(subst -I,-isystem ,$(shell pkg-config --cflags opencv4)) $(CXXFLAGS)
+CXXFLAGS_ALL = -std=c++17 $(BASEFLAGS) -fPIC $(WARN) $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags opencv4 2>/dev/null)) $(CXXFLAGS)
 LIBS = $(PACKAGE_LIBS) -lmd -lm \
        $(if $(filter 1,$(WITH_DNNL)),-ldnnl -lgomp) \
        $(if $(filter 1,$(WITH_DOGLEG)),-ldogleg -lcholmod -llapack)
 OPENCV_LIBS := -lopencv_dnn -lopencv_aruco -lopencv_objdetect -lopencv_calib3d -lopencv_imgproc -lopencv_core -lstdc++
-AV_LIBS := $(if $(AV_PACKAGES),$(shell pkg-config --libs $(AV_PACKAGES)))
+AV_LIBS := $(if $(AV_PACKAGES),$(shell $(PKG_CONFIG) --libs $(AV_PACKAGES)))
 LDFLAGS_ALL = -pie -Wl,--as-needed -Wl,-z,relro,-z,now -pthread $(SANFLAGS) $(LDFLAGS)
 
 # --- sources -------------------------------------------------------------------------------------------------------
@@ -111,7 +123,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
@@ -127,11 +139,19 @@ $(BUILD)/obj/%.o: %.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CC   $<"
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
+# GCC 12 for arm64 fails with an internal error where it vectorises fmin() and fmax() over a loop.
+ifneq (,$(filter aarch64%,$(TARGET)))
+$(BUILD)/obj/simulators/scene/scene.o $(BUILD)/obj/pipeline/calibration/photometric/photometric_fit.o: private CFLAGS_ALL += -fno-tree-loop-vectorize
+endif
 # The assembler includes the page of the calibration report.
 $(BUILD)/obj/pipeline/calibration/report/report.o: pipeline/calibration/report/report.html
+# libcurl is loaded when it is first used.
+ifeq (1,$(WITH_CURL))
+$(BUILD)/obj/client/curl.o: private CFLAGS_ALL += -DSST_CURL_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=$(patsubst -l%,lib%.so,$(filter -lcurl%,$(PACKAGE_LIBS)))) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
+endif
 # Where plugins of GStreamer are: they are loaded one by one.
-$(BUILD)/obj/publishers/rtsp/%.o $(BUILD)/obj/tests/unit/rtsp_jpeg.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES_rtsp))) \
-    -DSST_GST_PLUGINS='"$(shell pkg-config --variable=pluginsdir gstreamer-1.0 2>/dev/null)"'
+$(BUILD)/obj/publishers/rtsp/%.o $(BUILD)/obj/tests/unit/rtsp_jpeg.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES_rtsp))) \
+    -DSST_GST_PLUGINS='"$(shell $(PKG_CONFIG) --variable=pluginsdir gstreamer-1.0 2>/dev/null)"'
 $(BUILD)/obj/%.o: %.cc $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CXX  $<"
@@ -145,10 +165,10 @@ $(BUILD)/obj/web.o: $(BUILD)/web.c $(BUILD)/flags
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
 $(BUILD)/libsst.a: $(LIB_OBJ)
 	@rm -f $@
-	@ar rcs $@ $^
+	@$(AR) rcs $@ $^
 $(BUILD)/libsst-sim.a: $(WORLD_OBJ)
 	@rm -f $@
-	@ar rcs $@ $^
+	@$(AR) rcs $@ $^
 # libsst-video.so writes files and logs by functions of the program.
 $(BUILD)/sst: $(CLI_OBJ) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@echo "  LD   $@"
@@ -166,7 +186,7 @@ $(BUILD)/sstd: $(BUILD)/obj/daemon/main.o $(BUILD)/libsst.a
 define publisher
 $(BUILD)/sst-$(1): $(call publisher_obj,$(1)) $(BUILD)/libsst.a
 	@echo "  LD   $$@"
-	@$$(CC) $$(LDFLAGS_ALL) $$^ $$(LIBS) $$(shell pkg-config --libs $$(PACKAGES_$(1))) -o $$@
+	@$$(CC) $$(LDFLAGS_ALL) $$^ $$(LIBS) $$(shell $(PKG_CONFIG) --libs $$(PACKAGES_$(1))) -o $$@
 -include $(patsubst %.o,%.d,$(call publisher_obj,$(1)))
 endef
 $(foreach p,$(PUBLISHERS),$(eval $(call publisher,$(p))))
@@ -206,7 +226,8 @@ $(BUILD)/config_man: $(BUILD)/obj/scripts/config_man.o $(BUILD)/libsst.a
 tests: $(TESTS) $(TOOLS) $(GUEST_TESTS)
 
 deps: ## install what building and testing needs (Debian 12; root or sudo)
-	scripts/deps.sh
+	scripts/deps.sh $(if $(ARCH),scripts/$(ARCH)/packages.txt)
+	$(if $(ARCH),scripts/$(ARCH)/sysroot.sh $(SYSROOT) $(LIBRARIES))
 
 # Tests run after everything is built, as many at a time as scripts/run_tests.sh finds right: docs in CONTRIBUTING.md.
 PARALLEL = $(if $(filter -j%,$(MAKEFLAGS)),,-j$(shell nproc))
@@ -250,6 +271,14 @@ $(BUILD)/one_thread.so: tests/one_thread.c
 	@mkdir -p $(@D)
 	@$(CC) -std=gnu11 -D_GNU_SOURCE -fPIC -shared $(CWARN) $< -o $@
 
+check-arm64: ## build everything for arm64 with a cross compiler and run the tests of kernels in an emulator
+	scripts/arm64/check.sh
+# Counts instructions by function, in the emulator.
+$(BUILD)/arm64_profile.so: scripts/arm64/profile.c
+	@mkdir -p $(@D)
+	@$(CC) -std=gnu11 -I. -O2 -fPIC -shared $(CWARN) $< -o $@
+kernel-tests: $(filter $(BUILD)/tests/kernels/%,$(TESTS))
+
 deps-kernel: ## install what check-kernel needs besides
 	scripts/deps.sh scripts/kernel/packages.txt
 
@@ -288,7 +317,7 @@ fuzz: $(FUZZERS:%=build/fuzz/%) ## look for inputs that crash the readers of net
 HEADERS := $(filter-out $(if $(filter 1,$(WITH_RTSP)),,publishers/rtsp/%) $(if $(filter 1,$(WITH_DNNL)),,%_dnnl.h) %_tmpl.h %/templates.h,$(wildcard $(foreach d,base client config drivers capture pipeline daemon publishers cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
 $(BUILD)/headers/%.h.ok: %.h
 	@mkdir -p $(@D)
-	@echo '#include "$<"' | $(CC) -std=c11 -D_DEFAULT_SOURCE -I. $(if $(filter publishers/rtsp/%,$<),$(subst -I,-isystem ,$(shell pkg-config --cflags $(PACKAGES_rtsp)))) -Wall -Werror -fsyntax-only -MMD -MP -MT $@ -MF $(@:.ok=.d) -x c -
+	@echo '#include "$<"' | $(CC) -std=c11 -D_DEFAULT_SOURCE -I. $(if $(filter publishers/rtsp/%,$<),$(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES_rtsp)))) -Wall -Werror -fsyntax-only -MMD -MP -MT $@ -MF $(@:.ok=.d) -x c -
 	@touch $@
 check-includes: $(HEADERS:%=$(BUILD)/headers/%.ok) ## headers compile alone, includes go one way
 	scripts/check_includes.sh

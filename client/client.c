@@ -363,7 +363,14 @@ int sst_client_open(struct sst_client **out, const struct sst_client_service *wh
     struct sst_client *c = calloc(1, sizeof(*c));
     int err = -ENOMEM;
 
-    if (!c || curl_global_init(CURL_GLOBAL_DEFAULT) || !(c->curl = curl_easy_init()))
+    if (!c)
+        goto fail;
+    if (curl_global_init(CURL_GLOBAL_DEFAULT)) {
+        err = -ENOTSUP;
+        goto fail;
+    }
+    c->curl = curl_easy_init();
+    if (!c->curl)
         goto fail;
     if (!add_header(&c->get_headers, "Accept: application/json, application/x-ndjson, */*;q=0.1") ||
         !add_header(&c->post_headers, "Content-Type: application/json") || !add_header(&c->post_headers, "Expect:"))

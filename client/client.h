@@ -22,7 +22,7 @@ struct sst_client_service {
 struct sst_client; /* opaque; one thread at a time */
 
 /** @param where  its strings must outlive the client
- *  @return 0, -EINVAL, -ENOENT... (token file), -ENOTSUP (built without libcurl), -ENOMEM; logged */
+ *  @return 0, -EINVAL, -ENOENT... (token file), -ENOTSUP (no libcurl), -ENOMEM; logged */
 SST_MUST_CHECK int sst_client_open(struct sst_client **out, const struct sst_client_service *where);
 
 /**

@@ -20,7 +20,7 @@ objects=$(cd "$build/obj" && find $roots -name '*.o' | while read -r o; do
 done)
 [ -n "$objects" ] || { echo "error: no objects in $build/obj; build first" >&2; exit 1; }
 (cd "$build/obj" && nm -A -P $objects) | awk '
-  function folder(f) { sub(/\/[^\/]*$/, "", f); sub(/^pipeline\/kernels\/x86$/, "pipeline/kernels", f); return f }
+  function folder(f) { sub(/\/[^\/]*$/, "", f); sub(/^pipeline\/kernels\/(x86|arm)$/, "pipeline/kernels", f); return f }
   function top(f) { sub(/\/.*/, "", f); return f }
   function inside(a, b) { return a == b || index(a, b "/") == 1 }
   BEGIN {

@@ -57,7 +57,7 @@ run() {
     export ASAN_OPTIONS="${ASAN_OPTIONS:-}:log_path=$dir/$1.report" UBSAN_OPTIONS="${UBSAN_OPTIONS:-}:log_path=$dir/$1.report"
   fi
   # A session, by which all is found that it leaves behind.
-  setsid timeout -k 10 "$limit" "${tests[$1]}" >"$dir/$1.out" 2>&1 </dev/null & pid=$!
+  setsid timeout -k 10 "$limit" ${SST_RUNNER-} "${tests[$1]}" >"$dir/$1.out" 2>&1 </dev/null & pid=$!
   # Waits without a child, which could outlive it and keep our output open.
   (read -r -t "$((limit - limit / 10))" <>"$dir/nothing"; for p in $(tree $pid); do scripts/stacks.sh "$p"; done >"$dir/$1.stuck" 2>&1) & watch=$!
   trap 'kill $pid $watch 2>/dev/null; wait $pid; pkill -KILL -s $pid; exit' TERM

@@ -3,7 +3,9 @@
 #ifndef SST_DAEMON_PUBLISH_PUBLISH_INTERNAL_H
 #define SST_DAEMON_PUBLISH_PUBLISH_INTERNAL_H
 
+#if WITH_HTTPD
 #include <microhttpd.h>
+#endif
 #include <netinet/in.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -26,11 +28,6 @@ char **hook_env(const char *event);
 void hook_env_free(char **env);
 
 /* --- http_internal: shared by the files of the HTTP server. --- */
-
-#ifndef __cplusplus
-#endif
-#if WITH_HTTPD
-#endif
 
 struct MHD_Connection;
 struct MHD_Daemon;

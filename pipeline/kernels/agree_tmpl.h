@@ -150,6 +150,8 @@ static void KERNEL(agree_mode)(uint8_t *const mode[3], const uint8_t *colour, co
 #undef AGREE_OP
 #undef AGREE_BITS
 #undef AGREE_PAIRS
+#elif defined(__aarch64__)
+#include "pipeline/kernels/arm/agree_mode_tmpl.h"
 #else
 /* Pixels in blocks whose sums stay in registers. */
 #define AGREE_BLOCK 64

@@ -1,4 +1,7 @@
 /* The templates for the compiler's default target: runs on any CPU of the architecture. */
+#if defined(__ARM_NEON)
+#include <arm_neon.h>
+#endif
 #include <math.h>
 #include <string.h>
 

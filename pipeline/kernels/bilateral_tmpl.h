@@ -1,3 +1,6 @@
+#if defined(__aarch64__)
+#include "pipeline/kernels/arm/bilateral_tmpl.h"
+#else
 /* One neighbour at a time over a block of pixels; a neighbour that does not count gets weight 0. Not inlined: inside
  * the caller compilers lose the restrict information and use the scalar path. */
 static SST_NOINLINE void KERNEL(bilateral_tap)(int32_t *restrict sum, int32_t *restrict total,
@@ -51,3 +54,4 @@ static void KERNEL(bilateral_row)(uint16_t *restrict out, const uint16_t *const 
     }
     sst_bilateral_row_ref(out + start, disp_rest, luma_rest, weight, tau, n - start);
 }
+#endif

@@ -1,3 +1,6 @@
+#if defined(__aarch64__)
+#include "pipeline/kernels/arm/census_tmpl.h"
+#else
 /* Census: eight planes of bytes, so that comparisons and shifts fill wide lanes; the topmost holds the first six bits.
  */
 static void KERNEL(census_row)(uint64_t *restrict out, const uint8_t *const rows[7], size_t n)
@@ -37,3 +40,4 @@ static void KERNEL(hamming_row)(uint8_t *restrict cost, const uint64_t *restrict
     for (size_t x = 0; x < n; x++)
         cost[x] = (uint8_t)(4 * __builtin_popcountll(a[x] ^ b[x]));
 }
+#endif

@@ -144,6 +144,8 @@ static void KERNEL(feature_cost_rows)(uint8_t *restrict cost, size_t cost_stride
         }
     }
 }
+#elif defined(__aarch64__)
+#include "pipeline/kernels/arm/feature_cost_tmpl.h"
 #else
 static void KERNEL(feature_cost_rows)(uint8_t *restrict cost, size_t cost_stride, const uint8_t *restrict a,
                                       const uint8_t *const *b, size_t count, size_t stride, size_t n)

@@ -1,5 +1,8 @@
 /* hypothesis_cost_row. Positions are arbitrary, so the work is vectorised inside each window: three rows of four
  * pixels, of which a mask selects the similar ones. */
+#if defined(__aarch64__)
+#include "pipeline/kernels/arm/hypothesis_cost_tmpl.h"
+#else
 #if defined(__SSE2__)
 #include <emmintrin.h>
 #endif
@@ -286,6 +289,7 @@ static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_vi
         return seen ? b0 : SST_HYPOTHESIS_LIMIT;
     return (sum + b0 + b1 + b2 + b3) / (visible + SST_HYPOTHESIS_BEST);
 }
+#endif
 #endif
 
 static void KERNEL(hypothesis_cost_row)(uint16_t *cost, const uint16_t *hypothesis, const uint8_t *count,

@@ -1,5 +1,8 @@
 /* hypothesis_path_row: one lane for each hypothesis of the pixel, one hypothesis of the predecessor after the other. In
  * the compiler's vectors, because loops of eight are unrolled into scalars instead. */
+#if defined(__aarch64__)
+#include "pipeline/kernels/arm/hypothesis_path_tmpl.h"
+#else
 typedef uint16_t KERNEL(hypothesis_lanes) __attribute__((vector_size(2 * SST_HYPOTHESES), aligned(2), may_alias));
 
 static inline KERNEL(hypothesis_lanes) KERNEL(hypothesis_min)(KERNEL(hypothesis_lanes) a, KERNEL(hypothesis_lanes) b)
@@ -32,6 +35,7 @@ static inline void KERNEL(hypothesis_path)(uint16_t *path, uint16_t *sum, const 
     *(lanes *)path = l;
     *(lanes *)sum += l;
 }
+#endif
 
 static void KERNEL(hypothesis_path_row)(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
                                         const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,

@@ -2,6 +2,8 @@
 
 #if defined(__x86_64__)
 #include <cpuid.h>
+#elif defined(__aarch64__)
+#include <sys/auxv.h>
 #endif
 #include <pthread.h>
 #include <stdlib.h>
@@ -9,7 +11,38 @@
 
 #include "base/log.h"
 
-static const char *const level_names[] = { "ref", "base", "avx2", "avxvnni", "avx512" };
+static void fill_ref(struct sst_kernels *k)
+{
+#define X(name) k->name = sst_##name##_ref;
+    SST_KERNEL_LIST(X)
+#undef X
+}
+
+/* By enum sst_cpu_level; no fill function: not for this architecture. */
+static const struct {
+    const char *name;
+    void (*fill)(struct sst_kernels *k);
+} levels[SST_CPU_LEVELS] = {
+    { "ref", fill_ref },
+#if defined(__x86_64__)
+    { "base", sst_kernels_fill_base },
+    { "avx2", sst_kernels_fill_avx2 },
+    { "avxvnni", sst_kernels_fill_avxvnni },
+    { "avx512", sst_kernels_fill_avx512 },
+#define LEVEL_NAMES "ref, base, avx2, avxvnni, avx512"
+#elif defined(__aarch64__)
+    { "neon", sst_kernels_fill_base },
+    { "dotprod", sst_kernels_fill_dotprod },
+    { "i8mm", sst_kernels_fill_i8mm },
+#define LEVEL_NAMES "ref, neon, dotprod, i8mm"
+#else
+    { "base", sst_kernels_fill_base },
+    { "avx2", NULL },
+    { "avxvnni", NULL },
+    { "avx512", NULL },
+#define LEVEL_NAMES "ref, base"
+#endif
+};
 
 static struct sst_kernels table;        /* fixed after the first get */
 static enum sst_cpu_level level_chosen; /* fixed after the first get */
@@ -42,6 +75,11 @@ static int cpu_has(enum sst_cpu_level level)
                __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512vpopcntdq") &&
                __builtin_cpu_supports("avx512bitalg") && __builtin_cpu_supports("avx512vbmi") &&
                __builtin_cpu_supports("avx512vnni");
+#elif defined(__aarch64__)
+    case SST_CPU_DOTPROD:
+        return !!(getauxval(AT_HWCAP) & HWCAP_ASIMDDP);
+    case SST_CPU_I8MM:
+        return cpu_has(SST_CPU_DOTPROD) && getauxval(AT_HWCAP2) & HWCAP2_I8MM;
 #endif
     default:
         return 0;
@@ -52,42 +90,30 @@ int sst_kernels_at(enum sst_cpu_level level, struct sst_kernels *out)
 {
     if (!cpu_has(level))
         return 0;
-    switch (level) {
-    case SST_CPU_BASE:
-        sst_kernels_fill_base(out);
-        break;
-#if defined(__x86_64__)
-    case SST_CPU_AVX2:
-        sst_kernels_fill_avx2(out);
-        break;
-    case SST_CPU_AVXVNNI:
-        sst_kernels_fill_avxvnni(out);
-        break;
-    case SST_CPU_AVX512:
-        sst_kernels_fill_avx512(out);
-        break;
-#endif
-    default:
-#define X(name) out->name = sst_##name##_ref;
-        SST_KERNEL_LIST(X)
-#undef X
-        break;
-    }
+    levels[level].fill(out);
     return 1;
+}
+
+/* "base" is the lowest level of templates on every architecture. */
+static int find_level(const char *name)
+{
+    int level = SST_CPU_LEVELS - 1;
+
+    if (!strcasecmp(name, "base"))
+        return SST_CPU_BASE;
+    while (level >= 0 && strcasecmp(name, levels[level].name))
+        level--;
+    return level;
 }
 
 static void choose(void)
 {
     const char *cap = getenv("SST_CPU");
-    int level = SST_CPU_AVX512;
+    int level = cap && *cap ? find_level(cap) : SST_CPU_LEVELS - 1;
 
-    if (cap && *cap) {
-        for (level = SST_CPU_AVX512; level > SST_CPU_REF && strcasecmp(cap, level_names[level]); level--)
-            ;
-        if (strcasecmp(cap, level_names[level]))
-            sst_log_warning(
-                "unknown level SST_CPU=%s; using the reference kernels (levels: ref, base, avx2, avxvnni, avx512)",
-                cap);
+    if (level < 0) {
+        sst_log_warning("unknown level SST_CPU=%s; using the reference kernels (levels: " LEVEL_NAMES ")", cap);
+        level = SST_CPU_REF;
     }
     while (!sst_kernels_at((enum sst_cpu_level)level, &table))
         level--;
@@ -108,5 +134,5 @@ enum sst_cpu_level sst_cpu_level(void)
 
 const char *sst_cpu_level_name(enum sst_cpu_level level)
 {
-    return level_names[level];
+    return levels[level].name;
 }

@@ -6,15 +6,22 @@
 
 /*
  * A kernel is a pure function on rows. `<name>_ref.c` is its definition: the plainest loop. `<name>_tmpl.h` is the form
- * that compilers vectorise; x86/<level>.c compiles all templates for one CPU level. Nothing is contracted to FMA and no
- * sum inside a pixel is reordered, so every level gives the bytes of the reference, unless a tolerance is stated here.
+ * that compilers vectorise; x86/<level>.c compiles all templates for one CPU level, arm/<level>.c those that gain from
+ * it. Nothing is contracted to FMA and no sum inside a pixel is reordered, so every level gives the bytes of the
+ * reference, unless a tolerance is stated here.
  */
 enum sst_cpu_level {
     SST_CPU_REF = 0,  /* plain references */
-    SST_CPU_BASE = 1, /* templates for the compiler's default target */
+    SST_CPU_BASE = 1, /* templates for the compiler's default target; on arm64 it has NEON */
+#if defined(__aarch64__)
+    SST_CPU_DOTPROD = 2, /* NEON with byte dot products: Cortex-A76, Neoverse N1, Apple M1 and later */
+    SST_CPU_I8MM = 3,    /* ... of signed by unsigned bytes: Cortex-A510, Neoverse V1, Apple M2 and later */
+#else
     SST_CPU_AVX2 = 2,
     SST_CPU_AVXVNNI = 3, /* AVX2 with byte dot products: Alder Lake, Sierra Forest, Zen 5 and later */
     SST_CPU_AVX512 = 4,  /* F, BW, DQ, VL, VPOPCNTDQ, BITALG, VBMI, VNNI: Ice Lake, Zen 4 and later */
+#endif
+    SST_CPU_LEVELS
 };
 
 /** One line per kernel: X(name). Its type sst_<name>_fn, contract and arguments are declared below. */
@@ -574,7 +581,8 @@ struct sst_kernels {
 SST_KERNEL_LIST(X)
 #undef X
 
-/** The kernels for this CPU. SST_CPU=ref|base|avx2|avxvnni|avx512 in the environment caps the level. Thread: any. */
+/** The kernels for this CPU. SST_CPU=ref|base|avx2|avxvnni|avx512, on arm64 ref|neon|dotprod|i8mm, in the environment
+ *  caps the level. Thread: any. */
 const struct sst_kernels *sst_kernels_get(void);
 
 /** The table of one level. @return false if this CPU or build lacks it. */
@@ -584,10 +592,12 @@ int sst_kernels_at(enum sst_cpu_level level, struct sst_kernels *out);
 enum sst_cpu_level sst_cpu_level(void);
 const char *sst_cpu_level_name(enum sst_cpu_level level);
 
-/* Fill functions of the levels, defined by templates.h. */
+/* Fill functions of the levels, defined by templates.h and in arm/. */
 void sst_kernels_fill_base(struct sst_kernels *k);
 void sst_kernels_fill_avx2(struct sst_kernels *k);
 void sst_kernels_fill_avxvnni(struct sst_kernels *k);
 void sst_kernels_fill_avx512(struct sst_kernels *k);
+void sst_kernels_fill_dotprod(struct sst_kernels *k);
+void sst_kernels_fill_i8mm(struct sst_kernels *k);
 
 #endif

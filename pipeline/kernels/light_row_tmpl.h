@@ -1,6 +1,9 @@
 /* light_row: light times a factor, sRGB to sRGB */
 #include "pipeline/kernels/light_code.h"
 
+#if defined(__aarch64__)
+#include "pipeline/kernels/arm/light_row_tmpl.h"
+#else
 static void KERNEL(light_row)(uint8_t *restrict out, const struct sst_light *light, size_t n)
 {
     const uint16_t *restrict value = light->value;
@@ -15,3 +18,4 @@ static void KERNEL(light_row)(uint8_t *restrict out, const struct sst_light *lig
         out[x] = (uint8_t)(int)((kept < 255.0f ? kept : 255.0f) + 0.5f);
     }
 }
+#endif

@@ -1,3 +1,6 @@
+#if defined(__aarch64__)
+#include "pipeline/kernels/arm/median_tmpl.h"
+#else
 /*
  * Forgetful selection: of any 14 of the 25 values neither the smallest nor the largest is the median, so both are
  * dropped, the next value is added, and so on with 13, 12, ... 2 + 1. Each step is minima and maxima over a block of
@@ -39,3 +42,4 @@ static void KERNEL(median5_row)(uint16_t *restrict out, const uint16_t *const ro
         rest[j] = rows[j] + start;
     sst_median5_row_ref(out + start, rest, n - start);
 }
+#endif

@@ -106,6 +106,8 @@ static inline void KERNEL(resample_run)(uint16_t *const out[3], const struct sst
     }
 }
 
+#elif defined(__aarch64__)
+#include "pipeline/kernels/arm/resample_row_tmpl.h"
 #else
 
 /* Sums of one byte position over the rows, four colours of one column side by side. */

@@ -74,6 +74,9 @@ static void KERNEL(subpixel_fit_row)(float *weight, float *product, const int32_
     }
 }
 
+#if defined(__aarch64__)
+#include "pipeline/kernels/arm/subpixel_tmpl.h"
+#else
 static SST_NOINLINE void KERNEL(subpixel_tap)(float *restrict weight, float *restrict product,
                                               const struct sst_subpixel_window *w, ptrdiff_t x, ptrdiff_t move)
 {
@@ -110,3 +113,4 @@ static void KERNEL(subpixel_window_row)(float *weight, float *product, const str
         }
     }
 }
+#endif

@@ -1,3 +1,6 @@
+#if defined(__aarch64__)
+#include "pipeline/kernels/arm/winner_tmpl.h"
+#else
 /* The index is in the low half of a 32-bit key, so that one minimum finds value and smallest index at once. */
 static void KERNEL(winner_row)(uint16_t *restrict best, uint16_t *restrict second, const uint16_t *restrict sum,
                                size_t stride, size_t n, size_t nd)
@@ -22,3 +25,4 @@ static void KERNEL(winner_row)(uint16_t *restrict best, uint16_t *restrict secon
         second[x] = other;
     }
 }
+#endif

@@ -36,7 +36,7 @@ static double run(const struct sst_kernels *k, uint8_t *cost, const uint8_t *fea
 
 int main(int argc, char **argv)
 {
-    static double took[SST_CPU_AVX512 + 1][2][ROUNDS_MAX];
+    static double took[SST_CPU_LEVELS][2][ROUNDS_MAX];
     const int rounds = argc == 2 ? atoi(argv[1]) : 0;
     uint8_t *features = sst_mem_alloc(ROWS, ROW_BYTES), *cost = sst_mem_alloc(PLACES, WIDTH);
     const double products = (double)REPEAT * PLACES * WIDTH * SST_FEATURE_CHANNELS;
@@ -48,7 +48,7 @@ int main(int argc, char **argv)
     for (size_t i = 0; i < (size_t)ROWS * ROW_BYTES; i++)
         features[i] = (uint8_t)(i * 2654435761u >> 13);
     for (int round = 0; round < rounds; round++) {
-        for (int run_of = 0; run_of < 2 * (SST_CPU_AVX512 + 1); run_of++) {
+        for (int run_of = 0; run_of < 2 * SST_CPU_LEVELS; run_of++) {
             struct sst_kernels k;
 
             if (sst_kernels_at((enum sst_cpu_level)(run_of / 2), &k))
@@ -56,7 +56,7 @@ int main(int argc, char **argv)
         }
     }
     printf("level,neighbour,ms,products_per_ns\n");
-    for (int level = 0; level <= SST_CPU_AVX512; level++) {
+    for (int level = 0; level < SST_CPU_LEVELS; level++) {
         for (int below = 0; below < 2; below++) {
             double *t = took[level][below];
 

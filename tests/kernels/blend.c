@@ -84,7 +84,7 @@ static void blend_equals_reference(void **state SST_UNUSED)
     assert_non_null(table);
     for (size_t i = 0; i < 256 * SST_BLEND_COLUMNS; i++)
         table[i] = (float)(sst_random_u64(&seed) % 1000) / 1000;
-    for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {
         struct sst_kernels k;
 
         if (!sst_kernels_at((enum sst_cpu_level)level, &k)) {
@@ -100,7 +100,7 @@ static void blend_equals_reference(void **state SST_UNUSED)
 
 static void finish_equals_reference(void **state SST_UNUSED)
 {
-    for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {
         struct sst_kernels k;
 
         if (!sst_kernels_at((enum sst_cpu_level)level, &k))
@@ -123,7 +123,7 @@ static void finish_equals_reference(void **state SST_UNUSED)
 
 static void support_equals_reference(void **state SST_UNUSED)
 {
-    for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {
         struct sst_kernels k;
 
         if (!sst_kernels_at((enum sst_cpu_level)level, &k))

@@ -188,7 +188,7 @@ static void check_take(const struct sst_kernels *k, int w, int h, enum sst_cpu_l
 
 static void clear_equals_reference(void **state SST_UNUSED)
 {
-    for (int level = SST_CPU_REF; level <= SST_CPU_AVX512; level++) {
+    for (int level = SST_CPU_REF; level < SST_CPU_LEVELS; level++) {
         struct sst_kernels k;
 
         if (!sst_kernels_at((enum sst_cpu_level)level, &k))

@@ -8,7 +8,7 @@
 static uint64_t seed = 0xC0FFEE123456789ull;
 
 #define FOR_EACH_LEVEL(k, level)                                                                                       \
-    for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++)                                                   \
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++)                                                   \
         if (sst_kernels_at((enum sst_cpu_level)level, &(k)))
 
 enum { W = 37, H = 11, STRIDE = W + 3, ENTRIES = W * SST_HYPOTHESES };
@@ -168,7 +168,7 @@ static void path_along_a_row(void **state SST_UNUSED)
         hypothesis[i] = (uint16_t)(i % SST_HYPOTHESES * 1000);
     for (int i = 0; i < SST_HYPOTHESES; i++)
         path[i] = i == 5 ? 0 : 300;
-    for (int level = SST_CPU_REF; level <= SST_CPU_AVX512; level++) {
+    for (int level = SST_CPU_REF; level < SST_CPU_LEVELS; level++) {
         if (!sst_kernels_at((enum sst_cpu_level)level, &k))
             continue;
         k.hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,

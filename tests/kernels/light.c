@@ -92,7 +92,7 @@ static void levels_equal_the_reference(void **state SST_UNUSED)
     static const size_t widths[] = { 1, 7, 15, 16, 17, 31, 32, 33, 63, 64, 65, 129, 512 };
     uint64_t seed = 5;
 
-    for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {
         struct sst_kernels k;
 
         if (!sst_kernels_at((enum sst_cpu_level)level, &k)) {

@@ -69,7 +69,7 @@ static void resample_equals_reference(void **state SST_UNUSED)
     static const size_t counts[] = { 1, 2, 3, 7, 8, 9, 63, 129, 512 };
     const uint8_t *picture = guarded_picture();
 
-    for (int level = SST_CPU_BASE; level <= SST_CPU_AVX512; level++) {
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {
         struct sst_kernels k;
 
         if (!sst_kernels_at((enum sst_cpu_level)level, &k)) {

@@ -9,7 +9,7 @@
 static uint64_t seed = 0xFEDCBA987654321ull;
 
 #define FOR_EACH_LEVEL(k, level)                                                                                       \
-    for (int level = SST_CPU_REF; level <= SST_CPU_AVX512; level++)                                                    \
+    for (int level = SST_CPU_REF; level < SST_CPU_LEVELS; level++)                                                    \
         if (sst_kernels_at((enum sst_cpu_level)level, &(k)))
 
 enum { MOST = 150, H = 9, STRIDE = MOST + 3, REACH = 8 };

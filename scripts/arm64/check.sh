@@ -1,0 +1,20 @@
+#!/usr/bin/env bash
+# check.sh: build all programs for arm64 with warnings as errors, and run the tests of kernels in an emulator: on a CPU that
+# has every level, and on one without byte dot products. Without the cross compiler, libraries or emulator it is a skip.
+set -eu
+cd "$(dirname "$0")/../.."
+skip() {
+  echo "skip  arm64: $1"
+  echo
+  echo "0 passed, 0 failed, 1 skipped"
+  exit 0
+}
+scripts/deps.sh scripts/arm64/packages.txt || skip "its compiler and emulator cannot be installed"
+scripts/arm64/sysroot.sh build-arm64/sysroot || skip "its libraries cannot be unpacked"
+make ARCH=arm64 WERROR=1 -j"$(nproc)" all kernel-tests
+rc=0
+for cpu in max cortex-a53; do
+  echo "arm64, qemu-aarch64 -cpu $cpu:"
+  SST_RUNNER="qemu-aarch64 -cpu $cpu -L $PWD/build-arm64/sysroot" scripts/run_tests.sh build-arm64/tests/kernels/* || rc=1
+done
+exit $rc

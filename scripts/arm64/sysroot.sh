@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# sysroot.sh DIR [all]: unpack the arm64 libraries that the build cannot do without, or those of all optional parts too,
+# from Debian's archive into DIR. apt resolves them as on an empty arm64 machine, with lists of its own: no root, and no
+# change to the packages of this machine.
+set -eu
+cd "$(dirname "$0")/../.."
+dir=$(realpath -m "$1") what=${2-required}
+# The libraries of scripts/packages.txt; the required ones come first.
+packages=$([ "$what" = all ] && cat scripts/packages.txt || sed '/^# Optional/,$d' scripts/packages.txt)
+packages=$(sed 's/#.*//' <<<"$packages" | grep -E -- '-dev *$')
+stamp=$(echo "$what" $packages | cksum)
+[ "$(cat "$dir/.complete" 2>/dev/null)" != "$stamp" ] || exit 0
+for p in dpkg-deb apt-get; do
+  command -v $p >/dev/null || { echo "no $p: arm64 libraries come from Debian's packages" >&2; exit 1; }
+done
+
+new=$dir.new
+trap 'rm -rf "$new"' EXIT
+rm -rf "$new"
+mkdir -p "$new/apt/lists/partial" "$new/apt/archives/partial" "$new/root"
+: >"$new/apt/status"
+apt() {
+  apt-get -qq -o APT::Architecture=arm64 -o APT::Architectures=arm64 -o Dir::State="$new/apt" -o Dir::Cache="$new/apt" \
+    -o Dir::State::status="$new/apt/status" -o Acquire::Retries=3 -o Debug::NoLocking=1 -o APT::Sandbox::User=root "$@"
+}
+echo "unpacking arm64 libraries into $dir"
+apt update || echo "not all lists of packages are new" >&2
+apt install -y --no-install-recommends --download-only $packages >/dev/null
+for deb in "$new"/apt/archives/*.deb; do dpkg-deb -x "$deb" "$new/root"; done
+# Links that start at the root lead out of it. What update-alternatives would link lies in folders of its own.
+find "$new/root" -type l -lname '/*' | while read -r link; do
+  ln -sfnr "$new/root$(readlink "$link")" "$link"
+done
+for lib in "$new"/root/usr/lib/aarch64-linux-gnu/{blas,lapack}/*.so*; do
+  [ ! -e "$lib" ] || ln -sfr "$lib" "$new/root/usr/lib/aarch64-linux-gnu/"
+done
+echo "$stamp" >"$new/root/.complete"
+rm -rf "$dir"
+mkdir -p "${dir%/*}"
+mv "$new/root" "$dir"
