@@ -198,10 +198,51 @@ static void a_cancelled_run_stops(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
+/* Carried labels: the key views' are the network's, the others' mostly the same, and no pixel outside a view has one.
+ */
+static void labels_of_key_views_are_carried(void **state SST_UNUSED)
+{
+    struct sst_process_config all = config(2), some = config(3), one = config(1);
+    struct sst_process_report report, exact;
+    struct sst_lightfield whole, carried, again;
+    int same = 0, n = 0, unlabelled = 0;
+    bool skipped[SIDE * SIDE];
+
+    some.skip_labels = one.skip_labels = true;
+    copy_views(&whole);
+    copy_views(&carried);
+    copy_views(&again);
+    assert_int_equal(sst_process(&whole, &all, NULL, &exact), 0);
+    assert_int_equal(sst_process(&carried, &some, NULL, &report), 0);
+    assert_int_equal(sst_process(&again, &one, NULL, NULL), 0);
+    assert_same_maps(&carried, &again);
+    assert_true(isnan(exact.labels_skipped) && isnan(exact.labels_error));
+    assert_true(sst_disparity_keys(&whole, 3, skipped) < 8);
+    assert_true(report.labels_skipped > 0 && report.labels_skipped < 100);
+    for (int k = 0; k < SIDE * SIDE - 1; k++) {
+        for (int i = 0; i < PIXELS && skipped[k]; i++) {
+            const uint8_t want = sst_map_u8_row(&whole.views[k].label, i / WIDTH)[i % WIDTH];
+            const uint8_t got = sst_map_u8_row(&carried.views[k].label, i / WIDTH)[i % WIDTH];
+
+            n += want != 0;
+            same += want && got == want;
+            unlabelled += want && !got;
+        }
+    }
+    assert_true(10 * same > 7 * n);
+    assert_true(20 * unlabelled < n);
+    for (int y = 0; y < HEIGHT; y++)
+        assert_int_equal(sst_map_u8_row(&carried.views[1].label, y)[9], 0);
+    sst_lightfield_fini(&whole);
+    sst_lightfield_fini(&carried);
+    sst_lightfield_fini(&again);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(labels_without_extras_are_the_same),
+        cmocka_unit_test(labels_of_key_views_are_carried),
         cmocka_unit_test(external_maps_are_kept),
         cmocka_unit_test(a_cancelled_run_stops),
     };
