@@ -66,12 +66,13 @@ struct sst_columns {
  * unknown disparity and uses the label's whole range. A label that does not occur has W_s = 1.
  *
  * @param table   out, [256][SST_BLEND_COLUMNS]
+ * @param range   out, [256] the same in short
  * @param within  out, [256] columns of known disparity in which the focus is within the range of the object, i.e. W_s
  *                exceeds its floor. They are contiguous, since the ranges of a label's objects ascend and all have the
  *                same margin. All columns where C2 is 1, or the label has no range.
  */
-void sst_render_label_weight_table(float *table, struct sst_columns *within, const struct sst_label_histogram *h,
-                                   const struct sst_render_config *cfg);
+void sst_render_label_weight_table(float *table, struct sst_blend_range *range, struct sst_columns *within,
+                                   const struct sst_label_histogram *h, const struct sst_render_config *cfg);
 
 /** True if the table's weights of more than the fraction `share` of the pixels differ from those of h by more than the
  * fraction `tolerance`. */
@@ -134,10 +135,12 @@ struct sst_render_plan {
     const struct sst_lightfield *lf;
     struct sst_render_config cfg;
     bool weighted; /* false: rays have aperture weights only, plain refocusing */
+    bool summed;   /* ... which are all 1 */
     int count;
     struct sst_render_tap tap[SST_MAX_VIEWS]; /* in view order: the order of summation */
     struct sst_blend blend;                   /* shared by all rows */
     float *table;                             /* owned; NULL: label weights are all 1 */
+    struct sst_blend_range *range;            /* [256] owned; the same in short */
     uint32_t ends[256];                       /* rays that end at the focus, see sst_blend_support_fn; if weighted */
     /* for verification; only one caller at a time may render from a plan */
     int verifiers;

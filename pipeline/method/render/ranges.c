@@ -331,11 +331,33 @@ static void weight_row(float *row, struct sst_columns *within, const struct sst_
     row[SST_BLEND_COLUMNS - 1] = narrow(range_weight(h, cfg, count, 0, SST_BLEND_COLUMNS, cut, 0) * factor);
 }
 
-void sst_render_label_weight_table(float *table, struct sst_columns *within, const struct sst_label_histogram *h,
-                                   const struct sst_render_config *cfg)
+/* The row in short: ranges of equal weights but for those of the first column's, which is `outside`. */
+static struct sst_blend_range shorten_row(const float *row)
 {
-    for (int label = 0; label < 256; label++)
-        weight_row(table + (size_t)label * SST_BLEND_COLUMNS, &within[label], h, cfg, label);
+    struct sst_blend_range r = { .outside = row[0] };
+
+    for (int c = 0, end; c < SST_BLEND_COLUMNS - 1; c = end) {
+        for (end = c + 1; end < SST_BLEND_COLUMNS - 1 && row[end] == row[c]; end++)
+            ;
+        if (row[c] == r.outside)
+            continue;
+        if (r.ranges < SST_BLEND_RANGES) {
+            r.first[r.ranges] = (uint16_t)(c << SST_BLEND_COLUMN_SHIFT);
+            r.count[r.ranges] = (uint16_t)((end - c) << SST_BLEND_COLUMN_SHIFT);
+            r.inside[r.ranges] = row[c];
+        }
+        r.ranges++;
+    }
+    return r;
+}
+
+void sst_render_label_weight_table(float *table, struct sst_blend_range *range, struct sst_columns *within,
+                                   const struct sst_label_histogram *h, const struct sst_render_config *cfg)
+{
+    for (int label = 0; label < 256; label++, table += SST_BLEND_COLUMNS) {
+        weight_row(table, &within[label], h, cfg, label);
+        range[label] = shorten_row(table);
+    }
 }
 
 static bool differs(float a, float b, double tolerance)
