@@ -331,7 +331,7 @@ static __attribute__((noinline)) struct KERNEL(blend_weights) KERNEL(blend_label
     float each[BLEND_BLOCK];
 
     for (size_t i = 0; i < BLEND_BLOCK; i++)
-        each[i] = b->label_weight[b->label[x + i] * SST_BLEND_COLUMNS + (b->disp[x + i] >> SST_BLEND_COLUMN_SHIFT)];
+        each[i] = b->range[b->label[x + i]].weight[b->disp[x + i] >> SST_BLEND_COLUMN_SHIFT];
     for (int half = 0; half < 2; half++)
         w.half[half] = KERNEL(blend_load)(each + half * BLEND_HALF);
     return w;

@@ -10,7 +10,7 @@ static float ray_weight(const struct sst_blend *b, size_t x)
     d = ((float)b->disp[x] - b->focus_whole_q6) - b->focus_part_q6;
     w_d = ((uint16_t)(b->disp[x] - b->first) < b->count ? sst_exp2_neg(d * d * b->scale, b->power) : 0) + b->c1;
     if (b->label)
-        w_s = b->label_weight[b->label[x] * (size_t)SST_BLEND_COLUMNS + (b->disp[x] >> SST_BLEND_COLUMN_SHIFT)];
+        w_s = b->range[b->label[x]].weight[b->disp[x] >> SST_BLEND_COLUMN_SHIFT];
     return b->aperture * w_s * w_d;
 }
 

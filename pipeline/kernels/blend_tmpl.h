@@ -34,12 +34,8 @@ static inline void KERNEL(blend_depth_weights)(float *restrict w, const struct s
 
 static inline void KERNEL(blend_label_weights)(float *restrict w, const struct sst_blend *b, size_t n)
 {
-    const float *restrict table = b->label_weight;
-    const uint8_t *restrict label = b->label;
-    const uint16_t *restrict disp = b->disp;
-
     for (size_t x = 0; x < n; x++)
-        w[x] = label ? table[label[x] * SST_BLEND_COLUMNS + (disp[x] >> SST_BLEND_COLUMN_SHIFT)] : 1.0f;
+        w[x] = b->label ? b->range[b->label[x]].weight[b->disp[x] >> SST_BLEND_COLUMN_SHIFT] : 1.0f;
 }
 
 /* From the x-th pixel on. */

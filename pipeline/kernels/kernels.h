@@ -295,9 +295,10 @@ static inline void sst_blend_set_taps(int16_t tap[4], double fx, double fy)
 
 #define SST_BLEND_RANGES 3
 
-/** W_s of a label by stored disparity: inside[i] for first[i] .. first[i] + count[i] - 1, else `outside`. Not for
- *  disparities of the last column. ranges > SST_BLEND_RANGES: too many, only the table has them. */
+/** W_s of a label by stored disparity; in short, but for disparities of the last column: inside[i] for first[i] ..
+ *  first[i] + count[i] - 1, else `outside`. ranges > SST_BLEND_RANGES: only `weight` has them. */
 struct sst_blend_range {
+    const float *weight; /* [SST_BLEND_COLUMNS], by stored disparity / 16 */
     int ranges;
     uint16_t first[SST_BLEND_RANGES], count[SST_BLEND_RANGES];
     float inside[SST_BLEND_RANGES], outside;
@@ -313,8 +314,7 @@ struct sst_blend {
     float aperture;                      /* weight of the view */
     const uint16_t *disp;                /* nearest pixel, n of them; 0xFFFF: unknown. NULL: W_s = W_d = 1 */
     const uint8_t *label;                /* nearest pixel; NULL: W_s = 1 */
-    const float *label_weight;           /* [256][SST_BLEND_COLUMNS]: W_s by label and stored disparity / 16 */
-    const struct sst_blend_range *range; /* [256] the same in short */
+    const struct sst_blend_range *range; /* [256] W_s by label */
     float focus_whole_q6, focus_part_q6; /* d_f in stored units, split so that their rounding does not show */
     float scale;                         /* log2(e) / (2 sigma_d^2) in stored units, >= 0 */
     float power[5];                      /* SST_EXP2_POWER of exp_neg.h times 1 - C1 */

@@ -59,7 +59,7 @@ static struct weights *random_weights(void)
         float *row = w->table + label * SST_BLEND_COLUMNS;
         struct sst_blend_range *r = &w->range[label];
 
-        *r = (struct sst_blend_range){ .ranges = (int)(label % 5), .outside = random_share() };
+        *r = (struct sst_blend_range){ .weight = row, .ranges = (int)(label % 5), .outside = random_share() };
         for (size_t c = 0; c < SST_BLEND_COLUMNS; c++)
             row[c] = r->ranges > SST_BLEND_RANGES || c == SST_BLEND_COLUMNS - 1 ? random_share() : r->outside;
         for (int i = 0; i < r->ranges && r->ranges <= SST_BLEND_RANGES; i++) {
@@ -103,7 +103,6 @@ static const uint16_t *random_disparities(size_t n)
 static struct sst_blend random_blend(size_t n, const struct weights *weights)
 {
     struct sst_blend b = { .aperture = 0.75f,
-                           .label_weight = weights->table,
                            .range = weights->range,
                            .focus_whole_q6 = 300,
                            .focus_part_q6 = -0.25f,
@@ -249,7 +248,8 @@ static void support_by_hand(void **state SST_UNUSED)
  * the focus, 2 sigma^2 = 64: exp(-1) = 0.36788; c1 = 0.2: W_d = 0.49430; W_s = 0.5, A = 2: weight 0.49430. */
 static void reference_is_the_formula(void **state SST_UNUSED)
 {
-    static float table[256 * SST_BLEND_COLUMNS];
+    static float row[SST_BLEND_COLUMNS];
+    static const struct sst_blend_range range[256] = { [7] = { .weight = row, .ranges = SST_BLEND_RANGES + 1 } };
     const uint8_t top[] = { 10, 30 }, bottom[] = { 50, 110 }, label = 7;
     const uint16_t disp = 100;
     struct sst_blend b = { .top = { top, top, top },
@@ -257,7 +257,7 @@ static void reference_is_the_formula(void **state SST_UNUSED)
                            .aperture = 2,
                            .disp = &disp,
                            .label = &label,
-                           .label_weight = table,
+                           .range = range,
                            .focus_whole_q6 = 92,
                            .scale = (float)(M_LOG2E / 64),
                            .power = SST_EXP2_POWER,
@@ -271,8 +271,8 @@ static void reference_is_the_formula(void **state SST_UNUSED)
     for (int i = 0; i < SST_EXP2_POWERS; i++)
         b.power[i] *= 0.8f;
     sst_blend_set_taps(b.tap, 0.5, 0.25);
-    table[7 * SST_BLEND_COLUMNS + 100 / 16] = 0.5f;
-    table[7 * SST_BLEND_COLUMNS + SST_BLEND_COLUMNS - 1] = 1;
+    row[100 / 16] = 0.5f;
+    row[SST_BLEND_COLUMNS - 1] = 1;
     sst_blend_rays_ref(acc, &b, 1);
     assert_true(fabs(w - 0.494304) < 3e-6);
     assert_true(fabs(r - (1 + 35 * SST_BLEND_LEVEL * 0.494304)) < 2);

@@ -287,7 +287,7 @@ static void set_label_weights(struct sst_render_plan *p, const struct sst_render
 {
     struct sst_columns within[256];
 
-    sst_render_label_weight_table(p->table, p->range, within, &r->histogram, &p->cfg);
+    sst_render_label_weights(p->table, p->range, within, &r->histogram, &p->cfg);
     set_ends(p, within);
 }
 
@@ -342,14 +342,13 @@ static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
     err = sst_renderer_count(r);
     if (err)
         return err;
-    p->table = sst_mem_alloc_raw((size_t)256 * SST_BLEND_COLUMNS, sizeof(float));
+    p->table = sst_mem_alloc_raw((size_t)257 * SST_BLEND_COLUMNS, sizeof(float));
     p->range = calloc(256, sizeof(*p->range));
     if (!p->table || !p->range) {
         sst_log_error("not enough memory for the table of label weights");
         return -ENOMEM;
     }
     set_label_weights(p, r);
-    p->blend.label_weight = p->table;
     p->blend.range = p->range;
     return 0;
 }
@@ -421,7 +420,7 @@ void sst_render_plan_fini(struct sst_render_plan *p)
 
 bool sst_render_plan_update(struct sst_render_plan *p, const struct sst_renderer *r, double tolerance, double share)
 {
-    const bool labels = p->table && sst_render_label_weight_differs(p->table, &r->histogram, &p->cfg, tolerance, share);
+    const bool labels = p->table && sst_render_label_weights_differ(p->range, &r->histogram, &p->cfg, tolerance, share);
 
     if (!labels && !(p->rarity && sst_rarity_differs(p->rarity, r->rarity, tolerance)))
         return false;
@@ -434,5 +433,5 @@ bool sst_render_plan_update(struct sst_render_plan *p, const struct sst_renderer
 
 double sst_render_plan_label_weight(const struct sst_render_plan *p, int label, uint16_t disp_q6)
 {
-    return p->table ? (double)p->table[(size_t)label * SST_BLEND_COLUMNS + (disp_q6 >> SST_BLEND_COLUMN_SHIFT)] : 1;
+    return p->table ? (double)p->range[label].weight[disp_q6 >> SST_BLEND_COLUMN_SHIFT] : 1;
 }
