@@ -3,5 +3,5 @@
 void sst_blend_finish_ref(uint8_t *out, const float *sum, const float *weight, size_t n)
 {
     for (size_t x = 0; x < n; x++)
-        out[x] = (uint8_t)(sum[x] / (weight[x] + SST_BLEND_TINY) + 0.5f);
+        out[x] = (uint8_t)(sum[x] * (1.0f / SST_BLEND_LEVEL) / (weight[x] + SST_BLEND_TINY) + 0.5f);
 }

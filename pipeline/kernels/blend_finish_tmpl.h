@@ -3,5 +3,5 @@ static void KERNEL(blend_finish)(uint8_t *restrict out, const float *restrict su
                                  size_t n)
 {
     for (size_t x = 0; x < n; x++)
-        out[x] = (uint8_t)(int)(sum[x] / (weight[x] + SST_BLEND_TINY) + 0.5f);
+        out[x] = (uint8_t)(int)(sum[x] * (1.0f / SST_BLEND_LEVEL) / (weight[x] + SST_BLEND_TINY) + 0.5f);
 }

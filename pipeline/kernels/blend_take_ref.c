@@ -6,7 +6,7 @@ void sst_blend_take_ref(uint8_t *const colour[3], float *weight, const struct ss
         float sum[3] = { 0, 0, 0 }, w = 0, *const one[4] = { sum, sum + 1, sum + 2, &w };
         struct sst_blend pixel = *b;
 
-        pixel.disp = b->disp + x;
+        pixel.disp = b->disp ? b->disp + x : NULL;
         pixel.label = b->label ? b->label + x : NULL;
         for (int c = 0; c < 3; c++) {
             pixel.top[c] = b->top[c] + x;

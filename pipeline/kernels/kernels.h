@@ -2,6 +2,8 @@
 #ifndef SST_PIPELINE_KERNELS_KERNELS_H
 #define SST_PIPELINE_KERNELS_KERNELS_H
 
+#include <stdbool.h>
+
 #include "base/base.h"
 
 /*
@@ -282,45 +284,64 @@ typedef void sst_subpixel_window_row_fn(float *weight, float *product, const str
 #define SST_BLEND_FLOOR        1e-28f /* smaller weight sums are invalid */
 #define SST_BLEND_TINY         1e-37f /* changes no weight sum above the floor, and keeps 0 / 0 away below it */
 
-/** Position between two pixels, 0 <= f < 1, for colours of 16 bits: levels times SST_BLEND_LEVEL are interpolated as
- *  v0 + ((v1 - v0) f + 2^14) >> 15, between the rows and then between the columns, off by at most 1/64 level. */
-static inline int16_t sst_blend_fraction(float f)
-{
-    const int whole = (int)(f * 32768 + 0.5F);
+#define SST_BLEND_LEVEL_BITS 14
+#define SST_BLEND_LEVEL      (1 << SST_BLEND_LEVEL_BITS) /* colours are levels times this, whole numbers */
 
-    return (int16_t)(whole < 32767 ? whole : 32767);
+/** Weights of the four pixels around a position, 0 <= fx, fy < 1, as whole numbers with sum SST_BLEND_LEVEL: colours
+ * are off by less than 1/32 level. */
+static inline void sst_blend_set_taps(int16_t tap[4], double fx, double fy)
+{
+    const int right = (int)(fx * SST_BLEND_LEVEL + 0.5), below = (int)(fy * SST_BLEND_LEVEL + 0.5);
+    const int both = (int)(fx * fy * SST_BLEND_LEVEL + 0.5);
+
+    tap[0] = (int16_t)(SST_BLEND_LEVEL - right - below + both);
+    tap[1] = (int16_t)(right - both);
+    tap[2] = (int16_t)(below - both);
+    tap[3] = (int16_t)both;
 }
-#define SST_BLEND_LEVEL 128
+
+#define SST_BLEND_RANGES 3
+
+/** W_s of a label by stored disparity; in short, but for disparities of the last column: inside[i] for first[i] ..
+ *  first[i] + count[i] - 1, else `outside`. ranges > SST_BLEND_RANGES: only `weight` has them. */
+struct sst_blend_range {
+    const float *weight; /* [SST_BLEND_COLUMNS], by stored disparity / 16 */
+    int ranges;
+    uint16_t first[SST_BLEND_RANGES], count[SST_BLEND_RANGES];
+    float inside[SST_BLEND_RANGES], outside;
+};
 
 /** Contribution of one view to a stretch of one output row. Pointers refer to the source pixel of the first output
  *  pixel. */
 struct sst_blend {
     const uint8_t *top[3], *bottom[3]; /* R, G, B of the two source rows, n + 1 pixels readable in each */
-    float fx, fy;                      /* position between the two columns and rows, 0 <= f < 1 */
-    float aperture;                    /* weight of the view */
-    /* only for blend_rays */
-    const uint16_t *disp;                /* nearest pixel, n of them; 0xFFFF: unknown */
-    const uint8_t *label;                /* nearest pixel; NULL: all label weights are 1 */
-    const float *label_weight;           /* [256][SST_BLEND_COLUMNS]: W_s by label and stored disparity / 16 */
+    int16_t tap[4];                    /* sst_blend_set_taps(): of top[x], top[x + 1], bottom[x], bottom[x + 1] */
+    const struct sst_blend *next;      /* of the next call, prefetched as far as n; NULL: unknown */
+    /* not for blend_plain */
+    float aperture;                      /* weight of the view */
+    const uint16_t *disp;                /* nearest pixel, n of them; 0xFFFF: unknown. NULL: W_s = W_d = 1 */
+    const uint8_t *label;                /* nearest pixel; NULL: W_s = 1 */
+    const struct sst_blend_range *range; /* [256] W_s by label */
     float focus_whole_q6, focus_part_q6; /* d_f in stored units, split so that their rounding does not show */
-    float half_inverse_variance;         /* 1 / (2 sigma_d^2) in stored units, >= 0 */
-    float c1, one_minus_c1;
-    float unknown; /* W_d of a ray of unknown disparity */
+    float scale;                         /* log2(e) / (2 sigma_d^2) in stored units, >= 0 */
+    float power[5];                      /* SST_EXP2_POWER of exp_neg.h times 1 - C1 */
+    float c1;
+    uint16_t first, count; /* stored disparities from `first` on whose W_d is not C1; not 0xFFFF */
 };
 
 /**
- * acc[0..2] += A W_s W_d C, acc[3] += A W_s W_d (design.md, 5.4) with C bilinear between the two rows,
- * W_d = one_minus_c1 exp(-(focus - disp)^2 half_inverse_variance) + c1.
+ * acc[0..2] += A W_s W_d C, acc[3] += A W_s W_d (design.md, 5.4) with C bilinear, times SST_BLEND_LEVEL, and
+ * W_d = (1 - C1) 2^-((focus - disp)^2 scale) + C1.
  *
- * @param acc  in and out, four rows of n; n at most SST_BLEND_MAX. The exponential is sst_exp_neg() of exp_neg.h, its
- *             argument clamped to SST_EXP_NEG_MAX: smaller results are below SST_BLEND_FLOOR.
+ * @param acc  in and out, four rows of n; n at most SST_BLEND_MAX
  */
 typedef void sst_blend_rays_fn(float *const acc[4], const struct sst_blend *b, size_t n);
 
-/** The same with W_s = W_d = 1: plain refocusing. */
-typedef void sst_blend_plain_fn(float *const acc[4], const struct sst_blend *b, size_t n);
+/** sum += C, count += 1: plain refocusing. 512 views fit. */
+typedef void sst_blend_plain_fn(int32_t *const sum[3], float *count, const struct sst_blend *b, size_t n);
 
-/** out = sum / (weight + SST_BLEND_TINY) to the nearest value. sum <= 255 weight but for rounding. */
+/** out = sum / SST_BLEND_LEVEL / (weight + SST_BLEND_TINY) to the nearest value. sum <= 255 SST_BLEND_LEVEL weight but
+ *  for rounding. */
 typedef void sst_blend_finish_fn(uint8_t *out, const float *sum, const float *weight, size_t n);
 
 /** The rays of blend_rays one by one: colours rounded, weights A W_s W_d. n at most SST_BLEND_MAX. */

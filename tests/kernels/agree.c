@@ -39,53 +39,6 @@ static void for_levels(void (*check)(const struct sst_kernels *k, size_t n))
     }
 }
 
-static void check_take(const struct sst_kernels *k, size_t n)
-{
-    static float table[256 * SST_BLEND_COLUMNS];
-    uint16_t *disp = random_bytes(2 * n);
-    uint8_t *label = random_bytes(n), *row[6], *colour[2][3];
-    float *weight[2] = { random_bytes(n * sizeof(float)), random_bytes(n * sizeof(float)) };
-    struct sst_blend b = { .fx = 0.3f,
-                           .fy = (float)(n % 4) / 4,
-                           .aperture = 0.75f,
-                           .disp = disp,
-                           .label = n % 3 ? label : NULL,
-                           .label_weight = table,
-                           .focus_whole_q6 = 300,
-                           .focus_part_q6 = -0.25f,
-                           .half_inverse_variance = 1 / 3000.0f,
-                           .c1 = 0.01f,
-                           .one_minus_c1 = 0.99f,
-                           .unknown = 0.01f };
-
-    for (size_t i = 0; i < ARRAY_LEN(table); i += 7)
-        table[i] = 0.5f;
-    for (size_t x = 0; x < n; x++)
-        disp[x] = (uint16_t)(x % 9 ? disp[x] % 700 : 0xFFFF);
-    for (int i = 0; i < 6; i++)
-        row[i] = random_bytes(n + 1);
-    for (int c = 0; c < 3; c++) {
-        b.top[c] = row[c];
-        b.bottom[c] = row[3 + c];
-        for (int i = 0; i < 2; i++)
-            colour[i][c] = random_bytes(n);
-    }
-    sst_blend_take_ref(colour[0], weight[0], &b, n);
-    k->blend_take(colour[1], weight[1], &b, n);
-    assert_memory_equal(weight[0], weight[1], n * sizeof(float));
-    for (int c = 0; c < 3; c++) {
-        assert_memory_equal(colour[0][c], colour[1][c], n);
-        free(colour[0][c]);
-        free(colour[1][c]);
-    }
-    for (int i = 0; i < 6; i++)
-        free(row[i]);
-    free(weight[0]);
-    free(weight[1]);
-    free(disp);
-    free(label);
-}
-
 static void check_votes(const struct sst_kernels *k, size_t n)
 {
     uint8_t *c[3] = { random_bytes(n), random_bytes(n), random_bytes(n) }, *rarity = random_bytes(SST_AGREE_BINS);
@@ -219,7 +172,6 @@ static void check_enlarge(const struct sst_kernels *k, size_t n)
 
 static void kernels_equal_their_references(void **state SST_UNUSED)
 {
-    for_levels(check_take);
     for_levels(check_votes);
     for_levels(check_near);
     for_levels(check_sum);

@@ -22,6 +22,7 @@ static float *guard_floats(size_t n)
 
 struct accumulators {
     float *row[4];
+    int32_t *sum[3]; /* the same memory */
 };
 
 static struct accumulators guard_accumulators(size_t n, const struct accumulators *from)
@@ -32,43 +33,110 @@ static struct accumulators guard_accumulators(size_t n, const struct accumulator
         a.row[c] = guard_floats(n);
         if (from)
             memcpy(a.row[c], from->row[c], n * sizeof(float));
+        if (c < 3)
+            a.sum[c] = (int32_t *)(void *)a.row[c];
     }
     return a;
 }
 
-static struct sst_blend random_blend(size_t n, const float *table)
+static float random_share(void)
 {
-    struct sst_blend b = { .fx = (float)(sst_random_u64(&seed) % 1000) / 1000,
-                           .fy = (float)(sst_random_u64(&seed) % 1000) / 1000,
-                           .aperture = 0.75f,
-                           .label_weight = table,
+    return (float)(sst_random_u64(&seed) % 1000) / 1000;
+}
+
+/* Weights by label and disparity; every fifth label's are irregular. */
+struct weights {
+    float table[256 * SST_BLEND_COLUMNS];
+    struct sst_blend_range range[256];
+};
+
+static struct weights *random_weights(void)
+{
+    struct weights *w = malloc(sizeof(*w));
+
+    assert_non_null(w);
+    for (size_t label = 0; label < 256; label++) {
+        float *row = w->table + label * SST_BLEND_COLUMNS;
+        struct sst_blend_range *r = &w->range[label];
+
+        *r = (struct sst_blend_range){ .weight = row, .ranges = (int)(label % 5), .outside = random_share() };
+        for (size_t c = 0; c < SST_BLEND_COLUMNS; c++)
+            row[c] = r->ranges > SST_BLEND_RANGES || c == SST_BLEND_COLUMNS - 1 ? random_share() : r->outside;
+        for (int i = 0; i < r->ranges && r->ranges <= SST_BLEND_RANGES; i++) {
+            const size_t from = 20 * (size_t)i + sst_random_u64(&seed) % 10, to = from + sst_random_u64(&seed) % 10;
+
+            r->first[i] = (uint16_t)(from * 16);
+            r->count[i] = (uint16_t)((to - from) * 16);
+            r->inside[i] = random_share();
+            for (size_t c = from; c < to; c++)
+                row[c] = r->inside[i];
+        }
+    }
+    return w;
+}
+
+/* Runs of random length with one value, so that blocks have one label, few or many. */
+static const uint8_t *random_labels(size_t n)
+{
+    uint8_t *label = guard_random(n, &seed);
+    const size_t run = sst_random_u64(&seed) % 100 + 1, labels = sst_random_u64(&seed) % 3 ? 5 : 256;
+
+    for (size_t x = 0; x < n; x++)
+        label[x] = (uint8_t)(x % run ? label[x - 1] : label[x] % labels);
+    return label;
+}
+
+static const uint16_t *random_disparities(size_t n)
+{
+    uint16_t *disp = guard_random(n * sizeof(*disp), &seed);
+    const bool unknown = sst_random_u64(&seed) % 2, far = sst_random_u64(&seed) % 3 == 0;
+
+    for (size_t x = 0; x < n; x++) {
+        if (unknown && sst_random_u64(&seed) % 5 == 0)
+            disp[x] = (uint16_t)(disp[x] % 7 ? disp[x] : 65500 + disp[x] % 36);
+        else
+            disp[x] = (uint16_t)(far ? 1000 + disp[x] % 64 : disp[x] % 600);
+    }
+    return disp;
+}
+
+static struct sst_blend random_blend(size_t n, const struct weights *weights)
+{
+    struct sst_blend b = { .aperture = 0.75f,
+                           .range = weights->range,
                            .focus_whole_q6 = 300,
                            .focus_part_q6 = -0.25f,
-                           .half_inverse_variance = 1 / 3000.0f,
+                           .scale = 1 / 2000.0f,
+                           .power = SST_EXP2_POWER,
                            .c1 = 0.01f,
-                           .one_minus_c1 = 0.99f,
-                           .unknown = 0.01f };
-    uint16_t *disp = guard_random(n * sizeof(*disp), &seed);
+                           .first = 80,
+                           .count = 441 };
 
+    sst_blend_set_taps(b.tap, (double)random_share(), (double)random_share());
     for (int c = 0; c < 3; c++) {
         b.top[c] = guard_random(n + 1, &seed);
         b.bottom[c] = guard_random(n + 1, &seed);
     }
-    for (size_t x = 0; x < n; x++)
-        disp[x] = sst_random_u64(&seed) % 5 ? disp[x] % 600 : disp[x] % 7 ? disp[x] : 0xFFFF;
-    b.disp = disp;
-    b.label = sst_random_u64(&seed) % 4 ? guard_random(n, &seed) : NULL;
+    if (sst_random_u64(&seed) % 4 == 0)
+        b.first = b.count = 0;
+    b.disp = sst_random_u64(&seed) % 9 ? random_disparities(n) : NULL;
+    b.label = sst_random_u64(&seed) % 4 ? random_labels(n) : NULL;
     return b;
 }
 
-static void check_level(const struct sst_kernels *k, size_t n, const float *table, const char *level)
+static void check_level(const struct sst_kernels *k, size_t n, const struct weights *weights, const char *level)
 {
     for (int plain = 0; plain < 2; plain++) {
         const struct accumulators want = guard_accumulators(n, NULL), got = guard_accumulators(n, &want);
-        const struct sst_blend b = random_blend(n, table);
+        const struct sst_blend b = random_blend(n, weights);
 
-        (plain ? sst_blend_plain_ref : sst_blend_rays_ref)(want.row, &b, n);
-        (plain ? k->blend_plain : k->blend_rays)(got.row, &b, n);
+        if (plain) {
+            sst_blend_plain_ref(want.sum, want.row[3], &b, n);
+            k->blend_plain(got.sum, got.row[3], &b, n);
+        } else {
+            sst_blend_rays_ref(want.row, &b, n);
+            k->blend_rays(got.row, &b, n);
+        }
         for (int c = 0; c < 4; c++) {
             if (memcmp(got.row[c], want.row[c], n * sizeof(float)))
                 fail_msg("n=%zu level=%s plain=%d row=%d", n, level, plain, c);
@@ -77,13 +145,28 @@ static void check_level(const struct sst_kernels *k, size_t n, const float *tabl
     }
 }
 
+static void check_take(const struct sst_kernels *k, size_t n, const struct weights *weights, const char *level)
+{
+    const struct sst_blend b = random_blend(n, weights);
+    uint8_t *want[4], *got[4];
+
+    for (int c = 0; c < 4; c++) {
+        want[c] = guard_random(c < 3 ? n : n * sizeof(float), &seed);
+        got[c] = guard_random(c < 3 ? n : n * sizeof(float), &seed);
+    }
+    sst_blend_take_ref(want, (float *)(void *)want[3], &b, n);
+    k->blend_take(got, (float *)(void *)got[3], &b, n);
+    for (int c = 0; c < 4; c++) {
+        if (memcmp(got[c], want[c], c < 3 ? n : n * sizeof(float)))
+            fail_msg("take: n=%zu level=%s row=%d", n, level, c);
+    }
+    guard_free_all();
+}
+
 static void blend_equals_reference(void **state SST_UNUSED)
 {
-    float *table = malloc(256 * SST_BLEND_COLUMNS * sizeof(*table));
+    struct weights *weights = random_weights();
 
-    assert_non_null(table);
-    for (size_t i = 0; i < 256 * SST_BLEND_COLUMNS; i++)
-        table[i] = (float)(sst_random_u64(&seed) % 1000) / 1000;
     for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {
         struct sst_kernels k;
 
@@ -91,11 +174,15 @@ static void blend_equals_reference(void **state SST_UNUSED)
             print_message("not run: %s\n", sst_cpu_level_name((enum sst_cpu_level)level));
             continue;
         }
-        for (size_t n = 1; n <= 129; n++)
-            check_level(&k, n, table, sst_cpu_level_name((enum sst_cpu_level)level));
-        check_level(&k, SST_BLEND_MAX, table, sst_cpu_level_name((enum sst_cpu_level)level));
+        for (int round = 0; round < 8; round++) {
+            for (size_t n = 1; n <= 129; n++) {
+                check_level(&k, n, weights, sst_cpu_level_name((enum sst_cpu_level)level));
+                check_take(&k, n, weights, sst_cpu_level_name((enum sst_cpu_level)level));
+            }
+            check_level(&k, SST_BLEND_MAX, weights, sst_cpu_level_name((enum sst_cpu_level)level));
+        }
     }
-    free(table);
+    free(weights);
 }
 
 static void finish_equals_reference(void **state SST_UNUSED)
@@ -111,7 +198,7 @@ static void finish_equals_reference(void **state SST_UNUSED)
 
             for (size_t x = 0; x < n; x++) {
                 weight[x] = x % 5 ? weight[x] / 256 : 0;
-                sum[x] = weight[x] * (float)(sst_random_u64(&seed) % 255001) / 1000;
+                sum[x] = weight[x] * SST_BLEND_LEVEL * (float)(sst_random_u64(&seed) % 255001) / 1000;
             }
             sst_blend_finish_ref(want, sum, weight, n);
             k.blend_finish(got, sum, weight, n);
@@ -161,43 +248,47 @@ static void support_by_hand(void **state SST_UNUSED)
  * the focus, 2 sigma^2 = 64: exp(-1) = 0.36788; c1 = 0.2: W_d = 0.49430; W_s = 0.5, A = 2: weight 0.49430. */
 static void reference_is_the_formula(void **state SST_UNUSED)
 {
-    static float table[256 * SST_BLEND_COLUMNS];
+    static float row[SST_BLEND_COLUMNS];
+    static const struct sst_blend_range range[256] = { [7] = { .weight = row, .ranges = SST_BLEND_RANGES + 1 } };
     const uint8_t top[] = { 10, 30 }, bottom[] = { 50, 110 }, label = 7;
     const uint16_t disp = 100;
     struct sst_blend b = { .top = { top, top, top },
                            .bottom = { bottom, bottom, bottom },
-                           .fx = 0.5f,
-                           .fy = 0.25f,
                            .aperture = 2,
                            .disp = &disp,
                            .label = &label,
-                           .label_weight = table,
+                           .range = range,
                            .focus_whole_q6 = 92,
-                           .half_inverse_variance = 1 / 64.0f,
+                           .scale = (float)(M_LOG2E / 64),
+                           .power = SST_EXP2_POWER,
                            .c1 = 0.2f,
-                           .one_minus_c1 = 0.8f,
-                           .unknown = 0.2f };
+                           .first = 92 - 30,
+                           .count = 61 };
     float r = 1, g = 0, blue = 0, w = 0, *const acc[4] = { &r, &g, &blue, &w };
+    int32_t sums[3] = { 1, 0, 0 }, *const sum[3] = { sums, sums + 1, sums + 2 };
     const uint16_t none = 0xFFFF;
 
-    table[7 * SST_BLEND_COLUMNS + 100 / 16] = 0.5f;
-    table[7 * SST_BLEND_COLUMNS + SST_BLEND_COLUMNS - 1] = 1;
+    for (int i = 0; i < SST_EXP2_POWERS; i++)
+        b.power[i] *= 0.8f;
+    sst_blend_set_taps(b.tap, 0.5, 0.25);
+    row[100 / 16] = 0.5f;
+    row[SST_BLEND_COLUMNS - 1] = 1;
     sst_blend_rays_ref(acc, &b, 1);
-    assert_true(fabs(w - 0.494304) < 1e-6);
-    assert_true(fabs(r - (1 + 35 * 0.494304)) < 1e-4);
-    assert_true(fabs(blue - 35 * 0.494304) < 1e-4);
+    assert_true(fabs(w - 0.494304) < 3e-6);
+    assert_true(fabs(r - (1 + 35 * SST_BLEND_LEVEL * 0.494304)) < 2);
+    assert_true(fabs(blue - 35 * SST_BLEND_LEVEL * 0.494304) < 2);
     b.disp = &none;
     w = 0;
     sst_blend_rays_ref(acc, &b, 1);
     assert_true(fabs(w - 0.4) < 1e-6);
     w = 0;
-    g = 0;
-    sst_blend_plain_ref(acc, &b, 1);
-    assert_true(w == 2 && g == 70);
+    sst_blend_plain_ref(sum, &w, &b, 1);
+    assert_true(w == 1 && sums[0] == 1 + 35 * SST_BLEND_LEVEL && sums[2] == 35 * SST_BLEND_LEVEL);
 }
 
 static void exponential_is_within_its_bound(void **state SST_UNUSED)
 {
+    static const float power[SST_EXP2_POWERS] = SST_EXP2_POWER;
     double worst = 0;
 
     for (double t = 0; t <= (double)SST_EXP_NEG_MAX; t += 1.0 / 4096) {
@@ -208,6 +299,12 @@ static void exponential_is_within_its_bound(void **state SST_UNUSED)
     print_message("exp_neg: worst relative error %.3g\n", worst);
     assert_true(worst <= 2e-7);
     assert_true(sst_exp_neg(0) == 1.0f);
+    worst = 0;
+    for (double u = 0; u <= (double)SST_EXP2_NEG_MAX; u += 1.0 / 4096)
+        worst = fmax(worst, fabs((double)sst_exp2_neg((float)u, power) / exp2(-u) - 1));
+    print_message("exp2_neg: worst relative error %.3g\n", worst);
+    assert_true(worst <= 3e-6);
+    assert_true(sst_exp2_neg(0, power) == 1.0f);
 }
 
 int main(void)

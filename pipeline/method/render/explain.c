@@ -132,7 +132,7 @@ struct agreement {
     int agree, differ;
 };
 
-/* Stops once more than half differ. */
+/* Stops once more than half differ, or once no fewer agree than can differ in the end. */
 static struct agreement agreement_at(const struct explainer *e, const struct tap *t, const struct ray *ray,
                                      float disp_px)
 {
@@ -143,6 +143,8 @@ static struct agreement agreement_at(const struct explainer *e, const struct tap
 
         a.agree += by >= 0 && by < e->levels;
         a.differ += by >= e->levels;
+        if (a.agree >= a.differ + t->count - 1 - i)
+            break;
     }
     return a;
 }

@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/kernels/exp_neg.h"
 #include "pipeline/method/render/render_internal.h"
 
 /* Offline, rarity of colours is counted from every n-th pixel of every n-th row of all views. */
@@ -286,8 +287,25 @@ static void set_label_weights(struct sst_render_plan *p, const struct sst_render
 {
     struct sst_columns within[256];
 
-    sst_render_label_weight_table(p->table, within, &r->histogram, &p->cfg);
+    sst_render_label_weights(p->table, p->range, within, &r->histogram, &p->cfg);
     set_ends(p, within);
+}
+
+/* Set where W_d exceeds C1: beyond, its other summand is below 2^-20 C1, or what a float holds. */
+static void set_depth_weights(struct sst_blend *b, const struct sst_render_config *cfg, double focus_q6,
+                              double sigma_q6)
+{
+    static const float power[SST_EXP2_POWERS] = SST_EXP2_POWER;
+    const double most =
+        cfg->c1 > 0 ? fmin(log2((1 - cfg->c1) / cfg->c1) + 20, (double)SST_EXP2_NEG_MAX) : (double)SST_EXP2_NEG_MAX;
+    const double reach_q6 = sigma_q6 * sqrt(2 * M_LN2 * fmax(most, 0));
+    const double first = fmax(ceil(focus_q6 - reach_q6), 0), last = fmin(floor(focus_q6 + reach_q6), SST_DISP_NONE - 1);
+
+    for (int i = 0; i < SST_EXP2_POWERS; i++)
+        b->power[i] = (float)((1 - cfg->c1) * (double)power[i]);
+    b->scale = (float)(M_LOG2E * 0.5 / (sigma_q6 * sigma_q6));
+    b->first = first <= last ? (uint16_t)first : 0;
+    b->count = first <= last ? (uint16_t)(last - first + 1) : 0;
 }
 
 /* Set the constants of the weights, and the table if labels have weights. */
@@ -303,10 +321,9 @@ static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
     p->weighted = by_depth || by_label;
     p->blend.focus_whole_q6 = (float)rint(focus_q6);
     p->blend.focus_part_q6 = (float)(focus_q6 - rint(focus_q6));
-    p->blend.half_inverse_variance = by_depth ? (float)(0.5 / (sigma_q6 * sigma_q6)) : 0;
-    p->blend.c1 = by_depth ? (float)cfg->c1 : 0;
-    p->blend.one_minus_c1 = by_depth ? (float)(1 - cfg->c1) : 1;
-    p->blend.unknown = by_depth ? (float)cfg->c1 : 1;
+    p->blend.c1 = by_depth ? (float)cfg->c1 : 1;
+    if (by_depth)
+        set_depth_weights(&p->blend, cfg, focus_q6, sigma_q6);
     for (int i = 0; i < p->count && p->weighted; i++) {
         if (!p->tap[i].v->disp.data) {
             sst_log_error(
@@ -325,13 +342,14 @@ static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
     err = sst_renderer_count(r);
     if (err)
         return err;
-    p->table = sst_mem_alloc_raw((size_t)256 * SST_BLEND_COLUMNS, sizeof(float));
-    if (!p->table) {
+    p->table = sst_mem_alloc_raw((size_t)257 * SST_BLEND_COLUMNS, sizeof(float));
+    p->range = calloc(256, sizeof(*p->range));
+    if (!p->table || !p->range) {
         sst_log_error("not enough memory for the table of label weights");
         return -ENOMEM;
     }
     set_label_weights(p, r);
-    p->blend.label_weight = p->table;
+    p->blend.range = p->range;
     return 0;
 }
 
@@ -375,6 +393,7 @@ int sst_render_plan_init(struct sst_render_plan *p, struct sst_renderer *r, cons
         err = prepare_raw(p, r);
     if (!err && cfg->method == SST_RENDER_SST)
         err = weigh(p, r);
+    p->summed = !p->weighted && !cfg->aperture_soft;
     if (!err && cfg->verify != SST_VERIFY_OFF && p->weighted && isfinite(p->cfg.sigma_px))
         err = open_verifiers(p, r);
     if (err)
@@ -390,16 +409,18 @@ void sst_render_plan_fini(struct sst_render_plan *p)
     free(p->verifier);
     free(p->rarity);
     sst_mem_free(p->table);
+    free(p->range);
     p->explainer = NULL;
     p->verifier = NULL;
     p->verifiers = 0;
     p->rarity = NULL;
     p->table = NULL;
+    p->range = NULL;
 }
 
 bool sst_render_plan_update(struct sst_render_plan *p, const struct sst_renderer *r, double tolerance, double share)
 {
-    const bool labels = p->table && sst_render_label_weight_differs(p->table, &r->histogram, &p->cfg, tolerance, share);
+    const bool labels = p->table && sst_render_label_weights_differ(p->range, &r->histogram, &p->cfg, tolerance, share);
 
     if (!labels && !(p->rarity && sst_rarity_differs(p->rarity, r->rarity, tolerance)))
         return false;
@@ -412,5 +433,5 @@ bool sst_render_plan_update(struct sst_render_plan *p, const struct sst_renderer
 
 double sst_render_plan_label_weight(const struct sst_render_plan *p, int label, uint16_t disp_q6)
 {
-    return p->table ? (double)p->table[(size_t)label * SST_BLEND_COLUMNS + (disp_q6 >> SST_BLEND_COLUMN_SHIFT)] : 1;
+    return p->table ? (double)p->range[label].weight[disp_q6 >> SST_BLEND_COLUMN_SHIFT] : 1;
 }

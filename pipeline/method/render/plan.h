@@ -62,20 +62,21 @@ struct sst_columns {
 };
 
 /**
- * Table of label weights for the kernels: W_s by cfg, including the focus label's factor. The last column is for
- * unknown disparity and uses the label's whole range. A label that does not occur has W_s = 1.
+ * Label weights for the kernels: W_s by cfg, including the focus label's factor. The last column is for unknown
+ * disparity and uses the label's whole range. A label that does not occur has W_s = 1.
  *
- * @param table   out, [256][SST_BLEND_COLUMNS]
+ * @param table   out, up to [257][SST_BLEND_COLUMNS]: rows that `range` refers to, one for all labels that do not occur
+ * @param range   out, [256]
  * @param within  out, [256] columns of known disparity in which the focus is within the range of the object, i.e. W_s
  *                exceeds its floor. They are contiguous, since the ranges of a label's objects ascend and all have the
  *                same margin. All columns where C2 is 1, or the label has no range.
  */
-void sst_render_label_weight_table(float *table, struct sst_columns *within, const struct sst_label_histogram *h,
-                                   const struct sst_render_config *cfg);
+void sst_render_label_weights(float *table, struct sst_blend_range *range, struct sst_columns *within,
+                              const struct sst_label_histogram *h, const struct sst_render_config *cfg);
 
-/** True if the table's weights of more than the fraction `share` of the pixels differ from those of h by more than the
- * fraction `tolerance`. */
-bool sst_render_label_weight_differs(const float *table, const struct sst_label_histogram *h,
+/** True if the weights of more than the fraction `share` of the pixels differ from those of h by more than the fraction
+ * `tolerance`. */
+bool sst_render_label_weights_differ(const struct sst_blend_range *range, const struct sst_label_histogram *h,
                                      const struct sst_render_config *cfg, double tolerance, double share);
 
 /* --- plan.c --- */
@@ -134,10 +135,12 @@ struct sst_render_plan {
     const struct sst_lightfield *lf;
     struct sst_render_config cfg;
     bool weighted; /* false: rays have aperture weights only, plain refocusing */
+    bool summed;   /* ... which are all 1 */
     int count;
     struct sst_render_tap tap[SST_MAX_VIEWS]; /* in view order: the order of summation */
     struct sst_blend blend;                   /* shared by all rows */
-    float *table;                             /* owned; NULL: label weights are all 1 */
+    float *table;                             /* owned; rows of label weights; NULL: they are all 1 */
+    struct sst_blend_range *range;            /* [256] owned; by label */
     uint32_t ends[256];                       /* rays that end at the focus, see sst_blend_support_fn; if weighted */
     /* for verification; only one caller at a time may render from a plan */
     int verifiers;

@@ -331,11 +331,45 @@ static void weight_row(float *row, struct sst_columns *within, const struct sst_
     row[SST_BLEND_COLUMNS - 1] = narrow(range_weight(h, cfg, count, 0, SST_BLEND_COLUMNS, cut, 0) * factor);
 }
 
-void sst_render_label_weight_table(float *table, struct sst_columns *within, const struct sst_label_histogram *h,
-                                   const struct sst_render_config *cfg)
+/* The row in short: ranges of equal weights but for those of the first column's, which is `outside`. */
+static struct sst_blend_range shorten_row(const float *row)
 {
-    for (int label = 0; label < 256; label++)
-        weight_row(table + (size_t)label * SST_BLEND_COLUMNS, &within[label], h, cfg, label);
+    struct sst_blend_range r = { .weight = row, .outside = row[0] };
+
+    for (int c = 0, end; c < SST_BLEND_COLUMNS - 1; c = end) {
+        for (end = c + 1; end < SST_BLEND_COLUMNS - 1 && row[end] == row[c]; end++)
+            ;
+        if (row[c] == r.outside)
+            continue;
+        if (r.ranges < SST_BLEND_RANGES) {
+            r.first[r.ranges] = (uint16_t)(c << SST_BLEND_COLUMN_SHIFT);
+            r.count[r.ranges] = (uint16_t)((end - c) << SST_BLEND_COLUMN_SHIFT);
+            r.inside[r.ranges] = row[c];
+        }
+        r.ranges++;
+    }
+    return r;
+}
+
+void sst_render_label_weights(float *table, struct sst_blend_range *range, struct sst_columns *within,
+                              const struct sst_label_histogram *h, const struct sst_render_config *cfg)
+{
+    int plain[2] = { -1, -1 }; /* a label without a range, by whether its weight is divided */
+
+    for (int label = 0; label < 256; label++) {
+        const bool counted = label && h->count[label], divided = cfg->focus_label && label && label != cfg->focus_label;
+
+        if (!counted && plain[divided] >= 0) {
+            range[label] = range[plain[divided]];
+            within[label] = within[plain[divided]];
+            continue;
+        }
+        weight_row(table, &within[label], h, cfg, label);
+        range[label] = shorten_row(table);
+        table += SST_BLEND_COLUMNS;
+        if (!counted)
+            plain[divided] = label;
+    }
 }
 
 static bool differs(float a, float b, double tolerance)
@@ -343,12 +377,12 @@ static bool differs(float a, float b, double tolerance)
     return fabs((double)a - (double)b) > tolerance * fmax((double)a, (double)b);
 }
 
-bool sst_render_label_weight_differs(const float *table, const struct sst_label_histogram *h,
+bool sst_render_label_weights_differ(const struct sst_blend_range *range, const struct sst_label_histogram *h,
                                      const struct sst_render_config *cfg, double tolerance, double share)
 {
     uint64_t total = 0, off = 0;
 
-    for (int label = 0; label < 256; label++, table += SST_BLEND_COLUMNS) {
+    for (int label = 0; label < 256; label++) {
         float row[SST_BLEND_COLUMNS];
         struct sst_columns within;
 
@@ -359,7 +393,7 @@ bool sst_render_label_weight_differs(const float *table, const struct sst_label_
             const int column = bin >> SST_BLEND_COLUMN_SHIFT;
 
             total += h->count[label][bin];
-            if (h->count[label][bin] && differs(row[column], table[column], tolerance))
+            if (h->count[label][bin] && differs(row[column], range[label].weight[column], tolerance))
                 off += h->count[label][bin];
         }
     }

@@ -119,8 +119,10 @@ struct picture {
 /* Destination of a view's rays: sums, or separate arrays. */
 struct sink {
     float *acc[4];
+    int32_t *sum[3];  /* in place of acc[0..2] for plans that sum */
     uint8_t *support; /* with acc: becomes 255 where a ray supports the pixel; NULL: not counted */
     const struct sst_render_samples *samples; /* NULL: acc */
+    const struct sst_blend *next;             /* what the view after this one will read, or NULL */
 };
 
 /* Note which of n pixels from the sink's `skip` on the rays of one view support. */
@@ -133,24 +135,47 @@ static void add_support(const struct sink *s, int skip, const struct sst_render_
         memset(s->support + skip, 255, (size_t)n);
 }
 
+/* Set what the kernels read of a view for the pixels from `from` on of row y, but for the colours. */
+static void set_maps(struct sst_blend *b, const struct sst_render_plan *p, const struct sst_render_tap *t, int from,
+                     int y)
+{
+    b->aperture = (float)t->aperture;
+    b->disp = p->weighted ? sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx : NULL;
+    b->label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
+}
+
+static void set_colours(struct sst_blend *b, const struct sst_render_tap *t, int from, int y)
+{
+    for (int c = 0; c < 3; c++) {
+        b->top[c] = sst_image_row(&t->v->image, c, y + t->iy) + from + t->ix;
+        b->bottom[c] = t->fy > 0 ? b->top[c] + t->v->image.stride : b->top[c];
+    }
+    sst_blend_set_taps(b->tap, t->fx, t->fy);
+}
+
 /* Pass rays with colours at top and bottom, `skip` pixels after the sink's first; output pixels from .. to of row y. */
 static void blend(const struct sink *s, int skip, const struct sst_render_plan *p, const struct sst_render_tap *t,
                   struct sst_blend *b, int from, int to, int y)
 {
     const struct sst_kernels *k = sst_kernels_get();
 
-    b->aperture = (float)t->aperture;
-    b->disp = p->weighted ? sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx : NULL;
-    b->label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
+    set_maps(b, p, t, from, y);
+    b->next = s->next;
     if (s->samples) {
         uint8_t *const colour[3] = { s->samples->colour[0] + skip, s->samples->colour[1] + skip,
                                      s->samples->colour[2] + skip };
 
         k->blend_take(colour, s->samples->weight + skip, b, (size_t)(to - from));
     } else {
-        float *const at[4] = { s->acc[0] + skip, s->acc[1] + skip, s->acc[2] + skip, s->acc[3] + skip };
+        if (p->summed) {
+            int32_t *const at[3] = { s->sum[0] + skip, s->sum[1] + skip, s->sum[2] + skip };
 
-        (p->weighted ? k->blend_rays : k->blend_plain)(at, b, (size_t)(to - from));
+            k->blend_plain(at, s->acc[3] + skip, b, (size_t)(to - from));
+        } else {
+            float *const at[4] = { s->acc[0] + skip, s->acc[1] + skip, s->acc[2] + skip, s->acc[3] + skip };
+
+            k->blend_rays(at, b, (size_t)(to - from));
+        }
         if (s->support)
             add_support(s, skip, p, b, to - from);
     }
@@ -161,12 +186,7 @@ static void add_run(const struct sink *s, const struct sst_render_plan *p, const
 {
     struct sst_blend b = p->blend;
 
-    for (int c = 0; c < 3; c++) {
-        b.top[c] = sst_image_row(&t->v->image, c, y + t->iy) + from + t->ix;
-        b.bottom[c] = t->fy > 0 ? b.top[c] + t->v->image.stride : b.top[c];
-    }
-    b.fx = (float)t->fx;
-    b.fy = (float)t->fy;
+    set_colours(&b, t, from, y);
     blend(s, from - x, p, t, &b, from, to, y);
 }
 
@@ -189,6 +209,7 @@ static void add_raw(const struct sink *s, const struct sst_render_plan *p, const
             continue;
         for (int c = 0; c < 3; c++)
             b.top[c] = b.bottom[c] = colour[c] + i;
+        sst_blend_set_taps(b.tap, 0, 0);
         blend(s, from + i - x, p, t, &b, from + i, from + to, y);
     }
 }
@@ -224,27 +245,18 @@ static void add_view(const struct sink *s, const struct sst_render_plan *p, cons
         add_run(s, p, t, x, from, end, y);
 }
 
-static void prefetch(const uint8_t *from, size_t bytes)
+/* What the kernels will read of a view for pixels x .. x + n of row y, or NULL: the rows of all views are too many
+ * streams for the processor to follow. */
+static const struct sst_blend *read_ahead(struct sst_blend *b, const struct sst_render_plan *p,
+                                          const struct sst_render_tap *t, int x, int n, int y)
 {
-    for (size_t i = 0; i < bytes; i += SST_ALIGN)
-        __builtin_prefetch(from + i, 0, 2);
-}
-
-/* Fetch what pixels x .. x + n of row y will read from one view, but for the row above, which was read for the last row
- * of the picture: the rows of all views are too many streams for the processor to follow. */
-static void prefetch_view(const struct sst_render_plan *p, const struct sst_render_tap *t, int x, int n, int y)
-{
-    const int from = sst_max_int(x, t->x0), end = sst_min_int(x + n, t->x1), below = y + t->iy + (t->fy > 0);
+    const int from = sst_max_int(x, t->x0), end = sst_min_int(x + n, t->x1);
 
     if (from >= end || y < t->y0 || y >= t->y1 || t->sampler)
-        return;
-    for (int c = 0; c < 3; c++)
-        prefetch(sst_image_row(&t->v->image, c, below) + from + t->ix, (size_t)(end - from));
-    if (!p->weighted)
-        return;
-    prefetch((const uint8_t *)(sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx), 2 * (size_t)(end - from));
-    if (p->table && t->v->label.data)
-        prefetch(sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx, (size_t)(end - from));
+        return NULL;
+    set_maps(b, p, t, from, y);
+    set_colours(b, t, from, y);
+    return b;
 }
 
 void sst_render_plan_sample(const struct sst_render_samples *to, const struct sst_render_plan *p,
@@ -284,25 +296,42 @@ static void mark_row(const struct picture *pic, const uint8_t *support, int x, i
     }
 }
 
+/* Sums of rays. Rows begin at different places of a page: stores to one would delay loads from the others. */
+struct sums {
+    _Alignas(SST_ALIGN) union {
+        float sum[SST_BLEND_MAX + 80];
+        int32_t count[SST_BLEND_MAX + 80]; /* plans that sum: colours */
+    } of[4];
+};
+
 /* n pixels of row y, n at most SST_BLEND_MAX. @param weight  out, [n] sums of weights @param support  out, [n], or
  * NULL */
 static void render_run(const struct picture *pic, float *weight, uint8_t *support, int x, int n, int y)
 {
     const struct sst_render_plan *p = pic->plan;
-    float sums[3][SST_BLEND_MAX];
-    const struct sink s = { { sums[0], sums[1], sums[2], weight }, support, NULL };
+    struct sums sums;
+    struct sink s = { { sums.of[0].sum, sums.of[1].sum, sums.of[2].sum, sums.of[3].sum },
+                      { sums.of[0].count, sums.of[1].count, sums.of[2].count },
+                      support,
+                      NULL,
+                      NULL };
+    struct sst_blend next;
 
     for (int c = 0; c < 4; c++)
         memset(s.acc[c], 0, (size_t)n * sizeof(*weight));
     if (support)
         memset(support, 0, (size_t)n);
     for (int k = 0; k < p->count; k++) {
-        if (k + 1 < p->count)
-            prefetch_view(p, &p->tap[k + 1], x, n, y);
+        s.next = k + 1 < p->count ? read_ahead(&next, p, &p->tap[k + 1], x, n, y)
+                                  : read_ahead(&next, p, &p->tap[0], x, n, y + 1);
         add_view(&s, p, &p->tap[k], x, n, y);
     }
-    for (int c = 0; c < 3; c++)
-        sst_kernels_get()->blend_finish(sst_image_row(pic->out, c, y) + x, sums[c], weight, (size_t)n);
+    for (int c = 0; c < 3; c++) {
+        for (int i = 0; p->summed && i < n; i++)
+            s.acc[c][i] = (float)s.sum[c][i];
+        sst_kernels_get()->blend_finish(sst_image_row(pic->out, c, y) + x, s.acc[c], s.acc[3], (size_t)n);
+    }
+    memcpy(weight, s.acc[3], (size_t)n * sizeof(*weight));
     mend_row(pic, weight, x, n, y);
 }
 
