@@ -123,7 +123,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
@@ -335,6 +335,11 @@ bench-networks: $(BENCH_NETWORKS) ## measure the networks, time and errors; rene
 	$(PYTHON) scripts/bench_labels.py --build $(BUILD)
 	$(PYTHON) scripts/bench_runner.py --build $(BUILD)
 	$(PYTHON) scripts/bench_matching.py --build $(BUILD)
+
+bench-check: $(BUILD)/sst $(BUILD)/bench/check ## name the stages that became more than 10 % slower than docs/measured/bench-check.json
+	$(PYTHON) scripts/bench_check.py --build $(BUILD)
+bench-check-update: $(BUILD)/sst $(BUILD)/bench/check ## make today's times the baseline of this machine
+	$(PYTHON) scripts/bench_check.py --build $(BUILD) --update
 
 SOAK ?= 30
 bench-service: all ## measure the service on simulated arrays, about 10 minutes; renews docs/measured/bench-service.md
