@@ -159,7 +159,7 @@ static void feature_costs(const struct strip *s, const struct sst_neighbour *n, 
         const struct step *at = &steps[i];
         /* What lies beside the row within its width may be read (see struct sst_descriptor); farther columns and other
          * rows are not used by any step: any features do. */
-        const bool inside = y + at->near_y >= 0 && y + at->near_y < v->height && abs(at->near_x) < v->width;
+        const bool inside = y + at->near_y >= 0 && y + at->near_y < s->ref->height && abs(at->near_x) < v->width;
 
         if (at->place == count)
             s->places[count++] = inside ? features_at(n->desc, s->x0 + at->near_x, y + at->near_y) : here;
