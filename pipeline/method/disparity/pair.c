@@ -36,9 +36,10 @@ struct pair {
     uint16_t *upward;         /* with 8 paths: the sums of the sweep upwards */
     struct sst_sgm_penalties penalties;
     struct worker *worker;                /* [workers] */
-    struct sst_map_u16 raw, disp, other;  /* of the left image before and after the filters; of the right one */
-    struct sst_map_u8 confidence, status; /* of the left image */
-    struct sst_map_u16 out;
+    struct sst_map_u16 raw[2], disp[2]; /* of both images, before and after the filters */
+    struct sst_map_u8 status[2];
+    struct sst_map_u8 confidence; /* of the left image */
+    struct sst_map_u16 scratch;
 };
 
 static int bands(const struct pair *p)
@@ -113,7 +114,7 @@ static int match_right(struct pair *p, int y, struct sst_mem_kept *rows)
     const size_t keys = n + whole;
     uint32_t *key = sst_mem_keep(rows, keys + (v->divisor > 1 ? n * nd : 0), sizeof(*key));
     const uint16_t *sum = v->sum + (size_t)y * v->width_padded * nd;
-    uint16_t *out = sst_map_u16_row(&p->other, y);
+    uint16_t *out = sst_map_u16_row(&p->raw[1], y);
 
     if (!key)
         return -ENOMEM;
@@ -144,7 +145,7 @@ static int winner_job(void *arg, int index, int worker)
     const int y0 = index * BAND, rows = sst_min_int(BAND, p->volume.height - y0);
     const size_t row_cells = p->volume.width_padded * p->volume.steps_padded;
     struct sst_volume v = p->volume;
-    struct sst_map_u16 disp = sst_map_u16_rows(&p->raw, y0, rows);
+    struct sst_map_u16 disp = sst_map_u16_rows(&p->raw[0], y0, rows);
     struct sst_map_u8 confidence = sst_map_u8_rows(&p->confidence, y0, rows);
     int err;
 
@@ -164,31 +165,45 @@ static int winner_job(void *arg, int index, int worker)
     return err;
 }
 
-/* Filter and check a band. */
+/* Filter rows y0 .. y1-1 of one map. */
+static int filter(struct pair *p, int which, int y0, int y1, struct worker *w)
+{
+    const struct sst_map_u16 *raw = &p->raw[which];
+    const int top = sst_max_int(y0 - FILTER_HALO, 0), end = sst_min_int(y1 + FILTER_HALO, raw->height);
+    const struct sst_map_u8 luma = sst_map_u8_rows(&p->desc[which].luma, top, end - top);
+    struct sst_map_u16 own = { .width = raw->width, .height = end - top, .stride = raw->stride };
+    int err;
+
+    own.data = sst_mem_keep(&w->rows, (size_t)own.height, own.stride);
+    if (!own.data)
+        return -ENOMEM;
+    memcpy(own.data, sst_map_u16_row(raw, top), (size_t)own.height * own.stride);
+    err = sst_disparity_median5(&own, &w->lines);
+    err = err ? err : sst_disparity_bilateral(&own, &luma, p->cfg->bilateral_tau);
+    if (!err)
+        memcpy(sst_map_u16_row(&p->disp[which], y0), sst_map_u16_row(&own, y0 - top), (size_t)(y1 - y0) * own.stride);
+    return err;
+}
+
 static int filter_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
     const int y0 = index * BAND, y1 = sst_min_int(y0 + BAND, p->volume.height), rows = y1 - y0;
-    const int top = sst_max_int(y0 - FILTER_HALO, 0), end = sst_min_int(y1 + FILTER_HALO, p->volume.height);
-    const struct sst_map_u8 luma = sst_map_u8_rows(&p->desc[0].luma, top, end - top);
-    struct sst_map_u16 own = { .width = p->raw.width, .height = end - top, .stride = p->raw.stride }, disp, other;
-    struct sst_map_u8 status = sst_map_u8_rows(&p->status, y0, rows);
-    int err;
+    const int whole = (p->volume.steps - 1) / p->volume.divisor + 1;
+    struct sst_map_u16 disp[2];
+    int err = 0;
 
-    own.data = sst_mem_keep(&p->worker[worker].rows, (size_t)own.height, own.stride);
-    if (!own.data)
-        return -ENOMEM;
-    memcpy(own.data, sst_map_u16_row(&p->raw, top), (size_t)own.height * own.stride);
-    err = sst_disparity_median5(&own, &p->worker[worker].lines);
-    err = err ? err : sst_disparity_bilateral(&own, &luma, p->cfg->bilateral_tau);
-    if (err)
-        return err;
-    memcpy(sst_map_u16_row(&p->disp, y0), sst_map_u16_row(&own, y0 - top), (size_t)rows * own.stride);
-    disp = sst_map_u16_rows(&p->disp, y0, rows);
-    other = sst_map_u16_rows(&p->other, y0, rows);
-    sst_disparity_check_views(&status, &disp, p->volume.disp_min, (p->volume.steps - 1) / p->volume.divisor + 1,
-                              &(struct sst_checked_view){ .disp_q6 = &other, .bx = 1 }, 1);
-    return 0;
+    for (int i = 0; !err && i < 2; i++) {
+        err = filter(p, i, y0, y1, &p->worker[worker]);
+        disp[i] = sst_map_u16_rows(&p->disp[i], y0, rows);
+    }
+    for (int i = 0; !err && i < 2; i++) {
+        const struct sst_checked_view from = { .disp_q6 = &disp[!i], .bx = i ? -1 : 1 };
+        struct sst_map_u8 status = sst_map_u8_rows(&p->status[i], y0, rows);
+
+        sst_disparity_check_views(&status, &disp[i], p->volume.disp_min, whole, &from, 1);
+    }
+    return err;
 }
 
 static int optimise(struct pair *p)
@@ -238,11 +253,13 @@ static int allocate(struct pair *p)
         p->worker[i].band.divisor = divisor;
         p->worker[i].band.phase_step = p->volume.phase_step;
     }
-    err = err ? err : sst_map_u16_init(&p->raw, w, h);
-    err = err ? err : sst_map_u16_init(&p->disp, w, h);
-    err = err ? err : sst_map_u16_init(&p->other, w, h);
-    err = err ? err : sst_map_u8_init(&p->confidence, w, h);
-    return err ? err : sst_map_u8_init(&p->status, w, h);
+    for (int i = 0; i < 2; i++) {
+        err = err ? err : sst_map_u16_init(&p->raw[i], w, h);
+        err = err ? err : sst_map_u16_init(&p->disp[i], w, h);
+        err = err ? err : sst_map_u8_init(&p->status[i], w, h);
+    }
+    err = err ? err : sst_map_u16_init(&p->scratch, w, h);
+    return err ? err : sst_map_u8_init(&p->confidence, w, h);
 }
 
 static void release(struct pair *p)
@@ -250,6 +267,9 @@ static void release(struct pair *p)
     for (int i = 0; i < 2; i++) {
         sst_descriptor_fini(&p->desc[i]);
         sst_network_close(p->nets[i]);
+        sst_map_u16_fini(&p->raw[i]);
+        sst_map_u16_fini(&p->disp[i]);
+        sst_map_u8_fini(&p->status[i]);
     }
     for (int i = 0; p->worker && i < p->workers; i++) {
         sst_volume_fini(&p->worker[i].band);
@@ -260,11 +280,8 @@ static void release(struct pair *p)
     sst_disparity_support_fini(&p->support);
     sst_volume_fini(&p->volume);
     sst_mem_free(p->upward);
-    sst_map_u16_fini(&p->raw);
-    sst_map_u16_fini(&p->disp);
-    sst_map_u16_fini(&p->other);
+    sst_map_u16_fini(&p->scratch);
     sst_map_u8_fini(&p->confidence);
-    sst_map_u8_fini(&p->status);
 }
 
 static int match(struct pair *p)
@@ -281,7 +298,8 @@ static int match(struct pair *p)
     err = err ? err : sst_parallel_for(bands(p), p->threads, winner_job, p);
     err = err ? err : sst_parallel_for(bands(p), p->threads, filter_job, p);
     if (!err)
-        sst_fill_views(&p->disp, &p->status, p->volume.disp_min, NULL, 0, 0, NULL);
+        sst_fill_views(&p->disp[0], &p->status[0], p->volume.disp_min,
+                       &(struct sst_checked_view){ &p->disp[1], &p->status[1], 1, 0 }, 1, 1, &p->scratch);
     return err;
 }
 
@@ -290,7 +308,7 @@ static void deliver(struct sst_map_f32 *out, const struct pair *p)
     const int scale = p->cfg->scale;
 
     for (int y = 0; y < out->height; y++) {
-        const uint16_t *d = sst_map_u16_row(&p->disp, y / scale);
+        const uint16_t *d = sst_map_u16_row(&p->disp[0], y / scale);
         float *to = sst_map_f32_row(out, y);
 
         for (int x = 0; x < out->width; x++) {
