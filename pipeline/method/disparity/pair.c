@@ -17,6 +17,7 @@
 #define STRIP       32 /* columns of a strip */
 #define FILTER_HALO 5  /* rows beyond a band that the median (2) and the bilateral filter (3) read */
 #define MOST_NETS   2
+#define AGREE_Q6    64 /* both images confirm each other within a pixel */
 
 /* What a worker needs for the band or strip in hand. */
 struct worker {
@@ -37,9 +38,7 @@ struct pair {
     struct sst_sgm_penalties penalties;
     struct worker *worker;                /* [workers] */
     struct sst_map_u16 raw[2], disp[2]; /* of both images, before and after the filters */
-    struct sst_map_u8 status[2];
-    struct sst_map_u8 confidence; /* of the left image */
-    struct sst_map_u16 scratch;
+    struct sst_map_u8 confidence, status; /* of the left image */
 };
 
 static int bands(const struct pair *p)
@@ -179,30 +178,37 @@ static int filter(struct pair *p, int which, int y0, int y1, struct worker *w)
         return -ENOMEM;
     memcpy(own.data, sst_map_u16_row(raw, top), (size_t)own.height * own.stride);
     err = sst_disparity_median5(&own, &w->lines);
-    err = err ? err : sst_disparity_bilateral(&own, &luma, p->cfg->bilateral_tau);
+    err = err ? err : sst_disparity_bilateral(&own, &luma, which ? 0 : p->cfg->bilateral_tau);
     if (!err)
         memcpy(sst_map_u16_row(&p->disp[which], y0), sst_map_u16_row(&own, y0 - top), (size_t)(y1 - y0) * own.stride);
     return err;
 }
 
+/* Mark the pixels of row y of the left map that the right map does not confirm within one pixel. */
+static void check_row(struct pair *p, int y)
+{
+    const uint16_t *left = sst_map_u16_row(&p->disp[0], y), *right = sst_map_u16_row(&p->disp[1], y);
+    uint8_t *status = sst_map_u8_row(&p->status, y);
+    const int w = p->volume.width;
+
+    for (int x = 0; x < w; x++) {
+        const int xr = x - p->volume.disp_min - (left[x] + 32) / 64;
+        const int there = xr >= 0 && xr < w ? right[xr] : (int)SST_DISP_NONE;
+
+        status[x] = there == (int)SST_DISP_NONE || abs(there - left[x]) > AGREE_Q6 ? SST_DISPARITY_OCCLUSION
+                                                                                 : SST_DISPARITY_CORRECT;
+    }
+}
+
 static int filter_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
-    const int y0 = index * BAND, y1 = sst_min_int(y0 + BAND, p->volume.height), rows = y1 - y0;
-    const int whole = (p->volume.steps - 1) / p->volume.divisor + 1;
-    struct sst_map_u16 disp[2];
-    int err = 0;
+    const int y0 = index * BAND, y1 = sst_min_int(y0 + BAND, p->volume.height);
+    int err = filter(p, 0, y0, y1, &p->worker[worker]);
 
-    for (int i = 0; !err && i < 2; i++) {
-        err = filter(p, i, y0, y1, &p->worker[worker]);
-        disp[i] = sst_map_u16_rows(&p->disp[i], y0, rows);
-    }
-    for (int i = 0; !err && i < 2; i++) {
-        const struct sst_checked_view from = { .disp_q6 = &disp[!i], .bx = i ? -1 : 1 };
-        struct sst_map_u8 status = sst_map_u8_rows(&p->status[i], y0, rows);
-
-        sst_disparity_check_views(&status, &disp[i], p->volume.disp_min, whole, &from, 1);
-    }
+    err = err ? err : filter(p, 1, y0, y1, &p->worker[worker]);
+    for (int y = y0; !err && y < y1; y++)
+        check_row(p, y);
     return err;
 }
 
@@ -256,9 +262,8 @@ static int allocate(struct pair *p)
     for (int i = 0; i < 2; i++) {
         err = err ? err : sst_map_u16_init(&p->raw[i], w, h);
         err = err ? err : sst_map_u16_init(&p->disp[i], w, h);
-        err = err ? err : sst_map_u8_init(&p->status[i], w, h);
     }
-    err = err ? err : sst_map_u16_init(&p->scratch, w, h);
+    err = err ? err : sst_map_u8_init(&p->status, w, h);
     return err ? err : sst_map_u8_init(&p->confidence, w, h);
 }
 
@@ -269,7 +274,6 @@ static void release(struct pair *p)
         sst_network_close(p->nets[i]);
         sst_map_u16_fini(&p->raw[i]);
         sst_map_u16_fini(&p->disp[i]);
-        sst_map_u8_fini(&p->status[i]);
     }
     for (int i = 0; p->worker && i < p->workers; i++) {
         sst_volume_fini(&p->worker[i].band);
@@ -280,7 +284,7 @@ static void release(struct pair *p)
     sst_disparity_support_fini(&p->support);
     sst_volume_fini(&p->volume);
     sst_mem_free(p->upward);
-    sst_map_u16_fini(&p->scratch);
+    sst_map_u8_fini(&p->status);
     sst_map_u8_fini(&p->confidence);
 }
 
@@ -297,9 +301,10 @@ static int match(struct pair *p)
     err = optimise(p);
     err = err ? err : sst_parallel_for(bands(p), p->threads, winner_job, p);
     err = err ? err : sst_parallel_for(bands(p), p->threads, filter_job, p);
+    /* A pixel that the right image does not confirm is hidden there more often than not: all get the background, the
+     * farther of the confirmed pixels to both sides. */
     if (!err)
-        sst_fill_views(&p->disp[0], &p->status[0], p->volume.disp_min,
-                       &(struct sst_checked_view){ &p->disp[1], &p->status[1], 1, 0 }, 1, 1, &p->scratch);
+        sst_fill_views(&p->disp[0], &p->status, p->volume.disp_min, NULL, 0, 0, NULL);
     return err;
 }
 
