@@ -37,7 +37,7 @@ struct pair {
     uint16_t *upward;         /* with 8 paths: the sums of the sweep upwards */
     struct sst_sgm_penalties penalties;
     struct worker *worker;                /* [workers] */
-    struct sst_map_u16 raw[2], disp[2]; /* of both images, before and after the filters */
+    struct sst_map_u16 raw[2], disp[2];   /* of both images, before and after the filters */
     struct sst_map_u8 confidence, status; /* of the left image */
 };
 
@@ -90,8 +90,8 @@ static int strip_job(void *arg, int index, int worker)
     struct pair *p = arg;
     const int x0 = index * STRIP;
 
-    return sst_sgm_columns(&p->volume, &p->desc[0].image, &p->penalties, x0,
-                           sst_min_int(x0 + STRIP, p->volume.width), &p->worker[worker].lines);
+    return sst_sgm_columns(&p->volume, &p->desc[0].image, &p->penalties, x0, sst_min_int(x0 + STRIP, p->volume.width),
+                           &p->worker[worker].lines);
 }
 
 /* One of both sweeps of 8 paths; the sums of the second one stand apart. */
@@ -196,7 +196,7 @@ static void check_row(struct pair *p, int y)
         const int there = xr >= 0 && xr < w ? right[xr] : (int)SST_DISP_NONE;
 
         status[x] = there == (int)SST_DISP_NONE || abs(there - left[x]) > AGREE_Q6 ? SST_DISPARITY_OCCLUSION
-                                                                                 : SST_DISPARITY_CORRECT;
+                                                                                   : SST_DISPARITY_CORRECT;
     }
 }
 
@@ -234,8 +234,7 @@ static int open_networks(struct pair *p)
         return 0;
     for (int i = 0; !err && i < count; i++)
         err = sst_network_open(&p->nets[i], p->cfg->model, p->cfg->precision, p->threads / count);
-    return err ? err
-               : sst_descriptor_check_network(p->nets[0], p->cfg->model, p->volume.width, p->volume.height);
+    return err ? err : sst_descriptor_check_network(p->nets[0], p->cfg->model, p->volume.width, p->volume.height);
 }
 
 static int allocate(struct pair *p)
@@ -319,8 +318,7 @@ static void deliver(struct sst_map_f32 *out, const struct pair *p)
         for (int x = 0; x < out->width; x++) {
             const unsigned at = d[x / scale];
 
-            to[x] = at == SST_DISP_NONE ? INFINITY
-                                        : (float)(scale * (p->volume.disp_min + (double)at / 64.0));
+            to[x] = at == SST_DISP_NONE ? INFINITY : (float)(scale * (p->volume.disp_min + (double)at / 64.0));
         }
     }
 }

@@ -261,8 +261,7 @@ static void match_alone(const struct strip *s, const struct sst_neighbour *n, co
         if (yn >= 0 && near_y >= 0 && yn < ref->height && near_y < ref->height && x1 > x0)
             sst_kernels_get()->hamming_row(
                 out + (x0 - s->x0), ref->census[0] + (size_t)y * ref->census_stride + (v->x0 + x0),
-                n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (v->x0 + x0 + at->x),
-                (size_t)(x1 - x0));
+                n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (v->x0 + x0 + at->x), (size_t)(x1 - x0));
     }
 }
 
