@@ -51,16 +51,17 @@ static struct sst_volume new_volume(void)
     return v;
 }
 
-static void sum_parts(struct sst_volume *v, const struct sst_image *img, const struct sst_sgm_penalties *p, int paths)
+static void sum_parts(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_sgm_penalties *p,
+                      int paths)
 {
     struct sst_mem_kept lines = { 0 };
 
     for (int y = 0; y < HEIGHT; y++)
-        assert_int_equal(sst_sgm_row(v, img, p, y, &lines), 0);
+        assert_int_equal(sst_disparity_sgm_row(v, img, p, y, &lines), 0);
     for (int x = 0; paths == 4 && x < WIDTH; x += 47)
-        assert_int_equal(sst_sgm_columns(v, img, p, x, sst_min_int(x + 47, WIDTH), &lines), 0);
+        assert_int_equal(sst_disparity_sgm_columns(v, img, p, x, sst_min_int(x + 47, WIDTH), &lines), 0);
     for (int dir = 1; paths == 8 && dir >= -1; dir -= 2)
-        assert_int_equal(sst_sgm_slanted(v, img, p, dir, 0, &lines), 0);
+        assert_int_equal(sst_disparity_sgm_slanted(v, img, p, dir, 0, &lines), 0);
     sst_mem_kept_fini(&lines);
 }
 
@@ -71,12 +72,12 @@ static void parts_add_up(void **state SST_UNUSED)
     for (int paths = 4; paths <= 8; paths += 4) {
         struct sst_volume whole = new_volume(), parts = new_volume();
         struct sst_disparity_config cfg;
-        struct sst_sgm_penalties penalties;
+        struct sst_disparity_sgm_penalties penalties;
 
         assert_int_equal(sst_disparity_preset(&cfg, "balanced"), 0);
         cfg.paths = paths;
         assert_int_equal(sst_disparity_sgm(&whole, &p.left, &cfg), 0);
-        sst_sgm_penalties_init(&penalties, &cfg);
+        sst_disparity_sgm_penalties_init(&penalties, &cfg);
         sum_parts(&parts, &p.left, &penalties, paths);
         for (size_t y = 0; y < HEIGHT; y++)
             assert_memory_equal(whole.sum + y * whole.width_padded * whole.steps_padded,

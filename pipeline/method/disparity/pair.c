@@ -35,7 +35,7 @@ struct pair {
     struct sst_support support;
     struct sst_volume volume; /* of the whole left image */
     uint16_t *upward;         /* with 8 paths: the sums of the sweep upwards */
-    struct sst_sgm_penalties penalties;
+    struct sst_disparity_sgm_penalties penalties;
     struct worker *worker;                /* [workers] */
     struct sst_map_u16 raw[2], disp[2];   /* of both images, before and after the filters */
     struct sst_map_u8 confidence, status; /* of the left image */
@@ -79,7 +79,7 @@ static int band_job(void *arg, int index, int worker)
         uint8_t *cost = v->cost + (size_t)y * row_cells;
 
         memcpy(cost, b->cost + (size_t)(y - top) * row_cells, row_cells);
-        err = sst_sgm_row(v, &p->desc[0].image, &p->penalties, y, &p->worker[worker].lines);
+        err = sst_disparity_sgm_row(v, &p->desc[0].image, &p->penalties, y, &p->worker[worker].lines);
     }
     return err;
 }
@@ -90,8 +90,8 @@ static int strip_job(void *arg, int index, int worker)
     struct pair *p = arg;
     const int x0 = index * STRIP;
 
-    return sst_sgm_columns(&p->volume, &p->desc[0].image, &p->penalties, x0, sst_min_int(x0 + STRIP, p->volume.width),
-                           &p->worker[worker].lines);
+    return sst_disparity_sgm_columns(&p->volume, &p->desc[0].image, &p->penalties, x0,
+                                     sst_min_int(x0 + STRIP, p->volume.width), &p->worker[worker].lines);
 }
 
 /* One of both sweeps of 8 paths; the sums of the second one stand apart. */
@@ -102,7 +102,8 @@ static int sweep_job(void *arg, int index, int worker)
 
     if (index)
         v.sum = p->upward;
-    return sst_sgm_slanted(&v, &p->desc[0].image, &p->penalties, index ? -1 : 1, index, &p->worker[worker].lines);
+    return sst_disparity_sgm_slanted(&v, &p->desc[0].image, &p->penalties, index ? -1 : 1, index,
+                                     &p->worker[worker].lines);
 }
 
 /* Whole-pixel disparities of row y of the right image: for each pixel the cheapest along its diagonal. */
@@ -296,7 +297,7 @@ static int match(struct pair *p)
     if (err)
         return err;
     p->right = (struct sst_neighbour){ &p->desc[1], 1, 0 };
-    sst_sgm_penalties_init(&p->penalties, p->cfg);
+    sst_disparity_sgm_penalties_init(&p->penalties, p->cfg);
     err = optimise(p);
     err = err ? err : sst_parallel_for(bands(p), p->threads, winner_job, p);
     err = err ? err : sst_parallel_for(bands(p), p->threads, filter_job, p);

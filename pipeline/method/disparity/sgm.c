@@ -17,10 +17,10 @@ static_assert(SST_SGM_FAR > SST_COST_MAX + SST_DISPARITY_MAX_PENALTY, "the outsi
 struct paths {
     uint16_t *now[3], *last[3], *line;
     uint8_t *penalty;
-    struct sst_sgm_penalties by_step;
+    struct sst_disparity_sgm_penalties by_step;
 };
 
-void sst_sgm_penalties_init(struct sst_sgm_penalties *p, const struct sst_disparity_config *cfg)
+void sst_disparity_sgm_penalties_init(struct sst_disparity_sgm_penalties *p, const struct sst_disparity_config *cfg)
 {
     for (int step = 0; step < 256; step++) {
         const int weakened = cfg->edge_step > 0 ? cfg->p2 * cfg->edge_step / (cfg->edge_step + step) : cfg->p2;
@@ -87,14 +87,14 @@ int sst_disparity_sgm(struct sst_volume *v, const struct sst_image *img, const s
         p.last[s] = p.now[s] + line;
     }
     p.line = rows + (size_t)(2 * slants) * line;
-    sst_sgm_penalties_init(&p.by_step, cfg);
+    sst_disparity_sgm_penalties_init(&p.by_step, cfg);
     sweep(v, img, slants, 1, &p);
     sweep(v, img, slants, -1, &p);
     return 0;
 }
 
-int sst_sgm_row(struct sst_volume *v, const struct sst_image *img, const struct sst_sgm_penalties *p, int y,
-                struct sst_mem_kept *lines)
+int sst_disparity_sgm_row(struct sst_volume *v, const struct sst_image *img,
+                          const struct sst_disparity_sgm_penalties *p, int y, struct sst_mem_kept *lines)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t n = (size_t)v->width, nd = v->steps_padded, cells = (size_t)y * v->width_padded * nd;
@@ -114,8 +114,8 @@ int sst_sgm_row(struct sst_volume *v, const struct sst_image *img, const struct 
     return 0;
 }
 
-int sst_sgm_columns(struct sst_volume *v, const struct sst_image *img, const struct sst_sgm_penalties *p, int x0,
-                    int x1, struct sst_mem_kept *lines)
+int sst_disparity_sgm_columns(struct sst_volume *v, const struct sst_image *img,
+                              const struct sst_disparity_sgm_penalties *p, int x0, int x1, struct sst_mem_kept *lines)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t n = (size_t)(x1 - x0), nd = v->steps_padded, line = (n + 2) * (nd + 2 * SST_SGM_PAD);
@@ -140,8 +140,9 @@ int sst_sgm_columns(struct sst_volume *v, const struct sst_image *img, const str
     return 0;
 }
 
-int sst_sgm_slanted(struct sst_volume *v, const struct sst_image *img, const struct sst_sgm_penalties *p, int dir,
-                    int first, struct sst_mem_kept *lines)
+int sst_disparity_sgm_slanted(struct sst_volume *v, const struct sst_image *img,
+                              const struct sst_disparity_sgm_penalties *p, int dir, int first,
+                              struct sst_mem_kept *lines)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd, line = sst_sgm_line(v);

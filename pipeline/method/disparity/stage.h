@@ -175,11 +175,11 @@ SST_MUST_CHECK int sst_disparity_sgm(struct sst_volume *v, const struct sst_imag
                                      const struct sst_disparity_config *cfg);
 
 /** Penalties by colour step into a pixel. */
-struct sst_sgm_penalties {
+struct sst_disparity_sgm_penalties {
     uint16_t p1[256], p2[256];
 };
 
-void sst_sgm_penalties_init(struct sst_sgm_penalties *p, const struct sst_disparity_config *cfg);
+void sst_disparity_sgm_penalties_init(struct sst_disparity_sgm_penalties *p, const struct sst_disparity_config *cfg);
 
 /**
  * The parts of the optimisation for one large volume, in this order. Rows, and then columns, may be computed at once by
@@ -188,14 +188,17 @@ void sst_sgm_penalties_init(struct sst_sgm_penalties *p, const struct sst_dispar
  * @param lines  scratch of the thread
  */
 /** Both paths along row y: the first sums. */
-SST_MUST_CHECK int sst_sgm_row(struct sst_volume *v, const struct sst_image *img, const struct sst_sgm_penalties *p,
-                               int y, struct sst_mem_kept *lines);
+SST_MUST_CHECK int sst_disparity_sgm_row(struct sst_volume *v, const struct sst_image *img,
+                                         const struct sst_disparity_sgm_penalties *p, int y,
+                                         struct sst_mem_kept *lines);
 /** Both vertical paths of the columns x0 .. x1-1, added. */
-SST_MUST_CHECK int sst_sgm_columns(struct sst_volume *v, const struct sst_image *img, const struct sst_sgm_penalties *p,
-                                   int x0, int x1, struct sst_mem_kept *lines);
+SST_MUST_CHECK int sst_disparity_sgm_columns(struct sst_volume *v, const struct sst_image *img,
+                                             const struct sst_disparity_sgm_penalties *p, int x0, int x1,
+                                             struct sst_mem_kept *lines);
 /** The three paths from above (dir 1) or below (-1), added, or the first sums. */
-SST_MUST_CHECK int sst_sgm_slanted(struct sst_volume *v, const struct sst_image *img, const struct sst_sgm_penalties *p,
-                                   int dir, int first, struct sst_mem_kept *lines);
+SST_MUST_CHECK int sst_disparity_sgm_slanted(struct sst_volume *v, const struct sst_image *img,
+                                             const struct sst_disparity_sgm_penalties *p, int dir, int first,
+                                             struct sst_mem_kept *lines);
 
 /** Elements of one row of paths. */
 static inline size_t sst_sgm_line(const struct sst_volume *v)
