@@ -30,7 +30,8 @@ static void KERNEL(bilateral_row)(uint16_t *restrict out, const uint16_t *const 
     const uint8_t *luma_rest[7];
     size_t start = 0;
 
-    for (; n - start >= BLOCK; start += BLOCK) {
+    for (; start < n && n >= BLOCK; start += BLOCK) {
+        start = n - start < BLOCK ? n - BLOCK : start; /* the last block overlaps the one before */
         const uint16_t *centre = disp[3] + start;
         const uint8_t *level = luma[3] + start;
 

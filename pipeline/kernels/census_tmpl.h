@@ -10,7 +10,8 @@ static void KERNEL(census_row)(uint64_t *restrict out, const uint8_t *const rows
     const uint8_t *rest[7];
     size_t start = 0;
 
-    for (; n - start >= BLOCK; start += BLOCK) {
+    for (; start < n && n >= BLOCK; start += BLOCK) {
+        start = n - start < BLOCK ? n - BLOCK : start; /* the last block overlaps the one before */
         const uint8_t *centre = rows[3] + start;
 
         memset(plane, 0, sizeof(plane));

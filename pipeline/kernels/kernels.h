@@ -37,6 +37,7 @@ enum sst_cpu_level {
     X(support_mean_row)                                                                                                \
     X(sgm_across_row)                                                                                                  \
     X(sgm_along_row)                                                                                                   \
+    X(winner_other_row) \
     X(winner_row)                                                                                                      \
     X(median5_row)                                                                                                     \
     X(bilateral_row)                                                                                                   \
@@ -152,6 +153,15 @@ typedef void sst_sgm_along_row_fn(uint16_t *line, uint16_t *sum, const uint8_t *
  */
 typedef void sst_winner_row_fn(uint16_t *best, uint16_t *second, const uint16_t *sum, size_t stride, size_t n,
                                size_t nd);
+
+/**
+ * The other image's winners from the same sums: key[n - 1 - x + d] becomes the least of itself and of
+ * sum[x][d] << 16 | d, so that a key belongs to one pixel of the other image.
+ *
+ * @param key  in and out [n + nd - 1]; UINT32_MAX at first
+ * @param nd   1..stride disparities count
+ */
+typedef void sst_winner_other_row_fn(uint32_t *key, const uint16_t *sum, size_t stride, size_t n, size_t nd);
 
 /** Median of 5x5: rows[0..4] are y-2 .. y+2, each readable from -2 to n+1. */
 typedef void sst_median5_row_fn(uint16_t *out, const uint16_t *const rows[5], size_t n);

@@ -13,7 +13,8 @@ static void KERNEL(median5_row)(uint16_t *restrict out, const uint16_t *const ro
     const uint16_t *rest[5];
     size_t start = 0;
 
-    for (; n - start >= BLOCK; start += BLOCK) {
+    for (; start < n && n >= BLOCK; start += BLOCK) {
+        start = n - start < BLOCK ? n - BLOCK : start; /* the last block overlaps the one before */
         for (int k = 0; k < 14; k++)
             memcpy(v[k], rows[k / 5] + start + k % 5 - 2, sizeof(v[k]));
         for (int size = 14, next = 14; size > 2; size--, next++) {

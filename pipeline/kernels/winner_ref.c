@@ -19,3 +19,15 @@ void sst_winner_row_ref(uint16_t *best, uint16_t *second, const uint16_t *sum, s
         second[x] = other;
     }
 }
+
+void sst_winner_other_row_ref(uint32_t *key, const uint16_t *sum, size_t stride, size_t n, size_t nd)
+{
+    for (size_t x = 0; x < n; x++) {
+        for (size_t d = 0; d < nd; d++) {
+            const uint32_t k = (uint32_t)sum[x * stride + d] << 16 | (uint32_t)d;
+
+            if (k < key[n - 1 - x + d])
+                key[n - 1 - x + d] = k;
+        }
+    }
+}

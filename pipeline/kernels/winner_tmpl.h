@@ -26,3 +26,18 @@ static void KERNEL(winner_row)(uint16_t *restrict best, uint16_t *restrict secon
     }
 }
 #endif
+
+static void KERNEL(winner_other_row)(uint32_t *restrict key, const uint16_t *restrict sum, size_t stride, size_t n,
+                                     size_t nd)
+{
+    for (size_t x = 0; x < n; x++) {
+        const uint16_t *s = sum + x * stride;
+        uint32_t *at = key + (n - 1 - x);
+
+        for (uint32_t d = 0; d < (uint32_t)nd; d++) {
+            const uint32_t k = (uint32_t)s[d] << 16 | d;
+
+            at[d] = k < at[d] ? k : at[d];
+        }
+    }
+}

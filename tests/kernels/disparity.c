@@ -278,6 +278,28 @@ static void sgm_of_known_pixels(void **state SST_UNUSED)
     assert_memory_equal(sum, want, sizeof(want));
 }
 
+static void winner_other(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+    static const size_t counts[] = { 1, 2, 15, 16, 31, 33, 64, 100, 128 };
+    uint16_t *sum = random_bytes(50 * 128 * 2);
+    uint32_t want[50 + 128], got[50 + 128];
+
+    for (size_t i = 0; i < 50 * 128; i++)
+        sum[i] = (uint16_t)(sum[i] % 512); /* ties */
+    for (size_t i = 0; i < ARRAY_LEN(counts); i++) {
+        memset(want, 0xFF, sizeof(want));
+        sst_winner_other_row_ref(want, sum, 128, 50, counts[i]);
+        FOR_EACH_LEVEL(k, level)
+        {
+            memset(got, 0xFF, sizeof(got));
+            k.winner_other_row(got, sum, 128, 50, counts[i]);
+            same(got, want, sizeof(got), "winner_other_row", level, counts[i]);
+        }
+    }
+    sst_mem_free(sum);
+}
+
 static void winner_and_median(void **state SST_UNUSED)
 {
     struct sst_kernels k;
@@ -354,6 +376,7 @@ int main(void)
         cmocka_unit_test(support),
         cmocka_unit_test(sgm),
         cmocka_unit_test(sgm_of_known_pixels),
+        cmocka_unit_test(winner_other),
         cmocka_unit_test(winner_and_median),
         cmocka_unit_test(bilateral),
     };

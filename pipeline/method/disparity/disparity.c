@@ -379,16 +379,25 @@ static int steps_of(const struct run *run)
     return run->range * run->divisor + 1;
 }
 
+int sst_disparity_divisor(int range)
+{
+    /* Short ranges allow finer steps, and need them: the depth of such scenes spans few pixels. */
+    return range <= FINE_RANGE_PX ? 4 : range <= 2 * FINE_RANGE_PX ? 2 : 1;
+}
+
+int sst_disparity_phase_step(const struct sst_disparity_config *cfg, int width, int height)
+{
+    /* Half pixels if the views are so large that 16 phases would need too much memory. */
+    return cfg->phase_step ? cfg->phase_step : (size_t)width * (size_t)height > FINE_PIXELS ? 2 : 1;
+}
+
 static int make_volume(const struct run *run, struct sst_volume *v)
 {
     const int err = sst_volume_init(v, run->width, run->height, run->disp_min, steps_of(run));
 
     if (!err) {
         v->divisor = run->divisor;
-        /* Half pixels if the views are so large that 16 phases would need too much memory. */
-        v->phase_step = run->cfg->phase_step                                     ? run->cfg->phase_step
-                        : (size_t)run->width * (size_t)run->height > FINE_PIXELS ? 2
-                                                                                 : 1;
+        v->phase_step = sst_disparity_phase_step(run->cfg, run->width, run->height);
     }
     return err;
 }
@@ -577,8 +586,7 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     run->height = (lf->height + cfg->scale - 1) / cfg->scale;
     run->disp_min = (int)floor(cfg->disp_min_px / cfg->scale);
     run->range = (int)ceil(cfg->disp_max_px / cfg->scale) - run->disp_min;
-    /* Short ranges allow finer steps, and need them: the depth of such scenes spans few pixels. */
-    run->divisor = run->range <= FINE_RANGE_PX ? 4 : run->range <= 2 * FINE_RANGE_PX ? 2 : 1;
+    run->divisor = sst_disparity_divisor(run->range);
     for (size_t k = 0; k < views; k++)
         present += lf->views[k].present;
     set_narrow(run, present);
@@ -659,7 +667,12 @@ int sst_disparity_stereo(struct sst_map_f32 *out, const struct sst_image *left, 
     lf.views[0].present = lf.views[1].present = true;
     lf.views[0].image = *left;
     lf.views[1].image = *right;
-    err = sst_disparity_lightfield(&lf, cfg, NULL, NULL);
+    err = check_config(&lf, cfg);
+    if (!err && cfg->one_volume && !cfg->raw && cfg->fill && !(cfg->support_arm && cfg->support_after)) {
+        err = sst_disparity_pair(out, left, right, cfg);
+        goto done;
+    }
+    err = err ? err : sst_disparity_lightfield(&lf, cfg, NULL, NULL);
     err = err ? err : sst_map_f32_init(out, left->width, left->height);
     for (int y = 0; !err && y < left->height; y++) {
         const uint16_t *d = sst_map_u16_row(&lf.views[0].disp, y);
@@ -667,6 +680,7 @@ int sst_disparity_stereo(struct sst_map_f32 *out, const struct sst_image *left, 
         for (int x = 0; x < left->width; x++)
             sst_map_f32_row(out, y)[x] = d[x] == SST_DISP_NONE ? INFINITY : (float)sst_disp_px(&lf, d[x]);
     }
+done:
     lf.views[0].image = lf.views[1].image = (struct sst_image){ 0 };
     sst_lightfield_fini(&lf);
     return err;

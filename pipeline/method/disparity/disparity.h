@@ -35,13 +35,14 @@ struct sst_disparity_config {
     int support_tau;              /* largest intensity step inside an arm, 1..255 */
     int support_before, support_after; /* rounds of aggregation before and after the optimisation */
     int bilateral_tau;                 /* eps_I of the bilateral filter, 1..255; 0 switches it off */
-    bool raw;       /* the cheapest disparity of each pixel, to evaluate costs: no aggregation, optimisation, filter or
-                       filling; their parameters are ignored */
-    bool fill;      /* check and fill: the result is dense */
-    bool joint;     /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
-    int neighbours; /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
-    int rounds;     /* of the second pass (design.md, 5.7), 0..SST_DISPARITY_MAX_ROUNDS; light fields of few views
-                       or of a narrow range have none */
+    bool raw;        /* the cheapest disparity of each pixel, to evaluate costs: no aggregation, optimisation, filter or
+                        filling; their parameters are ignored */
+    bool fill;       /* check and fill: the result is dense */
+    bool one_volume; /* of a pair: the right map, which checks the left one, comes from the left one's cost volume */
+    bool joint;      /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
+    int neighbours;  /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
+    int rounds;      /* of the second pass (design.md, 5.7), 0..SST_DISPARITY_MAX_ROUNDS; light fields of few views
+                        or of a narrow range have none */
     int subpixel_steps; /* of the refinement between pixels (design.md, 5.8), 0..SST_SUBPIXEL_MOST; light fields of few
                            views or of a wide range are not refined */
     int subpixel_views; /* compared in it at most, up to SST_SUBPIXEL_VIEWS */

@@ -14,7 +14,7 @@ static const struct {
     const char *name;
     struct sst_disparity_config cfg;
 } presets[] = {
-    { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2, .key_spacing = 3 } },
+    { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2, .one_volume = true, .key_spacing = 3 } },
     { "balanced",
       { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .key_spacing = 5,
         .skip_hypotheses = true } },

@@ -174,6 +174,32 @@ SST_MUST_CHECK int sst_disparity_support_aggregate(struct sst_volume *v, const s
 SST_MUST_CHECK int sst_disparity_sgm(struct sst_volume *v, const struct sst_image *img,
                                      const struct sst_disparity_config *cfg);
 
+/** Penalties by colour step into a pixel. */
+struct sst_disparity_sgm_penalties {
+    uint16_t p1[256], p2[256];
+};
+
+void sst_disparity_sgm_penalties_init(struct sst_disparity_sgm_penalties *p, const struct sst_disparity_config *cfg);
+
+/**
+ * The parts of the optimisation for one large volume, in this order. Rows, and then columns, may be computed at once by
+ * several threads.
+ *
+ * @param lines  scratch of the thread
+ */
+/** Both paths along row y: the first sums. */
+SST_MUST_CHECK int sst_disparity_sgm_row(struct sst_volume *v, const struct sst_image *img,
+                                         const struct sst_disparity_sgm_penalties *p, int y,
+                                         struct sst_mem_kept *lines);
+/** Both vertical paths of the columns x0 .. x1-1, added. */
+SST_MUST_CHECK int sst_disparity_sgm_columns(struct sst_volume *v, const struct sst_image *img,
+                                             const struct sst_disparity_sgm_penalties *p, int x0, int x1,
+                                             struct sst_mem_kept *lines);
+/** The three paths from above (dir 1) or below (-1), added, or the first sums. */
+SST_MUST_CHECK int sst_disparity_sgm_slanted(struct sst_volume *v, const struct sst_image *img,
+                                             const struct sst_disparity_sgm_penalties *p, int dir, int first,
+                                             struct sst_mem_kept *lines);
+
 /** Elements of one row of paths. */
 static inline size_t sst_sgm_line(const struct sst_volume *v)
 {
@@ -221,6 +247,34 @@ enum sst_disparity_check {
     SST_DISPARITY_MISMATCH = 1,
     SST_DISPARITY_OCCLUSION = 2,
 };
+
+/** Rows y0 .. y0 + rows - 1 of a map, borrowed. */
+static inline struct sst_map_u8 sst_map_u8_rows(const struct sst_map_u8 *map, int y0, int rows)
+{
+    return (struct sst_map_u8){ map->width, rows, map->stride, (uint8_t *)map->data + (size_t)y0 * map->stride };
+}
+
+static inline struct sst_map_u16 sst_map_u16_rows(const struct sst_map_u16 *map, int y0, int rows)
+{
+    struct sst_map_u16 part = *map;
+
+    part.height = rows;
+    part.data += (size_t)y0 * (map->stride / sizeof(*part.data));
+    return part;
+}
+
+/** Steps per pixel for a range of whole pixels. */
+int sst_disparity_divisor(int range);
+
+/** Quarter pixels that shifts are rounded to (see struct sst_volume). */
+int sst_disparity_phase_step(const struct sst_disparity_config *cfg, int width, int height);
+
+/**
+ * sst_disparity_stereo() for a dense result by one cost volume; the configuration has been checked.
+ * @param out  out, initialised here
+ */
+SST_MUST_CHECK int sst_disparity_pair(struct sst_map_f32 *out, const struct sst_image *left,
+                                      const struct sst_image *right, const struct sst_disparity_config *cfg);
 
 /** A view of the second pass; all maps of one size, disparities in 1/64 px above disp_min_px. */
 struct sst_visible_view {

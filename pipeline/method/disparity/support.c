@@ -111,12 +111,12 @@ int sst_disparity_support_aggregate(struct sst_volume *v, const struct sst_suppo
             for (; next < v->height && next <= y + arm; next++)
                 k->support_sum_row(ring + (size_t)(next % RING) * row_cells,
                                    ring + (size_t)((next + RING - 1) % RING) * row_cells, prefix,
-                                   v->cost + (size_t)next * row_cells, sst_map_u8_row(&s->left, next),
-                                   sst_map_u8_row(&s->right, next), n, nd);
+                                   v->cost + (size_t)next * row_cells, sst_map_u8_row(&s->left, v->y0 + next),
+                                   sst_map_u8_row(&s->right, v->y0 + next), n, nd);
             for (int j = -arm - 1; j <= arm; j++)
                 rows[j + arm + 1] = ring + (size_t)((y + j + 2 * RING) % RING) * row_cells;
-            k->support_mean_row(v->cost + (size_t)y * row_cells, at, sst_map_u8_row(&s->up, y),
-                                sst_map_u8_row(&s->down, y), sst_map_u16_row(&s->count, y), n, nd);
+            k->support_mean_row(v->cost + (size_t)y * row_cells, at, sst_map_u8_row(&s->up, v->y0 + y),
+                                sst_map_u8_row(&s->down, v->y0 + y), sst_map_u16_row(&s->count, v->y0 + y), n, nd);
         }
     }
     return 0;

@@ -159,7 +159,7 @@ static void feature_costs(const struct strip *s, const struct sst_neighbour *n, 
         const struct step *at = &steps[i];
         /* What lies beside the row within its width may be read (see struct sst_descriptor); farther columns and other
          * rows are not used by any step: any features do. */
-        const bool inside = y + at->near_y >= 0 && y + at->near_y < v->height && abs(at->near_x) < v->width;
+        const bool inside = y + at->near_y >= 0 && y + at->near_y < s->ref->height && abs(at->near_x) < v->width;
 
         if (at->place == count)
             s->places[count++] = inside ? features_at(n->desc, s->x0 + at->near_x, y + at->near_y) : here;
@@ -238,6 +238,33 @@ static void merge(uint8_t *restrict first, const uint8_t *restrict second, int c
     }
 }
 
+/* Of a single neighbour's census alone, without masks, the costs need no merging. */
+static bool alone(const struct strip *s, const struct sst_neighbour *n, int count)
+{
+    return count == 1 && s->ref->census[0] && !s->ref->features && !s->ref->seen.data && !n->desc->seen.data;
+}
+
+/* match_row() and merge() for that. */
+static void match_alone(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y,
+                        uint8_t *out)
+{
+    const struct sst_volume *v = s->v;
+    const struct sst_descriptor *ref = s->ref;
+
+    memset(out, COST_UNSEEN, s->padded * (size_t)v->steps);
+    for (int i = 0; i < v->steps; i++, out += s->padded) {
+        const struct step *at = &steps[i];
+        const int yn = y + at->y, near_y = y + at->near_y;
+        const int x0 = sst_max_int(s->x0, -v->x0 - sst_min_int(at->x, at->near_x));
+        const int x1 = sst_min_int(s->x1, ref->width - v->x0 - sst_max_int(at->x, at->near_x));
+
+        if (yn >= 0 && near_y >= 0 && yn < ref->height && near_y < ref->height && x1 > x0)
+            sst_kernels_get()->hamming_row(
+                out + (x0 - s->x0), ref->census[0] + (size_t)y * ref->census_stride + (v->x0 + x0),
+                n->desc->census[at->phase] + (size_t)yn * ref->census_stride + (v->x0 + x0 + at->x), (size_t)(x1 - x0));
+    }
+}
+
 /* Rows y0 .. y1-1 of a strip. @param steps  [neighbour][v->steps] */
 static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbours, const struct step *steps,
                       int count, int y0, int y1)
@@ -245,18 +272,25 @@ static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbo
     const struct sst_volume *v = s->v;
     const size_t cells = s->padded * v->steps_padded, real = s->padded * (size_t)v->steps;
 
-    memset(s->first, ABSENT, (size_t)(y1 - y0) * cells);
-    memset(s->second, ABSENT, (size_t)(y1 - y0) * cells);
-    for (int i = 0; i < count; i++) {
+    const bool single = alone(s, neighbours, count);
+
+    if (!single) {
+        memset(s->first, ABSENT, (size_t)(y1 - y0) * cells);
+        memset(s->second, ABSENT, (size_t)(y1 - y0) * cells);
+    }
+    for (int i = 0; i < count && !single; i++) {
         for (int y = y0; y < y1; y++)
             match_row(s, &neighbours[i], steps + (size_t)i * (size_t)v->steps, v->y0 + y,
                       s->first + (size_t)(y - y0) * cells, s->second + (size_t)(y - y0) * cells);
     }
     for (int y = y0; y < y1; y++) {
-        uint8_t *first = s->first + (size_t)(y - y0) * cells;
+        uint8_t *first = s->first + (single ? 0 : (size_t)(y - y0) * cells);
         uint8_t *out = v->cost + ((size_t)y * v->width_padded + (size_t)s->x0) * v->steps_padded;
 
-        merge(first, s->second + (size_t)(y - y0) * cells, count, real);
+        if (single)
+            match_alone(s, neighbours, steps, v->y0 + y, first);
+        else
+            merge(first, s->second + (size_t)(y - y0) * cells, count, real);
         memset(first + real, SST_COST_MAX, cells - real);
         sst_kernels_get()->transpose_u8(out, v->steps_padded, first, s->padded, s->padded, v->steps_padded);
     }
