@@ -64,7 +64,7 @@ void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u
                                int steps, const struct sst_checked_view *views, int count)
 {
     memset(status->data, SST_DISPARITY_OCCLUSION, status->stride * (size_t)status->height);
-    for (int i = 0; i < count; i++)
+    for (int i = 0; i < count && steps > 0; i++)
         mark_served(status, &views[i], disp_min_px, steps);
     for (int y = 0; y < disp_q6->height; y++) {
         const uint16_t *d = sst_map_u16_row(disp_q6, y);

@@ -293,7 +293,8 @@ static int check_job(void *arg, int view, int worker SST_UNUSED)
     err = cancelled(run);
     err = err ? err : sst_map_u8_init(&run->status[view], run->width, run->height);
     if (!err && !is_carried(run, view))
-        sst_disparity_check_views(&run->status[view], &run->disp[view], run->disp_min, run->range + 1, views, count);
+        sst_disparity_check_views(&run->status[view], &run->disp[view], run->disp_min,
+                                  run->carried ? 0 : run->range + 1, views, count);
     return err;
 }
 

@@ -409,7 +409,7 @@ struct sst_checked_view {
 
 /**
  * design.md, 5.2 step 4, any set of views: with d = D(p), correct if |d - D_n(p - d b_n)| <= 1 for one of them;
- * mismatch if that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1; else occlusion.
+ * mismatch if that holds for some other whole-pixel d of disp_min .. disp_min + steps - 1 (none: 0); else occlusion.
  *
  * @param status  out, enum sst_disparity_check
  * @param disp_min_px  disparity of stored value 0

@@ -12,7 +12,8 @@
 #include "pipeline/method/process/process_internal.h"
 
 /* One view in so many is labelled by the network; see sst_disparity_keys(). */
-#define LABEL_SPACING 3
+#define LABEL_SPACING      3
+#define LABEL_SPACING_HALF 5 /* where views are matched at half size */
 
 struct run {
     struct sst_lightfield *lf;
@@ -165,7 +166,7 @@ static int choose_keys(struct run *run)
     run->carried = calloc((size_t)views_of(run), sizeof(*run->carried));
     if (!run->carried)
         return -ENOMEM;
-    keys = sst_disparity_keys(lf, LABEL_SPACING, run->carried);
+    keys = sst_disparity_keys(lf, run->cfg->disparity.scale == 2 ? LABEL_SPACING_HALF : LABEL_SPACING, run->carried);
     if (!lf->views[lf->ref_view].present || run->carried[lf->ref_view]) {
         free(run->carried); /* a reference view on its own has nothing to be carried from or to */
         run->carried = NULL;
