@@ -220,9 +220,9 @@ const struct cli_command cli_process = {
     .detail = "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
               "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
               "Presets: preview (half-size census), balanced (census), accurate (census and MC-CNN, 8 paths).\n"
-              "--skip keys matches one view in three or five and carries its maps to the others; hypotheses tests\n"
+              "--skip keys matches one view in three and carries its maps to the others; hypotheses tests\n"
               "no other disparity where the first one explains the colours; labels runs the network on one view in\n"
-              "five. Presets skip all that suits them; `--skip none` computes everything.",
+              "three (preview: five). Presets skip all that suits them; `--skip none` computes everything.",
     .example = "sst process garden --preset balanced",
     .run = run,
 };
