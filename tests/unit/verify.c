@@ -280,6 +280,32 @@ static void matched_leaves_no_longer_hide_what_is_behind(void **state SST_UNUSED
     close_field(&f);
 }
 
+/* What one picture found out serves the next one; other views find out for themselves. */
+static void pictures_of_one_renderer_are_those_of_many(void **state SST_UNUSED)
+{
+    struct sst_render_config cfg;
+    struct sst_renderer *kept, *fresh;
+    struct field f;
+
+    open_field(&f, "bush");
+    match_field(&f);
+    sst_render_config_defaults(&cfg);
+    cfg.verify = SST_VERIFY_AUTO;
+    assert_int_equal(sst_renderer_create(&kept, &f.lf, 2), 0);
+    for (int i = 0; i < 6; i++) {
+        cfg.focus_px = f.focus_px + i / 2 % 2;
+        cfg.max_views = i % 2 ? 9 : 0;
+        cfg.threads = 1 + i % 3;
+        assert_int_equal(sst_renderer_create(&fresh, &f.lf, 2), 0);
+        assert_int_equal(sst_render(kept, &cfg, &f.plain, NULL), 0);
+        assert_int_equal(sst_render(fresh, &cfg, &f.verified, NULL), 0);
+        assert_same_image(&f.plain, &f.verified);
+        sst_renderer_destroy(fresh);
+    }
+    sst_renderer_destroy(kept);
+    close_field(&f);
+}
+
 static void good_matches_decide_alone(void **state SST_UNUSED)
 {
     struct field f;
@@ -461,6 +487,7 @@ int main(void)
         cmocka_unit_test(missing_rays_have_no_say),
         cmocka_unit_test(good_maps_decide_alone),
         serial_test(matched_leaves_no_longer_hide_what_is_behind),
+        serial_test(pictures_of_one_renderer_are_those_of_many),
         serial_test(good_matches_decide_alone),
         cmocka_unit_test(external_maps_are_trusted),
         cmocka_unit_test(confirmed_disparities_are_counted),

@@ -3,6 +3,7 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 
+#include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/method/render/render_internal.h"
 
@@ -29,9 +30,14 @@ struct explainer {
         int count;
         struct neighbour around[AROUND];
     } * tap; /* [plan->count] */
+    bool keep;
     atomic_bool prepared;
-    int levels; /* fixed once prepared */
+    /* fixed once prepared */
+    int levels;
+    SST_ATOMIC(uint8_t) * known; /* [plan->count][height][width] enum known, of the renderer; NULL: not kept */
 };
+
+enum known { UNKNOWN = 0, EXPLAINED = 1, CONTRADICTED = 2 };
 
 static struct neighbour neighbour(const struct explainer *e, const struct sst_render_tap *t, const struct sst_view *of)
 {
@@ -149,13 +155,28 @@ static struct agreement agreement_at(const struct explainer *e, const struct tap
     return a;
 }
 
-bool explainer_contradicts(const struct explainer *e, int k, int x, int y)
+static bool contradicts(const struct explainer *e, int k, int x, int y)
 {
     const struct tap *t = &e->tap[k];
     const struct ray ray = ray_at(e, t, x, y);
     const struct agreement own = agreement_at(e, t, &ray, ray.disp_px);
 
     return !own.agree || own.agree < own.differ;
+}
+
+/* Threads that test the same pixel at once find the same. */
+bool explainer_contradicts(const struct explainer *e, int k, int x, int y)
+{
+    const struct sst_lightfield *lf = e->plan->lf;
+    const size_t at = ((size_t)k * (size_t)lf->height + (size_t)y) * (size_t)lf->width + (size_t)x;
+    uint8_t known = e->known ? atomic_load_explicit(&e->known[at], memory_order_relaxed) : UNKNOWN;
+
+    if (known == UNKNOWN) {
+        known = contradicts(e, k, x, y) ? CONTRADICTED : EXPLAINED;
+        if (e->known)
+            atomic_store_explicit(&e->known[at], known, memory_order_relaxed);
+    }
+    return known == CONTRADICTED;
 }
 
 /* --- preparation -------------------------------------------------------------------------------------------------- */
@@ -233,6 +254,41 @@ static int measure_levels(const struct explainer *e)
     return sst_max_int(LEVELS, (int)(NOISE * quartile));
 }
 
+void explainer_keep(struct explainer *e)
+{
+    e->keep = true;
+}
+
+/* What the answers depend on besides the light field: the views of the plan. */
+static uint64_t key_of(const struct explainer *e)
+{
+    uint64_t key = 1469598103934665603u;
+
+    for (int k = 0; k < e->plan->count; k++)
+        key = (key ^ (uint64_t)(e->plan->tap[k].view + 1)) * 1099511628211u;
+    return key;
+}
+
+/* The first plan's views get the memory; plans of other views keep nothing. Under the renderer's lock. */
+static void find_levels(struct explainer *e)
+{
+    struct sst_renderer *r = e->renderer;
+    const uint64_t key = e->keep ? key_of(e) : 0;
+
+    if (e->keep && r->explained && r->explained_key == key) {
+        e->known = r->explained;
+        e->levels = r->explained_levels;
+        return;
+    }
+    e->levels = measure_levels(e);
+    if (!e->keep || r->explained)
+        return;
+    r->explained = sst_mem_alloc((size_t)e->plan->count, (size_t)e->plan->lf->width * (size_t)e->plan->lf->height);
+    r->explained_key = key;
+    r->explained_levels = e->levels;
+    e->known = r->explained;
+}
+
 int explainer_prepare(struct explainer *e)
 {
     int err = 0;
@@ -244,7 +300,7 @@ int explainer_prepare(struct explainer *e)
         if (e->renderer->raw)
             err = sst_parallel_for(e->plan->count, sst_thread_count(e->plan->cfg.threads), rectify, e);
         if (!err)
-            e->levels = measure_levels(e);
+            find_levels(e);
         atomic_store_explicit(&e->prepared, !err, memory_order_release);
     }
     pthread_mutex_unlock(&e->renderer->lock);

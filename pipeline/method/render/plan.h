@@ -95,6 +95,9 @@ struct sst_renderer {
     uint8_t rarity[SST_AGREE_BINS]; /* of colours, see verify.h */
     struct sst_mem_kept spare;      /* maps of the last clear picture, for the next one; empty while one is rendered */
     struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each created on first use */
+    SST_ATOMIC(uint8_t) * explained; /* see explainer_keep(); NULL until needed */
+    uint64_t explained_key;
+    int explained_levels;
 };
 
 /** A raw frame and its mapping to rectified positions. */

@@ -65,6 +65,7 @@ void sst_renderer_destroy(struct sst_renderer *r)
     }
     free(r->raw);
     sst_mem_kept_fini(&r->spare);
+    sst_mem_free((void *)r->explained);
     sst_render_histogram_fini(&r->histogram);
     pthread_mutex_destroy(&r->lock);
     free(r);
@@ -396,6 +397,8 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
     err = sst_render_plan_init(&plan, r, cfg);
     if (err)
         return err;
+    if (plan.explainer)
+        explainer_keep(plan.explainer);
     err = sst_render_plan_render(&plan, NULL, out, valid);
     sst_render_plan_fini(&plan);
     return err;

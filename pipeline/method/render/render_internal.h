@@ -18,6 +18,10 @@ struct explainer; /* of one plan; any number of threads may use it once prepared
 SST_MUST_CHECK int explainer_create(struct explainer **out, const struct sst_render_plan *p, struct sst_renderer *r);
 void explainer_destroy(struct explainer *e);
 
+/** Keep what is found out about pixels in the renderer, for other plans of the same views: the light field must not
+ *  change any more. A byte for each pixel of all views; without memory nothing is kept. */
+void explainer_keep(struct explainer *e);
+
 /** Rectify raw frames and measure the noise, on the first call. @return 0 or -ENOMEM (not logged) */
 SST_MUST_CHECK int explainer_prepare(struct explainer *e);
 
