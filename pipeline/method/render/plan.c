@@ -304,8 +304,8 @@ static void set_depth_weights(struct sst_blend *b, const struct sst_render_confi
     for (int i = 0; i < SST_EXP2_POWERS; i++)
         b->power[i] = (float)((1 - cfg->c1) * (double)power[i]);
     b->scale = (float)(M_LOG2E * 0.5 / (sigma_q6 * sigma_q6));
-    b->first = first <= last ? (uint16_t)first : 0;
-    b->count = first <= last ? (uint16_t)(last - first + 1) : 0;
+    b->first = (uint16_t)(first <= last ? first : 0);
+    b->count = (uint16_t)(first <= last ? last - first + 1 : 0);
 }
 
 /* Set the constants of the weights, and the table if labels have weights. */
