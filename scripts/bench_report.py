@@ -13,7 +13,7 @@ BASELINE = "OpenCV SGBM 3WAY"
 COLOURS = ("#0072B2", "#D55E00", "#009E73")  # of groups; told apart with any colour vision, and on light and dark
 # gnuplot point types of methods: open for others', full for ours
 SYMBOLS = {"f32": 5, "int8": 7, "f32, half size": 4, "int8, half size": 6,
-           BASELINE: 4, "OpenCV SGBM HH": 12, "sst preview": 9, "sst balanced": 5, "sst accurate": 7}
+           BASELINE: 4, "OpenCV SGBM HH": 12, "OpenCV BM": 8, "sst preview": 9, "sst balanced": 5, "sst accurate": 7}
 
 
 def cpu_name():
@@ -61,7 +61,7 @@ def page(title, command, text):
 
 
 def tics(low, high):
-    marks = (m * 10.0 ** e for e in range(-4, 8) for m in (1, 2, 5))
+    marks = (m * 10.0 ** e for e in range(-4, 8) for m in ((1, 2, 5) if high < 2000 * low else (1,)))
     return "(" + ", ".join(f'"{t:g}" {t:g}' for t in marks if low <= t <= high) + ")"
 
 
@@ -486,7 +486,8 @@ LIMITS_TEXT = """\
 What two threads of this machine can do at most, measured by small loops (`build/bench/peaks`, kernels for {level}; best of
 {rounds} rounds), and how far each stage is from it. A stage's *limit* is the larger of its bytes over the bandwidth and its
 operations over their peak, where the bytes are what it must read and write once and the operations what its formulas need
-at least, by the widest instruction; *time / limit* is 1 for a stage that no machine of this kind can run faster.
+at least, by the widest instruction; *time / limit* is 1 for a stage that this machine cannot run faster. A stage's time is the CPU
+time of all threads, halved: two busy threads; other programs change it less than wall time.
 
 {peaks}
 ## Roofline
@@ -508,18 +509,17 @@ PATH_OPERATIONS = 16
 PATHS = {"OpenCV SGBM 3WAY": 3, "OpenCV SGBM HH": 8, "sst preview": 4, "sst balanced": 4}
 LOOKED = "2026-11-23"
 WORDS = {
-    "render clear": "it reads the light field more than once (surfaces behind the cut first, colours then) and moves every "
-                    "ray to its own place: scattered accesses, not bandwidth.",
-    "pair, sst preview": "costs by census, the check of both maps, filling and filters on top of the paths; pictures this small "
-                         "also pay for starting threads.",
-    "pair, sst balanced": "the second pass tests surfaces where they are visible, and costs, checks and filters come on top of "
-                          "the paths.",
-    "pair, OpenCV": "the same kind of additions, and one thread in most of the paths.",
-    "process load": "decoding PNG: inflate is a chain of dependent table look-ups.",
-    "process disparity": "the limit counts the paths of the matched key views alone; costs of several neighbours, the second pass "
-                         "over hypotheses in all views, carrying and the multi-view check take the rest.",
-    "process refinement": "distances and majority votes of labels per pixel: dependent sweeps over rows and columns.",
-    "process saving": "compressing PNG and writing files.",
+    "render clear": "each ray moves to its own place: the kernels that gather rays there (`clear_take`) take a third of the "
+                    "samples, those that blend, land and find surfaces a quarter; the light field is read several times.",
+    "pair, sst": "the paths, which the limit counts, share the time with costs, choosing the winner, filling, median and the "
+                 "support of the second pass, each of about half a path kernel's share.",
+    "pair, OpenCV": "the same sums on 16 bits; its mode HH runs on one thread.",
+    "process load": "decoding PNG: libpng and zlib (inflate, Adler-32) lead the samples.",
+    "process disparity": "the paths of key views, which the limit counts, are 3 % of the samples; costs of hypotheses in the second "
+                         "pass are 28 %, carrying maps from key views 10 %, costs of neighbours 4 %.",
+    "process refinement": "searches for the nearest labeled pixel and fits per view; not looked into.",
+    "process saving": "compressing PNG (deflate and Adler-32 are 3 % of the samples of the whole run, saving takes about 9 %) and "
+                      "writing files.",
 }
 
 
@@ -542,14 +542,14 @@ def limit_rows(folder, peak):
             if name in RAYS:
                 per_ray = [36 * pixels * n for n in RAYS[name]]
                 whose = "render " if name == method else "OpenCV "
-                rows.append(limit_row(f"{whose}{name}, {width:.0f}x{height:.0f}", median(r, "ms"), per_ray[0] + 3 * pixels,
+                rows.append(limit_row(f"{whose}{name}, {width:.0f}x{height:.0f}", median(r, "cpu_ms") / 2, per_ray[0] + 3 * pixels,
                                       *per_ray[1:], peak))
     if os.path.exists(f"{folder}/stereo.csv"):
         for (pair, method), r in read_rounds(f"{folder}/stereo.csv", "pair", "method").items():
             if pair == "motorcycle" and method in PATHS:
-                half = 8 if method == "sst preview" else 1 # half the width, height and disparities
+                half = 8 if method == "sst preview" else 1  # half the width, height and disparities
                 pixels = r[0]["width"] * r[0]["height"]
-                rows.append(limit_row(f"pair, {method}", median(r, "ms"), 10 * pixels, 0,
+                rows.append(limit_row(f"pair, {method}", median(r, "cpu_ms") / 2, 10 * pixels, 0,
                                       PATHS[method] * PATH_OPERATIONS * 64 * pixels / half, peak))
     if os.path.exists(f"{folder}/scenes.json"):
         with open(f"{folder}/scenes.json") as f:
@@ -560,14 +560,14 @@ def limit_rows(folder, peak):
         keys = 1 - (r["skips"]["keys"]["skipped_percent"] or 0) / 100
         for stage, per_ray, simple in (("load", 3, 0), ("disparity", 6, keys * 4 * PATH_OPERATIONS * steps),
                                        ("refinement", 7, 8), ("saving", 6, 0)):
-            rows.append(limit_row(f"process {stage}, {scene['scene']} {scene['size']}", 1e3 * r["seconds"][stage],
+            rows.append(limit_row(f"process {stage}, {scene['scene']} {scene['size']}", 500 * r["cpu_seconds"][stage],
                                   per_ray * rays, 0, simple * rays, peak))
     return rows
 
 
 def roofline(out, points, peak, command):
     """Byte operations per byte of memory against byte operations per second (a 16-bit multiplication counts as two)."""
-    points = [p for p in points if p[1] > 0]
+    points = [p for p in points if p[1] > 0 and ", 1000x750" not in p[0]]
     roof = max(peak["minimum"], 2 * peak["multiply"])
     x = (min(p[1] for p in points) / 3, max(p[1] for p in points) * 3)
     y = (min(p[2] for p in points) / 3, roof * 3)
@@ -581,7 +581,7 @@ def roofline(out, points, peak, command):
     for i, (name, operations, speed) in enumerate(points):
         lines += [f"$r{i} << EOD", f"{operations} {speed}", "EOD"]
         colour = COLOURS[1] if "OpenCV" in name else COLOURS[0] if name.startswith(("render", "pair")) else COLOURS[2]
-        plots.append(f"$r{i} with points pt {(7, 5, 9, 13, 11, 15)[i % 6]} ps 1.3 lc rgb '{colour}' title \"{name}\"")
+        plots.append(f"$r{i} with points pt {(7, 5, 9, 13, 11, 15, 6, 4, 8, 12, 10, 14)[i % 12]} ps 1.3 lc rgb '{colour}' title \"{name}\"")
     return draw(out, "roofline", lines + ["plot " + ", \\\n".join(plots)])
 
 
@@ -601,7 +601,7 @@ def limits(source, out, command):
     slow = [row[0] for row, _ in rows if float(row[-1]) > 2]
     words = "".join(f"- {start}: {text}\n" for start, text in WORDS.items() if any(n.startswith(start) for n in slow))
     text = LIMITS_TEXT.format(level=bench_level(source), rounds=len(rounds["memory",]), peaks=peaks, looked=LOOKED, words=words,
-                              table=table(["stage", "ms", "memory, ms", "multiplications, ms", "byte operations, ms",
+                              table=table(["stage", "CPU ms / 2", "memory, ms", "multiplications, ms", "byte operations, ms",
                                            "limit is", "time / limit"], [row for row, _ in rows]))
     return (write_page(out, "bench-limits", page("Limits: each stage against the machine", command, text)) +
             roofline(out, [point for _, point in rows], peak, command))
