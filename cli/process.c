@@ -124,6 +124,8 @@ static int process(struct sst_lightfield *lf, const char *dir, struct sst_proces
     return err;
 }
 
+#define KEY_ERROR 5 /* percent, where the preset has none */
+
 /* What the preset skips, unless the list says otherwise. */
 static int read_skips(const struct cli_command *cmd, const char *list, struct sst_process_config *cfg)
 {
@@ -135,6 +137,10 @@ static int read_skips(const struct cli_command *cmd, const char *list, struct ss
 
     if (!keys)
         cfg->disparity.key_spacing = 1;
+    else if (cfg->disparity.key_spacing <= 1) {
+        cfg->disparity.key_spacing = 3;
+        cfg->disparity.key_error = KEY_ERROR;
+    }
     return r;
 }
 
@@ -220,7 +226,8 @@ const struct cli_command cli_process = {
     .detail = "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
               "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
               "Presets: preview (half-size census), balanced (census), accurate (census and MC-CNN, 8 paths).\n"
-              "--skip keys matches one view in three and carries its maps to the others; hypotheses tests\n"
+              "--skip keys matches one view in three and carries its maps to the others where the scene allows; "
+              "hypotheses tests\n"
               "no other disparity where the first one explains the colours; labels runs the network on one view in\n"
               "three (preview: five). Presets skip all that suits them; `--skip none` computes everything.",
     .example = "sst process garden --preset balanced",

@@ -26,6 +26,7 @@ struct run {
     struct sst_disparity_config narrow; /* what cfg points to where the range is narrow */
     struct sst_network **nets;          /* [workers]; NULL without features */
     bool fill;
+    bool others;                   /* the views that were to be carried are matched after all */
     bool *carried;                 /* [views] not matched; NULL: all are */
     int rounds;                    /* of the second pass */
     bool subpixel;                 /* refine between pixels */
@@ -216,9 +217,11 @@ static int match_job(void *arg, int index, int worker)
     if (!run->lf->views[view].present)
         return 0;
     err = cancelled(run);
-    err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
-    err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
-    if (!err && is_carried(run, view))
+    if (!run->disp[view].data) {
+        err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
+        err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
+    }
+    if (!err && is_carried(run, view) != run->others)
         return 0;
     if (!err && run->cfg->support_arm && !run->cfg->raw)
         err =
@@ -291,6 +294,7 @@ static int check_job(void *arg, int view, int worker SST_UNUSED)
         return 0;
     count = run->carried ? checked_keys(run, view, views) : checked_views(run, view, views, &near);
     err = cancelled(run);
+    sst_map_u8_fini(&run->status[view]);
     err = err ? err : sst_map_u8_init(&run->status[view], run->width, run->height);
     if (!err && !is_carried(run, view))
         sst_disparity_check_views(&run->status[view], &run->disp[view], run->disp_min,
@@ -468,15 +472,26 @@ static int visible_views(const struct run *run, struct sst_visible_views *out, s
     return err;
 }
 
+/* Check the matched views against each other, and measure what carrying would do to the reference view. */
+static int check_keys(struct run *run, const struct sst_visible_views *in, int threads, double *error)
+{
+    const int ref = run->lf->ref_view, err = sst_parallel_for(in->count, threads, check_job, run);
+
+    *error = NAN;
+    return err || !run->lf->views[ref].present || run->carried[ref]
+               ? err
+               : sst_disparity_carry_error(in, run->status, ref, error);
+}
+
 /* Check the matched views against each other, and carry them to the others. */
 static int carry(struct run *run, const struct sst_visible_views *in, int threads)
 {
-    const struct sst_lightfield *lf = run->lf;
-    int err = sst_parallel_for(in->count, threads, check_job, run);
+    double error;
+    int err = check_keys(run, in, threads, &error);
 
+    if (!err && run->cfg->report)
+        run->cfg->report->views_error = error;
     err = err ? err : sst_disparity_carry(in, run->status, threads);
-    if (!err && run->cfg->report && lf->views[lf->ref_view].present && !run->carried[lf->ref_view])
-        err = sst_disparity_carry_error(in, run->status, lf->ref_view, &run->cfg->report->views_error);
     for (int k = 0; !err && k < in->count; k++) {
         if (in->view[k].image)
             sst_fill_background(&run->disp[k]);
@@ -513,6 +528,31 @@ static int finish_maps(struct run *run, int threads)
     return err;
 }
 
+/* Match the views that were to be carried as well if the scene does not allow that: where the first pass's maps of the
+ * key views give the reference view too many other disparities. */
+static int match_others(struct run *run, int threads, int workers)
+{
+    struct sst_map_u8 *seen = calloc((size_t)(run->lf->rows * run->lf->cols), sizeof(*seen));
+    struct sst_visible_views in = { 0 };
+    double error;
+    int err = seen ? visible_views(run, &in, seen) : -ENOMEM;
+
+    err = err ? err : check_keys(run, &in, threads, &error);
+    if (!err && !(error <= run->cfg->key_error)) {
+        run->others = true;
+        err = match_all(run, workers, NULL, NULL);
+        free(run->carried);
+        run->carried = NULL;
+        if (run->cfg->report)
+            run->cfg->report->views_skipped = 0;
+    }
+    for (int k = 0; seen && k < in.count; k++)
+        sst_map_u8_fini(&seen[k]);
+    free(seen);
+    free(in.view);
+    return err;
+}
+
 static int run_all(struct run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
     const int views = run->lf->rows * run->lf->cols;
@@ -529,6 +569,8 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     run->phases = err ? 0 : phases_needed(run);
     err = err ? err : open_networks(run, workers, threads);
     err = err ? err : match_all(run, workers, progress, progress_arg);
+    if (run->carried && run->cfg->key_error < 100)
+        err = err ? err : match_others(run, threads, workers);
     for (int i = 0; i < workers; i++) {
         sst_volume_fini(&run->volumes[i]);
         if (run->nets)

@@ -55,6 +55,8 @@ struct sst_disparity_config {
     /* Light fields of SST_VISIBLE_LEAST views and more: 5 or 3: one view in so many is matched, and the maps of the
      * others are carried over from those; 1: every view is matched. Without `fill` or `joint` every one is. */
     int key_spacing;
+    double key_error; /* percent of the reference view's disparities that may change by more than 1 px if it is carried:
+                         else every view is matched; 100: any */
     bool
         skip_hypotheses; /* the second pass tests no other disparity where the first pass's explains the colours well */
     const SST_ATOMIC(bool) * cancel; /* once true, matching of a light field stops within a part of a view; or NULL */

@@ -11,10 +11,6 @@
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/process/process_internal.h"
 
-/* One view in so many is labelled by the network; see sst_disparity_keys(). */
-#define LABEL_SPACING      3
-#define LABEL_SPACING_HALF 5 /* where views are matched at half size */
-
 struct run {
     struct sst_lightfield *lf;
     const struct sst_process_config *cfg;
@@ -166,7 +162,7 @@ static int choose_keys(struct run *run)
     run->carried = calloc((size_t)views_of(run), sizeof(*run->carried));
     if (!run->carried)
         return -ENOMEM;
-    keys = sst_disparity_keys(lf, run->cfg->disparity.scale == 2 ? LABEL_SPACING_HALF : LABEL_SPACING, run->carried);
+    keys = sst_disparity_keys(lf, run->cfg->disparity.key_spacing, run->carried);
     if (!lf->views[lf->ref_view].present || run->carried[lf->ref_view]) {
         free(run->carried); /* a reference view on its own has nothing to be carried from or to */
         run->carried = NULL;
@@ -255,7 +251,8 @@ static int label_views(struct run *run)
     double eps_h = 0;
     int err = log_oom(allocate(run));
 
-    if (run->cfg->skip_labels)
+    /* Where maps could not be carried, labels cannot: they would go to the wrong surfaces. */
+    if (run->cfg->skip_labels && run->report->skipped.views_skipped > 0)
         err = err ? err : log_oom(choose_keys(run));
     err = err ? err : segment_views(run, &eps_h);
     err = err ? err : carry_views(run);

@@ -16,7 +16,7 @@ struct sst_process_config {
     double accuracy_weight;              /* m of the score Acc^m Cvg */
     bool keep_disparity;                 /* external maps: nothing is matched */
     bool refine;
-    bool skip_labels; /* the network labels key views only; the labels of the others are carried over by disparity */
+    bool skip_labels; /* if maps are carried, the network labels the key views only and their labels are carried too */
     /* `threads` and `cancel` below replace those of these two. Equal range ends: the light field's, else estimated. */
     struct sst_disparity_config disparity;
     struct sst_refine_config refinement;
