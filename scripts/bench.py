@@ -1,13 +1,15 @@
 #!/usr/bin/python3
 """Measure time against error from scratch and renew the tables and charts of docs/measured/: `make bench`, `make bench-quick`.
 
-Raw figures go to BUILD/bench/ (stereo.csv, render.csv, scenes.json, seeds.json, layers.json), tables and charts to BUILD/bench/docs/ and from
-there, unless --quick, to docs/measured/. What a machine lacks (the Middlebury pairs, OpenCV) is named, left out, and its page of
+Raw figures go to BUILD/bench/ (a file per part, and all of them with commit, flags and processor as bench.json), tables and
+charts to BUILD/bench/docs/ and from there, unless --quick, to docs/measured/. What a machine lacks (the Middlebury pairs, OpenCV) is named, left out, and its page of
 docs/ stays as it is.
 """
 import argparse
+import csv
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -21,6 +23,9 @@ ALL_PRESETS = ("bush", "pedestrian")  # scenes that are matched with every prese
 SEEDS = (2, 3)  # more draws of each scene, in half size, for the clear picture
 KINDS = ("leaves", "foliage", "branches", "slats", "mesh", "crowd")  # occluders of layered scenes
 SETS = {"development": (1, 2), "validation": (3001, 3002)}  # seeds; methods are tuned on the first only
+SKIP_SCENES = ("pedestrian", "bush", "cd-cases")
+PARTS = {"stereo": "stereo.csv", "render": "render.csv", "scenes": "scenes.json", "seeds": "seeds.json",
+         "layers": "layers.json", "skips": "skips.json", "live": "live.json", "limits": "limits.csv"}  # raw figures of each part
 THREADS = "2"
 
 
@@ -30,6 +35,28 @@ def say(text):
 
 def call(*command, **options):
     return subprocess.run([str(c) for c in command], check=True, text=True, **options)
+
+
+def busy():
+    """Processors that other programs keep busy, over a second."""
+    def read():
+        with open("/proc/stat") as f:
+            ticks = [int(t) for t in f.readline().split()[1:9]]
+        return sum(ticks) - ticks[3] - ticks[4], sum(ticks)
+    first = read()
+    time.sleep(1)
+    used, passed = (b - a for a, b in zip(first, read()))
+    return os.cpu_count() * used / max(passed, 1)
+
+
+def wait_for_quiet(part):
+    """Wall times need idle processors: wait a minute for them, then measure all the same. Returns how busy they are."""
+    for _ in range(30):
+        if (used := busy()) < 0.3:
+            return used
+        time.sleep(1)
+    say(f"warning: {part}: other programs keep {used:.1f} processors busy; wall times are too long, CPU times less so")
+    return used
 
 
 def write(path, text):
@@ -53,7 +80,7 @@ def stereo(build, out, data, rounds):
         return say(f"skipped: stereo; {data} lacks the Middlebury pairs cones, teddy and motorcycle, give --data DIR")
     if not os.path.exists(f"{build}/bench/stereo"):
         return say("skipped: stereo; this build has no OpenCV to compare with, install libopencv-dev")
-    say(f"stereo: 3 pairs, 5 methods, {rounds} rounds")
+    say(f"stereo: 3 pairs, 6 methods, {rounds} rounds")
     call(sys.executable, "scripts/stereo_truth.py", data, out)
     to_file(f"{out}/stereo.csv", [f"{build}/bench/stereo", data, out, rounds])
 
@@ -129,12 +156,70 @@ def layers(build, out, camvid, sets):
     write(f"{out}/layers.json", json.dumps(results, indent=1))
 
 
+def limits(build, out, rounds):
+    say(f"limits of this machine, {rounds} rounds")
+    to_file(f"{out}/limits.csv", [f"{build}/bench/peaks", rounds])
+
+
+def skips_of(sst):
+    """What sst process can skip, from the description of its option; none before it had one."""
+    described = json.loads(call(sst, "process", "--describe", stdout=subprocess.PIPE).stdout)
+    meaning = next((o["help"] for o in described["options"] if o["name"] == "skip"), ": none")
+    return [w for w in re.findall(r"[a-z]+", meaning.rpartition(":")[2]) if w not in ("all", "none", "or")]
+
+
+def skips(build, out, names, size):
+    """What leaving work out saves and spoils: each skip alone, and all, against none."""
+    results, sst, lf = [], f"{build}/sst", f"{out}/lf"
+    model = os.path.exists(os.path.join(os.environ["SST_MODELS"], "pspnet-small.onnx"))
+    for name in names:
+        say(f"skips: {name}, {size}")
+        call(sst, "scene", name, "-o", lf, "--size", size, "--seed", 1, "--force", "-q", stdout=subprocess.DEVNULL)
+        for skip in ("none", *skips_of(sst), "all"):
+            report = process(sst, lf, f"{lf}/truth", "--skip", skip, *([] if model else ["--no-labels"]))
+            results.append({"scene": name, "size": size, "skip": skip, "report": report})
+        shutil.rmtree(lf)
+    write(f"{out}/skips.json", json.dumps(results, indent=1))
+
+
+def live(build, out, sets):
+    """What the live engine leaves out of frames, from a still scene to one that moves everywhere: the table of live_frames."""
+    say(f"live frames, {sets} sets of each world; worlds that are not in the cache take a minute each")
+    lines = call(f"{build}/bench/live_frames", sets, stdout=subprocess.PIPE).stdout.splitlines()
+    cells = [[cell.strip(" %") for cell in line.strip("|").split("|")] for line in lines]
+    write(f"{out}/live.json", json.dumps([dict(zip(cells[0], row)) for row in cells[2:]], indent=1))
+
+
+def version(*command):
+    """First line of what a command says of itself, or none where it is absent."""
+    try:
+        return call(*command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL).stdout.splitlines()[0]
+    except (OSError, IndexError, subprocess.CalledProcessError):
+        return None
+
+
+def everything(build, out, used):
+    """All raw figures and what they hold for, as one file. used: processors that others kept busy when a part began."""
+    figures = {}
+    for part, name in PARTS.items():
+        if os.path.exists(f"{out}/{name}"):
+            with open(f"{out}/{name}") as f:
+                figures[part] = json.load(f) if name.endswith(".json") else list(csv.DictReader(f))
+    with open(f"{build}/flags") as f:
+        flags = f.read().strip()
+    sst = json.loads(call(f"{build}/sst", "version", "--json", stdout=subprocess.PIPE).stdout)
+    about = {"commit": version("git", "describe", "--always", "--dirty", "--abbrev=12"), "flags": flags,
+             "compiler": version("gcc", "--version"), "processor": bench_report.cpu_name(), "kernels": sst["cpu"],
+             "threads": int(THREADS), "processors_busy": used, "made": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())}
+    write(f"{out}/bench.json", json.dumps({**about, "figures": figures}, indent=1))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", default="build", help="folder with the built programs (build)")
     parser.add_argument("--data", default="../shared/data/stereo-middlebury", help="Middlebury pairs (%(default)s)")
     parser.add_argument("--camvid", default="../shared/data/camvid", help="CamVid's pictures (%(default)s)")
-    parser.add_argument("--only", choices=("layers",), help="measure this part alone")
+    parser.add_argument("--only", choices=PARTS, help="measure this part alone")
     parser.add_argument("--quick", action="store_true", help="few rounds and small pictures; docs/ stays as it is")
     args = parser.parse_args()
     os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
@@ -143,15 +228,25 @@ def main():
         sys.exit("bench: gnuplot, which draws the charts, is missing: install gnuplot-nox")
     out, start = f"{args.build}/bench" + ("-quick" if args.quick else ""), time.monotonic()
     os.makedirs(out, exist_ok=True)
-    for name in ("stereo.csv", "render.csv", "scenes.json", "seeds.json", "layers.json"):
-        if os.path.exists(f"{out}/{name}"):
-            os.remove(f"{out}/{name}")
-    if not args.only:
-        stereo(args.build, out, args.data, 3 if args.quick else 11)
-        render(args.build, out, ("500x375",) if args.quick else ("2000x1500", "1000x750"), 3 if args.quick else 11)
-        scenes(args.build, out, SCENES[:1] if args.quick else SCENES, "500x375" if args.quick else "1000x750")
-        seeds(args.build, out, SCENES[:1] if args.quick else SCENES, SEEDS[:1] if args.quick else SEEDS, "500x375")
-    layers(args.build, out, args.camvid, {"development": (1,)} if args.quick else SETS)
+    size, names = ("500x375", SCENES[:1]) if args.quick else ("1000x750", SCENES)
+    rounds = 3 if args.quick else 11
+    parts = {
+        "limits": lambda: limits(args.build, out, rounds),
+        "stereo": lambda: stereo(args.build, out, args.data, rounds),
+        "render": lambda: render(args.build, out, (size,) if args.quick else ("2000x1500", size), rounds),
+        "scenes": lambda: scenes(args.build, out, names, size),
+        "seeds": lambda: seeds(args.build, out, names, SEEDS[:1] if args.quick else SEEDS, "500x375"),
+        "skips": lambda: skips(args.build, out, SKIP_SCENES[:1] if args.quick else SKIP_SCENES, "500x375"),
+        "live": lambda: live(args.build, out, 6 if args.quick else 21),
+        "layers": lambda: layers(args.build, out, args.camvid, {"development": (1,)} if args.quick else SETS),
+    }
+    used = {}
+    for part in [args.only] if args.only else parts:
+        if os.path.exists(f"{out}/{PARTS[part]}"):
+            os.remove(f"{out}/{PARTS[part]}")
+        used[part] = wait_for_quiet(part)
+        parts[part]()
+    everything(args.build, out, used)
     made = bench_report.write(out, "make bench-quick" if args.quick else "make bench")
     if not args.quick:
         os.makedirs("docs/measured", exist_ok=True)

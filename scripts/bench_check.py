@@ -38,7 +38,7 @@ def machine(build):
                 cpu = line.split(":", 1)[1].strip()
                 break
     version = subprocess.run([f"{build}/sst", "version", "--json"], capture_output=True, text=True, check=True)
-    return f"{cpu}, {json.loads(version.stdout).get('kernels', 'unknown level')}"
+    return f"{cpu}, {json.loads(version.stdout)['cpu']}"
 
 
 def measure(build, rounds, names=()):

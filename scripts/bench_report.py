@@ -13,7 +13,7 @@ BASELINE = "OpenCV SGBM 3WAY"
 COLOURS = ("#0072B2", "#D55E00", "#009E73")  # of groups; told apart with any colour vision, and on light and dark
 # gnuplot point types of methods: open for others', full for ours
 SYMBOLS = {"f32": 5, "int8": 7, "f32, half size": 4, "int8, half size": 6,
-           BASELINE: 4, "OpenCV SGBM HH": 12, "sst preview": 9, "sst balanced": 5, "sst accurate": 7}
+           BASELINE: 4, "OpenCV SGBM HH": 12, "OpenCV BM": 8, "sst preview": 9, "sst balanced": 5, "sst accurate": 7}
 
 
 def cpu_name():
@@ -29,7 +29,7 @@ def read_rounds(path, *key):
     groups = {}
     with open(path) as f:
         for row in csv.DictReader(f):
-            values = {k: v if k in ("pair", "method") else float(v) for k, v in row.items()}
+            values = {k: v if k in ("pair", "method", "limit") else float(v) for k, v in row.items()}
             groups.setdefault(tuple(values[k] for k in key), []).append(values)
     return groups
 
@@ -61,7 +61,7 @@ def page(title, command, text):
 
 
 def tics(low, high):
-    marks = (m * 10.0 ** e for e in range(-4, 8) for m in (1, 2, 5))
+    marks = (m * 10.0 ** e for e in range(-4, 8) for m in ((1, 2, 5) if high < 2000 * low else (1,)))
     return "(" + ", ".join(f'"{t:g}" {t:g}' for t in marks if low <= t <= high) + ")"
 
 
@@ -384,11 +384,242 @@ def layers(source, out, command):
     return write_page(out, "bench-layers", page("Layers of photographs", command, text))
 
 
+SKIPS_TEXT = """\
+What the program leaves out, what that saves and what it spoils. Further left is less work, further down less error.
+
+## Offline
+
+`sst process --skip LIST` (balanced, 36 views of {size}, seed 1, labels from {labels}) against `--skip none`, CPU time of all
+threads. Percentage points of pixels off by more than 2 px in all views, mIoU of all views, dB of pictures. *Skipped*: views
+not matched, hypotheses not tested, views not labeled; *wrong*: what the program itself estimates by doing some of the
+skipped work all the same.
+
+![time left against error added](skips-process.svg)
+
+{table}
+"""
+
+
+def skip_row(entry, none):
+    r, base = entry["report"], none["report"]
+    own = r["skips"].get(entry["skip"], {})
+    change = lambda get: None if get(r) is None else get(r) - get(base)
+    row = [f"{entry['scene']}, {entry['skip']}", number(r["cpu_seconds"]["total"]),
+           number(100 * r["cpu_seconds"]["total"] / base["cpu_seconds"]["total"], 0), number(own.get("skipped_percent"), 0),
+           number(own.get("error_percent"))]
+    return row + [number(change(get)) for get in (
+        lambda x: x["disparity"]["bad2"], lambda x: x["labels"]["miou_refined"] if x.get("labels") else None,
+        lambda x: x["render"]["psnr_occluded"], lambda x: x["clear"]["psnr"])]
+
+
+def skip_chart(out, name, title, labels, points, command):
+    """points: [(group, method, work left in percent, error added)]; a colour per group, a symbol per method."""
+    groups, methods = (list(dict.fromkeys(p[i] for p in points)) for i in (0, 1))
+    symbols = dict(zip(methods, (7, 5, 9, 13, 15, 11, 3)))
+    low, high = min(0, *(p[3] for p in points)), max(p[3] for p in points)
+    room = 0.12 * (high - low or 1)
+    lines = frame(title, labels, (0, max(100, *(p[2] for p in points)) + 8), (low - room, high + room), False, command)
+    lines += ["unset logscale x", "set xtics 20", "set ytics autofreq", "set arrow from graph 0, first 0 to graph 1, first 0 "
+              "nohead lc rgb '#444444' lw 1"]
+    plots = []
+    for i, group in enumerate(groups):
+        lines += [f"$s{i} << EOD"] + [f"{p[2]} {p[3]} {symbols[p[1]]}" for p in points if p[0] == group] + ["EOD"]
+        plots.append(f"$s{i} using 1:2:3 with points pt variable ps 1.4 lw 2 lc rgb '{COLOURS[i]}' notitle")
+    plots += [f"keyentry with lines lw 6 lc rgb '{COLOURS[i]}' title \"{group}\"" for i, group in enumerate(groups)]
+    plots += [f"keyentry with points pt {symbols[m]} ps 1.4 lc rgb '#444444' title \"{m}\"" for m in methods]
+    return draw(out, name, lines + ["plot " + ", \\\n".join(plots)])
+
+
+def skips(source, out, command):
+    with open(source) as f:
+        measured = json.load(f)
+    none = {m["scene"]: m for m in measured if m["skip"] == "none"}
+    text = SKIPS_TEXT.format(
+        size=measured[0]["size"], labels="the network" if measured[0]["report"].get("labels") else "nowhere",
+        table=table(["scene, skipped", "CPU s", "% of none", "skipped %", "wrong %", "bad 2, points", "mIoU, points",
+                     "see-through occ., dB", "clear, dB"], [skip_row(m, none[m["scene"]]) for m in measured]))
+    points = []
+    for m in measured:
+        r, base = m["report"], none[m["scene"]]["report"]
+        points.append((m["scene"], m["skip"], 100 * r["cpu_seconds"]["total"] / base["cpu_seconds"]["total"],
+                       r["disparity"]["bad2"] - base["disparity"]["bad2"]))
+    made = skip_chart(out, "skips-process", "Work left out of sst process --preset balanced",
+                      ("CPU time, % of that of --skip none", "pixels off by more than 2 px, points added"), points, command)
+    source = os.path.join(os.path.dirname(source), "live.json")
+    if os.path.exists(source):
+        more, charts = live_part(source, out, command)
+        text, made = text + more, made + charts
+    return write_page(out, "bench-skips", page("Skipping: work against error", command, text)) + made
+
+
+LIVE_TEXT = """\
+## Live
+
+Frames of the live engine (`build/bench/live_frames`), 36 cameras of 640x480, MJPEG: CPU time of a set in skip mode against
+exact mode, which computes every tile. Error: mean of all pixels against exact mode, and of the worst tile of any set, in
+levels of 255; noise of the sensor counts as error where a tile that did not change keeps its older noise.
+
+![time left against error added](skips-live.svg)
+
+{table}
+"""
+
+
+def live_part(source, out, command):
+    with open(source) as f:
+        measured = json.load(f)
+    exact = {(m["world"], m["calibrated"]): float(m["CPU, ms"]) for m in measured if m["mode"] == "exact"}
+    rows, points = [], []
+    for m in sorted((m for m in measured if m["mode"] == "skip"), key=lambda m: float(m["tiles"])):
+        ms, whole = float(m["CPU, ms"]), exact[m["world"], m["calibrated"]]
+        kind = "rectified" if m["calibrated"] == "yes" else "not rectified"
+        rows.append([f"{m['world']}, {kind}", m["tiles"], number(ms, 1), number(whole, 1), number(100 * ms / whole, 0),
+                     m["error"], m["worst tile"]])
+        points.append((kind, m["world"], 100 * ms / whole, float(m["error"])))
+    text = LIVE_TEXT.format(table=table(["world", "tiles computed %", "CPU ms, skip", "exact", "% of exact", "error",
+                                         "worst tile"], rows))
+    return text, skip_chart(out, "skips-live", "Work left out of live frames, from a still scene to a moving one",
+                            ("CPU time, % of that of exact mode", "error added, levels of 255"), points, command)
+
+
+LIMITS_TEXT = """\
+What two threads of this machine can do at most, measured by small loops (`build/bench/peaks`, kernels for {level}; best of
+{rounds} rounds), and how far each stage is from it. A stage's *limit* is the larger of its bytes over the bandwidth and its
+operations over their peak, where the bytes are what it must read and write once and the operations what its formulas need
+at least, by the widest instruction; *time / limit* is 1 for a stage that this machine cannot run faster. A stage's time is the CPU
+time of all threads, halved: two busy threads; other programs change it less than wall time.
+
+{peaks}
+## Roofline
+
+![operations per byte against operations per second](roofline.svg)
+
+## Share of the limit
+
+{table}
+What holds the stages that take more than twice their limit (looked at {looked}):
+
+{words}"""
+
+# Per ray: bytes read; 16-bit multiplications (byte dot products count as half); byte operations. Colour: 4 taps of 3
+# channels; see-through: also 3 products with the weight, and disparity (2 bytes) and label (1).
+RAYS = {"refocus": (3, 6, 6), "see-through": (6, 9, 12), "clear": (6, 9, 12)}
+# Per pixel, disparity and path of semi-global matching 8 operations on 16 bits: 16 byte operations.
+PATH_OPERATIONS = 16
+PATHS = {"OpenCV SGBM 3WAY": 3, "OpenCV SGBM HH": 8, "sst preview": 4, "sst balanced": 4}
+LOOKED = "2026-11-23"
+WORDS = {
+    "render clear": "each ray moves to its own place: the kernels that gather rays there (`clear_take`) take a third of the "
+                    "samples, those that blend, land and find surfaces a quarter; the light field is read several times.",
+    "pair, sst": "the paths, which the limit counts, share the time with costs, choosing the winner, filling, median and the "
+                 "support of the second pass, each of about half a path kernel's share.",
+    "pair, OpenCV": "the same sums on 16 bits; its mode HH runs on one thread.",
+    "process load": "decoding PNG: libpng and zlib (inflate, Adler-32) lead the samples.",
+    "process disparity": "the paths of key views, which the limit counts, are 3 % of the samples; costs of hypotheses in the second "
+                         "pass are 28 %, carrying maps from key views 10 %, costs of neighbours 4 %.",
+    "process refinement": "searches for the nearest labeled pixel and fits per view; not looked into.",
+    "process saving": "compressing PNG (deflate and Adler-32 are 3 % of the samples of the whole run, saving takes about 9 %) and "
+                      "writing files.",
+}
+
+
+def limit_row(name, ms, bytes_, multiplies, simple, peak):
+    """Table cells, and the point of the roofline."""
+    times = {"memory": bytes_ / peak["memory"] / 1e6, "multiplications": multiplies / peak["multiply"] / 1e6,
+             "byte operations": simple / peak["minimum"] / 1e6}
+    bound = max(times, key=times.get)
+    lanes = 2 * multiplies + simple
+    return [name, number(ms, 1), *(number(t, 1) if t else "-" for t in times.values()), bound, number(ms / times[bound], 1)], \
+        (name, lanes / bytes_, lanes / ms / 1e6)
+
+
+def limit_rows(folder, peak):
+    """A row and a point for each stage whose times were measured."""
+    rows = []
+    if os.path.exists(f"{folder}/render.csv"):
+        for (width, height, method), r in read_rounds(f"{folder}/render.csv", "width", "height", "method").items():
+            name, pixels = method.removeprefix("OpenCV "), width * height
+            if name in RAYS:
+                per_ray = [36 * pixels * n for n in RAYS[name]]
+                whose = "render " if name == method else "OpenCV "
+                rows.append(limit_row(f"{whose}{name}, {width:.0f}x{height:.0f}", median(r, "cpu_ms") / 2, per_ray[0] + 3 * pixels,
+                                      *per_ray[1:], peak))
+    if os.path.exists(f"{folder}/stereo.csv"):
+        for (pair, method), r in read_rounds(f"{folder}/stereo.csv", "pair", "method").items():
+            if pair == "motorcycle" and method in PATHS:
+                half = 8 if method == "sst preview" else 1  # half the width, height and disparities
+                pixels = r[0]["width"] * r[0]["height"]
+                rows.append(limit_row(f"pair, {method}", median(r, "cpu_ms") / 2, 10 * pixels, 0,
+                                      PATHS[method] * PATH_OPERATIONS * 64 * pixels / half, peak))
+    if os.path.exists(f"{folder}/scenes.json"):
+        with open(f"{folder}/scenes.json") as f:
+            scene = json.load(f)[0]
+        r = scene["presets"]["balanced"]
+        width, height = map(int, scene["size"].split("x"))
+        rays, steps = 36 * width * height, r["searched_px"][1] - r["searched_px"][0] + 1
+        keys = 1 - (r["skips"]["keys"]["skipped_percent"] or 0) / 100
+        for stage, per_ray, simple in (("load", 3, 0), ("disparity", 6, keys * 4 * PATH_OPERATIONS * steps),
+                                       ("refinement", 7, 8), ("saving", 6, 0)):
+            rows.append(limit_row(f"process {stage}, {scene['scene']} {scene['size']}", 500 * r["cpu_seconds"][stage],
+                                  per_ray * rays, 0, simple * rays, peak))
+    return rows
+
+
+def roofline(out, points, peak, command):
+    """Byte operations per byte of memory against byte operations per second (a 16-bit multiplication counts as two)."""
+    points = [p for p in points if p[1] > 0 and ", 1000x750" not in p[0]]
+    roof = max(peak["minimum"], 2 * peak["multiply"])
+    x = (min(p[1] for p in points) / 3, max(p[1] for p in points) * 3)
+    y = (min(p[2] for p in points) / 3, roof * 3)
+    lines = frame("Roofline: stages against what two threads can do", ("byte operations per byte of memory",
+                  "1e9 byte operations per second"), x, y, True, command)
+    lines[0] = 'set title "{/*1.3 Roofline: stages against what two threads can do}\\n{/*0.9 nearer to the line is better}"'
+    lines += [f"roof(x) = x * {peak['memory']} < {roof} ? x * {peak['memory']} : {roof}", "set samples 500"]
+    plots = ["roof(x) with lines lw 3 lc rgb '#444444' title 'limit'",
+             f"{peak['cache']} * x < {roof} ? {peak['cache']} * x : {roof} with lines dt 2 lw 2 lc rgb '#888888' "
+             "title 'from second-level cache'"]
+    for i, (name, operations, speed) in enumerate(points):
+        lines += [f"$r{i} << EOD", f"{operations} {speed}", "EOD"]
+        colour = COLOURS[1] if "OpenCV" in name else COLOURS[0] if name.startswith(("render", "pair")) else COLOURS[2]
+        plots.append(f"$r{i} with points pt {(7, 5, 9, 13, 11, 15, 6, 4, 8, 12, 10, 14)[i % 12]} ps 1.3 lc rgb '{colour}' title \"{name}\"")
+    return draw(out, "roofline", lines + ["plot " + ", \\\n".join(plots)])
+
+
+def limits(source, out, command):
+    rounds = read_rounds(source, "limit")
+    peak = {name: max(r["value"] for r in rows) for (name,), rows in rounds.items()}
+    if not {"multiply", "minimum", "fma"} <= set(peak):
+        return []
+    units = {"memory": "GB/s from memory", "cache": "GB/s from the second level of cache", "scatter": "1e9 scattered updates/s",
+             "multiply": "1e9 multiplications of 16 bits/s", "minimum": "1e9 minima of bytes/s",
+             "fma": "1e9 multiply-adds of floats/s"}
+    peaks = table(["limit", "best", "median"], [[units[name], number(best, 1), number(median(rounds[name,], "value"), 1)]
+                                                for name, best in peak.items()])
+    rows = limit_rows(os.path.dirname(source), peak)
+    if not rows:
+        return []
+    slow = [row[0] for row, _ in rows if float(row[-1]) > 2]
+    words = "".join(f"- {start}: {text}\n" for start, text in WORDS.items() if any(n.startswith(start) for n in slow))
+    text = LIMITS_TEXT.format(level=bench_level(source), rounds=len(rounds["memory",]), peaks=peaks, looked=LOOKED, words=words,
+                              table=table(["stage", "CPU ms / 2", "memory, ms", "multiplications, ms", "byte operations, ms",
+                                           "limit is", "time / limit"], [row for row, _ in rows]))
+    return (write_page(out, "bench-limits", page("Limits: each stage against the machine", command, text)) +
+            roofline(out, [point for _, point in rows], peak, command))
+
+
+def bench_level(source):
+    """Kernel level of the build that measured: BUILD/sst, one or two folders up."""
+    sst = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(source))), "sst")
+    version = subprocess.run([sst, "version", "--json"], capture_output=True, text=True, check=True)
+    return json.loads(version.stdout)["cpu"]
+
+
 def write(folder, command):
     """Tables and charts of what was measured, in folder/docs. Returns their paths."""
     out, made = f"{folder}/docs", []
     os.makedirs(out, exist_ok=True)
-    for name, report in (("stereo.csv", stereo), ("render.csv", render), ("scenes.json", scenes), ("layers.json", layers)):
+    for name, report in (("stereo.csv", stereo), ("render.csv", render), ("scenes.json", scenes), ("layers.json", layers),
+                         ("skips.json", skips), ("limits.csv", limits)):
         if os.path.exists(f"{folder}/{name}"):
             made += report(f"{folder}/{name}", out, command)
     return made

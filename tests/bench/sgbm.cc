@@ -17,6 +17,21 @@ static cv::Mat interleaved(const struct sst_image *img, int pad)
     return padded;
 }
 
+static void match(cv::Mat &disp, const cv::Mat &left, const cv::Mat &right, int range, enum bench_sgbm mode)
+{
+    cv::Mat grey[2];
+
+    if (mode != BENCH_BM) {
+        cv::StereoSGBM::create(0, range, 3, 200, 800, 1, 0, 10, 0, 0,
+                               mode == BENCH_SGBM_HH ? cv::StereoSGBM::MODE_HH : cv::StereoSGBM::MODE_SGBM_3WAY)
+            ->compute(left, right, disp);
+        return;
+    }
+    cv::cvtColor(left, grey[0], cv::COLOR_BGR2GRAY);
+    cv::cvtColor(right, grey[1], cv::COLOR_BGR2GRAY);
+    cv::StereoBM::create(range, 15)->compute(grey[0], grey[1], disp);
+}
+
 static void fill_row(float *d, int width)
 {
     const float none = std::numeric_limits<float>::infinity();
@@ -40,12 +55,10 @@ int bench_sgbm(struct sst_map_f32 *out, const struct sst_image *left, const stru
                enum bench_sgbm mode, int threads)
 {
     const int range = (disparities + 15) / 16 * 16;
-    const int mode_cv = mode == BENCH_SGBM_HH ? cv::StereoSGBM::MODE_HH : cv::StereoSGBM::MODE_SGBM_3WAY;
     cv::Mat disp, smooth(out->height, out->width, CV_32F, out->data, out->stride);
 
     cv::setNumThreads(threads);
-    cv::StereoSGBM::create(0, range, 3, 200, 800, 1, 0, 10, 0, 0, mode_cv)
-        ->compute(interleaved(left, range), interleaved(right, range), disp);
+    match(disp, interleaved(left, range), interleaved(right, range), range, mode);
     for (int y = 0; y < out->height; y++) {
         float *row = sst_map_f32_row(out, y);
 

@@ -1,4 +1,4 @@
-/* tests/bench/sgbm.h - OpenCV's semi-global block matching, the baseline for comparisons. */
+/* tests/bench/sgbm.h - OpenCV's block matching, semi-global and plain, the baseline for comparisons. */
 #ifndef SST_TESTS_BENCH_SGBM_H
 #define SST_TESTS_BENCH_SGBM_H
 
@@ -9,6 +9,7 @@ SST_EXTERN_C_BEGIN
 enum bench_sgbm {
     BENCH_SGBM_3WAY = 0,
     BENCH_SGBM_HH = 1,
+    BENCH_BM = 2, /* block matching of grey pictures, without paths */
 };
 
 /**

@@ -27,8 +27,11 @@ static const struct {
     const char *name, *preset; /* no preset: OpenCV in this mode */
     enum bench_sgbm mode;
 } methods[] = {
-    { .name = "OpenCV SGBM 3WAY", .mode = BENCH_SGBM_3WAY }, { .name = "OpenCV SGBM HH", .mode = BENCH_SGBM_HH },
-    { .name = "sst preview", .preset = "preview" },          { .name = "sst balanced", .preset = "balanced" },
+    { .name = "OpenCV SGBM 3WAY", .mode = BENCH_SGBM_3WAY },
+    { .name = "OpenCV SGBM HH", .mode = BENCH_SGBM_HH },
+    { .name = "OpenCV BM", .mode = BENCH_BM },
+    { .name = "sst preview", .preset = "preview" },
+    { .name = "sst balanced", .preset = "balanced" },
     { .name = "sst accurate", .preset = "accurate" },
 };
 
