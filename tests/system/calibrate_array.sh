@@ -77,7 +77,7 @@ less "$(number calib.json cross_px)" 0.2 "odd against even frames, px"
 
 for k in calib truth; do
   "$sst" rectify raw --calib $k.yaml --plane 1000 -o $k.lf -q >out 2>err || fail "rectify by $k: $(cat err)"
-  "$sst" process $k.lf --preset balanced -q >out 2>err || fail "process $k: $(cat err)"
+  "$sst" process $k.lf --preset balanced --skip none -q >out 2>err || fail "process $k: $(cat err)"
   "$tool" scene.yaml $k.lf $k.truth 2>err || fail "truth of $k: $(cat err)"
   "$sst" eval $k.lf --truth $k.truth/visible --json >$k.json 2>err || fail "eval of $k: $(cat err)"
   echo "$k: $(number $k.json disparity bad1) % off by more than 1 px, RMSE $(number $k.json disparity rmse) px"

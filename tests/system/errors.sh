@@ -37,7 +37,7 @@ want 2 "threads" scene bush -o bad --threads 0
 fresh
 want 2 "preset" process lf --preset fast
 want 2 "cost" process lf --cost ncc
-want 2 "skip" process lf --skip all
+want 2 "skip" process lf --skip keyz
 want 2 "must be given together" process lf --range-min 3
 want 2 "must be given together" process lf --range-min 3 --range-max 3
 want 2 "disparity range" process lf --no-labels --range-min 0 --range-max 600
