@@ -512,15 +512,15 @@ PATHS = {"OpenCV SGBM 3WAY": 3, "OpenCV SGBM HH": 8, "sst preview": 4, "sst bala
 LOOKED = "2026-11-23"
 WORDS = {
     "render clear": "each ray moves to its own place: the kernels that gather rays there (`clear_take`) take a third of the "
-                    "samples, those that blend, land and find surfaces a quarter; the light field is read several times.",
-    "pair, sst": "the paths, which the limit counts, share the time with costs, choosing the winner, filling, median and the "
-                 "support of the second pass, each of about half a path kernel's share.",
+                    "samples, those that blend, land and find surfaces a quarter.",
+    "pair, sst": "in samples of all presets together the two path kernels, which the limit counts, have 9 %; choosing the winner, "
+                 "filling, median, costs and the support of the second pass 1 to 2 % each.",
     "pair, OpenCV": "the same sums on 16 bits; its mode HH runs on one thread.",
     "process load": "decoding PNG: libpng and zlib (inflate, Adler-32) lead the samples.",
     "process disparity": "the paths, which the limit counts, are 3 % of the samples of the run; costs of hypotheses in the second "
                          "pass are 31 %, its paths 4 %, filling and the multi-view check 8 %, costs of neighbours 4 %.",
     "process refinement": "the search for the nearest labeled pixel (`sst_distance_nearest`) alone is 2.6 % of the samples of the "
-                          "run; distances go through rows and columns in dependent steps.",
+                          "run; not looked into further.",
     "process saving": "compressing PNG (deflate) and writing files; not looked into further.",
 }
 
@@ -587,7 +587,8 @@ def roofline(out, points, peak, command):
     for i, (name, operations, speed) in enumerate(points):
         lines += [f"$r{i} << EOD", f"{operations} {speed}", "EOD"]
         colour = COLOURS[1] if "OpenCV" in name else COLOURS[0] if name.startswith(("render", "pair")) else COLOURS[2]
-        plots.append(f"$r{i} with points pt {(7, 5, 9, 13, 11, 15, 6, 4, 8, 12, 10, 14)[i % 12]} ps 1.3 lc rgb '{colour}' title \"{name}\"")
+        symbol = (7, 5, 9, 13, 11, 15, 6, 4, 8, 12, 10, 14)[i % 12]
+        plots.append(f"$r{i} with points pt {symbol} ps 1.3 lc rgb '{colour}' title \"{name}\"")
     return draw(out, "roofline", lines + ["plot " + ", \\\n".join(plots)])
 
 
