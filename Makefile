@@ -325,7 +325,7 @@ check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) $(PUBLISH
 	SST_BUILD=$(BUILD) scripts/check_names.sh
 
 BENCH := $(BUILD)/sst $(BUILD)/bench/peaks $(BUILD)/bench/live_frames $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render)
-bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/measured/bench-* and docs/measured/time-error-*
+bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/measured/bench-*, time-error-*, skips-*, roofline.*
 	$(PYTHON) scripts/bench.py --build $(BUILD)
 bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/
 	$(PYTHON) scripts/bench.py --build $(BUILD) --quick

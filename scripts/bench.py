@@ -2,8 +2,8 @@
 """Measure time against error from scratch and renew the tables and charts of docs/measured/: `make bench`, `make bench-quick`.
 
 Raw figures go to BUILD/bench/ (a file per part, and all of them with commit, flags and processor as bench.json), tables and
-charts to BUILD/bench/docs/ and from there, unless --quick, to docs/measured/. What a machine lacks (the Middlebury pairs, OpenCV) is named, left out, and its page of
-docs/ stays as it is.
+charts to BUILD/bench/docs/ and from there, unless --quick, to docs/measured/. What a machine lacks (the Middlebury
+pairs, OpenCV) is named, left out, and its page of docs/ stays as it is.
 """
 import argparse
 import csv
