@@ -408,7 +408,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
 #define CLI_VERIFY_OPTION(value)                                                                                       \
     {                                                                                                                  \
         "verify-rays", 0, CLI_STRING, &(value), "W",                                                                   \
-            "count rays whose colours agree at the focus: auto (default: where the maps are poor), on or off"          \
+            "count rays whose colours agree at the focus: auto (default: where maps of preview are poor), on or off"          \
     }
 
 /** Read that word. @return CLI_GO_ON or CLI_USAGE (the sentence was printed) */

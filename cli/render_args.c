@@ -216,7 +216,7 @@ static int check_maps(const struct render_input *in, const struct render_args *a
     return CLI_GO_ON;
 }
 
-/* Choose how to load the images, by option or cost. Converts the f-stop to a radius. */
+/* Choose what to load: images by option or cost, confidences only to verify rays. Converts the f-stop to a radius. */
 static int choose_sampling(struct render_args *a, const char *path, unsigned *what)
 {
     struct sst_lightfield lf;
@@ -233,6 +233,8 @@ static int choose_sampling(struct render_args *a, const char *path, unsigned *wh
         r = CLI_INPUT;
     }
     *what |= raw ? SST_LOAD_RAW : 0;
+    if (lf.disparity_tested && a->cfg.verify == SST_VERIFY_AUTO)
+        *what &= ~(unsigned)SST_LOAD_CONFIDENCE;
     sst_lightfield_fini(&lf);
     return r;
 }

@@ -119,6 +119,7 @@ int sst_lightfield_read_disparity(struct sst_lightfield *lf, const char *dir, in
         lf->range_max_px = hi;
     }
     lf->files->external_disparity = true;
+    lf->disparity_tested = false;
     job.store = true;
     return sst_parallel_for(count, threads, disparity_view, &job);
 }

@@ -169,6 +169,10 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], co
         classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
     char *text = NULL;
 
+    if (root && lf->disparity_tested && json_object_set_new(root, "disparity_tested", json_true())) {
+        json_decref(root);
+        return NULL;
+    }
     if (root &&
         (!lf->rectified || !json_object_set_new(root, "calibration", calibration_to_json(lf, calibration_sha256))))
         text = json_dumps(root, JSON_INDENT(1));
@@ -461,6 +465,7 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     lf->focal_px = get_double(r, "focal_px");
     lf->spacing_mm = get_double(r, "spacing_mm");
     lf->files->external_disparity = get_bool(r, "disparity_given");
+    lf->disparity_tested = json_object_get(r->object, "disparity_tested") && get_bool(r, "disparity_tested");
     lf->files->external_labels = get_bool(r, "labels_given");
     get_string(r, "source", lf->files->source, sizeof(lf->files->source));
     get_string(r, "history", lf->files->history, sizeof(lf->files->history));

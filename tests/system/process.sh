@@ -55,6 +55,8 @@ python3 -c 'import json, sys; assert 90 < json.load(open(sys.argv[1]))["confirme
   fail "confirmed_percent: $(cat out)"
 same balanced/labels again/labels
 same preview/disparity again/disparity
+grep -q '"disparity_tested": true' balanced/lightfield.json || fail "the maps of balanced are not marked as tested"
+grep -q disparity_tested again/lightfield.json && fail "the maps of preview are marked as tested"
 ok process again --disparity lf/truth
 [ ! -e again/confidence ] || fail "the confidence of replaced disparities is still there"
 cp -r again kept

@@ -319,6 +319,20 @@ static void good_matches_decide_alone(void **state SST_UNUSED)
     close_field(&f);
 }
 
+static void tested_maps_are_trusted(void **state SST_UNUSED)
+{
+    struct field f;
+
+    open_field(&f, "bush");
+    match_field(&f);
+    assert_false(f.lf.disparity_tested);
+    f.lf.disparity_tested = true;
+    render(&f.plain, &f, f.focus_px, SST_VERIFY_OFF, 2);
+    render(&f.verified, &f, f.focus_px, SST_VERIFY_AUTO, 2);
+    assert_same_image(&f.plain, &f.verified);
+    close_field(&f);
+}
+
 static void external_maps_are_trusted(void **state SST_UNUSED)
 {
     struct sst_renderer *r;
@@ -489,6 +503,7 @@ int main(void)
         serial_test(matched_leaves_no_longer_hide_what_is_behind),
         serial_test(pictures_of_one_renderer_are_those_of_many),
         serial_test(good_matches_decide_alone),
+        cmocka_unit_test(tested_maps_are_trusted),
         cmocka_unit_test(external_maps_are_trusted),
         cmocka_unit_test(confirmed_disparities_are_counted),
         cmocka_unit_test(rays_beside_a_rim_are_not_explained_by_it),

@@ -634,6 +634,7 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
         present += lf->views[k].present;
     set_narrow(run, present);
     run->rounds = cfg->raw || present < SST_VISIBLE_LEAST || run->range < SST_VISIBLE_RANGE ? 0 : cfg->rounds;
+    lf->disparity_tested = run->rounds > 0;
     run->subpixel =
         cfg->subpixel_steps > 0 && !cfg->raw && present >= SST_VISIBLE_LEAST && run->range <= SST_SUBPIXEL_RANGE;
     run->desc = calloc(views, sizeof(*run->desc));

@@ -359,7 +359,8 @@ static int open_verifiers(struct sst_render_plan *p, struct sst_renderer *r)
     const int threads = sst_thread_count(p->cfg.threads);
     int err = 0;
 
-    if (p->cfg.verify == SST_VERIFY_AUTO && !sst_lightfield_has(p->lf, SST_LOAD_CONFIDENCE))
+    if (p->cfg.verify == SST_VERIFY_AUTO &&
+        (p->lf->disparity_tested || !sst_lightfield_has(p->lf, SST_LOAD_CONFIDENCE)))
         return 0;
     err = sst_renderer_count(r);
     if (err)

@@ -28,8 +28,8 @@ enum sst_render_unsupported {
 enum sst_render_verify {
     SST_VERIFY_OFF = 0,
     SST_VERIFY_ON = 1,   /* wherever the maps assign hardly any ray to the focus */
-    SST_VERIFY_AUTO = 2, /* there, but only where other views contradict the maps. Disparities without a confidence are
-                            external and trusted; the default */
+    SST_VERIFY_AUTO = 2, /* there, but only where other views contradict the maps. Trusted are disparities that matching
+                            tested against other views, and those without a confidence, which are external; the default */
 };
 
 /** SST_RENDER_CLEAR: a step between colouring what is seen and filling the holes, as of a memory over time. */
