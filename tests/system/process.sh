@@ -55,8 +55,13 @@ python3 -c 'import json, sys; assert 90 < json.load(open(sys.argv[1]))["confirme
   fail "confirmed_percent: $(cat out)"
 same balanced/labels again/labels
 same preview/disparity again/disparity
-grep -q '"disparity_tested": true' balanced/lightfield.json || fail "the maps of balanced are not marked as tested"
-grep -q disparity_tested again/lightfield.json && fail "the maps of preview are marked as tested"
+grep -q disparity_tested balanced/lightfield.json && fail "maps of a range that needs no second pass are marked as tested"
+ok scene bush -o wide --size 300x225 --grid 3x3
+for preset in balanced preview; do
+  ok process wide --labels wide/truth --preset $preset
+  grep -c '"disparity_tested": true' wide/lightfield.json >>tested
+done
+[ "$(tr '\n' ' ' <tested)" = "1 0 " ] || fail "marked as tested in balanced, preview: $(cat tested)"
 ok process again --disparity lf/truth
 [ ! -e again/confidence ] || fail "the confidence of replaced disparities is still there"
 cp -r again kept
