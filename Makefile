@@ -208,13 +208,14 @@ endif
 # OpenCV's own calibration, which a test compares with.
 ifeq (1,$(WITH_OPENCV))
 $(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o
-$(BUILD)/tests/unit/solve_opencv $(BUILD)/bench/stereo $(BUILD)/bench/render: private LIBS += $(OPENCV_LIBS)
+$(BUILD)/tests/unit/solve_opencv $(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/rectify: private LIBS += $(OPENCV_LIBS)
 endif
 
-# One program per file of tests/bench; two bring what they compare with.
+# One program per file of tests/bench; three bring what they compare with.
 BENCH_PROGRAMS := $(patsubst tests/bench/%.c,$(BUILD)/bench/%,$(wildcard tests/bench/*.c))
 $(BUILD)/bench/stereo: $(BUILD)/obj/tests/bench/sgbm.o
 $(BUILD)/bench/render: $(BUILD)/obj/tests/bench/blend.o
+$(BUILD)/bench/rectify: $(BUILD)/obj/tests/bench/remap.o
 $(BENCH_PROGRAMS): $(BUILD)/bench/%: $(BUILD)/obj/tests/bench/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a | $(PLUGINS)
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
@@ -324,7 +325,7 @@ check-includes: $(HEADERS:%=$(BUILD)/headers/%.ok) ## headers compile alone, inc
 check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) $(PUBLISHERS:%=$(BUILD)/sst-%) $(BUILD)/sstd ## names say which folder they belong to, links go one way
 	SST_BUILD=$(BUILD) scripts/check_names.sh
 
-BENCH := $(BUILD)/sst $(BUILD)/bench/peaks $(BUILD)/bench/live_frames $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render)
+BENCH := $(BUILD)/sst $(BUILD)/bench/peaks $(BUILD)/bench/live_frames $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/rectify)
 bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/measured/bench-*, time-error-*, skips-*, roofline.*
 	$(PYTHON) scripts/bench.py --build $(BUILD)
 bench-quick: $(BENCH) ## the same in 2 minutes with small pictures; stays in build/bench-quick/

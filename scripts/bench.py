@@ -24,7 +24,7 @@ SEEDS = (2, 3)  # more draws of each scene, in half size, for the clear picture
 KINDS = ("leaves", "foliage", "branches", "slats", "mesh", "crowd")  # occluders of layered scenes
 SETS = {"development": (1, 2), "validation": (3001, 3002)}  # seeds; methods are tuned on the first only
 SKIP_SCENES = ("pedestrian", "bush", "cd-cases")
-PARTS = {"stereo": "stereo.csv", "render": "render.csv", "scenes": "scenes.json", "seeds": "seeds.json",
+PARTS = {"stereo": "stereo.csv", "render": "render.csv", "rectify": "rectify.csv", "scenes": "scenes.json", "seeds": "seeds.json",
          "layers": "layers.json", "skips": "skips.json", "live": "live.json", "limits": "limits.csv"}  # raw figures of each part
 THREADS = "2"
 
@@ -89,7 +89,18 @@ def render(build, out, sizes, rounds):
     if not os.path.exists(f"{build}/bench/render"):
         return say("skipped: render; this build has no OpenCV to compare with, install libopencv-dev")
     say(f"render: 36 views of {' and '.join(sizes)}, {rounds} rounds")
-    to_file(f"{out}/render.csv", *([f"{build}/bench/render", size, rounds] for size in sizes))
+    level = json.loads(call(f"{build}/sst", "version", "--json", stdout=subprocess.PIPE).stdout)["cpu"]
+    narrow = [["env", "SST_CPU=avx2", f"{build}/bench/render", sizes[0], rounds]] if level == "avx512" else []
+    to_file(f"{out}/render.csv", *([f"{build}/bench/render", size, rounds] for size in sizes), *narrow)
+
+
+def rectify(build, out, picture, rounds):
+    if not os.path.exists(picture):
+        return say(f"skipped: rectify; {picture} is absent, give --data DIR")
+    if not os.path.exists(f"{build}/bench/rectify"):
+        return say("skipped: rectify; this build has no OpenCV to compare with, install libopencv-dev")
+    say(f"rectify: {rounds} rounds")
+    to_file(f"{out}/rectify.csv", [f"{build}/bench/rectify", picture, rounds])
 
 
 def process(sst, lf, truth, *options):
@@ -234,6 +245,7 @@ def main():
         "limits": lambda: limits(args.build, out, rounds),
         "stereo": lambda: stereo(args.build, out, args.data, rounds),
         "render": lambda: render(args.build, out, (size,) if args.quick else ("2000x1500", size), rounds),
+        "rectify": lambda: rectify(args.build, out, f"{args.data}/aloe/aloeL.jpg", rounds),
         "scenes": lambda: scenes(args.build, out, names, size),
         "seeds": lambda: seeds(args.build, out, names, SEEDS[:1] if args.quick else SEEDS, "500x375"),
         "skips": lambda: skips(args.build, out, SKIP_SCENES[:1] if args.quick else SKIP_SCENES, "500x375"),

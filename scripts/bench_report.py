@@ -29,7 +29,7 @@ def read_rounds(path, *key):
     groups = {}
     with open(path) as f:
         for row in csv.DictReader(f):
-            values = {k: v if k in ("pair", "method", "limit") else float(v) for k, v in row.items()}
+            values = {k: v if k in ("pair", "method", "limit", "level") else float(v or "nan") for k, v in row.items()}
             groups.setdefault(tuple(values[k] for k in key), []).append(values)
     return groups
 
@@ -155,41 +155,112 @@ def stereo(source, out, command):
 
 
 RENDER_TEXT = """\
-One picture from the simulated bush with its true maps, all views, exact mode, {rounds} interleaved rounds.
-OpenCV makes the same sums: bands of rows in parallel, each view by warpAffine (bilinear), blended in float; its views
-are interleaved beforehand, and for see-through it gets the weight of every ray ready-made, while `sst` forms the
-weights within its time. Time relative to OpenCV: median over the rounds; a clear picture
-is compared with see-through ones made in turn with it. Peak: largest memory of the process while it
-made its first picture. The last column is how far OpenCV's picture is from ours, in grey levels of 0..255 (warpAffine
-places its samples on 1/32 px).
+One picture from the simulated bush with its true maps, {rounds} interleaved rounds in one process. Error: root mean square and
+largest difference from the picture of all views that double precision gives, before rounding to bytes (which alone makes
+0.289 and 0.5), in grey levels of 0..255, at every 35th pixel. OpenCV makes the same sums: bands of rows in parallel,
+each view by warpAffine (bilinear, samples on 1/32 px), blended in float; its views are interleaved beforehand, and for
+see-through it gets the weight of every ray ready-made, while `sst` forms the weights within its time. *N views*: those
+nearest to the viewpoint alone (`--max-views`). Time relative to OpenCV: median over the rounds; a clear picture is
+compared with see-through ones made in turn with it. Peak: largest memory of the process while it made its first
+picture. Rays are not verified (`--verify-rays off`).
+
+![time against error](time-error-render.svg)
 
 """
+RENDER_SYMBOLS = {"": 7, "OpenCV": 4, "25 views": 5, "16 views": 9, "9 views": 11, "4 views": 13}
 
 
 def render_row(method, rounds, others):
     first, seconds = rounds[0], median(rounds, "ms") / 1000
-    row = [method, f"{seconds * 1000:.1f}", spread(rounds), f"{ratio(rounds, others):.2f}",
-           f"{median(rounds, 'cpu_ms'):.1f}", f"{36 * first['width'] * first['height'] / seconds / 1e6:.0f}"]
-    if method.startswith("OpenCV"):
-        return row + ["-", f"{first['mean_difference']:.2f}, {first['max_difference']:.0f}"]
-    return row + [f"{first['peak_mib']:.0f}", "-"]
+    views = int(method.split(", ")[1].split()[0]) if method.endswith(" views") else 36
+    exact = not math.isnan(first["error_rms"])
+    return [method if method.startswith("OpenCV") else f"sst {method}", f"{seconds * 1000:.1f}", spread(rounds),
+            f"{ratio(rounds, others):.2f}", f"{median(rounds, 'cpu_ms'):.1f}",
+            f"{views * first['width'] * first['height'] / seconds / 1e6:.0f}",
+            f"{first['error_rms']:.3f}, {first['error_most']:.2f}" if exact else "-"]
 
 
 def render(source, out, command):
-    by_method = read_rounds(source, "width", "height", "method")
-    head = ["method", "ms", "min..max", "time / OpenCV", "CPU ms", "million rays / s", "peak MiB", "differs: mean, max"]
-    text = RENDER_TEXT.format(rounds=len(next(iter(by_method.values()))))
-    for size in dict.fromkeys(k[:2] for k in by_method):
-        rows = []
-        for method in ("refocus", "see-through"):
-            ours, others = by_method[(*size, method)], by_method[(*size, f"OpenCV {method}")]
-            rows += [render_row(f"sst {method}", ours, others), render_row(f"OpenCV {method}", others, others)]
-        clear, beside = (by_method[(*size, name)] for name in ("clear", "see-through beside clear"))
+    by_method = read_rounds(source, "level", "width", "height", "method")
+    head = ["method", "ms", "min..max", "time / OpenCV", "CPU ms", "million rays / s", "error: RMS, largest"]
+    text, groups = RENDER_TEXT.format(rounds=len(next(iter(by_method.values())))), {}
+    for size in dict.fromkeys(k[:3] for k in by_method):
+        rows, of = [], {k[3]: r for k, r in by_method.items() if k[:3] == size}
+        for kind in ("refocus", "see-through"):
+            for method, r in of.items():
+                if method.removeprefix("OpenCV ").split(",")[0] == kind:
+                    rows.append(render_row(method, r, of[f"OpenCV {kind}"]))
+                    variant = method.partition(" ")[0] if method.startswith("OpenCV") else method.partition(", ")[2]
+                    if size == next(iter(by_method))[:3]:
+                        groups.setdefault(kind, []).append((variant, median(r, "ms"), r[0]["error_rms"]))
         rows.append([f"{cell} of see-through" if i == 3 else cell
-                     for i, cell in enumerate(render_row("sst clear", clear, beside))])
-        text += (f"## 36 views of {size[0]:.0f}x{size[1]:.0f}; the light field takes "
-                 f"{ours[0]['light_field_mib']:.0f} MiB\n\n{table(head, rows)}\n")
-    return write_page(out, "bench-render", page("Rendering: time", command, text))
+                     for i, cell in enumerate(render_row("clear", of["clear"], of["see-through beside clear"]))])
+        first = of["see-through"][0]
+        text += (f"## 36 views of {size[1]:.0f}x{size[2]:.0f}, kernels for {size[0]}\n\nThe light field takes "
+                 f"{first['light_field_mib']:.0f} MiB; peak {first['peak_mib']:.0f} MiB, clear "
+                 f"{of['clear'][0]['peak_mib']:.0f} MiB.\n\n{table(head, rows)}\n")
+    level, width, height = next(iter(by_method))[:3]
+    title = f"Rendering 36 views of {width:.0f}x{height:.0f}, kernels for {level}"
+    return (write_page(out, "bench-render", page("Rendering: time against error", command, text)) +
+            render_chart(out, title, groups, command))
+
+
+def render_chart(out, title, groups, command):
+    """Pictures of all views, of fewer, and OpenCV's; a line joins ours."""
+    points = [p for g in groups.values() for p in g]
+    x = (min(p[1] for p in points) / 1.5, max(p[1] for p in points) * 2)
+    y = (0.2, max(p[2] for p in points) * 1.5)
+    lines, plots = frame(title, ("time, ms", "RMS error, grey levels"), x, y, True,
+                         command), []
+    lines += [f'set arrow from graph 0, first {12 ** -0.5} to graph 1, first {12 ** -0.5} nohead dt 2 lc rgb "#888888"',
+              f'set label "rounding to bytes" at graph 0.02, first {0.82 * 12 ** -0.5} tc rgb "#666666"']
+    for i, (kind, points) in enumerate(groups.items()):
+        lines += [f"$g{i} << EOD"] + [f"{t} {e} {RENDER_SYMBOLS[v]}" for v, t, e in points] + ["EOD"]
+        lines += [f"$l{i} << EOD"] + [f"{t} {e}" for v, t, e in points if v != "OpenCV"] + ["EOD"]
+        plots += [f"$l{i} with lines lw 1.5 lc rgb '{COLOURS[i]}' title \"{kind}\"",
+                  f"$g{i} using 1:2:3 with points pt variable ps 1.4 lw 2 lc rgb '{COLOURS[i]}' notitle"]
+    for variant, symbol in RENDER_SYMBOLS.items():
+        plots.append(f"keyentry with points pt {symbol} ps 1.4 lw 2 lc rgb '#444444' title \"{variant or 'all views'}\"")
+    return draw(out, "time-error-render", lines + ["plot " + ", \\\n".join(plots)])
+
+
+RECTIFY_TEXT = """\
+A view of 2000x1500 with a lens of 8 coefficients, map ready, validity left out, one thread, {rounds} interleaved rounds:
+CPU time per megapixel. OpenCV's `remap` finds the place of every pixel in a table of 6 bytes (convertMaps, 1/32 px) and its
+picture interleaved; `sst` computes the place from cells of 2 KiB to 100 KiB a view (1/256 px) and interleaves the picture
+within its time. Error: difference from the same filter in double at the exact place, in grey levels, of which rounding to
+bytes is 0.289 RMS (OpenCV's bicubic and lanczos are other kernels, of 4x4 and 8x8 taps; ours have 4x4 and 6x6). *Moved*,
+*turned*: PSNR of the Middlebury picture aloe after a true move by half a pixel, and after a turn by 2 degrees and back.
+
+![time against error](time-error-rectify.svg)
+
+"""
+
+
+def rectify(source, out, command):
+    by_method = read_rounds(source, "level", "method")
+    head = ["method", "ms / megapixel", "time / OpenCV", "error: RMS, largest", "moved, dB", "turned, dB"]
+    rows, points = [], []
+    for (level, method), r in by_method.items():
+        name, first = method.removeprefix("OpenCV "), r[0]
+        others = by_method[level, f"OpenCV {name}"]
+        rows.append([method if method != name else f"sst {name}", number(median(r, "ms_per_mpx"), 1), f"{ratio(r, others):.2f}",
+                     f"{first['error_rms']:.3f}, {first['error_most']:.2f}", number(first["moved_db"]), number(first["turned_db"])])
+        points.append((method, name, median(r, "ms_per_mpx"), 255 * 10 ** (-first["moved_db"] / 20)))
+    level = next(iter(by_method))[0]
+    text = RECTIFY_TEXT.format(rounds=len(next(iter(by_method.values())))) + table(head, rows)
+    times, errors = [p[2] for p in points], [p[3] for p in points]
+    lines = frame(f"Rectification, kernels for {level}", ("CPU time, ms per megapixel",
+                  "RMS error of a move by half a pixel, grey levels"),
+                  (min(times) / 1.5, max(times) * 1.7), (0, max(errors) * 1.15), False, command)
+    plots = []
+    for i, (whose, ours) in enumerate((("sst", True), ("OpenCV remap", False))):
+        of = [p for p in points if (p[0] == p[1]) == ours]
+        lines += [f"$r{i} << EOD"] + [f'{t} {e} "{name}"' for _, name, t, e in of] + ["EOD"]
+        plots += [f"$r{i} using 1:2 with linespoints pt {7 if ours else 4} ps 1.4 lw 1.5 lc rgb '{COLOURS[i]}' title \"{whose}\"",
+                  f"$r{i} using 1:2:3 with labels offset 0, 1 tc rgb '{COLOURS[i]}' notitle"]
+    return (write_page(out, "bench-rectify", page("Rectification: time against error", command, text)) +
+            draw(out, "time-error-rectify", lines + ["plot " + ", \\\n".join(plots)]))
 
 
 def picture_figures(report):
@@ -539,9 +610,10 @@ def limit_rows(folder, peak):
     """A row and a point for each stage whose times were measured."""
     rows = []
     if os.path.exists(f"{folder}/render.csv"):
-        for (width, height, method), r in read_rounds(f"{folder}/render.csv", "width", "height", "method").items():
+        for (level, width, height, method), r in read_rounds(f"{folder}/render.csv", "level", "width", "height",
+                                                                  "method").items():
             name, pixels = method.removeprefix("OpenCV "), width * height
-            if name in RAYS:
+            if name in RAYS and level == bench_level(folder + "/x"):
                 per_ray = [36 * pixels * n for n in RAYS[name]]
                 whose = "render " if name == method else "OpenCV "
                 rows.append(limit_row(f"{whose}{name}, {width:.0f}x{height:.0f}", median(r, "cpu_ms") / 2, per_ray[0] + 3 * pixels,
@@ -625,7 +697,7 @@ def write(folder, command):
     """Tables and charts of what was measured, in folder/docs. Returns their paths."""
     out, made = f"{folder}/docs", []
     os.makedirs(out, exist_ok=True)
-    for name, report in (("stereo.csv", stereo), ("render.csv", render), ("scenes.json", scenes), ("layers.json", layers),
+    for name, report in (("stereo.csv", stereo), ("render.csv", render), ("rectify.csv", rectify), ("scenes.json", scenes), ("layers.json", layers),
                          ("skips.json", skips), ("limits.csv", limits)):
         if os.path.exists(f"{folder}/{name}"):
             made += report(f"{folder}/{name}", out, command)

@@ -37,7 +37,7 @@ enum sst_cpu_level {
     X(support_mean_row)                                                                                                \
     X(sgm_across_row)                                                                                                  \
     X(sgm_along_row)                                                                                                   \
-    X(winner_other_row) \
+    X(winner_other_row)                                                                                                \
     X(winner_row)                                                                                                      \
     X(median5_row)                                                                                                     \
     X(bilateral_row)                                                                                                   \
@@ -61,6 +61,7 @@ enum sst_cpu_level {
     X(agree_near)                                                                                                      \
     X(agree_sum)                                                                                                       \
     X(enlarge_row)                                                                                                     \
+    X(place_row)                                                                                                       \
     X(resample_row)                                                                                                    \
     X(light_row)                                                                                                       \
     X(guide_cells)                                                                                                     \
@@ -522,6 +523,16 @@ typedef void sst_enlarge_row_fn(uint16_t *disp, uint8_t *label, const struct sst
 
 #define SST_RESAMPLE_PHASES 256 /* sub-pixel positions with separate weights */
 #define SST_RESAMPLE_BORDER 4   /* readable pixels on every side of a picture */
+
+/** Positions along a row that are a cubic of the column, one for each axis: whole_q8 + c0 + k (c1 + k (c2 + k c3)). */
+struct sst_places {
+    int32_t whole_q8[2];
+    float c[2][4];   /* 1/256 px; magnitudes of the sum below 2^22 */
+    int32_t most[2]; /* 1/256 px: the last column and row of the picture */
+};
+
+/** n positions from k0 on, rounded to 1/256 px, ties to even. @param xy_q8  out, [2 n]; INT32_MIN outside 0 .. most */
+typedef void sst_place_row_fn(int32_t *xy_q8, const struct sst_places *places, float k0, size_t n);
 
 /** A picture to resample, and the filter: the taps of position p / 256 after pixel x are weight[p taps + i] at pixels
  *  x + 1 - taps / 2 + i; they add up to 2^14, their magnitudes to at most 2^15. */

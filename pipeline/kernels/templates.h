@@ -14,6 +14,7 @@
 #include "pipeline/kernels/guide_cells_tmpl.h"
 #include "pipeline/kernels/light_row_tmpl.h"
 #include "pipeline/kernels/median_tmpl.h"
+#include "pipeline/kernels/place_row_tmpl.h"
 #include "pipeline/kernels/resample_row_tmpl.h"
 #include "pipeline/kernels/sgm_tmpl.h"
 #include "pipeline/kernels/subpixel_tmpl.h"

@@ -23,8 +23,8 @@ void bench_blend_destroy(struct bench_blend *b);
 /** Make the picture that cfg asks for, inside b: bands of rows in parallel, each view by warpAffine (bilinear). */
 void bench_blend_render(struct bench_blend *b);
 
-/** Absolute difference of that picture and another of its size, grey levels over all pixels and channels. */
-void bench_blend_compare(const struct bench_blend *b, const struct sst_image *other, double *mean, double *max);
+/** Copy that picture. @param out  of the same size */
+void bench_blend_copy(const struct bench_blend *b, struct sst_image *out);
 
 SST_EXTERN_C_END
 

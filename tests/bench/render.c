@@ -1,7 +1,7 @@
 /* Times see-through and plain pictures against the same sums written with OpenCV, and clear ones against see-through
  * ones, interleaved: render WxH ROUNDS.
- * Prints CSV, one line for each round and method. The light field is the bush of the simulator with its true maps,
- * 36 views, made in memory. */
+ * Prints CSV, one line for each round and method, with the picture's error against that of all views in double. The
+ * light field is the bush of the simulator with its true maps, 36 views, made in memory. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -11,10 +11,14 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
+#include "pipeline/kernels/kernels.h"
+#include "pipeline/method/render/plan.h"
 #include "simulators/scene/scene.h"
 #include "tests/bench/blend.h"
 
 #define THREADS 2
+#define STEP_X  7 /* columns and rows of which one is compared with the exact picture */
+#define STEP_Y  5
 #define MIB     (1024.0 * 1024.0)
 
 struct bench {
@@ -26,7 +30,14 @@ struct bench {
     double lf_mib;           /* memory that the light field takes */
 };
 
-static const char *const names[2][2] = { { "refocus", "see-through" }, { "OpenCV refocus", "OpenCV see-through" } };
+static const char *const names[2] = { "refocus", "see-through" };
+
+/* Who makes the picture: OpenCV, or we from so many views. */
+static const struct {
+    const char *name; /* of "%s": the method */
+    int views;        /* 0: all; -1: OpenCV */
+} makers[] = { { "%s", 0 },          { "OpenCV %s", -1 }, { "%s, 25 views", 25 }, { "%s, 16 views", 16 },
+               { "%s, 9 views", 9 }, { "%s, 4 views", 4 } };
 
 static int make_view(void *arg, int view, int worker SST_UNUSED)
 {
@@ -108,29 +119,76 @@ static int warm_up(struct bench *b, int method, const struct sst_render_config *
     return err;
 }
 
-/* Interleaved rounds of one method: ours, OpenCV's, ours, ... */
+struct error {
+    double rms, most; /* grey levels */
+};
+
+/* Error of a picture against that of all views in double, on a lattice of its pixels. */
+static int compare(struct bench *b, const struct sst_render_config *cfg, const struct sst_image *img,
+                   struct error *error)
+{
+    struct sst_ray rays[SST_MAX_VIEWS];
+    struct sst_render_plan plan;
+    double sum2 = 0, n = 0;
+    int err = sst_render_plan_init(&plan, b->renderer, cfg), count;
+
+    *error = (struct error){ 0, 0 };
+    for (int y = STEP_Y / 2; !err && y < img->height; y += STEP_Y) {
+        for (int x = STEP_X / 2; x < img->width; x += STEP_X) {
+            double rgb[3];
+
+            sst_render_pixel_exact(&plan, x, y, rgb, rays, &count);
+            for (int c = 0; c < 3; c++) {
+                const double e = sst_image_row(img, c, y)[x] - rgb[c];
+
+                sum2 += e * e;
+                n++;
+                error->most = fmax(error->most, fabs(e));
+            }
+        }
+    }
+    error->rms = sqrt(sum2 / n);
+    if (!err)
+        sst_render_plan_fini(&plan);
+    return err;
+}
+
+/* One picture. */
+static int make(struct bench *b, int method, int maker, const struct sst_render_config *all, struct bench_blend *blend)
+{
+    struct sst_render_config cfg = *all;
+
+    cfg.max_views = makers[maker].views;
+    if (makers[maker].views >= 0)
+        return sst_render(b->renderer, &cfg, &b->out[method], NULL);
+    bench_blend_render(blend);
+    return 0;
+}
+
+/* Interleaved rounds of one method: ours, OpenCV's, ours from fewer views. */
 static int measure(struct bench *b, int method, const struct sst_render_config *cfg, double mib)
 {
     struct bench_blend *blend = bench_blend_create(&b->lf, b->renderer, cfg);
-    double mean, max;
-    int err = 0;
+    struct error error[ARRAY_LEN(makers)];
+    char name[64];
+    int err = blend ? 0 : -ENOMEM;
 
-    if (!blend)
-        return -ENOMEM;
-    bench_blend_render(blend);
-    bench_blend_compare(blend, &b->out[method], &mean, &max);
-    for (int i = 0; !err && i < 2 * b->rounds; i++) {
-        const int64_t start_ns = sst_clock_now_ns(), start_cpu_ns = sst_clock_cpu_ns();
-        double ms, cpu_ms;
+    for (int i = 0; !err && i < (int)ARRAY_LEN(makers); i++) { /* warms up as well */
+        err = make(b, method, i, cfg, blend);
+        if (!err && makers[i].views < 0)
+            bench_blend_copy(blend, &b->out[method]);
+        err = err ? err : compare(b, cfg, &b->out[method], &error[i]);
+    }
+    for (int round = 1; !err && round <= b->rounds; round++) {
+        for (int i = 0; !err && i < (int)ARRAY_LEN(makers); i++) {
+            const int64_t start_ns = sst_clock_now_ns(), start_cpu_ns = sst_clock_cpu_ns();
 
-        if (i % 2)
-            bench_blend_render(blend);
-        else
-            err = sst_render(b->renderer, cfg, &b->out[method], NULL);
-        ms = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
-        cpu_ms = (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6;
-        printf("%d,%d,%s,%d,%.3f,%.3f,%.0f,%.0f,%.3f,%.0f\n", b->lf.width, b->lf.height, names[i % 2][method],
-               i / 2 + 1, ms, cpu_ms, b->lf_mib, mib, mean, max);
+            err = make(b, method, i, cfg, blend);
+            snprintf(name, sizeof(name), makers[i].name, names[method]);
+            printf("%s,%d,%d,\"%s\",%d,%.3f,%.3f,%.0f,%.0f,%.3f,%.3f\n", sst_cpu_level_name(sst_cpu_level()),
+                   b->lf.width, b->lf.height, name, round, (double)(sst_clock_now_ns() - start_ns) * 1e-6,
+                   (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6, b->lf_mib, mib, error[i].rms, error[i].most);
+        }
     }
     bench_blend_destroy(blend);
     return err;
@@ -150,7 +208,7 @@ static int measure_clear(struct bench *b, const struct sst_render_config *see_th
         const int64_t start_ns = sst_clock_now_ns(), start_cpu_ns = sst_clock_cpu_ns();
 
         err = sst_render(b->renderer, i % 2 ? see_through : &clear, &b->out[i % 2 ? 1 : 2], NULL);
-        printf("%d,%d,%s,%d,%.3f,%.3f,%.0f,%.0f,0,0\n", b->lf.width, b->lf.height,
+        printf("%s,%d,%d,%s,%d,%.3f,%.3f,%.0f,%.0f,,\n", sst_cpu_level_name(sst_cpu_level()), b->lf.width, b->lf.height,
                i % 2 ? "see-through beside clear" : "clear", i / 2 + 1, (double)(sst_clock_now_ns() - start_ns) * 1e-6,
                (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6, b->lf_mib, mib);
     }
@@ -168,6 +226,7 @@ static int run(struct bench *b, int width, int height)
         cfg[m].method = m ? SST_RENDER_SST : SST_RENDER_REFOCUS;
         cfg[m].focus_px = sst_scene_occluder_at(b->scene, 0)->focus_px;
         cfg[m].threads = THREADS;
+        cfg[m].verify = SST_VERIFY_OFF;
         err = sst_image_init(&b->out[m], width, height);
         err = err ? err : warm_up(b, m, &cfg[m], &mib[m]);
     }
@@ -186,7 +245,7 @@ int main(int argc, char **argv)
         fprintf(stderr, "usage: render WxH ROUNDS: size of a view; rounds >= 1\n");
         return 2;
     }
-    printf("width,height,method,round,ms,cpu_ms,light_field_mib,peak_mib,mean_difference,max_difference\n");
+    printf("level,width,height,method,round,ms,cpu_ms,light_field_mib,peak_mib,error_rms,error_most\n");
     err = run(&b, width, height);
     if (err)
         sst_log_error("render bench: %s", strerror(-err));

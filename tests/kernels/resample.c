@@ -101,6 +101,34 @@ static void resample_equals_reference(void **state SST_UNUSED)
     guard_free_all();
 }
 
+/* Runs that leave the picture on each side; halves of 1/256 px round to even. */
+static void places_equal_reference(void **state SST_UNUSED)
+{
+    int32_t want[2 * 129], got[2 * 129];
+
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {
+        struct sst_kernels k;
+
+        if (!sst_kernels_at((enum sst_cpu_level)level, &k))
+            continue;
+        for (int round = 0; round < 200; round++) {
+            const size_t n = 1 + sst_random_u64(&seed) % 129;
+            const float k0 = (float)(sst_random_u64(&seed) % 256) / (round % 2 ? 4 : 1);
+            struct sst_places p = { .most = { 256 * (WIDTH - 1), 256 * (HEIGHT - 1) } };
+
+            for (int axis = 0; axis < 2; axis++) {
+                p.whole_q8[axis] = (int32_t)(sst_random_u64(&seed) % (WIDTH * 256)) - 1024;
+                for (int i = 0; i < 4; i++)
+                    p.c[axis][i] = round < 20 ? 0.5f * (float)(i < 2)
+                                              : ((float)(sst_random_u64(&seed) % 2001) - 1000) / powf(64, (float)i);
+            }
+            sst_place_row_ref(want, &p, k0, n);
+            k.place_row(got, &p, k0, n);
+            assert_memory_equal(got, want, 2 * n * sizeof(*got));
+        }
+    }
+}
+
 /* Against the sum in double with the same weights: columns are rounded to 1/64 (1/128 off at most, times the weights'
  * magnitudes), the result to 1/128. */
 static void reference_is_the_sum(void **state SST_UNUSED)
@@ -171,6 +199,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(resample_equals_reference),
+        cmocka_unit_test(places_equal_reference),
         cmocka_unit_test(reference_is_the_sum),
         cmocka_unit_test(by_hand),
     };

@@ -6,6 +6,7 @@
  * with the chain where cubics err most (its centre and the midpoints of two edges), halves the cells until the worst
  * error is below TOLERANCE_PX, and uses the chain itself, pixel by pixel, for cells that never get there.
  */
+#include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
 
 #include <errno.h>
@@ -241,48 +242,26 @@ void sst_rectify_map_destroy(struct sst_rectify_map *map)
 
 /* --- rows --------------------------------------------------------------------------------------------------------- */
 
-/* Nearest whole number of |v| < 2^22, ties to even, in a form that vectorises. */
-static inline int32_t nearest(float v)
-{
-    const float shifted = v + 12582912.0f; /* 1.5 2^23: the fraction is rounded away */
-    int32_t bits;
-
-    memcpy(&bits, &shifted, sizeof(bits));
-    return bits - 0x4B400000;
-}
-
-/* One axis of a smooth cell: q8 = whole + c0 + k (c1 + k (c2 + k c3)), k pixels from the cell's left edge. */
-struct cubic {
-    int32_t whole_q8;
-    float c[4];
-};
-
-static struct cubic make_cubic(const double p[4][2], int axis, double side)
+/* One axis of a smooth cell; k counts pixels from the cell's left edge. */
+static void set_cubic(struct sst_places *places, const double p[4][2], int axis, double side)
 {
     const double a = p[0][axis], b = p[1][axis], c = p[2][axis], d = p[3][axis], whole = floor(b);
+    float *to = places->c[axis];
 
-    return (struct cubic){
-        .whole_q8 = (int32_t)whole * 256,
-        .c = { (float)((b - whole) * 256), (float)((-a / 3 - b / 2 + c - d / 6) * 256 / side),
-               (float)((a / 2 - b + c / 2) * 256 / (side * side)),
-               (float)((-a / 6 + b / 2 - c / 2 + d / 6) * 256 / (side * side * side)) },
-    };
+    places->whole_q8[axis] = (int32_t)whole * 256;
+    to[0] = (float)((b - whole) * 256);
+    to[1] = (float)((-a / 3 - b / 2 + c - d / 6) * 256 / side);
+    to[2] = (float)((a / 2 - b + c / 2) * 256 / (side * side));
+    to[3] = (float)((-a / 6 + b / 2 - c / 2 + d / 6) * 256 / (side * side * side));
 }
 
-static void smooth_run(const struct sst_rectify_map *map, const struct cubic cubic[2], float k0, int n, int32_t *xy_q8)
+static void smooth_run(const struct sst_rectify_map *map, const double p[4][2], float k0, int n, int32_t *xy_q8)
 {
-    const int32_t right = 256 * (map->chain.raw_width - 1), bottom = 256 * (map->chain.raw_height - 1);
-    const struct cubic h = cubic[0], v = cubic[1];
+    struct sst_places places = { .most = { 256 * (map->chain.raw_width - 1), 256 * (map->chain.raw_height - 1) } };
 
-    for (int i = 0; i < n; i++) {
-        const float k = k0 + (float)i;
-        const int32_t x = h.whole_q8 + nearest(h.c[0] + k * (h.c[1] + k * (h.c[2] + k * h.c[3])));
-        const int32_t y = v.whole_q8 + nearest(v.c[0] + k * (v.c[1] + k * (v.c[2] + k * v.c[3])));
-        const bool inside = (x >= 0) & (x <= right) & (y >= 0) & (y <= bottom);
-
-        xy_q8[2 * i] = inside ? x : INT32_MIN;
-        xy_q8[2 * i + 1] = inside ? y : INT32_MIN;
-    }
+    for (int axis = 0; axis < 2; axis++)
+        set_cubic(&places, p, axis, 1 << map->shift);
+    sst_kernels_get()->place_row(xy_q8, &places, k0, (size_t)n);
 }
 
 static void exact_run(const struct sst_rectify_map *map, double x0, double y, int n, int32_t *xy_q8)
@@ -314,8 +293,7 @@ void sst_rectify_map_row(const struct sst_rectify_map *map, double x0, double y,
         switch (map->cell[(size_t)j * (size_t)map->cells_x + (size_t)i]) {
         case CELL_SMOOTH:
             nodes_on_line(map, i - 1, j, w, p);
-            smooth_run(map, (struct cubic[2]){ make_cubic(p, 0, side), make_cubic(p, 1, side) },
-                       (float)(x0 + done - i * side), end - done, out);
+            smooth_run(map, (const double(*)[2])p, (float)(x0 + done - i * side), end - done, out);
             break;
         case CELL_EXACT:
             exact_run(map, x0 + done, y, end - done, out);

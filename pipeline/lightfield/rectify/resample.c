@@ -271,6 +271,12 @@ bool sst_rectify_map_box(const struct sst_rectify_map *map, enum sst_filter filt
 
 /* --- rows --------------------------------------------------------------------------------------------------------- */
 
+static void round_row(uint8_t *restrict out, const uint16_t *restrict sample, int n)
+{
+    for (int i = 0; i < n; i++)
+        out[i] = (uint8_t)((sample[i] + (1 << (SST_LIGHT_SHIFT - 1))) >> SST_LIGHT_SHIFT);
+}
+
 /* Samples to bytes: with light correction, or only rounded. */
 static void finish_row(const struct gain_map *light, uint16_t *const sample[3], double x0, double y, int n,
                        uint8_t *const out[3])
@@ -289,8 +295,8 @@ static void finish_row(const struct gain_map *light, uint16_t *const sample[3], 
 
         if (light)
             sst_kernels_get()->light_row(out[c], &l, (size_t)n);
-        for (int i = 0; !light && i < n; i++)
-            out[c][i] = (uint8_t)((sample[c][i] + (1 << (SST_LIGHT_SHIFT - 1))) >> SST_LIGHT_SHIFT);
+        else
+            round_row(out[c], sample[c], n);
     }
 }
 
