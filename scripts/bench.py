@@ -120,7 +120,7 @@ def scene(sst, out, name, size, presets):
     result = {"scene": name, "size": size, "labels": "network" if model else "given", "presets": {}}
     result["presets"]["balanced"] = process(sst, lf, truth, "--preset", "balanced", *labels)
     for preset in presets:
-        result["presets"][preset] = process(sst, lf, truth, "--preset", preset, "--no-labels")
+        result["presets"][preset] = process(sst, lf, truth, "--preset", preset, *labels)
     result["truth"] = process(sst, lf, truth, "--labels", truth, "--disparity", truth)
     shutil.rmtree(lf)
     return result

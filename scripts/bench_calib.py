@@ -334,17 +334,38 @@ def frames_chart(m, out, command):
     return bench_report.draw(out, "calibration-frames", lines + ["plot " + ", ".join(plots)])
 
 
+def time_chart(m, out, command):
+    """Time of the solution against its true error, by the number of frames."""
+    lines = style("Calibration of 36 cameras: time against error", command)
+    lines += ['set xlabel "CPU time of the solution, s"', 'set ylabel "cross disparity at 1.4 m, p95, px"',
+              "set logscale xy", 'set ytics ("0.005" 0.005, "0.01" 0.01, "0.02" 0.02, "0.05" 0.05)',
+              'set xtics ("0.2" 0.2, "0.5" 0.5, "1" 1, "2" 2, "5" 5, "10" 10)', "unset key"]
+    points = []
+    for n in FRAMES:
+        solved = [s for s in m["frames"][n] if "error" not in s]
+        if solved:
+            points.append((statistics.median(s["cpu_seconds"] for s in solved),
+                           worst(solved, at_depth("levelled", 1, "neighbours", "p95")), n))
+    lines += [f"set {axis}range [{min(p[i] for p in points) / 1.5}:{max(p[i] for p in points) * 1.5}]" for i, axis in enumerate("xy")]
+    lines += ["$t << EOD"] + [f'{x} {y} "{n} frames"' for x, y, n in points] + ["EOD"]
+    colour = bench_report.COLOURS[0]
+    return bench_report.draw(out, "time-error-calibration", lines + [
+        f"plot $t using 1:2 with linespoints pt 7 ps 1.4 lw 1.5 lc rgb '{colour}', "
+        f"$t using 1:2:3 with labels left offset 0.5, 0.8 tc rgb '{colour}'"])
+
+
 def report(m, out, command):
     text = TEXT.format(seeds=", ".join(map(str, SEEDS)), range_mm=m["full"][0]["range_mm"])
     text += f"{bars(m)}\n![cross disparity by depth](calibration-depth.svg)\n\n{depth_table(m)}\n"
-    text += f"## Frames\n\n![error against frames](calibration-frames.svg)\n\n{frames_table(m)}\n"
+    text += "## Frames\n\n![error against frames](calibration-frames.svg)\n\n"
+    text += f"![time against error](time-error-calibration.svg)\n\n{frames_table(m)}\n"
     text += f"## Lenses and outliers\n\n3x3 cameras of focal length {WIDE_PX} px, 40 frames. "
     text += f"Eight true coefficients: an equidistant lens.\n\n{lens_table(m)}\n{WIDE_TEXT}{outlier_text(m)}"
     if m["pairs"]:
         text += PAIRS_TEXT + pairs_table(m["pairs"])
     page = bench_report.page("Calibration against known truth", command, text)
     return (bench_report.write_page(out, "bench-calibration", page) + depth_chart(m, out, command) +
-            frames_chart(m, out, command))
+            frames_chart(m, out, command) + time_chart(m, out, command))
 
 
 def main():
