@@ -13,6 +13,30 @@ struct KERNEL(hypothesis_window) {
     unsigned scale;        /* 2^19 / number of similar pixels */
 };
 
+static const uint32_t KERNEL(hypothesis_scales)[10] = { 0,     524288, 262144, 174762, 131072,
+                                                        104857, 87381,  74898,  65536,  58254 };
+
+#if defined(__SSE2__)
+static inline void KERNEL(hypothesis_window_init)(struct KERNEL(hypothesis_window) * w, const uint32_t *at,
+                                                  ptrdiff_t stride, int similar)
+{
+    const __m128i colour = _mm_setr_epi32(0xFFFFFF, 0xFFFFFF, 0xFFFFFF, 0), middle = _mm_set1_epi32((int)at[0]);
+    const __m128i most = _mm_set1_epi8((char)similar);
+    unsigned count = 0;
+
+    for (int row = 0; row < 3; row++) {
+        const __m128i p = _mm_loadu_si128((const __m128i *)(const void *)(at + (row - 1) * stride - 1));
+        const __m128i off = _mm_or_si128(_mm_subs_epu8(p, middle), _mm_subs_epu8(middle, p));
+        const __m128i beyond = _mm_and_si128(_mm_subs_epu8(off, most), _mm_set1_epi32(0xFFFFFF));
+        const __m128i mask = _mm_and_si128(_mm_cmpeq_epi32(beyond, _mm_setzero_si128()), colour);
+
+        count += (unsigned)__builtin_popcount((unsigned)_mm_movemask_epi8(mask));
+        _mm_storeu_si128((__m128i *)(void *)w->mask[row], mask);
+        _mm_storeu_si128((__m128i *)(void *)w->pixels[row], _mm_and_si128(p, mask));
+    }
+    w->scale = KERNEL(hypothesis_scales)[count / 3];
+}
+#else
 static inline void KERNEL(hypothesis_window_init)(struct KERNEL(hypothesis_window) * w, const uint32_t *at,
                                                   ptrdiff_t stride, int similar)
 {
@@ -39,8 +63,9 @@ static inline void KERNEL(hypothesis_window_init)(struct KERNEL(hypothesis_windo
         for (int i = 0; i < 16; i++)
             w->pixels[row][i] &= w->mask[row][i];
     }
-    w->scale = 65536 * 8 / count;
+    w->scale = KERNEL(hypothesis_scales)[count];
 }
+#endif
 
 #if defined(__SSE2__)
 static inline unsigned KERNEL(hypothesis_difference)(const struct KERNEL(hypothesis_window) * w, const uint32_t *at,
@@ -84,10 +109,9 @@ _Static_assert(HYPOTHESIS_PARTS == 3, "costs of a part are sorted as three");
 
 struct KERNEL(hypothesis_views) {
     const uint32_t *pixels[SST_HYPOTHESIS_VIEWS]; /* unused ones are the own view's */
-    ptrdiff_t stride[SST_HYPOTHESIS_VIEWS];
     __m256i x[HYPOTHESIS_PARTS], y[HYPOTHESIS_PARTS], dx[HYPOTHESIS_PARTS], dy[HYPOTHESIS_PARTS];
-    __m256i strides[HYPOTHESIS_PARTS], used[HYPOTHESIS_PARTS];
-    __m256i right, bottom; /* last column and row */
+    __m256i used[HYPOTHESIS_PARTS], right, bottom; /* last column and row */
+    ptrdiff_t stride;
 };
 
 static inline __m256i KERNEL(hypothesis_load)(const int32_t *from)
@@ -97,22 +121,18 @@ static inline __m256i KERNEL(hypothesis_load)(const int32_t *from)
 
 static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views) * v, const struct sst_hypothesis_test *t)
 {
-    int32_t used[SST_HYPOTHESIS_VIEWS], stride[SST_HYPOTHESIS_VIEWS];
+    int32_t used[SST_HYPOTHESIS_VIEWS];
 
     for (int k = 0; k < SST_HYPOTHESIS_VIEWS; k++) {
-        const struct sst_packed_view *view = k < t->views ? &t->view[k] : &t->own;
-
-        v->pixels[k] = view->pixels;
-        v->stride[k] = view->stride;
-        stride[k] = (int32_t)view->stride;
+        v->pixels[k] = k < t->views ? t->view[k].pixels : t->own.pixels;
         used[k] = k < t->views ? -1 : 0;
     }
+    v->stride = t->own.stride;
     for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
         v->x[i] = KERNEL(hypothesis_load)(t->x + 8 * i);
         v->y[i] = KERNEL(hypothesis_load)(t->y + 8 * i);
         v->dx[i] = KERNEL(hypothesis_load)(t->dx + 8 * i);
         v->dy[i] = KERNEL(hypothesis_load)(t->dy + 8 * i);
-        v->strides[i] = KERNEL(hypothesis_load)(stride + 8 * i);
         v->used[i] = KERNEL(hypothesis_load)(used + 8 * i);
     }
     v->right = _mm256_set1_epi32(t->width - 1);
@@ -136,11 +156,12 @@ static inline void KERNEL(hypothesis_place)(int32_t *offset, __m256i inside[HYPO
                                             const struct KERNEL(hypothesis_views) * v, int x, int y, int d)
 {
     const __m256i disp = _mm256_set1_epi32(d), own_x = _mm256_set1_epi32(x), own_y = _mm256_set1_epi32(y);
+    const __m256i stride = _mm256_set1_epi32((int)v->stride);
 
     for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
         const __m256i at_x = _mm256_add_epi32(own_x, KERNEL(hypothesis_moved)(v->x[i], v->dx[i], disp));
         const __m256i at_y = _mm256_add_epi32(own_y, KERNEL(hypothesis_moved)(v->y[i], v->dy[i], disp));
-        const __m256i at = _mm256_add_epi32(_mm256_mullo_epi32(at_y, v->strides[i]), at_x);
+        const __m256i at = _mm256_add_epi32(_mm256_mullo_epi32(at_y, stride), at_x);
 
         inside[i] = _mm256_and_si256(v->used[i], _mm256_and_si256(KERNEL(hypothesis_within)(at_x, v->right),
                                                                   KERNEL(hypothesis_within)(at_y, v->bottom)));
@@ -148,12 +169,37 @@ static inline void KERNEL(hypothesis_place)(int32_t *offset, __m256i inside[HYPO
     }
 }
 
-static inline __m128i KERNEL(hypothesis_row_difference)(const uint8_t *mask, const uint8_t *pixels, const uint32_t *at)
+static inline __m128i KERNEL(hypothesis_row)(const uint8_t *mask, const uint8_t *pixels, __m128i there)
 {
-    const __m128i there = _mm_loadu_si128((const __m128i *)(const void *)at);
-
     return _mm_sad_epu8(_mm_and_si128(there, _mm_loadu_si128((const __m128i *)(const void *)mask)),
                         _mm_loadu_si128((const __m128i *)(const void *)pixels));
+}
+
+/* Differences of four views, their pixels in *pixels. Colours add up to less than 2^16, so that sums of rows lie in the
+ * lower half of each 64 bits. */
+static inline __m128i KERNEL(hypothesis_four)(const struct KERNEL(hypothesis_views) * v,
+                                              const struct KERNEL(hypothesis_window) * w, const int32_t *offset, int k,
+                                              __m128i *pixels)
+{
+    __m128i middle[4], sum[4], low, high;
+
+    for (int i = 0; i < 4; i++) {
+        const uint32_t *at = v->pixels[k + i] + offset[k + i] - 1;
+
+        middle[i] = _mm_loadu_si128((const __m128i *)(const void *)at);
+        sum[i] = KERNEL(hypothesis_row)(w->mask[1], w->pixels[1], middle[i]);
+        for (int row = 0; row < 3; row += 2)
+            sum[i] = _mm_add_epi32(
+                sum[i],
+                KERNEL(hypothesis_row)(w->mask[row], w->pixels[row],
+                                       _mm_loadu_si128((const __m128i *)(const void *)(at + (row - 1) * v->stride))));
+    }
+    *pixels = _mm_unpackhi_epi64(_mm_unpacklo_epi32(middle[0], middle[1]), _mm_unpacklo_epi32(middle[2], middle[3]));
+    low = _mm_unpacklo_epi64(_mm_or_si128(sum[0], _mm_slli_epi64(sum[1], 32)),
+                             _mm_or_si128(sum[2], _mm_slli_epi64(sum[3], 32)));
+    high = _mm_unpackhi_epi64(_mm_or_si128(sum[0], _mm_slli_epi64(sum[1], 32)),
+                              _mm_or_si128(sum[2], _mm_slli_epi64(sum[3], 32)));
+    return _mm_add_epi32(low, high);
 }
 
 /* Sum of the four least of 24 values. *least: the first of them. Columns of three are sorted, then the least of the
@@ -194,28 +240,21 @@ static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_vi
                                                unsigned hides)
 {
     const __m256i scale = _mm256_set1_epi32((int)w->scale), limit = _mm256_set1_epi32(SST_HYPOTHESIS_LIMIT);
-    int32_t offset[SST_HYPOTHESIS_VIEWS], difference[SST_HYPOTHESIS_VIEWS], pixel[SST_HYPOTHESIS_VIEWS];
+    int32_t offset[SST_HYPOTHESIS_VIEWS];
     __m256i inside[HYPOTHESIS_PARTS], open_sum = _mm256_setzero_si256();
     unsigned seen = 0, visible = 0, best, least;
     __m128i costs[HYPOTHESIS_PARTS];
 
     KERNEL(hypothesis_place)(offset, inside, v, x, y, d);
-    for (int k = 0; k < SST_HYPOTHESIS_VIEWS; k++) {
-        const uint32_t *at = v->pixels[k] + offset[k];
-        const __m128i rows =
-            _mm_add_epi32(KERNEL(hypothesis_row_difference)(w->mask[0], w->pixels[0], at - v->stride[k] - 1),
-                          _mm_add_epi32(KERNEL(hypothesis_row_difference)(w->mask[1], w->pixels[1], at - 1),
-                                        KERNEL(hypothesis_row_difference)(w->mask[2], w->pixels[2],
-                                                                          at + v->stride[k] - 1)));
-
-        difference[k] = _mm_cvtsi128_si32(_mm_add_epi32(rows, _mm_unpackhi_epi64(rows, rows)));
-        pixel[k] = (int32_t)*at;
-    }
     for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
-        const __m256i code = _mm256_srli_epi32(KERNEL(hypothesis_load)(pixel + 8 * i), 24);
+        __m128i pixels[2];
+        const __m128i first = KERNEL(hypothesis_four)(v, w, offset, 8 * i, &pixels[0]);
+        const __m128i second = KERNEL(hypothesis_four)(v, w, offset, 8 * i + 4, &pixels[1]);
+        const __m256i difference = _mm256_set_m128i(second, first);
+        const __m256i code = _mm256_srli_epi32(_mm256_set_m128i(pixels[1], pixels[0]), 24);
         const __m256i there =
             _mm256_andnot_si256(_mm256_cmpeq_epi32(code, _mm256_set1_epi32(SST_DEPTH_OUTSIDE)), inside[i]);
-        const __m256i scaled = _mm256_mullo_epi32(KERNEL(hypothesis_load)(difference + 8 * i), scale);
+        const __m256i scaled = _mm256_mullo_epi32(difference, scale);
         const __m256i cost = _mm256_min_epu32(_mm256_srli_epi32(scaled, 16), limit);
         const __m256i open = _mm256_andnot_si256(_mm256_cmpgt_epi32(code, _mm256_set1_epi32((int)hides)), there);
         const __m256i of_there = _mm256_or_si256(cost, _mm256_andnot_si256(there, _mm256_set1_epi32(0xFFFF)));

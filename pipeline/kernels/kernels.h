@@ -199,7 +199,7 @@ struct sst_packed_view {
 /** What the hypotheses of a view are tested against. A disparity d moves a pixel by (x + d dx) / 2^16 to a view,
  * rounded down: x holds the disparity of value 0 and a half. All displacements of disparities 0..65534 fit 32 bits. */
 struct sst_hypothesis_test {
-    struct sst_packed_view own, view[SST_HYPOTHESIS_VIEWS];
+    struct sst_packed_view own, view[SST_HYPOTHESIS_VIEWS]; /* of the same stride */
     int32_t x[SST_HYPOTHESIS_VIEWS], y[SST_HYPOTHESIS_VIEWS], dx[SST_HYPOTHESIS_VIEWS], dy[SST_HYPOTHESIS_VIEWS];
     int views;           /* used */
     int width, height;   /* of all views */
