@@ -124,8 +124,6 @@ static int process(struct sst_lightfield *lf, const char *dir, struct sst_proces
     return err;
 }
 
-#define KEY_ERROR 5 /* percent, where the preset has none */
-
 /* What the preset skips, unless the list says otherwise. */
 static int read_skips(const struct cli_command *cmd, const char *list, struct sst_process_config *cfg)
 {
@@ -137,10 +135,8 @@ static int read_skips(const struct cli_command *cmd, const char *list, struct ss
 
     if (!keys)
         cfg->disparity.key_spacing = 1;
-    else if (cfg->disparity.key_spacing <= 1) {
+    else if (cfg->disparity.key_spacing <= 1)
         cfg->disparity.key_spacing = 3;
-        cfg->disparity.key_error = KEY_ERROR;
-    }
     return r;
 }
 

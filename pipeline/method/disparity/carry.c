@@ -12,6 +12,7 @@
 #include "pipeline/method/disparity/stage.h"
 
 #define SOURCES 4  /* nearest matched views that a map comes from */
+#define AGREED  3  /* sources that must agree */
 #define STEP_Q6 64 /* neighbours with a larger difference are on two surfaces */
 
 /* What arrives at a pixel, the larger the better: disparity + 1 (0: nothing yet), the check's result, half of the
@@ -64,8 +65,15 @@ static int sources_of(const struct sst_visible_views *in, int k, int *source)
     return n;
 }
 
-static void carry_row(uint32_t *arrived, int width, int height, const struct sst_visible_view *from,
-                      const struct sst_map_u8 *status, int y, struct shift across, struct shift down)
+/* The farthest disparity that arrives at a pixel, and from which sources any does. */
+struct farthest {
+    uint16_t disp, sources;
+};
+
+/* One source's part of a view. farthest: NULL, not wanted */
+static void carry_row(uint32_t *arrived, struct farthest *farthest, int width, int height,
+                      const struct sst_visible_view *from, const struct sst_map_u8 *status, int y, struct shift across,
+                      struct shift down, uint16_t source)
 {
     const uint16_t *d = sst_map_u16_row(from->disp, y);
     const uint8_t *confidence = sst_map_u8_row(from->confidence, y), *s = status ? sst_map_u8_row(status, y) : NULL;
@@ -74,12 +82,16 @@ static void carry_row(uint32_t *arrived, int width, int height, const struct sst
         const int xt = x + ((across.at + d[x] * across.step) >> 16), yt = y + ((down.at + d[x] * down.step) >> 16);
         const uint32_t checked = s && s[x] == SST_DISPARITY_CORRECT ? CONFIRMED : 0;
         const uint32_t value = ((uint32_t)d[x] + 1) << DISP_SHIFT | checked | confidence[x] >> 1;
-        uint32_t *at;
+        size_t at;
 
         if (d[x] == SST_DISP_NONE || (unsigned)xt >= (unsigned)width || (unsigned)yt >= (unsigned)height)
             continue;
-        at = &arrived[(size_t)yt * (size_t)width + (size_t)xt];
-        *at = value > *at ? value : *at;
+        at = (size_t)yt * (size_t)width + (size_t)xt;
+        arrived[at] = value > arrived[at] ? value : arrived[at];
+        if (farthest) {
+            farthest[at].disp = d[x] < farthest[at].disp ? d[x] : farthest[at].disp;
+            farthest[at].sources |= source;
+        }
     }
 }
 
@@ -103,8 +115,8 @@ static void close_gaps(uint32_t *arrived, int width, int height)
     }
 }
 
-/* What arrives in view k from the matched views other than itself. @param arrived  out, [height][width] */
-static int carry_to(uint32_t *arrived, const struct carry *c, int k)
+/* What arrives in view k from the matched views other than itself. @param arrived, farthest  out, [height][width] */
+static int carry_to(uint32_t *arrived, struct farthest *farthest, const struct carry *c, int k)
 {
     const struct sst_visible_view *own = &c->in->view[k];
     const int width = own->disp->width, height = own->disp->height;
@@ -114,13 +126,16 @@ static int carry_to(uint32_t *arrived, const struct carry *c, int k)
     if (n < 0)
         return n;
     memset(arrived, 0, (size_t)width * (size_t)height * sizeof(*arrived));
+    for (size_t i = 0; farthest && i < (size_t)width * (size_t)height; i++)
+        farthest[i] = (struct farthest){ SST_DISP_NONE, 0 };
     for (int i = 0; i < n; i++) {
         const struct sst_visible_view *from = &c->in->view[source[i]];
         const struct shift across = shift_of(from->bx - own->bx, c->in->disp_min_px);
         const struct shift down = shift_of(from->by - own->by, c->in->disp_min_px);
 
         for (int y = 0; y < height; y++)
-            carry_row(arrived, width, height, from, c->status ? &c->status[source[i]] : NULL, y, across, down);
+            carry_row(arrived, farthest, width, height, from, c->status ? &c->status[source[i]] : NULL, y, across, down,
+                      (uint16_t)(1 << i));
     }
     close_gaps(arrived, width, height);
     return 0;
@@ -131,10 +146,30 @@ static uint32_t *arrived_init(const struct sst_visible_view *v)
     return sst_mem_alloc_raw((size_t)v->disp->width * (size_t)v->disp->height, sizeof(uint32_t));
 }
 
+/* Where most of the sources put the same surface at a pixel, and no other one a different surface. */
+static int find_agreed(struct sst_map_u8 *agreed, const uint32_t *arrived, const struct farthest *farthest, int width,
+                       int height)
+{
+    const int err = agreed->data ? 0 : sst_map_u8_init(agreed, width, height);
+
+    for (int y = 0; !err && y < height; y++) {
+        const size_t row = (size_t)y * (size_t)width;
+        uint8_t *to = sst_map_u8_row(agreed, y);
+
+        for (size_t x = 0; x < (size_t)width; x++) {
+            const struct farthest *f = &farthest[row + x];
+
+            to[x] = __builtin_popcount(f->sources) >= AGREED && disp_of(arrived[row + x]) - f->disp < STEP_Q6 ? 255 : 0;
+        }
+    }
+    return err;
+}
+
 static int carry_job(void *arg, int k, int worker SST_UNUSED)
 {
     const struct carry *c = arg;
     const struct sst_visible_view *own = &c->in->view[k];
+    struct farthest *farthest = NULL;
     uint32_t *arrived;
     int err;
 
@@ -143,7 +178,11 @@ static int carry_job(void *arg, int k, int worker SST_UNUSED)
     if (c->in->cancel && *c->in->cancel)
         return -ECANCELED;
     arrived = arrived_init(own);
-    err = arrived ? carry_to(arrived, c, k) : -ENOMEM;
+    if (arrived && own->agreed)
+        farthest = sst_mem_alloc_raw((size_t)own->disp->width * (size_t)own->disp->height, sizeof(*farthest));
+    err = arrived && (farthest || !own->agreed) ? carry_to(arrived, farthest, c, k) : -ENOMEM;
+    if (!err && farthest)
+        err = find_agreed(own->agreed, arrived, farthest, own->disp->width, own->disp->height);
     for (int y = 0; !err && y < own->disp->height; y++) {
         const uint32_t *at = arrived + (size_t)y * (size_t)own->disp->width;
         uint16_t *d = sst_map_u16_row(own->disp, y);
@@ -160,6 +199,7 @@ static int carry_job(void *arg, int k, int worker SST_UNUSED)
     if (!err)
         sst_fill_background(own->disp);
     sst_mem_free(arrived);
+    sst_mem_free(farthest);
     return err;
 }
 
@@ -176,7 +216,7 @@ int sst_disparity_carry_error(const struct sst_visible_views *in, struct sst_map
     const struct carry c = { in, status };
     uint32_t *arrived = arrived_init(own);
     int64_t n = 0, off = 0;
-    const int err = arrived ? carry_to(arrived, &c, k) : -ENOMEM;
+    const int err = arrived ? carry_to(arrived, NULL, &c, k) : -ENOMEM;
 
     for (int y = 0; !err && y < own->disp->height; y++) {
         const uint32_t *at = arrived + (size_t)y * (size_t)own->disp->width;

@@ -26,7 +26,6 @@ struct run {
     struct sst_disparity_config narrow; /* what cfg points to where the range is narrow */
     struct sst_network **nets;          /* [workers]; NULL without features */
     bool fill;
-    bool others;                   /* the views that were to be carried are matched after all */
     bool *carried;                 /* [views] not matched; NULL: all are */
     int rounds;                    /* of the second pass */
     bool subpixel;                 /* refine between pixels */
@@ -221,7 +220,7 @@ static int match_job(void *arg, int index, int worker)
         err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
         err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
     }
-    if (!err && is_carried(run, view) != run->others)
+    if (!err && is_carried(run, view))
         return 0;
     if (!err && run->cfg->support_arm && !run->cfg->raw)
         err =
@@ -501,6 +500,33 @@ static int carry(struct run *run, const struct sst_visible_views *in, int thread
     return err;
 }
 
+/* The second pass of the key views, then that of the others from the maps that the key views give them. */
+static int repair_views(struct run *run, struct sst_visible_views *in, int threads)
+{
+    struct sst_map_u8 *agreed = calloc((size_t)in->count, sizeof(*agreed));
+    const int ref = run->lf->ref_view;
+    int err = agreed ? sst_disparity_carry(in, NULL, threads) : -ENOMEM;
+
+    err = err ? err : sst_disparity_visible(in, run->rounds, threads);
+    if (!err && run->cfg->report && in->view[ref].image && !in->view[ref].carried)
+        err = sst_disparity_carry_error(in, NULL, ref, &run->cfg->report->views_error);
+    for (int k = 0; !err && k < in->count; k++)
+        in->view[k].agreed = &agreed[k];
+    err = err ? err : sst_disparity_carry(in, NULL, threads);
+    in->repair = true;
+    err = err ? err : sst_disparity_visible(in, run->rounds, threads);
+    for (int k = 0; k < in->count; k++) {
+        in->view[k].carried = false;
+        in->view[k].agreed = NULL;
+        if (agreed)
+            sst_map_u8_fini(&agreed[k]);
+    }
+    free(agreed);
+    free(run->carried);
+    run->carried = NULL;
+    return err;
+}
+
 /* What improves all maps together: the second pass, the refinement between pixels, check, filling or carrying. */
 static int finish_maps(struct run *run, int threads)
 {
@@ -509,10 +535,10 @@ static int finish_maps(struct run *run, int threads)
     struct sst_visible_views in = { 0 };
     int err = seen ? visible_views(run, &in, seen) : -ENOMEM;
 
-    if (run->carried && (run->rounds || run->subpixel))
-        err = err ? err : sst_disparity_carry(&in, NULL, threads);
     if (run->rounds)
-        err = err ? err : sst_disparity_visible(&in, run->rounds, threads);
+        err = err            ? err
+              : run->carried ? repair_views(run, &in, threads)
+                             : sst_disparity_visible(&in, run->rounds, threads);
     if (run->subpixel)
         err = err ? err : sst_disparity_subpixel(&in, run->cfg->subpixel_steps, run->cfg->subpixel_views, threads);
     if (run->carried) {
@@ -522,31 +548,6 @@ static int finish_maps(struct run *run, int threads)
         err = err ? err : sst_parallel_for(count, threads, fill_job, run);
     }
     for (int k = 0; seen && k < count; k++)
-        sst_map_u8_fini(&seen[k]);
-    free(seen);
-    free(in.view);
-    return err;
-}
-
-/* Match the views that were to be carried as well if the scene does not allow that: where the first pass's maps of the
- * key views give the reference view too many other disparities. */
-static int match_others(struct run *run, int threads, int workers)
-{
-    struct sst_map_u8 *seen = calloc((size_t)(run->lf->rows * run->lf->cols), sizeof(*seen));
-    struct sst_visible_views in = { 0 };
-    double error;
-    int err = seen ? visible_views(run, &in, seen) : -ENOMEM;
-
-    err = err ? err : check_keys(run, &in, threads, &error);
-    if (!err && !(error <= run->cfg->key_error)) {
-        run->others = true;
-        err = match_all(run, workers, NULL, NULL);
-        free(run->carried);
-        run->carried = NULL;
-        if (run->cfg->report)
-            run->cfg->report->views_skipped = 0;
-    }
-    for (int k = 0; seen && k < in.count; k++)
         sst_map_u8_fini(&seen[k]);
     free(seen);
     free(in.view);
@@ -569,8 +570,6 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     run->phases = err ? 0 : phases_needed(run);
     err = err ? err : open_networks(run, workers, threads);
     err = err ? err : match_all(run, workers, progress, progress_arg);
-    if (run->carried && run->cfg->key_error < 100)
-        err = err ? err : match_others(run, threads, workers);
     for (int i = 0; i < workers; i++) {
         sst_volume_fini(&run->volumes[i]);
         if (run->nets)
@@ -644,8 +643,11 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     run->filled = calloc(views, sizeof(*run->filled));
     if (!run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
         return -ENOMEM;
-    return cfg->key_spacing > 1 && run->fill && cfg->joint && present >= SST_VISIBLE_LEAST ? choose_keys(run, present)
-                                                                                           : 0;
+    /* A range too narrow for the second pass is too narrow for carried maps. */
+    return cfg->key_spacing > 1 && run->fill && cfg->joint && present >= SST_VISIBLE_LEAST &&
+                   (run->rounds || !cfg->rounds)
+               ? choose_keys(run, present)
+               : 0;
 }
 
 static void run_fini(struct run *run)

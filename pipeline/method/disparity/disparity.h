@@ -53,10 +53,9 @@ struct sst_disparity_config {
                     the same result in a fraction of the memory */
     int threads;
     /* Light fields of SST_VISIBLE_LEAST views and more: 5 or 3: one view in so many is matched, and the maps of the
-     * others are carried over from those; 1: every view is matched. Without `fill` or `joint` every one is. */
+     * others are carried over from those and, with a second pass, repaired; 1: every view is matched. Without `fill` or
+     * `joint`, or where the range is too narrow for the second pass asked for, every one is. */
     int key_spacing;
-    double key_error; /* percent of the reference view's disparities that may change by more than 1 px if it is carried:
-                         else every view is matched; 100: any */
     bool
         skip_hypotheses; /* the second pass tests no other disparity where the first pass's explains the colours well */
     const SST_ATOMIC(bool) * cancel; /* once true, matching of a light field stops within a part of a view; or NULL */
@@ -66,7 +65,8 @@ struct sst_disparity_config {
 /** What was skipped, and the error that this adds; percent, NaN where nothing was. */
 struct sst_disparity_report {
     double views_skipped;      /* of the views: carried, not matched */
-    double views_error;        /* disparities that change by more than 1 px if the reference view is carried as well */
+    double views_error;        /* disparities that change by more than 1 px if the reference view is carried as well,
+                                  before any repair */
     double hypotheses_skipped; /* of the second pass */
     double hypotheses_error;   /* pixels in a sample of rows whose cheapest hypothesis was not tested */
 };

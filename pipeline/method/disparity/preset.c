@@ -14,11 +14,9 @@ static const struct {
     const char *name;
     struct sst_disparity_config cfg;
 } presets[] = {
-    { "preview",
-      { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2, .one_volume = true, .key_spacing = 3,
-        .key_error = 100 } },
+    { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2, .one_volume = true, .key_spacing = 3 } },
     { "balanced",
-      { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .key_spacing = 3, .key_error = 5,
+      { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .key_spacing = 3,
         .skip_hypotheses = true } },
     { "accurate",
       { COMMON, SUPPORT, .cost = SST_COST_BOTH, .narrow_census = true, .paths = 8, .scale = 1, .rounds = 2,

@@ -283,7 +283,9 @@ struct sst_visible_view {
     struct sst_map_u16 *disp;      /* in and out; SST_DISP_NONE: unknown */
     struct sst_map_u8 *confidence; /* in and out */
     double bx, by;
-    bool carried; /* not matched: its map only hides what is behind it, and stays as it is */
+    bool carried;              /* not matched: its map comes from the matched views */
+    struct sst_map_u8 *agreed; /* out of sst_disparity_carry(): 255 where the views that a pixel comes from agree; NULL:
+                                  not wanted, empty: nowhere */
 };
 
 struct sst_visible_views {
@@ -292,6 +294,7 @@ struct sst_visible_views {
     int scale;                           /* of the maps: 1 full size, 2 half size */
     double disp_min_px;                  /* at their size */
     int range;                           /* whole pixels from there */
+    bool repair;                         /* sst_disparity_visible(): the carried views, not the matched ones */
     bool skip_hypotheses;                /* see struct sst_disparity_config */
     struct sst_disparity_report *report; /* out, skip_hypotheses' counters, or NULL */
     const SST_ATOMIC(bool) * cancel;     /* as in struct sst_disparity_config */
@@ -314,7 +317,8 @@ int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int
 
 /**
  * The second pass (design.md, 5.7): choose each pixel's disparity again, among those of the surfaces around it, by its
- * colours in the views where it is visible.
+ * colours in the views where it is visible. Of the matched views, or of the carried ones (`repair`); the maps of the
+ * others stay and only hide what is behind them. Where a carried pixel's sources agree, it stays.
  *
  * @param rounds  1 or more: each starts from the maps of the last one
  * @return 0, -ENOMEM, -ECANCELED; the maps then are those of the last whole round

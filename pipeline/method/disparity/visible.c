@@ -157,7 +157,7 @@ static void project_view(struct projected *to, const struct sst_visible_view *fr
     }
 }
 
-/* Surfaces of the views up to two spacings away on the axes and one on the diagonals. */
+/* Surfaces of the matched views up to two spacings away on the axes and one on the diagonals. */
 static int project_around(struct projected *to, const struct pass *p, int k)
 {
     const struct sst_visible_view *own = &p->in->view[k];
@@ -171,7 +171,7 @@ static int project_around(struct projected *to, const struct pass *p, int k)
         const struct sst_visible_view *v = &p->in->view[i];
         const double bx = v->bx - own->bx, by = v->by - own->by;
 
-        if (i != k && v->image && fabs(bx) + fabs(by) < 2.5)
+        if (i != k && v->image && !v->carried && fabs(bx) + fabs(by) < 2.5)
             project_view(to, v, bx, by, p->in->disp_min_px);
     }
     return 0;
@@ -331,6 +331,11 @@ static int add_candidates(uint16_t *list, int count, const struct around *a, int
     return count;
 }
 
+static bool is_set(const struct sst_map_u8 *map, int x, int y, bool otherwise)
+{
+    return map && map->data ? sst_map_u8_row(map, y)[x] != 0 : otherwise;
+}
+
 /* The hypotheses of a pixel, its own disparity first; unused entries repeat it. @return their number */
 static int list_hypotheses(uint16_t *list, const struct pass *p, const struct around *a,
                            const struct sst_visible_view *v, int x, int y)
@@ -339,8 +344,10 @@ static int list_hypotheses(uint16_t *list, const struct pass *p, const struct ar
     const uint16_t near = sst_map_u16_row(&a->projected.near, y)[x];
     int n = 0;
 
-    if (!v->seen || !v->seen->data || sst_map_u8_row(v->seen, y)[x]) {
+    if (is_set(v->seen, x, y, true)) {
         n = add(list, n, sst_map_u16_row(v->disp, y)[x], apart);
+        if (n && is_set(v->agreed, x, y, false))
+            goto done;
         n = add_extremes(list, n, a, 0, x, y, apart);
         n = add(list, n, sst_map_u16_row(&a->projected.far, y)[x], apart);
         n = add(list, n, near ? near : (uint16_t)SST_DISP_NONE, apart);
@@ -348,6 +355,7 @@ static int list_hypotheses(uint16_t *list, const struct pass *p, const struct ar
         for (int i = 1; i < EXTREMES / 2; i++)
             n = add_extremes(list, n, a, i, x, y, apart);
     }
+done:
     for (int i = n; i < SST_HYPOTHESES; i++)
         list[i] = n ? list[0] : 0;
     return n;
@@ -626,7 +634,7 @@ static int second_job(void *arg, int k, int worker SST_UNUSED)
     struct lists lists = { 0 };
     int err;
 
-    if (!v->image || v->carried)
+    if (!v->image || v->carried != p->in->repair)
         return 0;
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
