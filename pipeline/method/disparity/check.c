@@ -1,3 +1,4 @@
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -6,90 +7,92 @@
 #define AGREE_Q6   64 /* |d - D_n| <= 1 px */
 #define DIRECTIONS 16
 
-/* floor(v + 0.5) for |v| < 65536: a conversion instead of a library call. */
-static int nearest(double v)
+/* A stored disparity d moves a pixel by (at + d step) / 2^16 along an axis, rounded down; at holds the half. */
+struct shift {
+    int64_t at, step;
+};
+
+/* By b spacings. */
+static struct shift shift_by(double b, double disp_min_px)
 {
-    return (int)(v + 65536.5) - 65536;
+    return (struct shift){ llround((disp_min_px * b + 0.5) * 65536), llround(b * 65536 / SST_DISP_SCALE) };
 }
 
-/* True if view n holds disparity d (1/64 px) at the point to which d maps pixel (x, y). */
-static bool agrees(const struct sst_checked_view *n, int x, int y, int d_q6, double disp_min_px)
+static int moved(int x, struct shift s, int d_q6)
 {
-    const double d = disp_min_px + d_q6 / 64.0;
-    const int xn = nearest(x - d * n->bx), yn = nearest(y - d * n->by);
+    return x + (int)((s.at + d_q6 * s.step) >> 16);
+}
+
+/* A neighbour, and where a pixel of the view under check lies in it. */
+struct neighbour {
+    const struct sst_map_u16 *disp;
+    struct shift across, down;
+};
+
+/* True if view n holds disparity d (1/64 px) at the point to which d maps pixel (x, y). */
+static bool agrees(const struct neighbour *n, int x, int y, int d_q6)
+{
+    const int xn = moved(x, n->across, d_q6), yn = moved(y, n->down, d_q6);
     int there;
 
-    if (xn < 0 || yn < 0 || xn >= n->disp_q6->width || yn >= n->disp_q6->height)
+    if ((unsigned)xn >= (unsigned)n->disp->width || (unsigned)yn >= (unsigned)n->disp->height)
         return false;
-    there = sst_map_u16_row(n->disp_q6, yn)[xn];
+    there = sst_map_u16_row(n->disp, yn)[xn];
     return there != (int)SST_DISP_NONE && abs(there - d_q6) <= AGREE_Q6;
 }
 
-static bool agrees_with_any(const struct sst_checked_view *views, int count, int x, int y, int d_q6, double disp_min_px)
+static bool agrees_with_any(const struct neighbour *n, int count, int x, int y, int d_q6)
 {
     for (int i = 0; i < count; i++) {
-        if (agrees(&views[i], x, y, d_q6, disp_min_px))
+        if (agrees(&n[i], x, y, d_q6))
             return true;
     }
     return false;
 }
 
-/*
- * Mark every pixel p for which |d - D_n(p - d b_n)| <= 1 holds for some whole-pixel d: the neighbour's pixel q with
- * disparity D marks p = q + d b_n for each d within 1 of D.
- */
-static void mark_served(struct sst_map_u8 *mark, const struct sst_checked_view *n, double disp_min_px, int steps)
+static uint8_t check_pixel(const struct neighbour *n, int count, int x, int y, uint16_t d_q6, int steps)
 {
-    for (int yn = 0; yn < mark->height; yn++) {
-        const uint16_t *dn = sst_map_u16_row(n->disp_q6, yn);
-
-        for (int xn = 0; xn < mark->width; xn++) {
-            const int first = sst_max_int((dn[xn] - AGREE_Q6 + 63) / 64, 0);
-            const int last = sst_min_int((dn[xn] + AGREE_Q6) / 64, steps - 1);
-
-            if (dn[xn] == SST_DISP_NONE)
-                continue;
-            for (int i = first; i <= last; i++) {
-                const double d = disp_min_px + i;
-                const int x = nearest(xn + d * n->bx), y = nearest(yn + d * n->by);
-
-                if (x >= 0 && y >= 0 && x < mark->width && y < mark->height)
-                    sst_map_u8_row(mark, y)[x] = SST_DISPARITY_MISMATCH;
-            }
-        }
+    if (d_q6 != SST_DISP_NONE && agrees_with_any(n, count, x, y, d_q6))
+        return SST_DISPARITY_CORRECT;
+    for (int d = 0; d < steps; d++) {
+        if (agrees_with_any(n, count, x, y, d * (int)SST_DISP_SCALE))
+            return SST_DISPARITY_MISMATCH;
     }
+    return SST_DISPARITY_OCCLUSION;
 }
 
 void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, double disp_min_px,
                                int steps, const struct sst_checked_view *views, int count)
 {
-    memset(status->data, SST_DISPARITY_OCCLUSION, status->stride * (size_t)status->height);
-    for (int i = 0; i < count && steps > 0; i++)
-        mark_served(status, &views[i], disp_min_px, steps);
+    struct neighbour n[SST_MAX_NEIGHBOURS];
+
+    for (int i = 0; i < count; i++)
+        n[i] = (struct neighbour){ views[i].disp_q6, shift_by(-views[i].bx, disp_min_px),
+                                   shift_by(-views[i].by, disp_min_px) };
     for (int y = 0; y < disp_q6->height; y++) {
         const uint16_t *d = sst_map_u16_row(disp_q6, y);
         uint8_t *out = sst_map_u8_row(status, y);
 
-        for (int x = 0; x < disp_q6->width; x++) {
-            if (d[x] != SST_DISP_NONE && agrees_with_any(views, count, x, y, d[x], disp_min_px))
-                out[x] = SST_DISPARITY_CORRECT;
-        }
+        for (int x = 0; x < disp_q6->width; x++)
+            out[x] = check_pixel(n, count, x, y, d[x], steps);
     }
 }
 
 /* Project the correct pixels of a neighbour into this view; the nearest surface wins. */
 static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, double disp_min_px)
 {
+    const struct shift across = shift_by(n->bx, disp_min_px), down = shift_by(n->by, disp_min_px);
+
     for (int yn = 0; yn < out->height; yn++) {
         const uint16_t *d = sst_map_u16_row(n->disp_q6, yn);
         const uint8_t *ok = sst_map_u8_row(n->status, yn);
 
         for (int xn = 0; xn < out->width; xn++) {
-            const double dp = disp_min_px + d[xn] / 64.0;
-            const int x = nearest(xn + dp * n->bx), y = nearest(yn + dp * n->by);
+            const int x = moved(xn, across, d[xn]), y = moved(yn, down, d[xn]);
             uint16_t *at;
 
-            if (ok[xn] != SST_DISPARITY_CORRECT || x < 0 || y < 0 || x >= out->width || y >= out->height)
+            if (ok[xn] != SST_DISPARITY_CORRECT || (unsigned)x >= (unsigned)out->width ||
+                (unsigned)y >= (unsigned)out->height)
                 continue;
             at = &sst_map_u16_row(out, y)[x];
             if (*at == SST_DISP_NONE || d[xn] > *at)
