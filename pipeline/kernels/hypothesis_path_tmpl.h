@@ -12,19 +12,34 @@ static inline KERNEL(hypothesis_lanes) KERNEL(hypothesis_min)(KERNEL(hypothesis_
     return (a & less) | (b & ~less);
 }
 
+/* The least of the entries but the first one. */
+static inline uint16_t KERNEL(hypothesis_rest)(const uint16_t *from)
+{
+#if defined(__SSE4_1__)
+    const __m128i all = _mm_loadu_si128((const __m128i *)(const void *)from);
+
+    return (uint16_t)_mm_cvtsi128_si32(_mm_minpos_epu16(_mm_insert_epi16(all, 0xFFFF, 0)));
+#else
+    uint16_t least = from[1];
+
+    for (int j = 2; j < SST_HYPOTHESES; j++)
+        least = from[j] < least ? from[j] : least;
+    return least;
+#endif
+}
+
+/* Most pixels have one hypothesis: what costs p2 more than the first one is no way to anything. */
 static inline void KERNEL(hypothesis_path)(uint16_t *path, uint16_t *sum, const uint16_t *cost,
                                            const uint16_t *hypothesis, const uint16_t *from,
                                            const uint16_t *from_hypothesis, uint16_t p1, uint16_t p2, uint16_t near)
 {
     typedef KERNEL(hypothesis_lanes) lanes;
     const lanes here = *(const lanes *)hypothesis;
-    uint16_t least = from[0];
-    lanes best, l;
+    const uint16_t rest = KERNEL(hypothesis_rest)(from), least = from[0] < rest ? from[0] : rest;
+    const int used = rest >= from[0] + p2 ? 1 : SST_HYPOTHESES;
+    lanes best = (lanes){ 0 } + (uint16_t)(least + p2), l;
 
-    for (int j = 1; j < SST_HYPOTHESES; j++)
-        least = from[j] < least ? from[j] : least;
-    best = (lanes){ 0 } + (uint16_t)(least + p2);
-    for (int j = 0; j < SST_HYPOTHESES; j++) {
+    for (int j = 0; j < used; j++) {
         const lanes there = (lanes){ 0 } + from_hypothesis[j], up = here - there, down = there - here;
         const lanes jump = KERNEL(hypothesis_min)(up, down); /* the other one wraps around */
         const lanes penalty = (lanes)(jump > near) & p1;
