@@ -22,11 +22,12 @@
 #define STEP_MOST      96 /* 1/64 px: a pixel and a half, what checks and noise of the first pass leave */
 #define P1             30 /* penalties, in the units of SST_HYPOTHESIS_LIMIT */
 #define P2             300
-#define CHANGE         40 /* penalty of a disparity other than the first pass's */
-#define CHEAP          96 /* cost of a disparity that needs no other to be tested, if hypotheses are skipped */
-#define SAMPLED_ROWS   64 /* one in this many is tested whole, to measure that */
-#define EDGE_STEP      16 /* levels at which P2 is halved */
-#define SWEPT          4  /* one in this many views looks for surfaces that no map has */
+#define CHANGE         40  /* penalty of a disparity other than the first pass's */
+#define CHEAP          96  /* cost of a disparity that needs no other to be tested, if hypotheses are skipped */
+#define SAMPLED_ROWS   64  /* one in this many is tested whole, to measure that */
+#define EDGE_STEP      16  /* levels at which P2 is halved */
+#define SWEPT          4   /* one in this many views looks for surfaces that no map has */
+#define STRIP          128 /* columns that are tested together */
 #define NEAREST_CODE   254
 #define DISPLACED_MOST 32000 /* px */
 #define EXTREMES       6     /* farthest and nearest in windows of three sizes */
@@ -625,6 +626,27 @@ static void count_skipped(struct pass *p, const struct lists *l, const struct ss
     atomic_fetch_add_explicit(&p->changed, changed, memory_order_relaxed);
 }
 
+/* Hypotheses of a view, and their costs: in strips, so that the rows of the other views that one row needs are in the
+ * cache for the next. */
+static void test_hypotheses(struct lists *l, const struct pass *p, const struct around *around,
+                            const struct sst_visible_view *v, const struct sst_hypothesis_test *test)
+{
+    for (int left = 0; left < l->width; left += STRIP) {
+        const int n = sst_min_int(STRIP, l->width - left);
+
+        for (int y = 0; y < l->height; y++) {
+            const size_t at = (size_t)y * (size_t)l->width + (size_t)left;
+            uint16_t *hypothesis = l->hypothesis + at * SST_HYPOTHESES, *cost = l->cost + at * SST_HYPOTHESES;
+
+            for (int x = 0; x < n; x++)
+                l->count[at + (size_t)x] =
+                    (uint8_t)list_hypotheses(hypothesis + x * SST_HYPOTHESES, p, around, v, left + x, y);
+            sst_kernels_get()->hypothesis_cost_row(cost, hypothesis, l->count + at, test, left, y, (size_t)n);
+            prefer_own(cost, l->count + at, n);
+        }
+    }
+}
+
 static int second_job(void *arg, int k, int worker SST_UNUSED)
 {
     struct pass *p = arg;
@@ -642,16 +664,9 @@ static int second_job(void *arg, int k, int worker SST_UNUSED)
     err = err ? err : lists_init(&lists, v->disp->width, v->disp->height);
     err = err ? err : around_init(&around, p, k);
     set_test(&test, p, k);
+    if (!err)
+        test_hypotheses(&lists, p, &around, v, &test);
     for (int y = 0; !err && y < lists.height; y++) {
-        const size_t row = (size_t)y * (size_t)lists.width;
-
-        for (int x = 0; x < lists.width; x++)
-            lists.count[row + (size_t)x] =
-                (uint8_t)list_hypotheses(lists.hypothesis + (row + (size_t)x) * SST_HYPOTHESES, p, &around, v, x, y);
-        sst_kernels_get()->hypothesis_cost_row(lists.cost + row * SST_HYPOTHESES,
-                                               lists.hypothesis + row * SST_HYPOTHESES, lists.count + row, &test, 0, y,
-                                               (size_t)lists.width);
-        prefer_own(lists.cost + row * SST_HYPOTHESES, lists.count + row, lists.width);
         if (p->in->skip_hypotheses && p->in->report)
             count_skipped(p, &lists, &test, y, lists.line[1]);
         along_row(&lists, p, &p->view[k], y);
