@@ -26,7 +26,8 @@ struct run {
     struct sst_disparity_config narrow; /* what cfg points to where the range is narrow */
     struct sst_network **nets;          /* [workers]; NULL without features */
     bool fill;
-    bool *carried;                 /* [views] not matched; NULL: all are */
+    bool *carried;                 /* [views] not matched, or after the key views; NULL: all are matched */
+    bool others;                   /* the views that were to be carried are matched after all */
     int rounds;                    /* of the second pass */
     bool subpixel;                 /* refine between pixels */
     int scale, width, height;      /* of the images that are matched */
@@ -220,7 +221,7 @@ static int match_job(void *arg, int index, int worker)
         err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
         err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
     }
-    if (!err && is_carried(run, view))
+    if (!err && is_carried(run, view) != run->others)
         return 0;
     if (!err && run->cfg->support_arm && !run->cfg->raw)
         err =
@@ -500,19 +501,22 @@ static int carry(struct run *run, const struct sst_visible_views *in, int thread
     return err;
 }
 
-/* The second pass of the key views, then that of the others from the maps that the key views give them. */
+/* Give the carried views the key views' maps, unless they were matched. */
+static int carry_unmatched(const struct run *run, const struct sst_visible_views *in, int threads)
+{
+    return run->others ? 0 : sst_disparity_carry(in, NULL, threads);
+}
+
+/* The second pass of the key views, then that of the others. */
 static int repair_views(struct run *run, struct sst_visible_views *in, int threads)
 {
     struct sst_map_u8 *agreed = calloc((size_t)in->count, sizeof(*agreed));
-    const int ref = run->lf->ref_view;
-    int err = agreed ? sst_disparity_carry(in, NULL, threads) : -ENOMEM;
+    int err = agreed ? carry_unmatched(run, in, threads) : -ENOMEM;
 
     err = err ? err : sst_disparity_visible(in, run->rounds, threads);
-    if (!err && run->cfg->report && in->view[ref].image && !in->view[ref].carried)
-        err = sst_disparity_carry_error(in, NULL, ref, &run->cfg->report->views_error);
     for (int k = 0; !err && k < in->count; k++)
         in->view[k].agreed = &agreed[k];
-    err = err ? err : sst_disparity_carry(in, NULL, threads);
+    err = err ? err : carry_unmatched(run, in, threads);
     in->repair = true;
     err = err ? err : sst_disparity_visible(in, run->rounds, threads);
     for (int k = 0; k < in->count; k++) {
@@ -554,6 +558,33 @@ static int finish_maps(struct run *run, int threads)
     return err;
 }
 
+/* Match the views that were to be carried as well if the scene does not allow that: where the first pass's maps of the
+ * key views give the reference view too many other disparities. */
+static int match_others(struct run *run, int workers)
+{
+    struct sst_map_u8 *seen = calloc((size_t)(run->lf->rows * run->lf->cols), sizeof(*seen));
+    struct sst_visible_views in = { 0 };
+    const int ref = run->lf->ref_view;
+    double error = NAN;
+    int err = seen ? visible_views(run, &in, seen) : -ENOMEM;
+
+    if (!err && run->lf->views[ref].present && !run->carried[ref])
+        err = sst_disparity_carry_error(&in, NULL, ref, &error);
+    if (!err && run->cfg->report)
+        run->cfg->report->views_error = error;
+    if (!err && !(error <= run->cfg->key_error)) {
+        run->others = true;
+        err = match_all(run, workers, NULL, NULL);
+        if (run->cfg->report)
+            run->cfg->report->views_skipped = 0;
+    }
+    for (int k = 0; seen && k < in.count; k++)
+        sst_map_u8_fini(&seen[k]);
+    free(seen);
+    free(in.view);
+    return err;
+}
+
 static int run_all(struct run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
     const int views = run->lf->rows * run->lf->cols;
@@ -570,6 +601,8 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     run->phases = err ? 0 : phases_needed(run);
     err = err ? err : open_networks(run, workers, threads);
     err = err ? err : match_all(run, workers, progress, progress_arg);
+    if (run->carried && run->rounds)
+        err = err ? err : match_others(run, workers);
     for (int i = 0; i < workers; i++) {
         sst_volume_fini(&run->volumes[i]);
         if (run->nets)

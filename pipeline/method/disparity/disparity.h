@@ -56,6 +56,8 @@ struct sst_disparity_config {
      * others are carried over from those and, with a second pass, repaired; 1: every view is matched. Without `fill` or
      * `joint`, or where the range is too narrow for the second pass asked for, every one is. */
     int key_spacing;
+    double key_error; /* with a second pass: percent of the reference view's disparities that may change by more than 1
+                         px if it is carried; else all views are matched */
     bool
         skip_hypotheses; /* the second pass tests no other disparity where the first pass's explains the colours well */
     const SST_ATOMIC(bool) * cancel; /* once true, matching of a light field stops within a part of a view; or NULL */

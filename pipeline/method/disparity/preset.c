@@ -4,7 +4,9 @@
 #include "base/log.h"
 #include "pipeline/method/disparity/disparity.h"
 
-#define COMMON .disp_max_px = 127, .p1 = 14, .p2 = 90, .edge_step = 24, .fill = true, .joint = true, .neighbours = 12
+#define COMMON                                                                                                         \
+    .disp_max_px = 127, .p1 = 14, .p2 = 90, .edge_step = 24, .fill = true, .joint = true, .neighbours = 12,            \
+    .key_error = 5
 #define SUPPORT                                                                                                        \
     .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8, .subpixel_steps = 2,                 \
     .subpixel_views = 12
