@@ -23,7 +23,7 @@
 struct run {
     struct sst_lightfield *lf;
     const struct sst_disparity_config *cfg;
-    struct sst_disparity_config narrow; /* what cfg points to where the range is narrow */
+    struct sst_disparity_config census; /* what cfg points to with views_census */
     struct sst_network **nets;          /* [workers]; NULL without features */
     bool fill;
     bool *carried;                 /* [views] not matched, or after the key views; NULL: all are matched */
@@ -623,18 +623,25 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
 }
 
 /*
- * Where many views span few pixels, the learned cost, whose features are those of whole pixels, hides what the census
- * finds between them: the census alone is better, and with it half the penalties are enough.
+ * What many views decide in the second pass, learned costs and more paths in the first one do not improve. Where they
+ * span few pixels, the learned cost, whose features are those of whole pixels, hides what the census finds between
+ * them: the census alone is better, and with it half the penalties are enough.
  */
-static void set_narrow(struct run *run, int present)
+static void set_views_census(struct run *run, int present)
 {
-    if (run->cfg->raw || !run->cfg->narrow_census || present < SST_VISIBLE_LEAST || run->range >= SST_VISIBLE_RANGE)
+    const bool narrow = run->range < SST_VISIBLE_RANGE;
+
+    if (run->cfg->raw || !run->cfg->views_census || present < SST_VISIBLE_LEAST || (!narrow && !run->cfg->rounds))
         return;
-    run->narrow = *run->cfg;
-    run->narrow.cost = SST_COST_CENSUS;
-    run->narrow.p1 = sst_max_int(run->cfg->p1 / 2, 1);
-    run->narrow.p2 = sst_max_int(run->cfg->p2 / 2, run->narrow.p1);
-    run->cfg = &run->narrow;
+    run->census = *run->cfg;
+    run->census.cost = SST_COST_CENSUS;
+    if (narrow) {
+        run->census.p1 = sst_max_int(run->cfg->p1 / 2, 1);
+        run->census.p2 = sst_max_int(run->cfg->p2 / 2, run->census.p1);
+    } else {
+        run->census.paths = 4;
+    }
+    run->cfg = &run->census;
 }
 
 static int choose_keys(struct run *run, int present)
@@ -664,7 +671,7 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     run->divisor = sst_disparity_divisor(run->range);
     for (size_t k = 0; k < views; k++)
         present += lf->views[k].present;
-    set_narrow(run, present);
+    set_views_census(run, present);
     run->rounds = cfg->raw || present < SST_VISIBLE_LEAST || run->range < SST_VISIBLE_RANGE ? 0 : cfg->rounds;
     lf->disparity_tested = run->rounds > 0;
     run->subpixel =

@@ -25,8 +25,9 @@ enum sst_cost {
 struct sst_disparity_config {
     double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */
     enum sst_cost cost;
-    bool narrow_census; /* census alone where many views span few pixels (design.md, 5.8), whatever `cost` is */
-    const char *model;  /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
+    bool views_census; /* light fields of SST_VISIBLE_LEAST views and more: census alone and 4 paths, whatever `cost`
+                          and `paths` are (design.md, 5.7, 5.8) */
+    const char *model; /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
     enum sst_precision precision; /* of that network */
     int paths;                    /* of the semi-global optimisation: 4 or 8 */
     int p1, p2;                   /* smoothness penalties in cost units (costs are 0..255); 0 < p1 <= p2 */

@@ -21,7 +21,7 @@ static const struct {
       { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .key_spacing = 3,
         .skip_hypotheses = true } },
     { "accurate",
-      { COMMON, SUPPORT, .cost = SST_COST_BOTH, .narrow_census = true, .paths = 8, .scale = 1, .rounds = 2,
+      { COMMON, SUPPORT, .cost = SST_COST_BOTH, .views_census = true, .paths = 8, .scale = 1, .rounds = 2,
         .key_spacing = 1 } },
 };
 
