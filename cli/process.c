@@ -221,9 +221,10 @@ const struct cli_command cli_process = {
     .summary = "labels and disparity for all views",
     .detail = "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
               "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
-              "Presets: preview (half-size census), balanced (census), accurate (census and MC-CNN, 8 paths).\n"
-              "--skip keys matches one view in three and carries its maps to the others where the scene allows; "
-              "hypotheses tests\n"
+              "Presets: preview (half-size census), balanced (census; surfaces tested where they are visible), accurate\n"
+              "(the same in two rounds, nothing skipped; fewer than 6 views: census and MC-CNN, 8 paths).\n"
+              "--skip keys matches one view in three where the scene allows and carries its maps to the others, where\n"
+              "balanced repairs them; hypotheses tests\n"
               "no other disparity where the first one explains the colours; labels runs the network on one view in\n"
               "three (preview: five). Presets skip all that suits them; `--skip none` computes everything.",
     .example = "sst process garden --preset balanced",

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "pipeline/method/disparity/stage.h"
+#include "simulators/scene/scene.h"
 #include "tests/test.h"
 
 enum { W = 64, H = 24, SIDE = 3, VIEWS = SIDE * SIDE, CENTRE = VIEWS / 2, FRONT = 9, BACK = 3 };
@@ -181,6 +182,104 @@ static void test_error_is_measured(void **state SST_UNUSED)
     field_fini(&f);
 }
 
+/* Agreed: at least three of the four sources put one surface there, and none another one, as the back that they see
+ * behind the front. */
+static void test_agreement(void **state SST_UNUSED)
+{
+    enum { ASIDE = 36 + FRONT + 1 };
+    struct sst_map_u8 agreed = { 0 };
+    struct field f;
+
+    field_init(&f);
+    forget(&f, CENTRE);
+    f.view[CENTRE].agreed = &agreed;
+    assert_int_equal(sst_disparity_carry(&f.all, NULL, 1), 0);
+    assert_int_equal(sst_map_u8_row(&agreed, H / 2)[ASIDE], 255);
+    assert_int_equal(sst_map_u8_row(&agreed, H / 2)[30], 0);
+    assert_int_equal(sst_map_u8_row(&agreed, 0)[W - 1], 0); /* two sources see the corner */
+    for (int x = 0; x < W; x++)
+        sst_map_u16_row(&f.disp[CENTRE - SIDE], H / 2 + BACK)[x] = 64 * (BACK + 1);
+    for (int x = 0; x < W; x++)
+        sst_map_u16_row(&f.disp[CENTRE - SIDE], H / 2 - BACK)[x] = 64 * (BACK - 1);
+    assert_int_equal(sst_disparity_carry(&f.all, NULL, 1), 0);
+    assert_int_equal(sst_map_u8_row(&agreed, H / 2 - 1)[ASIDE], 0);
+    sst_map_u8_fini(&agreed);
+    field_fini(&f);
+}
+
+/* --- a scene ------------------------------------------------------------------------------------------------------ */
+
+static void make_pedestrian(struct sst_lightfield *lf, struct sst_map_f32 truth[36])
+{
+    struct sst_scene_config cfg;
+    struct sst_scene *scene;
+
+    sst_scene_config_defaults(&cfg);
+    cfg.width = 200;
+    cfg.height = 150;
+    assert_int_equal(sst_scene_create(&scene, "pedestrian", &cfg), 0);
+    assert_int_equal(sst_lightfield_init(lf, 6, 6), 0);
+    lf->width = cfg.width;
+    lf->height = cfg.height;
+    sst_scene_range(scene, &lf->range_min_px, &lf->range_max_px);
+    for (int k = 0; k < 36; k++) {
+        struct sst_view *v = &lf->views[k];
+
+        v->present = true;
+        assert_int_equal(sst_image_init(&v->image, cfg.width, cfg.height), 0);
+        assert_int_equal(sst_map_f32_init(&truth[k], cfg.width, cfg.height), 0);
+        assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &v->image, &truth[k], NULL), 0);
+    }
+    sst_scene_destroy(scene);
+}
+
+/* Percent of the disparities off by more than 1 px, of the views that keys of three leave out. */
+static double match(struct sst_lightfield *lf, const struct sst_map_f32 truth[36], int spacing, int rounds, int threads)
+{
+    struct sst_disparity_config cfg;
+    bool carried[36];
+    int off = 0, n = 0;
+
+    assert_int_equal(sst_disparity_preset(&cfg, "balanced"), 0);
+    cfg.disp_min_px = floor(lf->range_min_px);
+    cfg.disp_max_px = ceil(lf->range_max_px);
+    cfg.key_spacing = spacing;
+    cfg.rounds = rounds;
+    cfg.threads = threads;
+    cfg.key_error = 100;
+    assert_int_equal(sst_disparity_lightfield(lf, &cfg, NULL, NULL), 0);
+    assert_true(sst_disparity_keys(lf, 3, carried) < 20);
+    for (int k = 0; k < 36; k++) {
+        for (int i = 0; carried[k] && i < lf->width * lf->height; i++) {
+            const uint16_t d = sst_map_u16_row(&lf->views[k].disp, i / lf->width)[i % lf->width];
+
+            n++;
+            off += fabs(sst_disp_px(lf, d) - sst_map_f32_row(&truth[k], i / lf->width)[i % lf->width]) > 1;
+        }
+    }
+    return 100.0 * off / n;
+}
+
+static void test_repaired_maps_are_as_good_as_matched_ones(void **state SST_UNUSED)
+{
+    struct sst_map_f32 truth[36];
+    struct sst_lightfield lf;
+    double matched, carried, repaired;
+
+    make_pedestrian(&lf, truth);
+    matched = match(&lf, truth, 1, 1, 2);
+    carried = match(&lf, truth, 3, 0, 2);
+    repaired = match(&lf, truth, 3, 1, 1);
+    print_message("off by more than 1 px: %.2f %% matched, %.2f %% carried, %.2f %% repaired\n", matched, carried,
+                  repaired);
+    assert_true(repaired < carried);
+    assert_true(repaired < 1.1 * matched + 0.1);
+    assert_float_equal(match(&lf, truth, 3, 1, 3), repaired, 0);
+    for (int k = 0; k < 36; k++)
+        sst_map_f32_fini(&truth[k]);
+    sst_lightfield_fini(&lf);
+}
+
 static void test_threads_and_cancel(void **state SST_UNUSED)
 {
     struct field one, four;
@@ -211,6 +310,8 @@ int main(void)
         cmocka_unit_test(test_slanted_surface_has_no_gaps),
         cmocka_unit_test(test_empty_maps_stay_unknown),
         cmocka_unit_test(test_error_is_measured),
+        cmocka_unit_test(test_agreement),
+        cmocka_unit_test(test_repaired_maps_are_as_good_as_matched_ones),
         cmocka_unit_test(test_threads_and_cancel),
     };
 

@@ -229,7 +229,7 @@ static void labels_of_key_views_are_carried(void **state SST_UNUSED)
             unlabelled += want && !got;
         }
     }
-    assert_true(10 * same > 7 * n);
+    assert_true(5 * same > 4 * n);
     assert_true(20 * unlabelled < n);
     for (int y = 0; y < HEIGHT; y++)
         assert_int_equal(sst_map_u8_row(&carried.views[1].label, y)[9], 0);

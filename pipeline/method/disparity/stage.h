@@ -284,8 +284,8 @@ struct sst_visible_view {
     struct sst_map_u8 *confidence; /* in and out */
     double bx, by;
     bool carried;              /* not matched: its map comes from the matched views */
-    struct sst_map_u8 *agreed; /* out of sst_disparity_carry(): 255 where the views that a pixel comes from agree; NULL:
-                                  not wanted, empty: nowhere */
+    struct sst_map_u8 *agreed; /* out of sst_disparity_carry(): 255 where most sources put the same surface and none
+                                  another, nearer or behind it; NULL: not wanted; empty: nowhere */
 };
 
 struct sst_visible_views {
