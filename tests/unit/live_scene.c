@@ -201,7 +201,8 @@ static void changed_tiles_are_gathered(void **state SST_UNUSED)
 static void cells_are_carried_over(void **state SST_UNUSED)
 {
     struct scene_composer composer;
-    struct scene_key key = { .view = 0 };
+    struct scene_span tiles[4];
+    struct scene_key key = { .view = 0, .tile = tiles };
     struct sst_lightfield lf;
     uint8_t dirty[4] = { 1, 1, 0, 0 };
 
@@ -232,7 +233,8 @@ static void cells_are_carried_over(void **state SST_UNUSED)
         }
     }
     assert_int_equal(scene_composer_init(&composer, 32, 32), 0);
-    scene_compose(&composer, &lf, 1, &key, 1, dirty, 2, 2, true);
+    scene_measure_tiles(&key);
+    scene_compose(&composer, &lf, 1, &key, 1, dirty, true);
     for (int y = 0; y < 64; y++) {
         for (int x = 0; x < 64; x++) {
             const int d = sst_map_u16_row(&lf.views[1].disp, y)[x], l = sst_map_u8_row(&lf.views[1].label, y)[x];

@@ -35,8 +35,10 @@ void sst_livescene_close(struct sst_livescene *s)
         if (s->segmenters)
             sst_segmenter_close(s->segmenters[i]);
     }
-    for (int i = 0; i < SST_SCENE_KEYS; i++)
+    for (int i = 0; i < SST_SCENE_KEYS; i++) {
         free_maps(&s->key[i].maps);
+        free(s->key[i].tile);
+    }
     for (int view = 0; view < s->views; view++) {
         if (s->desc)
             sst_descriptor_fini(&s->desc[view]);

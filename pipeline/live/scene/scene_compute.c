@@ -196,14 +196,21 @@ static int label_job(void *arg, int index, int worker SST_UNUSED)
     return scene_cancelled(s);
 }
 
+static int measure_job(void *arg, int k, int worker SST_UNUSED)
+{
+    struct sst_livescene *s = arg;
+
+    scene_measure_tiles(&s->key[k]);
+    return scene_cancelled(s);
+}
+
 static int compose_job(void *arg, int view, int worker)
 {
     struct sst_livescene *s = arg;
     int err = scene_cancelled(s);
 
     if (!err && s->lf->views[view].present)
-        scene_compose(&s->composers[worker], s->lf, view, s->key, s->keys, s->dirty[view], s->cols, s->rows,
-                      s->cfg->model != NULL);
+        scene_compose(&s->composers[worker], s->lf, view, s->key, s->keys, s->dirty[view], s->cfg->model != NULL);
     return err;
 }
 
@@ -261,6 +268,7 @@ int scene_compute(struct sst_livescene *s, struct sst_live_report *report)
         label_reference(s);
         err = sst_parallel_for(s->keys - 1, s->threads, label_job, s);
     }
+    err = err ? err : sst_parallel_for(s->keys, s->threads, measure_job, s);
     err = err ? err : sst_parallel_for(s->views, s->threads, compose_job, s);
     report->stage_ns[SST_LIVE_REFINE] = lap(&clock);
     if (!err && s->segmenters && !s->cfg->skip_labels) {

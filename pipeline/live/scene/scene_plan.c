@@ -34,6 +34,10 @@ static int make_key(struct sst_livescene *s, struct scene_key *key, int view)
         err = err ? err : sst_map_u8_init(&m->label, s->width, s->height);
         err = err ? err : sst_map_u8_init(&m->confirmed, s->width, s->height);
     }
+    if (!err && !key->tile) {
+        key->tile = calloc((size_t)s->tiles, sizeof(*key->tile));
+        err = key->tile ? 0 : -ENOMEM;
+    }
     if (!err)
         memset(m->disp.data, 0xFF, m->disp.stride * (size_t)m->disp.height);
     return err;
