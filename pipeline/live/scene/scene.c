@@ -55,6 +55,7 @@ void sst_livescene_close(struct sst_livescene *s)
     free(s->all);
     free(s->candidates);
     scene_foreground_close(s->foreground);
+    sst_map_u16_fini(&s->labelled);
     sst_mem_free(s->hist);
     free(s);
 }

@@ -166,8 +166,9 @@ void scene_foreground_settle(struct scene_foreground *t, const struct scene_key 
  *                  other than the last one resets the model.
  * @param c         out: labels of objects become candidates at their disparities
  * @param labelled  the network ran: labels are votes
+ * @return an object appeared or grew that the network should see in the next set
  */
-void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c,
+bool scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c,
                             const uint8_t *dirty, bool labelled);
 
 /* --- warp.c: maps of all views from those of the key views -------------------------------------------------------- */
@@ -273,6 +274,8 @@ struct sst_livescene {
     /* from set to set */
     bool ready, whole_next;
     int runs;                           /* runs of the network since the labels were fitted */
+    int label_wait;                     /* sets until it runs again */
+    struct sst_map_u16 labelled;        /* disparities of the reference key when its cells were labelled */
     uint8_t *dirty[SST_MAX_VIEWS];      /* [tiles] to compute in this set: 1, or SST_SCENE_AGAIN */
     uint8_t *before[SST_MAX_VIEWS];     /* [tiles] 1: changed in the last set with changes; all 0 after a whole one */
     int64_t *changed_ns[SST_MAX_VIEWS]; /* [tiles] last change of the picture */
