@@ -202,7 +202,8 @@ static void cells_are_carried_over(void **state SST_UNUSED)
 {
     struct scene_composer composer;
     struct scene_span tiles[4];
-    struct scene_key key = { .view = 0, .tile = tiles };
+    uint32_t packed[32 * 32];
+    struct scene_key key = { .view = 0, .tile = tiles, .packed = packed };
     struct sst_lightfield lf;
     uint8_t dirty[4] = { 1, 1, 0, 0 };
 

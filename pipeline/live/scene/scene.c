@@ -38,6 +38,7 @@ void sst_livescene_close(struct sst_livescene *s)
     for (int i = 0; i < SST_SCENE_KEYS; i++) {
         free_maps(&s->key[i].maps);
         free(s->key[i].tile);
+        sst_mem_free(s->key[i].packed);
     }
     for (int view = 0; view < s->views; view++) {
         if (s->desc)

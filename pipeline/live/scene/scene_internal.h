@@ -59,7 +59,9 @@ struct scene_key {
     int view;
     int neighbours, neighbour[SST_SCENE_NEIGHBOURS]; /* views that it is matched against, nearest first */
     struct scene_maps maps;
-    struct scene_span *tile, span; /* of each tile and of all, by scene_measure_tiles() */
+    /* by scene_measure_tiles() */
+    struct scene_span *tile, span; /* of each tile and of all */
+    uint32_t *packed;              /* [height][width] cells to warp, see warp.c */
 };
 
 /** Cells x0 .. x1-1, y0 .. y1-1. */
@@ -192,7 +194,7 @@ struct scene_composer {
 SST_MUST_CHECK int scene_composer_init(struct scene_composer *c, int width, int height);
 void scene_composer_fini(struct scene_composer *c);
 
-/** Measure key->tile and key->span from the key's disparities; scene_compose() reads only tiles that can matter. */
+/** Prepare a key's maps for scene_compose(): which disparities occur in each tile, and what is warped of each cell. */
 void scene_measure_tiles(struct scene_key *key);
 
 /**

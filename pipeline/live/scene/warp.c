@@ -72,12 +72,28 @@ static struct scene_span tile_span(const struct sst_map_u16 *disp, int x0, int x
     return s;
 }
 
+/* What is warped of a row of cells: priority within a key, disparity, label; 0: nothing. */
+static void pack_row(struct scene_key *key, int y)
+{
+    const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
+    const uint8_t *label = sst_map_u8_row(&key->maps.label, y), *confirmed = sst_map_u8_row(&key->maps.confirmed, y);
+    uint32_t *to = key->packed + (size_t)y * (size_t)key->maps.disp.width;
+
+    for (int x = 0; x < key->maps.disp.width; x++) {
+        const uint32_t v = THERE | (uint32_t)confirmed[x] * CONFIRMED | (uint32_t)disp[x] << DISP_SHIFT | label[x];
+
+        to[x] = disp[x] == SST_DISP_NONE ? 0 : v;
+    }
+}
+
 void scene_measure_tiles(struct scene_key *key)
 {
     const struct sst_map_u16 *disp = &key->maps.disp;
     const int cols = (disp->width + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS;
 
     key->span = (struct scene_span){ SST_DISP_NONE, 0 };
+    for (int y = 0; y < disp->height; y++)
+        pack_row(key, y);
     for (int y = 0; y < disp->height; y += SST_SCENE_CELLS) {
         for (int x = 0; x < disp->width; x += SST_SCENE_CELLS) {
             const struct scene_span s = tile_span(disp, x, sst_min_int(x + SST_SCENE_CELLS, disp->width), y,
@@ -140,34 +156,27 @@ static uint32_t rank_of(const struct sst_lightfield *lf, int view, const struct 
 
 /* --- warping ------------------------------------------------------------------------------------------------------ */
 
-/* How the cells of a key move to the view: table of shifts, and priority without disparity and label. */
+/* How the cells of a key move to the view: table of shifts, and the key's rank. */
 struct landing {
     const struct scene_key *key;
     const struct scene_shift *shift;
-    uint32_t base;
+    uint32_t rank;
 };
 
 /* Cells of a tile that stay inside of the picture wherever they go (inside), or those of them that do. */
 static inline void land_row(struct scene_composer *c, const struct landing *l, int x0, int x1, int y, bool inside)
 {
-    const uint16_t *disp = sst_map_u16_row(&l->key->maps.disp, y);
-    const uint8_t *label = sst_map_u8_row(&l->key->maps.label, y),
-                  *confirmed = sst_map_u8_row(&l->key->maps.confirmed, y);
+    const uint32_t *packed = l->key->packed + (size_t)y * (size_t)c->width;
+    uint32_t *row = c->z + (size_t)y * (size_t)c->width;
 
     for (int x = x0; x < x1; x++) {
-        const uint32_t v = l->base | (uint32_t)confirmed[x] * CONFIRMED | (uint32_t)disp[x] << DISP_SHIFT | label[x];
-        struct scene_shift s;
-        int tx, ty;
+        const struct scene_shift s = l->shift[(uint16_t)(packed[x] >> DISP_SHIFT)];
+        const uint32_t v = packed[x] | l->rank;
         uint32_t *at;
 
-        if (disp[x] == SST_DISP_NONE)
+        if (!packed[x] || (!inside && (x - s.x < 0 || x - s.x >= c->width || y - s.y < 0 || y - s.y >= c->height)))
             continue;
-        s = l->shift[disp[x]];
-        tx = x - s.x;
-        ty = y - s.y;
-        if (!inside && (tx < 0 || tx >= c->width || ty < 0 || ty >= c->height))
-            continue;
-        at = &c->z[ty * c->width + tx];
+        at = &row[x - s.x - s.y * c->width];
         *at = v > *at ? v : *at;
     }
 }
@@ -185,7 +194,7 @@ static void land(struct scene_composer *c, const struct sst_lightfield *lf, int 
                  uint32_t rank)
 {
     const struct scene_warp way = scene_warp(lf, key->view, view);
-    const struct landing l = { key, c->shift, THERE | rank << RANK_SHIFT };
+    const struct landing l = { key, c->shift, rank << RANK_SHIFT };
 
     for (int d = key->span.far_q6; d <= key->span.near_q6; d++) {
         c->shift[d].x = (int16_t)sst_clamp_int(scene_shift(way.zero_q6 + d, way.bx_q16), INT16_MIN, INT16_MAX);
