@@ -137,7 +137,7 @@ static int read_means(struct sst_jpeg_means *m, const void *data, size_t bytes, 
     }
     jpeg_mem_src(&d, copy, bytes);
     jpeg_read_header(&d, TRUE);
-    err = d.image_width <= WIDTH_MAX && d.image_height <= HEIGHT_MAX ? sst_jpeg_means_read(m, &d, out) : -EPROTO;
+    err = d.image_width <= WIDTH_MAX && d.image_height <= HEIGHT_MAX ? sst_jpeg_means_read(m, &d, out, NULL) : -EPROTO;
     jpeg_destroy_decompress(&d);
     free(copy);
     return err;

@@ -39,7 +39,7 @@ static int scan_view(void *arg, int index, int worker)
     if (v->made && !f->all && v->last_bytes && frame.bytes == v->last_bytes &&
         !memcmp(frame.data, v->last, frame.bytes))
         return 0;
-    err = decoder_read_means(f->decoder[worker], &frame, &v->watch.now);
+    err = decoder_read_means(f->decoder[worker], &frame, &v->watch.now, v->index.room ? &v->index : NULL);
     if (err == -EBADMSG) {
         frames_reject(v, f->decoder[worker]);
         return 0;
