@@ -171,6 +171,7 @@ struct sst_liveframes {
     struct live_view *view;
     bool all;         /* the next update accepts everything */
     int turn, sample; /* next of the views scanned in turn; sets until the error is sampled */
+    int rested;       /* sets since something changed, at most REST_SETS */
     /* of this set */
     const struct sst_live_input *in;
     struct sst_liveframes_changes *changes;
