@@ -69,8 +69,8 @@ static int first_views(struct sst_liveframes *f)
 
     for (int k = 0; k < f->views; k++) {
         struct live_view *v = &f->view[k];
-        /* The views scanned in turn form a ring; that number of steps of in_turn views covers all of it. */
-        /* Of the key views, every second one in turn while the scene rests. */
+        /* While the scene rests, every second key view in turn. The other views form a ring: `sets` steps of in_turn
+         * views cover all of it. */
         const bool key = v->key && (f->rested < REST_SETS || keys++ % 2 == f->turn % 2);
         const bool turn = !v->key && v->used && (others++ / sst_max_int(in_turn, 1)) % sets == f->turn % sets;
 

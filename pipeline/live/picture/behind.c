@@ -186,10 +186,10 @@ static void hide_cell(struct picture_behind *b, int at)
         memset(sst_map_u8_row(&b->agreed, y) + x0, 0, (size_t)(x1 - x0));
 }
 
-/* Is a stale cell rendered in this round? At the start all of them are. */
-static bool has_turn(const struct picture_behind *b, int at)
+/* Is a stale cell rendered in this round? At the start and in exact mode all of them are. */
+static bool has_turn(const struct picture_behind *b, const struct sst_live *live, int at)
 {
-    return b->round < START_ROUNDS || (at % b->cols + at / b->cols + b->round) % 2 == 0;
+    return b->round < START_ROUNDS || !live->cfg.skip_change || (at % b->cols + at / b->cols + b->round) % 2 == 0;
 }
 
 static void mark_stale(struct picture_behind *b, const struct sst_live *live)
@@ -213,7 +213,7 @@ bool picture_behind_render(struct picture_behind *b, const struct sst_live *live
     mark_stale(b, live);
     for (int plane = 0; plane < b->planned && !err; plane++) {
         for (int i = 0; i < b->cols * b->rows; i++)
-            b->wanted[i] = b->cell[i].holes && b->cell[i].plane == plane && b->cell[i].stale && has_turn(b, i);
+            b->wanted[i] = b->cell[i].holes && b->cell[i].plane == plane && b->cell[i].stale && has_turn(b, live, i);
         err = render_cells(b, plane, &b->image, &b->agreed);
         for (int i = 0; i < b->cols * b->rows && !err; i++) {
             if (!b->wanted[i])

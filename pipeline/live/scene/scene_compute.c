@@ -27,17 +27,18 @@ static bool any(const uint8_t *tiles, int count)
     return memchr(tiles, 1, (size_t)count) != NULL;
 }
 
-/* Half-size rows that contain the changed tiles. */
-static void changed_rows(const struct sst_livescene *s, int view, int *y0, int *y1)
+/* The next run of half-size rows, from *y1 on, that contain changed tiles. @return false: none */
+static bool changed_rows(const struct sst_livescene *s, int view, int *y0, int *y1)
 {
-    *y0 = s->height;
-    *y1 = 0;
-    for (int y = 0; y < s->rows; y++) {
-        if (!any(s->dirty[view] + y * s->cols, s->cols))
-            continue;
-        *y0 = sst_min_int(*y0, y * SST_SCENE_CELLS);
-        *y1 = sst_min_int((y + 1) * SST_SCENE_CELLS, s->height);
-    }
+    int y = (*y1 + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS;
+
+    while (y < s->rows && !any(s->dirty[view] + y * s->cols, s->cols))
+        y++;
+    *y0 = y * SST_SCENE_CELLS;
+    while (y < s->rows && any(s->dirty[view] + y * s->cols, s->cols))
+        y++;
+    *y1 = sst_min_int(y * SST_SCENE_CELLS, s->height);
+    return *y0 < *y1;
 }
 
 static unsigned phases_of(const struct sst_livescene *s, int view)
@@ -66,8 +67,8 @@ static int describe_job(void *arg, int view, int worker SST_UNUSED)
     if (err || !s->described[view])
         return err;
     if (d->luma.data) {
-        changed_rows(s, view, &y0, &y1);
-        err = y0 < y1 ? sst_descriptor_update(d, &v->image, y0, y1) : 0;
+        for (y1 = 0; !err && changed_rows(s, view, &y0, &y1);)
+            err = sst_descriptor_update(d, &v->image, y0, y1);
         return err ? err : sst_descriptor_add_phases(d, phases_of(s, view));
     }
     err = sst_descriptor_init(d, &v->image, 2, SST_COST_CENSUS, NULL);
