@@ -14,6 +14,7 @@
 
 #define STEP_PX      1.5 /* between planes: what lies between two is off by 2 px in the outermost views */
 #define BETTER       1.1 /* another plane must have this multiple of the agreement */
+#define TURNS        3   /* a cell whose rays changed is rendered within this number of sets */
 #define EXPLORE      8   /* one cell in this many is tried on another plane; at the start ... */
 #define START_ROUNDS (4 * PICTURE_PLANES) /* ... for this many sets every second one */
 
@@ -189,7 +190,7 @@ static void hide_cell(struct picture_behind *b, int at)
 /* Is a stale cell rendered in this round? At the start and in exact mode all of them are. */
 static bool has_turn(const struct picture_behind *b, const struct sst_live *live, int at)
 {
-    return b->round < START_ROUNDS || !live->cfg.skip_change || (at % b->cols + at / b->cols + b->round) % 2 == 0;
+    return b->round < START_ROUNDS || !live->cfg.skip_change || (at % b->cols + at / b->cols + b->round) % TURNS == 0;
 }
 
 static void mark_stale(struct picture_behind *b, const struct sst_live *live)
