@@ -3,8 +3,8 @@
  * planes around it up to the cut. Every cell of the picture keeps the plane on which most of its rays agreed; some
  * cells are tried on another one in each set.
  *
- * A cell is rendered when its rays have changed: every second one in a set, the others in the next. Until then nothing
- * is seen there, and the memory shows what was. */
+ * A cell is rendered when its rays have changed: a third of them in a set, all within three. Until then nothing is seen
+ * there, and the memory shows what was. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
