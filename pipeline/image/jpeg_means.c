@@ -585,8 +585,8 @@ static int reserve_cut(struct sst_jpeg_means *m, size_t bytes)
     if (bytes <= m->cut_room)
         return 0;
     sst_mem_free(m->cut);
-    m->cut = sst_mem_alloc_raw(bytes, 1);
-    m->cut_room = m->cut ? bytes : 0;
+    m->cut = sst_mem_alloc_raw(bytes / 2 * 3, 1);
+    m->cut_room = m->cut ? bytes / 2 * 3 : 0;
     return m->cut ? 0 : -ENOMEM;
 }
 
