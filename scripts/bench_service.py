@@ -21,10 +21,10 @@ array: {{rows: 6, cols: 6}}
 cameras:
   check_frozen: false
   controls: {{trigger_mode: 1, auto_exposure: 1, exposure_time_absolute: 50}}
-trigger: {{source: gpio, chip: sst-trigger, lines: [TRIG0, TRIG1, TRIG2, TRIG3, TRIG4, TRIG5], loopback: LOOP0, rate_hz: 10}}
+trigger: {{source: gpio, chip: sst-trigger, lines: [TRIG0, TRIG1, TRIG2, TRIG3, TRIG4, TRIG5], loopback: LOOP0, rate_hz: {hz:g}}}
 control: {{socket: {dir}/c.sock, group: ""}}
 web: {{port: 0, token_file: {dir}/token}}
-storage: {{dir: {dir}/store, ring_mb: 192, mode: {mode}, quota_gb: 1, min_free_gb: 0.5}}
+storage: {{dir: {dir}/store, ring_mb: 192, mode: {mode}, quota_gb: {quota}, min_free_gb: 0.5}}
 live: {{rate_hz: {rate}}}
 """
 
@@ -66,11 +66,11 @@ class Viewer(threading.Thread):
 
 
 class Service:
-    def __init__(self, build, world, mode="off", rate=0):
+    def __init__(self, build, world, mode="off", rate=0, hz=10):
         self.build, self.dir = build, tempfile.mkdtemp(prefix="sst-bench-")
         self.session = os.path.join(self.dir, "session")
         with open(os.path.join(self.dir, "sstd.yaml"), "w") as f:
-            f.write(CONFIG.format(dir=self.dir, mode=mode, rate=rate))
+            f.write(CONFIG.format(dir=self.dir, mode=mode, rate=rate, hz=hz, quota=1 if hz <= 10 else 4))
         self.log = open(os.path.join(self.dir, "log"), "w")
         self.sim = subprocess.Popen([f"{build}/sst-sim", "--quiet", "--world", world, "--serve", self.session],
                                     stdout=self.log, stderr=self.log)
@@ -186,10 +186,10 @@ def measure(s, seconds, viewers=1):
     return out
 
 
-def report(rows, viewers, times, out):
+def report(rows, viewers, times, out, hz):
     with open(out, "w") as f:
         f.write("# The service, measured\n\n"
-                "36 simulated cameras of 640x480 (MJPEG, trigger at 10 Hz), service and simulation on the same two cores, by\n"
+                f"36 simulated cameras of 640x480 (MJPEG, trigger at {hz:g} Hz), service and simulation on the same two cores, by\n"
                 "`make bench-service`. Processor time in percent of one core; the simulation is counted apart and not in the\n"
                 "service's. Latency is from the trigger's edge to the encoded picture. One viewer.\n\n"
                 "| world | sets/s processed | pictures/s seen | latency p50, p99 (ms) | tiles changed | service | of it the live "
@@ -213,7 +213,7 @@ def bench(args):
     rows, viewers, times = [], [], {"stop": [], "again": []}
     worlds = [("still, noisy cameras", "simulators/scene/world/worlds/still.yaml"), ("pedestrian", "pedestrian"), ("bush", "bush")]
     for name, world in worlds:
-        s = Service(args.build, world)
+        s = Service(args.build, world, hz=args.trigger_hz)
         s.wait(lambda o: o["live"]["ready"], 600)
         time.sleep(15)  # the background settles
         r = measure(s, args.seconds)
@@ -235,7 +235,7 @@ def bench(args):
             s.wait(lambda o: o["state"] == "capturing")
         s.stop()
         s.close()
-    report(rows, viewers, times, args.output)
+    report(rows, viewers, times, args.output, args.trigger_hz)
 
 
 def soak(args):
@@ -292,6 +292,7 @@ def main():
     p = argparse.ArgumentParser(description=__doc__)
     p.add_argument("--build", default="build")
     p.add_argument("--seconds", type=float, default=30)
+    p.add_argument("--trigger-hz", type=float, default=10, help="sets per second that the cameras take")
     p.add_argument("--output", default="docs/measured/bench-service.md")
     p.add_argument("--soak", type=float, help="minutes")
     p.add_argument("--world", default="pedestrian")

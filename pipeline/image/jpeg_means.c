@@ -36,6 +36,8 @@ struct sst_jpeg_means {
     struct table dc[NUM_HUFF_TBLS], ac[NUM_HUFF_TBLS];
     uint8_t *part; /* [room] */
     size_t room;
+    uint8_t *cut; /* [cut_room] the frame that sst_jpeg_cut() made */
+    size_t cut_room;
 };
 
 int sst_jpeg_means_create(struct sst_jpeg_means **out)
@@ -59,6 +61,7 @@ void sst_jpeg_means_destroy(struct sst_jpeg_means *m)
         return;
     jpeg_destroy_compress(&m->standard);
     sst_mem_free(m->part);
+    sst_mem_free(m->cut);
     free(m);
 }
 
@@ -151,15 +154,17 @@ static inline uint64_t peek(const uint8_t *bytes, size_t at)
 }
 
 /*
- * Copy the bytes up to the next marker.
+ * Copy the bytes up to the next marker, behind those of the parts before.
+ * @param r     in: the part before; empty: none. out: the next one
  * @param from  in: the first byte; out: the marker, or the end
  */
 static int next_part(struct sst_jpeg_means *m, const uint8_t **from, const uint8_t *end, struct reader *r)
 {
     const uint8_t *at = *from;
-    size_t n = 0;
+    const size_t first = r->end / 8;
+    size_t n = first;
 
-    if ((size_t)(end - at) + SPARE > m->room) {
+    if (!r->bytes && (size_t)(end - at) + SPARE > m->room) {
         sst_mem_free(m->part);
         m->room = (size_t)(end - at) * 5 / 4 + SPARE;
         m->part = sst_mem_alloc_raw(m->room, 1);
@@ -182,7 +187,7 @@ static int next_part(struct sst_jpeg_means *m, const uint8_t **from, const uint8
     }
     memset(m->part + n, 0, SPARE);
     *from = at;
-    *r = (struct reader){ .bytes = m->part, .end = 8 * n };
+    *r = (struct reader){ .bytes = m->part, .at = 8 * first, .end = 8 * n };
     return 0;
 }
 
@@ -329,33 +334,70 @@ static int set_component(struct sst_jpeg_means *m, const struct jpeg_decompress_
 }
 
 struct scan {
+    struct sst_jpeg_index *index; /* NULL: none */
     struct component c[3];
     int components, mcus_x, mcus_y;
     unsigned interval; /* MCUs between restarts; 0: none */
 };
 
+/* The state after MCU n - 1, before a restart. */
+static void note_end(const struct scan *s, int n, size_t at)
+{
+    struct sst_jpeg_mcu *to = &s->index->mcu[n];
+
+    to->end = to->at = (uint32_t)at;
+    for (int i = 0; i < s->components; i++)
+        to->last[i] = (int16_t)s->c[i].pred;
+}
+
+/* Prepare an index. @return it, or NULL: this frame cannot be indexed */
+static struct sst_jpeg_index *start_index(struct sst_jpeg_index *index, const struct scan *s,
+                                          const struct jpeg_decompress_struct *h, int width, int height)
+{
+    if (!index)
+        return NULL;
+    index->valid = false;
+    index->mcus_x = s->mcus_x;
+    index->mcus_y = s->mcus_y;
+    index->mcu_width = width;
+    index->mcu_height = height;
+    index->tall = s->components == 3 && h->max_v_samp_factor > 1;
+    index->interval = s->interval;
+    return (size_t)s->mcus_x * (size_t)s->mcus_y + 1 > index->room || h->src->bytes_in_buffer >= UINT32_MAX / 8 ? NULL
+                                                                                                                : index;
+}
+
 static int read_scan(struct sst_jpeg_means *m, struct scan *s, const uint8_t *from, const uint8_t *end)
 {
     unsigned left = s->interval;
-    struct reader r;
+    struct reader r = { 0 };
     int err = next_part(m, &from, end, &r);
 
     for (int n = 0; !err && n < s->mcus_x * s->mcus_y; n++, left--) {
+        if (s->index)
+            note_end(s, n, r.at);
         if (s->interval && !left) {
             left = s->interval;
             for (int i = 0; i < s->components; i++)
                 s->c[i].pred = 0;
             err = restart(m, &r, &from, end);
         }
+        if (s->index)
+            s->index->mcu[n].at = (uint32_t)r.at;
         for (int i = 0; !err && i < s->components; i++) {
             if (!read_mcu(&r, &s->c[i], n % s->mcus_x, n / s->mcus_x))
                 err = -EBADMSG;
         }
     }
+    if (s->index && !err) {
+        note_end(s, s->mcus_x * s->mcus_y, r.at);
+        s->index->valid = true;
+    }
     return err;
 }
 
-int sst_jpeg_means_read(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *h, int16_t *const out[3])
+int sst_jpeg_means_read(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *h, int16_t *const out[3],
+                        struct sst_jpeg_index *index)
 {
     const uint8_t *from = h->src->next_input_byte;
     struct scan s = { .components = h->num_components, .interval = h->restart_interval };
@@ -376,5 +418,203 @@ int sst_jpeg_means_read(struct sst_jpeg_means *m, const struct jpeg_decompress_s
     }
     s.mcus_x = ((int)h->image_width + width - 1) / width;
     s.mcus_y = ((int)h->image_height + height - 1) / height;
+    s.index = start_index(index, &s, h, width, height);
     return read_scan(m, &s, from, from + h->src->bytes_in_buffer);
+}
+
+/* --- frames cut to a part ----------------------------------------------------------------------------------------- */
+
+struct writer {
+    uint8_t *to;
+    uint64_t bits;
+    int count; /* bits that are not written yet, less than 8 */
+};
+
+/* At most 32 bits. */
+static inline void put(struct writer *w, uint32_t value, int n)
+{
+    w->bits = w->bits << n | value;
+    w->count += n;
+    for (; w->count >= 8; w->count -= 8) {
+        const uint8_t byte = (uint8_t)(w->bits >> (w->count - 8));
+
+        *w->to++ = byte;
+        if (byte == 0xFF)
+            *w->to++ = 0;
+    }
+}
+
+static void copy_bits(struct writer *w, const uint8_t *bytes, size_t at, size_t end)
+{
+    for (; end - at >= 32; at += 32)
+        put(w, (uint32_t)(peek(bytes, at) >> 32), 32);
+    if (end > at)
+        put(w, (uint32_t)(peek(bytes, at) >> (64 - (end - at))), (int)(end - at));
+}
+
+/* Write the difference of a mean. @return false: the code has no word for it */
+static bool put_mean(struct writer *w, const struct table *t, int diff)
+{
+    const int size = diff ? 32 - __builtin_clz((unsigned)abs(diff)) : 0;
+    int n = 0;
+
+    for (int length = 1; length <= 16; length++) {
+        for (int i = 0; i < t->bits[length]; i++, n++) {
+            if (t->value[n] != size)
+                continue;
+            put(w, (uint32_t)(n - t->offset[length]), length);
+            if (size)
+                put(w, (uint32_t)(diff < 0 ? diff + (1 << size) - 1 : diff), size);
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Does an MCU follow a restart? Its means do not depend on those before. */
+static bool restarts(const struct sst_jpeg_index *index, int n)
+{
+    return !n || (index->interval && (unsigned)n % index->interval == 0);
+}
+
+/* An MCU whose means follow those of another MCU than before. */
+static int put_first(struct writer *w, const struct reader *r, const struct scan *s, int n, const int16_t last[3])
+{
+    const struct sst_jpeg_mcu *mcu = &s->index->mcu[n];
+    const bool fresh = restarts(s->index, n);
+    size_t at = mcu->at;
+
+    for (int i = 0; i < s->components; i++) {
+        const struct component *c = &s->c[i];
+
+        for (int block = 0; block < c->across * c->down; block++) {
+            int diff = 0;
+            const size_t rest = read_mean(r->bytes, at, c->dc, &diff);
+            const size_t end = rest == BROKEN ? BROKEN : step_over(r->bytes, rest, c->ac);
+
+            if (end == BROKEN || end > r->end)
+                return -EBADMSG;
+            if (!block && !put_mean(w, c->dc, (int16_t)((fresh ? 0 : mcu->last[i]) + diff) - last[i]))
+                return -ENOTSUP;
+            copy_bits(w, r->bytes, block ? at : rest, end);
+            at = end;
+        }
+    }
+    return 0;
+}
+
+/* Write the size of the part into the copy of the frame's header, and that there are no restarts. @return false: the
+ * header has no size */
+static bool set_size(uint8_t *header, size_t bytes, int width, int height)
+{
+    bool found = false;
+
+    for (size_t at = 2; at + 6 <= bytes && header[at] == 0xFF;) {
+        const size_t length = (size_t)header[at + 2] << 8 | header[at + 3];
+
+        if ((header[at + 1] == 0xC0 || header[at + 1] == 0xC1) && at + 9 <= bytes) {
+            header[at + 5] = (uint8_t)(height >> 8);
+            header[at + 6] = (uint8_t)height;
+            header[at + 7] = (uint8_t)(width >> 8);
+            header[at + 8] = (uint8_t)width;
+            found = true;
+        }
+        if (header[at + 1] == 0xDD)
+            header[at + 4] = header[at + 5] = 0;
+        at += 2 + length;
+    }
+    return found;
+}
+
+/* MCUs of a row. @param last  in, out: the means before */
+static int put_row(struct writer *w, const struct reader *r, const struct scan *s, int from, int end,
+                   const int16_t **last)
+{
+    const struct sst_jpeg_mcu *mcu = s->index->mcu;
+
+    for (int n = from, stop; n < end; n = stop) {
+        const int err = put_first(w, r, s, n, *last);
+
+        for (stop = n + 1; stop < end && !restarts(s->index, stop); stop++)
+            ;
+        if (err)
+            return err;
+        if (stop > n + 1 && (mcu[stop].end > r->end || mcu[stop].end < mcu[n + 1].at))
+            return -EBADMSG;
+        if (stop > n + 1)
+            copy_bits(w, r->bytes, mcu[n + 1].at, mcu[stop].end);
+        *last = mcu[stop].last;
+    }
+    return 0;
+}
+
+static int put_part(struct writer *w, const struct reader *r, const struct scan *s, const struct sst_jpeg_part *part)
+{
+    static const int16_t zero[3] = { 0 };
+    const int16_t *last = zero;
+    int err = 0;
+
+    for (int y = part->y0; y < part->y1 && !err; y++)
+        err = put_row(w, r, s, y * s->index->mcus_x + part->x0, y * s->index->mcus_x + part->x1, &last);
+    if (err)
+        return err;
+    put(w, 0x7F, 7);
+    *w->to++ = 0xFF;
+    *w->to++ = 0xD9; /* end of the picture */
+    return 0;
+}
+
+/* All parts of the data, up to a marker that is none of a restart. */
+static int read_parts(struct sst_jpeg_means *m, const uint8_t *from, const uint8_t *end, struct reader *r)
+{
+    int err = 0;
+
+    while (!err) {
+        err = next_part(m, &from, end, r);
+        while (end - from >= 2 && from[0] == 0xFF && from[1] == 0xFF)
+            from++;
+        if (end - from < 2 || from[0] != 0xFF || (from[1] & 0xF8) != 0xD0)
+            break;
+        from += 2;
+    }
+    return err;
+}
+
+static int reserve_cut(struct sst_jpeg_means *m, size_t bytes)
+{
+    if (bytes <= m->cut_room)
+        return 0;
+    sst_mem_free(m->cut);
+    m->cut = sst_mem_alloc_raw(bytes / 2 * 3, 1);
+    m->cut_room = m->cut ? bytes / 2 * 3 : 0;
+    return m->cut ? 0 : -ENOMEM;
+}
+
+int sst_jpeg_cut(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *h, const uint8_t *frame,
+                 struct sst_jpeg_index *index, const struct sst_jpeg_part *part, const uint8_t **out, size_t *bytes)
+{
+    const uint8_t *from = h->src->next_input_byte;
+    const size_t header = (size_t)(from - frame), data = h->src->bytes_in_buffer;
+    struct scan s = { .components = h->num_components, .index = index };
+    struct writer w = { 0 };
+    struct reader r = { 0 };
+    int err = h->comps_in_scan == s.components ? 0 : -ENOTSUP;
+
+    for (int i = 0; !err && i < s.components; i++)
+        err = set_component(m, h, i, &s.c[i]);
+    /* Every byte may need another one after it; words of means are up to 27 bits. */
+    err = err ? err : reserve_cut(m, header + 2 * data + 24 * (size_t)index->mcus_y * (size_t)index->mcus_x + 64);
+    err = err ? err : read_parts(m, from, from + data, &r);
+    if (err)
+        return err;
+    memcpy(m->cut, frame, header);
+    if (!set_size(m->cut, header,
+                  sst_min_int(part->x1 * index->mcu_width, (int)h->image_width) - part->x0 * index->mcu_width,
+                  sst_min_int(part->y1 * index->mcu_height, (int)h->image_height) - part->y0 * index->mcu_height))
+        return -ENOTSUP;
+    w.to = m->cut + header;
+    err = put_part(&w, &r, &s, part);
+    *out = m->cut;
+    *bytes = (size_t)(w.to - m->cut);
+    return err;
 }

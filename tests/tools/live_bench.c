@@ -7,8 +7,9 @@
  * model=NAME (none) out=DIR (pictures of every set, and overlays of the last) threads=0 change=1 labels=1 background=0
  * min=0 max=0 (disparities) focus=NAN width=0 height=0 (of a world; 0: native) same=0 (from this set on the world
  * stands still) absent=-1 from=0 (this camera gives no frames from that set on) lamp=0 gain=1.3 (from this set on the
- * world is so much brighter) verify=1 (0: rays count by depth and label alone). truth=LABEL: how right that label is in
- * every set, and how often it would be told to have appeared (of a world with ideal cameras). */
+ * world is so much brighter) verify=1 (0: rays count by depth and label alone) clear=0 (1: clear pictures).
+ * truth=LABEL: how right that label is in every set, and how often it would be told to have appeared (of a world with
+ * ideal cameras). */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -37,9 +38,10 @@ static struct {
     const char *name;
     double value;
 } options[] = {
-    { "sets", 30 },      { "first", 0 },   { "rate", 10 }, { "threads", 0 }, { "change", 1 }, { "labels", 1 },
-    { "background", 0 }, { "min", 0 },     { "max", 0 },   { "focus", NAN }, { "width", 0 },  { "height", 0 },
-    { "same", 0 },       { "absent", -1 }, { "from", 0 },  { "lamp", 0 },    { "gain", 1.3 }, { "verify", 1 },
+    { "sets", 30 },  { "first", 0 },      { "rate", 10 },  { "threads", 0 }, { "change", 1 },
+    { "labels", 1 }, { "background", 0 }, { "min", 0 },    { "max", 0 },     { "focus", NAN },
+    { "width", 0 },  { "height", 0 },     { "same", 0 },   { "absent", -1 }, { "from", 0 },
+    { "lamp", 0 },   { "gain", 1.3 },     { "verify", 1 }, { "clear", 0 },
 };
 static const char *calib = "none", *model = "pspnet-small", *out_dir, *truth_label;
 
@@ -243,6 +245,10 @@ static int follow(struct sst_live *live, struct sst_livepicture *p, const struct
         return -ENOMEM;
     sst_render_config_defaults(&cfg);
     cfg.focus_px = option("focus");
+    if (option("clear") > 0) {
+        cfg.method = SST_RENDER_CLEAR;
+        cfg.cut_px = NAN;
+    }
     cfg.verify = option("verify") > 0 ? SST_VERIFY_ON : SST_VERIFY_OFF;
     at[0] = sst_clock_now_ns();
     err = sst_live_update(live, in, report);

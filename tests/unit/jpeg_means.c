@@ -137,7 +137,7 @@ static int read_means(struct sst_jpeg_means *m, const void *data, size_t bytes, 
     }
     jpeg_mem_src(&d, copy, bytes);
     jpeg_read_header(&d, TRUE);
-    err = d.image_width <= WIDTH_MAX && d.image_height <= HEIGHT_MAX ? sst_jpeg_means_read(m, &d, out) : -EPROTO;
+    err = d.image_width <= WIDTH_MAX && d.image_height <= HEIGHT_MAX ? sst_jpeg_means_read(m, &d, out, NULL) : -EPROTO;
     jpeg_destroy_decompress(&d);
     free(copy);
     return err;
@@ -168,6 +168,116 @@ static void means_are_those_of_the_blocks(void **state)
 
         assert_int_equal(read_means(m, f.data, f.bytes, out), 0);
         assert_means(k, &f, out);
+        free(f.data);
+    }
+    sst_jpeg_means_destroy(m);
+}
+
+/* --- cuts: the same blocks, by libjpeg ---------------------------------------------------------------------------- */
+
+static void open_blocks(struct jpeg_decompress_struct *d, struct jpeg_error_mgr *errors, const unsigned char *data,
+                        size_t bytes, jvirt_barray_ptr **coefs)
+{
+    d->err = jpeg_std_error(errors);
+    jpeg_create_decompress(d);
+    jpeg_mem_src(d, data, bytes);
+    jpeg_read_header(d, TRUE);
+    *coefs = jpeg_read_coefficients(d);
+    assert_int_equal(errors->num_warnings, 0);
+}
+
+static void assert_cut(const struct kind *k, const struct frame *f, const struct frame *cut,
+                       const struct sst_jpeg_part *part)
+{
+    struct jpeg_decompress_struct d[2];
+    struct jpeg_error_mgr errors[2];
+    jvirt_barray_ptr *coefs[2];
+
+    open_blocks(&d[0], &errors[0], f->data, f->bytes, &coefs[0]);
+    open_blocks(&d[1], &errors[1], cut->data, cut->bytes, &coefs[1]);
+    for (int i = 0; i < d[1].num_components; i++) {
+        const jpeg_component_info *info = &d[1].comp_info[i];
+        const int across = k->components == 1 ? 1 : info->h_samp_factor,
+                  down = k->components == 1 ? 1 : info->v_samp_factor;
+
+        for (JDIMENSION y = 0; y < info->height_in_blocks; y++) {
+            const JDIMENSION from = y + (JDIMENSION)(part->y0 * down);
+            JBLOCKARRAY want = d[0].mem->access_virt_barray((j_common_ptr)&d[0], coefs[0][i], from, 1, FALSE);
+            JBLOCKARRAY got = d[1].mem->access_virt_barray((j_common_ptr)&d[1], coefs[1][i], y, 1, FALSE);
+
+            for (JDIMENSION x = 0; x < info->width_in_blocks; x++)
+                assert_memory_equal(got[0][x], want[0][x + (JDIMENSION)(part->x0 * across)], sizeof(JBLOCK));
+        }
+    }
+    for (int i = 0; i < 2; i++) {
+        jpeg_abort_decompress(&d[i]);
+        jpeg_destroy_decompress(&d[i]);
+    }
+}
+
+static int below(int n)
+{
+    return (int)(sst_random_u64(&seed) % (uint64_t)n);
+}
+
+/* @return cuts that were made */
+static int try_cuts(struct sst_jpeg_means *m, const struct kind *k, struct sst_jpeg_index *index)
+{
+    struct frame f = encode(k);
+    struct jpeg_decompress_struct d;
+    struct jpeg_error_mgr errors;
+    int made = 0;
+
+    d.err = jpeg_std_error(&errors);
+    jpeg_create_decompress(&d);
+    jpeg_mem_src(&d, f.data, f.bytes);
+    jpeg_read_header(&d, TRUE);
+    assert_int_equal(sst_jpeg_means_read(m, &d, out, index), 0);
+    assert_true(index->valid);
+    for (int i = 0; i < 20; i++) {
+        struct sst_jpeg_part part = { .x0 = below(index->mcus_x), .y0 = below(index->mcus_y) };
+        const uint8_t *data;
+        size_t bytes;
+        int err;
+
+        part.x1 = part.x0 + 1 + below(index->mcus_x - part.x0);
+        part.y1 = part.y0 + 1 + below(index->mcus_y - part.y0);
+        err = sst_jpeg_cut(m, &d, f.data, index, &part, &data, &bytes);
+        if (err && (err != -ENOTSUP || !k->optimise)) /* optimised codes have only the words that the frame needs */
+            fail_msg("%dx%d %dx%d r%d: %d", k->width, k->height, k->h, k->v, k->restart, err);
+        if (err)
+            continue;
+        assert_cut(k, &f, &(struct frame){ (unsigned char *)(uintptr_t)data, bytes }, &part);
+        made++;
+    }
+    jpeg_destroy_decompress(&d);
+    free(f.data);
+    return made;
+}
+
+static void cuts_have_the_same_blocks(void **state)
+{
+    struct sst_jpeg_mcu mcu[CELLS_MAX + 1];
+    struct sst_jpeg_index index = { .room = CELLS_MAX + 1, .mcu = mcu };
+    struct sst_jpeg_means *m;
+
+    (void)state;
+    assert_int_equal(sst_jpeg_means_create(&m), 0);
+    for (size_t i = 0; i < sizeof(kinds) / sizeof(*kinds); i++)
+        assert_true(try_cuts(m, &kinds[i], &index) == 20 || kinds[i].optimise);
+    index.room = 10; /* too little is noticed */
+    {
+        struct frame f = encode(&kinds[0]);
+        struct jpeg_decompress_struct d;
+        struct jpeg_error_mgr errors;
+
+        d.err = jpeg_std_error(&errors);
+        jpeg_create_decompress(&d);
+        jpeg_mem_src(&d, f.data, f.bytes);
+        jpeg_read_header(&d, TRUE);
+        assert_int_equal(sst_jpeg_means_read(m, &d, out, &index), 0);
+        assert_false(index.valid);
+        jpeg_destroy_decompress(&d);
         free(f.data);
     }
     sst_jpeg_means_destroy(m);
@@ -253,9 +363,9 @@ static void damaged_frames_do_no_harm(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(means_are_those_of_the_blocks), cmocka_unit_test(frames_without_tables_are_read),
-        cmocka_unit_test(other_codes_are_told),          cmocka_unit_test(cut_frames_are_refused),
-        cmocka_unit_test(damaged_frames_do_no_harm),
+        cmocka_unit_test(means_are_those_of_the_blocks),  cmocka_unit_test(cuts_have_the_same_blocks),
+        cmocka_unit_test(frames_without_tables_are_read), cmocka_unit_test(other_codes_are_told),
+        cmocka_unit_test(cut_frames_are_refused),         cmocka_unit_test(damaged_frames_do_no_harm),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -66,7 +66,7 @@ static void draw(struct bench *b, int left, int side, int rare)
 
 static void label(struct bench *b, bool labelled)
 {
-    scene_foreground_label(b->foreground, &b->key, &b->c, b->dirty, labelled);
+    (void)scene_foreground_label(b->foreground, &b->key, &b->c, b->dirty, labelled);
 }
 
 /* Cells of the square that bear a label, and cells of the wall that are not the house. */

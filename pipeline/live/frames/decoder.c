@@ -25,6 +25,7 @@ struct decoder {
     size_t stride;
     /* of the last frame */
     uint8_t *pixels;        /* [height][stride] */
+    uint8_t *line;          /* [stride] a row of a part */
     struct sst_image image; /* of raw formats */
     char fault[JMSG_LENGTH_MAX];
     bool refused;
@@ -243,7 +244,8 @@ static void jpeg_planes(struct block_means *c, const struct jpeg_decompress_stru
     }
 }
 
-static int jpeg_means(struct decoder *d, const struct decoder_frame *frame, struct block_means *means)
+static int jpeg_means(struct decoder *d, const struct decoder_frame *frame, struct block_means *means,
+                      struct sst_jpeg_index *index)
 {
     int err;
 
@@ -256,7 +258,7 @@ static int jpeg_means(struct decoder *d, const struct decoder_frame *frame, stru
         int16_t *const out[3] = { means->plane[0].mean, means->plane[1].mean, means->plane[2].mean };
 
         jpeg_planes(means, &d->jpeg);
-        err = sst_jpeg_means_read(d->means, &d->jpeg, out);
+        err = sst_jpeg_means_read(d->means, &d->jpeg, out, index);
         if (err == -EBADMSG)
             snprintf(d->fault, sizeof(d->fault), "its data is damaged or truncated");
     }
@@ -304,6 +306,58 @@ static int decode_jpeg(struct decoder *d, const struct decoder_frame *frame, int
     return err;
 }
 
+/* Cut a part out of the frame; its header is read. May escape. */
+static int cut_part(struct decoder *d, const struct decoder_frame *frame, struct sst_jpeg_index *index,
+                    const struct sst_jpeg_part *part)
+{
+    const uint8_t *cut;
+    size_t bytes;
+    int err = read_header(d, frame);
+
+    err = err ? err : sst_jpeg_cut(d->means, &d->jpeg, frame->data, index, part, &cut, &bytes);
+    jpeg_abort_decompress(&d->jpeg);
+    if (err)
+        return err;
+    jpeg_mem_src(&d->jpeg, cut, bytes);
+    (void)jpeg_read_header(&d->jpeg, TRUE);
+    return 0;
+}
+
+int decoder_decode_part(struct decoder *d, const struct decoder_frame *frame, struct sst_jpeg_index *index,
+                        const int box[4], const uint8_t **pixels, size_t *stride)
+{
+    const int w = index->mcu_width, h = index->mcu_height, above = index->tall;
+    /* With the neighbours for chroma interpolation. */
+    const struct sst_jpeg_part part = { sst_max_int(box[0] / w - 1, 0), sst_max_int(box[1] / h - above, 0),
+                                        sst_min_int((box[2] + w - 1) / w + 1, index->mcus_x),
+                                        sst_min_int((box[3] + h - 1) / h + above, index->mcus_y) };
+    int err;
+
+    if (setjmp(d->escape)) {
+        jpeg_abort_decompress(&d->jpeg);
+        return -EBADMSG;
+    }
+    err = cut_part(d, frame, index, &part);
+    if (err)
+        return err;
+    d->jpeg.out_color_space = JCS_EXT_RGBX;
+    d->jpeg.dct_method = JDCT_ISLOW;
+    jpeg_start_decompress(&d->jpeg);
+    while (d->jpeg.output_scanline < d->jpeg.output_height && !d->refused) {
+        const int y = part.y0 * h + (int)d->jpeg.output_scanline;
+        JSAMPROW line = d->line;
+
+        (void)jpeg_read_scanlines(&d->jpeg, &line, 1);
+        if (y >= box[1] && y < box[3])
+            memcpy(d->pixels + (size_t)y * d->stride + 4 * (size_t)box[0], line + 4 * (size_t)(box[0] - part.x0 * w),
+                   4 * (size_t)(box[2] - box[0]));
+    }
+    jpeg_abort_decompress(&d->jpeg);
+    *pixels = d->pixels;
+    *stride = d->stride;
+    return d->refused ? -EBADMSG : 0;
+}
+
 static int open_jpeg(struct decoder *d)
 {
     d->jpeg.err = jpeg_std_error(&d->errors);
@@ -343,7 +397,8 @@ int decoder_create(struct decoder **out, uint32_t fourcc, int width, int height)
     d->height = height;
     d->stride = sst_mem_stride((size_t)width, 4);
     d->pixels = sst_mem_alloc((size_t)height, d->stride);
-    if (!d->pixels)
+    d->line = sst_mem_alloc(1, d->stride);
+    if (!d->pixels || !d->line)
         err = -ENOMEM;
     else
         err = jpeg ? open_jpeg(d) : sst_image_init(&d->image, width, height);
@@ -363,16 +418,18 @@ void decoder_destroy(struct decoder *d)
     sst_jpeg_means_destroy(d->means);
     sst_image_fini(&d->image);
     sst_mem_free(d->pixels);
+    sst_mem_free(d->line);
     free(d);
 }
 
-int decoder_read_means(struct decoder *d, const struct decoder_frame *frame, struct block_means *means)
+int decoder_read_means(struct decoder *d, const struct decoder_frame *frame, struct block_means *means,
+                       struct sst_jpeg_index *index)
 {
     struct sst_raw raw;
     int err;
 
     if (sst_raw_is_jpeg(d->fourcc))
-        return jpeg_means(d, frame, means);
+        return jpeg_means(d, frame, means, index);
     err = raw_of(d, frame, &raw);
     if (!err)
         raw_means(means, &raw);

@@ -118,6 +118,12 @@ static int open_view(void *arg, int index, int worker SST_UNUSED)
     if (!err && f->cfg->calibration)
         err = open_map(f, v, view);
     v->dirty = sst_mem_alloc((size_t)f->raw_cols, (size_t)f->raw_rows);
+    if (f->last_room) {
+        /* of 16x8 px, as cameras make them; frames with smaller ones are decoded whole */
+        v->index.room = (size_t)((f->cfg->width + 15) / 16) * (size_t)((f->cfg->height + 7) / 8) + 1;
+        v->index.mcu = sst_mem_alloc_raw(v->index.room, sizeof(*v->index.mcu));
+        v->index.room = v->index.mcu ? v->index.room : 0; /* without it whole frames are decoded */
+    }
     v->last = f->last_room ? sst_mem_alloc(f->last_room, 1) : NULL;
     return err ? err : v->dirty && (v->last || !f->last_room) ? 0 : -ENOMEM;
 }
@@ -195,6 +201,7 @@ void sst_liveframes_close(struct sst_liveframes *f)
         free(v->from);
         sst_mem_free(v->dirty);
         sst_mem_free(v->last);
+        sst_mem_free(v->index.mcu);
         if (v->used) {
             sst_image_fini(&f->lf->views[k].image);
             sst_map_u8_fini(&f->lf->views[k].valid);
@@ -222,6 +229,7 @@ static void begin_set(struct sst_liveframes *f, const struct sst_live_input *in,
         struct live_view *v = &f->view[k];
 
         v->verdict = (struct verdict){ 0 };
+        v->index.valid = false;
         v->looked = v->refused = v->decoded = false;
         if (v->dirty)
             memset(v->dirty, 0, (size_t)raw_tiles(f));

@@ -7,6 +7,9 @@
 #include "base/thread.h"
 #include "pipeline/live/frames/frames_internal.h"
 
+#define MOST_PARTS 8 /* of a frame that are decoded by themselves */
+#define PART_TILES 4 /* tiles that can be decoded while a part is prepared */
+
 /* --- decoding ----------------------------------------------------------------------------------------------------- */
 
 /* Split the pixels of a run of tiles into colour planes. */
@@ -69,6 +72,73 @@ static void bounds(const struct sst_liveframes *f, const struct live_view *v, in
     box[3] = sst_min_int(high[1] * SST_LIVE_TILE, f->cfg->height);
 }
 
+/* Rectangles of tiles, which cover the dirty ones. */
+struct parts {
+    int count, box[MOST_PARTS][4]; /* tiles: left, top, right, bottom */
+};
+
+/* Add a run of dirty tiles: to the rectangle that ends above it, else as a new one. @return false: too many */
+static bool add_run(struct parts *p, int x0, int x1, int y)
+{
+    for (int i = 0; i < p->count; i++) {
+        int *box = p->box[i];
+
+        if (box[3] < y || x0 >= box[2] || x1 <= box[0])
+            continue;
+        box[0] = sst_min_int(box[0], x0);
+        box[2] = sst_max_int(box[2], x1);
+        box[3] = y + 1;
+        return true;
+    }
+    if (p->count == MOST_PARTS)
+        return false;
+    memcpy(p->box[p->count++], (const int[4]){ x0, y, x1, y + 1 }, sizeof(p->box[0]));
+    return true;
+}
+
+/* Parts that are cheaper to decode than everything between them. */
+static bool find_parts(const struct sst_liveframes *f, const struct live_view *v, struct parts *p)
+{
+    int first = f->raw_rows, last = 0, area = 0;
+
+    p->count = 0;
+    for (int row = 0; row < f->raw_rows; row++) {
+        const uint8_t *dirty = v->dirty + (size_t)row * (size_t)f->raw_cols;
+
+        for (int col = 0, end; col < f->raw_cols; col = end + 1) {
+            for (end = col; end < f->raw_cols && dirty[end]; end++)
+                ;
+            if (end == col)
+                continue;
+            if (!add_run(p, col, end, row))
+                return false;
+            first = sst_min_int(first, row);
+            last = row + 1;
+        }
+    }
+    for (int i = 0; i < p->count; i++)
+        area += (p->box[i][2] - p->box[i][0] + 1) * (p->box[i][3] - p->box[i][1]) + PART_TILES;
+    return area < (last - first) * f->raw_cols;
+}
+
+/* Decode the dirty tiles by parts. @return 0, -ENOTSUP (decode what lies between them, too), -EBADMSG */
+static int decode_parts(struct sst_liveframes *f, int k, struct decoder *d, const uint8_t **pixels, size_t *stride)
+{
+    struct live_view *v = &f->view[k];
+    const struct decoder_frame frame = frame_of(f, k);
+    struct parts p;
+    int err = v->index.valid && find_parts(f, v, &p) ? 0 : -ENOTSUP;
+
+    for (int i = 0; !err && i < p.count; i++) {
+        const int box[4] = { p.box[i][0] * SST_LIVE_TILE, p.box[i][1] * SST_LIVE_TILE,
+                             sst_min_int(p.box[i][2] * SST_LIVE_TILE, f->cfg->width),
+                             sst_min_int(p.box[i][3] * SST_LIVE_TILE, f->cfg->height) };
+
+        err = decoder_decode_part(d, &frame, &v->index, box, pixels, stride);
+    }
+    return err;
+}
+
 static int decode(void *arg, int index, int worker)
 {
     struct sst_liveframes *f = arg;
@@ -82,7 +152,9 @@ static int decode(void *arg, int index, int worker)
     if (atomic_load(&f->cancelled))
         return -ECANCELED;
     bounds(f, v, box);
-    err = decoder_decode(f->decoder[worker], &frame, box[0], box[1], box[2], box[3], &pixels, &stride);
+    err = decode_parts(f, k, f->decoder[worker], &pixels, &stride);
+    if (err)
+        err = decoder_decode(f->decoder[worker], &frame, box[0], box[1], box[2], box[3], &pixels, &stride);
     if (err == -EBADMSG) {
         frames_reject(v, f->decoder[worker]);
         return 0;

@@ -7,6 +7,7 @@
 #include <stdbool.h>
 
 #include "base/base.h"
+#include "pipeline/image/jpeg_means.h"
 #include "pipeline/live/frames/frames.h"
 
 /* --- decoder ---
@@ -50,7 +51,8 @@ struct decoder_frame {
  * @return 0, -ENOTSUP (a kind of JPEG that must be decoded for that), -EBADMSG (damaged, or of another size: see
  *         decoder_fault())
  */
-SST_MUST_CHECK int decoder_read_means(struct decoder *d, const struct decoder_frame *frame, struct block_means *means);
+SST_MUST_CHECK int decoder_read_means(struct decoder *d, const struct decoder_frame *frame, struct block_means *means,
+                                      struct sst_jpeg_index *index);
 
 /**
  * Decode columns x0 .. x1-1 of rows y0 .. y1-1; the pixels equal those of decoding the whole frame.
@@ -62,6 +64,15 @@ SST_MUST_CHECK int decoder_read_means(struct decoder *d, const struct decoder_fr
  */
 SST_MUST_CHECK int decoder_decode(struct decoder *d, const struct decoder_frame *frame, int x0, int y0, int x1, int y1,
                                   const uint8_t **pixels, size_t *stride);
+
+/**
+ * Decode a part of a JPEG frame whose index is valid: as decoder_decode(), without the rest of the frame.
+ * @param box  pixels: left, top, right, bottom; other pixels of the last frame stay
+ * @return as there, or -ENOTSUP
+ */
+SST_MUST_CHECK int decoder_decode_part(struct decoder *d, const struct decoder_frame *frame,
+                                       struct sst_jpeg_index *index, const int box[4], const uint8_t **pixels,
+                                       size_t *stride);
 
 /** Why the last frame was rejected. */
 const char *decoder_fault(const struct decoder *d);
@@ -145,6 +156,7 @@ struct live_view {
     /* of this set */
     uint8_t *dirty; /* [raw tiles] to decode */
     struct verdict verdict;
+    struct sst_jpeg_index index; /* of the frame; room 0: frames are not JPEG */
     bool looked, refused, decoded;
     char fault[200];
 };
@@ -159,6 +171,7 @@ struct sst_liveframes {
     struct live_view *view;
     bool all;         /* the next update accepts everything */
     int turn, sample; /* next of the views scanned in turn; sets until the error is sampled */
+    int rested;       /* sets since something changed, at most REST_SETS */
     /* of this set */
     const struct sst_live_input *in;
     struct sst_liveframes_changes *changes;

@@ -6,7 +6,9 @@
 #include "base/thread.h"
 #include "pipeline/live/frames/frames_internal.h"
 
-#define SKIP_SETS    4   /* every view is scanned at least once in this number of sets */
+#define SKIP_SETS    4   /* every view is scanned at least once in this number of sets, ... */
+#define REST_SETS    50  /* ... after this number of sets in which nothing changed, ... */
+#define REST_SKIP    16  /* ... in this number */
 #define FEW_VIEWS    12  /* up to this number of views, all are scanned */
 #define MOST_CHANGED 0.6 /* from this fraction of all tiles on, everything is accepted */
 
@@ -39,7 +41,7 @@ static int scan_view(void *arg, int index, int worker)
     if (v->made && !f->all && v->last_bytes && frame.bytes == v->last_bytes &&
         !memcmp(frame.data, v->last, frame.bytes))
         return 0;
-    err = decoder_read_means(f->decoder[worker], &frame, &v->watch.now);
+    err = decoder_read_means(f->decoder[worker], &frame, &v->watch.now, v->index.room ? &v->index : NULL);
     if (err == -EBADMSG) {
         frames_reject(v, f->decoder[worker]);
         return 0;
@@ -61,18 +63,21 @@ static int scan_view(void *arg, int index, int worker)
 /* Views to scan first: all, or the key views and those whose turn it is. */
 static int first_views(struct sst_liveframes *f)
 {
-    const int in_turn = (f->used - SST_LIVE_KEY_VIEWS + SKIP_SETS - 1) / SKIP_SETS;
-    int n = 0, others = 0;
+    const int sets = f->rested < REST_SETS ? SKIP_SETS : REST_SKIP;
+    const int in_turn = (f->used - SST_LIVE_KEY_VIEWS + sets - 1) / sets;
+    int n = 0, others = 0, keys = 0;
 
     for (int k = 0; k < f->views; k++) {
         struct live_view *v = &f->view[k];
-        /* The views scanned in turn form a ring; SKIP_SETS steps of in_turn views cover all of it. */
-        const bool turn = !v->key && v->used && (others++ / sst_max_int(in_turn, 1)) % SKIP_SETS == f->turn;
+        /* While the scene rests, every second key view in turn. The other views form a ring: `sets` steps of in_turn
+         * views cover all of it. */
+        const bool key = v->key && (f->rested < REST_SETS || keys++ % 2 == f->turn % 2);
+        const bool turn = !v->key && v->used && (others++ / sst_max_int(in_turn, 1)) % sets == f->turn % sets;
 
-        if (has_frame(f, k) && (f->all || f->used <= FEW_VIEWS || v->key || turn || !v->made || v->broken))
+        if (has_frame(f, k) && (f->all || f->used <= FEW_VIEWS || key || turn || !v->made || v->broken))
             f->list[n++] = k;
     }
-    f->turn = (f->turn + 1) % SKIP_SETS;
+    f->turn = (f->turn + 1) % REST_SKIP;
     return n;
 }
 
@@ -128,6 +133,7 @@ int frames_scan(struct sst_liveframes *f)
         return 0;
     }
     err = sst_parallel_for(first_views(f), f->threads, scan_view, f);
+    f->rested = any_changed(f) ? 0 : sst_min_int(f->rested + 1, REST_SETS);
     if (!err && any_changed(f))
         err = sst_parallel_for(other_views(f), f->threads, scan_view, f);
     if (err)

@@ -1,7 +1,10 @@
 /* Behind dense leaves the maps miss most of what the gaps show, and the clear picture has holes there. Rays that agree
  * show it (pipeline/method/render/verify.h), one plane at a time: the default focus, behind what is in front, and
  * planes around it up to the cut. Every cell of the picture keeps the plane on which most of its rays agreed; some
- * cells are tried on another one in each set. */
+ * cells are tried on another one in each set.
+ *
+ * A cell is rendered when its rays have changed: a third of them in a set, all within three. Until then nothing is seen
+ * there, and the memory shows what was. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -11,6 +14,7 @@
 
 #define STEP_PX      1.5 /* between planes: what lies between two is off by 2 px in the outermost views */
 #define BETTER       1.1 /* another plane must have this multiple of the agreement */
+#define TURNS        3   /* a cell whose rays changed is rendered within this number of sets */
 #define EXPLORE      8   /* one cell in this many is tried on another plane; at the start ... */
 #define START_ROUNDS (4 * PICTURE_PLANES) /* ... for this many sets every second one */
 
@@ -20,20 +24,32 @@ void picture_behind_fini(struct picture_behind *b)
         sst_render_plan_fini(&b->plan[i]);
     sst_image_fini(&b->image);
     sst_map_u8_fini(&b->agreed);
+    sst_image_fini(&b->trial);
+    sst_map_u8_fini(&b->trial_agreed);
     free(b->cell);
     *b = (struct picture_behind){ 0 };
 }
 
 static int reserve(struct picture_behind *b, const struct sst_lightfield *lf)
 {
-    int err = b->image.plane[0] ? 0 : sst_image_init(&b->image, lf->width, lf->height);
+    size_t cells;
+    int err = 0;
 
     b->cols = (lf->width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
     b->rows = (lf->height + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT;
-    err = err || b->agreed.data ? err : sst_map_u8_init(&b->agreed, lf->width, lf->height);
+    cells = (size_t)b->cols * (size_t)b->rows;
+    if (!b->image.plane[0])
+        err = sst_image_init(&b->image, lf->width, lf->height);
+    if (!err && !b->trial.plane[0])
+        err = sst_image_init(&b->trial, lf->width, lf->height);
+    if (!err && !b->agreed.data)
+        err = sst_map_u8_init(&b->agreed, lf->width, lf->height);
+    if (!err && !b->trial_agreed.data)
+        err = sst_map_u8_init(&b->trial_agreed, lf->width, lf->height);
     if (!err && !b->cell)
-        b->cell = calloc((size_t)b->cols * (size_t)b->rows, sizeof(*b->cell) + 1);
-    b->wanted = b->cell ? (uint8_t *)(b->cell + (size_t)b->cols * (size_t)b->rows) : NULL;
+        b->cell = calloc(cells, sizeof(*b->cell) + 2);
+    b->wanted = b->cell ? (uint8_t *)(b->cell + cells) : NULL;
+    b->changed = b->cell ? b->wanted + cells : NULL;
     return err || b->cell ? err : -ENOMEM;
 }
 
@@ -74,7 +90,7 @@ static int make_plans(struct picture_behind *b, const struct sst_live *live, dou
     for (int i = 0; i < b->planned; i++)
         sst_render_plan_fini(&b->plan[i]);
     for (int i = 0; i < b->cols * b->rows; i++)
-        b->cell[i].plane = 0;
+        b->cell[i] = (struct picture_cell){ .stale = 1, .holes = b->cell[i].holes };
     for (b->planned = b->round = 0; b->planned < n && !err; b->planned += !err) {
         struct sst_render_config cfg;
 
@@ -84,8 +100,6 @@ static int make_plans(struct picture_behind *b, const struct sst_live *live, dou
         picture_resolve(&cfg, live);
         b->plane_px[b->planned] = cfg.focus_px;
         err = sst_render_plan_init(&b->plan[b->planned], live->renderer, &cfg);
-        if (!err)
-            b->plan[b->planned].agreed = &b->agreed;
     }
     b->focus_px = live->focus.focus_px;
     b->cut_px = cut_px;
@@ -95,12 +109,23 @@ static int make_plans(struct picture_behind *b, const struct sst_live *live, dou
     return b->planned ? 0 : err;
 }
 
+/* Cells on a plane must be rendered again: all, or those that are marked. */
+static void make_stale(struct picture_behind *b, int plane, const uint8_t *marked)
+{
+    for (int i = 0; i < b->cols * b->rows; i++) {
+        if (b->cell[i].plane == plane && (!marked || marked[i]))
+            b->cell[i].stale = 1;
+    }
+}
+
 static int update_plans(struct picture_behind *b, const struct sst_live *live, double cut_px)
 {
     if (!is_current(b, live, live->focus.focus_px, cut_px))
         return make_plans(b, live, cut_px);
-    for (int i = 0; i < b->planned && b->counted != live->counted; i++)
-        (void)sst_render_plan_update(&b->plan[i], live->renderer, PICTURE_NOTICEABLE, PICTURE_NOTICEABLE_SHARE);
+    for (int i = 0; i < b->planned && b->counted != live->counted; i++) {
+        if (sst_render_plan_update(&b->plan[i], live->renderer, PICTURE_NOTICEABLE, PICTURE_NOTICEABLE_SHARE))
+            make_stale(b, i, NULL);
+    }
     b->counted = live->counted;
     return 0;
 }
@@ -129,26 +154,53 @@ static bool count_holes(struct picture_behind *b, const struct sst_map_u8 *weigh
 }
 
 /* Mean agreement of a cell's pixels. */
-static float score(const struct picture_behind *b, int at)
+static float score(const struct picture_behind *b, const struct sst_map_u8 *agreed, int at)
 {
     const int x0 = at % b->cols * SST_RENDER_CELL_WIDTH, y0 = at / b->cols * SST_RENDER_CELL_HEIGHT;
-    const int x1 = sst_min_int(x0 + SST_RENDER_CELL_WIDTH, b->agreed.width);
-    const int y1 = sst_min_int(y0 + SST_RENDER_CELL_HEIGHT, b->agreed.height);
+    const int x1 = sst_min_int(x0 + SST_RENDER_CELL_WIDTH, agreed->width);
+    const int y1 = sst_min_int(y0 + SST_RENDER_CELL_HEIGHT, agreed->height);
     int sum = 0;
 
     for (int y = y0; y < y1; y++) {
         for (int x = x0; x < x1; x++)
-            sum += sst_map_u8_row(&b->agreed, y)[x];
+            sum += sst_map_u8_row(agreed, y)[x];
     }
     return (float)sum / (float)((x1 - x0) * (y1 - y0));
 }
 
 /* Render the wanted cells on one plane. */
-static int render_cells(struct picture_behind *b, int plane)
+static int render_cells(struct picture_behind *b, int plane, struct sst_image *image, struct sst_map_u8 *agreed)
 {
-    return memchr(b->wanted, 1, (size_t)b->cols * (size_t)b->rows)
-               ? sst_render_plan_render(&b->plan[plane], b->wanted, &b->image, NULL)
-               : 0;
+    if (!memchr(b->wanted, 1, (size_t)b->cols * (size_t)b->rows))
+        return 0;
+    b->plan[plane].agreed = agreed;
+    return sst_render_plan_render(&b->plan[plane], b->wanted, image, NULL);
+}
+
+/* Nothing is seen in a cell. */
+static void hide_cell(struct picture_behind *b, int at)
+{
+    const int x0 = at % b->cols * SST_RENDER_CELL_WIDTH, y0 = at / b->cols * SST_RENDER_CELL_HEIGHT;
+    const int x1 = sst_min_int(x0 + SST_RENDER_CELL_WIDTH, b->agreed.width);
+
+    for (int y = y0; y < sst_min_int(y0 + SST_RENDER_CELL_HEIGHT, b->agreed.height); y++)
+        memset(sst_map_u8_row(&b->agreed, y) + x0, 0, (size_t)(x1 - x0));
+}
+
+/* Is a stale cell rendered in this round? At the start and in exact mode all of them are. */
+static bool has_turn(const struct picture_behind *b, const struct sst_live *live, int at)
+{
+    return b->round < START_ROUNDS || !live->cfg.skip_change || (at % b->cols + at / b->cols + b->round) % TURNS == 0;
+}
+
+static void mark_stale(struct picture_behind *b, const struct sst_live *live)
+{
+    for (int plane = 0; plane < b->planned && b->serial != live->serial; plane++) {
+        memset(b->changed, 0, (size_t)b->cols * (size_t)b->rows);
+        picture_mark_changes(b->changed, live, &b->plan[plane], b->serial);
+        make_stale(b, plane, b->changed);
+    }
+    b->serial = live->serial;
 }
 
 bool picture_behind_render(struct picture_behind *b, const struct sst_live *live, const struct sst_map_u8 *weight,
@@ -159,13 +211,22 @@ bool picture_behind_render(struct picture_behind *b, const struct sst_live *live
     if (!live->low_confidence || isnan(live->focus.focus_px) || reserve(b, &live->lf) || !count_holes(b, weight) ||
         update_plans(b, live, cut_px))
         return false;
+    mark_stale(b, live);
     for (int plane = 0; plane < b->planned && !err; plane++) {
         for (int i = 0; i < b->cols * b->rows; i++)
-            b->wanted[i] = b->cell[i].holes && b->cell[i].plane == plane;
-        err = render_cells(b, plane);
+            b->wanted[i] = b->cell[i].holes && b->cell[i].plane == plane && b->cell[i].stale && has_turn(b, live, i);
+        err = render_cells(b, plane, &b->image, &b->agreed);
+        for (int i = 0; i < b->cols * b->rows && !err; i++) {
+            if (!b->wanted[i])
+                continue;
+            b->cell[i].stale = 0;
+            b->cell[i].score = score(b, &b->agreed, i);
+        }
     }
-    for (int i = 0; i < b->cols * b->rows && !err; i++)
-        b->cell[i].score = b->cell[i].holes ? score(b, i) : 0;
+    for (int i = 0; i < b->cols * b->rows; i++) {
+        if (b->cell[i].stale)
+            hide_cell(b, i);
+    }
     return !err;
 }
 
@@ -174,7 +235,7 @@ static int candidate(const struct picture_behind *b, int at)
 {
     const int col = at % b->cols, row = at / b->cols, plane = b->cell[at].plane;
 
-    if (!b->cell[at].holes)
+    if (!b->cell[at].holes || b->cell[at].stale)
         return -1;
     if (b->round < START_ROUNDS)
         return (col + row + b->round) % 2 ? -1 : (1 + b->round / 2) % b->planned;
@@ -190,12 +251,12 @@ void picture_behind_explore(struct picture_behind *b)
     for (int plane = 0; plane < b->planned && !err; plane++) {
         for (int i = 0; i < b->cols * b->rows; i++)
             b->wanted[i] = b->cell[i].plane != plane && candidate(b, i) == plane;
-        err = render_cells(b, plane);
+        err = render_cells(b, plane, &b->trial, &b->trial_agreed);
         for (int i = 0; i < b->cols * b->rows && !err; i++) {
-            const float found = b->wanted[i] ? score(b, i) : 0;
+            const float found = b->wanted[i] ? score(b, &b->trial_agreed, i) : 0;
 
             if (found > (float)BETTER * b->cell[i].score)
-                b->cell[i] = (struct picture_cell){ b->cell[i].holes, (uint8_t)plane, found };
+                b->cell[i] = (struct picture_cell){ b->cell[i].holes, (uint8_t)plane, 1, found };
         }
     }
     b->round++;

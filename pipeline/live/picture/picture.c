@@ -136,44 +136,62 @@ static int make_plan(struct sst_livepicture *p, const struct sst_render_config *
 
 /* --- changed cells ------------------------------------------------------------------------------------------------ */
 
+/* Where the cells of changed rays are marked. */
+struct marks {
+    uint8_t *cells;
+    int cols, width, height, around; /* around: px that a ray affects beside its own */
+};
+
 /* Cells of output pixels whose ray of this tap meets pixels x0 .. x1-1, y0 .. y1-1 of the view: colour is read at
  * x + ix and, between pixels, at x + ix + 1; disparity and label at one of the two. Verified rays also affect the
  * pixels around. */
-static void mark_tile(struct sst_livepicture *p, const struct sst_render_tap *t, int x0, int x1, int y0, int y1)
+static void mark_tile(const struct marks *m, const struct sst_render_tap *t, int x0, int x1, int y0, int y1)
 {
-    const int around = p->plan.verifier ? 1 : 0;
     int from_x = sst_max_int(x0 - t->ix - (t->fx > 0), t->x0), to_x = sst_min_int(x1 - t->ix, t->x1) - 1;
     int from_y = sst_max_int(y0 - t->iy - (t->fy > 0), t->y0), to_y = sst_min_int(y1 - t->iy, t->y1) - 1;
 
     if (from_x > to_x || from_y > to_y)
         return;
-    from_x = sst_max_int(from_x - around, 0);
-    to_x = sst_min_int(to_x + around, p->image.width - 1);
-    from_y = sst_max_int(from_y - around, 0);
-    to_y = sst_min_int(to_y + around, p->image.height - 1);
+    from_x = sst_max_int(from_x - m->around, 0);
+    to_x = sst_min_int(to_x + m->around, m->width - 1);
+    from_y = sst_max_int(from_y - m->around, 0);
+    to_y = sst_min_int(to_y + m->around, m->height - 1);
     for (int y = from_y / SST_RENDER_CELL_HEIGHT; from_y <= to_y && y <= to_y / SST_RENDER_CELL_HEIGHT; y++)
-        memset(p->cells + y * p->cols + from_x / SST_RENDER_CELL_WIDTH, 1,
+        memset(m->cells + y * m->cols + from_x / SST_RENDER_CELL_WIDTH, 1,
                (size_t)(to_x / SST_RENDER_CELL_WIDTH - from_x / SST_RENDER_CELL_WIDTH + 1));
 }
 
-static void mark_view(struct sst_livepicture *p, const struct sst_render_tap *t)
+static void mark_view(const struct marks *m, const struct sst_live *live, const struct sst_render_tap *t,
+                      uint64_t serial)
 {
-    const struct sst_live *live = p->live;
     const uint64_t *stamp = live->stamp[t->view];
 
     for (int row = 0; row < live->changes.rows; row++) {
         for (int col = 0, to; col < live->changes.cols; col = to) {
-            const bool changed = stamp[row * live->changes.cols + col] > p->serial;
+            const bool changed = stamp[row * live->changes.cols + col] > serial;
 
             for (to = col + 1; to < live->changes.cols; to++) {
-                if ((stamp[row * live->changes.cols + to] > p->serial) != changed)
+                if ((stamp[row * live->changes.cols + to] > serial) != changed)
                     break;
             }
             if (changed)
-                mark_tile(p, t, col * SST_LIVE_TILE, sst_min_int(to * SST_LIVE_TILE, live->lf.width),
+                mark_tile(m, t, col * SST_LIVE_TILE, sst_min_int(to * SST_LIVE_TILE, live->lf.width),
                           row * SST_LIVE_TILE, sst_min_int((row + 1) * SST_LIVE_TILE, live->lf.height));
         }
     }
+}
+
+void picture_mark_changes(uint8_t *cells, const struct sst_live *live, const struct sst_render_plan *plan,
+                          uint64_t serial)
+{
+    const struct marks m = { .cells = cells,
+                             .cols = (live->lf.width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH,
+                             .width = live->lf.width,
+                             .height = live->lf.height,
+                             .around = plan->verifier ? 1 : 0 };
+
+    for (int i = 0; i < plan->count; i++)
+        mark_view(&m, live, &plan->tap[i], serial);
 }
 
 /* @return pixels in marked cells */
@@ -182,8 +200,7 @@ static int64_t mark_changes(struct sst_livepicture *p)
     int64_t n = 0;
 
     memset(p->cells, 0, (size_t)p->cols * (size_t)p->rows);
-    for (int i = 0; i < p->plan.count; i++)
-        mark_view(p, &p->plan.tap[i]);
+    picture_mark_changes(p->cells, p->live, &p->plan, p->serial);
     for (int row = 0; row < p->rows; row++) {
         const int height = sst_min_int(SST_RENDER_CELL_HEIGHT, p->image.height - row * SST_RENDER_CELL_HEIGHT);
 

@@ -16,6 +16,11 @@
 void picture_resolve(struct sst_render_config *cfg, const struct sst_live *live);
 bool picture_same_settings(const struct sst_render_config *a, const struct sst_render_config *b);
 
+/** Mark the cells of a plan's picture with a ray that meets a tile which changed after a serial number.
+ *  @param cells  in, out: [rows][cols] of SST_RENDER_CELL_WIDTH x SST_RENDER_CELL_HEIGHT pixels */
+void picture_mark_changes(uint8_t *cells, const struct sst_live *live, const struct sst_render_plan *plan,
+                          uint64_t serial);
+
 #define PICTURE_SEEN_WEIGHT 64 /* from which a pixel is seen, as in pipeline/method/render/clear.c */
 
 /* --- behind.c: what rays agree on where the maps show nothing ------------------------------------------------------
@@ -26,7 +31,8 @@ bool picture_same_settings(const struct sst_render_config *a, const struct sst_r
 struct picture_cell {
     uint16_t holes; /* pixels */
     uint8_t plane;
-    float score; /* mean agreement of its pixels on that plane, 0..255 */
+    uint8_t stale; /* its rays have changed since it was rendered */
+    float score;   /* mean agreement of its pixels on that plane, 0..255 */
 };
 
 /** A see-through picture of cells with holes, each on its best plane; only while the maps have low confidence. */
@@ -37,11 +43,15 @@ struct picture_behind {
     double focus_px, cut_px, disp_min_px; /* that the plans are made for */
     uint64_t counted, present_serial;
     int round;
+    uint64_t serial;          /* of the light field when stale cells were marked */
     struct sst_image image;   /* empty until the first picture */
-    struct sst_map_u8 agreed; /* as of struct sst_render_plan */
+    struct sst_map_u8 agreed; /* as of struct sst_render_plan; 0 in cells that are not shown */
+    struct sst_image trial;   /* the same of cells on another plane */
+    struct sst_map_u8 trial_agreed;
     int cols, rows;
     struct picture_cell *cell; /* [rows][cols] */
-    uint8_t *wanted;           /* behind cell: those to render */
+    uint8_t *wanted;           /* behind cell: those to render, ... */
+    uint8_t *changed;          /* ... and those whose rays changed */
 };
 
 void picture_behind_fini(struct picture_behind *b);
@@ -54,7 +64,7 @@ void picture_behind_fini(struct picture_behind *b);
  */
 bool picture_behind_render(struct picture_behind *b, const struct sst_live *live, const struct sst_map_u8 *weight,
                            double cut_px);
-/** Try some cells on other planes, for the next picture; image and agreed are lost. */
+/** Try some cells on other planes, for the next picture. */
 void picture_behind_explore(struct picture_behind *b);
 
 /* --- memory.c: what the clear picture saw a moment ago ------------------------------------------------------------ */

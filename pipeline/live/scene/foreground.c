@@ -25,12 +25,14 @@
 #define VOTE            4
 #define VOTE_BACKGROUND 1
 #define VOTES_LEAST     64
-/* Earlier votes for an object decay with every set, as its cells change. */
+/* Earlier votes for an object decay with every labelled set, as its cells change. */
 #define KEPT_NUM 7
 #define KEPT_DEN 8
 /* Objects match from set to set at about the same disparity if their boxes, enlarged by half, overlap. */
 #define OBJECT_Q6   256
 #define OBJECTS_MAX 32 /* further ones, mostly noise, are not tracked */
+/* An object of this number of cells asks for the network when it appears, and each time that its cells have doubled. */
+#define ASK_CELLS 96
 
 struct cell {
     uint16_t disp, other; /* of the background; of the other surface seen there. SST_DISP_NONE: unknown */
@@ -43,6 +45,7 @@ struct object {
     struct scene_rect at; /* cells */
     int disp_q6;          /* mean */
     int64_t cells, vote[SST_MAX_CLASSES + 1];
+    int64_t asked; /* cells when the network last ran */
 };
 
 struct scene_foreground {
@@ -247,8 +250,9 @@ static int64_t overlap(const struct object *a, const struct object *b)
 }
 
 /* Inherit the votes of earlier sets, in proportion to the overlap with the earlier object. */
-static void remember(const struct scene_foreground *t, struct object *a)
+static void remember(const struct scene_foreground *t, struct object *a, bool labelled)
 {
+    const int num = labelled ? KEPT_NUM : KEPT_DEN;
     const struct object *was = NULL;
     int64_t most = 0;
 
@@ -260,8 +264,9 @@ static void remember(const struct scene_foreground *t, struct object *a)
             was = &t->object[!t->now][i];
         }
     }
+    a->asked = labelled ? a->cells : was ? was->asked : 0;
     for (int i = 0; was && i <= SST_MAX_CLASSES; i++)
-        a->vote[i] += was->vote[i] * KEPT_NUM / KEPT_DEN * (a->cells < was->cells ? a->cells : was->cells) / was->cells;
+        a->vote[i] += was->vote[i] * num / KEPT_DEN * (a->cells < was->cells ? a->cells : was->cells) / was->cells;
 }
 
 /* Count the network's votes in the changed cells of the component. */
@@ -302,10 +307,11 @@ static void paint(const struct scene_foreground *t, struct scene_maps *maps, str
     }
 }
 
-void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c,
+bool scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c,
                             const uint8_t *dirty, bool labelled)
 {
     struct scene_maps *maps = &key->maps;
+    bool ask = false;
     struct object piece;
 
     if (t->view != key->view)
@@ -326,9 +332,10 @@ void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, s
             gather(t, maps, x, y, &piece);
             if (piece.cells < OBJECT_CELLS)
                 continue;
-            remember(t, &piece);
+            remember(t, &piece, labelled);
             if (labelled)
                 count_votes(t, maps, dirty, &piece);
+            ask |= piece.cells >= ASK_CELLS && piece.cells > 2 * piece.asked;
             label = winner(&piece);
             if (label != SST_LABEL_NONE)
                 paint(t, maps, c, dirty, &piece, label);
@@ -336,4 +343,5 @@ void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, s
                 t->object[t->now][t->objects[t->now]++] = piece;
         }
     }
+    return ask;
 }

@@ -35,8 +35,11 @@ void sst_livescene_close(struct sst_livescene *s)
         if (s->segmenters)
             sst_segmenter_close(s->segmenters[i]);
     }
-    for (int i = 0; i < SST_SCENE_KEYS; i++)
+    for (int i = 0; i < SST_SCENE_KEYS; i++) {
         free_maps(&s->key[i].maps);
+        free(s->key[i].tile);
+        sst_mem_free(s->key[i].packed);
+    }
     for (int view = 0; view < s->views; view++) {
         if (s->desc)
             sst_descriptor_fini(&s->desc[view]);
@@ -53,6 +56,7 @@ void sst_livescene_close(struct sst_livescene *s)
     free(s->all);
     free(s->candidates);
     scene_foreground_close(s->foreground);
+    sst_map_u16_fini(&s->labelled);
     sst_mem_free(s->hist);
     free(s);
 }

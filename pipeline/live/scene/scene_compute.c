@@ -9,8 +9,13 @@
 
 /* The network runs if at least one tile in this number changed in the reference; fewer get the labels around. */
 #define LABEL_TILES 100
+/* ... and not more often than in every set of this number that changes so much: in between, objects keep the label of
+ * earlier votes, the background its own, and other cells theirs while their disparity stays. */
+#define LABEL_SETS 4
+/* A cell with a disparity further from that at which it was labelled shows another surface. */
+#define LABEL_Q6 96
 /* Label distributions are fitted again with every whole set and after this number of network runs. */
-#define FIT_RUNS 16
+#define FIT_RUNS 4
 
 int scene_open_segmenter(struct sst_livescene *s, int worker)
 {
@@ -22,17 +27,18 @@ static bool any(const uint8_t *tiles, int count)
     return memchr(tiles, 1, (size_t)count) != NULL;
 }
 
-/* Half-size rows that contain the changed tiles. */
-static void changed_rows(const struct sst_livescene *s, int view, int *y0, int *y1)
+/* The next run of half-size rows, from *y1 on, that contain changed tiles. @return false: none */
+static bool changed_rows(const struct sst_livescene *s, int view, int *y0, int *y1)
 {
-    *y0 = s->height;
-    *y1 = 0;
-    for (int y = 0; y < s->rows; y++) {
-        if (!any(s->dirty[view] + y * s->cols, s->cols))
-            continue;
-        *y0 = sst_min_int(*y0, y * SST_SCENE_CELLS);
-        *y1 = sst_min_int((y + 1) * SST_SCENE_CELLS, s->height);
-    }
+    int y = (*y1 + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS;
+
+    while (y < s->rows && !any(s->dirty[view] + y * s->cols, s->cols))
+        y++;
+    *y0 = y * SST_SCENE_CELLS;
+    while (y < s->rows && any(s->dirty[view] + y * s->cols, s->cols))
+        y++;
+    *y1 = sst_min_int(y * SST_SCENE_CELLS, s->height);
+    return *y0 < *y1;
 }
 
 static unsigned phases_of(const struct sst_livescene *s, int view)
@@ -61,8 +67,8 @@ static int describe_job(void *arg, int view, int worker SST_UNUSED)
     if (err || !s->described[view])
         return err;
     if (d->luma.data) {
-        changed_rows(s, view, &y0, &y1);
-        err = y0 < y1 ? sst_descriptor_update(d, &v->image, y0, y1) : 0;
+        for (y1 = 0; !err && changed_rows(s, view, &y0, &y1);)
+            err = sst_descriptor_update(d, &v->image, y0, y1);
         return err ? err : sst_descriptor_add_phases(d, phases_of(s, view));
     }
     err = sst_descriptor_init(d, &v->image, 2, SST_COST_CENSUS, NULL);
@@ -105,6 +111,16 @@ static int larger_first(const void *a, const void *b)
     return area(&((const struct scene_job *)b)->rect) - area(&((const struct scene_job *)a)->rect);
 }
 
+/* Is it time for the network? */
+static bool label_due(struct sst_livescene *s, int changed)
+{
+    if (!s->segmenters || !s->cfg->skip_labels || !changed || LABEL_TILES * changed < s->tiles)
+        return false;
+    s->label_wait =
+        s->label_wait && s->labelled.data && !s->whole_next && s->ready ? s->label_wait - 1 : LABEL_SETS - 1;
+    return s->label_wait == LABEL_SETS - 1;
+}
+
 /* The network and the rectangles of all keys, longest jobs first. @return their number */
 static int make_jobs(struct sst_livescene *s)
 {
@@ -113,7 +129,7 @@ static int make_jobs(struct sst_livescene *s)
 
     for (int i = 0; i < s->tiles; i++)
         changed += dirty_of(s, 0)[i] == 1;
-    if (s->segmenters && s->cfg->skip_labels && LABEL_TILES * changed >= s->tiles && changed)
+    if (label_due(s, changed))
         s->jobs[count++] = (struct scene_job){ -1, { 0, 0, 2 * s->width, s->height } };
     for (int k = 0; k < s->keys; k++) {
         const int n = scene_gather(rects, dirty_of(s, k), s->cols, s->rows, s->width, s->height);
@@ -158,22 +174,63 @@ static double count_confirmed(const struct sst_livescene *s)
     return known && s->keys > 1 ? (double)confirmed / (double)known : NAN;
 }
 
-/* Copy the network labels to changed tiles of the reference key, and fill cells without a label. */
-static void label_reference(struct sst_livescene *s)
+/* Copy the network labels to changed tiles of the reference key. */
+static void copy_labels(struct sst_livescene *s, const uint8_t *dirty)
+{
+    struct scene_maps *maps = &s->key[0].maps;
+
+    for (int y = 0; y < maps->label.height; y++) {
+        const uint8_t *from = sst_map_u8_row(&s->labels, y), *tiles = dirty + y / SST_SCENE_CELLS * s->cols;
+        const uint16_t *disp = sst_map_u16_row(&maps->disp, y);
+        uint16_t *at = sst_map_u16_row(&s->labelled, y);
+        uint8_t *to = sst_map_u8_row(&maps->label, y);
+
+        for (int x = 0; x < maps->label.width; x++) {
+            if (!tiles[x / SST_SCENE_CELLS])
+                continue;
+            to[x] = from[x];
+            at[x] = disp[x];
+        }
+    }
+}
+
+/* Without new network labels: changed cells that show another surface lose theirs. */
+static void drop_labels(struct sst_livescene *s, const uint8_t *dirty)
+{
+    struct scene_maps *maps = &s->key[0].maps;
+
+    for (int y = 0; y < maps->label.height; y++) {
+        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * s->cols;
+        const uint16_t *disp = sst_map_u16_row(&maps->disp, y);
+        uint16_t *at = sst_map_u16_row(&s->labelled, y);
+        uint8_t *label = sst_map_u8_row(&maps->label, y);
+
+        for (int x = 0; x < maps->label.width; x++) {
+            if (!tiles[x / SST_SCENE_CELLS] || abs(disp[x] - at[x]) <= LABEL_Q6)
+                continue;
+            label[x] = SST_LABEL_NONE;
+            at[x] = disp[x];
+        }
+    }
+}
+
+/* Label the reference key: network labels, the background's and those of objects, and gaps filled. */
+static int label_reference(struct sst_livescene *s)
 {
     struct scene_maps *maps = &s->key[0].maps;
     const uint8_t *dirty = dirty_of(s, 0);
+    const int err = s->labelled.data ? 0 : sst_map_u16_init(&s->labelled, s->width, s->height);
 
-    for (int y = 0; s->labels.data && y < maps->label.height; y++) {
-        const uint8_t *from = sst_map_u8_row(&s->labels, y), *tiles = dirty + y / SST_SCENE_CELLS * s->cols;
-        uint8_t *to = sst_map_u8_row(&maps->label, y);
-
-        for (int x = 0; x < maps->label.width; x++)
-            to[x] = tiles[x / SST_SCENE_CELLS] ? from[x] : to[x];
-    }
+    if (err)
+        return err;
+    if (s->labels.data)
+        copy_labels(s, dirty);
+    else
+        drop_labels(s, dirty);
     if (s->whole)
         scene_foreground_reset(s->foreground);
-    scene_foreground_label(s->foreground, &s->key[0], s->candidates, dirty, s->labels.data != NULL);
+    if (scene_foreground_label(s->foreground, &s->key[0], s->candidates, dirty, s->labels.data != NULL))
+        s->label_wait = 0;
     s->runs += s->labels.data != NULL;
     if (s->labels.data && (s->whole || s->runs >= FIT_RUNS)) {
         scene_fit_labels(s->candidates, maps, s->lf->classes.count, s->lf->disp_min_px, s->hist);
@@ -181,6 +238,7 @@ static void label_reference(struct sst_livescene *s)
     }
     sst_map_u8_fini(&s->labels);
     scene_fill_labels(maps, s->candidates, dirty, s->cols);
+    return 0;
 }
 
 static int label_job(void *arg, int index, int worker SST_UNUSED)
@@ -196,14 +254,21 @@ static int label_job(void *arg, int index, int worker SST_UNUSED)
     return scene_cancelled(s);
 }
 
+static int measure_job(void *arg, int k, int worker SST_UNUSED)
+{
+    struct sst_livescene *s = arg;
+
+    scene_measure_tiles(&s->key[k]);
+    return scene_cancelled(s);
+}
+
 static int compose_job(void *arg, int view, int worker)
 {
     struct sst_livescene *s = arg;
     int err = scene_cancelled(s);
 
     if (!err && s->lf->views[view].present)
-        scene_compose(&s->composers[worker], s->lf, view, s->key, s->keys, s->dirty[view], s->cols, s->rows,
-                      s->cfg->model != NULL);
+        scene_compose(&s->composers[worker], s->lf, view, s->key, s->keys, s->dirty[view], s->cfg->model != NULL);
     return err;
 }
 
@@ -258,9 +323,10 @@ int scene_compute(struct sst_livescene *s, struct sst_live_report *report)
     }
     report->stage_ns[SST_LIVE_DISPARITY] = lap(&clock);
     if (!err && s->segmenters) {
-        label_reference(s);
-        err = sst_parallel_for(s->keys - 1, s->threads, label_job, s);
+        err = label_reference(s);
+        err = err ? err : sst_parallel_for(s->keys - 1, s->threads, label_job, s);
     }
+    err = err ? err : sst_parallel_for(s->keys, s->threads, measure_job, s);
     err = err ? err : sst_parallel_for(s->views, s->threads, compose_job, s);
     report->stage_ns[SST_LIVE_REFINE] = lap(&clock);
     if (!err && s->segmenters && !s->cfg->skip_labels) {

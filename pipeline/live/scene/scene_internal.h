@@ -50,10 +50,18 @@ static inline struct scene_warp scene_warp(const struct sst_lightfield *lf, int 
 
 /* --- keys.c: key views and their disparities ---------------------------------------------------------------------- */
 
+/** Disparities that occur: the farthest is larger than the nearest where there are none. */
+struct scene_span {
+    uint16_t far_q6, near_q6;
+};
+
 struct scene_key {
     int view;
     int neighbours, neighbour[SST_SCENE_NEIGHBOURS]; /* views that it is matched against, nearest first */
     struct scene_maps maps;
+    /* by scene_measure_tiles() */
+    struct scene_span *tile, span; /* of each tile and of all */
+    uint32_t *packed;              /* [height][width] cells to warp, see warp.c */
 };
 
 /** Cells x0 .. x1-1, y0 .. y1-1. */
@@ -160,32 +168,46 @@ void scene_foreground_settle(struct scene_foreground *t, const struct scene_key 
  *                  other than the last one resets the model.
  * @param c         out: labels of objects become candidates at their disparities
  * @param labelled  the network ran: labels are votes
+ * @return an object appeared or grew that the network should see in the next set
  */
-void scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c,
+bool scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c,
                             const uint8_t *dirty, bool labelled);
 
 /* --- warp.c: maps of all views from those of the key views -------------------------------------------------------- */
 
+/** Cells by which a disparity moves. */
+struct scene_shift {
+    int16_t x, y;
+};
+
 /** Working memory to compose a view; one per thread. */
 struct scene_composer {
-    int width, height;      /* half size */
-    uint32_t *z;            /* [height][width] the best cell warped here: confirmed, disparity + 1, label; 0: none */
-    struct scene_maps maps; /* without `confirmed` */
-    uint16_t *strips;       /* rows in work, see warp.c */
+    int width, height, cols, rows; /* half size; tiles */
+    uint32_t *z;               /* [height][width] the best cell warped here: confirmed, disparity + 1, label; 0: none */
+    struct scene_maps maps;    /* without `confirmed` */
+    uint16_t *strips;          /* rows in work, see warp.c */
+    struct scene_shift *shift; /* [65536] by disparity, from a key to the view */
+    uint8_t *changed;          /* [rows][cols] 0 or 1 */
+    uint16_t *sums;            /* [rows + 1][cols + 1] of the changed tiles above and to the left */
 };
 
 SST_MUST_CHECK int scene_composer_init(struct scene_composer *c, int width, int height);
 void scene_composer_fini(struct scene_composer *c);
+
+/** Prepare a key's maps for scene_compose(): which disparities occur in each tile, and what is warped of each cell. */
+void scene_measure_tiles(struct scene_key *key);
 
 /**
  * Disparity and label of a view's changed tiles, from the cells of all keys that are warped there: confirmed cells
  * first, of these the nearest surface. Cells that no key sees get the farther of the surfaces to their left and right.
  * Maps are upsampled to full size along the edges of the picture.
  *
+ * @param keys    measured by scene_measure_tiles()
+ * @param dirty   [tiles] other than 0: changed
  * @param labels  false: only disparities
  */
 void scene_compose(struct scene_composer *c, struct sst_lightfield *lf, int view, const struct scene_key *keys,
-                   int count, const uint8_t *dirty, int tile_cols, int tile_rows, bool labels);
+                   int count, const uint8_t *dirty, bool labels);
 
 /* --- background.c ------------------------------------------------------------------------------------------------- */
 
@@ -254,6 +276,8 @@ struct sst_livescene {
     /* from set to set */
     bool ready, whole_next;
     int runs;                           /* runs of the network since the labels were fitted */
+    int label_wait;                     /* sets until it runs again */
+    struct sst_map_u16 labelled;        /* disparities of the reference key when its cells were labelled */
     uint8_t *dirty[SST_MAX_VIEWS];      /* [tiles] to compute in this set: 1, or SST_SCENE_AGAIN */
     uint8_t *before[SST_MAX_VIEWS];     /* [tiles] 1: changed in the last set with changes; all 0 after a whole one */
     int64_t *changed_ns[SST_MAX_VIEWS]; /* [tiles] last change of the picture */

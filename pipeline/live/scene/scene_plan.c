@@ -5,6 +5,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/mem.h"
 #include "pipeline/live/scene/scene_internal.h"
 
 #define RETRY_NS INT64_C(2000000000)
@@ -33,6 +34,11 @@ static int make_key(struct sst_livescene *s, struct scene_key *key, int view)
         err = sst_map_u16_init(&m->disp, s->width, s->height);
         err = err ? err : sst_map_u8_init(&m->label, s->width, s->height);
         err = err ? err : sst_map_u8_init(&m->confirmed, s->width, s->height);
+    }
+    if (!err && !key->tile) {
+        key->tile = calloc((size_t)s->tiles, sizeof(*key->tile));
+        key->packed = sst_mem_alloc_raw((size_t)s->width * (size_t)s->height, sizeof(*key->packed));
+        err = key->tile && key->packed ? 0 : -ENOMEM;
     }
     if (!err)
         memset(m->disp.data, 0xFF, m->disp.stride * (size_t)m->disp.height);

@@ -17,15 +17,23 @@ _Static_assert(SST_SCENE_KEYS <= 64, "ranks have 6 bits");
 /* Cells of a row to upsample, with one more on both sides. */
 #define STRIP_CELLS(width) ((size_t)(width) + 2)
 
+/* Shifts of every stored disparity, as 16-bit pairs, and the same as an offset in cells of a map. */
+#define SHIFTS ((size_t)UINT16_MAX + 1)
+
 int scene_composer_init(struct scene_composer *c, int width, int height)
 {
     struct scene_composer made = { .width = width, .height = height };
     int err = sst_map_u16_init(&made.maps.disp, width, height);
 
+    made.cols = (width + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS;
+    made.rows = (height + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS;
     err = err ? err : sst_map_u8_init(&made.maps.label, width, height);
     made.z = sst_mem_alloc((size_t)width * (size_t)height, sizeof(*made.z));
     made.strips = sst_mem_alloc(9 * STRIP_CELLS(width) + 3 * (size_t)width, sizeof(*made.strips));
-    if (!err && (!made.z || !made.strips))
+    made.shift = sst_mem_alloc_raw(SHIFTS, sizeof(*made.shift));
+    made.changed = sst_mem_alloc((size_t)made.cols * (size_t)made.rows, 1);
+    made.sums = sst_mem_alloc((size_t)(made.cols + 1) * (size_t)(made.rows + 1), sizeof(*made.sums));
+    if (!err && (!made.z || !made.strips || !made.shift || !made.changed || !made.sums))
         err = -ENOMEM;
     if (err)
         scene_composer_fini(&made);
@@ -40,37 +48,90 @@ void scene_composer_fini(struct scene_composer *c)
     sst_map_u8_fini(&c->maps.label);
     sst_mem_free(c->z);
     sst_mem_free(c->strips);
+    sst_mem_free(c->shift);
+    sst_mem_free(c->changed);
+    sst_mem_free(c->sums);
 }
 
-/* The changed tiles' cells; x0 == x1: none. */
-static struct scene_rect bounds(const struct scene_composer *c, const uint8_t *dirty, int cols, int rows)
-{
-    struct scene_rect r = { cols, rows, 0, 0 };
+/* --- tiles -------------------------------------------------------------------------------------------------------- */
 
-    for (int y = 0; y < rows; y++) {
-        for (int x = 0; x < cols; x++) {
-            if (!dirty[y * cols + x])
-                continue;
-            r.x0 = sst_min_int(r.x0, x);
-            r.x1 = sst_max_int(r.x1, x + 1);
-            r.y0 = sst_min_int(r.y0, y);
-            r.y1 = y + 1;
+static struct scene_span tile_span(const struct sst_map_u16 *disp, int x0, int x1, int y0, int y1)
+{
+    struct scene_span s = { SST_DISP_NONE, 0 };
+
+    for (int y = y0; y < y1; y++) {
+        const uint16_t *d = sst_map_u16_row(disp, y);
+
+        for (int x = x0; x < x1; x++) {
+            const uint16_t known = d[x] == SST_DISP_NONE ? 0 : d[x];
+
+            s.far_q6 = d[x] < s.far_q6 ? d[x] : s.far_q6;
+            s.near_q6 = known > s.near_q6 ? known : s.near_q6;
         }
     }
-    if (r.x1 == 0)
-        return (struct scene_rect){ 0 };
-    return (struct scene_rect){ r.x0 * SST_SCENE_CELLS, r.y0 * SST_SCENE_CELLS,
-                                sst_min_int(r.x1 * SST_SCENE_CELLS, c->width),
-                                sst_min_int(r.y1 * SST_SCENE_CELLS, c->height) };
+    return s;
 }
 
-/* First and last + 1 source position along an axis from which a cell can be warped to lo .. hi-1. */
-static void sources(int *first, int *end, int lo, int hi, int size, int64_t near_q6, int64_t far_q6, int64_t b_q16)
+/* What is warped of a row of cells: priority within a key, disparity, label; 0: nothing. */
+static void pack_row(struct scene_key *key, int y)
 {
-    const int a = scene_shift(near_q6, b_q16), b = scene_shift(far_q6, b_q16);
+    const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
+    const uint8_t *label = sst_map_u8_row(&key->maps.label, y), *confirmed = sst_map_u8_row(&key->maps.confirmed, y);
+    uint32_t *to = key->packed + (size_t)y * (size_t)key->maps.disp.width;
 
-    *first = sst_clamp_int(lo + sst_min_int(a, b), 0, size);
-    *end = sst_clamp_int(hi + sst_max_int(a, b), 0, size);
+    for (int x = 0; x < key->maps.disp.width; x++) {
+        const uint32_t v = THERE | (uint32_t)confirmed[x] * CONFIRMED | (uint32_t)disp[x] << DISP_SHIFT | label[x];
+
+        to[x] = disp[x] == SST_DISP_NONE ? 0 : v;
+    }
+}
+
+void scene_measure_tiles(struct scene_key *key)
+{
+    const struct sst_map_u16 *disp = &key->maps.disp;
+    const int cols = (disp->width + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS;
+
+    key->span = (struct scene_span){ SST_DISP_NONE, 0 };
+    for (int y = 0; y < disp->height; y++)
+        pack_row(key, y);
+    for (int y = 0; y < disp->height; y += SST_SCENE_CELLS) {
+        for (int x = 0; x < disp->width; x += SST_SCENE_CELLS) {
+            const struct scene_span s = tile_span(disp, x, sst_min_int(x + SST_SCENE_CELLS, disp->width), y,
+                                                  sst_min_int(y + SST_SCENE_CELLS, disp->height));
+
+            key->tile[y / SST_SCENE_CELLS * cols + x / SST_SCENE_CELLS] = s;
+            key->span.far_q6 = s.far_q6 < key->span.far_q6 ? s.far_q6 : key->span.far_q6;
+            key->span.near_q6 = s.near_q6 > key->span.near_q6 ? s.near_q6 : key->span.near_q6;
+        }
+    }
+}
+
+/* Changed tiles as 0 or 1, and their sums above and to the left of each corner. @return number of changed tiles */
+static int count_changed(struct scene_composer *c, const uint8_t *dirty)
+{
+    for (int y = 0; y < c->rows; y++) {
+        const uint16_t *above = c->sums + (size_t)y * (size_t)(c->cols + 1);
+        uint16_t *to = c->sums + (size_t)(y + 1) * (size_t)(c->cols + 1);
+        int sum = 0;
+
+        for (int x = 0; x < c->cols; x++) {
+            c->changed[y * c->cols + x] = dirty[y * c->cols + x] != 0;
+            sum += dirty[y * c->cols + x] != 0;
+            to[x + 1] = (uint16_t)(above[x + 1] + sum);
+        }
+    }
+    return c->sums[(size_t)(c->rows + 1) * (size_t)(c->cols + 1) - 1];
+}
+
+/* Does a rectangle of cells meet a changed tile? */
+static bool meets_changed(const struct scene_composer *c, const struct scene_rect *r)
+{
+    const int x0 = sst_max_int(r->x0, 0) / SST_SCENE_CELLS, y0 = sst_max_int(r->y0, 0) / SST_SCENE_CELLS;
+    const int x1 = sst_min_int((r->x1 + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS, c->cols);
+    const int y1 = sst_min_int((r->y1 + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS, c->rows);
+    const uint16_t *top = c->sums + y0 * (c->cols + 1), *end = c->sums + y1 * (c->cols + 1);
+
+    return r->x1 > 0 && r->y1 > 0 && x0 < x1 && y0 < y1 && end[x1] - end[x0] - top[x1] + top[x0] > 0;
 }
 
 /* Rank of a key by its distance to the view: larger is nearer. Ties: the first. */
@@ -93,54 +154,99 @@ static uint32_t rank_of(const struct sst_lightfield *lf, int view, const struct 
     return rank;
 }
 
-/* Warp the cells of a key into the rectangle. */
-static void land(struct scene_composer *c, const struct sst_lightfield *lf, int view, const struct scene_key *key,
-                 uint32_t rank, const struct scene_rect *r)
+/* --- warping ------------------------------------------------------------------------------------------------------ */
+
+/* How the cells of a key move to the view: table of shifts, and the key's rank. */
+struct landing {
+    const struct scene_key *key;
+    const struct scene_shift *shift;
+    uint32_t rank;
+};
+
+/* Cells of a tile that stay inside of the picture wherever they go (inside), or those of them that do. */
+static inline void land_row(struct scene_composer *c, const struct landing *l, int x0, int x1, int y, bool inside)
 {
-    const uint32_t base = THERE | rank << RANK_SHIFT;
+    const uint32_t *packed = l->key->packed + (size_t)y * (size_t)c->width;
+    uint32_t *row = c->z + (size_t)y * (size_t)c->width;
+
+    for (int x = x0; x < x1; x++) {
+        const struct scene_shift s = l->shift[(uint16_t)(packed[x] >> DISP_SHIFT)];
+        const uint32_t v = packed[x] | l->rank;
+        uint32_t *at;
+
+        if (!packed[x] || (!inside && (x - s.x < 0 || x - s.x >= c->width || y - s.y < 0 || y - s.y >= c->height)))
+            continue;
+        at = &row[x - s.x - s.y * c->width];
+        *at = v > *at ? v : *at;
+    }
+}
+
+/* Where the cells of a tile may go: shifts are monotonic in the disparity. */
+static struct scene_rect landing_box(const struct scene_rect *tile, const struct scene_shift *a,
+                                     const struct scene_shift *b)
+{
+    return (struct scene_rect){ tile->x0 - sst_max_int(a->x, b->x), tile->y0 - sst_max_int(a->y, b->y),
+                                tile->x1 - sst_min_int(a->x, b->x), tile->y1 - sst_min_int(a->y, b->y) };
+}
+
+/* Warp the tiles of a key that may reach a changed tile. */
+static void land(struct scene_composer *c, const struct sst_lightfield *lf, int view, const struct scene_key *key,
+                 uint32_t rank)
+{
     const struct scene_warp way = scene_warp(lf, key->view, view);
-    const int64_t far_q6 = way.zero_q6, near_q6 = llround(lf->range_max_px * SST_DISP_SCALE) + 64;
-    int x0, x1, y0, y1;
+    const struct landing l = { key, c->shift, rank << RANK_SHIFT };
 
-    sources(&x0, &x1, r->x0, r->x1, c->width, near_q6, far_q6, way.bx_q16);
-    sources(&y0, &y1, r->y0, r->y1, c->height, near_q6, far_q6, way.by_q16);
-    for (int y = y0; y < y1; y++) {
-        const uint16_t *disp = sst_map_u16_row(&key->maps.disp, y);
-        const uint8_t *label = sst_map_u8_row(&key->maps.label, y),
-                      *confirmed = sst_map_u8_row(&key->maps.confirmed, y);
+    for (int d = key->span.far_q6; d <= key->span.near_q6; d++) {
+        c->shift[d].x = (int16_t)sst_clamp_int(scene_shift(way.zero_q6 + d, way.bx_q16), INT16_MIN, INT16_MAX);
+        c->shift[d].y = (int16_t)sst_clamp_int(scene_shift(way.zero_q6 + d, way.by_q16), INT16_MIN, INT16_MAX);
+    }
+    for (int i = 0; i < c->cols * c->rows; i++) {
+        const struct scene_span *span = &key->tile[i];
+        const int x0 = i % c->cols * SST_SCENE_CELLS, y0 = i / c->cols * SST_SCENE_CELLS;
+        const struct scene_rect tile = { x0, y0, sst_min_int(x0 + SST_SCENE_CELLS, c->width),
+                                         sst_min_int(y0 + SST_SCENE_CELLS, c->height) };
+        struct scene_rect box;
+        bool inside;
 
-        for (int x = x0; x < x1; x++) {
-            const int64_t d = way.zero_q6 + disp[x];
-            const int tx = x - scene_shift(d, way.bx_q16), ty = y - scene_shift(d, way.by_q16);
-            const uint32_t v = base | (confirmed[x] ? CONFIRMED : 0) | (uint32_t)disp[x] << DISP_SHIFT | label[x];
-            uint32_t *at;
-
-            if (tx < r->x0 || tx >= r->x1 || ty < r->y0 || ty >= r->y1 || disp[x] == SST_DISP_NONE)
-                continue;
-            at = &c->z[(size_t)ty * (size_t)c->width + (size_t)tx];
-            *at = v > *at ? v : *at;
+        if (span->far_q6 > span->near_q6)
+            continue;
+        box = landing_box(&tile, &c->shift[span->far_q6], &c->shift[span->near_q6]);
+        if (!meets_changed(c, &box))
+            continue;
+        inside = box.x0 >= 0 && box.y0 >= 0 && box.x1 <= c->width && box.y1 <= c->height;
+        for (int y = tile.y0; y < tile.y1; y++) {
+            if (inside)
+                land_row(c, &l, tile.x0, tile.x1, y, true);
+            else
+                land_row(c, &l, tile.x0, tile.x1, y, false);
         }
     }
 }
 
 /* Collect warped cells of changed tiles, and the existing maps of the view around them. */
-static void collect(struct scene_composer *c, const struct sst_view *v, const struct scene_rect *r,
-                    const uint8_t *dirty, int cols, bool labels)
+static void collect(struct scene_composer *c, const struct sst_view *v, const struct scene_rect *r, bool labels)
 {
     for (int y = r->y0; y < r->y1; y++) {
-        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * cols;
+        const uint8_t *tiles = c->changed + y / SST_SCENE_CELLS * c->cols;
         const uint32_t *z = c->z + (size_t)y * (size_t)c->width;
+        const uint16_t *view_disp = sst_map_u16_row(&v->disp, 2 * y);
+        const uint8_t *view_label = labels ? sst_map_u8_row(&v->label, 2 * y) : NULL;
         uint16_t *disp = sst_map_u16_row(&c->maps.disp, y);
         uint8_t *label = sst_map_u8_row(&c->maps.label, y);
 
-        for (int x = r->x0; x < r->x1; x++) {
-            if (!tiles[x / SST_SCENE_CELLS]) {
-                disp[x] = sst_map_u16_row(&v->disp, 2 * y)[2 * x];
-                label[x] = labels ? sst_map_u8_row(&v->label, 2 * y)[2 * x] : SST_LABEL_NONE;
-            } else {
-                disp[x] = z[x] ? (uint16_t)(z[x] >> DISP_SHIFT) : (uint16_t)SST_DISP_NONE;
-                label[x] = (uint8_t)z[x];
+        for (int x0 = r->x0, x1; x0 < r->x1; x0 = x1) {
+            x1 = sst_min_int(x0 + SST_SCENE_CELLS, r->x1);
+            if (tiles[x0 / SST_SCENE_CELLS]) {
+                for (int x = x0; x < x1; x++) {
+                    disp[x] = (uint16_t)((z[x] >> DISP_SHIFT) | (z[x] ? 0 : SST_DISP_NONE));
+                    label[x] = (uint8_t)z[x];
+                }
+                continue;
             }
+            for (int x = x0; x < x1; x++)
+                disp[x] = view_disp[2 * x];
+            for (int x = x0; x < x1; x++)
+                label[x] = view_label ? view_label[2 * x] : SST_LABEL_NONE;
         }
     }
 }
@@ -153,16 +259,18 @@ static bool shows_through(int d, int a, int b)
 }
 
 /* Close gaps of one cell: slanted surfaces get wider from view to view. */
-static void close_gaps(struct scene_composer *c, const struct scene_rect *r, const uint8_t *dirty, int cols)
+static void close_gaps(struct scene_composer *c, const struct scene_rect *r)
 {
     for (int y = r->y0; y < r->y1; y++) {
-        const uint8_t *tiles = dirty + y / SST_SCENE_CELLS * cols;
+        const uint8_t *tiles = c->changed + y / SST_SCENE_CELLS * c->cols;
         uint16_t *d = sst_map_u16_row(&c->maps.disp, y);
         uint8_t *l = sst_map_u8_row(&c->maps.label, y);
 
         for (int x = r->x0; x < r->x1; x++) {
-            if (!tiles[x / SST_SCENE_CELLS])
+            if (!tiles[x / SST_SCENE_CELLS]) {
+                x |= SST_SCENE_CELLS - 1;
                 continue;
+            }
             if (x > r->x0 && x + 1 < r->x1 && shows_through(d[x], d[x - 1], d[x + 1])) {
                 const int from = d[x - 1] < d[x + 1] ? x - 1 : x + 1;
 
@@ -313,38 +421,47 @@ static void enlarge_tiles(const struct scene_composer *c, struct sst_view *v, in
     }
 }
 
-/* Runs of changed tiles, row by row. */
-static void enlarge_changed(const struct scene_composer *c, struct sst_view *v, const uint8_t *dirty, int cols,
-                            int rows, bool labels)
+/* Runs of changed tiles of a rectangle, row by row. */
+static void enlarge_changed(const struct scene_composer *c, struct sst_view *v, const struct scene_rect *r, bool labels)
 {
-    for (int row = 0; row < rows; row++) {
-        for (int col = 0, end; col < cols; col = end + 1) {
-            for (end = col; end < cols && dirty[row * cols + end]; end++)
+    const int right = (r->x1 + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS;
+
+    for (int y = r->y0; y < r->y1; y += SST_SCENE_CELLS) {
+        const uint8_t *tiles = c->changed + y / SST_SCENE_CELLS * c->cols;
+
+        for (int col = r->x0 / SST_SCENE_CELLS, end; col < right; col = end + 1) {
+            for (end = col; end < right && tiles[end]; end++)
                 ;
             if (end > col)
-                enlarge_tiles(c, v, col * SST_SCENE_CELLS, sst_min_int(end * SST_SCENE_CELLS, c->width),
-                              row * SST_SCENE_CELLS, sst_min_int((row + 1) * SST_SCENE_CELLS, c->height), labels);
+                enlarge_tiles(c, v, col * SST_SCENE_CELLS, sst_min_int(end * SST_SCENE_CELLS, c->width), y,
+                              sst_min_int(y + SST_SCENE_CELLS, c->height), labels);
         }
     }
 }
 
 void scene_compose(struct scene_composer *c, struct sst_lightfield *lf, int view, const struct scene_key *keys,
-                   int count, const uint8_t *dirty, int cols, int rows, bool labels)
+                   int count, const uint8_t *dirty, bool labels)
 {
-    const struct scene_rect r = bounds(c, dirty, cols, rows);
-    /* With a margin, to fill and to upsample from. */
-    const struct scene_rect wide = { sst_max_int(r.x0 - SST_SCENE_CELLS, 0), sst_max_int(r.y0 - 1, 0),
-                                     sst_min_int(r.x1 + SST_SCENE_CELLS, c->width), sst_min_int(r.y1 + 1, c->height) };
+    struct scene_rect rects[SST_SCENE_RECTS];
     struct sst_view *v = &lf->views[view];
+    int n;
 
-    if (r.x0 == r.x1)
+    if (!count_changed(c, dirty))
         return;
-    for (int y = r.y0; y < r.y1; y++)
-        memset(c->z + (size_t)y * (size_t)c->width + r.x0, 0, (size_t)(r.x1 - r.x0) * sizeof(*c->z));
+    /* With a margin of a tile, to fill and to upsample from. */
+    n = scene_gather(rects, c->changed, c->cols, c->rows, c->width, c->height);
+    for (int i = 0; i < n; i++) {
+        for (int y = rects[i].y0; y < rects[i].y1; y++)
+            memset(c->z + (size_t)y * (size_t)c->width + rects[i].x0, 0,
+                   (size_t)(rects[i].x1 - rects[i].x0) * sizeof(*c->z));
+    }
     for (int k = 0; k < count; k++)
-        land(c, lf, view, &keys[k], rank_of(lf, view, keys, count, k), &r);
-    collect(c, v, &wide, dirty, cols, labels);
-    close_gaps(c, &wide, dirty, cols);
-    fill(c, &wide);
-    enlarge_changed(c, v, dirty, cols, rows, labels);
+        land(c, lf, view, &keys[k], rank_of(lf, view, keys, count, k));
+    for (int i = 0; i < n; i++) {
+        collect(c, v, &rects[i], labels);
+        close_gaps(c, &rects[i]);
+        fill(c, &rects[i]);
+    }
+    for (int i = 0; i < n; i++)
+        enlarge_changed(c, v, &rects[i], labels);
 }
