@@ -2,6 +2,20 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+
+#define HUGE_PAGE ((size_t)2 << 20) /* of x86-64, and the usual one of arm64 */
+#define HUGE_FROM (8 * HUGE_PAGE)   /* blocks whose last page, used in part, costs little */
+
+/* A large block in huge pages: a page fault for each 4 KiB of a cost volume is a fifth of the time to match a pair. */
+static void *alloc_huge(size_t bytes)
+{
+    void *p = aligned_alloc(HUGE_PAGE, (bytes + HUGE_PAGE - 1) / HUGE_PAGE * HUGE_PAGE);
+
+    if (p)
+        madvise(p, bytes, MADV_HUGEPAGE); /* a wish: without it all is the same, only slower */
+    return p;
+}
 
 void *sst_mem_alloc_raw(size_t count, size_t size)
 {
@@ -10,7 +24,8 @@ void *sst_mem_alloc_raw(size_t count, size_t size)
     if (__builtin_mul_overflow(count, size, &bytes) ||
         __builtin_add_overflow(bytes, (size_t)(2 * SST_ALIGN - 1), &bytes))
         return NULL;
-    return aligned_alloc(SST_ALIGN, bytes / SST_ALIGN * SST_ALIGN);
+    return bytes >= HUGE_FROM && bytes < SIZE_MAX - HUGE_PAGE ? alloc_huge(bytes)
+                                                              : aligned_alloc(SST_ALIGN, bytes / SST_ALIGN * SST_ALIGN);
 }
 
 void *sst_mem_alloc(size_t count, size_t size)
