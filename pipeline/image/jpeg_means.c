@@ -484,6 +484,8 @@ static int put_first(struct writer *w, const struct reader *r, const struct scan
     const bool fresh = restarts(s->index, n);
     size_t at = mcu->at;
 
+    if (at > r->end)
+        return -EBADMSG;
     for (int i = 0; i < s->components; i++) {
         const struct component *c = &s->c[i];
 
