@@ -32,7 +32,7 @@ struct bench {
 
 static const char *const names[2] = { "refocus", "see-through" };
 
-/* Who makes the picture: OpenCV, or we from so many views. */
+/* The pictures that are compared: of all views, of fewer, by OpenCV. */
 static const struct {
     const char *name; /* of "%s": the method */
     int views;        /* 0: all; -1: OpenCV */

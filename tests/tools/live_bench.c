@@ -8,7 +8,7 @@
  * min=0 max=0 (disparities) focus=NAN width=0 height=0 (of a world; 0: native) same=0 (from this set on the world
  * stands still) absent=-1 from=0 (this camera gives no frames from that set on) lamp=0 gain=1.3 (from this set on the
  * world is so much brighter) verify=1 (0: rays count by depth and label alone) clear=0 (1: clear pictures).
- * truth=LABEL: how right that label is in every set, and how often it would be told to have appeared (of a world with
+ * truth=LABEL: how right that label is in every set, and how often it is reported to have appeared (of a world with
  * ideal cameras). */
 #include <errno.h>
 #include <math.h>

@@ -570,9 +570,10 @@ static int match_others(struct run *run, int workers)
 
     if (!err && run->lf->views[ref].present && !run->carried[ref])
         err = sst_disparity_carry_error(&in, NULL, ref, &error);
-    if (!err && run->cfg->report)
-        run->cfg->report->views_error = error;
-    if (!err && !(error <= run->cfg->key_error)) {
+    if (!err && error <= run->cfg->key_error) {
+        if (run->cfg->report)
+            run->cfg->report->views_error = error;
+    } else if (!err) {
         run->others = true;
         err = match_all(run, workers, NULL, NULL);
         if (run->cfg->report)
