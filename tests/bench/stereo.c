@@ -1,5 +1,5 @@
 /* Times matching of the Middlebury pairs by this project's presets and by OpenCV, interleaved: stereo DATA TRUTH
- * ROUNDS. Prints CSV, one line for each pair, round and method. */
+ * ROUNDS [METHOD], of one method to profile it. Prints CSV, one line for each pair, round and method. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -90,14 +90,16 @@ static int measure(const struct pair *p, size_t index, size_t method, int round)
     return err;
 }
 
-static int measure_pair(size_t index, const char *data, const char *truth, int rounds)
+static int measure_pair(size_t index, const char *data, const char *truth, int rounds, const char *only)
 {
     struct pair p = { 0 };
     int err = load(&p, index, data, truth);
 
     for (int round = 0; !err && round <= rounds; round++) {
-        for (size_t method = 0; !err && method < ARRAY_LEN(methods); method++)
-            err = measure(&p, index, method, round);
+        for (size_t method = 0; !err && method < ARRAY_LEN(methods); method++) {
+            if (!only || !strcmp(only, methods[method].name))
+                err = measure(&p, index, method, round);
+        }
     }
     sst_image_fini(&p.left);
     sst_image_fini(&p.right);
@@ -107,16 +109,17 @@ static int measure_pair(size_t index, const char *data, const char *truth, int r
 
 int main(int argc, char **argv)
 {
-    const int rounds = argc == 4 ? atoi(argv[3]) : 0;
+    const int rounds = argc == 4 || argc == 5 ? atoi(argv[3]) : 0;
     int err = 0;
 
     if (rounds < 1) {
-        fprintf(stderr, "usage: stereo DATA TRUTH ROUNDS: folders of the pairs, of their truth (PFM); rounds >= 1\n");
+        fprintf(stderr,
+                "usage: stereo DATA TRUTH ROUNDS [METHOD]: folders of the pairs, of their truth (PFM); rounds >= 1\n");
         return 2;
     }
     printf("pair,method,round,ms,cpu_ms,bad05,bad1,bad2,bad4,rmse,width,height\n");
     for (size_t i = 0; !err && i < ARRAY_LEN(pairs); i++)
-        err = measure_pair(i, argv[1], argv[2], rounds);
+        err = measure_pair(i, argv[1], argv[2], rounds, argc == 5 ? argv[4] : NULL);
     if (err)
         sst_log_error("stereo bench: %s", strerror(-err));
     return err ? 1 : 0;

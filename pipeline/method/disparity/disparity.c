@@ -755,7 +755,8 @@ int sst_disparity_stereo(struct sst_map_f32 *out, const struct sst_image *left, 
     lf.views[0].image = *left;
     lf.views[1].image = *right;
     err = check_config(&lf, cfg);
-    if (!err && cfg->one_volume && !cfg->raw && cfg->fill && !(cfg->support_arm && cfg->support_after)) {
+    if (!err && cfg->one_volume && cfg->paths == 4 && !cfg->raw && cfg->fill &&
+        !(cfg->support_arm && cfg->support_after)) {
         err = sst_disparity_pair(out, left, right, cfg);
         goto done;
     }

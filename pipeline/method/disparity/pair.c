@@ -1,6 +1,7 @@
-/* Matching of one rectified pair. Only the left image has a cost volume: the right one's disparities, which the check
- * needs, are the minima along its diagonals. All steps work on fixed bands of rows or strips of columns, so that the
- * result does not depend on threads. */
+/* Matching of one rectified pair, from coarse to fine: the map at a quarter of the size leaves each tile of the cost
+ * volume a short range of disparities. Only the left image has a volume: the right one's disparities, which the check
+ * needs, are the minima along its diagonals. All steps work on fixed tiles and bands of rows, so that the result does
+ * not depend on threads. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -14,14 +15,18 @@
 #include "pipeline/method/network/network.h"
 
 #define BAND        48 /* rows of a band */
-#define STRIP       32 /* columns of a strip */
 #define FILTER_HALO 5  /* rows beyond a band that the median (2) and the bilateral filter (3) read */
 #define MOST_NETS   2
-#define AGREE_Q6    64 /* both images confirm each other within a pixel */
+#define SPECK       121 /* pixels, the largest support region: smaller surfaces are false more often than not */
+#define AGREE_Q6    48  /* both images confirm each other within it: 3/4 px */
 
-/* What a worker needs for the band or strip in hand. */
+#define COARSER      4  /* the coarse map's part of the size */
+#define LEAST_COARSE 48 /* px to both sides; a smaller one leaves nothing to match */
+#define SHORT_RANGE  32 /* steps that fill the registers: fewer save nothing */
+
+/* What a worker needs for the tile or band in hand. */
 struct worker {
-    struct sst_volume band;
+    struct sst_volume tile;
     struct sst_mem_kept lines, rows;
 };
 
@@ -29,12 +34,12 @@ struct pair {
     const struct sst_disparity_config *cfg;
     const struct sst_image *image[2];
     struct sst_network *nets[MOST_NETS];
-    int threads, workers;
+    int threads, workers, scale;
     struct sst_descriptor desc[2];
     struct sst_neighbour right;
     struct sst_support support;
-    struct sst_volume volume; /* of the whole left image */
-    uint16_t *upward;         /* with 8 paths: the sums of the sweep upwards */
+    struct sst_volume shape; /* without memory: what the whole image's volume would be */
+    struct sst_tiles tiles;
     struct sst_disparity_sgm_penalties penalties;
     struct worker *worker;                /* [workers] */
     struct sst_map_u16 raw[2], disp[2];   /* of both images, before and after the filters */
@@ -43,7 +48,7 @@ struct pair {
 
 static int bands(const struct pair *p)
 {
-    return (p->volume.height + BAND - 1) / BAND;
+    return (p->shape.height + BAND - 1) / BAND;
 }
 
 static int describe_job(void *arg, int index, int worker)
@@ -55,83 +60,103 @@ static int describe_job(void *arg, int index, int worker)
     if (!err && index == 0 && cfg->support_arm)
         err = sst_disparity_support_init(&p->support, &p->desc[0].image, cfg->support_arm, cfg->support_tau);
     if (!err && index == 1)
-        err = sst_descriptor_add_phases(&p->desc[1], sst_volume_phases(&p->volume, 1, 0));
+        err = sst_descriptor_add_phases(&p->desc[1], sst_volume_phases(&p->shape, 1, 0));
     return err;
 }
 
-/* Costs and horizontal paths of a band. Rows around it are matched as well, for the support regions to reach into. */
-static int band_job(void *arg, int index, int worker)
+static int support_halo(const struct pair *p)
 {
-    struct pair *p = arg;
-    struct sst_volume *v = &p->volume, *b = &p->worker[worker].band;
-    const int y0 = index * BAND, y1 = sst_min_int(y0 + BAND, v->height);
-    const int rounds = p->cfg->support_arm ? p->cfg->support_before : 0, halo = rounds * p->cfg->support_arm;
-    const int top = sst_max_int(y0 - halo, 0), end = sst_min_int(y1 + halo, v->height);
-    const size_t row_cells = v->width_padded * v->steps_padded;
+    return p->cfg->support_arm * p->cfg->support_before;
+}
+
+/* Costs of a tile. Pixels around it are matched as well, for the support regions to reach into. */
+static int fill_tile(struct pair *p, const struct sst_tile *t, struct sst_volume *v)
+{
+    const int halo = support_halo(p), left = sst_max_int(t->x0 - halo, 0), top = sst_max_int(t->y0 - halo, 0);
+    const int right = sst_min_int(t->x0 + t->width + halo, p->shape.width);
+    const int bottom = sst_min_int(t->y0 + t->height + halo, p->shape.height);
+    const size_t row = (size_t)t->width * t->steps_padded;
     int err;
 
-    if (p->cfg->cancel && *p->cfg->cancel)
-        return -ECANCELED;
-    sst_volume_window(b, 0, top, v->width, end - top);
-    sst_volume_fill(b, &p->desc[0], &p->right, 1);
-    err = sst_disparity_support_aggregate(b, &p->support, rounds);
-    for (int y = y0; !err && y < y1; y++) {
-        uint8_t *cost = v->cost + (size_t)y * row_cells;
+    v->disp_min = p->shape.disp_min + t->first;
+    v->steps = t->steps;
+    v->steps_padded = t->steps_padded;
+    sst_volume_window(v, left, top, right - left, bottom - top);
+    sst_volume_fill(v, &p->desc[0], &p->right, 1);
+    err = sst_disparity_support_aggregate(v, &p->support, halo ? p->cfg->support_before : 0);
+    for (int y = t->y0; !err && y < t->y0 + t->height; y++) {
+        const size_t at = (size_t)(y - top) * v->width_padded + (size_t)(t->x0 - left);
 
-        memcpy(cost, b->cost + (size_t)(y - top) * row_cells, row_cells);
-        err = sst_disparity_sgm_row(v, &p->desc[0].image, &p->penalties, y, &p->worker[worker].lines);
+        memcpy(p->tiles.cost + sst_tile_cells(t, y), v->cost + at * t->steps_padded, row);
     }
     return err;
 }
 
-/* Vertical paths of a strip of columns. */
-static int strip_job(void *arg, int index, int worker)
+/* Costs and horizontal paths of a row of tiles. */
+static int row_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
-    const int x0 = index * STRIP;
+    const struct sst_tile *t = &p->tiles.tile[(size_t)index * (size_t)p->tiles.columns];
+    int err = p->cfg->cancel && *p->cfg->cancel ? -ECANCELED : 0;
 
-    return sst_disparity_sgm_columns(&p->volume, &p->desc[0].image, &p->penalties, x0,
-                                     sst_min_int(x0 + STRIP, p->volume.width), &p->worker[worker].lines);
+    for (int i = 0; !err && i < p->tiles.columns; i++)
+        err = fill_tile(p, &t[i], &p->worker[worker].tile);
+    return err ? err
+               : sst_tiles_paths_along(&p->tiles, &p->desc[0].image, &p->penalties, index, &p->worker[worker].lines);
 }
 
-/* One of both sweeps of 8 paths; the sums of the second one stand apart. */
-static int sweep_job(void *arg, int index, int worker)
+/* Vertical paths of a column of tiles. */
+static int column_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
-    struct sst_volume v = p->volume;
 
-    if (index)
-        v.sum = p->upward;
-    return sst_disparity_sgm_slanted(&v, &p->desc[0].image, &p->penalties, index ? -1 : 1, index,
-                                     &p->worker[worker].lines);
+    return sst_tiles_paths_down(&p->tiles, &p->desc[0].image, &p->penalties, index, &p->worker[worker].lines);
 }
 
-/* Whole-pixel disparities of row y of the right image: for each pixel the cheapest along its diagonal. */
-static int match_right(struct pair *p, int y, struct sst_mem_kept *rows)
+/* Merge the whole-pixel disparities of row y of a tile into the keys of the right image's row: for each pixel the
+ * cheapest along its diagonal. @param scratch  elements: tile_keys() */
+static void match_right_of(const struct pair *p, const struct sst_tile *t, int y, uint32_t *key, uint32_t *scratch)
 {
-    const struct sst_volume *v = &p->volume;
-    const size_t n = (size_t)v->width, nd = v->steps_padded, whole = (size_t)(v->steps - 1) / (size_t)v->divisor + 1;
-    const size_t keys = n + whole;
-    uint32_t *key = sst_mem_keep(rows, keys + (v->divisor > 1 ? n * nd : 0), sizeof(*key));
-    const uint16_t *sum = v->sum + (size_t)y * v->width_padded * nd;
+    const size_t n = (size_t)t->width, divisor = (size_t)p->shape.divisor, whole = (size_t)(t->steps - 1) / divisor + 1;
+    const uint16_t *sum = p->tiles.sum + sst_tile_cells(t, y);
+    uint32_t *own = key + (p->shape.width - t->x0 - t->width + t->first);
+    size_t stride = t->steps_padded;
+
+    if (divisor > 1) {
+        uint16_t *some = (uint16_t *)(scratch + n + whole);
+
+        for (size_t x = 0; x < n; x++) {
+            for (size_t d = 0; d < whole; d++)
+                some[x * whole + d] = sum[x * stride + d * divisor];
+        }
+        sum = some;
+        stride = whole;
+    }
+    memset(scratch, 0xFF, (n + whole) * sizeof(*scratch));
+    sst_kernels_get()->winner_other_row(scratch, sum, stride, n, whole);
+    for (size_t i = 0; i < n + whole - 1; i++) {
+        const uint32_t k = scratch[i] == UINT32_MAX ? UINT32_MAX : scratch[i] + (uint32_t)t->first;
+
+        own[i] = k < own[i] ? k : own[i];
+    }
+}
+
+/* Whole-pixel disparities of row y of the right image. */
+static int match_right(struct pair *p, const struct sst_tile *row, int y, struct sst_mem_kept *rows)
+{
+    const size_t w = (size_t)p->shape.width, range = (size_t)(p->shape.steps - 1) / (size_t)p->shape.divisor;
+    const size_t keys = w + range + 1, tile_keys = SST_TILE_WIDTH * (range + 2) + range + 1;
+    uint32_t *key = sst_mem_keep(rows, keys + tile_keys, sizeof(*key));
     uint16_t *out = sst_map_u16_row(&p->raw[1], y);
 
     if (!key)
         return -ENOMEM;
-    if (v->divisor > 1) {
-        uint16_t *some = (uint16_t *)(key + keys);
-
-        for (size_t x = 0; x < n; x++) {
-            for (size_t d = 0; d < whole; d++)
-                some[x * nd + d] = sum[x * nd + d * (size_t)v->divisor];
-        }
-        sum = some;
-    }
     memset(key, 0xFF, keys * sizeof(*key));
-    sst_kernels_get()->winner_other_row(key, sum, nd, n, whole);
-    for (int x = 0; x < v->width; x++) {
-        /* Entry n - 1 - xl + d, with xl = x + disp_min + d. */
-        const int64_t at = (int64_t)v->width - 1 - x - v->disp_min;
+    for (int i = 0; i < p->tiles.columns; i++)
+        match_right_of(p, &row[i], y, key, key + keys);
+    for (int x = 0; x < p->shape.width; x++) {
+        /* Entry w - 1 - xl + d, with xl = x + disp_min + d. */
+        const int64_t at = (int64_t)w - 1 - x - p->shape.disp_min;
 
         out[x] = (uint16_t)(at < 0 || at >= (int64_t)keys || key[at] == UINT32_MAX ? SST_DISP_NONE
                                                                                    : 64 * (key[at] & 0xFFFF));
@@ -139,29 +164,41 @@ static int match_right(struct pair *p, int y, struct sst_mem_kept *rows)
     return 0;
 }
 
+static int tile_winner(struct pair *p, const struct sst_tile *t, struct worker *w)
+{
+    struct sst_map_u16 disp = { t->width, t->height, p->raw[0].stride, sst_map_u16_row(&p->raw[0], t->y0) + t->x0 };
+    struct sst_map_u8 confidence = { t->width, t->height, p->confidence.stride,
+                                     sst_map_u8_row(&p->confidence, t->y0) + t->x0 };
+    struct sst_volume v = { .width = t->width,
+                            .height = t->height,
+                            .width_padded = (size_t)t->width,
+                            .steps = t->steps,
+                            .steps_padded = t->steps_padded,
+                            .divisor = p->shape.divisor,
+                            .sum = p->tiles.sum + t->cells,
+                            .lines = w->lines };
+    const int err = sst_volume_winner(&v, false, &disp, &confidence);
+
+    w->lines = v.lines;
+    for (int y = 0; !err && t->first && y < t->height; y++) {
+        uint16_t *d = sst_map_u16_row(&disp, y);
+
+        for (int x = 0; x < t->width; x++)
+            d[x] = (uint16_t)(d[x] + 64 * t->first);
+    }
+    return err;
+}
+
 static int winner_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
-    const int y0 = index * BAND, rows = sst_min_int(BAND, p->volume.height - y0);
-    const size_t row_cells = p->volume.width_padded * p->volume.steps_padded;
-    struct sst_volume v = p->volume;
-    struct sst_map_u16 disp = sst_map_u16_rows(&p->raw[0], y0, rows);
-    struct sst_map_u8 confidence = sst_map_u8_rows(&p->confidence, y0, rows);
-    int err;
+    const struct sst_tile *t = &p->tiles.tile[(size_t)index * (size_t)p->tiles.columns];
+    int err = 0;
 
-    v.height = rows;
-    v.sum += (size_t)y0 * row_cells;
-    v.lines = p->worker[worker].lines;
-    if (p->upward) {
-        const uint16_t *more = p->upward + (size_t)y0 * row_cells;
-
-        for (size_t i = 0; i < (size_t)rows * row_cells; i++)
-            v.sum[i] = (uint16_t)(v.sum[i] + more[i]);
-    }
-    err = sst_volume_winner(&v, false, &disp, &confidence);
-    p->worker[worker].lines = v.lines;
-    for (int y = y0; !err && y < y0 + rows; y++)
-        err = match_right(p, y, &p->worker[worker].rows);
+    for (int i = 0; !err && i < p->tiles.columns; i++)
+        err = tile_winner(p, &t[i], &p->worker[worker]);
+    for (int y = t->y0; !err && y < t->y0 + t->height; y++)
+        err = match_right(p, t, y, &p->worker[worker].rows);
     return err;
 }
 
@@ -190,10 +227,10 @@ static void check_row(struct pair *p, int y)
 {
     const uint16_t *left = sst_map_u16_row(&p->disp[0], y), *right = sst_map_u16_row(&p->disp[1], y);
     uint8_t *status = sst_map_u8_row(&p->status, y);
-    const int w = p->volume.width;
+    const int w = p->shape.width;
 
     for (int x = 0; x < w; x++) {
-        const int xr = x - p->volume.disp_min - (left[x] + 32) / 64;
+        const int xr = x - p->shape.disp_min - (left[x] + 32) / 64;
         const int there = xr >= 0 && xr < w ? right[xr] : (int)SST_DISP_NONE;
 
         status[x] = there == (int)SST_DISP_NONE || abs(there - left[x]) > AGREE_Q6 ? SST_DISPARITY_OCCLUSION
@@ -204,26 +241,13 @@ static void check_row(struct pair *p, int y)
 static int filter_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
-    const int y0 = index * BAND, y1 = sst_min_int(y0 + BAND, p->volume.height);
+    const int y0 = index * BAND, y1 = sst_min_int(y0 + BAND, p->shape.height);
     int err = filter(p, 0, y0, y1, &p->worker[worker]);
 
     err = err ? err : filter(p, 1, y0, y1, &p->worker[worker]);
     for (int y = y0; !err && y < y1; y++)
         check_row(p, y);
     return err;
-}
-
-static int optimise(struct pair *p)
-{
-    const struct sst_volume *v = &p->volume;
-    int err = sst_parallel_for(bands(p), p->threads, band_job, p);
-
-    if (err)
-        return err;
-    if (p->cfg->paths == 4)
-        return sst_parallel_for((v->width + STRIP - 1) / STRIP, p->threads, strip_job, p);
-    p->upward = sst_mem_alloc_raw(v->width_padded * (size_t)v->height * v->steps_padded, sizeof(uint16_t));
-    return p->upward ? sst_parallel_for(2, p->threads, sweep_job, p) : -ENOMEM;
 }
 
 static int open_networks(struct pair *p)
@@ -235,29 +259,22 @@ static int open_networks(struct pair *p)
         return 0;
     for (int i = 0; !err && i < count; i++)
         err = sst_network_open(&p->nets[i], p->cfg->model, p->cfg->precision, p->threads / count);
-    return err ? err : sst_descriptor_check_network(p->nets[0], p->cfg->model, p->volume.width, p->volume.height);
+    return err ? err : sst_descriptor_check_network(p->nets[0], p->cfg->model, p->shape.width, p->shape.height);
 }
 
 static int allocate(struct pair *p)
 {
-    const struct sst_disparity_config *cfg = p->cfg;
-    const int w = (p->image[0]->width + cfg->scale - 1) / cfg->scale;
-    const int h = (p->image[0]->height + cfg->scale - 1) / cfg->scale;
-    const int disp_min = (int)floor(cfg->disp_min_px / cfg->scale);
-    const int range = (int)ceil(cfg->disp_max_px / cfg->scale) - disp_min;
-    const int divisor = sst_disparity_divisor(range), steps = range * divisor + 1;
-    const int halo = cfg->support_arm * cfg->support_before;
-    int err = sst_volume_init(&p->volume, w, h, disp_min, steps);
+    const int halo = 2 * support_halo(p), w = p->shape.width, h = p->shape.height;
+    int err = 0;
 
-    p->volume.divisor = divisor;
-    p->volume.phase_step = sst_disparity_phase_step(cfg, w, h);
     p->worker = calloc((size_t)p->workers, sizeof(*p->worker));
     if (!p->worker)
         return -ENOMEM;
     for (int i = 0; !err && i < p->workers; i++) {
-        err = sst_volume_init(&p->worker[i].band, w, sst_min_int(BAND + 2 * halo, h), disp_min, steps);
-        p->worker[i].band.divisor = divisor;
-        p->worker[i].band.phase_step = p->volume.phase_step;
+        err = sst_volume_init(&p->worker[i].tile, sst_min_int(SST_TILE_WIDTH + halo, w),
+                              sst_min_int(SST_TILE_HEIGHT + halo, h), p->shape.disp_min, p->shape.steps);
+        p->worker[i].tile.divisor = p->shape.divisor;
+        p->worker[i].tile.phase_step = p->shape.phase_step;
     }
     for (int i = 0; i < 2; i++) {
         err = err ? err : sst_map_u16_init(&p->raw[i], w, h);
@@ -276,36 +293,113 @@ static void release(struct pair *p)
         sst_map_u16_fini(&p->disp[i]);
     }
     for (int i = 0; p->worker && i < p->workers; i++) {
-        sst_volume_fini(&p->worker[i].band);
+        sst_volume_fini(&p->worker[i].tile);
         sst_mem_kept_fini(&p->worker[i].lines);
         sst_mem_kept_fini(&p->worker[i].rows);
     }
     free(p->worker);
     sst_disparity_support_fini(&p->support);
-    sst_volume_fini(&p->volume);
-    sst_mem_free(p->upward);
+    sst_tiles_fini(&p->tiles);
     sst_map_u8_fini(&p->status);
     sst_map_u8_fini(&p->confidence);
 }
 
+static int match(struct pair *p);
+
+/* Match at a quarter of the size. @param p  out, as of match(); the caller releases it and its images */
+static int match_coarse(struct pair *coarse, struct sst_disparity_config *cfg, struct sst_image *small,
+                        const struct pair *p)
+{
+    int err = 0;
+
+    *cfg = (struct sst_disparity_config){ .disp_min_px = floor((double)p->shape.disp_min / COARSER),
+                                          .cost = SST_COST_CENSUS,
+                                          .paths = 4,
+                                          .p1 = p->cfg->p1,
+                                          .p2 = p->cfg->p2,
+                                          .edge_step = p->cfg->edge_step,
+                                          .scale = 1,
+                                          .cancel = p->cfg->cancel };
+    cfg->disp_max_px = ceil((p->shape.disp_min + (double)(p->shape.steps - 1) / p->shape.divisor) / COARSER);
+    *coarse = (struct pair){ .cfg = cfg, .threads = p->threads, .workers = p->workers, .scale = COARSER * p->scale };
+    for (int i = 0; !err && i < 2; i++) {
+        struct sst_image half;
+
+        err = sst_image_halve(&half, &p->desc[i].image);
+        if (err)
+            break;
+        err = sst_image_halve(&small[i], &half);
+        sst_image_fini(&half);
+        coarse->image[i] = &small[i];
+    }
+    return err ? err : match(coarse);
+}
+
+static int lay_out_tiles(struct pair *p)
+{
+    struct pair coarse = { 0 };
+    struct sst_disparity_config cfg;
+    struct sst_image small[2] = { { 0 }, { 0 } };
+    const bool fine =
+        p->shape.steps <= SHORT_RANGE || sst_min_int(p->shape.width, p->shape.height) < COARSER * LEAST_COARSE;
+    int err = fine ? 0 : match_coarse(&coarse, &cfg, small, p);
+
+    if (!err)
+        err = sst_tiles_init(&p->tiles, p->shape.width, p->shape.height, &p->shape,
+                             fine ? NULL : &(struct sst_coarse){ &coarse.disp[0], coarse.shape.disp_min, COARSER });
+    release(&coarse);
+    sst_image_fini(&small[0]);
+    sst_image_fini(&small[1]);
+    return err;
+}
+
+/* A pixel that the right image does not confirm is hidden there more often than not: all get the background, the
+ * farther of the confirmed pixels to both sides. */
+static int fill(struct pair *p)
+{
+    const int err = sst_disparity_drop_specks(&p->status, &p->disp[0], SPECK / (p->scale * p->scale));
+
+    if (err)
+        return err;
+    sst_disparity_extend_margins(&p->disp[0], &p->status, p->shape.disp_min, (p->shape.steps - 1) / p->shape.divisor);
+    sst_fill_views(&p->disp[0], &p->status, p->shape.disp_min, NULL, 0, 0, NULL);
+    return 0;
+}
+
+static void set_shape(struct pair *p)
+{
+    const struct sst_disparity_config *cfg = p->cfg;
+    const int scale = cfg->scale, disp_min = (int)floor(cfg->disp_min_px / scale);
+    const int range = (int)ceil(cfg->disp_max_px / scale) - disp_min;
+    /* Coarse maps need no finer steps. */
+    const int divisor = p->scale > scale ? 1 : sst_disparity_divisor(range);
+
+    p->shape = (struct sst_volume){ .width = (p->image[0]->width + scale - 1) / scale,
+                                    .height = (p->image[0]->height + scale - 1) / scale,
+                                    .disp_min = disp_min,
+                                    .steps = range * divisor + 1,
+                                    .divisor = divisor };
+    p->shape.phase_step = sst_disparity_phase_step(cfg, p->shape.width, p->shape.height);
+}
+
 static int match(struct pair *p)
 {
-    int err = allocate(p);
+    int err;
 
+    set_shape(p);
+    err = allocate(p);
     err = err ? err : open_networks(p);
     err = err ? err : sst_parallel_for(2, p->threads, describe_job, p);
+    err = err ? err : lay_out_tiles(p);
     if (err)
         return err;
     p->right = (struct sst_neighbour){ &p->desc[1], 1, 0 };
     sst_disparity_sgm_penalties_init(&p->penalties, p->cfg);
-    err = optimise(p);
-    err = err ? err : sst_parallel_for(bands(p), p->threads, winner_job, p);
+    err = sst_parallel_for(p->tiles.rows, p->threads, row_job, p);
+    err = err ? err : sst_parallel_for(p->tiles.columns, p->threads, column_job, p);
+    err = err ? err : sst_parallel_for(p->tiles.rows, p->threads, winner_job, p);
     err = err ? err : sst_parallel_for(bands(p), p->threads, filter_job, p);
-    /* A pixel that the right image does not confirm is hidden there more often than not: all get the background, the
-     * farther of the confirmed pixels to both sides. */
-    if (!err)
-        sst_fill_views(&p->disp[0], &p->status, p->volume.disp_min, NULL, 0, 0, NULL);
-    return err;
+    return err ? err : fill(p);
 }
 
 static void deliver(struct sst_map_f32 *out, const struct pair *p)
@@ -319,7 +413,7 @@ static void deliver(struct sst_map_f32 *out, const struct pair *p)
         for (int x = 0; x < out->width; x++) {
             const unsigned at = d[x / scale];
 
-            to[x] = at == SST_DISP_NONE ? INFINITY : (float)(scale * (p->volume.disp_min + (double)at / 64.0));
+            to[x] = at == SST_DISP_NONE ? INFINITY : (float)(scale * (p->shape.disp_min + (double)at / 64.0));
         }
     }
 }
@@ -327,7 +421,9 @@ static void deliver(struct sst_map_f32 *out, const struct pair *p)
 int sst_disparity_pair(struct sst_map_f32 *out, const struct sst_image *left, const struct sst_image *right,
                        const struct sst_disparity_config *cfg)
 {
-    struct pair p = { .cfg = cfg, .image = { left, right }, .threads = sst_thread_count(cfg->threads) };
+    struct pair p = {
+        .cfg = cfg, .image = { left, right }, .threads = sst_thread_count(cfg->threads), .scale = cfg->scale
+    };
     int err;
 
     p.workers = p.threads;
@@ -336,8 +432,8 @@ int sst_disparity_pair(struct sst_map_f32 *out, const struct sst_image *left, co
     if (!err)
         deliver(out, &p);
     if (err == -ENOMEM)
-        sst_log_error("not enough memory to match %d disparities at %dx%d; use a narrower range", p.volume.steps,
-                      p.volume.width, p.volume.height);
+        sst_log_error("not enough memory to match %d disparities at %dx%d; use a narrower range", p.shape.steps,
+                      p.shape.width, p.shape.height);
     release(&p);
     return err;
 }

@@ -18,7 +18,7 @@ static const struct {
 } presets[] = {
     { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2, .one_volume = true, .key_spacing = 3 } },
     { "balanced",
-      { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .key_spacing = 3,
+      { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .one_volume = true, .key_spacing = 3,
         .skip_hypotheses = true } },
     { "accurate",
       { COMMON, SUPPORT, .cost = SST_COST_BOTH, .views_census = true, .paths = 8, .scale = 1, .rounds = 2,

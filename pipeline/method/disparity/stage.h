@@ -181,24 +181,62 @@ struct sst_disparity_sgm_penalties {
 
 void sst_disparity_sgm_penalties_init(struct sst_disparity_sgm_penalties *p, const struct sst_disparity_config *cfg);
 
+/* Pixels of a tile: with support regions around them, 64x48. */
+#define SST_TILE_WIDTH  54
+#define SST_TILE_HEIGHT 38
+
+/** A part of a view: disparities first .. first + (steps - 1) / divisor px above the smallest. */
+struct sst_tile {
+    int x0, y0, width, height;
+    int first, steps;
+    size_t steps_padded; /* multiple of 32 */
+    size_t cells;        /* of the tiles before it */
+};
+
+/** Costs of a view and their sums over paths, tile by tile: [height][width][steps_padded] each. */
+struct sst_tiles {
+    int columns, rows;
+    int disp_min, steps, divisor; /* as of struct sst_volume */
+    struct sst_tile *tile;        /* [rows][columns] */
+    uint8_t *cost;
+    uint16_t *sum;
+};
+
+/** Disparities of the view at 1 / factor of its size, dense. */
+struct sst_coarse {
+    const struct sst_map_u16 *disp_q6;
+    int disp_min, factor;
+};
+
 /**
- * The parts of the optimisation for one large volume, in this order. Rows, and then columns, may be computed at once by
- * several threads.
- *
- * @param lines  scratch of the thread
+ * Lay out tiles over a view: their windows hold the disparities that the coarse map has around them, and a margin.
+ * @param shape   smallest disparity, steps, divisor
+ * @param coarse  NULL: every tile has the whole range
+ * @return 0, -ENOMEM
  */
-/** Both paths along row y: the first sums. */
-SST_MUST_CHECK int sst_disparity_sgm_row(struct sst_volume *v, const struct sst_image *img,
-                                         const struct sst_disparity_sgm_penalties *p, int y,
-                                         struct sst_mem_kept *lines);
-/** Both vertical paths of the columns x0 .. x1-1, added. */
-SST_MUST_CHECK int sst_disparity_sgm_columns(struct sst_volume *v, const struct sst_image *img,
-                                             const struct sst_disparity_sgm_penalties *p, int x0, int x1,
-                                             struct sst_mem_kept *lines);
-/** The three paths from above (dir 1) or below (-1), added, or the first sums. */
-SST_MUST_CHECK int sst_disparity_sgm_slanted(struct sst_volume *v, const struct sst_image *img,
-                                             const struct sst_disparity_sgm_penalties *p, int dir, int first,
-                                             struct sst_mem_kept *lines);
+SST_MUST_CHECK int sst_tiles_init(struct sst_tiles *all, int width, int height, const struct sst_volume *shape,
+                                  const struct sst_coarse *coarse);
+void sst_tiles_fini(struct sst_tiles *all);
+
+/** Where row y of the view begins in a tile's cells. */
+static inline size_t sst_tile_cells(const struct sst_tile *t, int y)
+{
+    return t->cells + (size_t)(y - t->y0) * (size_t)t->width * t->steps_padded;
+}
+
+/**
+ * The parts of the optimisation, in this order: of all rows of tiles the paths along rows, the first sums; of all columns
+ * those up and down, added. Several threads may compute rows, then columns, at once.
+ *
+ * @param scratch  of the thread
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_tiles_paths_along(struct sst_tiles *all, const struct sst_image *img,
+                                         const struct sst_disparity_sgm_penalties *p, int row,
+                                         struct sst_mem_kept *scratch);
+SST_MUST_CHECK int sst_tiles_paths_down(struct sst_tiles *all, const struct sst_image *img,
+                                        const struct sst_disparity_sgm_penalties *p, int column,
+                                        struct sst_mem_kept *scratch);
 
 /** Elements of one row of paths. */
 static inline size_t sst_sgm_line(const struct sst_volume *v)
@@ -275,6 +313,20 @@ int sst_disparity_phase_step(const struct sst_disparity_config *cfg, int width, 
  */
 SST_MUST_CHECK int sst_disparity_pair(struct sst_map_f32 *out, const struct sst_image *left,
                                       const struct sst_image *right, const struct sst_disparity_config *cfg);
+
+/**
+ * Confirmed pixels of surfaces smaller than `least` pixels become occlusions. Neighbours (4) are of one surface if their
+ * disparities differ by a pixel at most.
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_disparity_drop_specks(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, int least);
+
+/**
+ * The margins of a pair's left map, which the right image does not show, continue the plane of the confirmed pixels
+ * beside them (constant where those are no plane), and count as confirmed.
+ * @param range  disparities disp_min .. disp_min + range, px: what bounds a margin's width
+ */
+void sst_disparity_extend_margins(struct sst_map_u16 *disp_q6, struct sst_map_u8 *status, int disp_min, int range);
 
 /** A view of the second pass; all maps of one size, disparities in 1/64 px above disp_min_px. */
 struct sst_visible_view {

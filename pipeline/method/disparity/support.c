@@ -93,30 +93,46 @@ void sst_disparity_support_fini(struct sst_support *s)
     sst_map_u16_fini(&s->count);
 }
 
+/* Arms of row y of a volume, at most to its borders. */
+static void clip_arms(uint8_t *left, uint8_t *right, const struct sst_volume *v, const struct sst_support *s, int y)
+{
+    const uint8_t *l = sst_map_u8_row(&s->left, v->y0 + y) + v->x0, *r = sst_map_u8_row(&s->right, v->y0 + y) + v->x0;
+
+    for (int x = 0; x < v->width; x++) {
+        left[x] = (uint8_t)sst_min_int(l[x], x);
+        right[x] = (uint8_t)sst_min_int(r[x], v->width - 1 - x);
+    }
+}
+
 int sst_disparity_support_aggregate(struct sst_volume *v, const struct sst_support *s, int rounds)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;
     const int arm = SST_SUPPORT_MAX_ARM;
-    uint16_t *ring = sst_mem_keep(&v->lines, RING * row_cells + (n + 1) * nd, sizeof(uint16_t)), *prefix;
+    uint16_t *ring = sst_mem_keep(&v->lines, RING * row_cells + (n + 1) * nd + n, sizeof(uint16_t)), *prefix;
+    uint8_t *left, *right;
 
     if (!ring)
         return -ENOMEM;
     prefix = ring + RING * row_cells;
+    left = (uint8_t *)(prefix + (n + 1) * nd);
+    right = left + n;
     for (int round = 0; round < rounds; round++) {
         memset(ring + (RING - 1) * row_cells, 0, row_cells * sizeof(*ring)); /* the row above the first */
         for (int next = 0, y = 0; y < v->height; y++) {
             const uint16_t *rows[RING], *const *at = rows + arm + 1;
 
-            for (; next < v->height && next <= y + arm; next++)
+            for (; next < v->height && next <= y + arm; next++) {
+                clip_arms(left, right, v, s, next);
                 k->support_sum_row(ring + (size_t)(next % RING) * row_cells,
                                    ring + (size_t)((next + RING - 1) % RING) * row_cells, prefix,
-                                   v->cost + (size_t)next * row_cells, sst_map_u8_row(&s->left, v->y0 + next),
-                                   sst_map_u8_row(&s->right, v->y0 + next), n, nd);
+                                   v->cost + (size_t)next * row_cells, left, right, n, nd);
+            }
             for (int j = -arm - 1; j <= arm; j++)
                 rows[j + arm + 1] = ring + (size_t)((y + j + 2 * RING) % RING) * row_cells;
-            k->support_mean_row(v->cost + (size_t)y * row_cells, at, sst_map_u8_row(&s->up, v->y0 + y),
-                                sst_map_u8_row(&s->down, v->y0 + y), sst_map_u16_row(&s->count, v->y0 + y), n, nd);
+            k->support_mean_row(v->cost + (size_t)y * row_cells, at, sst_map_u8_row(&s->up, v->y0 + y) + v->x0,
+                                sst_map_u8_row(&s->down, v->y0 + y) + v->x0,
+                                sst_map_u16_row(&s->count, v->y0 + y) + v->x0, n, nd);
         }
     }
     return 0;

@@ -1,0 +1,222 @@
+/* Cost volume of one view in tiles, each with the range of disparities that a coarser map leaves open. Paths of the
+ * optimisation go from tile to tile: where the window of disparities changes, what the last one did not have is far. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/method/disparity/stage.h"
+
+/* The coarse map is searched this far around a tile, and its disparities are right within this; px of the view. */
+#define AROUND 8
+#define MARGIN 6
+
+static size_t padded(int steps)
+{
+    return ((size_t)steps + 31) / 32 * 32;
+}
+
+/* Smallest and largest coarse disparity around a tile, in px of the view. */
+static void coarse_range(const struct sst_coarse *c, const struct sst_tile *t, double *low, double *high)
+{
+    const struct sst_map_u16 *map = c->disp_q6;
+    const int f = c->factor, x0 = sst_max_int(t->x0 - AROUND, 0) / f, y0 = sst_max_int(t->y0 - AROUND, 0) / f;
+    const int x1 = sst_min_int((t->x0 + t->width - 1 + AROUND) / f, map->width - 1);
+    const int y1 = sst_min_int((t->y0 + t->height - 1 + AROUND) / f, map->height - 1);
+    int least = SST_DISP_NONE, most = 0;
+
+    for (int y = y0; y <= y1; y++) {
+        const uint16_t *d = sst_map_u16_row(map, y);
+
+        for (int x = x0; x <= x1; x++) {
+            least = sst_min_int(least, d[x]);
+            most = sst_max_int(most, d[x]);
+        }
+    }
+    *low = f * (c->disp_min + least / 64.0);
+    *high = f * (c->disp_min + most / 64.0);
+}
+
+/* The window of disparities of a tile: as much of the whole range as its registers hold. */
+static void set_window(struct sst_tile *t, const struct sst_tiles *all, const struct sst_coarse *coarse)
+{
+    const int range = (all->steps - 1) / all->divisor;
+    int first = 0, last = range;
+    double low, high;
+
+    if (coarse) {
+        coarse_range(coarse, t, &low, &high);
+        first = sst_clamp_int((int)floor(low) - MARGIN - all->disp_min, 0, range);
+        last = sst_clamp_int((int)ceil(high) + MARGIN - all->disp_min, first, range);
+    }
+    t->steps_padded = padded((last - first) * all->divisor + 1);
+    t->steps = sst_min_int((int)t->steps_padded, all->steps);
+    t->first = sst_min_int(first, (all->steps - t->steps + all->divisor - 1) / all->divisor);
+    t->steps = sst_min_int(t->steps, all->steps - t->first * all->divisor);
+}
+
+int sst_tiles_init(struct sst_tiles *all, int width, int height, const struct sst_volume *shape,
+                   const struct sst_coarse *coarse)
+{
+    struct sst_tiles made = { .columns = (width + SST_TILE_WIDTH - 1) / SST_TILE_WIDTH,
+                              .rows = (height + SST_TILE_HEIGHT - 1) / SST_TILE_HEIGHT,
+                              .disp_min = shape->disp_min,
+                              .steps = shape->steps,
+                              .divisor = shape->divisor };
+    size_t cells = 0;
+
+    made.tile = calloc((size_t)made.columns * (size_t)made.rows, sizeof(*made.tile));
+    if (!made.tile)
+        return -ENOMEM;
+    for (int i = 0; i < made.columns * made.rows; i++) {
+        struct sst_tile *t = &made.tile[i];
+
+        t->x0 = i % made.columns * SST_TILE_WIDTH;
+        t->y0 = i / made.columns * SST_TILE_HEIGHT;
+        t->width = sst_min_int(SST_TILE_WIDTH, width - t->x0);
+        t->height = sst_min_int(SST_TILE_HEIGHT, height - t->y0);
+        set_window(t, &made, coarse);
+        t->cells = cells;
+        cells += (size_t)t->width * (size_t)t->height * t->steps_padded;
+    }
+    made.cost = sst_mem_alloc_raw(cells, 1);
+    made.sum = sst_mem_alloc_raw(cells, sizeof(*made.sum));
+    if (!made.cost || !made.sum) {
+        sst_tiles_fini(&made);
+        return -ENOMEM;
+    }
+    *all = made;
+    return 0;
+}
+
+void sst_tiles_fini(struct sst_tiles *all)
+{
+    free(all->tile);
+    sst_mem_free(all->cost);
+    sst_mem_free(all->sum);
+    *all = (struct sst_tiles){ 0 };
+}
+
+/* A pixel's path costs, as those of a tile whose window begins `shift` steps later: see sst_sgm_along_row_fn. */
+static void move_window(uint16_t *to, size_t to_steps, const uint16_t *from, size_t from_steps, int shift)
+{
+    const int begin = sst_clamp_int(-shift, 0, (int)to_steps);
+    const int end = sst_clamp_int((int)from_steps - shift, begin, (int)to_steps);
+
+    for (int d = 0; d < begin; d++)
+        to[d] = SST_SGM_FAR;
+    if (end > begin)
+        memcpy(to + begin, from + begin + shift, (size_t)(end - begin) * sizeof(*to));
+    for (int d = end; d < (int)to_steps; d++)
+        to[d] = SST_SGM_FAR;
+    to[-2] = from[-2];
+    to[-1] = to[to_steps] = SST_SGM_FAR;
+}
+
+static size_t entry_of(const struct sst_tile *t)
+{
+    return t->steps_padded + 2 * SST_SGM_PAD;
+}
+
+static int steps_between(const struct sst_tiles *all, const struct sst_tile *to, const struct sst_tile *from)
+{
+    return (to->first - from->first) * all->divisor;
+}
+
+/* One path along row y through the tiles of a row. @param lines  two, of line elements each */
+static void path_along(struct sst_tiles *all, const struct sst_tile *row, const uint8_t *penalty,
+                       const struct sst_disparity_sgm_penalties *p, int y, int dir, uint16_t *lines, size_t line)
+{
+    const struct sst_tile *last = NULL;
+    const uint16_t *from = NULL;
+
+    for (int i = 0; i < all->columns; i++) {
+        const struct sst_tile *t = &row[dir > 0 ? i : all->columns - 1 - i];
+        const size_t entry = entry_of(t), n = (size_t)t->width, at = sst_tile_cells(t, y);
+        uint16_t *own = lines + (size_t)(i % 2) * line, *before = own + (dir > 0 ? 0 : n + 1) * entry;
+
+        if (last)
+            move_window(before + SST_SGM_PAD, t->steps_padded, from, last->steps_padded, steps_between(all, t, last));
+        else
+            memset(before, 0, entry * sizeof(*before));
+        sst_kernels_get()->sgm_along_row(own, all->sum + at, all->cost + at, penalty + t->x0, p->p1, p->p2, dir,
+                                         dir > 0, n, t->steps_padded);
+        from = own + (dir > 0 ? n : 1) * entry + SST_SGM_PAD;
+        last = t;
+    }
+}
+
+static size_t line_elements(const struct sst_tiles *all)
+{
+    return (SST_TILE_WIDTH + 2) * (padded(all->steps) + 2 * SST_SGM_PAD);
+}
+
+int sst_tiles_paths_along(struct sst_tiles *all, const struct sst_image *img,
+                          const struct sst_disparity_sgm_penalties *p, int row, struct sst_mem_kept *scratch)
+{
+    const size_t line = line_elements(all);
+    const struct sst_tile *first = &all->tile[(size_t)row * (size_t)all->columns];
+    uint16_t *lines = sst_mem_keep(scratch, 2 * line + (size_t)img->width, sizeof(*lines));
+    uint8_t *penalty = (uint8_t *)(lines + 2 * line);
+    const int w = img->width;
+
+    if (!lines)
+        return -ENOMEM;
+    for (int y = first->y0; y < first->y0 + first->height; y++) {
+        penalty[0] = 0;
+        sst_colour_step_row(penalty + 1, img, y, 1, y, 0, w - 1);
+        path_along(all, first, penalty, p, y, 1, lines, line);
+        sst_colour_step_row(penalty, img, y, 0, y, 1, w - 1);
+        penalty[w - 1] = 0;
+        path_along(all, first, penalty, p, y, -1, lines, line);
+    }
+    return 0;
+}
+
+/* A row of paths as the next tile's. */
+static void move_line(uint16_t *to, const struct sst_tile *t, const uint16_t *from, const struct sst_tile *last,
+                      int shift)
+{
+    for (size_t x = 1; x <= (size_t)t->width; x++)
+        move_window(to + x * entry_of(t) + SST_SGM_PAD, t->steps_padded, from + x * entry_of(last) + SST_SGM_PAD,
+                    last->steps_padded, shift);
+}
+
+int sst_tiles_paths_down(struct sst_tiles *all, const struct sst_image *img,
+                         const struct sst_disparity_sgm_penalties *p, int column, struct sst_mem_kept *scratch)
+{
+    const size_t line = line_elements(all);
+    uint16_t *lines = sst_mem_keep(scratch, 2 * line + SST_TILE_WIDTH, sizeof(*lines));
+    uint8_t *penalty = (uint8_t *)(lines + 2 * line);
+
+    if (!lines)
+        return -ENOMEM;
+    for (int dir = 1; dir >= -1; dir -= 2) {
+        const struct sst_tile *last = NULL;
+        uint16_t *now = lines, *before = lines + line, *swap;
+
+        memset(before, 0, line * sizeof(*before));
+        for (int i = 0; i < all->rows; i++) {
+            const struct sst_tile *t = &all->tile[(dir > 0 ? i : all->rows - 1 - i) * all->columns + column];
+
+            if (last && (t->first != last->first || t->steps_padded != last->steps_padded)) {
+                move_line(now, t, before, last, steps_between(all, t, last));
+                swap = now, now = before, before = swap;
+            }
+            for (int j = 0; j < t->height; j++) {
+                const int y = t->y0 + (dir > 0 ? j : t->height - 1 - j);
+                const size_t at = sst_tile_cells(t, y);
+
+                if (y - dir >= 0 && y - dir < img->height)
+                    sst_colour_step_row(penalty, img, y, t->x0, y - dir, t->x0, t->width);
+                else
+                    memset(penalty, 0, (size_t)t->width);
+                sst_kernels_get()->sgm_across_row(now, before, all->sum + at, all->cost + at, penalty, p->p1, p->p2, 0,
+                                                  0, (size_t)t->width, t->steps_padded);
+                swap = now, now = before, before = swap;
+            }
+            last = t;
+        }
+    }
+    return 0;
+}
