@@ -36,7 +36,7 @@ enum sst_cpu_level {
     X(support_sum_row)                                                                                                 \
     X(support_mean_row)                                                                                                \
     X(sgm_across_row)                                                                                                  \
-    X(sgm_along_row)                                                                                                   \
+    X(sgm_along_rows)                                                                                                  \
     X(winner_other_row)                                                                                                \
     X(winner_row)                                                                                                      \
     X(median5_row)                                                                                                     \
@@ -139,10 +139,19 @@ typedef void sst_sgm_across_row_fn(uint16_t *cur, const uint16_t *prev, uint16_t
 #define SST_SGM_PAD 32
 #define SST_SGM_FAR 0x7FFF
 
-/** The same along the row: from left to right (dir 1) or from right to left (dir -1). @param line  scratch, a row of L.
+/**
+ * The same along rows: from left to right (dir 1) or from right to left (dir -1). Several rows at once, since each pixel
+ * waits for the one before.
+ *
+ * @param line     [rows] rows of L, one after the other: the entry before the path's first pixel is read, that of its last
+ *                 one holds its L afterwards, the others are undefined
+ * @param stride   cells between rows of sum and of cost
+ * @param penalty  [rows][penalty_stride]
  */
-typedef void sst_sgm_along_row_fn(uint16_t *line, uint16_t *sum, const uint8_t *cost, const uint8_t *penalty,
-                                  const uint16_t *p1, const uint16_t *p2, int dir, int first, size_t n, size_t nd);
+typedef void sst_sgm_along_rows_fn(uint16_t *line, uint16_t *sum, const uint8_t *cost, size_t stride,
+                                   const uint8_t *penalty, size_t penalty_stride, const uint16_t *p1,
+                                   const uint16_t *p2, int dir, int first, size_t rows, size_t n, size_t nd);
+#define SST_SGM_ROWS 4 /* at once */
 
 /**
  * Winner of each pixel's summed costs, ties to the smaller index, with the smallest sum outside its two neighbours.

@@ -36,15 +36,19 @@ void sst_sgm_across_row_ref(uint16_t *cur, const uint16_t *prev, uint16_t *sum, 
              sum + x * nd, cost + x * nd, p1[penalty[x]], p2[penalty[x]], first, nd);
 }
 
-void sst_sgm_along_row_ref(uint16_t *line, uint16_t *sum, const uint8_t *cost, const uint8_t *penalty,
-                           const uint16_t *p1, const uint16_t *p2, int dir, int first, size_t n, size_t nd)
+void sst_sgm_along_rows_ref(uint16_t *line, uint16_t *sum, const uint8_t *cost, size_t stride, const uint8_t *penalty,
+                            size_t penalty_stride, const uint16_t *p1, const uint16_t *p2, int dir, int first,
+                            size_t rows, size_t n, size_t nd)
 {
     const size_t entry = nd + 2 * SST_SGM_PAD;
 
-    for (size_t i = 0; i < n; i++) {
-        const size_t x = dir > 0 ? i : n - 1 - i;
+    for (size_t r = 0; r < rows;
+         r++, line += (n + 2) * entry, sum += stride, cost += stride, penalty += penalty_stride) {
+        for (size_t i = 0; i < n; i++) {
+            const size_t x = dir > 0 ? i : n - 1 - i;
 
-        step(line + (x + 1) * entry + SST_SGM_PAD, line + (size_t)((ptrdiff_t)x + 1 - dir) * entry + SST_SGM_PAD,
-             sum + x * nd, cost + x * nd, p1[penalty[x]], p2[penalty[x]], first, nd);
+            step(line + (x + 1) * entry + SST_SGM_PAD, line + (size_t)((ptrdiff_t)x + 1 - dir) * entry + SST_SGM_PAD,
+                 sum + x * nd, cost + x * nd, p1[penalty[x]], p2[penalty[x]], first, nd);
+        }
     }
 }

@@ -1,15 +1,23 @@
+#define SUPPORT_LANES 32 /* nd is a multiple of it */
+typedef uint16_t KERNEL(support_sums) __attribute__((vector_size(2 * SUPPORT_LANES)));
+typedef uint8_t KERNEL(support_costs) __attribute__((vector_size(SUPPORT_LANES)));
+
 /* Cross-based support by prefix sums: along the row here, down the columns by the caller's ring of rows. */
 static void KERNEL(support_sum_row)(uint16_t *restrict vp, const uint16_t *restrict vp_above, uint16_t *restrict prefix,
                                     const uint8_t *restrict cost, const uint8_t *left, const uint8_t *right, size_t n,
                                     size_t nd)
 {
     memset(prefix, 0, nd * sizeof(*prefix));
-    for (size_t x = 0; x < n; x++) {
-        const uint16_t *p = prefix + x * nd;
-        uint16_t *q = prefix + (x + 1) * nd;
+    for (size_t d = 0; d < nd; d += SUPPORT_LANES) {
+        KERNEL(support_sums) sum = { 0 };
 
-        for (size_t d = 0; d < nd; d++)
-            q[d] = (uint16_t)(p[d] + cost[x * nd + d]);
+        for (size_t x = 0; x < n; x++) {
+            KERNEL(support_costs) c;
+
+            memcpy(&c, cost + x * nd + d, sizeof(c));
+            sum += __builtin_convertvector(c, KERNEL(support_sums));
+            memcpy(prefix + (x + 1) * nd + d, &sum, sizeof(sum));
+        }
     }
     for (size_t x = 0; x < n; x++) {
         const uint16_t *p = prefix + (x - left[x]) * nd, *q = prefix + (x + right[x] + 1) * nd;

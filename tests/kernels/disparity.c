@@ -37,7 +37,7 @@ static void same(const void *got, const void *want, size_t n, const char *what, 
 }
 
 #define FOR_EACH_LEVEL(k, level)                                                                                       \
-    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++)                                                   \
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++)                                                    \
         if (sst_kernels_at((enum sst_cpu_level)level, &(k)))
 
 static void census_and_hamming(void **state SST_UNUSED)
@@ -228,31 +228,37 @@ static void support(void **state SST_UNUSED)
     sst_mem_free(sums);
 }
 
-static void sgm(void **state SST_UNUSED)
+static void sgm_of(size_t steps)
 {
-    enum { N = 23, ND = 64, ENTRY = ND + 2 * SST_SGM_PAD };
+    enum { ROWS = SST_SGM_ROWS + 2, N = 23 };
+    const size_t entry = steps + 2 * SST_SGM_PAD, cells = (N + 1) * steps;
     const uint16_t p1[2] = { 10, 5 }, p2[2] = { 3000, 60 };
     struct sst_kernels k;
-    uint8_t *cost = random_bytes(N * ND), penalty[N];
-    uint16_t *start = random_bytes(N * ND * 2), *want = copy_of(start, N * ND * 2), *got = copy_of(start, N * ND * 2);
-    uint16_t *prev = sst_mem_alloc((N + 2) * ENTRY, 2), *cur = sst_mem_alloc((N + 2) * ENTRY, 2);
-    uint16_t *line = sst_mem_alloc((N + 2) * ENTRY, 2);
+    uint8_t *cost = random_bytes(ROWS * cells), penalty[ROWS * N];
+    uint16_t *start = random_bytes(ROWS * cells * 2);
+    uint16_t *want = copy_of(start, ROWS * cells * 2), *got = copy_of(start, ROWS * cells * 2);
+    uint16_t *prev = sst_mem_alloc(ROWS * (N + 2) * entry, 2), *cur = sst_mem_alloc((N + 2) * entry, 2);
+    uint16_t *line = sst_mem_alloc(ROWS * (N + 2) * entry, 2);
 
-    for (int x = 0; x < N; x++)
-        penalty[x] = (uint8_t)(sst_random_u64(&seed) % 2);
-    memset(want, 0, N * ND * 2);
-    sst_sgm_along_row_ref(prev, want, cost, penalty, p1, p2, 1, 1, N, ND);
-    sst_sgm_across_row_ref(cur, prev, want, cost, penalty, p1, p2, 1, 0, N, ND);
-    sst_sgm_along_row_ref(line, want, cost, penalty, p1, p2, -1, 0, N, ND);
+    for (size_t i = 0; i < sizeof(penalty); i++)
+        penalty[i] = (uint8_t)(sst_random_u64(&seed) % 2);
+    sst_sgm_along_rows_ref(prev, want, cost, cells, penalty, N, p1, p2, 1, 1, ROWS, N, steps);
+    sst_sgm_across_row_ref(cur, prev, want, cost, penalty, p1, p2, 1, 0, N, steps);
+    sst_sgm_along_rows_ref(line, want, cost, cells, penalty, N, p1, p2, -1, 0, ROWS, N, steps);
     FOR_EACH_LEVEL(k, level)
     {
-        uint16_t *prev_got = sst_mem_alloc((N + 2) * ENTRY, 2);
+        uint16_t *prev_got = sst_mem_alloc(ROWS * (N + 2) * entry, 2);
 
-        memcpy(got, start, N * ND * 2);
-        k.sgm_along_row(prev_got, got, cost, penalty, p1, p2, 1, 1, N, ND);
-        k.sgm_across_row(cur, prev_got, got, cost, penalty, p1, p2, 1, 0, N, ND);
-        k.sgm_along_row(line, got, cost, penalty, p1, p2, -1, 0, N, ND);
-        same(got, want, N * ND * 2, "sgm rows", level, N);
+        memcpy(got, start, ROWS * cells * 2);
+        k.sgm_along_rows(prev_got, got, cost, cells, penalty, N, p1, p2, 1, 1, ROWS, N, steps);
+        for (size_t r = 0; r < ROWS; r++) {
+            const size_t last = (r * (N + 2) + N) * entry + SST_SGM_PAD - 2;
+
+            same(prev_got + last, prev + last, (steps + 3) * 2, "sgm's last entry", level, N);
+        }
+        k.sgm_across_row(cur, prev, got, cost, penalty, p1, p2, 1, 0, N, steps);
+        k.sgm_along_rows(line, got, cost, cells, penalty, N, p1, p2, -1, 0, ROWS, N, steps);
+        same(got, want, ROWS * cells * 2, "sgm rows", level, N);
         sst_mem_free(prev_got);
     }
     sst_mem_free(cost);
@@ -262,6 +268,13 @@ static void sgm(void **state SST_UNUSED)
     sst_mem_free(prev);
     sst_mem_free(cur);
     sst_mem_free(line);
+}
+
+/* One register, two, and more. */
+static void sgm(void **state SST_UNUSED)
+{
+    for (size_t steps = 32; steps <= 96; steps += 32)
+        sgm_of(steps);
 }
 
 /* Two pixels, costs {0, 9, 9} then {9, 9, 0}, P1 = 2, P2 = 5, left to right: L of the second pixel is
@@ -274,14 +287,14 @@ static void sgm_of_known_pixels(void **state SST_UNUSED)
     const uint16_t want[6] = { 0, 9, 9, 9, 11, 5 };
     uint16_t sum[6], line[4 * ENTRY] = { 0 };
 
-    sst_sgm_along_row_ref(line, sum, cost, penalty, &p1, &p2, 1, 1, 2, ND);
+    sst_sgm_along_rows_ref(line, sum, cost, 2 * ND, penalty, 2, &p1, &p2, 1, 1, 1, 2, ND);
     assert_memory_equal(sum, want, sizeof(want));
 }
 
 static void winner_other(void **state SST_UNUSED)
 {
     struct sst_kernels k;
-    static const size_t counts[] = { 1, 2, 15, 16, 31, 33, 64, 100, 128 };
+    static const size_t counts[] = { 1, 2, 15, 16, 31, 32, 33, 64, 100, 128 };
     uint16_t *sum = random_bytes(50 * 128 * 2);
     uint32_t want[50 + 128], got[50 + 128];
 

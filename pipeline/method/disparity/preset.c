@@ -18,11 +18,11 @@ static const struct {
 } presets[] = {
     { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2, .one_volume = true, .key_spacing = 3 } },
     { "balanced",
-      { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .one_volume = true, .key_spacing = 3,
-        .skip_hypotheses = true } },
+      { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .one_volume = true,
+        .key_spacing = 3, .skip_hypotheses = true } },
     { "accurate",
-      { COMMON, SUPPORT, .cost = SST_COST_BOTH, .views_census = true, .paths = 8, .scale = 1, .rounds = 2,
-        .key_spacing = 1 } },
+      { COMMON, SUPPORT, .cost = SST_COST_BOTH, .views_census = true, .one_volume = true, .paths = 4, .scale = 1,
+        .rounds = 2, .key_spacing = 1 } },
 };
 
 int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset)

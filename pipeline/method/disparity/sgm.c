@@ -13,7 +13,7 @@ static_assert(SST_SGM_FAR + SST_DISPARITY_MAX_PENALTY <= 65535, "the outside mar
 static_assert(SST_SGM_FAR > SST_COST_MAX + SST_DISPARITY_MAX_PENALTY, "the outside mark is never the minimum");
 
 /* Rows of L of one sweep: three directions (from above left, above, above right), each with this and the last row, and
- * one along the row. */
+ * SST_SGM_ROWS along rows. */
 struct paths {
     uint16_t *now[3], *last[3], *line;
     uint8_t *penalty;
@@ -40,25 +40,36 @@ static void penalty_row(uint8_t *out, const struct sst_image *img, int y, int dx
         sst_colour_step_row(out + x0, img, y, x0, y + dy, x0 + dx, x1 - x0);
 }
 
+/* Paths along rows y0 .. y0 + rows - 1. */
+static void sweep_along(struct sst_volume *v, const struct sst_image *img, int y0, int rows, int dir, struct paths *p)
+{
+    const size_t n = (size_t)v->width, row_cells = v->width_padded * v->steps_padded, at = (size_t)y0 * row_cells;
+
+    for (int r = 0; r < rows; r++)
+        penalty_row(p->penalty + (size_t)r * n, img, y0 + r, -dir, 0);
+    sst_kernels_get()->sgm_along_rows(p->line, v->sum + at, v->cost + at, row_cells, p->penalty, n, p->by_step.p1,
+                                      p->by_step.p2, dir, dir > 0, (size_t)rows, n, v->steps_padded);
+}
+
 /* All paths that come from above (dir 1, rows top down) or below (dir -1, rows bottom up), and one along the row. */
 static void sweep(struct sst_volume *v, const struct sst_image *img, int slants, int dir, struct paths *p)
 {
     const struct sst_kernels *k = sst_kernels_get();
     const size_t n = (size_t)v->width, nd = v->steps_padded, row_cells = v->width_padded * nd;
-    const size_t line_bytes = (n + 2) * (nd + 2 * SST_SGM_PAD) * sizeof(uint16_t);
+    const size_t line = sst_sgm_line(v);
 
     for (int s = 0; s < slants; s++) {
-        memset(p->last[s], 0, line_bytes);
-        memset(p->now[s], 0, line_bytes);
+        memset(p->last[s], 0, line * sizeof(uint16_t));
+        memset(p->now[s], 0, line * sizeof(uint16_t));
     }
-    memset(p->line, 0, line_bytes);
+    memset(p->line, 0, SST_SGM_ROWS * line * sizeof(uint16_t));
     for (int i = 0; i < v->height; i++) {
-        const int y = dir > 0 ? i : v->height - 1 - i;
+        const int y = dir > 0 ? i : v->height - 1 - i, rows = sst_min_int(SST_SGM_ROWS, v->height - i);
         uint16_t *sum = v->sum + (size_t)y * row_cells;
         const uint8_t *cost = v->cost + (size_t)y * row_cells;
 
-        penalty_row(p->penalty, img, y, -dir, 0);
-        k->sgm_along_row(p->line, sum, cost, p->penalty, p->by_step.p1, p->by_step.p2, dir, dir > 0, n, nd);
+        if (i % SST_SGM_ROWS == 0)
+            sweep_along(v, img, dir > 0 ? y : y - rows + 1, rows, dir, p);
         for (int s = 0; s < slants; s++) {
             const int dx = slants == 1 ? 0 : s - 1;
             uint16_t *swap = p->last[s];
@@ -76,8 +87,8 @@ int sst_disparity_sgm(struct sst_volume *v, const struct sst_image *img, const s
     const size_t line = sst_sgm_line(v);
     const int slants = cfg->paths == 8 ? 3 : 1;
     struct paths p;
-    const size_t lines = (size_t)(2 * slants + 1) * line;
-    uint16_t *rows = sst_mem_keep(&v->lines, lines + (size_t)v->width, sizeof(uint16_t));
+    const size_t lines = (size_t)(2 * slants + SST_SGM_ROWS) * line;
+    uint16_t *rows = sst_mem_keep(&v->lines, lines + (size_t)v->width * SST_SGM_ROWS, sizeof(uint16_t));
 
     if (!rows)
         return -ENOMEM;

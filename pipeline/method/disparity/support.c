@@ -1,4 +1,5 @@
 #include <errno.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/mem.h"
@@ -49,6 +50,30 @@ static void arm_row(uint8_t *length, uint8_t *scratch, const struct sst_image *i
     }
 }
 
+/* Add a row's part to the counts of n regions whose arms towards it are given. Not inlined: inside the caller compilers
+ * lose the restrict information and use the scalar path. */
+static SST_NOINLINE void add_counts(uint16_t *restrict count, const uint8_t *restrict arm, uint8_t needed,
+                                    const uint8_t *restrict left, const uint8_t *restrict right, int n)
+{
+    for (int x = 0; x < n; x++) {
+        const uint8_t there = (uint8_t)(arm[x] >= needed ? 255 : 0), pixels = (uint8_t)(1 + left[x] + right[x]);
+
+        count[x] = (uint16_t)(count[x] + (pixels & there));
+    }
+}
+
+/* Pixels of the regions of row y. */
+static void count_row(struct sst_support *s, int y)
+{
+    const int w = s->count.width, last = sst_min_int(y + SST_SUPPORT_MAX_ARM, s->count.height - 1);
+    uint16_t *count = sst_map_u16_row(&s->count, y);
+
+    memset(count, 0, (size_t)w * sizeof(*count));
+    for (int j = sst_max_int(y - SST_SUPPORT_MAX_ARM, 0); j <= last; j++)
+        add_counts(count, sst_map_u8_row(j < y ? &s->up : &s->down, y), (uint8_t)abs(j - y),
+                   sst_map_u8_row(&s->left, j), sst_map_u8_row(&s->right, j), w);
+}
+
 int sst_disparity_support_init(struct sst_support *s, const struct sst_image *img, int arm, int tau)
 {
     const int w = img->width, h = img->height;
@@ -71,15 +96,8 @@ int sst_disparity_support_init(struct sst_support *s, const struct sst_image *im
         arm_row(sst_map_u8_row(&made.up, y), scratch, img, y, 0, -1, arm, tau);
         arm_row(sst_map_u8_row(&made.down, y), scratch, img, y, 0, 1, arm, tau);
     }
-    for (int y = 0; y < h; y++) {
-        for (int x = 0; x < w; x++) {
-            unsigned count = 0;
-
-            for (int j = y - sst_map_u8_row(&made.up, y)[x]; j <= y + sst_map_u8_row(&made.down, y)[x]; j++)
-                count += 1u + sst_map_u8_row(&made.left, j)[x] + sst_map_u8_row(&made.right, j)[x];
-            sst_map_u16_row(&made.count, y)[x] = (uint16_t)count;
-        }
-    }
+    for (int y = 0; y < h; y++)
+        count_row(&made, y);
     *s = made;
     return 0;
 }

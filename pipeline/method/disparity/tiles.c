@@ -97,7 +97,7 @@ void sst_tiles_fini(struct sst_tiles *all)
     *all = (struct sst_tiles){ 0 };
 }
 
-/* A pixel's path costs, as those of a tile whose window begins `shift` steps later: see sst_sgm_along_row_fn. */
+/* A pixel's path costs, as those of a tile whose window begins `shift` steps later: see sst_sgm_across_row_fn. */
 static void move_window(uint16_t *to, size_t to_steps, const uint16_t *from, size_t from_steps, int shift)
 {
     const int begin = sst_clamp_int(-shift, 0, (int)to_steps);
@@ -123,25 +123,34 @@ static int steps_between(const struct sst_tiles *all, const struct sst_tile *to,
     return (to->first - from->first) * all->divisor;
 }
 
-/* One path along row y through the tiles of a row. @param lines  two, of line elements each */
-static void path_along(struct sst_tiles *all, const struct sst_tile *row, const uint8_t *penalty,
-                       const struct sst_disparity_sgm_penalties *p, int y, int dir, uint16_t *lines, size_t line)
+/* Paths along rows y .. y + rows - 1 through a row of tiles. @param penalty  [rows][width] @param lines  two times
+ * SST_SGM_ROWS rows of paths, of `line` elements each */
+static void paths_through(struct sst_tiles *all, const struct sst_tile *tile, const uint8_t *penalty, int width,
+                          const struct sst_disparity_sgm_penalties *p, int y, int rows, int dir, uint16_t *lines,
+                          size_t line)
 {
     const struct sst_tile *last = NULL;
-    const uint16_t *from = NULL;
 
     for (int i = 0; i < all->columns; i++) {
-        const struct sst_tile *t = &row[dir > 0 ? i : all->columns - 1 - i];
+        const struct sst_tile *t = &tile[dir > 0 ? i : all->columns - 1 - i];
         const size_t entry = entry_of(t), n = (size_t)t->width, at = sst_tile_cells(t, y);
-        uint16_t *own = lines + (size_t)(i % 2) * line, *before = own + (dir > 0 ? 0 : n + 1) * entry;
+        uint16_t *own = lines + (size_t)(i % 2) * SST_SGM_ROWS * line;
+        const uint16_t *from = lines + (size_t)((i + 1) % 2) * SST_SGM_ROWS * line;
 
-        if (last)
-            move_window(before + SST_SGM_PAD, t->steps_padded, from, last->steps_padded, steps_between(all, t, last));
-        else
-            memset(before, 0, entry * sizeof(*before));
-        sst_kernels_get()->sgm_along_row(own, all->sum + at, all->cost + at, penalty + t->x0, p->p1, p->p2, dir,
-                                         dir > 0, n, t->steps_padded);
-        from = own + (dir > 0 ? n : 1) * entry + SST_SGM_PAD;
+        for (size_t r = 0; r < (size_t)rows; r++) {
+            uint16_t *before = own + (r * (n + 2) + (dir > 0 ? 0 : n + 1)) * entry;
+
+            if (last)
+                move_window(before + SST_SGM_PAD, t->steps_padded,
+                            from +
+                                (r * ((size_t)last->width + 2) + (dir > 0 ? (size_t)last->width : 1)) * entry_of(last) +
+                                SST_SGM_PAD,
+                            last->steps_padded, steps_between(all, t, last));
+            else
+                memset(before, 0, entry * sizeof(*before));
+        }
+        sst_kernels_get()->sgm_along_rows(own, all->sum + at, all->cost + at, n * t->steps_padded, penalty + t->x0,
+                                          (size_t)width, p->p1, p->p2, dir, dir > 0, (size_t)rows, n, t->steps_padded);
         last = t;
     }
 }
@@ -156,19 +165,24 @@ int sst_tiles_paths_along(struct sst_tiles *all, const struct sst_image *img,
 {
     const size_t line = line_elements(all);
     const struct sst_tile *first = &all->tile[(size_t)row * (size_t)all->columns];
-    uint16_t *lines = sst_mem_keep(scratch, 2 * line + (size_t)img->width, sizeof(*lines));
-    uint8_t *penalty = (uint8_t *)(lines + 2 * line);
     const int w = img->width;
+    uint16_t *lines = sst_mem_keep(scratch, (2 * line + (size_t)w) * SST_SGM_ROWS, sizeof(*lines));
+    uint8_t *penalty = (uint8_t *)(lines + 2 * SST_SGM_ROWS * line);
 
     if (!lines)
         return -ENOMEM;
-    for (int y = first->y0; y < first->y0 + first->height; y++) {
-        penalty[0] = 0;
-        sst_colour_step_row(penalty + 1, img, y, 1, y, 0, w - 1);
-        path_along(all, first, penalty, p, y, 1, lines, line);
-        sst_colour_step_row(penalty, img, y, 0, y, 1, w - 1);
-        penalty[w - 1] = 0;
-        path_along(all, first, penalty, p, y, -1, lines, line);
+    for (int y = first->y0; y < first->y0 + first->height; y += SST_SGM_ROWS) {
+        const int rows = sst_min_int(SST_SGM_ROWS, first->y0 + first->height - y);
+
+        for (int dir = 1; dir >= -1; dir -= 2) {
+            for (int r = 0; r < rows; r++) {
+                uint8_t *to = penalty + (size_t)r * (size_t)w;
+
+                to[dir > 0 ? 0 : w - 1] = 0;
+                sst_colour_step_row(to + (dir > 0), img, y + r, dir > 0, y + r, dir < 0, w - 1);
+            }
+            paths_through(all, first, penalty, w, p, y, rows, dir, lines, line);
+        }
     }
     return 0;
 }

@@ -66,7 +66,8 @@ int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, i
     made.scratch = sst_mem_alloc_raw(1, scratch_bytes(&made));
     /* Allocate what sst_disparity_sgm() needs on 4 paths, so that nothing is allocated later. */
     if (!made.cost || !made.sum || !made.scratch ||
-        !sst_mem_keep(&made.lines, 3 * sst_sgm_line(&made) + (size_t)width, sizeof(uint16_t))) {
+        !sst_mem_keep(&made.lines, (2 + SST_SGM_ROWS) * sst_sgm_line(&made) + (size_t)width * SST_SGM_ROWS,
+                      sizeof(uint16_t))) {
         sst_volume_fini(&made);
         return -ENOMEM;
     }
