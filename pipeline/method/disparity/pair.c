@@ -216,7 +216,7 @@ static int filter(struct pair *p, int which, int y0, int y1, struct worker *w)
         return -ENOMEM;
     memcpy(own.data, sst_map_u16_row(raw, top), (size_t)own.height * own.stride);
     /* At half size the filtered right map confirms fewer of the true disparities. */
-    err = which && !p->cfg->bilateral_tau ? 0 : sst_disparity_median5(&own, &w->lines);
+    err = which && p->cfg->scale > 1 ? 0 : sst_disparity_median5(&own, &w->lines);
     err = err ? err : sst_disparity_bilateral(&own, &luma, which ? 0 : p->cfg->bilateral_tau);
     if (!err)
         memcpy(sst_map_u16_row(&p->disp[which], y0), sst_map_u16_row(&own, y0 - top), (size_t)(y1 - y0) * own.stride);

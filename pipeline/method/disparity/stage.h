@@ -132,8 +132,7 @@ SST_MUST_CHECK int sst_volume_init(struct sst_volume *v, int width, int height, 
 void sst_volume_fini(struct sst_volume *v);
 
 /**
- * Restrict the volume to a window of a view: only that is matched, against whole neighbours. For views with census
- * alone.
+ * Restrict the volume to a window of a view: only that is matched, against whole neighbours.
  *
  * @param width, height  at most those of sst_volume_init()
  */

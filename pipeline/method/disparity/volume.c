@@ -153,17 +153,18 @@ struct strip {
 static void feature_costs(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y)
 {
     const struct sst_volume *v = s->v;
-    const uint8_t *here = features_at(s->ref, s->x0, y);
+    const int left = v->x0 + s->x0;
+    const uint8_t *here = features_at(s->ref, left, y);
     int count = 0;
 
     for (int i = 0; i < v->steps; i++) {
         const struct step *at = &steps[i];
         /* What lies beside the row within its width may be read (see struct sst_descriptor); farther columns and other
          * rows are not used by any step: any features do. */
-        const bool inside = y + at->near_y >= 0 && y + at->near_y < s->ref->height && abs(at->near_x) < v->width;
+        const bool inside = y + at->near_y >= 0 && y + at->near_y < s->ref->height && abs(at->near_x) < s->ref->width;
 
         if (at->place == count)
-            s->places[count++] = inside ? features_at(n->desc, s->x0 + at->near_x, y + at->near_y) : here;
+            s->places[count++] = inside ? features_at(n->desc, left + at->near_x, y + at->near_y) : here;
     }
     sst_kernels_get()->feature_cost_rows(s->features, STRIP, here, s->places, (size_t)count, s->ref->feature_stride,
                                          s->padded);
