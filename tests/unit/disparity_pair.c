@@ -1,6 +1,7 @@
-/* One pair by one cost volume: the parts of the optimisation add up to the whole, threads change nothing, and known
- * disparities are found at any range. */
+/* One pair by one cost volume in tiles: paths go on across tiles and windows, threads change nothing, known disparities
+ * are found at any range, small surfaces are dropped and margins continue planes. */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "pipeline/method/disparity/stage.h"
@@ -8,8 +9,9 @@
 #include "tests/test.h"
 
 #define WIDTH    150
-#define HEIGHT   110 /* more than two bands */
+#define HEIGHT   110 /* more than two tiles and bands */
 #define SHIFT_PX 6
+#define STEPS    128
 
 struct images {
     struct sst_image left, right;
@@ -39,55 +41,198 @@ static void free_pair(struct images *p)
     sst_image_fini(&p->right);
 }
 
-/* A volume of random costs. */
-static struct sst_volume new_volume(void)
+/* The path costs of a pixel of a tile, by definition; what one of both windows does not have is far. @param before NULL
+ * outside the image; its tile: `from` */
+static void step(int64_t *l, const struct sst_tile *t, const uint8_t *cost, const int64_t *before,
+                 const struct sst_tile *from, int p1, int p2)
 {
-    struct sst_volume v;
-    uint64_t seed = 3;
+    const int64_t far = INT32_MAX;
+    int64_t least = before ? far : 0;
 
-    assert_int_equal(sst_volume_init(&v, WIDTH, HEIGHT, 0, 40), 0);
-    for (size_t i = 0; i < v.pixels * v.steps_padded; i++)
-        v.cost[i] = (uint8_t)(sst_random_u64(&seed) % 256);
-    return v;
+    for (int d = 0; before && d < (int)from->steps_padded; d++)
+        least = before[d] < least ? before[d] : least;
+    for (int d = 0; d < (int)t->steps_padded; d++) {
+        int64_t best = least + (before ? p2 : 0);
+
+        for (int k = -1; before && k <= 1; k++) {
+            const int at = d + t->first - from->first + k;
+            const bool in = d + k >= 0 && d + k < (int)t->steps_padded && at >= 0 && at < (int)from->steps_padded;
+            const int64_t there = in ? before[at] + (k ? p1 : 0) : far;
+
+            best = there < best ? there : best;
+        }
+        l[d] = cost[d] + best - least;
+    }
 }
 
-static void sum_parts(struct sst_volume *v, const struct sst_image *img, const struct sst_disparity_sgm_penalties *p,
-                      int paths)
+static const struct sst_tile *tile_at(const struct sst_tiles *all, int x, int y)
 {
-    struct sst_mem_kept lines = { 0 };
-
-    for (int y = 0; y < HEIGHT; y++)
-        assert_int_equal(sst_disparity_sgm_row(v, img, p, y, &lines), 0);
-    for (int x = 0; paths == 4 && x < WIDTH; x += 47)
-        assert_int_equal(sst_disparity_sgm_columns(v, img, p, x, sst_min_int(x + 47, WIDTH), &lines), 0);
-    for (int dir = 1; paths == 8 && dir >= -1; dir -= 2)
-        assert_int_equal(sst_disparity_sgm_slanted(v, img, p, dir, 0, &lines), 0);
-    sst_mem_kept_fini(&lines);
+    return &all->tile[y / SST_TILE_HEIGHT * all->columns + x / SST_TILE_WIDTH];
 }
 
-static void parts_add_up(void **state SST_UNUSED)
+static size_t cell(const struct sst_tile *t, int x, int y)
+{
+    return sst_tile_cells(t, y) + (size_t)(x - t->x0) * t->steps_padded;
+}
+
+/* Add one path over the whole image. */
+static void add_path(uint32_t *sum, const struct sst_tiles *all, const struct sst_image *img,
+                     const struct sst_disparity_sgm_penalties *p, int dx, int dy)
+{
+    int64_t *l = malloc(sizeof(*l) * WIDTH * HEIGHT * STEPS);
+
+    for (int i = 0; i < WIDTH * HEIGHT; i++) {
+        const int x = dx > 0 || dy ? i % WIDTH : WIDTH - 1 - i % WIDTH, y = dy < 0 ? HEIGHT - 1 - i / WIDTH : i / WIDTH;
+        const int xb = x - dx, yb = y - dy, in = xb >= 0 && xb < WIDTH && yb >= 0 && yb < HEIGHT;
+        const struct sst_tile *t = tile_at(all, x, y);
+        uint8_t edge = 0;
+
+        if (in)
+            sst_colour_step_row(&edge, img, y, x, yb, xb, 1);
+        step(l + (size_t)(y * WIDTH + x) * STEPS, t, all->cost + cell(t, x, y),
+             in ? l + (size_t)(yb * WIDTH + xb) * STEPS : NULL, in ? tile_at(all, xb, yb) : NULL, p->p1[edge],
+             p->p2[edge]);
+        for (size_t d = 0; d < t->steps_padded; d++)
+            sum[cell(t, x, y) + d] += (uint32_t)l[(size_t)(y * WIDTH + x) * STEPS + d];
+    }
+    free(l);
+}
+
+/* Windows that jump from tile to tile: by a coarse map of noise; and none. */
+static void paths_cross_tiles(void **state SST_UNUSED)
 {
     struct images p = new_pair(WIDTH, HEIGHT);
+    const struct sst_volume shape = { .steps = STEPS - 6, .divisor = 1, .disp_min = -3 };
+    struct sst_disparity_sgm_penalties penalties;
+    struct sst_disparity_config cfg;
+    struct sst_map_u16 map;
+    uint64_t seed = 3;
 
-    for (int paths = 4; paths <= 8; paths += 4) {
-        struct sst_volume whole = new_volume(), parts = new_volume();
-        struct sst_disparity_config cfg;
-        struct sst_disparity_sgm_penalties penalties;
+    assert_int_equal(sst_disparity_preset(&cfg, "balanced"), 0);
+    sst_disparity_sgm_penalties_init(&penalties, &cfg);
+    assert_int_equal(sst_map_u16_init(&map, (WIDTH + 3) / 4, (HEIGHT + 3) / 4), 0);
+    for (int i = 0; i < map.width * map.height; i++)
+        sst_map_u16_row(&map, i / map.width)[i % map.width] =
+            (uint16_t)(i / map.width / 9 * 500 + (int)(sst_random_u64(&seed) % 200));
+    for (int windows = 0; windows < 2; windows++) {
+        const struct sst_coarse coarse = { &map, -1, 4 };
+        struct sst_mem_kept scratch = { 0 };
+        struct sst_tiles all;
+        size_t cells;
+        uint32_t *want;
 
-        assert_int_equal(sst_disparity_preset(&cfg, "balanced"), 0);
-        cfg.one_volume = true;
-        cfg.paths = paths;
-        assert_int_equal(sst_disparity_sgm(&whole, &p.left, &cfg), 0);
-        sst_disparity_sgm_penalties_init(&penalties, &cfg);
-        sum_parts(&parts, &p.left, &penalties, paths);
-        for (size_t y = 0; y < HEIGHT; y++)
-            assert_memory_equal(whole.sum + y * whole.width_padded * whole.steps_padded,
-                                parts.sum + y * parts.width_padded * parts.steps_padded,
-                                WIDTH * whole.steps_padded * sizeof(*whole.sum));
-        sst_volume_fini(&whole);
-        sst_volume_fini(&parts);
+        assert_int_equal(sst_tiles_init(&all, WIDTH, HEIGHT, &shape, windows ? &coarse : NULL), 0);
+        cells = cell(&all.tile[all.columns * all.rows - 1], WIDTH - 1, HEIGHT - 1) +
+                all.tile[all.columns * all.rows - 1].steps_padded;
+        assert_int_equal(all.tile[0].first != all.tile[all.columns * (all.rows - 1)].first, windows);
+        want = calloc(cells, sizeof(*want));
+        for (size_t i = 0; i < cells; i++)
+            all.cost[i] = (uint8_t)(sst_random_u64(&seed) % 256);
+        for (int row = 0; row < all.rows; row++)
+            assert_int_equal(sst_tiles_paths_along(&all, &p.left, &penalties, row, &scratch), 0);
+        for (int column = 0; column < all.columns; column++)
+            assert_int_equal(sst_tiles_paths_down(&all, &p.left, &penalties, column, &scratch), 0);
+        add_path(want, &all, &p.left, &penalties, 1, 0);
+        add_path(want, &all, &p.left, &penalties, -1, 0);
+        add_path(want, &all, &p.left, &penalties, 0, 1);
+        add_path(want, &all, &p.left, &penalties, 0, -1);
+        for (size_t i = 0; i < cells; i++)
+            assert_int_equal(all.sum[i], want[i]);
+        free(want);
+        sst_tiles_fini(&all);
+        sst_mem_kept_fini(&scratch);
     }
+    sst_map_u16_fini(&map);
     free_pair(&p);
+}
+
+/* A coarse map's disparities and the margin lie in every tile's window, and no window leaves the range. */
+static void windows_hold_the_coarse_map(void **state SST_UNUSED)
+{
+    uint64_t seed = 5;
+
+    for (int divisor = 1; divisor <= 4; divisor *= 2) {
+        const struct sst_volume shape = { .steps = 90 * divisor + 1, .divisor = divisor, .disp_min = 10 };
+        struct sst_coarse coarse = { NULL, 2, 4 };
+        struct sst_map_u16 map;
+        struct sst_tiles all;
+
+        assert_int_equal(sst_map_u16_init(&map, (WIDTH + 3) / 4, (HEIGHT + 3) / 4), 0);
+        for (int i = 0; i < map.width * map.height; i++)
+            sst_map_u16_row(&map, i / map.width)[i % map.width] =
+                (uint16_t)(sst_random_u64(&seed) % 300 + (i % 38) * 34);
+        coarse.disp_q6 = &map;
+        assert_int_equal(sst_tiles_init(&all, WIDTH, HEIGHT, &shape, &coarse), 0);
+        for (int i = 0; i < map.width * map.height; i++) {
+            const int x = i % map.width * 4, y = i / map.width * 4;
+            const double px = 4 * (2 + sst_map_u16_row(&map, y / 4)[x / 4] / 64.0);
+            const struct sst_tile *t = tile_at(&all, x, y);
+            const double first = 10 + t->first, last = first + (double)(t->steps - 1) / divisor;
+
+            assert_true(t->first >= 0 && t->first * divisor + t->steps <= shape.steps);
+            assert_true(t->steps >= 1 && (size_t)t->steps <= t->steps_padded && t->steps_padded % 32 == 0);
+            assert_true((first <= px || px < 10) && (px <= last || px > 100));
+        }
+        sst_tiles_fini(&all);
+        sst_map_u16_fini(&map);
+    }
+}
+
+/* Of two surfaces, one of 100 and one of 121 pixels, on a third: the smaller one goes. A slope is one surface. */
+static void specks_are_dropped(void **state SST_UNUSED)
+{
+    struct sst_map_u16 disp;
+    struct sst_map_u8 status;
+    int dropped = 0;
+
+    assert_int_equal(sst_map_u16_init(&disp, 60, 40), 0);
+    assert_int_equal(sst_map_u8_init(&status, 60, 40), 0);
+    for (int y = 0; y < 40; y++) {
+        for (int x = 0; x < 60; x++)
+            sst_map_u16_row(&disp, y)[x] = (uint16_t)(x >= 5 && x < 15 && y >= 5 && y < 15     ? 2000
+                                                      : x >= 30 && x < 41 && y >= 20 && y < 31 ? 3000
+                                                                                               : 500 + 2 * x);
+    }
+    assert_int_equal(sst_disparity_drop_specks(&status, &disp, 121), 0);
+    for (int i = 0; i < 60 * 40; i++) {
+        const bool gone = sst_map_u8_row(&status, i / 60)[i % 60] == SST_DISPARITY_OCCLUSION;
+
+        assert_int_equal(gone, sst_map_u16_row(&disp, i / 60)[i % 60] == 2000);
+        dropped += gone;
+    }
+    assert_int_equal(dropped, 100);
+    sst_map_u16_fini(&disp);
+    sst_map_u8_fini(&status);
+}
+
+/* Sloped to the left, stepped to the right: the plane goes on over the one margin, a constant over the other. */
+static void margins_continue_planes(void **state SST_UNUSED)
+{
+    struct sst_map_u16 disp;
+    struct sst_map_u8 status;
+
+    assert_int_equal(sst_map_u16_init(&disp, 200, 30), 0);
+    assert_int_equal(sst_map_u8_init(&status, 200, 30), 0);
+    for (int i = 0; i < 200 * 30; i++) {
+        const int x = i % 200, y = i / 200;
+
+        sst_map_u8_row(&status, y)[x] = x < 20 || x >= 190 ? SST_DISPARITY_OCCLUSION : SST_DISPARITY_CORRECT;
+        sst_map_u16_row(&disp, y)[x] = (uint16_t)(x < 20 || x >= 190 ? 9999
+                                                  : x < 100          ? 640 + 6 * x + 3 * y
+                                                                     : 640 + (x / 8 % 2) * 200);
+    }
+    sst_disparity_extend_margins(&disp, &status, -15, 60);
+    for (int i = 0; i < 200 * 30; i++) {
+        const int x = i % 200, y = i / 200, d = sst_map_u16_row(&disp, y)[x];
+
+        assert_int_equal(sst_map_u8_row(&status, y)[x], SST_DISPARITY_CORRECT);
+        if (x < 20)
+            assert_true(abs(d - (640 + 6 * x + 3 * y)) <= 1);
+        if (x >= 190)
+            assert_int_equal(d, sst_map_u16_row(&disp, y)[189]);
+    }
+    sst_map_u16_fini(&disp);
+    sst_map_u8_fini(&status);
 }
 
 static struct sst_map_f32 match(const struct images *p, const struct sst_disparity_config *cfg)
@@ -159,9 +304,9 @@ static void finds_the_shift(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(parts_add_up),
-        cmocka_unit_test(threads_change_nothing),
-        cmocka_unit_test(finds_the_shift),
+        cmocka_unit_test(paths_cross_tiles),      cmocka_unit_test(windows_hold_the_coarse_map),
+        cmocka_unit_test(specks_are_dropped),     cmocka_unit_test(margins_continue_planes),
+        cmocka_unit_test(threads_change_nothing), cmocka_unit_test(finds_the_shift),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
