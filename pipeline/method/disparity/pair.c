@@ -34,7 +34,10 @@ struct pair {
     const struct sst_disparity_config *cfg;
     const struct sst_image *image[2];
     struct sst_network *nets[MOST_NETS];
-    int threads, workers, scale;
+    int threads, workers;
+    int rows;    /* of the images that a row of the maps stands for: at half size all columns, every other row */
+    int smaller; /* times the pixels of the maps are fewer than the input's, per side */
+    struct sst_image merged[2]; /* rows merged, or empty */
     struct sst_descriptor desc[2];
     struct sst_neighbour right;
     struct sst_support support;
@@ -51,12 +54,31 @@ static int bands(const struct pair *p)
     return (p->shape.height + BAND - 1) / BAND;
 }
 
+/* Means of two rows each, the last odd one alone. @param out  out, initialised here */
+static int merge_rows(struct sst_image *out, const struct sst_image *in)
+{
+    const int err = sst_image_init(out, in->width, (in->height + 1) / 2);
+
+    for (int i = 0; !err && i < 3 * out->height; i++) {
+        const int c = i / out->height, y = i % out->height;
+        const uint8_t *restrict a = sst_image_row(in, c, 2 * y);
+        const uint8_t *restrict b = sst_image_row(in, c, sst_min_int(2 * y + 1, in->height - 1));
+        uint8_t *restrict to = sst_image_row(out, c, y);
+
+        for (int x = 0; x < in->width; x++)
+            to[x] = (uint8_t)((a[x] + b[x] + 1) >> 1);
+    }
+    return err;
+}
+
 static int describe_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
     const struct sst_disparity_config *cfg = p->cfg;
-    int err = sst_descriptor_init(&p->desc[index], p->image[index], cfg->scale, cfg->cost, p->nets[worker]);
+    const struct sst_image *img = p->rows > 1 ? &p->merged[index] : p->image[index];
+    int err = p->rows > 1 ? merge_rows(&p->merged[index], p->image[index]) : 0;
 
+    err = err ? err : sst_descriptor_init(&p->desc[index], img, 1, cfg->cost, p->nets[worker]);
     if (!err && index == 0 && cfg->support_arm)
         err = sst_disparity_support_init(&p->support, &p->desc[0].image, cfg->support_arm, cfg->support_tau);
     if (!err && index == 1)
@@ -216,7 +238,7 @@ static int filter(struct pair *p, int which, int y0, int y1, struct worker *w)
         return -ENOMEM;
     memcpy(own.data, sst_map_u16_row(raw, top), (size_t)own.height * own.stride);
     /* At half size the filtered right map confirms fewer of the true disparities. */
-    err = which && p->cfg->scale > 1 ? 0 : sst_disparity_median5(&own, &w->lines);
+    err = which && p->rows > 1 ? 0 : sst_disparity_median5(&own, &w->lines);
     err = err ? err : sst_disparity_bilateral(&own, &luma, which ? 0 : p->cfg->bilateral_tau);
     if (!err)
         memcpy(sst_map_u16_row(&p->disp[which], y0), sst_map_u16_row(&own, y0 - top), (size_t)(y1 - y0) * own.stride);
@@ -288,6 +310,7 @@ static int allocate(struct pair *p)
 static void release(struct pair *p)
 {
     for (int i = 0; i < 2; i++) {
+        sst_image_fini(&p->merged[i]);
         sst_descriptor_fini(&p->desc[i]);
         sst_network_close(p->nets[i]);
         sst_map_u16_fini(&p->raw[i]);
@@ -322,7 +345,9 @@ static int match_coarse(struct pair *coarse, struct sst_disparity_config *cfg, s
                                           .scale = 1,
                                           .cancel = p->cfg->cancel };
     cfg->disp_max_px = ceil((p->shape.disp_min + (double)(p->shape.steps - 1) / p->shape.divisor) / COARSER);
-    *coarse = (struct pair){ .cfg = cfg, .threads = p->threads, .workers = p->workers, .scale = COARSER * p->scale };
+    *coarse = (struct pair){
+        .cfg = cfg, .threads = p->threads, .workers = p->workers, .rows = 1, .smaller = COARSER * p->smaller
+    };
     for (int i = 0; !err && i < 2; i++) {
         struct sst_image half;
 
@@ -358,7 +383,7 @@ static int lay_out_tiles(struct pair *p)
  * farther of the confirmed pixels to both sides. */
 static int fill(struct pair *p)
 {
-    const int err = sst_disparity_drop_specks(&p->status, &p->disp[0], SPECK / (p->scale * p->scale));
+    const int err = sst_disparity_drop_specks(&p->status, &p->disp[0], SPECK / (p->smaller * p->smaller * p->rows));
 
     if (err)
         return err;
@@ -370,13 +395,12 @@ static int fill(struct pair *p)
 static void set_shape(struct pair *p)
 {
     const struct sst_disparity_config *cfg = p->cfg;
-    const int scale = cfg->scale, disp_min = (int)floor(cfg->disp_min_px / scale);
-    const int range = (int)ceil(cfg->disp_max_px / scale) - disp_min;
+    const int disp_min = (int)floor(cfg->disp_min_px), range = (int)ceil(cfg->disp_max_px) - disp_min;
     /* Coarse maps need no finer steps. */
-    const int divisor = p->scale > scale ? 1 : sst_disparity_divisor(range);
+    const int divisor = p->smaller > 1 || p->rows > 1 ? 1 : sst_disparity_divisor(range);
 
-    p->shape = (struct sst_volume){ .width = (p->image[0]->width + scale - 1) / scale,
-                                    .height = (p->image[0]->height + scale - 1) / scale,
+    p->shape = (struct sst_volume){ .width = p->image[0]->width,
+                                    .height = (p->image[0]->height + p->rows - 1) / p->rows,
                                     .disp_min = disp_min,
                                     .steps = range * divisor + 1,
                                     .divisor = divisor };
@@ -403,18 +427,25 @@ static int match(struct pair *p)
     return err ? err : fill(p);
 }
 
+/* A disparity between two rows of the map: the nearer row's, or between both where they are of one surface. */
+static unsigned between(unsigned near, unsigned far)
+{
+    return near == SST_DISP_NONE || far == SST_DISP_NONE || abs((int)near - (int)far) > 64 ? near
+                                                                                           : (3 * near + far + 2) / 4;
+}
+
 static void deliver(struct sst_map_f32 *out, const struct pair *p)
 {
-    const int scale = p->cfg->scale;
-
     for (int y = 0; y < out->height; y++) {
-        const uint16_t *d = sst_map_u16_row(&p->disp[0], y / scale);
+        const int own = y / p->rows, other = p->rows > 1 ? own + (y % 2 ? 1 : -1) : own;
+        const uint16_t *near = sst_map_u16_row(&p->disp[0], own);
+        const uint16_t *far = sst_map_u16_row(&p->disp[0], sst_clamp_int(other, 0, p->disp[0].height - 1));
         float *to = sst_map_f32_row(out, y);
 
         for (int x = 0; x < out->width; x++) {
-            const unsigned at = d[x / scale];
+            const unsigned at = between(near[x], far[x]);
 
-            to[x] = at == SST_DISP_NONE ? INFINITY : (float)(scale * (p->shape.disp_min + (double)at / 64.0));
+            to[x] = at == SST_DISP_NONE ? INFINITY : (float)(p->shape.disp_min + (double)at / 64.0);
         }
     }
 }
@@ -422,9 +453,11 @@ static void deliver(struct sst_map_f32 *out, const struct pair *p)
 int sst_disparity_pair(struct sst_map_f32 *out, const struct sst_image *left, const struct sst_image *right,
                        const struct sst_disparity_config *cfg)
 {
-    struct pair p = {
-        .cfg = cfg, .image = { left, right }, .threads = sst_thread_count(cfg->threads), .scale = cfg->scale
-    };
+    struct pair p = { .cfg = cfg,
+                      .image = { left, right },
+                      .threads = sst_thread_count(cfg->threads),
+                      .rows = cfg->scale,
+                      .smaller = 1 };
     int err;
 
     p.workers = p.threads;
