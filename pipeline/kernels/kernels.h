@@ -157,7 +157,7 @@ typedef void sst_sgm_along_rows_fn(uint16_t *line, uint16_t *sum, const uint8_t 
  * Winner of each pixel's summed costs, ties to the smaller index, with the smallest sum outside its two neighbours.
  *
  * @param best    out [n], index of the winner
- * @param second  out [n], smallest sum among d with |d - best| > 1; 65535 where there is none
+ * @param second  out [n], smallest sum among d with |d - best| > 1, 65535 where there is none; or NULL
  * @param sum     in [n][stride], 0..65535 each
  * @param nd      1..stride disparities count
  */

@@ -11,12 +11,13 @@ void sst_winner_row_ref(uint16_t *best, uint16_t *second, const uint16_t *sum, s
             if (s[d] < s[b])
                 b = d;
         }
-        for (size_t d = 0; d < nd; d++) {
+        for (size_t d = 0; second && d < nd; d++) {
             if ((d + 1 < b || d > b + 1) && s[d] < other)
                 other = s[d];
         }
         best[x] = (uint16_t)b;
-        second[x] = other;
+        if (second)
+            second[x] = other;
     }
 }
 

@@ -47,10 +47,12 @@ static inline void KERNEL(winner_each)(uint16_t *restrict best, uint16_t *restri
                 break;
             }
         }
+        best[x] = (uint16_t)b;
+        if (!second)
+            continue;
         for (size_t d = 0; d < nd; d += 32)
             other = _mm512_min_epu16(
                 other, KERNEL(winner_load)(s, d, nd, KERNEL(winner_around)((ptrdiff_t)b, (ptrdiff_t)d)));
-        best[x] = (uint16_t)b;
         second[x] = KERNEL(winner_least)(other);
     }
 }
@@ -80,11 +82,13 @@ static void KERNEL(winner_row)(uint16_t *restrict best, uint16_t *restrict secon
             key = k < key ? k : key;
         }
         b = key & 0xFFFF;
+        best[x] = (uint16_t)b;
+        if (!second)
+            continue;
         for (size_t d = 0; d + 1 < b; d++)
             other = s[d] < other ? s[d] : other;
         for (size_t d = b + 2; d < nd; d++)
             other = s[d] < other ? s[d] : other;
-        best[x] = (uint16_t)b;
         second[x] = other;
     }
 }

@@ -328,6 +328,9 @@ static void winner_and_median(void **state SST_UNUSED)
             k.winner_row(got, got2, sum, 128, 50, counts[i]);
             same(got, want, 100, "winner_row best", level, counts[i]);
             same(got2, want2, 100, "winner_row second", level, counts[i]);
+            memset(got, 0xFF, sizeof(got));
+            k.winner_row(got, NULL, sum, 128, 50, counts[i]);
+            same(got, want, 100, "winner_row, best alone", level, counts[i]);
         }
     }
     for (size_t n = 1; n < 100; n++) {

@@ -48,6 +48,8 @@ static void KERNEL(winner_row)(uint16_t *restrict best, uint16_t *restrict secon
         }
         l.place = vornq_u16(l.place, vceqq_u16(l.least, vdupq_n_u16(vminvq_u16(l.least))));
         best[x] = vminvq_u16(l.place);
+        if (!second)
+            continue;
         l.from = vdupq_n_u16((uint16_t)(best[x] - 1));
         l.index = start;
         for (d = 0; d + 16 <= nd; d += 16) {

@@ -44,9 +44,9 @@ struct pair {
     struct sst_volume shape; /* without memory: what the whole image's volume would be */
     struct sst_tiles tiles;
     struct sst_disparity_sgm_penalties penalties;
-    struct worker *worker;                /* [workers] */
-    struct sst_map_u16 raw[2], disp[2];   /* of both images, before and after the filters */
-    struct sst_map_u8 confidence, status; /* of the left image */
+    struct worker *worker;              /* [workers] */
+    struct sst_map_u16 raw[2], disp[2]; /* of both images, before and after the filters */
+    struct sst_map_u8 status;           /* of the left image */
 };
 
 static int bands(const struct pair *p)
@@ -189,8 +189,6 @@ static int match_right(struct pair *p, const struct sst_tile *row, int y, struct
 static int tile_winner(struct pair *p, const struct sst_tile *t, struct worker *w)
 {
     struct sst_map_u16 disp = { t->width, t->height, p->raw[0].stride, sst_map_u16_row(&p->raw[0], t->y0) + t->x0 };
-    struct sst_map_u8 confidence = { t->width, t->height, p->confidence.stride,
-                                     sst_map_u8_row(&p->confidence, t->y0) + t->x0 };
     struct sst_volume v = { .width = t->width,
                             .height = t->height,
                             .width_padded = (size_t)t->width,
@@ -199,7 +197,7 @@ static int tile_winner(struct pair *p, const struct sst_tile *t, struct worker *
                             .divisor = p->shape.divisor,
                             .sum = p->tiles.sum + t->cells,
                             .lines = w->lines };
-    const int err = sst_volume_winner(&v, false, &disp, &confidence);
+    const int err = sst_volume_winner(&v, false, &disp, NULL);
 
     w->lines = v.lines;
     for (int y = 0; !err && t->first && y < t->height; y++) {
@@ -303,8 +301,7 @@ static int allocate(struct pair *p)
         err = err ? err : sst_map_u16_init(&p->raw[i], w, h);
         err = err ? err : sst_map_u16_init(&p->disp[i], w, h);
     }
-    err = err ? err : sst_map_u8_init(&p->status, w, h);
-    return err ? err : sst_map_u8_init(&p->confidence, w, h);
+    return err ? err : sst_map_u8_init(&p->status, w, h);
 }
 
 static void release(struct pair *p)
@@ -325,7 +322,6 @@ static void release(struct pair *p)
     sst_disparity_support_fini(&p->support);
     sst_tiles_fini(&p->tiles);
     sst_map_u8_fini(&p->status);
-    sst_map_u8_fini(&p->confidence);
 }
 
 static int match(struct pair *p);

@@ -253,7 +253,7 @@ void sst_volume_requantise(struct sst_volume *v);
  * Winner takes all with the parabola through three costs (flat or border minimum: the integer).
  *
  * @param disp_q6     out, 1/64 px above v->disp_min
- * @param confidence  out, 0..255: distance to the second minimum
+ * @param confidence  out, 0..255: distance to the second minimum; or NULL
  * @param from_cost   read v->cost instead of v->sum
  */
 SST_MUST_CHECK int sst_volume_winner(struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6,

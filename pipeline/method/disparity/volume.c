@@ -362,19 +362,23 @@ int sst_volume_winner(struct sst_volume *v, bool from_cost, struct sst_map_u16 *
     for (int y = 0; y < v->height; y++) {
         const uint16_t *sum = from_cost ? wide : v->sum + (size_t)y * row_cells;
         uint16_t *disp = sst_map_u16_row(disp_q6, y);
-        uint8_t *conf = sst_map_u8_row(confidence, y);
+        uint8_t *conf = confidence ? sst_map_u8_row(confidence, y) : NULL;
 
         for (size_t i = 0; from_cost && i < row_cells; i++)
             wide[i] = v->cost[(size_t)y * row_cells + i];
-        k->winner_row(best, second, sum, nd, n, (size_t)v->steps);
+        k->winner_row(best, conf ? second : NULL, sum, nd, n, (size_t)v->steps);
         for (size_t x = 0; x < n; x++) {
             const uint16_t *s = sum + x * nd;
-            const int b = best[x], gap = second[x] - s[b];
+            const int b = best[x];
             int offset = 0;
 
             if (b > 0 && b + 1 < v->steps)
                 offset = sst_parabola_q6(s[b - 1], s[b], s[b + 1]);
             disp[x] = (uint16_t)((b * 64 + offset + v->divisor / 2) / v->divisor);
+        }
+        for (size_t x = 0; conf && x < n; x++) {
+            const int gap = second[x] - sum[x * nd + best[x]];
+
             /* Half of full confidence at a gap of 128 cost units. */
             conf[x] = (uint8_t)(gap > 0 ? 255 * gap / (gap + 128) : 0);
         }
