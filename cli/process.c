@@ -55,6 +55,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
                    r->coverage_hcsm);
         print_skipped("views to match", r->skipped.views_skipped, "disparities off by more than 1 px",
                       r->skipped.views_error);
+        print_skipped("disparities to search", r->skipped.ranges_skipped, "found elsewhere", r->skipped.ranges_error);
         print_skipped("hypotheses", r->skipped.hypotheses_skipped, "other choices", r->skipped.hypotheses_error);
         print_skipped("views to label", r->labels_skipped, "other labels", r->labels_error);
         printf("%.1f s (load %.1f, labels %.1f, disparity %.1f, refinement %.1f, saving %.1f)\n", total, load.wall_s,
@@ -62,11 +63,12 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         return 0;
     }
     root = json_pack(
-        "{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:{s:o, s:o, s:o}, s:o, s:o}", "rows", lf->rows, "cols",
-        lf->cols, "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px,
+        "{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:{s:o, s:o, s:o, s:o}, s:o, s:o}", "rows", lf->rows,
+        "cols", lf->cols, "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px,
         "confirmed_percent", cli_real_json(r->confirmed), "eps_h", cli_real_json(r->eps_h), "coverage_hcsm",
         cli_real_json(r->coverage_hcsm), "coverage_refined", cli_real_json(r->coverage_refined), "skips", "keys",
-        skipped_json(r->skipped.views_skipped, r->skipped.views_error), "hypotheses",
+        skipped_json(r->skipped.views_skipped, r->skipped.views_error), "ranges",
+        skipped_json(r->skipped.ranges_skipped, r->skipped.ranges_error), "hypotheses",
         skipped_json(r->skipped.hypotheses_skipped, r->skipped.hypotheses_error), "labels",
         skipped_json(r->labels_skipped, r->labels_error), "seconds",
         seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
@@ -129,6 +131,7 @@ static int read_skips(const struct cli_command *cmd, const char *list, struct ss
 {
     bool keys = cfg->disparity.key_spacing > 1;
     const struct cli_skip skips[] = { { "keys", &keys },
+                                      { "ranges", &cfg->disparity.skip_ranges },
                                       { "hypotheses", &cfg->disparity.skip_hypotheses },
                                       { "labels", &cfg->skip_labels } };
     const int r = cli_read_skips(cmd, list, skips, ARRAY_LEN(skips));
@@ -163,7 +166,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "hand labels of the reference view, to optimise the threshold" },
         { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled" },
         { "skip", 0, CLI_STRING, &w.skip, "LIST",
-          "what to compute for some views or pixels only: keys, hypotheses, labels, all or none" },
+          "what to compute in part only: keys, ranges, hypotheses, labels, all or none" },
         { "json", 0, CLI_FLAG, &w.json, NULL, "print one JSON object" },
     };
     struct sst_process_report report;
@@ -219,14 +222,16 @@ const struct cli_command cli_process = {
     .name = "process",
     .usage = "LF [--preset P] [--labels DIR] [--disparity DIR] [--threads N]",
     .summary = "labels and disparity for all views",
-    .detail = "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
-              "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
-              "Presets: preview (half-size census), balanced (census; surfaces tested where they are visible), accurate\n"
-              "(the same in two rounds, nothing skipped; fewer than 6 views: census and MC-CNN, 8 paths).\n"
-              "--skip keys matches one view in three where the scene allows and carries its maps to the others, where\n"
-              "balanced repairs them; hypotheses tests\n"
-              "no other disparity where the first one explains the colours; labels runs the network on one view in\n"
-              "three (preview: five). Presets skip all that suits them; `--skip none` computes everything.",
+    .detail =
+        "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
+        "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
+        "Presets: preview (half-size census), balanced (census; surfaces tested where they are visible), accurate\n"
+        "(the same in two rounds on all views; fewer than 6 views: census and MC-CNN).\n"
+        "--skip keys matches one view in three where the scene allows and carries its maps to the others, where\n"
+        "balanced repairs them; ranges searches the disparities around those of a match at a quarter of the\n"
+        "size, unless that changes the result; hypotheses tests no other disparity where the first one explains\n"
+        "the colours; labels runs the network on one view in three (preview: five). Presets skip all that suits\n"
+        "them; `--skip none` computes everything.",
     .example = "sst process garden --preset balanced",
     .run = run,
 };

@@ -35,7 +35,7 @@ static int write_png16(const struct sst_map_f32 *disp, const char *path)
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct cli_matching m = CLI_MATCHING_DEFAULTS;
-    const char *files[2], *out = NULL;
+    const char *files[2], *out = NULL, *skip = NULL;
     double disp_max = NAN, disp_min = 0;
     bool raw = false;
     const struct cli_option options[] = {
@@ -43,6 +43,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "max-disparity", 'm', CLI_DOUBLE, &disp_max, "N", "largest disparity searched, px", -9999, 9999 },
         { "min-disparity", 0, CLI_DOUBLE, &disp_min, "N", "smallest disparity searched, px (0)", -9999, 9999 },
         { "raw", 0, CLI_FLAG, &raw, NULL, "cheapest disparity of each pixel: no optimisation, no filling" },
+        { "skip", 0, CLI_STRING, &skip, "LIST", "what to search in part only: ranges (default), all or none" },
         CLI_MATCHING_OPTIONS(m),
     };
     struct sst_image left = { 0 }, right = { 0 };
@@ -61,6 +62,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (sst_text_ends(out, ".png") && (disp_min < 0 || disp_max > PNG_MAX_PX))
         return cli_usage_error(cmd, "a .png holds disparities of 0..%d px; write -o out.pfm", PNG_MAX_PX);
     err = cli_matching_config(&cfg, &m, model);
+    if (!err) {
+        r = cli_read_skips(cmd, skip, &(struct cli_skip){ "ranges", &cfg.skip_ranges }, 1);
+        if (r != CLI_GO_ON)
+            return r;
+    }
     cfg.raw = raw;
     cfg.disp_min_px = disp_min;
     cfg.disp_max_px = disp_max;
@@ -82,6 +88,7 @@ const struct cli_command cli_stereo = {
     .usage = "LEFT RIGHT --max-disparity N -o out.pfm [--preset P]",
     .summary = "disparity of one rectified pair",
     .detail = "A point at x in LEFT is at x - d in RIGHT. The result is dense: pixels hidden in one image are filled.\n"
+              "Disparities are searched around those of a match at a quarter of the size (--skip none: all of them).\n"
               "--raw skips everything after the matching cost, to compare costs and networks.",
     .example = "sst stereo left.png right.png --max-disparity 64 --preset accurate -o disparity.pfm",
     .run = run,

@@ -121,7 +121,7 @@ static void paths_cross_tiles(void **state SST_UNUSED)
         size_t cells;
         uint32_t *want;
 
-        assert_int_equal(sst_tiles_init(&all, WIDTH, HEIGHT, &shape, windows ? &coarse : NULL), 0);
+        assert_int_equal(sst_tiles_init(&all, WIDTH, 0, HEIGHT, &shape, windows ? &coarse : NULL), 0);
         cells = cell(&all.tile[all.columns * all.rows - 1], WIDTH - 1, HEIGHT - 1) +
                 all.tile[all.columns * all.rows - 1].steps_padded;
         assert_int_equal(all.tile[0].first != all.tile[all.columns * (all.rows - 1)].first, windows);
@@ -162,7 +162,7 @@ static void windows_hold_the_coarse_map(void **state SST_UNUSED)
             sst_map_u16_row(&map, i / map.width)[i % map.width] =
                 (uint16_t)(sst_random_u64(&seed) % 300 + (i % 38) * 34);
         coarse.disp_q6 = &map;
-        assert_int_equal(sst_tiles_init(&all, WIDTH, HEIGHT, &shape, &coarse), 0);
+        assert_int_equal(sst_tiles_init(&all, WIDTH, 0, HEIGHT, &shape, &coarse), 0);
         for (int i = 0; i < map.width * map.height; i++) {
             const int x = i % map.width * 4, y = i / map.width * 4;
             const double px = 4 * (2 + sst_map_u16_row(&map, y / 4)[x / 4] / 64.0);
@@ -252,7 +252,6 @@ static void threads_change_nothing(void **state SST_UNUSED)
         struct sst_map_f32 one, three;
 
         assert_int_equal(sst_disparity_preset(&cfg, "balanced"), 0);
-        cfg.one_volume = true;
         cfg.disp_max_px = 63;
         cfg.paths = paths;
         cfg.threads = 1;
@@ -288,7 +287,6 @@ static void finds_the_shift(void **state SST_UNUSED)
         int good = 0;
 
         assert_int_equal(sst_disparity_preset(&cfg, i % 2 ? "preview" : "balanced"), 0);
-        cfg.one_volume = true;
         cfg.disp_min_px = cases[i / 2].min_px;
         cfg.disp_max_px = cases[i / 2].max_px;
         disp = match(&p, &cfg);

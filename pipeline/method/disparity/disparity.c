@@ -39,7 +39,10 @@ struct run {
     struct sst_map_u8 *confidence; /* [views] */
     struct sst_map_u8 *status;     /* [views] */
     struct sst_map_u16 *filled;    /* [views] */
-    struct sst_volume *volumes;    /* [workers] */
+    struct sst_volume shape;       /* without memory: disparities, steps and phases of a whole view's volume */
+    struct sst_volume *volumes;    /* [workers] of whole views, or with `coarse` of tiles */
+    struct sst_lightfield *coarse; /* disparities at SST_COARSER times fewer pixels per side; NULL: not skip_ranges */
+    double *searched;              /* [views] part of the disparities in the windows of its tiles, 0..1 */
     int first_view;                /* of the current grid row */
 };
 
@@ -117,11 +120,12 @@ static const int sides[SST_MAX_NEIGHBOURS][2] = { { 0, -1 }, { 0, 1 }, { -1, 0 }
                                                   { 1, -1 }, { 1, 1 }, { 0, -2 }, { 0, 2 }, { -2, 0 },  { 2, 0 } };
 
 /* Phases of a neighbour that one view alone needs. */
-static int add_phases(struct run *run, const struct sst_volume *v, int view, int neighbour)
+static int add_phases(struct run *run, int view, int neighbour)
 {
     const struct sst_view *from = &run->lf->views[view], *to = &run->lf->views[neighbour];
 
-    return sst_descriptor_add_phases(&run->desc[neighbour], sst_volume_phases(v, to->bx - from->bx, to->by - from->by));
+    return sst_descriptor_add_phases(&run->desc[neighbour],
+                                     sst_volume_phases(&run->shape, to->bx - from->bx, to->by - from->by));
 }
 
 static void drop_phases(struct run *run)
@@ -130,13 +134,56 @@ static void drop_phases(struct run *run)
         sst_descriptor_drop_phases(&run->desc[view]);
 }
 
-/* Match one view against the neighbours of the sides in first..last into disp and confidence. */
-static int match_sides(struct run *run, struct sst_volume *v, int view, int first, int last,
-                       const struct sst_support *support, struct sst_map_u16 *disp, struct sst_map_u8 *confidence)
+/* Match the tiles of one view. */
+static int search_tiles(struct run *run, struct sst_tiles *tiles, struct sst_volume *v, int view,
+                        const struct sst_neighbour *neighbours, int count, const struct sst_support *support,
+                        struct sst_map_u16 *disp, struct sst_map_u8 *confidence)
+{
+    const struct sst_image *img = &run->desc[view].image;
+    const int rounds = run->cfg->support_arm ? run->cfg->support_before : 0;
+    struct sst_disparity_sgm_penalties penalties;
+    int err = 0;
+
+    sst_disparity_sgm_penalties_init(&penalties, run->cfg);
+    for (int i = 0; !err && i < tiles->rows * tiles->columns; i++) {
+        err = cancelled(run);
+        err =
+            err ? err : sst_tiles_fill(tiles, &tiles->tile[i], v, &run->desc[view], neighbours, count, support, rounds);
+    }
+    for (int row = 0; !err && row < tiles->rows; row++)
+        err = sst_tiles_paths_along(tiles, img, &penalties, row, &v->lines);
+    for (int column = 0; !err && column < tiles->columns; column++)
+        err = sst_tiles_paths_down(tiles, img, &penalties, column, &v->lines);
+    for (int i = 0; !err && i < tiles->rows * tiles->columns; i++)
+        err = sst_tiles_winner(tiles, &tiles->tile[i], disp, confidence, &v->lines);
+    return err;
+}
+
+static struct sst_coarse coarse_view(const struct run *run, int view)
+{
+    return (struct sst_coarse){ &run->coarse->views[view].disp, (int)run->coarse->disp_min_px, SST_COARSER };
+}
+
+static int match_tiles(struct run *run, struct sst_volume *v, int view, const struct sst_neighbour *neighbours,
+                       int count, const struct sst_support *support, struct sst_map_u16 *disp,
+                       struct sst_map_u8 *confidence)
+{
+    const struct sst_coarse coarse = coarse_view(run, view);
+    struct sst_tiles tiles;
+    int err = sst_tiles_init(&tiles, run->width, 0, run->height, &run->shape, &coarse);
+
+    if (err)
+        return err;
+    run->searched[view] = sst_tiles_share(&tiles);
+    err = search_tiles(run, &tiles, v, view, neighbours, count, support, disp, confidence);
+    sst_tiles_fini(&tiles);
+    return err;
+}
+
+/* Neighbours of the sides in first..last. @return their number, or -ENOMEM */
+static int gather_neighbours(struct run *run, int view, int first, int last, struct sst_neighbour *neighbours)
 {
     const struct sst_lightfield *lf = run->lf;
-    const struct sst_disparity_config *cfg = run->cfg;
-    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
     int count = 0, err = 0;
 
     for (int s = first; s <= last && !err; s++) {
@@ -145,11 +192,29 @@ static int match_sides(struct run *run, struct sst_volume *v, int view, int firs
         if (n >= 0)
             neighbours[count++] = (struct sst_neighbour){ &run->desc[n], lf->views[n].bx - lf->views[view].bx,
                                                           lf->views[n].by - lf->views[view].by };
-        if (n >= 0 && cfg->frugal)
-            err = add_phases(run, v, view, n);
+        if (n >= 0 && run->cfg->frugal)
+            err = add_phases(run, view, n);
     }
-    if (err || !count)
-        return err ? err : -ENODATA;
+    return err ? err : count;
+}
+
+/* Match one view against the neighbours of the sides in first..last into disp and confidence. */
+static int match_sides(struct run *run, struct sst_volume *v, int view, int first, int last,
+                       const struct sst_support *support, struct sst_map_u16 *disp, struct sst_map_u8 *confidence)
+{
+    const struct sst_disparity_config *cfg = run->cfg;
+    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
+    const int count = gather_neighbours(run, view, first, last, neighbours);
+    int err = 0;
+
+    if (count <= 0)
+        return count ? count : -ENODATA;
+    if (run->coarse) {
+        err = match_tiles(run, v, view, neighbours, count, support, disp, confidence);
+        if (cfg->frugal)
+            drop_phases(run);
+        return err;
+    }
     sst_volume_fill(v, &run->desc[view], neighbours, count);
     if (cfg->frugal)
         drop_phases(run);
@@ -396,15 +461,108 @@ int sst_disparity_phase_step(const struct sst_disparity_config *cfg, int width, 
     return cfg->phase_step ? cfg->phase_step : (size_t)width * (size_t)height > FINE_PIXELS ? 2 : 1;
 }
 
+/* One worker's: of a whole view, or of a tile. */
 static int make_volume(const struct run *run, struct sst_volume *v)
 {
-    const int err = sst_volume_init(v, run->width, run->height, run->disp_min, steps_of(run));
+    const int halo = 2 * SST_TILE_HALO(run->cfg->support_arm ? run->cfg->support_before : 0);
+    const int width = run->coarse ? sst_min_int(SST_TILE_WIDTH + halo, run->width) : run->width;
+    const int height = run->coarse ? sst_min_int(SST_TILE_HEIGHT + halo, run->height) : run->height;
+    const int err = sst_volume_init(v, width, height, run->disp_min, steps_of(run));
 
     if (!err) {
-        v->divisor = run->divisor;
-        v->phase_step = sst_disparity_phase_step(run->cfg, run->width, run->height);
+        v->divisor = run->shape.divisor;
+        v->phase_step = run->shape.phase_step;
     }
     return err;
+}
+
+/* Image and mask of a view at SST_COARSER times fewer pixels per side than those that are matched. */
+static int reduce_view(struct sst_view *to, const struct sst_view *from, int factor)
+{
+    struct sst_image halves[2] = { { 0 }, { 0 } }; /* 4 = 2 * 2, 8 = 2 * 2 * 2 */
+    const struct sst_image *last = &from->image;
+    int err = 0;
+
+    to->present = from->present;
+    to->bx = from->bx;
+    to->by = from->by;
+    if (!from->present)
+        return 0;
+    for (int i = 0, f = factor; !err && f > 1; f /= 2, i++) {
+        struct sst_image *half = f == 2 ? &to->image : &halves[i % 2];
+
+        sst_image_fini(half);
+        err = sst_image_halve(half, last);
+        last = half;
+    }
+    sst_image_fini(&halves[0]);
+    sst_image_fini(&halves[1]);
+    return err || !from->valid.data ? err : sst_disparity_mask_reduce(&to->valid, &from->valid, factor);
+}
+
+static int reduce_job(void *arg, int view, int worker SST_UNUSED)
+{
+    struct run *run = arg;
+
+    return reduce_view(&run->coarse->views[view], &run->lf->views[view], SST_COARSER * run->scale);
+}
+
+/* The light field at SST_COARSER times fewer pixels per side, all its views matched in whole steps. */
+static int match_coarse(struct run *run, int threads)
+{
+    const struct sst_disparity_config cfg = { .disp_min_px = floor((double)run->disp_min / SST_COARSER),
+                                              .disp_max_px = ceil((double)(run->disp_min + run->range) / SST_COARSER),
+                                              .cost = SST_COST_CENSUS,
+                                              .paths = 4,
+                                              .p1 = run->cfg->p1,
+                                              .p2 = run->cfg->p2,
+                                              .edge_step = run->cfg->edge_step,
+                                              .fill = true,
+                                              .joint = true,
+                                              .neighbours = run->cfg->neighbours,
+                                              .scale = 1,
+                                              .phase_step = 2,
+                                              .frugal = run->cfg->frugal,
+                                              .threads = threads,
+                                              .whole_steps = true,
+                                              .skip_ranges = true,
+                                              .range_error = run->cfg->range_error,
+                                              .cancel = run->cfg->cancel };
+    struct sst_lightfield *c = run->coarse;
+    int err = sst_lightfield_init(c, run->lf->rows, run->lf->cols);
+
+    c->width = (run->width + SST_COARSER - 1) / SST_COARSER;
+    c->height = (run->height + SST_COARSER - 1) / SST_COARSER;
+    c->ref_view = run->lf->ref_view;
+    err = err ? err : sst_parallel_for(c->rows * c->cols, threads, reduce_job, run);
+    return err ? err : sst_disparity_lightfield(c, &cfg, NULL, NULL);
+}
+
+/* With short ranges tile by tile where the configuration allows it and that pays. */
+static int make_coarse(struct run *run, int threads)
+{
+    const struct sst_disparity_config *cfg = run->cfg;
+
+    if (!cfg->skip_ranges || cfg->raw || cfg->paths != 4 || !cfg->joint || (cfg->support_arm && cfg->support_after) ||
+        !sst_coarse_pays(&run->shape))
+        return 0;
+    run->coarse = calloc(1, sizeof(*run->coarse));
+    run->searched = calloc((size_t)(run->lf->rows * run->lf->cols), sizeof(*run->searched));
+    return run->coarse && run->searched ? match_coarse(run, threads) : -ENOMEM;
+}
+
+/* Mean over the views that were matched. */
+static void report_ranges(const struct run *run)
+{
+    double sum = 0;
+    int count = 0;
+
+    for (int view = 0; run->coarse && view < run->lf->rows * run->lf->cols; view++) {
+        sum += run->searched[view];
+        count += run->searched[view] > 0;
+    }
+    if (count && run->cfg->report)
+        run->cfg->report->ranges_skipped = 100 * (1 - sum / count);
 }
 
 /* All phases that matching any view with one of its neighbours needs. */
@@ -418,7 +576,7 @@ static unsigned phases_needed(const struct run *run)
             const int n = view_at(lf, view, sides[s][0], sides[s][1]);
 
             if (n >= 0)
-                phases |= sst_volume_phases(&run->volumes[0], lf->views[n].bx - lf->views[view].bx,
+                phases |= sst_volume_phases(&run->shape, lf->views[n].bx - lf->views[view].bx,
                                             lf->views[n].by - lf->views[view].by);
         }
     }
@@ -586,21 +744,121 @@ static int match_others(struct run *run, int workers)
     return err;
 }
 
+/* Match a row of tiles of the reference view in the whole range and in windows, and add the pixels that differ by more
+ * than 1 px to *off. */
+static int compare_ranges(struct run *run, struct sst_volume *v, const struct sst_neighbour *neighbours, int count,
+                          const struct sst_support *support, int top, int *off)
+{
+    const int view = run->lf->ref_view;
+    const struct sst_coarse coarse = coarse_view(run, view);
+    struct sst_map_u16 disp[2] = { { 0 }, { 0 } };
+    int err = 0;
+
+    for (int windows = 0; !err && windows < 2; windows++) {
+        struct sst_tiles tiles = { 0 };
+
+        err = sst_map_u16_init(&disp[windows], run->width, top + SST_TILE_HEIGHT);
+        err =
+            err ? err : sst_tiles_init(&tiles, run->width, top, SST_TILE_HEIGHT, &run->shape, windows ? &coarse : NULL);
+        err = err ? err : search_tiles(run, &tiles, v, view, neighbours, count, support, &disp[windows], NULL);
+        sst_tiles_fini(&tiles);
+    }
+    for (int y = top; !err && y < top + SST_TILE_HEIGHT; y++) {
+        const uint16_t *a = sst_map_u16_row(&disp[0], y), *b = sst_map_u16_row(&disp[1], y);
+
+        for (int x = 0; x < run->width; x++)
+            *off += abs(a[x] - b[x]) > (int)SST_DISP_SCALE;
+    }
+    sst_map_u16_fini(&disp[0]);
+    sst_map_u16_fini(&disp[1]);
+    return err;
+}
+
+/* Percent of the pixels in three rows of tiles of the reference view whose disparity the windows change. */
+static int measure_ranges(struct run *run, int threads, double *error)
+{
+    const int view = run->lf->ref_view, row = view / run->lf->cols;
+    const int last = (run->height / SST_TILE_HEIGHT - 1) * SST_TILE_HEIGHT;
+    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
+    struct sst_support support = { 0 };
+    int err = 0, count, off = 0;
+
+    *error = NAN;
+    if (!run->lf->views[view].present)
+        return 0;
+    for (int r = sst_max_int(row - 2, 0); !err && r <= sst_min_int(row + 2, run->lf->rows - 1); r++) {
+        run->first_view = r * run->lf->cols;
+        err = sst_parallel_for(run->lf->cols, threads, describe_job, run);
+    }
+    count = err ? err : gather_neighbours(run, view, 0, run->cfg->neighbours - 1, neighbours);
+    if (count <= 0)
+        return count;
+    if (run->cfg->support_arm)
+        err =
+            sst_disparity_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
+    for (int i = 0; !err && i < 3; i++)
+        err = compare_ranges(run, &run->volumes[0], neighbours, count, &support, last * (2 * i + 1) / 6, &off);
+    sst_disparity_support_fini(&support);
+    if (run->cfg->frugal)
+        drop_phases(run);
+    *error = 100.0 * off / (3.0 * run->width * SST_TILE_HEIGHT);
+    return err;
+}
+
+static void free_coarse(struct run *run)
+{
+    if (run->coarse)
+        sst_lightfield_fini(run->coarse);
+    free(run->coarse);
+    run->coarse = NULL;
+}
+
+static int make_volumes(struct run *run, int workers)
+{
+    int err = 0;
+
+    for (int i = 0; i < workers; i++)
+        sst_volume_fini(&run->volumes[i]);
+    for (int i = 0; !err && i < workers; i++)
+        err = make_volume(run, &run->volumes[i]);
+    return err;
+}
+
+/* Volumes of tiles, or of whole views where windows change too many disparities: foliage, whose gaps no coarse map has.
+ */
+static int choose_ranges(struct run *run, int workers, int threads)
+{
+    double error;
+    int err = make_volumes(run, workers);
+
+    if (err || !run->coarse)
+        return err;
+    err = measure_ranges(run, threads, &error);
+    if (!err && error <= run->cfg->range_error) {
+        if (run->cfg->report)
+            run->cfg->report->ranges_error = error;
+        return 0;
+    }
+    free_coarse(run);
+    return err ? err : make_volumes(run, workers);
+}
+
 static int run_all(struct run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
     const int views = run->lf->rows * run->lf->cols;
     const size_t each = sst_volume_bytes(run->width, run->height, steps_of(run));
     const int most = run->cfg->frugal ? 1 : sst_min_int(threads, run->lf->cols);
     const int workers = sst_clamp_int((int)(VOLUME_BUDGET_BYTES / each), 1, most);
-    int err = 0, made = 0;
+    int err = make_coarse(run, threads);
 
+    if (err)
+        return err;
     run->volumes = calloc((size_t)workers, sizeof(*run->volumes));
     if (!run->volumes)
         return -ENOMEM;
-    for (; !err && made < workers; made++)
-        err = make_volume(run, &run->volumes[made]);
-    run->phases = err ? 0 : phases_needed(run);
-    err = err ? err : open_networks(run, workers, threads);
+    run->phases = phases_needed(run);
+    err = open_networks(run, workers, threads);
+    err = err ? err : choose_ranges(run, workers, threads);
     err = err ? err : match_all(run, workers, progress, progress_arg);
     if (run->carried && run->rounds)
         err = err ? err : match_others(run, workers);
@@ -611,6 +869,7 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     }
     free(run->volumes);
     free(run->nets);
+    report_ranges(run);
     err = err ? err : finish_maps(run, threads);
     for (int view = 0; !err && view < views; view++) {
         if (run->lf->views[view].present)
@@ -669,7 +928,13 @@ static int run_init(struct run *run, struct sst_lightfield *lf, const struct sst
     run->height = (lf->height + cfg->scale - 1) / cfg->scale;
     run->disp_min = (int)floor(cfg->disp_min_px / cfg->scale);
     run->range = (int)ceil(cfg->disp_max_px / cfg->scale) - run->disp_min;
-    run->divisor = sst_disparity_divisor(run->range);
+    run->divisor = cfg->whole_steps ? 1 : sst_disparity_divisor(run->range);
+    run->shape = (struct sst_volume){ .width = run->width,
+                                      .height = run->height,
+                                      .disp_min = run->disp_min,
+                                      .steps = steps_of(run),
+                                      .divisor = run->divisor,
+                                      .phase_step = sst_disparity_phase_step(cfg, run->width, run->height) };
     for (size_t k = 0; k < views; k++)
         present += lf->views[k].present;
     set_views_census(run, present);
@@ -705,6 +970,8 @@ static void run_fini(struct run *run)
         if (run->filled)
             sst_map_u16_fini(&run->filled[view]);
     }
+    free_coarse(run);
+    free(run->searched);
     free(run->carried);
     free(run->desc);
     free(run->disp);
@@ -723,7 +990,7 @@ int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_dispari
     if (err)
         return err;
     if (cfg->report)
-        *cfg->report = (struct sst_disparity_report){ NAN, NAN, NAN, NAN };
+        *cfg->report = (struct sst_disparity_report){ NAN, NAN, NAN, NAN, NAN, NAN };
     err = run_init(&run, lf, cfg);
     if (!err)
         err = run_all(&run, threads, progress, progress_arg);
@@ -755,8 +1022,7 @@ int sst_disparity_stereo(struct sst_map_f32 *out, const struct sst_image *left, 
     lf.views[0].image = *left;
     lf.views[1].image = *right;
     err = check_config(&lf, cfg);
-    if (!err && cfg->one_volume && cfg->paths == 4 && !cfg->raw && cfg->fill &&
-        !(cfg->support_arm && cfg->support_after)) {
+    if (!err && cfg->paths == 4 && !cfg->raw && cfg->fill && !(cfg->support_arm && cfg->support_after)) {
         err = sst_disparity_pair(out, left, right, cfg);
         goto done;
     }

@@ -39,7 +39,6 @@ struct sst_disparity_config {
     bool raw;        /* the cheapest disparity of each pixel, to evaluate costs: no aggregation, optimisation, filter or
                         filling; their parameters are ignored */
     bool fill;       /* check and fill: the result is dense */
-    bool one_volume; /* of a pair: the right map, which checks the left one, comes from the left one's cost volume */
     bool joint;      /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
     int neighbours;  /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
     int rounds;      /* of the second pass (design.md, 5.7), 0..SST_DISPARITY_MAX_ROUNDS; light fields of few views
@@ -59,6 +58,11 @@ struct sst_disparity_config {
     int key_spacing;
     double key_error; /* with a second pass: percent of the reference view's disparities that may change by more than 1
                          px if it is carried; else all views are matched */
+    bool whole_steps; /* one step per pixel, however short the range is */
+    bool skip_ranges; /* the first pass searches, tile by tile, the disparities around those of a match at a quarter of
+                         the size; with 4 paths, a joint volume and no aggregation after the optimisation */
+    double range_error; /* percent of the reference view's disparities that skip_ranges may change by more than 1 px;
+                           else, and where there is no such view, the whole range is searched; pairs are not tested */
     bool
         skip_hypotheses; /* the second pass tests no other disparity where the first pass's explains the colours well */
     const SST_ATOMIC(bool) * cancel; /* once true, matching of a light field stops within a part of a view; or NULL */
@@ -70,6 +74,9 @@ struct sst_disparity_report {
     double views_skipped;      /* of the views: carried, not matched */
     double views_error;        /* disparities that change by more than 1 px if the reference view is carried as well,
                                   before any repair */
+    double ranges_skipped;     /* of the disparities of the first pass */
+    double ranges_error;       /* pixels in three rows of tiles of the reference view whose disparity in the whole range
+                                  differs by more than 1 px */
     double hypotheses_skipped; /* of the second pass */
     double hypotheses_error;   /* pixels in a sample of rows whose cheapest hypothesis was not tested */
 };

@@ -20,10 +20,6 @@
 #define SPECK       121 /* pixels, the largest support region: smaller surfaces are false more often than not */
 #define AGREE_Q6    48  /* both images confirm each other within it: 3/4 px */
 
-#define COARSER      4  /* the coarse map's part of the size */
-#define LEAST_COARSE 48 /* px to both sides; a smaller one leaves nothing to match */
-#define SHORT_RANGE  32 /* steps that fill the registers: fewer save nothing */
-
 /* What a worker needs for the tile or band in hand. */
 struct worker {
     struct sst_volume tile;
@@ -86,32 +82,9 @@ static int describe_job(void *arg, int index, int worker)
     return err;
 }
 
-static int support_halo(const struct pair *p)
+static int support_rounds(const struct pair *p)
 {
-    return p->cfg->support_arm * p->cfg->support_before;
-}
-
-/* Costs of a tile. Pixels around it are matched as well, for the support regions to reach into. */
-static int fill_tile(struct pair *p, const struct sst_tile *t, struct sst_volume *v)
-{
-    const int halo = support_halo(p), left = sst_max_int(t->x0 - halo, 0), top = sst_max_int(t->y0 - halo, 0);
-    const int right = sst_min_int(t->x0 + t->width + halo, p->shape.width);
-    const int bottom = sst_min_int(t->y0 + t->height + halo, p->shape.height);
-    const size_t row = (size_t)t->width * t->steps_padded;
-    int err;
-
-    v->disp_min = p->shape.disp_min + t->first;
-    v->steps = t->steps;
-    v->steps_padded = t->steps_padded;
-    sst_volume_window(v, left, top, right - left, bottom - top);
-    sst_volume_fill(v, &p->desc[0], &p->right, 1);
-    err = sst_disparity_support_aggregate(v, &p->support, halo ? p->cfg->support_before : 0);
-    for (int y = t->y0; !err && y < t->y0 + t->height; y++) {
-        const size_t at = (size_t)(y - top) * v->width_padded + (size_t)(t->x0 - left);
-
-        memcpy(p->tiles.cost + sst_tile_cells(t, y), v->cost + at * t->steps_padded, row);
-    }
-    return err;
+    return p->cfg->support_arm ? p->cfg->support_before : 0;
 }
 
 /* Costs and horizontal paths of a row of tiles. */
@@ -122,7 +95,8 @@ static int row_job(void *arg, int index, int worker)
     int err = p->cfg->cancel && *p->cfg->cancel ? -ECANCELED : 0;
 
     for (int i = 0; !err && i < p->tiles.columns; i++)
-        err = fill_tile(p, &t[i], &p->worker[worker].tile);
+        err = sst_tiles_fill(&p->tiles, &t[i], &p->worker[worker].tile, &p->desc[0], &p->right, 1, &p->support,
+                             support_rounds(p));
     return err ? err
                : sst_tiles_paths_along(&p->tiles, &p->desc[0].image, &p->penalties, index, &p->worker[worker].lines);
 }
@@ -186,29 +160,6 @@ static int match_right(struct pair *p, const struct sst_tile *row, int y, struct
     return 0;
 }
 
-static int tile_winner(struct pair *p, const struct sst_tile *t, struct worker *w)
-{
-    struct sst_map_u16 disp = { t->width, t->height, p->raw[0].stride, sst_map_u16_row(&p->raw[0], t->y0) + t->x0 };
-    struct sst_volume v = { .width = t->width,
-                            .height = t->height,
-                            .width_padded = (size_t)t->width,
-                            .steps = t->steps,
-                            .steps_padded = t->steps_padded,
-                            .divisor = p->shape.divisor,
-                            .sum = p->tiles.sum + t->cells,
-                            .lines = w->lines };
-    const int err = sst_volume_winner(&v, false, &disp, NULL);
-
-    w->lines = v.lines;
-    for (int y = 0; !err && t->first && y < t->height; y++) {
-        uint16_t *d = sst_map_u16_row(&disp, y);
-
-        for (int x = 0; x < t->width; x++)
-            d[x] = (uint16_t)(d[x] + 64 * t->first);
-    }
-    return err;
-}
-
 static int winner_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
@@ -216,7 +167,7 @@ static int winner_job(void *arg, int index, int worker)
     int err = 0;
 
     for (int i = 0; !err && i < p->tiles.columns; i++)
-        err = tile_winner(p, &t[i], &p->worker[worker]);
+        err = sst_tiles_winner(&p->tiles, &t[i], &p->raw[0], NULL, &p->worker[worker].lines);
     for (int y = t->y0; !err && y < t->y0 + t->height; y++)
         err = match_right(p, t, y, &p->worker[worker].rows);
     return err;
@@ -285,7 +236,7 @@ static int open_networks(struct pair *p)
 
 static int allocate(struct pair *p)
 {
-    const int halo = 2 * support_halo(p), w = p->shape.width, h = p->shape.height;
+    const int halo = 2 * SST_TILE_HALO(support_rounds(p)), w = p->shape.width, h = p->shape.height;
     int err = 0;
 
     p->worker = calloc((size_t)p->workers, sizeof(*p->worker));
@@ -332,17 +283,18 @@ static int match_coarse(struct pair *coarse, struct sst_disparity_config *cfg, s
 {
     int err = 0;
 
-    *cfg = (struct sst_disparity_config){ .disp_min_px = floor((double)p->shape.disp_min / COARSER),
+    *cfg = (struct sst_disparity_config){ .disp_min_px = floor((double)p->shape.disp_min / SST_COARSER),
                                           .cost = SST_COST_CENSUS,
                                           .paths = 4,
                                           .p1 = p->cfg->p1,
                                           .p2 = p->cfg->p2,
                                           .edge_step = p->cfg->edge_step,
                                           .scale = 1,
+                                          .skip_ranges = true,
                                           .cancel = p->cfg->cancel };
-    cfg->disp_max_px = ceil((p->shape.disp_min + (double)(p->shape.steps - 1) / p->shape.divisor) / COARSER);
+    cfg->disp_max_px = ceil((p->shape.disp_min + (double)(p->shape.steps - 1) / p->shape.divisor) / SST_COARSER);
     *coarse = (struct pair){
-        .cfg = cfg, .threads = p->threads, .workers = p->workers, .rows = 1, .smaller = COARSER * p->smaller
+        .cfg = cfg, .threads = p->threads, .workers = p->workers, .rows = 1, .smaller = SST_COARSER * p->smaller
     };
     for (int i = 0; !err && i < 2; i++) {
         struct sst_image half;
@@ -362,13 +314,12 @@ static int lay_out_tiles(struct pair *p)
     struct pair coarse = { 0 };
     struct sst_disparity_config cfg;
     struct sst_image small[2] = { { 0 }, { 0 } };
-    const bool fine =
-        p->shape.steps <= SHORT_RANGE || sst_min_int(p->shape.width, p->shape.height) < COARSER * LEAST_COARSE;
+    const bool fine = !p->cfg->skip_ranges || !sst_coarse_pays(&p->shape);
     int err = fine ? 0 : match_coarse(&coarse, &cfg, small, p);
 
     if (!err)
-        err = sst_tiles_init(&p->tiles, p->shape.width, p->shape.height, &p->shape,
-                             fine ? NULL : &(struct sst_coarse){ &coarse.disp[0], coarse.shape.disp_min, COARSER });
+        err = sst_tiles_init(&p->tiles, p->shape.width, 0, p->shape.height, &p->shape,
+                             fine ? NULL : &(struct sst_coarse){ &coarse.disp[0], coarse.shape.disp_min, SST_COARSER });
     release(&coarse);
     sst_image_fini(&small[0]);
     sst_image_fini(&small[1]);

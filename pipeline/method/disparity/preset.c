@@ -6,7 +6,7 @@
 
 #define COMMON                                                                                                         \
     .disp_max_px = 127, .p1 = 14, .p2 = 90, .edge_step = 24, .fill = true, .joint = true, .neighbours = 12,            \
-    .key_error = 5
+    .key_error = 5, .skip_ranges = true
 #define SUPPORT                                                                                                        \
     .support_arm = 5, .support_tau = 18, .support_before = 1, .bilateral_tau = 8, .subpixel_steps = 2,                 \
     .subpixel_views = 12
@@ -16,12 +16,12 @@ static const struct {
     const char *name;
     struct sst_disparity_config cfg;
 } presets[] = {
-    { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .scale = 2, .one_volume = true, .key_spacing = 3 } },
+    { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .range_error = 1, .scale = 2, .key_spacing = 3 } },
     { "balanced",
-      { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .scale = 1, .rounds = 1, .one_volume = true,
+      { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .range_error = 1, .scale = 1, .rounds = 1,
         .key_spacing = 3, .skip_hypotheses = true } },
     { "accurate",
-      { COMMON, SUPPORT, .cost = SST_COST_BOTH, .views_census = true, .one_volume = true, .paths = 4, .scale = 1,
+      { COMMON, SUPPORT, .cost = SST_COST_BOTH, .views_census = true, .range_error = 0.1, .paths = 4, .scale = 1,
         .rounds = 2, .key_spacing = 1 } },
 };
 

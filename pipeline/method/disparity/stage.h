@@ -180,9 +180,11 @@ struct sst_disparity_sgm_penalties {
 
 void sst_disparity_sgm_penalties_init(struct sst_disparity_sgm_penalties *p, const struct sst_disparity_config *cfg);
 
-/* Pixels of a tile: with support regions around them, 64x48. */
+/* Pixels of a tile: with the longest support regions around them, 64x48. */
 #define SST_TILE_WIDTH  54
 #define SST_TILE_HEIGHT 38
+/* Pixels around it that are matched as well, for the support regions of so many rounds to reach into. */
+#define SST_TILE_HALO(rounds) ((rounds)*SST_SUPPORT_MAX_ARM)
 
 /** A part of a view: disparities first .. first + (steps - 1) / divisor px above the smallest. */
 struct sst_tile {
@@ -201,21 +203,46 @@ struct sst_tiles {
     uint16_t *sum;
 };
 
-/** Disparities of the view at 1 / factor of its size, dense. */
+/** Disparities of the view at 1 / factor of its size; a tile around which all are SST_DISP_NONE has the whole range. */
 struct sst_coarse {
     const struct sst_map_u16 *disp_q6;
     int disp_min, factor;
 };
 
 /**
- * Lay out tiles over a view: their windows hold the disparities that the coarse map has around them, and a margin.
+ * Lay out tiles over rows top .. top + height - 1 of a view: their windows hold the disparities that the coarse map has
+ * around them, and a margin.
  * @param shape   smallest disparity, steps, divisor
  * @param coarse  NULL: every tile has the whole range
  * @return 0, -ENOMEM
  */
-SST_MUST_CHECK int sst_tiles_init(struct sst_tiles *all, int width, int height, const struct sst_volume *shape,
+SST_MUST_CHECK int sst_tiles_init(struct sst_tiles *all, int width, int top, int height, const struct sst_volume *shape,
                                   const struct sst_coarse *coarse);
 void sst_tiles_fini(struct sst_tiles *all);
+
+#define SST_COARSER 4 /* the coarse map's part of the size */
+
+/** Does a coarse map save more than it takes? Not where the range fills few registers, or the map is too small. */
+static inline bool sst_coarse_pays(const struct sst_volume *shape)
+{
+    return shape->steps > 32 && sst_min_int(shape->width, shape->height) >= SST_COARSER * 48;
+}
+
+/** Part of all disparities that the windows hold, 0..1. */
+double sst_tiles_share(const struct sst_tiles *all);
+
+/**
+ * Costs of a tile (see sst_volume_fill()), aggregated `rounds` times over support regions.
+ * @param v  in which it is matched: of the tiles' width and height and twice the halo, and of their steps
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_tiles_fill(struct sst_tiles *all, const struct sst_tile *t, struct sst_volume *v,
+                                  const struct sst_descriptor *ref, const struct sst_neighbour *neighbours, int count,
+                                  const struct sst_support *support, int rounds);
+
+/** sst_volume_winner() of a tile into the whole view's maps; disparities above the tiles' smallest one. */
+SST_MUST_CHECK int sst_tiles_winner(const struct sst_tiles *all, const struct sst_tile *t, struct sst_map_u16 *disp_q6,
+                                    struct sst_map_u8 *confidence, struct sst_mem_kept *scratch);
 
 /** Where row y of the view begins in a tile's cells. */
 static inline size_t sst_tile_cells(const struct sst_tile *t, int y)
@@ -224,8 +251,8 @@ static inline size_t sst_tile_cells(const struct sst_tile *t, int y)
 }
 
 /**
- * The parts of the optimisation, in this order: of all rows of tiles the paths along rows, the first sums; of all columns
- * those up and down, added. Several threads may compute rows, then columns, at once.
+ * The parts of the optimisation, in this order: of all rows of tiles the paths along rows, the first sums; of all
+ * columns those up and down, added. Several threads may compute rows, then columns, at once.
  *
  * @param scratch  of the thread
  * @return 0, -ENOMEM
@@ -314,8 +341,8 @@ SST_MUST_CHECK int sst_disparity_pair(struct sst_map_f32 *out, const struct sst_
                                       const struct sst_image *right, const struct sst_disparity_config *cfg);
 
 /**
- * Confirmed pixels of surfaces smaller than `least` pixels become occlusions. Neighbours (4) are of one surface if their
- * disparities differ by a pixel at most.
+ * Confirmed pixels of surfaces smaller than `least` pixels become occlusions. Neighbours (4) are of one surface if
+ * their disparities differ by a pixel at most.
  * @return 0, -ENOMEM
  */
 SST_MUST_CHECK int sst_disparity_drop_specks(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, int least);

@@ -16,8 +16,8 @@ static size_t padded(int steps)
     return ((size_t)steps + 31) / 32 * 32;
 }
 
-/* Smallest and largest coarse disparity around a tile, in px of the view. */
-static void coarse_range(const struct sst_coarse *c, const struct sst_tile *t, double *low, double *high)
+/* Smallest and largest coarse disparity around a tile, in px of the view. @return whether there is one */
+static bool coarse_range(const struct sst_coarse *c, const struct sst_tile *t, double *low, double *high)
 {
     const struct sst_map_u16 *map = c->disp_q6;
     const int f = c->factor, x0 = sst_max_int(t->x0 - AROUND, 0) / f, y0 = sst_max_int(t->y0 - AROUND, 0) / f;
@@ -30,11 +30,12 @@ static void coarse_range(const struct sst_coarse *c, const struct sst_tile *t, d
 
         for (int x = x0; x <= x1; x++) {
             least = sst_min_int(least, d[x]);
-            most = sst_max_int(most, d[x]);
+            most = d[x] == SST_DISP_NONE ? most : sst_max_int(most, d[x]);
         }
     }
     *low = f * (c->disp_min + least / 64.0);
     *high = f * (c->disp_min + most / 64.0);
+    return least <= most;
 }
 
 /* The window of disparities of a tile: as much of the whole range as its registers hold. */
@@ -44,8 +45,7 @@ static void set_window(struct sst_tile *t, const struct sst_tiles *all, const st
     int first = 0, last = range;
     double low, high;
 
-    if (coarse) {
-        coarse_range(coarse, t, &low, &high);
+    if (coarse && coarse_range(coarse, t, &low, &high)) {
         first = sst_clamp_int((int)floor(low) - MARGIN - all->disp_min, 0, range);
         last = sst_clamp_int((int)ceil(high) + MARGIN - all->disp_min, first, range);
     }
@@ -55,7 +55,7 @@ static void set_window(struct sst_tile *t, const struct sst_tiles *all, const st
     t->steps = sst_min_int(t->steps, all->steps - t->first * all->divisor);
 }
 
-int sst_tiles_init(struct sst_tiles *all, int width, int height, const struct sst_volume *shape,
+int sst_tiles_init(struct sst_tiles *all, int width, int top, int height, const struct sst_volume *shape,
                    const struct sst_coarse *coarse)
 {
     struct sst_tiles made = { .columns = (width + SST_TILE_WIDTH - 1) / SST_TILE_WIDTH,
@@ -72,9 +72,9 @@ int sst_tiles_init(struct sst_tiles *all, int width, int height, const struct ss
         struct sst_tile *t = &made.tile[i];
 
         t->x0 = i % made.columns * SST_TILE_WIDTH;
-        t->y0 = i / made.columns * SST_TILE_HEIGHT;
+        t->y0 = top + i / made.columns * SST_TILE_HEIGHT;
         t->width = sst_min_int(SST_TILE_WIDTH, width - t->x0);
-        t->height = sst_min_int(SST_TILE_HEIGHT, height - t->y0);
+        t->height = sst_min_int(SST_TILE_HEIGHT, top + height - t->y0);
         set_window(t, &made, coarse);
         t->cells = cells;
         cells += (size_t)t->width * (size_t)t->height * t->steps_padded;
@@ -87,6 +87,72 @@ int sst_tiles_init(struct sst_tiles *all, int width, int height, const struct ss
     }
     *all = made;
     return 0;
+}
+
+int sst_tiles_fill(struct sst_tiles *all, const struct sst_tile *t, struct sst_volume *v,
+                   const struct sst_descriptor *ref, const struct sst_neighbour *neighbours, int count,
+                   const struct sst_support *support, int rounds)
+{
+    const int halo = SST_TILE_HALO(rounds), left = sst_max_int(t->x0 - halo, 0), top = sst_max_int(t->y0 - halo, 0);
+    const int right = sst_min_int(t->x0 + t->width + halo, ref->width);
+    const int bottom = sst_min_int(t->y0 + t->height + halo, ref->height);
+    const size_t row = (size_t)t->width * t->steps_padded;
+    int err;
+
+    v->disp_min = all->disp_min + t->first;
+    v->steps = t->steps;
+    v->steps_padded = t->steps_padded;
+    sst_volume_window(v, left, top, right - left, bottom - top);
+    sst_volume_fill(v, ref, neighbours, count);
+    err = sst_disparity_support_aggregate(v, support, rounds);
+    for (int y = t->y0; !err && y < t->y0 + t->height; y++) {
+        const size_t at = (size_t)(y - top) * v->width_padded + (size_t)(t->x0 - left);
+
+        memcpy(all->cost + sst_tile_cells(t, y), v->cost + at * t->steps_padded, row);
+    }
+    return err;
+}
+
+int sst_tiles_winner(const struct sst_tiles *all, const struct sst_tile *t, struct sst_map_u16 *disp_q6,
+                     struct sst_map_u8 *confidence, struct sst_mem_kept *scratch)
+{
+    struct sst_map_u16 disp = { t->width, t->height, disp_q6->stride, sst_map_u16_row(disp_q6, t->y0) + t->x0 };
+    struct sst_map_u8 conf = { 0 };
+    struct sst_volume v = { .width = t->width,
+                            .height = t->height,
+                            .width_padded = (size_t)t->width,
+                            .steps = t->steps,
+                            .steps_padded = t->steps_padded,
+                            .divisor = all->divisor,
+                            .sum = all->sum + t->cells,
+                            .lines = *scratch };
+    int err;
+
+    if (confidence)
+        conf =
+            (struct sst_map_u8){ t->width, t->height, confidence->stride, sst_map_u8_row(confidence, t->y0) + t->x0 };
+    err = sst_volume_winner(&v, false, &disp, confidence ? &conf : NULL);
+    *scratch = v.lines;
+    for (int y = 0; !err && t->first && y < t->height; y++) {
+        uint16_t *d = sst_map_u16_row(&disp, y);
+
+        for (int x = 0; x < t->width; x++)
+            d[x] = (uint16_t)(d[x] + 64 * t->first);
+    }
+    return err;
+}
+
+double sst_tiles_share(const struct sst_tiles *all)
+{
+    double searched = 0, whole = 0;
+
+    for (int i = 0; i < all->columns * all->rows; i++) {
+        const double pixels = (double)all->tile[i].width * all->tile[i].height;
+
+        searched += pixels * all->tile[i].steps;
+        whole += pixels * all->steps;
+    }
+    return searched / whole;
 }
 
 void sst_tiles_fini(struct sst_tiles *all)
