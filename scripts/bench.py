@@ -17,7 +17,7 @@ import time
 
 import bench_report
 
-PAIRS = ("cones/disp2.png", "teddy/disp2.png", "motorcycle/motorcycle_disp.npz")
+PAIRS = ("cones/disp2.png", "teddy/disp2.png", "motorcycle/motorcycle_disp.npz", "aloe/aloeGT.png")
 SCENES = ("bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat")
 ALL_PRESETS = ("bush", "pedestrian")  # scenes that are matched with every preset
 SEEDS = (2, 3)  # more draws of each scene, in half size, for the clear picture
@@ -77,10 +77,10 @@ def to_file(path, *commands):
 
 def stereo(build, out, data, rounds):
     if not all(os.path.exists(os.path.join(data, p)) for p in PAIRS):
-        return say(f"skipped: stereo; {data} lacks the Middlebury pairs cones, teddy and motorcycle, give --data DIR")
+        return say(f"skipped: stereo; {data} lacks the Middlebury pairs cones, teddy, motorcycle and aloe, give --data DIR")
     if not os.path.exists(f"{build}/bench/stereo"):
         return say("skipped: stereo; this build has no OpenCV to compare with, install libopencv-dev")
-    say(f"stereo: 3 pairs, 6 methods, {rounds} rounds")
+    say(f"stereo: 4 pairs, 6 methods, {rounds} rounds")
     call(sys.executable, "scripts/stereo_truth.py", data, out)
     to_file(f"{out}/stereo.csv", [f"{build}/bench/stereo", data, out, rounds])
 

@@ -20,6 +20,8 @@ def main():
         disp = np.asarray(Image.open(f"{data}/{name}/disp2.png").convert("L")).astype(np.float32) / 4
         disp[disp == 0] = np.inf
         write_pfm(f"{out}/{name}.pfm", disp)
+    disp = np.asarray(Image.open(f"{data}/aloe/aloeGT.png").convert("L")).astype(np.float32)
+    write_pfm(f"{out}/aloe.pfm", np.where(disp == 0, np.inf, disp))
     disp = np.load(f"{data}/motorcycle/motorcycle_disp.npz")
     write_pfm(f"{out}/motorcycle.pfm", np.where(np.isfinite(disp["arr_0"]), disp["arr_0"], np.inf))
 

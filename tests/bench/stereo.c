@@ -12,15 +12,16 @@
 #include "pipeline/method/network/model_path.h"
 #include "tests/bench/sgbm.h"
 
-#define DISPARITIES 64 /* the truth of all pairs lies within 0..63 px */
-#define THREADS     2
+#define THREADS 2
 
 static const struct {
     const char *name, *left, *right, *truth;
+    int disparities; /* from 0 on: where the truth lies */
 } pairs[] = {
-    { "cones", "cones/im2.png", "cones/im6.png", "cones.pfm" },
-    { "teddy", "teddy/im2.png", "teddy/im6.png", "teddy.pfm" },
-    { "motorcycle", "motorcycle/motorcycle_left.png", "motorcycle/motorcycle_right.png", "motorcycle.pfm" },
+    { "cones", "cones/im2.png", "cones/im6.png", "cones.pfm", 64 },
+    { "teddy", "teddy/im2.png", "teddy/im6.png", "teddy.pfm", 64 },
+    { "motorcycle", "motorcycle/motorcycle_left.png", "motorcycle/motorcycle_right.png", "motorcycle.pfm", 64 },
+    { "aloe", "aloe/aloeL.jpg", "aloe/aloeR.jpg", "aloe.pfm", 240 },
 };
 
 static const struct {
@@ -52,7 +53,7 @@ static int load(struct pair *p, size_t index, const char *data, const char *trut
     return err ? err : sst_map_f32_read_pfm(&p->truth, path);
 }
 
-static int match(struct sst_map_f32 *disp, const struct pair *p, size_t method)
+static int match(struct sst_map_f32 *disp, const struct pair *p, int disparities, size_t method)
 {
     struct sst_disparity_config cfg;
     char model[SST_PATH_MAX];
@@ -60,14 +61,14 @@ static int match(struct sst_map_f32 *disp, const struct pair *p, size_t method)
 
     if (!methods[method].preset) {
         err = sst_map_f32_init(disp, p->left.width, p->left.height);
-        return err ? err : bench_sgbm(disp, &p->left, &p->right, DISPARITIES, methods[method].mode, THREADS);
+        return err ? err : bench_sgbm(disp, &p->left, &p->right, disparities, methods[method].mode, THREADS);
     }
     err = sst_disparity_preset(&cfg, methods[method].preset);
     if (!err && cfg.cost & SST_COST_MCCNN)
         err = sst_model_path(model, "mccnn-fast.onnx");
     cfg.model = model;
     cfg.disp_min_px = 0;
-    cfg.disp_max_px = DISPARITIES - 1;
+    cfg.disp_max_px = disparities - 1;
     cfg.threads = THREADS;
     return err ? err : sst_disparity_stereo(disp, &p->left, &p->right, &cfg);
 }
@@ -78,7 +79,7 @@ static int measure(const struct pair *p, size_t index, size_t method, int round)
     const int64_t start_ns = sst_clock_now_ns(), start_cpu_ns = sst_clock_cpu_ns();
     struct sst_map_f32 disp = { 0 };
     struct sst_disparity_error e;
-    int err = match(&disp, p, method);
+    int err = match(&disp, p, pairs[index].disparities, method);
     const double ms = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
     const double cpu_ms = (double)(sst_clock_cpu_ns() - start_cpu_ns) * 1e-6;
 
