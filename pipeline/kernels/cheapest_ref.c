@@ -13,3 +13,15 @@ void sst_cheapest_row_ref(uint8_t *first, uint8_t *second, const uint8_t *a, con
         }
     }
 }
+
+void sst_cheapest_mean_row_ref(uint8_t *first, const uint8_t *second, int two, size_t n)
+{
+    for (size_t x = 0; x < n; x++) {
+        const unsigned a = first[x], b = second[x];
+
+        if (a == SST_COST_ABSENT)
+            first[x] = SST_COST_UNSEEN;
+        else if (b != SST_COST_ABSENT)
+            first[x] = (uint8_t)(two ? (3 * a + b + 2) >> 2 : (a + b + 1) >> 1);
+    }
+}

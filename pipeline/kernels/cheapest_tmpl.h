@@ -12,6 +12,26 @@ static void KERNEL(cheapest_row)(uint8_t *restrict first, uint8_t *restrict seco
         vst1q_u8(first + x, vminq_u8(one, t));
         vst1q_u8(second + x, vminq_u8(vld1q_u8(second + x), vmaxq_u8(one, t)));
     }
+#elif defined(__AVX512BW__)
+    for (; n - x >= 64; x += 64) {
+        const __m512i mean = _mm512_avg_epu8(_mm512_loadu_si512(a + x), _mm512_loadu_si512(b + x));
+        const __m512i t = _mm512_min_epu8(mean, _mm512_set1_epi8((int8_t)(SST_COST_MAX - 1)));
+        const __m512i one = _mm512_loadu_si512(first + x), over = _mm512_max_epu8(one, t);
+
+        _mm512_storeu_si512(first + x, _mm512_min_epu8(one, t));
+        _mm512_storeu_si512(second + x, _mm512_min_epu8(_mm512_loadu_si512(second + x), over));
+    }
+#elif defined(__AVX2__)
+    for (; n - x >= 32; x += 32) {
+        const __m256i mean = _mm256_avg_epu8(_mm256_loadu_si256((const __m256i *)(const void *)(a + x)),
+                                             _mm256_loadu_si256((const __m256i *)(const void *)(b + x)));
+        const __m256i t = _mm256_min_epu8(mean, _mm256_set1_epi8((int8_t)(SST_COST_MAX - 1)));
+        __m256i *to = (__m256i *)(void *)(first + x), *next = (__m256i *)(void *)(second + x);
+        const __m256i one = _mm256_loadu_si256(to), over = _mm256_max_epu8(one, t);
+
+        _mm256_storeu_si256(to, _mm256_min_epu8(one, t));
+        _mm256_storeu_si256(next, _mm256_min_epu8(_mm256_loadu_si256(next), over));
+    }
 #endif
     for (; x < n; x++) {
         const uint8_t mean = (uint8_t)((a[x] + b[x] + 1) >> 1), t = mean < SST_COST_MAX ? mean : SST_COST_MAX - 1;
@@ -19,5 +39,34 @@ static void KERNEL(cheapest_row)(uint8_t *restrict first, uint8_t *restrict seco
 
         first[x] = one < t ? one : t;
         second[x] = two < over ? two : over;
+    }
+}
+
+static void KERNEL(cheapest_mean_row)(uint8_t *restrict first, const uint8_t *restrict second, int two, size_t n)
+{
+    size_t x = 0;
+
+#if defined(__AVX512BW__)
+    const __m512i absent = _mm512_set1_epi8((int8_t)SST_COST_ABSENT), unseen = _mm512_set1_epi8(SST_COST_UNSEEN);
+
+    for (; n - x >= 64; x += 64) {
+        const __m512i a = _mm512_loadu_si512(first + x), b = _mm512_loadu_si512(second + x);
+        /* (3 a + b + 2) >> 2 is the mean of a and of both's, rounded down: their mean rounded up is 1/2 too large where
+         * a + b is odd, and that of a and it where a + it is odd. */
+        const __m512i both = _mm512_avg_epu8(a, b);
+        const __m512i one = _mm512_set1_epi8(1), odd = _mm512_and_si512(_mm512_xor_si512(a, b), one);
+        const __m512i up = _mm512_avg_epu8(a, both);
+        const __m512i over = _mm512_and_si512(_mm512_and_si512(_mm512_xor_si512(a, both), one), odd);
+        const __m512i mean = two ? _mm512_sub_epi8(up, over) : both;
+        const __mmask64 alone = _mm512_cmpeq_epu8_mask(b, absent), none = _mm512_cmpeq_epu8_mask(a, absent);
+
+        _mm512_storeu_si512(first + x, _mm512_mask_mov_epi8(_mm512_mask_mov_epi8(mean, alone, a), none, unseen));
+    }
+#endif
+    for (; x < n; x++) {
+        const unsigned a = first[x], b = second[x];
+        const unsigned mean = two ? (3 * a + b + 2) >> 2 : (a + b + 1) >> 1;
+
+        first[x] = (uint8_t)(a == SST_COST_ABSENT ? SST_COST_UNSEEN : b == SST_COST_ABSENT ? a : mean);
     }
 }

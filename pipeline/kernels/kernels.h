@@ -32,6 +32,7 @@ enum sst_cpu_level {
     X(hamming_row)                                                                                                     \
     X(feature_cost_rows)                                                                                               \
     X(cheapest_row)                                                                                                    \
+    X(cheapest_mean_row)                                                                                               \
     X(transpose_u8)                                                                                                    \
     X(support_sum_row)                                                                                                 \
     X(support_mean_row)                                                                                                \
@@ -100,6 +101,12 @@ typedef void sst_feature_cost_rows_fn(uint8_t *cost, size_t cost_stride, const u
 /** Insert the mean of two costs, rounded up and at most SST_COST_MAX - 1, into the two smallest ones so far, first <=
  *  second. a and b may be the same. */
 typedef void sst_cheapest_row_fn(uint8_t *first, uint8_t *second, const uint8_t *a, const uint8_t *b, size_t n);
+
+/** One cost from the two smallest ones, into the first: their mean, rounded up; with `two`, of two neighbours, the smaller
+ *  one weighs three times the other, rounded to nearest. Without a second one the first alone, without any SST_COST_UNSEEN. */
+typedef void sst_cheapest_mean_row_fn(uint8_t *first, const uint8_t *second, int two, size_t n);
+#define SST_COST_ABSENT 255 /* costs are below it: outside the neighbour */
+#define SST_COST_UNSEEN 96  /* of pixels that no neighbour sees: the same for all disparities, so that only smoothness decides */
 
 /** out[x * out_stride + d] = in[d * in_stride + x]; nx and nd multiples of 8. */
 typedef void sst_transpose_u8_fn(uint8_t *out, size_t out_stride, const uint8_t *in, size_t in_stride, size_t nx,

@@ -158,7 +158,38 @@ static void cheapest(void **state SST_UNUSED)
             same(got[0], want[0], n, "cheapest_row first", level, n);
             same(got[1], want[1], n, "cheapest_row second", level, n);
         }
+        for (int two = 0; two < 2; two++) {
+            memcpy(want[0], first, n);
+            sst_cheapest_mean_row_ref(want[0], second, two, n);
+            FOR_EACH_LEVEL(k, level)
+            {
+                memcpy(got[0], first, n);
+                k.cheapest_mean_row(got[0], second, two, n);
+                same(got[0], want[0], n, "cheapest_mean_row", level, n);
+            }
+        }
         guard_free_all();
+    }
+}
+
+/* Every pair of costs, 256 at a time. */
+static void cheapest_means(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+
+    for (int a = 0; a < 2 * 256; a++) {
+        uint8_t first[256], second[256], want[256];
+
+        for (int b = 0; b < 256; b++)
+            second[b] = (uint8_t)b;
+        memset(want, a / 2, sizeof(want));
+        sst_cheapest_mean_row_ref(want, second, a % 2, 256);
+        FOR_EACH_LEVEL(k, level)
+        {
+            memset(first, a / 2, sizeof(first));
+            k.cheapest_mean_row(first, second, a % 2, 256);
+            same(first, want, 256, "cheapest_mean_row", level, (size_t)a);
+        }
     }
 }
 
@@ -387,6 +418,7 @@ int main(void)
         cmocka_unit_test(feature_costs),
         cmocka_unit_test(feature_costs_of_known_vectors),
         cmocka_unit_test(cheapest),
+        cmocka_unit_test(cheapest_means),
         cmocka_unit_test(cheapest_of_known_costs),
         cmocka_unit_test(transpose),
         cmocka_unit_test(support),

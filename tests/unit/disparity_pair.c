@@ -117,7 +117,7 @@ static void paths_cross_tiles(void **state SST_UNUSED)
     for (int windows = 0; windows < 2; windows++) {
         const struct sst_coarse coarse = { &map, -1, 4 };
         struct sst_mem_kept scratch = { 0 };
-        struct sst_tiles all;
+        struct sst_tiles all = { 0 };
         size_t cells;
         uint32_t *want;
 
@@ -155,7 +155,7 @@ static void windows_hold_the_coarse_map(void **state SST_UNUSED)
         const struct sst_volume shape = { .steps = 90 * divisor + 1, .divisor = divisor, .disp_min = 10 };
         struct sst_coarse coarse = { NULL, 2, 4 };
         struct sst_map_u16 map;
-        struct sst_tiles all;
+        struct sst_tiles all = { 0 };
 
         assert_int_equal(sst_map_u16_init(&map, (WIDTH + 3) / 4, (HEIGHT + 3) / 4), 0);
         for (int i = 0; i < map.width * map.height; i++)

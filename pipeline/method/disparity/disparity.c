@@ -41,6 +41,7 @@ struct run {
     struct sst_map_u16 *filled;    /* [views] */
     struct sst_volume shape;       /* without memory: disparities, steps and phases of a whole view's volume */
     struct sst_volume *volumes;    /* [workers] of whole views, or with `coarse` of tiles */
+    struct sst_tiles *tiles;       /* [workers] */
     struct sst_lightfield *coarse; /* disparities at SST_COARSER times fewer pixels per side; NULL: not skip_ranges */
     double *searched;              /* [views] part of the disparities in the windows of its tiles, 0..1 */
     int first_view;                /* of the current grid row */
@@ -164,20 +165,17 @@ static struct sst_coarse coarse_view(const struct run *run, int view)
     return (struct sst_coarse){ &run->coarse->views[view].disp, (int)run->coarse->disp_min_px, SST_COARSER };
 }
 
-static int match_tiles(struct run *run, struct sst_volume *v, int view, const struct sst_neighbour *neighbours,
-                       int count, const struct sst_support *support, struct sst_map_u16 *disp,
-                       struct sst_map_u8 *confidence)
+static int match_tiles(struct run *run, struct sst_volume *v, struct sst_tiles *tiles, int view,
+                       const struct sst_neighbour *neighbours, int count, const struct sst_support *support,
+                       struct sst_map_u16 *disp, struct sst_map_u8 *confidence)
 {
     const struct sst_coarse coarse = coarse_view(run, view);
-    struct sst_tiles tiles;
-    int err = sst_tiles_init(&tiles, run->width, 0, run->height, &run->shape, &coarse);
+    const int err = sst_tiles_init(tiles, run->width, 0, run->height, &run->shape, &coarse);
 
     if (err)
         return err;
-    run->searched[view] = sst_tiles_share(&tiles);
-    err = search_tiles(run, &tiles, v, view, neighbours, count, support, disp, confidence);
-    sst_tiles_fini(&tiles);
-    return err;
+    run->searched[view] = sst_tiles_share(tiles);
+    return search_tiles(run, tiles, v, view, neighbours, count, support, disp, confidence);
 }
 
 /* Neighbours of the sides in first..last. @return their number, or -ENOMEM */
@@ -210,7 +208,7 @@ static int match_sides(struct run *run, struct sst_volume *v, int view, int firs
     if (count <= 0)
         return count ? count : -ENODATA;
     if (run->coarse) {
-        err = match_tiles(run, v, view, neighbours, count, support, disp, confidence);
+        err = match_tiles(run, v, &run->tiles[v - run->volumes], view, neighbours, count, support, disp, confidence);
         if (cfg->frugal)
             drop_phases(run);
         return err;
@@ -755,13 +753,12 @@ static int compare_ranges(struct run *run, struct sst_volume *v, const struct ss
     int err = 0;
 
     for (int windows = 0; !err && windows < 2; windows++) {
-        struct sst_tiles tiles = { 0 };
+        struct sst_tiles *tiles = &run->tiles[0];
 
         err = sst_map_u16_init(&disp[windows], run->width, top + SST_TILE_HEIGHT);
         err =
-            err ? err : sst_tiles_init(&tiles, run->width, top, SST_TILE_HEIGHT, &run->shape, windows ? &coarse : NULL);
-        err = err ? err : search_tiles(run, &tiles, v, view, neighbours, count, support, &disp[windows], NULL);
-        sst_tiles_fini(&tiles);
+            err ? err : sst_tiles_init(tiles, run->width, top, SST_TILE_HEIGHT, &run->shape, windows ? &coarse : NULL);
+        err = err ? err : search_tiles(run, tiles, v, view, neighbours, count, support, &disp[windows], NULL);
     }
     for (int y = top; !err && y < top + SST_TILE_HEIGHT; y++) {
         const uint16_t *a = sst_map_u16_row(&disp[0], y), *b = sst_map_u16_row(&disp[1], y);
@@ -854,8 +851,12 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
     if (err)
         return err;
     run->volumes = calloc((size_t)workers, sizeof(*run->volumes));
-    if (!run->volumes)
+    run->tiles = calloc((size_t)workers, sizeof(*run->tiles));
+    if (!run->volumes || !run->tiles) {
+        free(run->volumes);
+        free(run->tiles);
         return -ENOMEM;
+    }
     run->phases = phases_needed(run);
     err = open_networks(run, workers, threads);
     err = err ? err : choose_ranges(run, workers, threads);
@@ -864,10 +865,12 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
         err = err ? err : match_others(run, workers);
     for (int i = 0; i < workers; i++) {
         sst_volume_fini(&run->volumes[i]);
+        sst_tiles_fini(&run->tiles[i]);
         if (run->nets)
             sst_network_close(run->nets[i]);
     }
     free(run->volumes);
+    free(run->tiles);
     free(run->nets);
     report_ranges(run);
     err = err ? err : finish_maps(run, threads);

@@ -201,6 +201,7 @@ struct sst_tiles {
     struct sst_tile *tile;        /* [rows][columns] */
     uint8_t *cost;
     uint16_t *sum;
+    struct sst_mem_kept memory[3]; /* that holds them */
 };
 
 /** Disparities of the view at 1 / factor of its size; a tile around which all are SST_DISP_NONE has the whole range. */
@@ -212,6 +213,7 @@ struct sst_coarse {
 /**
  * Lay out tiles over rows top .. top + height - 1 of a view: their windows hold the disparities that the coarse map has
  * around them, and a margin.
+ * @param all     in and out: zeroed, or laid out before: its memory is used again
  * @param shape   smallest disparity, steps, divisor
  * @param coarse  NULL: every tile has the whole range
  * @return 0, -ENOMEM

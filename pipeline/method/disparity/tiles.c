@@ -58,35 +58,30 @@ static void set_window(struct sst_tile *t, const struct sst_tiles *all, const st
 int sst_tiles_init(struct sst_tiles *all, int width, int top, int height, const struct sst_volume *shape,
                    const struct sst_coarse *coarse)
 {
-    struct sst_tiles made = { .columns = (width + SST_TILE_WIDTH - 1) / SST_TILE_WIDTH,
-                              .rows = (height + SST_TILE_HEIGHT - 1) / SST_TILE_HEIGHT,
-                              .disp_min = shape->disp_min,
-                              .steps = shape->steps,
-                              .divisor = shape->divisor };
     size_t cells = 0;
 
-    made.tile = calloc((size_t)made.columns * (size_t)made.rows, sizeof(*made.tile));
-    if (!made.tile)
+    all->columns = (width + SST_TILE_WIDTH - 1) / SST_TILE_WIDTH;
+    all->rows = (height + SST_TILE_HEIGHT - 1) / SST_TILE_HEIGHT;
+    all->disp_min = shape->disp_min;
+    all->steps = shape->steps;
+    all->divisor = shape->divisor;
+    all->tile = sst_mem_keep(&all->memory[0], (size_t)all->columns * (size_t)all->rows, sizeof(*all->tile));
+    if (!all->tile)
         return -ENOMEM;
-    for (int i = 0; i < made.columns * made.rows; i++) {
-        struct sst_tile *t = &made.tile[i];
+    for (int i = 0; i < all->columns * all->rows; i++) {
+        struct sst_tile *t = &all->tile[i];
 
-        t->x0 = i % made.columns * SST_TILE_WIDTH;
-        t->y0 = top + i / made.columns * SST_TILE_HEIGHT;
+        t->x0 = i % all->columns * SST_TILE_WIDTH;
+        t->y0 = top + i / all->columns * SST_TILE_HEIGHT;
         t->width = sst_min_int(SST_TILE_WIDTH, width - t->x0);
         t->height = sst_min_int(SST_TILE_HEIGHT, top + height - t->y0);
-        set_window(t, &made, coarse);
+        set_window(t, all, coarse);
         t->cells = cells;
         cells += (size_t)t->width * (size_t)t->height * t->steps_padded;
     }
-    made.cost = sst_mem_alloc_raw(cells, 1);
-    made.sum = sst_mem_alloc_raw(cells, sizeof(*made.sum));
-    if (!made.cost || !made.sum) {
-        sst_tiles_fini(&made);
-        return -ENOMEM;
-    }
-    *all = made;
-    return 0;
+    all->cost = sst_mem_keep(&all->memory[1], cells, sizeof(*all->cost));
+    all->sum = sst_mem_keep(&all->memory[2], cells, sizeof(*all->sum));
+    return all->cost && all->sum ? 0 : -ENOMEM;
 }
 
 int sst_tiles_fill(struct sst_tiles *all, const struct sst_tile *t, struct sst_volume *v,
@@ -157,9 +152,8 @@ double sst_tiles_share(const struct sst_tiles *all)
 
 void sst_tiles_fini(struct sst_tiles *all)
 {
-    free(all->tile);
-    sst_mem_free(all->cost);
-    sst_mem_free(all->sum);
+    for (size_t i = 0; i < ARRAY_LEN(all->memory); i++)
+        sst_mem_kept_fini(&all->memory[i]);
     *all = (struct sst_tiles){ 0 };
 }
 

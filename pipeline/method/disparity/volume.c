@@ -8,10 +8,6 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/disparity/stage.h"
 
-/* Costs are clamped below it; inside the tiles this value means "outside the neighbour". */
-#define ABSENT 255
-/* Cost of pixels that no neighbour sees: the same for every disparity, so that only smoothness decides. */
-#define COST_UNSEEN 96
 /*
  * Costs are computed in tiles: BAND rows of a strip of columns, one neighbour after the other. A tile's part of a
  * neighbour (one row per step for those above and below) then stays in the second-level cache for all rows of the band.
@@ -229,17 +225,6 @@ static void match_row(const struct strip *s, const struct sst_neighbour *n, cons
     }
 }
 
-/* One cost from the two cheapest ones, into the first. */
-static void merge(uint8_t *restrict first, const uint8_t *restrict second, int count, size_t cells)
-{
-    for (size_t i = 0; i < cells; i++) {
-        const unsigned a = first[i], b = second[i];
-        const unsigned two = count == 2 ? (3 * a + b + 2) >> 2 : (a + b + 1) >> 1;
-
-        first[i] = (uint8_t)(a == ABSENT ? COST_UNSEEN : b == ABSENT ? a : two);
-    }
-}
-
 /* Of a single neighbour's census alone, without masks, the costs need no merging. */
 static bool alone(const struct strip *s, const struct sst_neighbour *n, int count)
 {
@@ -253,7 +238,7 @@ static void match_alone(const struct strip *s, const struct sst_neighbour *n, co
     const struct sst_volume *v = s->v;
     const struct sst_descriptor *ref = s->ref;
 
-    memset(out, COST_UNSEEN, s->padded * (size_t)v->steps);
+    memset(out, SST_COST_UNSEEN, s->padded * (size_t)v->steps);
     for (int i = 0; i < v->steps; i++, out += s->padded) {
         const struct step *at = &steps[i];
         const int yn = y + at->y, near_y = y + at->near_y;
@@ -277,8 +262,8 @@ static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbo
     const bool single = alone(s, neighbours, count);
 
     if (!single) {
-        memset(s->first, ABSENT, (size_t)(y1 - y0) * cells);
-        memset(s->second, ABSENT, (size_t)(y1 - y0) * cells);
+        memset(s->first, SST_COST_ABSENT, (size_t)(y1 - y0) * cells);
+        memset(s->second, SST_COST_ABSENT, (size_t)(y1 - y0) * cells);
     }
     for (int i = 0; i < count && !single; i++) {
         for (int y = y0; y < y1; y++)
@@ -292,7 +277,7 @@ static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbo
         if (single)
             match_alone(s, neighbours, steps, v->y0 + y, first);
         else
-            merge(first, s->second + (size_t)(y - y0) * cells, count, real);
+            sst_kernels_get()->cheapest_mean_row(first, s->second + (size_t)(y - y0) * cells, count == 2, real);
         memset(first + real, SST_COST_MAX, cells - real);
         sst_kernels_get()->transpose_u8(out, v->steps_padded, first, s->padded, s->padded, v->steps_padded);
     }
