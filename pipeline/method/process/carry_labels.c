@@ -3,12 +3,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/method/process/process_internal.h"
 
 #define SOURCES    4       /* nearest key views that labels come from */
-#define DISP_SHIFT 8       /* what arrives at a pixel: disparity + 1 (0: nothing yet), label */
+#define SAME_Q6    64      /* 1/64 px: disparities of one surface differ by at most this */
 #define SIMILAR    24      /* levels: a label stays with a colour whose channels all differ by at most this */
 #define REACH_MOST 32768.0 /* px; sources that are farther away are left out */
 
@@ -17,29 +16,6 @@ struct carry {
     const bool *carried;
     struct sst_map_f32 *entropy;
 };
-
-/* Labels that arrive in one view. */
-struct arrived {
-    int width, height;
-    uint32_t *at;   /* [height][width] */
-    float *entropy; /* likewise; NULL: not wanted */
-};
-
-static int arrived_init(struct arrived *a, const struct sst_lightfield *lf, bool entropy)
-{
-    const size_t pixels = (size_t)lf->width * (size_t)lf->height;
-
-    *a = (struct arrived){ .width = lf->width, .height = lf->height };
-    a->at = sst_mem_alloc(pixels, sizeof(*a->at));
-    a->entropy = entropy ? sst_mem_alloc_raw(pixels, sizeof(*a->entropy)) : NULL;
-    return a->at && (!entropy || a->entropy) ? 0 : -ENOMEM;
-}
-
-static void arrived_fini(struct arrived *a)
-{
-    sst_mem_free(a->at);
-    sst_mem_free(a->entropy);
-}
 
 /* The nearest key views other than the view itself. @return their number */
 static int sources_of(const struct carry *c, int view, int source[SOURCES])
@@ -66,7 +42,7 @@ static int sources_of(const struct carry *c, int view, int source[SOURCES])
     return n;
 }
 
-/* A pixel with disparity d moves by (at + d step) / 2^16, rounded down. */
+/* A pixel with disparity d of the view lies (at + d step) / 2^16, rounded down, farther in the source. */
 struct shift {
     int32_t at, step;
 };
@@ -75,6 +51,12 @@ static struct shift shift_of(double b, double disp_min_px)
 {
     return (struct shift){ (int32_t)floor((disp_min_px * b + 0.5) * 65536 + 0.5), (int32_t)floor(b * 1024 + 0.5) };
 }
+
+struct source {
+    const struct sst_view *view;
+    const struct sst_map_f32 *entropy; /* or NULL */
+    struct shift across, down;
+};
 
 static bool similar(const struct sst_image *a, int xa, int ya, const struct sst_image *b, int xb, int yb)
 {
@@ -85,61 +67,58 @@ static bool similar(const struct sst_image *a, int xa, int ya, const struct sst_
     return true;
 }
 
-static void carry_row(struct arrived *a, const struct sst_view *own, const struct sst_view *from,
-                      const struct sst_map_f32 *entropy, int y, struct shift across, struct shift down)
+/* The label that the nearest source has on the surface of pixel (x, y), and its entropy if wanted; SST_LABEL_NONE if no
+ * source shows that. */
+static uint8_t find_label(const struct source *source, int n, const struct sst_view *own, int x, int y, int d,
+                          float *entropy)
 {
-    const uint16_t *d = sst_map_u16_row(&from->disp, y);
-    const uint8_t *label = sst_map_u8_row(&from->label, y);
-    const float *e = entropy ? sst_map_f32_row(entropy, y) : NULL;
+    for (int i = 0; i < n; i++) {
+        const struct source *s = &source[i];
+        const int xs = x + ((s->across.at + d * s->across.step) >> 16),
+                  ys = y + ((s->down.at + d * s->down.step) >> 16);
+        uint8_t label;
 
-    for (int x = 0; x < a->width; x++) {
-        const int xt = x + ((across.at + d[x] * across.step) >> 16), yt = y + ((down.at + d[x] * down.step) >> 16);
-        const uint32_t value = ((uint32_t)d[x] + 1) << DISP_SHIFT | label[x];
-        size_t at;
-
-        if (d[x] == SST_DISP_NONE || (unsigned)xt >= (unsigned)a->width || (unsigned)yt >= (unsigned)a->height)
+        if ((unsigned)xs >= (unsigned)own->image.width || (unsigned)ys >= (unsigned)own->image.height)
             continue;
-        at = (size_t)yt * (size_t)a->width + (size_t)xt;
-        if (value <= a->at[at] || !similar(&own->image, xt, yt, &from->image, x, y))
+        label = sst_map_u8_row(&s->view->label, ys)[xs];
+        if (label == SST_LABEL_NONE || abs(sst_map_u16_row(&s->view->disp, ys)[xs] - d) > SAME_Q6 ||
+            !similar(&own->image, x, y, &s->view->image, xs, ys))
             continue;
-        a->at[at] = value;
-        if (e)
-            a->entropy[at] = e[x];
+        if (entropy)
+            *entropy = sst_map_f32_row(s->entropy, ys)[xs];
+        return label;
     }
+    return SST_LABEL_NONE;
 }
 
-static void carry_to(struct arrived *a, const struct carry *c, int view)
+/* Labels of a view from its sources. @param entropy  likewise, infinite where there is no label; NULL: not wanted */
+static void gather_labels(const struct carry *c, int view, struct sst_map_u8 *label, struct sst_map_f32 *entropy)
 {
     const struct sst_lightfield *lf = c->lf;
     const struct sst_view *own = &lf->views[view];
-    int source[SOURCES];
-    const int n = sources_of(c, view, source);
+    struct source source[SOURCES];
+    int nearest[SOURCES];
+    const int n = sources_of(c, view, nearest);
 
     for (int i = 0; i < n; i++) {
-        const struct sst_view *from = &lf->views[source[i]];
-        const struct shift across = shift_of(from->bx - own->bx, lf->disp_min_px);
-        const struct shift down = shift_of(from->by - own->by, lf->disp_min_px);
+        const struct sst_view *from = &lf->views[nearest[i]];
 
-        for (int y = 0; y < a->height; y++)
-            carry_row(a, own, from, c->entropy ? &c->entropy[source[i]] : NULL, y, across, down);
+        source[i] = (struct source){ from, entropy ? &c->entropy[nearest[i]] : NULL,
+                                     shift_of(own->bx - from->bx, lf->disp_min_px),
+                                     shift_of(own->by - from->by, lf->disp_min_px) };
     }
-}
+    for (int y = 0; y < label->height; y++) {
+        const uint16_t *d = sst_map_u16_row(&own->disp, y);
+        const uint8_t *valid = own->valid.data ? sst_map_u8_row(&own->valid, y) : NULL;
+        float *e = entropy ? sst_map_f32_row(entropy, y) : NULL;
+        uint8_t *to = sst_map_u8_row(label, y);
 
-/* Where nothing arrived, the label of the pixel on the left or above goes on: slanted surfaces get wider. */
-static void close_gaps(struct arrived *a)
-{
-    for (int y = 0; y < a->height; y++) {
-        for (int x = 0; x < a->width; x++) {
-            const size_t at = (size_t)y * (size_t)a->width + (size_t)x, stride = (size_t)a->width;
-            const bool across = x > 0 && x + 1 < a->width && a->at[at - 1] && a->at[at + 1];
-            const bool down = y > 0 && y + 1 < a->height && a->at[at - stride] && a->at[at + stride];
-            const size_t from = across ? at - 1 : at - stride;
-
-            if (a->at[at] || (!across && !down))
-                continue;
-            a->at[at] = a->at[from];
-            if (a->entropy)
-                a->entropy[at] = a->entropy[from];
+        for (int x = 0; x < label->width; x++) {
+            if (e)
+                e[x] = INFINITY;
+            to[x] = d[x] == SST_DISP_NONE || (valid && !valid[x])
+                        ? (uint8_t)SST_LABEL_NONE
+                        : find_label(source, n, own, x, y, d[x], e ? &e[x] : NULL);
         }
     }
 }
@@ -148,32 +127,16 @@ static int carry_job(void *arg, int view, int worker SST_UNUSED)
 {
     const struct carry *c = arg;
     struct sst_view *own = &c->lf->views[view];
-    struct arrived a = { 0 };
     int err;
 
     if (!own->present || !c->carried[view])
         return 0;
     sst_map_u8_fini(&own->label);
-    err = arrived_init(&a, c->lf, c->entropy != NULL);
-    err = err ? err : sst_map_u8_init(&own->label, a.width, a.height);
+    err = sst_map_u8_init(&own->label, c->lf->width, c->lf->height);
     if (!err && c->entropy)
-        err = sst_map_f32_init(&c->entropy[view], a.width, a.height);
-    if (!err) {
-        carry_to(&a, c, view);
-        close_gaps(&a);
-    }
-    for (int y = 0; !err && y < a.height; y++) {
-        const uint32_t *at = a.at + (size_t)y * (size_t)a.width;
-        const uint8_t *valid = own->valid.data ? sst_map_u8_row(&own->valid, y) : NULL;
-        uint8_t *label = sst_map_u8_row(&own->label, y);
-
-        for (int x = 0; x < a.width; x++)
-            label[x] = !valid || valid[x] ? (uint8_t)at[x] : SST_LABEL_NONE;
-        for (int x = 0; c->entropy && x < a.width; x++)
-            sst_map_f32_row(&c->entropy[view], y)[x] =
-                at[x] ? a.entropy[(size_t)y * (size_t)a.width + (size_t)x] : INFINITY;
-    }
-    arrived_fini(&a);
+        err = sst_map_f32_init(&c->entropy[view], c->lf->width, c->lf->height);
+    if (!err)
+        gather_labels(c, view, &own->label, c->entropy ? &c->entropy[view] : NULL);
     return err;
 }
 
@@ -226,23 +189,21 @@ int process_carry_error(const struct sst_lightfield *lf, const bool *carried, in
 {
     struct sst_lightfield borrowed = *lf;
     const struct carry c = { &borrowed, carried, NULL };
-    struct arrived a;
+    struct sst_map_u8 gathered = { 0 };
     int64_t n = 0, off = 0;
-    const int err = arrived_init(&a, lf, false);
+    const int err = sst_map_u8_init(&gathered, lf->width, lf->height);
 
     if (!err)
-        carry_to(&a, &c, view);
-    for (int y = 0; !err && y < a.height; y++) {
-        const uint8_t *label = sst_map_u8_row(&lf->views[view].label, y);
+        gather_labels(&c, view, &gathered, NULL);
+    for (int y = 0; !err && y < lf->height; y++) {
+        const uint8_t *label = sst_map_u8_row(&lf->views[view].label, y), *there = sst_map_u8_row(&gathered, y);
 
-        for (int x = 0; x < a.width; x++) {
-            const uint8_t there = (uint8_t)a.at[(size_t)y * (size_t)a.width + (size_t)x];
-
-            n += label[x] && there;
-            off += label[x] && there && label[x] != there;
+        for (int x = 0; x < lf->width; x++) {
+            n += label[x] && there[x];
+            off += label[x] && there[x] && label[x] != there[x];
         }
     }
     *percent = n ? 100.0 * (double)off / (double)n : NAN;
-    arrived_fini(&a);
+    sst_map_u8_fini(&gathered);
     return err;
 }

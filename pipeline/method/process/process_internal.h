@@ -5,9 +5,9 @@
 #include "pipeline/lightfield/lightfield.h"
 
 /**
- * Give the carried views the labels of the key views: a labelled pixel of the four nearest ones goes to where its
- * disparity puts it, the nearest surface wins, and gaps of a pixel in a surface are closed. What nothing arrives at has
- * no label.
+ * Give the carried views the labels of the key views: each pixel gets that of the place where its disparity puts
+ * it, in the nearest of four key views that shows the same surface (disparity within a pixel, colours alike) and has a label
+ * there; else none.
  *
  * @param lf       disparities of all present views; labels of the key views; views[].label of the others is made here
  * @param carried  [views]
