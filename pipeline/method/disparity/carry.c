@@ -9,6 +9,7 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/stage.h"
 
 #define SOURCES 4  /* nearest matched views that a map comes from */
@@ -34,16 +35,6 @@ struct carry {
     const struct sst_visible_views *in;
     struct sst_map_u8 *status;
 };
-
-/* A pixel x with disparity d goes to x + floor((at + d step) / 2^16). */
-struct shift {
-    int32_t at, step;
-};
-
-static struct shift shift_of(double b, double disp_min_px)
-{
-    return (struct shift){ (int32_t)floor((disp_min_px * b + 0.5) * 65536 + 0.5), (int32_t)floor(b * 1024 + 0.5) };
-}
 
 /* Views that are too far away to count in the second pass are too far here: their numbers would not fit. */
 static int sources_of(const struct sst_visible_views *in, int k, int *source)
@@ -72,14 +63,14 @@ struct farthest {
 
 /* One source's part of a view. farthest: NULL, not wanted */
 static void carry_row(uint32_t *arrived, struct farthest *farthest, int width, int height,
-                      const struct sst_visible_view *from, const struct sst_map_u8 *status, int y, struct shift across,
-                      struct shift down, uint16_t source)
+                      const struct sst_visible_view *from, const struct sst_map_u8 *status, int y,
+                      struct sst_shift across, struct sst_shift down, uint16_t source)
 {
     const uint16_t *d = sst_map_u16_row(from->disp, y);
     const uint8_t *confidence = sst_map_u8_row(from->confidence, y), *s = status ? sst_map_u8_row(status, y) : NULL;
 
     for (int x = 0; x < width; x++) {
-        const int xt = x + ((across.at + d[x] * across.step) >> 16), yt = y + ((down.at + d[x] * down.step) >> 16);
+        const int xt = sst_shifted(x, across, d[x]), yt = sst_shifted(y, down, d[x]);
         const uint32_t checked = s && s[x] == SST_DISPARITY_CORRECT ? CONFIRMED : 0;
         const uint32_t value = ((uint32_t)d[x] + 1) << DISP_SHIFT | checked | confidence[x] >> 1;
         size_t at;
@@ -130,8 +121,8 @@ static int carry_to(uint32_t *arrived, struct farthest *farthest, const struct c
         farthest[i] = (struct farthest){ SST_DISP_NONE, 0 };
     for (int i = 0; i < n; i++) {
         const struct sst_visible_view *from = &c->in->view[source[i]];
-        const struct shift across = shift_of(from->bx - own->bx, c->in->disp_min_px);
-        const struct shift down = shift_of(from->by - own->by, c->in->disp_min_px);
+        const struct sst_shift across = sst_shift_by(from->bx - own->bx, c->in->disp_min_px);
+        const struct sst_shift down = sst_shift_by(from->by - own->by, c->in->disp_min_px);
 
         for (int y = 0; y < height; y++)
             carry_row(arrived, farthest, width, height, from, c->status ? &c->status[source[i]] : NULL, y, across, down,

@@ -1,38 +1,22 @@
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/stage.h"
 
 #define AGREE_Q6   64 /* |d - D_n| <= 1 px */
 #define DIRECTIONS 16
 
-/* A stored disparity d moves a pixel by (at + d step) / 2^16 along an axis, rounded down; at holds the half. */
-struct shift {
-    int64_t at, step;
-};
-
-/* By b spacings. */
-static struct shift shift_by(double b, double disp_min_px)
-{
-    return (struct shift){ llround((disp_min_px * b + 0.5) * 65536), llround(b * 65536 / SST_DISP_SCALE) };
-}
-
-static int moved(int x, struct shift s, int d_q6)
-{
-    return x + (int)((s.at + d_q6 * s.step) >> 16);
-}
-
 /* A neighbour, and where a pixel of the view under check lies in it. */
 struct neighbour {
     const struct sst_map_u16 *disp;
-    struct shift across, down;
+    struct sst_shift across, down;
 };
 
 /* True if view n holds disparity d (1/64 px) at the point to which d maps pixel (x, y). */
 static bool agrees(const struct neighbour *n, int x, int y, int d_q6)
 {
-    const int xn = moved(x, n->across, d_q6), yn = moved(y, n->down, d_q6);
+    const int xn = sst_shifted(x, n->across, d_q6), yn = sst_shifted(y, n->down, d_q6);
     int there;
 
     if ((unsigned)xn >= (unsigned)n->disp->width || (unsigned)yn >= (unsigned)n->disp->height)
@@ -67,8 +51,8 @@ void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u
     struct neighbour n[SST_MAX_NEIGHBOURS];
 
     for (int i = 0; i < count; i++)
-        n[i] = (struct neighbour){ views[i].disp_q6, shift_by(-views[i].bx, disp_min_px),
-                                   shift_by(-views[i].by, disp_min_px) };
+        n[i] = (struct neighbour){ views[i].disp_q6, sst_shift_by(-views[i].bx, disp_min_px),
+                                   sst_shift_by(-views[i].by, disp_min_px) };
     for (int y = 0; y < disp_q6->height; y++) {
         const uint16_t *d = sst_map_u16_row(disp_q6, y);
         uint8_t *out = sst_map_u8_row(status, y);
@@ -81,14 +65,14 @@ void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u
 /* Project the correct pixels of a neighbour into this view; the nearest surface wins. */
 static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, double disp_min_px)
 {
-    const struct shift across = shift_by(n->bx, disp_min_px), down = shift_by(n->by, disp_min_px);
+    const struct sst_shift across = sst_shift_by(n->bx, disp_min_px), down = sst_shift_by(n->by, disp_min_px);
 
     for (int yn = 0; yn < out->height; yn++) {
         const uint16_t *d = sst_map_u16_row(n->disp_q6, yn);
         const uint8_t *ok = sst_map_u8_row(n->status, yn);
 
         for (int xn = 0; xn < out->width; xn++) {
-            const int x = moved(xn, across, d[xn]), y = moved(yn, down, d[xn]);
+            const int x = sst_shifted(xn, across, d[xn]), y = sst_shifted(yn, down, d[xn]);
             uint16_t *at;
 
             if (ok[xn] != SST_DISPARITY_CORRECT || (unsigned)x >= (unsigned)out->width ||

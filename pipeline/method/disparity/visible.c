@@ -13,6 +13,7 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/stage.h"
 
 #define MARGIN         2  /* columns and rows around a packed view */
@@ -132,20 +133,16 @@ struct projected {
     struct sst_map_u16 far, near;
 };
 
-static int floor_half(double v)
-{
-    return (int)(v + 65536.5) - 65536;
-}
-
 static void project_view(struct projected *to, const struct sst_visible_view *from, double bx, double by,
                          double disp_min_px)
 {
+    const struct sst_shift across = sst_shift_by(bx, disp_min_px), down = sst_shift_by(by, disp_min_px);
+
     for (int y = 0; y < from->disp->height; y++) {
         const uint16_t *d = sst_map_u16_row(from->disp, y);
 
         for (int x = 0; x < from->disp->width; x++) {
-            const double px = disp_min_px + d[x] / 64.0;
-            const int xt = floor_half(x + px * bx), yt = floor_half(y + px * by);
+            const int xt = sst_shifted(x, across, d[x]), yt = sst_shifted(y, down, d[x]);
             uint16_t *far, *near;
 
             if (d[x] == SST_DISP_NONE || xt < 0 || yt < 0 || xt >= to->far.width || yt >= to->far.height)

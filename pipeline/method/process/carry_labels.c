@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/thread.h"
+#include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
 #define SOURCES    4       /* nearest key views that labels come from */
@@ -42,20 +43,10 @@ static int sources_of(const struct carry *c, int view, int source[SOURCES])
     return n;
 }
 
-/* A pixel with disparity d of the view lies (at + d step) / 2^16, rounded down, farther in the source. */
-struct shift {
-    int32_t at, step;
-};
-
-static struct shift shift_of(double b, double disp_min_px)
-{
-    return (struct shift){ (int32_t)floor((disp_min_px * b + 0.5) * 65536 + 0.5), (int32_t)floor(b * 1024 + 0.5) };
-}
-
 struct source {
     const struct sst_view *view;
     const struct sst_map_f32 *entropy; /* or NULL */
-    struct shift across, down;
+    struct sst_shift across, down;     /* from the view's pixels to the source's */
 };
 
 static bool similar(const struct sst_image *a, int xa, int ya, const struct sst_image *b, int xb, int yb)
@@ -74,8 +65,7 @@ static uint8_t find_label(const struct source *source, int n, const struct sst_v
 {
     for (int i = 0; i < n; i++) {
         const struct source *s = &source[i];
-        const int xs = x + ((s->across.at + d * s->across.step) >> 16),
-                  ys = y + ((s->down.at + d * s->down.step) >> 16);
+        const int xs = sst_shifted(x, s->across, d), ys = sst_shifted(y, s->down, d);
         uint8_t label;
 
         if ((unsigned)xs >= (unsigned)own->image.width || (unsigned)ys >= (unsigned)own->image.height)
@@ -104,8 +94,8 @@ static void gather_labels(const struct carry *c, int view, struct sst_map_u8 *la
         const struct sst_view *from = &lf->views[nearest[i]];
 
         source[i] = (struct source){ from, entropy ? &c->entropy[nearest[i]] : NULL,
-                                     shift_of(own->bx - from->bx, lf->disp_min_px),
-                                     shift_of(own->by - from->by, lf->disp_min_px) };
+                                     sst_shift_by(own->bx - from->bx, lf->disp_min_px),
+                                     sst_shift_by(own->by - from->by, lf->disp_min_px) };
     }
     for (int y = 0; y < label->height; y++) {
         const uint16_t *d = sst_map_u16_row(&own->disp, y);
