@@ -45,6 +45,7 @@ enum cli_type {
     CLI_SIZE = 4,   /* int[2]: "WxH" (width, height) within min..max each */
     CLI_GRID = 5,   /* int[2]: "RxC" (rows, columns) within min..max each */
     CLI_SEED = 6,   /* uint64_t * */
+    CLI_AUTO = 7,   /* double *: as CLI_DOUBLE, or "auto": NaN */
 };
 
 struct cli_option {
@@ -392,10 +393,12 @@ struct render_args {
     struct sst_render_config cfg;
     const char *label, *method, *range, *unsupported, *sampling, *verify; /* as written */
     const char *remove_label, *remove_at;                                 /* of the clear method */
-    double cut;        /* NaN: not given */
+    double cut;                                                           /* NaN: not given */
+    bool focus_found;  /* out of cli_render_open(): cfg.focus_px was NaN, which chooses it, and is what was chosen */
     int pictures;      /* that will be rendered: what `--sampling auto` goes by */
     bool views_needed; /* rectified views are looked at besides */
-    double f_stop;     /* 0: not given */
+    bool disparities_needed; /* also by methods that do not use them */
+    double f_stop;           /* 0: not given */
     bool json, force;
 };
 
@@ -408,7 +411,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
 #define CLI_VERIFY_OPTION(value)                                                                                       \
     {                                                                                                                  \
         "verify-rays", 0, CLI_STRING, &(value), "W",                                                                   \
-            "count rays whose colours agree at the focus: auto (default: where maps of preview are poor), on or off"          \
+            "count rays whose colours agree at the focus: auto (default: where maps of preview are poor), on or off"   \
     }
 
 /** Read that word. @return CLI_GO_ON or CLI_USAGE (the sentence was printed) */

@@ -12,6 +12,7 @@
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/method/network/model_path.h"
 #include "pipeline/method/process/process.h"
+#include "pipeline/method/render/focus.h"
 
 static void progress(void *arg SST_UNUSED, const char *stage, double done)
 {
@@ -39,11 +40,14 @@ static json_t *skipped_json(double percent, double error)
 }
 
 static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r,
-                        struct sst_process_time load, struct sst_process_time saving, bool json)
+                        struct sst_process_time load, struct sst_process_time saving, const char *dir, bool json)
 {
     const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
+    double focus_px = NAN;
     json_t *root;
 
+    if (sst_render_find_focus(lf, &focus_px) == -ENOMEM)
+        return -ENOMEM;
     if (!json) {
         printf("%dx%d views of %dx%d: ", lf->rows, lf->cols, lf->width, lf->height);
         if (r->disp_max_px > r->disp_min_px)
@@ -59,19 +63,22 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         print_skipped("views to label", r->labels_skipped, "other labels", r->labels_error);
         printf("%.1f s (load %.1f, labels %.1f, disparity %.1f, refinement %.1f, saving %.1f)\n", total, load.wall_s,
                r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s);
+        if (!isnan(focus_px))
+            printf("proposed focus: %.2f px per spacing, the default of `sst render %s -o out.png`\n", focus_px, dir);
         return 0;
     }
-    root = json_pack(
-        "{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:{s:o, s:o, s:o}, s:o, s:o}", "rows", lf->rows, "cols",
-        lf->cols, "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px,
-        "confirmed_percent", cli_real_json(r->confirmed), "eps_h", cli_real_json(r->eps_h), "coverage_hcsm",
-        cli_real_json(r->coverage_hcsm), "coverage_refined", cli_real_json(r->coverage_refined), "skips", "keys",
-        skipped_json(r->skipped.views_skipped, r->skipped.views_error), "hypotheses",
-        skipped_json(r->skipped.hypotheses_skipped, r->skipped.hypotheses_error), "labels",
-        skipped_json(r->labels_skipped, r->labels_error), "seconds",
-        seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
-        "cpu_seconds",
-        seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
+    root =
+        json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:{s:o, s:o, s:o}, s:o, s:o}", "rows",
+                  lf->rows, "cols", lf->cols, "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px,
+                  r->disp_max_px, "focus_px", cli_real_json(focus_px), "confirmed_percent", cli_real_json(r->confirmed),
+                  "eps_h", cli_real_json(r->eps_h), "coverage_hcsm", cli_real_json(r->coverage_hcsm),
+                  "coverage_refined", cli_real_json(r->coverage_refined), "skips", "keys",
+                  skipped_json(r->skipped.views_skipped, r->skipped.views_error), "hypotheses",
+                  skipped_json(r->skipped.hypotheses_skipped, r->skipped.hypotheses_error), "labels",
+                  skipped_json(r->labels_skipped, r->labels_error), "seconds",
+                  seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
+                  "cpu_seconds",
+                  seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
     return cli_dump_json(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
 }
 
@@ -210,7 +217,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         err = process(&lf, dir, &cfg, w.hand_label, &report, &save_time);
     }
     cli_progress_end();
-    err = err ? err : print_report(&lf, &report, load_time, save_time, w.json);
+    err = err ? err : print_report(&lf, &report, load_time, save_time, dir, w.json);
     sst_lightfield_fini(&lf);
     return cli_exit_code(err);
 }
@@ -219,14 +226,15 @@ const struct cli_command cli_process = {
     .name = "process",
     .usage = "LF [--preset P] [--labels DIR] [--disparity DIR] [--threads N]",
     .summary = "labels and disparity for all views",
-    .detail = "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
-              "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
-              "Presets: preview (half-size census), balanced (census; surfaces tested where they are visible), accurate\n"
-              "(the same in two rounds, nothing skipped; fewer than 6 views: census and MC-CNN, 8 paths).\n"
-              "--skip keys matches one view in three where the scene allows and carries its maps to the others, where\n"
-              "balanced repairs them; hypotheses tests\n"
-              "no other disparity where the first one explains the colours; labels runs the network on one view in\n"
-              "three (preview: five). Presets skip all that suits them; `--skip none` computes everything.",
+    .detail =
+        "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
+        "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
+        "Presets: preview (half-size census), balanced (census; surfaces tested where they are visible), accurate\n"
+        "(the same in two rounds, nothing skipped; fewer than 6 views: census and MC-CNN, 8 paths).\n"
+        "--skip keys matches one view in three where the scene allows and carries its maps to the others, where\n"
+        "balanced repairs them; hypotheses tests\n"
+        "no other disparity where the first one explains the colours; labels runs the network on one view in\n"
+        "three (preview: five). Presets skip all that suits them; `--skip none` computes everything.",
     .example = "sst process garden --preset balanced",
     .run = run,
 };
