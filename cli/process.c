@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/external_maps.h"
@@ -46,6 +47,10 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
     double focus_px = NAN;
     json_t *root;
 
+    if (r->parallax == SST_PARALLAX_NONE)
+        sst_log_warning("%s: the views show no parallax: they are one picture from one place, and no disparity counts "
+                        "as confirmed; check that the camera moved from view to view",
+                        dir);
     if (sst_render_find_focus(lf, &focus_px) == -ENOMEM)
         return -ENOMEM;
     if (!json) {
@@ -68,12 +73,13 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         return 0;
     }
     root =
-        json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:{s:o, s:o, s:o}, s:o, s:o}", "rows",
+        json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:o, s:{s:o, s:o, s:o}, s:o, s:o}", "rows",
                   lf->rows, "cols", lf->cols, "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px,
-                  r->disp_max_px, "focus_px", cli_real_json(focus_px), "confirmed_percent", cli_real_json(r->confirmed),
-                  "eps_h", cli_real_json(r->eps_h), "coverage_hcsm", cli_real_json(r->coverage_hcsm),
-                  "coverage_refined", cli_real_json(r->coverage_refined), "skips", "keys",
-                  skipped_json(r->skipped.views_skipped, r->skipped.views_error), "hypotheses",
+                  r->disp_max_px, "focus_px", cli_real_json(focus_px), "parallax",
+                  r->parallax == SST_PARALLAX_UNKNOWN ? json_null() : json_boolean(r->parallax == SST_PARALLAX_SEEN),
+                  "confirmed_percent", cli_real_json(r->confirmed), "eps_h", cli_real_json(r->eps_h), "coverage_hcsm",
+                  cli_real_json(r->coverage_hcsm), "coverage_refined", cli_real_json(r->coverage_refined), "skips",
+                  "keys", skipped_json(r->skipped.views_skipped, r->skipped.views_error), "hypotheses",
                   skipped_json(r->skipped.hypotheses_skipped, r->skipped.hypotheses_error), "labels",
                   skipped_json(r->labels_skipped, r->labels_error), "seconds",
                   seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),

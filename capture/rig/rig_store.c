@@ -23,6 +23,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
+#include "pipeline/lightfield/parallax.h"
 
 #define MANIFEST       "capture.jsonl"
 #define MANIFEST_MAX   ((size_t)16 << 20)
@@ -569,6 +570,8 @@ int sst_scan_store_finish(struct sst_scan_store *s)
     err = fill(s, &lf);
     if (!err)
         err = sst_lightfield_write(&lf, s->dir, 1);
+    if (!err)
+        sst_lightfield_warn_parallax(&lf, s->dir, s->dir);
     sst_lightfield_fini(&lf);
     if (!err)
         s->put_any = false;

@@ -38,6 +38,15 @@ diff -r chess/views again/views >/dev/null || fail "views changed on the way"
 [ -e back-hci/parameters.cfg ] && [ -e back-hci/input_Cam035.png ] || fail "hci export is incomplete"
 "$sst" import stanford "$data/lf-stanford-chess-6x6" -o chess --force >/dev/null || fail "--force"
 
+# --- views that are one picture ---
+mkdir still
+for r in 0 1 2; do for c in 0 1 2; do cp "$data"/lf-hci-backgammon-6x6/input_Cam030.png still/0${r}_0$c.png; done; done
+"$sst" import folder still --grid 3x3 -o still.lf >out 2>err || fail "import of one picture: $(cat err)"
+grep -q "warning: still.lf: the views show no parallax" err || fail "one picture nine times: $(cat err)"
+"$sst" process still.lf --no-labels --preset preview --json >out 2>err || fail "process of one picture: $(cat err)"
+grep -q "no parallax" err && grep -q '"confirmed_percent": 0.0' out && grep -q '"parallax": false' out ||
+  fail "one picture is confirmed: $(cat out err)"
+
 # --- what is refused ---
 src=src
 fresh() { rm -rf $src; cp -r --no-preserve=mode "$data/lf-shop-6x6" $src; }

@@ -274,6 +274,18 @@ static void disparity_progress(void *arg, double done)
     show_progress(arg, "disparity", done);
 }
 
+/* Equal views agree on whatever disparity they get, which confirms nothing. */
+static void judge_parallax(struct run *run)
+{
+    run->report->parallax = run->lf->images_raw ? SST_PARALLAX_UNKNOWN : sst_lightfield_parallax(run->lf, NULL);
+    for (int k = 0; run->report->parallax == SST_PARALLAX_NONE && k < views_of(run); k++) {
+        struct sst_map_u8 *map = &run->lf->views[k].confidence;
+
+        if (map->data)
+            memset(map->data, 0, map->stride * (size_t)map->height);
+    }
+}
+
 static int match_views(struct run *run)
 {
     struct sst_disparity_config cfg = run->cfg->disparity;
@@ -294,7 +306,10 @@ static int match_views(struct run *run)
     }
     run->report->disp_min_px = cfg.disp_min_px;
     run->report->disp_max_px = cfg.disp_max_px;
-    return err ? err : sst_disparity_lightfield(lf, &cfg, disparity_progress, run);
+    err = err ? err : sst_disparity_lightfield(lf, &cfg, disparity_progress, run);
+    if (!err)
+        judge_parallax(run);
+    return err;
 }
 
 static int refine_views(struct run *run)
