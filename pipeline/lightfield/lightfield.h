@@ -35,6 +35,7 @@ struct sst_lightfield {
     int ref_view;                      /* row (rows-1)/2, column (cols-1)/2, or the nearest view that is present */
     double disp_min_px;                /* disparity of stored value 0; may be negative */
     double range_min_px, range_max_px; /* disparities expected in the scene; equal: unknown */
+    bool parallel;                     /* one camera that moved without turning: infinity has disparity 0 */
     bool disparity_tested;             /* the disparities were tested against the views around (design.md, 5.7) */
     double focal_px;                   /* 0: unknown */
     double spacing_mm;                 /* nominal spacing; 0: unknown */

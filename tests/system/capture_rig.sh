@@ -69,6 +69,7 @@ if [ -f lf/lightfield.json ]; then
   "$sst" process lf --no-labels --preset preview --json >report 2>err || fail "sst process: $(cat err)"
   python3 -c 'import json
 r = json.load(open("report"))
-assert r["parallax"] is True and r["confirmed_percent"] > 50, r' || fail "the rig moved"
+assert r["parallax"] is True and r["confirmed_percent"] > 50 and r["searched_px"][0] >= -1, r' || fail "the rig moved"
+  grep -q '"parallel": true' lf/lightfield.json || fail "not parallel"
 fi
 exit $failed

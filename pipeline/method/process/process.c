@@ -11,6 +11,8 @@
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/process/process_internal.h"
 
+#define INFINITY_SLACK_PX 1.0 /* of an estimated range around what is infinitely far: errors of positions and noise */
+
 struct run {
     struct sst_lightfield *lf;
     const struct sst_process_config *cfg;
@@ -301,6 +303,10 @@ static int match_views(struct run *run)
     }
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
         err = sst_disparity_range(lf, run->cfg->threads, &cfg.disp_min_px, &cfg.disp_max_px);
+        if (!err && lf->parallel) { /* nothing is behind infinity */
+            cfg.disp_min_px = fmax(cfg.disp_min_px, -INFINITY_SLACK_PX);
+            cfg.disp_max_px = fmax(cfg.disp_max_px, INFINITY_SLACK_PX);
+        }
         if (!err)
             sst_log_info("disparities found between %.0f and %.0f px", cfg.disp_min_px, cfg.disp_max_px);
     }
