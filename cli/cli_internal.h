@@ -132,12 +132,13 @@ extern const struct cli_command cli_board, cli_calibrate, cli_calibration, cli_c
 /**
  * Check a light-field folder and print the verdict and its tables, or one JSON object.
  *
+ * @param what     SST_LOAD_UNVERIFIED, or 0
  * @param threads  0: all processors
  * @param picture  PNG of the grid to write, or NULL
  * @return CLI_OK (the calibration is fine), CLI_INPUT (it is not, or cannot be checked: the sentence is on standard
  *         error), or what reading and writing return
  */
-int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, int threads,
+int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, unsigned what, int threads,
                             const char *picture);
 
 /* --- calibrate_live: `sst calibrate --live`. --- */
@@ -399,13 +400,21 @@ struct render_args {
     bool views_needed; /* rectified views are looked at besides */
     bool disparities_needed; /* also by methods that do not use them */
     double f_stop;           /* 0: not given */
+    bool no_verify;          /* altered views are accepted */
     bool json, force;
 };
 
-#define RENDER_OPTIONS 23
+#define RENDER_OPTIONS 24
 
 /** The shared options, their values set to the defaults; pictures is 1. */
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a);
+
+/** Accept images that differ from their SHA-256. */
+#define CLI_NO_VERIFY_OPTION(value)                                                                                    \
+    {                                                                                                                  \
+        "no-verify", 0, CLI_FLAG, &(value), NULL, "accept views whose bytes differ from the hash in lightfield.json",  \
+            0, 0                                                                                                       \
+    }
 
 /** What `--verify-rays` says. */
 #define CLI_VERIFY_OPTION(value)                                                                                       \

@@ -92,14 +92,14 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
 struct wanted {
     const char *model, *hand_label, *labels_dir, *disparity_dir, *skip;
     double range_min, range_max;
-    bool no_labels, json;
+    bool no_labels, no_verify, json;
 };
 
 /* Load the light field with its external maps or those of the options. */
 static int load(struct sst_lightfield *lf, const char *dir, const struct wanted *w, int threads)
 {
     struct sst_lightfield json = { 0 };
-    unsigned what = SST_LOAD_IMAGES;
+    unsigned what = SST_LOAD_IMAGES | (w->no_verify ? SST_LOAD_UNVERIFIED : 0);
     int err = sst_lightfield_load(&json, dir, 0, threads);
 
     if (err)
@@ -177,6 +177,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled" },
         { "skip", 0, CLI_STRING, &w.skip, "LIST",
           "what to compute for some views or pixels only: keys, hypotheses, labels, all or none" },
+        CLI_NO_VERIFY_OPTION(w.no_verify),
         { "json", 0, CLI_FLAG, &w.json, NULL, "print one JSON object" },
     };
     struct sst_process_report report;

@@ -56,6 +56,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
           SST_MAX_VIEWS },
         { "sampling", 0, CLI_STRING, &a->sampling, "S",
           "calibrated light fields: straight from raw frames, from rectified views, or auto (the cheaper one)" },
+        CLI_NO_VERIFY_OPTION(a->no_verify),
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
         { "force", 0, CLI_FLAG, &a->force, NULL, "replace an existing folder" },
         { "json", 0, CLI_FLAG, &a->json, NULL, "print one JSON object" },
@@ -270,6 +271,7 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
     a->views_needed |= a->remove_at != NULL;
     what =
         a->cfg.method != SST_RENDER_REFOCUS ? SST_LOAD_IMAGES | SST_LOAD_DISPARITY | SST_LOAD_LABELS : SST_LOAD_IMAGES;
+    what |= a->no_verify ? SST_LOAD_UNVERIFIED : 0;
     what |= isnan(a->cfg.focus_px) || a->disparities_needed ? SST_LOAD_DISPARITY : 0;
     what |= a->cfg.method == SST_RENDER_SST && a->cfg.verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0;
     r = choose_sampling(a, path, &what);

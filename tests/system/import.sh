@@ -47,6 +47,15 @@ grep -q "warning: still.lf: the views show no parallax" err || fail "one picture
 grep -q "no parallax" err && grep -q '"confirmed_percent": 0.0' out && grep -q '"parallax": false' out ||
   fail "one picture is confirmed: $(cat out err)"
 
+# --- a view that was altered after the import ---
+cp chess/views/00_00.png altered.png && cp chess/views/00_01.png chess/views/00_00.png
+want 3 "chess/views/00_00.png has changed" process chess --no-labels
+want 3 "chess/views/00_00.png has changed" render chess --method refocus --focus 1 -o bad.png
+want 3 "chess/views/00_00.png has changed" sweep chess --method refocus --from 1 --to 2 -o bad
+want 3 "chess/views/00_00.png has changed" calibrate --check chess
+"$sst" render chess --method refocus --focus 1 --no-verify -o altered-out.png || fail "--no-verify"
+cp altered.png chess/views/00_00.png
+
 # --- what is refused ---
 src=src
 fresh() { rm -rf $src; cp -r --no-preserve=mode "$data/lf-shop-6x6" $src; }
