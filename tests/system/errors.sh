@@ -12,6 +12,14 @@ state() { find "$1" -type f -exec md5sum {} + | sort; }
 left=good/views/01_01.png right=good/views/01_02.png
 printf 'no image at all\n' >text.txt
 
+# --- a scene that could not be processed is not made ---
+want 2 "disparity range [0-9]*..[0-9]* px is invalid: it must be ascending and span at most 511 px" \
+  scene pedestrian --size 20000x20 --grid 2x2 -o bad
+want 2 "disparity range [0-9]*..[0-9]* px is invalid: it must be ascending and span at most 511 px" \
+  scene pedestrian --size 10000x20 --grid 2x2 -o bad
+want 2 "disparity range 0..600 px is invalid: it must be ascending and span at most 511 px" \
+  process good --range-min 0 --range-max 600
+
 # --- usage: exit 2 ---
 want 2 "unknown command" frobnicate
 want 2 "unknown command" Scene

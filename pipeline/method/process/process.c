@@ -312,6 +312,7 @@ static int match_views(struct run *run)
     }
     run->report->disp_min_px = cfg.disp_min_px;
     run->report->disp_max_px = cfg.disp_max_px;
+    err = err ? err : sst_process_check_range(cfg.disp_min_px, cfg.disp_max_px);
     err = err ? err : sst_disparity_lightfield(lf, &cfg, disparity_progress, run);
     if (!err)
         judge_parallax(run);

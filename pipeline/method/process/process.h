@@ -71,6 +71,9 @@ struct sst_process_extras {
  */
 SST_MUST_CHECK int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
                                struct sst_process_extras *extras, struct sst_process_report *report);
+/** The limits of a range that can be searched. @return 0, -EINVAL (logged) */
+SST_MUST_CHECK int sst_process_check_range(double min_px, double max_px);
+
 void sst_process_extras_fini(struct sst_process_extras *extras);
 
 /**
