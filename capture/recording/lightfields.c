@@ -318,7 +318,7 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
     if (!err)
         err = fill(job);
     if (!err && number == cfg->sets[0])
-        sst_lightfield_warn_parallax(&job->lf, dir, cfg->out);
+        sst_lightfield_warn_views(&job->lf, dir, cfg->out);
     sst_lightfield_fini(&job->lf);
     free(job);
     return err;

@@ -572,7 +572,7 @@ int sst_scan_store_finish(struct sst_scan_store *s)
     if (!err)
         err = sst_lightfield_write(&lf, s->dir, 1);
     if (!err)
-        sst_lightfield_warn_parallax(&lf, s->dir, s->dir);
+        sst_lightfield_warn_views(&lf, s->dir, s->dir);
     sst_lightfield_fini(&lf);
     if (!err)
         s->put_any = false;

@@ -350,7 +350,7 @@ static int run(struct import_plan *plan, int (*format)(struct import_plan *), co
     warn_unused(plan);
     err = fill(&job);
     if (!err)
-        sst_lightfield_warn_parallax(&plan->lf, out, plan->cfg->out);
+        sst_lightfield_warn_views(&plan->lf, out, plan->cfg->out);
     return err;
 }
 

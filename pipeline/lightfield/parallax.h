@@ -23,7 +23,8 @@ enum sst_parallax {
  */
 enum sst_parallax sst_lightfield_parallax(const struct sst_lightfield *lf, const char *dir);
 
-/** Log a warning if the views show no parallax. @param name  of the light field, for the message */
-void sst_lightfield_warn_parallax(const struct sst_lightfield *lf, const char *dir, const char *name);
+/** Log a warning if the views show no parallax, or the reference view's file has 16 bits that reading rounds to 8.
+ *  @param name  of the light field, for the message */
+void sst_lightfield_warn_views(const struct sst_lightfield *lf, const char *dir, const char *name);
 
 #endif

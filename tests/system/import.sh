@@ -47,6 +47,21 @@ grep -q "warning: still.lf: the views show no parallax" err || fail "one picture
 grep -q "no parallax" err && grep -q '"confirmed_percent": 0.0' out && grep -q '"parallax": false' out ||
   fail "one picture is confirmed: $(cat out err)"
 
+# --- 16 bits of which only the low ones are used ---
+mkdir deep
+/usr/bin/python3 - <<'P' || fail "python3 with OpenCV"
+import cv2, numpy
+y, x = numpy.mgrid[0:60, 0:80]
+for k in range(9):
+    value = 111 + 50 * numpy.sin((x + 3 * (k % 3)) / 3) + 60 * numpy.sin((y + 3 * (k // 3)) / 4)
+    cv2.imwrite(f"deep/{k // 3:02d}_{k % 3:02d}.png", value.astype(numpy.uint16))
+P
+"$sst" import folder deep --grid 3x3 -o deep.lf >out 2>err || fail "16 bits: $(cat err)"
+grep -q "01_01.png: 16 bits are rounded to 8, so its [0-9]* levels become 2; its largest sample is 2[0-9]*: multiply them by 2[0-9]*," err ||
+  fail "16 bits are cut in silence: $(cat err)"
+"$sst" stereo deep/00_00.png deep/00_01.png -m 9 -o deep.pfm 2>err || fail "stereo of 16 bits: $(cat err)"
+[ "$(grep -c "deep/00_0[01].png: 16 bits are rounded to 8" err)" = 2 ] || fail "stereo cuts 16 bits in silence: $(cat err)"
+
 # --- a view that was altered after the import ---
 cp chess/views/00_00.png altered.png && cp chess/views/00_01.png chess/views/00_00.png
 want 3 "chess/views/00_00.png has changed" process chess --no-labels

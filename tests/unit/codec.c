@@ -113,6 +113,51 @@ static void maps_give_the_same_values(void **state SST_UNUSED)
     sst_map_u16_fini(&d);
 }
 
+static void lost_levels_are_counted(void **state SST_UNUSED)
+{
+    static const struct {
+        int step, count, after;
+    } cases[] = { { 1, 223, 2 }, { 257, 256, 256 }, { 64, 1000, 250 } };
+    struct sst_image_levels levels;
+    struct sst_map_u16 map;
+    struct sst_image a;
+    uint8_t *data;
+    size_t size;
+
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        bool seen[256] = { false };
+        int left = 0;
+
+        assert_int_equal(sst_map_u16_init(&map, cases[i].count, 2), 0);
+        for (int x = 0; x < 2 * cases[i].count; x++)
+            sst_map_u16_row(&map, x % 2)[x / 2] = (uint16_t)(cases[i].step * (x / 2));
+        assert_int_equal(sst_map_u16_write_png(&map, test_path("deep.png")), 0);
+        assert_int_equal(sst_file_read(test_path("deep.png"), 1 << 20, &data, &size), 0);
+        assert_int_equal(sst_image_count_levels(&levels, data, size, "deep.png"), 0);
+        assert_int_equal(levels.before, cases[i].count);
+        assert_int_equal(levels.after, cases[i].after);
+        assert_int_equal(levels.largest, cases[i].step * (cases[i].count - 1));
+        /* What reading gives has that many. */
+        assert_int_equal(sst_image_decode(&a, data, size, "deep.png"), 0);
+        for (int x = 0; x < a.width; x++)
+            seen[sst_image_row(&a, 1, 0)[x]] = true;
+        for (int v = 0; v < 256; v++)
+            left += seen[v];
+        assert_int_equal(left, levels.after);
+        sst_image_fini(&a);
+        sst_map_u16_fini(&map);
+        free(data);
+    }
+    a = make_image(20, 20);
+    assert_int_equal(sst_image_write_png(&a, test_path("flat.png")), 0);
+    assert_int_equal(sst_file_read(test_path("flat.png"), 1 << 20, &data, &size), 0);
+    assert_int_equal(sst_image_count_levels(&levels, data, size, "flat.png"), 0);
+    assert_int_equal(levels.before, 0);
+    assert_int_equal(levels.after, 0);
+    sst_image_fini(&a);
+    free(data);
+}
+
 static void jpeg_stays_close(void **state SST_UNUSED)
 {
     struct sst_image a, b;
@@ -481,6 +526,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(png_gives_the_same_pixels),
         cmocka_unit_test(maps_give_the_same_values),
+        cmocka_unit_test(lost_levels_are_counted),
         cmocka_unit_test(jpeg_stays_close),
         cmocka_unit_test(cut_and_damaged_files_are_refused),
         cmocka_unit_test(absurd_sizes_are_refused),
