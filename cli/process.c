@@ -72,19 +72,23 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
             printf("proposed focus: %.2f px per spacing, the default of `sst render %s -o out.png`\n", focus_px, dir);
         return 0;
     }
-    root =
-        json_pack("{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:o, s:o, s:{s:o, s:o, s:o}, s:o, s:o}", "rows",
-                  lf->rows, "cols", lf->cols, "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px,
-                  r->disp_max_px, "focus_px", cli_real_json(focus_px), "parallax",
-                  r->parallax == SST_PARALLAX_UNKNOWN ? json_null() : json_boolean(r->parallax == SST_PARALLAX_SEEN),
-                  "confirmed_percent", cli_real_json(r->confirmed), "eps_h", cli_real_json(r->eps_h), "coverage_hcsm",
-                  cli_real_json(r->coverage_hcsm), "coverage_refined", cli_real_json(r->coverage_refined), "skips",
-                  "keys", skipped_json(r->skipped.views_skipped, r->skipped.views_error), "hypotheses",
-                  skipped_json(r->skipped.hypotheses_skipped, r->skipped.hypotheses_error), "labels",
-                  skipped_json(r->labels_skipped, r->labels_error), "seconds",
-                  seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
-                  "cpu_seconds",
-                  seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
+    root = json_pack(
+        "{s:i, s:i, s:i, s:i, s:[f, f], s:o, s:o, s:o, s:o, s:{s:o, s:o, s:o}, s:o, s:o}", "rows", lf->rows, "cols",
+        lf->cols, "width", lf->width, "height", lf->height, "searched_px", r->disp_min_px, r->disp_max_px,
+        "confirmed_percent", cli_real_json(r->confirmed), "eps_h", cli_real_json(r->eps_h), "coverage_hcsm",
+        cli_real_json(r->coverage_hcsm), "coverage_refined", cli_real_json(r->coverage_refined), "skips", "keys",
+        skipped_json(r->skipped.views_skipped, r->skipped.views_error), "hypotheses",
+        skipped_json(r->skipped.hypotheses_skipped, r->skipped.hypotheses_error), "labels",
+        skipped_json(r->labels_skipped, r->labels_error), "seconds",
+        seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
+        "cpu_seconds",
+        seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
+    if (root) {
+        json_object_set_new(root, "focus_px", cli_real_json(focus_px));
+        json_object_set_new(root, "parallax",
+                            r->parallax == SST_PARALLAX_UNKNOWN ? json_null()
+                                                                : json_boolean(r->parallax == SST_PARALLAX_SEEN));
+    }
     return cli_dump_json(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
 }
 
@@ -170,6 +174,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "labels", 0, CLI_STRING, &w.labels_dir, "DIR", "external label maps rr_cc.png, never recomputed" },
         { "disparity", 0, CLI_STRING, &w.disparity_dir, "DIR", "external disparities rr_cc.pfm, never recomputed" },
         { "model", 0, CLI_STRING, &w.model, "NAME", "segmentation network: an installed one or an ONNX file" },
+        CLI_NO_VERIFY_OPTION(w.no_verify),
         { "no-labels", 0, CLI_FLAG, &w.no_labels, NULL, "disparity only" },
         { "epsilon-h", 0, CLI_DOUBLE, &cfg.eps_h, "V", "entropy threshold; default: the model's", 0, 1e9 },
         { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE",
@@ -177,7 +182,6 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled" },
         { "skip", 0, CLI_STRING, &w.skip, "LIST",
           "what to compute for some views or pixels only: keys, hypotheses, labels, all or none" },
-        CLI_NO_VERIFY_OPTION(w.no_verify),
         { "json", 0, CLI_FLAG, &w.json, NULL, "print one JSON object" },
     };
     struct sst_process_report report;
@@ -233,15 +237,14 @@ const struct cli_command cli_process = {
     .name = "process",
     .usage = "LF [--preset P] [--labels DIR] [--disparity DIR] [--threads N]",
     .summary = "labels and disparity for all views",
-    .detail =
-        "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
-        "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
-        "Presets: preview (half-size census), balanced (census; surfaces tested where they are visible), accurate\n"
-        "(the same in two rounds, nothing skipped; fewer than 6 views: census and MC-CNN, 8 paths).\n"
-        "--skip keys matches one view in three where the scene allows and carries its maps to the others, where\n"
-        "balanced repairs them; hypotheses tests\n"
-        "no other disparity where the first one explains the colours; labels runs the network on one view in\n"
-        "three (preview: five). Presets skip all that suits them; `--skip none` computes everything.",
+    .detail = "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
+              "entropy/ to explain the labels. External maps are not recomputed; gaps in external labels are refined.\n"
+              "Presets: preview (half-size census), balanced (census; surfaces tested where they are visible), accurate\n"
+              "(the same in two rounds, nothing skipped; fewer than 6 views: census and MC-CNN, 8 paths).\n"
+              "--skip keys matches one view in three where the scene allows and carries its maps to the others, where\n"
+              "balanced repairs them; hypotheses tests\n"
+              "no other disparity where the first one explains the colours; labels runs the network on one view in\n"
+              "three (preview: five). Presets skip all that suits them; `--skip none` computes everything.",
     .example = "sst process garden --preset balanced",
     .run = run,
 };
