@@ -20,6 +20,7 @@ struct options {
     struct sst_gather_selection pick;
     struct sst_gather_live_config limits; /* live */
     int threads;
+    bool no_verify;
 };
 
 #define SCALE_OFF 0.05 /* relative tolerance of the spacing against the configuration */
@@ -352,6 +353,8 @@ static int check_options(const struct cli_command *cmd, const struct options *o)
         return cli_usage_error(cmd, "-o, --report, --coverage, --corners and --keep must have different names");
     if (o->picture)
         return cli_usage_error(cmd, "--picture belongs to --check");
+    if (o->no_verify)
+        return cli_usage_error(cmd, "--no-verify belongs to --check");
     if (o->lens && o->lens != 5 && o->lens != 8)
         return cli_usage_error(cmd, "--lens is 5 or 8 coefficients");
     return CLI_GO_ON;
@@ -399,6 +402,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "duration", 0, CLI_DOUBLE, &o.limits.seconds, "S", "live: at most S seconds", 0.1, 1e6 },
         { "check", 0, CLI_FLAG, &o.check, NULL, "check the calibration of a light field, by its features alone" },
         { "picture", 0, CLI_STRING, &o.picture, "FILE", "check: picture of the cameras' displacements (PNG)" },
+        CLI_NO_VERIFY_OPTION(o.no_verify),
         { "threads", 0, CLI_INT, &o.threads, "N", "threads (default: all processors)", 1, 256 },
         { "json", 0, CLI_FLAG, &o.json, NULL, "print all figures as JSON" },
     };
@@ -412,9 +416,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         if (!o.source)
             return cli_usage_error(cmd, "--check needs a light field");
         if (not_for_check(&o))
-            return cli_usage_error(cmd, "--check needs a light field alone: it combines with --picture, --json and "
-                                        "--threads only");
-        return cli_run_calibrate_check(cmd, o.source, o.json, o.threads, o.picture);
+            return cli_usage_error(cmd, "--check needs a light field alone: it combines with --picture, --no-verify, "
+                                        "--json and --threads only");
+        return cli_run_calibrate_check(cmd, o.source, o.json, o.no_verify ? SST_LOAD_UNVERIFIED : 0, o.threads,
+                                       o.picture);
     }
     r = check_options(cmd, &o);
     return r == CLI_GO_ON ? calibrate(&o) : r;

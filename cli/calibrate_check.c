@@ -124,12 +124,13 @@ static int write_picture(const struct sst_drift *c, const char *path)
     return err;
 }
 
-int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, int threads, const char *picture)
+int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, unsigned what, int threads,
+                            const char *picture)
 {
     const struct sst_drift_config cfg = { .threads = threads };
     struct sst_lightfield lf;
     struct sst_drift check;
-    int code, err = sst_lightfield_load(&lf, dir, SST_LOAD_IMAGES, sst_thread_count(threads));
+    int code, err = sst_lightfield_load(&lf, dir, SST_LOAD_IMAGES | what, sst_thread_count(threads));
 
     if (err)
         return cli_exit_code(err);

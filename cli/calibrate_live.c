@@ -34,8 +34,8 @@ static int on_status(void *arg, const struct sst_gather_status *s)
         fprintf(stderr, "%d sets, and no camera has seen the board yet\n", s->framesets);
         return 0;
     }
-    fprintf(stderr, "%d of %d sets accepted, coverage %.0f %%; camera %s lacks most: %s\n", s->accepted, s->framesets,
-            100 * s->coverage, s->camera, s->missing[0] ? s->missing : "nothing");
+    fprintf(stderr, "%d of %d sets accepted, coverage %.0f %%; camera %d,%d (%s) lacks most: %s\n", s->accepted,
+            s->framesets, 100 * s->coverage, s->row, s->col, s->camera, s->missing[0] ? s->missing : "nothing");
     if (!l->coverage || l->drawn == s->accepted)
         return 0;
     l->drawn = s->accepted;

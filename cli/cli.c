@@ -90,7 +90,7 @@ static void print_help(const struct cli_command *cmd, const struct cli_option *o
 /* Machine-readable description: see CLI_DESCRIBE. */
 static int describe(const struct cli_command *cmd, const struct cli_option *options, size_t n)
 {
-    static const char *const type[] = { "flag", "int", "number", "text", "size", "grid", "seed" };
+    static const char *const type[] = { "flag", "int", "number", "text", "size", "grid", "seed", "number or auto" };
     json_t *list = json_array();
     json_t *root = json_pack("{s:s, s:s, s:s, s:s?, s:s, s:o}", "name", cmd->name, "usage", cmd->usage, "summary",
                              cmd->summary, "detail", cmd->detail, "example", cmd->example, "options", list);
@@ -153,6 +153,12 @@ static int set_value(const struct cli_command *cmd, const struct cli_option *o, 
         if (end == text || *end || errno || *text == '-')
             return cli_usage_error(cmd, "--%s %s is not a whole number of at most 64 bits", o->name, text);
         return CLI_GO_ON;
+    case CLI_AUTO:
+        if (!strcasecmp(text, "auto")) {
+            *(double *)o->value = NAN;
+            return CLI_GO_ON;
+        }
+        break;
     case CLI_INT:
     case CLI_DOUBLE:
         break;

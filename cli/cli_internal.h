@@ -45,6 +45,7 @@ enum cli_type {
     CLI_SIZE = 4,   /* int[2]: "WxH" (width, height) within min..max each */
     CLI_GRID = 5,   /* int[2]: "RxC" (rows, columns) within min..max each */
     CLI_SEED = 6,   /* uint64_t * */
+    CLI_AUTO = 7,   /* double *: as CLI_DOUBLE, or "auto": NaN */
 };
 
 struct cli_option {
@@ -131,12 +132,13 @@ extern const struct cli_command cli_board, cli_calibrate, cli_calibration, cli_c
 /**
  * Check a light-field folder and print the verdict and its tables, or one JSON object.
  *
+ * @param what     SST_LOAD_UNVERIFIED, or 0
  * @param threads  0: all processors
  * @param picture  PNG of the grid to write, or NULL
  * @return CLI_OK (the calibration is fine), CLI_INPUT (it is not, or cannot be checked: the sentence is on standard
  *         error), or what reading and writing return
  */
-int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, int threads,
+int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool json, unsigned what, int threads,
                             const char *picture);
 
 /* --- calibrate_live: `sst calibrate --live`. --- */
@@ -392,23 +394,33 @@ struct render_args {
     struct sst_render_config cfg;
     const char *label, *method, *range, *unsupported, *sampling, *verify; /* as written */
     const char *remove_label, *remove_at;                                 /* of the clear method */
-    double cut;        /* NaN: not given */
+    double cut;                                                           /* NaN: not given */
+    bool focus_found;  /* out of cli_render_open(): cfg.focus_px was NaN, which chooses it, and is what was chosen */
     int pictures;      /* that will be rendered: what `--sampling auto` goes by */
     bool views_needed; /* rectified views are looked at besides */
-    double f_stop;     /* 0: not given */
+    bool disparities_needed; /* also by methods that do not use them */
+    double f_stop;           /* 0: not given */
+    bool no_verify;          /* altered views are accepted */
     bool json, force;
 };
 
-#define RENDER_OPTIONS 23
+#define RENDER_OPTIONS 24
 
 /** The shared options, their values set to the defaults; pictures is 1. */
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a);
+
+/** Accept images that differ from their SHA-256. */
+#define CLI_NO_VERIFY_OPTION(value)                                                                                    \
+    {                                                                                                                  \
+        "no-verify", 0, CLI_FLAG, &(value), NULL, "accept views whose bytes differ from the hash in lightfield.json",  \
+            0, 0                                                                                                       \
+    }
 
 /** What `--verify-rays` says. */
 #define CLI_VERIFY_OPTION(value)                                                                                       \
     {                                                                                                                  \
         "verify-rays", 0, CLI_STRING, &(value), "W",                                                                   \
-            "count rays whose colours agree at the focus: auto (default: where maps of preview are poor), on or off"          \
+            "count rays whose colours agree at the focus: auto (default: where maps of preview are poor), on or off"   \
     }
 
 /** Read that word. @return CLI_GO_ON or CLI_USAGE (the sentence was printed) */

@@ -141,7 +141,8 @@ static void print_table(const struct sst_evaluation *r, const struct sst_truth *
 }
 
 /* A folder without labels is no fault: the report holds null. */
-static int measure(const char *dir, const char *truth_dir, const struct sst_render_config *cfg, int threads, bool json)
+static int measure(const char *dir, const char *truth_dir, const struct sst_render_config *cfg, int threads,
+                   bool no_verify, bool json)
 {
     struct sst_lightfield lf = { 0 };
     struct sst_truth truth;
@@ -152,7 +153,8 @@ static int measure(const char *dir, const char *truth_dir, const struct sst_rend
     if (err)
         return cli_exit_code(err);
     if (truth.count)
-        what |= SST_LOAD_IMAGES | (cfg->verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0);
+        what |= SST_LOAD_IMAGES | (no_verify ? SST_LOAD_UNVERIFIED : 0) |
+                (cfg->verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0);
     err = sst_lightfield_load(&lf, dir, what, threads);
     if (!err) {
         err = sst_eval_lightfield(&report, &lf, dir, &truth, truth_dir, cfg, threads);
@@ -172,7 +174,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     const char *dir, *truth_dir = NULL, *verify = "auto";
     struct sst_render_config cfg;
-    bool json = false;
+    bool json = false, no_verify = false;
     int threads = 0, r;
 
     sst_render_config_defaults(&cfg);
@@ -186,6 +188,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
             { "c2", 0, CLI_DOUBLE, &cfg.c2, "C", "least label weight", 0, 1 },
             { "aperture", 0, CLI_DOUBLE, &cfg.aperture, "R", "aperture radius, spacings; inf: all", 0, INFINITY },
             CLI_VERIFY_OPTION(verify),
+            CLI_NO_VERIFY_OPTION(no_verify),
             { "threads", 0, CLI_INT, &threads, "N", "threads to use (default: all processors)", 1, 256 },
         };
 
@@ -198,7 +201,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     r = cli_read_verify(&cfg.verify, verify, cmd);
     if (r != CLI_GO_ON)
         return r;
-    return measure(dir, truth_dir, &cfg, sst_thread_count(threads), json);
+    return measure(dir, truth_dir, &cfg, sst_thread_count(threads), no_verify, json);
 }
 
 const struct cli_command cli_eval = {

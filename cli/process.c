@@ -6,12 +6,14 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/external_maps.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/method/network/model_path.h"
 #include "pipeline/method/process/process.h"
+#include "pipeline/method/render/focus.h"
 
 static void progress(void *arg SST_UNUSED, const char *stage, double done)
 {
@@ -39,11 +41,18 @@ static json_t *skipped_json(double percent, double error)
 }
 
 static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r,
-                        struct sst_process_time load, struct sst_process_time saving, bool json)
+                        struct sst_process_time load, struct sst_process_time saving, const char *dir, bool json)
 {
     const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
+    double focus_px = NAN;
     json_t *root;
 
+    if (r->parallax == SST_PARALLAX_NONE)
+        sst_log_warning("%s: the views show no parallax: they are one picture from one place, and no disparity counts "
+                        "as confirmed; check that the camera moved from view to view",
+                        dir);
+    if (sst_render_find_focus(lf, &focus_px) == -ENOMEM)
+        return -ENOMEM;
     if (!json) {
         printf("%dx%d views of %dx%d: ", lf->rows, lf->cols, lf->width, lf->height);
         if (r->disp_max_px > r->disp_min_px)
@@ -60,6 +69,8 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         print_skipped("views to label", r->labels_skipped, "other labels", r->labels_error);
         printf("%.1f s (load %.1f, labels %.1f, disparity %.1f, refinement %.1f, saving %.1f)\n", total, load.wall_s,
                r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s);
+        if (!isnan(focus_px))
+            printf("proposed focus: %.2f px per spacing, the default of `sst render %s -o out.png`\n", focus_px, dir);
         return 0;
     }
     root = json_pack(
@@ -74,6 +85,12 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         seconds_json(load.wall_s, r->labels.wall_s, r->disparity.wall_s, r->refinement.wall_s, saving.wall_s),
         "cpu_seconds",
         seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
+    if (root) {
+        json_object_set_new(root, "focus_px", cli_real_json(focus_px));
+        json_object_set_new(root, "parallax",
+                            r->parallax == SST_PARALLAX_UNKNOWN ? json_null()
+                                                                : json_boolean(r->parallax == SST_PARALLAX_SEEN));
+    }
     return cli_dump_json(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
 }
 
@@ -81,14 +98,14 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
 struct wanted {
     const char *model, *hand_label, *labels_dir, *disparity_dir, *skip;
     double range_min, range_max;
-    bool no_labels, json;
+    bool no_labels, no_verify, json;
 };
 
 /* Load the light field with its external maps or those of the options. */
 static int load(struct sst_lightfield *lf, const char *dir, const struct wanted *w, int threads)
 {
     struct sst_lightfield json = { 0 };
-    unsigned what = SST_LOAD_IMAGES;
+    unsigned what = SST_LOAD_IMAGES | (w->no_verify ? SST_LOAD_UNVERIFIED : 0);
     int err = sst_lightfield_load(&json, dir, 0, threads);
 
     if (err)
@@ -160,6 +177,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "labels", 0, CLI_STRING, &w.labels_dir, "DIR", "external label maps rr_cc.png, never recomputed" },
         { "disparity", 0, CLI_STRING, &w.disparity_dir, "DIR", "external disparities rr_cc.pfm, never recomputed" },
         { "model", 0, CLI_STRING, &w.model, "NAME", "segmentation network: an installed one or an ONNX file" },
+        CLI_NO_VERIFY_OPTION(w.no_verify),
         { "no-labels", 0, CLI_FLAG, &w.no_labels, NULL, "disparity only" },
         { "epsilon-h", 0, CLI_DOUBLE, &cfg.eps_h, "V", "entropy threshold; default: the model's", 0, 1e9 },
         { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE",
@@ -213,7 +231,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         err = process(&lf, dir, &cfg, w.hand_label, &report, &save_time);
     }
     cli_progress_end();
-    err = err ? err : print_report(&lf, &report, load_time, save_time, w.json);
+    err = err ? err : print_report(&lf, &report, load_time, save_time, dir, w.json);
     sst_lightfield_fini(&lf);
     return cli_exit_code(err);
 }

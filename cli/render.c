@@ -66,6 +66,8 @@ static void report(const struct picture *p, const struct render_input *in, const
     double lo, hi;
 
     if (!a->json) {
+        if (a->focus_found)
+            printf("%s: focus %.2f px per spacing, found by itself\n", out, a->cfg.focus_px);
         if (p->repeat)
             printf("%s: %.1f ms (median of %d, fastest %.1f ms)\n", out, p->ms[p->repeat / 2], p->repeat, p->ms[0]);
         if (a->cfg.method == SST_RENDER_CLEAR && isfinite(a->cfg.cut_px))
@@ -85,8 +87,8 @@ static void report(const struct picture *p, const struct render_input *in, const
     if (a->cfg.method == SST_RENDER_CLEAR)
         report_clear(root, p, a);
     else
-        json_object_update_new(root,
-                               json_pack("{s:f, s:f}", "focus_px", a->cfg.focus_px, "supported_percent", supported));
+        json_object_update_new(root, json_pack("{s:f, s:b, s:f}", "focus_px", a->cfg.focus_px, "focus_found",
+                                               a->focus_found, "supported_percent", supported));
     if (in->lf.calibration)
         json_object_set_new(root, "sampling", json_string(in->lf.images_raw ? "raw" : "rectified"));
     if (a->label)
@@ -126,8 +128,6 @@ static int check_files(const struct cli_command *cmd, const struct render_args *
 {
     const bool clear = !strcasecmp(a->method, "clear");
 
-    if (isnan(focus) && !clear)
-        return cli_usage_error(cmd, "--focus D is missing");
     if (!isnan(focus) && clear)
         return cli_usage_error(cmd, "--focus has no effect with --method clear, which is in focus everywhere");
     if (!out)
@@ -147,7 +147,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct render_args a;
     double focus = NAN;
     struct cli_option options[RENDER_OPTIONS + 6] = {
-        { "focus", 'f', CLI_DOUBLE, &focus, "D", "disparity to focus on, px per spacing" },
+        { "focus", 'f', CLI_AUTO, &focus, "D",
+          "disparity to focus on, px per spacing, or auto: behind what stands in front (default)" },
         { "output", 'o', CLI_STRING, &out, "FILE", "picture, .png or .jpg" },
         { "valid", 0, CLI_STRING, &valid, "FILE", "PNG of what the rays support: 255 seen, 64 filled, 0 nothing", 0,
           0 },
@@ -164,7 +165,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     r = check_files(cmd, &a, focus, out, valid);
     if (r != CLI_GO_ON)
         return r;
-    a.cfg.focus_px = isnan(focus) ? 0 : focus;
+    a.cfg.focus_px = focus;
     a.views_needed = explain;
     r = cli_render_open(&in, &a, cmd, path);
     if (r != CLI_GO_ON)
@@ -190,17 +191,19 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
 const struct cli_command cli_render = {
     .name = "render",
-    .usage = "LF --focus D [--label NAME] [options] -o out.png | LF --method clear [--cut D] [options] -o out.png",
+    .usage = "LF [--focus D] [--label NAME] [options] -o out.png | LF --method clear [--cut D] [options] -o out.png",
     .summary = "render one picture that sees through occluders",
     .detail =
         "Every ray is weighted by its disparity and by the depth range of its label: rays of what lies in front of\n"
         "the focus count little, so occluders vanish. The focus is a disparity in px per camera spacing; larger is\n"
-        "nearer. `--f-stop N` uses the views within 1/N of the distance from the viewpoint to the farthest view.\n"
+        "nearer. Without --focus it is found as the service finds it: behind what hides most of the rest.\n"
+        "`--f-stop N` uses the views within 1/N of the distance from the viewpoint to the farthest view.\n"
         "\n"
         "--method clear needs no focus: every surface behind the cut is sharp and what stands in front is gone. The\n"
         "cut is a disparity (--cut), a label (--remove-label) or the object at a pixel of the reference view\n"
-        "(--remove-at); without any of them it is the gap between what stands in front and the rest. Pixels that\n"
-        "fewer than two views show are filled from their surroundings; --valid shows which.\n"
+        "(--remove-at); without any of them it is the gap between what stands in front and the rest, and where\n"
+        "there is no gap nothing is removed. Pixels that fewer than two views show are filled from their\n"
+        "surroundings; --valid shows which.\n"
         "\n"
         "Disparities of the preset preview are not tested against other views. Where they are wrong, as behind\n"
         "dense leaves, and hardly any ray supports the focus, the picture uses rays whose colours agree at the\n"
@@ -215,7 +218,7 @@ const struct cli_command cli_render = {
         "weight_depth.png, weight_label.png and weight.png, confidence.png, entropy.png and labels_hcsm.png where\n"
         "the light field has them; rays.png shows what each view sees at the pixel and, as a bar, the share of it\n"
         "in the picture; explain.json holds the legend and the same rays as numbers.",
-    .example = "sst scene bush -o bush.lf && sst process bush.lf && sst render bush.lf --focus 12 -o person.png\n"
+    .example = "sst scene bush -o bush.lf && sst process bush.lf && sst render bush.lf -o person.png\n"
                "  sst render bush.lf --focus 12 --label Pedestrian --explain why -o person.png\n"
                "  sst render bush.lf --method clear --valid seen.png -o clear.png",
     .run = run,

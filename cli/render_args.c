@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/method/render/focus.h"
 
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a)
 {
@@ -55,6 +56,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
           SST_MAX_VIEWS },
         { "sampling", 0, CLI_STRING, &a->sampling, "S",
           "calibrated light fields: straight from raw frames, from rectified views, or auto (the cheaper one)" },
+        CLI_NO_VERIFY_OPTION(a->no_verify),
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
         { "force", 0, CLI_FLAG, &a->force, NULL, "replace an existing folder" },
         { "json", 0, CLI_FLAG, &a->json, NULL, "print one JSON object" },
@@ -181,14 +183,34 @@ static int find_removed(struct render_input *in, struct render_args *a, const st
         const int err = sst_render_find_cut(in->renderer, &a->cut);
 
         if (err == -ENODATA)
-            sst_log_error("%s: its disparities show no gap between what stands in front and the rest; give --cut D, "
-                          "--remove-label NAME or --remove-at X,Y",
-                          in->path);
-        if (err)
+            sst_log_warning("%s: its disparities show no gap between what stands in front and the rest, so nothing is "
+                            "removed; give --cut D, --remove-label NAME or --remove-at X,Y",
+                            in->path);
+        else if (err)
             return cli_exit_code(err);
     }
     a->cfg.cut_px = isnan(a->cut) ? INFINITY : a->cut;
     return CLI_GO_ON;
+}
+
+/* The focus, unless it was given. */
+static int find_focus(struct render_input *in, struct render_args *a)
+{
+    int err;
+
+    if (!isnan(a->cfg.focus_px))
+        return CLI_GO_ON;
+    a->cfg.focus_px = 0;
+    if (a->cfg.method == SST_RENDER_CLEAR)
+        return CLI_GO_ON;
+    err = sst_render_find_focus(&in->lf, &a->cfg.focus_px);
+    a->focus_found = !err;
+    if (err == -ENODATA) {
+        sst_log_error("%s has no disparities to find a focus in; run `sst process %s` first, or give --focus D",
+                      in->path, in->path);
+        return CLI_INPUT;
+    }
+    return err ? cli_exit_code(err) : CLI_GO_ON;
 }
 
 static void set_aperture(const struct sst_lightfield *lf, struct render_args *a)
@@ -249,6 +271,8 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
     a->views_needed |= a->remove_at != NULL;
     what =
         a->cfg.method != SST_RENDER_REFOCUS ? SST_LOAD_IMAGES | SST_LOAD_DISPARITY | SST_LOAD_LABELS : SST_LOAD_IMAGES;
+    what |= a->no_verify ? SST_LOAD_UNVERIFIED : 0;
+    what |= isnan(a->cfg.focus_px) || a->disparities_needed ? SST_LOAD_DISPARITY : 0;
     what |= a->cfg.method == SST_RENDER_SST && a->cfg.verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0;
     r = choose_sampling(a, path, &what);
     if (r != CLI_GO_ON)
@@ -261,6 +285,8 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
     r = err ? cli_exit_code(err) : check_maps(in, a);
     if (r == CLI_GO_ON)
         r = find_label(in, "label", a->label, &a->cfg.focus_label, cmd);
+    if (r == CLI_GO_ON)
+        r = find_focus(in, a);
     if (r == CLI_GO_ON)
         r = find_removed(in, a, cmd);
     if (r != CLI_GO_ON)

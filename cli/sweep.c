@@ -113,6 +113,34 @@ static int write_video(const struct sweep *s, struct sst_image *img)
     return err;
 }
 
+/* Without --from and --to the whole range: of the disparities, far to near; of cuts, from the nearest disparity to the
+ * cut found by itself, else to the middle; of the views' positions. */
+static int find_ends(struct sweep *s)
+{
+    const struct sst_lightfield *lf = &s->in.lf;
+    double lo = INFINITY, hi = -INFINITY;
+
+    if (!isnan(s->from))
+        return CLI_GO_ON;
+    for (int i = 0; s->over > OVER_CUT && i < lf->rows * lf->cols; i++) {
+        const double at = s->over == OVER_VIEW_X ? lf->views[i].bx : lf->views[i].by;
+
+        if (lf->views[i].present) {
+            lo = fmin(lo, at);
+            hi = fmax(hi, at);
+        }
+    }
+    if (s->over <= OVER_CUT && !sst_renderer_disparities(s->in.renderer, &lo, &hi)) {
+        sst_log_error("%s has no disparities to sweep over; run `sst process %s` first, or give --from A and --to B",
+                      s->in.path, s->in.path);
+        return CLI_INPUT;
+    }
+    s->from = s->over == OVER_CUT ? hi : lo;
+    s->to = s->over != OVER_CUT ? hi : isfinite(s->args.cfg.cut_px) ? s->args.cfg.cut_px : (lo + hi) / 2;
+    sst_log_info("%s from %.2f to %.2f", over_names[s->over], s->from, s->to);
+    return CLI_GO_ON;
+}
+
 /* Check both ends before rendering the first picture. */
 static int check_ends(const struct sweep *s)
 {
@@ -156,14 +184,12 @@ static int read_over(struct sweep *s, const char *word, double focus, const stru
         return cli_usage_error(cmd, "unknown --over `%s`; use focus, cut, view-x or view-y", word);
     if (clear ? s->over == OVER_FOCUS : s->over == OVER_CUT)
         return cli_usage_error(cmd, "--over %s has no effect with --method %s", over_names[s->over], s->args.method);
-    if (isnan(focus) && !clear && s->over != OVER_FOCUS)
-        return cli_usage_error(cmd, "--focus D is missing, the focus of all pictures");
     if (!isnan(focus) && (clear || s->over == OVER_FOCUS))
         return cli_usage_error(cmd, clear ? "--focus has no effect with --method clear"
                                           : "--focus has no effect in a sweep over the focus");
     if (s->over == OVER_CUT)
         s->args.cut = s->from;
-    s->args.cfg.focus_px = isnan(focus) ? 0 : focus;
+    s->args.cfg.focus_px = s->over == OVER_FOCUS ? 0 : focus;
     return CLI_GO_ON;
 }
 
@@ -173,10 +199,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     const char *path, *over = NULL;
     double focus = NAN;
     struct cli_option options[RENDER_OPTIONS + 8] = {
-        { "from", 0, CLI_DOUBLE, &s.from, "A", "first focus (or cut), disparity in px per spacing" },
+        { "from", 0, CLI_DOUBLE, &s.from, "A",
+          "first focus (or cut), disparity in px per spacing; default: the whole range" },
         { "to", 0, CLI_DOUBLE, &s.to, "B", "last focus" },
         { "over", 0, CLI_STRING, &over, "W", "what changes: focus, cut, view-x or view-y (focus; clear: cut)" },
-        { "focus", 'f', CLI_DOUBLE, &focus, "D", "focus of a sweep over the viewpoint" },
+        { "focus", 'f', CLI_AUTO, &focus, "D", "focus of a sweep over the viewpoint, or auto (default)" },
         { "steps", 'n', CLI_INT, &s.steps, "N", "pictures from A to B (20)", 1, 9999 },
         { "output", 'o', CLI_STRING, &s.out, "DIR", "folder of PNG files, or a video if it ends in .mp4" },
         { "fps", 0, CLI_DOUBLE, &s.fps, "F", "pictures per second of the video (10)", 0.1, 240 },
@@ -188,17 +215,23 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &path, 1, 1);
     if (r != CLI_GO_ON)
         return r;
-    if (isnan(s.from) || isnan(s.to))
-        return cli_usage_error(cmd, "--%s D is missing", isnan(s.from) ? "from" : "to");
+    if (isnan(s.from) != isnan(s.to))
+        return cli_usage_error(cmd, "--from A and --to B must be given together");
     if (!s.out)
         return cli_usage_error(cmd, "-o DIR or -o FILE.mp4 is missing");
     r = read_over(&s, over, focus, cmd);
     if (r != CLI_GO_ON)
         return r;
     s.args.pictures = frame_count(&s);
+    s.args.disparities_needed = s.over == OVER_FOCUS && isnan(s.from);
     r = cli_render_open(&s.in, &s.args, cmd, path);
     if (r != CLI_GO_ON)
         return r;
+    r = find_ends(&s);
+    if (r != CLI_GO_ON) {
+        cli_render_close(&s.in);
+        return r;
+    }
     err = make_sweep(&s);
     if (!err && s.args.json) {
         cli_dump_json(json_pack("{s:s, s:i, s:s, s:f, s:f}", "output", s.out, "frames", frame_count(&s), "over",
@@ -212,13 +245,14 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
 const struct cli_command cli_sweep = {
     .name = "sweep",
-    .usage = "LF --from A --to B --steps N [options] -o DIR|out.mp4",
+    .usage = "LF [--from A --to B] [--steps N] [options] -o DIR|out.mp4",
     .summary = "render a sweep over focus, cut or viewpoint as pictures or as a video",
-    .detail = "The focus moves from A to B in N pictures. A folder gets 0000.png, 0001.png, ... and sweep.json with\n"
+    .detail = "The focus moves from A to B in N pictures, by default from the farthest to the nearest disparity. A "
+              "folder gets 0000.png, 0001.png, ... and sweep.json with\n"
               "the focus of each. --over cut moves the cut of clear pictures, from what stands in front into the\n"
               "scene; --over view-x or view-y moves the viewpoint, in spacings from the reference view, with --focus\n"
               "or --method clear. The other options are those of `sst render`.",
-    .example = "sst sweep bush.lf --from 5 --to 40 --steps 60 --bounce -o sweep.mp4\n"
-               "  sst sweep bush.lf --method clear --over view-x --from -2 --to 3 --bounce -o around.mp4",
+    .example = "sst sweep bush.lf --steps 60 --bounce -o sweep.mp4\n"
+               "  sst sweep bush.lf --method clear --over view-x --bounce -o around.mp4",
     .run = run,
 };

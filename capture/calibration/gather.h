@@ -83,14 +83,15 @@ struct sst_gather_live; /* opaque; open, run and close on one thread */
 struct sst_gather_status {
     int framesets, accepted;          /* captured; of these, accepted because they add coverage */
     double coverage;                  /* lowest coverage of any camera, 0..1 of what a calibration needs */
-    const char *camera, *missing;     /* name of that camera, and what is missing there; "": nothing */
+    int row, col;                     /* of that camera */
+    const char *camera, *missing;     /* its name, and what is missing there; "": nothing */
     const struct sst_detections *all; /* so far */
 };
 
 struct sst_gather_live_config {
     struct sst_array_config *array; /* must outlive the run; open fills in the bound cameras */
-    int accepted;                   /* end after this many accepted framesets; 0: when nothing is missing */
-    double seconds;                 /* 0: no limit */
+    int accepted;   /* end after this many accepted framesets; 0: when nothing is missing, or when the poses repeat */
+    double seconds; /* 0: no limit */
     /* On the writer's thread; each may be NULL. An error ends the run. */
     int (*frameset)(void *arg, const struct sst_frameset *set);       /* each one captured, to record it */
     int (*status)(void *arg, const struct sst_gather_status *status); /* about every two seconds */
@@ -104,7 +105,9 @@ SST_MUST_CHECK int sst_gather_live_open(struct sst_gather_live **out, const stru
 
 /**
  * Gather framesets until the coverage is complete, a limit is reached or stop is called. A frameset in which the board
- * is where it was in the last accepted one is not accepted.
+ * is where it was in the last accepted one is not accepted, nor one that repeats an earlier pose to the pixel. When as
+ * many poses in a row were repeats as are accepted (a board that a machine moves), the run ends with a warning that
+ * names what is missing.
  *
  * @param frameset  out, to free: for each frame of out->all the number of its frameset, from 0 in the order of capture
  * @return 0, -EBADMSG (no camera saw the board), what capture or a callback returns; logged

@@ -13,8 +13,10 @@
 #include "pipeline/calibration/board/coverage.h"
 #include "pipeline/image/raw.h"
 
-#define STILL_SHARE 0.02 /* of the picture's width: a board that moved less shows nothing new */
-#define STATUS_NS   2000000000ll
+#define STILL_SHARE  0.02   /* of the picture's width: a board that moved less shows nothing new */
+#define REPEAT_SHARE 0.0025 /* of that width: a pose is an earlier one if its corners are that close in all cameras */
+#define REPEATS_MIN  10
+#define STATUS_NS    2000000000ll
 
 struct sst_gather_live {
     /* fixed after open */
@@ -32,6 +34,7 @@ struct sst_gather_live {
     const struct sst_frameset *set;
     int *frameset, capacity; /* of the accepted ones: their numbers */
     int framesets, err;
+    int repeats; /* poses in a row that are earlier ones */
     bool done;
     int64_t status_ns;
 };
@@ -89,6 +92,44 @@ static bool shows_more(struct sst_gather_live *l)
     return more;
 }
 
+/* Mean distance of the corners that both detections have, in px; infinite without any. */
+static double distance(const struct sst_detection *a, const struct sst_detection *b)
+{
+    double sum = 0;
+    int n = 0;
+
+    for (int i = 0, j = 0; i < a->corners && j < b->corners;) {
+        if (a->corner[i].id != b->corner[j].id) {
+            *(a->corner[i].id < b->corner[j].id ? &i : &j) += 1;
+            continue;
+        }
+        sum += hypot(a->corner[i].x - b->corner[j].x, a->corner[i].y - b->corner[j].y);
+        n++;
+        i++;
+        j++;
+    }
+    return n ? sum / n : INFINITY;
+}
+
+/* Whether an accepted frameset shows every board of this one at the same place. */
+static bool is_repeat(const struct sst_gather_live *l)
+{
+    const struct sst_detections *all = &l->out->all;
+    int boards = 0, same = 0;
+
+    for (int k = 0; k < l->views; k++)
+        boards += found(l, k);
+    for (int i = 0; i < all->count; i++) {
+        const struct sst_detection *d = &all->detection[i];
+
+        same = i && d->frame == all->detection[i - 1].frame ? same : 0;
+        same += found(l, d->view) && distance(d, &l->result[d->view].detection) < REPEAT_SHARE * l->array->width;
+        if (boards && same == boards)
+            return true;
+    }
+    return false;
+}
+
 static int accept_frameset(struct sst_gather_live *l, uint64_t index)
 {
     char name[64];
@@ -135,20 +176,41 @@ static int report_status(struct sst_gather_live *l, int64_t now_ns)
     l->status_ns = now_ns;
     worst = least_covered(l, &status.coverage);
     sst_coverage_missing(&l->coverage[worst], missing);
+    status.row = worst / l->array->cols;
+    status.col = worst % l->array->cols;
     status.camera = l->out->all.camera_name[worst];
     status.missing = missing;
     status.all = &l->out->all;
     return l->live.status(l->live.arg, &status);
 }
 
+static void warn_repeats(const struct sst_gather_live *l)
+{
+    char missing[160];
+    double share;
+    const int worst = least_covered(l, &share);
+
+    sst_coverage_missing(&l->coverage[worst], missing);
+    sst_log_warning("the board's poses repeat: calibrated from the %d that differ, coverage %.0f %%; camera %d,%d (%s) "
+                    "lacks most: %s",
+                    l->out->all.frames, 100 * share, worst / l->array->cols, worst % l->array->cols,
+                    l->out->all.camera_name[worst], missing[0] ? missing : "nothing");
+}
+
 static bool is_done(const struct sst_gather_live *l)
 {
     double least;
 
+    if (l->live.accepted && l->out->all.frames >= l->live.accepted)
+        return true;
+    if (l->repeats >= sst_max_int(l->out->all.frames, REPEATS_MIN)) {
+        warn_repeats(l);
+        return true;
+    }
     if (l->live.accepted)
-        return l->out->all.frames >= l->live.accepted;
+        return false;
     least_covered(l, &least);
-    return least >= 1;
+    return least >= 1 - 1e-9;
 }
 
 static int on_set(void *arg, const struct sst_frameset *set)
@@ -163,9 +225,14 @@ static int on_set(void *arg, const struct sst_frameset *set)
     if (!err)
         err = sst_parallel_for(set->cameras, l->cfg.threads, detect_one, l);
     if (!err && shows_more(l)) {
-        err = accept_frameset(l, set->index);
-        if (!err)
-            sst_coverage_count(l->coverage, &l->out->all);
+        if (is_repeat(l)) {
+            l->repeats++;
+        } else {
+            l->repeats = 0;
+            err = accept_frameset(l, set->index);
+            if (!err)
+                sst_coverage_count(l->coverage, &l->out->all);
+        }
     }
     for (int k = 0; k < l->views; k++)
         gather_result_fini(&l->result[k]);

@@ -18,6 +18,7 @@
 #include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/import.h"
+#include "pipeline/lightfield/parallax.h"
 
 #define MAX_NAMED 4 /* views named in one message */
 
@@ -316,6 +317,8 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
         err = prepare(job);
     if (!err)
         err = fill(job);
+    if (!err && number == cfg->sets[0])
+        sst_lightfield_warn_views(&job->lf, dir, cfg->out);
     sst_lightfield_fini(&job->lf);
     free(job);
     return err;

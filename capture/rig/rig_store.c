@@ -23,6 +23,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
+#include "pipeline/lightfield/parallax.h"
 
 #define MANIFEST       "capture.jsonl"
 #define MANIFEST_MAX   ((size_t)16 << 20)
@@ -528,6 +529,7 @@ static int fill(const struct sst_scan_store *s, struct sst_lightfield *lf)
         return err;
     ref = &s->view[lf->ref_view].read;
     lf->spacing_mm = s->pitch_um[0] / 1000.0;
+    lf->parallel = true;
     snprintf(lf->files->source, sizeof(lf->files->source), "rig capture, camera %s at %s",
              s->view[lf->ref_view].serial[0] ? s->view[lf->ref_view].serial : "without serial",
              s->view[lf->ref_view].port);
@@ -569,6 +571,8 @@ int sst_scan_store_finish(struct sst_scan_store *s)
     err = fill(s, &lf);
     if (!err)
         err = sst_lightfield_write(&lf, s->dir, 1);
+    if (!err)
+        sst_lightfield_warn_views(&lf, s->dir, s->dir);
     sst_lightfield_fini(&lf);
     if (!err)
         s->put_any = false;

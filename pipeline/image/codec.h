@@ -18,6 +18,22 @@ SST_MUST_CHECK int sst_image_read(struct sst_image *img, const char *path);
 /** The same from memory; name is only used in messages. */
 SST_MUST_CHECK int sst_image_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
 
+/** Distinct samples of a 16-bit picture, and those that are left of them when it is read. */
+struct sst_image_levels {
+    int before, after; /* 0: the picture has 8 bits */
+    int largest;       /* sample */
+};
+
+/** Count the levels of a PNG or JPEG in memory. The same errors. */
+SST_MUST_CHECK int sst_image_count_levels(struct sst_image_levels *out, const uint8_t *data, size_t size,
+                                          const char *name);
+
+/** Log a warning if levels are lost. */
+void sst_image_warn_levels(const struct sst_image_levels *levels, const char *name);
+
+/** sst_image_read(), with that warning. */
+SST_MUST_CHECK int sst_image_read_warned(struct sst_image *img, const char *path);
+
 /** Size of a PNG or JPEG without decoding its pixels. */
 SST_MUST_CHECK int sst_image_read_size(const char *path, int *width, int *height);
 

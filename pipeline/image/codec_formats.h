@@ -2,7 +2,7 @@
 #ifndef SST_PIPELINE_IMAGE_CODEC_FORMATS_H
 #define SST_PIPELINE_IMAGE_CODEC_FORMATS_H
 
-#include "pipeline/image/image.h"
+#include "pipeline/image/codec.h"
 
 /* Larger files are rejected: the largest image without any compression, and a header. */
 #define SST_IMAGE_MAX_BYTES (SST_IMAGE_MAX_PIXELS * 4 + 65536)
@@ -10,6 +10,8 @@
 /* Same contract as in codec.h: logged, output untouched on failure. */
 SST_MUST_CHECK int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
 SST_MUST_CHECK int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
+SST_MUST_CHECK int sst_png_count_levels(struct sst_image_levels *out, const uint8_t *data, size_t size,
+                                        const char *name);
 SST_MUST_CHECK int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 SST_MUST_CHECK int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 

@@ -1,7 +1,12 @@
-/* JPEG through the TurboJPEG API. */
+/* JPEG: read through the API of libjpeg, which tells warnings apart; written through TurboJPEG. */
 #include <errno.h>
+#include <setjmp.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include <jerror.h>
+#include <jpeglib.h>
 #include <turbojpeg.h>
 
 #include "base/file.h"
@@ -15,95 +20,180 @@
  * it. */
 #define LARGE_PIXELS        ((size_t)1 << 24)
 #define MAX_PIXELS_PER_BYTE 2048
+#define MAX_SCANS           500 /* a progressive file with more would take for ever */
+/* Bytes between the coded data and the next marker that are no damage: cameras leave some before restart markers, and
+ * align the end of the picture. All pixels are decoded then. A decoder that went astray has more left, or reports a bad
+ * code or a wrong marker. */
+#define STRAY_RESTART 32
+#define STRAY_END     3
 
-static int damaged(tjhandle tj, const char *name)
+/* Everything that must survive a longjmp out of libjpeg lives here, not in locals. */
+struct reader {
+    struct jpeg_decompress_struct jpeg;
+    struct jpeg_error_mgr errors;
+    struct jpeg_progress_mgr progress;
+    jmp_buf escape;
+    uint8_t *row;
+    char message[JMSG_LENGTH_MAX];
+};
+
+static void on_error(j_common_ptr c)
 {
-    sst_log_error("%s is a damaged or truncated JPEG image (%s); write it again", name, tjGetErrorStr2(tj));
+    struct reader *r = c->client_data;
+
+    c->err->format_message(c, r->message);
+    longjmp(r->escape, 1);
+}
+
+/* Bytes before a marker: anything in the header, where only segments count. */
+static bool is_stray(const struct reader *r)
+{
+    const int bytes = r->errors.msg_parm.i[0], marker = r->errors.msg_parm.i[1];
+    const bool restart = marker >= JPEG_RST0 && marker <= JPEG_RST0 + 7;
+
+    return !r->jpeg.input_scan_number || bytes <= (restart ? STRAY_RESTART : STRAY_END);
+}
+
+/* A warning means that samples are missing or guessed, which is damage, unless it is about bytes that no sample is made
+ * of: a version number, or bytes between segments. */
+static void on_message(j_common_ptr c, int level)
+{
+    const int code = c->err->msg_code;
+
+    if (level < 0 && code != JWRN_JFIF_MAJOR && !(code == JWRN_EXTRANEOUS_DATA && is_stray(c->client_data)))
+        on_error(c);
+}
+
+static void on_progress(j_common_ptr c)
+{
+    struct reader *r = c->client_data;
+
+    if (r->jpeg.input_scan_number <= MAX_SCANS)
+        return;
+    snprintf(r->message, sizeof(r->message), "it has more than %d scans", MAX_SCANS);
+    longjmp(r->escape, 1);
+}
+
+static int damaged(const struct reader *r, const char *name)
+{
+    sst_log_error("%s is a damaged or truncated JPEG image (%s); write it again", name, r->message);
     return -EBADMSG;
 }
 
-static int read_header(tjhandle tj, const uint8_t *data, size_t size, const char *name, int *width, int *height,
-                       int *colorspace)
+/* May escape. */
+static int read_header(struct reader *r, const uint8_t *data, size_t size, const char *name)
 {
-    int subsampling;
+    struct jpeg_decompress_struct *jpeg = &r->jpeg;
+    size_t pixels;
 
-    if (tjDecompressHeader3(tj, data, size, width, height, &subsampling, colorspace))
-        return damaged(tj, name);
-    if (*width > SST_IMAGE_MAX_SIDE || *height > SST_IMAGE_MAX_SIDE ||
-        (size_t)*width * (size_t)*height > SST_IMAGE_MAX_PIXELS)
-        return sst_image_size_error(-EINVAL, name, *width, *height);
-    if ((size_t)*width * (size_t)*height > LARGE_PIXELS &&
-        (size_t)*width * (size_t)*height / MAX_PIXELS_PER_BYTE > size) {
-        sst_log_error("%s is a truncated JPEG image (%zu bytes for %dx%d pixels); write it again", name, size, *width,
-                      *height);
+    jpeg_create_decompress(jpeg);
+    r->progress.progress_monitor = on_progress;
+    jpeg->progress = &r->progress;
+    jpeg_mem_src(jpeg, data, size);
+    (void)jpeg_read_header(jpeg, TRUE);
+    pixels = (size_t)jpeg->image_width * jpeg->image_height;
+    if (jpeg->image_width > SST_IMAGE_MAX_SIDE || jpeg->image_height > SST_IMAGE_MAX_SIDE ||
+        pixels > SST_IMAGE_MAX_PIXELS)
+        return sst_image_size_error(-EINVAL, name, jpeg->image_width, jpeg->image_height);
+    if (pixels > LARGE_PIXELS && pixels / MAX_PIXELS_PER_BYTE > size) {
+        sst_log_error("%s is a truncated JPEG image (%zu bytes for %ux%u pixels); write it again", name, size,
+                      jpeg->image_width, jpeg->image_height);
         return -EBADMSG;
     }
     return 0;
 }
 
-int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name)
+/* Zeroed but for the error handlers: reader_close() is then fine. */
+static void reader_init(struct reader *r)
 {
-    tjhandle tj = tjInitDecompress();
-    int w, h, colorspace, err;
-
-    if (!tj)
-        return sst_image_size_error(-ENOMEM, name, 0, 0);
-    err = read_header(tj, data, size, name, &w, &h, &colorspace);
-    tjDestroy(tj);
-    if (err)
-        return err;
-    *width = w;
-    *height = h;
-    return 0;
+    memset(r, 0, sizeof(*r));
+    r->jpeg.err = jpeg_std_error(&r->errors);
+    r->jpeg.client_data = r;
+    r->errors.error_exit = on_error;
+    r->errors.emit_message = on_message;
 }
 
-/* CMYK in JPEG files is inverted: 255 is no ink, so R = C * K / 255. */
-static void cmyk_to_rgb(uint8_t *px, size_t n)
+static void reader_close(struct reader *r)
 {
+    jpeg_destroy_decompress(&r->jpeg);
+    sst_mem_free(r->row);
+}
+
+static int size_of(struct reader *r, const uint8_t *data, size_t size, const char *name)
+{
+    return setjmp(r->escape) ? damaged(r, name) : read_header(r, data, size, name);
+}
+
+int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name)
+{
+    struct reader r;
+    int err;
+
+    reader_init(&r);
+    err = size_of(&r, data, size, name);
+    if (!err) {
+        *width = (int)r.jpeg.image_width;
+        *height = (int)r.jpeg.image_height;
+    }
+    reader_close(&r);
+    return err;
+}
+
+/* 255 is no ink where Adobe's marker is, as Photoshop writes it: R = C * K / 255; else 255 is full ink. */
+static void cmyk_to_rgb(uint8_t *px, size_t n, bool inverted)
+{
+    const unsigned flip = inverted ? 0 : 255;
+
     for (size_t i = 0; i < n; i++) {
-        const unsigned k = px[4 * i + 3];
+        const unsigned k = px[4 * i + 3] ^ flip;
 
         for (size_t c = 0; c < 3; c++)
-            px[3 * i + c] = (uint8_t)((px[4 * i + c] * k + 127) / 255);
+            px[3 * i + c] = (uint8_t)(((px[4 * i + c] ^ flip) * k + 127) / 255);
     }
+}
+
+static int decode_open(struct reader *r, struct sst_image *out, const uint8_t *data, size_t size, const char *name)
+{
+    struct jpeg_decompress_struct *jpeg = &r->jpeg;
+    int err;
+
+    if (setjmp(r->escape))
+        return damaged(r, name);
+    err = read_header(r, data, size, name);
+    if (err)
+        return err;
+    jpeg->out_color_space = jpeg->num_components == 4 ? JCS_CMYK : JCS_RGB;
+    jpeg->dct_method = JDCT_ISLOW;
+    r->row = sst_mem_alloc_raw(jpeg->image_width, 4);
+    err = r->row ? sst_image_init(out, (int)jpeg->image_width, (int)jpeg->image_height) : -ENOMEM;
+    if (err)
+        return sst_image_size_error(err, name, jpeg->image_width, jpeg->image_height);
+    (void)jpeg_start_decompress(jpeg);
+    while (jpeg->output_scanline < jpeg->output_height) {
+        const int y = (int)jpeg->output_scanline;
+
+        (void)jpeg_read_scanlines(jpeg, &r->row, 1);
+        if (jpeg->out_color_space == JCS_CMYK)
+            cmyk_to_rgb(r->row, jpeg->image_width, jpeg->saw_Adobe_marker);
+        sst_rgb_unpack_row(out, y, r->row);
+    }
+    (void)jpeg_finish_decompress(jpeg);
+    return 0;
 }
 
 int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name)
 {
-    tjhandle tj = tjInitDecompress();
     struct sst_image made = { 0 };
-    uint8_t *packed = NULL;
-    int width = 0, height = 0, colorspace = 0, err, channels;
+    struct reader r;
+    int err;
 
-    if (!tj)
-        return sst_image_size_error(-ENOMEM, name, 0, 0);
-    err = read_header(tj, data, size, name, &width, &height, &colorspace);
+    reader_init(&r);
+    err = decode_open(&r, &made, data, size, name);
+    reader_close(&r);
     if (err)
-        goto out;
-    channels = colorspace == TJCS_CMYK || colorspace == TJCS_YCCK ? 4 : 3;
-    packed = sst_mem_alloc_raw((size_t)width * (size_t)height, (size_t)channels);
-    err = packed ? sst_image_init(&made, width, height) : -ENOMEM;
-    if (err) {
-        err = sst_image_size_error(err, name, width, height);
-        goto out;
-    }
-    /* A warning means that samples are missing or interpolated: treated as damage. */
-    if (tjDecompress2(tj, data, size, packed, width, 0, height, channels == 4 ? TJPF_CMYK : TJPF_RGB,
-                      TJFLAG_ACCURATEDCT | TJFLAG_STOPONWARNING | TJFLAG_LIMITSCANS)) {
-        err = damaged(tj, name);
-        goto out;
-    }
-    if (channels == 4)
-        cmyk_to_rgb(packed, (size_t)width * (size_t)height);
-    for (int y = 0; y < height; y++)
-        sst_rgb_unpack_row(&made, y, packed + (size_t)y * (size_t)width * 3);
-    *img = made;
-    made = (struct sst_image){ 0 };
-
-out:
-    sst_image_fini(&made);
-    sst_mem_free(packed);
-    tjDestroy(tj);
+        sst_image_fini(&made);
+    else
+        *img = made;
     return err;
 }
 

@@ -215,6 +215,61 @@ int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, cons
     return err;
 }
 
+/* As png_set_scale_16() rounds. */
+static int scale_16(int v)
+{
+    const int high = v >> 8, low = v & 255;
+
+    return high + (((low - high + 128) * 65535) >> 24);
+}
+
+static int count_open(struct reader *r, struct sst_image_levels *out)
+{
+    uint8_t seen[65536] = { 0 }, left[256] = { 0 };
+    int width, height, err;
+    size_t row;
+
+    if (setjmp(png_jmpbuf(r->png))) {
+        sst_log_error("%s is a damaged or truncated PNG image (%s); write it again", r->name, r->message);
+        return -EBADMSG;
+    }
+    read_info(r);
+    err = check_size(r, &width, &height);
+    if (err || png_get_bit_depth(r->png, r->info) != 16)
+        return err;
+    png_set_strip_alpha(r->png);
+    png_set_interlace_handling(r->png);
+    png_read_update_info(r->png, r->info);
+    row = png_get_rowbytes(r->png, r->info);
+    r->rows = malloc((size_t)height * sizeof(*r->rows));
+    r->packed = sst_mem_alloc_raw((size_t)height, row);
+    if (!r->rows || !r->packed)
+        return sst_image_size_error(-ENOMEM, r->name, width, height);
+    for (size_t y = 0; y < (size_t)height; y++)
+        r->rows[y] = r->packed + y * row;
+    png_read_image(r->png, r->rows);
+    for (size_t i = 0; i + 1 < (size_t)height * row; i += 2)
+        seen[r->packed[i] << 8 | r->packed[i + 1]] = 1;
+    for (int v = 0; v < 65536; v++) {
+        out->before += seen[v];
+        left[scale_16(v)] |= seen[v];
+        out->largest = seen[v] ? v : out->largest;
+    }
+    for (int v = 0; v < 256; v++)
+        out->after += left[v];
+    return 0;
+}
+
+int sst_png_count_levels(struct sst_image_levels *out, const uint8_t *data, size_t size, const char *name)
+{
+    struct reader r;
+    int err = reader_open(&r, data, size, name);
+
+    err = err ? sst_image_size_error(err, name, 0, 0) : count_open(&r, out);
+    reader_close(&r);
+    return err;
+}
+
 static int size_open(struct reader *r, int *width, int *height)
 {
     if (setjmp(png_jmpbuf(r->png))) {

@@ -281,9 +281,8 @@ static int load(struct sst_lightfield *lf, const struct format *f, const char *d
 
     if (err || f->raw || !lf->calibration)
         return err;
-    err = sst_lightfield_verify(lf, dir, threads);
     sst_lightfield_fini(lf);
-    return err ? err : sst_lightfield_load(lf, dir, f->load | SST_LOAD_IMAGES, threads);
+    return sst_lightfield_load(lf, dir, f->load | SST_LOAD_IMAGES, threads);
 }
 
 int sst_export(const struct sst_export_config *cfg)

@@ -12,6 +12,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/external_maps.h"
 #include "pipeline/lightfield/lightfield_internal.h"
+#include "pipeline/lightfield/parallax.h"
 
 #define MAX_NAMED 4 /* files or views named in one message */
 
@@ -347,7 +348,10 @@ static int run(struct import_plan *plan, int (*format)(struct import_plan *), co
     if (err)
         return err;
     warn_unused(plan);
-    return fill(&job);
+    err = fill(&job);
+    if (!err)
+        sst_lightfield_warn_views(&plan->lf, out, plan->cfg->out);
+    return err;
 }
 
 int sst_import(const struct sst_import_config *cfg)

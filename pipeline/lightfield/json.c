@@ -169,7 +169,8 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], co
         classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
     char *text = NULL;
 
-    if (root && lf->disparity_tested && json_object_set_new(root, "disparity_tested", json_true())) {
+    if (root && ((lf->disparity_tested && json_object_set_new(root, "disparity_tested", json_true())) ||
+                 (lf->parallel && json_object_set_new(root, "parallel", json_true())))) {
         json_decref(root);
         return NULL;
     }
@@ -182,7 +183,7 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], co
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
-#define MAX_FIELDS 20 /* of the largest object */
+#define MAX_FIELDS 21 /* of the largest object */
 
 /* State of reading one object; only its first fault is logged. */
 struct reader {
@@ -466,6 +467,7 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     lf->spacing_mm = get_double(r, "spacing_mm");
     lf->files->external_disparity = get_bool(r, "disparity_given");
     lf->disparity_tested = json_object_get(r->object, "disparity_tested") && get_bool(r, "disparity_tested");
+    lf->parallel = json_object_get(r->object, "parallel") && get_bool(r, "parallel");
     lf->files->external_labels = get_bool(r, "labels_given");
     get_string(r, "source", lf->files->source, sizeof(lf->files->source));
     get_string(r, "history", lf->files->history, sizeof(lf->files->history));

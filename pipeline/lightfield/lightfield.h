@@ -35,6 +35,7 @@ struct sst_lightfield {
     int ref_view;                      /* row (rows-1)/2, column (cols-1)/2, or the nearest view that is present */
     double disp_min_px;                /* disparity of stored value 0; may be negative */
     double range_min_px, range_max_px; /* disparities expected in the scene; equal: unknown */
+    bool parallel;                     /* one camera that moved without turning: infinity has disparity 0 */
     bool disparity_tested;             /* the disparities were tested against the views around (design.md, 5.7) */
     double focal_px;                   /* 0: unknown */
     double spacing_mm;                 /* nominal spacing; 0: unknown */
@@ -56,7 +57,8 @@ enum sst_lightfield_load {
     SST_LOAD_LABELS = 4,
     SST_LOAD_CONFIDENCE = 8,
     SST_LOAD_ALL = 15,
-    SST_LOAD_RAW = 16, /* with SST_LOAD_IMAGES: images as the files are, not rectified */
+    SST_LOAD_RAW = 16,        /* with SST_LOAD_IMAGES: images as the files are, not rectified */
+    SST_LOAD_UNVERIFIED = 32, /* with SST_LOAD_IMAGES: accept files that differ from their SHA-256 */
 };
 
 /** Empty light field with the reference view of the grid chosen and unit offsets set; all views absent.
@@ -84,7 +86,7 @@ SST_MUST_CHECK int sst_lightfield_choose_ref(struct sst_lightfield *lf);
 /**
  * Read a light-field folder. With a calibration, images are rectified as they are loaded (SST_LOAD_RAW: not), the same
  * bytes for any number of threads. Maps in `what` that the folder lacks stay empty; missing images are an error. Checks
- * every size but no hash (see sst_lightfield_verify()); decodes on `threads` threads.
+ * every size, and the hash of each image's file (SST_LOAD_UNVERIFIED: not); decodes on `threads` threads.
  *
  * @return 0, -ENOENT, -EBADMSG, -ENOMEM, -EIO; logged.
  */

@@ -76,6 +76,33 @@ int view_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, int k, co
     return sst_path_join(out, dir, name);
 }
 
+/* Compare a view's file with the hash of lightfield.json. @param remedy  for the message */
+static int check_hash(const struct sst_lightfield *lf, int k, const char *path, const char *remedy, const uint8_t *data,
+                      size_t size)
+{
+    char hash[65];
+
+    sha256_hex(hash, data, size);
+    if (!strcmp(hash, lf->files->view[k].sha256))
+        return 0;
+    sst_log_error("%s has changed since it was stored (its SHA-256 differs); %s", path, remedy);
+    return -EBADMSG;
+}
+
+int read_view(const struct sst_lightfield *lf, int k, const char *dir, char path[SST_PATH_MAX], uint8_t **data,
+              size_t *size)
+{
+    int err = view_path(path, lf, k, dir);
+
+    err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, data, size);
+    if (err)
+        return err;
+    err = check_hash(lf, k, path, "import it again", *data, *size);
+    if (err)
+        free(*data);
+    return err;
+}
+
 /* --- loading ------------------------------------------------------------------------------------------------------ */
 
 static int check_size(const struct sst_lightfield *lf, const char *path, int width, int height)
@@ -96,21 +123,25 @@ static int check_raw_size(const struct sst_calib *calib, const char *path, const
     return -EBADMSG;
 }
 
+/* A file that cannot be decoded or has another size is reported as such, not as one that has changed. */
 static int load_image(const struct job *job, int k)
 {
     struct sst_view *v = &job->lf->views[k];
     const struct sst_calib *calib = job->lf->calibration;
     char path[SST_PATH_MAX];
+    uint8_t *data = NULL;
+    size_t size;
     int err = view_path(path, job->lf, k, job->dir);
 
+    err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+    err = err ? err : sst_image_decode(&v->image, data, size, path);
     if (!err)
-        err = sst_image_read(&v->image, path);
-    if (err)
-        return err;
-    if (!calib)
-        return check_size(job->lf, path, v->image.width, v->image.height);
-    err = check_raw_size(calib, path, &v->image);
-    return err || job->what & SST_LOAD_RAW ? err : calibration_rectify_view(job->lf, k);
+        err =
+            calib ? check_raw_size(calib, path, &v->image) : check_size(job->lf, path, v->image.width, v->image.height);
+    if (!err && !(job->what & SST_LOAD_UNVERIFIED))
+        err = check_hash(job->lf, k, path, "import it again, or add --no-verify", data, size);
+    free(data);
+    return err || !calib || job->what & SST_LOAD_RAW ? err : calibration_rectify_view(job->lf, k);
 }
 
 /* Labels index the class list in every later stage. */
@@ -216,23 +247,6 @@ int file_sha256(char out[65], const char *path)
     sha256_hex(out, data, size);
     free(data);
     return 0;
-}
-
-int read_view(const struct sst_lightfield *lf, int k, const char *dir, char path[SST_PATH_MAX], uint8_t **data,
-              size_t *size)
-{
-    char hash[65];
-    int err = view_path(path, lf, k, dir);
-
-    err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, data, size);
-    if (err)
-        return err;
-    sha256_hex(hash, *data, *size);
-    if (!strcmp(hash, lf->files->view[k].sha256))
-        return 0;
-    sst_log_error("%s has changed since it was stored (its SHA-256 differs); import it again", path);
-    free(*data);
-    return -EBADMSG;
 }
 
 static int verify_view(void *arg, int k, int worker SST_UNUSED)

@@ -33,10 +33,11 @@ static double share_between(const struct sst_live *live, double from_px, double 
     return all ? (double)inside / (double)all : 0;
 }
 
-/* Do other views see behind enough of what the cut removes from the lead view? By the samples of live_focus_vote(). */
+/* Do other views see behind enough of what the cut removes from the lead view? By the samples of
+ * sst_render_focus_vote(). */
 static bool sees_behind(const struct sst_live *live, double cut_px)
 {
-    const struct live_focus *f = &live->focus;
+    const struct sst_render_focus *f = &live->focus;
     const int cut_q6 = (int)((cut_px - live->lf.disp_min_px) * SST_DISP_SCALE);
     int removed = 0, seen = 0;
 
@@ -96,7 +97,7 @@ double sst_live_cut(const struct sst_live *live)
 
 bool sst_live_histogram(const struct sst_live *live, double *min_px, double *max_px, float share[SST_LIVE_HISTOGRAM])
 {
-    const int lead = live_lead_view(live);
+    const int lead = sst_render_lead_view(&live->lf);
     const struct sst_map_u16 *disp = lead < 0 ? NULL : &live->lf.views[lead].disp;
     uint32_t count[SST_LIVE_HISTOGRAM] = { 0 }, all = 0;
     double lo, hi, scale;

@@ -79,7 +79,7 @@ int live_init(struct sst_live *live, const struct sst_live_config *cfg)
 {
     int err = check_config(cfg);
 
-    live_focus_init(&live->focus);
+    sst_render_focus_init(&live->focus);
     live->min_px = live->max_px = live->cut.cut_px = NAN;
     live->confirmed = 1;
     live->cfg = *cfg;
@@ -106,7 +106,7 @@ void live_fini(struct sst_live *live)
     for (int k = 0; k < SST_MAX_VIEWS; k++)
         free(live->stamp[k]);
     sst_liveframes_changes_fini(&live->changes);
-    live_focus_fini(&live->focus);
+    sst_render_focus_fini(&live->focus);
     sst_lightfield_fini(&live->lf);
     free(live->model);
 }

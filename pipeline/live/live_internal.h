@@ -4,20 +4,8 @@
 #define SST_PIPELINE_LIVE_LIVE_INTERNAL_H
 
 #include "pipeline/live/scene/scene.h"
+#include "pipeline/method/render/focus.h"
 #include "pipeline/method/render/plan.h"
-
-#define SST_LIVE_SAMPLED 5 /* at most this number of views is counted in histograms: the reference and the corners */
-
-/** Estimate of the default focus: what lies behind the nearest surfaces, remembered over half a minute. */
-struct live_focus {
-    double min_px;                   /* of bin 0; a bin is SST_BLEND_COLUMNS' 1/4 px */
-    float vote[SST_BLEND_COLUMNS];   /* of the last live_focus_vote() */
-    float memory[SST_BLEND_COLUMNS]; /* decaying sum of votes */
-    uint16_t *front, *behind;        /* [cells] of the lead view: stored disparity; that of the surface it hides, + 1 */
-    int cells;
-    int64_t t_ns;    /* of the last step; 0: none */
-    double focus_px; /* NaN: unknown */
-};
 
 /** The automatic cut: it stays while it separates the same rays. */
 struct live_cut {
@@ -45,10 +33,10 @@ struct sst_live {
     uint64_t present_serial;        /* of the last change of the set of present views */
     bool present[SST_MAX_VIEWS];    /* at present_serial */
     uint64_t counted;               /* serial at which histograms and focus votes were counted */
-    int sampled, sample[SST_LIVE_SAMPLED]; /* views that were counted; the first is the lead view */
-    double min_px, max_px;                 /* range of the disparities in the scene; NaN: unknown */
-    int64_t range_ns;                      /* when disparities last reached that far */
-    struct live_focus focus;
+    int sampled, sample[SST_RENDER_SAMPLED]; /* views that were counted; the first is the lead view */
+    double min_px, max_px;                   /* range of the disparities in the scene; NaN: unknown */
+    int64_t range_ns;                        /* when disparities last reached that far */
+    struct sst_render_focus focus;
     struct live_cut cut;
     float zone_label[SST_LIVE_ZONES + 1][256]; /* of the report, as of `counted` */
 };
@@ -74,9 +62,6 @@ SST_MUST_CHECK int live_summarize(struct sst_live *live, int64_t t_ns);
 /** Fraction of tiles that changed in every zone. @param changed  out, [SST_LIVE_ZONES + 1] */
 void live_zones_changed(const struct sst_live *live, const struct sst_liveframes_changes *changes, double *changed);
 
-/** The lead view, whose maps describe the scene: the reference view, or the nearest present view; -1: none. */
-int live_lead_view(const struct sst_live *live);
-
 /* --- cut.c --- */
 
 /** Find the cut in the renderer's new counts. @return 0, -ENOMEM (logged) */
@@ -86,20 +71,5 @@ SST_MUST_CHECK int live_cut_follow(struct sst_live *live, int64_t t_ns);
 
 /** The surface at pixel (x, y), inside the picture, as this plan rendered it from the current light field. */
 struct sst_livepicture_pick pick_surface(const struct sst_live *live, const struct sst_render_plan *plan, int x, int y);
-
-/* --- focus.c --- */
-
-void live_focus_init(struct live_focus *f); /* all zero but for NaN */
-void live_focus_fini(struct live_focus *f);
-
-/**
- * Count votes for the disparities of surfaces that the nearest surfaces hide.
- * @param view  in, [views] views with maps, the lead view first
- * @return 0, -ENOMEM (not logged; the old votes stay)
- */
-SST_MUST_CHECK int live_focus_vote(struct live_focus *f, const struct sst_lightfield *lf, const int *view, int views);
-
-/** Add the votes to the memory, weighted by the time since the last step. */
-void live_focus_step(struct live_focus *f, int64_t t_ns);
 
 #endif

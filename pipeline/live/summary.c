@@ -11,23 +11,6 @@
 #define RANGE_MIN_PX 1.0   /* ... and this; it shrinks only after ... */
 #define RANGE_S      60.0
 
-int live_lead_view(const struct sst_live *live)
-{
-    const struct sst_lightfield *lf = &live->lf;
-    double best = INFINITY;
-    int lead = -1;
-
-    for (int k = 0; k < lf->rows * lf->cols; k++) {
-        const struct sst_view *v = &lf->views[k];
-
-        if (v->present && v->disp.data && hypot(v->bx, v->by) < best) {
-            best = hypot(v->bx, v->by);
-            lead = k;
-        }
-    }
-    return lead;
-}
-
 /* --- times of changes --------------------------------------------------------------------------------------------- */
 
 static bool stamp_view(uint64_t *stamp, const uint8_t *map, int tiles, bool whole, uint64_t serial)
@@ -104,7 +87,7 @@ static void zone_tiles(const struct sst_live *live, int zone, int *x0, int *x1, 
 
 void live_zones_changed(const struct sst_live *live, const struct sst_liveframes_changes *changes, double *changed)
 {
-    const int lead = live_lead_view(live);
+    const int lead = sst_render_lead_view(&live->lf);
     const uint8_t *map = changes->map[lead < 0 ? live->lf.ref_view : lead];
 
     for (int zone = 0; zone <= SST_LIVE_ZONES; zone++) {
@@ -123,38 +106,6 @@ void live_zones_changed(const struct sst_live *live, const struct sst_liveframes
 }
 
 /* --- disparities and labels in the scene -------------------------------------------------------------------------- */
-
-/* The lead view and the outermost ones, which see what is hidden from it. */
-static void choose_sample(struct sst_live *live)
-{
-    static const int corner[][2] = { { -1, -1 }, { 1, -1 }, { -1, 1 }, { 1, 1 } };
-    const struct sst_lightfield *lf = &live->lf;
-
-    live->sampled = 0;
-    live->sample[0] = live_lead_view(live);
-    if (live->sample[0] < 0)
-        return;
-    live->sampled = 1;
-    for (size_t i = 0; i < ARRAY_LEN(corner); i++) {
-        double best = -INFINITY;
-        int at = -1;
-        bool taken = false;
-
-        for (int k = 0; k < lf->rows * lf->cols; k++) {
-            const struct sst_view *v = &lf->views[k];
-            const double out = corner[i][0] * v->bx + corner[i][1] * v->by;
-
-            if (v->present && v->disp.data && out > best) {
-                best = out;
-                at = k;
-            }
-        }
-        for (int s = 0; s < live->sampled; s++)
-            taken |= live->sample[s] == at;
-        if (!taken)
-            live->sample[live->sampled++] = at;
-    }
-}
 
 static uint64_t count_bin(const struct sst_label_histogram *h, int bin)
 {
@@ -234,11 +185,11 @@ int live_summarize(struct sst_live *live, int64_t t_ns)
     if (!live->ready)
         return 0;
     if (live->counted != live->serial) {
-        choose_sample(live);
+        live->sampled = sst_render_sample_views(&live->lf, live->sample);
         err = sst_renderer_recount(live->renderer, live->sample, live->sampled,
                                    sst_max_int(live->lf.width / COUNT_COLS, 1));
         if (!err && live->sampled)
-            err = live_focus_vote(&live->focus, &live->lf, live->sample, live->sampled);
+            err = sst_render_focus_vote(&live->focus, &live->lf, live->sample, live->sampled);
         if (err)
             return err;
         follow_range(live, t_ns);
@@ -252,7 +203,7 @@ int live_summarize(struct sst_live *live, int64_t t_ns)
         }
         live->counted = live->serial;
     }
-    live_focus_step(&live->focus, t_ns);
+    sst_render_focus_step(&live->focus, t_ns);
     return 0;
 }
 

@@ -161,6 +161,23 @@ static int set_faults(struct sim_simulator *sim)
     return 0;
 }
 
+/* The drives carry the camera of a rig; cameras of an array would give the same picture at each pose. */
+static int check_rig(const struct sim_options *options)
+{
+    const char *world = options->world ? options->world : "pedestrian";
+    struct sst_sim_settings *settings = calloc(1, sizeof(*settings));
+    int err = settings ? sst_sim_settings_read(settings, world) : -ENOMEM;
+
+    if (!err && !settings->rig) {
+        sst_log_error("--rig: world %s is an array of %dx%d cameras, whose pictures do not change with the pose of the "
+                      "drives; use a world with `rig: true`, like rig.yaml",
+                      world, settings->rows, settings->cols);
+        err = -EINVAL;
+    }
+    free(settings);
+    return err;
+}
+
 int sim_simulator_open(struct sim_simulator **out, const struct sim_options *options)
 {
     struct sim_simulator *sim = calloc(1, sizeof(*sim));
@@ -169,7 +186,9 @@ int sim_simulator_open(struct sim_simulator **out, const struct sim_options *opt
     if (!sim)
         return err;
     sim->options = *options;
-    err = sst_sim_world_open(&sim->world, options->world, options->cache);
+    err = options->wires.rig ? check_rig(options) : 0;
+    if (!err)
+        err = sst_sim_world_open(&sim->world, options->world, options->cache);
     if (!err)
         err = sim_faults_create(&sim->faults);
     if (!err)

@@ -12,6 +12,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/import.h"
+#include "pipeline/method/process/process.h"
 #include "simulators/scene/scene_internal.h"
 
 #define FILE_NAME_MAX 64
@@ -211,7 +212,7 @@ int sst_scene_write(const char *name, const struct sst_scene_config *cfg, const 
     j.scene = scene;
     j.views = cfg->rows * cfg->cols;
     j.count = j.views + sst_scene_occluder_count(scene);
-    if ((err = describe(&lf, scene, name)) ||
+    if ((err = describe(&lf, scene, name)) || (err = sst_process_check_range(lf.range_min_px, lf.range_max_px)) ||
         (err = sst_path_check_output(out, force, "lightfield.json", (const char *const[]){ NULL })) ||
         (err = sst_outdir_open(&dir, out, force)))
         goto done;

@@ -36,7 +36,7 @@ static void enter_session(char **argv)
 {
     const char *build = getenv("SST_BUILD") ? getenv("SST_BUILD") : "build";
     char path[512];
-    const char *const args[] = { path,    "--quiet",    "--world", "simulators/scene/world/worlds/small.yaml",
+    const char *const args[] = { path,    "--quiet",    "--world", "simulators/scene/world/worlds/small-rig.yaml",
                                  "--rig", "--rig-port", "0",       "--",
                                  argv[0], argv[1],      NULL };
 

@@ -41,7 +41,7 @@ live board.yaml --rate 10 -n 12 --keep boards.rec --coverage coverage.png --corn
 rc=$?
 grep -q "no calibration solver" err && { echo "built without libdogleg"; exit 77; }
 [ $rc -eq 0 ] || fail "live: exit $rc: $(cat err)"
-grep -q 'of [0-9]* sets accepted, coverage [0-9]* %; camera SIM000[01] lacks most: ' err || fail "status: $(cat err)"
+grep -q 'of [0-9]* sets accepted, coverage [0-9]* %; camera 0,\([01]\) (SIM000\1) lacks most: ' err || fail "status: $(cat err)"
 [ -s coverage.png ] || fail "there is no picture of the coverage"
 "$sst" recording --verify boards.rec >recording 2>&1 || fail "recording: $(cat recording)"
 /usr/bin/python3 - <<'P' || fail "figures: $(head -c 600 out)"
@@ -56,6 +56,19 @@ assert figures["cameras_known"] == 2 and figures["rms_px"] < 0.2, figures["rms_p
 assert abs(figures["array"]["spacing_mm"] - truth["spacing_mm"]) < 0.25, figures["array"]["spacing_mm"]
 P
 mv out out.live
+
+# Poses that fill the pictures: it ends when nothing is missing, without a limit (usable: no cross-validation here).
+sed 's/poses: 16/poses: 32, fill: true/; s/seconds: 3.2/seconds: 6.4/' board.yaml >fill.yaml
+live fill.yaml --rate 10 -o full.yaml || fail "a board that fills the pictures: exit $?: $(cat err)"
+grep -q "calibration: usable" out || fail "a board that fills the pictures: $(cat out)"
+grep -q "repeat" err && fail "poses repeat before nothing is missing: $(cat err)"
+grep -q "worst camera  0,[01] (SIM000[01]): " out || fail "no row and column: $(cat out)"
+
+# Poses that do not fill them: it ends when they repeat, and says so.
+sed 's/poses: 16/poses: 10/; s/seconds: 3.2/seconds: 2/' board.yaml >few.yaml
+live few.yaml --rate 10 --force -o few-calib.yaml || fail "ten poses: exit $?: $(cat err)"
+grep -q "the board's poses repeat: calibrated from the [0-9]* that differ, coverage [0-9]* %; camera 0,[01] (SIM" err ||
+  fail "ten poses: $(cat err)"
 
 # The same pictures from the recording give the same lenses.
 "$sst" calibrate boards.rec --board charuco:9x7:25mm:0.7 --no-cross -o again.yaml --json >again.json 2>err ||

@@ -15,6 +15,9 @@ want 2 "but the travel is" capture rig --grid 6x6 --pitch 90mm -n
 want 2 "unknown kind of capture" capture video
 
 [ -x "$sim" ] || { echo "sst-sim is not built"; exit 77; }
+"$sim" --quiet --rig --rig-port 0 --world "$root/simulators/scene/world/worlds/small.yaml" -- true 2>err &&
+  fail "an array on a rig"
+grep -q "do not change with the pose" err || fail "an array on a rig: $(cat err)"
 "$sst" capture rig "${rig[@]}" --bus tcp:127.0.0.1:1 -o none 2>err
 grep -q "without libmodbus" err && { echo "built without libmodbus"; exit 77; }
 
@@ -59,9 +62,14 @@ wait
 exit $bad
 INSIDE
 export sim sst
-timeout 600 "$sim" --quiet --rig --rig-port 0 --world "$root/simulators/scene/world/worlds/small.yaml" -- bash inside.sh "${rig[@]}" ||
+timeout 600 "$sim" --quiet --rig --rig-port 0 --world "$root/simulators/scene/world/worlds/small-rig.yaml" -- bash inside.sh "${rig[@]}" ||
   fail "see above"
 if [ -f lf/lightfield.json ]; then
   "$sst" render lf --focus 3 --method refocus -o seen.png || fail "sst render does not read it"
+  "$sst" process lf --no-labels --preset preview --json >report 2>err || fail "sst process: $(cat err)"
+  python3 -c 'import json
+r = json.load(open("report"))
+assert r["parallax"] is True and r["confirmed_percent"] > 50 and r["searched_px"][0] >= -1, r' || fail "the rig moved"
+  grep -q '"parallel": true' lf/lightfield.json || fail "not parallel"
 fi
 exit $failed

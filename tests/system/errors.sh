@@ -12,6 +12,14 @@ state() { find "$1" -type f -exec md5sum {} + | sort; }
 left=good/views/01_01.png right=good/views/01_02.png
 printf 'no image at all\n' >text.txt
 
+# --- a scene that could not be processed is not made ---
+want 2 "disparity range [0-9]*..[0-9]* px is invalid: it must be ascending and span at most 511 px" \
+  scene pedestrian --size 20000x20 --grid 2x2 -o bad
+want 2 "disparity range [0-9]*..[0-9]* px is invalid: it must be ascending and span at most 511 px" \
+  scene pedestrian --size 10000x20 --grid 2x2 -o bad
+want 2 "disparity range 0..600 px is invalid: it must be ascending and span at most 511 px" \
+  process good --range-min 0 --range-max 600
+
 # --- usage: exit 2 ---
 want 2 "unknown command" frobnicate
 want 2 "unknown command" Scene
@@ -48,7 +56,6 @@ want 2 "outside" process lf --threads 257
 for focus in 1000 -1000 -50; do want 2 "focus" render lf --focus $focus -o bad.png; done
 for focus in nan x ""; do want 2 "not a number" render lf --focus "$focus" -o bad.png; done
 for focus in inf 1e300; do want 2 "focus\|outside" render lf --focus $focus -o bad.png; done
-want 2 "focus" render lf -o bad.png
 want 2 "label" render lf --focus 3 --label Unicorn -o bad.png
 want 2 "method" render lf --focus 3 --method magic -o bad.png
 want 2 "sigma" render lf --focus 3 --sigma -1 -o bad.png
@@ -56,7 +63,7 @@ want 2 "c1" render lf --focus 3 --c1 2 -o bad.png
 want 2 "png" render lf --focus 3 -o bad.tiff
 want 2 "steps" sweep lf --from 2 --to 5 --steps 0 -o bad
 want 2 "focus" sweep lf --from 2 --to 500 --steps 2 -o bad
-want 2 "missing" sweep lf --from 2 --steps 2 -o bad
+want 2 "together" sweep lf --from 2 --steps 2 -o bad
 for n in 0 -3; do want 2 "disparity range" stereo $left $right -m $n -o bad.pfm; done
 for n in nan x 1e9 inf; do want 2 "max-disparity" stereo $left $right -m $n -o bad.pfm; done
 want 2 "disparity range" stereo $left $right -m 600 -o bad.pfm

@@ -38,6 +38,39 @@ diff -r chess/views again/views >/dev/null || fail "views changed on the way"
 [ -e back-hci/parameters.cfg ] && [ -e back-hci/input_Cam035.png ] || fail "hci export is incomplete"
 "$sst" import stanford "$data/lf-stanford-chess-6x6" -o chess --force >/dev/null || fail "--force"
 
+# --- views that are one picture ---
+mkdir still
+for r in 0 1 2; do for c in 0 1 2; do cp "$data"/lf-hci-backgammon-6x6/input_Cam030.png still/0${r}_0$c.png; done; done
+"$sst" import folder still --grid 3x3 -o still.lf >out 2>err || fail "import of one picture: $(cat err)"
+grep -q "warning: still.lf: the views show no parallax" err || fail "one picture nine times: $(cat err)"
+"$sst" process still.lf --no-labels --preset preview --json >out 2>err || fail "process of one picture: $(cat err)"
+grep -q "no parallax" err && grep -q '"confirmed_percent": 0.0' out && grep -q '"parallax": false' out ||
+  fail "one picture is confirmed: $(cat out err)"
+
+# --- 16 bits of which only the low ones are used ---
+mkdir deep
+/usr/bin/python3 - <<'P' || fail "python3 with OpenCV"
+import cv2, numpy
+y, x = numpy.mgrid[0:60, 0:80]
+for k in range(9):
+    value = 111 + 50 * numpy.sin((x + 3 * (k % 3)) / 3) + 60 * numpy.sin((y + 3 * (k // 3)) / 4)
+    cv2.imwrite(f"deep/{k // 3:02d}_{k % 3:02d}.png", value.astype(numpy.uint16))
+P
+"$sst" import folder deep --grid 3x3 -o deep.lf >out 2>err || fail "16 bits: $(cat err)"
+grep -q "01_01.png: 16 bits are rounded to 8, so its [0-9]* levels become 2; its largest sample is 2[0-9]*: multiply them by 2[0-9]*," err ||
+  fail "16 bits are cut in silence: $(cat err)"
+"$sst" stereo deep/00_00.png deep/00_01.png -m 9 -o deep.pfm 2>err || fail "stereo of 16 bits: $(cat err)"
+[ "$(grep -c "deep/00_0[01].png: 16 bits are rounded to 8" err)" = 2 ] || fail "stereo cuts 16 bits in silence: $(cat err)"
+
+# --- a view that was altered after the import ---
+cp chess/views/00_00.png altered.png && cp chess/views/00_01.png chess/views/00_00.png
+want 3 "chess/views/00_00.png has changed" process chess --no-labels
+want 3 "chess/views/00_00.png has changed" render chess --method refocus --focus 1 -o bad.png
+want 3 "chess/views/00_00.png has changed" sweep chess --method refocus --from 1 --to 2 -o bad
+want 3 "chess/views/00_00.png has changed" calibrate --check chess
+"$sst" render chess --method refocus --focus 1 --no-verify -o altered-out.png || fail "--no-verify"
+cp altered.png chess/views/00_00.png
+
 # --- what is refused ---
 src=src
 fresh() { rm -rf $src; cp -r --no-preserve=mode "$data/lf-shop-6x6" $src; }

@@ -51,8 +51,10 @@ done
 # --- what came with the light field is kept; what is computed is computed again ---
 cp -r balanced again
 ok process again --preset preview --json
-python3 -c 'import json, sys; assert 90 < json.load(open(sys.argv[1]))["confirmed_percent"] <= 100' out ||
-  fail "confirmed_percent: $(cat out)"
+python3 -c 'import json, sys
+r = json.load(open(sys.argv[1]))
+assert 90 < r["confirmed_percent"] <= 100 and r["searched_px"][0] < r["focus_px"] < r["searched_px"][1]' out ||
+  fail "confirmed_percent, focus_px: $(cat out)"
 same balanced/labels again/labels
 same preview/disparity again/disparity
 grep -q disparity_tested balanced/lightfield.json && fail "maps of a range that needs no second pass are marked as tested"

@@ -13,6 +13,22 @@ focus=$(sed -n 's/^  "focus_px": \([0-9.]*\).*/\1/p' world/truth/truth.json | he
 SST_CPU=ref "$sst" render lf --focus "$focus" --threads 3 -o c.png || fail "references"
 cmp -s a.png b.png && cmp -s a.png c.png || fail "threads or CPU level change the picture"
 
+# --- the focus and the ends of a sweep are found by itself ---
+for option in "" "--focus auto" "--method refocus"; do
+  "$sst" render lf $option -o auto.png --json >auto.json || fail "render $option"
+  python3 -c 'import json, sys
+r = json.load(open("auto.json"))
+assert r["focus_found"] is True and abs(r["focus_px"] - float(sys.argv[1])) < 0.5, r' "$focus" || fail "focus found"
+done
+"$sst" render lf -o auto.png | grep -q 'focus [0-9.]* px per spacing, found by itself' || fail "the focus is not reported"
+"$sst" sweep lf --steps 2 -o whole --json | grep -q '"from_px": [0-9]' || fail "sweep over all disparities"
+"$sst" sweep lf --over view-x --steps 2 -o sides || fail "sweep over all viewpoints"
+grep -q '"view_x": -2' sides/sweep.json || fail "sides/sweep.json"
+"$sst" scene cat --size 200x150 -o nogap.lf && "$sst" import folder nogap.lf/views --grid 6x6 --disparity nogap.lf/truth \
+  -o nogap >/dev/null || fail "scene without a gap"
+"$sst" render nogap --method clear -o nogap.png --json >nogap.json 2>err || fail "clear without a gap: $(cat err)"
+grep -q '"cut_px": null' nogap.json && grep -q 'nothing is removed' err || fail "clear without a gap: $(cat nogap.json err)"
+
 # --- weights that are all alike are plain refocusing, to the byte ---
 "$sst" render lf --focus "$focus" --method refocus -o plain.png || fail "refocus"
 "$sst" render lf --focus "$focus" --sigma inf --c2 1 -o limit.png || fail "limit"
@@ -79,17 +95,18 @@ want 2 "does not occur" render lf --method clear --remove-label Dog -o bad.png
 want 2 ".png" render lf --method clear --valid seen.jpg -o bad.png
 want 2 "no effect" sweep lf --over cut --from 1 --to 2 -o bad
 want 2 "unknown --over" sweep lf --over all --from 1 --to 2 -o bad
-want 2 "focus" sweep lf --over view-x --from 0 --to 1 -o bad
+want 2 "together" sweep lf --from 1 -o bad
 want 2 "outside the disparities" render lf --focus 900 -o bad.png
 want 2 "outside the disparities" sweep lf --from "$focus" --to 900 --steps 3 -o bad
 want 2 "Pedestrian" render lf --focus "$focus" --label Dog -o bad.png
-want 2 "focus" render lf -o bad.png
 want 2 "off, on or auto" render lf --focus "$focus" --verify-rays maybe -o bad.png
 want 2 "neither" render lf --focus "$focus" -o bad.gif
 want 2 "sigma" render lf --focus "$focus" --sigma -1 -o bad.png
 want 2 "same value" render lf --focus "$focus" --aperture 1 --f-stop 2 -o bad.png
 want 2 "outside the picture" render lf --focus "$focus" --explain bad --explain-pixel 200,0 -o bad.png
 want 3 "sst process" render world --focus "$focus" -o bad.png
+want 3 "sst process" render world --method refocus -o bad.png
+want 3 "sst process" render world -o bad.png
 want 3 "no such folder" render missing --focus "$focus" -o bad.png
 want 4 "nowhere" render lf --focus "$focus" -o nowhere/bad.png
 want 4 "force" sweep lf --from 6 --to 12 --steps 2 -o frames

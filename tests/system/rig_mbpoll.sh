@@ -28,5 +28,5 @@ rtu=$(LD_PRELOAD= timeout 60 mbpoll -o 10 -q -1 -0 -B -m rtu -b 19200 -P even -a
 LD_PRELOAD= timeout 60 mbpoll -o 10 -q -1 -0 -m tcp -p "$port" -a 1 -t 4 -r 64 127.0.0.1 2>&1 | grep -qi "illegal data address" || { echo "FAIL: no exception 2"; exit 1; }
 INSIDE
 export sim
-timeout 600 "$sim" --quiet --rig --rig-port 0 --world "$root/simulators/scene/world/worlds/small.yaml" -- bash inside.sh || fail "see above"
+timeout 600 "$sim" --quiet --rig --rig-port 0 --world "$root/simulators/scene/world/worlds/small-rig.yaml" -- bash inside.sh || fail "see above"
 exit $failed

@@ -402,13 +402,13 @@ static void verdicts_have_their_reason(void **state)
     (void)state;
     assert_int_equal(verdict_with(nothing, NULL), VERDICT_GOOD);
     assert_int_equal(verdict_with(no_cross, "nothing confirms"), VERDICT_USABLE);
-    assert_int_equal(verdict_with(cross_large, "0.250 px (camera SIM0002), above 0.2;"), VERDICT_USABLE);
+    assert_int_equal(verdict_with(cross_large, "0.250 px (camera 0,2 (SIM0002)), above 0.2;"), VERDICT_USABLE);
     assert_int_equal(verdict_with(cross_unexplained, "3.00 times, above 2;"), VERDICT_USABLE);
     assert_int_equal(verdict_with(cross_tiny, NULL), VERDICT_GOOD);
     assert_int_equal(verdict_with(many_outliers, "contradict each other"), VERDICT_BAD);
-    assert_int_equal(verdict_with(camera_noisy, "0.700 px (camera SIM0004), above 0.6;"), VERDICT_BAD);
-    assert_int_equal(verdict_with(camera_gone, "1 (SIM0005), above 0;"), VERDICT_USABLE);
-    assert_int_equal(verdict_with(camera_loose, "0.120 px (camera SIM0001), above 0.1;"), VERDICT_USABLE);
+    assert_int_equal(verdict_with(camera_noisy, "0.700 px (camera 1,1 (SIM0004)), above 0.6;"), VERDICT_BAD);
+    assert_int_equal(verdict_with(camera_gone, "1 (1,2 (SIM0005)), above 0;"), VERDICT_USABLE);
+    assert_int_equal(verdict_with(camera_loose, "0.120 px (camera 0,1 (SIM0001)), above 0.1;"), VERDICT_USABLE);
     assert_int_equal(verdict_with(not_solved, NULL), VERDICT_BAD);
 }
 

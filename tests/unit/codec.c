@@ -10,6 +10,8 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <jpeglib.h>
+
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/classes.h"
@@ -109,6 +111,51 @@ static void maps_give_the_same_values(void **state SST_UNUSED)
     sst_map_u8_fini(&a);
     sst_map_u16_fini(&c);
     sst_map_u16_fini(&d);
+}
+
+static void lost_levels_are_counted(void **state SST_UNUSED)
+{
+    static const struct {
+        int step, count, after;
+    } cases[] = { { 1, 223, 2 }, { 257, 256, 256 }, { 64, 1000, 250 } };
+    struct sst_image_levels levels;
+    struct sst_map_u16 map;
+    struct sst_image a;
+    uint8_t *data;
+    size_t size;
+
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        bool seen[256] = { false };
+        int left = 0;
+
+        assert_int_equal(sst_map_u16_init(&map, cases[i].count, 2), 0);
+        for (int x = 0; x < 2 * cases[i].count; x++)
+            sst_map_u16_row(&map, x % 2)[x / 2] = (uint16_t)(cases[i].step * (x / 2));
+        assert_int_equal(sst_map_u16_write_png(&map, test_path("deep.png")), 0);
+        assert_int_equal(sst_file_read(test_path("deep.png"), 1 << 20, &data, &size), 0);
+        assert_int_equal(sst_image_count_levels(&levels, data, size, "deep.png"), 0);
+        assert_int_equal(levels.before, cases[i].count);
+        assert_int_equal(levels.after, cases[i].after);
+        assert_int_equal(levels.largest, cases[i].step * (cases[i].count - 1));
+        /* What reading gives has that many. */
+        assert_int_equal(sst_image_decode(&a, data, size, "deep.png"), 0);
+        for (int x = 0; x < a.width; x++)
+            seen[sst_image_row(&a, 1, 0)[x]] = true;
+        for (int v = 0; v < 256; v++)
+            left += seen[v];
+        assert_int_equal(left, levels.after);
+        sst_image_fini(&a);
+        sst_map_u16_fini(&map);
+        free(data);
+    }
+    a = make_image(20, 20);
+    assert_int_equal(sst_image_write_png(&a, test_path("flat.png")), 0);
+    assert_int_equal(sst_file_read(test_path("flat.png"), 1 << 20, &data, &size), 0);
+    assert_int_equal(sst_image_count_levels(&levels, data, size, "flat.png"), 0);
+    assert_int_equal(levels.before, 0);
+    assert_int_equal(levels.after, 0);
+    sst_image_fini(&a);
+    free(data);
 }
 
 static void jpeg_stays_close(void **state SST_UNUSED)
@@ -322,6 +369,89 @@ static void failed_writes_leave_nothing(void **state SST_UNUSED)
 
 static int decoded, refused, compared;
 
+/* A JPEG file with bytes inserted before position `at`. */
+static int decode_with(const uint8_t *jpeg, size_t size, size_t at, const void *bytes, size_t n, struct sst_image *img)
+{
+    char said[SST_LOG_MAX] = "", *before = sst_log_hold_errors(said);
+    uint8_t *made = malloc(size + n);
+    int err;
+
+    assert_non_null(made);
+    memcpy(made, jpeg, at);
+    memcpy(made + at, bytes, n);
+    memcpy(made + at + n, jpeg + at, size - at);
+    err = sst_image_decode(img, made, size + n, "stray.jpg");
+    sst_log_hold_errors(before);
+    free(made);
+    if (err)
+        assert_non_null(strstr(said, "extraneous bytes"));
+    return err;
+}
+
+static void bytes_that_make_no_sample_are_no_damage(void **state SST_UNUSED)
+{
+    static const uint8_t stray[64] = { 1, 2, 3 };
+    struct sst_image a = make_image(70, 50), want, got;
+    uint8_t *jpeg;
+    size_t size;
+
+    assert_int_equal(sst_image_write_jpeg(&a, test_path("sound.jpg"), 90), 0);
+    assert_int_equal(sst_file_read(test_path("sound.jpg"), 1 << 20, &jpeg, &size), 0);
+    assert_int_equal(sst_image_decode(&want, jpeg, size, "sound.jpg"), 0);
+    /* After the first segment, before the end: as long as it may be alignment, and longer than any. */
+    assert_int_equal(decode_with(jpeg, size, 20, stray, sizeof(stray), &got), 0);
+    assert_same_image(&want, &got, 0);
+    sst_image_fini(&got);
+    assert_int_equal(decode_with(jpeg, size, size - 2, stray, 3, &got), 0);
+    assert_same_image(&want, &got, 0);
+    sst_image_fini(&got);
+    assert_int_equal(decode_with(jpeg, size, size - 2, stray, sizeof(stray), &got), -EBADMSG);
+    assert_memory_equal(jpeg + 6, "JFIF", 5);
+    jpeg[11] = 9; /* the revision */
+    assert_int_equal(sst_image_decode(&got, jpeg, size, "revision.jpg"), 0);
+    assert_same_image(&want, &got, 0);
+    sst_image_fini(&got);
+    sst_image_fini(&want);
+    sst_image_fini(&a);
+    free(jpeg);
+}
+
+/* Ink with two samples of each row in one, which is no subsampling that TurboJPEG knows. */
+static void cmyk_is_read(void **state SST_UNUSED)
+{
+    for (int adobe = 0; adobe < 2; adobe++) {
+        struct jpeg_compress_struct jpeg;
+        struct jpeg_error_mgr errors;
+        unsigned char *data = NULL;
+        unsigned long size = 0;
+        struct sst_image img;
+        JSAMPLE row[4 * 32];
+
+        for (int i = 0; i < 4 * 32; i++)
+            row[i] = (JSAMPLE)((const int[]){ 200, 100, 50, 220 }[i % 4] ^ (adobe ? 0 : 255));
+        jpeg.err = jpeg_std_error(&errors);
+        jpeg_create_compress(&jpeg);
+        jpeg_mem_dest(&jpeg, &data, &size);
+        jpeg.image_width = jpeg.image_height = 32;
+        jpeg.input_components = 4;
+        jpeg.in_color_space = JCS_CMYK;
+        jpeg_set_defaults(&jpeg);
+        jpeg.write_Adobe_marker = adobe;
+        jpeg.comp_info[0].h_samp_factor = 2;
+        jpeg_start_compress(&jpeg, TRUE);
+        while (jpeg.next_scanline < 32)
+            (void)jpeg_write_scanlines(&jpeg, &(JSAMPROW){ row }, 1);
+        jpeg_finish_compress(&jpeg);
+        jpeg_destroy_compress(&jpeg);
+        assert_int_equal(sst_image_decode(&img, data, size, "cmyk.jpg"), 0);
+        for (int c = 0; c < 3; c++)
+            assert_in_range(sst_image_row(&img, c, 9)[9], ((const int[]){ 172, 86, 43 })[c] - 2,
+                            ((const int[]){ 174, 88, 45 })[c] + 2);
+        sst_image_fini(&img);
+        free(data);
+    }
+}
+
 static bool ends_in(const char *path, const char *end)
 {
     const size_t n = strlen(path), m = strlen(end);
@@ -396,6 +526,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(png_gives_the_same_pixels),
         cmocka_unit_test(maps_give_the_same_values),
+        cmocka_unit_test(lost_levels_are_counted),
         cmocka_unit_test(jpeg_stays_close),
         cmocka_unit_test(cut_and_damaged_files_are_refused),
         cmocka_unit_test(absurd_sizes_are_refused),
@@ -403,6 +534,8 @@ int main(void)
         cmocka_unit_test(bad_pfm_files_are_refused),
         cmocka_unit_test(npy_header_is_exact),
         cmocka_unit_test(failed_writes_leave_nothing),
+        cmocka_unit_test(bytes_that_make_no_sample_are_no_damage),
+        cmocka_unit_test(cmyk_is_read),
         cmocka_unit_test(files_of_others_decode_or_are_refused),
     };
 

@@ -139,6 +139,16 @@ static void a_folder_gives_back_what_was_written(void **state SST_UNUSED)
     assert_int_equal(sst_image_write_png(&lf.views[0].image, test_path("round/views/00_01.png")), 0);
     assert_int_equal(sst_lightfield_verify(&back, test_path("round"), 2), -EBADMSG);
     sst_lightfield_fini(&back);
+    {
+        char said[SST_LOG_MAX] = "", *before = sst_log_hold_errors(said);
+
+        assert_int_equal(sst_lightfield_load(&back, test_path("round"), SST_LOAD_IMAGES, 2), -EBADMSG);
+        sst_log_hold_errors(before);
+        assert_non_null(strstr(said, "round/views/00_01.png has changed since it was stored"));
+        assert_non_null(strstr(said, "--no-verify"));
+    }
+    assert_int_equal(sst_lightfield_load(&back, test_path("round"), SST_LOAD_IMAGES | SST_LOAD_UNVERIFIED, 2), 0);
+    sst_lightfield_fini(&back);
     assert_int_equal(sst_lightfield_load(&back, test_path("round"), 0, 1), 0);
     assert_null(back.views[0].image.plane[0]);
     assert_null(back.views[0].disp.data);

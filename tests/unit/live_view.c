@@ -196,7 +196,7 @@ static void absent_views_are_left_out(void **state SST_UNUSED)
     s.live->lf.views[s.live->lf.ref_view].present = false;
     s.live->lf.views[8].present = false;
     take(&s, 2);
-    assert_true(live_lead_view(s.live) >= 0 && live_lead_view(s.live) != s.live->lf.ref_view);
+    assert_true(sst_render_lead_view(&s.live->lf) >= 0 && sst_render_lead_view(&s.live->lf) != s.live->lf.ref_view);
     assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
     assert_int_equal(rendered_px, 160 * 120);
     assert_whole(&s, &cfg, image);

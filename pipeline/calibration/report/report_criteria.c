@@ -104,7 +104,7 @@ static struct report_criterion *add_of_camera(struct report_figures *f, enum key
     struct report_criterion *c = add(f, key, value);
 
     if (view >= 0 && view < f->views)
-        snprintf(c->where, sizeof(c->where), "camera %s", f->camera[view].name);
+        snprintf(c->where, sizeof(c->where), "camera %s", f->camera[view].title);
     return c;
 }
 
@@ -144,8 +144,8 @@ static void judge_geometry(struct report_figures *f, const struct sst_solution *
     c = add(f, PAIRS_MAX, f->pair_max_px);
     c->judged = f->pairs > 0;
     if (f->pairs)
-        snprintf(c->where, sizeof(c->where), "cameras %s and %s", f->camera[f->pair_worst[0]].name,
-                 f->camera[f->pair_worst[1]].name);
+        snprintf(c->where, sizeof(c->where), "cameras %s and %s", f->camera[f->pair_worst[0]].title,
+                 f->camera[f->pair_worst[1]].title);
 }
 
 static void judge_missing(struct report_figures *f, const struct sst_solution *s)
@@ -154,7 +154,7 @@ static void judge_missing(struct report_figures *f, const struct sst_solution *s
 
     for (int k = 0; k < f->views && f->missing; k++) {
         if (f->camera[k].expected && !s->calib.camera[k].known)
-            sst_text_add(c->where, sizeof(c->where), "%s%s", *c->where ? ", " : "", f->camera[k].name);
+            sst_text_add(c->where, sizeof(c->where), "%s%s", *c->where ? ", " : "", f->camera[k].title);
     }
 }
 

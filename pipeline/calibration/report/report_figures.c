@@ -214,11 +214,17 @@ static void describe_cameras(struct report_figures *f, const struct sst_calibrat
         struct report_camera *cam = &f->camera[k];
         const struct sst_calib_camera *c = &s->calib.camera[k];
         const char *name = c->name[0] ? c->name : all->camera_name ? all->camera_name[k] : "";
+        char place[24];
 
+        snprintf(place, sizeof(place), "%02d_%02d", k / all->cols, k % all->cols);
         if (name[0])
             snprintf(cam->name, sizeof(cam->name), "%s", name);
         else
-            snprintf(cam->name, sizeof(cam->name), "%02d_%02d", k / all->cols, k % all->cols);
+            snprintf(cam->name, sizeof(cam->name), "%s", place);
+        if (strcmp(cam->name, place) != 0)
+            snprintf(cam->title, sizeof(cam->title), "%d,%d (%s)", k / all->cols, k % all->cols, cam->name);
+        else
+            snprintf(cam->title, sizeof(cam->title), "%s", place);
         cam->expected = c->known || name[0] || cam->frames;
         f->known += c->known;
         f->missing += cam->expected && !c->known;

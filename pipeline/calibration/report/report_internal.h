@@ -48,6 +48,7 @@ struct report_region {
 
 struct report_camera {
     char name[64];      /* the user's name of it, else "rr_cc"; any bytes */
+    char title[96];     /* for sentences: "row,column (name)", or "rr_cc" alone */
     bool expected;      /* it is known, named or has detections: not merely a hole */
     int frames;         /* detections */
     int used, outliers; /* corners with a residual that count; all that do not */
@@ -81,7 +82,7 @@ struct report_criterion {
     const char *remedy; /* for one that is missed */
     double value;       /* NAN unknown */
     enum criterion_state state;
-    char where[160]; /* camera or pair that it is the worst of; "" none */
+    char where[224]; /* camera or pair that it is the worst of; "" none */
 };
 
 enum report_verdict {

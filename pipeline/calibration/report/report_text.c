@@ -21,9 +21,9 @@ static void errors(FILE *out, const struct sst_calibration_report *report, const
     else
         fprintf(out, "  %9s     cross-validation (odd against even frames): not done\n", "-");
     if (f->worst_transfer >= 0) {
-        char name[3 * sizeof(f->camera->name)];
+        char name[3 * sizeof(f->camera->title)];
 
-        report_utf8(name, f->camera[f->worst_transfer].name);
+        report_utf8(name, f->camera[f->worst_transfer].title);
         fprintf(out, "  %9s px  expected error of transferring a pixel from the reference view at %s mm, worst: %s\n",
                 NUM(s->calib.camera[f->worst_transfer].sigma_px, 2), NUM0(s->calib.range_mm, 4), name);
     }
@@ -35,10 +35,10 @@ static void errors(FILE *out, const struct sst_calibration_report *report, const
 static void worst(FILE *out, const struct sst_calibration_report *report, const struct report_figures *f)
 {
     const struct sst_solution *s = report->solution;
-    char a[3 * 64], b[3 * 64];
+    char a[3 * sizeof(f->camera->title)], b[3 * sizeof(f->camera->title)];
 
     if (f->worst_camera >= 0) {
-        report_utf8(a, f->camera[f->worst_camera].name);
+        report_utf8(a, f->camera[f->worst_camera].title);
         fprintf(out, "  worst camera  %s: %s px RMS per point over %s corners\n", a,
                 NUM(s->calib.camera[f->worst_camera].rms_px, 3), COUNT(s->calib.camera[f->worst_camera].corners));
     }
@@ -49,8 +49,8 @@ static void worst(FILE *out, const struct sst_calibration_report *report, const 
     if (s->weakest >= 0 && s->weakest < s->links) {
         const struct sst_solve_link *l = &s->link[s->weakest];
 
-        report_utf8(a, f->camera[l->a].name);
-        report_utf8(b, f->camera[l->b].name);
+        report_utf8(a, f->camera[l->a].title);
+        report_utf8(b, f->camera[l->b].title);
         fprintf(out, "  weakest link  %s - %s: %s corners in %s frames\n", a, b, COUNT(l->corners), COUNT(l->frames));
     }
     if (report->rectified)

@@ -198,12 +198,12 @@ static void on_error(j_common_ptr c)
 }
 
 /* Warnings mean invented samples, except for those about bytes between the segments of a frame, which many cameras
- * leave. */
+ * leave, and about the version of the format. */
 static void on_message(j_common_ptr c, int level)
 {
     struct decoder *d = c->client_data;
 
-    if (level >= 0 || c->err->msg_code == JWRN_EXTRANEOUS_DATA || d->refused)
+    if (level >= 0 || c->err->msg_code == JWRN_EXTRANEOUS_DATA || c->err->msg_code == JWRN_JFIF_MAJOR || d->refused)
         return;
     c->err->format_message(c, d->fault);
     d->refused = true;

@@ -11,7 +11,7 @@
 
 int sst_livepicture_label_disparity(const struct sst_live *live, int label, double *disp_px)
 {
-    const int lead = live_lead_view(live);
+    const int lead = sst_render_lead_view(&live->lf);
     const struct sst_view *v = lead < 0 ? NULL : &live->lf.views[lead];
     uint32_t count[SST_BLEND_COLUMNS] = { 0 }, total = 0, below = 0;
     int c = 0;
@@ -111,7 +111,7 @@ static void paint_disparities(const struct sst_lightfield *lf, const struct sst_
 
 int sst_livepicture_overlay(struct sst_live *live, enum sst_livepicture_overlay kind, struct sst_image *out)
 {
-    const int lead = live_lead_view(live);
+    const int lead = sst_render_lead_view(&live->lf);
     const struct sst_view *v = lead < 0 ? NULL : &live->lf.views[lead];
     double min_px, max_px;
 

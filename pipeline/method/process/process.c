@@ -11,6 +11,8 @@
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/process/process_internal.h"
 
+#define INFINITY_SLACK_PX 1.0 /* of an estimated range around what is infinitely far: errors of positions and noise */
+
 struct run {
     struct sst_lightfield *lf;
     const struct sst_process_config *cfg;
@@ -274,6 +276,18 @@ static void disparity_progress(void *arg, double done)
     show_progress(arg, "disparity", done);
 }
 
+/* Equal views agree on whatever disparity they get, which confirms nothing. */
+static void judge_parallax(struct run *run)
+{
+    run->report->parallax = run->lf->images_raw ? SST_PARALLAX_UNKNOWN : sst_lightfield_parallax(run->lf, NULL);
+    for (int k = 0; run->report->parallax == SST_PARALLAX_NONE && k < views_of(run); k++) {
+        struct sst_map_u8 *map = &run->lf->views[k].confidence;
+
+        if (map->data)
+            memset(map->data, 0, map->stride * (size_t)map->height);
+    }
+}
+
 static int match_views(struct run *run)
 {
     struct sst_disparity_config cfg = run->cfg->disparity;
@@ -289,12 +303,20 @@ static int match_views(struct run *run)
     }
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
         err = sst_disparity_range(lf, run->cfg->threads, &cfg.disp_min_px, &cfg.disp_max_px);
+        if (!err && lf->parallel) { /* nothing is behind infinity */
+            cfg.disp_min_px = fmax(cfg.disp_min_px, -INFINITY_SLACK_PX);
+            cfg.disp_max_px = fmax(cfg.disp_max_px, INFINITY_SLACK_PX);
+        }
         if (!err)
             sst_log_info("disparities found between %.0f and %.0f px", cfg.disp_min_px, cfg.disp_max_px);
     }
     run->report->disp_min_px = cfg.disp_min_px;
     run->report->disp_max_px = cfg.disp_max_px;
-    return err ? err : sst_disparity_lightfield(lf, &cfg, disparity_progress, run);
+    err = err ? err : sst_process_check_range(cfg.disp_min_px, cfg.disp_max_px);
+    err = err ? err : sst_disparity_lightfield(lf, &cfg, disparity_progress, run);
+    if (!err)
+        judge_parallax(run);
+    return err;
 }
 
 static int refine_views(struct run *run)

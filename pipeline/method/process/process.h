@@ -2,6 +2,7 @@
 #ifndef SST_PIPELINE_METHOD_PROCESS_PROCESS_H
 #define SST_PIPELINE_METHOD_PROCESS_PROCESS_H
 
+#include "pipeline/lightfield/parallax.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/network/network.h"
 #include "pipeline/method/refine/refine.h"
@@ -37,6 +38,7 @@ struct sst_process_time {
 struct sst_process_report {
     double eps_h, coverage_hcsm, coverage_refined; /* coverage in percent of all pixels; NaN without labels */
     double disp_min_px, disp_max_px;               /* searched; equal when nothing was matched */
+    enum sst_parallax parallax;                    /* of the views; without it no disparity counts as confirmed */
     double confirmed; /* percent of the disparities that another view confirms; NaN without confidences */
     struct sst_disparity_report skipped; /* of the matching */
     double labels_skipped, labels_error; /* percent: views that the network did not see; labels of the reference
@@ -69,6 +71,9 @@ struct sst_process_extras {
  */
 SST_MUST_CHECK int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
                                struct sst_process_extras *extras, struct sst_process_report *report);
+/** The limits of a range that can be searched. @return 0, -EINVAL (logged) */
+SST_MUST_CHECK int sst_process_check_range(double min_px, double max_px);
+
 void sst_process_extras_fini(struct sst_process_extras *extras);
 
 /**

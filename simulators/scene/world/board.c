@@ -151,11 +151,60 @@ static double room(double picture, double mm, double board_mm, int cameras, doub
     return fmax(0, (picture * mm - 0.9 * board_mm - (cameras - 1) * spacing_mm) / 2);
 }
 
+#define NEAR_SHARE 0.52 /* of the picture's width, of the nearer layer of poses that fill the pictures ... */
+#define FAR_SHARE  0.33 /* ... and of the farther one */
+#define EDGE_SHARE 0.32 /* of the board's width: the outermost poses' middle is this far inside the picture */
+#define TILT_DEG   27.0
+#define JITTER_DEG 5.0
+#define NEAR_LAYER 0.6 /* of the poses */
+
+/* Poses first .. first+n-1 at one depth, in a grid over all that the outermost cameras see. Tilts change from place to
+ * place: straight, then to each side. */
+static void fill_layer(struct sst_sim_board *b, int first, int n, double share, const struct sst_sim_settings *s,
+                       const struct sst_scene_world *w, uint64_t *rng)
+{
+    static const int tilt[5][2] = { { 0, 0 }, { 0, 1 }, { 1, 0 }, { 0, -1 }, { -1, 0 } };
+    double width, height, x, y, z, mm;
+    int cols, rows;
+
+    if (!n)
+        return;
+    sim_board_size(b, &width, &height);
+    z = w->focal * width / (share * PICTURE_WIDTH);
+    mm = z / w->focal;
+    x = fmax(1, (PICTURE_WIDTH * mm + (s->cols - 1) * w->spacing_mm) / 2 - EDGE_SHARE * width);
+    y = fmax(1, (PICTURE_HEIGHT * mm + (s->rows - 1) * w->spacing_mm) / 2 - EDGE_SHARE * height);
+    cols = sst_clamp_int((int)lround(sqrt(n * x * height / (width * y))), 1, n);
+    rows = sst_max_int(n / cols, 1);
+    for (int i = 0; i < n; i++) {
+        const int col = i % cols, row = i / cols;
+        const int *to = tilt[(col + 2 * row) % 5];
+        struct sst_sim_pose *p = &b->pose[first + i];
+        double at[2] = { cols > 1 ? 2.0 * col / (cols - 1) - 1 : 0, rows > 1 ? 2.0 * row / (rows - 1) - 1 : 0 };
+
+        for (int c = 0; c < 2 && row >= rows; c++) /* those that no grid needs */
+            at[c] = sst_random_in(rng, -0.5, 0.5);
+        p->position_mm[0] = at[0] * x + ((s->cols - 1) / 2.0 - (s->cols - 1) / 2) * w->spacing_mm;
+        p->position_mm[1] = at[1] * y + ((s->rows - 1) / 2.0 - (s->rows - 1) / 2) * w->spacing_mm - w->shift * mm;
+        p->position_mm[2] = z;
+        p->rotation_deg[0] = to[0] * TILT_DEG + sst_random_in(rng, -JITTER_DEG, JITTER_DEG);
+        p->rotation_deg[1] = to[1] * TILT_DEG + sst_random_in(rng, -JITTER_DEG, JITTER_DEG);
+        p->rotation_deg[2] = sst_random_in(rng, -15, 15);
+    }
+}
+
 void sim_board_seed_poses(struct sst_sim_board *b, const struct sst_sim_settings *s, const struct sst_scene_world *w)
 {
     uint64_t rng = s->seed ^ 0x626F617264ull;
     double width, height;
 
+    if (b->fill) {
+        const int near = (int)ceil(NEAR_LAYER * b->poses);
+
+        fill_layer(b, 0, near, NEAR_SHARE, s, w, &rng);
+        fill_layer(b, near, b->poses - near, FAR_SHARE, s, w, &rng);
+        return;
+    }
     sim_board_size(b, &width, &height);
     for (int i = 0; i < b->poses; i++) {
         const double share = sst_random_in(&rng, 0.3, 0.55); /* board size over picture width */

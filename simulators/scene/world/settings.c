@@ -190,6 +190,9 @@ static void read_board(struct sst_yaml *doc, struct sst_yaml_node *map, struct s
     sst_yaml_double(doc, sst_yaml_get(map, "square_mm"), 0.01, 1e4, &b->square_mm);
     sst_yaml_double(doc, sst_yaml_get(map, "marker"), 0.05, 0.95, &b->marker);
     read_poses(doc, sst_yaml_get(map, "poses"), b, alone);
+    sst_yaml_bool(doc, sst_yaml_get(map, "fill"), &b->fill);
+    if (b->fill && (!b->seeded || b->kind == SST_SIM_CHESSBOARD))
+        sst_yaml_fault(doc, map, "has fill, which needs poses from the seed and a board that may be partly outside");
     most = b->kind == SST_SIM_CHARUCO ? 2 * SST_SIM_CHARUCO_MARKERS : SST_SIM_APRIL_TAGS;
     if (b->kind >= SST_SIM_CHARUCO && b->cols * b->rows > most)
         sst_yaml_fault(doc, map, "has %dx%d squares, but there are only markers for %d", b->cols, b->rows, most);

@@ -28,6 +28,7 @@ struct sst_sim_board {
     double marker;    /* ChArUco: side of a marker in squares; AprilGrid: gap between tags in tags */
     int poses;        /* shown one after another, one per frame of the loop */
     bool seeded;      /* derived from the seed */
+    bool fill;        /* of the seeded poses: all cameras see the board in every part of their pictures */
     struct sst_sim_pose pose[SST_SIM_POSES_MAX];
 };
 

@@ -41,7 +41,8 @@ double sim_board_margin(const struct sst_sim_board *board);
 bool sim_board_white(const struct sst_sim_board *board, double x_mm, double y_mm, double *clear_mm);
 
 /** Fill in poses 0 .. board->poses-1 from the seed: in front of the array, in all orientations, a third to half of a
- *  picture. */
+ *  picture. With board->fill at two depths, in a grid that reaches beyond the pictures, so that every camera gets all
+ *  that a calibration needs (pipeline/calibration/board/coverage.h). */
 void sim_board_seed_poses(struct sst_sim_board *board, const struct sst_sim_settings *settings,
                           const struct sst_scene_world *world);
 

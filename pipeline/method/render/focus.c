@@ -9,12 +9,14 @@
  *
  * Votes are summed over time and decay: a person who walks by for three seconds does not move the focus, and a surface
  * seen behind a person stays in focus after that person has left. */
+#include "pipeline/method/render/focus.h"
+
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/live/live_internal.h"
+#include "base/log.h"
 
 #define SAMPLE_COLS   160   /* about this number of samples per row */
 #define SMOOTH        4     /* bins to each side: windows of 2.25 px, since surfaces are rarely fronto-parallel */
@@ -33,17 +35,17 @@
 /* Fraction of all samples that a surface must hide to count as foreground: large surfaces are tried first. */
 static const double hiding_share[] = { 0.02, 0.003 };
 
-void live_focus_init(struct live_focus *f)
+void sst_render_focus_init(struct sst_render_focus *f)
 {
     memset(f, 0, sizeof(*f));
     f->focus_px = NAN;
 }
 
-void live_focus_fini(struct live_focus *f)
+void sst_render_focus_fini(struct sst_render_focus *f)
 {
     free(f->front);
     free(f->behind);
-    live_focus_init(f);
+    sst_render_focus_init(f);
 }
 
 /* Sampling grid of a view: every step-th pixel of every step-th row. */
@@ -63,7 +65,7 @@ static uint16_t disp_at(const struct sst_view *v, const struct sampling *at, int
     return sst_map_u16_row(&v->disp, row * at->step + at->step / 2)[col * at->step + at->step / 2];
 }
 
-static int reserve(struct live_focus *f, int cells)
+static int reserve(struct sst_render_focus *f, int cells)
 {
     uint16_t *front, *behind;
 
@@ -85,7 +87,7 @@ static int reserve(struct live_focus *f, int cells)
 }
 
 /* Warp the samples of view v to the lead view, and note what is hidden there. */
-static void note_hidden(struct live_focus *f, const struct sst_lightfield *lf, const struct sampling *at,
+static void note_hidden(struct sst_render_focus *f, const struct sst_lightfield *lf, const struct sampling *at,
                         const struct sst_view *v, const struct sst_view *lead, int gap_q6)
 {
     const double bx = v->bx - lead->bx, by = v->by - lead->by;
@@ -156,7 +158,7 @@ static int surface_start(const float *share, int top)
 }
 
 /* Count votes for what surfaces of bins start .. top hide. @return fraction of all samples that they hide */
-static double vote(struct live_focus *f, int start, int top)
+static double vote(struct sst_render_focus *f, int start, int top)
 {
     int hiding = 0;
 
@@ -173,14 +175,14 @@ static double vote(struct live_focus *f, int start, int top)
     return (double)hiding / f->cells;
 }
 
-static void scale_votes(struct live_focus *f, double factor)
+static void scale_votes(struct sst_render_focus *f, double factor)
 {
     for (int c = 0; c < SST_BLEND_COLUMNS; c++)
         f->vote[c] *= (float)factor;
 }
 
 /* Fraction of the samples per disparity, and the extreme bins above noise. @return false: no disparities */
-static bool count_fronts(const struct live_focus *f, float *share, int *first, int *last)
+static bool count_fronts(const struct sst_render_focus *f, float *share, int *first, int *last)
 {
     double below = 0, above = 0;
 
@@ -210,7 +212,7 @@ static double nearness(const struct sst_lightfield *lf, int start, int top, int 
     return at * at * at;
 }
 
-int live_focus_vote(struct live_focus *f, const struct sst_lightfield *lf, const int *view, int views)
+int sst_render_focus_vote(struct sst_render_focus *f, const struct sst_lightfield *lf, const int *view, int views)
 {
     const struct sampling at = grid_of(lf);
     const struct sst_view *lead = &lf->views[view[0]];
@@ -252,7 +254,7 @@ int live_focus_vote(struct live_focus *f, const struct sst_lightfield *lf, const
 }
 
 /* Mean of the surface around bin c, px. */
-static double surface_px(const struct live_focus *f, int c)
+static double surface_px(const struct sst_render_focus *f, int c)
 {
     const int end = sst_min_int(c + SMOOTH, SST_BLEND_COLUMNS - 1);
     double sum = 0, weight = 0;
@@ -265,7 +267,7 @@ static double surface_px(const struct live_focus *f, int c)
 }
 
 /* Most votes of a window within 1 px of the focus. */
-static double votes_in_focus(const struct live_focus *f)
+static double votes_in_focus(const struct sst_render_focus *f)
 {
     const double at = (f->focus_px - f->min_px) * SST_DISP_SCALE / (1 << SST_BLEND_COLUMN_SHIFT);
     double best = 0;
@@ -277,7 +279,7 @@ static double votes_in_focus(const struct live_focus *f)
     return best;
 }
 
-void live_focus_step(struct live_focus *f, int64_t t_ns)
+void sst_render_focus_step(struct sst_render_focus *f, int64_t t_ns)
 {
     const double dt = f->t_ns ? sst_clamp_double((double)(t_ns - f->t_ns) * 1e-9, 0, STEP_MAX_S) : FIRST_S;
     const float keep = (float)exp(-dt / MEMORY_S);
@@ -299,4 +301,78 @@ void live_focus_step(struct live_focus *f, int64_t t_ns)
     } else if (window(f->memory, best, SMOOTH) > SWITCH * votes_in_focus(f)) {
         f->focus_px = px;
     }
+}
+
+int sst_render_lead_view(const struct sst_lightfield *lf)
+{
+    double best = INFINITY;
+    int lead = -1;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const struct sst_view *v = &lf->views[k];
+
+        if (v->present && v->disp.data && hypot(v->bx, v->by) < best) {
+            best = hypot(v->bx, v->by);
+            lead = k;
+        }
+    }
+    return lead;
+}
+
+int sst_render_sample_views(const struct sst_lightfield *lf, int view[SST_RENDER_SAMPLED])
+{
+    static const int corner[][2] = { { -1, -1 }, { 1, -1 }, { -1, 1 }, { 1, 1 } };
+    int sampled = 1;
+
+    view[0] = sst_render_lead_view(lf);
+    if (view[0] < 0)
+        return 0;
+    for (size_t i = 0; i < ARRAY_LEN(corner); i++) {
+        double best = -INFINITY;
+        int at = -1;
+        bool taken = false;
+
+        for (int k = 0; k < lf->rows * lf->cols; k++) {
+            const struct sst_view *v = &lf->views[k];
+            const double out = corner[i][0] * v->bx + corner[i][1] * v->by;
+
+            if (v->present && v->disp.data && out > best) {
+                best = out;
+                at = k;
+            }
+        }
+        for (int s = 0; s < sampled; s++)
+            taken |= view[s] == at;
+        if (!taken)
+            view[sampled++] = at;
+    }
+    return sampled;
+}
+
+int sst_render_find_focus(const struct sst_lightfield *lf, double *focus_px)
+{
+    int view[SST_RENDER_SAMPLED];
+    const int views = sst_render_sample_views(lf, view);
+    struct sst_render_focus *f = views ? malloc(sizeof(*f)) : NULL;
+    int err = f ? 0 : -ENOMEM;
+
+    if (!views)
+        return -ENODATA;
+    if (f) {
+        sst_render_focus_init(f);
+        err = sst_render_focus_vote(f, lf, view, views);
+    }
+    if (!err) {
+        sst_render_focus_step(f, 1);
+        if (isnan(f->focus_px))
+            err = -ENODATA;
+        else
+            *focus_px = f->focus_px;
+    }
+    if (f)
+        sst_render_focus_fini(f);
+    free(f);
+    if (err == -ENOMEM)
+        sst_log_error("not enough memory to find the focus");
+    return err;
 }
