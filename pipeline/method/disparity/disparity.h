@@ -36,13 +36,13 @@ struct sst_disparity_config {
     int support_tau;              /* largest intensity step inside an arm, 1..255 */
     int support_before, support_after; /* rounds of aggregation before and after the optimisation */
     int bilateral_tau;                 /* eps_I of the bilateral filter, 1..255; 0 switches it off */
-    bool raw;        /* the cheapest disparity of each pixel, to evaluate costs: no aggregation, optimisation, filter or
-                        filling; their parameters are ignored */
-    bool fill;       /* check and fill: the result is dense */
-    bool joint;      /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
-    int neighbours;  /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
-    int rounds;      /* of the second pass (design.md, 5.7), 0..SST_DISPARITY_MAX_ROUNDS; light fields of few views
-                        or of a narrow range have none */
+    bool raw;       /* the cheapest disparity of each pixel, to evaluate costs: no aggregation, optimisation, filter or
+                       filling; their parameters are ignored */
+    bool fill;      /* check and fill: the result is dense */
+    bool joint;     /* horizontal and vertical neighbours share one cost volume, instead of two maps fused */
+    int neighbours; /* joint: how many views share the volume at most: 4 (sides), 8 (diagonals), 12 (two steps) */
+    int rounds;     /* of the second pass (design.md, 5.7), 0..SST_DISPARITY_MAX_ROUNDS; light fields of few views
+                       or of a narrow range have none */
     int subpixel_steps; /* of the refinement between pixels (design.md, 5.8), 0..SST_SUBPIXEL_MOST; light fields of few
                            views or of a wide range are not refined */
     int subpixel_views; /* compared in it at most, up to SST_SUBPIXEL_VIEWS */
@@ -108,9 +108,11 @@ SST_MUST_CHECK int sst_disparity_lightfield(struct sst_lightfield *lf, const str
  * The range of disparities in a light field, from a coarse match of the reference view with its neighbours (images of
  * those must be loaded): nearly all confident pixels on which two neighbours agree, plus a margin (all confident pixels
  * if too few agree: views that are not aligned).
+ * @param scale  1; 2: matched at half of that size, in a tenth of the time; gaps of foliage may be missed then
  * @return 0, -ENODATA (not enough texture; logged), -ENOMEM
  */
-SST_MUST_CHECK int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *min_px, double *max_px);
+SST_MUST_CHECK int sst_disparity_range(const struct sst_lightfield *lf, int scale, int threads, double *min_px,
+                                       double *max_px);
 
 /**
  * Disparity of the left image of a rectified pair: left(x) matches right(x - d). Unknown is +inf.

@@ -117,13 +117,14 @@ static int middle(const struct sst_lightfield *lf)
 /* Match the reference with its neighbours, one after the other. @param pair  zeroed; without a width: no neighbour
  * there
  * @param reach  of the search to either side, px (reduced) */
-static int match_sides(struct sst_lightfield pair[SIDES], const struct sst_lightfield *lf, int threads, int *factor,
-                       double *reach)
+static int match_sides(struct sst_lightfield pair[SIDES], const struct sst_lightfield *lf, int scale, int threads,
+                       int *factor, double *reach)
 {
     struct sst_disparity_config cfg;
     const int ref = middle(lf), col = ref % lf->cols, row = ref / lf->cols;
     int err = sst_disparity_preset(&cfg, "balanced");
 
+    cfg.scale = scale;
     cfg.threads = threads;
     for (int side = 0; !err && side < SIDES; side++) {
         const int c = col + (side == 0) - (side == 1), r = row + (side == 2) - (side == 3);
@@ -140,14 +141,14 @@ static int match_sides(struct sst_lightfield pair[SIDES], const struct sst_light
     return err;
 }
 
-int sst_disparity_range(const struct sst_lightfield *lf, int threads, double *min_px, double *max_px)
+int sst_disparity_range(const struct sst_lightfield *lf, int scale, int threads, double *min_px, double *max_px)
 {
     struct sst_lightfield pair[SIDES] = { 0 };
     int64_t all[BINS] = { 0 }, agreed[BINS] = { 0 }, below = 0;
     const int64_t *histogram = all;
     int64_t total;
     double reach = 0, cut = CUT;
-    int factor = 1, first = -1, last = -1, err = match_sides(pair, lf, threads, &factor, &reach);
+    int factor = 1, first = -1, last = -1, err = match_sides(pair, lf, scale, threads, &factor, &reach);
 
     for (int side = 0; !err && side < SIDES; side++)
         collect(all, agreed, pair, side);

@@ -302,7 +302,7 @@ static int match_views(struct run *run)
         cfg.disp_max_px = lf->range_max_px;
     }
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
-        err = sst_disparity_range(lf, run->cfg->threads, &cfg.disp_min_px, &cfg.disp_max_px);
+        err = sst_disparity_range(lf, 1, run->cfg->threads, &cfg.disp_min_px, &cfg.disp_max_px);
         if (!err && lf->parallel) { /* nothing is behind infinity */
             cfg.disp_min_px = fmax(cfg.disp_min_px, -INFINITY_SLACK_PX);
             cfg.disp_max_px = fmax(cfg.disp_max_px, INFINITY_SLACK_PX);
