@@ -153,6 +153,8 @@ static int read_skips(const struct cli_command *cmd, const char *list, struct ss
                                       { "labels", &cfg->skip_labels } };
     const int r = cli_read_skips(cmd, list, skips, ARRAY_LEN(skips));
 
+    if (list) /* asked for, whatever the size */
+        cfg->disparity.range_bytes = 0;
     if (!keys)
         cfg->disparity.key_spacing = 1;
     else if (cfg->disparity.key_spacing <= 1)
@@ -247,9 +249,9 @@ const struct cli_command cli_process = {
         "(the same in two rounds on all views; fewer than 6 views: census and MC-CNN).\n"
         "--skip keys matches one view in three where the scene allows and carries its maps to the others, where\n"
         "balanced repairs them; ranges searches the disparities around those of a match at a quarter of the\n"
-        "size, unless that changes the result; hypotheses tests no other disparity where the first one explains\n"
-        "the colours; labels runs the network on one view in three (preview: five). Presets skip all that suits\n"
-        "them; `--skip none` computes everything.",
+        "size, unless that changes many of them (by itself only where views are large, for memory); hypotheses\n"
+        "tests no other disparity where the first one explains the colours; labels runs the network on one view\n"
+        "in three (preview: five). Presets skip all that suits them; `--skip none` computes everything.",
     .example = "sst process garden --preset balanced",
     .run = run,
 };

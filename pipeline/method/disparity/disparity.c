@@ -542,7 +542,8 @@ static int make_coarse(struct run *run, int threads)
     const struct sst_disparity_config *cfg = run->cfg;
 
     if (!cfg->skip_ranges || cfg->raw || cfg->paths != 4 || !cfg->joint || (cfg->support_arm && cfg->support_after) ||
-        !sst_coarse_pays(&run->shape))
+        !sst_coarse_pays(&run->shape) ||
+        sst_volume_bytes(run->width, run->height, run->shape.steps) <= cfg->range_bytes)
         return 0;
     run->coarse = calloc(1, sizeof(*run->coarse));
     run->searched = calloc((size_t)(run->lf->rows * run->lf->cols), sizeof(*run->searched));
