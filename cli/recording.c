@@ -20,6 +20,9 @@ struct summary {
     int64_t *period_ns;         /* from one set to the next of the same run */
     int worst[SST_CAMERAS_MAX]; /* sets in which the camera was the one farthest off */
     int gaps;                   /* periods of more than one and a half of the usual */
+    int unlisted;               /* segments that the index does not name */
+    int64_t unlisted_bytes;     /* of them */
+    bool index_lost;            /* they are more than one that was being written */
     json_t *damage;             /* [{"set":, "cam":}]; cam -1: the line */
 };
 
@@ -59,7 +62,7 @@ static int note_damage(struct summary *s, int set, int cam)
     return json_array_append_new(s->damage, json_pack("{s:i, s:i}", "set", set, "cam", cam)) ? -ENOMEM : 0;
 }
 
-/* All lines, and with `verify` all bytes. */
+/* All lines and the sizes of the segments, and with `verify` all bytes. */
 static int scan(struct summary *s, const struct sst_recording *recording, bool verify)
 {
     struct sst_recording_set set, before = { .session = -1 };
@@ -75,7 +78,7 @@ static int scan(struct summary *s, const struct sst_recording *recording, bool v
                 s->period_ns[s->periods++] = set.t_ns - before.t_ns;
             s->runs += set.session != before.session;
             before = set;
-            err = verify ? sst_recording_check(recording, i, &cam) : 0;
+            err = verify ? sst_recording_check(recording, i, &cam) : sst_recording_check_size(recording, &set, &cam);
         }
         if (err == -EBADMSG)
             err = note_damage(s, i, cam);
@@ -144,7 +147,7 @@ static void print_text(const struct summary *s, const struct sst_recording *reco
     printf("\n");
     print_cameras(s, "missing  ", s->missing);
     print_cameras(s, "bad      ", s->bad);
-    printf("damage    %d sets%s\n", s->damaged, verify ? "" : " (lines only; --verify reads all frames)");
+    printf("damage    %d sets%s\n", s->damaged, verify ? "" : " (lines and sizes; --verify reads all frames)");
     for (int d = 0; d < s->damaged && d < MAX_NAMED; d++) {
         const json_t *one = json_array_get(s->damage, (size_t)d);
         const int cam = (int)json_integer_value(json_object_get(one, "cam"));
@@ -154,6 +157,10 @@ static void print_text(const struct summary *s, const struct sst_recording *reco
             printf("camera r%02d c%02d", i->track[cam].row, i->track[cam].col);
         printf("\n");
     }
+    if (s->unlisted)
+        printf("unlisted  %lld bytes in %d segments that the index, sets.jsonl, does not name%s\n",
+               (long long)s->unlisted_bytes, s->unlisted,
+               s->index_lost ? "; restore it from a copy" : ": a set that was being written");
     if (sst_recording_torn_bytes(recording))
         printf("torn end  %lld bytes of a set that was being written\n",
                (long long)sst_recording_torn_bytes(recording));
@@ -181,7 +188,7 @@ static int print_json(const struct summary *s, const struct sst_recording *recor
 
     sst_recording_format_name(s->info->fourcc, format);
     root = json_pack("{s:i, s:i, s:i, s:s, s:i, s:i, s:f, s:i, s:i, s:i, s:i, s:I, s:I, s:f, s:i, s:f,"
-                     " s:{s:f, s:f, s:f, s:i}, s:b, s:i, s:O, s:I, s:I, s:o}",
+                     " s:{s:f, s:f, s:f, s:i}, s:b, s:i, s:O, s:I, s:I, s:I, s:o}",
                      "rows", s->info->rows, "cols", s->info->cols, "cameras", s->info->cameras, "pixel_format", format,
                      "width", s->info->width, "height", s->info->height, "nominal_hz", s->info->rate_hz, "sets",
                      s->sets, "runs", s->runs, "complete", s->complete, "partial", s->sets - s->damaged - s->complete,
@@ -192,8 +199,8 @@ static int print_json(const struct summary *s, const struct sst_recording *recor
                      (double)sst_stats_percentile(s->spread_ns, s->spreads, 99) * 1e-3, "max",
                      (double)sst_stats_percentile(s->spread_ns, s->spreads, 100) * 1e-3, "worst_cam", worst_camera(s),
                      "verified", verify, "damaged", s->damaged, "damage", s->damage, "torn_bytes",
-                     (json_int_t)sst_recording_torn_bytes(recording), "removed_sets",
-                     (json_int_t)sst_recording_removed(recording)->sets, "tracks", cameras_to_json(s));
+                     (json_int_t)sst_recording_torn_bytes(recording), "unlisted_bytes", (json_int_t)s->unlisted_bytes,
+                     "removed_sets", (json_int_t)sst_recording_removed(recording)->sets, "tracks", cameras_to_json(s));
     return cli_dump_json(root, JSON_COMPACT) ? -ENOMEM : 0;
 }
 
@@ -205,13 +212,15 @@ static int print(const struct sst_recording *recording, bool verify, bool json)
 
     s.spread_ns = malloc(((size_t)n + 1) * sizeof(*s.spread_ns));
     s.period_ns = malloc(((size_t)n + 1) * sizeof(*s.period_ns));
+    s.unlisted = sst_recording_unlisted(recording, &s.unlisted_bytes);
+    s.index_lost = s.unlisted > 1 || (s.unlisted && !n);
     if (s.spread_ns && s.period_ns && s.damage)
         err = scan(&s, recording, verify);
     if (!err && json)
         err = print_json(&s, recording, verify);
     else if (!err)
         print_text(&s, recording, verify);
-    if (!err && s.damaged)
+    if (!err && (s.damaged || s.index_lost))
         err = -EBADMSG; /* was printed; scripts go by the exit code */
     free(s.spread_ns);
     free(s.period_ns);
@@ -245,9 +254,10 @@ const struct cli_command cli_recording = {
     .name = "recording",
     .usage = "DIR [--verify] [--json]",
     .summary = "show what a recording holds: sets, skew, gaps, damage",
-    .detail = "Sets are counted from 0 in the order of recording, as for `sst import recording --sets`. A set "
-              "is complete\n"
-              "when every camera's frame is present and good. Exit code 3 when a set is damaged.",
+    .detail =
+        "Sets are counted from 0 in the order of recording, as for `sst import recording --sets`. A set "
+        "is complete\n"
+        "when every camera's frame is present and good. Exit code 3 when a set is damaged or the index has lost sets.",
     .example = "sst recording night --verify",
     .run = run,
 };

@@ -153,7 +153,7 @@ static void print_skew(const json_t *s)
 static void print_live(const json_t *s)
 {
     const double focus = cli_number(s, "live.focus_px"), latency_ms = cli_number(s, "live.latency_ms.p50");
-    char reason[TEXT];
+    char reason[TEXT], demand[TEXT];
 
     if (!(cli_number(s, "live.enabled") > 0)) {
         printf("  live       off\n");
@@ -165,7 +165,12 @@ static void print_live(const json_t *s)
                cli_number(s, "live.sets"));
         return;
     }
+    cli_text(s, "live.demand", demand, sizeof(demand));
     printf("  live       %.1f sets/s", cli_number(s, "live.rate_hz"));
+    if (!strcmp(demand, "none"))
+        printf(", as there are no viewers; one view is watched for changes");
+    else if (!strcmp(demand, "events"))
+        printf(", for events; there are no viewers");
     if (!isnan(latency_ms))
         printf(", latency p50 %.0f ms, p99 %.0f ms", latency_ms, cli_number(s, "live.latency_ms.p99"));
     printf("; %.3g %% of the scene changed", cli_number(s, "live.changed_percent"));

@@ -17,7 +17,8 @@
 #endif
 
 #define CONNECT_S       5
-#define ANSWER_S        15         /* without a byte */
+#define STATUS_S        5          /* without a byte: the status is at hand */
+#define ANSWER_S        15         /* likewise, of other answers */
 #define MAKE_S          600        /* likewise, of a video: it is made before its first byte */
 #define SILENCE_S       60         /* the same for endless streams: the service sends signs of life more often */
 #define ANSWER_BYTES    (16 << 20) /* of an answer that is kept in memory, or of a line */
@@ -262,6 +263,15 @@ static int refusal(struct sst_client *c, long code)
     return -err;
 }
 
+static int silence_s(const struct sst_client *c, const char *path, bool endless)
+{
+    if (c->made)
+        return MAKE_S;
+    if (endless)
+        return SILENCE_S;
+    return !strcmp(path, "/api/v1/status") ? STATUS_S : ANSWER_S;
+}
+
 /* One request; what is received goes to file, line, picture or text. */
 static int transfer(struct sst_client *c, const char *path, const char *post, bool endless)
 {
@@ -276,7 +286,7 @@ static int transfer(struct sst_client *c, const char *path, const char *post, bo
     c->err = 0;
     c->length = 0;
     c->heard_ns = sst_clock_now_ns();
-    c->silence_ns = (c->made ? MAKE_S : endless ? SILENCE_S : ANSWER_S) * INT64_C(1000000000);
+    c->silence_ns = silence_s(c, path, endless) * INT64_C(1000000000);
     (void)curl_easy_setopt(c->curl, CURLOPT_URL, url);
     (void)curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, said);
     (void)curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);

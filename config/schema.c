@@ -26,7 +26,7 @@ static const char *const codecs[] = { "h264", "mjpeg" };
 
 const char *const sst_event_types[] = {
     "*",       "state",        "camera-lost", "camera-found", "trigger-lost", "trigger-found", "skew",
-    "storage", "record-start", "record-stop", "motion",       "label",        "snapshot",      "export",
+    "storage", "record-start", "record-stop", "motion",       "label",        "visit",         "snapshot", "export",
     "reload",  "calibration",  "certificate", "clock",        "client",       "start",         "stop",
 };
 const int sst_event_types_count = (int)ARRAY_LEN(sst_event_types);
@@ -271,6 +271,10 @@ static const struct sst_key keys[] = {
       CHOICE(modes) },
     { KEY("storage", "record_view", BOOL, storage.record_view, "true", LIVE,
           "also record the see-through view, so that playing it needs no rendering") },
+    { KEY("storage", "visits_days", INT, storage.visits_days, "30", LIVE,
+          "how long visits (what came into view, with two pictures) are kept; 0: they are not; about 100 kB each, not "
+          "counted in quota_gb"),
+      RANGE(0, 36500) },
     { KEY("storage", "quota_gb", DOUBLE, storage.quota_gb, "0", LIVE,
           "maximum disk space of recordings, snapshots and exports; beyond it the oldest are deleted; 0: no limit"),
       RANGE(0, 1e6) },

@@ -102,6 +102,7 @@ struct sst_config {
         double quota_gb, min_free_gb, max_age_days; /* 0: no limit */
         double by_hand_gb, by_hand_max_age_days;    /* of recordings on demand; 0: half of the space; no limit */
         bool record_view;                           /* also record the main view */
+        int visits_days;                            /* 0: none are kept */
         double segment_s, sync_s;
         double preroll_s, postroll_s;
         int ring_mb;  /* memory for the most recent sets */

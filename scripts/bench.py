@@ -25,7 +25,8 @@ KINDS = ("leaves", "foliage", "branches", "slats", "mesh", "crowd")  # occluders
 SETS = {"development": (1, 2), "validation": (3001, 3002)}  # seeds; methods are tuned on the first only
 SKIP_SCENES = ("pedestrian", "bush", "cd-cases")
 PARTS = {"stereo": "stereo.csv", "render": "render.csv", "rectify": "rectify.csv", "scenes": "scenes.json", "seeds": "seeds.json",
-         "layers": "layers.json", "skips": "skips.json", "live": "live.json", "limits": "limits.csv"}  # raw figures of each part
+         "layers": "layers.json", "skips": "skips.json", "live": "live.json", "clear": "clear.csv",
+         "networks": "networks.json", "limits": "limits.csv"}  # raw figures of each part
 THREADS = "2"
 
 
@@ -201,6 +202,22 @@ def live(build, out, sets):
     write(f"{out}/live.json", json.dumps([dict(zip(cells[0], row)) for row in cells[2:]], indent=1))
 
 
+def clear(build, out, sets):
+    """Times of the live picture, set by set: the table of live_clear."""
+    say(f"live clear picture, {sets} sets")
+    lines = call(f"{build}/bench/live_clear", "pedestrian", f"sets={sets}", stdout=subprocess.PIPE).stdout.splitlines()
+    write(f"{out}/clear.csv", "".join(line + "\n" for line in lines if not line.startswith("mean")))
+
+
+def networks(build, out, rounds):
+    """Networks as the program runs them, beside their convolutions alone."""
+    say(f"networks, {rounds} rounds")
+    results = [json.loads(call(f"{build}/bench/network", f"{os.environ['SST_MODELS']}/{name}", size, rounds,
+                               stdout=subprocess.PIPE).stdout)
+               for name, size in (("pspnet-small.onnx", "480x360"), ("mccnn-fast.onnx", "1000x750"))]
+    write(f"{out}/networks.json", json.dumps(results, indent=1))
+
+
 def version(*command):
     """First line of what a command says of itself, or none where it is absent."""
     try:
@@ -250,6 +267,8 @@ def main():
         "seeds": lambda: seeds(args.build, out, names, SEEDS[:1] if args.quick else SEEDS, "500x375"),
         "skips": lambda: skips(args.build, out, SKIP_SCENES[:1] if args.quick else SKIP_SCENES, "500x375"),
         "live": lambda: live(args.build, out, 6 if args.quick else 21),
+        "clear": lambda: clear(args.build, out, 6 if args.quick else 21),
+        "networks": lambda: networks(args.build, out, rounds),
         "layers": lambda: layers(args.build, out, args.camvid, {"development": (1,)} if args.quick else SETS),
     }
     used = {}

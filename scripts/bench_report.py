@@ -10,7 +10,7 @@ import subprocess
 import sys
 
 BASELINE = "OpenCV SGBM 3WAY"
-COLOURS = ("#0072B2", "#D55E00", "#009E73")  # of groups; told apart with any colour vision, and on light and dark
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#AA4499")  # of groups; told apart with any colour vision, and on light and dark
 # gnuplot point types of methods: open for others', full for ours
 SYMBOLS = {"f32": 5, "int8": 7, "f32, half size": 4, "int8, half size": 6,
            BASELINE: 4, "OpenCV SGBM HH": 12, "OpenCV BM": 8, "sst preview": 9, "sst balanced": 5, "sst accurate": 7}
@@ -150,7 +150,7 @@ def stereo(source, out, command):
             groups.setdefault(pair, []).append((method, median(r, "ms"), r[0]["bad2"]))
         text += f"## {pair}, {r[0]['width']:.0f}x{r[0]['height']:.0f}\n\n{table(head, rows)}\n"
     return (write_page(out, "bench-stereo", page("Stereo: time against error", command, text)) +
-            chart(out, "time-error-stereo", "Middlebury pairs, 64 disparities",
+            chart(out, "time-error-stereo", "Middlebury pairs, 64 disparities (aloe 240)",
                   ("time, ms", "pixels off by more than 2 px, %"), groups, command))
 
 
@@ -562,7 +562,8 @@ What two threads of this machine can do at most, measured by small loops (`build
 {rounds} rounds), and how far each stage is from it. A stage's *limit* is the larger of its bytes over the bandwidth and its
 operations over their peak, where the bytes are what it must read and write once and the operations what its formulas need
 at least, by the widest instruction; *time / limit* is 1 for a stage that this machine cannot run faster. A stage's time is the CPU
-time of all threads, halved: two busy threads; other programs change it less than wall time.
+time of all threads, halved: two busy threads; other programs change it less than wall time. A network's limit is its
+convolutions alone, as bare oneDNN primitives.
 
 {peaks}
 ## Roofline
@@ -593,6 +594,11 @@ WORDS = {
     "pair, sst": "in samples of all presets together the two path kernels, which the limit counts, have 9 %; choosing the winner, "
                  "filling, median, costs and the support of the second pass 1 to 2 % each.",
     "pair, OpenCV": "the same sums on 16 bits; its mode HH runs on one thread.",
+    "live frames": "finding what changed: the means of 8x8 blocks are decoded from the whole JPEG stream, bit by bit, which "
+                   "this limit does not count (`sst_jpeg_means_read`).",
+    "live see-through": "as the same picture of a light field.",
+    "live clear": "as the same picture of a light field; it also keeps what it saw before.",
+    "network": "beside the convolutions, the first layer of pictures, pooling, and the last enlargement.",
     "process load": "decoding PNG: libpng and zlib (inflate, Adler-32) lead the samples.",
     "process disparity": "the costs of hypotheses are 39 % of the samples of the run, which wait for the windows of 24 views; their "
                          "paths and filling 5 % each, the multi-view check and the costs of neighbours 3 %; the paths of the first "
@@ -636,7 +642,36 @@ def limit_rows(folder, peak):
         with open(f"{folder}/skips.json") as f:
             entry = next((m for m in json.load(f) if m["scene"] == "bush" and m["skip"] == "none"), None)
         rows += process_rows(entry, peak) if entry else []
+    if os.path.exists(f"{folder}/live.json") and os.path.exists(f"{folder}/clear.csv"):
+        with open(f"{folder}/live.json") as f:
+            rows += live_rows(json.load(f), list(read_rounds(f"{folder}/clear.csv", "set").values()), peak)
+    if os.path.exists(f"{folder}/networks.json"):
+        with open(f"{folder}/networks.json") as f:
+            rows += [network_row(m) for m in json.load(f)]
     return rows
+
+
+def live_rows(frames, sets, peak):
+    """Frames of a set, whose changed tiles are written; and pictures, which read every ray."""
+    pixels, rows = 640 * 480, []
+    for m in frames:
+        if m["world"] == "pedestrian" and m["mode"] == "skip" and m["calibrated"] == "no":
+            rows.append(limit_row("live frames, pedestrian", float(m["CPU, ms"]) / 2, 36 * pixels * 3 * float(m["tiles"]) / 100,
+                                  0, 0, peak))
+    moving = [r[0] for r in sets if r[0]["clear ms"] > 0]
+    for name in ("see-through", "clear"):
+        ms = statistics.median(r[f"{name} ms"] for r in moving)
+        per_ray = [36 * pixels * n for n in RAYS[name]]
+        rows.append(limit_row(f"live {name} picture, pedestrian", ms / 2, per_ray[0] + 3 * pixels, *per_ray[1:], peak))
+    return rows
+
+
+def network_row(measured):
+    """A network's limit: its convolutions alone."""
+    ms = {t["what"]: t["cpu_ms"] / 2 for t in measured["times"] if t["precision"] == "int8" and t["threads"] == 2}
+    bare, whole = ms["convolutions"], ms["network"]
+    name = f"network {measured['model'].removesuffix('.onnx')}, {measured['width']}x{measured['height']}"
+    return [name, number(whole, 1), "-", "-", "-", f"convolutions, {number(bare, 1)} ms", number(whole / bare, 1)], None
 
 
 def process_rows(entry, peak):
@@ -690,7 +725,7 @@ def limits(source, out, command):
                               table=table(["stage", "CPU ms / 2", "memory, ms", "multiplications, ms", "byte operations, ms",
                                            "limit is", "time / limit"], [row for row, _ in rows]))
     return (write_page(out, "bench-limits", page("Limits: each stage against the machine", command, text)) +
-            roofline(out, [point for _, point in rows], peak, command))
+            roofline(out, [point for _, point in rows if point], peak, command))
 
 
 def bench_level(source):

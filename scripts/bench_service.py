@@ -186,7 +186,30 @@ def measure(s, seconds, viewers=1):
     return out
 
 
-def report(rows, viewers, times, out, hz):
+def first_picture_ms(s):
+    """Time from the request of a viewer, after a while without any, to the end of the first picture."""
+    c, data, start = Unix(os.path.join(s.dir, "c.sock")), b"", time.monotonic()
+    c.request("GET", "/stream")
+    r = c.getresponse()
+    while b"\xff\xd9" not in data:
+        data += r.read1(65536)
+    took = time.monotonic() - start
+    r.close()
+    c.close()
+    return 1e3 * took
+
+
+def measure_alone(s, seconds):
+    """What the service takes without viewers, and the first pictures of those who come then."""
+    time.sleep(6)  # a picture that was asked for is made for 5 s
+    r, first = measure(s, seconds, 0), []
+    for _ in range(5):
+        first.append(first_picture_ms(s))
+        time.sleep(12)
+    return r, first
+
+
+def report(rows, viewers, alone, times, out, hz):
     with open(out, "w") as f:
         f.write("# The service, measured\n\n"
                 f"36 simulated cameras of 640x480 (MJPEG, trigger at {hz:g} Hz), service and simulation on the same two cores, by\n"
@@ -204,13 +227,17 @@ def report(rows, viewers, times, out, hz):
         f.write(f"\n10 viewers of the stream instead of none, still scene: {viewers[1]['cpu'] - viewers[0]['cpu']:+.1f} % of one core; "
                 f"pedestrian: {viewers[3]['cpu'] - viewers[2]['cpu']:+.1f} % at {viewers[3]['seen']:.1f} pictures/s each against "
                 f"{viewers[2]['rate']:.1f} sets/s with one viewer and {viewers[3]['rate']:.1f} with ten.\n\n"
+                "Without viewers (one view is watched for motion, all is brought up to date every 5 s), and the time until the "
+                "first picture of a viewer who comes then, median and longest of 5: "
+                + "; ".join(f"{name} {r['cpu']:.0f} % of one core, {statistics.median(first):.0f} and {max(first):.0f} ms"
+                            for name, (r, first) in alone) + ".\n\n"
                 f"Stopping, median of {len(times['stop'])}: {1e3 * statistics.median(times['stop']):.0f} ms, at most "
                 f"{1e3 * max(times['stop']):.0f} ms. From the start after `kill -9` to capturing, median of "
                 f"{len(times['again'])}: {statistics.median(times['again']):.1f} s, at most {max(times['again']):.1f} s.\n")
 
 
 def bench(args):
-    rows, viewers, times = [], [], {"stop": [], "again": []}
+    rows, viewers, alone, times = [], [], [], {"stop": [], "again": []}
     worlds = [("still, noisy cameras", "simulators/scene/world/worlds/still.yaml"), ("pedestrian", "pedestrian"), ("bush", "bush")]
     for name, world in worlds:
         s = Service(args.build, world, hz=args.trigger_hz)
@@ -222,6 +249,8 @@ def bench(args):
         if name != "bush":
             viewers.append(measure(s, args.seconds / 2, 0 if name.startswith("still") else 1))
             viewers.append(measure(s, args.seconds / 2, 10))
+        alone.append((name, measure_alone(s, args.seconds / 2)))
+        print(name, "without viewers", alone[-1][1][0]["cpu"], alone[-1][1][1], flush=True)
         for _ in range(3):
             os.kill(s.pid, signal.SIGKILL)
             s.shell.wait()
@@ -235,7 +264,7 @@ def bench(args):
             s.wait(lambda o: o["state"] == "capturing")
         s.stop()
         s.close()
-    report(rows, viewers, times, args.output, args.trigger_hz)
+    report(rows, viewers, alone, times, args.output, args.trigger_hz)
 
 
 def soak(args):

@@ -76,6 +76,7 @@ static int fake_answer(struct sst_api_answer *out, const char *what)
 FAKE_PLAIN(status)
 FAKE_PLAIN(cameras)
 FAKE_PLAIN(labels)
+FAKE_PLAIN(tracks)
 FAKE_PLAIN(views)
 FAKE_PLAIN(recordings)
 FAKE_PLAIN(calibration_check)
@@ -85,6 +86,20 @@ FAKE_BODY(snapshot)
 FAKE_BODY(export_)
 FAKE_BODY(delete_)
 FAKE_BODY(publisher)
+FAKE_PLAIN(replay)
+FAKE_BODY(replay_change)
+
+static bool fake_plays;
+
+static void *fake_replay_take(void *arg)
+{
+    return fake_plays ? arg : NULL;
+}
+
+static void fake_replay_release(void *arg)
+{
+    (void)arg;
+}
 
 static int fake_view_change(void *arg, const char *id, const json_t *body, struct sst_api_answer *out)
 {
@@ -97,6 +112,25 @@ static int fake_pick(void *arg, const char *id, double x, double y, struct sst_a
     (void)arg;
     (void)id;
     out->body = json_pack("{s:f, s:f}", "x", x, "y", y);
+    return 0;
+}
+
+static int fake_visits(void *arg, const struct sst_visits_query *query, struct sst_api_answer *out)
+{
+    (void)arg;
+    out->body = json_pack("{s:i, s:s?, s:s?, s:s?, s:s?}", "limit", query->limit, "from", query->from, "to", query->to,
+                          "label", query->label, "zone", query->zone);
+    return 0;
+}
+
+static int fake_visit_picture(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size)
+{
+    (void)arg;
+    *data = NULL;
+    if (strcmp(visit, "v1"))
+        return -ENOENT;
+    *data = (uint8_t *)strdup(kind == SST_VISIT_CAMERA ? "camera" : "seen");
+    *size = strlen((char *)*data);
     return 0;
 }
 
@@ -270,6 +304,9 @@ static int make_service(void **state)
     fake = (struct sst_api){ .status = fake_status,
                              .cameras = fake_cameras,
                              .labels = fake_labels,
+                             .tracks = fake_tracks,
+                             .visits = fake_visits,
+                             .visit_picture = fake_visit_picture,
                              .metrics = fake_metrics,
                              .views = fake_views,
                              .view_create = fake_view_create,
@@ -286,6 +323,11 @@ static int make_service(void **state)
                              .calibration_check = fake_calibration_check,
                              .slot = fake_find,
                              .download = fake_download,
+                             .replayed = &fake,
+                             .replay = fake_replay,
+                             .replay_change = fake_replay_change,
+                             .replay_take = fake_replay_take,
+                             .replay_release = fake_replay_release,
                              .events = fake.events };
     sst_counters_init(&fake_counters);
     fake_state = "capturing";

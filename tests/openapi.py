@@ -60,7 +60,7 @@ api = json.loads(ask("/api/v1/openapi.json"))
 ids = [operation.get("operationId") for path in api["paths"].values() for operation in path.values()]
 if None in ids or len(set(ids)) < len(ids):
     wrong.append("operations have no name of their own, which generators of clients call them by")
-for name in ("status", "cameras", "labels", "events", "views", "recordings"):
+for name in ("status", "cameras", "labels", "tracks", "visits", "events", "views", "recordings"):
     answer("/api/v1/" + name)
 answer("/api/v1/views/main/pick?x=80&y=60", route="/api/v1/views/{id}/pick")
 answer("/api/v1/views", {})

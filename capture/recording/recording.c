@@ -1,5 +1,6 @@
 #include "capture/recording/recording.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -13,6 +14,8 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "capture/recording/recording_internal.h"
+
+#define STRIDE 64 /* step of the coarse search for a moment */
 
 /* --- the index ---------------------------------------------------------------------------------------------------- */
 
@@ -155,6 +158,30 @@ int64_t sst_recording_torn_bytes(const struct sst_recording *r)
     return r->size - r->good_bytes;
 }
 
+int sst_recording_unlisted(const struct sst_recording *r, int64_t *bytes)
+{
+    char path[SST_PATH_MAX];
+    struct dirent *entry;
+    struct stat st;
+    int number, n = 0;
+    DIR *dir;
+
+    *bytes = 0;
+    if (snprintf(path, sizeof(path), "%s/segments", r->dir) >= (int)sizeof(path))
+        return 0;
+    dir = opendir(path);
+    while (dir && (entry = readdir(dir))) {
+        if (sscanf(entry->d_name, "%6d.mkv", &number) != 1 || number <= r->segment ||
+            number < r->removed.before_segment || fstatat(dirfd(dir), entry->d_name, &st, 0) || !st.st_size)
+            continue;
+        n++;
+        *bytes += st.st_size;
+    }
+    if (dir)
+        closedir(dir);
+    return n;
+}
+
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
 /* Read all n bytes at an offset; -EBADMSG: the file ends before. */
@@ -283,6 +310,28 @@ int sst_recording_frame(const struct sst_recording *r, const struct sst_recordin
     return err;
 }
 
+int sst_recording_check_size(const struct sst_recording *r, const struct sst_recording_set *set, int *cam)
+{
+    char path[SST_PATH_MAX];
+    struct stat st = { 0 };
+    int err = set->segment < 0 ? -EBADMSG : segment_path(path, r->dir, set->segment);
+
+    *cam = -1;
+    if (err)
+        return err;
+    if (stat(path, &st) && errno != ENOENT)
+        return -EIO;
+    for (int k = 0; k < r->info.cameras; k++) {
+        const struct sst_recording_frame *f = &set->frame[k];
+
+        if (f->present && (f->offset > st.st_size || (int64_t)f->bytes > st.st_size - f->offset)) {
+            *cam = k;
+            return -EBADMSG;
+        }
+    }
+    return 0;
+}
+
 int sst_recording_check(const struct sst_recording *r, int i, int *cam)
 {
     struct sst_recording_set set;
@@ -299,4 +348,38 @@ int sst_recording_check(const struct sst_recording *r, int i, int *cam)
             err = 0;
     }
     return err;
+}
+
+/* Wall clocks are stepped: each 64th set is checked, then those around the best. */
+int sst_recording_near(const struct sst_recording *r, int64_t wall_ns, int64_t within_ns, int *nearest)
+{
+    struct sst_recording_set *set = malloc(sizeof(*set));
+    const int n = sst_recording_sets(r);
+    int centre = -1, first = 0, last = n - 1, step = STRIDE;
+    uint64_t best = UINT64_MAX;
+
+    if (!set)
+        return -ENOMEM;
+    for (int round = 0; round < 2; round++) {
+        for (int i = first; i <= last; i += step) {
+            uint64_t away;
+
+            if (sst_recording_set(r, i, set))
+                continue;
+            away = set->wall_ns > wall_ns ? (uint64_t)set->wall_ns - (uint64_t)wall_ns
+                                          : (uint64_t)wall_ns - (uint64_t)set->wall_ns;
+            if (away < best) {
+                best = away;
+                centre = i;
+            }
+        }
+        first = centre < STRIDE ? 0 : centre - STRIDE;
+        last = centre < 0 || centre + STRIDE > n - 1 ? n - 1 : centre + STRIDE;
+        step = 1;
+    }
+    free(set);
+    if (best > (uint64_t)within_ns)
+        return -ENOENT;
+    *nearest = centre;
+    return 0;
 }

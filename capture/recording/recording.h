@@ -61,6 +61,10 @@ const struct sst_recording_removed *sst_recording_removed(const struct sst_recor
 /** Bytes after the last whole line of the manifest. */
 int64_t sst_recording_torn_bytes(const struct sst_recording *recording);
 
+/** Segments that sets.jsonl does not name: one that was being written, or more where lines are lost.
+ *  @param bytes  out, of them together */
+int sst_recording_unlisted(const struct sst_recording *recording, int64_t *bytes);
+
 /** Read set i from the manifest. @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged. */
 SST_MUST_CHECK int sst_recording_set(const struct sst_recording *recording, int i, struct sst_recording_set *set);
 
@@ -71,6 +75,10 @@ SST_MUST_CHECK int sst_recording_set(const struct sst_recording *recording, int 
  */
 SST_MUST_CHECK int sst_recording_frame_of(const struct sst_recording *recording, int i, int cam, int *segment,
                                           int64_t *wall_ns, struct sst_recording_frame *frame);
+
+/** The set nearest to a moment, by the wall clock, which may have been stepped. @param within_ns  farther ones do not count
+ *  @param i  out @return 0, -ENOENT, -ENOMEM. Not logged. */
+SST_MUST_CHECK int sst_recording_near(const struct sst_recording *recording, int64_t wall_ns, int64_t within_ns, int *i);
 
 /** The line of set i, unchanged, without its newline. *text to free with free(). The same errors. */
 SST_MUST_CHECK int sst_recording_line(const struct sst_recording *recording, int i, char **text);
@@ -84,6 +92,11 @@ SST_MUST_CHECK int sst_recording_line(const struct sst_recording *recording, int
  */
 SST_MUST_CHECK int sst_recording_frame(const struct sst_recording *recording, const struct sst_recording_set *set,
                                        int cam, uint8_t **data);
+
+/** Whether the segment is long enough for all frames of a set; reads none of them. @param cam  out, first camera whose
+ *  frame is not there; -1: none @return 0, -EBADMSG, -EIO. Not logged. */
+SST_MUST_CHECK int sst_recording_check_size(const struct sst_recording *recording, const struct sst_recording_set *set,
+                                            int *cam);
 
 /** Read and verify all of set i. @param cam  out, first camera with a damaged frame; -1: the line is damaged.
  *  @return 0 or the error. */

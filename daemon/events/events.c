@@ -53,6 +53,7 @@ static const struct {
     { "calibration", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a0f" },   { "clock", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a10" },
     { "client", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a11" },        { "start", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a12" },
     { "stop", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a13" },          { "certificate", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a14" },
+    { "visit", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a15" },
 };
 #endif
 
@@ -163,7 +164,7 @@ void sst_events_emit(struct sst_events *e, enum sst_event_level level, const cha
 
         json_object_set_new(o, "id", json_integer((json_int_t)(e->last + 1)));
         free(*line);
-        *line = json_dumps(o, JSON_COMPACT);
+        *line = json_dumps(o, JSON_COMPACT | JSON_REAL_PRECISION(9));
         e->last++;
         pthread_cond_broadcast(&e->changed);
     }

@@ -7,6 +7,7 @@
 #include "base/jpeg_slot.h"
 #include "daemon/events/events.h"
 #include "daemon/storage/download.h"
+#include "daemon/visits/visits.h"
 
 /** Answer to a request: on success an object (never NULL), else an error in one sentence. */
 struct sst_api_answer {
@@ -34,7 +35,11 @@ struct sst_api {
     int (*status)(void *arg, struct sst_api_answer *out);
     int (*cameras)(void *arg, struct sst_api_answer *out);
     int (*labels)(void *live, struct sst_api_answer *out); /* classes, colours, labels in view */
-    int (*metrics)(void *arg, char **text);                /* Prometheus; to free with free() */
+    int (*tracks)(void *live, struct sst_api_answer *out); /* what moves */
+    int (*visits)(void *arg, const struct sst_visits_query *query, struct sst_api_answer *out);
+    /** @param data  out, JPEG to free with free() */
+    int (*visit_picture)(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size);
+    int (*metrics)(void *arg, char **text); /* Prometheus; to free with free() */
     int (*views)(void *live, struct sst_api_answer *out);
     int (*view_create)(void *live, const json_t *settings, struct sst_api_answer *out);
     int (*view_change)(void *live, const char *id, const json_t *settings, struct sst_api_answer *out);
@@ -56,6 +61,13 @@ struct sst_api {
      *  @param out  owned by the caller @return 0, -EINPROGRESS (being made: call again), -ENOENT, -ENODATA (nothing
      * of it was recorded), -EBUSY (it is being written), -EMFILE (too many), -ENOSPC */
     int (*download)(void *arg, const char *name, struct sst_download **out);
+    /* A recording that is played, for all who watch. Its pictures come from the verbs with the parameter `live`. */
+    void *replayed; /* first argument of the verbs below */
+    int (*replay)(void *replayed, struct sst_api_answer *out);
+    int (*replay_change)(void *replayed, const json_t *request, struct sst_api_answer *out);
+    /** The argument `live`, valid until the release. @return NULL: nothing is played; no release then */
+    void *(*replay_take)(void *replayed);
+    void (*replay_release)(void *replayed);
     struct sst_events *events;
 };
 

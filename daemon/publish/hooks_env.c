@@ -34,12 +34,11 @@ static int add(struct env *e, const char *name, const char *value)
     return 0;
 }
 
-/* Variables of systemd, and those that only an event may set. */
-static bool is_ours(const char *variable)
+/* What programs need of the service's own environment; secrets and systemd's variables are not for them. */
+static bool is_inherited(const char *variable)
 {
-    static const char *const names[] = { "NOTIFY_SOCKET=",       "WATCHDOG_",      "LISTEN_",
-                                         "JOURNAL_STREAM=",      "INVOCATION_ID=", "SST_",
-                                         "GST_REGISTRY_DISABLE=" };
+    static const char *const names[] = { "PATH=", "HOME=", "USER=", "LOGNAME=", "SHELL=",
+                                         "LANG=", "LC_",   "TZ=",   "TMPDIR=" };
 
     for (size_t i = 0; i < ARRAY_LEN(names); i++)
         if (!strncmp(variable, names[i], strlen(names[i])))
@@ -50,7 +49,7 @@ static bool is_ours(const char *variable)
 static int add_inherited(struct env *e)
 {
     for (char **v = environ; v && *v && e->n < VARIABLES_MAX / 2; v++) {
-        if (is_ours(*v))
+        if (!is_inherited(*v))
             continue;
         e->list[e->n] = strdup(*v);
         if (!e->list[e->n])

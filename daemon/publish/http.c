@@ -27,6 +27,11 @@
 
 static _Thread_local char library_error[256]; /* of the library, the last one on this thread */
 
+/* TLS 1.2 and 1.3 with forward secrecy and authenticated encryption, in the order of the service. */
+#define TLS_PRIORITIES                                                                                                 \
+    "NORMAL:-VERS-ALL:+VERS-TLS1.3:+VERS-TLS1.2:-KX-ALL:+ECDHE-ECDSA:+ECDHE-RSA:+DHE-RSA:-CIPHER-ALL:+AES-256-GCM:"    \
+    "+CHACHA20-POLY1305:+AES-128-GCM:-MAC-ALL:+AEAD:%SERVER_PRECEDENCE"
+
 static void log_library(void *cls SST_UNUSED, const char *fmt, va_list args)
 {
     vsnprintf(library_error, sizeof(library_error), fmt, args);
@@ -60,6 +65,7 @@ static int serve(struct http_listener *listener, int fd, bool tls)
     const struct MHD_OptionItem secure[] = {
         { tls ? MHD_OPTION_HTTPS_MEM_CERT : MHD_OPTION_END, 0, http_tls_pem(pair, false) },
         { MHD_OPTION_HTTPS_MEM_KEY, 0, http_tls_pem(pair, true) },
+        { MHD_OPTION_HTTPS_PRIORITIES, 0, (void *)(uintptr_t)TLS_PRIORITIES },
         { MHD_OPTION_END, 0, NULL },
     };
     struct stat socket = { 0 };

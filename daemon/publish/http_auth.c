@@ -17,7 +17,6 @@
 
 #define TOKEN_BYTES 32
 #define TOKEN_LEAST 32 /* characters of one that was chosen by hand */
-#define MINUTE_NS   60000000000LL
 #define GROUPS_MAX  1024
 
 static int make_token(const char *path)
@@ -128,14 +127,13 @@ int http_auth_init(struct http_auth *a, const struct sst_http_config *cfg)
         err = load_token(cfg->token_file, a->control);
         err = err ? err : load_token(view, a->view);
     }
-    if (!err && pthread_mutex_init(&a->lock, NULL))
-        err = -ENOMEM;
+    sst_brake_init(&a->brake);
     return err;
 }
 
 void http_auth_fini(struct http_auth *a)
 {
-    pthread_mutex_destroy(&a->lock);
+    sst_brake_fini(&a->brake);
     memset(a->control, 0, sizeof(a->control));
     memset(a->view, 0, sizeof(a->view));
 }
@@ -189,64 +187,4 @@ enum sst_role http_auth_peer(const struct http_auth *a, int fd, char *who)
     if (peer.uid == 0 || peer.uid == geteuid() || peer_in_group(fd, peer.gid, a->group))
         return SST_ROLE_CONTROL;
     return peer_in_group(fd, peer.gid, a->view_group) ? SST_ROLE_VIEW : SST_ROLE_ANYONE;
-}
-
-void http_network_of(const struct sockaddr *address, uint8_t out[16])
-{
-    memset(out, 0, 16);
-    if (address->sa_family == AF_INET) {
-        out[10] = out[11] = 0xff;
-        memcpy(out + 12, &((const struct sockaddr_in *)address)->sin_addr, 4);
-    } else if (address->sa_family == AF_INET6) {
-        const uint8_t *v6 = ((const struct sockaddr_in6 *)address)->sin6_addr.s6_addr;
-        const bool mapped = IN6_IS_ADDR_V4MAPPED(&((const struct sockaddr_in6 *)address)->sin6_addr);
-
-        memcpy(out, v6, mapped ? 16 : 8); /* one client has a whole /64 */
-    }
-}
-
-/* The record of an address; the one that was quiet for longest makes room. */
-static struct http_wrong *record_locked(struct http_auth *a, const uint8_t address[16])
-{
-    struct http_wrong *w = &a->wrong[0];
-
-    for (int i = 0; i < HTTP_ADDRESSES_MAX; i++) {
-        if (a->wrong[i].since_ns && !memcmp(a->wrong[i].address, address, 16))
-            return &a->wrong[i];
-        if (a->wrong[i].since_ns < w->since_ns)
-            w = &a->wrong[i];
-    }
-    memset(w, 0, sizeof(*w));
-    memcpy(w->address, address, 16);
-    return w;
-}
-
-int http_auth_wrong(struct http_auth *a, const struct sockaddr *address, int64_t now_ns, bool *first)
-{
-    uint8_t network[16];
-    struct http_wrong *w;
-    int64_t left_ns;
-
-    *first = false;
-    http_network_of(address, network);
-    pthread_mutex_lock(&a->lock);
-    w = record_locked(a, network);
-    if (now_ns >= w->until_ns) {
-        if (!w->since_ns || now_ns - w->since_ns > MINUTE_NS) {
-            if (now_ns - w->until_ns > 15 * MINUTE_NS)
-                w->times = 0;
-            w->since_ns = now_ns;
-            w->count = 0;
-        }
-        if (++w->count > HTTP_WRONG_TOKENS) {
-            w->until_ns = now_ns + (MINUTE_NS << sst_min_int(w->times, 4)); /* 1, 2, 4, 8, 16 minutes */
-            w->times++;
-            w->since_ns = w->until_ns;
-            w->count = 0;
-            *first = true;
-        }
-    }
-    left_ns = w->until_ns - now_ns;
-    pthread_mutex_unlock(&a->lock);
-    return left_ns > 0 ? (int)((left_ns + 999999999) / 1000000000) : 0;
 }

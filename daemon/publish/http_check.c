@@ -50,12 +50,12 @@ int http_wrong_token(struct http_request *q, int *retry_s)
     bool first = false;
 
     q->retry_s = *retry_s =
-        address && !q->local ? http_auth_wrong(&q->http->auth, address, sst_clock_now_ns(), &first) : 0;
+        address && !q->local ? sst_brake_wrong(&q->http->auth.brake, address, sst_clock_now_ns(), &first) : 0;
     if (first)
         sst_events_emit(api->events, SST_EVENT_WARNING, "client",
                         json_pack("{s:s, s:s}", "reason", "wrong tokens", "address", q->who),
                         "%s sent %d wrong tokens within a minute: further wrong ones are answered 429 for %d s", q->who,
-                        HTTP_WRONG_TOKENS + 1, *retry_s);
+                        SST_BRAKE_WRONG + 1, *retry_s);
     return *retry_s ? MHD_HTTP_TOO_MANY_REQUESTS : MHD_HTTP_UNAUTHORIZED;
 }
 
@@ -82,6 +82,16 @@ static bool host_is_ours(struct http_request *q, const char *host)
 bool http_is_picture(const struct sst_route *route)
 {
     return route && (!strncmp(route->path, "/stream", 7) || !strncmp(route->path, "/snapshot", 9));
+}
+
+bool http_is_live(const struct sst_route *route)
+{
+    static const char *const starts[] = { "/api/v1/views", "/api/v1/labels", "/api/v1/tracks" };
+    bool live = http_is_picture(route);
+
+    for (size_t i = 0; i < ARRAY_LEN(starts) && !live; i++)
+        live = !strncmp(route->path, starts[i], strlen(starts[i]));
+    return live;
 }
 
 /* Any user name; a password that is no token is "". @param space  [HTTP_TOKEN_MAX + 1] */
@@ -182,7 +192,7 @@ static bool find_route(struct http_request *q, const char *method, const char *p
 
     routes = sst_http_routes(&count);
     for (int i = 0; i < count; i++) {
-        if (!http_path_matches(routes[i].path, path, q->name))
+        if (!http_path_matches(routes[i].path, path, q->name) || (q->replay && !http_is_live(&routes[i])))
             continue;
         q->route = &routes[i];
         q->index = i;
@@ -261,6 +271,8 @@ int http_check(struct http_request *q, const char *path, const char *method)
         return http_reply_error(q, MHD_HTTP_FORBIDDEN, "\"%.80s\" is not a name of this service; web.host adds one",
                                 host ? host : "");
     q->head = !strcmp(method, "HEAD");
+    q->replay = !strncmp(path, "/replay/", 8);
+    path += q->replay ? 7 : 0;
     found = find_route(q, method, path);
     done = check_role(q);
     if (done >= 0)

@@ -38,6 +38,57 @@ static bool number_of(struct http_request *q, const char *name, uint64_t max, ui
     return false;
 }
 
+/* "2026-11-21", "2026-11-21T18:05:00Z": compared as texts. NULL: any */
+static bool time_of(struct http_request *q, const char *name, const char **out, int *done)
+{
+    const char *text = http_query(q, name);
+
+    *out = text && *text ? text : NULL;
+    if (!*out ||
+        (strlen(text) >= 10 && strlen(text) < SST_CLOCK_TEXT && strspn(text, "0123456789-:.TZ") == strlen(text)))
+        return true;
+    *done = http_reply_error(q, MHD_HTTP_BAD_REQUEST, "%s=%.40s is not a time like 2026-11-21T18:05:00Z", name, text);
+    return false;
+}
+
+int http_do_visits(struct http_request *q)
+{
+    struct sst_visits_query query = { .label = http_query(q, "label"), .zone = http_query(q, "zone") };
+    struct sst_api_answer out = { 0 };
+    uint64_t limit = LIMIT_USUAL;
+    int done;
+
+    if (!number_of(q, "limit", LIMIT_MAX, &limit, &done) || !time_of(q, "from", &query.from, &done) ||
+        !time_of(q, "to", &query.to, &done))
+        return done;
+    query.limit = (int)limit;
+    query.label = query.label && *query.label ? query.label : NULL;
+    query.zone = query.zone && *query.zone ? query.zone : NULL;
+    return http_reply_answer(q, q->http->cfg.api->visits(q->http->cfg.api->arg, &query, &out), &out, "visits");
+}
+
+int http_do_visit_picture(struct http_request *q, enum sst_visit_picture kind)
+{
+    const struct sst_api *api = q->http->cfg.api;
+    struct MHD_Response *response;
+    struct sst_api_answer out = { 0 };
+    uint8_t *data;
+    size_t size;
+    const int err = api->visit_picture(api->arg, q->name, kind, &data, &size);
+
+    if (err)
+        return http_reply_answer(q, err, &out, "the picture of this visit");
+    response = MHD_create_response_from_buffer(size, data, MHD_RESPMEM_MUST_FREE);
+    if (!response) {
+        free(data);
+        return MHD_NO;
+    }
+    atomic_fetch_add(&q->http->count->bytes, size);
+    http_set(response, "Content-Type", "image/jpeg");
+    http_set(response, "Cache-Control", "no-cache, private");
+    return http_reply(q, MHD_HTTP_OK, response);
+}
+
 int http_do_events(struct http_request *q)
 {
     struct sst_events *events = q->http->cfg.api->events;

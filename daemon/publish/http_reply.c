@@ -33,6 +33,13 @@ static void challenge(struct http_request *q, struct MHD_Response *response)
         http_set(response, "WWW-Authenticate", "Basic realm=\"sst\", charset=\"UTF-8\"");
 }
 
+static bool is_tls(struct MHD_Connection *connection)
+{
+    const union MHD_ConnectionInfo *info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_GNUTLS_SESSION);
+
+    return info && info->tls_session;
+}
+
 int http_reply(struct http_request *q, int status, struct MHD_Response *response)
 {
     enum MHD_Result done;
@@ -48,6 +55,8 @@ int http_reply(struct http_request *q, int status, struct MHD_Response *response
         http_set(response, "Content-Security-Policy",
                  "default-src 'self'; img-src 'self' blob: data:; base-uri 'none'; form-action 'self'; "
                  "frame-ancestors 'none'");
+    if (is_tls(q->connection)) /* browsers heed it where they trust the certificate */
+        http_set(response, "Strict-Transport-Security", "max-age=31536000");
     if (q->allow[0])
         http_set(response, "Allow", "%s", q->allow);
     if (q->retry_s || status == MHD_HTTP_SERVICE_UNAVAILABLE)
@@ -137,6 +146,8 @@ int http_reply_answer(struct http_request *q, int err, struct sst_api_answer *ou
     if (!err && out->body)
         return http_reply_json(q, MHD_HTTP_OK, out->body);
     json_decref(out->body);
+    if (err == -EAGAIN || err == -EBUSY)
+        q->retry_s = sst_max_int(q->retry_s, 1);
     for (size_t i = 0; i < ARRAY_LEN(statuses); i++) {
         if (statuses[i].err != err)
             continue;

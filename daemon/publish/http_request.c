@@ -132,6 +132,7 @@ static int parse_body(struct http_request *q)
 
 static int answer(struct http_request *q)
 {
+    const struct sst_api *api = q->http->cfg.api;
     const bool post = !strcmp(q->route->method, "POST");
     int done;
 
@@ -143,7 +144,17 @@ static int answer(struct http_request *q)
         if (done >= 0)
             return done;
     }
-    return http_handler(q->index)(q);
+    if (!q->replay) {
+        q->live = api->live;
+        return http_handler(q->index)(q);
+    }
+    q->live = api->replay_take(api->replayed);
+    if (!q->live)
+        return http_reply_error(q, MHD_HTTP_NOT_FOUND,
+                                "no recording is being played; POST /api/v1/replay with its name opens one");
+    done = http_handler(q->index)(q);
+    api->replay_release(api->replayed);
+    return done;
 }
 
 enum MHD_Result http_on_request(void *cls, struct MHD_Connection *connection, const char *path, const char *method,

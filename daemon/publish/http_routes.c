@@ -1,4 +1,5 @@
-/* The table of routes, and what each of them does. */
+/* The table of routes, and what each of them does. Those about the live picture are also there below /replay, for the
+ * recording that is played. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,6 +18,10 @@
     X("GET", "/api/v1/status", VIEW, "State, rates, latencies, counters", status)                                      \
     X("GET", "/api/v1/cameras", VIEW, "The grid of cameras and each one's state", cameras)                             \
     X("GET", "/api/v1/labels", VIEW, "Classes, colours, shares of the picture", labels)                                \
+    X("GET", "/api/v1/tracks", VIEW, "What moves: place, label, distance", tracks)                                     \
+    X("GET", "/api/v1/visits", VIEW, "What came into view, the newest first", http_do_visits)                          \
+    X("GET", "/api/v1/visits/{id}/camera", VIEW, "A visit as a camera saw it", visit_camera)                           \
+    X("GET", "/api/v1/visits/{id}/seen", VIEW, "A visit seen through what stood in front", visit_seen)                 \
     X("GET", "/api/v1/events", VIEW, "Stored events, one line of JSON each", http_do_events)                           \
     X("GET", "/api/v1/events/stream", VIEW, "Event stream", http_do_listen)                                            \
     X("GET", "/api/v1/views", VIEW, "Views and their settings", views)                                                 \
@@ -39,6 +44,8 @@
     X("GET", "/api/v1/recordings", VIEW, "Stored recordings, snapshots and exports", recordings)                       \
     X("POST", "/api/v1/export", CONTROL, "A light field of a moment of a recording", export)                           \
     X("GET", "/api/v1/download/{name}", VIEW, "Download a recording, snapshot or export as a file", http_do_download)  \
+    X("GET", "/api/v1/replay", VIEW, "The recording that is played", replay)                                           \
+    X("POST", "/api/v1/replay", VIEW, "Play a recording from a moment on, pause, close", replay_change)                \
     X("POST", "/api/v1/delete", CONTROL, "Delete a recording, snapshot or export", delete)                             \
     X("POST", "/api/v1/reload", CONTROL, "Reload the configuration", reload)                                           \
     X("POST", "/api/v1/publishers", CONTROL, "Report of a program that publishes", publishers)                         \
@@ -91,18 +98,20 @@ static int openapi(struct http_request *q)
 }
 
 /* Calls without arguments. */
-#define PLAIN(name, arg, what)                                                                                         \
+#define PLAIN(name, call, arg, what)                                                                                         \
     static int name(struct http_request *q)                                                                            \
     {                                                                                                                  \
         struct sst_api_answer out = { 0 };                                                                             \
-        const int err = api_of(q)->name(api_of(q)->arg, &out);                                                         \
+        const int err = api_of(q)->call(arg, &out);                                                                    \
                                                                                                                        \
         return http_reply_answer(q, err, &out, what);                                                                  \
     }
-PLAIN(cameras, arg, "cameras")
-PLAIN(labels, live, "labels")
-PLAIN(views, live, "views")
-PLAIN(recordings, arg, "recordings")
+PLAIN(cameras, cameras, api_of(q)->arg, "cameras")
+PLAIN(labels, labels, q->live, "labels")
+PLAIN(tracks, tracks, q->live, "tracks")
+PLAIN(views, views, q->live, "views")
+PLAIN(recordings, recordings, api_of(q)->arg, "recordings")
+PLAIN(replay, replay, api_of(q)->replayed, "replay")
 
 /* With the role of the client, which the service itself does not know. */
 static int status(struct http_request *q)
@@ -131,16 +140,17 @@ static int calibration_check(struct http_request *q)
     static int name(struct http_request *q)                                                                            \
     {                                                                                                                  \
         struct sst_api_answer out = { 0 };                                                                             \
-        const int err = api_of(q)->call(api_of(q)->arg, q->body, &out);                                                \
+        const int err = api_of(q)->call(arg, q->body, &out);                                                           \
                                                                                                                        \
         return http_reply_answer(q, err, &out, what);                                                                  \
     }
-WITH_BODY(view_create, view_create, live, "view")
-WITH_BODY(snapshot, snapshot, arg, "snapshot")
-WITH_BODY(record, record, arg, "record")
-WITH_BODY(export, export_, arg, "export")
-WITH_BODY(delete, delete_, arg, "delete")
-WITH_BODY(publishers, publisher, arg, "publisher")
+WITH_BODY(view_create, view_create, q->live, "view")
+WITH_BODY(snapshot, snapshot, api_of(q)->arg, "snapshot")
+WITH_BODY(record, record, api_of(q)->arg, "record")
+WITH_BODY(export, export_, api_of(q)->arg, "export")
+WITH_BODY(delete, delete_, api_of(q)->arg, "delete")
+WITH_BODY(publishers, publisher, api_of(q)->arg, "publisher")
+WITH_BODY(replay_change, replay_change, api_of(q)->replayed, "replay")
 
 static int change_view(struct http_request *q,
                        int (*change)(void *live, const char *id, const json_t *body, struct sst_api_answer *out))
@@ -152,7 +162,7 @@ static int change_view(struct http_request *q,
         return http_reply_error(q, MHD_HTTP_FORBIDDEN,
                                 "the main view is shared by all: changing it needs the control role; "
                                 "POST /api/v1/views makes a view of your own");
-    err = change(api_of(q)->live, q->name, q->body, &out);
+    err = change(q->live, q->name, q->body, &out);
     return http_reply_answer(q, err, &out, "view");
 }
 
@@ -186,7 +196,7 @@ static int pick(struct http_request *q)
     if (!coordinate(q, "x", &x) || !coordinate(q, "y", &y))
         return http_reply_error(q, MHD_HTTP_BAD_REQUEST,
                                 "pick: give x and y in pixels of the picture, like ?x=320&y=240");
-    err = api_of(q)->pick(api_of(q)->live, q->name, x, y, &out);
+    err = api_of(q)->pick(q->live, q->name, x, y, &out);
     return http_reply_answer(q, err, &out, "pick");
 }
 
@@ -203,6 +213,16 @@ static int reload(struct http_request *q)
         return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "reload: dry_run is true or false");
     err = api_of(q)->reload(api_of(q)->arg, json_is_true(dry), &out);
     return http_reply_answer(q, err, &out, "reload");
+}
+
+static int visit_camera(struct http_request *q)
+{
+    return http_do_visit_picture(q, SST_VISIT_CAMERA);
+}
+
+static int visit_seen(struct http_request *q)
+{
+    return http_do_visit_picture(q, SST_VISIT_SEEN);
 }
 
 static int metrics(struct http_request *q)

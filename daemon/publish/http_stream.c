@@ -147,7 +147,7 @@ static int find_outlet(struct http_request *q, enum sst_api_picture kind, const 
     static const char *const kinds[] = { "view", "camera", "labels", "disparity" };
     const struct sst_api *api = q->http->cfg.api;
     struct sst_api_answer answer = { 0 };
-    const int err = api->slot(api->live, kind, name, out);
+    const int err = api->slot(q->live, kind, name, out);
 
     if (!err)
         return -1;

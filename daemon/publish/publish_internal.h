@@ -13,6 +13,7 @@
 #include <sys/types.h>
 
 #include "base/base.h"
+#include "base/brake.h"
 #include "base/file.h"
 #include "daemon/publish/http.h"
 
@@ -33,16 +34,14 @@ struct MHD_Connection;
 struct MHD_Daemon;
 struct MHD_Response;
 
-#define HTTP_HEADER_MAX    8192  /* bytes of a request's line and headers */
-#define HTTP_BODY_MAX      65536 /* bytes of a request's body */
-#define HTTP_TOKEN_MAX     128   /* characters of a token */
-#define HTTP_NAME_MAX      128   /* characters of {a part} of a path */
-#define HTTP_REQUEST_S     10    /* a request must have arrived this long after its connection */
-#define HTTP_IDLE_S        10    /* a connection without a byte goes */
-#define HTTP_KEEP_ALIVE_S  15    /* between signs of life on a silent event stream */
-#define HTTP_WAIT_MS       200   /* longest wait in one piece: how fast stopping and a lost peer are noticed */
-#define HTTP_WRONG_TOKENS  10    /* of an address in a minute, then it is put off */
-#define HTTP_ADDRESSES_MAX 64    /* with wrong tokens that are remembered */
+#define HTTP_HEADER_MAX   8192  /* bytes of a request's line and headers */
+#define HTTP_BODY_MAX     65536 /* bytes of a request's body */
+#define HTTP_TOKEN_MAX    128   /* characters of a token */
+#define HTTP_NAME_MAX     128   /* characters of {a part} of a path */
+#define HTTP_REQUEST_S    10    /* a request must have arrived this long after its connection */
+#define HTTP_IDLE_S       10    /* a connection without a byte goes */
+#define HTTP_KEEP_ALIVE_S 15    /* between signs of life on a silent event stream */
+#define HTTP_WAIT_MS      200   /* longest wait in one piece: how fast stopping and a lost peer are noticed */
 
 /* --- sockets (http_listen.c) -------------------------------------------------------------------------------------- */
 
@@ -101,21 +100,12 @@ bool http_number(const char *text, uint64_t max, uint64_t *out);
 
 /* --- authorization (http_auth.c) ---------------------------------------------------------------------------------- */
 
-struct http_wrong {
-    uint8_t address[16]; /* IPv4 mapped; of IPv6 the network */
-    int64_t since_ns;    /* of the minute counted; 0: free */
-    int64_t until_ns;    /* blocked until then */
-    int count, times;
-};
-
 struct http_auth {
     /* fixed after open */
     char control[HTTP_TOKEN_MAX + 1], view[HTTP_TOKEN_MAX + 1]; /* "": no TCP */
     gid_t group, view_group;                                    /* (gid_t)-1: none */
     char group_name[64];
-    /* under lock */
-    pthread_mutex_t lock;
-    struct http_wrong wrong[HTTP_ADDRESSES_MAX];
+    struct sst_brake brake;
 };
 
 SST_MUST_CHECK int http_auth_init(struct http_auth *a, const struct sst_http_config *cfg);
@@ -126,13 +116,6 @@ enum sst_role http_auth_token(const struct http_auth *a, const char *token);
 
 /** Role of the peer of a UNIX socket. @param who  out [96], its name for messages */
 enum sst_role http_auth_peer(const struct http_auth *a, int fd, char *who);
-
-/** The address that identifies a client: IPv4 as a mapped address; of IPv6 the network. */
-void http_network_of(const struct sockaddr *address, uint8_t out[16]);
-
-/** Count a wrong token from an address. @param first  out: true if this one starts a block
- *  @return seconds for which the address is blocked; 0: not blocked */
-int http_auth_wrong(struct http_auth *a, const struct sockaddr *address, int64_t now_ns, bool *first);
 
 /* --- certificate and key (http_tls.c) ----------------------------------------------------------------------------- */
 
@@ -230,7 +213,9 @@ struct http_request {
     const struct sst_route *route;
     int index; /* of the route */
     int fd;
-    bool local; /* over the UNIX socket */
+    bool local;  /* over the UNIX socket */
+    bool replay; /* below /replay: about the recording that is played */
+    void *live;  /* argument of the verbs about pictures, while the request is handled */
     bool head;  /* method HEAD: the answer is sent without its body */
     enum sst_role role;
     char name[HTTP_NAME_MAX + 1]; /* {a part} of the path */
@@ -244,6 +229,9 @@ struct http_request {
 };
 
 typedef int http_handler_fn(struct http_request *q); /* queues an answer; MHD_YES or MHD_NO */
+
+/** Is it about the live picture, so that /replay before its path is about the one that is played? */
+bool http_is_live(const struct sst_route *route);
 
 /** Check route, role and form of a request. @return -1: accepted; else an answer is queued */
 int http_check(struct http_request *q, const char *path, const char *method);
@@ -286,6 +274,8 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
 int http_do_snapshot(struct http_request *q, enum sst_api_picture kind, const char *name); /* http_stream.c */
 int http_do_download(struct http_request *q);                                              /* http_download.c */
 int http_do_events(struct http_request *q);                                                /* http_events.c */
+int http_do_visits(struct http_request *q);
+int http_do_visit_picture(struct http_request *q, enum sst_visit_picture kind);
 int http_do_listen(struct http_request *q);
 int http_do_web(struct http_request *q, const char *file, bool redirect); /* http_web.c */
 int http_do_login_form(struct http_request *q);

@@ -93,8 +93,7 @@ static int recordings(void *arg, struct sst_api_answer *out)
     return out->body ? 0 : -ENOMEM;
 }
 
-/** "2026-11-21T18:05:00Z", with a fraction if need be. */
-static bool read_time(const char *text, int64_t *wall_ns)
+bool service_read_time(const char *text, int64_t *wall_ns)
 {
     struct tm tm = { 0 };
     const char *end = text ? strptime(text, "%Y-%m-%dT%H:%M:%S", &tm) : NULL;
@@ -124,7 +123,7 @@ static int export_moment(void *arg, const json_t *request, struct sst_api_answer
 
     if (err)
         return err;
-    if (!read_time(json_string_value(json_object_get(request, "time")), &wall_ns))
+    if (!service_read_time(json_string_value(json_object_get(request, "time")), &wall_ns))
         return sst_api_refuse(out->error, -EINVAL, "time must be like \"2026-11-21T18:05:00.5Z\"");
     err = sst_storage_export(s->storage, recording && recording[0] ? recording : NULL, wall_ns, name);
     if (err == -ENOENT)
@@ -201,6 +200,19 @@ static int download(void *arg, const char *name, struct sst_download **out)
     return sst_storage_download(((struct sst_service *)arg)->storage, name, out);
 }
 
+static int list_visits(void *arg, const struct sst_visits_query *query, struct sst_api_answer *out)
+{
+    json_t *list = sst_visits_list(((struct sst_service *)arg)->visits, query);
+
+    out->body = list ? json_pack("{s:o}", "visits", list) : NULL;
+    return out->body ? 0 : -ENOMEM;
+}
+
+static int read_visit(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size)
+{
+    return sst_visits_read_picture(((struct sst_service *)arg)->visits, visit, kind, data, size);
+}
+
 void service_api(struct sst_service *s)
 {
     s->api = (struct sst_api){
@@ -210,6 +222,9 @@ void service_api(struct sst_service *s)
         .cameras = service_cameras,
         .labels = engine_labels,
         .metrics = service_metrics,
+        .tracks = engine_tracks,
+        .visits = list_visits,
+        .visit_picture = read_visit,
         .views = engine_views,
         .view_create = engine_view_create,
         .view_change = engine_view_change,
@@ -225,6 +240,11 @@ void service_api(struct sst_service *s)
         .calibration_check = engine_calibration_check,
         .slot = engine_outlet,
         .download = download,
+        .replayed = s->replay,
+        .replay = replay_state,
+        .replay_change = replay_change,
+        .replay_take = replay_take,
+        .replay_release = replay_release,
         .events = s->events,
     };
 }

@@ -451,8 +451,9 @@ int array_cameras(struct service_array *a, struct array_camera *out)
     return n;
 }
 
-unsigned array_generation(struct service_array *a)
+unsigned array_generation(void *array)
 {
+    struct service_array *a = array;
     unsigned generation;
 
     pthread_mutex_lock(&a->lock);
@@ -461,8 +462,10 @@ unsigned array_generation(struct service_array *a)
     return generation;
 }
 
-void array_layout(struct service_array *a, struct array_layout *out)
+void array_layout(void *array, struct array_layout *out)
 {
+    struct service_array *a = array;
+
     pthread_mutex_lock(&a->lock);
     *out = a->layout;
     pthread_mutex_unlock(&a->lock);

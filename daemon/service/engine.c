@@ -19,6 +19,10 @@
  * one is processed, for at most as long as the last set took: sets lose half of their time at most. */
 #define DRAG_NS            INT64_C(150000000)
 #define INTERACTION_MAX_NS INT64_C(500000000)
+/* How old maps may get while they are not needed: the first viewer has to wait until what has changed since is
+ * computed. */
+#define KEEP_NS   INT64_C(5000000000)
+#define EVENTS_NS INT64_C(500000000)
 /* Capturing comes first: this thread and those that it starts use all processors. */
 #define LIVE_NICE 5
 
@@ -28,6 +32,13 @@ const char *engine_stage_name(enum engine_stage stage)
                                                       "labels", "refine", "render", "encode" };
 
     return names[stage];
+}
+
+const char *engine_demand_name(enum engine_demand demand)
+{
+    static const char *const names[] = { "none", "events", "pictures" };
+
+    return names[demand];
 }
 
 /* --- the light field that is followed ----------------------------------------------------------------------------- */
@@ -64,6 +75,7 @@ static void close_live(struct live_engine *v)
     v->state.ready = v->state.counted = false;
     v->state.cut_px = NAN;
     pthread_mutex_unlock(&v->lock);
+    engine_tracks_follow(v);
     sst_live_close(live);
     sst_use_calibration_fini(&v->use);
 }
@@ -166,7 +178,7 @@ static bool same_array(const struct sst_array_config *a, const struct sst_array_
 /** Follow the array's openings and the configuration's changes. @return there is a light field to bring up to date */
 static bool follow(struct live_engine *v)
 {
-    const unsigned generation = array_generation(v->array);
+    const unsigned generation = v->source.generation(v->source.arg);
     bool restart, enabled;
 
     pthread_mutex_lock(&v->lock);
@@ -177,7 +189,7 @@ static bool follow(struct live_engine *v)
     if (generation && generation != v->layout.generation) {
         const struct sst_array_config before = v->layout.config;
 
-        array_layout(v->array, &v->layout);
+        v->source.layout(v->source.arg, &v->layout);
         if (same_array(&before, &v->layout.config))
             v->last = v->layout.first - 1 > v->last ? v->layout.first - 1 : v->last;
         else
@@ -194,14 +206,14 @@ static bool follow(struct live_engine *v)
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
-static void note_second_locked(struct live_engine *v, const struct sst_live_report *r)
+static void note_second_locked(struct live_engine *v, const struct sst_live_report *r, int sets)
 {
     const int64_t s = sst_clock_now_ns() / 1000000000;
     struct second *at = &v->second[s % RATE_SLOTS];
 
     if (at->s != s)
         *at = (struct second){ .s = s };
-    at->sets++;
+    at->sets += (uint64_t)sets;
     at->tiles += (uint64_t)r->tiles;
     at->changed += (uint64_t)r->tiles_changed;
     at->cpu_ns += r->cpu_ns;
@@ -211,7 +223,7 @@ static void note_locked(struct live_engine *v, const struct sst_live_report *r, 
 {
     struct engine_state *s = &v->state;
 
-    note_second_locked(v, r);
+    note_second_locked(v, r, 1);
     s->sets++;
     s->idle += r->tiles_changed == 0;
     s->ready = r->ready;
@@ -271,6 +283,8 @@ static void notify_storage(struct live_engine *v, const struct sst_kept *kept, c
 {
     struct sst_seen seen = { .t_ns = kept->set.t_ns, .zones = v->live_config.zones };
 
+    if (!v->storage)
+        return;
     for (int i = 0; i < seen.zones; i++)
         seen.changed[i] = r->zone[i].changed;
     seen.changed[seen.zones] = r->zone[SST_LIVE_ZONES].changed;
@@ -286,10 +300,9 @@ static void notify_storage(struct live_engine *v, const struct sst_kept *kept, c
     sst_storage_seen(v->storage, &seen);
 }
 
-static void process_set(struct live_engine *v, const struct sst_kept *kept, uint64_t dropped)
+static void fill_input(struct live_engine *v, const struct sst_kept *kept)
 {
     struct sst_live_input *in = &v->input;
-    const int64_t start_ns = sst_clock_now_ns();
 
     memset(in, 0, sizeof(*in));
     in->set = kept->set.index;
@@ -306,10 +319,21 @@ static void process_set(struct live_engine *v, const struct sst_kept *kept, uint
             in->frame[view].stride = f->stride;
         }
     }
-    if (sst_live_update(v->live, in, &v->report))
-        return; /* logged, or stopped */
+}
+
+/** @return 0, or an error: logged, or stopped */
+static int update(struct live_engine *v, const struct sst_kept *kept, uint64_t dropped)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    const int err = sst_live_update(v->live, &v->input, &v->report);
+
+    if (err)
+        return err;
+    v->updated_ns = start_ns;
+    v->moved = false;
     pthread_mutex_lock(&v->lock);
     v->state.dropped += dropped;
+    v->behind = false;
     note_locked(v, &v->report, start_ns - kept->set.t_ns);
     pthread_mutex_unlock(&v->lock);
     v->set_index = kept->set.index;
@@ -317,7 +341,57 @@ static void process_set(struct live_engine *v, const struct sst_kept *kept, uint
     v->set_wall_ns = kept->set.wall_ns;
     v->latency_due = v->report.tiles_changed > 0;
     note_scene(v);
-    notify_storage(v, kept, &v->report);
+    engine_tracks_follow(v);
+    return 0;
+}
+
+static bool update_due(const struct live_engine *v, enum engine_demand demand)
+{
+    const int64_t age_ns = sst_clock_now_ns() - v->updated_ns;
+
+    return demand == ENGINE_PICTURES || age_ns >= KEEP_NS ||
+           (demand == ENGINE_EVENTS && v->moved && age_ns >= EVENTS_NS);
+}
+
+/** Watch one view of a set; all of it only if it is time for that. Changes are those from watched set to watched set,
+ *  whether or not the light field is brought up to date.
+ *  @return 0, or an error: logged, or stopped */
+static int watch(struct live_engine *v, const struct sst_kept *kept, enum engine_demand demand)
+{
+    double changed[SST_LIVE_ZONES + 1];
+    int err = sst_live_watch(v->live, &v->input, &v->report);
+
+    if (err)
+        return err;
+    for (int i = 0; i <= SST_LIVE_ZONES; i++)
+        changed[i] = v->report.zone[i].changed;
+    v->moved |= changed[SST_LIVE_ZONES] > 0;
+    v->input.unseen = true;
+    if (update_due(v, demand)) {
+        err = update(v, kept, 0);
+        for (int i = 0; i <= SST_LIVE_ZONES; i++)
+            v->report.zone[i].changed = changed[i];
+        return err;
+    }
+    pthread_mutex_lock(&v->lock);
+    v->state.watched++;
+    v->behind = true;
+    note_second_locked(v, &v->report, 0);
+    pthread_mutex_unlock(&v->lock);
+    return 0;
+}
+
+static void process_set(struct live_engine *v, const struct sst_kept *kept, uint64_t dropped, enum engine_demand demand)
+{
+    int err = -ENOTSUP;
+
+    fill_input(v, kept);
+    if (demand != ENGINE_PICTURES)
+        err = watch(v, kept, demand);
+    if (err == -ENOTSUP) /* also of frames whose changes only decoding shows */
+        err = update(v, kept, dropped);
+    if (!err)
+        notify_storage(v, kept, &v->report);
 }
 
 /**
@@ -346,9 +420,30 @@ static void serve_clients(struct live_engine *v, int64_t took_ns)
     } while (more);
 }
 
+/** What pictures and maps are needed for now. */
+static enum engine_demand find_demand(struct live_engine *v)
+{
+    enum engine_demand demand = ENGINE_UNUSED;
+
+    pthread_mutex_lock(&v->lock);
+    if (v->config.zones || engine_armed_locked(v))
+        demand = ENGINE_EVENTS;
+    for (int i = 0; i < v->config.storage.triggers; i++)
+        demand = v->config.storage.trigger[i].label[0] ? ENGINE_EVENTS : demand;
+    /* Exact mode leaves nothing out; until there are maps, all work is for them. */
+    if (!v->config.live.skip_change || !v->state.ready || engine_seen_locked(v))
+        demand = ENGINE_PICTURES;
+    v->state.demand = demand;
+    pthread_mutex_unlock(&v->lock);
+    return demand;
+}
+
 /** Process the newest set if it is due. @return time needed, ns; 0: there was none */
 static int64_t step(struct live_engine *v)
 {
+    const enum engine_demand demand = find_demand(v);
+    /* A viewer who comes sees the set that has only been watched. */
+    const uint64_t after = v->last - (demand == ENGINE_PICTURES && v->behind);
     const struct sst_kept *kept = NULL;
     uint64_t dropped = 0;
     double rate_hz;
@@ -360,12 +455,12 @@ static int64_t step(struct live_engine *v)
     due_ns = rate_hz > 0 ? v->last_ns + (int64_t)(1e9 / rate_hz) : 0;
     if (sst_clock_now_ns() + POLL_MS * INT64_C(1000000) < due_ns)
         nanosleep(&(struct timespec){ .tv_nsec = POLL_MS * 1000000 }, NULL);
-    else if (sst_ring_wait(v->ring, v->last, POLL_MS))
-        kept = sst_ring_newest(v->ring, v->last, &dropped);
+    else if (sst_ring_wait(v->ring, after, POLL_MS))
+        kept = sst_ring_newest(v->ring, after, &dropped);
     if (kept) {
         v->last = kept->number;
         v->last_ns = sst_clock_now_ns();
-        process_set(v, kept, dropped);
+        process_set(v, kept, dropped, demand);
         sst_ring_unref(v->ring, kept);
         took_ns = sst_clock_now_ns() - v->last_ns;
     }
@@ -389,7 +484,8 @@ static void *run(void *arg)
     while (!stop) {
         if (follow(v)) {
             serve_clients(v, step(v));
-            engine_check_by_time(v);
+            if (v->events)
+                engine_check_by_time(v);
         } else {
             engine_serve(v);
             nanosleep(&(struct timespec){ .tv_nsec = POLL_MS * 1000000 }, NULL);
@@ -417,8 +513,9 @@ int engine_open(struct live_engine **out, const struct engine_config *cfg)
     if (!v)
         return -ENOMEM;
     v->ring = cfg->ring;
-    v->array = cfg->array;
+    v->source = cfg->source;
     v->storage = cfg->storage;
+    v->kept = cfg->visits;
     v->events = cfg->events;
     v->config = *cfg->config;
     v->state.enabled = cfg->config->live.enabled;

@@ -35,6 +35,7 @@ static int add_locked(struct live_engine *v, const char *id, const struct view_s
             return -ENOMEM;
         *e = (struct view){ .used = true, .settings = *settings, .version = 1, .slot = slot };
         e->used_ns = sst_clock_now_ns();
+        e->track_px = NAN;
         e->shown = (struct sst_livepicture_clear){ NAN, NAN, NAN, NAN, NAN, 0 };
         snprintf(e->id, sizeof(e->id), "%s", id);
         *out = e;
@@ -74,14 +75,16 @@ void engine_views_close(struct live_engine *v)
     sst_image_fini(&v->overlay_image);
 }
 
-static json_t *view_json_locked(const struct view *e)
+static json_t *view_json_locked(const struct live_engine *v, const struct view *e)
 {
-    return json_pack("{s:s, s:i, s:o?, s:o, s:o, s:o, s:o, s:o, s:o, s:i}", "id", e->id, "viewers",
+    const struct sst_live_track *t = e->settings.follow_track ? engine_track_locked(v, e->settings.follow_track) : NULL;
+
+    return json_pack("{s:s, s:i, s:o?, s:o, s:o, s:o, s:o, s:o, s:o, s:i, s:o}", "id", e->id, "viewers",
                      sst_slot_clients(e->slot), "settings", view_settings_json(&e->settings), "shown_focus_px",
                      sst_api_real(e->shown_focus_px), "shown_cut_px", sst_api_real(e->shown.cut_px), "seen_percent",
                      sst_api_real(100 * e->shown.seen), "remembered_percent", sst_api_real(100 * e->shown.remembered),
                      "filled_percent", sst_api_real(100 * e->shown.filled), "oldest_s", sst_api_real(e->shown.oldest_s),
-                     "objects", e->shown.objects);
+                     "objects", e->shown.objects, "track", t ? engine_track_json_locked(v, t) : json_null());
 }
 
 int engine_views(void *engine, struct sst_api_answer *out)
@@ -92,7 +95,7 @@ int engine_views(void *engine, struct sst_api_answer *out)
     pthread_mutex_lock(&v->lock);
     for (int i = 0; i < VIEWS_MAX; i++)
         if (v->view[i].used)
-            json_array_append_new(list, view_json_locked(&v->view[i]));
+            json_array_append_new(list, view_json_locked(v, &v->view[i]));
     pthread_mutex_unlock(&v->lock);
     out->body = json_pack("{s:o}", "views", list);
     return out->body ? 0 : -ENOMEM;
@@ -134,7 +137,7 @@ int engine_view_create(void *engine, const json_t *settings, struct sst_api_answ
     if (err == -EOVERFLOW)
         snprintf(out->error, sizeof(out->error),
                  "there are %d views already, more cost too much; close one, or raise web: views", v->config.web.views);
-    out->body = err ? NULL : view_json_locked(e);
+    out->body = err ? NULL : view_json_locked(v, e);
     pthread_mutex_unlock(&v->lock);
     return err ? err : out->body ? 0 : -ENOMEM;
 }
@@ -161,7 +164,7 @@ int engine_view_change(void *engine, const char *id, const json_t *settings, str
         e->version++;
         e->used_ns = v->interaction_ns = sst_clock_now_ns();
         pthread_cond_broadcast(&v->changed);
-        out->body = view_json_locked(e);
+        out->body = view_json_locked(v, e);
     }
     pthread_mutex_unlock(&v->lock);
     return err ? err : out->body ? 0 : -ENOMEM;
@@ -192,6 +195,8 @@ static void expire(struct live_engine *v)
 
 void engine_forget_pictures(struct live_engine *v)
 {
+    sst_livepicture_destroy(v->visit_picture);
+    v->visit_picture = NULL;
     for (int i = 0; i < VIEWS_MAX; i++) {
         struct sst_livepicture *picture;
 
@@ -205,7 +210,8 @@ void engine_forget_pictures(struct live_engine *v)
 }
 
 /** Settings for the renderer, resolved for the present scene. */
-static void resolve(struct live_engine *v, const struct view_settings *s, struct sst_render_config *render)
+static void resolve(struct live_engine *v, struct view *e, const struct view_settings *s,
+                    struct sst_render_config *render)
 {
     const struct sst_classes *classes = &sst_live_lightfield(v->live)->classes;
 
@@ -218,25 +224,44 @@ static void resolve(struct live_engine *v, const struct view_settings *s, struct
         if (!sst_livepicture_label_disparity(v->live, render->focus_label, &disp_px))
             render->focus_px = disp_px;
     }
+    if (s->follow_track) {
+        const struct sst_live_track *t;
+
+        pthread_mutex_lock(&v->lock);
+        t = engine_track_locked(v, s->follow_track);
+        e->track_px = t ? t->disp_px : e->track_px; /* where it was last */
+        pthread_mutex_unlock(&v->lock);
+        render->focus_px = isnan(e->track_px) ? render->focus_px : e->track_px;
+    } else {
+        e->track_px = NAN;
+    }
     if (isnan(render->focus_px))
         render->focus_px = sst_live_default_focus(v->live);
     if (isnan(render->focus_px))
         render->focus_px = 0;
 }
 
-static int show(struct live_engine *v, struct sst_slot *slot, const struct sst_image *image, int quality)
+int engine_jpeg(struct live_engine *v, const struct sst_image *image, int quality, uint8_t **out, size_t *bytes)
 {
     const uint8_t *jpeg;
-    uint8_t *data = NULL;
-    size_t bytes;
     int err = v->encoder ? 0 : sst_jpeg_encoder_create(&v->encoder);
 
-    err = err ? err : sst_jpeg_encoder_run(v->encoder, image, quality, &jpeg, &bytes);
-    if (!err)
-        data = malloc(bytes);
-    if (err || !data)
+    err = err ? err : sst_jpeg_encoder_run(v->encoder, image, quality, &jpeg, bytes);
+    *out = err ? NULL : malloc(*bytes);
+    if (err || !*out)
         return err ? err : -ENOMEM;
-    memcpy(data, jpeg, bytes);
+    memcpy(*out, jpeg, *bytes);
+    return 0;
+}
+
+static int show(struct live_engine *v, struct sst_slot *slot, const struct sst_image *image, int quality)
+{
+    uint8_t *data;
+    size_t bytes;
+    const int err = engine_jpeg(v, image, quality, &data, &bytes);
+
+    if (err)
+        return err;
     return sst_slot_put(slot, data, bytes, v->set_index, v->set_t_ns, v->set_wall_ns);
 }
 
@@ -252,7 +277,7 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     bool first;
     int err = 0;
 
-    resolve(v, settings, &render);
+    resolve(v, e, settings, &render);
     if (!e->picture)
         err = sst_livepicture_create(&e->picture, v->live);
     if (!err) {
@@ -292,6 +317,7 @@ static bool publish_view(struct live_engine *v, struct view *e, bool asked, int6
     int quality;
 
     pthread_mutex_lock(&v->lock);
+    asked |= engine_armed_locked(v) && !strcmp(e->id, "main");
     due = e->used && (asked || engine_wanted(e->slot, e->used_ns)) &&
           (e->shown_version != e->version || e->shown_update != v->update);
     settings = e->settings;
@@ -371,6 +397,22 @@ bool engine_wanted(struct sst_slot *slot, int64_t used_ns)
     return sst_slot_clients(slot) > 0 || (used_ns && sst_clock_now_ns() - used_ns < WANTED_NS);
 }
 
+bool engine_armed_locked(const struct live_engine *v)
+{
+    return v->config.storage.mode == SST_RECORD_EVENT && v->config.storage.record_view;
+}
+
+bool engine_seen_locked(const struct live_engine *v)
+{
+    bool seen = v->request.pending;
+
+    for (int i = 0; i < VIEWS_MAX && !seen; i++)
+        seen = v->view[i].used && engine_wanted(v->view[i].slot, v->view[i].used_ns);
+    for (size_t i = 0; i < ARRAY_LEN(v->overlay) && !seen; i++)
+        seen = v->overlay[i].slot && engine_wanted(v->overlay[i].slot, v->overlay[i].used_ns);
+    return seen;
+}
+
 int engine_share_locked(struct shared *s, struct sst_slot **out)
 {
     if (!s->slot && sst_slot_create(&s->slot))
@@ -392,7 +434,7 @@ static void await_view_locked(struct live_engine *v, const char *id)
     const struct view *e;
 
     while (!v->stop && v->live && (e = find_locked(v, id)) &&
-           (e->shown_version != e->version || e->shown_update != v->update) &&
+           (v->behind || e->shown_version != e->version || e->shown_update != v->update) &&
            sst_cond_wait_until(&v->changed, &v->lock, end_ns))
         ;
 }
@@ -416,7 +458,7 @@ static int overlay_outlet_locked(struct live_engine *v, enum sst_livepicture_ove
     struct shared *s = &v->overlay[kind];
     const int err = engine_share_locked(s, out);
 
-    while (!err && !v->stop && v->state.ready && s->shown != v->update && !sst_slot_clients(s->slot) &&
+    while (!err && !v->stop && v->state.ready && (v->behind || s->shown != v->update) && !sst_slot_clients(s->slot) &&
            sst_cond_wait_until(&v->changed, &v->lock, end_ns))
         ;
     return err;
@@ -429,7 +471,7 @@ static int camera_outlet_locked(struct live_engine *v, const char *name, struct 
 
     if (!layout)
         return -ENOMEM;
-    array_layout(v->array, layout);
+    v->source.layout(v->source.arg, layout);
     if (sscanf(name, "r%3dc%3d%n", &row, &col, &end) == 2 && !name[end])
         for (int i = 0; layout->generation && i < layout->config.bound && err == -ENOENT; i++)
             if (layout->config.camera[i].row == row && layout->config.camera[i].col == col)
@@ -553,14 +595,17 @@ static int explain_locked(struct live_engine *v, struct sst_api_answer *out)
 static int answer_locked(struct live_engine *v, struct sst_api_answer *out)
 {
     const struct sst_livepicture_pick *p = &v->request.pick;
+    const struct sst_live_track *track = engine_track_at_locked(v, v->request.x, v->request.y, p->disp_px);
+    const struct sst_live_track *front = engine_track_at_locked(v, v->request.x, v->request.y, p->front_px);
 
     if (v->request.err)
         return explain_locked(v, out);
     if (v->request.kind == REQUEST_PICK)
-        out->body = json_pack("{s:o, s:i, s:s, s:o, s:i, s:s}", "disparity_px", sst_api_real(p->disp_px), "label",
-                              p->label, "name", p->label ? sst_classes_name(&v->classes, p->label) : "", "front_px",
-                              sst_api_real(p->front_px), "front_label", p->front_label, "front_name",
-                              p->front_label ? sst_classes_name(&v->classes, p->front_label) : "");
+        out->body = json_pack("{s:o, s:i, s:s, s:o, s:i, s:s, s:I, s:I}", "disparity_px", sst_api_real(p->disp_px),
+                              "label", p->label, "name", p->label ? sst_classes_name(&v->classes, p->label) : "",
+                              "front_px", sst_api_real(p->front_px), "front_label", p->front_label, "front_name",
+                              p->front_label ? sst_classes_name(&v->classes, p->front_label) : "", "track",
+                              (json_int_t)(track ? track->id : 0), "front_track", (json_int_t)(front ? front->id : 0));
     else
         out->body = json_pack("{s:b, s:i}", "removed", v->request.removed, "objects", v->request.objects);
     return out->body ? 0 : -ENOMEM;

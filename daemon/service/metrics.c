@@ -77,8 +77,11 @@ static void write_live(FILE *f, const struct engine_state *v)
     metric(f, "live_ready", "gauge", "1 if see-through pictures are made.", v->ready);
     metric(f, "live_sets_total", "counter", "Sets taken into the live picture.", (double)v->sets);
     metric(f, "live_sets_dropped_total", "counter", "Sets passed over for newer ones.", (double)v->dropped);
+    metric(f, "live_sets_watched_total", "counter", "Sets of which one view was watched, as no pictures were needed.",
+           (double)v->watched);
     metric(f, "live_sets_idle_total", "counter", "Sets in which nothing had changed.", (double)v->idle);
     metric(f, "live_pictures_total", "counter", "Pictures rendered and encoded.", (double)v->pictures);
+    metric(f, "visits_total", "counter", "Things that came into view and moved.", (double)v->visits);
     metric(f, "live_rate_hz", "gauge", "Sets per second, over the last ten seconds.", v->rate_hz);
     metric(f, "live_tiles_total", "counter", "Tiles of the sets taken in.", (double)v->tiles);
     metric(f, "live_tiles_changed_total", "counter", "Tiles of them that were recomputed.", (double)v->tiles_changed);

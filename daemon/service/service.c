@@ -102,6 +102,14 @@ void service_record_view(struct sst_service *s)
     sst_slot_unref(slot);
 }
 
+static int open_visits(struct sst_service *s)
+{
+    char dir[SST_PATH_MAX];
+    const int err = sst_path_join(dir, s->config.storage.dir, "visits");
+
+    return err ? err : sst_visits_open(&s->visits, dir, s->config.storage.visits_days);
+}
+
 static int open_parts(struct sst_service *s, const struct sst_service_config *cfg)
 {
     struct sst_config *c = &s->config;
@@ -122,12 +130,16 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
     c->array.bound = bound;
     if (!err)
         err = array_open(&s->array, &c->array, s->ring, s->events);
+    if (!err)
+        err = open_visits(s);
     const struct engine_config viewer = {
-        .config = c, .ring = s->ring, .array = s->array, .storage = s->storage, .events = s->events
+        .config = c, .ring = s->ring, .source = { s->array, array_generation, array_layout }, .storage = s->storage, .visits = s->visits, .events = s->events
     };
 
     if (!err)
         err = engine_open(&s->engine, &viewer);
+    if (!err)
+        err = replay_open(&s->replay, s->storage, c);
     if (!err)
         service_record_view(s);
     service_api(s);
@@ -383,6 +395,8 @@ static bool start_drain(struct sst_service *s, int64_t until_ns)
     pthread_mutex_unlock(&s->lock);
     if (s->engine)
         engine_stop(s->engine); /* viewers leave, so that servers end at once */
+    if (s->replay)
+        replay_stop(s->replay);
     if (s->array)
         array_stop(s->array);
     sst_hooks_stop(s->hooks);
@@ -429,6 +443,12 @@ bool sst_service_stop(struct sst_service *s)
     if (s->engine)
         viewer = engine_join(s->engine, since_ns < free_ns ? free_ns : since_ns);
     note(took, sizeof(took), "live", &since_ns);
+    if (s->replay && !replay_join(s->replay, since_ns < free_ns ? free_ns : since_ns))
+        viewer = false;
+    note(took, sizeof(took), "replay", &since_ns);
+    if (viewer)
+        sst_visits_close(s->visits, sst_max_int(left_ms(until_ns), 100));
+    s->visits = NULL;
     if (!array)
         array = array_join(s->array, since_ns < free_ns ? free_ns : since_ns);
     note(took, sizeof(took), "cameras", &since_ns);
@@ -437,6 +457,7 @@ bool sst_service_stop(struct sst_service *s)
         sst_log_warning("ending without waiting for the disk; what was acknowledged is on disk");
     if (!array || !storage || !viewer || !sst_storage_close(s->storage, 0))
         return false; /* their threads may still use the others */
+    replay_close(s->replay);
     engine_close(s->engine);
     array_close(s->array);
     sst_ring_destroy(s->ring);

@@ -18,6 +18,7 @@
 #include "daemon/publish/http.h"
 #include "daemon/service/service.h"
 #include "daemon/storage/storage.h"
+#include "daemon/visits/visits.h"
 #include "pipeline/live/live.h"
 #include "pipeline/method/render/render.h"
 
@@ -73,8 +74,8 @@ void array_state(struct service_array *a, struct array_state *out);
 /** Cameras of the last opening, by index of array_layout.config.camera. @param out  [SST_CAMERAS_MAX] @return count */
 int array_cameras(struct service_array *a, struct array_camera *out);
 
-unsigned array_generation(struct service_array *a);
-void array_layout(struct service_array *a, struct array_layout *out);
+unsigned array_generation(void *array); /* a struct service_array; also a source of layouts for an engine */
+void array_layout(void *array, struct array_layout *out);
 
 /** Tracks of the cameras for recordings. @param out  [SST_CAMERAS_MAX] */
 void array_tracks(struct service_array *a, struct sst_recorder_track *out);
@@ -119,6 +120,17 @@ enum engine_stage {
     ENGINE_STAGES = 3 + SST_LIVE_STAGES,
 };
 
+/** What the pictures are needed for; less need, less is computed. */
+enum engine_demand {
+    ENGINE_UNUSED = 0, /* one view is watched for changes; all is brought up to date every few seconds */
+    ENGINE_EVENTS =
+        1, /* visits to zones, triggers on labels, before a recorded event: up to twice a second after changes */
+    ENGINE_PICTURES = 2, /* viewers, or a recording of the view: every set */
+};
+
+/** "none", "events", "pictures" */
+const char *engine_demand_name(enum engine_demand demand);
+
 /** "wait", "change" ... */
 const char *engine_stage_name(enum engine_stage stage);
 
@@ -127,9 +139,12 @@ struct engine_state {
     char reason[512];             /* why not */
     double rate_hz;               /* sets per second, over the last ten */
     uint64_t sets, dropped, idle; /* processed; skipped for newer ones; processed without any change */
-    uint64_t pictures;            /* encoded */
-    double changed_percent;       /* tiles, over the last ten seconds */
-    double cpu_percent;           /* of one core, over the last ten seconds, without rendering */
+    uint64_t watched;             /* only one view of them was watched for changes */
+    enum engine_demand demand;
+    uint64_t pictures;      /* encoded */
+    uint64_t visits;        /* begun */
+    double changed_percent; /* tiles, over the last ten seconds */
+    double cpu_percent;     /* of one core, over the last ten seconds, without rendering */
     struct time_window latency_ms, stage_ms[ENGINE_STAGES]; /* of sets that changed something */
     uint64_t tiles, tiles_changed, label_runs, label_runs_skipped;
     double error_change, error_labels;           /* last sampled; NaN */
@@ -144,11 +159,20 @@ struct engine_state {
     char check[512];                 /* last verdict on the calibration */
 };
 
+/** Where the cameras of the ring's sets are: in the array, or in a recording. */
+struct engine_source {
+    void *arg;
+    unsigned (*generation)(void *arg);
+    void (*layout)(void *arg, struct array_layout *out);
+};
+
 struct engine_config {
     const struct sst_config *config; /* copied */
     struct sst_ring *ring;           /* this and all below must outlive the engine */
-    struct service_array *array;
+    struct engine_source source;
+    /* NULL: what the sets show is neither recorded nor reported, for they are those of a recording */
     struct sst_storage *storage;
+    struct sst_visits *visits;
     struct sst_events *events;
 };
 
@@ -162,6 +186,7 @@ void engine_state(struct live_engine *v, struct engine_state *out);
 
 /* Verbs of struct sst_api, by the same names; `engine` is a struct live_engine. */
 int engine_labels(void *engine, struct sst_api_answer *out);
+int engine_tracks(void *engine, struct sst_api_answer *out);
 int engine_views(void *engine, struct sst_api_answer *out);
 int engine_view_create(void *engine, const json_t *settings, struct sst_api_answer *out);
 int engine_view_change(void *engine, const char *id, const json_t *settings, struct sst_api_answer *out);
@@ -177,6 +202,31 @@ SST_MUST_CHECK bool engine_join(struct live_engine *v, int64_t until_ns);
 /** After a join. NULL is fine. */
 void engine_close(struct live_engine *v);
 
+/* --- replay ---
+ * plays a recording: its sets go through a live engine of its own, so that clients see its pictures with settings of
+ * their own, as they see those of now. One recording at a time. */
+
+struct service_replay; /* opaque; any thread, but open and close */
+
+/** Start the thread. @param storage  must outlive it @return 0, -ENOMEM, -EAGAIN */
+SST_MUST_CHECK int replay_open(struct service_replay **out, struct sst_storage *storage, const struct sst_config *config);
+
+/** Follow other settings; the recording that is played keeps those of before. */
+void replay_configure(struct service_replay *r, const struct sst_config *config);
+
+/* Verbs of struct sst_api; `replay` is a struct service_replay. */
+int replay_state(void *replay, struct sst_api_answer *out);
+int replay_change(void *replay, const json_t *request, struct sst_api_answer *out);
+void *replay_take(void *replay);
+void replay_release(void *replay);
+
+/** Ask the thread to end, and the viewers' streams with it. */
+void replay_stop(struct service_replay *r);
+/** @return true: all has ended; false: something hangs */
+SST_MUST_CHECK bool replay_join(struct service_replay *r, int64_t until_ns);
+/** After a join. NULL is fine. */
+void replay_close(struct service_replay *r);
+
 /* --- state behind sst_service; used by the files of sst_service only --- */
 
 struct sst_service {
@@ -187,8 +237,10 @@ struct sst_service {
     struct sst_events *events;
     struct sst_ring *ring;
     struct sst_storage *storage;
+    struct sst_visits *visits;
     struct service_array *array;
     struct live_engine *engine;
+    struct service_replay *replay;
     struct sst_http *http; /* set under lock: its clients send requests before it is open */
     struct sst_hooks *hooks;
     struct sst_counters counters;
@@ -213,7 +265,11 @@ struct sst_service {
 /* api.c */
 void service_api(struct sst_service *s);
 
+/** "2026-11-21T18:05:00Z", with a fraction if need be. */
+bool service_read_time(const char *text, int64_t *wall_ns);
+
 /* status.c */
+json_t *service_live_json(const struct engine_state *v, const struct sst_live_settings *settings);
 int service_status(void *arg, struct sst_api_answer *out);
 int service_cameras(void *arg, struct sst_api_answer *out);
 
@@ -239,6 +295,7 @@ struct view_settings {
     struct sst_render_config render; /* focus_px NaN: the default focus; focus_label is found by name when rendering */
     char focus_label[SST_CLASS_NAME_MAX];  /* "": none */
     bool follow;                           /* the focus tracks that label */
+    uint32_t follow_track;                 /* ... or this track, as long as it is there; 0: none */
     char remove_label[SST_CLASS_NAME_MAX]; /* likewise of clear pictures; their cut_px NaN: the automatic one */
     bool outline, tint;                    /* of clear pictures */
 };
@@ -277,6 +334,7 @@ struct view {
     unsigned shown_version; /* version that its picture shows */
     uint64_t shown_update;  /* state of the light field that its picture shows */
     double shown_focus_px;
+    double track_px;                    /* where the track that it follows was last; live thread */
     struct sst_livepicture_clear shown; /* of its picture */
     int64_t used_ns;                    /* time of the last request for it */
     struct sst_slot *slot;
@@ -315,11 +373,35 @@ struct second {
     int64_t cpu_ns;
 };
 
+#define VISIT_POINTS 32
+
+struct visit_point {
+    int64_t t_ns;
+    double x, y, disp_px; /* fractions of the picture */
+};
+
+/** A track from its report until it has gone. */
+struct visit {
+    uint32_t id;
+    bool there; /* in this set */
+    int label;
+    unsigned zones;
+    int64_t from_ns, from_wall_ns;
+    double nearest_px;
+    struct visit_point path[VISIT_POINTS], last; /* where it stood */
+    int points;
+    double box[4]; /* fractions of the picture, in that of its best picture */
+    double best;   /* share of the picture that it took there */
+    int pictures;
+    int64_t picture_ns;
+};
+
 struct live_engine {
     /* fixed after open */
     struct sst_ring *ring;
-    struct service_array *array;
-    struct sst_storage *storage;
+    struct engine_source source;
+    struct sst_storage *storage; /* this and the next two: NULL of a recording */
+    struct sst_visits *kept;
     struct sst_events *events;
     pthread_t thread, camera_thread, check_thread;
     bool camera_runs;
@@ -336,11 +418,16 @@ struct live_engine {
     char model[SST_PATH_MAX];
     uint64_t last; /* number of the last set */
     int64_t last_ns, retry_ns;
+    int64_t updated_ns; /* when the light field was last brought up to date */
+    bool moved;         /* a watched set has changes that are not processed */
     uint64_t set_index; /* the set that the pictures show; its time zero and wall time */
     int64_t set_t_ns, set_wall_ns;
-    bool latency_due;                 /* the next pictures are the first of a set */
-    struct sst_jpeg_encoder *encoder; /* NULL until the first picture */
-    struct sst_image overlay_image;   /* of labels or disparities; empty until the first */
+    bool latency_due; /* the next pictures are the first of a set */
+    struct visit visit[SST_LIVE_TRACKS];
+    int visits;
+    struct sst_livepicture *visit_picture; /* NULL until the first */
+    struct sst_jpeg_encoder *encoder;      /* NULL until the first picture */
+    struct sst_image overlay_image;        /* of labels or disparities; empty until the first */
 
     /* under lock */
     struct sst_config config;
@@ -351,11 +438,16 @@ struct live_engine {
     struct engine_state state;
     struct second second[RATE_SLOTS];
     uint64_t update; /* states of the light field */
+    bool behind;     /* the last set was only watched */
     struct view view[VIEWS_MAX];
     struct shared overlay[2], camera[SST_CAMERAS_MAX];
     struct request request;
     struct sst_classes classes;
     float share[256]; /* of the reference view, by label */
+    struct sst_live_track track[SST_LIVE_TRACKS];
+    int tracks;
+    uint64_t tracks_set; /* the set that they are of, and its time */
+    int64_t tracks_t_ns;
 };
 
 /* engine_views.c */
@@ -365,16 +457,31 @@ void engine_views_follow_locked(struct live_engine *v, const struct sst_live_set
 void engine_views_close(struct live_engine *v);
 /** Render every wanted picture that is out of date. Live thread. */
 void engine_publish(struct live_engine *v);
+/** Encode a picture. Live thread. @param out  to free with free() @return 0, -ENOMEM */
+SST_MUST_CHECK int engine_jpeg(struct live_engine *v, const struct sst_image *image, int quality, uint8_t **out,
+                               size_t *bytes);
 /** Discard all rendered pictures before the light field is freed.  Live thread. */
 void engine_forget_pictures(struct live_engine *v);
 /** Serve engine_pick() and engine_remove().  Live thread. */
 void engine_serve(struct live_engine *v);
+
+/* engine_tracks.c */
+/** Tracks of the last set, and the events of those that came or went. Live thread. */
+void engine_tracks_follow(struct live_engine *v);
+/** The track of this id, or at a point of the reference view at about this disparity. NULL: none */
+const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id);
+const struct sst_live_track *engine_track_at_locked(const struct live_engine *v, double x, double y, double disp_px);
+json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_live_track *t);
 
 /* engine_cameras.c */
 void *engine_run_cameras(void *arg);
 /** Get the JPEG slot of a shared picture; created if there is none.  @return 0, -ENOMEM */
 int engine_share_locked(struct shared *s, struct sst_slot **out);
 bool engine_wanted(struct sst_slot *slot, int64_t used_ns);
+/** Does a client need a picture of a view, of labels or disparities, or an answer about one? */
+bool engine_seen_locked(const struct live_engine *v);
+/** May an event start a recording of the main view, which begins some time before? */
+bool engine_armed_locked(const struct live_engine *v);
 
 /* engine_check.c; both on the live thread, join also after it has ended */
 void engine_check_by_time(struct live_engine *v);

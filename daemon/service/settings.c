@@ -136,6 +136,16 @@ static int parse_flag(struct view_settings *s, const char *key, const json_t *va
     return 0;
 }
 
+static int parse_track(struct view_settings *s, const json_t *value, char error[512])
+{
+    const json_int_t id = json_integer_value(value);
+
+    if (!json_is_integer(value) || id < 0 || id > UINT32_MAX)
+        return sst_api_refuse(error, -EINVAL, "follow_track must be a track of /api/v1/tracks, or 0");
+    s->follow_track = (uint32_t)id;
+    return 0;
+}
+
 static int parse_member(struct view_settings *s, const char *key, const json_t *value, char error[512])
 {
     for (size_t i = 0; i < ARRAY_LEN(numbers); i++)
@@ -147,14 +157,16 @@ static int parse_member(struct view_settings *s, const char *key, const json_t *
         return parse_label(s->focus_label, key, value, error);
     if (!strcmp(key, "remove_label"))
         return parse_label(s->remove_label, key, value, error);
+    if (!strcmp(key, "follow_track"))
+        return parse_track(s, value, error);
     return parse_flag(s, key, value, error);
 }
 
 int view_settings_take(struct view_settings *s, const json_t *from, char error[512])
 {
-    static const char *const known[] = { "method",   "cut_px",       "remove_label", "outline",  "tint",
-                                         "focus_px", "focus_label",  "follow",       "sigma_px", "c1",
-                                         "c2",       "label_factor", "aperture",     NULL };
+    static const char *const known[] = { "method",   "cut_px",       "remove_label", "outline",      "tint",
+                                         "focus_px", "focus_label",  "follow",       "sigma_px",     "c1",
+                                         "c2",       "label_factor", "aperture",     "follow_track", NULL };
     struct view_settings to = *s;
     const char *key;
     json_t *value;
@@ -163,6 +175,8 @@ int view_settings_take(struct view_settings *s, const json_t *from, char error[5
         return sst_api_refuse(error, -EINVAL, "the settings of a view are an object, like {\"focus_px\": 12}");
     if (sst_api_members(from, known, error))
         return -EINVAL;
+    if (json_object_get(from, "focus_px") || json_object_get(from, "focus_label") || json_object_get(from, "follow"))
+        to.follow_track = 0; /* another focus ends following */
     json_object_foreach((json_t *)from, key, value)
     {
         const int err = parse_member(&to, key, value, error);
@@ -176,9 +190,9 @@ int view_settings_take(struct view_settings *s, const json_t *from, char error[5
 
 json_t *view_settings_json(const struct view_settings *s)
 {
-    json_t *o =
-        json_pack("{s:s, s:s, s:s, s:b, s:b, s:b}", "method", methods[s->render.method], "focus_label", s->focus_label,
-                  "remove_label", s->remove_label, "follow", s->follow, "outline", s->outline, "tint", s->tint);
+    json_t *o = json_pack("{s:s, s:s, s:s, s:b, s:b, s:b, s:I}", "method", methods[s->render.method], "focus_label",
+                          s->focus_label, "remove_label", s->remove_label, "follow", s->follow, "outline", s->outline,
+                          "tint", s->tint, "follow_track", (json_int_t)s->follow_track);
 
     for (size_t i = 0; i < ARRAY_LEN(numbers) && o; i++) {
         const double v = *member_of((struct view_settings *)s, i);

@@ -84,7 +84,7 @@ static json_t *histogram_json(const struct engine_state *v)
                      v->counted ? json_real(v->share_max_px) : json_null(), "share", share);
 }
 
-static json_t *live_json(const struct engine_state *v, const struct sst_live_settings *settings)
+json_t *service_live_json(const struct engine_state *v, const struct sst_live_settings *settings)
 {
     json_t *stages = json_object(), *live;
 
@@ -97,6 +97,8 @@ static json_t *live_json(const struct engine_state *v, const struct sst_live_set
                      v->present);
     if (!live)
         return NULL;
+    json_object_set_new(live, "demand", json_string(engine_demand_name(v->demand)));
+    json_object_set_new(live, "watched", json_integer((json_int_t)v->watched));
     json_object_set_new(live, "latency_ms", window_json(&v->latency_ms));
     json_object_set_new(live, "stages_ms", stages);
     json_object_set_new(
@@ -216,7 +218,7 @@ int service_status(void *arg, struct sst_api_answer *out)
         json_pack("{s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:o, s:o, s:o}", "version", SST_VERSION, "state",
                   sst_service_phase_name(g->phase), "reason", g->reason, "uptime_s",
                   (double)(now_ns - s->start_ns) / 1e9, "time", time, "capture", capture_json(&g->array, &g->layout),
-                  "live", live_json(&g->engine, &g->live), "storage", sst_storage_status(s->storage), "clients",
+                  "live", service_live_json(&g->engine, &g->live), "storage", sst_storage_status(s->storage), "clients",
                   clients_json(s), "certificate", certificate_json(s), "process", process_json(g->cpu_percent));
     free(g);
     return out->body ? 0 : -ENOMEM;

@@ -10,7 +10,6 @@
 #include "daemon/storage/storage_internal.h"
 
 #define NEAR_NS   10000000000 /* an export is of a set within this of the moment */
-#define STRIDE    64          /* step of the coarse search for a moment */
 #define RECENT    5           /* sets among which a snapshot takes a complete one */
 #define NAMES_MAX 99          /* snapshots of one second */
 
@@ -106,34 +105,6 @@ static int64_t distance(int64_t a, int64_t b)
     return a > b ? a - b : b - a;
 }
 
-/* The set nearest to a moment. Wall clocks are stepped, so this checks each 64th set, then those around the best. */
-static int find_set(const struct sst_recording *r, int64_t wall_ns, int *nearest)
-{
-    struct sst_recording_set *set = malloc(sizeof(*set));
-    const int n = sst_recording_sets(r);
-    int64_t best = INT64_MAX;
-    int centre = -1, first = 0, last = n - 1, step = STRIDE;
-
-    if (!set)
-        return -ENOMEM;
-    for (int round = 0; round < 2; round++) {
-        for (int i = first; i <= last; i += step) {
-            if (sst_recording_set(r, i, set) || distance(set->wall_ns, wall_ns) >= best)
-                continue;
-            best = distance(set->wall_ns, wall_ns);
-            centre = i;
-        }
-        first = centre < STRIDE ? 0 : centre - STRIDE;
-        last = centre < 0 || centre + STRIDE > n - 1 ? n - 1 : centre + STRIDE;
-        step = 1;
-    }
-    free(set);
-    if (best > NEAR_NS)
-        return -ENOENT;
-    *nearest = centre;
-    return 0;
-}
-
 static int run_job(struct sst_storage *s, const struct store_job *job)
 {
     char out[SST_PATH_MAX], raw[SST_PATH_MAX], source[SST_PATH_MAX];
@@ -152,7 +123,7 @@ static int run_job(struct sst_storage *s, const struct store_job *job)
     if (!err)
         err = sst_recording_open(&r, raw);
     if (!err && !job->kept)
-        err = find_set(r, job->wall_ns, &set);
+        err = sst_recording_near(r, job->wall_ns, NEAR_NS, &set);
     if (!err)
         err = make_lightfield(job, r, set, source, out);
     sst_recording_close(r);
@@ -425,4 +396,33 @@ int sst_storage_export(struct sst_storage *s, const char *recording, int64_t wal
         return -ENOENT;
     }
     return submit(s, job, name);
+}
+
+int sst_storage_hold(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name, char *dir)
+{
+    struct store_entry *e = NULL;
+    int err = find_recording(s, recording, wall_ns, name) > NEAR_NS ? -ENOENT : 0;
+
+    if (!err)
+        err = sst_path_join(dir, s->folder[SST_STORE_RECORDING], name);
+    pthread_mutex_lock(&s->lock);
+    if (!err)
+        e = catalog_find(&s->catalog, name);
+    if (!err && (!e || e->deleted_by_hand))
+        err = -ENOENT;
+    if (!err)
+        e->readers++;
+    pthread_mutex_unlock(&s->lock);
+    return err;
+}
+
+void sst_storage_release(struct sst_storage *s, const char *name)
+{
+    struct store_entry *e;
+
+    pthread_mutex_lock(&s->lock);
+    e = catalog_find(&s->catalog, name);
+    if (e && e->readers > 0)
+        e->readers--;
+    pthread_mutex_unlock(&s->lock);
 }

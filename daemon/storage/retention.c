@@ -375,6 +375,8 @@ static void set_limit(struct retention *r, enum store_trouble limit, const struc
     else if (limit != s->limit && limit == SST_TROUBLE_LIMIT_LOW)
         snprintf(s->limit_text, sizeof(s->limit_text), "the oldest recordings are being removed to stay within %s %.3g",
                  quota ? "quota_gb" : "min_free_gb", (double)(quota ? l->quota_bytes : l->min_free_bytes) * gb);
+    if (limit != s->limit)
+        s->limit_quota = limit != SST_TROUBLE_NONE && quota;
     s->limit = limit;
     s->blocked = limit == SST_TROUBLE_LIMIT;
     s->folder_err = 0;

@@ -44,6 +44,14 @@ static const char *state_name(enum sst_storage_state state)
     return state == SST_STORAGE_OK ? "OK" : state == SST_STORAGE_LOW ? "LOW" : "FULL";
 }
 
+/* Which limit the state is about. */
+static const char *limit_name_locked(const struct sst_storage *s)
+{
+    const bool limit = s->trouble == SST_TROUBLE_LIMIT || s->trouble == SST_TROUBLE_LIMIT_LOW;
+
+    return !limit ? "" : s->limit_quota ? "quota" : "disk";
+}
+
 static void report(struct sst_storage *s, enum sst_storage_state state, const char *reason, int64_t free_bytes,
                    int64_t used_bytes)
 {
@@ -158,10 +166,10 @@ json_t *sst_storage_status(struct sst_storage *s)
         if (s->catalog.entry[i].kind == SST_STORE_RECORDING)
             oldest = &s->catalog.entry[i];
     }
-    o = json_pack("{s:s, s:s, s:s, s:I, s:I, s:I, s:o, s:f, s:o, s:o}", "state", state_name(s->state), "reason",
-                  s->reason, "dir", s->dir, "free_bytes", (json_int_t)s->free_bytes, "used_bytes",
-                  (json_int_t)s->used_bytes, "quota_bytes", (json_int_t)s->settings.limits.quota_bytes, "oldest",
-                  time_json(oldest ? oldest->from_ns : 0), "age_s",
+    o = json_pack("{s:s, s:s, s:s, s:s, s:I, s:I, s:I, s:o, s:f, s:o, s:o}", "state", state_name(s->state), "limit",
+                  limit_name_locked(s), "reason", s->reason, "dir", s->dir, "free_bytes", (json_int_t)s->free_bytes,
+                  "used_bytes", (json_int_t)s->used_bytes, "quota_bytes", (json_int_t)s->settings.limits.quota_bytes,
+                  "oldest", time_json(oldest ? oldest->from_ns : 0), "age_s",
                   s->checked_ns ? (double)(sst_clock_now_ns() - s->checked_ns) * 1e-9 : 0.0, "recording",
                   recording_json_locked(s), "ring", ring);
     counts = counts_json_locked(s);

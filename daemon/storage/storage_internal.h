@@ -373,6 +373,7 @@ struct sst_storage {
     bool blocked;              /* nothing may be written */
     int folder_err, write_err; /* negative errno */
     enum store_trouble limit;  /* NONE, LIMIT_LOW, LIMIT */
+    bool limit_quota;          /* it is the quota's, not that of the free space */
     char folder_text[SST_STORE_TEXT], write_text[SST_STORE_TEXT], limit_text[SST_STORE_TEXT];
     int64_t free_bytes, used_bytes, checked_ns; /* checked: clock; 0: never */
     int64_t manual_bytes;                       /* up to this what was made by hand is removed last */

@@ -62,10 +62,16 @@ void view_history_fini(struct view_history *s)
         drop_first(s);
 }
 
-/* Rendering is on demand: while something is recorded, or may be at any moment, storage counts as a viewer. */
+/* Rendering is on demand: while something is recorded, storage counts as a viewer. */
 static bool is_needed_locked(const struct sst_storage *s)
 {
-    return s->settings.view && !s->stop && !s->blocked && (s->active_name[0] || s->settings.mode != SST_RECORD_OFF);
+    return s->settings.view && !s->stop && !s->blocked && s->active_name[0];
+}
+
+/* Something may be recorded at any moment: what is shown is kept, which is less often than for viewers. */
+static bool is_armed_locked(const struct sst_storage *s)
+{
+    return s->settings.view && !s->stop && !s->blocked && s->settings.mode != SST_RECORD_OFF;
 }
 
 /* The thread's state as a viewer. */
@@ -78,7 +84,8 @@ struct viewer {
 /* Without a viewer before, the last picture may be old: it is used only if no newer one follows soon. */
 static void update_viewer_locked(struct sst_storage *s, struct viewer *l)
 {
-    const bool needed = is_needed_locked(s), alone = !needed && sst_slot_clients(s->slot) <= (int)l->joined;
+    const bool needed = is_needed_locked(s);
+    const bool alone = !needed && !is_armed_locked(s) && sst_slot_clients(s->slot) <= (int)l->joined;
     const struct sst_jpeg *old = l->alone && !alone ? sst_slot_get(s->slot, 0) : NULL;
 
     if (needed != l->joined)

@@ -9,17 +9,21 @@ import { Focus } from "/web/focus.js";
 import { Health } from "/web/health.js";
 import { Labels } from "/web/labels.js";
 import { Recordings } from "/web/recordings.js";
+import { Replay } from "/web/replay.js";
 import { Stage } from "/web/stage.js";
-import { $, complain, finite, forbid, sentence, session, toast } from "/web/ui.js";
+import { $, complain, finite, forbid, sentence, session, toast, visible } from "/web/ui.js";
 import { View } from "/web/view.js";
+import { Visits } from "/web/visits.js";
 
 const STATUS_MS = 1000;
 const STILL_TAKING_MS = 4000;
+const FOLLOW_MS = 200;
+const FOLLOW_TRIES = 10; // a track that just came is not in the view's answer at once
 const SLOW = 2; // cameras and labels: every second status request
 const SLOWER = 5; // recordings, while they are shown
 const OWN_AGAIN = 30; // retry interval while the main view is shown instead
 
-const KEPT = ["method", "focus_px", "focus_label", "cut_px", "remove_label", "outline", "tint"]; // not reset by the drawer
+const KEPT = ["method", "focus_px", "focus_label", "cut_px", "remove_label", "outline", "tint", "follow"]; // not reset by the drawer
 
 let status = null;
 let taken = { sets: -1, idle: 0, at_ms: 0, still: false }; // the last frameset that the service processed, and whether anything moved
@@ -42,9 +46,13 @@ const app = {
 app.focus = new Focus((px) => {
   app.focus.followed_px = NaN; // a manual focus ends following
   app.change(app.view.settings.follow ? { focus_px: px, follow: false } : { focus_px: px });
+  unfollow();
 });
 app.clear = new Clear(app.focus, app.change, () => app.view.restore());
-app.labels = new Labels(app.change);
+app.labels = new Labels((settings) => {
+  app.change(settings);
+  if ("focus_label" in settings) unfollow();
+});
 app.view = new View($("canvas"), { method: "clear", tint: true }, (what, why) => {
   if (what === "refused") {
     complain(why);
@@ -69,14 +77,73 @@ const adjust = new Adjust(app, () => {
 });
 const cameras = new Cameras();
 const health = new Health();
-const recordings = new Recordings(() => app.view.stream.shown);
+app.replay = new Replay(() => {
+  followed = null;
+  app.view.settings.follow_track = 0; // tracks of one source mean nothing in the other
+  app.focus.stopSweep();
+  app.focus.forget();
+  app.view.move(app.view.settings);
+  app.stage.move();
+  app.labels.refresh().catch(() => {}); // not there yet; the next round
+}, (state) => {
+  if (state.live) followScene(state.live);
+});
+const recordings = new Recordings(() => app.view.stream.shown, app.replay);
+const visits = new Visits((from) => app.replay.start({ time: from }));
 const events = new Events((event) => {
+  if (event.type === "visit" && !$("panel-visits").hidden) visits.refresh().catch(complain);
   if (event.level === "error") toast(event.message, "error");
 });
+
+// --- what was picked and moves ---
+
+let followed = null; // {track, name, px: its last disparity}; null: nothing
+
+app.followed = () => followed;
+
+/** The focus and the ring follow a track until another focus is chosen, or it has gone. */
+app.follow = (track, name) => {
+  followed = { track, name, px: NaN, seen: false, waits: 0 };
+  app.change({ follow_track: track });
+  watch(followed);
+};
+
+/** Another focus was chosen, which ends following on the service, too. */
+function unfollow() {
+  followed = null;
+  app.view.settings.follow_track = 0;
+  app.stage?.closePick();
+}
+
+function lose({ name, px }) {
+  followed = null;
+  app.stage.closePick();
+  toast(`${name || "What you picked"} is gone.`);
+  if (finite(px)) app.focus.set(px); // where it was last, as on the service
+}
+
+async function watch(mine) {
+  while (followed === mine) {
+    await visible();
+    try {
+      const view = await app.view.current();
+      if (followed !== mine || app.view.pending) continue;
+      const ours = view?.settings.follow_track === mine.track; // not yet, or another client's choice
+      if (ours && !view.track && (mine.seen || mine.waits++ > FOLLOW_TRIES)) lose(mine);
+      else if (ours && view.track) {
+        Object.assign(mine, { seen: true, px: view.track.disparity_px, name: view.track.name || mine.name });
+        app.stage.showFollowed(view.track);
+        app.focus.setFollowed(mine.px);
+      }
+    } catch { /* the next status request reports it */ }
+    await new Promise((done) => setTimeout(done, FOLLOW_MS));
+  }
+}
 
 async function adopt(id) {
   const settings = await app.view.adopt(id);
   if (settings) show(settings);
+  if (settings?.follow_track) app.follow(settings.follow_track, "");
 }
 
 /** The controls show settings. */
@@ -91,6 +158,7 @@ function showMode(mode) {
   for (const radio of $("mode").querySelectorAll("input")) radio.checked = radio.value === mode;
   app.labels.setKey(mode === "clear" ? "remove_label" : "focus_label");
   app.focus.stopSweep();
+  if (mode === "clear") followed = null;
   if (mode === "clear" && !$("drawer").hidden) adjust.toggle(false);
   app.stage.setMode(mode);
 }
@@ -113,6 +181,7 @@ function openTab(tab) {
     $(other.getAttribute("aria-controls")).hidden = !on;
   }
   if (tab.id === "tab-events") events.seen();
+  if (tab.id === "tab-visits") visits.refresh().catch(complain);
   if (tab.id === "tab-recordings") recordings.refresh().catch(complain);
 }
 
@@ -145,6 +214,8 @@ function explanation() {
   if (failures > 1) return { title: "The service does not answer", text: "It may be restarting, or the network is cut. This page tries again by itself.",
     todo: status ? [] : ["`systemctl status sstd` shows whether it runs."] };
   if (!status) return { title: "Connecting", text: "Asking the service how it is." };
+  if (app.replay.open) return app.view.stream.pictures ? null : { title: "Computing the first picture of the recording",
+    text: sentence(app.replay.state.live?.reason ?? "") || "Depth and labels of all views of that moment. That takes a second or two." };
   const { state, reason, capture = {}, live = {} } = status;
   if (ADVICE[state]) {
     const [title, text, todo] = ADVICE[state];
@@ -187,6 +258,12 @@ function welcome(body) {
   }
 }
 
+/** Depths of the picture's scene. */
+function followScene(live) {
+  app.focus.update(live);
+  app.clear.update(live);
+}
+
 function take(body) {
   welcome(body);
   status = body;
@@ -194,8 +271,7 @@ function take(body) {
   const { sets, idle } = status.live ?? {};
   if (finite(sets) && sets !== taken.sets)
     taken = { sets, idle, at_ms: Date.now(), still: sets - taken.sets === idle - taken.idle };
-  app.focus.update(status.live);
-  app.clear.update(status.live);
+  if (!app.replay.open) followScene(status.live);
   health.update(status);
   recordings.update(status);
   adjust.update(status);
@@ -224,7 +300,7 @@ async function showView() {
   const clear = app.mode === "clear";
   const follows = !clear && app.view.settings.follow && app.labels.chosen;
   const view = follows || clear ? await app.view.current() : null;
-  app.focus.setFollowed(follows && finite(view?.shown_focus_px) ? view.shown_focus_px : NaN);
+  if (!followed) app.focus.setFollowed(follows && finite(view?.shown_focus_px) ? view.shown_focus_px : NaN);
   if (clear) app.clear.setView(view);
 }
 
@@ -274,11 +350,12 @@ async function start() {
   const id = session(KEPT_VIEW);
   session(KEPT_VIEW, "");
   if (id) await adopt(id).catch(() => {}); // the next status request reports it
+  await app.replay.resume();
   document.addEventListener("visibilitychange", whileVisible);
   whileVisible();
   follow();
 }
 
-addEventListener("pagehide", () => session(KEPT_VIEW, app.view.shared ? "" : app.view.id ?? ""));
+addEventListener("pagehide", () => session(KEPT_VIEW, app.view.shared || app.replay.open ? "" : app.view.id ?? ""));
 addEventListener("pageshow", () => session(KEPT_VIEW, ""));
 start();

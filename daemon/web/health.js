@@ -27,6 +27,11 @@ function clockText(time) {
   return `${String(time).slice(0, 19).replace("T", " ")} UTC${off_s ? `, ${duration(Math.abs(off_s))} ${off_s > 0 ? "ahead of" : "behind"} this device` : ""}`;
 }
 
+/** LOW by the quota is the usual state of a loop of recordings. */
+function storageKind({ state, limit }) {
+  return state === "FULL" ? "bad" : state === "LOW" && limit !== "quota" ? "warn" : "";
+}
+
 export class Health {
   constructor() {
     this.rate = new Chart($("chart-rate"), ["first"], SPAN_S);
@@ -67,9 +72,13 @@ export class Health {
     $("v-cameras").dataset.kind = absent > 0 ? "warn" : "";
     setText($("v-rate"), live.enabled ? `${number(live.rate_hz, 1)} /s` : "off");
     setText($("v-delay"), finite(live.latency_ms?.p50) ? `${number(live.latency_ms.p50)} ms` : "–");
-    setText($("v-free"), bytes(storage.free_bytes) + ({ LOW: ", low", FULL: ", full" }[storage.state] ?? ""));
-    $("v-free").title = storage.reason ?? "";
-    $("v-free").dataset.kind = storage.state === "FULL" ? "bad" : storage.state === "LOW" ? "warn" : "";
+    const quota = storage.quota_bytes > 0;
+    const share = quota ? `${bytes(storage.used_bytes)} of ${bytes(storage.quota_bytes)}` : "";
+    setText($("v-free-name"), quota ? "Quota" : "Free");
+    setText($("v-free"), (quota ? `${number(100 * storage.used_bytes / storage.quota_bytes)} %` : bytes(storage.free_bytes)) +
+      (storageKind(storage) ? `, ${storage.state.toLowerCase()}` : ""));
+    $("v-free").title = [share, storage.reason].filter(Boolean).join("; ");
+    $("v-free").dataset.kind = storageKind(storage);
     this.showLive(live);
     this.showCards(status);
   }
@@ -141,11 +150,11 @@ export class Health {
     const share = limit > 0 ? Math.min(1, storage.used_bytes / limit) : 0;
     const meter = this.cards.storage.extra.firstChild;
     meter.firstChild.style.width = `${(share * 100).toFixed(1)}%`;
-    meter.dataset.kind = storage.state === "FULL" ? "bad" : storage.state === "LOW" ? "warn" : "";
+    meter.dataset.kind = storageKind(storage);
     meter.setAttribute("aria-label", `${number(share * 100)} % used`);
     const modes = { off: "on demand", continuous: "always", event: "on events" };
     facts(this.cards.storage.list, [
-      ["State", `${storage.state ?? "–"}${storage.reason ? `: ${storage.reason}` : ""}`, { LOW: "warn", FULL: "bad" }[storage.state]],
+      ["State", `${storage.state ?? "–"}${storage.reason ? `: ${storage.reason}` : ""}`, storageKind(storage)],
       ["Used", `${bytes(storage.used_bytes)}${storage.quota_bytes > 0 ? ` of ${bytes(storage.quota_bytes)} allowed` : ""}`],
       ["Free on disk", bytes(storage.free_bytes)],
       ["Recordings", `${number(storage.recordings)}${storage.oldest ? `, since ${localTime(storage.oldest)}` : ""}`],

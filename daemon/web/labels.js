@@ -1,11 +1,11 @@
 // Labels that can be kept clear, or removed from the clear picture: one chip for each label in the picture.
 
-import { get } from "/web/api.js";
+import { get, source } from "/web/api.js";
 import { $, el, number, setText } from "/web/ui.js";
 
 const WORDS = {
   focus_label: { caption: "Keep clear", none: "Everything", noneTitle: "All labels count alike",
-    title: (name) => `Keep ${name} clear: all other labels count less` },
+    title: (name) => `Focus on ${name}, follow it, and let all other labels count less` },
   remove_label: { caption: "Also remove", none: "No label", noneTitle: "Labels remove nothing",
     title: (name) => `Remove what bears the label ${name}` },
 };
@@ -48,7 +48,7 @@ export class Labels {
 
   choose(name) {
     this.names[this.key] = name;
-    this.onChoose({ [this.key]: name });
+    this.onChoose(this.key === "focus_label" ? { focus_label: name, follow: name !== "" } : { [this.key]: name });
     this.show();
   }
 
@@ -70,7 +70,7 @@ export class Labels {
   }
 
   async refresh() {
-    this.all = (await get("/api/v1/labels")).labels;
+    this.all = (await get(`${source.base}/api/v1/labels`)).labels;
     for (const [key, name] of Object.entries(this.names))
       if (name && !this.all.some((entry) => entry.name === name)) { // the network changed
         this.names[key] = "";

@@ -1,7 +1,6 @@
 // Snapshots, recording, stored files, and exports of single moments as light fields.
 
 import { clock, get, post } from "/web/api.js";
-import { Player } from "/web/player.js";
 import { $, bytes, complain, duration, el, icon, localTime, number, onUse, setText, stopwatch, toast } from "/web/ui.js";
 
 function save(href, name) {
@@ -14,14 +13,13 @@ function save(href, name) {
 const download = (name) => `/api/v1/download/${encodeURIComponent(name)}`;
 
 export class Recordings {
-  /** @param picture  () => Blob of the picture shown, or null */
-  constructor(picture) {
+  /** @param picture  () => Blob of the picture shown, or null; @param replay  plays recordings */
+  constructor(picture, replay) {
     this.picture = picture;
+    this.replay = replay;
     this.recording = null; // of the status
     this.rows = new Map();
     this.cameras = []; // names, for videos
-    this.player = new Player((ms) => this.followPlayer(ms));
-    this.played = null; // the row of the player
     this.asked = 0; // number of list requests
 
     onUse($("snapshot"), () => this.snapshot());
@@ -33,9 +31,11 @@ export class Recordings {
 
   async snapshot() {
     const blob = this.picture();
+    const { state } = this.replay;
     $("snapshot").setAttribute("aria-busy", "true");
     try {
-      const { name } = await post("/api/v1/snapshot", {});
+      const { name } = state ? await post("/api/v1/export", { time: state.time, recording: state.recording })
+        : await post("/api/v1/snapshot", {});
       if (blob) {
         const url = URL.createObjectURL(blob);
         save(url, `sst-${name}.jpg`);
@@ -94,7 +94,6 @@ export class Recordings {
     const all = new Set([...kept.recordings, ...byHand].map((entry) => entry.name));
     for (const [name, row] of this.rows)
       if (!all.has(name)) {
-        if (this.played === row) this.stop();
         row.node.remove();
         this.rows.delete(name);
       }
@@ -119,11 +118,11 @@ export class Recordings {
 
   build(entry) {
     const row = { when: el("strong", {}), what: el("p", { class: "quiet" }), made: el("p", { class: "made" }),
-      badge: el("span", { class: "badge", "data-kind": "bad" }, "recording"), screen: el("div", {}), entry };
+      badge: el("span", { class: "badge", "data-kind": "bad" }, "recording"), entry };
     const id = `moment-${entry.name}`;
     row.moment = el("input", { type: "datetime-local", step: "1", id });
     const button = el("button", { type: "button", class: "small", "data-control": "" }, "Export this moment");
-    row.source = el("select", { class: "small", "aria-label": "What to play or download" });
+    row.source = el("select", { class: "small", "aria-label": "What to download as a video" });
     row.play = el("button", { type: "button", class: "small" }, icon("play"), " Play");
     row.video = el("a", { class: "button small" }, icon("down"), " Video");
     row.all = el("a", { class: "button small" }, icon("down"));
@@ -131,17 +130,11 @@ export class Recordings {
     row.all.append(row.allText);
     row.remove = this.removeButton(row);
     onUse(button, () => this.exportMoment(entry.name, row.moment, button, row.made));
-    row.play.addEventListener("click", () => this.playRow(row));
-    row.source.addEventListener("change", () => {
-      this.showLinks(row);
-      if (this.played === row) this.playRow(row, this.player.at_ms); // the same moment
-    });
-    row.node = el("details", { class: "card recording" }, el("summary", {}, row.when, row.badge, row.what), row.screen,
-      el("div", { class: "take" }, row.source, row.play, row.video, row.all, row.remove),
+    row.play.addEventListener("click", () => this.play(row));
+    row.source.addEventListener("change", () => this.showLinks(row));
+    row.node = el("details", { class: "card recording" }, el("summary", {}, row.when, row.badge, row.what),
+      el("div", { class: "take" }, row.play, row.source, row.video, row.all, row.remove),
       el("div", { class: "export" }, el("label", { for: id }, "Moment"), row.moment, button), row.made);
-    row.node.addEventListener("toggle", () => {
-      if (!row.node.open && this.played === row) this.stop();
-    });
     return row;
   }
 
@@ -157,7 +150,7 @@ export class Recordings {
     const sources = [...(entry.view ? [["", "See-through"]] : []), ...this.cameras.map((name) => [`.${name}`, `Camera ${name}`])];
     if (row.source.options.length !== sources.length)
       row.source.replaceChildren(...sources.map(([value, text]) => el("option", { value }, text)));
-    row.play.hidden = row.remove.hidden = row.all.hidden = entry.active; // not while it is being written
+    row.remove.hidden = row.all.hidden = entry.active; // not while it is being written
     setText(row.allText, ` All of it (${bytes(entry.bytes)})`);
     this.showLinks(row);
   }
@@ -167,26 +160,15 @@ export class Recordings {
     link(row.all, `${row.entry.name}.tar`);
   }
 
-  playRow(row, at_ms = 0) {
-    this.played = row;
-    if (this.player.node.parentNode !== row.screen) row.screen.replaceChildren(this.player.node);
-    this.player.open(download(`${row.entry.name}${row.source.value}.mkv`), at_ms).catch((error) => {
-      if (this.played === row) this.stop();
+  async play(row) {
+    row.play.setAttribute("aria-busy", "true");
+    try {
+      await this.replay.start({ recording: row.entry.name });
+    } catch (error) {
       complain(error);
-    });
-  }
-
-  stop() {
-    this.player.stop();
-    this.player.node.remove();
-    this.played = null;
-  }
-
-  /** The moment shown can be exported; the last picture is shown for longer than there are framesets. */
-  followPlayer(ms) {
-    const entry = this.played?.entry;
-    const at = localInput(Math.min(Date.parse(entry?.from) + ms, Date.parse(entry?.to)));
-    if (at && document.activeElement !== this.played.moment) this.played.moment.value = at;
+    } finally {
+      row.play.removeAttribute("aria-busy");
+    }
   }
 
   async exportMoment(recording, moment, button, made) {

@@ -1,6 +1,6 @@
 // The picture: pointing, comparing, overlays, its age, and the message shown while there is none.
 
-import { getBlob } from "/web/api.js";
+import { getBlob, source } from "/web/api.js";
 import { CAMERA } from "/web/clear.js";
 import { $, complain, el, finite, number, setText, storage, toast, visible } from "/web/ui.js";
 import { View } from "/web/view.js";
@@ -10,6 +10,7 @@ const TAP_MS = 700;
 const WHEEL_SHARE = 0.00025; // of the range, per px of wheel
 const CARD_MS = 12000;
 const RING_MS = 1200;
+const SAME_PX = 1.5; // of what stood in front before
 const OVERLAY_MS = 500;
 const OLD_MS = 2500;
 
@@ -147,10 +148,46 @@ export class Stage {
     const { focus } = this.app;
     if (finite(found.disparity_px)) {
       focus.stopSweep();
-      focus.set(found.disparity_px);
+      if (found.track) this.app.follow(found.track, found.name);
+      else focus.set(found.disparity_px);
+      place($("ring"), [x, y]);
     }
     this.showPick(found, x, y);
     if (byKey) $("pick").querySelector("button")?.focus();
+  }
+
+  /** What stands in front may have gone since the card was shown: the point is asked about again. */
+  async focusInFront(x, y, before) {
+    const { focus, view } = this.app;
+    this.closePick();
+    try {
+      const found = await view.pick(x * this.canvas.width, y * this.canvas.height);
+      const track = before.front_track;
+      if (track && found.front_track !== track) {
+        if ((await view.tracks()).some((other) => other.track === track)) this.app.follow(track, before.front_name);
+        else toast(`${before.front_name || "What stood in front"} is gone.`);
+        return;
+      }
+      if (!finite(found.front_px) || Math.abs(found.front_px - before.front_px) > SAME_PX) toast("Nothing stands in front there now.");
+      else if (track) this.app.follow(track, before.front_name);
+      else focus.set(found.front_px);
+    } catch (error) {
+      complain(error);
+    }
+  }
+
+  /** Marks what the focus follows, at its place now; null: it has gone. */
+  showFollowed(track) {
+    const ring = $("ring");
+    if (!track) {
+      this.closePick();
+      return;
+    }
+    const [x0, y0, x1, y1] = track.box;
+    const at = [(x0 + x1) / 2 / this.canvas.width, (y0 + y1) / 2 / this.canvas.height].map((v) => Math.min(Math.max(v, 0), 1));
+    ring.dataset.state = track.state;
+    place(ring, at);
+    if (!$("pick").hidden) this.placeCard(at);
   }
 
   showRemoved({ removed, objects }) {
@@ -175,14 +212,19 @@ export class Stage {
     if (finite(found.front_px) && (!finite(found.disparity_px) || found.front_px > found.disparity_px + 0.75)) {
       const name = labels.name(found.front_label) || "what stands in front";
       buttons.append(el("button", { type: "button", class: "small",
-        onclick: () => { focus.set(found.front_px); this.closePick(); } },
+        onclick: () => this.focusInFront(x, y, found) },
       this.swatch(found.front_label), `In front: ${name}, ${focus.words(found.front_px)}`));
     }
     card.replaceChildren(head, where, buttons);
+    this.placeCard([x, y]);
+    clearTimeout(this.cardTimer);
+    this.cardTimer = setTimeout(() => { if (!card.contains(document.activeElement)) this.closeCard(); }, CARD_MS);
+  }
+
+  placeCard([x, y]) {
+    const card = $("pick");
     place(card, [x, y]);
     card.dataset.side = `${y < 0.5 ? "below" : "above"} ${x < 0.25 ? "left" : x > 0.75 ? "right" : "middle"}`;
-    clearTimeout(this.cardTimer);
-    this.cardTimer = setTimeout(() => { if (!card.contains(document.activeElement)) this.closePick(); }, CARD_MS);
   }
 
   measure(px) {
@@ -198,10 +240,18 @@ export class Stage {
     return node;
   }
 
-  closePick() {
+  /** The ring of what is followed stays. */
+  closeCard() {
     const held = $("pick").contains(document.activeElement);
-    $("pick").hidden = $("ring").hidden = true;
+    $("pick").hidden = true;
+    if (!this.app.followed()) $("ring").hidden = true;
     if (held) this.frame.focus();
+  }
+
+  closePick() {
+    this.closeCard();
+    $("ring").hidden = true;
+    delete $("ring").dataset.state;
   }
 
   // --- comparing ---
@@ -290,7 +340,7 @@ export class Stage {
   async drawOverlay(kind, failures) {
     try {
       await visible();
-      const bitmap = await createImageBitmap(await getBlob(`/snapshot/${kind}`));
+      const bitmap = await createImageBitmap(await getBlob(`${source.base}/snapshot/${kind}`));
       if (this.overlayKind !== kind) return;
       const canvas = $("canvas-overlay");
       canvas.width = bitmap.width;
@@ -327,6 +377,14 @@ export class Stage {
     }
   }
 
+  /** The pictures are of another source. */
+  move() {
+    this.closePick();
+    this.lost = null;
+    this.frame.classList.remove("stale");
+    this.plain?.move(this.compared());
+  }
+
   /** Another mode: what is compared changes with it. */
   setMode(mode) {
     if (this.mode === mode) return;
@@ -344,7 +402,8 @@ export class Stage {
   showMethod() {
     const { clear, labels, mode, view } = this.app;
     const parts = [view.shared ? "Main view, shared by all" : WORDS[mode].left];
-    if (labels.chosen) parts.push(mode === "clear" ? `without ${labels.chosen}` : `${labels.chosen} kept clear`);
+    if (this.app.followed()) parts.push(`following ${this.app.followed().name || "it"}`);
+    else if (labels.chosen) parts.push(mode === "clear" ? `without ${labels.chosen}` : `${labels.chosen} kept clear`);
     if (mode === "clear" && clear.note) parts.push(clear.note);
     setText($("tag-left"), parts.join(" · "));
   }
@@ -373,7 +432,7 @@ export class Stage {
     this.showMethod();
     const age_ms = this.app.view.stream.age_ms();
     const tag = $("age");
-    tag.hidden = !finite(age_ms);
+    tag.hidden = !finite(age_ms) || this.app.replay.open; // then the bar below names the moment
     if (tag.hidden) return;
     const s = Math.max(0, age_ms / 1000);
     const old = s < 60 ? `${number(s, s < 10 ? 1 : 0)} s` : `${Math.floor(s / 60)} min`;

@@ -1,7 +1,7 @@
 // The page's own view on the service: created when first needed, recreated when it expired or the service restarted;
 // every change of settings is sent to it, the newest only.
 
-import { ApiError, get, post } from "/web/api.js";
+import { ApiError, get, post, source } from "/web/api.js";
 import { Stream } from "/web/stream.js";
 
 const PICK_TRIES = 6;
@@ -22,6 +22,7 @@ export class View {
     this.pending = null; // settings not sent yet
     this.sending = false;
     this.creating = null;
+    this.home = null; // the array's view, {id, shared}, while a recording is shown
     this.stream = new Stream(canvas, () => this.address(), (what, why) => this.onStream(what, why));
   }
 
@@ -40,7 +41,7 @@ export class View {
 
   /** Adopts an existing view. @return its settings, or null if it is gone */
   async adopt(id) {
-    const { views } = await get("/api/v1/views");
+    const { views } = await get(`${source.base}/api/v1/views`);
     const view = views.find((other) => other.id === id);
     if (!view) return null;
     this.id = id;
@@ -56,26 +57,42 @@ export class View {
     this.restart();
   }
 
+  /** The pictures come from a recording now, or again from the array: there the view of before is taken up. */
+  move(settings) {
+    const { id, shared } = (source.base ? null : this.home) ?? { id: null, shared: false };
+    this.home = source.base ? this.home ?? { id: this.id, shared: this.shared } : null;
+    this.stop();
+    this.stream.pictures = 0;
+    this.settings = { ...settings };
+    this.creating = this.pending = null;
+    this.id = id;
+    this.shared = shared;
+    if (id && !shared) this.change(this.settings);
+    this.start();
+  }
+
   onStream(what, why) {
     if (what === "lost" && (why?.status === 404 || this.shared)) this.id = null; // gone; create another
     this.notify(what, why);
   }
 
   async address() {
-    if (!this.id) await (this.creating ??= this.create().finally(() => { this.creating = null; }));
-    return `/stream/${encodeURIComponent(this.id)}`;
+    if (!this.id) await (this.creating ??= this.create(source.base).finally(() => { this.creating = null; }));
+    return `${source.base}/stream/${encodeURIComponent(this.id)}`;
   }
 
-  async create() {
+  async create(base) {
     const sent = { ...this.settings };
     try {
-      const { id, settings } = await post("/api/v1/views", sent);
+      const { id, settings } = await post(`${base}/api/v1/views`, sent);
+      if (base !== source.base) return; // of the source before
       this.id = id;
       this.shared = false;
       this.notify("made", settings);
       this.pending = null;
       if (JSON.stringify(sent) !== JSON.stringify(this.settings)) this.change(this.settings); // changed meanwhile
     } catch (error) {
+      if (base !== source.base) return;
       if (error.status === 400) this.forget(error);
       if (error.status !== 429) throw error;
       if (!this.shared) this.notify("shared", error);
@@ -105,7 +122,7 @@ export class View {
       const settings = this.pending;
       this.pending = null;
       try {
-        await post(`/api/v1/views/${encodeURIComponent(this.id)}`, settings);
+        await post(`${source.base}/api/v1/views/${encodeURIComponent(this.id)}`, settings);
       } catch (error) {
         if (error.status === 404) this.renew(this.settings);
         else if (error.status !== 0) this.notify("refused", error);
@@ -124,6 +141,11 @@ export class View {
     return this.retry((address) => post(`${address}/remove`, { x: Math.floor(x), y: Math.floor(y) }));
   }
 
+  /** What moves. */
+  async tracks() {
+    return (await get(`${source.base}/api/v1/tracks`)).tracks;
+  }
+
   restore() {
     return this.retry((address) => post(`${address}/remove`, { clear: true }));
   }
@@ -132,7 +154,7 @@ export class View {
     if (!this.id) throw new ApiError(0, "There is no picture yet.");
     for (let left = PICK_TRIES - 1; ; left--) {
       try {
-        return await ask(`/api/v1/views/${encodeURIComponent(this.id)}`);
+        return await ask(`${source.base}/api/v1/views/${encodeURIComponent(this.id)}`);
       } catch (error) {
         if (error.status !== 409 || left === 0) throw error; // 409: busy with a set, for longer than it waited
         await new Promise((done) => setTimeout(done, PICK_AGAIN_MS));
@@ -142,7 +164,7 @@ export class View {
 
   /** {settings (defaults included), shown_focus_px, ...}; null while there is no view. */
   async current() {
-    const { views } = await get("/api/v1/views");
+    const { views } = await get(`${source.base}/api/v1/views`);
     return views.find((view) => view.id === this.id) ?? null;
   }
 }

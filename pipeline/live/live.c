@@ -69,6 +69,15 @@ static void mark_all(struct sst_liveframes_changes *c)
     }
 }
 
+static void set_zones(const struct sst_live *live, const double changed[SST_LIVE_ZONES + 1],
+                      struct sst_live_report *report)
+{
+    for (int zone = 0; zone <= SST_LIVE_ZONES; zone++) {
+        report->zone[zone].changed = changed[zone];
+        memcpy(report->zone[zone].label, live->zone_label[zone], sizeof(report->zone[zone].label));
+    }
+}
+
 int sst_live_update(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *report)
 {
     struct sst_live_report done = { .error_change = NAN, .error_labels = NAN, .confirmed = NAN };
@@ -82,7 +91,7 @@ int sst_live_update(struct sst_live *live, const struct sst_live_input *in, stru
     live->lost = true;
     if (!err)
         live_zones_changed(live, &live->changes, changed);
-    err = err ? err : sst_livescene_update(live->scene, &live->changes, &done);
+    err = err ? err : sst_livescene_update(live->scene, &live->changes, in, &done);
     live->ready = err ? live->ready : done.ready;
     if (!err && !isnan(done.confirmed))
         live->confirmed = done.confirmed;
@@ -93,13 +102,33 @@ int sst_live_update(struct sst_live *live, const struct sst_live_input *in, stru
     if (err)
         return err;
     live->lost = false;
-    for (int zone = 0; zone <= SST_LIVE_ZONES; zone++) {
-        done.zone[zone].changed = changed[zone];
-        memcpy(done.zone[zone].label, live->zone_label[zone], sizeof(done.zone[zone].label));
-    }
+    set_zones(live, changed, &done);
     done.cpu_ns = sst_clock_cpu_ns() - cpu_ns;
     *report = done;
     return 0;
+}
+
+int sst_live_watch(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *report)
+{
+    struct sst_live_report done = { .error_change = NAN, .error_labels = NAN, .confirmed = NAN, .ready = live->ready };
+    const int64_t cpu_ns = sst_clock_cpu_ns();
+    double changed[SST_LIVE_ZONES + 1];
+    const int lead = live_zone_view(live);
+    const int err =
+        atomic_load(&live->canceled) ? -ECANCELED : sst_liveframes_watch(live->frames, in, lead, &live->changes);
+
+    if (err)
+        return err;
+    live_zones_changed(live, &live->changes, changed);
+    set_zones(live, changed, &done);
+    done.cpu_ns = sst_clock_cpu_ns() - cpu_ns;
+    *report = done;
+    return 0;
+}
+
+int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_LIVE_TRACKS])
+{
+    return sst_livescene_tracks(live->scene, out);
 }
 
 bool sst_live_unsettled(struct sst_live *live)

@@ -36,6 +36,7 @@ struct sst_live_config {
 struct sst_live_input {
     uint64_t set;
     int64_t t_ns;
+    bool unseen; /* no pictures are needed for now: the background thread does not start */
     struct {
         const uint8_t *data; /* NULL: missing; the view is not updated */
         size_t bytes, stride;
@@ -73,6 +74,25 @@ struct sst_live_report {
     } zone[SST_LIVE_ZONES + 1]; /* the last: the whole view */
 };
 
+#define SST_LIVE_TRACKS 32
+
+enum sst_live_track_state {
+    SST_LIVE_TRACK_SEEN = 0,
+    SST_LIVE_TRACK_COVERED = 1, /* something nearer hides it: its place is predicted */
+    SST_LIVE_TRACK_STILL = 2,   /* it stands where it was */
+};
+
+/** Something that moves, or has moved and stands now, in front of the background. */
+struct sst_live_track {
+    uint32_t id; /* from 1 on, in the order of their first report; never used again */
+    enum sst_live_track_state state;
+    int label;             /* 0: none */
+    double x0, y0, x1, y1; /* in the reference view, px; may lie beyond its edges */
+    double vx_px_s, vy_px_s;
+    double disp_px;
+    int64_t first_ns, seen_ns; /* times of the first set with it, and of the last one in which it was seen */
+};
+
 struct sst_live; /* opaque; one thread at a time */
 
 /** @return 0, -EINVAL (cfg, calibration), -ENOENT/-EBADMSG (model), -ENOMEM; logged. */
@@ -95,6 +115,21 @@ void sst_live_cancel(struct sst_live *live);
  */
 SST_MUST_CHECK int sst_live_update(struct sst_live *live, const struct sst_live_input *in,
                                    struct sst_live_report *report);
+
+/**
+ * Find what changed in the view that zones refer to, without updating anything: for sets of which no pictures are needed.
+ * The next update finds all that has changed since the last one.
+ *
+ * @param report  out, zones: what changed since the set watched before; labels as of the last update. All else as of an
+ *                update that had nothing to do.
+ * @return 0, -ECANCELED, -ENOTSUP (frames whose changes cannot be found without decoding them: update), -ENOMEM
+ */
+SST_MUST_CHECK int sst_live_watch(struct sst_live *live, const struct sst_live_input *in,
+                                  struct sst_live_report *report);
+
+/** What moves, as of the last update: a thing keeps its id while it is seen, while something nearer hides it for a few
+ *  seconds, and while it stands for ten minutes at most. Needs a model. @return number */
+int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_LIVE_TRACKS]);
 
 /** True if the background thread has improved maps for the next sst_live_settle().  Thread: any. */
 bool sst_live_unsettled(struct sst_live *live);

@@ -59,6 +59,9 @@ SST_MUST_CHECK int live_ingest(struct sst_live *live, const struct sst_liveframe
 /** Recount histograms, zones and focus votes after changes, and step the focus. @return 0, -ENOMEM (logged) */
 SST_MUST_CHECK int live_summarize(struct sst_live *live, int64_t t_ns);
 
+/** The view that zones refer to: the reference, or the present one that stands in for it. */
+int live_zone_view(const struct sst_live *live);
+
 /** Fraction of tiles that changed in every zone. @param changed  out, [SST_LIVE_ZONES + 1] */
 void live_zones_changed(const struct sst_live *live, const struct sst_liveframes_changes *changes, double *changed);
 

@@ -85,10 +85,16 @@ static void zone_tiles(const struct sst_live *live, int zone, int *x0, int *x1, 
     *y1 = sst_clamp_int((int)ceil(z.y1 * live->lf.height - 1) / SST_LIVE_TILE, *y0, rows);
 }
 
-void live_zones_changed(const struct sst_live *live, const struct sst_liveframes_changes *changes, double *changed)
+int live_zone_view(const struct sst_live *live)
 {
     const int lead = sst_render_lead_view(&live->lf);
-    const uint8_t *map = changes->map[lead < 0 ? live->lf.ref_view : lead];
+
+    return lead < 0 ? live->lf.ref_view : lead;
+}
+
+void live_zones_changed(const struct sst_live *live, const struct sst_liveframes_changes *changes, double *changed)
+{
+    const uint8_t *map = changes->map[live_zone_view(live)];
 
     for (int zone = 0; zone <= SST_LIVE_ZONES; zone++) {
         int x0, x1, y0, y1, n = 0;

@@ -30,8 +30,10 @@ struct entity {
 static const struct entity entities[] = {
     { "sensor", "state", "State", "status", "{{ value_json.state }}", NULL, NULL, "mdi:state-machine", NULL, false },
     { "binary_sensor", "problem", "Problem", "status",
-      "{{ 'OFF' if value_json.state in ['capturing', 'armed'] and value_json.storage == 'OK' else 'ON' }}", "problem",
-      NULL, NULL, NULL, false },
+      /* LOW by the quota is the usual state of a loop of recordings. */
+      "{{ 'OFF' if value_json.state in ['capturing', 'armed'] and (value_json.storage == 'OK' or value_json.storage == "
+      "'LOW' and value_json.storage_limit == 'quota') else 'ON' }}",
+      "problem", NULL, NULL, NULL, false },
     { "binary_sensor", "cameras", "All cameras", "status",
       "{{ 'ON' if value_json.present == value_json.cameras else 'OFF' }}", "connectivity", NULL, NULL, NULL, false },
     { "sensor", "rate", "Capture rate", "status", "{{ value_json.rate_hz }}", "frequency", "Hz", NULL, "diagnostic",

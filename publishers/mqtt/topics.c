@@ -50,6 +50,7 @@ static json_t *short_status(const json_t *status)
         { "latency_ms", "live.latency_ms.p50" },
         { "focus_px", "live.focus_px" },
         { "storage", "storage.state" },
+        { "storage_limit", "storage.limit" },
         { "recording", "storage.recording.active" },
     };
     json_t *o = json_object();
@@ -87,22 +88,39 @@ static bool publish_text(struct mqtt *m, const char *topic, const char *text)
     return mqtt_publish(m, topic, text, strlen(text), 1, true);
 }
 
+/* The setting, not what it comes to: `auto` stays `auto`. @return false: not known now, or not accepted */
+static bool publish_focus(struct mqtt *m)
+{
+    json_t *answer = NULL;
+    const json_t *view;
+    char text[32] = "";
+    size_t i;
+
+    if (sst_publisher_ask(&m->publisher, "/api/v1/views", NULL, &answer, NULL))
+        return false;
+    json_array_foreach(json_object_get(answer, "views"), i, view)
+    {
+        const char *id = json_string_value(json_object_get(view, "id"));
+        const json_t *px = member(view, "settings.focus_px");
+
+        if (id && !strcmp(id, "main"))
+            snprintf(text, sizeof(text), json_is_number(px) ? "%.6g" : "auto", json_number_value(px));
+    }
+    json_decref(answer);
+    return *text && publish_text(m, "focus", text);
+}
+
 static void publish_status(struct mqtt *m)
 {
     json_t *answer = NULL, *o;
-    const json_t *focus;
-    char text[32] = "auto";
 
     if (sst_publisher_ask(&m->publisher, "/api/v1/status", NULL, &answer, NULL))
         return;
     o = short_status(answer);
-    focus = json_object_get(o, "focus_px");
-    if (json_is_number(focus))
-        snprintf(text, sizeof(text), "%.6g", json_number_value(focus));
     if (o)
         (void)(publish_json(m, "status", o) &&
                publish_text(m, "record", json_is_true(json_object_get(o, "recording")) ? "ON" : "OFF") &&
-               publish_text(m, "focus", text)); /* what is not accepted now is sent with the next status */
+               publish_focus(m)); /* what is not accepted now is sent with the next status */
     json_decref(o);
     json_decref(answer);
 }

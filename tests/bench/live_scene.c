@@ -389,7 +389,7 @@ static int run(int sets, int every)
         share = 100.0 * (double)b.changes.changed / (VIEWS * b.changes.cols * b.changes.rows);
         wall = sst_clock_now_ns();
         cpu = sst_clock_cpu_ns();
-        err = sst_livescene_update(b.scene, &b.changes, &report);
+        err = sst_livescene_update(b.scene, &b.changes, &(const struct sst_live_input){ 0 }, &report);
         b.confirmed = report.confirmed;
         printf("\n%d,%.1f,%.1f,%.1f,%.1f,%.1f,%.1f,%.1f", set, share, 100 * b.confirmed,
                (double)(sst_clock_now_ns() - wall) / 1e6, (double)(sst_clock_cpu_ns() - cpu) / 1e6,

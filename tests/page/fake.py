@@ -13,7 +13,6 @@ import io
 import json
 import math
 import os
-import re
 import struct
 import threading
 import time
@@ -30,7 +29,7 @@ CLASSES = [("Sky", "#80b2e6"), ("Building", "#803c32"), ("Pole", "#c0c080"), ("R
            ("Tree", "#6e8c1e"), ("SignSymbol", "#c08080"), ("Fence", "#404080"), ("Car", "#6414aa"),
            ("Pedestrian", "#e65a1e"), ("Bicyclist", "#0080c0")]
 SETTINGS = {"method": "sst", "cut_px": None, "remove_label": "", "outline": False, "tint": False, "focus_px": None, "focus_label": "", "sigma_px": None, "c1": 0.005, "c2": 0.02,
-            "label_factor": 2.0, "aperture": None, "follow": False}
+            "label_factor": 2.0, "aperture": None, "follow": False, "follow_track": 0}
 
 
 def now():
@@ -108,7 +107,7 @@ class World:
                 back = occluder["focus_px"]
                 back_label = 1 + [c[0] for c in CLASSES].index(occluder["target"])
         return {"disparity_px": round(back, 2), "label": back_label, "name": CLASSES[back_label - 1][0],
-                "front_px": round(front, 2), "front_label": label}
+                "front_px": round(front, 2), "front_label": label, "front_name": name}
 
 
 class Service:
@@ -118,11 +117,12 @@ class Service:
         self.start = time.time() - age_s
         self.role, self.views_max, self.refuse, self.hold, self.old = "control", 8, {}, False, False
         self.patch, self.camera_patch = {}, {}
+        self.tracks = []  # as of /api/v1/tracks
         self.views = {"main": dict(copy.deepcopy(SETTINGS), removed=set(), viewers=0, seen=math.inf)}
         self.events, self.log, self.next_view = [], [], 1
         self.recording = None
         self.hour = now().replace(minute=0, second=0, microsecond=0)
-        self.deleted, self.matroska = set(), None
+        self.deleted, self.played, self.plays = set(), None, 0
         self.kept = []
         began = now() - datetime.timedelta(seconds=age_s)
         self.event(0, "start", "sstd 0.1.0 started", {"version": "0.1.0"}, began)
@@ -191,6 +191,18 @@ class Service:
             cameras.append(camera)
         return {"rows": 6, "cols": 6, "cameras": cameras}
 
+    def visits(self):
+        """Of a recording, of an hour ago and of yesterday."""
+        body = []
+        begin = self.hour - datetime.timedelta(hours=3) + datetime.timedelta(seconds=60)
+        for n, (at, label, zones) in enumerate(((begin, "Pedestrian", ["gate"]), (begin - datetime.timedelta(hours=2), "Car", ["street"]),
+                                                (begin - datetime.timedelta(days=1), "Pedestrian", ["gate", "street"]), (begin - datetime.timedelta(days=2), "", []))):
+            body.append({"visit": f"{at:%Y-%m-%dT%H-%M-%S-000Z}-{9 - n}", "active": False, "label": label, "from": stamp(at),
+                         "to": stamp(at + datetime.timedelta(seconds=12)), "seconds": 12.0, "direction": "left to right", "zones": zones,
+                         "distance_m": 8.2, "nearest_m": 6.1, "box": [0.3, 0.3, 0.5, 0.9],
+                         "path": [[0.4, 0.1, 0.9, 8.0], [6.0, 0.5, 0.95, 6.1], [12.0, 0.9, 0.9, 8.2]], "pictures": ["camera", "seen"]})
+        return body
+
     def recordings(self):
         hour = datetime.timedelta(hours=1)
         body = []
@@ -210,35 +222,49 @@ class Service:
                 "snapshots": [r for r in kept if r["name"] not in self.deleted],
                 "exports": [r for r in made if r["name"] not in self.deleted]}
 
-    def video(self):
-        """Three seconds of the see-through picture, as Matroska of the form that the service sends."""
-        if not self.matroska:
-            def element(number, data):
-                return number.to_bytes((number.bit_length() + 7) // 8, "big") + (len(data) | 1 << 56).to_bytes(8, "big") + data
+    def replay(self):
+        """State of the recording that is played, whose clock goes on while it plays."""
+        if not self.played:
+            return {"replay": None, "open": False, "recording": "", "from": None, "to": None, "time": None, "playing": False, "speed": 1.0,
+                    "error": "", "live": None}
+        p = self.played
+        if p["playing"]:
+            p["at"] = min(p["at"] + p["speed"] * (time.time() - p["since"]), p["to"])
+            p["playing"] = p["at"] < p["to"]
+        p["since"] = time.time()
+        at = lambda t: stamp(datetime.datetime.fromtimestamp(t, datetime.timezone.utc))
+        return {"replay": p["id"], "open": True, "recording": p["recording"], "from": at(p["from"]), "to": at(p["to"]), "time": at(p["at"]),
+                "playing": p["playing"], "speed": p["speed"], "error": "", "live": self.status()["live"]}
 
-            pictures = [self.world.data[f"sst_{i:02d}"] for i in range(3)]
-            clusters = [element(0x1F43B675, element(0xE7, (1000 * i).to_bytes(8, "big")) + b"".join(
-                element(0xA3, b"\x81" + (500 * k).to_bytes(2, "big") + b"\x80" + picture) for k in range(2)))
-                for i, picture in enumerate(pictures)]
-            info = element(0x1549A966, element(0x4489, struct.pack(">d", 3000.0)))
-            tracks = element(0x1654AE6B, element(0xAE, element(0xD7, b"\x01") + element(0x86, b"V_MJPEG")))
-            at, cues = len(info) + len(tracks) + 12 + 6 * 52, b""
-            for i, cluster in enumerate(clusters):
-                place = element(0xB7, element(0xF1, at.to_bytes(8, "big")))
-                for k in range(2):
-                    cues += element(0xBB, element(0xB3, (1000 * i + 500 * k).to_bytes(8, "big")) + place)
-                at += len(cluster)
-            cues = element(0x1C53BB6B, cues)
-            assert len(cues) == 12 + 6 * 52, len(cues)
-            self.matroska = element(0x1A45DFA3, b"") + element(0x18538067, info + tracks + cues + b"".join(clusters))
-        return self.matroska
+    def change_replay(self, body):
+        seconds = lambda text: datetime.datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()
+        if body.get("replay") and (not self.played or body["replay"] != self.played["id"]):
+            raise Refused(404, f"the replay {body['replay']} has ended; open the recording again")
+        self.replay()
+        if body.get("close"):
+            self.played = None
+            self.views = {name: view for name, view in self.views.items() if not name.startswith("r")}
+            return self.replay()
+        if "recording" in body or ("time" in body and not (self.played and self.played["from"] <= seconds(body["time"]) <= self.played["to"])):
+            found = [r for r in self.recordings()["recordings"] if r["name"] == body.get("recording")
+                     or "recording" not in body and r["from"] <= body["time"] <= r["to"]]
+            if not found:
+                raise Refused(404, "no recording has that moment, or there is none of that name")
+            begin, end = seconds(found[0]["from"]), seconds(found[0]["to"])
+            self.plays += 1
+            self.played = {"id": f"r{self.plays}", "recording": found[0]["name"], "from": begin, "to": end, "at": begin, "since": time.time(),
+                           "playing": False, "speed": 1.0}
+        if "time" in body:
+            self.played["at"] = seconds(body["time"])
+        self.played.update({key: body[key] for key in ("playing", "speed") if key in body})
+        return self.replay()
 
     def view_json(self, name):
         view = self.views[name]
         clear = view["method"] == "clear"
         return {"id": name, "viewers": view["viewers"], "settings": {k: view[k] for k in SETTINGS},
                 "shown_focus_px": self.world.focus(view), "shown_cut_px": (view["cut_px"] or self.world.cut) if clear else None,
-                "objects": len(view["removed"]), "seen_percent": 96.1, "remembered_percent": 3.2, "filled_percent": 0.7,
+                "objects": len(view["removed"]), "track": next((t for t in self.tracks if t["track"] == view["follow_track"]), None), "seen_percent": 96.1, "remembered_percent": 3.2, "filled_percent": 0.7,
                 "oldest_s": 4.1}
 
     def remove(self, view, body):
@@ -262,6 +288,7 @@ class Refused(Exception):
 class Handler(http.server.BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     service = None
+    view_prefix = "v"
 
     def log_message(self, *_):
         pass
@@ -309,6 +336,12 @@ class Handler(http.server.BaseHTTPRequestHandler):
                     s.refuse[path] = [*refused[:2], refused[2] - 1]
             if refused and (len(refused) == 2 or refused[2] > 0):
                 raise Refused(*refused[:2])
+            self.view_prefix = "v"
+            if path.startswith("/replay/"):
+                if not s.played:
+                    raise Refused(404, "no recording is being played; POST /api/v1/replay with its name opens one")
+                path = path[7:]
+                self.view_prefix = "r"
             if body is None:
                 self.get(path, query)
             else:
@@ -328,7 +361,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             merge(s.patch, body.get("status", {}))
             for name, patch in body.get("cameras", {}).items():
                 s.camera_patch.setdefault(name, {}).update(patch)
-            for key in ("role", "views_max", "refuse", "hold", "old"):
+            for key in ("role", "views_max", "refuse", "hold", "old", "tracks"):
                 if key in body:
                     setattr(s, key, body[key])
             for e in body.get("events", []):
@@ -352,11 +385,25 @@ class Handler(http.server.BaseHTTPRequestHandler):
         elif path == "/api/v1/labels":
             self.answer(200, {"labels": [{"label": i + 1, "name": n, "colour": c, "share": round(s.world.share[i], 4)}
                                          for i, (n, c) in enumerate(CLASSES)]})
+        elif path == "/api/v1/visits":
+            wanted = lambda v: (query.get("label") in (None, v["label"]) and (query.get("zone") is None or query["zone"] in v["zones"])
+                                and query.get("from", "") <= v["to"] and v["from"] <= query.get("to", "9"))
+            self.answer(200, {"visits": [v for v in s.visits() if wanted(v)][:int(query.get("limit", 100))]})
+        elif len(part) == 5 and part[2] == "visits" and part[4] in ("camera", "seen"):
+            self.answer(200, s.world.data["refocus_00" if part[4] == "camera" else "sst_05"], "image/jpeg")
+        elif path == "/api/v1/tracks":
+            self.answer(200, {"set": 1, "tracks": s.tracks})
         elif path == "/api/v1/views":
             with s.lock:
                 self.answer(200, {"views": [s.view_json(name) for name in s.views]})
         elif len(part) == 5 and part[2] == "views" and part[4] == "pick":
-            self.answer(200, s.world.pick(self.view(part[3]), float(query["x"]), float(query["y"])))
+            x, y = float(query["x"]), float(query["y"])
+            found = s.world.pick(self.view(part[3]), x, y)
+            for which in ("", "front_"):
+                at = [t for t in s.tracks if t["box"][0] <= x <= t["box"][2] and t["box"][1] <= y <= t["box"][3]
+                      and t["name"] == found["front_name" if which else "name"]]
+                found[which + "track"] = at[0]["track"] if at else 0
+            self.answer(200, found)
         elif path == "/api/v1/events":
             after, limit = int(query.get("after", 0)), int(query.get("limit", 1000))
             lines = [json.dumps(e) for e in s.events if e["id"] > after][-limit:]
@@ -365,6 +412,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.event_stream(int(query.get("after", 0)))
         elif path == "/api/v1/recordings":
             self.answer(200, s.recordings())
+        elif path == "/api/v1/replay":
+            self.answer(200, s.replay())
         elif part[0] in ("stream", "snapshot"):
             self.picture(part)
         elif path.startswith("/api/v1/download/"):
@@ -374,13 +423,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
 
     def download(self, name):
         more = [("Content-Disposition", f'attachment; filename="{name}"'), ("ETag", '"0123456789abcdef"')]
-        asked = re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers.get("Range", ""))
-        data = self.service.video() if name.endswith(".mkv") else self.service.world.data["sst_00"]
-        if asked and name.endswith(".mkv"):
-            first, last = int(asked[1]), min(int(asked[2]), len(data) - 1)
-            self.answer(206, data[first:last + 1], "video/x-matroska", more + [("Content-Range", f"bytes {first}-{last}/{len(data)}")])
-        else:
-            self.answer(200, data, "image/jpeg", more)
+        self.answer(200, self.service.world.data["sst_00"], "image/jpeg", more)
 
     def file(self, name):
         path = os.path.join(WEB, os.path.basename(name))
@@ -459,6 +502,10 @@ class Handler(http.server.BaseHTTPRequestHandler):
         if part[:3] == ["api", "v1", "views"]:
             self.post_view(part[3] if len(part) > 3 else None, path, body)
             return
+        if path == "/api/v1/replay":
+            with s.lock:
+                self.answer(200, s.change_replay(body))
+            return
         if s.role != "control":
             raise Refused(403, "this token is read-only: use the other token to control")
         if path == "/api/v1/record":
@@ -501,13 +548,15 @@ class Handler(http.server.BaseHTTPRequestHandler):
         with s.lock:
             if name is None:
                 s.expire()
-                if len(s.views) - 1 >= s.views_max:
+                if len([n for n in s.views if n.startswith(self.view_prefix)]) >= s.views_max:
                     raise Refused(429, f"all {s.views_max} views are in use: close another page, or raise web.views")
-                name = f"v{s.next_view}-{int(s.start) % 1000}"
+                name = f"{self.view_prefix}{s.next_view}-{int(s.start) % 1000}"
                 s.next_view += 1
                 s.views[name] = dict(copy.deepcopy(SETTINGS), removed=set(), viewers=0, seen=time.time())
             elif name == "main" and s.role != "control":
                 raise Refused(403, "this token is read-only: the main view is for those who control")
+            if any(key in body for key in ("focus_px", "focus_label", "follow")):
+                self.view(name)["follow_track"] = 0
             self.view(name).update(body)
             self.answer(200, s.view_json(name))
 

@@ -80,19 +80,21 @@ static void expect_all_views(void)
 
 /* --- the wire ----------------------------------------------------------------------------------------------------- */
 
-/* Faults that the driver mends by itself: no view is tried again. What is late is not seen to be late when all stands
- * still meanwhile: then once more. */
+/* Faults that the driver mends by itself: no view is tried again, in one capture of a few at least, for a machine that
+ * stands still for longer than all tries of a request causes a retry by itself. What is late is not seen to be late when
+ * all stands still meanwhile: then once more, too. */
 static void mended(const char *fault, const char *value, uint64_t (*count)(const struct sst_rig_counters *c))
 {
     struct sst_scan_report report = { .taken = 0 };
+    bool mended = false;
 
-    for (int i = 0; i < ATTEMPTS && !count(&report.rig); i++) {
+    for (int i = 0; i < ATTEMPTS && !mended; i++) {
         assert_int_equal(capture_with(fault, value, &report), 0);
         assert_int_equal(report.taken, 2);
-        assert_int_equal(report.again, 0);
         expect_all_views();
+        mended = count(&report.rig) > 0 && report.again == 0;
     }
-    assert_true(count(&report.rig) > 0);
+    assert_true(mended);
     set_fault(fault, "off");
 }
 

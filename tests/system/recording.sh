@@ -88,6 +88,15 @@ grep -q "set 3: camera r00 c04" info && grep -q "^damage    1 sets$" info || fai
 want 3 "00_04 (damaged on the disk)" import recording full -o bad --sets 3
 "$sst" import recording full -o hurt --sets 3 --allow-partial >/dev/null 2>&1 && [ ! -e hurt/views/00_04.jpg ] || fail "a damaged view"
 
+# A segment cut short and an emptied index are seen without reading the frames.
+cp -r holes short && truncate -s -20000 short/segments/"$(ls short/segments | tail -1)"
+"$sst" recording holes >info || fail "damage in a whole recording: $(cat info)"
+"$sst" recording short >info 2>&1 && fail "a segment cut short passes"
+grep -q "^damage    [1-9]" info || fail "a segment cut short: $(cat info)"
+cp -r holes empty && : >empty/sets.jsonl
+"$sst" recording empty >info 2>&1 && fail "an emptied index passes"
+grep -q "^unlisted  [1-9].*restore it" info || fail "an emptied index: $(cat info)"
+
 # --- raw formats ---
 for format in GREY Y16 YUYV RGGB BA81 GRBG GBRG; do
   # shellcheck disable=SC2086

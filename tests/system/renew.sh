@@ -48,6 +48,14 @@ command curl -skN -m 600 -H "Authorization: Bearer $(cat token)" -H 'Accept: app
   "https://127.0.0.1:$port/api/v1/events/stream?after=0" >stream &
 stream=$!
 
+# What is old or without forward secrecy is refused; HSTS.
+handshake() { timeout 60 openssl s_client -connect "127.0.0.1:$port" "$@" </dev/null 2>/dev/null | grep -q 'Cipher is [A-Z]'; }
+for how in -tls1_2 -tls1_3 '-tls1_2 -cipher ECDHE-ECDSA-AES128-GCM-SHA256'; do handshake $how || fail "TLS: no connection with $how"; done
+for how in '-tls1 -cipher ALL:@SECLEVEL=0' '-tls1_1 -cipher ALL:@SECLEVEL=0' '-tls1_2 -cipher ECDHE-ECDSA-AES256-SHA384' \
+  '-tls1_2 -cipher ECDHE-ECDSA-AES128-SHA' '-tls1_2 -cipher AES128-GCM-SHA256:AES256-SHA'; do handshake $how && fail "TLS: a connection with $how"; done
+curl -ski "https://127.0.0.1:$port/login" | grep -qi '^strict-transport-security: max-age=31536000' || fail "no HSTS over TLS"
+curl -si --unix-socket c.sock http://x/healthz | grep -qi strict-transport && fail "HSTS on the socket"
+
 place Second
 "$sst" reload --dry-run >out || fail "reload --dry-run"
 grep -q 'certificate until .* -> .*applies at once' out || fail "dry run: $(cat out)"

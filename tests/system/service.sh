@@ -64,8 +64,17 @@ awaits "curl -sf -m 10 --unix-socket c.sock http://x/metrics >metrics && grep -q
 awk '$1 == "#" && $2 == "TYPE" { type[$3] = $4 } /^[^#].*quantile=/ { sub(/\{.*/, ""); if (type[$0] != "summary") { print; bad = 1 } }
   END { exit bad }' metrics || fail "quantiles of what is no summary"
 
+# Without viewers one view is watched, and maps are brought up to date now and then.
+until_is 20 live.demand 'v == "events"' # for visits to the zone
+until_is 20 live.watched 'v > 20'
+"$sst" status | grep -q 'no viewers' || fail "status without viewers: $("$sst" status)"
+curl -sf -m 10 --unix-socket c.sock http://x/snapshot >p.jpg || fail "a snapshot after a while without viewers"
+[ "$(value live.demand)" = '"pictures"' ] || fail "a snapshot was asked for, and the service computes for $(value live.demand)"
+
 # A scene that stands still: nothing is computed.
+timeout 300 curl -s -m 300 --unix-socket c.sock http://x/stream >/dev/null & viewer=$!
 until_is 20 live.idle 'v > 10'
+kill $viewer
 
 # A view of one's own: other focus, what is under a point, and what is refused.
 ask() { curl -s --unix-socket c.sock -H 'Content-Type: application/json' "http://x$1" ${2:+-d "$2"}; }
@@ -113,6 +122,10 @@ until_is 15 capture.rate_hz '3 < v < 6.5'
 sed 's/^live:.*//; $ a live: {c1: 0.5, focus_px: 3}' sstd.yaml >live.yaml && cp live.yaml sstd.yaml
 "$sst" reload >out || fail "reload of the main view's settings"
 ask /api/v1/views | grep -q '"focus_px":3.*"c1":0.5' || ask /api/v1/views | grep -q '"c1":0.5.*"focus_px":3' || fail "reload leaves the main view as it was: $(ask /api/v1/views)"
+grep -v '^zones' live.yaml >sstd.yaml
+"$sst" reload >out || fail "reload without zones: $(cat out)"
+until_is 30 live.demand 'v == "none"'
+cp live.yaml sstd.yaml
 kill -HUP "$daemon"
 sleep 0.5
 kill -0 "$daemon" || fail "SIGHUP ended it"

@@ -114,6 +114,14 @@ echo evil >s.mode
 want 1 'two?lines and ?' status
 rm s.mode
 want 5 'no service runs at .*nobody' status --socket "$tmp/nobody"
+# A service that hangs: asked for 5 s, not for a client's whole patience.
+python3 -c 'import socket, sys, time; s = socket.socket(socket.AF_UNIX); s.bind(sys.argv[1]); s.listen(5); time.sleep(60)' "$tmp/hung" &
+hung=$!
+for _ in $(seq 100); do [ -S "$tmp/hung" ] && break; sleep 0.1; done
+since=$SECONDS
+want 1 'does not answer' status --socket "$tmp/hung"
+[ $((SECONDS - since)) -lt 12 ] || fail "a service that hangs: status took $((SECONDS - since)) s"
+kill $hung
 want 2 'at most 107' status --socket "/$(printf 'x%.0s' {1..200})"
 /usr/bin/python3 -c 'import socket; s = socket.socket(socket.AF_UNIX); s.bind("stale")'
 want 5 'systemctl status sstd' events --socket "$tmp/stale"

@@ -7,7 +7,8 @@
  * model=NAME (none) out=DIR (pictures of every set, and overlays of the last) threads=0 change=1 labels=1 background=0
  * min=0 max=0 (disparities) focus=NAN width=0 height=0 (of a world; 0: native) same=0 (from this set on the world
  * stands still) absent=-1 from=0 (this camera gives no frames from that set on) lamp=0 gain=1.3 (from this set on the
- * world is so much brighter) verify=1 (0: rays count by depth and label alone) clear=0 (1: clear pictures).
+ * world is so much brighter) verify=1 (0: rays count by depth and label alone) clear=0 (1: clear pictures)
+ * tracks=0 (1: prints them).
  * truth=LABEL: how right that label is in every set, and how often it is reported to have appeared (of a world with
  * ideal cameras). */
 #include <errno.h>
@@ -41,7 +42,7 @@ static struct {
     { "sets", 30 },  { "first", 0 },      { "rate", 10 },  { "threads", 0 }, { "change", 1 },
     { "labels", 1 }, { "background", 0 }, { "min", 0 },    { "max", 0 },     { "focus", NAN },
     { "width", 0 },  { "height", 0 },     { "same", 0 },   { "absent", -1 }, { "from", 0 },
-    { "lamp", 0 },   { "gain", 1.3 },     { "verify", 1 }, { "clear", 0 },
+    { "lamp", 0 },   { "gain", 1.3 },     { "verify", 1 }, { "clear", 0 },   { "tracks", 0 },
 };
 static const char *calib = "none", *model = "pspnet-small", *out_dir, *truth_label;
 
@@ -229,6 +230,18 @@ static int write_overlays(struct sst_live *live)
 }
 
 /* One set: taken in, rendered, encoded. */
+static void print_tracks(const struct sst_live *live)
+{
+    static const char *const states[] = { "seen", "covered", "still" };
+    struct sst_live_track track[SST_LIVE_TRACKS];
+    const int n = option("tracks") ? sst_live_tracks(live, track) : 0;
+
+    for (int i = 0; i < n; i++)
+        printf("  track %u %s: %s %.0f..%.0f, %.0f..%.0f px, disparity %.2f px, %.0f px/s\n", track[i].id,
+               sst_classes_name(&sst_live_lightfield(live)->classes, track[i].label), states[track[i].state],
+               track[i].x0, track[i].x1, track[i].y0, track[i].y1, track[i].disp_px, track[i].vx_px_s);
+}
+
 static int follow(struct sst_live *live, struct sst_livepicture *p, const struct sst_live_input *in, struct cost *cost,
                   struct live_truth *truth, int i)
 {
@@ -279,6 +292,7 @@ static int follow(struct sst_live *live, struct sst_livepicture *p, const struct
             cost->stage_ms[SST_LIVE_STAGES + 2][cost->n], cost->cpu_ms[cost->n], cost->changed[cost->n],
             cost->anew[cost->n], report->whole ? "whole, " : "", sst_live_default_focus(live), (int)report->label_runs);
         cost->n += i > 0 && cost->n < SETS_MAX - 1; /* the first one is another matter */
+        print_tracks(live);
         if (truth_label)
             err = live_truth_add_set(truth, sst_live_lightfield(live), report, shown_ns((int)in->set), in->t_ns);
         if (!err && out_dir)

@@ -108,6 +108,7 @@ static void a_program_is_told_what_happened(void **state)
     (void)state;
     setenv("NOTIFY_SOCKET", "/nowhere", 1);
     setenv("SST_STALE", "1", 1);
+    setenv("TEST_SECRET", "1", 1);
     open_hooks(h, 2, 0);
     sst_events_emit(events, SST_EVENT_INFO, "motion",
                     json_pack("{s:s, s:f, s:b, s:i, s:{s:i}, s:s, s:n}", "zone", "gate", "share", 0.25, "active", 1,
@@ -130,6 +131,7 @@ static void a_program_is_told_what_happened(void **state)
     assert_non_null(strstr(text, "PATH="));
     assert_null(strstr(text, "NOTIFY_SOCKET"));
     assert_null(strstr(text, "SST_STALE"));
+    assert_null(strstr(text, "TEST_SECRET"));
     text = content("fds"); /* 3 is the folder that ls reads */
     assert_string_equal(text, "0\n1\n2\n3\n");
     text = content("in");

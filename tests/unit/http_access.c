@@ -281,6 +281,8 @@ static void errors_of_the_service(void **state)
         snprintf(body, sizeof(body), "{\"fail\": %d}", cases[i].err);
         assert_int_equal(ask("POST", "/api/v1/record", with(bearer(control), JSON), body), cases[i].status);
         assert_non_null(strstr(answer, "{\"error\":\"asked to fail\"}"));
+        if (cases[i].status == 409)
+            assert_non_null(strstr(answer, "\r\nRetry-After: 1\r\n"));
     }
     assert_int_equal(ask("GET", "/stream/camera/r9c9", bearer(view), NULL), 404);
     assert_non_null(strstr(answer, "no camera r9c9"));
@@ -292,6 +294,19 @@ static void errors_of_the_service(void **state)
     fake_state = "degraded";
     assert_int_equal(ask("GET", "/healthz", "", NULL), 200);
     assert_non_null(strstr(answer, "\r\n\r\nok\n"));
+}
+
+static void visits_are_asked_for(void **state)
+{
+    (void)state;
+    assert_int_equal(ask("GET", "/api/v1/visits?label=Car&zone=gate&from=2026-11-21&limit=7", bearer(view), NULL), 200);
+    assert_non_null(
+        strstr(answer, "{\"limit\":7,\"from\":\"2026-11-21\",\"to\":null,\"label\":\"Car\",\"zone\":\"gate\"}"));
+    assert_int_equal(ask("GET", "/api/v1/visits?from=yesterday", bearer(view), NULL), 400);
+    assert_int_equal(ask("GET", "/api/v1/visits?limit=0x7", bearer(view), NULL), 400);
+    assert_int_equal(ask("GET", "/api/v1/visits/v1/seen", bearer(view), NULL), 200);
+    assert_non_null(strstr(answer, "\r\n\r\nseen"));
+    assert_int_equal(ask("GET", "/api/v1/visits/v2/seen", bearer(view), NULL), 404);
 }
 
 static void wrong_tokens_are_put_off(void **state)
@@ -393,6 +408,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(hosts_and_origins, make_server, end_service),
         cmocka_unit_test_setup_teardown(bodies, make_server, end_service),
         cmocka_unit_test_setup_teardown(errors_of_the_service, make_server, end_service),
+        cmocka_unit_test_setup_teardown(visits_are_asked_for, make_server, end_service),
         cmocka_unit_test_setup_teardown(wrong_tokens_are_put_off, make_server, end_service),
         cmocka_unit_test_setup_teardown(peers_of_the_socket, make_server, end_service),
     };

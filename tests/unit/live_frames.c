@@ -357,6 +357,61 @@ static void motion_is_followed(void **state)
     close_keeper(&exact);
 }
 
+/* One view is watched: what moves in it is marked from set to set, noise and the first set are not; an update then
+ * takes all in that has changed since the last one. */
+static void one_view_is_watched(void **state)
+{
+    const int view = 5;
+    struct keeper k, exact;
+    int64_t marked = 0;
+
+    (void)state;
+    open_keeper(&k, V4L2_PIX_FMT_MJPEG, &calibrated, true, 2);
+    open_keeper(&exact, V4L2_PIX_FMT_MJPEG, &calibrated, false, 2);
+    for (int n = 0; n < 24; n++) {
+        const struct seen s = {
+            .noise = 1, .x = n < 12 ? 60 : 60 + 9 * (n - 12), .y = 70, .side = 48, .contrast = -0.5
+        };
+        struct sst_live_input *in = make_set(n, &s, V4L2_PIX_FMT_MJPEG);
+        int64_t now = 0;
+
+        if (!n || n == 23) {
+            update(&k, in);
+            update(&exact, in);
+            assert_true(!n || (!k.changes.whole && k.changes.changed > 0));
+            assert_true(worst_difference(&k, &exact) < SST_DETECTOR_BUDGET);
+        } else {
+            assert_int_equal(sst_liveframes_watch(k.frames, in, view, &k.changes), 0);
+            for (int t = 0; t < k.changes.cols * k.changes.rows; t++) {
+                now += k.changes.map[view][t];
+                assert_false(k.changes.map[view + 1][t]);
+            }
+            assert_false(k.changes.whole);
+            assert_true(n > 12 ? now >= 2 && now < 40 : now == 0);
+            marked += now;
+        }
+        free_set(in);
+    }
+    assert_true(marked >= 10 * 2);
+
+    /* Frames that cannot be read change nothing; nor does the first one after a while. */
+    {
+        struct sst_live_input *in =
+            make_set(24, &(struct seen){ .x = 10, .y = 10, .side = 90, .contrast = 1 }, V4L2_PIX_FMT_MJPEG);
+
+        in->frame[view].bytes = 4;
+        assert_int_equal(sst_liveframes_watch(k.frames, in, view, &k.changes), 0);
+        assert_null(memchr(k.changes.map[view], 1, (size_t)(k.changes.cols * k.changes.rows)));
+        free_set(in);
+        in = make_set(60, &(struct seen){ .x = 10, .y = 10, .side = 90, .contrast = 1 }, V4L2_PIX_FMT_MJPEG);
+        assert_int_equal(sst_liveframes_watch(k.frames, in, view, &k.changes), 0);
+        assert_null(memchr(k.changes.map[view], 1, (size_t)(k.changes.cols * k.changes.rows)));
+        free_set(in);
+    }
+    close_keeper(&k);
+    close_keeper(&exact);
+}
+
 /* Light that drifts adds up to one change of everything, now and then. */
 static void light_is_taken_over_as_a_whole(void **state)
 {
@@ -660,6 +715,7 @@ int main(void)
         cmocka_unit_test(noise_is_no_change),
         cmocka_unit_test(faint_change_is_seen),
         cmocka_unit_test(motion_is_followed),
+        cmocka_unit_test(one_view_is_watched),
         cmocka_unit_test(light_is_taken_over_as_a_whole),
         cmocka_unit_test(calibrated_views_follow),
         cmocka_unit_test(raw_formats_follow),

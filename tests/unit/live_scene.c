@@ -123,7 +123,7 @@ static void close_field(struct field *f)
 
 static void update(struct field *f)
 {
-    assert_int_equal(sst_livescene_update(f->scene, &f->changes, &f->report), 0);
+    assert_int_equal(sst_livescene_update(f->scene, &f->changes, &(const struct sst_live_input){ 0 }, &f->report), 0);
 }
 
 /* Share of a view's pixels, in percent, that are off by more than 1 px. */
@@ -437,7 +437,7 @@ static void cancel_ends_updates(void **state SST_UNUSED)
     open_field(&f, 3, 3);
     draw(&f, 40);
     sst_livescene_cancel(f.scene);
-    assert_int_equal(sst_livescene_update(f.scene, &f.changes, &f.report), -ECANCELED);
+    assert_int_equal(sst_livescene_update(f.scene, &f.changes, &(const struct sst_live_input){ 0 }, &f.report), -ECANCELED);
     close_field(&f);
 }
 

@@ -434,6 +434,12 @@ static void the_quota_holds_while_sets_come(void **state)
     bench_wait(&b, "recording", "sets", 700);
     assert_true(most <= 12000000 && most > 8000000 && all > 40000000);
     assert_int_equal(sst_storage_state(b.storage), SST_STORAGE_LOW);
+    {
+        json_t *o = sst_storage_status(b.storage);
+
+        assert_string_equal(json_string_value(json_object_get(o, "limit")), "quota");
+        json_decref(o);
+    }
     assert_int_equal(bench_events(&b, "storage", "\"state\":\"LOW\""), 1);
     assert_int_equal(bench_events(&b, "storage", NULL), 1);
     assert_true(bench_number(&b, NULL, "shortened") > 10);

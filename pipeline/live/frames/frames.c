@@ -207,6 +207,8 @@ void sst_liveframes_close(struct sst_liveframes *f)
             sst_map_u8_fini(&f->lf->views[k].valid);
         }
     }
+    detector_fini(&f->watch.detector);
+    sst_mem_free(f->watch.dirty);
     for (int i = 0; f->decoder && i < f->threads; i++)
         decoder_destroy(f->decoder[i]);
     free(f->decoder);
@@ -333,5 +335,55 @@ int sst_liveframes_update(struct sst_liveframes *f, const struct sst_live_input 
         report->error_change = frames_sample_error(f);
     }
     end_set(f, report);
+    return 0;
+}
+
+/* --- between updates ---------------------------------------------------------------------------------------------- */
+
+static int open_watch(struct sst_liveframes *f)
+{
+    int err = 0;
+
+    if (!f->watch.dirty) {
+        f->watch.dirty = sst_mem_alloc((size_t)f->raw_cols, (size_t)f->raw_rows);
+        err = f->watch.dirty ? detector_init(&f->watch.detector, f->cfg->width, f->cfg->height) : -ENOMEM;
+    }
+    if (err) {
+        sst_mem_free(f->watch.dirty);
+        f->watch.dirty = NULL;
+    }
+    return err;
+}
+
+int sst_liveframes_watch(struct sst_liveframes *f, const struct sst_live_input *in, int view,
+                         struct sst_liveframes_changes *changes)
+{
+    struct frames_watch *w = &f->watch;
+    struct verdict v;
+    bool first;
+    int err;
+
+    begin_set(f, in, changes);
+    if (!has_frame(f, view) || !changes->map[view])
+        return 0;
+    err = open_watch(f);
+    if (!err)
+        err = decoder_read_means(
+            f->decoder[0],
+            &(struct decoder_frame){ in->frame[view].data, in->frame[view].bytes, in->frame[view].stride },
+            &w->detector.now, NULL);
+    if (err)
+        return err == -EBADMSG ? 0 : err;
+    first = w->view != view || in->t_ns - w->t_ns > ABSENT_NS;
+    if (first)
+        detector_reset(&w->detector);
+    w->view = view;
+    w->t_ns = in->t_ns;
+    v = detector_judge(&w->detector, w->dirty);
+    detector_accept(&w->detector, w->dirty);
+    if (first)
+        return 0;
+    frames_mark(f, view, w->dirty, changes->map[view]);
+    changes->whole = v.whole;
     return 0;
 }

@@ -46,6 +46,17 @@ void sst_liveframes_close(struct sst_liveframes *f);
 SST_MUST_CHECK int sst_liveframes_update(struct sst_liveframes *f, const struct sst_live_input *in,
                                          struct sst_liveframes_changes *changes, struct sst_live_report *report);
 
+/**
+ * Find what one view's frame changes against the one watched before, at the cost of reading its block means: for the
+ * time in which no pictures are needed. What updates compare with stays as it is, so the next update finds all that has
+ * changed since the last one.
+ *
+ * @param changes  out, of this view; without a usable frame, or if none was watched in the last 2 s: nothing
+ * @return 0, -ENOTSUP (a kind of JPEG that must be decoded for that), -ENOMEM
+ */
+SST_MUST_CHECK int sst_liveframes_watch(struct sst_liveframes *f, const struct sst_live_input *in, int view,
+                                        struct sst_liveframes_changes *changes);
+
 /** Make updates return -ECANCELED from now on, within the time of one frame.  Thread: any. */
 void sst_liveframes_cancel(struct sst_liveframes *f);
 

@@ -186,14 +186,26 @@ int frames_decode(struct sst_liveframes *f)
 
 /* --- rectifying --------------------------------------------------------------------------------------------------- */
 
-static bool any_dirty(const struct sst_liveframes *f, const struct live_view *v, const struct from *from)
+static bool any_dirty(const struct sst_liveframes *f, const uint8_t *dirty, const struct from *from)
 {
     for (int row = from->tile[1]; row < from->tile[3]; row++) {
-        if (memchr(v->dirty + (size_t)row * (size_t)f->raw_cols + from->tile[0], 1,
+        if (memchr(dirty + (size_t)row * (size_t)f->raw_cols + from->tile[0], 1,
                    (size_t)(from->tile[2] - from->tile[0])))
             return true;
     }
     return false;
+}
+
+void frames_mark(const struct sst_liveframes *f, int k, const uint8_t *dirty, uint8_t *map)
+{
+    const struct from *from = f->view[k].from;
+
+    if (!from) {
+        memcpy(map, dirty, (size_t)raw_tiles(f));
+        return;
+    }
+    for (int t = 0; t < f->cols * f->rows; t++)
+        map[t] = any_dirty(f, dirty, &from[t]);
 }
 
 /* Runs of changed tiles, row by row of pixels. */
@@ -226,13 +238,8 @@ static int rectify(void *arg, int index, int worker SST_UNUSED)
 
     if (atomic_load(&f->cancelled))
         return -ECANCELED;
-    if (!v->sampler) {
-        memcpy(map, v->dirty, (size_t)raw_tiles(f));
-        return 0;
-    }
-    for (int t = 0; t < f->cols * f->rows; t++)
-        map[t] = any_dirty(f, v, &v->from[t]);
-    for (int row = 0; row < f->rows; row++)
+    frames_mark(f, k, v->dirty, map);
+    for (int row = 0; v->sampler && row < f->rows; row++)
         rectify_row(f, k, row, map + (size_t)row * (size_t)f->cols);
     return 0;
 }

@@ -161,6 +161,14 @@ struct live_view {
     char fault[200];
 };
 
+/* One view between updates, compared from set to set. */
+struct frames_watch {
+    struct change_detector detector; /* empty until the first watch */
+    uint8_t *dirty;                  /* [raw tiles] */
+    int view;
+    int64_t t_ns; /* of the last set watched */
+};
+
 struct sst_liveframes {
     /* fixed after open */
     const struct sst_live_config *cfg;
@@ -176,6 +184,7 @@ struct sst_liveframes {
     const struct sst_live_input *in;
     struct sst_liveframes_changes *changes;
     int list[SST_MAX_VIEWS]; /* views of the current step */
+    struct frames_watch watch;
     SST_ATOMIC(bool) cancelled;
 };
 
@@ -203,6 +212,9 @@ SST_MUST_CHECK int frames_scan(struct sst_liveframes *f);
 SST_MUST_CHECK int frames_decode(struct sst_liveframes *f);
 /** Step 3: rectify the tiles that depend on them and fill the maps of changes. @return as above */
 SST_MUST_CHECK int frames_rectify(struct sst_liveframes *f);
+
+/** Mark the rectified tiles of view k that depend on dirty raw tiles. @param dirty  [raw tiles] @param map  out, [tiles] */
+void frames_mark(const struct sst_liveframes *f, int k, const uint8_t *dirty, uint8_t *map);
 
 /** Decode one view with skipped tiles. @return mean |difference| of those tiles to the stored picture; NaN: none */
 double frames_sample_error(struct sst_liveframes *f);

@@ -345,3 +345,40 @@ bool scene_foreground_label(struct scene_foreground *t, struct scene_key *key, s
     }
     return ask;
 }
+
+static void mean_colours(const struct scene_foreground *t, const struct scene_maps *maps, const struct sst_image *image,
+                         struct scene_piece *p)
+{
+    double sum[2][3] = { { 0 } };
+    int64_t count[2] = { 0, 0 };
+
+    for (int y = p->at.y0; y < p->at.y1; y++) {
+        const int half = 2 * (y - p->at.y0) >= p->at.y1 - p->at.y0, py = sst_min_int(2 * y, image->height - 1);
+        const uint16_t *disp = sst_map_u16_row(&maps->disp, y);
+
+        for (int x = p->at.x0; x < p->at.x1; x++) {
+            if (!t->cell[y * t->width + x].object || abs(disp[x] - p->disp_q6) > OBJECT_Q6)
+                continue;
+            for (int c = 0; c < 3; c++)
+                sum[half][c] += sst_image_row(image, c, py)[sst_min_int(2 * x, image->width - 1)];
+            count[half]++;
+        }
+    }
+    for (int half = 0; half < 2; half++)
+        for (int c = 0; c < 3; c++)
+            p->colour[half][c] = (float)(sum[half][c] / (double)(count[half] ? count[half] : 1));
+}
+
+int scene_foreground_pieces(const struct scene_foreground *t, const struct scene_maps *maps,
+                            const struct sst_image *image, struct scene_piece piece[SCENE_PIECES])
+{
+    const int count = sst_min_int(t->objects[t->now], SCENE_PIECES);
+
+    for (int i = 0; i < count; i++) {
+        const struct object *a = &t->object[t->now][i];
+
+        piece[i] = (struct scene_piece){ .at = a->at, .disp_q6 = a->disp_q6, .cells = a->cells, .label = winner(a) };
+        mean_colours(t, maps, image, &piece[i]);
+    }
+    return count;
+}

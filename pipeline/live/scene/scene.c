@@ -103,6 +103,7 @@ static int open_labels(struct sst_livescene *s)
     if (s->cfg->skip_labels)
         sst_segmenter_configure(s->segmenters[0], &quick);
     s->lf->classes = *sst_segmenter_classes(s->segmenters[0]);
+    scene_tracks_init(&s->tracks, &s->lf->classes);
     err = scene_foreground_open(&s->foreground, s->width, s->height, s->cols, s->rows);
     if (err)
         sst_log_error("not enough memory to label foreground objects in a view of %dx%d", s->lf->width, s->lf->height);
@@ -266,8 +267,45 @@ static int compute_changes(struct sst_livescene *s, struct sst_liveframes_change
     return 0;
 }
 
+static void follow_tracks(struct sst_livescene *s, int64_t t_ns)
+{
+    const struct scene_key *key = &s->key[0];
+    struct scene_piece piece[SCENE_PIECES];
+    int pieces;
+
+    if (!s->foreground || !s->ready || !s->keys)
+        return;
+    pieces = scene_foreground_pieces(s->foreground, &key->maps, &s->lf->views[key->view].image, piece);
+    scene_tracks_update(&s->tracks, piece, pieces, &key->maps.disp, t_ns);
+}
+
+int sst_livescene_tracks(const struct sst_livescene *s, struct sst_live_track out[SST_LIVE_TRACKS])
+{
+    int n = 0;
+
+    for (int i = 0; i < s->tracks.count; i++) {
+        const struct scene_track *a = &s->tracks.track[i];
+
+        if (!a->reported)
+            continue;
+        out[n++] = (struct sst_live_track){ .id = a->id,
+                                            .state = a->state,
+                                            .label = scene_track_label(&s->tracks, a),
+                                            .x0 = 2 * (a->x - a->w / 2),
+                                            .y0 = 2 * (a->y - a->h / 2),
+                                            .x1 = 2 * (a->x + a->w / 2),
+                                            .y1 = 2 * (a->y + a->h / 2),
+                                            .vx_px_s = 2 * a->vx,
+                                            .vy_px_s = 2 * a->vy,
+                                            .disp_px = s->lf->disp_min_px + a->disp_q6 / SST_DISP_SCALE,
+                                            .first_ns = a->first_ns,
+                                            .seen_ns = a->seen_ns };
+    }
+    return n;
+}
+
 int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes *changes,
-                         struct sst_live_report *report)
+                         const struct sst_live_input *in, struct sst_live_report *report)
 {
     int64_t present = 0;
     int err = scene_cancelled(s);
@@ -286,8 +324,10 @@ int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes 
     s->error_labels = NAN;
     if (err)
         s->whole_next = true;
-    else if (s->ready)
+    else if (s->ready && !in->unseen)
         scene_start_background(s);
+    if (!err)
+        follow_tracks(s, in->t_ns);
     if (err == -ENOMEM)
         sst_log_error("not enough memory to track the scene; the next set is computed from scratch");
     return err;

@@ -27,13 +27,17 @@ void sst_livescene_close(struct sst_livescene *s);
  * pixels that no key view sees are filled from the farther surroundings.
  *
  * @param changes  in: tiles whose picture changed; out: tiles whose picture, disparity or label changed
+ * @param in       its time, and `unseen`
  * @param report   out, DISPARITY, LABELS (which runs in parallel), REFINE and their counters, ready, whole; in the
  *                 update after a settle, error_labels: fraction of wrong labels in the tiles that the background
  * replaced
  * @return 0, -ECANCELED, -ENOMEM
  */
 SST_MUST_CHECK int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes *changes,
-                                        struct sst_live_report *report);
+                                        const struct sst_live_input *in, struct sst_live_report *report);
+
+/** As sst_live_tracks(). */
+int sst_livescene_tracks(const struct sst_livescene *s, struct sst_live_track out[SST_LIVE_TRACKS]);
 
 /**
  * The background: while most of the scene is static, a thread of low priority computes the whole light field as

@@ -173,6 +173,66 @@ void scene_foreground_settle(struct scene_foreground *t, const struct scene_key 
 bool scene_foreground_label(struct scene_foreground *t, struct scene_key *key, struct scene_candidates *c,
                             const uint8_t *dirty, bool labelled);
 
+#define SCENE_PIECES 32
+
+/** A connected part of the foreground. */
+struct scene_piece {
+    struct scene_rect at; /* cells */
+    int disp_q6;          /* mean */
+    int64_t cells;
+    uint8_t label;      /* 0: none, or not known yet */
+    float colour[2][3]; /* means of the upper and of the lower half */
+};
+
+/** The pieces of the last scene_foreground_label(). @param image  of that key @return their number */
+int scene_foreground_pieces(const struct scene_foreground *t, const struct scene_maps *maps,
+                            const struct sst_image *image, struct scene_piece piece[SCENE_PIECES]);
+
+/* --- tracks.c: identities of what moves ---------------------------------------------------------------------------- */
+
+#define SCENE_TRACKS SST_LIVE_TRACKS
+
+/** What the label of a thing says about its motion. */
+enum scene_motion {
+    SCENE_MOBILE = 0,
+    SCENE_ROOTED = 1, /* buildings do not walk, and leaves get nowhere: as if it had no label */
+};
+
+struct scene_track {
+    uint32_t id;   /* once reported */
+    bool reported; /* it has moved as things do */
+    enum sst_live_track_state state;
+    double x, y, w, h, vx, vy; /* centre, size; cells, cells/s */
+    double disp_q6, fill;      /* fill: usual fraction of the box that its cells take */
+    float colour[2][3];
+    uint16_t votes[SST_MAX_CLASSES + 1]; /* sets by label */
+    int sets;                            /* with a piece */
+    double from_x, from_y, from_q6;      /* where it was first seen */
+    double before_x, before_y, gone;     /* in the last set; length of its way */
+    int64_t first_ns, seen_ns, moved_ns; /* moved: not only standing */
+    int piece;                           /* of this set; -1: none */
+};
+
+struct scene_tracks {
+    struct scene_track track[SCENE_TRACKS];
+    int count;
+    uint32_t next_id;
+    int64_t t_ns;
+    uint8_t motion[SST_MAX_CLASSES + 1]; /* enum scene_motion by label */
+};
+
+void scene_tracks_init(struct scene_tracks *t, const struct sst_classes *classes);
+
+/** The label of most sets, as far as it can be that of something that moves; 0: none. */
+int scene_track_label(const struct scene_tracks *t, const struct scene_track *a);
+
+/** Follow the tracks to this set. @param disp  of the reference key */
+void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece, int pieces,
+                         const struct sst_map_u16 *disp, int64_t t_ns);
+
+/** The disparity of stored value 0 has changed: stored values grow by `by`. */
+void scene_tracks_shift(struct scene_tracks *t, int by);
+
 /* --- warp.c: maps of all views from those of the key views -------------------------------------------------------- */
 
 /** Cells by which a disparity moves. */
@@ -257,6 +317,7 @@ struct sst_livescene {
     int64_t *hist; /* [SST_DISP_BINS] */
     struct scene_candidates *candidates;
     struct scene_foreground *foreground; /* of the first key; NULL: no model */
+    struct scene_tracks tracks;          /* of that */
     /* valid while the same views are present */
     bool planned[SST_MAX_VIEWS]; /* present when the keys were chosen */
     int keys;

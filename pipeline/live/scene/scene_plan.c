@@ -148,6 +148,7 @@ int scene_set_range(struct sst_livescene *s, double min_px, double max_px)
     s->matchers = made;
     s->lf->range_min_px = min_px;
     s->lf->range_max_px = max_px;
+    scene_tracks_shift(&s->tracks, (int)lround((s->lf->disp_min_px - scene_disp_min(min_px)) * SST_DISP_SCALE));
     s->lf->disp_min_px = scene_disp_min(min_px);
     return 0;
 }

@@ -1,0 +1,413 @@
+#include "daemon/visits/visits.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "base/thread.h"
+
+#define NAME_LENGTH  63
+#define DAY          10 /* characters of "2026-11-21", which names begin with */
+#define WAITING      64 /* jobs */
+#define LINES        "visits.jsonl"
+#define DAY_MOST     ((size_t)256 << 20) /* bytes of a day's lines */
+#define PICTURE_MOST ((size_t)64 << 20)
+
+struct job {
+    char name[NAME_LENGTH + 1];
+    int picture; /* enum sst_visit_picture; -1: a line */
+    uint8_t *data;
+    size_t bytes;
+};
+
+struct sst_visits {
+    char dir[SST_PATH_MAX]; /* fixed after open */
+    char start[SST_CLOCK_TEXT];
+    pthread_t thread;
+    bool failed;         /* writer's: the last file could not be written */
+    char swept[DAY + 1]; /* writer's: day of the last removal of old ones */
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    /* under lock */
+    struct job job[WAITING];
+    int jobs, days;
+    bool stop, ended;
+};
+
+static const char *const picture_files[] = { "-camera.jpg", "-seen.jpg" };
+static const char *const picture_names[] = { "camera", "seen" };
+
+static bool is_day(const char *text)
+{
+    static const char form[] = "dddd-dd-dd";
+
+    for (int i = 0; i < DAY; i++)
+        if (form[i] == 'd' ? text[i] < '0' || text[i] > '9' : text[i] != form[i])
+            return false;
+    return true;
+}
+
+static bool is_name(const char *text)
+{
+    return text && strlen(text) <= NAME_LENGTH && is_day(text) && strspn(text, "0123456789TZ-") == strlen(text);
+}
+
+/* --- writing ------------------------------------------------------------------------------------------------------ */
+
+static int day_path(char out[SST_PATH_MAX], const struct sst_visits *v, const char *name, const char *file)
+{
+    char day[SST_PATH_MAX], text[DAY + 1];
+    int err;
+
+    snprintf(text, sizeof(text), "%.*s", DAY, name);
+    err = sst_path_join(day, v->dir, text);
+    return err ? err : sst_path_join(out, day, file);
+}
+
+/* @param first  of this process on that day: the last line of one that was killed may have no end */
+static int append(const char *path, const void *data, size_t bytes, bool first)
+{
+    const int fd = open(path, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0666);
+    const bool apart = fd >= 0 && first && lseek(fd, 0, SEEK_END) > 0 && write(fd, "\n", 1) != 1;
+    const ssize_t n = fd < 0 || apart ? -1 : write(fd, data, bytes);
+    const int err = n == (ssize_t)bytes ? 0 : n < 0 ? -errno : -ENOSPC;
+
+    if (fd >= 0)
+        close(fd);
+    return err;
+}
+
+static int write_job(const struct sst_visits *v, const struct job *job)
+{
+    char path[SST_PATH_MAX], file[NAME_LENGTH + 32];
+    int err = day_path(path, v, job->name, NULL);
+
+    err = err ? err : sst_path_make_dir(v->dir);
+    err = err ? err : sst_path_make_dir(path);
+    snprintf(file, sizeof(file), "%s%s", job->picture < 0 ? "" : job->name,
+             job->picture < 0 ? LINES : picture_files[job->picture]);
+    err = err ? err : day_path(path, v, job->name, file);
+    if (err)
+        return err;
+    return job->picture < 0 ? append(path, job->data, job->bytes, strncmp(v->swept, job->name, DAY) != 0)
+                            : sst_file_write(path, job->data, job->bytes);
+}
+
+static int by_name_backwards(const void *a, const void *b)
+{
+    return strcmp(*(const char *const *)b, *(const char *const *)a);
+}
+
+/* Names of the days, the newest first. @param out  to free, with its elements @return number */
+static int list_days(const struct sst_visits *v, char ***out)
+{
+    DIR *dir = opendir(v->dir);
+    char **list = NULL;
+    int n = 0;
+
+    for (const struct dirent *e; dir && (e = readdir(dir));) {
+        char **more = is_day(e->d_name) && !e->d_name[DAY] ? realloc(list, (size_t)(n + 1) * sizeof(*list)) : NULL;
+
+        if (!more)
+            continue;
+        list = more;
+        list[n] = strdup(e->d_name);
+        n += list[n] != NULL;
+    }
+    if (dir)
+        closedir(dir);
+    if (n)
+        qsort(list, (size_t)n, sizeof(*list), by_name_backwards);
+    *out = list;
+    return n;
+}
+
+/* Once for each day that something is stored in. */
+static void remove_old(struct sst_visits *v, const char *name, int days)
+{
+    char oldest[SST_CLOCK_TEXT], path[SST_PATH_MAX], **day;
+    int n;
+
+    if (!strncmp(v->swept, name, DAY))
+        return;
+    snprintf(v->swept, sizeof(v->swept), "%.*s", DAY, name);
+    sst_clock_text(oldest, sst_clock_wall_ns() - (int64_t)days * 86400 * INT64_C(1000000000));
+    n = list_days(v, &day);
+    for (int i = 0; i < n; i++) {
+        if (strncmp(day[i], oldest, DAY) < 0 && !sst_path_join(path, v->dir, day[i]))
+            sst_path_remove_tree(path);
+        free(day[i]);
+    }
+    free(day);
+}
+
+static void *run(void *arg)
+{
+    struct sst_visits *v = arg;
+    char why[SST_LOG_MAX];
+
+    sst_thread_name("sst-visits");
+    pthread_mutex_lock(&v->lock);
+    while (!v->stop || v->jobs) {
+        struct job job;
+        int days = v->days, err;
+
+        if (!v->jobs) {
+            pthread_cond_wait(&v->changed, &v->lock);
+            continue;
+        }
+        job = v->job[0];
+        memmove(&v->job[0], &v->job[1], (size_t)--v->jobs * sizeof(job));
+        pthread_mutex_unlock(&v->lock);
+        sst_log_hold_errors(why); /* one sentence for all that fail */
+        err = write_job(v, &job);
+        sst_log_hold_errors(NULL);
+        if (err && !v->failed)
+            sst_log_warning("visit %s cannot be stored in %s: %s; until this changes visits are events only", job.name,
+                            v->dir, strerror(-err));
+        v->failed = err;
+        remove_old(v, job.name, days);
+        free(job.data);
+        pthread_mutex_lock(&v->lock);
+    }
+    v->ended = true;
+    pthread_cond_broadcast(&v->changed);
+    pthread_mutex_unlock(&v->lock);
+    return NULL;
+}
+
+int sst_visits_open(struct sst_visits **out, const char *dir, int days)
+{
+    struct sst_visits *v = calloc(1, sizeof(*v));
+    int err;
+
+    if (!v)
+        return -ENOMEM;
+    snprintf(v->dir, sizeof(v->dir), "%s", dir);
+    v->days = days;
+    sst_clock_text(v->start, sst_clock_wall_ns());
+    pthread_mutex_init(&v->lock, NULL);
+    sst_cond_init(&v->changed);
+    err = -pthread_create(&v->thread, NULL, run, v);
+    if (err) {
+        pthread_cond_destroy(&v->changed);
+        pthread_mutex_destroy(&v->lock);
+        free(v);
+        return err;
+    }
+    *out = v;
+    return 0;
+}
+
+void sst_visits_configure(struct sst_visits *v, int days)
+{
+    pthread_mutex_lock(&v->lock);
+    v->days = days;
+    pthread_mutex_unlock(&v->lock);
+}
+
+/* @param data  owned */
+static void put(struct sst_visits *v, const char *name, int picture, uint8_t *data, size_t bytes)
+{
+    struct job *job;
+
+    pthread_mutex_lock(&v->lock);
+    if (!v->dir[0] || !v->days || !is_name(name) || v->stop) {
+        pthread_mutex_unlock(&v->lock);
+        free(data);
+        return;
+    }
+    if (v->jobs == WAITING) {
+        free(v->job[0].data);
+        memmove(&v->job[0], &v->job[1], (size_t)--v->jobs * sizeof(*job));
+    }
+    job = &v->job[v->jobs++];
+    *job = (struct job){ .picture = picture, .data = data, .bytes = bytes };
+    snprintf(job->name, sizeof(job->name), "%s", name);
+    pthread_cond_broadcast(&v->changed);
+    pthread_mutex_unlock(&v->lock);
+}
+
+void sst_visits_put(struct sst_visits *v, const json_t *data)
+{
+    char *text = json_dumps(data, JSON_COMPACT | JSON_REAL_PRECISION(9));
+    const size_t n = text ? strlen(text) : 0;
+    char *line = text ? realloc(text, n + 2) : NULL;
+
+    if (!line) {
+        free(text);
+        return;
+    }
+    memcpy(line + n, "\n", 2);
+    put(v, json_string_value(json_object_get(data, "visit")), -1, (uint8_t *)line, n + 1);
+}
+
+void sst_visits_put_picture(struct sst_visits *v, const char *visit, enum sst_visit_picture kind, uint8_t *jpeg,
+                            size_t bytes)
+{
+    put(v, visit, kind, jpeg, bytes);
+}
+
+/* --- reading ------------------------------------------------------------------------------------------------------ */
+
+static const char *text_of(const json_t *o, const char *key)
+{
+    const char *text = json_string_value(json_object_get(o, key));
+
+    return text ? text : "";
+}
+
+static bool has_zone(const json_t *data, const char *zone)
+{
+    const json_t *one;
+    size_t i;
+
+    json_array_foreach(json_object_get(data, "zones"), i, one)
+    {
+        if (json_is_string(one) && !strcmp(json_string_value(one), zone))
+            return true;
+    }
+    return false;
+}
+
+/* Times are texts of one form, of which the longer one is later. */
+static bool fits(const json_t *data, const struct sst_visits_query *q)
+{
+    return (!q->from || strcmp(text_of(data, "to"), q->from) >= 0) &&
+           (!q->to || strncmp(text_of(data, "from"), q->to, strlen(q->to)) <= 0) &&
+           (!q->label || !strcmp(text_of(data, "label"), q->label)) && (!q->zone || has_zone(data, q->zone));
+}
+
+/* The last line of each visit of a day, by name. @return object, or NULL: out of memory */
+static json_t *read_day(const struct sst_visits *v, const char *day)
+{
+    json_t *all = json_object();
+    char path[SST_PATH_MAX], why[SST_LOG_MAX] = "", *held, *next = NULL;
+    uint8_t *data = NULL;
+    size_t size;
+    int err = day_path(path, v, day, LINES);
+
+    held = sst_log_hold_errors(why);
+    err = err ? err : sst_file_read(path, DAY_MOST, &data, &size);
+    sst_log_hold_errors(held);
+    for (char *line = err ? NULL : strtok_r((char *)data, "\n", &next); line; line = strtok_r(NULL, "\n", &next)) {
+        json_t *o = json_loads(line, 0, NULL); /* the last line may be cut off */
+        const char *name = text_of(o, "visit");
+
+        if (is_name(name))
+            (void)json_object_set(all, name, o);
+        json_decref(o);
+    }
+    free(data);
+    return all;
+}
+
+static void add_pictures(const struct sst_visits *v, json_t *data)
+{
+    json_t *list = json_array();
+    const char *name = text_of(data, "visit");
+
+    for (int i = 0; i < 2; i++) {
+        char path[SST_PATH_MAX], file[NAME_LENGTH + 32];
+
+        snprintf(file, sizeof(file), "%s%s", name, picture_files[i]);
+        if (!day_path(path, v, name, file) && !access(path, R_OK))
+            json_array_append_new(list, json_string(picture_names[i]));
+    }
+    json_object_set_new(data, "pictures", list);
+    /* Of a service that was killed: it has no end. */
+    if (strcmp(text_of(data, "from"), v->start) < 0)
+        json_object_set_new(data, "active", json_false());
+}
+
+/* Add those of a day that fit, the newest first. */
+static void add_day(const struct sst_visits *v, const char *day, const struct sst_visits_query *q, json_t *out)
+{
+    json_t *all = read_day(v, day), *data;
+    const size_t n = json_object_size(all);
+    const char **name = n ? malloc(n * sizeof(*name)) : NULL, *key;
+    size_t count = 0;
+
+    json_object_foreach(all, key, data)
+    {
+        if (name && fits(data, q))
+            name[count++] = key;
+    }
+    if (count)
+        qsort(name, count, sizeof(*name), by_name_backwards);
+    for (size_t i = 0; i < count && (int)json_array_size(out) < q->limit; i++) {
+        data = json_object_get(all, name[i]);
+        add_pictures(v, data);
+        json_array_append(out, data);
+    }
+    free(name);
+    json_decref(all);
+}
+
+json_t *sst_visits_list(struct sst_visits *v, const struct sst_visits_query *q)
+{
+    json_t *out = json_array();
+    char **day = NULL;
+    const int n = v->dir[0] ? list_days(v, &day) : 0;
+
+    for (int i = 0; i < n; i++) {
+        /* A visit that began the day before may still have been there. */
+        const bool later = q->to && strncmp(day[i], q->to, DAY) > 0;
+        const bool earlier = q->from && i > 0 && strncmp(day[i - 1], q->from, DAY) < 0;
+
+        if (out && !later && !earlier && (int)json_array_size(out) < q->limit)
+            add_day(v, day[i], q, out);
+    }
+    for (int i = 0; i < n; i++)
+        free(day[i]);
+    free(day);
+    return out;
+}
+
+int sst_visits_read_picture(struct sst_visits *v, const char *visit, enum sst_visit_picture kind, uint8_t **data,
+                            size_t *size)
+{
+    char path[SST_PATH_MAX], file[NAME_LENGTH + 32], why[SST_LOG_MAX] = "", *held;
+    int err;
+
+    if (!is_name(visit))
+        return -EINVAL;
+    snprintf(file, sizeof(file), "%s%s", visit, picture_files[kind]);
+    err = day_path(path, v, visit, file);
+    held = sst_log_hold_errors(why);
+    err = err ? err : sst_file_read(path, PICTURE_MOST, data, size);
+    sst_log_hold_errors(held);
+    return err;
+}
+
+void sst_visits_close(struct sst_visits *v, int wait_ms)
+{
+    const int64_t end_ns = sst_clock_now_ns() + (int64_t)wait_ms * 1000000;
+    bool ended;
+
+    if (!v)
+        return;
+    pthread_mutex_lock(&v->lock);
+    v->stop = true;
+    pthread_cond_broadcast(&v->changed);
+    while (!v->ended && sst_cond_wait_until(&v->changed, &v->lock, end_ns))
+        ;
+    ended = v->ended;
+    pthread_mutex_unlock(&v->lock);
+    if (!ended)
+        return; /* the disk hangs: the process ends with it */
+    pthread_join(v->thread, NULL);
+    for (int i = 0; i < v->jobs; i++)
+        free(v->job[i].data);
+    pthread_cond_destroy(&v->changed);
+    pthread_mutex_destroy(&v->lock);
+    free(v);
+}

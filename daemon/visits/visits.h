@@ -1,0 +1,52 @@
+/* daemon/visits/visits.h - what came into view and has gone, on disk: a line of JSON and two pictures of each visit, in
+ * a folder for each day. */
+#ifndef SST_DAEMON_VISITS_VISITS_H
+#define SST_DAEMON_VISITS_VISITS_H
+
+#include <jansson.h>
+
+#include "base/base.h"
+
+struct sst_visits; /* opaque; any thread */
+
+enum sst_visit_picture {
+    SST_VISIT_CAMERA = 0, /* of the reference camera */
+    SST_VISIT_SEEN = 1,   /* see-through, focused on the visitor */
+};
+
+/**
+ * Writing is done by a thread of its own. A file that cannot be written is logged once until one is written again.
+ *
+ * @param dir   folder, created with the first visit; "": nothing is kept
+ * @param days  older ones are removed; 0: nothing is kept
+ * @return 0, -ENOMEM, -EAGAIN
+ */
+SST_MUST_CHECK int sst_visits_open(struct sst_visits **out, const char *dir, int days);
+void sst_visits_configure(struct sst_visits *v, int days);
+
+/** Store a visit: the data of its event. Returns at once; while the disk hangs the oldest that wait are dropped.
+ *  @param data  borrowed; its `visit` is the name, which begins with the day */
+void sst_visits_put(struct sst_visits *v, const json_t *data);
+
+/** Store a picture, in place of the one before. @param jpeg  owned from then on, to free with free() */
+void sst_visits_put_picture(struct sst_visits *v, const char *visit, enum sst_visit_picture kind, uint8_t *jpeg,
+                            size_t bytes);
+
+/** Which visits to list; times as in the data, "2026-11-21T18:05:00.123Z" or shorter. NULL: any. */
+struct sst_visits_query {
+    const char *from, *to, *label, *zone;
+    int limit; /* at most, the newest */
+};
+
+/** The data of visits that were there between the two times, newest first, with `pictures`: ["camera", "seen"], as far
+ *  as there are any. @return an array, or NULL: out of memory */
+json_t *sst_visits_list(struct sst_visits *v, const struct sst_visits_query *query);
+
+/** @param data  out, to free with free() @return 0, -ENOENT, -EINVAL (not a name), -EIO, -ENOMEM */
+SST_MUST_CHECK int sst_visits_read_picture(struct sst_visits *v, const char *visit, enum sst_visit_picture kind,
+                                           uint8_t **data, size_t *size);
+
+/** Write what waits, for `wait_ms` at most, and free. NULL is fine. */
+void sst_visits_close(struct sst_visits *v, int wait_ms);
+
+#endif

@@ -1,0 +1,152 @@
+// What came into view and has gone: a card with a picture each, the newest first; one opens large, with its way.
+
+import { get } from "/web/api.js";
+import { $, complain, duration, el, icon, localTime, number, setText } from "/web/ui.js";
+
+const MOST = 60;
+const MARGIN = 1.7; // of a card's part of the picture over the visitor's size
+const ZOOM_MOST = 4;
+
+const KINDS = { seen: "See-through", camera: "Camera" };
+const address = (visit, kind) => `/api/v1/visits/${encodeURIComponent(visit.visit)}/${kind}`;
+const what = (visit) => visit.label || "Something";
+
+export class Visits {
+  /** @param onPlay  async (time): plays the recording of a moment; throws an ApiError, 404 if there is none */
+  constructor(onPlay) {
+    this.onPlay = onPlay;
+    this.rows = new Map();
+    this.list = [];
+    this.open = null;
+    this.kind = "seen";
+    for (const id of ["visits-label", "visits-zone", "visits-day"])
+      $(id).addEventListener("change", () => this.refresh().catch(complain));
+    $("visit-close").addEventListener("click", () => $("visit").close());
+    $("visit").addEventListener("close", () => { this.open = null; });
+    $("visit").addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: 1, ArrowRight: -1 }[event.key];
+      if (!step || event.target.type === "radio") return;
+      const next = this.list[this.list.indexOf(this.open) + step];
+      if (next) this.show(next);
+    });
+    for (const radio of $("visit-kind").querySelectorAll("input"))
+      radio.addEventListener("change", () => {
+        this.kind = radio.value;
+        this.show(this.open);
+      });
+    $("visit-play").addEventListener("click", () => this.play());
+  }
+
+  query() {
+    const day = $("visits-day").value;
+    const query = new URLSearchParams({ limit: MOST });
+    if ($("visits-label").value) query.set("label", $("visits-label").value);
+    if ($("visits-zone").value) query.set("zone", $("visits-zone").value);
+    if (day) { // of this device's time zone
+      const from = new Date(`${day}T00:00:00`);
+      query.set("from", from.toISOString());
+      query.set("to", new Date(from.getTime() + 86400000 - 1).toISOString());
+    }
+    return query;
+  }
+
+  async refresh() {
+    this.list = (await get(`/api/v1/visits?${this.query()}`)).visits;
+    offer($("visits-label"), this.list.map((visit) => visit.label).filter(Boolean));
+    offer($("visits-zone"), this.list.flatMap((visit) => visit.zones));
+    const names = new Set(this.list.map((visit) => visit.visit));
+    for (const [name, row] of this.rows)
+      if (!names.has(name)) {
+        row.node.remove();
+        this.rows.delete(name);
+      }
+    this.list.forEach((visit, i) => {
+      if (!this.rows.has(visit.visit)) this.rows.set(visit.visit, this.build(visit));
+      const row = this.rows.get(visit.visit);
+      if ($("visits").children[i] !== row.node) $("visits").insertBefore(row.node, $("visits").children[i] ?? null);
+      this.showCard(row, visit);
+    });
+    const chosen = $("visits-label").value || $("visits-zone").value || $("visits-day").value;
+    setText($("visits-state"), this.list.length ? "" : chosen ? "Nothing of that kind." : "Nothing has come into view yet. " +
+      "What moves is kept here with a picture; without viewers only where `zones:` are configured.");
+  }
+
+  build() {
+    const row = { picture: el("span", { class: "visit-picture" }), name: el("strong", {}), when: el("span", { class: "quiet" }),
+      facts: el("span", { class: "quiet" }), shown: "" };
+    row.node = el("button", { type: "button", class: "visit", onclick: () => this.show(row.visit) }, row.picture,
+      el("span", { class: "visit-text" }, row.name, row.when, row.facts));
+    return row;
+  }
+
+  showCard(row, visit) {
+    row.visit = visit;
+    const kind = visit.pictures.includes("seen") ? "seen" : visit.pictures[0];
+    const shown = kind ? `${address(visit, kind)} ${visit.box}` : "";
+    if (row.shown !== shown) {
+      row.shown = shown;
+      row.picture.replaceChildren(...(kind ? [cut(el("img", { src: address(visit, kind), alt: "", loading: "lazy" }), visit.box)] : []));
+    }
+    setText(row.name, what(visit));
+    setText(row.when, localTime(visit.from));
+    setText(row.facts, facts(visit));
+    row.node.toggleAttribute("data-active", visit.active);
+  }
+
+  // --- one, large ---
+
+  show(visit) {
+    this.open = visit;
+    const kind = visit.pictures.includes(this.kind) ? this.kind : visit.pictures[0];
+    for (const radio of $("visit-kind").querySelectorAll("input")) {
+      radio.checked = radio.value === kind;
+      radio.disabled = !visit.pictures.includes(radio.value);
+    }
+    setText($("visit-title"), `${what(visit)}, ${localTime(visit.from)}`);
+    setText($("visit-facts"), facts(visit));
+    const image = $("visit-image");
+    image.hidden = !kind;
+    if (kind) {
+      image.src = address(visit, kind);
+      image.alt = `${what(visit)}, ${KINDS[kind].toLowerCase()}`;
+      $("visit-save").href = image.src;
+      $("visit-save").download = `${visit.visit}-${kind}.jpg`;
+    }
+    $("visit-save").hidden = !kind;
+    const way = visit.path.map(([, x, y]) => `${(100 * x).toFixed(1)},${(100 * y).toFixed(1)}`);
+    $("visit-way").setAttribute("points", way.join(" "));
+    if (!$("visit").open) $("visit").showModal();
+  }
+
+  async play() {
+    const visit = this.open;
+    try {
+      await this.onPlay(visit.from);
+      $("visit").close();
+    } catch (error) {
+      if (error.status === 404) setText($("visit-facts"), `${facts(visit)} · no recording has this moment`);
+      else complain(error);
+    }
+  }
+}
+
+function facts(visit) {
+  return [visit.active ? "there now" : duration(visit.seconds), visit.direction,
+    visit.nearest_m === null ? "" : `nearest ${number(visit.nearest_m, 1)} m`, visit.zones.join(", ")].filter(Boolean).join(" · ");
+}
+
+/** The part of a picture around the visitor, in a frame that hides the rest. */
+function cut(image, [x0, y0, x1, y1]) {
+  const zoom = Math.min(Math.max(1 / (MARGIN * Math.max(x1 - x0, y1 - y0, 0.01)), 1), ZOOM_MOST);
+  const at = (from, to) => `${(50 - 100 * Math.min(Math.max((from + to) / 2, 0.5 / zoom), 1 - 0.5 / zoom) * zoom).toFixed(1)}%`;
+  image.style.width = `${100 * zoom}%`;
+  image.style.left = at(x0, x1);
+  image.style.top = at(y0, y1);
+  return image;
+}
+
+/** Words to choose from, those that were seen so far. */
+function offer(select, words) {
+  const there = new Set([...select.options].map((option) => option.value));
+  for (const word of new Set(words)) if (!there.has(word)) select.append(el("option", { value: word }, word));
+}

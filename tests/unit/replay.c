@@ -1,0 +1,235 @@
+/* A recording is played: its sets come at their time and speed, moments are jumped to, clients do not disturb each other.
+ * That pictures are made of its sets as live shows tests/sim/live.c; here they are those of the cameras. */
+#include "daemon/service/service_internal.h"
+#include "tests/storage_bench.h"
+
+#define MS ((int64_t)1000000)
+
+struct player {
+    struct bench b;
+    struct service_replay *replay;
+    char name[64];
+};
+
+/* Four seconds of sets at 10 Hz in a recording. */
+static void open_player(struct player *p)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+
+    bench_init(&p->b, SST_RECORD_OFF);
+    p->b.config->storage.preroll_s = 4;
+    bench_open_storage(&p->b);
+    for (int i = 0; i <= 50; i++)
+        bench_put(&p->b, now_ns - (50 - i) * 100 * MS);
+    bench_wait_ready(&p->b);
+    assert_int_equal(sst_storage_record(p->b.storage, 0, p->name), 0);
+    bench_put(&p->b, sst_clock_now_ns());
+    bench_wait(&p->b, "recording", "sets", 30);
+    assert_int_equal(sst_storage_stop(p->b.storage), 0);
+    usleep(1000);
+    bench_put(&p->b, sst_clock_now_ns());
+    bench_wait_inactive(&p->b);
+    assert_int_equal(replay_open(&p->replay, p->b.storage, p->b.config), 0);
+}
+
+static void close_player(struct player *p)
+{
+    replay_stop(p->replay);
+    assert_true(replay_join(p->replay, sst_clock_now_ns() + 60000 * MS));
+    replay_close(p->replay);
+    bench_fini(&p->b);
+}
+
+/* @return the answer, to be released; NULL: refused with err, in `error` */
+static json_t *ask(struct player *p, json_t *request, int err, char error[512])
+{
+    struct sst_api_answer out = { 0 };
+
+    assert_non_null(request);
+    assert_int_equal(replay_change(p->replay, request, &out), err);
+    json_decref(request);
+    snprintf(error, 512, "%s", out.error);
+    assert_true(err ? out.error[0] != 0 && !out.body : out.body != NULL);
+    return out.body;
+}
+
+static void refused(struct player *p, json_t *request, int err, const char *words)
+{
+    char error[512];
+
+    assert_null(ask(p, request, err, error));
+    if (!strstr(error, words))
+        fail_msg("no '%s' in: %s", words, error);
+}
+
+static int64_t wall_of(const json_t *state, const char *key)
+{
+    int64_t wall_ns;
+
+    assert_true(service_read_time(json_string_value(json_object_get(state, key)), &wall_ns));
+    return wall_ns;
+}
+
+/* A command to the replay of a state. @return the state after it */
+static json_t *order(struct player *p, json_t *state, json_t *more)
+{
+    char error[512];
+
+    json_object_set(more, "replay", json_object_get(state, "replay"));
+    json_decref(state);
+    return ask(p, more, 0, error);
+}
+
+/* Until its first set is shown. */
+static json_t *open_recording(struct player *p)
+{
+    char error[512];
+    json_t *state = ask(p, json_pack("{s:s}", "recording", p->name), 0, error);
+
+    for (int i = 0; i < 600 && json_is_null(json_object_get(state, "time")); i++) {
+        usleep(20000);
+        state = order(p, state, json_object());
+    }
+    assert_true(json_is_true(json_object_get(state, "open")));
+    assert_string_equal(json_string_value(json_object_get(state, "recording")), p->name);
+    return state;
+}
+
+/* Wait for the picture of a camera at a moment. */
+static void expect_picture(struct player *p, int64_t wall_ns)
+{
+    const int64_t end_ns = sst_clock_now_ns() + 60000 * MS;
+    struct live_engine *engine = replay_take(p->replay);
+    const struct sst_jpeg *jpeg = NULL;
+    struct sst_slot *slot;
+    int64_t got_ns = 0;
+
+    assert_non_null(engine);
+    assert_int_equal(engine_outlet(engine, SST_PICTURE_CAMERA, "r0c1", &slot), 0);
+    sst_slot_join(slot);
+    while (llabs(got_ns - wall_ns) > MS) {
+        assert_true(sst_clock_now_ns() < end_ns);
+        jpeg = sst_slot_get(slot, 0);
+        got_ns = jpeg ? jpeg->wall_ns : 0;
+        sst_slot_jpeg_unref(jpeg);
+        usleep(2000);
+    }
+    sst_slot_leave(slot);
+    sst_slot_unref(slot);
+    replay_release(p->replay);
+}
+
+static void moments_are_shown_and_played(void **state SST_UNUSED)
+{
+    struct player p;
+    json_t *s;
+    int64_t from_ns, to_ns, start_ns;
+
+    open_player(&p);
+    assert_null(replay_take(p.replay));
+    s = open_recording(&p);
+    from_ns = wall_of(s, "from");
+    to_ns = wall_of(s, "to");
+    assert_in_range(to_ns - from_ns, 3000 * MS, 6000 * MS);
+    assert_int_equal(wall_of(s, "time"), from_ns);
+    expect_picture(&p, from_ns);
+
+    s = order(&p, s, json_pack("{s:s}", "time", json_string_value(json_object_get(s, "to"))));
+    assert_int_equal(wall_of(s, "time"), to_ns);
+    expect_picture(&p, to_ns);
+    s = order(&p, s, json_pack("{s:s}", "time", json_string_value(json_object_get(s, "from"))));
+    expect_picture(&p, from_ns);
+
+    /* Twice as fast, to the end, where it stops. */
+    start_ns = sst_clock_now_ns();
+    s = order(&p, s, json_pack("{s:b, s:f}", "playing", 1, "speed", 2.0));
+    for (int i = 0; i < 3000 && json_is_true(json_object_get(s, "playing")); i++) {
+        usleep(20000);
+        s = order(&p, s, json_object());
+    }
+    assert_false(json_is_true(json_object_get(s, "playing")));
+    assert_true(sst_clock_now_ns() - start_ns >= (to_ns - from_ns) / 2 - 200 * MS);
+    assert_int_equal(wall_of(s, "time"), to_ns);
+    expect_picture(&p, to_ns);
+
+    /* A pause holds. */
+    s = order(&p, s, json_pack("{s:s, s:b}", "time", json_string_value(json_object_get(s, "from")), "playing", 0));
+    usleep(300000);
+    s = order(&p, s, json_object());
+    assert_int_equal(wall_of(s, "time"), from_ns);
+    s = order(&p, s, json_pack("{s:b}", "close", 1));
+    assert_true(json_is_null(json_object_get(s, "replay")));
+    json_decref(s);
+    for (int i = 0; i < 3000 && replay_take(p.replay); i++) {
+        replay_release(p.replay);
+        usleep(2000);
+    }
+    assert_null(replay_take(p.replay));
+    close_player(&p);
+}
+
+static void clients_do_not_disturb_each_other(void **state SST_UNUSED)
+{
+    struct sst_api_answer seen = { 0 };
+    struct player p;
+    json_t *s;
+
+    open_player(&p);
+    refused(&p, json_object(), -EINVAL, "give a recording or a time");
+    refused(&p, json_pack("{s:s}", "recordings", "x"), -EINVAL, "recordings");
+    refused(&p, json_pack("{s:s}", "time", "now"), -EINVAL, "time must be like");
+    refused(&p, json_pack("{s:s, s:f}", "recording", p.name, "speed", 99.0), -EINVAL, "speed must be");
+    refused(&p, json_pack("{s:s, s:i}", "recording", p.name, "playing", 1), -EINVAL, "true or false");
+    refused(&p, json_pack("{s:s}", "recording", "2020-01-01T00-00-00Z"), -ENOENT, "none of that name");
+    refused(&p, json_pack("{s:s}", "recording", "../x"), -ENOENT, "none of that name");
+    refused(&p, json_pack("{s:s}", "time", "2020-01-01T00:00:00Z"), -ENOENT, "no recording has that moment");
+    refused(&p, json_pack("{s:s}", "replay", "r0"), -ENOENT, "has ended");
+
+    s = open_recording(&p);
+    refused(&p, json_pack("{s:s}", "recording", p.name), -EBUSY, "another client plays");
+    refused(&p, json_pack("{s:s, s:b}", "replay", "r0", "close", 1), -ENOENT, "has ended");
+    assert_int_equal(replay_state(p.replay, &seen), 0);
+    assert_true(json_is_null(json_object_get(seen.body, "replay"))); /* who only asks cannot control it */
+    assert_true(json_is_true(json_object_get(seen.body, "open")));
+    json_decref(seen.body);
+
+    /* By a moment of it, which opens it anew without a gap. */
+    s = order(&p, s, json_pack("{s:s}", "recording", p.name));
+    json_decref(s);
+    close_player(&p);
+}
+
+/* What was deleted or damaged meanwhile ends nothing but itself. */
+static void a_deleted_recording_ends(void **state SST_UNUSED)
+{
+    struct player p;
+    json_t *s;
+    char line[2 * SST_PATH_MAX];
+
+    open_player(&p);
+    s = open_recording(&p);
+    snprintf(line, sizeof(line), "truncate -s 500 %s/recordings/%s/segments/*.mkv", dir, p.name);
+    assert_int_equal(system(line), 0);
+    s = order(&p, s, json_pack("{s:b, s:f}", "playing", 1, "speed", 16.0));
+    assert_int_equal(sst_storage_delete(p.b.storage, p.name), 0);
+    for (int i = 0; i < 3000 && json_is_true(json_object_get(s, "playing")); i++) {
+        usleep(20000);
+        s = order(&p, s, json_object());
+    }
+    assert_false(json_is_true(json_object_get(s, "playing")));
+    json_decref(s);
+    refused(&p, json_pack("{s:s}", "time", "2020-01-01T00:00:00Z"), -EBUSY, "another client plays");
+    close_player(&p);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(moments_are_shown_and_played),
+        TEST(clients_do_not_disturb_each_other),
+        TEST(a_deleted_recording_ends),
+    };
+    const int rc = begin_tests(WITH_AVFORMAT);
+
+    return rc ? rc : cmocka_run_group_tests(tests, NULL, remove_all);
+}

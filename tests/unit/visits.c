@@ -1,0 +1,211 @@
+/* daemon/visits: what came and went, kept on disk, listed, and removed in time. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "daemon/visits/visits.h"
+#include "tests/folder.h"
+#include "tests/test.h"
+
+#define dir test_path("visits")
+
+/* A visit of n seconds before now. @param out  its name */
+static json_t *visit(char out[64], int64_t ago_s, unsigned id, bool active, const char *label, const char *zone)
+{
+    const int64_t wall_ns = sst_clock_wall_ns() - ago_s * 1000000000;
+    char from[SST_CLOCK_TEXT], to[SST_CLOCK_TEXT];
+
+    sst_clock_text(from, wall_ns);
+    sst_clock_text(to, wall_ns + 5000000000);
+    snprintf(out, 64, "%s-%u", from, id);
+    for (char *c = out; *c; c++)
+        *c = *c == ':' || *c == '.' ? '-' : *c;
+    return json_pack("{s:s, s:b, s:s, s:s, s:s, s:[s]}", "visit", out, "active", active, "label", label, "from", from,
+                     "to", to, "zones", zone);
+}
+
+static void store(struct sst_visits *v, char out[64], int64_t ago_s, unsigned id, bool active, const char *label,
+                  const char *zone)
+{
+    json_t *data = visit(out, ago_s, id, active, label, zone);
+
+    sst_visits_put(v, data);
+    json_decref(data);
+}
+
+static uint8_t *bytes_of(const char *text)
+{
+    return (uint8_t *)strdup(text);
+}
+
+static json_t *list(struct sst_visits *v, const struct sst_visits_query *q)
+{
+    json_t *o = sst_visits_list(v, q);
+
+    assert_non_null(o);
+    return o;
+}
+
+static int count(struct sst_visits *v, const struct sst_visits_query *q)
+{
+    json_t *o = list(v, q);
+    const int n = (int)json_array_size(o);
+
+    json_decref(o);
+    return n;
+}
+
+static void wait_for(struct sst_visits *v, int n)
+{
+    for (int i = 0; i < 1000 && count(v, &(struct sst_visits_query){ .limit = 1000 }) < n; i++)
+        usleep(5000);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 1000 }), n);
+}
+
+static const char *text(const json_t *o, size_t i, const char *key)
+{
+    return json_string_value(json_object_get(json_array_get(o, i), key));
+}
+
+static void visits_are_kept_and_listed(void **state)
+{
+    int err = -ENOENT;
+    char name[4][64], from[SST_CLOCK_TEXT];
+    struct sst_visits *v;
+    uint8_t *data;
+    size_t size;
+    json_t *o;
+
+    (void)state;
+    assert_int_equal(sst_visits_open(&v, dir, 30), 0);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10 }), 0);
+    store(v, name[0], 3 * 86400, 1, false, "Car", "street");
+    store(v, name[1], 7200, 2, false, "Pedestrian", "gate");
+    sst_visits_put_picture(v, name[1], SST_VISIT_SEEN, bytes_of("jpeg"), 4);
+    store(v, name[2], 60, 3, true, "Pedestrian", "street");
+    store(v, name[2], 60, 3, false, "Bicyclist", "street"); /* it has gone, and is known better */
+    wait_for(v, 3);
+    o = list(v, &(struct sst_visits_query){ .limit = 10 });
+    assert_string_equal(text(o, 0, "visit"), name[2]);
+    assert_string_equal(text(o, 0, "label"), "Bicyclist");
+    assert_string_equal(text(o, 1, "visit"), name[1]);
+    assert_string_equal(text(o, 2, "visit"), name[0]);
+    assert_int_equal(json_array_size(json_object_get(json_array_get(o, 0), "pictures")), 0);
+    json_decref(o);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 2 }), 2);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10, .label = "Pedestrian" }), 1);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10, .zone = "street" }), 2);
+    sst_clock_text(from, sst_clock_wall_ns() - 86400 * INT64_C(1000000000));
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10, .from = from }), 2);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10, .to = from }), 1);
+
+    for (int i = 0; i < 1000 && err; i++) {
+        err = sst_visits_read_picture(v, name[1], SST_VISIT_SEEN, &data, &size);
+        usleep(err ? 5000 : 0);
+    }
+    assert_int_equal(err, 0);
+    assert_int_equal(size, 4);
+    assert_memory_equal(data, "jpeg", 4);
+    free(data);
+    assert_int_equal(sst_visits_read_picture(v, name[1], SST_VISIT_CAMERA, &data, &size), -ENOENT);
+    assert_int_equal(sst_visits_read_picture(v, "../../etc/passwd", SST_VISIT_SEEN, &data, &size), -EINVAL);
+    assert_int_equal(sst_visits_read_picture(v, "2026-11-23/../x", SST_VISIT_SEEN, &data, &size), -EINVAL);
+    sst_visits_close(v, 5000);
+
+    /* Another service finds them; what was there when the first was killed has no end. */
+    assert_int_equal(sst_visits_open(&v, dir, 30), 0);
+    wait_for(v, 3);
+    sst_visits_close(v, 5000);
+}
+
+static void a_killed_service_leaves_no_visitors(void **state)
+{
+    char name[64];
+    struct sst_visits *v;
+    json_t *o;
+    FILE *f;
+
+    (void)state;
+    assert_int_equal(sst_visits_open(&v, dir, 30), 0);
+    store(v, name, 30, 9, true, "Pedestrian", "gate");
+    wait_for(v, 4);
+    sst_visits_close(v, 5000);
+    usleep(2000);
+    assert_int_equal(sst_visits_open(&v, dir, 30), 0);
+    o = list(v, &(struct sst_visits_query){ .limit = 1 });
+    assert_string_equal(text(o, 0, "visit"), name);
+    assert_true(json_is_false(json_object_get(json_array_get(o, 0), "active")));
+    json_decref(o);
+
+    /* A line that was cut off, and bytes that are none. */
+    f = fopen(test_path("visits/%.10s/visits.jsonl", name), "ae");
+    assert_non_null(f);
+    fputs("{\"visit\": \"2026-11", f);
+    fclose(f);
+    wait_for(v, 4);
+    sst_visits_close(v, 5000);
+    assert_int_equal(sst_visits_open(&v, dir, 30), 0);
+    store(v, name, 10, 11, false, "Pedestrian", "gate");
+    wait_for(v, 5);
+    sst_visits_close(v, 5000);
+}
+
+static void old_ones_are_removed(void **state)
+{
+    char name[64];
+    struct sst_visits *v;
+
+    (void)state;
+    assert_int_equal(sst_path_make_dir(test_path("visits/2001-02-03")), 0);
+    assert_int_equal(sst_path_make_dir(test_path("visits/notes")), 0); /* not ours */
+    assert_int_equal(sst_visits_open(&v, dir, 2), 0);
+    store(v, name, 0, 20, false, "Car", "street");
+    for (int i = 0; i < 1000 && count(v, &(struct sst_visits_query){ .limit = 100, .label = "Car" }) != 1; i++)
+        usleep(5000);
+    sst_visits_close(v, 5000);
+    assert_int_equal(sst_visits_open(&v, dir, 2), 0);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 100, .label = "Car" }),
+                     1); /* not that of 3 days ago */
+    assert_false(sst_path_exists(test_path("visits/2001-02-03")));
+    assert_true(sst_path_exists(test_path("visits/notes")));
+    sst_visits_close(v, 5000);
+}
+
+static void nothing_is_kept_without_days_or_room(void **state)
+{
+    char name[64];
+    struct sst_visits *v;
+
+    (void)state;
+    assert_int_equal(sst_visits_open(&v, test_path("none"), 0), 0);
+    store(v, name, 0, 1, false, "Car", "street");
+    sst_visits_close(v, 5000);
+    assert_false(sst_path_exists(test_path("none")));
+
+    assert_int_equal(sst_visits_open(&v, "/proc/none", 30), 0); /* cannot be made: said once, and lived with */
+    sst_log_set_level(SST_LOG_ERROR);
+    for (unsigned i = 0; i < 200; i++) {
+        store(v, name, 0, i, false, "Car", "street");
+        sst_visits_put_picture(v, name, SST_VISIT_CAMERA, bytes_of("jpeg"), 4);
+    }
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10 }), 0);
+    sst_visits_close(v, 5000);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(visits_are_kept_and_listed),
+        cmocka_unit_test(a_killed_service_leaves_no_visitors),
+        cmocka_unit_test(old_ones_are_removed),
+        cmocka_unit_test(nothing_is_kept_without_days_or_room),
+    };
+
+    return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
+}
