@@ -5,6 +5,7 @@
 # - sst_ means public: a folder has at most one private header, FOLDER_internal.h, in which no function or tag has sst_,
 #   and only files of the folder, of its subfolders and tests include it; functions in other headers have sst_;
 # - a struct, union or enum tag that a header defines stands for one type.
+# - a class of the page defines a method once.
 # Exceptions: headers that bring a library's types (*_dnnl.h, rtsp_*.h) or C++ (opencv_*.h) into a few files of a folder,
 # the templates and parts of kernels, and programs' own tables (cli, daemon/main).
 set -u
@@ -97,4 +98,11 @@ for h in $headers; do
   fi
 done
 for h in $headers; do tags_of "$h" | sed "s,$, $h,"; done | sort | awk '$1 == last { print "error: " $1 " is defined in " file " and " $2; bad = 1 } { last = $1; file = $2 } END { exit bad }' >&2 || bad=1
+
+# --- page -----------------------------------------------------------------------------------------------------------
+# A class that defines a method twice loses the first one silently.
+awk 'FNR == 1 || /^(export )?class / { split("", seen) }
+  match($0, /^  (async )?[A-Za-z_]+\(.*\) \{$/) { n = $0; sub(/^  (async )?/, "", n); sub(/\(.*/, "", n)
+    if (n !~ /^(if|for|while|switch|catch)$/ && seen[n]++) { print "error: " FILENAME ":" FNR ": " n " is defined twice"; bad = 1 } }
+  END { exit bad }' daemon/web/*.js >&2 || bad=1
 exit $bad

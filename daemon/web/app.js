@@ -83,7 +83,7 @@ app.replay = new Replay(() => {
   app.focus.stopSweep();
   app.focus.forget();
   app.view.move(app.view.settings);
-  app.stage.move();
+  app.stage.sourceChanged();
   app.labels.refresh().catch(() => {}); // not there yet; the next round
 }, (state) => {
   if (state.live) followScene(state.live);

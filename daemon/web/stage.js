@@ -378,7 +378,7 @@ export class Stage {
   }
 
   /** The pictures are of another source. */
-  move() {
+  sourceChanged() {
     this.closePick();
     this.lost = null;
     this.frame.classList.remove("stale");

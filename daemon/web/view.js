@@ -77,8 +77,17 @@ export class View {
   }
 
   async address() {
-    if (!this.id) await (this.creating ??= this.create(source.base).finally(() => { this.creating = null; }));
+    if (!this.id) await (this.creating ?? this.made());
     return `${source.base}/stream/${encodeURIComponent(this.id)}`;
+  }
+
+  async made() {
+    const creating = this.creating = this.create(source.base);
+    try {
+      await creating;
+    } finally {
+      if (this.creating === creating) this.creating = null;
+    }
   }
 
   async create(base) {
