@@ -198,16 +198,9 @@ extern const struct cli_command cli_capture_array, cli_capture_rig;
 
 /* --- demo_live: sst demo: sstd on simulated arrays, with its page. --- */
 
-#define CLI_DEMO_SCENES 4
-
-struct cli_demo_live {
-    const char *out;                    /* folder */
-    const char *scene[CLI_DEMO_SCENES]; /* ends with NULL, or full */
-    int port;                           /* of the first scene's page; the next ones follow */
-};
-
-/** Run until interrupted. @return exit code */
-int cli_demo_live(const struct cli_demo_live *demo);
+/** Run until interrupted. @param out  folder @param port  of the page; 0: 8090, or that of a kept configuration
+ *  @return exit code */
+int cli_demo_live(const char *scene, const char *out, int port);
 
 /* --- usb: the cameras of a configuration on the USB tree, and the plan of their bandwidth. --- */
 

@@ -175,11 +175,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     const char *scene = NULL, *out = "sst-demo", *preset = "balanced", *size = "1000x750";
     bool once = false;
-    int port = 8090;
+    int port = 0;
     const struct cli_option options[] = {
-        { "scene", 's', CLI_STRING, &scene, "NAME", "scene to see through (pedestrian and bush; once: bush)" },
+        { "scene", 's', CLI_STRING, &scene, "NAME", "scene to see through (pedestrian; once: bush)" },
         { "once", 0, CLI_FLAG, &once, NULL, "one set, its pictures, and exit" },
-        { "port", 0, CLI_INT, &port, "N", "of the first page, the next follows (8090)", 1, 65000 },
+        { "port", 0, CLI_INT, &port, "N", "of the page (8090, or as in a kept configuration)", 1, 65535 },
         { "output", 'o', CLI_STRING, &out, "DIR", "folder for all that is written (sst-demo)" },
         { "preset", 'p', CLI_STRING, &preset, "NAME", "once: preview, balanced (default) or accurate" },
         { "size", 0, CLI_STRING, &size, "WxH", "once: pixels of a view (1000x750)" },
@@ -191,13 +191,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (scene && (strchr(scene, '/') || !*scene))
         return cli_usage_error(cmd, "there is no scene %s", scene);
-    if (!once) {
-        const struct cli_demo_live live = { .out = out,
-                                            .scene = { scene ? scene : "pedestrian", scene ? NULL : "bush" },
-                                            .port = port };
-
-        return cli_demo_live(&live);
-    }
+    if (!once)
+        return cli_demo_live(scene ? scene : "pedestrian", out, port);
     scene = scene ? scene : "bush";
     r = cli_exit_code(name_files(&d, out, scene));
     r = r ? r : cli_exit_code(sst_path_make_dir(out));
@@ -219,9 +214,9 @@ const struct cli_command cli_demo = {
     .usage = "[--scene S] [--once] [-o DIR]",
     .summary = "see through things with no hardware: simulated array, service, live page",
     .detail =
-        "Starts simulated 6x6 arrays before moving scenes and the service on them, and prints the address of its page. "
-        "The\n"
-        "configuration that it writes can be edited and used again. Ctrl-C ends it.\n"
+        "Starts a simulated, calibrated 6x6 array before a moving scene and the service on it, and prints the address "
+        "of\n"
+        "its page. The configuration and the world in the folder can be edited: they are kept. Ctrl-C ends it.\n"
         "--once renders a scene as an array sees it, computes labels and disparities, renders what is behind the\n"
         "occluder, in focus everywhere and at one depth, and compares that with the truth, by commands that it\n"
         "prints. An earlier one in the folder is replaced.",

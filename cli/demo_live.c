@@ -1,14 +1,18 @@
 #include "cli/cli_internal.h"
 
+#include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <limits.h>
 #include <netinet/in.h>
 #include <signal.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -16,18 +20,29 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "config/sstd.h"
+#include "simulators/scene/scene.h"
+#include "simulators/scene/world/settings.h"
+#include "simulators/scene/world/sim_world.h"
 
 #define STEP_MS   200
 #define READY_S   600 /* a slow machine prepares a world of leaves for minutes */
 #define END_MS    3000
 #define REPORT_NS INT64_C(10000000000)
 
-/* What integrators would write for an array with six trigger lines and a loop-back wire. */
-static const char config_text[] = "# sstd on a simulated 6x6 array: sst-sim --world %s -- sstd --config %s\n"
-                                  "array: {rows: 6, cols: 6}\n"
+#define PORT         8090
+#define CONFIG_BYTES (1 << 20)
+
+/* What integrators would write for an array with six trigger lines and a loop-back wire. Grid and size are the world's.
+ */
+static const char config_text[] = "# sstd on a simulated array: sst-sim --world %s -- sstd --config %s\n"
+                                  "array: {rows: %d, cols: %d}\n"
                                   "cameras:\n"
+                                  "  width: %d\n"
+                                  "  height: %d\n"
                                   "  check_frozen: false # moments of the simulated scene come again\n"
                                   "  controls: {trigger_mode: 1, auto_exposure: 1, exposure_time_absolute: 50}\n"
+                                  "live: {calibration: \"%s\"} # the simulator's truth: distances in metres\n"
                                   "trigger:\n"
                                   "  source: gpio\n"
                                   "  chip: sst-trigger\n"
@@ -49,8 +64,8 @@ struct site {
     int port;
     pid_t pid;                              /* of sst-sim, and group; 0: does not run */
     pid_t publisher[ARRAY_LEN(publishers)]; /* 0: not built, or ended */
-    char world[SST_PATH_MAX], config[SST_PATH_MAX], socket[SST_PATH_MAX], token[SST_PATH_MAX], storage[SST_PATH_MAX],
-        log[SST_PATH_MAX], picture[SST_PATH_MAX];
+    char world[SST_PATH_MAX], config[SST_PATH_MAX], calibration[SST_PATH_MAX], socket[SST_PATH_MAX],
+        token[SST_PATH_MAX], storage[SST_PATH_MAX], log[SST_PATH_MAX], picture[SST_PATH_MAX];
 };
 
 static volatile sig_atomic_t interrupted;
@@ -66,8 +81,9 @@ static int name_files(struct site *s, const char *dir)
     const struct {
         char *path;
         const char *ending;
-    } files[] = { { s->world, "-world.yaml" }, { s->config, ".yaml" }, { s->socket, ".sock" }, { s->token, ".token" },
-                  { s->storage, "" },          { s->log, ".log" },     { s->picture, ".jpg" } };
+    } files[] = { { s->world, "-world.yaml" }, { s->config, ".yaml" }, { s->calibration, "-calibration.yaml" },
+                  { s->socket, ".sock" },      { s->token, ".token" }, { s->storage, "" },
+                  { s->log, ".log" },          { s->picture, ".jpg" } };
     char name[128];
     int err = 0;
 
@@ -82,20 +98,72 @@ static int name_files(struct site *s, const char *dir)
     return err;
 }
 
-static int write_files(const struct site *s)
+/** A file of before stays, since it may have been edited; said where it differs. @param text  printf() format */
+__attribute__((format(printf, 2, 3))) static int write_first(const char *path, const char *text, ...)
 {
-    struct sst_outfile file;
-    int err = sst_outfile_open(&file, s->world);
+    uint8_t *kept = NULL;
+    char *fresh = NULL;
+    size_t size;
+    va_list args;
+    FILE *memory;
+    int err;
 
-    if (err)
-        return err;
-    fprintf(file.stream, world_text, s->world, s->scene);
-    err = sst_outfile_commit(&file);
-    err = err ? err : sst_outfile_open(&file, s->config);
-    if (err)
-        return err;
-    fprintf(file.stream, config_text, s->world, s->config, s->socket, s->port, s->token, s->storage);
-    return sst_outfile_commit(&file);
+    memory = open_memstream(&fresh, &size);
+    if (!memory)
+        return -ENOMEM;
+    va_start(args, text);
+    vfprintf(memory, text, args);
+    va_end(args);
+    err = fclose(memory) ? -ENOMEM : 0;
+    if (!err && sst_path_exists(path)) {
+        err = sst_file_read(path, CONFIG_BYTES, &kept, &size);
+        if (!err && strcmp((const char *)kept, fresh))
+            printf("%s: kept as it is; delete it to start from the original\n", path);
+    } else if (!err) {
+        err = sst_file_write(path, fresh, strlen(fresh));
+    }
+    free(kept);
+    free(fresh);
+    return err;
+}
+
+/** Write what is missing, and read the configuration, where the user may have moved page, socket and token.
+ *  @param port  0: of the configuration */
+static int prepare(struct site *s, int port)
+{
+    const bool kept = sst_path_exists(s->config);
+    struct sst_config *cfg = malloc(sizeof(*cfg));
+    struct sst_sim_settings *world = malloc(sizeof(*world));
+    int err = cfg && world ? 0 : -ENOMEM;
+
+    err = err ? err : write_first(s->world, world_text, s->world, s->scene);
+    err = err ? err : sst_sim_settings_read(world, s->world);
+    err = err ? err : sst_sim_world_parameters(s->world, s->calibration);
+    err = err ? err
+              : write_first(s->config, config_text, s->world, s->config, world->rows, world->cols, world->width,
+                            world->height, s->calibration, s->socket, port ? port : PORT, s->token, s->storage);
+    if (!err) {
+        sst_config_defaults(cfg);
+        err = sst_config_read(cfg, s->config);
+    }
+    if (!err && kept && port && port != cfg->web.port) {
+        sst_log_error("%s, which is kept, has web.port %d; change it there, or use --port %d", s->config, cfg->web.port,
+                      cfg->web.port);
+        err = -EINVAL;
+    }
+    if (!err && !(cfg->web.enabled && cfg->web.port)) {
+        sst_log_error("%s %s; the demo needs a page with a fixed port", s->config,
+                      cfg->web.enabled ? "has web.port 0" : "disables the page (web.enabled)");
+        err = -EINVAL;
+    }
+    if (!err) {
+        s->port = cfg->web.port;
+        memcpy(s->socket, cfg->control.socket, sizeof(cfg->control.socket));
+        memcpy(s->token, cfg->web.token_file, sizeof(cfg->web.token_file));
+    }
+    free(world);
+    free(cfg);
+    return err;
 }
 
 /** Check a port before minutes of preparation: the service would run without a page, and the printed address would be
@@ -165,7 +233,6 @@ static int start(struct site *s)
     int err = need_program(sim, "sst-sim");
 
     err = err ? err : need_program(daemon, "sstd");
-    err = err ? err : write_files(s);
     if (err)
         return err;
     (void)unlink(s->log);
@@ -211,21 +278,27 @@ static void stop(struct site *s)
     }
 }
 
-/** Last line of what the programs said. */
-static void report_end(const struct site *s)
+/** The last error in the log; "": none. */
+static void last_error(const struct site *s, char out[512])
 {
     static const char prefix[] = "sst: error: ";
-    const char *said;
-    char line[512], last[512] = "";
+    char line[512];
     FILE *f = fopen(s->log, "re");
 
+    out[0] = 0;
     while (f && fgets(line, sizeof(line), f))
-        if (strstr(line, "error"))
-            memcpy(last, line, sizeof(last));
+        if (!strncmp(line, prefix, strlen(prefix)))
+            snprintf(out, 512, "%s", line + strlen(prefix));
     if (f)
         fclose(f);
-    last[strcspn(last, "\n")] = 0;
-    said = last + (strncmp(last, prefix, strlen(prefix)) ? 0 : strlen(prefix));
+    out[strcspn(out, "\n")] = 0;
+}
+
+static void report_end(const struct site *s)
+{
+    char said[512];
+
+    last_error(s, said);
     sst_log_error("the service on %s ended: %s%s%s", s->scene, said[0] ? said : "see ", said[0] ? "; all in " : "",
                   s->log);
 }
@@ -268,9 +341,25 @@ static int first_picture(const struct site *s)
     return err ? -EAGAIN : 0;
 }
 
+/** Bytes of the files directly in a folder; 0 if it cannot be read. */
+static int64_t folder_bytes(const char *path)
+{
+    DIR *dir = opendir(path);
+    const struct dirent *e;
+    struct stat st;
+    int64_t sum = 0;
+
+    while (dir && (e = readdir(dir)))
+        if (!fstatat(dirfd(dir), e->d_name, &st, AT_SYMLINK_NOFOLLOW) && S_ISREG(st.st_mode))
+            sum += st.st_size;
+    if (dir)
+        closedir(dir);
+    return sum;
+}
+
 static void print_address(const struct site *s, double seconds)
 {
-    char token[128] = "";
+    char token[128] = "", cache[SST_PATH_MAX];
     FILE *f = fopen(s->token, "re");
 
     if (f && !fgets(token, sizeof(token), f))
@@ -278,9 +367,17 @@ static void print_address(const struct site *s, double seconds)
     if (f)
         fclose(f);
     token[strcspn(token, "\n")] = 0;
-    printf("%s: seen through after %.0f s\n  page     http://127.0.0.1:%d/?token=%s\n  picture  %s\n"
-           "  status   sst status --socket %s\n",
-           s->scene, seconds, s->port, token, s->picture, s->socket);
+    printf("%s: seen through after %.0f s\n  page           http://127.0.0.1:%d/?token=%s\n  picture        %s\n"
+           "  status         sst status --socket %s\n  configuration  %s, kept when edited\n",
+           s->scene, seconds, s->port, token, s->picture, s->socket, s->config);
+    if (!sst_sim_world_cache(cache, NULL))
+        printf("  prepared       %s, %.0f MB for all scenes seen so far; may be deleted\n", cache,
+               (double)folder_bytes(cache) / 1e6);
+    printf("Other scenes: sst demo --scene");
+    for (const char *const *other = sst_scene_names(); *other; other++)
+        if (strcmp(*other, s->scene))
+            printf("%s%s", other == sst_scene_names() ? " " : "|", *other);
+    printf("\n");
     fflush(stdout);
 }
 
@@ -293,7 +390,7 @@ static int bring_up(struct site *s)
 
     if (err)
         return err;
-    printf("%s: starting 36 simulated cameras and the service (a world that is new here is prepared first)\n",
+    printf("%s: starting the simulated cameras and the service (a world that is new here is prepared first)\n",
            s->scene);
     fflush(stdout);
     while (first_picture(s)) {
@@ -310,8 +407,11 @@ static int bring_up(struct site *s)
             return -ETIMEDOUT;
         }
         if (now_ns - reported_ns > REPORT_NS) {
+            char said[512];
+
             reported_ns = now_ns;
-            printf("  %.0f s ...\n", (double)(now_ns - start_ns) / 1e9);
+            last_error(s, said);
+            printf("  %.0f s ... %s\n", (double)(now_ns - start_ns) / 1e9, said);
             fflush(stdout);
         }
         nanosleep(&(struct timespec){ .tv_nsec = STEP_MS * 1000000 }, NULL);
@@ -320,49 +420,46 @@ static int bring_up(struct site *s)
     return 0;
 }
 
-static int watch_sites(struct site *sites, int n)
+static int watch(struct site *s)
 {
+    printf("Ctrl-C ends it.\n");
+    fflush(stdout);
     while (!interrupted) {
-        for (int i = 0; i < n; i++)
-            if (!runs(&sites[i])) {
-                report_end(&sites[i]);
-                return CLI_INTERNAL;
-            }
+        if (!runs(s)) {
+            report_end(s);
+            return CLI_INTERNAL;
+        }
         nanosleep(&(struct timespec){ .tv_nsec = STEP_MS * 1000000 }, NULL);
     }
     return CLI_OK;
 }
 
-int cli_demo_live(const struct cli_demo_live *demo)
+int cli_demo_live(const char *scene, const char *out, int port)
 {
     const struct sigaction act = { .sa_handler = on_signal };
-    struct site *sites = calloc(CLI_DEMO_SCENES, sizeof(*sites));
+    struct site *s = calloc(1, sizeof(*s));
     char dir[PATH_MAX];
-    int n = 0, err = sites ? 0 : -ENOMEM, code;
+    int err = s ? 0 : -ENOMEM, code;
 
-    for (int i = 0; i < CLI_DEMO_SCENES && demo->scene[i] && !err; i++)
-        err = try_port(demo->port + i);
-    err = err ? err : sst_path_make_dir(demo->out);
-    if (!err && !realpath(demo->out, dir))
+    if (!err) {
+        s->scene = scene;
+        err = name_files(s, out);
+    }
+    if (!err && !sst_path_exists(s->config))
+        err = try_port(port ? port : PORT); /* before anything is written */
+    err = err ? err : sst_path_make_dir(out);
+    if (!err && !realpath(out, dir))
         err = -errno;
+    err = err ? err : name_files(s, dir);
+    err = err ? err : prepare(s, port);
+    err = err ? err : try_port(s->port);
     sigaction(SIGINT, &act, NULL);
     sigaction(SIGTERM, &act, NULL);
-    for (int i = 0; i < CLI_DEMO_SCENES && demo->scene[i] && !err; i++) {
-        struct site *s = &sites[n++];
-
-        s->scene = demo->scene[i];
-        s->port = demo->port + i;
-        err = name_files(s, dir);
-        err = err ? err : bring_up(s);
-    }
+    err = err ? err : bring_up(s);
     code = err == -EINTR ? CLI_OK : err == -ECHILD || err == -ETIMEDOUT ? CLI_INTERNAL : cli_exit_code(err);
-    if (!err) {
-        printf("Ctrl-C ends it.\n");
-        fflush(stdout);
-        code = watch_sites(sites, n);
-    }
-    for (int i = n - 1; i >= 0; i--)
-        stop(&sites[i]);
-    free(sites);
+    code = err ? code : watch(s);
+    if (s)
+        stop(s);
+    free(s);
     return code;
 }

@@ -206,6 +206,7 @@ static int read_entry(const char *folder, const char *name, enum store_kind kind
             err = 0;
         }
         e->picture = has(path, SST_VIDEO_PICTURES);
+        e->view_ns = e->picture ? video_view_from(path) : 0;
         if (!err)
             refine_entry(path, e);
         return err;

@@ -299,12 +299,22 @@ static const struct sst_jpeg *next_picture(struct active *a)
     return jpeg;
 }
 
+/* A picture of before the recording was still shown at its beginning. */
+static int64_t shown_from(const struct active *a, const struct sst_jpeg *jpeg)
+{
+    return jpeg->t_ns > a->first_ns ? jpeg->t_ns : a->first_ns;
+}
+
+static int64_t wall_of(const struct active *a, const struct sst_jpeg *jpeg)
+{
+    return jpeg->wall_ns + shown_from(a, jpeg) - jpeg->t_ns;
+}
+
 static int write_picture(struct active *a, const struct sst_jpeg *jpeg)
 {
-    const int64_t t_ns = jpeg->t_ns > a->first_ns ? jpeg->t_ns : a->first_ns;
     int err = a->view.index ? 0 : view_begin(&a->view, a->dir);
 
-    return err ? err : view_write(&a->view, jpeg, t_ns);
+    return err ? err : view_write(&a->view, jpeg, shown_from(a, jpeg));
 }
 
 /* Write the pictures that were shown since the last set. */
@@ -320,12 +330,15 @@ static void follow_view(struct active *a)
         err = write_picture(a, jpeg);
         store_busy(s, &s->record_busy_ns, false);
         a->view_number = jpeg->number;
+        if (!err && !a->entry.picture)
+            a->entry.view_ns = wall_of(a, jpeg);
         a->entry.picture |= !err;
         a->side_bytes += (int64_t)jpeg->bytes;
         pthread_mutex_lock(&s->lock);
         e = catalog_find(&s->catalog, a->entry.name);
         if (e) {
             e->picture = a->entry.picture;
+            e->view_ns = a->entry.view_ns;
             e->bytes += (int64_t)jpeg->bytes;
         }
         s->used_bytes += (int64_t)jpeg->bytes;

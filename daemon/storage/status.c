@@ -179,15 +179,21 @@ json_t *sst_storage_status(struct sst_storage *s)
     return o;
 }
 
+/* The beginning may have been removed since. */
+static int64_t view_from(const struct store_entry *e)
+{
+    return e->picture && e->view_ns ? (e->view_ns > e->from_ns ? e->view_ns : e->from_ns) : 0;
+}
+
 static json_t *entry_json(const struct store_entry *e)
 {
     const bool active = e->stage == SST_STORE_ACTIVE;
 
     if (e->kind == SST_STORE_RECORDING)
-        return json_pack("{s:s, s:o, s:o, s:I, s:I, s:s, s:b, s:b, s:b}", "name", e->name, "from",
+        return json_pack("{s:s, s:o, s:o, s:I, s:I, s:s, s:b, s:b, s:o, s:b}", "name", e->name, "from",
                          time_json(e->from_ns), "to", time_json(e->to_ns), "sets", (json_int_t)e->sets, "bytes",
                          (json_int_t)e->bytes, "why", e->why, "by_hand", store_is_manual(e), "view", e->picture,
-                         "active", active);
+                         "view_from", time_json(view_from(e)), "active", active);
     return json_pack("{s:s, s:o, s:I, s:b, s:b}", "name", e->name, "time", time_json(e->from_ns), "bytes",
                      (json_int_t)e->bytes, "picture", e->picture, "active", active);
 }

@@ -93,7 +93,8 @@ SST_MUST_CHECK int sst_storage_download(struct sst_storage *s, const char *name,
 /** Keep a recording from being removed to make room, while it is read; a client can still delete it.
  *  @param recording  NULL: the one that holds the moment, or is within 10 s of it
  *  @param name, dir  out, [64], [SST_PATH_MAX] @return 0, -ENOENT, -ENAMETOOLONG */
-SST_MUST_CHECK int sst_storage_hold(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name, char *dir);
+SST_MUST_CHECK int sst_storage_hold(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name,
+                                    char *dir);
 void sst_storage_release(struct sst_storage *s, const char *name);
 
 /** Delete a recording, snapshot or export; running downloads of its archive are aborted. Returns after

@@ -51,6 +51,7 @@ struct store_entry {
     uint64_t gone;        /* of a recording: sets removed from its beginning, not among `sets`; UINT64_MAX: unknown */
     int64_t bytes;        /* on disk */
     bool picture;         /* of a snapshot: picture.jpg is there; of a recording: the see-through view was recorded */
+    int64_t view_ns;      /* with `picture` of a recording: wall time from which on its view was rendered; 0: unknown */
     bool deleted_by_hand; /* a client deleted it: it is hidden from all others */
     int readers;          /* downloads that read it */
     int segments;         /* of the active recording, at the last scan; else 0 */
@@ -536,6 +537,8 @@ struct video {
  */
 SST_MUST_CHECK int video_of_camera(struct video *v, const char *dir, int row, int col);
 
+/** Wall time of the view's first picture; 0: it cannot be read. */
+int64_t video_view_from(const char *dir);
 /** Likewise of the see-through view. @return as above; -ENOENT: none was recorded */
 SST_MUST_CHECK int video_of_view(struct video *v, const char *dir);
 

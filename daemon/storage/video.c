@@ -183,6 +183,20 @@ static int add_lines(struct video *v, FILE *f, const struct sst_recording_remove
     return ferror(f) ? -EIO : err;
 }
 
+int64_t video_view_from(const char *dir)
+{
+    char path[SST_PATH_MAX], text[SST_VIDEO_LINE_MAX];
+    struct video_line l = { 0 };
+    FILE *f = sst_path_join(path, dir, SST_VIDEO_INDEX) ? NULL : fopen(path, "re");
+    bool found = false;
+
+    while (f && !found && fgets(text, sizeof(text), f))
+        found = video_read_line(text, &l);
+    if (f)
+        fclose(f);
+    return l.wall_ns;
+}
+
 int video_of_view(struct video *v, const char *dir)
 {
     struct sst_recording_removed removed = { 0 };

@@ -10,6 +10,8 @@ function save(href, name) {
   link.remove();
 }
 
+const LATE_S = 2; // of a video's beginning after its recording's
+
 const download = (name) => `/api/v1/download/${encodeURIComponent(name)}`;
 
 export class Recordings {
@@ -147,9 +149,15 @@ export class Recordings {
     row.moment.min = localInput(from);
     row.moment.max = localInput(to);
     if (!row.moment.value) row.moment.value = localInput(from);
-    const sources = [...(entry.view ? [["", "See-through"]] : []), ...this.cameras.map((name) => [`.${name}`, `Camera ${name}`])];
-    if (row.source.options.length !== sources.length)
+    const late_s = entry.view_from ? (Date.parse(entry.view_from) - from) / 1000 : 0;
+    const view = late_s > LATE_S ? `Main view, without the first ${duration(late_s)}` : "Main view";
+    row.source.title = late_s > LATE_S ? "Nobody watched before the recording began" : "";
+    const sources = [...(entry.view ? [["", view]] : []), ...this.cameras.map((name) => [`.${name}`, `Camera ${name}`])];
+    const now = JSON.stringify(sources);
+    if (row.source.dataset.now !== now && document.activeElement !== row.source) {
+      row.source.dataset.now = now;
       row.source.replaceChildren(...sources.map(([value, text]) => el("option", { value }, text)));
+    }
     row.remove.hidden = row.all.hidden = entry.active; // not while it is being written
     setText(row.allText, ` All of it (${bytes(entry.bytes)})`);
     this.showLinks(row);

@@ -211,11 +211,14 @@ class Service:
             start = self.hour - back * hour
             body.append({"name": start.strftime("%Y-%m-%dT%H-%M-%SZ"), "from": stamp(start), "to": stamp(start + long * hour),
                          "sets": int(long * 36000), "bytes": int(long * 36000 * 36 * 24000), "why": why, "by_hand": why == "on demand",
-                         "view": back != 9, "active": False})
+                         "view": back != 9,
+                         "view_from": stamp(start + datetime.timedelta(seconds=0 if back == 26 else 20)) if back != 9 else "",
+                         "active": False})
         if self.recording:
             sets = int((now() - self.recording[1]).total_seconds() * 10)
             body.append({"name": self.recording[0], "from": stamp(self.recording[1]), "to": stamp(), "sets": sets,
-                         "bytes": sets * 864000, "why": "on demand", "by_hand": True, "view": True, "active": True})
+                         "bytes": sets * 864000, "why": "on demand", "by_hand": True, "view": True,
+                         "view_from": stamp(self.recording[1]), "active": True})
         kept = [{"name": "snapshot-" + r["name"], "time": r["from"], "bytes": 31 * 10**6, "picture": True, "active": False} for r in body[:2]]
         made = [{"name": "export-" + r["name"], "time": r["to"], "bytes": 30 * 10**6, "picture": False, "active": False} for r in body[1:2]]
         return {"recordings": [r for r in body if r["name"] not in self.deleted],

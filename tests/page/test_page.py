@@ -443,6 +443,9 @@ def test_recordings(b, fake):
     b.wait("document.querySelector('.recording:last-child').open")
     check(b.js("[...document.querySelectorAll('.recording:last-child .take a')].map((a) => a.download.slice(20)).join()") == ".mkv,.tar",
           "a recording cannot be taken away")
+    check("without the first 20 s" not in b.js("document.querySelector('.recording:last-child select').textContent")
+          and b.js("[...document.querySelectorAll('.recording select')].filter((s) => s.textContent.includes('without the first 20 s')).length") == 2,
+          "what a video lacks is not said")
     b.js("const s = document.querySelector('.recording:last-child select'); s.value = '.r2c3'; s.dispatchEvent(new Event('change'))")
     check(b.js("document.querySelector('.recording:last-child .take a').download.endsWith('Z.r2c3.mkv')"), "no camera's video")
     check(b.js("document.querySelectorAll('.moment').length") == 3, "snapshots and exports are not listed")

@@ -398,15 +398,20 @@ static void a_video_needs_room(void **state)
 }
 
 /* A picture of the view with this content, shown at a time. */
-static void show(struct bench *b, struct sst_slot *slot, int content, int64_t t_ns, int in_memory)
+static void show_at(struct bench *b, struct sst_slot *slot, int content, int64_t t_ns, int64_t wall_ns, int in_memory)
 {
     static const uint8_t head[] = { 0xff, 0xd8, 0xff, 0xc0, 0, 11, 8, 0, 6, 0, 8, 1, 1, 0x11, 0 };
     uint8_t *data = malloc(sizeof(head) + 1);
 
     memcpy(data, head, sizeof(head));
     data[sizeof(head)] = (uint8_t)content;
-    assert_int_equal(sst_slot_put(slot, data, sizeof(head) + 1, (uint64_t)content, t_ns, t_ns + 5), 0);
+    assert_int_equal(sst_slot_put(slot, data, sizeof(head) + 1, (uint64_t)content, t_ns, wall_ns), 0);
     bench_wait(b, "ring", "pictures", in_memory);
+}
+
+static void show(struct bench *b, struct sst_slot *slot, int content, int64_t t_ns, int in_memory)
+{
+    show_at(b, slot, content, t_ns, t_ns + 5, in_memory);
 }
 
 /* Times that no clock shows: these pictures are left out. */
@@ -483,6 +488,61 @@ static void the_view_is_recorded_with_what_was_before(void **state)
 #endif
     bench_fini(&b);
     assert_int_equal(sst_slot_clients(slot), 1);
+    sst_slot_unref(slot);
+}
+
+/* A time of the only recording's entry, in s. */
+static double time_s(struct bench *b, const char *key)
+{
+    json_t *all = sst_storage_list(b->storage);
+    const json_t *one = json_array_get(json_object_get(all, "recordings"), 0);
+    struct tm tm = { 0 };
+    double s;
+
+    assert_int_equal(sscanf(json_string_value(json_object_get(one, key)), "%4d-%2d-%2dT%2d:%2d:%lfZ", &tm.tm_year,
+                            &tm.tm_mon, &tm.tm_mday, &tm.tm_hour, &tm.tm_min, &s),
+                     6);
+    tm.tm_year -= 1900;
+    tm.tm_mon--;
+    json_decref(all);
+    return (double)timegm(&tm) + s;
+}
+
+/* Nobody looked while the sets before the recording came: its entry says from when on there is a view, also later. */
+static void a_view_that_begins_late_says_so(void **state)
+{
+    char name[SST_STORE_NAME];
+    struct sst_slot *slot;
+    struct bench b;
+
+    (void)state;
+    assert_int_equal(sst_slot_create(&slot), 0);
+    bench_init(&b, SST_RECORD_OFF);
+    b.config->live.enabled = b.config->storage.record_view = true;
+    b.config->storage.preroll_s = 1000;
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    sst_storage_view(b.storage, slot);
+    for (int i = 0; i < 40; i++)
+        bench_put(&b, sst_clock_now_ns() - (40 - i) * 100 * MS);
+    assert_int_equal(sst_storage_record(b.storage, 0, name), 0);
+    for (int i = 0; !sst_slot_clients(slot) && i < 60000; i++)
+        usleep(1000);
+    show_at(&b, slot, 1, sst_clock_now_ns(), sst_clock_wall_ns(), 1);
+    bench_put(&b, sst_clock_now_ns());
+    bench_wait(&b, "recording", "sets", 41);
+    assert_int_equal(sst_storage_stop(b.storage), 0);
+    bench_put(&b, sst_clock_now_ns() + 4000 * MS);
+    bench_wait_event(&b, "record-stop", name, 1);
+    for (int again = 0; again < 2; again++) {
+        const double late_s = time_s(&b, "view_from") - time_s(&b, "from");
+
+        assert_true(late_s >= 3.99 && late_s < 60);
+        assert_true(sst_storage_close(b.storage, 60000));
+        bench_open_storage(&b); /* as it was before */
+        bench_wait_ready(&b);
+    }
+    bench_fini(&b);
     sst_slot_unref(slot);
 }
 
@@ -624,6 +684,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(every_part_of_an_archive_is_that_part),
         TEST(lines_of_the_view_are_read_strictly),
+        TEST(a_view_that_begins_late_says_so),
         TEST(a_trimmed_view_begins_where_the_rest_does),
         TEST(what_a_kill_left_is_measured),
         TEST(a_recording_without_its_manifest_is_reported),

@@ -68,7 +68,7 @@ static int make_parents(const char *path)
     return 0;
 }
 
-static int cache_folder(char out[SST_PATH_MAX], const char *cache)
+int sst_sim_world_cache(char out[SST_PATH_MAX], const char *cache)
 {
     const char *base = getenv("XDG_CACHE_HOME"), *home = getenv("HOME");
     char dot[SST_PATH_MAX];
@@ -116,7 +116,7 @@ static int open_loop(struct sst_sim_world *w, const char *cache)
     const int version = VERSION;
     char folder[SST_PATH_MAX];
     SHA2_CTX hash;
-    int err = cache_folder(folder, cache);
+    int err = sst_sim_world_cache(folder, cache);
 
     if (err)
         return err;

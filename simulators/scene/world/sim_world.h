@@ -5,6 +5,7 @@
 #include <stdbool.h>
 
 #include "base/base.h"
+#include "base/file.h"
 
 struct sst_sim_world; /* opaque; frames from one thread at a time */
 
@@ -36,6 +37,10 @@ struct sst_sim_exposure {
  * @return 0, -EINVAL/-EBADMSG (world file), -ENOMEM, -EIO, -ENOSPC; logged.
  */
 SST_MUST_CHECK int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char *cache);
+/** Folder of prepared loops, which is created. @param cache  as for sst_sim_world_open() @return 0, -EINVAL, -EIO;
+ * logged */
+SST_MUST_CHECK int sst_sim_world_cache(char out[SST_PATH_MAX], const char *cache);
+
 void sst_sim_world_close(struct sst_sim_world *world);
 
 int sst_sim_world_cameras(const struct sst_sim_world *world); /* 36 for an array, 1 on a rig */
