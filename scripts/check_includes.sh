@@ -17,6 +17,6 @@ deny pipeline 'config|drivers|capture|daemon|cli|simulators'
 deny drivers 'config|capture|pipeline|daemon|cli|simulators'
 deny capture 'daemon|cli|simulators'
 deny daemon 'client|publishers|cli|simulators'
-deny cli 'daemon|publishers|simulators/(scene/world|devices|rig)'
+deny cli 'daemon|publishers|simulators/(devices|rig)'
 deny simulators 'daemon|cli|drivers|capture'
 exit $bad
