@@ -222,6 +222,7 @@ static void note_second_locked(struct live_engine *v, const struct sst_live_repo
 static void note_locked(struct live_engine *v, const struct sst_live_report *r, int64_t wait_ns)
 {
     struct engine_state *s = &v->state;
+    const int64_t now_ns = sst_clock_now_ns();
 
     note_second_locked(v, r, 1);
     s->sets++;
@@ -242,9 +243,9 @@ static void note_locked(struct live_engine *v, const struct sst_live_report *r, 
     if (!r->tiles_changed)
         return;
     v->update++;
-    window_add(&s->stage_ms[ENGINE_WAIT], (double)wait_ns / 1e6);
+    window_add(&s->stage_ms[ENGINE_WAIT], (double)wait_ns / 1e6, now_ns);
     for (int i = 0; i < SST_LIVE_STAGES; i++)
-        window_add(&s->stage_ms[ENGINE_LIVE + i], (double)r->stage_ns[i] / 1e6);
+        window_add(&s->stage_ms[ENGINE_LIVE + i], (double)r->stage_ns[i] / 1e6, now_ns);
     for (int i = 0; i < 256; i++)
         v->share[i] = r->zone[SST_LIVE_ZONES].label[i];
 }

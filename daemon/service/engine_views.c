@@ -382,9 +382,11 @@ void engine_publish(struct live_engine *v)
     pthread_mutex_lock(&v->lock);
     v->state.pictures += (uint64_t)made;
     if (v->latency_due) {
-        window_add(&v->state.latency_ms, (double)(sst_clock_now_ns() - v->set_t_ns) / 1e6);
-        window_add(&v->state.stage_ms[ENGINE_RENDER], (double)ns[0] / 1e6);
-        window_add(&v->state.stage_ms[ENGINE_ENCODE], (double)ns[1] / 1e6);
+        const int64_t now_ns = sst_clock_now_ns();
+
+        window_add(&v->state.latency_ms, (double)(now_ns - v->set_t_ns) / 1e6, now_ns);
+        window_add(&v->state.stage_ms[ENGINE_RENDER], (double)ns[0] / 1e6, now_ns);
+        window_add(&v->state.stage_ms[ENGINE_ENCODE], (double)ns[1] / 1e6, now_ns);
     }
     pthread_mutex_unlock(&v->lock);
     v->latency_due = false;

@@ -87,10 +87,11 @@ static void write_live(FILE *f, const struct engine_state *v)
     metric(f, "live_tiles_changed_total", "counter", "Tiles of them that were recomputed.", (double)v->tiles_changed);
     metric(f, "live_label_runs_total", "counter", "Runs of the segmentation network.", (double)v->label_runs);
     metric(f, "live_label_runs_skipped_total", "counter", "Runs that were not needed.", (double)v->label_runs_skipped);
-    head(f, "live_latency_seconds", "summary", "From the trigger to the encoded picture.");
+    head(f, "live_latency_seconds", "summary",
+         "From the trigger to the encoded picture; quantiles of the last minute, NaN: nothing changed.");
     for (size_t i = 0; i < ARRAY_LEN(quantiles); i++)
         fprintf(f, "sst_live_latency_seconds{quantile=\"%g\"} %.9g\n", quantiles[i],
-                window_quantile(&v->latency_ms, quantiles[i]) / 1e3);
+                window_quantile(&v->latency_ms, quantiles[i], sst_clock_now_ns()) / 1e3);
     fprintf(f, "sst_live_latency_seconds_sum %.9g\nsst_live_latency_seconds_count %llu\n", v->latency_ms.sum / 1e3,
             (unsigned long long)v->latency_ms.count);
     head(f, "live_stage_seconds_total", "counter", "Time spent in each stage.");

@@ -40,8 +40,8 @@ struct service_replay {
     bool stop, ended;
     struct sst_config config; /* of the service */
     struct wish wish;
-    char id[16];     /* of what is played; "": nothing */
-    int64_t used_ns; /* time of the last request of its client */
+    char id[16];             /* of what is played; "": nothing */
+    int64_t used_ns;         /* time of the last request of its client */
     bool playing, restarted; /* restarted: playing or its speed changed */
     double speed;
     unsigned asked, answered; /* requests, and those of them that the thread has carried out */
@@ -57,8 +57,9 @@ struct service_replay {
     struct sst_recording *reader;
     struct sst_ring *ring;
     uint64_t puts;
-    int at;                                   /* the set that is shown */
-    int64_t zero_ns, zero_wall_ns, stamp_ns;  /* stamps of sets: zero_ns when their wall time is zero_wall_ns; the last */
+    int at; /* the set that is shown */
+    int64_t zero_ns, zero_wall_ns,
+        stamp_ns; /* stamps of sets: zero_ns when their wall time is zero_wall_ns; the last */
     int64_t clock_ns, clock_wall_ns, next_ns; /* of playing: the wall time that was due then; that of the next set */
     struct sst_recording_set set;
     struct sst_frame frame[SST_CAMERAS_MAX];
@@ -556,11 +557,11 @@ static int describe_state(struct service_replay *r, const char *id, struct sst_a
     if (engine)
         replay_release(r);
     pthread_mutex_lock(&r->lock);
-    out->body = json_pack("{s:o, s:b, s:s, s:o, s:o, s:o, s:b, s:f, s:s, s:o}", "replay",
-                          id[0] ? json_string(id) : json_null(), "open", engine != NULL, "recording", r->recording,
-                          "from", time_json(r->from_ns), "to", time_json(r->to_ns), "time", time_json(r->at_ns),
-                          "playing", r->playing, "speed", r->speed, "error", r->error, "live",
-                          live ? live : json_null());
+    out->body =
+        json_pack("{s:o, s:b, s:s, s:o, s:o, s:o, s:b, s:f, s:s, s:o}", "replay", id[0] ? json_string(id) : json_null(),
+                  "open", engine != NULL, "recording", r->recording, "from", time_json(r->from_ns), "to",
+                  time_json(r->to_ns), "time", time_json(r->at_ns), "playing", r->playing, "speed", r->speed, "error",
+                  r->error, "live", live ? live : json_null());
     pthread_mutex_unlock(&r->lock);
     return out->body ? 0 : -ENOMEM;
 }

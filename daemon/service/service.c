@@ -1,6 +1,7 @@
 #include "daemon/service/service.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -132,9 +133,12 @@ static int open_parts(struct sst_service *s, const struct sst_service_config *cf
         err = array_open(&s->array, &c->array, s->ring, s->events);
     if (!err)
         err = open_visits(s);
-    const struct engine_config viewer = {
-        .config = c, .ring = s->ring, .source = { s->array, array_generation, array_layout }, .storage = s->storage, .visits = s->visits, .events = s->events
-    };
+    const struct engine_config viewer = { .config = c,
+                                          .ring = s->ring,
+                                          .source = { s->array, array_generation, array_layout },
+                                          .storage = s->storage,
+                                          .visits = s->visits,
+                                          .events = s->events };
 
     if (!err)
         err = engine_open(&s->engine, &viewer);
@@ -313,7 +317,8 @@ enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512])
     struct array_state *a = &s->array_now;
     struct engine_state *v = &s->engine_now;
     enum sst_service_phase phase = s->phase, before = s->phase;
-    char why[512] = "";
+    char why[512] = "", latency[32] = "";
+    double latency_ms;
 
     watch_clock(s);
     update_storage(s);
@@ -321,9 +326,12 @@ enum sst_service_phase sst_service_tick(struct sst_service *s, char status[512])
     array_state(s->array, a);
     engine_state(s->engine, v);
     phase = judge(s, a, v, why, sizeof(why));
-    snprintf(status, 512, "%s: %d of %d cameras, %.1f sets/s, live %.1f sets/s, latency %.0f ms%s%.300s",
-             sst_service_phase_name(phase), a->present, a->cameras, a->rate_hz, v->rate_hz,
-             window_quantile(&v->latency_ms, 0.5), why[0] ? "; " : "", why);
+    latency_ms = window_quantile(&v->latency_ms, 0.5, sst_clock_now_ns());
+    if (!isnan(latency_ms))
+        snprintf(latency, sizeof(latency), ", latency %.0f ms", latency_ms);
+    snprintf(status, 512, "%s: %d of %d cameras, %.1f sets/s, live %.1f sets/s%s%s%.300s",
+             sst_service_phase_name(phase), a->present, a->cameras, a->rate_hz, v->rate_hz, latency, why[0] ? "; " : "",
+             why);
     pthread_mutex_lock(&s->lock);
     s->phase = phase;
     memcpy(s->reason, why, sizeof(s->reason));

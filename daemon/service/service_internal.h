@@ -90,20 +90,22 @@ void array_close(struct service_array *a);
 /** "streaming", "absent" ... */
 const char *array_state_name(enum sst_grab_state state);
 
-/* --- window: percentiles of the last values of a repeated measurement. --- */
+/* --- window: percentiles of the last minute of a repeated measurement. --- */
 
-#define SST_WINDOW 512
+#define SST_WINDOW    512
+#define SST_WINDOW_NS INT64_C(60000000000)
 
 /** Zeroed: empty. The caller locks. */
 struct time_window {
     uint64_t count; /* ever */
     double sum;     /* of all ever */
     float value[SST_WINDOW];
+    int64_t t_ns[SST_WINDOW];
 };
 
-void window_add(struct time_window *w, double value);
-/** Of the last SST_WINDOW values; 0 of an empty one. @param q  0..1, 1: the largest */
-double window_quantile(const struct time_window *w, double q);
+void window_add(struct time_window *w, double value, int64_t now_ns);
+/** Of the last SST_WINDOW values of the last SST_WINDOW_NS; NaN if there are none. @param q  0..1, 1: the largest */
+double window_quantile(const struct time_window *w, double q, int64_t now_ns);
 
 /* --- engine ---
  * the live engine: runs the newest sets of the ring through the pipeline and renders the viewers'
@@ -209,7 +211,8 @@ void engine_close(struct live_engine *v);
 struct service_replay; /* opaque; any thread, but open and close */
 
 /** Start the thread. @param storage  must outlive it @return 0, -ENOMEM, -EAGAIN */
-SST_MUST_CHECK int replay_open(struct service_replay **out, struct sst_storage *storage, const struct sst_config *config);
+SST_MUST_CHECK int replay_open(struct service_replay **out, struct sst_storage *storage,
+                               const struct sst_config *config);
 
 /** Follow other settings; the recording that is played keeps those of before. */
 void replay_configure(struct service_replay *r, const struct sst_config *config);

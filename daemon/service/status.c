@@ -61,8 +61,11 @@ static json_t *capture_json(const struct array_state *a, const struct array_layo
 
 static json_t *window_json(const struct time_window *w)
 {
-    return json_pack("{s:f, s:f, s:f}", "p50", window_quantile(w, 0.5), "p99", window_quantile(w, 0.99), "max",
-                     window_quantile(w, 1));
+    const int64_t now_ns = sst_clock_now_ns();
+
+    return json_pack("{s:o, s:o, s:o}", "p50", sst_api_real(window_quantile(w, 0.5, now_ns)), "p99",
+                     sst_api_real(window_quantile(w, 0.99, now_ns)), "max",
+                     sst_api_real(window_quantile(w, 1, now_ns)));
 }
 
 static json_t *skip_json(bool on, uint64_t done, uint64_t skipped, double error)

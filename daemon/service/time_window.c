@@ -1,20 +1,24 @@
 #include "daemon/service/service_internal.h"
 
-#include <string.h>
+#include <math.h>
 
 #include "base/stats.h"
 
-void window_add(struct time_window *w, double value)
+void window_add(struct time_window *w, double value, int64_t now_ns)
 {
-    w->value[w->count++ % SST_WINDOW] = (float)value;
+    w->value[w->count % SST_WINDOW] = (float)value;
+    w->t_ns[w->count++ % SST_WINDOW] = now_ns;
     w->sum += value;
 }
 
-double window_quantile(const struct time_window *w, double q)
+double window_quantile(const struct time_window *w, double q, int64_t now_ns)
 {
-    const size_t n = w->count < SST_WINDOW ? (size_t)w->count : SST_WINDOW;
+    const uint64_t kept = w->count < SST_WINDOW ? w->count : SST_WINDOW;
     float sorted[SST_WINDOW];
+    int n = 0;
 
-    memcpy(sorted, w->value, n * sizeof(sorted[0]));
-    return (double)sst_stats_quantile_float(sorted, (int)n, q);
+    for (uint64_t i = 0; i < kept; i++)
+        if (now_ns - w->t_ns[i] < SST_WINDOW_NS)
+            sorted[n++] = w->value[i];
+    return n ? (double)sst_stats_quantile_float(sorted, n, q) : (double)NAN;
 }

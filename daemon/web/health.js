@@ -118,7 +118,6 @@ export class Health {
     facts(this.cards.live.list, [
       ["Picture", live.size ? `${live.size.join(" × ")}, of ${number(live.views)} cameras` : "–"],
       ["Changed", `${number(live.changed_percent, 1)} % of the scene`],
-      ["Delay p50 / p99 / max", `${number(live.latency_ms?.p50)} / ${number(live.latency_ms?.p99)} / ${number(live.latency_ms?.max)} ms`],
       ["Processed / passed over", `${number(live.sets)} / ${number(live.dropped)} sets`],
       ["Work saved by change", saved(skips.change, 2, "levels")], ["Work saved on labels", saved(skips.labels, 3, "of labels")],
       ["Processor", `${number(live.cpu_percent)} % of a core`]]);

@@ -432,15 +432,20 @@ export class Stage {
     this.showMethod();
     const age_ms = this.app.view.stream.age_ms();
     const tag = $("age");
-    tag.hidden = !finite(age_ms) || this.app.replay.open; // then the bar below names the moment
-    if (tag.hidden) return;
-    const s = Math.max(0, age_ms / 1000);
+    if (this.app.replay.open) {
+      tag.hidden = false;
+      tag.dataset.kind = "playback"; // the bar below names the moment
+      setText(tag, "Playback");
+      return;
+    }
+    const s = finite(age_ms) ? Math.max(0, age_ms / 1000) : 0;
     const old = s < 60 ? `${number(s, s < 10 ? 1 : 0)} s` : `${Math.floor(s / 60)} min`;
     const still = age_ms > OLD_MS && !this.lost && this.app.still(); // only changes are rendered
     const late = age_ms > OLD_MS && !still;
+    tag.hidden = !(this.lost || still || late); // of a fresh picture the delay above says it all
     tag.dataset.kind = this.lost || late ? "late" : "";
     setText(tag, this.lost ? `${this.refused ? "Stopped" : "Reconnecting"} · picture ${old} old` : still ? `Nothing moved for ${old}`
-      : late ? `Picture ${old} old` : `${old} ago`);
+      : late ? `Picture ${old} old` : "");
     this.frame.classList.toggle("stale", this.lost !== null && age_ms > OLD_MS);
   }
 

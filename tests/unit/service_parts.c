@@ -258,16 +258,18 @@ static void window_of_the_last_values(void **state)
     static struct time_window w;
 
     (void)state;
-    assert_true(window_quantile(&w, 0.5) == 0);
-    window_add(&w, 7);
-    assert_true(window_quantile(&w, 0) == 7 && window_quantile(&w, 1) == 7);
+    assert_true(isnan(window_quantile(&w, 0.5, 0)));
+    window_add(&w, 7, 5);
+    assert_true(window_quantile(&w, 0, 5) == 7 && window_quantile(&w, 1, SST_WINDOW_NS + 4) == 7);
+    assert_true(isnan(window_quantile(&w, 0.5, SST_WINDOW_NS + 5))); /* a value of long ago is none of now */
     for (int i = 1; i <= 1000; i++)
-        window_add(&w, i);
+        window_add(&w, i, i);
     assert_int_equal(w.count, 1001);
     assert_true(w.sum == 500507);
-    assert_true(window_quantile(&w, 0) == 1000 - SST_WINDOW + 1);
-    assert_true(window_quantile(&w, 0.5) == 1000 - SST_WINDOW + 1 + SST_WINDOW / 2);
-    assert_true(window_quantile(&w, 1) == 1000);
+    assert_true(window_quantile(&w, 0, 1000) == 1000 - SST_WINDOW + 1);
+    assert_true(window_quantile(&w, 0.5, 1000) == 1000 - SST_WINDOW + 1 + SST_WINDOW / 2);
+    assert_true(window_quantile(&w, 1, 1000) == 1000);
+    assert_true(window_quantile(&w, 0, SST_WINDOW_NS + 990) == 991);
 }
 
 static int take(struct view_settings *s, const char *text, char error[512])
