@@ -8,6 +8,7 @@ import { Events } from "/web/events.js";
 import { Focus } from "/web/focus.js";
 import { Health } from "/web/health.js";
 import { Labels } from "/web/labels.js";
+import { Light } from "/web/light.js";
 import { Recordings } from "/web/recordings.js";
 import { Replay } from "/web/replay.js";
 import { Stage } from "/web/stage.js";
@@ -75,7 +76,8 @@ const adjust = new Adjust(app, () => {
   app.view.renew(kept);
   app.stage.plain?.renew({ ...kept, method: "refocus" });
 });
-const cameras = new Cameras();
+const cameras = new Cameras((name) => app.stage.overlays.showCamera(name));
+new Light();
 const health = new Health();
 app.replay = new Replay(() => {
   followed = null;
@@ -310,6 +312,7 @@ async function askMore(round) {
     if (round % SLOW !== 0) return;
     const body = await get("/api/v1/cameras");
     adjust.setGrid(body.rows, body.cols);
+    app.stage.overlays.setGrid(body.rows, body.cols);
     cameras.update(body);
     await app.labels.refresh();
     await showView();

@@ -13,18 +13,44 @@ const STATES = {
 };
 const UNKNOWN = { mark: "?", kind: "warn", word: "unknown" };
 const THUMBNAIL_MS = 700;
+const GRID_MS = 300; // a picture of the grid at a time
+const GRID_PX = 96;
 const RECENT_MS = 60000;
 
 const stateOf = (camera) => STATES[camera.state] ?? UNKNOWN;
 const drops = (camera) => camera.lost + camera.bad;
 
 export class Cameras {
-  constructor() {
+  /** @param onLarge  (name) => void: show this camera in the large place */
+  constructor(onLarge) {
+    this.onLarge = onLarge;
     this.list = [];
     this.cells = new Map();
     this.history = new Map(); // name -> [{now, drops}] of the last minute
     this.chosen = null;
     this.timer = null;
+    this.turn = 0;
+    this.paint();
+  }
+
+  /** The grid's pictures, one after the other, while the grid is in sight. */
+  async paint() {
+    for (;; await new Promise((done) => setTimeout(done, GRID_MS))) {
+      await visible();
+      const seen = this.list.filter((camera) => stateOf(camera).kind === "ok");
+      if ($("panel-overview").hidden || !seen.length || $("grid").classList.contains("dense") || navigator.connection?.saveData) continue;
+      const { name } = seen[this.turn++ % seen.length];
+      const canvas = this.cells.get(name)?.querySelector("canvas");
+      try {
+        const bitmap = await createImageBitmap(await getBlob(`/snapshot/camera/${name}`), { resizeWidth: GRID_PX, resizeQuality: "medium" });
+        if (canvas) {
+          canvas.width = bitmap.width;
+          canvas.height = bitmap.height;
+          canvas.getContext("2d").drawImage(bitmap, 0, 0);
+        }
+        bitmap.close();
+      } catch { /* the cell's state says what is wrong */ }
+    }
   }
 
   update(body) {
@@ -55,7 +81,7 @@ export class Cameras {
         const name = `r${row}c${col}`;
         const cell = el("button", { type: "button", class: "cell", dataset: { name }, hidden: true,
           tabindex: row + col ? "-1" : "0", "aria-pressed": "false", onclick: () => this.choose(name) },
-        el("b", { "aria-hidden": "true" }), el("small", { "aria-hidden": "true" }));
+        el("canvas", { "aria-hidden": "true", width: 1, height: 1 }), el("b", { "aria-hidden": "true" }), el("small", { "aria-hidden": "true" }));
         cell.style.gridArea = `${row + 1} / ${col + 1}`;
         this.cells.set(name, cell);
         grid.append(cell);
@@ -94,7 +120,7 @@ export class Cameras {
     const state = stateOf(camera);
     const lost = this.recent(camera);
     if (cell.dataset.kind !== state.kind) cell.dataset.kind = state.kind;
-    setText(cell.firstChild, state.mark);
+    setText(cell.children[1], state.mark);
     setText(cell.lastChild, camera.name);
     const text = [`${camera.name}: ${state.word}`, camera.reason, state.kind === "ok" && `${number(camera.rate_hz, 1)} Hz`,
       state.kind === "ok" && finite(camera.skew_us) && `skew ${number(camera.skew_us)} µs`, lost > 0 && `${number(lost)} frames lost or bad within a minute`]
@@ -136,7 +162,8 @@ export class Cameras {
     };
     const close = el("button", { type: "button", class: "icon", "aria-label": "Close", onclick: () => this.choose(name) },
       icon("close"));
-    card.replaceChildren(el("div", { class: "card-head" }, el("h2", {}, name), parts.state, close),
+    const large = el("button", { type: "button", class: "small", onclick: () => this.onLarge(name) }, "Large");
+    card.replaceChildren(el("div", { class: "card-head" }, el("h2", {}, name), parts.state, large, close),
       el("div", { class: "thumbnail" }, parts.picture, parts.none), parts.reason, parts.facts);
     card.setAttribute("aria-label", `Camera ${name}`);
     return parts;

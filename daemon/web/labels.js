@@ -1,7 +1,7 @@
 // Labels that can be kept clear, or removed from the clear picture: one chip for each label in the picture.
 
 import { get, source } from "/web/api.js";
-import { $, el, number, setText } from "/web/ui.js";
+import { $, el, number, setText, swatch } from "/web/ui.js";
 
 const WORDS = {
   focus_label: { caption: "Keep clear", none: "Everything", noneTitle: "All labels count alike",
@@ -37,13 +37,11 @@ export class Labels {
   }
 
   chip(name, text, colour) {
-    const swatch = colour && el("i", { class: "swatch", "aria-hidden": "true" });
-    if (swatch) swatch.style.background = colour;
     const share = el("small", {});
     return el("button", {
       type: "button", class: "chip", "aria-pressed": String(name === this.chosen),
       onclick: () => this.choose(name === this.chosen ? "" : name),
-    }, swatch, el("span", {}, text), share);
+    }, swatch(colour), el("span", {}, text), share);
   }
 
   choose(name) {

@@ -1,24 +1,26 @@
 // The picture: pointing, comparing, overlays, its age, and the message shown while there is none.
 
-import { getBlob, source } from "/web/api.js";
 import { CAMERA } from "/web/clear.js";
-import { $, complain, el, finite, number, setText, storage, toast, visible } from "/web/ui.js";
+import { Overlays } from "/web/overlays.js";
+import { $, complain, el, finite, number, setText, storage, swatch, toast } from "/web/ui.js";
 import { View } from "/web/view.js";
+import { Zoom } from "/web/zoom.js";
 
 const TAP_PX = 8;
 const TAP_MS = 700;
-const WHEEL_SHARE = 0.00025; // of the range, per px of wheel
+const WHEEL_SHARE = 0.00025; // of the range of depths, per px of wheel with Shift
+const WHEEL_ZOOM = 0.0025; // octaves per px of wheel
+const KEY_ZOOM = 1.5;
 const CARD_MS = 12000;
 const RING_MS = 1200;
 const SAME_PX = 1.5; // of what stood in front before
-const OVERLAY_MS = 500;
 const OLD_MS = 2500;
 
 const WORDS = {
   clear: { left: "Clear", right: "Camera", hint: "sst-hint-clear",
-    keys: "Enter removes what is under it or brings it back, plus and minus move the cut" },
+    keys: "Enter removes what is under it or brings it back, plus and minus move the cut, Z zooms in, Shift Z out" },
   sst: { left: "See-through", right: "Plain refocus", hint: "sst-hint",
-    keys: "Enter focuses on what is under it, plus and minus move the focus" },
+    keys: "Enter focuses on what is under it, plus and minus move the focus, Z zooms in, Shift Z out" },
 };
 
 export class Stage {
@@ -33,12 +35,13 @@ export class Stage {
     this.spare = null; // the same one, kept for the next time
     this.lost = null;  // time of the loss
     this.refused = ""; // reason why there is no stream, if the service or the browser gave one
-    this.overlayTimer = null;
     this.pointers = new Map();
     this.picks = 0;
+    this.placed = new Map(); // marks: where they are in the picture
+    this.zoom = new Zoom(this.frame, () => this.zoomed());
+    this.overlays = new Overlays(app);
     this.listen();
     this.compare();
-    this.overlay();
     $("hint-close").addEventListener("click", () => {
       this.closeHint();
       this.frame.focus();
@@ -52,8 +55,9 @@ export class Stage {
     const frame = this.frame;
     frame.addEventListener("wheel", (event) => {
       event.preventDefault();
-      const px = event.deltaMode === 1 ? event.deltaY * 32 : event.deltaY;
-      this.app.depth().nudge(-Math.max(-200, Math.min(200, px)) * WHEEL_SHARE);
+      const px = Math.max(-200, Math.min(200, (event.deltaY || event.deltaX) * (event.deltaMode === 1 ? 32 : 1))); // Shift turns it
+      if (event.shiftKey) this.app.depth().nudge(-px * WHEEL_SHARE);
+      else this.zoom.by(2 ** (-px * WHEEL_ZOOM), this.zoom.at(event.clientX, event.clientY));
     }, { passive: false });
     frame.addEventListener("pointerdown", (event) => this.down(event));
     frame.addEventListener("pointermove", (event) => this.move(event));
@@ -79,17 +83,21 @@ export class Stage {
   move(event) {
     const pointer = this.pointers.get(event.pointerId);
     if (!pointer) return;
-    const before = this.spread();
+    const before = this.between();
     pointer.x = event.clientX;
     pointer.y = event.clientY;
-    const after = this.spread();
-    if (before > 20 && after > 20) this.app.depth().nudge(Math.log2(after / before) * 0.4);
+    const after = this.between();
+    if (before.spread > 20 && after.spread > 20) this.zoom.by(after.spread / before.spread, this.zoom.at(after.x, after.y));
+    if (pointer.many || Math.hypot(pointer.x - pointer.x0, pointer.y - pointer.y0) > TAP_PX)
+      this.zoom.pan(after.x - before.x, after.y - before.y);
   }
 
-  spread() {
-    if (this.pointers.size !== 2) return 0;
-    const [a, b] = [...this.pointers.values()];
-    return Math.hypot(a.x - b.x, a.y - b.y);
+  /** Middle of the pointers, and the distance of two; 0 of others. */
+  between() {
+    const all = [...this.pointers.values()];
+    const [a, b] = all;
+    const mean = (key) => all.reduce((sum, pointer) => sum + pointer[key], 0) / all.length;
+    return { x: mean("x"), y: mean("y"), spread: all.length === 2 ? Math.hypot(a.x - b.x, a.y - b.y) : 0 };
   }
 
   up(event) {
@@ -104,17 +112,22 @@ export class Stage {
   key(event) {
     if (event.key === "Escape") this.closePick();
     if (event.target !== this.frame) return;
-    const step = event.shiftKey ? 0.1 : 0.02;
+    const step = (event.shiftKey ? 0.1 : 0.02) / this.zoom.scale;
     const moves = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] };
     if (moves[event.key]) {
       const [x, y] = this.cross ?? [0.5, 0.5];
       const within = (v) => Math.min(Math.max(v, 0), 0.999);
       this.cross = [within(x + moves[event.key][0]), within(y + moves[event.key][1])];
-      place($("crosshair"), this.cross);
+      this.zoom.show(this.cross);
+      this.place($("crosshair"), this.cross);
     } else if (event.key === "Enter" || event.key === " ") {
       this.tapAt(...(this.cross ?? [0.5, 0.5]), true);
     } else if (event.key === "+" || event.key === "-") {
       this.app.depth().nudge(event.key === "+" ? 0.02 : -0.02);
+    } else if (event.key === "z" || event.key === "Z") {
+      this.zoom.by(event.key === "z" ? KEY_ZOOM : 1 / KEY_ZOOM, this.zoom.toFrame(this.cross ?? this.zoom.middle()));
+    } else if (event.key === "0") {
+      this.zoom.reset();
     } else {
       return;
     }
@@ -127,7 +140,7 @@ export class Stage {
     const { view, mode } = this.app;
     const at = [x * this.canvas.width, y * this.canvas.height];
     this.closePick();
-    place($("ring"), [x, y]);
+    this.place($("ring"), [x, y]);
     $("ring").dataset.busy = "1";
     try {
       const found = await (mode === "clear" ? view.remove(...at) : view.pick(...at));
@@ -150,7 +163,7 @@ export class Stage {
       focus.stopSweep();
       if (found.track) this.app.follow(found.track, found.name);
       else focus.set(found.disparity_px);
-      place($("ring"), [x, y]);
+      this.place($("ring"), [x, y]);
     }
     this.showPick(found, x, y);
     if (byKey) $("pick").querySelector("button")?.focus();
@@ -186,7 +199,7 @@ export class Stage {
     const [x0, y0, x1, y1] = track.box;
     const at = [(x0 + x1) / 2 / this.canvas.width, (y0 + y1) / 2 / this.canvas.height].map((v) => Math.min(Math.max(v, 0), 1));
     ring.dataset.state = track.state;
-    place(ring, at);
+    this.place(ring, at);
     if (!$("pick").hidden) this.placeCard(at);
   }
 
@@ -200,7 +213,7 @@ export class Stage {
     const { focus, labels } = this.app;
     const card = $("pick");
     const what = finite(found.disparity_px) ? found.name || "Something without a label" : "Nothing is known here";
-    const head = el("p", { class: "pick-head" }, this.swatch(found.label), el("strong", {}, what));
+    const head = el("p", { class: "pick-head" }, swatch(labels.colour(found.label)), el("strong", {}, what));
     const where = finite(found.disparity_px)
       ? el("p", { class: "quiet" }, this.measure(found.disparity_px))
       : el("p", { class: "quiet" }, "No camera pair agrees on this point. Try one close to it.");
@@ -213,7 +226,7 @@ export class Stage {
       const name = labels.name(found.front_label) || "what stands in front";
       buttons.append(el("button", { type: "button", class: "small",
         onclick: () => this.focusInFront(x, y, found) },
-      this.swatch(found.front_label), `In front: ${name}, ${focus.words(found.front_px)}`));
+      swatch(labels.colour(found.front_label)), `In front: ${name}, ${focus.words(found.front_px)}`));
     }
     card.replaceChildren(head, where, buttons);
     this.placeCard([x, y]);
@@ -223,21 +236,29 @@ export class Stage {
 
   placeCard([x, y]) {
     const card = $("pick");
-    place(card, [x, y]);
+    this.place(card, [x, y]);
+    [x, y] = this.zoom.toFrame([x, y]);
     card.dataset.side = `${y < 0.5 ? "below" : "above"} ${x < 0.25 ? "left" : x > 0.75 ? "right" : "middle"}`;
+  }
+
+  /** Shows a mark at a point of the picture, if that is in sight. */
+  place(node, at) {
+    this.placed.set(node, at);
+    const [x, y] = this.zoom.toFrame(at);
+    node.style.left = `${x * 100}%`;
+    node.style.top = `${y * 100}%`;
+    node.style.visibility = x >= 0 && x <= 1 && y >= 0 && y <= 1 ? "" : "hidden";
+    node.hidden = false;
+  }
+
+  zoomed() {
+    for (const [node, at] of this.placed) if (!node.hidden) this.place(node, at);
+    this.clip();
   }
 
   measure(px) {
     const { focus } = this.app;
     return focus.metres_px > 0 && px > 0 ? `${focus.metres(px)} away · ${number(px, 1)} px` : `${number(px, 1)} px`;
-  }
-
-  swatch(label) {
-    const colour = this.app.labels.colour(label);
-    if (!colour) return null;
-    const node = el("i", { class: "swatch", "aria-hidden": "true" });
-    node.style.background = colour;
-    return node;
   }
 
   /** The ring of what is followed stays. */
@@ -262,8 +283,8 @@ export class Stage {
     const to = (share) => {
       const percent = Math.round(Math.min(Math.max(share, 0), 1) * 100);
       divider.style.left = `${percent}%`;
-      $("canvas-plain").style.clipPath = `inset(0 0 0 ${percent}%)`;
       divider.setAttribute("aria-valuenow", percent);
+      this.clip();
     };
     const share = () => Number(divider.getAttribute("aria-valuenow")) / 100;
     divider.addEventListener("pointerdown", (event) => {
@@ -284,6 +305,13 @@ export class Stage {
     });
     to(0.5);
     $("compare").addEventListener("click", () => (this.plain ? this.stopCompare() : this.startCompare()));
+  }
+
+  /** The right half is what is right of the divider, whatever part of the picture is shown. */
+  clip() {
+    const percent = Number($("divider").getAttribute("aria-valuenow"));
+    const [x] = this.zoom.toPicture([percent / 100, 0]);
+    $("canvas-plain").style.clipPath = `inset(0 0 0 ${Math.min(Math.max(100 * x, 0), 100)}%)`;
   }
 
   startCompare() {
@@ -319,63 +347,7 @@ export class Stage {
     $("tag-right").hidden = true; // until there is a picture
   }
 
-  // --- overlays ---
-
-  overlay() {
-    for (const radio of $("overlay").querySelectorAll("input"))
-      radio.addEventListener("change", () => this.setOverlay(radio.value));
-    const fade = () => { $("canvas-overlay").style.opacity = Number($("opacity").value) / 100; };
-    $("opacity").addEventListener("input", fade);
-    fade();
-  }
-
-  setOverlay(kind) {
-    clearTimeout(this.overlayTimer);
-    $("canvas-overlay").hidden = true;
-    $("opacity-box").hidden = $("legend").hidden = !kind;
-    this.overlayKind = kind;
-    if (kind) this.drawOverlay(kind, 0);
-  }
-
-  async drawOverlay(kind, failures) {
-    try {
-      await visible();
-      const bitmap = await createImageBitmap(await getBlob(`${source.base}/snapshot/${kind}`));
-      if (this.overlayKind !== kind) return;
-      const canvas = $("canvas-overlay");
-      canvas.width = bitmap.width;
-      canvas.height = bitmap.height;
-      canvas.getContext("2d").drawImage(bitmap, 0, 0);
-      canvas.hidden = false;
-      bitmap.close();
-      failures = 0;
-    } catch (error) {
-      if (failures === 0) complain(error); // reported once, then retried
-      failures++;
-    }
-    if (this.overlayKind !== kind) return;
-    this.showLegend(kind);
-    this.overlayTimer = setTimeout(() => this.drawOverlay(kind, failures), OVERLAY_MS);
-  }
-
-  showLegend(kind) {
-    const { focus, labels } = this.app;
-    const legend = $("legend");
-    if (kind === "disparity") {
-      const text = focus.known() ? [`Near ${focus.words(focus.near_px)}`, `Far ${focus.words(focus.far_px)}`] : ["Near", "Far"];
-      if (legend.dataset.now === text.join()) return;
-      legend.dataset.now = text.join();
-      legend.replaceChildren(el("span", {}, text[0]), el("i", { class: "scale", role: "img", "aria-label": "yellow is near, dark blue far" }),
-        el("span", {}, text[1]));
-    } else {
-      const present = labels.present();
-      legend.hidden = present.length === 0;
-      const now = present.map((entry) => entry.name).join();
-      if (legend.dataset.now === now) return;
-      legend.dataset.now = now;
-      legend.replaceChildren(...present.map((entry) => el("span", {}, this.swatch(entry.label), entry.name)));
-    }
-  }
+  // --- source and mode ---
 
   /** The pictures are of another source. */
   sourceChanged() {
@@ -383,6 +355,7 @@ export class Stage {
     this.lost = null;
     this.frame.classList.remove("stale");
     this.plain?.move(this.compared());
+    this.overlays.sourceChanged();
   }
 
   /** Another mode: what is compared changes with it. */
@@ -401,6 +374,10 @@ export class Stage {
   /** Caption in the corner of the picture. */
   showMethod() {
     const { clear, labels, mode, view } = this.app;
+    if (this.overlays.camera) {
+      setText($("tag-left"), `Camera ${this.overlays.camera}, as it is`);
+      return;
+    }
     const parts = [view.shared ? "Main view, shared by all" : WORDS[mode].left];
     if (this.app.followed()) parts.push(`following ${this.app.followed().name || "it"}`);
     else if (labels.chosen) parts.push(mode === "clear" ? `without ${labels.chosen}` : `${labels.chosen} kept clear`);
@@ -466,10 +443,4 @@ export class Stage {
 /** `word` becomes code. */
 function codes(line) {
   return line.split("`").map((part, i) => (i % 2 ? el("code", {}, part) : part));
-}
-
-function place(node, [x, y]) {
-  node.style.left = `${x * 100}%`;
-  node.style.top = `${y * 100}%`;
-  node.hidden = false;
 }

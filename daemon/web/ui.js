@@ -15,6 +15,14 @@ export function el(tag, properties = {}, ...children) {
   return node;
 }
 
+/** A square of a label's colour; null without one. */
+export function swatch(colour) {
+  if (!colour) return null;
+  const node = el("i", { class: "swatch", "aria-hidden": "true" });
+  node.style.background = colour;
+  return node;
+}
+
 export function icon(name) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   const use = document.createElementNS("http://www.w3.org/2000/svg", "use");

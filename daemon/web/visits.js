@@ -1,12 +1,13 @@
 // What came into view and has gone: a card with a picture each, the newest first; one opens large, with its way.
 
 import { get } from "/web/api.js";
-import { $, complain, duration, el, icon, localTime, number, setText } from "/web/ui.js";
+import { $, complain, duration, el, icon, localTime, number, setText, storage } from "/web/ui.js";
 
 const MOST = 60;
 const MARGIN = 1.7; // of a card's part of the picture over the visitor's size
 const ZOOM_MOST = 4;
 
+const HINT = "sst-hint-visits";
 const KINDS = { seen: "See-through", camera: "Camera" };
 const address = (visit, kind) => `/api/v1/visits/${encodeURIComponent(visit.visit)}/${kind}`;
 const what = (visit) => visit.label || "Something";
@@ -35,6 +36,13 @@ export class Visits {
         this.show(this.open);
       });
     $("visit-play").addEventListener("click", () => this.play());
+    $("hint-visits-close").addEventListener("click", () => this.explained());
+  }
+
+  /** The hint is shown until it was read or a card was opened, and never again. */
+  explained() {
+    storage(HINT, "seen");
+    $("hint-visits").hidden = true;
   }
 
   query() {
@@ -52,6 +60,7 @@ export class Visits {
 
   async refresh() {
     this.list = (await get(`/api/v1/visits?${this.query()}`)).visits;
+    $("hint-visits").hidden = storage(HINT) === "seen" || !this.list.length;
     offer($("visits-label"), this.list.map((visit) => visit.label).filter(Boolean));
     offer($("visits-zone"), this.list.flatMap((visit) => visit.zones));
     const names = new Set(this.list.map((visit) => visit.visit));
@@ -96,6 +105,7 @@ export class Visits {
   // --- one, large ---
 
   show(visit) {
+    this.explained();
     this.open = visit;
     const kind = visit.pictures.includes(this.kind) ? this.kind : visit.pictures[0];
     for (const radio of $("visit-kind").querySelectorAll("input")) {

@@ -330,7 +330,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
                 self.fake(body)
                 return
             with s.lock:
-                s.log.append({"method": self.command, "path": path, "body": body})
+                s.log.append({"method": self.command, "path": path, "query": query, "body": body})
             while s.hold and path.startswith(("/api", "/stream")):
                 time.sleep(0.1)
             with s.lock:

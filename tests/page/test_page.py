@@ -114,6 +114,13 @@ def pressed(b, name):
     return b.js(f"document.getElementById('{name}').getAttribute('aria-pressed')") == "true"
 
 
+SHIFT = 8
+
+
+def zoomed(b):
+    return b.box("#picture")[2] / b.box("#stage")[2]
+
+
 # --- what users do ---
 
 def test_picture(b, fake):
@@ -146,8 +153,8 @@ def test_cut_slider(b, fake):
     check(expect(lambda: last(fake, "cut_px") > far), "the left arrow does not go nearer")
     x, y, *_ = b.box("#stage")
     before = last(fake, "cut_px")
-    b.mouse("mouseWheel", x, y, deltaX=0, deltaY=-240)
-    check(expect(lambda: last(fake, "cut_px") > before), "the wheel does not move the cut")
+    b.mouse("mouseWheel", x, y, deltaX=0, deltaY=-240, modifiers=SHIFT)
+    check(expect(lambda: last(fake, "cut_px") > before), "the wheel with Shift does not move the cut")
     b.js("document.getElementById('cut').focus()")
     b.key("Home", 36)
     check(expect(lambda: last(fake, "cut_px") == 9999), "the near end removes something")
@@ -280,8 +287,8 @@ def test_focus(b, fake):
     check(expect(lambda: last(fake, "focus_px") < near), "the right arrow does not go farther")
     x, y, *_ = b.box("#stage")
     before = last(fake, "focus_px")
-    b.mouse("mouseWheel", x, y, deltaX=0, deltaY=-240)
-    check(expect(lambda: last(fake, "focus_px") != before), "the wheel does not change the focus")
+    b.mouse("mouseWheel", x, y, deltaX=0, deltaY=-240, modifiers=SHIFT)
+    check(expect(lambda: last(fake, "focus_px") != before), "the wheel with Shift does not change the focus")
     b.click("#auto")
     check(expect(lambda: last(fake, "focus_px") is None), "Auto is not the service's own focus")
 
@@ -300,7 +307,7 @@ def test_pick(b, fake):
     check(expect(lambda: last(fake, "focus_px") > seen * 1.5), "what stands in front is not focused")
     b.click((x, y))
     b.wait("!document.getElementById('pick').hidden")
-    b.mouse("mouseWheel", x, y, deltaX=0, deltaY=-240)  # the focus moves: what is marked is not what is shown any more
+    b.mouse("mouseWheel", x, y, deltaX=0, deltaY=-240, modifiers=SHIFT)  # the focus moves: what is marked is not what is shown any more
     b.wait("document.getElementById('pick').hidden && document.getElementById('ring').hidden")
     b.js("document.getElementById('stage').focus()")
     b.key("ArrowLeft", 37)
@@ -387,6 +394,74 @@ def test_overlay(b, fake):
     check("Pedestrian" in b.js("document.getElementById('legend').textContent"), "no legend")
     b.js("document.querySelector('input[name=overlay]').click()")
     b.wait("document.getElementById('canvas-overlay').hidden")
+
+
+def test_camera_large(b, fake):
+    """What a camera sees, in the large place: the one in the middle, or any of the grid."""
+    b.js("document.querySelector('input[name=overlay][value=camera]').click()")
+    b.wait("!document.getElementById('canvas-camera').hidden && document.getElementById('tag-left').textContent.includes('Camera r2c2')")
+    b.click("#tab-overview")
+    b.click("[data-name=r0c0]")
+    b.js("document.querySelector('#camera .small').click()")
+    b.wait("document.getElementById('tag-left').textContent.includes('Camera r0c0')")
+    check(expect(lambda: any(r["path"] == "/stream/camera/r0c0" for r in fake.log())), "the camera was not asked for")
+    b.wait("!document.getElementById('canvas-camera').hidden")
+    b.click("[data-name=r0c0]")
+    b.js("document.querySelector('input[name=overlay]').click()")
+    b.wait("document.getElementById('canvas-camera').hidden && !document.getElementById('tag-left').textContent.includes('Camera')")
+    b.wait("[...document.querySelectorAll('.cell canvas')].filter((c) => c.width > 1).length > 3")  # pictures in the grid
+
+
+def test_zoom(b, fake):
+    """The wheel zooms where the pointer is, dragging moves, keys do both; points stay those of the picture."""
+    x, y, w, h = b.box("#stage")
+    left, top = x - w / 2, y - h / 2
+    for _ in range(3):
+        b.mouse("mouseWheel", left + 0.75 * w, y, deltaX=0, deltaY=-200)
+    check(expect(lambda: 2 < zoomed(b) < 4), f"zoomed {zoomed(b)} times")
+    px, _, pw, _ = b.box("#picture")
+    check(abs((left + 0.75 * w - (px - pw / 2)) / pw - 0.75) < 0.01, "the point under the pointer moved")
+    b.drag((x, y), (x + 100, y))
+    check(expect(lambda: abs(b.box("#picture")[0] - px - 100) < 3), "dragging does not move the picture")
+    mode(b, "sst")
+    b.click((x, y))
+    b.wait("!document.getElementById('pick').hidden")
+    at = [r for r in fake.log() if r["path"].endswith("/pick")][-1]["query"]
+    px, py, pw, ph = b.box("#picture")
+    width, height = b.js("[document.getElementById('canvas').width, document.getElementById('canvas').height]")
+    want = [(x - (px - pw / 2)) / pw * width, (y - (py - ph / 2)) / ph * height]
+    check(abs(float(at["x"]) - want[0]) < 2 and abs(float(at["y"]) - want[1]) < 2, f"asked about {at}, not {want}")
+    rx, ry, *_ = b.box("#ring")
+    check(abs(rx - x) < 3 and abs(ry - y) < 3, "the ring is elsewhere")
+    b.click("#auto")
+    b.js("document.getElementById('stage').focus()")
+    b.key("0", 48, "0")
+    check(zoomed(b) == 1 and b.js("document.getElementById('zoom-whole').hidden"), "0 does not show the whole picture")
+    b.key("z", 90, "z")
+    check(zoomed(b) > 1.2, "Z does not zoom")
+    b.click("#zoom-whole")
+    check(zoomed(b) == 1, "the button does not show the whole picture")
+
+
+def test_light(b, fake):
+    """Brightness and colours of the page stay over a reload."""
+    b.click("#light")
+    b.wait("!document.getElementById('light-box').hidden")
+    b.js("(() => { const r = document.getElementById('brightness'); r.value = 40; r.dispatchEvent(new Event('input')); })()")
+    check(b.js("document.querySelector('#tone feFuncR').getAttribute('exponent')") == "0.5", "the tone curve does not follow")
+    for theme, colour in (("day", "rgb(243, 245, 247)"), ("night", "rgb(13, 16, 20)")):
+        b.js(f"document.querySelector('#theme input[value={theme}]').click()")
+        check(b.js("getComputedStyle(document.body).backgroundColor") == colour, f"{theme} is {colour}")
+    b.js("window.old = true; location.reload()")
+    b.wait("!window.old && Number(document.getElementById('stage')?.dataset.pictures) > 1")
+    check(b.js("document.documentElement.dataset.theme") == "night" and pressed(b, "light"), "forgotten on reload")
+    b.click("#light")
+    b.click("#brightness-reset")
+    b.js("document.querySelector('#theme input').click()")
+    b.click("#stage")
+    b.wait("document.getElementById('light-box').hidden")
+    b.js("document.getElementById('auto').click()")
+    check(not pressed(b, "light"), "brightness is not reset")
 
 
 def test_adjust(b, fake):
@@ -526,7 +601,7 @@ def test_replay(b, fake):
     b.click("#cut-auto")
     b.js("(() => { const s = document.getElementById('cut'); s.value = 600; s.dispatchEvent(new Event('input')); })()")
     check(expect(lambda: [r for r in replayed("/api/v1/views/") if r["method"] == "POST" and "cut_px" in (r["body"] or {})]), "the cut is of another picture")
-    b.click("#overlay label:nth-of-type(3)")
+    b.js("document.querySelector('input[name=overlay][value=disparity]').click()")
     check(expect(lambda: replayed("/snapshot/disparity")), "the depths are of another picture")
     b.click("#overlay label:nth-of-type(1)")
     b.click("#compare")
@@ -714,12 +789,19 @@ def test_phone(b, fake):
     b.click("#tab-overview")
     b.js("scrollTo(0, 0)")
     x, y, w, h = b.box("#stage")
-    before = last(fake, "focus_px")
     b.touch("touchStart", (x - 30, y), (x + 30, y))
     for i in range(5):
         b.touch("touchMove", (x - 30 - 12 * i, y), (x + 30 + 12 * i, y))
     b.touch("touchEnd")
-    check(expect(lambda: last(fake, "focus_px") != before), "a pinch does not change the focus")
+    check(expect(lambda: zoomed(b) > 1.5), "a pinch does not zoom")
+    before = b.box("#picture")
+    b.touch("touchStart", (x, y))
+    for i in range(5):
+        b.touch("touchMove", (x + 12 * i, y))
+    b.touch("touchEnd")
+    check(expect(lambda: b.box("#picture")[0] > before[0] + 20), "a finger does not move the picture")
+    b.click("#zoom-whole")
+    check(zoomed(b) == 1, "the whole picture does not come back")
     small = b.js("""[...document.querySelectorAll("button, select, summary, [role=slider]")].filter((n) => n.checkVisibility())
       .filter((n) => n.getBoundingClientRect().height < 28).map((n) => n.id || n.textContent)""")
     check(not small, f"too small for a finger: {small}")
@@ -771,7 +853,7 @@ def test_contrast(b, fake):
 
 
 ONLY = os.environ.get("PAGE_ONLY", "").split()
-TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_follow, test_label, test_compare, test_sweep, test_overlay, test_adjust, test_cameras,
+TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_follow, test_label, test_compare, test_sweep, test_overlay, test_camera_large, test_zoom, test_light, test_adjust, test_cameras,
          test_events, test_recordings, test_visits, test_replay, test_role, test_states, test_storage, test_shared, test_restart, test_reload, test_hidden,
          test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast]
 # Errors that the browser itself writes where a test makes the service refuse or end.
