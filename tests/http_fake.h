@@ -123,6 +123,12 @@ static int fake_visits(void *arg, const struct sst_visits_query *query, struct s
     return 0;
 }
 
+static int fake_visit_change(void *arg, const char *visit, const json_t *body, struct sst_api_answer *out)
+{
+    (void)arg;
+    return strcmp(visit, "v1") ? -ENOENT : fake_record(NULL, body, out);
+}
+
 static int fake_visit_picture(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size)
 {
     (void)arg;
@@ -306,6 +312,7 @@ static int make_service(void **state)
                              .labels = fake_labels,
                              .tracks = fake_tracks,
                              .visits = fake_visits,
+                             .visit_change = fake_visit_change,
                              .visit_picture = fake_visit_picture,
                              .metrics = fake_metrics,
                              .views = fake_views,

@@ -37,6 +37,8 @@ struct sst_api {
     int (*labels)(void *live, struct sst_api_answer *out); /* classes, colours, labels in view */
     int (*tracks)(void *live, struct sst_api_answer *out); /* what moves */
     int (*visits)(void *arg, const struct sst_visits_query *query, struct sst_api_answer *out);
+    /** {"keep": true} or false, or {"delete": true}. */
+    int (*visit_change)(void *arg, const char *visit, const json_t *request, struct sst_api_answer *out);
     /** @param data  out, JPEG to free with free() */
     int (*visit_picture)(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size);
     int (*metrics)(void *arg, char **text); /* Prometheus; to free with free() */

@@ -20,6 +20,7 @@
     X("GET", "/api/v1/labels", VIEW, "Classes, colours, shares of the picture", labels)                                \
     X("GET", "/api/v1/tracks", VIEW, "What moves: place, label, distance", tracks)                                     \
     X("GET", "/api/v1/visits", VIEW, "What came into view, the newest first", http_do_visits)                          \
+    X("POST", "/api/v1/visits/{id}", CONTROL, "Keep a visit for good, or delete it", visit_change)                     \
     X("GET", "/api/v1/visits/{id}/camera", VIEW, "A visit as a camera saw it", visit_camera)                           \
     X("GET", "/api/v1/visits/{id}/seen", VIEW, "A visit seen through what stood in front", visit_seen)                 \
     X("GET", "/api/v1/events", VIEW, "Stored events, one line of JSON each", http_do_events)                           \
@@ -98,7 +99,7 @@ static int openapi(struct http_request *q)
 }
 
 /* Calls without arguments. */
-#define PLAIN(name, call, arg, what)                                                                                         \
+#define PLAIN(name, call, arg, what)                                                                                   \
     static int name(struct http_request *q)                                                                            \
     {                                                                                                                  \
         struct sst_api_answer out = { 0 };                                                                             \
@@ -213,6 +214,14 @@ static int reload(struct http_request *q)
         return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "reload: dry_run is true or false");
     err = api_of(q)->reload(api_of(q)->arg, json_is_true(dry), &out);
     return http_reply_answer(q, err, &out, "reload");
+}
+
+static int visit_change(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+    const int err = api_of(q)->visit_change(api_of(q)->arg, q->name, q->body, &out);
+
+    return http_reply_answer(q, err, &out, "visit");
 }
 
 static int visit_camera(struct http_request *q)

@@ -208,6 +208,34 @@ static int list_visits(void *arg, const struct sst_visits_query *query, struct s
     return out->body ? 0 : -ENOMEM;
 }
 
+static int change_visit(void *arg, const char *visit, const json_t *request, struct sst_api_answer *out)
+{
+    static const char *const known[] = { "keep", "delete", NULL };
+    struct sst_visits *v = ((struct sst_service *)arg)->visits;
+    const json_t *keep = json_object_get(request, "keep"), *gone = json_object_get(request, "delete");
+    int err = sst_api_members(request, known, out->error);
+
+    if (err)
+        return err;
+    if (!(gone ? json_is_true(gone) && !keep : json_is_boolean(keep)))
+        return sst_api_refuse(out->error, -EINVAL, "give keep: true, keep: false or delete: true");
+    err = gone ? sst_visits_delete(v, visit) : sst_visits_keep(v, visit, json_is_true(keep));
+    switch (err) {
+    case 0:
+        out->body = json_pack("{s:s, s:b}", "visit", visit, gone ? "deleted" : "keep", gone || json_is_true(keep));
+        return out->body ? 0 : -ENOMEM;
+    case -EINPROGRESS:
+        return sst_api_refuse(out->error, -EBUSY, "this visit has not ended; delete it when it has");
+    case -EBUSY:
+        return sst_api_refuse(out->error, -EBUSY, "the disk of storage.dir does not answer; try again");
+    case -ENOENT:
+    case -EINVAL:
+        return sst_api_refuse(out->error, -ENOENT, "there is no visit %.64s", visit);
+    default:
+        return sst_api_refuse(out->error, err, "visits below storage.dir cannot be written: %s", strerror(-err));
+    }
+}
+
 static int read_visit(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size)
 {
     return sst_visits_read_picture(((struct sst_service *)arg)->visits, visit, kind, data, size);
@@ -224,6 +252,7 @@ void service_api(struct sst_service *s)
         .metrics = service_metrics,
         .tracks = engine_tracks,
         .visits = list_visits,
+        .visit_change = change_visit,
         .visit_picture = read_visit,
         .views = engine_views,
         .view_create = engine_view_create,

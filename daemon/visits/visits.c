@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/clock.h"
@@ -20,6 +21,8 @@
 #define LINES        "visits.jsonl"
 #define DAY_MOST     ((size_t)256 << 20) /* bytes of a day's lines */
 #define PICTURE_MOST ((size_t)64 << 20)
+#define KEEP         "-keep" /* an empty file of this ending: the visit stays when its day is removed */
+#define BUSY_MS      3000
 
 struct job {
     char name[NAME_LENGTH + 1];
@@ -32,8 +35,9 @@ struct sst_visits {
     char dir[SST_PATH_MAX]; /* fixed after open */
     char start[SST_CLOCK_TEXT];
     pthread_t thread;
-    bool failed;         /* writer's: the last file could not be written */
-    char swept[DAY + 1]; /* writer's: day of the last removal of old ones */
+    bool failed;           /* writer's: the last file could not be written */
+    char swept[DAY + 1];   /* writer's: day of the last removal of old ones */
+    pthread_mutex_t files; /* held while files are written or removed */
     pthread_mutex_t lock;
     pthread_cond_t changed;
     /* under lock */
@@ -72,6 +76,15 @@ static int day_path(char out[SST_PATH_MAX], const struct sst_visits *v, const ch
     return err ? err : sst_path_join(out, day, file);
 }
 
+/* Path of a file of a visit. */
+static int file_path(char out[SST_PATH_MAX], const struct sst_visits *v, const char *visit, const char *ending)
+{
+    char file[NAME_LENGTH + 32];
+
+    snprintf(file, sizeof(file), "%s%s", visit, ending);
+    return day_path(out, v, visit, file);
+}
+
 /* @param first  of this process on that day: the last line of one that was killed may have no end */
 static int append(const char *path, const void *data, size_t bytes, bool first)
 {
@@ -87,14 +100,14 @@ static int append(const char *path, const void *data, size_t bytes, bool first)
 
 static int write_job(const struct sst_visits *v, const struct job *job)
 {
-    char path[SST_PATH_MAX], file[NAME_LENGTH + 32];
+    char path[SST_PATH_MAX];
     int err = day_path(path, v, job->name, NULL);
 
     err = err ? err : sst_path_make_dir(v->dir);
     err = err ? err : sst_path_make_dir(path);
-    snprintf(file, sizeof(file), "%s%s", job->picture < 0 ? "" : job->name,
-             job->picture < 0 ? LINES : picture_files[job->picture]);
-    err = err ? err : day_path(path, v, job->name, file);
+    if (!err)
+        err = job->picture < 0 ? day_path(path, v, job->name, LINES)
+                               : file_path(path, v, job->name, picture_files[job->picture]);
     if (err)
         return err;
     return job->picture < 0 ? append(path, job->data, job->bytes, strncmp(v->swept, job->name, DAY) != 0)
@@ -130,6 +143,82 @@ static int list_days(const struct sst_visits *v, char ***out)
     return n;
 }
 
+/* --- removing ----------------------------------------------------------------------------------------------------- */
+
+static const char *text_of(const json_t *o, const char *key)
+{
+    const char *text = json_string_value(json_object_get(o, key));
+
+    return text ? text : "";
+}
+
+static bool is_kept(const struct sst_visits *v, const char *visit)
+{
+    char path[SST_PATH_MAX];
+
+    return !file_path(path, v, visit, KEEP) && !access(path, F_OK);
+}
+
+static void remove_files(const struct sst_visits *v, const char *visit)
+{
+    static const char *const endings[] = { "-camera.jpg", "-seen.jpg", KEEP };
+    char path[SST_PATH_MAX];
+
+    for (size_t i = 0; i < ARRAY_LEN(endings); i++)
+        if (!file_path(path, v, visit, endings[i]))
+            (void)unlink(path);
+}
+
+/* Write a day's lines again without those of one visit, or (visit NULL) with those of kept ones only, and remove the
+ * others' files. @param kept  out, lines that stay @return 0, or of reading or writing; not logged */
+static int thin(const struct sst_visits *v, const char *day, const char *visit, int *kept)
+{
+    char path[SST_PATH_MAX], why[SST_LOG_MAX] = "", *held, *next = NULL;
+    uint8_t *data = NULL;
+    char *left;
+    size_t size, n = 0;
+    int err = day_path(path, v, day, LINES);
+
+    *kept = 0;
+    held = sst_log_hold_errors(why);
+    err = err ? err : sst_file_read(path, DAY_MOST, &data, &size);
+    left = err ? NULL : malloc(size + 1);
+    err = err || left ? err : -ENOMEM;
+    for (char *line = err ? NULL : strtok_r((char *)data, "\n", &next); line; line = strtok_r(NULL, "\n", &next)) {
+        json_t *o = json_loads(line, 0, NULL);
+        const char *name = text_of(o, "visit");
+        const bool stays = is_name(name) && (visit ? strcmp(name, visit) != 0 : is_kept(v, name));
+
+        if (stays) {
+            n += (size_t)snprintf(left + n, size + 1 - n, "%s\n", line);
+            ++*kept;
+        } else if (is_name(name)) {
+            remove_files(v, name);
+        }
+        json_decref(o);
+    }
+    err = err ? err : sst_file_write(path, left, n);
+    sst_log_hold_errors(held);
+    free(left);
+    free(data);
+    return err;
+}
+
+static bool has_kept(const char *day)
+{
+    DIR *dir = opendir(day);
+    bool found = false;
+
+    for (const struct dirent *e; dir && !found && (e = readdir(dir));) {
+        const size_t n = strlen(e->d_name), m = strlen(KEEP);
+
+        found = n > m && !strcmp(e->d_name + n - m, KEEP);
+    }
+    if (dir)
+        closedir(dir);
+    return found;
+}
+
 /* Once for each day that something is stored in. */
 static void remove_old(struct sst_visits *v, const char *name, int days)
 {
@@ -142,7 +231,11 @@ static void remove_old(struct sst_visits *v, const char *name, int days)
     sst_clock_text(oldest, sst_clock_wall_ns() - (int64_t)days * 86400 * INT64_C(1000000000));
     n = list_days(v, &day);
     for (int i = 0; i < n; i++) {
-        if (strncmp(day[i], oldest, DAY) < 0 && !sst_path_join(path, v->dir, day[i]))
+        int kept = 0;
+
+        /* A day that cannot be read has nothing that can be shown. */
+        if (strncmp(day[i], oldest, DAY) < 0 && !sst_path_join(path, v->dir, day[i]) &&
+            (!has_kept(path) || (!thin(v, day[i], NULL, &kept) && !kept)))
             sst_path_remove_tree(path);
         free(day[i]);
     }
@@ -168,6 +261,7 @@ static void *run(void *arg)
         memmove(&v->job[0], &v->job[1], (size_t)--v->jobs * sizeof(job));
         pthread_mutex_unlock(&v->lock);
         sst_log_hold_errors(why); /* one sentence for all that fail */
+        pthread_mutex_lock(&v->files);
         err = write_job(v, &job);
         sst_log_hold_errors(NULL);
         if (err && !v->failed)
@@ -175,6 +269,7 @@ static void *run(void *arg)
                             v->dir, strerror(-err));
         v->failed = err;
         remove_old(v, job.name, days);
+        pthread_mutex_unlock(&v->files);
         free(job.data);
         pthread_mutex_lock(&v->lock);
     }
@@ -194,12 +289,14 @@ int sst_visits_open(struct sst_visits **out, const char *dir, int days)
     snprintf(v->dir, sizeof(v->dir), "%s", dir);
     v->days = days;
     sst_clock_text(v->start, sst_clock_wall_ns());
+    pthread_mutex_init(&v->files, NULL);
     pthread_mutex_init(&v->lock, NULL);
     sst_cond_init(&v->changed);
     err = -pthread_create(&v->thread, NULL, run, v);
     if (err) {
         pthread_cond_destroy(&v->changed);
         pthread_mutex_destroy(&v->lock);
+        pthread_mutex_destroy(&v->files);
         free(v);
         return err;
     }
@@ -258,13 +355,6 @@ void sst_visits_put_picture(struct sst_visits *v, const char *visit, enum sst_vi
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
-static const char *text_of(const json_t *o, const char *key)
-{
-    const char *text = json_string_value(json_object_get(o, key));
-
-    return text ? text : "";
-}
-
 static bool has_zone(const json_t *data, const char *zone)
 {
     const json_t *one;
@@ -316,13 +406,13 @@ static void add_pictures(const struct sst_visits *v, json_t *data)
     const char *name = text_of(data, "visit");
 
     for (int i = 0; i < 2; i++) {
-        char path[SST_PATH_MAX], file[NAME_LENGTH + 32];
+        char path[SST_PATH_MAX];
 
-        snprintf(file, sizeof(file), "%s%s", name, picture_files[i]);
-        if (!day_path(path, v, name, file) && !access(path, R_OK))
+        if (!file_path(path, v, name, picture_files[i]) && !access(path, R_OK))
             json_array_append_new(list, json_string(picture_names[i]));
     }
     json_object_set_new(data, "pictures", list);
+    json_object_set_new(data, "keep", json_boolean(is_kept(v, name)));
     /* Of a service that was killed: it has no end. */
     if (strcmp(text_of(data, "from"), v->start) < 0)
         json_object_set_new(data, "active", json_false());
@@ -375,16 +465,83 @@ json_t *sst_visits_list(struct sst_visits *v, const struct sst_visits_query *q)
 int sst_visits_read_picture(struct sst_visits *v, const char *visit, enum sst_visit_picture kind, uint8_t **data,
                             size_t *size)
 {
-    char path[SST_PATH_MAX], file[NAME_LENGTH + 32], why[SST_LOG_MAX] = "", *held;
+    char path[SST_PATH_MAX], why[SST_LOG_MAX] = "", *held;
     int err;
 
     if (!is_name(visit))
         return -EINVAL;
-    snprintf(file, sizeof(file), "%s%s", visit, picture_files[kind]);
-    err = day_path(path, v, visit, file);
+    err = file_path(path, v, visit, picture_files[kind]);
     held = sst_log_hold_errors(why);
     err = err ? err : sst_file_read(path, PICTURE_MOST, data, size);
     sst_log_hold_errors(held);
+    return err;
+}
+
+/* The data of a visit. @return 0, -ENOENT, -EINVAL, -ENOMEM */
+static int find(const struct sst_visits *v, const char *visit, bool *active)
+{
+    char day[DAY + 1];
+    json_t *all;
+    const json_t *data;
+    int err;
+
+    if (!is_name(visit))
+        return -EINVAL;
+    snprintf(day, sizeof(day), "%.*s", DAY, visit);
+    all = v->dir[0] ? read_day(v, day) : json_object();
+    data = json_object_get(all, visit);
+    *active = json_is_true(json_object_get(data, "active")) && strcmp(text_of(data, "from"), v->start) >= 0;
+    err = data ? 0 : all ? -ENOENT : -ENOMEM;
+    json_decref(all);
+    return err;
+}
+
+static int lock_files(struct sst_visits *v)
+{
+    struct timespec until;
+
+    clock_gettime(CLOCK_REALTIME, &until);
+    until.tv_sec += BUSY_MS / 1000;
+    return pthread_mutex_timedlock(&v->files, &until) ? -EBUSY : 0;
+}
+
+int sst_visits_keep(struct sst_visits *v, const char *visit, bool keep)
+{
+    char path[SST_PATH_MAX];
+    bool active;
+    int err = lock_files(v), fd;
+
+    if (err)
+        return err;
+    err = find(v, visit, &active);
+    err = err ? err : file_path(path, v, visit, KEEP);
+    if (!err && !keep)
+        err = unlink(path) && errno != ENOENT ? -errno : 0;
+    if (!err && keep) {
+        fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+        err = fd < 0 ? -errno : 0;
+        if (fd >= 0)
+            close(fd);
+    }
+    pthread_mutex_unlock(&v->files);
+    return err;
+}
+
+int sst_visits_delete(struct sst_visits *v, const char *visit)
+{
+    char day[DAY + 1];
+    bool active;
+    int err = lock_files(v), left;
+
+    if (err)
+        return err;
+    err = find(v, visit, &active);
+    err = !err && active ? -EINPROGRESS : err;
+    if (!err) {
+        snprintf(day, sizeof(day), "%.*s", DAY, visit);
+        err = thin(v, day, visit, &left);
+    }
+    pthread_mutex_unlock(&v->files);
     return err;
 }
 
@@ -409,5 +566,6 @@ void sst_visits_close(struct sst_visits *v, int wait_ms)
         free(v->job[i].data);
     pthread_cond_destroy(&v->changed);
     pthread_mutex_destroy(&v->lock);
+    pthread_mutex_destroy(&v->files);
     free(v);
 }

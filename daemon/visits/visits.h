@@ -4,6 +4,7 @@
 #define SST_DAEMON_VISITS_VISITS_H
 
 #include <jansson.h>
+#include <stdbool.h>
 
 #include "base/base.h"
 
@@ -39,8 +40,16 @@ struct sst_visits_query {
 };
 
 /** The data of visits that were there between the two times, newest first, with `pictures`: ["camera", "seen"], as far
- *  as there are any. @return an array, or NULL: out of memory */
+ *  as there are any, and `keep`. @return an array, or NULL: out of memory */
 json_t *sst_visits_list(struct sst_visits *v, const struct sst_visits_query *query);
+
+/** Keep a visit for good, or no longer than others. @return 0, -ENOENT, -EINVAL (not a name), -EBUSY (the disk hangs),
+ * or that of the write; not logged */
+SST_MUST_CHECK int sst_visits_keep(struct sst_visits *v, const char *visit, bool keep);
+
+/** Remove a visit's line and pictures for good. @return 0, -EINPROGRESS (it has not gone yet), or as sst_visits_keep()
+ */
+SST_MUST_CHECK int sst_visits_delete(struct sst_visits *v, const char *visit);
 
 /** @param data  out, to free with free() @return 0, -ENOENT, -EINVAL (not a name), -EIO, -ENOMEM */
 SST_MUST_CHECK int sst_visits_read_picture(struct sst_visits *v, const char *visit, enum sst_visit_picture kind,

@@ -63,7 +63,7 @@ static int count(struct sst_visits *v, const struct sst_visits_query *q)
 
 static void wait_for(struct sst_visits *v, int n)
 {
-    for (int i = 0; i < 1000 && count(v, &(struct sst_visits_query){ .limit = 1000 }) < n; i++)
+    for (int i = 0; i < 1000 && count(v, &(struct sst_visits_query){ .limit = 1000 }) != n; i++)
         usleep(5000);
     assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 1000 }), n);
 }
@@ -122,6 +122,90 @@ static void visits_are_kept_and_listed(void **state)
     assert_int_equal(sst_visits_open(&v, dir, 30), 0);
     wait_for(v, 3);
     sst_visits_close(v, 5000);
+}
+
+static bool is_kept(struct sst_visits *v, const char *name)
+{
+    json_t *o = list(v, &(struct sst_visits_query){ .limit = 1000 });
+    bool kept = false;
+
+    for (size_t i = 0; i < json_array_size(o); i++)
+        kept |= !strcmp(text(o, i, "visit"), name) && json_is_true(json_object_get(json_array_get(o, i), "keep"));
+    json_decref(o);
+    return kept;
+}
+
+/* Of a day that is too old the kept visits stay, with their pictures. */
+static void a_kept_visit_outlives_its_day(void **state)
+{
+    char name[4][64];
+    struct sst_visits *v;
+    uint8_t *data;
+    size_t size;
+
+    (void)state;
+    sst_path_remove_tree(dir);
+    assert_int_equal(sst_visits_open(&v, dir, 30), 0);
+    store(v, name[0], 10 * 86400, 1, false, "Car", "street");
+    store(v, name[1], 10 * 86400, 2, false, "Pedestrian", "gate");
+    store(v, name[2], 12 * 86400, 3, false, "Pedestrian", "gate");
+    for (int i = 0; i < 3; i++)
+        sst_visits_put_picture(v, name[i], SST_VISIT_SEEN, bytes_of("jpeg"), 4);
+    wait_for(v, 3);
+    assert_int_equal(sst_visits_keep(v, name[1], true), 0);
+    assert_int_equal(sst_visits_keep(v, name[2], true), 0);
+    assert_int_equal(sst_visits_keep(v, name[2], true), 0);
+    assert_int_equal(sst_visits_keep(v, name[2], false), 0);
+    assert_int_equal(sst_visits_keep(v, name[2], false), 0);
+    assert_int_equal(sst_visits_keep(v, "2026-11-23T00-00-00-000Z-77", true), -ENOENT);
+    assert_int_equal(sst_visits_keep(v, "../x", true), -EINVAL);
+    assert_true(is_kept(v, name[1]) && !is_kept(v, name[2]) && !is_kept(v, name[0]));
+    sst_visits_close(v, 5000);
+
+    assert_int_equal(sst_visits_open(&v, dir, 5), 0);
+    store(v, name[3], 10, 4, false, "Car", "street"); /* the first of a day removes old days */
+    wait_for(v, 2);
+    assert_true(is_kept(v, name[1]));
+    assert_int_equal(sst_visits_read_picture(v, name[1], SST_VISIT_SEEN, &data, &size), 0);
+    free(data);
+    assert_int_equal(sst_visits_read_picture(v, name[0], SST_VISIT_SEEN, &data, &size), -ENOENT);
+    assert_int_not_equal(access(test_path("visits/%.10s", name[2]), F_OK), 0);
+    sst_visits_close(v, 5000);
+}
+
+/* Nothing of a deleted visit is left on the disk, and the others stay. */
+static void a_visit_is_deleted_for_good(void **state)
+{
+    char name[3][64], path[SST_PATH_MAX];
+    struct sst_visits *v;
+    uint8_t *data;
+    size_t size;
+
+    (void)state;
+    sst_path_remove_tree(dir);
+    assert_int_equal(sst_visits_open(&v, dir, 30), 0);
+    store(v, name[0], 86400, 1, true, "Car", "street");
+    store(v, name[0], 86400, 1, false, "Car", "street");
+    store(v, name[1], 86400, 2, false, "Pedestrian", "gate");
+    sst_visits_put_picture(v, name[0], SST_VISIT_SEEN, bytes_of("jpeg"), 4);
+    sst_visits_put_picture(v, name[1], SST_VISIT_SEEN, bytes_of("jpeg"), 4);
+    store(v, name[2], -3600, 3, true, "Pedestrian", "gate"); /* it came after the service */
+    wait_for(v, 3);
+    assert_int_equal(sst_visits_keep(v, name[0], true), 0);
+    assert_int_equal(sst_visits_delete(v, name[2]), -EINPROGRESS);
+    assert_int_equal(sst_visits_delete(v, name[0]), 0);
+    assert_int_equal(sst_visits_delete(v, name[0]), -ENOENT);
+    wait_for(v, 2);
+    assert_int_equal(sst_visits_read_picture(v, name[0], SST_VISIT_SEEN, &data, &size), -ENOENT);
+    assert_int_equal(sst_visits_read_picture(v, name[1], SST_VISIT_SEEN, &data, &size), 0);
+    free(data);
+    snprintf(path, sizeof(path), "%s", test_path("visits/%.10s/visits.jsonl", name[0]));
+    assert_int_equal(sst_file_read(path, 1 << 20, &data, &size), 0);
+    assert_null(strstr((char *)data, name[0]));
+    assert_non_null(strstr((char *)data, name[1]));
+    free(data);
+    sst_visits_close(v, 5000);
+    sst_path_remove_tree(dir);
 }
 
 static void a_killed_service_leaves_no_visitors(void **state)
@@ -201,10 +285,9 @@ static void nothing_is_kept_without_days_or_room(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(visits_are_kept_and_listed),
-        cmocka_unit_test(a_killed_service_leaves_no_visitors),
-        cmocka_unit_test(old_ones_are_removed),
-        cmocka_unit_test(nothing_is_kept_without_days_or_room),
+        cmocka_unit_test(visits_are_kept_and_listed),    cmocka_unit_test(a_killed_service_leaves_no_visitors),
+        cmocka_unit_test(old_ones_are_removed),          cmocka_unit_test(nothing_is_kept_without_days_or_room),
+        cmocka_unit_test(a_kept_visit_outlives_its_day), cmocka_unit_test(a_visit_is_deleted_for_good),
     };
 
     return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
