@@ -15,10 +15,12 @@
 
 #define dir test_path("visits")
 
-/* A visit of n seconds before now. @param out  its name */
+static int64_t begin_ns; /* wall time of the tests: the same visit has the same name whenever it is stored */
+
+/* A visit of n seconds before the tests. @param out  its name */
 static json_t *visit(char out[64], int64_t ago_s, unsigned id, bool active, const char *label, const char *zone)
 {
-    const int64_t wall_ns = sst_clock_wall_ns() - ago_s * 1000000000;
+    const int64_t wall_ns = begin_ns - ago_s * 1000000000;
     char from[SST_CLOCK_TEXT], to[SST_CLOCK_TEXT];
 
     sst_clock_text(from, wall_ns);
@@ -290,5 +292,6 @@ int main(void)
         cmocka_unit_test(a_kept_visit_outlives_its_day), cmocka_unit_test(a_visit_is_deleted_for_good),
     };
 
+    begin_ns = sst_clock_wall_ns();
     return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
 }
