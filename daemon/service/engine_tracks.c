@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/clock.h"
 #include "base/text.h"
@@ -114,15 +115,31 @@ static void visit_name(char out[64], const struct visit *a)
     snprintf(out, 64, "%s-%u", when, a->id);
 }
 
+/* Address of the visit on the page; "": there is no page, or its address is not known. */
+static void visit_page(char out[512], const struct sst_config *cfg, const char *name)
+{
+    const char *host = cfg->web.host[0] ? cfg->web.host : cfg->web.address;
+    const bool any = !strcmp(host, "0.0.0.0") || !strcmp(host, "::"), v6 = strchr(host, ':') != NULL;
+    char own[128] = "";
+
+    if (any && !gethostname(own, sizeof(own) - 1))
+        host = own;
+    out[0] = 0;
+    if (cfg->web.enabled && cfg->web.port && host[0])
+        snprintf(out, 512, "http%s://%s%s%s:%d/#visit=%s", cfg->web.tls_certificate[0] ? "s" : "",
+                 v6 && !any ? "[" : "", host, v6 && !any ? "]" : "", cfg->web.port, name);
+}
+
 static json_t *visit_json_locked(const struct live_engine *v, const struct visit *a, bool active)
 {
-    char name[64], from[SST_CLOCK_TEXT], to[SST_CLOCK_TEXT];
+    char name[64], from[SST_CLOCK_TEXT], to[SST_CLOCK_TEXT], page[512];
 
     visit_name(name, a);
+    visit_page(page, &v->config, name);
     sst_clock_text(from, a->from_wall_ns);
     sst_clock_text(to, a->from_wall_ns + (a->last.t_ns - a->from_ns));
-    return json_pack("{s:s, s:b, s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:[f, f, f, f], s:o}", "visit", name, "active",
-                     active, "label", label_of(v, a->label), "from", from, "to", to, "seconds",
+    return json_pack("{s:s, s:s, s:b, s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:[f, f, f, f], s:o}", "visit", name,
+                     "page", page, "active", active, "label", label_of(v, a->label), "from", from, "to", to, "seconds",
                      round((double)(a->last.t_ns - a->from_ns) / 1e8) / 10, "direction", direction(a), "zones",
                      zones_json(v, a), "distance_m", sst_api_real(distance_m(v, a->last.disp_px)), "nearest_m",
                      sst_api_real(distance_m(v, a->nearest_px)), "box", a->box[0], a->box[1], a->box[2], a->box[3],

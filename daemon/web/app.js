@@ -9,9 +9,11 @@ import { Focus } from "/web/focus.js";
 import { Health } from "/web/health.js";
 import { Labels } from "/web/labels.js";
 import { Light } from "/web/light.js";
+import { Notify } from "/web/notify.js";
 import { Recordings } from "/web/recordings.js";
 import { Replay } from "/web/replay.js";
 import { Stage } from "/web/stage.js";
+import { Timeline } from "/web/timeline.js";
 import { $, complain, finite, forbid, sentence, session, toast, visible } from "/web/ui.js";
 import { View } from "/web/view.js";
 import { Visits } from "/web/visits.js";
@@ -92,8 +94,11 @@ app.replay = new Replay(() => {
 });
 const recordings = new Recordings(() => app.view.stream.shown, app.replay);
 const visits = new Visits((from) => app.replay.start({ time: from }));
+const timeline = new Timeline(app, (time) => app.replay.start({ time }));
+new Notify((visit) => visits.wants(visit), openVisit);
 const events = new Events((event) => {
   if (event.type === "visit" && !$("panel-visits").hidden) visits.refresh().catch(complain);
+  if (event.type === "visit" && !$("timeline").hidden) timeline.refresh();
   if (event.level === "error") toast(event.message, "error");
 });
 
@@ -182,10 +187,24 @@ function openTab(tab) {
     other.tabIndex = on ? 0 : -1;
     $(other.getAttribute("aria-controls")).hidden = !on;
   }
+  timeline.show(tab.id === "tab-visits" || tab.id === "tab-recordings");
   if (tab.id === "tab-events") events.seen();
   if (tab.id === "tab-visits") visits.refresh().catch(complain);
   if (tab.id === "tab-recordings") recordings.refresh().catch(complain);
 }
+
+/** Of a notification, or of the address: /#visit=NAME. */
+function openVisit(name) {
+  openTab($("tab-visits"));
+  visits.openByName(name).catch(complain);
+}
+
+function followAddress() {
+  const name = new URLSearchParams(location.hash.slice(1)).get("visit");
+  if (name) openVisit(name);
+}
+
+addEventListener("hashchange", followAddress);
 
 for (const tab of tabs) {
   tab.addEventListener("click", () => openTab(tab));
@@ -337,11 +356,9 @@ addEventListener("online", () => wake());
 /** Hidden streams are closed: a browser has few connections per host, and pictures cost the service work. */
 function whileVisible() {
   if (document.hidden) {
-    app.view.stop();
-    app.stage.plain?.stop();
+    for (const picture of [app.view, app.stage.plain, app.stage.overlays.stream]) picture?.stop();
   } else {
-    app.view.start();
-    app.stage.plain?.start();
+    for (const picture of [app.view, app.stage.plain, app.stage.overlays.stream]) picture?.start();
   }
 }
 
@@ -357,6 +374,7 @@ async function start() {
   document.addEventListener("visibilitychange", whileVisible);
   whileVisible();
   follow();
+  followAddress();
 }
 
 addEventListener("pagehide", () => session(KEPT_VIEW, app.view.shared || app.replay.open ? "" : app.view.id ?? ""));

@@ -55,6 +55,11 @@ export class Labels {
     this.show();
   }
 
+  /** Colour of a class by its name; undefined: unknown. */
+  colourOf(name) {
+    return this.all.find((entry) => entry.name === name)?.colour;
+  }
+
   name(label) {
     return this.all.find((entry) => entry.label === label)?.name ?? "";
   }

@@ -1,12 +1,13 @@
 // What came into view and has gone: a card with a picture each, the newest first; one opens large, with its way.
 
-import { get } from "/web/api.js";
-import { $, complain, duration, el, icon, localTime, number, setText, storage } from "/web/ui.js";
+import { get, post } from "/web/api.js";
+import { $, complain, duration, el, icon, localTime, number, onUse, setText, storage, toast } from "/web/ui.js";
 
 const MOST = 60;
 const MARGIN = 1.7; // of a card's part of the picture over the visitor's size
 const ZOOM_MOST = 4;
 
+const SURE_MS = 4000;
 const HINT = "sst-hint-visits";
 const KINDS = { seen: "See-through", camera: "Camera" };
 const address = (visit, kind) => `/api/v1/visits/${encodeURIComponent(visit.visit)}/${kind}`;
@@ -26,6 +27,8 @@ export class Visits {
     $("visit").addEventListener("close", () => { this.open = null; });
     $("visit").addEventListener("keydown", (event) => {
       const step = { ArrowLeft: 1, ArrowRight: -1 }[event.key];
+      if (event.key === "k") $("visit-keep").click();
+      if (event.key === "Delete") $("visit-delete").click();
       if (!step || event.target.type === "radio") return;
       const next = this.list[this.list.indexOf(this.open) + step];
       if (next) this.show(next);
@@ -36,6 +39,9 @@ export class Visits {
         this.show(this.open);
       });
     $("visit-play").addEventListener("click", () => this.play());
+    onUse($("visit-keep"), () => this.keep());
+    onUse($("visit-export"), () => this.export());
+    onUse($("visit-delete"), () => this.delete());
     $("hint-visits-close").addEventListener("click", () => this.explained());
   }
 
@@ -43,6 +49,11 @@ export class Visits {
   explained() {
     storage(HINT, "seen");
     $("hint-visits").hidden = true;
+  }
+
+  /** What the filters of the panel choose. */
+  wants({ label, zones }) {
+    return (!$("visits-label").value || label === $("visits-label").value) && (!$("visits-zone").value || zones.includes($("visits-zone").value));
   }
 
   query() {
@@ -107,6 +118,9 @@ export class Visits {
   show(visit) {
     this.explained();
     this.open = visit;
+    this.sure(false);
+    $("visit-keep").setAttribute("aria-pressed", String(visit.keep === true));
+    $("visit-delete").hidden = visit.active;
     const kind = visit.pictures.includes(this.kind) ? this.kind : visit.pictures[0];
     for (const radio of $("visit-kind").querySelectorAll("input")) {
       radio.checked = radio.value === kind;
@@ -128,21 +142,87 @@ export class Visits {
     if (!$("visit").open) $("visit").showModal();
   }
 
+  // --- keeping, exporting, deleting ---
+
+  /** Deleting needs a second click. */
+  sure(on) {
+    clearTimeout(this.asking);
+    $("visit-delete").dataset.sure = on;
+    setText($("visit-delete"), on ? "Really delete?" : "Delete");
+    if (on) this.asking = setTimeout(() => this.sure(false), SURE_MS);
+  }
+
+  async change(what) {
+    const { visit } = this.open;
+    await post(`/api/v1/visits/${encodeURIComponent(visit)}`, what);
+    await this.refresh();
+    return this.list.find((other) => other.visit === visit);
+  }
+
+  async keep() {
+    try {
+      const visit = await this.change({ keep: this.open.keep !== true });
+      if (visit && this.open?.visit === visit.visit) this.show(visit);
+    } catch (error) {
+      complain(error);
+    }
+  }
+
+  async delete() {
+    if ($("visit-delete").dataset.sure !== "true") {
+      this.sure(true);
+      return;
+    }
+    const at = this.list.indexOf(this.open);
+    try {
+      await this.change({ delete: true });
+      if (this.list.length) this.show(this.list[Math.min(Math.max(at, 0), this.list.length - 1)]);
+      else $("visit").close();
+    } catch (error) {
+      complain(error);
+    }
+  }
+
+  /** The light field of the moment at which it was nearest. */
+  async export() {
+    const visit = this.open;
+    const nearest = visit.path.reduce((best, point) => ((point[3] ?? Infinity) < (best[3] ?? Infinity) ? point : best), visit.path[visit.path.length >> 1]);
+    try {
+      const { name } = await post("/api/v1/export", { time: new Date(Date.parse(visit.from) + 1000 * (nearest?.[0] ?? 0)).toISOString() });
+      setText($("visit-facts"), `${facts(visit)} · its light field is kept as ${name}, below Recordings`);
+    } catch (error) {
+      this.failed(error, visit);
+    }
+  }
+
+  failed(error, visit) {
+    if (error.status === 404) setText($("visit-facts"), `${facts(visit)} · no recording has this moment`);
+    else complain(error);
+  }
+
+  /** Opens one by its name, which begins with its time in UTC. */
+  async openByName(name) {
+    const [, day, h, m, s, ms] = /^(\d+-\d+-\d+)T(\d+)-(\d+)-(\d+)-(\d+)Z/.exec(name) ?? [];
+    const from = `${day}T${h}:${m}:${s}.${ms}Z`;
+    const found = day ? (await get(`/api/v1/visits?${new URLSearchParams({ from, to: from })}`)).visits.find((visit) => visit.visit === name) : null;
+    if (found) this.show(found);
+    else toast("This visit is no longer kept.");
+  }
+
   async play() {
     const visit = this.open;
     try {
       await this.onPlay(visit.from);
       $("visit").close();
     } catch (error) {
-      if (error.status === 404) setText($("visit-facts"), `${facts(visit)} · no recording has this moment`);
-      else complain(error);
+      this.failed(error, visit);
     }
   }
 }
 
 function facts(visit) {
   return [visit.active ? "there now" : duration(visit.seconds), visit.direction,
-    visit.nearest_m === null ? "" : `nearest ${number(visit.nearest_m, 1)} m`, visit.zones.join(", ")].filter(Boolean).join(" · ");
+    visit.nearest_m === null ? "" : `nearest ${number(visit.nearest_m, 1)} m`, visit.zones.join(", "), visit.keep ? "kept" : ""].filter(Boolean).join(" · ");
 }
 
 /** The part of a picture around the visitor, in a frame that hides the rest. */

@@ -122,7 +122,7 @@ class Service:
         self.events, self.log, self.next_view = [], [], 1
         self.recording = None
         self.hour = now().replace(minute=0, second=0, microsecond=0)
-        self.deleted, self.played, self.plays = set(), None, 0
+        self.deleted, self.played, self.plays, self.kept_visits = set(), None, 0, set()
         self.kept = []
         began = now() - datetime.timedelta(seconds=age_s)
         self.event(0, "start", "sstd 0.1.0 started", {"version": "0.1.0"}, began)
@@ -201,7 +201,9 @@ class Service:
                          "to": stamp(at + datetime.timedelta(seconds=12)), "seconds": 12.0, "direction": "left to right", "zones": zones,
                          "distance_m": 8.2, "nearest_m": 6.1, "box": [0.3, 0.3, 0.5, 0.9],
                          "path": [[0.4, 0.1, 0.9, 8.0], [6.0, 0.5, 0.95, 6.1], [12.0, 0.9, 0.9, 8.2]], "pictures": ["camera", "seen"]})
-        return body
+        for visit in body:
+            visit["keep"] = visit["visit"] in self.kept_visits
+        return [visit for visit in body if visit["visit"] not in self.deleted]
 
     def recordings(self):
         hour = datetime.timedelta(hours=1)
@@ -488,14 +490,16 @@ class Handler(http.server.BaseHTTPRequestHandler):
     def event_stream(self, after):
         s = self.service
         self.send_response(200)
-        self.send_header("Content-Type", "application/x-ndjson")
+        sse = "text/event-stream" in self.headers.get("Accept", "")
+        after = after or s.events[-1]["id"] if sse and s.events else after
+        self.send_header("Content-Type", "text/event-stream" if sse else "application/x-ndjson")
         self.send_header("Connection", "close")
         self.end_headers()
         self.close_connection = True
         while True:
             for e in [e for e in s.events if e["id"] > after]:
                 after = e["id"]
-                self.wfile.write(json.dumps(e).encode() + b"\n")
+                self.wfile.write((f"id: {after}\ndata: {json.dumps(e)}\n\n" if sse else json.dumps(e) + "\n").encode())
             self.wfile.flush()
             time.sleep(0.1)
 
@@ -511,6 +515,16 @@ class Handler(http.server.BaseHTTPRequestHandler):
             return
         if s.role != "control":
             raise Refused(403, "this token is read-only: use the other token to control")
+        if part[:3] == ["api", "v1", "visits"]:
+            with s.lock:
+                if "delete" in body:
+                    s.deleted.add(part[3])
+                elif body["keep"]:
+                    s.kept_visits.add(part[3])
+                else:
+                    s.kept_visits.discard(part[3])
+            self.answer(200, {"visit": part[3], **body})
+            return
         if path == "/api/v1/record":
             if body.get("action") == "start":
                 s.recording = (now().strftime("%Y-%m-%dT%H-%M-%SZ"), now())

@@ -63,6 +63,9 @@ class Fake:
         request = urllib.request.Request(self.url + "fake", json.dumps(what).encode(), {"Content-Type": "application/json"})
         urllib.request.urlopen(request, timeout=60).read()
 
+    def visits(self):
+        return json.load(urllib.request.urlopen(self.url + "api/v1/visits", timeout=60))["visits"]
+
     def log(self):
         return json.load(urllib.request.urlopen(self.url + "fake", timeout=60))
 
@@ -570,10 +573,88 @@ def test_visits(b, fake):
     check(len(b.js("document.getElementById('visit-way').getAttribute('points')").split()) == 3, "no way")
     b.click("#visit-kind label:nth-of-type(2)")
     b.wait("document.getElementById('visit-image').src.endsWith('/camera')")
+    b.click("#visit-keep")
+    b.wait("document.getElementById('visit-keep').getAttribute('aria-pressed') === 'true'")
+    check("kept" in b.js("document.getElementById('visit-facts').textContent"), "not said to be kept")
+    b.click("#visit-export")
+    b.wait("document.getElementById('visit-facts').textContent.includes('light field is kept as')")
     b.click("#visit-play")
     b.wait("!document.getElementById('visit').open && !document.getElementById('replay').hidden")
     b.click("#replay-live")
     b.wait("document.getElementById('replay').hidden")
+    b.click("#visits .visit:last-child")
+    b.wait("document.getElementById('visit').open")
+    b.click("#visit-delete")
+    check(not any("delete" in (r or {}) for r in fake.posts("/api/v1/visits")), "deleted by one click")
+    b.wait("document.getElementById('visit-delete').textContent.includes('Really')")
+    b.click("#visit-delete")
+    b.wait(f"{cards}.length === 3")
+    b.click("#visit-close")
+    name = fake.visits()[1]["visit"]
+    b.js(f"location.hash = '#visit={name}'")
+    b.wait("document.getElementById('visit').open && document.getElementById('visit-title').textContent.includes('Car')")
+    b.click("#visit-close")
+    b.js("history.replaceState(null, '', '/')")
+    b.click("#tab-overview")
+
+
+def test_timeline(b, fake):
+    """A day below the picture: visits and recordings on it; a moment is chosen by keys or a click, and plays."""
+    check(b.js("document.getElementById('timeline').hidden"), "a timeline beside the cameras")
+    b.click("#tab-visits")
+    b.wait("!document.getElementById('timeline').hidden")
+    time.sleep(1)
+    if not b.js("document.querySelectorAll('.day .visited').length"):
+        b.click("#day-before")  # it is shortly after midnight
+    b.wait("document.querySelectorAll('.day .visited').length > 0 && document.querySelectorAll('.day .recorded').length > 0")
+    b.js("document.getElementById('day').focus()")
+    b.key("End", 35)
+    b.key("PageUp", 33)
+    said = b.js("document.getElementById('day').getAttribute('aria-valuetext')")
+    check("Pedestrian" in said and "recorded" in said and "not recorded" not in said, f"the moment is {said}")
+    left = b.js("parseFloat(document.querySelector('.day .cursor').style.left)")
+    x, y, w, h = b.box("#day")
+    for _ in range(4):
+        b.mouse("mouseWheel", x - w / 2 + w * left / 100, y, deltaX=0, deltaY=-100)
+    b.wait("Number(document.querySelectorAll('#day-ticks span').length) > 2")
+    width = b.js("Math.max(...[...document.querySelectorAll('.day .recorded')].map((n) => parseFloat(n.style.width)))")
+    check(width > 1.5, f"the wheel does not stretch the day: {width} %")
+    b.mouse("mouseMoved", x, y - 300)
+    b.js("document.getElementById('day').focus()")
+    b.key("End", 35)
+    b.key("PageUp", 33)
+    b.key("Enter", 13, "\r")
+    b.wait("!document.getElementById('replay').hidden && document.querySelector('.day .played') !== null")
+    b.click("#replay-live")
+    b.wait("document.getElementById('replay').hidden")
+    b.click("#tab-overview")
+    b.wait("document.getElementById('timeline').hidden")
+
+
+def test_notify(b, fake):
+    """What comes is told by the browser, if it is of the chosen kind, also behind other windows."""
+    b.call("Browser.grantPermissions", permissions=["notifications"], origin=fake.url.rstrip("/"))
+    b.click("#tab-visits")
+    b.js("window.notes = []; window.Notification = class extends EventTarget { constructor(title, more) { super(); notes.push([title, more.tag]); "
+         "this.close = () => {}; window.note = this; } static permission = 'granted'; static requestPermission = async () => 'granted'; }")
+    b.click("#notify")
+    b.wait("document.getElementById('notify').getAttribute('aria-pressed') === 'true'")
+    b.js("(() => { const s = document.getElementById('visits-label'); s.value = 'Car'; s.dispatchEvent(new Event('change')); })()")
+    expect(lambda: any(r["path"] == "/api/v1/events/stream" for r in fake.log()))
+    time.sleep(0.5)  # it listens
+    car = fake.visits()[1]["visit"]
+    for label, zones, active in (("Pedestrian", ["gate"], True), ("Car", ["street"], True), ("Car", ["street"], False)):
+        fake.set(events=[{"level": 0, "type": "visit", "message": f"{label} came", "data":
+                          {"visit": car, "active": active, "label": label, "zones": zones}}])
+    b.wait("window.notes.length > 0")
+    time.sleep(0.5)
+    check(b.js("window.notes.map((n) => n[0]).join()") == "Car in street", b.js("JSON.stringify(window.notes)"))
+    b.js("window.note.dispatchEvent(new Event('click'))")
+    b.wait("document.getElementById('visit').open && document.getElementById('visit-title').textContent.includes('Car')")
+    b.click("#visit-close")
+    b.js("(() => { const s = document.getElementById('visits-label'); s.value = ''; s.dispatchEvent(new Event('change')); })()")
+    b.click("#notify")
+    b.wait("document.getElementById('notify').getAttribute('aria-pressed') === 'false'")
     b.click("#tab-overview")
 
 
@@ -854,7 +935,7 @@ def test_contrast(b, fake):
 
 ONLY = os.environ.get("PAGE_ONLY", "").split()
 TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_follow, test_label, test_compare, test_sweep, test_overlay, test_camera_large, test_zoom, test_light, test_adjust, test_cameras,
-         test_events, test_recordings, test_visits, test_replay, test_role, test_states, test_storage, test_shared, test_restart, test_reload, test_hidden,
+         test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_role, test_states, test_storage, test_shared, test_restart, test_reload, test_hidden,
          test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast]
 # Errors that the browser itself writes where a test makes the service refuse or end.
 WANTED = ("400", "403", "429", "404", "409", "507", "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET",
