@@ -154,6 +154,11 @@ void config_check_array(struct config_load *load)
 
 /* --- service ------------------------------------------------------------------------------------------------------ */
 
+static bool has_edges(struct sst_yaml_node *zone)
+{
+    return sst_yaml_get(zone, "x0") || sst_yaml_get(zone, "y0") || sst_yaml_get(zone, "x1") || sst_yaml_get(zone, "y1");
+}
+
 static void check_zones(const struct config_load *load)
 {
     const struct config_place *p = source(load, "zones", NULL);
@@ -163,10 +168,14 @@ static void check_zones(const struct config_load *load)
     for (int i = 0; n && i < c->zones; i++, n = n->next) {
         const struct sst_zone *z = &c->zone[i];
 
-        if (n->type == SST_YAML_MAP && sst_yaml_get(n, "x0") && sst_yaml_get(n, "x1") && z->x0 >= z->x1)
+        if (n->type == SST_YAML_MAP && *z->points && has_edges(n))
+            fault(p, n, "has a zone with both points and edges; give either");
+        else if (n->type == SST_YAML_MAP && !*z->points && z->x0 >= z->x1)
             fault(p, n, "has a zone whose x0 is not below its x1");
-        if (n->type == SST_YAML_MAP && sst_yaml_get(n, "y0") && sst_yaml_get(n, "y1") && z->y0 >= z->y1)
+        else if (n->type == SST_YAML_MAP && !*z->points && z->y0 >= z->y1)
             fault(p, n, "has a zone whose y0 is not below its y1");
+        if (!(z->far_px < z->near_px))
+            fault(p, n, "has a zone whose far_px is not below its near_px");
         for (int k = 0; k < i; k++)
             if (*z->name && !strcmp(c->zone[k].name, z->name))
                 fault(p, n, "has two zones named %s", z->name);
@@ -195,6 +204,8 @@ static void check_triggers(struct config_load *load)
         c->storage.trigger[i].zone = zone_index(c, zone->text);
         if (c->storage.trigger[i].zone < 0)
             sst_yaml_unknown(p->doc, zone, "zone", "add it to zones");
+        else if (c->zone[c->storage.trigger[i].zone].mask)
+            fault(p, zone, "names the zone %s, which is a mask: nothing is noticed there", zone->text);
     }
     if (c->storage.mode != SST_RECORD_EVENT)
         return;

@@ -18,14 +18,18 @@ struct config_place {
 struct config_load {
     struct sst_config *cfg;
     bool array_only;                             /* keys of the service are known but not read */
+    const char *zones;                           /* text in place of web.zones_file; NULL: read that */
     struct config_place at[SST_CONFIG_KEYS_MAX]; /* by the index of sst_schema(); in the last file with the key */
 };
 
 /** Read the keys of the array, or all keys, over cfg; for sst_config_read() and sst_array_config_read(). */
 SST_MUST_CHECK int config_load(struct sst_config *cfg, const char *path, bool array_only);
 
-/** Parse the values of one document, noting faults of single values. */
-void config_parse(struct config_load *load, struct sst_yaml *doc);
+/** Parse the values of one document, noting faults of single values. @param zones_only  other keys are unknown */
+void config_parse(struct config_load *load, struct sst_yaml *doc, bool zones_only);
+
+/** Parse "x,y x,y x,y". @param x, y  out, [SST_ZONE_POINTS] @return number of points; 0: no polygon */
+int config_points(const char *text, double *x, double *y);
 
 /** Resolve names that refer to other keys, and note contradictions between values. */
 void config_check_array(struct config_load *load);

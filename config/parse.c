@@ -40,6 +40,7 @@ static bool is_event(const char *text)
 static bool right_kind(struct sst_yaml *doc, const struct sst_yaml_node *n, enum sst_text_kind kind)
 {
     const size_t size = strlen(n->text);
+    double x[SST_ZONE_POINTS], y[SST_ZONE_POINTS];
 
     switch (kind) {
     case SST_TEXT_ANY:
@@ -69,6 +70,14 @@ static bool right_kind(struct sst_yaml *doc, const struct sst_yaml_node *n, enum
         if (is_event(n->text))
             return true;
         fault_event(doc, n);
+        return false;
+    case SST_TEXT_POINTS:
+        if (config_points(n->text, x, y))
+            return true;
+        sst_yaml_fault(doc, n,
+                       "must be 3 to %d points \"x,y x,y x,y\" in fractions 0..1 of the picture that enclose an area, "
+                       "not %.60s",
+                       SST_ZONE_POINTS, n->text);
         return false;
     }
     return false;
@@ -297,7 +306,7 @@ static struct sst_yaml_node *find_section(struct sst_yaml *doc, struct sst_yaml_
     return NULL;
 }
 
-void config_parse(struct config_load *load, struct sst_yaml *doc)
+void config_parse(struct config_load *load, struct sst_yaml *doc, bool zones_only)
 {
     struct sst_yaml_node *root = sst_yaml_empty(doc) ? NULL : sst_yaml_root(doc), *section = NULL;
     const char *name = NULL;
@@ -308,6 +317,8 @@ void config_parse(struct config_load *load, struct sst_yaml *doc)
     for (int i = 0; root && i < count; i++) {
         struct sst_yaml_node *n;
 
+        if (zones_only && strcmp(keys[i].name, "zones") != 0)
+            continue;
         if (!name || strcmp(name, keys[i].section) != 0) {
             name = keys[i].section;
             section = find_section(doc, root, name);

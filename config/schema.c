@@ -46,10 +46,28 @@ static const struct sst_key bind_keys[] = {
 
 static const struct sst_key zone_keys[] = {
     { FIELD(struct sst_zone, name, TEXT, NULL, "name of the zone, of a-z, 0-9, - and _"), KIND(NAME) },
-    { FIELD(struct sst_zone, x0, DOUBLE, NULL, "left edge, as a fraction of the picture's width"), RANGE(0, 1) },
-    { FIELD(struct sst_zone, y0, DOUBLE, NULL, "upper edge, as a fraction of the picture's height"), RANGE(0, 1) },
-    { FIELD(struct sst_zone, x1, DOUBLE, NULL, "right edge"), RANGE(0, 1) },
-    { FIELD(struct sst_zone, y1, DOUBLE, NULL, "lower edge"), RANGE(0, 1) },
+    { FIELD(struct sst_zone, x0, DOUBLE, "0", "left edge, as a fraction of the picture's width"), RANGE(0, 1) },
+    { FIELD(struct sst_zone, y0, DOUBLE, "0", "upper edge, as a fraction of the picture's height"), RANGE(0, 1) },
+    { FIELD(struct sst_zone, x1, DOUBLE, "1", "right edge"), RANGE(0, 1) },
+    { FIELD(struct sst_zone, y1, DOUBLE, "1", "lower edge"), RANGE(0, 1) },
+    { FIELD(struct sst_zone, points, TEXT, "",
+            "instead of the four edges a polygon of 3 to 16 points \"x,y x,y ...\", fractions as above"),
+      KIND(POINTS) },
+    { FIELD(struct sst_zone, near_px, DOUBLE, "none",
+            "what is nearer is not in the zone, px per spacing; none: no limit"),
+      RANGE(-1000, 1000), WORD("none", INFINITY) },
+    { FIELD(struct sst_zone, far_px, DOUBLE, "none", "what is farther is not in the zone; none: no limit"),
+      RANGE(-1000, 1000), WORD("none", -INFINITY) },
+    { .section = "",
+      .name = "labels",
+      .type = SST_KEY_TEXTS,
+      PLACE(struct sst_zone, labels),
+      .stride = sizeof(((struct sst_zone *)0)->labels[0]),
+      .count_offset = SST_KEY_NO_COUNT,
+      .standard = "[]",
+      .help = "visits of these labels alone are in the zone, for example [Pedestrian]; default: all" },
+    { FIELD(struct sst_zone, mask, BOOL, "false",
+            "what is in the zone is ignored: no visits, no motion in other zones where they overlap") },
 };
 
 static const struct sst_key record_keys[] = {
@@ -218,7 +236,7 @@ static const struct sst_key keys[] = {
     { KEY("live", "jpeg_quality", INT, live.jpeg_quality, "85", LIVE, "JPEG quality of rendered pictures"),
       RANGE(1, 100) },
 
-    { KEY("", "zones", LIST, zone, "[]", PICTURE, "regions of the reference view that are watched"), COUNT(zones),
+    { KEY("", "zones", LIST, zone, "[]", LIVE, "regions of the reference view that are watched"), COUNT(zones),
       STRIDE(zone), FIELDS(zone_keys) },
 
     { KEY("control", "socket", TEXT, control.socket, "/run/sst/control.sock", DAEMON,
@@ -241,6 +259,10 @@ static const struct sst_key keys[] = {
           "file of the control token, created at the first start. The file beside it that ends in .view holds the "
           "token for viewing only"),
       KIND(PATH) },
+    { KEY("web", "zones_file", TEXT, web.zones_file, "/var/lib/sst/zones.yaml", LIVE,
+          "zones drawn on the page; written by the service, read after all other files. Where it exists, it replaces "
+          "their zones; \"\": zones cannot be drawn"),
+      KIND(PATH), .optional = true },
     { KEY("web", "tls_certificate", TEXT, web.tls_certificate, "", LIVE, "PEM file; with tls_key: HTTPS"), KIND(FILE),
       .switches = true },
     { KEY("web", "tls_key", TEXT, web.tls_key, "", LIVE, "PEM file"), KIND(FILE), .switches = true },

@@ -15,8 +15,8 @@
 
 /* The parsed documents are kept until all faults are logged. */
 struct files {
-    char *path[1 + SST_CONFIG_FILES_MAX];
-    struct sst_yaml *doc[1 + SST_CONFIG_FILES_MAX];
+    char *path[2 + SST_CONFIG_FILES_MAX];
+    struct sst_yaml *doc[2 + SST_CONFIG_FILES_MAX];
     int n;
 };
 
@@ -27,7 +27,7 @@ static bool is_part(const char *name)
 
 static int add_path(struct files *f, const char *path)
 {
-    if (f->n == (int)ARRAY_LEN(f->path)) {
+    if (f->n == 1 + SST_CONFIG_FILES_MAX) { /* one more for zones_file */
         sst_log_error("%s: more than %d files; merge some of them", path, SST_CONFIG_FILES_MAX);
         return -EBADMSG;
     }
@@ -84,6 +84,26 @@ static int parse(struct sst_yaml **doc, const char *path)
     return err == -ENOENT || err == -EACCES || err == -ENOMEM || !err ? err : -EBADMSG;
 }
 
+/* Read what was drawn on the page, over zones of the other files. It has only these: who can write there gets no hook.
+ */
+static int read_zones(struct config_load *load, struct files *f)
+{
+    const char *path = load->cfg->web.zones_file;
+    int err;
+
+    if (load->array_only || !*path || (!load->zones && !sst_path_exists(path)))
+        return 0;
+    f->path[f->n] = strdup(path);
+    if (!f->path[f->n])
+        return -ENOMEM;
+    err = load->zones ? sst_yaml_parse(&f->doc[f->n], load->zones, strlen(load->zones), path)
+                      : parse(&f->doc[f->n], path);
+    if (!err)
+        config_parse(load, f->doc[f->n], true);
+    f->n++;
+    return err == -ENOMEM || !err ? err : -EBADMSG;
+}
+
 /* Read every file and log all faults, also if other files have faults. */
 static int read_all(struct config_load *load, struct files *f)
 {
@@ -94,8 +114,10 @@ static int read_all(struct config_load *load, struct files *f)
 
         err = err ? err : bad;
         if (!bad)
-            config_parse(load, f->doc[i]);
+            config_parse(load, f->doc[i], false);
     }
+    if (!err)
+        err = read_zones(load, f);
     if (!err) { /* checks between values need all files */
         config_check_array(load);
         if (!load->array_only)
@@ -111,9 +133,9 @@ static int read_all(struct config_load *load, struct files *f)
     return err;
 }
 
-int config_load(struct sst_config *cfg, const char *path, bool array_only)
+static int load_all(struct sst_config *cfg, const char *path, bool array_only, const char *zones)
 {
-    struct config_load load = { .array_only = array_only };
+    struct config_load load = { .array_only = array_only, .zones = zones };
     struct files f = { .n = 0 };
     int err = 0;
 
@@ -137,9 +159,19 @@ int config_load(struct sst_config *cfg, const char *path, bool array_only)
     return err;
 }
 
+int config_load(struct sst_config *cfg, const char *path, bool array_only)
+{
+    return load_all(cfg, path, array_only, NULL);
+}
+
 int sst_config_read(struct sst_config *cfg, const char *path)
 {
     return config_load(cfg, path, false);
+}
+
+int sst_config_try_zones(struct sst_config *cfg, const char *path, const char *zones)
+{
+    return load_all(cfg, path, false, zones);
 }
 
 void sst_config_defaults(struct sst_config *cfg)

@@ -9,10 +9,17 @@
 #define SST_HOOK_ARGS    16
 #define SST_TRIGGERS_MAX 32
 
+#define SST_ZONE_POINTS 16
+#define SST_ZONE_LABELS 8
+
 /** A region of the reference view, in fractions 0..1 of its width and height. */
 struct sst_zone {
-    char name[32]; /* [a-z0-9_-]+ */
-    double x0, y0, x1, y1;
+    char name[32];         /* [a-z0-9_-]+ */
+    double x0, y0, x1, y1; /* a rectangle; */
+    char points[SST_CONFIG_TEXT_MAX]; /* or a polygon, "x,y x,y x,y"; sst_zone_corners() gives both */
+    double near_px, far_px;           /* what is nearer or farther is outside; INFINITY, -INFINITY: no limit */
+    char labels[SST_ZONE_LABELS][32]; /* of visits; ends at ""; none: all */
+    bool mask;                        /* what is inside is ignored */
 };
 
 /** Trigger of event recording: something changes in a zone, or a label covers a fraction of it. */
@@ -82,6 +89,7 @@ struct sst_config {
         char host[256]; /* additional host name under which it is reached (allow-list of Host); "" */
         char token_file[SST_CONFIG_TEXT_MAX]; /* created at the first start, 0600; beside it TOKEN_FILE.view for viewing
                                                */
+        char zones_file[SST_CONFIG_TEXT_MAX]; /* written by the service; "": zones cannot be drawn */
         char tls_certificate[SST_CONFIG_TEXT_MAX], tls_key[SST_CONFIG_TEXT_MAX];
         bool insecure;        /* allow a non-loopback address without TLS */
         int clients, streams; /* maximum connections; of them video streams */
@@ -142,12 +150,23 @@ void sst_config_defaults(struct sst_config *cfg);
 /**
  * Read `path` and then, in the order of their names, the *.yaml of conf.d beside it over the values in cfg (see
  * sst_config_defaults()); a later file overrides key by key, lists as a whole. Strict: all faults of all files are
- * logged, with file:line:column.
+ * logged, with file:line:column. At last web.zones_file, if it exists, which may have `zones` alone.
  *
  * @param path  NULL: /etc/sst/sstd.yaml, and without it the defaults (conf.d is read in both cases)
  * @return 0, -ENOENT/-EACCES, -EBADMSG, -ENOMEM; cfg untouched on failure.
  */
 SST_MUST_CHECK int sst_config_read(struct sst_config *cfg, const char *path);
+
+/** The same with `zones` in place of what web.zones_file holds, which is not read: would the service accept them?
+ *  @param zones  text of such a file */
+SST_MUST_CHECK int sst_config_try_zones(struct sst_config *cfg, const char *path, const char *zones);
+
+/** The text of web.zones_file for zones. @return to free with free(); NULL: no memory */
+char *sst_zones_text(const struct sst_zone *zone, int zones);
+
+/** Corners of a zone, in fractions of the picture. @param x, y  out, [SST_ZONE_POINTS]
+ *  @return number of corners, 3 or more; 0: `points` is no polygon */
+int sst_zone_corners(const struct sst_zone *zone, double *x, double *y);
 
 /** Changes from one configuration to the other, in the order of the file. *out to free with free().
  *  @return number of changes, or -ENOMEM */

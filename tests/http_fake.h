@@ -79,9 +79,11 @@ FAKE_PLAIN(labels)
 FAKE_PLAIN(tracks)
 FAKE_PLAIN(views)
 FAKE_PLAIN(recordings)
+FAKE_PLAIN(zones)
 FAKE_PLAIN(calibration_check)
 FAKE_BODY(view_create)
 FAKE_BODY(record)
+FAKE_BODY(zones_change)
 FAKE_BODY(snapshot)
 FAKE_BODY(export_)
 FAKE_BODY(delete_)
@@ -321,6 +323,8 @@ static int make_service(void **state)
                              .pick = fake_pick,
                              .view_remove = fake_view_change,
                              .reload = fake_reload,
+                             .zones = fake_zones,
+                             .zones_change = fake_zones_change,
                              .record = fake_record,
                              .snapshot = fake_snapshot,
                              .recordings = fake_recordings,

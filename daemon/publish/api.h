@@ -49,6 +49,9 @@ struct sst_api {
     /** Remove the thing at {x, y} of the reference view from a view's clear picture, or bring it back. */
     int (*view_remove)(void *live, const char *id, const json_t *request, struct sst_api_answer *out);
     int (*reload)(void *arg, bool dry_run, struct sst_api_answer *out);
+    int (*zones)(void *arg, struct sst_api_answer *out);
+    /** Other zones as a whole; the configuration file of the page is written and applied, or nothing happens. */
+    int (*zones_change)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*record)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*snapshot)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*recordings)(void *arg, struct sst_api_answer *out);

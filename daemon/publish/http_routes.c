@@ -48,6 +48,8 @@
     X("GET", "/api/v1/replay", VIEW, "The recording that is played", replay)                                           \
     X("POST", "/api/v1/replay", VIEW, "Play a recording from a moment on, pause, close", replay_change)                \
     X("POST", "/api/v1/delete", CONTROL, "Delete a recording, snapshot or export", delete)                             \
+    X("GET", "/api/v1/zones", VIEW, "Zones of the picture that are watched or ignored", zones)                         \
+    X("POST", "/api/v1/zones", CONTROL, "Other zones: the whole list", zones_change)                                   \
     X("POST", "/api/v1/reload", CONTROL, "Reload the configuration", reload)                                           \
     X("POST", "/api/v1/publishers", CONTROL, "Report of a program that publishes", publishers)                         \
     X("POST", "/api/v1/calibration/check", CONTROL, "Check the calibration against the scene", calibration_check)      \
@@ -111,6 +113,7 @@ PLAIN(cameras, cameras, api_of(q)->arg, "cameras")
 PLAIN(labels, labels, q->live, "labels")
 PLAIN(tracks, tracks, q->live, "tracks")
 PLAIN(views, views, q->live, "views")
+PLAIN(zones, zones, api_of(q)->arg, "zones")
 PLAIN(recordings, recordings, api_of(q)->arg, "recordings")
 PLAIN(replay, replay, api_of(q)->replayed, "replay")
 
@@ -149,6 +152,7 @@ WITH_BODY(view_create, view_create, q->live, "view")
 WITH_BODY(snapshot, snapshot, api_of(q)->arg, "snapshot")
 WITH_BODY(record, record, api_of(q)->arg, "record")
 WITH_BODY(export, export_, api_of(q)->arg, "export")
+WITH_BODY(zones_change, zones_change, api_of(q)->arg, "zones")
 WITH_BODY(delete, delete_, api_of(q)->arg, "delete")
 WITH_BODY(publishers, publisher, api_of(q)->arg, "publisher")
 WITH_BODY(replay_change, replay_change, api_of(q)->replayed, "replay")

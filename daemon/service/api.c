@@ -260,6 +260,8 @@ void service_api(struct sst_service *s)
         .pick = engine_pick,
         .view_remove = engine_remove,
         .reload = service_apply,
+        .zones = service_zones,
+        .zones_change = service_zones_change,
         .record = record,
         .snapshot = snapshot,
         .recordings = recordings,

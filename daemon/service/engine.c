@@ -80,6 +80,17 @@ static void close_live(struct live_engine *v)
     sst_use_calibration_fini(&v->use);
 }
 
+void engine_zones(struct sst_live_zone *out, const struct sst_config *c)
+{
+    for (int i = 0; i < c->zones; i++) {
+        const struct sst_zone *z = &c->zone[i];
+
+        _Static_assert(SST_LIVE_ZONE_POINTS >= SST_ZONE_POINTS && SST_LIVE_ZONES >= SST_ZONES_MAX, "zones fit");
+        out[i] = (struct sst_live_zone){ .near_px = z->near_px, .far_px = z->far_px, .mask = z->mask && !*z->labels[0] };
+        out[i].points = sst_zone_corners(z, out[i].x, out[i].y);
+    }
+}
+
 /** Settings from the configuration and the array. @return 0 or an error, logged */
 static int describe(struct live_engine *v, const struct sst_config *c)
 {
@@ -102,14 +113,9 @@ static int describe(struct live_engine *v, const struct sst_config *c)
         .background = true,
         .zones = c->zones,
     };
+    engine_zones(l->zone, c);
     for (int i = 0; i < a->bound; i++)
         l->present[a->camera[i].row * a->cols + a->camera[i].col] = true;
-    for (int i = 0; i < c->zones; i++) {
-        l->zone[i].x0 = c->zone[i].x0;
-        l->zone[i].y0 = c->zone[i].y0;
-        l->zone[i].x1 = c->zone[i].x1;
-        l->zone[i].y1 = c->zone[i].y1;
-    }
     sst_use_calibration_defaults(&v->use);
     if (c->live.calibration[0]) {
         err = sst_use_calibration_read(&v->use, c->live.calibration);
@@ -427,8 +433,10 @@ static enum engine_demand find_demand(struct live_engine *v)
     enum engine_demand demand = ENGINE_UNUSED;
 
     pthread_mutex_lock(&v->lock);
-    if (v->config.zones || engine_armed_locked(v))
+    if (engine_armed_locked(v))
         demand = ENGINE_EVENTS;
+    for (int i = 0; i < v->config.zones; i++)
+        demand = v->config.zone[i].mask ? demand : ENGINE_EVENTS;
     for (int i = 0; i < v->config.storage.triggers; i++)
         demand = v->config.storage.trigger[i].label[0] ? ENGINE_EVENTS : demand;
     /* Exact mode leaves nothing out; until there are maps, all work is for them. */
@@ -437,6 +445,26 @@ static enum engine_demand find_demand(struct live_engine *v)
     v->state.demand = demand;
     pthread_mutex_unlock(&v->lock);
     return demand;
+}
+
+/** Zones that were changed apply from the next set on; what visits have been in before counts no more. */
+static void follow_zones(struct live_engine *v)
+{
+    struct sst_live_zone zone[SST_LIVE_ZONES];
+    int zones;
+
+    pthread_mutex_lock(&v->lock);
+    zones = v->zones_changed ? v->config.zones : -1;
+    v->zones_changed = false;
+    if (zones >= 0)
+        engine_zones(zone, &v->config);
+    pthread_mutex_unlock(&v->lock);
+    if (zones < 0 || sst_live_set_zones(v->live, zone, zones)) /* logged; the configuration was checked before */
+        return;
+    v->live_config.zones = zones;
+    memcpy(v->live_config.zone, zone, sizeof(zone));
+    for (int i = 0; i < v->visits; i++)
+        v->visit[i].zones = 0;
 }
 
 /** Process the newest set if it is due. @return time needed, ns; 0: there was none */
@@ -450,6 +478,7 @@ static int64_t step(struct live_engine *v)
     double rate_hz;
     int64_t due_ns, took_ns = 0;
 
+    follow_zones(v);
     pthread_mutex_lock(&v->lock);
     rate_hz = v->config.live.rate_hz;
     pthread_mutex_unlock(&v->lock);
@@ -549,6 +578,8 @@ void engine_configure(struct live_engine *v, const struct sst_config *config, bo
 
     pthread_mutex_lock(&v->lock);
     engine_views_follow_locked(v, &config->live);
+    v->zones_changed |=
+        v->config.zones != config->zones || memcmp(v->config.zone, config->zone, sizeof(config->zone)) != 0;
     v->config = *config;
     v->config_count += restart;
     name_unknown_locked(v, unknown);

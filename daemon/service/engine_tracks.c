@@ -52,14 +52,32 @@ static void add_point(struct visit *a, struct visit_point p)
     a->path[a->points++] = p;
 }
 
-static void note_zones(const struct live_engine *v, struct visit *a, struct visit_point p)
+static const char *label_of(const struct live_engine *v, int label)
 {
-    for (int i = 0; i < v->live_config.zones; i++) {
-        const struct sst_live_zone *z = &v->live_config.zone[i];
+    return label ? sst_classes_name(&v->classes, label) : "";
+}
 
-        if (p.x >= z->x0 && p.x <= z->x1 && p.y >= z->y0 && p.y <= z->y1)
-            a->zones |= 1u << i;
+/* The zones that a point is in, by their labels and depths; and whether one of them is a mask. */
+static unsigned zones_at(struct live_engine *v, struct visit_point p, int label, bool *masked)
+{
+    const char *name = label_of(v, label);
+    unsigned zones = 0;
+
+    *masked = false;
+    pthread_mutex_lock(&v->lock);
+    for (int i = 0; i < v->live_config.zones && i < v->config.zones; i++) {
+        const struct sst_zone *z = &v->config.zone[i];
+        bool wanted = !z->labels[0][0];
+
+        for (int k = 0; k < SST_ZONE_LABELS && z->labels[k][0]; k++)
+            wanted |= !strcmp(z->labels[k], name);
+        if (!wanted || !sst_live_zone_has(&v->live_config.zone[i], p.x, p.y, p.disp_px))
+            continue;
+        *masked |= z->mask;
+        zones |= z->mask ? 0 : 1u << i;
     }
+    pthread_mutex_unlock(&v->lock);
+    return zones;
 }
 
 /* "left to right": the larger of the ways across, up or down, and in depth; "": none. */
@@ -74,11 +92,6 @@ static const char *direction(const struct visit *a)
     if (fabs(depth) >= 0.15)
         return depth > 0 ? "nearer" : "farther";
     return fabs(dy) < 0.1 ? "" : dy > 0 ? "downwards" : "upwards";
-}
-
-static const char *label_of(const struct live_engine *v, int label)
-{
-    return label ? sst_classes_name(&v->classes, label) : "";
 }
 
 static json_t *zones_json(const struct live_engine *v, const struct visit *a)
@@ -238,13 +251,15 @@ static struct visit *find(struct live_engine *v, uint32_t id)
 
 static void follow_visit(struct live_engine *v, struct visit *a, const struct sst_live_track *t, int64_t t_ns)
 {
+    bool masked;
+
     a->there = true;
     a->label = t->label;
     if (t->state == SST_LIVE_TRACK_COVERED)
         return;
     a->last = foot(v, t, t_ns);
     a->nearest_px = fmax(a->nearest_px, t->disp_px);
-    note_zones(v, a, a->last);
+    a->zones |= zones_at(v, a->last, t->label, &masked);
     add_point(a, a->last);
     take_pictures(v, a, t);
 }
@@ -267,7 +282,12 @@ void engine_tracks_follow(struct live_engine *v)
         v->visit[i].there = false;
     for (int i = 0; i < n; i++) {
         struct visit *a = find(v, track[i].id);
+        bool masked = false;
 
+        if (!a)
+            (void)zones_at(v, foot(v, &track[i], v->set_t_ns), track[i].label, &masked);
+        if (masked) /* it comes when it leaves the mask */
+            continue;
         if (a) {
             follow_visit(v, a, &track[i], v->set_t_ns);
         } else if (v->visits < SST_LIVE_TRACKS) {

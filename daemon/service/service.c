@@ -178,6 +178,7 @@ int sst_service_open(struct sst_service **out, const struct sst_config *config, 
     s->wall_offset_ns = sst_clock_wall_ns() - s->start_ns;
     snprintf(s->path, sizeof(s->path), "%s", cfg->path ? cfg->path : "");
     pthread_mutex_init(&s->reload, NULL);
+    pthread_mutex_init(&s->drawing, NULL);
     pthread_mutex_init(&s->parts, NULL);
     pthread_mutex_init(&s->lock, NULL);
     sst_counters_init(&s->counters);
@@ -473,6 +474,7 @@ bool sst_service_stop(struct sst_service *s)
     sst_counters_fini(&s->counters);
     pthread_mutex_destroy(&s->lock);
     pthread_mutex_destroy(&s->parts);
+    pthread_mutex_destroy(&s->drawing);
     pthread_mutex_destroy(&s->reload);
     free(s);
     return !sst_livescene_left_behind();

@@ -181,6 +181,8 @@ struct engine_config {
 /** Start the threads. @return 0, -ENOMEM, -EAGAIN */
 SST_MUST_CHECK int engine_open(struct live_engine **out, const struct engine_config *cfg);
 
+/** Zones of the configuration for the pipeline. @param out  [SST_LIVE_ZONES] */
+void engine_zones(struct sst_live_zone *out, const struct sst_config *c);
 /** Follow other settings. @param restart  restart the pipeline */
 void engine_configure(struct live_engine *v, const struct sst_config *config, bool restart);
 
@@ -254,6 +256,7 @@ struct sst_service {
     struct array_state array_now; /* the last state; too large for a stack */
     struct engine_state engine_now;
     pthread_mutex_t reload; /* held while the configuration is read and applied */
+    pthread_mutex_t drawing; /* before `reload`: held while the file of zones is exchanged */
     pthread_mutex_t parts;  /* held while a configuration is applied to them */
     bool open;              /* under parts: all parts are open */
     /* under lock */
@@ -285,6 +288,10 @@ int service_metrics(void *arg, char **text);
 
 /* reload.c */
 int service_apply(void *arg, bool dry_run, struct sst_api_answer *out);
+
+/* zones.c: what is drawn on the page, kept in web.zones_file */
+int service_zones(void *arg, struct sst_api_answer *out);
+int service_zones_change(void *arg, const json_t *request, struct sst_api_answer *out);
 
 /** Resident memory and open descriptors of this process. */
 void service_process(uint64_t *rss_bytes, int *descriptors);
@@ -435,6 +442,7 @@ struct live_engine {
     /* under lock */
     struct sst_config config;
     unsigned config_count, config_seen;
+    bool zones_changed; /* those of `config` are not in `live` yet */
     bool stop, ended, camera_ended, check_runs, check_ended;
     int64_t interaction_ns; /* when a client last changed settings; 0: never */
     int64_t check_due_ns;   /* when the calibration is to be checked next; 0: not known yet */

@@ -33,7 +33,7 @@ void event_triggers_init(struct event_triggers *w, const struct sst_config *conf
             named[zone] = true;
     }
     for (int i = 0; i < config->zones && i < SST_ZONES_MAX; i++) {
-        if (!named[i])
+        if (!named[i] && !config->zone[i].mask)
             add(w, config, i);
     }
 }

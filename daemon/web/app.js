@@ -17,6 +17,7 @@ import { Timeline } from "/web/timeline.js";
 import { $, complain, finite, forbid, sentence, session, toast, visible } from "/web/ui.js";
 import { View } from "/web/view.js";
 import { Visits } from "/web/visits.js";
+import { Zones } from "/web/zones.js";
 
 const STATUS_MS = 1000;
 const STILL_TAKING_MS = 4000;
@@ -80,6 +81,9 @@ const adjust = new Adjust(app, () => {
 });
 const cameras = new Cameras((name) => app.stage.overlays.showCamera(name));
 new Light();
+const zones = new Zones(app);
+for (const [button, other] of [["zones", () => adjust.toggle(false)], ["adjust", () => zones.toggle(false)]])
+  $(button).addEventListener("click", () => { if (!$("drawer").hidden && zones.open) other(); });
 const health = new Health();
 app.replay = new Replay(() => {
   followed = null;

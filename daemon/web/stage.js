@@ -38,6 +38,7 @@ export class Stage {
     this.pointers = new Map();
     this.picks = 0;
     this.placed = new Map(); // marks: where they are in the picture
+    this.draws = null; // what taps and drags are meant for while a zone is drawn
     this.zoom = new Zoom(this.frame, () => this.zoomed());
     this.overlays = new Overlays(app);
     this.listen();
@@ -74,7 +75,7 @@ export class Stage {
   }
 
   down(event) {
-    if (event.target.closest("#pick, #divider") || event.button > 0) return;
+    if (event.target.closest("#pick, #divider, .corner") || event.button > 0) return;
     this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY, x0: event.clientX, y0: event.clientY,
       at: event.timeStamp, many: false });
     if (this.pointers.size > 1) for (const pointer of this.pointers.values()) pointer.many = true;
@@ -88,7 +89,10 @@ export class Stage {
     pointer.y = event.clientY;
     const after = this.between();
     if (before.spread > 20 && after.spread > 20) this.zoom.by(after.spread / before.spread, this.zoom.at(after.x, after.y));
-    if (pointer.many || Math.hypot(pointer.x - pointer.x0, pointer.y - pointer.y0) > TAP_PX)
+    const far = Math.hypot(pointer.x - pointer.x0, pointer.y - pointer.y0) > TAP_PX;
+    if (far && !pointer.many && this.draws?.wantsDrag())
+      this.draws.drag(this.point(pointer.x0, pointer.y0), this.point(pointer.x, pointer.y));
+    else if (pointer.many || far)
       this.zoom.pan(after.x - before.x, after.y - before.y);
   }
 
@@ -100,9 +104,15 @@ export class Stage {
     return { x: mean("x"), y: mean("y"), spread: all.length === 2 ? Math.hypot(a.x - b.x, a.y - b.y) : 0 };
   }
 
+  /** Point of the picture under one of the page. */
+  point(clientX, clientY) {
+    return this.zoom.toPicture(this.zoom.at(clientX, clientY));
+  }
+
   up(event) {
     const pointer = this.pointers.get(event.pointerId);
     this.pointers.delete(event.pointerId);
+    if (pointer && this.draws?.dragEnd()) return;
     if (!pointer || pointer.many || event.timeStamp - pointer.at > TAP_MS) return;
     if (Math.hypot(event.clientX - pointer.x0, event.clientY - pointer.y0) > TAP_PX) return;
     const box = this.canvas.getBoundingClientRect();
@@ -136,6 +146,7 @@ export class Stage {
 
   /** Asks about a point of the picture, which a ring marks meanwhile: removes what is there, or focuses on it. */
   async tapAt(x, y, byKey = false) {
+    if (this.draws?.tap([x, y])) return;
     const mine = ++this.picks;
     const { view, mode } = this.app;
     const at = [x * this.canvas.width, y * this.canvas.height];
@@ -249,6 +260,10 @@ export class Stage {
     node.style.top = `${y * 100}%`;
     node.style.visibility = x >= 0 && x <= 1 && y >= 0 && y <= 1 ? "" : "hidden";
     node.hidden = false;
+  }
+
+  unplace(node) {
+    this.placed.delete(node);
   }
 
   zoomed() {

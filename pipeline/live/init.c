@@ -13,20 +13,10 @@ static int check_config(const struct sst_live_config *cfg)
 
     for (int k = 0; k < cfg->rows * cfg->cols && k < SST_MAX_VIEWS; k++)
         any |= cfg->present[k];
-    if (!any || cfg->width < 1 || cfg->height < 1 || cfg->zones < 0 || cfg->zones > SST_LIVE_ZONES) {
+    if (!any || cfg->width < 1 || cfg->height < 1) {
         sst_log_error(
             "live: a grid of %dx%d with frames of %dx%d pixels has no views; configure cameras and their size",
             cfg->rows, cfg->cols, cfg->width, cfg->height);
-        return -EINVAL;
-    }
-    for (int i = 0; i < cfg->zones; i++) {
-        const struct sst_live_zone *z = &cfg->zone[i];
-
-        if (z->x0 >= 0 && z->x0 < z->x1 && z->x1 <= 1 && z->y0 >= 0 && z->y0 < z->y1 && z->y1 <= 1)
-            continue;
-        sst_log_error(
-            "live: zone %d from %g,%g to %g,%g is not inside the picture; give fractions 0..1, the smaller one first",
-            i, z->x0, z->y0, z->x1, z->y1);
         return -EINVAL;
     }
     return 0;
@@ -72,7 +62,8 @@ static int make_stamps(struct sst_live *live)
         live->stamp[k] = calloc((size_t)live->changes.cols * (size_t)live->changes.rows, sizeof(*live->stamp[k]));
         err = live->stamp[k] ? 0 : -ENOMEM;
     }
-    return err;
+    live->tile_zones = calloc((size_t)live->changes.cols * (size_t)live->changes.rows, sizeof(*live->tile_zones));
+    return err ? err : live->tile_zones ? 0 : -ENOMEM;
 }
 
 int live_init(struct sst_live *live, const struct sst_live_config *cfg)
@@ -93,6 +84,7 @@ int live_init(struct sst_live *live, const struct sst_live_config *cfg)
     err = err ? err : sst_lightfield_init(&live->lf, cfg->rows, cfg->cols);
     err = err ? err : set_geometry(&live->lf, cfg);
     err = err ? err : make_stamps(live);
+    err = err ? err : live_zones_set(live, cfg->zone, cfg->zones);
     err = err ? err : sst_renderer_create(&live->renderer, &live->lf, cfg->threads);
     err = err ? err : sst_renderer_recount(live->renderer, NULL, 0, 1); /* no views yet */
     if (err == -ENOMEM)
@@ -108,5 +100,6 @@ void live_fini(struct sst_live *live)
     sst_liveframes_changes_fini(&live->changes);
     sst_render_focus_fini(&live->focus);
     sst_lightfield_fini(&live->lf);
+    free(live->tile_zones);
     free(live->model);
 }

@@ -46,6 +46,15 @@ void sst_live_close(struct sst_live *live)
     free(live);
 }
 
+int sst_live_set_zones(struct sst_live *live, const struct sst_live_zone *zone, int zones)
+{
+    const int err = live_zones_set(live, zone, zones);
+
+    if (!err)
+        live->counted = 0; /* with the next update */
+    return err;
+}
+
 void sst_live_cancel(struct sst_live *live)
 {
     atomic_store(&live->canceled, true);

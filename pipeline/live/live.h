@@ -12,6 +12,15 @@
 
 #define SST_LIVE_TILE  32 /* px: side of the tiles in which changes are reported */
 #define SST_LIVE_ZONES 16
+#define SST_LIVE_ZONE_POINTS 16
+
+/** A part of the reference view: a polygon, and a range of disparities. */
+struct sst_live_zone {
+    int points;                                              /* 3 or more */
+    double x[SST_LIVE_ZONE_POINTS], y[SST_LIVE_ZONE_POINTS]; /* fractions 0..1 of width and height */
+    double near_px, far_px; /* what is nearer or farther is not in it; INFINITY, -INFINITY: no limit */
+    bool mask;              /* what lies in it counts in no zone; only where it has no limit of depth */
+};
 
 struct sst_live_config {
     int rows, cols;
@@ -26,10 +35,8 @@ struct sst_live_config {
     bool skip_change;                  /* S1 of design.md, 5.5; false: every set is fully computed (exact mode) */
     bool skip_labels;                  /* S4 */
     bool background;                   /* improve the maps of a static scene on a background thread */
-    int zones;                         /* in fractions 0..1 of the reference view */
-    struct sst_live_zone {
-        double x0, y0, x1, y1;
-    } zone[SST_LIVE_ZONES];
+    int zones;
+    struct sst_live_zone zone[SST_LIVE_ZONES];
 };
 
 /** One frameset; bytes are borrowed during sst_live_update(). */
@@ -54,6 +61,11 @@ enum sst_live_stage {
     SST_LIVE_STAGES = 6,
 };
 
+/** The rectangle between two corners, at any depth. */
+struct sst_live_zone sst_live_rectangle(double x0, double y0, double x1, double y1);
+/** Is a point, in fractions of the view, in the polygon, and its disparity within the limits? */
+bool sst_live_zone_has(const struct sst_live_zone *zone, double x, double y, double disp_px);
+
 /** Statistics of one update. */
 struct sst_live_report {
     int64_t stage_ns[SST_LIVE_STAGES];      /* wall */
@@ -71,7 +83,7 @@ struct sst_live_report {
     struct {
         double changed;         /* fraction of its tiles that changed in the reference view */
         float label[256];       /* fraction of its pixels with the label, 0 = unlabeled */
-    } zone[SST_LIVE_ZONES + 1]; /* the last: the whole view */
+    } zone[SST_LIVE_ZONES + 1]; /* the last: the whole view, without masks */
 };
 
 #define SST_LIVE_TRACKS 32
@@ -99,6 +111,9 @@ struct sst_live; /* opaque; one thread at a time */
 SST_MUST_CHECK int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg);
 void sst_live_close(
     struct sst_live *live); /* NULL is fine; takes at most 0.5 s, also while the background thread works */
+
+/** Other zones from the next update on. @return 0, -EINVAL (logged; the old ones stay) */
+SST_MUST_CHECK int sst_live_set_zones(struct sst_live *live, const struct sst_live_zone *zone, int zones);
 
 /** Number of threads that a close has abandoned and that still compute. While it is not 0, the process must end by
  *  _exit(), since exit() destroys library state that they use. They end by themselves. Thread: any */

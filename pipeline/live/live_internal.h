@@ -39,6 +39,7 @@ struct sst_live {
     struct sst_render_focus focus;
     struct live_cut cut;
     float zone_label[SST_LIVE_ZONES + 1][256]; /* of the report, as of `counted` */
+    uint32_t *tile_zones;                      /* [tiles] bit i: zone i counts this tile */
 };
 
 /* --- init.c --- */
@@ -59,11 +60,19 @@ SST_MUST_CHECK int live_ingest(struct sst_live *live, const struct sst_liveframe
 /** Recount histograms, zones and focus votes after changes, and step the focus. @return 0, -ENOMEM (logged) */
 SST_MUST_CHECK int live_summarize(struct sst_live *live, int64_t t_ns);
 
+/* --- zones.c --- */
+
+/** Take the zones of the configuration. @return 0, -EINVAL (logged; nothing changed) */
+SST_MUST_CHECK int live_zones_set(struct sst_live *live, const struct sst_live_zone *zone, int zones);
+
 /** The view that zones refer to: the reference, or the present one that stands in for it. */
 int live_zone_view(const struct sst_live *live);
 
 /** Fraction of tiles that changed in every zone. @param changed  out, [SST_LIVE_ZONES + 1] */
 void live_zones_changed(const struct sst_live *live, const struct sst_liveframes_changes *changes, double *changed);
+
+/** Count the labels of a view in every zone. */
+void live_zones_count(struct sst_live *live, const struct sst_view *view);
 
 /* --- cut.c --- */
 

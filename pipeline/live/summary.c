@@ -68,49 +68,6 @@ int live_ingest(struct sst_live *live, const struct sst_liveframes_changes *chan
     return 0;
 }
 
-static struct sst_live_zone zone_of(const struct sst_live *live, int zone)
-{
-    return zone < live->cfg.zones ? live->cfg.zone[zone] : (struct sst_live_zone){ 0, 0, 1, 1 };
-}
-
-/* First and last columns and rows of the tiles that overlap a zone. */
-static void zone_tiles(const struct sst_live *live, int zone, int *x0, int *x1, int *y0, int *y1)
-{
-    const int cols = live->changes.cols - 1, rows = live->changes.rows - 1;
-    const struct sst_live_zone z = zone_of(live, zone);
-
-    *x0 = sst_clamp_int((int)(z.x0 * live->lf.width) / SST_LIVE_TILE, 0, cols);
-    *y0 = sst_clamp_int((int)(z.y0 * live->lf.height) / SST_LIVE_TILE, 0, rows);
-    *x1 = sst_clamp_int((int)ceil(z.x1 * live->lf.width - 1) / SST_LIVE_TILE, *x0, cols);
-    *y1 = sst_clamp_int((int)ceil(z.y1 * live->lf.height - 1) / SST_LIVE_TILE, *y0, rows);
-}
-
-int live_zone_view(const struct sst_live *live)
-{
-    const int lead = sst_render_lead_view(&live->lf);
-
-    return lead < 0 ? live->lf.ref_view : lead;
-}
-
-void live_zones_changed(const struct sst_live *live, const struct sst_liveframes_changes *changes, double *changed)
-{
-    const uint8_t *map = changes->map[live_zone_view(live)];
-
-    for (int zone = 0; zone <= SST_LIVE_ZONES; zone++) {
-        int x0, x1, y0, y1, n = 0;
-
-        changed[zone] = 0;
-        if (!map || (zone >= live->cfg.zones && zone < SST_LIVE_ZONES))
-            continue;
-        zone_tiles(live, zone, &x0, &x1, &y0, &y1);
-        for (int y = y0; y <= y1; y++) {
-            for (int x = x0; x <= x1; x++)
-                n += map[y * changes->cols + x] != 0;
-        }
-        changed[zone] = changes->whole ? 1 : (double)n / ((x1 - x0 + 1) * (y1 - y0 + 1));
-    }
-}
-
 /* --- disparities and labels in the scene -------------------------------------------------------------------------- */
 
 static uint64_t count_bin(const struct sst_label_histogram *h, int bin)
@@ -162,30 +119,8 @@ static void follow_range(struct sst_live *live, int64_t t_ns)
         live->range_ns = t_ns;
 }
 
-/* Fractions of the labels in a zone of the lead view. */
-static void count_zone(struct sst_live *live, int zone, const struct sst_map_u8 *label)
-{
-    const struct sst_live_zone z = zone_of(live, zone);
-    const int step = sst_max_int(label->width / COUNT_COLS, 1);
-    const int x0 = sst_clamp_int((int)(z.x0 * label->width), 0, label->width - 1);
-    const int y0 = sst_clamp_int((int)(z.y0 * label->height), 0, label->height - 1);
-    const int x1 = sst_clamp_int((int)ceil(z.x1 * label->width), x0 + 1, label->width);
-    const int y1 = sst_clamp_int((int)ceil(z.y1 * label->height), y0 + 1, label->height);
-    uint32_t count[256] = { 0 }, total = 0;
-
-    for (int y = y0; y < y1; y += step) {
-        const uint8_t *row = sst_map_u8_row(label, y);
-
-        for (int x = x0; x < x1; x += step, total++)
-            count[row[x]]++;
-    }
-    for (int i = 0; i < 256; i++)
-        live->zone_label[zone][i] = (float)count[i] / (float)total;
-}
-
 int live_summarize(struct sst_live *live, int64_t t_ns)
 {
-    const struct sst_map_u8 *label;
     int err = 0;
 
     if (!live->ready)
@@ -202,11 +137,8 @@ int live_summarize(struct sst_live *live, int64_t t_ns)
         err = live_cut_follow(live, t_ns);
         if (err)
             return err;
-        label = live->sampled ? &live->lf.views[live->sample[0]].label : NULL;
-        for (int zone = 0; label && label->data && zone <= SST_LIVE_ZONES; zone++) {
-            if (zone < live->cfg.zones || zone == SST_LIVE_ZONES)
-                count_zone(live, zone, label);
-        }
+        if (live->sampled)
+            live_zones_count(live, &live->lf.views[live->sample[0]]);
         live->counted = live->serial;
     }
     sst_render_focus_step(&live->focus, t_ns);

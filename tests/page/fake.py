@@ -124,6 +124,8 @@ class Service:
         self.hour = now().replace(minute=0, second=0, microsecond=0)
         self.deleted, self.played, self.plays, self.kept_visits = set(), None, 0, set()
         self.kept = []
+        self.zones = [{"name": "gate", "points": [[0.1, 0.4], [0.4, 0.4], [0.4, 0.9], [0.1, 0.9]], "near_px": None, "far_px": None,
+                       "labels": [], "mask": False}]
         began = now() - datetime.timedelta(seconds=age_s)
         self.event(0, "start", "sstd 0.1.0 started", {"version": "0.1.0"}, began)
         self.event(0, "state", "Capturing 36 of 36 cameras", {"state": "capturing"}, began)
@@ -226,6 +228,9 @@ class Service:
         return {"recordings": [r for r in body if r["name"] not in self.deleted],
                 "snapshots": [r for r in kept if r["name"] not in self.deleted],
                 "exports": [r for r in made if r["name"] not in self.deleted]}
+
+    def zones_json(self):
+        return {"zones": self.zones, "revision": str(abs(hash(json.dumps(self.zones)))), "file": "/var/lib/sst/zones.yaml"}
 
     def replay(self):
         """State of the recording that is played, whose clock goes on while it plays."""
@@ -417,6 +422,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.event_stream(int(query.get("after", 0)))
         elif path == "/api/v1/recordings":
             self.answer(200, s.recordings())
+        elif path == "/api/v1/zones":
+            self.answer(200, s.zones_json())
         elif path == "/api/v1/replay":
             self.answer(200, s.replay())
         elif part[0] in ("stream", "snapshot"):
@@ -540,6 +547,11 @@ class Handler(http.server.BaseHTTPRequestHandler):
             name = now().strftime("%Y-%m-%dT%H-%M-%S.000Z")
             s.event(0, "snapshot", f"Snapshot {name} kept", {"name": name})
             self.answer(200, {"name": name})
+        elif path == "/api/v1/zones":
+            if body.get("revision") != s.zones_json()["revision"]:
+                raise Refused(409, "somebody else has changed the zones meanwhile; load them again")
+            s.zones = body["zones"]
+            self.answer(200, s.zones_json())
         elif path == "/api/v1/delete":
             s.deleted.add(body["name"])
             self.answer(200, {"name": body["name"]})

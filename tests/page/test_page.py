@@ -703,6 +703,91 @@ def test_replay(b, fake):
     b.click("#tab-overview")
 
 
+def test_zones(b, fake):
+    """A zone is drawn, changed and deleted: with the mouse, and with keys alone."""
+    posts = lambda: fake.posts("/api/v1/zones")
+    names = lambda: [z["name"] for z in json.load(urllib.request.urlopen(fake.url + "api/v1/zones", timeout=60))["zones"]]
+    shapes = "document.querySelectorAll('#zone-shapes .line').length"
+    b.click("#zones")
+    b.wait("document.getElementById('zone-list').textContent === 'gatewatched'")
+    check(b.js(shapes) == 1, "the zone is not in the picture")
+    b.click("#zone-new")
+    b.wait("document.activeElement === document.getElementById('stage')")
+    x, y, w, h = b.box("#stage")
+    b.mouse("mousePressed", x - 0.2 * w, y - 0.1 * h, button="left", clickCount=1)
+    for i in range(5):
+        b.mouse("mouseMoved", x - 0.2 * w + 0.06 * i * w, y - 0.1 * h + 0.05 * i * h, button="left", buttons=1)
+    b.mouse("mouseReleased", x + 0.04 * w, y + 0.1 * h, button="left", clickCount=1)
+    b.wait("document.querySelectorAll('.corner:not(.more)').length === 4 && document.activeElement.id === 'zone-name'")
+    b.click("#zone-save")
+    b.wait("document.getElementById('zone-error').textContent.includes('needs a name')")
+    b.js("document.getElementById('zone-name').focus()")
+    b.call("Input.insertText", text="Back door")
+    b.wait("document.getElementById('zone-name-note').textContent.includes('back-door')")
+    b.click("#zone-labels .chip:nth-child(2)")
+    nx, ny, nw, _ = b.box("#zone-near")
+    b.click((nx - 0.25 * nw, ny))
+    b.wait("document.getElementById('zone-near-exact').value !== ''")
+    b.js("(() => { const n = document.getElementById('zone-far-exact'); n.value = '40'; n.dispatchEvent(new Event('change')); })()")
+    b.click("#zone-save")
+    sent = expect(lambda: posts() and posts()[-1]["zones"][-1])
+    check(sent["name"] == "back-door" and sent["labels"] == ["Building"] and not sent["mask"], f"sent: {sent}")
+    (x0, y0), _, (x1, y1), _ = sent["points"]
+    check(abs(x0 - 0.3) < 0.02 and abs(y0 - 0.4) < 0.02 and abs(x1 - 0.54) < 0.03 and abs(y1 - 0.6) < 0.03, f"at {sent['points']}")
+    check(sent["near_px"] > sent["far_px"] and abs(sent["far_px"] - 560 * 0.12 / 40) < 0.01, f"depth: {sent}")
+    b.wait("document.getElementById('zone-list').children.length === 2 && document.getElementById('zone-one').hidden")
+    check("Building" in b.js("document.getElementById('zone-list').textContent"), "its label is not in the list")
+
+    b.js("document.querySelectorAll('.zone')[1].focus()")  # renamed, its first corner moved, ignored: by keys
+    b.key("Enter", 13, "\r")
+    b.wait("document.activeElement.id === 'zone-name'")
+    b.js("document.activeElement.select()")
+    b.call("Input.insertText", text="tree")
+    b.js("document.querySelector('.corner').focus()")
+    b.key("ArrowRight", 39)
+    b.key("ArrowRight", 39)
+    check(b.js("document.activeElement.className") == "corner", "the corner loses the focus when it moves")
+    b.js("document.getElementById('zone-mask').focus()")
+    b.key(" ", 32, " ")
+    fake.set(refuse={"/api/v1/zones": [400, "the zones are not applied, the old ones stay: sstd.yaml:9:3: unknown zone `back-door`"]})
+    b.js("document.getElementById('zone-save').click()")
+    b.wait("document.getElementById('zone-error').textContent.includes('unknown zone')")
+    check(names() == ["gate", "back-door"], "something has changed")
+    fake.set(refuse={})
+    b.js("document.getElementById('zone-save').click()")
+    b.wait("document.getElementById('zone-one').hidden")
+    tree = posts()[-1]["zones"][-1]
+    check(tree["name"] == "tree" and tree["mask"] and abs(tree["points"][0][0] - x0 - 0.02) < 0.001, f"sent: {tree}")
+
+    b.js("document.getElementById('zone-new').click()")  # a triangle, corner by corner
+    b.wait("document.activeElement === document.getElementById('stage')")
+    for keys in (("ArrowLeft", 37, 3), ("ArrowDown", 40, 5), ("ArrowRight", 39, 6)):
+        for _ in range(keys[2]):
+            b.key(*keys[:2])
+        b.key("Enter", 13, "\r")
+    b.wait("!document.getElementById('zone-done').disabled")
+    b.js("document.getElementById('zone-done').click()")
+    b.call("Input.insertText", text="lawn")
+    b.js("document.getElementById('zone-save').click()")
+    b.wait("document.getElementById('zone-list').children.length === 3")
+    check(len(posts()[-1]["zones"][-1]["points"]) == 3, "no triangle")
+    check(not [p for p in fake.log() if p["path"].endswith(("/remove", "/pick")) and p["query"].get("zone")], "asked about the picture")
+    b.js("document.querySelectorAll('.zone')[2].click()")
+    b.js("document.getElementById('zone-delete').click()")
+    b.wait("document.getElementById('zone-list').children.length === 2")
+    fake.set(role="view")
+    b.wait("document.getElementById('zone-new').getAttribute('aria-disabled') === 'true'")
+    fake.set(role="control")
+    b.wait("!document.getElementById('zone-new').hasAttribute('aria-disabled')")
+    b.click("#zones-shown")
+    b.click("#zones-close")
+    check(b.js(shapes) == 2, "the zones are not shown any more")
+    b.click("#zones")
+    b.click("#zones-shown")
+    b.click("#zones-close")
+    check(b.js(shapes) == 0, "the zones are still shown")
+
+
 def test_role(b, fake):
     fake.set(role="view")
     b.wait("document.getElementById('record').getAttribute('aria-disabled') === 'true'")
@@ -935,7 +1020,7 @@ def test_contrast(b, fake):
 
 ONLY = os.environ.get("PAGE_ONLY", "").split()
 TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_follow, test_label, test_compare, test_sweep, test_overlay, test_camera_large, test_zoom, test_light, test_adjust, test_cameras,
-         test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_role, test_states, test_storage, test_shared, test_restart, test_reload, test_hidden,
+         test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones, test_role, test_states, test_storage, test_shared, test_restart, test_reload, test_hidden,
          test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast]
 # Errors that the browser itself writes where a test makes the service refuse or end.
 WANTED = ("400", "403", "429", "404", "409", "507", "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET",

@@ -110,7 +110,7 @@ static void open_array(struct array *a, bool labels)
                                        .zones = 1 };
     for (int k = 0; k < VIEWS; k++)
         a->cfg.present[k] = true;
-    a->cfg.zone[0].x1 = a->cfg.zone[0].y1 = 0.25;
+    a->cfg.zone[0] = sst_live_rectangle(0, 0, 0.25, 0.25);
     if (labels && WITH_DNNL)
         a->cfg.model = "models/pspnet-small.onnx";
     a->in.t_ns = SET_NS;
@@ -362,7 +362,7 @@ static void what_cannot_be_opened_is_refused(void **state SST_UNUSED)
     cfg.present[1] = true;
     cfg.zones = 1;
     assert_int_equal(sst_live_open(&live, &cfg), -EINVAL); /* an empty zone */
-    cfg.zone[0].x1 = cfg.zone[0].y1 = NAN;
+    cfg.zone[0] = sst_live_rectangle(0, 0, NAN, NAN);
     assert_int_equal(sst_live_open(&live, &cfg), -EINVAL);
     cfg.zones = 0;
     cfg.model = "/nonexistent.onnx";

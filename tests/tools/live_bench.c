@@ -412,8 +412,7 @@ int main(int argc, char **argv)
     cfg.background = option("background") > 0;
     cfg.range_min_px = option("min");
     cfg.range_max_px = option("max");
-    cfg.zone[0].x1 = cfg.zone[0].y1 = 1;
-    cfg.zone[0].y0 = LIVE_TRUTH_TOP;
+    cfg.zone[0] = sst_live_rectangle(0, LIVE_TRUTH_TOP, 1, 1);
     if (!err && truth_label)
         err = truth ? live_truth_init(truth, argv[1], sst_classes_find(&sst_classes_default, truth_label)) : -ENOMEM;
     err = err ? err : run(&s, &cfg, truth);

@@ -154,7 +154,7 @@ static void shipped_file_has_every_key(void **state)
     sst_yaml_destroy(doc);
     free(text);
     assert_int_equal(cfg.array.controls, 3);
-    assert_int_equal(cfg.zones, 1);
+    assert_int_equal(cfg.zones, 2);
     assert_int_equal(cfg.storage.triggers, 2);
     assert_int_equal(cfg.hooks, 2);
     assert_string_equal(cfg.hook[0].argv[3], "a camera was lost");
@@ -298,7 +298,13 @@ static void single_faults_are_told(void **state)
         { "zones: [ { name: A, x0: 0, y0: 0, x1: 1, y1: 1 } ]\n", "must be a name of a-z" },
         { "zones: [ { name: a, x0: 0, y0: 0, x1: 1.1, y1: 1 } ]\n", "x1 must be a number in 0..1" },
         { "zones: [ { name: a, x0: 1, y0: 0, x1: 1, y1: 1 } ]\n", "x0 is not below" },
-        { "zones: [ { name: a, x0: 0, y0: 0, x1: 1 } ]\n", "lacks the key `y1`" },
+        { "zones: [ { x0: 0 } ]\n", "lacks the key `name`" },
+        { "zones: [ { name: a, points: \"0,0 1,0\" } ]\n", "must be 3 to 16 points" },
+        { "zones: [ { name: a, points: \"0,0 1,0 1.1,1\" } ]\n", "must be 3 to 16 points" },
+        { "zones: [ { name: a, points: \"0,0 0.5,0 1,0\" } ]\n", "that enclose an area" },
+        { "zones: [ { name: a, x0: 0, points: \"0,0 1,0 1,1\" } ]\n", "both points and edges" },
+        { "zones: [ { name: a, near_px: 3, far_px: 3 } ]\n", "far_px is not below its near_px" },
+        { "zones: [ { name: a, mask: true } ]\nstorage: { record_on: [ { zone: a } ] }\n", "which is a mask" },
         { "zones: [ { name: a, x0: 0, y0: 0, x1: 1, y1: 1 }, { name: a, x0: 0, y0: 0, x1: 1, y1: 1 } ]\n",
           "two zones named a" },
         { "storage: { record_on: [ { zone: gate } ] }\n", "1:33: unknown zone `gate`" },
@@ -397,6 +403,45 @@ static void expect_change(const struct sst_config_change *list, int n, const cha
     assert_string_equal(sst_reload_class_name(c->class_), class_);
 }
 
+/* What the page draws: over the zones of other files, and nothing else. */
+static void drawn_zones_replace_others(void **state)
+{
+    struct sst_zone drawn = { .name = "lawn", .points = "0.1,0.2 0.9,0.2 0.5,0.9", .x1 = 1, .y1 = 1, .near_px = 9.5,
+                              .far_px = -INFINITY, .labels = { "Pedestrian", "Car" } };
+    double x[SST_ZONE_POINTS], y[SST_ZONE_POINTS];
+    char text[SST_PATH_MAX + 200], *file = sst_zones_text(&drawn, 1);
+
+    (void)state;
+    snprintf(text, sizeof(text),
+             "zones: [ { name: a }, { name: b, x1: 0.5 } ]\nweb: { zones_file: %s/zones/zones.yaml }\n", test_folder);
+    accept(text);
+    assert_int_equal(cfg.zones, 2);
+    assert_int_equal(sst_zone_corners(&cfg.zone[1], x, y), 4);
+    assert_true(x[1] == 0.5 && y[2] == 1 && isinf(cfg.zone[1].near_px) && !cfg.zone[1].labels[0][0]);
+    put("zones/zones.yaml", file);
+    accept(text);
+    assert_int_equal(cfg.zones, 1);
+    assert_string_equal(cfg.zone[0].labels[1], "Car");
+    assert_true(cfg.zone[0].near_px == 9.5 && !cfg.zone[0].mask);
+    assert_int_equal(sst_zone_corners(&cfg.zone[0], x, y), 3);
+    assert_true(x[1] == 0.9 && y[2] == 0.9);
+    free(file);
+    file = sst_zones_text(&drawn, 0);
+    put("zones/zones.yaml", file);
+    accept(text);
+    assert_int_equal(cfg.zones, 0);
+    /* A try reads what it is given, and leaves the file alone. */
+    other = cfg;
+    assert_int_equal(sst_config_try_zones(&other, test_path("c.yaml"), "zones: [ { name: c } ]\n"), 0);
+    assert_string_equal(other.zone[0].name, "c");
+    put("zones/zones.yaml", "zones: []\nhooks: [ { event: \"*\", run: [/bin/true] } ]\n");
+    put("c.yaml", text);
+    assert_int_equal(read_back(&cfg, "c.yaml"), -EBADMSG);
+    assert_contains(said, "zones.yaml:2:1: unknown key `hooks`");
+    assert_int_equal(unlink(test_path("zones/zones.yaml")), 0);
+    free(file);
+}
+
 static void differences_are_told(void **state)
 {
     struct sst_config_change *list = NULL;
@@ -414,8 +459,8 @@ static void differences_are_told(void **state)
            "storage: { record_on: [ { zone: b, share: 0.3 } ], mode: event }\n");
     n = sst_config_diff(&list, &other, &cfg);
     assert_int_equal(n, 10);
-    expect_change(list, n, "zones[0].x0", "0", "0.1", "restart-live");
-    expect_change(list, n, "zones[1]", "", "{ name: b, x0: 0, y0: 0, x1: 1, y1: 0.5 }", "restart-live");
+    expect_change(list, n, "zones[0].x0", "0", "0.1", "live");
+    expect_change(list, n, "zones[1]", "", "{ name: b, y1: 0.5 }", "live");
     expect_change(list, n, "cameras.rate_hz", "10", "5", "restart-camera");
     expect_change(list, n, "cameras.controls", "{}", "{ gain: 3 }", "restart-camera");
     expect_change(list, n, "cameras.bind[0]", "", "{ row: 0, col: 1, serial: \"007\" }", "restart-camera");
@@ -427,7 +472,7 @@ static void differences_are_told(void **state)
     assert_string_equal(list[0].key, "cameras.rate_hz"); /* in the order of the file */
     free(list);
     n = sst_config_diff(&list, &cfg, &other);
-    expect_change(list, n, "zones[1]", "{ name: b, x0: 0, y0: 0, x1: 1, y1: 0.5 }", "", "restart-live");
+    expect_change(list, n, "zones[1]", "{ name: b, y1: 0.5 }", "", "live");
     free(list);
 }
 
@@ -443,6 +488,7 @@ int main(void)
         cmocka_unit_test(all_faults_of_all_files_are_told),
         cmocka_unit_test(what_is_odd_is_warned_of),
         cmocka_unit_test(the_array_alone_leaves_the_service_alone),
+        cmocka_unit_test(drawn_zones_replace_others),
         cmocka_unit_test(differences_are_told),
     };
 

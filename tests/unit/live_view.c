@@ -446,12 +446,12 @@ static void a_leaf_and_what_is_behind_it(void **state SST_UNUSED)
 static void labels_and_ranges_are_found(void **state SST_UNUSED)
 {
     struct shown s;
+    struct sst_live_zone zone;
     double lo, hi, px;
 
     show(&s, "bush", 320, 240, 6, true);
-    s.live->cfg.zones = 1;
-    s.live->cfg.zone[0].x0 = s.live->cfg.zone[0].y0 = 0.25;
-    s.live->cfg.zone[0].x1 = s.live->cfg.zone[0].y1 = 0.5;
+    zone = sst_live_rectangle(0.25, 0.25, 0.5, 0.5);
+    assert_int_equal(sst_live_set_zones(s.live, &zone, 1), 0);
     take(&s, 1);
     assert_int_equal(sst_livepicture_label_disparity(s.live, SST_LABEL_PEDESTRIAN, &px), 0);
     assert_near(px, sst_scene_occluder_at(s.scene, 0)->focus_px, 1);
@@ -459,31 +459,34 @@ static void labels_and_ranges_are_found(void **state SST_UNUSED)
     assert_int_equal(sst_livepicture_label_disparity(s.live, 0, &px), -ENODATA);
     assert_true(sst_live_range(s.live, &lo, &hi));
     assert_true(lo >= s.live->lf.range_min_px - 0.5 && lo < 9 && hi > 21 && hi <= s.live->lf.range_max_px + 0.5);
-    for (int zone = 0; zone <= SST_LIVE_ZONES; zone += SST_LIVE_ZONES) {
+    for (int i = 0; i <= SST_LIVE_ZONES; i += SST_LIVE_ZONES) {
         const struct sst_map_u8 *label = &s.live->lf.views[s.live->lf.ref_view].label;
-        const int x0 = zone ? 0 : 80, x1 = zone ? 320 : 160, y0 = zone ? 0 : 60, y1 = zone ? 240 : 120;
+        const int x0 = i ? 0 : 80, x1 = i ? 320 : 160, y0 = i ? 0 : 60, y1 = i ? 240 : 120;
         int trees = 0;
 
         for (int y = y0; y < y1; y++) {
             for (int x = x0; x < x1; x++)
                 trees += sst_map_u8_row(label, y)[x] == SST_LABEL_TREE;
         }
-        assert_near((double)s.live->zone_label[zone][SST_LABEL_TREE], (double)trees / ((x1 - x0) * (y1 - y0)), 0.02);
+        assert_near((double)s.live->zone_label[i][SST_LABEL_TREE], (double)trees / ((x1 - x0) * (y1 - y0)), 0.02);
     }
+    /* The leaves are nearer than the limit; what is behind them counts. */
+    zone.near_px = 15;
+    assert_int_equal(sst_live_set_zones(s.live, &zone, 1), 0);
+    take(&s, 2);
+    assert_true(s.live->zone_label[0][SST_LABEL_TREE] < 0.02f);
     hide(&s);
 }
 
 static void zones_tell_what_changed(void **state SST_UNUSED)
 {
+    const struct sst_live_zone zones[] = { sst_live_rectangle(0, 0, 0.4, 0.5), /* tiles 0, 1 of rows 0, 1 */
+                                           sst_live_rectangle(0.8, 0, 1, 1) };
     struct shown s;
     double changed[SST_LIVE_ZONES + 1];
 
     show(&s, "cell", 160, 128, 2, false); /* 5 x 4 tiles */
-    s.live->cfg.zones = 2;
-    s.live->cfg.zone[0].x1 = 0.4; /* tiles 0, 1 of rows 0, 1 */
-    s.live->cfg.zone[0].y1 = 0.5;
-    s.live->cfg.zone[1].x0 = 0.8;
-    s.live->cfg.zone[1].x1 = s.live->cfg.zone[1].y1 = 1;
+    assert_int_equal(sst_live_set_zones(s.live, zones, 2), 0);
     s.changes.map[s.live->lf.ref_view][6] = 1; /* column 1, row 1 */
     s.changes.map[(s.live->lf.ref_view + 1) % 4][4] = 1;
     live_zones_changed(s.live, &s.changes, changed);
@@ -494,6 +497,41 @@ static void zones_tell_what_changed(void **state SST_UNUSED)
     s.changes.whole = true;
     live_zones_changed(s.live, &s.changes, changed);
     assert_near(changed[1], 1, 0);
+    hide(&s);
+}
+
+/* A triangle, a mask that lies over a part of the picture, and what is no zone. */
+static void zones_are_polygons(void **state SST_UNUSED)
+{
+    struct sst_live_zone zone[2] = { sst_live_rectangle(0, 0, 1, 1), sst_live_rectangle(0, 0, 0.2, 0.25) };
+    struct shown s;
+    double changed[SST_LIVE_ZONES + 1];
+
+    zone[0].points = 3; /* the lower left half */
+    zone[0].x[0] = zone[0].y[0] = zone[0].x[2] = 0;
+    zone[0].x[1] = zone[0].y[1] = zone[0].y[2] = 1;
+    assert_true(sst_live_zone_has(&zone[0], 0.25, 0.75, 5) && !sst_live_zone_has(&zone[0], 0.75, 0.25, 5));
+    zone[0].near_px = 4;
+    assert_true(!sst_live_zone_has(&zone[0], 0.25, 0.75, 5) && sst_live_zone_has(&zone[0], 0.25, 0.75, 3));
+    zone[0].near_px = INFINITY;
+    show(&s, "cell", 160, 128, 2, false); /* 5 x 4 tiles */
+    assert_int_equal(sst_live_set_zones(s.live, zone, 1), 0);
+    s.changes.map[s.live->lf.ref_view][0] = s.changes.map[s.live->lf.ref_view][4] = 1; /* corners above */
+    live_zones_changed(s.live, &s.changes, changed);
+    assert_true(changed[0] > 0.06 && changed[0] < 0.1); /* one of about 14 */
+    assert_near(changed[SST_LIVE_ZONES], 0.1, 0);
+    zone[1].mask = true; /* the first tile */
+    assert_int_equal(sst_live_set_zones(s.live, zone, 2), 0);
+    live_zones_changed(s.live, &s.changes, changed);
+    assert_near(changed[0], 0, 0);
+    assert_near(changed[SST_LIVE_ZONES], 1.0 / 19, 1e-9);
+    sst_log_set_level((enum sst_log_level) - 1);
+    zone[1].far_px = zone[1].near_px = 3;
+    assert_int_equal(sst_live_set_zones(s.live, zone, 2), -EINVAL);
+    zone[1] = sst_live_rectangle(0.1, 0.1, 0.1, 0.5);
+    assert_int_equal(sst_live_set_zones(s.live, zone, 2), -EINVAL);
+    sst_log_set_level(SST_LOG_WARNING);
+    assert_int_equal(s.live->cfg.zones, 2); /* as before */
     hide(&s);
 }
 
@@ -585,6 +623,7 @@ int main(void)
         serial_test(a_leaf_and_what_is_behind_it),
         serial_test(labels_and_ranges_are_found),
         cmocka_unit_test(zones_tell_what_changed),
+        cmocka_unit_test(zones_are_polygons),
         cmocka_unit_test(counts_of_all_views_are_the_histogram),
         cmocka_unit_test(overlays_show_labels_and_disparities),
     };

@@ -1,6 +1,7 @@
 /* What a reload does with each key of the configuration, and what the service does when the wall clock is set. */
 #define _GNU_SOURCE
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -57,9 +58,9 @@ static int begin(void **state)
     snprintf(path, sizeof(path), "%s/sstd.yaml", folder);
     /* Not in flow style: what a test adds comes to the same sections, in conf.d. */
     snprintf(base_yaml, sizeof(base_yaml),
-             "control: { socket: %s/c.sock, group: \"\" }\nweb: { port: 0, token_file: %s/token }\n"
+             "control: { socket: %s/c.sock, group: \"\" }\nweb: { port: 0, token_file: %s/token, zones_file: %s/zones.yaml }\n"
              "storage: { dir: %s/store, min_free_gb: 0, ring_mb: 4, preroll_s: 0 }\n",
-             folder, folder, folder);
+             folder, folder, folder, folder);
     write_config("");
     sst_config_defaults(&config);
     assert_int_equal(sst_config_read(&config, path), 0);
@@ -276,6 +277,107 @@ static void what_is_wrong_changes_nothing(void **state)
     assert_true(service->config.live.rate_hz == before.live.rate_hz);
 }
 
+/* --- zones -------------------------------------------------------------------------------------------------------- */
+
+/* @return what the call returns; the answer's zones, or its error */
+static int draw(const char *text, struct sst_api_answer *answer)
+{
+    json_t *request = json_loads(text, 0, NULL);
+    int err;
+
+    assert_non_null(request);
+    *answer = (struct sst_api_answer){ 0 };
+    err = service->api.zones_change(service->api.arg, request, answer);
+    json_decref(request);
+    return err;
+}
+
+static void expect_zones(const struct sst_api_answer *answer, int n, const char *first)
+{
+    const json_t *list = json_object_get(answer->body, "zones");
+
+    assert_int_equal(json_array_size(list), n);
+    assert_int_equal(service->config.zones, n);
+    if (n)
+        assert_string_equal(json_string_value(json_object_get(json_array_get(list, 0), "name")), first);
+    json_decref(answer->body);
+}
+
+static void expect_refused(const char *text, int err, const char *why)
+{
+    struct sst_api_answer answer;
+    char said[SST_LOG_MAX], *shown = sst_log_hold_errors(said);
+
+    assert_int_equal(draw(text, &answer), err);
+    sst_log_hold_errors(shown);
+    if (!strstr(answer.error, why))
+        fail_msg("%s: %s, not %s", text, answer.error, why);
+    assert_null(answer.body);
+}
+
+static char *zones_file(void)
+{
+    char path[100];
+    uint8_t *data = NULL;
+    size_t size;
+
+    snprintf(path, sizeof(path), "%s/zones.yaml", folder);
+    return sst_path_exists(path) && !sst_file_read(path, 10000, &data, &size) ? (char *)data : NULL;
+}
+
+/* Drawn, renamed, removed; whatever is wrong changes neither the file nor what is in effect. */
+static void zones_are_drawn(void **state)
+{
+    static const char *const wrong[][2] = {
+        { "{}", "zones must be the list" },
+        { "{\"zones\": [{\"name\": \"Gate\", \"points\": [[0,0],[1,0],[1,1]]}]}", "must be a name of a-z" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0]]}]}", "points of zone a must be" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[2,0]]}]}", "must be [x, y]" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[0.5,0],[1,0]]}]}", "that enclose an area" },
+        { "{\"zones\": [{\"name\": \"a\\\"}, hooks: \", \"points\": [[0,0],[1,0],[1,1]]}]}", "must be a name" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[1,1]], \"near_px\": 2, \"far_px\": 3}]}", "far_px is not" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[1,1]], \"maks\": true}]}", "did you mean" },
+        { "{\"zones\": [{\"name\": \"b\", \"points\": [[0,0],[1,0],[1,1]]}]}", "unknown zone `gate`" },
+    };
+    struct sst_api_answer answer;
+    char *text, *kept;
+
+    (void)state;
+    json_decref(reload(false));
+    assert_null(zones_file());
+    assert_int_equal(draw("{\"zones\": [{\"name\": \"gate\", \"points\": [[0.1,0.2],[0.9,0.2],[0.5,0.875]], \"near_px\": 9.5, "
+                          "\"labels\": [\"Pedestrian\"]}, {\"name\": \"tree\", \"points\": [[0,0],[1,0],[1,0.5]], \"mask\": true}]}",
+                          &answer), 0);
+    expect_zones(&answer, 2, "gate");
+    text = zones_file();
+    assert_non_null(strstr(text, "name: gate, points: \"0.1000,0.2000 0.9000,0.2000 0.5000,0.8750\", near_px: 9.5, labels: [Pedestrian]"));
+    free(text);
+    assert_true(service->config.zone[1].mask && isinf(service->config.zone[1].near_px));
+    write_part("storage: { record_on: [ { zone: gate } ] }\n"); /* of the file that people write */
+    json_decref(reload(false));
+    kept = zones_file();
+    for (size_t i = 0; i < ARRAY_LEN(wrong); i++) {
+        expect_refused(wrong[i][0], -EINVAL, wrong[i][1]);
+        text = zones_file();
+        assert_string_equal(text, kept);
+        free(text);
+        assert_int_equal(service->config.zones, 2);
+    }
+    free(kept);
+    expect_refused("{\"zones\": [], \"revision\": \"0\"}", -EBUSY, "somebody else");
+    write_part("");
+    assert_int_equal(draw("{\"zones\": []}", &answer), 0);
+    expect_zones(&answer, 0, "");
+    write_part("web: { zones_file: \"/proc/zones.yaml\" }\n"); /* nobody can write there */
+    json_decref(reload(false));
+    expect_refused("{\"zones\": []}", -EROFS, "/proc/zones.yaml cannot be written");
+    write_part("web: { zones_file: \"\" }\n");
+    json_decref(reload(false));
+    expect_refused("{\"zones\": []}", -EINVAL, "zones cannot be drawn");
+    write_part("");
+    json_decref(reload(false));
+}
+
 /* --- clock -------------------------------------------------------------------------------------------------------- */
 
 /* The last event of a type, and how many there were. */
@@ -330,6 +432,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(every_key_does_what_the_table_says, begin, end),
         cmocka_unit_test_setup_teardown(what_is_wrong_changes_nothing, begin, end),
+        cmocka_unit_test_setup_teardown(zones_are_drawn, begin, end),
         cmocka_unit_test_setup_teardown(the_wall_clock_may_be_set, begin, end),
     };
 
