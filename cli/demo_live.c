@@ -50,7 +50,7 @@ static const char config_text[] = "# sstd on a simulated array: sst-sim --world 
                                   "  loopback: LOOP0\n"
                                   "  rate_hz: 10\n"
                                   "control: {socket: \"%s\", group: \"\"}\n"
-                                  "web: {port: %d, token_file: \"%s\"}\n"
+                                  "web: {port: %d, token_file: \"%s\", zones_file: \"%s\"}\n"
                                   "storage: {dir: \"%s\", ring_mb: 192, quota_gb: 2}\n";
 
 /* The machine-readable strip of simulated pictures is for tests. */
@@ -65,7 +65,7 @@ struct site {
     pid_t pid;                              /* of sst-sim, and group; 0: does not run */
     pid_t publisher[ARRAY_LEN(publishers)]; /* 0: not built, or ended */
     char world[SST_PATH_MAX], config[SST_PATH_MAX], calibration[SST_PATH_MAX], socket[SST_PATH_MAX],
-        token[SST_PATH_MAX], storage[SST_PATH_MAX], log[SST_PATH_MAX], picture[SST_PATH_MAX];
+        token[SST_PATH_MAX], zones[SST_PATH_MAX], storage[SST_PATH_MAX], log[SST_PATH_MAX], picture[SST_PATH_MAX];
 };
 
 static volatile sig_atomic_t interrupted;
@@ -82,7 +82,8 @@ static int name_files(struct site *s, const char *dir)
         char *path;
         const char *ending;
     } files[] = { { s->world, "-world.yaml" }, { s->config, ".yaml" }, { s->calibration, "-calibration.yaml" },
-                  { s->socket, ".sock" },      { s->token, ".token" }, { s->storage, "" },
+                  { s->socket, ".sock" },      { s->token, ".token" }, { s->zones, "-zones.yaml" },
+                  { s->storage, "" },
                   { s->log, ".log" },          { s->picture, ".jpg" } };
     char name[128];
     int err = 0;
@@ -141,7 +142,7 @@ static int prepare(struct site *s, int port)
     err = err ? err : sst_sim_world_parameters(s->world, s->calibration);
     err = err ? err
               : write_first(s->config, config_text, s->world, s->config, world->rows, world->cols, world->width,
-                            world->height, s->calibration, s->socket, port ? port : PORT, s->token, s->storage);
+                            world->height, s->calibration, s->socket, port ? port : PORT, s->token, s->zones, s->storage);
     if (!err) {
         sst_config_defaults(cfg);
         err = sst_config_read(cfg, s->config);

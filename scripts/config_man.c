@@ -48,7 +48,7 @@ static void print_type(const struct sst_key *k)
 {
     static const char *const texts[] = {
         "text",  "text of a-z, 0-9, - and _", "path", "path of a file", "numeric address",
-        "topic", "type of an event or \"*\""
+        "topic", "type of an event or \"*\"",     "points of a polygon"
     };
 
     switch (k->type) {
@@ -168,7 +168,8 @@ int main(void)
          "beside it whose names end in .yaml are read in the order of their names; a later file replaces values of "
          "earlier\n"
          "ones, key by key, lists as a whole (the\n.B controls\nof all files are combined). A key in no file has its\n"
-         "default; an empty or missing file is fine.\n.PP\n"
+         "default; an empty or missing file is fine. At last the zones of\n.B web: zones_file\n"
+         "are read, if it exists, in place of those of the other files.\n.PP\n"
          "Parsing is strict. Unknown keys, values of a wrong type or out of range and contradictions between keys are\n"
          "all reported, each with file, line and column, and nothing is applied. Numbers and booleans are written\n"
          "without quotes; yes, no, on and off are not booleans, 012 is not a number. Strings that YAML may read as\n"
