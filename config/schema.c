@@ -21,6 +21,7 @@
 
 static const char *const sources[] = { "gpio", "software", "free-run" };
 static const char *const modes[] = { "off", "continuous", "event" };
+static const char *const reduced[] = { "off", "view", "changed", "sets" };
 static const char *const methods[] = { "refocus", "sst", "clear" };
 static const char *const codecs[] = { "h264", "mjpeg" };
 
@@ -293,6 +294,19 @@ static const struct sst_key keys[] = {
       CHOICE(modes) },
     { KEY("storage", "record_view", BOOL, storage.record_view, "true", LIVE,
           "also record the see-through view, so that playing it needs no rendering") },
+    { KEY("storage", "reduced", CHOICE, storage.reduced, "off", LIVE,
+          "recorded at all times when no full recording is made; view: the main view and a set a minute; sets: the view "
+          "and every reduced_every-th set; changed: the same where something changed, else a set a minute"),
+      CHOICE(reduced) },
+    { KEY("storage", "reduced_every", INT, storage.reduced_every, "50", LIVE,
+          "of how many sets one is kept by reduced: sets and changed"),
+      RANGE(2, 100000) },
+    { KEY("storage", "reduced_gb", DOUBLE, storage.reduced_gb, "0", LIVE,
+          "up to this size, reduced recordings are kept longer than full ones; 0: a third of the available space"),
+      RANGE(0, 1e6) },
+    { KEY("storage", "reduced_max_age_days", DOUBLE, storage.reduced_max_age_days, "0", LIVE,
+          "reduced recordings older than this are deleted; 0: no limit"),
+      RANGE(0, 36500) },
     { KEY("storage", "visits_days", INT, storage.visits_days, "30", LIVE,
           "how long visits (what came into view, with two pictures) are kept; 0: they are not; about 100 kB each, not "
           "counted in quota_gb"),
@@ -303,7 +317,8 @@ static const struct sst_key keys[] = {
     { KEY("storage", "min_free_gb", DOUBLE, storage.min_free_gb, "2", LIVE, "disk space that is left free"),
       RANGE(0, 1e6) },
     { KEY("storage", "max_age_days", DOUBLE, storage.max_age_days, "0", LIVE,
-          "automatic recordings older than this are deleted, those made on demand are not; 0: no limit"),
+          "automatic recordings of all sets older than this are deleted, those made on demand and reduced ones are not; 0: "
+          "no limit"),
       RANGE(0, 36500) },
     { KEY("storage", "by_hand_gb", DOUBLE, storage.by_hand_gb, "0", LIVE,
           "up to this size, recordings on demand, snapshots and exports are kept longer than automatic recordings; 0: "

@@ -36,6 +36,14 @@ enum sst_record_mode {
     SST_RECORD_EVENT = 2,
 };
 
+/** Automatic recordings of less than every set, while no other recording is made. */
+enum sst_reduced_mode {
+    SST_REDUCED_OFF = 0,
+    SST_REDUCED_VIEW = 1,    /* the main view, and a set a minute */
+    SST_REDUCED_CHANGED = 2, /* every Nth set if something changed since the one before, and a set a minute */
+    SST_REDUCED_SETS = 3,    /* every Nth set */
+};
+
 enum sst_rtsp_codec {
     SST_RTSP_H264 = 0,
     SST_RTSP_MJPEG = 1,
@@ -110,6 +118,9 @@ struct sst_config {
         double quota_gb, min_free_gb, max_age_days; /* 0: no limit */
         double by_hand_gb, by_hand_max_age_days;    /* of recordings on demand; 0: half of the space; no limit */
         bool record_view;                           /* also record the main view */
+        enum sst_reduced_mode reduced;
+        int reduced_every; /* N of the reduced modes */
+        double reduced_gb, reduced_max_age_days; /* 0: a third of the space; no limit */
         int visits_days;                            /* 0: none are kept */
         double segment_s, sync_s;
         double preroll_s, postroll_s;

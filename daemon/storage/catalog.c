@@ -113,15 +113,22 @@ static bool may_be_trimmed(const struct store_entry *e)
     return e->kind == SST_STORE_RECORDING && e->stage == SST_STORE_ACTIVE && e->segments > SST_STORE_SEGMENTS;
 }
 
-/* The first to remove, of what was made by hand or not; -1: none. */
-static int oldest(const struct catalog *c, bool by_hand)
+enum store_class store_class_of(const struct store_entry *e)
+{
+    return store_is_manual(e)                      ? SST_STORE_MANUAL
+           : !strcmp(e->why, SST_STORE_REDUCED_WHY) ? SST_STORE_REDUCED
+                                                   : SST_STORE_FULL;
+}
+
+/* The first of a class to remove; -1: none. */
+static int oldest(const struct catalog *c, enum store_class class_)
 {
     int read = -1, written = -1;
 
     for (int i = 0; i < c->count; i++) {
         const struct store_entry *e = &c->entry[i];
 
-        if (store_is_manual(e) != by_hand)
+        if (store_class_of(e) != class_)
             continue;
         if (may_go(e) && !e->readers)
             return i;
@@ -145,6 +152,11 @@ int64_t store_manual_bytes(const struct store_limits *l, const struct store_room
     return l->manual_bytes ? l->manual_bytes : store_room_bytes(l, room) / 2;
 }
 
+int64_t store_reduced_bytes(const struct store_limits *l, const struct store_room *room)
+{
+    return l->reduced_bytes ? l->reduced_bytes : store_room_bytes(l, room) / 3;
+}
+
 int64_t store_download_bytes(const struct store_limits *l, const struct store_room *room, int64_t made_bytes)
 {
     const int64_t part = store_room_bytes(l, room) / 10 - made_bytes, disk = room->free_bytes - l->margin_bytes;
@@ -158,12 +170,17 @@ int64_t store_download_bytes(const struct store_limits *l, const struct store_ro
 
 static int too_much(const struct catalog *c, const struct store_limits *limits, const struct store_room *room)
 {
-    const int self = oldest(c, false), hand = oldest(c, true);
-    int64_t bytes = 0;
+    const int full = oldest(c, SST_STORE_FULL), reduced = oldest(c, SST_STORE_REDUCED),
+              manual = oldest(c, SST_STORE_MANUAL);
+    int64_t bytes[SST_STORE_CLASSES] = { 0 };
 
     for (int i = 0; i < c->count; i++)
-        bytes += store_is_manual(&c->entry[i]) ? c->entry[i].bytes : 0;
-    return hand >= 0 && (self < 0 || bytes > store_manual_bytes(limits, room)) ? hand : self;
+        bytes[store_class_of(&c->entry[i])] += c->entry[i].bytes;
+    if (manual >= 0 && bytes[SST_STORE_MANUAL] > store_manual_bytes(limits, room))
+        return manual;
+    if (reduced >= 0 && bytes[SST_STORE_REDUCED] > store_reduced_bytes(limits, room))
+        return reduced;
+    return full >= 0 ? full : reduced >= 0 ? reduced : manual;
 }
 
 /* Was the clock not set yet, or set wrong? Entries are made in their order, and none in the future. */
@@ -172,31 +189,33 @@ static bool is_doubtful(int64_t end_ns, int64_t before_ns, int64_t wall_ns)
     return end_ns < PLAUSIBLE_NS || end_ns - SLACK_NS > wall_ns || end_ns < before_ns - SLACK_NS;
 }
 
-/* newest[0]: recorded automatically, newest[1]: made by hand; -1: none. */
-static void find_newest(const struct catalog *c, int newest[2])
+/* Of each class; -1: none. */
+static void find_newest(const struct catalog *c, int newest[SST_STORE_CLASSES])
 {
-    newest[0] = newest[1] = -1;
+    for (int k = 0; k < SST_STORE_CLASSES; k++)
+        newest[k] = -1;
     for (int i = 0; i < c->count; i++)
-        newest[store_is_manual(&c->entry[i])] = i;
+        newest[store_class_of(&c->entry[i])] = i;
 }
 
 /* An entry with a doubtful time is as old as the next one with a plausible time. */
 static int too_old(const struct catalog *c, const struct store_limits *limits, const struct store_room *room)
 {
-    const int64_t age_ns[2] = { limits->max_age_ns, limits->manual_max_age_ns };
-    int newest[2], waits[2] = { -1, -1 }; /* the first that depends on the time of the next entry */
-    int64_t before_ns = 0;                /* the latest beginning so far that is in the past */
+    const int64_t *age_ns = limits->max_age_ns;
+    int newest[SST_STORE_CLASSES], waits[SST_STORE_CLASSES] = { -1, -1, -1 }; /* depend on the time of the next entry */
+    int64_t before_ns = 0; /* the latest beginning so far that is in the past */
 
     find_newest(c, newest);
     for (int i = 0; i < c->count; i++) {
         const struct store_entry *e = &c->entry[i];
-        const bool recording = e->kind == SST_STORE_RECORDING, by_hand = store_is_manual(e);
+        const bool recording = e->kind == SST_STORE_RECORDING;
+        const enum store_class class_ = store_class_of(e);
         const int64_t begin_ns = recording ? e->from_ns : e->made_ns, end_ns = recording ? e->to_ns : e->made_ns;
 
-        if (end_ns && may_go(e) && i != newest[by_hand] && age_ns[by_hand] && waits[by_hand] < 0)
-            waits[by_hand] = i;
+        if (end_ns && may_go(e) && i != newest[class_] && age_ns[class_] && waits[class_] < 0)
+            waits[class_] = i;
         if (end_ns && !is_doubtful(end_ns, before_ns, room->wall_ns)) {
-            for (int k = 0; k < 2; k++) {
+            for (int k = 0; k < SST_STORE_CLASSES; k++) {
                 if (waits[k] >= 0 && end_ns < room->wall_ns - age_ns[k])
                     return waits[k];
                 waits[k] = -1;

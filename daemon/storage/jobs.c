@@ -348,14 +348,16 @@ static const struct sst_kept *find_kept(struct sst_ring *ring, int64_t wall_ns)
     }
 }
 
-/* The recording of this name, or the nearest to the moment. @return its distance from it; INT64_MAX: none */
+/* The recording of this name, or the nearest to the moment; a full one before a reduced one. @return its distance from it; INT64_MAX: none */
 static int64_t find_recording(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name)
 {
     int64_t best = INT64_MAX;
+    bool full = false;
 
     pthread_mutex_lock(&s->lock);
     for (int i = 0; i < s->catalog.count; i++) {
         const struct store_entry *e = &s->catalog.entry[i];
+        const bool whole = store_class_of(e) != SST_STORE_REDUCED;
         int64_t away = INT64_MAX;
 
         if (e->kind != SST_STORE_RECORDING || (recording && strcmp(e->name, recording)))
@@ -364,8 +366,9 @@ static int64_t find_recording(struct sst_storage *s, const char *recording, int6
             away = 0;
         else if (e->from_ns)
             away = wall_ns < e->from_ns ? e->from_ns - wall_ns : distance(wall_ns, e->to_ns);
-        if (away < best) {
+        if (away < best || (away == best && whole && !full)) {
             best = away;
+            full = whole;
             memcpy(name, e->name, SST_STORE_NAME);
         }
     }

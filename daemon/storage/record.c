@@ -30,6 +30,7 @@ struct active {
     int width, height;
     unsigned opening; /* of the array */
     bool continuous;
+    bool reduced;              /* of some sets */
     int64_t first_ns, last_ns; /* set.t_ns of the first and last set; with sets */
     int64_t side_bytes;        /* about, of the manifest and the view, which are not removed in pieces */
     struct view_files view;
@@ -44,7 +45,7 @@ struct active {
 
 /* A copy of what is wanted, made under the lock. */
 struct wanted {
-    bool stop, ready, blocked, lost, wanted, continuous, asked, checked;
+    bool stop, ready, blocked, lost, wanted, continuous, reduced, asked, checked;
     int64_t stop_ns, part_bytes;
     char why[SST_STORE_WHY], zone[32], label[64];
     struct store_settings settings;
@@ -81,9 +82,12 @@ static void read_wanted(struct sst_storage *s, struct wanted *p)
                           .settings = s->settings };
     p->continuous = s->settings.mode == SST_RECORD_CONTINUOUS;
     w = s->event.armed && s->settings.mode == SST_RECORD_EVENT ? &s->event : s->demand.armed ? &s->demand : NULL;
-    p->wanted = s->wanted = s->settings.array.opening && (p->continuous || w);
+    p->reduced = !p->continuous && !w && s->settings.reduced != SST_REDUCED_OFF;
+    p->wanted = s->wanted = s->settings.array.opening && (p->continuous || p->reduced || w);
     if (p->continuous) {
         snprintf(p->why, sizeof(p->why), "continuous");
+    } else if (p->reduced) {
+        snprintf(p->why, sizeof(p->why), SST_STORE_REDUCED_WHY);
     } else if (w) {
         memcpy(p->why, w->why, sizeof(p->why));
         memcpy(p->zone, w->zone, sizeof(p->zone));
@@ -109,6 +113,24 @@ static bool is_wanted(struct sst_storage *s, const struct sst_kept *k)
     wanted = event || demand || s->settings.mode == SST_RECORD_CONTINUOUS;
     pthread_mutex_unlock(&s->lock);
     return wanted;
+}
+
+/* Is a set of a reduced recording due? The first one is, and one a minute whatever happens. */
+static bool is_due(const struct active *a, const struct wanted *p, const struct sst_kept *k)
+{
+    const double rate_hz = p->settings.array.rate_hz > 0 ? p->settings.array.rate_hz : 1;
+    const int64_t since_ns = k->set.t_ns - a->last_ns;
+    const int64_t every_ns = (int64_t)((p->settings.reduced_every - 0.5) / rate_hz * 1e9);
+    int64_t moved_ns;
+
+    if (!a->recorder || !a->entry.sets || since_ns >= MINUTE_NS)
+        return true;
+    if (p->settings.reduced == SST_REDUCED_VIEW || since_ns < every_ns)
+        return false;
+    pthread_mutex_lock(&a->s->lock);
+    moved_ns = a->s->moved_ns;
+    pthread_mutex_unlock(&a->s->lock);
+    return p->settings.reduced == SST_REDUCED_SETS || moved_ns > a->last_ns;
 }
 
 static void answer(struct sst_storage *s, int err)
@@ -260,7 +282,8 @@ static int begin(struct active *a, const struct wanted *p, const struct sst_kept
         failed(a, err);
         return err;
     }
-    a->continuous = p->continuous;
+    a->continuous = p->continuous || p->reduced;
+    a->reduced = p->reduced;
     a->view_lost = false;
     a->side_bytes = 0;
     memcpy(a->zone, p->zone, sizeof(a->zone));
@@ -522,7 +545,7 @@ static const struct sst_kept *next_set(struct active *a)
         sst_ring_unref(a->s->ring, k);
         return NULL;
     }
-    if (k && a->next && k->number > a->next && (a->recorder || a->continuous))
+    if (k && a->next && k->number > a->next && !a->reduced && (a->recorder || a->continuous))
         count_dropped(a->s, k->number - a->next);
     return k;
 }
@@ -578,15 +601,18 @@ static bool follow(struct active *a, const struct wanted *p)
 
     if (!k)
         return false;
-    if (k->set.cameras == p->settings.array.cameras && is_wanted(s, k)) { /* others were captured with another array */
+    if (k->set.cameras == p->settings.array.cameras && /* others were captured with another array */
+        (p->reduced ? is_due(a, p, k) : is_wanted(s, k))) {
         err = write_set(a, p, k);
-        if (err != -EAGAIN)
+        if (err != -EAGAIN && !p->reduced) /* who asks wants every set */
             answer(s, err);
         if (err && err != -EAGAIN)
             count_dropped(s, 1);
     }
     a->next = err == -EAGAIN ? k->number : k->number + 1;
     sst_ring_unref(s->ring, k);
+    if (p->reduced && !err && a->recorder)
+        follow_view(a); /* all of it, between the sets, too */
     if (err == -EAGAIN)
         idle(s, 20);
     return true;
@@ -618,6 +644,10 @@ static bool step(struct active *a, struct wanted *p)
         return false;
     if (a->recorder && (p->lost || p->blocked))
         finish(a, p->lost ? "its folder is gone" : "storage is full or not writable", p->lost);
+    if (a->recorder && a->reduced != p->reduced && p->wanted) {
+        finish(a, a->reduced ? "all sets are recorded now" : "ended", false);
+        a->next = p->reduced ? a->next : 0; /* with the pre-roll */
+    }
     if (!p->wanted || (p->blocked && !p->checked)) {
         finish(a, "ended", false);
         a->next = p->wanted ? a->next : 0;

@@ -1,9 +1,13 @@
 /* State and status of storage, from what the threads have reported; nothing here waits for a disk. */
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "daemon/storage/storage_internal.h"
+
+#define DAY_NS   INT64_C(86400000000000)
+#define LEAST_NS INT64_C(60000000000) /* of recordings, before their rate is known */
 
 static bool hangs(int64_t since_ns, int64_t now_ns)
 {
@@ -132,8 +136,8 @@ static json_t *recording_json_locked(const struct sst_storage *s)
     struct catalog catalog = s->catalog;
     const struct store_entry *e = s->active_name[0] ? catalog_find(&catalog, s->active_name) : NULL;
 
-    return json_pack("{s:s, s:b, s:s, s:s, s:o, s:I, s:I}", "mode", mode_name(s->settings.mode), "active", e != NULL,
-                     "name", s->active_name, "why", e ? s->active_why : "", "since", time_json(e ? e->from_ns : 0),
+    return json_pack("{s:s, s:b, s:b, s:s, s:s, s:o, s:I, s:I}", "mode", mode_name(s->settings.mode), "active",
+                     e != NULL, "reduced", e && store_class_of(e) == SST_STORE_REDUCED, "name", s->active_name, "why", e ? s->active_why : "", "since", time_json(e ? e->from_ns : 0),
                      "sets", (json_int_t)s->active_sets, "dropped", (json_int_t)s->dropped);
 }
 
@@ -156,6 +160,68 @@ static json_t *counts_json_locked(const struct sst_storage *s)
                      (json_int_t)s->trimmed, "deleted", (json_int_t)s->deleted, "downloads", s->downloads);
 }
 
+static int64_t smaller(int64_t a, int64_t b)
+{
+    return a < b ? a : b;
+}
+
+/* Bytes a day of a class: of the last day, or of all its time if nothing was recorded since. 0: unknown. */
+static double bytes_per_day_locked(const struct sst_storage *s, enum store_class class_, int64_t now_ns)
+{
+    double recent = 0, all = 0;
+    int64_t oldest_ns = INT64_MAX;
+
+    for (int i = 0; i < s->catalog.count; i++) {
+        const struct store_entry *e = &s->catalog.entry[i];
+        const int64_t length_ns = e->to_ns - e->from_ns, since_ns = now_ns - DAY_NS;
+
+        if (store_class_of(e) != class_ || !e->from_ns || e->to_ns > now_ns || length_ns < 0)
+            continue;
+        oldest_ns = e->from_ns < oldest_ns ? e->from_ns : oldest_ns;
+        all += (double)e->bytes;
+        if (e->from_ns >= since_ns)
+            recent += (double)e->bytes;
+        else if (e->to_ns > since_ns)
+            recent += (double)e->bytes * (double)(e->to_ns - since_ns) / (double)length_ns;
+    }
+    if (oldest_ns > now_ns - LEAST_NS)
+        return 0;
+    if (recent > 0)
+        return recent * (double)DAY_NS / (double)smaller(now_ns - oldest_ns, DAY_NS);
+    return all * (double)DAY_NS / (double)(now_ns - oldest_ns);
+}
+
+/* What there is of full and of reduced recordings, and for how many days there is room at the present rate. */
+static json_t *class_json_locked(const struct sst_storage *s, enum store_class class_)
+{
+    const struct store_limits *l = &s->settings.limits;
+    const struct store_room room = { .used_bytes = s->used_bytes, .free_bytes = s->free_bytes };
+    const int64_t now_ns = sst_clock_wall_ns(), reduced_bytes = store_reduced_bytes(l, &room);
+    const double per_day = bytes_per_day_locked(s, class_, now_ns), age = (double)l->max_age_ns[class_] / DAY_NS;
+    int64_t bytes[SST_STORE_CLASSES] = { 0 }, space = store_room_bytes(l, &room), count = 0, oldest_ns = 0;
+    double days = NAN;
+
+    for (int i = 0; i < s->catalog.count; i++) {
+        const struct store_entry *e = &s->catalog.entry[i];
+
+        bytes[store_class_of(e)] += e->bytes;
+        count += store_class_of(e) == class_;
+        oldest_ns = store_class_of(e) == class_ && !oldest_ns ? e->from_ns : oldest_ns;
+    }
+    space -= bytes[SST_STORE_MANUAL];
+    if (class_ == SST_STORE_FULL)
+        space -= smaller(bytes[SST_STORE_REDUCED], reduced_bytes);
+    else if (bytes[SST_STORE_FULL])
+        space = smaller(space, reduced_bytes);
+    if (per_day > 0 && s->checked_ns)
+        days = fmax((double)space, 0) / per_day;
+    if (age > 0 && days > age)
+        days = age;
+    return json_pack("{s:I, s:I, s:o, s:o, s:o}", "recordings", (json_int_t)count, "bytes", (json_int_t)bytes[class_],
+                     "oldest", time_json(oldest_ns), "bytes_per_day", per_day > 0 ? json_real(per_day) : json_null(),
+                     "fits_days", isnan(days) ? json_null() : json_real(days));
+}
+
 json_t *sst_storage_status(struct sst_storage *s)
 {
     json_t *o, *counts, *ring = ring_json(s);
@@ -173,6 +239,8 @@ json_t *sst_storage_status(struct sst_storage *s)
                   s->checked_ns ? (double)(sst_clock_now_ns() - s->checked_ns) * 1e-9 : 0.0, "recording",
                   recording_json_locked(s), "ring", ring);
     counts = counts_json_locked(s);
+    json_object_set_new(counts, "full", class_json_locked(s, SST_STORE_FULL));
+    json_object_set_new(counts, "reduced", class_json_locked(s, SST_STORE_REDUCED));
     pthread_mutex_unlock(&s->lock);
     json_object_update(o, counts);
     json_decref(counts);

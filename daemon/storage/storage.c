@@ -13,7 +13,8 @@
 #include "base/thread.h"
 #include "daemon/storage/storage_internal.h"
 
-#define GB 1e9
+#define GB          1e9
+#define MOVED_SHARE 0.005 /* of the picture: reduced recordings keep a set */
 
 /* --- threads ------------------------------------------------------------------------------------------------------ */
 
@@ -79,11 +80,15 @@ static void copy_settings(struct store_settings *to, const struct sst_config *c)
     *to = (struct store_settings){
         .mode = c->storage.mode,
         .view = c->storage.record_view && c->live.enabled,
+        .reduced = c->storage.reduced,
+        .reduced_every = c->storage.reduced_every,
         .limits = { .quota_bytes = bytes_of(c->storage.quota_gb),
                     .min_free_bytes = bytes_of(c->storage.min_free_gb),
-                    .max_age_ns = ns_of(c->storage.max_age_days * 86400),
-                    .manual_max_age_ns = ns_of(c->storage.by_hand_max_age_days * 86400),
-                    .manual_bytes = bytes_of(c->storage.by_hand_gb) },
+                    .max_age_ns = { ns_of(c->storage.max_age_days * 86400),
+                                    ns_of(c->storage.reduced_max_age_days * 86400),
+                                    ns_of(c->storage.by_hand_max_age_days * 86400) },
+                    .manual_bytes = bytes_of(c->storage.by_hand_gb),
+                    .reduced_bytes = bytes_of(c->storage.reduced_gb) },
         .segment_s = c->storage.segment_s,
         .sync_s = c->storage.sync_s,
         .preroll_ns = ns_of(c->storage.preroll_s),
@@ -229,6 +234,8 @@ void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen)
 
     pthread_mutex_lock(&s->lock);
     s->seen_ns = sst_clock_now_ns();
+    if (seen->changed[sst_clamp_int(seen->zones, 0, SST_ZONES_MAX)] >= MOVED_SHARE)
+        s->moved_ns = seen->t_ns;
     for (int i = 0; i < s->event_triggers.count; i++) {
         struct event_trigger *w = &s->event_triggers.list[i];
         const double value = value_of(w, seen);

@@ -78,10 +78,20 @@ bool store_name_good(const char *name);
 
 #define SST_STORE_SEGMENTS 2 /* newest segments of the active recording that always stay */
 
-#define SST_STORE_ON_DEMAND "on demand" /* `why` of a recording that a client requested */
+#define SST_STORE_ON_DEMAND   "on demand" /* `why` of a recording that a client requested */
+#define SST_STORE_REDUCED_WHY "reduced"   /* of one of some sets */
 
 /** Snapshots, exports, recordings on demand: retention keeps them longer than what is recorded automatically. */
 bool store_is_manual(const struct store_entry *entry);
+
+/** What is kept and removed apart from the others. */
+enum store_class {
+    SST_STORE_FULL = 0,    /* recorded automatically, every set */
+    SST_STORE_REDUCED = 1, /* recorded automatically, some sets */
+    SST_STORE_MANUAL = 2,  /* made on request */
+    SST_STORE_CLASSES = 3,
+};
+enum store_class store_class_of(const struct store_entry *entry);
 
 /** "", "snapshot-", "export-": prefix of names of the kind. */
 const char *store_prefix(enum store_kind kind);
@@ -119,8 +129,9 @@ SST_MUST_CHECK int store_repair(const char *dir, struct store_entry *entry);
 
 struct store_limits {
     int64_t quota_bytes, min_free_bytes;   /* 0: none */
-    int64_t max_age_ns, manual_max_age_ns; /* of automatic recordings, and of what was made by hand; 0: none */
+    int64_t max_age_ns[SST_STORE_CLASSES]; /* 0: none */
     int64_t manual_bytes;                  /* up to this what was made by hand is kept longer; 0: half of the room */
+    int64_t reduced_bytes;                 /* likewise reduced recordings; 0: a third */
     int64_t margin_bytes;                  /* kept free within quota and free space, for what is written meanwhile */
 };
 
@@ -141,18 +152,19 @@ enum store_verdict {
 /** The total room: the smaller of what quota and free space allow. */
 int64_t store_room_bytes(const struct store_limits *limits, const struct store_room *room);
 
-/** Up to this many bytes, what was made by hand is removed last. */
+/** Up to this many bytes, what was made by hand is removed last, and reduced recordings after full ones. */
 int64_t store_manual_bytes(const struct store_limits *limits, const struct store_room *room);
+int64_t store_reduced_bytes(const struct store_limits *limits, const struct store_room *room);
 
 /** Most bytes of another video for downloads, with made_bytes of them already: what the limits leave, or what all of
  *  them together may take of the room, a tenth; never the margin of the disk. */
 int64_t store_download_bytes(const struct store_limits *limits, const struct store_room *room, int64_t made_bytes);
 
 /**
- * Choose what is removed next. Beyond a limit that is the oldest automatic recording; the oldest entry made by hand, if
- * those take more than their part or nothing else is left. Entries that are being downloaded come after others, and the
+ * Choose what is removed next. Beyond a limit that is the oldest full automatic recording; the oldest reduced one, or
+ * the oldest entry made by hand, if those take more than their part or nothing else is left. Entries that are being downloaded come after others, and the
  * active recording last: it loses its oldest segment.
- * The newest of either kind is never removed for its age. An entry with an impossible time (before 2026, in the future,
+ * The newest of each class is never removed for its age. An entry with an impossible time (before 2026, in the future,
  * or an hour before the beginning of one that is older by its order) is as old as the next one.
  * @param victim  out, index of it with TOO_OLD and TOO_MUCH
  */
@@ -285,6 +297,8 @@ struct store_array {
 struct store_settings {
     enum sst_record_mode mode;
     bool view; /* the see-through view is recorded, too */
+    enum sst_reduced_mode reduced;
+    int reduced_every;
     struct store_limits limits;
     double segment_s, sync_s;
     int64_t preroll_ns, postroll_ns;
@@ -359,6 +373,7 @@ struct sst_storage {
     struct store_want event, demand;
     bool wanted;            /* sets are to be recorded now */
     int64_t seen_ns;        /* clock, at the last sst_storage_seen(); 0: never */
+    int64_t moved_ns;       /* time of the last set in which something changed; 0: none */
     uint64_t asked, answer; /* requests to record; the last one answered, ... */
     int answer_err;         /* ... with this */
 

@@ -3,6 +3,7 @@
 import { clock } from "/web/api.js";
 import { facts } from "/web/cameras.js";
 import { Chart, drawBar } from "/web/charts.js";
+import { fits } from "/web/recordings.js";
 import { $, bytes, duration, el, finite, localTime, number, setText } from "/web/ui.js";
 
 const SPAN_S = 300;
@@ -158,6 +159,7 @@ export class Health {
       ["Free on disk", bytes(storage.free_bytes)],
       ["Recordings", `${number(storage.recordings)}${storage.oldest ? `, since ${localTime(storage.oldest)}` : ""}`],
       ["Records", `${modes[recording.mode] ?? recording.mode ?? "–"}${recording.active ? `, now: ${recording.why}` : ""}`],
+      ["Room for", fits(storage) || "–"],
       ["In memory", ring.sets > 0 ? `the last ${number(ring.seconds, 1)} s (${bytes(ring.bytes)})` : "nothing"],
       ["Folder", storage.dir ?? "–"]]);
   }

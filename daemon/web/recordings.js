@@ -10,6 +10,13 @@ function save(href, name) {
   link.remove();
 }
 
+/** "12 days of full recordings, 63 days of reduced ones": for which there is room at the present rate. */
+export function fits({ full, reduced } = {}) {
+  const words = (kind, what) => (Number.isFinite(kind?.fits_days)
+    ? [`${kind.fits_days < 2 ? `${number(24 * kind.fits_days)} hours` : `${number(kind.fits_days)} days`} of ${what}`] : []);
+  return [...words(full, reduced?.recordings ? "full recordings" : "recordings"), ...words(reduced, full?.recordings ? "reduced ones" : "reduced recordings")].join(", ");
+}
+
 const LATE_S = 2; // of a video's beginning after its recording's
 
 const download = (name) => `/api/v1/download/${encodeURIComponent(name)}`;
@@ -73,10 +80,12 @@ export class Recordings {
   update(status) {
     this.recording = status.storage?.recording ?? null;
     const active = this.recording?.active === true;
-    $("rec-badge").hidden = !active;
+    $("rec-badge").hidden = !active || this.recording.reduced; // which goes on all the time
     $("rec-badge").title = active ? `${this.recording.name}: ${this.recording.why}` : "";
     $("record").setAttribute("aria-pressed", String(this.onDemand()));
     this.showElapsed();
+    const room = fits(status.storage);
+    setText($("recordings-fit"), room && `At the present rate there is room for ${room}.`);
   }
 
   showElapsed() {

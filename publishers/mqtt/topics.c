@@ -61,6 +61,8 @@ static json_t *short_status(const json_t *status)
 
         err = v ? json_object_set(o, taken[i][0], v) : 0;
     }
+    if (!err && json_is_true(member(status, "storage.recording.reduced"))) /* which goes on all the time */
+        err = json_object_set_new(o, "recording", json_false());
     for (int i = 0; !err && i < 2; i++) {
         const json_t *v = member(status, i ? "storage.used_bytes" : "storage.free_bytes");
 

@@ -171,6 +171,8 @@ class Service:
             "storage": {
                 "state": "OK", "reason": "", "dir": "/var/lib/sst", "free_bytes": 412 * 10**9, "used_bytes": 188 * 10**9,
                 "quota_bytes": 400 * 10**9, "oldest": stamp(now() - datetime.timedelta(days=6, hours=3)), "recordings": 4,
+                "full": {"recordings": 4, "bytes": 150 * 10**9, "oldest": stamp(now() - datetime.timedelta(days=6)), "bytes_per_day": 24e9, "fits_days": 12.4},
+                "reduced": {"recordings": 9, "bytes": 30 * 10**9, "oldest": stamp(now() - datetime.timedelta(days=30)), "bytes_per_day": 1e9, "fits_days": 63.2},
                 "removed": 2, "recording": recording, "ring": {"bytes": 260 * 10**6, "sets": 100, "seconds": 10.0}},
             "clients": {"http": 3, "streams": 2, "listeners": 1, "rtsp": 1, "requests": len(self.log), "refused": 0},
             "process": {"rss_bytes": 640 * 10**6, "cpu_percent": 118.0, "descriptors": 141}}

@@ -827,6 +827,17 @@ def test_storage(b, fake):
     fake.set(status={"storage": {"state": "OK", "limit": "", "reason": "", "quota_bytes": 0}})
     b.wait(f"{free}.textContent === '412 GB'")
     fake.set(status={"storage": {"quota_bytes": 400 * 10**9}})
+    b.wait("document.getElementById('recordings-fit').textContent === "
+           "'At the present rate there is room for 12 days of full recordings, 63 days of reduced ones.'")
+    fake.set(status={"storage": {"reduced": {"recordings": 0, "fits_days": None}, "full": {"fits_days": 1.5}}})
+    b.wait("document.getElementById('recordings-fit').textContent === 'At the present rate there is room for 36 hours of recordings.'")
+    badge = "document.getElementById('rec-badge').hidden"
+    recording = {"active": True, "name": "x", "why": "reduced", "since": "2026-11-21T18:00:00.000Z"}
+    fake.set(status={"storage": {"recording": {**recording, "reduced": False}}})
+    b.wait(f"!{badge}")
+    fake.set(status={"storage": {"recording": {**recording, "reduced": True}}})  # goes on all the time
+    b.wait(badge)
+    fake.set(status={"storage": {"recording": {"active": False, "name": "", "why": "", "since": "", "reduced": False}}})
 
 
 def test_shared(b, fake):

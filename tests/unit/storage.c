@@ -173,7 +173,7 @@ static void the_oldest_goes_and_no_clock_takes_the_newest(void **state)
     assert_int_equal(store_judge(&c, &l, &room, &victim), SST_STORE_NO_ROOM);
 
     /* Ages: all look old after a step, the one made last stays; while the clock is in doubt none goes. */
-    l = (struct store_limits){ .max_age_ns = 150 };
+    l = (struct store_limits){ .max_age_ns = { 150 } };
     for (int i = 0; i < 3; i++)
         c.entry[i].stage = SST_STORE_DONE;
     assert_int_equal(store_judge(&c, &l, &room, &victim), SST_STORE_TOO_OLD);
@@ -334,6 +334,115 @@ static void an_event_is_recorded_with_what_surrounds_it(void **state)
     assert_int_equal(bench_events(&b, "record-start", "motion in door"), 2);
     assert_int_equal(bench_events(&b, "record-stop", NULL), 2);
     bench_fini(&b);
+}
+
+/* Sets that a recording holds. */
+static int indices(const char *path, uint64_t *index, int most)
+{
+    struct sst_recording *r;
+    struct sst_recording_set set;
+    int n;
+
+    assert_int_equal(sst_recording_open(&r, path), 0);
+    n = sst_recording_sets(r);
+    for (int i = 0; i < n && i < most; i++) {
+        assert_int_equal(sst_recording_set(r, i, &set), 0);
+        index[i] = set.index;
+    }
+    sst_recording_close(r);
+    return n;
+}
+
+static void put_and_see(struct bench *b, int64_t start_ns, int i, double changed)
+{
+    bench_put(b, start_ns + i * 100 * MS);
+    see(b, start_ns + i * 100 * MS, changed, 0);
+    usleep(2000);
+}
+
+/* Every tenth set, between events that have every set with their pre-roll. */
+static void reduced_recordings_fill_the_time_between(void **state)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    char path[SST_PATH_MAX];
+    uint64_t index[40], first = 0;
+    struct bench b;
+    json_t *status;
+    int n;
+
+    (void)state;
+    bench_init(&b, SST_RECORD_EVENT);
+    b.config->zones = 1;
+    strcpy(b.config->zone[0].name, "door");
+    b.config->storage.triggers = 1;
+    b.config->storage.trigger[0] = (struct sst_record_trigger){ .zone = 0, .share = 0.2 };
+    b.config->storage.preroll_s = 1;
+    b.config->storage.postroll_s = 1;
+    b.config->storage.reduced = SST_REDUCED_SETS;
+    b.config->storage.reduced_every = 10;
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    for (int i = 0; i < 150; i++)
+        put_and_see(&b, start_ns, i, i >= 60 && i < 70 ? 0.5 : 0.01);
+    bench_wait_event(&b, "record-start", "reduced", 2);
+    bench_wait(&b, "recording", "sets", 6);
+    status = sst_storage_status(b.storage);
+    assert_true(json_is_true(json_object_get(json_object_get(status, "recording"), "reduced")));
+    assert_int_equal(json_integer_value(json_object_get(json_object_get(status, "reduced"), "recordings")), 2);
+    assert_int_equal(json_integer_value(json_object_get(json_object_get(status, "full"), "recordings")), 1);
+    json_decref(status);
+    assert_int_equal(bench_recording(&b, 1, path), 3);
+    assert_int_equal(bench_check(&b, path, &first), 69 + 10 - 50 + 1); /* none is missing */
+    assert_int_equal(first, 50);
+    (void)bench_recording(&b, 0, path);
+    n = indices(path, index, 40);
+    assert_in_range(n, 6, 7); /* 0, 10 ... until the event is noticed */
+    for (int i = 0; i < n; i++)
+        assert_int_equal(index[i], 10 * i);
+    bench_fini(&b);
+}
+
+/* With `changed` a set is kept where something has changed since the last one; with `view` one a minute, whatever. */
+static void reduced_recordings_skip_what_stands_still(void **state)
+{
+    static const enum sst_reduced_mode modes[] = { SST_REDUCED_CHANGED, SST_REDUCED_VIEW };
+
+    (void)state;
+    for (size_t m = 0; m < ARRAY_LEN(modes); m++) {
+        const int64_t start_ns = sst_clock_now_ns();
+        char path[SST_PATH_MAX];
+        uint64_t index[40];
+        struct bench b;
+        int n;
+
+        bench_init(&b, SST_RECORD_OFF);
+        b.config->storage.reduced = modes[m];
+        b.config->storage.reduced_every = 10;
+        bench_open_storage(&b);
+        bench_wait_ready(&b);
+        for (int i = 0; i < 800; i++) { /* 80 s; something moves from the 20th to the 25th */
+            struct sst_seen seen = { .t_ns = start_ns + i * 100 * MS, .changed = { i >= 200 && i < 250 ? 0.1 : 0.001 } };
+
+            sst_storage_seen(b.storage, &seen);
+            bench_put(&b, seen.t_ns);
+            usleep(1000);
+        }
+        bench_wait(&b, "recording", "sets", 2);
+        sst_ring_shut(b.ring); /* what has come is handled, then it ends */
+        assert_true(sst_storage_finish(b.storage, 60000));
+        assert_int_equal(bench_recording(&b, (int)m, path), m + 1);
+        n = indices(path, index, 40);
+        assert_int_equal(index[0], 0);
+        if (modes[m] == SST_REDUCED_VIEW) {
+            assert_int_equal(n, 2);
+            assert_int_equal(index[1], 600);
+        } else {
+            assert_in_range(n, 5, 8); /* the first, five of those that moved, and a minute later another */
+            assert_in_range(index[1], 200, 220);
+            assert_true(index[n - 1] >= index[n - 2] + 600 || index[n - 1] <= 270);
+        }
+        bench_fini(&b);
+    }
 }
 
 /* Live pictures that end must not keep a recording going. */
@@ -593,6 +702,8 @@ int main(void)
         TEST(continuous_recording_holds_every_set),
         TEST(a_demand_begins_with_the_moments_before),
         TEST(an_event_is_recorded_with_what_surrounds_it),
+        TEST(reduced_recordings_fill_the_time_between),
+        TEST(reduced_recordings_skip_what_stands_still),
         TEST(an_event_ends_without_live_pictures),
         TEST(the_quota_holds_while_sets_come),
         TEST(a_quota_of_two_pieces_holds_nothing_up),

@@ -74,10 +74,40 @@ static void what_was_made_by_hand_outlives_the_rest(void **state)
     catalog_fini(&c);
 }
 
+/* Reduced recordings outlive full ones up to their part, and what was made by hand outlives both. */
+static void reduced_recordings_outlive_full_ones(void **state)
+{
+    struct catalog c = { 0 };
+    struct store_limits l = { .quota_bytes = 900, .margin_bytes = 50 };
+    struct store_room room = { .used_bytes = 860, .free_bytes = 1 << 30, .clock_steady = true };
+
+    (void)state;
+    add(&c, SST_STORE_RECORDING, 1, SST_STORE_REDUCED_WHY, 100);
+    add(&c, SST_STORE_RECORDING, 2, "continuous", 300);
+    add(&c, SST_STORE_RECORDING, 3, SST_STORE_ON_DEMAND, 200);
+    add(&c, SST_STORE_RECORDING, 4, SST_STORE_REDUCED_WHY, 190);
+    assert_int_equal(store_reduced_bytes(&l, &room), 300);
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 2);
+    c.entry[3].bytes = 201; /* more than a third of the room */
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1);
+    l.reduced_bytes = 500;
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 2);
+    catalog_remove(&c, c.entry[1].name);
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_MUCH), 1); /* no full one is left */
+    /* An age of their own. */
+    l = (struct store_limits){ .max_age_ns = { 1, 5 * DAY, 0 } };
+    room.wall_ns = T0 + 7 * DAY;
+    add(&c, SST_STORE_RECORDING, 6, "continuous", 300);
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), 1);
+    room.wall_ns = T0 + 6 * DAY;
+    assert_int_equal(goes(&c, &l, &room, SST_STORE_FITS), 0);
+    catalog_fini(&c);
+}
+
 static void each_has_an_age_of_its_own(void **state)
 {
     struct catalog c = { 0 };
-    struct store_limits l = { .max_age_ns = 2 * DAY };
+    struct store_limits l = { .max_age_ns = { 2 * DAY } };
     const struct store_room room = { .wall_ns = T0 + 10 * DAY, .clock_steady = true };
 
     (void)state;
@@ -86,10 +116,10 @@ static void each_has_an_age_of_its_own(void **state)
     add(&c, SST_STORE_RECORDING, 3, SST_STORE_ON_DEMAND, 1);
     add(&c, SST_STORE_RECORDING, 4, "continuous", 1);
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), 2);
-    l = (struct store_limits){ .manual_max_age_ns = 8 * DAY };
+    l = (struct store_limits){ .max_age_ns = { [SST_STORE_MANUAL] = 8 * DAY } };
     assert_int_equal(goes(&c, &l, &room, SST_STORE_TOO_OLD), 1);
     catalog_remove(&c, c.entry[0].name);
-    l.manual_max_age_ns = 1;
+    l.max_age_ns[SST_STORE_MANUAL] = 1;
     assert_int_equal(goes(&c, &l, &room, SST_STORE_FITS), 0); /* the newest by hand, however old */
     catalog_fini(&c);
 }
@@ -97,7 +127,7 @@ static void each_has_an_age_of_its_own(void **state)
 /* Recorded before the clock was set: it goes when what was made next is too old, and not before. */
 static void what_an_unset_clock_stamped_goes_with_what_came_next(void **state)
 {
-    const struct store_limits l = { .max_age_ns = 2 * DAY };
+    const struct store_limits l = { .max_age_ns = { 2 * DAY } };
     struct store_room room = { .clock_steady = true };
 
     (void)state;
@@ -232,6 +262,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(what_was_made_by_hand_outlives_the_rest),
+        TEST(reduced_recordings_outlive_full_ones),
         TEST(each_has_an_age_of_its_own),
         TEST(what_an_unset_clock_stamped_goes_with_what_came_next),
         TEST(videos_for_downloads_have_their_part_of_the_room),
