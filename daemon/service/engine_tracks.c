@@ -226,7 +226,7 @@ static void emit(struct live_engine *v, const struct visit *a, bool active)
     data = visit_json_locked(v, a, active);
     snprintf(what, sizeof(what), "%s", a->label ? label_of(v, a->label) : "Something");
     near_m = distance_m(v, active ? a->last.disp_px : a->nearest_px);
-    v->state.visits += active;
+    v->state.visits += active && !a->told;
     for (int i = 0; i < v->config.zones; i++)
         if (a->zones & 1u << i)
             sst_text_add(text, sizeof(text), "%s%s", *text ? ", " : " in ", v->config.zone[i].name);
@@ -238,7 +238,11 @@ static void emit(struct live_engine *v, const struct visit *a, bool active)
     if (!isnan(near_m))
         sst_text_add(text, sizeof(text), ", %s%.1f m away", active ? "" : "at least ", near_m);
     sst_visits_put(v->kept, data);
-    sst_events_emit(v->events, SST_EVENT_INFO, "visit", data, "%s %s%s", what, active ? "came" : "was there", text);
+    sst_events_emit(v->events, SST_EVENT_INFO, "visit", data, "%s %s%s", what,
+                    !active   ? "was there"
+                    : a->told ? "is"
+                              : "came",
+                    text);
 }
 
 static struct visit *find(struct live_engine *v, uint32_t id)
@@ -251,6 +255,7 @@ static struct visit *find(struct live_engine *v, uint32_t id)
 
 static void follow_visit(struct live_engine *v, struct visit *a, const struct sst_live_track *t, int64_t t_ns)
 {
+    unsigned before;
     bool masked;
 
     a->there = true;
@@ -259,9 +264,12 @@ static void follow_visit(struct live_engine *v, struct visit *a, const struct ss
         return;
     a->last = foot(v, t, t_ns);
     a->nearest_px = fmax(a->nearest_px, t->disp_px);
+    before = a->zones;
     a->zones |= zones_at(v, a->last, t->label, &masked);
     add_point(a, a->last);
     take_pictures(v, a, t);
+    if (a->told && a->zones & ~before)
+        emit(v, a, true);
 }
 
 void engine_tracks_follow(struct live_engine *v)
@@ -297,6 +305,7 @@ void engine_tracks_follow(struct live_engine *v)
                                  .from_wall_ns = v->set_wall_ns - (v->set_t_ns - track[i].first_ns) };
             follow_visit(v, a, &track[i], v->set_t_ns);
             emit(v, a, true);
+            a->told = true;
         }
     }
     for (int i = 0; i < v->visits; i++) {

@@ -395,6 +395,7 @@ struct visit {
     uint32_t id;
     bool there; /* in this set */
     int label;
+    bool told; /* that it has come */
     unsigned zones;
     int64_t from_ns, from_wall_ns;
     double nearest_px;

@@ -30,6 +30,7 @@ export class Notify {
   constructor(wanted, onOpen) {
     this.wanted = wanted;
     this.onOpen = onOpen;
+    this.told = new Set(); // visits
     this.source = null; // of events: a page behind others is not polled
     onUse($("notify"), () => this.toggle());
     $("notify-sound").checked = storage("sst-notify-sound") === "1";
@@ -71,7 +72,8 @@ export class Notify {
   }
 
   take({ type, message, data }) {
-    if (type !== "visit" || !data.active || !this.wanted(data)) return;
+    if (type !== "visit" || !data.active || this.told.has(data.visit) || !this.wanted(data)) return;
+    this.told.add(data.visit); // it may enter another zone later
     if ($("notify-sound").checked) beep();
     const note = new Notification(data.zones.length ? `${data.label || "Something"} in ${data.zones.join(", ")}` : data.label || "Something moves",
       { body: message, tag: data.visit, icon: "/web/icon.svg" });

@@ -264,6 +264,8 @@ void mqtt_configure(struct mqtt *m, struct sst_config *next)
         close_connection(m);
     m->config = next;
     free(before);
+    memset(m->visit, 0, sizeof(m->visit)); /* the zones may be others */
+    m->wanteds = 0;
     m->wait_ns = WAIT_MIN_NS;
     m->next_try_ns = 0;
     if (m->up)

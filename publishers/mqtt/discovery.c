@@ -7,7 +7,7 @@
 
 #include "publishers/mqtt/mqtt_internal.h"
 
-#define ENTITIES_MAX (SST_CAMERAS_MAX + SST_ZONES_MAX + 32)
+#define ENTITIES_MAX (SST_CAMERAS_MAX + SST_ZONES_MAX * (6 + SST_ZONE_LABELS) + 48)
 
 struct announcement {
     const struct sst_config *config;
@@ -25,7 +25,10 @@ struct entity {
     const char *class_; /* of the device, or NULL */
     const char *unit, *icon, *category;
     bool measured;
+    bool attributes; /* the state is JSON, whose members are attributes */
 };
+
+#define LABEL_TEMPLATE "{{ value_json.label or 'Something' }}"
 
 static const struct entity entities[] = {
     { "sensor", "state", "State", "status", "{{ value_json.state }}", NULL, NULL, "mdi:state-machine", NULL, false },
@@ -47,6 +50,8 @@ static const struct entity entities[] = {
       true },
     { "switch", "record", "Record", "record", NULL, NULL, NULL, "mdi:record-rec", NULL, false },
     { "camera", "picture", "See-through view", "picture", NULL, NULL, NULL, NULL, NULL, false },
+    { "image", "visit_picture", "Last visit", "visit/picture", NULL, NULL, NULL, NULL, NULL, false },
+    { "sensor", "last_visit", "Last visit", "visit", LABEL_TEMPLATE, NULL, NULL, "mdi:walk", NULL, false, true },
 };
 
 static json_t *device(const struct announcement *a)
@@ -64,7 +69,8 @@ static json_t *device(const struct announcement *a)
 static void add(struct announcement *a, const struct entity *e)
 {
     const char *base = a->config->mqtt.topic;
-    const char *state_topic = strcmp(e->component, "camera") ? "state_topic" : "topic";
+    const bool camera = !strcmp(e->component, "camera"), image = !strcmp(e->component, "image");
+    const char *state_topic = camera ? "topic" : image ? "image_topic" : "state_topic";
     char topic[MQTT_TOPIC_MAX];
     struct mqtt_message *m = &a->list[a->n];
     json_t *o;
@@ -77,6 +83,10 @@ static void add(struct announcement *a, const struct entity *e)
                   e->icon, "entity_category", e->category, "state_class", e->measured ? "measurement" : NULL);
     if (!o)
         return;
+    if (e->attributes)
+        json_object_set_new(o, "json_attributes_topic", json_sprintf("%s/%s", base, e->topic));
+    if (image)
+        json_object_set_new(o, "content_type", json_string("image/jpeg"));
     if (!strcmp(e->component, "switch"))
         json_object_set_new(o, "command_topic", json_sprintf("%s/record/set", base));
     if (!strcmp(e->id, "problem"))
@@ -111,15 +121,69 @@ static void add_cameras(struct announcement *a, const json_t *cameras)
     }
 }
 
+/* "When a visit begins at the gate", for automations. @param zone  "": anywhere */
+static void add_trigger(struct announcement *a, const char *zone, bool came)
+{
+    struct mqtt_message *m = &a->list[a->n];
+    char topic[MQTT_TOPIC_MAX];
+    json_t *o;
+
+    if (a->n == ENTITIES_MAX)
+        return;
+    o = json_pack("{s:s, s:s, s:s, s:s, s:o}", "automation_type", "trigger", "type", came ? "visit_began" : "visit_ended",
+                  "subtype", *zone ? zone : "anywhere", "payload", came ? "came" : "gone", "device", device(a));
+    json_object_set_new(o, "topic", *zone ? json_sprintf("%s/zone/%s/trigger", a->config->mqtt.topic, zone)
+                                          : json_sprintf("%s/visit/trigger", a->config->mqtt.topic));
+    snprintf(topic, sizeof(topic), "%s/device_automation/%s/%s_%s/config", a->config->mqtt.discovery, a->node,
+             came ? "began" : "ended", *zone ? zone : "anywhere_"); /* no zone's name: one may be `anywhere` */
+    m->topic = strdup(topic);
+    m->payload = json_dumps(o, JSON_COMPACT);
+    a->failed = a->failed || !m->topic || !m->payload;
+    a->n++;
+    json_decref(o);
+}
+
+/* One entity of a zone. @param topic  with the zone's name for %s */
+static void add_of_zone(struct announcement *a, const char *zone, const char *id, const char *words, const char *topic,
+                        struct entity e)
+{
+    char name[96], shown[96], path[96];
+
+    snprintf(name, sizeof(name), "%s_%.31s", id, zone);
+    snprintf(shown, sizeof(shown), "%s %.31s", words, zone);
+    snprintf(path, sizeof(path), "zone/%.31s/%s", zone, topic);
+    e.id = name;
+    e.name = shown;
+    e.topic = path;
+    add(a, &e);
+}
+
 static void add_zones(struct announcement *a)
 {
     for (int i = 0; i < a->config->zones; i++) {
-        char id[48], shown[64], topic[64];
+        const struct sst_zone *z = &a->config->zone[i];
+        const char *labels[SST_ZONE_LABELS];
+        const int n = mqtt_zone_labels(z, labels);
 
-        snprintf(id, sizeof(id), "zone_%.31s", a->config->zone[i].name);
-        snprintf(shown, sizeof(shown), "Motion %.31s", a->config->zone[i].name);
-        snprintf(topic, sizeof(topic), "zone/%.31s/motion", a->config->zone[i].name);
-        add(a, &(struct entity){ "binary_sensor", id, shown, topic, NULL, "motion", NULL, NULL, NULL, false });
+        if (z->mask)
+            continue;
+        add_of_zone(a, z->name, "zone", "Motion", "motion", (struct entity){ .component = "binary_sensor", .class_ = "motion" });
+        add_of_zone(a, z->name, "visited", "Visit", "visited",
+                    (struct entity){ .component = "binary_sensor", .class_ = "occupancy" });
+        add_of_zone(a, z->name, "visit", "Last visit", "visit",
+                    (struct entity){ .component = "sensor", .value = LABEL_TEMPLATE, .icon = "mdi:walk", .attributes = true });
+        if (a->config->mqtt.picture_s > 0)
+            add_of_zone(a, z->name, "picture", "Last visit", "picture", (struct entity){ .component = "image" });
+        for (int k = 0; k < n; k++) {
+            char id[48], topic[48];
+
+            snprintf(id, sizeof(id), "label_%.31s", labels[k]);
+            snprintf(topic, sizeof(topic), "label/%.31s", labels[k]);
+            add_of_zone(a, z->name, id, labels[k], topic,
+                        (struct entity){ .component = "binary_sensor", .class_ = "occupancy" });
+        }
+        add_trigger(a, z->name, true);
+        add_trigger(a, z->name, false);
     }
 }
 
@@ -142,8 +206,11 @@ int mqtt_announcements(struct mqtt_message **out, const struct sst_config *confi
         return -ENOMEM;
     mqtt_node(a.node, config);
     for (size_t i = 0; i < ARRAY_LEN(entities); i++)
-        if (strcmp(entities[i].component, "camera") != 0 || config->mqtt.picture_s > 0)
+        if ((strcmp(entities[i].component, "camera") != 0 && strcmp(entities[i].component, "image") != 0) ||
+            config->mqtt.picture_s > 0)
             add(&a, &entities[i]);
+    add_trigger(&a, "", true);
+    add_trigger(&a, "", false);
     add_cameras(&a, cameras);
     add_zones(&a);
     if (a.failed) {

@@ -113,14 +113,23 @@ static void *follow(void *arg)
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
-static void get_picture(struct mqtt *m, uint8_t **data, size_t *bytes)
+/* Of a visit what was seen through what stood in front, or, where that was not kept, what the camera saw. */
+static void get_picture(struct mqtt *m, const char *visit, uint8_t **data, size_t *bytes)
 {
-    char held[SST_LOG_MAX] = "";
+    static const char *const kinds[] = { "seen", "camera" };
+    char held[SST_LOG_MAX] = "", path[128] = "/snapshot";
     struct sst_client *client = NULL;
+    int err;
 
     sst_log_hold_errors(held);
-    if (sst_client_open(&client, &m->publisher.service) || sst_client_bytes(client, "/snapshot", data, bytes))
+    err = sst_client_open(&client, &m->publisher.service);
+    for (int i = 0; !err && i < (*visit ? 2 : 1); i++) {
+        if (*visit)
+            snprintf(path, sizeof(path), "/api/v1/visits/%.63s/%s", visit, kinds[i]);
+        if (!sst_client_bytes(client, path, data, bytes))
+            break;
         *data = NULL;
+    }
     sst_client_close(client);
     sst_log_hold_errors(NULL);
 }
@@ -129,6 +138,7 @@ static void get_picture(struct mqtt *m, uint8_t **data, size_t *bytes)
 static void *get_pictures(void *arg)
 {
     struct mqtt *m = arg;
+    char visit[64];
     uint8_t *data;
     size_t bytes;
 
@@ -137,10 +147,11 @@ static void *get_pictures(void *arg)
         pthread_mutex_lock(&m->lock);
         while (!m->picture_asked)
             pthread_cond_wait(&m->picture_wanted, &m->lock);
+        memcpy(visit, m->picture_of, sizeof(visit));
         pthread_mutex_unlock(&m->lock);
         data = NULL;
         bytes = 0;
-        get_picture(m, &data, &bytes);
+        get_picture(m, visit, &data, &bytes);
         pthread_mutex_lock(&m->lock);
         m->picture_asked = false;
         m->picture_ready = true;
@@ -151,18 +162,23 @@ static void *get_pictures(void *arg)
     return NULL;
 }
 
-bool mqtt_fetch_picture(struct mqtt *m, uint8_t **data, size_t *bytes)
+bool mqtt_fetch_picture(struct mqtt *m, const char *visit, uint8_t **data, size_t *bytes)
 {
     bool ready;
 
     pthread_mutex_lock(&m->lock);
-    ready = m->picture_ready;
+    ready = m->picture_ready && !strcmp(m->picture_of, visit);
+    if (m->picture_ready && !ready) { /* nobody wants it any more */
+        free(m->picture);
+        m->picture_ready = false;
+    }
     if (ready) {
         *data = m->picture;
         *bytes = m->picture_bytes;
         m->picture_ready = false;
     } else if (!m->picture_asked) {
         m->picture_asked = true;
+        snprintf(m->picture_of, sizeof(m->picture_of), "%s", visit);
         pthread_cond_signal(&m->picture_wanted);
     }
     pthread_mutex_unlock(&m->lock);

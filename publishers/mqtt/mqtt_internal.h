@@ -12,6 +12,10 @@
  *   camera/rRcC/state         as GET /api/v1/cameras has it; retained
  *   event/TYPE                events as they come, also those of a time without connection that are still kept
  *   zone/NAME/motion          ON, OFF; retained
+ *   visit, zone/NAME/visit    data of the last visit event; retained
+ *   visit/picture, zone/NAME/picture   JPEG of it; retained
+ *   visit/trigger, zone/NAME/trigger   came, gone
+ *   zone/NAME/visited, zone/NAME/label/LABEL   ON, OFF; retained
  *   picture                   JPEG of the main view; retained
  *   record, record/set        ON, OFF
  *   focus, focus/set          px, or auto */
@@ -20,7 +24,30 @@
 #define MQTT_IN_FLIGHT_MAX 32   /* messages that the broker has not acknowledged; no more are sent */
 #define MQTT_EVENTS_MAX    1000 /* that wait for the broker; the oldest are dropped */
 
+#define MQTT_VISITS_MAX    32   /* at a time; the service has no more tracks */
+#define MQTT_LATER_MAX     512  /* messages of visits that wait */
+#define MQTT_WANTED_MAX    8    /* visits whose pictures wait */
+#define MQTT_VISIT_LETTERS "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
+
 struct mosquitto;
+
+/** Somebody who is there. */
+struct mqtt_visit {
+    char name[64], label[32]; /* name "": none */
+    uint32_t zones;           /* that it has been in, by their index */
+};
+
+/** A message below mqtt.topic that waits. */
+struct mqtt_later {
+    char *topic, *payload;
+    bool retain;
+};
+
+/** A picture that is to be fetched. */
+struct mqtt_wanted {
+    char visit[64];
+    uint32_t zones;
+};
 
 /** A message of the announcement. */
 struct mqtt_message {
@@ -40,6 +67,7 @@ struct mqtt {
     int first_event, events;
     pthread_cond_t picture_wanted; /* for the thread that gets pictures */
     bool picture_asked, picture_ready;
+    char picture_of[64]; /* visit; "": the main view */
     uint8_t *picture; /* with picture_ready; NULL: there is none */
     size_t picture_bytes;
     /* main thread */
@@ -56,6 +84,11 @@ struct mqtt {
     int announcements, announced;
     int cameras; /* that are announced */
     bool asked;  /* for retained announcements that are stale */
+    struct mqtt_visit visit[MQTT_VISITS_MAX];
+    struct mqtt_later later[MQTT_LATER_MAX]; /* a ring */
+    int first_later, laters;
+    struct mqtt_wanted wanted[MQTT_WANTED_MAX];
+    int wanteds;
 };
 
 /* --- main.c: the service ------------------------------------------------------------------------------------------ */
@@ -64,8 +97,8 @@ struct mqtt {
 char *mqtt_next_event(struct mqtt *m);
 /** Put it back: the broker did not accept it. */
 void mqtt_return_event(struct mqtt *m, char *line);
-/** Ask for a picture, or fetch it. @return true: *data is one, to free with free(), or NULL: the service has none */
-bool mqtt_fetch_picture(struct mqtt *m, uint8_t **data, size_t *bytes);
+/** Ask for a picture, or fetch it. @param visit  "": of the main view @return true: *data is one, to free with free(), or NULL: the service has none */
+bool mqtt_fetch_picture(struct mqtt *m, const char *visit, uint8_t **data, size_t *bytes);
 
 /* --- connection.c: the broker ------------------------------------------------------------------------------------- */
 
@@ -96,6 +129,24 @@ void mqtt_withdraw(struct mqtt *m);
 /** A retained announcement at the broker: a stale one of this array is removed. */
 void mqtt_on_announced(struct mqtt *m, const char *topic);
 void mqtt_on_command(struct mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained);
+
+/* --- visits.c ----------------------------------------------------------------------------------------------------- */
+
+/** Labels of visits that have sensors in zones that name none. */
+extern const char *const mqtt_labels[];
+extern const int mqtt_labels_count;
+/** Labels that have a sensor in a zone. @param out  [SST_ZONE_LABELS] @return their number */
+int mqtt_zone_labels(const struct sst_zone *zone, const char **out);
+/** Publish who is in the zones: after connecting, and with other zones. */
+void mqtt_visits_begin(struct mqtt *m);
+/** The service begins anew: nobody is known to be there. */
+void mqtt_visits_forget(struct mqtt *m);
+/** An event's data. */
+void mqtt_on_visit(struct mqtt *m, const json_t *data);
+/** Send messages that wait. @return true: none waits any more */
+bool mqtt_visits_step(struct mqtt *m);
+/** Fetch and send a picture of a visit. @return false: none is wanted */
+bool mqtt_visits_picture(struct mqtt *m);
 
 /* --- discovery.c -------------------------------------------------------------------------------------------------- */
 

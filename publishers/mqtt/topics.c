@@ -195,6 +195,10 @@ static bool publish_event(struct mqtt *m, const char *text)
         done = mqtt_publish(m, topic, text, strlen(text), 1, false);
         if (done && !strcmp(type, "motion"))
             publish_motion(m, json_object_get(o, "data"));
+        if (done && !strcmp(type, "visit"))
+            mqtt_on_visit(m, json_object_get(o, "data"));
+        if (done && !strcmp(type, "start"))
+            mqtt_visits_forget(m);
         m->state_changed = m->state_changed || changes_state(type);
     }
     json_decref(o);
@@ -205,8 +209,8 @@ static void publish_events(struct mqtt *m)
 {
     char *line;
 
-    /* A motion event makes two messages. */
-    while (m->in_flight < MQTT_IN_FLIGHT_MAX - 1 && (line = mqtt_next_event(m))) {
+    /* A motion event makes two messages; those of a visit wait in a list. */
+    while (mqtt_visits_step(m) && m->in_flight < MQTT_IN_FLIGHT_MAX - 1 && (line = mqtt_next_event(m))) {
         if (!publish_event(m, line)) {
             mqtt_return_event(m, line);
             break;
@@ -223,7 +227,7 @@ static void publish_picture(struct mqtt *m, int64_t now_ns)
     size_t bytes;
 
     if (m->config->mqtt.picture_s <= 0 || now_ns < m->picture_ns || m->in_flight ||
-        !mqtt_fetch_picture(m, &data, &bytes))
+        !mqtt_fetch_picture(m, "", &data, &bytes))
         return;
     m->picture_ns = now_ns + PICTURE_QUIET_NS;
     if (data && mqtt_publish(m, "picture", data, bytes, 0, true))
@@ -283,7 +287,7 @@ void mqtt_withdraw(struct mqtt *m)
 }
 
 /* The id of an entity in "PREFIX/COMPONENT/NODE/ID/config" of ours. @return false: another's topic */
-static bool read_id(const struct mqtt *m, const char *topic, char id[64])
+static bool read_id(const struct mqtt *m, const char *topic, char id[96])
 {
     const size_t n = strlen(m->config->mqtt.discovery);
     char node[128];
@@ -297,13 +301,18 @@ static bool read_id(const struct mqtt *m, const char *topic, char id[64])
     topic += *topic == '/';
     if (strncmp(topic, node, strlen(node)) != 0 || topic[strlen(node)] != '/')
         return false;
-    return sscanf(topic + strlen(node) + 1, "%63[^/]/config%n", id, &end) == 1 && end &&
+    return sscanf(topic + strlen(node) + 1, "%95[^/]/config%n", id, &end) == 1 && end &&
            !topic[strlen(node) + 1 + (size_t)end];
 }
 
 void mqtt_on_announced(struct mqtt *m, const char *topic)
 {
-    char id[64], state[96];
+    /* Retained states of zones that are gone. */
+    static const char *const states[][2] = { { "zone_", "zone/%s/motion" },
+                                             { "visited_", "zone/%s/visited" },
+                                             { "visit_", "zone/%s/visit" },
+                                             { "picture_", "zone/%s/picture" } };
+    char id[96], state[128];
 
     if (!m->config->mqtt.discovery[0] || !read_id(m, topic, id))
         return;
@@ -314,8 +323,12 @@ void mqtt_on_announced(struct mqtt *m, const char *topic)
         return; /* which cameras there are is not known yet */
     if (!mqtt_publish_at(m, topic, "", 0, 1, true))
         m->asked = false; /* once more, later */
-    if (!strncmp(id, "zone_", 5)) {
-        snprintf(state, sizeof(state), "zone/%s/motion", id + 5);
+    for (size_t i = 0; i < ARRAY_LEN(states); i++) {
+        const size_t n = strlen(states[i][0]);
+
+        if (strncmp(id, states[i][0], n) != 0)
+            continue;
+        snprintf(state, sizeof(state), states[i][1], id + n);
         (void)mqtt_publish(m, state, "", 0, 1, true);
     }
 }
@@ -325,6 +338,7 @@ void mqtt_topics_begin(struct mqtt *m)
     mqtt_topics_reset(m);
     add_announcements(m);
     (void)publish_text(m, "available", "online");
+    mqtt_visits_begin(m);
     m->status_ns = m->picture_ns = 0;
 }
 
@@ -343,7 +357,8 @@ void mqtt_topics_step(struct mqtt *m)
         publish_status(m);
         publish_cameras(m);
     }
-    publish_picture(m, now_ns);
+    if (!mqtt_visits_picture(m))
+        publish_picture(m, now_ns);
 }
 
 void mqtt_topics_reset(struct mqtt *m)

@@ -116,7 +116,19 @@ static int get_outlet(void *arg, enum sst_api_picture kind, const char *name, st
     return 0;
 }
 
+static int visit_picture(void *arg, const char *visit, enum sst_visit_picture kind, uint8_t **data, size_t *size)
+{
+    char *text = malloc(100);
+
+    (void)arg;
+    snprintf(text, 100, "PICTURE of %s %d", visit, kind != SST_VISIT_SEEN);
+    *data = (uint8_t *)text;
+    *size = strlen(text);
+    return 0;
+}
+
 static struct sst_api api = { .status = status,
+                              .visit_picture = visit_picture,
                               .cameras = cameras,
                               .record = record,
                               .views = views,
@@ -462,6 +474,74 @@ static void expect_count(const char *words, int n)
         fail_msg("heard %d times, not %d: %s", heard(words, NULL), n, words);
 }
 
+static void visit(const char *name, bool active, const char *label, const char *zones)
+{
+    sst_events_emit(api.events, SST_EVENT_INFO, "visit",
+                    json_pack("{s:s, s:s, s:b, s:s, s:o}", "visit", name, "page", "http://h:8090/#visit=x", "active", active,
+                              "label", label, "zones", json_loads(zones, 0, NULL)),
+                    "somebody is there");
+}
+
+/* Who is in a zone, of which label; the last visit with its picture and address; triggers. */
+static void visits_reach_home_assistant(void **state)
+{
+    static const char *const ids[] = { "binary_sensor/sst/visited_gate",       "sensor/sst/visit_gate",
+                                       "binary_sensor/sst/label_Pedestrian_gate", "sensor/sst/last_visit",
+                                       "image/sst/picture_gate",               "image/sst/visit_picture",
+                                       "device_automation/sst/began_gate",     "device_automation/sst/ended_anywhere_" };
+    char line[2048], words[128];
+    json_t *o;
+
+    (void)state;
+    start_broker("allow_anonymous true");
+    cfg.mqtt.picture_s = 1;
+    subscribe();
+    open_mqtt();
+    for (size_t i = 0; i < ARRAY_LEN(ids); i++) {
+        snprintf(words, sizeof(words), "homeassistant/%s/config {", ids[i]);
+        expect_heard(words, line);
+        o = json_loads(strchr(line, '{'), 0, NULL);
+        assert_non_null(json_object_get(o, "device"));
+        if (!strncmp(ids[i], "image/", 6))
+            assert_string_equal(json_string_value(json_object_get(o, "content_type")), "image/jpeg");
+        if (!strcmp(ids[i], "device_automation/sst/began_gate")) {
+            assert_string_equal(json_string_value(json_object_get(o, "topic")), "sst/zone/gate/trigger");
+            assert_string_equal(json_string_value(json_object_get(o, "payload")), "came");
+            assert_string_equal(json_string_value(json_object_get(o, "subtype")), "gate");
+        }
+        json_decref(o);
+    }
+    expect_heard("sst/zone/gate/visited OFF", NULL);
+    visit("a-1", true, "Pedestrian", "[]");
+    expect_heard("sst/visit/trigger came", NULL);
+    expect_heard("sst/visit {\"visit\":\"a-1\",\"page\":\"http://h:8090/#visit=x\"", NULL);
+    visit("a-1", true, "Pedestrian", "[\"gate\", \"unknown\"]"); /* it enters the zone */
+    expect_heard("sst/zone/gate/visited ON", NULL);
+    expect_heard("sst/zone/gate/label/Pedestrian ON", NULL);
+    expect_heard("sst/zone/gate/visit {", NULL);
+    expect_heard("sst/zone/gate/picture PICTURE of a-1 0", NULL); /* what was seen through */
+    expect_heard("sst/visit/picture PICTURE of a-1 0", NULL);
+    visit("b-2", true, "Car", "[\"gate\"]");
+    expect_heard("sst/zone/gate/label/Car ON", NULL);
+    visit("a-1", false, "Pedestrian", "[\"gate\"]");
+    expect_heard("sst/visit/trigger gone", NULL);
+    expect_count("sst/zone/gate/label/Pedestrian OFF", 2); /* at first, and when it has gone */
+    assert_int_equal(heard("sst/zone/gate/visited OFF", NULL), 1); /* the car is there */
+    visit("b-2", false, "Car", "[\"gate\"]");
+    expect_count("sst/zone/gate/visited OFF", 2);
+    assert_int_equal(heard("sst/zone/gate/trigger came", NULL), 2);
+    assert_int_equal(heard("sst/zone/gate/trigger gone", NULL), 2);
+    assert_int_equal(heard("sst/visit/trigger came", NULL), 2);
+    visit("c-3", true, "Car", "[\"gate\"]"); /* and then the service is started anew */
+    expect_count("sst/zone/gate/visited ON", 4);
+    sst_events_emit(api.events, SST_EVENT_INFO, "start", NULL, "anew");
+    expect_count("sst/zone/gate/visited OFF", 3);
+    visit("../etc", true, "Car", "[\"gate\"]"); /* no name of a visit */
+    visit("d-4", true, "Car", "[]");
+    expect_heard("sst/visit {\"visit\":\"d-4\"", NULL);
+    assert_int_equal(heard("sst/visit {\"visit\":\"../etc\"", NULL), 0);
+}
+
 static void configure(void)
 {
     write_config();
@@ -787,6 +867,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         MQTT_TEST(state_and_events_are_published),
         MQTT_TEST(home_assistant_finds_the_array),
+        MQTT_TEST(visits_reach_home_assistant),
         MQTT_TEST(zones_come_and_go),
         MQTT_TEST(connection_follows_the_configuration),
         MQTT_TEST(commands_reach_the_service),
