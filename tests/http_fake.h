@@ -349,7 +349,8 @@ static int make_service(void **state)
 
 static int end_service(void **state)
 {
-    static const char *const names[] = { "token", "token.view", "control.sock", "cert.pem", "key.pem" };
+    static const char *const names[] = { "token",        "token.view", "token.sessions",
+                                         "control.sock", "cert.pem",   "key.pem" };
 
     (void)state;
     sst_http_close(server);

@@ -128,12 +128,14 @@ int http_auth_init(struct http_auth *a, const struct sst_http_config *cfg)
         err = err ? err : load_token(view, a->view);
     }
     sst_brake_init(&a->brake);
+    http_sessions_init(&a->sessions, cfg->address ? cfg->token_file : NULL, a->control, a->view);
     return err;
 }
 
 void http_auth_fini(struct http_auth *a)
 {
     sst_brake_fini(&a->brake);
+    http_sessions_fini(&a->sessions);
     memset(a->control, 0, sizeof(a->control));
     memset(a->view, 0, sizeof(a->view));
 }

@@ -107,13 +107,15 @@ static const char *basic_password(struct http_request *q, char *space)
     return space;
 }
 
-/* The token of a request, and the highest role that this way of sending it allows. */
-static const char *token_of(struct http_request *q, char *space, enum sst_role *most)
+/* The token of a request, and the highest role that this way of sending it allows. @param cookie  out: it is the secret
+ * of a session */
+static const char *token_of(struct http_request *q, char *space, enum sst_role *most, bool *cookie)
 {
     const char *text = http_header(q, "Authorization");
     const bool page = q->route && (!strcmp(q->route->path, "/") || !strncmp(q->route->path, "/web/", 5));
-    char cookie[HTTP_COOKIE];
+    char name[HTTP_COOKIE];
 
+    *cookie = false;
     *most = SST_ROLE_CONTROL;
     if (text && !strncasecmp(text, "Bearer ", 7))
         return text + 7 + strspn(text + 7, " ");
@@ -126,8 +128,9 @@ static const char *token_of(struct http_request *q, char *space, enum sst_role *
         *most = page ? SST_ROLE_CONTROL : SST_ROLE_VIEW;
         return text;
     }
-    http_cookie(q->http, cookie);
-    return MHD_lookup_connection_value(q->connection, MHD_COOKIE_KIND, cookie);
+    *cookie = true;
+    http_cookie(q->http, name);
+    return MHD_lookup_connection_value(q->connection, MHD_COOKIE_KIND, name);
 }
 
 static int refuse_stranger(struct http_request *q, bool gave_token)
@@ -149,7 +152,7 @@ static int refuse_stranger(struct http_request *q, bool gave_token)
         return http_reply(q, MHD_HTTP_SEE_OTHER, response);
     }
     return http_reply_error(q, status,
-                            gave_token ? "that is not the token; `sudo cat %s` on the machine of the service prints it"
+                            gave_token ? "that is not the token, or the session has ended; `sudo cat %s` on the machine of the service prints it"
                                        : "a token is needed: `Authorization: Bearer TOKEN`, with TOKEN from %s",
                             q->http->token_file);
 }
@@ -160,6 +163,7 @@ static int check_role(struct http_request *q)
     enum sst_role needed = q->route ? q->route->role : SST_ROLE_VIEW, most = SST_ROLE_CONTROL;
     char space[HTTP_TOKEN_MAX + 1];
     const char *token;
+    bool cookie;
 
     if (needed == SST_ROLE_ANYONE)
         return -1;
@@ -172,8 +176,10 @@ static int check_role(struct http_request *q)
                                                               "in again"
                                                             : "set control.group, or be root");
     }
-    token = token_of(q, space, &most);
-    q->role = token ? http_auth_token(&q->http->auth, token) : SST_ROLE_ANYONE;
+    token = token_of(q, space, &most, &cookie);
+    q->role = !token   ? SST_ROLE_ANYONE
+              : cookie ? http_session_check(&q->http->auth.sessions, token, q->session)
+                       : http_auth_token(&q->http->auth, token);
     if (q->role == SST_ROLE_ANYONE)
         return refuse_stranger(q, token != NULL);
     q->role = q->role < most ? q->role : most;

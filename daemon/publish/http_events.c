@@ -20,6 +20,7 @@ struct listener {
     struct sst_events *events;
     uint64_t after;
     int fd;
+    char session[HTTP_SESSION_NAME + 1]; /* "": none */
     bool sse;
     char *text; /* being sent */
     size_t size, at;
@@ -128,7 +129,8 @@ static bool next_text(struct listener *l)
     int n;
 
     for (;;) {
-        if (atomic_load(&l->http->stopping) || http_peer_gone(l->fd))
+        if (atomic_load(&l->http->stopping) || http_peer_gone(l->fd) ||
+            !http_session_lasts(&l->http->auth.sessions, l->session))
             return false;
         if (sst_events_next(l->events, l->after, &id, &json))
             break;
@@ -217,6 +219,7 @@ int http_do_listen(struct http_request *q)
     l->events = events;
     l->after = after;
     l->fd = q->fd;
+    memcpy(l->session, q->session, sizeof(l->session));
     l->sse = !accept || !strstr(accept, "application/x-ndjson");
     atomic_fetch_add(&q->http->count->listeners, 1);
     response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, listener_read, l, listener_free);

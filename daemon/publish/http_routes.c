@@ -1,5 +1,6 @@
 /* The table of routes, and what each of them does. Those about the live picture are also there below /replay, for the
  * recording that is played. */
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,6 +13,9 @@
     X("GET", "/healthz", ANYONE, "Health check: is the array being captured?", healthz)                                \
     X("GET", "/login", ANYONE, "A form for the token", http_do_login_form)                                             \
     X("POST", "/login", ANYONE, "Log in with a token; sets a cookie", http_do_login)                                   \
+    X("POST", "/api/v1/logout", VIEW, "End one's own session", http_do_logout)                                         \
+    X("GET", "/api/v1/sessions", VIEW, "Who has logged in; one's own session without control", sessions)               \
+    X("POST", "/api/v1/sessions/{id}", CONTROL, "End a session", session_change)                                       \
     X("GET", "/", VIEW, "The page", page)                                                                              \
     X("GET", "/web/{file}", VIEW, "A file of the page", web)                                                           \
     X("GET", "/api/v1/openapi.json", VIEW, "This API", openapi)                                                        \
@@ -218,6 +222,30 @@ static int reload(struct http_request *q)
         return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "reload: dry_run is true or false");
     err = api_of(q)->reload(api_of(q)->arg, json_is_true(dry), &out);
     return http_reply_answer(q, err, &out, "reload");
+}
+
+static int sessions(struct http_request *q)
+{
+    struct sst_api_answer out = { 0 };
+
+    out.body = json_pack("{s:o}", "sessions",
+                         http_sessions_json(&q->http->auth.sessions, q->session, q->role == SST_ROLE_CONTROL));
+    return http_reply_answer(q, out.body ? 0 : -ENOMEM, &out, "sessions");
+}
+
+static int session_change(struct http_request *q)
+{
+    static const char *const known[] = { "end", NULL };
+    struct sst_api_answer out = { 0 };
+
+    if (sst_api_members(q->body, known, out.error))
+        return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "session: %s", out.error);
+    if (!json_is_true(json_object_get(q->body, "end")))
+        return http_reply_error(q, MHD_HTTP_BAD_REQUEST, "session: give end: true");
+    if (!http_session_end(&q->http->auth.sessions, q->name))
+        return http_reply_error(q, MHD_HTTP_NOT_FOUND, "there is no session %.20s", q->name);
+    out.body = json_pack("{s:b}", "ended", 1);
+    return http_reply_answer(q, out.body ? 0 : -ENOMEM, &out, "session");
 }
 
 static int visit_change(struct http_request *q)

@@ -30,6 +30,7 @@ struct stream {
     struct sst_slot *slot;
     const struct sst_jpeg *jpeg; /* being sent */
     int fd;
+    char session[HTTP_SESSION_NAME + 1]; /* "": none */
     char head[256];
     size_t head_bytes, at; /* of head, picture, tail: bytes handed over */
     uint64_t number;       /* of the last picture; 0: none */
@@ -75,7 +76,8 @@ static bool next_picture(struct stream *s)
         pause_until(s, s->due_ns);
     }
     for (;;) {
-        if (atomic_load(&s->http->stopping) || sst_slot_is_shut(s->slot) || http_peer_gone(s->fd))
+        if (atomic_load(&s->http->stopping) || sst_slot_is_shut(s->slot) || http_peer_gone(s->fd) ||
+            !http_session_lasts(&s->http->auth.sessions, s->session))
             return false;
         now_ns = sst_clock_now_ns();
         if (!s->jpeg) /* else the one up to which those that were missed are counted */
@@ -186,6 +188,7 @@ int http_do_stream(struct http_request *q, enum sst_api_picture kind, const char
     s->http = q->http;
     s->slot = slot;
     s->fd = q->fd;
+    memcpy(s->session, q->session, sizeof(s->session));
     s->period_ns = limited && q->http->cfg.stream_hz > 0 ? (int64_t)(1e9 / q->http->cfg.stream_hz) : 0;
     sst_slot_join(slot);
     response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, stream_read, s, stream_free);

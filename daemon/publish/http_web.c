@@ -8,8 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define COOKIE_S 2592000 /* 30 days */
-
 static const char *type_of(const char *name)
 {
     static const struct {
@@ -50,17 +48,30 @@ static struct MHD_Response *empty(void)
     return MHD_create_response_from_buffer(0, (void *)"", MHD_RESPMEM_PERSISTENT);
 }
 
-/* The token goes from the address into a cookie, so that it stands in no history. */
-static int redirect_with_cookie(struct http_request *q, const char *token)
+static void set_cookie(struct http_request *q, struct MHD_Response *response, const char *secret, int64_t age_s)
 {
-    struct MHD_Response *response = empty();
     char name[HTTP_COOKIE];
 
+    http_cookie(q->http, name);
+    http_set(response, "Set-Cookie", "%s=%s; Path=/; Max-Age=%lld; HttpOnly; SameSite=Strict%s", name, secret,
+             (long long)age_s, q->http->tls ? "; Secure" : "");
+}
+
+/* A session, so that the token stands in no history and in no cookie. @param token  a right one */
+static int redirect_with_cookie(struct http_request *q, const char *token)
+{
+    struct http_auth *auth = &q->http->auth;
+    struct MHD_Response *response;
+    char secret[HTTP_SECRET + 1];
+
+    http_name_peer(q);
+    if (!http_session_begin(&auth->sessions, http_auth_token(auth, token), q->who, http_header(q, "User-Agent"), secret))
+        return http_reply_error(q, MHD_HTTP_INTERNAL_SERVER_ERROR, "this machine has no random numbers");
+    response = empty();
     if (!response)
         return MHD_NO;
-    http_cookie(q->http, name);
-    http_set(response, "Set-Cookie", "%s=%s; Path=/; Max-Age=%d; HttpOnly; SameSite=Strict%s", name, token, COOKIE_S,
-             q->http->tls ? "; Secure" : "");
+    set_cookie(q, response, secret, HTTP_SESSION_S);
+    explicit_bzero(secret, sizeof(secret));
     if (!q->name[0])
         http_set(response, "Location", "/");
     else
@@ -146,6 +157,21 @@ static int reply_login(struct http_request *q, int status, const char *sentence)
              "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'; "
              "frame-ancestors 'none'");
     return http_reply(q, status, response);
+}
+
+int http_do_logout(struct http_request *q)
+{
+    static const char done[] = "{\"ended\":true}";
+    struct MHD_Response *response;
+
+    if (!http_session_end(&q->http->auth.sessions, q->session))
+        return http_reply_error(q, MHD_HTTP_CONFLICT, "only a browser that has logged in can log out");
+    response = MHD_create_response_from_buffer(sizeof(done) - 1, (void *)done, MHD_RESPMEM_PERSISTENT);
+    if (!response)
+        return MHD_NO;
+    http_set(response, "Content-Type", "application/json");
+    set_cookie(q, response, "", 0);
+    return http_reply(q, MHD_HTTP_OK, response);
 }
 
 int http_do_login_form(struct http_request *q)

@@ -98,6 +98,44 @@ bool http_is_type(const char *content_type, const char *type);
 /** A whole decimal number. @param max  9 or more @return false: not one, or above max */
 bool http_number(const char *text, uint64_t max, uint64_t *out);
 
+/* --- sessions of browsers (http_sessions.c) ----------------------------------------------------------------------- */
+
+#define HTTP_SESSIONS_MAX 64 /* then the one that was not used for longest ends */
+#define HTTP_SESSION_S    INT64_C(2592000) /* 30 days after the login */
+#define HTTP_SECRET       64 /* hex digits of what a cookie holds: random, 256 bits */
+#define HTTP_SESSION_NAME 12 /* the first of them name it; too few to guess the rest */
+
+struct http_session {
+    char secret[HTTP_SECRET + 1]; /* "": none */
+    enum sst_role role;
+    uint64_t tag; /* of the token that it was opened with: another token ends it */
+    int64_t since_ns, seen_ns; /* wall */
+    char address[64], agent[160];
+};
+
+struct http_sessions {
+    char path[SST_PATH_MAX]; /* fixed after init; "": they end with the service */
+    uint64_t tag[2];         /* likewise; of the view token, of the control token */
+    pthread_mutex_t lock;
+    struct http_session session[HTTP_SESSIONS_MAX]; /* under lock */
+    bool failed;                                    /* likewise: they could not be written */
+};
+
+/** @param path  of the control token, beside which they are kept; NULL: nowhere */
+void http_sessions_init(struct http_sessions *s, const char *path, const char *control, const char *view);
+void http_sessions_fini(struct http_sessions *s);
+/** A token was right. @param secret  out, for the cookie @return false: no random bytes */
+SST_MUST_CHECK bool http_session_begin(struct http_sessions *s, enum sst_role role, const char *address,
+                                       const char *agent, char secret[HTTP_SECRET + 1]);
+/** What a cookie is worth, which is noted as its last use. @param name  out, "" with SST_ROLE_ANYONE */
+enum sst_role http_session_check(struct http_sessions *s, const char *secret, char name[HTTP_SESSION_NAME + 1]);
+/** Has it not ended meanwhile? @param name  "": none, which lasts */
+bool http_session_lasts(struct http_sessions *s, const char *name);
+/** @return false: there is none */
+bool http_session_end(struct http_sessions *s, const char *name);
+/** [{session, role, address, agent, since, seen, own}]. @param own  name of the one that asks; all: others', too */
+json_t *http_sessions_json(struct http_sessions *s, const char *own, bool all);
+
 /* --- authorization (http_auth.c) ---------------------------------------------------------------------------------- */
 
 struct http_auth {
@@ -106,6 +144,7 @@ struct http_auth {
     gid_t group, view_group;                                    /* (gid_t)-1: none */
     char group_name[64];
     struct sst_brake brake;
+    struct http_sessions sessions;
 };
 
 SST_MUST_CHECK int http_auth_init(struct http_auth *a, const struct sst_http_config *cfg);
@@ -201,7 +240,7 @@ struct sst_http {
 };
 
 #define HTTP_COOKIE 32
-/** Name of the cookie that holds the token. Cookies are shared by all ports of a host, so the port is in it. */
+/** Name of the cookie that holds the secret of a session. Cookies are shared by all ports of a host, so the port is in it. */
 void http_cookie(const struct sst_http *http, char out[HTTP_COOKIE]);
 
 /** One request, on its connection's thread. */
@@ -220,6 +259,7 @@ struct http_request {
     enum sst_role role;
     char name[HTTP_NAME_MAX + 1]; /* {a part} of the path */
     char who[96];                 /* the client, for messages */
+    char session[HTTP_SESSION_NAME + 1]; /* whose cookie it has; "": none */
     char allow[24];               /* answer 405: methods */
     int retry_s;                  /* answer 429: seconds until a retry */
     char *data;                   /* body, with a NUL after it */
@@ -280,6 +320,7 @@ int http_do_listen(struct http_request *q);
 int http_do_web(struct http_request *q, const char *file, bool redirect); /* http_web.c */
 int http_do_login_form(struct http_request *q);
 int http_do_login(struct http_request *q);
+int http_do_logout(struct http_request *q);
 
 /** Count a wrong token of this client. @return status to refuse the request with; 0: none */
 int http_wrong_token(struct http_request *q, int *retry_s);

@@ -12,6 +12,7 @@ import { Light } from "/web/light.js";
 import { Notify } from "/web/notify.js";
 import { Recordings } from "/web/recordings.js";
 import { Replay } from "/web/replay.js";
+import { Sessions } from "/web/sessions.js";
 import { Stage } from "/web/stage.js";
 import { Timeline } from "/web/timeline.js";
 import { $, complain, finite, forbid, sentence, session, toast, visible } from "/web/ui.js";
@@ -81,6 +82,7 @@ const adjust = new Adjust(app, () => {
 });
 const cameras = new Cameras((name) => app.stage.overlays.showCamera(name));
 new Light();
+new Sessions();
 const zones = new Zones(app);
 for (const [button, other] of [["zones", () => adjust.toggle(false)], ["adjust", () => zones.toggle(false)]])
   $(button).addEventListener("click", () => { if (!$("drawer").hidden && zones.open) other(); });

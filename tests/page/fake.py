@@ -124,6 +124,9 @@ class Service:
         self.hour = now().replace(minute=0, second=0, microsecond=0)
         self.deleted, self.played, self.plays, self.kept_visits = set(), None, 0, set()
         self.kept = []
+        self.sessions = [{"session": f"{n:012x}", "role": role, "address": address, "agent": agent, "since": stamp(), "seen": stamp(), "own": n == 1}
+                         for n, role, address, agent in ((1, "control", "127.0.0.1", "Mozilla/5.0 (X11; Linux x86_64) Chrome/140.0"),
+                                                         (2, "view", "192.168.1.7", "Mozilla/5.0 (iPhone; CPU iPhone OS 18) Safari/605"))]
         self.zones = [{"name": "gate", "points": [[0.1, 0.4], [0.4, 0.4], [0.4, 0.9], [0.1, 0.9]], "near_px": None, "far_px": None,
                        "labels": [], "mask": False}]
         began = now() - datetime.timedelta(seconds=age_s)
@@ -426,6 +429,10 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.answer(200, s.recordings())
         elif path == "/api/v1/zones":
             self.answer(200, s.zones_json())
+        elif path == "/api/v1/sessions":
+            self.answer(200, {"sessions": [one for one in s.sessions if one["own"] or s.role == "control"]})
+        elif path == "/login":
+            self.answer(200, b"<!doctype html><title>log in</title>", "text/html")
         elif path == "/api/v1/replay":
             self.answer(200, s.replay())
         elif part[0] in ("stream", "snapshot"):
@@ -522,6 +529,9 @@ class Handler(http.server.BaseHTTPRequestHandler):
             with s.lock:
                 self.answer(200, s.change_replay(body))
             return
+        if path == "/api/v1/logout":
+            self.answer(200, {"ended": True})
+            return
         if s.role != "control":
             raise Refused(403, "this token is read-only: use the other token to control")
         if part[:3] == ["api", "v1", "visits"]:
@@ -549,6 +559,9 @@ class Handler(http.server.BaseHTTPRequestHandler):
             name = now().strftime("%Y-%m-%dT%H-%M-%S.000Z")
             s.event(0, "snapshot", f"Snapshot {name} kept", {"name": name})
             self.answer(200, {"name": name})
+        elif part[:3] == ["api", "v1", "sessions"]:
+            s.sessions = [one for one in s.sessions if one["session"] != part[3]]
+            self.answer(200, {"ended": True})
         elif path == "/api/v1/zones":
             if body.get("revision") != s.zones_json()["revision"]:
                 raise Refused(409, "somebody else has changed the zones meanwhile; load them again")

@@ -792,6 +792,30 @@ def test_zones(b, fake):
     b.js("document.getElementById('toasts').replaceChildren()")
 
 
+def test_sessions(b, fake):
+    """Who is logged in; another one is ended, then one's own."""
+    rows = "[...document.querySelectorAll('#session-list li')].map((n) => n.textContent)"
+    b.click("#account")
+    b.wait("document.getElementById('sessions').open")
+    mine, other = b.js(rows)
+    check("Chrome on Linux (this one)" in mine and "Control · 127.0.0.1 · since" in mine and not mine.endswith("End"), mine)
+    check("Safari on iOS" in other and "View only · 192.168.1.7" in other and "last seen" in other and other.endswith("End"), other)
+    b.click("#session-list li:nth-child(2) button")
+    b.wait(f"{rows}.length === 1")
+    check([r["path"] for r in fake.log() if r["method"] == "POST"][-1] == "/api/v1/sessions/000000000002", "another one is ended")
+    b.key("Escape", 27)
+    b.wait("!document.getElementById('sessions').open")
+    b.click("#account")
+    b.wait("document.getElementById('sessions').open")
+    b.click("#log-out")
+    b.wait("location.pathname === '/login'")
+    check(fake.posts("/api/v1/logout") == [{}], "the session is not ended")
+    b.go(fake.url)
+    b.wait("document.readyState === 'complete' && Number(document.getElementById('stage')?.dataset.pictures) > 1")
+    b.wait("document.getElementById('explain').hidden")
+    mode(b, "sst")
+
+
 def test_role(b, fake):
     fake.set(role="view")
     b.wait("document.getElementById('record').getAttribute('aria-disabled') === 'true'")
@@ -1035,7 +1059,7 @@ def test_contrast(b, fake):
 
 ONLY = os.environ.get("PAGE_ONLY", "").split()
 TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_follow, test_label, test_compare, test_sweep, test_overlay, test_camera_large, test_zoom, test_light, test_adjust, test_cameras,
-         test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones, test_role, test_states, test_storage, test_shared, test_restart, test_reload, test_hidden,
+         test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones, test_sessions, test_role, test_states, test_storage, test_shared, test_restart, test_reload, test_hidden,
          test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast]
 # Errors that the browser itself writes where a test makes the service refuse or end.
 WANTED = ("400", "403", "429", "404", "409", "507", "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET",

@@ -50,7 +50,11 @@ static void every_route_for_everybody(void **state)
     for (int i = 0; i < count; i++) {
         const struct sst_route *r = &routes[i];
         const bool public = r->role == SST_ROLE_ANYONE;
-        const int fine = !strcmp(r->method, "POST") && public ? 303 : 200;
+        const bool post = !strcmp(r->method, "POST");
+        const int fine = post && public                        ? 303
+                         : !strcmp(r->path, "/api/v1/logout")  ? 409 /* a token has no session */
+                         : strstr(r->path, "/sessions/") != NULL ? 400 /* `end` lacks */
+                                                               : 200;
 
         print_message("%s %s\n", r->method, r->path);
         assert_int_equal(ask_route(r, ""), public ? fine : 401);
@@ -110,21 +114,110 @@ static void unknown_paths(void **state)
     assert_int_equal(ask("GET", longest, bearer(control), NULL), 404);
 }
 
+/* The secret in the cookie that an answer sets. */
+static void cookie(char secret[80])
+{
+    char name[24];
+    const char *at;
+
+    snprintf(name, sizeof(name), "sst_%d=", sst_http_port(server));
+    at = strstr(answer, name);
+    assert_non_null(at);
+    assert_int_equal(sscanf(at + strlen(name), "%64[0-9a-f]", secret), 1);
+}
+
+/* The cookie as a header. */
+static const char *session(const char *secret)
+{
+    static char text[2][160];
+    static int next;
+
+    next = !next;
+    snprintf(text[next], sizeof(text[next]), "Cookie: other=1; sst_%d=%s\r\n", sst_http_port(server), secret);
+    return text[next];
+}
+
+static void log_in(char secret[80], const char *token)
+{
+    char text[300];
+
+    snprintf(text, sizeof(text), "/?token=%s", token);
+    assert_int_equal(ask("GET", text, "User-Agent: Browser/1 <b>\r\n", NULL), 303);
+    cookie(secret);
+}
+
+static void restart(void)
+{
+    struct sst_http_config cfg = config();
+
+    sst_http_close(server);
+    assert_int_equal(sst_http_open(&server, &cfg), 0);
+    read_word(in_folder("token"), control);
+}
+
+/* Who has logged in is listed, lasts over a restart, and is ended: by itself, by one who controls, by another token. */
+static void sessions_are_listed_and_ended(void **state)
+{
+    char guard[80], boss[80], path[64], name[16];
+    FILE *f;
+
+    (void)state;
+    log_in(guard, view);
+    log_in(boss, control);
+    assert_int_equal(ask("GET", "/api/v1/sessions", session(guard), NULL), 200);
+    assert_non_null(strstr(answer, "\"agent\":\"Browser/1 <b>\""));
+    assert_non_null(strstr(answer, "\"address\":\"127.0.0.1\""));
+    assert_non_null(strstr(answer, "\"own\":true"));
+    assert_null(strstr(answer, "\"role\":\"control\"")); /* of others only who controls hears */
+    snprintf(name, sizeof(name), "%.12s", strstr(answer, "\"session\":\"") + 11);
+    snprintf(path, sizeof(path), "/api/v1/sessions/%s", name);
+    assert_int_equal(ask("POST", path, with(session(guard), JSON), "{\"end\":true}"), 403);
+    assert_int_equal(ask("GET", "/api/v1/sessions", session(boss), NULL), 200);
+    assert_non_null(strstr(answer, name));
+    assert_null(strstr(answer, guard)); /* its name is not its secret */
+    assert_int_equal(ask("GET", "/api/v1/sessions", bearer(control), NULL), 200);
+    assert_null(strstr(answer, "\"own\":true"));
+
+    restart();
+    assert_int_equal(ask("GET", "/api/v1/status", session(guard), NULL), 200);
+    assert_int_equal(ask("POST", "/api/v1/reload", with(session(boss), JSON), "{}"), 200);
+    assert_int_equal(ask("POST", path, with(session(boss), JSON), "{\"end\":false}"), 400);
+    assert_int_equal(ask("POST", path, with(session(boss), JSON), "{\"end\":true}"), 200);
+    assert_int_equal(ask("POST", path, with(session(boss), JSON), "{\"end\":true}"), 404);
+    assert_int_equal(ask("GET", "/api/v1/status", session(guard), NULL), 401);
+    assert_int_equal(ask("POST", "/api/v1/logout", with(session(boss), JSON), "{}"), 200);
+    assert_non_null(strstr(answer, "=; Path=/; Max-Age=0;"));
+    assert_int_equal(ask("GET", "/api/v1/status", session(boss), NULL), 401);
+    assert_int_equal(ask("POST", "/api/v1/logout", with(bearer(control), JSON), "{}"), 409);
+
+    log_in(boss, control);
+    f = fopen(in_folder("token"), "w"); /* another token: the sessions of the old one end */
+    fputs("another-token-of-more-than-32-letters-0123456789\n", f);
+    fclose(f);
+    restart();
+    assert_int_equal(ask("GET", "/api/v1/status", session(boss), NULL), 401);
+    for (int i = 0; i < 70; i++) /* more than there is room for: the oldest end */
+        log_in(i ? guard : boss, view);
+    assert_int_equal(ask("GET", "/api/v1/status", session(boss), NULL), 401);
+    assert_int_equal(ask("GET", "/api/v1/status", session(guard), NULL), 200);
+}
+
 /* The token counts wherever it stands; in an address or as a password it only looks. */
 static void ways_to_give_a_token(void **state)
 {
-    char text[512], basic[400], plain[160];
+    char text[512], basic[400], plain[160], secret[80];
     FILE *f;
 
     (void)state;
     snprintf(text, sizeof(text), "/?token=%s", control);
     assert_int_equal(ask("GET", text, "", NULL), 303);
-    snprintf(text, sizeof(text), "Set-Cookie: sst_%d=%s; Path=/; Max-Age=2592000; HttpOnly; SameSite=Strict\r\n",
-             sst_http_port(server), control);
-    assert_non_null(strstr(answer, text));
+    assert_non_null(strstr(answer, "; Path=/; Max-Age=2592000; HttpOnly; SameSite=Strict\r\n"));
+    assert_null(strstr(answer, control)); /* the cookie has a session, not the token */
     assert_non_null(strstr(answer, "Location: /\r\n"));
-    snprintf(text, sizeof(text), "Cookie: other=1; sst_%d=%s\r\n", sst_http_port(server), control);
-    assert_int_equal(ask("POST", "/api/v1/reload", with(text, JSON), "{}"), 200);
+    cookie(secret);
+    assert_int_equal(ask("POST", "/api/v1/reload", with(session(secret), JSON), "{}"), 200);
+    snprintf(text, sizeof(text), "Cookie: sst_%d=%s\r\n", sst_http_port(server), control);
+    assert_int_equal(ask("GET", "/api/v1/status", text, NULL), 401);
     snprintf(text, sizeof(text), "/snapshot?token=%s", view);
     assert_int_equal(ask("GET", text, "", NULL), 200);
     snprintf(text, sizeof(text), "/api/v1/status?token=%s", control);
@@ -404,6 +497,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(main_view_takes_control, make_server, end_service),
         cmocka_unit_test_setup_teardown(unknown_paths, make_server, end_service),
         cmocka_unit_test_setup_teardown(ways_to_give_a_token, make_server, end_service),
+        cmocka_unit_test_setup_teardown(sessions_are_listed_and_ended, make_server, end_service),
         cmocka_unit_test_setup_teardown(login_and_page, make_server, end_service),
         cmocka_unit_test_setup_teardown(hosts_and_origins, make_server, end_service),
         cmocka_unit_test_setup_teardown(bodies, make_server, end_service),

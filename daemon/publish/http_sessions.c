@@ -1,0 +1,273 @@
+/* Sessions of browsers: who has logged in, from where, since when. A cookie holds the secret of one, never the token.
+ * They are kept in a file beside the token's, so that a restart of the service logs nobody out. */
+#include <errno.h>
+#include <fcntl.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "daemon/publish/publish_internal.h"
+
+#define LIFE_NS  (HTTP_SESSION_S * INT64_C(1000000000))
+#define FILE_MAX ((size_t)1 << 20)
+
+static bool is_hex(const char *text, size_t n)
+{
+    return strlen(text) == n && strspn(text, "0123456789abcdef") == n;
+}
+
+/* Tells whether the token is still the one of the login. FNV-1a: the file lies beside the token itself. */
+static uint64_t tag_of(const char *token)
+{
+    uint64_t h = UINT64_C(14695981039346656037);
+
+    for (; *token; token++)
+        h = (h ^ (unsigned char)*token) * UINT64_C(1099511628211);
+    return h;
+}
+
+static bool is_valid_locked(const struct http_sessions *s, const struct http_session *one, int64_t now_ns)
+{
+    return one->secret[0] && now_ns - one->since_ns < LIFE_NS &&
+           one->tag == s->tag[one->role == SST_ROLE_CONTROL];
+}
+
+/* --- the file ----------------------------------------------------------------------------------------------------- */
+
+/* For the service alone from its creation on, unlike outputs of base/file.h. */
+static int write_private(const char *path, const char *text)
+{
+    char fresh[SST_PATH_MAX + 8];
+    const size_t n = strlen(text);
+    int fd, err = 0;
+
+    snprintf(fresh, sizeof(fresh), "%s.new", path);
+    (void)unlink(fresh);
+    fd = open(fresh, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    if (fd < 0)
+        return -errno;
+    errno = 0;
+    if (write(fd, text, n) != (ssize_t)n || fsync(fd))
+        err = errno ? -errno : -EIO;
+    close(fd);
+    if (!err && rename(fresh, path))
+        err = -errno;
+    if (err)
+        (void)unlink(fresh);
+    return err;
+}
+
+static void write_locked(struct http_sessions *s)
+{
+    json_t *list = json_array();
+    char *text;
+    int err = -ENOMEM;
+
+    if (!s->path[0])
+        return;
+    for (int i = 0; i < HTTP_SESSIONS_MAX; i++) {
+        const struct http_session *one = &s->session[i];
+
+        if (one->secret[0])
+            json_array_append_new(list, json_pack("{s:s, s:b, s:I, s:I, s:I, s:s, s:s}", "secret", one->secret, "control",
+                                                  one->role == SST_ROLE_CONTROL, "tag", (json_int_t)one->tag, "since_ns",
+                                                  (json_int_t)one->since_ns, "seen_ns", (json_int_t)one->seen_ns,
+                                                  "address", one->address, "agent", one->agent));
+    }
+    text = json_dumps(list, JSON_INDENT(1));
+    if (text)
+        err = write_private(s->path, text);
+    if (err && !s->failed)
+        sst_log_warning("sessions %s cannot be written: %s; a restart of the service logs browsers out", s->path,
+                        strerror(-err));
+    s->failed = err != 0;
+    free(text);
+    json_decref(list);
+}
+
+static void read_one(struct http_session *out, const json_t *o)
+{
+    const char *secret, *address, *agent;
+    json_int_t tag, since, seen;
+    int control;
+
+    if (json_unpack((json_t *)o, "{s:s, s:b, s:I, s:I, s:I, s:s, s:s}", "secret", &secret, "control", &control, "tag", &tag,
+                    "since_ns", &since, "seen_ns", &seen, "address", &address, "agent", &agent) ||
+        !is_hex(secret, HTTP_SECRET))
+        return;
+    *out = (struct http_session){ .role = control ? SST_ROLE_CONTROL : SST_ROLE_VIEW,
+                                  .tag = (uint64_t)tag,
+                                  .since_ns = since,
+                                  .seen_ns = seen };
+    snprintf(out->secret, sizeof(out->secret), "%s", secret);
+    snprintf(out->address, sizeof(out->address), "%s", address);
+    snprintf(out->agent, sizeof(out->agent), "%s", agent);
+}
+
+void http_sessions_init(struct http_sessions *s, const char *path, const char *control, const char *view)
+{
+    uint8_t *text = NULL;
+    size_t bytes = 0, i;
+    json_t *list = NULL;
+    const json_t *one;
+
+    memset(s, 0, sizeof(*s));
+    pthread_mutex_init(&s->lock, NULL);
+    s->tag[0] = tag_of(view);
+    s->tag[1] = tag_of(control);
+    if (!path || snprintf(s->path, sizeof(s->path), "%s.sessions", path) >= (int)sizeof(s->path))
+        s->path[0] = 0;
+    if (s->path[0] && sst_path_exists(s->path) && !sst_file_read(s->path, FILE_MAX, &text, &bytes))
+        list = json_loadb((const char *)text, bytes, 0, NULL); /* a damaged one: all log in again */
+    json_array_foreach(list, i, one)
+    {
+        if (i < HTTP_SESSIONS_MAX)
+            read_one(&s->session[i], one);
+    }
+    json_decref(list);
+    free(text);
+}
+
+void http_sessions_fini(struct http_sessions *s)
+{
+    pthread_mutex_destroy(&s->lock);
+    explicit_bzero(s, sizeof(*s));
+}
+
+/* --- logging in and out ------------------------------------------------------------------------------------------- */
+
+static bool make_secret(char out[HTTP_SECRET + 1])
+{
+    uint8_t random[HTTP_SECRET / 2];
+
+    if (getrandom(random, sizeof(random), 0) != (ssize_t)sizeof(random)) /* never less: it is small */
+        return false;
+    for (size_t i = 0; i < sizeof(random); i++)
+        snprintf(out + 2 * i, 3, "%02x", random[i]);
+    return true;
+}
+
+/* Text of a client: what it may not be in a list is left out. */
+static void copy_plain(char *out, size_t size, const char *text)
+{
+    size_t n = 0;
+
+    for (; text && *text && n + 1 < size; text++)
+        if (*text >= ' ' && *text < 127)
+            out[n++] = *text;
+    out[n] = 0;
+}
+
+bool http_session_begin(struct http_sessions *s, enum sst_role role, const char *address, const char *agent,
+                        char secret[HTTP_SECRET + 1])
+{
+    const int64_t now_ns = sst_clock_wall_ns();
+    struct http_session *to = &s->session[0];
+
+    if (!make_secret(secret))
+        return false;
+    pthread_mutex_lock(&s->lock);
+    for (int i = 0; i < HTTP_SESSIONS_MAX; i++) { /* a free one, or the one that was not used for longest */
+        if (!is_valid_locked(s, &s->session[i], now_ns))
+            s->session[i] = (struct http_session){ 0 };
+        if (s->session[i].seen_ns < to->seen_ns)
+            to = &s->session[i];
+    }
+    *to = (struct http_session){ .role = role, .tag = s->tag[role == SST_ROLE_CONTROL], .since_ns = now_ns, .seen_ns = now_ns };
+    memcpy(to->secret, secret, HTTP_SECRET + 1);
+    copy_plain(to->address, sizeof(to->address), address);
+    copy_plain(to->agent, sizeof(to->agent), agent);
+    write_locked(s);
+    pthread_mutex_unlock(&s->lock);
+    return true;
+}
+
+enum sst_role http_session_check(struct http_sessions *s, const char *secret, char name[HTTP_SESSION_NAME + 1])
+{
+    const int64_t now_ns = sst_clock_wall_ns();
+    enum sst_role role = SST_ROLE_ANYONE;
+
+    name[0] = 0;
+    if (!is_hex(secret, HTTP_SECRET))
+        return role;
+    pthread_mutex_lock(&s->lock);
+    for (int i = 0; i < HTTP_SESSIONS_MAX; i++) {
+        struct http_session *one = &s->session[i];
+        volatile unsigned difference = !one->secret[0];
+
+        for (size_t k = 0; k < HTTP_SECRET; k++) /* in constant time */
+            difference |= (unsigned)(one->secret[k] ^ secret[k]);
+        if (difference || !is_valid_locked(s, one, now_ns))
+            continue;
+        one->seen_ns = now_ns;
+        role = one->role;
+        snprintf(name, HTTP_SESSION_NAME + 1, "%.*s", HTTP_SESSION_NAME, one->secret);
+    }
+    pthread_mutex_unlock(&s->lock);
+    return role;
+}
+
+static struct http_session *find_locked(struct http_sessions *s, const char *name)
+{
+    for (int i = 0; i < HTTP_SESSIONS_MAX; i++)
+        if (s->session[i].secret[0] && !strncmp(s->session[i].secret, name, HTTP_SESSION_NAME) &&
+            is_valid_locked(s, &s->session[i], sst_clock_wall_ns()))
+            return &s->session[i];
+    return NULL;
+}
+
+bool http_session_lasts(struct http_sessions *s, const char *name)
+{
+    bool lasts;
+
+    if (!name[0])
+        return true;
+    pthread_mutex_lock(&s->lock);
+    lasts = find_locked(s, name) != NULL;
+    pthread_mutex_unlock(&s->lock);
+    return lasts;
+}
+
+bool http_session_end(struct http_sessions *s, const char *name)
+{
+    struct http_session *one;
+
+    pthread_mutex_lock(&s->lock);
+    one = is_hex(name, HTTP_SESSION_NAME) ? find_locked(s, name) : NULL;
+    if (one) {
+        explicit_bzero(one, sizeof(*one));
+        write_locked(s);
+    }
+    pthread_mutex_unlock(&s->lock);
+    return one != NULL;
+}
+
+json_t *http_sessions_json(struct http_sessions *s, const char *own, bool all)
+{
+    const int64_t now_ns = sst_clock_wall_ns();
+    json_t *list = json_array();
+    char since[SST_CLOCK_TEXT], seen[SST_CLOCK_TEXT], name[HTTP_SESSION_NAME + 1];
+
+    pthread_mutex_lock(&s->lock);
+    for (int i = 0; i < HTTP_SESSIONS_MAX; i++) {
+        const struct http_session *one = &s->session[i];
+        const bool mine = own[0] && !strncmp(one->secret, own, HTTP_SESSION_NAME);
+
+        if (!is_valid_locked(s, one, now_ns) || !(all || mine))
+            continue;
+        snprintf(name, sizeof(name), "%.*s", HTTP_SESSION_NAME, one->secret);
+        sst_clock_text(since, one->since_ns);
+        sst_clock_text(seen, one->seen_ns);
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:s, s:s, s:s, s:b}", "session", name, "role",
+                                              one->role == SST_ROLE_CONTROL ? "control" : "view", "address", one->address,
+                                              "agent", one->agent, "since", since, "seen", seen, "own", mine));
+    }
+    pthread_mutex_unlock(&s->lock);
+    return list;
+}

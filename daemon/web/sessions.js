@@ -1,0 +1,60 @@
+// Who is logged in, from where, since when; logging out, and ending the sessions of others.
+
+import { get, post } from "/web/api.js";
+import { $, complain, el, localTime, onUse, setText } from "/web/ui.js";
+
+/** "Firefox on Linux", of a User-Agent. */
+export function device(agent) {
+  const find = (names) => names.find(([pattern]) => pattern.test(agent))?.[1];
+  const browser = find([[/Edg\//, "Edge"], [/Firefox\//, "Firefox"], [/Chrom(e|ium)\//, "Chrome"], [/Safari\//, "Safari"]]);
+  const system = find([[/iPhone|iPad/, "iOS"], [/Android/, "Android"], [/Windows/, "Windows"], [/Mac OS X/, "macOS"], [/Linux/, "Linux"]]);
+  return browser ? `${browser}${system ? ` on ${system}` : ""}` : agent.split(/[ /]/)[0] || "A browser";
+}
+
+export class Sessions {
+  constructor() {
+    onUse($("account"), () => this.show());
+    $("sessions-close").addEventListener("click", () => $("sessions").close());
+    onUse($("log-out"), () => this.end(null));
+  }
+
+  async show() {
+    try {
+      await this.refresh();
+      $("sessions").showModal();
+    } catch (error) {
+      complain(error);
+    }
+  }
+
+  async refresh() {
+    const { sessions } = await get("/api/v1/sessions");
+    const control = document.getElementById("role-badge").hidden;
+    sessions.sort((a, b) => Number(b.own) - Number(a.own) || b.seen.localeCompare(a.seen));
+    $("log-out").hidden = !sessions.some((session) => session.own);
+    setText($("sessions-note"), control ? "A session that is ended needs the token to come back. Another token in token_file ends all of them."
+      : "With the control token all sessions are shown here.");
+    $("session-list").replaceChildren(...sessions.map((session) => this.row(session, control)));
+  }
+
+  row(session, control) {
+    const facts = `${session.role === "control" ? "Control" : "View only"} · ${session.address} · since ${localTime(session.since)}`
+      + (session.own ? "" : ` · last seen ${localTime(session.seen)}`);
+    const end = control && !session.own
+      ? el("button", { type: "button", class: "small danger", onclick: () => this.end(session.session) }, "End") : null;
+    return el("li", {}, el("span", {}, el("strong", {}, device(session.agent), session.own ? " (this one)" : ""),
+      el("span", { class: "quiet" }, facts)), end);
+  }
+
+  /** @param name  null: one's own */
+  async end(name) {
+    try {
+      await post(name ? `/api/v1/sessions/${name}` : "/api/v1/logout", name ? { end: true } : {});
+      if (name) await this.refresh();
+      else location.assign("/login");
+    } catch (error) {
+      $("sessions").close();
+      complain(error);
+    }
+  }
+}
