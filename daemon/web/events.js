@@ -1,7 +1,7 @@
 // The event log, newest first, updated live.
 
-import { getLines } from "/web/api.js";
-import { $, el, localTime, sentence, setText, zone } from "/web/ui.js";
+import { clock, getLines } from "/web/api.js";
+import { $, el, localTime, offer, sentence, setText, zone } from "/web/ui.js";
 
 const KEPT = 500;
 const BRIEF = 5;
@@ -25,6 +25,15 @@ export class Events {
         this.level = LEVELS[radio.value];
         this.show();
       });
+    for (const name of ["since", "label", "zone"]) $(`events-${name}`).addEventListener("change", () => this.show());
+  }
+
+  /** What the filters choose. */
+  wants(event) {
+    const { label, zone, zones = [] } = event.data ?? {};
+    const [since, what, where] = ["since", "label", "zone"].map((name) => $(`events-${name}`).value);
+    return levelOf(event) >= this.level && (!since || Date.parse(event.time) >= clock.now() - 1000 * Number(since))
+      && (!what || label === what) && (!where || zone === where || zones.includes(where));
   }
 
   /** Fetches the events since the last call; polled rather than streamed because a browser has few connections per host. */
@@ -67,9 +76,11 @@ export class Events {
     count.setAttribute("aria-label", `${this.unseen} new warnings or errors`);
     fill($("latest"), this.list.slice(0, BRIEF));
     if ($("panel-events").hidden) return;
-    const wanted = this.list.filter((event) => levelOf(event) >= this.level);
+    offer($("events-label"), this.list.map((event) => event.data?.label).filter(Boolean));
+    offer($("events-zone"), this.list.flatMap((event) => [event.data?.zone, ...(event.data?.zones ?? [])]).filter(Boolean));
+    const wanted = this.list.filter((event) => this.wants(event));
     fill($("events"), wanted);
-    setText($("events-state"), wanted.length ? "" : this.level ? "Nothing of that kind has happened." : "Nothing has happened yet.");
+    setText($("events-state"), wanted.length ? "" : this.list.length ? "Nothing of that kind has happened." : "Nothing has happened yet.");
   }
 }
 

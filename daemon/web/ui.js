@@ -82,6 +82,12 @@ export function onUse(button, action) {
   });
 }
 
+/** Words to choose from, those that were seen so far. */
+export function offer(select, words) {
+  const there = new Set([...select.options].map((option) => option.value));
+  for (const word of new Set(words)) if (!there.has(word)) select.append(el("option", { value: word }, word));
+}
+
 /** Waits until the page is visible: hidden pages send no requests. */
 export function visible() {
   return new Promise((done) => {

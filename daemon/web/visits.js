@@ -1,7 +1,7 @@
 // What came into view and has gone: a card with a picture each, the newest first; one opens large, with its way.
 
 import { get, post } from "/web/api.js";
-import { $, complain, duration, el, icon, localTime, number, onUse, setText, storage, toast } from "/web/ui.js";
+import { $, complain, duration, el, icon, localTime, number, offer, onUse, setText, storage, toast } from "/web/ui.js";
 
 const MOST = 60;
 const MARGIN = 1.7; // of a card's part of the picture over the visitor's size
@@ -233,10 +233,4 @@ function cut(image, [x0, y0, x1, y1]) {
   image.style.left = at(x0, x1);
   image.style.top = at(y0, y1);
   return image;
-}
-
-/** Words to choose from, those that were seen so far. */
-function offer(select, words) {
-  const there = new Set([...select.options].map((option) => option.value));
-  for (const word of new Set(words)) if (!there.has(word)) select.append(el("option", { value: word }, word));
 }

@@ -506,6 +506,22 @@ def test_events(b, fake):
     fake.set(events=[{"level": 2, "type": "storage", "message": "The disk takes nothing"}])
     b.wait("document.querySelector('#events li').textContent.includes('The disk takes nothing')")
     b.wait("document.getElementById('toasts').textContent.includes('The disk takes nothing')")
+    b.js("document.querySelector('input[name=level][value=info]').click()")
+    fake.set(events=[{"level": 0, "type": "visit", "message": "Pedestrian came in gate", "data": {"label": "Pedestrian", "zones": ["gate"], "active": False}},
+                     {"level": 0, "type": "motion", "message": "motion in street began", "data": {"zone": "street"}, "ago_s": 7200}])
+    rows = "document.querySelectorAll('#events li').length"
+    choose = lambda name, value: b.js(f"(() => {{ const s = document.getElementById('events-{name}'); s.value = '{value}'; s.dispatchEvent(new Event('change')); }})()")
+    b.wait("document.querySelectorAll('#events-zone option').length === 3")
+    choose("zone", "street")
+    b.wait(f"{rows} === 1 && document.querySelector('#events li').textContent.includes('street')")
+    choose("since", "3600")
+    b.wait(f"{rows} === 0 && document.getElementById('events-state').textContent !== ''")
+    choose("zone", "gate")
+    choose("label", "Pedestrian")
+    b.wait(f"{rows} === 1")
+    for name in ("zone", "label", "since"):
+        choose(name, "")
+    b.wait(f"{rows} > 3")
 
 
 def test_recordings(b, fake):
