@@ -125,6 +125,16 @@ ask /api/v1/views | grep -q '"focus_px":3.*"c1":0.5' || ask /api/v1/views | grep
 grep -v '^zones' live.yaml >sstd.yaml
 "$sst" reload >out || fail "reload without zones: $(cat out)"
 until_is 30 live.demand 'v == "none"'
+# What nobody uses is not computed: no picture, and maps at most each 5 s of the service's own time, however many sets come.
+curl -s --unix-socket c.sock http://x/api/v1/status >idle0
+until_is 60 live.watched "v >= $(value live.watched) + 30"
+curl -s --unix-socket c.sock http://x/api/v1/status >idle1
+/usr/bin/python3 -c 'import json
+a, b = (json.load(open(name)) for name in ("idle0", "idle1"))
+grown = lambda key: b["live"][key] - a["live"][key]
+updates, s = grown("sets") - grown("watched"), b["uptime_s"] - a["uptime_s"]
+assert grown("watched") >= 30 and updates <= s / 5 + 2 and grown("pictures") == 0, (updates, s, a["live"], b["live"])' ||
+  fail "the service computes for nobody"
 cp live.yaml sstd.yaml
 kill -HUP "$daemon"
 sleep 0.5
