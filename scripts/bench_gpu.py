@@ -24,10 +24,11 @@ PAGE = os.path.join(ROOT, "docs/measured/gpu.md")
 SCENES = ("bush", "transportation")
 SIZES = ((250, 188), (500, 375), (1000, 750), (2000, 1500))
 SOFTWARE_WIDTH = 500  # software devices are measured up to it
-METHODS = {"refocus": ["--method", "refocus"], "see-through": [], "see-through, soft aperture": ["--soft"]}
+METHODS = {"refocus": ["--method", "refocus"], "see-through": [], "see-through, soft aperture": ["--soft"],
+           "clear": ["--method", "clear"]}
 ROUNDS = 3
 REPEAT = 3
-RAY_BYTES = {"refocus": 4}  # 6 for the others
+RAY_BYTES = {"refocus": 4, "clear": 14}  # 6 for the others; clear: 6, and 4 to land, written and read
 
 ROOFLINE = """## What a large GPU can reach, on paper
 

@@ -14,6 +14,8 @@
 #define FIELD_WIDTH  301 /* no multiple of a group's width */
 #define FIELD_HEIGHT 50
 
+static struct sst_map_u8 field_masks[FIELD_VIEWS]; /* of what a clear picture removes; the last view has none */
+
 /* 3x3 views with measured offsets: blocks of five labels, each in its depth, with noise; unknown disparities, unlabeled
  * pixels; one view partly invalid, one without labels, one absent. */
 static inline void field_init(struct sst_lightfield *lf)
@@ -34,6 +36,11 @@ static inline void field_init(struct sst_lightfield *lf)
         v->present = true;
         assert_int_equal(sst_image_init(&v->image, FIELD_WIDTH, FIELD_HEIGHT), 0);
         assert_int_equal(sst_map_u16_init(&v->disp, FIELD_WIDTH, FIELD_HEIGHT), 0);
+        if (i != 8) {
+            assert_int_equal(sst_map_u8_init(&field_masks[i], FIELD_WIDTH, FIELD_HEIGHT), 0);
+            for (int y = 10; y < 30; y++)
+                memset(sst_map_u8_row(&field_masks[i], y) + 70, 255, 40);
+        }
         if (i != 3)
             assert_int_equal(sst_map_u8_init(&v->label, FIELD_WIDTH, FIELD_HEIGHT), 0);
         if (i == 1)
@@ -63,11 +70,13 @@ static inline void field_fini(struct sst_lightfield *lf)
         sst_map_u16_fini(&lf->views[i].disp);
         sst_map_u8_fini(&lf->views[i].label);
         sst_map_u8_fini(&lf->views[i].valid);
+        sst_map_u8_fini(&field_masks[i]);
     }
     free(lf->views);
 }
 
-#define FIELD_PICTURES 9
+#define FIELD_PICTURES 11
+#define FIELD_CLEAR    2 /* of them are clear pictures, the last ones */
 
 /* Ways to render that use different parts of the shader, and of the CPU after it. */
 static inline struct sst_render_config field_config(int i)
@@ -110,6 +119,18 @@ static inline struct sst_render_config field_config(int i)
     case 8: /* most rays outside their views */
         cfg.focus_px = 6.5;
         cfg.max_views = 5;
+        break;
+    case 9: /* by depth, at the place of a camera */
+        cfg.method = SST_RENDER_CLEAR;
+        cfg.cut_px = 5;
+        break;
+    case 10: /* by label and mask, between the cameras, of few rays */
+        cfg.method = SST_RENDER_CLEAR;
+        cfg.remove_label = 4;
+        cfg.remove = field_masks;
+        cfg.view_bx = 0.3;
+        cfg.view_by = -0.2;
+        cfg.rays = 3;
         break;
     default: /* 4: as it comes */
         break;

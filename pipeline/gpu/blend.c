@@ -38,8 +38,8 @@ struct sums {
 
 static bool seen(const struct given *in, const struct sst_gpu_blend_view *v, size_t at, size_t right, size_t below)
 {
-    return !(v->flags & SST_GPU_VIEW_VALID) || (in->valid[at] && in->valid[at + right] && in->valid[at + below] &&
-                                                in->valid[at + right + below]);
+    return !(v->flags & SST_GPU_VIEW_VALID) ||
+           (in->valid[at] && in->valid[at + right] && in->valid[at + below] && in->valid[at + right + below]);
 }
 
 /* Colours of the four pixels around a ray, as the kernels read them. */
@@ -249,7 +249,8 @@ static void set_test(struct test *t)
     for (uint32_t i = 0; i < TEST_LABELS * SST_BLEND_COLUMNS; i++)
         t->table[i] = 0.02F + (float)(next_random(&state) & 0xFF) / 256;
     for (uint32_t i = 0; i < 256; i++)
-        t->params.label[i] = (struct sst_gpu_blend_label){ i % TEST_LABELS, (650 + i % 3 * 20) | (700 + i % 3 * 20) << 16 };
+        t->params.label[i] =
+            (struct sst_gpu_blend_label){ i % TEST_LABELS, (650 + i % 3 * 20) | (700 + i % 3 * 20) << 16 };
 }
 
 static bool near(float a, float b)
@@ -284,8 +285,7 @@ static bool same_results(const struct test *t, uint8_t *const device[], uint8_t 
 
 static int run_test(struct sst_gpu *g, struct test *t, uint32_t flags)
 {
-    const void *const initial[SST_GPU_BUFFERS] = { &t->params, t->pixel, t->disp, t->valid,
-                                                   t->table,   t->sums,  t->out };
+    const void *const initial[SST_GPU_BUFFERS] = { &t->params, t->pixel, t->disp, t->valid, t->table, t->sums, t->out };
     const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->params), sizeof(t->pixel), sizeof(t->disp), sizeof(t->valid),
                                             sizeof(t->table),  sizeof(t->sums),  sizeof(t->out) };
     const struct sst_gpu_work work = {

@@ -1,7 +1,7 @@
 /* pipeline/gpu/blend.h - the shader `blend`: the rays of several views summed into a picture, with their weights.
  *
- * It is blend_rays, blend_plain, blend_support and blend_finish of pipeline/kernels/kernels.h over all views and rows at
- * once; design.md, 5.4. Views that one buffer cannot hold come in several dispatches, whose sums it carries on: the
+ * It is blend_rays, blend_plain, blend_support and blend_finish of pipeline/kernels/kernels.h over all views and rows
+ * at once; design.md, 5.4. Views that one buffer cannot hold come in several dispatches, whose sums it carries on: the
  * order of summation, and so the bytes, do not depend on how they are divided.
  *
  * Against the reference, colours differ by at most SST_GPU_BLEND_LEVELS and sums of weights by the fraction
@@ -50,8 +50,8 @@ enum sst_gpu_blend_buffer {
     SST_GPU_BLEND_DISP = 2,   /* uint16_t; not read by plans without weights */
     SST_GPU_BLEND_VALID = 3,  /* a byte each, 0: not valid; not read without SST_GPU_VIEW_VALID */
     SST_GPU_BLEND_TABLE = 4,  /* float [rows][SST_BLEND_COLUMNS]; not read without SST_GPU_BLEND_BY_LABEL */
-    SST_GPU_BLEND_SUMS = 5,   /* in and out, [4][rows * width]: R, G, B, weight; whole numbers for SST_GPU_BLEND_SUMMED */
-    SST_GPU_BLEND_OUT = 6,    /* out, uint32_t[rows * width]: R, G, B, enum sst_gpu_blend_pixel */
+    SST_GPU_BLEND_SUMS = 5, /* in and out, [4][rows * width]: R, G, B, weight; whole numbers for SST_GPU_BLEND_SUMMED */
+    SST_GPU_BLEND_OUT = 6,  /* out, uint32_t[rows * width]: R, G, B, enum sst_gpu_blend_pixel */
     SST_GPU_BLEND_BUFFERS
 };
 

@@ -1,8 +1,8 @@
 /* A device without a driver: shaders are their C references, on memory of the host. It fails when it is asked to, so
  * that scheduling, fallback and errors are tested anywhere.
  *
- * Faults: lost=N the N-th dispatch finds the device lost; timeout=N it does not answer; memory=N MiB of it all there is;
- * buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong (1: in the self-test). */
+ * Faults: lost=N the N-th dispatch finds the device lost; timeout=N it does not answer; memory=N MiB of it all there
+ * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong (1: in the self-test). */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -142,7 +142,8 @@ int gpu_dummy_open(struct sst_gpu **out, const char *faults)
         return -EINVAL;
     }
     d->gpu.ops = &ops;
-    d->gpu.info = (struct sst_gpu_info){ "dummy", "C reference", SST_GPU_SOFTWARE, (uint64_t)1 << 34, (uint64_t)1 << 31 };
+    d->gpu.info =
+        (struct sst_gpu_info){ "dummy", "C reference", SST_GPU_SOFTWARE, (uint64_t)1 << 34, (uint64_t)1 << 31 };
     if (d->fault[FAULT_MEMORY]) /* three quarters of it are used */
         d->gpu.info.memory_bytes = (uint64_t)d->fault[FAULT_MEMORY] << 20;
     if (d->fault[FAULT_BUFFER])

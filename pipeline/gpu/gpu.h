@@ -16,7 +16,9 @@
 
 /** Shaders: pipeline/kernels/<name>.comp, embedded at build. */
 enum sst_gpu_shader {
-    SST_GPU_BLEND = 0, /* blend.h */
+    SST_GPU_BLEND = 0,       /* blend.h */
+    SST_GPU_CLEAR_LAND = 1,  /* clear.h */
+    SST_GPU_CLEAR_BLEND = 2, /* clear.h */
     SST_GPU_SHADERS
 };
 
@@ -100,8 +102,8 @@ SST_MUST_CHECK int sst_gpu_download(struct sst_gpu *g, void *data, struct sst_gp
                                     size_t bytes);
 
 struct sst_gpu_work {
-    enum sst_gpu_shader shader; /* prepared */
-    const void *push;           /* constants of the shader's own structure; copied */
+    enum sst_gpu_shader shader;                     /* prepared */
+    const void *push;                               /* constants of the shader's own structure; copied */
     struct sst_gpu_buffer *buffer[SST_GPU_BUFFERS]; /* by binding; the last ones may be NULL if the shader has fewer */
     uint32_t groups[3];
 };

@@ -37,8 +37,8 @@ SST_MUST_CHECK int gpu_run_both(struct sst_gpu *g, const struct sst_gpu_work *wo
                                 const size_t *bytes, uint8_t *on_device[SST_GPU_BUFFERS],
                                 uint8_t *on_host[SST_GPU_BUFFERS]);
 
-gpu_reference_fn blend_reference;
-gpu_self_test_fn blend_self_test;
+gpu_reference_fn blend_reference, clear_land_reference, clear_blend_reference;
+gpu_self_test_fn blend_self_test, clear_land_self_test, clear_blend_self_test;
 
 /* --- back ends ---------------------------------------------------------------------------------------------------- */
 

@@ -1,13 +1,18 @@
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <errno.h>
 
 #include "pipeline/gpu/blend.h"
+#include "pipeline/gpu/clear.h"
 #include "pipeline/gpu/gpu_internal.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
     [SST_GPU_BLEND] = { "blend", SST_GPU_BLEND_BUFFERS, sizeof(struct sst_gpu_blend), blend_reference,
                         blend_self_test },
+    [SST_GPU_CLEAR_LAND] = { "clear_land", SST_GPU_LAND_BUFFERS, sizeof(struct sst_gpu_clear), clear_land_reference,
+                             clear_land_self_test },
+    [SST_GPU_CLEAR_BLEND] = { "clear_blend", SST_GPU_CLEAR_BUFFERS, sizeof(struct sst_gpu_clear), clear_blend_reference,
+                              clear_blend_self_test },
 };
 
 const char *sst_gpu_shader_name(enum sst_gpu_shader shader)

@@ -102,8 +102,9 @@ static void describe(struct sst_gpu_info *info, VkPhysicalDevice device)
         [VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU] = SST_GPU_VIRTUAL,
         [VK_PHYSICAL_DEVICE_TYPE_CPU] = SST_GPU_SOFTWARE,
     };
-    VkPhysicalDeviceMaintenance3Properties maintenance = { .sType =
-                                                               VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MAINTENANCE_3_PROPERTIES };
+    VkPhysicalDeviceMaintenance3Properties maintenance = {
+        .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MAINTENANCE_3_PROPERTIES
+    };
     VkPhysicalDeviceDriverProperties driver = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES,
                                                 .pNext = &maintenance };
     VkPhysicalDeviceProperties2 all = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, .pNext = &driver };
@@ -116,12 +117,14 @@ static void describe(struct sst_gpu_info *info, VkPhysicalDevice device)
     /* Mesa calls the device `llvmpipe`, and nobody else does. */
     snprintf(info->driver, sizeof(info->driver), "%.100s %.100s",
              driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE ? "lavapipe" : driver.driverName, driver.driverInfo);
-    info->kind = (size_t)all.properties.deviceType < ARRAY_LEN(kinds) ? kinds[all.properties.deviceType] : SST_GPU_OTHER;
+    info->kind =
+        (size_t)all.properties.deviceType < ARRAY_LEN(kinds) ? kinds[all.properties.deviceType] : SST_GPU_OTHER;
     info->buffer_bytes = all.properties.limits.maxStorageBufferRange;
     if (maintenance.maxMemoryAllocationSize && maintenance.maxMemoryAllocationSize < info->buffer_bytes)
         info->buffer_bytes = maintenance.maxMemoryAllocationSize;
     for (uint32_t i = 0; i < memory.memoryHeapCount; i++) {
-        if (memory.memoryHeaps[i].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT && memory.memoryHeaps[i].size > info->memory_bytes)
+        if (memory.memoryHeaps[i].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT &&
+            memory.memoryHeaps[i].size > info->memory_bytes)
             info->memory_bytes = memory.memoryHeaps[i].size;
     }
 }

@@ -47,7 +47,7 @@ struct vulkan {
     size_t staged; /* bytes of it that commands use */
     int sets;      /* that they use */
     bool recording;
-    bool hung; /* a wait ended without an answer: memory may still be in use */
+    bool hung;           /* a wait ended without an answer: memory may still be in use */
     struct vulkan *next; /* after close, of those that hung */
     VkPipelineCache cache;
     uint64_t cache_key;
@@ -105,8 +105,8 @@ static int alloc_memory(struct vulkan *v, struct memory *m, size_t bytes, VkBuff
         type++;
     alloc.allocationSize = needs.size;
     alloc.memoryTypeIndex = type;
-    rc = type < v->memory.memoryTypeCount ? v->vk->vkAllocateMemory(v->device, &alloc, NULL, &m->memory) :
-                                            VK_ERROR_FEATURE_NOT_PRESENT;
+    rc = type < v->memory.memoryTypeCount ? v->vk->vkAllocateMemory(v->device, &alloc, NULL, &m->memory)
+                                          : VK_ERROR_FEATURE_NOT_PRESENT;
     if (!rc)
         rc = v->vk->vkBindBufferMemory(v->device, m->buffer, m->memory, 0);
     if (rc)
@@ -120,8 +120,8 @@ static int create(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t bytes)
     const VkBufferUsageFlags usage =
         VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
     int err = b ? alloc_memory((struct vulkan *)g, &b->memory, (bytes + 3) / 4 * 4, usage,
-                               VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT) :
-                  -ENOMEM;
+                               VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT)
+                : -ENOMEM;
 
     if (err)
         free(b);
@@ -169,8 +169,8 @@ static int flush(struct vulkan *v)
     v->recording = false;
     v->staged = 0;
     v->sets = 0;
-    v->vk->vkCmdPipelineBarrier(v->command, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &barrier, 0,
-                                NULL, 0, NULL);
+    v->vk->vkCmdPipelineBarrier(v->command, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &barrier,
+                                0, NULL, 0, NULL);
     rc = v->vk->vkEndCommandBuffer(v->command);
     if (!rc)
         rc = v->vk->vkQueueSubmit(v->queue, 1, &submit, v->fence);
@@ -496,10 +496,9 @@ static int open_rest(struct vulkan *v)
 {
     const VkFenceCreateInfo fence = { .sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO };
     const VkDescriptorPoolSize size = { VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, SETS * SST_GPU_BUFFERS };
-    const VkDescriptorPoolCreateInfo pool = { .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO,
-                                              .maxSets = SETS,
-                                              .poolSizeCount = 1,
-                                              .pPoolSizes = &size };
+    const VkDescriptorPoolCreateInfo pool = {
+        .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, .maxSets = SETS, .poolSizeCount = 1, .pPoolSizes = &size
+    };
     int err = error_of(v->vk->vkCreateFence(v->device, &fence, NULL, &v->fence));
 
     if (!err)

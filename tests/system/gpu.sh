@@ -32,7 +32,7 @@ device() { python3 -c 'import json, sys; d = json.load(open(sys.argv[1]))["devic
 # --- pictures, and what is reported ---
 i=0
 for options in "" "--method refocus" "--method refocus --soft --aperture 1.5" "--label Pedestrian --unsupported invalid" \
-  "--verify-rays on" "--c1 0 --c2 0 --sigma 0.1 --focus 11.5"; do
+  "--verify-rays on" "--method clear" "--method clear --remove-at 80,70 --view-x 0.5" "--method clear --remove-label Tree" "--c1 0 --c2 0 --sigma 0.1 --focus 11.5"; do
   i=$((i + 1))
   "$sst" render lf $options -o cpu$i.png --valid seen$i.png || fail "render $options"
   "$sst" render lf $options --device lavapipe -o gpu$i.png --valid valid$i.png --json >$i.json 2>err || fail "on lavapipe: $options: $(cat err)"
@@ -72,8 +72,9 @@ for fault in lost=13:lost timeout=13:answer buffer=55:memory; do
 done
 "$sst" sweep lf --steps 5 --device dummy:lost=14 -o lost --json >lost.json 2>err || fail "lost: $(cat err)"
 device lost.json 'd["pictures"] == 3 and d["on_cpu"] == 2 and d["failures"] == 2'
-"$sst" render lf --method clear --device dummy -o clear.png --json >clear.json 2>err || fail "clear: $(cat err)"
-device clear.json 'd["on_cpu"] == 1 and "clear" in d["why_cpu"]'
+"$sst" render lf --method clear --device dummy --device-memory 4 -o clear.png --json >clear.json 2>err || fail "clear: $(cat err)"
+device clear.json 'd["on_cpu"] == 1 and "all views" in d["why_cpu"]'
+cmp -s cpu6.png clear.png && grep -q "instead of dummy: a clear picture needs" err || fail "clear in 4 MiB: $(cat err)"
 
 # --- devices that are not there, or wrong ---
 want 3 'no device `GeForce`; this machine has `llvmpipe' render lf --device GeForce -o bad.png
@@ -84,5 +85,5 @@ grep -q '"device": "cpu"' auto.json && cmp -s cpu1.png auto.png || fail "auto wi
 [ $? -eq 5 ] && [ ! -e bad.png ] || fail "a device that gives wrong results is used"
 grep -q 'the shader `blend` is refused' err && grep -q 'error: the device `dummy:wrong=3` cannot render' err || fail "wrong: $(cat err)"
 "$sst" version | grep -q 'device .*lavapipe.*used only by name' || fail "version"
-"$sst" doctor --json 2>/dev/null | grep -q 'lavapipe.* passes its tests: blend' || fail "doctor"
+"$sst" doctor --json 2>/dev/null | grep -q 'lavapipe.* passes its tests: blend, clear_land, clear_blend' || fail "doctor"
 exit $failed

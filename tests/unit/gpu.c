@@ -1,5 +1,5 @@
-/* pipeline/gpu/ and pictures on a device, on the dummy device: choice, limits, faults, what ends on the CPU; the cache of
- * pipelines. */
+/* pipeline/gpu/ and pictures on a device, on the dummy device: choice, limits, faults, what ends on the CPU; the cache
+ * of pipelines. */
 #include <dirent.h>
 #include <errno.h>
 #include <sys/stat.h>
@@ -83,6 +83,20 @@ static void test_faults(void **state)
         assert_int_equal(sst_gpu_dispatch(g, &(struct sst_gpu_work){ .shader = SST_GPU_BLEND }), -ENOTSUP);
         sst_gpu_close(g);
     }
+    for (int i = 1; i <= 4; i++) {
+        char name[32];
+
+        snprintf(name, sizeof(name), "dummy:wrong=%d", i);
+        assert_int_equal(sst_gpu_open(&g, name, NULL), 0);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_LAND), -ENOTSUP);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_BLEND), 0);
+        sst_gpu_close(g);
+        snprintf(name, sizeof(name), "dummy:wrong=%d", (i + 1) / 2);
+        assert_int_equal(sst_gpu_open(&g, name, NULL), 0);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_BLEND), -ENOTSUP);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_LAND), 0);
+        sst_gpu_close(g);
+    }
 }
 
 /* Whatever fits on the device at once: the same bytes. */
@@ -93,7 +107,7 @@ static void test_pictures(void **state)
         uint64_t memory;
         int chunks, uploads; /* 0: any number */
     } devices[] = {
-        { "dummy", 0, 1, 24 }, /* once, and twice more for larger tables of labels */
+        { "dummy", 0, 1, 24 },                 /* once, and twice more for larger tables of labels */
         { "dummy:buffer=250", 0, 2, 24 },      /* several chunks, and bands of the picture */
         { "dummy:buffer=100", 0, 8, 24 },      /* one view each */
         { "dummy:memory=1", 0, 0, 0 },         /* views are replaced */
@@ -107,9 +121,12 @@ static void test_pictures(void **state)
     for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
         print_message("%s, %d KiB\n", devices[i].name, (int)(devices[i].memory >> 10));
         assert_int_equal(field_compare(&lf, devices[i].name, devices[i].memory, &report), 0);
-        assert_int_equal(report.pictures, FIELD_PICTURES);
-        assert_int_equal(report.on_cpu, 0);
+        assert_int_equal(report.pictures, FIELD_PICTURES - report.on_cpu);
+        assert_int_equal(report.on_cpu, i ? FIELD_CLEAR : 0); /* which need all views at once */
+        assert_int_equal(report.failures, 0);
         assert_int_equal(report.verified_on_cpu, 1);
+        assert_string_equal(report.why,
+                            i ? "a clear picture needs all views in one buffer and room for their rays" : "");
         if (devices[i].chunks) {
             assert_in_range(report.chunks, devices[i].chunks, 8);
             assert_int_equal(report.uploads, devices[i].uploads);
@@ -127,8 +144,8 @@ static void test_fallback(void **state)
         const char *name, *why;
         int pictures, failures;
     } devices[] = {
-        { "dummy:lost=13", "the device is lost", 0, 4 },             /* always at the first picture: 0, 1, 3, 7 */
-        { "dummy:timeout=15", "the device does not answer", 6, 3 },  /* every third: each time after a success */
+        { "dummy:lost=13", "the device is lost", 0, 4 },                /* always at the first picture: 0, 1, 3, 7 */
+        { "dummy:timeout=15", "the device does not answer", 6, 4 },     /* every third: each time after a success */
         { "dummy:buffer=55", "not enough memory on the device", 0, 4 }, /* not one view */
     };
     struct sst_render_device_report report;
@@ -169,27 +186,19 @@ static void test_refused(void **state)
     field_fini(&lf);
 }
 
-/* The clear picture is the CPU's, and counted so. */
-static void test_clear(void **state)
+/* Where a shader of the clear picture is refused, that picture is the CPU's; the others are not. */
+static void test_clear_refused(void **state)
 {
-    struct sst_render_config cfg = field_config(4);
     struct sst_render_device_report report;
     struct sst_lightfield lf;
-    struct sst_renderer *r;
-    struct sst_image img;
 
     (void)state;
     field_init(&lf);
-    assert_int_equal(sst_image_init(&img, FIELD_WIDTH, FIELD_HEIGHT), 0);
-    assert_int_equal(sst_renderer_create(&r, &lf, 1), 0);
-    assert_int_equal(sst_renderer_use_device(r, "dummy", 0), 0);
-    cfg.method = SST_RENDER_CLEAR;
-    assert_int_equal(sst_render(r, &cfg, &img, NULL), 0);
-    assert_true(sst_renderer_device(r, &report));
-    assert_int_equal(report.on_cpu, 1);
-    assert_string_equal(report.why, "the clear picture has no shader");
-    sst_renderer_destroy(r);
-    sst_image_fini(&img);
+    assert_int_equal(field_compare(&lf, "dummy:wrong=24", 0, &report), 0);
+    assert_int_equal(report.pictures, FIELD_PICTURES - FIELD_CLEAR);
+    assert_int_equal(report.on_cpu, FIELD_CLEAR);
+    assert_int_equal(report.failures, 0);
+    assert_string_equal(report.why, "a shader is refused");
     field_fini(&lf);
 }
 
@@ -287,7 +296,7 @@ int main(void)
         cmocka_unit_test(test_pictures),
         cmocka_unit_test(test_fallback),
         cmocka_unit_test(test_refused),
-        cmocka_unit_test(test_clear),
+        cmocka_unit_test(test_clear_refused),
         cmocka_unit_test_setup_teardown(test_cache, test_folder_create, test_folder_remove),
         cmocka_unit_test(test_no_cache),
     };

@@ -1,11 +1,11 @@
 /* Pictures on a device: the light field lies there in chunks, each a set of buffers with the pixels of several views.
  *
- * A picture is a dispatch of `blend` per run of views that share a chunk. What does not fit is replaced while the picture
- * is made, the views that were used least recently first; pictures too large for a buffer are made in bands of rows. The
- * order of the views' rays, and so the bytes, stay the same.
+ * A picture is a dispatch of `blend` per run of views that share a chunk. What does not fit is replaced while the
+ * picture is made, the views that were used least recently first; pictures too large for a buffer are made in bands of
+ * rows. The order of the views' rays, and so the bytes, stay the same.
  *
- * A device that fails is closed. The picture in work and the next ones are then rendered on the CPU, one more after each
- * failure, twice as many each time; then the device is opened again. */
+ * A device that fails is closed. The picture in work and the next ones are then rendered on the CPU, one more after
+ * each failure, twice as many each time; then the device is opened again. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,10 +17,10 @@
 #include "pipeline/gpu/blend.h"
 #include "pipeline/method/render/render_internal.h"
 
-#define PACK_ROWS    64  /* that a thread packs at once */
-#define MOST_SKIPPED 64  /* pictures between two attempts to open a device that failed */
-#define SUM_BYTES    20  /* of a pixel of the picture: four sums and the result */
-#define PIXEL_BYTES  7   /* of a pixel of a view: colour and label, disparity, valid */
+#define PACK_ROWS    64 /* that a thread packs at once */
+#define MOST_SKIPPED 64 /* pictures between two attempts to open a device that failed */
+#define SUM_BYTES    20 /* of a pixel of the picture: four sums and the result */
+#define PIXEL_BYTES  7  /* of a pixel of a view: colour and label, disparity, valid */
 #define ROW_BYTES    (SST_BLEND_COLUMNS * sizeof(float)) /* of the table of label weights */
 #define NONE         (-1)
 
@@ -55,6 +55,8 @@ struct render_device {
     bool full; /* no more chunks fit */
     int64_t turn;
     struct sst_gpu_buffer *params, *table, *sums, *out;
+    struct sst_gpu_buffer *clear_params, *landed, *masks; /* of clear pictures, of this many views: */
+    int clear_views;
     int rows;          /* of the picture that sums and out hold */
     size_t table_rows; /* that table holds */
     /* host memory, reused */
@@ -75,7 +77,11 @@ static void drop(struct render_device *d)
     sst_gpu_buffer_destroy(d->gpu, d->table);
     sst_gpu_buffer_destroy(d->gpu, d->sums);
     sst_gpu_buffer_destroy(d->gpu, d->out);
-    d->params = d->table = d->sums = d->out = NULL;
+    sst_gpu_buffer_destroy(d->gpu, d->clear_params);
+    sst_gpu_buffer_destroy(d->gpu, d->landed);
+    sst_gpu_buffer_destroy(d->gpu, d->masks);
+    d->params = d->table = d->sums = d->out = d->clear_params = d->landed = d->masks = NULL;
+    d->clear_views = 0;
     d->chunks = d->slots = d->rows = 0;
     d->table_rows = 0;
     d->full = false;
@@ -354,8 +360,9 @@ static int make_bands(struct render_device *d)
     if (!err)
         err = sst_gpu_buffer_create(d->gpu, &d->out, (size_t)d->rows * (size_t)d->lf->width * 4);
     if (!err)
-        err = sst_gpu_buffer_create(d->gpu, &d->params, 256 * sizeof(struct sst_gpu_blend_label) +
-                                                            SST_MAX_VIEWS * sizeof(struct sst_gpu_blend_view));
+        err = sst_gpu_buffer_create(d->gpu, &d->params,
+                                    256 * sizeof(struct sst_gpu_blend_label) +
+                                        SST_MAX_VIEWS * sizeof(struct sst_gpu_blend_view));
     return err;
 }
 
@@ -535,10 +542,149 @@ static int render_picture(struct render_device *d, const struct sst_render_plan 
     return err;
 }
 
-/* True if the device may be tried; else the picture is noted as one for the CPU. */
-static bool may_try(struct render_device *d, const struct sst_render_plan *p)
+/* --- clear pictures ----------------------------------------------------------------------------------------------- */
+
+/* Buffers of clear pictures: where rays land, and masks of what is removed where there are any. */
+static int make_clear_buffers(struct render_device *d, const struct device_clear *c)
 {
-    if (p->tap[0].sampler) {
+    int err = 0;
+
+    if (c->count > d->clear_views) {
+        sst_gpu_buffer_destroy(d->gpu, d->landed);
+        sst_gpu_buffer_destroy(d->gpu, d->masks);
+        d->landed = d->masks = NULL;
+        d->clear_views = 0;
+        err = sst_gpu_buffer_create(d->gpu, &d->landed, 4 * (size_t)c->count * view_pixels(d));
+        d->clear_views = err ? 0 : c->count;
+    }
+    if (!err && c->remove && !d->masks)
+        err = sst_gpu_buffer_create(d->gpu, &d->masks, (size_t)d->clear_views * view_pixels(d));
+    if (!err && !d->clear_params)
+        err = sst_gpu_buffer_create(d->gpu, &d->clear_params, SST_GPU_CLEAR_VIEWS * sizeof(c->view[0]));
+    return err;
+}
+
+/* Put all views into one chunk. @return -ENOMEM: they do not fit into one, or into the memory */
+static int gather_views(struct render_device *d, const struct device_clear *c)
+{
+    const struct slot *first = NULL;
+    int err = 0;
+
+    for (int k = 0; k < c->count && !err; k++) {
+        struct slot *s = find_slot(d, c->tap[k]->view);
+
+        if (!s && !d->slots)
+            err = grow(d);
+        if (!s && !err)
+            s = free_slot(d);
+        first = first ? first : s;
+        if (!err && (!s || s->chunk != first->chunk))
+            err = -ENOMEM;
+        if (!err && s->view != c->tap[k]->view)
+            err = upload_view(d, s, c->tap[k]->view, c->threads);
+        if (!err) {
+            s->used = ++d->turn;
+            s->pending = true;
+        }
+    }
+    for (int i = 0; i < d->slots; i++)
+        d->slot[i].pending = false;
+    return err;
+}
+
+static int upload_masks(struct render_device *d, const struct device_clear *c)
+{
+    uint8_t *memory = sst_mem_keep(&d->packed, view_pixels(d), 1);
+    int err = memory ? 0 : -ENOMEM;
+
+    for (int k = 0; k < c->count && !err; k++) {
+        const struct sst_map_u8 *mask = &c->remove[c->tap[k]->view];
+
+        if (!mask->data)
+            continue;
+        for (int y = 0; y < mask->height; y++)
+            memcpy(memory + (size_t)y * (size_t)d->pitch, sst_map_u8_row(mask, y), (size_t)mask->width);
+        err = sst_gpu_upload(d->gpu, d->masks, (size_t)k * view_pixels(d), memory, view_pixels(d));
+    }
+    return err;
+}
+
+static void describe_clear(struct device_clear *c, struct render_device *d)
+{
+    for (int k = 0; k < c->count; k++) {
+        const struct sst_view *v = c->tap[k]->v;
+
+        c->view[k].first = (uint32_t)((size_t)find_slot(d, c->tap[k]->view)->index * view_pixels(d));
+        c->view[k].flags = (v->valid.data ? SST_GPU_CLEAR_VALID : 0U) | (v->label.data ? SST_GPU_CLEAR_LABELS : 0U) |
+                           (c->remove && c->remove[c->tap[k]->view].data ? SST_GPU_CLEAR_MASK : 0U);
+    }
+    c->push.pitch = d->pitch;
+    c->push.views = (uint32_t)c->count;
+}
+
+/* Land all rays, and colour the pixels. */
+static int dispatch_clear(struct render_device *d, const struct device_clear *c)
+{
+    const struct chunk *from = &d->chunk[find_slot(d, c->tap[0]->view)->chunk];
+    struct sst_gpu_clear push = c->push;
+    struct sst_gpu_work land = {
+        .shader = SST_GPU_CLEAR_LAND,
+        .push = &push,
+        .buffer = { d->clear_params, from->pixels, from->disp, from->valid, d->masks ? d->masks : from->valid,
+                    d->landed },
+        .groups = { (uint32_t)(push.width + SST_GPU_CLEAR_GROUP_WIDTH - 1) / SST_GPU_CLEAR_GROUP_WIDTH,
+                    (uint32_t)(push.height + SST_GPU_CLEAR_GROUP_HEIGHT - 1) / SST_GPU_CLEAR_GROUP_HEIGHT, push.views },
+    };
+    const struct sst_gpu_work blend = { .shader = SST_GPU_CLEAR_BLEND,
+                                        .push = &push,
+                                        .buffer = { d->clear_params, from->pixels, d->landed, d->out },
+                                        .groups = { land.groups[0], land.groups[1], 1 } };
+    int err;
+
+    push.zero = 1;
+    err = sst_gpu_dispatch(d->gpu, &land);
+    push.zero = 0;
+    if (!err)
+        err = sst_gpu_dispatch(d->gpu, &land);
+    if (!err)
+        err = sst_gpu_dispatch(d->gpu, &blend);
+    d->report.dispatches += 3;
+    return err ? err : sst_gpu_wait(d->gpu);
+}
+
+static int render_clear(struct render_device *d, struct device_clear *c)
+{
+    const size_t n = (size_t)d->lf->width * (size_t)d->lf->height;
+    int64_t start_ns;
+    int err = make_bands(d);
+
+    if (!err && (d->rows < d->lf->height || !sst_mem_keep(&d->words, n, 4)))
+        err = -ENOMEM;
+    if (!err)
+        err = make_clear_buffers(d, c);
+    if (!err)
+        err = gather_views(d, c);
+    if (err)
+        return err;
+    describe_clear(c, d);
+    err = sst_gpu_upload(d->gpu, d->clear_params, 0, c->view, (size_t)c->count * sizeof(c->view[0]));
+    if (!err && c->remove)
+        err = upload_masks(d, c);
+    if (!err)
+        err = dispatch_clear(d, c);
+    start_ns = sst_clock_now_ns();
+    if (!err)
+        err = sst_gpu_download(d->gpu, d->words.data, d->out, 0, 4 * n);
+    d->report.download_ns += sst_clock_now_ns() - start_ns;
+    return err;
+}
+
+/* --- begin and end ------------------------------------------------------------------------------------------------ */
+
+/* True if the device may be tried; else the picture is noted as one for the CPU. */
+static bool may_try(struct render_device *d, const struct sst_render_tap *t)
+{
+    if (t->sampler) {
         note_cpu(d, "rays are sampled from raw frames");
         return false;
     }
@@ -563,7 +709,7 @@ bool render_device_begin(struct render_device *d, const struct sst_render_plan *
     int err;
 
     pthread_mutex_lock(&d->lock);
-    err = may_try(d, p) ? render_picture(d, p) : 1;
+    err = may_try(d, &p->tap[0]) ? render_picture(d, p) : 1;
     if (err) {
         if (err < 0)
             fail(d, err);
@@ -579,15 +725,44 @@ bool render_device_begin(struct render_device *d, const struct sst_render_plan *
     return true;
 }
 
-void render_device_end(struct render_device *d)
+/* The shaders of clear pictures are tested at the first one. What the device cannot hold, or computes differently, is
+ * the CPU's; the device is not to blame. */
+static int try_clear(struct render_device *d, struct device_clear *c)
 {
-    pthread_mutex_unlock(&d->lock);
+    int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_LAND);
+
+    if (!err)
+        err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_BLEND);
+    if (!err)
+        err = render_clear(d, c);
+    if (err == -EOVERFLOW)
+        note_cpu(d, "a clear picture of more views than a device takes");
+    else if (err == -ENOTSUP || err == -ENOMEM)
+        note_cpu(d, err == -ENOMEM ? "a clear picture needs all views in one buffer and room for their rays"
+                                   : sst_gpu_error(err));
+    else if (err)
+        fail(d, err);
+    return err;
 }
 
-void render_device_note_cpu(struct render_device *d, const char *why)
+bool render_device_begin_clear(struct render_device *d, struct device_clear *c, const uint32_t **words)
 {
+    const int64_t start_ns = sst_clock_now_ns();
+
     pthread_mutex_lock(&d->lock);
-    note_cpu(d, why);
+    if (!may_try(d, c->tap[0]) || try_clear(d, c)) {
+        pthread_mutex_unlock(&d->lock);
+        return false;
+    }
+    d->skip_next = 1;
+    d->report.pictures++;
+    d->report.total_ns += sst_clock_now_ns() - start_ns;
+    *words = d->words.data;
+    return true;
+}
+
+void render_device_end(struct render_device *d)
+{
     pthread_mutex_unlock(&d->lock);
 }
 

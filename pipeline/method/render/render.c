@@ -452,11 +452,8 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
                       lf->height);
         return -EINVAL;
     }
-    if (cfg->method == SST_RENDER_CLEAR) {
-        if (r->device)
-            render_device_note_cpu(r->device, "the clear picture has no shader");
+    if (cfg->method == SST_RENDER_CLEAR)
         return clear_render(r, cfg, out, valid);
-    }
     err = sst_render_plan_init(&plan, r, cfg);
     if (err)
         return err;

@@ -101,10 +101,10 @@ void sst_renderer_destroy(struct sst_renderer *r);
 /**
  * Render on a device from now on, where it has shaders for it; no picture may be rendered meanwhile.
  *
- * Plain refocusing and see-through are blended there; verified rays, pixels whose weights underflow, the clear picture
- * and rays from raw frames are the CPU's. Pictures differ from those of the CPU by at most SST_GPU_BLEND_LEVELS levels
- * (pipeline/gpu/blend.h), except where rays are verified and the sum of weights lies at a threshold. A device that fails
- * is logged as a warning and counted; the picture is then rendered on the CPU, and the device is tried again later.
+ * Verified rays, pixels whose weights underflow, the holes of clear pictures and rays from raw frames are the CPU's.
+ * Pictures differ from those of the CPU by at most SST_GPU_BLEND_LEVELS levels (pipeline/gpu/blend.h, clear.h), except
+ * where rays are verified and the sum of weights lies at a threshold. A device that fails is logged as a warning and
+ * counted; the picture is then rendered on the CPU, and the device is tried again later.
  *
  * @param name          as of sst_gpu_open(), or "cpu": on no device; "auto" without a GPU as well
  * @param memory_bytes  that it may use of the device's memory; 0: three quarters. Views that do not fit are uploaded again
@@ -116,7 +116,7 @@ SST_MUST_CHECK int sst_renderer_use_device(struct sst_renderer *r, const char *n
 /** What a device has done. */
 struct sst_render_device_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME];
-    int64_t pictures;        /* blended there */
+    int64_t pictures;        /* made there */
     int64_t verified_on_cpu; /* of them */
     int64_t on_cpu;          /* others */
     int64_t failures;        /* times that the device failed */

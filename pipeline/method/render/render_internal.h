@@ -10,6 +10,7 @@
 #ifndef SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 #define SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 
+#include "pipeline/gpu/clear.h"
 #include "pipeline/method/render/plan.h"
 
 struct explainer; /* of one plan; any number of threads may use it once prepared */
@@ -50,8 +51,19 @@ bool render_device_begin(struct render_device *d, const struct sst_render_plan *
                          const float **weights);
 void render_device_end(struct render_device *d);
 
-/** Count a picture that is made on the CPU because the device has no shader for it. */
-void render_device_note_cpu(struct render_device *d, const char *why);
+/** Views of a clear picture, nearest to the viewpoint first. */
+struct device_clear {
+    int count;
+    const struct sst_render_tap *tap[SST_MAX_VIEWS];
+    struct sst_gpu_clear_view view[SST_MAX_VIEWS]; /* `first` and `flags` are set by the device */
+    struct sst_gpu_clear push;                     /* `pitch` and `views` likewise */
+    const struct sst_map_u8 *remove;               /* as in struct sst_render_config */
+    int threads;
+};
+
+/** The same for colours and weights of a clear picture without its holes filled.
+ *  @param words  out, [height * width] R, G, B, weight 0..255 */
+bool render_device_begin_clear(struct render_device *d, struct device_clear *c, const uint32_t **words);
 
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
