@@ -10,6 +10,7 @@
 #include "pipeline/gpu/gpu_internal.h"
 #include "tests/folder.h"
 #include "tests/gpu_field.h"
+#include "tests/small.h"
 
 static void test_names(void **state)
 {
@@ -292,11 +293,11 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_names),
         cmocka_unit_test(test_memory),
-        cmocka_unit_test(test_faults),
-        cmocka_unit_test(test_pictures),
+        serial_test(test_faults),
+        serial_test(test_pictures),
         cmocka_unit_test(test_fallback),
         cmocka_unit_test(test_refused),
-        cmocka_unit_test(test_clear_refused),
+        serial_test(test_clear_refused),
         cmocka_unit_test_setup_teardown(test_cache, test_folder_create, test_folder_remove),
         cmocka_unit_test(test_no_cache),
     };
