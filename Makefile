@@ -34,6 +34,8 @@ WITH_RTSP ?= $(call have,gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-
 WITH_MQTT ?= $(call have,libmosquitto)
 WITH_CURL ?= $(call have,libcurl)
 WITH_DOGLEG ?= $(shell echo '$(hash)include <dogleg.h>' | $(CC) -I$(SYSROOT)/usr/include/suitesparse -E - >/dev/null 2>&1 && echo 1 || echo 0)
+# The loader is opened at run time: building needs headers, and glslangValidator for the shaders.
+WITH_VULKAN ?= $(shell command -v glslangValidator >/dev/null && echo '$(hash)include <vulkan/vulkan_core.h>' | $(CC) -E - >/dev/null 2>&1 && echo 1 || echo 0)
 # sst-rtsp and sst-mqtt are clients of the service.
 ifneq (1,$(WITH_CURL))
 override WITH_RTSP := 0
@@ -73,7 +75,7 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
         -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
         -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_HTTPD=$(WITH_HTTPD) \
         -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) \
-        -DWITH_CURL=$(WITH_CURL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
+        -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
 PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) $(AV_PACKAGES)))
 PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES))
@@ -111,8 +113,11 @@ TEST_SRC := $(filter-out $(NO_THREADS),$(sort $(wildcard tests/unit/*.c tests/ke
 SIM_OBJ := $(SIM_SRC:%.c=$(BUILD)/obj/%.o)
 # The page is part of the program: its files as they are, and a table of them.
 WEB_FILES := $(sort $(wildcard daemon/web/*))
+# So are the shaders, compiled.
+SHADERS := $(if $(filter 1,$(WITH_VULKAN)),$(sort $(wildcard pipeline/kernels/*.comp)))
+SPIRV := $(SHADERS:pipeline/kernels/%.comp=$(BUILD)/shaders/%.spv)
 WORLD_OBJ := $(WORLD_SRC:%.c=$(BUILD)/obj/%.o)
-LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/web.o
+LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/web.o $(BUILD)/obj/spirv.o
 SHIM_OBJ := $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 # Loaded when first used (base/plugin.h), so that a start of sst does not load OpenCV and FFmpeg.
 PLUGINS := $(if $(SHIM_OBJ),$(BUILD)/libsst-opencv.so) $(if $(filter 1,$(WITH_AVFORMAT)),$(BUILD)/libsst-video.so)
@@ -123,7 +128,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-gpu bench-service soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
@@ -158,8 +163,14 @@ $(BUILD)/obj/%.o: %.cc $(BUILD)/flags
 	@$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
 $(BUILD)/web.c: scripts/embed.sh $(WEB_FILES) daemon/web
 	@mkdir -p $(@D)
-	@scripts/embed.sh $(WEB_FILES) >$@.new && mv $@.new $@
-$(BUILD)/obj/web.o: $(BUILD)/web.c $(BUILD)/flags
+	@scripts/embed.sh web_files daemon/publish/publish_internal.h $(WEB_FILES) >$@.new && mv $@.new $@
+$(BUILD)/shaders/%.spv: pipeline/kernels/%.comp
+	@mkdir -p $(@D)
+	@echo "  GLSL $<"
+	@glslangValidator -V --quiet --target-env vulkan1.2 -o $@ $<
+$(BUILD)/spirv.c: scripts/embed.sh $(SPIRV) $(BUILD)/flags
+	@scripts/embed.sh gpu_spirvs pipeline/gpu/gpu_internal.h $(SPIRV) >$@.new && mv $@.new $@
+$(BUILD)/obj/web.o $(BUILD)/obj/spirv.o: $(BUILD)/obj/%.o: $(BUILD)/%.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	@echo "  CC   $<"
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
@@ -348,6 +359,9 @@ bench-service: all ## measure the service on simulated arrays, about 10 minutes;
 	$(PYTHON) scripts/bench_service.py --build $(BUILD)
 soak-service: all ## SOAK=30 minutes of faults; reports the slope of memory
 	$(PYTHON) scripts/bench_service.py --build $(BUILD) --soak $(SOAK)
+
+bench-gpu: $(BUILD)/sst ## measure pictures on every device against the CPU; renews docs/measured/gpu.md
+	$(PYTHON) scripts/bench_gpu.py --build $(BUILD)
 
 BENCH_CALIB := $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs
 bench-calib: $(BENCH_CALIB) ## measure calibration against known truth, about 8 minutes; renews docs/measured/bench-calibration.md

@@ -268,6 +268,7 @@ void doctor_check_disk(struct doctor *d);
 void doctor_check_limits(struct doctor *d);
 void doctor_check_clock(struct doctor *d);
 void doctor_check_uvcvideo(struct doctor *d);
+void doctor_check_gpu(struct doctor *d);
 
 /* --- import_recording: `sst import recording`: sets of a recording as light fields. --- */
 
@@ -394,10 +395,12 @@ struct render_args {
     bool disparities_needed; /* also by methods that do not use them */
     double f_stop;           /* 0: not given */
     bool no_verify;          /* altered views are accepted */
+    const char *device;      /* as written */
+    int device_memory;       /* MiB; 0: not given */
     bool json, force;
 };
 
-#define RENDER_OPTIONS 24
+#define RENDER_OPTIONS 26
 
 /** The shared options, their values set to the defaults; pictures is 1. */
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a);
@@ -434,6 +437,12 @@ struct render_input {
  */
 int cli_render_open(struct render_input *in, struct render_args *a, const struct cli_command *cmd, const char *path);
 void cli_render_close(struct render_input *in);
+
+/** What the device has done, for `--json`; "cpu" without one. */
+json_t *cli_render_device_json(const struct render_input *in);
+
+/** One line of the log about it: a warning where pictures were rendered on the CPU instead. */
+void cli_render_report_device(const struct render_input *in);
 
 /** Does the name end so (".png"), upper or lower case? */
 bool cli_has_suffix(const char *path, const char *suffix);

@@ -82,6 +82,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     doctor_check_limits(&doctor);
     doctor_check_clock(&doctor);
     doctor_check_uvcvideo(&doctor);
+    doctor_check_gpu(&doctor);
     r = CLI_OK;
     if (json)
         r = print_json(&doctor);
@@ -93,7 +94,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_doctor = {
     .name = "doctor",
     .usage = "[--config FILE] [-o DIR] [--json]",
-    .summary = "check permissions, cameras, bandwidth, lines, disk and clock for capturing",
+    .summary = "check permissions, cameras, bandwidth, lines, disk and clock for capturing, and test GPUs",
     .detail = "Checks what the configuration needs and changes nothing. Each finding is OK, WARNING or PROBLEM, in "
               "one\nsentence with its remedy. Exit code 3 when there is a problem.",
     .example = "sst doctor --config array.yaml -o /var/lib/sst",

@@ -15,8 +15,10 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "cli/cli_internal.h"
+#include "pipeline/gpu/gpu.h"
 
 #define AREA_DISK           "disk"
+#define AREA_GPU            "gpu"
 #define TRY_NS              1000000000 /* of writing */
 #define TRY_BYTES           (256 << 20)
 #define CHUNK               (4 << 20)
@@ -207,4 +209,44 @@ void doctor_check_uvcvideo(struct doctor *d)
     if (drop > 0)
         doctor_add(d, DOCTOR_OK, "uvcvideo",
                    "parameter nodrop is set: damaged frames are delivered and counted as damaged");
+}
+
+/* --- devices for `--device` --------------------------------------------------------------------------------------- */
+
+/* Compile the shaders on a device and compare their results with the references. */
+static void test_gpu(struct doctor *d, const struct sst_gpu_info *info)
+{
+    char runs[256] = "", refuses[256] = "";
+    struct sst_gpu *g;
+
+    if (sst_gpu_open(&g, info->name, NULL)) {
+        doctor_add(d, DOCTOR_WARNING, AREA_GPU, "%s cannot be opened: update its driver (%s)", info->name, info->driver);
+        return;
+    }
+    for (int i = 0; i < SST_GPU_SHADERS; i++) {
+        char *const list = sst_gpu_prepare(g, (enum sst_gpu_shader)i) ? refuses : runs;
+
+        snprintf(list + strlen(list), sizeof(runs) - strlen(list), "%s%s", *list ? ", " : "",
+                 sst_gpu_shader_name((enum sst_gpu_shader)i));
+    }
+    sst_gpu_close(g);
+    if (*refuses)
+        doctor_add(d, DOCTOR_WARNING, AREA_GPU,
+                   "%s (%s) gives wrong results for %s and is not used for them: update the driver", info->name,
+                   info->driver, refuses);
+    else
+        doctor_add(d, DOCTOR_OK, AREA_GPU, "%s (%s) passes its tests: %s%s", info->name, info->driver, runs,
+                   info->kind == SST_GPU_SOFTWARE ? "; it is no GPU, and used only by name" : "");
+}
+
+void doctor_check_gpu(struct doctor *d)
+{
+    struct sst_gpu_info info[SST_GPU_DEVICES];
+    const int n = sst_gpu_list(info);
+
+    for (int i = 0; i < n; i++)
+        test_gpu(d, &info[i]);
+    if (!n)
+        doctor_add(d, DOCTOR_OK, AREA_GPU, WITH_VULKAN ? "no Vulkan driver answers: everything runs on the CPU" :
+                                                         "built without Vulkan: everything runs on the CPU");
 }

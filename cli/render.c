@@ -65,6 +65,7 @@ static void report(const struct picture *p, const struct render_input *in, const
     json_t *root;
     double lo, hi;
 
+    cli_render_report_device(in);
     if (!a->json) {
         if (a->focus_found)
             printf("%s: focus %.2f px per spacing, found by itself\n", out, a->cfg.focus_px);
@@ -89,6 +90,7 @@ static void report(const struct picture *p, const struct render_input *in, const
     else
         json_object_update_new(root, json_pack("{s:f, s:b, s:f}", "focus_px", a->cfg.focus_px, "focus_found",
                                                a->focus_found, "supported_percent", supported));
+    json_object_set_new(root, "device", cli_render_device_json(in));
     if (in->lf.calibration)
         json_object_set_new(root, "sampling", json_string(in->lf.images_raw ? "raw" : "rectified"));
     if (a->label)
@@ -213,6 +215,11 @@ const struct cli_command cli_render = {
         "A light field with a calibration holds raw frames. --sampling raw samples the rays directly from them,\n"
         "which is sharper, and cheaper for few views or pictures; rectified rectifies all views first; auto\n"
         "(default) chooses the cheaper one.\n"
+        "\n"
+        "--device sums the rays on a GPU: gpu is the fastest one that passes its self-test, auto does without one\n"
+        "where there is none; software devices are used only by name (lavapipe). `sst version` lists the devices.\n"
+        "Pictures differ from the CPU's by one level at most. What a device cannot do, or fails at, is done on the\n"
+        "CPU, logged and counted in `device` of --json. It pays for sweeps: the light field is uploaded once.\n"
         "\n"
         "--explain DIR writes, for the reference view, disparity.png (dark blue far, yellow near), labels.png,\n"
         "weight_depth.png, weight_label.png and weight.png, confidence.png, entropy.png and labels_hcsm.png where\n"

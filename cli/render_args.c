@@ -21,6 +21,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
                                .unsupported = "refocus",
                                .sampling = "auto",
                                .verify = "auto",
+                               .device = "cpu",
                                .cut = NAN,
                                .pictures = 1 };
     sst_render_config_defaults(cfg);
@@ -57,6 +58,10 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "sampling", 0, CLI_STRING, &a->sampling, "S",
           "calibrated light fields: straight from raw frames, from rectified views, or auto (the cheaper one)" },
         CLI_NO_VERIFY_OPTION(a->no_verify),
+        { "device", 0, CLI_STRING, &a->device, "D",
+          "where rays are summed: cpu (default), gpu, auto (gpu if there is one) or a part of a device's name", 0, 0 },
+        { "device-memory", 0, CLI_INT, &a->device_memory, "MIB",
+          "memory of the device to use at most (three quarters of it)", 1, 1 << 24 },
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
         { "force", 0, CLI_FLAG, &a->force, NULL, "replace an existing folder" },
         { "json", 0, CLI_FLAG, &a->json, NULL, "print one JSON object" },
@@ -249,7 +254,7 @@ static int choose_sampling(struct render_args *a, const char *path, unsigned *wh
         return cli_exit_code(err);
     set_aperture(&lf, a);
     raw = !strcasecmp(a->sampling, "raw") ||
-          (!strcasecmp(a->sampling, "auto") && !a->views_needed && sst_render_prefers_raw(&lf, &a->cfg, a->pictures));
+          (!strcasecmp(a->sampling, "auto") && !a->views_needed && !strcmp(a->device, "cpu") && sst_render_prefers_raw(&lf, &a->cfg, a->pictures));
     if (raw && !lf.calibration) {
         sst_log_error("%s has no calibration: its files are the views, not raw frames; leave out --sampling raw", path);
         r = CLI_INPUT;
@@ -282,6 +287,8 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
     if (err)
         return cli_exit_code(err);
     err = sst_renderer_create(&in->renderer, &in->lf, a->cfg.threads);
+    if (!err)
+        err = sst_renderer_use_device(in->renderer, a->device, (uint64_t)a->device_memory << 20);
     r = err ? cli_exit_code(err) : check_maps(in, a);
     if (r == CLI_GO_ON)
         r = find_label(in, "label", a->label, &a->cfg.focus_label, cmd);
@@ -292,6 +299,45 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
     if (r != CLI_GO_ON)
         cli_render_close(in);
     return r;
+}
+
+/* Mean of the pictures on the device. */
+static json_t *mean_ms(int64_t ns, int64_t pictures)
+{
+    return cli_real_json(pictures ? (double)ns * 1e-6 / (double)pictures : NAN);
+}
+
+json_t *cli_render_device_json(const struct render_input *in)
+{
+    struct sst_render_device_report d;
+    json_t *root;
+
+    if (!sst_renderer_device(in->renderer, &d))
+        return json_string("cpu");
+    root = json_pack("{s:o, s:o, s:I, s:I, s:I, s:I}", "name", cli_text_json(d.name), "driver", cli_text_json(d.driver),
+                     "pictures", (json_int_t)d.pictures, "verified_on_cpu", (json_int_t)d.verified_on_cpu, "on_cpu",
+                     (json_int_t)d.on_cpu, "failures", (json_int_t)d.failures);
+    json_object_set_new(root, "why_cpu", d.on_cpu ? cli_text_json(d.why) : json_null());
+    json_object_update_new(root, json_pack("{s:i, s:I, s:I, s:I}", "chunks", d.chunks, "dispatches",
+                                           (json_int_t)d.dispatches, "uploads", (json_int_t)d.uploads, "upload_bytes",
+                                           (json_int_t)d.upload_bytes));
+    json_object_set_new(root, "picture_ms", mean_ms(d.total_ns - d.upload_ns, d.pictures));
+    json_object_set_new(root, "download_ms", mean_ms(d.download_ns, d.pictures));
+    json_object_set_new(root, "upload_ms", json_real((double)d.upload_ns * 1e-6));
+    return root;
+}
+
+void cli_render_report_device(const struct render_input *in)
+{
+    struct sst_render_device_report d;
+
+    if (!sst_renderer_device(in->renderer, &d))
+        return;
+    if (d.on_cpu)
+        sst_log_warning("%lld of %lld pictures were rendered on the CPU instead of %s: %s", (long long)d.on_cpu,
+                        (long long)(d.on_cpu + d.pictures), d.name, d.why);
+    else
+        sst_log_info("rendered on %s%s", d.name, d.verified_on_cpu ? ", rays verified on the CPU" : "");
 }
 
 void cli_render_close(struct render_input *in)

@@ -3,6 +3,7 @@
 
 #include "base/thread.h"
 #include "cli/cli_internal.h"
+#include "pipeline/gpu/gpu.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/network/model_path.h"
 
@@ -13,9 +14,42 @@ static const struct {
     { "onednn", WITH_DNNL },        { "opencv", WITH_OPENCV },    { "libavformat", WITH_AVFORMAT },
     { "libudev", WITH_UDEV },       { "libusb", WITH_USB },       { "libmodbus", WITH_MODBUS },
     { "libgpiod", WITH_GPIOD > 0 }, { "libdogleg", WITH_DOGLEG }, { "libcurl", WITH_CURL },
+    { "vulkan", WITH_VULKAN },
 };
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };
+
+static json_t *devices_json(const struct sst_gpu_info *info, int n)
+{
+    json_t *devices = json_array();
+
+    for (int i = 0; i < n; i++)
+        json_array_append_new(devices, json_pack("{s:o, s:o, s:s, s:I}", "name", cli_text_json(info[i].name), "driver",
+                                                 cli_text_json(info[i].driver), "kind",
+                                                 sst_gpu_kind_name(info[i].kind), "memory_bytes",
+                                                 (json_int_t)info[i].memory_bytes));
+    return devices;
+}
+
+/* What every device can do: the shaders of this build. */
+static json_t *shaders_json(void)
+{
+    json_t *shaders = json_array();
+
+    for (int i = 0; i < SST_GPU_SHADERS && WITH_VULKAN; i++)
+        json_array_append_new(shaders, json_string(sst_gpu_shader_name((enum sst_gpu_shader)i)));
+    return shaders;
+}
+
+static void print_devices(const struct sst_gpu_info *info, int n)
+{
+    for (int i = 0; i < n; i++)
+        printf("  %-18s %s, %s, %.1f GiB%s\n", "device", info[i].name, info[i].driver,
+               (double)info[i].memory_bytes / (1 << 30),
+               info[i].kind == SST_GPU_SOFTWARE ? ", software: used only by name" : "");
+    if (!n)
+        printf("  %-18s %s\n", "device", WITH_VULKAN ? "none" : "none: not built in");
+}
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
@@ -26,9 +60,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     };
     const int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
     const char *cpu = sst_cpu_level_name(sst_cpu_level());
+    struct sst_gpu_info info[SST_GPU_DEVICES];
+    int devices;
 
     if (r != CLI_GO_ON)
         return r;
+    devices = sst_gpu_list(info);
     if (json) {
         json_t *optional = json_object();
         json_t *found = json_object();
@@ -39,6 +76,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
             json_object_set_new(optional, parts[i].name, json_boolean(parts[i].built));
         for (size_t i = 0; i < ARRAY_LEN(models); i++)
             json_object_set_new(found, models[i], sst_model_find(path, models[i]) ? json_null() : json_string(path));
+        json_object_set_new(root, "devices", devices_json(info, devices));
+        json_object_set_new(root, "shaders", shaders_json());
         return cli_dump_json(root, JSON_INDENT(2));
     }
     printf("sst %s, kernels for %s, %d threads\n", SST_VERSION, cpu, sst_thread_count(0));
@@ -46,13 +85,16 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         printf("  %-18s %s\n", parts[i].name, parts[i].built ? "yes" : "not built in");
     for (size_t i = 0; i < ARRAY_LEN(models); i++)
         printf("  %-18s %s\n", models[i], sst_model_find(path, models[i]) ? "not found" : path);
+    print_devices(info, devices);
     return CLI_OK;
 }
 
 const struct cli_command cli_version = {
     .name = "version",
     .usage = "[--json]",
-    .summary = "version, CPU level, optional parts and models",
+    .summary = "version, CPU level, optional parts, models and devices",
+    .detail = "Devices are those that `--device` of other commands can name, the one that `gpu` tries first on top;\n"
+              "shaders are what runs there. `sst doctor` tests them.",
     .example = "sst version --json",
     .run = run,
 };

@@ -9,6 +9,7 @@ cd "$(dirname "$0")/.." || exit 1
 export SST_BUILD="${SST_BUILD:-build}"
 case $SST_BUILD in /*) plain=$SST_BUILD;; *) plain=$PWD/$SST_BUILD;; esac
 export TSAN_OPTIONS="${TSAN_OPTIONS:-suppressions=$PWD/scripts/tsan.supp}"
+export LSAN_OPTIONS="${LSAN_OPTIONS:-suppressions=$PWD/scripts/lsan.supp:print_suppressions=0}"
 jobs=${JOBS:-$(($(nproc) + 1))} limit=${TEST_LIMIT:-900}
 dir=$(mktemp -d) || exit 1
 trap 'kill $(jobs -p) 2>/dev/null; wait; rm -rf "$dir"' EXIT

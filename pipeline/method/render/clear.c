@@ -40,6 +40,7 @@ struct clear {
     struct sst_image *out;
     struct sst_map_u8 weight; /* of the picture's pixels: 255 is enough */
     struct sst_renderer *renderer;
+    const uint32_t *words;    /* what a device has coloured, see render_device_begin_clear(); NULL: nothing */
     struct sst_mem_kept maps; /* landed rays of all views: the renderer's, from one picture to the next */
     const struct sst_kernels *kernels;
     void *rows; /* owned: scratch */
@@ -209,6 +210,20 @@ static int colour_row(void *arg, int y, int worker)
     return 0;
 }
 
+/* The same from what a device has coloured. */
+static int unpack_row(void *arg, int y, int worker SST_UNUSED)
+{
+    const struct clear *c = arg;
+    const uint32_t *word = c->words + (size_t)y * (size_t)c->width;
+
+    for (int x = 0; x < c->width; x++) {
+        for (int k = 0; k < 3; k++)
+            sst_image_row(c->out, k, y)[x] = (uint8_t)(word[x] >> (8 * k));
+        sst_map_u8_row(&c->weight, y)[x] = (uint8_t)(word[x] >> 24);
+    }
+    return 0;
+}
+
 /* --- a picture ---------------------------------------------------------------------------------------------------- */
 
 static double distance(const struct clear_view *v)
@@ -362,11 +377,11 @@ static int count_bins(const struct sst_renderer *r)
                        known ? sst_min_int(sst_disp_q6(r->lf, r->lf->range_max_px) + 1, SST_DISP_NONE) : 0);
 }
 
-/* Send all rays to the viewpoint. */
+/* Views and limits. */
 static int clear_init(struct clear *c, const struct sst_render_plan *p, struct sst_renderer *r,
-                      const struct sst_render_config *cfg, int threads)
+                      const struct sst_render_config *cfg)
 {
-    int err = check_config(cfg, p);
+    const int err = check_config(cfg, p);
 
     *c = (struct clear){ 0 };
     if (err)
@@ -383,8 +398,47 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
     c->coarse = c->bins > 0x7FFF;
     for (int i = 0; i < p->count; i++)
         add_view(c, &p->tap[i]);
-    err = allocate(c, threads);
+    return 0;
+}
+
+/* Send all rays to the viewpoint. */
+static int land_rays(struct clear *c, int threads)
+{
+    const int err = allocate(c, threads);
+
     return err ? err : sst_parallel_for(c->count, threads, land_view, c);
+}
+
+/* Land and colour on the device, if there is one that can. @return true: words is set until render_device_end() */
+static bool colour_on_device(struct clear *c)
+{
+    struct device_clear *to = c->renderer->device && !c->cfg->merge ? malloc(sizeof(*to)) : NULL;
+    const double disp_min_px = c->lf->disp_min_px;
+    bool done;
+
+    if (!to)
+        return false;
+    to->count = c->count;
+    to->remove = c->cfg->remove;
+    to->threads = sst_thread_count(c->cfg->threads);
+    to->push = (struct sst_gpu_clear){ .width = c->width,
+                                       .height = c->height,
+                                       .bins = c->bins,
+                                       .cut_q6 = c->cut_q6,
+                                       .remove_label = c->cfg->remove_label,
+                                       .coarse = c->coarse,
+                                       .rays = c->cfg->rays ? c->cfg->rays : ENOUGH,
+                                       .disp_min_px = (float)disp_min_px,
+                                       .disp_min_rest_px = (float)(disp_min_px - (double)(float)disp_min_px) };
+    for (int k = 0; k < c->count; k++) {
+        const struct sst_clear_view *at = &c->view[k].at;
+
+        to->tap[k] = c->view[k].tap;
+        to->view[k] = (struct sst_gpu_clear_view){ at->x_q6, at->x_0, at->y_q6, at->y_0, at->bx, at->by, 0, 0 };
+    }
+    done = render_device_begin_clear(c->renderer->device, to, &c->words);
+    free(to);
+    return done;
 }
 
 static void mark_valid(struct sst_map_u8 *valid, const struct sst_map_u8 *weight)
@@ -413,7 +467,7 @@ static int render_clear(struct clear *c, struct sst_image *out, struct sst_map_u
     for (int i = 0; i < 3; i++)
         memset(out->plane[i], 0, out->stride * (size_t)out->height);
     if (!err)
-        err = sst_parallel_for(c->height, threads, colour_row, c);
+        err = sst_parallel_for(c->height, threads, c->words ? unpack_row : colour_row, c);
     if (!err && c->cfg->merge)
         err = c->cfg->merge->merge(c->cfg->merge->arg, out, &c->weight);
     if (!err)
@@ -435,9 +489,13 @@ int clear_render(struct sst_renderer *r, const struct sst_render_config *cfg, st
 
     if (err)
         return err;
-    err = clear_init(&c, &plan, r, cfg, threads);
+    err = clear_init(&c, &plan, r, cfg);
+    if (!err && !colour_on_device(&c))
+        err = land_rays(&c, threads);
     if (!err)
         err = render_clear(&c, out, valid, threads);
+    if (c.words)
+        render_device_end(r->device);
     if (err == -ENOMEM)
         sst_log_error("not enough memory for a clear picture of %d views of %d x %d", c.count, c.width, c.height);
     clear_fini(&c);
@@ -489,7 +547,9 @@ int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int 
 
     if (err)
         return err;
-    err = clear_init(&c, &plan, r, cfg, threads);
+    err = clear_init(&c, &plan, r, cfg);
+    if (!err)
+        err = land_rays(&c, threads);
     if (!err) {
         struct scratch *s = &c.scratch[0];
         const int own = find_rays(&c, s, x - i, y);

@@ -83,11 +83,13 @@ bool sst_render_label_weights_differ(const struct sst_blend_range *range, const 
 
 struct sst_verifier; /* verify.h */
 struct explainer;    /* render_internal.h */
+struct render_device;
 
 struct sst_renderer {
     /* fixed after create */
     const struct sst_lightfield *lf;
     int threads;
+    struct render_device *device; /* NULL: none; owned. Fixed after sst_renderer_use_device() */
     /* under lock until computed, then fixed except for sst_renderer_recount() */
     pthread_mutex_t lock;
     bool counted;

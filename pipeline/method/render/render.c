@@ -7,6 +7,7 @@
 
 #include "base/log.h"
 #include "base/thread.h"
+#include "pipeline/gpu/blend.h"
 #include "pipeline/method/render/render_internal.h"
 #include "pipeline/method/render/verify.h"
 
@@ -64,11 +65,30 @@ void sst_renderer_destroy(struct sst_renderer *r)
         sst_map_u8_fini(&r->raw[k].seen);
     }
     free(r->raw);
+    render_device_destroy(r->device);
     sst_mem_kept_fini(&r->spare);
     sst_mem_free((void *)r->explained);
     sst_render_histogram_fini(&r->histogram);
     pthread_mutex_destroy(&r->lock);
     free(r);
+}
+
+int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes)
+{
+    int err = 0;
+
+    render_device_destroy(r->device);
+    r->device = NULL;
+    if (strcmp(name, "cpu"))
+        err = render_device_create(&r->device, r->lf, name, memory_bytes);
+    return err == -ENOENT && !strcmp(name, "auto") ? 0 : err;
+}
+
+bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out)
+{
+    if (r->device)
+        render_device_report(r->device, out);
+    return r->device;
 }
 
 double sst_renderer_confirmed(struct sst_renderer *r)
@@ -115,6 +135,8 @@ struct picture {
     int cols;
     struct sst_image *out;
     struct sst_map_u8 *valid;
+    const uint32_t *words; /* what a device has blended, see render_device_begin(); NULL: nothing */
+    const float *weights;
 };
 
 /* Destination of a view's rays: sums, or separate arrays. */
@@ -336,6 +358,24 @@ static void render_run(const struct picture *pic, float *weight, uint8_t *suppor
     mend_row(pic, weight, x, n, y);
 }
 
+/* The same from what a device has blended. Without a verifier, weights matter only where they are too small. */
+static void unpack_run(const struct picture *pic, float *weight, uint8_t *support, int x, int n, int y)
+{
+    const size_t at = (size_t)y * (size_t)pic->out->width + (size_t)x;
+    const uint32_t *word = pic->words + at;
+    uint8_t *const to[3] = { sst_image_row(pic->out, 0, y) + x, sst_image_row(pic->out, 1, y) + x,
+                             sst_image_row(pic->out, 2, y) + x };
+
+    for (int i = 0; i < n; i++) {
+        for (int c = 0; c < 3; c++)
+            to[c][i] = (uint8_t)(word[i] >> (8 * c));
+        weight[i] = word[i] >> 24 & SST_GPU_PIXEL_BELOW ? 0 : pic->weights ? pic->weights[at + (size_t)i] : 1;
+    }
+    for (int i = 0; support && i < n; i++)
+        support[i] = word[i] >> 24 & SST_GPU_PIXEL_SUPPORTED ? 255 : 0;
+    mend_row(pic, weight, x, n, y);
+}
+
 /* First pixel from x on of a cell that is to be rendered (wanted), or is not. */
 static int next_cell(const uint8_t *cells, int x, int width, bool wanted)
 {
@@ -360,7 +400,7 @@ static int render_band(void *arg, int index, int worker)
         x = cells ? next_cell(cells, x, width, true) : x;
         to = sst_min_int(cells ? next_cell(cells, x, width, false) : width, x + SST_BLEND_MAX);
         for (int y = top; y < end && x < to; y++)
-            render_run(pic, weight[y - top], count ? support[y - top] : NULL, x, to - x, y);
+            (pic->words ? unpack_run : render_run)(pic, weight[y - top], count ? support[y - top] : NULL, x, to - x, y);
         if (verifier && x < to)
             sst_verify(verifier, pic->plan, weight, x, to, top, end, pic->out);
         for (int y = top; y < end && count && x < to; y++)
@@ -369,14 +409,34 @@ static int render_band(void *arg, int index, int worker)
     return 0;
 }
 
+static int render_bands(struct picture *pic)
+{
+    const struct sst_render_plan *p = pic->plan;
+
+    pic->cols = (p->lf->width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
+    return sst_parallel_for((p->lf->height + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT,
+                            sst_thread_count(p->cfg.threads), render_band, pic);
+}
+
 int sst_render_plan_render(const struct sst_render_plan *p, const uint8_t *cells, struct sst_image *out,
                            struct sst_map_u8 *valid)
 {
     struct picture pic = { .plan = p, .cells = cells, .out = out, .valid = valid };
 
-    pic.cols = (p->lf->width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
-    return sst_parallel_for((p->lf->height + SST_RENDER_CELL_HEIGHT - 1) / SST_RENDER_CELL_HEIGHT,
-                            sst_thread_count(p->cfg.threads), render_band, &pic);
+    return render_bands(&pic);
+}
+
+/* On the device, if there is one that can. */
+static int render_anywhere(struct sst_renderer *r, const struct sst_render_plan *p, struct sst_image *out,
+                           struct sst_map_u8 *valid)
+{
+    struct picture pic = { .plan = p, .out = out, .valid = valid };
+    const bool begun = r->device && render_device_begin(r->device, p, &pic.words, &pic.weights);
+    const int err = render_bands(&pic);
+
+    if (begun)
+        render_device_end(r->device);
+    return err;
 }
 
 int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
@@ -399,7 +459,7 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
         return err;
     if (plan.explainer)
         explainer_keep(plan.explainer);
-    err = sst_render_plan_render(&plan, NULL, out, valid);
+    err = render_anywhere(r, &plan, out, valid);
     sst_render_plan_fini(&plan);
     return err;
 }

@@ -2,6 +2,7 @@
 #ifndef SST_PIPELINE_METHOD_RENDER_RENDER_H
 #define SST_PIPELINE_METHOD_RENDER_RENDER_H
 
+#include "pipeline/gpu/gpu.h"
 #include "pipeline/lightfield/lightfield.h"
 
 enum sst_render_method {
@@ -96,6 +97,37 @@ struct sst_renderer; /* label ranges of one light field, computed on first use; 
  */
 SST_MUST_CHECK int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *lf, int threads);
 void sst_renderer_destroy(struct sst_renderer *r);
+
+/**
+ * Render on a device from now on, where it has shaders for it; no picture may be rendered meanwhile.
+ *
+ * Verified rays, pixels whose weights underflow, the holes of clear pictures and rays from raw frames are the CPU's.
+ * Pictures differ from those of the CPU by at most SST_GPU_BLEND_LEVELS levels (pipeline/gpu/blend.h, clear.h), except
+ * where rays are verified and the sum of weights lies at a threshold. A device that fails is logged as a warning and
+ * counted; the picture is then rendered on the CPU, and the device is tried again later.
+ *
+ * @param name          as of sst_gpu_open(), or "cpu": on no device; "auto" without a GPU as well
+ * @param memory_bytes  that it may use of the device's memory; 0: three quarters. Views that do not fit are uploaded again
+ *                      for each picture
+ * @return 0, or as sst_gpu_open() and -ENOTSUP (its shader is refused); logged
+ */
+SST_MUST_CHECK int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes);
+
+/** What a device has done. */
+struct sst_render_device_report {
+    char name[SST_GPU_NAME], driver[SST_GPU_NAME];
+    int64_t pictures;        /* made there */
+    int64_t verified_on_cpu; /* of them */
+    int64_t on_cpu;          /* others */
+    int64_t failures;        /* times that the device failed */
+    char why[128];           /* the last of on_cpu */
+    int chunks;              /* that the views lie in, now */
+    int64_t dispatches, uploads, upload_bytes;
+    int64_t total_ns, upload_ns, download_ns; /* of pictures */
+};
+
+/** @return false: there is no device */
+bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out);
 
 /**
  * True if sampling raw frames (SST_LOAD_RAW) costs no more than rectifying them first.

@@ -10,6 +10,7 @@
 #ifndef SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 #define SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 
+#include "pipeline/gpu/clear.h"
 #include "pipeline/method/render/plan.h"
 
 struct explainer; /* of one plan; any number of threads may use it once prepared */
@@ -27,6 +28,44 @@ SST_MUST_CHECK int explainer_prepare(struct explainer *e);
 
 /** True if the pixel (x, y) of the view of tap k, whose disparity is known, is unexplained. */
 bool explainer_contradicts(const struct explainer *e, int k, int x, int y);
+
+/* --- device.c: pictures on a GPU ---------------------------------------------------------------------------------- */
+
+struct render_device; /* one device with one light field; any number of threads, one picture at a time */
+
+/** Open a device for pictures of lf, which must not change while it lives. @return as sst_gpu_open(), -ENOTSUP (its
+ *  shader is refused); logged */
+SST_MUST_CHECK int render_device_create(struct render_device **out, const struct sst_lightfield *lf, const char *name,
+                                        uint64_t memory_bytes);
+void render_device_destroy(struct render_device *d);
+
+/**
+ * Blend the rays of all pixels.
+ *
+ * @param words    out, [height * width] R, G, B, enum sst_gpu_blend_pixel, from the lowest byte up
+ * @param weights  out, sums of weights likewise, if the plan verifies; else NULL
+ * @return false: not done, which is counted, and logged where the device failed; true: both are valid until
+ * render_device_end()
+ */
+bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, const uint32_t **words,
+                         const float **weights);
+void render_device_end(struct render_device *d);
+
+/** Views of a clear picture, nearest to the viewpoint first. */
+struct device_clear {
+    int count;
+    const struct sst_render_tap *tap[SST_MAX_VIEWS];
+    struct sst_gpu_clear_view view[SST_MAX_VIEWS]; /* `first` and `flags` are set by the device */
+    struct sst_gpu_clear push;                     /* `pitch` and `views` likewise */
+    const struct sst_map_u8 *remove;               /* as in struct sst_render_config */
+    int threads;
+};
+
+/** The same for colours and weights of a clear picture without its holes filled.
+ *  @param words  out, [height * width] R, G, B, weight 0..255 */
+bool render_device_begin_clear(struct render_device *d, struct device_clear *c, const uint32_t **words);
+
+void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
 /* --- clear.c, fill.c: the clear picture, all in focus, without what stands in front (design.md, 5.6) ---------------
  *

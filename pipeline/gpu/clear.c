@@ -1,0 +1,385 @@
+/* The shaders `clear_land` and `clear_blend`: their references by those of kernels, and their self-tests. */
+#include "pipeline/gpu/clear.h"
+
+#include <assert.h>
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/gpu/gpu_internal.h"
+#include "pipeline/kernels/kernels.h"
+
+_Static_assert(sizeof(struct sst_gpu_clear_view) == 32 && sizeof(struct sst_gpu_clear) <= 128,
+               "the layout of clear_land.comp and clear_blend.comp");
+
+/* --- references --------------------------------------------------------------------------------------------------- */
+
+struct given {
+    const struct sst_gpu_clear *push;
+    const struct sst_gpu_clear_view *view;
+    const uint32_t *pixel;
+    const uint16_t *disp;
+    const uint8_t *valid, *masks;
+    uint32_t *landed;
+};
+
+static size_t row_at(const struct given *in, int y)
+{
+    return (size_t)y * (size_t)in->push->pitch;
+}
+
+/* Pixels of row y of view k to be removed; none outside the picture. @param removed  out [width] */
+static void mark_removed(uint8_t *removed, const struct given *in, size_t k, int y)
+{
+    const struct sst_gpu_clear_view *v = &in->view[k];
+    const size_t width = (size_t)in->push->width, at = v->first + row_at(in, y);
+    const uint8_t *mask = in->masks + k * row_at(in, in->push->height) + row_at(in, y);
+
+    memset(removed, 0, width);
+    if (y < 0 || y >= in->push->height)
+        return;
+    sst_clear_removed_ref(removed, in->disp + at, in->push->cut_q6, width);
+    for (size_t x = 0; x < width; x++) {
+        if (in->push->remove_label && v->flags & SST_GPU_CLEAR_LABELS)
+            removed[x] |= in->pixel[at + x] >> 24 == (uint32_t)in->push->remove_label;
+        if (v->flags & SST_GPU_CLEAR_MASK)
+            removed[x] |= mask[x] != 0;
+        if (v->flags & SST_GPU_CLEAR_VALID)
+            removed[x] |= !in->valid[at + x];
+    }
+}
+
+/* Memory of a reference: the dummy device is for tests. */
+static void *reserve(size_t bytes)
+{
+    void *p = calloc(bytes, 1);
+
+    assert(p);
+    return p;
+}
+
+static void land_view(const struct given *in, size_t k)
+{
+    const struct sst_gpu_clear *p = in->push;
+    const struct sst_gpu_clear_view *v = &in->view[k];
+    const struct sst_clear_view at = { .width = p->width,
+                                       .height = p->height,
+                                       .x_q6 = v->x_q6,
+                                       .x_0 = v->x_0,
+                                       .y_q6 = v->y_q6,
+                                       .y_0 = v->y_0,
+                                       .coarse = p->coarse };
+    const size_t width = (size_t)p->width, all = row_at(in, p->height);
+    uint32_t *landed = in->landed + k * all;
+    uint16_t *map = reserve(all * sizeof(*map));
+    uint8_t *rows = reserve(4 * (width + 2));
+
+    for (size_t i = 0; i < all; i++)
+        map[i] = (uint16_t)landed[i];
+    for (int y = 0; y < p->height; y++) {
+        uint8_t *const row[3] = { rows + 1, rows + width + 3, rows + 2 * width + 5 };
+        uint8_t *state = rows + 3 * (width + 2);
+        const uint16_t *disp = in->disp + v->first + row_at(in, y);
+
+        for (int i = 0; i < 3; i++)
+            mark_removed(row[i], in, k, y + i - 1);
+        sst_clear_state_ref(state, (const uint8_t *const *)row, disp, p->bins, width);
+        sst_clear_land_ref(map, (size_t)p->pitch, &at, disp, state, y);
+    }
+    for (size_t i = 0; i < all; i++)
+        landed[i] = map[i];
+    free(map);
+    free(rows);
+}
+
+void clear_land_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct given in = { .push = push,
+                              .view = buffer[SST_GPU_LAND_VIEWS],
+                              .pixel = buffer[SST_GPU_LAND_PIXELS],
+                              .disp = buffer[SST_GPU_LAND_DISP],
+                              .valid = buffer[SST_GPU_LAND_VALID],
+                              .masks = buffer[SST_GPU_LAND_MASKS],
+                              .landed = buffer[SST_GPU_LAND_LANDED] };
+
+    for (size_t k = 0; k < in.push->views; k++) {
+        if (in.push->zero)
+            memset(in.landed + k * row_at(&in, in.push->height), 0, row_at(&in, in.push->height) * sizeof(*in.landed));
+        else
+            land_view(&in, k);
+    }
+}
+
+/* Rays of a block, and memory for them. */
+struct block {
+    struct sst_clear_rays rays;
+    struct sst_clear_colours out;
+    float surface[SST_CLEAR_BLOCK];
+    uint16_t landed[SST_GPU_CLEAR_VIEWS][SST_CLEAR_BLOCK];
+    float weight[SST_GPU_CLEAR_VIEWS][SST_CLEAR_BLOCK], agree[SST_GPU_CLEAR_VIEWS][SST_CLEAR_BLOCK];
+    float colour[3][SST_GPU_CLEAR_VIEWS][SST_CLEAR_BLOCK];
+    struct sst_clear_view view[SST_GPU_CLEAR_VIEWS];
+};
+
+/* The pixels of a view as planes, with what may be read after them. */
+static void unpack_view(struct sst_clear_view *to, const struct given *in, size_t k)
+{
+    const size_t n = row_at(in, in->push->height);
+    uint8_t *planes = reserve(3 * n + 16);
+
+    *to = (struct sst_clear_view){ .width = in->push->width,
+                                   .height = in->push->height,
+                                   .stride = (size_t)in->push->pitch,
+                                   .bx = in->view[k].bx,
+                                   .by = in->view[k].by };
+    for (size_t c = 0; c < 3; c++) {
+        to->plane[c] = planes + c * n;
+        for (size_t i = 0; i < n; i++)
+            planes[c * n + i] = (uint8_t)(in->pixel[in->view[k].first + i] >> (8 * c));
+    }
+}
+
+/* As clear.c of pipeline/method/render/ does it. */
+static void find_surface(struct block *b, const struct sst_gpu_clear *p)
+{
+    const uint16_t *landed[SST_GPU_CLEAR_VIEWS];
+    const double scale = (double)(1 << p->coarse) / 64,
+                 disp_min_px = (double)p->disp_min_px + (double)p->disp_min_rest_px;
+
+    for (size_t k = 0; k < p->views; k++)
+        landed[k] = b->landed[k];
+    sst_clear_surface_ref(b->surface, landed, p->views);
+    for (int i = 0; i < SST_CLEAR_BLOCK; i++) {
+        const float level = b->surface[i];
+        const int whole = (int)level, up = (float)whole < level;
+
+        b->rays.first[i] = (uint16_t)(level > 0 ? sst_max_int(whole + up - SST_CLEAR_TOLERANCE, 1) : 1);
+        b->rays.last[i] = (uint16_t)(level > 0 ? sst_min_int(whole + SST_CLEAR_TOLERANCE, UINT16_MAX) : 0);
+        b->rays.px[i] = (float)(disp_min_px + (double)(level - 1) * scale);
+        b->rays.wanted[i] = (int16_t)(level > 0 ? p->rays : 0);
+    }
+}
+
+static void colour_block(struct block *b, const struct given *in, uint32_t *out, int x, int y)
+{
+    const int n = sst_min_int(in->push->width - x, SST_CLEAR_BLOCK);
+    int own = -1, more = 1;
+
+    memset(b->landed, 0, sizeof(b->landed));
+    for (size_t k = 0; k < in->push->views; k++) {
+        for (int i = 0; i < n; i++)
+            b->landed[k][i] = (uint16_t)in->landed[k * row_at(in, in->push->height) + row_at(in, y) + (size_t)(x + i)];
+    }
+    find_surface(b, in->push);
+    b->rays.slots = 0;
+    for (size_t k = 0; k < in->push->views && more; k++) {
+        const struct sst_clear_view *v = &b->view[k];
+        const int slot = b->rays.slots;
+
+        more = sst_clear_take_ref(&b->rays, v, b->landed[k], x, y);
+        if (b->rays.slots > slot && v->bx * v->bx + v->by * v->by < 1e-12F)
+            own = slot;
+    }
+    sst_clear_blend_ref(&b->out, &b->rays, own);
+    for (int i = 0; i < n; i++) {
+        const float t = fminf(b->out.weight[i], 1);
+
+        out[i] = (uint32_t)(255 * t * t + 0.5F) << 24;
+        for (int c = 0; c < 3; c++)
+            out[i] |= (uint32_t)(b->out.colour[c][i] + 0.5F) << (8 * c);
+    }
+}
+
+void clear_blend_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct given in = { .push = push,
+                              .view = buffer[SST_GPU_CLEAR_VIEWS_OF],
+                              .pixel = buffer[SST_GPU_CLEAR_PIXELS],
+                              .landed = buffer[SST_GPU_CLEAR_LANDED] };
+    uint32_t *out = buffer[SST_GPU_CLEAR_OUT];
+    struct block *b = reserve(sizeof(*b));
+
+    b->rays.weight = b->weight;
+    b->rays.agree = b->agree;
+    for (int c = 0; c < 3; c++)
+        b->rays.colour[c] = b->colour[c];
+    for (size_t k = 0; k < in.push->views; k++)
+        unpack_view(&b->view[k], &in, k);
+    for (int y = 0; y < in.push->height; y++) {
+        for (int x = 0; x < in.push->width; x += SST_CLEAR_BLOCK)
+            colour_block(b, &in, out + (size_t)y * (size_t)in.push->width + (size_t)x, x, y);
+    }
+    for (size_t k = 0; k < in.push->views; k++)
+        free((void *)b->view[k].plane[0]);
+    free(b);
+}
+
+/* --- self-tests --------------------------------------------------------------------------------------------------- */
+
+#define TEST_WIDTH  45
+#define TEST_HEIGHT 13
+#define TEST_PITCH  48
+#define TEST_PLANE  (TEST_PITCH * TEST_HEIGHT)
+#define TEST_VIEWS  9
+
+struct test {
+    struct sst_gpu_clear push;
+    struct sst_gpu_clear_view view[TEST_VIEWS];
+    uint32_t pixel[TEST_VIEWS * TEST_PLANE];
+    uint16_t disp[TEST_VIEWS * TEST_PLANE];
+    uint8_t valid[TEST_VIEWS * TEST_PLANE], masks[TEST_VIEWS * TEST_PLANE];
+    uint32_t landed[TEST_VIEWS * TEST_PLANE];
+    uint32_t out[TEST_WIDTH * TEST_HEIGHT];
+};
+
+static uint32_t next_random(uint32_t *state)
+{
+    *state = *state * 1664525U + 1013904223U;
+    return *state >> 8;
+}
+
+/* Two surfaces and noise, seen from around the viewpoint, which has a camera; every way to remove a pixel. */
+static void set_test(struct test *t)
+{
+    uint32_t state = 5;
+
+    t->push = (struct sst_gpu_clear){ .width = TEST_WIDTH,
+                                      .height = TEST_HEIGHT,
+                                      .pitch = TEST_PITCH,
+                                      .bins = 2000,
+                                      .cut_q6 = 1500,
+                                      .remove_label = 3,
+                                      .rays = 5,
+                                      .views = TEST_VIEWS,
+                                      .disp_min_px = -3.125F,
+                                      .disp_min_rest_px = 1e-8F };
+    for (int k = 0; k < TEST_VIEWS; k++) {
+        struct sst_gpu_clear_view *v = &t->view[k];
+
+        v->bx = k ? (float)(k % 3 - 1) * 0.31F + 0.05F : 0;
+        v->by = k ? (float)(k / 3 - 1) * 0.17F : 0;
+        v->x_q6 = v->bx / 64;
+        v->y_q6 = v->by / 64;
+        v->x_0 = t->push.disp_min_px * v->bx + 0.5F;
+        v->y_0 = t->push.disp_min_px * v->by + 0.5F;
+        v->first = (uint32_t)((TEST_VIEWS - 1 - k) * TEST_PLANE);
+        v->flags = (k == 1 ? SST_GPU_CLEAR_VALID : 0U) | (k != 2 ? SST_GPU_CLEAR_LABELS : 0U) |
+                   (k == 4 ? SST_GPU_CLEAR_MASK : 0U);
+    }
+    for (size_t i = 0; i < TEST_VIEWS * TEST_PLANE; i++) {
+        const uint32_t r = next_random(&state), x = (uint32_t)(i % TEST_PITCH);
+
+        t->pixel[i] = (r & 0x1F1F1F) + x % 8 * 0x1C1C1C + (next_random(&state) % 40 ? 0 : 3U << 24);
+        t->disp[i] = (uint16_t)(r % 29 == 0 ? 0xFFFF : r % 31 == 0 ? r % 2200 : (x / 16 % 2 ? 700 : 300) + r % 30);
+        t->valid[i] = next_random(&state) % 8 ? 255 : 0;
+        t->masks[i] = next_random(&state) % 12 ? 0 : 255;
+        t->landed[i] = 77; /* to be set to 0 */
+    }
+}
+
+static const uint32_t groups_of_test[3] = { (TEST_WIDTH + SST_GPU_CLEAR_GROUP_WIDTH - 1) / SST_GPU_CLEAR_GROUP_WIDTH,
+                                            (TEST_HEIGHT + SST_GPU_CLEAR_GROUP_HEIGHT - 1) / SST_GPU_CLEAR_GROUP_HEIGHT,
+                                            TEST_VIEWS };
+
+static void free_buffers(uint8_t *one[], uint8_t *other[])
+{
+    for (int i = 0; i < SST_GPU_BUFFERS; i++) {
+        free(one[i]);
+        free(other[i]);
+    }
+}
+
+/* Where rays land is compared bit for bit, and kept. */
+static int run_land(struct sst_gpu *g, struct test *t)
+{
+    const void *const initial[SST_GPU_BUFFERS] = { t->view, t->pixel, t->disp, t->valid, t->masks, t->landed };
+    const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->view),  sizeof(t->pixel), sizeof(t->disp),
+                                            sizeof(t->valid), sizeof(t->masks), sizeof(t->landed) };
+    const struct sst_gpu_work work = { .shader = SST_GPU_CLEAR_LAND,
+                                       .push = &t->push,
+                                       .groups = { groups_of_test[0], groups_of_test[1], TEST_VIEWS } };
+    uint8_t *device[SST_GPU_BUFFERS], *host[SST_GPU_BUFFERS];
+    int err = gpu_run_both(g, &work, initial, bytes, device, host);
+
+    if (err)
+        return err;
+    /* Rows have pixels beyond the picture, which nobody reads. */
+    for (size_t row = 0; row < (size_t)TEST_VIEWS * TEST_HEIGHT && !err; row++) {
+        const size_t at = row * TEST_PITCH * sizeof(uint32_t);
+
+        if (memcmp(device[SST_GPU_LAND_LANDED] + at, host[SST_GPU_LAND_LANDED] + at, TEST_WIDTH * sizeof(uint32_t)))
+            err = -ENOTSUP;
+    }
+    memcpy(t->landed, host[SST_GPU_LAND_LANDED], sizeof(t->landed));
+    free_buffers(device, host);
+    return err;
+}
+
+int clear_land_self_test(struct sst_gpu *g)
+{
+    struct test *t = calloc(1, sizeof(*t));
+    int err = t ? 0 : -ENOMEM;
+
+    for (int coarse = 0; coarse < 2 && !err; coarse++) {
+        set_test(t);
+        t->push.coarse = coarse;
+        t->push.zero = 1;
+        err = run_land(g, t);
+        t->push.zero = 0;
+        if (!err)
+            err = run_land(g, t);
+    }
+    free(t);
+    return err;
+}
+
+static bool same_pixel(uint32_t a, uint32_t b)
+{
+    bool same = true;
+
+    for (int c = 0; c < 4; c++)
+        same = same && abs((int)(a >> (8 * c) & 0xFF) - (int)(b >> (8 * c) & 0xFF)) <= SST_GPU_CLEAR_LEVELS;
+    return same;
+}
+
+static int run_blend(struct sst_gpu *g, struct test *t)
+{
+    const void *const initial[SST_GPU_BUFFERS] = { t->view, t->pixel, t->landed, t->out };
+    const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->view), sizeof(t->pixel), sizeof(t->landed), sizeof(t->out) };
+    const struct sst_gpu_work work = { .shader = SST_GPU_CLEAR_BLEND,
+                                       .push = &t->push,
+                                       .groups = { groups_of_test[0], groups_of_test[1], 1 } };
+    uint8_t *device[SST_GPU_BUFFERS], *host[SST_GPU_BUFFERS];
+    int err = gpu_run_both(g, &work, initial, bytes, device, host);
+
+    if (err)
+        return err;
+    for (size_t i = 0; i < ARRAY_LEN(t->out) && !err; i++) {
+        if (!same_pixel(((const uint32_t *)(const void *)device[SST_GPU_CLEAR_OUT])[i],
+                        ((const uint32_t *)(const void *)host[SST_GPU_CLEAR_OUT])[i]))
+            err = -ENOTSUP;
+    }
+    free_buffers(device, host);
+    return err;
+}
+
+int clear_blend_self_test(struct sst_gpu *g)
+{
+    struct test *t = calloc(1, sizeof(*t));
+    int err = t ? 0 : -ENOMEM;
+
+    for (int coarse = 0; coarse < 2 && !err; coarse++) {
+        void *const buffer[SST_GPU_LAND_BUFFERS] = { t->view, t->pixel, t->disp, t->valid, t->masks, t->landed };
+
+        set_test(t);
+        t->push.coarse = coarse;
+        t->push.zero = 1;
+        clear_land_reference(&t->push, buffer, groups_of_test);
+        t->push.zero = 0;
+        clear_land_reference(&t->push, buffer, groups_of_test);
+        err = run_blend(g, t);
+    }
+    free(t);
+    return err;
+}

@@ -1,0 +1,65 @@
+/* pipeline/gpu/clear.h - the shaders `clear_land` and `clear_blend`: the clear picture (design.md, 5.6).
+ *
+ * clear_land is clear_removed, clear_state and clear_land of pipeline/kernels/kernels.h for all views at once, and
+ * gives the same numbers. clear_blend is clear_surface, clear_take and clear_blend for all pixels; it takes the same
+ * rays at the same positions, and its colours and weights differ from those of the reference by at most
+ * SST_GPU_CLEAR_LEVELS.
+ */
+#ifndef SST_PIPELINE_GPU_CLEAR_H
+#define SST_PIPELINE_GPU_CLEAR_H
+
+#include "pipeline/gpu/gpu.h"
+
+#define SST_GPU_CLEAR_LEVELS 1
+#define SST_GPU_CLEAR_VIEWS  64 /* at most: a pixel's rays are held at once */
+
+/* Structures have the layout of pipeline/kernels/clear_land.comp and clear_blend.comp (std430). */
+
+/** One view, as struct sst_clear_view has it. */
+struct sst_gpu_clear_view {
+    float x_q6, x_0, y_q6, y_0, bx, by;
+    uint32_t first; /* its pixel (0, 0) in the buffers of pixels, disparities and valid pixels; a multiple of 4 */
+    uint32_t flags; /* enum sst_gpu_clear_view_flag */
+};
+
+enum sst_gpu_clear_view_flag {
+    SST_GPU_CLEAR_VALID = 1,  /* the view has a map of valid pixels */
+    SST_GPU_CLEAR_LABELS = 2, /* ... labels */
+    SST_GPU_CLEAR_MASK = 4,   /* ... a mask of pixels to remove */
+};
+
+struct sst_gpu_clear {
+    int32_t width, height, pitch;        /* of views and picture; pixels of a row of all buffers but the last */
+    int32_t bins, cut_q6;                /* stored disparities are below; those above are removed */
+    int32_t remove_label;                /* 0: none */
+    int32_t coarse;                      /* of struct sst_clear_view */
+    int32_t rays;                        /* of full weight that make up a pixel */
+    uint32_t views;                      /* nearest to the viewpoint first */
+    uint32_t zero;                       /* clear_land: not 0: only set the landed rays to 0 */
+    float disp_min_px, disp_min_rest_px; /* their sum */
+};
+
+/** Buffers of clear_land, by binding. A group has GROUP_WIDTH x GROUP_HEIGHT pixels of one view. */
+enum sst_gpu_clear_land_buffer {
+    SST_GPU_LAND_VIEWS = 0,  /* struct sst_gpu_clear_view[views] */
+    SST_GPU_LAND_PIXELS = 1, /* as of blend.h */
+    SST_GPU_LAND_DISP = 2,
+    SST_GPU_LAND_VALID = 3,
+    SST_GPU_LAND_MASKS = 4,  /* a byte each, [views][height][pitch] */
+    SST_GPU_LAND_LANDED = 5, /* out, uint32_t[views][height][pitch] */
+    SST_GPU_LAND_BUFFERS
+};
+
+/** Buffers of clear_blend. */
+enum sst_gpu_clear_blend_buffer {
+    SST_GPU_CLEAR_VIEWS_OF = 0, /* struct sst_gpu_clear_view[views] */
+    SST_GPU_CLEAR_PIXELS = 1,
+    SST_GPU_CLEAR_LANDED = 2,
+    SST_GPU_CLEAR_OUT = 3, /* out, uint32_t[height * width]: R, G, B, weight 0..255: 255 is enough */
+    SST_GPU_CLEAR_BUFFERS
+};
+
+#define SST_GPU_CLEAR_GROUP_WIDTH  32
+#define SST_GPU_CLEAR_GROUP_HEIGHT 4
+
+#endif

@@ -1,0 +1,153 @@
+/* A device without a driver: shaders are their C references, on memory of the host. It fails when it is asked to, so
+ * that scheduling, fallback and errors are tested anywhere.
+ *
+ * Faults: lost=N the N-th dispatch finds the device lost; timeout=N it does not answer; memory=N MiB of it all there
+ * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong (1: in the self-test). */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/mem.h"
+#include "pipeline/gpu/gpu_internal.h"
+
+enum fault { FAULT_LOST, FAULT_TIMEOUT, FAULT_MEMORY, FAULT_BUFFER, FAULT_WRONG, FAULTS };
+
+static const char *const fault_names[FAULTS] = { "lost", "timeout", "memory", "buffer", "wrong" };
+
+struct dummy {
+    struct sst_gpu gpu; /* first */
+    long fault[FAULTS]; /* 0: not asked for */
+    long dispatches;
+};
+
+struct dummy_buffer {
+    struct sst_gpu_buffer buffer; /* first */
+    uint8_t *data;
+};
+
+static uint8_t *data_of(struct sst_gpu_buffer *b)
+{
+    return ((struct dummy_buffer *)b)->data;
+}
+
+static int create(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t bytes)
+{
+    struct dummy_buffer *b = calloc(1, sizeof(*b));
+
+    (void)g;
+    if (!b)
+        return -ENOMEM;
+    b->data = sst_mem_alloc(bytes, 1);
+    if (!b->data) {
+        free(b);
+        return -ENOMEM;
+    }
+    *out = &b->buffer;
+    return 0;
+}
+
+static void destroy(struct sst_gpu *g, struct sst_gpu_buffer *b)
+{
+    (void)g;
+    sst_mem_free(data_of(b));
+    free(b);
+}
+
+static int compile(struct sst_gpu *g, enum sst_gpu_shader shader)
+{
+    (void)g;
+    (void)shader;
+    return 0;
+}
+
+static int upload(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const void *data, size_t bytes)
+{
+    (void)g;
+    memcpy(data_of(b) + offset, data, bytes);
+    return 0;
+}
+
+static int download(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, size_t offset, size_t bytes)
+{
+    (void)g;
+    memcpy(data, data_of(b) + offset, bytes);
+    return 0;
+}
+
+static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
+{
+    struct dummy *d = (struct dummy *)g;
+    const struct gpu_shader *shader = &gpu_shaders[work->shader];
+    void *buffer[SST_GPU_BUFFERS];
+
+    d->dispatches++;
+    if (d->dispatches == d->fault[FAULT_LOST])
+        return -ENODEV;
+    if (d->dispatches == d->fault[FAULT_TIMEOUT])
+        return -ETIMEDOUT;
+    for (int i = 0; i < shader->buffers; i++)
+        buffer[i] = data_of(work->buffer[i]);
+    shader->reference(work->push, buffer, work->groups);
+    /* Every shader writes its last buffer. */
+    if (d->dispatches == d->fault[FAULT_WRONG])
+        *(uint8_t *)buffer[shader->buffers - 1] ^= 0x40;
+    return 0;
+}
+
+static int wait_done(struct sst_gpu *g)
+{
+    (void)g;
+    return 0;
+}
+
+static void close_dummy(struct sst_gpu *g)
+{
+    free(g);
+}
+
+static const struct gpu_ops ops = { create, destroy, compile, upload, download, dispatch, wait_done, close_dummy };
+
+static int read_faults(struct dummy *d, const char *text)
+{
+    for (const char *at = text; *at;) {
+        char word[32];
+        long value;
+        int used = 0, i;
+
+        if (sscanf(at, "%31[a-z]=%ld%n", word, &value, &used) != 2 || value < 1 || (at[used] && at[used] != ','))
+            return -EINVAL;
+        for (i = 0; i < FAULTS && strcmp(word, fault_names[i]); i++)
+            ;
+        if (i == FAULTS)
+            return -EINVAL;
+        d->fault[i] = value;
+        at += used + (at[used] == ',');
+    }
+    return 0;
+}
+
+int gpu_dummy_open(struct sst_gpu **out, const char *faults)
+{
+    struct dummy *d = calloc(1, sizeof(*d));
+
+    if (!d) {
+        sst_log_error("not enough memory for a device");
+        return -ENOMEM;
+    }
+    if (read_faults(d, faults)) {
+        free(d);
+        sst_log_error("dummy device: `%s` is not a list of lost=N, timeout=N, memory=MIB, buffer=KIB, wrong=N", faults);
+        return -EINVAL;
+    }
+    d->gpu.ops = &ops;
+    d->gpu.info =
+        (struct sst_gpu_info){ "dummy", "C reference", SST_GPU_SOFTWARE, (uint64_t)1 << 34, (uint64_t)1 << 31 };
+    if (d->fault[FAULT_MEMORY]) /* three quarters of it are used */
+        d->gpu.info.memory_bytes = (uint64_t)d->fault[FAULT_MEMORY] << 20;
+    if (d->fault[FAULT_BUFFER])
+        d->gpu.info.buffer_bytes = (uint64_t)d->fault[FAULT_BUFFER] << 10;
+    *out = &d->gpu;
+    return 0;
+}

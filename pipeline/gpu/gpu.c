@@ -1,0 +1,265 @@
+/* Choice of a device, limits of its memory, tests of its shaders; the rest is passed on to the back end. */
+#define _GNU_SOURCE /* strcasestr */
+#include "pipeline/gpu/gpu.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "pipeline/gpu/gpu_internal.h"
+
+#define TIMEOUT_MS 20000
+
+const char *sst_gpu_kind_name(enum sst_gpu_kind kind)
+{
+    static const char *const names[] = { "software", "other", "virtual", "integrated", "discrete" };
+
+    return names[kind];
+}
+
+const char *sst_gpu_error(int err)
+{
+    switch (err) {
+    case -ENODEV:
+        return "the device is lost";
+    case -ETIMEDOUT:
+        return "the device does not answer";
+    case -ENOMEM:
+        return "not enough memory on the device";
+    case -ENOTSUP:
+        return "a shader is refused";
+    case -ENOENT:
+        return "the device is not found";
+    default:
+        return "the driver fails";
+    }
+}
+
+/* --- choice ------------------------------------------------------------------------------------------------------- */
+
+static bool faster(const struct sst_gpu_info *a, const struct sst_gpu_info *b)
+{
+    return a->kind != b->kind ? a->kind > b->kind : a->memory_bytes > b->memory_bytes;
+}
+
+/* Indices of the devices, the fastest first. */
+static int list_in_order(struct sst_gpu_info info[SST_GPU_DEVICES], int order[SST_GPU_DEVICES])
+{
+    const int n = gpu_vulkan_list(info);
+
+    for (int i = 0; i < n; i++) {
+        int at = i;
+
+        for (; at > 0 && faster(&info[i], &info[order[at - 1]]); at--)
+            order[at] = order[at - 1];
+        order[at] = i;
+    }
+    return n;
+}
+
+int sst_gpu_list(struct sst_gpu_info info[SST_GPU_DEVICES])
+{
+    struct sst_gpu_info found[SST_GPU_DEVICES];
+    int order[SST_GPU_DEVICES];
+    const int n = list_in_order(found, order);
+
+    for (int i = 0; i < n; i++)
+        info[i] = found[order[i]];
+    return n;
+}
+
+static void log_missing(const char *name, const struct sst_gpu_info *info, const int *order, int n)
+{
+    char list[512] = "";
+
+    for (int i = 0; i < n && strlen(list) + SST_GPU_NAME < sizeof(list); i++)
+        snprintf(list + strlen(list), sizeof(list) - strlen(list), "%s`%s`", i ? ", " : "", info[order[i]].name);
+    if (!WITH_VULKAN)
+        sst_log_error("no device `%s`: this build has no Vulkan; leave out --device, or build with libvulkan-dev and "
+                      "glslang-tools",
+                      name);
+    else if (!n)
+        sst_log_error("no device `%s`: no Vulkan driver answers; install the driver of the GPU, or leave out --device",
+                      name);
+    else if (!strcmp(name, "gpu"))
+        sst_log_error("no GPU passes its self-test; software devices are used only by name: %s", list);
+    else
+        sst_log_error("no device `%s`; this machine has %s", name, list);
+}
+
+static int prepare_all(struct sst_gpu *g)
+{
+    int err = 0;
+
+    for (int i = 0; i < SST_GPU_SHADERS && !err; i++)
+        err = sst_gpu_prepare(g, (enum sst_gpu_shader)i);
+    return err;
+}
+
+static void set_limits(struct sst_gpu *g, const struct sst_gpu_config *cfg)
+{
+    g->cfg = cfg ? *cfg : (struct sst_gpu_config){ 0 };
+    if (!g->cfg.memory_bytes)
+        g->cfg.memory_bytes = g->info.memory_bytes / 4 * 3;
+    if (!g->cfg.timeout_ms)
+        g->cfg.timeout_ms = TIMEOUT_MS;
+}
+
+/* The first real device that passes every self-test. */
+static int open_real(struct sst_gpu **out, const struct sst_gpu_info *info, const int *order, int n,
+                     const struct sst_gpu_config *cfg)
+{
+    for (int i = 0; i < n; i++) {
+        struct sst_gpu *g;
+
+        if (info[order[i]].kind == SST_GPU_SOFTWARE || gpu_vulkan_open(&g, order[i]))
+            continue;
+        set_limits(g, cfg);
+        if (!prepare_all(g)) {
+            *out = g;
+            return 0;
+        }
+        sst_gpu_close(g);
+    }
+    return -ENOENT;
+}
+
+static int open_named(struct sst_gpu **out, const char *name, const struct sst_gpu_info *info, const int *order, int n,
+                      const struct sst_gpu_config *cfg)
+{
+    int err = -ENOENT;
+
+    for (int i = 0; i < n && err == -ENOENT; i++) {
+        const struct sst_gpu_info *is = &info[order[i]];
+
+        if (!*name || (!strcasestr(is->name, name) && !strcasestr(is->driver, name)))
+            continue;
+        err = gpu_vulkan_open(out, order[i]);
+        if (!err)
+            set_limits(*out, cfg);
+    }
+    return err;
+}
+
+int sst_gpu_open(struct sst_gpu **out, const char *name, const struct sst_gpu_config *cfg)
+{
+    const bool any = !strcmp(name, "auto") || !strcmp(name, "gpu");
+    struct sst_gpu_info info[SST_GPU_DEVICES];
+    int order[SST_GPU_DEVICES], n, err;
+
+    if (!strcmp(name, "dummy") || !strncmp(name, "dummy:", 6)) {
+        err = gpu_dummy_open(out, name[5] ? name + 6 : "");
+        if (!err)
+            set_limits(*out, cfg);
+        return err;
+    }
+    n = list_in_order(info, order);
+    err = any ? open_real(out, info, order, n, cfg) : open_named(out, name, info, order, n, cfg);
+    if (err == -ENOENT && strcmp(name, "auto"))
+        log_missing(name, info, order, n);
+    return err;
+}
+
+void sst_gpu_close(struct sst_gpu *g)
+{
+    if (g)
+        g->ops->close(g);
+}
+
+const struct sst_gpu_info *sst_gpu_get_info(const struct sst_gpu *g)
+{
+    return &g->info;
+}
+
+uint64_t sst_gpu_free_bytes(const struct sst_gpu *g)
+{
+    return g->cfg.memory_bytes > g->used_bytes ? g->cfg.memory_bytes - g->used_bytes : 0;
+}
+
+/* --- shaders ------------------------------------------------------------------------------------------------------ */
+
+/* What a device that is lost is asked for again fails at once. */
+static int note(struct sst_gpu *g, int err)
+{
+    if (err && err != -ENOMEM && !g->lost)
+        g->lost = err;
+    return err;
+}
+
+int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
+{
+    int err;
+
+    if (g->lost)
+        return g->lost;
+    if (g->ready[shader] != GPU_UNTESTED)
+        return g->ready[shader] == GPU_READY ? 0 : -ENOTSUP;
+    err = g->ops->compile(g, shader);
+    if (!err) {
+        g->ready[shader] = GPU_READY; /* which the test runs */
+        err = gpu_shaders[shader].self_test(g);
+    }
+    if (err == -ENOTSUP) {
+        g->ready[shader] = GPU_REFUSED;
+        sst_log_warning("%s: the shader `%s` is refused: its results differ from the reference", g->info.name,
+                        gpu_shaders[shader].name);
+    } else if (err) {
+        g->ready[shader] = GPU_UNTESTED;
+        sst_log_warning("%s: the shader `%s` cannot be tested: %s", g->info.name, gpu_shaders[shader].name,
+                        sst_gpu_error(err));
+        return note(g, err);
+    }
+    return err;
+}
+
+/* --- passed on ---------------------------------------------------------------------------------------------------- */
+
+int sst_gpu_buffer_create(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t bytes)
+{
+    int err = g->lost;
+
+    bytes = bytes ? bytes : 4;
+    if (!err && (bytes > sst_gpu_free_bytes(g) || bytes > g->info.buffer_bytes))
+        err = -ENOMEM;
+    if (!err)
+        err = note(g, g->ops->create(g, out, bytes));
+    if (err)
+        return err;
+    (*out)->bytes = bytes;
+    g->used_bytes += bytes;
+    return 0;
+}
+
+void sst_gpu_buffer_destroy(struct sst_gpu *g, struct sst_gpu_buffer *b)
+{
+    if (!b)
+        return;
+    g->used_bytes -= b->bytes;
+    g->ops->destroy(g, b);
+}
+
+int sst_gpu_upload(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const void *data, size_t bytes)
+{
+    return g->lost ? g->lost : note(g, g->ops->upload(g, b, offset, data, bytes));
+}
+
+int sst_gpu_download(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, size_t offset, size_t bytes)
+{
+    return g->lost ? g->lost : note(g, g->ops->download(g, data, b, offset, bytes));
+}
+
+int sst_gpu_dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
+{
+    if (g->lost)
+        return g->lost;
+    if (g->ready[work->shader] != GPU_READY)
+        return -ENOTSUP;
+    return note(g, g->ops->dispatch(g, work));
+}
+
+int sst_gpu_wait(struct sst_gpu *g)
+{
+    return g->lost ? g->lost : note(g, g->ops->wait(g));
+}

@@ -1,0 +1,116 @@
+/* pipeline/gpu/gpu.h - devices that run compute shaders: chosen by name, memory, work in the order of the calls.
+ *
+ * Two back ends: Vulkan 1.2, whose loader is opened at run time, and a dummy device that runs the C reference of each
+ * shader and fails on request. How they fit together: docs/design/gpu.md.
+ */
+#ifndef SST_PIPELINE_GPU_GPU_H
+#define SST_PIPELINE_GPU_GPU_H
+
+#include <stdbool.h>
+
+#include "base/base.h"
+
+#define SST_GPU_NAME    256 /* bytes of a name, with its NUL */
+#define SST_GPU_DEVICES 16  /* devices that are listed at most */
+#define SST_GPU_BUFFERS 8   /* buffers that a shader reads and writes at most */
+
+/** Shaders: pipeline/kernels/<name>.comp, embedded at build. */
+enum sst_gpu_shader {
+    SST_GPU_BLEND = 0,       /* blend.h */
+    SST_GPU_CLEAR_LAND = 1,  /* clear.h */
+    SST_GPU_CLEAR_BLEND = 2, /* clear.h */
+    SST_GPU_SHADERS
+};
+
+const char *sst_gpu_shader_name(enum sst_gpu_shader shader);
+
+enum sst_gpu_kind {
+    SST_GPU_SOFTWARE = 0, /* runs on the CPU: never chosen except by its name */
+    SST_GPU_OTHER = 1,
+    SST_GPU_VIRTUAL = 2,
+    SST_GPU_INTEGRATED = 3,
+    SST_GPU_DISCRETE = 4,
+};
+
+const char *sst_gpu_kind_name(enum sst_gpu_kind kind);
+
+struct sst_gpu_info {
+    char name[SST_GPU_NAME];   /* of the device */
+    char driver[SST_GPU_NAME]; /* name and version */
+    enum sst_gpu_kind kind;
+    uint64_t memory_bytes; /* largest heap of the device */
+    uint64_t buffer_bytes; /* largest buffer */
+};
+
+/**
+ * List the devices of this machine, the fastest kind first, larger memory first within a kind.
+ *
+ * Starts the drivers, which takes from 20 ms to a second. Without a loader or a driver the list is empty.
+ * @return devices in info, at most SST_GPU_DEVICES
+ */
+int sst_gpu_list(struct sst_gpu_info info[SST_GPU_DEVICES]);
+
+struct sst_gpu_config {
+    uint64_t memory_bytes; /* that buffers use at most; 0: three quarters of the device's */
+    int timeout_ms;        /* limit of one wait; 0: 20 s */
+};
+
+struct sst_gpu; /* one thread at a time */
+
+/**
+ * Open a device.
+ *
+ * @param name  "gpu": the first of sst_gpu_list() that is no software device and passes the self-test of every shader;
+ *              "auto": the same, and -ENOENT is not logged; "lavapipe": Mesa's software device; "dummy" or
+ *              "dummy:FAULT=N[,FAULT=N...]" (docs/design/gpu.md); else a part of a device's or driver's name
+ * @param cfg   NULL: the defaults
+ * @return 0, -ENOENT (no such device), -EINVAL (unknown fault), -ENOMEM, -EIO (the driver refuses); logged.
+ */
+SST_MUST_CHECK int sst_gpu_open(struct sst_gpu **out, const char *name, const struct sst_gpu_config *cfg);
+
+/** Free the device and its buffers. What a device that does not answer still uses is left to the end of the process. */
+void sst_gpu_close(struct sst_gpu *g);
+
+const struct sst_gpu_info *sst_gpu_get_info(const struct sst_gpu *g);
+
+/** Bytes that buffers may still use by the configuration. */
+uint64_t sst_gpu_free_bytes(const struct sst_gpu *g);
+
+/**
+ * Compile a shader and compare its results on small inputs with those of its C reference, on the first call.
+ * @return 0, -ENOTSUP (they differ, or the device cannot run it: refused while g is open), or an error of the device;
+ *         a warning is logged
+ */
+SST_MUST_CHECK int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader);
+
+struct sst_gpu_buffer; /* memory of the device, undefined at first */
+
+/**
+ * The functions below return 0 or
+ *   -ENOMEM     no memory on the device, or more than the configuration allows
+ *   -ENODEV     the device is lost: close it
+ *   -ETIMEDOUT  it did not answer in time, and is lost
+ *   -EIO        any other error of the driver, and it is lost
+ * and log none of them: callers have a way to go on. Work runs in the order of the calls, at the latest in
+ * sst_gpu_wait() or sst_gpu_download().
+ */
+SST_MUST_CHECK int sst_gpu_buffer_create(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t bytes);
+void sst_gpu_buffer_destroy(struct sst_gpu *g, struct sst_gpu_buffer *b);
+SST_MUST_CHECK int sst_gpu_upload(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const void *data,
+                                  size_t bytes);
+SST_MUST_CHECK int sst_gpu_download(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, size_t offset,
+                                    size_t bytes);
+
+struct sst_gpu_work {
+    enum sst_gpu_shader shader;                     /* prepared */
+    const void *push;                               /* constants of the shader's own structure; copied */
+    struct sst_gpu_buffer *buffer[SST_GPU_BUFFERS]; /* by binding; the last ones may be NULL if the shader has fewer */
+    uint32_t groups[3];
+};
+SST_MUST_CHECK int sst_gpu_dispatch(struct sst_gpu *g, const struct sst_gpu_work *work);
+SST_MUST_CHECK int sst_gpu_wait(struct sst_gpu *g);
+
+/** "the device is lost" and the like, for messages. */
+const char *sst_gpu_error(int err);
+
+#endif

@@ -1,0 +1,167 @@
+/* pipeline/gpu/gpu_internal.h - back ends, shaders with their references and self-tests, the cache of pipelines. */
+#ifndef SST_PIPELINE_GPU_GPU_INTERNAL_H
+#define SST_PIPELINE_GPU_GPU_INTERNAL_H
+
+#include "pipeline/gpu/gpu.h"
+
+/* --- shaders.c: what is known of each shader ---------------------------------------------------------------------- */
+
+/** What the shader does, in C, on memory of the host. */
+typedef void gpu_reference_fn(const void *push, void *const *buffer, const uint32_t groups[3]);
+
+/** Compare the shader on a device, prepared but for this, with its reference. @return 0, -ENOTSUP (differs), errors */
+typedef int gpu_self_test_fn(struct sst_gpu *g);
+
+struct gpu_shader {
+    const char *name;
+    int buffers;
+    size_t push_bytes; /* at most 128, what every device has */
+    gpu_reference_fn *reference;
+    gpu_self_test_fn *self_test;
+};
+
+extern const struct gpu_shader gpu_shaders[SST_GPU_SHADERS];
+
+/** SPIR-V of the build (scripts/embed.sh), ends with a name of NULL; empty in a build without Vulkan. */
+struct gpu_spirv {
+    const char *name; /* "blend.spv" */
+    const uint8_t *begin, *end;
+};
+extern const struct gpu_spirv gpu_spirvs[];
+
+/** Run a shader on a device and its reference on copies of the same buffers.
+ *
+ * @param on_device, on_host  out [bytes[i]] each, to be freed: contents of the buffers afterwards
+ * @return 0 or an error of the device; on failure nothing is to be freed */
+SST_MUST_CHECK int gpu_run_both(struct sst_gpu *g, const struct sst_gpu_work *work, const void *const *initial,
+                                const size_t *bytes, uint8_t *on_device[SST_GPU_BUFFERS],
+                                uint8_t *on_host[SST_GPU_BUFFERS]);
+
+gpu_reference_fn blend_reference, clear_land_reference, clear_blend_reference;
+gpu_self_test_fn blend_self_test, clear_land_self_test, clear_blend_self_test;
+
+/* --- back ends ---------------------------------------------------------------------------------------------------- */
+
+struct sst_gpu_buffer {
+    size_t bytes;
+};
+
+struct gpu_ops {
+    int (*create)(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t bytes);
+    void (*destroy)(struct sst_gpu *g, struct sst_gpu_buffer *b);
+    int (*compile)(struct sst_gpu *g, enum sst_gpu_shader shader);
+    int (*upload)(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const void *data, size_t bytes);
+    int (*download)(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, size_t offset, size_t bytes);
+    int (*dispatch)(struct sst_gpu *g, const struct sst_gpu_work *work);
+    int (*wait)(struct sst_gpu *g);
+    void (*close)(struct sst_gpu *g);
+};
+
+enum gpu_ready { GPU_UNTESTED = 0, GPU_READY = 1, GPU_REFUSED = 2 };
+
+/** What a back end embeds first. */
+struct sst_gpu {
+    const struct gpu_ops *ops; /* fixed after open */
+    struct sst_gpu_info info;
+    struct sst_gpu_config cfg; /* with the defaults filled in */
+    uint64_t used_bytes;       /* of buffers */
+    int lost;                  /* 0, or the error that every call returns from now on */
+    enum gpu_ready ready[SST_GPU_SHADERS];
+};
+
+/** @param faults  "" or "lost=3,memory=64" */
+SST_MUST_CHECK int gpu_dummy_open(struct sst_gpu **out, const char *faults);
+
+/** As sst_gpu_list(), in the driver's order. 0 in a build without Vulkan. */
+int gpu_vulkan_list(struct sst_gpu_info info[SST_GPU_DEVICES]);
+
+/** Open device `index` of gpu_vulkan_list(). @return 0, -EIO, -ENOMEM; logged */
+SST_MUST_CHECK int gpu_vulkan_open(struct sst_gpu **out, int index);
+
+#if WITH_VULKAN
+#define VK_NO_PROTOTYPES
+#include <vulkan/vulkan_core.h>
+
+/** Functions of the loader, instance and devices that the back end calls: X(name). */
+#define GPU_VULKAN_FUNCTIONS(X)                                                                                        \
+    X(vkEnumeratePhysicalDevices)                                                                                      \
+    X(vkGetPhysicalDeviceProperties2)                                                                                  \
+    X(vkGetPhysicalDeviceMemoryProperties)                                                                             \
+    X(vkGetPhysicalDeviceQueueFamilyProperties)                                                                        \
+    X(vkCreateDevice)                                                                                                  \
+    X(vkDestroyDevice)                                                                                                 \
+    X(vkGetDeviceQueue)                                                                                                \
+    X(vkCreateBuffer)                                                                                                  \
+    X(vkDestroyBuffer)                                                                                                 \
+    X(vkGetBufferMemoryRequirements)                                                                                   \
+    X(vkAllocateMemory)                                                                                                \
+    X(vkFreeMemory)                                                                                                    \
+    X(vkBindBufferMemory)                                                                                              \
+    X(vkMapMemory)                                                                                                     \
+    X(vkCreateCommandPool)                                                                                             \
+    X(vkDestroyCommandPool)                                                                                            \
+    X(vkAllocateCommandBuffers)                                                                                        \
+    X(vkBeginCommandBuffer)                                                                                            \
+    X(vkEndCommandBuffer)                                                                                              \
+    X(vkCmdPipelineBarrier)                                                                                            \
+    X(vkCmdCopyBuffer)                                                                                                 \
+    X(vkCmdBindPipeline)                                                                                               \
+    X(vkCmdBindDescriptorSets)                                                                                         \
+    X(vkCmdPushConstants)                                                                                              \
+    X(vkCmdDispatch)                                                                                                   \
+    X(vkQueueSubmit)                                                                                                   \
+    X(vkCreateFence)                                                                                                   \
+    X(vkDestroyFence)                                                                                                  \
+    X(vkWaitForFences)                                                                                                 \
+    X(vkResetFences)                                                                                                   \
+    X(vkCreateDescriptorPool)                                                                                          \
+    X(vkDestroyDescriptorPool)                                                                                         \
+    X(vkResetDescriptorPool)                                                                                           \
+    X(vkAllocateDescriptorSets)                                                                                        \
+    X(vkUpdateDescriptorSets)                                                                                          \
+    X(vkCreateDescriptorSetLayout)                                                                                     \
+    X(vkDestroyDescriptorSetLayout)                                                                                    \
+    X(vkCreatePipelineLayout)                                                                                          \
+    X(vkDestroyPipelineLayout)                                                                                         \
+    X(vkCreateShaderModule)                                                                                            \
+    X(vkDestroyShaderModule)                                                                                           \
+    X(vkCreateComputePipelines)                                                                                        \
+    X(vkDestroyPipeline)                                                                                               \
+    X(vkCreatePipelineCache)                                                                                           \
+    X(vkDestroyPipelineCache)                                                                                          \
+    X(vkGetPipelineCacheData)
+
+struct gpu_vulkan {
+#define X(name) PFN_##name name;
+    GPU_VULKAN_FUNCTIONS(X)
+#undef X
+    VkPhysicalDevice device[SST_GPU_DEVICES]; /* that have what the shaders need */
+    int devices;
+    SST_ATOMIC(int) faults; /* that validation layers have reported */
+};
+
+/** The library and its devices, loaded on the first call and kept to the end. NULL: there is none. */
+struct gpu_vulkan *gpu_vulkan_load(void);
+
+/** Family of queues for computing. -1: none */
+int gpu_vulkan_family(const struct gpu_vulkan *vk, VkPhysicalDevice device);
+#endif
+
+/* --- cache.c: compiled pipelines on disk, one file per driver and set of shaders ----------------------------------
+ *
+ * In $XDG_CACHE_HOME/sst, else /var/cache/sst where that can be written, else ~/.cache/sst. Without any of them nothing
+ * is kept, and nothing is logged: compiling again costs only time. */
+
+#define GPU_CACHE_BYTES_MAX ((size_t)16 << 20) /* of a file; larger data is not stored */
+#define GPU_CACHE_FILES     8                  /* the oldest ones beyond are removed */
+
+/** FNV-1a; the first hash is GPU_HASH_START. */
+#define GPU_HASH_START 14695981039346656037U
+uint64_t gpu_hash(uint64_t hash, const void *data, size_t bytes);
+
+/** Read what is stored for a key. A damaged file is removed and logged as a warning.
+ *  @return malloc()ed data, or NULL: nothing */
+void *gpu_cache_read(uint64_t key, size_t *bytes);
+void gpu_cache_write(uint64_t key, const void *data, size_t bytes);
+
+#endif

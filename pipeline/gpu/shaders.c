@@ -1,0 +1,63 @@
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/gpu/blend.h"
+#include "pipeline/gpu/clear.h"
+#include "pipeline/gpu/gpu_internal.h"
+
+const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
+    [SST_GPU_BLEND] = { "blend", SST_GPU_BLEND_BUFFERS, sizeof(struct sst_gpu_blend), blend_reference,
+                        blend_self_test },
+    [SST_GPU_CLEAR_LAND] = { "clear_land", SST_GPU_LAND_BUFFERS, sizeof(struct sst_gpu_clear), clear_land_reference,
+                             clear_land_self_test },
+    [SST_GPU_CLEAR_BLEND] = { "clear_blend", SST_GPU_CLEAR_BUFFERS, sizeof(struct sst_gpu_clear), clear_blend_reference,
+                              clear_blend_self_test },
+};
+
+const char *sst_gpu_shader_name(enum sst_gpu_shader shader)
+{
+    return gpu_shaders[shader].name;
+}
+
+static void free_all(uint8_t *one[SST_GPU_BUFFERS], uint8_t *other[SST_GPU_BUFFERS])
+{
+    for (int i = 0; i < SST_GPU_BUFFERS; i++) {
+        free(one[i]);
+        free(other[i]);
+        one[i] = other[i] = NULL;
+    }
+}
+
+int gpu_run_both(struct sst_gpu *g, const struct sst_gpu_work *work, const void *const *initial, const size_t *bytes,
+                 uint8_t *on_device[SST_GPU_BUFFERS], uint8_t *on_host[SST_GPU_BUFFERS])
+{
+    const struct gpu_shader *shader = &gpu_shaders[work->shader];
+    struct sst_gpu_work run = *work;
+    void *buffer[SST_GPU_BUFFERS];
+    int err = 0;
+
+    memset(run.buffer, 0, sizeof(run.buffer));
+    for (int i = 0; i < SST_GPU_BUFFERS; i++)
+        on_device[i] = on_host[i] = NULL;
+    for (int i = 0; i < shader->buffers && !err; i++) {
+        on_device[i] = malloc(bytes[i]);
+        buffer[i] = on_host[i] = malloc(bytes[i]);
+        err = on_device[i] && on_host[i] ? sst_gpu_buffer_create(g, &run.buffer[i], bytes[i]) : -ENOMEM;
+        if (!err)
+            err = sst_gpu_upload(g, run.buffer[i], 0, initial[i], bytes[i]);
+        if (!err)
+            memcpy(on_host[i], initial[i], bytes[i]);
+    }
+    if (!err)
+        err = sst_gpu_dispatch(g, &run);
+    for (int i = 0; i < shader->buffers && !err; i++)
+        err = sst_gpu_download(g, on_device[i], run.buffer[i], 0, bytes[i]);
+    for (int i = 0; i < SST_GPU_BUFFERS; i++)
+        sst_gpu_buffer_destroy(g, run.buffer[i]);
+    if (err)
+        free_all(on_device, on_host);
+    else
+        shader->reference(work->push, buffer, work->groups);
+    return err;
+}

@@ -1,0 +1,539 @@
+/* One Vulkan device: a queue, a buffer of commands, memory that the host writes and reads.
+ *
+ * Commands are gathered, and run when the staging memory or the pool of descriptors is full, on a wait or a download.
+ * Each waits for the one before: they are few, and each fills the device. */
+#include "pipeline/gpu/gpu_internal.h"
+
+#if WITH_VULKAN
+#include <errno.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+
+#define STAGING_BYTES ((size_t)32 << 20)
+#define SETS          64 /* dispatches that are gathered at most */
+
+struct memory {
+    VkBuffer buffer;
+    VkDeviceMemory memory;
+};
+
+struct vulkan_buffer {
+    struct sst_gpu_buffer buffer; /* first */
+    struct memory memory;
+};
+
+struct pipeline {
+    VkDescriptorSetLayout set;
+    VkPipelineLayout layout;
+    VkPipeline pipeline;
+};
+
+struct vulkan {
+    struct sst_gpu gpu; /* first */
+    struct gpu_vulkan *vk;
+    VkPhysicalDevice physical;
+    VkPhysicalDeviceMemoryProperties memory;
+    VkDevice device;
+    VkQueue queue;
+    VkCommandPool commands;
+    VkCommandBuffer command;
+    VkFence fence;
+    VkDescriptorPool descriptors;
+    struct memory staging;
+    uint8_t *mapped;
+    size_t staged; /* bytes of it that commands use */
+    int sets;      /* that they use */
+    bool recording;
+    bool hung;           /* a wait ended without an answer: memory may still be in use */
+    struct vulkan *next; /* after close, of those that hung */
+    VkPipelineCache cache;
+    uint64_t cache_key;
+    size_t cache_bytes; /* that were read */
+    struct pipeline pipeline[SST_GPU_SHADERS];
+};
+
+static int error_of(VkResult rc)
+{
+    switch (rc) {
+    case VK_SUCCESS:
+        return 0;
+    case VK_ERROR_OUT_OF_HOST_MEMORY:
+    case VK_ERROR_OUT_OF_DEVICE_MEMORY:
+    case VK_ERROR_OUT_OF_POOL_MEMORY:
+        return -ENOMEM;
+    case VK_ERROR_DEVICE_LOST:
+        return -ENODEV;
+    case VK_TIMEOUT:
+        return -ETIMEDOUT;
+    default:
+        return -EIO;
+    }
+}
+
+static struct memory *memory_of(struct sst_gpu_buffer *b)
+{
+    return &((struct vulkan_buffer *)b)->memory;
+}
+
+/* --- memory ------------------------------------------------------------------------------------------------------- */
+
+static void free_memory(struct vulkan *v, struct memory *m)
+{
+    v->vk->vkDestroyBuffer(v->device, m->buffer, NULL);
+    v->vk->vkFreeMemory(v->device, m->memory, NULL);
+    *m = (struct memory){ 0 };
+}
+
+/* Allocate of the first type of memory with these properties. */
+static int alloc_memory(struct vulkan *v, struct memory *m, size_t bytes, VkBufferUsageFlags usage,
+                        VkMemoryPropertyFlags properties)
+{
+    const VkBufferCreateInfo info = { .sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, .size = bytes, .usage = usage };
+    VkMemoryAllocateInfo alloc = { .sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO };
+    VkMemoryRequirements needs;
+    uint32_t type = 0;
+    VkResult rc = v->vk->vkCreateBuffer(v->device, &info, NULL, &m->buffer);
+
+    if (rc)
+        return error_of(rc);
+    v->vk->vkGetBufferMemoryRequirements(v->device, m->buffer, &needs);
+    while (type < v->memory.memoryTypeCount && (!(needs.memoryTypeBits >> type & 1) ||
+                                                (v->memory.memoryTypes[type].propertyFlags & properties) != properties))
+        type++;
+    alloc.allocationSize = needs.size;
+    alloc.memoryTypeIndex = type;
+    rc = type < v->memory.memoryTypeCount ? v->vk->vkAllocateMemory(v->device, &alloc, NULL, &m->memory)
+                                          : VK_ERROR_FEATURE_NOT_PRESENT;
+    if (!rc)
+        rc = v->vk->vkBindBufferMemory(v->device, m->buffer, m->memory, 0);
+    if (rc)
+        free_memory(v, m);
+    return error_of(rc);
+}
+
+static int create(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t bytes)
+{
+    struct vulkan_buffer *b = calloc(1, sizeof(*b));
+    const VkBufferUsageFlags usage =
+        VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+    int err = b ? alloc_memory((struct vulkan *)g, &b->memory, (bytes + 3) / 4 * 4, usage,
+                               VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT)
+                : -ENOMEM;
+
+    if (err)
+        free(b);
+    else
+        *out = &b->buffer;
+    return err;
+}
+
+/* --- commands ----------------------------------------------------------------------------------------------------- */
+
+/* Begin to gather commands, and let the next one wait for all before it. */
+static int begin(struct vulkan *v)
+{
+    const VkCommandBufferBeginInfo info = { .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO,
+                                            .flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT };
+    const VkMemoryBarrier barrier = { .sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
+                                      .srcAccessMask = VK_ACCESS_MEMORY_WRITE_BIT | VK_ACCESS_MEMORY_READ_BIT,
+                                      .dstAccessMask = VK_ACCESS_MEMORY_WRITE_BIT | VK_ACCESS_MEMORY_READ_BIT };
+    const VkPipelineStageFlags stages = VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
+    VkResult rc;
+
+    if (!v->recording) {
+        rc = v->vk->vkBeginCommandBuffer(v->command, &info);
+        if (rc)
+            return error_of(rc);
+        v->recording = true;
+    }
+    v->vk->vkCmdPipelineBarrier(v->command, stages, stages, 0, 1, &barrier, 0, NULL, 0, NULL);
+    return 0;
+}
+
+/* Run the commands, and wait for them. */
+static int flush(struct vulkan *v)
+{
+    const VkMemoryBarrier barrier = { .sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
+                                      .srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
+                                      .dstAccessMask = VK_ACCESS_HOST_READ_BIT };
+    const VkSubmitInfo submit = { .sType = VK_STRUCTURE_TYPE_SUBMIT_INFO,
+                                  .commandBufferCount = 1,
+                                  .pCommandBuffers = &v->command };
+    VkResult rc;
+
+    if (!v->recording)
+        return v->vk->faults ? -EIO : 0;
+    v->recording = false;
+    v->staged = 0;
+    v->sets = 0;
+    v->vk->vkCmdPipelineBarrier(v->command, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &barrier,
+                                0, NULL, 0, NULL);
+    rc = v->vk->vkEndCommandBuffer(v->command);
+    if (!rc)
+        rc = v->vk->vkQueueSubmit(v->queue, 1, &submit, v->fence);
+    if (!rc) {
+        rc = v->vk->vkWaitForFences(v->device, 1, &v->fence, VK_TRUE, (uint64_t)v->gpu.cfg.timeout_ms * 1000000);
+        v->hung = rc == VK_TIMEOUT;
+    }
+    if (!rc)
+        rc = v->vk->vkResetFences(v->device, 1, &v->fence);
+    if (!rc)
+        rc = v->vk->vkResetDescriptorPool(v->device, v->descriptors, 0);
+    return rc ? error_of(rc) : v->vk->faults ? -EIO : 0;
+}
+
+static int wait_done(struct sst_gpu *g)
+{
+    return flush((struct vulkan *)g);
+}
+
+/* Staging memory for at most `bytes`; at least one. */
+static int stage(struct vulkan *v, size_t *bytes)
+{
+    int err = v->staged < STAGING_BYTES ? 0 : flush(v);
+
+    if (!err)
+        err = begin(v);
+    if (*bytes > STAGING_BYTES - v->staged)
+        *bytes = STAGING_BYTES - v->staged;
+    return err;
+}
+
+static int upload(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const void *data, size_t bytes)
+{
+    struct vulkan *v = (struct vulkan *)g;
+    int err = 0;
+
+    for (size_t done = 0, n; done < bytes && !err; done += n) {
+        n = bytes - done;
+        err = stage(v, &n);
+        if (!err) {
+            const VkBufferCopy region = { v->staged, offset + done, n };
+
+            memcpy(v->mapped + v->staged, (const uint8_t *)data + done, n);
+            v->vk->vkCmdCopyBuffer(v->command, v->staging.buffer, memory_of(b)->buffer, 1, &region);
+            v->staged += n;
+        }
+    }
+    return err;
+}
+
+static int download(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, size_t offset, size_t bytes)
+{
+    struct vulkan *v = (struct vulkan *)g;
+    int err = 0;
+
+    for (size_t done = 0, n; done < bytes && !err; done += n) {
+        n = bytes - done;
+        err = stage(v, &n);
+        if (!err) {
+            const VkBufferCopy region = { offset + done, v->staged, n };
+            const size_t at = v->staged;
+
+            v->vk->vkCmdCopyBuffer(v->command, memory_of(b)->buffer, v->staging.buffer, 1, &region);
+            err = flush(v);
+            if (!err)
+                memcpy((uint8_t *)data + done, v->mapped + at, n);
+        }
+    }
+    return err;
+}
+
+static int bind(struct vulkan *v, const struct sst_gpu_work *work, VkDescriptorSet *set)
+{
+    const struct pipeline *p = &v->pipeline[work->shader];
+    const VkDescriptorSetAllocateInfo info = { .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO,
+                                               .descriptorPool = v->descriptors,
+                                               .descriptorSetCount = 1,
+                                               .pSetLayouts = &p->set };
+    VkDescriptorBufferInfo buffer[SST_GPU_BUFFERS];
+    VkWriteDescriptorSet write[SST_GPU_BUFFERS];
+    const VkResult rc = v->vk->vkAllocateDescriptorSets(v->device, &info, set);
+    const int n = gpu_shaders[work->shader].buffers;
+
+    for (int i = 0; i < n && !rc; i++) {
+        buffer[i] = (VkDescriptorBufferInfo){ memory_of(work->buffer[i])->buffer, 0, VK_WHOLE_SIZE };
+        write[i] = (VkWriteDescriptorSet){ .sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
+                                           .dstSet = *set,
+                                           .dstBinding = (uint32_t)i,
+                                           .descriptorCount = 1,
+                                           .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                                           .pBufferInfo = &buffer[i] };
+    }
+    if (!rc)
+        v->vk->vkUpdateDescriptorSets(v->device, (uint32_t)n, write, 0, NULL);
+    return error_of(rc);
+}
+
+static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
+{
+    struct vulkan *v = (struct vulkan *)g;
+    const struct pipeline *p = &v->pipeline[work->shader];
+    VkDescriptorSet set;
+    int err = v->sets < SETS ? 0 : flush(v);
+
+    if (!err)
+        err = begin(v);
+    if (!err)
+        err = bind(v, work, &set);
+    if (err)
+        return err;
+    v->sets++;
+    v->vk->vkCmdBindPipeline(v->command, VK_PIPELINE_BIND_POINT_COMPUTE, p->pipeline);
+    v->vk->vkCmdBindDescriptorSets(v->command, VK_PIPELINE_BIND_POINT_COMPUTE, p->layout, 0, 1, &set, 0, NULL);
+    v->vk->vkCmdPushConstants(v->command, p->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0,
+                              (uint32_t)gpu_shaders[work->shader].push_bytes, work->push);
+    v->vk->vkCmdDispatch(v->command, work->groups[0], work->groups[1], work->groups[2]);
+    return 0;
+}
+
+/* --- pipelines ---------------------------------------------------------------------------------------------------- */
+
+static const struct gpu_spirv *find_spirv(const char *name)
+{
+    const struct gpu_spirv *s = gpu_spirvs;
+    const size_t n = strlen(name);
+
+    while (s->name && (strncmp(s->name, name, n) || strcmp(s->name + n, ".spv")))
+        s++;
+    return s;
+}
+
+static int make_layout(struct vulkan *v, struct pipeline *p, const struct gpu_shader *shader)
+{
+    VkDescriptorSetLayoutBinding binding[SST_GPU_BUFFERS] = { 0 };
+    const VkPushConstantRange push = { VK_SHADER_STAGE_COMPUTE_BIT, 0, (uint32_t)shader->push_bytes };
+    const VkDescriptorSetLayoutCreateInfo set = { .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO,
+                                                  .bindingCount = (uint32_t)shader->buffers,
+                                                  .pBindings = binding };
+    const VkPipelineLayoutCreateInfo layout = { .sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO,
+                                                .setLayoutCount = 1,
+                                                .pSetLayouts = &p->set,
+                                                .pushConstantRangeCount = 1,
+                                                .pPushConstantRanges = &push };
+    VkResult rc = VK_SUCCESS;
+
+    for (uint32_t i = 0; i < set.bindingCount; i++)
+        binding[i] = (VkDescriptorSetLayoutBinding){ .binding = i,
+                                                     .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                                                     .descriptorCount = 1,
+                                                     .stageFlags = VK_SHADER_STAGE_COMPUTE_BIT };
+    if (!p->set) /* of an attempt that failed later */
+        rc = v->vk->vkCreateDescriptorSetLayout(v->device, &set, NULL, &p->set);
+    if (!rc && !p->layout)
+        rc = v->vk->vkCreatePipelineLayout(v->device, &layout, NULL, &p->layout);
+    return error_of(rc);
+}
+
+static int compile(struct sst_gpu *g, enum sst_gpu_shader number)
+{
+    struct vulkan *v = (struct vulkan *)g;
+    struct pipeline *p = &v->pipeline[number];
+    const struct gpu_spirv *code = find_spirv(gpu_shaders[number].name);
+    const VkShaderModuleCreateInfo source = { .sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO,
+                                              .codeSize = (size_t)(code->end - code->begin),
+                                              .pCode = (const void *)code->begin };
+    VkComputePipelineCreateInfo info = { .sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO };
+    VkShaderModule module;
+    int err = make_layout(v, p, &gpu_shaders[number]);
+
+    if (!err)
+        err = error_of(v->vk->vkCreateShaderModule(v->device, &source, NULL, &module));
+    if (err)
+        return err;
+    info.stage = (VkPipelineShaderStageCreateInfo){ .sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
+                                                    .stage = VK_SHADER_STAGE_COMPUTE_BIT,
+                                                    .module = module,
+                                                    .pName = "main" };
+    info.layout = p->layout;
+    err = error_of(v->vk->vkCreateComputePipelines(v->device, v->cache, 1, &info, NULL, &p->pipeline));
+    v->vk->vkDestroyShaderModule(v->device, module, NULL);
+    return err;
+}
+
+/* Driver, device and shaders: what compiled pipelines depend on. */
+static uint64_t key_of(const struct vulkan *v)
+{
+    VkPhysicalDeviceIDProperties id = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES };
+    VkPhysicalDeviceProperties2 all = { .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, .pNext = &id };
+    uint64_t key = GPU_HASH_START;
+
+    v->vk->vkGetPhysicalDeviceProperties2(v->physical, &all);
+    key = gpu_hash(key, id.driverUUID, sizeof(id.driverUUID));
+    key = gpu_hash(key, id.deviceUUID, sizeof(id.deviceUUID));
+    key = gpu_hash(key, all.properties.pipelineCacheUUID, sizeof(all.properties.pipelineCacheUUID));
+    key = gpu_hash(key, &all.properties.driverVersion, sizeof(all.properties.driverVersion));
+    for (const struct gpu_spirv *s = gpu_spirvs; s->name; s++)
+        key = gpu_hash(key, s->begin, (size_t)(s->end - s->begin));
+    return key;
+}
+
+static int open_cache(struct vulkan *v)
+{
+    VkPipelineCacheCreateInfo info = { .sType = VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO };
+    void *data;
+    VkResult rc;
+
+    v->cache_key = key_of(v);
+    data = gpu_cache_read(v->cache_key, &info.initialDataSize);
+    v->cache_bytes = info.initialDataSize;
+    info.pInitialData = data;
+    rc = v->vk->vkCreatePipelineCache(v->device, &info, NULL, &v->cache);
+    free(data);
+    return error_of(rc);
+}
+
+/* Keep what was compiled and is not stored yet. */
+static void store_cache(struct vulkan *v)
+{
+    size_t bytes = 0;
+    void *data;
+
+    if (!v->cache || v->gpu.lost || v->vk->vkGetPipelineCacheData(v->device, v->cache, &bytes, NULL) ||
+        bytes == v->cache_bytes)
+        return;
+    data = malloc(bytes);
+    if (data && !v->vk->vkGetPipelineCacheData(v->device, v->cache, &bytes, data))
+        gpu_cache_write(v->cache_key, data, bytes);
+    free(data);
+}
+
+/* --- open, close -------------------------------------------------------------------------------------------------- */
+
+static void destroy(struct sst_gpu *g, struct sst_gpu_buffer *b)
+{
+    struct vulkan *v = (struct vulkan *)g;
+
+    if (!g->lost)
+        g->lost = flush(v); /* commands may refer to it */
+    if (!v->hung)
+        free_memory(v, memory_of(b));
+    free(b);
+}
+
+/* Devices that did not answer, closed or not: their work may still run. */
+static struct vulkan *left;
+static pthread_mutex_t left_lock = PTHREAD_MUTEX_INITIALIZER;
+
+static void close_device(struct sst_gpu *g)
+{
+    struct vulkan *v = (struct vulkan *)g;
+    const struct gpu_vulkan *vk = v->vk;
+
+    if (v->hung) {
+        pthread_mutex_lock(&left_lock);
+        v->next = left;
+        left = v;
+        pthread_mutex_unlock(&left_lock);
+        return;
+    }
+    if (v->device) {
+        store_cache(v);
+        for (int i = 0; i < SST_GPU_SHADERS; i++) {
+            vk->vkDestroyPipeline(v->device, v->pipeline[i].pipeline, NULL);
+            vk->vkDestroyPipelineLayout(v->device, v->pipeline[i].layout, NULL);
+            vk->vkDestroyDescriptorSetLayout(v->device, v->pipeline[i].set, NULL);
+        }
+        vk->vkDestroyPipelineCache(v->device, v->cache, NULL);
+        vk->vkDestroyDescriptorPool(v->device, v->descriptors, NULL);
+        vk->vkDestroyFence(v->device, v->fence, NULL);
+        vk->vkDestroyCommandPool(v->device, v->commands, NULL);
+        free_memory(v, &v->staging);
+        vk->vkDestroyDevice(v->device, NULL);
+    }
+    free(v);
+}
+
+static const struct gpu_ops ops = { create, destroy, compile, upload, download, dispatch, wait_done, close_device };
+
+static int open_staging(struct vulkan *v)
+{
+    const VkBufferUsageFlags usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+    const VkMemoryPropertyFlags visible = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+    void *mapped;
+    /* Reads of memory that is not cached take ten times as long; not every device has cached memory. */
+    int err = alloc_memory(v, &v->staging, STAGING_BYTES, usage, visible | VK_MEMORY_PROPERTY_HOST_CACHED_BIT);
+
+    if (err)
+        err = alloc_memory(v, &v->staging, STAGING_BYTES, usage, visible);
+    if (!err)
+        err = error_of(v->vk->vkMapMemory(v->device, v->staging.memory, 0, VK_WHOLE_SIZE, 0, &mapped));
+    if (!err)
+        v->mapped = mapped;
+    return err;
+}
+
+static int open_queue(struct vulkan *v)
+{
+    const float priority = 1;
+    const uint32_t family = (uint32_t)gpu_vulkan_family(v->vk, v->physical);
+    const VkDeviceQueueCreateInfo queue = { .sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO,
+                                            .queueFamilyIndex = family,
+                                            .queueCount = 1,
+                                            .pQueuePriorities = &priority };
+    const VkDeviceCreateInfo info = { .sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO,
+                                      .queueCreateInfoCount = 1,
+                                      .pQueueCreateInfos = &queue };
+    const VkCommandPoolCreateInfo pool = { .sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO,
+                                           .flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT,
+                                           .queueFamilyIndex = family };
+    VkCommandBufferAllocateInfo buffer = { .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
+                                           .commandBufferCount = 1 };
+    int err = error_of(v->vk->vkCreateDevice(v->physical, &info, NULL, &v->device));
+
+    if (err)
+        return err;
+    v->vk->vkGetDeviceQueue(v->device, family, 0, &v->queue);
+    err = error_of(v->vk->vkCreateCommandPool(v->device, &pool, NULL, &v->commands));
+    buffer.commandPool = v->commands;
+    return err ? err : error_of(v->vk->vkAllocateCommandBuffers(v->device, &buffer, &v->command));
+}
+
+static int open_rest(struct vulkan *v)
+{
+    const VkFenceCreateInfo fence = { .sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO };
+    const VkDescriptorPoolSize size = { VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, SETS * SST_GPU_BUFFERS };
+    const VkDescriptorPoolCreateInfo pool = {
+        .sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, .maxSets = SETS, .poolSizeCount = 1, .pPoolSizes = &size
+    };
+    int err = error_of(v->vk->vkCreateFence(v->device, &fence, NULL, &v->fence));
+
+    if (!err)
+        err = error_of(v->vk->vkCreateDescriptorPool(v->device, &pool, NULL, &v->descriptors));
+    if (!err)
+        err = open_staging(v);
+    return err ? err : open_cache(v);
+}
+
+int gpu_vulkan_open(struct sst_gpu **out, int index)
+{
+    struct sst_gpu_info info[SST_GPU_DEVICES];
+    struct vulkan *v = calloc(1, sizeof(*v));
+    int err;
+
+    if (!v) {
+        sst_log_error("not enough memory for a device");
+        return -ENOMEM;
+    }
+    gpu_vulkan_list(info);
+    v->gpu.ops = &ops;
+    v->gpu.info = info[index];
+    v->vk = gpu_vulkan_load();
+    v->physical = v->vk->device[index];
+    v->vk->vkGetPhysicalDeviceMemoryProperties(v->physical, &v->memory);
+    err = open_queue(v);
+    if (!err)
+        err = open_rest(v);
+    if (err) {
+        sst_log_error("%s cannot be opened: %s", info[index].name, sst_gpu_error(err));
+        v->gpu.lost = err;
+        close_device(&v->gpu);
+        return err == -ENOMEM ? err : -EIO;
+    }
+    *out = &v->gpu;
+    return 0;
+}
+#endif

@@ -1,0 +1,201 @@
+// The nearest surface of each pixel that enough views confirm, and the colour of the rays that see it: clear_surface,
+// clear_take and clear_blend of kernels.h. Buffers and constants: pipeline/gpu/clear.h.
+// Definition: clear_{surface,take,blend}_ref.c.
+#version 450
+
+layout(local_size_x = 32, local_size_y = 4) in;
+
+struct View {
+    float x_q6, x_0, y_q6, y_0, bx, by;
+    uint first, flags;
+};
+
+layout(std430, binding = 0) readonly buffer Views { View view[]; };
+layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; };
+layout(std430, binding = 2) readonly buffer Landed { uint landed[]; };
+layout(std430, binding = 3) writeonly buffer Out { uint result[]; };
+
+layout(std430, push_constant) uniform Constants {
+    int width, height, pitch, bins, cut, remove_label, coarse, wanted;
+    uint views, zero;
+    float disp_min, disp_min_rest;
+};
+
+const uint TOLERANCE = 48, MAX_VIEWS = 64;
+const float RIM = 0.02;
+
+// Rays of the pixel that are taken.
+float weight[MAX_VIEWS], agree[MAX_VIEWS];
+vec3 colour[MAX_VIEWS];
+int rays = 0, own = -1;
+
+uint level_of(uint at, uint k)
+{
+    return landed[k * uint(height) * uint(pitch) + at] >> 1;
+}
+
+// Sum of the levels of the surface's rays, and their number; 0, 0: there is none.
+uvec2 surface(uint at)
+{
+    uint top = 0, arrived = 0;
+
+    for (uint k = 0; k < views; k++) {
+        const uint level = level_of(at, k);
+
+        top = max(top, level);
+        arrived += level != 0 ? 1 : 0;
+    }
+    while (top != 0) {
+        uint count = 0, sum = 0, next = 0;
+
+        for (uint k = 0; k < views; k++) {
+            const uint level = level_of(at, k);
+
+            if (level != 0 && level <= top && level + TOLERANCE >= top) {
+                count++;
+                sum += level;
+            }
+            next = level < top ? max(next, level) : next;
+        }
+        if (count >= 2 && 4 * count >= arrived)
+            return uvec2(sum, count);
+        top = next;
+    }
+    return uvec2(0);
+}
+
+// sum / count to the nearest float, ties to even: a division may be off by some units in the last place.
+float quotient(uint sum, uint count)
+{
+    const uint whole = sum / count;
+    const int bits = 23 - findMSB(whole); // after the point; 8 to 23, and sum % count has 8 bits
+    const uint scaled = (sum % count) << bits, part = scaled / count, rest = scaled % count;
+    const uint up = 2 * rest > count || (2 * rest == count && (part & 1) != 0) ? 1 : 0;
+
+    return float((whole << bits) + part + up) * uintBitsToFloat(uint(127 - bits) << 23);
+}
+
+// Disparity of a level, rounded once.
+float disparity(float level)
+{
+    precise float t = (level - 1.0) * float(1 << coarse) * (1.0 / 64.0);
+    precise float s = disp_min + t;
+    precise float back = s - disp_min;
+    precise float lost = (disp_min - (s - back)) + (t - back);
+    precise float d = s + (lost + disp_min_rest);
+
+    return d;
+}
+
+ivec3 rgb(uint p)
+{
+    return ivec3(p & 0xFF, (p >> 8) & 0xFF, (p >> 16) & 0xFF);
+}
+
+vec3 bilinear(uint first, float x, float y)
+{
+    const int x0 = int(x), y0 = int(y);
+    precise float part_x = (x - float(x0)) * 64.0 + 0.5;
+    precise float part_y = (y - float(y0)) * 64.0 + 0.5;
+    const int xp = int(part_x), yp = int(part_y);
+    const uint at = first + uint(y0) * uint(pitch) + uint(x0), right = xp != 0 ? 1 : 0, below = yp != 0 ? uint(pitch) : 0;
+    const ivec3 a = rgb(pixel[at]), b = rgb(pixel[at + right]);
+    const ivec3 c = rgb(pixel[at + below]), d = rgb(pixel[at + below + right]);
+    const ivec3 upper = 64 * a + xp * (b - a), lower = 64 * c + xp * (d - c);
+
+    return vec3(64 * upper + yp * (lower - upper)) * (1.0 / 4096.0);
+}
+
+void take_all(int x, int y, uint at)
+{
+    const uvec2 found = surface(at);
+
+    if (found.y == 0)
+        return;
+    const uint whole = found.x / found.y, above = found.x % found.y != 0 ? 1 : 0;
+    const uint first = uint(max(int(whole + above) - int(TOLERANCE), 1)), last = min(whole + TOLERANCE, 65535);
+    const float px = disparity(quotient(found.x, found.y));
+    int more = wanted;
+
+    for (uint k = 0; k < views && more > 0; k++) {
+        const uint ray = landed[k * uint(height) * uint(pitch) + at], level = ray >> 1;
+        precise float at_x = float(x) - px * view[k].bx;
+        precise float at_y = float(y) - px * view[k].by;
+
+        if (level < first || level > last || !(at_x >= 0.0) || !(at_y >= 0.0) || at_x > float(width - 1) ||
+            at_y > float(height - 1))
+            continue;
+        weight[rays] = (ray & 1) != 0 ? 1.0 : RIM;
+        colour[rays] = bilinear(view[k].first, at_x, at_y);
+        agree[rays] = 1.0;
+        more -= int(ray & 1);
+        if (view[k].bx * view[k].bx + view[k].by * view[k].by < 1e-12)
+            own = rays;
+        rays++;
+    }
+}
+
+vec3 mean()
+{
+    precise vec3 sum = vec3(0.0);
+    precise float total = 0.0;
+
+    for (int i = 0; i < rays; i++) {
+        precise float w = weight[i] * agree[i];
+
+        sum += w * colour[i];
+        total += w;
+    }
+    return total > 0.0 ? sum / total : vec3(0.0);
+}
+
+float deviation(int i, vec3 from)
+{
+    const vec3 d = abs(colour[i] - from);
+
+    return d.r + d.g + d.b;
+}
+
+// Colour of the rays that agree.
+vec3 blend()
+{
+    vec3 to = mean();
+    float largest = 0.0;
+
+    for (int i = 0; i < rays; i++)
+        largest = max(largest, deviation(i, to));
+    if (largest <= 12.0)
+        return to;
+    for (int step = 0; step < 2; step++) {
+        const float scale = 1.0 / (step == 0 ? 60.0 : 30.0);
+
+        for (int i = 0; i < rays; i++) {
+            const float t = deviation(i, to) * scale, t2 = t * t;
+
+            agree[i] = 1.0 / (1.0 + t2 * t2);
+        }
+        to = mean();
+    }
+    return to;
+}
+
+void main()
+{
+    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
+    float total = 0.0;
+
+    if (x >= width || y >= height)
+        return;
+    take_all(x, y, uint(y) * uint(pitch) + uint(x));
+    vec3 to = blend();
+
+    if (own >= 0 && weight[own] >= 1.0)
+        to += clamp(2.0 - deviation(own, to) / 30.0, 0.0, 1.0) * (colour[own] - to);
+    for (int i = 0; i < rays; i++)
+        total += weight[i];
+    total = min(total, 1.0);
+    const uvec3 levels = min(uvec3(to + 0.5), uvec3(255));
+
+    result[uint(y) * uint(width) + uint(x)] =
+        levels.r | levels.g << 8 | levels.b << 16 | uint(255.0 * total * total + 0.5) << 24;
+}

@@ -1,0 +1,89 @@
+#!/usr/bin/env bash
+# --device: pictures on Mesa's software device against the CPU's, what ends on the CPU, damaged caches, devices that are
+# missing. Without lavapipe it fails: shaders that nobody runs are not tested.
+set -u
+. "$(dirname "$0")/../lib.sh"
+
+"$sst" version --json | grep -q '"vulkan": true' || { echo "built without Vulkan"; exit 77; }
+driver=$(compgen -G '/usr/share/vulkan/icd.d/lvp_icd*.json' | head -n 1)
+[ -n "$driver" ] || { fail "no lavapipe: install mesa-vulkan-drivers"; exit 1; }
+# No other driver answers.
+export VK_DRIVER_FILES=$driver VK_ICD_FILENAMES=$driver XDG_CACHE_HOME=$tmp/cache
+mkdir cache
+[ ! -e /usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json ] || export SST_GPU_VALIDATE=1
+
+"$sst" scene bush --size 160x120 -o world || exit 1
+"$sst" import folder world/views --grid 6x6 --disparity world/truth --labels world/truth -o lf >/dev/null || exit 1
+
+# close A B: pictures that differ by at most one level
+cat >close.py <<'END'
+import sys
+import numpy
+from PIL import Image
+a, b = (numpy.asarray(Image.open(f)).astype(int) for f in sys.argv[1:3])
+worst = abs(a - b).max()
+print(f"{sys.argv[2]}: {worst} levels at most, {(a != b).sum()} values differ")
+sys.exit(int(worst > 1))
+END
+close() { /usr/bin/python3 close.py "$1" "$2" || fail "$2 differs"; }
+# device FILE CONDITION: of its `device` d
+device() { python3 -c 'import json, sys; d = json.load(open(sys.argv[1]))["device"]; assert eval(sys.argv[2]), d' "$1" "$2" || fail "$1: not $2"; }
+
+# --- pictures, and what is reported ---
+i=0
+for options in "" "--method refocus" "--method refocus --soft --aperture 1.5" "--label Pedestrian --unsupported invalid" \
+  "--verify-rays on" "--method clear" "--method clear --remove-at 80,70 --view-x 0.5" "--method clear --remove-label Tree" "--c1 0 --c2 0 --sigma 0.1 --focus 11.5"; do
+  i=$((i + 1))
+  "$sst" render lf $options -o cpu$i.png --valid seen$i.png || fail "render $options"
+  "$sst" render lf $options --device lavapipe -o gpu$i.png --valid valid$i.png --json >$i.json 2>err || fail "on lavapipe: $options: $(cat err)"
+  [ ! -s err ] || fail "$options: $(cat err)"
+  close cpu$i.png gpu$i.png
+  cmp -s seen$i.png valid$i.png || fail "$options: another --valid"
+  device $i.json 'd["pictures"] == 1 and d["on_cpu"] == 0 and d["failures"] == 0 and d["why_cpu"] is None and "lavapipe" in d["driver"]'
+done
+device 5.json 'd["verified_on_cpu"] == 1'
+
+# --- a sweep uploads the light field once; with little memory, again and again ---
+"$sst" sweep lf --steps 4 -o frames || fail "sweep"
+"$sst" sweep lf --steps 4 --device lavapipe -o frames1 --json >sweep.json || fail "sweep on lavapipe"
+device sweep.json 'd["pictures"] == 4 and d["uploads"] == 36'
+"$sst" sweep lf --steps 4 --device lavapipe --device-memory 2 -o frames2 --json >small.json || fail "sweep in 2 MiB"
+device small.json 'd["pictures"] == 4 and d["uploads"] > 36'
+for f in 0000 0001 0002 0003; do
+  close frames/$f.png frames1/$f.png
+  cmp -s frames1/$f.png frames2/$f.png || fail "less memory changes $f.png"
+done
+
+# --- pipelines are kept; damaged ones are compiled again ---
+kept=$(compgen -G 'cache/sst/pipelines-*.bin')
+[ "$(wc -w <<<"$kept")" -eq 1 ] || fail "one file of pipelines, not: $kept"
+printf x | dd of="$kept" bs=1 seek=41 conv=notrunc 2>/dev/null
+"$sst" render lf --device lavapipe -o again.png 2>err || fail "damaged pipelines: $(cat err)"
+grep -q "damaged and removed" err || fail "damaged pipelines are not reported: $(cat err)"
+cmp -s gpu1.png again.png || fail "damaged pipelines change the picture"
+"$sst" render lf --device lavapipe -o again.png 2>err && [ ! -s err ] || fail "they are not stored again: $(cat err)"
+
+# --- failures end on the CPU, counted and logged ---
+for fault in lost=13:lost timeout=13:answer buffer=55:memory; do
+  "$sst" render lf --device dummy:${fault%:*} -o fault.png --json >fault.json 2>err || fail "${fault%:*}: $(cat err)"
+  cmp -s cpu1.png fault.png || fail "${fault%:*}: another picture"
+  grep -q "1 of 1 pictures were rendered on the CPU instead of dummy: .*${fault#*:}" err || fail "${fault%:*}: $(cat err)"
+  device fault.json "d['pictures'] == 0 and d['on_cpu'] == 1 and d['failures'] == 1 and '${fault#*:}' in d['why_cpu']"
+done
+"$sst" sweep lf --steps 5 --device dummy:lost=14 -o lost --json >lost.json 2>err || fail "lost: $(cat err)"
+device lost.json 'd["pictures"] == 3 and d["on_cpu"] == 2 and d["failures"] == 2'
+"$sst" render lf --method clear --device dummy --device-memory 4 -o clear.png --json >clear.json 2>err || fail "clear: $(cat err)"
+device clear.json 'd["on_cpu"] == 1 and "all views" in d["why_cpu"]'
+cmp -s cpu6.png clear.png && grep -q "instead of dummy: a clear picture needs" err || fail "clear in 4 MiB: $(cat err)"
+
+# --- devices that are not there, or wrong ---
+want 3 'no device `GeForce`; this machine has `llvmpipe' render lf --device GeForce -o bad.png
+want 3 'software devices are used only by name' render lf --device gpu -o bad.png
+"$sst" render lf --device auto -o auto.png --json >auto.json || fail "auto"
+grep -q '"device": "cpu"' auto.json && cmp -s cpu1.png auto.png || fail "auto without a GPU is not the CPU"
+"$sst" render lf --device dummy:wrong=3 -o bad.png 2>err
+[ $? -eq 5 ] && [ ! -e bad.png ] || fail "a device that gives wrong results is used"
+grep -q 'the shader `blend` is refused' err && grep -q 'error: the device `dummy:wrong=3` cannot render' err || fail "wrong: $(cat err)"
+"$sst" version | grep -q 'device .*lavapipe.*used only by name' || fail "version"
+"$sst" doctor --json 2>/dev/null | grep -q 'lavapipe.* passes its tests: blend, clear_land, clear_blend' || fail "doctor"
+exit $failed

@@ -1,0 +1,306 @@
+/* pipeline/gpu/ and pictures on a device, on the dummy device: choice, limits, faults, what ends on the CPU; the cache
+ * of pipelines. */
+#include <dirent.h>
+#include <errno.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/file.h"
+#include "base/log.h"
+#include "pipeline/gpu/gpu_internal.h"
+#include "tests/folder.h"
+#include "tests/gpu_field.h"
+#include "tests/small.h"
+
+static void test_names(void **state)
+{
+    char text[SST_LOG_MAX];
+    struct sst_gpu *g;
+
+    (void)state;
+    sst_log_hold_errors(text);
+    assert_int_equal(sst_gpu_open(&g, "dummy:lost", NULL), -EINVAL);
+    assert_contains(text, "`lost` is not a list");
+    assert_int_equal(sst_gpu_open(&g, "dummy:lost=1,late=2", NULL), -EINVAL);
+    assert_int_equal(sst_gpu_open(&g, "dummy:lost=0", NULL), -EINVAL);
+    assert_int_equal(sst_gpu_open(&g, "no such device", NULL), -ENOENT);
+    assert_contains(text, "no device `no such device`");
+    sst_log_hold_errors(NULL);
+    assert_int_equal(sst_gpu_open(&g, "dummy:lost=1,memory=4", NULL), 0);
+    assert_int_equal(sst_gpu_get_info(g)->memory_bytes, 4 << 20);
+    assert_int_equal(sst_gpu_free_bytes(g), 3 << 20);
+    sst_gpu_close(g);
+    sst_gpu_close(NULL);
+}
+
+static void test_memory(void **state)
+{
+    const struct sst_gpu_config cfg = { .memory_bytes = 1000 };
+    struct sst_gpu_buffer *a, *b;
+    uint8_t data[4] = { 1, 2, 3, 4 };
+    struct sst_gpu *g;
+
+    (void)state;
+    assert_int_equal(sst_gpu_open(&g, "dummy:buffer=1", &cfg), 0);
+    assert_int_equal(sst_gpu_buffer_create(g, &a, 600), 0);
+    assert_int_equal(sst_gpu_buffer_create(g, &b, 401), -ENOMEM);
+    assert_int_equal(sst_gpu_buffer_create(g, &b, 400), 0);
+    assert_int_equal(sst_gpu_free_bytes(g), 0);
+    sst_gpu_buffer_destroy(g, b);
+    assert_int_equal(sst_gpu_free_bytes(g), 400);
+    assert_int_equal(sst_gpu_upload(g, a, 596, data, 4), 0);
+    memset(data, 0, sizeof(data));
+    assert_int_equal(sst_gpu_download(g, data, a, 597, 2), 0);
+    assert_int_equal(data[0], 2);
+    assert_int_equal(data[1], 3);
+    sst_gpu_buffer_destroy(g, a);
+    sst_gpu_buffer_destroy(g, NULL);
+    sst_gpu_close(g);
+}
+
+/* A device that is lost stays so, and a shader with wrong results never runs. */
+static void test_faults(void **state)
+{
+    const int faults[][2] = { { -ENODEV, 0 }, { -ETIMEDOUT, 0 } };
+    struct sst_gpu_buffer *b;
+    struct sst_gpu *g;
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(faults); i++) {
+        assert_int_equal(sst_gpu_open(&g, i ? "dummy:timeout=2" : "dummy:lost=2", NULL), 0);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), faults[i][0]);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), faults[i][0]);
+        assert_int_equal(sst_gpu_buffer_create(g, &b, 4), faults[i][0]);
+        assert_int_equal(sst_gpu_wait(g), faults[i][0]);
+        sst_gpu_close(g);
+    }
+    for (int i = 1; i <= 12; i++) { /* every part of the self-test counts */
+        char name[32];
+
+        snprintf(name, sizeof(name), "dummy:wrong=%d", i);
+        assert_int_equal(sst_gpu_open(&g, name, NULL), 0);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), -ENOTSUP);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), -ENOTSUP);
+        assert_int_equal(sst_gpu_dispatch(g, &(struct sst_gpu_work){ .shader = SST_GPU_BLEND }), -ENOTSUP);
+        sst_gpu_close(g);
+    }
+    for (int i = 1; i <= 4; i++) {
+        char name[32];
+
+        snprintf(name, sizeof(name), "dummy:wrong=%d", i);
+        assert_int_equal(sst_gpu_open(&g, name, NULL), 0);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_LAND), -ENOTSUP);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_BLEND), 0);
+        sst_gpu_close(g);
+        snprintf(name, sizeof(name), "dummy:wrong=%d", (i + 1) / 2);
+        assert_int_equal(sst_gpu_open(&g, name, NULL), 0);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_BLEND), -ENOTSUP);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_LAND), 0);
+        sst_gpu_close(g);
+    }
+}
+
+/* Whatever fits on the device at once: the same bytes. */
+static void test_pictures(void **state)
+{
+    static const struct {
+        const char *name;
+        uint64_t memory;
+        int chunks, uploads; /* 0: any number */
+    } devices[] = {
+        { "dummy", 0, 1, 24 },                 /* once, and twice more for larger tables of labels */
+        { "dummy:buffer=250", 0, 2, 24 },      /* several chunks, and bands of the picture */
+        { "dummy:buffer=100", 0, 8, 24 },      /* one view each */
+        { "dummy:memory=1", 0, 0, 0 },         /* views are replaced */
+        { "dummy", (uint64_t)400 << 10, 0, 0 } /* one at a time, by the configuration */
+    };
+    struct sst_render_device_report report;
+    struct sst_lightfield lf;
+
+    (void)state;
+    field_init(&lf);
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        print_message("%s, %d KiB\n", devices[i].name, (int)(devices[i].memory >> 10));
+        assert_int_equal(field_compare(&lf, devices[i].name, devices[i].memory, &report), 0);
+        assert_int_equal(report.pictures, FIELD_PICTURES - report.on_cpu);
+        assert_int_equal(report.on_cpu, i ? FIELD_CLEAR : 0); /* which need all views at once */
+        assert_int_equal(report.failures, 0);
+        assert_int_equal(report.verified_on_cpu, 1);
+        assert_string_equal(report.why,
+                            i ? "a clear picture needs all views in one buffer and room for their rays" : "");
+        if (devices[i].chunks) {
+            assert_in_range(report.chunks, devices[i].chunks, 8);
+            assert_int_equal(report.uploads, devices[i].uploads);
+        } else {
+            assert_true(report.uploads > 24);
+        }
+    }
+    field_fini(&lf);
+}
+
+/* What a device fails at ends on the CPU with the same picture; then it is opened again. */
+static void test_fallback(void **state)
+{
+    static const struct {
+        const char *name, *why;
+        int pictures, failures;
+    } devices[] = {
+        { "dummy:lost=13", "the device is lost", 0, 4 },                /* always at the first picture: 0, 1, 3, 7 */
+        { "dummy:timeout=15", "the device does not answer", 6, 4 },     /* every third: each time after a success */
+        { "dummy:buffer=55", "not enough memory on the device", 0, 4 }, /* not one view */
+    };
+    struct sst_render_device_report report;
+    struct sst_lightfield lf;
+
+    (void)state;
+    field_init(&lf);
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        print_message("%s\n", devices[i].name);
+        assert_int_equal(field_compare(&lf, devices[i].name, 0, &report), 0);
+        assert_int_equal(report.pictures, devices[i].pictures);
+        assert_int_equal(report.on_cpu, FIELD_PICTURES - devices[i].pictures);
+        assert_int_equal(report.failures, devices[i].failures);
+        assert_string_equal(report.why, devices[i].why);
+    }
+    field_fini(&lf);
+}
+
+/* A shader that is refused, and names that find no device. */
+static void test_refused(void **state)
+{
+    char text[SST_LOG_MAX];
+    struct sst_render_device_report report;
+    struct sst_renderer *r;
+    struct sst_lightfield lf;
+
+    (void)state;
+    field_init(&lf);
+    assert_int_equal(sst_renderer_create(&r, &lf, 1), 0);
+    sst_log_hold_errors(text);
+    assert_int_equal(sst_renderer_use_device(r, "dummy:wrong=5", 0), -ENOTSUP);
+    assert_int_equal(sst_renderer_use_device(r, "no such device", 0), -ENOENT);
+    sst_log_hold_errors(NULL);
+    assert_false(sst_renderer_device(r, &report));
+    assert_int_equal(sst_renderer_use_device(r, "cpu", 0), 0);
+    assert_false(sst_renderer_device(r, &report));
+    sst_renderer_destroy(r);
+    field_fini(&lf);
+}
+
+/* Where a shader of the clear picture is refused, that picture is the CPU's; the others are not. */
+static void test_clear_refused(void **state)
+{
+    struct sst_render_device_report report;
+    struct sst_lightfield lf;
+
+    (void)state;
+    field_init(&lf);
+    assert_int_equal(field_compare(&lf, "dummy:wrong=24", 0, &report), 0);
+    assert_int_equal(report.pictures, FIELD_PICTURES - FIELD_CLEAR);
+    assert_int_equal(report.on_cpu, FIELD_CLEAR);
+    assert_int_equal(report.failures, 0);
+    assert_string_equal(report.why, "a shader is refused");
+    field_fini(&lf);
+}
+
+/* --- cache -------------------------------------------------------------------------------------------------------- */
+
+static int count_files(const char *folder)
+{
+    DIR *d = opendir(folder);
+    int n = 0;
+
+    for (struct dirent *e; d && (e = readdir(d));)
+        n += e->d_name[0] != '.';
+    if (d)
+        closedir(d);
+    return n;
+}
+
+static void assert_cached(uint64_t key, const char *want)
+{
+    size_t bytes = 0;
+    char *data = gpu_cache_read(key, &bytes);
+
+    if (!want) {
+        assert_null(data);
+        return;
+    }
+    assert_non_null(data);
+    assert_int_equal(bytes, strlen(want));
+    assert_memory_equal(data, want, bytes);
+    free(data);
+}
+
+/* Write one byte of a file, or shorten the file to `at` bytes. */
+static void damage(const char *path, long at, bool shorten)
+{
+    FILE *f = fopen(path, "r+b");
+
+    int byte;
+
+    assert_non_null(f);
+    assert_int_equal(fseek(f, at, SEEK_SET), 0);
+    byte = fgetc(f);
+    assert_int_equal(fseek(f, at, SEEK_SET), 0);
+    if (shorten)
+        assert_int_equal(ftruncate(fileno(f), at), 0);
+    else
+        assert_int_equal(fputc(byte ^ 1, f), byte ^ 1);
+    assert_int_equal(fclose(f), 0);
+}
+
+static void test_cache(void **state)
+{
+    const char *path = test_path("sst/pipelines-0000000000000007.bin"), *below = test_path("sst");
+    uint8_t *large = calloc(1, GPU_CACHE_BYTES_MAX + 1);
+
+    (void)state;
+    setenv("XDG_CACHE_HOME", test_folder, 1);
+    assert_cached(7, NULL);
+    gpu_cache_write(7, "compiled", 8);
+    assert_cached(7, "compiled");
+    assert_cached(8, NULL);
+    for (long at = 0; at < 40; at += 13) { /* magic, key, size or data */
+        gpu_cache_write(7, "compiled", 8);
+        damage(path, at, false);
+        assert_cached(7, NULL);
+        assert_false(sst_path_exists(path));
+        gpu_cache_write(7, "compiled", 8);
+        damage(path, at, true);
+        assert_cached(7, NULL);
+    }
+    for (uint64_t key = 1; key <= GPU_CACHE_FILES + 3; key++)
+        gpu_cache_write(key, "x", 1);
+    assert_int_equal(count_files(below), GPU_CACHE_FILES);
+    assert_cached(GPU_CACHE_FILES + 3, "x");
+    gpu_cache_write(99, large, GPU_CACHE_BYTES_MAX + 1);
+    assert_cached(99, NULL);
+    free(large);
+}
+
+/* Without a folder nothing is kept, and nothing fails. */
+static void test_no_cache(void **state)
+{
+    (void)state;
+    setenv("XDG_CACHE_HOME", "/proc/no such folder", 1);
+    gpu_cache_write(7, "compiled", 8);
+    assert_cached(7, NULL);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_names),
+        cmocka_unit_test(test_memory),
+        serial_test(test_faults),
+        serial_test(test_pictures),
+        cmocka_unit_test(test_fallback),
+        cmocka_unit_test(test_refused),
+        serial_test(test_clear_refused),
+        cmocka_unit_test_setup_teardown(test_cache, test_folder_create, test_folder_remove),
+        cmocka_unit_test(test_no_cache),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,145 @@
+/* The Vulkan back end on Mesa's software device, lavapipe, under the validation layers where they are installed.
+ * Without lavapipe it fails: a build with shaders whose shaders nobody runs is not tested. */
+#include <errno.h>
+#include <glob.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "pipeline/gpu/blend.h"
+#include "tests/gpu_field.h"
+
+#define DRIVERS "/usr/share/vulkan/icd.d/lvp_icd*.json"
+#define LAYERS  "/usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json"
+
+/* Listed, but never chosen except by name. */
+static void test_choice(void **state)
+{
+    struct sst_gpu_info info[SST_GPU_DEVICES];
+    char text[SST_LOG_MAX];
+    struct sst_gpu *g;
+
+    (void)state;
+    assert_int_equal(sst_gpu_list(info), 1);
+    assert_contains(info[0].name, "llvmpipe");
+    assert_contains(info[0].driver, "lavapipe");
+    assert_int_equal(info[0].kind, SST_GPU_SOFTWARE);
+    sst_log_hold_errors(text);
+    assert_int_equal(sst_gpu_open(&g, "gpu", NULL), -ENOENT);
+    assert_contains(text, "software devices are used only by name: `llvmpipe");
+    *text = 0;
+    assert_int_equal(sst_gpu_open(&g, "auto", NULL), -ENOENT);
+    assert_string_equal(text, "");
+    assert_int_equal(sst_gpu_open(&g, "GeForce", NULL), -ENOENT);
+    sst_log_hold_errors(NULL);
+    assert_int_equal(sst_gpu_open(&g, "LLVMpipe", NULL), 0);
+    sst_gpu_close(g);
+}
+
+/* Every shader gives what its reference gives. */
+static void test_self(void **state)
+{
+    struct sst_gpu *g;
+
+    (void)state;
+    assert_int_equal(sst_gpu_open(&g, "lavapipe", NULL), 0);
+    for (int i = 0; i < SST_GPU_SHADERS; i++)
+        assert_int_equal(sst_gpu_prepare(g, (enum sst_gpu_shader)i), 0);
+    sst_gpu_close(g);
+}
+
+/* More than the staging memory holds, at odd places, in the order of the calls. */
+static void test_transfer(void **state)
+{
+    const size_t bytes = ((size_t)40 << 20) + 5;
+    struct sst_gpu_buffer *a, *b;
+    uint8_t *data = malloc(bytes), *back = calloc(1, bytes);
+    struct sst_gpu *g;
+
+    (void)state;
+    for (size_t i = 0; i < bytes; i++)
+        data[i] = (uint8_t)(i * 2654435761U >> 13);
+    assert_int_equal(sst_gpu_open(&g, "lavapipe", NULL), 0);
+    assert_int_equal(sst_gpu_buffer_create(g, &a, bytes), 0);
+    assert_int_equal(sst_gpu_buffer_create(g, &b, 7), 0);
+    assert_int_equal(sst_gpu_upload(g, a, 0, data, bytes), 0);
+    assert_int_equal(sst_gpu_upload(g, b, 0, data, 7), 0);
+    assert_int_equal(sst_gpu_upload(g, a, bytes - 3, "abc", 3), 0);
+    assert_int_equal(sst_gpu_upload(g, b, 1, "de", 2), 0);
+    assert_int_equal(sst_gpu_download(g, back, a, 0, bytes), 0);
+    memcpy(data + bytes - 3, "abc", 3);
+    assert_memory_equal(back, data, bytes);
+    assert_int_equal(sst_gpu_download(g, back, b, 1, 3), 0);
+    assert_memory_equal(back, ((uint8_t[]){ 'd', 'e', data[3] }), 3);
+    sst_gpu_buffer_destroy(g, a);
+    sst_gpu_buffer_destroy(g, b);
+    assert_int_equal(sst_gpu_wait(g), 0); /* -EIO if a validation layer has found a fault */
+    sst_gpu_close(g);
+    free(data);
+    free(back);
+}
+
+static void test_pictures(void **state)
+{
+    const uint64_t memory[] = { 0, (uint64_t)400 << 10 }; /* all views, or one at a time */
+    struct sst_render_device_report report;
+    struct sst_lightfield lf;
+
+    (void)state;
+    field_init(&lf);
+    for (size_t i = 0; i < ARRAY_LEN(memory); i++) {
+        const int most = field_compare(&lf, "lavapipe", memory[i], &report);
+
+        print_message("worst difference to the CPU: %d levels\n", most);
+        assert_in_range(most, 0, SST_GPU_BLEND_LEVELS);
+        assert_int_equal(report.pictures, FIELD_PICTURES - (i ? FIELD_CLEAR : 0));
+        assert_int_equal(report.failures, 0);
+    }
+    field_fini(&lf);
+}
+
+/* A wait that ends too soon, as it does unless the machine is far faster than any: the device is lost, and what it
+ * still uses is left alone. */
+static void test_timeout(void **state)
+{
+    const size_t bytes = (size_t)30 << 20;
+    const struct sst_gpu_config cfg = { .timeout_ms = 1 };
+    uint8_t *data = calloc(1, bytes);
+    struct sst_gpu_buffer *a;
+    struct sst_gpu *g;
+    int err = 0;
+
+    (void)state;
+    assert_int_equal(sst_gpu_open(&g, "lavapipe", &cfg), 0);
+    assert_int_equal(sst_gpu_buffer_create(g, &a, 4 * bytes), 0);
+    for (size_t i = 0; i < 40 && !err; i++)
+        err = sst_gpu_upload(g, a, i % 4 * bytes, data, bytes);
+    assert_true(err == 0 || err == -ETIMEDOUT);
+    assert_int_equal(sst_gpu_wait(g), err);
+    sst_gpu_buffer_destroy(g, a);
+    sst_gpu_close(g);
+    free(data);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_choice),   cmocka_unit_test(test_self),    cmocka_unit_test(test_transfer),
+        cmocka_unit_test(test_pictures), cmocka_unit_test(test_timeout),
+    };
+    glob_t drivers;
+
+    if (!WITH_VULKAN) {
+        print_message("built without Vulkan\n");
+        return 77;
+    }
+    if (glob(DRIVERS, 0, NULL, &drivers)) {
+        print_message("no %s: install mesa-vulkan-drivers\n", DRIVERS);
+        return 1;
+    }
+    /* No other driver answers. */
+    setenv("VK_DRIVER_FILES", drivers.gl_pathv[0], 1);
+    setenv("VK_ICD_FILENAMES", drivers.gl_pathv[0], 1);
+    globfree(&drivers);
+    setenv("SST_GPU_VALIDATE", access(LAYERS, R_OK) ? "0" : "1", 1);
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
