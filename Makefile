@@ -130,7 +130,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-service soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-service bounds soak-chain soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
@@ -349,6 +349,14 @@ bench-check: $(BUILD)/sst $(BUILD)/bench/check ## name the stages that became mo
 	$(PYTHON) scripts/bench_check.py --build $(BUILD)
 bench-check-update: $(BUILD)/sst $(BUILD)/bench/check ## make today's times the baseline of this machine
 	$(PYTHON) scripts/bench_check.py --build $(BUILD) --update
+
+bounds: $(BUILD)/tests/kernels/bounds $(BUILD)/tests/unit/bounds $(BUILD)/tests/unit/degenerate ## list the largest errors beside their bounds: docs/measured/bounds.md
+	$(PYTHON) scripts/bounds.py --build $(BUILD)
+# Two processes from different seeds; what each did stands in its last line. SAN=address,undefined: with traps and sanitizers.
+HOURS ?= 1
+SEED ?= $(shell date +%s)000
+soak-chain: $(BUILD)/tests/tools/chain ## HOURS=1 of random chains from SEED on (the clock by default); a failure prints its seed
+	scripts/soak_chain.sh $(BUILD)/tests/tools/chain $(HOURS) $(SEED)
 
 SOAK ?= 30
 bench-service: all ## measure the service on simulated arrays, about 10 minutes; renews docs/measured/bench-service.md

@@ -413,8 +413,12 @@ static bool compare_exact(struct chain *c, struct sst_renderer *r, const struct 
             if (cfg->unsupported == SST_UNSUPPORTED_INVALID && !sst_map_u8_row(valid, y)[x])
                 CHECK(c, got == 0, "invalid pixel %d %d is %d", x, y, got);
             else
-                CHECK(c, note_error(c, fabs(got - rgb[ch])) <= PICTURE_BOUND, "pixel %d %d is %d, exactly %.6f", x, y,
-                      got, rgb[ch]);
+                CHECK(c, note_error(c, fabs(got - rgb[ch])) <= PICTURE_BOUND,
+                      "pixel %d %d is %d, exactly %.6f (method %d, focus %g, sigma %g, C1 %g, C2 %g, label %d / %g, "
+                      "range %d, "
+                      "aperture %g, soft %d, %d rays)",
+                      x, y, got, rgb[ch], cfg->method, cfg->focus_px, cfg->sigma_px, cfg->c1, cfg->c2, cfg->focus_label,
+                      cfg->label_factor, cfg->range, cfg->aperture, cfg->aperture_soft, count);
         }
     }
     sst_render_plan_fini(&plan);

@@ -1,5 +1,6 @@
 /* Inputs at which formulas have no answer of their own: each has a defined result, which `make bounds` lists. */
 #include <errno.h>
+#include <fenv.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -431,6 +432,7 @@ static void chains(void **state SST_UNUSED)
             sst_map_u8_fini(&f.lf.views[k].label);
         }
         assert_int_equal(sst_disparity_preset(&cfg.disparity, "balanced"), 0);
+        sst_refine_config_defaults(&cfg.refinement);
         cfg.disparity.disp_max_px = 8;
         assert_int_equal(sst_process(&f.lf, &cfg, NULL, &report), 0);
         assert_true(report.confirmed >= 0 && report.confirmed <= 100);
@@ -444,6 +446,62 @@ static void chains(void **state SST_UNUSED)
                    report.parallax == SST_PARALLAX_NONE ? "reported: no parallax" : "rendered");
         field_fini(&f);
     }
+}
+
+/* A textured wall with a post in front, seen by 3x3 cameras. */
+static void paint_post(struct field *f)
+{
+    for (int k = 0; k < 9; k++) {
+        for (int y = 0; y < H; y++) {
+            for (int x = 0; x < W; x++) {
+                const double bx = f->lf.views[k].bx, by = f->lf.views[k].by;
+                const bool post = x + 6 * bx >= 30 && x + 6 * bx < 42;
+                const int d = post ? 6 : 2;
+
+                for (int c = 0; c < 3; c++)
+                    sst_image_row(&f->lf.views[k].image, c, y)[x] =
+                        (uint8_t)(sst_noise_hash(x + d * (int)bx, y + d * (int)by, post, 7) % 256);
+                sst_map_u8_row(&f->lf.views[k].label, y)[x] = (uint8_t)(post ? 1 : x % 3 ? 2 : 0);
+            }
+        }
+    }
+}
+
+/* The whole chain under each rounding mode: threads take over that of the one that starts them. */
+static void rounding(void **state SST_UNUSED)
+{
+    static const int modes[] = { FE_TONEAREST, FE_DOWNWARD, FE_UPWARD, FE_TOWARDZERO };
+    struct field f[4];
+    int most = 0, differ = 0;
+
+    for (int m = 0; m < 4; m++) {
+        struct sst_process_config cfg = { .eps_h = -1, .accuracy_weight = 4, .refine = true, .threads = 2 };
+        struct sst_render_config look = config(2);
+
+        field_init(&f[m], 3, 3, W, H);
+        paint_post(&f[m]);
+        assert_int_equal(sst_disparity_preset(&cfg.disparity, "balanced"), 0);
+        sst_refine_config_defaults(&cfg.refinement);
+        cfg.disparity.disp_max_px = 9;
+        assert_int_equal(fesetround(modes[m]), 0);
+        assert_int_equal(sst_process(&f[m].lf, &cfg, NULL, NULL), 0);
+        assert_int_equal(render(&f[m], &look), 0);
+        assert_int_equal(fesetround(FE_TONEAREST), 0);
+        for (int i = 0; i < W * H; i++) {
+            const int a = sst_image_row(&f[m].out, 1, i / W)[i % W], b = sst_image_row(&f[0].out, 1, i / W)[i % W];
+
+            most = abs(a - b) > most ? abs(a - b) : most;
+            for (int k = 0; k < 9; k++)
+                differ += sst_map_u16_row(&f[m].lf.views[k].disp, i / W)[i % W] !=
+                          sst_map_u16_row(&f[0].lf.views[k].disp, i / W)[i % W];
+        }
+    }
+    for (int m = 0; m < 4; m++)
+        field_fini(&f[m]);
+    print_message("%d disparities differ, %d levels\n", differ, most);
+    assert_int_equal(differ, 0);
+    assert_in_range(most, 0, 1);
+    bound_case("the four rounding modes", "the same disparities; pictures within %d level", most);
 }
 
 /* --- geometry
@@ -503,7 +561,7 @@ int main(void)
         cmocka_unit_test(entropies), cmocka_unit_test(entropy_of_nan), cmocka_unit_test(thresholds),
         cmocka_unit_test(fits),      cmocka_unit_test(normals),        cmocka_unit_test(weights),
         cmocka_unit_test(ranges),    cmocka_unit_test(clear_pictures), cmocka_unit_test(sizes),
-        cmocka_unit_test(chains),    cmocka_unit_test(geometry),
+        cmocka_unit_test(chains),    cmocka_unit_test(rounding),       cmocka_unit_test(geometry),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
