@@ -68,8 +68,15 @@ endif
 SANFLAGS := $(if $(SAN),-fsanitize=$(SAN) -fno-omit-frame-pointer)
 # With them, and with less optimisation, gcc guesses worse what a string can hold and where a value comes from.
 SANWARN := $(if $(SAN),-Wno-format-truncation -Wno-maybe-uninitialized)
+# Compilers may compute what is masked away, unless floating-point exceptions count: then tests end at them (tests/traps.h).
+TRAPPING := -fno-trapping-math
 ifneq (,$(findstring undefined,$(SAN)))
 SANFLAGS += -fsanitize=float-divide-by-zero,float-cast-overflow -fno-sanitize-recover=all
+TRAPPING := -ftrapping-math -DSST_TRAPS
+endif
+# Not-a-numbers and the order of sums mean something here.
+ifneq (,$(filter -ffast-math -Ofast -ffinite-math-only -funsafe-math-optimizations -fassociative-math -freciprocal-math -fno-signed-zeros,$(CFLAGS) $(CXXFLAGS) $(OPT)))
+$(error $(CFLAGS) $(CXXFLAGS) $(OPT): -ffast-math and its parts change results; build without them)
 endif
 DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMAT=$(WITH_AVFORMAT) \
         -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
@@ -79,7 +86,7 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
 AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
 PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) $(AV_PACKAGES)))
 PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES))
-BASEFLAGS = -I. $(OPT) -ffp-contract=off -fno-math-errno -fno-trapping-math -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
+BASEFLAGS = -I. $(OPT) -ffp-contract=off -fno-math-errno $(TRAPPING) -pthread $(HARDEN) $(SANFLAGS) $(DEFS) -MMD -MP
 CFLAGS_ALL = -std=c11 -D_DEFAULT_SOURCE -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET_BITS=64 $(BASEFLAGS) $(CWARN) \
              $(PACKAGE_CFLAGS) $(CFLAGS)
 # OpenCV's headers do not survive our warnings.
@@ -353,6 +360,15 @@ bench-check: $(BUILD)/sst $(BUILD)/bench/check ## name the stages that became mo
 	$(PYTHON) scripts/bench_check.py --build $(BUILD)
 bench-check-update: $(BUILD)/sst $(BUILD)/bench/check ## make today's times the baseline of this machine
 	$(PYTHON) scripts/bench_check.py --build $(BUILD) --update
+
+.PHONY: bounds soak-chain
+bounds: $(BUILD)/tests/kernels/bounds $(BUILD)/tests/unit/bounds $(BUILD)/tests/unit/degenerate ## list the largest errors beside their bounds: docs/measured/bounds.md
+	$(PYTHON) scripts/bounds.py --build $(BUILD)
+# Two processes from different seeds; what each did stands in its last line. SAN=address,undefined: with traps and sanitizers.
+HOURS ?= 1
+SEED ?= $(shell date +%s)000
+soak-chain: $(BUILD)/tests/tools/chain ## HOURS=1 of random chains from SEED on (the clock by default); a failure prints its seed
+	scripts/soak_chain.sh $(BUILD)/tests/tools/chain $(HOURS) $(SEED)
 
 SOAK ?= 30
 bench-service: all ## measure the service on simulated arrays, about 10 minutes; renews docs/measured/bench-service.md

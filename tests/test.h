@@ -10,6 +10,8 @@
 
 #include <cmocka.h>
 
+#include "tests/traps.h"
+
 /** The text has these words in it. */
 #define assert_contains(text, words)                                                                                   \
     do {                                                                                                               \

@@ -308,10 +308,19 @@ struct KERNEL(blend_weights) {
     BLEND_F half[2];
 };
 
+/* Two weights as one number, as they lie in memory: a rounded one may be -1, whose sign must not reach the other. */
+static inline int32_t KERNEL(blend_two_taps)(const int16_t *tap)
+{
+    int32_t two;
+
+    memcpy(&two, tap, sizeof(two));
+    return two;
+}
+
 static inline struct KERNEL(blend_taps) KERNEL(blend_set_taps)(const struct sst_blend *b)
 {
-    return (struct KERNEL(blend_taps)){ KERNEL(blend_int)(b->tap[0] | (int32_t)((uint32_t)b->tap[1] << 16)),
-                                        KERNEL(blend_int)(b->tap[2] | (int32_t)((uint32_t)b->tap[3] << 16)) };
+    return (struct KERNEL(blend_taps)){ KERNEL(blend_int)(KERNEL(blend_two_taps)(b->tap)),
+                                        KERNEL(blend_int)(KERNEL(blend_two_taps)(b->tap + 2)) };
 }
 
 /* Colours of half a block. */

@@ -26,7 +26,7 @@ void sst_class_row_ref(uint8_t *top, float *entropy, const float *p, size_t stri
         if (entropy) {
             /* log(1 - r) = -2 atanh(r / (2 - r)) */
             h -= rest < 0.5f ? (1 - rest) * sst_atanh2(-rest / (2 - rest)) : plogp(p[best * stride + x]);
-            entropy[x] = h > 0 ? h : 0;
+            entropy[x] = h <= 0 ? 0 : h; /* what is no number stays so, and is never kept */
         }
     }
 }

@@ -44,6 +44,6 @@ static void KERNEL(class_row)(uint8_t *restrict top, float *restrict entropy, co
         const float sure = (1 - r) * sst_atanh2(-r / (2 - r)), unsure = most[x] * sst_log_pos(m);
         const float sum = h[x] - (rest[x] < 0.5f ? sure : unsure);
 
-        entropy[x] = sum > 0 ? sum : 0;
+        entropy[x] = sum <= 0 ? 0 : sum;
     }
 }

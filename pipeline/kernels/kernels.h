@@ -620,7 +620,8 @@ typedef void sst_guide_cells_fn(float *out, const struct sst_guide *g, size_t n)
 /**
  * Most probable class of n pixels, ties to the smaller index, and the entropy of their distributions:
  * H = -sum over the other classes of p log p - (1 - r) log(1 - r) with r the sum of the others, so that entropies near
- * 0 keep their precision. Error at most 1e-6 + 1e-6 H for distributions that sum to 1 within a few roundings.
+ * 0 keep their precision. Error at most 1e-6 + 1e-6 H for distributions that sum to 1 within a few roundings. With a NaN among
+ * them the entropy is NaN, which is below no threshold; all 0: class 0, entropy 0.
  *
  * @param top      out [n]
  * @param entropy  out [n], 0 or more; or NULL

@@ -113,6 +113,10 @@ static struct sst_blend random_blend(size_t n, const struct weights *weights)
                            .count = 441 };
 
     sst_blend_set_taps(b.tap, (double)random_share(), (double)random_share());
+    if (sst_random_u64(&seed) % 4 == 0) {
+        sst_blend_set_taps(b.tap, 0.998330071, 0.995215170);
+        assert_int_equal(b.tap[0], -1); /* rounded, and so the only negative one */
+    }
     for (int c = 0; c < 3; c++) {
         b.top[c] = guard_random(n + 1, &seed);
         b.bottom[c] = guard_random(n + 1, &seed);
