@@ -1,13 +1,13 @@
 #include "cli/cli_internal.h"
 
 #include <errno.h>
-#include <sha2.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"
 #include "base/text.h"
+#include "pipeline/kernels/sha256.h"
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/labels/model_info.h"
 #include "pipeline/method/network/graph.h"
@@ -166,7 +166,7 @@ static void add_summary(json_t *o, const struct sst_onnx *model)
 /* Size, hash and content of the file, without running it. */
 static int read_facts(json_t *o, const char *path, bool *matching)
 {
-    char hash[SHA256_DIGEST_STRING_LENGTH];
+    char hash[SST_SHA256_HEX];
     struct sst_onnx model;
     uint8_t *data = NULL;
     size_t size;
@@ -175,7 +175,8 @@ static int read_facts(json_t *o, const char *path, bool *matching)
     if (err)
         return err;
     json_object_set_new(o, "bytes", json_integer((json_int_t)size));
-    json_object_set_new(o, "sha256", json_string(SHA256Data(data, size, hash)));
+    sst_sha256_hex(hash, data, size);
+    json_object_set_new(o, "sha256", json_string(hash));
     err = sst_manifest_check(path, data, size);
     if (!err)
         err = sst_onnx_parse(&model, data, size, path);

@@ -251,7 +251,8 @@ const struct cli_command cli_process = {
         "balanced repairs them; ranges searches the disparities around those of a match at a quarter of the\n"
         "size, unless that changes many of them (by itself only where views are large, for memory); hypotheses\n"
         "tests no other disparity where the first one explains the colours; labels runs the network on one view\n"
-        "in three. Presets skip all that suits them; `--skip none` computes everything.",
+        "in three if the others show the same surfaces. Presets skip all that suits them; `--skip none` computes\n"
+        "everything.",
     .example = "sst process garden --preset balanced",
     .run = run,
 };

@@ -58,6 +58,17 @@ static int cpu_has_avxvnni(void)
 }
 #endif
 
+static int cpu_has_sha(void)
+{
+#if defined(__x86_64__)
+    unsigned a, b, c, d;
+
+    return __get_cpuid_count(7, 0, &a, &b, &c, &d) && b & 1u << 29;
+#else
+    return 1;
+#endif
+}
+
 static int cpu_has(enum sst_cpu_level level)
 {
     switch (level) {
@@ -91,6 +102,8 @@ int sst_kernels_at(enum sst_cpu_level level, struct sst_kernels *out)
     if (!cpu_has(level))
         return 0;
     levels[level].fill(out);
+    if (!cpu_has_sha())
+        out->sha256_blocks = sst_sha256_blocks_ref;
     return 1;
 }
 

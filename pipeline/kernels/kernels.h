@@ -66,7 +66,8 @@ enum sst_cpu_level {
     X(resample_row)                                                                                                    \
     X(light_row)                                                                                                       \
     X(guide_cells)                                                                                                     \
-    X(class_row)
+    X(class_row)                                                                                                       \
+    X(sha256_blocks)
 
 /* --- disparity (pipeline/method/disparity/) --- */
 
@@ -102,11 +103,13 @@ typedef void sst_feature_cost_rows_fn(uint8_t *cost, size_t cost_stride, const u
  *  second. a and b may be the same. */
 typedef void sst_cheapest_row_fn(uint8_t *first, uint8_t *second, const uint8_t *a, const uint8_t *b, size_t n);
 
-/** One cost from the two smallest ones, into the first: their mean, rounded up; with `two`, of two neighbours, the smaller
- *  one weighs three times the other, rounded to nearest. Without a second one the first alone, without any SST_COST_UNSEEN. */
+/** One cost from the two smallest ones, into the first: their mean, rounded up; with `two`, of two neighbours, the
+ * smaller one weighs three times the other, rounded to nearest. Without a second one the first alone, without any
+ * SST_COST_UNSEEN. */
 typedef void sst_cheapest_mean_row_fn(uint8_t *first, const uint8_t *second, int two, size_t n);
 #define SST_COST_ABSENT 255 /* costs are below it: outside the neighbour */
-#define SST_COST_UNSEEN 96  /* of pixels that no neighbour sees: the same for all disparities, so that only smoothness decides */
+#define SST_COST_UNSEEN                                                                                                \
+    96 /* of pixels that no neighbour sees: the same for all disparities, so that only smoothness decides */
 
 /** out[x * out_stride + d] = in[d * in_stride + x]; nx and nd multiples of 8. */
 typedef void sst_transpose_u8_fn(uint8_t *out, size_t out_stride, const uint8_t *in, size_t in_stride, size_t nx,
@@ -147,11 +150,11 @@ typedef void sst_sgm_across_row_fn(uint16_t *cur, const uint16_t *prev, uint16_t
 #define SST_SGM_FAR 0x7FFF
 
 /**
- * The same along rows: from left to right (dir 1) or from right to left (dir -1). Several rows at once, since each pixel
- * waits for the one before.
+ * The same along rows: from left to right (dir 1) or from right to left (dir -1). Several rows at once, since each
+ * pixel waits for the one before.
  *
- * @param line     [rows] rows of L, one after the other: the entry before the path's first pixel is read, that of its last
- *                 one holds its L afterwards, the others are undefined
+ * @param line     [rows] rows of L, one after the other: the entry before the path's first pixel is read, that of its
+ * last one holds its L afterwards, the others are undefined
  * @param stride   cells between rows of sum and of cost
  * @param penalty  [rows][penalty_stride]
  */
@@ -629,6 +632,12 @@ typedef void sst_guide_cells_fn(float *out, const struct sst_guide *g, size_t n)
  */
 typedef void sst_class_row_fn(uint8_t *top, float *entropy, const float *p, size_t stride, size_t count, size_t n);
 #define SST_CLASS_ROW_MAX 128
+
+/* --- hashes --- */
+
+/** The compression function of SHA-256 over whole blocks of 64 bytes. */
+typedef void sst_sha256_blocks_fn(uint32_t state[8], const uint8_t *data, size_t blocks);
+extern const uint32_t sst_sha256_constants[64];
 
 struct sst_kernels {
 #define X(name) sst_##name##_fn *name;

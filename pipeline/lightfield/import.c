@@ -10,6 +10,7 @@
 #include "base/text.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/kernels/sha256.h"
 #include "pipeline/lightfield/external_maps.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 #include "pipeline/lightfield/parallax.h"
@@ -213,7 +214,7 @@ static int copy_view(void *arg, int k, int worker SST_UNUSED)
     job->width[k] = img.width;
     job->height[k] = img.height;
     sst_image_fini(&img);
-    sha256_hex(file->sha256, data, size);
+    sst_sha256_hex(file->sha256, data, size);
     sst_view_name(&plan->lf, k, file->name);
     strcat(file->name,
            data[0] == 0x89 ? ".png" : ".jpg"); /* decoding succeeded, so the first byte identifies the format */

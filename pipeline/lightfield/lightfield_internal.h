@@ -122,9 +122,6 @@ SST_MUST_CHECK int read_view(const struct sst_lightfield *lf, int view, const ch
 /** SHA-256 of a file as lower-case hex. */
 SST_MUST_CHECK int file_sha256(char out[65], const char *path);
 
-/** SHA-256 of a buffer as lower-case hex. */
-void sha256_hex(char out[65], const uint8_t *data, size_t size);
-
 /** True for a valid name of a view's file: no slash, no leading dot, printable, 1 to 255 bytes. */
 bool view_file_name_ok(const char *name);
 

@@ -6,12 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <sha2.h>
-
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/camera/calib.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/kernels/sha256.h"
 
 /* The kinds of derived maps and their folders. */
 enum map_kind {
@@ -37,18 +36,6 @@ struct job {
     unsigned what;
     char (*hashes)[65];
 };
-
-void sha256_hex(char out[65], const uint8_t *data, size_t size)
-{
-    SHA2_CTX ctx;
-    uint8_t digest[SHA256_DIGEST_LENGTH];
-
-    SHA256Init(&ctx);
-    SHA256Update(&ctx, data, size);
-    SHA256Final(digest, &ctx);
-    for (size_t i = 0; i < sizeof(digest); i++)
-        snprintf(out + 2 * i, 3, "%02x", digest[i]);
-}
 
 static int map_path(char out[SST_PATH_MAX], const struct sst_lightfield *lf, const char *dir, enum map_kind kind,
                     int view)
@@ -82,7 +69,7 @@ static int check_hash(const struct sst_lightfield *lf, int k, const char *path, 
 {
     char hash[65];
 
-    sha256_hex(hash, data, size);
+    sst_sha256_hex(hash, data, size);
     if (!strcmp(hash, lf->files->view[k].sha256))
         return 0;
     sst_log_error("%s has changed since it was stored (its SHA-256 differs); %s", path, remedy);
@@ -244,7 +231,7 @@ int file_sha256(char out[65], const char *path)
 
     if (err)
         return err;
-    sha256_hex(out, data, size);
+    sst_sha256_hex(out, data, size);
     free(data);
     return 0;
 }

@@ -9,6 +9,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/kernels/sha256.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 #include "tests/folder.h"
@@ -96,7 +97,7 @@ static void sha256_of_abc(void **state SST_UNUSED)
 {
     char hex[65];
 
-    sha256_hex(hex, (const uint8_t *)"abc", 3); /* FIPS 180-4 example */
+    sst_sha256_hex(hex, (const uint8_t *)"abc", 3); /* FIPS 180-4 example */
     assert_string_equal(hex, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
 }
 

@@ -198,6 +198,35 @@ static void a_cancelled_run_stops(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
+/* Where every view has its own map, labels are carried if those maps find the surfaces in other views. */
+static void labels_are_carried_by_good_maps_only(void **state SST_UNUSED)
+{
+    struct sst_process_config cfg = config(2);
+    struct sst_process_report report;
+    struct sst_lightfield lf;
+
+    cfg.skip_labels = true;
+    cfg.disparity.key_spacing = 1;
+    copy_views(&lf);
+    for (int k = 0; k < SIDE * SIDE; k++) { /* a flat picture at disparity 0: all views are the same one */
+        struct sst_view *v = &lf.views[k];
+
+        for (int c = 0; c < 3 && v->present; c++)
+            memcpy(v->image.plane[c], views.views[0].image.plane[c], v->image.stride * HEIGHT);
+        if (v->present)
+            assert_int_equal(sst_map_u16_init(&v->disp, WIDTH, HEIGHT), 0);
+    }
+    cfg.keep_disparity = true;
+    assert_int_equal(sst_process(&lf, &cfg, NULL, &report), 0);
+    assert_true(report.labels_skipped > 50 && report.labels_error < 1);
+
+    for (int i = 0; i < PIXELS; i++) /* disparities of one view that no other one has */
+        sst_map_u16_row(&lf.views[lf.ref_view].disp, i / WIDTH)[i % WIDTH] = i % 8 ? 0 : 400;
+    assert_int_equal(sst_process(&lf, &cfg, NULL, &report), 0);
+    assert_true(isnan(report.labels_skipped) && isnan(report.labels_error));
+    sst_lightfield_fini(&lf);
+}
+
 /* Carried labels: the key views' are the network's, the others' mostly the same, and no pixel outside a view has one.
  */
 static void labels_of_key_views_are_carried(void **state SST_UNUSED)
@@ -242,6 +271,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(labels_without_extras_are_the_same),
+        cmocka_unit_test(labels_are_carried_by_good_maps_only),
         cmocka_unit_test(labels_of_key_views_are_carried),
         cmocka_unit_test(external_maps_are_kept),
         cmocka_unit_test(a_cancelled_run_stops),

@@ -6,7 +6,7 @@
 
 #include "pipeline/kernels/kernels.h"
 
-#pragma GCC target("avx2,fma,bmi,bmi2,popcnt,lzcnt,f16c")
+#pragma GCC target("avx2,fma,bmi,bmi2,popcnt,lzcnt,f16c,sha")
 #define KERNEL(name) name##_avx2
 #include "pipeline/kernels/templates.h"
 #endif

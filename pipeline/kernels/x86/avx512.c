@@ -6,7 +6,7 @@
 
 #include "pipeline/kernels/kernels.h"
 
-#pragma GCC target("avx2,fma,bmi,bmi2,popcnt,lzcnt,f16c,avx512f,avx512bw,avx512dq,avx512vl,avx512cd,"                  \
+#pragma GCC target("avx2,fma,bmi,bmi2,popcnt,lzcnt,f16c,sha,avx512f,avx512bw,avx512dq,avx512vl,avx512cd,"                  \
                    "avx512vpopcntdq,avx512bitalg,avx512vbmi,avx512vnni,prefer-vector-width=512")
 #define KERNEL(name) name##_avx512
 #include "pipeline/kernels/templates.h"

@@ -6,7 +6,7 @@
 
 #include "pipeline/kernels/kernels.h"
 
-#pragma GCC target("avx2,fma,bmi,bmi2,popcnt,lzcnt,f16c,avxvnni")
+#pragma GCC target("avx2,fma,bmi,bmi2,popcnt,lzcnt,f16c,sha,avxvnni")
 #define KERNEL(name) name##_avxvnni
 #include "pipeline/kernels/templates.h"
 #endif

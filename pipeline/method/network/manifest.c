@@ -2,12 +2,12 @@
 
 #include <errno.h>
 #include <jansson.h>
-#include <sha2.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/file.h"
 #include "base/log.h"
+#include "pipeline/kernels/sha256.h"
 
 #define MANIFEST_MAX_BYTES ((size_t)1 << 20)
 
@@ -165,9 +165,12 @@ const struct sst_manifest_entry *sst_manifest_find(const struct sst_manifest *ma
 
 bool sst_manifest_matches(const struct sst_manifest_entry *entry, const uint8_t *data, size_t size)
 {
-    char hash[SHA256_DIGEST_STRING_LENGTH];
+    char hash[SST_SHA256_HEX];
 
-    return (uint64_t)entry->bytes == size && SHA256Data(data, size, hash) && !strcmp(hash, entry->sha256);
+    if ((uint64_t)entry->bytes != size)
+        return false;
+    sst_sha256_hex(hash, data, size);
+    return !strcmp(hash, entry->sha256);
 }
 
 int sst_manifest_check(const char *path, const uint8_t *data, size_t size)

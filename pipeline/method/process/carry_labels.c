@@ -58,57 +58,65 @@ static bool similar(const struct sst_image *a, int xa, int ya, const struct sst_
     return true;
 }
 
-/* The label that the nearest source has on the surface of pixel (x, y), and its entropy if wanted; SST_LABEL_NONE if no
- * source shows that. */
-static uint8_t find_label(const struct source *source, int n, const struct sst_view *own, int x, int y, int d,
-                          float *entropy)
+/* The nearest source that shows the surface of pixel (x, y), and where; NULL: none does.
+ * @param labelled  only sources that have a label there */
+static const struct source *find_source(const struct source *source, int n, const struct sst_view *own, int x, int y,
+                                        int d, bool labelled, int *xs, int *ys)
 {
-    for (int i = 0; i < n; i++) {
-        const struct source *s = &source[i];
-        const int xs = sst_shifted(x, s->across, d), ys = sst_shifted(y, s->down, d);
-        uint8_t label;
-
-        if ((unsigned)xs >= (unsigned)own->image.width || (unsigned)ys >= (unsigned)own->image.height)
-            continue;
-        label = sst_map_u8_row(&s->view->label, ys)[xs];
-        if (label == SST_LABEL_NONE || abs(sst_map_u16_row(&s->view->disp, ys)[xs] - d) > SAME_Q6 ||
-            !similar(&own->image, x, y, &s->view->image, xs, ys))
-            continue;
-        if (entropy)
-            *entropy = sst_map_f32_row(s->entropy, ys)[xs];
-        return label;
+    for (const struct source *s = source; s < source + n; s++) {
+        *xs = sst_shifted(x, s->across, d);
+        *ys = sst_shifted(y, s->down, d);
+        if ((unsigned)*xs < (unsigned)own->image.width && (unsigned)*ys < (unsigned)own->image.height &&
+            (!labelled || sst_map_u8_row(&s->view->label, *ys)[*xs] != SST_LABEL_NONE) &&
+            abs(sst_map_u16_row(&s->view->disp, *ys)[*xs] - d) <= SAME_Q6 &&
+            similar(&own->image, x, y, &s->view->image, *xs, *ys))
+            return s;
     }
-    return SST_LABEL_NONE;
+    return NULL;
 }
 
-/* Labels of a view from its sources. @param entropy  likewise, infinite where there is no label; NULL: not wanted */
-static void gather_labels(const struct carry *c, int view, struct sst_map_u8 *label, struct sst_map_f32 *entropy)
+/* The sources of a view. @return their number */
+static int open_sources(const struct carry *c, int view, struct source source[SOURCES])
 {
     const struct sst_lightfield *lf = c->lf;
     const struct sst_view *own = &lf->views[view];
-    struct source source[SOURCES];
     int nearest[SOURCES];
     const int n = sources_of(c, view, nearest);
 
     for (int i = 0; i < n; i++) {
         const struct sst_view *from = &lf->views[nearest[i]];
 
-        source[i] = (struct source){ from, entropy ? &c->entropy[nearest[i]] : NULL,
+        source[i] = (struct source){ from, c->entropy ? &c->entropy[nearest[i]] : NULL,
                                      sst_shift_by(own->bx - from->bx, lf->disp_min_px),
                                      sst_shift_by(own->by - from->by, lf->disp_min_px) };
     }
+    return n;
+}
+
+static bool is_seen(const struct sst_view *v, int x, int y)
+{
+    return sst_map_u16_row(&v->disp, y)[x] != SST_DISP_NONE && (!v->valid.data || sst_map_u8_row(&v->valid, y)[x]);
+}
+
+/* Labels of a view from its sources. @param entropy  likewise, infinite where there is no label; NULL: not wanted */
+static void gather_labels(const struct carry *c, int view, struct sst_map_u8 *label, struct sst_map_f32 *entropy)
+{
+    const struct sst_view *own = &c->lf->views[view];
+    struct source source[SOURCES];
+    const int n = open_sources(c, view, source);
+
     for (int y = 0; y < label->height; y++) {
         const uint16_t *d = sst_map_u16_row(&own->disp, y);
-        const uint8_t *valid = own->valid.data ? sst_map_u8_row(&own->valid, y) : NULL;
         float *e = entropy ? sst_map_f32_row(entropy, y) : NULL;
         uint8_t *to = sst_map_u8_row(label, y);
 
-        for (int x = 0; x < label->width; x++) {
+        for (int x = 0, xs, ys; x < label->width; x++) {
+            const struct source *s =
+                is_seen(own, x, y) ? find_source(source, n, own, x, y, d[x], true, &xs, &ys) : NULL;
+
+            to[x] = s ? sst_map_u8_row(&s->view->label, ys)[xs] : (uint8_t)SST_LABEL_NONE;
             if (e)
-                e[x] = INFINITY;
-            to[x] = d[x] == SST_DISP_NONE || (valid && !valid[x])
-                        ? (uint8_t)SST_LABEL_NONE
-                        : find_label(source, n, own, x, y, d[x], e ? &e[x] : NULL);
+                e[x] = s ? sst_map_f32_row(s->entropy, ys)[xs] : INFINITY;
         }
     }
 }
@@ -196,4 +204,26 @@ int process_carry_error(const struct sst_lightfield *lf, const bool *carried, in
     *percent = n ? 100.0 * (double)off / (double)n : NAN;
     sst_map_u8_fini(&gathered);
     return err;
+}
+
+double process_carry_shown(const struct sst_lightfield *lf, const bool *carried, int view)
+{
+    struct sst_lightfield borrowed = *lf;
+    const struct carry c = { &borrowed, carried, NULL };
+    const struct sst_view *own = &lf->views[view];
+    struct source source[SOURCES];
+    const int n = open_sources(&c, view, source);
+    int64_t seen = 0, shown = 0;
+
+    for (int y = 0; y < lf->height; y++) {
+        for (int x = 0, xs, ys; x < lf->width; x++) {
+            const int d = sst_map_u16_row(&own->disp, y)[x];
+
+            if (!is_seen(own, x, y))
+                continue;
+            seen++;
+            shown += find_source(source, n, own, x, y, d, false, &xs, &ys) != NULL;
+        }
+    }
+    return seen ? (double)shown / (double)seen : 0;
 }

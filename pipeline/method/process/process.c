@@ -11,6 +11,9 @@
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/process/process_internal.h"
 
+#define LABEL_SPACING 3 /* one view in so many is labelled by the network */
+#define LABEL_SHOWN                                                                                                    \
+    0.96 /* of the reference view's pixels: other key views must show so many, unless maps were carried */
 #define INFINITY_SLACK_PX 1.0 /* of an estimated range around what is infinitely far: errors of positions and noise */
 
 struct run {
@@ -153,10 +156,26 @@ static int copy_extras(void *arg, int view, int worker SST_UNUSED)
         err ? err : pack_entropy(&extras->map[SST_EXTRA_ENTROPY][view], &run->entropy[view], run->lf->classes.count));
 }
 
+/* Labels go to the right surfaces only where maps are good enough to find those in other views: where they could be
+ * carried themselves, or nearly all pixels of the reference view are found. */
+static bool can_carry(const struct run *run)
+{
+    const struct sst_lightfield *lf = run->lf;
+
+    if (!lf->views[lf->ref_view].present || run->carried[lf->ref_view])
+        return false; /* a reference view on its own has nothing to be carried from or to */
+    for (int k = 0; k < views_of(run); k++) {
+        if (lf->views[k].present && !lf->views[k].disp.data)
+            return false;
+    }
+    return run->report->skipped.views_skipped > 0 || process_carry_shown(lf, run->carried, lf->ref_view) >= LABEL_SHOWN;
+}
+
 /* Choose the views that the network labels. */
 static int choose_keys(struct run *run)
 {
     const struct sst_lightfield *lf = run->lf;
+    const int spacing = run->cfg->disparity.key_spacing;
     int keys, present = 0;
 
     for (int k = 0; k < views_of(run); k++)
@@ -164,13 +183,13 @@ static int choose_keys(struct run *run)
     run->carried = calloc((size_t)views_of(run), sizeof(*run->carried));
     if (!run->carried)
         return -ENOMEM;
-    keys = sst_disparity_keys(lf, run->cfg->disparity.key_spacing, run->carried);
-    if (!lf->views[lf->ref_view].present || run->carried[lf->ref_view]) {
-        free(run->carried); /* a reference view on its own has nothing to be carried from or to */
-        run->carried = NULL;
+    keys = sst_disparity_keys(lf, spacing > 1 ? spacing : LABEL_SPACING, run->carried);
+    if (can_carry(run)) {
+        run->report->labels_skipped = 100.0 * (present - keys) / present;
         return 0;
     }
-    run->report->labels_skipped = 100.0 * (present - keys) / present;
+    free(run->carried);
+    run->carried = NULL;
     return 0;
 }
 
@@ -253,8 +272,7 @@ static int label_views(struct run *run)
     double eps_h = 0;
     int err = log_oom(allocate(run));
 
-    /* Where maps could not be carried, labels cannot: they would go to the wrong surfaces. */
-    if (run->cfg->skip_labels && run->report->skipped.views_skipped > 0)
+    if (run->cfg->skip_labels && run->report->parallax != SST_PARALLAX_NONE)
         err = err ? err : log_oom(choose_keys(run));
     err = err ? err : segment_views(run, &eps_h);
     err = err ? err : carry_views(run);

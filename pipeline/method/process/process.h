@@ -17,7 +17,8 @@ struct sst_process_config {
     double accuracy_weight;              /* m of the score Acc^m Cvg */
     bool keep_disparity;                 /* external maps: nothing is matched */
     bool refine;
-    bool skip_labels; /* if maps are carried, the network labels the key views only and their labels are carried too */
+    bool skip_labels; /* the network labels key views only, whose labels are carried to the others: if maps were
+                         carried, or the maps show nearly all pixels of the reference view in other key views */
     /* `threads` and `cancel` below replace those of these two. Equal range ends: the light field's, else estimated. */
     struct sst_disparity_config disparity;
     struct sst_refine_config refinement;

@@ -6,8 +6,8 @@
 
 /**
  * Give the carried views the labels of the key views: each pixel gets that of the place where its disparity puts
- * it, in the nearest of four key views that shows the same surface (disparity within a pixel, colours alike) and has a label
- * there; else none.
+ * it, in the nearest of four key views that shows the same surface (disparity within a pixel, colours alike) and has a
+ * label there; else none.
  *
  * @param lf       disparities of all present views; labels of the key views; views[].label of the others is made here
  * @param carried  [views]
@@ -24,5 +24,8 @@ SST_MUST_CHECK int process_fill_labels(struct sst_lightfield *lf, const bool *ca
 /** Percent of a key view's labels that differ from those that the other key views carry to it, where there are both.
  *  NaN: none to compare. */
 SST_MUST_CHECK int process_carry_error(const struct sst_lightfield *lf, const bool *carried, int view, double *percent);
+
+/** Share of a view's pixels whose surfaces its sources among the key views show: what could be carried to it. */
+double process_carry_shown(const struct sst_lightfield *lf, const bool *carried, int view);
 
 #endif
