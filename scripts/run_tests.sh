@@ -42,7 +42,7 @@ use_build() {
     *thread*) export SST_TEST_SMALL=2;;
     *address*) export SST_TEST_SMALL=1;;
   esac
-  marked nan "$1" || export SST_TRAP_INVALID=1
+  marked unsound "$1" || export SST_TRAP_ALL=1
   # The address sanitizer wants to be loaded first; nothing in this library is its concern. An emulator starts threads itself.
   if [ -z "${SST_RUNNER-}" ] && [ -e "$plain/one_thread.so" ] && marked one-thread "$1"; then
     export LD_PRELOAD=$plain/one_thread.so ASAN_OPTIONS="verify_asan_link_order=0:${ASAN_OPTIONS:-}"
