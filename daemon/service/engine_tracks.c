@@ -224,6 +224,8 @@ static void emit(struct live_engine *v, const struct visit *a, bool active)
 
     pthread_mutex_lock(&v->lock);
     data = visit_json_locked(v, a, active);
+    if (data) /* without a calibration, too */
+        json_object_set_new(data, "nearest_px", sst_api_real(a->nearest_px));
     snprintf(what, sizeof(what), "%s", a->label ? label_of(v, a->label) : "Something");
     near_m = distance_m(v, active ? a->last.disp_px : a->nearest_px);
     v->state.visits += active && !a->told;

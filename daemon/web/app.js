@@ -35,6 +35,7 @@ let taken = { sets: -1, idle: 0, at_ms: 0, still: false }; // the last frameset 
 let failures = 0;
 let trouble = null; // the latest one
 let wake = () => {}; // requests the status now
+let cutBefore = null; // {px: of the live picture}, while a visit is played with another
 
 const app = {
   mode: "clear", // or "sst": see-through
@@ -88,6 +89,11 @@ for (const [button, other] of [["zones", () => adjust.toggle(false)], ["adjust",
   $(button).addEventListener("click", () => { if (!$("drawer").hidden && zones.open) other(); });
 const health = new Health();
 app.replay = new Replay(() => {
+  if (!app.replay.open && cutBefore) {
+    app.view.settings.cut_px = cutBefore.px;
+    app.clear.adopt(app.view.settings);
+    cutBefore = null;
+  }
   followed = null;
   app.view.settings.follow_track = 0; // tracks of one source mean nothing in the other
   app.focus.stopSweep();
@@ -99,7 +105,10 @@ app.replay = new Replay(() => {
   if (state.live) followScene(state.live);
 });
 const recordings = new Recordings(() => app.view.stream.shown, app.replay);
-const visits = new Visits((from) => app.replay.start({ time: from }));
+const visits = new Visits(async (visit) => {
+  await app.replay.start({ time: visit.from });
+  keepVisitor(visit);
+});
 const timeline = new Timeline(app, (time) => app.replay.start({ time }));
 new Notify((visit) => visits.wants(visit), openVisit);
 const events = new Events((event) => {
@@ -107,6 +116,18 @@ const events = new Events((event) => {
   if (event.type === "visit" && !$("timeline").hidden) timeline.refresh();
   if (event.level === "error") toast(event.message, "error");
 });
+
+// --- a visit that is played ---
+
+const MARGIN_PX = 0.5; // of the cut before a visitor
+const MARGIN = 1.05;
+
+/** Who came is not removed with what stands in front: the cut is just before its nearest point, until the picture is live again. */
+function keepVisitor({ nearest_px: px }) {
+  if (app.mode !== "clear" || !finite(px)) return;
+  cutBefore ??= { px: app.clear.cut_px };
+  app.clear.set(MARGIN * px + MARGIN_PX);
+}
 
 // --- what was picked and moves ---
 

@@ -12,8 +12,8 @@ function save(href, name) {
 
 /** "12 days of full recordings, 63 days of reduced ones": for which there is room at the present rate. */
 export function fits({ full, reduced } = {}) {
-  const words = (kind, what) => (Number.isFinite(kind?.fits_days)
-    ? [`${kind.fits_days < 2 ? `${number(24 * kind.fits_days)} hours` : `${number(kind.fits_days)} days`} of ${what}`] : []);
+  const length = (days) => (days < 1 / 12 ? `${number(1440 * days)} minutes` : days < 2 ? `${number(24 * days)} hours` : `${number(days)} days`);
+  const words = (kind, what) => (Number.isFinite(kind?.fits_days) ? [`${length(kind.fits_days)} of ${what}`] : []);
   return [...words(full, reduced?.recordings ? "full recordings" : "recordings"), ...words(reduced, full?.recordings ? "reduced ones" : "reduced recordings")].join(", ");
 }
 

@@ -212,7 +212,7 @@ export class Visits {
   async play() {
     const visit = this.open;
     try {
-      await this.onPlay(visit.from);
+      await this.onPlay(visit);
       $("visit").close();
     } catch (error) {
       this.failed(error, visit);

@@ -8,6 +8,7 @@ const MOST_CORNERS = 16;
 const MOST_LABELS = 8;
 const LEAST_SIDE = 0.02; // of a rectangle that is drawn
 const KEY_STEP = 0.01;
+const MOVING = ["Pedestrian", "Bicyclist", "Car", "Motorcycle", "Horse", "Cat"];
 const COLOURS = ["#5cd0ff", "#ffd166", "#8ef0a9", "#ff9ecb", "#c9b3ff", "#ffa36b"];
 const MASK = "#c3ccd4";
 const NAME = /^[a-z0-9_-]{1,31}$/;
@@ -134,9 +135,10 @@ export class Zones {
     $("zone-name").focus({ preventScroll: true });
   }
 
-  /** Those of the network, and those that the zone has already. */
+  /** Those of the network, what moves by itself first, and those that the zone has already. */
   labels() {
-    return [...new Set([...this.app.labels.all.map((entry) => entry.name), ...this.edited.labels])];
+    const all = this.app.labels.all.map((entry) => entry.name);
+    return [...new Set([...MOVING.filter((name) => all.includes(name)), ...all, ...this.edited.labels])];
   }
 
   labelChip(name) {

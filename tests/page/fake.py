@@ -206,7 +206,7 @@ class Service:
                                                 (begin - datetime.timedelta(days=1), "Pedestrian", ["gate", "street"]), (begin - datetime.timedelta(days=2), "", []))):
             body.append({"visit": f"{at:%Y-%m-%dT%H-%M-%S-000Z}-{9 - n}", "active": False, "label": label, "from": stamp(at),
                          "to": stamp(at + datetime.timedelta(seconds=12)), "seconds": 12.0, "direction": "left to right", "zones": zones,
-                         "distance_m": 8.2, "nearest_m": 6.1, "box": [0.3, 0.3, 0.5, 0.9],
+                         "distance_m": 8.2, "nearest_m": 6.1, "nearest_px": 8.0, "box": [0.3, 0.3, 0.5, 0.9],
                          "path": [[0.4, 0.1, 0.9, 8.0], [6.0, 0.5, 0.95, 6.1], [12.0, 0.9, 0.9, 8.2]], "pictures": ["camera", "seen"]})
         for visit in body:
             visit["keep"] = visit["visit"] in self.kept_visits
