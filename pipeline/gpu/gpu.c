@@ -10,7 +10,8 @@
 #include "base/log.h"
 #include "pipeline/gpu/gpu_internal.h"
 
-#define TIMEOUT_MS 20000
+#define TIMEOUT_MS          20000
+#define SOFTWARE_TIMEOUT_MS 600000 /* it shares the CPU with everything else */
 
 const char *sst_gpu_kind_name(enum sst_gpu_kind kind)
 {
@@ -104,7 +105,7 @@ static void set_limits(struct sst_gpu *g, const struct sst_gpu_config *cfg)
     if (!g->cfg.memory_bytes)
         g->cfg.memory_bytes = g->info.memory_bytes / 4 * 3;
     if (!g->cfg.timeout_ms)
-        g->cfg.timeout_ms = TIMEOUT_MS;
+        g->cfg.timeout_ms = g->info.kind == SST_GPU_SOFTWARE ? SOFTWARE_TIMEOUT_MS : TIMEOUT_MS;
 }
 
 /* The first real device that passes every self-test. */

@@ -19,6 +19,8 @@ enum sst_gpu_shader {
     SST_GPU_BLEND = 0,       /* blend.h */
     SST_GPU_CLEAR_LAND = 1,  /* clear.h */
     SST_GPU_CLEAR_BLEND = 2, /* clear.h */
+    SST_GPU_SGM_PATH = 3,    /* sgm.c */
+    SST_GPU_WINNER = 4,      /* sgm.c */
     SST_GPU_SHADERS
 };
 
@@ -52,7 +54,7 @@ int sst_gpu_list(struct sst_gpu_info info[SST_GPU_DEVICES]);
 
 struct sst_gpu_config {
     uint64_t memory_bytes; /* that buffers use at most; 0: three quarters of the device's */
-    int timeout_ms;        /* limit of one wait; 0: 20 s */
+    int timeout_ms;        /* limit of one wait; 0: 20 s, on software devices 10 minutes */
 };
 
 struct sst_gpu; /* one thread at a time */

@@ -37,8 +37,51 @@ SST_MUST_CHECK int gpu_run_both(struct sst_gpu *g, const struct sst_gpu_work *wo
                                 const size_t *bytes, uint8_t *on_device[SST_GPU_BUFFERS],
                                 uint8_t *on_host[SST_GPU_BUFFERS]);
 
-gpu_reference_fn blend_reference, clear_land_reference, clear_blend_reference;
-gpu_self_test_fn blend_self_test, clear_land_self_test, clear_blend_self_test;
+gpu_reference_fn blend_reference, clear_land_reference, clear_blend_reference, sgm_path_reference, winner_reference;
+gpu_self_test_fn blend_self_test, clear_land_self_test, clear_blend_self_test, sgm_path_self_test, winner_self_test;
+
+/* --- sgm.c: the shaders `sgm_path` and `winner`, semi-global optimisation of a volume of costs -----------------------
+ *
+ * They give the numbers of sgm_along_rows, sgm_across_row and winner_row of pipeline/kernels/kernels.h on every device.
+ */
+
+#define GPU_SGM_STEPS 1024 /* disparities at most */
+
+/** All paths of one direction: pixel (x, y) comes after (x - dx, y - dy). */
+struct gpu_sgm {
+    int32_t width, height;
+    int32_t pitch;  /* pixels of a row of the volume */
+    int32_t nd;     /* disparities of a pixel, a multiple of 4 */
+    int32_t dx, dy; /* -1, 0 or 1, not both 0 */
+    int32_t first;  /* not 0: set the sums instead of adding to them */
+};
+
+enum gpu_sgm_buffer {
+    GPU_SGM_COST = 0,    /* uint8_t[height][pitch][nd] */
+    GPU_SGM_PENALTY = 1, /* uint8_t[height][width]: index of the penalties of the step into a pixel */
+    GPU_SGM_TABLE = 2,   /* uint32_t[256]: p1 | p2 << 16 */
+    GPU_SGM_SUM = 3,     /* in and out, uint16_t[height][pitch][nd] */
+    GPU_SGM_BUFFERS
+};
+
+/** Paths of a direction: groups of sgm_path. */
+static inline uint32_t gpu_sgm_paths(const struct gpu_sgm *s)
+{
+    return (uint32_t)(!s->dy ? s->height : !s->dx ? s->width : s->width + s->height - 1);
+}
+
+struct gpu_winner {
+    int32_t width, height, pitch, nd; /* as above */
+    int32_t count;                    /* disparities that count */
+};
+
+enum gpu_winner_buffer {
+    GPU_WINNER_SUM = 0,
+    GPU_WINNER_OUT = 1, /* out, uint32_t[height][width]: best | second << 16 */
+    GPU_WINNER_BUFFERS
+};
+
+#define GPU_WINNER_GROUP 64 /* pixels of a row */
 
 /* --- back ends ---------------------------------------------------------------------------------------------------- */
 

@@ -13,6 +13,9 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                              clear_land_self_test },
     [SST_GPU_CLEAR_BLEND] = { "clear_blend", SST_GPU_CLEAR_BUFFERS, sizeof(struct sst_gpu_clear), clear_blend_reference,
                               clear_blend_self_test },
+    [SST_GPU_SGM_PATH] = { "sgm_path", GPU_SGM_BUFFERS, sizeof(struct gpu_sgm), sgm_path_reference,
+                           sgm_path_self_test },
+    [SST_GPU_WINNER] = { "winner", GPU_WINNER_BUFFERS, sizeof(struct gpu_winner), winner_reference, winner_self_test },
 };
 
 const char *sst_gpu_shader_name(enum sst_gpu_shader shader)

@@ -61,42 +61,32 @@ static void test_memory(void **state)
 /* A device that is lost stays so, and a shader with wrong results never runs. */
 static void test_faults(void **state)
 {
-    const int faults[][2] = { { -ENODEV, 0 }, { -ETIMEDOUT, 0 } };
+    static const int dispatches[SST_GPU_SHADERS] = { 12, 4, 2, 8, 1 }; /* of its self-test */
+    const int faults[] = { -ENODEV, -ETIMEDOUT };
     struct sst_gpu_buffer *b;
     struct sst_gpu *g;
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(faults); i++) {
         assert_int_equal(sst_gpu_open(&g, i ? "dummy:timeout=2" : "dummy:lost=2", NULL), 0);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), faults[i][0]);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), faults[i][0]);
-        assert_int_equal(sst_gpu_buffer_create(g, &b, 4), faults[i][0]);
-        assert_int_equal(sst_gpu_wait(g), faults[i][0]);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), faults[i]);
+        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), faults[i]);
+        assert_int_equal(sst_gpu_buffer_create(g, &b, 4), faults[i]);
+        assert_int_equal(sst_gpu_wait(g), faults[i]);
         sst_gpu_close(g);
     }
-    for (int i = 1; i <= 12; i++) { /* every part of the self-test counts */
-        char name[32];
+    for (int shader = 0; shader < SST_GPU_SHADERS; shader++) {
+        for (int i = 1; i <= dispatches[shader]; i++) { /* every part of the self-test counts */
+            char name[32];
 
-        snprintf(name, sizeof(name), "dummy:wrong=%d", i);
-        assert_int_equal(sst_gpu_open(&g, name, NULL), 0);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), -ENOTSUP);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_BLEND), -ENOTSUP);
-        assert_int_equal(sst_gpu_dispatch(g, &(struct sst_gpu_work){ .shader = SST_GPU_BLEND }), -ENOTSUP);
-        sst_gpu_close(g);
-    }
-    for (int i = 1; i <= 4; i++) {
-        char name[32];
-
-        snprintf(name, sizeof(name), "dummy:wrong=%d", i);
-        assert_int_equal(sst_gpu_open(&g, name, NULL), 0);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_LAND), -ENOTSUP);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_BLEND), 0);
-        sst_gpu_close(g);
-        snprintf(name, sizeof(name), "dummy:wrong=%d", (i + 1) / 2);
-        assert_int_equal(sst_gpu_open(&g, name, NULL), 0);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_BLEND), -ENOTSUP);
-        assert_int_equal(sst_gpu_prepare(g, SST_GPU_CLEAR_LAND), 0);
-        sst_gpu_close(g);
+            snprintf(name, sizeof(name), "dummy:wrong=%d", i);
+            assert_int_equal(sst_gpu_open(&g, name, NULL), 0);
+            assert_int_equal(sst_gpu_prepare(g, (enum sst_gpu_shader)shader), -ENOTSUP);
+            assert_int_equal(sst_gpu_prepare(g, (enum sst_gpu_shader)shader), -ENOTSUP);
+            assert_int_equal(sst_gpu_dispatch(g, &(struct sst_gpu_work){ .shader = (enum sst_gpu_shader)shader }),
+                             -ENOTSUP);
+            sst_gpu_close(g);
+        }
     }
 }
 
