@@ -13,7 +13,7 @@ struct KERNEL(hypothesis_window) {
     unsigned scale;        /* 2^19 / number of similar pixels */
 };
 
-static const uint32_t KERNEL(hypothesis_scales)[10] = { 0,     524288, 262144, 174762, 131072,
+static const uint32_t KERNEL(hypothesis_scales)[10] = { 0,      524288, 262144, 174762, 131072,
                                                         104857, 87381,  74898,  65536,  58254 };
 
 #if defined(__SSE2__)
@@ -121,7 +121,8 @@ static inline __m256i KERNEL(hypothesis_load)(const int32_t *from)
     return _mm256_loadu_si256((const __m256i *)(const void *)from);
 }
 
-static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views) * v, const struct sst_hypothesis_test *t)
+static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views) * v,
+                                                 const struct sst_hypothesis_test *t)
 {
     int32_t used[SST_HYPOTHESIS_VIEWS];
 
@@ -296,7 +297,8 @@ struct KERNEL(hypothesis_views) {
     const struct sst_hypothesis_test *test;
 };
 
-static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views) * v, const struct sst_hypothesis_test *t)
+static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views) * v,
+                                                 const struct sst_hypothesis_test *t)
 {
     v->test = t;
 }

@@ -76,7 +76,7 @@ static void KERNEL(hypothesis_path_row)(uint16_t *path, uint16_t *sum, const uin
             memcpy(path + at, decided, sizeof(decided));
         else
             KERNEL(hypothesis_path)
-            (path + at, sum + at, cost + at, hypothesis + at, from + at, from_hypothesis + at, penalty->p1[c],
-             penalty->p2[c], penalty->near);
+        (path + at, sum + at, cost + at, hypothesis + at, from + at, from_hypothesis + at, penalty->p1[c],
+         penalty->p2[c], penalty->near);
     }
 }

@@ -8,7 +8,7 @@
 static uint64_t seed = 0xC0FFEE123456789ull;
 
 #define FOR_EACH_LEVEL(k, level)                                                                                       \
-    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++)                                                   \
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++)                                                    \
         if (sst_kernels_at((enum sst_cpu_level)level, &(k)))
 
 enum { W = 37, H = 11, STRIDE = W + 3, ENTRIES = W * SST_HYPOTHESES };
@@ -151,7 +151,7 @@ static void paths(void **state SST_UNUSED)
             memcpy(got[1], data[0], all);
             k.hypothesis_path_row(got[0] + first, got[1] + first, data[1] + first, data[2] + first, data[3] + first,
                                   data[4] + first, colour + first / SST_HYPOTHESES, count + first / SST_HYPOTHESES,
-                                    &penalty, step, W);
+                                  &penalty, step, W);
             assert_memory_equal(got, want, 2 * all);
         }
         guard_free_all();
@@ -177,7 +177,8 @@ static void path_along_a_row(void **state SST_UNUSED)
         if (!sst_kernels_at((enum sst_cpu_level)level, &k))
             continue;
         k.hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,
-                              hypothesis + SST_HYPOTHESES, path, hypothesis, colour, count, &penalty, SST_HYPOTHESES, 2);
+                              hypothesis + SST_HYPOTHESES, path, hypothesis, colour, count, &penalty, SST_HYPOTHESES,
+                              2);
         for (int i = 0; i < SST_HYPOTHESES; i++)
             assert_int_equal(path[2 * SST_HYPOTHESES + i], i == 5 ? 0 : 100);
         sum[2 * SST_HYPOTHESES] = 7;

@@ -1,7 +1,7 @@
 /*
  * The second pass (design.md, 5.7). The first one compares windows, which at a gap between leaves hold more leaf than
  * gap: its maps let thin things grow and close what is between them. Here each pixel has a few hypotheses, the surfaces
- * around it, those that other views project onto it and those that a sweep finds (sweep.c), and each hypothesis is
+ * around it, those that other views project onto it and those that a sweep finds (around.c), and each hypothesis is
  * tested pixel by pixel against the views around, of which those count in which nothing nearer hides it. What the
  * colours cannot decide, the semi-global optimisation over the hypotheses does.
  */
@@ -13,7 +13,6 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/stage.h"
 
 #define MARGIN         2  /* columns and rows around a packed view */
@@ -31,9 +30,6 @@
 #define STRIP          128 /* columns that are tested together */
 #define NEAREST_CODE   254
 #define DISPLACED_MOST 32000 /* px */
-#define EXTREMES       6     /* farthest and nearest in windows of three sizes */
-
-static const int radii[EXTREMES / 2] = { 2, 6, 16 };
 
 struct packed {
     uint32_t *memory, *pixels; /* pixels: (0, 0) */
@@ -127,262 +123,6 @@ static void set_codes(struct pass *p)
     for (unsigned d = 0; d < SST_DISP_NONE; d++)
         p->code[d] = (uint8_t)(1 + (d < most ? d : most) * (NEAREST_CODE - 1) / most);
     p->code[SST_DISP_NONE] = 0;
-}
-
-/* --- hypotheses --------------------------------------------------------------------------------------------------- */
-
-/* Surfaces of other views at a pixel: the farthest (NONE: none) and the nearest (0: none or the range's end). */
-struct projected {
-    struct sst_map_u16 far, near;
-};
-
-static void project_view(struct projected *to, const struct sst_visible_view *from, double bx, double by,
-                         double disp_min_px)
-{
-    const struct sst_shift across = sst_shift_by(bx, disp_min_px), down = sst_shift_by(by, disp_min_px);
-
-    for (int y = 0; y < from->disp->height; y++) {
-        const uint16_t *d = sst_map_u16_row(from->disp, y);
-
-        for (int x = 0; x < from->disp->width; x++) {
-            const int xt = sst_shifted(x, across, d[x]), yt = sst_shifted(y, down, d[x]);
-            uint16_t *far, *near;
-
-            if (d[x] == SST_DISP_NONE || xt < 0 || yt < 0 || xt >= to->far.width || yt >= to->far.height)
-                continue;
-            far = &sst_map_u16_row(&to->far, yt)[xt];
-            near = &sst_map_u16_row(&to->near, yt)[xt];
-            *far = d[x] < *far ? d[x] : *far;
-            *near = d[x] > *near ? d[x] : *near;
-        }
-    }
-}
-
-/* A map of this size, of any content. */
-static int keep_map(struct sst_map_u16 *map, const struct sst_map_u16 *size)
-{
-    if (map->data && map->width == size->width && map->height == size->height)
-        return 0;
-    sst_map_u16_fini(map);
-    return sst_map_u16_init(map, size->width, size->height);
-}
-
-/* Surfaces of the matched views up to two spacings away on the axes and one on the diagonals. */
-static int project_around(struct projected *to, const struct pass *p, int k)
-{
-    const struct sst_visible_view *own = &p->in->view[k];
-    int err = keep_map(&to->far, own->disp);
-
-    err = err ? err : keep_map(&to->near, own->disp);
-    if (err)
-        return err;
-    memset(to->far.data, 0xFF, to->far.stride * (size_t)to->far.height);
-    memset(to->near.data, 0, to->near.stride * (size_t)to->near.height);
-    for (int i = 0; i < p->in->count; i++) {
-        const struct sst_visible_view *v = &p->in->view[i];
-        const double bx = v->bx - own->bx, by = v->by - own->by;
-
-        if (i != k && v->image && !v->carried && fabs(bx) + fabs(by) < 2.5)
-            project_view(to, v, bx, by, p->in->disp_min_px);
-    }
-    return 0;
-}
-
-/* v[i] = least of v[i .. i + 2 radius], in place; n + 2 radius values. Windows grow by doubling. */
-static void least_ahead(uint16_t *v, int n, int radius)
-{
-    const int total = 2 * radius + 1;
-
-    for (int have = 1, more; have < total; have += more) {
-        more = sst_min_int(have, total - have);
-        for (int i = 0; i <= n + 2 * radius - have - more; i++)
-            v[i] = v[i + more] < v[i] ? v[i + more] : v[i];
-    }
-}
-
-/* The same over rows of n values. */
-static void least_below(uint16_t *v, int n, int rows, int radius)
-{
-    const int total = 2 * radius + 1;
-
-    for (int have = 1, more; have < total; have += more) {
-        more = sst_min_int(have, total - have);
-        for (int y = 0; y <= rows + 2 * radius - have - more; y++) {
-            uint16_t *a = v + (size_t)y * (size_t)n;
-            const uint16_t *b = v + (size_t)(y + more) * (size_t)n;
-
-            for (int x = 0; x < n; x++)
-                a[x] = b[x] < a[x] ? b[x] : a[x];
-        }
-    }
-}
-
-/*
- * The farthest (nearest: the nearest) known disparity in windows of 2 radius + 1; NONE where nothing is known. The
- * nearest is the least of the complements.
- * @param lines  scratch
- */
-static int find_extreme(struct sst_map_u16 *out, const struct sst_map_u16 *map, int radius, bool nearest,
-                        struct sst_mem_kept *lines)
-{
-    const int w = map->width, h = map->height;
-    const uint16_t flip = nearest ? SST_DISP_MAX_Q6 : 0;
-    const size_t row = (size_t)w, all = row * (size_t)(h + 2 * radius);
-    uint16_t *rows = sst_mem_keep(lines, all + row + 2 * (size_t)radius, sizeof(*rows)), *line = rows + all;
-    const int err = rows ? keep_map(out, map) : -ENOMEM;
-
-    for (int y = -radius; !err && y < h + radius; y++) {
-        memset(line, 0xFF, (size_t)(w + 2 * radius) * sizeof(*line));
-        for (int x = 0; y >= 0 && y < h && x < w; x++) {
-            const uint16_t d = sst_map_u16_row(map, y)[x];
-
-            line[x + radius] = d == SST_DISP_NONE ? d : (uint16_t)(nearest ? flip - d : d);
-        }
-        least_ahead(line, w, radius);
-        memcpy(rows + (size_t)(y + radius) * row, line, row * sizeof(*line));
-    }
-    if (!err)
-        least_below(rows, w, h, radius);
-    for (int y = 0; !err && y < h; y++) {
-        for (int x = 0; x < w; x++) {
-            const uint16_t d = rows[(size_t)y * row + (size_t)x];
-
-            sst_map_u16_row(out, y)[x] = d == SST_DISP_NONE ? d : (uint16_t)(nearest ? flip - d : d);
-        }
-    }
-    return err;
-}
-
-/* 0 where the map steps by more than 3/2 of `step` to the pixel on the right or below, 1 elsewhere. */
-static int find_steps(struct sst_map_u16 *out, const struct sst_map_u16 *map, int step)
-{
-    const int most = step * 3 / 2, err = keep_map(out, map);
-
-    for (int y = 0; !err && y < map->height; y++) {
-        const uint16_t *at = sst_map_u16_row(map, y), *below = y + 1 < map->height ? sst_map_u16_row(map, y + 1) : at;
-        uint16_t *to = sst_map_u16_row(out, y);
-
-        for (int x = 0; x < map->width; x++) {
-            const int right = at[x + 1 < map->width ? x + 1 : x];
-
-            to[x] = abs(at[x] - right) <= most && abs(at[x] - below[x]) <= most;
-        }
-    }
-    return err;
-}
-
-/* Surfaces around each pixel of a view; the maps are those of the last view's, written again. */
-struct around {
-    struct sst_map_u16 steps;
-    struct sst_map_u16 flat[EXTREMES / 2]; /* 0 where the window holds a step: a slanted surface alone has none */
-    struct sst_map_u16 extreme[EXTREMES];
-    struct projected projected;
-    struct sst_sweep_candidates swept;
-    struct sst_mem_kept lines;
-};
-
-static void around_fini(struct around *a)
-{
-    for (int i = 0; i < EXTREMES; i++) {
-        sst_map_u16_fini(&a->extreme[i]);
-        sst_map_u16_fini(&a->flat[i / 2]);
-    }
-    sst_map_u16_fini(&a->steps);
-    sst_map_u16_fini(&a->projected.far);
-    sst_map_u16_fini(&a->projected.near);
-    sst_sweep_candidates_fini(&a->swept);
-    sst_mem_kept_fini(&a->lines);
-}
-
-static int around_init(struct around *a, const struct pass *p, int k)
-{
-    const struct sst_map_u16 *map = p->in->view[k].disp;
-    int err = project_around(&a->projected, p, k);
-
-    err = err ? err : find_steps(&a->steps, map, p->step);
-    for (int i = 0; !err && i < EXTREMES / 2; i++)
-        err = find_extreme(&a->flat[i], &a->steps, radii[i], false, &a->lines);
-    for (int i = 0; !err && i < EXTREMES; i++)
-        err = find_extreme(&a->extreme[i], map, radii[i / 2], i % 2, &a->lines);
-    sst_sweep_candidates_fini(&a->swept);
-    return err ? err
-               : sst_sweep_candidates(&a->swept, p->sweep, p->sweeps, p->in->view[k].bx, p->in->view[k].by, map,
-                                      p->in->disp_min_px, p->in->range * 64, p->step);
-}
-
-/* A row of a view and of what is around it. */
-struct around_row {
-    const uint16_t *own, *far, *near, *flat[EXTREMES / 2], *extreme[EXTREMES];
-    const uint8_t *seen, *agreed; /* NULL: all are; none is */
-};
-
-static void around_row_init(struct around_row *r, const struct around *a, const struct sst_visible_view *v, int y)
-{
-    r->own = sst_map_u16_row(v->disp, y);
-    r->far = sst_map_u16_row(&a->projected.far, y);
-    r->near = sst_map_u16_row(&a->projected.near, y);
-    for (int i = 0; i < EXTREMES; i++) {
-        r->flat[i / 2] = sst_map_u16_row(&a->flat[i / 2], y);
-        r->extreme[i] = sst_map_u16_row(&a->extreme[i], y);
-    }
-    r->seen = v->seen && v->seen->data ? sst_map_u8_row(v->seen, y) : NULL;
-    r->agreed = v->agreed && v->agreed->data ? sst_map_u8_row(v->agreed, y) : NULL;
-}
-
-/* Add a hypothesis unless it is unknown or closer than `apart` to one in the list. */
-static int add(uint16_t *list, int count, uint16_t d, int apart)
-{
-    if (d == SST_DISP_NONE || count == SST_HYPOTHESES)
-        return count;
-    for (int i = 0; i < count; i++) {
-        if (abs(list[i] - d) < apart)
-            return count;
-    }
-    list[count] = d;
-    return count + 1;
-}
-
-/* Add the farthest and the nearest of a window that holds a step. */
-static int add_extremes(uint16_t *list, int count, const struct around_row *r, int window, int x, int apart)
-{
-    if (r->flat[window][x])
-        return count;
-    count = add(list, count, r->extreme[2 * window][x], apart);
-    return add(list, count, r->extreme[2 * window + 1][x], apart);
-}
-
-/* Add the candidates of the sweep; inside a surface without steps, only those that the map does not have. */
-static int add_candidates(uint16_t *list, int count, const struct sst_sweep_peak *peak, bool flat, int apart)
-{
-    for (int i = 0; i < SST_SWEEP_PEAKS && peak[i].disp != SST_DISP_NONE; i++) {
-        if (!flat || peak[i].absent)
-            count = add(list, count, peak[i].disp, apart);
-    }
-    return count;
-}
-
-/* The hypotheses of a pixel, its own disparity first; unused entries repeat it. @return their number */
-static int list_hypotheses(uint16_t *list, const struct around_row *r, const struct sst_sweep_peak *peak, int x,
-                           int apart)
-{
-    const uint16_t near = r->near[x];
-    int n = 0;
-
-    if (!r->seen || r->seen[x]) {
-        n = add(list, n, r->own[x], apart);
-        if (n && r->agreed && r->agreed[x])
-            goto done;
-        n = add_extremes(list, n, r, 0, x, apart);
-        n = add(list, n, r->far[x], apart);
-        n = add(list, n, near ? near : (uint16_t)SST_DISP_NONE, apart);
-        n = add_candidates(list, n, peak, r->flat[EXTREMES / 2 - 1][x], apart);
-        for (int i = 1; i < EXTREMES / 2; i++)
-            n = add_extremes(list, n, r, i, x, apart);
-    }
-done:
-    for (int i = n; i < SST_HYPOTHESES; i++)
-        list[i] = n ? list[0] : 0;
-    return n;
 }
 
 /* --- views to test against ---------------------------------------------------------------------------------------- */
@@ -522,7 +262,7 @@ static int lists_init(struct lists *l, int width, int height)
 /* What a thread uses for one view after the other. */
 struct scratch {
     struct lists lists;
-    struct around around;
+    struct sst_around around;
 };
 
 /* Largest colour step between packed pixels of two rows. */
@@ -588,10 +328,9 @@ static void across_rows(struct lists *l, const struct pass *p, const struct pack
             continue;
         }
         colour_steps(l->colour, view->pixels + y * view->stride, view->pixels + (y - dir) * view->stride, l->width);
-        sst_kernels_get()->hypothesis_path_row(path, l->sum + at, l->cost + at, l->hypothesis + at,
-                                               l->line[(i + 1) % 2], l->hypothesis + from, l->colour,
-                                               l->count + (size_t)y * (size_t)l->width, &p->penalty, SST_HYPOTHESES,
-                                               (size_t)l->width);
+        sst_kernels_get()->hypothesis_path_row(
+            path, l->sum + at, l->cost + at, l->hypothesis + at, l->line[(i + 1) % 2], l->hypothesis + from, l->colour,
+            l->count + (size_t)y * (size_t)l->width, &p->penalty, SST_HYPOTHESES, (size_t)l->width);
     }
 }
 
@@ -666,7 +405,7 @@ static void count_skipped(struct pass *p, const struct lists *l, const struct ss
 
 /* Hypotheses of a view, and their costs: in strips, so that the rows of the other views that one row needs are in the
  * cache for the next. */
-static void test_hypotheses(struct lists *l, const struct pass *p, const struct around *around,
+static void test_hypotheses(struct lists *l, const struct pass *p, const struct sst_around *around,
                             const struct sst_visible_view *v, const struct sst_hypothesis_test *test)
 {
     const int apart = sst_max_int(p->step, 1);
@@ -677,18 +416,8 @@ static void test_hypotheses(struct lists *l, const struct pass *p, const struct 
         for (int y = 0; y < l->height; y++) {
             const size_t at = (size_t)y * (size_t)l->width + (size_t)left;
             uint16_t *hypothesis = l->hypothesis + at * SST_HYPOTHESES, *cost = l->cost + at * SST_HYPOTHESES;
-            const struct sst_sweep_peak *peak = sst_sweep_candidates_at(&around->swept, left, y);
-            struct around_row row;
 
-            around_row_init(&row, around, v, y);
-            for (int x = 0, in_cell = left % around->swept.cell; x < n; x++, in_cell++) {
-                if (in_cell == around->swept.cell) {
-                    in_cell = 0;
-                    peak += SST_SWEEP_PEAKS;
-                }
-                l->count[at + (size_t)x] =
-                    (uint8_t)list_hypotheses(hypothesis + x * SST_HYPOTHESES, &row, peak, left + x, apart);
-            }
+            sst_around_list(hypothesis, l->count + at, around, v, left, y, n, apart);
             sst_kernels_get()->hypothesis_cost_row(cost, hypothesis, l->count + at, test, left, y, (size_t)n);
             prefer_own(cost, l->count + at, n);
         }
@@ -708,7 +437,7 @@ static int second_job(void *arg, int k, int worker)
 {
     struct pass *p = arg;
     const struct sst_visible_view *v = &p->in->view[k];
-    struct around *around = &p->scratch[worker].around;
+    struct sst_around *around = &p->scratch[worker].around;
     struct lists *lists = &p->scratch[worker].lists;
     struct sst_hypothesis_test test;
     int err;
@@ -719,7 +448,7 @@ static int second_job(void *arg, int k, int worker)
         return -ECANCELED;
     err = sst_map_u16_init(&p->out[k], v->disp->width, v->disp->height);
     err = err ? err : lists_init(lists, v->disp->width, v->disp->height);
-    err = err ? err : around_init(around, p, k);
+    err = err ? err : sst_around_init(around, p->in, k, p->step, p->sweep, p->sweeps);
     if (err)
         return err;
     set_test(&test, p, k);
@@ -788,7 +517,7 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
         sst_sweep_fini(&p.sweep[i]);
     for (int i = 0; p.scratch && i < threads; i++) {
         lists_fini(&p.scratch[i].lists);
-        around_fini(&p.scratch[i].around);
+        sst_around_fini(&p.scratch[i].around);
     }
     free(p.scratch);
     free(p.sweep);
