@@ -13,7 +13,7 @@ struct KERNEL(hypothesis_window) {
     unsigned scale;        /* 2^19 / number of similar pixels */
 };
 
-static const uint32_t KERNEL(hypothesis_scales)[10] = { 0,     524288, 262144, 174762, 131072,
+static const uint32_t KERNEL(hypothesis_scales)[10] = { 0,      524288, 262144, 174762, 131072,
                                                         104857, 87381,  74898,  65536,  58254 };
 
 #if defined(__SSE2__)
@@ -103,6 +103,8 @@ static inline unsigned KERNEL(hypothesis_difference)(const struct KERNEL(hypothe
 #endif
 
 #if defined(__AVX2__)
+#define HYPOTHESIS_AHEAD 3 /* one pixel in four fetches ahead: a line of the cache holds sixteen */
+
 /* All views at once but for their windows, which lie anywhere. */
 #define HYPOTHESIS_PARTS (SST_HYPOTHESIS_VIEWS / 8)
 _Static_assert(HYPOTHESIS_PARTS == 3, "costs of a part are sorted as three");
@@ -119,7 +121,8 @@ static inline __m256i KERNEL(hypothesis_load)(const int32_t *from)
     return _mm256_loadu_si256((const __m256i *)(const void *)from);
 }
 
-static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views) * v, const struct sst_hypothesis_test *t)
+static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views) * v,
+                                                 const struct sst_hypothesis_test *t)
 {
     int32_t used[SST_HYPOTHESIS_VIEWS];
 
@@ -176,16 +179,19 @@ static inline __m128i KERNEL(hypothesis_row)(const uint8_t *mask, const uint8_t 
 }
 
 /* Differences of four views, their pixels in *pixels. Colours add up to less than 2^16, so that sums of rows lie in the
- * lower half of each 64 bits. */
+ * lower half of each 64 bits. `ahead`: fetch the row below the window into the cache, which the next row's windows
+ * need: 24 views and a few surfaces are more streams than the processor foresees. */
 static inline __m128i KERNEL(hypothesis_four)(const struct KERNEL(hypothesis_views) * v,
                                               const struct KERNEL(hypothesis_window) * w, const int32_t *offset, int k,
-                                              __m128i *pixels)
+                                              bool ahead, __m128i *pixels)
 {
     __m128i middle[4], sum[4], low, high;
 
     for (int i = 0; i < 4; i++) {
         const uint32_t *at = v->pixels[k + i] + offset[k + i] - 1;
 
+        if (ahead)
+            __builtin_prefetch(at + 2 * v->stride);
         middle[i] = _mm_loadu_si128((const __m128i *)(const void *)at);
         sum[i] = KERNEL(hypothesis_row)(w->mask[1], w->pixels[1], middle[i]);
         for (int row = 0; row < 3; row += 2)
@@ -244,12 +250,13 @@ static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_vi
     __m256i inside[HYPOTHESIS_PARTS], open_sum = _mm256_setzero_si256();
     unsigned seen = 0, visible = 0, best, least;
     __m128i costs[HYPOTHESIS_PARTS];
+    const bool ahead = !(x & HYPOTHESIS_AHEAD);
 
     KERNEL(hypothesis_place)(offset, inside, v, x, y, d);
     for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
         __m128i pixels[2];
-        const __m128i first = KERNEL(hypothesis_four)(v, w, offset, 8 * i, &pixels[0]);
-        const __m128i second = KERNEL(hypothesis_four)(v, w, offset, 8 * i + 4, &pixels[1]);
+        const __m128i first = KERNEL(hypothesis_four)(v, w, offset, 8 * i, ahead, &pixels[0]);
+        const __m128i second = KERNEL(hypothesis_four)(v, w, offset, 8 * i + 4, ahead, &pixels[1]);
         const __m256i difference = _mm256_set_m128i(second, first);
         const __m256i code = _mm256_srli_epi32(_mm256_set_m128i(pixels[1], pixels[0]), 24);
         const __m256i there =
@@ -269,6 +276,7 @@ static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_vi
         return seen ? least : SST_HYPOTHESIS_LIMIT;
     return (KERNEL(hypothesis_sum)(open_sum) + best) / (visible + SST_HYPOTHESIS_BEST);
 }
+#undef HYPOTHESIS_AHEAD
 #undef HYPOTHESIS_PARTS
 #else
 /* Where a disparity moves a pixel to in each view. */
@@ -289,7 +297,8 @@ struct KERNEL(hypothesis_views) {
     const struct sst_hypothesis_test *test;
 };
 
-static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views) * v, const struct sst_hypothesis_test *t)
+static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views) * v,
+                                                 const struct sst_hypothesis_test *t)
 {
     v->test = t;
 }

@@ -4,7 +4,8 @@
 
 void sst_hypothesis_path_row_ref(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
                                  const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,
-                                 const struct sst_hypothesis_penalty *penalty, ptrdiff_t step, size_t n)
+                                 const uint8_t *count, const struct sst_hypothesis_penalty *penalty, ptrdiff_t step,
+                                 size_t n)
 {
     for (size_t x = 0; x < n; x++) {
         const int p1 = penalty->p1[*colour], p2 = penalty->p2[*colour];
@@ -21,8 +22,8 @@ void sst_hypothesis_path_row_ref(uint16_t *path, uint16_t *sum, const uint16_t *
 
                 best = here < best ? here : best;
             }
-            path[i] = (uint16_t)(cost[i] + best - least);
-            sum[i] = (uint16_t)(sum[i] + path[i]);
+            path[i] = *count > 1 ? (uint16_t)(cost[i] + best - least) : i ? SST_HYPOTHESIS_FAR : 0;
+            sum[i] = *count > 1 ? (uint16_t)(sum[i] + path[i]) : sum[i];
         }
         path += step;
         sum += step;
@@ -31,5 +32,6 @@ void sst_hypothesis_path_row_ref(uint16_t *path, uint16_t *sum, const uint16_t *
         from += step;
         from_hypothesis += step;
         colour += step / SST_HYPOTHESES;
+        count += step / SST_HYPOTHESES;
     }
 }

@@ -54,13 +54,28 @@ static inline void KERNEL(hypothesis_path)(uint16_t *path, uint16_t *sum, const 
 
 static void KERNEL(hypothesis_path_row)(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
                                         const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,
-                                        const struct sst_hypothesis_penalty *penalty, ptrdiff_t step, size_t n)
+                                        const uint8_t *count, const struct sst_hypothesis_penalty *penalty,
+                                        ptrdiff_t step, size_t n)
 {
-    for (ptrdiff_t x = 0; x < (ptrdiff_t)n; x++) {
-        const ptrdiff_t at = x * step;
-        const uint8_t c = colour[at / SST_HYPOTHESES];
+    static const uint16_t decided[SST_HYPOTHESES] = { 0,
+                                                      SST_HYPOTHESIS_FAR,
+                                                      SST_HYPOTHESIS_FAR,
+                                                      SST_HYPOTHESIS_FAR,
+                                                      SST_HYPOTHESIS_FAR,
+                                                      SST_HYPOTHESIS_FAR,
+                                                      SST_HYPOTHESIS_FAR,
+                                                      SST_HYPOTHESIS_FAR };
 
-        KERNEL(hypothesis_path)
+    _Static_assert(SST_HYPOTHESES == 8, "entries of `decided`");
+
+    for (ptrdiff_t x = 0; x < (ptrdiff_t)n; x++) {
+        const ptrdiff_t at = x * step, pixel = at / SST_HYPOTHESES;
+        const uint8_t c = colour[pixel];
+
+        if (count[pixel] < 2)
+            memcpy(path + at, decided, sizeof(decided));
+        else
+            KERNEL(hypothesis_path)
         (path + at, sum + at, cost + at, hypothesis + at, from + at, from_hypothesis + at, penalty->p1[c],
          penalty->p2[c], penalty->near);
     }

@@ -252,11 +252,15 @@ struct sst_hypothesis_penalty {
  * L[i] = C[i] + min over j of (P[j] + penalty(|D[i] - D'[j]|)) - min P, at most C[i] + p2, and sum += L. Hypotheses are
  * at most 2^15.
  * P and D' are the path and the hypotheses of the predecessor. All pointers advance by `step` entries a pixel, `colour`
- * by a SST_HYPOTHESES-th of it; a path along a row reads what it wrote for the last pixel.
+ * and `count` by a SST_HYPOTHESES-th of it; a path along a row reads what it wrote for the last pixel.
+ *
+ * @param count  of hypotheses; a pixel with fewer than two has nothing to choose, whatever its costs are: its path is 0
+ *               for the first entry and SST_HYPOTHESIS_FAR for the others, its sums stay as they are
  */
 typedef void sst_hypothesis_path_row_fn(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
                                         const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,
-                                        const struct sst_hypothesis_penalty *penalty, ptrdiff_t step, size_t n);
+                                        const uint8_t *count, const struct sst_hypothesis_penalty *penalty,
+                                        ptrdiff_t step, size_t n);
 
 /* Sub-pixel refinement (design.md, 5.8). */
 #define SST_SUBPIXEL_VIEWS 24

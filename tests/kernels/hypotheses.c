@@ -8,7 +8,7 @@
 static uint64_t seed = 0xC0FFEE123456789ull;
 
 #define FOR_EACH_LEVEL(k, level)                                                                                       \
-    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++)                                                   \
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++)                                                    \
         if (sst_kernels_at((enum sst_cpu_level)level, &(k)))
 
 enum { W = 37, H = 11, STRIDE = W + 3, ENTRIES = W * SST_HYPOTHESES };
@@ -134,19 +134,24 @@ static void paths(void **state SST_UNUSED)
         struct sst_hypothesis_penalty penalty;
         uint16_t *data[5], want[2][ENTRIES], got[2][ENTRIES]; /* sum, cost, hypothesis, from, its hypotheses */
         const uint8_t *colour = guard_random(W, &seed);
+        uint8_t *count = guard_random(W, &seed);
 
+        for (int x = 0; x < W; x++)
+            count[x] &= 3;
         for (int i = 0; i < 5; i++) {
             data[i] = guard_random(all, &seed);
             random_path(&penalty, data[i], ENTRIES, i == 2 || i == 4 ? 32769 : SST_HYPOTHESIS_FAR);
         }
         memcpy(want[1], data[0], all);
         sst_hypothesis_path_row_ref(want[0] + first, want[1] + first, data[1] + first, data[2] + first, data[3] + first,
-                                    data[4] + first, colour + first / SST_HYPOTHESES, &penalty, step, W);
+                                    data[4] + first, colour + first / SST_HYPOTHESES, count + first / SST_HYPOTHESES,
+                                    &penalty, step, W);
         FOR_EACH_LEVEL(k, level)
         {
             memcpy(got[1], data[0], all);
             k.hypothesis_path_row(got[0] + first, got[1] + first, data[1] + first, data[2] + first, data[3] + first,
-                                  data[4] + first, colour + first / SST_HYPOTHESES, &penalty, step, W);
+                                  data[4] + first, colour + first / SST_HYPOTHESES, count + first / SST_HYPOTHESES,
+                                  &penalty, step, W);
             assert_memory_equal(got, want, 2 * all);
         }
         guard_free_all();
@@ -159,7 +164,7 @@ static void path_along_a_row(void **state SST_UNUSED)
     struct sst_hypothesis_penalty penalty = { .near = 32 };
     uint16_t path[3 * SST_HYPOTHESES] = { 0 }, sum[3 * SST_HYPOTHESES] = { 0 }, cost[3 * SST_HYPOTHESES] = { 0 };
     uint16_t hypothesis[3 * SST_HYPOTHESES];
-    const uint8_t colour[2] = { 0 };
+    const uint8_t colour[2] = { 0 }, count[2] = { SST_HYPOTHESES, 2 }, one[2] = { 2, 1 };
     struct sst_kernels k;
 
     penalty.p1[0] = 10;
@@ -172,9 +177,17 @@ static void path_along_a_row(void **state SST_UNUSED)
         if (!sst_kernels_at((enum sst_cpu_level)level, &k))
             continue;
         k.hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,
-                              hypothesis + SST_HYPOTHESES, path, hypothesis, colour, &penalty, SST_HYPOTHESES, 2);
+                              hypothesis + SST_HYPOTHESES, path, hypothesis, colour, count, &penalty, SST_HYPOTHESES,
+                              2);
         for (int i = 0; i < SST_HYPOTHESES; i++)
             assert_int_equal(path[2 * SST_HYPOTHESES + i], i == 5 ? 0 : 100);
+        sum[2 * SST_HYPOTHESES] = 7;
+        k.hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,
+                              hypothesis + SST_HYPOTHESES, path, hypothesis, colour, one, &penalty, SST_HYPOTHESES, 2);
+        assert_int_equal(path[SST_HYPOTHESES], 100);
+        assert_int_equal(path[2 * SST_HYPOTHESES], 0); /* nothing to choose */
+        assert_int_equal(path[2 * SST_HYPOTHESES + 5], SST_HYPOTHESIS_FAR);
+        assert_int_equal(sum[2 * SST_HYPOTHESES], 7);
     }
 }
 

@@ -870,6 +870,8 @@ static int run_all(struct run *run, int threads, sst_progress_fn *progress, void
         if (run->nets)
             sst_network_close(run->nets[i]);
     }
+    for (int view = 0; view < views; view++)
+        sst_descriptor_fini(&run->desc[view]);
     free(run->volumes);
     free(run->tiles);
     free(run->nets);

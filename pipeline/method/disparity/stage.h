@@ -471,6 +471,39 @@ void sst_sweep_candidates_fini(struct sst_sweep_candidates *c);
 /** [SST_SWEEP_PEAKS] candidates at a pixel. */
 const struct sst_sweep_peak *sst_sweep_candidates_at(const struct sst_sweep_candidates *c, int x, int y);
 
+#define SST_AROUND_EXTREMES 6 /* farthest and nearest in windows of three sizes */
+
+/** Surfaces around each pixel of a view; zeroed before the first one. Its maps are written again for the next view. */
+struct sst_around {
+    struct sst_map_u16 steps;
+    struct sst_map_u16 flat[SST_AROUND_EXTREMES / 2]; /* 0 where the window holds a step: a slant alone has none */
+    struct sst_map_u16 extreme[SST_AROUND_EXTREMES];
+    struct sst_projected {
+        struct sst_map_u16 far, near; /* of other views: the farthest (SST_DISP_NONE: none) and the nearest (0) */
+    } projected;
+    struct sst_sweep_candidates swept;
+    struct sst_mem_kept lines;
+};
+
+/**
+ * Gather the surfaces of view k.
+ * @param step    surfaces that are nearer to each other are one, 1/64 px
+ * @param sweep   [sweeps] points for candidates
+ * @return 0, -ENOMEM; sst_around_fini() frees all, also after a failure
+ */
+SST_MUST_CHECK int sst_around_init(struct sst_around *a, const struct sst_visible_views *in, int k, int step,
+                                   const struct sst_sweep *sweep, int sweeps);
+void sst_around_fini(struct sst_around *a);
+
+/**
+ * Hypotheses of n pixels of view v from (left, y) on, a pixel's own disparity first; unused entries are any number.
+ * @param list   out [n][SST_HYPOTHESES]
+ * @param count  out [n]; 0: nothing is known, or the pixel must not be matched
+ * @param apart  least difference between two of a pixel, 1/64 px
+ */
+void sst_around_list(uint16_t *list, uint8_t *count, const struct sst_around *a, const struct sst_visible_view *v,
+                     int left, int y, int n, int apart);
+
 /* Sub-pixel refinement pays where the range is narrow: steps of the first pass are then coarse against it. */
 #define SST_SUBPIXEL_RANGE 16 /* px: wider light fields are not refined */
 

@@ -1,7 +1,7 @@
 /*
  * The second pass (design.md, 5.7). The first one compares windows, which at a gap between leaves hold more leaf than
  * gap: its maps let thin things grow and close what is between them. Here each pixel has a few hypotheses, the surfaces
- * around it, those that other views project onto it and those that a sweep finds (sweep.c), and each hypothesis is
+ * around it, those that other views project onto it and those that a sweep finds (around.c), and each hypothesis is
  * tested pixel by pixel against the views around, of which those count in which nothing nearer hides it. What the
  * colours cannot decide, the semi-global optimisation over the hypotheses does.
  */
@@ -13,7 +13,6 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/stage.h"
 
 #define MARGIN         2  /* columns and rows around a packed view */
@@ -31,14 +30,13 @@
 #define STRIP          128 /* columns that are tested together */
 #define NEAREST_CODE   254
 #define DISPLACED_MOST 32000 /* px */
-#define EXTREMES       6     /* farthest and nearest in windows of three sizes */
-
-static const int radii[EXTREMES / 2] = { 2, 6, 16 };
 
 struct packed {
     uint32_t *memory, *pixels; /* pixels: (0, 0) */
     ptrdiff_t stride;
 };
+
+struct scratch;
 
 struct pass {
     const struct sst_visible_views *in;
@@ -47,6 +45,7 @@ struct pass {
     struct packed *view; /* [in->count] */
     struct sst_map_u16 *out;
     struct sst_hypothesis_penalty penalty;
+    struct scratch *scratch; /* [threads] */
     struct sst_sweep *sweep; /* [sweeps] points that views found, of all rounds */
     int *swept;              /* [sweeps] these views */
     int sweeps;
@@ -124,239 +123,6 @@ static void set_codes(struct pass *p)
     for (unsigned d = 0; d < SST_DISP_NONE; d++)
         p->code[d] = (uint8_t)(1 + (d < most ? d : most) * (NEAREST_CODE - 1) / most);
     p->code[SST_DISP_NONE] = 0;
-}
-
-/* --- hypotheses --------------------------------------------------------------------------------------------------- */
-
-/* Surfaces of other views at a pixel: the farthest (NONE: none) and the nearest (0: none or the range's end). */
-struct projected {
-    struct sst_map_u16 far, near;
-};
-
-static void project_view(struct projected *to, const struct sst_visible_view *from, double bx, double by,
-                         double disp_min_px)
-{
-    const struct sst_shift across = sst_shift_by(bx, disp_min_px), down = sst_shift_by(by, disp_min_px);
-
-    for (int y = 0; y < from->disp->height; y++) {
-        const uint16_t *d = sst_map_u16_row(from->disp, y);
-
-        for (int x = 0; x < from->disp->width; x++) {
-            const int xt = sst_shifted(x, across, d[x]), yt = sst_shifted(y, down, d[x]);
-            uint16_t *far, *near;
-
-            if (d[x] == SST_DISP_NONE || xt < 0 || yt < 0 || xt >= to->far.width || yt >= to->far.height)
-                continue;
-            far = &sst_map_u16_row(&to->far, yt)[xt];
-            near = &sst_map_u16_row(&to->near, yt)[xt];
-            *far = d[x] < *far ? d[x] : *far;
-            *near = d[x] > *near ? d[x] : *near;
-        }
-    }
-}
-
-/* Surfaces of the matched views up to two spacings away on the axes and one on the diagonals. */
-static int project_around(struct projected *to, const struct pass *p, int k)
-{
-    const struct sst_visible_view *own = &p->in->view[k];
-    int err = sst_map_u16_init(&to->far, own->disp->width, own->disp->height);
-
-    err = err ? err : sst_map_u16_init(&to->near, own->disp->width, own->disp->height);
-    if (err)
-        return err;
-    memset(to->far.data, 0xFF, to->far.stride * (size_t)to->far.height);
-    for (int i = 0; i < p->in->count; i++) {
-        const struct sst_visible_view *v = &p->in->view[i];
-        const double bx = v->bx - own->bx, by = v->by - own->by;
-
-        if (i != k && v->image && !v->carried && fabs(bx) + fabs(by) < 2.5)
-            project_view(to, v, bx, by, p->in->disp_min_px);
-    }
-    return 0;
-}
-
-/* v[i] = least of v[i .. i + 2 radius], in place; n + 2 radius values. Windows grow by doubling. */
-static void least_ahead(uint16_t *v, int n, int radius)
-{
-    const int total = 2 * radius + 1;
-
-    for (int have = 1, more; have < total; have += more) {
-        more = sst_min_int(have, total - have);
-        for (int i = 0; i <= n + 2 * radius - have - more; i++)
-            v[i] = v[i + more] < v[i] ? v[i + more] : v[i];
-    }
-}
-
-/* The same over rows of n values. */
-static void least_below(uint16_t *v, int n, int rows, int radius)
-{
-    const int total = 2 * radius + 1;
-
-    for (int have = 1, more; have < total; have += more) {
-        more = sst_min_int(have, total - have);
-        for (int y = 0; y <= rows + 2 * radius - have - more; y++) {
-            uint16_t *a = v + (size_t)y * (size_t)n;
-            const uint16_t *b = v + (size_t)(y + more) * (size_t)n;
-
-            for (int x = 0; x < n; x++)
-                a[x] = b[x] < a[x] ? b[x] : a[x];
-        }
-    }
-}
-
-/*
- * The farthest (nearest: the nearest) known disparity in windows of 2 radius + 1; NONE where nothing is known. The
- * nearest is the least of the complements.
- */
-static int find_extreme(struct sst_map_u16 *out, const struct sst_map_u16 *map, int radius, bool nearest)
-{
-    const int w = map->width, h = map->height;
-    const uint16_t flip = nearest ? SST_DISP_MAX_Q6 : 0;
-    uint16_t *rows = sst_mem_alloc_raw((size_t)w * (size_t)(h + 2 * radius), sizeof(*rows));
-    uint16_t *line = sst_mem_alloc_raw((size_t)(w + 2 * radius), sizeof(*line));
-    int err = rows && line ? sst_map_u16_init(out, w, h) : -ENOMEM;
-
-    for (int y = -radius; !err && y < h + radius; y++) {
-        memset(line, 0xFF, (size_t)(w + 2 * radius) * sizeof(*line));
-        for (int x = 0; y >= 0 && y < h && x < w; x++) {
-            const uint16_t d = sst_map_u16_row(map, y)[x];
-
-            line[x + radius] = d == SST_DISP_NONE ? d : (uint16_t)(nearest ? flip - d : d);
-        }
-        least_ahead(line, w, radius);
-        memcpy(rows + (size_t)(y + radius) * (size_t)w, line, (size_t)w * sizeof(*line));
-    }
-    if (!err)
-        least_below(rows, w, h, radius);
-    for (int y = 0; !err && y < h; y++) {
-        for (int x = 0; x < w; x++) {
-            const uint16_t d = rows[(size_t)y * (size_t)w + (size_t)x];
-
-            sst_map_u16_row(out, y)[x] = d == SST_DISP_NONE ? d : (uint16_t)(nearest ? flip - d : d);
-        }
-    }
-    sst_mem_free(rows);
-    sst_mem_free(line);
-    return err;
-}
-
-/* 0 where the map steps by more than 3/2 of `step` to the pixel on the right or below, 1 elsewhere. */
-static int find_steps(struct sst_map_u16 *out, const struct sst_map_u16 *map, int step)
-{
-    const int most = step * 3 / 2, err = sst_map_u16_init(out, map->width, map->height);
-
-    for (int y = 0; !err && y < map->height; y++) {
-        const uint16_t *at = sst_map_u16_row(map, y), *below = y + 1 < map->height ? sst_map_u16_row(map, y + 1) : at;
-        uint16_t *to = sst_map_u16_row(out, y);
-
-        for (int x = 0; x < map->width; x++) {
-            const int right = at[x + 1 < map->width ? x + 1 : x];
-
-            to[x] = abs(at[x] - right) <= most && abs(at[x] - below[x]) <= most;
-        }
-    }
-    return err;
-}
-
-/* Surfaces around each pixel of a view. */
-struct around {
-    struct sst_map_u16 flat[EXTREMES / 2]; /* 0 where the window holds a step: a slanted surface alone has none */
-    struct sst_map_u16 extreme[EXTREMES];
-    struct projected projected;
-    struct sst_sweep_candidates swept;
-};
-
-static void around_fini(struct around *a)
-{
-    for (int i = 0; i < EXTREMES; i++) {
-        sst_map_u16_fini(&a->extreme[i]);
-        sst_map_u16_fini(&a->flat[i / 2]);
-    }
-    sst_map_u16_fini(&a->projected.far);
-    sst_map_u16_fini(&a->projected.near);
-    sst_sweep_candidates_fini(&a->swept);
-}
-
-static int around_init(struct around *a, const struct pass *p, int k)
-{
-    const struct sst_map_u16 *map = p->in->view[k].disp;
-    struct sst_map_u16 steps = { 0 };
-    int err = project_around(&a->projected, p, k);
-
-    err = err ? err : find_steps(&steps, map, p->step);
-    for (int i = 0; !err && i < EXTREMES / 2; i++)
-        err = find_extreme(&a->flat[i], &steps, radii[i], false);
-    for (int i = 0; !err && i < EXTREMES; i++)
-        err = find_extreme(&a->extreme[i], map, radii[i / 2], i % 2);
-    sst_map_u16_fini(&steps);
-    return err ? err
-               : sst_sweep_candidates(&a->swept, p->sweep, p->sweeps, p->in->view[k].bx, p->in->view[k].by, map,
-                                      p->in->disp_min_px, p->in->range * 64, p->step);
-}
-
-/* Add a hypothesis unless it is unknown or closer than `apart` to one in the list. */
-static int add(uint16_t *list, int count, uint16_t d, int apart)
-{
-    if (d == SST_DISP_NONE || count == SST_HYPOTHESES)
-        return count;
-    for (int i = 0; i < count; i++) {
-        if (abs(list[i] - d) < apart)
-            return count;
-    }
-    list[count] = d;
-    return count + 1;
-}
-
-/* Add the farthest and the nearest of a window that holds a step. */
-static int add_extremes(uint16_t *list, int count, const struct around *a, int window, int x, int y, int apart)
-{
-    if (sst_map_u16_row(&a->flat[window], y)[x])
-        return count;
-    count = add(list, count, sst_map_u16_row(&a->extreme[2 * window], y)[x], apart);
-    return add(list, count, sst_map_u16_row(&a->extreme[2 * window + 1], y)[x], apart);
-}
-
-/* Add the candidates of the sweep; inside a surface without steps, only those that the map does not have. */
-static int add_candidates(uint16_t *list, int count, const struct around *a, int x, int y, int apart)
-{
-    const struct sst_sweep_peak *peak = sst_sweep_candidates_at(&a->swept, x, y);
-    const bool flat = sst_map_u16_row(&a->flat[EXTREMES / 2 - 1], y)[x];
-
-    for (int i = 0; i < SST_SWEEP_PEAKS; i++) {
-        if (!flat || peak[i].absent)
-            count = add(list, count, peak[i].disp, apart);
-    }
-    return count;
-}
-
-static bool is_set(const struct sst_map_u8 *map, int x, int y, bool otherwise)
-{
-    return map && map->data ? sst_map_u8_row(map, y)[x] != 0 : otherwise;
-}
-
-/* The hypotheses of a pixel, its own disparity first; unused entries repeat it. @return their number */
-static int list_hypotheses(uint16_t *list, const struct pass *p, const struct around *a,
-                           const struct sst_visible_view *v, int x, int y)
-{
-    const int apart = sst_max_int(p->step, 1);
-    const uint16_t near = sst_map_u16_row(&a->projected.near, y)[x];
-    int n = 0;
-
-    if (is_set(v->seen, x, y, true)) {
-        n = add(list, n, sst_map_u16_row(v->disp, y)[x], apart);
-        if (n && is_set(v->agreed, x, y, false))
-            goto done;
-        n = add_extremes(list, n, a, 0, x, y, apart);
-        n = add(list, n, sst_map_u16_row(&a->projected.far, y)[x], apart);
-        n = add(list, n, near ? near : (uint16_t)SST_DISP_NONE, apart);
-        n = add_candidates(list, n, a, x, y, apart);
-        for (int i = 1; i < EXTREMES / 2; i++)
-            n = add_extremes(list, n, a, i, x, y, apart);
-    }
-done:
-    for (int i = n; i < SST_HYPOTHESES; i++)
-        list[i] = n ? list[0] : 0;
-    return n;
 }
 
 /* --- views to test against ---------------------------------------------------------------------------------------- */
@@ -469,23 +235,35 @@ static void lists_fini(struct lists *l)
     sst_mem_free(l->line[0]);
     sst_mem_free(l->line[1]);
     sst_mem_free(l->colour);
+    *l = (struct lists){ 0 };
 }
 
+/* Lists of this size, of any content. */
 static int lists_init(struct lists *l, int width, int height)
 {
     const size_t pixels = (size_t)width * (size_t)height, row = (size_t)width * SST_HYPOTHESES;
 
+    if (l->colour && l->width == width && l->height == height)
+        return 0;
+    lists_fini(l);
     l->width = width;
     l->height = height;
     l->hypothesis = sst_mem_alloc_raw(pixels, SST_HYPOTHESES * sizeof(uint16_t));
     l->cost = sst_mem_alloc_raw(pixels, SST_HYPOTHESES * sizeof(uint16_t));
-    l->sum = sst_mem_alloc(pixels, SST_HYPOTHESES * sizeof(uint16_t));
+    l->sum = sst_mem_alloc_raw(pixels, SST_HYPOTHESES * sizeof(uint16_t));
     l->count = sst_mem_alloc_raw(pixels, 1);
     l->line[0] = sst_mem_alloc_raw(row, sizeof(uint16_t));
     l->line[1] = sst_mem_alloc_raw(row, sizeof(uint16_t));
-    l->colour = sst_mem_alloc_raw((size_t)width, 1);
-    return l->hypothesis && l->cost && l->sum && l->count && l->line[0] && l->line[1] && l->colour ? 0 : -ENOMEM;
+    if (l->hypothesis && l->cost && l->sum && l->count && l->line[0] && l->line[1])
+        l->colour = sst_mem_alloc_raw((size_t)width, 1);
+    return l->colour ? 0 : -ENOMEM;
 }
+
+/* What a thread uses for one view after the other. */
+struct scratch {
+    struct lists lists;
+    struct sst_around around;
+};
 
 /* Largest colour step between packed pixels of two rows. */
 static void colour_steps(uint8_t *out, const uint32_t *a, const uint32_t *b, int n)
@@ -518,19 +296,21 @@ static void along_row(struct lists *l, const struct pass *p, const struct packed
     const uint16_t *cost = l->cost + at, *hypothesis = l->hypothesis + at;
     const uint32_t *pixels = view->pixels + y * view->stride;
     uint16_t *sum = l->sum + at, *path = l->line[0];
+    const uint8_t *count = l->count + (size_t)y * (size_t)l->width;
     const size_t n = (size_t)l->width - 1;
 
+    memset(sum, 0, row * sizeof(*sum));
     colour_steps(l->colour, pixels + 1, pixels, l->width - 1); /* between x and x + 1 */
     start_path(path, sum, cost, SST_HYPOTHESES);
     sst_kernels_get()->hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,
-                                           hypothesis + SST_HYPOTHESES, path, hypothesis, l->colour, &p->penalty,
-                                           SST_HYPOTHESES, n);
+                                           hypothesis + SST_HYPOTHESES, path, hypothesis, l->colour, count + 1,
+                                           &p->penalty, SST_HYPOTHESES, n);
     start_path(path + last, sum + last, cost + last, SST_HYPOTHESES);
     if (n)
         sst_kernels_get()->hypothesis_path_row(path + last - SST_HYPOTHESES, sum + last - SST_HYPOTHESES,
                                                cost + last - SST_HYPOTHESES, hypothesis + last - SST_HYPOTHESES,
-                                               path + last, hypothesis + last, l->colour + n - 1, &p->penalty,
-                                               -SST_HYPOTHESES, n);
+                                               path + last, hypothesis + last, l->colour + n - 1, count + n - 1,
+                                               &p->penalty, -SST_HYPOTHESES, n);
 }
 
 /* The path from above (dir 1) or below (dir -1) through all rows. */
@@ -548,9 +328,9 @@ static void across_rows(struct lists *l, const struct pass *p, const struct pack
             continue;
         }
         colour_steps(l->colour, view->pixels + y * view->stride, view->pixels + (y - dir) * view->stride, l->width);
-        sst_kernels_get()->hypothesis_path_row(path, l->sum + at, l->cost + at, l->hypothesis + at,
-                                               l->line[(i + 1) % 2], l->hypothesis + from, l->colour, &p->penalty,
-                                               SST_HYPOTHESES, (size_t)l->width);
+        sst_kernels_get()->hypothesis_path_row(
+            path, l->sum + at, l->cost + at, l->hypothesis + at, l->line[(i + 1) % 2], l->hypothesis + from, l->colour,
+            l->count + (size_t)y * (size_t)l->width, &p->penalty, SST_HYPOTHESES, (size_t)l->width);
     }
 }
 
@@ -625,9 +405,11 @@ static void count_skipped(struct pass *p, const struct lists *l, const struct ss
 
 /* Hypotheses of a view, and their costs: in strips, so that the rows of the other views that one row needs are in the
  * cache for the next. */
-static void test_hypotheses(struct lists *l, const struct pass *p, const struct around *around,
+static void test_hypotheses(struct lists *l, const struct pass *p, const struct sst_around *around,
                             const struct sst_visible_view *v, const struct sst_hypothesis_test *test)
 {
+    const int apart = sst_max_int(p->step, 1);
+
     for (int left = 0; left < l->width; left += STRIP) {
         const int n = sst_min_int(STRIP, l->width - left);
 
@@ -635,22 +417,29 @@ static void test_hypotheses(struct lists *l, const struct pass *p, const struct 
             const size_t at = (size_t)y * (size_t)l->width + (size_t)left;
             uint16_t *hypothesis = l->hypothesis + at * SST_HYPOTHESES, *cost = l->cost + at * SST_HYPOTHESES;
 
-            for (int x = 0; x < n; x++)
-                l->count[at + (size_t)x] =
-                    (uint8_t)list_hypotheses(hypothesis + x * SST_HYPOTHESES, p, around, v, left + x, y);
+            sst_around_list(hypothesis, l->count + at, around, v, left, y, n, apart);
             sst_kernels_get()->hypothesis_cost_row(cost, hypothesis, l->count + at, test, left, y, (size_t)n);
             prefer_own(cost, l->count + at, n);
         }
     }
 }
 
-static int second_job(void *arg, int k, int worker SST_UNUSED)
+/* Where no other hypothesis was tested, the pixel's own disparity is the only one. */
+static void settle_row(struct lists *l, const struct sst_hypothesis_test *test, int y)
+{
+    const size_t row = (size_t)y * (size_t)l->width;
+
+    for (size_t x = row; x < row + (size_t)l->width; x++)
+        l->count[x] = l->count[x] > 1 && l->cost[x * SST_HYPOTHESES] < test->settled ? 1 : l->count[x];
+}
+
+static int second_job(void *arg, int k, int worker)
 {
     struct pass *p = arg;
     const struct sst_visible_view *v = &p->in->view[k];
+    struct sst_around *around = &p->scratch[worker].around;
+    struct lists *lists = &p->scratch[worker].lists;
     struct sst_hypothesis_test test;
-    struct around around = { 0 };
-    struct lists lists = { 0 };
     int err;
 
     if (!v->image || v->carried != p->in->repair)
@@ -658,25 +447,23 @@ static int second_job(void *arg, int k, int worker SST_UNUSED)
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
     err = sst_map_u16_init(&p->out[k], v->disp->width, v->disp->height);
-    err = err ? err : lists_init(&lists, v->disp->width, v->disp->height);
-    err = err ? err : around_init(&around, p, k);
+    err = err ? err : lists_init(lists, v->disp->width, v->disp->height);
+    err = err ? err : sst_around_init(around, p->in, k, p->step, p->sweep, p->sweeps);
+    if (err)
+        return err;
     set_test(&test, p, k);
-    if (!err)
-        test_hypotheses(&lists, p, &around, v, &test);
-    for (int y = 0; !err && y < lists.height; y++) {
+    test_hypotheses(lists, p, around, v, &test);
+    for (int y = 0; y < lists->height; y++) {
         if (p->in->skip_hypotheses && p->in->report)
-            count_skipped(p, &lists, &test, y, lists.line[1]);
-        along_row(&lists, p, &p->view[k], y);
+            count_skipped(p, lists, &test, y, lists->line[1]);
+        settle_row(lists, &test, y);
+        along_row(lists, p, &p->view[k], y);
     }
-    around_fini(&around);
-    if (!err) {
-        across_rows(&lists, p, &p->view[k], 1);
-        across_rows(&lists, p, &p->view[k], -1);
-    }
-    for (int y = 0; !err && y < lists.height; y++)
-        choose_row(&lists, y, sst_map_u16_row(&p->out[k], y), sst_map_u8_row(v->confidence, y));
-    lists_fini(&lists);
-    return err;
+    across_rows(lists, p, &p->view[k], 1);
+    across_rows(lists, p, &p->view[k], -1);
+    for (int y = 0; y < lists->height; y++)
+        choose_row(lists, y, sst_map_u16_row(&p->out[k], y), sst_map_u8_row(v->confidence, y));
+    return 0;
 }
 
 static void set_penalties(struct pass *p)
@@ -709,8 +496,9 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
 
     p.view = calloc((size_t)in->count, sizeof(*p.view));
     p.out = calloc((size_t)in->count, sizeof(*p.out));
+    p.scratch = calloc((size_t)threads, sizeof(*p.scratch));
     p.code = sst_mem_alloc_raw(65536, 1);
-    if (p.view && p.out && p.code) {
+    if (p.view && p.out && p.scratch && p.code) {
         set_codes(&p);
         set_penalties(&p);
         err = sst_parallel_for(in->count, threads, pack_job, &p);
@@ -727,6 +515,11 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
         sst_mem_free(p.view[k].memory);
     for (int i = 0; i < p.sweeps; i++)
         sst_sweep_fini(&p.sweep[i]);
+    for (int i = 0; p.scratch && i < threads; i++) {
+        lists_fini(&p.scratch[i].lists);
+        sst_around_fini(&p.scratch[i].around);
+    }
+    free(p.scratch);
     free(p.sweep);
     free(p.swept);
     sst_mem_free(p.code);
