@@ -7,26 +7,29 @@ and CamVid, then fits temperature and entropy threshold on held-out pictures and
   /usr/bin/python3 models/train_pspnet.py --scenes DIR --camvid DIR --checkpoint psp.pt --out models/pspnet-small.onnx
 """
 import argparse
+import copy
 import glob
 import os
 import time
 
 import numpy as np
+import onnx
 import torch
 import torch.nn as nn
 import torch.nn.functional as F
-from PIL import Image, ImageFilter
+from onnx import numpy_helper
+from PIL import Image
 
 import common
+import label_augment
 import onnx_file
 
 CLASSES = ("Sky Building Pole Road Pavement Tree SignSymbol Fence Car Pedestrian Bicyclist Furniture Table Horse "
            "Bicycle Motorcycle Toy Case Poster Cat Hen Membrane Nucleus").split()
 CAMVID = 11  # the first classes, in CamVid's order
 GROUND = "Road,Pavement,Table"
-VOID = 255
+TREE, VOID = 5, 255
 MEAN, STD = (0.43, 0.44, 0.43), (0.26, 0.26, 0.27)
-WIDTH, HEIGHT = 480, 360
 
 
 class ConvNorm(nn.Module):
@@ -69,8 +72,9 @@ SIZES = {
 class PspNet(nn.Module):
     """[1,3,H,W] -> logits [1,classes,H/4,W/4], sizes rounded up."""
 
-    def __init__(self, size: str, classes: int = len(CLASSES), bins=(1, 2, 3, 6)):
+    def __init__(self, size: str, working: tuple[int, int], classes: int = len(CLASSES), bins=(1, 2, 3, 6)):
         super().__init__()
+        self.working = working  # width and height of the pictures that it is trained for
         shape = SIZES[size]
         w0, w1, w2 = shape["widths"]
         self.stem = nn.ModuleList([ConvNorm(3, w0, stride=2), ConvNorm(w0, w1, stride=2)])
@@ -117,6 +121,44 @@ def grow(net: PspNet, weights: dict[str, torch.Tensor]) -> None:
             nn.init.zeros_(net.get_parameter(name))
 
 
+def unfold(net: PspNet, path: str, pictures: list[torch.Tensor]) -> None:
+    """
+    Start a network from an exported file. Its convolutions contain their BatchNorms; mean and deviation of what each
+    gives for the pictures become a norm again, and the weights get the size of new ones, so that it trains like a
+    network that was never folded. The auxiliary classifier, which is not in the file, stays as it is.
+    """
+    weights = [torch.from_numpy(numpy_helper.to_array(w).copy()) for w in onnx.load(path).graph.initializer]
+    layers = [m for m in net.modules() if isinstance(m, ConvNorm)]
+    if [w.shape for w in weights[::2]] != [m.conv.weight.shape for m in layers] + [net.classify.weight.shape]:
+        raise SystemExit(f"{path}: not a network of this size")
+
+    def settle(layer: ConvNorm, bias: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+        """After the convolution: shrink its weights, and let the norm undo that for the values seen."""
+        weight = layer.conv.weight.data
+        shrink = (3 * weight[0].numel()) ** -0.5 / weight.flatten(1).std(1).clamp(min=1e-6)
+        weight.mul_(shrink[:, None, None, None])
+        values = values * shrink[:, None, None]
+        norm = layer.norm
+        norm.running_var.copy_(values.var((0, 2, 3), unbiased=False))
+        norm.running_mean.copy_(values.mean((0, 2, 3)))
+        norm.weight.data.copy_((norm.running_var + norm.eps).sqrt() / shrink)
+        norm.bias.data.copy_(bias + norm.running_mean / shrink)
+        return values
+
+    hooks = []
+    for layer, weight, bias in zip(layers, weights[::2], weights[1::2]):
+        layer.conv.weight.data.copy_(weight)
+        hooks.append(layer.conv.register_forward_hook(lambda _, __, y, layer=layer, b=bias: settle(layer, b, y)))
+    net.classify.weight.data.copy_(weights[-2])
+    net.classify.bias.data.copy_(weights[-1])
+    net.eval()
+    with torch.no_grad():
+        net(torch.stack(pictures))
+    for hook in hooks:
+        hook.remove()
+    onnx_file.check(path, pictures[0][None], net(pictures[0][None]).detach(), 1e-3)
+
+
 def export(net: PspNet, path: str, metadata: dict[str, str]) -> None:
     """Node by node: BatchNorm folded, the sizes that depend on the input in two operators of the domain "sst"."""
     graph = onnx_file.GraphWriter()
@@ -151,7 +193,7 @@ def export(net: PspNet, path: str, metadata: dict[str, str]) -> None:
     graph.conv(relu(conv(x, net.decode)), net.classify)
     graph.save(path, 3, len(CLASSES), metadata)
     net.eval()
-    for size in ((HEIGHT, WIDTH), (251, 333)):  # odd sizes too
+    for size in ((net.working[1], net.working[0]), (251, 333)):  # odd sizes too
         image = torch.randn(1, 3, *size)
         with torch.no_grad():
             onnx_file.check(path, image, net(image))
@@ -159,11 +201,14 @@ def export(net: PspNet, path: str, metadata: dict[str, str]) -> None:
 
 # --- data ------------------------------------------------------------------------------------------------------------
 
-def camvid(folder: str, part: str) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(picture, class map) at the working size; CamVid's void (11) becomes VOID."""
+def camvid(folder: str, part: str, drives: list[str], inside: bool) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(picture, class map) of the given drives, or of all others; CamVid's void (11) becomes VOID."""
     data = []
     for path in sorted(glob.glob(os.path.join(folder, part, "*.jpg"))):
-        labels = np.array(Image.open(os.path.join(folder, part + "annot", os.path.basename(path)[:-4] + ".png")))
+        name = os.path.basename(path)[:-4]
+        if (name.split("_")[0] in drives) != inside:
+            continue
+        labels = np.array(Image.open(os.path.join(folder, part + "annot", name + ".png")))
         labels[labels >= CAMVID] = VOID
         data.append((common.read_rgb(path), labels))
     return data
@@ -181,35 +226,20 @@ def scenes(folder: str, seeds: range, per_scene: int) -> list[tuple[np.ndarray, 
     return data
 
 
-def augment(rng: np.random.Generator, rgb: np.ndarray, labels: np.ndarray, size: tuple[int, int], frequent: np.ndarray):
-    """A crop at a random scale with altered colours; half are centred on a pixel of a class, rare classes preferred."""
-    height, width = labels.shape
-    zoom = float(np.clip(2.0 ** rng.uniform(-0.74, 0.68), 0, None)) * WIDTH / width
-    crop = (min(size[0] / zoom, width), min(size[1] / zoom, height))
-    centre = (rng.uniform(0, width), rng.uniform(0, height))
-    if rng.random() < 0.5:
-        present = np.unique(labels[labels != VOID])
-        if present.size:
-            chance = 1 / np.sqrt(frequent[present])
-            rows, cols = np.nonzero(labels == rng.choice(present, p=chance / chance.sum()))
-            pick = rng.integers(rows.size)
-            centre = (cols[pick] + rng.normal(0, crop[0] / 4), rows[pick] + rng.normal(0, crop[1] / 4))
-    x0 = float(np.clip(centre[0] - crop[0] / 2, 0, width - crop[0]))
-    y0 = float(np.clip(centre[1] - crop[1] / 2, 0, height - crop[1]))
-    box = (x0, y0, x0 + crop[0], y0 + crop[1])
-    picture = Image.fromarray(rgb).resize(size, Image.Resampling.BILINEAR, box)
-    truth = np.asarray(Image.fromarray(labels).resize(size, Image.Resampling.NEAREST, box))
-    if rng.random() < 0.3:
-        picture = picture.filter(ImageFilter.GaussianBlur(rng.uniform(0.3, 1.5)))
-    x = np.asarray(picture, np.float32) / 255
-    x = np.clip(x, 0, 1) ** (2.0 ** rng.uniform(-0.4, 0.4))
-    x = (x - 0.5) * rng.uniform(0.7, 1.3) + 0.5 + rng.uniform(-0.12, 0.12)
-    grey = x.mean(2, keepdims=True)
-    x = grey + (x - grey) * rng.uniform(0.5, 1.5)
-    x = x * (1 + rng.normal(0, 0.05, 3)) + rng.normal(0, abs(rng.normal(0, 0.02)), x.shape)
-    if rng.random() < 0.5:
-        x, truth = x[:, ::-1], truth[:, ::-1]
-    return normalise(np.clip(x, 0, 1)), torch.from_numpy(truth.astype(np.int64))
+def augment(rng: np.random.Generator, data: list, leaves: list, args: argparse.Namespace, frequent: np.ndarray):
+    """A crop of one of the pictures with altered colours, and what --augment asks for; leaves: pictures with foliage."""
+    def draw(pictures: list):
+        rgb, labels = pictures[rng.integers(len(pictures))]
+        return label_augment.crop(rng, rgb, labels, tuple(args.crop), frequent, tuple(args.zoom), args.working[0])
+
+    picture, truth = draw(data)
+    if args.augment == ["plain"]:
+        x = label_augment.plain_colours(rng, picture)
+    else:
+        def donor(source: int):
+            return draw(leaves) if source and leaves else None if source else draw(data)
+        x, truth = label_augment.strong(rng, picture, truth, donor, frozenset(args.augment))
+    return normalise(x), torch.from_numpy(truth.astype(np.int64))
 
 
 def normalise(x: np.ndarray) -> torch.Tensor:
@@ -219,10 +249,15 @@ def normalise(x: np.ndarray) -> torch.Tensor:
 
 # --- measuring -------------------------------------------------------------------------------------------------------
 
+def network_input(net: PspNet, rgb: np.ndarray) -> torch.Tensor:
+    """[3,H,W] at the working size."""
+    small = Image.fromarray(rgb).resize(net.working, Image.Resampling.BOX)
+    return normalise(np.asarray(small, np.float32) / 255)
+
+
 def logits(net: PspNet, rgb: np.ndarray) -> torch.Tensor:
     """[classes, h/4, w/4] at the working size."""
-    small = Image.fromarray(rgb).resize((WIDTH, HEIGHT), Image.Resampling.BOX)
-    image = normalise(np.asarray(small, np.float32) / 255)[None]
+    image = network_input(net, rgb)[None]
     with torch.no_grad():
         return net(image.to(net.classify.weight.device).contiguous(memory_format=torch.channels_last))[0].float().cpu()
 
@@ -288,11 +323,10 @@ def class_weights(data) -> tuple[np.ndarray, torch.Tensor]:
     return share, torch.from_numpy(np.clip(np.sqrt(np.median(share) / share), 0.5, 2.5).astype(np.float32))
 
 
-def train(args: argparse.Namespace, sources: list[tuple[float, list]], watched: list) -> PspNet:
+def train(args: argparse.Namespace, sources: list[tuple[float, list]], watched: dict) -> PspNet:
     device = "cuda" if torch.cuda.is_available() else "cpu"
-    net = PspNet(args.size).to(device, memory_format=torch.channels_last)
-    mean = PspNet(args.size).to(device, memory_format=torch.channels_last)  # running mean of the weights: is exported
-    mean.load_state_dict(net.state_dict())
+    net = PspNet(args.size, tuple(args.working)).to(device, memory_format=torch.channels_last)
+    mean = copy.deepcopy(net)  # running mean of the weights: is exported
     optimiser = torch.optim.AdamW(net.parameters(), lr=args.rate, weight_decay=0.02)
     first = 0
     saved = common.load_checkpoint(args.checkpoint)
@@ -304,6 +338,11 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]], watched: 
     elif args.grow:
         grow(net, torch.load(args.grow, map_location="cpu")["net"])
         mean.load_state_dict(net.state_dict())
+    elif args.start and args.start.endswith(".onnx"):
+        rng = np.random.default_rng(1)
+        seen = [d[rng.integers(len(d))][0] for _, d in sources for _ in range(8)]
+        unfold(net, args.start, [network_input(net, rgb) for rgb in seen])
+        mean.load_state_dict(net.state_dict())
     elif args.start:
         start = torch.load(args.start, map_location="cpu")
         net.load_state_dict(start["net"])
@@ -312,6 +351,7 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]], watched: 
     frequent, weight = class_weights([d for _, data in sources for d in data])
     weight = weight.to(device)
     shares = np.array([s for s, _ in sources]) / sum(s for s, _ in sources)
+    leaves = [d for _, data in sources for d in data if (d[1] >= CAMVID)[d[1] != VOID].any() and TREE in d[1]]
     started, losses = time.time(), []
     net.train()
     for step in range(first, args.steps):
@@ -319,8 +359,7 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]], watched: 
         torch.manual_seed(args.seed * 1000003 + step)
         batch = []
         for _ in range(args.batch):
-            data = sources[rng.choice(len(sources), p=shares)][1]
-            batch.append(augment(rng, *data[rng.integers(len(data))], (args.crop[0], args.crop[1]), frequent))
+            batch.append(augment(rng, sources[rng.choice(len(sources), p=shares)][1], leaves, args, frequent))
         images = torch.stack([b[0] for b in batch]).to(device).contiguous(memory_format=torch.channels_last)
         truth = torch.stack([b[1] for b in batch]).to(device)
         rate = args.rate * min(1.0, (step + 1) / args.warm, (args.steps - step) / max(1, args.decay))
@@ -346,7 +385,8 @@ def train(args: argparse.Namespace, sources: list[tuple[float, list]], watched: 
                                    optimiser=optimiser.state_dict(), step=step + 1)
         if args.watch and (step + 1) % args.watch == 0:
             mean.eval()
-            report("watched", measure(mean, watched, np.random.default_rng(1))[0])
+            for name, data in watched.items():
+                report(f"watched {name}", measure(mean, data[::args.watch_every], np.random.default_rng(1))[0])
     return mean.to("cpu").eval()
 
 
@@ -355,13 +395,21 @@ def main() -> None:
     parser.add_argument("--scenes", help="folder of light fields NAME-SEED written by `sst scene`")
     parser.add_argument("--camvid", help="folder with train, trainannot, val, valannot")
     parser.add_argument("--checkpoint", required=True, help="written during training; training resumes from it")
-    parser.add_argument("--start", help="checkpoint of an earlier stage whose weights this one starts from")
+    parser.add_argument("--leave-out", action="append", default=[], metavar="DRIVE", help="drive of CamVid (0001TP, "
+                        "0006R0, 0016E5) that is not trained on and is judged instead; repeatable")
+    parser.add_argument("--start", help="checkpoint of an earlier stage, or ONNX file, whose weights this one starts from")
     parser.add_argument("--grow", help="checkpoint of a smaller network that this one grows from")
     parser.add_argument("--out", help="ONNX file to write at the end")
     parser.add_argument("--size", choices=SIZES, default="small")
     parser.add_argument("--steps", type=int, default=2500)
     parser.add_argument("--batch", type=int, default=6)
     parser.add_argument("--crop", type=int, nargs=2, default=(320, 240), metavar=("W", "H"))
+    parser.add_argument("--working", type=int, nargs=2, default=(480, 360), metavar=("W", "H"),
+                        help="nominal size of the pictures for the network")
+    parser.add_argument("--zoom", type=float, nargs=2, default=(-0.74, 0.68), metavar=("LOW", "HIGH"),
+                        help="log2 of the scale of the crops")
+    parser.add_argument("--augment", nargs="*", choices=("plain", "paste", "foliage", "style", "light", "sensor"),
+                        default=["plain"], help="how training pictures are altered (%(default)s)")
     parser.add_argument("--rate", type=float, default=3e-3, help="step rate between warm-up and decay")
     parser.add_argument("--warm", type=int, default=100, help="steps over which the rate rises from 0")
     parser.add_argument("--decay", type=int, default=0, help="last steps, over which the rate falls to 0")
@@ -369,7 +417,9 @@ def main() -> None:
     parser.add_argument("--bfloat16", action="store_true", help="convolutions in bfloat16: twice as fast where the "
                         "CPU or GPU has it")
     parser.add_argument("--scene-share", type=float, default=0.35, help="share of scenes in a batch")
-    parser.add_argument("--watch", type=int, default=0, help="print the error on CamVid val every N steps")
+    parser.add_argument("--watch", type=int, default=0, help="print the error on CamVid's held-out pictures every "
+                        "N steps")
+    parser.add_argument("--watch-every", type=int, default=1, help="of one such picture in so many")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--views", type=int, default=4, help="views used of each light field")
@@ -380,10 +430,16 @@ def main() -> None:
         sources.append((args.scene_share, scenes(args.scenes, common.TRAIN_SEEDS, args.views)))
         held["scenes"] = scenes(args.scenes, common.HELD_SEEDS, 2)
     if args.camvid:
-        sources.append((1 - args.scene_share, camvid(args.camvid, "train")))
-        held["camvid val"] = camvid(args.camvid, "val")
+        sources.append((1 - args.scene_share, camvid(args.camvid, "train", args.leave_out, False)))
+        held["camvid val"] = camvid(args.camvid, "val", args.leave_out, False)
+        for drive in args.leave_out:
+            held[f"left out: {drive}"] = [d for part in ("train", "val") for d in camvid(args.camvid, part, [drive], True)]
+    empty = [name for name, data in held.items() if not data and name != "camvid val"]
+    if empty:
+        raise SystemExit(f"no pictures: {', '.join(empty)}")
+    held = {name: data for name, data in held.items() if data}
     print({"train": [len(d) for _, d in sources], "held out": {k: len(d) for k, d in held.items()}}, flush=True)
-    net = train(args, sources, held.get("camvid val", []))
+    net = train(args, sources, {k: d for k, d in held.items() if k != "scenes"})
     rows, truths = [], []
     for name, data in held.items():
         total, row, truth = measure(net, data, np.random.default_rng(1))
@@ -397,8 +453,8 @@ def main() -> None:
         print(f"temperature {temperature:.3f}, epsilon_h {limit:.3f}: accuracy {accuracy:.3f}, coverage {coverage:.3f}")
         export(net, args.out, {
             "sst.kind": "segmentation", "sst.classes": ",".join(CLASSES), "sst.ground": GROUND,
-            "sst.mean": ",".join(map(str, MEAN)), "sst.std": ",".join(map(str, STD)), "sst.size": f"{WIDTH}x{HEIGHT}",
-            "sst.epsilon_h": f"{limit:.4f}", "sst.temperature": f"{temperature:.4f}", "sst.output": "logits"})
+            "sst.mean": ",".join(map(str, MEAN)), "sst.std": ",".join(map(str, STD)),
+            "sst.size": "x".join(map(str, args.working)), "sst.epsilon_h": f"{limit:.4f}", "sst.temperature": f"{temperature:.4f}", "sst.output": "logits"})
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ import labels_report
 import labels_scenes
 from bench import say
 
-PARTS = ("quality", "calibration", "times", "layouts", "refinement", "sheets")
+PARTS = ("quality", "drives", "changes", "calibration", "times", "layouts", "refinement", "sheets")
 CHUNK = 8  # images whose probabilities lie on the disk at a time
 
 
@@ -141,10 +141,25 @@ def times(images, models, rounds):
              "most": max(v)} for (m, t, k), v in taken.items()]
 
 
+def drives(known):
+    """Quality of the networks of --left-out, each on the drive that it has not seen; those measured before are kept."""
+    found = {(d["drive"], d["network"]): d for d in known}
+    for drive, _, model in (text.partition("=") for text in ARGS.left_out):
+        pairs = (labels_scenes.camvid(ARGS.camvid, "train", drive) + labels_scenes.camvid(ARGS.camvid, "val", drive))
+        if not drive or not pairs or not os.path.exists(model):
+            sys.exit(f"bench: --left-out {drive}={model}: no picture of that drive, or no such file")
+        name = os.path.basename(model)
+        found[drive, name] = {"drive": drive, "network": name, "images": len(pairs),
+                              "quality": quality(pairs[::ARGS.every], os.path.abspath(model))}
+    return list(found.values())
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", default="build", help="folder with the built programs (build)")
     parser.add_argument("--camvid", default="../shared/data/camvid", help="folder with val, valannot (%(default)s)")
+    parser.add_argument("--left-out", action="append", default=[], metavar="DRIVE=ONNX", help="also measure on this drive of "
+                        "CamVid a network that was trained without it (models/train_pspnet.py --leave-out DRIVE)")
     parser.add_argument("--models", default="models", help="folder with the networks (%(default)s)")
     parser.add_argument("--every", type=int, default=1, help="one image in so many, for a first look; docs/ stays as it is")
     parser.add_argument("--part", action="append", choices=PARTS,
@@ -178,6 +193,10 @@ def main():
             labels_scenes.sheet(sets["scenes"][:7], ARGS.out, segment, models[0], f"{ARGS.out}/labels-scenes.jpg")
             if ARGS.every == 1:
                 shutil.copy(f"{ARGS.out}/labels-scenes.jpg", "docs/pictures")
+        elif part == "drives":
+            result[part] = drives(result.get(part, []))
+        elif part == "changes":
+            result[part] = labels_scenes.changes(ARGS, quality, sets["CamVid val"], models)
         elif part == "refinement":
             result[part] = labels_scenes.refinement(ARGS.sst, ARGS.out, call, shipped(models[0])[1])
         else:

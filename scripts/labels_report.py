@@ -51,6 +51,28 @@ def calibration_part(networks):
             table(["network, set", "epsilon_H", "kept %", "right of these %", "right of all %"], limits))
 
 
+def drives_part(drives):
+    """One column per network and drive; a sentence where none was measured."""
+    if not drives:
+        return ("Not measured: the networks of `models/` have seen all drives of the training and validation parts. Train one "
+                "with `models/train_pspnet.py --leave-out DRIVE` and give it to `scripts/bench_labels.py --left-out "
+                "DRIVE=ONNX`.\n")
+    classes = [c for c, v in drives[0]["quality"]["iou"].items() if v is not None]
+    rows = [["**mIoU**"] + [percent(d["quality"]["miou"]) for d in drives],
+            ["pixels right"] + [percent(d["quality"]["right"]) for d in drives]]
+    return table(["%"] + [f"{d['network'].removesuffix('.onnx')}, {d['drive']} ({d['images']})" for d in drives],
+                 rows + [[c] + [percent(d["quality"]["iou"].get(c)) for d in drives] for c in classes])
+
+
+def changes_part(changes):
+    models = list(next(iter(changes.values())))
+    weak = ("Pedestrian", "Bicyclist", "Fence", "Pole")
+    head = ["change"] + [f"{m.removesuffix('.onnx')}: {k}" for m in models for k in ("mIoU", "right") + weak]
+    return table(head, [[name] + [percent(v) for m in models for v in
+                                  (q[m]["miou"], q[m]["right"], *(q[m]["iou"][c] for c in weak))]
+                        for name, q in changes.items()])
+
+
 def axes(title, x, y, x_range, y_range, command):
     return [f'set title "{title}"', f'set xlabel "{x}"', f'set ylabel "{y}"', f"set xrange [{x_range}]",
             f"set yrange [{y_range}]", "set border 3 lc rgb '#444444'", "set tics nomirror",
@@ -135,6 +157,17 @@ those of the **second half**.
 
 *Scenes of seed 150: picture, truth, labels, labels whose entropy is below epsilon_H (black: none).*
 
+## Drives that were left out
+
+The validation part is of a drive that the networks were trained on (0016E5). What a network gives elsewhere is shown by
+one that was trained without a drive and is measured on all pictures of that drive (their number in brackets).
+
+{drives}
+## Another camera, another hour
+
+CamVid val, changed before it is given to the network; %.
+
+{changes}
 ## Time per 480x360 picture
 
 Without loading; networks and threads taking turns, median of 5 rounds.
@@ -175,7 +208,8 @@ pixels where that is 1 to 1.5, else it is resized to the nearer of the two.
 def write(result, out, command):
     """All pages and charts. Returns their paths."""
     calibration, limits = calibration_part(result["calibration"])
-    text = TEXT.format(quality=quality_part(result["quality"]), times=times_part(result["times"]), calibration=calibration,
+    text = TEXT.format(quality=quality_part(result["quality"]), times=times_part(result["times"]),
+                       drives=drives_part(result["drives"]), changes=changes_part(result["changes"]), calibration=calibration,
                        limits=limits, refinement=refinement_part(result["refinement"]),
                        layouts=layouts_part(result["layouts"]))
     model, sets = next(iter(result["calibration"].items()))

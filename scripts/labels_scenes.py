@@ -6,7 +6,7 @@ import shutil
 import subprocess
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageFilter
 
 NAMES = ("bush", "pedestrian", "transportation", "cell", "humvee", "cd-cases", "cat")
 TRUTH_VOID = 11  # CamVid's
@@ -24,15 +24,15 @@ def classes_of(sst, model):
                                      stdout=subprocess.PIPE).stdout)["classes"]
 
 
-def camvid(folder):
-    """[(picture, function that reads its true labels)] of the validation part; void becomes 0."""
+def camvid(folder, part="val", drive=""):
+    """[(picture, function that reads its true labels)] of a part, or of one drive of it; void becomes 0."""
     def reader(path):
         def read():
             labels = read_labels(path)
             return np.where(labels >= TRUTH_VOID, 0, labels + 1).astype(np.uint8)
         return read
-    return [(p, reader(os.path.join(folder, "valannot", os.path.basename(p)[:-4] + ".png")))
-            for p in sorted(glob.glob(os.path.join(folder, "val", "*.jpg")))]
+    return [(p, reader(os.path.join(folder, part + "annot", os.path.basename(p)[:-4] + ".png")))
+            for p in sorted(glob.glob(os.path.join(folder, part, f"{drive}*.jpg")))]
 
 
 def scenes(sst, out, size, seeds):
@@ -61,6 +61,36 @@ def cropped(pairs, folder, width, height, size=None):
         (picture.resize(size, Image.Resampling.BOX) if size else picture).save(path)
         made.append((path, lambda t=truth, x=x, y=y: t()[y:y + height, x:x + width]))
     return made
+
+
+def changed_pictures():
+    """{name: function of a picture in 0..1} of what other cameras, hours and weather do to pictures."""
+    noise = np.random.default_rng(1)
+
+    def through(filtered):
+        return lambda x: np.asarray(filtered(Image.fromarray((x * 255).astype(np.uint8))), np.float32) / 255
+
+    return {"none": lambda x: x, "exposure halved": lambda x: x / 2, "exposure doubled": lambda x: x * 2,
+            "gamma 0.6": lambda x: x ** 0.6, "gamma 1.7": lambda x: x ** 1.7,
+            "warm: red 1.2, blue 0.8": lambda x: x * [1.2, 1, 0.8], "cold: red 0.8, blue 1.2": lambda x: x * [0.8, 1, 1.2],
+            "grey": lambda x: np.repeat(x.mean(2, keepdims=True), 3, 2), "haze, 40 %": lambda x: 0.6 * x + 0.4 * 0.75,
+            "noise, 10 of 255": lambda x: x + noise.normal(0, 10 / 255, x.shape),
+            "blur, 1.5 px": through(lambda p: p.filter(ImageFilter.GaussianBlur(1.5)))}
+
+
+def changes(args, quality, pairs, models):
+    """Quality on pictures as another camera at another time would have given them."""
+    result, folder = {}, f"{args.out}/labels-changed"
+    os.makedirs(folder, exist_ok=True)
+    for name, change in changed_pictures().items():
+        made = []
+        for i, (image, truth) in enumerate(pairs):
+            x = np.clip(change(np.asarray(Image.open(image).convert("RGB"), np.float32) / 255), 0, 1)
+            Image.fromarray((x * 255 + 0.5).astype(np.uint8)).save(f"{folder}/{i}.png")
+            made.append((f"{folder}/{i}.png", truth))
+        result[name] = {os.path.basename(m): quality(made, m) for m in models}
+    shutil.rmtree(folder)
+    return result
 
 
 def starts(total, length, unit, overlap):

@@ -8,6 +8,7 @@
 
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/process/process.h"
+#include "pipeline/method/process/process_internal.h"
 #include "simulators/scene/scene.h"
 #include "tests/onnx_writer.h"
 #include "tests/test.h"
@@ -267,12 +268,63 @@ static void labels_of_key_views_are_carried(void **state SST_UNUSED)
     sst_lightfield_fini(&again);
 }
 
+/* One row of three views of a wall of disparity 2: (x, y) of the middle view is (x + 2, y) of the left one. */
+static void wall(struct sst_lightfield *lf)
+{
+    assert_int_equal(sst_lightfield_init(lf, 1, SIDE), 0);
+    lf->width = WIDTH;
+    lf->height = 1;
+    lf->disp_min_px = 2;
+    for (int k = 0; k < SIDE; k++) {
+        struct sst_view *v = &lf->views[k];
+
+        v->present = true;
+        v->bx = k - 1;
+        assert_int_equal(sst_image_init(&v->image, WIDTH, 1), 0);
+        assert_int_equal(sst_map_u8_init(&v->label, WIDTH, 1), 0);
+        assert_int_equal(sst_map_u16_init(&v->disp, WIDTH, 1), 0);
+        for (int c = 0; c < 3; c++)
+            memset(sst_image_row(&v->image, c, 0), 100, WIDTH);
+        memset(sst_map_u8_row(&v->label, 0), 1, WIDTH);
+        memset(sst_map_u16_row(&v->disp, 0), 0, 2 * WIDTH);
+    }
+}
+
+static void most_views_decide_on_a_label(void **state SST_UNUSED)
+{
+    static const bool skip[SIDE] = { true, false, false };
+    struct sst_lightfield lf;
+    uint8_t *label[SIDE];
+
+    wall(&lf);
+    for (int k = 0; k < SIDE; k++)
+        label[k] = sst_map_u8_row(&lf.views[k].label, 0);
+    label[1][20] = 2; /* alone */
+    label[1][25] = 0; /* none here */
+    label[1][30] = label[0][32] = 3; /* two of three */
+    label[0][42] = label[2][38] = 4; /* both others, on the same surface as 40 ... */
+    label[0][52] = label[2][48] = 4; /* ... on another colour than 50 ... */
+    label[0][62] = label[2][58] = 4; /* ... at another distance than 60 */
+    sst_image_row(&lf.views[0].image, 1, 0)[52] = sst_image_row(&lf.views[2].image, 1, 0)[48] = 125;
+    sst_map_u16_row(&lf.views[0].disp, 0)[62] = sst_map_u16_row(&lf.views[2].disp, 0)[58] = 65;
+    assert_int_equal(process_vote_labels(&lf, NULL, 2), 0);
+    for (int x = 0; x < WIDTH; x++)
+        assert_int_equal(sst_map_u8_row(&lf.views[1].label, 0)[x], x == 30 ? 3 : x == 40 ? 4 : 1);
+    assert_int_equal(sst_map_u8_row(&lf.views[2].label, 0)[28], 3);
+    sst_map_u8_row(&lf.views[1].label, 0)[20] = 5;
+    assert_int_equal(process_vote_labels(&lf, skip, 1), 0);
+    assert_int_equal(sst_map_u8_row(&lf.views[1].label, 0)[20], 5); /* one against one: the own label stays */
+    assert_int_equal(sst_map_u8_row(&lf.views[0].label, 0)[32], 3); /* skipped */
+    sst_lightfield_fini(&lf);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(labels_without_extras_are_the_same),
         cmocka_unit_test(labels_are_carried_by_good_maps_only),
         cmocka_unit_test(labels_of_key_views_are_carried),
+        cmocka_unit_test(most_views_decide_on_a_label),
         cmocka_unit_test(external_maps_are_kept),
         cmocka_unit_test(a_cancelled_run_stops),
     };

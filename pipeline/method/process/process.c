@@ -350,6 +350,8 @@ static int refine_views(struct run *run)
     run->report->coverage_hcsm = coverage(run);
     if (run->cfg->refine)
         err = sst_refine_labels(run->lf, &cfg, NULL);
+    if (run->cfg->refine && run->cfg->model) /* external labels stay as they are */
+        err = err ? err : log_oom(process_vote_labels(run->lf, run->carried, cfg.threads));
     if (run->cfg->refine && run->carried) {
         err = err ? err : log_oom(process_carry_labels(run->lf, run->carried, NULL, cfg.threads));
         err = err ? err : process_fill_labels(run->lf, run->carried, cfg.threads);

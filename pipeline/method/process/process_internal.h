@@ -1,4 +1,4 @@
-/* pipeline/method/process/process_internal.h - labels carried from key views to the others. */
+/* pipeline/method/process/process_internal.h - labels carried from key views to the others, and voted on. */
 #ifndef SST_PIPELINE_METHOD_PROCESS_PROCESS_INTERNAL_H
 #define SST_PIPELINE_METHOD_PROCESS_PROCESS_INTERNAL_H
 
@@ -27,5 +27,15 @@ SST_MUST_CHECK int process_carry_error(const struct sst_lightfield *lf, const bo
 
 /** Share of a view's pixels whose surfaces its sources among the key views show: what could be carried to it. */
 double process_carry_shown(const struct sst_lightfield *lf, const bool *carried, int view);
+
+/**
+ * Let the views vote about the label of every surface: each pixel gets the label that most of its own view and the nearest
+ * four others see there (disparity within a pixel, colours alike). Its own counts where as many see it as another; one
+ * without a label gets that of the others.
+ *
+ * @param skip  [views] these neither vote nor change; NULL: none
+ * @return 0, -ENOMEM; then nothing has changed. The same bytes for any number of threads.
+ */
+SST_MUST_CHECK int process_vote_labels(struct sst_lightfield *lf, const bool *skip, int threads);
 
 #endif

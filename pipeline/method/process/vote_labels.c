@@ -1,0 +1,142 @@
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/thread.h"
+#include "pipeline/lightfield/shift.h"
+#include "pipeline/method/process/process_internal.h"
+
+#define SOURCES    4       /* nearest views that vote beside the view itself */
+#define SAME_Q6    64      /* 1/64 px: disparities of one surface differ by at most this */
+#define SIMILAR    24      /* levels: views vote where their colours differ by at most this in every channel */
+#define REACH_MOST 32768.0 /* px; views that are farther away do not vote */
+
+struct vote {
+    const struct sst_lightfield *lf;
+    const bool *skip;       /* or NULL */
+    struct sst_map_u8 *out; /* [views] */
+};
+
+struct voter {
+    const struct sst_view *view;
+    struct sst_shift across, down; /* from the view's pixels to the voter's */
+};
+
+static bool votes(const struct vote *v, int view)
+{
+    const struct sst_view *at = &v->lf->views[view];
+
+    return at->present && at->label.data && at->disp.data && !(v->skip && v->skip[view]);
+}
+
+/* The nearest voters, the nearest first. @return their number */
+static int voters_of(const struct vote *v, int view, struct voter voter[SOURCES])
+{
+    const struct sst_lightfield *lf = v->lf;
+    const struct sst_view *own = &lf->views[view];
+    double distance[SOURCES];
+    int n = 0;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const struct sst_view *other = &lf->views[k];
+        const double far = hypot(other->bx - own->bx, other->by - own->by);
+        int at;
+
+        if (k == view || !votes(v, k) || (n == SOURCES && far >= distance[n - 1]) ||
+            far * (fabs(lf->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE) > REACH_MOST)
+            continue;
+        n += n < SOURCES;
+        for (at = n - 1; at > 0 && distance[at - 1] > far; at--) {
+            distance[at] = distance[at - 1];
+            voter[at] = voter[at - 1];
+        }
+        distance[at] = far;
+        voter[at] = (struct voter){ other, sst_shift_by(own->bx - other->bx, lf->disp_min_px),
+                                    sst_shift_by(own->by - other->by, lf->disp_min_px) };
+    }
+    return n;
+}
+
+/* What a voter sees on the surface of pixel (x, y): a label, or SST_LABEL_NONE if it does not see that. */
+static uint8_t vote_of(const struct voter *voter, const struct sst_view *own, int x, int y, int d)
+{
+    const struct sst_view *there = voter->view;
+    const int xs = sst_shifted(x, voter->across, d), ys = sst_shifted(y, voter->down, d);
+
+    if ((unsigned)xs >= (unsigned)own->image.width || (unsigned)ys >= (unsigned)own->image.height ||
+        abs(sst_map_u16_row(&there->disp, ys)[xs] - d) > SAME_Q6)
+        return SST_LABEL_NONE;
+    for (int c = 0; c < 3; c++) {
+        if (abs(sst_image_row(&own->image, c, y)[x] - sst_image_row(&there->image, c, ys)[xs]) > SIMILAR)
+            return SST_LABEL_NONE;
+    }
+    return sst_map_u8_row(&there->label, ys)[xs];
+}
+
+/* The label with most votes; the own one where it has as many as another, then that of the nearer voter. */
+static uint8_t elect(const struct voter *voter, int n, const struct sst_view *own, int x, int y, int d)
+{
+    uint8_t label[SOURCES + 1] = { sst_map_u8_row(&own->label, y)[x] };
+    int count[SOURCES + 1] = { label[0] != SST_LABEL_NONE }, labels = 1, best = 0;
+
+    for (int i = 0; i < n; i++) {
+        const uint8_t l = vote_of(&voter[i], own, x, y, d);
+        int k = 0;
+
+        if (l == SST_LABEL_NONE)
+            continue;
+        while (k < labels && label[k] != l)
+            k++;
+        if (k == labels) {
+            label[labels] = l;
+            count[labels++] = 0;
+        }
+        count[k]++;
+        if (k == 0 && 2 * count[0] > n + 1) /* the others cannot win any more */
+            return label[0];
+    }
+    for (int k = 1; k < labels; k++)
+        best = count[k] > count[best] ? k : best;
+    return label[best];
+}
+
+static int vote_job(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct vote *v = arg;
+    const struct sst_view *own = &v->lf->views[view];
+    struct voter voter[SOURCES];
+    int n, err;
+
+    if (!votes(v, view))
+        return 0;
+    n = voters_of(v, view, voter);
+    err = sst_map_u8_init(&v->out[view], own->label.width, own->label.height);
+    for (int y = 0; !err && y < own->label.height; y++) {
+        const uint16_t *d = sst_map_u16_row(&own->disp, y);
+        const uint8_t *valid = own->valid.data ? sst_map_u8_row(&own->valid, y) : NULL;
+        const uint8_t *from = sst_map_u8_row(&own->label, y);
+        uint8_t *to = sst_map_u8_row(&v->out[view], y);
+
+        for (int x = 0; x < own->label.width; x++)
+            to[x] = d[x] == SST_DISP_NONE || (valid && !valid[x]) ? from[x] : elect(voter, n, own, x, y, d[x]);
+    }
+    return err;
+}
+
+int process_vote_labels(struct sst_lightfield *lf, const bool *skip, int threads)
+{
+    const int views = lf->rows * lf->cols;
+    struct vote v = { lf, skip, calloc((size_t)views, sizeof(*v.out)) };
+    int err = v.out ? sst_parallel_for(views, threads, vote_job, &v) : -ENOMEM;
+
+    for (int k = 0; v.out && k < views; k++) {
+        if (!err && v.out[k].data) {
+            sst_map_u8_fini(&lf->views[k].label);
+            lf->views[k].label = v.out[k];
+        } else {
+            sst_map_u8_fini(&v.out[k]);
+        }
+    }
+    free(v.out);
+    return err;
+}
