@@ -25,6 +25,7 @@ have = $(shell $(PKG_CONFIG) --exists $(1) 2>/dev/null && echo 1 || echo 0)
 WITH_OPENCV ?= $(call have,opencv4)
 WITH_AVFORMAT ?= $(call have,libavformat libavcodec libavutil libswscale)
 WITH_DNNL ?= $(shell echo '$(hash)include <dnnl.h>' | $(CC) -E - >/dev/null 2>&1 && echo 1 || echo 0)
+WITH_DEFLATE ?= $(call have,libdeflate)
 WITH_UDEV ?= $(call have,libudev)
 WITH_USB ?= $(call have,libusb-1.0)
 WITH_MODBUS ?= $(call have,libmodbus)
@@ -45,7 +46,7 @@ endif
 WITH_GPIOD ?= $(shell $(PKG_CONFIG) --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { $(PKG_CONFIG) --exists libgpiod 2>/dev/null && echo 1 || echo 0; })
 
 PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
-            $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
+            $(if $(filter 1,$(WITH_DEFLATE)),libdeflate) $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
             $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1,$(WITH_HTTPD)),libmicrohttpd gnutls) \
             $(if $(filter 1,$(WITH_SYSTEMD)),libsystemd) $(if $(filter 1,$(WITH_CURL)),libcurl) \
             $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod)
@@ -80,7 +81,7 @@ $(error $(CFLAGS) $(CXXFLAGS) $(OPT): -ffast-math and its parts change results; 
 endif
 DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMAT=$(WITH_AVFORMAT) \
         -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
-        -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_HTTPD=$(WITH_HTTPD) \
+        -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_DEFLATE=$(WITH_DEFLATE) -DWITH_HTTPD=$(WITH_HTTPD) \
         -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) \
         -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)

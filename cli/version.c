@@ -11,10 +11,10 @@ static const struct {
     const char *name;
     int built;
 } parts[] = {
-    { "onednn", WITH_DNNL },        { "opencv", WITH_OPENCV },    { "libavformat", WITH_AVFORMAT },
-    { "libudev", WITH_UDEV },       { "libusb", WITH_USB },       { "libmodbus", WITH_MODBUS },
-    { "libgpiod", WITH_GPIOD > 0 }, { "libdogleg", WITH_DOGLEG }, { "libcurl", WITH_CURL },
-    { "vulkan", WITH_VULKAN },
+    { "onednn", WITH_DNNL },        { "opencv", WITH_OPENCV },      { "libavformat", WITH_AVFORMAT },
+    { "libudev", WITH_UDEV },       { "libusb", WITH_USB },         { "libmodbus", WITH_MODBUS },
+    { "libgpiod", WITH_GPIOD > 0 }, { "libdogleg", WITH_DOGLEG },   { "libcurl", WITH_CURL },
+    { "vulkan", WITH_VULKAN },      { "libdeflate", WITH_DEFLATE },
 };
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };
@@ -25,9 +25,8 @@ static json_t *devices_json(const struct sst_gpu_info *info, int n)
 
     for (int i = 0; i < n; i++)
         json_array_append_new(devices, json_pack("{s:o, s:o, s:s, s:I}", "name", cli_text_json(info[i].name), "driver",
-                                                 cli_text_json(info[i].driver), "kind",
-                                                 sst_gpu_kind_name(info[i].kind), "memory_bytes",
-                                                 (json_int_t)info[i].memory_bytes));
+                                                 cli_text_json(info[i].driver), "kind", sst_gpu_kind_name(info[i].kind),
+                                                 "memory_bytes", (json_int_t)info[i].memory_bytes));
     return devices;
 }
 

@@ -73,7 +73,8 @@ def main():
             print(f"skipped: {args.baseline} has no baseline of {name}; make bench-check-update measures one")
             return
         for stage, ratio in now.items():
-            print(f"{stage}: {ratio / baselines[name].get(stage, math.nan):.2f} of the baseline")
+            known = stage in baselines[name]
+            print(f"{stage}: " + (f"{ratio / baselines[name][stage]:.2f} of the baseline" if known else "no baseline"))
         found = slower(now, baselines[name])
         if found:
             print(f"measured again: {', '.join(found)}")

@@ -1,26 +1,25 @@
 /* PNG through libpng, from and to memory. */
 #include <errno.h>
 #include <png.h>
-#include <zlib.h>
 #include <setjmp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <zlib.h>
 
 #include "base/file.h"
 #include "base/log.h"
 #include "base/mem.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/codec_formats.h"
+#include "pipeline/image/png_plain.h"
 
-/* Deflate expands a byte to at most 1032; a file that claims more is truncated, and no memory is allocated for it. */
-#define MAX_DEFLATE_RATIO 1040
-#define MESSAGE_BYTES     128
+#define MESSAGE_BYTES 128
 
 enum sample {
-    SAMPLE_RGB = 0, /* any format, converted to 8-bit RGB */
-    SAMPLE_U8 = 1,  /* the value of an 8-bit grey or indexed file */
-    SAMPLE_U16 = 2, /* the value of a 16-bit grey file */
+    SAMPLE_RGB = PNG_PLAIN_RGB, /* any format, converted to 8-bit RGB */
+    SAMPLE_U8 = PNG_PLAIN_U8,   /* the value of an 8-bit grey or indexed file */
+    SAMPLE_U16 = PNG_PLAIN_U16, /* the value of a 16-bit grey file */
 };
 
 /* Everything that must survive a longjmp out of libpng lives here, not in locals. */
@@ -90,7 +89,7 @@ static int check_size(const struct reader *r, int *width, int *height)
 
     if (w > SST_IMAGE_MAX_SIDE || h > SST_IMAGE_MAX_SIDE || (size_t)w * h > SST_IMAGE_MAX_PIXELS)
         return sst_image_size_error(-EINVAL, r->name, w, h);
-    if (png_get_rowbytes(r->png, r->info) * h / MAX_DEFLATE_RATIO > r->size) {
+    if (png_get_rowbytes(r->png, r->info) * h / PNG_PLAIN_MOST_RATIO > r->size) {
         sst_log_error("%s is a truncated PNG image (%zu bytes for %ux%u pixels); write it again", r->name, r->size,
                       (unsigned)w, (unsigned)h);
         return -EBADMSG;
@@ -192,12 +191,44 @@ static int decode_open(struct reader *r, enum sample sample, void *out)
     return 0;
 }
 
+static void deliver_row(const struct png_plain *p, int y, void *out)
+{
+    const uint8_t *row = p->rows + (size_t)y * (p->step * (size_t)p->width + 1) + 1;
+
+    if (p->kind == PNG_PLAIN_RGB)
+        sst_rgb_unpack_row(out, y, row);
+    else if (p->kind == PNG_PLAIN_U8)
+        memcpy(sst_map_u8_row(out, y), row, (size_t)p->width);
+    for (int x = 0; p->kind == PNG_PLAIN_U16 && x < p->width; x++)
+        sst_map_u16_row(out, y)[x] = (uint16_t)(row[2 * x] << 8 | row[2 * x + 1]);
+}
+
+/* The same for the common kinds of files. @return false: libpng's turn */
+static bool decode_plain(const uint8_t *data, size_t size, enum sample sample, void *out)
+{
+    struct png_plain p;
+    bool good;
+
+    if (!png_plain_read(&p, data, size, (enum png_plain_kind)sample))
+        return false;
+    good = !(sample == SAMPLE_RGB  ? sst_image_init(out, p.width, p.height)
+             : sample == SAMPLE_U8 ? sst_map_u8_init(out, p.width, p.height)
+                                   : sst_map_u16_init(out, p.width, p.height));
+    for (int y = 0; good && y < p.height; y++)
+        deliver_row(&p, y, out);
+    png_plain_fini(&p);
+    return good;
+}
+
 /* out: a zeroed sst_image, sst_map_u8 or sst_map_u16, selected by sample; the caller frees it on failure. */
 static int decode(const uint8_t *data, size_t size, const char *name, enum sample sample, void *out)
 {
     struct reader r;
-    int err = reader_open(&r, data, size, name);
+    int err;
 
+    if (decode_plain(data, size, sample, out))
+        return 0;
+    err = reader_open(&r, data, size, name);
     err = err ? sst_image_size_error(err, name, 0, 0) : decode_open(&r, sample, out);
     reader_close(&r);
     return err;
@@ -346,8 +377,8 @@ static void write_rows(struct writer *w, const struct picture *p)
             colors[i] = (png_color){ p->palette[i][0], p->palette[i][1], p->palette[i][2] };
         png_set_PLTE(w->png, w->info, colors, 256);
     }
-    /* Speed before size: many of these files are written. Of a map, runs of bytes alone are smaller than short matches, in
-     * two thirds of the time. Filters do not shrink a map of indices. */
+    /* Speed before size: many of these files are written. Of a map, runs of bytes alone are smaller than short matches,
+     * in two thirds of the time. Filters do not shrink a map of indices. */
     png_set_compression_level(w->png, 2);
     if (!p->image)
         png_set_compression_strategy(w->png, Z_RLE);

@@ -1,6 +1,7 @@
-/* Times stages of the pipeline beside loops that load one part of the processor, in turn: check ROUNDS [NAME ...].
- * Prints CSV, a line for each round and part: CPU milliseconds. Everything runs on one thread, on a small bush made in
- * memory, so that a change of the machine's load changes stages and loops alike (scripts/bench_check.py). */
+/* Times kernels and stages of the pipeline beside loops that load one part of the processor, in turn: check ROUNDS
+ * [NAME ...]. Prints CSV, a line for each round and part: CPU milliseconds. Everything runs on one thread, on a small
+ * bush made in memory, so that a change of the machine's load changes stages and loops alike (scripts/bench_check.py).
+ */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -8,9 +9,16 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "base/file.h"
 #include "base/log.h"
 #include "base/mem.h"
+#include "pipeline/image/classes.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/kernels/kernels.h"
+#include "pipeline/kernels/sha256.h"
 #include "pipeline/method/disparity/disparity.h"
+#include "pipeline/method/labels/labels.h"
+#include "pipeline/method/network/model_path.h"
 #include "pipeline/method/refine/refine.h"
 #include "pipeline/method/render/render.h"
 #include "simulators/scene/scene.h"
@@ -25,6 +33,8 @@ struct bench {
     struct sst_scene *scene;
     struct sst_renderer *renderer;
     struct sst_render_config render;
+    struct sst_segmenter *segmenter; /* NULL: no network */
+    char folder[32];                 /* for save and load */
     struct sst_image out;
     uint64_t *memory;
     uint32_t *scatter;
@@ -46,6 +56,14 @@ static int make_view(struct bench *b, struct sst_view *v)
     sst_map_f32_fini(&disp);
     v->present = true;
     return err;
+}
+
+static int open_network(struct bench *b)
+{
+    char path[SST_PATH_MAX];
+
+    return sst_model_find(path, "pspnet-small.onnx") ? 0
+                                                     : sst_segmenter_open(&b->segmenter, path, SST_PRECISION_AUTO, 1);
 }
 
 static int bench_init(struct bench *b)
@@ -75,11 +93,19 @@ static int bench_init(struct bench *b)
     b->render.focus_px = sst_scene_occluder_at(b->scene, 0)->focus_px;
     b->render.threads = 1;
     b->render.verify = SST_VERIFY_OFF;
+    if (!err)
+        err = open_network(b);
+    snprintf(b->folder, sizeof(b->folder), "/tmp/sst-check-XXXXXX");
+    if (!err && !mkdtemp(b->folder))
+        err = -errno;
     return err ? err : b->memory && b->scatter ? 0 : -ENOMEM;
 }
 
 static void bench_fini(struct bench *b)
 {
+    if (b->folder[0])
+        sst_path_remove_tree(b->folder);
+    sst_segmenter_close(b->segmenter);
     sst_renderer_destroy(b->renderer);
     sst_image_fini(&b->out);
     sst_lightfield_fini(&b->lf);
@@ -218,6 +244,20 @@ static int match_pair(struct bench *b)
     return match(b, "balanced", 1, 2);
 }
 
+static int match_pair_preview(struct bench *b)
+{
+    int err = 0;
+
+    for (int i = 0; !err && i < 4; i++)
+        err = match(b, "preview", 1, 2);
+    return err;
+}
+
+static int match_pair_accurate(struct bench *b)
+{
+    return match(b, "accurate", 1, 2);
+}
+
 static int match_preview(struct bench *b)
 {
     return match(b, "preview", 4, 4);
@@ -242,16 +282,164 @@ static int refine(struct bench *b)
     return sst_refine_labels(&b->lf, &cfg, NULL);
 }
 
+/* Two views through the network; 1: there is none, nothing is measured. */
+static int label(struct bench *b)
+{
+    int err = b->segmenter ? 0 : 1;
+
+    for (int k = 0; !err && k < 2; k++) {
+        struct sst_map_u8 map = { 0 };
+
+        err = sst_segment_hcsm(b->segmenter, &b->lf.views[k].image, &map);
+        sst_map_u8_fini(&map);
+    }
+    return err;
+}
+
+/* Views, disparities and labels of four views written as pictures, and read again. */
+static int path_of(const struct bench *b, char path[SST_PATH_MAX], int k, const char *kind)
+{
+    char name[32];
+
+    snprintf(name, sizeof(name), "%d-%s.png", k, kind);
+    return sst_path_join(path, b->folder, name);
+}
+
+static int save(struct bench *b)
+{
+    char path[SST_PATH_MAX];
+    int err = 0;
+
+    for (int k = 0; !err && k < 4; k++) {
+        const struct sst_view *v = &b->lf.views[k];
+
+        err = path_of(b, path, k, "view");
+        err = err ? err : sst_image_write_png(&v->image, path);
+        err = err ? err : path_of(b, path, k, "disparity");
+        err = err ? err : sst_map_u16_write_png(&v->disp, path);
+        err = err ? err : path_of(b, path, k, "label");
+        err = err ? err : sst_map_u8_write_png(&v->label, path, sst_classes_palette());
+    }
+    return err;
+}
+
+static int load(struct bench *b)
+{
+    char path[SST_PATH_MAX];
+    int err = 0;
+
+    for (int i = 0; !err && i < 16; i++) {
+        struct sst_view v = { 0 };
+
+        err = path_of(b, path, i % 4, "view");
+        err = err ? err : sst_image_read(&v.image, path);
+        err = err ? err : path_of(b, path, i % 4, "disparity");
+        err = err ? err : sst_map_u16_read_png(&v.disp, path);
+        err = err ? err : path_of(b, path, i % 4, "label");
+        err = err ? err : sst_map_u8_read_png(&v.label, path);
+        sst_image_fini(&v.image);
+        sst_map_u16_fini(&v.disp);
+        sst_map_u8_fini(&v.label);
+    }
+    return err;
+}
+
+static int hash(struct bench *b)
+{
+    char digits[SST_SHA256_HEX];
+
+    sst_sha256_hex(digits, b->memory, MEMORY_BYTES);
+    b->sink += (uint64_t)digits[0];
+    return 0;
+}
+
+static uint32_t packed_at(const struct bench *b, int k, int x, int y)
+{
+    const struct sst_view *v = &b->lf.views[k];
+    const int xv = sst_clamp_int(x, 0, WIDTH - 1), yv = sst_clamp_int(y, 0, HEIGHT - 1);
+    const uint32_t code = 1 + (uint32_t)sst_map_u16_row(&v->disp, yv)[xv] / 260;
+
+    return sst_image_row(&v->image, 0, yv)[xv] | (uint32_t)sst_image_row(&v->image, 1, yv)[xv] << 8 |
+           (uint32_t)sst_image_row(&v->image, 2, yv)[xv] << 16 | code << 24;
+}
+
+#define PACKED_STRIDE (WIDTH + 3)
+#define PACKED_PIXELS ((size_t)(HEIGHT + 3) * PACKED_STRIDE)
+#define PACKED_VIEWS  13
+
+/* A view with the margins that the kernel reads. @param t  where it is tested; NULL: the view that is */
+static void pack(const struct bench *b, int k, uint32_t *pixels, struct sst_hypothesis_test *t)
+{
+    const double bx = b->lf.views[k].bx - b->lf.views[0].bx, by = b->lf.views[k].by - b->lf.views[0].by;
+    const struct sst_packed_view packed = { pixels + PACKED_STRIDE + 1, PACKED_STRIDE };
+
+    for (int y = -1; y < HEIGHT + 1; y++) {
+        for (int x = -1; x < WIDTH + 2; x++)
+            pixels[(y + 1) * PACKED_STRIDE + x + 1] = packed_at(b, k, x, y);
+    }
+    if (!k) {
+        t->own = packed;
+        return;
+    }
+    t->view[k - 1] = packed;
+    t->x[k - 1] = (int32_t)(32768 - bx * b->lf.disp_min_px * 65536);
+    t->y[k - 1] = (int32_t)(32768 - by * b->lf.disp_min_px * 65536);
+    t->dx[k - 1] = (int32_t)(-bx * 1024);
+    t->dy[k - 1] = (int32_t)(-by * 1024);
+}
+
+/* The costs of four hypotheses a pixel: the true disparity and three in front of it. */
+static int hypotheses(struct bench *b)
+{
+    static uint8_t code[65536], count[WIDTH];
+    static uint16_t cost[WIDTH * SST_HYPOTHESES], at[WIDTH * SST_HYPOTHESES];
+    struct sst_hypothesis_test t = {
+        .views = PACKED_VIEWS - 1, .width = WIDTH, .height = HEIGHT, .tolerance = 64, .similar = 12, .code = code
+    };
+    uint32_t *pixels = sst_mem_alloc(PACKED_VIEWS * PACKED_PIXELS, sizeof(*pixels));
+
+    if (!pixels)
+        return -ENOMEM;
+    for (int d = 0; d < 65536; d++)
+        code[d] = (uint8_t)(1 + d / 260);
+    for (int k = 0; k < PACKED_VIEWS; k++)
+        pack(b, k, pixels + (size_t)k * PACKED_PIXELS, &t);
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++) {
+            count[x] = 4;
+            for (int i = 0; i < 4; i++)
+                at[x * SST_HYPOTHESES + i] = (uint16_t)(sst_map_u16_row(&b->lf.views[0].disp, y)[x] + 96 * i);
+        }
+        sst_kernels_get()->hypothesis_cost_row(cost, at, count, &t, 0, y, WIDTH);
+        b->sink += cost[0];
+    }
+    sst_mem_free(pixels);
+    return 0;
+}
+
 static const struct {
     const char *name;
     int (*run)(struct bench *b);
 } parts[] = {
-    { "loop memory", loop_memory },         { "loop vector", loop_vector },
-    { "loop scalar", loop_scalar },         { "loop scatter", loop_scatter },
-    { "render refocus", render_refocus },   { "render see-through", render_see_through },
-    { "render verified", render_verified }, { "render clear", render_clear },
-    { "match pair", match_pair },           { "match preview", match_preview },
-    { "match balanced", match_balanced },   { "refine labels", refine },
+    { "loop memory", loop_memory },
+    { "loop vector", loop_vector },
+    { "loop scalar", loop_scalar },
+    { "loop scatter", loop_scatter },
+    { "render refocus", render_refocus },
+    { "render see-through", render_see_through },
+    { "render verified", render_verified },
+    { "render clear", render_clear },
+    { "match pair", match_pair },
+    { "match preview", match_preview },
+    { "match balanced", match_balanced },
+    { "refine labels", refine },
+    { "match pair preview", match_pair_preview },
+    { "match pair accurate", match_pair_accurate },
+    { "hypothesis costs", hypotheses },
+    { "label", label },
+    { "save", save },
+    { "load", load },
+    { "hash", hash },
 };
 
 static bool wanted(const char *name, char *const *names, int count)
@@ -270,7 +458,7 @@ static int measure(struct bench *b, size_t part, int round)
 
     if (!err && round)
         printf("%s,%d,%.4f\n", parts[part].name, round, (double)(sst_clock_cpu_ns() - start_ns) * 1e-6);
-    return err;
+    return sst_min_int(err, 0);
 }
 
 int main(int argc, char **argv)
@@ -284,6 +472,7 @@ int main(int argc, char **argv)
         return 2;
     }
     err = bench_init(&b);
+    err = err ? err : save(&b); /* for load alone */
     printf("part,round,cpu_ms\n");
     for (int round = 0; !err && round <= rounds; round++) { /* the first one warms up */
         for (size_t i = 0; !err && i < ARRAY_LEN(parts); i++) {

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include <jpeglib.h>
+#include <zlib.h>
 
 #include "base/file.h"
 #include "base/log.h"
@@ -231,6 +232,94 @@ static void put_be32(uint8_t *out, uint32_t v)
 {
     for (int i = 0; i < 4; i++)
         out[i] = (uint8_t)(v >> (24 - 8 * i));
+}
+
+static size_t put_chunk(uint8_t *at, const char *type, const uint8_t *data, size_t n)
+{
+    put_be32(at, (uint32_t)n);
+    memcpy(at + 4, type, 4);
+    memcpy(at + 8, data, n);
+    put_be32(at + 8 + n, crc32_of(at + 4, n + 4));
+    return n + 12;
+}
+
+/* A file of samples that are filtered in every way. @param clear  with a transparent colour, which libpng has to read
+ * @param split  the size of the first of two compressed chunks @return its size */
+static size_t filtered_png(uint8_t out[4096], int width, int height, uint8_t depth, uint8_t type, bool clear,
+                           size_t split)
+{
+    uint8_t header[13] = { [8] = depth, [9] = type }, raw[2000], packed[3000];
+    const size_t row = (size_t)width * (type == 2 ? 3 : depth / 8u) + 1;
+    uLongf n = sizeof(packed);
+    size_t at = 8;
+
+    memcpy(out, "\x89PNG\r\n\x1A\n", 8);
+    put_be32(header, (uint32_t)width);
+    put_be32(header + 4, (uint32_t)height);
+    for (size_t i = 0; i < row * (size_t)height; i++)
+        raw[i] = (uint8_t)(i % row ? i * i * 40503u >> 7 : i / row % 5);
+    assert_int_equal(compress(packed, &n, raw, (uLong)(row * (size_t)height)), Z_OK);
+    at += put_chunk(out + at, "IHDR", header, 13);
+    if (clear)
+        at += put_chunk(out + at, "tRNS", (const uint8_t[6]){ 0 }, type == 2 ? 6 : 2);
+    at += put_chunk(out + at, "IDAT", packed, split);
+    at += put_chunk(out + at, "IDAT", packed + split, n - split);
+    return at + put_chunk(out + at, "IEND", packed, 0);
+}
+
+/* What is read without libpng gives the samples that libpng reads. */
+static void both_readers_of_png_agree(void **state SST_UNUSED)
+{
+    static const struct {
+        uint8_t depth, type;
+    } kinds[] = { { 8, 2 }, { 8, 0 }, { 16, 0 } };
+    uint8_t file[4096];
+
+    for (size_t i = 0; i < ARRAY_LEN(kinds); i++) {
+        struct sst_image plain, full;
+        size_t n = filtered_png(file, 31, 12, kinds[i].depth, kinds[i].type, false, 10);
+
+        assert_int_equal(sst_image_decode(&plain, file, n, "plain.png"), 0);
+        if (i == 0) { /* a damaged copy is refused, whichever reads it */
+            struct sst_image bad;
+
+            file[n / 2] ^= 1;
+            assert_int_equal(sst_image_decode(&bad, file, n, "bad.png"), -EBADMSG);
+            file[n / 2] ^= 1;
+            assert_int_equal(sst_image_decode(&bad, file, n - 20, "bad.png"), -EBADMSG);
+        }
+        n = filtered_png(file, 31, 12, kinds[i].depth, kinds[i].type, true, 0);
+        assert_int_equal(sst_image_decode(&full, file, n, "full.png"), 0);
+        assert_same_image(&plain, &full, 0);
+        sst_image_fini(&plain);
+        sst_image_fini(&full);
+    }
+}
+
+/* Maps are read by their values; here through files, of which the second one is libpng's. */
+static void both_readers_of_maps_agree(void **state SST_UNUSED)
+{
+    struct sst_map_u8 a, b;
+    struct sst_map_u16 c, d;
+    uint8_t file[4096];
+
+    for (int clear = 0; clear < 2; clear++) {
+        size_t n = filtered_png(file, 31, 12, 8, 0, clear, 5);
+
+        assert_int_equal(sst_file_write(test_path("m8.png"), file, n), 0);
+        assert_int_equal(sst_map_u8_read_png(clear ? &b : &a, test_path("m8.png")), 0);
+        n = filtered_png(file, 31, 12, 16, 0, clear, 5);
+        assert_int_equal(sst_file_write(test_path("m16.png"), file, n), 0);
+        assert_int_equal(sst_map_u16_read_png(clear ? &d : &c, test_path("m16.png")), 0);
+    }
+    for (int y = 0; y < 12; y++) {
+        assert_memory_equal(sst_map_u8_row(&a, y), sst_map_u8_row(&b, y), 31);
+        assert_memory_equal(sst_map_u16_row(&c, y), sst_map_u16_row(&d, y), 62);
+    }
+    sst_map_u8_fini(&a);
+    sst_map_u8_fini(&b);
+    sst_map_u16_fini(&c);
+    sst_map_u16_fini(&d);
 }
 
 /* Sizes in a header are not trusted: rejected before memory is allocated. */
@@ -525,6 +614,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(png_gives_the_same_pixels),
+        cmocka_unit_test(both_readers_of_png_agree),
+        cmocka_unit_test(both_readers_of_maps_agree),
         cmocka_unit_test(maps_give_the_same_values),
         cmocka_unit_test(lost_levels_are_counted),
         cmocka_unit_test(jpeg_stays_close),

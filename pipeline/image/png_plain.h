@@ -1,0 +1,31 @@
+/* pipeline/image/png_plain.h - the common kinds of PNG, without libpng. */
+#ifndef SST_PIPELINE_IMAGE_PNG_PLAIN_H
+#define SST_PIPELINE_IMAGE_PNG_PLAIN_H
+
+#include <stdbool.h>
+
+#include "base/base.h"
+
+/* Deflate expands a byte to at most 1032; a file that claims more is truncated, and no memory is allocated for it. */
+#define PNG_PLAIN_MOST_RATIO 1040
+
+enum png_plain_kind { PNG_PLAIN_RGB = 0, PNG_PLAIN_U8 = 1, PNG_PLAIN_U16 = 2 };
+
+struct png_plain {
+    enum png_plain_kind kind;
+    bool indexed;
+    int width, height;
+    size_t step;   /* bytes of a pixel */
+    uint8_t *rows; /* [height][1 + step width] owned: samples as in the file, 16 bits big endian, after a byte each */
+};
+
+/**
+ * Read a whole file that is of this kind, not interlaced and without any fault.
+ * @return false: it is not, there is no memory, or this build has no libdeflate; nothing is to be freed then. Not
+ * logged
+ */
+bool png_plain_read(struct png_plain *out, const uint8_t *data, size_t size, enum png_plain_kind kind);
+
+void png_plain_fini(struct png_plain *p);
+
+#endif
