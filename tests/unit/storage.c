@@ -360,6 +360,13 @@ static void put_and_see(struct bench *b, int64_t start_ns, int i, double changed
     usleep(2000);
 }
 
+/* In memory: a busy machine loses nothing. */
+static void hold_everything(struct bench *b)
+{
+    sst_ring_destroy(b->ring);
+    assert_int_equal(sst_ring_create(&b->ring, (size_t)64 << 20), 0);
+}
+
 /* Every tenth set, between events that have every set with their pre-roll. */
 static void reduced_recordings_fill_the_time_between(void **state)
 {
@@ -380,9 +387,13 @@ static void reduced_recordings_fill_the_time_between(void **state)
     b.config->storage.postroll_s = 1;
     b.config->storage.reduced = SST_REDUCED_SETS;
     b.config->storage.reduced_every = 10;
+    hold_everything(&b);
     bench_open_storage(&b);
     bench_wait_ready(&b);
-    for (int i = 0; i < 150; i++)
+    for (int i = 0; i < 55; i++)
+        put_and_see(&b, start_ns, i, 0.01);
+    bench_wait(&b, "recording", "sets", 6); /* 0, 10 ... 50 */
+    for (int i = 55; i < 150; i++)
         put_and_see(&b, start_ns, i, i >= 60 && i < 70 ? 0.5 : 0.01);
     bench_wait_event(&b, "record-start", "reduced", 2);
     bench_wait(&b, "recording", "sets", 6);
@@ -418,6 +429,7 @@ static void reduced_recordings_skip_what_stands_still(void **state)
         bench_init(&b, SST_RECORD_OFF);
         b.config->storage.reduced = modes[m];
         b.config->storage.reduced_every = 10;
+        hold_everything(&b);
         bench_open_storage(&b);
         bench_wait_ready(&b);
         for (int i = 0; i < 800; i++) { /* 80 s; something moves from the 20th to the 25th */
@@ -437,9 +449,10 @@ static void reduced_recordings_skip_what_stands_still(void **state)
             assert_int_equal(n, 2);
             assert_int_equal(index[1], 600);
         } else {
-            assert_in_range(n, 5, 8); /* the first, five of those that moved, and a minute later another */
-            assert_in_range(index[1], 200, 220);
-            assert_true(index[n - 1] >= index[n - 2] + 600 || index[n - 1] <= 270);
+            /* The first, five of those that moved (more, if they come later than what is known of them), and none
+             * after that but one a minute. */
+            assert_in_range(n, 6, 34);
+            assert_true(index[n - 1] <= 260 || (index[n - 1] >= index[n - 2] + 600 && index[n - 2] <= 260));
         }
         bench_fini(&b);
     }
