@@ -12,7 +12,7 @@
 #include "base/mem.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/codec_formats.h"
-#include "pipeline/image/png_plain.h"
+#include "pipeline/image/image_internal.h"
 
 #define MESSAGE_BYTES 128
 

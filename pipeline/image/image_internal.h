@@ -1,6 +1,6 @@
-/* pipeline/image/png_plain.h - the common kinds of PNG, without libpng. */
-#ifndef SST_PIPELINE_IMAGE_PNG_PLAIN_H
-#define SST_PIPELINE_IMAGE_PNG_PLAIN_H
+/* pipeline/image/image_internal.h - the common kinds of PNG, without libpng. */
+#ifndef SST_PIPELINE_IMAGE_IMAGE_INTERNAL_H
+#define SST_PIPELINE_IMAGE_IMAGE_INTERNAL_H
 
 #include <stdbool.h>
 
