@@ -12,6 +12,8 @@
 /* ... and not more often than in every set of this number that changes so much: in between, objects keep the label of
  * earlier votes, the background its own, and other cells theirs while their disparity stays. */
 #define LABEL_SETS 4
+/* ... and not more often than after this time. */
+#define LABEL_NS 350000000
 /* A cell with a disparity further from that at which it was labelled shows another surface. */
 #define LABEL_Q6 96
 /* Label distributions are fitted again with every whole set and after this number of network runs. */
@@ -116,9 +118,15 @@ static bool label_due(struct sst_livescene *s, int changed)
 {
     if (!s->segmenters || !s->cfg->skip_labels || !changed || LABEL_TILES * changed < s->tiles)
         return false;
-    s->label_wait =
-        s->label_wait && s->labelled.data && !s->whole_next && s->ready ? s->label_wait - 1 : LABEL_SETS - 1;
-    return s->label_wait == LABEL_SETS - 1;
+    if (s->label_wait > 1 && s->labelled.data && !s->whole_next && s->ready) {
+        s->label_wait--;
+        return false;
+    }
+    if (s->label_wait == 1 && s->labelled.data && !s->whole_next && s->ready && s->t_ns - s->label_t_ns < LABEL_NS)
+        return false;
+    s->label_wait = LABEL_SETS;
+    s->label_t_ns = s->t_ns;
+    return true;
 }
 
 /* The network and the rectangles of all keys, longest jobs first. @return their number */
