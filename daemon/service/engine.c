@@ -256,8 +256,8 @@ static void note_locked(struct live_engine *v, const struct sst_live_report *r, 
         v->share[i] = r->zone[SST_LIVE_ZONES].label[i];
 }
 
-/** Ranges and focus, for the sliders of the page. */
-static void note_scene(struct live_engine *v)
+/** Ranges and focus, for the sliders of the page. @param changed  disparities may have */
+static void note_scene(struct live_engine *v, bool changed)
 {
     const struct sst_lightfield *lf = sst_live_lightfield(v->live);
     double min_px = NAN, max_px = NAN;
@@ -265,16 +265,19 @@ static void note_scene(struct live_engine *v)
     const double focus_px = sst_live_default_focus(v->live), cut_px = sst_live_cut(v->live);
     float share[SST_LIVE_HISTOGRAM];
     double share_min_px = NAN, share_max_px = NAN;
-    const bool counted = sst_live_histogram(v->live, &share_min_px, &share_max_px, share);
+    const bool count = changed || !v->state.counted;
+    const bool counted = count && sst_live_histogram(v->live, &share_min_px, &share_max_px, share);
 
     pthread_mutex_lock(&v->lock);
     v->state.range_min_px = known ? min_px : NAN;
     v->state.range_max_px = known ? max_px : NAN;
     v->state.focus_px = focus_px;
     v->state.cut_px = cut_px;
-    v->state.counted = counted;
-    v->state.share_min_px = share_min_px;
-    v->state.share_max_px = share_max_px;
+    if (count) {
+        v->state.counted = counted;
+        v->state.share_min_px = share_min_px;
+        v->state.share_max_px = share_max_px;
+    }
     if (counted)
         memcpy(v->state.share, share, sizeof(share));
     v->state.width = lf->width;
@@ -347,7 +350,7 @@ static int update(struct live_engine *v, const struct sst_kept *kept, uint64_t d
     v->set_t_ns = kept->set.t_ns;
     v->set_wall_ns = kept->set.wall_ns;
     v->latency_due = v->report.tiles_changed > 0;
-    note_scene(v);
+    note_scene(v, v->report.tiles_changed > 0);
     engine_tracks_follow(v);
     return 0;
 }
@@ -496,7 +499,7 @@ static int64_t step(struct live_engine *v)
     }
     /* Also where sets come faster than they are processed: what the background holds is large. */
     if (sst_live_unsettled(v->live) && sst_live_settle(v->live)) {
-        note_scene(v);
+        note_scene(v, true);
         pthread_mutex_lock(&v->lock);
         v->update++;
         pthread_mutex_unlock(&v->lock);

@@ -63,19 +63,20 @@ DEFINE_MAP(u8, uint8_t)
 DEFINE_MAP(u16, uint16_t)
 DEFINE_MAP(f32, float)
 
-void sst_image_halve_rows(struct sst_image *out, const struct sst_image *in, int y0, int y1)
+void sst_image_halve_part(struct sst_image *out, const struct sst_image *in, int x0, int y0, int x1, int y1)
 {
+    const int pairs = sst_min_int(x1, in->width / 2), last = in->width - 1;
+
     for (int c = 0; c < 3; c++) {
         for (int y = y0; y < y1; y++) {
-            const uint8_t *a = sst_image_row(in, c, 2 * y),
-                          *b = sst_image_row(in, c, sst_min_int(2 * y + 1, in->height - 1));
-            uint8_t *o = sst_image_row(out, c, y);
+            const uint8_t *restrict a = sst_image_row(in, c, 2 * y);
+            const uint8_t *restrict b = sst_image_row(in, c, sst_min_int(2 * y + 1, in->height - 1));
+            uint8_t *restrict o = sst_image_row(out, c, y);
 
-            for (int x = 0; x < out->width; x++) {
-                const int x1 = sst_min_int(2 * x + 1, in->width - 1);
-
-                o[x] = (uint8_t)((a[2 * x] + a[x1] + b[2 * x] + b[x1] + 2) >> 2);
-            }
+            for (int x = x0; x < pairs; x++)
+                o[x] = (uint8_t)((a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1] + 2) >> 2);
+            if (pairs < x1)
+                o[pairs] = (uint8_t)((2 * a[last] + 2 * b[last] + 2) >> 2);
         }
     }
 }
@@ -85,7 +86,7 @@ int sst_image_halve(struct sst_image *out, const struct sst_image *in)
     const int err = sst_image_init(out, (in->width + 1) / 2, (in->height + 1) / 2);
 
     if (!err)
-        sst_image_halve_rows(out, in, 0, out->height);
+        sst_image_halve_part(out, in, 0, 0, out->width, out->height);
     return err;
 }
 
@@ -103,13 +104,13 @@ int sst_image_shrink(struct sst_image *img, int max_width)
     return 0;
 }
 
-void sst_luma_rows(struct sst_map_u8 *luma, const struct sst_image *img, int y0, int y1)
+void sst_luma_part(struct sst_map_u8 *luma, const struct sst_image *img, int x0, int y0, int x1, int y1)
 {
     for (int y = y0; y < y1; y++) {
         const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
         uint8_t *out = sst_map_u8_row(luma, y);
 
-        for (int x = 0; x < img->width; x++)
+        for (int x = x0; x < x1; x++)
             out[x] = (uint8_t)((77 * r[x] + 150 * g[x] + 29 * b[x] + 128) >> 8);
     }
 }
@@ -119,6 +120,6 @@ int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img)
     const int err = sst_map_u8_init(luma, img->width, img->height);
 
     if (!err)
-        sst_luma_rows(luma, img, 0, img->height);
+        sst_luma_part(luma, img, 0, 0, img->width, img->height);
     return err;
 }

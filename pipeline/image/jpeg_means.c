@@ -155,10 +155,11 @@ static inline uint64_t peek(const uint8_t *bytes, size_t at)
 
 /*
  * Copy the bytes up to the next marker, behind those of the parts before.
- * @param r     in: the part before; empty: none. out: the next one
- * @param from  in: the first byte; out: the marker, or the end
+ * @param r      in: the part before; empty: none. out: the next one
+ * @param from   in: the first byte; out: the marker, or the end
+ * @param limit  bytes of all parts that are needed: soon after them it may end
  */
-static int next_part(struct sst_jpeg_means *m, const uint8_t **from, const uint8_t *end, struct reader *r)
+static int next_part(struct sst_jpeg_means *m, const uint8_t **from, const uint8_t *end, size_t limit, struct reader *r)
 {
     const uint8_t *at = *from;
     const size_t first = r->end / 8;
@@ -173,7 +174,7 @@ static int next_part(struct sst_jpeg_means *m, const uint8_t **from, const uint8
             return -ENOMEM;
         }
     }
-    while (at < end) {
+    while (at < end && n < limit) {
         const uint8_t *stop = memchr(at, 0xFF, (size_t)(end - at));
         const size_t plain = (size_t)((stop ? stop : end) - at);
 
@@ -302,7 +303,7 @@ static int restart(struct sst_jpeg_means *m, struct reader *r, const uint8_t **f
     if (end - *from < 2 || (*from)[0] != 0xFF || ((*from)[1] & 0xF8) != 0xD0)
         return -EBADMSG;
     *from += 2;
-    return next_part(m, from, end, r);
+    return next_part(m, from, end, SIZE_MAX, r);
 }
 
 /* --- frames ------------------------------------------------------------------------------------------------------- */
@@ -371,7 +372,7 @@ static int read_scan(struct sst_jpeg_means *m, struct scan *s, const uint8_t *fr
 {
     unsigned left = s->interval;
     struct reader r = { 0 };
-    int err = next_part(m, &from, end, &r);
+    int err = next_part(m, &from, end, SIZE_MAX, &r);
 
     for (int n = 0; !err && n < s->mcus_x * s->mcus_y; n++, left--) {
         if (s->index)
@@ -566,13 +567,13 @@ static int put_part(struct writer *w, const struct reader *r, const struct scan 
     return 0;
 }
 
-/* All parts of the data, up to a marker that is none of a restart. */
-static int read_parts(struct sst_jpeg_means *m, const uint8_t *from, const uint8_t *end, struct reader *r)
+/* All parts of the data, up to a marker that is none of a restart, or as far as they are needed. */
+static int read_parts(struct sst_jpeg_means *m, const uint8_t *from, const uint8_t *end, size_t limit, struct reader *r)
 {
     int err = 0;
 
     while (!err) {
-        err = next_part(m, &from, end, r);
+        err = next_part(m, &from, end, limit, r);
         while (end - from >= 2 && from[0] == 0xFF && from[1] == 0xFF)
             from++;
         if (end - from < 2 || from[0] != 0xFF || (from[1] & 0xF8) != 0xD0)
@@ -597,6 +598,7 @@ int sst_jpeg_cut(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *
 {
     const uint8_t *from = h->src->next_input_byte;
     const size_t header = (size_t)(from - frame), data = h->src->bytes_in_buffer;
+    const size_t last = index->mcu[(part->y1 - 1) * index->mcus_x + part->x1].end;
     struct scan s = { .components = h->num_components, .index = index };
     struct writer w = { 0 };
     struct reader r = { 0 };
@@ -606,7 +608,7 @@ int sst_jpeg_cut(struct sst_jpeg_means *m, const struct jpeg_decompress_struct *
         err = set_component(m, h, i, &s.c[i]);
     /* Every byte may need another one after it; words of means are up to 27 bits. */
     err = err ? err : reserve_cut(m, header + 2 * data + 24 * (size_t)index->mcus_y * (size_t)index->mcus_x + 64);
-    err = err ? err : read_parts(m, from, from + data, &r);
+    err = err ? err : read_parts(m, from, from + data, last / 8 + 1, &r);
     if (err)
         return err;
     memcpy(m->cut, frame, header);

@@ -61,6 +61,7 @@ enum sst_cpu_level {
     X(agree_mode)                                                                                                      \
     X(agree_near)                                                                                                      \
     X(agree_sum)                                                                                                       \
+    X(cell_land)                                                                                                       \
     X(enlarge_row)                                                                                                     \
     X(place_row)                                                                                                       \
     X(resample_row)                                                                                                    \
@@ -526,6 +527,23 @@ typedef void sst_agree_sum_fn(float *const acc[4], const uint16_t *const near[3]
                               const uint8_t *vote, size_t n);
 
 /* --- live maps (pipeline/live/scene/warp.c) --- */
+
+/** How cells move to another picture of them: one of disparity d by (d + zero) b / 2^23, rounded, to the left and up.
+ *  Magnitudes of zero below 2^24, of the other two below 2^23. */
+struct sst_cell_way {
+    int32_t zero_q6, bx_q16, by_q16;
+    uint32_t rank; /* bits that all cells get */
+    int width, height;
+};
+
+/**
+ * Move a row of cells. The largest of those that land on one place stays; those that leave the picture are dropped.
+ *
+ * @param landed  in and out, [height][width]
+ * @param cells   [n] the disparity in bits 8 to 23; 0: nothing is there @param x, y  of the first one
+ */
+typedef void sst_cell_land_fn(uint32_t *landed, const struct sst_cell_way *w, const uint32_t *cells, int x, int y,
+                              int n);
 
 /** Two rows of cells of 2x2 pixels: [0] the row of cells that contains the pixels, [1] the nearer adjacent row; n
  *  cells each, and one more on both sides. */

@@ -6,6 +6,7 @@
 #include "pipeline/kernels/clear_tmpl.h"
 #include "pipeline/kernels/hypothesis_cost_tmpl.h"
 #include "pipeline/kernels/hypothesis_path_tmpl.h"
+#include "pipeline/kernels/cell_land_tmpl.h"
 #include "pipeline/kernels/census_tmpl.h"
 #include "pipeline/kernels/cheapest_tmpl.h"
 #include "pipeline/kernels/class_row_tmpl.h"

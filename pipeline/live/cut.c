@@ -9,6 +9,8 @@
 
 #include "pipeline/live/live_internal.h"
 
+#define FINE_SHIFT  3 /* of stored disparities, for the histogram */
+#define FINE_BINS   (1 << (16 - FINE_SHIFT))
 #define WAIT_NS     INT64_C(1000000000)
 #define MOVED_SHARE 0.05 /* of all rays between two cuts that are not the same */
 #define CLOSE_PX    0.5  /* to both sides of a cut, where ... */
@@ -99,7 +101,7 @@ bool sst_live_histogram(const struct sst_live *live, double *min_px, double *max
 {
     const int lead = sst_render_lead_view(&live->lf);
     const struct sst_map_u16 *disp = lead < 0 ? NULL : &live->lf.views[lead].disp;
-    uint32_t count[SST_LIVE_HISTOGRAM] = { 0 }, all = 0;
+    uint32_t fine[FINE_BINS] = { 0 }, count[SST_LIVE_HISTOGRAM] = { 0 }, all = 0;
     double lo, hi, scale;
 
     if (!live->ready || !disp || !sst_live_range(live, &lo, &hi))
@@ -108,14 +110,14 @@ bool sst_live_histogram(const struct sst_live *live, double *min_px, double *max
     for (int y = 0; y < disp->height; y += 2) {
         const uint16_t *row = sst_map_u16_row(disp, y);
 
-        for (int x = 0; x < disp->width; x += 2) {
-            const double at = (sst_disp_px(&live->lf, row[x]) - lo) * scale;
+        for (int x = 0; x < disp->width; x += 2)
+            fine[row[x] >> FINE_SHIFT]++;
+    }
+    for (int i = 0; i < FINE_BINS - 1; i++) { /* the last one: unknown */
+        const double px = sst_disp_px(&live->lf, (uint16_t)((i << FINE_SHIFT) + (1 << FINE_SHIFT) / 2));
 
-            if (row[x] == SST_DISP_NONE)
-                continue;
-            count[sst_clamp_int((int)at, 0, SST_LIVE_HISTOGRAM - 1)]++;
-            all++;
-        }
+        count[sst_clamp_int((int)((px - lo) * scale), 0, SST_LIVE_HISTOGRAM - 1)] += fine[i];
+        all += fine[i];
     }
     if (!all)
         return false;

@@ -70,12 +70,18 @@ int live_ingest(struct sst_live *live, const struct sst_liveframes_changes *chan
 
 /* --- disparities and labels in the scene -------------------------------------------------------------------------- */
 
-static uint64_t count_bin(const struct sst_label_histogram *h, int bin)
+/* Counts of the labels that occur. */
+struct counts {
+    const uint64_t *of[256];
+    int labels;
+};
+
+static uint64_t count_bin(const struct counts *c, int bin)
 {
     uint64_t n = 0;
 
-    for (int label = 0; label < 256; label++)
-        n += h->count[label] ? h->count[label][bin] : 0;
+    for (int i = 0; i < c->labels; i++)
+        n += c->of[i][bin];
     return n;
 }
 
@@ -83,16 +89,21 @@ static uint64_t count_bin(const struct sst_label_histogram *h, int bin)
 static bool find_range(const struct sst_live *live, double *min_px, double *max_px)
 {
     const struct sst_label_histogram *h = &live->renderer->histogram;
+    struct counts c = { .labels = 0 };
     uint64_t total = 0, below = 0, above = 0;
     int lo = h->first_bin, hi = h->bins - 1;
 
+    for (int label = 0; label < 256; label++) {
+        if (h->count[label])
+            c.of[c.labels++] = h->count[label];
+    }
     for (int i = 0; i < h->bins; i++)
-        total += count_bin(h, i);
+        total += count_bin(&c, i);
     if (!total)
         return false;
-    while ((double)(below += count_bin(h, lo)) <= OUTSIDE * (double)total)
+    while ((double)(below += count_bin(&c, lo)) <= OUTSIDE * (double)total)
         lo++;
-    while ((double)(above += count_bin(h, hi)) <= OUTSIDE * (double)total)
+    while ((double)(above += count_bin(&c, hi)) <= OUTSIDE * (double)total)
         hi--;
     *min_px = sst_disp_px(&live->lf, (uint16_t)lo);
     *max_px = sst_disp_px(&live->lf, (uint16_t)hi);

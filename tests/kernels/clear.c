@@ -1,4 +1,5 @@
-/* Kernels of the clear picture: every level against the reference, byte for byte, buffers ending at an unmapped page.
+/* Kernels of the clear picture and of moving maps: every level against the reference, byte for byte, buffers ending at
+ * an unmapped page.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -62,6 +63,36 @@ static void check_land(const struct sst_kernels *k, int w, int h, int any, enum 
     }
     if (memcmp(want, got, n * sizeof(*got)))
         fail_msg("%s, %dx%d", sst_cpu_level_name(level), w, h);
+    free(want);
+    guard_free_all();
+}
+
+/* Cells with steps and gaps, of which some leave the picture. */
+static void check_cells(const struct sst_kernels *k, int w, int h, enum sst_cpu_level level)
+{
+    const size_t n = (size_t)w * (size_t)h;
+    const struct sst_cell_way way = { .zero_q6 = (int)below(2000) - 1000,
+                                      .bx_q16 = (int)below(600000) - 300000,
+                                      .by_q16 = below(3) ? (int)below(600000) - 300000 : 0,
+                                      .rank = below(64) << 24,
+                                      .width = w,
+                                      .height = h };
+    uint32_t *want = calloc(n, sizeof(*want)), *got = guard_random(n * sizeof(*got), &seed);
+    uint32_t *cells = guard_random((size_t)w * sizeof(*cells), &seed);
+    unsigned disp = below(2000);
+
+    assert_non_null(want);
+    memset(got, 0, n * sizeof(*got));
+    for (int y = 0; y < h; y++) {
+        for (int x = 0; x < w; x++) {
+            disp = below(20) ? disp : below(9) ? below(2000) : below(65536);
+            cells[x] = below(30) ? 1U << 31 | disp << 8 | below(256) : 0;
+        }
+        sst_cell_land_ref(want, &way, cells, 0, y, w);
+        k->cell_land(got, &way, cells, 0, y, w);
+    }
+    if (memcmp(want, got, n * sizeof(*got)))
+        fail_msg("%s, cells, %dx%d", sst_cpu_level_name(level), w, h);
     free(want);
     guard_free_all();
 }
@@ -198,6 +229,7 @@ static void clear_equals_reference(void **state SST_UNUSED)
 
             check_states(&k, (size_t)w, (enum sst_cpu_level)level);
             check_land(&k, w, h, w % 2, (enum sst_cpu_level)level);
+            check_cells(&k, w, h, (enum sst_cpu_level)level);
             for (int i = 0; i < 10; i++)
                 check_take(&k, w, h, (enum sst_cpu_level)level);
         }

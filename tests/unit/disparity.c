@@ -199,6 +199,51 @@ static void learned_costs_between_pixels(void **state SST_UNUSED)
 }
 
 /* Right view of a pair shifted by 2: the cost at 2 is 0 where both see; what the neighbour does not see costs 96. */
+static void random_image(struct sst_image *img, uint64_t *seed, int x0, int y0, int x1, int y1)
+{
+    for (int c = 0; c < 3; c++)
+        for (int y = y0; y < y1; y++)
+            for (int x = x0; x < x1; x++)
+                sst_image_row(img, c, y)[x] = (uint8_t)sst_random_u64(seed);
+}
+
+/* What an update computes is what the whole new image gives, wherever the change lies. */
+static void updated_descriptors(void **state SST_UNUSED)
+{
+    static const int parts[][4] = {
+        { 0, 0, 16, 16 }, { 80, 16, 96, 48 }, { 96, 32, 111, 53 }, { 32, 48, 64, 53 }, { 0, 0, 111, 53 }
+    };
+    const unsigned phases = 1U << 2 | 1U << 8 | 1U << 10;
+    struct sst_descriptor kept = { 0 }, fresh = { 0 };
+    struct sst_image img = { 0 };
+    uint64_t seed = 7;
+
+    assert_int_equal(sst_image_init(&img, 221, 105), 0);
+    random_image(&img, &seed, 0, 0, 221, 105);
+    assert_int_equal(sst_descriptor_init(&kept, &img, 2, SST_COST_CENSUS, NULL), 0);
+    assert_int_equal(sst_descriptor_add_phases(&kept, phases), 0);
+    for (size_t i = 0; i < ARRAY_LEN(parts); i++) {
+        const int *p = parts[i];
+
+        random_image(&img, &seed, 2 * p[0], 2 * p[1], sst_min_int(2 * p[2], 221), sst_min_int(2 * p[3], 105));
+        assert_int_equal(sst_descriptor_update(&kept, &img, p[0], p[1], p[2], p[3]), 0);
+        assert_int_equal(sst_descriptor_init(&fresh, &img, 2, SST_COST_CENSUS, NULL), 0);
+        assert_int_equal(sst_descriptor_add_phases(&fresh, phases), 0);
+        for (int y = 0; y < 53; y++) {
+            assert_memory_equal(sst_map_u8_row(&kept.luma, y), sst_map_u8_row(&fresh.luma, y), 111);
+            assert_memory_equal(sst_image_row(&kept.image, 2, y), sst_image_row(&fresh.image, 2, y), 111);
+            for (int phase = 0; phase < SST_PHASES; phase++) {
+                if (fresh.census[phase])
+                    assert_memory_equal(kept.census[phase] + (size_t)y * kept.census_stride,
+                                        fresh.census[phase] + (size_t)y * fresh.census_stride, 111 * sizeof(uint64_t));
+            }
+        }
+        sst_descriptor_fini(&fresh);
+    }
+    sst_descriptor_fini(&kept);
+    sst_image_fini(&img);
+}
+
 static void census_costs_of_a_shifted_pair(void **state SST_UNUSED)
 {
     enum { W = 40, H = 9, SHIFT = 2 };
@@ -725,6 +770,7 @@ int main(void)
         cmocka_unit_test(costs_of_several_neighbours),
         cmocka_unit_test(learned_costs_between_pixels),
         cmocka_unit_test(census_costs_of_a_shifted_pair),
+        cmocka_unit_test(updated_descriptors),
         cmocka_unit_test(support_arms),
         cmocka_unit_test(aggregation_of_three_pixels),
         cmocka_unit_test(aggregation_of_equal_costs),

@@ -177,9 +177,10 @@ struct sst_liveframes {
     size_t last_room;
     struct decoder **decoder; /* [threads] */
     struct live_view *view;
-    bool all;         /* the next update accepts everything */
-    int turn, sample; /* next of the views scanned in turn; sets until the error is sampled */
-    int rested;       /* sets since something changed, at most REST_SETS */
+    bool all;              /* the next update accepts everything */
+    int turn, sample;      /* next of the views scanned in turn; sets until the error is sampled */
+    int rested;            /* sets since something changed, at most REST_SETS */
+    int64_t t_ns, step_ns; /* of the last set; mean time between sets */
     /* of this set */
     const struct sst_live_input *in;
     struct sst_liveframes_changes *changes;
@@ -213,7 +214,8 @@ SST_MUST_CHECK int frames_decode(struct sst_liveframes *f);
 /** Step 3: rectify the tiles that depend on them and fill the maps of changes. @return as above */
 SST_MUST_CHECK int frames_rectify(struct sst_liveframes *f);
 
-/** Mark the rectified tiles of view k that depend on dirty raw tiles. @param dirty  [raw tiles] @param map  out, [tiles] */
+/** Mark the rectified tiles of view k that depend on dirty raw tiles. @param dirty  [raw tiles] @param map  out,
+ * [tiles] */
 void frames_mark(const struct sst_liveframes *f, int k, const uint8_t *dirty, uint8_t *map);
 
 /** Decode one view with skipped tiles. @return mean |difference| of those tiles to the stored picture; NaN: none */

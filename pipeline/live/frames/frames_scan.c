@@ -6,11 +6,13 @@
 #include "base/thread.h"
 #include "pipeline/live/frames/frames_internal.h"
 
-#define SKIP_SETS    4   /* every view is scanned at least once in this number of sets, ... */
-#define REST_SETS    50  /* ... after this number of sets in which nothing changed, ... */
-#define REST_SKIP    16  /* ... in this number */
-#define FEW_VIEWS    12  /* up to this number of views, all are scanned */
-#define MOST_CHANGED 0.6 /* from this fraction of all tiles on, everything is accepted */
+#define SKIP_SETS    4        /* every view is scanned at least once in this number of sets, ... */
+#define REST_SETS    50       /* ... after this number of sets in which nothing changed, ... */
+#define REST_SKIP    16       /* ... in this number, ... */
+#define REST_NS      80000000 /* ... or twice that where sets come faster than this */
+#define FEW_SCANS    3        /* up to this number of scans, another thread costs more than it saves */
+#define FEW_VIEWS    12       /* up to this number of views, all are scanned */
+#define MOST_CHANGED 0.6      /* from this fraction of all tiles on, everything is accepted */
 
 static void set_all_dirty(const struct sst_liveframes *f, struct live_view *v)
 {
@@ -60,24 +62,34 @@ static int scan_view(void *arg, int index, int worker)
     return 0;
 }
 
+/* Every key view is scanned in this number of sets. */
+static int key_sets(struct sst_liveframes *f)
+{
+    const int64_t since_ns = f->in->t_ns - f->t_ns, step_ns = since_ns < 2 * REST_NS ? since_ns : 2 * REST_NS;
+
+    f->t_ns = f->in->t_ns;
+    f->step_ns += (step_ns - f->step_ns) / 8;
+    return f->rested < REST_SETS ? 1 : f->step_ns < REST_NS ? 4 : 2;
+}
+
 /* Views to scan first: all, or the key views and those whose turn it is. */
 static int first_views(struct sst_liveframes *f)
 {
-    const int sets = f->rested < REST_SETS ? SKIP_SETS : REST_SKIP;
+    const int rest = key_sets(f), sets = rest > 1 ? REST_SKIP * rest / 2 : SKIP_SETS;
     const int in_turn = (f->used - SST_LIVE_KEY_VIEWS + sets - 1) / sets;
     int n = 0, others = 0, keys = 0;
 
     for (int k = 0; k < f->views; k++) {
         struct live_view *v = &f->view[k];
-        /* While the scene rests, every second key view in turn. The other views form a ring: `sets` steps of in_turn
-         * views cover all of it. */
-        const bool key = v->key && (f->rested < REST_SETS || keys++ % 2 == f->turn % 2);
+        /* While the scene rests, key views in turn. The other views form a ring: `sets` steps of in_turn views cover
+         * all of it. */
+        const bool key = v->key && keys++ % rest == f->turn % rest;
         const bool turn = !v->key && v->used && (others++ / sst_max_int(in_turn, 1)) % sets == f->turn % sets;
 
         if (has_frame(f, k) && (f->all || f->used <= FEW_VIEWS || key || turn || !v->made || v->broken))
             f->list[n++] = k;
     }
-    f->turn = (f->turn + 1) % REST_SKIP;
+    f->turn = (f->turn + 1) % (2 * REST_SKIP);
     return n;
 }
 
@@ -122,7 +134,7 @@ static bool is_whole(const struct sst_liveframes *f)
 
 int frames_scan(struct sst_liveframes *f)
 {
-    int err;
+    int n, err;
 
     if (!f->cfg->skip_change) {
         for (int k = 0; k < f->views; k++) {
@@ -132,7 +144,8 @@ int frames_scan(struct sst_liveframes *f)
         }
         return 0;
     }
-    err = sst_parallel_for(first_views(f), f->threads, scan_view, f);
+    n = first_views(f);
+    err = sst_parallel_for(n, n > FEW_SCANS ? f->threads : 1, scan_view, f);
     f->rested = any_changed(f) ? 0 : sst_min_int(f->rested + 1, REST_SETS);
     if (!err && any_changed(f))
         err = sst_parallel_for(other_views(f), f->threads, scan_view, f);

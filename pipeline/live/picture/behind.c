@@ -3,8 +3,8 @@
  * planes around it up to the cut. Every cell of the picture keeps the plane on which most of its rays agreed; some
  * cells are tried on another one in each set.
  *
- * A cell is rendered when its rays have changed: a third of them in a set, all within three. Until then nothing is seen
- * there, and the memory shows what was. */
+ * A cell is rendered when its rays have changed: a third of them in a set, all within three, and of more than six sets
+ * a second fewer, all within half a second. Until then nothing is seen there, and the memory shows what was. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -12,10 +12,12 @@
 
 #include "pipeline/live/picture/picture_internal.h"
 
-#define STEP_PX      1.5 /* between planes: what lies between two is off by 2 px in the outermost views */
-#define BETTER       1.1 /* another plane must have this multiple of the agreement */
-#define TURNS        3   /* a cell whose rays changed is rendered within this number of sets */
-#define EXPLORE      8   /* one cell in this many is tried on another plane; at the start ... */
+#define STEP_PX      1.5       /* between planes: what lies between two is off by 2 px in the outermost views */
+#define BETTER       1.1       /* another plane must have this multiple of the agreement */
+#define TURNS        3         /* a cell whose rays changed is rendered within this number of sets, ... */
+#define TURN_NS      500000000 /* ... or within this time */
+#define MOST_TURNS   10
+#define EXPLORE      3 /* one cell in this many times as many is tried on another plane; at the start ... */
 #define START_ROUNDS (4 * PICTURE_PLANES) /* ... for this many sets every second one */
 
 void picture_behind_fini(struct picture_behind *b)
@@ -113,7 +115,7 @@ static int make_plans(struct picture_behind *b, const struct sst_live *live, dou
 static void make_stale(struct picture_behind *b, int plane, const uint8_t *marked)
 {
     for (int i = 0; i < b->cols * b->rows; i++) {
-        if (b->cell[i].plane == plane && (!marked || marked[i]))
+        if (b->cell[i].plane == plane && (!marked || marked[i]) && !b->cell[i].stale)
             b->cell[i].stale = 1;
     }
 }
@@ -187,10 +189,22 @@ static void hide_cell(struct picture_behind *b, int at)
         memset(sst_map_u8_row(&b->agreed, y) + x0, 0, (size_t)(x1 - x0));
 }
 
+/* Sets in which all stale cells are rendered, by the time between sets. */
+static int count_turns(struct picture_behind *b, int64_t t_ns)
+{
+    const int64_t since_ns = t_ns - b->t_ns, least_ns = TURN_NS / MOST_TURNS;
+    const int64_t step_ns = since_ns < least_ns ? least_ns : since_ns < TURN_NS ? since_ns : TURN_NS;
+
+    b->t_ns = t_ns;
+    b->step_ns = b->step_ns ? (3 * b->step_ns + step_ns) / 4 : step_ns;
+    return sst_clamp_int((int)((TURN_NS + b->step_ns / 2) / b->step_ns), TURNS, MOST_TURNS);
+}
+
 /* Is a stale cell rendered in this round? At the start and in exact mode all of them are. */
 static bool has_turn(const struct picture_behind *b, const struct sst_live *live, int at)
 {
-    return b->round < START_ROUNDS || !live->cfg.skip_change || (at % b->cols + at / b->cols + b->round) % TURNS == 0;
+    return b->round < START_ROUNDS || !live->cfg.skip_change || b->cell[at].stale >= b->turns ||
+           (at % b->cols + at / b->cols + b->round) % b->turns == 0;
 }
 
 static void mark_stale(struct picture_behind *b, const struct sst_live *live)
@@ -212,6 +226,7 @@ bool picture_behind_render(struct picture_behind *b, const struct sst_live *live
         update_plans(b, live, cut_px))
         return false;
     mark_stale(b, live);
+    b->turns = count_turns(b, live->focus.t_ns);
     for (int plane = 0; plane < b->planned && !err; plane++) {
         for (int i = 0; i < b->cols * b->rows; i++)
             b->wanted[i] = b->cell[i].holes && b->cell[i].plane == plane && b->cell[i].stale && has_turn(b, live, i);
@@ -224,8 +239,10 @@ bool picture_behind_render(struct picture_behind *b, const struct sst_live *live
         }
     }
     for (int i = 0; i < b->cols * b->rows; i++) {
-        if (b->cell[i].stale)
-            hide_cell(b, i);
+        if (!b->cell[i].stale)
+            continue;
+        hide_cell(b, i);
+        b->cell[i].stale = (uint8_t)sst_min_int(b->cell[i].stale + 1, MOST_TURNS);
     }
     return !err;
 }
@@ -239,9 +256,9 @@ static int candidate(const struct picture_behind *b, int at)
         return -1;
     if (b->round < START_ROUNDS)
         return (col + row + b->round) % 2 ? -1 : (1 + b->round / 2) % b->planned;
-    if ((at + b->round) % EXPLORE)
+    if ((at + b->round) % (EXPLORE * b->turns))
         return -1;
-    return (plane + (b->round / EXPLORE % 2 ? 1 : b->planned - 1)) % b->planned;
+    return (plane + (b->round / (EXPLORE * b->turns) % 2 ? 1 : b->planned - 1)) % b->planned;
 }
 
 void picture_behind_explore(struct picture_behind *b)

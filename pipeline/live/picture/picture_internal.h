@@ -31,7 +31,7 @@ void picture_mark_changes(uint8_t *cells, const struct sst_live *live, const str
 struct picture_cell {
     uint16_t holes; /* pixels */
     uint8_t plane;
-    uint8_t stale; /* its rays have changed since it was rendered */
+    uint8_t stale; /* its rays have changed since it was rendered: 1, and the sets since then, up to a limit */
     float score;   /* mean agreement of its pixels on that plane, 0..255 */
 };
 
@@ -42,7 +42,8 @@ struct picture_behind {
     double plane_px[PICTURE_PLANES];
     double focus_px, cut_px, disp_min_px; /* that the plans are made for */
     uint64_t counted, present_serial;
-    int round;
+    int round, turns;         /* sets so far; in which all stale cells are rendered */
+    int64_t t_ns, step_ns;    /* of the last set; mean time between sets */
     uint64_t serial;          /* of the light field when stale cells were marked */
     struct sst_image image;   /* empty until the first picture */
     struct sst_map_u8 agreed; /* as of struct sst_render_plan; 0 in cells that are not shown */

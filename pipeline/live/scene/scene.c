@@ -313,6 +313,7 @@ int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes 
     report->stage_ns[SST_LIVE_DISPARITY] = report->stage_ns[SST_LIVE_LABELS] = report->stage_ns[SST_LIVE_REFINE] = 0;
     report->label_runs = 0;
     report->whole = false;
+    s->t_ns = in->t_ns;
     err = err ? err : compute_changes(s, changes, report);
     for (int view = 0; view < s->views; view++)
         present += s->lf->views[view].present;

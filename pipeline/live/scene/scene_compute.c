@@ -12,6 +12,8 @@
 /* ... and not more often than in every set of this number that changes so much: in between, objects keep the label of
  * earlier votes, the background its own, and other cells theirs while their disparity stays. */
 #define LABEL_SETS 4
+/* ... and not more often than after this time. */
+#define LABEL_NS 350000000
 /* A cell with a disparity further from that at which it was labelled shows another surface. */
 #define LABEL_Q6 96
 /* Label distributions are fitted again with every whole set and after this number of network runs. */
@@ -27,18 +29,41 @@ static bool any(const uint8_t *tiles, int count)
     return memchr(tiles, 1, (size_t)count) != NULL;
 }
 
-/* The next run of half-size rows, from *y1 on, that contain changed tiles. @return false: none */
-static bool changed_rows(const struct sst_livescene *s, int view, int *y0, int *y1)
+/* The first changed tile of a row of tiles, and the one after the last. @return false: none has changed */
+static bool row_extent(const struct sst_livescene *s, int view, int y, int *x0, int *x1)
 {
-    int y = (*y1 + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS;
+    const uint8_t *tiles = s->dirty[view] + y * s->cols;
 
-    while (y < s->rows && !any(s->dirty[view] + y * s->cols, s->cols))
+    *x0 = 0;
+    *x1 = s->cols;
+    while (*x0 < *x1 && tiles[*x0] != 1)
+        ++*x0;
+    while (*x1 > *x0 && tiles[*x1 - 1] != 1)
+        --*x1;
+    return *x0 < *x1;
+}
+
+/* The next cells, below those of r, that contain changed tiles: a run of rows of tiles that changed in about the same
+ * columns, so that describing them together takes less than apart. @return false: none */
+static bool changed_part(const struct sst_livescene *s, int view, struct scene_rect *r)
+{
+    int y = (r->y1 + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS, x0, x1, next0, next1, y0;
+
+    while (y < s->rows && !row_extent(s, view, y, &x0, &x1))
         y++;
-    *y0 = y * SST_SCENE_CELLS;
-    while (y < s->rows && any(s->dirty[view] + y * s->cols, s->cols))
-        y++;
-    *y1 = sst_min_int(y * SST_SCENE_CELLS, s->height);
-    return *y0 < *y1;
+    if (y >= s->rows)
+        return false;
+    for (y0 = y++; y < s->rows && row_extent(s, view, y, &next0, &next1); y++) {
+        const int both0 = sst_min_int(x0, next0), both1 = sst_max_int(x1, next1);
+
+        if (2 * (both1 - both0) * (y + 1 - y0) > 2 * (x1 - x0) * (y - y0) + 3 * (next1 - next0))
+            break;
+        x0 = both0;
+        x1 = both1;
+    }
+    *r = (struct scene_rect){ x0 * SST_SCENE_CELLS, y0 * SST_SCENE_CELLS, sst_min_int(x1 * SST_SCENE_CELLS, s->width),
+                              sst_min_int(y * SST_SCENE_CELLS, s->height) };
+    return true;
 }
 
 static unsigned phases_of(const struct sst_livescene *s, int view)
@@ -62,13 +87,14 @@ static int describe_job(void *arg, int view, int worker SST_UNUSED)
     struct sst_livescene *s = arg;
     const struct sst_view *v = &s->lf->views[view];
     struct sst_descriptor *d = &s->desc[view];
-    int y0, y1, err = scene_cancelled(s);
+    struct scene_rect r = { 0 };
+    int err = scene_cancelled(s);
 
     if (err || !s->described[view])
         return err;
     if (d->luma.data) {
-        for (y1 = 0; !err && changed_rows(s, view, &y0, &y1);)
-            err = sst_descriptor_update(d, &v->image, y0, y1);
+        while (!err && changed_part(s, view, &r))
+            err = sst_descriptor_update(d, &v->image, r.x0, r.y0, r.x1, r.y1);
         return err ? err : sst_descriptor_add_phases(d, phases_of(s, view));
     }
     err = sst_descriptor_init(d, &v->image, 2, SST_COST_CENSUS, NULL);
@@ -116,9 +142,15 @@ static bool label_due(struct sst_livescene *s, int changed)
 {
     if (!s->segmenters || !s->cfg->skip_labels || !changed || LABEL_TILES * changed < s->tiles)
         return false;
-    s->label_wait =
-        s->label_wait && s->labelled.data && !s->whole_next && s->ready ? s->label_wait - 1 : LABEL_SETS - 1;
-    return s->label_wait == LABEL_SETS - 1;
+    if (s->label_wait > 1 && s->labelled.data && !s->whole_next && s->ready) {
+        s->label_wait--;
+        return false;
+    }
+    if (s->label_wait == 1 && s->labelled.data && !s->whole_next && s->ready && s->t_ns - s->label_t_ns < LABEL_NS)
+        return false;
+    s->label_wait = LABEL_SETS;
+    s->label_t_ns = s->t_ns;
+    return true;
 }
 
 /* The network and the rectangles of all keys, longest jobs first. @return their number */

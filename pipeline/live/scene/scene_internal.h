@@ -60,8 +60,8 @@ struct scene_key {
     int neighbours, neighbour[SST_SCENE_NEIGHBOURS]; /* views that it is matched against, nearest first */
     struct scene_maps maps;
     /* by scene_measure_tiles() */
-    struct scene_span *tile, span; /* of each tile and of all */
-    uint32_t *packed;              /* [height][width] cells to warp, see warp.c */
+    struct scene_span *tile; /* of each tile */
+    uint32_t *packed;        /* [height][width] cells to warp, see warp.c */
 };
 
 /** Cells x0 .. x1-1, y0 .. y1-1. */
@@ -188,7 +188,7 @@ struct scene_piece {
 int scene_foreground_pieces(const struct scene_foreground *t, const struct scene_maps *maps,
                             const struct sst_image *image, struct scene_piece piece[SCENE_PIECES]);
 
-/* --- tracks.c: identities of what moves ---------------------------------------------------------------------------- */
+/* --- tracks.c: identities of what moves --------------------------------------------------------------------------- */
 
 #define SCENE_TRACKS SST_LIVE_TRACKS
 
@@ -235,20 +235,14 @@ void scene_tracks_shift(struct scene_tracks *t, int by);
 
 /* --- warp.c: maps of all views from those of the key views -------------------------------------------------------- */
 
-/** Cells by which a disparity moves. */
-struct scene_shift {
-    int16_t x, y;
-};
-
 /** Working memory to compose a view; one per thread. */
 struct scene_composer {
     int width, height, cols, rows; /* half size; tiles */
-    uint32_t *z;               /* [height][width] the best cell warped here: confirmed, disparity + 1, label; 0: none */
-    struct scene_maps maps;    /* without `confirmed` */
-    uint16_t *strips;          /* rows in work, see warp.c */
-    struct scene_shift *shift; /* [65536] by disparity, from a key to the view */
-    uint8_t *changed;          /* [rows][cols] 0 or 1 */
-    uint16_t *sums;            /* [rows + 1][cols + 1] of the changed tiles above and to the left */
+    uint32_t *z;            /* [height][width] the best cell warped here: confirmed, disparity + 1, label; 0: none */
+    struct scene_maps maps; /* without `confirmed` */
+    uint16_t *strips;       /* rows in work, see warp.c */
+    uint8_t *changed;       /* [rows][cols] 0 or 1 */
+    uint16_t *sums;         /* [rows + 1][cols + 1] of the changed tiles above and to the left */
 };
 
 SST_MUST_CHECK int scene_composer_init(struct scene_composer *c, int width, int height);
@@ -337,7 +331,8 @@ struct sst_livescene {
     /* from set to set */
     bool ready, whole_next;
     int runs;                           /* runs of the network since the labels were fitted */
-    int label_wait;                     /* sets until it runs again */
+    int label_wait;                     /* sets until it may run again; 0: at once */
+    int64_t t_ns, label_t_ns;           /* of the set; of that in which it ran last */
     struct sst_map_u16 labelled;        /* disparities of the reference key when its cells were labelled */
     uint8_t *dirty[SST_MAX_VIEWS];      /* [tiles] to compute in this set: 1, or SST_SCENE_AGAIN */
     uint8_t *before[SST_MAX_VIEWS];     /* [tiles] 1: changed in the last set with changes; all 0 after a whole one */

@@ -17,9 +17,6 @@ _Static_assert(SST_SCENE_KEYS <= 64, "ranks have 6 bits");
 /* Cells of a row to upsample, with one more on both sides. */
 #define STRIP_CELLS(width) ((size_t)(width) + 2)
 
-/* Shifts of every stored disparity, as 16-bit pairs, and the same as an offset in cells of a map. */
-#define SHIFTS ((size_t)UINT16_MAX + 1)
-
 int scene_composer_init(struct scene_composer *c, int width, int height)
 {
     struct scene_composer made = { .width = width, .height = height };
@@ -30,10 +27,9 @@ int scene_composer_init(struct scene_composer *c, int width, int height)
     err = err ? err : sst_map_u8_init(&made.maps.label, width, height);
     made.z = sst_mem_alloc((size_t)width * (size_t)height, sizeof(*made.z));
     made.strips = sst_mem_alloc(9 * STRIP_CELLS(width) + 3 * (size_t)width, sizeof(*made.strips));
-    made.shift = sst_mem_alloc_raw(SHIFTS, sizeof(*made.shift));
     made.changed = sst_mem_alloc((size_t)made.cols * (size_t)made.rows, 1);
     made.sums = sst_mem_alloc((size_t)(made.cols + 1) * (size_t)(made.rows + 1), sizeof(*made.sums));
-    if (!err && (!made.z || !made.strips || !made.shift || !made.changed || !made.sums))
+    if (!err && (!made.z || !made.strips || !made.changed || !made.sums))
         err = -ENOMEM;
     if (err)
         scene_composer_fini(&made);
@@ -48,7 +44,6 @@ void scene_composer_fini(struct scene_composer *c)
     sst_map_u8_fini(&c->maps.label);
     sst_mem_free(c->z);
     sst_mem_free(c->strips);
-    sst_mem_free(c->shift);
     sst_mem_free(c->changed);
     sst_mem_free(c->sums);
 }
@@ -91,7 +86,6 @@ void scene_measure_tiles(struct scene_key *key)
     const struct sst_map_u16 *disp = &key->maps.disp;
     const int cols = (disp->width + SST_SCENE_CELLS - 1) / SST_SCENE_CELLS;
 
-    key->span = (struct scene_span){ SST_DISP_NONE, 0 };
     for (int y = 0; y < disp->height; y++)
         pack_row(key, y);
     for (int y = 0; y < disp->height; y += SST_SCENE_CELLS) {
@@ -100,8 +94,6 @@ void scene_measure_tiles(struct scene_key *key)
                                                   sst_min_int(y + SST_SCENE_CELLS, disp->height));
 
             key->tile[y / SST_SCENE_CELLS * cols + x / SST_SCENE_CELLS] = s;
-            key->span.far_q6 = s.far_q6 < key->span.far_q6 ? s.far_q6 : key->span.far_q6;
-            key->span.near_q6 = s.near_q6 > key->span.near_q6 ? s.near_q6 : key->span.near_q6;
         }
     }
 }
@@ -156,37 +148,17 @@ static uint32_t rank_of(const struct sst_lightfield *lf, int view, const struct 
 
 /* --- warping ------------------------------------------------------------------------------------------------------ */
 
-/* How the cells of a key move to the view: table of shifts, and the key's rank. */
-struct landing {
-    const struct scene_key *key;
-    const struct scene_shift *shift;
-    uint32_t rank;
-};
-
-/* Cells of a tile that stay inside of the picture wherever they go (inside), or those of them that do. */
-static inline void land_row(struct scene_composer *c, const struct landing *l, int x0, int x1, int y, bool inside)
+/* Where the cells of a tile with these disparities may go: shifts are monotonic in the disparity. */
+static struct scene_rect landing_box(const struct scene_rect *tile, const struct scene_span *span,
+                                     const struct scene_warp *way)
 {
-    const uint32_t *packed = l->key->packed + (size_t)y * (size_t)c->width;
-    uint32_t *row = c->z + (size_t)y * (size_t)c->width;
+    const int ax = scene_shift(way->zero_q6 + span->far_q6, way->bx_q16);
+    const int bx = scene_shift(way->zero_q6 + span->near_q6, way->bx_q16);
+    const int ay = scene_shift(way->zero_q6 + span->far_q6, way->by_q16);
+    const int by = scene_shift(way->zero_q6 + span->near_q6, way->by_q16);
 
-    for (int x = x0; x < x1; x++) {
-        const struct scene_shift s = l->shift[(uint16_t)(packed[x] >> DISP_SHIFT)];
-        const uint32_t v = packed[x] | l->rank;
-        uint32_t *at;
-
-        if (!packed[x] || (!inside && (x - s.x < 0 || x - s.x >= c->width || y - s.y < 0 || y - s.y >= c->height)))
-            continue;
-        at = &row[x - s.x - s.y * c->width];
-        *at = v > *at ? v : *at;
-    }
-}
-
-/* Where the cells of a tile may go: shifts are monotonic in the disparity. */
-static struct scene_rect landing_box(const struct scene_rect *tile, const struct scene_shift *a,
-                                     const struct scene_shift *b)
-{
-    return (struct scene_rect){ tile->x0 - sst_max_int(a->x, b->x), tile->y0 - sst_max_int(a->y, b->y),
-                                tile->x1 - sst_min_int(a->x, b->x), tile->y1 - sst_min_int(a->y, b->y) };
+    return (struct scene_rect){ tile->x0 - sst_max_int(ax, bx), tile->y0 - sst_max_int(ay, by),
+                                tile->x1 - sst_min_int(ax, bx), tile->y1 - sst_min_int(ay, by) };
 }
 
 /* Warp the tiles of a key that may reach a changed tile. */
@@ -194,32 +166,25 @@ static void land(struct scene_composer *c, const struct sst_lightfield *lf, int 
                  uint32_t rank)
 {
     const struct scene_warp way = scene_warp(lf, key->view, view);
-    const struct landing l = { key, c->shift, rank << RANK_SHIFT };
+    const struct sst_cell_way w = {
+        (int32_t)way.zero_q6, (int32_t)way.bx_q16, (int32_t)way.by_q16, rank << RANK_SHIFT, c->width, c->height
+    };
+    const struct sst_kernels *kernels = sst_kernels_get();
 
-    for (int d = key->span.far_q6; d <= key->span.near_q6; d++) {
-        c->shift[d].x = (int16_t)sst_clamp_int(scene_shift(way.zero_q6 + d, way.bx_q16), INT16_MIN, INT16_MAX);
-        c->shift[d].y = (int16_t)sst_clamp_int(scene_shift(way.zero_q6 + d, way.by_q16), INT16_MIN, INT16_MAX);
-    }
     for (int i = 0; i < c->cols * c->rows; i++) {
         const struct scene_span *span = &key->tile[i];
         const int x0 = i % c->cols * SST_SCENE_CELLS, y0 = i / c->cols * SST_SCENE_CELLS;
         const struct scene_rect tile = { x0, y0, sst_min_int(x0 + SST_SCENE_CELLS, c->width),
                                          sst_min_int(y0 + SST_SCENE_CELLS, c->height) };
         struct scene_rect box;
-        bool inside;
 
         if (span->far_q6 > span->near_q6)
             continue;
-        box = landing_box(&tile, &c->shift[span->far_q6], &c->shift[span->near_q6]);
+        box = landing_box(&tile, span, &way);
         if (!meets_changed(c, &box))
             continue;
-        inside = box.x0 >= 0 && box.y0 >= 0 && box.x1 <= c->width && box.y1 <= c->height;
-        for (int y = tile.y0; y < tile.y1; y++) {
-            if (inside)
-                land_row(c, &l, tile.x0, tile.x1, y, true);
-            else
-                land_row(c, &l, tile.x0, tile.x1, y, false);
-        }
+        for (int y = tile.y0; y < tile.y1; y++)
+            kernels->cell_land(c->z, &w, key->packed + (size_t)y * (size_t)c->width + x0, x0, y, tile.x1 - x0);
     }
 }
 

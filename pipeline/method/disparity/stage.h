@@ -58,14 +58,15 @@ SST_MUST_CHECK int sst_descriptor_add_phases(struct sst_descriptor *desc, unsign
 void sst_descriptor_drop_phases(struct sst_descriptor *desc);
 
 /**
- * Update the descriptor of a view that changed in some rows; equal to initialising it from the new image.
+ * Update the descriptor of a view that changed in a part; equal to initialising it from the new image.
  *
  * @param desc  of scale 2 and census alone
  * @param img   the view, of unchanged size
- * @param y0, y1  rows of the descriptor, y1 excluded, that contain all changes
+ * @param x0, y0, x1, y1  columns and rows of the descriptor, x1 and y1 excluded, that contain all changes
  * @return 0, -ENOMEM
  */
-SST_MUST_CHECK int sst_descriptor_update(struct sst_descriptor *desc, const struct sst_image *img, int y0, int y1);
+SST_MUST_CHECK int sst_descriptor_update(struct sst_descriptor *desc, const struct sst_image *img, int x0, int y0,
+                                         int x1, int y1);
 
 #define SST_FEATURE_TILE 4
 
