@@ -24,6 +24,7 @@ struct run {
     struct sst_process_report *report;
     struct sst_map_f32 *entropy;       /* [views]; NULL: the threshold is the model's and extras are not wanted */
     struct sst_segmenter **segmenters; /* [threads] */
+    bool judge;                        /* the report is wanted */
     bool *carried;                     /* [views] labels are carried over; NULL: no view's are */
 };
 
@@ -317,7 +318,7 @@ static int align_views(struct run *run)
     struct sst_drift check;
     int err;
 
-    if (lf->images_raw || !sst_drift_possible(lf))
+    if ((!run->judge && !run->cfg->align) || lf->images_raw || !sst_drift_possible(lf))
         return 0;
     err = sst_drift_check(&check, lf, &cfg);
     if (err)
@@ -401,7 +402,7 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
                 struct sst_process_report *report)
 {
     struct sst_process_report unwanted;
-    struct run run = { .lf = lf, .cfg = cfg, .extras = extras, .report = report ? report : &unwanted };
+    struct run run = { .lf = lf, .cfg = cfg, .extras = extras, .report = report ? report : &unwanted, .judge = report };
     struct sst_process_time clock = { 0 };
     int err = 0;
 
