@@ -288,6 +288,8 @@ struct sst_judgement;
 
 /** @param wanted  --align auto */
 json_t *cli_align_json(const struct sst_lightfield *lf, const struct sst_align_report *a, bool wanted);
+/** {before, after} levels of 16-bit views, with a warning if some are lost; null: 8 bits. */
+json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir);
 /** Log one warning if the views are not plausible. */
 void cli_warn_judgement(const struct sst_judgement *j, const char *dir);
 /** Add plausible, implausible and views. */

@@ -46,16 +46,20 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
 {
     const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
     double focus_px = NAN;
-    json_t *root;
+    json_t *root, *levels;
 
     cli_warn_judgement(&r->judgement, dir);
+    levels = cli_levels_json(lf, dir);
     if (r->parallax == SST_PARALLAX_NONE)
         sst_log_warning("%s: the views show no parallax: they are one picture from one place, and no disparity counts "
                         "as confirmed; check that the camera moved from view to view",
                         dir);
-    if (sst_render_find_focus(lf, &focus_px) == -ENOMEM)
+    if (sst_render_find_focus(lf, &focus_px) == -ENOMEM) {
+        json_decref(levels);
         return -ENOMEM;
+    }
     if (!json) {
+        json_decref(levels);
         printf("%dx%d views of %dx%d: ", lf->rows, lf->cols, lf->width, lf->height);
         if (r->disp_max_px > r->disp_min_px)
             printf("disparity %g..%g px, ", r->disp_min_px, r->disp_max_px);
@@ -91,6 +95,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
     if (root) {
         json_object_set_new(root, "focus_px", cli_real_json(focus_px));
         cli_add_judgement(root, lf, &r->judgement);
+        json_object_set_new(root, "levels", levels);
         json_object_set_new(root, "align", cli_align_json(lf, &r->align, align));
         json_object_set_new(root, "parallax",
                             r->parallax == SST_PARALLAX_UNKNOWN ? json_null()

@@ -6,6 +6,8 @@
 #include <stdio.h>
 
 #include "base/log.h"
+#include "pipeline/lightfield/folder.h"
+#include "pipeline/lightfield/parallax.h"
 #include "pipeline/method/process/process.h"
 
 json_t *cli_align_json(const struct sst_lightfield *lf, const struct sst_align_report *a, bool wanted)
@@ -34,6 +36,15 @@ void cli_print_align(const struct sst_align_report *a)
     if (a->lit)
         printf("the gains of %d views corrected by up to %.0f %% (sigma %.1f), ", a->lit, 100 * a->worst_gain,
                100 * a->gain_sigma);
+}
+
+json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir)
+{
+    struct sst_image_levels levels;
+
+    sst_lightfield_count_levels(lf, dir, &levels);
+    sst_image_warn_levels(&levels, lf->files->view[lf->ref_view].name);
+    return levels.before ? json_pack("{s:i, s:i}", "before", levels.before, "after", levels.after) : json_null();
 }
 
 void cli_warn_judgement(const struct sst_judgement *j, const char *dir)

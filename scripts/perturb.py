@@ -147,18 +147,18 @@ vertical = each(lambda v, s, rng: shift(v, 0, rng.uniform(-s, s)))
 
 # name: title, unit, strengths, function
 SWEEPS = {
-    "noise": ("Sensor noise", "levels RMS", (2, 5, 10, 20), each(lambda v, s, rng: v + rng.normal(0, s, v.shape))),
+    "both": ("Vertical misalignment and gain", "1: 0.5 px, 10 %; 2: 2 px, 30 %", (1, 2), jitter_and_gain),
+    "vertical": ("Vertical misalignment", "px, one side", (0.1, 0.25, 0.5, 1, 2, 4), vertical),
     "gain": ("Gain between cameras", "spread, one side", (0.05, 0.1, 0.2, 0.3, 0.4), gains),
+    "roll": ("Rotation", "degrees, one side", (0.1, 0.25, 0.5, 1), each(lambda v, s, rng: roll(v, rng.uniform(-s, s)))),
+    "noise": ("Sensor noise", "levels RMS", (2, 5, 10, 20), each(lambda v, s, rng: v + rng.normal(0, s, v.shape))),
+    "jpeg": ("JPEG", "quality", (98, 90, 75, 50, 30), None),
     "gamma": ("Gamma between cameras", "spread, one side", (0.05, 0.1, 0.2, 0.3), gamma),
     "vignetting": ("Vignetting", "mean loss in the corners", (0.1, 0.2, 0.3), vignette),
-    "jpeg": ("JPEG", "quality", (98, 90, 75, 50, 30), None),
-    "blur": ("Blur", "px, sigma", (0.5, 1, 2), each(lambda v, s, rng: blur(v, s))),
-    "vertical": ("Vertical misalignment", "px, one side", (0.1, 0.25, 0.5, 1, 2, 4), vertical),
-    "roll": ("Rotation", "degrees, one side", (0.1, 0.25, 0.5, 1), each(lambda v, s, rng: roll(v, rng.uniform(-s, s)))),
     "lens": ("Wrong lens", "of the distance at the corner, one side", (0.002, 0.005, 0.01),
              each(lambda v, s, rng: distort(v, rng.uniform(-s, s)))),
+    "blur": ("Blur", "px, sigma", (0.5, 1, 2), each(lambda v, s, rng: blur(v, s))),
     "missing": ("Missing views", "views", (4, 9, 18), missing),
-    "both": ("Vertical misalignment and gain", "1: 0.5 px, 10 %; 2: 2 px, 30 %", (1, 2), jitter_and_gain),
 }
 
 
