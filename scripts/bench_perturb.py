@@ -99,13 +99,12 @@ def changed(lf, reference):
     return 100 * float(np.mean(np.abs(disparity(lf) - np.load(reference)) > 0.25))
 
 
-def measure_scene(bench, name, seed):
+def measure_scene(bench, name, seed, kind):
     lf = os.path.join(bench.dir, f"{name}-{seed}")
     if not os.path.isdir(lf):
         bench.run("scene", name, "-o", lf, "--size", bench.size, "--seed", str(seed))
     truth = os.path.join(lf, "truth")
-    cases = [("none", 0)] + [(kind, s) for kind, (_, _, strengths, _) in perturb.SWEEPS.items() for s in strengths]
-    for kind, strength in cases:
+    for strength in (0,) if kind == "none" else perturb.SWEEPS[kind][2]:
         bench.one(name, seed, kind, strength, "auto", lf, truth)
         if kind in UNALIGNED:
             bench.one(name, seed, kind, strength, "off", lf, truth)
@@ -251,16 +250,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", default="build")
     parser.add_argument("--docs", default="docs/measured")
-    parser.add_argument("--size", default="320x240")
-    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--size", default="256x192")
+    parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--real", default="../shared/data/lf-hci-backgammon-6x6", help="left out where it is absent")
     parser.add_argument("--page", action="store_true", help="only write the page of what was measured")
     args = parser.parse_args()
     bench = Bench(args)
     if not args.page:
         for seed in range(1, args.seeds + 1):
-            for scene in SCENES:
-                measure_scene(bench, scene, seed)
+            for kind in ("none", *perturb.SWEEPS):
+                for scene in SCENES:
+                    measure_scene(bench, scene, seed, kind)
             if seed == 1:
                 for scene in SCENES:
                     measure_faults(bench, scene, seed)

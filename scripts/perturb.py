@@ -19,7 +19,7 @@ def read_views(lf):
     views = {}
     for v in info["views"]:
         with Image.open(os.path.join(lf, "views", v["file"])) as picture:
-            views[v["row"], v["col"]] = np.asarray(picture.convert("RGB"), dtype=float)
+            views[v["row"], v["col"]] = np.asarray(picture.convert("RGB"), dtype=np.float32)
     return info, views
 
 
@@ -76,8 +76,13 @@ def grid_of(image):
 
 
 def shift(image, right, down):
-    x, y, _, _ = grid_of(image)
-    return sample(image, x - right, y - down)
+    for axis, by in ((1, right), (0, down)):
+        at = np.arange(image.shape[axis]) - by
+        first = np.floor(at).astype(int)
+        shape = [-1 if a == axis else 1 for a in range(3)]
+        image = sum(cubic(at - first - i).reshape(shape) * np.take(image, np.clip(first + i, 0, image.shape[axis] - 1), axis)
+                    for i in range(-1, 3)) if by else image
+    return image
 
 
 def roll(image, deg):
