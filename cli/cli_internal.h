@@ -281,6 +281,22 @@ struct import_recording {
 /** @return exit code; the sentence was printed. */
 int cli_run_import_recording(const struct cli_command *cmd, const struct import_recording *args);
 
+/* --- process_judged: what sst process reports about the pictures themselves --- */
+
+struct sst_align_report;
+struct sst_judgement;
+
+/** @param wanted  --align auto */
+json_t *cli_align_json(const struct sst_lightfield *lf, const struct sst_align_report *a, bool wanted);
+/** {before, after} levels of 16-bit views, with a warning if some are lost; null: 8 bits. */
+json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir);
+/** Log one warning if the views are not plausible. */
+void cli_warn_judgement(const struct sst_judgement *j, const char *dir);
+/** Add plausible, implausible and views. */
+void cli_add_judgement(json_t *root, const struct sst_lightfield *lf, const struct sst_judgement *j);
+/** Part of the line that `sst process` ends with; nothing if nothing was corrected. */
+void cli_print_align(const struct sst_align_report *a);
+
 /* --- lightfield_line: one line about a light field, as `sst import` and `sst export` end with. --- */
 
 /** Print "NAME: 36 views of 1024x640, grid 6x6, offsets ..., disparity ..." of the light field in a folder. Only

@@ -41,19 +41,25 @@ static json_t *skipped_json(double percent, double error)
 }
 
 static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r,
-                        struct sst_process_time load, struct sst_process_time saving, const char *dir, bool json)
+                        struct sst_process_time load, struct sst_process_time saving, const char *dir, bool align,
+                        bool json)
 {
     const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
     double focus_px = NAN;
-    json_t *root;
+    json_t *root, *levels;
 
+    cli_warn_judgement(&r->judgement, dir);
+    levels = cli_levels_json(lf, dir);
     if (r->parallax == SST_PARALLAX_NONE)
         sst_log_warning("%s: the views show no parallax: they are one picture from one place, and no disparity counts "
                         "as confirmed; check that the camera moved from view to view",
                         dir);
-    if (sst_render_find_focus(lf, &focus_px) == -ENOMEM)
+    if (sst_render_find_focus(lf, &focus_px) == -ENOMEM) {
+        json_decref(levels);
         return -ENOMEM;
+    }
     if (!json) {
+        json_decref(levels);
         printf("%dx%d views of %dx%d: ", lf->rows, lf->cols, lf->width, lf->height);
         if (r->disp_max_px > r->disp_min_px)
             printf("disparity %g..%g px, ", r->disp_min_px, r->disp_max_px);
@@ -62,6 +68,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         if (!isnan(r->coverage_refined))
             printf("labels on %.1f %% of the rays (%.1f %% before refinement), ", r->coverage_refined,
                    r->coverage_hcsm);
+        cli_print_align(&r->align);
         print_skipped("views to match", r->skipped.views_skipped, "disparities off by more than 1 px",
                       r->skipped.views_error);
         print_skipped("disparities to search", r->skipped.ranges_skipped, "found elsewhere", r->skipped.ranges_error);
@@ -87,6 +94,9 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
     if (root) {
         json_object_set_new(root, "focus_px", cli_real_json(focus_px));
+        cli_add_judgement(root, lf, &r->judgement);
+        json_object_set_new(root, "levels", levels);
+        json_object_set_new(root, "align", cli_align_json(lf, &r->align, align));
         json_object_set_new(root, "parallax",
                             r->parallax == SST_PARALLAX_UNKNOWN ? json_null()
                                                                 : json_boolean(r->parallax == SST_PARALLAX_SEEN));
@@ -96,7 +106,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
 
 /* Options of the command line beyond the matching. */
 struct wanted {
-    const char *model, *hand_label, *labels_dir, *disparity_dir, *skip;
+    const char *model, *hand_label, *labels_dir, *disparity_dir, *skip, *align;
     double range_min, range_max;
     bool no_labels, no_verify, json;
 };
@@ -105,7 +115,7 @@ struct wanted {
 static int load(struct sst_lightfield *lf, const char *dir, const struct wanted *w, int threads)
 {
     struct sst_lightfield json = { 0 };
-    unsigned what = SST_LOAD_IMAGES | (w->no_verify ? SST_LOAD_UNVERIFIED : 0);
+    unsigned what = SST_LOAD_IMAGES | SST_LOAD_UNCORRECTED | (w->no_verify ? SST_LOAD_UNVERIFIED : 0);
     int err = sst_lightfield_load(&json, dir, 0, threads);
 
     if (err)
@@ -132,6 +142,11 @@ static int process(struct sst_lightfield *lf, const char *dir, struct sst_proces
 
     cfg->hand_label = truth.data ? &truth : NULL;
     err = err ? err : sst_process(lf, cfg, &extras, report);
+    if (!err) {
+        lf->files->judged = report->judgement.judged;
+        lf->files->plausible = report->judgement.plausible;
+        snprintf(lf->files->implausible, sizeof(lf->files->implausible), "%s", report->judgement.sentence);
+    }
     sst_process_lap(&clock);
     if (!err) {
         progress(NULL, "saving", 0.99);
@@ -168,7 +183,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         .eps_h = -1, .accuracy_weight = 4, .refine = true, .skip_labels = true, .progress = progress
     };
     struct cli_matching m = CLI_MATCHING_DEFAULTS;
-    struct wanted w = { .range_min = NAN, .range_max = NAN };
+    struct wanted w = { .align = "auto", .range_min = NAN, .range_max = NAN };
     bool no_refine = false;
     const char *dir;
     const struct cli_option options[] = {
@@ -187,6 +202,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled" },
         { "skip", 0, CLI_STRING, &w.skip, "LIST",
           "what to compute in part only: keys, ranges, hypotheses, labels, all or none" },
+        { "align", 0, CLI_STRING, &w.align, "WHEN",
+          "auto: pictures that are displaced or have other gains are corrected; off: not" },
         { "json", 0, CLI_FLAG, &w.json, NULL, "print one JSON object" },
     };
     struct sst_process_report report;
@@ -204,6 +221,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
                                w.model        ? "model"
                                : w.labels_dir ? "labels"
                                               : "hand-label");
+    if (strcmp(w.align, "auto") && strcmp(w.align, "off"))
+        return cli_usage_error(cmd, "--align is auto or off, not %s", w.align);
+    cfg.align = !strcmp(w.align, "auto");
     err = cli_matching_config(&cfg.disparity, &m, mccnn);
     if (!err) {
         r = read_skips(cmd, w.skip, &cfg);
@@ -233,7 +253,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         err = process(&lf, dir, &cfg, w.hand_label, &report, &save_time);
     }
     cli_progress_end();
-    err = err ? err : print_report(&lf, &report, load_time, save_time, dir, w.json);
+    err = err ? err : print_report(&lf, &report, load_time, save_time, dir, cfg.align, w.json);
     sst_lightfield_fini(&lf);
     return cli_exit_code(err);
 }
@@ -252,7 +272,10 @@ const struct cli_command cli_process = {
         "size, unless that changes many of them (by itself only where views are large, for memory); hypotheses\n"
         "tests no other disparity where the first one explains the colours; labels runs the network on one view\n"
         "in three if the others show the same surfaces. Presets skip all that suits them; `--skip none` computes\n"
-        "everything.",
+        "everything.\n"
+        "--align auto (the default) estimates from the scene by how much pictures are displaced, rolled or brighter\n"
+        "and corrects what is significant, also whenever the light field is loaded later; the views' files stay as\n"
+        "they are. Views that cannot be of this scene are named in a warning.",
     .example = "sst process garden --preset balanced",
     .run = run,
 };

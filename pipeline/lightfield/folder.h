@@ -14,6 +14,8 @@ struct sst_lightfield_files {
     char calibration_sha256[65];              /* of the folder's calibration.yaml; empty: not written yet */
     char source[1024];                        /* provenance: format and origin */
     char history[1024];                       /* what computed the maps, one line */
+    bool judged, plausible;                   /* whether processing judged the views, and how */
+    char implausible[512];                    /* why not; empty: plausible */
     struct sst_lightfield_file view[];        /* [rows * cols] */
 };
 

@@ -10,6 +10,7 @@
 
 #include "base/log.h"
 #include "pipeline/lightfield/calibrated.h"
+#include "pipeline/lightfield/correction.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define JSON_MAX_BYTES ((size_t)4 << 20)
@@ -143,6 +144,27 @@ static json_t *classes_to_json(const struct sst_classes *c)
     return NULL;
 }
 
+/* The corrected views. */
+static json_t *correction_to_json(const struct sst_lightfield *lf)
+{
+    json_t *list = json_array();
+    bool complete = list != NULL;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const struct sst_correction *c = &lf->correction[k];
+
+        if (lf->views[k].present && !sst_correction_is_none(c))
+            complete &= !json_array_append_new(
+                list, json_pack("{s:i, s:i, s:f, s:f, s:f, s:f, s:[f, f, f]}", "row", k / lf->cols, "col", k % lf->cols,
+                                "right_px", c->shift_x_px, "down_px", c->shift_y_px, "roll_deg", c->roll_deg, "scale",
+                                c->scale, "gain", c->gain[0], c->gain[1], c->gain[2]));
+    }
+    if (complete)
+        return list;
+    json_decref(list);
+    return NULL;
+}
+
 static json_t *calibration_to_json(const struct sst_lightfield *lf, const char *sha256)
 {
     const struct sst_rectified *r = lf->rectified;
@@ -169,8 +191,12 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], co
         classes_to_json(&lf->classes), "views", views_to_json(lf, hashes));
     char *text = NULL;
 
-    if (root && ((lf->disparity_tested && json_object_set_new(root, "disparity_tested", json_true())) ||
-                 (lf->parallel && json_object_set_new(root, "parallel", json_true())))) {
+    if (root &&
+        ((lf->disparity_tested && json_object_set_new(root, "disparity_tested", json_true())) ||
+         (lf->parallel && json_object_set_new(root, "parallel", json_true())) ||
+         (lf->files->judged && (json_object_set_new(root, "plausible", json_boolean(lf->files->plausible)) ||
+                                json_object_set_new(root, "implausible", json_string(lf->files->implausible)))) ||
+         (lf->correction && json_object_set_new(root, "correction", correction_to_json(lf))))) {
         json_decref(root);
         return NULL;
     }
@@ -183,7 +209,7 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], co
 
 /* --- reading ------------------------------------------------------------------------------------------------------ */
 
-#define MAX_FIELDS 21 /* of the largest object */
+#define MAX_FIELDS 24 /* of the largest object */
 
 /* State of reading one object; only its first fault is logged. */
 struct reader {
@@ -421,6 +447,55 @@ static int read_calibration(struct sst_lightfield *lf, const char *path, json_t 
     return 0;
 }
 
+static int read_view_correction(struct sst_lightfield *lf, const char *path, const char *where, json_t *object)
+{
+    struct reader r = { .path = path, .where = where, .object = object };
+    struct sst_correction c = sst_correction_none();
+    int k;
+
+    if (!json_is_object(object)) {
+        fault(&r, "it", "is not an object");
+        return r.err;
+    }
+    k = get_int(&r, "row", 0, lf->rows - 1) * lf->cols + get_int(&r, "col", 0, lf->cols - 1);
+    c.shift_x_px = get_double(&r, "right_px");
+    c.shift_y_px = get_double(&r, "down_px");
+    c.roll_deg = get_double(&r, "roll_deg");
+    c.scale = get_double(&r, "scale");
+    get_doubles(&r, "gain", c.gain, 3);
+    if (!r.err && !lf->views[k].present)
+        fault(&r, "row, col", "are those of no view");
+    if (!r.err && !sst_correction_is_none(&lf->correction[k]))
+        fault(&r, "row, col", "occur twice");
+    if (!r.err && !sst_correction_valid(&c))
+        fault(&r, "right_px, down_px, roll_deg, scale, gain:", "one is out of range");
+    finish(&r);
+    if (!r.err)
+        lf->correction[k] = c;
+    return r.err;
+}
+
+static int read_correction(struct sst_lightfield *lf, struct reader *r)
+{
+    json_t *list = get_array(r, "correction", SST_MAX_VIEWS);
+    char where[32];
+
+    if (r->err)
+        return r->err;
+    lf->correction = malloc((size_t)(lf->rows * lf->cols) * sizeof(*lf->correction));
+    if (!lf->correction) {
+        sst_log_error("no memory for the light field %s", r->path);
+        return r->err = -ENOMEM;
+    }
+    for (int k = 0; k < lf->rows * lf->cols; k++)
+        lf->correction[k] = sst_correction_none();
+    for (size_t i = 0; !r->err && i < json_array_size(list); i++) {
+        snprintf(where, sizeof(where), "correction[%u].", (unsigned)i);
+        r->err = read_view_correction(lf, r->path, where, json_array_get(list, i));
+    }
+    return r->err;
+}
+
 /* Parse what sst_lightfield_init() needs. */
 static int read_head(struct reader *r, int *rows, int *cols, int *version_out)
 {
@@ -471,9 +546,14 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     lf->files->external_labels = get_bool(r, "labels_given");
     get_string(r, "source", lf->files->source, sizeof(lf->files->source));
     get_string(r, "history", lf->files->history, sizeof(lf->files->history));
+    lf->files->judged = json_object_get(r->object, "plausible") != NULL;
+    if (lf->files->judged) {
+        lf->files->plausible = get_bool(r, "plausible");
+        get_string(r, "implausible", lf->files->implausible, sizeof(lf->files->implausible));
+    }
     if (version > 1)
         calibration = get_field(r, "calibration");
-    if (r->err || read_lists(lf, r))
+    if (r->err || read_lists(lf, r) || (json_object_get(r->object, "correction") && read_correction(lf, r)))
         return r->err;
     finish(r);
     if (!r->err && calibration)

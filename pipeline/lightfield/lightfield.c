@@ -58,6 +58,7 @@ void sst_lightfield_fini(struct sst_lightfield *lf)
         sst_calib_fini(lf->calibration);
     free(lf->calibration);
     free(lf->rectified);
+    free(lf->correction);
     free(lf->files);
     *lf = (struct sst_lightfield){ 0 };
 }

@@ -12,6 +12,7 @@
 #define SST_DISP_SCALE  64.0    /* steps per pixel */
 
 struct sst_calib;
+struct sst_correction;
 struct sst_lightfield_files;
 struct sst_rectified;
 
@@ -45,6 +46,7 @@ struct sst_lightfield {
     struct sst_calib *calibration;
     struct sst_rectified *rectified;    /* common geometry of the rectified views; NULL like calibration */
     int filter;                         /* sst_filter of the resampling */
+    struct sst_correction *correction;  /* correction.h: [rows * cols], applied on loading; NULL: none. Owned. */
     bool images_raw;                    /* images are raw frames of the calibration's size (SST_LOAD_RAW) */
     struct sst_view *views;             /* rows * cols */
     struct sst_lightfield_files *files; /* folder.h; NULL: made in memory, without a folder. Owned. */
@@ -59,6 +61,7 @@ enum sst_lightfield_load {
     SST_LOAD_ALL = 15,
     SST_LOAD_RAW = 16,        /* with SST_LOAD_IMAGES: images as the files are, not rectified */
     SST_LOAD_UNVERIFIED = 32, /* with SST_LOAD_IMAGES: accept files that differ from their SHA-256 */
+    SST_LOAD_UNCORRECTED = 64, /* forget the correction of the folder */
 };
 
 /** Empty light field with the reference view of the grid chosen and unit offsets set; all views absent.

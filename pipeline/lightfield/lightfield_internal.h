@@ -102,6 +102,16 @@ int distinct(int *v, int n);
  */
 SST_MUST_CHECK int params_number(const char *text, const char *path, const char *key, double *value);
 
+/* --- correction --- */
+
+struct sst_correction;
+
+/** Resample a loaded picture that is not a raw frame. @return 0, -ENOMEM, -EINVAL; logged */
+SST_MUST_CHECK int correction_apply(struct sst_lightfield *lf, int view, const struct sst_correction *c);
+
+/** Make lf->correction part of the calibration's cameras: what rectifies raw frames corrects them, too. */
+void correction_calibrate(struct sst_lightfield *lf);
+
 /* --- store: lightfield.json and hashes --- */
 
 #define SST_LIGHTFIELD_VERSION 2                 /* the newest; a light field without a calibration is written as 1 */

@@ -268,26 +268,29 @@ enum sst_parallax sst_lightfield_parallax(const struct sst_lightfield *lf, const
     return result;
 }
 
-static void warn_levels(const struct sst_lightfield *lf, const char *dir)
+void sst_lightfield_count_levels(const struct sst_lightfield *lf, const char *dir, struct sst_image_levels *levels)
 {
-    struct sst_image_levels levels;
     char path[SST_PATH_MAX];
     uint8_t *data;
     size_t size;
 
+    *levels = (struct sst_image_levels){ 0 };
     if (view_path(path, lf, lf->ref_view, dir) || sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size))
         return;
-    if (!sst_image_count_levels(&levels, data, size, path))
-        sst_image_warn_levels(&levels, lf->files->view[lf->ref_view].name);
+    if (sst_image_count_levels(levels, data, size, path))
+        *levels = (struct sst_image_levels){ 0 };
     free(data);
 }
 
 void sst_lightfield_warn_views(const struct sst_lightfield *lf, const char *dir, const char *name)
 {
+    struct sst_image_levels levels;
+
     if (sst_lightfield_parallax(lf, dir) == SST_PARALLAX_NONE)
         sst_log_warning(
             "%s: the views show no parallax: they are one picture from one place; its disparities will mean "
             "nothing; check that the camera moved from view to view",
             name);
-    warn_levels(lf, dir);
+    sst_lightfield_count_levels(lf, dir, &levels);
+    sst_image_warn_levels(&levels, lf->files->view[lf->ref_view].name);
 }

@@ -99,6 +99,7 @@ static int prepare(struct job *job)
 
     lf->files->external_disparity = lf->files->external_labels = false;
     lf->files->history[0] = '\0';
+    lf->files->judged = false;
     if (!use && !lf->calibration) {
         sst_log_error("%s has no calibration; add --calib FILE", job->cfg->dir);
         return -EINVAL;
@@ -141,7 +142,7 @@ int sst_lightfield_rectify_dir(const struct sst_rectify_dir_config *cfg, struct 
     int err = sst_path_check_output(cfg->out, cfg->force, "lightfield.json", inputs);
 
     if (!err)
-        err = sst_lightfield_load(&job.lf, cfg->dir, 0, cfg->threads);
+        err = sst_lightfield_load(&job.lf, cfg->dir, SST_LOAD_UNCORRECTED, cfg->threads);
     if (err)
         return err;
     err = prepare(&job);

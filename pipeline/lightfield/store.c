@@ -1,5 +1,6 @@
 /* A light field as a folder: lightfield.json, views/, and the derived disparity/, labels/ and confidence/. */
 #include "pipeline/lightfield/calibrated.h"
+#include "pipeline/lightfield/correction.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #include <errno.h>
@@ -128,6 +129,8 @@ static int load_image(const struct job *job, int k)
     if (!err && !(job->what & SST_LOAD_UNVERIFIED))
         err = check_hash(job->lf, k, path, "import it again, or add --no-verify", data, size);
     free(data);
+    if (!err && !calib && job->lf->correction)
+        err = correction_apply(job->lf, k, &job->lf->correction[k]);
     return err || !calib || job->what & SST_LOAD_RAW ? err : calibration_rectify_view(job->lf, k);
 }
 
@@ -209,8 +212,14 @@ int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned wha
     err = lightfield_read_json(&made, path);
     if (err)
         return err;
+    if (what & SST_LOAD_UNCORRECTED) {
+        free(made.correction);
+        made.correction = NULL;
+    }
     if (made.rectified)
         err = calibration_load(&made, dir);
+    if (!err && made.calibration && made.correction)
+        correction_calibrate(&made);
     made.images_raw = made.rectified && what & SST_LOAD_IMAGES && what & SST_LOAD_RAW;
     if (!err)
         err = sst_parallel_for(made.rows * made.cols, sst_thread_count(threads), load_view, &job);

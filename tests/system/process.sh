@@ -64,6 +64,20 @@ for preset in balanced preview; do
   grep -c '"disparity_tested": true' wide/lightfield.json >>tested
 done
 [ "$(tr '\n' ' ' <tested)" = "1 0 " ] || fail "marked as tested in balanced, preview: $(cat tested)"
+
+# --- views that do not belong ---
+cp -r wide doubled
+cp doubled/views/01_02.png doubled/views/01_01.png
+"$sst" process doubled --no-labels --no-verify --preset preview --json >out 2>err || fail "a doubled view was refused"
+grep -q 'not plausible: the view of row 1, column [12] shows the same picture as that of row 1, column [12]' err ||
+  fail "a doubled view: $(cat err)"
+python3 -c 'import json, sys
+a = json.load(open(sys.argv[1])); b = json.load(open(sys.argv[2]))
+assert a["plausible"] is b["plausible"] is False and a["implausible"] == b["implausible"] != ""
+assert [v["fault"] for v in a["views"] if not v["plausible"]].count("doubled") == 1
+assert a["align"]["mode"] == "auto" and a["levels"] is None' out doubled/lightfield.json || fail "a doubled view in JSON: $(cat out)"
+"$sst" process wide --align maybe >out 2>err && fail "--align maybe is accepted"
+grep -q "auto or off" err || fail "--align maybe: $(cat err)"
 ok process again --disparity lf/truth
 [ ! -e again/confidence ] || fail "the confidence of replaced disparities is still there"
 cp -r again kept

@@ -558,6 +558,25 @@ static void any_number_of_threads_gives_the_same(void **state)
     sst_lightfield_fini(&lf);
 }
 
+/* A black camera is no view with too little texture: the others have some. */
+static void a_black_camera_is_named(void **state)
+{
+    const struct recipe r = plain(3, 3, 77);
+    struct sst_lightfield lf;
+    struct sst_drift c;
+
+    (void)state;
+    make(&lf, &r);
+    for (int k = 0; k < 3; k++)
+        memset(lf.views[5].image.plane[k], 3, lf.views[5].image.stride * HEIGHT);
+    run(&c, &lf, 2);
+    assert_int_equal(c.verdict, SST_DRIFT_DRIFTED);
+    assert_true(c.camera[5].blank && c.camera[5].drifted && !c.camera[4].blank);
+    assert_non_null(strstr(c.sentence, "camera 01_02 shows nothing at all"));
+    sst_drift_fini(&c);
+    sst_lightfield_fini(&lf);
+}
+
 static void unfit_input_is_refused(void **state)
 {
     const struct sst_drift_config cfg = { .threads = 1 };
@@ -619,6 +638,7 @@ int main(void)
         serial_test(two_views_cannot_tell_which),
         serial_test(holes_are_stepped_over),
         cmocka_unit_test(any_number_of_threads_gives_the_same),
+        cmocka_unit_test(a_black_camera_is_named),
         cmocka_unit_test(unfit_input_is_refused),
         serial_test(the_picture_shows_the_worst_in_red),
     };

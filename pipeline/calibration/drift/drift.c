@@ -14,6 +14,8 @@
 #define COARSEST_SIDE 160 /* px: pictures are halved until they are at most this large */
 #define SIGMAS        4   /* significance of an offset */
 #define NAMED         4   /* cameras named in the sentence */
+#define BLANK_SHARE   0.1 /* of the median contrast of all views */
+#define CONTRAST_STEP 4   /* px: contrast is measured on every fourth pixel of every fourth row */
 
 const char *sst_drift_verdict_name(enum sst_drift_verdict verdict)
 {
@@ -44,6 +46,10 @@ static void describe_camera(struct sst_drift *out, const struct drift_work *w, i
 
     sst_view_name(w->lf, view, name);
     append(out, "camera %s", name);
+    if (c->blank) {
+        append(out, " shows nothing at all (black, covered or over-exposed)");
+        return;
+    }
     if (c->lost) {
         append(out, " shows nothing that its neighbours see (covered, turned away or exchanged with another)");
         return;
@@ -66,6 +72,11 @@ static void describe_camera(struct sst_drift *out, const struct drift_work *w, i
                c->scale > 0 ? "large" : "small");
 }
 
+static double severity(const struct sst_drift_camera *c)
+{
+    return c->lost || c->blank ? INFINITY : c->off_px;
+}
+
 /* Cameras that are off, the worst first; then the largest displacement of the others. */
 static void describe_drifted(struct sst_drift *out, const struct drift_work *w, int drifted)
 {
@@ -78,10 +89,8 @@ static void describe_drifted(struct sst_drift *out, const struct drift_work *w, 
         int worst = -1;
 
         for (int v = 0; v < w->views; v++) {
-            const double off = out->camera[v].lost ? INFINITY : out->camera[v].off_px;
-
             if (out->camera[v].drifted && !named[v] &&
-                (worst < 0 || off > (out->camera[worst].lost ? INFINITY : out->camera[worst].off_px)))
+                (worst < 0 || severity(&out->camera[v]) > severity(&out->camera[worst])))
                 worst = v;
         }
         append(out, "%s", n ? ", " : "");
@@ -129,7 +138,7 @@ static void describe_unchecked(struct sst_drift *out, const struct drift_work *w
     char name[16];
 
     for (int v = 0; v < w->views; v++) {
-        if (!w->view[v].image || out->camera[v].known || out->camera[v].lost)
+        if (!w->view[v].image || out->camera[v].known || out->camera[v].lost || out->camera[v].blank)
             continue;
         n++;
         first = first < 0 ? v : first;
@@ -203,7 +212,8 @@ static int judge_camera(struct sst_drift *out, const struct drift_work *w, int v
     c->known = c->known && c->sigma_px <= w->cfg.ok_px;
     c->residual_px = n ? sqrt(squares / n) : 0;
     c->lost = all && lost == all;
-    c->drifted = c->lost || (c->known && c->off_px > w->cfg.ok_px && c->off_px > SIGMAS * c->off_sigma_px);
+    c->known = c->known && !c->blank;
+    c->drifted = c->lost || c->blank || (c->known && c->off_px > w->cfg.ok_px && c->off_px > SIGMAS * c->off_sigma_px);
     return c->drifted;
 }
 
@@ -224,6 +234,7 @@ static void decide(struct sst_drift *out, const struct drift_work *w, const char
             worst = fmax(worst, out->camera[v].off_px);
     }
     out->sentence[0] = 0;
+    out->wrong_order = order[0] != 0;
     if (order[0]) {
         out->verdict = SST_DRIFT_UNUSABLE;
         append(out, "UNUSABLE: %s; correct the order of the views", order);
@@ -320,6 +331,40 @@ static void end(struct drift_work *w)
     free(w->link);
 }
 
+/* Standard deviation of a picture's green. */
+static double contrast_of(const struct sst_image *image)
+{
+    double sum = 0, squares = 0;
+    int n = 0;
+
+    for (int y = 0; y < image->height; y += CONTRAST_STEP) {
+        const uint8_t *row = sst_image_row(image, 1, y);
+
+        for (int x = 0; x < image->width; x += CONTRAST_STEP, n++) {
+            sum += row[x];
+            squares += row[x] * row[x];
+        }
+    }
+    return sqrt(fmax(squares / n - sum / n * (sum / n), 0));
+}
+
+/* Views without contrast among others that have some. */
+static void mark_blank(struct sst_drift_camera *camera, const struct drift_work *w)
+{
+    double contrast[SST_MAX_VIEWS], sorted[SST_MAX_VIEWS], usual;
+    int n = 0;
+
+    for (int v = 0; v < w->views; v++) {
+        if (!w->view[v].image)
+            continue;
+        contrast[v] = contrast_of(w->view[v].image);
+        sorted[n++] = contrast[v];
+    }
+    usual = sst_stats_median(sorted, n);
+    for (int v = 0; v < w->views; v++)
+        camera[v].blank = w->view[v].image && contrast[v] < BLANK_SHARE * usual;
+}
+
 static int run(struct sst_drift *out, struct drift_work *w)
 {
     char order[128] = "";
@@ -329,9 +374,11 @@ static int run(struct sst_drift *out, struct drift_work *w)
     if (!out->camera)
         return -ENOMEM;
     err = err ? err : drift_match_links(w, NULL);
+    mark_blank(out->camera, w);
     err = err ? err : fill_pairs(out, w);
     err = err ? err : drift_measure_axes(w, &out->axes_px);
     err = err ? err : drift_solve_cameras(out->camera, w);
+    err = err ? err : drift_solve_gains(out->camera, w);
     err = err ? err : drift_measure_corner_pairs(out, w);
     err = err ? err : drift_find_wrong_order(out, w, order);
     if (err)
@@ -344,6 +391,22 @@ static int run(struct sst_drift *out, struct drift_work *w)
     out->range_max_px = w->range[1];
     decide(out, w, order);
     return 0;
+}
+
+bool sst_drift_possible(const struct sst_lightfield *lf)
+{
+    int present = 0;
+
+    for (int v = 0; v < lf->rows * lf->cols; v++) {
+        const struct sst_image *image = &lf->views[v].image;
+
+        if (!lf->views[v].present || !image->plane[0])
+            continue;
+        if (image->width < DRIFT_SMALLEST || image->height < DRIFT_SMALLEST)
+            return false;
+        present++;
+    }
+    return present >= 2;
 }
 
 int sst_drift_check(struct sst_drift *out, const struct sst_lightfield *lf, const struct sst_drift_config *cfg)

@@ -42,9 +42,13 @@ struct sst_drift_camera {
     double scale;                  /* size of the picture relative to the array's, minus 1 */
     double off_px;                 /* all of these as one displacement: RMS over the picture */
     double off_sigma_px;
+    double roll_sigma_deg, scale_sigma;
+    double gain[3];    /* of linear red, green, blue, from the matches' light; geometric mean of all cameras 1 */
+    double gain_sigma; /* relative, of the worst colour; NAN: no matches that are bright enough */
     double residual_px; /* RMS of the epipolar error of its pairs */
     bool drifted;       /* off_px is beyond ok_px and 4 sigma, or lost */
     bool lost;          /* enough features, but nothing matches in any neighbour */
+    bool blank;         /* hardly any contrast where the others have some: black, covered, over-exposed */
 };
 
 struct sst_drift {
@@ -62,6 +66,7 @@ struct sst_drift {
     double far_p95_px;                 /* p95 of their |epipolar error|; NAN: fewer than min_matches */
     double range_min_px, range_max_px; /* disparities searched; equal: nothing was found to search around */
     int swapped_a, swapped_b;          /* exchanging these two views explains the errors; -1: none */
+    bool wrong_order;                  /* another order of the rows and columns explains them */
     char sentence[512];                /* the verdict as one sentence with cameras and pixels */
 };
 
@@ -69,8 +74,12 @@ struct sst_drift_config {
     double ok_px;       /* a camera off by less than this is fine; 0: 0.25 */
     double unusable_px; /* more than half of the pairs beyond this; 0: 1 */
     int min_matches;    /* of a pair; 0: 10 */
+    bool loose;         /* worse matches count too, by their weight: for corrections, not for the verdict */
     int threads;        /* 0: all processors */
 };
+
+/** Whether a light field has two loaded views and they are large enough to be checked. */
+bool sst_drift_possible(const struct sst_lightfield *lf);
 
 /**
  * Check a light field whose images are loaded (rectified, or claimed to be). Neither disparity maps nor the range are

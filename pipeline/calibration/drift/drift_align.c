@@ -192,16 +192,17 @@ static void set_inverse(struct drift_match *m, const struct window *w, const str
     m->inverse[1] = s->n[0] * s->n[0] * ixx + 2 * s->n[0] * s->n[1] * ixy + s->n[1] * s->n[1] * iyy;
 }
 
-void drift_weigh_match(struct drift_match *m, double noise)
+void drift_weigh_match(struct drift_match *m, const struct drift_search *s)
 {
-    const double allowed = DRIFT_NOISE_SHARE * noise * noise, by_noise = fmin(m->residual, allowed);
+    const double most = s->loose ? DRIFT_MISFIT_LOOSE : m->small ? DRIFT_MISFIT / 2 : DRIFT_MISFIT;
+    const double allowed = DRIFT_NOISE_SHARE * s->noise * s->noise, by_noise = fmin(m->residual, allowed);
 
     if (m->outcome != DRIFT_FOUND)
         return;
     m->misfit = 0.5 * fmax(m->residual - allowed, 0) / m->energy;
     m->var_along = VARIANCE_FLOOR + (m->small ? 4 : 1) * m->misfit + by_noise * m->inverse[0];
     m->var_across = VARIANCE_FLOOR + (m->small ? 4 : 1) * m->misfit + by_noise * m->inverse[1];
-    if (m->misfit > (m->small ? DRIFT_MISFIT / 2 : DRIFT_MISFIT))
+    if (m->misfit > most)
         m->outcome = DRIFT_NOWHERE;
 }
 
@@ -249,7 +250,7 @@ static void refine(struct drift_match *m, const struct drift_pyramid *a, const s
     m->energy = w.tt / ((2 * radius + 1) * (2 * radius + 1));
     set_inverse(m, &w, s);
     m->outcome = DRIFT_FOUND;
-    drift_weigh_match(m, s->noise);
+    drift_weigh_match(m, s);
 }
 
 void drift_refine_match(struct drift_match *m, const struct drift_pyramid *a, const struct drift_pyramid *b,

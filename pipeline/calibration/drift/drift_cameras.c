@@ -309,6 +309,8 @@ static void read_camera(struct sst_drift_camera *cam, const struct system *s, in
     cam->shift_y_px = state[1];
     cam->roll_deg = state[2] / s->radius * (180 / M_PI);
     cam->scale = state[3] / s->radius;
+    cam->roll_sigma_deg = sqrt(fmax(cov[2][2], 0)) / s->radius * (180 / M_PI);
+    cam->scale_sigma = sqrt(fmax(cov[3][3], 0)) / s->radius;
     for (int j = 0; j < 2; j++) {
         if (!isnan(state[j]))
             cam->sigma_px = fmax(cam->sigma_px, sqrt(fmax(cov[j][j], 0)));

@@ -12,7 +12,6 @@
 
 #define WINDOW   3  /* radius of a feature's structure tensor, half-size px */
 #define MARGIN   6  /* features keep this far from the edge, half-size px: windows and filters fit */
-#define SMALLEST 64 /* shorter side of a picture, px */
 /* Least eigenvalue of the structure tensor, (grey levels / half-size px)^2: rounding alone gives 1/12. */
 #define TEXTURE_FLOOR 0.25
 #define TEXTURE_NOISE 15.0 /* and this many times what noise gives */
@@ -241,7 +240,7 @@ int drift_pyramid_init(struct drift_pyramid *view, const struct sst_image *image
     int w = image->width, h = image->height, err = 0;
 
     *view = (struct drift_pyramid){ .image = image, .levels = 1 };
-    if (w < SMALLEST || h < SMALLEST)
+    if (w < DRIFT_SMALLEST || h < DRIFT_SMALLEST)
         return -EBADMSG;
     do {
         const int i = view->levels;
@@ -256,7 +255,7 @@ int drift_pyramid_init(struct drift_pyramid *view, const struct sst_image *image
         else
             halve_grey(&view->level[i], &view->level[i - 1]);
         view->levels++;
-    } while (sst_max_int(w, h) > side && sst_min_int(w, h) >= SMALLEST && view->levels < DRIFT_LEVELS);
+    } while (sst_max_int(w, h) > side && sst_min_int(w, h) >= DRIFT_SMALLEST && view->levels < DRIFT_LEVELS);
     if (!err) {
         view->noise = fmin(noise_of(&view->level[1]), NOISE_CAP);
         err = find_features(view, valid);

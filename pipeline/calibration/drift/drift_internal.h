@@ -6,6 +6,7 @@
 #include "pipeline/calibration/drift/drift.h"
 
 #define DRIFT_LEVELS   10
+#define DRIFT_SMALLEST 64 /* shorter side of a picture, px */
 #define DRIFT_CELLS_X  16 /* one feature at most per cell of the picture */
 #define DRIFT_CELLS_Y  12
 #define DRIFT_CELLS    (DRIFT_CELLS_X * DRIFT_CELLS_Y)
@@ -57,7 +58,8 @@ SST_MUST_CHECK bool drift_read_patch(float *out, const struct drift_pyramid *vie
 /* --- drift_search.c, drift_align.c: a feature in another view ----------------------------------------------------- */
 
 /* Matches with a larger misfit are dropped: their error is about its root, px. */
-#define DRIFT_MISFIT 0.003
+#define DRIFT_MISFIT       0.003
+#define DRIFT_MISFIT_LOOSE 0.03 /* in foliage ten times as many */
 /* What noise of 1 at half size (where it is measured) is in the difference of two smoothed windows, variance: white at
  * full size it is twice that, then (70 / 256)^2, twice: 0.6; the rest is for what is not white. */
 #define DRIFT_NOISE_SHARE 1.3
@@ -76,6 +78,7 @@ struct drift_search {
     double n[2]; /* across it; its larger component is positive */
     double from_px, to_px, across_px, band_px;
     double noise; /* grey levels at half size, RMS: misfit within it does not count */
+    bool loose;   /* DRIFT_MISFIT_LOOSE */
 };
 
 struct drift_match {
@@ -102,7 +105,7 @@ void drift_refine_match(struct drift_match *m, const struct drift_pyramid *a, co
                         const struct drift_feature *f, const struct drift_search *s, int level);
 
 /** Set outcome, misfit and variances of a match from its residual and the noise. */
-void drift_weigh_match(struct drift_match *m, double noise);
+void drift_weigh_match(struct drift_match *m, const struct drift_search *s);
 
 /* --- drift_pairs.c: the matches of all pairs ---------------------------------------------------------------------- */
 
@@ -179,6 +182,11 @@ SST_MUST_CHECK int drift_solve_cameras(struct sst_drift_camera *camera, const st
 /** Subtract the unobservable part of the cameras' states (drift_gauge.c): the common shift, one in proportion to the
  *  offsets, the medians of roll and scale. NAN stays. */
 void drift_fix_gauge(struct sst_drift_camera *camera, const struct drift_work *w);
+
+/* --- drift_light.c: gains ----------------------------------------------------------------------------------------- */
+
+/** Fill gain and gain_sigma of camera[views]. @return 0, -ENOMEM */
+SST_MUST_CHECK int drift_solve_gains(struct sst_drift_camera *camera, const struct drift_work *w);
 
 /* --- drift_order.c: swapped views --------------------------------------------------------------------------------- */
 

@@ -209,6 +209,7 @@ static int best_job(void *arg, int index, int worker SST_UNUSED)
     if (skipped(job, index))
         return 0;
     set_range(&link->s, link, w->range[0], w->range[1], DRIFT_REACH * longer_side(w));
+    link->s.loose = w->cfg.loose;
     link->s.noise = 0.5 * (a->noise + b->noise) * w->noise_factor;
     match_best(link, a, b, job->search_level);
     return 0;
@@ -225,7 +226,7 @@ static int rest_job(void *arg, int index, int worker SST_UNUSED)
         return 0;
     link->s.noise = 0.5 * (a->noise + b->noise) * w->noise_factor;
     for (int k = 0; k < DRIFT_CELLS; k++)
-        drift_weigh_match(&link->m[k], link->s.noise);
+        drift_weigh_match(&link->m[k], &link->s);
     drift_link_judge(link, w->cfg.min_matches);
     if (link->matches >= ENOUGH)
         return 0;

@@ -208,8 +208,7 @@ void drift_search_match(struct drift_match *out, const struct drift_pyramid *a, 
     const double size = 1 << level, from = s->from_px / size, middle = s->across_px / size;
     const int x = drift_to_level(f->x, level), y = drift_to_level(f->y, level);
     const int band = sst_min_int((int)ceil(s->band_px / size), ACROSS_MAX / 2);
-    struct field field = { .along = sst_min_int((int)ceil((s->to_px - s->from_px) / size) + 1, ALONG_MAX),
-                           .across = 2 * band + 1 };
+    struct field field; /* large: its values are written before they are read */
     struct area area;
     struct sums sums;
     struct block block;
@@ -217,6 +216,8 @@ void drift_search_match(struct drift_match *out, const struct drift_pyramid *a, 
     int i = 0, j = 0;
     bool whole = true;
 
+    field.along = sst_min_int((int)ceil((s->to_px - s->from_px) / size) + 1, ALONG_MAX);
+    field.across = 2 * band + 1;
     *out = (struct drift_match){ .outcome = DRIFT_OUTSIDE };
     if (!area_read(&area, a, level, x - 4, y - 4, x + 4, y + 4) || !block_inside(&area, x, y))
         return;

@@ -14,6 +14,7 @@
 #define LABEL_SPACING 3 /* one view in so many is labelled by the network */
 #define LABEL_SHOWN                                                                                                    \
     0.96 /* of the reference view's pixels: other key views must show so many, unless maps were carried */
+#define JITTER_PX         6.0 /* pairs that are off by less are corrected, not judged */
 #define INFINITY_SLACK_PX 1.0 /* of an estimated range around what is infinitely far: errors of positions and noise */
 
 struct run {
@@ -23,6 +24,7 @@ struct run {
     struct sst_process_report *report;
     struct sst_map_f32 *entropy;       /* [views]; NULL: the threshold is the model's and extras are not wanted */
     struct sst_segmenter **segmenters; /* [threads] */
+    bool judge;                        /* the report is wanted */
     bool *carried;                     /* [views] labels are carried over; NULL: no view's are */
 };
 
@@ -306,6 +308,33 @@ static void judge_parallax(struct run *run)
     }
 }
 
+/* Judge the pictures and correct them; those from which nothing can be measured stay as they are. */
+static int align_views(struct run *run)
+{
+    const struct sst_drift_config cfg = { .threads = run->cfg->threads, .loose = true, .unusable_px = JITTER_PX };
+    struct sst_process_report *report = run->report;
+    struct sst_lightfield *lf = run->lf;
+    struct sst_correction correction[SST_MAX_VIEWS];
+    struct sst_drift check;
+    int err;
+
+    if ((!run->judge && !run->cfg->align) || lf->images_raw || !sst_drift_possible(lf))
+        return 0;
+    err = sst_drift_check(&check, lf, &cfg);
+    if (err)
+        return err;
+    sst_judge_pictures(&report->judgement, lf, &check);
+    if (run->cfg->align) {
+        sst_align_plan(correction, &report->align, lf, &check);
+        for (int k = 0; k < views_of(run); k++)
+            correction[k] = report->judgement.view[k].fault == SST_VIEW_FINE ? correction[k] : sst_correction_none();
+    }
+    sst_drift_fini(&check);
+    if (report->align.moved || report->align.lit)
+        err = sst_lightfield_correct(lf, correction, run->cfg->threads);
+    return err;
+}
+
 static int match_views(struct run *run)
 {
     struct sst_disparity_config cfg = run->cfg->disparity;
@@ -373,7 +402,7 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
                 struct sst_process_report *report)
 {
     struct sst_process_report unwanted;
-    struct run run = { .lf = lf, .cfg = cfg, .extras = extras, .report = report ? report : &unwanted };
+    struct run run = { .lf = lf, .cfg = cfg, .extras = extras, .report = report ? report : &unwanted, .judge = report };
     struct sst_process_time clock = { 0 };
     int err = 0;
 
@@ -386,9 +415,14 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
                                                .labels_error = NAN };
     sst_process_lap(&clock);
     if (!cfg->keep_disparity)
+        err = align_views(&run);
+    if (!err && !cfg->keep_disparity)
         err = match_views(&run);
-    if (!err && report)
+    if (!err && report) {
         run.report->confirmed = 100 * sst_lightfield_confirmed(lf, cfg->threads);
+        if (!cfg->keep_disparity)
+            sst_judge_maps(&run.report->judgement, lf, run.report->confirmed);
+    }
     run.report->disparity = sst_process_lap(&clock);
     if (!err && cfg->model)
         err = label_views(&run);

@@ -5,6 +5,8 @@
 #include "pipeline/lightfield/parallax.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/network/network.h"
+#include "pipeline/method/process/align.h"
+#include "pipeline/method/process/judge.h"
 #include "pipeline/method/refine/refine.h"
 
 struct sst_segmenter;
@@ -16,6 +18,7 @@ struct sst_process_config {
     const struct sst_map_u8 *hand_label; /* labels of the reference view to find eps_h on, or NULL */
     double accuracy_weight;              /* m of the score Acc^m Cvg */
     bool keep_disparity;                 /* external maps: nothing is matched */
+    bool align;                          /* estimate displacements and gains of the pictures and undo them */
     bool refine;
     bool skip_labels; /* the network labels key views only, whose labels are carried to the others: if maps were
                          carried, or the maps show nearly all pixels of the reference view in other key views */
@@ -41,6 +44,8 @@ struct sst_process_report {
     double disp_min_px, disp_max_px;               /* searched; equal when nothing was matched */
     enum sst_parallax parallax;                    /* of the views; without it no disparity counts as confirmed */
     double confirmed; /* percent of the disparities that another view confirms; NaN without confidences */
+    struct sst_align_report align;       /* what was moved or scaled before matching */
+    struct sst_judgement judgement;      /* of pictures and maps */
     struct sst_disparity_report skipped; /* of the matching */
     double labels_skipped, labels_error; /* percent: views that the network did not see; labels of the reference
                                             view that differ from those carried to it; NaN: nothing skipped */

@@ -1,0 +1,70 @@
+/* What sst process reports about the pictures themselves: what was corrected, and whether they
+ * can be views of one scene. */
+#include "cli/cli_internal.h"
+
+#include <math.h>
+#include <stdio.h>
+
+#include "base/log.h"
+#include "pipeline/lightfield/folder.h"
+#include "pipeline/lightfield/parallax.h"
+#include "pipeline/method/process/process.h"
+
+json_t *cli_align_json(const struct sst_lightfield *lf, const struct sst_align_report *a, bool wanted)
+{
+    json_t *views = json_array();
+
+    for (int k = 0; lf->correction && k < lf->rows * lf->cols; k++) {
+        const struct sst_correction *c = &lf->correction[k];
+
+        if (!sst_correction_is_none(c))
+            json_array_append_new(views, json_pack("{s:i, s:i, s:f, s:f, s:f, s:f, s:[f, f, f]}", "row", k / lf->cols,
+                                                   "col", k % lf->cols, "right_px", c->shift_x_px, "down_px",
+                                                   c->shift_y_px, "roll_deg", c->roll_deg, "scale", c->scale, "gain",
+                                                   c->gain[0], c->gain[1], c->gain[2]));
+    }
+    return json_pack("{s:s, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o}", "mode", wanted ? "auto" : "off", "moved",
+                     a->moved, "lit", a->lit, "unmeasured", a->unmeasured, "worst_px", cli_real_json(a->worst_px),
+                     "worst_gain", cli_real_json(a->worst_gain), "sigma_px", cli_real_json(a->sigma_px), "gain_sigma",
+                     cli_real_json(a->gain_sigma), "views", views);
+}
+
+void cli_print_align(const struct sst_align_report *a)
+{
+    if (a->moved)
+        printf("%d views moved by up to %.2f px (sigma %.3f), ", a->moved, a->worst_px, a->sigma_px);
+    if (a->lit)
+        printf("the gains of %d views corrected by up to %.0f %% (sigma %.1f), ", a->lit, 100 * a->worst_gain,
+               100 * a->gain_sigma);
+}
+
+json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir)
+{
+    struct sst_image_levels levels;
+
+    sst_lightfield_count_levels(lf, dir, &levels);
+    sst_image_warn_levels(&levels, lf->files->view[lf->ref_view].name);
+    return levels.before ? json_pack("{s:i, s:i}", "before", levels.before, "after", levels.after) : json_null();
+}
+
+void cli_warn_judgement(const struct sst_judgement *j, const char *dir)
+{
+    if (j->judged && !j->plausible)
+        sst_log_warning("%s: not plausible: %s", dir, j->sentence);
+}
+
+void cli_add_judgement(json_t *root, const struct sst_lightfield *lf, const struct sst_judgement *j)
+{
+    json_t *views = json_array();
+
+    for (int k = 0; j->judged && k < lf->rows * lf->cols; k++) {
+        if (lf->views[k].present)
+            json_array_append_new(views, json_pack("{s:i, s:i, s:b, s:s, s:o}", "row", k / lf->cols, "col",
+                                                   k % lf->cols, "plausible", j->view[k].fault == SST_VIEW_FINE,
+                                                   "fault", sst_judge_fault_name(j->view[k].fault), "confirmed_percent",
+                                                   cli_real_json(j->view[k].confirmed)));
+    }
+    json_object_set_new(root, "plausible", j->judged ? json_boolean(j->plausible) : json_null());
+    json_object_set_new(root, "implausible", json_string(j->sentence));
+    json_object_set_new(root, "views", views);
+}

@@ -1,0 +1,235 @@
+/* Corrections of pictures, by the resampling that also rectifies raw frames: a view without a calibration is one of a
+ * pinhole camera whose principal point, roll and focal length are off. */
+#include "pipeline/lightfield/correction.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/thread.h"
+#include "pipeline/lightfield/lightfield_internal.h"
+#include "pipeline/lightfield/rectify/rectify.h"
+
+struct sst_correction sst_correction_none(void)
+{
+    return (struct sst_correction){ .gain = { 1, 1, 1 } };
+}
+
+static bool moves(const struct sst_correction *c)
+{
+    return c->shift_x_px != 0 || c->shift_y_px != 0 || c->roll_deg != 0 || c->scale != 0;
+}
+
+bool sst_correction_is_none(const struct sst_correction *c)
+{
+    return !moves(c) && c->gain[0] == 1 && c->gain[1] == 1 && c->gain[2] == 1;
+}
+
+bool sst_correction_valid(const struct sst_correction *c)
+{
+    for (int i = 0; i < 3; i++) {
+        if (!(c->gain[i] >= 1 / SST_CORRECTION_GAIN_MAX && c->gain[i] <= SST_CORRECTION_GAIN_MAX))
+            return false;
+    }
+    return fabs(c->shift_x_px) <= SST_CORRECTION_SHIFT_MAX_PX && fabs(c->shift_y_px) <= SST_CORRECTION_SHIFT_MAX_PX &&
+           fabs(c->roll_deg) <= SST_CORRECTION_ROLL_MAX_DEG && fabs(c->scale) <= SST_CORRECTION_SCALE_MAX;
+}
+
+/* Rotation of directions by `deg` about the optical axis, x towards y. */
+static void roll_matrix(double deg, double m[9])
+{
+    const double c = cos(deg * (M_PI / 180)), s = sin(deg * (M_PI / 180));
+    const double rows[9] = { c, -s, 0, s, c, 0, 0, 0, 1 };
+
+    memcpy(m, rows, sizeof(rows));
+}
+
+/* The picture as that of a camera that is off, and the one that should have been. */
+static void pinhole(const struct sst_lightfield *lf, const struct sst_correction *c, struct sst_calib_camera *camera,
+                    struct sst_calib *calib, struct sst_rectified *to)
+{
+    const double focal = sst_max_int(lf->width, lf->height); /* any: it cancels */
+
+    *camera = (struct sst_calib_camera){ .known = true,
+                                         .fx = focal * (1 + c->scale),
+                                         .fy = focal * (1 + c->scale),
+                                         .cx = 0.5 * (lf->width - 1) + c->shift_x_px,
+                                         .cy = 0.5 * (lf->height - 1) + c->shift_y_px };
+    memcpy(camera->gain, c->gain, sizeof(camera->gain));
+    roll_matrix(c->roll_deg, camera->rotation);
+    *calib = (struct sst_calib){ .rows = 1, .cols = 1, .width = lf->width, .height = lf->height, .camera = camera };
+    *to = (struct sst_rectified){ .rows = 1,
+                                  .cols = 1,
+                                  .width = lf->width,
+                                  .height = lf->height,
+                                  .focal_px = focal,
+                                  .cx = 0.5 * (lf->width - 1),
+                                  .cy = 0.5 * (lf->height - 1),
+                                  .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 } };
+    to->view[0].known = true;
+    to->view[0].scale = 1;
+}
+
+/* Pixels whose place in the uncorrected picture was not seen are not seen either. */
+static void carry_valid(struct sst_map_u8 *valid, const struct sst_map_u8 *before, const struct sst_rectify_map *map,
+                        int32_t *xy_q8)
+{
+    for (int y = 0; y < valid->height; y++) {
+        uint8_t *row = sst_map_u8_row(valid, y);
+
+        sst_rectify_map_row(map, 0, y, valid->width, xy_q8);
+        for (int x = 0; x < valid->width; x++) {
+            if (!row[x])
+                continue;
+            row[x] = sst_map_u8_row(
+                before,
+                sst_clamp_int((xy_q8[2 * x + 1] + 128) >> 8, 0,
+                              before->height - 1))[sst_clamp_int((xy_q8[2 * x] + 128) >> 8, 0, before->width - 1)];
+        }
+    }
+}
+
+static bool all_set(const struct sst_map_u8 *map)
+{
+    for (int y = 0; y < map->height; y++) {
+        if (memchr(sst_map_u8_row(map, y), 0, (size_t)map->width))
+            return false;
+    }
+    return true;
+}
+
+static int resample(struct sst_image *out, struct sst_map_u8 *valid, const struct sst_lightfield *lf,
+                    const struct sst_view *v, const struct sst_correction *c)
+{
+    struct sst_rectified *to = malloc(sizeof(*to));
+    int32_t *xy_q8 = malloc(2 * sizeof(*xy_q8) * (size_t)lf->width);
+    struct sst_rectify_map *map = NULL;
+    struct sst_calib_camera camera;
+    struct sst_calib calib;
+    int err = to && xy_q8 ? 0 : -ENOMEM;
+
+    if (!err) {
+        pinhole(lf, c, &camera, &calib, to);
+        err = sst_rectify_map_create(&map, to, &calib, 0);
+    }
+    err = err ? err : sst_image_init(out, lf->width, lf->height);
+    err = err ? err : sst_map_u8_init(valid, lf->width, lf->height);
+    err = err ? err : sst_rectify_view(map, SST_FILTER_BICUBIC, out, valid, &v->image, 1);
+    if (!err && v->valid.data)
+        carry_valid(valid, &v->valid, map, xy_q8);
+    sst_rectify_map_destroy(map);
+    free(xy_q8);
+    free(to);
+    return err;
+}
+
+int correction_apply(struct sst_lightfield *lf, int view, const struct sst_correction *c)
+{
+    struct sst_view *v = &lf->views[view];
+    struct sst_image out = { 0 };
+    struct sst_map_u8 valid = { 0 };
+    int err;
+
+    if (!v->present || sst_correction_is_none(c))
+        return 0;
+    err = resample(&out, &valid, lf, v, c);
+    if (err) {
+        char name[16];
+
+        sst_view_name(lf, view, name);
+        sst_log_error("cannot correct view %s: %s", name, strerror(-err));
+        sst_image_fini(&out);
+        sst_map_u8_fini(&valid);
+        return err;
+    }
+    if (all_set(&valid))
+        sst_map_u8_fini(&valid);
+    sst_image_fini(&v->image);
+    sst_map_u8_fini(&v->valid);
+    v->image = out;
+    v->valid = valid;
+    return 0;
+}
+
+/* Small turns about x and y shift the picture, one about z rolls it: in rectified axes, before the camera's. */
+static void correct_camera(struct sst_calib_camera *cam, const struct sst_rectified *r, const struct sst_correction *c)
+{
+    const double turn[3] = { -c->shift_y_px / r->focal_px, c->shift_x_px / r->focal_px, c->roll_deg * (M_PI / 180) };
+    double m[9], in_rig[9], out[9];
+
+    /* cam' = cam r^T turn r, each from the rig's axes. */
+    sst_rotation_from_vector(turn, m);
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            in_rig[3 * i + j] = 0;
+            for (int k = 0; k < 3; k++) {
+                for (int l = 0; l < 3; l++)
+                    in_rig[3 * i + j] += r->rotation[3 * k + i] * m[3 * k + l] * r->rotation[3 * l + j];
+            }
+        }
+    }
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            out[3 * i + j] = 0;
+            for (int k = 0; k < 3; k++)
+                out[3 * i + j] += cam->rotation[3 * i + k] * in_rig[3 * k + j];
+        }
+    }
+    memcpy(cam->rotation, out, sizeof(out));
+    cam->fx *= 1 + c->scale;
+    cam->fy *= 1 + c->scale;
+    for (int i = 0; i < 3; i++)
+        cam->gain[i] *= c->gain[i];
+}
+
+void correction_calibrate(struct sst_lightfield *lf)
+{
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (lf->views[k].present && !sst_correction_is_none(&lf->correction[k]))
+            correct_camera(&lf->calibration->camera[k], lf->rectified, &lf->correction[k]);
+    }
+}
+
+struct job {
+    struct sst_lightfield *lf;
+    const struct sst_correction *correction;
+};
+
+static int correct_job(void *arg, int view, int worker SST_UNUSED)
+{
+    const struct job *job = arg;
+
+    return correction_apply(job->lf, view, &job->correction[view]);
+}
+
+int sst_lightfield_correct(struct sst_lightfield *lf, const struct sst_correction *correction, int threads)
+{
+    const size_t bytes = (size_t)(lf->rows * lf->cols) * sizeof(*correction);
+    struct job job = { lf, correction };
+    struct sst_correction *kept;
+    bool valid = !lf->images_raw;
+    int err;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++)
+        valid &= sst_correction_valid(&correction[k]);
+    if (!valid) {
+        sst_log_error("the correction of the views is out of its limits");
+        return -EINVAL;
+    }
+    kept = malloc(bytes);
+    if (!kept) {
+        sst_log_error("not enough memory to correct the views");
+        return -ENOMEM;
+    }
+    memcpy(kept, correction, bytes);
+    err = sst_parallel_for(lf->rows * lf->cols, sst_thread_count(threads), correct_job, &job);
+    if (err) {
+        free(kept);
+        return err;
+    }
+    free(lf->correction);
+    lf->correction = kept;
+    return 0;
+}

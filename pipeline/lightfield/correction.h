@@ -1,0 +1,39 @@
+/* pipeline/lightfield/correction.h - small displacements and gains of a light field's pictures, undone while they are
+ * loaded. */
+#ifndef SST_PIPELINE_LIGHTFIELD_CORRECTION_H
+#define SST_PIPELINE_LIGHTFIELD_CORRECTION_H
+
+#include "pipeline/lightfield/lightfield.h"
+
+#define SST_CORRECTION_SHIFT_MAX_PX 100.0 /* limits of what a folder may state */
+#define SST_CORRECTION_ROLL_MAX_DEG 10.0
+#define SST_CORRECTION_SCALE_MAX    0.1
+#define SST_CORRECTION_GAIN_MAX     8.0 /* and one over it */
+
+/** How one view's picture differs from what it should be. What a point x px from the picture's centre shows belongs at
+ *  x - e(x), e(x) = shift + roll J x + scale x, J x = (-x.y, x.x). */
+struct sst_correction {
+    double shift_x_px, shift_y_px; /* right and down positive */
+    double roll_deg;               /* clockwise */
+    double scale;                  /* size of the picture minus 1 */
+    double gain[3];                /* of linear red, green, blue, as in a calibration; 1: the array's mean */
+};
+
+/** No correction. */
+struct sst_correction sst_correction_none(void);
+bool sst_correction_is_none(const struct sst_correction *c);
+/** Finite and within the limits. */
+bool sst_correction_valid(const struct sst_correction *c);
+
+/**
+ * Correct the loaded pictures, bicubic, and keep how in lf->correction, from where it is stored and applied at the next
+ * load. Pictures that were corrected before are corrected further, but only `correction` is kept: load with
+ * SST_LOAD_UNCORRECTED first. The same bytes for any number of threads.
+ *
+ * @param correction  [rows * cols]
+ * @return 0, -EINVAL (invalid, or raw frames), -ENOMEM; logged
+ */
+SST_MUST_CHECK int sst_lightfield_correct(struct sst_lightfield *lf, const struct sst_correction *correction,
+                                          int threads);
+
+#endif

@@ -1,0 +1,220 @@
+#include "pipeline/method/process/align.h"
+
+#include <math.h>
+
+#include "base/stats.h"
+
+#define OFF_PX     0.3  /* a view beyond this and OFF_SIGMAS is off */
+#define OFF_SIGMAS 6    /* of some 250 tests, with tails that foliage makes heavy: 4 call undisturbed views off */
+#define MANY       0.25 /* of the views: the array is off, not some of its views */
+#define MOST_PX    8.0  /* views farther off stay as they are */
+#define OFF_GAIN   0.12 /* like OFF_PX, of logs: 5 % of the grey levels; hard scenes reach 0.1 */
+#define TILTED     0.5  /* of the variance: deviations that grow with the offsets are no jitter */
+#define MOST_GAIN  1.4  /* like MOST_PX: a factor of 4 */
+#define AGREE      3    /* robust sigmas from the median: these make the mean that stays */
+#define ROUNDS     10
+
+/* One kind of deviation of all views. */
+struct kind {
+    double value[SST_MAX_VIEWS], sigma[SST_MAX_VIEWS]; /* px or logs; NAN: not measured */
+};
+
+/* Mean of the values that agree: jitter of all views leaves their mean, a few views that are off change nothing. */
+static double common_value(const struct kind *kind, int views)
+{
+    double v[SST_MAX_VIEWS], middle = 0, spread;
+    int n = 0;
+
+    for (int k = 0; k < views; k++) {
+        if (!isnan(kind->value[k]))
+            v[n++] = kind->value[k];
+    }
+    if (!n)
+        return 0;
+    middle = sst_stats_median(v, n);
+    for (int round = 0; round < ROUNDS; round++) {
+        double sum = 0;
+        int near = 0;
+
+        for (int i = 0, k = 0; k < views; k++) {
+            if (!isnan(kind->value[k]))
+                v[i++] = fabs(kind->value[k] - middle);
+        }
+        spread = 1.4826 * sst_stats_median(v, n);
+        for (int k = 0; k < views; k++) {
+            if (isnan(kind->value[k]) || fabs(kind->value[k] - middle) > AGREE * spread)
+                continue;
+            sum += kind->value[k];
+            near++;
+        }
+        if (!near)
+            break;
+        middle = sum / near;
+    }
+    return middle;
+}
+
+static void solve3(double a[3][3], double v[3])
+{
+    for (int i = 0; i < 3; i++) {
+        for (int k = i + 1; k < 3; k++) {
+            const double f = a[k][i] / a[i][i];
+
+            for (int j = i; j < 3; j++)
+                a[k][j] -= f * a[i][j];
+            v[k] -= f * v[i];
+        }
+    }
+    for (int i = 2; i >= 0; i--) {
+        for (int j = i + 1; j < 3; j++)
+            v[i] -= a[i][j] * v[j];
+        v[i] /= a[i][i];
+    }
+}
+
+/* Subtract the plane over the views' offsets if it explains most of the deviations. Where a slanted edge of something
+ * near crosses others behind it, the crossings wander along the edge, by the same amount from every view to the next:
+ * matches of meshes show a picture that moves down from column to column. Cameras that were knocked or sagged do not.
+ */
+static void remove_tilt(struct kind *kind, const struct sst_lightfield *lf)
+{
+    double a[3][3] = { { 1e-9, 0, 0 }, { 0, 1e-9, 0 }, { 0, 0, 1e-9 } }, v[3] = { 0 }, all = 0, left = 0, mean;
+    int n = 0;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const double row[3] = { 1, lf->views[k].bx, lf->views[k].by };
+
+        if (isnan(kind->value[k]))
+            continue;
+        n++;
+        for (int i = 0; i < 3; i++) {
+            v[i] += row[i] * kind->value[k];
+            for (int j = 0; j < 3; j++)
+                a[i][j] += row[i] * row[j];
+        }
+    }
+    mean = n ? v[0] / n : 0;
+    solve3(a, v);
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const double plane = v[0] + v[1] * lf->views[k].bx + v[2] * lf->views[k].by;
+
+        if (isnan(kind->value[k]))
+            continue;
+        all += (kind->value[k] - mean) * (kind->value[k] - mean);
+        left += (kind->value[k] - plane) * (kind->value[k] - plane);
+    }
+    for (int k = 0; k < lf->rows * lf->cols && left < (1 - TILTED) * all; k++)
+        kind->value[k] -= v[0] + v[1] * lf->views[k].bx + v[2] * lf->views[k].by;
+}
+
+/* Subtract what all share; 0 what is not significant. */
+static void keep_significant(struct kind *kind, int views, double least, double most)
+{
+    const double common = common_value(kind, views);
+    bool off[SST_MAX_VIEWS];
+    int n = 0, known = 0;
+
+    for (int k = 0; k < views; k++) {
+        const double value = fabs(kind->value[k] -= common);
+
+        off[k] = value > least && value > OFF_SIGMAS * kind->sigma[k] && value <= most;
+        known += !isnan(value);
+        n += off[k];
+    }
+    for (int k = 0; k < views; k++) {
+        const double value = fabs(kind->value[k]);
+
+        if (!off[k] && !(n > MANY * known && value > kind->sigma[k] && value <= most))
+            kind->value[k] = 0;
+    }
+}
+
+static double median_of(const double *value, int views)
+{
+    double v[SST_MAX_VIEWS];
+    int n = 0;
+
+    for (int k = 0; k < views; k++) {
+        if (!isnan(value[k]))
+            v[n++] = value[k];
+    }
+    return n ? sst_stats_median(v, n) : NAN;
+}
+
+static void plan_places(struct sst_correction *correction, struct sst_align_report *report,
+                        const struct sst_lightfield *lf, const struct sst_drift *check)
+{
+    const double width = lf->width, height = lf->height, radius = sqrt((width * width + height * height) / 12);
+    const double roll_px = radius * (M_PI / 180);
+    const int views = lf->rows * lf->cols;
+    struct kind kind[4];
+
+    for (int k = 0; k < views; k++) {
+        const struct sst_drift_camera *c = &check->camera[k];
+        const bool use = lf->views[k].present && c->known && !c->lost;
+
+        kind[0].value[k] = use ? c->shift_x_px : NAN;
+        kind[1].value[k] = use ? c->shift_y_px : NAN;
+        kind[2].value[k] = use ? c->roll_deg * roll_px : NAN;
+        kind[3].value[k] = use ? c->scale * radius : NAN;
+        kind[0].sigma[k] = kind[1].sigma[k] = use ? c->sigma_px : NAN;
+        kind[2].sigma[k] = use ? c->roll_sigma_deg * roll_px : NAN;
+        kind[3].sigma[k] = use ? c->scale_sigma * radius : NAN;
+        report->unmeasured += lf->views[k].present && !use;
+    }
+    report->sigma_px = median_of(kind[0].sigma, views);
+    for (int i = 0; i < 4; i++) {
+        remove_tilt(&kind[i], lf);
+        keep_significant(&kind[i], views, OFF_PX, MOST_PX);
+    }
+    for (int k = 0; k < views; k++) {
+        const double off = hypot(hypot(kind[0].value[k], kind[1].value[k]), hypot(kind[2].value[k], kind[3].value[k]));
+
+        correction[k].shift_x_px = kind[0].value[k];
+        correction[k].shift_y_px = kind[1].value[k];
+        correction[k].roll_deg = kind[2].value[k] / roll_px;
+        correction[k].scale = kind[3].value[k] / radius;
+        report->moved += off > 0;
+        report->worst_px = fmax(report->worst_px, off);
+    }
+}
+
+static void plan_gains(struct sst_correction *correction, struct sst_align_report *report,
+                       const struct sst_lightfield *lf, const struct sst_drift *check)
+{
+    const int views = lf->rows * lf->cols;
+    double sigma[SST_MAX_VIEWS];
+
+    for (int colour = 0; colour < 3; colour++) {
+        struct kind kind;
+
+        for (int k = 0; k < views; k++) {
+            const struct sst_drift_camera *c = &check->camera[k];
+            const bool use = lf->views[k].present && !c->lost && !isnan(c->gain_sigma);
+
+            kind.value[k] = use ? log(c->gain[colour]) : NAN;
+            kind.sigma[k] = sigma[k] = use ? c->gain_sigma : NAN;
+        }
+        keep_significant(&kind, views, OFF_GAIN, MOST_GAIN);
+        for (int k = 0; k < views; k++)
+            correction[k].gain[colour] = exp(kind.value[k]);
+    }
+    report->gain_sigma = median_of(sigma, views);
+    for (int k = 0; k < views; k++) {
+        const double *g = correction[k].gain;
+        const double most = fmax(fabs(g[0] - 1), fmax(fabs(g[1] - 1), fabs(g[2] - 1)));
+
+        report->lit += most > 0;
+        report->worst_gain = fmax(report->worst_gain, most);
+    }
+}
+
+void sst_align_plan(struct sst_correction *correction, struct sst_align_report *report, const struct sst_lightfield *lf,
+                    const struct sst_drift *check)
+{
+    *report = (struct sst_align_report){ 0 };
+    for (int k = 0; k < lf->rows * lf->cols; k++)
+        correction[k] = sst_correction_none();
+    plan_places(correction, report, lf, check);
+    plan_gains(correction, report, lf, check);
+}

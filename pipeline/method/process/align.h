@@ -1,0 +1,32 @@
+/* pipeline/method/process/align.h - displacements and gains of the pictures, estimated from the scene and undone. */
+#ifndef SST_PIPELINE_METHOD_PROCESS_ALIGN_H
+#define SST_PIPELINE_METHOD_PROCESS_ALIGN_H
+
+#include "pipeline/calibration/drift/drift.h"
+#include "pipeline/lightfield/correction.h"
+
+/** What was found and done. */
+struct sst_align_report {
+    int moved, lit;    /* views whose picture was moved, whose gain was changed; 0: nothing significant */
+    double worst_px;   /* largest displacement that was undone, RMS over the picture */
+    double worst_gain; /* largest |gain - 1| that was undone */
+    double sigma_px;   /* median over the views of the displacements' sigma; NAN: nothing was measured */
+    double gain_sigma; /* the same of the gains */
+    int unmeasured;    /* views that too few matches tie to the others */
+};
+
+/**
+ * Corrections of all views from the matches between them.
+ *
+ * Test, for shifts along both axes, rolls, scales and gains one by one: a view is off, and corrected, beyond 0.3 px
+ * (RMS over the picture; gains: 12 % of the light) and 6 sigma. Where more than a quarter of the views are off, all
+ * beyond 1 sigma are corrected. Views that are off by more than 8 px are not: their scene is another one, or they are
+ * in a wrong place. What all views share is not observable: the mean of those that agree stays; so does a displacement
+ * that grows with the views' offsets, which meshes feign.
+ *
+ * @param correction  out, [rows * cols]
+ */
+void sst_align_plan(struct sst_correction *correction, struct sst_align_report *report, const struct sst_lightfield *lf,
+                    const struct sst_drift *check);
+
+#endif

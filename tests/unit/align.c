@@ -1,0 +1,357 @@
+/* Pictures that are displaced, have other gains, or are not those of the scene: measured, corrected, named. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/image/codec.h"
+#include "pipeline/image/srgb.h"
+#include "pipeline/lightfield/folder.h"
+#include "pipeline/method/process/align.h"
+#include "pipeline/method/process/judge.h"
+#include "pipeline/method/process/process.h"
+#include "simulators/scene/scene.h"
+#include "tests/folder.h"
+#include "tests/test.h"
+
+#define WIDTH  240
+#define HEIGHT 180
+#define SIDE   4
+#define VIEWS  (SIDE * SIDE)
+
+static struct sst_lightfield scene_views; /* images alone */
+
+static int setup(void **state)
+{
+    struct sst_scene_config cfg;
+    struct sst_scene *scene;
+
+    sst_scene_config_defaults(&cfg);
+    cfg.width = WIDTH;
+    cfg.height = HEIGHT;
+    cfg.rows = cfg.cols = SIDE;
+    assert_int_equal(sst_scene_create(&scene, "pedestrian", &cfg), 0);
+    assert_int_equal(sst_lightfield_init(&scene_views, SIDE, SIDE), 0);
+    scene_views.width = WIDTH;
+    scene_views.height = HEIGHT;
+    for (int k = 0; k < VIEWS; k++) {
+        struct sst_view *v = &scene_views.views[k];
+
+        v->present = true;
+        assert_int_equal(sst_image_init(&v->image, WIDTH, HEIGHT), 0);
+        assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &v->image, NULL, NULL), 0);
+    }
+    sst_scene_destroy(scene);
+    return test_folder_create(state);
+}
+
+static int teardown(void **state)
+{
+    sst_lightfield_fini(&scene_views);
+    return test_folder_remove(state);
+}
+
+static void copy_views(struct sst_lightfield *lf)
+{
+    assert_int_equal(sst_lightfield_init(lf, SIDE, SIDE), 0);
+    lf->width = WIDTH;
+    lf->height = HEIGHT;
+    for (int k = 0; k < VIEWS; k++)
+        assert_int_equal(sst_view_copy(&lf->views[k], &scene_views.views[k]), 0);
+}
+
+/* Whole pixels down, rows repeated at the border; light scaled. Both exact but for rounding. */
+static void perturb(struct sst_image *to, const struct sst_image *from, int down, double gain)
+{
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int c = 0; c < 3; c++) {
+            const uint8_t *in = sst_image_row(from, c, sst_clamp_int(y - down, 0, HEIGHT - 1));
+            uint8_t *out = sst_image_row(to, c, y);
+
+            for (int x = 0; x < WIDTH; x++) {
+                const double light = gain * sst_srgb_to_light(in[x] / 255.0);
+                const double code = light <= 0.0031308 ? 12.92 * light : 1.055 * pow(light, 1 / 2.4) - 0.055;
+
+                out[x] = (uint8_t)sst_clamp_double(floor(255 * code + 0.5), 0, 255);
+            }
+        }
+    }
+}
+
+static int down_of(int view)
+{
+    static const int down[] = { 0, 1, -2, 1, 2, -1, 0, -1 };
+
+    return down[view % 8] * (view < 8 ? 1 : -1);
+}
+
+static double gain_of(int view)
+{
+    return exp(0.8 * ((view * 7 % VIEWS) / (VIEWS - 1.0) - 0.5));
+}
+
+static void plan(struct sst_correction *correction, struct sst_align_report *report, struct sst_judgement *judgement,
+                 const struct sst_lightfield *lf)
+{
+    const struct sst_drift_config cfg = { .threads = 2, .loose = true, .unusable_px = 6 };
+    struct sst_drift check;
+
+    assert_true(sst_drift_possible(lf));
+    assert_int_equal(sst_drift_check(&check, lf, &cfg), 0);
+    sst_align_plan(correction, report, lf, &check);
+    sst_judge_pictures(judgement, lf, &check);
+    sst_drift_fini(&check);
+}
+
+static void what_is_straight_stays(void **state SST_UNUSED)
+{
+    struct sst_correction c[VIEWS];
+    struct sst_judgement judgement;
+    struct sst_align_report report;
+
+    plan(c, &report, &judgement, &scene_views);
+    assert_int_equal(report.moved, 0);
+    assert_int_equal(report.lit, 0);
+    assert_true(report.sigma_px > 0 && report.sigma_px < 0.2);
+    assert_true(judgement.plausible && !judgement.faulty && !judgement.sentence[0]);
+    for (int k = 0; k < VIEWS; k++)
+        assert_true(sst_correction_is_none(&c[k]));
+}
+
+static void displacements_and_gains_are_found(void **state SST_UNUSED)
+{
+    struct sst_correction c[VIEWS];
+    struct sst_judgement judgement;
+    struct sst_align_report report;
+    struct sst_lightfield lf;
+    double mean = 0;
+
+    copy_views(&lf);
+    for (int k = 0; k < VIEWS; k++)
+        perturb(&lf.views[k].image, &scene_views.views[k].image, down_of(k), gain_of(k));
+    plan(c, &report, &judgement, &lf);
+    assert_true(judgement.plausible);
+    assert_true(report.moved >= VIEWS / 2 && report.lit >= VIEWS / 2);
+    for (int k = 0; k < VIEWS; k++)
+        mean += (c[k].shift_y_px - down_of(k)) / VIEWS;
+    assert_true(fabs(mean) < 0.3);
+    for (int k = 0; k < VIEWS; k++) {
+        if (fabs(c[k].shift_y_px - mean - down_of(k)) > 0.25 || fabs(log(c[k].gain[1] / gain_of(k))) > 0.03)
+            fail_msg("view %d: %.3f px down for %d, gain %.3f for %.3f", k, c[k].shift_y_px - mean, down_of(k),
+                     c[k].gain[1], gain_of(k));
+    }
+    sst_lightfield_fini(&lf);
+}
+
+/* Mean of |a - b| away from the borders. */
+static double difference(const struct sst_image *a, const struct sst_image *b)
+{
+    int64_t sum = 0;
+
+    for (int y = 8; y < HEIGHT - 8; y++) {
+        for (int x = 8; x < WIDTH - 8; x++)
+            sum += abs(sst_image_row(a, 1, y)[x] - sst_image_row(b, 1, y)[x]);
+    }
+    return (double)sum / ((WIDTH - 16) * (HEIGHT - 16));
+}
+
+static void corrections_undo(void **state SST_UNUSED)
+{
+    struct sst_correction c[VIEWS];
+    struct sst_lightfield lf;
+
+    copy_views(&lf);
+    for (int k = 0; k < VIEWS; k++) {
+        perturb(&lf.views[k].image, &scene_views.views[k].image, down_of(k), gain_of(k));
+        c[k] = sst_correction_none();
+        c[k].shift_y_px = down_of(k);
+        c[k].gain[0] = c[k].gain[1] = c[k].gain[2] = gain_of(k);
+    }
+    assert_int_equal(sst_lightfield_correct(&lf, c, 2), 0);
+    for (int k = 0; k < VIEWS; k++) {
+        assert_true(difference(&lf.views[k].image, &scene_views.views[k].image) < 2);
+        assert_true(!lf.views[k].valid.data == !down_of(k)); /* the border comes from outside */
+    }
+    c[3].gain[0] = 9;
+    assert_int_equal(sst_lightfield_correct(&lf, c, 2), -EINVAL);
+    c[3].gain[0] = NAN;
+    assert_int_equal(sst_lightfield_correct(&lf, c, 2), -EINVAL);
+    sst_lightfield_fini(&lf);
+}
+
+/* One quarter turn in small: rolls and scales go the way that the drift check measures them. */
+static void rolls_are_measured_as_they_are_undone(void **state SST_UNUSED)
+{
+    struct sst_correction turn[VIEWS], found[VIEWS];
+    struct sst_judgement judgement;
+    struct sst_align_report report;
+    struct sst_lightfield lf;
+
+    copy_views(&lf);
+    for (int k = 0; k < VIEWS; k++) {
+        turn[k] = sst_correction_none();
+        turn[k].roll_deg = k % 2 ? 0.5 : -0.5;
+        turn[k].scale = k / 4 % 2 ? 0.006 : -0.006;
+    }
+    assert_int_equal(sst_lightfield_correct(&lf, turn, 2), 0); /* now they are rolled the other way */
+    plan(found, &report, &judgement, &lf);
+    for (int k = 0; k < VIEWS; k++) {
+        if (fabs(found[k].roll_deg + turn[k].roll_deg) > 0.15 || fabs(found[k].scale + turn[k].scale) > 0.003)
+            fail_msg("view %d: %.3f degrees, scale %.4f", k, found[k].roll_deg, found[k].scale);
+    }
+    sst_lightfield_fini(&lf);
+}
+
+/* What the folder states is applied at each load, or forgotten. */
+static void a_folder_keeps_its_correction(void **state SST_UNUSED)
+{
+    struct sst_lightfield lf, loaded, plain;
+    struct sst_correction c[VIEWS];
+    char dir[SST_PATH_MAX];
+
+    assert_int_equal(sst_lightfield_init_files(&lf, SIDE, SIDE), 0);
+    lf.width = WIDTH;
+    lf.height = HEIGHT;
+    snprintf(dir, sizeof(dir), "%s", test_path("lf"));
+    assert_int_equal(sst_path_make_dir(dir), 0);
+    assert_int_equal(sst_path_make_dir(test_path("lf/views")), 0);
+    for (int k = 0; k < VIEWS; k++) {
+        char path[64];
+
+        assert_int_equal(sst_view_copy(&lf.views[k], &scene_views.views[k]), 0);
+        sst_view_name(&lf, k, lf.files->view[k].name);
+        strcat(lf.files->view[k].name, ".png");
+        snprintf(path, sizeof(path), "lf/views/%s", lf.files->view[k].name);
+        assert_int_equal(sst_image_write_png(&lf.views[k].image, test_path("%s", path)), 0);
+        c[k] = sst_correction_none();
+    }
+    c[5] = (struct sst_correction){ 0.25, -1.5, 0.125, 0.001, { 1.25, 1, 0.75 } };
+    assert_int_equal(sst_lightfield_correct(&lf, c, 2), 0);
+    lf.files->judged = true;
+    snprintf(lf.files->implausible, sizeof(lf.files->implausible), "a test");
+    assert_int_equal(sst_lightfield_write(&lf, dir, 2), 0);
+    assert_int_equal(sst_lightfield_load(&loaded, dir, SST_LOAD_IMAGES, 3), 0);
+    assert_int_equal(sst_lightfield_load(&plain, dir, SST_LOAD_IMAGES | SST_LOAD_UNCORRECTED, 1), 0);
+    assert_memory_equal(&loaded.correction[5], &c[5], sizeof(c[5]));
+    assert_true(sst_correction_is_none(&loaded.correction[4]) && !plain.correction);
+    assert_true(loaded.files->judged && !loaded.files->plausible && !strcmp(loaded.files->implausible, "a test"));
+    for (int k = 0; k < VIEWS; k++) {
+        for (int y = 0; y < HEIGHT; y++) {
+            assert_memory_equal(sst_image_row(&loaded.views[k].image, 0, y), sst_image_row(&lf.views[k].image, 0, y),
+                                WIDTH);
+            assert_memory_equal(sst_image_row(&plain.views[k].image, 0, y),
+                                sst_image_row(&scene_views.views[k].image, 0, y), WIDTH);
+        }
+    }
+    sst_lightfield_fini(&lf);
+    sst_lightfield_fini(&loaded);
+    sst_lightfield_fini(&plain);
+}
+
+/* --- what is plainly wrong ---------------------------------------------------------------------------------------- */
+
+static enum sst_judge_fault fault_of(const struct sst_lightfield *lf, int view, char *sentence)
+{
+    struct sst_correction c[VIEWS];
+    struct sst_judgement judgement;
+    struct sst_align_report report;
+
+    plan(c, &report, &judgement, lf);
+    print_message("%s\n", judgement.sentence);
+    assert_true(judgement.plausible == !judgement.sentence[0]);
+    snprintf(sentence, sizeof(judgement.sentence), "%s", judgement.sentence);
+    return judgement.view[view].fault;
+}
+
+static void swap_images(struct sst_lightfield *lf, int a, int b)
+{
+    const struct sst_image image = lf->views[a].image;
+
+    lf->views[a].image = lf->views[b].image;
+    lf->views[b].image = image;
+}
+
+static void views_at_fault_are_named(void **state SST_UNUSED)
+{
+    struct sst_lightfield lf;
+    char sentence[512];
+
+    copy_views(&lf);
+    perturb(&lf.views[9].image, &scene_views.views[9].image, 0, 0); /* black */
+    assert_int_equal(fault_of(&lf, 9, sentence), SST_VIEW_BLANK);
+    assert_non_null(strstr(sentence, "row 2, column 1"));
+    assert_int_equal(sst_view_copy(&lf.views[9], &(struct sst_view){ .present = true,
+                                                                     .bx = lf.views[9].bx,
+                                                                     .by = lf.views[9].by,
+                                                                     .image = scene_views.views[10].image }),
+                     0);
+    assert_true(fault_of(&lf, 9, sentence) == SST_VIEW_DOUBLED || fault_of(&lf, 10, sentence) == SST_VIEW_DOUBLED);
+    perturb(&lf.views[9].image, &scene_views.views[9].image, 20, 1); /* far too low */
+    assert_true(fault_of(&lf, 9, sentence) != SST_VIEW_FINE);
+    assert_non_null(strstr(sentence, "row 2, column 1"));
+    perturb(&lf.views[9].image, &scene_views.views[9].image, 0, 1);
+    swap_images(&lf, 5, 11);
+    assert_int_equal(fault_of(&lf, 5, sentence), SST_VIEW_SWAPPED);
+    assert_int_equal(fault_of(&lf, 11, sentence), SST_VIEW_SWAPPED);
+    sst_lightfield_fini(&lf);
+}
+
+static void noise_is_no_light_field(void **state SST_UNUSED)
+{
+    struct sst_lightfield lf;
+    char sentence[512];
+    uint32_t x = 1;
+
+    copy_views(&lf);
+    for (int k = 0; k < VIEWS; k++) {
+        for (int i = 0; i < 3 * WIDTH * HEIGHT; i++) {
+            x = x * 1664525 + 1013904223;
+            sst_image_row(&lf.views[k].image, i % 3, i / 3 / WIDTH)[i / 3 % WIDTH] = (uint8_t)(x >> 24);
+        }
+    }
+    (void)fault_of(&lf, 0, sentence);
+    assert_non_null(strstr(sentence, "do not fit"));
+    sst_lightfield_fini(&lf);
+}
+
+/* Maps that hardly any view confirms: by view, and of all. */
+static void unconfirmed_maps_are_implausible(void **state SST_UNUSED)
+{
+    struct sst_judgement judgement = { .judged = true, .plausible = true };
+    struct sst_lightfield lf;
+
+    copy_views(&lf);
+    for (int k = 0; k < VIEWS; k++) {
+        judgement.view[k].other = -1;
+        assert_int_equal(sst_map_u8_init(&lf.views[k].confidence, WIDTH, HEIGHT), 0);
+        memset(lf.views[k].confidence.data, k == 6 ? 0 : 200, lf.views[k].confidence.stride * (size_t)HEIGHT);
+    }
+    sst_judge_maps(&judgement, &lf, 100 * sst_lightfield_confirmed(&lf, 2));
+    assert_true(!judgement.plausible && judgement.view[6].fault == SST_VIEW_UNCONFIRMED && judgement.faulty == 1);
+    assert_non_null(strstr(judgement.sentence, "row 1, column 2"));
+    memset(lf.views[6].confidence.data, 200, lf.views[6].confidence.stride * (size_t)HEIGHT);
+    judgement = (struct sst_judgement){ .judged = true, .plausible = true };
+    sst_judge_maps(&judgement, &lf, 100);
+    assert_true(judgement.judged && judgement.plausible && !judgement.faulty);
+    judgement = (struct sst_judgement){ .judged = true, .plausible = true };
+    sst_judge_maps(&judgement, &lf, SST_CONFIRMED_FLOOR - 1);
+    assert_true(!judgement.plausible && !judgement.faulty);
+    sst_lightfield_fini(&lf);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_is_straight_stays),
+        cmocka_unit_test(displacements_and_gains_are_found),
+        cmocka_unit_test(corrections_undo),
+        cmocka_unit_test(rolls_are_measured_as_they_are_undone),
+        cmocka_unit_test(a_folder_keeps_its_correction),
+        cmocka_unit_test(views_at_fault_are_named),
+        cmocka_unit_test(noise_is_no_light_field),
+        cmocka_unit_test(unconfirmed_maps_are_implausible),
+    };
+
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
