@@ -127,6 +127,7 @@ int sst_livescene_open(struct sst_livescene **out, const struct sst_live_config 
     s->rows = (lf->height + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
     s->tiles = s->cols * s->rows;
     s->error_labels = s->confirmed = NAN;
+    s->tracks.next_id = 1;
     err = allocate(s);
     if (err)
         sst_log_error("not enough memory to track a scene of %d views of %dx%d", s->views, lf->width, lf->height);
@@ -302,6 +303,11 @@ int sst_livescene_tracks(const struct sst_livescene *s, struct sst_live_track ou
                                             .seen_ns = a->seen_ns };
     }
     return n;
+}
+
+uint32_t sst_livescene_new_track(struct sst_livescene *s)
+{
+    return s->tracks.next_id++;
 }
 
 int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes *changes,

@@ -1,0 +1,121 @@
+/* Scores of all views summed on planes of equal disparity: what differs on a plane adds up there, what differs
+ * elsewhere is spread over it. */
+#include <errno.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "base/thread.h"
+#include "pipeline/live/hidden/hidden_internal.h"
+
+#define STEP_CELLS 1.5 /* by which the outermost view moves from plane to plane */
+#define SLACK      2.0 /* planes: a range that moves by less stays */
+
+int hidden_planes_init(struct hidden_planes *p, int width, int height)
+{
+    size_t blocks;
+
+    *p = (struct hidden_planes){ .width = width,
+                                 .height = height,
+                                 .cols = (width + HIDDEN_BLOCK - 1) / HIDDEN_BLOCK,
+                                 .rows = (height + HIDDEN_BLOCK - 1) / HIDDEN_BLOCK };
+    blocks = (size_t)p->cols * (size_t)p->rows;
+    p->mean = sst_mem_alloc(HIDDEN_PLANES * blocks, sizeof(*p->mean));
+    return p->mean ? 0 : -ENOMEM;
+}
+
+void hidden_planes_fini(struct hidden_planes *p)
+{
+    sst_mem_free(p->mean);
+    *p = (struct hidden_planes){ 0 };
+}
+
+bool hidden_planes_choose(struct hidden_planes *p, const struct sst_hidden_input *in, double reach)
+{
+    const double range = fmax(in->near_px - in->far_px, 0);
+    const double step = fmax(STEP_CELLS / fmax(reach, 1e-6), range / (HIDDEN_PLANES - 2));
+
+    const bool same =
+        p->count && fabs(in->far_px - p->far_px) < SLACK * step && fabs(in->near_px - p->near_px) < SLACK * step;
+
+    if (!same) {
+        p->far_px = in->far_px;
+        p->near_px = in->near_px;
+        p->step_px = step;
+        p->count = 0;
+        while (p->count < HIDDEN_PLANES && in->far_px + (p->count - 1) * step <= in->near_px + step / 2) {
+            p->disp_px[p->count] = in->far_px + (p->count - 1) * step;
+            p->count++;
+        }
+    }
+    p->behind = 0;
+    while (p->behind < p->count && p->disp_px[p->behind] <= in->front_px)
+        p->behind++;
+    return !same;
+}
+
+/* --- sums -----------------------------------------------------------------------------------------------------------
+ */
+
+struct job {
+    struct hidden_planes *p;
+    const struct sst_map_u8 *const *score;
+    const double *dx, *dy;
+    int views;
+};
+
+static void add_row(uint16_t *restrict sum, const uint8_t *restrict score, int n)
+{
+    for (int x = 0; x < n; x++)
+        sum[x] = (uint16_t)(sum[x] + score[x]);
+}
+
+/* Means of the blocks of a row of blocks, from its sums. */
+static void reduce(float *mean, const uint16_t *sum, int width, int rows, int cols)
+{
+    for (int col = 0; col < cols; col++) {
+        const int x1 = sst_min_int((col + 1) * HIDDEN_BLOCK, width);
+        uint32_t all = 0;
+
+        for (int y = 0; y < rows; y++)
+            for (int x = col * HIDDEN_BLOCK; x < x1; x++)
+                all += sum[y * width + x];
+        mean[col] = (float)all / (HIDDEN_BLOCK * HIDDEN_BLOCK);
+    }
+}
+
+static int sum_plane(void *arg, int plane, int worker SST_UNUSED)
+{
+    const struct job *j = arg;
+    struct hidden_planes *p = j->p;
+    uint16_t sum[HIDDEN_BLOCK * (HIDDEN_WIDTH + HIDDEN_BLOCK)];
+    const double disp_px = p->disp_px[plane];
+
+    for (int block = 0; block < p->rows; block++) {
+        const size_t at = ((size_t)plane * (size_t)p->rows + (size_t)block) * (size_t)p->cols;
+        const int rows = sst_min_int(HIDDEN_BLOCK, p->height - block * HIDDEN_BLOCK);
+
+        memset(sum, 0, sizeof(sum));
+        for (int k = 0; k < j->views; k++) {
+            const int sx = (int)lround(disp_px * j->dx[k]), sy = (int)lround(disp_px * j->dy[k]);
+            const int x0 = sst_max_int(0, sx), x1 = sst_min_int(p->width, p->width + sx);
+
+            for (int y = 0; y < rows && j->score[k] && x0 < x1; y++) {
+                const int from = block * HIDDEN_BLOCK + y - sy;
+
+                if (from >= 0 && from < p->height)
+                    add_row(sum + (size_t)y * (size_t)p->width + x0, sst_map_u8_row(j->score[k], from) + (x0 - sx),
+                            x1 - x0);
+            }
+        }
+        reduce(p->mean + at, sum, p->width, rows, p->cols);
+    }
+    return 0;
+}
+
+int hidden_planes_sum(struct hidden_planes *p, const struct sst_map_u8 *const *score, int views, const double *dx,
+                      const double *dy, int threads)
+{
+    struct job j = { p, score, dx, dy, views };
+
+    return sst_parallel_for(p->count, threads, sum_plane, &j);
+}
