@@ -44,10 +44,10 @@ struct hedge_person {
 struct hedge_leaf {
     float x, y, disp; /* at rest */
     float swing, phase, rate;
-    uint8_t colour[3];
+    uint32_t colour; /* 0xBBGGRR */
     uint8_t kind;
     uint16_t twig;
-    int at_x, at_y; /* in the picture that is drawn, 1/16 px */
+    int at_x, at_y, disp_q4; /* in the picture that is drawn, 1/16 px */
 };
 
 struct hedge_twig {
@@ -61,14 +61,16 @@ struct hedge_mask {
 
 struct hedge {
     struct hedge_config cfg;
-    double scale; /* of a picture 320 wide */
-    struct sst_image wall;
+    double scale;   /* of a picture 320 wide */
+    uint32_t *wall; /* [wall_height][wall_width] */
+    int wall_width, wall_height;
     int margin;
     struct hedge_mask mask[HEDGE_LEAF_KINDS];
     struct hedge_leaf *leaf;
     struct hedge_twig *twig;
     int leaves, twigs, twig_cols;
     int8_t noise[HEDGE_NOISE];
+    uint32_t *canvas; /* [height][width] */
     double cover;
 };
 
@@ -107,6 +109,11 @@ static uint8_t hedge_level(double v)
     return (uint8_t)sst_clamp_double(v + 0.5, 0, 255);
 }
 
+static uint32_t hedge_colour(double r, double g, double b)
+{
+    return hedge_level(r) | (uint32_t)hedge_level(g) << 8 | (uint32_t)hedge_level(b) << 16;
+}
+
 /* --- what does not move ------------------------------------------------------------------------------------------- */
 
 /* Smooth in cells of `cell` px, -1..1. */
@@ -129,13 +136,14 @@ static int hedge_make_wall(struct hedge *h)
     const struct hedge_config *c = &h->cfg;
     const double brick = 16 * h->scale;
     const uint32_t seed = (uint32_t)c->seed;
-    int err;
 
     h->margin = (int)ceil(fabs(c->wall_px) * sst_max_int(c->rows, c->cols) / 2) + 2;
-    err = sst_image_init(&h->wall, c->width + 2 * h->margin, c->height + 2 * h->margin);
-    for (int y = 0; y < h->wall.height && !err; y++) {
-        for (int x = 0; x < h->wall.width; x++) {
-            const bool grass = y > 0.78 * h->wall.height;
+    h->wall_width = c->width + 2 * h->margin;
+    h->wall_height = c->height + 2 * h->margin;
+    h->wall = malloc((size_t)h->wall_width * (size_t)h->wall_height * sizeof(*h->wall));
+    for (int y = 0; y < h->wall_height && h->wall; y++) {
+        for (int x = 0; x < h->wall_width; x++) {
+            const bool grass = y > 0.78 * h->wall_height;
             const double row = y / (brick / 2), shift = fmod(floor(row), 2) / 2;
             const double col = x / brick + shift;
             const bool joint = !grass && (row - floor(row) < 0.2 || col - floor(col) < 0.1);
@@ -152,11 +160,11 @@ static int hedge_make_wall(struct hedge *h)
                                      : joint ? 155
                                              : 85 + 30 * stone };
 
-            for (int k = 0; k < 3; k++)
-                sst_image_row(&h->wall, k, y)[x] = hedge_level(c->light * (base[k] + fine));
+            h->wall[(size_t)y * (size_t)h->wall_width + (size_t)x] =
+                hedge_colour(c->light * (base[0] + fine), c->light * (base[1] + fine), c->light * (base[2] + fine));
         }
     }
-    return err;
+    return h->wall ? 0 : -ENOMEM;
 }
 
 /* Ellipses in many directions. */
@@ -221,24 +229,22 @@ static struct hedge_leaf hedge_random_leaf(const struct hedge *h, uint64_t *seed
     l.twig = (uint16_t)(sst_clamp_int((int)(l.y / (HEDGE_TWIG_PX * h->scale)), 0, h->twigs / h->twig_cols - 1) *
                             h->twig_cols +
                         sst_clamp_int((int)((l.x - left) / (HEDGE_TWIG_PX * h->scale)), 0, h->twig_cols - 1));
-    l.colour[0] = hedge_level(c->light * shade * (75 + tint));
-    l.colour[1] = hedge_level(c->light * shade * 125);
-    l.colour[2] = hedge_level(c->light * shade * 45);
+    l.colour = hedge_colour(c->light * shade * (75 + tint), c->light * shade * 125, c->light * shade * 45);
     return l;
 }
 
 /* Where a leaf's mask begins in a view. */
-static void hedge_place(const struct hedge_leaf *l, double bx, double by, int *x, int *y)
+static void hedge_place(const struct hedge_leaf *l, int bx, int by, int *x, int *y)
 {
-    *x = (int)lround(l->at_x / 16.0 - l->disp * bx) - HEDGE_LEAF_SIDE / 2;
-    *y = (int)lround(l->at_y / 16.0 - l->disp * by) - HEDGE_LEAF_SIDE / 2;
+    *x = (l->at_x - l->disp_q4 * bx + (1024 * 16 + 8)) / 16 - 1024 - HEDGE_LEAF_SIDE / 2;
+    *y = (l->at_y - l->disp_q4 * by + (1024 * 16 + 8)) / 16 - 1024 - HEDGE_LEAF_SIDE / 2;
 }
 
 /* Add leaves until they cover the part of the reference view that the hedge takes. */
 static int hedge_make_leaves(struct hedge *h, uint64_t *seed)
 {
     const struct hedge_config *c = &h->cfg;
-    const double reach = c->near_px * ((c->cols + 1) / 2) + 24;
+    const double reach = c->near_px * ((c->cols + 1) / 2) + 8;
     const int top = (int)(HEDGE_TOP * c->height) + 4;
     const int64_t all = (int64_t)c->width * (c->height - top);
     uint8_t *covered = calloc((size_t)c->width * (size_t)c->height, 1);
@@ -249,6 +255,7 @@ static int hedge_make_leaves(struct hedge *h, uint64_t *seed)
         int x0, y0;
 
         *l = hedge_random_leaf(h, seed, -reach, c->width + reach);
+        l->disp_q4 = (int)lround(16 * l->disp);
         l->at_x = (int)lround(16 * l->x);
         l->at_y = (int)lround(16 * l->y);
         hedge_place(l, 0, 0, &x0, &y0);
@@ -284,7 +291,8 @@ static inline void hedge_destroy(struct hedge *h)
 {
     if (!h)
         return;
-    sst_image_fini(&h->wall);
+    free(h->wall);
+    free(h->canvas);
     free(h->leaf);
     free(h->twig);
     free(h);
@@ -306,11 +314,12 @@ static inline int hedge_create(struct hedge **out, const struct hedge_config *cf
     h->cfg = *cfg;
     h->scale = cfg->width / 320.0;
     h->twig_cols =
-        (int)((cfg->width + 2 * (cfg->near_px * ((cfg->cols + 1) / 2) + 24)) / (HEDGE_TWIG_PX * h->scale)) + 1;
+        (int)((cfg->width + 2 * (cfg->near_px * ((cfg->cols + 1) / 2) + 8)) / (HEDGE_TWIG_PX * h->scale)) + 1;
     h->twigs = h->twig_cols * ((int)(cfg->height / (HEDGE_TWIG_PX * h->scale)) + 2);
     h->leaf = calloc(HEDGE_LEAVES, sizeof(*h->leaf));
     h->twig = calloc((size_t)h->twigs, sizeof(*h->twig));
-    if (h->leaf && h->twig)
+    h->canvas = malloc((size_t)cfg->width * (size_t)cfg->height * sizeof(*h->canvas));
+    if (h->leaf && h->twig && h->canvas)
         err = hedge_make_wall(h);
     if (!err) {
         hedge_make_masks(h, &seed);
@@ -361,13 +370,14 @@ static void hedge_sway(struct hedge *h, double t_s)
 
 /* --- drawing ------------------------------------------------------------------------------------------------------ */
 
-static void hedge_draw_wall(const struct hedge *h, double bx, double by, struct sst_image *image)
+static void hedge_draw_wall(const struct hedge *h, int bx, int by)
 {
     const int dx = h->margin + (int)lround(h->cfg.wall_px * bx), dy = h->margin + (int)lround(h->cfg.wall_px * by);
+    const size_t width = (size_t)h->cfg.width;
 
-    for (int c = 0; c < 3; c++)
-        for (int y = 0; y < image->height; y++)
-            memcpy(sst_image_row(image, c, y), sst_image_row(&h->wall, c, y + dy) + dx, (size_t)image->width);
+    for (int y = 0; y < h->cfg.height; y++)
+        memcpy(h->canvas + (size_t)y * width, h->wall + (size_t)(y + dy) * (size_t)h->wall_width + dx,
+               width * sizeof(*h->canvas));
 }
 
 /* The colour of a person at (u, v): u across, -0.5..0.5 of the height, v down, 0..1. @return false: nothing there */
@@ -395,25 +405,25 @@ static bool hedge_person_at(const struct hedge_person *p, double u, double v, do
     return true;
 }
 
-static void hedge_draw_person(const struct hedge *h, const struct hedge_person *p, double bx, double by,
-                              struct sst_image *image)
+static uint32_t hedge_person_colour(const struct hedge *h, const double rgb[3])
 {
-    const double x = p->x - p->disp_px * bx, y = p->foot - p->height - p->disp_px * by;
-    const int x0 = sst_max_int((int)ceil(x - p->height / 3), 0);
-    const int x1 = sst_min_int((int)floor(x + p->height / 3), image->width - 1);
-    double rgb[3];
-
-    for (int py = sst_max_int((int)ceil(y), 0); py < sst_min_int((int)floor(y + p->height), image->height); py++) {
-        for (int px = x0; px <= x1; px++) {
-            if (!hedge_person_at(p, (px - x) / p->height, (py - y) / p->height, rgb))
-                continue;
-            for (int c = 0; c < 3; c++)
-                sst_image_row(image, c, py)[px] = hedge_level(h->cfg.light * rgb[c]);
-        }
-    }
+    return hedge_colour(h->cfg.light * rgb[0], h->cfg.light * rgb[1], h->cfg.light * rgb[2]);
 }
 
-static void hedge_draw_leaves(const struct hedge *h, double bx, double by, struct sst_image *image)
+static void hedge_draw_person(const struct hedge *h, const struct hedge_person *p, int bx, int by)
+{
+    const double x = p->x - p->disp_px * bx, y = p->foot - p->height - p->disp_px * by;
+    const int x0 = sst_max_int((int)ceil(x - p->height / 4), 0);
+    const int x1 = sst_min_int((int)floor(x + p->height / 4), h->cfg.width - 1);
+    double rgb[3];
+
+    for (int py = sst_max_int((int)ceil(y), 0); py < sst_min_int((int)floor(y + p->height), h->cfg.height); py++)
+        for (int px = x0; px <= x1; px++)
+            if (hedge_person_at(p, (px - x) / p->height, (py - y) / p->height, rgb))
+                h->canvas[py * h->cfg.width + px] = hedge_person_colour(h, rgb);
+}
+
+static void hedge_draw_leaves(const struct hedge *h, int bx, int by)
 {
     for (int i = 0; i < h->leaves; i++) {
         const struct hedge_leaf *l = &h->leaf[i];
@@ -421,44 +431,44 @@ static void hedge_draw_leaves(const struct hedge *h, double bx, double by, struc
         int x0, y0;
 
         hedge_place(l, bx, by, &x0, &y0);
-        if (x0 + HEDGE_LEAF_SIDE <= 0 || x0 >= image->width)
+        if (x0 + HEDGE_LEAF_SIDE <= 0 || x0 >= h->cfg.width)
             continue;
-        for (int y = sst_max_int(m->y0, -y0); y < m->y1 && y0 + y < image->height; y++) {
-            const int from = sst_max_int(x0 + m->from[y], 0), to = sst_min_int(x0 + m->to[y], image->width);
+        for (int y = sst_max_int(m->y0, -y0); y < m->y1 && y0 + y < h->cfg.height; y++) {
+            const int to = sst_min_int(x0 + m->to[y], h->cfg.width);
 
-            for (int c = 0; c < 3 && from < to; c++)
-                memset(sst_image_row(image, c, y0 + y) + from, l->colour[c], (size_t)(to - from));
+            for (int x = sst_max_int(x0 + m->from[y], 0); x < to; x++)
+                h->canvas[(y0 + y) * h->cfg.width + x] = l->colour;
         }
     }
 }
 
-static void hedge_add_noise(const struct hedge *h, uint64_t *seed, struct sst_image *image)
+static void hedge_expose(const struct hedge *h, uint64_t *seed, struct sst_image *image)
 {
     for (int c = 0; c < 3; c++) {
         for (int y = 0; y < image->height; y++) {
-            uint8_t *row = sst_image_row(image, c, y);
+            const uint32_t *from = h->canvas + (size_t)y * (size_t)h->cfg.width;
             const int8_t *n = h->noise + (size_t)(sst_random(seed) * (HEDGE_NOISE - image->width));
+            uint8_t *row = sst_image_row(image, c, y);
 
             for (int x = 0; x < image->width; x++)
-                row[x] = (uint8_t)sst_clamp_int(row[x] + n[x], 0, 255);
+                row[x] = (uint8_t)sst_clamp_int((int)(from[x] >> 8 * c & 0xFF) + n[x], 0, 255);
         }
     }
 }
 
-/* Pixels that differ from those without the person. */
-static double hedge_seen_share(const struct hedge *h, const struct hedge_person *p, struct sst_image *image)
+/* The part of a person that is seen before noise. */
+static double hedge_seen_share(const struct hedge *h, const struct hedge_person *p)
 {
     int64_t all = 0, seen = 0;
     const double x = p->x, y = p->foot - p->height;
     double rgb[3];
 
-    for (int py = 0; py < image->height; py++) {
-        for (int px = 0; px < image->width; px++) {
+    for (int py = 0; py < h->cfg.height; py++) {
+        for (int px = 0; px < h->cfg.width; px++) {
             if (!hedge_person_at(p, (px - x) / p->height, (py - y) / p->height, rgb))
                 continue;
             all++;
-            seen += sst_image_row(image, 0, py)[px] == hedge_level(h->cfg.light * rgb[0]) &&
-                    sst_image_row(image, 1, py)[px] == hedge_level(h->cfg.light * rgb[1]);
+            seen += h->canvas[py * h->cfg.width + px] == hedge_person_colour(h, rgb);
         }
     }
     return all ? (double)seen / (double)all : 0;
@@ -482,13 +492,13 @@ static inline void hedge_draw(struct hedge *h, double t_s, const struct hedge_pe
         double bx, by;
 
         hedge_offset(h, k, &bx, &by);
-        hedge_draw_wall(h, bx, by, &image[k]);
+        hedge_draw_wall(h, (int)bx, (int)by);
         if (person)
-            hedge_draw_person(h, person, bx, by, &image[k]);
-        hedge_draw_leaves(h, bx, by, &image[k]);
+            hedge_draw_person(h, person, (int)bx, (int)by);
+        hedge_draw_leaves(h, (int)bx, (int)by);
         if (visible && k == ref)
-            *visible = person ? hedge_seen_share(h, person, &image[k]) : 0;
-        hedge_add_noise(h, &seed, &image[k]);
+            *visible = person ? hedge_seen_share(h, person) : 0;
+        hedge_expose(h, &seed, &image[k]);
     }
 }
 

@@ -42,7 +42,9 @@ bool hidden_planes_choose(struct hidden_planes *p, const struct sst_hidden_input
         p->near_px = in->near_px;
         p->step_px = step;
         p->count = 0;
-        while (p->count < HIDDEN_PLANES && in->far_px + (p->count - 1) * step <= in->near_px + step / 2) {
+        p->disp_px[0] = in->far_px;
+        p->count = reach > 0 ? 0 : 1; /* one view: no depth */
+        while (reach > 0 && p->count < HIDDEN_PLANES && in->far_px + (p->count - 1) * step <= in->near_px + step / 2) {
             p->disp_px[p->count] = in->far_px + (p->count - 1) * step;
             p->count++;
         }

@@ -154,7 +154,7 @@ static void judge_box(struct hidden_usual *u, const struct hidden_planes *p, int
             for (int i = 0; i < p->count; i++) {
                 const float e = u->excess[place(u, box, i, y) + (size_t)x];
 
-                if (i == 0 || i >= p->behind) {
+                if ((i == 0 && p->count > 1) || i >= p->behind) {
                     leaves = e > leaves ? e : leaves;
                 } else if (e > behind) {
                     behind = e;
