@@ -9,11 +9,7 @@
 #include "pipeline/live/hidden/hidden.h"
 #include "pipeline/live/live_internal.h"
 
-#define FRONT_SHARE 0.05 /* of what is nearer than the cut: the leaves that stand farthest back */
-#define FRONT_PX    0.5  /* behind these, something is behind the leaves */
-#define NEARER_PX   1.0
-#define COVERED     0.25 /* of a box in the reference view: something nearer is before it */
-#define SAME_PX     3.0  /* disparities of one thing */
+#define SAME_PX     3.0 /* disparities of one thing */
 #define REMEMBER_NS INT64_C(6000000000)
 #define PLACES      (2 * SST_LIVE_TRACKS)
 
@@ -84,48 +80,6 @@ void live_watch_close(struct sst_live *live)
 
 /* --- detection ------------------------------------------------------------------------------------------------------
  */
-
-/* Where the leaves begin: the disparity that all but a few of the rays before the cut exceed. */
-static double find_front(const struct sst_live *live)
-{
-    const struct sst_label_histogram *h = &live->renderer->histogram;
-    const int cut = sst_max_int((int)((live->cut.cut_px - h->disp_min_px) * SST_DISP_SCALE), h->first_bin);
-    uint64_t all = 0, sum = 0;
-
-    for (int pass = 0; pass < 2; pass++) {
-        for (int bin = cut; bin < h->bins; bin++) {
-            for (int label = 0; label < 256; label++) {
-                const uint64_t n = h->count[label] ? h->count[label][bin] : 0;
-
-                all += pass ? 0 : n;
-                sum += pass ? n : 0;
-            }
-            if (pass && (double)sum > FRONT_SHARE * (double)all)
-                return fmax(h->disp_min_px + bin / SST_DISP_SCALE - FRONT_PX, live->cut.cut_px);
-        }
-    }
-    return live->cut.cut_px;
-}
-
-/* Does something nearer stand before a box in the reference view? */
-static bool is_covered(const struct sst_live *live, const struct sst_hidden_thing *t)
-{
-    const struct sst_map_u16 *disp = &live->lf.views[live->lf.ref_view].disp;
-    const int least = (int)((t->disp_px + NEARER_PX - live->lf.disp_min_px) * SST_DISP_SCALE);
-    int64_t all = 0, nearer = 0;
-
-    if (!disp->data)
-        return false;
-    for (int y = sst_max_int((int)t->y0, 0); y < sst_min_int((int)t->y1, disp->height); y++) {
-        const uint16_t *row = sst_map_u16_row(disp, y);
-
-        for (int x = sst_max_int((int)t->x0, 0); x < sst_min_int((int)t->x1, disp->width); x++) {
-            all++;
-            nearer += row[x] != SST_DISP_NONE && row[x] > least;
-        }
-    }
-    return all && (double)nearer >= COVERED * (double)all;
-}
 
 /* --- identities -----------------------------------------------------------------------------------------------------
  */
@@ -241,8 +195,7 @@ static void meet_hidden(struct sst_live *live)
         if (!t->reported || id_of(w, t->key) || w->entries == SST_HIDDEN_THINGS)
             continue;
         id = recognise(w, t->x0, t->y0, t->x1, t->y1, t->disp_px);
-        if (id || is_covered(live, t))
-            w->entry[w->entries++] = (struct entry){ t->key, id ? id : sst_livescene_new_track(live->scene) };
+        w->entry[w->entries++] = (struct entry){ t->key, id ? id : sst_livescene_new_track(live->scene) };
     }
 }
 
@@ -256,10 +209,11 @@ int live_watch_update(struct sst_live *live, int64_t t_ns)
 
     if (!w)
         return 0;
-    if (live->changes.changed && live->ready && !isnan(live->cut.cut_px) && !isnan(live->min_px)) {
+    if (live->ready && lf->views[lf->ref_view].disp.data && !isnan(live->min_px)) {
         in.far_px = live->min_px;
         in.near_px = live->max_px;
-        in.front_px = find_front(live);
+        in.disp = &lf->views[lf->ref_view].disp;
+        in.disp_min_px = lf->disp_min_px;
         for (int k = 0; k < lf->rows * lf->cols; k++) {
             in.image[k] = lf->views[k].present && lf->views[k].image.plane[0] ? &lf->views[k].image : NULL;
             in.changed[k] = live->changes.map[k];

@@ -49,7 +49,7 @@ struct bench {
     int64_t visible_sets, sets;
     struct hedge_person person;
     bool there, walks;
-    double from_s, to_s, ended_s;
+    double from_s, to_s, ended_s, last_x;
     uint64_t seed;
 };
 
@@ -86,7 +86,7 @@ static int open_method(struct bench *b, int m)
         d->in.image[k] = m == 0 ? &b->image[k] : m == 1 ? &b->image[middle] : &b->focused;
     }
     d->in.far_px = b->cfg.wall_px;
-    d->in.front_px = b->cfg.near_px - b->cfg.spread_px - 0.5;
+    d->in.front_px = b->cfg.near_px - b->cfg.spread_px;
     d->in.near_px = b->cfg.near_px;
     return sst_hidden_open(&d->hidden, &cfg);
 }
@@ -206,7 +206,7 @@ static void note(struct bench *b, struct method *d)
     }
     for (int k = 0; k < n; k++) {
         const double x = (thing[k].x0 + thing[k].x1) / 2;
-        const bool is_person = anybody && fabs(x - b->person.x) < NEAR * b->cfg.width;
+        const bool is_person = anybody && fabs(x - b->last_x) < NEAR * b->cfg.width;
         int at = 0;
 
         while (at < d->count && d->seen[at].key != thing[k].key)
@@ -248,8 +248,10 @@ static int run_set(struct bench *b)
     int err = 0;
 
     b->there = b->t_s >= b->from_s && b->t_s < b->to_s;
-    if (b->there)
+    if (b->there) {
         move_person(b);
+        b->last_x = b->person.x;
+    }
     hedge_draw(b->hedge, b->t_s, b->there ? &b->person : NULL, b->image, &visible);
     if (b->there && b->person.x > 0 && b->person.x < b->cfg.width) {
         b->visible += visible;

@@ -113,7 +113,7 @@ static int pass(struct watch *w, double visible_most)
             continue;
         found = found ? found : n + 1;
         assert_true(fabs((t->x0 + t->x1) / 2 - p.x) < 24);
-        assert_true(fabs((t->y0 + t->y1) / 2 - (p.foot - p.height / 2)) < 26);
+        assert_true(fabs((t->y0 + t->y1) / 2 - (p.foot - p.height / 2)) < 30);
         assert_true(t->y1 - t->y0 < 1.6 * p.height);
         assert_true(fabs(t->disp_px - p.disp_px) < 1.5);
     }

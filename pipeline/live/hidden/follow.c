@@ -11,6 +11,7 @@
 #define SET_MOST_S  1.0 /* time that a set stands for at most */
 #define LOSS        2.0 /* of evidence in a second without a candidate */
 #define LOST_S      3.0
+#define STILL_S     20.0 /* without any change in the scene: who is there moves sooner or later */
 #define LOST_SETS   2
 #define REACH       0.5 /* of the height: a thing moves by this at once, ... */
 #define SPEED       1.0 /* ... and by this in a second */
@@ -22,12 +23,12 @@
 #define SECONDS     1.0
 #define STAYS_S     600.0 /* what has not moved for this long is part of the scene */
 #define PEAK_MIN    1.0
-#define PRIOR_H     0.25 /* at the start: as if chance had made so many tracks in this time, with this mean evidence */
-#define PRIOR_RATE  120.0
-#define PRIOR_MEAN  1.2
+#define PRIOR_H     0.1 /* at the start: as if chance had made so many tracks in this time, with this mean evidence */
+#define PRIOR_RATE  60.0
+#define PRIOR_MEAN  1.0
 #define MEMORY_H    3.0
 #define CHANCE_MOST 8.0 /* what counts of one: it may have been somebody */
-#define LOWEST      5.0
+#define LOWEST      4.0
 #define HIGHEST     40.0
 
 void hidden_tracks_init(struct hidden_tracks *t, double alarms_per_hour)
@@ -191,6 +192,26 @@ static bool stays(struct hidden_track *a, double dt_s, int64_t t_ns)
     return a->thing.evidence >= 0 && (missed_s <= LOST_S || missed_s <= LOST_SETS * dt_s);
 }
 
+void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns)
+{
+    const double dt_s = fmax((double)(t_ns - t->t_ns) * 1e-9, 0);
+    int kept = 0;
+
+    for (int i = 0; i < t->count; i++) {
+        struct hidden_track *a = &t->track[i];
+
+        a->seen &= (double)(t_ns - a->thing.seen_ns) * 1e-9 <= STILL_S;
+        a->vx = a->vy = 0;
+        if (a->seen || stays(a, dt_s, t_ns))
+            t->track[kept++] = *a;
+        else
+            note_chance(t, a);
+    }
+    t->count = kept;
+    note_time(t, fmin(dt_s, SET_MOST_S) / 3600);
+    t->t_ns = t_ns;
+}
+
 void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate *c, int count,
                           const struct hidden_planes *p, int64_t t_ns, bool quiet)
 {
@@ -227,5 +248,5 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
         if (g[k].z > 0)
             add(t, &g[k], t_ns);
     if (!quiet)
-        note_time(t, fmin(dt_s, 5) / 3600);
+        note_time(t, fmin(dt_s, SET_MOST_S) / 3600);
 }

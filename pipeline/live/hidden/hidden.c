@@ -132,12 +132,27 @@ static int update_model(void *arg, int k, int worker SST_UNUSED)
     return 0;
 }
 
+static bool has_changed(const struct sst_hidden *h, const struct sst_hidden_input *in)
+{
+    for (int k = 0; k < h->cfg.views; k++)
+        if (h->model[k] && in->image[k] &&
+            (!in->changed[k] || !h->model[k]->filled ||
+             memchr(in->changed[k], 1, (size_t)h->model[k]->tiles_x * (size_t)h->model[k]->tiles_y)))
+            return true;
+    return false;
+}
+
 int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
 {
     const struct sst_map_u8 *score[SST_MAX_VIEWS] = { NULL };
     struct hidden_candidate candidate[SST_HIDDEN_THINGS];
     int err, count;
 
+    if (!has_changed(h, in)) {
+        hidden_usual_wait(&h->usual, in->t_ns);
+        hidden_tracks_wait(&h->tracks, in->t_ns);
+        return 0;
+    }
     h->in = in;
     find_kept(h);
     err = sst_parallel_for(h->cfg.views, h->cfg.threads, update_model, h);
@@ -145,6 +160,7 @@ int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
         score[k] = h->model[k] && in->image[k] && h->model[k]->filled ? &h->model[k]->score : NULL;
     if (!err && hidden_planes_choose(&h->planes, in, h->reach))
         hidden_usual_reset(&h->usual);
+    hidden_planes_cover(&h->planes, in, h->step);
     err = err ? err : hidden_planes_sum(&h->planes, score, h->cfg.views, h->dx, h->dy, h->cfg.threads);
     if (err)
         return err;

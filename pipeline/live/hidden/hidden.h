@@ -26,8 +26,11 @@ struct sst_hidden_input {
     int64_t t_ns;
     const struct sst_image *image[SST_MAX_VIEWS]; /* NULL: missing; its differences stay */
     const uint8_t *changed[SST_MAX_VIEWS];        /* [tiles of 32 px] 0: as in the set before; NULL: all changed */
-    /* Disparities: what lies behind the leaves is searched from far_px to front_px; up to near_px are the leaves. */
-    double far_px, front_px, near_px;
+    /* Disparities of the scene. What is searched lies behind the leaves: behind front_px, or, with the disparities of
+     * the reference view, behind a good part of what that shows at the place. */
+    double far_px, near_px, front_px;
+    const struct sst_map_u16 *disp; /* NULL: front_px */
+    double disp_min_px;             /* of stored value 0 */
 };
 
 /** Something that is there now. */

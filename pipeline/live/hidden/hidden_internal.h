@@ -56,14 +56,21 @@ void hidden_model_update(struct hidden_model *m, const struct sst_image *image, 
 struct hidden_planes {
     int width, height; /* cells */
     int cols, rows;    /* blocks */
-    int count, behind; /* behind: the first ones lie behind the leaves */
+    int count;
     double far_px, near_px, step_px;
     double disp_px[HIDDEN_PLANES];
-    float *mean; /* [plane][rows][cols] of the scores' sums over the views */
+    float *nearer; /* [plane][rows + 1][cols + 1] sums of the parts of blocks that are nearer, above and to the left */
+    float *mean;   /* [plane][rows][cols] of the scores' sums over the views */
 };
 
 SST_MUST_CHECK int hidden_planes_init(struct hidden_planes *p, int width, int height);
 void hidden_planes_fini(struct hidden_planes *p);
+
+/** Find what the reference view shows before each plane. @param step  px per cell */
+void hidden_planes_cover(struct hidden_planes *p, const struct sst_hidden_input *in, int step);
+
+/** Is enough of a box (blocks) nearer than a plane? */
+bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const struct hidden_rect *r);
 
 /** Choose the planes; the outermost view moves by `reach` cells per px of disparity. @return they are others than
  * before */
@@ -97,6 +104,9 @@ SST_MUST_CHECK int hidden_usual_init(struct hidden_usual *u, int cols, int rows)
 void hidden_usual_fini(struct hidden_usual *u);
 void hidden_usual_reset(struct hidden_usual *u);
 
+/** Follow a set in which nothing changed. */
+void hidden_usual_wait(struct hidden_usual *u, int64_t t_ns);
+
 /** Follow a set. @param keep  [keeps] blocks whose content must not become usual
  *  @return number of candidates, the best first */
 int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, int64_t t_ns,
@@ -125,6 +135,9 @@ struct hidden_tracks {
 };
 
 void hidden_tracks_init(struct hidden_tracks *t, double alarms_per_hour);
+
+/** Follow a set in which nothing changed: what was there still is, for a while. */
+void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns);
 
 /** Evidence at which chance makes as many reports as are accepted. */
 double hidden_tracks_threshold(const struct hidden_tracks *t);

@@ -8,6 +8,8 @@
 #include "pipeline/live/hidden/hidden_internal.h"
 
 #define STEP_CELLS 1.5 /* by which the outermost view moves from plane to plane */
+#define BEFORE     2.5 /* planes: what is nearer by this stands before a plane */
+#define COVERED    0.3 /* of a box */
 #define SLACK      2.0 /* planes: a range that moves by less stays */
 
 int hidden_planes_init(struct hidden_planes *p, int width, int height)
@@ -20,12 +22,15 @@ int hidden_planes_init(struct hidden_planes *p, int width, int height)
                                  .rows = (height + HIDDEN_BLOCK - 1) / HIDDEN_BLOCK };
     blocks = (size_t)p->cols * (size_t)p->rows;
     p->mean = sst_mem_alloc(HIDDEN_PLANES * blocks, sizeof(*p->mean));
-    return p->mean ? 0 : -ENOMEM;
+    p->nearer =
+        sst_mem_alloc((size_t)HIDDEN_PLANES * (size_t)(p->cols + 1) * (size_t)(p->rows + 1), sizeof(*p->nearer));
+    return p->mean && p->nearer ? 0 : -ENOMEM;
 }
 
 void hidden_planes_fini(struct hidden_planes *p)
 {
     sst_mem_free(p->mean);
+    sst_mem_free(p->nearer);
     *p = (struct hidden_planes){ 0 };
 }
 
@@ -49,10 +54,56 @@ bool hidden_planes_choose(struct hidden_planes *p, const struct sst_hidden_input
             p->count++;
         }
     }
-    p->behind = 0;
-    while (p->behind < p->count && p->disp_px[p->behind] <= in->front_px)
-        p->behind++;
     return !same;
+}
+
+/* --- what stands before them ---------------------------------------------------------------------------------------
+ */
+
+/* The part of a block that is nearer than a plane: of four pixels. */
+static float nearer_part(const struct sst_map_u16 *disp, int col, int row, int step, int least)
+{
+    const int side = HIDDEN_BLOCK * step;
+    int n = 0;
+
+    for (int i = 0; i < 4; i++) {
+        const int x = sst_min_int(col * side + side / 4 + i % 2 * side / 2, disp->width - 1);
+        const int y = sst_min_int(row * side + side / 4 + i / 2 * side / 2, disp->height - 1);
+        const int d = sst_map_u16_row(disp, y)[x];
+
+        n += d != SST_DISP_NONE && d > least;
+    }
+    return (float)n / 4;
+}
+
+void hidden_planes_cover(struct hidden_planes *p, const struct sst_hidden_input *in, int step)
+{
+    const size_t w = (size_t)p->cols + 1;
+
+    for (int plane = 0; plane < p->count; plane++) {
+        float *sums = p->nearer + (size_t)plane * w * ((size_t)p->rows + 1);
+        const double front_px = p->disp_px[plane] + BEFORE * p->step_px;
+        const int least = (int)lround((front_px - in->disp_min_px) * SST_DISP_SCALE);
+
+        for (int row = 0; row < p->rows; row++) {
+            float sum = 0;
+
+            for (int col = 0; col < p->cols; col++) {
+                sum += in->disp ? nearer_part(in->disp, col, row, step, least) : front_px <= in->front_px;
+                sums[(size_t)(row + 1) * w + (size_t)col + 1] = sums[(size_t)row * w + (size_t)col + 1] + sum;
+            }
+        }
+    }
+}
+
+bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const struct hidden_rect *r)
+{
+    const int w = p->cols + 1;
+    const float *sums = p->nearer + (size_t)plane * (size_t)w * ((size_t)p->rows + 1);
+    const float part =
+        sums[r->y1 * w + r->x1] - sums[r->y1 * w + r->x0] - sums[r->y0 * w + r->x1] + sums[r->y0 * w + r->x0];
+
+    return part >= (float)COVERED * (float)((r->x1 - r->x0) * (r->y1 - r->y0));
 }
 
 /* --- sums -----------------------------------------------------------------------------------------------------------

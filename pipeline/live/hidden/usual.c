@@ -6,13 +6,16 @@
 #include "base/mem.h"
 #include "pipeline/live/hidden/hidden_internal.h"
 
-#define FOLLOW_S   60.0 /* the usual level follows within this time */
-#define CLIP       4.0  /* standard deviations that count at most for it */
-#define SPREAD_MIN 3.0
-#define LEVEL_MIN  20.0
-#define AROUND     2    /* widths on each side that a box is compared with */
-#define START      2.0  /* standard deviations of a candidate */
-#define LEAVES     0.25 /* part of what exceeds the usual among the leaves that is taken off what does behind them */
+#define FOLLOW_S 60.0 /* the usual level follows within this time */
+#define FARTHEST                                                                                                       \
+    2 /* planes: the farthest surface, of which gaps show parts that were not seen before, and what is beyond */
+#define WAIT_MOST_S 10.0 /* that one set stands for */
+#define CLIP        4.0  /* standard deviations that count at most for it */
+#define SPREAD_MIN  3.0
+#define LEVEL_MIN   20.0
+#define AROUND      2    /* widths on each side that a box is compared with */
+#define START       2.0  /* standard deviations of a candidate */
+#define LEAVES      0.25 /* part of what exceeds the usual among the leaves that is taken off what does behind them */
 
 static const struct {
     int cols, rows;
@@ -53,6 +56,12 @@ void hidden_usual_reset(struct hidden_usual *u)
 {
     u->age_s = 0;
     u->t_ns = 0;
+}
+
+void hidden_usual_wait(struct hidden_usual *u, int64_t t_ns)
+{
+    u->age_s += u->t_ns ? sst_clamp_double((double)(t_ns - u->t_ns) * 1e-9, 0, WAIT_MOST_S) : 0;
+    u->t_ns = t_ns;
 }
 
 static size_t place(const struct hidden_usual *u, int box, int plane, int y)
@@ -139,8 +148,8 @@ static void follow_level(struct hidden_usual *u, const float *mean, int plane, f
     }
 }
 
-/* A place counts if what exceeds the usual there is largest behind the leaves, and by how much it does. The first
- * plane, behind everything, is none of these: what is largest there has no plane at all. */
+/* A place counts if what exceeds the usual there is largest behind the leaves, and by how much it does. The farthest
+ * surface is none of these. */
 static void judge_box(struct hidden_usual *u, const struct hidden_planes *p, int box)
 {
     const int bw = box_size[box].cols, bh = box_size[box].rows;
@@ -149,12 +158,13 @@ static void judge_box(struct hidden_usual *u, const struct hidden_planes *p, int
         for (int x = 0; x + bw <= u->cols; x++) {
             const size_t middle = (size_t)(y + bh / 2) * (size_t)u->cols + (size_t)(x + bw / 2);
             float behind = 0, leaves = 0, z;
+            const struct hidden_rect r = { x, y, x + bw, y + bh };
             int plane = 0;
 
             for (int i = 0; i < p->count; i++) {
                 const float e = u->excess[place(u, box, i, y) + (size_t)x];
 
-                if ((i == 0 && p->count > 1) || i >= p->behind) {
+                if ((i < FARTHEST && p->count > 1) || !hidden_planes_is_behind(p, i, &r)) {
                     leaves = e > leaves ? e : leaves;
                 } else if (e > behind) {
                     behind = e;
@@ -198,7 +208,7 @@ static bool next_best(struct hidden_usual *u, struct hidden_candidate *c)
 int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, int64_t t_ns,
                         const struct hidden_rect *keep, int keeps, struct hidden_candidate out[SST_HIDDEN_THINGS])
 {
-    const double dt_s = u->t_ns ? sst_clamp_double((double)(t_ns - u->t_ns) * 1e-9, 0, 5) : 0;
+    const double dt_s = u->t_ns ? sst_clamp_double((double)(t_ns - u->t_ns) * 1e-9, 0, WAIT_MOST_S) : 0;
     double rate;
     int n = 0;
 
