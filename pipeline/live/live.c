@@ -143,6 +143,11 @@ int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_L
     return live_watch_tracks(live, out, sst_livescene_tracks(live->scene, out));
 }
 
+int sst_live_recognise(struct sst_live *live, const struct sst_image *image, const double box[4])
+{
+    return sst_livescene_recognise(live->scene, image, box);
+}
+
 bool sst_live_unsettled(struct sst_live *live)
 {
     return sst_livescene_unsettled(live->scene);

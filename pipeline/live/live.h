@@ -148,6 +148,10 @@ SST_MUST_CHECK int sst_live_watch(struct sst_live *live, const struct sst_live_i
  *  seconds, and while it stands for ten minutes at most. Needs a model, except for what is hidden. @return number */
 int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_LIVE_TRACKS]);
 
+/** What the network sees in a picture of the reference view's size, inside a box (left, top, right, bottom in px): the
+ *  label of something that can move, on a good part of it. Takes one run of the network. @return label, 0: none */
+int sst_live_recognise(struct sst_live *live, const struct sst_image *image, const double box[4]);
+
 /** True if the background thread has improved maps for the next sst_live_settle().  Thread: any. */
 bool sst_live_unsettled(struct sst_live *live);
 /** Apply the maps of the background thread, between framesets. @return true: pictures may have changed */

@@ -60,17 +60,29 @@ void hidden_model_fini(struct hidden_model *m)
 /* --- pictures to cells ---------------------------------------------------------------------------------------------
  */
 
+/* Means of 2x2 px. */
+static void halve_row(uint8_t *restrict out, const uint8_t *restrict a, const uint8_t *restrict b, int n)
+{
+    for (int x = 0; x < n; x++)
+        out[x] = (uint8_t)((a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1] + 2) >> 2);
+}
+
 /* Means of step x step px, of cells x0..x1-1 of a row. */
 static void shrink_row(uint8_t *out, const struct sst_image *in, int channel, int y, int x0, int x1, int step)
 {
-    const int shift = step == 1 ? 0 : step == 2 ? 2 : step == 4 ? 4 : 6;
-
     if (step == 1) {
         memcpy(out + x0, sst_image_row(in, channel, y) + x0, (size_t)(x1 - x0));
         return;
     }
+    if (step == 2) {
+        const uint8_t *low = sst_image_row(in, channel, sst_min_int(2 * y + 1, in->height - 1));
+        const int whole = sst_min_int(x1, in->width / 2);
+
+        halve_row(out + x0, sst_image_row(in, channel, 2 * y) + 2 * (size_t)x0, low + 2 * (size_t)x0, whole - x0);
+        x0 = whole; /* half a cell is left of an odd width */
+    }
     for (int x = x0; x < x1; x++) {
-        int sum = 1 << (shift - 1);
+        int sum = step * step / 2;
 
         for (int v = 0; v < step; v++) {
             const uint8_t *row = sst_image_row(in, channel, sst_min_int(y * step + v, in->height - 1));
@@ -78,7 +90,7 @@ static void shrink_row(uint8_t *out, const struct sst_image *in, int channel, in
             for (int u = 0; u < step; u++)
                 sum += row[sst_min_int(x * step + u, in->width - 1)];
         }
-        out[x] = (uint8_t)(sum >> shift);
+        out[x] = (uint8_t)(sum / (step * step));
     }
 }
 
@@ -89,8 +101,8 @@ static void shrink(struct hidden_model *m, const struct sst_image *image, const 
             shrink_row(sst_image_row(&m->now, c, y), image, c, y, r->x0, r->x1, step);
 }
 
-/* Brightness against a remembered colour: the median of the ratios of single cells. */
-static double measure_gain(const struct hidden_model *m)
+/* Brightness of the changed tiles against a remembered colour: the median of the ratios of single cells. */
+static double measure_gain(const struct hidden_model *m, const uint8_t *changed)
 {
     int count[GAIN_BINS] = { 0 }, all = 0, sum = 0;
 
@@ -99,7 +111,8 @@ static double measure_gain(const struct hidden_model *m)
             const int slot = (int)(mix((uint32_t)(y * 1024 + x)) % HIDDEN_SLOTS);
             const int was = sst_image_row(&m->slot[slot], 1, y)[x], is = sst_image_row(&m->now, 1, y)[x];
 
-            if (was < GAIN_LEAST || was > 250 || is > 250)
+            if ((changed && !changed[y / m->tile * m->tiles_x + x / m->tile]) || was < GAIN_LEAST || was > 250 ||
+                is > 250)
                 continue;
             count[sst_min_int(is * 64 / was, GAIN_BINS - 1)]++;
             all++;
@@ -265,21 +278,42 @@ static struct hidden_rect tile_rect(const struct hidden_model *m, int tile)
                                  sst_min_int(y + m->tile, m->now.height) };
 }
 
-/* Undo the brightness of the picture in all tiles that were read; those that were not have that of an earlier set. */
-static void follow_gain(struct hidden_model *m, const struct sst_image *image, int step)
+/* Read the changed tiles. Their brightness is measured where most of them changed, as light changes them all. */
+static void read_tiles(struct hidden_model *m, const struct sst_image *image, const uint8_t *changed, int step)
 {
-    const struct hidden_rect all = { 0, 0, m->now.width, m->now.height };
-    double gain;
+    const int tiles = m->tiles_x * m->tiles_y;
+    int read = 0;
 
-    shrink(m, image, &all, step);
-    gain = measure_gain(m);
-    if (gain >= GAIN_RANGE || gain <= 1 / GAIN_RANGE) {
+    for (int i = 0; i < tiles; i++) {
+        const struct hidden_rect r = tile_rect(m, i);
+
+        if (changed && !changed[i] && m->filled)
+            continue;
+        shrink(m, image, &r, step);
+        read++;
+    }
+    if (!m->filled) {
         fill(m);
         return;
     }
-    m->gain = fabs(gain - 1) < GAIN_SAME ? 1 : gain;
-    if (m->gain < 1 || m->gain > 1)
-        scale(m, &all, m->gain);
+    if (2 * read >= tiles) {
+        const double gain = measure_gain(m, changed);
+
+        if (gain >= GAIN_RANGE || gain <= 1 / GAIN_RANGE) {
+            const struct hidden_rect all = { 0, 0, m->now.width, m->now.height };
+
+            shrink(m, image, &all, step);
+            fill(m);
+            return;
+        }
+        m->gain = fabs(gain - 1) < GAIN_SAME ? 1 : gain;
+    }
+    for (int i = 0; i < tiles && (m->gain < 1 || m->gain > 1); i++) {
+        const struct hidden_rect r = tile_rect(m, i);
+
+        if (!changed || changed[i])
+            scale(m, &r, m->gain);
+    }
 }
 
 void hidden_model_update(struct hidden_model *m, const struct sst_image *image, const uint8_t *changed, int step,
@@ -287,16 +321,8 @@ void hidden_model_update(struct hidden_model *m, const struct sst_image *image, 
 {
     const int tiles = m->tiles_x * m->tiles_y;
 
-    if (!changed || memchr(changed, 1, (size_t)tiles)) {
-        if (m->filled) {
-            follow_gain(m, image, step);
-        } else {
-            const struct hidden_rect all = { 0, 0, m->now.width, m->now.height };
-
-            shrink(m, image, &all, step);
-            fill(m);
-        }
-    }
+    if (!m->filled || !changed || memchr(changed, 1, (size_t)tiles))
+        read_tiles(m, image, changed, step);
     for (int i = 0; i < tiles; i++) {
         const struct hidden_rect r = tile_rect(m, i);
 
