@@ -59,8 +59,10 @@ struct hidden_planes {
     int count;
     double far_px, near_px, step_px;
     double disp_px[HIDDEN_PLANES];
-    float *nearer; /* [plane][rows + 1][cols + 1] sums of the parts of blocks that are nearer, above and to the left */
-    float *mean;   /* [plane][rows][cols] of the scores' sums over the views */
+    float *usually; /* [plane][rows][cols] the part of a block that is nearer, mean of the last sets */
+    bool covered;   /* usually is known */
+    float *nearer;  /* [plane][rows + 1][cols + 1] sums of the parts of blocks that are nearer, above and to the left */
+    float *mean;    /* [plane][rows][cols] of the scores' sums over the views */
 };
 
 SST_MUST_CHECK int hidden_planes_init(struct hidden_planes *p, int width, int height);

@@ -7,10 +7,11 @@
 #include "base/thread.h"
 #include "pipeline/live/hidden/hidden_internal.h"
 
-#define STEP_CELLS 1.5 /* by which the outermost view moves from plane to plane */
-#define BEFORE     2.5 /* planes: what is nearer by this stands before a plane */
-#define COVERED    0.3 /* of a box */
-#define SLACK      2.0 /* planes: a range that moves by less stays */
+#define STEP_CELLS 1.5  /* by which the outermost view moves from plane to plane */
+#define BEFORE     2.5  /* planes: what is nearer by this stands before a plane */
+#define FOLLOW     0.05 /* of what usually stands there, in a set */
+#define COVERED    0.3  /* of a box */
+#define SLACK      2.0  /* planes: a range that moves by less stays */
 
 int hidden_planes_init(struct hidden_planes *p, int width, int height)
 {
@@ -24,13 +25,15 @@ int hidden_planes_init(struct hidden_planes *p, int width, int height)
     p->mean = sst_mem_alloc(HIDDEN_PLANES * blocks, sizeof(*p->mean));
     p->nearer =
         sst_mem_alloc((size_t)HIDDEN_PLANES * (size_t)(p->cols + 1) * (size_t)(p->rows + 1), sizeof(*p->nearer));
-    return p->mean && p->nearer ? 0 : -ENOMEM;
+    p->usually = sst_mem_alloc(HIDDEN_PLANES * blocks, sizeof(*p->usually));
+    return p->mean && p->nearer && p->usually ? 0 : -ENOMEM;
 }
 
 void hidden_planes_fini(struct hidden_planes *p)
 {
     sst_mem_free(p->mean);
     sst_mem_free(p->nearer);
+    sst_mem_free(p->usually);
     *p = (struct hidden_planes){ 0 };
 }
 
@@ -45,6 +48,7 @@ bool hidden_planes_choose(struct hidden_planes *p, const struct sst_hidden_input
     if (!same) {
         p->far_px = in->far_px;
         p->near_px = in->near_px;
+        p->covered = false;
         p->step_px = step;
         p->count = 0;
         p->disp_px[0] = in->far_px;
@@ -60,7 +64,8 @@ bool hidden_planes_choose(struct hidden_planes *p, const struct sst_hidden_input
 /* --- what stands before them ---------------------------------------------------------------------------------------
  */
 
-/* The part of a block that is nearer than a plane: of four pixels. */
+/* The part of a block that is nearer than a plane: of four pixels. What passes in front of the views does not count,
+ * only what usually stands there. */
 static float nearer_part(const struct sst_map_u16 *disp, int col, int row, int step, int least)
 {
     const int side = HIDDEN_BLOCK * step;
@@ -84,16 +89,23 @@ void hidden_planes_cover(struct hidden_planes *p, const struct sst_hidden_input 
         float *sums = p->nearer + (size_t)plane * w * ((size_t)p->rows + 1);
         const double front_px = p->disp_px[plane] + BEFORE * p->step_px;
         const int least = (int)lround((front_px - in->disp_min_px) * SST_DISP_SCALE);
+        float *usually = p->usually + (size_t)plane * (size_t)p->rows * (size_t)p->cols;
 
         for (int row = 0; row < p->rows; row++) {
             float sum = 0;
 
             for (int col = 0; col < p->cols; col++) {
-                sum += in->disp ? nearer_part(in->disp, col, row, step, least) : front_px <= in->front_px;
+                const float now =
+                    in->disp ? nearer_part(in->disp, col, row, step, least) : (float)(front_px <= in->front_px);
+                float *before = &usually[row * p->cols + col];
+
+                *before += p->covered ? (float)FOLLOW * (now - *before) : now - *before;
+                sum += now < *before ? now : *before;
                 sums[(size_t)(row + 1) * w + (size_t)col + 1] = sums[(size_t)row * w + (size_t)col + 1] + sum;
             }
         }
     }
+    p->covered = true;
 }
 
 bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const struct hidden_rect *r)
