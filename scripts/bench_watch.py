@@ -58,9 +58,16 @@ def pooled(some, method):
     return found, passes, alarms, hours
 
 
+def measured(some, method):
+    return all(method in w["methods"] for w in some)
+
+
 def cells(some):
     out = []
     for method in METHODS:
+        if not measured(some, method):
+            out.append("not measured | ")
+            continue
         found, passes, alarms, hours = pooled(some, method)
         out.append(f"{found / max(passes, 1):.2f} ({found}) | {alarms / max(hours, 1e-9):.1f} ({alarms})")
     return " | ".join(out)
@@ -84,6 +91,8 @@ def chart(out, some):
     passes, hours = sum(w["passes"] for w in some), sum(w["empty_hours"] for w in some)
     plots = []
     for i, (method, text) in enumerate(METHODS.items()):
+        if not measured(some, method):
+            continue
         lines.append(f"$m{i} << EOD")
         for k in range(len(THRESHOLDS)):
             alarms = sum(w["methods"][method]["alarms_at"][k] for w in some) / hours
@@ -158,7 +167,7 @@ def write(out, figures, cost):
         cover, wind, light, distance = name.split("-")
         rows.append(f"| {float(cover) * 100:.0f} % | {wind} | {light} | {distance} | {w['visible']:.2f} | {w['passes']} | "
                     f"{cells([w])} | {w['methods']['array']['delay_s']:.0f} |")
-    best = ", ".join(f"{text} {best_recall(some, m, 1):.2f}" for m, text in METHODS.items())
+    best = ", ".join(f"{text} {best_recall(some, m, 1):.2f}" for m, text in METHODS.items() if measured(some, m))
     text = TEXT.format(worlds=len(some), hours=sum(w["hours"] for w in some), passes=sum(w["passes"] for w in some),
                        empty=sum(w["empty_hours"] for w in some), covers="\n".join(covers + [line("all", some)]),
                        splits="\n".join(splits), rows="\n".join(rows), best=best, cost=cost)

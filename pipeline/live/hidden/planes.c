@@ -49,7 +49,7 @@ bool hidden_planes_choose(struct hidden_planes *p, const struct sst_hidden_input
         p->far_px = in->far_px;
         p->near_px = in->near_px;
         p->covered = false;
-        p->step_px = step;
+        p->step_px = reach > 0 ? step : 1;
         p->count = 0;
         p->disp_px[0] = in->far_px;
         p->count = reach > 0 ? 0 : 1; /* one view: no depth */
