@@ -136,7 +136,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
@@ -385,6 +385,9 @@ bench-perturb: $(BUILD)/sst ## measure error against what is wrong with the pict
 BENCH_CALIB := $(BUILD)/bench/calib $(BUILD)/bench/calib_pairs
 bench-calib: $(BENCH_CALIB) ## measure calibration against known truth, about 8 minutes; renews docs/measured/bench-calibration.md
 	$(PYTHON) scripts/bench_calib.py --build $(BUILD)
+
+bench-watch: $(BUILD)/bench/watch ## measure detection behind simulated foliage, about 5 minutes; renews docs/measured/bench-watch.md
+	$(PYTHON) scripts/bench_watch.py --build $(BUILD) --fresh
 
 # What deps installs changes what the build finds, hence the second make.
 demo: deps ## see through moving scenes: simulated arrays, the service, its page; DEMO=--once: pictures in sst-demo/, and the end

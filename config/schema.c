@@ -231,6 +231,9 @@ static const struct sst_key keys[] = {
     { KEY("live", "label_factor", DOUBLE, live.label_factor, "2", LIVE,
           "with a focus label, the weight of the other labels is divided by this"),
       RANGE(1, 1000) },
+    { KEY("live", "hidden_alarms_per_hour", DOUBLE, live.hidden_alarms_per_hour, "1", PICTURE,
+          "search for people and vehicles behind leaves, with about this number of false visits an hour; 0: no search"),
+      RANGE(0, 60) },
     { KEY("live", "verify_rays", BOOL, live.verify_rays, "true", LIVE,
           "behind dense or moving leaves, weight rays by whether their colours agree at the focus; false: by depth and "
           "label alone") },

@@ -76,6 +76,7 @@ struct sst_live_settings { /* live: */
     bool outline, tint;                    /* clear: outlines of what was removed; old pixels tinted */
     double focus_px;                       /* of the main view at the start; NaN: behind the foreground */
     double sigma_px, c1, c2, label_factor; /* of the renderer; its defaults */
+    double hidden_alarms_per_hour; /* false visits accepted of things behind leaves; 0: they are not searched */
     bool verify_rays; /* where maps have low confidence, weight rays by whether their colours agree at the focus */
     int jpeg_quality;
 };

@@ -111,6 +111,7 @@ static int describe(struct live_engine *v, const struct sst_config *c)
         .skip_change = c->live.skip_change,
         .skip_labels = c->live.skip_labels,
         .background = true,
+        .alarms_per_hour = c->live.hidden_alarms_per_hour,
         .zones = c->zones,
     };
     engine_zones(l->zone, c);

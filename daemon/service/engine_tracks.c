@@ -151,10 +151,11 @@ static json_t *visit_json_locked(const struct live_engine *v, const struct visit
     visit_page(page, &v->config, name);
     sst_clock_text(from, a->from_wall_ns);
     sst_clock_text(to, a->from_wall_ns + (a->last.t_ns - a->from_ns));
-    return json_pack("{s:s, s:s, s:b, s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:[f, f, f, f], s:o}", "visit", name,
-                     "page", page, "active", active, "label", label_of(v, a->label), "from", from, "to", to, "seconds",
-                     round((double)(a->last.t_ns - a->from_ns) / 1e8) / 10, "direction", direction(a), "zones",
-                     zones_json(v, a), "distance_m", sst_api_real(distance_m(v, a->last.disp_px)), "nearest_m",
+    return json_pack("{s:s, s:s, s:b, s:b, s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:[f, f, f, f], s:o}", "visit", name,
+                     "page", page, "active", active, "hidden", a->hidden, "label", label_of(v, a->label), "from", from,
+                     "to", to, "seconds", round((double)(a->last.t_ns - a->from_ns) / 1e8) / 10, "direction",
+                     direction(a), "zones", zones_json(v, a), "distance_m",
+                     sst_api_real(distance_m(v, a->last.disp_px)), "nearest_m",
                      sst_api_real(distance_m(v, a->nearest_px)), "box", a->box[0], a->box[1], a->box[2], a->box[3],
                      "path", path_json(v, a));
 }
@@ -211,8 +212,14 @@ static void take_pictures(struct live_engine *v, struct visit *a, const struct s
     settings.render.focus_px = t->disp_px;
     err = v->visit_picture ? 0 : sst_livepicture_create(&v->visit_picture, v->live);
     err = err ? err : sst_livepicture_render(v->visit_picture, &settings.render, &image, &rendered_px);
-    if (!err)
-        store(v, a, SST_VISIT_SEEN, image);
+    if (err)
+        return;
+    if (t->hidden && !t->label) { /* no view's labels show it */
+        const int label = sst_live_recognise(v->live, image, (double[]){ t->x0, t->y0, t->x1, t->y1 });
+
+        a->label = label ? label : a->label;
+    }
+    store(v, a, SST_VISIT_SEEN, image);
 }
 
 static void emit(struct live_engine *v, const struct visit *a, bool active)
@@ -239,6 +246,8 @@ static void emit(struct live_engine *v, const struct visit *a, bool active)
                      way);
     if (!isnan(near_m))
         sst_text_add(text, sizeof(text), ", %s%.1f m away", active ? "" : "at least ", near_m);
+    if (a->hidden)
+        sst_text_add(text, sizeof(text), ", behind the foreground");
     sst_visits_put(v->kept, data);
     sst_events_emit(v->events, SST_EVENT_INFO, "visit", data, "%s %s%s", what,
                     !active   ? "was there"
@@ -261,7 +270,8 @@ static void follow_visit(struct live_engine *v, struct visit *a, const struct ss
     bool masked;
 
     a->there = true;
-    a->label = t->label;
+    a->hidden |= t->hidden;
+    a->label = t->label ? t->label : a->label;
     if (t->state == SST_LIVE_TRACK_COVERED)
         return;
     a->last = foot(v, t, t_ns);
@@ -348,10 +358,11 @@ json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_l
 {
     static const char *const states[] = { "seen", "covered", "still" };
 
-    return json_pack("{s:I, s:s, s:i, s:s, s:[f, f, f, f], s:[f, f], s:f, s:o, s:f}", "track", (json_int_t)t->id,
-                     "state", states[t->state], "label", t->label, "name", label_of(v, t->label), "box", t->x0, t->y0,
-                     t->x1, t->y1, "speed_px_s", t->vx_px_s, t->vy_px_s, "disparity_px", t->disp_px, "distance_m",
-                     sst_api_real(distance_m(v, t->disp_px)), "seconds", (double)(v->tracks_t_ns - t->first_ns) / 1e9);
+    return json_pack("{s:I, s:s, s:b, s:i, s:s, s:[f, f, f, f], s:[f, f], s:f, s:o, s:f}", "track", (json_int_t)t->id,
+                     "state", states[t->state], "hidden", t->hidden, "label", t->label, "name", label_of(v, t->label),
+                     "box", t->x0, t->y0, t->x1, t->y1, "speed_px_s", t->vx_px_s, t->vy_px_s, "disparity_px",
+                     t->disp_px, "distance_m", sst_api_real(distance_m(v, t->disp_px)), "seconds",
+                     (double)(v->tracks_t_ns - t->first_ns) / 1e9);
 }
 
 int engine_tracks(void *engine, struct sst_api_answer *out)

@@ -393,7 +393,8 @@ struct visit_point {
 /** A track from its report until it has gone. */
 struct visit {
     uint32_t id;
-    bool there; /* in this set */
+    bool there;  /* in this set */
+    bool hidden; /* it was seen behind the foreground */
     int label;
     bool told; /* that it has come */
     unsigned zones;

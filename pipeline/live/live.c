@@ -27,6 +27,7 @@ int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg)
     err = live_init(live, cfg);
     err = err ? err : sst_liveframes_open(&live->frames, &live->cfg, &live->lf);
     err = err ? err : sst_livescene_open(&live->scene, &live->cfg, &live->lf);
+    err = err ? err : live_watch_open(live);
     if (err) {
         sst_live_close(live);
         return err;
@@ -40,6 +41,7 @@ void sst_live_close(struct sst_live *live)
     if (!live)
         return;
     sst_live_cancel(live);
+    live_watch_close(live);
     sst_livescene_close(live->scene);
     sst_liveframes_close(live->frames);
     live_fini(live);
@@ -108,6 +110,7 @@ int sst_live_update(struct sst_live *live, const struct sst_live_input *in, stru
         live->low_confidence = done.confirmed < (live->low_confidence ? CONFIRMED_AGAIN : CONFIRMED);
     err = err ? err : live_ingest(live, &live->changes);
     err = err ? err : live_summarize(live, in->t_ns);
+    err = err ? err : live_watch_update(live, in->t_ns);
     if (err)
         return err;
     live->lost = false;
@@ -137,7 +140,12 @@ int sst_live_watch(struct sst_live *live, const struct sst_live_input *in, struc
 
 int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_LIVE_TRACKS])
 {
-    return sst_livescene_tracks(live->scene, out);
+    return live_watch_tracks(live, out, sst_livescene_tracks(live->scene, out));
+}
+
+int sst_live_recognise(struct sst_live *live, const struct sst_image *image, const double box[4])
+{
+    return sst_livescene_recognise(live->scene, image, box);
 }
 
 bool sst_live_unsettled(struct sst_live *live)

@@ -35,6 +35,7 @@ struct sst_live_config {
     bool skip_change;                  /* S1 of design.md, 5.5; false: every set is fully computed (exact mode) */
     bool skip_labels;                  /* S4 */
     bool background;                   /* improve the maps of a static scene on a background thread */
+    double alarms_per_hour;            /* false ones accepted of things behind leaves; 0: they are not searched */
     int zones;
     struct sst_live_zone zone[SST_LIVE_ZONES];
 };
@@ -98,6 +99,7 @@ enum sst_live_track_state {
 struct sst_live_track {
     uint32_t id; /* from 1 on, in the order of their first report; never used again */
     enum sst_live_track_state state;
+    bool hidden;           /* behind leaves: found by hidden/ */
     int label;             /* 0: none */
     double x0, y0, x1, y1; /* in the reference view, px; may lie beyond its edges */
     double vx_px_s, vy_px_s;
@@ -132,8 +134,8 @@ SST_MUST_CHECK int sst_live_update(struct sst_live *live, const struct sst_live_
                                    struct sst_live_report *report);
 
 /**
- * Find what changed in the view that zones refer to, without updating anything: for sets of which no pictures are needed.
- * The next update finds all that has changed since the last one.
+ * Find what changed in the view that zones refer to, without updating anything: for sets of which no pictures are
+ * needed. The next update finds all that has changed since the last one.
  *
  * @param report  out, zones: what changed since the set watched before; labels as of the last update. All else as of an
  *                update that had nothing to do.
@@ -143,8 +145,12 @@ SST_MUST_CHECK int sst_live_watch(struct sst_live *live, const struct sst_live_i
                                   struct sst_live_report *report);
 
 /** What moves, as of the last update: a thing keeps its id while it is seen, while something nearer hides it for a few
- *  seconds, and while it stands for ten minutes at most. Needs a model. @return number */
+ *  seconds, and while it stands for ten minutes at most. Needs a model, except for what is hidden. @return number */
 int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_LIVE_TRACKS]);
+
+/** What the network sees in a picture of the reference view's size, inside a box (left, top, right, bottom in px): the
+ *  label of something that can move, on a good part of it. Takes one run of the network. @return label, 0: none */
+int sst_live_recognise(struct sst_live *live, const struct sst_image *image, const double box[4]);
 
 /** True if the background thread has improved maps for the next sst_live_settle().  Thread: any. */
 bool sst_live_unsettled(struct sst_live *live);

@@ -20,6 +20,7 @@ struct sst_live {
     struct sst_liveframes *frames;
     struct sst_livescene *scene;
     struct sst_renderer *renderer;
+    struct live_watch *watch;  /* NULL: not wanted */
     SST_ATOMIC(bool) canceled; /* any thread */
     /* the caller's thread */
     struct sst_lightfield lf;
@@ -73,6 +74,18 @@ void live_zones_changed(const struct sst_live *live, const struct sst_liveframes
 
 /** Count the labels of a view in every zone. */
 void live_zones_count(struct sst_live *live, const struct sst_view *view);
+
+/* --- watch.c: things behind the foreground --- */
+
+/** @return 0, -ENOMEM (logged) */
+SST_MUST_CHECK int live_watch_open(struct sst_live *live);
+void live_watch_close(struct sst_live *live);
+
+/** Follow a set, after its changes and the cut are known. @return 0, -ENOMEM */
+SST_MUST_CHECK int live_watch_update(struct sst_live *live, int64_t t_ns);
+
+/** Add them to the n tracks of the scene. @return number */
+int live_watch_tracks(const struct sst_live *live, struct sst_live_track track[SST_LIVE_TRACKS], int n);
 
 /* --- cut.c --- */
 

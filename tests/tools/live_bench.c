@@ -8,7 +8,7 @@
  * min=0 max=0 (disparities) focus=NAN width=0 height=0 (of a world; 0: native) same=0 (from this set on the world
  * stands still) absent=-1 from=0 (this camera gives no frames from that set on) lamp=0 gain=1.3 (from this set on the
  * world is so much brighter) verify=1 (0: rays count by depth and label alone) clear=0 (1: clear pictures)
- * tracks=0 (1: prints them).
+ * tracks=0 (1: prints them) alarms=0 (false ones accepted an hour of things behind leaves; 0: no search).
  * truth=LABEL: how right that label is in every set, and how often it is reported to have appeared (of a world with
  * ideal cameras). */
 #include <errno.h>
@@ -39,10 +39,10 @@ static struct {
     const char *name;
     double value;
 } options[] = {
-    { "sets", 30 },  { "first", 0 },      { "rate", 10 },  { "threads", 0 }, { "change", 1 },
-    { "labels", 1 }, { "background", 0 }, { "min", 0 },    { "max", 0 },     { "focus", NAN },
-    { "width", 0 },  { "height", 0 },     { "same", 0 },   { "absent", -1 }, { "from", 0 },
-    { "lamp", 0 },   { "gain", 1.3 },     { "verify", 1 }, { "clear", 0 },   { "tracks", 0 },
+    { "sets", 30 },      { "first", 0 },   { "rate", 10 },  { "threads", 0 }, { "change", 1 }, { "labels", 1 },
+    { "background", 0 }, { "min", 0 },     { "max", 0 },    { "focus", NAN }, { "width", 0 },  { "height", 0 },
+    { "same", 0 },       { "absent", -1 }, { "from", 0 },   { "lamp", 0 },    { "gain", 1.3 }, { "verify", 1 },
+    { "clear", 0 },      { "tracks", 0 },  { "alarms", 0 },
 };
 static const char *calib = "none", *model = "pspnet-small", *out_dir, *truth_label;
 
@@ -237,9 +237,10 @@ static void print_tracks(const struct sst_live *live)
     const int n = option("tracks") ? sst_live_tracks(live, track) : 0;
 
     for (int i = 0; i < n; i++)
-        printf("  track %u %s: %s %.0f..%.0f, %.0f..%.0f px, disparity %.2f px, %.0f px/s\n", track[i].id,
+        printf("  track %u %s: %s%s %.0f..%.0f, %.0f..%.0f px, disparity %.2f px, %.0f px/s\n", track[i].id,
                sst_classes_name(&sst_live_lightfield(live)->classes, track[i].label), states[track[i].state],
-               track[i].x0, track[i].x1, track[i].y0, track[i].y1, track[i].disp_px, track[i].vx_px_s);
+               track[i].hidden ? " hidden" : "", track[i].x0, track[i].x1, track[i].y0, track[i].y1, track[i].disp_px,
+               track[i].vx_px_s);
 }
 
 static int follow(struct sst_live *live, struct sst_livepicture *p, const struct sst_live_input *in, struct cost *cost,
@@ -408,6 +409,7 @@ int main(int argc, char **argv)
     cfg.model = strcmp(model, "none") ? model_path : NULL;
     cfg.threads = (int)option("threads");
     cfg.skip_change = option("change") > 0;
+    cfg.alarms_per_hour = option("alarms");
     cfg.skip_labels = option("labels") > 0;
     cfg.background = option("background") > 0;
     cfg.range_min_px = option("min");

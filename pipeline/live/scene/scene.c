@@ -16,6 +16,8 @@
 #define LABEL_SCALE 1.0
 /* Above this fraction of changed tiles everything is computed. */
 #define WHOLE_SHARE 0.8
+/* Part of a box that must have a label. */
+#define RECOGNISED 0.15
 
 static void free_maps(struct scene_maps *m)
 {
@@ -127,6 +129,7 @@ int sst_livescene_open(struct sst_livescene **out, const struct sst_live_config 
     s->rows = (lf->height + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
     s->tiles = s->cols * s->rows;
     s->error_labels = s->confirmed = NAN;
+    s->tracks.next_id = 1;
     err = allocate(s);
     if (err)
         sst_log_error("not enough memory to track a scene of %d views of %dx%d", s->views, lf->width, lf->height);
@@ -302,6 +305,32 @@ int sst_livescene_tracks(const struct sst_livescene *s, struct sst_live_track ou
                                             .seen_ns = a->seen_ns };
     }
     return n;
+}
+
+int sst_livescene_recognise(struct sst_livescene *s, const struct sst_image *image, const double box[4])
+{
+    const int x0 = sst_clamp_int((int)box[0], 0, image->width), x1 = sst_clamp_int((int)box[2], 0, image->width);
+    const int y0 = sst_clamp_int((int)box[1], 0, image->height), y1 = sst_clamp_int((int)box[3], 0, image->height);
+    int count[SST_MAX_CLASSES + 1] = { 0 }, best = 0;
+    struct sst_map_u8 label = { 0 };
+
+    if (!s->segmenters || sst_segment_hcsm(s->segmenters[0], image, &label))
+        return 0;
+    for (int y = y0; y < y1; y++) {
+        for (int x = x0; x < x1; x++) {
+            const int at = sst_map_u8_row(&label, y)[x];
+
+            if (at && at <= SST_MAX_CLASSES && s->tracks.motion[at] == SCENE_MOBILE && ++count[at] > count[best])
+                best = at;
+        }
+    }
+    sst_map_u8_fini(&label);
+    return count[best] >= RECOGNISED * (x1 - x0) * (y1 - y0) ? best : 0;
+}
+
+uint32_t sst_livescene_new_track(struct sst_livescene *s)
+{
+    return s->tracks.next_id++;
 }
 
 int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes *changes,

@@ -39,6 +39,12 @@ SST_MUST_CHECK int sst_livescene_update(struct sst_livescene *s, struct sst_live
 /** As sst_live_tracks(). */
 int sst_livescene_tracks(const struct sst_livescene *s, struct sst_live_track out[SST_LIVE_TRACKS]);
 
+/** As sst_live_recognise(). */
+int sst_livescene_recognise(struct sst_livescene *s, const struct sst_image *image, const double box[4]);
+
+/** An id that no other track has. */
+uint32_t sst_livescene_new_track(struct sst_livescene *s);
+
 /**
  * The background: while most of the scene is static, a thread of low priority computes the whole light field as
  * `sst process --preset balanced` does, from a copy, and its maps replace the quick ones in tiles that have not changed

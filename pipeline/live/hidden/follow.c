@@ -1,0 +1,252 @@
+/* Candidates from set to set. A thing is one that comes back at about the same place and depth, in each set above what
+ * is usual; what exceeds a candidate's least is added up over time. How much chance adds up is learnt from the tracks
+ * that end without a report: their number falls exponentially with their evidence, so that the evidence which chance
+ * reaches as often as is accepted follows from their rate and mean. */
+#include <string.h>
+
+#include "pipeline/live/hidden/hidden_internal.h"
+
+#define LEAST       2.0 /* standard deviations that count for nothing */
+#define MOST        9.0 /* that count at most in one set */
+#define SET_MOST_S  1.0 /* time that a set stands for at most */
+#define LOSS        2.0 /* of evidence in a second without a candidate */
+#define LOST_S      3.0
+#define STILL_S     20.0 /* without any change in the scene: who is there moves sooner or later */
+#define LOST_SETS   2
+#define REACH       0.5 /* of the height: a thing moves by this at once, ... */
+#define SPEED       1.0 /* ... and by this in a second */
+#define DEPTH_STEPS 4.0 /* planes */
+#define GAIN        0.7
+#define GAIN_SPEED  0.25
+#define GAIN_SIZE   0.25
+#define SETS        3 /* and seconds of a thing that is reported */
+#define SECONDS     1.0
+#define STAYS_S     600.0 /* what has not moved for this long is part of the scene */
+#define PEAK_MIN    1.0
+#define PRIOR_H     0.1 /* at the start: as if chance had made so many tracks in this time, with this mean evidence */
+#define PRIOR_RATE  60.0
+#define PRIOR_MEAN  1.0
+#define MEMORY_H    3.0
+#define CHANCE_MOST 8.0 /* what counts of one: it may have been somebody */
+#define LOWEST      4.0
+#define HIGHEST     40.0
+
+void hidden_tracks_init(struct hidden_tracks *t, double alarms_per_hour)
+{
+    *t = (struct hidden_tracks){ .next_key = 1,
+                                 .alarms_per_hour = alarms_per_hour,
+                                 .chances = PRIOR_RATE * PRIOR_H,
+                                 .chance_sum = PRIOR_RATE * PRIOR_H * PRIOR_MEAN,
+                                 .chance_h = PRIOR_H };
+}
+
+double hidden_tracks_threshold(const struct hidden_tracks *t)
+{
+    const double mean = t->chance_sum / t->chances, rate = t->chances / t->chance_h;
+
+    return sst_clamp_double(PEAK_MIN + mean * log(rate / t->alarms_per_hour), LOWEST, HIGHEST);
+}
+
+static void note_time(struct hidden_tracks *t, double hours)
+{
+    const double keep = fmax(1 - hours / MEMORY_H, 0);
+
+    t->chances = t->chances * keep + 1e-3 * (1 - keep);
+    t->chance_sum = t->chance_sum * keep + 1e-3 * PRIOR_MEAN * (1 - keep);
+    t->chance_h = t->chance_h * keep + hours;
+}
+
+static void note_chance(struct hidden_tracks *t, const struct hidden_track *a)
+{
+    if (a->thing.reported || a->sets < 2 || a->peak < PEAK_MIN)
+        return;
+    t->chances++;
+    t->chance_sum += fmin(a->peak - PEAK_MIN, CHANCE_MOST);
+}
+
+/* --- candidates that are parts of one thing -------------------------------------------------------------------------
+ */
+
+struct group {
+    double x0, y0, x1, y1, disp_px, z;
+};
+
+static bool belongs(const struct group *g, const struct group *c, double depth_px)
+{
+    const double gap_x = fmax(g->x0, c->x0) - fmin(g->x1, c->x1), gap_y = fmax(g->y0, c->y0) - fmin(g->y1, c->y1);
+    const double side = fmin(g->x1 - g->x0, c->x1 - c->x0), high = fmin(g->y1 - g->y0, c->y1 - c->y0);
+
+    return gap_x < -side / 4 && gap_y < high / 4 && fabs(g->disp_px - c->disp_px) <= depth_px;
+}
+
+static int join(struct group *g, const struct hidden_candidate *c, int count, const struct hidden_planes *p)
+{
+    int n = 0;
+
+    for (int i = 0; i < count; i++) {
+        const struct group one = { c[i].at.x0, c[i].at.y0, c[i].at.x1, c[i].at.y1, p->disp_px[c[i].plane], c[i].z };
+        int k = 0;
+
+        while (k < n && !belongs(&g[k], &one, DEPTH_STEPS * p->step_px))
+            k++;
+        if (k == n) {
+            g[n++] = one;
+            continue;
+        }
+        g[k].x0 = fmin(g[k].x0, one.x0);
+        g[k].y0 = fmin(g[k].y0, one.y0);
+        g[k].x1 = fmax(g[k].x1, one.x1);
+        g[k].y1 = fmax(g[k].y1, one.y1);
+    }
+    return n;
+}
+
+/* --- tracks ----------------------------------------------------------------------------------------------------------
+ */
+
+/* How badly a group fits; infinite: not at all. */
+static double misfit(const struct hidden_track *a, const struct group *g, double depth_px, int64_t t_ns)
+{
+    const double age_s = sst_clamp_double((double)(t_ns - a->thing.seen_ns) * 1e-9, 0, LOST_S);
+    const double reach = fmax(a->h, g->y1 - g->y0) * (REACH + SPEED * age_s);
+    const double dx = fabs((g->x0 + g->x1) / 2 - a->x) / reach, dy = fabs((g->y0 + g->y1) / 2 - a->y) / reach;
+    const double dd = fabs(g->disp_px - a->thing.disp_px) / depth_px;
+
+    return dx > 1 || dy > 1 || dd > 1 ? INFINITY : dx + dy + dd - g->z / 10;
+}
+
+static void see(struct hidden_track *a, const struct group *g, double dt_s, int64_t t_ns)
+{
+    const double rx = (g->x0 + g->x1) / 2 - a->x, ry = (g->y0 + g->y1) / 2 - a->y;
+
+    a->x += GAIN * rx;
+    a->y += GAIN * ry;
+    if (dt_s > 0) {
+        a->vx = sst_clamp_double(a->vx + GAIN_SPEED * rx / dt_s, -SPEED * a->h, SPEED * a->h);
+        a->vy = sst_clamp_double(a->vy + GAIN_SPEED * ry / dt_s, -SPEED * a->h, SPEED * a->h);
+    }
+    a->w += GAIN_SIZE * (g->x1 - g->x0 - a->w);
+    a->h += GAIN_SIZE * (g->y1 - g->y0 - a->h);
+    a->thing.disp_px += GAIN_SIZE * (g->disp_px - a->thing.disp_px);
+    a->thing.evidence += (fmin(g->z, MOST) - LEAST) * fmin(dt_s, SET_MOST_S);
+    a->peak = fmax(a->peak, a->thing.evidence);
+    a->thing.evidence = fmin(a->thing.evidence, 2 * HIGHEST);
+    a->thing.seen_ns = t_ns;
+    a->sets++;
+    a->seen = true;
+}
+
+static void add(struct hidden_tracks *t, const struct group *g, int64_t t_ns)
+{
+    struct hidden_track *a = &t->track[t->count];
+
+    if (t->count == SST_HIDDEN_THINGS)
+        return;
+    t->count++;
+    *a = (struct hidden_track){ .x = (g->x0 + g->x1) / 2,
+                                .y = (g->y0 + g->y1) / 2,
+                                .w = g->x1 - g->x0,
+                                .h = g->y1 - g->y0,
+                                .sets = 1,
+                                .seen = true };
+    a->thing =
+        (struct sst_hidden_thing){ .key = t->next_key++, .disp_px = g->disp_px, .first_ns = t_ns, .seen_ns = t_ns };
+}
+
+static void assign(struct hidden_tracks *t, struct group *g, int groups, double depth_px, double dt_s, int64_t t_ns)
+{
+    for (;;) {
+        double best = INFINITY;
+        int track = -1, of = -1;
+
+        for (int i = 0; i < t->count; i++) {
+            for (int k = 0; k < groups && !t->track[i].seen; k++) {
+                const double m = g[k].z > 0 ? misfit(&t->track[i], &g[k], depth_px, t_ns) : INFINITY;
+
+                if (m < best) {
+                    best = m;
+                    track = i;
+                    of = k;
+                }
+            }
+        }
+        if (track < 0)
+            return;
+        see(&t->track[track], &g[of], dt_s, t_ns);
+        g[of].z = 0;
+    }
+}
+
+/* @return false: it has gone */
+static bool stays(struct hidden_track *a, double dt_s, int64_t t_ns)
+{
+    const double missed_s = (double)(t_ns - a->thing.seen_ns) * 1e-9;
+
+    if (!a->seen) {
+        a->thing.evidence -= LOSS * fmin(dt_s, SET_MOST_S);
+        a->vx *= 0.5;
+        a->vy *= 0.5;
+    }
+    if ((double)(t_ns - a->thing.first_ns) * 1e-9 > STAYS_S)
+        return false;
+    return a->thing.evidence >= 0 && (missed_s <= LOST_S || missed_s <= LOST_SETS * dt_s);
+}
+
+void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns)
+{
+    const double dt_s = fmax((double)(t_ns - t->t_ns) * 1e-9, 0);
+    int kept = 0;
+
+    for (int i = 0; i < t->count; i++) {
+        struct hidden_track *a = &t->track[i];
+
+        a->seen &= (double)(t_ns - a->thing.seen_ns) * 1e-9 <= STILL_S;
+        a->vx = a->vy = 0;
+        if (a->seen || stays(a, dt_s, t_ns))
+            t->track[kept++] = *a;
+        else
+            note_chance(t, a);
+    }
+    t->count = kept;
+    note_time(t, fmin(dt_s, SET_MOST_S) / 3600);
+    t->t_ns = t_ns;
+}
+
+void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate *c, int count,
+                          const struct hidden_planes *p, int64_t t_ns, bool quiet)
+{
+    const double dt_s = t->t_ns ? fmax((double)(t_ns - t->t_ns) * 1e-9, 0) : 0;
+    struct group g[SST_HIDDEN_THINGS];
+    const int groups = join(g, c, count, p);
+    const double threshold = hidden_tracks_threshold(t);
+    int kept = 0;
+
+    t->t_ns = t_ns;
+    for (int i = 0; i < t->count; i++) {
+        struct hidden_track *a = &t->track[i];
+
+        a->x += a->vx * fmin(dt_s, SET_MOST_S);
+        a->y += a->vy * fmin(dt_s, SET_MOST_S);
+        a->seen = false;
+    }
+    assign(t, g, groups, DEPTH_STEPS * p->step_px, dt_s, t_ns);
+    for (int i = 0; i < t->count; i++) {
+        struct hidden_track *a = &t->track[i];
+
+        if (!stays(a, dt_s, t_ns)) {
+            if (!quiet)
+                note_chance(t, a);
+            continue;
+        }
+        if (!quiet && a->thing.evidence >= threshold && a->sets >= SETS &&
+            (double)(t_ns - a->thing.first_ns) * 1e-9 >= SECONDS)
+            a->thing.reported = true;
+        t->track[kept++] = *a;
+    }
+    t->count = kept;
+    for (int k = 0; k < groups; k++)
+        if (g[k].z > 0)
+            add(t, &g[k], t_ns);
+    if (!quiet)
+        note_time(t, fmin(dt_s, SET_MOST_S) / 3600);
+}

@@ -1,0 +1,193 @@
+#include "pipeline/live/hidden/hidden.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/thread.h"
+#include "pipeline/live/hidden/hidden_internal.h"
+
+#define QUIET_S 30.0
+#define KEEP_NS INT64_C(120000000000) /* what stands for longer becomes usual */
+
+struct sst_hidden {
+    struct sst_hidden_config cfg;                       /* fixed after open, except for the accepted alarms */
+    int step;                                           /* px per cell */
+    double dx[SST_MAX_VIEWS], dy[SST_MAX_VIEWS], reach; /* cells per px of disparity */
+    struct hidden_model *model[SST_MAX_VIEWS];
+    struct hidden_planes planes;
+    struct hidden_usual usual;
+    struct hidden_tracks tracks;
+    /* of this set */
+    const struct sst_hidden_input *in;
+    struct hidden_rect keep[SST_HIDDEN_THINGS]; /* blocks */
+    double keep_px[SST_HIDDEN_THINGS];
+    int keeps;
+};
+
+static int open_model(struct sst_hidden *h, int k)
+{
+    const int width = (h->cfg.width + h->step - 1) / h->step, height = (h->cfg.height + h->step - 1) / h->step;
+
+    h->dx[k] = h->cfg.bx[k] / h->step;
+    h->dy[k] = h->cfg.by[k] / h->step;
+    h->reach = fmax(h->reach, fmax(fabs(h->dx[k]), fabs(h->dy[k])));
+    h->model[k] = calloc(1, sizeof(*h->model[k]));
+    return h->model[k] ? hidden_model_init(h->model[k], width, height, h->step) : -ENOMEM;
+}
+
+int sst_hidden_open(struct sst_hidden **out, const struct sst_hidden_config *cfg)
+{
+    struct sst_hidden *h;
+    bool any = false;
+    int err = 0;
+
+    for (int k = 0; k < cfg->views && k < SST_MAX_VIEWS; k++)
+        any |= cfg->used[k];
+    if (!any || cfg->views > SST_MAX_VIEWS || cfg->width < 32 || cfg->height < 32)
+        return -EINVAL;
+    h = calloc(1, sizeof(*h));
+    if (!h)
+        return -ENOMEM;
+    h->cfg = *cfg;
+    h->step = 1;
+    while (cfg->width > HIDDEN_WIDTH * h->step && h->step < 8)
+        h->step *= 2;
+    if (cfg->width > HIDDEN_WIDTH * h->step)
+        err = -EINVAL;
+    for (int k = 0; k < cfg->views && !err; k++)
+        err = cfg->used[k] ? open_model(h, k) : 0;
+    err = err ? err
+              : hidden_planes_init(&h->planes, (cfg->width + h->step - 1) / h->step,
+                                   (cfg->height + h->step - 1) / h->step);
+    err = err ? err : hidden_usual_init(&h->usual, h->planes.cols, h->planes.rows);
+    hidden_tracks_init(&h->tracks, cfg->alarms_per_hour);
+    if (err)
+        sst_hidden_close(h);
+    else
+        *out = h;
+    return err;
+}
+
+void sst_hidden_close(struct sst_hidden *h)
+{
+    if (!h)
+        return;
+    for (int k = 0; k < h->cfg.views; k++) {
+        if (h->model[k])
+            hidden_model_fini(h->model[k]);
+        free(h->model[k]);
+    }
+    hidden_planes_fini(&h->planes);
+    hidden_usual_fini(&h->usual);
+    free(h);
+}
+
+void sst_hidden_reset(struct sst_hidden *h)
+{
+    for (int k = 0; k < h->cfg.views; k++)
+        if (h->model[k])
+            h->model[k]->filled = false;
+    hidden_usual_reset(&h->usual);
+    h->tracks.count = 0;
+}
+
+void sst_hidden_accept(struct sst_hidden *h, double alarms_per_hour)
+{
+    h->tracks.alarms_per_hour = alarms_per_hour;
+}
+
+/* --- a set ----------------------------------------------------------------------------------------------------------
+ */
+
+/* Where reported tracks are: what is there must not become usual. */
+static void find_kept(struct sst_hidden *h)
+{
+    h->keeps = 0;
+    for (int i = 0; i < h->tracks.count; i++) {
+        const struct hidden_track *a = &h->tracks.track[i];
+
+        if (!a->thing.reported || h->in->t_ns - a->thing.first_ns > KEEP_NS)
+            continue;
+        h->keep_px[h->keeps] = a->thing.disp_px;
+        h->keep[h->keeps++] = (struct hidden_rect){ (int)floor(a->x - 0.75 * a->w), (int)floor(a->y - 0.75 * a->h),
+                                                    (int)ceil(a->x + 0.75 * a->w), (int)ceil(a->y + 0.75 * a->h) };
+    }
+}
+
+static int update_model(void *arg, int k, int worker SST_UNUSED)
+{
+    struct sst_hidden *h = arg;
+    struct hidden_rect keep[SST_HIDDEN_THINGS];
+
+    if (!h->model[k] || !h->in->image[k])
+        return 0;
+    for (int i = 0; i < h->keeps; i++) {
+        const int sx = (int)lround(h->keep_px[i] * h->dx[k]), sy = (int)lround(h->keep_px[i] * h->dy[k]);
+
+        keep[i] = (struct hidden_rect){ HIDDEN_BLOCK * h->keep[i].x0 - sx, HIDDEN_BLOCK * h->keep[i].y0 - sy,
+                                        HIDDEN_BLOCK * h->keep[i].x1 - sx, HIDDEN_BLOCK * h->keep[i].y1 - sy };
+    }
+    hidden_model_update(h->model[k], h->in->image[k], h->in->changed[k], h->step, h->in->t_ns, keep, h->keeps);
+    return 0;
+}
+
+static bool has_changed(const struct sst_hidden *h, const struct sst_hidden_input *in)
+{
+    for (int k = 0; k < h->cfg.views; k++)
+        if (h->model[k] && in->image[k] &&
+            (!in->changed[k] || !h->model[k]->filled ||
+             memchr(in->changed[k], 1, (size_t)h->model[k]->tiles_x * (size_t)h->model[k]->tiles_y)))
+            return true;
+    return false;
+}
+
+int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
+{
+    const struct sst_map_u8 *score[SST_MAX_VIEWS] = { NULL };
+    struct hidden_candidate candidate[SST_HIDDEN_THINGS];
+    int err, count;
+
+    if (!has_changed(h, in)) {
+        hidden_usual_wait(&h->usual, in->t_ns);
+        hidden_tracks_wait(&h->tracks, in->t_ns);
+        return 0;
+    }
+    h->in = in;
+    find_kept(h);
+    err = sst_parallel_for(h->cfg.views, h->cfg.threads, update_model, h);
+    for (int k = 0; k < h->cfg.views; k++)
+        score[k] = h->model[k] && in->image[k] && h->model[k]->filled ? &h->model[k]->score : NULL;
+    if (!err && hidden_planes_choose(&h->planes, in, h->reach))
+        hidden_usual_reset(&h->usual);
+    hidden_planes_cover(&h->planes, in, h->step);
+    err = err ? err : hidden_planes_sum(&h->planes, score, h->cfg.views, h->dx, h->dy, h->cfg.threads);
+    if (err)
+        return err;
+    count = hidden_usual_follow(&h->usual, &h->planes, in->t_ns, h->keep, h->keeps, candidate);
+    hidden_tracks_follow(&h->tracks, candidate, count, &h->planes, in->t_ns, h->usual.age_s < QUIET_S);
+    return 0;
+}
+
+double sst_hidden_threshold(const struct sst_hidden *h)
+{
+    return hidden_tracks_threshold(&h->tracks);
+}
+
+int sst_hidden_things(const struct sst_hidden *h, struct sst_hidden_thing out[SST_HIDDEN_THINGS])
+{
+    const double px = HIDDEN_BLOCK * h->step;
+
+    for (int i = 0; i < h->tracks.count; i++) {
+        const struct hidden_track *a = &h->tracks.track[i];
+
+        out[i] = a->thing;
+        out[i].x0 = px * (a->x - a->w / 2);
+        out[i].y0 = px * (a->y - a->h / 2);
+        out[i].x1 = px * (a->x + a->w / 2);
+        out[i].y1 = px * (a->y + a->h / 2);
+        out[i].vx_px_s = px * a->vx;
+        out[i].vy_px_s = px * a->vy;
+    }
+    return h->tracks.count;
+}

@@ -1,0 +1,70 @@
+/* pipeline/live/hidden/hidden.h - finds what is behind leaves: people and vehicles that a single view shows only in
+ * pieces.
+ *
+ * Each view is compared with what it has shown lately (leaves swing to and fro, so every pixel has several colours).
+ * The differences, not the pictures, are then integrated over all views on planes behind the leaves. What stands on a
+ * plane adds up there; leaves that differ have another parallax and do not. A thing is reported when it stays above
+ * what the leaves of this scene do by themselves: see alarms_per_hour. */
+#ifndef SST_PIPELINE_LIVE_HIDDEN_HIDDEN_H
+#define SST_PIPELINE_LIVE_HIDDEN_HIDDEN_H
+
+#include "pipeline/lightfield/lightfield.h"
+
+#define SST_HIDDEN_THINGS 8
+
+struct sst_hidden; /* opaque; one thread at a time */
+
+struct sst_hidden_config {
+    int views, width, height;                    /* px */
+    double bx[SST_MAX_VIEWS], by[SST_MAX_VIEWS]; /* offsets from the reference view, spacings */
+    bool used[SST_MAX_VIEWS];
+    double alarms_per_hour; /* false alarms that are accepted */
+    int threads;
+};
+
+struct sst_hidden_input {
+    int64_t t_ns;
+    const struct sst_image *image[SST_MAX_VIEWS]; /* NULL: missing; its differences stay */
+    const uint8_t *changed[SST_MAX_VIEWS];        /* [tiles of 32 px] 0: as in the set before; NULL: all changed */
+    /* Disparities of the scene. What is searched lies behind the leaves: behind front_px, or, with the disparities of
+     * the reference view, behind a good part of what that shows at the place. */
+    double far_px, near_px, front_px;
+    const struct sst_map_u16 *disp; /* NULL: front_px */
+    double disp_min_px;             /* of stored value 0 */
+};
+
+/** Something that is there now. */
+struct sst_hidden_thing {
+    uint32_t key;          /* the same from set to set */
+    bool reported;         /* false: it may still be chance */
+    double x0, y0, x1, y1; /* in the reference view, px */
+    double vx_px_s, vy_px_s;
+    double disp_px;
+    double evidence; /* sum over its sets of how far it exceeds what is usual there, in standard deviations */
+    int64_t first_ns, seen_ns;
+};
+
+/** @return 0, -EINVAL (no view is used, sizes), -ENOMEM; not logged */
+SST_MUST_CHECK int sst_hidden_open(struct sst_hidden **out, const struct sst_hidden_config *cfg);
+void sst_hidden_close(struct sst_hidden *h); /* NULL is fine */
+
+/** Forget what the views have shown: the scene or the array is another one. */
+void sst_hidden_reset(struct sst_hidden *h);
+
+/** Another number of accepted false alarms per hour. */
+void sst_hidden_accept(struct sst_hidden *h, double alarms_per_hour);
+
+/**
+ * Follow one set. Nothing is reported in the first 30 s. The same sets give the same things for any number of threads.
+ *
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in);
+
+/** As of the last update, those that may be chance included. @return number */
+int sst_hidden_things(const struct sst_hidden *h, struct sst_hidden_thing out[SST_HIDDEN_THINGS]);
+
+/** Evidence that a thing needs to be reported. */
+double sst_hidden_threshold(const struct sst_hidden *h);
+
+#endif

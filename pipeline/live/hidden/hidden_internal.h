@@ -1,0 +1,151 @@
+/* pipeline/live/hidden/hidden_internal.h - what the files of this folder share. */
+#ifndef SST_PIPELINE_LIVE_HIDDEN_HIDDEN_INTERNAL_H
+#define SST_PIPELINE_LIVE_HIDDEN_HIDDEN_INTERNAL_H
+
+#include <math.h>
+
+#include "pipeline/live/hidden/hidden.h"
+
+/* Everything is counted in cells: pixels of a picture at most HIDDEN_WIDTH wide. Integrated scores are kept in blocks
+ * of 4x4 cells. */
+#define HIDDEN_WIDTH  320
+#define HIDDEN_BLOCK  4
+#define HIDDEN_TILE   32 /* px, of the maps of changes */
+#define HIDDEN_SLOTS  8
+#define HIDDEN_PLANES 24
+#define HIDDEN_BOXES  4
+
+struct hidden_rect {
+    int x0, y0, x1, y1;
+};
+
+/* --- model.c: what a view has shown lately, and the differences from it --------------------------------------------
+ */
+
+/** One view. A cell remembers HIDDEN_SLOTS colours that it has shown: some of the last seconds, some minutes old. */
+struct hidden_model {
+    struct sst_image now; /* cells of the last picture, brought to the brightness of the slots */
+    struct sst_image slot[HIDDEN_SLOTS];
+    struct sst_map_u16 usual;   /* difference that the cell has by itself, 1/256 level */
+    struct sst_map_u8 score;    /* difference above that, 0..HIDDEN_CAP */
+    uint8_t *hot;               /* [tiles] the tile has scores: compared again without changes */
+    int tiles_x, tiles_y, tile; /* tile: cells */
+    bool filled;
+    double gain; /* brightness of the view against the slots */
+    int64_t learnt_ns;
+    uint32_t rounds;
+};
+
+#define HIDDEN_CAP 48
+
+SST_MUST_CHECK int hidden_model_init(struct hidden_model *m, int width, int height, int step);
+void hidden_model_fini(struct hidden_model *m);
+
+/**
+ * Follow a picture.
+ *
+ * @param step  px per cell, a power of 2
+ * @param keep  [keeps] places, in cells of this view, whose content must not become usual
+ */
+void hidden_model_update(struct hidden_model *m, const struct sst_image *image, const uint8_t *changed, int step,
+                         int64_t t_ns, const struct hidden_rect *keep, int keeps);
+
+/* --- planes.c: scores integrated on planes -------------------------------------------------------------------------
+ */
+
+struct hidden_planes {
+    int width, height; /* cells */
+    int cols, rows;    /* blocks */
+    int count;
+    double far_px, near_px, step_px;
+    double disp_px[HIDDEN_PLANES];
+    float *usually; /* [plane][rows][cols] the part of a block that is nearer, mean of the last sets */
+    bool covered;   /* usually is known */
+    float *nearer;  /* [plane][rows + 1][cols + 1] sums of the parts of blocks that are nearer, above and to the left */
+    float *mean;    /* [plane][rows][cols] of the scores' sums over the views */
+};
+
+SST_MUST_CHECK int hidden_planes_init(struct hidden_planes *p, int width, int height);
+void hidden_planes_fini(struct hidden_planes *p);
+
+/** Find what the reference view shows before each plane. @param step  px per cell */
+void hidden_planes_cover(struct hidden_planes *p, const struct sst_hidden_input *in, int step);
+
+/** Is enough of a box (blocks) nearer than a plane? */
+bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const struct hidden_rect *r);
+
+/** Choose the planes; the outermost view moves by `reach` cells per px of disparity. @return they are others than
+ * before */
+bool hidden_planes_choose(struct hidden_planes *p, const struct sst_hidden_input *in, double reach);
+
+/** Integrate. @param score  [views], NULL: not used @param dx, dy  cells per px of disparity */
+SST_MUST_CHECK int hidden_planes_sum(struct hidden_planes *p, const struct sst_map_u8 *const *score, int views,
+                                     const double *dx, const double *dy, int threads);
+
+/* --- usual.c: how much is usual at each place, and what exceeds it --------------------------------------------------
+ */
+
+struct hidden_candidate {
+    struct hidden_rect at; /* blocks */
+    int box, plane;        /* plane: where it is sharpest */
+    double z;
+};
+
+struct hidden_usual {
+    int cols, rows;
+    float *level;           /* [plane][rows][cols] */
+    float *spread, *excess; /* [box][plane][rows][cols]; spread: squared */
+    float *over, *best;     /* [rows][cols] */
+    float *sums;            /* [rows + 1][cols + 1] */
+    uint8_t *best_box, *best_plane;
+    double age_s;
+    int64_t t_ns;
+};
+
+SST_MUST_CHECK int hidden_usual_init(struct hidden_usual *u, int cols, int rows);
+void hidden_usual_fini(struct hidden_usual *u);
+void hidden_usual_reset(struct hidden_usual *u);
+
+/** Follow a set in which nothing changed. */
+void hidden_usual_wait(struct hidden_usual *u, int64_t t_ns);
+
+/** Follow a set. @param keep  [keeps] blocks whose content must not become usual
+ *  @return number of candidates, the best first */
+int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, int64_t t_ns,
+                        const struct hidden_rect *keep, int keeps, struct hidden_candidate out[SST_HIDDEN_THINGS]);
+
+/* --- follow.c: candidates from set to set ----------------------------------------------------------------------------
+ */
+
+struct hidden_track {
+    struct sst_hidden_thing thing; /* key, times, reported, evidence */
+    double x, y, w, h, vx, vy;     /* middle, size; blocks, blocks/s */
+    double peak;                   /* largest evidence */
+    int sets;
+    bool seen; /* in this set */
+};
+
+struct hidden_tracks {
+    struct hidden_track track[SST_HIDDEN_THINGS];
+    int count;
+    uint32_t next_key;
+    int64_t t_ns;
+    double alarms_per_hour;
+    /* What chance does here: number of tracks that were none, their evidence above PEAK_MIN, and the hours of it; old
+     * ones count less. */
+    double chances, chance_sum, chance_h;
+};
+
+void hidden_tracks_init(struct hidden_tracks *t, double alarms_per_hour);
+
+/** Follow a set in which nothing changed: what was there still is, for a while. */
+void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns);
+
+/** Evidence at which chance makes as many reports as are accepted. */
+double hidden_tracks_threshold(const struct hidden_tracks *t);
+
+/** Follow a set. @param step_px  between planes @param quiet  report nothing yet */
+void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate *c, int count,
+                          const struct hidden_planes *p, int64_t t_ns, bool quiet);
+
+#endif

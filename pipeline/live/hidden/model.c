@@ -1,0 +1,335 @@
+/* What a view has shown lately: some colours for every cell, of moments chosen by chance in the last minutes. A leaf
+ * that swings shows colours that its place has had before; a person brings new ones. The score of a cell is its
+ * difference from the most similar colour, above the difference that the cell has by itself (noise, and leaves between
+ * the remembered moments). */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pipeline/live/hidden/hidden_internal.h"
+
+#define LEARN_NS   INT64_C(500000000) /* between two rounds, each of which renews a colour of one cell in PHASES */
+#define ROUNDS     6                  /* at most that many at once, after a pause */
+#define PHASES     8
+#define BESIDE     3  /* cells */
+#define USUAL_RATE 5  /* the usual difference follows by 1/32 a set */
+#define USUAL_MOST 60 /* levels: what counts at most for it */
+#define SLACK      1  /* levels, and the usual difference: do not count */
+#define GAIN_STEP  6  /* cells between those that brightness is measured on */
+#define GAIN_BINS  256
+#define GAIN_LEAST 24  /* levels of a cell that it is measured on */
+#define GAIN_RANGE 4.0 /* more than that: another scene */
+#define GAIN_SAME  0.01
+
+static uint32_t mix(uint32_t h)
+{
+    h ^= h >> 16;
+    h *= 0x7FEB352Du;
+    h ^= h >> 15;
+    h *= 0x846CA68Bu;
+    return h ^ (h >> 16);
+}
+
+int hidden_model_init(struct hidden_model *m, int width, int height, int step)
+{
+    int err = sst_image_init(&m->now, width, height);
+
+    for (int i = 0; i < HIDDEN_SLOTS && !err; i++)
+        err = sst_image_init(&m->slot[i], width, height);
+    err = err ? err : sst_map_u16_init(&m->usual, width, height);
+    err = err ? err : sst_map_u8_init(&m->score, width, height);
+    m->tile = HIDDEN_TILE / step;
+    m->tiles_x = (width + m->tile - 1) / m->tile;
+    m->tiles_y = (height + m->tile - 1) / m->tile;
+    m->hot = calloc((size_t)m->tiles_x * (size_t)m->tiles_y, 1);
+    m->gain = 1;
+    return err || m->hot ? err : -ENOMEM;
+}
+
+void hidden_model_fini(struct hidden_model *m)
+{
+    sst_image_fini(&m->now);
+    for (int i = 0; i < HIDDEN_SLOTS; i++)
+        sst_image_fini(&m->slot[i]);
+    sst_map_u16_fini(&m->usual);
+    sst_map_u8_fini(&m->score);
+    free(m->hot);
+    *m = (struct hidden_model){ 0 };
+}
+
+/* --- pictures to cells ---------------------------------------------------------------------------------------------
+ */
+
+/* Means of 2x2 px. */
+static void halve_row(uint8_t *restrict out, const uint8_t *restrict a, const uint8_t *restrict b, int n)
+{
+    for (int x = 0; x < n; x++)
+        out[x] = (uint8_t)((a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1] + 2) >> 2);
+}
+
+/* Means of step x step px, of cells x0..x1-1 of a row. */
+static void shrink_row(uint8_t *out, const struct sst_image *in, int channel, int y, int x0, int x1, int step)
+{
+    if (step == 1) {
+        memcpy(out + x0, sst_image_row(in, channel, y) + x0, (size_t)(x1 - x0));
+        return;
+    }
+    if (step == 2) {
+        const uint8_t *low = sst_image_row(in, channel, sst_min_int(2 * y + 1, in->height - 1));
+        const int whole = sst_min_int(x1, in->width / 2);
+
+        halve_row(out + x0, sst_image_row(in, channel, 2 * y) + 2 * (size_t)x0, low + 2 * (size_t)x0, whole - x0);
+        x0 = whole; /* half a cell is left of an odd width */
+    }
+    for (int x = x0; x < x1; x++) {
+        int sum = step * step / 2;
+
+        for (int v = 0; v < step; v++) {
+            const uint8_t *row = sst_image_row(in, channel, sst_min_int(y * step + v, in->height - 1));
+
+            for (int u = 0; u < step; u++)
+                sum += row[sst_min_int(x * step + u, in->width - 1)];
+        }
+        out[x] = (uint8_t)(sum / (step * step));
+    }
+}
+
+static void shrink(struct hidden_model *m, const struct sst_image *image, const struct hidden_rect *r, int step)
+{
+    for (int c = 0; c < 3; c++)
+        for (int y = r->y0; y < r->y1; y++)
+            shrink_row(sst_image_row(&m->now, c, y), image, c, y, r->x0, r->x1, step);
+}
+
+/* Brightness of the changed tiles against a remembered colour: the median of the ratios of single cells. */
+static double measure_gain(const struct hidden_model *m, const uint8_t *changed)
+{
+    int count[GAIN_BINS] = { 0 }, all = 0, sum = 0;
+
+    for (int y = GAIN_STEP / 2; y < m->now.height; y += GAIN_STEP) {
+        for (int x = GAIN_STEP / 2; x < m->now.width; x += GAIN_STEP) {
+            const int slot = (int)(mix((uint32_t)(y * 1024 + x)) % HIDDEN_SLOTS);
+            const int was = sst_image_row(&m->slot[slot], 1, y)[x], is = sst_image_row(&m->now, 1, y)[x];
+
+            if ((changed && !changed[y / m->tile * m->tiles_x + x / m->tile]) || was < GAIN_LEAST || was > 250 ||
+                is > 250)
+                continue;
+            count[sst_min_int(is * 64 / was, GAIN_BINS - 1)]++;
+            all++;
+        }
+    }
+    if (all < 64)
+        return 1;
+    for (int i = 0; i < GAIN_BINS; i++) {
+        if (2 * (sum + count[i]) > all)
+            return (i + (all / 2.0 - sum) / count[i]) / 64;
+        sum += count[i];
+    }
+    return GAIN_RANGE;
+}
+
+static void scale(struct hidden_model *m, const struct hidden_rect *r, double gain)
+{
+    uint8_t level[256];
+
+    for (int i = 0; i < 256; i++)
+        level[i] = (uint8_t)sst_min_int((int)(i / gain + 0.5), 255);
+    for (int c = 0; c < 3; c++) {
+        for (int y = r->y0; y < r->y1; y++) {
+            uint8_t *row = sst_image_row(&m->now, c, y);
+
+            for (int x = r->x0; x < r->x1; x++)
+                row[x] = level[row[x]];
+        }
+    }
+}
+
+/* --- differences ----------------------------------------------------------------------------------------------------
+ */
+
+/* Lower the sums of the differences of three channels to those from one colour of each cell. */
+static void lower(uint16_t *restrict out, const uint8_t *restrict r, const uint8_t *restrict g,
+                  const uint8_t *restrict b, const uint8_t *restrict sr, const uint8_t *restrict sg,
+                  const uint8_t *restrict sb, int n)
+{
+    for (int x = 0; x < n; x++) {
+        const uint16_t d = (uint16_t)(abs(r[x] - sr[x]) + abs(g[x] - sg[x]) + abs(b[x] - sb[x]));
+
+        out[x] = d < out[x] ? d : out[x];
+    }
+}
+
+/* Differences from the most similar colour. */
+static void difference_row(uint16_t *out, const struct hidden_model *m, int y, int x0, int n)
+{
+    memset(out, 0xFF, (size_t)n * sizeof(*out));
+    for (int i = 0; i < HIDDEN_SLOTS; i++) {
+        const struct sst_image *s = &m->slot[i];
+
+        lower(out, sst_image_row(&m->now, 0, y) + x0, sst_image_row(&m->now, 1, y) + x0,
+              sst_image_row(&m->now, 2, y) + x0, sst_image_row(s, 0, y) + x0, sst_image_row(s, 1, y) + x0,
+              sst_image_row(s, 2, y) + x0, n);
+    }
+}
+
+static void score_row(uint8_t *restrict score, const uint16_t *restrict difference, const uint16_t *restrict usual,
+                      int n)
+{
+    for (int x = 0; x < n; x++) {
+        const int above = difference[x] - (usual[x] >> 8) - SLACK;
+
+        score[x] = (uint8_t)(above < 0 ? 0 : above > HIDDEN_CAP ? HIDDEN_CAP : above);
+    }
+}
+
+static void follow_row(uint16_t *restrict usual, const uint16_t *restrict difference, int n)
+{
+    for (int x = 0; x < n; x++) {
+        const int bounded = difference[x] < USUAL_MOST ? difference[x] : USUAL_MOST;
+
+        usual[x] = (uint16_t)(usual[x] + ((bounded * 256 - usual[x]) >> USUAL_RATE));
+    }
+}
+
+static void compare(struct hidden_model *m, int tile, const struct hidden_rect *r, bool learns)
+{
+    const int n = r->x1 - r->x0;
+    uint16_t difference[HIDDEN_TILE];
+    int any = 0;
+
+    for (int y = r->y0; y < r->y1; y++) {
+        uint8_t *score = sst_map_u8_row(&m->score, y) + r->x0;
+        uint16_t *usual = sst_map_u16_row(&m->usual, y) + r->x0;
+
+        difference_row(difference, m, y, r->x0, n);
+        score_row(score, difference, usual, n);
+        if (learns)
+            follow_row(usual, difference, n);
+        for (int x = 0; x < n; x++)
+            any |= score[x];
+    }
+    m->hot[tile] = any != 0;
+}
+
+/* --- learning -------------------------------------------------------------------------------------------------------
+ */
+
+static bool is_kept(int x, int y, const struct hidden_rect *keep, int keeps)
+{
+    for (int i = 0; i < keeps; i++)
+        if (x >= keep[i].x0 && x < keep[i].x1 && y >= keep[i].y0 && y < keep[i].y1)
+            return true;
+    return false;
+}
+
+static bool overlaps(const struct hidden_rect *r, const struct hidden_rect *keep, int keeps)
+{
+    for (int i = 0; i < keeps; i++)
+        if (r->x0 < keep[i].x1 && keep[i].x0 < r->x1 && r->y0 < keep[i].y1 && keep[i].y0 < r->y1)
+            return true;
+    return false;
+}
+
+/* Renew one colour of every PHASES-th cell: lifetimes of a colour are exponential, so some are minutes old. In every
+ * second round the colour is that of a cell beside it, which a leaf may swing to. */
+static void learn(struct hidden_model *m, const struct hidden_rect *keep, int keeps)
+{
+    const int phase = (int)(m->rounds % PHASES), width = m->now.width, height = m->now.height;
+
+    for (int y = 0; y < height; y++) {
+        const uint32_t random = mix(m->rounds * 4096u + (uint32_t)y), beside = m->rounds / PHASES % 2;
+        const struct sst_image *slot = &m->slot[random % HIDDEN_SLOTS];
+        const int dx = beside ? (int)(random >> 8 & 0xFF) % (2 * BESIDE + 1) - BESIDE : 0;
+        const int dy = beside ? (int)(random >> 16 & 0xFF) % (2 * BESIDE + 1) - BESIDE : 0;
+        const int from = sst_clamp_int(y + dy, 0, height - 1);
+
+        for (int x = (phase + 3 * y) % PHASES; x < width; x += PHASES) {
+            if (keeps && is_kept(x, y, keep, keeps))
+                continue;
+            for (int c = 0; c < 3; c++)
+                sst_image_row(slot, c, y)[x] = sst_image_row(&m->now, c, from)[sst_clamp_int(x + dx, 0, width - 1)];
+        }
+    }
+    m->rounds++;
+}
+
+static void fill(struct hidden_model *m)
+{
+    for (int i = 0; i < HIDDEN_SLOTS; i++)
+        for (int c = 0; c < 3; c++)
+            memcpy(m->slot[i].plane[c], m->now.plane[c], m->now.stride * (size_t)m->now.height);
+    for (int y = 0; y < m->usual.height; y++) {
+        for (int x = 0; x < m->usual.width; x++)
+            sst_map_u16_row(&m->usual, y)[x] = 16 * 256;
+        memset(sst_map_u8_row(&m->score, y), 0, (size_t)m->score.width);
+    }
+    m->filled = true;
+    m->gain = 1;
+}
+
+/* --- a set ----------------------------------------------------------------------------------------------------------
+ */
+
+static struct hidden_rect tile_rect(const struct hidden_model *m, int tile)
+{
+    const int x = tile % m->tiles_x * m->tile, y = tile / m->tiles_x * m->tile;
+
+    return (struct hidden_rect){ x, y, sst_min_int(x + m->tile, m->now.width),
+                                 sst_min_int(y + m->tile, m->now.height) };
+}
+
+/* Read the changed tiles. Their brightness is measured where most of them changed, as light changes them all. */
+static void read_tiles(struct hidden_model *m, const struct sst_image *image, const uint8_t *changed, int step)
+{
+    const int tiles = m->tiles_x * m->tiles_y;
+    int read = 0;
+
+    for (int i = 0; i < tiles; i++) {
+        const struct hidden_rect r = tile_rect(m, i);
+
+        if (changed && !changed[i] && m->filled)
+            continue;
+        shrink(m, image, &r, step);
+        read++;
+    }
+    if (!m->filled) {
+        fill(m);
+        return;
+    }
+    if (2 * read >= tiles) {
+        const double gain = measure_gain(m, changed);
+
+        if (gain >= GAIN_RANGE || gain <= 1 / GAIN_RANGE) {
+            const struct hidden_rect all = { 0, 0, m->now.width, m->now.height };
+
+            shrink(m, image, &all, step);
+            fill(m);
+            return;
+        }
+        m->gain = fabs(gain - 1) < GAIN_SAME ? 1 : gain;
+    }
+    for (int i = 0; i < tiles && (m->gain < 1 || m->gain > 1); i++) {
+        const struct hidden_rect r = tile_rect(m, i);
+
+        if (!changed || changed[i])
+            scale(m, &r, m->gain);
+    }
+}
+
+void hidden_model_update(struct hidden_model *m, const struct sst_image *image, const uint8_t *changed, int step,
+                         int64_t t_ns, const struct hidden_rect *keep, int keeps)
+{
+    const int tiles = m->tiles_x * m->tiles_y;
+
+    if (!m->filled || !changed || memchr(changed, 1, (size_t)tiles))
+        read_tiles(m, image, changed, step);
+    for (int i = 0; i < tiles; i++) {
+        const struct hidden_rect r = tile_rect(m, i);
+
+        if (!changed || changed[i] || m->hot[i])
+            compare(m, i, &r, !overlaps(&r, keep, keeps));
+    }
+    m->learnt_ns = m->learnt_ns && t_ns - m->learnt_ns < ROUNDS * LEARN_NS ? m->learnt_ns : t_ns - LEARN_NS;
+    for (; t_ns - m->learnt_ns >= LEARN_NS; m->learnt_ns += LEARN_NS)
+        learn(m, keep, keeps);
+}

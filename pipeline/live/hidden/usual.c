@@ -1,0 +1,234 @@
+/* How much the integrated scores of a place usually are, for boxes of several sizes on every plane: a twig that often
+ * goes beyond what its cells remember is usual there. What exceeds this by many standard deviations is a candidate. */
+#include <errno.h>
+#include <string.h>
+
+#include "base/mem.h"
+#include "pipeline/live/hidden/hidden_internal.h"
+
+#define FOLLOW_S 60.0 /* the usual level follows within this time */
+#define FARTHEST                                                                                                       \
+    2 /* planes: the farthest surface, of which gaps show parts that were not seen before, and what is beyond */
+#define WAIT_MOST_S 10.0 /* that one set stands for */
+#define CLIP        4.0  /* standard deviations that count at most for it */
+#define SPREAD_MIN  3.0
+#define LEVEL_MIN   20.0
+#define AROUND      2    /* widths on each side that a box is compared with */
+#define START       2.0  /* standard deviations of a candidate */
+#define LEAVES      0.25 /* part of what exceeds the usual among the leaves that is taken off what does behind them */
+
+static const struct {
+    int cols, rows;
+} box_size[HIDDEN_BOXES] = { { 3, 7 }, { 5, 12 }, { 8, 20 }, { 15, 10 } };
+
+int hidden_usual_init(struct hidden_usual *u, int cols, int rows)
+{
+    const size_t blocks = (size_t)cols * (size_t)rows, all = HIDDEN_BOXES * HIDDEN_PLANES * blocks;
+
+    *u = (struct hidden_usual){ .cols = cols, .rows = rows };
+    u->level = sst_mem_alloc(HIDDEN_PLANES * blocks, sizeof(*u->level));
+    u->over = sst_mem_alloc(blocks, sizeof(*u->over));
+    u->spread = sst_mem_alloc(all, sizeof(*u->spread));
+    u->excess = sst_mem_alloc(all, sizeof(*u->excess));
+    u->sums = sst_mem_alloc((size_t)(cols + 1) * (size_t)(rows + 1), sizeof(*u->sums));
+    u->best = sst_mem_alloc(blocks, sizeof(*u->best));
+    u->best_box = sst_mem_alloc(blocks, 1);
+    u->best_plane = sst_mem_alloc(blocks, 1);
+    return u->level && u->over && u->spread && u->excess && u->sums && u->best && u->best_box && u->best_plane
+               ? 0
+               : -ENOMEM;
+}
+
+void hidden_usual_fini(struct hidden_usual *u)
+{
+    sst_mem_free(u->level);
+    sst_mem_free(u->over);
+    sst_mem_free(u->spread);
+    sst_mem_free(u->excess);
+    sst_mem_free(u->sums);
+    sst_mem_free(u->best);
+    sst_mem_free(u->best_box);
+    sst_mem_free(u->best_plane);
+    *u = (struct hidden_usual){ 0 };
+}
+
+void hidden_usual_reset(struct hidden_usual *u)
+{
+    u->age_s = 0;
+    u->t_ns = 0;
+}
+
+void hidden_usual_wait(struct hidden_usual *u, int64_t t_ns)
+{
+    u->age_s += u->t_ns ? sst_clamp_double((double)(t_ns - u->t_ns) * 1e-9, 0, WAIT_MOST_S) : 0;
+    u->t_ns = t_ns;
+}
+
+static size_t place(const struct hidden_usual *u, int box, int plane, int y)
+{
+    return (((size_t)box * HIDDEN_PLANES + (size_t)plane) * (size_t)u->rows + (size_t)y) * (size_t)u->cols;
+}
+
+static void sum_up(struct hidden_usual *u)
+{
+    const int w = u->cols + 1;
+
+    memset(u->sums, 0, (size_t)w * sizeof(*u->sums));
+    for (int y = 0; y < u->rows; y++) {
+        float row = 0;
+
+        u->sums[(y + 1) * w] = 0;
+        for (int x = 0; x < u->cols; x++) {
+            row += u->over[y * u->cols + x];
+            u->sums[(y + 1) * w + x + 1] = u->sums[y * w + x + 1] + row;
+        }
+    }
+}
+
+static bool overlaps(const struct hidden_rect *r, const struct hidden_rect *keep, int keeps)
+{
+    for (int i = 0; i < keeps; i++)
+        if (r->x0 < keep[i].x1 && keep[i].x0 < r->x1 && r->y0 < keep[i].y1 && keep[i].y0 < r->y1)
+            return true;
+    return false;
+}
+
+/* Sum of blocks x0..x1-1 of rows y0..y1-1. */
+static float sum_of(const struct hidden_usual *u, int x0, int y0, int x1, int y1)
+{
+    const int w = u->cols + 1;
+
+    return u->sums[y1 * w + x1] - u->sums[y1 * w + x0] - u->sums[y0 * w + x1] + u->sums[y0 * w + x0];
+}
+
+/* By how much all places of a box on a plane exceed what is usual, against what is around them: a gust raises both. */
+static void follow_box(struct hidden_usual *u, int box, int plane, float rate, const struct hidden_rect *keep,
+                       int keeps)
+{
+    const int bw = box_size[box].cols, bh = box_size[box].rows;
+    const float area = (float)(bw * bh);
+
+    for (int y = 0; y + bh <= u->rows; y++) {
+        const size_t at = place(u, box, plane, y);
+        const int y0 = sst_max_int(y - bh / 4, 0), y1 = sst_min_int(y + bh + bh / 4, u->rows);
+
+        for (int x = 0; x + bw <= u->cols; x++) {
+            const int x0 = sst_max_int(x - AROUND * bw, 0), x1 = sst_min_int(x + (1 + AROUND) * bw, u->cols);
+            const float in = sum_of(u, x, y, x + bw, y + bh);
+            const float around = (sum_of(u, x0, y0, x1, y1) - in) / ((float)((x1 - x0) * (y1 - y0)) - area);
+            const float over = in / area - (around > 0 ? around : 0);
+            const float most = (float)(CLIP * CLIP) * (u->spread[at + (size_t)x] + (float)(SPREAD_MIN * SPREAD_MIN));
+            const struct hidden_rect r = { x, y, x + bw, y + bh };
+
+            u->excess[at + (size_t)x] = over;
+            if (keeps && overlaps(&r, keep, keeps))
+                continue;
+            u->spread[at + (size_t)x] += rate * ((over * over > most ? most : over * over) - u->spread[at + (size_t)x]);
+        }
+    }
+}
+
+/* What the blocks of a plane exceed their usual level by, which follows. */
+static void follow_level(struct hidden_usual *u, const float *mean, int plane, float rate,
+                         const struct hidden_rect *keep, int keeps)
+{
+    for (int y = 0; y < u->rows; y++) {
+        float *level = u->level + ((size_t)plane * (size_t)u->rows + (size_t)y) * (size_t)u->cols;
+        float *over = u->over + (size_t)y * (size_t)u->cols;
+        const float *now = mean + (size_t)y * (size_t)u->cols;
+
+        for (int x = 0; x < u->cols; x++) {
+            const struct hidden_rect r = { x, y, x + 1, y + 1 };
+            const float most = 2 * level[x] + (float)LEVEL_MIN;
+
+            over[x] = now[x] - level[x];
+            if (!keeps || !overlaps(&r, keep, keeps))
+                level[x] += rate * (over[x] > most ? most : over[x]);
+        }
+    }
+}
+
+/* A place counts if what exceeds the usual there is largest behind the leaves, and by how much it does. The farthest
+ * surface is none of these. */
+static void judge_box(struct hidden_usual *u, const struct hidden_planes *p, int box)
+{
+    const int bw = box_size[box].cols, bh = box_size[box].rows;
+
+    for (int y = 0; y + bh <= u->rows; y++) {
+        for (int x = 0; x + bw <= u->cols; x++) {
+            const size_t middle = (size_t)(y + bh / 2) * (size_t)u->cols + (size_t)(x + bw / 2);
+            float behind = 0, leaves = 0, z;
+            const struct hidden_rect r = { x, y, x + bw, y + bh };
+            int plane = 0;
+
+            for (int i = 0; i < p->count; i++) {
+                const float e = u->excess[place(u, box, i, y) + (size_t)x];
+
+                if ((i < FARTHEST && p->count > 1) || !hidden_planes_is_behind(p, i, &r)) {
+                    leaves = e > leaves ? e : leaves;
+                } else if (e > behind) {
+                    behind = e;
+                    plane = i;
+                }
+            }
+            z = (behind - (float)LEAVES * leaves) /
+                sqrtf(u->spread[place(u, box, plane, y) + (size_t)x] + (float)(SPREAD_MIN * SPREAD_MIN));
+            if (behind > leaves && z > u->best[middle]) {
+                u->best[middle] = z;
+                u->best_box[middle] = (uint8_t)box;
+                u->best_plane[middle] = (uint8_t)plane;
+            }
+        }
+    }
+}
+
+/* The best place that is left, which is then cleared with what overlaps it. @return false: none */
+static bool next_best(struct hidden_usual *u, struct hidden_candidate *c)
+{
+    const int blocks = u->cols * u->rows;
+    int at = 0, bw, bh;
+
+    for (int i = 1; i < blocks; i++)
+        at = u->best[i] > u->best[at] ? i : at;
+    if (u->best[at] < (float)START)
+        return false;
+    bw = box_size[u->best_box[at]].cols;
+    bh = box_size[u->best_box[at]].rows;
+    *c = (struct hidden_candidate){ .box = u->best_box[at], .plane = u->best_plane[at], .z = u->best[at] };
+    c->at.x0 = at % u->cols - bw / 2;
+    c->at.y0 = at / u->cols - bh / 2;
+    c->at.x1 = c->at.x0 + bw;
+    c->at.y1 = c->at.y0 + bh;
+    for (int y = sst_max_int(c->at.y0 - bh / 2, 0); y < sst_min_int(c->at.y1 + bh / 2, u->rows); y++)
+        for (int x = sst_max_int(c->at.x0 - bw / 2, 0); x < sst_min_int(c->at.x1 + bw / 2, u->cols); x++)
+            u->best[y * u->cols + x] = 0;
+    return true;
+}
+
+int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, int64_t t_ns,
+                        const struct hidden_rect *keep, int keeps, struct hidden_candidate out[SST_HIDDEN_THINGS])
+{
+    const double dt_s = u->t_ns ? sst_clamp_double((double)(t_ns - u->t_ns) * 1e-9, 0, WAIT_MOST_S) : 0;
+    double rate;
+    int n = 0;
+
+    u->age_s += dt_s;
+    rate = u->t_ns ? fmin(dt_s / fmin(u->age_s / 2, FOLLOW_S), 1) : 1; /* the start counts little */
+    u->t_ns = t_ns;
+    if (rate >= 1) {
+        memset(u->level, 0, HIDDEN_PLANES * (size_t)u->cols * (size_t)u->rows * sizeof(*u->level));
+        memset(u->spread, 0, HIDDEN_BOXES * HIDDEN_PLANES * (size_t)u->cols * (size_t)u->rows * sizeof(*u->spread));
+    }
+    memset(u->best, 0, (size_t)u->cols * (size_t)u->rows * sizeof(*u->best));
+    for (int plane = 0; plane < p->count; plane++) {
+        follow_level(u, p->mean + (size_t)plane * (size_t)u->cols * (size_t)u->rows, plane, (float)rate, keep, keeps);
+        sum_up(u);
+        for (int box = 0; box < HIDDEN_BOXES; box++)
+            follow_box(u, box, plane, (float)rate, keep, keeps);
+    }
+    for (int box = 0; box < HIDDEN_BOXES; box++)
+        judge_box(u, p, box);
+    while (n < SST_HIDDEN_THINGS && next_best(u, &out[n]))
+        n++;
+    return n;
+}

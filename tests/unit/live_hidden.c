@@ -1,0 +1,215 @@
+/* pipeline/live/hidden: somebody behind a hedge in the wind is found, at the right place and depth; the leaves are not.
+ */
+#include <errno.h>
+
+#include "pipeline/live/hidden/hidden.h"
+#include "tests/hedge.h"
+#include "tests/test.h"
+
+#define VIEWS  16
+#define WIDTH  160
+#define HEIGHT 120
+
+struct watch {
+    struct hedge *hedge;
+    struct sst_hidden *hidden;
+    struct sst_image image[VIEWS];
+    struct sst_hidden_input in;
+    struct sst_hidden_thing thing[SST_HIDDEN_THINGS];
+    int things, t_s;
+};
+
+static void open_watch(struct watch *w, const struct hedge_config *hedge)
+{
+    struct sst_hidden_config cfg = {
+        .views = VIEWS, .width = hedge->width, .height = hedge->height, .alarms_per_hour = 1, .threads = 1
+    };
+
+    memset(w, 0, sizeof(*w));
+    assert_int_equal(hedge_create(&w->hedge, hedge), 0);
+    for (int k = 0; k < VIEWS; k++) {
+        hedge_offset(w->hedge, k, &cfg.bx[k], &cfg.by[k]);
+        cfg.used[k] = true;
+        assert_int_equal(sst_image_init(&w->image[k], hedge->width, hedge->height), 0);
+        w->in.image[k] = &w->image[k];
+    }
+    w->in.far_px = hedge->wall_px;
+    w->in.front_px = hedge->near_px - hedge->spread_px - 1;
+    w->in.near_px = hedge->near_px;
+    assert_int_equal(sst_hidden_open(&w->hidden, &cfg), 0);
+}
+
+static void close_watch(struct watch *w)
+{
+    for (int k = 0; k < VIEWS; k++)
+        sst_image_fini(&w->image[k]);
+    sst_hidden_close(w->hidden);
+    hedge_destroy(w->hedge);
+}
+
+static double step(struct watch *w, const struct hedge_person *person)
+{
+    double visible = 0;
+
+    hedge_draw(w->hedge, w->t_s, person, w->image, &visible);
+    w->in.t_ns = (INT64_C(1) + w->t_s++) * 1000000000;
+    assert_int_equal(sst_hidden_update(w->hidden, &w->in), 0);
+    w->things = sst_hidden_things(w->hidden, w->thing);
+    return visible;
+}
+
+static const struct sst_hidden_thing *reported(const struct watch *w)
+{
+    for (int i = 0; i < w->things; i++)
+        if (w->thing[i].reported)
+            return &w->thing[i];
+    return NULL;
+}
+
+static struct hedge_config make_hedge(double cover, double wind, uint64_t seed)
+{
+    struct hedge_config c;
+
+    hedge_config_defaults(&c);
+    c.rows = c.cols = 4;
+    c.width = WIDTH;
+    c.height = HEIGHT;
+    c.cover = cover;
+    c.wind = wind;
+    c.seed = seed;
+    c.near_px = 8;
+    c.spread_px = 2;
+    c.wall_px = 1;
+    return c;
+}
+
+/* Nobody is there, for a while. */
+static void wait_sets(struct watch *w, int sets)
+{
+    for (int n = 0; n < sets; n++) {
+        step(w, NULL);
+        assert_null(reported(w));
+    }
+}
+
+static struct hedge_person person_at(double x, double stride)
+{
+    return (
+        struct hedge_person){ .x = x, .foot = 112, .height = 60, .disp_px = 3.5, .stride = stride, .clothes = 12345 };
+}
+
+/* @return sets until the report */
+static int pass(struct watch *w, double visible_most)
+{
+    int found = 0;
+
+    for (int n = 0; n < 20; n++) {
+        const struct hedge_person p = person_at(20 + 6 * n, n);
+        const double visible = step(w, &p);
+        const struct sst_hidden_thing *t = reported(w);
+
+        assert_true(visible < visible_most);
+        if (!t)
+            continue;
+        found = found ? found : n + 1;
+        assert_true(fabs((t->x0 + t->x1) / 2 - p.x) < 24);
+        assert_true(fabs((t->y0 + t->y1) / 2 - (p.foot - p.height / 2)) < 30);
+        assert_true(t->y1 - t->y0 < 1.6 * p.height);
+        assert_true(fabs(t->disp_px - p.disp_px) < 1.5);
+    }
+    return found;
+}
+
+static void who_walks_and_stands_is_found_and_leaves_are_not(void **state)
+{
+    const struct hedge_config c = make_hedge(0.65, 0.5, 3);
+    const struct hedge_person p = person_at(90, 0.4);
+    struct watch w;
+    int there = 0;
+
+    (void)state;
+    open_watch(&w, &c);
+    wait_sets(&w, 60);
+    assert_in_range(pass(&w, 0.5), 1, 12);
+    for (int n = 0; n < 10; n++)
+        step(&w, NULL);
+    wait_sets(&w, 10); /* and has gone */
+    for (int n = 0; n < 25; n++) {
+        step(&w, &p);
+        there += reported(&w) != NULL;
+    }
+    assert_in_range(there, 15, 25);
+    close_watch(&w);
+}
+
+static void noise_and_dark_are_no_matter(void **state)
+{
+    struct hedge_config c = make_hedge(0.65, 0.5, 4);
+    struct watch w;
+
+    (void)state;
+    c.light = 0.35;
+    c.noise = 4;
+    open_watch(&w, &c);
+    wait_sets(&w, 40);
+    assert_in_range(pass(&w, 0.6), 1, 18);
+    close_watch(&w);
+}
+
+static void sizes_are_checked(void **state)
+{
+    struct sst_hidden_config cfg = { .views = 2, .width = 160, .height = 120, .alarms_per_hour = 1 };
+    struct sst_hidden *h = NULL;
+
+    (void)state;
+    assert_int_equal(sst_hidden_open(&h, &cfg), -EINVAL); /* no view */
+    cfg.used[1] = true;
+    cfg.width = 16;
+    assert_int_equal(sst_hidden_open(&h, &cfg), -EINVAL);
+    cfg.width = 160;
+    assert_int_equal(sst_hidden_open(&h, &cfg), 0);
+    sst_hidden_close(h);
+    sst_hidden_close(NULL);
+}
+
+static void threads_do_not_matter(void **state)
+{
+    const struct hedge_config c = make_hedge(0.5, 1, 6);
+    struct sst_hidden_config cfg = {
+        .views = VIEWS, .width = WIDTH, .height = HEIGHT, .alarms_per_hour = 1, .threads = 3
+    };
+    struct sst_hidden_thing other[SST_HIDDEN_THINGS];
+    struct sst_hidden *second;
+    struct watch w;
+
+    (void)state;
+    open_watch(&w, &c);
+    for (int k = 0; k < VIEWS; k++) {
+        hedge_offset(w.hedge, k, &cfg.bx[k], &cfg.by[k]);
+        cfg.used[k] = true;
+    }
+    assert_int_equal(sst_hidden_open(&second, &cfg), 0);
+    for (int n = 0; n < 14; n++) {
+        const struct hedge_person p = person_at(30 + 5 * n, n);
+
+        step(&w, n < 6 ? NULL : &p);
+        assert_int_equal(sst_hidden_update(second, &w.in), 0);
+        assert_int_equal(sst_hidden_things(second, other), w.things);
+        for (int i = 0; i < w.things; i++)
+            assert_memory_equal(&other[i], &w.thing[i], sizeof(other[i]));
+    }
+    sst_hidden_close(second);
+    close_watch(&w);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(who_walks_and_stands_is_found_and_leaves_are_not),
+        cmocka_unit_test(noise_and_dark_are_no_matter),
+        cmocka_unit_test(sizes_are_checked),
+        cmocka_unit_test(threads_do_not_matter),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
