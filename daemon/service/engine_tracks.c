@@ -277,7 +277,7 @@ static void follow_visit(struct live_engine *v, struct visit *a, const struct ss
     a->last = foot(v, t, t_ns);
     a->nearest_px = fmax(a->nearest_px, t->disp_px);
     before = a->zones;
-    a->zones |= zones_at(v, a->last, t->label, &masked);
+    a->zones |= zones_at(v, a->last, a->label, &masked);
     add_point(a, a->last);
     take_pictures(v, a, t);
     if (a->told && a->zones & ~before)
