@@ -438,6 +438,8 @@ def main() -> None:
     if empty:
         raise SystemExit(f"no pictures: {', '.join(empty)}")
     held = {name: data for name, data in held.items() if data}
+    if args.leave_out and args.start:
+        print(f"{args.start}: was it trained without {', '.join(args.leave_out)}? If not, these do not judge it", flush=True)
     print({"train": [len(d) for _, d in sources], "held out": {k: len(d) for k, d in held.items()}}, flush=True)
     net = train(args, sources, {k: d for k, d in held.items() if k != "scenes"})
     rows, truths = [], []
