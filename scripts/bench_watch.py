@@ -120,6 +120,8 @@ Persons of random colours walk by in 24 s or stand for 40 s, 60 px tall at 3.5 p
 plane on which the person is (which it is told). A person counts as found if a report is made while it is there, within a quarter of the
 picture's width. An alarm is any other report.
 
+Worlds that are not in the table at the end were not measured for this page.
+
 ## As the service reports
 
 `hidden_alarms_per_hour: 1`, with the threshold that each learns in the hour. Recall (number found) and false alarms an hour (number):
