@@ -66,6 +66,7 @@ static const struct {
     { "agree_near", SST_AGREE_NEAR * 255.0, UINT16_MAX, "distance times votes" },
     { "agree_sum", 9 * SST_AGREE_NEAR * 255.0, 1 << FLT_MANT_DIG, "9 pixels; whole numbers in a float" },
     { "enlarge_row", 4 * 255, UINT16_MAX, "four levels" },
+    { "cell_land", UINT16_MAX, UINT16_MAX, "compares and moves" },
     { "sha256_blocks", UINT32_MAX, UINT32_MAX, "sums modulo 2^32 by definition" },
 };
 
