@@ -168,7 +168,7 @@ def sweep_table(rows, kind):
                 s = select(found, light_field=scene)
                 cells += [number(mean(s, "bad2")), number(mean(s, "see_through")), number(mean(s, "clear"))]
             lines.append("| " + " | ".join(cells + [noticed(found)]) + " |")
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n" if len(lines) > 5 else ""
 
 
 def fault_table(rows):
@@ -231,12 +231,12 @@ Scenes of {bench.size} pixels, 6x6 views, seeds 1 to {seeds}, preset balanced, w
 *bad-2*: disparities off by more than 2 px, all views. *See-through*: PSNR of `sst render` in what the occluder hides. *Clear*: PSNR
 of the clear picture. Pictures are displaced by bicubic resampling, which alone costs the pedestrian's reference view all above
 30 dB at half a pixel: what is left of that loss after correction is the perturbation's own blur. Of gains, the mean of
-all views is 1. *Noticed*: `sst process` warns, or reports what it corrected ([design.md](../design/design.md#59-pictures-that-are-off)).
+all views is 1. A run that was stopped leaves out rows (-). *Noticed*: `sst process` warns, or reports what it corrected ([design.md](../design/design.md#59-pictures-that-are-off)).
 
 ![See-through picture against vertical misalignment, gain, rotation and noise](bench-perturb.svg)
 
 """
-    text += "\n".join(sweep_table(rows, kind) for kind in perturb.SWEEPS)
+    text += "\n".join(filter(None, (sweep_table(rows, kind) for kind in perturb.SWEEPS)))
     text += "\n## Faults\n\nOne thing that is plainly wrong; unperturbed, no scene is warned of.\n\n" + fault_table(rows)
     if select(rows, light_field="backgammon"):
         text += "\n## A photographed kind of scene\n\nBackgammon (HCI), against its own maps unperturbed.\n\n" + real_table(rows)

@@ -253,7 +253,7 @@ void sst_judge_maps(struct sst_judgement *out, const struct sst_lightfield *lf, 
     }
     if (out->plausible && confirmed < SST_CONFIRMED_FLOOR)
         snprintf(out->sentence, sizeof(out->sentence),
-                 "only %.0f %% of the disparities are confirmed by other views, where noise reaches 50 to 70 %%: the "
+                 "only %.0f %% of the disparities are confirmed by other views, where noise reaches 50 to 75 %%: the "
                  "views do "
                  "not show one scene in this order, or it moved; check the order of the files and `sst calibrate "
                  "--check`",

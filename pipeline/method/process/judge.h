@@ -4,7 +4,7 @@
 
 #include "pipeline/calibration/drift/drift.h"
 
-/* Percent of the disparities that another view confirms. Noise and unrelated views reach 45 to 72, since each view's
+/* Percent of the disparities that another view confirms. Noise and unrelated views reach 45 to 75, since each view's
  * hypotheses are those of its neighbours: below it nothing is certain, above it the pictures' own tests decide. */
 #define SST_CONFIRMED_FLOOR 60.0
 
