@@ -496,7 +496,9 @@ static void visits_reach_home_assistant(void **state)
     start_broker("allow_anonymous true");
     cfg.mqtt.picture_s = 1;
     subscribe();
+    sst_events_emit(api.events, SST_EVENT_INFO, "camera-back", NULL, "before there is a connection");
     open_mqtt();
+    expect_heard("sst/event/camera-back {", NULL); /* events arrive now, too */
     for (size_t i = 0; i < ARRAY_LEN(ids); i++) {
         snprintf(words, sizeof(words), "homeassistant/%s/config {", ids[i]);
         expect_heard(words, line);
