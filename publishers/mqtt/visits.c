@@ -122,9 +122,9 @@ void mqtt_visits_forget(struct mqtt *m)
 /* Its picture is fetched when the one before has been; of more than fit the newest are. */
 static void want_picture(struct mqtt *m, const char *name, uint32_t zones)
 {
-    struct mqtt_wanted *w = &m->wanted[m->wanteds - 1];
+    struct mqtt_wanted *w = m->wanteds ? &m->wanted[m->wanteds - 1] : NULL;
 
-    if (m->wanteds && !strcmp(w->visit, name)) {
+    if (w && !strcmp(w->visit, name)) {
         w->zones |= zones;
         return;
     }
