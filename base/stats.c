@@ -113,3 +113,21 @@ int64_t sst_stats_percentile(const int64_t *v, int n, int percent)
 {
     return n > 0 ? v[((int64_t)n * percent + 99) / 100 - 1] : 0;
 }
+
+void sst_stats_solve3(double a[3][3], double v[3])
+{
+    for (int i = 0; i < 3; i++) {
+        for (int k = i + 1; k < 3; k++) {
+            const double f = a[k][i] / a[i][i];
+
+            for (int j = i; j < 3; j++)
+                a[k][j] -= f * a[i][j];
+            v[k] -= f * v[i];
+        }
+    }
+    for (int i = 2; i >= 0; i--) {
+        for (int j = i + 1; j < 3; j++)
+            v[i] -= a[i][j] * v[j];
+        v[i] /= a[i][i];
+    }
+}

@@ -27,4 +27,8 @@ float sst_stats_quantile_float(float *v, int n, double share);
 /** Smallest value of the sorted v[0..n) that at least `percent` % (1 .. 100) of them do not exceed. 0 for n = 0. */
 int64_t sst_stats_percentile(const int64_t *v, int n, int percent);
 
+/** Solve a v' = v for the 3x3 normal equations of least squares (positive definite: no pivots). a is overwritten, v
+ * becomes the solution. */
+void sst_stats_solve3(double a[3][3], double v[3]);
+
 #endif

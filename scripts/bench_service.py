@@ -239,6 +239,7 @@ def report(rows, viewers, alone, times, out, hz):
 def bench(args):
     rows, viewers, alone, times = [], [], [], {"stop": [], "again": []}
     worlds = [("still, noisy cameras", "simulators/scene/world/worlds/still.yaml"), ("pedestrian", "pedestrian"), ("bush", "bush")]
+    worlds = [w for w in worlds if not args.only or w[0].startswith(args.only)]
     for name, world in worlds:
         s = Service(args.build, world, hz=args.trigger_hz)
         s.wait(lambda o: o["live"]["ready"], 600)
@@ -246,6 +247,10 @@ def bench(args):
         r = measure(s, args.seconds)
         rows.append((name, r))
         print(name, json.dumps(r), flush=True)
+        if args.only:
+            s.stop()
+            s.close()
+            continue
         if name != "bush":
             viewers.append(measure(s, args.seconds / 2, 0 if name.startswith("still") else 1))
             viewers.append(measure(s, args.seconds / 2, 10))
@@ -264,7 +269,8 @@ def bench(args):
             s.wait(lambda o: o["state"] == "capturing")
         s.stop()
         s.close()
-    report(rows, viewers, alone, times, args.output, args.trigger_hz)
+    if not args.only:
+        report(rows, viewers, alone, times, args.output, args.trigger_hz)
 
 
 def soak(args):
@@ -323,6 +329,7 @@ def main():
     p.add_argument("--seconds", type=float, default=30)
     p.add_argument("--trigger-hz", type=float, default=10, help="sets per second that the cameras take")
     p.add_argument("--output", default="docs/measured/bench-service.md")
+    p.add_argument("--only", choices=["still", "pedestrian", "bush"], help="measure this world alone and print it; no page")
     p.add_argument("--soak", type=float, help="minutes")
     p.add_argument("--world", default="pedestrian")
     p.add_argument("--rate", type=float, default=0, help="of the live picture in a soak; 0: as the machine allows")

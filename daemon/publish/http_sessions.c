@@ -1,5 +1,5 @@
 /* Sessions of browsers: who has logged in, from where, since when. A cookie holds the secret of one, never the token.
- * They are kept in a file beside the token's, so that a restart of the service logs nobody out. */
+ * They are kept in a file beside the token's, so that sessions survive a restart of the service. */
 #include <errno.h>
 #include <fcntl.h>
 #include <jansson.h>

@@ -235,7 +235,7 @@ static void emit(struct live_engine *v, const struct visit *a, bool active)
         json_object_set_new(data, "nearest_px", sst_api_real(a->nearest_px));
     snprintf(what, sizeof(what), "%s", a->label ? label_of(v, a->label) : "Something");
     near_m = distance_m(v, active ? a->last.disp_px : a->nearest_px);
-    v->state.visits += active && !a->told;
+    v->state.visits += active && !a->announced;
     for (int i = 0; i < v->config.zones; i++)
         if (a->zones & 1u << i)
             sst_text_add(text, sizeof(text), "%s%s", *text ? ", " : " in ", v->config.zone[i].name);
@@ -250,9 +250,9 @@ static void emit(struct live_engine *v, const struct visit *a, bool active)
         sst_text_add(text, sizeof(text), ", behind the foreground");
     sst_visits_put(v->kept, data);
     sst_events_emit(v->events, SST_EVENT_INFO, "visit", data, "%s %s%s", what,
-                    !active   ? "was there"
-                    : a->told ? "is"
-                              : "came",
+                    !active        ? "was there"
+                    : a->announced ? "is"
+                                   : "came",
                     text);
 }
 
@@ -280,7 +280,7 @@ static void follow_visit(struct live_engine *v, struct visit *a, const struct ss
     a->zones |= zones_at(v, a->last, a->label, &masked);
     add_point(a, a->last);
     take_pictures(v, a, t);
-    if (a->told && a->zones & ~before)
+    if (a->announced && a->zones & ~before)
         emit(v, a, true);
 }
 
@@ -317,7 +317,7 @@ void engine_tracks_follow(struct live_engine *v)
                                  .from_wall_ns = v->set_wall_ns - (v->set_t_ns - track[i].first_ns) };
             follow_visit(v, a, &track[i], v->set_t_ns);
             emit(v, a, true);
-            a->told = true;
+            a->announced = true;
         }
     }
     for (int i = 0; i < v->visits; i++) {

@@ -255,10 +255,10 @@ struct sst_service {
     int64_t cpu_ns, cpu_at_ns;
     struct array_state array_now; /* the last state; too large for a stack */
     struct engine_state engine_now;
-    pthread_mutex_t reload; /* held while the configuration is read and applied */
+    pthread_mutex_t reload;  /* held while the configuration is read and applied */
     pthread_mutex_t drawing; /* before `reload`: held while the file of zones is exchanged */
-    pthread_mutex_t parts;  /* held while a configuration is applied to them */
-    bool open;              /* under parts: all parts are open */
+    pthread_mutex_t parts;   /* held while a configuration is applied to them */
+    bool open;               /* under parts: all parts are open */
     /* under lock */
     pthread_mutex_t lock;
     struct sst_config config;
@@ -396,7 +396,7 @@ struct visit {
     bool there;  /* in this set */
     bool hidden; /* it was seen behind the foreground */
     int label;
-    bool told; /* that it has come */
+    bool announced; /* its first event has been emitted */
     unsigned zones;
     int64_t from_ns, from_wall_ns;
     double nearest_px;

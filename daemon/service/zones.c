@@ -241,7 +241,7 @@ int service_zones_change(void *arg, const json_t *request, struct sst_api_answer
     if (!err && !c->web.zones_file[0])
         err = sst_api_refuse(out->error, -EINVAL, "zones cannot be drawn: web.zones_file is \"\"");
     if (!err && revision && strcmp(revision, now) != 0)
-        err = sst_api_refuse(out->error, -EBUSY, "somebody else has changed the zones meanwhile; load them again");
+        err = sst_api_refuse(out->error, -EBUSY, "the zones have been changed by another client; load them again");
     err = err ? err : try_zones(s, text, out->error);
     err = err ? err : write_and_apply(s, c->web.zones_file, text, out);
     pthread_mutex_unlock(&s->drawing);

@@ -564,7 +564,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.answer(200, {"ended": True})
         elif path == "/api/v1/zones":
             if body.get("revision") != s.zones_json()["revision"]:
-                raise Refused(409, "somebody else has changed the zones meanwhile; load them again")
+                raise Refused(409, "the zones have been changed by another client; load them again")
             s.zones = body["zones"]
             self.answer(200, s.zones_json())
         elif path == "/api/v1/delete":

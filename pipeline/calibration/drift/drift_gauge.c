@@ -10,25 +10,6 @@
 #define GAUGE_ROUNDS 60
 #define GAUGE_PX     1e-3 /* deviations below this count alike */
 
-/* Solve 3 unknowns, positive definite; v in place. */
-static void solve3(double a[3][3], double v[3])
-{
-    for (int i = 0; i < 3; i++) {
-        for (int k = i + 1; k < 3; k++) {
-            const double f = a[k][i] / a[i][i];
-
-            for (int j = i; j < 3; j++)
-                a[k][j] -= f * a[i][j];
-            v[k] -= f * v[i];
-        }
-    }
-    for (int i = 2; i >= 0; i--) {
-        for (int j = i + 1; j < 3; j++)
-            v[i] -= a[i][j] * v[j];
-        v[i] /= a[i][i];
-    }
-}
-
 /* Whether the offsets of the observed shifts differ. */
 static bool spread_out(const struct sst_drift_camera *cam, const struct drift_work *w)
 {
@@ -75,7 +56,7 @@ static void fix_shifts(struct sst_drift_camera *cam, const struct drift_work *w)
                     a[i][j] += weight * row[i] * row[j];
             }
         }
-        solve3(a, v);
+        sst_stats_solve3(a, v);
         memcpy(g, v, sizeof(g));
     }
     for (int c = 0; c < w->views; c++) {

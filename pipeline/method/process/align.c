@@ -54,24 +54,6 @@ static double common_value(const struct kind *kind, int views)
     return middle;
 }
 
-static void solve3(double a[3][3], double v[3])
-{
-    for (int i = 0; i < 3; i++) {
-        for (int k = i + 1; k < 3; k++) {
-            const double f = a[k][i] / a[i][i];
-
-            for (int j = i; j < 3; j++)
-                a[k][j] -= f * a[i][j];
-            v[k] -= f * v[i];
-        }
-    }
-    for (int i = 2; i >= 0; i--) {
-        for (int j = i + 1; j < 3; j++)
-            v[i] -= a[i][j] * v[j];
-        v[i] /= a[i][i];
-    }
-}
-
 /* Subtract the plane over the views' offsets if it explains most of the deviations. Where a slanted edge of something
  * near crosses others behind it, the crossings wander along the edge, by the same amount from every view to the next:
  * matches of meshes show a picture that moves down from column to column. Cameras that were knocked or sagged do not.
@@ -94,7 +76,7 @@ static void remove_tilt(struct kind *kind, const struct sst_lightfield *lf)
         }
     }
     mean = n ? v[0] / n : 0;
-    solve3(a, v);
+    sst_stats_solve3(a, v);
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         const double plane = v[0] + v[1] * lf->views[k].bx + v[2] * lf->views[k].by;
 
