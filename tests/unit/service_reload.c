@@ -364,7 +364,7 @@ static void zones_are_drawn(void **state)
         assert_int_equal(service->config.zones, 2);
     }
     free(kept);
-    expect_refused("{\"zones\": [], \"revision\": \"0\"}", -EBUSY, "somebody else");
+    expect_refused("{\"zones\": [], \"revision\": \"0\"}", -EBUSY, "another client");
     write_part("");
     assert_int_equal(draw("{\"zones\": []}", &answer), 0);
     expect_zones(&answer, 0, "");
