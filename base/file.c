@@ -25,6 +25,16 @@ static char pending[MAX_PENDING][SST_PATH_MAX]; /* under pending_lock */
 static sem_t interrupted;
 static _Atomic int interrupted_by; /* the first signal */
 
+static void pending_add_locked(const char *path)
+{
+    for (int i = 0; i < MAX_PENDING; i++) {
+        if (!pending[i][0]) {
+            snprintf(pending[i], SST_PATH_MAX, "%s", path);
+            break;
+        }
+    }
+}
+
 /* Create the file or folder of a template (XXXXXX) and register it, so that an interrupt removes it.
  * @return the file's descriptor, 0 for a folder, or -1 with errno */
 static int pending_make(char *name, bool folder)
@@ -33,12 +43,8 @@ static int pending_make(char *name, bool folder)
 
     pthread_mutex_lock(&pending_lock);
     fd = !folder ? mkostemp(name, O_CLOEXEC) : mkdtemp(name) ? 0 : -1;
-    for (int i = 0; fd >= 0 && i < MAX_PENDING; i++) {
-        if (!pending[i][0]) {
-            snprintf(pending[i], SST_PATH_MAX, "%s", name);
-            break;
-        }
-    }
+    if (fd >= 0)
+        pending_add_locked(name);
     pthread_mutex_unlock(&pending_lock);
     return fd;
 }
@@ -51,6 +57,18 @@ static void pending_drop(const char *path)
             pending[i][0] = 0;
     }
     pthread_mutex_unlock(&pending_lock);
+}
+
+void sst_file_remove_on_interrupt(const char *path)
+{
+    pthread_mutex_lock(&pending_lock);
+    pending_add_locked(path);
+    pthread_mutex_unlock(&pending_lock);
+}
+
+void sst_file_keep_on_interrupt(const char *path)
+{
+    pending_drop(path);
 }
 
 void sst_file_hold_interrupt(void)
@@ -481,6 +499,22 @@ static int remove_entry(const char *path, const struct stat *st SST_UNUSED, int 
 {
     (void)remove(path);
     return 0;
+}
+
+void sst_path_remove_temporaries(const char *dir)
+{
+    static const char mark[] = ".tmp-", some[] = "XXXXXX";
+    char path[SST_PATH_MAX];
+    DIR *d = opendir(dir);
+
+    for (const struct dirent *e; d && (e = readdir(d));) {
+        const size_t n = strlen(e->d_name), end = strlen(mark) + strlen(some);
+
+        if (n > end && !memcmp(e->d_name + n - end, mark, strlen(mark)) && !sst_path_join(path, dir, e->d_name))
+            sst_path_remove_tree(path);
+    }
+    if (d)
+        closedir(d);
 }
 
 void sst_path_remove_tree(const char *path)

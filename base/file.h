@@ -82,6 +82,9 @@ SST_MUST_CHECK int sst_path_check_output(const char *out, bool force, const char
 /** Remove a folder and all below it; links are not followed. Missing is fine. */
 void sst_path_remove_tree(const char *path);
 
+/** Remove what killed processes have left of their output in a folder; nobody may be writing there. */
+void sst_path_remove_temporaries(const char *dir);
+
 /**
  * Move `fresh` to `path`, atomically if the file system supports it; what was at `path`, if anything, is at `fresh`
  * afterwards.
@@ -97,6 +100,10 @@ SST_MUST_CHECK int sst_path_swap(const char *fresh, const char *path);
  * @return 0, or a negative errno if its thread cannot be started; logged.
  */
 SST_MUST_CHECK int sst_file_clean_on_interrupt(void);
+
+/** An interrupt also removes this file or folder, which exists; until sst_file_keep_on_interrupt(). */
+void sst_file_remove_on_interrupt(const char *path);
+void sst_file_keep_on_interrupt(const char *path);
 
 /** Delay an interrupt between these two calls: for renames of which either all or none must happen. No output may be
  *  opened, committed, aborted or fail in between. */

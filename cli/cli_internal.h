@@ -469,6 +469,64 @@ int cli_write_picture(const struct sst_image *img, const char *path);
 /** Pictures of the maps and weights of the reference view, and of the rays of pixel x, y; see `sst render --help`. */
 int cli_render_explain(const struct render_input *in, const struct render_args *a, const char *dir, int x, int y);
 
+/* --- shard: pieces of work that several processes share (docs/use/cluster.md). --- */
+
+/** The options. */
+struct cli_shard {
+    const char *text; /* "I/N" or "auto"; NULL: nothing is shared */
+    int index, count; /* out of cli_shard_read(): this process of how many, from 0 on */
+    double lease_s;
+    bool status, retry;
+};
+
+#define CLI_SHARD_DEFAULTS                                                                                             \
+    {                                                                                                                  \
+        .lease_s = 60                                                                                                  \
+    }
+
+/* Rows of an option table for a struct cli_shard s. */
+#define CLI_SHARD_OPTIONS(s)                                                                                            \
+    {                                                                                                                   \
+        "shard",   0,     CLI_STRING,                                                                                   \
+        &(s).text, "I/N", "share the work with other processes, as worker I of N; auto: as Slurm or mpirun numbers it"  \
+    },                                                                                                                  \
+        { "lease",      0,    CLI_DOUBLE,                                                                               \
+          &(s).lease_s, "S",  "seconds after which a worker without a sign of life has ended (60)",                     \
+          0.2,          86400 },                                                                                        \
+        { "status", 0, CLI_FLAG, &(s).status, NULL, "show what is done, running, failed and waiting, and do nothing" }, \
+    {                                                                                                                   \
+        "retry", 0, CLI_FLAG, &(s).retry, NULL, "try failed pieces again"                                               \
+    }
+
+/** Names of those options, for cli_shard_job(). */
+#define CLI_SHARD_NAMES "shard", "lease", "status", "retry"
+
+struct cli_pieces {
+    int count;
+    char *const *name;  /* as shown */
+    char *const *state; /* folders of their claims (base/claim.h) */
+    const char *job;    /* what is done to each; what was done by another text is done again */
+    /* Do piece i. @param again  a worker ended while it did it: what it left is to be removed  @return exit code */
+    int (*run)(void *arg, int i, bool again);
+    void *arg;
+};
+
+/** Read --shard. @return CLI_GO_ON or CLI_USAGE */
+int cli_shard_read(const struct cli_command *cmd, struct cli_shard *s);
+
+/**
+ * Do what no other process does, this worker's share first, until every piece has ended, wherever.
+ * @return CLI_OK if all are done; else the code of the first that failed here, or CLI_INPUT
+ */
+int cli_shard_run(const struct cli_shard *s, const struct cli_pieces *p);
+
+/** Print what is done, running, failed and waiting. @return exit code */
+int cli_shard_status(const struct cli_pieces *p, bool json);
+
+/** A job's text: the version and all options, without those named (ends in NULL), which do not change the result. */
+void cli_shard_job(char *text, size_t size, const struct cli_command *cmd, const struct cli_option *options, size_t n,
+                   const char *const *without);
+
 /* --- video: a silent MP4 from pictures, whole or not at all. --- */
 
 struct video;

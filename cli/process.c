@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
+#include "base/claim.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
@@ -14,6 +14,16 @@
 #include "pipeline/method/network/model_path.h"
 #include "pipeline/method/process/process.h"
 #include "pipeline/method/render/focus.h"
+
+/* Options of the command line beyond the matching. */
+struct wanted {
+    const char *model, *hand_label, *labels_dir, *disparity_dir, *skip, *align;
+    double range_min, range_max;
+    bool no_labels, no_verify, json;
+    bool correct, several; /* of `align`; more than one light field */
+};
+
+#define STATE ".process" /* folder of a light field: its claim by workers */
 
 static void progress(void *arg SST_UNUSED, const char *stage, double done)
 {
@@ -41,8 +51,8 @@ static json_t *skipped_json(double percent, double error)
 }
 
 static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r,
-                        struct sst_process_time load, struct sst_process_time saving, const char *dir, bool align,
-                        bool json)
+                        struct sst_process_time load, struct sst_process_time saving, const char *dir,
+                        const struct wanted *w)
 {
     const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
     double focus_px = NAN;
@@ -58,8 +68,10 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         json_decref(levels);
         return -ENOMEM;
     }
-    if (!json) {
+    if (!w->json) {
         json_decref(levels);
+        if (w->several)
+            printf("%s: ", dir);
         printf("%dx%d views of %dx%d: ", lf->rows, lf->cols, lf->width, lf->height);
         if (r->disp_max_px > r->disp_min_px)
             printf("disparity %g..%g px, ", r->disp_min_px, r->disp_max_px);
@@ -96,20 +108,15 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         json_object_set_new(root, "focus_px", cli_real_json(focus_px));
         cli_add_judgement(root, lf, &r->judgement);
         json_object_set_new(root, "levels", levels);
-        json_object_set_new(root, "align", cli_align_json(lf, &r->align, align));
+        json_object_set_new(root, "align", cli_align_json(lf, &r->align, w->correct));
         json_object_set_new(root, "parallax",
                             r->parallax == SST_PARALLAX_UNKNOWN ? json_null()
                                                                 : json_boolean(r->parallax == SST_PARALLAX_SEEN));
     }
-    return cli_dump_json(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
+    if (root && w->several)
+        json_object_set_new(root, "lightfield", cli_text_json(dir));
+    return cli_dump_json(root, (w->several ? JSON_COMPACT : JSON_INDENT(2)) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
 }
-
-/* Options of the command line beyond the matching. */
-struct wanted {
-    const char *model, *hand_label, *labels_dir, *disparity_dir, *skip, *align;
-    double range_min, range_max;
-    bool no_labels, no_verify, json;
-};
 
 /* Load the light field with its external maps or those of the options. */
 static int load(struct sst_lightfield *lf, const char *dir, const struct wanted *w, int threads)
@@ -177,90 +184,182 @@ static int read_skips(const struct cli_command *cmd, const char *list, struct ss
     return r;
 }
 
-static int run(const struct cli_command *cmd, int argc, char **argv)
+/* What is done to each light field. */
+struct job {
+    struct sst_process_config cfg;
+    struct wanted w;
+    const char *preset;
+    char *const *dir; /* of the light fields */
+};
+
+static int process_one(void *arg, int i, bool again)
 {
-    struct sst_process_config cfg = {
-        .eps_h = -1, .accuracy_weight = 4, .refine = true, .skip_labels = true, .progress = progress
-    };
-    struct cli_matching m = CLI_MATCHING_DEFAULTS;
-    struct wanted w = { .align = "auto", .range_min = NAN, .range_max = NAN };
-    bool no_refine = false;
-    const char *dir;
-    const struct cli_option options[] = {
-        CLI_MATCHING_OPTIONS(m),
-        { "range-min", 0, CLI_DOUBLE, &w.range_min, "PX",
-          "smallest disparity searched; default: the light field's, else estimated", -9999, 9999 },
-        { "range-max", 0, CLI_DOUBLE, &w.range_max, "PX", "largest disparity searched", -9999, 9999 },
-        { "labels", 0, CLI_STRING, &w.labels_dir, "DIR", "external label maps rr_cc.png, never recomputed" },
-        { "disparity", 0, CLI_STRING, &w.disparity_dir, "DIR", "external disparities rr_cc.pfm, never recomputed" },
-        { "model", 0, CLI_STRING, &w.model, "NAME", "segmentation network: an installed one or an ONNX file" },
-        CLI_NO_VERIFY_OPTION(w.no_verify),
-        { "no-labels", 0, CLI_FLAG, &w.no_labels, NULL, "disparity only" },
-        { "epsilon-h", 0, CLI_DOUBLE, &cfg.eps_h, "V", "entropy threshold; default: the model's", 0, 1e9 },
-        { "hand-label", 0, CLI_STRING, &w.hand_label, "FILE",
-          "hand labels of the reference view, to optimise the threshold" },
-        { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled" },
-        { "skip", 0, CLI_STRING, &w.skip, "LIST",
-          "what to compute in part only: keys, ranges, hypotheses, labels, all or none" },
-        { "align", 0, CLI_STRING, &w.align, "WHEN",
-          "auto: pictures that are displaced or have other gains are corrected; off: not" },
-        { "json", 0, CLI_FLAG, &w.json, NULL, "print one JSON object" },
-    };
+    const struct job *job = arg;
+    struct sst_process_config cfg = job->cfg;
+    const struct wanted *w = &job->w;
+    const char *dir = job->dir[i];
     struct sst_process_report report;
     struct sst_lightfield lf = { 0 };
-    char mccnn[SST_PATH_MAX], pspnet[SST_PATH_MAX];
-    struct sst_process_time clock = { (double)sst_clock_now_ns() * 1e-9, 0 }, load_time, save_time;
-    int err, r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &dir, 1, 1);
+    char pspnet[SST_PATH_MAX];
+    struct sst_process_time clock = { 0, 0 }, load_time, save_time;
+    int err;
 
-    if (r != CLI_GO_ON)
-        return r;
-    if (isnan(w.range_min) != isnan(w.range_max) || w.range_min >= w.range_max)
-        return cli_usage_error(cmd, "--range-min and --range-max must be given together, --range-min smaller");
-    if (w.no_labels && (w.model || w.labels_dir || w.hand_label))
-        return cli_usage_error(cmd, "--no-labels and --%s contradict each other",
-                               w.model        ? "model"
-                               : w.labels_dir ? "labels"
-                                              : "hand-label");
-    if (strcmp(w.align, "auto") && strcmp(w.align, "off"))
-        return cli_usage_error(cmd, "--align is auto or off, not %s", w.align);
-    cfg.align = !strcmp(w.align, "auto");
-    err = cli_matching_config(&cfg.disparity, &m, mccnn);
-    if (!err) {
-        r = read_skips(cmd, w.skip, &cfg);
-        if (r != CLI_GO_ON)
-            return r;
-    }
-    cfg.threads = cfg.disparity.threads;
-    cfg.precision = cfg.disparity.precision;
-    cfg.disparity.disp_min_px = isnan(w.range_min) ? 0 : w.range_min;
-    cfg.disparity.disp_max_px = isnan(w.range_max) ? 0 : w.range_max;
-    sst_refine_config_defaults(&cfg.refinement);
-    cfg.refine = !no_refine;
-    err = err ? err : load(&lf, dir, &w, cfg.threads);
+    if (again)
+        sst_path_remove_temporaries(dir);
+    sst_process_lap(&clock);
+    err = load(&lf, dir, w, cfg.threads);
     load_time = sst_process_lap(&clock);
-    if (!err && (w.model || (!w.no_labels && !lf.files->external_labels))) {
-        err = w.model ? sst_model_resolve(pspnet, w.model) : sst_model_path(pspnet, "pspnet-small.onnx");
+    if (!err && (w->model || (!w->no_labels && !lf.files->external_labels))) {
+        err = w->model ? sst_model_resolve(pspnet, w->model) : sst_model_path(pspnet, "pspnet-small.onnx");
         if (!lf.files->external_labels)
             cfg.model = pspnet;
     }
     if (!err) {
-        snprintf(lf.files->history, sizeof(lf.files->history), "preset %s, labels %s, disparity %s", m.preset,
+        snprintf(lf.files->history, sizeof(lf.files->history), "preset %s, labels %s, disparity %s", job->preset,
                  lf.files->external_labels ? "given"
-                 : w.no_labels             ? "none"
+                 : w->no_labels            ? "none"
                                            : sst_path_base(cfg.model),
                  lf.files->external_disparity ? "given" : "matched");
         cfg.keep_disparity = lf.files->external_disparity;
-        err = process(&lf, dir, &cfg, w.hand_label, &report, &save_time);
+        err = process(&lf, dir, &cfg, w->hand_label, &report, &save_time);
     }
     cli_progress_end();
-    err = err ? err : print_report(&lf, &report, load_time, save_time, dir, cfg.align, w.json);
+    err = err ? err : print_report(&lf, &report, load_time, save_time, dir, w);
     sst_lightfield_fini(&lf);
     return cli_exit_code(err);
 }
 
+/* One after the other; one that fails does not keep the others from being processed. @return the first exit code */
+static int process_all(struct job *job, char *const *state, int count)
+{
+    int code = CLI_OK;
+
+    for (int i = 0; i < count; i++) {
+        int r;
+
+        sst_path_remove_tree(state[i]); /* of shared work, which this replaces */
+        r = process_one(job, i, false);
+        code = code ? code : r;
+    }
+    return code;
+}
+
+static void free_names(char **name, int count)
+{
+    for (int i = 0; name && i < count; i++)
+        free(name[i]);
+    free(name);
+}
+
+/* Process the light fields of the command line, shared with other processes or alone. */
+static int process_listed(struct job *job, const struct cli_shard *shard, const char **dir, int count, const char *text)
+{
+    char **state = calloc((size_t)count, sizeof(*state)), path[SST_PATH_MAX];
+    int r = state ? CLI_OK : CLI_MEMORY;
+
+    for (int i = 0; !r && i < count; i++) {
+        r = cli_exit_code(sst_path_join(path, dir[i], STATE));
+        state[i] = r ? NULL : strdup(path);
+        r = r || state[i] ? r : CLI_MEMORY;
+    }
+    job->dir = (char *const *)(uintptr_t)dir;
+    job->w.several = count > 1;
+    if (!r) {
+        const struct cli_pieces pieces = { count, job->dir, state, text, process_one, job };
+
+        r = shard->status  ? cli_shard_status(&pieces, job->w.json)
+            : shard->count ? cli_shard_run(shard, &pieces)
+                           : process_all(job, state, count);
+    }
+    free_names(state, count);
+    return r;
+}
+
+/* Read what the options mean together. */
+static int read_options(const struct cli_command *cmd, struct job *job, const struct cli_matching *m, char *mccnn)
+{
+    struct sst_process_config *cfg = &job->cfg;
+    struct wanted *w = &job->w;
+    int r;
+
+    if (isnan(w->range_min) != isnan(w->range_max) || w->range_min >= w->range_max)
+        return cli_usage_error(cmd, "--range-min and --range-max must be given together, --range-min smaller");
+    if (w->no_labels && (w->model || w->labels_dir || w->hand_label))
+        return cli_usage_error(cmd, "--no-labels and --%s contradict each other",
+                               w->model        ? "model"
+                               : w->labels_dir ? "labels"
+                                               : "hand-label");
+    if (strcmp(w->align, "auto") && strcmp(w->align, "off"))
+        return cli_usage_error(cmd, "--align is auto or off, not %s", w->align);
+    w->correct = cfg->align = !strcmp(w->align, "auto");
+    r = cli_exit_code(cli_matching_config(&cfg->disparity, m, mccnn));
+    if (r)
+        return r;
+    r = read_skips(cmd, w->skip, cfg);
+    if (r != CLI_GO_ON)
+        return r;
+    cfg->threads = cfg->disparity.threads;
+    cfg->precision = cfg->disparity.precision;
+    cfg->disparity.disp_min_px = isnan(w->range_min) ? 0 : w->range_min;
+    cfg->disparity.disp_max_px = isnan(w->range_max) ? 0 : w->range_max;
+    job->preset = m->preset;
+    return CLI_GO_ON;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct job job = {
+        .cfg = { .eps_h = -1, .accuracy_weight = 4, .refine = true, .skip_labels = true, .progress = progress },
+        .w = { .align = "auto", .range_min = NAN, .range_max = NAN },
+    };
+    struct cli_matching m = CLI_MATCHING_DEFAULTS;
+    struct cli_shard shard = CLI_SHARD_DEFAULTS;
+    bool no_refine = false;
+    const struct cli_option options[] = {
+        CLI_MATCHING_OPTIONS(m),
+        { "range-min", 0, CLI_DOUBLE, &job.w.range_min, "PX",
+          "smallest disparity searched; default: the light field's, else estimated", -9999, 9999 },
+        { "range-max", 0, CLI_DOUBLE, &job.w.range_max, "PX", "largest disparity searched", -9999, 9999 },
+        { "labels", 0, CLI_STRING, &job.w.labels_dir, "DIR", "external label maps rr_cc.png, never recomputed" },
+        { "disparity", 0, CLI_STRING, &job.w.disparity_dir, "DIR", "external disparities rr_cc.pfm, never recomputed" },
+        { "model", 0, CLI_STRING, &job.w.model, "NAME", "segmentation network: an installed one or an ONNX file" },
+        CLI_NO_VERIFY_OPTION(job.w.no_verify),
+        { "no-labels", 0, CLI_FLAG, &job.w.no_labels, NULL, "disparity only" },
+        { "epsilon-h", 0, CLI_DOUBLE, &job.cfg.eps_h, "V", "entropy threshold; default: the model's", 0, 1e9 },
+        { "hand-label", 0, CLI_STRING, &job.w.hand_label, "FILE",
+          "hand labels of the reference view, to optimise the threshold" },
+        { "no-refine", 0, CLI_FLAG, &no_refine, NULL, "leave unlabeled rays unlabeled" },
+        { "skip", 0, CLI_STRING, &job.w.skip, "LIST",
+          "what to compute in part only: keys, ranges, hypotheses, labels, all or none" },
+        { "align", 0, CLI_STRING, &job.w.align, "WHEN",
+          "auto: pictures that are displaced or have other gains are corrected; off: not" },
+        { "json", 0, CLI_FLAG, &job.w.json, NULL, "print one JSON object; of several light fields a line each" },
+        CLI_SHARD_OPTIONS(shard),
+    };
+    static const char *const same[] = { CLI_SHARD_NAMES, "threads", "json", NULL };
+    const char **dirs = calloc((size_t)argc, sizeof(*dirs));
+    char mccnn[SST_PATH_MAX], text[SST_CLAIM_JOB];
+    int count = 0, r = dirs ? cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, dirs, 1, argc) : CLI_MEMORY;
+
+    if (r == CLI_GO_ON)
+        r = cli_shard_read(cmd, &shard);
+    if (r == CLI_GO_ON)
+        r = read_options(cmd, &job, &m, mccnn);
+    if (r == CLI_GO_ON) {
+        cli_shard_job(text, sizeof(text), cmd, options, ARRAY_LEN(options), same);
+        sst_refine_config_defaults(&job.cfg.refinement);
+        job.cfg.refine = !no_refine;
+        while (count < argc && dirs[count])
+            count++;
+        r = process_listed(&job, &shard, dirs, count, text);
+    }
+    free(dirs);
+    return r;
+}
+
 const struct cli_command cli_process = {
     .name = "process",
-    .usage = "LF [--preset P] [--labels DIR] [--disparity DIR] [--threads N]",
+    .usage = "LF... [--preset P] [--labels DIR] [--disparity DIR] [--threads N] [--shard I/N]",
     .summary = "labels and disparity for all views",
     .detail =
         "Writes disparity/, confidence/ and labels/ into the light field, and labels_initial/, labels_hcsm/ and\n"
@@ -275,7 +374,11 @@ const struct cli_command cli_process = {
         "everything.\n"
         "--align auto (the default) estimates from the scene by how much pictures are displaced, rolled or brighter\n"
         "and corrects what is significant, also whenever the light field is loaded later; the views' files stay as\n"
-        "they are. Views that cannot be of this scene are named in a warning.",
-    .example = "sst process garden --preset balanced",
+        "they are. Views that cannot be of this scene are named in a warning.\n"
+        "--shard lets several processes, on machines that share a folder, process many light fields: each is claimed\n"
+        "by one of them; those of a worker that ended are taken over; those that were done by the same options before\n"
+        "are skipped. The state lies in .process in each light field.",
+    .example = "sst process garden --preset balanced\n  sst process campaign/*.lf --shard 2/4\n"
+               "  sst process campaign/*.lf --status",
     .run = run,
 };
