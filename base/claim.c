@@ -252,12 +252,17 @@ int sst_claim_take(struct sst_claim **out, const char *dir, const struct sst_cla
     c->start_ns = sst_clock_now_ns();
     c->attempts = (seen->state == SST_CLAIM_HELD && !strcmp(seen->job, c->job) ? seen->attempts : 0) + 1;
     err = sst_path_join(c->path, dir, file);
-    err = err ? err : claim_file(dir, seen->file, file, c->path);
+    if (!err) {
+        sst_file_remove_on_interrupt(c->path);
+        sst_file_hold_interrupt();
+        err = claim_file(dir, seen->file, file, c->path);
+        sst_file_allow_interrupt();
+    }
     if (err) {
+        sst_file_keep_on_interrupt(c->path);
         destroy(c);
         return err;
     }
-    sst_file_remove_on_interrupt(c->path);
     err = write_file(c, NULL);
     if (err)
         (void)log_error("write", c->path, -err);

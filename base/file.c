@@ -501,7 +501,8 @@ static int remove_entry(const char *path, const struct stat *st SST_UNUSED, int 
     return 0;
 }
 
-void sst_path_remove_temporaries(const char *dir)
+/* Remove the temporary files and folders in `dir` of the output `name`, or of all if it is NULL. */
+static void remove_temporaries(const char *dir, const char *name)
 {
     static const char mark[] = ".tmp-", some[] = "XXXXXX";
     char path[SST_PATH_MAX];
@@ -510,11 +511,95 @@ void sst_path_remove_temporaries(const char *dir)
     for (const struct dirent *e; d && (e = readdir(d));) {
         const size_t n = strlen(e->d_name), end = strlen(mark) + strlen(some);
 
-        if (n > end && !memcmp(e->d_name + n - end, mark, strlen(mark)) && !sst_path_join(path, dir, e->d_name))
+        if (n <= end || memcmp(e->d_name + n - end, mark, strlen(mark)) ||
+            (name && (strlen(name) != n - end || memcmp(name, e->d_name, n - end))))
+            continue;
+        if (!sst_path_join(path, dir, e->d_name))
             sst_path_remove_tree(path);
     }
     if (d)
         closedir(d);
+}
+
+void sst_path_remove_temporaries(const char *dir)
+{
+    remove_temporaries(dir, NULL);
+}
+
+void sst_path_remove_temporaries_of(const char *path)
+{
+    char dir[SST_PATH_MAX];
+    const char *base = sst_path_base(path);
+
+    snprintf(dir, sizeof(dir), "%.*s", (int)(base - path), path);
+    remove_temporaries(dir[0] ? dir : ".", base);
+}
+
+/* --- copies ------------------------------------------------------------------------------------------------------- */
+
+static int copy_bytes(int to, int from)
+{
+    char buffer[65536];
+    ssize_t n;
+
+    do /* shares the blocks where the file system can */
+        n = copy_file_range(from, NULL, to, NULL, 1 << 30, 0);
+    while (n > 0);
+    if (!n)
+        return 0;
+    if (errno != EXDEV && errno != EINVAL && errno != ENOSYS && errno != EOPNOTSUPP)
+        return -errno;
+    while ((n = read(from, buffer, sizeof(buffer))) > 0) {
+        for (ssize_t done = 0, w; done < n; done += w) {
+            w = write(to, buffer + done, (size_t)(n - done));
+            if (w <= 0)
+                return w < 0 ? -errno : -EIO;
+        }
+    }
+    return n < 0 ? -errno : 0;
+}
+
+static int copy_file(const char *from, const char *to)
+{
+    const int in = open(from, O_RDONLY | O_CLOEXEC),
+              out = in < 0 ? -1 : open(to, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    int err = out < 0 ? -errno : copy_bytes(out, in);
+
+    if (out >= 0 && close(out) && !err)
+        err = -errno;
+    if (in >= 0)
+        close(in);
+    return err;
+}
+
+int sst_path_copy_tree(const char *from, const char *to)
+{
+    char source[SST_PATH_MAX], target[SST_PATH_MAX];
+    DIR *d = mkdir(to, 0777) ? NULL : opendir(from);
+    int err = d ? 0 : -errno;
+
+    for (const struct dirent *e; !err && (e = readdir(d));) {
+        if (e->d_name[0] == '.')
+            continue;
+        err = sst_path_join(source, from, e->d_name);
+        err = err ? err : sst_path_join(target, to, e->d_name);
+        if (err)
+            break;
+        if (sst_path_is_dir(source)) {
+            err = sst_path_copy_tree(source, target);
+            if (err)
+                break; /* logged */
+        } else {
+            err = copy_file(source, target);
+        }
+        if (err)
+            sst_log_error("cannot copy %s to %s: %s", source, target, strerror(-err));
+    }
+    if (d)
+        closedir(d);
+    else
+        sst_log_error("cannot copy the folder %s to %s: %s", from, to, strerror(-err));
+    return err;
 }
 
 void sst_path_remove_tree(const char *path)

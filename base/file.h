@@ -82,8 +82,14 @@ SST_MUST_CHECK int sst_path_check_output(const char *out, bool force, const char
 /** Remove a folder and all below it; links are not followed. Missing is fine. */
 void sst_path_remove_tree(const char *path);
 
-/** Remove what killed processes have left of their output in a folder; nobody may be writing there. */
+/** Remove what killed processes have left of their output in a folder, or of the output `path`; nobody may be writing
+ *  there. */
 void sst_path_remove_temporaries(const char *dir);
+void sst_path_remove_temporaries_of(const char *path);
+
+/** Copy a folder and all below it, without entries whose names begin with a dot; links are followed. On failure a part
+ *  may be there. @param to  does not exist @return 0 or -errno, logged */
+SST_MUST_CHECK int sst_path_copy_tree(const char *from, const char *to);
 
 /**
  * Move `fresh` to `path`, atomically if the file system supports it; what was at `path`, if anything, is at `fresh`

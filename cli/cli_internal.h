@@ -4,6 +4,7 @@
 
 #include <jansson.h>
 #include <stdbool.h>
+#include <sys/types.h>
 
 #include "base/base.h"
 #include "capture/calibration/gather.h"
@@ -122,8 +123,8 @@ SST_MUST_CHECK int cli_write_json(const json_t *root, const char *dir, const cha
 void cli_progress(void *title, double done);
 void cli_progress_end(void);
 
-extern const struct cli_command cli_board, cli_calibrate, cli_calibration, cli_cameras, cli_capture, cli_demo,
-    cli_doctor, cli_eval, cli_events, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_process,
+extern const struct cli_command cli_batch, cli_board, cli_calibrate, cli_calibration, cli_cameras, cli_capture,
+    cli_demo, cli_doctor, cli_eval, cli_events, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_process,
     cli_record, cli_recording, cli_rectify, cli_reload, cli_render, cli_scene, cli_segment, cli_snapshot, cli_status,
     cli_stereo, cli_sweep, cli_topology, cli_version;
 
@@ -154,6 +155,22 @@ int cli_run_calibrate_check(const struct cli_command *cmd, const char *dir, bool
  */
 SST_MUST_CHECK int cli_calibrate_live(struct sst_gathered *out, int **frameset, const struct sst_gather_config *cfg,
                                       struct sst_gather_live_config *live, const char *record, const char *coverage);
+
+/* --- child: programs that a command starts. --- */
+
+/**
+ * Start a program in a process group of its own, which ends when this process does.
+ * @param out  file that gets its output; NULL: the log
+ * @param log  file to which its messages are appended
+ * @return its process, or -errno; exit code 127: it cannot be run
+ */
+pid_t cli_start_program(const char *const argv[], const char *out, const char *log);
+
+/** The same, to its end. @return its exit code, 128 + the signal that ended it, or -errno */
+int cli_run_program(const char *const argv[], const char *out, const char *log);
+
+/** The last error that an `sst` program wrote to a log; "": none. */
+void cli_last_error(const char *log, char *out, size_t size);
 
 /* --- client: options that name the service, and its answers shown to people. --- */
 

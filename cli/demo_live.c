@@ -83,8 +83,7 @@ static int name_files(struct site *s, const char *dir)
         const char *ending;
     } files[] = { { s->world, "-world.yaml" }, { s->config, ".yaml" }, { s->calibration, "-calibration.yaml" },
                   { s->socket, ".sock" },      { s->token, ".token" }, { s->zones, "-zones.yaml" },
-                  { s->storage, "" },
-                  { s->log, ".log" },          { s->picture, ".jpg" } };
+                  { s->storage, "" },          { s->log, ".log" },     { s->picture, ".jpg" } };
     char name[128];
     int err = 0;
 
@@ -140,9 +139,10 @@ static int prepare(struct site *s, int port)
     err = err ? err : write_first(s->world, world_text, s->world, s->scene);
     err = err ? err : sst_sim_settings_read(world, s->world);
     err = err ? err : sst_sim_world_parameters(s->world, s->calibration);
-    err = err ? err
-              : write_first(s->config, config_text, s->world, s->config, world->rows, world->cols, world->width,
-                            world->height, s->calibration, s->socket, port ? port : PORT, s->token, s->zones, s->storage);
+    err =
+        err ? err
+            : write_first(s->config, config_text, s->world, s->config, world->rows, world->cols, world->width,
+                          world->height, s->calibration, s->socket, port ? port : PORT, s->token, s->zones, s->storage);
     if (!err) {
         sst_config_defaults(cfg);
         err = sst_config_read(cfg, s->config);
@@ -208,24 +208,6 @@ static int need_program(char out[SST_PATH_MAX], const char *name)
     return -ENOPKG;
 }
 
-/** Start a program in a process group of its own, with its output in the log. @return its process, or -errno */
-static pid_t start_program(const struct site *s, const char *const argv[])
-{
-    pid_t pid;
-
-    fflush(stdout);
-    pid = fork();
-    if (pid)
-        return pid < 0 ? -errno : pid;
-    prctl(PR_SET_PDEATHSIG, SIGTERM); /* a demo that is killed leaves nothing behind */
-    setpgid(0, 0);
-    if (!freopen(s->log, "a", stderr) || !freopen("/dev/null", "r", stdin) || dup2(2, 1) < 0)
-        _exit(127);
-    signal(SIGPIPE, SIG_DFL);
-    execv(argv[0], (char *const *)(uintptr_t)argv);
-    _exit(127);
-}
-
 static int start(struct site *s)
 {
     char sim[SST_PATH_MAX], daemon[SST_PATH_MAX], program[SST_PATH_MAX];
@@ -237,14 +219,14 @@ static int start(struct site *s)
     if (err)
         return err;
     (void)unlink(s->log);
-    s->pid = start_program(s, service);
+    s->pid = cli_start_program(service, NULL, s->log);
     if (s->pid < 0) {
         err = s->pid;
         s->pid = 0;
     }
     for (size_t i = 0; i < ARRAY_LEN(publishers) && !err; i++)
         if (!find_program(program, publishers[i]))
-            s->publisher[i] = sst_max_int(start_program(s, publisher), 0);
+            s->publisher[i] = sst_max_int(cli_start_program(publisher, NULL, s->log), 0);
     return err;
 }
 
@@ -279,27 +261,11 @@ static void stop(struct site *s)
     }
 }
 
-/** The last error in the log; "": none. */
-static void last_error(const struct site *s, char out[512])
-{
-    static const char prefix[] = "sst: error: ";
-    char line[512];
-    FILE *f = fopen(s->log, "re");
-
-    out[0] = 0;
-    while (f && fgets(line, sizeof(line), f))
-        if (!strncmp(line, prefix, strlen(prefix)))
-            snprintf(out, 512, "%s", line + strlen(prefix));
-    if (f)
-        fclose(f);
-    out[strcspn(out, "\n")] = 0;
-}
-
 static void report_end(const struct site *s)
 {
     char said[512];
 
-    last_error(s, said);
+    cli_last_error(s->log, said, sizeof(said));
     sst_log_error("the service on %s ended: %s%s%s", s->scene, said[0] ? said : "see ", said[0] ? "; all in " : "",
                   s->log);
 }
@@ -411,7 +377,7 @@ static int bring_up(struct site *s)
             char said[512];
 
             reported_ns = now_ns;
-            last_error(s, said);
+            cli_last_error(s->log, said, sizeof(said));
             printf("  %.0f s ... %s\n", (double)(now_ns - start_ns) / 1e9, said);
             fflush(stdout);
         }

@@ -1,0 +1,262 @@
+/* sst batch: a campaign of light fields and recordings processed and rendered, shared by workers. */
+#include <dirent.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/claim.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "cli/batch_internal.h"
+
+#define STATES ".state" /* of the output: a folder with the claim of each piece */
+#define LOGS   "logs"
+
+/* --- what there is to do ------------------------------------------------------------------------------------------ */
+
+struct list {
+    struct batch_piece *piece;
+    char **name, **state;
+    int count, capacity[3];
+};
+
+static void free_list(struct list *l)
+{
+    for (int i = 0; i < l->count; i++) {
+        free(l->piece[i].source);
+        free(l->name[i]);
+        free(l->state[i]);
+    }
+    free(l->piece);
+    free(l->name);
+    free(l->state);
+}
+
+static int log_oom(void)
+{
+    sst_log_error("not enough memory for the list of light fields");
+    return -ENOMEM;
+}
+
+/* @param set  of a recording, or -1 */
+static int add(struct list *l, const struct batch *b, const char *source, const char *name, int set)
+{
+    char state[SST_PATH_MAX], shown[300];
+    int err;
+
+    if (set < 0)
+        snprintf(shown, sizeof(shown), "%s", name);
+    else
+        snprintf(shown, sizeof(shown), "%s-%06d", name, set);
+    err = sst_path_join(state, b->states, shown);
+    if (err)
+        return err;
+    if (!sst_mem_grow(&l->piece, l->count, &l->capacity[0], sizeof(*l->piece)) ||
+        !sst_mem_grow(&l->name, l->count, &l->capacity[1], sizeof(*l->name)) ||
+        !sst_mem_grow(&l->state, l->count, &l->capacity[2], sizeof(*l->state)))
+        return log_oom();
+    l->piece[l->count] = (struct batch_piece){ strdup(source), set };
+    l->name[l->count] = strdup(shown);
+    l->state[l->count] = strdup(state);
+    l->count++;
+    return l->piece[l->count - 1].source && l->name[l->count - 1] && l->state[l->count - 1] ? 0 : log_oom();
+}
+
+static int add_recording(struct list *l, const struct batch *b, const char *source, const char *name)
+{
+    struct sst_recording *recording;
+    int err = sst_recording_open(&recording, source), sets;
+
+    if (err)
+        return err;
+    sets = sst_recording_sets(recording);
+    sst_recording_close(recording);
+    for (int i = 0; !err && i < sets; i += b->every)
+        err = add(l, b, source, name, i);
+    return err;
+}
+
+static bool holds(const char *dir, const char *file)
+{
+    char path[SST_PATH_MAX];
+
+    return !sst_path_join(path, dir, file) && sst_path_exists(path);
+}
+
+/* A light field, a recording, or neither (*known stays). */
+static int add_source(struct list *l, const struct batch *b, const char *path, const char *name, bool *known)
+{
+    if (holds(path, "lightfield.json")) {
+        *known = true;
+        return add(l, b, path, name, -1);
+    }
+    if (holds(path, "recording.json")) {
+        *known = true;
+        return add_recording(l, b, path, name);
+    }
+    return 0;
+}
+
+static int visible(const struct dirent *entry)
+{
+    return entry->d_name[0] != '.';
+}
+
+/* The folder itself, or all that lies in it, in the order of names. */
+static int list_source(struct list *l, const struct batch *b, char *source)
+{
+    struct dirent **entry = NULL;
+    char path[SST_PATH_MAX];
+    bool known = false;
+    int n, err;
+
+    for (size_t end = strlen(source); end > 1 && source[end - 1] == '/'; end--)
+        source[end - 1] = 0;
+    err = add_source(l, b, source, sst_path_base(source), &known);
+    if (err || known)
+        return err;
+    n = scandir(source, &entry, visible, alphasort);
+    if (n < 0) {
+        err = -errno;
+        sst_log_error("cannot read the folder %s: %s", source, strerror(errno));
+        return err;
+    }
+    for (int i = 0; i < n; i++) {
+        err = err ? err : sst_path_join(path, source, entry[i]->d_name);
+        err = err ? err : add_source(l, b, path, entry[i]->d_name, &known);
+        free(entry[i]);
+    }
+    free(entry);
+    if (!err && !known) {
+        sst_log_error("%s holds neither light fields (lightfield.json) nor recordings (recording.json)", source);
+        err = -ENOENT;
+    }
+    return err;
+}
+
+/* Two sources of one name would have one output. */
+static int check_names(const struct list *l)
+{
+    for (int i = 0; i < l->count; i++) {
+        for (int k = 0; k < i; k++) {
+            if (!strcmp(l->name[i], l->name[k])) {
+                sst_log_error("%s and %s would have the same output %s; rename one of them", l->piece[k].source,
+                              l->piece[i].source, l->name[i]);
+                return -EEXIST;
+            }
+        }
+    }
+    return 0;
+}
+
+/* --- running ------------------------------------------------------------------------------------------------------ */
+
+struct run {
+    const struct batch *b;
+    const struct list *list;
+};
+
+static int run_piece(void *arg, int i, bool again)
+{
+    const struct run *run = arg;
+
+    return batch_run_piece(run->b, &run->list->piece[i], run->list->name[i], again);
+}
+
+static int make_folders(struct batch *b, const char *out)
+{
+    int err = sst_path_join(b->states, out, STATES);
+
+    err = err ? err : sst_path_join(b->logs, out, LOGS);
+    if (b->reads_only)
+        return err;
+    err = err ? err : sst_path_make_dir(out);
+    err = err ? err : sst_path_make_dir(b->states);
+    return err ? err : sst_path_make_dir(b->logs);
+}
+
+static int run_all(struct batch *b, const struct cli_shard *shard, const char **sources, const char *job, bool json)
+{
+    struct list list = { 0 };
+    struct run run = { b, &list };
+    int err = make_folders(b, b->out), r = cli_exit_code(err);
+
+    for (int i = 0; !err && sources[i]; i++) {
+        char source[SST_PATH_MAX];
+
+        err = sst_path_join(source, sources[i], NULL);
+        err = err ? err : list_source(&list, b, source);
+    }
+    err = err ? err : check_names(&list);
+    r = cli_exit_code(err);
+    if (!r) {
+        const struct cli_pieces pieces = { list.count, list.name, list.state, job, run_piece, &run };
+
+        r = shard->status ? cli_shard_status(&pieces, json) : cli_shard_run(shard, &pieces);
+        if (!shard->status) {
+            err = batch_write_table(b->out, list.name, list.count);
+            r = r ? r : cli_exit_code(err);
+        }
+    }
+    if (!r && !shard->status)
+        printf("%s: %d pieces; figures in %s/figures.csv\n", b->out, list.count, b->out);
+    free_list(&list);
+    return r;
+}
+
+static int run(const struct cli_command *cmd, int argc, char **argv)
+{
+    struct batch b = { .preset = "balanced", .steps = 20, .every = 1 };
+    struct cli_shard shard = CLI_SHARD_DEFAULTS;
+    bool json = false;
+    const struct cli_option options[] = {
+        { "output", 'o', CLI_STRING, &b.out, "DIR", "folder of the results; one of an earlier run is continued" },
+        { "preset", 'p', CLI_STRING, &b.preset, "NAME", "of `sst process`: preview, balanced (default) or accurate" },
+        { "model", 0, CLI_STRING, &b.model, "NAME", "segmentation network: an installed one or an ONNX file" },
+        { "no-labels", 0, CLI_FLAG, &b.no_labels, NULL, "disparity only" },
+        { "steps", 0, CLI_INT, &b.steps, "N", "pictures of the sweep over the focus (20); 0: no sweep", 0, 9999 },
+        { "every", 0, CLI_INT, &b.every, "N", "of recordings every N-th set (1)", 1, 1000000 },
+        { "calib", 0, CLI_STRING, &b.calib, "FILE",
+          "of recordings: the array's calibration; views are then rectified" },
+        { "threads", 't', CLI_INT, &b.threads, "N", "threads; default: all processors", 1, 256 },
+        CLI_SHARD_OPTIONS(shard),
+        { "json", 0, CLI_FLAG, &json, NULL, "with --status: print one JSON object" },
+    };
+    static const char *const same[] = { CLI_SHARD_NAMES, "output", "threads", "json", NULL };
+    const char **sources = calloc((size_t)argc + 1, sizeof(*sources));
+    char job[SST_CLAIM_JOB];
+    int r = sources ? cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, sources, 1, argc) : CLI_MEMORY;
+
+    if (r == CLI_GO_ON && !b.out)
+        r = cli_usage_error(cmd, "-o DIR is missing");
+    if (r == CLI_GO_ON && !shard.text) {
+        shard.text = "1/1"; /* alone, and yet each piece only once */
+    }
+    if (r == CLI_GO_ON)
+        r = cli_shard_read(cmd, &shard);
+    if (r == CLI_GO_ON) {
+        b.reads_only = shard.status;
+        cli_shard_job(job, sizeof(job), cmd, options, ARRAY_LEN(options), same);
+        r = run_all(&b, &shard, sources, job, json);
+    }
+    free(sources);
+    return r;
+}
+
+const struct cli_command cli_batch = {
+    .name = "batch",
+    .usage = "SOURCE... -o DIR [--preset P] [--steps N] [--shard I/N]",
+    .summary = "process and render a campaign of light fields and recordings",
+    .detail =
+        "A source is a light field, a recording, or a folder with any of these. DIR gets a folder of each light field\n"
+        "and of each set: lightfield/ (a copy with its maps), clear.png, see-through.png, sweep.mp4 (or sweep/), and "
+        "what\n"
+        "the commands report as JSON; figures.csv has a line of each, also with errors where the source has a truth/.\n"
+        "What is done is skipped when the command is repeated. --shard shares the work with other processes that see\n"
+        "the same folders, on this machine or a cluster (docs/use/cluster.md); --status shows how far it is.",
+    .example = "sst batch campaign -o results\n  sst batch campaign -o results --shard auto --threads 4\n"
+               "  sst batch campaign -o results --status",
+    .run = run,
+};

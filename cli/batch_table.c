@@ -1,0 +1,89 @@
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/file.h"
+#include "cli/batch_internal.h"
+
+/* Figures of a piece: a member of a report. */
+static const struct column {
+    const char *name, *file, *member;
+} columns[] = {
+    { "rows", "process.json", "rows" },
+    { "cols", "process.json", "cols" },
+    { "width", "process.json", "width" },
+    { "height", "process.json", "height" },
+    { "confirmed_percent", "process.json", "confirmed_percent" },
+    { "plausible", "process.json", "plausible" },
+    { "labels_percent", "process.json", "coverage_refined" },
+    { "focus_px", "see-through.json", "focus_px" },
+    { "cut_px", "clear.json", "cut_px" },
+    { "seen_percent", "clear.json", "seen_percent" },
+    { "seconds", "process.json", "seconds.total" },
+    { "cpu_seconds", "process.json", "cpu_seconds.total" },
+    { "bad1_percent", "eval.json", "disparity.bad1" },
+    { "bad2_percent", "eval.json", "disparity.bad2" },
+    { "miou_percent", "eval.json", "labels.miou_refined" },
+    { "see_through_occluded_db", "eval.json", "render.psnr_occluded" },
+    { "clear_occluded_db", "eval.json", "clear.psnr_occluded" },
+};
+
+/* A name as CSV has it. */
+static void print_name(FILE *f, const char *name)
+{
+    const bool quoted = strpbrk(name, ",\"\n") != NULL;
+
+    fputs(quoted ? "\"" : "", f);
+    for (; *name; name++) {
+        if (*name == '"')
+            fputc('"', f);
+        fputc(*name, f);
+    }
+    fputs(quoted ? "\"" : "", f);
+}
+
+static void print_piece(FILE *f, const char *dir, const char *name)
+{
+    char folder[SST_PATH_MAX], path[SST_PATH_MAX];
+    const char *open = NULL;
+    json_t *report = NULL;
+
+    if (sst_path_join(folder, dir, name) || !sst_path_is_dir(folder))
+        return;
+    print_name(f, name);
+    for (size_t i = 0; i < ARRAY_LEN(columns); i++) {
+        double v;
+
+        if (!open || strcmp(open, columns[i].file)) {
+            json_decref(report);
+            open = columns[i].file;
+            report = sst_path_join(path, folder, open) ? NULL : json_load_file(path, 0, NULL);
+        }
+        v = report ? cli_number(report, columns[i].member) : NAN;
+        if (isfinite(v))
+            fprintf(f, ",%.6g", v);
+        else
+            fputc(',', f);
+    }
+    json_decref(report);
+    fputc('\n', f);
+}
+
+int batch_write_table(const char *out, char *const *name, int count)
+{
+    struct sst_outfile file;
+    char path[SST_PATH_MAX];
+    int err = sst_path_join(path, out, "figures.csv");
+
+    err = err ? err : sst_outfile_open(&file, path);
+    if (err)
+        return err;
+    fputs("name", file.stream);
+    for (size_t i = 0; i < ARRAY_LEN(columns); i++)
+        fprintf(file.stream, ",%s", columns[i].name);
+    fputc('\n', file.stream);
+    for (int i = 0; i < count; i++)
+        print_piece(file.stream, out, name[i]);
+    return sst_outfile_commit(&file);
+}
