@@ -9,7 +9,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/mem.h"
-#include "cli/batch_internal.h"
+#include "cli/cli_internal.h"
 
 #define STATES ".state" /* of the output: a folder with the claim of each piece */
 #define LOGS   "logs"
@@ -17,7 +17,7 @@
 /* --- what there is to do ------------------------------------------------------------------------------------------ */
 
 struct list {
-    struct batch_piece *piece;
+    struct cli_batch_piece *piece;
     char **name, **state;
     int count, capacity[3];
 };
@@ -41,7 +41,7 @@ static int log_oom(void)
 }
 
 /* @param set  of a recording, or -1 */
-static int add(struct list *l, const struct batch *b, const char *source, const char *name, int set)
+static int add(struct list *l, const struct cli_batch *b, const char *source, const char *name, int set)
 {
     char state[SST_PATH_MAX], shown[300];
     int err;
@@ -57,14 +57,14 @@ static int add(struct list *l, const struct batch *b, const char *source, const 
         !sst_mem_grow(&l->name, l->count, &l->capacity[1], sizeof(*l->name)) ||
         !sst_mem_grow(&l->state, l->count, &l->capacity[2], sizeof(*l->state)))
         return log_oom();
-    l->piece[l->count] = (struct batch_piece){ strdup(source), set };
+    l->piece[l->count] = (struct cli_batch_piece){ strdup(source), set };
     l->name[l->count] = strdup(shown);
     l->state[l->count] = strdup(state);
     l->count++;
     return l->piece[l->count - 1].source && l->name[l->count - 1] && l->state[l->count - 1] ? 0 : log_oom();
 }
 
-static int add_recording(struct list *l, const struct batch *b, const char *source, const char *name)
+static int add_recording(struct list *l, const struct cli_batch *b, const char *source, const char *name)
 {
     struct sst_recording *recording;
     int err = sst_recording_open(&recording, source), sets;
@@ -86,7 +86,7 @@ static bool holds(const char *dir, const char *file)
 }
 
 /* A light field, a recording, or neither (*known stays). */
-static int add_source(struct list *l, const struct batch *b, const char *path, const char *name, bool *known)
+static int add_source(struct list *l, const struct cli_batch *b, const char *path, const char *name, bool *known)
 {
     if (holds(path, "lightfield.json")) {
         *known = true;
@@ -105,7 +105,7 @@ static int visible(const struct dirent *entry)
 }
 
 /* The folder itself, or all that lies in it, in the order of names. */
-static int list_source(struct list *l, const struct batch *b, char *source)
+static int list_source(struct list *l, const struct cli_batch *b, char *source)
 {
     struct dirent **entry = NULL;
     char path[SST_PATH_MAX];
@@ -154,7 +154,7 @@ static int check_names(const struct list *l)
 /* --- running ------------------------------------------------------------------------------------------------------ */
 
 struct run {
-    const struct batch *b;
+    const struct cli_batch *b;
     const struct list *list;
 };
 
@@ -162,10 +162,10 @@ static int run_piece(void *arg, int i, bool again)
 {
     const struct run *run = arg;
 
-    return batch_run_piece(run->b, &run->list->piece[i], run->list->name[i], again);
+    return cli_batch_run_piece(run->b, &run->list->piece[i], run->list->name[i], again);
 }
 
-static int make_folders(struct batch *b, const char *out)
+static int make_folders(struct cli_batch *b, const char *out)
 {
     int err = sst_path_join(b->states, out, STATES);
 
@@ -177,7 +177,7 @@ static int make_folders(struct batch *b, const char *out)
     return err ? err : sst_path_make_dir(b->logs);
 }
 
-static int run_all(struct batch *b, const struct cli_shard *shard, const char **sources, const char *job, bool json)
+static int run_all(struct cli_batch *b, const struct cli_shard *shard, const char **sources, const char *job, bool json)
 {
     struct list list = { 0 };
     struct run run = { b, &list };
@@ -196,7 +196,7 @@ static int run_all(struct batch *b, const struct cli_shard *shard, const char **
 
         r = shard->status ? cli_shard_status(&pieces, json) : cli_shard_run(shard, &pieces);
         if (!shard->status) {
-            err = batch_write_table(b->out, list.name, list.count);
+            err = cli_batch_write_table(b->out, list.name, list.count);
             r = r ? r : cli_exit_code(err);
         }
     }
@@ -208,7 +208,7 @@ static int run_all(struct batch *b, const struct cli_shard *shard, const char **
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct batch b = { .preset = "balanced", .steps = 20, .every = 1 };
+    struct cli_batch b = { .preset = "balanced", .steps = 20, .every = 1 };
     struct cli_shard shard = CLI_SHARD_DEFAULTS;
     bool json = false;
     const struct cli_option options[] = {

@@ -8,7 +8,7 @@
 
 #include "base/file.h"
 #include "base/log.h"
-#include "cli/batch_internal.h"
+#include "cli/cli_internal.h"
 
 #define MAX_ARGS 24
 
@@ -18,7 +18,7 @@ struct step {
 };
 
 struct piece {
-    const struct batch *b;
+    const struct cli_batch *b;
     const char *name;
     char log[SST_PATH_MAX], sst[SST_PATH_MAX], threads[16];
     struct sst_outdir out;
@@ -75,7 +75,7 @@ static int run_step(const struct piece *p, struct step *s, const char *report)
     return code > 128 ? CLI_INTERNAL : code;
 }
 
-static int fetch(struct piece *p, const struct batch_piece *from)
+static int fetch(struct piece *p, const struct cli_batch_piece *from)
 {
     char set[16];
     struct step s;
@@ -171,7 +171,7 @@ static int evaluate(const struct piece *p)
     return run_step(p, &s, "eval.json");
 }
 
-static int run_steps(struct piece *p, const struct batch_piece *from)
+static int run_steps(struct piece *p, const struct cli_batch_piece *from)
 {
     int code = fetch(p, from);
 
@@ -182,7 +182,7 @@ static int run_steps(struct piece *p, const struct batch_piece *from)
     return code ? code : evaluate(p);
 }
 
-int batch_run_piece(const struct batch *b, const struct batch_piece *piece, const char *name, bool again)
+int cli_batch_run_piece(const struct cli_batch *b, const struct cli_batch_piece *piece, const char *name, bool again)
 {
     struct piece p = { .b = b, .name = name };
     char out[SST_PATH_MAX], file[SST_PATH_MAX];

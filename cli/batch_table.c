@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/file.h"
-#include "cli/batch_internal.h"
+#include "cli/cli_internal.h"
 
 /* Figures of a piece: a member of a report. */
 static const struct column {
@@ -70,7 +70,7 @@ static void print_piece(FILE *f, const char *dir, const char *name)
     fputc('\n', f);
 }
 
-int batch_write_table(const char *out, char *const *name, int count)
+int cli_batch_write_table(const char *out, char *const *name, int count)
 {
     struct sst_outfile file;
     char path[SST_PATH_MAX];

@@ -7,6 +7,7 @@
 #include <sys/types.h>
 
 #include "base/base.h"
+#include "base/file.h"
 #include "capture/calibration/gather.h"
 #include "capture/recording/recorder.h"
 #include "capture/recording/recording.h"
@@ -127,6 +128,29 @@ extern const struct cli_command cli_batch, cli_board, cli_calibrate, cli_calibra
     cli_demo, cli_doctor, cli_eval, cli_events, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_process,
     cli_record, cli_recording, cli_rectify, cli_reload, cli_render, cli_scene, cli_segment, cli_snapshot, cli_status,
     cli_stereo, cli_sweep, cli_topology, cli_version;
+
+/* --- batch: the pieces of a campaign, and its table. --- */
+
+/** What is done to each piece. */
+struct cli_batch {
+    const char *out, *preset, *model, *calib;
+    int steps, every, threads;
+    bool no_labels, reads_only;
+    char states[SST_PATH_MAX], logs[SST_PATH_MAX];
+};
+
+struct cli_batch_piece {
+    char *source; /* light field, or recording of which: */
+    int set;      /* -1: a light field */
+};
+
+/** Make OUT/NAME, whole or not at all, with its log in logs/NAME.log. @param again  remove what a killed worker left
+ *  @return exit code */
+int cli_batch_run_piece(const struct cli_batch *b, const struct cli_batch_piece *piece, const char *name, bool again);
+
+/** Write OUT/figures.csv from what the commands have reported of the pieces that are done. @return 0 or an error,
+ * logged */
+SST_MUST_CHECK int cli_batch_write_table(const char *out, char *const *name, int count);
 
 /* --- calibrate_check: `sst calibrate --check`: is a light field's calibration still true? --- */
 
