@@ -85,7 +85,7 @@ static void land_view(const struct given *in, size_t k)
         for (int i = 0; i < 3; i++)
             mark_removed(row[i], in, k, y + i - 1);
         sst_clear_state_ref(state, (const uint8_t *const *)row, disp, p->bins, width);
-        sst_clear_land_ref(map, (size_t)p->pitch, &at, disp, state, y);
+        sst_clear_land_ref(map, (size_t)p->pitch, &at, disp, state, 0, y, at.width);
     }
     for (size_t i = 0; i < all; i++)
         landed[i] = map[i];

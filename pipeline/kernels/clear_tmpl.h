@@ -69,38 +69,38 @@ static inline void KERNEL(clear_land_16)(uint16_t *landed, size_t stride, const 
 }
 
 static void KERNEL(clear_land)(uint16_t *landed, size_t stride, const struct sst_clear_view *v, const uint16_t *disp,
-                               const uint8_t *state, int y)
+                               const uint8_t *state, int x, int y, int n)
 {
-    for (int x = 0; x < v->width; x += 16) {
-        const __mmask16 inside = (__mmask16)(v->width - x >= 16 ? 0xFFFF : (1 << (v->width - x)) - 1);
-        const __m128i states = _mm_maskz_loadu_epi8(inside, state + x);
+    for (int i = 0; i < n; i += 16) {
+        const __mmask16 inside = (__mmask16)(n - i >= 16 ? 0xFFFF : (1 << (n - i)) - 1);
+        const __m128i states = _mm_maskz_loadu_epi8(inside, state + i);
 
         if (_mm_test_epi8_mask(states, states))
-            KERNEL(clear_land_16)(landed, stride, v, _mm256_maskz_loadu_epi16(inside, disp + x), states, x, y);
+            KERNEL(clear_land_16)(landed, stride, v, _mm256_maskz_loadu_epi16(inside, disp + i), states, x + i, y);
     }
 }
 #else
 static void KERNEL(clear_land)(uint16_t *landed, size_t stride, const struct sst_clear_view *v, const uint16_t *disp,
-                               const uint8_t *state, int y)
+                               const uint8_t *state, int x, int y, int n)
 {
     const unsigned w = (unsigned)v->width, h = (unsigned)v->height;
     int dx[SST_CLEAR_BLOCK], dy[SST_CLEAR_BLOCK];
 
-    for (int x0 = 0; x0 < v->width; x0 += SST_CLEAR_BLOCK) {
-        const int n = v->width - x0 < SST_CLEAR_BLOCK ? v->width - x0 : SST_CLEAR_BLOCK;
+    for (int from = 0; from < n; from += SST_CLEAR_BLOCK) {
+        const int m = n - from < SST_CLEAR_BLOCK ? n - from : SST_CLEAR_BLOCK;
 
-        for (int i = 0; i < n; i++) {
-            const float q = disp[x0 + i], at_x = q * v->x_q6 + v->x_0, at_y = q * v->y_q6 + v->y_0;
+        for (int i = 0; i < m; i++) {
+            const float q = disp[from + i], at_x = q * v->x_q6 + v->x_0, at_y = q * v->y_q6 + v->y_0;
             const int whole_x = (int)at_x, whole_y = (int)at_y;
 
             dx[i] = whole_x - ((float)whole_x > at_x);
             dy[i] = whole_y - ((float)whole_y > at_y);
         }
-        for (int i = 0; i < n; i++) {
-            const unsigned to_x = (unsigned)(x0 + i + dx[i]), to_y = (unsigned)(y + dy[i]);
-            const unsigned ray = 2U * (unsigned)(disp[x0 + i] >> v->coarse) + 2 + (state[x0 + i] == SST_CLEAR_KEPT);
+        for (int i = 0; i < m; i++) {
+            const unsigned to_x = (unsigned)(x + from + i + dx[i]), to_y = (unsigned)(y + dy[i]);
+            const unsigned ray = 2U * (unsigned)(disp[from + i] >> v->coarse) + 2 + (state[from + i] == SST_CLEAR_KEPT);
 
-            if (state[x0 + i] && to_x < w && to_y < h && landed[to_y * stride + to_x] < ray)
+            if (state[from + i] && to_x < w && to_y < h && landed[to_y * stride + to_x] < ray)
                 landed[to_y * stride + to_x] = (uint16_t)ray;
         }
     }

@@ -426,14 +426,14 @@ struct sst_clear_view {
 };
 
 /**
- * Send the rays of row y of a view that are not removed; the nearest one stays where several land, kept pixels first.
- * Those that leave the picture are dropped.
+ * Send the rays of pixels x .. x+n-1 of row y of a view that are not removed; the nearest one stays where several land,
+ * kept pixels first. Those that leave the picture are dropped.
  *
  * @param landed  in and out, [height] rows `stride` apart
- * @param disp    in [width]  @param state  in [width]: removed where the disparity is unknown
+ * @param disp    in [n]  @param state  in [n]: removed where the disparity is unknown
  */
 typedef void sst_clear_land_fn(uint16_t *landed, size_t stride, const struct sst_clear_view *v, const uint16_t *disp,
-                               const uint8_t *state, int y);
+                               const uint8_t *state, int x, int y, int n);
 
 /**
  * The nearest surface of each pixel that enough views confirm: those whose ray is at most SST_CLEAR_TOLERANCE behind

@@ -383,6 +383,214 @@ static void threads_do_not_matter(void **state SST_UNUSED)
     sst_image_fini(&first);
 }
 
+/* --- what is kept from the last picture --------------------------------------------------------------------------- */
+
+/* A view of a textured wall, of a box that moves before it, and of a lamp in a corner that is switched on and off. */
+static void draw_view(struct sst_lightfield *lf, struct sst_view *v, int t)
+{
+    for (int y = 0; y < lf->height; y++) {
+        for (int x = 0; x < lf->width; x++) {
+            const double wall_px = 4.3 + 0.002 * y, box_px = 12.6;
+            const int box_x = (int)floor(x + box_px * v->bx) - 20 - 9 * t, box_y = (int)floor(y + box_px * v->by) - 60;
+            const bool box = box_x >= 0 && box_x < 40 && box_y >= 0 && box_y < 90;
+            const int at_x = box ? box_x : (int)floor(x + wall_px * v->bx);
+            const int at_y = box ? box_y : (int)floor(y + wall_px * v->by);
+            const int lit = !box && at_x > 250 && at_y > 150 && t % 3 == 0 ? 40 : 0;
+
+            for (int c = 0; c < 3; c++)
+                sst_image_row(&v->image, c, y)[x] =
+                    (uint8_t)(((at_x * (7 + c) ^ at_y * (11 - c)) & 127) + (box ? 80 : 20) + lit);
+            sst_map_u16_row(&v->disp, y)[x] =
+                (x * 31 + y * 17) % 97 ? sst_disp_q6(lf, box ? box_px : wall_px) : SST_DISP_NONE;
+            sst_map_u8_row(&v->label, y)[x] = box ? 5 : 2;
+        }
+    }
+}
+
+/* Does a tile of two views differ? */
+static bool differs(const struct sst_view *a, const struct sst_view *b, int x0, int y0, int width, int height)
+{
+    const size_t x = (size_t)x0, n = (size_t)sst_min_int(SST_LIVE_TILE, width - x0);
+
+    for (int y = y0; y < sst_min_int(y0 + SST_LIVE_TILE, height); y++) {
+        if (memcmp(sst_map_u16_row(&a->disp, y) + x, sst_map_u16_row(&b->disp, y) + x, 2 * n) ||
+            memcmp(sst_map_u8_row(&a->label, y) + x, sst_map_u8_row(&b->label, y) + x, n))
+            return true;
+        for (int c = 0; c < 3; c++) {
+            if (memcmp(sst_image_row(&a->image, c, y) + x, sst_image_row(&b->image, c, y) + x, n))
+                return true;
+        }
+    }
+    return false;
+}
+
+static void init_view(struct sst_view *v, int width, int height)
+{
+    assert_int_equal(sst_image_init(&v->image, width, height), 0);
+    assert_int_equal(sst_map_u16_init(&v->disp, width, height), 0);
+    assert_int_equal(sst_map_u8_init(&v->label, width, height), 0);
+}
+
+static void fini_view(struct sst_view *v)
+{
+    sst_image_fini(&v->image);
+    sst_map_u16_fini(&v->disp);
+    sst_map_u8_fini(&v->label);
+}
+
+/* The box moves: only tiles that differ are marked. @return fraction that does */
+static double move_on(struct shown *s, int t)
+{
+    struct sst_lightfield *lf = &s->live->lf;
+    const int cols = s->changes.cols, tiles = cols * s->changes.rows;
+    int changed = 0;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        struct sst_view *v = &lf->views[k], before = *v;
+
+        init_view(v, lf->width, lf->height);
+        draw_view(lf, v, t);
+        for (int i = 0; i < tiles; i++) {
+            s->changes.map[k][i] = differs(v, &before, i % cols * SST_LIVE_TILE, i / cols * SST_LIVE_TILE, lf->width,
+                                           lf->height);
+            changed += s->changes.map[k][i];
+        }
+        fini_view(&before);
+    }
+    return (double)changed / (lf->rows * lf->cols * tiles);
+}
+
+/* Two pictures of one light field: one that keeps what did not change, one that computes everything. */
+struct both {
+    struct sst_livepicture *kept, *exact;
+    struct sst_renderer *other; /* of the exact one */
+    struct sst_render_config cfg;
+    int64_t kept_px;
+};
+
+static void open_both(struct both *b, struct shown *s, double cut_px)
+{
+    *b = (struct both){ .cfg = clear_config(cut_px) };
+    assert_int_equal(sst_livepicture_create(&b->kept, s->live), 0);
+    assert_int_equal(sst_livepicture_create(&b->exact, s->live), 0);
+    assert_int_equal(sst_renderer_create(&b->other, &s->live->lf, 2), 0);
+}
+
+static void close_both(struct both *b)
+{
+    sst_livepicture_destroy(b->kept);
+    sst_livepicture_destroy(b->exact);
+    sst_renderer_destroy(b->other);
+}
+
+static void render_both(struct both *b, struct shown *s)
+{
+    struct sst_live *live = s->live;
+    struct sst_renderer *shared = live->renderer;
+    const struct sst_image *image, *whole;
+    int64_t px;
+
+    live->cfg.skip_change = true;
+    assert_int_equal(sst_livepicture_render(b->kept, &b->cfg, &image, &b->kept_px), 0);
+    assert_int_equal(sst_renderer_recount(b->other, live->sample, live->sampled, 1), 0);
+    live->renderer = b->other;
+    live->cfg.skip_change = false;
+    assert_int_equal(sst_livepicture_render(b->exact, &b->cfg, &whole, &px), 0);
+    live->renderer = shared;
+    assert_true(same_image(image, whole));
+}
+
+static void show_box(struct shown *s)
+{
+    struct sst_lightfield *lf;
+
+    show(s, NULL, 320, 240, 3, false);
+    lf = &s->live->lf;
+    lf->range_min_px = 4;
+    lf->range_max_px = 13;
+    lf->disp_min_px = 3;
+    for (int k = 0; k < 9; k++) {
+        init_view(&lf->views[k], 320, 240);
+        draw_view(lf, &lf->views[k], 0);
+    }
+    s->live->ready = true;
+    s->changes.whole = true;
+    take(s, 1000000);
+    s->changes.whole = false;
+}
+
+static void unchanged_parts_are_kept(void **state SST_UNUSED)
+{
+    const int64_t all = INT64_C(320) * 240;
+    int64_t computed = 0;
+    bool removed, toggled;
+    struct shown s;
+    struct both b;
+
+    show_box(&s);
+    open_both(&b, &s, 9);
+    render_both(&b, &s);
+    assert_int_equal(b.kept_px, all);
+    for (int i = 1; i < 14; i++) {
+        const double changed = move_on(&s, i);
+
+        assert_true(changed > 0 && changed < 0.5);
+        if (i == 5)
+            b.cfg.cut_px = 4.5; /* in the wall */
+        if (i == 7)
+            b.cfg.remove_label = 5;
+        if (i == 8)
+            b.cfg.cut_px = 20;
+        if (i == 9 || i == 10) {
+            assert_int_equal(sst_livepicture_toggle(b.kept, 40 + 9 * i, 100, &removed), 0);
+            assert_int_equal(sst_livepicture_toggle(b.exact, 40 + 9 * i, 100, &toggled), 0);
+            assert_int_equal(removed, toggled);
+        }
+        if (i == 12)
+            s.live->lf.views[0].present = false;
+        take(&s, 1000000 + i * INT64_C(150000000));
+        render_both(&b, &s);
+        assert_true(i != 5 || b.kept_px == all);
+        assert_true(i != 12 || b.kept_px == all);
+        if (i < 5)
+            computed += b.kept_px;
+    }
+    assert_true(computed > 0 && computed < 4 * all * 3 / 5);
+    assert_true(b.kept_px < all);
+    b.cfg.cut_px = 10; /* of the same set */
+    render_both(&b, &s);
+    assert_int_equal(b.kept_px, all);
+    close_both(&b);
+    hide(&s);
+}
+
+/* Pictures share the renderer's rays, also with different cuts; one that pauses goes on from its own last picture. */
+static void pictures_in_turn_keep_their_own(void **state SST_UNUSED)
+{
+    struct both near, far;
+    struct shown s;
+
+    show_box(&s);
+    open_both(&near, &s, 9);
+    open_both(&far, &s, 5);
+    for (int i = 0; i < 12; i++) {
+        if (i)
+            (void)move_on(&s, i);
+        take(&s, 1000000 + i * INT64_C(150000000));
+        if (i != 3 && i != 4 && i != 9)
+            render_both(&near, &s);
+        if (i == 5)
+            far.cfg.cut_px = 9; /* rays are shared from now on */
+        if (i == 2 || i == 4 || i >= 5)
+            render_both(&far, &s);
+        if (i > 6 && i != 10)
+            assert_true(far.kept_px < 320 * 240 && near.kept_px < 320 * 240);
+    }
+    close_both(&near);
+    close_both(&far);
+    hide(&s);
+}
+
 static void outlines_and_other_methods(void **state SST_UNUSED)
 {
     struct sst_render_config cfg = clear_config(8), sst;
@@ -644,6 +852,8 @@ int main(void)
         cmocka_unit_test(what_is_being_removed_is_not_remembered),
         cmocka_unit_test(a_walker_vanishes_and_leaves_nothing),
         cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(unchanged_parts_are_kept),
+        cmocka_unit_test(pictures_in_turn_keep_their_own),
         cmocka_unit_test(outlines_and_other_methods),
         cmocka_unit_test(a_click_removes_and_brings_back),
         cmocka_unit_test(a_click_goes_through_what_the_cut_removes),

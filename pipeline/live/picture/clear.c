@@ -1,8 +1,8 @@
 /* The clear picture of one view: rendered by sst_render() from the light field as it is, merged with what was seen
  * before (memory.c), and with outlines of what was removed.
  *
- * Where nothing changed nothing is rendered. Otherwise the whole picture is: a ray goes to the viewpoint by its own
- * disparity, so that a changed tile can matter nearly anywhere. */
+ * Where nothing changed nothing is rendered. A ray goes to the viewpoint by its own disparity; what changed tiles
+ * cannot reach is taken from the last picture (struct sst_render_kept). The memory merges the whole picture. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -34,6 +34,7 @@ struct picture_clear {
     unsigned objects_shown, objects_version;
     uint64_t serial, present_serial;
     double disp_min_px;
+    struct sst_render_kept kept;
     struct picture_memory memory;
     struct picture_objects objects;
     struct picture_behind behind;
@@ -68,6 +69,7 @@ void picture_clear_destroy(struct picture_clear *c)
 {
     if (!c)
         return;
+    sst_render_kept_fini(&c->kept);
     picture_memory_fini(&c->memory);
     picture_objects_fini(&c->objects);
     picture_behind_fini(&c->behind);
@@ -315,7 +317,8 @@ int picture_clear_render(struct picture_clear *c, const struct sst_render_config
 {
     const struct sst_live *live = c->live;
     struct sst_render_config wanted = *cfg;
-    const struct sst_render_merge step = { merge, c, &c->surface, &c->support };
+    const struct sst_render_merge step = { merge, c, &c->surface, &c->support,
+                                           live->cfg.skip_change ? &c->kept : NULL };
     bool changed;
     int err = 0;
 
@@ -335,6 +338,12 @@ int picture_clear_render(struct picture_clear *c, const struct sst_render_config
     c->tint = tint;
     c->image = image;
     wanted.merge = &step;
+    c->kept.stamp = live->stamp;
+    c->kept.tile = SST_LIVE_TILE;
+    c->kept.tile_cols = live->changes.cols;
+    c->kept.tile_rows = live->changes.rows;
+    c->kept.serial = live->serial;
+    c->kept.since = live->present_serial;
     err = sst_render(live->renderer, &wanted, image, NULL);
     if (!err)
         count_kinds(c);
@@ -346,7 +355,7 @@ int picture_clear_render(struct picture_clear *c, const struct sst_render_config
     c->serial = live->serial;
     c->present_serial = live->present_serial;
     c->state.cut_px = isfinite(wanted.cut_px) ? wanted.cut_px : NAN;
-    *rendered_px = (int64_t)image->width * image->height;
+    *rendered_px = step.kept ? c->kept.coloured_px : (int64_t)image->width * image->height;
     return 0;
 }
 

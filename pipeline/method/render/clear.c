@@ -12,85 +12,6 @@
 
 #define ENOUGH 16 /* rays of full weight for one pixel: the nearest views are the sharpest */
 
-struct clear_view {
-    const struct sst_render_tap *tap;
-    struct sst_clear_view at;
-    uint16_t *landed; /* [height][stride] of the picture: the nearest ray of each pixel */
-};
-
-/* Working memory of one thread. */
-struct scratch {
-    uint8_t *row[3], *state; /* [width + 2] removed pixels of three rows, in a ring; [width] enum sst_clear_state */
-    const uint16_t **landed; /* [views] */
-    int *view;               /* [slots] whose rays they are: index in struct clear */
-    float surface[SST_CLEAR_BLOCK]; /* levels; 0: none */
-    struct sst_clear_rays rays;
-    struct sst_clear_colours out;
-};
-
-struct clear {
-    const struct sst_lightfield *lf;
-    const struct sst_render_config *cfg;
-    int width, height, bins, cut_q6; /* bins: stored disparities are below; cut: those above are removed */
-    int coarse;                      /* of struct sst_clear_view */
-    size_t stride;                   /* of landed, elements: whole blocks */
-    int count;
-    struct clear_view view[SST_MAX_VIEWS]; /* nearest to the viewpoint first */
-    struct scratch *scratch;               /* [threads] */
-    struct sst_image *out;
-    struct sst_map_u8 weight; /* of the picture's pixels: 255 is enough */
-    struct sst_renderer *renderer;
-    const uint32_t *words;    /* what a device has coloured, see render_device_begin_clear(); NULL: nothing */
-    struct sst_mem_kept maps; /* landed rays of all views: the renderer's, from one picture to the next */
-    const struct sst_kernels *kernels;
-    void *rows; /* owned: scratch */
-};
-
-/* --- rays of one view --------------------------------------------------------------------------------------------- */
-
-/* Mark the pixels of a row that stand in front or are outside the rectified view. */
-static void mark_removed(const struct clear *c, const struct clear_view *v, uint8_t *removed, int y)
-{
-    const struct sst_view *view = v->tap->v;
-    const struct sst_map_u8 *mask = c->cfg->remove ? &c->cfg->remove[v->tap->view] : NULL;
-    const int w = c->width;
-
-    c->kernels->clear_removed(removed, sst_map_u16_row(&view->disp, y), c->cut_q6, (size_t)w);
-    for (int x = 0; x < w && mask && mask->data; x++)
-        removed[x] |= sst_map_u8_row(mask, y)[x] != 0;
-    for (int x = 0; x < w && c->cfg->remove_label && view->label.data; x++)
-        removed[x] |= sst_map_u8_row(&view->label, y)[x] == c->cfg->remove_label;
-    for (int x = 0; x < w && view->valid.data; x++)
-        removed[x] |= !sst_map_u8_row(&view->valid, y)[x];
-}
-
-/* All rays of one view go to the viewpoint; the nearest one at each pixel stays. */
-static int land_view(void *arg, int index, int worker)
-{
-    const struct clear *c = arg;
-    const struct clear_view *v = &c->view[index];
-    const struct scratch *s = &c->scratch[worker];
-    const size_t w = (size_t)c->width;
-
-    memset(v->landed, 0, c->stride * (size_t)c->height * sizeof(*v->landed));
-    for (int i = 0; i < 3; i++)
-        memset(s->row[i], 0, w + 2);
-    mark_removed(c, v, s->row[0] + 1, 0);
-    for (int y = 0; y < c->height; y++) {
-        const uint16_t *disp = sst_map_u16_row(&v->tap->v->disp, y);
-        uint8_t *below = s->row[(y + 1) % 3] + 1;
-        const uint8_t *const removed[3] = { s->row[(y + 2) % 3] + 1, s->row[y % 3] + 1, below };
-
-        if (y + 1 < c->height)
-            mark_removed(c, v, below, y + 1);
-        else
-            memset(below, 0, w);
-        c->kernels->clear_state(s->state, removed, disp, c->bins, w);
-        c->kernels->clear_land(v->landed, c->stride, &v->at, disp, s->state, y);
-    }
-    return 0;
-}
-
 /* --- rays of one block -------------------------------------------------------------------------------------------- */
 
 /* Colours of the rays in the slot that a view with a raw frame has taken. Returns whether a ray was dropped, because
@@ -175,8 +96,8 @@ static uint8_t pixel_weight(float total)
 /* For the caller's merge: the surface of each pixel, and how many rays agree on its colour. */
 static void note_surface(const struct clear *c, const struct scratch *s, int x, int y, int n)
 {
-    uint16_t *surface = sst_map_u16_row(c->cfg->merge->surface, y) + x;
-    uint8_t *support = sst_map_u8_row(c->cfg->merge->support, y) + x;
+    uint16_t *surface = sst_map_u16_row(c->to.surface, y) + x;
+    uint8_t *support = sst_map_u8_row(c->to.support, y) + x;
     const float scale = (float)(1 << c->coarse);
 
     for (int i = 0; i < n; i++) {
@@ -189,22 +110,23 @@ static int colour_row(void *arg, int y, int worker)
 {
     const struct clear *c = arg;
     struct scratch *s = &c->scratch[worker];
-    uint8_t *weight = sst_map_u8_row(&c->weight, y);
+    uint8_t *weight = sst_map_u8_row(c->to.weight, y);
 
     for (int x = 0; x < c->width; x += SST_CLEAR_BLOCK) {
         const int n = sst_min_int(c->width - x, SST_CLEAR_BLOCK);
-        const int own = find_rays(c, s, x, y);
 
-        c->kernels->clear_blend(&s->out, &s->rays, own);
+        if (!landed_colours(c, x, y))
+            continue;
+        c->kernels->clear_blend(&s->out, &s->rays, find_rays(c, s, x, y));
         for (int k = 0; k < 3; k++) {
-            uint8_t *to = sst_image_row(c->out, k, y) + x;
+            uint8_t *to = sst_image_row(c->to.image, k, y) + x;
 
             for (int i = 0; i < n; i++)
                 to[i] = (uint8_t)(int)(s->out.colour[k][i] + 0.5F);
         }
         for (int i = 0; i < n; i++)
             weight[x + i] = pixel_weight(s->out.weight[i]);
-        if (c->cfg->merge)
+        if (c->to.surface)
             note_surface(c, s, x, y, n);
     }
     return 0;
@@ -218,8 +140,8 @@ static int unpack_row(void *arg, int y, int worker SST_UNUSED)
 
     for (int x = 0; x < c->width; x++) {
         for (int k = 0; k < 3; k++)
-            sst_image_row(c->out, k, y)[x] = (uint8_t)(word[x] >> (8 * k));
-        sst_map_u8_row(&c->weight, y)[x] = (uint8_t)(word[x] >> 24);
+            sst_image_row(c->to.image, k, y)[x] = (uint8_t)(word[x] >> (8 * k));
+        sst_map_u8_row(c->to.weight, y)[x] = (uint8_t)(word[x] >> 24);
     }
     return 0;
 }
@@ -278,21 +200,13 @@ static size_t place_scratch(struct scratch *s, uint8_t *at, const struct clear *
 
 static int allocate(struct clear *c, int threads)
 {
-    const size_t view = c->stride * (size_t)c->height, scratch = place_scratch(NULL, NULL, c);
-    uint16_t *maps;
+    const size_t scratch = place_scratch(NULL, NULL, c);
     uint8_t *rows;
 
-    pthread_mutex_lock(&c->renderer->lock);
-    c->maps = c->renderer->spare;
-    c->renderer->spare = (struct sst_mem_kept){ 0 };
-    pthread_mutex_unlock(&c->renderer->lock);
     c->scratch = calloc((size_t)threads, sizeof(*c->scratch));
-    maps = sst_mem_keep(&c->maps, (size_t)c->count, view * sizeof(*maps));
     c->rows = rows = sst_mem_alloc_raw((size_t)threads, scratch);
-    if (!c->scratch || !maps || !rows)
+    if (!c->scratch || !rows)
         return -ENOMEM;
-    for (int k = 0; k < c->count; k++)
-        c->view[k].landed = maps + (size_t)k * view;
     for (int i = 0; i < threads; i++)
         place_scratch(&c->scratch[i], rows + (size_t)i * scratch, c);
     return 0;
@@ -306,15 +220,7 @@ static int cut_q6(const struct sst_lightfield *lf, double cut_px)
 
 static void clear_fini(struct clear *c)
 {
-    if (c->maps.data) {
-        pthread_mutex_lock(&c->renderer->lock);
-        if (!c->renderer->spare.data) {
-            c->renderer->spare = c->maps;
-            c->maps = (struct sst_mem_kept){ 0 };
-        }
-        pthread_mutex_unlock(&c->renderer->lock);
-    }
-    sst_mem_kept_fini(&c->maps);
+    landed_give_back(c);
     free(c->scratch);
     sst_mem_free(c->rows);
 }
@@ -406,7 +312,7 @@ static int land_rays(struct clear *c, int threads)
 {
     const int err = allocate(c, threads);
 
-    return err ? err : sst_parallel_for(c->count, threads, land_view, c);
+    return err ? err : landed_make(c, threads);
 }
 
 /* Land and colour on the device, if there is one that can. @return true: words is set until render_device_end() */
@@ -458,24 +364,80 @@ static void mark_valid(struct sst_map_u8 *valid, const struct sst_map_u8 *weight
         memset(sst_map_u8_row(valid, y), CLEAR_UNKNOWN, (size_t)weight->width);
 }
 
+static int kept_reserve(struct sst_render_kept *kept, int width, int height)
+{
+    int err = kept->image.plane[0] ? 0 : sst_image_init(&kept->image, width, height);
+
+    err = err || kept->weight.data ? err : sst_map_u8_init(&kept->weight, width, height);
+    err = err || kept->support.data ? err : sst_map_u8_init(&kept->support, width, height);
+    return err || kept->surface.data ? err : sst_map_u16_init(&kept->surface, width, height);
+}
+
+void sst_render_kept_fini(struct sst_render_kept *kept)
+{
+    sst_image_fini(&kept->image);
+    sst_map_u8_fini(&kept->weight);
+    sst_map_u8_fini(&kept->support);
+    sst_map_u16_fini(&kept->surface);
+    kept->id = 0;
+}
+
+static void copy_rows(void *to, const void *from, size_t stride, int rows)
+{
+    memcpy(to, from, stride * (size_t)rows);
+}
+
+/* What is kept is coloured where it changed, and copied. */
+static int colour_kept(struct clear *c, const struct clear_target *to, int threads)
+{
+    struct sst_render_kept *kept = c->cfg->merge->kept;
+    int err = kept_reserve(kept, c->width, c->height);
+
+    c->to = (struct clear_target){ &kept->image, &kept->weight, &kept->surface, &kept->support };
+    err = err ? err : sst_parallel_for(c->height, threads, colour_row, c);
+    if (err) {
+        kept->id = 0;
+        return err;
+    }
+    kept->coloured_px = landed_coloured_px(c);
+    kept->coloured = kept->serial;
+    for (int i = 0; i < 3; i++)
+        copy_rows(to->image->plane[i], kept->image.plane[i], kept->image.stride, c->height);
+    copy_rows(to->weight->data, kept->weight.data, kept->weight.stride, c->height);
+    copy_rows(to->surface->data, kept->surface.data, kept->surface.stride, c->height);
+    copy_rows(to->support->data, kept->support.data, kept->support.stride, c->height);
+    return 0;
+}
+
+static int colour(struct clear *c, const struct clear_target *to, int threads)
+{
+    if (landed_kept(c))
+        return colour_kept(c, to, threads);
+    if (c->cfg->merge && c->cfg->merge->kept)
+        c->cfg->merge->kept->coloured_px = (int64_t)c->width * c->height;
+    c->to = *to;
+    for (int i = 0; i < 3; i++)
+        memset(to->image->plane[i], 0, to->image->stride * (size_t)c->height);
+    return sst_parallel_for(c->height, threads, c->words ? unpack_row : colour_row, c);
+}
+
 static int render_clear(struct clear *c, struct sst_image *out, struct sst_map_u8 *valid, int threads)
 {
+    const struct sst_render_merge *merge = c->cfg->merge;
+    struct sst_map_u8 weight = { 0 };
+    const struct clear_target to = { out, &weight, merge ? merge->surface : NULL, merge ? merge->support : NULL };
     void *levels = sst_mem_alloc_raw(clear_fill_bytes(c->width, c->height), 1);
-    int err = levels ? sst_map_u8_init(&c->weight, c->width, c->height) : -ENOMEM;
+    int err = levels ? sst_map_u8_init(&weight, c->width, c->height) : -ENOMEM;
 
-    c->out = out;
-    for (int i = 0; i < 3; i++)
-        memset(out->plane[i], 0, out->stride * (size_t)out->height);
+    err = err ? err : colour(c, &to, threads);
+    if (!err && merge)
+        err = merge->merge(merge->arg, out, &weight);
     if (!err)
-        err = sst_parallel_for(c->height, threads, c->words ? unpack_row : colour_row, c);
-    if (!err && c->cfg->merge)
-        err = c->cfg->merge->merge(c->cfg->merge->arg, out, &c->weight);
-    if (!err)
-        err = clear_fill(out, &c->weight, levels, threads);
+        err = clear_fill(out, &weight, levels, threads);
     if (!err && valid)
-        mark_valid(valid, &c->weight);
+        mark_valid(valid, &weight);
     sst_mem_free(levels);
-    sst_map_u8_fini(&c->weight);
+    sst_map_u8_fini(&weight);
     return err;
 }
 

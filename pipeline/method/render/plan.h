@@ -84,6 +84,7 @@ bool sst_render_label_weights_differ(const struct sst_blend_range *range, const 
 struct sst_verifier; /* verify.h */
 struct explainer;    /* render_internal.h */
 struct render_device;
+struct landed; /* landed.c */
 
 struct sst_renderer {
     /* fixed after create */
@@ -95,7 +96,8 @@ struct sst_renderer {
     bool counted;
     struct sst_label_histogram histogram;
     uint8_t rarity[SST_AGREE_BINS]; /* of colours, see verify.h */
-    struct sst_mem_kept spare;      /* maps of the last clear picture, for the next one; empty while one is rendered */
+    struct landed *landed;          /* rays of the last clear picture, for the next one; NULL while one is rendered */
+    uint64_t series;                /* of clear pictures that continue each other */
     struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each created on first use */
     SST_ATOMIC(uint8_t) * explained; /* see explainer_keep(); NULL until needed */
     uint64_t explained_key;

@@ -66,7 +66,7 @@ void sst_renderer_destroy(struct sst_renderer *r)
     }
     free(r->raw);
     render_device_destroy(r->device);
-    sst_mem_kept_fini(&r->spare);
+    landed_destroy(r->landed);
     sst_mem_free((void *)r->explained);
     sst_render_histogram_fini(&r->histogram);
     pthread_mutex_destroy(&r->lock);

@@ -35,6 +35,7 @@ enum sst_render_verify {
 
 /** SST_RENDER_CLEAR: a step between colouring what is seen and filling the holes, as of a memory over time. */
 #define SST_RENDER_SUPPORT 8 /* of struct sst_render_merge: value of one ray */
+struct sst_render_kept;
 struct sst_render_merge {
     /** @param img     in, out, undefined where the weight is 0
      *  @param weight  in, out, 255: seen; less: mixed with the mean of the surroundings as far as it lacks */
@@ -43,7 +44,28 @@ struct sst_render_merge {
     struct sst_map_u16
         *surface;               /* out, stored disparity of the surface; SST_DISP_NONE: a hole; of the picture's size */
     struct sst_map_u8 *support; /* out, rays that agree on the colour, times SST_RENDER_SUPPORT, at most 255 */
+    struct sst_render_kept *kept; /* NULL: the whole picture is computed */
 };
+
+/**
+ * The last clear picture before its merge, of a light field that changes in tiles: only what changed is computed, with
+ * the bytes of a whole picture. One for each picture, zeroed at first; sst_render_kept_fini() ends it.
+ */
+struct sst_render_kept {
+    /* in, of the light field as it is */
+    uint64_t *const *stamp;         /* [views] of [tile_rows][tile_cols]: serial number of a tile's last change */
+    int tile, tile_cols, tile_rows; /* px of a tile's side; tiles */
+    uint64_t serial;                /* of the last change, at least 1 */
+    uint64_t since;                 /* another value: everything changed (views came or left) */
+    /* out: pixels whose colours were computed */
+    int64_t coloured_px;
+    /* the renderer's */
+    uint64_t id, coloured;
+    struct sst_image image;
+    struct sst_map_u8 weight, support;
+    struct sst_map_u16 surface;
+};
+void sst_render_kept_fini(struct sst_render_kept *kept);
 
 struct sst_render_config {
     enum sst_render_method method;

@@ -100,4 +100,64 @@ SST_MUST_CHECK int clear_rays(struct sst_renderer *r, const struct sst_render_co
 SST_MUST_CHECK int clear_fill(struct sst_image *img, const struct sst_map_u8 *weight, void *levels, int threads);
 size_t clear_fill_bytes(int width, int height);
 
+/* --- clear.c, landed.c: rays at the viewpoint, kept from one picture to the next ---------------------------------- */
+
+struct clear_view {
+    const struct sst_render_tap *tap;
+    struct sst_clear_view at;
+    uint16_t *landed; /* [height][stride] of the picture: the nearest ray of each pixel */
+};
+
+/* Working memory of one thread. */
+struct scratch {
+    uint8_t *row[3], *state; /* [width + 2] removed pixels of three rows, in a ring; [width] enum sst_clear_state */
+    const uint16_t **landed; /* [views] */
+    int *view;               /* [slots] whose rays they are: index in struct clear */
+    float surface[SST_CLEAR_BLOCK]; /* levels; 0: none */
+    struct sst_clear_rays rays;
+    struct sst_clear_colours out;
+};
+
+/* Where the colours of a picture go. */
+struct clear_target {
+    struct sst_image *image;
+    struct sst_map_u8 *weight;   /* of the picture's pixels: 255 is enough */
+    struct sst_map_u16 *surface; /* with support as of struct sst_render_merge; NULL: not wanted */
+    struct sst_map_u8 *support;
+};
+
+struct clear {
+    const struct sst_lightfield *lf;
+    const struct sst_render_config *cfg;
+    int width, height, bins, cut_q6; /* bins: stored disparities are below; cut: those above are removed */
+    int coarse;                      /* of struct sst_clear_view */
+    size_t stride;                   /* of landed, elements: whole blocks */
+    int count;
+    struct clear_view view[SST_MAX_VIEWS]; /* nearest to the viewpoint first */
+    struct scratch *scratch;               /* [threads] */
+    struct clear_target to;
+    struct sst_renderer *renderer;
+    const uint32_t *words;  /* what a device has coloured, see render_device_begin_clear(); NULL: nothing */
+    struct landed *landed;  /* the renderer's, from one picture to the next; owned meanwhile */
+    const uint64_t *change; /* [cells] of landed; NULL: all cells are coloured */
+    const struct sst_kernels *kernels;
+    void *rows; /* owned: scratch */
+};
+
+/**
+ * Send all rays of all views to the viewpoint, or only those that may land elsewhere than in the renderer's last
+ * picture (see struct sst_render_kept). Sets c->landed, the views' landed rays and c->change.
+ *
+ * @return 0 or -ENOMEM (not logged). c->landed has to be given back with landed_give_back() in either case.
+ */
+SST_MUST_CHECK int landed_make(struct clear *c, int threads);
+void landed_give_back(struct clear *c);
+void landed_destroy(struct landed *l);
+
+/** Pixels of the cells of 64x8 px that are coloured. */
+int64_t landed_coloured_px(const struct clear *c);
+bool landed_colours(const struct clear *c, int x, int y);
+/** Is this picture continued by the next one? */
+bool landed_kept(const struct clear *c);
+
 #endif
