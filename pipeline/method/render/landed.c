@@ -1,11 +1,11 @@
 /* All rays at the viewpoint of a clear picture, kept from one picture to the next.
  *
- * Of a light field that changes in tiles, only what changed tiles can reach is landed again. A ray of stored disparity q
- * moves by floor(q b + c), which is monotonic in q, so that the smallest and the largest disparity of a tile, before and
- * now, bound where its rays land. These pixels are emptied, and the rays of all tiles that may land on them are sent
- * again: the nearest one stays, so that those which land elsewhere change nothing. A pixel of the picture depends on what
- * landed on it and on the colours around the places its rays come from, which are within reach() px of those rays'
- * pixels: a tile is taken with that margin. So the bytes are those of a whole picture.
+ * Of a light field that changes in tiles, only what changed tiles can reach is landed again. A ray of stored disparity
+ * q moves by floor(q b + c), which is monotonic in q, so that the smallest and the largest disparity of a tile, before
+ * and now, bound where its rays land. These pixels are emptied, and the rays of all tiles that may land on them are
+ * sent again: the nearest one stays, so that those which land elsewhere change nothing. A pixel of the picture depends
+ * on what landed on it and on the colours around the places its rays come from, which are within reach() px of those
+ * rays' pixels: a tile is taken with that margin. So the bytes are those of a whole picture.
  */
 #include <errno.h>
 #include <math.h>

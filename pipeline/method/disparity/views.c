@@ -1,0 +1,351 @@
+/* Matching of the views of one run: each against its neighbours, checked against others, and filled. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/thread.h"
+#include "pipeline/method/disparity/disparity_internal.h"
+
+/* Where only some views are matched, they are checked against others up to so many spacings away. */
+#define CHECKED_FAR 3.5
+
+int run_cancelled(const struct disparity_run *run)
+{
+    return run->cfg->cancel && *run->cfg->cancel ? -ECANCELED : 0;
+}
+
+int run_describe(void *arg, int index, int worker)
+{
+    struct disparity_run *run = arg;
+    const int view = run->first_view + index;
+    const struct sst_view *v = &run->lf->views[view];
+    int err;
+
+    if (run->desc[view].luma.data || !v->present)
+        return 0;
+    err = run_cancelled(run);
+    err = err ? err
+              : sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost,
+                                    run->nets ? run->nets[worker] : NULL);
+    if (!err && v->valid.data)
+        err = sst_disparity_mask_reduce(&run->desc[view].seen, &v->valid, run->scale);
+    return err || run->cfg->frugal ? err : sst_descriptor_add_phases(&run->desc[view], run->phases);
+}
+
+int run_view_at(const struct sst_lightfield *lf, int view, int dr, int dc)
+{
+    const int row = view / lf->cols + dr, col = view % lf->cols + dc;
+
+    if (row < 0 || col < 0 || row >= lf->rows || col >= lf->cols || !lf->views[row * lf->cols + col].present)
+        return -1;
+    return row * lf->cols + col;
+}
+
+/* (dr, dc): left, right, up, down; the diagonals; two steps left, right, up, down. */
+static const int sides[SST_MAX_NEIGHBOURS][2] = { { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 }, { -1, -1 }, { -1, 1 },
+                                                  { 1, -1 }, { 1, 1 }, { 0, -2 }, { 0, 2 }, { -2, 0 },  { 2, 0 } };
+
+/* All phases that matching any view with one of its neighbours needs. */
+unsigned run_phases(const struct disparity_run *run)
+{
+    const struct sst_lightfield *lf = run->lf;
+    unsigned phases = 0;
+
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        for (int s = 0; lf->views[view].present && s < SST_MAX_NEIGHBOURS; s++) {
+            const int n = run_view_at(lf, view, sides[s][0], sides[s][1]);
+
+            if (n >= 0)
+                phases |= sst_volume_phases(&run->shape, lf->views[n].bx - lf->views[view].bx,
+                                            lf->views[n].by - lf->views[view].by);
+        }
+    }
+    return phases;
+}
+
+/* Phases of a neighbour that one view alone needs. */
+static int add_phases(struct disparity_run *run, int view, int neighbour)
+{
+    const struct sst_view *from = &run->lf->views[view], *to = &run->lf->views[neighbour];
+
+    return sst_descriptor_add_phases(&run->desc[neighbour],
+                                     sst_volume_phases(&run->shape, to->bx - from->bx, to->by - from->by));
+}
+
+void run_drop_phases(struct disparity_run *run)
+{
+    for (int view = 0; view < run->lf->rows * run->lf->cols; view++)
+        sst_descriptor_drop_phases(&run->desc[view]);
+}
+
+/* Match the tiles of one view. */
+int run_search_tiles(struct disparity_run *run, struct sst_tiles *tiles, struct sst_volume *v, int view,
+                     const struct sst_neighbour *neighbours, int count, const struct sst_support *support,
+                     struct sst_map_u16 *disp, struct sst_map_u8 *confidence)
+{
+    const struct sst_image *img = &run->desc[view].image;
+    const int rounds = run->cfg->support_arm ? run->cfg->support_before : 0;
+    struct sst_disparity_sgm_penalties penalties;
+    int err = 0;
+
+    sst_disparity_sgm_penalties_init(&penalties, run->cfg);
+    for (int i = 0; !err && i < tiles->rows * tiles->columns; i++) {
+        err = run_cancelled(run);
+        err =
+            err ? err : sst_tiles_fill(tiles, &tiles->tile[i], v, &run->desc[view], neighbours, count, support, rounds);
+    }
+    for (int row = 0; !err && row < tiles->rows; row++)
+        err = sst_tiles_paths_along(tiles, img, &penalties, row, &v->lines);
+    for (int column = 0; !err && column < tiles->columns; column++)
+        err = sst_tiles_paths_down(tiles, img, &penalties, column, &v->lines);
+    for (int i = 0; !err && i < tiles->rows * tiles->columns; i++)
+        err = sst_tiles_winner(tiles, &tiles->tile[i], disp, confidence, &v->lines);
+    return err;
+}
+
+struct sst_coarse run_coarse_view(const struct disparity_run *run, int view)
+{
+    return (struct sst_coarse){ &run->coarse->views[view].disp, (int)run->coarse->disp_min_px, SST_COARSER };
+}
+
+static int match_tiles(struct disparity_run *run, struct sst_volume *v, struct sst_tiles *tiles, int view,
+                       const struct sst_neighbour *neighbours, int count, const struct sst_support *support,
+                       struct sst_map_u16 *disp, struct sst_map_u8 *confidence)
+{
+    const struct sst_coarse coarse = run_coarse_view(run, view);
+    const int err = sst_tiles_init(tiles, run->width, 0, run->height, &run->shape, &coarse);
+
+    if (err)
+        return err;
+    run->searched[view] = sst_tiles_share(tiles);
+    return run_search_tiles(run, tiles, v, view, neighbours, count, support, disp, confidence);
+}
+
+/* Neighbours of the sides in first..last. @return their number, or -ENOMEM */
+int run_gather_neighbours(struct disparity_run *run, int view, int first, int last, struct sst_neighbour *neighbours)
+{
+    const struct sst_lightfield *lf = run->lf;
+    int count = 0, err = 0;
+
+    for (int s = first; s <= last && !err; s++) {
+        const int n = run_view_at(lf, view, sides[s][0], sides[s][1]);
+
+        if (n >= 0)
+            neighbours[count++] = (struct sst_neighbour){ &run->desc[n], lf->views[n].bx - lf->views[view].bx,
+                                                          lf->views[n].by - lf->views[view].by };
+        if (n >= 0 && run->cfg->frugal)
+            err = add_phases(run, view, n);
+    }
+    return err ? err : count;
+}
+
+/* Match one view against the neighbours of the sides in first..last into disp and confidence. */
+static int match_sides(struct disparity_run *run, struct sst_volume *v, int view, int first, int last,
+                       const struct sst_support *support, struct sst_map_u16 *disp, struct sst_map_u8 *confidence)
+{
+    const struct sst_disparity_config *cfg = run->cfg;
+    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
+    const int count = run_gather_neighbours(run, view, first, last, neighbours);
+    int err = 0;
+
+    if (count <= 0)
+        return count ? count : -ENODATA;
+    if (run->coarse) {
+        err = match_tiles(run, v, &run->tiles[v - run->volumes], view, neighbours, count, support, disp, confidence);
+        if (cfg->frugal)
+            run_drop_phases(run);
+        return err;
+    }
+    sst_volume_fill(v, &run->desc[view], neighbours, count);
+    if (cfg->frugal)
+        run_drop_phases(run);
+    if (cfg->raw)
+        return sst_volume_winner(v, true, disp, confidence);
+    err = run_cancelled(run);
+    err = err ? err : sst_disparity_support_aggregate(v, support, cfg->support_arm ? cfg->support_before : 0);
+    err = err ? err : run_cancelled(run);
+    err = err ? err : sst_disparity_sgm(v, &run->desc[view].image, cfg);
+    if (!err && cfg->support_arm && cfg->support_after) {
+        sst_volume_requantise(v);
+        err = sst_disparity_support_aggregate(v, support, cfg->support_after);
+    }
+    return err ? err : sst_volume_winner(v, cfg->support_arm && cfg->support_after, disp, confidence);
+}
+
+static int match_apart(struct disparity_run *run, struct sst_volume *v, int view, const struct sst_support *support)
+{
+    struct sst_map_u16 disp = { 0 };
+    struct sst_map_u8 confidence = { 0 };
+    int across, down = sst_map_u16_init(&disp, run->width, run->height);
+
+    down = down ? down : sst_map_u8_init(&confidence, run->width, run->height);
+    if (down)
+        goto done;
+    across = match_sides(run, v, view, 0, 1, support, &run->disp[view], &run->confidence[view]);
+    down = across && across != -ENODATA ? across : match_sides(run, v, view, 2, 3, support, &disp, &confidence);
+    if (!down && !across)
+        sst_fuse(&run->disp[view], &run->confidence[view], &disp, &confidence);
+    if (!down && across == -ENODATA) {
+        memcpy(run->disp[view].data, disp.data, disp.stride * (size_t)disp.height);
+        memcpy(run->confidence[view].data, confidence.data, confidence.stride * (size_t)confidence.height);
+    }
+    if (down == -ENODATA)
+        down = across;
+done:
+    sst_map_u16_fini(&disp);
+    sst_map_u8_fini(&confidence);
+    return down;
+}
+
+/* Invalid pixels have no disparity and take no part in checking or filling. */
+static void forget_unseen(struct sst_map_u16 *disp, const struct sst_map_u8 *seen)
+{
+    for (int y = 0; seen->data && y < disp->height; y++) {
+        for (int x = 0; x < disp->width; x++) {
+            if (!sst_map_u8_row(seen, y)[x])
+                sst_map_u16_row(disp, y)[x] = SST_DISP_NONE;
+        }
+    }
+}
+
+bool run_is_carried(const struct disparity_run *run, int view)
+{
+    return run->carried && run->carried[view];
+}
+
+static int match_job(void *arg, int index, int worker)
+{
+    struct disparity_run *run = arg;
+    const int view = run->first_view + index;
+    struct sst_support support = { 0 };
+    int err;
+
+    if (!run->lf->views[view].present)
+        return 0;
+    err = run_cancelled(run);
+    if (!run->disp[view].data) {
+        err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
+        err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
+    }
+    if (!err && run_is_carried(run, view) != run->others)
+        return 0;
+    if (!err && run->cfg->support_arm && !run->cfg->raw)
+        err =
+            sst_disparity_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
+    if (!err)
+        err = run->cfg->joint ? match_sides(run, &run->volumes[worker], view, 0, run->cfg->neighbours - 1, &support,
+                                            &run->disp[view], &run->confidence[view])
+                              : match_apart(run, &run->volumes[worker], view, &support);
+    sst_disparity_support_fini(&support);
+    if (err == -ENODATA) { /* a view without neighbours: unknown everywhere, filled from distant views below */
+        memset(run->disp[view].data, 0xFF, run->disp[view].stride * (size_t)run->height);
+        return 0;
+    }
+    if (!err && !run->cfg->raw)
+        err = sst_disparity_median5(&run->disp[view], &run->volumes[worker].lines);
+    if (!err && !run->cfg->raw)
+        err = sst_disparity_bilateral(&run->disp[view], &run->desc[view].luma, run->cfg->bilateral_tau);
+    if (!err)
+        forget_unseen(&run->disp[view], &run->desc[view].seen);
+    return err;
+}
+
+static struct sst_checked_view checked_view(const struct disparity_run *run, int view, int n)
+{
+    const struct sst_view *from = &run->lf->views[view], *to = &run->lf->views[n];
+
+    return (struct sst_checked_view){ &run->disp[n], &run->status[n], to->bx - from->bx, to->by - from->by };
+}
+
+/* The matched views at most CHECKED_FAR away. */
+static int checked_keys(const struct disparity_run *run, int view, struct sst_checked_view *out)
+{
+    const struct sst_lightfield *lf = run->lf;
+    int count = 0;
+
+    for (int n = 0; n < lf->rows * lf->cols && count < SST_MAX_NEIGHBOURS; n++) {
+        const struct sst_view *from = &lf->views[view], *to = &lf->views[n];
+
+        if (n != view && to->present && !run->carried[n] && hypot(to->bx - from->bx, to->by - from->by) < CHECKED_FAR)
+            out[count++] = checked_view(run, view, n);
+    }
+    return count;
+}
+
+/* Views one and two steps away on all sides; the nearer ones first. @return their number; *near of them are one step
+ * away. */
+static int checked_views(const struct disparity_run *run, int view, struct sst_checked_view *out, int *near)
+{
+    const struct sst_lightfield *lf = run->lf;
+    int count = 0;
+
+    for (int s = 0; s < SST_MAX_NEIGHBOURS; s++) {
+        const int n = run_view_at(lf, view, sides[s][0], sides[s][1]);
+
+        if (n >= 0)
+            out[count++] = checked_view(run, view, n);
+        if (s == 7)
+            *near = count;
+    }
+    return count;
+}
+
+int run_check(void *arg, int view, int worker SST_UNUSED)
+{
+    struct disparity_run *run = arg;
+    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
+    int near, count, err;
+
+    if (!run->lf->views[view].present)
+        return 0;
+    count = run->carried ? checked_keys(run, view, views) : checked_views(run, view, views, &near);
+    err = run_cancelled(run);
+    sst_map_u8_fini(&run->status[view]);
+    err = err ? err : sst_map_u8_init(&run->status[view], run->width, run->height);
+    if (!err && !run_is_carried(run, view))
+        sst_disparity_check_views(&run->status[view], &run->disp[view], run->disp_min,
+                                  run->carried ? 0 : run->range + 1, views, count);
+    return err;
+}
+
+int run_fill(void *arg, int view, int worker SST_UNUSED)
+{
+    struct disparity_run *run = arg;
+    struct sst_map_u16 scratch = { 0 }, *out = &run->filled[view];
+    struct sst_checked_view views[SST_MAX_NEIGHBOURS];
+    int near, count, err;
+
+    if (!run->lf->views[view].present)
+        return 0;
+    count = checked_views(run, view, views, &near);
+    err = run_cancelled(run);
+    err = err ? err : sst_map_u16_init(out, run->width, run->height);
+    err = err ? err : sst_map_u16_init(&scratch, run->width, run->height);
+    if (!err) {
+        memcpy(out->data, run->disp[view].data, out->stride * (size_t)out->height);
+        sst_fill_views(out, &run->status[view], run->disp_min, views, count, near, &scratch);
+    }
+    sst_map_u16_fini(&scratch);
+    return err;
+}
+
+int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
+{
+    const struct sst_lightfield *lf = run->lf;
+    int err = 0;
+
+    for (int row = 0; !err && row < lf->rows; row++) {
+        for (int r = row; !err && r <= sst_min_int(row + 2, lf->rows - 1); r++) {
+            run->first_view = r * lf->cols;
+            err = sst_parallel_for(lf->cols, threads, run_describe, run);
+        }
+        run->first_view = row * lf->cols;
+        err = err ? err : sst_parallel_for(lf->cols, threads, match_job, run);
+        for (int col = 0; row > 1 && col < lf->cols; col++)
+            sst_descriptor_fini(&run->desc[(row - 2) * lf->cols + col]);
+        if (progress)
+            progress(progress_arg, 0.9 * (row + 1) / lf->rows);
+    }
+    return err;
+}
