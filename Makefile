@@ -351,7 +351,7 @@ check-includes: $(HEADERS:%=$(BUILD)/headers/%.ok) ## headers compile alone, inc
 check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) $(PUBLISHERS:%=$(BUILD)/sst-%) $(BUILD)/sstd ## names say which folder they belong to, links go one way
 	SST_BUILD=$(BUILD) scripts/check_names.sh
 
-BENCH := $(BUILD)/sst $(BUILD)/bench/peaks $(BUILD)/bench/live_frames $(BUILD)/bench/live_clear $(BUILD)/bench/network \
+BENCH := $(BUILD)/sst $(BUILD)/bench/peaks $(BUILD)/bench/live_frames $(BUILD)/bench/live_clear $(BUILD)/bench/live_scene $(BUILD)/bench/network \
   $(if $(filter 1,$(WITH_OPENCV)),$(BUILD)/bench/stereo $(BUILD)/bench/render $(BUILD)/bench/rectify)
 bench: $(BENCH) ## measure time against error, about 20 minutes; renews docs/measured/bench-*, time-error-*, skips-*, roofline.*
 	$(PYTHON) scripts/bench.py --build $(BUILD)

@@ -25,7 +25,7 @@ KINDS = ("leaves", "foliage", "branches", "slats", "mesh", "crowd")  # occluders
 SETS = {"development": (1, 2), "validation": (3001, 3002)}  # seeds; methods are tuned on the first only
 SKIP_SCENES = ("pedestrian", "bush", "cd-cases")
 PARTS = {"stereo": "stereo.csv", "render": "render.csv", "rectify": "rectify.csv", "scenes": "scenes.json", "seeds": "seeds.json",
-         "layers": "layers.json", "skips": "skips.json", "live": "live.json", "clear": "clear.csv",
+         "layers": "layers.json", "skips": "skips.json", "live": "live.json", "clear": "clear.csv", "pipeline": "pipeline.json",
          "networks": "networks.json", "limits": "limits.csv"}  # raw figures of each part
 THREADS = "2"
 
@@ -202,6 +202,17 @@ def live(build, out, sets):
     write(f"{out}/live.json", json.dumps([dict(zip(cells[0], row)) for row in cells[2:]], indent=1))
 
 
+def pipeline(build, out, names, sets, presets):
+    """From decoded frames to the picture, live and by sst process, on the same frames: the tables of live_scene."""
+    results = []
+    for name in names:
+        say(f"live and offline maps of {name}, {sets} sets{'' if presets else ', without presets'}")
+        lines = call(f"{build}/bench/live_scene", name, sets, sets - 1, THREADS, "/tmp", "", *([] if presets else ["quick"]),
+                     stdout=subprocess.PIPE).stdout.splitlines()
+        results.append({"scene": name, "sets": list(csv.DictReader(lines))})
+    write(f"{out}/pipeline.json", json.dumps(results, indent=1))
+
+
 def clear(build, out, sets):
     """Times of the live picture, set by set: the table of live_clear."""
     say(f"live clear picture, {sets} sets")
@@ -268,6 +279,8 @@ def main():
         "skips": lambda: skips(args.build, out, SKIP_SCENES[:1] if args.quick else SKIP_SCENES, "500x375"),
         "live": lambda: live(args.build, out, 6 if args.quick else 21),
         "clear": lambda: clear(args.build, out, 6 if args.quick else 21),
+        "pipeline": lambda: pipeline(args.build, out, ALL_PRESETS[1:] if args.quick else ALL_PRESETS, 4 if args.quick else 9,
+                                     not args.quick),
         "networks": lambda: networks(args.build, out, rounds),
         "layers": lambda: layers(args.build, out, args.camvid, {"development": (1,)} if args.quick else SETS),
     }

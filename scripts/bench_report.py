@@ -13,7 +13,7 @@ BASELINE = "OpenCV SGBM 3WAY"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#AA4499")  # of groups; told apart with any colour vision, and on light and dark
 # gnuplot point types of methods: open for others', full for ours
 SYMBOLS = {"f32": 5, "int8": 7, "f32, half size": 4, "int8, half size": 6,
-           BASELINE: 4, "OpenCV SGBM HH": 12, "OpenCV BM": 8, "sst preview": 9, "sst balanced": 5, "sst accurate": 7}
+           BASELINE: 4, "OpenCV SGBM HH": 12, "OpenCV BM": 8, "sst preview": 9, "sst balanced": 5, "sst accurate": 7, "live, first set": 13, "live, mean of later sets": 11}
 
 
 def cpu_name():
@@ -542,6 +542,10 @@ def skips(source, out, command):
     if os.path.exists(source):
         more, charts = live_part(source, out, command)
         text, made = text + more, made + charts
+    source = os.path.join(os.path.dirname(source), "pipeline.json")
+    if os.path.exists(source):
+        more, charts = pipeline_part(source, out, command)
+        text, made = text + more, made + charts
     return write_page(out, "bench-skips", page("Skipping: work against error", command, text)) + made
 
 
@@ -573,6 +577,46 @@ def live_part(source, out, command):
                                          "worst tile"], rows))
     return text, skip_chart(out, "skips-live", "Work left out of live frames, from a still scene to a moving one",
                             ("CPU time, % of that of exact mode", "error added, levels of 255"), points, command)
+
+
+PIPELINE_TEXT = """\
+## The whole pipeline, live and offline
+
+On the same frames (`build/bench/live_scene`, 36 cameras of 640x480 with noise and JPEG): CPU time from decoded frames to the
+see-through picture, and its error in the pixels that the occluder hides, in the first set and in the last of {sets}. Live keeps
+its maps from set to set; the presets of `sst process` compute each set from nothing. *Changed*: tiles, in the last set.
+
+![time against error](time-error-live.svg)
+
+{table}
+"""
+
+
+def pipeline_part(source, out, command):
+    with open(source) as f:
+        measured = json.load(f)
+    rows, groups = [], {}
+    for m in measured:
+        sets, first, last = m["sets"], m["sets"][0], m["sets"][-1]
+        level = {key: lambda row, key=key: 255 * 10 ** (-float(row[f"{key} dB"]) / 20)
+                 for key in ("live", "preview", "balanced", "accurate", "refocus", "true maps") if first.get(f"{key} dB")}
+        picture = float(last["live cpu ms"]) - float(last["cpu ms"])
+        later = statistics.fmean(float(row["cpu ms"]) for row in sets[1:]) + picture
+        points = [("live, mean of later sets", later, level["live"](last)),
+                  ("live, first set", float(first["live cpu ms"]), level["live"](first))]
+        for key in ("preview", "balanced", "accurate"):
+            if key in level:
+                points.append((f"sst {key}", float(last[f"{key} cpu ms"]), level[key](last)))
+        groups[m["scene"]] = points
+        rows += [[f"{m['scene']}, {name}", number(ms, 0), number(error), number(-20 * math.log10(error / 255))]
+                 for name, ms, error in points]
+        rows += [[f"{m['scene']}, {name}", "-", number(level[name](last)), number(float(last[f"{name} dB"]))]
+                 for name in ("refocus", "true maps")]
+        rows.append([f"{m['scene']}: changed {float(last['changed %']):.0f} %", "", "", ""])
+    text = PIPELINE_TEXT.format(sets=len(measured[0]["sets"]),
+                                table=table(["scene, maps", "CPU ms a set", "RMS error, levels", "PSNR, dB"], rows))
+    return text, chart(out, "time-error-live", "The whole pipeline live and offline, 36 views of 640x480",
+                       ("CPU time of a set, ms", "RMS error of hidden pixels, grey levels of 255"), groups, command)
 
 
 LIMITS_TEXT = """\
@@ -740,6 +784,7 @@ def limits(source, out, command):
         return []
     slow = [row[0] for row, _ in rows if float(row[-1]) > 2]
     words = "".join(f"- {start}: {text}\n" for start, text in WORDS.items() if any(n.startswith(start) for n in slow))
+    words += "".join(f"- {n}: not looked into.\n" for n in slow if not n.startswith(tuple(WORDS)))
     text = LIMITS_TEXT.format(level=bench_level(source), rounds=len(rounds["memory",]), peaks=peaks, looked=LOOKED, words=words,
                               table=table(["stage", "CPU ms / 2", "memory, ms", "multiplications, ms", "byte operations, ms",
                                            "limit is", "time / limit"], [row for row, _ in rows]))

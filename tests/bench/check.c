@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include <linux/videodev2.h>
+
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
@@ -16,6 +18,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/kernels/sha256.h"
+#include "pipeline/live/live.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/network/model_path.h"
@@ -26,6 +29,9 @@
 #define WIDTH        400
 #define HEIGHT       300
 #define MEMORY_BYTES ((size_t)48 << 20)
+#define LIVE_SIDE    4
+#define LIVE_VIEWS   (LIVE_SIDE * LIVE_SIDE)
+#define LIVE_TIMES   2
 #define SCATTER      (1u << 20) /* entries of 4 bytes: 4 MiB, more than the second level of cache */
 
 struct bench {
@@ -35,6 +41,10 @@ struct bench {
     struct sst_render_config render;
     struct sst_segmenter *segmenter; /* NULL: no network */
     char folder[32];                 /* for save and load */
+    struct sst_live *live;
+    struct sst_livepicture *picture;
+    struct sst_live_input in[LIVE_TIMES]; /* frames of a walker at two times */
+    int sets;                             /* fed to live so far */
     struct sst_image out;
     uint64_t *memory;
     uint32_t *scatter;
@@ -56,6 +66,58 @@ static int make_view(struct bench *b, struct sst_view *v)
     sst_map_f32_fini(&disp);
     v->present = true;
     return err;
+}
+
+/* The frame of a camera at a time. */
+static int make_frame(struct sst_live_input *in, const struct sst_scene *scene, int cam)
+{
+    struct sst_image image = { 0 };
+    uint8_t *data = NULL;
+    size_t bytes = 0;
+    int err = sst_image_init(&image, WIDTH, HEIGHT);
+
+    err = err ? err
+              : sst_scene_render(scene, cam % LIVE_SIDE - (LIVE_SIDE - 1) / 2, cam / LIVE_SIDE - (LIVE_SIDE - 1) / 2, 0,
+                                 &image, NULL, NULL);
+    err = err ? err : sst_image_encode_jpeg(&image, 80, &data, &bytes);
+    in->frame[cam].data = data;
+    in->frame[cam].bytes = bytes;
+    sst_image_fini(&image);
+    return err;
+}
+
+static int open_live(struct bench *b)
+{
+    struct sst_live_config cfg = { .rows = LIVE_SIDE,
+                                   .cols = LIVE_SIDE,
+                                   .fourcc = V4L2_PIX_FMT_MJPEG,
+                                   .width = WIDTH,
+                                   .height = HEIGHT,
+                                   .threads = 1,
+                                   .skip_change = true,
+                                   .skip_labels = true };
+    int err = 0;
+
+    for (int t = 0; t < LIVE_TIMES && !err; t++) {
+        struct sst_scene_config at;
+        struct sst_scene *scene;
+
+        sst_scene_config_defaults(&at);
+        at.width = WIDTH;
+        at.height = HEIGHT;
+        at.rows = at.cols = LIVE_SIDE;
+        at.time_s = 0.5 + 0.1 * t;
+        err = sst_scene_create(&scene, "pedestrian", &at);
+        if (err)
+            return err;
+        for (int cam = 0; cam < LIVE_VIEWS && !err; cam++)
+            err = make_frame(&b->in[t], scene, cam);
+        sst_scene_destroy(scene);
+    }
+    for (int k = 0; k < LIVE_VIEWS; k++)
+        cfg.present[k] = true;
+    err = err ? err : sst_live_open(&b->live, &cfg);
+    return err ? err : sst_livepicture_create(&b->picture, b->live);
 }
 
 static int open_network(struct bench *b)
@@ -93,8 +155,8 @@ static int bench_init(struct bench *b)
     b->render.focus_px = sst_scene_occluder_at(b->scene, 0)->focus_px;
     b->render.threads = 1;
     b->render.verify = SST_VERIFY_OFF;
-    if (!err)
-        err = open_network(b);
+    err = err ? err : open_live(b);
+    err = err ? err : open_network(b);
     snprintf(b->folder, sizeof(b->folder), "/tmp/sst-check-XXXXXX");
     if (!err && !mkdtemp(b->folder))
         err = -errno;
@@ -105,6 +167,10 @@ static void bench_fini(struct bench *b)
 {
     if (b->folder[0])
         sst_path_remove_tree(b->folder);
+    sst_livepicture_destroy(b->picture);
+    sst_live_close(b->live);
+    for (int i = 0; i < LIVE_TIMES * LIVE_VIEWS; i++)
+        free((void *)b->in[i / LIVE_VIEWS].frame[i % LIVE_VIEWS].data);
     sst_segmenter_close(b->segmenter);
     sst_renderer_destroy(b->renderer);
     sst_image_fini(&b->out);
@@ -353,6 +419,30 @@ static int hash(struct bench *b)
     return 0;
 }
 
+/* Sets in which a walker steps to and fro: from frames to clear pictures. */
+static int live(struct bench *b)
+{
+    struct sst_live_report report;
+    struct sst_render_config cfg = b->render;
+    int err = 0;
+
+    cfg.method = SST_RENDER_CLEAR;
+    cfg.focus_px = cfg.cut_px = NAN;
+    cfg.verify = SST_VERIFY_ON;
+    for (int i = 0; i < 8 && !err; i++) {
+        struct sst_live_input *in = &b->in[b->sets % LIVE_TIMES];
+        const struct sst_image *image;
+        int64_t px = 0;
+
+        in->set = (uint64_t)b->sets;
+        in->t_ns = 1 + INT64_C(100000000) * b->sets++;
+        err = sst_live_update(b->live, in, &report);
+        err = err || !report.ready ? err : sst_livepicture_render(b->picture, &cfg, &image, &px);
+        b->sink += (uint64_t)px;
+    }
+    return err ? err : report.ready ? 0 : -ENODATA;
+}
+
 static uint32_t packed_at(const struct bench *b, int k, int x, int y)
 {
     const struct sst_view *v = &b->lf.views[k];
@@ -436,6 +526,7 @@ static const struct {
     { "match pair preview", match_pair_preview },
     { "match pair accurate", match_pair_accurate },
     { "hypothesis costs", hypotheses },
+    { "live sets", live },
     { "label", label },
     { "save", save },
     { "load", load },
