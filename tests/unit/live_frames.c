@@ -41,7 +41,10 @@ struct seen {
     int x, y, side;  /* a square in the reference view, 3 px further left for each camera further right */
     double contrast; /* share by which it is brighter */
     int only;        /* 1 + the camera that sees it; 0: all */
+    double leaves;   /* rad: leaves right of LEAVES swing by this much */
 };
+
+#define LEAVES 96 /* px: most tiles */
 
 #define NORMALS 8191
 
@@ -67,8 +70,9 @@ static void paint_row(uint8_t *row, const struct seen *s, int k, int y, int c)
 
     for (int x = 0; x < WIDTH; x++) {
         const float v = across[k][x] + down[c][y] + ((x / 16 + y / 16) % 2 ? 12.0f : -12.0f);
+        const float leaf = s->leaves > 0 && x >= LEAVES ? 30 * sinf(0.05f * (float)(x + y) + (float)s->leaves) : 0;
         const float lit = here && x >= sx && x < sx + s->side ? v * (1 + (float)s->contrast) : v;
-        const float sum = lit * light + noise * normals[(from + x) % NORMALS] + 0.5f;
+        const float sum = lit * light + leaf + noise * normals[(from + x) % NORMALS] + 0.5f;
 
         row[x] = (uint8_t)(sum < 0 ? 0 : sum > 255 ? 255 : sum);
     }
@@ -320,6 +324,37 @@ static void faint_change_is_seen(void **state)
             if (seen[v] != (!after->only || after->only == v + 1))
                 fail_msg("change %zu: view %d %s", i, v, seen[v] ? "changed" : "did not");
         }
+        close_keeper(&k);
+    }
+}
+
+/* Leaves move in most tiles, which is no noise: who leaves another tile is gone from all views, after a while also who
+ * differed little. */
+static void motion_everywhere_hides_no_change(void **state)
+{
+    static const double contrast[] = { -0.3, 0.035 };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(contrast); i++) {
+        bool seen[VIEWS] = { false };
+        struct keeper k;
+
+        open_keeper(&k, V4L2_PIX_FMT_MJPEG, NULL, true, 2);
+        for (int n = 0; n < 44; n++) {
+            const struct seen s = { .noise = 1,
+                                    .x = 40,
+                                    .y = 64,
+                                    .side = n < 30 ? 32 : 0,
+                                    .contrast = contrast[i],
+                                    .leaves = 1 + fabs(fmod(n, 8) - 4) };
+
+            show(&k, n, &s);
+            for (int v = 0; v < VIEWS && n >= 30; v++)
+                seen[v] |= k.changes.map[v][2 * k.changes.cols + 1] != 0;
+        }
+        for (int v = 0; v < VIEWS; v++)
+            if (!seen[v])
+                fail_msg("contrast %g: view %d still shows who has left", contrast[i], v);
         close_keeper(&k);
     }
 }
@@ -713,6 +748,7 @@ int main(void)
         cmocka_unit_test(any_number_of_threads_gives_the_same),
         cmocka_unit_test(cancelled_work_is_done_anew),
         cmocka_unit_test(noise_is_no_change),
+        cmocka_unit_test(motion_everywhere_hides_no_change),
         cmocka_unit_test(faint_change_is_seen),
         cmocka_unit_test(motion_is_followed),
         cmocka_unit_test(one_view_is_watched),

@@ -14,6 +14,7 @@
 #define GAIN_ONE    (1 << 14)
 #define SETTLE_SETS 4 /* sets with lower thresholds after a change, so that its remainder is accepted too */
 #define SETTLE      0.6
+#define LASTING     8 /* sets with a difference above the lower thresholds: neither noise nor leaves that swing */
 #define NOISE_FIRST LEVEL
 #define NOISE_STEP  4    /* every NOISE_STEP-th tile measures the noise */
 #define NOISE_RISE  1.25 /* maximum from picture to picture, since a large moving object is not noise */
@@ -22,10 +23,11 @@
  * with a spread of 0.15 sigma; those of the largest of 16 are 2 sigma. All three stay beyond 6 sigma. */
 static const struct {
     double floor, factor;
+    double noise_most; /* of noise of 12 levels a pixel, which no sensor exceeds: more is motion in most tiles */
 } limits[SST_DETECTOR_STATS] = {
-    { SST_DETECTOR_MEAN * LEVEL, 9 },
-    { SST_DETECTOR_ABS * LEVEL, 2.2 },
-    { SST_DETECTOR_PEAK * LEVEL, 3 },
+    { SST_DETECTOR_MEAN * LEVEL, 9, 0.36 * LEVEL },
+    { SST_DETECTOR_ABS * LEVEL, 2.2, 1.7 * LEVEL },
+    { SST_DETECTOR_PEAK * LEVEL, 3, 4.2 * LEVEL },
 };
 
 int detector_init(struct change_detector *w, int width, int height)
@@ -36,8 +38,9 @@ int detector_init(struct change_detector *w, int width, int height)
     *w = (struct change_detector){ .width = width, .height = height, .cols = cols, .rows = rows };
     w->gain_kept = sst_mem_alloc(tiles, sizeof(*w->gain_kept));
     w->unsettled = sst_mem_alloc(tiles, 1);
+    w->lasting = sst_mem_alloc(tiles, 1);
     w->scratch = sst_mem_alloc(tiles, SST_DETECTOR_STATS * sizeof(*w->scratch));
-    if (!w->gain_kept || !w->unsettled || !w->scratch || block_means_init(&w->now, width, height) ||
+    if (!w->gain_kept || !w->unsettled || !w->lasting || !w->scratch || block_means_init(&w->now, width, height) ||
         block_means_init(&w->before, width, height) || block_means_init(&w->kept, width, height)) {
         detector_fini(w);
         return -ENOMEM;
@@ -50,6 +53,7 @@ void detector_fini(struct change_detector *w)
 {
     sst_mem_free(w->gain_kept);
     sst_mem_free(w->unsettled);
+    sst_mem_free(w->lasting);
     sst_mem_free(w->scratch);
     block_means_fini(&w->now);
     block_means_fini(&w->before);
@@ -186,8 +190,8 @@ static void follow_noise(struct change_detector *w, double gain_step)
                 w->scratch[s * tiles + n] = stat[s];
         }
         for (int s = 0; n && s < SST_DETECTOR_STATS; s++) {
-            const double seen = sst_stats_upper_median_float(w->scratch + (size_t)s * (size_t)tiles, n),
-                         known = w->noise[p][s];
+            const double median = sst_stats_upper_median_float(w->scratch + (size_t)s * (size_t)tiles, n);
+            const double seen = fmin(median, limits[s].noise_most), known = w->noise[p][s];
 
             if (w->judged < 2)
                 w->noise[p][s] = seen;
@@ -207,9 +211,10 @@ static struct verdict all_changed(const struct change_detector *w, uint8_t *chan
     return (struct verdict){ .changed = tiles, .whole = true, .light = light };
 }
 
-static bool tile_changed(const struct change_detector *w, int t)
+/* @param ease  of the thresholds */
+static bool exceeds(const struct change_detector *w, int t, double ease)
 {
-    const double gain = w->gain / w->gain_kept[t], ease = w->unsettled[t] ? SETTLE : 1;
+    const double gain = w->gain / w->gain_kept[t];
 
     for (int p = 0; p < w->now.planes; p++) {
         const struct span span = cells_of(&w->now, p, t % w->cols, t / w->cols);
@@ -226,6 +231,23 @@ static bool tile_changed(const struct change_detector *w, int t)
             return true;
     }
     return false;
+}
+
+/* After a change, and after a while of smaller differences, lower thresholds count: where most tiles move, somebody who
+ * has left must not stay in the others. */
+static bool tile_changed(struct change_detector *w, int t)
+{
+    const bool eased = w->unsettled[t] || w->lasting[t] + 1 >= LASTING;
+
+    if (!exceeds(w, t, SETTLE)) {
+        w->lasting[t] = 0;
+        return false;
+    }
+    w->lasting[t]++;
+    if (!eased && !exceeds(w, t, 1))
+        return false;
+    w->lasting[t] = 0;
+    return true;
 }
 
 struct verdict detector_judge(struct change_detector *w, uint8_t *changed)

@@ -103,6 +103,7 @@ struct change_detector {
     struct block_means before, kept;     /* the last picture judged; of each tile, the accepted (stored) picture */
     double *gain_kept;                   /* [tiles] gain when it was accepted */
     uint8_t *unsettled;                  /* [tiles] number of judgements with lower thresholds after a change */
+    uint8_t *lasting;                    /* [tiles] number of judgements above these in a row */
     double gain;                         /* current gain of the light, relative */
     double noise[3][SST_DETECTOR_STATS]; /* 1/8 levels */
     int noise_phase;                     /* which of the tiles measure the noise next */
