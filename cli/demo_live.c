@@ -48,7 +48,7 @@ static const char config_text[] = "# sstd on a simulated array: sst-sim --world 
                                   "  chip: sst-trigger\n"
                                   "  lines: [TRIG0, TRIG1, TRIG2, TRIG3, TRIG4, TRIG5]\n"
                                   "  loopback: LOOP0\n"
-                                  "  rate_hz: 10\n"
+                                  "  rate_hz: %g\n"
                                   "control: {socket: \"%s\", group: \"\"}\n"
                                   "web: {port: %d, token_file: \"%s\", zones_file: \"%s\"}\n"
                                   "storage: {dir: \"%s\", ring_mb: 192, quota_gb: 2}\n";
@@ -139,10 +139,10 @@ static int prepare(struct site *s, int port)
     err = err ? err : write_first(s->world, world_text, s->world, s->scene);
     err = err ? err : sst_sim_settings_read(world, s->world);
     err = err ? err : sst_sim_world_parameters(s->world, s->calibration);
-    err =
-        err ? err
-            : write_first(s->config, config_text, s->world, s->config, world->rows, world->cols, world->width,
-                          world->height, s->calibration, s->socket, port ? port : PORT, s->token, s->zones, s->storage);
+    err = err ? err
+              : write_first(s->config, config_text, s->world, s->config, world->rows, world->cols, world->width,
+                            world->height, s->calibration, world->rate_hz, s->socket, port ? port : PORT, s->token,
+                            s->zones, s->storage);
     if (!err) {
         sst_config_defaults(cfg);
         err = sst_config_read(cfg, s->config);
@@ -344,7 +344,7 @@ static void print_address(const struct site *s, double seconds)
     for (const char *const *other = sst_scene_names(); *other; other++)
         if (strcmp(*other, s->scene))
             printf("%s%s", other == sst_scene_names() ? " " : "|", *other);
-    printf("\n");
+    printf("%s\n", strcmp("hedge", s->scene) ? "|hedge" : "");
     fflush(stdout);
 }
 

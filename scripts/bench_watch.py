@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Measure detection behind simulated foliage and renew docs/measured/bench-watch.md and its chart: bench_watch.py.
 
-Runs build/bench/watch on worlds of tests/hedge.h: cover, wind, light and distance vary. Each world is one process; its
+Runs build/bench/watch on worlds of simulators/scene/hedge.h: cover, wind, light and distance vary. Each world is one process; its
 figures stay in BUILD/bench-watch/, and a world that has them is not run again (--fresh: all are).
 """
 import argparse
@@ -108,7 +108,7 @@ TEXT = """\
 # Persons behind foliage
 
 `make bench-watch` measures the detection of `pipeline/live/hidden/` ([how](../design/live.md#behind-the-foreground)) on simulated
-hedges (`tests/hedge.h`) and writes this page. {worlds} worlds, {hours:.1f} simulated hours, of which {empty:.1f} without anybody, {passes} persons.
+hedges (`simulators/scene/hedge.h`) and writes this page. {worlds} worlds, {hours:.1f} simulated hours, of which {empty:.1f} without anybody, {passes} persons.
 
 Each world: 5x5 cameras of 160x120 px, one set every 2 s of the scene's time, computed as fast as it goes; leaves
 of about 4 px at disparities of 6 to 8 px per spacing, a wall at 1 px. Every leaf swings with its twig and by itself; gusts

@@ -3,6 +3,7 @@
 #ifndef SST_SIMULATORS_SCENE_SCENE_INTERNAL_H
 #define SST_SIMULATORS_SCENE_SCENE_INTERNAL_H
 
+#include "simulators/scene/hedge.h"
 #include "simulators/scene/surfaces.h"
 
 /* --- internal: the scene object. --- */
@@ -105,6 +106,29 @@ void add_figure(struct sst_scene_world *w, const struct figure *f);
 /* Build functions of the scenes. */
 typedef void build_fn(struct sst_scene_world *w);
 build_fn build_bush, build_pedestrian, build_transportation, build_cell, build_humvee, build_cd_cases, build_cat;
+
+/* --- hedge: the person behind it (hedge_person.c) --- */
+
+struct hedge_figure; /* opaque; read-only after create */
+
+/** A picture that is being drawn. */
+struct hedge_canvas {
+    uint32_t *px; /* [height][width] 0xBBGGRR */
+    int width, height;
+    double light;
+    const struct hedge_figure *figure; /* NULL: flat shapes */
+};
+
+uint32_t hedge_colour(double r, double g, double b);
+
+/** Render a figure in all phases of its stride; free() frees it. @return 0 or -ENOMEM */
+SST_MUST_CHECK int hedge_figure_create(struct hedge_figure **out);
+
+/** Draw a person as the view at (bx, by) spacings from the reference view sees it. */
+void hedge_person_draw(const struct hedge_canvas *c, const struct sst_hedge_person *p, double bx, double by);
+
+/** The part of a person that the reference view, which is drawn, sees. */
+double hedge_person_seen(const struct hedge_canvas *c, const struct sst_hedge_person *p);
 
 /* --- models: toy models: animals, vehicles. --- */
 

@@ -1,11 +1,16 @@
 /* Detection behind a simulated hedge: what is found and how often leaves raise an alarm, by all views (differences
  * first, then integrated), by one camera, and by plain refocusing (pictures integrated, then compared). One world a
  * run; the three see the same pictures. scripts/bench_watch.py runs many and writes docs/measured/bench-watch.md. */
+#include <errno.h>
+#include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 #include "pipeline/live/hidden/hidden.h"
-#include "tests/hedge.h"
+#include "simulators/scene/hedge.h"
+#include "simulators/scene/noise.h"
 
 #define METHODS    3
 #define THRESHOLDS 25
@@ -38,8 +43,8 @@ struct method {
 };
 
 struct bench {
-    struct hedge_config cfg;
-    struct hedge *hedge;
+    struct sst_hedge_config cfg;
+    struct sst_hedge *hedge;
     int views, focus_views;
     struct sst_image *image, focused;
     struct method method[METHODS];
@@ -47,7 +52,7 @@ struct bench {
     int passes;
     double visible, empty_s, draw_s;
     int64_t visible_sets, sets;
-    struct hedge_person person;
+    struct sst_hedge_person person;
     bool there, walks;
     double from_s, to_s, ended_s, last_x;
     uint64_t seed;
@@ -82,7 +87,7 @@ static int open_method(struct bench *b, int m)
     for (int k = 0; k < cfg.views; k++) {
         cfg.used[k] = true;
         if (m == 0)
-            hedge_offset(b->hedge, k, &cfg.bx[k], &cfg.by[k]);
+            sst_hedge_offset(b->hedge, k, &cfg.bx[k], &cfg.by[k]);
         d->in.image[k] = m == 0 ? &b->image[k] : m == 1 ? &b->image[middle] : &b->focused;
     }
     d->in.far_px = b->cfg.wall_px;
@@ -97,7 +102,7 @@ static int open_bench(struct bench *b)
 
     b->views = b->cfg.rows * b->cfg.cols;
     b->image = calloc((size_t)b->views, sizeof(*b->image));
-    err = b->image ? hedge_create(&b->hedge, &b->cfg) : -ENOMEM;
+    err = b->image ? sst_hedge_create(&b->hedge, &b->cfg) : -ENOMEM;
     err = err ? err : sst_image_init(&b->focused, b->cfg.width, b->cfg.height);
     for (int k = 0; k < b->views && !err; k++)
         err = sst_image_init(&b->image[k], b->cfg.width, b->cfg.height);
@@ -114,7 +119,7 @@ static void close_bench(struct bench *b)
     sst_image_fini(&b->focused);
     for (int m = 0; m < METHODS; m++)
         sst_hidden_close(b->method[m].hidden);
-    hedge_destroy(b->hedge);
+    sst_hedge_destroy(b->hedge);
 }
 
 /* --- a set ----------------------------------------------------------------------------------------------------------
@@ -125,7 +130,7 @@ static void next_person(struct bench *b)
     b->from_s = b->ended_s + AFTER_S + 15 + (EVERY_S - 60) * 2 * sst_random(&b->seed);
     b->walks = sst_random(&b->seed) < 0.5;
     b->to_s = b->from_s + (b->walks ? 24 : 40);
-    b->person = (struct hedge_person){ .x = b->cfg.width * sst_random_in(&b->seed, 0.15, 0.85),
+    b->person = (struct sst_hedge_person){ .x = b->cfg.width * sst_random_in(&b->seed, 0.15, 0.85),
                                        .foot = b->cfg.height * 0.93,
                                        .height = b->height_px,
                                        .disp_px = b->disp_px,
@@ -157,7 +162,7 @@ static void refocus(const struct bench *b)
                 const uint8_t *row;
                 int dx, x0, x1;
 
-                hedge_offset(b->hedge, k, &bx, &by);
+                sst_hedge_offset(b->hedge, k, &bx, &by);
                 dx = (int)lround(b->disp_px * bx);
                 x0 = sst_max_int(dx, 0);
                 x1 = sst_min_int(width, width + dx);
@@ -252,7 +257,7 @@ static int run_set(struct bench *b)
         move_person(b);
         b->last_x = b->person.x;
     }
-    hedge_draw(b->hedge, b->t_s, b->there ? &b->person : NULL, b->image, &visible);
+    sst_hedge_draw(b->hedge, b->t_s, b->there ? &b->person : NULL, b->image, &visible);
     if (b->there && b->person.x > 0 && b->person.x < b->cfg.width) {
         b->visible += visible;
         b->visible_sets++;
@@ -296,7 +301,7 @@ static void print(const struct bench *b)
     printf(
         "{\"cover\": %.3f, \"wind\": %g, \"light\": %g, \"noise\": %g, \"disp_px\": %g, \"hours\": %.3f, "
         "\"empty_hours\": %.4f, \"sets\": %lld, \"passes\": %d, \"visible\": %.3f, \"draw_ms\": %.2f, \"methods\": {",
-        hedge_cover(b->hedge), b->cfg.wind, b->cfg.light, b->cfg.noise, b->disp_px, b->t_s / 3600, b->empty_s / 3600,
+        sst_hedge_cover(b->hedge), b->cfg.wind, b->cfg.light, b->cfg.noise, b->disp_px, b->t_s / 3600, b->empty_s / 3600,
         (long long)b->sets, b->passes, b->visible / fmax((double)b->visible_sets, 1),
         1000 * b->draw_s / (double)b->sets);
     for (int m = 0; m < METHODS; m++) {
@@ -314,7 +319,7 @@ static void print(const struct bench *b)
 
 static bool set_option(struct bench *b, const char *name, double v)
 {
-    struct hedge_config *c = &b->cfg;
+    struct sst_hedge_config *c = &b->cfg;
     struct {
         const char *name;
         double *value;
@@ -347,7 +352,7 @@ int main(int argc, char **argv)
 
     if (!b)
         return 1;
-    hedge_config_defaults(&b->cfg);
+    sst_hedge_config_defaults(&b->cfg);
     b->disp_px = 5;
     b->height_px = 60;
     b->rate_hz = 1;

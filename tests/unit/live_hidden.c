@@ -1,9 +1,12 @@
 /* pipeline/live/hidden: somebody behind a hedge in the wind is found, at the right place and depth; the leaves are not.
  */
 #include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "pipeline/live/hidden/hidden.h"
-#include "tests/hedge.h"
+#include "simulators/scene/hedge.h"
 #include "tests/test.h"
 
 #define VIEWS  16
@@ -11,7 +14,7 @@
 #define HEIGHT 120
 
 struct watch {
-    struct hedge *hedge;
+    struct sst_hedge *hedge;
     struct sst_hidden *hidden;
     struct sst_image image[VIEWS];
     struct sst_hidden_input in;
@@ -19,16 +22,16 @@ struct watch {
     int things, t_s;
 };
 
-static void open_watch(struct watch *w, const struct hedge_config *hedge)
+static void open_watch(struct watch *w, const struct sst_hedge_config *hedge)
 {
     struct sst_hidden_config cfg = {
         .views = VIEWS, .width = hedge->width, .height = hedge->height, .alarms_per_hour = 1, .threads = 1
     };
 
     memset(w, 0, sizeof(*w));
-    assert_int_equal(hedge_create(&w->hedge, hedge), 0);
+    assert_int_equal(sst_hedge_create(&w->hedge, hedge), 0);
     for (int k = 0; k < VIEWS; k++) {
-        hedge_offset(w->hedge, k, &cfg.bx[k], &cfg.by[k]);
+        sst_hedge_offset(w->hedge, k, &cfg.bx[k], &cfg.by[k]);
         cfg.used[k] = true;
         assert_int_equal(sst_image_init(&w->image[k], hedge->width, hedge->height), 0);
         w->in.image[k] = &w->image[k];
@@ -44,14 +47,14 @@ static void close_watch(struct watch *w)
     for (int k = 0; k < VIEWS; k++)
         sst_image_fini(&w->image[k]);
     sst_hidden_close(w->hidden);
-    hedge_destroy(w->hedge);
+    sst_hedge_destroy(w->hedge);
 }
 
-static double step(struct watch *w, const struct hedge_person *person)
+static double step(struct watch *w, const struct sst_hedge_person *person)
 {
     double visible = 0;
 
-    hedge_draw(w->hedge, w->t_s, person, w->image, &visible);
+    sst_hedge_draw(w->hedge, w->t_s, person, w->image, &visible);
     w->in.t_ns = (INT64_C(1) + w->t_s++) * 1000000000;
     assert_int_equal(sst_hidden_update(w->hidden, &w->in), 0);
     w->things = sst_hidden_things(w->hidden, w->thing);
@@ -66,11 +69,11 @@ static const struct sst_hidden_thing *reported(const struct watch *w)
     return NULL;
 }
 
-static struct hedge_config make_hedge(double cover, double wind, uint64_t seed)
+static struct sst_hedge_config make_hedge(double cover, double wind, uint64_t seed)
 {
-    struct hedge_config c;
+    struct sst_hedge_config c;
 
-    hedge_config_defaults(&c);
+    sst_hedge_config_defaults(&c);
     c.rows = c.cols = 4;
     c.width = WIDTH;
     c.height = HEIGHT;
@@ -92,10 +95,10 @@ static void wait_sets(struct watch *w, int sets)
     }
 }
 
-static struct hedge_person person_at(double x, double stride)
+static struct sst_hedge_person person_at(double x, double stride)
 {
     return (
-        struct hedge_person){ .x = x, .foot = 112, .height = 60, .disp_px = 3.5, .stride = stride, .clothes = 12345 };
+        struct sst_hedge_person){ .x = x, .foot = 112, .height = 60, .disp_px = 3.5, .stride = stride, .clothes = 12345 };
 }
 
 /* @return sets until the report */
@@ -104,7 +107,7 @@ static int pass(struct watch *w, double visible_most)
     int found = 0;
 
     for (int n = 0; n < 20; n++) {
-        const struct hedge_person p = person_at(20 + 6 * n, n);
+        const struct sst_hedge_person p = person_at(20 + 6 * n, n);
         const double visible = step(w, &p);
         const struct sst_hidden_thing *t = reported(w);
 
@@ -122,8 +125,8 @@ static int pass(struct watch *w, double visible_most)
 
 static void who_walks_and_stands_is_found_and_leaves_are_not(void **state)
 {
-    const struct hedge_config c = make_hedge(0.65, 0.5, 3);
-    const struct hedge_person p = person_at(90, 0.4);
+    const struct sst_hedge_config c = make_hedge(0.65, 0.5, 3);
+    const struct sst_hedge_person p = person_at(90, 0.4);
     struct watch w;
     int there = 0;
 
@@ -144,7 +147,7 @@ static void who_walks_and_stands_is_found_and_leaves_are_not(void **state)
 
 static void noise_and_dark_are_no_matter(void **state)
 {
-    struct hedge_config c = make_hedge(0.65, 0.5, 4);
+    struct sst_hedge_config c = make_hedge(0.65, 0.5, 4);
     struct watch w;
 
     (void)state;
@@ -174,7 +177,7 @@ static void sizes_are_checked(void **state)
 
 static void threads_do_not_matter(void **state)
 {
-    const struct hedge_config c = make_hedge(0.5, 1, 6);
+    const struct sst_hedge_config c = make_hedge(0.5, 1, 6);
     struct sst_hidden_config cfg = {
         .views = VIEWS, .width = WIDTH, .height = HEIGHT, .alarms_per_hour = 1, .threads = 3
     };
@@ -185,12 +188,12 @@ static void threads_do_not_matter(void **state)
     (void)state;
     open_watch(&w, &c);
     for (int k = 0; k < VIEWS; k++) {
-        hedge_offset(w.hedge, k, &cfg.bx[k], &cfg.by[k]);
+        sst_hedge_offset(w.hedge, k, &cfg.bx[k], &cfg.by[k]);
         cfg.used[k] = true;
     }
     assert_int_equal(sst_hidden_open(&second, &cfg), 0);
     for (int n = 0; n < 14; n++) {
-        const struct hedge_person p = person_at(30 + 5 * n, n);
+        const struct sst_hedge_person p = person_at(30 + 5 * n, n);
 
         step(&w, n < 6 ? NULL : &p);
         assert_int_equal(sst_hidden_update(second, &w.in), 0);

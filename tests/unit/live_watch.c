@@ -2,9 +2,12 @@
  * its own maps. The detection itself, in wind, is tested in live_hidden.c. */
 #include <errno.h>
 #include <linux/videodev2.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "pipeline/live/live.h"
-#include "tests/hedge.h"
+#include "simulators/scene/hedge.h"
 #include "tests/test.h"
 
 #define SIDE   4
@@ -14,7 +17,7 @@
 #define EMPTY  32 /* sets, one a second */
 
 struct watch {
-    struct hedge *hedge;
+    struct sst_hedge *hedge;
     struct sst_image image[VIEWS];
     uint8_t *grey[VIEWS];
     struct sst_live *live;
@@ -33,10 +36,10 @@ static void open_watch(struct watch *w, double alarms_per_hour)
                                    .fourcc = V4L2_PIX_FMT_GREY,
                                    .skip_change = true,
                                    .alarms_per_hour = alarms_per_hour };
-    struct hedge_config c;
+    struct sst_hedge_config c;
 
     memset(w, 0, sizeof(*w));
-    hedge_config_defaults(&c);
+    sst_hedge_config_defaults(&c);
     c.rows = c.cols = SIDE;
     c.width = WIDTH;
     c.height = HEIGHT;
@@ -45,7 +48,7 @@ static void open_watch(struct watch *w, double alarms_per_hour)
     c.wall_px = 1;
     c.wind = 0;
     c.seed = 3;
-    assert_int_equal(hedge_create(&w->hedge, &c), 0);
+    assert_int_equal(sst_hedge_create(&w->hedge, &c), 0);
     for (int k = 0; k < VIEWS; k++) {
         cfg.present[k] = true;
         w->grey[k] = malloc(WIDTH * HEIGHT);
@@ -62,14 +65,14 @@ static void close_watch(struct watch *w)
         free(w->grey[k]);
         sst_image_fini(&w->image[k]);
     }
-    hedge_destroy(w->hedge);
+    sst_hedge_destroy(w->hedge);
 }
 
-static void step(struct watch *w, const struct hedge_person *person)
+static void step(struct watch *w, const struct sst_hedge_person *person)
 {
     struct sst_live_report report;
 
-    hedge_draw(w->hedge, w->t_s, person, w->image, NULL);
+    sst_hedge_draw(w->hedge, w->t_s, person, w->image, NULL);
     w->in.set = (uint64_t)w->t_s;
     w->in.t_ns = (INT64_C(1) + w->t_s++) * 1000000000;
     for (int k = 0; k < VIEWS; k++) {
@@ -89,7 +92,7 @@ static int pass(struct watch *w)
     int seen = 0;
 
     for (int n = 0; n < 20; n++) {
-        const struct hedge_person p = {
+        const struct sst_hedge_person p = {
             .x = 26 + 6 * n, .foot = 112, .height = 60, .disp_px = 3.5, .stride = n, .clothes = 12345
         };
         const struct sst_live_track *t = w->track;

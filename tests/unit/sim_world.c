@@ -249,6 +249,24 @@ static void the_loop_follows_time_and_a_trigger_shows_one_frame(void **state SST
     sst_sim_world_close(w);
 }
 
+/* Somebody passes in the first 8 s of a loop; the wind repeats every 4 s. */
+static void somebody_passes_behind_the_hedge_once_a_loop(void **state SST_UNUSED)
+{
+    struct sst_sim_world *w =
+        sim_open("scene: hedge\ngrid: [1, 2]\nsize: [160, 192]\nstrip: false\nloop: {seconds: 20, rate_hz: 2}\n");
+    const int64_t s = 1000000000;
+    const uint32_t wind = picture(w, 0, 1, 8 * s), passes = picture(w, 0, 2, 4 * s);
+
+    assert_true(passes != wind); /* the leaves are where they were */
+    assert_int_equal(picture(w, 0, 3, 12 * s), wind);
+    assert_int_equal(picture(w, 0, 4, 16 * s), wind);
+    assert_true(picture(w, 0, 5, 9 * s) != wind);
+    assert_int_equal(picture(w, 0, 6, 24 * s), passes);
+    assert_int_equal(picture(w, 0, 7, 28 * s), wind);
+    assert_int_equal(picture(w, 0, 8, 0), wind); /* still outside */
+    sst_sim_world_close(w);
+}
+
 /* --- seed and cache ----------------------------------------------------------------------------------------------- */
 
 #define NOISY                                                                                                          \
@@ -381,6 +399,12 @@ static void a_fault_in_a_world_file_is_named_with_its_place(void **state SST_UNU
         { "scene: board\nboard: {poses: [{rotation_deg: [0, 0, 0]}]}\n", "position_mm" },
         { "scene: cat\noptics: {scene: board}\n", "their own optics" },
         { "scene: board\noptics: {scene: dog}\n", "is not a scene" },
+        { "scene: board\noptics: {scene: hedge}\n", "is not a scene with optics" },
+        { "scene: hedge\nrig: true\n", "an array of ideal cameras" },
+        { "scene: hedge\noptics: {distortion: [0.1, 0, 0, 0, 0]}\n", "an array of ideal cameras" },
+        { "scene: hedge\ncameras: [{camera: 3, rotation_deg: [0, 1, 0]}]\n", "an array of ideal cameras" },
+        { "scene: hedge\nsize: [800, 600]\n", "at most 640 px" },
+        { "scene: hedge\nloop: {seconds: 14}\n", "in steps of 4 s" },
         { "scene: cat\nboard: {poses: [{position_mm: 0, blur_px: 1}]}\n", "worlds of the scene board" },
         { "scene: board\ncameras: [{camera: 0, moves: {at_pose: 20}}]\n", "at_pose" },
         { "scene: board\nrig: true\ncameras: [{camera: 0, moves: {at_pose: 1}}]\n", "only to arrays" },
@@ -448,6 +472,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(what_no_camera_offers_is_refused, test_folder_create, test_folder_remove),
         cmocka_unit_test_setup_teardown(exposure_and_gain_change_the_light, test_folder_create, test_folder_remove),
         cmocka_unit_test_setup_teardown(the_loop_follows_time_and_a_trigger_shows_one_frame, test_folder_create,
+                                        test_folder_remove),
+        cmocka_unit_test_setup_teardown(somebody_passes_behind_the_hedge_once_a_loop, test_folder_create,
                                         test_folder_remove),
         cmocka_unit_test_setup_teardown(the_same_seed_gives_the_same_bytes, test_folder_create, test_folder_remove),
         cmocka_unit_test_setup_teardown(a_damaged_cache_is_made_again, test_folder_create, test_folder_remove),

@@ -19,7 +19,8 @@ struct sim_stage {
     struct sst_sim_board board;               /* with its poses */
     struct sst_scene_world first;             /* at the start of the loop */
     bool *moving;                             /* [surfaces] */
-    int frames;
+    int frames, steps;
+    bool hedge;
     bool empty;                 /* the scene is "board": boards are drawn over it */
     int fine;                   /* rendered pixels per pixel along each side: board edges need more than four samples */
     struct sst_scene_warp warp; /* of the rig's camera */
@@ -56,6 +57,10 @@ static int build(const struct sim_stage *s, int frame, double late_s, struct sst
     struct sst_scene_config cfg;
     int err = 0;
 
+    if (s->hedge) {
+        *w = (struct sst_scene_world){ .focal = SST_HEDGE_FOCAL, .spacing_mm = SST_HEDGE_SPACING };
+        return 0;
+    }
     sst_scene_config_defaults(&cfg);
     cfg.width = c->width;
     cfg.height = c->height;
@@ -79,6 +84,17 @@ static double late_s(const struct sst_sim_settings *c, int row)
     return c->rolling ? row * c->line_us / 1e6 : 0;
 }
 
+/* Frames of a pass, and of the wind without anybody, which fills the rest of the loop again and again. */
+static int pass_frames(const struct sim_stage *s)
+{
+    return (int)lround(SST_HEDGE_PASS_S * s->settings->rate_hz);
+}
+
+static int wind_frames(const struct sim_stage *s)
+{
+    return (int)lround(SST_HEDGE_PERIOD_S * s->settings->rate_hz);
+}
+
 /* Find moving surfaces; a loop without any change is one frame long. */
 static int find_motion(struct sim_stage *s)
 {
@@ -88,6 +104,10 @@ static int find_motion(struct sim_stage *s)
     s->moving = calloc((size_t)s->first.count + 1, sizeof(*s->moving));
     if (!s->moving)
         return -ENOMEM;
+    if (s->hedge) {
+        s->frames = pass_frames(s) + wind_frames(s);
+        return 0;
+    }
     for (int i = 0; i < 2 * s->frames; i++) {
         struct sst_scene_world w;
         const int err = build(s, i / 2, i & 1 ? late_s(c, c->height) : 0, &w);
@@ -102,7 +122,7 @@ static int find_motion(struct sim_stage *s)
     for (int cam = 0; cam < SST_CAMERAS_MAX; cam++)
         still = still && !c->camera[cam].moves_at;
     if (still)
-        s->frames = 1;
+        s->frames = s->steps = 1;
     return 0;
 }
 
@@ -236,7 +256,8 @@ int sim_stage_open(struct sim_stage **out, const struct sst_sim_settings *settin
     s->settings = settings;
     s->empty = !strcmp(settings->scene, "board");
     s->fine = settings->board.kind && !s->empty ? 2 : 1;
-    s->frames = sst_max_int(1, (int)lround(settings->loop_s * settings->rate_hz));
+    s->hedge = !strcmp(settings->scene, SIM_HEDGE);
+    s->frames = s->steps = sst_max_int(1, (int)lround(settings->loop_s * settings->rate_hz));
     err = build(s, 0, 0, &s->first); /* without the board, whose poses may depend on the scene's size */
     if (err)
         goto fail;
@@ -308,6 +329,18 @@ const struct sst_sim_board *sim_stage_board(const struct sim_stage *s)
 int sim_stage_frames(const struct sim_stage *s)
 {
     return s->frames;
+}
+
+int sim_stage_steps(const struct sim_stage *s)
+{
+    return s->steps;
+}
+
+int sim_stage_frame_at(const struct sim_stage *s, int step)
+{
+    const int pass = s->hedge ? pass_frames(s) : 0;
+
+    return !s->hedge || step < pass ? step : pass + (step - pass) % wind_frames(s);
 }
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
@@ -415,6 +448,31 @@ static int shoot(const struct sim_stage *s, const struct shooting *t)
     return err;
 }
 
+/* A hedge: somebody passes in the first frames, the others have the wind alone. */
+static int shoot_hedge(const struct sim_stage *s, const struct shooting *t)
+{
+    const struct sst_sim_settings *c = s->settings;
+    const int pass = pass_frames(s);
+    struct sst_hedge_config cfg;
+    struct sst_hedge *hedge = NULL;
+    struct sst_image native = { 0 };
+    int err = sst_image_init(&native, c->width, c->height);
+
+    sst_hedge_scene_config(&cfg, c->rows, c->cols, c->width, c->height, c->seed);
+    err = err ? err : sst_hedge_create(&hedge, &cfg);
+    for (int i = t->first; i < t->last && !err; i++) {
+        const double t_s = (i < pass ? i : i - pass) / c->rate_hz;
+        const struct sst_hedge_person p = sst_hedge_passer_by(&cfg, t_s);
+
+        sst_hedge_draw_view(hedge, t_s, i < pass ? &p : NULL, t->cam, &native);
+        expose(s, t, i, &native, &native);
+        err = t->fn(t->arg, i, &native);
+    }
+    sst_hedge_destroy(hedge);
+    sst_image_fini(&native);
+    return err;
+}
+
 /* Render a picture with the camera's own lens and position. */
 static int shoot_from(const struct sim_stage *s, struct shooting *t, const struct sim_camera *camera)
 {
@@ -434,8 +492,13 @@ int sim_stage_loop(const struct sim_stage *s, int cam, sim_picture_fn *fn, void 
 {
     const int moves_at = s->settings->camera[cam].moves_at, change = moves_at ? moves_at : s->frames;
     struct shooting t = { .cam = cam, .last = change, .threads = 1, .fn = fn, .arg = arg };
-    int err = shoot_from(s, &t, &s->camera[cam]);
+    int err;
 
+    if (s->hedge) {
+        t.camera = &s->camera[cam];
+        return shoot_hedge(s, &t);
+    }
+    err = shoot_from(s, &t, &s->camera[cam]);
     t.first = change;
     t.last = s->frames;
     return err ? err : shoot_from(s, &t, &s->moved[cam]);
@@ -477,7 +540,7 @@ int sim_stage_look(const struct sim_stage *s, int frame, const double eye_mm[3],
         .disp = depth,
         .label = label,
     };
-    int err = build(s, frame, 0, &w);
+    int err = s->hedge ? -EINVAL : build(s, frame, 0, &w);
 
     if (err)
         return err;

@@ -15,15 +15,22 @@
 #define SIDE_MAX   8192
 #define FRAMES_MAX 1000
 #define US_MAX     1e7
-#define SCENES     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat or board"
+#define SCENES     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat, hedge or board"
+#define OPTICS     "bush, pedestrian, transportation, cell, humvee, cd-cases, cat or board"
 
-static bool is_scene(const char *name)
+/* Scenes of surfaces, with which boards and any optics go together. */
+static bool has_surfaces(const char *name)
 {
     for (int i = 0; sst_scene_names()[i]; i++) {
         if (!strcmp(name, sst_scene_names()[i]))
             return true;
     }
     return !strcmp(name, "board");
+}
+
+static bool is_scene(const char *name)
+{
+    return has_surfaces(name) || !strcmp(name, SIM_HEDGE);
 }
 
 static void default_board(struct sst_sim_board *b)
@@ -40,8 +47,10 @@ static void default_board(struct sst_sim_board *b)
 /* Whole periods of the scene's motion, so that the loop is seamless. */
 static void default_loop(struct sst_sim_settings *s)
 {
-    s->rate_hz = !strcmp(s->scene, "bush") ? 5 : s->board.kind ? 1 : 10;
-    s->loop_s = !strcmp(s->scene, "pedestrian") ? 4 : !strcmp(s->scene, "bush") ? 2 : 0.1;
+    const bool leaves = !strcmp(s->scene, "bush"), hedge = !strcmp(s->scene, SIM_HEDGE);
+
+    s->rate_hz = leaves || hedge ? 5 : s->board.kind ? 1 : 10;
+    s->loop_s = hedge ? 60 : !strcmp(s->scene, "pedestrian") ? 4 : leaves ? 2 : 0.1;
     if (s->board.kind)
         s->loop_s = fmax(s->loop_s, s->board.poses / s->rate_hz);
 }
@@ -105,8 +114,8 @@ static void read_optics(struct sst_yaml *doc, struct sst_yaml_node *map, struct 
     struct sst_yaml_node *scene = sst_yaml_get(map, "scene");
 
     if (sst_yaml_string(doc, scene, s->optics_scene, sizeof(s->optics_scene))) {
-        if (!is_scene(s->optics_scene))
-            sst_yaml_fault(doc, scene, "is not a scene; choose " SCENES);
+        if (!has_surfaces(s->optics_scene))
+            sst_yaml_fault(doc, scene, "is not a scene with optics of its own; choose " OPTICS);
         else if (strcmp(s->scene, "board"))
             sst_yaml_fault(doc, scene, "applies only to worlds of the scene board; others have their own optics");
     }
@@ -287,6 +296,37 @@ static void read_size(struct sst_yaml *doc, struct sst_yaml_node *root, struct s
                        strip_height(s->width));
 }
 
+static bool any(const double *v, int n)
+{
+    bool is = false;
+
+    for (int i = 0; i < n; i++)
+        is |= v[i] != 0;
+    return is;
+}
+
+/* The hedge is drawn by ideal cameras of an array, and its wind repeats. */
+static void check_hedge(struct sst_yaml *doc, struct sst_yaml_node *root, const struct sst_sim_settings *s)
+{
+    const double wind = SST_HEDGE_PERIOD_S * s->rate_hz, winds = s->loop_s / SST_HEDGE_PERIOD_S;
+    bool turned = any(s->distortion, 5) || any(s->distortion_spread, 5) || s->focal_spread_percent > 0 ||
+                  s->principal_spread_px > 0 || s->rotation_spread_deg > 0 || s->position_spread_mm > 0;
+
+    for (int cam = 0; cam < SST_CAMERAS_MAX; cam++)
+        turned |= s->camera[cam].given & (SST_SIM_DISTORTION | SST_SIM_ROTATION | SST_SIM_POSITION | SST_SIM_FOCAL |
+                                          SST_SIM_PRINCIPAL | SST_SIM_MOVES);
+    if (s->rig || s->board.kind || s->rolling || turned)
+        sst_yaml_fault(doc, root,
+                       "has the scene hedge, which an array of ideal cameras sees: without rig, board, rolling shutter, "
+                       "distortion, other focal lengths and errors of mounting");
+    if (s->width > SST_HEDGE_WIDTH_MAX)
+        sst_yaml_fault(doc, root, "has the scene hedge, which is at most %d px wide", SST_HEDGE_WIDTH_MAX);
+    if (fabs(wind - round(wind)) > 1e-9 || fabs(winds - round(winds)) > 1e-9 || s->loop_s < 3 * SST_HEDGE_PERIOD_S)
+        sst_yaml_fault(doc, root,
+                       "has the scene hedge: its loop lasts 12 s or more in steps of 4 s, with a whole number of frames "
+                       "in 4 s");
+}
+
 /* A mapping below the root, if present. */
 static struct sst_yaml_node *section(struct sst_yaml *doc, struct sst_yaml_node *root, const char *key)
 {
@@ -324,6 +364,8 @@ static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
     read_sensor(doc, section(doc, root, "sensor"), s);
     read_timing(doc, section(doc, root, "timing"), s);
     read_cameras(doc, sst_yaml_get(root, "cameras"), s);
+    if (!strcmp(name, SIM_HEDGE))
+        check_hedge(doc, root, s);
 }
 
 int sst_sim_settings_read(struct sst_sim_settings *s, const char *world)

@@ -25,7 +25,7 @@ struct sst_sim_world {
     struct sim_stage *stage;
     struct sim_loop *loop; /* NULL on a rig */
     struct sim_made *made;
-    int cams, frames, size_count;
+    int cams, size_count;
     int held; /* the loop's frame that is held; -1: by time */
     int sizes[SIZES_MAX][2];
     struct {
@@ -124,7 +124,8 @@ static int open_loop(struct sst_sim_world *w, const char *cache)
     SHA256Update(&hash, (const uint8_t *)&version, sizeof(version));
     SHA256Update(&hash, (const uint8_t *)&w->settings, sizeof(w->settings));
     SHA256Final(key, &hash);
-    return sim_loop_open(&w->loop, folder, key, w->settings.scene, w->cams, w->frames, render_camera, w);
+    return sim_loop_open(&w->loop, folder, key, w->settings.scene, w->cams, sim_stage_frames(w->stage),
+                         render_camera, w);
 }
 
 int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char *cache)
@@ -137,7 +138,6 @@ int sst_sim_world_open(struct sst_sim_world **out, const char *world, const char
     if (err)
         goto fail;
     w->cams = w->settings.rig ? 1 : w->settings.rows * w->settings.cols;
-    w->frames = sim_stage_frames(w->stage);
     (void)!sst_sim_world_hold(w, 0);
     find_sizes(w);
     w->luma = malloc((size_t)w->settings.width * (size_t)w->settings.height);
@@ -208,7 +208,7 @@ int sst_sim_world_hold(struct sst_sim_world *w, int pose)
     const struct sst_sim_board *board = sim_stage_board(w->stage);
     const int poses = board->kind ? board->poses : 0;
 
-    if (pose < 0 || pose > sst_min_int(poses, w->frames))
+    if (pose < 0 || pose > sst_min_int(poses, sim_stage_frames(w->stage)))
         return -ERANGE;
     /* A rig takes much longer for its views than a pose lasts by time. */
     w->held = pose ? pose - 1 : w->settings.rig && poses ? 0 : -1;
@@ -248,7 +248,8 @@ static int frame_at(struct sst_sim_world *w, const struct sst_sim_exposure *e)
 {
     const int64_t step_ns = (int64_t)(1e9 / w->settings.rate_hz);
     const int64_t now = e->t_ns / step_ns;
-    const int frame = (int)(((now % w->frames) + w->frames) % w->frames);
+    const int steps = sim_stage_steps(w->stage);
+    const int frame = sim_stage_frame_at(w->stage, (int)(((now % steps) + steps) % steps));
     const size_t slot = e->trigger % TRIGGERS;
 
     if (w->held >= 0)

@@ -86,7 +86,7 @@ static json_t *world(const struct sst_sim_settings *s, const struct sim_stage *s
                     "scene", s->scene, "seed", (json_int_t)s->seed, "grid", "rows", s->rows, "cols", s->cols, "rig",
                     s->rig, "width", s->width, "height", s->height, "spacing_mm", o->spacing_mm, "reference",
                     (s->rows - 1) / 2 * s->cols + (s->cols - 1) / 2, "exposure_us", s->exposure_us, "loop", "frames",
-                    sim_stage_frames(stage), "rate_hz", s->rate_hz, "shutter", "kind",
+                    sim_stage_steps(stage), "rate_hz", s->rate_hz, "shutter", "kind",
                     s->rolling ? "rolling" : "global", "line_us", s->rolling ? s->line_us : 0.0, "ideal", "focal_px",
                     o->focal_px, "cx", o->cx, "cy", o->cy, "cameras", cameras);
     if (all && b->kind && json_object_set_new(all, "board", board(b))) {

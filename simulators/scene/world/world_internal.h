@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "pipeline/image/image.h"
+#include "simulators/scene/hedge.h"
 #include "simulators/scene/surfaces.h"
 #include "simulators/scene/world/settings.h"
 #include "simulators/scene/world/sim_world.h"
@@ -283,6 +284,9 @@ void sim_photo_expose(const struct sim_photo *photo, const struct sim_exposing *
 
 /* --- render: rendering of a world at any time by each camera. --- */
 
+/** The scene without surfaces (simulators/scene/hedge.h): ideal cameras of an array, no rig, no board. */
+#define SIM_HEDGE "hedge"
+
 struct sim_stage; /* opaque; read-only after open */
 
 /**
@@ -298,8 +302,11 @@ const struct sim_camera *sim_stage_camera(const struct sim_stage *stage, int cam
 const struct sim_camera *sim_stage_moved(const struct sim_stage *stage, int cam, int *at);
 /** The board with all its poses; kind SST_SIM_NO_BOARD: none. */
 const struct sst_sim_board *sim_stage_board(const struct sim_stage *stage);
-/** Number of frames of the loop. */
+/** Number of frames that are rendered, and of those that are shown in a loop: some are shown several times. */
 int sim_stage_frames(const struct sim_stage *stage);
+int sim_stage_steps(const struct sim_stage *stage);
+/** The frame at a step of the loop. */
+int sim_stage_frame_at(const struct sim_stage *stage, int step);
 
 /** Called for each picture in order; the picture has native size and is borrowed. @return 0, or a negative errno to
  *  stop */
@@ -313,11 +320,11 @@ SST_MUST_CHECK int sim_stage_pose(const struct sim_stage *stage, const int32_t p
                                   sim_picture_fn *fn, void *arg);
 
 /**
- * Exact depth and labels along many rays from a viewpoint; boards are surfaces here.
+ * Exact depth and labels along many rays from a viewpoint; boards are surfaces here. Not of a hedge.
  *
  * @param rays   their positions in the ideal picture of that viewpoint, as set with sst_scene_warp_init(); indexed here
  * @param depth  out, mm from the viewpoint along z, 0: nothing; of the rays' size, like label; either may be NULL
- * @return 0 or -ENOMEM.   Thread: any.
+ * @return 0, -EINVAL (a hedge), -ENOMEM.   Thread: any.
  */
 SST_MUST_CHECK int sim_stage_look(const struct sim_stage *stage, int frame, const double eye_mm[3],
                                   struct sst_scene_warp *rays, struct sst_map_f32 *depth, struct sst_map_u8 *label);
