@@ -22,10 +22,11 @@ struct sst_zone {
     bool mask;                        /* what is inside is ignored */
 };
 
-/** Trigger of event recording: something changes in a zone, or a label covers a fraction of it. */
+/** Trigger of event recording: something changes in a zone, a label covers a fraction of it, or a visit lasts. */
 struct sst_record_trigger {
     int zone;              /* index; -1: the whole picture */
     char label[64];        /* "": any change */
+    bool visit;            /* of what is followed; share does not matter */
     double share;          /* fraction of the zone that changes or has the label, 0..1 */
     double begin_s, end_s; /* duration of the condition to start an event, of its absence to end it */
 };

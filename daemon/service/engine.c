@@ -304,7 +304,9 @@ static void notify_storage(struct live_engine *v, const struct sst_kept *kept, c
         const struct sst_record_trigger *t = &v->config.storage.trigger[i];
         const int label = t->label[0] ? sst_classes_find(&v->classes, t->label) : 0;
 
-        if (label && t->zone < seen.zones)
+        if (t->visit)
+            seen.label[i] = engine_visit_lasts_locked(v, t);
+        else if (label && t->zone < seen.zones)
             seen.label[i] = (double)r->zone[t->zone < 0 ? SST_LIVE_ZONES : t->zone].label[label];
     }
     pthread_mutex_unlock(&v->lock);
@@ -442,7 +444,7 @@ static enum engine_demand find_demand(struct live_engine *v)
     for (int i = 0; i < v->config.zones; i++)
         demand = v->config.zone[i].mask ? demand : ENGINE_EVENTS;
     for (int i = 0; i < v->config.storage.triggers; i++)
-        demand = v->config.storage.trigger[i].label[0] ? ENGINE_EVENTS : demand;
+        demand = v->config.storage.trigger[i].label[0] || v->config.storage.trigger[i].visit ? ENGINE_EVENTS : demand;
     /* Exact mode leaves nothing out; until there are maps, all work is for them. */
     if (!v->config.live.skip_change || !v->state.ready || engine_seen_locked(v))
         demand = ENGINE_PICTURES;

@@ -329,6 +329,19 @@ void engine_tracks_follow(struct live_engine *v)
     v->visits = kept;
 }
 
+bool engine_visit_lasts_locked(const struct live_engine *v, const struct sst_record_trigger *t)
+{
+    bool lasts = false;
+
+    for (int i = 0; i < v->visits; i++) {
+        const struct visit *a = &v->visit[i];
+
+        lasts |= (t->zone < 0 || a->zones & 1u << t->zone) &&
+                 (!t->label[0] || !strcmp(t->label, label_of(v, a->label)));
+    }
+    return lasts;
+}
+
 /* --- for the others ----------------------------------------------------------------------------------------------- */
 
 const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id)

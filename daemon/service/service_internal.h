@@ -481,6 +481,8 @@ void engine_serve(struct live_engine *v);
 /* engine_tracks.c */
 /** Tracks of the last set, and the events of those that came or went. Live thread. */
 void engine_tracks_follow(struct live_engine *v);
+/** Is there a visit now that a trigger asks for? Live thread. */
+bool engine_visit_lasts_locked(const struct live_engine *v, const struct sst_record_trigger *t);
 /** The track of this id, or at a point of the reference view at about this disparity. NULL: none */
 const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id);
 const struct sst_live_track *engine_track_at_locked(const struct live_engine *v, double x, double y, double disp_px);

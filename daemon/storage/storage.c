@@ -141,7 +141,7 @@ int sst_storage_configure(struct sst_storage *s, const struct sst_config *config
         for (int k = 0; k < s->event_triggers.count; k++) {
             const struct event_trigger *from = &s->event_triggers.list[k];
 
-            if (!strcmp(to->zone, from->zone) && !strcmp(to->label, from->label) && (from->active || from->reported) &&
+            if (!strcmp(to->zone, from->zone) && !strcmp(to->label, from->label) && to->visit == from->visit && (from->active || from->reported) &&
                 !to->active && !to->reported)
                 event_trigger_continue(to, from);
         }
@@ -157,14 +157,15 @@ int sst_storage_configure(struct sst_storage *s, const struct sst_config *config
 
 void event_trigger_text(char out[SST_STORE_WHY], const struct event_trigger *w)
 {
-    snprintf(out, SST_STORE_WHY, "%.63s%s%.31s", w->label[0] ? w->label : "motion", w->zone[0] ? " in " : "", w->zone);
+    snprintf(out, SST_STORE_WHY, "%s%.63s%s%.31s", w->visit ? w->label[0] ? "visit of " : "visit" : "",
+             w->label[0] ? w->label : w->visit ? "" : "motion", w->zone[0] ? " in " : "", w->zone);
 }
 
 static double value_of(const struct event_trigger *w, const struct sst_seen *seen)
 {
     const int zones = sst_clamp_int(seen->zones, 0, SST_ZONES_MAX);
 
-    if (w->label[0])
+    if (w->label[0] || w->visit)
         return w->trigger >= 0 ? seen->label[w->trigger] : 0;
     if (w->index < 0)
         return seen->changed[zones];
@@ -242,7 +243,7 @@ void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen)
         const int64_t since_ns = w->reported_ns;
 
         (void)event_trigger_update(w, value, seen->t_ns);
-        if (event_trigger_report(w, value, seen->t_ns))
+        if (event_trigger_report(w, value, seen->t_ns) && !w->visit)
             change[n++] = (struct change){ *w, value, since_ns };
         if (w->active && w->trigger >= 0)
             want_locked(s, w);

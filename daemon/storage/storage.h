@@ -57,7 +57,7 @@ struct sst_seen {
     int64_t t_ns;
     int zones;
     double changed[SST_ZONES_MAX + 1];
-    double label[SST_TRIGGERS_MAX]; /* share that the label of config->storage.trigger[i] covers in its zone */
+    double label[SST_TRIGGERS_MAX]; /* share that the label of config->storage.trigger[i] covers in its zone; 1: its visit lasts */
 };
 void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen);
 

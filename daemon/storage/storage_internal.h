@@ -186,9 +186,10 @@ enum store_verdict store_judge(const struct catalog *c, const struct store_limit
 #define EVENT_TRIGGER_HOLD_NS  60000000000
 #define EVENT_TRIGGERS_MAX     (SST_TRIGGERS_MAX + SST_ZONES_MAX)
 
-/** A condition: a change or a label, in a zone or in the whole picture. */
+/** A condition: a change, a label or a visit, in a zone or in the whole picture. */
 struct event_trigger {
     char zone[32], label[64]; /* "": the whole picture; any change */
+    bool visit;               /* reported by its own events */
     int trigger;              /* of the configuration: it is recorded; -1: only reported */
     int index;                /* of the zone in sst_seen; -1: the whole picture */
     double share;

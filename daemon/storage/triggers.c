@@ -29,7 +29,8 @@ void event_triggers_init(struct event_triggers *w, const struct sst_config *conf
         made->begin_s = t->begin_s;
         made->end_s = t->end_s;
         snprintf(made->label, sizeof(made->label), "%s", t->label);
-        if (zone >= 0 && !t->label[0])
+        made->visit = t->visit;
+        if (zone >= 0 && !t->label[0] && !t->visit)
             named[zone] = true;
     }
     for (int i = 0; i < config->zones && i < SST_ZONES_MAX; i++) {

@@ -155,7 +155,7 @@ static void shipped_file_has_every_key(void **state)
     free(text);
     assert_int_equal(cfg.array.controls, 3);
     assert_int_equal(cfg.zones, 2);
-    assert_int_equal(cfg.storage.triggers, 2);
+    assert_int_equal(cfg.storage.triggers, 3);
     assert_int_equal(cfg.hooks, 2);
     assert_string_equal(cfg.hook[0].argv[3], "a camera was lost");
     assert_string_equal(cfg.hook[0].argv[4], "");
@@ -197,7 +197,7 @@ static void values_arrive(void **state)
            "  mode: event\n"
            "  record_on:\n"
            "    - { zone: yard, label: Pedestrian, share: 0.5, end_s: 20 }\n"
-           "    - {}\n"
+           "    - { visit: true }\n"
            "mqtt: { topic: site/sst, discovery: \"\" }\n"
            "hooks: [ { event: motion, run: [/bin/sh, -c, 'echo \"$SST_ZONE\"'] } ]\n");
     assert_true(cfg.live.focus_px == 7.25 && cfg.live.plane_mm == 3000 && cfg.live.c1 == 0.01);
@@ -210,6 +210,7 @@ static void values_arrive(void **state)
     assert_true(cfg.storage.trigger[0].share == 0.5 && cfg.storage.trigger[0].end_s == 20);
     assert_true(cfg.storage.trigger[1].begin_s == 0.3 && cfg.storage.trigger[1].end_s == 1);
     assert_int_equal(cfg.storage.trigger[1].zone, -1);
+    assert_true(cfg.storage.trigger[1].visit && !cfg.storage.trigger[0].visit);
     assert_true(cfg.storage.trigger[1].share == 0.01 && !*cfg.storage.trigger[1].label);
     assert_string_equal(cfg.hook[0].argv[2], "echo \"$SST_ZONE\"");
     accept("");                                 /* nothing at all */

@@ -128,16 +128,18 @@ static void triggers_follow_the_configuration(void **state)
     c->zones = 2;
     strcpy(c->zone[0].name, "door");
     strcpy(c->zone[1].name, "gate");
-    c->storage.triggers = 3;
+    c->storage.triggers = 4;
     c->storage.trigger[0] = (struct sst_record_trigger){ .zone = 0, .share = 0.3 };
     c->storage.trigger[1] = (struct sst_record_trigger){ .zone = 1, .share = 0.1, .label = "Pedestrian" };
     c->storage.trigger[2] = (struct sst_record_trigger){ .zone = -1, .share = 0.5 };
+    c->storage.trigger[3] = (struct sst_record_trigger){ .zone = 0, .visit = true };
     event_triggers_init(&w, c);
-    assert_int_equal(w.count, 4); /* changes at the gate are reported, but not recorded */
+    assert_int_equal(w.count, 5); /* changes at the gate are reported, but not recorded */
     assert_string_equal(w.list[1].label, "Pedestrian");
     assert_true(w.list[2].index == -1 && !w.list[2].zone[0]);
-    assert_true(w.list[3].trigger == -1 && w.list[3].index == 1);
-    assert_string_equal(w.list[3].zone, "gate");
+    assert_true(w.list[3].visit && w.list[3].trigger == 3 && !w.list[2].visit);
+    assert_true(w.list[4].trigger == -1 && w.list[4].index == 1);
+    assert_string_equal(w.list[4].zone, "gate");
     free(c);
 }
 
@@ -333,6 +335,39 @@ static void an_event_is_recorded_with_what_surrounds_it(void **state)
     assert_int_equal(bench_events(&b, "label", "\"label\":\"Pedestrian\""), 2);
     assert_int_equal(bench_events(&b, "record-start", "motion in door"), 2);
     assert_int_equal(bench_events(&b, "record-stop", NULL), 2);
+    bench_fini(&b);
+}
+
+/* A visit is recorded as a label is, and has events of its own. */
+static void a_visit_is_recorded(void **state)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    char path[SST_PATH_MAX];
+    struct bench b;
+    uint64_t first = 0;
+
+    (void)state;
+    bench_init(&b, SST_RECORD_EVENT);
+    b.config->zones = 1;
+    strcpy(b.config->zone[0].name, "door");
+    b.config->storage.triggers = 2;
+    b.config->storage.trigger[0] = (struct sst_record_trigger){ .zone = 0, .share = 0.2 };
+    b.config->storage.trigger[1] = (struct sst_record_trigger){ .zone = 0, .share = 0.1, .visit = true };
+    b.config->storage.preroll_s = 1;
+    b.config->storage.postroll_s = 2;
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    for (int i = 0; i < 80; i++) {
+        bench_put(&b, start_ns + i * 100 * MS);
+        see(&b, start_ns + i * 100 * MS, 0.01, i >= 30 && i < 40);
+        usleep(2000);
+    }
+    bench_wait_event(&b, "record-stop", NULL, 1);
+    assert_int_equal(bench_events(&b, "record-start", "visit in door"), 1);
+    assert_int_equal(bench_recording(&b, 0, path), 1);
+    assert_int_equal(bench_check(&b, path, &first), 39 + 20 - 20 + 1);
+    assert_int_equal(first, 20);
+    assert_int_equal(bench_events(&b, "motion", NULL) + bench_events(&b, "label", NULL), 0);
     bench_fini(&b);
 }
 
@@ -715,6 +750,7 @@ int main(void)
         TEST(continuous_recording_holds_every_set),
         TEST(a_demand_begins_with_the_moments_before),
         TEST(an_event_is_recorded_with_what_surrounds_it),
+        TEST(a_visit_is_recorded),
         TEST(reduced_recordings_fill_the_time_between),
         TEST(reduced_recordings_skip_what_stands_still),
         TEST(an_event_ends_without_live_pictures),
