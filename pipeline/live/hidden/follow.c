@@ -21,6 +21,8 @@
 #define GAIN_SIZE   0.25
 #define SETS        3 /* and seconds of a thing that is reported */
 #define SECONDS     1.0
+#define LEFT_NS     INT64_C(12000000000) /* for this long it counts that a reported one has been at a place */
+#define AFTER_S     10.0/* of what begins there until it is reported */
 #define STAYS_S     600.0 /* what has not moved for this long is part of the scene */
 #define PEAK_MIN    1.0
 #define PRIOR_H     0.1 /* at the start: as if chance had made so many tracks in this time, with this mean evidence */
@@ -136,6 +138,55 @@ static void see(struct hidden_track *a, const struct group *g, double dt_s, int6
     a->seen = true;
 }
 
+bool hidden_track_moved(const struct hidden_track *a)
+{
+    return hypot(a->x - a->from_x, a->y - a->from_y) > fmax(a->w, a->h);
+}
+
+/* Who passes disturbs the leaves, and what the views remember of them, for some seconds. */
+static void note_left(struct hidden_tracks *t, const struct hidden_track *a)
+{
+    const int n = sst_min_int(t->lefts, HIDDEN_LEFT);
+
+    if (!a->thing.reported || !a->seen)
+        return;
+    for (int i = 0; i < n; i++) {
+        struct hidden_left *l = &t->left[i];
+
+        if (t->t_ns - l->t_ns < LEFT_NS && fabs(l->x - a->x) < a->w / 2 && fabs(l->y - a->y) < a->h / 4) {
+            l->t_ns = t->t_ns;
+            return;
+        }
+    }
+    t->left[t->lefts++ % HIDDEN_LEFT] = (struct hidden_left){ a->x, a->y, a->w, a->h, t->t_ns };
+}
+
+static bool was_left(const struct hidden_tracks *t, const struct hidden_track *a)
+{
+    bool was = false;
+
+    for (int i = 0; i < sst_min_int(t->lefts, HIDDEN_LEFT); i++) {
+        const struct hidden_left *l = &t->left[i];
+
+        was |= t->t_ns - l->t_ns < LEFT_NS && 2 * fabs(l->x - a->x) < l->w + a->w && 2 * fabs(l->y - a->y) < l->h + a->h;
+    }
+    return was;
+}
+
+/* Head and feet, or an edge at another depth, of one that is reported are no others. */
+static bool is_part(const struct hidden_tracks *t, const struct hidden_track *a)
+{
+    bool part = false;
+
+    for (int i = 0; i < t->count; i++) {
+        const struct hidden_track *b = &t->track[i];
+
+        part |= b != a && b->thing.reported && b->seen && fabs(b->x - a->x) < a->w + b->w &&
+                fabs(b->y - a->y) < 1.25 * (a->h + b->h);
+    }
+    return part;
+}
+
 static void add(struct hidden_tracks *t, const struct group *g, int64_t t_ns)
 {
     struct hidden_track *a = &t->track[t->count];
@@ -149,6 +200,9 @@ static void add(struct hidden_tracks *t, const struct group *g, int64_t t_ns)
                                 .h = g->y1 - g->y0,
                                 .sets = 1,
                                 .seen = true };
+    a->from_x = a->x;
+    a->from_y = a->y;
+    a->behind_one = was_left(t, a);
     a->thing =
         (struct sst_hidden_thing){ .key = t->next_key++, .disp_px = g->disp_px, .first_ns = t_ns, .seen_ns = t_ns };
 }
@@ -238,9 +292,10 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
                 note_chance(t, a);
             continue;
         }
-        if (!quiet && a->thing.evidence >= threshold && a->sets >= SETS &&
-            (double)(t_ns - a->thing.first_ns) * 1e-9 >= SECONDS)
+        if (!quiet && a->thing.evidence >= threshold && a->sets >= SETS && !is_part(t, a) &&
+            (double)(t_ns - a->thing.first_ns) * 1e-9 >= (a->behind_one ? AFTER_S : SECONDS))
             a->thing.reported = true;
+        note_left(t, a);
         t->track[kept++] = *a;
     }
     t->count = kept;

@@ -100,14 +100,14 @@ void sst_hidden_accept(struct sst_hidden *h, double alarms_per_hour)
 /* --- a set ----------------------------------------------------------------------------------------------------------
  */
 
-/* Where reported tracks are: what is there must not become usual. */
+/* Where reported tracks are that stand: what is there must not become usual. */
 static void find_kept(struct sst_hidden *h)
 {
     h->keeps = 0;
     for (int i = 0; i < h->tracks.count; i++) {
         const struct hidden_track *a = &h->tracks.track[i];
 
-        if (!a->thing.reported || h->in->t_ns - a->thing.first_ns > KEEP_NS)
+        if (!a->thing.reported || hidden_track_moved(a) || h->in->t_ns - a->thing.first_ns > KEEP_NS)
             continue;
         h->keep_px[h->keeps] = a->thing.disp_px;
         h->keep[h->keeps++] = (struct hidden_rect){ (int)floor(a->x - 0.75 * a->w), (int)floor(a->y - 0.75 * a->h),

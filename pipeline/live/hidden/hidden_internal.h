@@ -120,13 +120,25 @@ int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, i
 struct hidden_track {
     struct sst_hidden_thing thing; /* key, times, reported, evidence */
     double x, y, w, h, vx, vy;     /* middle, size; blocks, blocks/s */
+    double from_x, from_y;         /* where it was first */
+    bool behind_one;               /* it began where a reported one had just been */
     double peak;                   /* largest evidence */
     int sets;
     bool seen; /* in this set */
 };
 
+#define HIDDEN_LEFT 32
+
+/** Where a reported track has been. */
+struct hidden_left {
+    double x, y, w, h;
+    int64_t t_ns;
+};
+
 struct hidden_tracks {
     struct hidden_track track[SST_HIDDEN_THINGS];
+    struct hidden_left left[HIDDEN_LEFT];
+    int lefts; /* ever; the newest HIDDEN_LEFT are remembered */
     int count;
     uint32_t next_key;
     int64_t t_ns;
@@ -140,6 +152,9 @@ void hidden_tracks_init(struct hidden_tracks *t, double alarms_per_hour);
 
 /** Follow a set in which nothing changed: what was there still is, for a while. */
 void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns);
+
+/** Has it gone away from where it began? */
+bool hidden_track_moved(const struct hidden_track *a);
 
 /** Evidence at which chance makes as many reports as are accepted. */
 double hidden_tracks_threshold(const struct hidden_tracks *t);
