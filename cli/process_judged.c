@@ -40,11 +40,12 @@ void cli_print_align(const struct sst_align_report *a)
 
 json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir)
 {
-    struct sst_image_levels levels;
+    int before, after;
 
-    sst_lightfield_count_levels(lf, dir, &levels);
-    sst_image_warn_levels(&levels, lf->files->view[lf->ref_view].name);
-    return levels.before ? json_pack("{s:i, s:i}", "before", levels.before, "after", levels.after) : json_null();
+    if (sst_lightfield_levels(lf, dir, &before, &after) || !before)
+        return json_null();
+    return json_pack("{s:i, s:i, s:[i, i]}", "before", before, "after", after, "samples", lf->samples.black,
+                     lf->samples.white ? lf->samples.white : 65535);
 }
 
 void cli_warn_judgement(const struct sst_judgement *j, const char *dir)

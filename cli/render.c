@@ -148,10 +148,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct render_input in;
     struct render_args a;
     double focus = NAN;
-    struct cli_option options[RENDER_OPTIONS + 6] = {
+    bool samples = false;
+    struct cli_option options[RENDER_OPTIONS + 7] = {
         { "focus", 'f', CLI_AUTO, &focus, "D",
           "disparity to focus on, px per spacing, or auto: behind what stands in front (default)" },
         { "output", 'o', CLI_STRING, &out, "FILE", "picture, .png or .jpg" },
+        { "samples", 0, CLI_FLAG, &samples, NULL, "16-bit PNG in the samples of the views, where those have 16 bits" },
         { "valid", 0, CLI_STRING, &valid, "FILE", "PNG of what the rays support: 255 seen, 64 filled, 0 nothing", 0,
           0 },
         { "repeat", 0, CLI_INT, &picture.repeat, "N", "render N times more and print the median time", 1, MAX_REPEAT },
@@ -160,11 +162,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     };
     int r, err, pixel[2] = { 0, 0 };
 
-    cli_render_options(options + 6, &a);
+    cli_render_options(options + 7, &a);
     r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, &path, 1, 1);
     if (r != CLI_GO_ON)
         return r;
     r = check_files(cmd, &a, focus, out, valid);
+    if (r == CLI_GO_ON && samples && !cli_has_suffix(out, ".png"))
+        r = cli_usage_error(cmd, "--samples writes PNG; -o %s does not end in .png", out);
     if (r != CLI_GO_ON)
         return r;
     a.cfg.focus_px = focus;
@@ -178,7 +182,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         if (!err && explain)
             err = cli_render_explain(&in, &a, explain, pixel[0], pixel[1]);
         if (!err)
-            err = cli_write_picture(&picture.image, out);
+            err = samples ? sst_image_write_samples(&picture.image, in.lf.samples, out)
+                          : cli_write_picture(&picture.image, out);
         if (!err && valid)
             err = sst_map_u8_write_png(&picture.valid, valid, NULL);
         if (!err)

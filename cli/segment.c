@@ -158,7 +158,7 @@ static int label_image(struct result *out, double ms[2], struct sst_segmenter *s
     double end[2];
     const bool hcsm = o->hcsm || o->eps_h >= 0;
     struct sst_image img = { 0 };
-    int err = sst_image_read(&img, path);
+    int err = sst_image_read_alike((struct sst_image *[]){ &img }, &path, 1);
 
     clocks(ms);
     if (!err)

@@ -70,8 +70,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     cfg.raw = raw;
     cfg.disp_min_px = disp_min;
     cfg.disp_max_px = disp_max;
-    err = err ? err : sst_image_read_warned(&left, files[0]);
-    err = err ? err : sst_image_read_warned(&right, files[1]);
+    err = err ? err : sst_image_read_alike((struct sst_image *[]){ &left, &right }, files, 2);
     start = sst_clock_now_ns();
     err = err ? err : sst_disparity_stereo(&disp, &left, &right, &cfg);
     sst_log_info("matched in %.0f ms", (double)(sst_clock_now_ns() - start) * 1e-6);

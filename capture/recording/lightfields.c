@@ -29,6 +29,7 @@ struct job {
     const struct sst_lightfields_config *cfg;
     const char *dir; /* of this light field, in the output's temporary folder */
     int number;
+    struct sst_samples *samples; /* of all sets: the first one's */
     struct sst_recording_set set;
     int cam[SST_MAX_VIEWS];         /* by view; -1: the array has no camera there */
     const char *why[SST_MAX_VIEWS]; /* the view is missing; NULL: it is there */
@@ -295,11 +296,15 @@ static int fill(struct job *job)
     err = write_line(job);
     if (!err && job->cfg->picture)
         err = write_picture(job);
+    if (!err && job->number == job->cfg->sets[0])
+        err = sst_lightfield_choose_samples(&job->lf, job->dir, job->cfg->out);
+    else if (!err)
+        job->lf.samples = *job->samples;
     return err ? err : sst_lightfield_write(&job->lf, job->dir, job->cfg->threads);
 }
 
 static int make_one(const struct sst_recording *recording, const struct sst_lightfields_config *cfg, int number,
-                    const char *dir)
+                    const char *dir, struct sst_samples *samples)
 {
     struct job *job = calloc(1, sizeof(*job));
     int err;
@@ -307,7 +312,8 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
     if (!job)
         return -ENOMEM;
     *job = (struct job){
-        .recording = recording, .info = sst_recording_info(recording), .cfg = cfg, .dir = dir, .number = number
+        .recording = recording, .info = sst_recording_info(recording), .cfg = cfg, .dir = dir, .number = number,
+        .samples = samples
     };
     err = sst_recording_set(recording, number, &job->set);
     if (err)
@@ -319,6 +325,7 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
         err = fill(job);
     if (!err && number == cfg->sets[0])
         sst_lightfield_warn_views(&job->lf, dir, cfg->out);
+    *samples = job->lf.samples;
     sst_lightfield_fini(&job->lf);
     free(job);
     return err;
@@ -329,6 +336,7 @@ static int make_one(const struct sst_recording *recording, const struct sst_ligh
 static int make_each(const struct sst_recording *recording, const struct sst_lightfields_config *cfg, const char *out)
 {
     json_t *list = json_array();
+    struct sst_samples samples;
     char path[SST_PATH_MAX];
     int err = list ? 0 : -ENOMEM;
 
@@ -340,7 +348,7 @@ static int make_each(const struct sst_recording *recording, const struct sst_lig
         if (!err)
             err = sst_path_make_dir(path);
         if (!err)
-            err = make_one(recording, cfg, cfg->sets[i], path);
+            err = make_one(recording, cfg, cfg->sets[i], path, &samples);
         if (!err && json_array_append_new(list, json_pack("{s:i, s:s}", "set", cfg->sets[i], "lightfield", name)))
             err = -ENOMEM;
         if (cfg->progress)
@@ -357,6 +365,7 @@ static int make_each(const struct sst_recording *recording, const struct sst_lig
 int sst_recording_to_lightfields(const struct sst_recording *recording, const struct sst_lightfields_config *cfg)
 {
     const char *const inputs[] = { sst_recording_dir(recording), NULL };
+    struct sst_samples samples;
     struct sst_outdir out;
     int err;
 
@@ -367,7 +376,7 @@ int sst_recording_to_lightfields(const struct sst_recording *recording, const st
         err = sst_outdir_open(&out, cfg->out, cfg->force);
     if (err)
         return err;
-    err = cfg->each ? make_each(recording, cfg, out.temporary) : make_one(recording, cfg, cfg->sets[0], out.temporary);
+    err = cfg->each ? make_each(recording, cfg, out.temporary) : make_one(recording, cfg, cfg->sets[0], out.temporary, &samples);
     if (err == -ENOMEM)
         sst_log_error("no memory to import %s", sst_recording_dir(recording));
     return sst_outdir_end(&out, err);

@@ -569,6 +569,7 @@ int sst_scan_store_finish(struct sst_scan_store *s)
     if (err || (sst_path_exists(path) && !s->put_any))
         return err;
     err = fill(s, &lf);
+    err = err ? err : sst_lightfield_choose_samples(&lf, s->dir, s->dir);
     if (!err)
         err = sst_lightfield_write(&lf, s->dir, 1);
     if (!err)

@@ -68,17 +68,23 @@ bool sst_image_is_picture(const char *name)
     return dot && dot != name && (!strcasecmp(dot, ".jpg") || !strcasecmp(dot, ".jpeg") || !strcasecmp(dot, ".png"));
 }
 
-int sst_image_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name)
+int sst_image_decode_samples(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
+                             struct sst_samples samples)
 {
     switch (kind_of(data, size, name)) {
     case KIND_PNG:
-        return sst_png_decode(img, data, size, name);
+        return sst_png_decode(img, data, size, name, samples);
     case KIND_JPEG:
         return sst_jpeg_decode(img, data, size, name);
     case KIND_NONE:
         break;
     }
     return -EBADMSG;
+}
+
+int sst_image_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name)
+{
+    return sst_image_decode_samples(img, data, size, name, (struct sst_samples){ 0, 0 });
 }
 
 int sst_image_read(struct sst_image *img, const char *path)
@@ -94,43 +100,11 @@ int sst_image_read(struct sst_image *img, const char *path)
     return err;
 }
 
-int sst_image_count_levels(struct sst_image_levels *out, const uint8_t *data, size_t size, const char *name)
+int sst_image_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size, const char *name)
 {
     const enum kind kind = kind_of(data, size, name);
 
-    *out = (struct sst_image_levels){ 0, 0, 0 };
-    return kind == KIND_PNG ? sst_png_count_levels(out, data, size, name) : kind == KIND_JPEG ? 0 : -EBADMSG;
-}
-
-void sst_image_warn_levels(const struct sst_image_levels *levels, const char *name)
-{
-    const int factor = levels->largest ? 65535 / levels->largest : 1;
-
-    if (levels->after >= levels->before)
-        return;
-    if (factor > 1)
-        sst_log_warning("%s: 16 bits are rounded to 8, so its %d levels become %d; its largest sample is %d: multiply "
-                        "them by %d, in all pictures alike, to keep more",
-                        name, levels->before, levels->after, levels->largest, factor);
-    else
-        sst_log_warning("%s: 16 bits are rounded to 8, so its %d levels become %d", name, levels->before,
-                        levels->after);
-}
-
-int sst_image_read_warned(struct sst_image *img, const char *path)
-{
-    struct sst_image_levels levels;
-    uint8_t *data;
-    size_t size;
-    int err = sst_file_read(path, SST_IMAGE_MAX_BYTES, &data, &size);
-
-    if (err)
-        return err;
-    err = sst_image_decode(img, data, size, path);
-    if (!err && !sst_image_count_levels(&levels, data, size, path))
-        sst_image_warn_levels(&levels, path);
-    free(data);
-    return err;
+    return kind == KIND_PNG ? sst_png_count_samples(counts, data, size, name) : kind == KIND_JPEG ? 0 : -EBADMSG;
 }
 
 int sst_image_read_size(const char *path, int *width, int *height)

@@ -11,33 +11,57 @@
 /** Does the name of a file end as that of a PNG or JPEG? */
 bool sst_image_is_picture(const char *name);
 
-/** Read a PNG or JPEG, detected by content. Grey becomes three equal planes, 16 bits are rounded to 8, alpha is
- *  dropped. */
+/** Read a PNG or JPEG, detected by content. Grey becomes three equal planes, 16 bits are rounded to 8 (v 255/65535), alpha
+ *  is dropped. */
 SST_MUST_CHECK int sst_image_read(struct sst_image *img, const char *path);
 
 /** The same from memory; name is only used in messages. */
 SST_MUST_CHECK int sst_image_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
 
-/** Distinct samples of a 16-bit picture, and those that are left of them when it is read. */
-struct sst_image_levels {
-    int before, after; /* 0: the picture has 8 bits */
-    int largest;       /* sample */
+/** The same, 16 bits scaled from `samples`: (v - black) 255 / (white - black), limited to 0..255 and rounded. Pictures of 8
+ *  bits do not depend on it. */
+SST_MUST_CHECK int sst_image_decode_samples(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
+                                            struct sst_samples samples);
+
+/** How often each sample occurs, all channels but alpha together. */
+struct sst_sample_counts {
+    uint64_t of[65536];
 };
 
-/** Count the levels of a PNG or JPEG in memory. The same errors. */
-SST_MUST_CHECK int sst_image_count_levels(struct sst_image_levels *out, const uint8_t *data, size_t size,
-                                          const char *name);
+/** Add the samples of a 16-bit PNG in memory. @return 1, 0 (8 bits, a JPEG: nothing is added), or the same errors */
+SST_MUST_CHECK int sst_image_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size,
+                                           const char *name);
 
-/** Log a warning if levels are lost. */
-void sst_image_warn_levels(const struct sst_image_levels *levels, const char *name);
+/**
+ * The samples to scale from, for pictures that are compared with each other: {0, 0} where they span half of 16 bits or
+ * more, as usual pictures do, or are all one. Narrower ones, as of cameras of 10, 12 or 14 bits, span 0..255 afterwards:
+ * up to 256 different samples stay different. Where there are more, a ten-thousandth of the samples at either end does
+ * not count: defective pixels would take the levels.
+ */
+struct sst_samples sst_samples_choose(const struct sst_sample_counts *counts);
 
-/** sst_image_read(), with that warning. */
-SST_MUST_CHECK int sst_image_read_warned(struct sst_image *img, const char *path);
+/** Log what is lost when these samples are read: as a warning if different ones become the same.
+ *  @param name  of the pictures */
+void sst_samples_report(const struct sst_sample_counts *counts, struct sst_samples samples, const char *name);
+
+/** Distinct samples, and how many levels they become. */
+void sst_samples_levels(int *before, int *after, const struct sst_sample_counts *counts, struct sst_samples samples);
+
+/** Log what sst_image_read() loses of a picture of 16 bits. */
+void sst_image_report_depth(const char *path);
+
+/** Read pictures that are compared with each other: 16 bits are scaled alike in all, and what is lost is reported. Where
+ *  only some have 16 bits, those are read as sst_image_read() does. @param count  1 or 2 @return as above; on failure
+ *  none is read */
+SST_MUST_CHECK int sst_image_read_alike(struct sst_image *const *img, const char *const *path, int count);
 
 /** Size of a PNG or JPEG without decoding its pixels. */
 SST_MUST_CHECK int sst_image_read_size(const char *path, int *width, int *height);
 
 SST_MUST_CHECK int sst_image_write_png(const struct sst_image *img, const char *path);
+
+/** 16-bit RGB PNG: levels 0 to 255 become samples black to white, so that reading with `samples` gives the image again. */
+SST_MUST_CHECK int sst_image_write_samples(const struct sst_image *img, struct sst_samples samples, const char *path);
 
 /** @param quality 1..100; 4:2:0 */
 SST_MUST_CHECK int sst_image_write_jpeg(const struct sst_image *img, const char *path, int quality);

@@ -8,15 +8,19 @@
 #define SST_IMAGE_MAX_BYTES (SST_IMAGE_MAX_PIXELS * 4 + 65536)
 
 /* Same contract as in codec.h: logged, output untouched on failure. */
-SST_MUST_CHECK int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
+SST_MUST_CHECK int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
+                                  struct sst_samples samples);
 SST_MUST_CHECK int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name);
-SST_MUST_CHECK int sst_png_count_levels(struct sst_image_levels *out, const uint8_t *data, size_t size,
-                                        const char *name);
+SST_MUST_CHECK int sst_png_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size,
+                                         const char *name);
 SST_MUST_CHECK int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 SST_MUST_CHECK int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
 
 /** Log an error of sst_*_init(): the rejected size, or out of memory. @return -EBADMSG or -ENOMEM */
 int sst_image_size_error(int err, const char *name, int64_t width, int64_t height);
+
+/** Level 0..255 of a sample; what png_set_scale_16() gives where all 16 bits are scaled from. */
+int sst_samples_scale(int v, struct sst_samples samples);
 
 /** Split `width` pixels of packed RGB into row y of the planes, and the reverse. */
 void sst_rgb_unpack_row(struct sst_image *img, int y, const uint8_t *rgb);

@@ -24,6 +24,11 @@ struct sst_map_u8 {
     uint8_t *data;
 };
 
+/** Samples of 16-bit pictures that become levels 0 and 255 when they are read; white 0: 0 and 65535. */
+struct sst_samples {
+    int black, white;
+};
+
 /** One uint16_t per pixel: disparity in 1/64 px above the light field's disp_min_px. */
 struct sst_map_u16 {
     int width, height;

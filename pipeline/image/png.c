@@ -27,6 +27,7 @@ struct reader {
     const uint8_t *data;
     size_t size, pos;
     const char *name;
+    struct sst_samples samples; /* of 16 bits, for RGB */
     png_structp png;
     png_infop info;
     png_bytep *rows;
@@ -114,12 +115,19 @@ static int check_format(const struct reader *r, enum sample sample)
     return 0;
 }
 
+/* RGB of 16 bits that are scaled here? */
+static bool deep(const struct reader *r)
+{
+    return r->samples.white && png_get_bit_depth(r->png, r->info) == 16;
+}
+
 static void set_transforms(struct reader *r, enum sample sample)
 {
     switch (sample) {
     case SAMPLE_RGB:
         png_set_expand(r->png);
-        png_set_scale_16(r->png);
+        if (!deep(r))
+            png_set_scale_16(r->png);
         png_set_gray_to_rgb(r->png);
         png_set_strip_alpha(r->png);
         break;
@@ -138,7 +146,7 @@ static void set_transforms(struct reader *r, enum sample sample)
 /* Row pointers for libpng: the map itself, or packed RGB. */
 static int allocate(struct reader *r, enum sample sample, int width, int height, void *out)
 {
-    const size_t h = (size_t)height;
+    const size_t h = (size_t)height, bytes = deep(r) ? 6 : 3;
     int err = -ENOMEM;
 
     r->rows = malloc(h * sizeof(*r->rows));
@@ -146,10 +154,10 @@ static int allocate(struct reader *r, enum sample sample, int width, int height,
         return err;
     switch (sample) {
     case SAMPLE_RGB:
-        r->packed = sst_mem_alloc_raw(h, (size_t)width * 3);
+        r->packed = sst_mem_alloc_raw(h, (size_t)width * bytes);
         err = r->packed ? sst_image_init(out, width, height) : -ENOMEM;
         for (size_t y = 0; !err && y < h; y++)
-            r->rows[y] = r->packed + y * (size_t)width * 3;
+            r->rows[y] = r->packed + y * (size_t)width * bytes;
         break;
     case SAMPLE_U8:
         err = sst_map_u8_init(out, width, height);
@@ -165,10 +173,18 @@ static int allocate(struct reader *r, enum sample sample, int width, int height,
     return err;
 }
 
+/* Big-endian RGB of 16 bits to packed RGB in place. */
+static void scale_row(uint8_t *row, int width, struct sst_samples samples)
+{
+    for (int i = 0; i < 3 * width; i++)
+        row[i] = (uint8_t)sst_samples_scale(row[2 * i] << 8 | row[2 * i + 1], samples);
+}
+
 /* libpng returns by longjmp: everything that must survive it is in *r, outside this stack frame. */
 static int decode_open(struct reader *r, enum sample sample, void *out)
 {
     int width, height, err;
+    bool scale;
 
     if (setjmp(png_jmpbuf(r->png))) {
         sst_log_error("%s is a damaged or truncated PNG image (%s); write it again", r->name, r->message);
@@ -186,8 +202,12 @@ static int decode_open(struct reader *r, enum sample sample, void *out)
         return sst_image_size_error(err, r->name, width, height);
     png_read_image(r->png, r->rows);
     png_read_end(r->png, NULL);
-    for (int y = 0; sample == SAMPLE_RGB && y < height; y++)
+    scale = deep(r);
+    for (int y = 0; sample == SAMPLE_RGB && y < height; y++) {
+        if (scale)
+            scale_row(r->rows[y], width, r->samples);
         sst_rgb_unpack_row(out, y, r->rows[y]);
+    }
     return 0;
 }
 
@@ -221,7 +241,8 @@ static bool decode_plain(const uint8_t *data, size_t size, enum sample sample, v
 }
 
 /* out: a zeroed sst_image, sst_map_u8 or sst_map_u16, selected by sample; the caller frees it on failure. */
-static int decode(const uint8_t *data, size_t size, const char *name, enum sample sample, void *out)
+static int decode(const uint8_t *data, size_t size, const char *name, enum sample sample, struct sst_samples samples,
+                  void *out)
 {
     struct reader r;
     int err;
@@ -229,15 +250,17 @@ static int decode(const uint8_t *data, size_t size, const char *name, enum sampl
     if (decode_plain(data, size, sample, out))
         return 0;
     err = reader_open(&r, data, size, name);
+    r.samples = samples;
     err = err ? sst_image_size_error(err, name, 0, 0) : decode_open(&r, sample, out);
     reader_close(&r);
     return err;
 }
 
-int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name)
+int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
+                   struct sst_samples samples)
 {
     struct sst_image made = { 0 };
-    int err = decode(data, size, name, SAMPLE_RGB, &made);
+    int err = decode(data, size, name, SAMPLE_RGB, samples, &made);
 
     if (err)
         sst_image_fini(&made);
@@ -246,17 +269,9 @@ int sst_png_decode(struct sst_image *img, const uint8_t *data, size_t size, cons
     return err;
 }
 
-/* As png_set_scale_16() rounds. */
-static int scale_16(int v)
+/* Add the samples of a picture of 16 bits. @return 1; 0: it has fewer */
+static int count_open(struct reader *r, struct sst_sample_counts *counts)
 {
-    const int high = v >> 8, low = v & 255;
-
-    return high + (((low - high + 128) * 65535) >> 24);
-}
-
-static int count_open(struct reader *r, struct sst_image_levels *out)
-{
-    uint8_t seen[65536] = { 0 }, left[256] = { 0 };
     int width, height, err;
     size_t row;
 
@@ -280,23 +295,16 @@ static int count_open(struct reader *r, struct sst_image_levels *out)
         r->rows[y] = r->packed + y * row;
     png_read_image(r->png, r->rows);
     for (size_t i = 0; i + 1 < (size_t)height * row; i += 2)
-        seen[r->packed[i] << 8 | r->packed[i + 1]] = 1;
-    for (int v = 0; v < 65536; v++) {
-        out->before += seen[v];
-        left[scale_16(v)] |= seen[v];
-        out->largest = seen[v] ? v : out->largest;
-    }
-    for (int v = 0; v < 256; v++)
-        out->after += left[v];
-    return 0;
+        counts->of[r->packed[i] << 8 | r->packed[i + 1]]++;
+    return 1;
 }
 
-int sst_png_count_levels(struct sst_image_levels *out, const uint8_t *data, size_t size, const char *name)
+int sst_png_count_samples(struct sst_sample_counts *counts, const uint8_t *data, size_t size, const char *name)
 {
     struct reader r;
     int err = reader_open(&r, data, size, name);
 
-    err = err ? sst_image_size_error(err, name, 0, 0) : count_open(&r, out);
+    err = err ? sst_image_size_error(err, name, 0, 0) : count_open(&r, counts);
     reader_close(&r);
     return err;
 }
@@ -331,7 +339,7 @@ int sst_png_size(int *width, int *height, const uint8_t *data, size_t size, cons
                                                                                                                        \
         if (err)                                                                                                       \
             return err;                                                                                                \
-        err = decode(data, size, path, sample, &made);                                                                 \
+        err = decode(data, size, path, sample, (struct sst_samples){ 0, 0 }, &made);                                   \
         free(data);                                                                                                    \
         if (err)                                                                                                       \
             sst_map_##kind##_fini(&made);                                                                              \
@@ -361,14 +369,27 @@ struct picture {
     const struct sst_map_u16 *u16;
     const uint8_t (*palette)[3];
     int width, height;
+    struct sst_samples samples; /* of 16 bits, for an image; white 0: 8 bits */
 };
+
+/* Packed RGB to samples of 16 bits, big-endian, in place. */
+static void deepen_row(uint8_t *row, int width, struct sst_samples s)
+{
+    for (int i = 3 * width - 1; i >= 0; i--) {
+        const int v = s.black + (row[i] * (s.white - s.black) + 127) / 255;
+
+        row[2 * i] = (uint8_t)(v >> 8);
+        row[2 * i + 1] = (uint8_t)v;
+    }
+}
 
 static void write_rows(struct writer *w, const struct picture *p)
 {
     const int type = p->image ? PNG_COLOR_TYPE_RGB : p->palette ? PNG_COLOR_TYPE_PALETTE : PNG_COLOR_TYPE_GRAY;
 
     png_init_io(w->png, w->stream);
-    png_set_IHDR(w->png, w->info, (png_uint_32)p->width, (png_uint_32)p->height, p->u16 ? 16 : 8, type,
+    png_set_IHDR(w->png, w->info, (png_uint_32)p->width, (png_uint_32)p->height,
+                 p->u16 || p->samples.white ? 16 : 8, type,
                  PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     if (p->palette) {
         png_color colors[256];
@@ -392,6 +413,8 @@ static void write_rows(struct writer *w, const struct picture *p)
     for (int y = 0; y < p->height; y++) {
         if (p->image)
             sst_rgb_pack_row(w->packed, p->image, y);
+        if (p->samples.white)
+            deepen_row(w->packed, p->width, p->samples);
         png_write_row(w->png, p->image ? w->packed
                               : p->u8  ? sst_map_u8_row(p->u8, y)
                                        : (png_const_bytep)sst_map_u16_row(p->u16, y));
@@ -417,7 +440,7 @@ static int write_png(const struct picture *p, const char *path)
 
     w.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, w.message, on_error, ignore_warning);
     w.info = w.png ? png_create_info_struct(w.png) : NULL;
-    w.packed = p->image ? malloc((size_t)p->width * 3) : NULL;
+    w.packed = p->image ? malloc((size_t)p->width * 6) : NULL;
     w.stream = open_memstream(&w.data, &w.size);
     if (!w.info || !w.stream || (p->image && !w.packed))
         err = sst_image_size_error(-ENOMEM, path, p->width, p->height);
@@ -436,6 +459,14 @@ static int write_png(const struct picture *p, const char *path)
 int sst_image_write_png(const struct sst_image *img, const char *path)
 {
     return write_png(&(struct picture){ .image = img, .width = img->width, .height = img->height }, path);
+}
+
+int sst_image_write_samples(const struct sst_image *img, struct sst_samples samples, const char *path)
+{
+    if (!samples.white)
+        samples.white = 65535;
+    return write_png(
+        &(struct picture){ .image = img, .width = img->width, .height = img->height, .samples = samples }, path);
 }
 
 int sst_map_u8_write_png(const struct sst_map_u8 *map, const char *path, const uint8_t (*palette)[3])

@@ -330,6 +330,7 @@ static int fill(struct job *job)
         err = sst_lightfield_read_disparity(&plan->lf, cfg->disparity_dir, threads);
     if (!err && cfg->labels_dir)
         err = sst_lightfield_read_labels(&plan->lf, cfg->labels_dir, threads);
+    err = err ? err : sst_lightfield_choose_samples(&plan->lf, job->out, cfg->out);
     return err ? err : sst_lightfield_write(&plan->lf, job->out, threads);
 }
 

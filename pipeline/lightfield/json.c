@@ -194,6 +194,8 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], co
     if (root &&
         ((lf->disparity_tested && json_object_set_new(root, "disparity_tested", json_true())) ||
          (lf->parallel && json_object_set_new(root, "parallel", json_true())) ||
+         (lf->samples.white && json_object_set_new(root, "samples", json_pack("[i, i]", lf->samples.black,
+                                                                              lf->samples.white))) ||
          (lf->files->judged && (json_object_set_new(root, "plausible", json_boolean(lf->files->plausible)) ||
                                 json_object_set_new(root, "implausible", json_string(lf->files->implausible)))) ||
          (lf->correction && json_object_set_new(root, "correction", correction_to_json(lf))))) {
@@ -496,6 +498,17 @@ static int read_correction(struct sst_lightfield *lf, struct reader *r)
     return r->err;
 }
 
+static void read_samples(struct sst_lightfield *lf, struct reader *r)
+{
+    double v[2] = { 0, 0 };
+
+    get_doubles(r, "samples", v, 2);
+    if (!r->err && !(v[0] >= 0 && v[0] < v[1] && v[1] <= 65535 && v[0] == floor(v[0]) && v[1] == floor(v[1])))
+        fault(r, "samples", "are not two ascending whole numbers in 0..65535");
+    if (!r->err)
+        lf->samples = (struct sst_samples){ (int)v[0], (int)v[1] };
+}
+
 /* Parse what sst_lightfield_init() needs. */
 static int read_head(struct reader *r, int *rows, int *cols, int *version_out)
 {
@@ -543,6 +556,8 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     lf->files->external_disparity = get_bool(r, "disparity_given");
     lf->disparity_tested = json_object_get(r->object, "disparity_tested") && get_bool(r, "disparity_tested");
     lf->parallel = json_object_get(r->object, "parallel") && get_bool(r, "parallel");
+    if (json_object_get(r->object, "samples"))
+        read_samples(lf, r);
     lf->files->external_labels = get_bool(r, "labels_given");
     get_string(r, "source", lf->files->source, sizeof(lf->files->source));
     get_string(r, "history", lf->files->history, sizeof(lf->files->history));

@@ -36,6 +36,7 @@ struct sst_lightfield {
     int ref_view;                      /* row (rows-1)/2, column (cols-1)/2, or the nearest view that is present */
     double disp_min_px;                /* disparity of stored value 0; may be negative */
     double range_min_px, range_max_px; /* disparities expected in the scene; equal: unknown */
+    struct sst_samples samples;        /* of 16-bit views; all are scaled alike */
     bool parallel;                     /* one camera that moved without turning: infinity has disparity 0 */
     bool disparity_tested;             /* the disparities were tested against the views around (design.md, 5.7) */
     double focal_px;                   /* 0: unknown */
@@ -94,6 +95,17 @@ SST_MUST_CHECK int sst_lightfield_choose_ref(struct sst_lightfield *lf);
  * @return 0, -ENOENT, -EBADMSG, -ENOMEM, -EIO; logged.
  */
 SST_MUST_CHECK int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned what, int threads);
+
+/**
+ * Set lf->samples from the views' files in dir: what all views of 16 bits are scaled from when they are loaded. What is
+ * lost is logged. To be called before sst_lightfield_write() by whatever makes a light field from files.
+ * @param name  of the light field, for messages @return 0, -ENOENT, -EBADMSG, -EIO, -ENOMEM; logged
+ */
+SST_MUST_CHECK int sst_lightfield_choose_samples(struct sst_lightfield *lf, const char *dir, const char *name);
+
+/** Distinct samples of the reference view's file, and the levels that they become; 0 and 0: it has 8 bits. Logs what is
+ *  lost. The same errors. */
+SST_MUST_CHECK int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, int *before, int *after);
 
 /** Compare each view's bytes with the hash in lightfield.json. @return 0 or -EBADMSG (logged: which view). */
 SST_MUST_CHECK int sst_lightfield_verify(const struct sst_lightfield *lf, const char *dir, int threads);

@@ -232,6 +232,19 @@ static int outermost(const struct sst_lightfield *lf, int view[PAIRS])
     return n;
 }
 
+static int read_file(struct sst_image *out, const struct sst_lightfield *lf, const char *path)
+{
+    uint8_t *data;
+    size_t size;
+    int err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+
+    if (err)
+        return err;
+    err = sst_image_decode_samples(out, data, size, path, lf->samples);
+    free(data);
+    return err;
+}
+
 enum sst_parallax sst_lightfield_parallax(const struct sst_lightfield *lf, const char *dir)
 {
     struct sst_image read[PAIRS + 1] = { 0 };
@@ -248,7 +261,7 @@ enum sst_parallax sst_lightfield_parallax(const struct sst_lightfield *lf, const
 
         image[i] = &lf->views[view[i]].image;
         if (!image[i]->plane[0]) {
-            fits = dir && !view_path(path, lf, view[i], dir) && !sst_image_read(&read[i], path);
+            fits = dir && !view_path(path, lf, view[i], dir) && !read_file(&read[i], lf, path);
             image[i] = &read[i];
         }
         fits &= image[i]->width > BLOCK + 2 && image[i]->height > BLOCK + 2 && image[i]->width == image[0]->width &&
@@ -268,29 +281,11 @@ enum sst_parallax sst_lightfield_parallax(const struct sst_lightfield *lf, const
     return result;
 }
 
-void sst_lightfield_count_levels(const struct sst_lightfield *lf, const char *dir, struct sst_image_levels *levels)
-{
-    char path[SST_PATH_MAX];
-    uint8_t *data;
-    size_t size;
-
-    *levels = (struct sst_image_levels){ 0 };
-    if (view_path(path, lf, lf->ref_view, dir) || sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size))
-        return;
-    if (sst_image_count_levels(levels, data, size, path))
-        *levels = (struct sst_image_levels){ 0 };
-    free(data);
-}
-
 void sst_lightfield_warn_views(const struct sst_lightfield *lf, const char *dir, const char *name)
 {
-    struct sst_image_levels levels;
-
     if (sst_lightfield_parallax(lf, dir) == SST_PARALLAX_NONE)
         sst_log_warning(
             "%s: the views show no parallax: they are one picture from one place; its disparities will mean "
             "nothing; check that the camera moved from view to view",
             name);
-    sst_lightfield_count_levels(lf, dir, &levels);
-    sst_image_warn_levels(&levels, lf->files->view[lf->ref_view].name);
 }

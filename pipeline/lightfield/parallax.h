@@ -2,7 +2,6 @@
 #ifndef SST_PIPELINE_LIGHTFIELD_PARALLAX_H
 #define SST_PIPELINE_LIGHTFIELD_PARALLAX_H
 
-#include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield.h"
 
 enum sst_parallax {
@@ -24,10 +23,7 @@ enum sst_parallax {
  */
 enum sst_parallax sst_lightfield_parallax(const struct sst_lightfield *lf, const char *dir);
 
-/** Levels of the reference view's file and those that reading leaves; 0: 8 bits, or it cannot be read. */
-void sst_lightfield_count_levels(const struct sst_lightfield *lf, const char *dir, struct sst_image_levels *levels);
-
-/** Log a warning if the views show no parallax, or the reference view's file has 16 bits that reading rounds to 8.
+/** Log a warning if the views show no parallax.
  *  @param name  of the light field, for the message */
 void sst_lightfield_warn_views(const struct sst_lightfield *lf, const char *dir, const char *name);
 

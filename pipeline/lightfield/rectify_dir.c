@@ -41,7 +41,7 @@ static int bake_frame(struct job *job, int k, const char *from, const uint8_t *d
     struct sst_view *v = &job->lf.views[k];
     struct sst_lightfield_file *file = &job->lf.files->view[k];
     char to[SST_PATH_MAX];
-    int err = sst_image_decode(&v->image, data, size, from);
+    int err = sst_image_decode_samples(&v->image, data, size, from, job->lf.samples);
 
     if (!err)
         err = calibration_rectify_view(&job->lf, k);
@@ -129,6 +129,7 @@ static int fill(struct job *job)
 
         baked.calibration = NULL;
         baked.rectified = NULL;
+        baked.samples = (struct sst_samples){ 0, 0 };
         return sst_lightfield_write(&baked, job->out, job->cfg->threads);
     }
     return sst_lightfield_write(&job->lf, job->out, job->cfg->threads);

@@ -122,7 +122,7 @@ static int load_image(const struct job *job, int k)
     int err = view_path(path, job->lf, k, job->dir);
 
     err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
-    err = err ? err : sst_image_decode(&v->image, data, size, path);
+    err = err ? err : sst_image_decode_samples(&v->image, data, size, path, job->lf->samples);
     if (!err)
         err =
             calib ? check_raw_size(calib, path, &v->image) : check_size(job->lf, path, v->image.width, v->image.height);

@@ -47,20 +47,33 @@ grep -q "warning: still.lf: the views show no parallax" err || fail "one picture
 grep -q "no parallax" err && grep -q '"confirmed_percent": 0.0' out && grep -q '"parallax": false' out ||
   fail "one picture is confirmed: $(cat out err)"
 
-# --- 16 bits of which only the low ones are used ---
-mkdir deep
+# --- 16 bits: narrow samples are scaled, as 8 bits of the same levels come out; wide ones are rounded with a warning ---
+mkdir deep flat wide
 /usr/bin/python3 - <<'P' || fail "python3 with OpenCV"
 import cv2, numpy
 y, x = numpy.mgrid[0:60, 0:80]
 for k in range(9):
-    value = 111 + 50 * numpy.sin((x + 3 * (k % 3)) / 3) + 60 * numpy.sin((y + 3 * (k // 3)) / 4)
-    cv2.imwrite(f"deep/{k // 3:02d}_{k % 3:02d}.png", value.astype(numpy.uint16))
+    value = 127.5 + 67.5 * numpy.sin((x + 3 * (k % 3)) / 3) + 60 * numpy.sin((y + 3 * (k // 3)) / 4)
+    value = numpy.round(value).astype(numpy.uint16)
+    if k == 4:
+        value[0, :2] = 0, 255
+    for name, picture in (("deep", 30000 + value), ("flat", value.astype(numpy.uint8)), ("wide", 200 * value)):
+        cv2.imwrite(f"{name}/{k // 3:02d}_{k % 3:02d}.png", picture)
 P
-"$sst" import folder deep --grid 3x3 -o deep.lf >out 2>err || fail "16 bits: $(cat err)"
-grep -q "01_01.png: 16 bits are rounded to 8, so its [0-9]* levels become 2; its largest sample is 2[0-9]*: multiply them by 2[0-9]*," err ||
-  fail "16 bits are cut in silence: $(cat err)"
-"$sst" stereo deep/00_00.png deep/00_01.png -m 9 -o deep.pfm 2>err || fail "stereo of 16 bits: $(cat err)"
-[ "$(grep -c "deep/00_0[01].png: 16 bits are rounded to 8" err)" = 2 ] || fail "stereo cuts 16 bits in silence: $(cat err)"
+for l in deep flat wide; do "$sst" import folder $l --grid 3x3 -o $l.lf --range-min -1 --range-max 6 >out 2>err-$l || fail "16 bits: $(cat err-$l)"; done
+grep -q "16 bits become 8" err-deep && fail "narrow samples are warned of: $(cat err-deep)"
+grep -q "warning: wide.lf: 16 bits become 8, so 2[0-9]* levels become 1[0-9]*: samples 0 to 65535" err-wide ||
+  fail "16 bits are cut in silence: $(cat err-wide)"
+for l in deep flat; do "$sst" process $l.lf --no-labels --preset preview --json >out-$l 2>err || fail "process of $l: $(cat err)"; done
+/usr/bin/python3 -c 'import json; a = json.load(open("out-deep"))["levels"]; assert a["before"] == a["after"] > 200 and a["samples"] == [30000, 30255], a' || fail "levels: $(cat out-deep)"
+cmp deep.lf/disparity/01_01.png flat.lf/disparity/01_01.png || fail "16 bits give other disparities than the same 8 bits"
+"$sst" render deep.lf --focus 3 --samples -o deep.png && "$sst" render flat.lf --focus 3 -o flat.png || fail "rendering of 16 bits"
+/usr/bin/python3 -c '
+import cv2, numpy
+deep, flat = cv2.imread("deep.png", -1), cv2.imread("flat.png", -1)
+assert deep.dtype == numpy.uint16 and (deep.astype(int) - 30000 == flat).all()' || fail "16-bit PNG out"
+"$sst" stereo wide/00_00.png wide/00_01.png -m 9 -o deep.pfm 2>err || fail "stereo of 16 bits: $(cat err)"
+grep -q "wide/00_00.png: 16 bits become 8" err || fail "stereo cuts 16 bits in silence: $(cat err)"
 
 # --- a view that was altered after the import ---
 cp chess/views/00_00.png altered.png && cp chess/views/00_01.png chess/views/00_00.png

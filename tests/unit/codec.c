@@ -114,49 +114,137 @@ static void maps_give_the_same_values(void **state SST_UNUSED)
     sst_map_u16_fini(&d);
 }
 
-static void lost_levels_are_counted(void **state SST_UNUSED)
+/* A grey PNG of 16 bits with `count` samples black, black + step ... in its first row. */
+static void put_deep(const char *name, int black, int step, int count)
+{
+    struct sst_map_u16 map;
+
+    assert_int_equal(sst_map_u16_init(&map, count, 2), 0);
+    for (int x = 0; x < 2 * count; x++)
+        sst_map_u16_row(&map, x % 2)[x / 2] = (uint16_t)(black + step * (x / 2));
+    assert_int_equal(sst_map_u16_write_png(&map, test_path(name)), 0);
+    sst_map_u16_fini(&map);
+}
+
+static void deep_pictures_keep_levels(void **state SST_UNUSED)
 {
     static const struct {
-        int step, count, after;
-    } cases[] = { { 1, 223, 2 }, { 257, 256, 256 }, { 64, 1000, 250 } };
-    struct sst_image_levels levels;
-    struct sst_map_u16 map;
+        int black, step, count;
+        struct sst_samples samples; /* chosen */
+        int plain, scaled;          /* levels without and with them */
+    } cases[] = {
+        { 0, 1, 223, { 0, 222 }, 2, 223 },          { 30000, 1, 223, { 30000, 30222 }, 2, 223 },
+        { 65280, 1, 256, { 65280, 65535 }, 2, 256 }, { 0, 257, 256, { 0, 0 }, 256, 256 },
+        { 0, 64, 1000, { 0, 0 }, 250, 250 },         { 1000, 4, 1000, { 1000, 4996 }, 16, 256 },
+        { 65535, 0, 5, { 0, 0 }, 1, 1 },             { 0, 0, 5, { 0, 0 }, 1, 1 },
+        { 777, 0, 5, { 0, 0 }, 1, 1 },
+    };
+    struct sst_sample_counts *counts = malloc(sizeof(*counts));
+    struct sst_samples samples;
     struct sst_image a;
     uint8_t *data;
     size_t size;
 
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
-        bool seen[256] = { false };
-        int left = 0;
-
-        assert_int_equal(sst_map_u16_init(&map, cases[i].count, 2), 0);
-        for (int x = 0; x < 2 * cases[i].count; x++)
-            sst_map_u16_row(&map, x % 2)[x / 2] = (uint16_t)(cases[i].step * (x / 2));
-        assert_int_equal(sst_map_u16_write_png(&map, test_path("deep.png")), 0);
+        put_deep("deep.png", cases[i].black, cases[i].step, cases[i].count);
         assert_int_equal(sst_file_read(test_path("deep.png"), 1 << 20, &data, &size), 0);
-        assert_int_equal(sst_image_count_levels(&levels, data, size, "deep.png"), 0);
-        assert_int_equal(levels.before, cases[i].count);
-        assert_int_equal(levels.after, cases[i].after);
-        assert_int_equal(levels.largest, cases[i].step * (cases[i].count - 1));
-        /* What reading gives has that many. */
-        assert_int_equal(sst_image_decode(&a, data, size, "deep.png"), 0);
-        for (int x = 0; x < a.width; x++)
-            seen[sst_image_row(&a, 1, 0)[x]] = true;
-        for (int v = 0; v < 256; v++)
-            left += seen[v];
-        assert_int_equal(left, levels.after);
-        sst_image_fini(&a);
-        sst_map_u16_fini(&map);
+        memset(counts, 0, sizeof(*counts));
+        assert_int_equal(sst_image_count_samples(counts, data, size, "deep.png"), 1);
+        samples = sst_samples_choose(counts);
+        assert_int_equal(samples.black, cases[i].samples.black);
+        assert_int_equal(samples.white, cases[i].samples.white);
+        for (int scaled = 0; scaled < 2; scaled++) {
+            bool seen[256] = { false };
+            int before, after, left = 0, last = 0;
+
+            sst_samples_levels(&before, &after, counts, scaled ? samples : (struct sst_samples){ 0, 0 });
+            assert_int_equal(before, cases[i].step ? cases[i].count : 1);
+            assert_int_equal(after, scaled ? cases[i].scaled : cases[i].plain);
+            /* What reading gives has that many, in the same order. */
+            assert_int_equal(
+                sst_image_decode_samples(&a, data, size, "deep.png", scaled ? samples : (struct sst_samples){ 0, 0 }),
+                0);
+            for (int x = 0; x < a.width; x++) {
+                assert_true(sst_image_row(&a, 1, 0)[x] >= last);
+                last = sst_image_row(&a, 1, 0)[x];
+                assert_int_equal(sst_image_row(&a, 0, 1)[x], last);
+                seen[last] = true;
+            }
+            for (int v = 0; v < 256; v++)
+                left += seen[v];
+            assert_int_equal(left, after);
+            sst_image_fini(&a);
+        }
         free(data);
     }
+    /* A defective pixel does not take the levels. */
+    memset(counts, 0, sizeof(*counts));
+    for (int v = 100; v < 1100; v++)
+        counts->of[v] = 100;
+    counts->of[65535] = 3;
+    samples = sst_samples_choose(counts);
+    assert_in_range(samples.white, 1098, 1099);
     a = make_image(20, 20);
     assert_int_equal(sst_image_write_png(&a, test_path("flat.png")), 0);
     assert_int_equal(sst_file_read(test_path("flat.png"), 1 << 20, &data, &size), 0);
-    assert_int_equal(sst_image_count_levels(&levels, data, size, "flat.png"), 0);
-    assert_int_equal(levels.before, 0);
-    assert_int_equal(levels.after, 0);
+    assert_int_equal(sst_image_count_samples(counts, data, size, "flat.png"), 0);
     sst_image_fini(&a);
     free(data);
+    free(counts);
+}
+
+static void samples_of_16_bits_round_trip(void **state SST_UNUSED)
+{
+    static const struct sst_samples cases[] = { { 0, 0 }, { 30000, 30255 }, { 7, 4095 } };
+    struct sst_image a = make_image(33, 20), b;
+    uint8_t *data;
+    size_t size;
+
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        assert_int_equal(sst_image_write_samples(&a, cases[i], test_path("s.png")), 0);
+        assert_int_equal(sst_file_read(test_path("s.png"), 1 << 20, &data, &size), 0);
+        assert_int_equal(data[24], 16); /* bit depth */
+        assert_int_equal(sst_image_decode_samples(&b, data, size, "s.png", cases[i]), 0);
+        for (int y = 0; y < a.height; y++) {
+            for (int c = 0; c < 3; c++)
+                assert_memory_equal(sst_image_row(&a, c, y), sst_image_row(&b, c, y), (size_t)a.width);
+        }
+        sst_image_fini(&b);
+        free(data);
+    }
+    sst_image_fini(&a);
+}
+
+static void compared_pictures_are_scaled_alike(void **state SST_UNUSED)
+{
+    struct sst_image a = { 0 }, b = { 0 }, *both[] = { &a, &b };
+    const char *paths[2];
+    char first[SST_PATH_MAX], second[SST_PATH_MAX];
+
+    put_deep("a.png", 2000, 1, 100);
+    put_deep("b.png", 2100, 1, 100);
+    snprintf(first, sizeof(first), "%s", test_path("a.png"));
+    snprintf(second, sizeof(second), "%s", test_path("b.png"));
+    paths[0] = first;
+    paths[1] = second;
+    assert_int_equal(sst_image_read_alike(both, paths, 2), 0);
+    assert_int_equal(sst_image_row(&a, 0, 0)[0], 0);
+    assert_int_equal(sst_image_row(&b, 0, 0)[99], 255);
+    assert_int_equal(sst_image_row(&b, 0, 0)[0], 128);
+    sst_image_fini(&a);
+    sst_image_fini(&b);
+    /* Beside one of 8 bits, as ever. */
+    a = make_image(20, 20);
+    assert_int_equal(sst_image_write_png(&a, second), 0);
+    sst_image_fini(&a);
+    assert_int_equal(sst_image_read_alike(both, paths, 2), 0);
+    assert_int_equal(sst_image_row(&a, 0, 0)[0], 8);
+    sst_image_fini(&a);
+    sst_image_fini(&b);
+    paths[1] = "/nowhere.png";
+    a = b = (struct sst_image){ 0 };
+    assert_int_equal(sst_image_read_alike(both, paths, 2), -ENOENT);
+    assert_null(a.plane[0]);
 }
 
 static void jpeg_stays_close(void **state SST_UNUSED)
@@ -617,7 +705,9 @@ int main(void)
         cmocka_unit_test(both_readers_of_png_agree),
         cmocka_unit_test(both_readers_of_maps_agree),
         cmocka_unit_test(maps_give_the_same_values),
-        cmocka_unit_test(lost_levels_are_counted),
+        cmocka_unit_test(deep_pictures_keep_levels),
+        cmocka_unit_test(samples_of_16_bits_round_trip),
+        cmocka_unit_test(compared_pictures_are_scaled_alike),
         cmocka_unit_test(jpeg_stays_close),
         cmocka_unit_test(cut_and_damaged_files_are_refused),
         cmocka_unit_test(absurd_sizes_are_refused),

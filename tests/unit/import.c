@@ -272,6 +272,74 @@ static void folder_reads_external_maps(void **state SST_UNUSED)
     sst_map_u8_fini(&label);
 }
 
+/* Grey views of 16 bits, 00_00.png ...: view k has the samples base + k ... base + k + span - 1, and one 65535 if hot. */
+static void put_deep(int views, int base, int span, bool hot)
+{
+    for (int k = 0; k < views; k++) {
+        struct sst_map_u16 map;
+        char name[64];
+
+        snprintf(name, sizeof(name), "src/00_%02d.png", k);
+        assert_int_equal(sst_map_u16_init(&map, 200, 100), 0);
+        for (int i = 0; i < 200 * 100; i++)
+            sst_map_u16_row(&map, i / 200)[i % 200] = (uint16_t)(base + k + i * 7919 % span);
+        if (hot)
+            sst_map_u16_row(&map, 50)[50] = 65535;
+        assert_int_equal(sst_map_u16_write_png(&map, in_dir(name)), 0);
+        sst_map_u16_fini(&map);
+    }
+}
+
+static void views_of_16_bits_are_scaled_alike(void **state SST_UNUSED)
+{
+    static const struct {
+        int base, span;
+        bool hot;
+        struct sst_samples samples;
+    } cases[] = {
+        { 30000, 221, false, { 30000, 30222 } }, { 0, 1024, false, { 0, 1025 } }, { 0, 1024, true, { 0, 1025 } },
+        { 65533, 1, false, { 65533, 65535 } },   { 0, 65000, false, { 0, 0 } },
+    };
+    struct sst_import_config cfg = config("folder", "src");
+    struct sst_lightfield lf;
+
+    cfg.rows = 1;
+    cfg.cols = 3;
+    cfg.force = true;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        const int span = cases[i].samples.white - cases[i].samples.black;
+        int before, after;
+
+        put_deep(3, cases[i].base, cases[i].span, cases[i].hot);
+        import_and_load(&cfg, &lf);
+        assert_int_equal(lf.samples.black, cases[i].samples.black);
+        assert_int_equal(lf.samples.white, cases[i].samples.white);
+        for (int k = 0; k < 3; k++) {
+            const int v = cases[i].base + k + 100 * 7919 % cases[i].span - lf.samples.black;
+
+            assert_int_equal(sst_image_row(&lf.views[k].image, 1, 0)[100],
+                             span ? (v * 255 + span / 2) / span : (v * 255 + 32767) / 65535);
+        }
+        assert_int_equal(sst_lightfield_levels(&lf, in_dir("out"), &before, &after), 0);
+        assert_true(span > 255 || span == 0 || before == after);
+        assert_true(after >= 15 || cases[i].span == 1);
+        sst_lightfield_fini(&lf);
+    }
+    /* All samples alike, and views of 8 bits among them: as ever. */
+    for (int mixed = 0; mixed < 2; mixed++) {
+        put_deep(3, 65535, 1, false);
+        for (int k = 1; k < 3; k++)
+            put_image(k == 1 ? "src/00_01.png" : "src/00_02.png", 77, 200, 100);
+        if (mixed)
+            put_deep(1, 500, 200, false);
+        import_and_load(&cfg, &lf);
+        assert_int_equal(lf.samples.white, 0);
+        assert_int_equal(sst_image_row(&lf.views[0].image, 0, 0)[0], mixed ? 2 : 255);
+        assert_int_equal(sst_image_row(&lf.views[1].image, 0, 0)[0], 77);
+        sst_lightfield_fini(&lf);
+    }
+}
+
 static void folder_refuses(void **state SST_UNUSED)
 {
     struct sst_import_config cfg = config("folder", "src");
@@ -478,6 +546,7 @@ int main(void)
         cmocka_unit_test_setup(hci_window_keeps_its_truth, setup),
         cmocka_unit_test_setup(hci_parameters_are_converted, setup),
         cmocka_unit_test_setup(folder_reads_external_maps, setup),
+        cmocka_unit_test_setup(views_of_16_bits_are_scaled_alike, setup),
         cmocka_unit_test_setup(folder_refuses, setup),
         cmocka_unit_test_setup(replacing_is_refused_where_it_would_hurt, setup),
         cmocka_unit_test_setup(export_gives_back_the_same, setup),

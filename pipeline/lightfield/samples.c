@@ -1,0 +1,81 @@
+/* Views of 16 bits: the samples that all of them are scaled from. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/lightfield/lightfield_internal.h"
+
+#define HEADER 25 /* bytes of a PNG up to its bit depth */
+
+static bool is_deep(const char *path)
+{
+    uint8_t head[HEADER] = { 0 };
+    FILE *f = fopen(path, "rb");
+    const bool read = f && fread(head, 1, HEADER, f) == HEADER;
+
+    if (f)
+        fclose(f);
+    return read && !memcmp(head, "\x89PNG", 4) && head[HEADER - 1] == 16;
+}
+
+/* Add a view's samples. @return 1; 0: it has 8 bits */
+static int count_view(struct sst_sample_counts *counts, const struct sst_lightfield *lf, int k, const char *dir)
+{
+    char path[SST_PATH_MAX];
+    uint8_t *data;
+    size_t size;
+    int err = view_path(path, lf, k, dir);
+
+    if (err || !is_deep(path))
+        return err;
+    err = sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+    if (err)
+        return err;
+    err = sst_image_count_samples(counts, data, size, path);
+    free(data);
+    return err;
+}
+
+int sst_lightfield_choose_samples(struct sst_lightfield *lf, const char *dir, const char *name)
+{
+    struct sst_sample_counts *counts = calloc(1, sizeof(*counts));
+    int deep = 0, present = 0, r = counts ? 0 : -ENOMEM;
+
+    lf->samples = (struct sst_samples){ 0, 0 };
+    for (int k = 0; r >= 0 && k < lf->rows * lf->cols; k++) {
+        if (!lf->views[k].present)
+            continue;
+        present++;
+        r = count_view(counts, lf, k, dir);
+        deep += r > 0;
+    }
+    if (r >= 0 && deep && deep < present)
+        sst_log_warning("%s: %d of %d views have 16 bits, the others 8: their samples mean different light; make all "
+                        "of one kind",
+                        name, deep, present);
+    else if (r >= 0 && deep)
+        lf->samples = sst_samples_choose(counts);
+    if (r >= 0 && deep)
+        sst_samples_report(counts, lf->samples, name);
+    if (r == -ENOMEM)
+        sst_log_error("no memory to count the samples of %s", name);
+    free(counts);
+    return r < 0 ? r : 0;
+}
+
+int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, int *before, int *after)
+{
+    struct sst_sample_counts *counts = calloc(1, sizeof(*counts));
+    int r = counts ? count_view(counts, lf, lf->ref_view, dir) : -ENOMEM;
+
+    *before = *after = 0;
+    if (r > 0) {
+        sst_samples_levels(before, after, counts, lf->samples);
+        sst_samples_report(counts, lf->samples, lf->files->view[lf->ref_view].name);
+    }
+    free(counts);
+    return r < 0 ? r : 0;
+}
