@@ -18,13 +18,14 @@ json_t *cli_align_json(const struct sst_lightfield *lf, const struct sst_align_r
         const struct sst_correction *c = &lf->correction[k];
 
         if (!sst_correction_is_none(c))
-            json_array_append_new(views, json_pack("{s:i, s:i, s:f, s:f, s:f, s:f, s:[f, f, f]}", "row", k / lf->cols,
-                                                   "col", k % lf->cols, "right_px", c->shift_x_px, "down_px",
-                                                   c->shift_y_px, "roll_deg", c->roll_deg, "scale", c->scale, "gain",
-                                                   c->gain[0], c->gain[1], c->gain[2]));
+            json_array_append_new(views, json_pack("{s:i, s:i, s:f, s:f, s:f, s:f, s:[f, f, f], s:f}", "row",
+                                                   k / lf->cols, "col", k % lf->cols, "right_px", c->shift_x_px,
+                                                   "down_px", c->shift_y_px, "roll_deg", c->roll_deg, "scale", c->scale,
+                                                   "gain", c->gain[0], c->gain[1], c->gain[2], "falloff", c->falloff));
     }
-    return json_pack("{s:s, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o}", "mode", wanted ? "auto" : "off", "moved",
-                     a->moved, "lit", a->lit, "unmeasured", a->unmeasured, "worst_px", cli_real_json(a->worst_px),
+    return json_pack("{s:s, s:i, s:i, s:i, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o}", "mode", wanted ? "auto" : "off",
+                     "moved", a->moved, "lit", a->lit, "faded", a->faded, "worst_falloff",
+                     cli_real_json(a->worst_falloff), "falloff_sigma", cli_real_json(a->falloff_sigma), "unmeasured", a->unmeasured, "worst_px", cli_real_json(a->worst_px),
                      "worst_gain", cli_real_json(a->worst_gain), "sigma_px", cli_real_json(a->sigma_px), "gain_sigma",
                      cli_real_json(a->gain_sigma), "views", views);
 }
@@ -36,6 +37,9 @@ void cli_print_align(const struct sst_align_report *a)
     if (a->lit)
         printf("the gains of %d views corrected by up to %.0f %% (sigma %.1f), ", a->lit, 100 * a->worst_gain,
                100 * a->gain_sigma);
+    if (a->faded)
+        printf("the fall-off of %d views corrected, up to %.0f %% of the light in the corners (sigma %.1f), ", a->faded,
+               100 * a->worst_falloff, 100 * a->falloff_sigma);
 }
 
 json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir)

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 #include "pipeline/lightfield/rectify/rectify.h"
@@ -24,7 +25,7 @@ static bool moves(const struct sst_correction *c)
 
 bool sst_correction_is_none(const struct sst_correction *c)
 {
-    return !moves(c) && c->gain[0] == 1 && c->gain[1] == 1 && c->gain[2] == 1;
+    return !moves(c) && c->falloff == 0 && c->gain[0] == 1 && c->gain[1] == 1 && c->gain[2] == 1;
 }
 
 bool sst_correction_valid(const struct sst_correction *c)
@@ -34,7 +35,7 @@ bool sst_correction_valid(const struct sst_correction *c)
             return false;
     }
     return fabs(c->shift_x_px) <= SST_CORRECTION_SHIFT_MAX_PX && fabs(c->shift_y_px) <= SST_CORRECTION_SHIFT_MAX_PX &&
-           fabs(c->roll_deg) <= SST_CORRECTION_ROLL_MAX_DEG && fabs(c->scale) <= SST_CORRECTION_SCALE_MAX;
+           fabs(c->roll_deg) <= SST_CORRECTION_ROLL_MAX_DEG && fabs(c->falloff) <= SST_CORRECTION_FALLOFF_MAX && fabs(c->scale) <= SST_CORRECTION_SCALE_MAX;
 }
 
 /* Rotation of directions by `deg` about the optical axis, x towards y. */
@@ -44,6 +45,21 @@ static void roll_matrix(double deg, double m[9])
     const double rows[9] = { c, -s, 0, s, c, 0, 0, 0, 1 };
 
     memcpy(m, rows, sizeof(rows));
+}
+
+/* The polynomial of a calibration that is exp(falloff r2) at thirds of r2 = 1. */
+static void falloff_polynomial(double out[3], double falloff)
+{
+    double a[3][3];
+
+    for (int i = 0; i < 3; i++) {
+        const double r2 = (i + 1) / 3.0;
+
+        out[i] = exp(falloff * r2) - 1;
+        for (int j = 0; j < 3; j++)
+            a[i][j] = pow(r2, j + 1);
+    }
+    sst_stats_solve3(a, out);
 }
 
 /* The picture as that of a camera that is off, and the one that should have been. */
@@ -58,6 +74,8 @@ static void pinhole(const struct sst_lightfield *lf, const struct sst_correction
                                          .cx = 0.5 * (lf->width - 1) + c->shift_x_px,
                                          .cy = 0.5 * (lf->height - 1) + c->shift_y_px };
     memcpy(camera->gain, c->gain, sizeof(camera->gain));
+    if (c->falloff != 0)
+        falloff_polynomial(camera->falloff, c->falloff);
     roll_matrix(c->roll_deg, camera->rotation);
     *calib = (struct sst_calib){ .rows = 1, .cols = 1, .width = lf->width, .height = lf->height, .camera = camera };
     *to = (struct sst_rectified){ .rows = 1,
@@ -153,6 +171,19 @@ int correction_apply(struct sst_lightfield *lf, int view, const struct sst_corre
     return 0;
 }
 
+/* The product to the third power of r2, which is what a calibration has. */
+static void multiply_falloff(double f[3], double falloff)
+{
+    double g[3];
+
+    if (falloff == 0)
+        return;
+    falloff_polynomial(g, falloff);
+    f[2] += f[1] * g[0] + f[0] * g[1] + g[2];
+    f[1] += f[0] * g[0] + g[1];
+    f[0] += g[0];
+}
+
 /* Small turns about x and y shift the picture, one about z rolls it: in rectified axes, before the camera's. */
 static void correct_camera(struct sst_calib_camera *cam, const struct sst_rectified *r, const struct sst_correction *c)
 {
@@ -182,6 +213,7 @@ static void correct_camera(struct sst_calib_camera *cam, const struct sst_rectif
     cam->fy *= 1 + c->scale;
     for (int i = 0; i < 3; i++)
         cam->gain[i] *= c->gain[i];
+    multiply_falloff(cam->falloff, c->falloff);
 }
 
 void correction_calibrate(struct sst_lightfield *lf)

@@ -155,9 +155,10 @@ static json_t *correction_to_json(const struct sst_lightfield *lf)
 
         if (lf->views[k].present && !sst_correction_is_none(c))
             complete &= !json_array_append_new(
-                list, json_pack("{s:i, s:i, s:f, s:f, s:f, s:f, s:[f, f, f]}", "row", k / lf->cols, "col", k % lf->cols,
-                                "right_px", c->shift_x_px, "down_px", c->shift_y_px, "roll_deg", c->roll_deg, "scale",
-                                c->scale, "gain", c->gain[0], c->gain[1], c->gain[2]));
+                list, json_pack("{s:i, s:i, s:f, s:f, s:f, s:f, s:[f, f, f], s:o*}", "row", k / lf->cols, "col",
+                                k % lf->cols, "right_px", c->shift_x_px, "down_px", c->shift_y_px, "roll_deg",
+                                c->roll_deg, "scale", c->scale, "gain", c->gain[0], c->gain[1], c->gain[2], "falloff",
+                                c->falloff != 0 ? json_real(c->falloff) : NULL));
     }
     if (complete)
         return list;
@@ -465,12 +466,14 @@ static int read_view_correction(struct sst_lightfield *lf, const char *path, con
     c.roll_deg = get_double(&r, "roll_deg");
     c.scale = get_double(&r, "scale");
     get_doubles(&r, "gain", c.gain, 3);
+    if (json_object_get(object, "falloff"))
+        c.falloff = get_double(&r, "falloff");
     if (!r.err && !lf->views[k].present)
         fault(&r, "row, col", "are those of no view");
     if (!r.err && !sst_correction_is_none(&lf->correction[k]))
         fault(&r, "row, col", "occur twice");
     if (!r.err && !sst_correction_valid(&c))
-        fault(&r, "right_px, down_px, roll_deg, scale, gain:", "one is out of range");
+        fault(&r, "right_px, down_px, roll_deg, scale, gain, falloff:", "one is out of range");
     finish(&r);
     if (!r.err)
         lf->correction[k] = c;

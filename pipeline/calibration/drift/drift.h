@@ -45,6 +45,9 @@ struct sst_drift_camera {
     double roll_sigma_deg, scale_sigma;
     double gain[3];    /* of linear red, green, blue, from the matches' light; geometric mean of all cameras 1 */
     double gain_sigma; /* relative, of the worst colour; NAN: no matches that are bright enough */
+    double falloff, falloff_sigma; /* light at r from the picture's centre is exp(falloff r2) of that at it, r in half
+                                      diagonals; NAN sigma: not measured */
+    double even_gain[3];           /* gains at the centres of pictures that fall off like this */
     double residual_px; /* RMS of the epipolar error of its pairs */
     bool drifted;       /* off_px is beyond ok_px and 4 sigma, or lost */
     bool lost;          /* enough features, but nothing matches in any neighbour */

@@ -1,7 +1,11 @@
-/* Gains between cameras from matches: windows that show the same surface have the same light.
+/* Gains between cameras, and their fall-off, from matches: windows that show the same surface have the same light.
  *
  * A match of a and b gives log light(b) - log light(a) = g_b - g_a, a colour at a time, g the logs of the gains.
- * Robust least squares over all matches; what matches do not connect has a common gain of its own. */
+ * Robust least squares over all matches; what matches do not connect has a common gain of its own.
+ *
+ * With a fall-off, the mean of the colours is g_b + f_b r_b^2 - g_a - f_a r_a^2: what differs between cameras shows all
+ * over the picture, what all share by the disparity alone, which moves a surface to another distance from the centre.
+ * The gains at the centres follow as above from the light without the fall-off. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -20,13 +24,16 @@
 
 struct ratio {
     int a, b;
-    double log[3];
+    double log[4];     /* red, green, blue, their mean */
+    double r2_a, r2_b; /* squared half diagonals from the centre */
 };
 
+#define MEAN 3
+
 struct solver {
-    int views, count;
-    const struct ratio *ratio;
-    double *normal, *right, *x; /* [views][views] lower half, then its factor; [views]; [views] */
+    int views, size, count; /* size: unknowns, a gain for each view, then a fall-off for each or none */
+    struct ratio *ratio;
+    double *normal, *right, *x; /* [size][size] lower half, then its factor; [size]; [size] */
     double *sort;               /* [count] */
 };
 
@@ -58,6 +65,13 @@ static bool window_light(const struct sst_image *image, const double *light, dou
     return true;
 }
 
+static double radius2(const struct sst_image *image, double x, double y)
+{
+    const double cx = 0.5 * (image->width - 1), cy = 0.5 * (image->height - 1);
+
+    return ((x - cx) * (x - cx) + (y - cy) * (y - cy)) / (cx * cx + cy * cy);
+}
+
 static int collect(struct ratio *out, const struct drift_work *w)
 {
     double light[256];
@@ -75,29 +89,56 @@ static int collect(struct ratio *out, const struct drift_work *w)
             if (!l->used[k] || !window_light(w->view[l->a].image, light, p->x, p->y, la) ||
                 !window_light(w->view[l->b].image, light, p->x + l->m[k].dx, p->y + l->m[k].dy, lb))
                 continue;
-            out[n] = (struct ratio){ .a = l->a, .b = l->b };
-            for (int c = 0; c < 3; c++)
+            out[n] = (struct ratio){ .a = l->a,
+                                     .b = l->b,
+                                     .r2_a = radius2(w->view[l->a].image, p->x, p->y),
+                                     .r2_b = radius2(w->view[l->b].image, p->x + l->m[k].dx, p->y + l->m[k].dy) };
+            for (int c = 0; c < 3; c++) {
                 out[n].log[c] = log(lb[c] / la[c]);
+                out[n].log[MEAN] += out[n].log[c] / 3;
+            }
             n++;
         }
     }
     return n;
 }
 
+/* A match's equation: unknowns and their factors. @return how many */
+static int equation(int unknown[4], double factor[4], const struct solver *s, const struct ratio *r)
+{
+    unknown[0] = r->b;
+    factor[0] = 1;
+    unknown[1] = r->a;
+    factor[1] = -1;
+    if (s->size == s->views)
+        return 2;
+    unknown[2] = s->views + r->b;
+    factor[2] = r->r2_b;
+    unknown[3] = s->views + r->a;
+    factor[3] = -r->r2_a;
+    return 4;
+}
+
 static double misfit(const struct solver *s, const struct ratio *r, int colour)
 {
-    return r->log[colour] - (s->x[r->b] - s->x[r->a]);
+    double f[4], sum = 0;
+    int u[4];
+    const int n = equation(u, f, s, r);
+
+    for (int i = 0; i < n; i++)
+        sum += f[i] * s->x[u[i]];
+    return r->log[colour] - sum;
 }
 
 static double *at(const struct solver *s, int row, int col)
 {
-    return &s->normal[(size_t)row * (size_t)s->views + (size_t)col];
+    return &s->normal[(size_t)row * (size_t)s->size + (size_t)col];
 }
 
 /* Cholesky's factor in place: positive definite by the prior. */
 static void factor(const struct solver *s)
 {
-    for (int i = 0; i < s->views; i++) {
+    for (int i = 0; i < s->size; i++) {
         for (int j = 0; j <= i; j++) {
             double v = *at(s, i, j);
 
@@ -110,13 +151,13 @@ static void factor(const struct solver *s)
 
 static void solve(const struct solver *s, double *v)
 {
-    for (int i = 0; i < s->views; i++) {
+    for (int i = 0; i < s->size; i++) {
         for (int k = 0; k < i; k++)
             v[i] -= *at(s, i, k) * v[k];
         v[i] /= *at(s, i, i);
     }
-    for (int i = s->views; i-- > 0;) {
-        for (int k = i + 1; k < s->views; k++)
+    for (int i = s->size; i-- > 0;) {
+        for (int k = i + 1; k < s->size; k++)
             v[i] -= *at(s, k, i) * v[k];
         v[i] /= *at(s, i, i);
     }
@@ -132,24 +173,29 @@ static double residual_scale(const struct solver *s, int colour)
 /* One round of reweighted least squares. A weak prior fixes what no match does, the mean. */
 static void iterate(const struct solver *s, int colour, double scale)
 {
-    memset(s->normal, 0, (size_t)s->views * (size_t)s->views * sizeof(*s->normal));
-    memset(s->right, 0, (size_t)s->views * sizeof(*s->right));
-    for (int v = 0; v < s->views; v++)
+    memset(s->normal, 0, (size_t)s->size * (size_t)s->size * sizeof(*s->normal));
+    memset(s->right, 0, (size_t)s->size * sizeof(*s->right));
+    for (int v = 0; v < s->size; v++)
         *at(s, v, v) = 1e-6 / (scale * scale);
     for (int i = 0; i < s->count; i++) {
         const struct ratio *r = &s->ratio[i];
         const double t = misfit(s, r, colour) / (TUKEY * scale);
         const double weight = fabs(t) >= 1 ? 0 : (1 - t * t) * (1 - t * t) / (scale * scale);
+        double f[4];
+        int u[4];
+        const int n = equation(u, f, s, r);
 
-        *at(s, r->a, r->a) += weight;
-        *at(s, r->b, r->b) += weight;
-        *at(s, sst_max_int(r->a, r->b), sst_min_int(r->a, r->b)) -= weight;
-        s->right[r->b] += weight * r->log[colour];
-        s->right[r->a] -= weight * r->log[colour];
+        for (int j = 0; j < n; j++) {
+            for (int k = 0; k < n; k++) {
+                if (u[j] >= u[k])
+                    *at(s, u[j], u[k]) += weight * f[j] * f[k];
+            }
+            s->right[u[j]] += weight * f[j] * r->log[colour];
+        }
     }
     factor(s);
     solve(s, s->right);
-    memcpy(s->x, s->right, (size_t)s->views * sizeof(*s->x));
+    memcpy(s->x, s->right, (size_t)s->size * sizeof(*s->x));
 }
 
 /* Sigma of each camera's gain relative to the mean of all, from the last factor. */
@@ -174,58 +220,99 @@ static void add_sigmas(struct sst_drift_camera *camera, const struct solver *s, 
     }
 }
 
-static void solve_colour(struct sst_drift_camera *camera, const struct solver *s, int colour, const int *matches,
-                         double *column)
+/* From loose to the scale of the matches: first gains are not yet known. */
+static void fit(const struct solver *s, int colour)
 {
-    double mean = 0, scale = 0;
+    memset(s->x, 0, (size_t)s->size * sizeof(*s->x));
+    for (int i = 0; i < ROUNDS; i++)
+        iterate(s, colour, fmax(residual_scale(s, colour), i < ROUNDS / 2 ? 0.3 / (1 << i) : 0));
+}
+
+static double mean_gain(const struct solver *s, const int *matches)
+{
+    double mean = 0;
     int n = 0;
 
-    memset(s->x, 0, (size_t)s->views * sizeof(*s->x));
-    for (int i = 0; i < ROUNDS; i++) {
-        /* From loose to the scale of the matches: first gains are not yet known. */
-        scale = fmax(residual_scale(s, colour), i < ROUNDS / 2 ? 0.3 / (1 << i) : 0);
-        iterate(s, colour, scale);
-    }
     for (int v = 0; v < s->views; v++) {
         if (matches[v])
             mean += (s->x[v] - mean) / ++n;
     }
-    for (int v = 0; v < s->views; v++) {
-        if (matches[v])
-            camera[v].gain[colour] = exp(s->x[v] - mean);
+    return mean;
+}
+
+static void solve_gains(struct sst_drift_camera *camera, const struct solver *s, const int *matches, double *column)
+{
+    for (int c = 0; c < 3; c++) {
+        fit(s, c);
+        for (int v = 0; v < s->views; v++) {
+            if (matches[v])
+                camera[v].gain[c] = exp(s->x[v] - mean_gain(s, matches));
+        }
+        add_sigmas(camera, s, matches, column);
     }
-    add_sigmas(camera, s, matches, column);
+}
+
+/* Takes the fall-off out of the light. */
+static void solve_falloffs(struct sst_drift_camera *camera, struct solver *s, const int *matches)
+{
+    const int n = s->views;
+
+    s->size = 2 * n;
+    fit(s, MEAN);
+    for (int v = 0; v < n; v++) {
+        camera[v].falloff = matches[v] ? s->x[n + v] : 0;
+        memset(s->right, 0, (size_t)s->size * sizeof(*s->right));
+        s->right[n + v] = 1;
+        solve(s, s->right);
+        camera[v].falloff_sigma = matches[v] ? sqrt(fmax(s->right[n + v], 0)) : NAN;
+    }
+    for (int i = 0; i < s->count; i++) {
+        struct ratio *r = &s->ratio[i];
+
+        for (int c = 0; c < 3; c++)
+            r->log[c] -= r->r2_b * camera[r->b].falloff - r->r2_a * camera[r->a].falloff;
+    }
+    s->size = n;
+    for (int c = 0; c < 3; c++) {
+        fit(s, c);
+        for (int v = 0; v < n; v++)
+            camera[v].even_gain[c] = matches[v] ? exp(s->x[v] - mean_gain(s, matches)) : 1;
+    }
 }
 
 int drift_solve_gains(struct sst_drift_camera *camera, const struct drift_work *w)
 {
-    const size_t n = (size_t)w->views;
-    struct ratio *ratio = malloc(((size_t)w->links * DRIFT_CELLS + 1) * sizeof(*ratio));
+    const size_t n = 2 * (size_t)w->views;
     int *matches = calloc(n, sizeof(*matches));
     double *column = calloc(n, sizeof(*column));
     struct solver s = { .views = w->views,
-                        .ratio = ratio,
+                        .size = w->views,
+                        .ratio = malloc(((size_t)w->links * DRIFT_CELLS + 1) * sizeof(*s.ratio)),
                         .normal = calloc(n * n, sizeof(double)),
                         .right = calloc(n, sizeof(double)),
                         .x = calloc(n, sizeof(double)) };
     int err = -ENOMEM;
 
     for (int v = 0; v < w->views; v++) {
-        camera[v].gain[0] = camera[v].gain[1] = camera[v].gain[2] = 1;
-        camera[v].gain_sigma = NAN;
+        for (int c = 0; c < 3; c++)
+            camera[v].gain[c] = camera[v].even_gain[c] = 1;
+        camera[v].gain_sigma = camera[v].falloff_sigma = NAN;
+        camera[v].falloff = 0;
     }
-    if (ratio && matches && column && s.normal && s.right && s.x) {
-        s.count = collect(ratio, w);
+    if (s.ratio && matches && column && s.normal && s.right && s.x) {
+        s.count = collect(s.ratio, w);
         s.sort = malloc(((size_t)s.count + 1) * sizeof(*s.sort));
         err = s.sort ? 0 : -ENOMEM;
         for (int i = 0; i < s.count; i++) {
-            matches[ratio[i].a]++;
-            matches[ratio[i].b]++;
+            matches[s.ratio[i].a]++;
+            matches[s.ratio[i].b]++;
         }
-        for (int c = 0; !err && s.count && c < 3; c++)
-            solve_colour(camera, &s, c, matches, column);
+        if (!err && s.count) {
+            solve_gains(camera, &s, matches, column);
+            solve_falloffs(camera, &s, matches);
+        }
     }
-    free(ratio);
+    free(s.ratio);
     free(matches);
     free(column);
     free(s.normal);

@@ -11,6 +11,9 @@
 #define OFF_GAIN   0.12 /* like OFF_PX, of logs: 5 % of the grey levels; hard scenes reach 0.1 */
 #define TILTED     0.5  /* of the variance: deviations that grow with the offsets are no jitter */
 #define MOST_GAIN  1.4  /* like MOST_PX: a factor of 4 */
+#define MOST_FALL  2.0  /* SST_CORRECTION_FALLOFF_MAX */
+#define FALL_APART 0.1  /* RMS of undisturbed scenes' fall-offs about what they share: up to 0.08 */
+#define FALL_SIGMA 2    /* ... of which sigma explains half */
 #define AGREE      3    /* robust sigmas from the median: these make the mean that stays */
 #define ROUNDS     10
 
@@ -89,24 +92,24 @@ static void remove_tilt(struct kind *kind, const struct sst_lightfield *lf)
         kind->value[k] -= v[0] + v[1] * lf->views[k].bx + v[2] * lf->views[k].by;
 }
 
-/* Subtract what all share; 0 what is not significant. */
-static void keep_significant(struct kind *kind, int views, double least, double most)
+/* Subtract what all share; 0 what is not significant. @param all  the array is off */
+static void keep_significant(struct kind *kind, int views, bool all, double least, double most)
 {
     const double common = common_value(kind, views);
     bool off[SST_MAX_VIEWS];
     int n = 0, known = 0;
 
     for (int k = 0; k < views; k++) {
-        const double value = fabs(kind->value[k] -= common);
+        const double value = isnan(kind->value[k]) ? 0 : fabs(kind->value[k] -= common);
 
         off[k] = value > least && value > OFF_SIGMAS * kind->sigma[k] && value <= most;
-        known += !isnan(value);
+        known += !isnan(kind->value[k]);
         n += off[k];
     }
     for (int k = 0; k < views; k++) {
-        const double value = fabs(kind->value[k]);
+        const double value = isnan(kind->value[k]) ? 0 : fabs(kind->value[k]);
 
-        if (!off[k] && !(n > MANY * known && value > kind->sigma[k] && value <= most))
+        if (!value || (!off[k] && !((all || n > MANY * known) && value > kind->sigma[k] && value <= most)))
             kind->value[k] = 0;
     }
 }
@@ -147,7 +150,7 @@ static void plan_places(struct sst_correction *correction, struct sst_align_repo
     report->sigma_px = median_of(kind[0].sigma, views);
     for (int i = 0; i < 4; i++) {
         remove_tilt(&kind[i], lf);
-        keep_significant(&kind[i], views, OFF_PX, MOST_PX);
+        keep_significant(&kind[i], views, false, OFF_PX, MOST_PX);
     }
     for (int k = 0; k < views; k++) {
         const double off = hypot(hypot(kind[0].value[k], kind[1].value[k]), hypot(kind[2].value[k], kind[3].value[k]));
@@ -158,6 +161,51 @@ static void plan_places(struct sst_correction *correction, struct sst_align_repo
         correction[k].scale = kind[3].value[k] / radius;
         report->moved += off > 0;
         report->worst_px = fmax(report->worst_px, off);
+    }
+}
+
+/* RMS of the known values about `middle`. */
+static double rms_about(const struct kind *kind, int views, double middle)
+{
+    double sum = 0;
+    int n = 0;
+
+    for (int k = 0; k < views; k++) {
+        if (!isnan(kind->value[k])) {
+            sum += (kind->value[k] - middle) * (kind->value[k] - middle);
+            n++;
+        }
+    }
+    return n ? sqrt(sum / n) : 0;
+}
+
+/* Fall-offs that differ show all over the pictures. What all share shows by the disparities alone, and glossy surfaces and
+ * foliage feign 0.1 and more of it: it is believed, of lenses that darken the corners, where cameras are apart. */
+static void plan_falloffs(struct sst_correction *correction, struct sst_align_report *report,
+                          const struct sst_lightfield *lf, const struct sst_drift *check)
+{
+    const int views = lf->rows * lf->cols;
+    struct kind kind = { 0 };
+    double common;
+    bool apart;
+
+    for (int k = 0; k < views; k++) {
+        const struct sst_drift_camera *c = &check->camera[k];
+        const bool use = lf->views[k].present && !c->lost && !isnan(c->falloff_sigma);
+
+        kind.value[k] = use ? c->falloff : NAN;
+        kind.sigma[k] = use ? c->falloff_sigma : NAN;
+    }
+    report->falloff_sigma = median_of(kind.sigma, views);
+    common = common_value(&kind, views);
+    apart = rms_about(&kind, views, common) > fmax(FALL_APART, FALL_SIGMA * report->falloff_sigma);
+    keep_significant(&kind, views, apart, OFF_GAIN, MOST_FALL);
+    for (int k = 0; k < views; k++) {
+        const double all = apart && common < -OFF_GAIN && lf->views[k].present && !isnan(kind.sigma[k]) ? common : 0;
+
+        correction[k].falloff = sst_clamp_double(kind.value[k] + all, -MOST_FALL, MOST_FALL);
+        report->faded += correction[k].falloff != 0;
+        report->worst_falloff = fmax(report->worst_falloff, fabs(1 - exp(correction[k].falloff)));
     }
 }
 
@@ -174,10 +222,10 @@ static void plan_gains(struct sst_correction *correction, struct sst_align_repor
             const struct sst_drift_camera *c = &check->camera[k];
             const bool use = lf->views[k].present && !c->lost && !isnan(c->gain_sigma);
 
-            kind.value[k] = use ? log(c->gain[colour]) : NAN;
+            kind.value[k] = use ? log(report->faded ? c->even_gain[colour] : c->gain[colour]) : NAN;
             kind.sigma[k] = sigma[k] = use ? c->gain_sigma : NAN;
         }
-        keep_significant(&kind, views, OFF_GAIN, MOST_GAIN);
+        keep_significant(&kind, views, false, OFF_GAIN, MOST_GAIN);
         for (int k = 0; k < views; k++)
             correction[k].gain[colour] = exp(kind.value[k]);
     }
@@ -198,5 +246,6 @@ void sst_align_plan(struct sst_correction *correction, struct sst_align_report *
     for (int k = 0; k < lf->rows * lf->cols; k++)
         correction[k] = sst_correction_none();
     plan_places(correction, report, lf, check);
+    plan_falloffs(correction, report, lf, check);
     plan_gains(correction, report, lf, check);
 }

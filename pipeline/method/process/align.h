@@ -10,19 +10,23 @@ struct sst_align_report {
     int moved, lit;    /* views whose picture was moved, whose gain was changed; 0: nothing significant */
     double worst_px;   /* largest displacement that was undone, RMS over the picture */
     double worst_gain; /* largest |gain - 1| that was undone */
+    int faded;            /* views whose fall-off towards the corners was undone */
+    double worst_falloff; /* largest |share of the light| that the corners of one of them lost */
     double sigma_px;   /* median over the views of the displacements' sigma; NAN: nothing was measured */
     double gain_sigma; /* the same of the gains */
+    double falloff_sigma; /* the same of the logs of the light in the corners */
     int unmeasured;    /* views that too few matches tie to the others */
 };
 
 /**
  * Corrections of all views from the matches between them.
  *
- * Test, for shifts along both axes, rolls, scales and gains one by one: a view is off, and corrected, beyond 0.3 px
- * (RMS over the picture; gains: 12 % of the light) and 6 sigma. Where more than a quarter of the views are off, all
- * beyond 1 sigma are corrected. Views that are off by more than 8 px are not: their scene is another one, or they are
- * in a wrong place. What all views share is not observable: the mean of those that agree stays; so does a displacement
- * that grows with the views' offsets, which meshes feign.
+ * Test, for shifts along both axes, rolls, scales, gains and fall-offs one by one: a view is off, and corrected, beyond
+ * 0.3 px (RMS over the picture; gains and fall-offs: 12 % of the light) and 6 sigma. Where more than a quarter of the
+ * views are off, all beyond 1 sigma are corrected; so are fall-offs whose RMS is beyond 10 % and 2 sigma. Views that are
+ * off by more than 8 px are not: their scene is another one, or they are in a wrong place. What all views share is not
+ * observable: the mean of those that agree stays, but for a fall-off beside which the cameras' own are significant; so
+ * does a displacement that grows with the views' offsets, which meshes feign.
  *
  * @param correction  out, [rows * cols]
  */
