@@ -372,9 +372,9 @@ const struct cli_command cli_process = {
         "tests no other disparity where the first one explains the colours; labels runs the network on one view\n"
         "in three if the others show the same surfaces. Presets skip all that suits them; `--skip none` computes\n"
         "everything.\n"
-        "--align auto (the default) estimates from the scene by how much pictures are displaced, rolled or brighter\n"
-        "and corrects what is significant, also whenever the light field is loaded later; the views' files stay as\n"
-        "they are. Views that cannot be of this scene are named in a warning.\n"
+        "--align auto (the default) estimates from the scene by how much pictures are displaced, rolled, brighter or\n"
+        "darker in the corners and corrects what is significant, also whenever the light field is loaded later; the\n"
+        "views' files stay as they are. Views that cannot be of this scene are named in a warning.\n"
         "--shard lets several processes, on machines that share a folder, process many light fields: each is claimed\n"
         "by one of them; those of a worker that ended are taken over; those that were done by the same options before\n"
         "are skipped. The state lies in .process in each light field.",

@@ -13,36 +13,42 @@
 #include "pipeline/method/process/process.h"
 #include "simulators/scene/scene.h"
 #include "tests/folder.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
-#define WIDTH  240
-#define HEIGHT 180
-#define SIDE   4
+#define WIDTH  200
+#define HEIGHT 150
+#define SIDE   3
 #define VIEWS  (SIDE * SIDE)
 
 static struct sst_lightfield scene_views; /* images alone */
 
-static int setup(void **state)
+static void draw(struct sst_lightfield *lf, int side, int width, int height)
 {
     struct sst_scene_config cfg;
     struct sst_scene *scene;
 
     sst_scene_config_defaults(&cfg);
-    cfg.width = WIDTH;
-    cfg.height = HEIGHT;
-    cfg.rows = cfg.cols = SIDE;
+    cfg.width = width;
+    cfg.height = height;
+    cfg.rows = cfg.cols = side;
     assert_int_equal(sst_scene_create(&scene, "pedestrian", &cfg), 0);
-    assert_int_equal(sst_lightfield_init(&scene_views, SIDE, SIDE), 0);
-    scene_views.width = WIDTH;
-    scene_views.height = HEIGHT;
-    for (int k = 0; k < VIEWS; k++) {
-        struct sst_view *v = &scene_views.views[k];
+    assert_int_equal(sst_lightfield_init(lf, side, side), 0);
+    lf->width = width;
+    lf->height = height;
+    for (int k = 0; k < side * side; k++) {
+        struct sst_view *v = &lf->views[k];
 
         v->present = true;
-        assert_int_equal(sst_image_init(&v->image, WIDTH, HEIGHT), 0);
+        assert_int_equal(sst_image_init(&v->image, width, height), 0);
         assert_int_equal(sst_scene_render(scene, v->bx, v->by, 0, &v->image, NULL, NULL), 0);
     }
     sst_scene_destroy(scene);
+}
+
+static int setup(void **state)
+{
+    draw(&scene_views, SIDE, WIDTH, HEIGHT);
     return test_folder_create(state);
 }
 
@@ -156,6 +162,65 @@ static double difference(const struct sst_image *a, const struct sst_image *b)
     return (double)sum / ((WIDTH - 16) * (HEIGHT - 16));
 }
 
+/* Light that falls off by a view's own exp(falloff r2), by levels: less in the corners. */
+static void fade(struct sst_image *image, double falloff)
+{
+    const double cx = 0.5 * (WIDTH - 1), cy = 0.5 * (HEIGHT - 1);
+
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++) {
+            const double r2 = ((x - cx) * (x - cx) + (y - cy) * (y - cy)) / (cx * cx + cy * cy);
+
+            for (int c = 0; c < 3; c++) {
+                uint8_t *v = &sst_image_row(image, c, y)[x];
+                const double light = exp(falloff * r2) * sst_srgb_to_light(*v / 255.0);
+
+                *v = (uint8_t)floor(
+                    255 * (light <= 0.0031308 ? 12.92 * light : 1.055 * pow(light, 1 / 2.4) - 0.055) + 0.5);
+            }
+        }
+    }
+}
+
+static void falloffs_are_found_and_undone(void **state SST_UNUSED)
+{
+    struct sst_correction c[VIEWS];
+    struct sst_judgement judgement;
+    struct sst_align_report report;
+    struct sst_lightfield lf;
+
+    copy_views(&lf);
+    for (int k = 0; k < VIEWS; k++)
+        fade(&lf.views[k].image, -0.12 * (k * 5 % VIEWS));
+    plan(c, &report, &judgement, &lf);
+    assert_true(report.faded >= VIEWS - 1 && report.falloff_sigma < 0.1);
+    for (int k = 0; k < VIEWS; k++) {
+        if (fabs(c[k].falloff + 0.12 * (k * 5 % VIEWS)) > 0.2)
+            fail_msg("view %d: %.3f for %.3f", k, c[k].falloff, -0.12 * (k * 5 % VIEWS));
+    }
+    assert_int_equal(sst_lightfield_correct(&lf, c, 2), 0);
+    for (int k = 0; k < VIEWS; k++)
+        assert_true(difference(&lf.views[k].image, &scene_views.views[k].image) < 4);
+    sst_lightfield_fini(&lf);
+}
+
+/* ... of one lens: not to be told from what the scene feigns. */
+static void a_common_falloff_stays(void **state SST_UNUSED)
+{
+    struct sst_correction c[VIEWS];
+    struct sst_judgement judgement;
+    struct sst_align_report report;
+    struct sst_lightfield lf;
+
+    copy_views(&lf);
+    for (int k = 0; k < VIEWS; k++) {
+        fade(&lf.views[k].image, -0.4);
+    }
+    plan(c, &report, &judgement, &lf);
+    assert_int_equal(report.faded, 0);
+    sst_lightfield_fini(&lf);
+}
+
 static void corrections_undo(void **state SST_UNUSED)
 {
     struct sst_correction c[VIEWS];
@@ -191,8 +256,8 @@ static void rolls_are_measured_as_they_are_undone(void **state SST_UNUSED)
     copy_views(&lf);
     for (int k = 0; k < VIEWS; k++) {
         turn[k] = sst_correction_none();
-        turn[k].roll_deg = k % 2 ? 0.5 : -0.5;
-        turn[k].scale = k / 4 % 2 ? 0.006 : -0.006;
+        turn[k].roll_deg = 0.5 * ((k + k / SIDE) % SIDE - 1); /* no plane over the offsets, which would stay */
+        turn[k].scale = 0.008 * ((k + 2 * (k / SIDE)) % SIDE - 1);
     }
     assert_int_equal(sst_lightfield_correct(&lf, turn, 2), 0); /* now they are rolled the other way */
     plan(found, &report, &judgement, &lf);
@@ -226,7 +291,7 @@ static void a_folder_keeps_its_correction(void **state SST_UNUSED)
         assert_int_equal(sst_image_write_png(&lf.views[k].image, test_path("%s", path)), 0);
         c[k] = sst_correction_none();
     }
-    c[5] = (struct sst_correction){ 0.25, -1.5, 0.125, 0.001, { 1.25, 1, 0.75 } };
+    c[5] = (struct sst_correction){ 0.25, -1.5, 0.125, 0.001, { 1.25, 1, 0.75 }, -0.25 };
     assert_int_equal(sst_lightfield_correct(&lf, c, 2), 0);
     lf.files->judged = true;
     snprintf(lf.files->implausible, sizeof(lf.files->implausible), "a test");
@@ -253,7 +318,7 @@ static void a_folder_keeps_its_correction(void **state SST_UNUSED)
 
 static enum sst_judge_fault fault_of(const struct sst_lightfield *lf, int view, char *sentence)
 {
-    struct sst_correction c[VIEWS];
+    struct sst_correction c[SST_MAX_VIEWS];
     struct sst_judgement judgement;
     struct sst_align_report report;
 
@@ -278,19 +343,28 @@ static void views_at_fault_are_named(void **state SST_UNUSED)
     char sentence[512];
 
     copy_views(&lf);
-    perturb(&lf.views[9].image, &scene_views.views[9].image, 0, 0); /* black */
-    assert_int_equal(fault_of(&lf, 9, sentence), SST_VIEW_BLANK);
+    perturb(&lf.views[7].image, &scene_views.views[7].image, 0, 0); /* black */
+    assert_int_equal(fault_of(&lf, 7, sentence), SST_VIEW_BLANK);
     assert_non_null(strstr(sentence, "row 2, column 1"));
-    assert_int_equal(sst_view_copy(&lf.views[9], &(struct sst_view){ .present = true,
-                                                                     .bx = lf.views[9].bx,
-                                                                     .by = lf.views[9].by,
-                                                                     .image = scene_views.views[10].image }),
+    assert_int_equal(sst_view_copy(&lf.views[7], &(struct sst_view){ .present = true,
+                                                                     .bx = lf.views[7].bx,
+                                                                     .by = lf.views[7].by,
+                                                                     .image = scene_views.views[8].image }),
                      0);
-    assert_true(fault_of(&lf, 9, sentence) == SST_VIEW_DOUBLED || fault_of(&lf, 10, sentence) == SST_VIEW_DOUBLED);
-    perturb(&lf.views[9].image, &scene_views.views[9].image, 20, 1); /* far too low */
-    assert_true(fault_of(&lf, 9, sentence) != SST_VIEW_FINE);
+    assert_true(fault_of(&lf, 7, sentence) == SST_VIEW_DOUBLED || fault_of(&lf, 8, sentence) == SST_VIEW_DOUBLED);
+    perturb(&lf.views[7].image, &scene_views.views[7].image, 20, 1); /* far too low */
+    assert_true(fault_of(&lf, 7, sentence) != SST_VIEW_FINE);
     assert_non_null(strstr(sentence, "row 2, column 1"));
-    perturb(&lf.views[9].image, &scene_views.views[9].image, 0, 1);
+    sst_lightfield_fini(&lf);
+}
+
+/* Takes more views, and more pixels. */
+static void swapped_views_are_named(void **state SST_UNUSED)
+{
+    struct sst_lightfield lf;
+    char sentence[512];
+
+    draw(&lf, 4, 240, 180);
     swap_images(&lf, 5, 11);
     assert_int_equal(fault_of(&lf, 5, sentence), SST_VIEW_SWAPPED);
     assert_int_equal(fault_of(&lf, 11, sentence), SST_VIEW_SWAPPED);
@@ -325,12 +399,12 @@ static void unconfirmed_maps_are_implausible(void **state SST_UNUSED)
     for (int k = 0; k < VIEWS; k++) {
         judgement.view[k].other = -1;
         assert_int_equal(sst_map_u8_init(&lf.views[k].confidence, WIDTH, HEIGHT), 0);
-        memset(lf.views[k].confidence.data, k == 6 ? 0 : 200, lf.views[k].confidence.stride * (size_t)HEIGHT);
+        memset(lf.views[k].confidence.data, k == 5 ? 0 : 200, lf.views[k].confidence.stride * (size_t)HEIGHT);
     }
     sst_judge_maps(&judgement, &lf, 100 * sst_lightfield_confirmed(&lf, 2));
-    assert_true(!judgement.plausible && judgement.view[6].fault == SST_VIEW_UNCONFIRMED && judgement.faulty == 1);
+    assert_true(!judgement.plausible && judgement.view[5].fault == SST_VIEW_UNCONFIRMED && judgement.faulty == 1);
     assert_non_null(strstr(judgement.sentence, "row 1, column 2"));
-    memset(lf.views[6].confidence.data, 200, lf.views[6].confidence.stride * (size_t)HEIGHT);
+    memset(lf.views[5].confidence.data, 200, lf.views[5].confidence.stride * (size_t)HEIGHT);
     judgement = (struct sst_judgement){ .judged = true, .plausible = true };
     sst_judge_maps(&judgement, &lf, 100);
     assert_true(judgement.judged && judgement.plausible && !judgement.faulty);
@@ -344,12 +418,15 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_is_straight_stays),
-        cmocka_unit_test(displacements_and_gains_are_found),
+        plain_test(displacements_and_gains_are_found),
+        cmocka_unit_test(falloffs_are_found_and_undone),
+        plain_test(a_common_falloff_stays),
         cmocka_unit_test(corrections_undo),
-        cmocka_unit_test(rolls_are_measured_as_they_are_undone),
+        plain_test(rolls_are_measured_as_they_are_undone),
         cmocka_unit_test(a_folder_keeps_its_correction),
         cmocka_unit_test(views_at_fault_are_named),
-        cmocka_unit_test(noise_is_no_light_field),
+        plain_test(swapped_views_are_named),
+        plain_test(noise_is_no_light_field),
         cmocka_unit_test(unconfirmed_maps_are_implausible),
     };
 

@@ -12,6 +12,7 @@
 #include "base/log.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/calibrated.h"
+#include "pipeline/lightfield/correction.h"
 #include "pipeline/lightfield/import.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/render/render.h"
@@ -229,6 +230,78 @@ static void light_is_corrected(void **state SST_UNUSED)
 
         assert_true(worst_error(&lf, k, &rms) < 3);
         assert_true(rms < 0.8);
+    }
+    sst_lightfield_fini(&lf);
+    sst_calib_fini(&calib);
+}
+
+/* Turn a camera's calibration away from what its frames are of, by what `c` undoes: in rectified axes, small. */
+static void misplace(struct sst_calib_camera *cam, const struct sst_rectified *to, const struct sst_correction *c)
+{
+    const double w[3] = { c->shift_y_px / to->focal_px, -c->shift_x_px / to->focal_px, -c->roll_deg * (M_PI / 180) };
+    const double true_rotation[9] = { cam->rotation[0], cam->rotation[1], cam->rotation[2],
+                                      cam->rotation[3], cam->rotation[4], cam->rotation[5],
+                                      cam->rotation[6], cam->rotation[7], cam->rotation[8] };
+    double in_rig[3], turn[9];
+
+    for (int i = 0; i < 3; i++)
+        in_rig[i] = to->rotation[i] * w[0] + to->rotation[3 + i] * w[1] + to->rotation[6 + i] * w[2];
+    sst_rotation_from_vector(in_rig, turn);
+    for (int i = 0; i < 9; i++) {
+        cam->rotation[i] = 0;
+        for (int k = 0; k < 3; k++)
+            cam->rotation[i] += true_rotation[i / 3 * 3 + k] * turn[3 * k + i % 3];
+    }
+    cam->fx *= 1 - c->scale;
+    cam->fy *= 1 - c->scale;
+}
+
+/* A correction beside a calibration turns the cameras as the displacement says, and multiplies light. */
+static void a_correction_corrects_the_calibration(void **state SST_UNUSED)
+{
+    struct sst_correction c[ROWS * COLS];
+    struct sst_calib calib = bad_array();
+    struct sst_lightfield lf;
+    double rms;
+
+    for (int k = 0; k < ROWS * COLS; k++) { /* what the frames have, and the calibration does not know */
+        const double f = -0.1 * k;
+
+        calib.camera[k].gain[1] = 1 + 0.05 * k;
+        calib.camera[k].falloff[0] = f;
+        calib.camera[k].falloff[1] = f * f / 2;
+    }
+    take_frames(&calib);
+    make("lf");
+    assert_int_equal(sst_lightfield_load(&lf, test_path("lf"), 0, 2), 0);
+    for (int k = 0; k < ROWS * COLS; k++) {
+        c[k] = sst_correction_none();
+        if (k != calib.reference)
+            c[k] = (struct sst_correction){ 1.5 - k, 0.5 * k, 0.4 * (k % 3 - 1), 0.004 * (k % 2), { 1, 1, 1 } };
+        misplace(&calib.camera[k], lf.rectified, &c[k]);
+        c[k].gain[1] = calib.camera[k].gain[1];
+        c[k].falloff = calib.camera[k].falloff[0];
+        calib.camera[k].gain[1] = 1;
+        calib.camera[k].falloff[0] = calib.camera[k].falloff[1] = 0;
+    }
+    sst_lightfield_fini(&lf);
+    assert_int_equal(sst_calib_write(&calib, test_path("calib.yaml")), 0);
+    make("lf");
+    assert_int_equal(sst_lightfield_load(&lf, test_path("lf"), SST_LOAD_IMAGES, 2), 0);
+    for (int k = 0; k < ROWS * COLS; k++) {
+        (void)worst_error(&lf, k, &rms);
+        assert_true(!k || k == lf.ref_view || rms > 2);
+    }
+    lf.correction = malloc(sizeof(c));
+    memcpy(lf.correction, c, sizeof(c));
+    assert_int_equal(sst_lightfield_save_maps(&lf, test_path("lf"), 2), 0);
+    sst_lightfield_fini(&lf);
+    assert_int_equal(sst_lightfield_load(&lf, test_path("lf"), SST_LOAD_IMAGES, 2), 0);
+    for (int k = 0; k < ROWS * COLS; k++) {
+        const double worst = worst_error(&lf, k, &rms);
+
+        if (rms > 0.6) /* the worst ones are on the border of what the frame shows */
+            fail_msg("view %d: worst %.2f, RMS %.3f levels", k, worst, rms);
     }
     sst_lightfield_fini(&lf);
     sst_calib_fini(&calib);
@@ -504,6 +577,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         serial_test(rectified_views_show_the_plane), serial_test(light_is_corrected),
+        cmocka_unit_test(a_correction_corrects_the_calibration),
         cmocka_unit_test(threads_raw_and_bake),      cmocka_unit_test(maps_and_versions),
         cmocka_unit_test(what_does_not_fit),         serial_test(rays_from_outside_do_not_count),
         serial_test(borders_do_not_match),           cmocka_unit_test(damaged_folders),
