@@ -11,6 +11,7 @@
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/external_maps.h"
 #include "pipeline/lightfield/folder.h"
+#include "pipeline/lightfield/share.h"
 #include "pipeline/method/network/model_path.h"
 #include "pipeline/method/process/process.h"
 #include "pipeline/method/render/focus.h"
@@ -23,7 +24,8 @@ struct wanted {
     bool correct, several; /* of `align`; more than one light field */
 };
 
-#define STATE ".process" /* folder of a light field: its claim by workers */
+#define STEPS ".process-views" /* folder of a light field: maps that workers exchange */
+#define STATE ".process"       /* folder of a light field: its claim by workers */
 
 static void progress(void *arg SST_UNUSED, const char *stage, double done)
 {
@@ -138,30 +140,21 @@ static int load(struct sst_lightfield *lf, const char *dir, const struct wanted 
     return err;
 }
 
-/* Compute the maps and store them. */
-static int process(struct sst_lightfield *lf, const char *dir, struct sst_process_config *cfg, const char *hand_label,
-                   struct sst_process_report *report, struct sst_process_time *saving)
+/* Compute the maps. */
+static int compute(struct sst_lightfield *lf, struct sst_process_config *cfg, const char *hand_label,
+                   struct sst_process_extras *extras, struct sst_process_report *report)
 {
-    struct sst_process_extras extras = { 0 };
     struct sst_map_u8 truth = { 0 };
-    struct sst_process_time clock;
     int err = hand_label && cfg->model ? sst_map_u8_read_png(&truth, hand_label) : 0;
 
     cfg->hand_label = truth.data ? &truth : NULL;
-    err = err ? err : sst_process(lf, cfg, &extras, report);
+    err = err ? err : sst_process(lf, cfg, extras, report);
     if (!err) {
         lf->files->judged = report->judgement.judged;
         lf->files->plausible = report->judgement.plausible;
         snprintf(lf->files->implausible, sizeof(lf->files->implausible), "%s", report->judgement.sentence);
     }
-    sst_process_lap(&clock);
-    if (!err) {
-        progress(NULL, "saving", 0.99);
-        err = sst_process_save(lf, &extras, dir, cfg->threads);
-    }
-    *saving = sst_process_lap(&clock);
     sst_map_u8_fini(&truth);
-    sst_process_extras_fini(&extras);
     return err;
 }
 
@@ -189,56 +182,133 @@ struct job {
     struct sst_process_config cfg;
     struct wanted w;
     const char *preset;
+    const struct cli_shard *shard;
     char *const *dir; /* of the light fields */
+    char **state;     /* of their claims */
+    const char *text; /* of the job */
+    bool split;       /* workers share views, not light fields */
 };
+
+/* A light field whose maps are computed. */
+struct computed {
+    const struct job *job;
+    const char *dir;
+    struct sst_lightfield lf;
+    struct sst_process_extras extras;
+    struct sst_process_report report;
+    struct sst_process_time load;
+};
+
+/* Store the maps and report. */
+static int save(void *arg, int i SST_UNUSED, bool again)
+{
+    const struct computed *c = arg;
+    struct sst_process_time clock = { 0, 0 }, saving;
+    int err;
+
+    if (again)
+        sst_path_remove_temporaries(c->dir);
+    sst_process_lap(&clock);
+    progress(NULL, "saving", 0.99);
+    err = sst_process_save(&c->lf, &c->extras, c->dir, c->job->cfg.threads);
+    saving = sst_process_lap(&clock);
+    cli_progress_end();
+    return cli_exit_code(err ? err : print_report(&c->lf, &c->report, c->load, saving, c->dir, &c->job->w));
+}
+
+/* Of the workers that share the views, one saves. */
+static int save_once(struct computed *c, int i)
+{
+    char *const *state = &c->job->state[i];
+    const struct cli_pieces piece = { 1, &c->job->dir[i], state, c->job->text, save, c };
+
+    return cli_shard_run(c->job->shard, &piece);
+}
 
 static int process_one(void *arg, int i, bool again)
 {
     const struct job *job = arg;
     struct sst_process_config cfg = job->cfg;
     const struct wanted *w = &job->w;
-    const char *dir = job->dir[i];
-    struct sst_process_report report;
-    struct sst_lightfield lf = { 0 };
+    struct computed c = { .job = job, .dir = job->dir[i] };
+    struct sst_process_time clock = { 0, 0 };
     char pspnet[SST_PATH_MAX];
-    struct sst_process_time clock = { 0, 0 }, load_time, save_time;
-    int err;
+    int err, code;
 
     if (again)
-        sst_path_remove_temporaries(dir);
+        sst_path_remove_temporaries(c.dir);
     sst_process_lap(&clock);
-    err = load(&lf, dir, w, cfg.threads);
-    load_time = sst_process_lap(&clock);
-    if (!err && (w->model || (!w->no_labels && !lf.files->external_labels))) {
+    err = load(&c.lf, c.dir, w, cfg.threads);
+    c.load = sst_process_lap(&clock);
+    if (!err && (w->model || (!w->no_labels && !c.lf.files->external_labels))) {
         err = w->model ? sst_model_resolve(pspnet, w->model) : sst_model_path(pspnet, "pspnet-small.onnx");
-        if (!lf.files->external_labels)
+        if (!c.lf.files->external_labels)
             cfg.model = pspnet;
     }
     if (!err) {
-        snprintf(lf.files->history, sizeof(lf.files->history), "preset %s, labels %s, disparity %s", job->preset,
-                 lf.files->external_labels ? "given"
-                 : w->no_labels            ? "none"
-                                           : sst_path_base(cfg.model),
-                 lf.files->external_disparity ? "given" : "matched");
-        cfg.keep_disparity = lf.files->external_disparity;
-        err = process(&lf, dir, &cfg, w->hand_label, &report, &save_time);
+        snprintf(c.lf.files->history, sizeof(c.lf.files->history), "preset %s, labels %s, disparity %s", job->preset,
+                 c.lf.files->external_labels ? "given"
+                 : w->no_labels              ? "none"
+                                             : sst_path_base(cfg.model),
+                 c.lf.files->external_disparity ? "given" : "matched");
+        cfg.keep_disparity = c.lf.files->external_disparity;
+        err = compute(&c.lf, &cfg, w->hand_label, &c.extras, &c.report);
     }
     cli_progress_end();
-    err = err ? err : print_report(&lf, &report, load_time, save_time, dir, w);
-    sst_lightfield_fini(&lf);
-    return cli_exit_code(err);
+    code = err ? cli_exit_code(err) : job->split ? save_once(&c, i) : save(&c, i, false);
+    sst_process_extras_fini(&c.extras);
+    sst_lightfield_fini(&c.lf);
+    return code;
+}
+
+static bool is_done(const struct job *job, int i)
+{
+    struct sst_claim_info info;
+
+    return !sst_claim_look(&info, job->state[i]) && info.state == SST_CLAIM_DONE && !strcmp(info.job, job->text);
+}
+
+/* With the other workers, view by view. What they exchanged is removed at the end. */
+static int process_together(struct job *job, int i)
+{
+    const struct cli_shard *shard = job->shard;
+    char steps[SST_PATH_MAX], said[SST_LOG_MAX];
+    int code;
+
+    if (is_done(job, i))
+        return CLI_OK;
+    code = cli_exit_code(sst_path_join(steps, job->dir[i], STEPS));
+    code = code ? code
+                : cli_exit_code(sst_share_open(&job->cfg.share, steps, job->text, shard->index, shard->count,
+                                               (int)(shard->lease_s * 1000)));
+    if (code)
+        return code;
+    sst_log_hold_errors(said);
+    said[0] = 0;
+    code = process_one(job, i, false);
+    sst_log_hold_errors(NULL);
+    if (code && is_done(job, i)) /* the others have ended, and removed what was to be read */
+        code = CLI_OK;
+    if (code && said[0])
+        sst_log_error("%s", said);
+    if (!code)
+        sst_path_remove_tree(steps);
+    sst_share_close(job->cfg.share);
+    job->cfg.share = NULL;
+    return code;
 }
 
 /* One after the other; one that fails does not keep the others from being processed. @return the first exit code */
-static int process_all(struct job *job, char *const *state, int count)
+static int process_all(struct job *job, int count)
 {
     int code = CLI_OK;
 
     for (int i = 0; i < count; i++) {
         int r;
 
-        sst_path_remove_tree(state[i]); /* of shared work, which this replaces */
-        r = process_one(job, i, false);
+        if (!job->split)
+            sst_path_remove_tree(job->state[i]); /* of shared work, which this replaces */
+        r = job->split ? process_together(job, i) : process_one(job, i, false);
         code = code ? code : r;
     }
     return code;
@@ -252,26 +322,28 @@ static void free_names(char **name, int count)
 }
 
 /* Process the light fields of the command line, shared with other processes or alone. */
-static int process_listed(struct job *job, const struct cli_shard *shard, const char **dir, int count, const char *text)
+static int process_listed(struct job *job, int count)
 {
-    char **state = calloc((size_t)count, sizeof(*state)), path[SST_PATH_MAX];
-    int r = state ? CLI_OK : CLI_MEMORY;
+    const struct cli_shard *shard = job->shard;
+    char path[SST_PATH_MAX];
+    int r;
 
+    job->state = calloc((size_t)count, sizeof(*job->state));
+    r = job->state ? CLI_OK : CLI_MEMORY;
     for (int i = 0; !r && i < count; i++) {
-        r = cli_exit_code(sst_path_join(path, dir[i], STATE));
-        state[i] = r ? NULL : strdup(path);
-        r = r || state[i] ? r : CLI_MEMORY;
+        r = cli_exit_code(sst_path_join(path, job->dir[i], STATE));
+        job->state[i] = r ? NULL : strdup(path);
+        r = r || job->state[i] ? r : CLI_MEMORY;
     }
-    job->dir = (char *const *)(uintptr_t)dir;
     job->w.several = count > 1;
     if (!r) {
-        const struct cli_pieces pieces = { count, job->dir, state, text, process_one, job };
+        const struct cli_pieces pieces = { count, job->dir, job->state, job->text, process_one, job };
 
-        r = shard->status  ? cli_shard_status(&pieces, job->w.json)
-            : shard->count ? cli_shard_run(shard, &pieces)
-                           : process_all(job, state, count);
+        r = shard->status                 ? cli_shard_status(&pieces, job->w.json)
+            : shard->count && !job->split ? cli_shard_run(shard, &pieces)
+                                          : process_all(job, count);
     }
-    free_names(state, count);
+    free_names(job->state, count);
     return r;
 }
 
@@ -291,6 +363,8 @@ static int read_options(const struct cli_command *cmd, struct job *job, const st
                                                : "hand-label");
     if (strcmp(w->align, "auto") && strcmp(w->align, "off"))
         return cli_usage_error(cmd, "--align is auto or off, not %s", w->align);
+    if (job->split && !job->shard->count)
+        return cli_usage_error(cmd, "--split-views belongs to --shard");
     w->correct = cfg->align = !strcmp(w->align, "auto");
     r = cli_exit_code(cli_matching_config(&cfg->disparity, m, mccnn));
     if (r)
@@ -308,12 +382,13 @@ static int read_options(const struct cli_command *cmd, struct job *job, const st
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
+    struct cli_shard shard = CLI_SHARD_DEFAULTS;
     struct job job = {
         .cfg = { .eps_h = -1, .accuracy_weight = 4, .refine = true, .skip_labels = true, .progress = progress },
         .w = { .align = "auto", .range_min = NAN, .range_max = NAN },
+        .shard = &shard,
     };
     struct cli_matching m = CLI_MATCHING_DEFAULTS;
-    struct cli_shard shard = CLI_SHARD_DEFAULTS;
     bool no_refine = false;
     const struct cli_option options[] = {
         CLI_MATCHING_OPTIONS(m),
@@ -335,8 +410,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "auto: pictures that are displaced or have other gains are corrected; off: not" },
         { "json", 0, CLI_FLAG, &job.w.json, NULL, "print one JSON object; of several light fields a line each" },
         CLI_SHARD_OPTIONS(shard),
+        { "split-views", 0, CLI_FLAG, &job.split, NULL,
+          "with --shard: workers share the views of each light field: for few large ones" },
     };
-    static const char *const same[] = { CLI_SHARD_NAMES, "threads", "json", NULL };
+    static const char *const same[] = { CLI_SHARD_NAMES, "split-views", "threads", "json", NULL };
     const char **dirs = calloc((size_t)argc, sizeof(*dirs));
     char mccnn[SST_PATH_MAX], text[SST_CLAIM_JOB];
     int count = 0, r = dirs ? cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, dirs, 1, argc) : CLI_MEMORY;
@@ -351,7 +428,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         job.cfg.refine = !no_refine;
         while (count < argc && dirs[count])
             count++;
-        r = process_listed(&job, &shard, dirs, count, text);
+        job.dir = (char *const *)(uintptr_t)dirs;
+        job.text = text;
+        r = process_listed(&job, count);
     }
     free(dirs);
     return r;
@@ -377,7 +456,8 @@ const struct cli_command cli_process = {
         "views' files stay as they are. Views that cannot be of this scene are named in a warning.\n"
         "--shard lets several processes, on machines that share a folder, process many light fields: each is claimed\n"
         "by one of them; those of a worker that ended are taken over; those that were done by the same options before\n"
-        "are skipped. The state lies in .process in each light field.",
+        "are skipped. The state lies in .process in each light field. With --split-views they share the views of each\n"
+        "light field, which suits few large ones.",
     .example = "sst process garden --preset balanced\n  sst process campaign/*.lf --shard 2/4\n"
                "  sst process campaign/*.lf --status",
     .run = run,

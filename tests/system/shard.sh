@@ -25,6 +25,18 @@ for i in 1 3 4; do wait "${pid[$i]}" || fail "worker $i: $(cat "w$i")"; done
 tail -n 1 status | grep -qx '6 pieces: 6 done, 0 running, 0 failed, 0 waiting' || fail "status: $(cat status)"
 for i in 1 2 3 4 5 6; do diff -rq -x .process "alone/b$i" "shared/b$i" || fail "b$i differs"; done
 
+# --- the views of one light field, by two workers; a third comes when it is done ---
+"$sst" scene pedestrian -o views --size 128x96 --grid 3x3 >/dev/null || fail "scene"
+cp -r views whole
+"$sst" process whole --no-labels --threads 1 >/dev/null 2>err || fail "whole: $(cat err)"
+for i in 1 2; do "$sst" process views --no-labels --threads 1 --shard $i/2 --split-views >"v$i" 2>&1 & pid[$i]=$!; done
+for i in 1 2; do wait "${pid[$i]}" || fail "worker $i of the views: $(cat "v$i")"; done
+"$sst" process views --no-labels --shard 2/3 --split-views >v3 2>&1 || fail "third: $(cat v3)"
+[ "$(cat v1 v2 v3 | grep -c 'views of')" = 1 ] || fail "not saved once: $(cat v1 v2 v3)"
+diff -rq -x .process views whole || fail "views that were shared differ"
+[ ! -e views/.process-views ] || fail "what workers exchanged is left"
+want 2 "belongs to --shard" process views --split-views
+
 # --- again: nothing to do; with other options all; failed ones are named, and tried again on request ---
 # shellcheck disable=SC2086
 again=$("$sst" process shared/* $options --shard 1/1) || fail "again"

@@ -238,7 +238,8 @@ static int visible_views(const struct disparity_run *run, struct sst_visible_vie
                                        .range = run->range,
                                        .skip_hypotheses = run->cfg->skip_hypotheses,
                                        .report = run->cfg->report,
-                                       .cancel = run->cfg->cancel };
+                                       .cancel = run->cfg->cancel,
+                                       .share = run->cfg->share };
     if (!out->view)
         return -ENOMEM;
     for (int k = 0; !err && k < out->count; k++) {

@@ -22,6 +22,8 @@ enum sst_cost {
  * the rounded-up reciprocal of the kernel makes inexact from 151 pixels on. */
 #define SST_SUPPORT_MAX_ARM 5
 
+struct sst_share;
+
 struct sst_disparity_config {
     double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */
     enum sst_cost cost;
@@ -67,7 +69,9 @@ struct sst_disparity_config {
     bool
         skip_hypotheses; /* the second pass tests no other disparity where the first pass's explains the colours well */
     const SST_ATOMIC(bool) * cancel; /* once true, matching of a light field stops within a part of a view; or NULL */
-    struct sst_disparity_report *report; /* out, or NULL */
+    struct sst_disparity_report *report; /* out, or NULL; of what this process does */
+    struct sst_share *share; /* with other processes (pipeline/lightfield/share.h): the first pass by rows of views, the
+                                second by views; or NULL */
 };
 
 /** What was skipped, and the error that this adds; percent, NaN where nothing was. */

@@ -48,7 +48,8 @@ bool run_is_carried(const struct disparity_run *run, int view);
 unsigned run_phases(const struct disparity_run *run);
 void run_drop_phases(struct disparity_run *run);
 
-/** The neighbours first .. last (of the order in views.c) of a view that are present. @return their number, or -errno */
+/** The neighbours first .. last (of the order in views.c) of a view that are present. @return their number, or -errno
+ */
 SST_MUST_CHECK int run_gather_neighbours(struct disparity_run *run, int view, int first, int last,
                                          struct sst_neighbour *neighbours);
 

@@ -379,6 +379,7 @@ struct sst_visible_views {
     bool skip_hypotheses;                /* see struct sst_disparity_config */
     struct sst_disparity_report *report; /* out, skip_hypotheses' counters, or NULL */
     const SST_ATOMIC(bool) * cancel;     /* as in struct sst_disparity_config */
+    struct sst_share *share;             /* as there */
 };
 
 /**

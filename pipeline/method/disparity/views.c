@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/thread.h"
+#include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
 /* Where only some views are matched, they are checked against others up to so many spacings away. */
@@ -330,22 +331,49 @@ int run_fill(void *arg, int view, int worker SST_UNUSED)
     return err;
 }
 
-int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
+struct match {
+    struct disparity_run *run;
+    int threads;
+    sst_progress_fn *progress;
+    void *progress_arg;
+};
+
+/* Describe a row of the grid and two rows around it, and match it. Rows farther away are forgotten. */
+static int match_row(void *arg, int row, int worker SST_UNUSED)
 {
+    const struct match *m = arg;
+    struct disparity_run *run = m->run;
     const struct sst_lightfield *lf = run->lf;
     int err = 0;
 
-    for (int row = 0; !err && row < lf->rows; row++) {
-        for (int r = row; !err && r <= sst_min_int(row + 2, lf->rows - 1); r++) {
-            run->first_view = r * lf->cols;
-            err = sst_parallel_for(lf->cols, threads, run_describe, run);
-        }
-        run->first_view = row * lf->cols;
-        err = err ? err : sst_parallel_for(lf->cols, threads, match_job, run);
-        for (int col = 0; row > 1 && col < lf->cols; col++)
-            sst_descriptor_fini(&run->desc[(row - 2) * lf->cols + col]);
-        if (progress)
-            progress(progress_arg, 0.9 * (row + 1) / lf->rows);
+    for (int view = 0; view < lf->rows * lf->cols; view++) {
+        if (abs(view / lf->cols - row) > 2)
+            sst_descriptor_fini(&run->desc[view]);
     }
+    for (int r = sst_max_int(row - 2, 0); !err && r <= sst_min_int(row + 2, lf->rows - 1); r++) {
+        run->first_view = r * lf->cols;
+        err = sst_parallel_for(lf->cols, m->threads, run_describe, run);
+    }
+    run->first_view = row * lf->cols;
+    err = err ? err : sst_parallel_for(lf->cols, m->threads, match_job, run);
+    if (m->progress)
+        m->progress(m->progress_arg, 0.9 * (row + 1) / lf->rows);
     return err;
+}
+
+static void matched_maps(void *arg, int row, struct sst_share_maps *out)
+{
+    const struct disparity_run *run = ((const struct match *)arg)->run;
+
+    for (int view = row * run->lf->cols; view < (row + 1) * run->lf->cols; view++) {
+        sst_share_add_u16(out, &run->disp[view]);
+        sst_share_add_u8(out, &run->confidence[view]);
+    }
+}
+
+int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
+{
+    struct match m = { run, threads, progress, progress_arg };
+
+    return sst_share_for(run->cfg->share, run->lf->rows, 1, match_row, &m, matched_maps);
 }

@@ -13,6 +13,7 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/stage.h"
 
 #define MARGIN         2  /* columns and rows around a packed view */
@@ -466,6 +467,17 @@ static int second_job(void *arg, int k, int worker)
     return 0;
 }
 
+static void second_maps(void *arg, int k, struct sst_share_maps *out)
+{
+    struct pass *p = arg;
+    const struct sst_visible_view *v = &p->in->view[k];
+
+    if (!v->image || v->carried != p->in->repair)
+        return;
+    sst_share_add_u16(out, &p->out[k]);
+    sst_share_add_u8(out, v->confidence);
+}
+
 static void set_penalties(struct pass *p)
 {
     p->penalty.near = (uint16_t)sst_max_int(p->step / 2, 1);
@@ -480,7 +492,7 @@ static int one_round(struct pass *p, int threads)
     const struct sst_visible_views *in = p->in;
     int err = sst_parallel_for(in->count, threads, code_job, p);
 
-    err = err ? err : sst_parallel_for(in->count, threads, second_job, p);
+    err = err ? err : sst_share_for(in->share, in->count, threads, second_job, p, second_maps);
     for (int k = 0; k < in->count; k++) {
         if (!err && p->out[k].data)
             memcpy(in->view[k].disp->data, p->out[k].data, p->out[k].stride * (size_t)p->out[k].height);

@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
+#include "pipeline/lightfield/share.h"
 #include "pipeline/method/labels/labels.h"
 #include "pipeline/method/process/process_internal.h"
 
@@ -143,6 +144,17 @@ static int segment_view(void *arg, int view, int worker)
     return err;
 }
 
+static void segmented_maps(void *arg, int view, struct sst_share_maps *out)
+{
+    const struct run *run = arg;
+
+    if (!run->lf->views[view].present || (run->carried && run->carried[view]))
+        return;
+    sst_share_add_u8(out, &run->lf->views[view].label);
+    if (run->entropy)
+        sst_share_add_f32(out, &run->entropy[view]);
+}
+
 /* Keep the labels and entropies before the threshold for the extras. */
 static int copy_extras(void *arg, int view, int worker SST_UNUSED)
 {
@@ -221,7 +233,7 @@ static int segment_views(struct run *run, double *eps_h)
         if (!run->segmenters[i])
             err = sst_segmenter_open(&run->segmenters[i], cfg->model, cfg->precision, 1);
     }
-    err = err ? err : sst_parallel_for(views_of(run), workers, segment_view, run);
+    err = err ? err : sst_share_for(cfg->share, views_of(run), workers, segment_view, run, segmented_maps);
     if (!err) {
         run->lf->classes = *sst_segmenter_classes(run->segmenters[0]);
         *eps_h = cfg->eps_h >= 0 ? cfg->eps_h : sst_segmenter_eps_h(run->segmenters[0]);
@@ -343,6 +355,7 @@ static int match_views(struct run *run)
 
     cfg.threads = run->cfg->threads;
     cfg.cancel = run->cfg->cancel;
+    cfg.share = run->cfg->share;
     cfg.report = &run->report->skipped;
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
         cfg.disp_min_px = lf->range_min_px;

@@ -29,6 +29,7 @@ struct sst_process_config {
     const SST_ATOMIC(bool) * cancel; /* once true, processing stops within one view; or NULL */
     /* [threads], kept open for the next call: NULL entries are opened here and closed by the caller; or NULL */
     struct sst_segmenter **segmenters;
+    struct sst_share *share; /* with other processes, which all have the same results then; or NULL */
     void (*progress)(void *arg, const char *stage, double done); /* or NULL */
     void *progress_arg;
 };
@@ -43,9 +44,9 @@ struct sst_process_report {
     double eps_h, coverage_hcsm, coverage_refined; /* coverage in percent of all pixels; NaN without labels */
     double disp_min_px, disp_max_px;               /* searched; equal when nothing was matched */
     enum sst_parallax parallax;                    /* of the views; without it no disparity counts as confirmed */
-    double confirmed; /* percent of the disparities that another view confirms; NaN without confidences */
-    struct sst_align_report align;       /* what was moved or scaled before matching */
-    struct sst_judgement judgement;      /* of pictures and maps */
+    double confirmed;               /* percent of the disparities that another view confirms; NaN without confidences */
+    struct sst_align_report align;  /* what was moved or scaled before matching */
+    struct sst_judgement judgement; /* of pictures and maps */
     struct sst_disparity_report skipped; /* of the matching */
     double labels_skipped, labels_error; /* percent: views that the network did not see; labels of the reference
                                             view that differ from those carried to it; NaN: nothing skipped */
