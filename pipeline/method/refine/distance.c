@@ -5,8 +5,8 @@
 
 #define FAR (1u << 20) /* larger than any distance: no pixel of the region in this column */
 
-/* Distance to the nearest pixel of the region in the same column: one sweep down, one up. */
-static bool sweep_columns(uint32_t *dist, const struct sst_map_u8 *label, int value)
+/* One sweep down, one up. */
+bool sst_distance_columns(uint32_t *dist, const struct sst_map_u8 *label, int value)
 {
     const size_t width = (size_t)label->width;
     bool any = memchr(sst_map_u8_row(label, 0), value, width) != NULL;
@@ -41,7 +41,7 @@ static bool sweep_columns(uint32_t *dist, const struct sst_map_u8 *label, int va
  * numerator and denominator are integers below 2^33 and 2^17, so the rounded s lies on the same side of every integer
  * as the true one.
  */
-static void envelope_row(uint32_t *d, int width, struct sst_distance_scratch *scratch)
+void sst_distance_row(uint32_t *d, int width, struct sst_distance_scratch *scratch)
 {
     uint32_t *g = scratch->row;
     double *start = scratch->start;
@@ -71,16 +71,6 @@ static void envelope_row(uint32_t *d, int width, struct sst_distance_scratch *sc
             at++;
         d[x] = (uint32_t)((x - vertex[at]) * (x - vertex[at])) + g[vertex[at]];
     }
-}
-
-bool sst_distance_nearest(uint32_t *dist2, const struct sst_map_u8 *label, int value,
-                          struct sst_distance_scratch *scratch)
-{
-    if (!sweep_columns(dist2, label, value))
-        return false;
-    for (int y = 0; y < label->height; y++)
-        envelope_row(dist2 + (size_t)y * (size_t)label->width, label->width, scratch);
-    return true;
 }
 
 /* Twice the area of the triangle of the chain's last two points and (x, y). */

@@ -38,7 +38,7 @@ void sst_candidate_masks(uint64_t *mask, const struct sst_label_fit *fits, int c
 
 /* --- distance.c: squared distances from every pixel to a region --------------------------------------------------- */
 
-/** Working memory of sst_distance_nearest() for rows of `width` pixels. */
+/** Working memory of sst_distance_row() for rows of `width` pixels. */
 struct sst_distance_scratch {
     double *start;   /* [width] first abscissa at which a parabola is the lowest */
     int32_t *vertex; /* [width] column of that parabola */
@@ -51,11 +51,12 @@ struct sst_distance_scratch {
  * Separable: vertical distances by two sweeps, then per row the lower envelope of the parabolas (x - i)^2 + g(i)^2
  * (Felzenszwalb and Huttenlocher 2012). O(pixels). SST_IMAGE_MAX_SIDE bounds the result by 2^31.
  *
- * @param dist2  out [height][width], tightly packed; untouched when the region is empty
+ * The first function makes the vertical distances of all rows, the second one squared distances of a row of these.
+ * @param dist  out [height][width], tightly packed; untouched when the region is empty
  * @return false: no pixel has this label
  */
-bool sst_distance_nearest(uint32_t *dist2, const struct sst_map_u8 *label, int value,
-                          struct sst_distance_scratch *scratch);
+bool sst_distance_columns(uint32_t *dist, const struct sst_map_u8 *label, int value);
+void sst_distance_row(uint32_t *dist, int width, struct sst_distance_scratch *scratch);
 
 /** Vertices of the convex hull of a region, no three of them on a line. */
 struct sst_hull {

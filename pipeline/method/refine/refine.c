@@ -154,10 +154,13 @@ static bool is_conflict(uint64_t candidates)
     return (candidates & (candidates - 1)) != 0;
 }
 
-/* Labels that compete for any pixel of the view, and whether a ground does; also clears the choices. */
-static uint64_t find_conflicts(const struct job *job, struct worker *w, const struct sst_view *v)
+/* Labels that compete for any pixel of the view; also clears the choices. @param mixed  out, those of pixels for which
+ * an object and a ground compete: only there normals count */
+static uint64_t find_conflicts(const struct job *job, struct worker *w, const struct sst_view *v, uint64_t *mixed)
 {
     uint64_t seen = 0;
+
+    *mixed = 0;
 
     for (int y = 0; y < v->label.height; y++) {
         const uint8_t *label = sst_map_u8_row(&v->label, y);
@@ -171,6 +174,7 @@ static uint64_t find_conflicts(const struct job *job, struct worker *w, const st
                 continue;
             choice[x] = (struct choice){ .distance = { INFINITY, INFINITY } };
             seen |= mask;
+            *mixed |= mask & job->ground && mask & ~job->ground ? mask : 0;
         }
     }
     return seen;
@@ -181,12 +185,13 @@ static void compete(const struct job *job, struct worker *w, const struct sst_vi
 {
     const uint64_t bit = (uint64_t)1 << (label - 1);
     const int kind = (job->ground & bit) != 0;
-    const bool here = sst_distance_nearest(w->nearest2, &v->label, label, &w->distance);
+    const bool here = sst_distance_columns(w->nearest2, &v->label, label);
 
     sst_hull_build(&w->hull, &v->label, label);
     for (int y = 0; y < v->label.height; y++) {
         const uint8_t *row = sst_map_u8_row(&v->label, y);
         const uint16_t *disp = sst_map_u16_row(&v->disp, y);
+        bool ready = !here;
 
         for (int x = 0; x < v->label.width; x++) {
             const uint64_t mask = row[x] == SST_LABEL_NONE ? candidates_at(job, w, disp[x], x, y) : 0;
@@ -195,6 +200,9 @@ static void compete(const struct job *job, struct worker *w, const struct sst_vi
 
             if (!(mask & bit) || !is_conflict(mask))
                 continue;
+            if (!ready)
+                sst_distance_row(w->nearest2 + (size_t)y * (size_t)v->label.width, v->label.width, &w->distance);
+            ready = true;
             if (here)
                 distance *= sst_energy_distance(w->nearest2[i], sst_hull_farthest(&w->hull, x, y));
             if ((float)distance < w->choice[i].distance[kind]) {
@@ -248,18 +256,18 @@ static int refine_view(void *arg, int index, int worker)
     struct worker *w = &job->workers[worker];
     struct sst_view *v = &job->lf->views[index];
     struct sst_region regions[SST_MAX_CLASSES] = { { { 0 }, 0, 0 } };
-    uint64_t seen;
+    uint64_t seen, mixed;
 
     if (!v->present || (job->cfg->skip && job->cfg->skip[index]))
         return 0;
     if (job->cfg->cancel && *job->cfg->cancel)
         return -ECANCELED;
     find_grounds(job, w, v);
-    seen = find_conflicts(job, w, v);
-    if (seen & job->ground && job->cfg->p_normal > 0) {
+    seen = find_conflicts(job, w, v, &mixed);
+    if (mixed && job->cfg->p_normal > 0) {
         sst_planes_fit(&w->planes, &v->disp, w->plane_sums);
         for (int label = 1; label <= job->lf->classes.count; label++) {
-            if (seen >> (label - 1) & 1)
+            if (mixed >> (label - 1) & 1)
                 regions[label - 1] = region_of(job, w, v, label);
         }
     }
