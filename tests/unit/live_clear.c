@@ -560,6 +560,10 @@ static void unchanged_parts_are_kept(void **state SST_UNUSED)
     b.cfg.cut_px = 10; /* of the same set */
     render_both(&b, &s);
     assert_int_equal(b.kept_px, all);
+    sst_livepicture_decorate(b.kept, true, true);
+    sst_livepicture_decorate(b.exact, true, true);
+    render_both(&b, &s);
+    assert_true(b.kept_px > 0); /* it changed, although nothing was coloured again */
     close_both(&b);
     hide(&s);
 }

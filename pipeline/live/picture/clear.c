@@ -355,7 +355,9 @@ int picture_clear_render(struct picture_clear *c, const struct sst_render_config
     c->serial = live->serial;
     c->present_serial = live->present_serial;
     c->state.cut_px = isfinite(wanted.cut_px) ? wanted.cut_px : NAN;
-    *rendered_px = step.kept ? c->kept.coloured_px : (int64_t)image->width * image->height;
+    *rendered_px = (int64_t)image->width * image->height;
+    if (step.kept) /* the memory, outlines and tint may have changed where no colour has */
+        *rendered_px = c->kept.coloured_px ? c->kept.coloured_px : 1;
     return 0;
 }
 
