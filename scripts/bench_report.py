@@ -645,6 +645,8 @@ RAYS = {"refocus": (3, 6, 6), "see-through": (6, 9, 12), "clear": (6, 9, 12)}
 # Per pixel, disparity and path of semi-global matching 8 operations on 16 bits: 16 byte operations.
 PATH_OPERATIONS = 16
 PATHS = {"OpenCV SGBM 3WAY": 3, "OpenCV SGBM HH": 8, "sst preview": 4, "sst balanced": 4}
+TAPS = {"bilinear": 2, "bicubic": 4, "lanczos": 6}  # along each side, of each of three channels
+FRAME_BYTES = 78e3  # of a JPEG frame of 640x480
 LOOKED = "2026-11-23"
 WORDS = {
     "render refocus": "of the bandwidth that small pages allow, 21 GB/s, it reaches two thirds; that of huge pages was not "
@@ -656,6 +658,9 @@ WORDS = {
     "pair, sst": "in samples of all presets together the two path kernels, which the limit counts, have 9 %; choosing the winner, "
                  "filling, median, costs and the support of the second pass 1 to 2 % each.",
     "pair, OpenCV": "the same sums on 16 bits; its mode HH runs on one thread.",
+    "rectify": "beside the products it computes the place of every pixel and interleaves the picture; not looked into further.",
+    "live update": "of 110 ms of CPU time on one thread finding changes and decoding them have 32, matching the changed tiles of the key "
+                   "views 43, the network 15, labels and maps of all views 20; none of it is counted by this limit.",
     "live frames": "finding what changed: the means of 8x8 blocks are decoded from the whole JPEG stream, bit by bit, which "
                    "this limit does not count (`sst_jpeg_means_read`).",
     "live see-through": "as the same picture of a light field.",
@@ -701,6 +706,11 @@ def limit_rows(folder, peak):
                 pixels = r[0]["width"] * r[0]["height"]
                 rows.append(limit_row(f"pair, {method}", median(r, "cpu_ms") / 2, 10 * pixels, 0,
                                       PATHS[method] * PATH_OPERATIONS * 64 * pixels / half, peak))
+    if os.path.exists(f"{folder}/rectify.csv"):
+        for (level, method), r in read_rounds(f"{folder}/rectify.csv", "level", "method").items():
+            if method in TAPS and level == bench_level(folder + "/x"):
+                rows.append(limit_row(f"rectify {method}, 1 megapixel", median(r, "ms_per_mpx") / 2, 6e6, 3e6 * TAPS[method] ** 2, 0,
+                                      peak))
     if os.path.exists(f"{folder}/skips.json"):
         with open(f"{folder}/skips.json") as f:
             entry = next((m for m in json.load(f) if m["scene"] == "bush" and m["skip"] == "none"), None)
@@ -721,7 +731,10 @@ def live_rows(frames, sets, peak):
         if m["world"] == "pedestrian" and m["mode"] == "skip" and m["calibrated"] == "no":
             rows.append(limit_row("live frames, pedestrian", float(m["CPU, ms"]) / 2, 36 * pixels * 3 * float(m["tiles"]) / 100,
                                   0, 0, peak))
+    tiles = next(float(m["tiles"]) for m in frames if m["world"] == "pedestrian" and m["mode"] == "skip" and m["calibrated"] == "no")
     moving = [r[0] for r in sets if r[0]["clear ms"] > 0]
+    rows.append(limit_row("live update, pedestrian", statistics.median(r["update ms"] for r in moving) / 2,
+                          36 * (FRAME_BYTES + 6 * pixels * tiles / 100), 0, 0, peak))
     for name in ("see-through", "clear"):
         ms = statistics.median(r[f"{name} ms"] for r in moving)
         per_ray = [36 * pixels * n for n in RAYS[name]]
