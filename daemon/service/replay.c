@@ -314,8 +314,7 @@ static bool close_session(struct service_replay *r, int64_t until_ns)
 
     pthread_mutex_lock(&r->lock);
     engine = r->engine;
-    r->engine = NULL;
-    r->playing = false;
+    r->engine = NULL; /* who opens another recording may want to play it: `playing` stays */
     memcpy(name, r->recording, sizeof(name));
     r->recording[0] = 0;
     pthread_mutex_unlock(&r->lock);
@@ -444,6 +443,7 @@ static void *run(void *replay)
         if (has_expired_locked(r) && !w.open) {
             w = (struct wish){ .close = true };
             r->id[0] = 0;
+            r->playing = false;
         }
         if (w.open || w.seek || w.close) {
             pthread_mutex_unlock(&r->lock);
@@ -668,7 +668,7 @@ int replay_change(void *replay, const json_t *request, struct sst_api_answer *ou
     if (o.wish.close)
         r->id[0] = 0;
     r->restarted |= o.play || o.pause || o.speed > 0;
-    r->playing = (r->playing || o.play) && !o.pause;
+    r->playing = (r->playing || o.play) && !o.pause && !o.wish.close;
     r->speed = o.speed > 0 ? o.speed : r->speed;
     r->asked++;
     pthread_cond_broadcast(&r->changed);

@@ -124,6 +124,7 @@ static void moments_are_shown_and_played(void **state SST_UNUSED)
     struct player p;
     json_t *s;
     int64_t from_ns, to_ns, start_ns;
+    char error[512];
 
     open_player(&p);
     assert_null(replay_take(p.replay));
@@ -165,6 +166,16 @@ static void moments_are_shown_and_played(void **state SST_UNUSED)
         usleep(2000);
     }
     assert_null(replay_take(p.replay));
+
+    /* Opened to be played, as the page does. */
+    s = ask(&p, json_pack("{s:s, s:b}", "recording", p.name, "playing", 1), 0, error);
+    assert_true(json_is_true(json_object_get(s, "playing")));
+    for (int i = 0; i < 3000 && wall_of(s, "time") == from_ns; i++) {
+        usleep(20000);
+        s = order(&p, s, json_object());
+    }
+    assert_true(wall_of(s, "time") > from_ns);
+    json_decref(s);
     close_player(&p);
 }
 
