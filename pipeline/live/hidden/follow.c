@@ -144,21 +144,29 @@ bool hidden_track_moved(const struct hidden_track *a)
 }
 
 /* Who passes disturbs the leaves, and what the views remember of them, for some seconds. */
-static void note_left(struct hidden_tracks *t, const struct hidden_track *a)
+static void note_left(struct hidden_tracks *t, const struct hidden_track *a, double x, double y)
 {
     const int n = sst_min_int(t->lefts, HIDDEN_LEFT);
 
-    if (!a->thing.reported || !a->seen)
-        return;
     for (int i = 0; i < n; i++) {
         struct hidden_left *l = &t->left[i];
 
-        if (t->t_ns - l->t_ns < LEFT_NS && fabs(l->x - a->x) < a->w / 2 && fabs(l->y - a->y) < a->h / 4) {
+        if (t->t_ns - l->t_ns < LEFT_NS && fabs(l->x - x) < a->w / 2 && fabs(l->y - y) < a->h / 4) {
             l->t_ns = t->t_ns;
             return;
         }
     }
-    t->left[t->lefts++ % HIDDEN_LEFT] = (struct hidden_left){ a->x, a->y, a->w, a->h, t->t_ns };
+    t->left[t->lefts++ % HIDDEN_LEFT] = (struct hidden_left){ x, y, a->w, a->h, t->t_ns };
+}
+
+/* The way of a track until it was reported: about straight. */
+static void note_way(struct hidden_tracks *t, const struct hidden_track *a)
+{
+    const double dx = a->x - a->from_x, dy = a->y - a->from_y;
+    const int n = sst_min_int((int)(2 * hypot(dx, dy) / fmax(a->w, 1)) + 1, HIDDEN_LEFT / 2);
+
+    for (int i = 0; i < n; i++)
+        note_left(t, a, a->from_x + i * dx / n, a->from_y + i * dy / n);
 }
 
 static bool was_left(const struct hidden_tracks *t, const struct hidden_track *a)
@@ -185,6 +193,14 @@ static bool is_part(const struct hidden_tracks *t, const struct hidden_track *a)
                 fabs(b->y - a->y) < 1.25 * (a->h + b->h);
     }
     return part;
+}
+
+static bool may_be_reported(const struct hidden_tracks *t, const struct hidden_track *a, double threshold)
+{
+    const double age_s = (double)(t->t_ns - a->thing.first_ns) * 1e-9;
+
+    return !a->thing.reported && a->thing.evidence >= threshold && a->sets >= SETS && !is_part(t, a) &&
+           age_s >= (a->behind_one || was_left(t, a) ? AFTER_S : SECONDS);
 }
 
 static void add(struct hidden_tracks *t, const struct group *g, int64_t t_ns)
@@ -292,10 +308,12 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
                 note_chance(t, a);
             continue;
         }
-        if (!quiet && a->thing.evidence >= threshold && a->sets >= SETS && !is_part(t, a) &&
-            (double)(t_ns - a->thing.first_ns) * 1e-9 >= (a->behind_one ? AFTER_S : SECONDS))
+        if (!quiet && may_be_reported(t, a, threshold)) {
             a->thing.reported = true;
-        note_left(t, a);
+            note_way(t, a);
+        }
+        if (a->thing.reported && a->seen)
+            note_left(t, a, a->x, a->y);
         t->track[kept++] = *a;
     }
     t->count = kept;
