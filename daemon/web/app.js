@@ -106,7 +106,7 @@ app.replay = new Replay(() => {
 });
 const recordings = new Recordings(() => app.view.stream.shown, app.replay);
 const visits = new Visits(async (visit) => {
-  await app.replay.start({ time: visit.from });
+  await app.replay.start({ time: momentOf(visit) });
   keepVisitor(visit);
 });
 const timeline = new Timeline(app, (time) => app.replay.start({ time }));
@@ -119,14 +119,23 @@ const events = new Events((event) => {
 
 // --- a visit that is played ---
 
+const LEAD_MS = 1500;   // before the moment that is on the card
 const MARGIN_PX = 0.5; // of the cut before a visitor
 const MARGIN = 1.05;
+const MARGIN_HIDDEN = 1.15; // what all views together see is placed less exactly
+
+/** A moment before the picture on the card was taken, when the visitor was fully in view: the point of its way that is nearest to that. */
+function momentOf({ from, path, box: [x0, , x1, y1] }) {
+  const far = ([, x, y]) => Math.hypot(x - (x0 + x1) / 2, y - y1);
+  const [seconds] = path.reduce((best, point) => (far(point) < far(best) ? point : best), path[0] ?? [0, 0, 0]);
+  return new Date(Math.max(Date.parse(from) + 1000 * seconds - LEAD_MS, Date.parse(from))).toISOString();
+}
 
 /** Who came is not removed with what stands in front: the cut is just before its nearest point, until the picture is live again. */
-function keepVisitor({ nearest_px: px }) {
+function keepVisitor({ nearest_px: px, hidden }) {
   if (app.mode !== "clear" || !finite(px)) return;
   cutBefore ??= { px: app.clear.cut_px };
-  app.clear.set(MARGIN * px + MARGIN_PX);
+  app.clear.set((hidden ? MARGIN_HIDDEN : MARGIN) * px + MARGIN_PX);
 }
 
 // --- what was picked and moves ---

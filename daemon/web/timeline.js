@@ -9,6 +9,7 @@ const REFRESH_MS = 10000;
 const LEAD_MS = 1500; // a visit is played from a moment before it
 const NEAR_PX = 5;
 const DRAG_PX = 5;
+const TICK_PX = 72; // of a time with AM or PM, and a gap
 const TICKS = [60, 300, 600, 1800, 3600, 10800, 21600].map((s) => 1000 * s);
 const MOST = 1000;
 
@@ -111,7 +112,8 @@ export class Timeline {
   }
 
   drawTicks() {
-    const step = TICKS.find((ms) => (this.to - this.from) / ms <= 9) ?? TICKS.at(-1);
+    const most = Math.min(Math.max(Math.floor($("day").clientWidth / TICK_PX), 2), 9); // texts must not overlap
+    const step = TICKS.find((ms) => (this.to - this.from) / ms <= most) ?? TICKS.at(-1);
     const ticks = [];
     for (let at = this.day; at < this.to; at += step)
       if (at > this.from && this.x(at) < 98) {

@@ -88,7 +88,7 @@ export class Visits {
     });
     const chosen = $("visits-label").value || $("visits-zone").value || $("visits-day").value;
     setText($("visits-state"), this.list.length ? "" : chosen ? "Nothing of that kind." : "Nothing has come into view yet. " +
-      "What moves is kept here with a picture; without viewers only where `zones:` are configured.");
+      "What moves is kept here with a picture; without viewers only where `zones:` or `record_on:` ask for it.");
   }
 
   build() {
@@ -222,7 +222,7 @@ export class Visits {
 
 function facts(visit) {
   return [visit.active ? "there now" : duration(visit.seconds), visit.direction,
-    visit.nearest_m === null ? "" : `nearest ${number(visit.nearest_m, 1)} m`, visit.zones.join(", "), visit.keep ? "kept" : ""].filter(Boolean).join(" · ");
+    visit.nearest_m === null ? "" : `nearest ${number(visit.nearest_m, 1)} m`, visit.hidden ? "behind the foreground" : "", visit.zones.join(", "), visit.keep ? "kept" : ""].filter(Boolean).join(" · ");
 }
 
 /** The part of a picture around the visitor, in a frame that hides the rest. */

@@ -204,7 +204,7 @@ class Service:
         begin = self.hour - datetime.timedelta(hours=3) + datetime.timedelta(seconds=60)
         for n, (at, label, zones) in enumerate(((begin, "Pedestrian", ["gate"]), (begin - datetime.timedelta(hours=2), "Car", ["street"]),
                                                 (begin - datetime.timedelta(days=1), "Pedestrian", ["gate", "street"]), (begin - datetime.timedelta(days=2), "", []))):
-            body.append({"visit": f"{at:%Y-%m-%dT%H-%M-%S-000Z}-{9 - n}", "active": False, "label": label, "from": stamp(at),
+            body.append({"visit": f"{at:%Y-%m-%dT%H-%M-%S-000Z}-{9 - n}", "active": False, "hidden": n == 3, "label": label, "from": stamp(at),
                          "to": stamp(at + datetime.timedelta(seconds=12)), "seconds": 12.0, "direction": "left to right", "zones": zones,
                          "distance_m": 8.2, "nearest_m": 6.1, "nearest_px": 8.0, "box": [0.3, 0.3, 0.5, 0.9],
                          "path": [[0.4, 0.1, 0.9, 8.0], [6.0, 0.5, 0.95, 6.1], [12.0, 0.9, 0.9, 8.2]], "pictures": ["camera", "seen"]})

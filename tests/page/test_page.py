@@ -572,6 +572,7 @@ def test_visits(b, fake):
     b.wait(f"{cards}.length === 4 && [...document.querySelectorAll('#visits img')].some((i) => i.naturalWidth > 0)")
     text = b.js("document.querySelector('#visits .visit').textContent")
     check("Pedestrian" in text and "left to right" in text and "gate" in text and "6.1 m" in text, f"the card says {text}")
+    check("behind the foreground" in b.js(f"{cards}[3].textContent") and "behind" not in text, "who is hidden is not said to be")
     b.js("(() => { const s = document.getElementById('visits-label'); s.value = 'Car'; s.dispatchEvent(new Event('change')); })()")
     b.wait(f"{cards}.length === 1 && {cards}[0].textContent.includes('Car')")
     b.js("(() => { const s = document.getElementById('visits-label'); s.value = ''; s.dispatchEvent(new Event('change')); })()")
