@@ -191,6 +191,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (scene && (strchr(scene, '/') || !*scene))
         return cli_usage_error(cmd, "there is no scene %s", scene);
+    if (once && scene && !strcmp(scene, "hedge"))
+        return cli_usage_error(cmd, "the scene hedge is one of moving leaves, which --once does not show");
     if (!once)
         return cli_demo_live(scene ? scene : "pedestrian", out, port);
     scene = scene ? scene : "bush";
@@ -217,9 +219,10 @@ const struct cli_command cli_demo = {
         "Starts a simulated, calibrated 6x6 array before a moving scene and the service on it, and prints the address "
         "of\n"
         "its page. The configuration and the world in the folder can be edited: they are kept. Ctrl-C ends it.\n"
+        "In the scene hedge somebody passes behind leaves once a minute: a visit, which is recorded.\n"
         "--once renders a scene as an array sees it, computes labels and disparities, renders what is behind the\n"
         "occluder, in focus everywhere and at one depth, and compares that with the truth, by commands that it\n"
         "prints. An earlier one in the folder is replaced.",
-    .example = "sst demo\n  sst demo --scene pedestrian --once",
+    .example = "sst demo\n  sst demo --scene hedge\n  sst demo --scene pedestrian --once",
     .run = run,
 };

@@ -31,6 +31,7 @@
 #define REPORT_NS INT64_C(10000000000)
 
 #define PORT         8090
+#define SCENE_HEDGE  "hedge" /* of worlds alone */
 #define CONFIG_BYTES (1 << 20)
 
 /* What integrators would write for an array with six trigger lines and a loop-back wire. Grid and size are the world's.
@@ -51,7 +52,10 @@ static const char config_text[] = "# sstd on a simulated array: sst-sim --world 
                                   "  rate_hz: %g\n"
                                   "control: {socket: \"%s\", group: \"\"}\n"
                                   "web: {port: %d, token_file: \"%s\", zones_file: \"%s\"}\n"
-                                  "storage: {dir: \"%s\", ring_mb: 192, quota_gb: 2}\n";
+                                  "storage: {dir: \"%s\", ring_mb: 192, quota_gb: 2%s}\n";
+
+/* Who passes behind the hedge is recorded, also while nobody watches. */
+static const char watched_text[] = ", mode: event, record_on: [{visit: true}], preroll_s: 6, postroll_s: 4";
 
 /* The machine-readable strip of simulated pictures is for tests. */
 static const char world_text[] = "# A scene of simulated devices: sst-sim --world %s\nscene: %s\nstrip: false\n";
@@ -142,7 +146,7 @@ static int prepare(struct site *s, int port)
     err = err ? err
               : write_first(s->config, config_text, s->world, s->config, world->rows, world->cols, world->width,
                             world->height, s->calibration, world->rate_hz, s->socket, port ? port : PORT, s->token,
-                            s->zones, s->storage);
+                            s->zones, s->storage, strcmp(s->scene, SCENE_HEDGE) ? "" : watched_text);
     if (!err) {
         sst_config_defaults(cfg);
         err = sst_config_read(cfg, s->config);
@@ -344,7 +348,7 @@ static void print_address(const struct site *s, double seconds)
     for (const char *const *other = sst_scene_names(); *other; other++)
         if (strcmp(*other, s->scene))
             printf("%s%s", other == sst_scene_names() ? " " : "|", *other);
-    printf("%s\n", strcmp("hedge", s->scene) ? "|hedge" : "");
+    printf("%s\n", strcmp(s->scene, SCENE_HEDGE) ? "|" SCENE_HEDGE : "");
     fflush(stdout);
 }
 
