@@ -1,0 +1,84 @@
+#!/usr/bin/env python3
+"""Films the story of docs/use/page.md on a running `sst demo --scene hedge`: story_pictures.py ADDRESS [OUT]
+
+ADDRESS is the one that the demo prints, with its token. Waits for a visit that has ended and was recorded, then does what a guard
+does, in a headless Chromium, and saves docs/pictures/story-*.jpg: the cards of the visits, one of them large, the moment played beside
+the camera's picture, and that on a phone by day. Prints the seconds and clicks that it took. Fails if the console complains.
+"""
+import os
+import sys
+import time
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+sys.path.insert(0, os.path.join(ROOT, "tests/page"))
+import cdp  # noqa: E402
+
+READY = "document.querySelector('.bar')?.textContent.includes('Live')"
+
+
+def ended_visit(b):
+    """The newest visit behind leaves with a picture, which has ended and whose recording has, too."""
+    return b.wait("""fetch('/api/v1/visits').then((r) => r.json()).then(({visits}) => fetch('/api/v1/recordings').then((r) => r.json()).then(
+        ({recordings}) => visits.find((v) => v.hidden && !v.active && v.pictures.includes('seen') && v.direction && recordings.some(
+            (r) => !r.active && r.from <= v.from && r.to >= v.from))?.visit))""", 240)
+
+
+def play(b, visit):
+    """From the card to the moment in the large place: two clicks."""
+    b.click(f"#visits .visit:nth-child({visit})")
+    b.wait("!document.querySelector('#visit-play').disabled && document.querySelector('#visit-image').naturalWidth > 0")
+
+
+def main():
+    address, out = sys.argv[1], sys.argv[2] if len(sys.argv) > 2 else os.path.join(ROOT, "docs/pictures")
+    b = cdp.Browser()
+    try:
+        b.call("Emulation.setLocaleOverride", locale="en-GB")
+        b.size(1280, 800)
+        b.go(address)
+        b.wait(READY)
+        name = ended_visit(b)
+        b.go(address.split("?")[0])
+        start = time.time()
+        b.wait(READY)
+        b.click("#tab-visits")
+        b.wait("document.querySelectorAll('#visits .visit img').length > 0")
+        print(f"card after {time.time() - start:.1f} s")
+        at = b.js(f"(async () => (await (await fetch('/api/v1/visits')).json()).visits.findIndex((v) => v.visit === '{name}') + 1)()")
+        b.js("for (const close of document.querySelectorAll('#hint-close, #hint-visits-close')) close.click()")  # read long ago
+        time.sleep(3)
+        b.picture(f"{out}/story-visits.jpg", 82)
+        play(b, at)
+        time.sleep(1)
+        b.picture(f"{out}/story-visit.jpg", 82)
+        b.click("#visit-play")
+        b.wait("!document.querySelector('#replay').hidden")
+        b.wait("!document.querySelector('#stage-box').innerText.includes('first picture')")
+        time.sleep(1.5)
+        b.click("#replay-play")  # a pause, a moment earlier
+        b.js("document.querySelector('#replay-at').focus()")
+        for _ in range(18):
+            b.key("ArrowLeft", 37)
+        time.sleep(5)
+        b.click("#compare")
+        b.wait("document.querySelector('#tag-right').textContent === 'Camera'")
+        time.sleep(3)
+        b.js("document.querySelector('#divider').focus()")
+        while b.js("document.querySelector('#divider').getAttribute('aria-valuenow') * 1") < 75:
+            b.key("ArrowRight", 39)
+        time.sleep(2)
+        b.picture(f"{out}/story-play.jpg", 82)
+        b.scheme(True)
+        b.size(390, 844, True)
+        time.sleep(3)
+        b.js("document.querySelector('#stage-box').scrollIntoView()")
+        time.sleep(2)
+        b.picture(f"{out}/story-phone.jpg", 82)
+        for problem in b.problems:
+            print("console:", problem)
+        return bool(b.problems)
+    finally:
+        b.close()
+
+
+sys.exit(main())
