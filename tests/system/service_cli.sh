@@ -125,6 +125,10 @@ kill $hung
 want 2 'at most 107' status --socket "/$(printf 'x%.0s' {1..200})"
 /usr/bin/python3 -c 'import socket; s = socket.socket(socket.AF_UNIX); s.bind("stale")'
 want 5 'systemctl status sstd' events --socket "$tmp/stale"
+# One sentence at once, whether the service never ran or was stopped.
+since=$(date +%s%3N)
+for socket in nobody stale; do want 5 "no service runs at .*$socket: see .systemctl status sstd" status --socket "$tmp/$socket"; done
+quick $(($(date +%s%3N) - since)) 2000 || fail "status of a service that is stopped takes $(($(date +%s%3N) - since)) ms"
 want 5 'no service runs' cameras --socket "$tmp/stale"
 want 5 'no service runs' reload --socket "$tmp/stale"
 

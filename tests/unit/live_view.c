@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/live/live_internal.h"
 #include "simulators/scene/noise.h"
@@ -478,6 +479,72 @@ static void labels_and_ranges_are_found(void **state SST_UNUSED)
     hide(&s);
 }
 
+/* Median of a label's true disparities in the reference view, and its pixel that is nearest to the middle of them all. */
+static double truth_of(const struct shown *s, int label, int at[2])
+{
+    const struct sst_view *v = &s->live->lf.views[s->live->lf.ref_view];
+    float *all = malloc(sizeof(*all) * (size_t)v->label.width * (size_t)v->label.height);
+    double x_sum = 0, y_sum = 0, nearest = INFINITY, px;
+    int n = 0;
+
+    assert_non_null(all);
+    for (int pass = 0; pass < 2; pass++) {
+        for (int y = 0; y < v->label.height; y++) {
+            for (int x = 0; x < v->label.width; x++) {
+                const double away = n ? hypot(x - x_sum / n, y - y_sum / n) : 0;
+
+                if (sst_map_u8_row(&v->label, y)[x] != label || (pass && away >= nearest))
+                    continue;
+                if (pass) {
+                    nearest = away;
+                    at[0] = x;
+                    at[1] = y;
+                    continue;
+                }
+                x_sum += x;
+                y_sum += y;
+                all[n++] = (float)sst_disp_px(&s->live->lf, sst_map_u16_row(&v->disp, y)[x]);
+            }
+        }
+    }
+    assert_true(n > 100);
+    sst_stats_sort_float(all, n);
+    px = (double)all[n / 2];
+    free(all);
+    return px;
+}
+
+/* A hen 5 cm before a cat: a click on either focuses on it and not between them, and so does its label. */
+static void neighbours_in_depth_are_two(void **state SST_UNUSED)
+{
+    static const int labels[] = { SST_LABEL_HEN, SST_LABEL_CAT };
+    struct sst_render_config cfg = config(NAN);
+    const struct sst_image *image;
+    struct sst_livepicture_pick pick;
+    struct sst_livepicture *p;
+    double want[2], px;
+    int64_t rendered_px;
+    struct shown s;
+    int at[2] = { 0 };
+
+    show(&s, "cat", 320, 240, 6, false);
+    take(&s, 1);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    for (int i = 0; i < 2; i++) {
+        want[i] = truth_of(&s, labels[i], at);
+        cfg.focus_px = want[i];
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &rendered_px), 0);
+        assert_int_equal(sst_livepicture_pick(p, at[0], at[1], &pick), 0);
+        assert_int_equal(pick.label, labels[i]);
+        assert_near(pick.disp_px, want[i], 0.8);
+        assert_int_equal(sst_livepicture_label_disparity(s.live, labels[i], &px), 0);
+        assert_near(px, want[i], 0.3);
+    }
+    assert_true(want[0] - want[1] > 1.5);
+    sst_livepicture_destroy(p);
+    hide(&s);
+}
+
 static void zones_tell_what_changed(void **state SST_UNUSED)
 {
     const struct sst_live_zone zones[] = { sst_live_rectangle(0, 0, 0.4, 0.5), /* tiles 0, 1 of rows 0, 1 */
@@ -622,6 +689,7 @@ int main(void)
         cmocka_unit_test(without_occluders_it_is_what_fills_the_picture),
         serial_test(a_leaf_and_what_is_behind_it),
         serial_test(labels_and_ranges_are_found),
+        serial_test(neighbours_in_depth_are_two),
         cmocka_unit_test(zones_tell_what_changed),
         cmocka_unit_test(zones_are_polygons),
         cmocka_unit_test(counts_of_all_views_are_the_histogram),
