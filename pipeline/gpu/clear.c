@@ -181,7 +181,7 @@ static void colour_block(struct block *b, const struct given *in, uint32_t *out,
         if (b->rays.slots > slot && v->bx * v->bx + v->by * v->by < 1e-12F)
             own = slot;
     }
-    sst_clear_blend_ref(&b->out, &b->rays, own);
+    sst_clear_blend_ref(&b->out, &b->rays, in->push->as_others ? -1 : own);
     for (int i = 0; i < n; i++) {
         const float t = fminf(b->out.weight[i], 1);
 

@@ -37,6 +37,7 @@ struct sst_gpu_clear {
     uint32_t views;                      /* nearest to the viewpoint first */
     uint32_t zero;                       /* clear_land: not 0: only set the landed rays to 0 */
     float disp_min_px, disp_min_rest_px; /* their sum */
+    int32_t as_others;                   /* not 0: the camera at the viewpoint counts as the others do */
 };
 
 /** Buffers of clear_land, by binding. A group has GROUP_WIDTH x GROUP_HEIGHT pixels of one view. */

@@ -53,6 +53,13 @@ SST_MUST_CHECK int sst_map_u8_init(struct sst_map_u8 *map, int width, int height
 SST_MUST_CHECK int sst_map_u16_init(struct sst_map_u16 *map, int width, int height);
 SST_MUST_CHECK int sst_map_f32_init(struct sst_map_f32 *map, int width, int height);
 
+/**
+ * Sensor noise of a picture, levels RMS of green: the mean of |n| over 8x8 pixels, n the response to
+ * [1 -2 1; -2 4 -2; 1 -2 1] / 6 (Immerkaer 1996), in the block that 5 % of the blocks are below; of at most 2048 blocks
+ * that are neither dark nor bright. Texture that no smooth place interrupts counts as noise. 0: none is measured.
+ */
+double sst_image_noise(const struct sst_image *img);
+
 void sst_image_fini(struct sst_image *img);
 void sst_map_u8_fini(struct sst_map_u8 *map);
 void sst_map_u16_fini(struct sst_map_u16 *map);

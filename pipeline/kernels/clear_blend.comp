@@ -19,6 +19,7 @@ layout(std430, push_constant) uniform Constants {
     int width, height, pitch, bins, cut, remove_label, coarse, wanted;
     uint views, zero;
     float disp_min, disp_min_rest;
+    int as_others;
 };
 
 const uint TOLERANCE = 48, MAX_VIEWS = 64;
@@ -189,7 +190,7 @@ void main()
     take_all(x, y, uint(y) * uint(pitch) + uint(x));
     vec3 to = blend();
 
-    if (own >= 0 && weight[own] >= 1.0)
+    if (as_others == 0 && own >= 0 && weight[own] >= 1.0)
         to += clamp(2.0 - deviation(own, to) / 30.0, 0.0, 1.0) * (colour[own] - to);
     for (int i = 0; i < rays; i++)
         total += weight[i];

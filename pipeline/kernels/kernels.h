@@ -478,7 +478,7 @@ struct sst_clear_colours {
  * deviation of R, G and B in units of 20, then 10 levels; none where no ray deviates by more than 4 levels. Then slot
  * `own`, if its ray has weight 1, replaces it: wholly up to a deviation of 10 levels, fading out up to 20.
  *
- * @param own  slot of the viewpoint's own camera; -1: none
+ * @param own  slot of the viewpoint's own camera; -1: none, or it is not to replace the mean
  */
 typedef void sst_clear_blend_fn(struct sst_clear_colours *out, const struct sst_clear_rays *rays, int own);
 

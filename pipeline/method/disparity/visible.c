@@ -17,7 +17,10 @@
 #include "pipeline/method/disparity/stage.h"
 
 #define MARGIN         2  /* columns and rows around a packed view */
-#define SIMILAR        24 /* levels: pixels of a window that count */
+#define SIMILAR        24 /* levels: pixels of a window that count; in noise ... */
+#define SIMILAR_MOST   40
+#define SIMILAR_GAIN   3   /* ... as many more for a level of it */
+#define NOISE          4.5 /* ... beyond this, which texture feigns */
 #define LEVELS_RANGE   24 /* the range's share that makes a step: surfaces that are nearer to each other are one */
 #define STEP_LEAST     8  /* 1/64 px */
 #define STEP_MOST      96 /* 1/64 px: a pixel and a half, what checks and noise of the first pass leave */
@@ -35,6 +38,7 @@
 struct packed {
     uint32_t *memory, *pixels; /* pixels: (0, 0) */
     ptrdiff_t stride;
+    int similar; /* levels, by the picture's noise */
 };
 
 struct scratch;
@@ -63,6 +67,7 @@ static int pack_colours(struct packed *p, const struct sst_image *img)
     if (!p->memory)
         return -ENOMEM;
     p->stride = stride;
+    p->similar = sst_min_int(SIMILAR + (int)(SIMILAR_GAIN * fmax(sst_image_noise(img) - NOISE, 0)), SIMILAR_MOST);
     p->pixels = p->memory + MARGIN * stride + MARGIN;
     for (int y = -MARGIN; y < img->height + MARGIN; y++) {
         const int from = sst_clamp_int(y, 0, img->height - 1);
@@ -170,7 +175,7 @@ static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k)
                                        .height = own->disp->height,
                                        .code = p->code,
                                        .tolerance = p->step,
-                                       .similar = SIMILAR,
+                                       .similar = p->view[k].similar,
                                        .settled = p->in->skip_hypotheses ? CHEAP : CHANGE + 1 };
     for (int i = 0; i < t->views; i++) {
         const struct packed *at = &p->view[nearest[i]];

@@ -10,6 +10,7 @@
 #include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
 
+#define NOISY  7  /* levels: the mean of the rays is nearer to the truth than the pixel of one camera */
 #define ENOUGH 16 /* rays of full weight for one pixel: the nearest views are the sharpest */
 
 /* --- rays of one block -------------------------------------------------------------------------------------------- */
@@ -79,7 +80,7 @@ static int find_rays(const struct clear *c, struct scratch *s, int x, int y)
         if (v->tap->sampler)
             more |= sample_slot(rays, slot, v, x, y);
         s->view[slot] = k;
-        if (v->at.bx * v->at.bx + v->at.by * v->at.by < 1e-12F)
+        if (v->at.bx * v->at.bx + v->at.by * v->at.by < 1e-12F && !c->as_others)
             own = slot;
     }
     return own;
@@ -304,6 +305,7 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
     c->coarse = c->bins > 0x7FFF;
     for (int i = 0; i < p->count; i++)
         add_view(c, &p->tap[i]);
+    c->as_others = !cfg->merge && !c->view[0].tap->sampler && sst_image_noise(&c->view[0].tap->v->image) > NOISY;
     return 0;
 }
 
@@ -334,6 +336,7 @@ static bool colour_on_device(struct clear *c)
                                        .remove_label = c->cfg->remove_label,
                                        .coarse = c->coarse,
                                        .rays = c->cfg->rays ? c->cfg->rays : ENOUGH,
+                                       .as_others = c->as_others,
                                        .disp_min_px = (float)disp_min_px,
                                        .disp_min_rest_px = (float)(disp_min_px - (double)(float)disp_min_px) };
     for (int k = 0; k < c->count; k++) {

@@ -132,6 +132,7 @@ struct clear {
     int width, height, bins, cut_q6; /* bins: stored disparities are below; cut: those above are removed */
     int coarse;                      /* of struct sst_clear_view */
     size_t stride;                   /* of landed, elements: whole blocks */
+    bool as_others;                  /* the camera at the viewpoint counts as the others do: it has too much noise */
     int count;
     struct clear_view view[SST_MAX_VIEWS]; /* nearest to the viewpoint first */
     struct scratch *scratch;               /* [threads] */
