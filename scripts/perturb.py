@@ -50,6 +50,34 @@ def write_views(lf, out, info, views, jpeg=None):
     return out
 
 
+# --- fine pictures: what moves a picture does so before its pixels are formed ------------------------------------------
+
+FINE = 3  # odd: the middle of a pixel stays the middle of one
+
+
+def coarse(image):
+    """Means of FINE x FINE pixels: what a sensor makes of the light."""
+    h, w = image.shape[0] // FINE, image.shape[1] // FINE
+    return image[:h * FINE, :w * FINE].reshape(h, FINE, w, FINE, -1).mean(axis=(1, 3))
+
+
+def make_coarse(lf, fine):
+    """Replace the pictures of lf, truth's colours too, by the means of those of the same scene FINE times as large."""
+    info, views = read_views(fine)
+    own, _ = read_views(lf)
+    truth = os.path.join(lf, "truth")
+    for name in os.listdir(truth):
+        if name.startswith("behind") and name.endswith(".png"):
+            with Image.open(os.path.join(fine, "truth", name)) as picture:
+                pixels = coarse(np.asarray(picture.convert("RGB"), dtype=np.float32))
+            Image.fromarray(np.floor(pixels + 0.5).astype(np.uint8)).save(os.path.join(truth, name))
+    out = write_views(lf, lf + ".new", own, {k: coarse(v) for k, v in views.items()})
+    os.remove(os.path.join(out, "truth"))
+    os.rename(truth, os.path.join(out, "truth"))
+    shutil.rmtree(lf)
+    os.rename(out, lf)
+
+
 # --- resampling ------------------------------------------------------------------------------------------------------
 
 def cubic(t):
@@ -114,6 +142,14 @@ def each(change):
     return lambda views, s, rng: {k: change(v, s, rng) for k, v in views.items()}
 
 
+def fine(change):
+    """change of fine pictures, lazily read; pixels are formed afterwards."""
+    def apply(views, s, rng):
+        return {k: coarse(change(v, s, rng)) for k, v in views.items()}
+    apply.fine = True
+    return apply
+
+
 def spread(s, n, rng):
     """n factors within 1 - s .. 1 + s whose geometric mean is 1: what all cameras share is no spread."""
     g = np.log(rng.uniform(1 - s, 1 + s, n))
@@ -145,25 +181,65 @@ def missing(views, s, rng):
 def jitter_and_gain(views, s, rng):
     """0.5 px of jitter and 10 % of gain for s = 1, 2 px and 30 % for s = 2."""
     px, share = {1: (0.5, 0.1), 2: (2, 0.3)}[s]
-    return gains(vertical(views, px, rng), share, rng)
+    return gains(fine(lambda v, by, r: shift(v, 0, FINE * r.uniform(-by, by)))(views, px, rng), share, rng)
 
 
-vertical = each(lambda v, s, rng: shift(v, 0, rng.uniform(-s, s)))
+def moments(change):
+    """change of pictures of the scene at TIMES moments from 0 to s seconds: [{(row, col): picture}]."""
+    change.moments = True
+    return change
+
+
+TIMES = 5
+
+
+@moments
+def time_offsets(sets, s, rng):
+    """Each camera at a moment of its own; the reference camera at the first."""
+    return {k: sets[0 if k == (2, 2) else rng.integers(TIMES)][k] for k in sets[0]}
+
+
+@moments
+def rolling(sets, s, rng):
+    """Rows later from top to bottom, in bands."""
+    out = {}
+    for k in sets[0]:
+        h = sets[0][k].shape[0]
+        edges = [h * i // TIMES for i in range(TIMES + 1)]
+        out[k] = np.concatenate([sets[i][k][edges[i]:edges[i + 1]] for i in range(TIMES)])
+    return out
+
+
+def noisy_labels(labels, share, rng):
+    """Cells of 8x8 pixels with a label of another place."""
+    h, w = labels.shape
+    out = labels.copy()
+    for y in range(0, h, 8):
+        for x in range(0, w, 8):
+            if rng.random() < share:
+                out[y:y + 8, x:x + 8] = labels[rng.integers(h), rng.integers(w)]
+    return out
+
+
+jitter_and_gain.fine = True
+vertical = fine(lambda v, s, rng: shift(v, 0, FINE * rng.uniform(-s, s)))
 
 # name: title, unit, strengths, function
 SWEEPS = {
     "both": ("Vertical misalignment and gain", "1: 0.5 px, 10 %; 2: 2 px, 30 %", (1, 2), jitter_and_gain),
     "vertical": ("Vertical misalignment", "px, one side", (0.1, 0.25, 0.5, 1, 2, 4), vertical),
     "gain": ("Gain between cameras", "spread, one side", (0.05, 0.1, 0.2, 0.3, 0.4), gains),
-    "roll": ("Rotation", "degrees, one side", (0.1, 0.25, 0.5, 1), each(lambda v, s, rng: roll(v, rng.uniform(-s, s)))),
+    "roll": ("Rotation", "degrees, one side", (0.1, 0.25, 0.5, 1), fine(lambda v, s, rng: roll(v, rng.uniform(-s, s)))),
     "noise": ("Sensor noise", "levels RMS", (2, 5, 10, 20), each(lambda v, s, rng: v + rng.normal(0, s, v.shape))),
     "jpeg": ("JPEG", "quality", (98, 90, 75, 50, 30), None),
     "gamma": ("Gamma between cameras", "spread, one side", (0.05, 0.1, 0.2, 0.3), gamma),
     "vignetting": ("Vignetting", "mean loss in the corners", (0.1, 0.2, 0.3), vignette),
     "lens": ("Wrong lens", "of the distance at the corner, one side", (0.002, 0.005, 0.01),
-             each(lambda v, s, rng: distort(v, rng.uniform(-s, s)))),
+             fine(lambda v, s, rng: distort(v, rng.uniform(-s, s)))),
     "blur": ("Blur", "px, sigma", (0.5, 1, 2), each(lambda v, s, rng: blur(v, s))),
     "missing": ("Missing views", "views", (4, 9, 18), missing),
+    "time": ("Time offsets between cameras", "s, one side", (0.01, 0.033, 0.1), time_offsets),
+    "rolling": ("Rolling shutter", "s from first to last row", (0.01, 0.033, 0.1), rolling),
 }
 
 

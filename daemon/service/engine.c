@@ -234,6 +234,7 @@ static void note_locked(struct live_engine *v, const struct sst_live_report *r, 
     note_second_locked(v, r, 1);
     s->sets++;
     s->idle += r->tiles_changed == 0;
+    s->relit += r->relit > 0;
     s->ready = r->ready;
     snprintf(s->reason, sizeof(s->reason), "%s",
              r->alone ? "no two neighbouring cameras give pictures, so there is plain refocusing only" : "");

@@ -80,6 +80,8 @@ static void write_live(FILE *f, const struct engine_state *v)
     metric(f, "live_sets_watched_total", "counter", "Sets of which one view was watched, as no pictures were needed.",
            (double)v->watched);
     metric(f, "live_sets_idle_total", "counter", "Sets in which nothing had changed.", (double)v->idle);
+    metric(f, "live_light_changes_total", "counter", "Sets in which the light or exposure of a view changed.",
+           (double)v->relit);
     metric(f, "live_pictures_total", "counter", "Pictures rendered and encoded.", (double)v->pictures);
     metric(f, "visits_total", "counter", "Things that came into view and moved.", (double)v->visits);
     metric(f, "live_rate_hz", "gauge", "Sets per second, over the last ten seconds.", v->rate_hz);

@@ -141,6 +141,7 @@ struct engine_state {
     char reason[512];             /* why not */
     double rate_hz;               /* sets per second, over the last ten */
     uint64_t sets, dropped, idle; /* processed; skipped for newer ones; processed without any change */
+    uint64_t relit;               /* sets in which the light or exposure of a view changed */
     uint64_t watched;             /* only one view of them was watched for changes */
     enum engine_demand demand;
     uint64_t pictures;      /* encoded */

@@ -101,6 +101,7 @@ json_t *service_live_json(const struct engine_state *v, const struct sst_live_se
     if (!live)
         return NULL;
     json_object_set_new(live, "demand", json_string(engine_demand_name(v->demand)));
+    json_object_set_new(live, "light_changes", json_integer((json_int_t)v->relit));
     json_object_set_new(live, "watched", json_integer((json_int_t)v->watched));
     json_object_set_new(live, "latency_ms", window_json(&v->latency_ms));
     json_object_set_new(live, "stages_ms", stages);

@@ -72,6 +72,7 @@ struct sst_live_report {
     int64_t stage_ns[SST_LIVE_STAGES];      /* wall */
     int64_t cpu_ns;                         /* of the whole process during the update */
     int views;                              /* with a frame in this set */
+    int relit;                              /* views whose light or exposure changed, so that all their tiles did */
     int64_t tiles, tiles_changed;           /* of all views; changed: recomputed */
     int64_t decodes, decodes_skipped;       /* frames */
     int64_t label_runs, label_runs_skipped; /* network runs; skipped: compared with one per view */

@@ -476,6 +476,37 @@ static void light_is_taken_over_as_a_whole(void **state)
     close_keeper(&exact);
 }
 
+/* The exposure of all cameras, then of one, changes in the middle of a run: reported once each. */
+static void changes_of_exposure_are_reported(void **state)
+{
+    struct keeper k;
+
+    (void)state;
+    open_keeper(&k, V4L2_PIX_FMT_MJPEG, NULL, true, 2);
+    for (int n = 0; n < 12; n++) {
+        struct sst_live_input *in =
+            make_set(n, &(struct seen){ .light = n < 4 ? 1 : 1.3, .noise = 1 }, V4L2_PIX_FMT_MJPEG);
+        struct sst_live_input *dim = make_set(n, &(struct seen){ .light = 0.8, .noise = 1 }, V4L2_PIX_FMT_MJPEG);
+        const uint8_t *data = in->frame[3].data;
+        const size_t bytes = in->frame[3].bytes;
+
+        if (n >= 8) {
+            in->frame[3].data = dim->frame[3].data;
+            in->frame[3].bytes = dim->frame[3].bytes;
+            dim->frame[3].data = data;
+            dim->frame[3].bytes = bytes;
+        }
+        update(&k, in);
+        free_set(in);
+        free_set(dim);
+        if (n == 4)
+            assert_int_equal(k.report.relit, k.report.views);
+        else
+            assert_int_equal(k.report.relit, n == 8 ? 1 : 0);
+    }
+    close_keeper(&k);
+}
+
 /* Rectified tiles that are kept come from raw tiles that are kept: marked ones are exact, the others within the budget.
  */
 static void calibrated_views_follow(void **state)
@@ -753,6 +784,7 @@ int main(void)
         cmocka_unit_test(motion_is_followed),
         cmocka_unit_test(one_view_is_watched),
         cmocka_unit_test(light_is_taken_over_as_a_whole),
+        cmocka_unit_test(changes_of_exposure_are_reported),
         cmocka_unit_test(calibrated_views_follow),
         cmocka_unit_test(raw_formats_follow),
         cmocka_unit_test(bad_frames_leave_the_view),

@@ -280,7 +280,7 @@ static void follow_presence(struct sst_liveframes *f, int k)
 static void end_set(struct sst_liveframes *f, struct sst_live_report *report)
 {
     const int tiles = f->cols * f->rows;
-    int decoded = 0, given = 0, whole = 0;
+    int decoded = 0, given = 0, whole = 0, relit = 0;
 
     for (int k = 0; k < f->views; k++) {
         struct live_view *v = &f->view[k];
@@ -288,12 +288,14 @@ static void end_set(struct sst_liveframes *f, struct sst_live_report *report)
         follow_presence(f, k);
         given += has_frame(f, k) && !v->refused;
         decoded += v->decoded;
+        relit += v->decoded && v->verdict.light > SST_DETECTOR_LIGHT;
         whole += v->decoded && v->verdict.changed == raw_tiles(f);
         for (int t = 0; f->changes->map[k] && t < tiles; t++)
             f->changes->changed += f->changes->map[k][t];
     }
     f->changes->whole = given && whole == given;
     report->views = given;
+    report->relit = relit;
     report->tiles = (int64_t)given * tiles;
     report->tiles_changed = f->changes->changed;
     report->decodes = decoded;
