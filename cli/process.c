@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/border.h"
 #include "base/claim.h"
 #include "base/log.h"
 #include "cli/cli_internal.h"
@@ -43,7 +44,7 @@ static json_t *seconds_json(double load, double labels, double disparity, double
 
 static void print_skipped(const char *what, double percent, const char *error, double error_percent)
 {
-    if (percent > 0)
+    if (isgreater(percent, 0))
         printf("%.0f %% of the %s skipped (%.1f %% %s), ", percent, what, error_percent, error);
 }
 
@@ -110,6 +111,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         json_object_set_new(root, "focus_px", cli_real_json(focus_px));
         cli_add_judgement(root, lf, &r->judgement);
         json_object_set_new(root, "levels", levels);
+        json_object_set_new(root, "not_finite", json_integer((json_int_t)sst_border_count()));
         json_object_set_new(root, "align", cli_align_json(lf, &r->align, w->correct));
         json_object_set_new(root, "parallax",
                             r->parallax == SST_PARALLAX_UNKNOWN ? json_null()
@@ -354,7 +356,7 @@ static int read_options(const struct cli_command *cmd, struct job *job, const st
     struct wanted *w = &job->w;
     int r;
 
-    if (isnan(w->range_min) != isnan(w->range_max) || w->range_min >= w->range_max)
+    if (isnan(w->range_min) != isnan(w->range_max) || isgreaterequal(w->range_min, w->range_max))
         return cli_usage_error(cmd, "--range-min and --range-max must be given together, --range-min smaller");
     if (w->no_labels && (w->model || w->labels_dir || w->hand_label))
         return cli_usage_error(cmd, "--no-labels and --%s contradict each other",

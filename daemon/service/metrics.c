@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/border.h"
 #include "base/clock.h"
 #include "daemon/service/service_internal.h"
 
@@ -80,6 +81,8 @@ static void write_live(FILE *f, const struct engine_state *v)
     metric(f, "live_sets_watched_total", "counter", "Sets of which one view was watched, as no pictures were needed.",
            (double)v->watched);
     metric(f, "live_sets_idle_total", "counter", "Sets in which nothing had changed.", (double)v->idle);
+    metric(f, "values_not_finite_total", "counter", "NaN and infinity where results leave a module: faults.",
+           (double)sst_border_count());
     metric(f, "live_light_changes_total", "counter", "Sets in which the light or exposure of a view changed.",
            (double)v->relit);
     metric(f, "live_pictures_total", "counter", "Pictures rendered and encoded.", (double)v->pictures);

@@ -1,6 +1,7 @@
 /* base/: files that appear whole or not at all, parallel work. */
 #include <dirent.h>
 #include <errno.h>
+#include <math.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,6 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/border.h"
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
@@ -250,6 +252,22 @@ static void interrupt_leaves_whole_folders(void **state SST_UNUSED)
     sst_path_remove_tree(dir);
 }
 
+/* Only outside sanitized builds, which end there. */
+static void values_that_cross_a_border_are_counted(void **state SST_UNUSED)
+{
+    const double good[] = { 0, -0.0, 1e308, -1e-308, 5e-324 };
+    const float unknown[] = { 1, INFINITY, -INFINITY };
+
+    assert_int_equal(sst_border_doubles("good", good, ARRAY_LEN(good)), 0);
+    assert_int_equal(sst_border_unknown("unknown", unknown, ARRAY_LEN(unknown)), 0);
+    assert_int_equal(sst_border_count(), 0);
+#ifndef SST_TRAPS
+    assert_int_equal(sst_border_doubles("bad", (const double[]){ 1, NAN, -INFINITY, 2 }, 4), 2);
+    assert_int_equal(sst_border_unknown("bad", (const float[]){ NAN, INFINITY, -NAN }, 3), 2);
+    assert_int_equal(sst_border_count(), 4);
+#endif
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -258,6 +276,7 @@ int main(void)
         cmocka_unit_test(arrays_grow_and_keep_their_elements), cmocka_unit_test(texts_are_added_as_far_as_they_fit),
         cmocka_unit_test(outfile_appears_whole_or_not),        cmocka_unit_test(swap_exchanges_or_moves),
         cmocka_unit_test(interrupt_leaves_whole_folders),
+        cmocka_unit_test(values_that_cross_a_border_are_counted),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

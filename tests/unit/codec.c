@@ -18,6 +18,7 @@
 #include "pipeline/image/classes.h"
 #include "pipeline/image/codec.h"
 #include "tests/folder.h"
+#include "tests/random.h"
 #include "tests/test.h"
 
 #define ROBUSTNESS "../shared/data/jpeg-robustness"
@@ -245,6 +246,37 @@ static void compared_pictures_are_scaled_alike(void **state SST_UNUSED)
     a = b = (struct sst_image){ 0 };
     assert_int_equal(sst_image_read_alike(both, paths, 2), -ENOENT);
     assert_null(a.plane[0]);
+}
+
+static void noise_is_measured(void **state SST_UNUSED)
+{
+    static const double sigmas[] = { 0, 2, 5, 10, 20 };
+    uint64_t random = 7;
+
+    for (size_t i = 0; i < ARRAY_LEN(sigmas); i++) {
+        struct sst_image img;
+        double found;
+
+        assert_int_equal(sst_image_init(&img, 331, 217), 0);
+        for (int y = 0; y < img.height; y++) {
+            for (int x = 0; x < img.width; x++) {
+                const double v = 60 + 0.3 * x + 0.2 * y + sigmas[i] * test_normal(&random);
+
+                sst_image_row(&img, 1, y)[x] = (uint8_t)sst_clamp_double(floor(v + 0.5), 0, 255);
+            }
+        }
+        found = sst_image_noise(&img);
+        if (found < 0.7 * sigmas[i] || found > sigmas[i] + 0.5)
+            fail_msg("%.2f levels for %.0f", found, sigmas[i]);
+        sst_image_fini(&img);
+    }
+    for (int side = 1; side < 40; side += 3) { /* nothing to measure: small, black */
+        struct sst_image img;
+
+        assert_int_equal(sst_image_init(&img, side, 40 - side), 0);
+        assert_true(sst_image_noise(&img) == 0);
+        sst_image_fini(&img);
+    }
 }
 
 static void jpeg_stays_close(void **state SST_UNUSED)
@@ -707,6 +739,7 @@ int main(void)
         cmocka_unit_test(maps_give_the_same_values),
         cmocka_unit_test(deep_pictures_keep_levels),
         cmocka_unit_test(samples_of_16_bits_round_trip),
+        cmocka_unit_test(noise_is_measured),
         cmocka_unit_test(compared_pictures_are_scaled_alike),
         cmocka_unit_test(jpeg_stays_close),
         cmocka_unit_test(cut_and_damaged_files_are_refused),

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/border.h"
 #include "base/log.h"
 #include "base/stats.h"
 #include "base/thread.h"
@@ -409,6 +410,21 @@ bool sst_drift_possible(const struct sst_lightfield *lf)
     return present >= 2;
 }
 
+static void check_border(const struct sst_drift *d)
+{
+    for (int v = 0; v < d->rows * d->cols; v++) {
+        const struct sst_drift_camera *c = &d->camera[v];
+        const double place[] = { c->shift_x_px, c->shift_y_px, c->sigma_px,       c->roll_deg,
+                                 c->scale,      c->off_px,     c->roll_sigma_deg, c->scale_sigma };
+
+        if (c->known)
+            sst_border_doubles("displacements of the drift check", place, ARRAY_LEN(place));
+        sst_border_doubles("gains of the drift check", c->gain, 3);
+        sst_border_doubles("gains of the drift check", c->even_gain, 3);
+        sst_border_doubles("fall-off of the drift check", &c->falloff, 1);
+    }
+}
+
 int sst_drift_check(struct sst_drift *out, const struct sst_lightfield *lf, const struct sst_drift_config *cfg)
 {
     struct sst_drift made = { 0 };
@@ -419,11 +435,13 @@ int sst_drift_check(struct sst_drift *out, const struct sst_lightfield *lf, cons
     end(&w);
     if (err == -ENOMEM)
         sst_log_error("no memory to check the calibration of %d views; close other programs", lf->rows * lf->cols);
-    if (err)
+    if (err) {
         sst_drift_fini(&made);
-    else
-        *out = made;
-    return err;
+        return err;
+    }
+    check_border(&made);
+    *out = made;
+    return 0;
 }
 
 void sst_drift_fini(struct sst_drift *check)

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/border.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/stats.h"
@@ -461,6 +462,20 @@ static int fill(struct solve_case *c)
     return 0;
 }
 
+static void check_border(const struct sst_calib *calib)
+{
+    for (int k = 0; k < calib->rows * calib->cols; k++) {
+        const struct sst_calib_camera *c = &calib->camera[k];
+
+        if (!c->known)
+            continue;
+        sst_border_doubles("camera of the calibration", (const double[]){ c->fx, c->fy, c->cx, c->cy, c->rms_px }, 5);
+        sst_border_doubles("lens of the calibration", c->k, (size_t)c->lens);
+        sst_border_doubles("rotation of the calibration", c->rotation, 9);
+        sst_border_doubles("position of the calibration", c->position_mm, 3);
+    }
+}
+
 int sst_solve(struct sst_solution *out, const struct sst_detections *all, const struct sst_solve_config *cfg)
 {
     const int64_t start_ns = sst_clock_now_ns();
@@ -498,6 +513,7 @@ int sst_solve(struct sst_solution *out, const struct sst_detections *all, const 
         err = fill(&c);
     if (!err) {
         c.s.seconds = (double)(sst_clock_now_ns() - start_ns) * 1e-9;
+        check_border(&c.s.calib);
         *out = c.s;
         c.s = (struct sst_solution){ 0 };
         report_progress(&c, 1);

@@ -11,6 +11,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/border.h"
 #include "base/log.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 
@@ -511,7 +512,10 @@ int sst_rectify_plan(struct sst_rectified *out, const struct sst_calib *calib, c
     err = choose_k(&to, calib, &c, cfg);
     if (!err)
         err = sst_rectified_place(&to, calib);
-    if (!err)
-        *out = to;
-    return err;
+    if (err)
+        return err;
+    sst_border_doubles("rotation of the rectified views", to.rotation, 9);
+    sst_border_doubles("geometry of the rectified views", (const double[]){ to.focal_px, to.cx, to.cy, to.spacing_mm }, 4);
+    *out = to;
+    return 0;
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/border.h"
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/method/disparity/disparity_internal.h"
@@ -670,6 +671,8 @@ int sst_disparity_stereo(struct sst_map_f32 *out, const struct sst_image *left, 
             sst_map_f32_row(out, y)[x] = d[x] == SST_DISP_NONE ? INFINITY : (float)sst_disp_px(&lf, d[x]);
     }
 done:
+    for (int y = 0; !err && y < left->height; y++)
+        sst_border_unknown("disparities of a pair", sst_map_f32_row(out, y), (size_t)left->width);
     lf.views[0].image = lf.views[1].image = (struct sst_image){ 0 };
     sst_lightfield_fini(&lf);
     return err;

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/border.h"
 #include "base/log.h"
 #include "base/mem.h"
 #include "pipeline/method/labels/labels.h"
@@ -358,8 +359,11 @@ int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct s
         goto fail;
     }
     *label = label_made;
-    if (entropy)
+    if (entropy) {
+        for (int y = 0; y < img->height; y++)
+            sst_border_unknown("entropy of the labels", sst_map_f32_row(&entropy_made, y), (size_t)img->width);
         *entropy = entropy_made;
+    }
     if (prob)
         *prob = prob_made;
     return 0;

@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "base/border.h"
 #include "base/stats.h"
 
 #define OFF_PX     0.3  /* a view beyond this and OFF_SIGMAS is off */
@@ -248,4 +249,6 @@ void sst_align_plan(struct sst_correction *correction, struct sst_align_report *
     plan_places(correction, report, lf, check);
     plan_falloffs(correction, report, lf, check);
     plan_gains(correction, report, lf, check);
+    for (int k = 0; k < lf->rows * lf->cols; k++)
+        sst_border_doubles("corrections of the views", &correction[k].shift_x_px, sizeof(*correction) / sizeof(double));
 }

@@ -182,7 +182,7 @@ static bool can_carry(const struct run *run)
         if (lf->views[k].present && !lf->views[k].disp.data)
             return false;
     }
-    return run->report->skipped.views_skipped > 0 || process_carry_shown(lf, run->carried, lf->ref_view) >= LABEL_SHOWN;
+    return isgreater(run->report->skipped.views_skipped, 0) || process_carry_shown(lf, run->carried, lf->ref_view) >= LABEL_SHOWN;
 }
 
 /* Choose the views that the network labels. */

@@ -1,0 +1,22 @@
+/* base/border.h - no NaN and no infinity leaves a module: what crosses its border is counted, in checked builds asserted. */
+#ifndef SST_BASE_BORDER_H
+#define SST_BASE_BORDER_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/**
+ * Check results that leave a module. Values that are no finite numbers end a sanitized build; otherwise they are counted,
+ * and the first of the process is logged as a warning. Costs a pass over the values. Thread: any.
+ *
+ * @param what  the module's result, for the message  @return how many are not finite
+ */
+size_t sst_border_doubles(const char *what, const double *v, size_t n);
+
+/** The same of floats of which infinity means unknown: only NaN counts. */
+size_t sst_border_unknown(const char *what, const float *v, size_t n);
+
+/** Values counted since the start of the process. */
+uint64_t sst_border_count(void);
+
+#endif
