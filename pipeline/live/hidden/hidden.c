@@ -22,7 +22,7 @@ struct sst_hidden {
     const struct sst_hidden_input *in;
     struct hidden_rect keep[SST_HIDDEN_THINGS]; /* blocks */
     double keep_px[SST_HIDDEN_THINGS];
-    int keeps;
+    int keeps, stands; /* stands: the first of keep */
 };
 
 static int open_model(struct sst_hidden *h, int k)
@@ -100,15 +100,18 @@ void sst_hidden_accept(struct sst_hidden *h, double alarms_per_hour)
 /* --- a set ----------------------------------------------------------------------------------------------------------
  */
 
-/* Where reported tracks are that stand: what is there must not become usual. */
+/* Where reported tracks are: what is there must not become usual. Those that stand come first: of who passes, colours may be
+ * remembered. */
 static void find_kept(struct sst_hidden *h)
 {
-    h->keeps = 0;
-    for (int i = 0; i < h->tracks.count; i++) {
-        const struct hidden_track *a = &h->tracks.track[i];
+    h->keeps = h->stands = 0;
+    for (int n = 0; n < 2 * h->tracks.count; n++) {
+        const struct hidden_track *a = &h->tracks.track[n % h->tracks.count];
+        const bool stands = !hidden_track_moved(a);
 
-        if (!a->thing.reported || hidden_track_moved(a) || h->in->t_ns - a->thing.first_ns > KEEP_NS)
+        if (!a->thing.reported || stands != (n < h->tracks.count) || h->in->t_ns - a->thing.first_ns > KEEP_NS)
             continue;
+        h->stands += stands;
         h->keep_px[h->keeps] = a->thing.disp_px;
         h->keep[h->keeps++] = (struct hidden_rect){ (int)floor(a->x - 0.75 * a->w), (int)floor(a->y - 0.75 * a->h),
                                                     (int)ceil(a->x + 0.75 * a->w), (int)ceil(a->y + 0.75 * a->h) };
@@ -122,13 +125,13 @@ static int update_model(void *arg, int k, int worker SST_UNUSED)
 
     if (!h->model[k] || !h->in->image[k])
         return 0;
-    for (int i = 0; i < h->keeps; i++) {
+    for (int i = 0; i < h->stands; i++) {
         const int sx = (int)lround(h->keep_px[i] * h->dx[k]), sy = (int)lround(h->keep_px[i] * h->dy[k]);
 
         keep[i] = (struct hidden_rect){ HIDDEN_BLOCK * h->keep[i].x0 - sx, HIDDEN_BLOCK * h->keep[i].y0 - sy,
                                         HIDDEN_BLOCK * h->keep[i].x1 - sx, HIDDEN_BLOCK * h->keep[i].y1 - sy };
     }
-    hidden_model_update(h->model[k], h->in->image[k], h->in->changed[k], h->step, h->in->t_ns, keep, h->keeps);
+    hidden_model_update(h->model[k], h->in->image[k], h->in->changed[k], h->step, h->in->t_ns, keep, h->stands);
     return 0;
 }
 
