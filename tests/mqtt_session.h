@@ -386,6 +386,10 @@ static inline void expect_count(const char *words, int n)
 
 #define MQTT_TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
 
+#ifndef WITH_MQTT /* this header alone */
+#define WITH_MQTT 1
+#endif
+
 /** @return 77 with the reason printed if there is no broker, else 0 */
 static inline int mqtt_missing(void)
 {
