@@ -129,7 +129,7 @@ def measure_labels(bench, name, seed):
         bench.keep(light_field=name, seed=seed, kind="labels", strength=share, align="auto",
                    confirmed=round(done["confirmed_percent"], 1), plausible=done["plausible"],
                    see_through=round(errors["render"]["psnr_occluded"], 2),
-                   bad2=round(100 - errors["labels"]["pixel_accuracy"], 2))
+                   bad2=round(100 - errors["labels"]["accuracy_refined"], 2))
         shutil.rmtree(out)
         shutil.rmtree(given)
 
@@ -294,15 +294,15 @@ Made by `make bench-perturb` on {cpu_name()}. Do not edit: the next run overwrit
 Scenes of {bench.size} pixels, 6x6 views, seeds 1 to {seeds}, preset balanced, without labels; the perturbation is drawn for each view.
 *bad-2*: disparities off by more than 2 px, all views. *See-through*: PSNR of `sst render` in what the occluder hides. *Clear*: PSNR
 of the clear picture. Pixels are means of {perturb.FINE}x{perturb.FINE} pixels of finer pictures, which are displaced before: the
-perturbation itself does not blur. What correction leaves of the clear picture's loss is the resampling of pixels: the
-pedestrian's reference view, displaced by 0.2 px (0.8 px) and back exactly, is 34.0 dB (29.9 dB) from the undisplaced one. The
-estimated displacements are off by 0.01 px. Of gains, the mean of all views is 1. A run that was stopped leaves out rows (-). *Noticed*: `sst process` warns, or reports what it corrected ([design.md](../design/design.md#59-pictures-that-are-off)).
+perturbation itself does not blur. What correction leaves of the clear picture's loss is the
+resampling of pixels ([notes](notes-method.md#displaced-pictures)). Of gains, the mean of all views is 1. A run that was stopped leaves out rows (-). *Noticed*: `sst process` warns, or reports what it corrected ([design.md](../design/design.md#59-pictures-that-are-off)).
 
 ![See-through picture against vertical misalignment, gain, vignetting and noise](bench-perturb.svg)
 
 """
     text += "\n".join(filter(None, (sweep_table(rows, kind) for kind in perturb.SWEEPS)))
-    text += "\n### Label noise\n\nTrue labels, cells of 8x8 pixels exchanged, refined.\n\n" + label_table(rows)
+    if select(rows, kind="labels"):
+        text += "\n### Label noise\n\nTrue labels, cells of 8x8 pixels exchanged, refined.\n\n" + label_table(rows)
     text += "\n## Faults\n\nOne thing that is plainly wrong; unperturbed, no scene is warned of.\n\n" + fault_table(rows)
     if select(rows, light_field="backgammon"):
         text += "\n## A photographed kind of scene\n\nBackgammon (HCI), against its own maps unperturbed.\n\n" + real_table(rows)
