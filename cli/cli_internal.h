@@ -453,11 +453,12 @@ struct render_args {
     double f_stop;           /* 0: not given */
     bool no_verify;          /* altered views are accepted */
     const char *device;      /* as written */
+    const char *skip;        /* as written; NULL: nothing is skipped */
     int device_memory;       /* MiB; 0: not given */
     bool json, force;
 };
 
-#define RENDER_OPTIONS 26
+#define RENDER_OPTIONS 28
 
 /** The shared options, their values set to the defaults; pictures is 1. */
 void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render_args *a);
@@ -500,6 +501,12 @@ json_t *cli_render_device_json(const struct render_input *in);
 
 /** One line of the log about it: a warning where pictures were rendered on the CPU instead. */
 void cli_render_report_device(const struct render_input *in);
+
+/** What was skipped and the error that it added, for `--json`; null if nothing was to be skipped. */
+json_t *cli_render_skips_json(const struct render_input *in, const struct render_args *a);
+
+/** Print one line about it. @param out  the output's name */
+void cli_render_report_skips(const struct render_input *in, const char *out);
 
 /** Does the name end so (".png"), upper or lower case? */
 bool cli_has_suffix(const char *path, const char *suffix);

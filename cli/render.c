@@ -67,6 +67,7 @@ static void report(const struct picture *p, const struct render_input *in, const
 
     cli_render_report_device(in);
     if (!a->json) {
+        cli_render_report_skips(in, out);
         if (a->focus_found)
             printf("%s: focus %.2f px per spacing, found by itself\n", out, a->cfg.focus_px);
         if (p->repeat)
@@ -91,6 +92,7 @@ static void report(const struct picture *p, const struct render_input *in, const
         json_object_update_new(root, json_pack("{s:f, s:b, s:f}", "focus_px", a->cfg.focus_px, "focus_found",
                                                a->focus_found, "supported_percent", supported));
     json_object_set_new(root, "device", cli_render_device_json(in));
+    json_object_set_new(root, "skip", cli_render_skips_json(in, a));
     if (in->lf.calibration)
         json_object_set_new(root, "sampling", json_string(in->lf.images_raw ? "raw" : "rectified"));
     if (a->label)
@@ -225,6 +227,12 @@ const struct cli_command cli_render = {
         "where there is none; software devices are used only by name (lavapipe). `sst version` lists the devices.\n"
         "Pictures differ from the CPU's by one level at most. What a device cannot do, or fails at, is done on the\n"
         "CPU, logged and counted in `device` of --json. It pays for sweeps: the light field is uploaded once.\n"
+        "\n"
+        "--skip leaves rays out where the picture hardly changes: views takes a quarter or half of the views where\n"
+        "sampled rows show that it suffices, tiles leaves out or simplifies weights that the bounds of a tile's\n"
+        "disparities and labels limit. --skip-error is the PSNR to keep, estimated on these rows; the report has the\n"
+        "error of others. It pays in sweeps of large scenes; loading takes longer than one picture, so none is the\n"
+        "default and exact.\n"
         "\n"
         "--explain DIR writes, for the reference view, disparity.png (dark blue far, yellow near), labels.png,\n"
         "weight_depth.png, weight_label.png and weight.png, confidence.png, entropy.png and labels_hcsm.png where\n"

@@ -62,6 +62,10 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
           "where rays are summed: cpu (default), gpu, auto (gpu if there is one) or a part of a device's name", 0, 0 },
         { "device-memory", 0, CLI_INT, &a->device_memory, "MIB",
           "memory of the device to use at most (three quarters of it)", 1, 1 << 24 },
+        { "skip", 0, CLI_STRING, &a->skip, "LIST",
+          "rays to leave out where that changes little: views, tiles, all or none (default: exact)", 0, 0 },
+        { "skip-error", 0, CLI_DOUBLE, &cfg->skip_error_db, "DB", "least PSNR of that against the exact picture (50)",
+          20, 100 },
         { "threads", 't', CLI_INT, &cfg->threads, "N", "threads (all processors)", 1, 256 },
         { "force", 0, CLI_FLAG, &a->force, NULL, "replace an existing folder" },
         { "json", 0, CLI_FLAG, &a->json, NULL, "print one JSON object" },
@@ -100,6 +104,24 @@ int cli_read_verify(enum sst_render_verify *verify, const char *word, const stru
     return CLI_GO_ON;
 }
 
+/* What to skip. */
+static int read_skips(struct render_args *a, const struct cli_command *cmd)
+{
+    const struct cli_skip skips[] = { { "views", &a->cfg.skip_views }, { "tiles", &a->cfg.skip_tiles } };
+    const int r = cli_read_skips(cmd, a->skip, skips, ARRAY_LEN(skips));
+
+    if (r != CLI_GO_ON || (!a->cfg.skip_views && !a->cfg.skip_tiles))
+        return r;
+    if (a->cfg.method == SST_RENDER_CLEAR)
+        return cli_usage_error(cmd, "--skip %s has no effect with --method clear, which stops at the 16 nearest views "
+                                    "that see a pixel's surface anyway",
+                               a->skip);
+    if (strcmp(a->device, "cpu"))
+        return cli_usage_error(cmd, "--skip %s and --device %s contradict each other: devices sum all rays", a->skip,
+                               a->device);
+    return CLI_GO_ON;
+}
+
 static int read_words(struct render_args *a, const struct cli_command *cmd)
 {
     static const char *const methods[] = { "refocus", "sst", "clear" },
@@ -124,7 +146,7 @@ static int read_words(struct render_args *a, const struct cli_command *cmd)
         return cli_usage_error(cmd, "--label has no effect with --method %s, which focuses on no label", a->method);
     if (a->cfg.method != SST_RENDER_CLEAR && (!isnan(a->cut) || a->remove_label || a->remove_at))
         return cli_usage_error(cmd, "--cut, --remove-label and --remove-at need --method clear");
-    return CLI_GO_ON;
+    return read_skips(a, cmd);
 }
 
 /* Number of a label that occurs in the light field. @param option  that asks for it */
@@ -299,6 +321,31 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
     if (r != CLI_GO_ON)
         cli_render_close(in);
     return r;
+}
+
+json_t *cli_render_skips_json(const struct render_input *in, const struct render_args *a)
+{
+    struct sst_render_skip_report s;
+
+    if (!sst_renderer_skips(in->renderer, &s))
+        return json_null();
+    return json_pack("{s:b, s:b, s:f, s:f, s:f, s:I, s:o, s:o}", "views", a->cfg.skip_views, "tiles", a->cfg.skip_tiles,
+                     "budget_db", a->cfg.skip_error_db, "rays_skipped_percent", 100 * s.rays_skipped,
+                     "rays_even_percent", 100 * s.rays_even, "sampled_pixels", (json_int_t)s.sampled, "error_levels",
+                     cli_real_json(s.error_levels), "error_db", cli_real_json(s.error_db));
+}
+
+void cli_render_report_skips(const struct render_input *in, const char *out)
+{
+    struct sst_render_skip_report s;
+
+    if (!sst_renderer_skips(in->renderer, &s))
+        return;
+    printf("%s: %.1f %% of the rays skipped, %.1f %% with a constant weight", out, 100 * s.rays_skipped,
+           100 * s.rays_even);
+    if (s.sampled)
+        printf("; error %.2f levels in %lld pixels rendered exactly as well", s.error_levels, (long long)s.sampled);
+    printf("\n");
 }
 
 /* Mean of the pictures on the device. */

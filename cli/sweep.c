@@ -235,10 +235,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     err = make_sweep(&s);
     if (!err)
         cli_render_report_device(&s.in);
+    if (!err && !s.args.json)
+        cli_render_report_skips(&s.in, s.out);
     if (!err && s.args.json) {
-        cli_dump_json(json_pack("{s:s, s:i, s:s, s:f, s:f, s:o}", "output", s.out, "frames", frame_count(&s), "over",
+        cli_dump_json(json_pack("{s:s, s:i, s:s, s:f, s:f, s:o, s:o}", "output", s.out, "frames", frame_count(&s), "over",
                                 over_names[s.over], s.over > OVER_CUT ? "from" : "from_px", s.from,
-                                s.over > OVER_CUT ? "to" : "to_px", s.to, "device", cli_render_device_json(&s.in)),
+                                s.over > OVER_CUT ? "to" : "to_px", s.to, "device", cli_render_device_json(&s.in), "skip",
+                                cli_render_skips_json(&s.in, &s.args)),
                       JSON_INDENT(2));
     }
     cli_render_close(&s.in);

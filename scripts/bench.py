@@ -25,7 +25,12 @@ KINDS = ("leaves", "foliage", "branches", "slats", "mesh", "crowd")  # occluders
 SETS = {"development": (1, 2), "validation": (3001, 3002)}  # seeds; methods are tuned on the first only
 SKIP_SCENES = ("pedestrian", "bush", "cd-cases")
 PARTS = {"stereo": "stereo.csv", "render": "render.csv", "rectify": "rectify.csv", "scenes": "scenes.json", "seeds": "seeds.json",
+<<<<<<< HEAD
          "layers": "layers.json", "skips": "skips.json", "live": "live.json", "clear": "clear.csv", "pipeline": "pipeline.json",
+=======
+         "layers": "layers.json", "skips": "skips.json", "render-skips": "render-skips.json",
+         "live": "live.json", "clear": "clear.csv",
+>>>>>>> 8f221a2 (render: tests, docs and benches of skipped rays)
          "networks": "networks.json", "limits": "limits.csv"}  # raw figures of each part
 THREADS = "2"
 
@@ -194,6 +199,23 @@ def skips(build, out, names, size):
     write(f"{out}/skips.json", json.dumps(results, indent=1))
 
 
+def render_skips(build, out, names, size, rounds):
+    """See-through pictures with skips beside exact ones, in turn, on all kernels and on those of AVX2."""
+    results, sst, lf = [], f"{build}/sst", f"{out}/lf"
+    level = json.loads(call(sst, "version", "--json", stdout=subprocess.PIPE).stdout)["cpu"]
+    for name in names:
+        say(f"render-skips: {name}, {size}")
+        call(sst, "scene", name, "-o", lf, "--size", size, "--seed", 1, "--force", "-q", stdout=subprocess.DEVNULL)
+        call(sst, "process", lf, "-q", stdout=subprocess.DEVNULL)
+        for kernels in dict.fromkeys((level, "avx2" if level == "avx512" else level)):
+            for skip in ("none", "views", "tiles", "all") * rounds:
+                report = call(sst, "render", lf, "--skip", skip, "--repeat", 15, "--threads", THREADS, "--json", "-o",
+                              f"{out}/skip.png", stdout=subprocess.PIPE, env={**os.environ, "SST_CPU": kernels}).stdout
+                results.append({"scene": name, "size": size, "kernels": kernels, "skip": skip, "report": json.loads(report)})
+        shutil.rmtree(lf)
+    write(f"{out}/render-skips.json", json.dumps(results, indent=1))
+
+
 def live(build, out, sets):
     """What the live engine leaves out of frames, from a still scene to one that moves everywhere: the table of live_frames."""
     say(f"live frames, {sets} sets of each world; worlds that are not in the cache take a minute each")
@@ -277,6 +299,8 @@ def main():
         "scenes": lambda: scenes(args.build, out, names, size),
         "seeds": lambda: seeds(args.build, out, names, SEEDS[:1] if args.quick else SEEDS, "500x375"),
         "skips": lambda: skips(args.build, out, SKIP_SCENES[:1] if args.quick else SKIP_SCENES, "500x375"),
+        "render-skips": lambda: render_skips(args.build, out, SKIP_SCENES[:1] if args.quick else SKIP_SCENES, size,
+                                             2 if args.quick else 3),
         "live": lambda: live(args.build, out, 6 if args.quick else 21),
         "clear": lambda: clear(args.build, out, 6 if args.quick else 21),
         "pipeline": lambda: pipeline(args.build, out, ALL_PRESETS[1:] if args.quick else ALL_PRESETS, 4 if args.quick else 9,

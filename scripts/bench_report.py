@@ -160,14 +160,14 @@ largest difference from the picture of all views that double precision gives, be
 0.289 and 0.5), in grey levels of 0..255, at every 35th pixel. OpenCV makes the same sums: bands of rows in parallel,
 each view by warpAffine (bilinear, samples on 1/32 px), blended in float; its views are interleaved beforehand, and for
 see-through it gets the weight of every ray ready-made, while `sst` forms the weights within its time. *N views*: those
-nearest to the viewpoint alone (`--max-views`). Time relative to OpenCV: median over the rounds; a clear picture is
+nearest to the viewpoint alone (`--max-views`). *Skips*: `--skip all` at 50 dB. Time relative to OpenCV: median over the rounds; a clear picture is
 compared with see-through ones made in turn with it. Peak: largest memory of the process while it made its first
 picture. Rays are not verified (`--verify-rays off`).
 
 ![time against error](time-error-render.svg)
 
 """
-RENDER_SYMBOLS = {"": 7, "OpenCV": 4, "25 views": 5, "16 views": 9, "9 views": 11, "4 views": 13}
+RENDER_SYMBOLS = {"": 7, "OpenCV": 4, "skips": 3, "25 views": 5, "16 views": 9, "9 views": 11, "4 views": 13}
 
 
 def render_row(method, rounds, others):
@@ -216,7 +216,7 @@ def render_chart(out, title, groups, command):
               f'set label "rounding to bytes" at graph 0.02, first {0.82 * 12 ** -0.5} tc rgb "#666666"']
     for i, (kind, points) in enumerate(groups.items()):
         lines += [f"$g{i} << EOD"] + [f"{t} {e} {RENDER_SYMBOLS[v]}" for v, t, e in points] + ["EOD"]
-        lines += [f"$l{i} << EOD"] + [f"{t} {e}" for v, t, e in points if v != "OpenCV"] + ["EOD"]
+        lines += [f"$l{i} << EOD"] + [f"{t} {e}" for v, t, e in points if v not in ("OpenCV", "skips")] + ["EOD"]
         plots += [f"$l{i} with lines lw 1.5 lc rgb '{COLOURS[i]}' title \"{kind}\"",
                   f"$g{i} using 1:2:3 with points pt variable ps 1.4 lw 2 lc rgb '{COLOURS[i]}' notitle"]
     for variant, symbol in RENDER_SYMBOLS.items():
@@ -549,6 +549,42 @@ def skips(source, out, command):
     return write_page(out, "bench-skips", page("Skipping: work against error", command, text)) + made
 
 
+RENDER_SKIPS_TEXT = """\
+`sst render --skip LIST` on the maps of `sst process` (balanced, 36 views of {size}, seed 1), see-through at the focus that it
+proposes, against `--skip none`: median of pictures made in turn, wall time on {threads} threads. Error: root mean square of
+the difference from the exact picture in the pixels that the program samples for it (`error_levels`; 0: none differs, or the
+picture is exact because next to nothing could be left out). The budget is 50 dB, 0.81 levels.
+
+![time left against error added](skips-render.svg)
+
+{table}
+"""
+
+
+def render_skips(source, out, command):
+    with open(source) as f:
+        measured = json.load(f)
+    groups = {}
+    for m in measured:
+        groups.setdefault((m["scene"], m["kernels"], m["skip"]), []).append(m["report"])
+    rows, points = [], []
+    for (scene, kernels, skip), reports in groups.items():
+        times = [r["render_ms"]["median"] for r in reports]
+        base = [r["render_ms"]["median"] for r in groups[scene, kernels, "none"]]
+        part = statistics.median(100 * a / b for a, b in zip(times, base))
+        own = reports[0]["skip"] or {}
+        error = own.get("error_levels") or 0
+        rows.append([f"{scene}, {skip}, {kernels}", number(statistics.median(times), 1), number(part, 0),
+                     number(own.get("rays_skipped_percent"), 1), number(own.get("rays_even_percent"), 1), number(error)])
+        if kernels == measured[0]["kernels"]:
+            points.append((scene, skip, part, error))
+    text = RENDER_SKIPS_TEXT.format(size=measured[0]["size"], threads=2, table=table(
+        ["scene, skipped, kernels", "ms", "% of none", "rays skipped %", "constant weight %", "error, levels"], rows))
+    return (write_page(out, "bench-render-skips", page("Skipping rays: time against error", command, text)) +
+            skip_chart(out, "skips-render", f"Rays left out of see-through pictures, {measured[0]['kernels']}",
+                       ("time, % of that of --skip none", "error, grey levels"), points, command))
+
+
 LIVE_TEXT = """\
 ## Live
 
@@ -817,7 +853,7 @@ def write(folder, command):
     out, made = f"{folder}/docs", []
     os.makedirs(out, exist_ok=True)
     for name, report in (("stereo.csv", stereo), ("render.csv", render), ("rectify.csv", rectify), ("scenes.json", scenes), ("layers.json", layers),
-                         ("skips.json", skips), ("limits.csv", limits)):
+                         ("skips.json", skips), ("render-skips.json", render_skips), ("limits.csv", limits)):
         if os.path.exists(f"{folder}/{name}"):
             made += report(f"{folder}/{name}", out, command)
     return made

@@ -85,6 +85,13 @@ struct sst_verifier; /* verify.h */
 struct explainer;    /* render_internal.h */
 struct render_device;
 struct landed; /* landed.c */
+struct skip_bounds; /* render_internal.h */
+
+/** Sums over pictures, see struct sst_render_skip_report. */
+struct sst_skip_counts {
+    int64_t pictures, rays, skipped, even;
+    int64_t sampled, error2; /* pixels; squares of the differences of their three colours */
+};
 
 struct sst_renderer {
     /* fixed after create */
@@ -98,6 +105,8 @@ struct sst_renderer {
     uint8_t rarity[SST_AGREE_BINS]; /* of colours, see verify.h */
     struct landed *landed;          /* rays of the last clear picture, for the next one; NULL while one is rendered */
     uint64_t series;                /* of clear pictures that continue each other */
+    struct skip_bounds *bounds;  /* owned; NULL until needed */
+    struct sst_skip_counts skips;
     struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each created on first use */
     SST_ATOMIC(uint8_t) * explained; /* see explainer_keep(); NULL until needed */
     uint64_t explained_key;

@@ -28,6 +28,7 @@ void sst_render_config_defaults(struct sst_render_config *cfg)
         .verify = SST_VERIFY_AUTO,
         .aperture = INFINITY,
         .cut_px = INFINITY,
+        .skip_error_db = 50,
     };
 }
 
@@ -67,6 +68,7 @@ void sst_renderer_destroy(struct sst_renderer *r)
     free(r->raw);
     render_device_destroy(r->device);
     landed_destroy(r->landed);
+    skip_bounds_destroy(r->bounds);
     sst_mem_free((void *)r->explained);
     sst_render_histogram_fini(&r->histogram);
     pthread_mutex_destroy(&r->lock);
@@ -89,6 +91,26 @@ bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report
     if (r->device)
         render_device_report(r->device, out);
     return r->device;
+}
+
+bool sst_renderer_skips(struct sst_renderer *r, struct sst_render_skip_report *out)
+{
+    struct sst_skip_counts c;
+    double mean2;
+
+    pthread_mutex_lock(&r->lock);
+    c = r->skips;
+    pthread_mutex_unlock(&r->lock);
+    mean2 = c.sampled ? (double)c.error2 / (3 * (double)c.sampled) : NAN;
+    *out = (struct sst_render_skip_report){ .pictures = c.pictures,
+                                            .rays_skipped = c.rays ? (double)c.skipped / (double)c.rays : 0,
+                                            .rays_even = c.rays ? (double)c.even / (double)c.rays : 0,
+                                            .sampled = c.sampled,
+                                            .error_levels = sqrt(mean2),
+                                            .error_db = isgreater(mean2, 0) ? 10 * log10(255 * 255 / mean2)
+                                                        : c.sampled         ? INFINITY
+                                                                            : NAN };
+    return c.pictures;
 }
 
 double sst_renderer_confirmed(struct sst_renderer *r)
@@ -139,18 +161,9 @@ struct picture {
     const float *weights;
 };
 
-/* Destination of a view's rays: sums, or separate arrays. */
-struct sink {
-    float *acc[4];
-    int32_t *sum[3];  /* in place of acc[0..2] for plans that sum */
-    uint8_t *support; /* with acc: becomes 255 where a ray supports the pixel; NULL: not counted */
-    const struct sst_render_samples *samples; /* NULL: acc */
-    const struct sst_blend *next;             /* what the view after this one will read, or NULL */
-};
-
 /* Note which of n pixels from the sink's `skip` on the rays of one view support. */
-static void add_support(const struct sink *s, int skip, const struct sst_render_plan *p, const struct sst_blend *b,
-                        int n)
+static void add_support(const struct render_sink *s, int skip, const struct sst_render_plan *p,
+                        const struct sst_blend *b, int n)
 {
     if (p->weighted)
         sst_kernels_get()->blend_support(s->support + skip, b->disp, b->label, p->ends, (size_t)n);
@@ -160,8 +173,14 @@ static void add_support(const struct sink *s, int skip, const struct sst_render_
 
 /* Set what the kernels read of a view for the pixels from `from` on of row y, but for the colours. */
 static void set_maps(struct sst_blend *b, const struct sst_render_plan *p, const struct sst_render_tap *t, int from,
-                     int y)
+                     int y, float constant)
 {
+    if (constant > 0) {
+        b->aperture = constant;
+        b->disp = NULL;
+        b->label = NULL;
+        return;
+    }
     b->aperture = (float)t->aperture;
     b->disp = p->weighted ? sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx : NULL;
     b->label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
@@ -177,12 +196,12 @@ static void set_colours(struct sst_blend *b, const struct sst_render_tap *t, int
 }
 
 /* Pass rays with colours at top and bottom, `skip` pixels after the sink's first; output pixels from .. to of row y. */
-static void blend(const struct sink *s, int skip, const struct sst_render_plan *p, const struct sst_render_tap *t,
-                  struct sst_blend *b, int from, int to, int y)
+static void blend(const struct render_sink *s, int skip, const struct sst_render_plan *p,
+                  const struct sst_render_tap *t, struct sst_blend *b, int from, int to, int y)
 {
     const struct sst_kernels *k = sst_kernels_get();
 
-    set_maps(b, p, t, from, y);
+    set_maps(b, p, t, from, y, s->constant);
     b->next = s->next;
     if (s->samples) {
         uint8_t *const colour[3] = { s->samples->colour[0] + skip, s->samples->colour[1] + skip,
@@ -190,11 +209,11 @@ static void blend(const struct sink *s, int skip, const struct sst_render_plan *
 
         k->blend_take(colour, s->samples->weight + skip, b, (size_t)(to - from));
     } else {
-        if (p->summed) {
+        if (s->plain) {
             int32_t *const at[3] = { s->sum[0] + skip, s->sum[1] + skip, s->sum[2] + skip };
 
-            k->blend_plain(at, s->acc[3] + skip, b, (size_t)(to - from));
-        } else {
+            k->blend_plain(at, s->count + skip, b, (size_t)(to - from));
+        } else if (!s->support_only) {
             float *const at[4] = { s->acc[0] + skip, s->acc[1] + skip, s->acc[2] + skip, s->acc[3] + skip };
 
             k->blend_rays(at, b, (size_t)(to - from));
@@ -204,7 +223,7 @@ static void blend(const struct sink *s, int skip, const struct sst_render_plan *
     }
 }
 /* Pass the rays of one view, output pixels from .. to of row y; the sink begins at x. */
-static void add_run(const struct sink *s, const struct sst_render_plan *p, const struct sst_render_tap *t, int x,
+static void add_run(const struct render_sink *s, const struct sst_render_plan *p, const struct sst_render_tap *t, int x,
                     int from, int to, int y)
 {
     struct sst_blend b = p->blend;
@@ -214,7 +233,7 @@ static void add_run(const struct sink *s, const struct sst_render_plan *p, const
 }
 
 /* The same from a raw frame: colours are sampled at the rays; rays outside the frame are skipped. */
-static void add_raw(const struct sink *s, const struct sst_render_plan *p, const struct sst_render_tap *t, int x,
+static void add_raw(const struct render_sink *s, const struct sst_render_plan *p, const struct sst_render_tap *t, int x,
                     int from, int end, int y)
 {
     uint8_t colour[3][SST_BLEND_MAX + 1], seen[SST_BLEND_MAX], *const out[3] = { colour[0], colour[1], colour[2] };
@@ -246,8 +265,8 @@ static int next_ray(const struct sst_render_tap *t, int x, int end, int y, bool 
 }
 
 /* One view's rays, pixels x .. x + n of row y. */
-static void add_view(const struct sink *s, const struct sst_render_plan *p, const struct sst_render_tap *t, int x,
-                     int n, int y)
+void render_add_view(const struct render_sink *s, const struct sst_render_plan *p, const struct sst_render_tap *t,
+                     int x, int n, int y)
 {
     const int end = sst_min_int(x + n, t->x1);
     int from = sst_max_int(x, t->x0);
@@ -270,14 +289,14 @@ static void add_view(const struct sink *s, const struct sst_render_plan *p, cons
 
 /* What the kernels will read of a view for pixels x .. x + n of row y, or NULL: the rows of all views are too many
  * streams for the processor to follow. */
-static const struct sst_blend *read_ahead(struct sst_blend *b, const struct sst_render_plan *p,
-                                          const struct sst_render_tap *t, int x, int n, int y)
+const struct sst_blend *render_read_ahead(struct sst_blend *b, const struct sst_render_plan *p,
+                                          const struct sst_render_tap *t, int x, int n, int y, float constant)
 {
     const int from = sst_max_int(x, t->x0), end = sst_min_int(x + n, t->x1);
 
     if (from >= end || y < t->y0 || y >= t->y1 || t->sampler)
         return NULL;
-    set_maps(b, p, t, from, y);
+    set_maps(b, p, t, from, y, constant);
     set_colours(b, t, from, y);
     return b;
 }
@@ -285,13 +304,13 @@ static const struct sst_blend *read_ahead(struct sst_blend *b, const struct sst_
 void sst_render_plan_sample(const struct sst_render_samples *to, const struct sst_render_plan *p,
                             const struct sst_render_tap *t, int x, int n, int y)
 {
-    const struct sink s = { .samples = to };
+    const struct render_sink s = { .samples = to };
 
-    add_view(&s, p, t, x, n, y);
+    render_add_view(&s, p, t, x, n, y);
 }
 
 /* Recompute pixels whose weights underflowed in float; see SST_BLEND_FLOOR. */
-static void mend_row(const struct picture *pic, const float *weight, int x, int n, int y)
+void render_mend_row(const struct sst_render_plan *p, struct sst_image *out, const float *weight, int x, int n, int y)
 {
     struct sst_ray rays[SST_MAX_VIEWS];
     double rgb[3];
@@ -300,22 +319,23 @@ static void mend_row(const struct picture *pic, const float *weight, int x, int 
     for (int i = 0; i < n; i++) {
         if (weight[i] >= SST_BLEND_FLOOR)
             continue;
-        sst_render_pixel_exact(pic->plan, x + i, y, rgb, rays, &count);
+        sst_render_pixel_exact(p, x + i, y, rgb, rays, &count);
         for (int c = 0; c < 3; c++)
-            sst_image_row(pic->out, c, y)[x + i] = (uint8_t)(rgb[c] + 0.5);
+            sst_image_row(out, c, y)[x + i] = (uint8_t)(rgb[c] + 0.5);
     }
 }
 
 /* Report which of n pixels of row y are supported, and mark the others if that is wanted. */
-static void mark_row(const struct picture *pic, const uint8_t *support, int x, int n, int y)
+void render_mark_row(const struct sst_render_plan *p, struct sst_image *out, struct sst_map_u8 *valid,
+                     const uint8_t *support, int x, int n, int y)
 {
-    if (pic->valid)
-        memcpy(sst_map_u8_row(pic->valid, y) + x, support, (size_t)n);
-    for (int c = 0; c < 3 && pic->plan->cfg.unsupported == SST_UNSUPPORTED_INVALID; c++) {
-        uint8_t *out = sst_image_row(pic->out, c, y) + x;
+    if (valid)
+        memcpy(sst_map_u8_row(valid, y) + x, support, (size_t)n);
+    for (int c = 0; c < 3 && p->cfg.unsupported == SST_UNSUPPORTED_INVALID; c++) {
+        uint8_t *to = sst_image_row(out, c, y) + x;
 
         for (int i = 0; i < n; i++)
-            out[i] &= support[i];
+            to[i] &= support[i];
     }
 }
 
@@ -333,11 +353,11 @@ static void render_run(const struct picture *pic, float *weight, uint8_t *suppor
 {
     const struct sst_render_plan *p = pic->plan;
     struct sums sums;
-    struct sink s = { { sums.of[0].sum, sums.of[1].sum, sums.of[2].sum, sums.of[3].sum },
-                      { sums.of[0].count, sums.of[1].count, sums.of[2].count },
-                      support,
-                      NULL,
-                      NULL };
+    struct render_sink s = { .acc = { sums.of[0].sum, sums.of[1].sum, sums.of[2].sum, sums.of[3].sum },
+                             .sum = { sums.of[0].count, sums.of[1].count, sums.of[2].count },
+                             .count = sums.of[3].sum,
+                             .support = support,
+                             .plain = p->summed };
     struct sst_blend next;
 
     for (int c = 0; c < 4; c++)
@@ -345,9 +365,9 @@ static void render_run(const struct picture *pic, float *weight, uint8_t *suppor
     if (support)
         memset(support, 0, (size_t)n);
     for (int k = 0; k < p->count; k++) {
-        s.next = k + 1 < p->count ? read_ahead(&next, p, &p->tap[k + 1], x, n, y)
-                                  : read_ahead(&next, p, &p->tap[0], x, n, y + 1);
-        add_view(&s, p, &p->tap[k], x, n, y);
+        s.next = k + 1 < p->count ? render_read_ahead(&next, p, &p->tap[k + 1], x, n, y, 0)
+                                  : render_read_ahead(&next, p, &p->tap[0], x, n, y + 1, 0);
+        render_add_view(&s, p, &p->tap[k], x, n, y);
     }
     for (int c = 0; c < 3; c++) {
         for (int i = 0; p->summed && i < n; i++)
@@ -355,7 +375,7 @@ static void render_run(const struct picture *pic, float *weight, uint8_t *suppor
         sst_kernels_get()->blend_finish(sst_image_row(pic->out, c, y) + x, s.acc[c], s.acc[3], (size_t)n);
     }
     memcpy(weight, s.acc[3], (size_t)n * sizeof(*weight));
-    mend_row(pic, weight, x, n, y);
+    render_mend_row(pic->plan, pic->out, weight, x, n, y);
 }
 
 /* The same from what a device has blended. Without a verifier, weights matter only where they are too small. */
@@ -373,7 +393,7 @@ static void unpack_run(const struct picture *pic, float *weight, uint8_t *suppor
     }
     for (int i = 0; support && i < n; i++)
         support[i] = word[i] >> 24 & SST_GPU_PIXEL_SUPPORTED ? 255 : 0;
-    mend_row(pic, weight, x, n, y);
+    render_mend_row(pic->plan, pic->out, weight, x, n, y);
 }
 
 /* First pixel from x on of a cell that is to be rendered (wanted), or is not. */
@@ -404,7 +424,7 @@ static int render_band(void *arg, int index, int worker)
         if (verifier && x < to)
             sst_verify(verifier, pic->plan, weight, x, to, top, end, pic->out);
         for (int y = top; y < end && count && x < to; y++)
-            mark_row(pic, support[y - top], x, to - x, y);
+            render_mark_row(pic->plan, pic->out, pic->valid, support[y - top], x, to - x, y);
     }
     return 0;
 }
@@ -431,8 +451,12 @@ static int render_anywhere(struct sst_renderer *r, const struct sst_render_plan 
                            struct sst_map_u8 *valid)
 {
     struct picture pic = { .plan = p, .out = out, .valid = valid };
+    bool skipped = !r->device && (p->cfg.skip_views || p->cfg.skip_tiles);
     const bool begun = r->device && render_device_begin(r->device, p, &pic.words, &pic.weights);
-    const int err = render_bands(&pic);
+    int err = skipped ? skip_render(r, p, out, valid, &skipped) : 0;
+
+    if (!err && !skipped)
+        err = render_bands(&pic);
 
     if (begun)
         render_device_end(r->device);

@@ -91,6 +91,11 @@ struct sst_render_config {
                                         map: none of that view; NULL: none. See sst_render_grow_object() */
     int rays;                        /* of full weight that make up a pixel, the nearest views first; 0: 16 */
     const struct sst_render_merge *merge; /* borrowed; NULL: none */
+    /* What is left out (design.md, 5.5), not on a device and not of clear pictures, which stop at `rays` anyway. Both
+     * off: the picture is exact. */
+    bool skip_views;      /* S2: a tile takes fewer views if they make nearly the same picture of its sampled rows */
+    bool skip_tiles;      /* S5: rays whose weight the bounds of their tile limit get a constant weight or none */
+    double skip_error_db; /* least PSNR against the exact picture, 20..100; estimated from sampled rows */
     int threads;
 };
 
@@ -150,6 +155,20 @@ struct sst_render_device_report {
 
 /** @return false: there is no device */
 bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out);
+
+/** What skip_views and skip_tiles have left out since the renderer was created. Shares are of all rays, 0..1. */
+struct sst_render_skip_report {
+    int64_t pictures;    /* rendered with any of them */
+    double rays_skipped; /* not summed */
+    double rays_even;    /* summed with a constant weight, without their disparity and label */
+    int64_t sampled;     /* pixels that were rendered exactly as well, in one row of every 8th tile; these rows are not
+                            those that decided */
+    double error_levels; /* root mean square of their difference, grey levels; NaN: none */
+    double error_db;     /* the same as PSNR; infinity: no difference */
+};
+
+/** @return false: no picture was rendered with a skip */
+bool sst_renderer_skips(struct sst_renderer *r, struct sst_render_skip_report *out);
 
 /**
  * True if sampling raw frames (SST_LOAD_RAW) costs no more than rectifying them first.

@@ -209,6 +209,16 @@ static float open_share(const struct rays *r, float assigned)
     return fmaxf(1 - assigned / (ENOUGH * r->there), 0) * ramp(r->front / r->there, FRONT_LOW, FRONT_HIGH);
 }
 
+bool sst_verify_may_open(float front, float there)
+{
+    return front > FRONT_LOW * there;
+}
+
+int sst_verify_nearest(const struct sst_render_plan *p)
+{
+    return front_of(p, FRONT_SIGMAS);
+}
+
 double sst_verify_open(const struct sst_render_plan *p, const struct sst_ray *ray, int count)
 {
     const double limit_px = p->cfg.focus_px + FRONT_SIGMAS * p->cfg.sigma_px;
