@@ -16,9 +16,10 @@
 #define MOST_ATTEMPTS 3 /* a piece that ended so many workers is not tried again */
 #define POLL_NS       (200 * INT64_C(1000000))
 
-/* Where schedulers say which of how many processes this one is, the first being number `first`, or `first_name`. */
+/* Variables in which schedulers give a process its number, how many there are, and the first number and the step of
+ * arrays (NULL: 0 and 1). */
 static const struct rank {
-    const char *index, *count, *first_name, *step_name;
+    const char *index, *count, *first, *step;
 } ranks[] = {
     { "SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_MIN", "SLURM_ARRAY_TASK_STEP" },
     { "SLURM_PROCID", "SLURM_NTASKS", NULL, NULL },
@@ -51,8 +52,8 @@ static int read_rank(const struct cli_command *cmd, struct cli_shard *s)
 
         if (!read_number(ranks[i].index, &s->index) || !read_number(ranks[i].count, &s->count) || s->count < 1)
             continue;
-        (void)read_number(ranks[i].first_name, &first);
-        (void)read_number(ranks[i].step_name, &step);
+        (void)read_number(ranks[i].first, &first);
+        (void)read_number(ranks[i].step, &step);
         s->index = (s->index - first) / sst_max_int(step, 1) % s->count; /* lists such as 1,3,17 have gaps */
         s->index = sst_max_int(s->index, 0);
         return CLI_GO_ON;
