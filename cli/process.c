@@ -67,6 +67,11 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         sst_log_warning("%s: the views show no parallax: they are one picture from one place, and no disparity counts "
                         "as confirmed; check that the camera moved from view to view",
                         dir);
+    if (r->noise_levels >= SST_NOISE_MUCH)
+        sst_log_warning(
+            "%s: the pictures have noise of %.0f levels: expect less of the maps; expose longer, or lower the "
+            "cameras' gain",
+            dir, r->noise_levels);
     if (sst_render_find_focus(lf, &focus_px) == -ENOMEM) {
         json_decref(levels);
         return -ENOMEM;
@@ -109,6 +114,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
     if (root) {
         json_object_set_new(root, "focus_px", cli_real_json(focus_px));
+        json_object_set_new(root, "noise_levels", json_real(r->noise_levels));
         cli_add_judgement(root, lf, &r->judgement);
         json_object_set_new(root, "levels", levels);
         json_object_set_new(root, "not_finite", json_integer((json_int_t)sst_border_count()));

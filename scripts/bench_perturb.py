@@ -224,6 +224,34 @@ def sweep_table(rows, kind):
     return "\n".join(lines) + "\n" if len(lines) > 5 else ""
 
 
+def first(rows, kind, holds):
+    """Least strength, in the order of the sweep, whose runs are so; "-": none."""
+    return next((str(s) for s in perturb.SWEEPS[kind][2]
+                 if (found := select(rows, kind=kind, strength=s, align="auto")) and holds(found)), "-")
+
+
+def loses(rows, found, field, db):
+    """Does a scene lose so many dB against its unperturbed picture?"""
+    for scene in SCENES:
+        before, after = (mean(select(r, light_field=scene), field) for r in (select(rows, kind="none", align="auto"), found))
+        if before is not None and after is not None and before - after >= db:
+            return True
+    return False
+
+
+def summary_table(rows):
+    """What is noticed at which strength, beside the strength at which it costs something."""
+    lines = ["| | unit | see-through loses 1 dB at | clear loses 1 dB at | corrected from | warned from |", "|---|---|--:|--:|--:|--:|"]
+    for kind, (title, unit, _, _) in perturb.SWEEPS.items():
+        if select(rows, kind=kind):
+            cells = (first(rows, kind, lambda f: loses(rows, f, "see_through", 1)),
+                     first(rows, kind, lambda f: loses(rows, f, "clear", 1)),
+                     first(rows, kind, lambda f: any(mean(f, c) for c in ("moved", "lit", "faded"))),
+                     first(rows, kind, lambda f: any(r["plausible"] == "False" for r in f)))
+            lines.append(f"| {title} | {unit} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
 def label_table(rows):
     lines = ["| cells with another label | " + " | ".join(f"{s}: wrong labels % | see-through dB" for s in SCENES) + " |",
              "|---|" + "--:|" * 4]
@@ -300,6 +328,8 @@ resampling of pixels ([notes](notes-method.md#displaced-pictures)). Of gains, th
 ![See-through picture against vertical misalignment, gain, vignetting and noise](bench-perturb.svg)
 
 """
+    text += "## What is noticed at which strength\n\nThe least strength measured; -: at none of them.\n\n" + summary_table(rows)
+    text += "\n## Error against strength\n\n"
     text += "\n".join(filter(None, (sweep_table(rows, kind) for kind in perturb.SWEEPS)))
     if select(rows, kind="labels"):
         text += "\n### Label noise\n\nTrue labels, cells of 8x8 pixels exchanged, refined.\n\n" + label_table(rows)

@@ -7,6 +7,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/labels/labels.h"
@@ -182,7 +183,8 @@ static bool can_carry(const struct run *run)
         if (lf->views[k].present && !lf->views[k].disp.data)
             return false;
     }
-    return isgreater(run->report->skipped.views_skipped, 0) || process_carry_shown(lf, run->carried, lf->ref_view) >= LABEL_SHOWN;
+    return isgreater(run->report->skipped.views_skipped, 0) ||
+           process_carry_shown(lf, run->carried, lf->ref_view) >= LABEL_SHOWN;
 }
 
 /* Choose the views that the network labels. */
@@ -347,6 +349,20 @@ static int align_views(struct run *run)
     return err;
 }
 
+/* Of the views present. */
+static double measure_noise(const struct sst_lightfield *lf)
+{
+    double noise[SST_MAX_VIEWS];
+    int n = 0;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (lf->views[k].present)
+            noise[n++] = sst_image_noise(&lf->views[k].image);
+    }
+    sst_stats_sort_double(noise, n);
+    return n ? noise[n / 2] : 0;
+}
+
 static int match_views(struct run *run)
 {
     struct sst_disparity_config cfg = run->cfg->disparity;
@@ -427,6 +443,7 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
                                                .labels_skipped = NAN,
                                                .labels_error = NAN };
     sst_process_lap(&clock);
+    run.report->noise_levels = report ? measure_noise(lf) : 0;
     if (!cfg->keep_disparity)
         err = align_views(&run);
     if (!err && !cfg->keep_disparity)

@@ -39,12 +39,15 @@ struct sst_process_time {
     double wall_s, cpu_s;
 };
 
+#define SST_NOISE_MUCH 8.0 /* levels: clear pictures lose more than 1 dB */
+
 /** Statistics for the summary. */
 struct sst_process_report {
     double eps_h, coverage_hcsm, coverage_refined; /* coverage in percent of all pixels; NaN without labels */
     double disp_min_px, disp_max_px;               /* searched; equal when nothing was matched */
     enum sst_parallax parallax;                    /* of the views; without it no disparity counts as confirmed */
     double confirmed;               /* percent of the disparities that another view confirms; NaN without confidences */
+    double noise_levels;            /* RMS of the sensor's noise, of 0..255, median of the views (sst_image_noise()) */
     struct sst_align_report align;  /* what was moved or scaled before matching */
     struct sst_judgement judgement; /* of pictures and maps */
     struct sst_disparity_report skipped; /* of the matching */
