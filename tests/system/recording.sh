@@ -50,6 +50,10 @@ cmp -s lf/views/00_03.jpg some/set-000005/views/00_03.jpg && fail "set 5 is set 
 "$sst" import recording full -o some --sets all --force >/dev/null || fail "import of all, again"
 [ "$(find some -name lightfield.json | wc -l)" = 12 ] || fail "all are not 12"
 "$sst" import recording full -o last --sets last >/dev/null && cmp -s last/views/00_00.jpg some/set-000011/views/00_00.jpg || fail "last"
+# A campaign takes its sets one by one. Noise has no depth: there is nothing to see through, and the pieces fail alone.
+"$sst" batch full -o campaign --preset preview --no-labels --steps 0 --every 6 >line 2>err
+"$sst" batch full -o campaign --every 6 --status >status || fail "status of the campaign"
+[ "$(grep -c ' full-0000\(00\|06\)' status)" = 2 ] || fail "pieces: $(cat status)"
 want 2 "12 sets; choose with" import recording full -o bad
 want 2 "sets 0 to 11" import recording full -o bad --sets 3,12
 for s in x 3- -4 5-3 1,,2 1, "1 2" ""; do want 2 "not a list" import recording full -o bad --sets "$s"; done
