@@ -414,10 +414,9 @@ static void check_border(const struct sst_drift *d)
 {
     for (int v = 0; v < d->rows * d->cols; v++) {
         const struct sst_drift_camera *c = &d->camera[v];
-        const double place[] = { c->shift_x_px, c->shift_y_px, c->sigma_px,       c->roll_deg,
-                                 c->scale,      c->off_px,     c->roll_sigma_deg, c->scale_sigma };
+        const double place[] = { c->sigma_px, c->off_px, c->off_sigma_px, c->roll_sigma_deg, c->scale_sigma };
 
-        if (c->known)
+        if (c->known) /* of which any but one may be unobserved: NAN by contract */
             sst_border_doubles("displacements of the drift check", place, ARRAY_LEN(place));
         sst_border_doubles("gains of the drift check", c->gain, 3);
         sst_border_doubles("gains of the drift check", c->even_gain, 3);
