@@ -581,16 +581,16 @@ static void the_cut_stays_when_the_walker_has_left(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_walker_vanishes_and_leaves_nothing),
+        serial_test(a_walker_vanishes_and_leaves_nothing),
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(unchanged_parts_are_kept),
         cmocka_unit_test(pictures_in_turn_keep_their_own),
         cmocka_unit_test(outlines_and_other_methods),
-        cmocka_unit_test(a_click_removes_and_brings_back),
+        serial_test(a_click_removes_and_brings_back),
         cmocka_unit_test(a_click_goes_through_what_the_cut_removes),
         cmocka_unit_test(objects_are_bounded),
         cmocka_unit_test(objects_do_not_creep),
-        cmocka_unit_test(the_cut_stays_when_the_walker_has_left),
+        serial_test(the_cut_stays_when_the_walker_has_left),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
