@@ -25,12 +25,8 @@ KINDS = ("leaves", "foliage", "branches", "slats", "mesh", "crowd")  # occluders
 SETS = {"development": (1, 2), "validation": (3001, 3002)}  # seeds; methods are tuned on the first only
 SKIP_SCENES = ("pedestrian", "bush", "cd-cases")
 PARTS = {"stereo": "stereo.csv", "render": "render.csv", "rectify": "rectify.csv", "scenes": "scenes.json", "seeds": "seeds.json",
-<<<<<<< HEAD
-         "layers": "layers.json", "skips": "skips.json", "live": "live.json", "clear": "clear.csv", "pipeline": "pipeline.json",
-=======
-         "layers": "layers.json", "skips": "skips.json", "render-skips": "render-skips.json",
-         "live": "live.json", "clear": "clear.csv",
->>>>>>> 8f221a2 (render: tests, docs and benches of skipped rays)
+         "layers": "layers.json", "skips": "skips.json", "render-skips": "render-skips.json", "live": "live.json",
+         "clear": "clear.csv", "pipeline": "pipeline.json",
          "networks": "networks.json", "limits": "limits.csv"}  # raw figures of each part
 THREADS = "2"
 
