@@ -139,7 +139,7 @@ int sst_claim_look(struct sst_claim_info *out, const char *dir)
         if (!err && out->file[0])
             err = read_file(out, dir);
     }
-    if (err == -ENOENT || err == -ESTALE) { /* too busy to be seen: somebody has it */
+    if (err == -ENOENT || err == -ESTALE) { /* it changes faster than it can be read: held by another process */
         out->state = SST_CLAIM_HELD;
         return 0;
     }

@@ -82,7 +82,7 @@ SST_MUST_CHECK int sst_path_check_output(const char *out, bool force, const char
 /** Remove a folder and all below it; links are not followed. Missing is fine. */
 void sst_path_remove_tree(const char *path);
 
-/** Remove what killed processes have left of their output in a folder, or of the output `path`; nobody may be writing
+/** Remove what killed processes have left of their output in a folder, or of the output `path`; no process may be writing
  *  there. */
 void sst_path_remove_temporaries(const char *dir);
 void sst_path_remove_temporaries_of(const char *path);

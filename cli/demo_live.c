@@ -54,7 +54,7 @@ static const char config_text[] = "# sstd on a simulated array: sst-sim --world 
                                   "web: {port: %d, token_file: \"%s\", zones_file: \"%s\"}\n"
                                   "storage: {dir: \"%s\", ring_mb: 192, quota_gb: 2%s}\n";
 
-/* Who passes behind the hedge is recorded, also while nobody watches. */
+/* Who passes behind the hedge is recorded, also without viewers. */
 static const char watched_text[] = ", mode: event, record_on: [{visit: true}], preroll_s: 6, postroll_s: 4";
 
 /* The machine-readable strip of simulated pictures is for tests. */

@@ -133,7 +133,7 @@ static int do_piece(struct work *w, int i, struct sst_claim *claim, int before)
     return err == -ESTALE ? 0 : err;
 }
 
-/* @return 1: done or failed here; 0: ended, or somebody has it (*held); or an error */
+/* @return 1: done or failed here; 0: ended, or held by another process (*held); or an error */
 static int try_piece(struct work *w, int i, bool *held)
 {
     struct piece *piece = &w->piece[i];

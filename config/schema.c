@@ -76,7 +76,7 @@ static const struct sst_key record_keys[] = {
     { FIELD(struct sst_record_trigger, label, TEXT, "",
             "label that must appear, for example Pedestrian; default: any change") },
     { FIELD(struct sst_record_trigger, visit, BOOL, "false",
-            "while a visit lasts, also of somebody behind leaves; with a zone or label, while one is in it or has it") },
+            "while a visit lasts, also of a person behind leaves; with a zone or label, while one is in it or has it") },
     { FIELD(
           struct sst_record_trigger, share, DOUBLE, "0.01",
           "fraction of the zone that must change or have the label to start an event; half of it continues the event"),

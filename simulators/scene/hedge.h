@@ -53,7 +53,7 @@ double sst_hedge_cover(const struct sst_hedge *h);
  *
  * @param image    out [rows * cols], of the configured size
  * @param visible  out, fraction of the person that the reference view sees; may be NULL
- * @param person   NULL: nobody
+ * @param person   NULL: no person
  */
 void sst_hedge_draw(struct sst_hedge *h, double t_s, const struct sst_hedge_person *person, struct sst_image *image,
                     double *visible);
@@ -65,7 +65,7 @@ void sst_hedge_draw_view(struct sst_hedge *h, double t_s, const struct sst_hedge
 /* --- the scene of simulated worlds -------------------------------------------------------------------------------- */
 
 #define SST_HEDGE_PERIOD_S 4.0 /* of the wind */
-#define SST_HEDGE_PASS_S   8.0 /* in which somebody passes: two periods */
+#define SST_HEDGE_PASS_S   8.0 /* in which a person passes: two periods */
 #define SST_HEDGE_FOCAL    1200 /* of a picture 1000 px wide */
 #define SST_HEDGE_SPACING  100.0 /* mm; the hedge is 3.2 to 4.3 m away, the passer-by 7.7 m, the wall 19 m */
 

@@ -1,5 +1,4 @@
-/* pipeline/live/frames: what is kept against what the cameras show, on pictures made here; exact mode is the yardstick.
- */
+/* pipeline/live/frames: what is kept against what the cameras show, on pictures made here; compared with exact mode. */
 #include <errno.h>
 #include <math.h>
 #include <stdint.h>

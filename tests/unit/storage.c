@@ -294,6 +294,21 @@ static void see(struct bench *b, int64_t t_ns, double changed, double label)
     sst_storage_seen(b->storage, &seen);
 }
 
+/* Storage that records by change in the zone "door", and by another trigger. */
+static void open_door(struct bench *b, struct sst_record_trigger other)
+{
+    bench_init(b, SST_RECORD_EVENT);
+    b->config->zones = 1;
+    strcpy(b->config->zone[0].name, "door");
+    b->config->storage.triggers = 2;
+    b->config->storage.trigger[0] = (struct sst_record_trigger){ .zone = 0, .share = 0.2 };
+    b->config->storage.trigger[1] = other;
+    b->config->storage.preroll_s = 1;
+    b->config->storage.postroll_s = 2;
+    bench_open_storage(b);
+    bench_wait_ready(b);
+}
+
 static void an_event_is_recorded_with_what_surrounds_it(void **state)
 {
     const int64_t start_ns = sst_clock_now_ns(); /* the array's time runs faster than ours */
@@ -302,16 +317,7 @@ static void an_event_is_recorded_with_what_surrounds_it(void **state)
     uint64_t first = 0;
 
     (void)state;
-    bench_init(&b, SST_RECORD_EVENT);
-    b.config->zones = 1;
-    strcpy(b.config->zone[0].name, "door");
-    b.config->storage.triggers = 2;
-    b.config->storage.trigger[0] = (struct sst_record_trigger){ .zone = 0, .share = 0.2 };
-    b.config->storage.trigger[1] = (struct sst_record_trigger){ .zone = 0, .share = 0.1, .label = "Pedestrian" };
-    b.config->storage.preroll_s = 1;
-    b.config->storage.postroll_s = 2;
-    bench_open_storage(&b);
-    bench_wait_ready(&b);
+    open_door(&b, (struct sst_record_trigger){ .zone = 0, .share = 0.1, .label = "Pedestrian" });
     /* 10 Hz. Change in sets 30..39, the label in 50..59 (before the post-roll is over): one recording; a flicker;
      * change in 100..109: another. */
     for (int i = 0; i < 200; i++) {
@@ -347,16 +353,7 @@ static void a_visit_is_recorded(void **state)
     uint64_t first = 0;
 
     (void)state;
-    bench_init(&b, SST_RECORD_EVENT);
-    b.config->zones = 1;
-    strcpy(b.config->zone[0].name, "door");
-    b.config->storage.triggers = 2;
-    b.config->storage.trigger[0] = (struct sst_record_trigger){ .zone = 0, .share = 0.2 };
-    b.config->storage.trigger[1] = (struct sst_record_trigger){ .zone = 0, .share = 0.1, .visit = true };
-    b.config->storage.preroll_s = 1;
-    b.config->storage.postroll_s = 2;
-    bench_open_storage(&b);
-    bench_wait_ready(&b);
+    open_door(&b, (struct sst_record_trigger){ .zone = 0, .share = 0.1, .visit = true });
     for (int i = 0; i < 80; i++) {
         bench_put(&b, start_ns + i * 100 * MS);
         see(&b, start_ns + i * 100 * MS, 0.01, i >= 30 && i < 40);
@@ -468,7 +465,8 @@ static void reduced_recordings_skip_what_stands_still(void **state)
         bench_open_storage(&b);
         bench_wait_ready(&b);
         for (int i = 0; i < 800; i++) { /* 80 s; something moves from the 20th to the 25th */
-            struct sst_seen seen = { .t_ns = start_ns + i * 100 * MS, .changed = { i >= 200 && i < 250 ? 0.1 : 0.001 } };
+            struct sst_seen seen = { .t_ns = start_ns + i * 100 * MS,
+                                     .changed = { i >= 200 && i < 250 ? 0.1 : 0.001 } };
 
             sst_storage_seen(b.storage, &seen);
             bench_put(&b, seen.t_ns);

@@ -233,7 +233,7 @@ static bool exceeds(const struct change_detector *w, int t, double ease)
     return false;
 }
 
-/* After a change, and after a while of smaller differences, lower thresholds count: where most tiles move, somebody who
+/* After a change, and after a while of smaller differences, lower thresholds count: where most tiles move, a person who
  * has left must not stay in the others. */
 static bool tile_changed(struct change_detector *w, int t)
 {

@@ -30,7 +30,7 @@
 #define PRIOR_RATE  60.0
 #define PRIOR_MEAN  1.0
 #define MEMORY_H    3.0
-#define CHANCE_MOST 8.0 /* what counts of one: it may have been somebody */
+#define CHANCE_MOST 8.0 /* what counts of one: it may have been a person */
 #define LOWEST      4.0
 #define HIGHEST     40.0
 

@@ -448,7 +448,7 @@ static int shoot(const struct sim_stage *s, const struct shooting *t)
     return err;
 }
 
-/* A hedge: somebody passes in the first frames, the others have the wind alone. */
+/* A hedge: a person passes in the first frames, the others have the wind alone. */
 static int shoot_hedge(const struct sim_stage *s, const struct shooting *t)
 {
     const struct sst_sim_settings *c = s->settings;
