@@ -71,6 +71,9 @@ struct sst_live_settings { /* live: */
     double rate_hz;                        /* maximum number of sets processed per second; 0: no limit */
     int threads;                           /* 0: all processors */
     bool skip_change, skip_labels;         /* S1, S4 of design.md, 5.5 */
+    bool skip_ranges;                      /* S3 */
+    bool skip_views, skip_tiles;           /* S2, S5 */
+    double skip_error_db;                  /* of these two */
     enum sst_live_method method;           /* of the main view, and at first of the others, as all below */
     double cut_px;                         /* clear: what is nearer is removed; NaN: found automatically */
     char remove_label[32];                 /* clear: what has this label, too; "": nothing */

@@ -110,6 +110,10 @@ static int describe(struct live_engine *v, const struct sst_config *c)
         .threads = c->live.threads,
         .skip_change = c->live.skip_change,
         .skip_labels = c->live.skip_labels,
+        .skip_ranges = c->live.skip_ranges,
+        .skip_views = c->live.skip_views,
+        .skip_tiles = c->live.skip_tiles,
+        .skip_error_db = c->live.skip_error_db,
         .background = true,
         .alarms_per_hour = c->live.hidden_alarms_per_hour,
         .zones = c->zones,
@@ -248,6 +252,10 @@ static void note_locked(struct live_engine *v, const struct sst_live_report *r, 
         s->error_change = r->error_change;
     if (!isnan(r->error_labels))
         s->error_labels = r->error_labels;
+    s->disps += (uint64_t)r->disps;
+    s->disps_skipped += (uint64_t)r->disps_skipped;
+    if (!isnan(r->error_ranges))
+        s->error_ranges = r->error_ranges;
     if (!r->tiles_changed)
         return;
     v->update++;
@@ -268,6 +276,8 @@ static void note_scene(struct live_engine *v, bool changed)
     float share[SST_LIVE_HISTOGRAM];
     double share_min_px = NAN, share_max_px = NAN;
     const bool count = changed || !v->state.counted;
+    struct sst_render_skip_report skips = { .error_levels = NAN };
+    const bool skipped = sst_live_skips(v->live, &skips);
     const bool counted = count && sst_live_histogram(v->live, &share_min_px, &share_max_px, share);
 
     pthread_mutex_lock(&v->lock);
@@ -275,6 +285,8 @@ static void note_scene(struct live_engine *v, bool changed)
     v->state.range_max_px = known ? max_px : NAN;
     v->state.focus_px = focus_px;
     v->state.cut_px = cut_px;
+    if (skipped)
+        v->state.rays = skips;
     if (count) {
         v->state.counted = counted;
         v->state.share_min_px = share_min_px;
@@ -556,7 +568,7 @@ int engine_open(struct live_engine **out, const struct engine_config *cfg)
     v->events = cfg->events;
     v->config = *cfg->config;
     v->state.enabled = cfg->config->live.enabled;
-    v->state.error_change = v->state.error_labels = v->state.range_min_px = v->state.range_max_px = v->state.focus_px =
+    v->state.error_change = v->state.error_labels = v->state.error_ranges = v->state.rays.error_levels = v->state.range_min_px = v->state.range_max_px = v->state.focus_px =
         v->state.cut_px = NAN;
     v->state.beat_ns = sst_clock_now_ns();
     pthread_mutex_init(&v->lock, NULL);

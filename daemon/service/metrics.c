@@ -92,6 +92,10 @@ static void write_live(FILE *f, const struct engine_state *v)
     metric(f, "live_tiles_changed_total", "counter", "Tiles of them that were recomputed.", (double)v->tiles_changed);
     metric(f, "live_label_runs_total", "counter", "Runs of the segmentation network.", (double)v->label_runs);
     metric(f, "live_label_runs_skipped_total", "counter", "Runs that were not needed.", (double)v->label_runs_skipped);
+    metric(f, "live_disparities_total", "counter", "Disparities searched, of all cells.", (double)v->disps);
+    metric(f, "live_disparities_skipped_total", "counter", "Disparities that were left out.", (double)v->disps_skipped);
+    metric(f, "live_rays_skipped_ratio", "gauge", "Rays left out of pictures that were rendered whole, 0..1.",
+           v->rays.rays_skipped);
     head(f, "live_latency_seconds", "summary",
          "From the trigger to the encoded picture; quantiles of the last minute, NaN: nothing changed.");
     for (size_t i = 0; i < ARRAY_LEN(quantiles); i++)

@@ -150,7 +150,9 @@ struct engine_state {
     double cpu_percent;     /* of one core, over the last ten seconds, without rendering */
     struct time_window latency_ms, stage_ms[ENGINE_STAGES]; /* of sets that changed something */
     uint64_t tiles, tiles_changed, label_runs, label_runs_skipped;
-    double error_change, error_labels;           /* last sampled; NaN */
+    uint64_t disps, disps_skipped;               /* disparities searched, of all cells */
+    double error_change, error_labels, error_ranges; /* last sampled; NaN */
+    struct sst_render_skip_report rays;          /* of pictures */
     int width, height, views, present;           /* of the light field */
     double range_min_px, range_max_px, focus_px; /* NaN: not known */
     double cut_px;                               /* automatic; NaN: none */

@@ -68,12 +68,26 @@ static json_t *window_json(const struct time_window *w)
                      sst_api_real(window_quantile(w, 1, now_ns)));
 }
 
-static json_t *skip_json(bool on, uint64_t done, uint64_t skipped, double error)
+static json_t *skip_json(bool on, double skipped, double error)
 {
-    const double all = (double)(done + skipped);
+    return json_pack("{s:b, s:f, s:o}", "on", on, "skipped_percent", 100 * skipped, "error", sst_api_real(error));
+}
 
-    return json_pack("{s:b, s:f, s:o}", "on", on, "skipped_percent", all > 0 ? 100 * (double)skipped / all : 0.0,
-                     "error", sst_api_real(error));
+static double share(uint64_t done, uint64_t skipped)
+{
+    return skipped ? (double)skipped / (double)(done + skipped) : 0;
+}
+
+/* What is left out (design.md, 5.5). */
+static json_t *skips_json(const struct engine_state *v, const struct sst_live_settings *s)
+{
+    const double changed = share(v->tiles_changed, v->tiles - v->tiles_changed);
+
+    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "change", skip_json(s->skip_change, changed, v->error_change), "labels",
+                     skip_json(s->skip_labels, share(v->label_runs, v->label_runs_skipped), v->error_labels), "ranges",
+                     skip_json(s->skip_ranges, share(v->disps, v->disps_skipped), v->error_ranges), "views",
+                     skip_json(s->skip_views, v->rays.rays_skipped, v->rays.error_levels), "tiles",
+                     skip_json(s->skip_tiles, v->rays.rays_even, v->rays.error_levels));
 }
 
 /* Shares of the reference view's disparities, for the slider of the cut; zeros until they are known. */
@@ -105,11 +119,7 @@ json_t *service_live_json(const struct engine_state *v, const struct sst_live_se
     json_object_set_new(live, "watched", json_integer((json_int_t)v->watched));
     json_object_set_new(live, "latency_ms", window_json(&v->latency_ms));
     json_object_set_new(live, "stages_ms", stages);
-    json_object_set_new(
-        live, "skips",
-        json_pack("{s:o, s:o}", "change",
-                  skip_json(settings->skip_change, v->tiles_changed, v->tiles - v->tiles_changed, v->error_change),
-                  "labels", skip_json(settings->skip_labels, v->label_runs, v->label_runs_skipped, v->error_labels)));
+    json_object_set_new(live, "skips", skips_json(v, settings));
     json_object_set_new(live, "verify_rays", json_boolean(settings->verify_rays));
     json_object_set_new(live, "size", json_pack("[i, i]", v->width, v->height));
     json_object_set_new(live, "range_px",

@@ -166,6 +166,11 @@ double sst_live_default_focus(const struct sst_live *live)
     return live->focus.focus_px;
 }
 
+bool sst_live_skips(const struct sst_live *live, struct sst_render_skip_report *out)
+{
+    return sst_renderer_skips(live->renderer, out);
+}
+
 bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px)
 {
     if (isnan(live->min_px))

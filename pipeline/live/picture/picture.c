@@ -85,6 +85,9 @@ void picture_resolve(struct sst_render_config *cfg, const struct sst_live *live)
     double lo, hi;
 
     cfg->threads = live->cfg.threads;
+    cfg->skip_views = live->cfg.skip_views;
+    cfg->skip_tiles = live->cfg.skip_tiles;
+    cfg->skip_error_db = live->cfg.skip_error_db;
     cfg->verify = cfg->verify && live->low_confidence ? SST_VERIFY_ON : SST_VERIFY_OFF;
     if (isnan(cfg->focus_px))
         cfg->focus_px = isnan(live->focus.focus_px) ? 0 : live->focus.focus_px;
@@ -270,8 +273,10 @@ int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_co
         pixels = p->serial != live->serial ? mark_changes(p) : 0;
     if (!err && !whole && pixels == all) /* new histogram counts then cost nothing extra */
         (void)sst_render_plan_update(&p->plan, live->renderer, 0, 0);
-    if (!err && pixels)
-        err = sst_render_plan_render(&p->plan, whole ? NULL : p->cells, &p->image, NULL);
+    if (!err && whole)
+        err = sst_render_plan_render_whole(live->renderer, &p->plan, &p->image);
+    else if (!err && pixels)
+        err = sst_render_plan_render(&p->plan, p->cells, &p->image, NULL);
     if (err) {
         p->present_serial = UINT64_MAX; /* render everything next time */
         return err;

@@ -16,6 +16,8 @@
 #define LABEL_NS 350000000
 /* A cell with a disparity further from that at which it was labelled shows another surface. */
 #define LABEL_Q6 96
+/* With S3, one set in this number is searched wholly, and what the narrower search would have missed is counted. */
+#define COMPARE_SETS 8
 /* Label distributions are fitted again with every whole set and after this number of network runs. */
 #define FIT_RUNS 4
 
@@ -125,6 +127,32 @@ static int match_job(void *arg, int index, int worker)
     s->label_ns = sst_clock_now_ns() - start_ns;
     s->label_runs += !err;
     return err;
+}
+
+/* How the matchers search in this set. */
+static void set_ranges(struct sst_livescene *s)
+{
+    const bool last = s->cfg->skip_ranges && s->ready && !s->whole;
+    const bool compared = last && s->narrowed++ % COMPARE_SETS == COMPARE_SETS - 1;
+
+    for (int i = 0; i < s->threads; i++) {
+        s->matchers[i].ranges = compared ? SCENE_RANGES_COMPARE : last ? SCENE_RANGES_LAST : SCENE_RANGES_WHOLE;
+        s->matchers[i].searched = s->matchers[i].left_out = s->matchers[i].compared = s->matchers[i].missed = 0;
+    }
+}
+
+static void report_ranges(const struct sst_livescene *s, struct sst_live_report *report)
+{
+    int64_t compared = 0, missed = 0;
+
+    for (int i = 0; i < s->threads; i++) {
+        report->disps += s->matchers[i].searched;
+        report->disps_skipped += s->matchers[i].left_out;
+        compared += s->matchers[i].compared;
+        missed += s->matchers[i].missed;
+    }
+    if (compared)
+        report->error_ranges = (double)missed / (double)compared;
 }
 
 static int area(const struct scene_rect *r)
@@ -347,7 +375,9 @@ int scene_compute(struct sst_livescene *s, struct sst_live_report *report)
 
     s->label_ns = 0;
     s->label_runs = 0;
+    set_ranges(s);
     err = err ? err : sst_parallel_for(make_jobs(s), s->threads, match_job, s);
+    report_ranges(s, report);
     err = err ? err : sst_parallel_for(s->keys, s->threads, check_job, s);
     if (!err) {
         s->confirmed = count_confirmed(s);

@@ -201,6 +201,13 @@ SST_MUST_CHECK int sst_render_plan_render(const struct sst_render_plan *p, const
                                           struct sst_map_u8 *valid);
 
 /**
+ * A whole picture, with the skips of the plan's configuration. The maps may have changed since the last one.
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_render_plan_render_whole(struct sst_renderer *r, const struct sst_render_plan *p,
+                                                struct sst_image *out);
+
+/**
  * Apply the renderer's new counts, if they change the weights of more than the fraction `share` of the rays by more
  * than the fraction `tolerance`, or the rarities of colours by that fraction.
  * @return true: applied, and the whole picture must be rendered; false: the plan is unchanged

@@ -446,17 +446,33 @@ int sst_render_plan_render(const struct sst_render_plan *p, const uint8_t *cells
     return render_bands(&pic);
 }
 
+/* With the skips of the plan, if they pay. */
+static int render_skipping(struct sst_renderer *r, struct picture *pic)
+{
+    bool skipped = pic->plan->cfg.skip_views || pic->plan->cfg.skip_tiles;
+    const int err = skipped ? skip_render(r, pic->plan, pic->out, pic->valid, &skipped) : 0;
+
+    return err || skipped ? err : render_bands(pic);
+}
+
+int sst_render_plan_render_whole(struct sst_renderer *r, const struct sst_render_plan *p, struct sst_image *out)
+{
+    struct picture pic = { .plan = p, .out = out };
+
+    pthread_mutex_lock(&r->lock);
+    skip_bounds_destroy(r->bounds);
+    r->bounds = NULL;
+    pthread_mutex_unlock(&r->lock);
+    return render_skipping(r, &pic);
+}
+
 /* On the device, if there is one that can. */
 static int render_anywhere(struct sst_renderer *r, const struct sst_render_plan *p, struct sst_image *out,
                            struct sst_map_u8 *valid)
 {
     struct picture pic = { .plan = p, .out = out, .valid = valid };
-    bool skipped = !r->device && (p->cfg.skip_views || p->cfg.skip_tiles);
     const bool begun = r->device && render_device_begin(r->device, p, &pic.words, &pic.weights);
-    int err = skipped ? skip_render(r, p, out, valid, &skipped) : 0;
-
-    if (!err && !skipped)
-        err = render_bands(&pic);
+    const int err = r->device ? render_bands(&pic) : render_skipping(r, &pic);
 
     if (begun)
         render_device_end(r->device);
