@@ -159,6 +159,23 @@ static bool has_edges(struct sst_yaml_node *zone)
     return sst_yaml_get(zone, "x0") || sst_yaml_get(zone, "y0") || sst_yaml_get(zone, "x1") || sst_yaml_get(zone, "y1");
 }
 
+/* What only lines have, and what they cannot have. @return NULL: nothing is wrong */
+static const char *line_fault(const struct sst_zone *z)
+{
+    double x[SST_ZONE_POINTS], y[SST_ZONE_POINTS];
+    const int n = sst_zone_corners(z, x, y);
+
+    if (z->line && *z->points && n > 2)
+        return "has a line of more than two points; give \"x,y x,y\"";
+    if (z->line && !*z->points)
+        return "has a line without its two points; give points: \"x,y x,y\"";
+    if (z->line && z->mask)
+        return "has a line that is a mask; give either";
+    if (!z->line && n == 2)
+        return "has a zone of two points; give more, or line: true";
+    return !z->line && z->direction != SST_LINE_BOTH ? "has a direction but is no line; add line: true" : NULL;
+}
+
 static void check_zones(const struct config_load *load)
 {
     const struct config_place *p = source(load, "zones", NULL);
@@ -174,6 +191,8 @@ static void check_zones(const struct config_load *load)
             fault(p, n, "has a zone whose x0 is not below its x1");
         else if (n->type == SST_YAML_MAP && !*z->points && z->y0 >= z->y1)
             fault(p, n, "has a zone whose y0 is not below its y1");
+        if (line_fault(z))
+            fault(p, n, "%s", line_fault(z));
         if (!(z->far_px < z->near_px))
             fault(p, n, "has a zone whose far_px is not below its near_px");
         for (int k = 0; k < i; k++)
@@ -206,6 +225,8 @@ static void check_triggers(struct config_load *load)
             sst_yaml_unknown(p->doc, zone, "zone", "add it to zones");
         else if (c->zone[c->storage.trigger[i].zone].mask)
             fault(p, zone, "names the zone %s, which is a mask: nothing is noticed there", zone->text);
+        else if (c->zone[c->storage.trigger[i].zone].line && !c->storage.trigger[i].visit)
+            fault(p, zone, "names the line %s, across which nothing but visits goes; add visit: true", zone->text);
     }
     if (c->storage.mode != SST_RECORD_EVENT)
         return;

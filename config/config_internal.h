@@ -28,7 +28,7 @@ SST_MUST_CHECK int config_load(struct sst_config *cfg, const char *path, bool ar
 /** Parse the values of one document, noting faults of single values. @param zones_only  other keys are unknown */
 void config_parse(struct config_load *load, struct sst_yaml *doc, bool zones_only);
 
-/** Parse "x,y x,y x,y". @param x, y  out, [SST_ZONE_POINTS] @return number of points; 0: no polygon */
+/** Parse "x,y x,y x,y". @param x, y  out, [SST_ZONE_POINTS] @return number of points, 2: a line; 0: no line, no polygon */
 int config_points(const char *text, double *x, double *y);
 
 /** Resolve names that refer to other keys, and note contradictions between values. */

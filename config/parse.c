@@ -76,7 +76,7 @@ static bool right_kind(struct sst_yaml *doc, const struct sst_yaml_node *n, enum
             return true;
         sst_yaml_fault(doc, n,
                        "must be 3 to %d points \"x,y x,y x,y\" in fractions 0..1 of the picture that enclose an area, "
-                       "not %.60s",
+                       "or the 2 ends of a line, not %.60s",
                        SST_ZONE_POINTS, n->text);
         return false;
     }

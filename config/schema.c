@@ -27,8 +27,8 @@ static const char *const codecs[] = { "h264", "mjpeg" };
 
 const char *const sst_event_types[] = {
     "*",       "state",        "camera-lost", "camera-found", "trigger-lost", "trigger-found", "skew",
-    "storage", "record-start", "record-stop", "motion",       "label",        "visit",         "snapshot", "export",
-    "reload",  "calibration",  "certificate", "clock",        "client",       "start",         "stop",
+    "storage", "record-start", "record-stop", "motion",       "label",        "visit",         "line",     "snapshot",
+    "export",  "reload",       "calibration", "certificate", "clock",        "client",        "start",    "stop",
 };
 const int sst_event_types_count = (int)ARRAY_LEN(sst_event_types);
 
@@ -45,6 +45,8 @@ static const struct sst_key bind_keys[] = {
             "each row") },
 };
 
+static const char *const line_directions[] = { "both", "forward", "backward" };
+
 static const struct sst_key zone_keys[] = {
     { FIELD(struct sst_zone, name, TEXT, NULL, "name of the zone, of a-z, 0-9, - and _"), KIND(NAME) },
     { FIELD(struct sst_zone, x0, DOUBLE, "0", "left edge, as a fraction of the picture's width"), RANGE(0, 1) },
@@ -52,7 +54,7 @@ static const struct sst_key zone_keys[] = {
     { FIELD(struct sst_zone, x1, DOUBLE, "1", "right edge"), RANGE(0, 1) },
     { FIELD(struct sst_zone, y1, DOUBLE, "1", "lower edge"), RANGE(0, 1) },
     { FIELD(struct sst_zone, points, TEXT, "",
-            "instead of the four edges a polygon of 3 to 16 points \"x,y x,y ...\", fractions as above"),
+            "instead of the four edges a polygon of 3 to 16 points \"x,y x,y ...\", fractions as above; of a line its two ends"),
       KIND(POINTS) },
     { FIELD(struct sst_zone, near_px, DOUBLE, "none",
             "what is nearer is not in the zone, px per spacing; none: no limit"),
@@ -69,6 +71,11 @@ static const struct sst_key zone_keys[] = {
       .help = "visits of these labels alone are in the zone, for example [Pedestrian]; default: all" },
     { FIELD(struct sst_zone, mask, BOOL, "false",
             "what is in the zone is ignored: no visits, no motion in other zones where they overlap") },
+    { FIELD(struct sst_zone, line, BOOL, "false",
+            "the zone is a line between two points; a visit that crosses it is reported, and is in the zone from then on") },
+    { FIELD(struct sst_zone, direction, CHOICE, "both",
+            "of a line: forward counts crossings to its right-hand side, seen from the first point to the second"),
+      CHOICE(line_directions) },
 };
 
 static const struct sst_key record_keys[] = {

@@ -30,7 +30,7 @@ enum sst_text_kind {
     SST_TEXT_ADDRESS = 4, /* numeric, IPv4 or IPv6 */
     SST_TEXT_TOPIC = 5,   /* MQTT topic without wildcards */
     SST_TEXT_EVENT = 6,   /* type of an event, or "*" */
-    SST_TEXT_POINTS = 7,  /* "x,y x,y x,y": a polygon in fractions of the picture */
+    SST_TEXT_POINTS = 7,  /* "x,y x,y x,y": a polygon, or a line, in fractions of the picture */
 };
 
 #define SST_KEY_NO_COUNT ((size_t)-1)

@@ -12,14 +12,23 @@
 #define SST_ZONE_POINTS 16
 #define SST_ZONE_LABELS 8
 
-/** A region of the reference view, in fractions 0..1 of its width and height. */
+/** Crossings of a line that count. Forward: to the right-hand side, seen along the line from its first point. */
+enum sst_line_direction {
+    SST_LINE_BOTH = 0,
+    SST_LINE_FORWARD = 1,
+    SST_LINE_BACKWARD = 2,
+};
+
+/** A region of the reference view, or a line across it, in fractions 0..1 of its width and height. */
 struct sst_zone {
     char name[32];         /* [a-z0-9_-]+ */
     double x0, y0, x1, y1; /* a rectangle; */
-    char points[SST_CONFIG_TEXT_MAX]; /* or a polygon, "x,y x,y x,y"; sst_zone_corners() gives both */
+    char points[SST_CONFIG_TEXT_MAX]; /* or a polygon, "x,y x,y x,y", or a line, "x,y x,y"; sst_zone_corners() gives all */
     double near_px, far_px;           /* what is nearer or farther is outside; INFINITY, -INFINITY: no limit */
     char labels[SST_ZONE_LABELS][32]; /* of visits; ends at ""; none: all */
     bool mask;                        /* what is inside is ignored */
+    bool line;                        /* two points; who crosses it has been in the zone */
+    enum sst_line_direction direction; /* of a line */
 };
 
 /** Trigger of event recording: something changes in a zone, a label covers a fraction of it, or a visit lasts. */
@@ -181,7 +190,7 @@ SST_MUST_CHECK int sst_config_try_zones(struct sst_config *cfg, const char *path
 char *sst_zones_text(const struct sst_zone *zone, int zones);
 
 /** Corners of a zone, in fractions of the picture. @param x, y  out, [SST_ZONE_POINTS]
- *  @return number of corners, 3 or more; 0: `points` is no polygon */
+ *  @return number of corners, 2: the ends of a line; 0: `points` is neither line nor polygon */
 int sst_zone_corners(const struct sst_zone *zone, double *x, double *y);
 
 /** Changes from one configuration to the other, in the order of the file. *out to free with free().

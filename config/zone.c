@@ -6,7 +6,8 @@
 
 #include "config/config_internal.h"
 
-#define AREA_LEAST 1e-4 /* of the picture */
+#define AREA_LEAST   1e-4 /* of the picture */
+#define LENGTH_LEAST 0.01 /* of its width or height */
 
 /* A number of 0..1, of digits and a point. @return what follows it; NULL: none is there */
 static const char *read_fraction(const char *text, double *out)
@@ -35,6 +36,8 @@ int config_points(const char *text, double *x, double *y)
         return 0;
     for (int i = 0, k = n - 1; i < n; k = i++)
         area += (x[k] * y[i] - x[i] * y[k]) / 2;
+    if (n == 2)
+        return hypot(x[1] - x[0], y[1] - y[0]) >= LENGTH_LEAST ? n : 0;
     return n >= 3 && fabs(area) >= AREA_LEAST ? n : 0;
 }
 

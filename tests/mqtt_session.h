@@ -310,10 +310,11 @@ static inline void write_config(void)
     assert_non_null(f);
     fprintf(f,
             "control: {socket: %s/c.sock, group: \"\"}\n"
-            "zones: [{name: %s, x0: 0, y0: 0, x1: 1, y1: 1}]\n"
+            "zones: [{name: %s, x0: 0, y0: 0, x1: 1, y1: 1}%s]\n"
             "mqtt: {enabled: %s, host: %s, port: %d, topic: %s, picture_s: %g, user: \"%s\", password_file: \"%s\", "
             "ca_file: \"%s\"}\n",
-            test_folder, cfg.zone[0].name, cfg.mqtt.enabled ? "true" : "false", cfg.mqtt.host, cfg.mqtt.port,
+            test_folder, cfg.zone[0].name,
+            cfg.zones > 1 ? ", {name: drive, points: \"0.2,0.5 0.8,0.5\", line: true, direction: forward}" : "", cfg.mqtt.enabled ? "true" : "false", cfg.mqtt.host, cfg.mqtt.port,
             cfg.mqtt.topic, cfg.mqtt.picture_s, cfg.mqtt.user, cfg.mqtt.password_file, cfg.mqtt.ca_file);
     fclose(f);
 }

@@ -21,9 +21,10 @@
  *                      both also have, at the end             {peak, times, seconds}: largest share; number of
  *                                                             appearances; time from its begin until last seen
  *   visit              something that moves came, or has gone
- *                      {visit, page, active, label, from, to, seconds, direction, zones, distance_m, nearest_m, nearest_px,
- *                       box, path}:
+ *                      {visit, page, active, label, from, to, seconds, direction, zones, crossed, distance_m, nearest_m,
+ *                       nearest_px, box, path}:
  *                      the same visit in both; path: [seconds, x, y, metres] of where it stood
+ *   line               a visit crossed a line of the zones    {zone, direction, visit, page, label, hidden, distance_m}
  *   snapshot, export   a light field was stored               {name}
  *   reload             a configuration was applied or refused {applied, reason, changes}
  *   calibration        the calibration was checked            {verdict, sentence}

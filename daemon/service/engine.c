@@ -87,7 +87,7 @@ void engine_zones(struct sst_live_zone *out, const struct sst_config *c)
 
         _Static_assert(SST_LIVE_ZONE_POINTS >= SST_ZONE_POINTS && SST_LIVE_ZONES >= SST_ZONES_MAX, "zones fit");
         out[i] = (struct sst_live_zone){ .near_px = z->near_px, .far_px = z->far_px, .mask = z->mask && !*z->labels[0] };
-        out[i].points = sst_zone_corners(z, out[i].x, out[i].y);
+        out[i].points = z->line ? 0 : sst_zone_corners(z, out[i].x, out[i].y);
     }
 }
 
@@ -482,8 +482,7 @@ static void follow_zones(struct live_engine *v)
         return;
     v->live_config.zones = zones;
     memcpy(v->live_config.zone, zone, sizeof(zone));
-    for (int i = 0; i < v->visits; i++)
-        v->visit[i].zones = 0;
+    engine_visits_forget_zones(v);
 }
 
 /** Process the newest set if it is due. @return time needed, ns; 0: there was none */

@@ -1,294 +1,16 @@
-/* Tracks of the live picture as visits: one event when a thing comes, one with the same visit's name when it has gone.
- */
+/* Tracks of the live picture: what moves, for visits, for views that follow something and for clients. */
 #include <errno.h>
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
-#include "base/clock.h"
-#include "base/text.h"
 #include "daemon/service/service_internal.h"
 
-#define TRACK_PX        3.0 /* of the disparities of one thing */
-#define PICTURE_QUALITY 85
-#define PICTURE_BETTER  1.25 /* times larger than in the picture before */
-#define PICTURES_MOST   5
-#define PICTURE_NS      INT64_C(500000000)
-#define PATH_STEP       0.02 /* of the picture's width or height between two points of a path */
-
-static double distance_m(const struct live_engine *v, double disp_px)
-{
-    const struct engine_state *s = &v->state;
-
-    return v->live_config.calibration && s->focal_px > 0 && s->spacing_mm > 0 && disp_px > 0
-               ? s->focal_px * s->spacing_mm / disp_px / 1000
-               : NAN;
-}
-
-/* Where a thing stands: the middle of its lower edge, as fractions of the picture. */
-static struct visit_point foot(const struct live_engine *v, const struct sst_live_track *t, int64_t t_ns)
-{
-    const int width = sst_max_int(v->state.width, 1), height = sst_max_int(v->state.height, 1);
-
-    return (struct visit_point){ .t_ns = t_ns,
-                                 .x = sst_clamp_double((t->x0 + t->x1) / 2 / width, 0, 1),
-                                 .y = sst_clamp_double(t->y1 / height, 0, 1),
-                                 .disp_px = t->disp_px };
-}
-
-static void add_point(struct visit *a, struct visit_point p)
-{
-    const struct visit_point *last = &a->path[a->points - 1];
-
-    if (a->points && hypot(p.x - last->x, p.y - last->y) < PATH_STEP)
-        return;
-    if (a->points == VISIT_POINTS) { /* every second one stays */
-        for (int i = 1; i < VISIT_POINTS / 2; i++)
-            a->path[i] = a->path[2 * i];
-        a->points = VISIT_POINTS / 2;
-    }
-    a->path[a->points++] = p;
-}
-
-static const char *label_of(const struct live_engine *v, int label)
-{
-    return label ? sst_classes_name(&v->classes, label) : "";
-}
-
-/* The zones that a point is in, by their labels and depths; and whether one of them is a mask. */
-static unsigned zones_at(struct live_engine *v, struct visit_point p, int label, bool *masked)
-{
-    const char *name = label_of(v, label);
-    unsigned zones = 0;
-
-    *masked = false;
-    pthread_mutex_lock(&v->lock);
-    for (int i = 0; i < v->live_config.zones && i < v->config.zones; i++) {
-        const struct sst_zone *z = &v->config.zone[i];
-        bool wanted = !z->labels[0][0];
-
-        for (int k = 0; k < SST_ZONE_LABELS && z->labels[k][0]; k++)
-            wanted |= !strcmp(z->labels[k], name);
-        if (!wanted || !sst_live_zone_has(&v->live_config.zone[i], p.x, p.y, p.disp_px))
-            continue;
-        *masked |= z->mask;
-        zones |= z->mask ? 0 : 1u << i;
-    }
-    pthread_mutex_unlock(&v->lock);
-    return zones;
-}
-
-/* "left to right": the larger of the ways across, up or down, and in depth; "": none. */
-static const char *direction(const struct visit *a)
-{
-    const struct visit_point *from = &a->path[0], *to = &a->last;
-    const double dx = to->x - from->x, dy = to->y - from->y;
-    const double depth = from->disp_px > 0 && to->disp_px > 0 ? log(to->disp_px / from->disp_px) : 0;
-
-    if (fabs(dx) >= 0.1 && fabs(dx) >= fabs(dy))
-        return dx > 0 ? "left to right" : "right to left";
-    if (fabs(depth) >= 0.15)
-        return depth > 0 ? "nearer" : "farther";
-    return fabs(dy) < 0.1 ? "" : dy > 0 ? "downwards" : "upwards";
-}
-
-static json_t *zones_json(const struct live_engine *v, const struct visit *a)
-{
-    json_t *list = json_array();
-
-    for (int i = 0; i < v->config.zones; i++)
-        if (a->zones & 1u << i)
-            json_array_append_new(list, json_string(v->config.zone[i].name));
-    return list;
-}
-
-static json_t *path_json(const struct live_engine *v, const struct visit *a)
-{
-    json_t *list = json_array();
-
-    for (int i = 0; i <= a->points; i++) {
-        const struct visit_point *p = i < a->points ? &a->path[i] : &a->last;
-
-        json_array_append_new(list, json_pack("[f, f, f, o]", round((double)(p->t_ns - a->from_ns) / 1e7) / 100,
-                                              round(1e4 * p->x) / 1e4, round(1e4 * p->y) / 1e4,
-                                              sst_api_real(distance_m(v, p->disp_px))));
-    }
-    return list;
-}
-
-static void visit_name(char out[64], const struct visit *a)
-{
-    char when[SST_CLOCK_TEXT];
-
-    sst_clock_text(when, a->from_wall_ns);
-    for (char *c = when; *c; c++)
-        *c = *c == ':' || *c == '.' ? '-' : *c;
-    snprintf(out, 64, "%s-%u", when, a->id);
-}
-
-/* Address of the visit on the page; "": there is no page, or its address is not known. */
-static void visit_page(char out[512], const struct sst_config *cfg, const char *name)
-{
-    const char *host = cfg->web.host[0] ? cfg->web.host : cfg->web.address;
-    const bool any = !strcmp(host, "0.0.0.0") || !strcmp(host, "::"), v6 = strchr(host, ':') != NULL;
-    char own[128] = "";
-
-    if (any && !gethostname(own, sizeof(own) - 1))
-        host = own;
-    out[0] = 0;
-    if (cfg->web.enabled && cfg->web.port && host[0])
-        snprintf(out, 512, "http%s://%s%s%s:%d/#visit=%s", cfg->web.tls_certificate[0] ? "s" : "",
-                 v6 && !any ? "[" : "", host, v6 && !any ? "]" : "", cfg->web.port, name);
-}
-
-static json_t *visit_json_locked(const struct live_engine *v, const struct visit *a, bool active)
-{
-    char name[64], from[SST_CLOCK_TEXT], to[SST_CLOCK_TEXT], page[512];
-
-    visit_name(name, a);
-    visit_page(page, &v->config, name);
-    sst_clock_text(from, a->from_wall_ns);
-    sst_clock_text(to, a->from_wall_ns + (a->last.t_ns - a->from_ns));
-    return json_pack("{s:s, s:s, s:b, s:b, s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:[f, f, f, f], s:o}", "visit", name,
-                     "page", page, "active", active, "hidden", a->hidden, "label", label_of(v, a->label), "from", from,
-                     "to", to, "seconds", round((double)(a->last.t_ns - a->from_ns) / 1e8) / 10, "direction",
-                     direction(a), "zones", zones_json(v, a), "distance_m",
-                     sst_api_real(distance_m(v, a->last.disp_px)), "nearest_m",
-                     sst_api_real(distance_m(v, a->nearest_px)), "box", a->box[0], a->box[1], a->box[2], a->box[3],
-                     "path", path_json(v, a));
-}
-
-static void store(struct live_engine *v, const struct visit *a, enum sst_visit_picture kind,
-                  const struct sst_image *image)
-{
-    char name[64];
-    uint8_t *jpeg;
-    size_t bytes;
-
-    visit_name(name, a);
-    if (!engine_jpeg(v, image, PICTURE_QUALITY, &jpeg, &bytes))
-        sst_visits_put_picture(v->kept, name, kind, jpeg, bytes);
-}
-
-/* The share of the picture that a thing takes, as far as it is seen. */
-static double size_of(const struct live_engine *v, const struct sst_live_track *t)
-{
-    const int width = v->state.width, height = v->state.height;
-    const double w = sst_clamp_double(t->x1, 0, width) - sst_clamp_double(t->x0, 0, width);
-    const double h = sst_clamp_double(t->y1, 0, height) - sst_clamp_double(t->y0, 0, height);
-
-    return t->state == SST_LIVE_TRACK_SEEN && width > 0 && height > 0 ? w * h / ((double)width * height) : 0;
-}
-
-/* A better picture than the one before: what the reference camera sees, and see-through with the focus on the visitor.
- */
-static void take_pictures(struct live_engine *v, struct visit *a, const struct sst_live_track *t)
-{
-    const struct sst_lightfield *lf = sst_live_lightfield(v->live);
-    const double size = size_of(v, t);
-    struct view_settings settings;
-    const struct sst_image *image;
-    int64_t rendered_px;
-    int err;
-
-    if (size <= PICTURE_BETTER * a->best || a->pictures == PICTURES_MOST ||
-        (a->pictures && v->set_t_ns - a->picture_ns < PICTURE_NS))
-        return;
-    a->best = size;
-    a->picture_ns = v->set_t_ns;
-    a->pictures++;
-    a->box[0] = sst_clamp_double(t->x0 / lf->width, 0, 1);
-    a->box[1] = sst_clamp_double(t->y0 / lf->height, 0, 1);
-    a->box[2] = sst_clamp_double(t->x1 / lf->width, 0, 1);
-    a->box[3] = sst_clamp_double(t->y1 / lf->height, 0, 1);
-    if (lf->views[lf->ref_view].present && lf->views[lf->ref_view].image.plane[0])
-        store(v, a, SST_VISIT_CAMERA, &lf->views[lf->ref_view].image);
-    pthread_mutex_lock(&v->lock);
-    view_settings_defaults(&settings, &v->config.live);
-    pthread_mutex_unlock(&v->lock);
-    settings.render.method = SST_RENDER_SST;
-    settings.render.focus_px = t->disp_px;
-    err = v->visit_picture ? 0 : sst_livepicture_create(&v->visit_picture, v->live);
-    err = err ? err : sst_livepicture_render(v->visit_picture, &settings.render, &image, &rendered_px);
-    if (err)
-        return;
-    if (t->hidden && !t->label) { /* no view's labels show it */
-        const int label = sst_live_recognise(v->live, image, (double[]){ t->x0, t->y0, t->x1, t->y1 });
-
-        a->label = label ? label : a->label;
-    }
-    store(v, a, SST_VISIT_SEEN, image);
-}
-
-static void emit(struct live_engine *v, const struct visit *a, bool active)
-{
-    char text[192] = "", what[SST_CLASS_NAME_MAX];
-    const char *way;
-    double near_m;
-    json_t *data;
-
-    pthread_mutex_lock(&v->lock);
-    data = visit_json_locked(v, a, active);
-    if (data) /* without a calibration, too */
-        json_object_set_new(data, "nearest_px", sst_api_real(a->nearest_px));
-    snprintf(what, sizeof(what), "%s", a->label ? label_of(v, a->label) : "Something");
-    near_m = distance_m(v, active ? a->last.disp_px : a->nearest_px);
-    v->state.visits += active && !a->announced;
-    for (int i = 0; i < v->config.zones; i++)
-        if (a->zones & 1u << i)
-            sst_text_add(text, sizeof(text), "%s%s", *text ? ", " : " in ", v->config.zone[i].name);
-    pthread_mutex_unlock(&v->lock);
-    way = direction(a);
-    if (!active)
-        sst_text_add(text, sizeof(text), " for %.0f s%s%s", (double)(a->last.t_ns - a->from_ns) / 1e9, *way ? ", " : "",
-                     way);
-    if (!isnan(near_m))
-        sst_text_add(text, sizeof(text), ", %s%.1f m away", active ? "" : "at least ", near_m);
-    if (a->hidden)
-        sst_text_add(text, sizeof(text), ", behind the foreground");
-    sst_visits_put(v->kept, data);
-    sst_events_emit(v->events, SST_EVENT_INFO, "visit", data, "%s %s%s", what,
-                    !active        ? "was there"
-                    : a->announced ? "is"
-                                   : "came",
-                    text);
-}
-
-static struct visit *find(struct live_engine *v, uint32_t id)
-{
-    for (int i = 0; i < v->visits; i++)
-        if (v->visit[i].id == id)
-            return &v->visit[i];
-    return NULL;
-}
-
-static void follow_visit(struct live_engine *v, struct visit *a, const struct sst_live_track *t, int64_t t_ns)
-{
-    unsigned before;
-    bool masked;
-
-    a->there = true;
-    a->hidden |= t->hidden;
-    a->label = t->label ? t->label : a->label;
-    if (t->state == SST_LIVE_TRACK_COVERED)
-        return;
-    a->last = foot(v, t, t_ns);
-    a->nearest_px = fmax(a->nearest_px, t->disp_px);
-    before = a->zones;
-    a->zones |= zones_at(v, a->last, a->label, &masked);
-    add_point(a, a->last);
-    take_pictures(v, a, t);
-    if (a->announced && a->zones & ~before)
-        emit(v, a, true);
-}
+#define TRACK_PX 3.0 /* of the disparities of one thing */
 
 void engine_tracks_follow(struct live_engine *v)
 {
     struct sst_live_track track[SST_LIVE_TRACKS];
     const int n = v->live ? sst_live_tracks(v->live, track) : 0;
-    int kept = 0;
 
     pthread_mutex_lock(&v->lock);
     v->tracks = n;
@@ -296,53 +18,9 @@ void engine_tracks_follow(struct live_engine *v)
     v->tracks_set = v->set_index;
     v->tracks_t_ns = v->set_t_ns;
     pthread_mutex_unlock(&v->lock);
-    if (!v->kept)
-        return;
-    for (int i = 0; i < v->visits; i++)
-        v->visit[i].there = false;
-    for (int i = 0; i < n; i++) {
-        struct visit *a = find(v, track[i].id);
-        bool masked = false;
-
-        if (!a)
-            (void)zones_at(v, foot(v, &track[i], v->set_t_ns), track[i].label, &masked);
-        if (masked) /* it comes when it leaves the mask */
-            continue;
-        if (a) {
-            follow_visit(v, a, &track[i], v->set_t_ns);
-        } else if (v->visits < SST_LIVE_TRACKS) {
-            a = &v->visit[v->visits++];
-            *a = (struct visit){ .id = track[i].id,
-                                 .from_ns = track[i].first_ns,
-                                 .from_wall_ns = v->set_wall_ns - (v->set_t_ns - track[i].first_ns) };
-            follow_visit(v, a, &track[i], v->set_t_ns);
-            emit(v, a, true);
-            a->announced = true;
-        }
-    }
-    for (int i = 0; i < v->visits; i++) {
-        if (v->visit[i].there)
-            v->visit[kept++] = v->visit[i];
-        else
-            emit(v, &v->visit[i], false);
-    }
-    v->visits = kept;
+    if (v->kept)
+        engine_visits_follow(v, track, n);
 }
-
-bool engine_visit_lasts_locked(const struct live_engine *v, const struct sst_record_trigger *t)
-{
-    bool lasts = false;
-
-    for (int i = 0; i < v->visits; i++) {
-        const struct visit *a = &v->visit[i];
-
-        lasts |= (t->zone < 0 || a->zones & 1u << t->zone) &&
-                 (!t->label[0] || !strcmp(t->label, label_of(v, a->label)));
-    }
-    return lasts;
-}
-
-/* --- for the others ----------------------------------------------------------------------------------------------- */
 
 const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id)
 {
@@ -372,9 +50,9 @@ json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_l
     static const char *const states[] = { "seen", "covered", "still" };
 
     return json_pack("{s:I, s:s, s:b, s:i, s:s, s:[f, f, f, f], s:[f, f], s:f, s:o, s:f}", "track", (json_int_t)t->id,
-                     "state", states[t->state], "hidden", t->hidden, "label", t->label, "name", label_of(v, t->label),
+                     "state", states[t->state], "hidden", t->hidden, "label", t->label, "name", engine_label_name(v, t->label),
                      "box", t->x0, t->y0, t->x1, t->y1, "speed_px_s", t->vx_px_s, t->vy_px_s, "disparity_px",
-                     t->disp_px, "distance_m", sst_api_real(distance_m(v, t->disp_px)), "seconds",
+                     t->disp_px, "distance_m", sst_api_real(engine_distance_m(v, t->disp_px)), "seconds",
                      (double)(v->tracks_t_ns - t->first_ns) / 1e9);
 }
 

@@ -393,6 +393,20 @@ struct visit_point {
     double x, y, disp_px; /* fractions of the picture */
 };
 
+/** Where a visit is beside a line of the zones. Zeroed: not known. */
+struct visit_line {
+    int side;     /* the one on which it was last clear of the line: 1: right, -1: left; 0: not known */
+    bool between; /* it last went over between the ends of the line, not beside them */
+};
+
+#define VISIT_CROSSINGS 8
+
+struct visit_crossing {
+    int zone; /* a line */
+    bool forward;
+    int64_t t_ns;
+};
+
 /** A track from its report until it has gone. */
 struct visit {
     uint32_t id;
@@ -400,7 +414,10 @@ struct visit {
     bool hidden; /* it was seen behind the foreground */
     int label;
     bool announced; /* its first event has been emitted */
-    unsigned zones;
+    unsigned zones; /* that it has been in, and lines that it has crossed */
+    struct visit_line line[SST_ZONES_MAX];
+    struct visit_crossing crossing[VISIT_CROSSINGS]; /* the last ones */
+    int crossings;
     int64_t from_ns, from_wall_ns;
     double nearest_px;
     struct visit_point path[VISIT_POINTS], last; /* where it stood */
@@ -484,12 +501,28 @@ void engine_serve(struct live_engine *v);
 /* engine_tracks.c */
 /** Tracks of the last set, and the events of those that came or went. Live thread. */
 void engine_tracks_follow(struct live_engine *v);
-/** Is there a visit now that a trigger asks for? Live thread. */
-bool engine_visit_lasts_locked(const struct live_engine *v, const struct sst_record_trigger *t);
 /** The track of this id, or at a point of the reference view at about this disparity. NULL: none */
 const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id);
 const struct sst_live_track *engine_track_at_locked(const struct live_engine *v, double x, double y, double disp_px);
 json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_live_track *t);
+
+/* engine_visits.c */
+/** Visits of these tracks, their events and pictures. Live thread. */
+void engine_visits_follow(struct live_engine *v, const struct sst_live_track *track, int n);
+/** Is there a visit now that a trigger asks for? Live thread. */
+bool engine_visit_lasts_locked(const struct live_engine *v, const struct sst_record_trigger *t);
+/** The zones are others: what visits have been in and have crossed counts no more. Live thread. */
+void engine_visits_forget_zones(struct live_engine *v);
+/** NaN: not known without a calibration. */
+double engine_distance_m(const struct live_engine *v, double disp_px);
+/** "": none */
+const char *engine_label_name(const struct live_engine *v, int label);
+
+/* engine_lines.c */
+/** The lines that a visit crosses on its way from a point to where it is. @param height_px  of the visitor
+ *  @return number */
+int engine_lines_follow(struct live_engine *v, struct visit *a, const struct visit_point *from, double height_px,
+                        struct visit_crossing out[SST_ZONES_MAX]);
 
 /* engine_cameras.c */
 void *engine_run_cameras(void *arg);

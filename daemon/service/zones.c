@@ -15,6 +15,8 @@
 
 #define REVISION_MAX 20
 
+static const char *const directions[] = { "both", "forward", "backward" };
+
 static json_t *limit_json(double px)
 {
     return isinf(px) ? json_null() : json_real(px);
@@ -30,8 +32,9 @@ static json_t *zone_json(const struct sst_zone *z)
         json_array_append_new(points, json_pack("[f, f]", x[i], y[i]));
     for (int i = 0; i < SST_ZONE_LABELS && z->labels[i][0]; i++)
         json_array_append_new(labels, json_string(z->labels[i]));
-    return json_pack("{s:s, s:o, s:o, s:o, s:o, s:b}", "name", z->name, "points", points, "near_px",
-                     limit_json(z->near_px), "far_px", limit_json(z->far_px), "labels", labels, "mask", z->mask);
+    return json_pack("{s:s, s:o, s:o, s:o, s:o, s:b, s:b, s:s}", "name", z->name, "points", points, "near_px",
+                     limit_json(z->near_px), "far_px", limit_json(z->far_px), "labels", labels, "mask", z->mask, "line",
+                     z->line, "direction", directions[z->direction]);
 }
 
 /* Differs for other zones: two people who draw do not overwrite each other's. */
@@ -86,9 +89,9 @@ static int read_points(struct sst_zone *z, const json_t *points, char error[512]
     const json_t *p;
     size_t i;
 
-    if (!json_is_array(points) || json_array_size(points) < 3 || json_array_size(points) > SST_ZONE_POINTS)
-        return sst_api_refuse(error, -EINVAL, "points of zone %.32s must be 3 to %d pairs [x, y]", z->name,
-                              SST_ZONE_POINTS);
+    if (!json_is_array(points) || json_array_size(points) < 2 || json_array_size(points) > SST_ZONE_POINTS)
+        return sst_api_refuse(error, -EINVAL, "points of zone %.32s must be 3 to %d pairs [x, y], those of a line 2",
+                              z->name, SST_ZONE_POINTS);
     json_array_foreach(points, i, p)
     {
         const json_t *x = json_array_get(p, 0), *y = json_array_get(p, 1);
@@ -133,21 +136,36 @@ static int read_labels(struct sst_zone *z, const json_t *labels, char error[512]
     return 0;
 }
 
+static int read_direction(struct sst_zone *z, const json_t *direction, char error[512])
+{
+    const char *name = json_string_value(direction);
+
+    for (size_t i = 0; name && i < ARRAY_LEN(directions); i++) {
+        if (!strcmp(name, directions[i])) {
+            z->direction = (enum sst_line_direction)i;
+            return 0;
+        }
+    }
+    return direction ? sst_api_refuse(error, -EINVAL, "direction of zone %.32s must be both, forward or backward", z->name)
+                     : 0;
+}
+
 static int read_zone(struct sst_zone *z, const json_t *from, char error[512])
 {
-    static const char *const known[] = { "name", "points", "near_px", "far_px", "labels", "mask", NULL };
+    static const char *const known[] = { "name", "points", "near_px", "far_px", "labels", "mask", "line", "direction", NULL };
     const char *name = json_string_value(json_object_get(from, "name"));
-    const json_t *mask = json_object_get(from, "mask");
+    const json_t *mask = json_object_get(from, "mask"), *line = json_object_get(from, "line");
     int err = json_is_object(from) ? sst_api_members(from, known, error)
                                    : sst_api_refuse(error, -EINVAL, "a zone is an object with name and points");
 
-    *z = (struct sst_zone){ .x1 = 1, .y1 = 1, .mask = json_is_true(mask) };
+    *z = (struct sst_zone){ .x1 = 1, .y1 = 1, .mask = json_is_true(mask), .line = json_is_true(line) };
     if (!err && (!name || !*name || strlen(name) >= sizeof(z->name)))
         return sst_api_refuse(error, -EINVAL, "a zone needs a name of a-z, 0-9, - and _, at most 31 characters");
-    if (!err && mask && !json_is_boolean(mask))
-        return sst_api_refuse(error, -EINVAL, "mask of zone %.32s must be true or false", name);
+    if (!err && ((mask && !json_is_boolean(mask)) || (line && !json_is_boolean(line))))
+        return sst_api_refuse(error, -EINVAL, "mask and line of zone %.32s must be true or false", name);
     if (!err)
         strcpy(z->name, name);
+    err = err ? err : read_direction(z, json_object_get(from, "direction"), error);
     err = err ? err : read_points(z, json_object_get(from, "points"), error);
     err = err ? err : read_limit(&z->near_px, json_object_get(from, "near_px"), INFINITY, "near_px", error);
     err = err ? err : read_limit(&z->far_px, json_object_get(from, "far_px"), -INFINITY, "far_px", error);

@@ -34,7 +34,7 @@ void event_triggers_init(struct event_triggers *w, const struct sst_config *conf
             named[zone] = true;
     }
     for (int i = 0; i < config->zones && i < SST_ZONES_MAX; i++) {
-        if (!named[i] && !config->zone[i].mask)
+        if (!named[i] && !config->zone[i].mask && !config->zone[i].line)
             add(w, config, i);
     }
 }

@@ -72,11 +72,24 @@ export class Notify {
   }
 
   take({ type, message, data }) {
+    if (type === "line") this.takeLine(message, data);
     if (type !== "visit" || !data.active || this.told.has(data.visit) || !this.wanted(data)) return;
     this.told.add(data.visit); // it may enter another zone later
     if ($("notify-sound").checked) beep();
-    const note = new Notification(data.zones.length ? `${data.label || "Something"} in ${data.zones.join(", ")}` : data.label || "Something moves",
-      { body: message, tag: data.visit, icon: "/web/icon.svg" });
+    this.notify(data.zones.length ? `${data.label || "Something"} in ${data.zones.join(", ")}` : data.label || "Something moves", message, data, data.visit);
+  }
+
+  /** Where that line is chosen, each time; else only if the visit has not been notified of. */
+  takeLine(message, data) {
+    const again = this.told.has(data.visit) && this.wanted({ ...data, zones: [] });
+    if (again || !this.wanted({ ...data, zones: [data.zone] })) return;
+    this.told.add(data.visit);
+    if ($("notify-sound").checked) beep();
+    this.notify(`${data.label || "Something"} crossed ${data.zone} ${data.direction}`, message, data, `${data.visit} ${data.zone}`);
+  }
+
+  notify(title, body, data, tag) {
+    const note = new Notification(title, { body, tag, icon: "/web/icon.svg" });
     note.addEventListener("click", () => {
       window.focus();
       this.onOpen(data.visit);

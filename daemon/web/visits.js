@@ -220,9 +220,15 @@ export class Visits {
   }
 }
 
+/** "gate, crossed drive forward" */
+function places({ zones, crossed = [] }) {
+  const lines = crossed.map(({ zone }) => zone);
+  return [...zones.filter((zone) => !lines.includes(zone)), ...crossed.map(({ zone, direction }) => `crossed ${zone} ${direction}`)].join(", ");
+}
+
 function facts(visit) {
   return [visit.active ? "there now" : duration(visit.seconds), visit.direction,
-    visit.nearest_m === null ? "" : `nearest ${number(visit.nearest_m, 1)} m`, visit.hidden ? "behind the foreground" : "", visit.zones.join(", "), visit.keep ? "kept" : ""].filter(Boolean).join(" · ");
+    visit.nearest_m === null ? "" : `nearest ${number(visit.nearest_m, 1)} m`, visit.hidden ? "behind the foreground" : "", places(visit), visit.keep ? "kept" : ""].filter(Boolean).join(" · ");
 }
 
 /** The part of a picture around the visitor, in a frame that hides the rest. */

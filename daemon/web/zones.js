@@ -6,7 +6,8 @@ import { $, complain, el, finite, onUse, setText, storage, swatch, toast } from 
 const SHOWN = "sst-zones-shown";
 const MOST_CORNERS = 16;
 const MOST_LABELS = 8;
-const LEAST_SIDE = 0.02; // of a rectangle that is drawn
+const LEAST_SIDE = 0.02; // of a rectangle or line that is drawn
+const ARROW = 0.06; // length, of the picture's height
 const KEY_STEP = 0.01;
 const MOVING = ["Pedestrian", "Bicyclist", "Car", "Motorcycle", "Horse", "Cat"];
 const COLOURS = ["#5cd0ff", "#ffd166", "#8ef0a9", "#ff9ecb", "#c9b3ff", "#ffa36b"];
@@ -40,7 +41,8 @@ export class Zones {
       storage(SHOWN, $("zones-shown").checked ? "1" : "0");
       this.draw();
     });
-    onUse($("zone-new"), () => this.begin());
+    onUse($("zone-new"), () => this.begin(false));
+    onUse($("line-new"), () => this.begin(true));
     onUse($("zone-save"), () => this.save());
     onUse($("zone-delete"), () => this.remove());
     $("zone-cancel").addEventListener("click", () => this.cancel());
@@ -51,6 +53,11 @@ export class Zones {
       this.edited.mask = $("zone-mask").checked;
       this.draw();
     });
+    for (const radio of $("line-direction").querySelectorAll("input"))
+      radio.addEventListener("change", () => {
+        this.edited.direction = radio.value;
+        this.draw();
+      });
     for (const key of ["near", "far"]) {
       $(`zone-${key}`).addEventListener("input", () => this.setDepth(key, this.fromSlider(key)));
       $(`zone-${key}-exact`).addEventListener("change", () => this.setDepth(key, this.fromExact(key)));
@@ -98,7 +105,8 @@ export class Zones {
     const near = finite(zone.near_px) ? focus.words(zone.near_px) : "";
     const far = finite(zone.far_px) ? focus.words(zone.far_px) : "";
     const depth = near && far ? `${near} to ${far}` : near ? `beyond ${near}` : far ? `up to ${far}` : "";
-    return [zone.mask ? "ignored" : "watched", depth, zone.labels.join(", ")].filter(Boolean).join(" · ");
+    const kind = zone.line ? ["line", zone.direction === "both" ? "" : zone.direction].filter(Boolean).join(", ") : zone.mask ? "ignored" : "watched";
+    return [kind, depth, zone.labels.join(", ")].filter(Boolean).join(" · ");
   }
 
   showList() {
@@ -109,9 +117,9 @@ export class Zones {
 
   // --- one zone ---
 
-  begin() {
+  begin(line) {
     this.index = -1;
-    this.start({ name: "", points: [], near_px: null, far_px: null, labels: [], mask: false });
+    this.start({ name: "", points: [], near_px: null, far_px: null, labels: [], mask: false, line, direction: "both" });
     this.redraw();
   }
 
@@ -126,6 +134,9 @@ export class Zones {
     $("zone-one").hidden = false;
     $("zone-name").value = zone.name;
     $("zone-mask").checked = zone.mask;
+    $("zone-mask-box").hidden = zone.line;
+    $("line-direction").hidden = !zone.line;
+    for (const radio of $("line-direction").querySelectorAll("input")) radio.checked = radio.value === zone.direction;
     $("zone-delete").hidden = this.index < 0;
     $("zone-labels").replaceChildren(...this.labels().map((name) => this.labelChip(name)));
     this.complain("");
@@ -226,8 +237,9 @@ export class Zones {
   setDrawing(on) {
     this.drawing = on;
     this.app.stage.frame.classList.toggle("drawing", on);
-    $("zone-help").hidden = !on;
-    $("zone-done").hidden = !on;
+    $("zone-help").hidden = !on || this.edited.line;
+    $("line-help").hidden = !on || !this.edited.line;
+    $("zone-done").hidden = !on || this.edited.line;
     $("zone-redraw").hidden = on;
     this.showDone();
     this.draw();
@@ -246,9 +258,10 @@ export class Zones {
       this.finish();
       return true;
     }
+    if (this.edited.line && first && Math.hypot(first[0] - point[0], first[1] - point[1]) < LEAST_SIDE) return true;
     points.push(point.map(round));
     this.showDone();
-    if (points.length === MOST_CORNERS) this.finish();
+    if (points.length === (this.edited.line ? 2 : MOST_CORNERS)) this.finish();
     else this.draw();
     return true;
   }
@@ -257,8 +270,14 @@ export class Zones {
     return this.drawing && (this.edited.points.length === 0 || this.rectangle);
   }
 
-  /** A rectangle from where a pointer went down to where it is. */
+  /** A rectangle, or a line, from where a pointer went down to where it is. */
   drag(from, to) {
+    if (this.edited.line) {
+      this.rectangle = true;
+      this.edited.points = [from, to].map((point) => point.map(round));
+      this.draw();
+      return;
+    }
     const [x0, x1] = [from[0], to[0]].map(round).sort((a, b) => a - b);
     const [y0, y1] = [from[1], to[1]].map(round).sort((a, b) => a - b);
     this.rectangle = true;
@@ -266,12 +285,14 @@ export class Zones {
     this.draw();
   }
 
-  /** @return true: a rectangle was drawn */
+  /** @return true: a rectangle or a line was drawn */
   dragEnd() {
     if (!this.rectangle) return false;
     this.rectangle = false;
-    const [[x0, y0], , [x1, y1]] = this.edited.points;
-    if (x1 - x0 < LEAST_SIDE || y1 - y0 < LEAST_SIDE) this.edited.points = [];
+    const { line, points } = this.edited;
+    const [[x0, y0], [x1, y1]] = [points[0], points[line ? 1 : 2]];
+    const small = line ? Math.hypot(x1 - x0, y1 - y0) < LEAST_SIDE : x1 - x0 < LEAST_SIDE || y1 - y0 < LEAST_SIDE;
+    if (small) this.edited.points = [];
     else this.finish();
     this.draw();
     return true;
@@ -304,14 +325,30 @@ export class Zones {
   shape({ zone, i, edited }) {
     const ns = "http://www.w3.org/2000/svg";
     const points = zone.points.map((point) => point.join()).join(" ");
-    const open = edited && this.drawing && !this.rectangle;
+    const open = zone.line || edited && this.drawing && !this.rectangle;
     return ["halo", "line"].map((kind) => {
-      const node = document.createElementNS(ns, open ? "polyline" : "polygon");
-      node.setAttribute("points", points);
+      const node = document.createElementNS(ns, zone.line ? "path" : open ? "polyline" : "polygon");
+      if (zone.line) node.setAttribute("d", points && `M${points}${this.arrows(zone)}`);
+      else node.setAttribute("points", points);
       node.setAttribute("class", `${kind}${zone.mask ? " mask" : ""}${edited ? " edited" : ""}`);
       if (kind === "line") node.style.color = this.colour(zone, i);
       return node;
     });
+  }
+
+  /** From the middle of a line to its right-hand side, which is forward, or to the left, or both. */
+  arrows({ points: [a, b], direction }) {
+    const { width, height } = this.app.stage.frame.getBoundingClientRect();
+    if (!b || !height) return "";
+    const [dx, dy] = [(b[0] - a[0]) * width, (b[1] - a[1]) * height];
+    const length = Math.max(Math.hypot(dx, dy), 1e-6);
+    const at = (along, right) => { // px from the middle
+      const [x, y] = [(along * dx - right * dy) / length, (along * dy + right * dx) / length];
+      return `${((a[0] + b[0]) / 2 + x / width).toFixed(4)},${((a[1] + b[1]) / 2 + y / height).toFixed(4)}`;
+    };
+    const size = ARROW * height;
+    const one = (way) => `M${at(0, 0)} ${at(0, way * size)}M${at(-size / 3, way * size * 0.6)} ${at(0, way * size)} ${at(size / 3, way * size * 0.6)}`;
+    return (direction === "backward" ? "" : one(1)) + (direction === "forward" ? "" : one(-1));
   }
 
   label({ zone, i }) {
@@ -325,7 +362,7 @@ export class Zones {
   corners() {
     const { points } = this.edited;
     const nodes = points.map((point, i) => this.corner(point, i));
-    if (this.drawing || points.length >= MOST_CORNERS) return nodes;
+    if (this.drawing || this.edited.line || points.length >= MOST_CORNERS) return nodes;
     return [...nodes, ...points.map((point, i) => {
       const next = points[(i + 1) % points.length];
       const middle = [(point[0] + next[0]) / 2, (point[1] + next[1]) / 2];
@@ -342,7 +379,8 @@ export class Zones {
   corner(point, i) {
     const { points } = this.edited;
     const node = el("button", { type: "button", class: "corner",
-      "aria-label": `Corner ${i + 1} of ${points.length}: arrow keys move it, Delete removes it` });
+      "aria-label": this.edited.line ? `End ${i + 1} of the line: arrow keys move it`
+        : `Corner ${i + 1} of ${points.length}: arrow keys move it, Delete removes it` });
     node.at = point;
     const { stage } = this.app;
     node.addEventListener("pointerdown", (event) => {
@@ -386,10 +424,10 @@ export class Zones {
   // --- the service ---
 
   fault() {
-    const { name, points } = this.edited;
-    if (!NAME.test(name)) return "The zone needs a name.";
+    const { name, points, line } = this.edited;
+    if (!NAME.test(name)) return `The ${line ? "line" : "zone"} needs a name.`;
     if (this.all.some((zone, i) => zone.name === name && i !== this.index)) return `There is a zone ${name} already.`;
-    if (points.length < 3 || this.drawing) return "Draw the zone on the picture first.";
+    if (points.length < (line ? 2 : 3) || this.drawing) return `Draw the ${line ? "line" : "zone"} on the picture first.`;
     return "";
   }
 
@@ -399,11 +437,11 @@ export class Zones {
     if (fault) return null;
     const all = [...this.all];
     all[this.index < 0 ? all.length : this.index] = this.edited;
-    return this.send(all, `Zone ${this.edited.name} is saved.`);
+    return this.send(all, `${this.edited.line ? "Line" : "Zone"} ${this.edited.name} is saved.`);
   }
 
   remove() {
-    return this.send(this.all.filter((_, i) => i !== this.index), `Zone ${this.all[this.index].name} is deleted.`);
+    return this.send(this.all.filter((_, i) => i !== this.index), `${this.all[this.index].line ? "Line" : "Zone"} ${this.all[this.index].name} is deleted.`);
   }
 
   async send(zones, done) {

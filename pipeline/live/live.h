@@ -16,7 +16,7 @@
 
 /** A part of the reference view: a polygon, and a range of disparities. */
 struct sst_live_zone {
-    int points;                                              /* 3 or more */
+    int points;                                              /* 3 or more; 0: nothing is in it */
     double x[SST_LIVE_ZONE_POINTS], y[SST_LIVE_ZONE_POINTS]; /* fractions 0..1 of width and height */
     double near_px, far_px; /* what is nearer or farther is not in it; INFINITY, -INFINITY: no limit */
     bool mask;              /* what lies in it counts in no zone; only where it has no limit of depth */

@@ -45,6 +45,8 @@ static bool is_valid(const struct sst_live_zone *z)
     bool valid = z->points >= 3 && z->points <= SST_LIVE_ZONE_POINTS && z->far_px < z->near_px;
     double area = 0;
 
+    if (!z->points)
+        return z->far_px < z->near_px;
     for (int i = 0, k = z->points - 1; valid && i < z->points; k = i++) {
         valid = z->x[i] >= 0 && z->x[i] <= 1 && z->y[i] >= 0 && z->y[i] <= 1;
         area += z->x[k] * z->y[i] - z->x[i] * z->y[k];
@@ -71,6 +73,8 @@ static void mark_tiles(struct sst_live *live, int zone)
     const int col = sst_clamp_int((int)(z->x[0] * live->lf.width) / SST_LIVE_TILE, 0, cols - 1);
     const int row = sst_clamp_int((int)(z->y[0] * live->lf.height) / SST_LIVE_TILE, 0, rows - 1);
 
+    if (!z->points)
+        return;
     live->tile_zones[row * cols + col] |= 1u << zone; /* a zone between the points that are tried has one all the same */
     for (int i = 0; i < cols * rows; i++)
         if (overlaps(live, z, i % cols, i / cols))

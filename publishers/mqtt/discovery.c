@@ -121,8 +121,9 @@ static void add_cameras(struct announcement *a, const json_t *cameras)
     }
 }
 
-/* "When a visit begins at the gate", for automations. @param zone  "": anywhere */
-static void add_trigger(struct announcement *a, const char *zone, bool came)
+/* "When a visit begins at the gate", for automations. @param zone  "": anywhere @param payload  "came", "gone", or the
+ * direction in which a line is crossed */
+static void add_trigger(struct announcement *a, const char *zone, const char *id, const char *type, const char *payload)
 {
     struct mqtt_message *m = &a->list[a->n];
     char topic[MQTT_TOPIC_MAX];
@@ -130,12 +131,12 @@ static void add_trigger(struct announcement *a, const char *zone, bool came)
 
     if (a->n == ENTITIES_MAX)
         return;
-    o = json_pack("{s:s, s:s, s:s, s:s, s:o}", "automation_type", "trigger", "type", came ? "visit_began" : "visit_ended",
-                  "subtype", *zone ? zone : "anywhere", "payload", came ? "came" : "gone", "device", device(a));
+    o = json_pack("{s:s, s:s, s:s, s:s, s:o}", "automation_type", "trigger", "type", type, "subtype",
+                  *zone ? zone : "anywhere", "payload", payload, "device", device(a));
     json_object_set_new(o, "topic", *zone ? json_sprintf("%s/zone/%s/trigger", a->config->mqtt.topic, zone)
                                           : json_sprintf("%s/visit/trigger", a->config->mqtt.topic));
     snprintf(topic, sizeof(topic), "%s/device_automation/%s/%s_%s/config", a->config->mqtt.discovery, a->node,
-             came ? "began" : "ended", *zone ? zone : "anywhere_"); /* no zone's name: one may be `anywhere` */
+             id, *zone ? zone : "anywhere_"); /* no zone's name: one may be `anywhere` */
     m->topic = strdup(topic);
     m->payload = json_dumps(o, JSON_COMPACT);
     a->failed = a->failed || !m->topic || !m->payload;
@@ -158,6 +159,18 @@ static void add_of_zone(struct announcement *a, const char *zone, const char *id
     add(a, &e);
 }
 
+static void add_line(struct announcement *a, const struct sst_zone *z)
+{
+    add_of_zone(a, z->name, "crossed", "Last across", "crossed",
+                (struct entity){ .component = "sensor", .value = LABEL_TEMPLATE, .icon = "mdi:boom-gate", .attributes = true });
+    if (a->config->mqtt.picture_s > 0)
+        add_of_zone(a, z->name, "picture", "Last across", "picture", (struct entity){ .component = "image" });
+    if (z->direction != SST_LINE_BACKWARD)
+        add_trigger(a, z->name, "forward", "crossed_forward", "forward");
+    if (z->direction != SST_LINE_FORWARD)
+        add_trigger(a, z->name, "backward", "crossed_backward", "backward");
+}
+
 static void add_zones(struct announcement *a)
 {
     for (int i = 0; i < a->config->zones; i++) {
@@ -165,7 +178,9 @@ static void add_zones(struct announcement *a)
         const char *labels[SST_ZONE_LABELS];
         const int n = mqtt_zone_labels(z, labels);
 
-        if (z->mask)
+        if (z->line)
+            add_line(a, z);
+        if (z->mask || z->line)
             continue;
         add_of_zone(a, z->name, "zone", "Motion", "motion", (struct entity){ .component = "binary_sensor", .class_ = "motion" });
         add_of_zone(a, z->name, "visited", "Visit", "visited",
@@ -182,8 +197,8 @@ static void add_zones(struct announcement *a)
             add_of_zone(a, z->name, id, labels[k], topic,
                         (struct entity){ .component = "binary_sensor", .class_ = "occupancy" });
         }
-        add_trigger(a, z->name, true);
-        add_trigger(a, z->name, false);
+        add_trigger(a, z->name, "began", "visit_began", "came");
+        add_trigger(a, z->name, "ended", "visit_ended", "gone");
     }
 }
 
@@ -209,8 +224,8 @@ int mqtt_announcements(struct mqtt_message **out, const struct sst_config *confi
         if ((strcmp(entities[i].component, "camera") != 0 && strcmp(entities[i].component, "image") != 0) ||
             config->mqtt.picture_s > 0)
             add(&a, &entities[i]);
-    add_trigger(&a, "", true);
-    add_trigger(&a, "", false);
+    add_trigger(&a, "", "began", "visit_began", "came");
+    add_trigger(&a, "", "ended", "visit_ended", "gone");
     add_cameras(&a, cameras);
     add_zones(&a);
     if (a.failed) {

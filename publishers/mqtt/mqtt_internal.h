@@ -143,6 +143,8 @@ void mqtt_visits_begin(struct mqtt *m);
 void mqtt_visits_forget(struct mqtt *m);
 /** An event's data. */
 void mqtt_on_visit(struct mqtt *m, const json_t *data);
+/** Publish that a visit crossed a line. */
+void mqtt_on_line(struct mqtt *m, const json_t *data);
 /** Send messages that wait. @return true: none waits any more */
 bool mqtt_visits_step(struct mqtt *m);
 /** Fetch and send a picture of a visit. @return false: none is wanted */

@@ -197,6 +197,8 @@ static bool publish_event(struct mqtt *m, const char *text)
             publish_motion(m, json_object_get(o, "data"));
         if (done && !strcmp(type, "visit"))
             mqtt_on_visit(m, json_object_get(o, "data"));
+        if (!strcmp(type, "line"))
+            mqtt_on_line(m, json_object_get(o, "data"));
         if (done && !strcmp(type, "start"))
             mqtt_visits_forget(m);
         m->state_changed = m->state_changed || changes_state(type);

@@ -109,7 +109,7 @@ static void publish_zone(struct mqtt *m, int zone)
 void mqtt_visits_begin(struct mqtt *m)
 {
     for (int i = 0; i < m->config->zones; i++)
-        if (!m->config->zone[i].mask)
+        if (!m->config->zone[i].mask && !m->config->zone[i].line)
             publish_zone(m, i);
 }
 
@@ -135,6 +135,12 @@ static void want_picture(struct mqtt *m, const char *name, uint32_t zones)
     snprintf(w->visit, sizeof(w->visit), "%s", name);
 }
 
+/* Is it the name of a visit, and no other path of the service? */
+static bool is_visit(const char *name)
+{
+    return name && strlen(name) < sizeof(((struct mqtt_visit *)0)->name) && !name[strspn(name, MQTT_VISIT_LETTERS)];
+}
+
 void mqtt_on_visit(struct mqtt *m, const json_t *data)
 {
     const char *name = json_string_value(json_object_get(data, "visit"));
@@ -145,7 +151,7 @@ void mqtt_on_visit(struct mqtt *m, const json_t *data)
     const uint32_t before = v ? v->zones : 0;
     char *text = name ? json_dumps(data, JSON_COMPACT | JSON_REAL_PRECISION(6)) : NULL;
 
-    if (!text || strlen(name) >= sizeof(m->visit[0].name) || name[strspn(name, MQTT_VISIT_LETTERS)]) {
+    if (!text || !is_visit(name)) {
         free(text);
         return;
     }
@@ -162,7 +168,7 @@ void mqtt_on_visit(struct mqtt *m, const json_t *data)
     for (int i = 0; i < m->config->zones; i++) {
         const char *zone = m->config->zone[i].name;
 
-        if (!(zones & 1u << i))
+        if (!(zones & 1u << i) || m->config->zone[i].line)
             continue;
         later(m, true, text, "zone/%s/visit", zone);
         if (!active || !(before & 1u << i))
@@ -171,6 +177,24 @@ void mqtt_on_visit(struct mqtt *m, const json_t *data)
     }
     if (m->config->mqtt.picture_s > 0)
         want_picture(m, name, zones);
+    free(text);
+}
+
+void mqtt_on_line(struct mqtt *m, const json_t *data)
+{
+    const char *name = json_string_value(json_object_get(data, "zone"));
+    const char *visit = json_string_value(json_object_get(data, "visit"));
+    const char *direction = json_string_value(json_object_get(data, "direction"));
+    char *text = json_dumps(data, JSON_COMPACT | JSON_REAL_PRECISION(6));
+
+    for (int i = 0; text && name && direction && i < m->config->zones; i++) {
+        if (!m->config->zone[i].line || strcmp(m->config->zone[i].name, name) != 0)
+            continue;
+        later(m, true, text, "zone/%s/crossed", m->config->zone[i].name);
+        later(m, false, direction, "zone/%s/trigger", m->config->zone[i].name);
+        if (m->config->mqtt.picture_s > 0 && is_visit(visit))
+            want_picture(m, visit, 1u << i);
+    }
     free(text);
 }
 

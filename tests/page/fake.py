@@ -128,7 +128,7 @@ class Service:
                          for n, role, address, agent in ((1, "control", "127.0.0.1", "Mozilla/5.0 (X11; Linux x86_64) Chrome/140.0"),
                                                          (2, "view", "192.168.1.7", "Mozilla/5.0 (iPhone; CPU iPhone OS 18) Safari/605"))]
         self.zones = [{"name": "gate", "points": [[0.1, 0.4], [0.4, 0.4], [0.4, 0.9], [0.1, 0.9]], "near_px": None, "far_px": None,
-                       "labels": [], "mask": False}]
+                       "labels": [], "mask": False, "line": False, "direction": "both"}]
         began = now() - datetime.timedelta(seconds=age_s)
         self.event(0, "start", "sstd 0.1.0 started", {"version": "0.1.0"}, began)
         self.event(0, "state", "Capturing 36 of 36 cameras", {"state": "capturing"}, began)
@@ -205,7 +205,8 @@ class Service:
         for n, (at, label, zones) in enumerate(((begin, "Pedestrian", ["gate"]), (begin - datetime.timedelta(hours=2), "Car", ["street"]),
                                                 (begin - datetime.timedelta(days=1), "Pedestrian", ["gate", "street"]), (begin - datetime.timedelta(days=2), "", []))):
             body.append({"visit": f"{at:%Y-%m-%dT%H-%M-%S-000Z}-{9 - n}", "active": False, "hidden": n == 3, "label": label, "from": stamp(at),
-                         "to": stamp(at + datetime.timedelta(seconds=12)), "seconds": 12.0, "direction": "left to right", "zones": zones,
+                         "to": stamp(at + datetime.timedelta(seconds=12)), "seconds": 12.0, "direction": "left to right", "zones": zones + ["drive"] * (n == 0),
+                         "crossed": [{"zone": "drive", "direction": "forward", "seconds": 4.0}] * (n == 0),
                          "distance_m": 8.2, "nearest_m": 6.1, "nearest_px": 8.0, "box": [0.3, 0.3, 0.5, 0.9],
                          "path": [[0.4, 0.1, 0.9, 8.0], [6.0, 0.5, 0.95, 6.1], [12.0, 0.9, 0.9, 8.2]], "pictures": ["camera", "seen"]})
         for visit in body:

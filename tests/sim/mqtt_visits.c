@@ -102,11 +102,48 @@ static void who_is_hidden_is_said_to_be(void **state)
     json_decref(o);
 }
 
+/* A line has no motion and nobody in it; what crosses it is a message, a trigger and a picture. */
+static void lines_are_crossed(void **state)
+{
+    char line[2048];
+    json_t *o;
+
+    (void)state;
+    cfg.zones = 2;
+    cfg.mqtt.picture_s = 1;
+    start_broker("allow_anonymous true");
+    subscribe();
+    open_mqtt();
+    expect_heard("homeassistant/sensor/sst/crossed_drive/config {", NULL);
+    expect_heard("homeassistant/device_automation/sst/forward_drive/config {", line);
+    o = json_loads(strchr(line, '{'), 0, NULL);
+    assert_string_equal(json_string_value(json_object_get(o, "topic")), "sst/zone/drive/trigger");
+    assert_string_equal(json_string_value(json_object_get(o, "payload")), "forward");
+    assert_string_equal(json_string_value(json_object_get(o, "type")), "crossed_forward");
+    json_decref(o);
+    visit("f-6", true, "Pedestrian", "[]");
+    expect_heard("sst/visit {\"visit\":\"f-6\"", NULL);
+    sst_events_emit(api.events, SST_EVENT_INFO, "line",
+                    json_pack("{s:s, s:s, s:s, s:s, s:b}", "zone", "drive", "direction", "forward", "visit", "f-6", "label",
+                              "Pedestrian", "hidden", 1),
+                    "Pedestrian crossed drive forward");
+    expect_heard("sst/event/line {", NULL);
+    expect_heard("sst/zone/drive/crossed {\"zone\":\"drive\",\"direction\":\"forward\"", NULL);
+    expect_heard("sst/zone/drive/trigger forward", NULL);
+    expect_heard("sst/zone/drive/picture PICTURE of f-6 0", NULL);
+    visit("f-6", false, "Pedestrian", "[\"drive\"]");
+    expect_heard("sst/visit/trigger gone", NULL);
+    assert_int_equal(heard("sst/zone/drive/visited", NULL), 0);
+    assert_int_equal(heard("homeassistant/binary_sensor/sst/zone_drive", NULL), 0);
+    assert_int_equal(heard("homeassistant/device_automation/sst/backward_drive", NULL), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         MQTT_TEST(visits_reach_home_assistant),
         MQTT_TEST(who_is_hidden_is_said_to_be),
+        MQTT_TEST(lines_are_crossed),
     };
 
     if (mqtt_missing())

@@ -154,7 +154,7 @@ static void shipped_file_has_every_key(void **state)
     sst_yaml_destroy(doc);
     free(text);
     assert_int_equal(cfg.array.controls, 3);
-    assert_int_equal(cfg.zones, 2);
+    assert_int_equal(cfg.zones, 3);
     assert_int_equal(cfg.storage.triggers, 3);
     assert_int_equal(cfg.hooks, 2);
     assert_string_equal(cfg.hook[0].argv[3], "a camera was lost");
@@ -300,7 +300,9 @@ static void single_faults_are_told(void **state)
         { "zones: [ { name: a, x0: 0, y0: 0, x1: 1.1, y1: 1 } ]\n", "x1 must be a number in 0..1" },
         { "zones: [ { name: a, x0: 1, y0: 0, x1: 1, y1: 1 } ]\n", "x0 is not below" },
         { "zones: [ { x0: 0 } ]\n", "lacks the key `name`" },
-        { "zones: [ { name: a, points: \"0,0 1,0\" } ]\n", "must be 3 to 16 points" },
+        { "zones: [ { name: a, points: \"0,0 1,0\" } ]\n", "has a zone of two points" },
+        { "zones: [ { name: a, points: \"0,0 0,0.005\", line: true } ]\n", "must be 3 to 16 points" },
+        { "zones: [ { name: a, line: true } ]\n", "has a line without its two points" },
         { "zones: [ { name: a, points: \"0,0 1,0 1.1,1\" } ]\n", "must be 3 to 16 points" },
         { "zones: [ { name: a, points: \"0,0 0.5,0 1,0\" } ]\n", "that enclose an area" },
         { "zones: [ { name: a, x0: 0, points: \"0,0 1,0 1,1\" } ]\n", "both points and edges" },

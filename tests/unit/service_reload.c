@@ -331,7 +331,13 @@ static void zones_are_drawn(void **state)
     static const char *const wrong[][2] = {
         { "{}", "zones must be the list" },
         { "{\"zones\": [{\"name\": \"Gate\", \"points\": [[0,0],[1,0],[1,1]]}]}", "must be a name of a-z" },
-        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0]]}]}", "points of zone a must be" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0]]}]}", "points of zone a must be" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0]]}]}", "has a zone of two points" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[1,1]], \"line\": true}]}", "more than two points" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0]], \"line\": true, \"mask\": true}]}", "that is a mask" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0]], \"line\": true, \"direction\": \"up\"}]}", "both, forward" },
+        { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[1,1]], \"direction\": \"forward\"}]}", "is no line" },
+        { "{\"zones\": [{\"name\": \"gate\", \"points\": [[0,0],[1,0]], \"line\": true}]}", "names the line gate" },
         { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[1,0],[2,0]]}]}", "must be [x, y]" },
         { "{\"zones\": [{\"name\": \"a\", \"points\": [[0,0],[0.5,0],[1,0]]}]}", "that enclose an area" },
         { "{\"zones\": [{\"name\": \"a\\\"}, hooks: \", \"points\": [[0,0],[1,0],[1,1]]}]}", "must be a name" },
@@ -365,6 +371,14 @@ static void zones_are_drawn(void **state)
     }
     free(kept);
     expect_refused("{\"zones\": [], \"revision\": \"0\"}", -EBUSY, "another client");
+    write_part("storage: { record_on: [ { zone: drive, visit: true } ] }\nzones: [ { name: drive, points: \"0,0 1,0\", line: true } ]\n");
+    assert_int_equal(draw("{\"zones\": [{\"name\": \"drive\", \"points\": [[0.25,0.5],[0.75,0.5]], \"line\": true, "
+                          "\"direction\": \"forward\"}]}", &answer), 0);
+    expect_zones(&answer, 1, "drive");
+    text = zones_file();
+    assert_non_null(strstr(text, "name: drive, points: \"0.2500,0.5000 0.7500,0.5000\", line: true, direction: forward"));
+    free(text);
+    assert_true(service->config.zone[0].line && service->config.zone[0].direction == SST_LINE_FORWARD);
     write_part("");
     assert_int_equal(draw("{\"zones\": []}", &answer), 0);
     expect_zones(&answer, 0, "");

@@ -1,0 +1,293 @@
+/* daemon/service/engine_visits.c, engine_lines.c: tracks, also of who is behind leaves, become visits in the events and
+ * on disk: zones, direction, distance, and the lines that they cross. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "daemon/service/service_internal.h"
+#include "tests/folder.h"
+#include "tests/test.h"
+
+#define WIDTH  640
+#define HEIGHT 480
+#define TALL   120 /* px, of the visitor */
+#define SET_NS INT64_C(500000000)
+
+#define assert_near(a, b, within) assert_true(fabs((double)(a) - (double)(b)) <= (within))
+
+static struct live_engine *v;
+static struct sst_use_calibration calibration;
+static uint64_t last;
+
+static int setup(void **state)
+{
+    const int err = test_folder_create(state);
+
+    v = calloc(1, sizeof(*v));
+    assert_non_null(v);
+    pthread_mutex_init(&v->lock, NULL);
+    sst_config_defaults(&v->config);
+    v->classes = sst_classes_default;
+    v->state.width = WIDTH;
+    v->state.height = HEIGHT;
+    v->state.focal_px = 500;
+    v->state.spacing_mm = 100;
+    v->live_config.calibration = &calibration; /* distances are known: 50 m at 1 px */
+    v->set_t_ns = INT64_C(100000000000);
+    v->set_wall_ns = INT64_C(1795600000000000000);
+    last = 0;
+    assert_int_equal(sst_events_create(&v->events, 256), 0);
+    assert_int_equal(sst_visits_open(&v->kept, test_path("visits"), 30), 0);
+    return err;
+}
+
+static int teardown(void **state)
+{
+    sst_visits_close(v->kept, 5000);
+    sst_events_destroy(v->events);
+    pthread_mutex_destroy(&v->lock);
+    free(v);
+    return test_folder_remove(state);
+}
+
+static struct sst_zone *add_zone(const char *name, const char *points)
+{
+    struct sst_zone *z = &v->config.zone[v->config.zones++];
+    double x[SST_ZONE_POINTS], y[SST_ZONE_POINTS];
+
+    *z = (struct sst_zone){ .x1 = 1, .y1 = 1, .near_px = INFINITY, .far_px = -INFINITY };
+    snprintf(z->name, sizeof(z->name), "%s", name);
+    snprintf(z->points, sizeof(z->points), "%s", points);
+    z->line = sst_zone_corners(z, x, y) == 2;
+    engine_zones(v->live_config.zone, &v->config);
+    v->live_config.zones = v->config.zones;
+    return z;
+}
+
+/* A set in which somebody stands with the foot at a point. @param disp_px  0: nobody is there */
+static void stand(double x, double y, double disp_px, bool hidden, int label)
+{
+    const struct sst_live_track t = { .id = 7,
+                                      .state = SST_LIVE_TRACK_SEEN,
+                                      .hidden = hidden,
+                                      .label = label,
+                                      .x0 = x - 20,
+                                      .x1 = x + 20,
+                                      .y0 = y - TALL,
+                                      .y1 = y,
+                                      .disp_px = disp_px,
+                                      .first_ns = v->visits ? v->visit[0].from_ns : v->set_t_ns,
+                                      .seen_ns = v->set_t_ns };
+
+    engine_visits_follow(v, &t, disp_px > 0);
+    v->set_t_ns += SET_NS;
+    v->set_wall_ns += SET_NS;
+}
+
+static void walk(double x0, double y0, double x1, double y1, double disp_px, bool hidden, int label)
+{
+    for (int i = 0; i <= 20; i++)
+        stand(x0 + (x1 - x0) * i / 20, y0 + (y1 - y0) * i / 20, disp_px, hidden, label);
+}
+
+/* The next event of a type; NULL: there is none. Its data is at `data`. */
+static json_t *next(const char *type)
+{
+    char *text;
+
+    while (sst_events_next(v->events, last, &last, &text)) {
+        json_t *o = json_loads(text, 0, NULL);
+
+        free(text);
+        if (!strcmp(json_string_value(json_object_get(o, "type")), type))
+            return o;
+        json_decref(o);
+    }
+    return NULL;
+}
+
+static const char *text_of(const json_t *event, const char *key)
+{
+    return json_string_value(json_object_get(json_object_get(event, "data"), key));
+}
+
+static double number_of(const json_t *event, const char *key)
+{
+    return json_number_value(json_object_get(json_object_get(event, "data"), key));
+}
+
+/* Somebody walks by behind the leaves, farther and farther away. */
+static void who_is_behind_leaves_is_a_visit(void **state)
+{
+    json_t *o, *data;
+    char name[64];
+
+    (void)state;
+    add_zone("hedge", "0.5,0 1,0 1,1 0.5,1");
+    walk(100, 400, 500, 400, 10, true, 0);
+    stand(0, 0, 0, false, 0);
+    o = next("visit"); /* it comes */
+    assert_non_null(o);
+    snprintf(name, sizeof(name), "%s", text_of(o, "visit"));
+    assert_true(json_is_true(json_object_get(json_object_get(o, "data"), "hidden")));
+    assert_true(json_is_true(json_object_get(json_object_get(o, "data"), "active")));
+    assert_string_equal(text_of(o, "label"), "");
+    assert_contains(json_string_value(json_object_get(o, "message")), "behind the foreground");
+    json_decref(o);
+    o = next("visit"); /* it enters the zone */
+    assert_string_equal(json_string_value(json_array_get(json_object_get(json_object_get(o, "data"), "zones"), 0)), "hedge");
+    json_decref(o);
+    o = next("visit"); /* it has gone */
+    data = json_object_get(o, "data");
+    assert_string_equal(text_of(o, "visit"), name);
+    assert_false(json_is_true(json_object_get(data, "active")));
+    assert_true(json_is_true(json_object_get(data, "hidden")));
+    assert_string_equal(text_of(o, "direction"), "left to right");
+    assert_near(number_of(o, "seconds"), 10, 0.01);
+    assert_near(number_of(o, "nearest_m"), 5, 0.01);
+    assert_near(number_of(o, "nearest_px"), 10, 0.01);
+    assert_true(json_array_size(json_object_get(data, "path")) > 10);
+    json_decref(o);
+    assert_null(next("visit"));
+    for (int i = 0; i < 1000; i++) { /* and so on disk */
+        o = sst_visits_list(v->kept, &(struct sst_visits_query){ .limit = 10, .zone = "hedge" });
+        if (json_array_size(o) == 1 && !json_is_true(json_object_get(json_array_get(o, 0), "active")))
+            break;
+        json_decref(o);
+        o = NULL;
+        usleep(5000);
+    }
+    assert_non_null(o);
+    assert_string_equal(json_string_value(json_object_get(json_array_get(o, 0), "direction")), "left to right");
+    json_decref(o);
+}
+
+/* Depth alone: who comes nearer, who goes away, and who stands still behind leaves, where depth is known less well. */
+static void directions_in_depth(void **state)
+{
+    static const struct {
+        double from_px, to_px;
+        const char *want;
+    } way[] = { { 6, 12, "nearer" }, { 12, 6, "farther" }, { 6, 7.2, "" } };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(way); i++) {
+        json_t *o, *gone = NULL;
+
+        for (int k = 0; k <= 20; k++)
+            stand(320, 400, way[i].from_px + (way[i].to_px - way[i].from_px) * k / 20, true, 0);
+        stand(0, 0, 0, false, 0);
+        while ((o = next("visit"))) {
+            json_decref(gone);
+            gone = o;
+        }
+        assert_string_equal(text_of(gone, "direction"), way[i].want);
+        json_decref(gone);
+    }
+}
+
+static void expect_line(const char *zone, const char *direction)
+{
+    json_t *o = next("line");
+
+    if (!o)
+        fail_msg("nothing crossed %s %s", zone, direction);
+    assert_string_equal(text_of(o, "zone"), zone);
+    assert_string_equal(text_of(o, "direction"), direction);
+    assert_contains(json_string_value(json_object_get(o, "message")), zone);
+    json_decref(o);
+}
+
+/* A line across the way, from the upper end to the lower: forward is to its right-hand side, the picture's left. */
+static void lines_are_crossed_with_a_direction(void **state)
+{
+    const json_t *crossed;
+    json_t *o;
+
+    (void)state;
+    add_zone("drive", "0.5,0.5 0.5,1");
+    walk(100, 400, 500, 400, 10, true, 0);
+    expect_line("drive", "backward");
+    assert_true(engine_visit_lasts_locked(v, &(struct sst_record_trigger){ .zone = 0, .visit = true }));
+    walk(500, 400, 100, 400, 10, true, 0);
+    expect_line("drive", "forward");
+    walk(100, 400, 100, 100, 10, true, 0); /* around its upper end */
+    walk(100, 100, 500, 100, 10, true, 0);
+    walk(500, 100, 500, 400, 10, true, 0);
+    assert_null(next("line"));
+    stand(0, 0, 0, false, 0);
+    last = 0;
+    for (o = NULL;;) {
+        json_t *visit = next("visit");
+
+        if (!visit)
+            break;
+        json_decref(o);
+        o = visit;
+    }
+    crossed = json_object_get(json_object_get(o, "data"), "crossed");
+    assert_int_equal(json_array_size(crossed), 2);
+    assert_string_equal(json_string_value(json_object_get(json_array_get(crossed, 0), "direction")), "backward");
+    assert_string_equal(json_string_value(json_object_get(json_array_get(crossed, 1), "zone")), "drive");
+    assert_string_equal(json_string_value(json_array_get(json_object_get(json_object_get(o, "data"), "zones"), 0)), "drive");
+    json_decref(o);
+}
+
+/* Who stands on a line, whose foot is found a little to the left and to the right of it. */
+static void who_stands_on_a_line_crosses_it_once(void **state)
+{
+    (void)state;
+    add_zone("drive", "0.5,0.5 0.5,1");
+    walk(200, 400, 316, 400, 10, false, 0);
+    for (int i = 0; i < 40; i++)
+        stand(i % 2 ? 317 : 323, 400, 10, false, 0);
+    assert_null(next("line"));
+    walk(320, 400, 500, 400, 10, false, 0);
+    expect_line("drive", "backward");
+    assert_null(next("line"));
+}
+
+/* Direction, depth and labels of a line; occluders, behind which the line is crossed unseen. */
+static void lines_count_what_is_wanted(void **state)
+{
+    struct sst_zone *z;
+
+    (void)state;
+    z = add_zone("drive", "0.5,0.5 0.5,1");
+    z->direction = SST_LINE_FORWARD;
+    walk(100, 400, 500, 400, 10, false, 0);
+    assert_null(next("line"));
+    z->far_px = 11;
+    walk(500, 400, 100, 400, 10, false, 0);
+    assert_null(next("line"));
+    z->far_px = -INFINITY;
+    z->direction = SST_LINE_BOTH;
+    snprintf(z->labels[0], sizeof(z->labels[0]), "Pedestrian");
+    walk(100, 400, 500, 400, 10, false, 0);
+    assert_null(next("line"));
+    walk(500, 400, 100, 400, 10, false, SST_LABEL_PEDESTRIAN);
+    expect_line("drive", "forward");
+    stand(100, 400, 10, false, SST_LABEL_PEDESTRIAN);
+    stand(500, 400, 10, false, SST_LABEL_PEDESTRIAN); /* was behind something meanwhile */
+    expect_line("drive", "backward");
+    engine_visits_forget_zones(v);
+    assert_int_equal(v->visit[0].zones, 0);
+    walk(500, 400, 100, 400, 10, false, SST_LABEL_PEDESTRIAN);
+    expect_line("drive", "forward");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(who_is_behind_leaves_is_a_visit, setup, teardown),
+        cmocka_unit_test_setup_teardown(directions_in_depth, setup, teardown),
+        cmocka_unit_test_setup_teardown(lines_are_crossed_with_a_direction, setup, teardown),
+        cmocka_unit_test_setup_teardown(who_stands_on_a_line_crosses_it_once, setup, teardown),
+        cmocka_unit_test_setup_teardown(lines_count_what_is_wanted, setup, teardown),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
