@@ -680,8 +680,17 @@ def test_notify(b, fake):
     fake.set(events=[line])
     b.wait("window.notes.length === 2 && window.notes[1][0] === 'Car crossed drive forward'")
     b.js("(() => { const s = document.getElementById('visits-zone'); s.value = ''; s.dispatchEvent(new Event('change')); })()")
+    b.js("window.tones = 0; AudioContext.prototype.createOscillator = ((make) => function () { tones++; return make.call(this); })"
+         "(AudioContext.prototype.createOscillator)")
+    b.click("#notify-sound")
+    b.wait("window.tones === 1")  # as an example
+    pedestrian = fake.visits()[0]["visit"]
+    b.js("document.getElementById('visits-label').value = ''")
+    fake.set(events=[{"level": 0, "type": "visit", "message": "it came", "data": {"visit": pedestrian, "active": True, "label": "", "zones": []}}])
+    b.wait("window.tones === 2 && window.notes.at(-1)[0] === 'Something moves'")
+    b.click("#notify-sound")
     b.js("window.note.dispatchEvent(new Event('click'))")
-    b.wait("document.getElementById('visit').open && document.getElementById('visit-title').textContent.includes('Car')")
+    b.wait("document.getElementById('visit').open && document.getElementById('visit-title').textContent.includes('Pedestrian')")
     b.click("#visit-close")
     b.js("(() => { const s = document.getElementById('visits-label'); s.value = ''; s.dispatchEvent(new Event('change')); })()")
     b.click("#notify")
@@ -843,6 +852,50 @@ def test_zones(b, fake):
     b.click("#zones-close")
     check(b.js(shapes) == 0, "the zones are still shown")
     b.js("document.getElementById('toasts').replaceChildren()")
+
+
+def reload(b):
+    b.js("window.old = true; location.reload()")
+    b.wait("!window.old && Number(document.getElementById('stage')?.dataset.pictures) > 1")
+
+
+def test_hints(b, fake):
+    """Three hints at the first use: each is shown until it was closed or what it says was done, and never again."""
+    shown = lambda name: b.js(f"document.getElementById('{name}').checkVisibility()")
+    fresh(b, fake)
+    mode(b, "clear")
+    b.wait("document.getElementById('hint').checkVisibility()")
+    check("remove it" in b.js("document.querySelector('#hint [data-mode=clear]').textContent"), "no word of removing")
+    b.click("#stage")  # what it says is done
+    b.wait("document.getElementById('hint').hidden")
+    mode(b, "sst")
+    b.wait("document.getElementById('hint').checkVisibility()")
+    b.click("#hint-close")
+    b.wait("document.getElementById('hint').hidden")
+    b.click("#tab-visits")
+    b.wait("document.getElementById('hint-visits').checkVisibility()")
+    b.click("#visits .visit")
+    b.wait("document.getElementById('visit').open")
+    b.click("#visit-close")
+    reload(b)
+    b.click("#tab-visits")
+    b.wait("document.querySelectorAll('#visits .visit').length > 1")
+    for name in ("clear", "sst"):
+        mode(b, name)
+        check(not shown("hint"), f"the hint of {name} is shown again")
+    check(not shown("hint-visits"), "the hint of visits is shown again")
+    b.click("#tab-overview")
+
+
+def test_locale(b, fake):
+    """Times are those of the browser's locale: 24 hours where these are used."""
+    first = "document.querySelector('#latest time').textContent"
+    for locale, pattern in (("en-US", r"/^(\w+ \d+ )?\d\d:\d\d:\d\d [AP]M$/"), ("de-DE", r"/\d\d:\d\d:\d\d$/")):
+        b.call("Emulation.setLocaleOverride", locale=locale)
+        reload(b)
+        b.wait(f"document.querySelector('#latest time') && {pattern}.test({first})")
+    b.call("Emulation.setLocaleOverride")
+    reload(b)
 
 
 def test_sessions(b, fake):
@@ -1112,7 +1165,7 @@ def test_contrast(b, fake):
 
 ONLY = os.environ.get("PAGE_ONLY", "").split()
 TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_follow, test_label, test_compare, test_sweep, test_overlay, test_camera_large, test_zoom, test_light, test_adjust, test_cameras,
-         test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones, test_sessions, test_role, test_states, test_storage, test_shared, test_restart, test_reload, test_hidden,
+         test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones, test_hints, test_locale, test_sessions, test_role, test_states, test_storage, test_shared, test_restart, test_reload, test_hidden,
          test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast]
 # Errors that the browser itself writes where a test makes the service refuse or end.
 WANTED = ("400", "403", "429", "404", "409", "507", "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET",
