@@ -17,6 +17,7 @@ enum sst_frame_fault {
     SST_FRAME_BACKWARDS = 1 << 6, /* time stamp not after that of the frame before */
     SST_FRAME_BAD = (1 << 7) - 1,
     SST_FRAME_FROZEN = 1 << 7, /* same bytes as the frame before: still delivered */
+    SST_FRAME_PARTS = 1 << 8,  /* in a recording: only what differs from an earlier frame (pipeline/image/jpeg_parts.h) */
 };
 
 /**

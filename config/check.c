@@ -228,6 +228,8 @@ static void check_triggers(struct config_load *load)
         else if (c->zone[c->storage.trigger[i].zone].line && !c->storage.trigger[i].visit)
             fault(p, zone, "names the line %s, across which nothing but visits goes; add visit: true", zone->text);
     }
+    if (c->storage.reduced == SST_REDUCED_TILES && strcmp(sst_array_format_name(c->array.fourcc), "MJPEG") != 0)
+        fault(source(load, "storage.reduced", NULL), NULL, "tiles needs cameras: format: MJPEG; use changed");
     if (c->storage.mode != SST_RECORD_EVENT)
         return;
     p = source(load, "storage.mode", NULL);

@@ -21,7 +21,7 @@
 
 static const char *const sources[] = { "gpio", "software", "free-run" };
 static const char *const modes[] = { "off", "continuous", "event" };
-static const char *const reduced[] = { "off", "view", "changed", "sets" };
+static const char *const reduced[] = { "off", "view", "changed", "sets", "tiles" };
 static const char *const methods[] = { "refocus", "sst", "clear" };
 static const char *const codecs[] = { "h264", "mjpeg" };
 
@@ -317,7 +317,8 @@ static const struct sst_key keys[] = {
           "also record the see-through view, so that playing it needs no rendering") },
     { KEY("storage", "reduced", CHOICE, storage.reduced, "off", LIVE,
           "recorded at all times when no full recording is made; view: the main view and a set a minute; sets: the view "
-          "and every reduced_every-th set; changed: the same where something changed, else a set a minute"),
+          "and every reduced_every-th set; changed: the same where something changed, else a set a minute; tiles: of these only "
+          "the parts of the pictures that changed (MJPEG)"),
       CHOICE(reduced) },
     { KEY("storage", "reduced_every", INT, storage.reduced_every, "50", LIVE,
           "of how many sets one is kept by reduced: sets and changed"),

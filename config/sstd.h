@@ -52,6 +52,7 @@ enum sst_reduced_mode {
     SST_REDUCED_VIEW = 1,    /* the main view, and a set a minute */
     SST_REDUCED_CHANGED = 2, /* every Nth set if something changed since the one before, and a set a minute */
     SST_REDUCED_SETS = 3,    /* every Nth set */
+    SST_REDUCED_TILES = 4,   /* as CHANGED, and of each set only what differs from the last whole one, one a minute */
 };
 
 enum sst_rtsp_codec {

@@ -59,6 +59,7 @@ int gather_recorded_read(const struct sst_gather_source *source, int view, int f
     const struct sst_recording_info *info = sst_recording_info(source->recording);
     struct sst_recording_set *set = malloc(sizeof(*set));
     uint8_t *data = NULL;
+    size_t bytes = 0;
     int cam = 0, err = set ? 0 : -ENOMEM;
 
     while (cam < info->cameras && info->track[cam].row * source->cols + info->track[cam].col != view)
@@ -70,10 +71,10 @@ int gather_recorded_read(const struct sst_gather_source *source, int view, int f
     if (!err && set->frame[cam].faults & SST_RECORDING_BAD_PICTURE)
         err = -ENODATA;
     if (!err)
-        err = sst_recording_frame(source->recording, set, cam, &data);
+        err = sst_recording_picture(source->recording, set, cam, &data, &bytes);
     if (!err)
         err = sst_raw_decode(out, &(struct sst_raw){ info->fourcc, info->width, info->height, set->frame[cam].stride,
-                                                     data, set->frame[cam].bytes });
+                                                     data, bytes });
     free(data);
     free(set);
     return err == -EBADMSG ? -EILSEQ : err;

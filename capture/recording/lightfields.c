@@ -76,12 +76,14 @@ static int take_view(void *arg, int view, int worker SST_UNUSED)
     const struct sst_recording_frame *f = cam < 0 ? NULL : &job->set.frame[cam];
     struct sst_raw raw;
     uint8_t *data;
+    size_t bytes;
     int err;
 
     if (!f)
         return 0;
-    err =
-        f->faults & SST_RECORDING_BAD_PICTURE ? -ECANCELED : sst_recording_frame(job->recording, &job->set, cam, &data);
+    err = f->faults & SST_RECORDING_BAD_PICTURE
+              ? -ECANCELED
+              : sst_recording_picture(job->recording, &job->set, cam, &data, &bytes);
     job->why[view] = err == -ENODATA     ? "missing"
                      : err == -ECANCELED ? "marked bad by the driver"
                                          : "damaged on the disk";
@@ -92,7 +94,7 @@ static int take_view(void *arg, int view, int worker SST_UNUSED)
         return err;
     }
     job->why[view] = NULL;
-    raw = (struct sst_raw){ job->info->fourcc, job->info->width, job->info->height, f->stride, data, f->bytes };
+    raw = (struct sst_raw){ job->info->fourcc, job->info->width, job->info->height, f->stride, data, bytes };
     if (is_jpeg(job) && !decodes(&raw))
         job->why[view] = "not a complete picture of the recording's size";
     else

@@ -84,7 +84,7 @@ SST_MUST_CHECK int sst_recording_near(const struct sst_recording *recording, int
 SST_MUST_CHECK int sst_recording_line(const struct sst_recording *recording, int i, char **text);
 
 /**
- * The bytes of camera cam's frame in a set, as they came from the camera, checked against their checksum.
+ * The bytes of camera cam's frame in a set, as they were recorded, checked against their checksum.
  *
  * @param data  out, to free with free(); frame[cam].bytes of them
  * @return 0, -ENODATA (the frame is missing or empty), -EBADMSG (damaged: the bytes differ or are not there), -EIO,
@@ -92,6 +92,16 @@ SST_MUST_CHECK int sst_recording_line(const struct sst_recording *recording, int
  */
 SST_MUST_CHECK int sst_recording_frame(const struct sst_recording *recording, const struct sst_recording_set *set,
                                        int cam, uint8_t **data);
+
+/**
+ * The same as a whole picture: of a frame of which only parts were recorded (SST_FRAME_PARTS), joined with the frame that
+ * they belong to.
+ *
+ * @param bytes  out, of it
+ * @return as sst_recording_frame(), -ENODATA also if that frame is not there any more. Not logged.
+ */
+SST_MUST_CHECK int sst_recording_picture(const struct sst_recording *recording, const struct sst_recording_set *set,
+                                         int cam, uint8_t **data, size_t *bytes);
 
 /** Whether the segment is long enough for all frames of a set; reads none of them. @param cam  out, first camera whose
  *  frame is not there; -1: none @return 0, -EBADMSG, -EIO. Not logged. */

@@ -97,9 +97,10 @@ static int read_frames(struct service_replay *r, struct sst_frameset *set, uint8
 
     for (int k = 0; k < info->cameras; k++) {
         const struct sst_recording_frame *f = &r->set.frame[k];
+        size_t bytes;
 
         data[k] = NULL;
-        if (sst_recording_frame(r->reader, &r->set, k, &data[k]))
+        if (sst_recording_picture(r->reader, &r->set, k, &data[k], &bytes))
             continue;
         r->frame[k] = (struct sst_frame){ .cam = k,
                                           .fourcc = info->fourcc,
@@ -107,7 +108,7 @@ static int read_frames(struct service_replay *r, struct sst_frameset *set, uint8
                                           .height = info->height,
                                           .stride = f->stride,
                                           .data = data[k],
-                                          .bytes = f->bytes,
+                                          .bytes = bytes,
                                           .sequence = f->sequence,
                                           .t_ns = set->t_ns,
                                           .faults = f->faults };

@@ -31,6 +31,7 @@ struct active {
     unsigned opening; /* of the array */
     bool continuous;
     bool reduced;              /* of some sets */
+    struct set_parts parts;    /* of a reduced one with `tiles` */
     int64_t first_ns, last_ns; /* set.t_ns of the first and last set; with sets */
     int64_t side_bytes;        /* about, of the manifest and the view, which are not removed in pieces */
     struct view_files view;
@@ -284,6 +285,7 @@ static int begin(struct active *a, const struct wanted *p, const struct sst_kept
     }
     a->continuous = p->continuous || p->reduced;
     a->reduced = p->reduced;
+    set_parts_forget(&a->parts);
     a->view_lost = false;
     a->side_bytes = 0;
     memcpy(a->zone, p->zone, sizeof(a->zone));
@@ -457,51 +459,55 @@ static bool is_over(const struct active *a, const struct wanted *p, const struct
     return false;
 }
 
-static int64_t cost(const struct sst_kept *k)
+static int64_t cost(const struct sst_frameset *set)
 {
-    return (int64_t)k->bytes + FRAME_BYTES * (int64_t)k->set.present + SET_BYTES;
+    int64_t bytes = FRAME_BYTES * (int64_t)set->present + SET_BYTES;
+
+    for (int i = 0; i < set->cameras; i++)
+        bytes += set->frame[i] ? (int64_t)set->frame[i]->bytes : 0;
+    return bytes;
 }
 
 /* Would the set exceed the quota? Then sst-retention makes room first. */
-static bool must_wait(struct sst_storage *s, const struct sst_kept *k)
+static bool must_wait(struct sst_storage *s, const struct sst_frameset *set)
 {
     const struct store_limits *l = &s->settings.limits;
     bool wait;
 
     pthread_mutex_lock(&s->lock);
     wait =
-        l->quota_bytes && s->used_bytes + cost(k) > l->quota_bytes && s->used_bytes > l->quota_bytes - l->margin_bytes;
-    s->waiting_bytes = wait ? cost(k) : 0;
+        l->quota_bytes && s->used_bytes + cost(set) > l->quota_bytes && s->used_bytes > l->quota_bytes - l->margin_bytes;
+    s->waiting_bytes = wait ? cost(set) : 0;
     if (wait || (l->quota_bytes && s->used_bytes > l->quota_bytes - l->margin_bytes))
         pthread_cond_broadcast(&s->wake);
     pthread_mutex_unlock(&s->lock);
     return wait;
 }
 
-static void account(struct active *a, const struct sst_kept *k)
+static void account(struct active *a, const struct sst_frameset *set)
 {
     struct sst_storage *s = a->s;
     const bool first = !a->entry.sets;
     struct store_entry *e;
 
     if (first) {
-        a->first_ns = k->set.t_ns;
-        a->entry.from_ns = k->set.wall_ns;
-        a->begun_hour = k->set.wall_ns / HOUR_NS;
+        a->first_ns = set->t_ns;
+        a->entry.from_ns = set->wall_ns;
+        a->begun_hour = set->wall_ns / HOUR_NS;
     }
-    a->last_ns = k->set.t_ns;
+    a->last_ns = set->t_ns;
     a->entry.sets++;
-    a->entry.to_ns = k->set.wall_ns;
-    a->side_bytes += LIST_BYTES * (k->set.present + 3);
+    a->entry.to_ns = set->wall_ns;
+    a->side_bytes += LIST_BYTES * (set->present + 3);
     pthread_mutex_lock(&s->lock);
     e = catalog_find(&s->catalog, a->entry.name);
     if (e) {
-        e->bytes += cost(k);
+        e->bytes += cost(set);
         e->sets++;
         e->from_ns = first ? a->entry.from_ns : e->from_ns;
         e->to_ns = a->entry.to_ns;
     }
-    s->used_bytes += cost(k);
+    s->used_bytes += cost(set);
     s->active_sets = a->entry.sets;
     s->write_err = 0;
     pthread_mutex_unlock(&s->lock);
@@ -511,6 +517,8 @@ static void account(struct active *a, const struct sst_kept *k)
 static int write_set(struct active *a, const struct wanted *p, const struct sst_kept *k)
 {
     struct sst_storage *s = a->s;
+    const struct sst_frameset *set;
+    bool tiles;
     int err = 0;
 
     if (a->recorder && is_over(a, p, &k->set))
@@ -519,19 +527,23 @@ static int write_set(struct active *a, const struct wanted *p, const struct sst_
         err = begin(a, p, k);
     if (err && err != -EAGAIN)
         answer(s, err);
-    if (err || must_wait(s, k))
+    if (err || must_wait(s, &k->set))
         return -EAGAIN;
+    tiles = a->reduced && p->settings.reduced == SST_REDUCED_TILES;
+    set = tiles ? set_parts_of(&a->parts, &k->set) : &k->set;
     a->said[0] = 0;
     if (p->part_bytes) /* so that segments can be removed one by one */
         sst_recorder_set_segment_bytes(a->recorder, p->part_bytes < SEGMENT_MAX ? p->part_bytes : SEGMENT_MAX);
     store_busy(s, &s->record_busy_ns, true);
-    err = sst_recorder_write(a->recorder, &k->set);
+    err = sst_recorder_write(a->recorder, set);
     store_busy(s, &s->record_busy_ns, false);
     if (err) {
         failed(a, err); /* pictures wait until sets can be written again */
         return err;
     }
-    account(a, k);
+    if (tiles)
+        set_parts_written(&a->parts, set);
+    account(a, set);
     follow_view(a);
     return 0;
 }
@@ -683,6 +695,8 @@ void *store_record_run(void *storage)
     } else {
         sst_log_error("out of memory: nothing is recorded");
     }
+    if (a)
+        set_parts_forget(&a->parts);
     free(a);
     free(p);
     store_thread_ends(s);

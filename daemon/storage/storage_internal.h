@@ -152,6 +152,25 @@ enum store_verdict {
 /** The total room: the smaller of what quota and free space allow. */
 int64_t store_room_bytes(const struct store_limits *limits, const struct store_room *room);
 
+/* --- parts.c: sets of which only what changed is recorded --- */
+
+/** Frames of the last whole set, and the set that was made with them. Zeroed: none yet. Recording thread. */
+struct set_parts {
+    uint8_t *base[SST_CAMERAS_MAX]; /* NULL: the next frame is whole */
+    size_t base_bytes[SST_CAMERAS_MAX];
+    int64_t base_t_ns, base_wall_ns;
+    struct sst_frameset set;
+    struct sst_frame frame[SST_CAMERAS_MAX];
+    uint8_t *made[SST_CAMERAS_MAX];
+};
+
+/** What to record of a set: its parts, or itself if a whole one is due. Valid until the next call. */
+const struct sst_frameset *set_parts_of(struct set_parts *p, const struct sst_frameset *set);
+/** A set has been written: those that follow have parts if it was whole. */
+void set_parts_written(struct set_parts *p, const struct sst_frameset *set);
+/** The next set is whole. */
+void set_parts_forget(struct set_parts *p);
+
 /** Up to this many bytes, what was made by hand is removed last, and reduced recordings after full ones. */
 int64_t store_manual_bytes(const struct store_limits *limits, const struct store_room *room);
 int64_t store_reduced_bytes(const struct store_limits *limits, const struct store_room *room);

@@ -71,7 +71,7 @@ static int add_sets(struct video *v, const struct sst_recording *r, int cam)
             err = 0;
             continue;
         }
-        if (err || !f.present || !f.bytes || segment < 0)
+        if (err || !f.present || !f.bytes || segment < 0 || f.faults & SST_FRAME_PARTS) /* parts are no pictures */
             continue;
         if (segment != last)
             segment_bytes = size_of(v->dir, segment); /* frames of one that is missing are left out */

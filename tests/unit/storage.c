@@ -445,10 +445,11 @@ static void reduced_recordings_fill_the_time_between(void **state)
     bench_fini(&b);
 }
 
-/* With `changed` a set is kept where something has changed since the last one; with `view` one a minute, whatever. */
+/* With `changed` and `tiles` a set is kept where something has changed since the last one; with `view` one a minute,
+ * whatever. Frames that are no pictures stay whole. */
 static void reduced_recordings_skip_what_stands_still(void **state)
 {
-    static const enum sst_reduced_mode modes[] = { SST_REDUCED_CHANGED, SST_REDUCED_VIEW };
+    static const enum sst_reduced_mode modes[] = { SST_REDUCED_CHANGED, SST_REDUCED_VIEW, SST_REDUCED_TILES };
 
     (void)state;
     for (size_t m = 0; m < ARRAY_LEN(modes); m++) {

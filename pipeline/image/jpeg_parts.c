@@ -1,0 +1,317 @@
+#include "pipeline/image/jpeg_parts.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <setjmp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <jpeglib.h>
+
+#define LEVELS  4.0 /* by which the means or the slopes of two blocks differ, in addition to half a step of their table */
+#define LOW     3   /* coefficients in each direction that are compared: the others are noise and texture */
+#define COMMENT "sst-parts " /* of the JPEG: time of the base, and a bit for each group of blocks */
+#define HEAD    (sizeof(COMMENT) - 1 + 21)
+
+/* One JPEG's coefficients. */
+struct blocks {
+    struct jpeg_decompress_struct d;
+    jvirt_barray_ptr *coefs;
+    bool open;
+};
+
+struct work {
+    struct jpeg_error_mgr errors;
+    jmp_buf escape;
+    struct blocks base, other;
+    struct jpeg_compress_struct c;
+    bool writes;
+    unsigned char *made; /* by libjpeg */
+    unsigned long bytes;
+    uint8_t *mask; /* a comment: HEAD, then a byte for eight groups */
+    size_t mask_bytes;
+};
+
+static void on_error(j_common_ptr c)
+{
+    longjmp(((struct work *)(void *)c->err)->escape, 1);
+}
+
+static void on_message(j_common_ptr c, int level)
+{
+    (void)c;
+    (void)level;
+}
+
+static void end(struct work *w)
+{
+    if (w->base.open)
+        jpeg_destroy_decompress(&w->base.d);
+    if (w->other.open)
+        jpeg_destroy_decompress(&w->other.d);
+    if (w->writes)
+        jpeg_destroy_compress(&w->c);
+    free(w->made);
+    free(w->mask);
+    free(w);
+}
+
+static struct work *begin(void)
+{
+    struct work *w = calloc(1, sizeof(*w));
+
+    if (!w)
+        return NULL;
+    jpeg_std_error(&w->errors);
+    w->errors.error_exit = on_error;
+    w->errors.emit_message = on_message;
+    return w;
+}
+
+static void read_blocks(struct work *w, struct blocks *b, struct sst_jpeg_bytes jpeg)
+{
+    b->d.err = &w->errors;
+    jpeg_create_decompress(&b->d);
+    b->open = true;
+    jpeg_mem_src(&b->d, jpeg.data, jpeg.bytes);
+    jpeg_save_markers(&b->d, JPEG_COM, 0xFFFF);
+    (void)jpeg_read_header(&b->d, TRUE);
+    b->coefs = jpeg_read_coefficients(&b->d);
+}
+
+static bool are_alike(const struct blocks *a, const struct blocks *b)
+{
+    bool alike = a->d.image_width == b->d.image_width && a->d.image_height == b->d.image_height &&
+                 a->d.num_components == b->d.num_components && !a->d.progressive_mode && !b->d.progressive_mode;
+
+    for (int i = 0; alike && i < a->d.num_components; i++) {
+        const jpeg_component_info *p = &a->d.comp_info[i], *q = &b->d.comp_info[i];
+
+        alike = p->h_samp_factor == q->h_samp_factor && p->v_samp_factor == q->v_samp_factor && p->quant_table &&
+                q->quant_table && !memcmp(p->quant_table->quantval, q->quant_table->quantval, sizeof(p->quant_table->quantval));
+    }
+    return alike;
+}
+
+/* Groups of blocks that lie together in all components (MCUs). */
+static int groups_x(const struct blocks *b)
+{
+    const int side = b->d.max_h_samp_factor * DCTSIZE;
+
+    return ((int)b->d.image_width + side - 1) / side;
+}
+
+static int groups_y(const struct blocks *b)
+{
+    const int side = b->d.max_v_samp_factor * DCTSIZE;
+
+    return ((int)b->d.image_height + side - 1) / side;
+}
+
+static int bits(const struct blocks *b)
+{
+    return groups_x(b) * groups_y(b);
+}
+
+static JBLOCKARRAY row_of(struct blocks *b, int component, JDIMENSION y, bool writes)
+{
+    return b->d.mem->access_virt_barray((j_common_ptr)&b->d, b->coefs[component], y, 1, writes);
+}
+
+typedef void group_fn(struct work *w, int group, JCOEF *base, JCOEF *other, const UINT16 *step);
+
+/* Call fn with each block of both, its group and its table. */
+static void for_blocks(struct work *w, group_fn *fn, bool writes)
+{
+    for (int i = 0; i < w->other.d.num_components; i++) {
+        const jpeg_component_info *info = &w->other.d.comp_info[i];
+
+        for (JDIMENSION y = 0; y < info->height_in_blocks; y++) {
+            JBLOCKARRAY base = row_of(&w->base, i, y, false), other = row_of(&w->other, i, y, writes);
+
+            for (JDIMENSION x = 0; x < info->width_in_blocks; x++)
+                fn(w, (int)y / info->v_samp_factor * groups_x(&w->other) + (int)x / info->h_samp_factor, base[0][x],
+                   other[0][x], info->quant_table->quantval);
+        }
+    }
+}
+
+static bool has(const struct work *w, int group)
+{
+    return w->mask[HEAD + (size_t)group / 8] >> group % 8 & 1;
+}
+
+static void mark(struct work *w, int group)
+{
+    w->mask[HEAD + (size_t)group / 8] |= (uint8_t)(1u << group % 8);
+}
+
+static void compare(struct work *w, int group, JCOEF *base, JCOEF *other, const UINT16 *step)
+{
+    for (int v = 0; v < LOW; v++)
+        for (int u = 0; u + v < LOW; u++) {
+            const int k = v * DCTSIZE + u, apart = abs(other[k] - base[k]) * step[k];
+
+            if (apart > LEVELS * DCTSIZE + step[k] / 2.0)
+                mark(w, group);
+        }
+}
+
+static void empty(struct work *w, int group, JCOEF *base SST_UNUSED, JCOEF *other, const UINT16 *step SST_UNUSED)
+{
+    if (!has(w, group))
+        memset(other, 0, sizeof(JBLOCK));
+}
+
+static void fill(struct work *w, int group, JCOEF *base, JCOEF *other, const UINT16 *step SST_UNUSED)
+{
+    if (!has(w, group))
+        memcpy(other, base, sizeof(JBLOCK));
+}
+
+/* What lies beside a changed group belongs to it: shadows and edges differ by less. @return number of groups */
+static int widen(struct work *w)
+{
+    const int nx = groups_x(&w->other), ny = groups_y(&w->other);
+    uint8_t *was = malloc(w->mask_bytes);
+    int n = 0;
+
+    if (!was)
+        return -ENOMEM;
+    memcpy(was, w->mask, w->mask_bytes);
+    for (int i = 0; i < nx * ny; i++) {
+        if (!(was[HEAD + (size_t)i / 8] >> i % 8 & 1))
+            continue;
+        for (int y = sst_max_int(i / nx - 1, 0); y <= sst_min_int(i / nx + 1, ny - 1); y++)
+            for (int x = sst_max_int(i % nx - 1, 0); x <= sst_min_int(i % nx + 1, nx - 1); x++)
+                mark(w, y * nx + x);
+    }
+    free(was);
+    for (int i = 0; i < nx * ny; i++)
+        n += has(w, i);
+    return n;
+}
+
+/* The coefficients of `other` as a JPEG, with the mask or without. */
+static void write_blocks(struct work *w, bool masked)
+{
+    w->c.err = &w->errors;
+    jpeg_create_compress(&w->c);
+    w->writes = true;
+    jpeg_mem_dest(&w->c, &w->made, &w->bytes);
+    jpeg_copy_critical_parameters(&w->other.d, &w->c);
+    w->c.optimize_coding = TRUE;
+    jpeg_write_coefficients(&w->c, w->other.coefs);
+    if (masked)
+        jpeg_write_marker(&w->c, JPEG_COM, w->mask, (unsigned)w->mask_bytes);
+    jpeg_finish_compress(&w->c);
+}
+
+static void give(struct work *w, uint8_t **out, size_t *bytes)
+{
+    *out = w->made;
+    *bytes = w->bytes;
+    w->made = NULL;
+}
+
+int sst_jpeg_parts_cut(struct sst_jpeg_bytes base, int64_t base_ns, struct sst_jpeg_bytes whole, uint8_t **out,
+                       size_t *bytes, double *share)
+{
+    struct work *w = begin();
+    char head[HEAD + 1];
+    int n = 0, err = 0;
+
+    if (!w)
+        return -ENOMEM;
+    if (setjmp(w->escape)) {
+        end(w);
+        return -EINVAL;
+    }
+    read_blocks(w, &w->base, base);
+    read_blocks(w, &w->other, whole);
+    if (!are_alike(&w->base, &w->other) || bits(&w->other) / 8 + 1 + (int)HEAD > 0xFFFF - 2)
+        err = -EINVAL;
+    if (!err) {
+        w->mask_bytes = HEAD + (size_t)bits(&w->other) / 8 + 1;
+        w->mask = calloc(1, w->mask_bytes);
+        err = w->mask ? 0 : -ENOMEM;
+    }
+    if (!err) {
+        snprintf(head, sizeof(head), COMMENT "%020" PRId64 " ", base_ns);
+        memcpy(w->mask, head, HEAD);
+        for_blocks(w, compare, false);
+        n = widen(w);
+        err = n < 0 ? n : 0;
+    }
+    if (!err) {
+        for_blocks(w, empty, true);
+        write_blocks(w, true);
+        give(w, out, bytes);
+        if (share)
+            *share = (double)n / bits(&w->other);
+    }
+    end(w);
+    return err;
+}
+
+/* Its comment with the mask: segments of a JPEG before its picture. @return bytes of it; 0: there is none */
+static size_t find_mask(struct sst_jpeg_bytes j, const uint8_t **mask)
+{
+    for (size_t at = 2; at + 4 <= j.bytes && j.data[at] == 0xFF && j.data[at + 1] != 0xDA;) {
+        const size_t n = (size_t)j.data[at + 2] << 8 | j.data[at + 3];
+
+        if (n < 2 || n > j.bytes - at - 2)
+            return 0;
+        if (j.data[at + 1] == JPEG_COM && n - 2 > HEAD && !memcmp(j.data + at + 4, COMMENT, sizeof(COMMENT) - 1)) {
+            *mask = j.data + at + 4;
+            return n - 2;
+        }
+        at += 2 + n;
+    }
+    return 0;
+}
+
+bool sst_jpeg_parts_base(struct sst_jpeg_bytes jpeg, int64_t *base_ns)
+{
+    const uint8_t *mask;
+    char digits[21] = "";
+    char *stop;
+
+    if (!find_mask(jpeg, &mask))
+        return false;
+    memcpy(digits, mask + sizeof(COMMENT) - 1, 20);
+    *base_ns = strtoll(digits, &stop, 10);
+    return stop == digits + 20;
+}
+
+int sst_jpeg_parts_join(struct sst_jpeg_bytes base, struct sst_jpeg_bytes parts, uint8_t **out, size_t *bytes)
+{
+    struct work *w = begin();
+    const uint8_t *mask = NULL;
+    const size_t n = find_mask(parts, &mask);
+    int err = 0;
+
+    if (!w)
+        return -ENOMEM;
+    if (setjmp(w->escape)) {
+        end(w);
+        return -EINVAL;
+    }
+    read_blocks(w, &w->base, base);
+    read_blocks(w, &w->other, parts);
+    if (!n || !are_alike(&w->base, &w->other) || n != HEAD + (size_t)bits(&w->other) / 8 + 1)
+        err = -EINVAL;
+    if (!err) {
+        w->mask = malloc(n);
+        err = w->mask ? 0 : -ENOMEM;
+    }
+    if (!err) {
+        memcpy(w->mask, mask, n);
+        for_blocks(w, fill, true);
+        write_blocks(w, false);
+        give(w, out, bytes);
+    }
+    end(w);
+    return err;
+}

@@ -1,0 +1,35 @@
+/* pipeline/image/jpeg_parts.h - a camera's JPEG without what is as in an earlier one of the same camera, the base: blocks
+ * of DCT coefficients that are alike are emptied, the others stay bit by bit. Joined with the base it is a whole picture
+ * again. */
+#ifndef SST_PIPELINE_IMAGE_JPEG_PARTS_H
+#define SST_PIPELINE_IMAGE_JPEG_PARTS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/base.h"
+
+/** Bytes of a JPEG; borrowed. */
+struct sst_jpeg_bytes {
+    const uint8_t *data;
+    size_t bytes;
+};
+
+/**
+ * @param base_ns  a name for the base, kept in the parts: a time
+ * @param out      to free with free(); a JPEG of the same size, of which grey areas are as in the base
+ * @param share    of the picture that differs, 0..1; may be NULL
+ * @return 0, -EINVAL (one of them is no baseline JPEG, or they differ in size, sampling or tables), -ENOMEM; not logged
+ */
+SST_MUST_CHECK int sst_jpeg_parts_cut(struct sst_jpeg_bytes base, int64_t base_ns, struct sst_jpeg_bytes whole,
+                                      uint8_t **out, size_t *bytes, double *share);
+
+/** @return whether a JPEG has parts alone, and of which base */
+bool sst_jpeg_parts_base(struct sst_jpeg_bytes jpeg, int64_t *base_ns);
+
+/** The inverse. @return 0, -EINVAL (as above, or not parts), -ENOMEM; not logged */
+SST_MUST_CHECK int sst_jpeg_parts_join(struct sst_jpeg_bytes base, struct sst_jpeg_bytes parts, uint8_t **out,
+                                       size_t *bytes);
+
+#endif
