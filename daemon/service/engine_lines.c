@@ -1,5 +1,5 @@
-/* Lines that visits cross: a crossing counts once the foot is clear of the line, so that who stands on it does not cross
- * it again and again. */
+/* Lines that visits cross: a crossing counts once the foot is clear of the line, so that who stands on it does not
+ * cross it again and again. */
 #include <math.h>
 #include <string.h>
 
@@ -19,7 +19,9 @@ static struct line line_of(const struct live_engine *v, const struct sst_zone *z
     struct line l;
 
     (void)sst_zone_corners(z, x, y);
-    l = (struct line){ .x = x[0] * width, .y = y[0] * height, .dx = (x[1] - x[0]) * width, .dy = (y[1] - y[0]) * height };
+    l = (struct line){
+        .x = x[0] * width, .y = y[0] * height, .dx = (x[1] - x[0]) * width, .dy = (y[1] - y[0]) * height
+    };
     l.length = fmax(hypot(l.dx, l.dy), 1e-6);
     return l;
 }
@@ -34,8 +36,8 @@ static double right_of(const struct live_engine *v, const struct line *l, const 
 }
 
 /* @return 1: the visitor has crossed forward; -1: backward; 0: neither */
-static int cross(const struct live_engine *v, const struct sst_zone *z, struct visit_line *s, const struct visit_point *from,
-                 const struct visit_point *to, double clear_px)
+static int cross(const struct live_engine *v, const struct sst_zone *z, struct visit_line *s,
+                 const struct visit_point *from, const struct visit_point *to, double clear_px)
 {
     const struct line l = line_of(v, z);
     double at0, at1;

@@ -49,11 +49,11 @@ json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_l
 {
     static const char *const states[] = { "seen", "covered", "still" };
 
-    return json_pack("{s:I, s:s, s:b, s:i, s:s, s:[f, f, f, f], s:[f, f], s:f, s:o, s:f}", "track", (json_int_t)t->id,
-                     "state", states[t->state], "hidden", t->hidden, "label", t->label, "name", engine_label_name(v, t->label),
-                     "box", t->x0, t->y0, t->x1, t->y1, "speed_px_s", t->vx_px_s, t->vy_px_s, "disparity_px",
-                     t->disp_px, "distance_m", sst_api_real(engine_distance_m(v, t->disp_px)), "seconds",
-                     (double)(v->tracks_t_ns - t->first_ns) / 1e9);
+    return json_pack(
+        "{s:I, s:s, s:b, s:i, s:s, s:[f, f, f, f], s:[f, f], s:f, s:o, s:f}", "track", (json_int_t)t->id, "state",
+        states[t->state], "hidden", t->hidden, "label", t->label, "name", engine_label_name(v, t->label), "box", t->x0,
+        t->y0, t->x1, t->y1, "speed_px_s", t->vx_px_s, t->vy_px_s, "disparity_px", t->disp_px, "distance_m",
+        sst_api_real(engine_distance_m(v, t->disp_px)), "seconds", (double)(v->tracks_t_ns - t->first_ns) / 1e9);
 }
 
 int engine_tracks(void *engine, struct sst_api_answer *out)

@@ -167,13 +167,14 @@ static json_t *visit_json_locked(const struct live_engine *v, const struct visit
     visit_page(page, &v->config, name);
     sst_clock_text(from, a->from_wall_ns);
     sst_clock_text(to, a->from_wall_ns + (a->last.t_ns - a->from_ns));
-    return json_pack("{s:s, s:s, s:b, s:b, s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:o, s:o, s:[f, f, f, f], s:o}", "visit", name,
-                     "page", page, "active", active, "hidden", a->hidden, "label", engine_label_name(v, a->label), "from", from,
-                     "to", to, "seconds", round((double)(a->last.t_ns - a->from_ns) / 1e8) / 10, "direction",
-                     direction(a), "zones", zones_json(v, a), "crossed", crossings_json(v, a), "distance_m",
+    return json_pack("{s:s, s:s, s:b, s:b, s:s, s:s, s:s, s:f, s:s, s:o, s:o, s:o, s:o, s:o, s:[f, f, f, f], s:o}",
+                     "visit", name, "page", page, "active", active, "hidden", a->hidden, "label",
+                     engine_label_name(v, a->label), "from", from, "to", to, "seconds",
+                     round((double)(a->last.t_ns - a->from_ns) / 1e8) / 10, "direction", direction(a), "zones",
+                     zones_json(v, a), "crossed", crossings_json(v, a), "distance_m",
                      sst_api_real(engine_distance_m(v, a->last.disp_px)), "nearest_m",
-                     sst_api_real(engine_distance_m(v, a->nearest_px)), "nearest_px", sst_api_real(a->nearest_px), "box", a->box[0], a->box[1], a->box[2], a->box[3],
-                     "path", path_json(v, a));
+                     sst_api_real(engine_distance_m(v, a->nearest_px)), "nearest_px", sst_api_real(a->nearest_px),
+                     "box", a->box[0], a->box[1], a->box[2], a->box[3], "path", path_json(v, a));
 }
 
 static void store(struct live_engine *v, const struct visit *a, enum sst_visit_picture kind,
@@ -296,8 +297,9 @@ static void cross(struct live_engine *v, struct visit *a, const struct visit_cro
     sst_visits_put(v->kept, data);
     json_decref(data);
     sst_events_emit(v->events, SST_EVENT_INFO, "line",
-                    json_pack("{s:s, s:s, s:s, s:s, s:s, s:b, s:o}", "zone", zone, "direction", way, "visit", name, "page",
-                              page, "label", a->label ? what : "", "hidden", a->hidden, "distance_m", sst_api_real(m)),
+                    json_pack("{s:s, s:s, s:s, s:s, s:s, s:b, s:o}", "zone", zone, "direction", way, "visit", name,
+                              "page", page, "label", a->label ? what : "", "hidden", a->hidden, "distance_m",
+                              sst_api_real(m)),
                     "%s crossed %s %s%s%s", what, zone, way, text, a->hidden ? ", behind the foreground" : "");
 }
 

@@ -9,8 +9,9 @@
 
 #include <jpeglib.h>
 
-#define LEVELS  4.0 /* by which the means or the slopes of two blocks differ, in addition to half a step of their table */
-#define LOW     3   /* coefficients in each direction that are compared: the others are noise and texture */
+#define LEVELS                                                                                                         \
+    4.0           /* by which the means or the slopes of two blocks differ, in addition to half a step of their table */
+#define LOW     3 /* coefficients in each direction that are compared: the others are noise and texture */
 #define COMMENT "sst-parts " /* of the JPEG: time of the base, and a bit for each group of blocks */
 #define HEAD    (sizeof(COMMENT) - 1 + 21)
 
@@ -89,7 +90,8 @@ static bool are_alike(const struct blocks *a, const struct blocks *b)
         const jpeg_component_info *p = &a->d.comp_info[i], *q = &b->d.comp_info[i];
 
         alike = p->h_samp_factor == q->h_samp_factor && p->v_samp_factor == q->v_samp_factor && p->quant_table &&
-                q->quant_table && !memcmp(p->quant_table->quantval, q->quant_table->quantval, sizeof(p->quant_table->quantval));
+                q->quant_table &&
+                !memcmp(p->quant_table->quantval, q->quant_table->quantval, sizeof(p->quant_table->quantval));
     }
     return alike;
 }

@@ -12,9 +12,9 @@
 #include "capture/recording/recording.h"
 #include "daemon/storage/storage_internal.h"
 #include "pipeline/image/jpeg_parts.h"
-#include "tests/folder.h"
 #include "pipeline/image/raw.h"
 #include "simulators/scene/noise.h"
+#include "tests/folder.h"
 #include "tests/test.h"
 
 #define WIDTH  320
@@ -98,7 +98,8 @@ static void what_changed_stays_bit_by_bit(void **state)
     size_t n;
 
     (void)state;
-    assert_int_equal(sst_jpeg_parts_cut(bytes_of(base), INT64_C(1795600000123456789), bytes_of(whole), &data, &n, &share), 0);
+    assert_int_equal(
+        sst_jpeg_parts_cut(bytes_of(base), INT64_C(1795600000123456789), bytes_of(whole), &data, &n, &share), 0);
     assert_true(n < whole.bytes / 2);
     assert_true(share > 0.08 && share < 0.3); /* where it stands and where it stood, 48x48 px each, and a margin */
     parts = (struct sst_jpeg_bytes){ data, n };
@@ -111,8 +112,9 @@ static void what_changed_stays_bit_by_bit(void **state)
     decode(&is, whole.data, whole.bytes);
     decode(&joined, joint, n);
     assert_int_equal(largest(&joined, &is, 160, 160 + SIDE, TOP, TOP + SIDE), 0);
-    assert_int_equal(largest(&joined, &was, 280, WIDTH, 0, HEIGHT), 0); /* nothing moved there: as in the base, noise and all */
-    assert_true(largest(&joined, &is, 0, WIDTH, 0, HEIGHT) < 20);       /* noise of both */
+    assert_int_equal(largest(&joined, &was, 280, WIDTH, 0, HEIGHT),
+                     0); /* nothing moved there: as in the base, noise and all */
+    assert_true(largest(&joined, &is, 0, WIDTH, 0, HEIGHT) < 20); /* noise of both */
     assert_true(largest(&was, &is, 0, WIDTH, 0, HEIGHT) > 100);
     free(data);
     free(joint);
@@ -126,7 +128,8 @@ static void what_changed_stays_bit_by_bit(void **state)
 /* Others are refused, and bytes of any kind do no harm. */
 static void what_is_no_part_is_refused(void **state)
 {
-    struct jpeg base = picture(16, WIDTH, 85, 1), narrow = picture(16, WIDTH - 32, 85, 1), coarse = picture(16, WIDTH, 40, 1);
+    struct jpeg base = picture(16, WIDTH, 85, 1), narrow = picture(16, WIDTH - 32, 85, 1),
+                coarse = picture(16, WIDTH, 40, 1);
     struct jpeg whole = picture(160, WIDTH, 85, 2);
     const struct sst_jpeg_bytes noise = { (const uint8_t *)"no JPEG at all", 14 };
     uint8_t *data, *joint;
@@ -139,7 +142,8 @@ static void what_is_no_part_is_refused(void **state)
     assert_int_equal(sst_jpeg_parts_cut(noise, 1, bytes_of(whole), &data, &n, NULL), -EINVAL);
     assert_int_equal(sst_jpeg_parts_join(bytes_of(base), bytes_of(whole), &joint, &n), -EINVAL);
     assert_int_equal(sst_jpeg_parts_cut(bytes_of(base), 1, bytes_of(whole), &data, &n, NULL), 0);
-    assert_int_equal(sst_jpeg_parts_join(bytes_of(narrow), (struct sst_jpeg_bytes){ data, n }, &joint, &unused), -EINVAL);
+    assert_int_equal(sst_jpeg_parts_join(bytes_of(narrow), (struct sst_jpeg_bytes){ data, n }, &joint, &unused),
+                     -EINVAL);
     for (int i = 0; i < 200; i++) { /* bytes that are wrong, and ends that are missing */
         uint8_t *bad = malloc(n);
         const size_t left = i % 2 ? n : 1 + sst_random_u64(&seed) % n;
@@ -186,16 +190,25 @@ static void recordings_of_parts_are_read_as_pictures(void **state)
     assert_int_equal(sst_recorder_open(&recorder, &cfg), 0);
     for (int i = 0; i < SETS; i++) {
         const int64_t t_ns = INT64_C(1000000000) * (1 + 15 * i);
-        struct sst_frameset set = { .index = (uint64_t)i, .t_ns = t_ns, .wall_ns = INT64_C(1795600000000000000) + t_ns,
-                                    .cameras = 2, .present = 2 };
+        struct sst_frameset set = { .index = (uint64_t)i,
+                                    .t_ns = t_ns,
+                                    .wall_ns = INT64_C(1795600000000000000) + t_ns,
+                                    .cameras = 2,
+                                    .present = 2 };
         struct sst_frame frame[2];
         const struct sst_frameset *written;
 
         for (int k = 0; k < 2; k++) {
             made[i][k] = picture(20 * i + 8 * k, WIDTH, 85, (uint64_t)(10 * i + k));
-            frame[k] = (struct sst_frame){ .cam = k, .fourcc = cfg.fourcc, .width = WIDTH, .height = HEIGHT,
-                                           .data = made[i][k].data, .bytes = made[i][k].bytes, .t_ns = t_ns,
-                                           .arrival_ns = t_ns, .faults = i == 3 && k ? SST_FRAME_NO_EOI : 0 };
+            frame[k] = (struct sst_frame){ .cam = k,
+                                           .fourcc = cfg.fourcc,
+                                           .width = WIDTH,
+                                           .height = HEIGHT,
+                                           .data = made[i][k].data,
+                                           .bytes = made[i][k].bytes,
+                                           .t_ns = t_ns,
+                                           .arrival_ns = t_ns,
+                                           .faults = i == 3 && k ? SST_FRAME_NO_EOI : 0 };
             set.frame[k] = &frame[k];
         }
         written = set_parts_of(parts, &set);
@@ -239,7 +252,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_changed_stays_bit_by_bit),
         cmocka_unit_test(what_is_no_part_is_refused),
-        cmocka_unit_test_setup_teardown(recordings_of_parts_are_read_as_pictures, test_folder_create, test_folder_remove),
+        cmocka_unit_test_setup_teardown(recordings_of_parts_are_read_as_pictures, test_folder_create,
+                                        test_folder_remove),
     };
 
     sst_log_set_level(SST_LOG_WARNING);

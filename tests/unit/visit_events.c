@@ -138,7 +138,8 @@ static void who_is_behind_leaves_is_a_visit(void **state)
     assert_contains(json_string_value(json_object_get(o, "message")), "behind the foreground");
     json_decref(o);
     o = next("visit"); /* it enters the zone */
-    assert_string_equal(json_string_value(json_array_get(json_object_get(json_object_get(o, "data"), "zones"), 0)), "hedge");
+    assert_string_equal(json_string_value(json_array_get(json_object_get(json_object_get(o, "data"), "zones"), 0)),
+                        "hedge");
     json_decref(o);
     o = next("visit"); /* it has gone */
     data = json_object_get(o, "data");
@@ -232,7 +233,8 @@ static void lines_are_crossed_with_a_direction(void **state)
     assert_int_equal(json_array_size(crossed), 2);
     assert_string_equal(json_string_value(json_object_get(json_array_get(crossed, 0), "direction")), "backward");
     assert_string_equal(json_string_value(json_object_get(json_array_get(crossed, 1), "zone")), "drive");
-    assert_string_equal(json_string_value(json_array_get(json_object_get(json_object_get(o, "data"), "zones"), 0)), "drive");
+    assert_string_equal(json_string_value(json_array_get(json_object_get(json_object_get(o, "data"), "zones"), 0)),
+                        "drive");
     json_decref(o);
 }
 
