@@ -108,7 +108,7 @@ LIB_SRC := $(sort $(filter-out daemon/main.c,$(wildcard base/*.c config/*.c driv
 SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)))
 # Simulated worlds, for sst-sim, sst scene, sst demo and the tests; the daemon does not link them.
 WORLD_SRC := $(sort $(wildcard simulators/scene/*.c simulators/scene/*/*.c simulators/rig/*.c simulators/devices/gpio/*.c \
-             simulators/devices/usb/*.c))
+             simulators/devices/ptp/*.c simulators/devices/usb/*.c))
 CLI_SRC := $(sort $(filter-out %_libav.c,$(wildcard cli/*.c)))
 # Programs beside the service, and what they alone link.
 PUBLISHERS := $(if $(filter 1,$(WITH_RTSP)),rtsp) $(if $(filter 1,$(WITH_MQTT)),mqtt)

@@ -264,6 +264,11 @@ void sim_array_edge(struct sim_array *a, int first, int count, uint64_t trigger,
             sim_cam_edge(&a->cam[i], trigger, t_ns);
 }
 
+FILE *sim_array_log(const struct sim_array *a)
+{
+    return a->truth;
+}
+
 uint64_t sim_array_frames(const struct sim_array *a)
 {
     uint64_t frames = 0;

@@ -272,6 +272,9 @@ enum sim_rung {
 };
 void sim_array_rung(struct sim_array *a, int cam, enum sim_rung rung);
 
+/** The truth log, or NULL. */
+FILE *sim_array_log(const struct sim_array *a);
+
 /** Number of frames since open. */
 uint64_t sim_array_frames(const struct sim_array *a);
 
@@ -721,7 +724,7 @@ struct sim_wires_config {
     struct sim_wires_options options;
     struct sim_server *server;
     struct sim_faults *faults;
-    const struct sst_sim_world *world; /* borrowed */
+    struct sst_sim_world *world; /* borrowed */
 };
 
 /** Create /sys and the USB tree. @return 0 or -errno, logged. */
@@ -730,6 +733,8 @@ const struct sst_sim_usb *sim_wires_usb(const struct sim_wires *wires);
 
 /** NULL: no rig. */
 struct sim_rig *sim_wires_rig(const struct sim_wires *wires);
+/** NULL: no still camera. */
+struct sim_still *sim_wires_still(const struct sim_wires *wires);
 
 /** Connect the cameras, create the GPIO chips and start the drives. @return 0 or -errno, logged. */
 SST_MUST_CHECK int sim_wires_attach(struct sim_wires *wires, struct sim_array *array);
@@ -786,6 +791,7 @@ struct sim_usb_front_config {
     struct sim_faults *faults;
     const char *layout; /* a name of sst_sim_usb_layout(); NULL: the first */
     int cameras;
+    const char *still; /* serial of a still camera; NULL: none */
     const int (*sizes)[2];
     int size_count;
     void *arg;
@@ -804,6 +810,48 @@ void sim_usb_front_close(struct sim_usb_front *front);
  * camera was plugged or unplugged by hand. @return false: a hub above it is gone, so the node must be removed again
  */
 bool sim_usb_front_video(struct sim_usb_front *front, int cam, bool present, int node);
+
+/** What a program reaches by usbfs beside descriptors: endpoints and class requests of the still camera. */
+struct sim_usb_pipes {
+    void *arg;
+    /** A class request. @param data  [wLength] @return bytes of the answer, or -EPIPE */
+    int (*request)(void *arg, const uint8_t setup[8], uint8_t *data);
+    /** A transfer to the bulk endpoint arrived. @return 0, or -EPIPE: halted */
+    int (*out)(void *arg, const uint8_t *data, size_t bytes);
+    /** The next bytes of an endpoint. @return bytes, less than `size`: a short packet ended them; -EAGAIN: none yet */
+    int (*in)(void *arg, uint8_t endpoint, uint8_t *data, size_t size);
+    void (*released)(void *arg); /* the program let go of the interface, or reset the device */
+};
+
+/** Set once, before programs run. */
+void sim_usb_front_pipes(struct sim_usb_front *front, const struct sim_usb_pipes *pipes);
+/** in() has something now: completes transfers that wait for it. */
+void sim_usb_front_ready(struct sim_usb_front *front);
+/** Plug or unplug the still camera; not from within its pipes. */
+void sim_usb_front_plug(struct sim_usb_front *front, bool plugged);
+/** Port of the still camera, "3-1"; "" while it is away. */
+const char *sim_usb_front_port(const struct sim_usb_front *front);
+
+/* --- still: the still camera of a session, over PTP. --- */
+
+struct sim_still; /* opaque; simulator's thread */
+
+struct sim_still_config {
+    struct sst_sim_world *world; /* borrowed; has a still camera */
+    struct sim_server *server;
+    struct sim_faults *faults;
+    struct sim_usb_front *usb;
+    FILE *truth; /* borrowed; NULL: no log */
+    void *arg;
+    void (*pose)(void *arg, int64_t t_ns, int32_t pose_um[3]); /* of the rig */
+};
+
+/** Connect the camera to its place in the USB tree. @return 0, -EINVAL (faults of the world) or -errno; logged. */
+SST_MUST_CHECK int sim_still_open(struct sim_still **out, const struct sim_still_config *cfg);
+/** Before the USB tree. NULL is fine. */
+void sim_still_close(struct sim_still *still);
+/** Member "still" of the status; NULL: no memory. */
+json_t *sim_still_status(const struct sim_still *still);
 
 /* --- usb_front_internal: shared by usb_front.c, usb_sysfs.c and usbfs.c only. --- */
 
@@ -834,6 +882,7 @@ struct usb_shown {
     struct usb_attribute attribute[SST_SIM_USB_PORTS + 1];
     int video;                  /* N of /dev/videoN, or -1 */
     struct usb_file *claims[2]; /* by interface: file that claimed it through usbfs */
+    struct usb_file *files;     /* that programs have open */
 };
 
 struct sim_usb_front {
@@ -842,6 +891,7 @@ struct sim_usb_front {
     struct sst_sim_usb *usb;
     struct usb_shown *shown; /* [devices] */
     struct usb_driver_file driver_file[4];
+    struct sim_usb_pipes pipes; /* of the still camera */
     bool in_event; /* inside an event of the model: consequences are not by hand */
 };
 
@@ -861,5 +911,7 @@ extern const struct sim_ops usb_attribute_ops, usb_driver_ops;
 
 /* usbfs.c */
 extern const struct sim_ops usb_file_ops;
+/** Complete transfers of a device whose endpoints have something now. */
+void usb_file_serve(struct usb_shown *shown);
 
 #endif

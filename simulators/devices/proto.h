@@ -53,13 +53,16 @@ struct sst_sim_call {
 /* Path that is opened in place of a netlink socket for kernel events. */
 #define SST_SIM_UEVENTS "/uevents"
 
-#define SST_SIM_USB_TRANSFER_MAX 4096 /* bytes that a control transfer carries */
+#define SST_SIM_USB_TRANSFER_MAX 4096  /* bytes that a control transfer carries */
+#define SST_SIM_USB_BULK_MAX     16384 /* and one of another endpoint; libusb splits what is longer */
 
 /** A USB transfer between program and simulator, followed by its data. */
 struct sst_sim_usb_transfer {
     uint64_t user;    /* the program's identifier: address of its URB */
     uint8_t setup[8]; /* of control transfers */
     uint8_t type, endpoint;
+    uint16_t flags;         /* USBDEVFS_URB_... */
+    uint32_t length;        /* room for data of a bulk or interrupt transfer, or bytes that follow */
     int32_t status, actual; /* answer */
 };
 

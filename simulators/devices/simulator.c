@@ -53,6 +53,8 @@ static json_t *status(const struct sim_simulator *sim)
     (void)json_object_set_new(all, "cameras", sim_array_status(sim->array));
     if (sim_wires_rig(sim->wires))
         (void)json_object_set_new(all, "rig", sim_rig_status(sim_wires_rig(sim->wires)));
+    if (sim_wires_still(sim->wires))
+        (void)json_object_set_new(all, "still", sim_still_status(sim_wires_still(sim->wires)));
     return all;
 }
 

@@ -62,6 +62,9 @@ static void handle(struct sim_usb_front *front, int device, enum sst_sim_usb_eve
         usb_sysfs_changed(front, device);
         break;
     case SST_SIM_USB_RESET:
+        if (d->kind == SST_SIM_USB_STILL && front->pipes.released)
+            front->pipes.released(front->pipes.arg);
+        /* fall through */
     case SST_SIM_USB_REAUTHORISED:
     case SST_SIM_USB_POWERED:
         if (d->camera >= 0 && front->cfg.rung)
@@ -102,6 +105,30 @@ bool sim_usb_front_video(struct sim_usb_front *front, int cam, bool present, int
     if (!present && !front->in_event)
         sst_sim_usb_plug(front->usb, device, false);
     return true;
+}
+
+/* --- the still camera --------------------------------------------------------------------------------------------- */
+
+void sim_usb_front_pipes(struct sim_usb_front *front, const struct sim_usb_pipes *pipes)
+{
+    front->pipes = *pipes;
+}
+
+void sim_usb_front_ready(struct sim_usb_front *front)
+{
+    usb_file_serve(&front->shown[sst_sim_usb_still(front->usb)]);
+}
+
+void sim_usb_front_plug(struct sim_usb_front *front, bool plugged)
+{
+    sst_sim_usb_plug(front->usb, sst_sim_usb_still(front->usb), plugged);
+}
+
+const char *sim_usb_front_port(const struct sim_usb_front *front)
+{
+    const struct sst_sim_usb_device *d = sst_sim_usb_device(front->usb, sst_sim_usb_still(front->usb));
+
+    return d->here ? d->path : "";
 }
 
 /* --- faults ------------------------------------------------------------------------------------------------------- */
@@ -195,6 +222,7 @@ int sim_usb_front_open(struct sim_usb_front **out, const struct sim_usb_front_co
     struct sst_sim_usb_config model = {
         .layout = cfg->layout,
         .cameras = cfg->cameras,
+        .still = cfg->still,
         .sizes = cfg->sizes,
         .size_count = cfg->size_count,
         .event = event,

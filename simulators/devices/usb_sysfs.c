@@ -92,7 +92,14 @@ static void add_identity(struct sim_props *udev, const struct sst_sim_usb_device
     sim_props_add(udev, "ID_SERIAL=%s_%s%s%s", maker, product, d->serial[0] ? "_" : "", d->serial);
     if (d->serial[0])
         sim_props_add(udev, "ID_SERIAL_SHORT=%s", d->serial);
-    sim_props_add(udev, "ID_USB_INTERFACES=%s", d->kind == SST_SIM_USB_CAMERA ? ":0e0100:0e0200:" : ":090000:");
+    sim_props_add(udev, "ID_USB_INTERFACES=%s",
+                  d->kind == SST_SIM_USB_CAMERA  ? ":0e0100:0e0200:"
+                  : d->kind == SST_SIM_USB_STILL ? ":060101:"
+                                                 : ":090000:");
+    if (d->kind == SST_SIM_USB_STILL) { /* by libgphoto2's rules */
+        sim_props_add(udev, "ID_GPHOTO2=1");
+        sim_props_add(udev, "GPHOTO2_DRIVER=PTP");
+    }
 }
 
 static void add_path_id(struct sim_props *udev, const char *path)
@@ -278,7 +285,7 @@ static void add_interface(struct sim_usb_front *front, int device, int interface
     interface_dir(front, device, interface, dir);
     sim_sysfs_attr(fs, dir, "bInterfaceNumber", "%02x", interface);
     sim_sysfs_attr(fs, dir, "bAlternateSetting", "%2d", interface == 1 ? d->alt : 0);
-    sim_sysfs_attr(fs, dir, "bNumEndpoints", "%02x", interface == 0);
+    sim_sysfs_attr(fs, dir, "bNumEndpoints", "%02x", d->kind == SST_SIM_USB_STILL ? 3 : interface == 0);
     sim_sysfs_attr(fs, dir, "bInterfaceClass", "%02x", class[0]);
     sim_sysfs_attr(fs, dir, "bInterfaceSubClass", "%02x", class[1]);
     sim_sysfs_attr(fs, dir, "bInterfaceProtocol", "%02x", class[2]);

@@ -1,4 +1,4 @@
-/* simulators/devices/usbfs.c - /dev/bus/usb/BBB/DDD: claims, control transfers, resets. */
+/* simulators/devices/usbfs.c - /dev/bus/usb/BBB/DDD: claims, transfers, resets. */
 #include <linux/usbdevice_fs.h>
 
 #include <errno.h>
@@ -16,7 +16,7 @@ struct transfer {
     struct transfer *next;
     struct sst_sim_usb_transfer t;
     bool done;
-    uint8_t data[SST_SIM_USB_TRANSFER_MAX];
+    uint8_t data[]; /* [SST_SIM_USB_BULK_MAX], of control transfers [SST_SIM_USB_TRANSFER_MAX] */
 };
 
 struct usb_file {
@@ -26,6 +26,8 @@ struct usb_file {
     struct sim_request *waiting[REAPERS];
     int reapers;
     size_t position; /* of read() */
+    unsigned cut;    /* mask of endpoints on which a short packet ended a split transfer */
+    struct usb_file *next;
 };
 
 static const struct sst_sim_usb_device *device_of(const struct usb_file *f)
@@ -68,37 +70,163 @@ static void signal_done(struct usb_file *f)
         ;
 }
 
+static bool is_still(const struct usb_file *f)
+{
+    return device_of(f)->kind == SST_SIM_USB_STILL && f->shown->front->pipes.in;
+}
+
+static void finish(struct transfer *t, int status, int actual)
+{
+    t->t.status = status;
+    t->t.actual = actual;
+    t->done = true;
+}
+
+/** Finish a transfer, which a waiting program may take with it: it is not used afterwards. */
+static void complete(struct usb_file *f, struct transfer *t, int status, int actual)
+{
+    finish(t, status, actual);
+    signal_done(f);
+}
+
+/**
+ * Transfers longer than SST_SIM_USB_BULK_MAX arrive in pieces, all but the first marked as continuation. A piece that
+ * is short ends the transfer: the pieces behind it are cancelled, and refused if they come later.
+ * @return how many were cancelled
+ */
+static int cut_transfer(struct usb_file *f, const struct transfer *from)
+{
+    int cancelled = 0;
+
+    f->cut |= 1u << (from->t.endpoint & 15);
+    for (struct transfer *t = from->next; t && !(t->t.endpoint == from->t.endpoint &&
+                                                 !(t->t.flags & USBDEVFS_URB_BULK_CONTINUATION));
+         t = t->next)
+        if (!t->done && t->t.endpoint == from->t.endpoint) {
+            finish(t, -ECONNRESET, 0);
+            cancelled++;
+        }
+    return cancelled;
+}
+
+/** Fill transfers in the order of their submission, each endpoint for itself. */
+static void serve_in(struct usb_file *f)
+{
+    const struct sim_usb_pipes *pipes = &f->shown->front->pipes;
+    unsigned empty = 0;
+    int done = 0;
+
+    for (struct transfer *t = f->transfers; t; t = t->next) {
+        const unsigned bit = 1u << (t->t.endpoint & 15);
+        int n;
+
+        if (t->done || t->t.type == USBDEVFS_URB_TYPE_CONTROL || !(t->t.endpoint & 0x80) || (empty & bit))
+            continue;
+        n = pipes->in(pipes->arg, t->t.endpoint, t->data, t->t.length);
+        if (n == -EAGAIN) {
+            empty |= bit;
+        } else if (n < 0) {
+            finish(t, n, 0);
+            done++;
+        } else {
+            const bool cut = n < (int)t->t.length && (t->t.flags & USBDEVFS_URB_SHORT_NOT_OK);
+
+            finish(t, cut ? -EREMOTEIO : 0, n);
+            done += 1 + (cut ? cut_transfer(f, t) : 0);
+        }
+    }
+    while (done-- > 0)
+        signal_done(f);
+}
+
+void usb_file_serve(struct usb_shown *shown)
+{
+    for (struct usb_file *f = shown->files; f; f = f->next)
+        serve_in(f);
+}
+
+/** Answer of the device to a control transfer. @return bytes or -errno */
+static int ask_control(struct usb_file *f, const uint8_t setup[8], uint8_t *data)
+{
+    const struct sim_usb_pipes *pipes = &f->shown->front->pipes;
+
+    if (is_still(f) && (setup[0] & 0x60) == 0x20)
+        return pipes->request(pipes->arg, setup, data);
+    return sst_sim_usb_control(f->shown->front->usb, f->shown->device, setup, data);
+}
+
+/** A transfer with a copy of what is sent, at the end of the list. NULL: no memory */
+static struct transfer *append(struct usb_file *f, const struct sst_sim_usb_transfer *asked, size_t room,
+                               const uint8_t *data, size_t bytes)
+{
+    struct transfer *t = calloc(1, sizeof(*t) + room), **link = &f->transfers;
+
+    if (!t)
+        return NULL;
+    t->t = *asked;
+    if (bytes)
+        memcpy(t->data, data, bytes);
+    while (*link)
+        link = &(*link)->next;
+    *link = t;
+    return t;
+}
+
+/** A transfer of an endpoint beside control. Other devices than the still camera have nothing to report on theirs. */
+static int submit_endpoint(struct usb_file *f, const struct sst_sim_usb_transfer *asked, const uint8_t *data,
+                           size_t bytes)
+{
+    const struct sim_usb_pipes *pipes = &f->shown->front->pipes;
+    const unsigned bit = 1u << (asked->endpoint & 15);
+    const bool in = asked->endpoint & 0x80;
+    struct transfer *t;
+
+    if (asked->length > SST_SIM_USB_BULK_MAX || bytes < (in ? 0 : asked->length) ||
+        (!is_still(f) && asked->type != USBDEVFS_URB_TYPE_INTERRUPT))
+        return -EINVAL; /* pictures of other cameras are only available through the video node */
+    if (asked->flags & USBDEVFS_URB_BULK_CONTINUATION) {
+        if (f->cut & bit)
+            return -EREMOTEIO;
+    } else {
+        f->cut &= ~bit;
+    }
+    t = append(f, asked, in ? asked->length : 0, NULL, 0);
+    if (!t)
+        return -ENOMEM;
+    if (is_still(f) && !in) {
+        const int err = pipes->out(pipes->arg, data, asked->length);
+
+        complete(f, t, err, err ? 0 : (int)asked->length);
+    }
+    if (is_still(f))
+        serve_in(f);
+    return 0;
+}
+
 static int submit(struct usb_file *f, struct sim_request *r)
 {
-    struct transfer *t, **link = &f->transfers;
+    const uint8_t *data = r->data + sizeof(struct sst_sim_usb_transfer);
     struct sst_sim_usb_transfer asked;
+    struct transfer *t;
     size_t length, sent;
     int n;
 
     if (r->bytes < sizeof(asked))
         return -EINVAL;
     memcpy(&asked, r->data, sizeof(asked));
-    if (asked.type != USBDEVFS_URB_TYPE_CONTROL && asked.type != USBDEVFS_URB_TYPE_INTERRUPT)
-        return -EINVAL; /* pictures are only available through the video node */
-    length = asked.type == USBDEVFS_URB_TYPE_CONTROL ? (size_t)asked.setup[6] | (size_t)asked.setup[7] << 8 : 0;
-    sent = asked.setup[0] & 0x80 ? 0 : length;
-    if (length > sizeof(t->data) || r->bytes < sizeof(asked) + sent)
+    if (asked.type == USBDEVFS_URB_TYPE_INTERRUPT || asked.type == USBDEVFS_URB_TYPE_BULK)
+        return submit_endpoint(f, &asked, data, r->bytes - sizeof(asked));
+    if (asked.type != USBDEVFS_URB_TYPE_CONTROL)
         return -EINVAL;
-    t = calloc(1, sizeof(*t));
+    length = (size_t)asked.setup[6] | (size_t)asked.setup[7] << 8;
+    sent = asked.setup[0] & 0x80 ? 0 : length;
+    if (length > SST_SIM_USB_TRANSFER_MAX || r->bytes < sizeof(asked) + sent)
+        return -EINVAL;
+    t = append(f, &asked, SST_SIM_USB_TRANSFER_MAX, data, sent);
     if (!t)
         return -ENOMEM;
-    t->t = asked;
-    memcpy(t->data, r->data + sizeof(asked), sent);
-    while (*link)
-        link = &(*link)->next;
-    *link = t;
-    if (asked.type == USBDEVFS_URB_TYPE_INTERRUPT)
-        return 0; /* no changes to report: it stays pending until discarded */
-    n = sst_sim_usb_control(f->shown->front->usb, f->shown->device, t->t.setup, t->data);
-    t->t.status = n < 0 ? n : 0;
-    t->t.actual = n < 0 ? 0 : n;
-    t->done = true;
-    signal_done(f);
+    n = ask_control(f, t->t.setup, t->data);
+    complete(f, t, sst_min_int(n, 0), sst_max_int(n, 0));
     return 0;
 }
 
@@ -111,9 +239,7 @@ static int discard(struct usb_file *f, const struct sim_request *r)
     memcpy(&which, r->data, sizeof(which));
     for (struct transfer *t = f->transfers; t; t = t->next) {
         if (t->t.user == which.user && !t->done) {
-            t->t.status = -ENOENT;
-            t->done = true;
-            signal_done(f);
+            complete(f, t, -ENOENT, 0);
             return 0;
         }
     }
@@ -135,7 +261,7 @@ static int control(struct usb_file *f, struct sim_request *r)
     if (length > sizeof(data) || r->bytes < sizeof(t) + length)
         return -EINVAL;
     memcpy(data, r->data + sizeof(t), length);
-    n = sst_sim_usb_control(f->shown->front->usb, f->shown->device, t.setup, data);
+    n = ask_control(f, t.setup, data);
     if (n >= 0 && (t.setup[0] & 0x80)) {
         memcpy(r->data + sizeof(t), data, (size_t)n);
         r->out_bytes = (uint32_t)(sizeof(t) + (size_t)n);
@@ -162,11 +288,20 @@ static int claim(struct usb_file *f, unsigned interface)
     return 0;
 }
 
+static void let_go(struct usb_file *f, unsigned interface)
+{
+    const struct sim_usb_pipes *pipes = &f->shown->front->pipes;
+
+    f->shown->claims[interface] = NULL;
+    if (is_still(f))
+        pipes->released(pipes->arg);
+}
+
 static int release(struct usb_file *f, unsigned interface)
 {
     if (!has_interface(f, interface) || f->shown->claims[interface] != f)
         return -EINVAL;
-    f->shown->claims[interface] = NULL;
+    let_go(f, interface);
     return 0;
 }
 
@@ -283,7 +418,7 @@ static int file_ioctl(struct sim_handle *h, struct sim_request *r)
 {
     struct usb_file *f = h->state;
     const uint32_t sizeless = ~((uint32_t)_IOC_SIZEMASK << _IOC_SIZESHIFT);
-    const uint32_t capabilities = USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_NO_PACKET_SIZE_LIM |
+    const uint32_t capabilities = USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_BULK_CONTINUATION |
                                   USBDEVFS_CAP_CONNINFO_EX | USBDEVFS_CAP_DROP_PRIVILEGES;
     const struct sst_sim_usb_device *d = device_of(f);
     const struct usbdevfs_connectinfo info = { .devnum = (unsigned)d->address };
@@ -381,6 +516,8 @@ static int file_open(struct sim_handle *h, struct sim_request *r)
     f->shown = h->device;
     f->handle = h;
     h->state = f;
+    f->next = f->shown->files;
+    f->shown->files = f;
     /* Fill the socket: writable would mean that a transfer has completed. */
     while (send(r->out_fd, filler, sizeof(filler), MSG_DONTWAIT | MSG_NOSIGNAL) > 0)
         ;
@@ -400,9 +537,14 @@ static void file_close(struct sim_handle *h)
 {
     struct usb_file *f = h->state;
 
-    for (size_t i = 0; i < ARRAY_LEN(f->shown->claims); i++)
+    for (unsigned i = 0; i < ARRAY_LEN(f->shown->claims); i++)
         if (f->shown->claims[i] == f)
-            f->shown->claims[i] = NULL;
+            let_go(f, i);
+    for (struct usb_file **link = &f->shown->files; *link; link = &(*link)->next)
+        if (*link == f) {
+            *link = f->next;
+            break;
+        }
     while (f->transfers) {
         struct transfer *t = f->transfers;
 

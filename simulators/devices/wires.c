@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "simulators/scene/world/settings.h"
 
 #define TRIGGERS_MAX     16
 #define UVC_HEADER_BYTES 12 /* header before the picture in each packet */
@@ -17,6 +18,7 @@ struct sim_wires {
     struct sim_usb_front *usb;
     struct sim_gpio_front *gpio;
     struct sim_rig *rig;     /* NULL: none */
+    struct sim_still *still; /* NULL: none */
     struct sim_array *array; /* NULL until attached */
     int rows, cols;
     uint64_t edges[TRIGGERS_MAX];
@@ -123,11 +125,13 @@ int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg)
     struct sim_usb_front_config usb = {
         .faults = cfg->faults, .layout = cfg->options.usb, .arg = w, .works = works, .rung = rung
     };
+    const struct sst_sim_still *still = sst_sim_world_still(cfg->world);
     int err;
 
     if (!w)
         return -ENOMEM;
     w->cfg = *cfg;
+    usb.still = still ? still->serial : NULL;
     sst_sim_world_grid(cfg->world, &w->rows, &w->cols);
     usb.cameras = sst_sim_world_cameras(cfg->world);
     usb.size_count = sst_sim_world_sizes(cfg->world, &usb.sizes);
@@ -155,6 +159,24 @@ struct sim_rig *sim_wires_rig(const struct sim_wires *wires)
     return wires->rig;
 }
 
+struct sim_still *sim_wires_still(const struct sim_wires *wires)
+{
+    return wires->still;
+}
+
+static int open_still(struct sim_wires *w)
+{
+    const struct sim_still_config cfg = { .world = w->cfg.world,
+                                          .server = w->cfg.server,
+                                          .faults = w->cfg.faults,
+                                          .usb = w->usb,
+                                          .truth = sim_array_log(w->array),
+                                          .arg = w,
+                                          .pose = pose };
+
+    return sst_sim_world_still(w->cfg.world) ? sim_still_open(&w->still, &cfg) : 0;
+}
+
 int sim_wires_attach(struct sim_wires *w, struct sim_array *array)
 {
     const struct sim_gpio_front_config gpio = {
@@ -165,6 +187,7 @@ int sim_wires_attach(struct sim_wires *w, struct sim_array *array)
         .arg = w,
         .edge = edge,
     };
+    int err;
 
     w->array = array;
     for (int cam = 0; cam < sim_array_cameras(array); cam++)
@@ -175,7 +198,8 @@ int sim_wires_attach(struct sim_wires *w, struct sim_array *array)
                                                 .plugged = plugged,
                                                 .swapped = swapped,
                                                 .pose = w->rig ? pose : NULL });
-    return sim_gpio_front_open(&w->gpio, &gpio);
+    err = open_still(w);
+    return err ? err : sim_gpio_front_open(&w->gpio, &gpio);
 }
 
 void sim_wires_close(struct sim_wires *w)
@@ -183,6 +207,7 @@ void sim_wires_close(struct sim_wires *w)
     if (!w)
         return;
     w->array = NULL;
+    sim_still_close(w->still);
     sim_rig_close(w->rig);
     sim_gpio_front_close(w->gpio);
     sim_usb_front_close(w->usb);

@@ -59,8 +59,13 @@ static int submit(const struct sim_id *id, void *arg)
         return -EFAULT;
     t.type = urb.type;
     t.endpoint = urb.endpoint;
-    if (urb.type != USBDEVFS_URB_TYPE_CONTROL)
-        return exchange(id, USBDEVFS_SUBMITURB, &t, NULL, 0);
+    t.flags = (uint16_t)urb.flags;
+    if (urb.type != USBDEVFS_URB_TYPE_CONTROL) {
+        if (urb.buffer_length < 0 || urb.buffer_length > SST_SIM_USB_BULK_MAX)
+            return -EINVAL;
+        t.length = (uint32_t)urb.buffer_length;
+        return exchange(id, USBDEVFS_SUBMITURB, &t, urb.buffer, urb.endpoint & 0x80 ? 0 : t.length);
+    }
     if (urb.buffer_length < 8 || urb.buffer_length > SST_SIM_USB_TRANSFER_MAX + 8)
         return -EINVAL;
     if (sim_peek(t.setup, urb.buffer, sizeof(t.setup)))
@@ -72,7 +77,7 @@ static int submit(const struct sim_id *id, void *arg)
 static int reap_one(const struct sim_id *id, unsigned long request, void *arg)
 {
     struct sst_sim_usb_transfer t = { 0 };
-    uint8_t data[SST_SIM_USB_TRANSFER_MAX];
+    uint8_t data[SST_SIM_USB_BULK_MAX];
     struct sim_exchange x = {
         .call = { .op = SST_SIM_IOCTL, .cmd = (uint32_t)request, .handle = id->handle },
         .out = { { &t, sizeof(t) }, { data, sizeof(data) } },
@@ -87,8 +92,10 @@ static int reap_one(const struct sim_id *id, unsigned long request, void *arg)
     urb->status = t.status;
     urb->actual_length = t.actual;
     urb->error_count = 0;
-    if (t.actual > 0 && (t.setup[0] & 0x80))
+    if (t.actual > 0 && t.type == USBDEVFS_URB_TYPE_CONTROL && (t.setup[0] & 0x80))
         memcpy((char *)urb->buffer + 8, data, (size_t)t.actual);
+    else if (t.actual > 0 && t.type != USBDEVFS_URB_TYPE_CONTROL && (t.endpoint & 0x80))
+        memcpy(urb->buffer, data, (size_t)t.actual);
     memcpy(arg, &urb, sizeof(urb));
     return 0;
 }

@@ -163,7 +163,7 @@ int sst_sim_usb_control(struct sst_sim_usb *usb, int device, const uint8_t setup
     const struct setup s = { setup[0], setup[1], setup[2] | setup[3] << 8, setup[4] | setup[5] << 8,
                              setup[6] | setup[7] << 8 };
     const struct sst_sim_usb_device *d = &usb->device[device];
-    const bool hub = d->kind != SST_SIM_USB_CAMERA;
+    const bool hub = d->kind == SST_SIM_USB_HUB || d->kind == SST_SIM_USB_ROOT;
 
     if (!d->here)
         return -ENODEV;
@@ -171,8 +171,8 @@ int sst_sim_usb_control(struct sst_sim_usb *usb, int device, const uint8_t setup
         return hub_request(usb, device, &s, data);
     if (s.type == 0x80 && s.request == GET_DESCRIPTOR)
         return reply_descriptor(usb, device, &s, data);
-    if (s.request == GET_STATUS && (s.type & 0xfc) == 0x80) /* hubs are self-powered */
-        return reply(&s, data, (const uint8_t[]){ hub && s.type == 0x80, 0 }, 2);
+    if (s.request == GET_STATUS && (s.type & 0xfc) == 0x80) /* all but cameras are self-powered */
+        return reply(&s, data, (const uint8_t[]){ d->kind != SST_SIM_USB_CAMERA && s.type == 0x80, 0 }, 2);
     if (s.type == 0x80 && s.request == GET_CONFIGURATION)
         return reply(&s, data, (const uint8_t[]){ d->authorized ? 1 : 0 }, 1);
     if (s.type == 0x81 && s.request == GET_INTERFACE && s.index < d->interfaces)

@@ -1,4 +1,4 @@
-/* simulators/devices/usb/usb_descriptors.c - descriptors of hubs and UVC cameras. */
+/* simulators/devices/usb/usb_descriptors.c - descriptors of hubs, UVC cameras and still cameras. */
 #include <errno.h>
 #include <string.h>
 
@@ -9,9 +9,11 @@
 #define PRODUCT_CAMERA 0x0001
 #define PRODUCT_HUB    0x0002
 #define PRODUCT_HUB3   0x0003
+#define PRODUCT_STILL  0x0004
 #define VENDOR_LINUX   0x1d6b
 
 #define VIDEO_CLASS    0x0e
+#define STILL_CLASS    0x06
 #define FRAME_INTERVAL 333333 /* 100 ns */
 
 /** Writes consecutive descriptors; bytes that do not fit are still counted. */
@@ -47,17 +49,20 @@ static void device_descriptor(struct writer *w, const struct sst_sim_usb_device 
 {
     const bool super = d->speed_mbit >= 5000;
     const bool camera = d->kind == SST_SIM_USB_CAMERA, root = d->kind == SST_SIM_USB_ROOT;
+    const bool still = d->kind == SST_SIM_USB_STILL;
 
     PUT(w, 18, 1);
     put(w, super ? 0x0300 : 0x0200, 2);
     if (camera)
         PUT(w, 0xef, 0x02, 0x01, 64); /* interface association */
+    else if (still)
+        PUT(w, 0, 0, 0, 64); /* by interface */
     else
         PUT(w, 0x09, 0x00, super ? 3 : root || d->single_tt ? 1 : 2, super ? 9 : 64);
     put(w, root ? VENDOR_LINUX : VENDOR, 2);
-    put(w, camera ? PRODUCT_CAMERA : root ? (super ? 3 : 2) : super ? PRODUCT_HUB3 : PRODUCT_HUB, 2);
+    put(w, camera ? PRODUCT_CAMERA : still ? PRODUCT_STILL : root ? (super ? 3 : 2) : super ? PRODUCT_HUB3 : PRODUCT_HUB, 2);
     put(w, root ? 0x0601 : 0x0100, 2);
-    PUT(w, 1, 2, camera || root ? 3 : 0, 1);
+    PUT(w, 1, 2, camera || root || still ? 3 : 0, 1);
 }
 
 static void hub_configuration(struct writer *w, const struct sst_sim_usb_device *d)
@@ -133,18 +138,31 @@ static void camera_configuration(struct writer *w, const struct sst_sim_usb *usb
     }
 }
 
+/** Still image class, PTP: bulk in, bulk out, interrupt in. */
+static void still_configuration(struct writer *w)
+{
+    PUT(w, 9, 4, 0, 0, 3, STILL_CLASS, 0x01, 0x01, 0);
+    PUT(w, 7, 5, SST_SIM_USB_BULK_IN, 0x02);
+    put(w, SST_SIM_USB_BULK_PACKET, 2);
+    PUT(w, 0, 7, 5, SST_SIM_USB_BULK_OUT, 0x02);
+    put(w, SST_SIM_USB_BULK_PACKET, 2);
+    PUT(w, 0, 7, 5, SST_SIM_USB_INTERRUPT_IN, 0x03, 64, 0, 9);
+}
+
 int sst_sim_usb_descriptors(const struct sst_sim_usb *usb, int device, uint8_t *out, size_t size)
 {
     const struct sst_sim_usb_device *d = &usb->device[device];
+    const uint8_t self = d->kind == SST_SIM_USB_STILL ? 0xc0 : 0xe0, power = d->kind == SST_SIM_USB_CAMERA ? 250 : 0;
     struct writer w = { out, size, 0 };
     size_t start;
 
     device_descriptor(&w, d);
     start = w.at;
-    PUT(&w, 9, 2, 0, 0, (uint8_t)d->interfaces, 1, 0, d->kind == SST_SIM_USB_CAMERA ? 0x80 : 0xe0,
-        d->kind == SST_SIM_USB_CAMERA ? 250 : 0);
+    PUT(&w, 9, 2, 0, 0, (uint8_t)d->interfaces, 1, 0, d->kind == SST_SIM_USB_CAMERA ? 0x80 : self, power);
     if (d->kind == SST_SIM_USB_CAMERA)
         camera_configuration(&w, usb, d);
+    else if (d->kind == SST_SIM_USB_STILL)
+        still_configuration(&w);
     else
         hub_configuration(&w, d);
     patch16(&w, start + 2, w.at - start);

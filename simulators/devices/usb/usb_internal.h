@@ -16,7 +16,7 @@ struct sst_sim_usb {
     void (*event)(void *arg, int device, enum sst_sim_usb_event event, int interface);
 };
 
-/** usb_layout.c: fill usb->device. @return 0, -EINVAL, -ENOMEM */
-SST_MUST_CHECK int usb_layout_build(struct sst_sim_usb *usb, const char *name, int cameras);
+/** usb_layout.c: fill usb->device. @param still  serial, or NULL @return 0, -EINVAL, -ENOMEM */
+SST_MUST_CHECK int usb_layout_build(struct sst_sim_usb *usb, const char *name, int cameras, const char *still);
 
 #endif

@@ -71,7 +71,7 @@ static int add_at(struct sst_sim_usb *usb, enum sst_sim_usb_kind kind, int paren
     d->bus = up.bus;
     d->speed_mbit = speed_mbit;
     d->ports = kind == SST_SIM_USB_HUB ? HUB_PORTS : 0;
-    d->interfaces = kind == SST_SIM_USB_HUB ? 1 : 2;
+    d->interfaces = kind == SST_SIM_USB_CAMERA ? 2 : 1;
     memcpy(d->controller, up.controller, sizeof(d->controller));
     if (up.kind == SST_SIM_USB_ROOT)
         snprintf(d->path, sizeof(d->path), "%d-%d", d->bus, port);
@@ -171,15 +171,33 @@ static int build_tree(struct sst_sim_usb *usb, const struct layout *layout, int 
     return 0;
 }
 
-int usb_layout_build(struct sst_sim_usb *usb, const char *name, int cameras)
+/** A still camera on a controller of its own: it is charged there, and takes no bandwidth from the others. */
+static int add_still(struct sst_sim_usb *usb, const char *serial)
+{
+    int bus = 0, root, d;
+
+    for (int i = 0; i < usb->count; i++)
+        bus = sst_max_int(bus, usb->device[i].bus);
+    root = add_root(usb, "0000:00:1d.0", bus + 1, 480);
+    d = root < 0 ? root : add_at(usb, SST_SIM_USB_STILL, root, 1, 480);
+    if (d < 0)
+        return d;
+    snprintf(usb->device[d].serial, sizeof(usb->device[d].serial), "%s", serial);
+    return 0;
+}
+
+int usb_layout_build(struct sst_sim_usb *usb, const char *name, int cameras, const char *still)
 {
     for (size_t i = 0; i < ARRAY_LEN(layouts); i++) {
+        int err;
+
         if (name && strcmp(name, layouts[i].name) != 0)
             continue;
         if (cameras < 1 || cameras > 255)
             return -EINVAL;
-        return layouts[i].own_controller ? build_wide(usb, &layouts[i], cameras)
-                                         : build_tree(usb, &layouts[i], cameras);
+        err = layouts[i].own_controller ? build_wide(usb, &layouts[i], cameras)
+                                        : build_tree(usb, &layouts[i], cameras);
+        return err || !still ? err : add_still(usb, still);
     }
     return -EINVAL;
 }

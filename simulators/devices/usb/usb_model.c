@@ -48,7 +48,9 @@ static void set_bound(struct sst_sim_usb *usb, int device, int interface, bool b
 
 static void set_all_bound(struct sst_sim_usb *usb, int device, bool bound)
 {
-    for (int i = 0; i < usb->device[device].interfaces; i++)
+    const bool driver = usb->device[device].kind != SST_SIM_USB_STILL;
+
+    for (int i = 0; driver && i < usb->device[device].interfaces; i++)
         set_bound(usb, device, i, bound);
 }
 
@@ -155,7 +157,7 @@ int sst_sim_usb_bind(struct sst_sim_usb *usb, int device, int interface, bool bo
 {
     struct sst_sim_usb_device *d = &usb->device[device];
 
-    if (!d->here || !d->authorized || interface < 0 || interface >= d->interfaces)
+    if (!d->here || !d->authorized || interface < 0 || interface >= d->interfaces || d->kind == SST_SIM_USB_STILL)
         return -ENODEV;
     if ((d->bound >> interface & 1) == (unsigned)bound)
         return bound ? -EBUSY : -ENODEV;
@@ -260,6 +262,14 @@ int sst_sim_usb_camera(const struct sst_sim_usb *usb, int camera)
     return -1;
 }
 
+int sst_sim_usb_still(const struct sst_sim_usb *usb)
+{
+    for (int i = 0; i < usb->count; i++)
+        if (usb->device[i].kind == SST_SIM_USB_STILL)
+            return i;
+    return -1;
+}
+
 int sst_sim_usb_at(const struct sst_sim_usb *usb, int bus, int address)
 {
     for (int i = 0; i < usb->count; i++)
@@ -285,6 +295,8 @@ bool sst_sim_usb_works(const struct sst_sim_usb *usb, int device)
 
 const char *sst_sim_usb_driver(const struct sst_sim_usb_device *device)
 {
+    if (device->kind == SST_SIM_USB_STILL)
+        return "";
     return device->kind == SST_SIM_USB_CAMERA ? "uvcvideo" : "hub";
 }
 
@@ -292,6 +304,8 @@ const char *sst_sim_usb_product(const struct sst_sim_usb_device *device)
 {
     if (device->kind == SST_SIM_USB_CAMERA)
         return "SST Array Camera";
+    if (device->kind == SST_SIM_USB_STILL)
+        return "SST Still Camera";
     if (device->kind == SST_SIM_USB_ROOT)
         return "xHCI Host Controller";
     return device->speed_mbit >= 5000 ? "USB3.0 Hub" : "USB2.0 Hub";
@@ -314,7 +328,7 @@ int sst_sim_usb_create(struct sst_sim_usb **out, const struct sst_sim_usb_config
     usb->size_count = sst_min_int(cfg->size_count, USB_SIZES_MAX);
     if (usb->size_count > 0)
         memcpy(usb->sizes, cfg->sizes, (size_t)usb->size_count * sizeof(usb->sizes[0]));
-    err = usb_layout_build(usb, cfg->layout, cfg->cameras);
+    err = usb_layout_build(usb, cfg->layout, cfg->cameras, cfg->still);
     if (err) {
         sst_sim_usb_destroy(usb);
         return err;

@@ -15,6 +15,7 @@ enum sst_sim_usb_kind {
     SST_SIM_USB_ROOT = 0, /* root hub: a bus of a controller */
     SST_SIM_USB_HUB = 1,
     SST_SIM_USB_CAMERA = 2,
+    SST_SIM_USB_STILL = 3, /* still camera over PTP: no kernel driver, programs claim its interface */
 };
 
 /** A device, present or not. Parents come before children. Read-only for callers. */
@@ -26,7 +27,7 @@ struct sst_sim_usb_device {
     int speed_mbit;   /* 12, 480 or 5000 */
     int ports;        /* hubs */
     bool single_tt;   /* hubs: one transaction translator for all full-speed devices */
-    int interfaces;   /* hubs: 1, cameras: 2 (control, streaming) */
+    int interfaces;   /* hubs and still cameras: 1, cameras: 2 (control, streaming) */
     int camera;       /* index, or -1 */
     char path[SST_SIM_USB_TEXT];       /* "1-2.3"; "usb1" for a root hub */
     char controller[SST_SIM_USB_TEXT]; /* PCI address */
@@ -60,6 +61,7 @@ enum sst_sim_usb_fault {
 struct sst_sim_usb_config {
     const char *layout;    /* a name of sst_sim_usb_layout(); NULL: the first */
     int cameras;           /* 1..255 */
+    const char *still;     /* serial of a still camera beside them; NULL: none */
     const int (*sizes)[2]; /* [size_count] {width, height} that cameras offer; copied, at most 8 */
     int size_count;
     void *arg;
@@ -77,12 +79,13 @@ void sst_sim_usb_destroy(struct sst_sim_usb *usb); /* sends no events */
 int sst_sim_usb_count(const struct sst_sim_usb *usb);
 const struct sst_sim_usb_device *sst_sim_usb_device(const struct sst_sim_usb *usb, int device);
 int sst_sim_usb_camera(const struct sst_sim_usb *usb, int camera);       /* its device */
+int sst_sim_usb_still(const struct sst_sim_usb *usb);                    /* device of the still camera, or -1 */
 int sst_sim_usb_at(const struct sst_sim_usb *usb, int bus, int address); /* -1 */
 /** The device at a hub's port, here or away, or -1. */
 int sst_sim_usb_child(const struct sst_sim_usb *usb, int hub, int port);
 /** True if the camera's driver is bound, that is, its video node exists. */
 bool sst_sim_usb_works(const struct sst_sim_usb *usb, int device);
-const char *sst_sim_usb_driver(const struct sst_sim_usb_device *device); /* of its interfaces: hub, uvcvideo */
+const char *sst_sim_usb_driver(const struct sst_sim_usb_device *device); /* of its interfaces: hub, uvcvideo; "" */
 const char *sst_sim_usb_product(const struct sst_sim_usb_device *device);
 const char *sst_sim_usb_maker(const struct sst_sim_usb_device *device);
 
@@ -126,6 +129,14 @@ int sst_sim_usb_packet_us(int speed_mbit, int bytes);
  */
 SST_MUST_CHECK int sst_sim_usb_stream(struct sst_sim_usb *usb, int device, int64_t bytes_s);
 void sst_sim_usb_stream_end(struct sst_sim_usb *usb, int device);
+
+/** Endpoints of a still camera. */
+enum sst_sim_usb_endpoint {
+    SST_SIM_USB_BULK_IN = 0x81,
+    SST_SIM_USB_BULK_OUT = 0x02,
+    SST_SIM_USB_INTERRUPT_IN = 0x83,
+};
+#define SST_SIM_USB_BULK_PACKET 512
 
 /* --- usb_descriptors.c, usb_control.c ----------------------------------------------------------------------------- */
 

@@ -277,6 +277,54 @@ static void read_cameras(struct sst_yaml *doc, struct sst_yaml_node *list, struc
     }
 }
 
+/* "faults": what the still camera does wrong before which exposure; sst-sim knows the names. */
+static void read_still_faults(struct sst_yaml *doc, struct sst_yaml_node *list, struct sst_sim_still *still)
+{
+    if (list && list->type != SST_YAML_LIST) {
+        sst_yaml_fault(doc, list, "must be a list of faults: - {shot: 3, fault: busy, value: 500}");
+        return;
+    }
+    for (struct sst_yaml_node *n = list ? list->first : NULL; n; n = n->next) {
+        int shot = 1;
+        double value = 1;
+
+        if (n->type != SST_YAML_MAP) {
+            sst_yaml_fault(doc, n, "must be a fault: {shot: 3, fault: busy, value: 500}");
+            continue;
+        }
+        if (still->faults == SST_SIM_STILL_FAULTS_MAX) {
+            sst_yaml_fault(doc, n, "is one too many; the maximum is %d", SST_SIM_STILL_FAULTS_MAX);
+            return;
+        }
+        (void)sst_yaml_int(doc, sst_yaml_need(doc, n, "shot"), 1, 100000, &shot);
+        (void)sst_yaml_string(doc, sst_yaml_need(doc, n, "fault"), still->fault[still->faults].name,
+                              sizeof(still->fault[0].name));
+        (void)sst_yaml_double(doc, sst_yaml_get(n, "value"), 0, 1e6, &value);
+        still->fault[still->faults].shot = shot;
+        still->fault[still->faults++].value = value;
+    }
+}
+
+static void read_still(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)
+{
+    struct sst_sim_still *still = &s->still;
+
+    if (!map)
+        return;
+    if (!s->rig)
+        sst_yaml_fault(doc, map, "applies only to worlds with `rig: true`: a still camera is in the place of its camera");
+    *still = (struct sst_sim_still){
+        .present = true, .serial = "SST0001", .battery_percent = 80, .card_mb = 64, .lag_ms = 60, .write_ms = 100
+    };
+    (void)sst_yaml_string(doc, sst_yaml_get(map, "serial"), still->serial, sizeof(still->serial));
+    sst_yaml_int(doc, sst_yaml_get(map, "battery_percent"), 0, 100, &still->battery_percent);
+    sst_yaml_int(doc, sst_yaml_get(map, "card_mb"), 1, 256, &still->card_mb);
+    sst_yaml_int(doc, sst_yaml_get(map, "lag_ms"), 0, 10000, &still->lag_ms);
+    sst_yaml_int(doc, sst_yaml_get(map, "write_ms"), 0, 60000, &still->write_ms);
+    sst_yaml_bool(doc, sst_yaml_get(map, "mirror_lockup"), &still->mirror_lockup);
+    read_still_faults(doc, sst_yaml_get(map, "faults"), still);
+}
+
 static void read_size(struct sst_yaml *doc, struct sst_yaml_node *root, struct sst_sim_settings *s)
 {
     struct sst_yaml_node *size = sst_yaml_get(root, "size"), *grid = sst_yaml_get(root, "grid");
@@ -364,6 +412,7 @@ static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
     read_sensor(doc, section(doc, root, "sensor"), s);
     read_timing(doc, section(doc, root, "timing"), s);
     read_cameras(doc, sst_yaml_get(root, "cameras"), s);
+    read_still(doc, section(doc, root, "still"), s);
     if (!strcmp(name, SIM_HEDGE))
         check_hedge(doc, root, s);
 }

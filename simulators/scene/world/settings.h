@@ -58,6 +58,23 @@ struct sst_sim_override {
     double moves_deg[3], moves_mm[3];
 };
 
+#define SST_SIM_STILL_FAULTS_MAX 64
+
+/** A still camera over PTP in the place of the rig's camera. */
+struct sst_sim_still {
+    bool present;
+    char serial[32];
+    int battery_percent, card_mb;
+    int lag_ms, write_ms; /* from the release to the exposure; from its end to the file on the card */
+    bool mirror_lockup;   /* the first release lifts the mirror, the second one exposes */
+    int faults;
+    struct {
+        int shot; /* before this exposure, from 1 */
+        char name[24];
+        double value;
+    } fault[SST_SIM_STILL_FAULTS_MAX];
+};
+
 /** Spreads are standard deviations of a normal distribution over the cameras. Plain values only: the bytes are the
  *  cache's key. */
 struct sst_sim_settings {
@@ -83,6 +100,7 @@ struct sst_sim_settings {
     double delay_us, delay_spread_us, jitter_us, latency_us, latency_spread_us, phase_spread_us;
     double clock_offset_spread_us, clock_drift_spread_ppm;
     struct sst_sim_board board;
+    struct sst_sim_still still;
     struct sst_sim_override camera[SST_CAMERAS_MAX];
 };
 

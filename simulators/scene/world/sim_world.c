@@ -187,6 +187,11 @@ const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *w,
     return &sim_stage_camera(w->stage, cam)->timing;
 }
 
+const struct sst_sim_still *sst_sim_world_still(const struct sst_sim_world *w)
+{
+    return w->settings.still.present ? &w->settings.still : NULL;
+}
+
 int sst_sim_world_exposure_us(const struct sst_sim_world *world)
 {
     return world->settings.exposure_us;

@@ -7,6 +7,7 @@
 #include "base/base.h"
 #include "base/file.h"
 
+struct sst_sim_still;
 struct sst_sim_world; /* opaque; frames from one thread at a time */
 
 /** Timing of a camera relative to the trigger. */
@@ -47,6 +48,8 @@ int sst_sim_world_cameras(const struct sst_sim_world *world); /* 36 for an array
 void sst_sim_world_grid(const struct sst_sim_world *world, int *rows, int *cols);
 void sst_sim_world_size(const struct sst_sim_world *world, int *width, int *height); /* native */
 const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *world, int cam);
+/** The still camera (settings.h), or NULL: none. */
+const struct sst_sim_still *sst_sim_world_still(const struct sst_sim_world *world);
 int sst_sim_world_exposure_us(const struct sst_sim_world *world); /* nominal: result of automatic exposure */
 uint64_t sst_sim_world_seed(const struct sst_sim_world *world);
 
