@@ -29,6 +29,9 @@ WITH_DEFLATE ?= $(call have,libdeflate)
 WITH_UDEV ?= $(call have,libudev)
 WITH_USB ?= $(call have,libusb-1.0)
 WITH_MODBUS ?= $(call have,libmodbus)
+# Still cameras, and their raw files.
+WITH_GPHOTO2 ?= $(call have,libgphoto2)
+WITH_RAW ?= $(call have,libraw_r)
 WITH_HTTPD ?= $(call have,libmicrohttpd gnutls)
 WITH_SYSTEMD ?= $(call have,libsystemd)
 WITH_RTSP ?= $(call have,gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-app-1.0)
@@ -47,7 +50,7 @@ WITH_GPIOD ?= $(shell $(PKG_CONFIG) --atleast-version=2 libgpiod 2>/dev/null && 
 
 PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
             $(if $(filter 1,$(WITH_DEFLATE)),libdeflate) $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
-            $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1,$(WITH_HTTPD)),libmicrohttpd gnutls) \
+            $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1,$(WITH_GPHOTO2)),libgphoto2) $(if $(filter 1,$(WITH_HTTPD)),libmicrohttpd gnutls) \
             $(if $(filter 1,$(WITH_SYSTEMD)),libsystemd) $(if $(filter 1,$(WITH_CURL)),libcurl) \
             $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod)
 
@@ -83,7 +86,7 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
         -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
         -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_DEFLATE=$(WITH_DEFLATE) -DWITH_HTTPD=$(WITH_HTTPD) \
         -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) \
-        -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DSST_DATADIR='"$(PREFIX)/share/sst"'
+        -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DWITH_GPHOTO2=$(WITH_GPHOTO2) -DWITH_RAW=$(WITH_RAW) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
 PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) $(AV_PACKAGES)))
 PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES))
@@ -161,6 +164,11 @@ $(BUILD)/obj/pipeline/calibration/report/report.o: pipeline/calibration/report/r
 # libcurl is loaded when it is first used.
 ifeq (1,$(WITH_CURL))
 $(BUILD)/obj/client/curl.o: private CFLAGS_ALL += -DSST_CURL_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=$(patsubst -l%,lib%.so,$(filter -lcurl%,$(PACKAGE_LIBS)))) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
+endif
+# So is LibRaw.
+ifeq (1,$(WITH_RAW))
+$(BUILD)/obj/pipeline/image/develop.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags libraw_r)) \
+    -DSST_RAW_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=libraw_r.so) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
 endif
 # Where plugins of GStreamer are: they are loaded one by one.
 $(BUILD)/obj/publishers/rtsp/%.o $(BUILD)/obj/tests/unit/rtsp_jpeg.o: private CFLAGS_ALL += $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES_rtsp))) \

@@ -80,10 +80,59 @@ static void state_text(char *text, size_t size, const struct sst_grab_device *d)
 
 /* --- output ------------------------------------------------------------------------------------------------------- */
 
-static int print_json(const struct sst_grab_device *devices, const struct cli_place *place, int count)
+/* Still cameras, which are no part of the array. */
+struct stills {
+    struct sst_still_device *device;
+    int count;
+};
+
+static void still_state(char *text, size_t size, const struct sst_still_device *d)
+{
+    if (d->error == EACCES || d->error == EPERM)
+        snprintf(text, size, "no permission: install systemd/60-sst.rules and add this user to group video");
+    else if (d->error)
+        snprintf(text, size, "cannot be opened: %s", strerror(d->error));
+    else
+        snprintf(text, size, "%s", WITH_GPHOTO2 ? "there" : "there, but sst is built without libgphoto2");
+}
+
+static json_t *still_json(const struct stills *stills)
 {
     json_t *list = json_array();
-    int err = list ? 0 : -ENOMEM;
+
+    for (int i = 0; list && i < stills->count; i++) {
+        const struct sst_still_device *d = &stills->device[i];
+        char state[128];
+
+        still_state(state, sizeof(state), d);
+        if (json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:s}", "name", d->name, "serial", d->serial, "port",
+                                                  d->port, "state", state))) {
+            json_decref(list);
+            list = NULL;
+        }
+    }
+    return list;
+}
+
+static void print_stills(const struct stills *stills)
+{
+    if (!stills->count)
+        return;
+    printf("\n%-26s %-14s %-10s %s\n", "STILL CAMERA", "SERIAL", "PORT", "STATE");
+    for (int i = 0; i < stills->count; i++) {
+        const struct sst_still_device *d = &stills->device[i];
+        char state[128];
+
+        still_state(state, sizeof(state), d);
+        printf("%-26s %-14s %-10s %s\n", d->name, *d->serial ? d->serial : "-", d->port, state);
+    }
+}
+
+static int print_json(const struct sst_grab_device *devices, const struct cli_place *place, int count,
+                      const struct stills *stills)
+{
+    json_t *list = json_array(), *still = still_json(stills);
+    int err = list && still ? 0 : -ENOMEM;
 
     for (int i = 0; !err && i < count; i++) {
         const struct sst_grab_device *d = &devices[i];
@@ -96,10 +145,12 @@ static int print_json(const struct sst_grab_device *devices, const struct cli_pl
         if (!cli_place_json(one, place[i]) || json_array_append_new(list, one))
             err = -ENOMEM;
     }
-    if (err)
+    if (err) {
         json_decref(list);
-    else if (cli_dump_json(json_pack("{s:o}", "cameras", list), JSON_INDENT(2)) != CLI_OK)
+        json_decref(still);
+    } else if (cli_dump_json(json_pack("{s:o, s:o}", "cameras", list, "still", still), JSON_INDENT(2)) != CLI_OK) {
         err = -ENOMEM;
+    }
     if (err)
         sst_log_error("cannot print the list of cameras: %s", strerror(-err));
     return err;
@@ -161,25 +212,35 @@ static int local(const char *config, bool json)
     struct sst_array_config cfg;
     struct sst_grab_device *devices = NULL;
     struct cli_place *place = NULL;
+    struct stills stills = { .count = 0 };
     int count = 0, err;
 
     err = sst_array_config_read(&cfg, config);
     err = err ? err : sst_grab_list(&devices, &count);
     if (err)
         return err;
+    err = sst_still_list(&stills.device, &stills.count);
+    if (err) {
+        free(devices);
+        return err;
+    }
     place = calloc((size_t)count + 1, sizeof(*place));
     if (!place) {
         sst_log_error("no memory for a list of cameras");
+        free(stills.device);
         free(devices);
         return -ENOMEM;
     }
     cli_places(place, &cfg, devices, count);
     warn_missing(&cfg, place, count);
     warn_duplicates(devices, count);
-    if (json)
-        err = print_json(devices, place, count);
-    else
+    if (json) {
+        err = print_json(devices, place, count, &stills);
+    } else {
         print_table(devices, place, count);
+        print_stills(&stills);
+    }
+    free(stills.device);
     free(place);
     free(devices);
     return err;
@@ -243,7 +304,7 @@ const struct cli_command cli_cameras = {
     .detail = "If a service runs: its grid, the frame rate of each camera, and which do not stream and why. Otherwise, "
               "or\nwith --local or --config: V4L2 capture devices by USB port, with serial, port, driver, formats, "
               "their position\nin the array by the configuration, and their state: free, busy (and the program that "
-              "uses them) or without\npermission. Bind cameras by serial, or by port if serials are missing or equal; "
+              "uses them) or without\npermission; then still cameras over USB. Bind cameras by serial, or by port if serials are missing or equal; "
               "/dev/videoN depends on the\norder of plugging.",
     .example = "sst cameras\n  sst cameras --config array.yaml",
     .run = run,

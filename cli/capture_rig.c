@@ -11,12 +11,15 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "capture/rig/rig_camera.h"
+#include "capture/rig/rig_still.h"
 #include "cli/cli_internal.h"
 #include "config/array.h"
 
 /* Options of the command line; the rest comes from the configuration. */
 struct options {
     const char *dir, *config, *pitch, *pitch_y, *origin, *camera, *bus, *profile, *format;
+    const char *still; /* serial or port of a still camera, "" the only one; NULL: another camera */
+    struct cli_still_options still_options;
     int grid[2], size[2], axes, attempts, settle_ms, guard_ms;
     double backlash_mm, speed_mm_s, accel_mm_s2;
     bool dry_run, resume, json;
@@ -173,22 +176,29 @@ static int configure(const struct cli_command *cmd, const struct options *o, str
     if (r == CLI_GO_ON)
         r = set_origin(cmd, o->origin, rig->axes, cfg->origin_um);
     if (r == CLI_GO_ON)
-        r = set_format(cmd, o->format, &array->fourcc);
+        r = o->still ? cli_still_configure(cmd, &o->still_options, o->format, array, cfg)
+                     : set_format(cmd, o->format, &array->fourcc);
     if (r != CLI_GO_ON)
         return r;
     if (cfg->pitch_um[0] < 1)
         return cli_usage_error(cmd, "the distance between views is missing: --pitch 40mm");
+    cfg->cancel = &cancel;
+    if (o->still)
+        return CLI_GO_ON;
     cfg->fourcc = array->fourcc;
     cfg->width = array->width;
     cfg->height = array->height;
     cfg->rate_hz = array->rate_hz;
-    cfg->cancel = &cancel;
     return CLI_GO_ON;
 }
 
 /* Names and values of the controls, which must be the same in a resumed capture. */
-static void controls_text(const struct sst_array_config *a, char *text, size_t size)
+static void controls_text(const struct options *o, const struct sst_array_config *a, char *text, size_t size)
 {
+    if (o->still) {
+        cli_still_text(a, text, size);
+        return;
+    }
     text[0] = 0;
     for (int i = 0; i < a->controls; i++)
         sst_text_add(text, size, "%s%s=%lld", i ? "," : "", a->control[i].name, (long long)a->control[i].value);
@@ -225,25 +235,26 @@ static void print_plan(const struct sst_scan_config *cfg, const struct sst_scan_
            plan->seconds, plan->speed_assumed ? " (assuming 50 mm/s: set --speed)" : "", (double)plan->bytes * 1e-6);
 }
 
-static void print_report(const struct sst_scan_config *cfg, const struct sst_scan_report *r,
-                         const struct sst_grab_counters *camera, int count, bool json)
+/* @param camera  counters of the camera, taken over */
+static void print_report(const struct sst_scan_config *cfg, const struct sst_scan_report *r, json_t *camera, int count,
+                         bool json)
 {
     if (json) {
         json_t *all = json_pack(
             "{s:s, s:i, s:i, s:i, s:i, s:i, s:i, s:i, s:i, s:{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}, "
-            "s:{s:I, s:I, s:I}}",
+            "s:o}",
             "dir", cfg->dir, "views", cfg->rows * cfg->cols, "there", count, "taken", r->taken, "again", r->again,
             "rig_faults", r->rig_faults, "camera_faults", r->camera_faults, "moved", r->moved, "homed", r->homed, "rig",
             "requests", (json_int_t)r->rig.requests, "timeouts", (json_int_t)r->rig.timeouts, "garbled",
             (json_int_t)r->rig.garbled, "exceptions", (json_int_t)r->rig.exceptions, "lost", (json_int_t)r->rig.lost,
             "reconnects", (json_int_t)r->rig.reconnects, "stalls", (json_int_t)r->rig.stalls, "limits",
             (json_int_t)r->rig.limits, "alarms", (json_int_t)r->rig.alarms, "missed", (json_int_t)r->rig.missed, "lies",
-            (json_int_t)r->rig.lies, "camera", "frames", (json_int_t)camera->frames, "bad", (json_int_t)camera->bad,
-            "lost", (json_int_t)camera->lost);
+            (json_int_t)r->rig.lies, "camera", camera);
 
         (void)cli_dump_json(all, JSON_COMPACT);
         return;
     }
+    json_decref(camera);
     printf("%s: %d of %d views, %d captured now, %d attempts failed (rig %d, camera %d, moved %d), homed %d times\n",
            cfg->dir, count, cfg->rows * cfg->cols, r->taken, r->again, r->rig_faults, r->camera_faults, r->moved,
            r->homed);
@@ -281,42 +292,76 @@ static int exit_code(int err)
     case EBUSY:
     case EMFILE:
     case ENOTCONN:
+    case ENOMEDIUM:
+    case EPERM:
         return CLI_MISSING;
     default:
         return cli_exit_code(err);
     }
 }
 
+/* The camera on the rig: one of both kinds. */
+struct on_rig {
+    struct sst_scan_grab *grab;
+    struct sst_scan_still *still;
+    struct sst_scan_camera camera;
+};
+
+static int open_camera(struct on_rig *on, const struct options *o, const struct sst_array_config *array, bool resumed)
+{
+    struct sst_still_config still;
+
+    if (!o->still)
+        return sst_scan_grab_open(&on->grab, array, o->camera, &cancel, &on->camera);
+    cli_still_config(&still, array, o->still, resumed, &cancel);
+    return sst_scan_still_open(&on->still, &still, &on->camera);
+}
+
+static void close_camera(struct on_rig *on)
+{
+    sst_scan_still_close(on->still);
+    sst_scan_grab_close(on->grab);
+}
+
+static json_t *camera_report(const struct on_rig *on)
+{
+    struct sst_grab_counters count = { .frames = 0 };
+
+    if (on->still)
+        return cli_still_report(on->still);
+    if (on->grab)
+        sst_scan_grab_counters(on->grab, &count);
+    return json_pack("{s:I, s:I, s:I}", "frames", (json_int_t)count.frames, "bad", (json_int_t)count.bad, "lost",
+                     (json_int_t)count.lost);
+}
+
 static int capture(const struct options *o, const struct sst_array_config *array, const struct sst_rig_config *rig_cfg,
                    const struct sst_scan_config *cfg, struct sst_scan_store *store)
 {
     struct sst_scan_report report = { .there = sst_scan_store_count(store) };
-    struct sst_grab_counters camera_count = { .frames = 0 };
-    struct sst_scan_camera camera;
-    struct sst_scan_grab *grab = NULL;
+    struct on_rig on = { .grab = NULL };
     struct sst_rig *rig = NULL;
     int err;
 
     if (report.there == cfg->rows * cfg->cols) {
         err = sst_scan_store_finish(store);
         if (!err)
-            print_report(cfg, &report, &camera_count, report.there, o->json);
+            print_report(cfg, &report, camera_report(&on), report.there, o->json);
         return err;
     }
     catch_signals();
     err = sst_rig_open(&rig, rig_cfg);
     if (!err) {
         atomic_store(&rig_at_work, rig);
-        err = sst_scan_grab_open(&grab, array, o->camera, &cancel, &camera);
+        err = open_camera(&on, o, array, report.there > 0);
     }
     if (!err) {
-        err = sst_scan_run(rig, rig_cfg, &camera, store, cfg, &report);
+        err = sst_scan_run(rig, rig_cfg, &on.camera, store, cfg, &report);
         cli_progress_end();
-        sst_scan_grab_counters(grab, &camera_count);
-        print_report(cfg, &report, &camera_count, sst_scan_store_count(store), o->json);
+        print_report(cfg, &report, camera_report(&on), sst_scan_store_count(store), o->json);
     }
     atomic_store(&rig_at_work, NULL);
-    sst_scan_grab_close(grab);
+    close_camera(&on);
     sst_rig_close(rig);
     return err;
 }
@@ -332,7 +377,7 @@ static int run_with(const struct cli_command *cmd, const struct options *o, stru
 
     if (r != CLI_GO_ON)
         return r;
-    controls_text(array, controls, sizeof(controls));
+    controls_text(o, array, controls, sizeof(controls));
     cfg.controls = controls;
     cfg.progress = cli_progress;
     cfg.progress_arg = (char[]){ "capture" };
@@ -361,9 +406,15 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "pitch", 0, CLI_STRING, &o.pitch, "P", "distance between columns: 40mm, 4cm, 250um; array: spacing_mm" },
         { "pitch-y", 0, CLI_STRING, &o.pitch_y, "P", "distance between rows; as --pitch" },
         { "origin", 0, CLI_STRING, &o.origin, "X,Y[,Z]", "position of view 0,0; start of the travel plus backlash" },
-        { "camera", 0, CLI_STRING, &o.camera, "ID", "serial or port of the camera; the only one connected" },
+        { "camera", 0, CLI_STRING, &o.camera, "ID",
+          "serial or port of the camera, the only one connected; still or still:ID: a still camera" },
         { "size", 0, CLI_SIZE, o.size, "WxH", "pixels of a frame; cameras: in the configuration", 1, 32768 },
-        { "format", 0, CLI_STRING, &o.format, "F", "MJPG, GREY or Y16; likewise" },
+        { "format", 0, CLI_STRING, &o.format, "F", "MJPG, GREY or Y16; of a still camera its own name; likewise" },
+        { "files", 0, CLI_STRING, &o.still_options.files, "F", "still camera: jpeg, raw or raw+jpeg; still: files" },
+        { "exposure", 0, CLI_STRING, &o.still_options.exposure, "T", "still camera: seconds, 1/125; still: exposure" },
+        { "aperture", 0, CLI_STRING, &o.still_options.aperture, "N", "still camera: 8; still: aperture" },
+        { "iso", 0, CLI_STRING, &o.still_options.iso, "N", "still camera: 100; still: iso" },
+        { "focus", 0, CLI_STRING, &o.still_options.focus, "F", "still camera: manual, locked or leave; still: focus" },
         { "config", 'c', CLI_STRING, &o.config, "FILE", "configuration; /etc/sst/sstd.yaml if it exists" },
         { "bus", 0, CLI_STRING, &o.bus, "BUS", "tcp:HOST:PORT or rtu:DEVICE,BAUD,8E1; rig: bus" },
         { "profile", 0, CLI_STRING, &o.profile, "NAME",
@@ -389,6 +440,10 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return r;
     if (!o.dir && !o.dry_run)
         return cli_usage_error(cmd, "the output folder is missing: -o DIR");
+    o.still = cli_still_selected(o.camera);
+    r = cli_still_check(cmd, o.still, &o.still_options);
+    if (r != CLI_GO_ON)
+        return r;
     array = calloc(1, sizeof(*array));
     if (!array)
         return CLI_MEMORY;
@@ -404,8 +459,9 @@ const struct cli_command cli_capture_rig = {
     .detail = "For each view: move, wait until every axis stands still, settle, capture the first frame that starts "
               "after that,\ncheck that nothing moved, store the camera's bytes and a line in DIR/capture.jsonl. Ctrl-C "
               "stops the motors; the\nsame command resumes, also after a crash or a power cut: views are verified by "
-              "their hashes, damaged ones are\ncaptured again. A complete folder is a light field for `sst process`. "
-              "docs/use/rig.md lists the drives and how to add\none.",
+              "their hashes, damaged ones are\ncaptured again. A complete folder is a light field for `sst process`. With "
+              "--camera still, a still camera over USB:\nits files are stored unchanged, raw ones beside the views. "
+              "docs/use/rig.md lists the drives and how to add one.",
     .example = "sst capture rig --grid 6x6 --pitch 40mm --dry-run\n"
                "  sst capture rig --grid 6x6 --pitch 40mm --bus tcp:192.168.0.10:502 --profile sst-sim -o garden",
     .run = run,

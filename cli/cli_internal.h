@@ -11,6 +11,7 @@
 #include "capture/calibration/gather.h"
 #include "capture/recording/recorder.h"
 #include "capture/recording/recording.h"
+#include "capture/rig/rig_still.h"
 #include "client/client.h"
 #include "config/array.h"
 #include "drivers/grab/grab.h"
@@ -237,6 +238,27 @@ SST_MUST_CHECK int cli_open_recorder(struct sst_recorder **out, const struct sst
 
 extern const struct cli_command cli_capture_array, cli_capture_rig;
 
+/* --- capture_still: the still camera of sst capture rig. --- */
+
+/** Options that override still: in the configuration; NULL: not given. */
+struct cli_still_options {
+    const char *files, *exposure, *aperture, *iso, *focus;
+};
+
+/** "still", "still:ID": the serial or port, "" where there is none; NULL: another camera. */
+const char *cli_still_selected(const char *camera);
+/** Refuse options of still cameras with another one. @return CLI_GO_ON or an exit code */
+int cli_still_check(const struct cli_command *cmd, const char *still, const struct cli_still_options *o);
+/** Apply the options to the configuration, and set what the scan depends on. @return CLI_GO_ON or an exit code */
+int cli_still_configure(const struct cli_command *cmd, const struct cli_still_options *o, const char *format,
+                        struct sst_array_config *array, struct sst_scan_config *cfg);
+/** The settings as text: those that a resumed capture must have. */
+void cli_still_text(const struct sst_array_config *a, char *text, size_t size);
+void cli_still_config(struct sst_still_config *out, const struct sst_array_config *a, const char *camera, bool resumed,
+                      const SST_ATOMIC(bool) * cancel);
+/** Counters, battery and card. @return a new reference; NULL: no memory */
+json_t *cli_still_report(const struct sst_scan_still *still);
+
 /* --- demo_live: sst demo: sstd on simulated arrays, with its page. --- */
 
 /** Run until interrupted. @param out  folder @param port  of the page; 0: 8090, or that of a kept configuration
@@ -300,6 +322,7 @@ void doctor_add(struct doctor *d, enum doctor_level level, const char *area, con
 
 /* doctor_devices.c */
 void doctor_check_cameras(struct doctor *d);
+void doctor_check_still(struct doctor *d);
 void doctor_check_bandwidth(struct doctor *d);
 void doctor_check_trigger(struct doctor *d);
 void doctor_check_rig(struct doctor *d);

@@ -75,6 +75,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_exit_code(err);
     doctor = (struct doctor){ .cfg = &cfg, .folder = folder };
     doctor_check_cameras(&doctor);
+    doctor_check_still(&doctor);
     doctor_check_bandwidth(&doctor);
     doctor_check_trigger(&doctor);
     doctor_check_rig(&doctor);

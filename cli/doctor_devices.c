@@ -10,6 +10,7 @@
 #include "base/text.h"
 #include "cli/cli_internal.h"
 #include "drivers/grab/grab.h"
+#include "drivers/still/still.h"
 #include "drivers/trigger/trigger.h"
 
 #define LIST_MAX 200
@@ -163,6 +164,38 @@ void doctor_check_cameras(struct doctor *d)
                        d->cfg->rows, d->cfg->cols);
     }
     free(list);
+}
+
+/* --- still cameras: for the rig, so that none is fine ------------------------------------------------------------- */
+
+void doctor_check_still(struct doctor *d)
+{
+    struct names denied = { .count = 0 };
+    struct sst_still_device *list;
+    char node[64] = "", remedy[160];
+    int n;
+
+    if (sst_still_list(&list, &n)) {
+        doctor_add(d, DOCTOR_PROBLEM, "still", "still cameras cannot be listed (see above)");
+        return;
+    }
+    for (int i = 0; i < n; i++) {
+        if (!list[i].error)
+            continue;
+        snprintf(node, sizeof(node), "/dev/bus/usb/%03d/%03d", list[i].bus, list[i].address);
+        add_name(&denied, node);
+    }
+    free(list);
+    if (denied.count) {
+        remedy_of_rights(node, remedy, sizeof(remedy));
+        doctor_add(d, DOCTOR_PROBLEM, "still", "no permission to open still camera %s: %s", text_of(&denied), remedy);
+    } else if (n && !WITH_GPHOTO2) {
+        doctor_add(d, DOCTOR_WARNING, "still",
+                   "a still camera is connected, but sst is built without libgphoto2: install libgphoto2-dev and build "
+                   "again");
+    } else if (n) {
+        doctor_add(d, DOCTOR_OK, "still", "%d still camera%s can be opened", n, n == 1 ? "" : "s");
+    }
 }
 
 /* --- USB ---------------------------------------------------------------------------------------------------------- */

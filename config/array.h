@@ -16,6 +16,19 @@ enum sst_config_source {
     SST_CONFIG_FREE_RUN = 2,
 };
 
+/** Files of a still camera. */
+enum sst_config_files {
+    SST_CONFIG_JPEG = 0,
+    SST_CONFIG_RAW = 1,
+    SST_CONFIG_RAW_JPEG = 2,
+};
+
+enum sst_config_focus {
+    SST_CONFIG_FOCUS_LEAVE = 0,
+    SST_CONFIG_FOCUS_MANUAL = 1,
+    SST_CONFIG_FOCUS_LOCKED = 2,
+};
+
 struct sst_config_camera {
     int row, col;
     char serial[64], port[64]; /* either one */
@@ -58,6 +71,12 @@ struct sst_array_config {
     double rig_travel_min_mm[3], rig_travel_max_mm[3], rig_um_per_count[3], rig_tolerance_um;
     double rig_speed_mm_s, rig_accel_mm_s2; /* 0: setting of the drives */
     int rig_response_ms, rig_retries, rig_reconnect_ms, rig_settle_ms;
+    /* still: "" leaves a setting as the camera has it */
+    char still_exposure[64], still_aperture[64], still_iso[64], still_format[64];
+    enum sst_config_files still_files;
+    enum sst_config_focus still_focus;
+    int still_mirror_ms, still_card_ms, still_response_ms, still_reopen_ms, still_battery_percent;
+    bool still_keep;
 };
 
 void sst_array_config_defaults(struct sst_array_config *cfg);

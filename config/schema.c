@@ -24,6 +24,8 @@ static const char *const modes[] = { "off", "continuous", "event" };
 static const char *const reduced[] = { "off", "view", "changed", "sets", "tiles" };
 static const char *const methods[] = { "refocus", "sst", "clear" };
 static const char *const codecs[] = { "h264", "mjpeg" };
+static const char *const still_files[] = { "jpeg", "raw", "raw+jpeg" };
+static const char *const focuses[] = { "leave", "manual", "locked" };
 
 const char *const sst_event_types[] = {
     "*",       "state",        "camera-lost", "camera-found", "trigger-lost", "trigger-found", "skew",
@@ -194,6 +196,39 @@ static const struct sst_key keys[] = {
       RANGE(0, 600000) },
     { KEY("rig", "settle_ms", INT, array.rig_settle_ms, "200", LIVE, "time of standstill before a frame"),
       RANGE(0, 60000) },
+
+    { KEY("still", "exposure", TEXT, array.still_exposure, "", LIVE,
+          "exposure time in seconds, for example 1/125; \"\": as the camera is set, as for the next three keys") },
+    { KEY("still", "aperture", TEXT, array.still_aperture, "", LIVE, "aperture, for example 8") },
+    { KEY("still", "iso", TEXT, array.still_iso, "", LIVE, "sensitivity, for example 100") },
+    { KEY("still", "format", TEXT, array.still_format, "", LIVE,
+          "the camera's own name for the kind and quality of its files (gphoto2 --get-config imageformat or "
+          "imagequality), or the number in it") },
+    { KEY("still", "files", CHOICE, array.still_files, "jpeg", LIVE,
+          "files of an exposure; jpeg: one is the view; raw: one is developed to the view and kept; raw+jpeg: the JPEG is "
+          "the view, the raw file is kept"),
+      CHOICE(still_files) },
+    { KEY("still", "focus", CHOICE, array.still_focus, "manual", LIVE,
+          "manual: as the lens is set; locked: focused automatically by an exposure that is discarded, then manual; "
+          "leave: as the camera is set"),
+      CHOICE(focuses) },
+    { KEY("still", "mirror_ms", INT, array.still_mirror_ms, "0", LIVE,
+          "pause between the release that lifts the mirror and the one that exposes, for cameras set to mirror lock-up; "
+          "0: one release"),
+      RANGE(0, 20000) },
+    { KEY("still", "card_ms", INT, array.still_card_ms, "20000", LIVE,
+          "longest time from a release until the camera has written the files, exposure included"),
+      RANGE(100, 600000) },
+    { KEY("still", "response_ms", INT, array.still_response_ms, "10000", LIVE, "time-out of an answer over USB"),
+      RANGE(100, 120000) },
+    { KEY("still", "reopen_ms", INT, array.still_reopen_ms, "20000", LIVE,
+          "time for a camera that was unplugged or hangs to come back"),
+      RANGE(0, 600000) },
+    { KEY("still", "battery_percent", INT, array.still_battery_percent, "5", LIVE,
+          "the capture stops when the battery has less; 0: never"),
+      RANGE(0, 100) },
+    { KEY("still", "keep", BOOL, array.still_keep, "false", LIVE,
+          "files stay on the camera's card; false: they are deleted there when they are stored") },
 
     { KEY("live", "enabled", BOOL, live.enabled, "true", PICTURE, "false: only capture, show the cameras and record") },
     { KEY("live", "calibration", TEXT, live.calibration, "", PICTURE,
@@ -406,7 +441,7 @@ int sst_schema_index(const char *dotted)
 
 bool sst_key_of_array(const struct sst_key *key)
 {
-    static const char *const sections[] = { "array", "cameras", "trigger", "sets", "rig" };
+    static const char *const sections[] = { "array", "cameras", "trigger", "sets", "rig", "still" };
 
     for (size_t i = 0; i < ARRAY_LEN(sections); i++)
         if (!strcmp(key->section, sections[i]))
@@ -422,6 +457,7 @@ const char *sst_schema_section_help(const char *section)
         { "trigger", "The trigger that exposes all cameras together." },
         { "sets", "How frames are grouped into framesets (short: sets), one frame of each camera for one trigger." },
         { "rig", "The motor rig of sst capture rig; the service does not use it." },
+        { "still", "A still camera on the rig (sst capture rig --camera still); the service does not use it." },
         { "live", "The live picture." },
         { "control", "The UNIX socket through which local clients control the service." },
         { "web", "The page, the API and the video streams over TCP, with a token." },

@@ -115,7 +115,7 @@ static void print_key(const struct sst_key *k, bool field)
     } else {
         print("; must be given");
     }
-    if (!field && strcmp(k->section, "rig") != 0) {
+    if (!field && strcmp(k->section, "rig") != 0 && strcmp(k->section, "still") != 0) {
         print("; ");
         print(reload[k->reload]);
         if (k->switches)

@@ -129,6 +129,8 @@ static bool is_final(int err)
     case EROFS:
     case EDQUOT:
     case EFBIG:
+    case ENOMEDIUM: /* card full, battery low */
+    case ENOPKG:
         return true;
     default:
         return false;

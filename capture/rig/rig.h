@@ -4,10 +4,22 @@
 
 #include <stdatomic.h>
 
+#include <jansson.h>
+
 #include "base/frame.h"
 #include "drivers/rig/rig.h"
 
-/** The camera on the rig (rig_camera.h: one opened by sst_grab). */
+/** Format of views that are developed from a still camera's raw files; not one of V4L2's. */
+#define SST_SCAN_RAW ('R' | 'A' << 8 | 'W' << 16 | (uint32_t)' ' << 24)
+
+/** A raw file, which is stored as it is beside the view. */
+struct sst_scan_original {
+    const char *extension; /* "cr2", of the camera's name for it in lower case */
+    const uint8_t *data;
+    size_t bytes;
+};
+
+/** The camera on the rig (rig_camera.h: one opened by sst_grab; rig_still.h: a still camera). */
 struct sst_scan_camera {
     void *arg;
     /**
@@ -17,6 +29,10 @@ struct sst_scan_camera {
     int (*expose)(void *arg, int64_t after_ns, int timeout_ms, struct sst_frame **frame);
     void (*release)(void *arg, struct sst_frame *frame);
     const char *serial, *port; /* identity of the camera; "" unknown */
+    /** Still cameras, else NULL: raw file of the last frame, until its release; NULL: none. */
+    const struct sst_scan_original *(*original)(void *arg);
+    /** Still cameras, else NULL: battery and card before the last frame. @return a new reference; NULL: no memory */
+    json_t *(*state)(void *arg);
 };
 
 struct sst_scan_config {
@@ -30,9 +46,11 @@ struct sst_scan_config {
     int attempts;                    /* per view */
     int camera_ms;                   /* time-out of a frame, including recovery of the camera */
     int home_ms;
-    uint32_t fourcc;
-    int width, height;
+    uint32_t fourcc;                 /* MJPG, GREY, Y16 or SST_SCAN_RAW */
+    int width, height;               /* 0: of a still camera, as it is set */
     double rate_hz;                  /* of the camera, for the estimate; 0 unknown */
+    double shot_s;                   /* of an exposure with its files, likewise; 0: by the rate */
+    int64_t view_bytes;              /* likewise; 0: by size and format */
     const char *controls;            /* of the camera, as text: part of the settings; may be NULL */
     const SST_ATOMIC(bool) * cancel; /* set from a signal handler along with sst_rig_cancel(); may be NULL */
     void (*progress)(void *arg, double done);

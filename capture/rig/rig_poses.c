@@ -128,9 +128,12 @@ int sst_scan_plan(struct sst_scan_plan *out, const struct sst_scan_config *cfg, 
             p.seconds += longest > 0 ? sst_scan_leg_s(rig, &at, next) + rig->settle_ms / 1000.0 : 0;
             at = *next;
         }
-        p.seconds += cfg->guard_ms / 1000.0 + (cfg->rate_hz > 0 ? 1.5 / cfg->rate_hz : 0.1) + OVERHEAD_S;
+        p.seconds += cfg->guard_ms / 1000.0 + OVERHEAD_S +
+                     (cfg->shot_s > 0    ? cfg->shot_s
+                      : cfg->rate_hz > 0 ? 1.5 / cfg->rate_hz
+                                         : 0.1);
     }
-    p.bytes = (int64_t)(pixels * mjpeg_bytes) * p.views;
+    p.bytes = (cfg->view_bytes ? cfg->view_bytes : (int64_t)(pixels * mjpeg_bytes)) * p.views;
     *out = p;
     return 0;
 }

@@ -1,5 +1,6 @@
-/* The folder: DIR/views/rr_cc.*; DIR/capture.jsonl, a line with the settings, then a line for each view, appended and
- * synced after the file of the view; DIR/lightfield.json at the end. The last line of a view is the valid one. */
+/* The folder: DIR/views/rr_cc.*, of still cameras also DIR/raw/rr_cc.*; DIR/capture.jsonl, a line with the settings, then
+ * a line for each view, appended and synced after the files of the view; DIR/lightfield.json at the end. The last line of
+ * a view is the valid one. */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <errno.h>
@@ -21,6 +22,7 @@
 #include "base/text.h"
 #include "capture/rig/rig.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/develop.h"
 #include "pipeline/image/raw.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/parallax.h"
@@ -34,10 +36,11 @@ struct stored_view {
     bool there;
     struct sst_rig_pos read;
     char sha256[SHA256_DIGEST_STRING_LENGTH], serial[64], port[64];
+    char raw[32], raw_sha256[SHA256_DIGEST_STRING_LENGTH]; /* "00_01.cr2"; "": no raw file */
 };
 
 struct sst_scan_store {
-    char dir[SST_PATH_MAX], views_dir[SST_PATH_MAX], manifest[SST_PATH_MAX];
+    char dir[SST_PATH_MAX], views_dir[SST_PATH_MAX], raw_dir[SST_PATH_MAX], manifest[SST_PATH_MAX];
     int dir_fd, fd; /* the folder, locked; the manifest, to append */
     int rows, cols;
     int32_t pitch_um[2];
@@ -146,16 +149,18 @@ static bool read_pos(json_t *list, struct sst_rig_pos *out)
 
 static bool read_view(struct sst_scan_store *s, json_t *line)
 {
-    const char *sha256, *serial, *port, *file;
+    const char *sha256, *serial, *port, *file, *raw = "", *raw_sha256 = "";
     struct stored_view v = { .there = true };
     json_int_t view;
     json_t *read_um;
     char name[32];
 
-    if (json_unpack(line, "{s:I, s:s, s:s, s:s, s:s, s:o}", "view", &view, "sha256", &sha256, "serial", &serial, "port",
-                    &port, "file", &file, "read_um", &read_um) ||
+    if (json_unpack(line, "{s:I, s:s, s:s, s:s, s:s, s:o, s?s, s?s}", "view", &view, "sha256", &sha256, "serial",
+                    &serial, "port", &port, "file", &file, "read_um", &read_um, "raw", &raw, "raw_sha256",
+                    &raw_sha256) ||
         view < 0 || view >= s->rows * s->cols || strlen(sha256) != 64 || strlen(serial) >= sizeof(v.serial) ||
-        strlen(port) >= sizeof(v.port) || !read_pos(read_um, &v.read))
+        strlen(port) >= sizeof(v.port) || !read_pos(read_um, &v.read) ||
+        (raw[0] && (strlen(raw_sha256) != 64 || strlen(raw) >= sizeof(v.raw) || strchr(raw, '/'))))
         return false;
     file_name(s, (int)view, name);
     if (strcmp(name, file) != 0)
@@ -163,6 +168,8 @@ static bool read_view(struct sst_scan_store *s, json_t *line)
     strcpy(v.sha256, sha256);
     strcpy(v.serial, serial);
     strcpy(v.port, port);
+    strcpy(v.raw, raw);
+    strcpy(v.raw_sha256, raw[0] ? raw_sha256 : "");
     s->view[view] = v;
     return true;
 }
@@ -229,18 +236,26 @@ static int read_manifest(struct sst_scan_store *s)
     return err;
 }
 
+static bool check_file(const char *path, const char *sha256)
+{
+    char hash[SHA256_DIGEST_STRING_LENGTH] = "";
+
+    if (SHA256File(path, hash) && !strcmp(hash, sha256))
+        return true;
+    sst_log_warning("%s %s; it is captured again", path, hash[0] ? "has changed since it was stored" : "cannot be read");
+    return false;
+}
+
 static void check_views(struct sst_scan_store *s)
 {
     for (int k = 0; k < s->rows * s->cols; k++) {
-        char path[SST_PATH_MAX], hash[SHA256_DIGEST_STRING_LENGTH] = "";
+        struct stored_view *v = &s->view[k];
+        char path[SST_PATH_MAX];
 
-        if (!s->view[k].there)
-            continue;
-        if (!view_path(s, k, path) && SHA256File(path, hash) && !strcmp(hash, s->view[k].sha256))
-            continue;
-        sst_log_warning("%s %s; it is captured again", path,
-                        hash[0] ? "has changed since it was stored" : "cannot be read");
-        s->view[k].there = false;
+        if (v->there)
+            v->there = !view_path(s, k, path) && check_file(path, v->sha256);
+        if (v->there && v->raw[0])
+            v->there = !sst_path_join(path, s->raw_dir, v->raw) && check_file(path, v->raw_sha256);
     }
 }
 
@@ -341,6 +356,8 @@ static int open_all(struct sst_scan_store *s, const struct sst_scan_config *cfg)
     if (!err)
         err = sst_path_join(s->views_dir, cfg->dir, "views");
     if (!err)
+        err = sst_path_join(s->raw_dir, cfg->dir, "raw");
+    if (!err)
         err = sst_path_join(s->manifest, cfg->dir, MANIFEST);
     if (!err)
         err = make_folders(s, cfg->must_exist);
@@ -352,6 +369,8 @@ static int open_all(struct sst_scan_store *s, const struct sst_scan_config *cfg)
         return err;
     (void)tidy(s->dir);
     (void)tidy(s->views_dir);
+    if (sst_path_exists(s->raw_dir))
+        (void)tidy(s->raw_dir);
     check_views(s);
     s->fd = open(s->manifest, O_WRONLY | O_APPEND | O_CLOEXEC);
     return s->fd < 0 ? fault("open", s->manifest) : 0;
@@ -369,7 +388,8 @@ int sst_scan_store_open(struct sst_scan_store **out, const struct sst_scan_confi
     s->cols = cfg->cols;
     s->fourcc = cfg->fourcc;
     memcpy(s->pitch_um, cfg->pitch_um, sizeof(s->pitch_um));
-    if (s->fourcc != V4L2_PIX_FMT_MJPEG && s->fourcc != V4L2_PIX_FMT_GREY && s->fourcc != V4L2_PIX_FMT_Y16) {
+    if (s->fourcc != V4L2_PIX_FMT_MJPEG && s->fourcc != V4L2_PIX_FMT_GREY && s->fourcc != V4L2_PIX_FMT_Y16 &&
+        s->fourcc != SST_SCAN_RAW) {
         sst_log_error("a rig capture supports MJPG (stored unchanged), GREY and Y16 (stored as PNG); choose one of "
                       "them as the cameras' format");
         err = -EINVAL;
@@ -433,6 +453,35 @@ int sst_scan_store_check_camera(const struct sst_scan_store *s, const struct sst
 
 /* --- storing ------------------------------------------------------------------------------------------------------ */
 
+/* A view of a raw file alone is developed from it. */
+static int write_developed(const char *path, const struct sst_scan_original *raw)
+{
+    struct sst_image img = { 0 };
+    int err = raw ? sst_image_develop(&img, raw->data, raw->bytes, path) : -EINVAL;
+
+    if (!err)
+        err = sst_image_write_png(&img, path);
+    sst_image_fini(&img);
+    return err;
+}
+
+/* The raw file, unchanged, and its hash read back. */
+static int write_original(const struct sst_scan_store *s, int view, const struct sst_scan_original *raw,
+                          struct stored_view *v)
+{
+    char path[SST_PATH_MAX];
+    int err = sst_path_make_dir(s->raw_dir);
+
+    snprintf(v->raw, sizeof(v->raw), "%02d_%02d.%.16s", view / s->cols, view % s->cols, raw->extension);
+    if (!err)
+        err = sst_path_join(path, s->raw_dir, v->raw);
+    if (!err)
+        err = sst_file_write(path, raw->data, raw->bytes);
+    if (!err && !SHA256File(path, v->raw_sha256))
+        err = fault("read back", path);
+    return err;
+}
+
 static int write_frame(const struct sst_scan_store *s, const char *path, const struct sst_frame *f)
 {
     const struct sst_raw raw = { s->fourcc, f->width, f->height, f->stride, f->data, f->bytes };
@@ -441,19 +490,30 @@ static int write_frame(const struct sst_scan_store *s, const char *path, const s
 }
 
 static char *view_line(const struct sst_scan_store *s, int view, const struct sst_scan_shot *shot,
-                       const struct sst_scan_camera *camera, const struct sst_frame *f, const char *sha256)
+                       const struct sst_scan_camera *camera, const struct sst_frame *f, const struct stored_view *v)
 {
     const int32_t *asked = shot->asked.um, *read = shot->read.um;
+    json_t *line, *state = camera->state ? camera->state(camera->arg) : NULL;
     char name[32];
 
     file_name(s, view, name);
-    return line_of(json_pack(
+    line = json_pack(
         "{s:i, s:i, s:i, s:s, s:[iii], s:[iii], s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:I, s:s}", "view", view, "row",
         view / s->cols, "col", view % s->cols, "file", name, "asked_um", asked[0], asked[1], asked[2], "read_um",
         read[0], read[1], read[2], "serial", camera->serial, "port", camera->port, "sequence", (json_int_t)f->sequence,
         "t_ns", (json_int_t)f->t_ns, "wall_ns", (json_int_t)(sst_clock_wall_ns() - sst_clock_now_ns() + f->t_ns),
         "arrival_ns", (json_int_t)f->arrival_ns, "attempts", shot->attempts, "bytes", (json_int_t)f->bytes, "sha256",
-        sha256));
+        v->sha256);
+    if (line && v->raw[0] &&
+        (json_object_set_new(line, "raw", json_string(v->raw)) ||
+         json_object_set_new(line, "raw_sha256", json_string(v->raw_sha256)))) {
+        json_decref(line);
+        line = NULL;
+    }
+    if (line && state)
+        (void)json_object_set(line, "still", state);
+    json_decref(state);
+    return line_of(line);
 }
 
 /* Append the whole line durably, or nothing of it. */
@@ -492,6 +552,7 @@ static int reopen_capture(struct sst_scan_store *s)
 int sst_scan_store_put(struct sst_scan_store *s, int view, const struct sst_scan_shot *shot,
                        const struct sst_scan_camera *camera, const struct sst_frame *f)
 {
+    const struct sst_scan_original *raw = camera->original ? camera->original(camera->arg) : NULL;
     struct stored_view v = { .there = true, .read = shot->read };
     char path[SST_PATH_MAX], *line;
     int err = view_path(s, view, path);
@@ -500,8 +561,10 @@ int sst_scan_store_put(struct sst_scan_store *s, int view, const struct sst_scan
     if (!err && !s->put_any)
         err = reopen_capture(s);
     s->put_any = true;
+    if (!err && raw)
+        err = write_original(s, view, raw, &v);
     if (!err)
-        err = write_frame(s, path, f);
+        err = s->fourcc == SST_SCAN_RAW ? write_developed(path, raw) : write_frame(s, path, f);
     if (err)
         return err;
     /* Hash of the file, not of the memory: detects a disk that does not return what was written. */
@@ -509,7 +572,7 @@ int sst_scan_store_put(struct sst_scan_store *s, int view, const struct sst_scan
         return fault("read back", path);
     snprintf(v.serial, sizeof(v.serial), "%s", camera->serial);
     snprintf(v.port, sizeof(v.port), "%s", camera->port);
-    line = view_line(s, view, shot, camera, f, v.sha256);
+    line = view_line(s, view, shot, camera, f, &v);
     err = line ? append(s, line) : no_memory(s);
     free(line);
     if (err)

@@ -1,0 +1,147 @@
+/* LibRaw, loaded when it is first used: few captures have raw files. */
+#include "pipeline/image/develop.h"
+
+#include <errno.h>
+
+#include "base/log.h"
+
+#if WITH_RAW
+#include <dlfcn.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <libraw/libraw.h>
+
+#define FUNCTIONS(X)                                                                                                   \
+    X(libraw_init)                                                                                                     \
+    X(libraw_set_dataerror_handler)                                                                                    \
+    X(libraw_open_buffer)                                                                                              \
+    X(libraw_unpack)                                                                                                   \
+    X(libraw_dcraw_process)                                                                                            \
+    X(libraw_dcraw_make_mem_image)                                                                                     \
+    X(libraw_dcraw_clear_mem)                                                                                          \
+    X(libraw_strerror)                                                                                                 \
+    X(libraw_close)
+
+static struct {
+#define X(name) __typeof__(&(name)) name;
+    FUNCTIONS(X)
+#undef X
+} raw; /* fixed after load() */
+static bool loaded;
+static pthread_once_t once = PTHREAD_ONCE_INIT;
+
+static void load(void)
+{
+    void *library = dlopen(SST_RAW_LIBRARY, RTLD_NOW | RTLD_LOCAL);
+
+    if (!library) {
+        sst_log_warning("cannot load %s: %s; install the package that has it", SST_RAW_LIBRARY, dlerror());
+        return;
+    }
+    loaded = true;
+#define X(name)                                                                                                        \
+    *(void **)&raw.name = dlsym(library, #name);                                                                       \
+    loaded = loaded && raw.name;
+    FUNCTIONS(X)
+#undef X
+}
+
+bool sst_image_can_develop(void)
+{
+    pthread_once(&once, load);
+    return loaded;
+}
+
+static int copy_image(struct sst_image *img, const libraw_processed_image_t *from)
+{
+    int err;
+
+    if (from->type != LIBRAW_IMAGE_BITMAP || from->bits != 8 || from->colors != 3)
+        return -EBADMSG;
+    err = sst_image_init(img, from->width, from->height);
+    for (int y = 0; !err && y < img->height; y++) {
+        const uint8_t *row = from->data + (size_t)y * (size_t)img->width * 3;
+
+        for (int c = 0; c < 3; c++)
+            for (int x = 0; x < img->width; x++)
+                sst_image_row(img, c, y)[x] = row[3 * x + c];
+    }
+    return err;
+}
+
+#if LIBRAW_MAJOR_VERSION == 0 && LIBRAW_MINOR_VERSION < 21
+typedef int offset_type;
+#else
+typedef INT64 offset_type;
+#endif
+
+static void on_fault(void *faults, const char *file SST_UNUSED, const offset_type offset SST_UNUSED)
+{
+    ++*(int *)faults;
+}
+
+/* @param rc  out: LibRaw's error */
+static int develop(libraw_data_t *r, struct sst_image *img, const uint8_t *data, size_t size, int *rc)
+{
+    libraw_processed_image_t *picture;
+    int err, faults = 0;
+
+    raw.libraw_set_dataerror_handler(r, on_fault, &faults);
+    r->params.use_camera_wb = 1;
+    r->params.no_auto_bright = 1;
+    r->params.user_flip = 0;
+    r->params.output_color = 1; /* sRGB, with its curve */
+    r->params.gamm[0] = 1 / 2.4;
+    r->params.gamm[1] = 12.92;
+    *rc = raw.libraw_open_buffer(r, (void *)data, size);
+    if (!*rc)
+        *rc = raw.libraw_unpack(r);
+    if (!*rc && faults) /* it is unpacked as far as it goes */
+        *rc = LIBRAW_IO_ERROR;
+    if (!*rc)
+        *rc = raw.libraw_dcraw_process(r);
+    if (*rc)
+        return *rc == LIBRAW_UNSUFFICIENT_MEMORY ? -ENOMEM : -EBADMSG;
+    picture = raw.libraw_dcraw_make_mem_image(r, rc);
+    err = picture ? copy_image(img, picture) : -EBADMSG;
+    if (picture)
+        raw.libraw_dcraw_clear_mem(picture);
+    return err;
+}
+
+int sst_image_develop(struct sst_image *img, const uint8_t *data, size_t size, const char *name)
+{
+    libraw_data_t *r = sst_image_can_develop() ? raw.libraw_init(0) : NULL;
+    int rc = 0, err;
+
+    if (!loaded) {
+        sst_log_error("%s cannot be developed without LibRaw; install it, or use files: raw+jpeg", name);
+        return -ENOPKG;
+    }
+    err = r ? develop(r, img, data, size, &rc) : -ENOMEM;
+    if (err == -ENOMEM)
+        sst_log_error("%s: not enough memory to develop it", name);
+    else if (err)
+        sst_log_error("%s cannot be developed: %s; it is damaged, or LibRaw does not know its camera", name,
+                      rc ? raw.libraw_strerror(rc) : "no picture of three colours");
+    if (r)
+        raw.libraw_close(r);
+    return err;
+}
+#else
+bool sst_image_can_develop(void)
+{
+    return false;
+}
+
+int sst_image_develop(struct sst_image *img SST_UNUSED, const uint8_t *data SST_UNUSED, size_t size SST_UNUSED,
+                      const char *name)
+{
+    sst_log_error("%s cannot be developed: sst was built without LibRaw; install libraw-dev and build again, or use "
+                  "files: raw+jpeg",
+                  name);
+    return -ENOPKG;
+}
+#endif
