@@ -254,10 +254,11 @@ static void print_report(const struct sst_scan_config *cfg, const struct sst_sca
         (void)cli_dump_json(all, JSON_COMPACT);
         return;
     }
-    json_decref(camera);
     printf("%s: %d of %d views, %d captured now, %d attempts failed (rig %d, camera %d, moved %d), homed %d times\n",
            cfg->dir, count, cfg->rows * cfg->cols, r->taken, r->again, r->rig_faults, r->camera_faults, r->moved,
            r->homed);
+    cli_still_print(camera);
+    json_decref(camera);
     if (r->rig.timeouts + r->rig.garbled + r->rig.exceptions + r->rig.lost)
         printf("bus: %llu requests: %llu without reply, %llu garbled, %llu refused, %llu with the line lost\n",
                (unsigned long long)r->rig.requests, (unsigned long long)r->rig.timeouts,

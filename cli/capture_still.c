@@ -123,3 +123,29 @@ json_t *cli_still_report(const struct sst_scan_still *still)
     json_decref(counts);
     return all;
 }
+
+void cli_still_print(const json_t *report)
+{
+    static const struct {
+        const char *key, *text;
+    } counts[] = { { "busy", "waited for it" },         { "silent", "without an answer" },
+                   { "lost", "transfers failed" },      { "damaged", "damaged files" },
+                   { "refused", "settings refused" },   { "reopened", "opened again" } };
+    const json_t *battery = json_object_get(report, "battery_percent");
+    const json_t *free_bytes = json_object_get(report, "card_free_bytes");
+
+    if (!battery)
+        return;
+    printf("still camera: %d exposures", (int)json_integer_value(json_object_get(report, "exposures")));
+    for (size_t i = 0; i < ARRAY_LEN(counts); i++) {
+        const int n = (int)json_integer_value(json_object_get(report, counts[i].key));
+
+        if (n)
+            printf(", %d %s", n, counts[i].text);
+    }
+    if (json_is_integer(battery))
+        printf("; battery %d %%", (int)json_integer_value(battery));
+    if (json_is_integer(free_bytes))
+        printf("; card %.0f MB free", (double)json_integer_value(free_bytes) * 1e-6);
+    printf("\n");
+}

@@ -258,6 +258,8 @@ void cli_still_config(struct sst_still_config *out, const struct sst_array_confi
                       const SST_ATOMIC(bool) * cancel);
 /** Counters, battery and card. @return a new reference; NULL: no memory */
 json_t *cli_still_report(const struct sst_scan_still *still);
+/** The report as text; nothing of another camera. */
+void cli_still_print(const json_t *report);
 
 /* --- demo_live: sst demo: sstd on simulated arrays, with its page. --- */
 

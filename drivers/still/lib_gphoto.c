@@ -9,17 +9,25 @@
 
 #include <gphoto2/gphoto2-camera.h>
 
+#include "base/clock.h"
+
+#define MS 1000000LL
+
 struct still_lib {
     Camera *camera;
     GPContext *context;
     int response_ms;
+    int64_t called_ns; /* start of the last call */
     char said[256];
 };
 
+/** Of several messages of a call the first one has the cause. */
 static void on_error(GPContext *context SST_UNUSED, const char *text, void *data)
 {
     struct still_lib *lib = data;
 
+    if (lib->said[0])
+        return;
     snprintf(lib->said, sizeof(lib->said), "%s", text);
     lib->said[strcspn(lib->said, "\r\n")] = 0;
 }
@@ -73,6 +81,8 @@ static int translate(struct still_lib *lib, int result)
         return -EBUSY;
     case GP_ERROR_NOT_SUPPORTED:
         return -EPERM;
+    case GP_ERROR_IO: /* of a time-out as well, in some of its drivers */
+        return sst_clock_now_ns() - lib->called_ns >= lib->response_ms * MS ? -ETIMEDOUT : -EIO;
     default:
         return from_text(lib->said);
     }
@@ -82,6 +92,7 @@ static int translate(struct still_lib *lib, int result)
 static struct still_lib *fresh(struct still_lib *lib)
 {
     lib->said[0] = 0;
+    lib->called_ns = sst_clock_now_ns();
     return lib;
 }
 
@@ -146,7 +157,7 @@ static int set_port(struct still_lib *lib, int bus, int address)
 int still_lib_open(struct still_lib **out, int bus, int address, int response_ms)
 {
     struct still_lib *lib = calloc(1, sizeof(*lib));
-    int rc, err;
+    int rc;
 
     if (!lib)
         return -ENOMEM;
@@ -157,7 +168,7 @@ int still_lib_open(struct still_lib **out, int bus, int address, int response_ms
         return -ENOMEM;
     }
     gp_context_set_error_func(lib->context, on_error, lib);
-    rc = gp_camera_new(&lib->camera);
+    rc = gp_camera_new(&fresh(lib)->camera);
     if (rc >= 0)
         rc = set_port(lib, bus, address);
     if (rc >= 0)
@@ -165,8 +176,7 @@ int still_lib_open(struct still_lib **out, int bus, int address, int response_ms
     if (rc >= 0)
         rc = gp_port_set_timeout(lib->camera->port, response_ms);
     *out = lib;
-    err = translate(lib, rc);
-    return err;
+    return translate(lib, rc);
 }
 
 void still_lib_close(struct still_lib *lib)

@@ -17,6 +17,20 @@ static const char *name_of(const struct sst_still *s)
     return s->serial[0] ? s->serial : s->port;
 }
 
+static bool is_plugged(const struct sst_still *s)
+{
+    struct sst_still_device *list;
+    bool found = false;
+    int count;
+
+    if (sst_still_list(&list, &count))
+        return false;
+    for (int i = 0; i < count; i++)
+        found |= list[i].bus == s->bus && list[i].address == s->address;
+    free(list);
+    return found;
+}
+
 int still_failed(struct sst_still *s, int err, const char *what)
 {
     const char *said = still_lib_said(s->lib);
@@ -48,9 +62,14 @@ int still_failed(struct sst_still *s, int err, const char *what)
         return err;
     default:
         s->count.lost++;
-        sst_log_error("still camera %s was unplugged or its USB connection failed (%s: %s); check cable, power and "
-                      "automatic switching off",
-                      name_of(s), what, said);
+        if (is_plugged(s))
+            sst_log_error("a transfer over USB from still camera %s failed (%s: %s); it is closed and opened again; if it "
+                          "happens again, exchange its cable",
+                          name_of(s), what, said);
+        else
+            sst_log_error("still camera %s was unplugged or switched off (%s); check its cable, its power and its "
+                          "automatic switching off",
+                          name_of(s), what);
         break;
     }
     still_lib_close(s->lib);
@@ -123,6 +142,8 @@ static int open_device(struct sst_still *s, const struct sst_still_device *d)
     if (!err)
         err = still_lib_open(&s->lib, d->bus, d->address, s->cfg.response_ms);
     if (!err) {
+        s->bus = d->bus;
+        s->address = d->address;
         read_serial(s, d);
         return 0;
     }

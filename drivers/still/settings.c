@@ -139,16 +139,19 @@ static int find_choice(const struct sst_still *s, int which, const struct still_
     return which == FOCUS ? find_focus(now, automatic) : still_choice_find(now, s->wanted[which]);
 }
 
-static int refused(struct sst_still *s, int which, const char *value, const struct still_setting *now)
+/** @param said  what the library said of it; "": the camera accepted it without effect */
+static int refused(struct sst_still *s, int which, const char *value, const char *said)
 {
+    struct still_setting now = { .value = "another one" };
     char list[LIST_MAX];
+    const int err = still_lib_read(s->lib, s->setting_name[which], &now);
 
-    list_choices(now, list, sizeof(list));
+    if (err)
+        return still_failed(s, err, "reading a setting");
+    list_choices(&now, list, sizeof(list));
     s->count.refused++;
-    sst_log_error("still camera %s refuses %s %s and keeps %s (%s); turn its mode dial to M and lens and camera to what "
-                  "it is set to, or choose another value%s%s",
-                  s->serial, settings[which].what, value, now->value,
-                  still_lib_said(s->lib)[0] ? still_lib_said(s->lib) : "it did not say why", list[0] ? " of " : "",
+    sst_log_error("still camera %s refuses %s %s and keeps %s%s%s; turn its mode dial to M, or choose another value%s%s",
+                  s->serial, settings[which].what, value, now.value, said[0] ? ": " : "", said, list[0] ? " of " : "",
                   list);
     return -EPERM;
 }
@@ -162,18 +165,21 @@ static int set_choice(struct sst_still *s, int which, const char *value, struct 
         still_sleep_ms(100);
         err = still_lib_write(s->lib, s->setting_name[which], value);
     }
-    if (err == -EPERM || err == -EIO) /* what libgphoto2 makes of an answer that it does not know */
-        return still_lib_read(s->lib, s->setting_name[which], now) ? still_failed(s, -EIO, "setting it")
-                                                                   : refused(s, which, value, now);
+    if (err == -EPERM || err == -EIO) { /* libgphoto2 has one error for all answers of the camera */
+        char said[256];
+
+        snprintf(said, sizeof(said), "%s", still_lib_said(s->lib));
+        return refused(s, which, value, said);
+    }
     if (err)
-        return still_failed(s, err, "setting it");
+        return still_failed(s, err, "changing a setting");
     for (int i = 0; i < 20 && !still_cancelled(s); i++) {
         err = read_setting(s, which, now);
         if (err || !strcmp(now->value, value))
             return err;
         still_sleep_ms(100);
     }
-    return refused(s, which, value, now);
+    return still_cancelled(s) ? -ECANCELED : refused(s, which, value, "");
 }
 
 static int apply(struct sst_still *s, int which, bool automatic)

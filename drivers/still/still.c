@@ -15,6 +15,8 @@
 #define EVENT_MS  100
 #define MS        1000000LL
 #define DOWNLOADS 2
+#define DRAIN_MAX 100
+#define LOW_PERCENT 20 /* of the battery: worth a warning */
 
 bool still_cancelled(const struct sst_still *s)
 {
@@ -64,12 +66,28 @@ static int release(struct sst_still *s, const char *what, int64_t *release_ns)
     return err ? still_failed(s, err, what) : 0;
 }
 
+/** What the camera still has to announce of earlier exposures is no part of the next one. */
+static int drain_events(struct sst_still *s)
+{
+    struct still_path path;
+    int event = STILL_FILE;
+
+    for (int i = 0; i < DRAIN_MAX && event != STILL_NOTHING && !still_cancelled(s); i++) {
+        event = still_lib_event(s->lib, 1, &path);
+        if (event < 0)
+            return still_failed(s, event, "asking for events");
+        if (event == STILL_FILE)
+            sst_log_warning("still camera %s: %s belongs to no view; it stays on the card", s->serial, path.name);
+    }
+    return 0;
+}
+
 /** With mirror lock-up the first release only lifts the mirror, whose vibration has to fade. */
 static int expose(struct sst_still *s, int64_t *release_ns)
 {
-    int err = 0;
+    int err = drain_events(s);
 
-    if (s->cfg.mirror_ms > 0) {
+    if (!err && s->cfg.mirror_ms > 0) {
         err = release(s, "lifting the mirror", release_ns);
         if (!err)
             still_sleep_ms(s->cfg.mirror_ms);
@@ -108,6 +126,8 @@ static int wait_files(struct sst_still *s, int wanted)
     sst_log_error("still camera %s was released, but announced %d of %d files within %d ms; check its focus, mirror "
                   "lock-up and files settings, or raise still: card_ms",
                   s->serial, s->paths, wanted, s->cfg.card_ms);
+    still_lib_close(s->lib);
+    s->lib = NULL;
     return -ETIMEDOUT;
 }
 
@@ -223,6 +243,11 @@ static int check_state(struct sst_still *s)
                       s->serial, s->state.battery_percent, s->cfg.battery_percent);
         return -ENOMEDIUM;
     }
+    if (s->state.battery_percent >= 0 && s->state.battery_percent < LOW_PERCENT && !s->low) {
+        s->low = true;
+        sst_log_warning("the battery of still camera %s is at %d %%; at less than %d %% the capture stops", s->serial,
+                        s->state.battery_percent, s->cfg.battery_percent);
+    }
     if (s->state.card_pictures == 0 || s->state.card_free_bytes == 0) {
         sst_log_error("the card of still camera %s is full; empty or exchange it, then run the same command to resume",
                       s->serial);
@@ -282,6 +307,7 @@ void sst_still_release_files(struct sst_still *s, struct sst_still_shot *shot)
 static int lock_focus(struct sst_still *s)
 {
     struct sst_still_shot none = { .files = 0 };
+    const bool keep = s->cfg.keep;
     int64_t release_ns;
     int err = still_settings_focus(s, true);
 
@@ -290,8 +316,10 @@ static int lock_focus(struct sst_still *s)
     if (!err)
         err = expose(s, &release_ns);
     if (!err)
-        err = wait_files(s, 1);
+        err = wait_files(s, files_wanted(s));
+    s->cfg.keep = false;
     sst_still_release_files(s, &none);
+    s->cfg.keep = keep;
     return err;
 }
 
@@ -326,10 +354,13 @@ int sst_still_open(struct sst_still **out, const struct sst_still_config *cfg)
         return -ENOMEM;
     copy_texts(s, cfg);
     err = still_find(s);
-    if (!err && cfg->focus == SST_STILL_FOCUS_LOCKED && !cfg->focused)
-        err = lock_focus(s);
     if (!err)
         err = still_settings_apply(s);
+    if (!err && cfg->focus == SST_STILL_FOCUS_LOCKED && !cfg->focused) {
+        err = lock_focus(s);
+        if (!err)
+            err = still_settings_apply(s);
+    }
     if (!err)
         err = still_settings_status(s);
     if (err) {

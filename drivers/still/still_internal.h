@@ -62,6 +62,8 @@ struct sst_still {
     char serial[SST_STILL_TEXT_MAX], port[SST_STILL_TEXT_MAX];
     /* the camera */
     struct still_lib *lib; /* NULL: lost */
+    int bus, address;      /* where it is open */
+    bool low;              /* warned of its battery */
     const char *setting_name[STILL_SETTINGS]; /* by which the camera has it; NULL: not looked up */
     char settings[256];
     struct sst_still_state state;

@@ -28,6 +28,7 @@ static const struct sim_fault faults[FAULTS] = {
     [SST_SIM_PTP_SILENCE] = { "silence", 0, 1, "1: no answers until the camera is closed or reset" },
     [SST_SIM_PTP_DOWNLOAD] = { "unplug_download", 0, 60000, "ms for which the next download unplugs the camera" },
     [SST_SIM_PTP_NO_EVENT] = { "no_event", 0, 1000, "so many pictures are not announced" },
+    [SST_SIM_PTP_DIAL] = { "dial", 0, 10000, "somebody turns the dial: exposure time in 0.1 ms" },
     [FAULT_UNPLUG] = { "unplug", 0, 1, "1: away, 0: back" },
 };
 
@@ -37,6 +38,7 @@ struct sim_still {
     struct sst_sim_ptp *ptp;
     int scope; /* of the faults */
     struct sim_timer exposing, plugging;
+    int32_t pose_um[3]; /* of the last exposure */
     int away_ms; /* unplugged by plugging's next call; 0: plugged in by it */
     int planned; /* faults of the world that are set */
 };
@@ -69,6 +71,7 @@ static int expose(void *arg, const struct sst_sim_ptp_exposure *e, bool raw, uin
     if (!out)
         return -ENOMEM;
     s->cfg.pose(s->cfg.arg, e->t_ns, shot.pose_um);
+    memcpy(s->pose_um, shot.pose_um, sizeof(s->pose_um));
     err = frame(s, &shot, raw ? V4L2_PIX_FMT_SRGGB8 : V4L2_PIX_FMT_MJPEG, out, room, bytes);
     if (!err && raw) {
         err = sst_sim_ptp_dng(out, width, height, data, bytes);
@@ -91,8 +94,10 @@ static void stored(void *arg, int shot, const char *name, const uint8_t *data, s
 
     if (!s->cfg.truth)
         return;
-    fprintf(s->cfg.truth, "{\"still\":\"%s\",\"shot\":%d,\"file\":\"%s\",\"bytes\":%zu,\"sha256\":\"%s\"}\n",
-            s->settings->serial, shot, name, bytes, SHA256Data(data, bytes, sha256));
+    fprintf(s->cfg.truth,
+            "{\"still\":\"%s\",\"shot\":%d,\"pose_um\":[%d,%d,%d],\"file\":\"%s\",\"bytes\":%zu,\"sha256\":\"%s\"}\n",
+            s->settings->serial, shot, s->pose_um[0], s->pose_um[1], s->pose_um[2], name, bytes,
+            SHA256Data(data, bytes, sha256));
 }
 
 /* --- faults ------------------------------------------------------------------------------------------------------- */

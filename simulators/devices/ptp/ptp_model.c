@@ -273,6 +273,8 @@ static void transact(struct sst_sim_ptp *p, int64_t now_ns)
     unsigned response;
 
     ptp_props_set(&p->props, PTP_BATTERY_LEVEL, battery > 0 ? (uint32_t)battery : (uint32_t)p->cfg.battery_percent);
+    if (ptp_fault(p, SST_SIM_PTP_DIAL) > 0)
+        ptp_props_set(&p->props, PTP_EXPOSURE_TIME, (uint32_t)ptp_fault_take(p, SST_SIM_PTP_DIAL));
     start_container(&data, PTP_DATA, code, p->command.transaction);
     response = p->open || code == PTP_GET_DEVICE_INFO || code == PTP_OPEN_SESSION
                    ? execute(p, &data, &parameter, now_ns)
