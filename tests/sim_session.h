@@ -23,8 +23,8 @@ static inline int session_fault(const char *fault)
     return system(command);
 }
 
-/** Outside a session: run this program once more, inside one of a whole array. @return 0 inside, else the exit code */
-static inline int session_enter(char **argv)
+/** Outside a session: run this program once more, inside one of a world. @return 0 inside, else the exit code */
+static inline int session_enter_world(char **argv, const char *world)
 {
     char program[512];
 
@@ -34,10 +34,15 @@ static inline int session_enter(char **argv)
         printf("%s is not built\n", program);
         return 77;
     }
-    execl(program, "sst-sim", "--quiet", "--world", "simulators/scene/world/worlds/quick.yaml", "--", argv[0],
-          (char *)NULL);
+    execl(program, "sst-sim", "--quiet", "--rig-port", "0", "--world", world, "--", argv[0], (char *)NULL);
     perror(program);
     return 1;
+}
+
+/** The same with a whole array. */
+static inline int session_enter(char **argv)
+{
+    return session_enter_world(argv, "simulators/scene/world/worlds/quick.yaml");
 }
 
 #endif

@@ -57,6 +57,12 @@ static int from_text(const char *said)
     return -EIO;
 }
 
+/** The last call took as long as a time-out. */
+static bool was_slow(const struct still_lib *lib)
+{
+    return sst_clock_now_ns() - lib->called_ns >= lib->response_ms * MS;
+}
+
 static int translate(struct still_lib *lib, int result)
 {
     if (result >= 0)
@@ -82,7 +88,7 @@ static int translate(struct still_lib *lib, int result)
     case GP_ERROR_NOT_SUPPORTED:
         return -EPERM;
     case GP_ERROR_IO: /* of a time-out as well, in some of its drivers */
-        return sst_clock_now_ns() - lib->called_ns >= lib->response_ms * MS ? -ETIMEDOUT : -EIO;
+        return was_slow(lib) ? -ETIMEDOUT : -EIO;
     default:
         return from_text(lib->said);
     }
@@ -197,8 +203,9 @@ static int get_widget(struct still_lib *lib, const char *name, CameraWidget **wi
 {
     int rc = gp_camera_get_single_config(fresh(lib)->camera, name, widget, lib->context);
 
+    /* Said of settings that it could not read as well. */
     if (rc == GP_ERROR_BAD_PARAMETERS || rc == GP_ERROR_NOT_SUPPORTED)
-        return -ENOENT;
+        return was_slow(lib) ? -ETIMEDOUT : -ENOENT;
     if (rc < 0)
         return translate(lib, rc);
     rc = gp_widget_get_type(*widget, type);

@@ -123,6 +123,8 @@ static int read_setting(struct sst_still *s, int which, struct still_setting *ou
 
     if (s->setting_name[which]) {
         err = still_lib_read(s->lib, s->setting_name[which], out);
+        if (err == -ENOENT) /* it was there */
+            err = -EIO;
     } else {
         for (int i = 0; err == -ENOENT && i < NAMES && settings[which].name[i]; i++) {
             err = still_lib_read(s->lib, settings[which].name[i], out);

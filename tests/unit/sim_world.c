@@ -406,6 +406,9 @@ static void a_fault_in_a_world_file_is_named_with_its_place(void **state SST_UNU
         { "scene: hedge\nsize: [800, 600]\n", "at most 640 px" },
         { "scene: hedge\nloop: {seconds: 14}\n", "in steps of 4 s" },
         { "scene: cat\nboard: {poses: [{position_mm: 0, blur_px: 1}]}\n", "worlds of the scene board" },
+        { "scene: cat\nstill: {}\n", "only to worlds with `rig: true`" },
+        { "scene: cat\nrig: true\nstill: {card_mb: 0}\n", "card_mb" },
+        { "scene: cat\nrig: true\nstill: {faults: [{fault: busy}]}\n", "shot" },
         { "scene: board\ncameras: [{camera: 0, moves: {at_pose: 20}}]\n", "at_pose" },
         { "scene: board\nrig: true\ncameras: [{camera: 0, moves: {at_pose: 1}}]\n", "only to arrays" },
         { "scene: board\ncameras: [{camera: 0, moves: 3}]\n", "at_pose" },
@@ -431,7 +434,7 @@ static void a_fault_in_a_world_file_is_named_with_its_place(void **state SST_UNU
 
 static void the_examples_can_be_read(void **state SST_UNUSED)
 {
-    static const char *const names[] = { "array", "board", "rig", "small", "small-rig" };
+    static const char *const names[] = { "array", "board", "rig", "small", "small-rig", "still-rig" };
 
     for (size_t i = 0; i < ARRAY_LEN(names); i++) {
         struct sst_sim_settings settings = { 0 };

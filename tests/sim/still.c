@@ -1,0 +1,204 @@
+/* drivers/still on a simulated camera: who is there, settings that are read back, files, and each fault by its name. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "drivers/still/still.h"
+#include "tests/sim_session.h"
+#include "tests/test.h"
+
+#define WORLD "simulators/scene/world/worlds/still-rig.yaml"
+
+static char said[SST_LOG_MAX];
+
+static struct sst_still_config config(void)
+{
+    struct sst_still_config cfg;
+
+    sst_still_config_defaults(&cfg);
+    cfg.focus = SST_STILL_FOCUS_MANUAL;
+    cfg.card_ms = 2500;
+    cfg.response_ms = 700;
+    return cfg;
+}
+
+static struct sst_still *open_camera(const struct sst_still_config *cfg)
+{
+    struct sst_still *s = NULL;
+
+    assert_int_equal(sst_still_open(&s, cfg), 0);
+    return s;
+}
+
+/** Open without success. @return the error, whose text is in `said` */
+static int refused(const struct sst_still_config *cfg)
+{
+    struct sst_still *s;
+    int err;
+
+    said[0] = 0;
+    (void)sst_log_hold_errors(said);
+    err = sst_still_open(&s, cfg);
+    (void)sst_log_hold_errors(NULL);
+    return err;
+}
+
+/** Capture with a fault. @return the error; what was said is in `said` */
+static int with_fault(struct sst_still *s, const char *fault)
+{
+    struct sst_still_shot shot;
+    int err;
+
+    assert_int_equal(session_fault(fault), 0);
+    said[0] = 0;
+    (void)sst_log_hold_errors(said);
+    err = sst_still_capture(s, &shot);
+    (void)sst_log_hold_errors(NULL);
+    if (!err) {
+        assert_int_equal(shot.files, 1);
+        sst_still_release_files(s, &shot);
+    }
+    return err;
+}
+
+static void cameras_are_listed(void **state SST_UNUSED)
+{
+    struct sst_still_device *list;
+    int count;
+
+    assert_int_equal(sst_still_list(&list, &count), 0);
+    assert_int_equal(count, 1);
+    assert_string_equal(list[0].serial, "SST0001");
+    assert_string_equal(list[0].port, "2-1");
+    assert_string_equal(list[0].name, "sst SST Still Camera");
+    assert_int_equal(list[0].error, 0);
+    free(list);
+}
+
+static void settings_are_set_and_read_back(void **state SST_UNUSED)
+{
+    struct sst_still_config cfg = config();
+    struct sst_still_state now;
+    struct sst_still *s;
+
+    cfg.camera = "SST0001";
+    cfg.exposure = "1/125";
+    cfg.aperture = "11";
+    cfg.iso = "400";
+    s = open_camera(&cfg);
+    assert_string_equal(sst_still_serial(s), "SST0001");
+    assert_string_equal(sst_still_port(s), "2-1");
+    assert_contains(sst_still_settings(s), "exposure time 0.0080s, aperture f/11, ISO 400");
+    assert_contains(sst_still_settings(s), "focus mode Manual");
+    sst_still_state(s, &now);
+    assert_int_equal(now.battery_percent, 80);
+    assert_true(now.card_bytes > 60000000 && now.card_free_bytes > 60000000 && now.card_pictures > 100);
+    sst_still_close(s);
+    cfg.iso = "401000";
+    assert_int_equal(refused(&cfg), -EINVAL);
+    assert_contains(said, "choose one of 100, 200");
+    cfg.iso = "800";
+    assert_int_equal(session_fault("still.refuse=1"), 0);
+    assert_int_equal(refused(&cfg), -EPERM);
+    assert_contains(said, "refuses ISO 800 and keeps 400");
+    cfg.camera = "SST0002";
+    assert_int_equal(refused(&cfg), -ENODEV);
+    assert_contains(said, "there are: SST0001 at 2-1");
+}
+
+static void exposures_give_files(void **state SST_UNUSED)
+{
+    struct sst_still_config cfg = config();
+    struct sst_still_shot shot;
+    struct sst_still *s;
+
+    cfg.format = "1";
+    s = open_camera(&cfg);
+    assert_int_equal(sst_still_capture(s, &shot), 0);
+    assert_int_equal(shot.files, 1);
+    assert_false(shot.file[0].raw);
+    assert_int_equal(shot.file[0].width, 320);
+    assert_int_equal(shot.file[0].height, 240);
+    sst_still_release_files(s, &shot);
+    sst_still_close(s);
+    cfg.format = "5";
+    cfg.files = SST_STILL_BOTH;
+    s = open_camera(&cfg);
+    assert_int_equal(sst_still_capture(s, &shot), 0);
+    assert_int_equal(shot.files, 2);
+    assert_true(shot.file[0].raw && !shot.file[1].raw);
+    assert_memory_equal(shot.file[0].data, "II*", 4);
+    sst_still_release_files(s, &shot);
+    sst_still_close(s);
+}
+
+static void faults_are_named_and_survived(void **state SST_UNUSED)
+{
+    struct sst_still_config cfg = config();
+    struct sst_still_counters n;
+    struct sst_still *s;
+
+    cfg.format = "1";
+    s = open_camera(&cfg);
+    assert_int_equal(with_fault(s, "still.busy=300"), 0);
+    sst_still_counters(s, &n);
+    assert_int_equal(n.busy, 1);
+    assert_int_equal(with_fault(s, "still.corrupt=1"), -EBADMSG);
+    assert_contains(said, "is damaged on its card or by its cable");
+    assert_int_equal(with_fault(s, "still.corrupt=2"), -EBADMSG);
+    assert_int_equal(with_fault(s, "still.corrupt=3"), 0); /* a second download helps */
+    assert_int_equal(with_fault(s, "still.unplug_download=200"), 0);
+    assert_contains(said, "was unplugged or switched off");
+    assert_int_equal(with_fault(s, "still.silence=1"), -ETIMEDOUT);
+    assert_contains(said, "does not answer within 700 ms");
+    assert_int_equal(with_fault(s, "still.no_event=1"), -ETIMEDOUT);
+    assert_contains(said, "announced 0 of 1 files within 2500 ms");
+    assert_int_equal(with_fault(s, "still.battery=4"), -ENOMEDIUM);
+    assert_contains(said, "is low: 4 %");
+    assert_int_equal(session_fault("still.battery=0"), 0);
+    usleep(2100000); /* libgphoto2 keeps what it read for two seconds */
+    assert_int_equal(with_fault(s, "still.card_full=1"), -ENOMEDIUM);
+    assert_contains(said, "card of still camera SST0001 is full");
+    assert_int_equal(with_fault(s, "still.card_full=0"), 0);
+    sst_still_counters(s, &n);
+    assert_true(n.reopened >= 3 && n.lost >= 1 && n.silent >= 2 && n.damaged >= 4);
+    sst_still_close(s);
+}
+
+static void an_unplugged_camera_is_waited_for(void **state SST_UNUSED)
+{
+    struct sst_still_config cfg = config();
+    struct sst_still *s;
+
+    cfg.format = "1";
+    cfg.reopen_ms = 300;
+    s = open_camera(&cfg);
+    assert_int_equal(with_fault(s, "still.unplug=1"), -ENODEV);
+    assert_contains(said, "was unplugged or switched off");
+    assert_int_equal(with_fault(s, "still.unplug=1"), -ENODEV);
+    assert_contains(said, "is not back within 300 ms");
+    assert_int_equal(with_fault(s, "still.unplug=0"), 0);
+    sst_still_close(s);
+}
+
+int main(int argc SST_UNUSED, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(cameras_are_listed),
+        cmocka_unit_test(settings_are_set_and_read_back),
+        cmocka_unit_test(exposures_give_files),
+        cmocka_unit_test(faults_are_named_and_survived),
+        cmocka_unit_test(an_unplugged_camera_is_waited_for),
+    };
+    int skipped;
+
+    if (!WITH_GPHOTO2) {
+        puts("built without libgphoto2");
+        return 77;
+    }
+    skipped = session_enter_world(argv, WORLD);
+    if (skipped)
+        return skipped;
+    return cmocka_run_group_tests_name("still camera", tests, NULL, NULL);
+}
