@@ -14,7 +14,8 @@ static const struct {
     { "onednn", WITH_DNNL },        { "opencv", WITH_OPENCV },      { "libavformat", WITH_AVFORMAT },
     { "libudev", WITH_UDEV },       { "libusb", WITH_USB },         { "libmodbus", WITH_MODBUS },
     { "libgpiod", WITH_GPIOD > 0 }, { "libdogleg", WITH_DOGLEG },   { "libcurl", WITH_CURL },
-    { "vulkan", WITH_VULKAN },      { "libdeflate", WITH_DEFLATE },
+    { "vulkan", WITH_VULKAN },      { "libdeflate", WITH_DEFLATE }, { "libgphoto2", WITH_GPHOTO2 },
+    { "libraw", WITH_RAW },
 };
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };
