@@ -128,9 +128,8 @@ void cli_still_print(const json_t *report)
 {
     static const struct {
         const char *key, *text;
-    } counts[] = { { "busy", "waited for it" },         { "silent", "without an answer" },
-                   { "lost", "transfers failed" },      { "damaged", "damaged files" },
-                   { "refused", "settings refused" },   { "reopened", "opened again" } };
+    } counts[] = { { "busy", "waited for it" },    { "silent", "without an answer" }, { "lost", "transfers failed" },
+                   { "damaged", "damaged files" }, { "refused", "settings refused" }, { "reopened", "opened again" } };
     const json_t *battery = json_object_get(report, "battery_percent");
     const json_t *free_bytes = json_object_get(report, "card_free_bytes");
 

@@ -1,6 +1,6 @@
-/* The folder: DIR/views/rr_cc.*, of still cameras also DIR/raw/rr_cc.*; DIR/capture.jsonl, a line with the settings, then
- * a line for each view, appended and synced after the files of the view; DIR/lightfield.json at the end. The last line of
- * a view is the valid one. */
+/* The folder: DIR/views/rr_cc.*, of still cameras also DIR/raw/rr_cc.*; DIR/capture.jsonl, a line with the settings,
+ * then a line for each view, appended and synced after the files of the view; DIR/lightfield.json at the end. The last
+ * line of a view is the valid one. */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <errno.h>
@@ -242,7 +242,8 @@ static bool check_file(const char *path, const char *sha256)
 
     if (SHA256File(path, hash) && !strcmp(hash, sha256))
         return true;
-    sst_log_warning("%s %s; it is captured again", path, hash[0] ? "has changed since it was stored" : "cannot be read");
+    sst_log_warning("%s %s; it is captured again", path,
+                    hash[0] ? "has changed since it was stored" : "cannot be read");
     return false;
 }
 
@@ -497,13 +498,13 @@ static char *view_line(const struct sst_scan_store *s, int view, const struct ss
     char name[32];
 
     file_name(s, view, name);
-    line = json_pack(
-        "{s:i, s:i, s:i, s:s, s:[iii], s:[iii], s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:I, s:s}", "view", view, "row",
-        view / s->cols, "col", view % s->cols, "file", name, "asked_um", asked[0], asked[1], asked[2], "read_um",
-        read[0], read[1], read[2], "serial", camera->serial, "port", camera->port, "sequence", (json_int_t)f->sequence,
-        "t_ns", (json_int_t)f->t_ns, "wall_ns", (json_int_t)(sst_clock_wall_ns() - sst_clock_now_ns() + f->t_ns),
-        "arrival_ns", (json_int_t)f->arrival_ns, "attempts", shot->attempts, "bytes", (json_int_t)f->bytes, "sha256",
-        v->sha256);
+    line = json_pack("{s:i, s:i, s:i, s:s, s:[iii], s:[iii], s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:I, s:s}", "view",
+                     view, "row", view / s->cols, "col", view % s->cols, "file", name, "asked_um", asked[0], asked[1],
+                     asked[2], "read_um", read[0], read[1], read[2], "serial", camera->serial, "port", camera->port,
+                     "sequence", (json_int_t)f->sequence, "t_ns", (json_int_t)f->t_ns, "wall_ns",
+                     (json_int_t)(sst_clock_wall_ns() - sst_clock_now_ns() + f->t_ns), "arrival_ns",
+                     (json_int_t)f->arrival_ns, "attempts", shot->attempts, "bytes", (json_int_t)f->bytes, "sha256",
+                     v->sha256);
     if (line && v->raw[0] &&
         (json_object_set_new(line, "raw", json_string(v->raw)) ||
          json_object_set_new(line, "raw_sha256", json_string(v->raw_sha256)))) {

@@ -46,9 +46,9 @@ static int from_text(const char *said)
         const char *words;
         int err;
     } answers[] = {
-        { "Store Full", -ENOMEDIUM },   { "Store Not Available", -ENOMEDIUM }, { "Store Read Only", -ENOMEDIUM },
-        { "Device Busy", -EBUSY },      { "Access Denied", -EPERM },           { "Invalid Device Prop", -EPERM },
-        { "not supported", -EPERM },    { "Not Supported", -EPERM },
+        { "Store Full", -ENOMEDIUM }, { "Store Not Available", -ENOMEDIUM }, { "Store Read Only", -ENOMEDIUM },
+        { "Device Busy", -EBUSY },    { "Access Denied", -EPERM },           { "Invalid Device Prop", -EPERM },
+        { "not supported", -EPERM },  { "Not Supported", -EPERM },
     };
 
     for (size_t i = 0; i < ARRAY_LEN(answers); i++)

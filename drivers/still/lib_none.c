@@ -19,8 +19,7 @@ const char *still_lib_said(const struct still_lib *lib SST_UNUSED)
     return "";
 }
 
-int still_lib_read(struct still_lib *lib SST_UNUSED, const char *name SST_UNUSED,
-                   struct still_setting *out SST_UNUSED)
+int still_lib_read(struct still_lib *lib SST_UNUSED, const char *name SST_UNUSED, struct still_setting *out SST_UNUSED)
 {
     return -ENOPKG;
 }
@@ -45,8 +44,7 @@ int still_lib_event(struct still_lib *lib SST_UNUSED, int timeout_ms SST_UNUSED,
     return -ENOPKG;
 }
 
-int still_lib_size(struct still_lib *lib SST_UNUSED, const struct still_path *path SST_UNUSED,
-                   size_t *bytes SST_UNUSED)
+int still_lib_size(struct still_lib *lib SST_UNUSED, const struct still_path *path SST_UNUSED, size_t *bytes SST_UNUSED)
 {
     return -ENOPKG;
 }

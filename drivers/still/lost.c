@@ -63,9 +63,10 @@ int still_failed(struct sst_still *s, int err, const char *what)
     default:
         s->count.lost++;
         if (is_plugged(s))
-            sst_log_error("a transfer over USB from still camera %s failed (%s: %s); it is closed and opened again; if it "
-                          "happens again, exchange its cable",
-                          name_of(s), what, said);
+            sst_log_error(
+                "a transfer over USB from still camera %s failed (%s: %s); it is closed and opened again; if it "
+                "happens again, exchange its cable",
+                name_of(s), what, said);
         else
             sst_log_error("still camera %s was unplugged or switched off (%s); check its cable, its power and its "
                           "automatic switching off",
@@ -105,9 +106,10 @@ static int open_failed(const struct sst_still_device *d, int err, const char *sa
                       "again");
         return err;
     case -EACCES:
-        sst_log_error("no permission to open still camera %s (/dev/bus/usb/%03d/%03d); install systemd/60-sst.rules and "
-                      "add the user to group video, or run as root",
-                      who, d->bus, d->address);
+        sst_log_error(
+            "no permission to open still camera %s (/dev/bus/usb/%03d/%03d); install systemd/60-sst.rules and "
+            "add the user to group video, or run as root",
+            who, d->bus, d->address);
         return err;
     case -EBUSY:
         sst_log_error("another program uses still camera %s (%s); close file managers and photo programs that opened "

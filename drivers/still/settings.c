@@ -1,4 +1,5 @@
-/* Settings of the camera: by which names cameras have them, which choice a text stands for, setting and reading back. */
+/* Settings of the camera: by which names cameras have them, which choice a text stands for, setting and reading back.
+ */
 #include <ctype.h>
 #include <errno.h>
 #include <math.h>
@@ -152,9 +153,9 @@ static int refused(struct sst_still *s, int which, const char *value, const char
         return still_failed(s, err, "reading a setting");
     list_choices(&now, list, sizeof(list));
     s->count.refused++;
-    sst_log_error("still camera %s refuses %s %s and keeps %s%s%s; turn its mode dial to M, or choose another value%s%s",
-                  s->serial, settings[which].what, value, now.value, said[0] ? ": " : "", said, list[0] ? " of " : "",
-                  list);
+    sst_log_error(
+        "still camera %s refuses %s %s and keeps %s%s%s; turn its mode dial to M, or choose another value%s%s",
+        s->serial, settings[which].what, value, now.value, said[0] ? ": " : "", said, list[0] ? " of " : "", list);
     return -EPERM;
 }
 
@@ -238,10 +239,9 @@ int still_settings_apply(struct sst_still *s)
 
 int still_settings_status(struct sst_still *s)
 {
-    struct sst_still_state state = { .battery_percent = -1,
-                                     .card_bytes = -1,
-                                     .card_free_bytes = -1,
-                                     .card_pictures = -1 };
+    struct sst_still_state state = {
+        .battery_percent = -1, .card_bytes = -1, .card_free_bytes = -1, .card_pictures = -1
+    };
     struct still_setting now;
     int err = still_lib_read(s->lib, "batterylevel", &now);
     double percent;

@@ -11,11 +11,11 @@
 #include "base/log.h"
 #include "drivers/still/still_internal.h"
 
-#define BUSY_MS   100 /* between two tries */
-#define EVENT_MS  100
-#define MS        1000000LL
-#define DOWNLOADS 2
-#define DRAIN_MAX 100
+#define BUSY_MS     100 /* between two tries */
+#define EVENT_MS    100
+#define MS          1000000LL
+#define DOWNLOADS   2
+#define DRAIN_MAX   100
 #define LOW_PERCENT 20 /* of the battery: worth a warning */
 
 bool still_cancelled(const struct sst_still *s)

@@ -20,7 +20,8 @@ struct sst_still_device {
     int error;        /* errno with which its device file cannot be opened; 0: it can */
 };
 
-/** All devices with a PTP interface (USB class 6/1/1), from sysfs only: nothing is opened. *devices to free with free().
+/** All devices with a PTP interface (USB class 6/1/1), from sysfs only: nothing is opened. *devices to free with
+ * free().
  *  @return 0, -ENOMEM or -EIO, logged */
 SST_MUST_CHECK int sst_still_list(struct sst_still_device **devices, int *count);
 
@@ -38,20 +39,20 @@ enum sst_still_focus {
 };
 
 struct sst_still_config {
-    const char *camera;    /* serial or port; NULL or "": the only one */
-    const char *exposure;  /* time: "1/125", "0.5"; settings: NULL or "": as the camera is set */
-    const char *aperture;  /* "8" or "f/8" */
-    const char *iso;       /* "100" */
-    const char *format;    /* one of the camera's own names for the quality of its pictures */
+    const char *camera;   /* serial or port; NULL or "": the only one */
+    const char *exposure; /* time: "1/125", "0.5"; settings: NULL or "": as the camera is set */
+    const char *aperture; /* "8" or "f/8" */
+    const char *iso;      /* "100" */
+    const char *format;   /* one of the camera's own names for the quality of its pictures */
     enum sst_still_focus focus;
-    bool focused;          /* locked: it was focused before, only set manual */
+    bool focused; /* locked: it was focused before, only set manual */
     enum sst_still_files files;
-    int mirror_ms;         /* 0: no lock-up; else a release lifts the mirror and another one, this much later, exposes */
-    int card_ms;           /* from a release until the files are written, and the longest time of being busy */
-    int response_ms;       /* time-out of an answer over USB */
-    int reopen_ms;         /* time for a camera that was unplugged, or hangs, to come back */
-    int battery_percent;   /* no exposure with less */
-    bool keep;             /* files stay on the card after sst_still_release_files() */
+    int mirror_ms;       /* 0: no lock-up; else a release lifts the mirror and another one, this much later, exposes */
+    int card_ms;         /* from a release until the files are written, and the longest time of being busy */
+    int response_ms;     /* time-out of an answer over USB */
+    int reopen_ms;       /* time for a camera that was unplugged, or hangs, to come back */
+    int battery_percent; /* no exposure with less */
+    bool keep;           /* files stay on the card after sst_still_release_files() */
     const SST_ATOMIC(bool) * cancel; /* ends waiting; may be NULL */
 };
 
@@ -81,22 +82,22 @@ struct sst_still_shot {
 
 struct sst_still_counters {
     int exposures;
-    int busy;     /* releases that had to wait for the camera */
-    int silent;   /* answers and files that did not come in time */
-    int lost;     /* unplugged, or USB failed */
-    int damaged;  /* downloads with missing or damaged bytes */
-    int refused;  /* settings */
+    int busy;    /* releases that had to wait for the camera */
+    int silent;  /* answers and files that did not come in time */
+    int lost;    /* unplugged, or USB failed */
+    int damaged; /* downloads with missing or damaged bytes */
+    int refused; /* settings */
     int reopened;
 };
 
 /**
  * Open the camera, apply the settings and read them back.
  *
- * Every step is bounded: an answer by response_ms (the first one, by libgphoto2, by some 20 s), the rest by the times of
- * the configuration.
+ * Every step is bounded: an answer by response_ms (the first one, by libgphoto2, by some 20 s), the rest by the times
+ * of the configuration.
  *
- * @return 0, -ENODEV (none, or several: they are listed), -EACCES, -EBUSY (another program has it), -EPERM (it refuses a
- *  setting), -EINVAL (it has no such setting or choice: they are listed), -ETIMEDOUT, -EIO, -ENOPKG (built without
+ * @return 0, -ENODEV (none, or several: they are listed), -EACCES, -EBUSY (another program has it), -EPERM (it refuses
+ * a setting), -EINVAL (it has no such setting or choice: they are listed), -ETIMEDOUT, -EIO, -ENOPKG (built without
  *  libgphoto2), -ECANCELED; logged.
  */
 SST_MUST_CHECK int sst_still_open(struct sst_still **out, const struct sst_still_config *cfg);

@@ -1,4 +1,5 @@
-/* drivers/still/still_internal.h - what the files of this folder share; code outside of it includes the public header. */
+/* drivers/still/still_internal.h - what the files of this folder share; code outside of it includes the public header.
+ */
 #ifndef SST_DRIVERS_STILL_STILL_INTERNAL_H
 #define SST_DRIVERS_STILL_STILL_INTERNAL_H
 
@@ -6,7 +7,8 @@
 
 #include "drivers/still/still.h"
 
-/* --- lib: the calls of libgphoto2 (lib_gphoto.c), or their absence (lib_none.c) ------------------------------------ */
+/* --- lib: the calls of libgphoto2 (lib_gphoto.c), or their absence (lib_none.c) ------------------------------------
+ */
 
 struct still_lib; /* opaque */
 
@@ -61,9 +63,9 @@ struct sst_still {
     char wanted[STILL_SETTINGS][SST_STILL_TEXT_MAX];
     char serial[SST_STILL_TEXT_MAX], port[SST_STILL_TEXT_MAX];
     /* the camera */
-    struct still_lib *lib; /* NULL: lost */
-    int bus, address;      /* where it is open */
-    bool low;              /* warned of its battery */
+    struct still_lib *lib;                    /* NULL: lost */
+    int bus, address;                         /* where it is open */
+    bool low;                                 /* warned of its battery */
     const char *setting_name[STILL_SETTINGS]; /* by which the camera has it; NULL: not looked up */
     char settings[256];
     struct sst_still_state state;

@@ -39,8 +39,8 @@ struct sim_still {
     int scope; /* of the faults */
     struct sim_timer exposing, plugging;
     int32_t pose_um[3]; /* of the last exposure */
-    int away_ms; /* unplugged by plugging's next call; 0: plugged in by it */
-    int planned; /* faults of the world that are set */
+    int away_ms;        /* unplugged by plugging's next call; 0: plugged in by it */
+    int planned;        /* faults of the world that are set */
 };
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
@@ -57,10 +57,9 @@ static int frame(struct sim_still *s, const struct sst_sim_exposure *e, uint32_t
 static int expose(void *arg, const struct sst_sim_ptp_exposure *e, bool raw, uint8_t **data, size_t *bytes)
 {
     struct sim_still *s = arg;
-    struct sst_sim_exposure shot = { .trigger = (uint64_t)e->shot,
-                                     .t_ns = e->t_ns,
-                                     .exposure_us = (int)(e->time_s * 1e6),
-                                     .gain = e->gain };
+    struct sst_sim_exposure shot = {
+        .trigger = (uint64_t)e->shot, .t_ns = e->t_ns, .exposure_us = (int)(e->time_s * 1e6), .gain = e->gain
+    };
     int width, height, err;
     size_t room;
     uint8_t *out;
@@ -286,22 +285,18 @@ int sim_still_open(struct sim_still **out, const struct sim_still_config *cfg)
     if (!err)
         err = create(s);
     if (!err) {
-        s->scope = sim_faults_add(cfg->faults, &(struct sim_fault_scope){ .name = "still",
-                                                                          .faults = faults,
-                                                                          .count = FAULTS,
-                                                                          .changed = fault_changed,
-                                                                          .arg = s });
+        s->scope = sim_faults_add(
+            cfg->faults, &(struct sim_fault_scope){
+                             .name = "still", .faults = faults, .count = FAULTS, .changed = fault_changed, .arg = s });
         err = sst_min_int(s->scope, 0);
     }
     if (err) {
         sim_still_close(s);
         return err;
     }
-    sim_usb_front_pipes(cfg->usb, &(struct sim_usb_pipes){ .arg = s,
-                                                           .request = pipe_request,
-                                                           .out = pipe_out,
-                                                           .in = pipe_in,
-                                                           .released = pipe_released });
+    sim_usb_front_pipes(
+        cfg->usb, &(struct sim_usb_pipes){
+                      .arg = s, .request = pipe_request, .out = pipe_out, .in = pipe_in, .released = pipe_released });
     plan(s);
     *out = s;
     return 0;

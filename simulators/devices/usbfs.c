@@ -99,9 +99,8 @@ static int cut_transfer(struct usb_file *f, const struct transfer *from)
     int cancelled = 0;
 
     f->cut |= 1u << (from->t.endpoint & 15);
-    for (struct transfer *t = from->next; t && !(t->t.endpoint == from->t.endpoint &&
-                                                 !(t->t.flags & USBDEVFS_URB_BULK_CONTINUATION));
-         t = t->next)
+    for (struct transfer *t = from->next;
+         t && !(t->t.endpoint == from->t.endpoint && !(t->t.flags & USBDEVFS_URB_BULK_CONTINUATION)); t = t->next)
         if (!t->done && t->t.endpoint == from->t.endpoint) {
             finish(t, -ECONNRESET, 0);
             cancelled++;
@@ -418,8 +417,8 @@ static int file_ioctl(struct sim_handle *h, struct sim_request *r)
 {
     struct usb_file *f = h->state;
     const uint32_t sizeless = ~((uint32_t)_IOC_SIZEMASK << _IOC_SIZESHIFT);
-    const uint32_t capabilities = USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_BULK_CONTINUATION |
-                                  USBDEVFS_CAP_CONNINFO_EX | USBDEVFS_CAP_DROP_PRIVILEGES;
+    const uint32_t capabilities = USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_BULK_CONTINUATION | USBDEVFS_CAP_CONNINFO_EX |
+                                  USBDEVFS_CAP_DROP_PRIVILEGES;
     const struct sst_sim_usb_device *d = device_of(f);
     const struct usbdevfs_connectinfo info = { .devnum = (unsigned)d->address };
     unsigned number = 0;

@@ -1,4 +1,5 @@
-/* tests/unit/sim_ptp.c - the simulated still camera's protocol: transactions, packets, settings, exposures, bad input. */
+/* tests/unit/sim_ptp.c - the simulated still camera's protocol: transactions, packets, settings, exposures, bad input.
+ */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -47,10 +48,20 @@ static void unplug(void *arg SST_UNUSED, int ms)
 
 static struct sst_sim_ptp *camera(bool mirror)
 {
-    const struct sst_sim_ptp_config cfg = { .serial = "S1", .width = 64, .height = 32, .exposure_us = 5000,
-                                            .card_bytes = 40000, .battery_percent = 70, .lag_ms = 10, .write_ms = 20,
-                                            .mirror_lockup = mirror, .expose = expose, .stored = stored,
-                                            .fault = fault, .spend = spend, .unplug = unplug };
+    const struct sst_sim_ptp_config cfg = { .serial = "S1",
+                                            .width = 64,
+                                            .height = 32,
+                                            .exposure_us = 5000,
+                                            .card_bytes = 40000,
+                                            .battery_percent = 70,
+                                            .lag_ms = 10,
+                                            .write_ms = 20,
+                                            .mirror_lockup = mirror,
+                                            .expose = expose,
+                                            .stored = stored,
+                                            .fault = fault,
+                                            .spend = spend,
+                                            .unplug = unplug };
     struct sst_sim_ptp *p;
 
     memset(fault_value, 0, sizeof(fault_value));
@@ -78,7 +89,8 @@ static int send_container(struct sst_sim_ptp *p, int type, uint16_t code, const 
     return err;
 }
 
-/** Read phases until the response. @param data  out, of the data phase, without its header; its size @return response */
+/** Read phases until the response. @param data  out, of the data phase, without its header; its size @return response
+ */
 static unsigned response(struct sst_sim_ptp *p, uint8_t *data, size_t *size)
 {
     static uint8_t in[65536];
@@ -402,16 +414,11 @@ static void raw_files_are_dng(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(sessions_open_once),
-        cmocka_unit_test(settings_are_checked),
-        cmocka_unit_test(exposures_become_files),
-        cmocka_unit_test(full_packets_are_followed_by_an_empty_one),
-        cmocka_unit_test(a_mirror_is_lifted_first),
-        cmocka_unit_test(faults_happen_once),
-        cmocka_unit_test(a_card_becomes_full),
-        cmocka_unit_test(malformed_containers_halt_the_endpoint),
-        cmocka_unit_test(random_input_is_survived),
-        cmocka_unit_test(raw_files_are_dng),
+        cmocka_unit_test(sessions_open_once),       cmocka_unit_test(settings_are_checked),
+        cmocka_unit_test(exposures_become_files),   cmocka_unit_test(full_packets_are_followed_by_an_empty_one),
+        cmocka_unit_test(a_mirror_is_lifted_first), cmocka_unit_test(faults_happen_once),
+        cmocka_unit_test(a_card_becomes_full),      cmocka_unit_test(malformed_containers_halt_the_endpoint),
+        cmocka_unit_test(random_input_is_survived), cmocka_unit_test(raw_files_are_dng),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

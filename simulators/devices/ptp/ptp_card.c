@@ -34,10 +34,9 @@ struct ptp_file *ptp_card_add(struct ptp_card *card, int number, bool raw, uint8
         return NULL;
     }
     f = &card->file[card->files++];
-    *f = (struct ptp_file){ .handle = card->next_handle++,
-                            .format = raw ? PTP_FORMAT_DNG : PTP_FORMAT_JPEG,
-                            .data = data,
-                            .bytes = bytes };
+    *f = (struct ptp_file){
+        .handle = card->next_handle++, .format = raw ? PTP_FORMAT_DNG : PTP_FORMAT_JPEG, .data = data, .bytes = bytes
+    };
     snprintf(f->name, sizeof(f->name), "SST_%04u.%s", (unsigned)number % 10000, raw ? "DNG" : "JPG");
     return f;
 }

@@ -1,4 +1,5 @@
-/* simulators/devices/ptp/ptp_dng.c - raw files: DNG 1.4, one strip of Bayer samples and the tags that developing needs. */
+/* simulators/devices/ptp/ptp_dng.c - raw files: DNG 1.4, one strip of Bayer samples and the tags that developing needs.
+ */
 #include <errno.h>
 #include <math.h>
 
@@ -46,21 +47,28 @@ static void put_matrix(struct ptp_bytes *b)
 
 int sst_sim_ptp_dng(const uint8_t *bayer, int width, int height, uint8_t **out, size_t *bytes)
 {
-    enum { TAGS = 22, DIRECTORY = 8, DATA = DIRECTORY + 2 + 12 * TAGS + 4, MATRIX = DATA + 2 * LEVELS,
-           NEUTRAL = MATRIX + 72, MODEL = NEUTRAL + 24, STRIP = MODEL + 20 };
+    enum {
+        TAGS = 22,
+        DIRECTORY = 8,
+        DATA = DIRECTORY + 2 + 12 * TAGS + 4,
+        MATRIX = DATA + 2 * LEVELS,
+        NEUTRAL = MATRIX + 72,
+        MODEL = NEUTRAL + 24,
+        STRIP = MODEL + 20
+    };
     const uint32_t samples = (uint32_t)width * (uint32_t)height;
     const struct tag tags[TAGS] = {
-        { 254, TIFF_LONG, 1, 0 },           /* the main picture */
+        { 254, TIFF_LONG, 1, 0 }, /* the main picture */
         { 256, TIFF_LONG, 1, (uint32_t)width },
         { 257, TIFF_LONG, 1, (uint32_t)height },
-        { 258, TIFF_SHORT, 1, 8 },          /* bits of a sample */
-        { 259, TIFF_SHORT, 1, 1 },          /* not compressed */
-        { 262, TIFF_SHORT, 1, 32803 },      /* colour filter array */
+        { 258, TIFF_SHORT, 1, 8 },     /* bits of a sample */
+        { 259, TIFF_SHORT, 1, 1 },     /* not compressed */
+        { 262, TIFF_SHORT, 1, 32803 }, /* colour filter array */
         { 271, TIFF_TEXT, 4, 's' | 's' << 8 | 't' << 16 },
         { 272, TIFF_TEXT, 17, MODEL },
         { 273, TIFF_LONG, 1, STRIP },
-        { 274, TIFF_SHORT, 1, 1 },          /* upright */
-        { 277, TIFF_SHORT, 1, 1 },          /* samples of a pixel */
+        { 274, TIFF_SHORT, 1, 1 }, /* upright */
+        { 277, TIFF_SHORT, 1, 1 }, /* samples of a pixel */
         { 278, TIFF_LONG, 1, (uint32_t)height },
         { 279, TIFF_LONG, 1, samples },
         { 284, TIFF_SHORT, 1, 1 },
@@ -71,7 +79,7 @@ int sst_sim_ptp_dng(const uint8_t *bayer, int width, int height, uint8_t **out, 
         { 50717, TIFF_LONG, 1, WHITE },
         { 50721, TIFF_SRATIONAL, 9, MATRIX },
         { 50728, TIFF_RATIONAL, 3, NEUTRAL },
-        { 50778, TIFF_SHORT, 1, 21 },       /* the matrix is for D65 */
+        { 50778, TIFF_SHORT, 1, 21 }, /* the matrix is for D65 */
     };
     struct ptp_bytes b = { .data = NULL };
 

@@ -180,8 +180,8 @@ enum ptp_state {
 struct ptp_phase {
     struct ptp_bytes bytes; /* a container */
     size_t at;
-    bool object;       /* the file of an object: may be unplugged in the middle */
-    bool closing;      /* all bytes are read, a packet of length 0 must end them */
+    bool object;  /* the file of an object: may be unplugged in the middle */
+    bool closing; /* all bytes are read, a packet of length 0 must end them */
     struct ptp_phase *next;
 };
 

@@ -142,10 +142,10 @@ int sst_sim_ptp_in(struct sst_sim_ptp *p, uint8_t *out, size_t size)
 /* --- operations --------------------------------------------------------------------------------------------------- */
 
 static const uint16_t operations[] = {
-    PTP_GET_DEVICE_INFO,    PTP_OPEN_SESSION,    PTP_CLOSE_SESSION,      PTP_GET_STORAGE_IDS, PTP_GET_STORAGE_INFO,
-    PTP_GET_NUM_OBJECTS,    PTP_GET_OBJECT_HANDLES, PTP_GET_OBJECT_INFO, PTP_GET_OBJECT,      PTP_GET_THUMB,
-    PTP_DELETE_OBJECT,      PTP_INITIATE_CAPTURE, PTP_RESET_DEVICE,      PTP_GET_PROP_DESC,   PTP_GET_PROP_VALUE,
-    PTP_SET_PROP_VALUE,     PTP_RESET_PROP_VALUE, PTP_GET_PARTIAL_OBJECT,
+    PTP_GET_DEVICE_INFO, PTP_OPEN_SESSION,       PTP_CLOSE_SESSION,      PTP_GET_STORAGE_IDS, PTP_GET_STORAGE_INFO,
+    PTP_GET_NUM_OBJECTS, PTP_GET_OBJECT_HANDLES, PTP_GET_OBJECT_INFO,    PTP_GET_OBJECT,      PTP_GET_THUMB,
+    PTP_DELETE_OBJECT,   PTP_INITIATE_CAPTURE,   PTP_RESET_DEVICE,       PTP_GET_PROP_DESC,   PTP_GET_PROP_VALUE,
+    PTP_SET_PROP_VALUE,  PTP_RESET_PROP_VALUE,   PTP_GET_PARTIAL_OBJECT,
 };
 
 static void put_device_info(const struct sst_sim_ptp *p, struct ptp_bytes *out)
@@ -392,10 +392,9 @@ int sst_sim_ptp_create(struct sst_sim_ptp **out, const struct sst_sim_ptp_config
     if (!p)
         return -ENOMEM;
     p->cfg = *cfg;
-    p->card = (struct ptp_card){ .capacity = cfg->card_bytes,
-                                 .width = cfg->width,
-                                 .height = cfg->height,
-                                 .next_handle = PTP_FIRST_PICTURE };
+    p->card = (struct ptp_card){
+        .capacity = cfg->card_bytes, .width = cfg->width, .height = cfg->height, .next_handle = PTP_FIRST_PICTURE
+    };
     ptp_props_init(&p->props, cfg);
     *out = p;
     return 0;

@@ -89,8 +89,7 @@ static void write_files(struct sst_sim_ptp *p)
     const bool mute = p->taken_count && ptp_fault_take(p, SST_SIM_PTP_NO_EVENT) > 0;
 
     for (int i = 0; i < p->taken_count; i++) {
-        struct ptp_file *f =
-            ptp_card_add(&p->card, p->shots, p->taken[i].raw, p->taken[i].data, p->taken[i].bytes);
+        struct ptp_file *f = ptp_card_add(&p->card, p->shots, p->taken[i].raw, p->taken[i].data, p->taken[i].bytes);
 
         if (!f) {
             ptp_event(p, PTP_EVENT_STORE_FULL, PTP_STORAGE);

@@ -60,7 +60,13 @@ static void device_descriptor(struct writer *w, const struct sst_sim_usb_device 
     else
         PUT(w, 0x09, 0x00, super ? 3 : root || d->single_tt ? 1 : 2, super ? 9 : 64);
     put(w, root ? VENDOR_LINUX : VENDOR, 2);
-    put(w, camera ? PRODUCT_CAMERA : still ? PRODUCT_STILL : root ? (super ? 3 : 2) : super ? PRODUCT_HUB3 : PRODUCT_HUB, 2);
+    put(w,
+        camera  ? PRODUCT_CAMERA
+        : still ? PRODUCT_STILL
+        : root  ? (super ? 3 : 2)
+        : super ? PRODUCT_HUB3
+                : PRODUCT_HUB,
+        2);
     put(w, root ? 0x0601 : 0x0100, 2);
     PUT(w, 1, 2, camera || root || still ? 3 : 0, 1);
 }

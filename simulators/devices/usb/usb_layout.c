@@ -195,8 +195,7 @@ int usb_layout_build(struct sst_sim_usb *usb, const char *name, int cameras, con
             continue;
         if (cameras < 1 || cameras > 255)
             return -EINVAL;
-        err = layouts[i].own_controller ? build_wide(usb, &layouts[i], cameras)
-                                        : build_tree(usb, &layouts[i], cameras);
+        err = layouts[i].own_controller ? build_wide(usb, &layouts[i], cameras) : build_tree(usb, &layouts[i], cameras);
         return err || !still ? err : add_still(usb, still);
     }
     return -EINVAL;
