@@ -37,6 +37,14 @@ static const struct sst_sim_usb_device *device_of(const struct usb_file *f)
 
 /* --- transfers ---------------------------------------------------------------------------------------------------- */
 
+/** Bytes that the program gets back: none of what it sent. */
+static size_t received(const struct transfer *t)
+{
+    const bool in = t->t.type == USBDEVFS_URB_TYPE_CONTROL ? t->t.setup[0] & 0x80 : t->t.endpoint & 0x80;
+
+    return in ? (size_t)t->t.actual : 0;
+}
+
 /** Reap the oldest completed transfer. @return 0 or -EAGAIN */
 static int reap(struct usb_file *f, struct sim_request *r)
 {
@@ -46,8 +54,8 @@ static int reap(struct usb_file *f, struct sim_request *r)
         if (!t->done)
             continue;
         memcpy(r->data, &t->t, sizeof(t->t));
-        memcpy(r->data + sizeof(t->t), t->data, (size_t)t->t.actual);
-        r->out_bytes = (uint32_t)(sizeof(t->t) + (size_t)t->t.actual);
+        memcpy(r->data + sizeof(t->t), t->data, received(t));
+        r->out_bytes = (uint32_t)(sizeof(t->t) + received(t));
         *link = t->next;
         free(t);
         return 0;
