@@ -351,6 +351,7 @@ int cli_run_import_recording(const struct cli_command *cmd, const struct import_
 
 struct sst_align_report;
 struct sst_judgement;
+struct sst_notices;
 
 /** @param wanted  --align auto */
 json_t *cli_align_json(const struct sst_lightfield *lf, const struct sst_align_report *a, bool wanted);
@@ -360,6 +361,9 @@ json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir);
 void cli_warn_judgement(const struct sst_judgement *j, const char *dir);
 /** Add plausible, implausible and views. */
 void cli_add_judgement(json_t *root, const struct sst_lightfield *lf, const struct sst_judgement *j);
+/** Log what is wrong with the pictures, and the same and its figures as members of JSON. */
+void cli_warn_notices(const struct sst_notices *n, const char *dir);
+void cli_add_notices(json_t *root, const struct sst_lightfield *lf, const struct sst_notices *n);
 /** Part of the line that `sst process` ends with; nothing if nothing was corrected. */
 void cli_print_align(const struct sst_align_report *a);
 

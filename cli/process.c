@@ -67,11 +67,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         sst_log_warning("%s: the views show no parallax: they are one picture from one place, and no disparity counts "
                         "as confirmed; check that the camera moved from view to view",
                         dir);
-    if (r->noise_levels >= SST_NOISE_MUCH)
-        sst_log_warning(
-            "%s: the pictures have noise of %.0f levels: expect less of the maps; expose longer, or lower the "
-            "cameras' gain",
-            dir, r->noise_levels);
+    cli_warn_notices(&r->notices, dir);
     if (sst_render_find_focus(lf, &focus_px) == -ENOMEM) {
         json_decref(levels);
         return -ENOMEM;
@@ -114,7 +110,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         seconds_json(load.cpu_s, r->labels.cpu_s, r->disparity.cpu_s, r->refinement.cpu_s, saving.cpu_s));
     if (root) {
         json_object_set_new(root, "focus_px", cli_real_json(focus_px));
-        json_object_set_new(root, "noise_levels", json_real(r->noise_levels));
+        cli_add_notices(root, lf, &r->notices);
         cli_add_judgement(root, lf, &r->judgement);
         json_object_set_new(root, "levels", levels);
         json_object_set_new(root, "not_finite", json_integer((json_int_t)sst_border_count()));
@@ -149,15 +145,19 @@ static int load(struct sst_lightfield *lf, const char *dir, const struct wanted 
 }
 
 /* Compute the maps. */
-static int compute(struct sst_lightfield *lf, struct sst_process_config *cfg, const char *hand_label,
+static int compute(struct sst_lightfield *lf, struct sst_process_config *cfg, const char *dir, const char *hand_label,
                    struct sst_process_extras *extras, struct sst_process_report *report)
 {
+    double quality[SST_MAX_VIEWS];
     struct sst_map_u8 truth = { 0 };
     int err = hand_label && cfg->model ? sst_map_u8_read_png(&truth, hand_label) : 0;
 
     cfg->hand_label = truth.data ? &truth : NULL;
     err = err ? err : sst_process(lf, cfg, extras, report);
+    err = err ? err : sst_lightfield_jpeg_quality(quality, lf, dir);
     if (!err) {
+        sst_notice_jpeg_files(&report->notices, quality, lf->rows * lf->cols);
+        sst_notice_describe(&report->notices, lf);
         lf->files->judged = report->judgement.judged;
         lf->files->plausible = report->judgement.plausible;
         snprintf(lf->files->implausible, sizeof(lf->files->implausible), "%s", report->judgement.sentence);
@@ -260,7 +260,7 @@ static int process_one(void *arg, int i, bool again)
                                              : sst_path_base(cfg.model),
                  c.lf.files->external_disparity ? "given" : "matched");
         cfg.keep_disparity = c.lf.files->external_disparity;
-        err = compute(&c.lf, &cfg, w->hand_label, &c.extras, &c.report);
+        err = compute(&c.lf, &cfg, c.dir, w->hand_label, &c.extras, &c.report);
     }
     cli_progress_end();
     code = err ? cli_exit_code(err) : job->split ? save_once(&c, i) : save(&c, i, false);

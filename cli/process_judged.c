@@ -73,3 +73,29 @@ void cli_add_judgement(json_t *root, const struct sst_lightfield *lf, const stru
     json_object_set_new(root, "implausible", json_string(j->sentence));
     json_object_set_new(root, "views", views);
 }
+
+void cli_warn_notices(const struct sst_notices *n, const char *dir)
+{
+    for (int i = 0; i < n->count; i++)
+        sst_log_warning("%s: %s", dir, n->notice[i].text);
+}
+
+void cli_add_notices(json_t *root, const struct sst_lightfield *lf, const struct sst_notices *n)
+{
+    json_t *list = json_array(), *soft = json_array();
+
+    for (int i = 0; i < n->count; i++)
+        json_array_append_new(list, json_pack("{s:s, s:s}", "what", n->notice[i].what, "text", n->notice[i].text));
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (n->soft_view[k])
+            json_array_append_new(soft, json_pack("{s:i, s:i}", "row", k / lf->cols, "col", k % lf->cols));
+    }
+    json_object_set_new(root, "noise_levels", json_real(n->noise_levels));
+    json_object_set_new(root, "edge_px", cli_real_json(n->edge_px));
+    json_object_set_new(root, "soft_views", soft);
+    json_object_set_new(root, "soft_px", json_real(n->soft_px));
+    json_object_set_new(root, "jpeg_quality", cli_real_json(n->jpeg_quality));
+    json_object_set_new(root, "jpeg_views", json_integer(n->jpeg_views));
+    json_object_set_new(root, "missing_views", json_integer(n->missing));
+    json_object_set_new(root, "noticed", list);
+}

@@ -12,14 +12,18 @@ import numpy as np
 from PIL import Image
 
 
+def read_picture(path):
+    with Image.open(path) as picture:
+        return np.asarray(picture.convert("RGB"), dtype=np.float32)
+
+
 def read_views(lf):
     """lightfield.json and the views of a folder whose files are the views."""
     with open(os.path.join(lf, "lightfield.json")) as f:
         info = json.load(f)
     views = {}
     for v in info["views"]:
-        with Image.open(os.path.join(lf, "views", v["file"])) as picture:
-            views[v["row"], v["col"]] = np.asarray(picture.convert("RGB"), dtype=np.float32)
+        views[v["row"], v["col"]] = read_picture(os.path.join(lf, "views", v["file"]))
     return info, views
 
 
@@ -76,6 +80,20 @@ def make_coarse(lf, fine):
     os.rename(truth, os.path.join(out, "truth"))
     shutil.rmtree(lf)
     os.rename(out, lf)
+
+
+def make_small(lf, fine, source, most):
+    """lf and fine, FINE times as large, of a photographed light field: at most so many pixels wide."""
+    info, views = read_views(source)
+    width = min(most, info["width"] // FINE)
+    height = width * info["height"] // info["width"]
+    share = width / info["width"]
+    info.update(range_min_px=info["range_min_px"] * share, range_max_px=info["range_max_px"] * share)
+    size = (FINE * width, FINE * height)
+    views = {k: np.asarray(Image.fromarray(v.astype(np.uint8)).resize(size, Image.BOX), dtype=np.float32)
+             for k, v in views.items()}
+    write_views(source, fine, {**info, "width": size[0], "height": size[1]}, views)
+    write_views(source, lf, {**info, "width": width, "height": height}, {k: coarse(v) for k, v in views.items()})
 
 
 # --- resampling ------------------------------------------------------------------------------------------------------
@@ -150,6 +168,14 @@ def fine(change):
     return apply
 
 
+def as_jpeg(image, quality):
+    """The picture after a JPEG file of that quality."""
+    data = io.BytesIO()
+    Image.fromarray(np.clip(np.floor(image + 0.5), 0, 255).astype(np.uint8)).save(data, format="JPEG", quality=int(quality))
+    with Image.open(data) as picture:
+        return np.asarray(picture.convert("RGB"), dtype=np.float32)
+
+
 def spread(s, n, rng):
     """n factors within 1 - s .. 1 + s whose geometric mean is 1: what all cameras share is no spread."""
     g = np.log(rng.uniform(1 - s, 1 + s, n))
@@ -191,6 +217,7 @@ def moments(change):
 
 
 TIMES = 5
+LATE_S = 0.1
 
 
 @moments
@@ -232,6 +259,7 @@ SWEEPS = {
     "roll": ("Rotation", "degrees, one side", (0.1, 0.25, 0.5, 1), fine(lambda v, s, rng: roll(v, rng.uniform(-s, s)))),
     "noise": ("Sensor noise", "levels RMS", (2, 5, 10, 20), each(lambda v, s, rng: v + rng.normal(0, s, v.shape))),
     "jpeg": ("JPEG", "quality", (98, 90, 75, 50, 30), None),
+    "png": ("PNG of a JPEG", "quality", (90, 75, 50, 30), each(lambda v, s, rng: as_jpeg(v, s))),
     "gamma": ("Gamma between cameras", "spread, one side", (0.05, 0.1, 0.2, 0.3), gamma),
     "vignetting": ("Vignetting", "mean loss in the corners", (0.1, 0.2, 0.3), vignette),
     "lens": ("Wrong lens", "of the distance at the corner, one side", (0.002, 0.005, 0.01),
@@ -263,6 +291,12 @@ def swap(views, rng):
     return views
 
 
+@moments
+def late(sets, rng):
+    """One camera LATE_S after the others."""
+    return sets[0] | {(3, 1): sets[-1][3, 1]}
+
+
 def noise_view(v, rng):
     return rng.uniform(0, 255, v.shape)
 
@@ -292,6 +326,10 @@ FAULTS = {
     "a view turned by 180 degrees": one_view(lambda views, at, rng: views[at][::-1, ::-1]),
     "a view mirrored": one_view(lambda views, at, rng: views[at][:, ::-1]),
     "a view 30 px too low": one_view(lambda views, at, rng: shift(views[at], 0, 30)),
+    "a view blurred by 1 px": one_view(lambda views, at, rng: blur(views[at], 1)),
+    "a view blurred by 2 px": one_view(lambda views, at, rng: blur(views[at], 2)),
+    "a view of JPEG quality 30": one_view(lambda views, at, rng: as_jpeg(views[at], 30)),
+    "a view 0.1 s late": late,
     "two views swapped": swap,
     "columns mirrored": lambda views, rng: {(r, 5 - c): v for (r, c), v in views.items()},
     "rows mirrored": lambda views, rng: {(5 - r, c): v for (r, c), v in views.items()},

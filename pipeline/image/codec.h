@@ -58,6 +58,10 @@ SST_MUST_CHECK int sst_image_read_alike(struct sst_image *const *img, const char
 /** Size of a PNG or JPEG without decoding its pixels. */
 SST_MUST_CHECK int sst_image_read_size(const char *path, int *width, int *height);
 
+/** Quality of a JPEG file in memory by the quantisation of its luma, in the scale of libjpeg: 1..100. NAN: damaged (logged), or
+ *  without tables. @param name  for messages */
+double sst_jpeg_quality(const uint8_t *data, size_t size, const char *name);
+
 SST_MUST_CHECK int sst_image_write_png(const struct sst_image *img, const char *path);
 
 /** 16-bit RGB PNG: levels 0 to 255 become samples black to white, so that reading with `samples` gives the image again. */

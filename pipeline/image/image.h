@@ -60,6 +60,25 @@ SST_MUST_CHECK int sst_map_f32_init(struct sst_map_f32 *map, int width, int heig
  */
 double sst_image_noise(const struct sst_image *img);
 
+/**
+ * Width of a picture's sharpest edges, as the sigma of a Gaussian that blurs ideal ones: the best tenth of the steepest
+ * tenth of green's gradients, of at most 64 tiles of 32x32 pixels. Drawn scenes and good pictures have 0.25 to 0.35 px,
+ * lenses that are less sharp than their sensor 0.6. Noise in a picture hides its blur. Thread: any.
+ *
+ * @param valid  tiles with unseen pixels do not count; NULL or empty: all are seen
+ * @return NAN: too small, too few edges, or no memory
+ */
+double sst_image_edge_px(const struct sst_image *image, const struct sst_map_u8 *valid);
+
+/**
+ * Quality of the JPEG file that these pixels were decoded from, whatever file they came from since: 1..100 in the scale of
+ * libjpeg, from the steps of the luma's lowest frequencies. Only while the blocks begin at the picture's corner: not of
+ * pictures that were cropped, resampled or denoised. Up to 90; finer steps are hidden by rounding. Thread: any.
+ *
+ * @return NAN: no traces, or no memory
+ */
+double sst_image_jpeg_quality(const struct sst_image *image);
+
 void sst_image_fini(struct sst_image *img);
 void sst_map_u8_fini(struct sst_map_u8 *map);
 void sst_map_u16_fini(struct sst_map_u16 *map);

@@ -1,5 +1,6 @@
 /* JPEG: read through the API of libjpeg, which tells warnings apart; written through TurboJPEG. */
 #include <errno.h>
+#include <math.h>
 #include <setjmp.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,6 +13,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/mem.h"
+#include "base/stats.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/codec_formats.h"
 
@@ -137,6 +139,39 @@ int sst_jpeg_size(int *width, int *height, const uint8_t *data, size_t size, con
     }
     reader_close(&r);
     return err;
+}
+
+/* Steps of the luma at quality 50, rows of growing frequency (ISO/IEC 10918-1, table K.1). */
+static const int luma_steps[DCTSIZE2] = {
+    16, 11, 10, 16, 24, 40, 51,  61,  12, 12, 14, 19, 26,  58,  60,  55,  14, 13, 16, 24,  40,  57,
+    69, 56, 14, 17, 22, 29, 51,  87,  80, 62, 18, 22, 37,  56,  68,  109, 103, 77, 24, 35, 55,  64,
+    81, 104, 113, 92, 49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99,
+};
+
+/* libjpeg's scale of qualities, by the step that is typical in comparison. */
+static double quality_of(const struct jpeg_decompress_struct *jpeg)
+{
+    const JQUANT_TBL *table = jpeg->comp_info ? jpeg->quant_tbl_ptrs[jpeg->comp_info[0].quant_tbl_no] : NULL;
+    double percent[DCTSIZE2], scale;
+
+    if (!table)
+        return NAN;
+    for (int i = 0; i < DCTSIZE2; i++)
+        percent[i] = 100.0 * table->quantval[i] / luma_steps[i];
+    scale = sst_stats_median(percent, DCTSIZE2);
+    return scale <= 100 ? (200 - scale) / 2 : 5000 / scale;
+}
+
+double sst_jpeg_quality(const uint8_t *data, size_t size, const char *name)
+{
+    struct reader r;
+    double quality = NAN;
+
+    reader_init(&r);
+    if (!size_of(&r, data, size, name))
+        quality = quality_of(&r.jpeg);
+    reader_close(&r);
+    return quality;
 }
 
 /* 255 is no ink where Adobe's marker is, as Photoshop writes it: R = C * K / 255; else 255 is full ink. */

@@ -107,6 +107,9 @@ SST_MUST_CHECK int sst_lightfield_choose_samples(struct sst_lightfield *lf, cons
  *  lost. The same errors. */
 SST_MUST_CHECK int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, int *before, int *after);
 
+/** Qualities of the views' files (sst_jpeg_quality()). @param quality  out, [rows * cols]; NAN: no JPEG. The same errors. */
+SST_MUST_CHECK int sst_lightfield_jpeg_quality(double *quality, const struct sst_lightfield *lf, const char *dir);
+
 /** Compare each view's bytes with the hash in lightfield.json. @return 0 or -EBADMSG (logged: which view). */
 SST_MUST_CHECK int sst_lightfield_verify(const struct sst_lightfield *lf, const char *dir, int threads);
 

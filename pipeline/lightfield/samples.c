@@ -1,8 +1,10 @@
-/* Views of 16 bits: the samples that all of them are scaled from. */
+/* Files of the views: the samples that all of 16 bits are scaled from, the qualities of JPEG. */
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/log.h"
 #include "pipeline/image/codec.h"
@@ -78,4 +80,28 @@ int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, int 
     }
     free(counts);
     return r < 0 ? r : 0;
+}
+
+int sst_lightfield_jpeg_quality(double *quality, const struct sst_lightfield *lf, const char *dir)
+{
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const char *name = lf->files->view[k].name;
+        const size_t n = strlen(name);
+        char path[SST_PATH_MAX];
+        uint8_t *data;
+        size_t size;
+        int err;
+
+        quality[k] = NAN;
+        if (!lf->views[k].present || (n > 4 && !strcasecmp(name + n - 4, ".png")))
+            continue;
+        err = view_path(path, lf, k, dir);
+        err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+        if (err)
+            return err;
+        if (size > 2 && data[0] == 0xFF && data[1] == 0xD8)
+            quality[k] = sst_jpeg_quality(data, size, path);
+        free(data);
+    }
+    return 0;
 }

@@ -349,20 +349,6 @@ static int align_views(struct run *run)
     return err;
 }
 
-/* Of the views present. */
-static double measure_noise(const struct sst_lightfield *lf)
-{
-    double noise[SST_MAX_VIEWS];
-    int n = 0;
-
-    for (int k = 0; k < lf->rows * lf->cols; k++) {
-        if (lf->views[k].present)
-            noise[n++] = sst_image_noise(&lf->views[k].image);
-    }
-    sst_stats_sort_double(noise, n);
-    return n ? noise[n / 2] : 0;
-}
-
 static int match_views(struct run *run)
 {
     struct sst_disparity_config cfg = run->cfg->disparity;
@@ -443,8 +429,9 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
                                                .labels_skipped = NAN,
                                                .labels_error = NAN };
     sst_process_lap(&clock);
-    run.report->noise_levels = report ? measure_noise(lf) : 0;
-    if (!cfg->keep_disparity)
+    if (report)
+        err = log_oom(sst_notice_measure(&report->notices, lf, cfg->threads));
+    if (!err && !cfg->keep_disparity)
         err = align_views(&run);
     if (!err && !cfg->keep_disparity)
         err = match_views(&run);

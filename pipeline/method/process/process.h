@@ -7,6 +7,7 @@
 #include "pipeline/method/network/network.h"
 #include "pipeline/method/process/align.h"
 #include "pipeline/method/process/judge.h"
+#include "pipeline/method/process/notice.h"
 #include "pipeline/method/refine/refine.h"
 
 struct sst_segmenter;
@@ -39,15 +40,13 @@ struct sst_process_time {
     double wall_s, cpu_s;
 };
 
-#define SST_NOISE_MUCH 8.0 /* levels: clear pictures lose more than 1 dB */
-
 /** Statistics for the summary. */
 struct sst_process_report {
     double eps_h, coverage_hcsm, coverage_refined; /* coverage in percent of all pixels; NaN without labels */
     double disp_min_px, disp_max_px;               /* searched; equal when nothing was matched */
     enum sst_parallax parallax;                    /* of the views; without it no disparity counts as confirmed */
     double confirmed;               /* percent of the disparities that another view confirms; NaN without confidences */
-    double noise_levels;            /* RMS of the sensor's noise, of 0..255, median of the views (sst_image_noise()) */
+    struct sst_notices notices;     /* of the pictures as they were loaded; sst_notice_describe() fills the sentences */
     struct sst_align_report align;  /* what was moved or scaled before matching */
     struct sst_judgement judgement; /* of pictures and maps */
     struct sst_disparity_report skipped; /* of the matching */

@@ -1,0 +1,45 @@
+/* pipeline/method/process/notice.h - what is wrong with the pictures of a light field although they can be views of one scene. */
+#ifndef SST_PIPELINE_METHOD_PROCESS_NOTICE_H
+#define SST_PIPELINE_METHOD_PROCESS_NOTICE_H
+
+#include "pipeline/lightfield/lightfield.h"
+
+/* Thresholds: docs/design/design.md, 5.9. Where clear pictures lose more than 1 dB (noise, blur), more than 3 dB (JPEG). */
+#define SST_NOTICE_NOISE_LEVELS 8.0
+#define SST_NOTICE_EDGE_PX      0.75
+#define SST_NOTICE_JPEG_QUALITY 70.0
+#define SST_NOTICE_MISSING      0.1 /* of the grid */
+/* A view's edges against the median view's: so many times as wide, and blurred by so much in between. */
+#define SST_NOTICE_SOFTER    1.35
+#define SST_NOTICE_SOFTER_PX 0.3
+
+#define SST_NOTICES 6 /* at most */
+
+struct sst_notices {
+    double noise_levels; /* RMS of the sensor's noise, of 0..255, median of the views (sst_image_noise()) */
+    double edge_px;      /* median of the views (sst_image_edge_px()); NAN: not measured */
+    int soft;            /* views that are less sharp than the others */
+    bool soft_view[SST_MAX_VIEWS];
+    double soft_px;      /* blur of the softest of them against the median view; 0: none */
+    int softest;         /* that view; -1 */
+    double jpeg_quality; /* least of the views; NAN: no traces */
+    int jpeg_views;      /* with traces, or JPEG files */
+    int missing;         /* views of the grid */
+    int count;
+    struct {
+        const char *what; /* "noise", "blur", "soft-views", "jpeg", "missing-views" */
+        char text[320];   /* one sentence: what, how much, remedy */
+    } notice[SST_NOTICES];
+};
+
+/** Measure loaded pictures, before they are corrected. The same for any number of threads. @return 0, -ENOMEM (not logged) */
+SST_MUST_CHECK int sst_notice_measure(struct sst_notices *out, const struct sst_lightfield *lf, int threads);
+
+/** Qualities of the views' JPEG files, which count instead of traces in the pixels. @param quality  [rows * cols]; NAN: no
+ *  JPEG file */
+void sst_notice_jpeg_files(struct sst_notices *out, const double *quality, int views);
+
+/** Fill the notices from the figures. */
+void sst_notice_describe(struct sst_notices *out, const struct sst_lightfield *lf);
+
+#endif
