@@ -18,13 +18,15 @@ json_t *cli_align_json(const struct sst_lightfield *lf, const struct sst_align_r
         const struct sst_correction *c = &lf->correction[k];
 
         if (!sst_correction_is_none(c))
-            json_array_append_new(views, json_pack("{s:i, s:i, s:f, s:f, s:f, s:f, s:[f, f, f], s:f}", "row",
+            json_array_append_new(views, json_pack("{s:i, s:i, s:f, s:f, s:f, s:f, s:[f, f, f], s:f, s:f}", "row",
                                                    k / lf->cols, "col", k % lf->cols, "right_px", c->shift_x_px,
                                                    "down_px", c->shift_y_px, "roll_deg", c->roll_deg, "scale", c->scale,
-                                                   "gain", c->gain[0], c->gain[1], c->gain[2], "falloff", c->falloff));
+                                                   "gain", c->gain[0], c->gain[1], c->gain[2], "falloff", c->falloff,
+                                                   "exponent", c->exponent));
     }
-    return json_pack("{s:s, s:i, s:i, s:i, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o}", "mode", wanted ? "auto" : "off",
-                     "moved", a->moved, "lit", a->lit, "faded", a->faded, "worst_falloff",
+    return json_pack("{s:s, s:i, s:i, s:i, s:i, s:f, s:o, s:b, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o}", "mode", wanted ? "auto" : "off",
+                     "moved", a->moved, "lit", a->lit, "faded", a->faded, "bent", a->bent, "worst_exponent", a->worst_exponent,
+                     "exponent_sigma", cli_real_json(a->exponent_sigma), "bent_kept", (int)a->bent_kept, "worst_falloff",
                      cli_real_json(a->worst_falloff), "falloff_sigma", cli_real_json(a->falloff_sigma), "unmeasured", a->unmeasured, "worst_px", cli_real_json(a->worst_px),
                      "worst_gain", cli_real_json(a->worst_gain), "sigma_px", cli_real_json(a->sigma_px), "gain_sigma",
                      cli_real_json(a->gain_sigma), "views", views);
@@ -37,6 +39,9 @@ void cli_print_align(const struct sst_align_report *a)
     if (a->lit)
         printf("the gains of %d views corrected by up to %.0f %% (sigma %.1f), ", a->lit, 100 * a->worst_gain,
                100 * a->gain_sigma);
+    if (a->bent)
+        printf("the gammas of %d views corrected by up to %.0f %% (sigma %.1f), ", a->bent, 100 * a->worst_exponent,
+               100 * a->exponent_sigma);
     if (a->faded)
         printf("the fall-off of %d views corrected, up to %.0f %% of the light in the corners (sigma %.1f), ", a->faded,
                100 * a->worst_falloff, 100 * a->falloff_sigma);

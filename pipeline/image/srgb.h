@@ -11,4 +11,9 @@ static inline double sst_srgb_to_light(double code)
     return code <= 0.04045 ? code / 12.92 : pow((code + 0.055) / 1.055, 2.4);
 }
 
+static inline double sst_light_to_srgb(double light)
+{
+    return light <= 0.0031308 ? light * 12.92 : 1.055 * pow(light, 1 / 2.4) - 0.055;
+}
+
 #endif

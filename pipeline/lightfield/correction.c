@@ -10,12 +10,13 @@
 #include "base/log.h"
 #include "base/stats.h"
 #include "base/thread.h"
+#include "pipeline/image/srgb.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 
 struct sst_correction sst_correction_none(void)
 {
-    return (struct sst_correction){ .gain = { 1, 1, 1 } };
+    return (struct sst_correction){ .gain = { 1, 1, 1 }, .exponent = 1 };
 }
 
 static bool moves(const struct sst_correction *c)
@@ -23,9 +24,15 @@ static bool moves(const struct sst_correction *c)
     return c->shift_x_px != 0 || c->shift_y_px != 0 || c->roll_deg != 0 || c->scale != 0;
 }
 
+/* What resampling undoes. */
+static bool resamples(const struct sst_correction *c)
+{
+    return moves(c) || c->falloff != 0 || c->gain[0] != 1 || c->gain[1] != 1 || c->gain[2] != 1;
+}
+
 bool sst_correction_is_none(const struct sst_correction *c)
 {
-    return !moves(c) && c->falloff == 0 && c->gain[0] == 1 && c->gain[1] == 1 && c->gain[2] == 1;
+    return !resamples(c) && c->exponent == 1;
 }
 
 bool sst_correction_valid(const struct sst_correction *c)
@@ -34,6 +41,8 @@ bool sst_correction_valid(const struct sst_correction *c)
         if (!(c->gain[i] >= 1 / SST_CORRECTION_GAIN_MAX && c->gain[i] <= SST_CORRECTION_GAIN_MAX))
             return false;
     }
+    if (!(c->exponent >= 1 / SST_CORRECTION_EXPONENT_MAX && c->exponent <= SST_CORRECTION_EXPONENT_MAX))
+        return false;
     return fabs(c->shift_x_px) <= SST_CORRECTION_SHIFT_MAX_PX && fabs(c->shift_y_px) <= SST_CORRECTION_SHIFT_MAX_PX &&
            fabs(c->roll_deg) <= SST_CORRECTION_ROLL_MAX_DEG && fabs(c->falloff) <= SST_CORRECTION_FALLOFF_MAX && fabs(c->scale) <= SST_CORRECTION_SCALE_MAX;
 }
@@ -143,6 +152,23 @@ static int resample(struct sst_image *out, struct sst_map_u8 *valid, const struc
     return err;
 }
 
+/* Raise the light of all pixels to the power of 1 / exponent. */
+static void straighten(struct sst_image *image, double exponent)
+{
+    uint8_t level[256];
+
+    for (int i = 0; i < 256; i++)
+        level[i] = (uint8_t)(255 * sst_light_to_srgb(pow(sst_srgb_to_light(i / 255.0), 1 / exponent)) + 0.5);
+    for (int c = 0; c < 3; c++) {
+        for (int y = 0; y < image->height; y++) {
+            uint8_t *row = sst_image_row(image, c, y);
+
+            for (int x = 0; x < image->width; x++)
+                row[x] = level[row[x]];
+        }
+    }
+}
+
 int correction_apply(struct sst_lightfield *lf, int view, const struct sst_correction *c)
 {
     struct sst_view *v = &lf->views[view];
@@ -150,7 +176,11 @@ int correction_apply(struct sst_lightfield *lf, int view, const struct sst_corre
     struct sst_map_u8 valid = { 0 };
     int err;
 
-    if (!v->present || sst_correction_is_none(c))
+    if (!v->present)
+        return 0;
+    if (c->exponent != 1)
+        straighten(&v->image, c->exponent);
+    if (!resamples(c))
         return 0;
     err = resample(&out, &valid, lf, v, c);
     if (err) {
@@ -245,7 +275,7 @@ int sst_lightfield_correct(struct sst_lightfield *lf, const struct sst_correctio
     int err;
 
     for (int k = 0; k < lf->rows * lf->cols; k++)
-        valid &= sst_correction_valid(&correction[k]);
+        valid &= sst_correction_valid(&correction[k]) && (correction[k].exponent == 1 || !lf->calibration);
     if (!valid) {
         sst_log_error("the correction of the views is out of its limits");
         return -EINVAL;

@@ -10,6 +10,7 @@
 #define SST_CORRECTION_SCALE_MAX    0.1
 #define SST_CORRECTION_GAIN_MAX     8.0 /* and one over it */
 #define SST_CORRECTION_FALLOFF_MAX  2.0
+#define SST_CORRECTION_EXPONENT_MAX 2.0 /* and one over it */
 
 /** How one view's picture differs from what it should be. What a point x px from the picture's centre shows belongs at
  *  x - e(x), e(x) = shift + roll J x + scale x, J x = (-x.y, x.x). */
@@ -18,6 +19,8 @@ struct sst_correction {
     double roll_deg;               /* clockwise */
     double scale;                  /* size of the picture minus 1 */
     double gain[3];                /* of linear red, green, blue, as in a calibration; 1: the array's mean */
+    double exponent;               /* linear light is (gain times what it should be) to this power; 1: none; not with a
+                                      calibration */
     double falloff;                /* light at r from the picture's centre is exp(falloff r2) of that at it, r in half
                                       diagonals */
 };

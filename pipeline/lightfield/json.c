@@ -155,10 +155,11 @@ static json_t *correction_to_json(const struct sst_lightfield *lf)
 
         if (lf->views[k].present && !sst_correction_is_none(c))
             complete &= !json_array_append_new(
-                list, json_pack("{s:i, s:i, s:f, s:f, s:f, s:f, s:[f, f, f], s:o*}", "row", k / lf->cols, "col",
+                list, json_pack("{s:i, s:i, s:f, s:f, s:f, s:f, s:[f, f, f], s:o*, s:o*}", "row", k / lf->cols, "col",
                                 k % lf->cols, "right_px", c->shift_x_px, "down_px", c->shift_y_px, "roll_deg",
                                 c->roll_deg, "scale", c->scale, "gain", c->gain[0], c->gain[1], c->gain[2], "falloff",
-                                c->falloff != 0 ? json_real(c->falloff) : NULL));
+                                c->falloff != 0 ? json_real(c->falloff) : NULL, "exponent",
+                                c->exponent != 1 ? json_real(c->exponent) : NULL));
     }
     if (complete)
         return list;
@@ -468,12 +469,14 @@ static int read_view_correction(struct sst_lightfield *lf, const char *path, con
     get_doubles(&r, "gain", c.gain, 3);
     if (json_object_get(object, "falloff"))
         c.falloff = get_double(&r, "falloff");
+    if (json_object_get(object, "exponent"))
+        c.exponent = get_double(&r, "exponent");
     if (!r.err && !lf->views[k].present)
         fault(&r, "row, col", "are those of no view");
     if (!r.err && !sst_correction_is_none(&lf->correction[k]))
         fault(&r, "row, col", "occur twice");
     if (!r.err && !sst_correction_valid(&c))
-        fault(&r, "right_px, down_px, roll_deg, scale, gain, falloff:", "one is out of range");
+        fault(&r, "right_px, down_px, roll_deg, scale, gain, falloff, exponent:", "one is out of range");
     finish(&r);
     if (!r.err)
         lf->correction[k] = c;

@@ -379,7 +379,7 @@ static int run(struct sst_drift *out, struct drift_work *w)
     err = err ? err : fill_pairs(out, w);
     err = err ? err : drift_measure_axes(w, &out->axes_px);
     err = err ? err : drift_solve_cameras(out->camera, w);
-    err = err ? err : drift_solve_gains(out->camera, w);
+    err = err ? err : drift_solve_gains(out, w);
     err = err ? err : drift_measure_corner_pairs(out, w);
     err = err ? err : drift_find_wrong_order(out, w, order);
     if (err)
@@ -420,6 +420,8 @@ static void check_border(const struct sst_drift *d)
             sst_border_doubles("displacements of the drift check", place, ARRAY_LEN(place));
         sst_border_doubles("gains of the drift check", c->gain, 3);
         sst_border_doubles("gains of the drift check", c->even_gain, 3);
+        sst_border_doubles("gains of the drift check", c->bent_gain, 3);
+        sst_border_doubles("exponents of the drift check", &c->exponent, 1);
         sst_border_doubles("fall-off of the drift check", &c->falloff, 1);
     }
 }

@@ -48,6 +48,9 @@ struct sst_drift_camera {
     double falloff, falloff_sigma; /* light at r from the picture's centre is exp(falloff r2) of that at it, r in half
                                       diagonals; NAN sigma: not measured */
     double even_gain[3];           /* gains at the centres of pictures that fall off like this */
+    double exponent, exponent_sigma; /* light is (gain times that of the array's mean camera) to this power; mean 1; NAN
+                                        sigma: not measured */
+    double bent_gain[3];             /* gains of pictures with these exponents */
     double residual_px; /* RMS of the epipolar error of its pairs */
     bool drifted;       /* off_px is beyond ok_px and 4 sigma, or lost */
     bool lost;          /* enough features, but nothing matches in any neighbour */
@@ -65,6 +68,8 @@ struct sst_drift {
                                           matches, largest pair mean; NAN: nothing was measured */
     double axes_px;                    /* median of |disparity along the row - disparity along the column| of features
                                           seen in both, px per spacing; NAN: none */
+    double light_scale[3];             /* residuals of the light's logs, robust sigma: [1] with fall-offs, [2] with exponents;
+                                          0: not measured */
     int far_matches;                   /* between opposite corners of the grid, matched directly */
     double far_p95_px;                 /* p95 of their |epipolar error|; NAN: fewer than min_matches */
     double range_min_px, range_max_px; /* disparities searched; equal: nothing was found to search around */

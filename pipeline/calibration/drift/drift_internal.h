@@ -185,8 +185,8 @@ void drift_fix_gauge(struct sst_drift_camera *camera, const struct drift_work *w
 
 /* --- drift_light.c: gains ----------------------------------------------------------------------------------------- */
 
-/** Fill gain and gain_sigma of camera[views]. @return 0, -ENOMEM */
-SST_MUST_CHECK int drift_solve_gains(struct sst_drift_camera *camera, const struct drift_work *w);
+/** Fill light_scale, and what is about light of out->camera[views]. @return 0, -ENOMEM */
+SST_MUST_CHECK int drift_solve_gains(struct sst_drift *out, const struct drift_work *w);
 
 /* --- drift_order.c: swapped views --------------------------------------------------------------------------------- */
 

@@ -1,11 +1,15 @@
-/* Gains between cameras, and their fall-off, from matches: windows that show the same surface have the same light.
+/* Gains between cameras, their fall-off and their exponents, from matches: windows that show the same surface have the same
+ * light.
  *
  * A match of a and b gives log light(b) - log light(a) = g_b - g_a, a colour at a time, g the logs of the gains.
  * Robust least squares over all matches; what matches do not connect has a common gain of its own.
  *
  * With a fall-off, the mean of the colours is g_b + f_b r_b^2 - g_a - f_a r_a^2: what differs between cameras shows all
  * over the picture, what all share by the disparity alone, which moves a surface to another distance from the centre.
- * The gains at the centres follow as above from the light without the fall-off. */
+ * The gains at the centres follow as above from the light without the fall-off.
+ *
+ * With exponents (another gamma), a camera's log light is (1 + e) l + a constant: g_b + e_b (l - m) - g_a - e_a (l - m), l the
+ * mean log light of the match, m that of all matches. What all share is not observable, but would be undone by no one. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -21,17 +25,22 @@
 #define ROUNDS    12
 #define TUKEY     4.685
 #define SCALE_MIN 0.002 /* of the residuals, logs */
+#define EXPONENT_MOST 0.8 /* from 1 */
 
 struct ratio {
     int a, b;
     double log[4];     /* red, green, blue, their mean */
     double r2_a, r2_b; /* squared half diagonals from the centre */
+    double level;      /* mean log light, less that of all matches */
 };
 
 #define MEAN 3
 
+enum term { TERM_NONE = 0, TERM_FALLOFF = 1, TERM_EXPONENT = 2 };
+
 struct solver {
-    int views, size, count; /* size: unknowns, a gain for each view, then a fall-off for each or none */
+    enum term term;         /* beside the gains */
+    int views, size, count; /* size: unknowns, a gain for each view, then the term of each or none */
     struct ratio *ratio;
     double *normal, *right, *x; /* [size][size] lower half, then its factor; [size]; [size] */
     double *sort;               /* [count] */
@@ -96,11 +105,24 @@ static int collect(struct ratio *out, const struct drift_work *w)
             for (int c = 0; c < 3; c++) {
                 out[n].log[c] = log(lb[c] / la[c]);
                 out[n].log[MEAN] += out[n].log[c] / 3;
+                out[n].level += log(la[c] * lb[c]) / 6;
             }
             n++;
         }
     }
     return n;
+}
+
+/* @return the mean, which is subtracted */
+static double centre_levels(struct ratio *ratio, int n)
+{
+    double mean = 0;
+
+    for (int i = 0; i < n; i++)
+        mean += ratio[i].level / n;
+    for (int i = 0; i < n; i++)
+        ratio[i].level -= mean;
+    return mean;
 }
 
 /* A match's equation: unknowns and their factors. @return how many */
@@ -110,12 +132,12 @@ static int equation(int unknown[4], double factor[4], const struct solver *s, co
     factor[0] = 1;
     unknown[1] = r->a;
     factor[1] = -1;
-    if (s->size == s->views)
+    if (s->term == TERM_NONE)
         return 2;
     unknown[2] = s->views + r->b;
-    factor[2] = r->r2_b;
+    factor[2] = s->term == TERM_FALLOFF ? r->r2_b : r->level;
     unknown[3] = s->views + r->a;
-    factor[3] = -r->r2_a;
+    factor[3] = -(s->term == TERM_FALLOFF ? r->r2_a : r->level);
     return 4;
 }
 
@@ -252,36 +274,100 @@ static void solve_gains(struct sst_drift_camera *camera, const struct solver *s,
     }
 }
 
-/* Takes the fall-off out of the light. */
-static void solve_falloffs(struct sst_drift_camera *camera, struct solver *s, const int *matches)
+/* Fit gains and a term: values and sigmas of the cameras' terms. @return scale of the residuals */
+static double solve_term(double *value, double *sigma, struct solver *s, enum term term, const int *matches)
 {
+    const bool relative = term == TERM_EXPONENT; /* what all share has no sigma */
+    double contrast[SST_MAX_VIEWS];
     const int n = s->views;
+    int known = 0;
 
+    s->term = term;
     s->size = 2 * n;
     fit(s, MEAN);
+    for (int v = 0; v < n; v++)
+        known += matches[v] > 0;
     for (int v = 0; v < n; v++) {
-        camera[v].falloff = matches[v] ? s->x[n + v] : 0;
+        double variance = 0;
+
+        value[v] = matches[v] ? s->x[n + v] : 0;
         memset(s->right, 0, (size_t)s->size * sizeof(*s->right));
-        s->right[n + v] = 1;
+        for (int i = 0; i < n; i++)
+            s->right[n + i] = contrast[i] = (i == v) - (relative && matches[i] ? 1.0 / known : 0);
         solve(s, s->right);
-        camera[v].falloff_sigma = matches[v] ? sqrt(fmax(s->right[n + v], 0)) : NAN;
+        for (int i = 0; i < n; i++)
+            variance += contrast[i] * s->right[n + i];
+        sigma[v] = matches[v] ? sqrt(fmax(variance, 0)) : NAN;
     }
+    return residual_scale(s, MEAN);
+}
+
+/* Gains of the light without the terms, which are subtracted from it, and added again with sign -1. */
+static void subtract_term(const struct solver *s, const double *value, enum term term, int sign)
+{
     for (int i = 0; i < s->count; i++) {
         struct ratio *r = &s->ratio[i];
+        const double by = term == TERM_FALLOFF ? r->r2_b * value[r->b] - r->r2_a * value[r->a]
+                                               : r->level * (value[r->b] - value[r->a]);
 
         for (int c = 0; c < 3; c++)
-            r->log[c] -= r->r2_b * camera[r->b].falloff - r->r2_a * camera[r->a].falloff;
-    }
-    s->size = n;
-    for (int c = 0; c < 3; c++) {
-        fit(s, c);
-        for (int v = 0; v < n; v++)
-            camera[v].even_gain[c] = matches[v] ? exp(s->x[v] - mean_gain(s, matches)) : 1;
+            r->log[c] -= sign * by;
     }
 }
 
-int drift_solve_gains(struct sst_drift_camera *camera, const struct drift_work *w)
+static void solve_falloffs(struct sst_drift *out, struct solver *s, const int *matches)
 {
+    struct sst_drift_camera *camera = out->camera;
+    double value[SST_MAX_VIEWS], sigma[SST_MAX_VIEWS];
+
+    out->light_scale[TERM_FALLOFF] = solve_term(value, sigma, s, TERM_FALLOFF, matches);
+    subtract_term(s, value, TERM_FALLOFF, 1);
+    s->term = TERM_NONE;
+    s->size = s->views;
+    for (int v = 0; v < s->views; v++) {
+        camera[v].falloff = value[v];
+        camera[v].falloff_sigma = sigma[v];
+    }
+    for (int c = 0; c < 3; c++) {
+        fit(s, c);
+        for (int v = 0; v < s->views; v++)
+            camera[v].even_gain[c] = matches[v] ? exp(s->x[v] - mean_gain(s, matches)) : 1;
+    }
+    subtract_term(s, value, TERM_FALLOFF, -1);
+}
+
+/* @param level  mean log light */
+static void solve_exponents(struct sst_drift *out, struct solver *s, const int *matches, double level)
+{
+    struct sst_drift_camera *camera = out->camera;
+    double value[SST_MAX_VIEWS], sigma[SST_MAX_VIEWS], mean = 0;
+    int known = 0;
+
+    out->light_scale[TERM_EXPONENT] = solve_term(value, sigma, s, TERM_EXPONENT, matches);
+    for (int v = 0; v < s->views; v++) {
+        if (matches[v])
+            mean += (value[v] - mean) / ++known;
+    }
+    for (int v = 0; v < s->views; v++)
+        value[v] = matches[v] ? sst_clamp_double(value[v] - mean, -EXPONENT_MOST, EXPONENT_MOST) : 0;
+    subtract_term(s, value, TERM_EXPONENT, 1);
+    s->term = TERM_NONE;
+    s->size = s->views;
+    for (int c = 0; c < 3; c++) {
+        fit(s, c);
+        for (int v = 0; v < s->views; v++)
+            camera[v].bent_gain[c] =
+                matches[v] ? exp((s->x[v] - mean_gain(s, matches) - value[v] * level) / (1 + value[v])) : 1;
+    }
+    for (int v = 0; v < s->views; v++) {
+        camera[v].exponent = 1 + value[v];
+        camera[v].exponent_sigma = sigma[v];
+    }
+}
+
+int drift_solve_gains(struct sst_drift *out, const struct drift_work *w)
+{
+    struct sst_drift_camera *camera = out->camera;
     const size_t n = 2 * (size_t)w->views;
     int *matches = calloc(n, sizeof(*matches));
     double *column = calloc(n, sizeof(*column));
@@ -295,9 +381,10 @@ int drift_solve_gains(struct sst_drift_camera *camera, const struct drift_work *
 
     for (int v = 0; v < w->views; v++) {
         for (int c = 0; c < 3; c++)
-            camera[v].gain[c] = camera[v].even_gain[c] = 1;
-        camera[v].gain_sigma = camera[v].falloff_sigma = NAN;
+            camera[v].gain[c] = camera[v].even_gain[c] = camera[v].bent_gain[c] = 1;
+        camera[v].gain_sigma = camera[v].falloff_sigma = camera[v].exponent_sigma = NAN;
         camera[v].falloff = 0;
+        camera[v].exponent = 1;
     }
     if (s.ratio && matches && column && s.normal && s.right && s.x) {
         s.count = collect(s.ratio, w);
@@ -308,8 +395,11 @@ int drift_solve_gains(struct sst_drift_camera *camera, const struct drift_work *
             matches[s.ratio[i].b]++;
         }
         if (!err && s.count) {
+            const double level = centre_levels(s.ratio, s.count);
+
             solve_gains(camera, &s, matches, column);
-            solve_falloffs(camera, &s, matches);
+            solve_falloffs(out, &s, matches);
+            solve_exponents(out, &s, matches, level);
         }
     }
     free(s.ratio);

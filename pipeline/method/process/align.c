@@ -15,6 +15,9 @@
 #define MOST_FALL  2.0  /* SST_CORRECTION_FALLOFF_MAX */
 #define FALL_APART 0.1  /* RMS of undisturbed scenes' fall-offs about what they share: up to 0.08 */
 #define FALL_SIGMA 2    /* ... of which sigma explains half */
+#define BENT_APART 0.04 /* RMS of undisturbed scenes' exponents: up to 0.033, foliage 0.05 with a sigma of 0.023 */
+#define BENT_SIGMA 3
+#define BENT_MOST  0.5  /* from 1; beyond, pictures are too dark or bright to be bent back */
 #define AGREE      3    /* robust sigmas from the median: these make the mean that stays */
 #define ROUNDS     10
 
@@ -210,6 +213,38 @@ static void plan_falloffs(struct sst_correction *correction, struct sst_align_re
     }
 }
 
+/* Exponents that differ show in bright and dark places all over the pictures, so that fall-offs explain them badly, and they
+ * fall-offs. All views are bent back, or none. @return whether they are */
+static bool plan_exponents(struct sst_correction *correction, struct sst_align_report *report,
+                           const struct sst_lightfield *lf, const struct sst_drift *check)
+{
+    const int views = lf->rows * lf->cols;
+    struct kind kind = { 0 };
+
+    for (int k = 0; k < views; k++) {
+        const struct sst_drift_camera *c = &check->camera[k];
+        const bool use = lf->views[k].present && !c->lost && !isnan(c->exponent_sigma);
+
+        kind.value[k] = use ? c->exponent - 1 : NAN;
+        kind.sigma[k] = use ? c->exponent_sigma : NAN;
+    }
+    report->exponent_sigma = median_of(kind.sigma, views);
+    if (!(rms_about(&kind, views, 0) > fmax(BENT_APART, BENT_SIGMA * report->exponent_sigma)) ||
+        check->light_scale[2] >= check->light_scale[1])
+        return false;
+    report->bent_kept = lf->calibration;
+    for (int k = 0; k < views && !report->bent_kept; k++) {
+        if (isnan(kind.value[k]) || fabs(kind.value[k]) > BENT_MOST)
+            continue;
+        correction[k].exponent = 1 + kind.value[k];
+        for (int c = 0; c < 3; c++)
+            correction[k].gain[c] = check->camera[k].bent_gain[c];
+        report->bent++;
+        report->worst_exponent = fmax(report->worst_exponent, fabs(kind.value[k]));
+    }
+    return report->bent > 0;
+}
+
 static void plan_gains(struct sst_correction *correction, struct sst_align_report *report,
                        const struct sst_lightfield *lf, const struct sst_drift *check)
 {
@@ -247,8 +282,10 @@ void sst_align_plan(struct sst_correction *correction, struct sst_align_report *
     for (int k = 0; k < lf->rows * lf->cols; k++)
         correction[k] = sst_correction_none();
     plan_places(correction, report, lf, check);
-    plan_falloffs(correction, report, lf, check);
-    plan_gains(correction, report, lf, check);
+    if (!plan_exponents(correction, report, lf, check)) {
+        plan_falloffs(correction, report, lf, check);
+        plan_gains(correction, report, lf, check);
+    }
     for (int k = 0; k < lf->rows * lf->cols; k++)
         sst_border_doubles("corrections of the views", &correction[k].shift_x_px, sizeof(*correction) / sizeof(double));
 }

@@ -12,6 +12,10 @@ struct sst_align_report {
     double worst_gain; /* largest |gain - 1| that was undone */
     int faded;            /* views whose fall-off towards the corners was undone */
     double worst_falloff; /* largest |share of the light| that the corners of one of them lost */
+    int bent;                        /* views whose exponent (gamma) was undone */
+    double worst_exponent;           /* largest |exponent - 1| of these */
+    double exponent_sigma;           /* the median of the exponents' sigmas */
+    bool bent_kept;                  /* exponents are off, but left: the views have a calibration */
     double sigma_px;   /* median over the views of the displacements' sigma; NAN: nothing was measured */
     double gain_sigma; /* the same of the gains */
     double falloff_sigma; /* the same of the logs of the light in the corners */
@@ -26,7 +30,8 @@ struct sst_align_report {
  * views are off, all beyond 1 sigma are corrected; so are fall-offs whose RMS is beyond 10 % and 2 sigma. Views that are
  * off by more than 8 px are not: their scene is another one, or they are in a wrong place. What all views share is not
  * observable: the mean of those that agree stays, but for a fall-off beside which the cameras' own are significant; so
- * does a displacement that grows with the views' offsets, which meshes feign.
+ * does a displacement that grows with the views' offsets, which meshes feign. Exponents (gamma) are undone in all views if
+ * their RMS is beyond 4 % and 3 sigma, and explain the light better than fall-offs do; not with a calibration.
  *
  * @param correction  out, [rows * cols]
  */

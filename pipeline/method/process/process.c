@@ -344,7 +344,7 @@ static int align_views(struct run *run)
             correction[k] = report->judgement.view[k].fault == SST_VIEW_FINE ? correction[k] : sst_correction_none();
     }
     sst_drift_fini(&check);
-    if (report->align.moved || report->align.lit || report->align.faded)
+    if (report->align.moved || report->align.lit || report->align.faded || report->align.bent)
         err = sst_lightfield_correct(lf, correction, run->cfg->threads);
     return err;
 }
