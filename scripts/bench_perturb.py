@@ -19,7 +19,7 @@ import perturb
 import perturb_page
 
 FIELDS = ("light_field", "seed", "kind", "strength", "align", "bad2", "see_through", "clear", "confirmed", "plausible",
-          "moved", "lit", "faded", "faulty", "noise_levels", "noticed")
+          "moved", "lit", "faded", "bent", "faulty", "noise_levels", "noticed")
 
 
 def say(*words):
@@ -33,6 +33,7 @@ class Bench:
         self.size = {**dict.fromkeys(perturb_page.SCENES, args.size), **dict.fromkeys(perturb_page.OTHERS, args.small)}
         self.threads = ("--threads", str(args.threads)) if args.threads else ()
         os.makedirs(self.dir, exist_ok=True)
+        self.cache, self.moment = {}, {}  # views of light fields, and of scenes at moments
         self.path = os.path.join(self.dir, "results.csv")
         self.rows = []
         if os.path.exists(self.path):
@@ -59,8 +60,8 @@ class Bench:
         row = {"light_field": name, "seed": seed, "kind": kind, "strength": strength, "align": align,
                "confirmed": round(done["confirmed_percent"], 1), "plausible": done["plausible"],
                "moved": done["align"]["moved"], "lit": done["align"]["lit"],
-               "faded": done["align"]["faded"], "noise_levels": round(done["noise_levels"], 1),
-               "noticed": " ".join(n["what"] for n in done.get("noticed", ())),
+               "faded": done["align"]["faded"], "bent": done["align"]["bent"], "noise_levels": round(done["noise_levels"], 1),
+               "noticed": " ".join(n["what"] for n in done["noticed"]),
                "faulty": sum(not v["plausible"] for v in done["views"])}
         if os.path.isdir(truth):
             errors = json.loads(self.run("eval", lf, "--truth", truth, "--json"))
@@ -79,22 +80,34 @@ class Bench:
         self.run("render", lf, "--focus", str(focus), "-o", out, "-q")
         return perturb.read_picture(out)
 
+    def views(self, lf):
+        if lf not in self.cache:
+            if len(self.cache) > 3:
+                self.cache.clear()
+            self.cache[lf] = perturb.read_views(lf)[1]
+        return dict(self.cache[lf])
+
     def moments(self, lf, name, seed, span):
         """Pictures of the scene at moments from 0 to span seconds, pixels formed as those of lf."""
-        sets = [perturb.read_views(lf)[1]]
+        sets = [self.views(lf)]
+        width, height = (perturb.FINE * int(n) for n in self.size[name].split("x"))
         for i in range(1, perturb.TIMES):
-            out = os.path.join(self.dir, "moment")
-            width, height = self.size[name].split("x")
-            self.run("scene", name, "-o", out, "--size", f"{perturb.FINE * int(width)}x{perturb.FINE * int(height)}", "--seed",
-                     str(seed), "--time", str(span * i / (perturb.TIMES - 1)))
-            sets.append({k: perturb.coarse(v) for k, v in perturb.read_views(out)[1].items()})
-            shutil.rmtree(out)
+            time = span * i / (perturb.TIMES - 1)
+            key = f"{lf} {time}"
+            if key not in self.moment:
+                out = os.path.join(self.dir, "moment")
+                self.run("scene", name, "-o", out, "--size", f"{width}x{height}", "--seed", str(seed), "--time", str(time), "-f")
+                self.moment[key] = {k: perturb.coarse(v) for k, v in perturb.read_views(out)[1].items()}
+                shutil.rmtree(out)
+            sets.append(self.moment[key])
         return sets
 
     def one(self, name, seed, kind, strength, align, lf, truth):
         if self.known(light_field=name, seed=seed, kind=kind, strength=strength, align=align):
             return
-        info, views = perturb.read_views(lf)
+        with open(os.path.join(lf, "lightfield.json")) as f:
+            info = json.load(f)
+        views = self.views(lf)
         rng = np.random.default_rng(seed)
         jpeg = int(strength) if kind == "jpeg" else None
         if kind in perturb.FAULTS:
@@ -103,7 +116,7 @@ class Bench:
         elif kind not in ("none", "jpeg"):
             change = perturb.SWEEPS[kind][3]
             if getattr(change, "fine", False):
-                views = perturb.read_views(lf + "-fine")[1]
+                views = self.views(lf + "-fine")
             if getattr(change, "moments", False):
                 views = self.moments(lf, name, seed, strength)
             views = change(views, strength, rng)
@@ -170,10 +183,10 @@ def make_scene(bench, name, seed):
 
 def measure_scene(bench, name, seed, kind):
     lf = make_scene(bench, name, seed)
-    strengths = perturb_page.strengths(name, kind)
+    strengths = perturb_page.strengths(name, kind, seed)
     for strength in strengths:
         bench.one(name, seed, kind, strength, "auto", lf, os.path.join(lf, "truth"))
-    for strength in strengths if kind in perturb_page.UNALIGNED and name in perturb_page.SCENES else ():
+    for strength in strengths if kind in perturb_page.UNALIGNED and name in perturb_page.SCENES and seed == 1 else ():
         bench.one(name, seed, kind, strength, "off", lf, os.path.join(lf, "truth"))
 
 
@@ -203,23 +216,26 @@ def measure_real(bench, name, data, most):
         np.save(truth, disparity(out))
         bench.render(out, truth, name + "-unperturbed.png")
     for kind in ("none", *perturb_page.REAL_KINDS):
-        for strength in perturb_page.strengths(name, kind):
+        for strength in perturb_page.strengths(name, kind, 1):
             bench.one(name, 1, kind, strength, "auto", lf, truth)
 
 
 def measure_seed(bench, seed, args):
-    for kind in ("none", *perturb.SWEEPS):
-        for scene in (*perturb_page.SCENES, *perturb_page.OTHERS):
+    for scene in perturb_page.EVERY:
+        if args.only and scene not in args.only.split(","):
+            continue
+        if scene in perturb_page.REAL:
+            if seed == 1:
+                measure_real(bench, scene, args.real, int(args.small.split("x")[0]))
+            continue
+        for kind in ("none", *perturb.SWEEPS):
             if scene in perturb_page.MOVING or kind not in ("time", "rolling"):
                 measure_scene(bench, scene, seed, kind)
-    if seed > 1:
-        return
-    for scene in perturb_page.SCENES:
-        measure_labels(bench, scene, seed)
-    for scene in perturb_page.FAULTY:
-        measure_faults(bench, scene, seed)
-    for name in perturb_page.REAL:
-        measure_real(bench, name, args.real, int(args.small.split("x")[0]))
+        if seed == 1 and scene in perturb_page.SCENES:
+            measure_labels(bench, scene, seed)
+        if seed == 1 and scene in perturb_page.FAULTY:
+            measure_faults(bench, scene, seed)
+        bench.moment.clear()
 
 
 def main():
@@ -227,10 +243,11 @@ def main():
     parser.add_argument("--build", default="build")
     parser.add_argument("--docs", default="docs/measured")
     parser.add_argument("--size", default="256x192", help="of bush and pedestrian")
-    parser.add_argument("--small", default="192x144", help="of the other scenes")
+    parser.add_argument("--small", default="160x120", help="of the other scenes")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--threads", type=int, default=0, help="of `sst process`; all")
     parser.add_argument("--real", default="../shared/data", help="folder of photographed light fields; left out where absent")
+    parser.add_argument("--only", help="light fields, separated by commas")
     parser.add_argument("--page", action="store_true", help="only write the page of what was measured")
     args = parser.parse_args()
     bench = Bench(args)

@@ -126,7 +126,7 @@ def shift(image, right, down):
         at = np.arange(image.shape[axis]) - by
         first = np.floor(at).astype(int)
         shape = [-1 if a == axis else 1 for a in range(3)]
-        image = sum(cubic(at - first - i).reshape(shape) * np.take(image, np.clip(first + i, 0, image.shape[axis] - 1), axis)
+        image = sum(cubic(at - first - i).astype(np.float32).reshape(shape) * np.take(image, np.clip(first + i, 0, image.shape[axis] - 1), axis)
                     for i in range(-1, 3)) if by else image
     return image
 
@@ -160,10 +160,15 @@ def each(change):
     return lambda views, s, rng: {k: change(v, s, rng) for k, v in views.items()}
 
 
-def fine(change):
-    """change of fine pictures, lazily read; pixels are formed afterwards."""
+REFERENCE = (2, 2)
+
+
+def displaced(change):
+    """change of fine pictures, lazily read, by an amount of -s to s; pixels are formed afterwards. The reference view stays: the
+    pictures are displaced against it, and the truth is as it sees it."""
     def apply(views, s, rng):
-        return {k: coarse(change(v, s, rng)) for k, v in views.items()}
+        by = {k: rng.uniform(-s, s) for k in views}
+        return {k: coarse(v if k == REFERENCE else change(v, by[k])) for k, v in views.items()}
     apply.fine = True
     return apply
 
@@ -199,15 +204,15 @@ def vignette(views, s, rng):
 
 
 def missing(views, s, rng):
-    keys = [k for k in views if k != (2, 2)]
+    keys = [k for k in views if k != REFERENCE]
     gone = rng.permutation(len(keys))[:int(s)]
-    return {k: v for k, v in views.items() if k == (2, 2) or keys.index(k) not in gone}
+    return {k: v for k, v in views.items() if k == REFERENCE or keys.index(k) not in gone}
 
 
 def jitter_and_gain(views, s, rng):
     """0.5 px of jitter and 10 % of gain for s = 1, 2 px and 30 % for s = 2."""
     px, share = {1: (0.5, 0.1), 2: (2, 0.3)}[s]
-    return gains(fine(lambda v, by, r: shift(v, 0, FINE * r.uniform(-by, by)))(views, px, rng), share, rng)
+    return gains(vertical(views, px, rng), share, rng)
 
 
 def moments(change):
@@ -223,7 +228,7 @@ LATE_S = 0.1
 @moments
 def time_offsets(sets, s, rng):
     """Each camera at a moment of its own; the reference camera at the first."""
-    return {k: sets[0 if k == (2, 2) else rng.integers(TIMES)][k] for k in sets[0]}
+    return {k: sets[0 if k == REFERENCE else rng.integers(TIMES)][k] for k in sets[0]}
 
 
 @moments
@@ -249,21 +254,21 @@ def noisy_labels(labels, share, rng):
 
 
 jitter_and_gain.fine = True
-vertical = fine(lambda v, s, rng: shift(v, 0, FINE * rng.uniform(-s, s)))
+vertical = displaced(lambda v, by: shift(v, 0, FINE * by))
 
 # name: title, unit, strengths, function
 SWEEPS = {
     "both": ("Vertical misalignment and gain", "1: 0.5 px, 10 %; 2: 2 px, 30 %", (1, 2), jitter_and_gain),
     "vertical": ("Vertical misalignment", "px, one side", (0.1, 0.25, 0.5, 1, 2, 4), vertical),
     "gain": ("Gain between cameras", "spread, one side", (0.05, 0.1, 0.2, 0.3, 0.4), gains),
-    "roll": ("Rotation", "degrees, one side", (0.1, 0.25, 0.5, 1), fine(lambda v, s, rng: roll(v, rng.uniform(-s, s)))),
+    "roll": ("Rotation", "degrees, one side", (0.1, 0.25, 0.5, 1), displaced(roll)),
     "noise": ("Sensor noise", "levels RMS", (2, 5, 10, 20), each(lambda v, s, rng: v + rng.normal(0, s, v.shape))),
     "jpeg": ("JPEG", "quality", (98, 90, 75, 50, 30), None),
     "png": ("PNG of a JPEG", "quality", (90, 75, 50, 30), each(lambda v, s, rng: as_jpeg(v, s))),
     "gamma": ("Gamma between cameras", "spread, one side", (0.05, 0.1, 0.2, 0.3), gamma),
     "vignetting": ("Vignetting", "mean loss in the corners", (0.1, 0.2, 0.3), vignette),
     "lens": ("Wrong lens", "of the distance at the corner, one side", (0.002, 0.005, 0.01),
-             fine(lambda v, s, rng: distort(v, rng.uniform(-s, s)))),
+             displaced(distort)),
     "blur": ("Blur", "px, sigma", (0.5, 1, 2), each(lambda v, s, rng: blur(v, s))),
     "missing": ("Missing views", "views", (4, 9, 18), missing),
     "time": ("Time offsets between cameras", "s, one side", (0.01, 0.033, 0.1), time_offsets),

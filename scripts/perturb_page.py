@@ -21,8 +21,8 @@ CHARTED = ("vertical", "gain", "vignetting", "noise", "jpeg", "blur")
 EVERY = (*SCENES, *OTHERS, *REAL)
 
 
-def strengths(name, kind):
-    return (0,) if kind == "none" else perturb.SWEEPS[kind][2] if name in SCENES else FEW[kind]
+def strengths(name, kind, seed):
+    return (0,) if kind == "none" else perturb.SWEEPS[kind][2] if name in SCENES and seed == 1 else FEW[kind]
 
 
 def mean(rows, field):
@@ -47,7 +47,7 @@ def noticed(rows):
     """What the runs warn of, and how many views they correct."""
     words = {w: sum(w in warnings(r) for r in rows) for r in rows for w in warnings(r)}
     return ", ".join([w if n == len(rows) else f"{w} ({n} of {len(rows)})" for w, n in sorted(words.items())] + [
-        f"{number(mean(rows, field), 0)} {what}" for field, what in (("moved", "views moved"), ("lit", "gains"), ("faded", "fall-offs"))
+        f"{number(mean(rows, field), 0)} {what}" for field, what in (("moved", "views moved"), ("lit", "gains"), ("bent", "gammas"), ("faded", "fall-offs"))
         if mean(rows, field)])
 
 
@@ -113,7 +113,7 @@ def share(rows, holds):
 
 
 def corrects(row):
-    return any(float(row[f] or 0) for f in ("moved", "lit", "faded"))
+    return any(float(row[f] or 0) for f in ("moved", "lit", "faded", "bent"))
 
 
 def summary_table(rows):
@@ -198,10 +198,10 @@ def write(rows, args):
 Made by `make bench-perturb` on {cpu_name()}. Do not edit: the next run overwrites this page.
 
 6x6 views, seeds {", ".join(map(str, seeds))}, preset balanced, without labels; the perturbation is drawn for each view. {" and ".join(SCENES)}
-have {args.size} pixels, the other scenes {args.small} and fewer strengths. *bad-2*: disparities off by more than 2 px, all views.
+have {args.size} pixels; the other scenes, {args.small}, and seed 2 have fewer strengths. *bad-2*: disparities off by more than 2 px, all views.
 *See-through*: PSNR of `sst render` in what the occluder hides. *Clear*: PSNR of the clear picture. Pixels are means of
-{perturb.FINE}x{perturb.FINE} pixels of finer pictures, which are displaced before: the perturbation itself does not blur. Of gains, the mean of
-all views is 1. A run that was stopped leaves out rows (-). *Noticed*: what `sst process` warns of (`noticed` and `plausible` of its
+{perturb.FINE}x{perturb.FINE} pixels of finer pictures, which are displaced before: the perturbation itself does not blur. The reference view stays
+in its place, so that the truth is what it sees. Of gains, the mean of all views is 1. A run that was stopped leaves out rows (-). *Noticed*: what `sst process` warns of (`noticed` and `plausible` of its
 JSON), and what it corrected ([design.md](../design/design.md#59-pictures-that-are-off)). Where the curves have steps, the
 [notes](notes-method.md#displaced-pictures) say why.
 

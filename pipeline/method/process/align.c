@@ -15,11 +15,14 @@
 #define MOST_FALL  2.0  /* SST_CORRECTION_FALLOFF_MAX */
 #define FALL_APART 0.1  /* RMS of undisturbed scenes' fall-offs about what they share: up to 0.08 */
 #define FALL_SIGMA 2    /* ... of which sigma explains half */
+#define APART_PX   0.15 /* RMS of all views' displacements of a kind: the array is off; undisturbed scenes have up to 0.1 */
+#define APART_SIGMA 3
 #define BENT_APART 0.04 /* RMS of undisturbed scenes' exponents: up to 0.033, foliage 0.05 with a sigma of 0.023 */
 #define BENT_SIGMA 3
 #define BENT_MOST  0.5  /* from 1; beyond, pictures are too dark or bright to be bent back */
 #define AGREE      3    /* robust sigmas from the median: these make the mean that stays */
 #define ROUNDS     10
+#define STAY_SPREADS 2 /* RMS of all views */
 
 /* One kind of deviation of all views. */
 struct kind {
@@ -96,26 +99,19 @@ static void remove_tilt(struct kind *kind, const struct sst_lightfield *lf)
         kind->value[k] -= v[0] + v[1] * lf->views[k].bx + v[2] * lf->views[k].by;
 }
 
-/* Subtract what all share; 0 what is not significant. @param all  the array is off */
-static void keep_significant(struct kind *kind, int views, bool all, double least, double most)
+/* RMS of the known values about `middle`. */
+static double rms_about(const struct kind *kind, int views, double middle)
 {
-    const double common = common_value(kind, views);
-    bool off[SST_MAX_VIEWS];
-    int n = 0, known = 0;
+    double sum = 0;
+    int n = 0;
 
     for (int k = 0; k < views; k++) {
-        const double value = isnan(kind->value[k]) ? 0 : fabs(kind->value[k] -= common);
-
-        off[k] = value > least && value > OFF_SIGMAS * kind->sigma[k] && value <= most;
-        known += !isnan(kind->value[k]);
-        n += off[k];
+        if (!isnan(kind->value[k])) {
+            sum += (kind->value[k] - middle) * (kind->value[k] - middle);
+            n++;
+        }
     }
-    for (int k = 0; k < views; k++) {
-        const double value = isnan(kind->value[k]) ? 0 : fabs(kind->value[k]);
-
-        if (!value || (!off[k] && !((all || n > MANY * known) && value > kind->sigma[k] && value <= most)))
-            kind->value[k] = 0;
-    }
+    return n ? sqrt(sum / n) : 0;
 }
 
 static double median_of(const double *value, int views)
@@ -128,6 +124,58 @@ static double median_of(const double *value, int views)
             v[n++] = value[k];
     }
     return n ? sst_stats_median(v, n) : NAN;
+}
+
+/* Whether the views scatter about what they share by more than measuring them does. */
+static bool is_apart(const struct kind *kind, int views, double least, double sigmas)
+{
+    return rms_about(kind, views, common_value(kind, views)) > fmax(least, sigmas * median_of(kind->sigma, views));
+}
+
+/* Mark the views that are off. @return how many */
+static int mark_off(bool *off, const struct kind *kind, int views, double least, double most)
+{
+    int n = 0;
+
+    for (int k = 0; k < views; k++) {
+        const double value = isnan(kind->value[k]) ? 0 : fabs(kind->value[k]);
+
+        off[k] = value > least && value > OFF_SIGMAS * kind->sigma[k] && value <= most;
+        n += off[k];
+    }
+    return n;
+}
+
+static int subtract(struct kind *kind, int views, double common)
+{
+    int known = 0;
+
+    for (int k = 0; k < views; k++) {
+        kind->value[k] -= common;
+        known += !isnan(kind->value[k]);
+    }
+    return known;
+}
+
+/* Subtract what all share; 0 what is not significant.
+ * @param all   the array is off
+ * @param stay  where the array is off, this view stays as it is, unless it is far off itself; -1: none */
+static void keep_significant(struct kind *kind, int views, bool all, int stay, double least, double most)
+{
+    const int known = subtract(kind, views, common_value(kind, views));
+    bool off[SST_MAX_VIEWS];
+    int n = mark_off(off, kind, views, least, most);
+
+    if (stay >= 0 && (all || n > MANY * known) && fabs(kind->value[stay]) <= STAY_SPREADS * rms_about(kind, views, 0)) {
+        subtract(kind, views, kind->value[stay]);
+        n = mark_off(off, kind, views, least, most);
+    }
+    for (int k = 0; k < views; k++) {
+        const double value = isnan(kind->value[k]) ? 0 : fabs(kind->value[k]);
+
+        if (!value || (!off[k] && !((all || n > MANY * known) && value > kind->sigma[k] && value <= most)))
+            kind->value[k] = 0;
+    }
 }
 
 static void plan_places(struct sst_correction *correction, struct sst_align_report *report,
@@ -154,7 +202,7 @@ static void plan_places(struct sst_correction *correction, struct sst_align_repo
     report->sigma_px = median_of(kind[0].sigma, views);
     for (int i = 0; i < 4; i++) {
         remove_tilt(&kind[i], lf);
-        keep_significant(&kind[i], views, false, OFF_PX, MOST_PX);
+        keep_significant(&kind[i], views, is_apart(&kind[i], views, APART_PX, APART_SIGMA), lf->ref_view, OFF_PX, MOST_PX);
     }
     for (int k = 0; k < views; k++) {
         const double off = hypot(hypot(kind[0].value[k], kind[1].value[k]), hypot(kind[2].value[k], kind[3].value[k]));
@@ -166,21 +214,6 @@ static void plan_places(struct sst_correction *correction, struct sst_align_repo
         report->moved += off > 0;
         report->worst_px = fmax(report->worst_px, off);
     }
-}
-
-/* RMS of the known values about `middle`. */
-static double rms_about(const struct kind *kind, int views, double middle)
-{
-    double sum = 0;
-    int n = 0;
-
-    for (int k = 0; k < views; k++) {
-        if (!isnan(kind->value[k])) {
-            sum += (kind->value[k] - middle) * (kind->value[k] - middle);
-            n++;
-        }
-    }
-    return n ? sqrt(sum / n) : 0;
 }
 
 /* Fall-offs that differ show all over the pictures. What all share shows by the disparities alone, and glossy surfaces and
@@ -202,8 +235,8 @@ static void plan_falloffs(struct sst_correction *correction, struct sst_align_re
     }
     report->falloff_sigma = median_of(kind.sigma, views);
     common = common_value(&kind, views);
-    apart = rms_about(&kind, views, common) > fmax(FALL_APART, FALL_SIGMA * report->falloff_sigma);
-    keep_significant(&kind, views, apart, OFF_GAIN, MOST_FALL);
+    apart = is_apart(&kind, views, FALL_APART, FALL_SIGMA);
+    keep_significant(&kind, views, apart, -1, OFF_GAIN, MOST_FALL);
     for (int k = 0; k < views; k++) {
         const double all = apart && common < -OFF_GAIN && lf->views[k].present && !isnan(kind.sigma[k]) ? common : 0;
 
@@ -261,7 +294,7 @@ static void plan_gains(struct sst_correction *correction, struct sst_align_repor
             kind.value[k] = use ? log(report->faded ? c->even_gain[colour] : c->gain[colour]) : NAN;
             kind.sigma[k] = sigma[k] = use ? c->gain_sigma : NAN;
         }
-        keep_significant(&kind, views, false, OFF_GAIN, MOST_GAIN);
+        keep_significant(&kind, views, false, -1, OFF_GAIN, MOST_GAIN);
         for (int k = 0; k < views; k++)
             correction[k].gain[colour] = exp(kind.value[k]);
     }
