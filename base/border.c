@@ -35,6 +35,19 @@ size_t sst_border_doubles(const char *what, const double *v, size_t n)
     return count(what, bad);
 }
 
+size_t sst_border_floats(const char *what, const float *v, size_t n)
+{
+    size_t bad = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        uint32_t bits;
+
+        memcpy(&bits, &v[i], sizeof(bits));
+        bad += (bits & 0x7FFFFFFF) >= 0x7F800000;
+    }
+    return count(what, bad);
+}
+
 size_t sst_border_unknown(const char *what, const float *v, size_t n)
 {
     size_t bad = 0;

@@ -19,10 +19,10 @@ struct sst_correction {
     double roll_deg;               /* clockwise */
     double scale;                  /* size of the picture minus 1 */
     double gain[3];                /* of linear red, green, blue, as in a calibration; 1: the array's mean */
-    double exponent;               /* linear light is (gain times what it should be) to this power; 1: none; not with a
-                                      calibration */
     double falloff;                /* light at r from the picture's centre is exp(falloff r2) of that at it, r in half
                                       diagonals */
+    double exponent;               /* linear light is (gain times what it should be) to this power; 1: none; not with a
+                                      calibration */
 };
 
 /** No correction. */

@@ -260,11 +260,13 @@ static void values_that_cross_a_border_are_counted(void **state SST_UNUSED)
 
     assert_int_equal(sst_border_doubles("good", good, ARRAY_LEN(good)), 0);
     assert_int_equal(sst_border_unknown("unknown", unknown, ARRAY_LEN(unknown)), 0);
+    assert_int_equal(sst_border_floats("good", (const float[]){ 0, -1e38f, 1e-45f }, 3), 0);
     assert_int_equal(sst_border_count(), 0);
 #ifndef SST_TRAPS
     assert_int_equal(sst_border_doubles("bad", (const double[]){ 1, NAN, -INFINITY, 2 }, 4), 2);
     assert_int_equal(sst_border_unknown("bad", (const float[]){ NAN, INFINITY, -NAN }, 3), 2);
-    assert_int_equal(sst_border_count(), 4);
+    assert_int_equal(sst_border_floats("bad", (const float[]){ NAN, INFINITY, 1 }, 3), 2);
+    assert_int_equal(sst_border_count(), 6);
 #endif
 }
 

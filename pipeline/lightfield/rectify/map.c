@@ -6,6 +6,7 @@
  * with the chain where cubics err most (its centre and the midpoints of two edges), halves the cells until the worst
  * error is below TOLERANCE_PX, and uses the chain itself, pixel by pixel, for cells that never get there.
  */
+#include "base/border.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/rectify/rectify_internal.h"
 
@@ -203,6 +204,25 @@ static int make_cells(struct sst_rectify_map *map)
     return 0;
 }
 
+/* What the map is made from, and what it says where it is smooth: elsewhere, pixels behind the camera have no place. */
+static void check_border(const struct sst_rectify_map *map, const struct sst_rectified *to, const struct sst_calib_camera *c,
+                         int view)
+{
+    const double places[] = { c->fx, c->fy, c->cx, c->cy, to->focal_px, to->cx, to->cy, to->view[view].scale };
+
+    sst_border_doubles("geometry of a rectified view", places, ARRAY_LEN(places));
+    sst_border_doubles("lens of a rectified view", c->k, (size_t)c->lens);
+    sst_border_doubles("rotation of a rectified view", c->rotation, 9);
+    sst_border_doubles("gains of a rectified view", c->gain, 3);
+    sst_border_doubles("fall-off of a rectified view", c->falloff, 3);
+    for (int j = 0; j < map->cells_y; j++) {
+        for (int i = 0; i < map->cells_x; i++) {
+            if (map->cell[(size_t)j * (size_t)map->cells_x + (size_t)i] == CELL_SMOOTH)
+                sst_border_doubles("map of a rectified view", node_at(map, i, j), 2);
+        }
+    }
+}
+
 int sst_rectify_map_create(struct sst_rectify_map **out, const struct sst_rectified *to, const struct sst_calib *calib,
                            int view)
 {
@@ -223,11 +243,13 @@ int sst_rectify_map_create(struct sst_rectify_map **out, const struct sst_rectif
         map->shift--;
     if (!err)
         err = gain_map_create(&map->light, to, calib, view);
-    if (err)
+    if (err) {
         sst_rectify_map_destroy(map);
-    else
-        *out = map;
-    return err;
+        return err;
+    }
+    check_border(map, to, &calib->camera[view], view);
+    *out = map;
+    return 0;
 }
 
 void sst_rectify_map_destroy(struct sst_rectify_map *map)

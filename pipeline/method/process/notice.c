@@ -123,7 +123,7 @@ void sst_notice_describe(struct sst_notices *out, const struct sst_lightfield *l
         add(out, "noise",
             "the pictures have noise of %.0f levels: expect less of the maps; expose longer, or lower the cameras' gain",
             out->noise_levels);
-    if (out->edge_px >= SST_NOTICE_EDGE_PX)
+    if (isgreaterequal(out->edge_px, SST_NOTICE_EDGE_PX)) /* never so for NAN */
         add(out, "blur",
             "the pictures are blurred: their sharpest edges are %.2f px wide (sigma; sharp ones have 0.3); focus the "
             "lenses, or make the views smaller",
@@ -133,7 +133,7 @@ void sst_notice_describe(struct sst_notices *out, const struct sst_lightfield *l
             "%d of %d views are less sharp than the others, that of row %d, column %d most (blurred by %.1f px); focus "
             "or clean the lens",
             out->soft, views - out->missing, out->softest / lf->cols, out->softest % lf->cols, out->soft_px);
-    if (out->jpeg_quality < SST_NOTICE_JPEG_QUALITY)
+    if (isless(out->jpeg_quality, SST_NOTICE_JPEG_QUALITY))
         add(out, "jpeg",
             "%d of %d views are or were JPEG, of quality %.0f at worst: fine structure is lost, and clear pictures lose "
             "several dB; record with quality 90 or more",

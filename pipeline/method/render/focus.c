@@ -16,6 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/border.h"
 #include "base/log.h"
 
 #define SAMPLE_COLS   160   /* about this number of samples per row */
@@ -368,6 +369,8 @@ int sst_render_find_focus(const struct sst_lightfield *lf, double *focus_px)
             err = -ENODATA;
         else
             *focus_px = f->focus_px;
+        if (!err)
+            sst_border_doubles("focus that was found", focus_px, 1);
     }
     if (f)
         sst_render_focus_fini(f);

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/border.h"
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
@@ -380,6 +381,23 @@ static int open_verifiers(struct sst_render_plan *p, struct sst_renderer *r)
     return 0;
 }
 
+/* Places of the views and weights: whatever is not finite here is a pixel that is wrong without saying so. */
+static void check_border(const struct sst_render_plan *p)
+{
+    const struct sst_blend *b = &p->blend;
+    const float depth[] = { b->focus_whole_q6, b->focus_part_q6, b->c1, b->scale };
+
+    sst_border_doubles("focus of a picture", &p->cfg.focus_px, 1);
+    for (int i = 0; i < p->count; i++)
+        sst_border_doubles("place of a view", (const double[]){ p->tap[i].fx, p->tap[i].fy, p->tap[i].aperture }, 3);
+    if (p->weighted) {
+        sst_border_floats("depth weights", depth, ARRAY_LEN(depth));
+        sst_border_floats("depth weights", b->power, ARRAY_LEN(b->power));
+    }
+    if (p->table)
+        sst_border_floats("label weights", p->table, (size_t)257 * SST_BLEND_COLUMNS);
+}
+
 int sst_render_plan_init(struct sst_render_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
 {
     int err = check_config(cfg);
@@ -400,6 +418,8 @@ int sst_render_plan_init(struct sst_render_plan *p, struct sst_renderer *r, cons
         err = open_verifiers(p, r);
     if (err)
         sst_render_plan_fini(p);
+    else
+        check_border(p);
     return err;
 }
 
