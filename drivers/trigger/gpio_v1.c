@@ -80,7 +80,7 @@ int gpio_chip_request(struct trigger_chip *c, const struct gpio_request *r)
         if (!loopback || gpiod_line_request(loopback, &edges, 0))
             return -errno;
     }
-    if (gpiod_line_request_bulk(&bulk, &output, inactive)) {
+    if (r->outputs && gpiod_line_request_bulk(&bulk, &output, inactive)) {
         const int err = -errno;
 
         if (loopback)

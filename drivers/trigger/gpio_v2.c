@@ -70,9 +70,9 @@ static int configure(struct gpiod_line_config *config, struct gpiod_line_setting
     const unsigned loopback = (unsigned)r->loopback;
 
     gpiod_line_settings_set_active_low(settings, r->active_low);
-    if (gpiod_line_settings_set_direction(settings, GPIOD_LINE_DIRECTION_OUTPUT) ||
-        gpiod_line_settings_set_output_value(settings, GPIOD_LINE_VALUE_INACTIVE) ||
-        gpiod_line_config_add_line_settings(config, r->output, (size_t)r->outputs, settings))
+    if (r->outputs && (gpiod_line_settings_set_direction(settings, GPIOD_LINE_DIRECTION_OUTPUT) ||
+                       gpiod_line_settings_set_output_value(settings, GPIOD_LINE_VALUE_INACTIVE) ||
+                       gpiod_line_config_add_line_settings(config, r->output, (size_t)r->outputs, settings)))
         return -errno;
     if (r->loopback < 0)
         return 0;

@@ -20,6 +20,7 @@
 #define EDGE_MARGIN_NS 300000    /* waiting for the loop-back edge ends this long before the next step */
 #define EDGE_WAIT_NS   20000000  /* an edge is missing after this time, or half a period */
 #define EDGE_EARLY_NS  100000    /* error of stamps converted from another clock */
+#define STOP_CHECK_NS  50000000  /* external: a stop is noticed within this time */
 #define RETRY_MIN_NS   100000000 /* a vanished chip is searched with back-off ... */
 #define RETRY_MAX_NS   5000000000
 
@@ -202,12 +203,12 @@ static struct gpio_wanted wanted_lines(const struct sst_trigger_config *cfg)
 {
     struct gpio_wanted wanted = {
         .chip = cfg->chip,
-        .outputs = cfg->lines,
+        .outputs = cfg->source == SST_TRIGGER_EXTERNAL ? 0 : cfg->lines,
         .loopback = cfg->loopback,
         .active_low = cfg->active_low,
     };
 
-    for (int i = 0; i < cfg->lines; i++)
+    for (int i = 0; i < wanted.outputs; i++)
         wanted.output[i] = cfg->line[i];
     return wanted;
 }
@@ -225,7 +226,8 @@ static void lose_chip_locked(struct sst_trigger *t, int err)
     if (!t->cfg.quiet)
         sst_log_error(
             "trigger: GPIO chip \"%s\" failed at tick %llu: %s; the pulse train is stopped until the chip is back",
-            t->cfg.chip[0] ? t->cfg.chip : t->cfg.line[0], (unsigned long long)t->index, strerror(-err));
+            t->cfg.chip[0] ? t->cfg.chip : wanted_lines(&t->cfg).outputs ? t->cfg.line[0] : t->cfg.loopback,
+            (unsigned long long)t->index, strerror(-err));
     gpio_chip_close(t->chip); /* also releases the lines, at the level of the last step */
     t->chip = NULL;
     t->counters.chip_lost++;
@@ -257,6 +259,49 @@ static void find_chip_locked(struct sst_trigger *t)
         }
         wait_ns = wait_ns * 2 > RETRY_MAX_NS ? RETRY_MAX_NS : wait_ns * 2;
     }
+}
+
+/* An edge that the kernel dropped, by its sequence numbers, is counted: the next one has the index that it would have. */
+static void count_external(struct sst_trigger *t, const struct gpio_edge *got)
+{
+    const uint32_t lost = got->sequence && t->sequence ? got->sequence - t->sequence - 1 : 0;
+
+    t->sequence = got->sequence;
+    t->index += lost;
+    pthread_mutex_lock(&t->lock);
+    t->counters.edges_lost += lost;
+    t->counters.fired++;
+    pthread_mutex_unlock(&t->lock);
+}
+
+/* Report the edges of the input as they come. */
+static int follow_edges_locked(struct sst_trigger *t)
+{
+    const int64_t start_ns = t->start_ns;
+    uint64_t seen = 0;
+
+    while (!t->stop && !t->quit && (!t->count || seen < t->count)) {
+        struct gpio_edge got;
+        int r;
+
+        pthread_mutex_unlock(&t->lock);
+        r = gpio_chip_edge(t->chip, STOP_CHECK_NS, &got);
+        if (r == 1 && got.t_ns < start_ns) {
+            t->sequence = got.sequence; /* from before the start */
+        } else if (r == 1) {
+            count_external(t, &got);
+            report_edge(t, &(struct sst_trigger_edge){ .index = t->index,
+                                                       .due_ns = got.t_ns,
+                                                       .before_ns = got.t_ns,
+                                                       .after_ns = got.t_ns,
+                                                       .kernel_ns = got.t_ns });
+            seen++;
+        }
+        pthread_mutex_lock(&t->lock);
+        if (r < 0 && r != -EINTR)
+            return r;
+    }
+    return 0;
 }
 
 static int run_train_locked(struct sst_trigger *t)
@@ -300,7 +345,7 @@ static void *serve(void *arg)
         if (t->lost) {
             find_chip_locked(t);
         } else if (t->running) {
-            t->error = run_train_locked(t);
+            t->error = t->cfg.source == SST_TRIGGER_EXTERNAL ? follow_edges_locked(t) : run_train_locked(t);
             if (t->error)
                 lose_chip_locked(t, t->error);
             t->running = false;
@@ -338,6 +383,10 @@ static int start_thread(struct sst_trigger *t)
 /* @return 0 or -EINVAL with the reason */
 static int check_config(const struct sst_trigger_config *cfg, char *why, size_t size)
 {
+    if (cfg->source == SST_TRIGGER_EXTERNAL && !cfg->loopback[0]) {
+        snprintf(why, size, "no input is named: set `loopback` to the line that the edges come in on");
+        return -EINVAL;
+    }
     if (cfg->source != SST_TRIGGER_GPIO)
         return 0;
     if (cfg->lines < 1 || cfg->lines > SST_TRIGGER_LINES_MAX) {
@@ -364,12 +413,17 @@ static int check_config(const struct sst_trigger_config *cfg, char *why, size_t 
     return 0;
 }
 
+static bool has_chip(const struct sst_trigger_config *cfg)
+{
+    return cfg->source == SST_TRIGGER_GPIO || cfg->source == SST_TRIGGER_EXTERNAL;
+}
+
 int sst_trigger_check(const struct sst_trigger_config *cfg, char *why, size_t size)
 {
     const struct gpio_wanted wanted = wanted_lines(cfg);
     int err = check_config(cfg, why, size);
 
-    if (!err && cfg->source == SST_TRIGGER_GPIO)
+    if (!err && has_chip(cfg))
         err = gpio_probe(&wanted, why, size);
     else if (!err)
         snprintf(why, size, "no GPIO line is needed");
@@ -398,10 +452,11 @@ int sst_trigger_open(struct sst_trigger **out, const struct sst_trigger_config *
     t->cfg = *cfg;
     t->edge = edge;
     t->arg = arg;
-    if (cfg->source != SST_TRIGGER_GPIO)
+    if (!has_chip(cfg))
         t->cfg.loopback[0] = 0;
-    if (cfg->source == SST_TRIGGER_GPIO) {
+    if (cfg->source == SST_TRIGGER_GPIO)
         t->steps = pulse_steps(t->step, cfg->delay_us, cfg->lines, cfg->pulse_us);
+    if (has_chip(cfg)) {
         err = open_chip(t, why, sizeof(why));
         if (err)
             sst_log_error("trigger: %s", why);

@@ -1,4 +1,5 @@
-/* drivers/trigger/trigger.h - pulses on GPIO lines that expose all cameras together. */
+/* drivers/trigger/trigger.h - pulses on GPIO lines that expose all cameras together, or the edges that another host's
+ * pulses make on an input. */
 #ifndef SST_DRIVERS_TRIGGER_TRIGGER_H
 #define SST_DRIVERS_TRIGGER_TRIGGER_H
 
@@ -15,6 +16,7 @@ enum sst_trigger_source {
     SST_TRIGGER_GPIO = 0,     /* pulses on lines of one chip */
     SST_TRIGGER_SOFTWARE = 1, /* no line: timer ticks only; cameras run on their own */
     SST_TRIGGER_FREE_RUN = 2, /* no edges at all */
+    SST_TRIGGER_EXTERNAL = 3, /* rising edges of the input `loopback`, which another host or a generator drives */
 };
 
 struct sst_trigger_config {
@@ -32,8 +34,8 @@ struct sst_trigger_config {
 
 /** One tick of the train. Times are ns on CLOCK_MONOTONIC. */
 struct sst_trigger_edge {
-    uint64_t index;    /* 0, 1, ... since open; skipped ticks are not counted */
-    int64_t due_ns;    /* scheduled time of the tick */
+    uint64_t index;    /* 0, 1, ... since open; skipped ticks are not counted, edges that the kernel dropped are */
+    int64_t due_ns;    /* scheduled time of the tick; external: of the edge */
     int64_t before_ns; /* clock before and after the ioctl that raised the first lines: the edge is between */
     int64_t after_ns;
     int64_t kernel_ns; /* time stamp of the loop-back line's edge; 0 without */
@@ -62,7 +64,8 @@ SST_MUST_CHECK int sst_trigger_check(const struct sst_trigger_config *cfg, char 
 SST_MUST_CHECK int sst_trigger_fire(struct sst_trigger *trigger);
 
 /**
- * Start a train of `count` pulses (0: until stopped) at rate_hz, 0.01..1000. Ticks are absolute: no drift.
+ * Start a train of `count` pulses (0: until stopped) at rate_hz, 0.01..1000. Ticks are absolute: no drift. External:
+ * report `count` edges from now on, at whatever rate they come.
  *
  * A chip that fails or vanishes ends the train (logged; sst_trigger_stop() returns the error). The trigger's thread
  * then searches for it with back-off up to 5 s; once it is back (logged), a train can be started again.
