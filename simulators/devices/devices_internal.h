@@ -553,6 +553,8 @@ struct sim_gpio_front_config {
  * to TRIG0. @return 0 or -errno, logged.
  */
 SST_MUST_CHECK int sim_gpio_front_open(struct sim_gpio_front **out, const struct sim_gpio_front_config *cfg);
+/** A generator outside of the machine raises all trigger lines for a moment. */
+void sim_gpio_front_pulse(struct sim_gpio_front *front, int64_t t_ns);
 void sim_gpio_front_close(struct sim_gpio_front *front);
 
 /* --- rig: the motor rig of a session: simulated drives that move the world's camera. --- */

@@ -18,6 +18,7 @@
 #define TRIGGER_MAX   16
 #define TRIGGER_LINES (TRIGGER_MAX + 8) /* LOOP0, spare lines and nameless ones after the triggers */
 #define CHARDEV_MAJOR 254
+#define PULSE_NS      1000 /* of a generator outside */
 #define READERS       8 /* most threads waiting for one file's events */
 
 struct chip {
@@ -212,6 +213,15 @@ static void pin(void *arg, int chip, int line, bool level, int64_t t_ns)
 
     if (chip == TRIGGER_CHIP && line < front->cfg.lines && level)
         front->cfg.edge(front->cfg.arg, line, t_ns);
+}
+
+void sim_gpio_front_pulse(struct sim_gpio_front *front, int64_t t_ns)
+{
+    for (int high = 1; high >= 0; high--) {
+        for (int i = 0; i < front->cfg.lines; i++)
+            sst_sim_gpio_drive(front->gpio, TRIGGER_CHIP, i, high, t_ns + (high ? 0 : PULSE_NS));
+    }
+    after_call(front);
 }
 
 /* --- chips in /dev and /sys --------------------------------------------------------------------------------------- */

@@ -9,6 +9,7 @@
  *   control.sock  SEQPACKET; one call and one answer at a time on each connection, any number of connections
  *   dev/          the session's /dev: device nodes are small files "MAJOR MINOR\n" with the sticky bit set, everything
  *                 else is a link to the real entry
+ *   clock         "OFFSET_NS DRIFT_PPM ORIGIN_NS\n": the wall clock of programs against the machine's; absent: the same
  *
  * A descriptor of a program is one end of a stream socket pair; the simulator keeps the other end. Unread bytes make it
  * readable for poll(); an out-of-band byte is POLLPRI; unplugging closes the simulator's end. The program's end is
@@ -17,6 +18,7 @@
  */
 #define SST_SIM_DIR_ENV "SST_SIM_DIR"
 #define SST_SIM_SOCKET  "control.sock"
+#define SST_SIM_CLOCK   "clock"
 #define SST_SIM_NAME    "sst-sim/" /* then one letter, '/', the handle in decimal */
 
 #define SST_SIM_PAYLOAD_MAX 65536

@@ -203,11 +203,28 @@ int sim_simulator_open(struct sim_simulator **out, const struct sim_options *opt
     return 0;
 }
 
+/* The wall clock of the programs, where it is not the machine's. */
+static int write_clock(const struct sim_simulator *sim, const char *dir)
+{
+    const struct sst_sim_host *host = sst_sim_world_host(sim->world);
+    char path[SST_PATH_MAX], text[128];
+    int err;
+
+    if (host->clock_offset_ms == 0 && host->clock_drift_ppm == 0)
+        return 0;
+    err = sst_path_join(path, dir, SST_SIM_CLOCK);
+    snprintf(text, sizeof(text), "%lld %.6f %lld\n", (long long)(host->clock_offset_ms * 1e6), host->clock_drift_ppm,
+             (long long)sst_clock_now_ns());
+    return err ? err : sst_file_write(path, text, strlen(text));
+}
+
 int sim_simulator_start(struct sim_simulator *sim, const char *dir)
 {
     const struct session_control control = { .arg = sim, .call = answer };
     int err = sim_server_open(&sim->server, dir, &control);
 
+    if (!err)
+        err = write_clock(sim, dir);
     if (!err)
         err = sim_wires_open(&sim->wires, &(struct sim_wires_config){ .options = sim->options.wires,
                                                                       .server = sim->server,

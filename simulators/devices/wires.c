@@ -3,9 +3,11 @@
 
 #include <errno.h>
 #include <linux/videodev2.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 #include "simulators/scene/world/settings.h"
 
@@ -22,6 +24,9 @@ struct sim_wires {
     struct sim_array *array; /* NULL until attached */
     int rows, cols;
     uint64_t edges[TRIGGERS_MAX];
+    struct sim_timer generator;
+    double generator_hz; /* 0: none */
+    uint64_t generated;  /* number of its last pulse, since the machine was booted */
 };
 
 /* --- bus to cameras ----------------------------------------------------------------------------------------------- */
@@ -100,12 +105,34 @@ static void swapped(void *arg, int cam, int body)
 static void edge(void *arg, int line, int64_t t_ns)
 {
     struct sim_wires *w = arg;
-    const uint64_t index = w->edges[line]++;
+    const uint64_t index = w->generator_hz > 0 ? w->generated : w->edges[line]++;
 
     if (w->cfg.options.one_trigger)
         sim_array_edge(w->array, 0, w->rows * w->cols, index, t_ns);
     else
         sim_array_edge(w->array, line * w->cols, w->cols, index, t_ns);
+}
+
+/* --- generator ----------------------------------------------------------------------------------------------------
+ * Its pulses are at whole periods of CLOCK_MONOTONIC: sessions on one machine have one generator. */
+
+static void set_generator(struct sim_wires *w)
+{
+    const double now = (double)sst_clock_now_ns() * 1e-9 * w->generator_hz;
+
+    if (now - (double)w->generated > w->generator_hz) /* the simulator stood still: the generator did not */
+        w->generated = (uint64_t)now;
+    w->generated++;
+    if (sim_timer_set(w->cfg.server, &w->generator, llround((double)w->generated * 1e9 / w->generator_hz)))
+        sst_log_error("generator: out of memory for its next pulse; it stops");
+}
+
+static void generate(void *arg)
+{
+    struct sim_wires *w = arg;
+
+    sim_gpio_front_pulse(w->gpio, w->generator.due_ns);
+    set_generator(w);
 }
 
 /* --- rig ---------------------------------------------------------------------------------------------------------- */
@@ -199,7 +226,12 @@ int sim_wires_attach(struct sim_wires *w, struct sim_array *array)
                                                 .swapped = swapped,
                                                 .pose = w->rig ? pose : NULL });
     err = open_still(w);
-    return err ? err : sim_gpio_front_open(&w->gpio, &gpio);
+    err = err ? err : sim_gpio_front_open(&w->gpio, &gpio);
+    w->generator = (struct sim_timer){ .fire = generate, .arg = w };
+    w->generator_hz = sst_sim_world_host(w->cfg.world)->generator_hz;
+    if (!err && w->generator_hz > 0)
+        set_generator(w);
+    return err;
 }
 
 void sim_wires_close(struct sim_wires *w)
@@ -207,6 +239,7 @@ void sim_wires_close(struct sim_wires *w)
     if (!w)
         return;
     w->array = NULL;
+    sim_timer_stop(w->cfg.server, &w->generator);
     sim_still_close(w->still);
     sim_rig_close(w->rig);
     sim_gpio_front_close(w->gpio);

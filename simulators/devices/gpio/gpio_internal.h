@@ -26,6 +26,7 @@ struct gpio_line {
     uint64_t flags;       /* GPIO_V2_LINE_FLAG_* but USED */
     uint32_t debounce_us; /* 0: none */
     bool drive;           /* the level that an output drives */
+    bool outside;         /* something outside of the machine drives the wire high */
     bool seen;            /* last level accepted by the edge detector */
     int64_t settle_ns;    /* time at which a different level is accepted; INT64_MAX: no pending change */
     uint32_t line_seqno;

@@ -147,6 +147,8 @@ static void net_levels(const struct sst_sim_gpio *gpio, uint8_t *strong, uint8_t
 
             if (drive >= 0 && strong[line->net] != 0)
                 strong[line->net] = (uint8_t)drive;
+            if (line->outside && strong[line->net] != 0)
+                strong[line->net] = 1;
             if (line->flags & GPIO_V2_LINE_FLAG_BIAS_PULL_UP)
                 pulled[line->net] = 1;
         }
@@ -182,6 +184,12 @@ void gpio_settle(struct sst_sim_gpio *gpio, int64_t now_ns)
         for (int i = 0; i < gpio->chip[c].lines; i++)
             if (changed[gpio->chip[c].line[i].net])
                 pin_changed(gpio, c, &gpio->chip[c].line[i], now_ns);
+}
+
+void sst_sim_gpio_drive(struct sst_sim_gpio *gpio, int chip, int line, bool high, int64_t now_ns)
+{
+    gpio->chip[chip].line[line].outside = high;
+    gpio_settle(gpio, now_ns);
 }
 
 /* --- line info ---------------------------------------------------------------------------------------------------- */

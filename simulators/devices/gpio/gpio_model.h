@@ -61,6 +61,9 @@ SST_MUST_CHECK int sst_sim_gpio_fault(struct sst_sim_gpio *gpio, int chip, enum 
 /** Offset of a line by its name, or -1. */
 int sst_sim_gpio_line(const struct sst_sim_gpio *gpio, int chip, const char *name);
 
+/** Something outside of the machine drives a line's wire high, or lets it go. */
+void sst_sim_gpio_drive(struct sst_sim_gpio *gpio, int chip, int line, bool high, int64_t now_ns);
+
 /** Open a chip. @return 0, -ENODEV, -EACCES, -EPERM, -ENOMEM */
 SST_MUST_CHECK int sst_sim_gpio_open(struct sst_sim_gpio *gpio, int chip, struct sst_sim_gpio_file **out);
 

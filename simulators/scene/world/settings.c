@@ -386,6 +386,13 @@ static struct sst_yaml_node *section(struct sst_yaml *doc, struct sst_yaml_node 
     return NULL;
 }
 
+static void read_host(struct sst_yaml *doc, struct sst_yaml_node *map, struct sst_sim_settings *s)
+{
+    sst_yaml_double(doc, sst_yaml_get(map, "generator_hz"), 0.1, 120, &s->host.generator_hz);
+    sst_yaml_double(doc, sst_yaml_get(map, "clock_offset_ms"), -1e6, 1e6, &s->host.clock_offset_ms);
+    sst_yaml_double(doc, sst_yaml_get(map, "clock_drift_ppm"), -1000, 1000, &s->host.clock_drift_ppm);
+}
+
 static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
 {
     struct sst_yaml_node *root = sst_yaml_root(doc), *scene = sst_yaml_need(doc, root, "scene");
@@ -411,6 +418,7 @@ static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
     read_mounting(doc, section(doc, root, "mounting"), s);
     read_sensor(doc, section(doc, root, "sensor"), s);
     read_timing(doc, section(doc, root, "timing"), s);
+    read_host(doc, section(doc, root, "host"), s);
     read_cameras(doc, sst_yaml_get(root, "cameras"), s);
     read_still(doc, section(doc, root, "still"), s);
     if (!strcmp(name, SIM_HEDGE))

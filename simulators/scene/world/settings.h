@@ -75,6 +75,12 @@ struct sst_sim_still {
     } fault[SST_SIM_STILL_FAULTS_MAX];
 };
 
+/** One of several hosts with one array. */
+struct sst_sim_host {
+    double generator_hz;                      /* pulses on all trigger lines from outside; 0: none */
+    double clock_offset_ms, clock_drift_ppm;  /* of the wall clock that programs see, against the machine's */
+};
+
 /** Spreads are standard deviations of a normal distribution over the cameras. Plain values only: the bytes are the
  *  cache's key. */
 struct sst_sim_settings {
@@ -102,6 +108,7 @@ struct sst_sim_settings {
     struct sst_sim_board board;
     struct sst_sim_still still;
     struct sst_sim_override camera[SST_CAMERAS_MAX];
+    struct sst_sim_host host; /* at last: pictures do not depend on it, and it is not part of the cache's key */
 };
 
 /** Ideal cameras for a scene, or for "board", an empty wall with a calibration board in front of it. */

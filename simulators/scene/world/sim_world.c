@@ -122,7 +122,7 @@ static int open_loop(struct sst_sim_world *w, const char *cache)
         return err;
     SHA256Init(&hash);
     SHA256Update(&hash, (const uint8_t *)&version, sizeof(version));
-    SHA256Update(&hash, (const uint8_t *)&w->settings, sizeof(w->settings));
+    SHA256Update(&hash, (const uint8_t *)&w->settings, offsetof(struct sst_sim_settings, host));
     SHA256Final(key, &hash);
     return sim_loop_open(&w->loop, folder, key, w->settings.scene, w->cams, sim_stage_frames(w->stage),
                          render_camera, w);
@@ -200,6 +200,11 @@ int sst_sim_world_exposure_us(const struct sst_sim_world *world)
 uint64_t sst_sim_world_seed(const struct sst_sim_world *w)
 {
     return w->settings.seed;
+}
+
+const struct sst_sim_host *sst_sim_world_host(const struct sst_sim_world *w)
+{
+    return &w->settings.host;
 }
 
 int sst_sim_world_sizes(const struct sst_sim_world *w, const int (**sizes)[2])

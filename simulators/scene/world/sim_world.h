@@ -51,6 +51,9 @@ const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *wo
 /** The still camera (settings.h), or NULL: none. */
 const struct sst_sim_still *sst_sim_world_still(const struct sst_sim_world *world);
 int sst_sim_world_exposure_us(const struct sst_sim_world *world); /* nominal: result of automatic exposure */
+struct sst_sim_host;
+/** Generator and wall clock of its host (settings.h). */
+const struct sst_sim_host *sst_sim_world_host(const struct sst_sim_world *world);
 uint64_t sst_sim_world_seed(const struct sst_sim_world *world);
 
 /**
