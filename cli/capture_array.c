@@ -196,7 +196,7 @@ int cli_open_recorder(struct sst_recorder **out, const struct sst_array_config *
     cfg->fourcc = c->fourcc;
     cfg->width = c->width;
     cfg->height = c->height;
-    cfg->rate_hz = c->source == SST_CONFIG_FREE_RUN ? c->rate_hz : c->trigger_hz;
+    cfg->rate_hz = sst_array_sets_hz(c);
     cfg->spacing_mm = c->spacing_mm;
     if (!err)
         err = sst_recorder_open(out, cfg);

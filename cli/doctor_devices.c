@@ -270,6 +270,7 @@ void doctor_check_trigger(struct doctor *d)
     sst_trigger_config_defaults(&cfg);
     cfg.source = a->source == SST_CONFIG_GPIO       ? SST_TRIGGER_GPIO
                  : a->source == SST_CONFIG_SOFTWARE ? SST_TRIGGER_SOFTWARE
+                 : a->source == SST_CONFIG_EXTERNAL ? SST_TRIGGER_EXTERNAL
                                                     : SST_TRIGGER_FREE_RUN;
     snprintf(cfg.chip, sizeof(cfg.chip), "%s", a->chip);
     snprintf(cfg.loopback, sizeof(cfg.loopback), "%s", a->loopback);

@@ -31,7 +31,7 @@
 static double needed_mb_s(const struct doctor *d)
 {
     const struct sst_array_config *a = d->cfg;
-    const double rate_hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz;
+    const double rate_hz = sst_array_sets_hz(a);
     const int64_t raw = sst_usb_format_bytes_s(a->fourcc, a->width, a->height, rate_hz);
     const double one = raw ? (double)raw : (double)a->width * a->height * JPEG_BYTES_PER_PX * rate_hz;
 

@@ -14,6 +14,7 @@ enum sst_config_source {
     SST_CONFIG_GPIO = 0,
     SST_CONFIG_SOFTWARE = 1,
     SST_CONFIG_FREE_RUN = 2,
+    SST_CONFIG_EXTERNAL = 3, /* edges of another host's trigger on the input `loopback` */
 };
 
 /** Files of a still camera. */
@@ -29,6 +30,15 @@ enum sst_config_focus {
     SST_CONFIG_FOCUS_LOCKED = 2,
 };
 
+/** What a host is for the array (docs/use/hosts.md). */
+enum sst_config_role {
+    SST_CONFIG_SINGLE = 0, /* the only one */
+    SST_CONFIG_NODE = 1,   /* captures some of the cameras and sends their sets to the head */
+    SST_CONFIG_HEAD = 2,   /* assembles the sets of all nodes, and of cameras of its own */
+};
+
+#define SST_CONFIG_NODES_MAX 16
+
 struct sst_config_camera {
     int row, col;
     char serial[64], port[64]; /* either one */
@@ -36,6 +46,7 @@ struct sst_config_camera {
 };
 
 struct sst_array_config {
+    enum sst_config_role role;
     /* array: */
     int rows, cols;
     double spacing_mm;
@@ -77,7 +88,29 @@ struct sst_array_config {
     enum sst_config_focus still_focus;
     int still_mirror_ms, still_card_ms, still_response_ms, still_reopen_ms, still_battery_percent;
     bool still_keep;
+    struct { /* hosts: */
+        char head[64], head_name[64]; /* of a node: where the head is, the name in its certificate */
+        char address[64];             /* of a head: to listen on */
+        int port;
+        int nodes; /* of a head: names in the certificates of its nodes */
+        char node[SST_CONFIG_NODES_MAX][64];
+        char ca[SST_CONFIG_TEXT_MAX], certificate[SST_CONFIG_TEXT_MAX], key[SST_CONFIG_TEXT_MAX];
+        int queue; /* of a node: sets that wait to be sent */
+        bool skip_unchanged;
+    } hosts;
 };
+
+/** One trigger exposes all cameras: of this host, or of all hosts. */
+static inline bool sst_array_triggered(const struct sst_array_config *cfg)
+{
+    return cfg->role == SST_CONFIG_HEAD || cfg->source == SST_CONFIG_GPIO || cfg->source == SST_CONFIG_EXTERNAL;
+}
+
+/** Sets per second, as configured. */
+static inline double sst_array_sets_hz(const struct sst_array_config *cfg)
+{
+    return cfg->source == SST_CONFIG_FREE_RUN && cfg->role != SST_CONFIG_HEAD ? cfg->rate_hz : cfg->trigger_hz;
+}
 
 void sst_array_config_defaults(struct sst_array_config *cfg);
 

@@ -132,6 +132,26 @@ static void check_rig(const struct config_load *load)
               "leaves no travel: travel_min_mm must be below travel_max_mm");
 }
 
+static void check_hosts(const struct config_load *load)
+{
+    const struct sst_array_config *a = &load->cfg->array;
+    const struct config_place *role = source(load, "role", NULL);
+    const bool cameras = a->role == SST_CONFIG_NODE || a->bound;
+
+    if (a->role == SST_CONFIG_SINGLE)
+        return;
+    if (!a->hosts.ca[0] || !a->hosts.certificate[0] || !a->hosts.key[0])
+        fault(role, NULL, "%s needs hosts: ca, certificate and key (docs/use/hosts.md makes them)",
+              a->role == SST_CONFIG_NODE ? "node" : "head");
+    if (a->role == SST_CONFIG_NODE && !a->hosts.head[0])
+        fault(role, NULL, "node needs hosts: head, the address of the head");
+    if (a->role == SST_CONFIG_HEAD && !a->hosts.nodes)
+        fault(role, NULL, "head needs hosts: nodes, the names of its nodes");
+    if (cameras && a->source != SST_CONFIG_GPIO && a->source != SST_CONFIG_EXTERNAL)
+        fault(source(load, "trigger.source", "role"), NULL,
+              "must be gpio on the host that fires the trigger and external on the others, for all hosts count its edges");
+}
+
 void config_check_array(struct config_load *load)
 {
     const struct sst_array_config *a = &load->cfg->array;
@@ -147,9 +167,13 @@ void config_check_array(struct config_load *load)
     if (gpio && a->pulse_us * 1e-6 * a->trigger_hz > 0.9)
         fault(source(load, "trigger.pulse_us", "trigger.rate_hz"), NULL,
               "fills more than 90 %% of the trigger period: lower pulse_us or rate_hz");
+    if (a->source == SST_CONFIG_EXTERNAL && !a->loopback[0])
+        fault(source(load, "trigger.source", "trigger.loopback"), NULL,
+              "external needs trigger: loopback, the input on which the edges come (gpioinfo lists lines)");
     check_lengths(load);
     check_bind(load);
     check_rig(load);
+    check_hosts(load);
 }
 
 /* --- service ------------------------------------------------------------------------------------------------------ */
@@ -313,7 +337,7 @@ static double array_rate(const struct sst_array_config *a, double jpeg_bytes)
     const char *format = sst_array_format_name(a->fourcc);
     const bool jpeg = format && !strcmp(format, "MJPEG"),
                two = format && (!strcmp(format, "YUYV") || !strcmp(format, "Y16"));
-    const double hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz;
+    const double hz = sst_array_sets_hz(a);
 
     return (a->bound ? a->bound : a->rows * a->cols) * hz * a->width * a->height * (jpeg ? jpeg_bytes : two ? 2 : 1);
 }

@@ -19,7 +19,8 @@
 #define FIELDS(list)      .fields = list, .n_fields = (int)ARRAY_LEN(list)
 #define WORD(text, value) .word = text, .word_value = value
 
-static const char *const sources[] = { "gpio", "software", "free-run" };
+static const char *const roles[] = { "single", "node", "head" };
+static const char *const sources[] = { "gpio", "software", "free-run", "external" };
 static const char *const modes[] = { "off", "continuous", "event" };
 static const char *const reduced[] = { "off", "view", "changed", "sets", "tiles" };
 static const char *const methods[] = { "refocus", "sst", "clear" };
@@ -30,7 +31,8 @@ static const char *const focuses[] = { "leave", "manual", "locked" };
 const char *const sst_event_types[] = {
     "*",       "state",        "camera-lost", "camera-found", "trigger-lost", "trigger-found", "skew",
     "storage", "record-start", "record-stop", "motion",       "label",        "visit",         "line",     "snapshot",
-    "export",  "reload",       "calibration", "certificate", "clock",        "client",        "start",    "stop",
+    "export",  "reload",       "calibration", "certificate",  "clock",        "client",        "host-lost", "host-found",
+    "start",   "stop",
 };
 const int sst_event_types_count = (int)ARRAY_LEN(sst_event_types);
 
@@ -109,6 +111,11 @@ static const struct sst_key hook_keys[] = {
 };
 
 static const struct sst_key keys[] = {
+    { KEY("", "role", CHOICE, array.role, "single", DAEMON,
+          "single: this host has all cameras; node: it has some of them and sends their sets to a head; head: it assembles "
+          "the sets of all nodes, and of its own cameras if cameras: bind lists any"),
+      CHOICE(roles) },
+
     { KEY("array", "rows", INT, array.rows, "6", CAMERAS,
           "rows of cameras; row 0 is at the top, column 0 at the left, seen from behind the cameras"),
       RANGE(1, SST_CAMERAS_MAX) },
@@ -140,7 +147,8 @@ static const struct sst_key keys[] = {
       COUNT(array.bound), STRIDE(array.camera), FIELDS(bind_keys) },
 
     { KEY("trigger", "source", CHOICE, array.source, "free-run", CAMERAS,
-          "gpio: pulses on lines; software: timer ticks for cameras that run on their own; free-run: none"),
+          "gpio: pulses on lines; software: timer ticks for cameras that run on their own; free-run: none; external: pulses "
+          "of another host or a generator, whose edges come in on the line loopback"),
       CHOICE(sources) },
     { KEY("trigger", "chip", TEXT, array.chip, "", CAMERAS,
           "label of the GPIO chip; not needed if the line names are unique") },
@@ -229,6 +237,30 @@ static const struct sst_key keys[] = {
       RANGE(0, 100) },
     { KEY("still", "keep", BOOL, array.still_keep, "false", LIVE,
           "files stay on the camera's card; false: they are deleted there when they are stored") },
+    { KEY("hosts", "head", TEXT, array.hosts.head, "", DAEMON, "of a node: numeric address of the head"),
+      KIND(ADDRESS), .optional = true },
+    { KEY("hosts", "head_name", TEXT, array.hosts.head_name, "head", DAEMON,
+          "of a node: common name (CN) of the head's certificate; another one is refused"),
+      KIND(NAME) },
+    { KEY("hosts", "address", TEXT, array.hosts.address, "0.0.0.0", DAEMON,
+          "of a head: numeric address to listen on for its nodes"),
+      KIND(ADDRESS) },
+    { KEY("hosts", "port", INT, array.hosts.port, "8444", DAEMON, "port of the head"), RANGE(1, 65535) },
+    { KEY("hosts", "nodes", TEXTS, array.hosts.node, "[]", DAEMON,
+          "of a head: common names (CN) of the certificates of its nodes; others are refused"),
+      KIND(NAME), COUNT(array.hosts.nodes), STRIDE(array.hosts.node) },
+    { KEY("hosts", "ca", TEXT, array.hosts.ca, "", DAEMON,
+          "PEM file: the authority that signed the certificates of all hosts"),
+      KIND(FILE) },
+    { KEY("hosts", "certificate", TEXT, array.hosts.certificate, "", DAEMON,
+          "PEM file: certificate of this host, whose common name is its name"),
+      KIND(FILE) },
+    { KEY("hosts", "key", TEXT, array.hosts.key, "", DAEMON, "PEM file: its private key"), KIND(FILE) },
+    { KEY("hosts", "queue", INT, array.hosts.queue, "16", DAEMON,
+          "of a node: sets that wait to be sent; when it is full the oldest is dropped, counted"),
+      RANGE(1, 256) },
+    { KEY("hosts", "skip_unchanged", BOOL, array.hosts.skip_unchanged, "true", DAEMON,
+          "of a node: pictures in which nothing changed since the last one sent are named to the head, not sent"), },
 
     { KEY("live", "enabled", BOOL, live.enabled, "true", PICTURE, "false: only capture, show the cameras and record") },
     { KEY("live", "calibration", TEXT, live.calibration, "", PICTURE,
@@ -442,11 +474,12 @@ int sst_schema_index(const char *dotted)
 bool sst_key_of_array(const struct sst_key *key)
 {
     static const char *const sections[] = { "array", "cameras", "trigger", "sets", "rig", "still" };
+    static const char *const sections[] = { "array", "cameras", "trigger", "sets", "rig", "hosts" };
 
     for (size_t i = 0; i < ARRAY_LEN(sections); i++)
         if (!strcmp(key->section, sections[i]))
             return true;
-    return false;
+    return !*key->section && !strcmp(key->name, "role");
 }
 
 const char *sst_schema_section_help(const char *section)
@@ -458,6 +491,7 @@ const char *sst_schema_section_help(const char *section)
         { "sets", "How frames are grouped into framesets (short: sets), one frame of each camera for one trigger." },
         { "rig", "The motor rig of sst capture rig; the service does not use it." },
         { "still", "A still camera on the rig (sst capture rig --camera still); the service does not use it." },
+        { "hosts", "Several hosts that capture one array together; role says which one this is." },
         { "live", "The live picture." },
         { "control", "The UNIX socket through which local clients control the service." },
         { "web", "The page, the API and the video streams over TCP, with a token." },

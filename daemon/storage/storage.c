@@ -64,7 +64,7 @@ static int64_t ns_of(double s)
 
 static struct store_array describe_array(const struct sst_array_config *a, unsigned opening)
 {
-    return (struct store_array){ .rate_hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz,
+    return (struct store_array){ .rate_hz = sst_array_sets_hz(a),
                                  .spacing_mm = a->spacing_mm,
                                  .rows = a->rows,
                                  .cols = a->cols,
