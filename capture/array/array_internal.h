@@ -1,10 +1,12 @@
-/* capture/array/array_internal.h - tracks faults of each camera's frames; logs when a fault starts and when it ends. */
+/* capture/array/array_internal.h - tracks faults of each camera's frames, logs when a fault starts and when it ends; the
+ * cameras of this host as a source. */
 #ifndef SST_CAPTURE_ARRAY_ARRAY_INTERNAL_H
 #define SST_CAPTURE_ARRAY_ARRAY_INTERNAL_H
 
 #include <stdbool.h>
 
 #include "capture/array/frame_sync.h"
+#include "capture/array/source.h"
 
 /** A fault has ended after this number of consecutive sets with a good frame of the camera and without the fault ... */
 #define SST_HEALTH_SETS 20
@@ -56,5 +58,8 @@ void health_set(struct health *h, int cam);
  * @return number of lines logged
  */
 int health_log(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME]);
+
+/** The cameras of this host, a struct sst_grab; without `start`. */
+extern const struct sst_source_ops grab_source_ops;
 
 #endif

@@ -21,12 +21,16 @@
 #define STOP_WAIT_NS  300000000   /* on stop: slow or missing frames are not waited for */
 #define CHIP_WAIT_NS  30000000000 /* for a vanished trigger chip to return */
 #define CHIP_RETRY_NS 200000000
+#define SOURCE_POOL   60 /* of a source without cameras of this host: sets */
+#define SOURCE_WAIT_NS 600000000 /* ... and how long they wait */
 
 struct sst_capture {
     /* fixed after open */
     struct sst_array_config *array;
     struct sst_capture_events events;
-    struct sst_grab *grab;
+    bool owned;               /* the source is the cameras of this host */
+    struct sst_source source; /* ops NULL until it is open */
+    struct sst_grab *grab;    /* the source; NULL: another one */
     struct sst_trigger *trigger;
     struct sst_framesync *sets;
     int wake_fd; /* eventfd: edges, stop */
@@ -105,7 +109,7 @@ static void watch_skew(struct sst_capture *c, const struct sst_frameset *set)
     if (set->edge)
         sst_histogram_add(&c->report.from_edge_ns, llabs(set->skew.from_edge_ns));
     c->report.skewed += over;
-    if (c->events.quiet || over == c->skewed || c->array->source != SST_CONFIG_GPIO)
+    if (c->events.quiet || over == c->skewed || !sst_array_triggered(c->array))
         return; /* without a common trigger there is no limit on skew */
     c->skewed = over;
     if (over)
@@ -147,7 +151,7 @@ static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucke
     if (bucket != SST_BUCKET_SET && bucket != SST_BUCKET_DROPPED && !c->starting &&
         c->array->source != SST_CONFIG_SOFTWARE)
         health_bucket(&c->health, frame, bucket); /* timer ticks leave most frames stray */
-    sst_grab_release(c->grab, frame);
+    c->source.ops->release(c->source.object, frame);
 }
 
 static void on_frame(void *arg, struct sst_frame *frame)
@@ -158,6 +162,24 @@ static void on_frame(void *arg, struct sst_frame *frame)
     if (!c->starting)
         health_frame(&c->health, frame);
     sst_framesync_frame(c->sets, frame);
+}
+
+static void on_trigger(void *arg, uint64_t index, int64_t t_ns, bool edge)
+{
+    struct sst_capture *c = arg;
+
+    c->report.edges++;
+    c->report.edges_stamped += edge;
+    sst_framesync_trigger(c->sets, index, t_ns, edge);
+}
+
+static void on_placed(void *arg, int cam, uint64_t index, struct sst_frame *frame)
+{
+    struct sst_capture *c = arg;
+
+    if (frame)
+        health_frame(&c->health, frame);
+    sst_framesync_place(c->sets, cam, index, frame);
 }
 
 static void on_state(void *arg, int cam, enum sst_grab_state state, const char *why)
@@ -267,19 +289,23 @@ static void name_cameras(struct sst_capture *c)
 static int open_sets(struct sst_capture *c)
 {
     const struct sst_array_config *a = c->array;
-    const double hz = a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz;
+    const double hz = sst_array_sets_hz(a);
     struct sst_framesync_config cfg = {
         .cameras = a->bound,
-        .match = a->source == SST_CONFIG_GPIO       ? SST_FRAMESYNC_EDGE
+        .match = !c->owned                          ? SST_FRAMESYNC_INDEX
+                 : sst_array_triggered(a)           ? SST_FRAMESYNC_EDGE
                  : a->source == SST_CONFIG_SOFTWARE ? SST_FRAMESYNC_NEAREST
                                                     : SST_FRAMESYNC_FREE,
         .period_ns = (int64_t)(1e9 / hz),
         .window_ns = (int64_t)a->window_us * 1000,
         .wait_ns = (int64_t)a->wait_ms * 1000000,
-        .pool = sst_clamp_int(a->buffers - 2, 2, 30), /* so that sets run out before the buffers of the driver */
+        /* So that sets run out before the buffers of the driver; those of another source do not, and wait longer. */
+        .pool = c->owned ? sst_clamp_int(a->buffers - 2, 2, 30) : SOURCE_POOL,
     };
     const struct sst_framesync_events events = { .arg = c, .set = on_set, .release = on_release };
 
+    if (cfg.match == SST_FRAMESYNC_INDEX && !cfg.wait_ns) /* those of a host come when its own sets are closed */
+        cfg.wait_ns = 3 * cfg.period_ns > SOURCE_WAIT_NS ? 3 * cfg.period_ns : SOURCE_WAIT_NS;
     if (cfg.match == SST_FRAMESYNC_NEAREST && !cfg.window_ns)
         cfg.window_ns = (int64_t)(0.6e9 / a->rate_hz); /* half a period of the cameras, and some jitter */
     for (int i = 0; i < a->bound && a->lines; i++)
@@ -289,6 +315,9 @@ static int open_sets(struct sst_capture *c)
 
 static int open_grab(struct sst_capture *c)
 {
+    if (!c->owned)
+        return 0;
+
     const struct sst_array_config *a = c->array;
     const struct sst_grab_events events = { .arg = c, .frame = on_frame, .state = on_state };
     struct sst_grab_binding *bindings = calloc((size_t)a->bound, sizeof(*bindings));
@@ -305,6 +334,8 @@ static int open_grab(struct sst_capture *c)
     cfg.cameras = a->bound;
     cfg.bindings = bindings;
     err = sst_grab_open(&c->grab, &cfg, &events);
+    if (!err)
+        c->source = (struct sst_source){ &grab_source_ops, c->grab };
     free(bindings);
     return err;
 }
@@ -320,7 +351,7 @@ void sst_capture_grab_config(struct sst_grab_config *cfg, const struct sst_array
     cfg->stall_ms = a->stall_ms;
     cfg->port_power = a->port_power;
     cfg->check_frozen = a->check_frozen;
-    cfg->triggered = a->source == SST_CONFIG_GPIO;
+    cfg->triggered = sst_array_triggered(a);
     cfg->controls = a->controls;
     for (int i = 0; i < a->controls; i++) {
         memcpy(cfg->control[i].name, a->control[i].name, sizeof(cfg->control[i].name));
@@ -331,7 +362,9 @@ void sst_capture_grab_config(struct sst_grab_config *cfg, const struct sst_array
 void sst_capture_trigger_config(struct sst_trigger_config *cfg, const struct sst_array_config *a)
 {
     sst_trigger_config_defaults(cfg);
-    cfg->source = a->source == SST_CONFIG_GPIO ? SST_TRIGGER_GPIO : SST_TRIGGER_SOFTWARE;
+    cfg->source = a->source == SST_CONFIG_GPIO       ? SST_TRIGGER_GPIO
+                  : a->source == SST_CONFIG_EXTERNAL ? SST_TRIGGER_EXTERNAL
+                                                     : SST_TRIGGER_SOFTWARE;
     memcpy(cfg->chip, a->chip, sizeof(cfg->chip));
     cfg->lines = a->lines;
     for (int i = 0; i < a->lines; i++) {
@@ -348,14 +381,15 @@ static int open_trigger(struct sst_capture *c)
     const struct sst_array_config *a = c->array;
     struct sst_trigger_config cfg;
 
-    if (a->source == SST_CONFIG_FREE_RUN)
+    if (!c->owned || a->source == SST_CONFIG_FREE_RUN)
         return 0;
     sst_capture_trigger_config(&cfg, a);
     cfg.quiet = c->events.quiet;
     return sst_trigger_open(&c->trigger, &cfg, on_edge, c);
 }
 
-int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, const struct sst_capture_events *events)
+int sst_capture_open_source(struct sst_capture **out, struct sst_array_config *array, const struct sst_source *source,
+                            const struct sst_capture_events *events)
 {
     struct sst_capture *c = calloc(1, sizeof(*c));
     int err;
@@ -364,13 +398,15 @@ int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, c
         return -ENOMEM;
     c->array = array;
     c->events = *events;
+    c->owned = !source->ops;
+    c->source = *source;
     c->report.worst_cam = -1;
     c->refused_cam = SST_CAMERAS_MAX;
     pthread_mutex_init(&c->lock, NULL);
     pthread_cond_init(&c->changed, NULL);
     c->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     err = c->wake_fd < 0 ? -errno : 0;
-    if (!err && !array->bound)
+    if (!err && c->owned && !array->bound)
         err = bind_all(array, events->again);
     name_cameras(c);
     if (!err)
@@ -391,6 +427,11 @@ int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, c
     return 0;
 }
 
+int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, const struct sst_capture_events *events)
+{
+    return sst_capture_open_source(out, array, &(struct sst_source){ 0 }, events);
+}
+
 /* --- running ------------------------------------------------------------------------------------------------------ */
 
 /* Number of cameras that stream, and that have delivered a frame if they run on their own. */
@@ -400,15 +441,20 @@ static int ready_cameras(const struct sst_capture *c)
 
     for (int i = 0; i < c->array->bound; i++)
         n += sst_grab_camera_state(c->grab, i) == SST_GRAB_STREAMING &&
-             (c->array->source == SST_CONFIG_GPIO || c->came[i]);
+             (sst_array_triggered(c->array) || c->came[i]);
     return n;
 }
 
 /* Start the cameras and wait a little for those that do not start at once; frames are dropped meanwhile. */
 static int start_cameras(struct sst_capture *c)
 {
+    const struct sst_source_events events = { .arg = c, .trigger = on_trigger, .frame = on_placed, .state = on_state };
+
     const int64_t until_ns = sst_clock_now_ns() + (int64_t)START_WAIT_MS * 1000000;
-    int err = sst_grab_start(c->grab);
+    int err = c->owned ? sst_grab_start(c->grab) : c->source.ops->start(c->source.object, &events);
+
+    if (!c->owned) /* its cameras may come at any time */
+        return err;
 
     c->starting = true;
     while (err >= 0 && ready_cameras(c) < c->array->bound && sst_clock_now_ns() < until_ns && !c->stop) {
@@ -431,7 +477,7 @@ static int start_cameras(struct sst_capture *c)
 /* One round: wait for frames, edges or the next deadline. */
 static int serve(struct sst_capture *c, int64_t until_ns)
 {
-    struct pollfd fds[2] = { { .fd = sst_grab_fd(c->grab), .events = POLLIN }, { .fd = c->wake_fd, .events = POLLIN } };
+    struct pollfd fds[2] = { { .fd = c->source.ops->fd(c->source.object), .events = POLLIN }, { .fd = c->wake_fd, .events = POLLIN } };
     const int64_t now_ns = sst_clock_now_ns(), due_ns = sst_framesync_tick(c->sets, now_ns);
     int64_t wait_ns = (due_ns < until_ns ? due_ns : until_ns) - now_ns;
 
@@ -441,7 +487,7 @@ static int serve(struct sst_capture *c, int64_t until_ns)
         errno != EINTR)
         return -errno;
     process_edges(c);
-    return sst_grab_poll(c->grab, 0);
+    return c->source.ops->poll(c->source.object);
 }
 
 /* Restart the train when a failed chip is back. @return its error if it does not return */
@@ -559,7 +605,7 @@ void sst_capture_report(const struct sst_capture *capture, struct sst_capture_re
     for (int cam = 0; cam < c->array->bound; cam++) {
         struct sst_grab_counters n;
 
-        sst_grab_counters(c->grab, cam, &n);
+        c->source.ops->counters(c->source.object, cam, &n);
         out->grab.frames += n.frames;
         out->grab.bad += n.bad;
         out->grab.lost += n.lost;
@@ -585,8 +631,8 @@ void sst_capture_report(const struct sst_capture *capture, struct sst_capture_re
 void sst_capture_camera(const struct sst_capture *c, int cam, struct sst_grab_counters *grab,
                         const struct sst_grab_device **device)
 {
-    sst_grab_counters(c->grab, cam, grab);
-    *device = sst_grab_camera_device(c->grab, cam);
+    c->source.ops->counters(c->source.object, cam, grab);
+    *device = c->source.ops->device(c->source.object, cam);
 }
 
 void sst_capture_close(struct sst_capture *c)

@@ -5,6 +5,7 @@
 
 #include "base/histogram.h"
 #include "capture/array/frame_sync.h"
+#include "capture/array/source.h"
 #include "config/array.h"
 #include "drivers/grab/grab.h"
 #include "drivers/trigger/trigger.h"
@@ -46,6 +47,11 @@ struct sst_capture_report {
  */
 SST_MUST_CHECK int sst_capture_open(struct sst_capture **out, struct sst_array_config *array,
                                     const struct sst_capture_events *events);
+
+/** The same from another source, whose cameras array->camera[] lists; it has no trigger here, and sets are assembled by the
+ *  numbers of triggers that the source gives. @param source  must outlive the capture, which starts it */
+SST_MUST_CHECK int sst_capture_open_source(struct sst_capture **out, struct sst_array_config *array,
+                                           const struct sst_source *source, const struct sst_capture_events *events);
 
 /**
  * Capture until `sets` framesets were passed on (0: until stopped).

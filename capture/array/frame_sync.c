@@ -28,7 +28,7 @@ struct camera {
     int64_t last_ns;    /* newest time stamp */
     int64_t latency_ns; /* usual time from stamp to arrival */
     bool doubtful;      /* its stamps ran backwards and are not confirmed to be right again */
-    int64_t tick;       /* FREE: its index */
+    int64_t tick;       /* FREE, INDEX: that of its last frame */
 };
 
 struct sst_framesync {
@@ -217,6 +217,8 @@ static bool is_past(const struct sst_framesync *s, const struct tick *b, int cam
         return true;
     if (!c->heard)
         return false;
+    if (s->cfg.match == SST_FRAMESYNC_INDEX)
+        return c->tick >= (int64_t)b->index;
     return s->cfg.match == SST_FRAMESYNC_FREE ? c->tick > (int64_t)b->index
                                               : c->last_ns - s->cfg.delay_ns[cam] > b->t_ns + window_of(s);
 }
@@ -330,6 +332,14 @@ static void hold(struct sst_framesync *s, struct sst_frame *frame)
     s->pending[s->pending_count++] = frame;
 }
 
+static struct tick *tick_of(struct sst_framesync *s, int64_t index)
+{
+    for (int i = s->count - 1; i >= 0; i--)
+        if ((int64_t)tick_at(s, i)->index == index)
+            return tick_at(s, i);
+    return NULL;
+}
+
 /*
  * FREE: number the frame by the time since the camera's last one, so that a camera near the border between two ticks
  * does not jump between them; a camera that slipped by three quarters of a period is assigned to the nearest tick.
@@ -371,12 +381,31 @@ static void assign_by_tick(struct sst_framesync *s, struct sst_frame *frame)
         assign(s, add_tick(s, (uint64_t)k, t, false), frame);
         return;
     }
-    for (int i = s->count - 1; i >= 0; i--)
-        if (tick_at(s, i)->index == (uint64_t)k) {
-            assign(s, tick_at(s, i), frame);
-            return;
-        }
-    end_frame(s, frame, SST_BUCKET_LATE); /* a tick that no frame opened in time */
+    last = tick_of(s, k);
+    if (last)
+        assign(s, last, frame);
+    else /* a tick that no frame opened in time */
+        end_frame(s, frame, SST_BUCKET_LATE);
+}
+
+void sst_framesync_place(struct sst_framesync *s, int cam, uint64_t index, struct sst_frame *frame)
+{
+    struct camera *c = &s->camera[cam];
+    struct tick *b;
+
+    assert(s->cfg.match == SST_FRAMESYNC_INDEX && cam >= 0 && cam < s->cfg.cameras);
+    if (!c->heard || c->tick < (int64_t)index)
+        c->tick = (int64_t)index;
+    c->heard = true;
+    if (!frame)
+        return;
+    b = tick_of(s, (int64_t)index);
+    if (frame->faults & SST_FRAME_BAD)
+        end_frame(s, frame, frame->faults & SST_FRAME_FLAGGED ? SST_BUCKET_FLAGGED : SST_BUCKET_CORRUPT);
+    else if (b)
+        assign(s, b, frame);
+    else /* of a trigger that is forgotten, or was never reported */
+        end_frame(s, frame, s->count && index < tick_at(s, 0)->index ? SST_BUCKET_LATE : SST_BUCKET_STRAY);
 }
 
 void sst_framesync_frame(struct sst_framesync *s, struct sst_frame *frame)

@@ -48,12 +48,13 @@ enum sst_framesync_match {
     SST_FRAMESYNC_NEAREST = 1, /* cameras run on their own, faster than the triggers: the frame of each camera that is
                              nearest to a trigger; the others are stray */
     SST_FRAMESYNC_FREE = 2,    /* no triggers: by ticks of the frame period, tracked per camera */
+    SST_FRAMESYNC_INDEX = 3,   /* each frame names its trigger: sst_framesync_place() */
 };
 
 struct sst_framesync_config {
     int cameras;
     enum sst_framesync_match match;
-    int64_t period_ns; /* of triggers (EDGE, NEAREST; 0: irregular) or frames (FREE, > 0) */
+    int64_t period_ns; /* of triggers (EDGE, NEAREST, INDEX; 0: irregular) or frames (FREE, > 0) */
     int64_t window_ns; /* 0: 0.4 of the period, at least 1 ms (EDGE, NEAREST) */
     int64_t wait_ns; /* a set is closed this long after its trigger, complete or not; 0: 2.5 periods, at least 250 ms */
     int64_t delay_ns[SST_CAMERAS_MAX]; /* planned, from the trigger to the exposure; subtracted from the skew */
@@ -89,6 +90,10 @@ void sst_framesync_trigger(struct sst_framesync *sets, uint64_t index, int64_t t
 
 /** Add an arrived frame; it ends in its bucket now or when its set is closed. */
 void sst_framesync_frame(struct sst_framesync *sets, struct sst_frame *frame);
+
+/** INDEX: what a camera has for the trigger of that index, which was reported before: a frame, which ends in its bucket now
+ *  or when its set is closed; NULL: none will come, and the set does not wait for it. */
+void sst_framesync_place(struct sst_framesync *sets, int cam, uint64_t index, struct sst_frame *frame);
 
 /** Set whether a camera streams: sets wait only for streaming cameras. Initially none streams. */
 void sst_framesync_camera(struct sst_framesync *sets, int cam, bool streaming);
