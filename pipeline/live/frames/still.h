@@ -1,0 +1,26 @@
+/* pipeline/live/frames/still.h - finds out whether the pictures of cameras show what was last accepted of each. */
+#ifndef SST_PIPELINE_LIVE_FRAMES_STILL_H
+#define SST_PIPELINE_LIVE_FRAMES_STILL_H
+
+#include <stdbool.h>
+
+#include "base/base.h"
+
+struct sst_still; /* opaque; one thread */
+
+/** @param fourcc  V4L2: MJPG, JPEG, or a format of pipeline/image/raw.h @return 0, -EINVAL (format, size), -ENOMEM */
+SST_MUST_CHECK int sst_still_create(struct sst_still **out, int cameras, uint32_t fourcc, int width, int height);
+/** NULL is fine. */
+void sst_still_destroy(struct sst_still *still);
+
+/**
+ * Does a picture show what the last accepted one of this camera shows? If not, it is accepted in its place.
+ *
+ * The tests are those of sst_liveframes_update(): means of blocks of 8x8 px, thresholds that adapt to the camera's noise,
+ * changes of light compensated up to a limit; differences below the thresholds accumulate against the accepted picture. Costs
+ * the reading of the block means, a millisecond for a JPEG of 640x480.
+ * @return false also for the first picture, and for one that cannot be read
+ */
+bool sst_still_same(struct sst_still *still, int cam, const uint8_t *data, size_t bytes, size_t stride);
+
+#endif
