@@ -1,0 +1,17 @@
+/* base/kernel_clock.h - whether the kernel's wall clock is kept right by chrony, PTP or another program. */
+#ifndef SST_BASE_KERNEL_CLOCK_H
+#define SST_BASE_KERNEL_CLOCK_H
+
+#include <stdbool.h>
+
+struct sst_kernel_clock {
+    bool known, synchronised;
+    double error_us;    /* by the program that keeps it: at most so wrong */
+    double estimate_us; /* likewise: probably so wrong */
+    int tai_s;          /* TAI less UTC; 0: not set, as without PTP or chrony's leapsectz */
+};
+
+/** Ask the kernel (adjtimex(2)); needs no program and no rights. */
+void sst_kernel_clock(struct sst_kernel_clock *out);
+
+#endif

@@ -1,0 +1,293 @@
+#include "capture/link/numbering.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+
+#define TICKS         256 /* triggers that are remembered */
+#define SMOOTH        16
+#define HOLD_PERIODS  3
+#define HOLD_MOST_NS  INT64_C(1000000000)
+#define LIVE_NS       INT64_C(2000000000) /* a source that was not heard for longer is not waited for */
+#define ANCHOR_STEP   256                 /* the time of all moves by no more than this part of a period an edge */
+
+struct tick {
+    int64_t index, t_ns;
+};
+
+struct source {
+    bool joined, placed, holds;
+    uint64_t run;
+    int64_t offset;  /* index less count */
+    int64_t last;    /* its newest index */
+    int64_t away_ns; /* its monotonic clock less ours, by the edges */
+    int64_t heard_ns, held_ns;
+    struct tick held; /* while it holds: where its own count and stamp put it */
+    struct sst_numbering_state state;
+};
+
+struct sst_numbering {
+    int64_t period_ns;
+    struct tick tick[TICKS]; /* ring in the order of index and time */
+    int first, count;
+    struct source source[SST_NUMBERING_SOURCES];
+};
+
+int sst_numbering_create(struct sst_numbering **out, int64_t period_ns)
+{
+    struct sst_numbering *n;
+
+    if (period_ns <= 0)
+        return -EINVAL;
+    n = calloc(1, sizeof(*n));
+    if (!n)
+        return -ENOMEM;
+    n->period_ns = period_ns;
+    *out = n;
+    return 0;
+}
+
+void sst_numbering_destroy(struct sst_numbering *n)
+{
+    free(n);
+}
+
+/* --- ticks -------------------------------------------------------------------------------------------------------- */
+
+static struct tick *tick_at(struct sst_numbering *n, int i)
+{
+    return &n->tick[(n->first + i) % TICKS];
+}
+
+static struct tick *newest(struct sst_numbering *n)
+{
+    return n->count ? tick_at(n, n->count - 1) : NULL;
+}
+
+static struct tick *find(struct sst_numbering *n, int64_t index)
+{
+    for (int i = n->count - 1; i >= 0 && tick_at(n, i)->index >= index; i--)
+        if (tick_at(n, i)->index == index)
+            return tick_at(n, i);
+    return NULL;
+}
+
+static bool near(const struct sst_numbering *n, int64_t a_ns, int64_t b_ns)
+{
+    return llabs(a_ns - b_ns) < n->period_ns / 4;
+}
+
+/* The tick of that time; NULL: none */
+static struct tick *find_near(struct sst_numbering *n, int64_t t_ns)
+{
+    for (int i = n->count - 1; i >= 0; i--)
+        if (near(n, tick_at(n, i)->t_ns, t_ns))
+            return tick_at(n, i);
+    return NULL;
+}
+
+/* The index of a trigger that nobody has reported, but the one before or after it; 0: there is none such */
+static int64_t unreported(struct sst_numbering *n, int64_t t_ns)
+{
+    const struct tick *before = find_near(n, t_ns - n->period_ns), *after = find_near(n, t_ns + n->period_ns);
+
+    return before ? before->index + 1 : after ? after->index - 1 : 0;
+}
+
+static struct tick *add(struct sst_numbering *n, int64_t index, int64_t t_ns)
+{
+    if (n->count == TICKS)
+        n->first = (n->first + 1) % TICKS;
+    else
+        n->count++;
+    *newest(n) = (struct tick){ index, t_ns };
+    return newest(n);
+}
+
+/* --- sources ------------------------------------------------------------------------------------------------------ */
+
+void sst_numbering_join(struct sst_numbering *n, int source, uint64_t run)
+{
+    struct source *s = &n->source[source];
+
+    if (s->run != run || !run)
+        s->placed = false;
+    if (!s->placed)
+        s->last = -1;
+    s->run = run;
+    s->joined = true;
+    s->holds = false;
+}
+
+void sst_numbering_leave(struct sst_numbering *n, int source)
+{
+    n->source[source].joined = n->source[source].holds = false;
+}
+
+static bool is_live(const struct source *s, int64_t now_ns)
+{
+    return s->joined && s->placed && now_ns - s->heard_ns < LIVE_NS;
+}
+
+/* The source whose wall clock the time of all follows: this host, the last one, else the first that is heard. */
+static bool is_anchor(const struct sst_numbering *n, const struct source *s, int64_t now_ns)
+{
+    if (is_live(&n->source[SST_NUMBERING_SOURCES - 1], now_ns))
+        return s == &n->source[SST_NUMBERING_SOURCES - 1];
+    for (int i = 0; i < SST_NUMBERING_SOURCES; i++)
+        if (is_live(&n->source[i], now_ns))
+            return s == &n->source[i];
+    return false;
+}
+
+static enum sst_numbering_verdict accept(struct sst_numbering *n, struct source *s, const struct tick *at, int64_t t_ns,
+                                         int64_t wall_t_ns, int64_t now_ns, struct sst_numbering_place *place)
+{
+    const int64_t error_ns = wall_t_ns - at->t_ns, most_ns = n->period_ns / ANCHOR_STEP;
+
+    s->holds = false;
+    s->heard_ns = now_ns;
+    s->state.placed = true;
+    s->state.residual_ns = t_ns - at->t_ns;
+    if (is_anchor(n, s, now_ns)) {
+        const int64_t step_ns = error_ns / SMOOTH;
+
+        s->away_ns -= step_ns > most_ns ? most_ns : step_ns < -most_ns ? -most_ns : step_ns;
+    } else {
+        s->away_ns += s->state.residual_ns / SMOOTH;
+    }
+    s->state.clock_ns += (error_ns - s->state.clock_ns) / SMOOTH;
+    if (at->index <= s->last) /* an edge that it counted twice */
+        return SST_NUMBERING_UNNAMED;
+    s->last = at->index;
+    *place = (struct sst_numbering_place){ (uint64_t)at->index, at->t_ns };
+    return SST_NUMBERING_PLACED;
+}
+
+/* Name the edges of a source that has joined, by its wall clock. */
+static enum sst_numbering_verdict name(struct sst_numbering *n, struct source *s, const struct sst_numbering_edge *edge,
+                                       int64_t wall_t_ns, int64_t now_ns, struct sst_numbering_place *place)
+{
+    const struct tick *last = newest(n);
+    struct tick at = { (int64_t)edge->count, wall_t_ns }, *known;
+
+    s->heard_ns = now_ns;
+    if (last) {
+        const double ahead = (double)(wall_t_ns - last->t_ns) / (double)n->period_ns;
+        const int64_t k = llround(ahead);
+
+        at = (struct tick){ last->index + k, last->t_ns + k * n->period_ns };
+        s->state.clock_ns = wall_t_ns - at.t_ns;
+        if (!near(n, wall_t_ns, at.t_ns))
+            return SST_NUMBERING_UNNAMED;
+        if (at.index < 0)
+            return SST_NUMBERING_UNNAMED;
+    }
+    s->offset = at.index - (int64_t)edge->count;
+    known = find(n, at.index);
+    s->away_ns = edge->t_ns - (known ? known->t_ns : wall_t_ns);
+    s->placed = true;
+    if (!known && last && at.index < last->index)
+        known = &at; /* between ticks that others reported */
+    else if (!known)
+        known = add(n, at.index, wall_t_ns);
+    s->state.clock_ns = wall_t_ns - known->t_ns;
+    return accept(n, s, known, edge->t_ns - s->away_ns, wall_t_ns, now_ns, place);
+}
+
+static void slip(struct source *s, int64_t by)
+{
+    s->offset += by;
+    s->state.slips++;
+    s->state.slipped += by;
+}
+
+/* Does another source wait with the same edge? */
+static bool others_agree(const struct sst_numbering *n, const struct source *s, const struct tick *at)
+{
+    for (int i = 0; i < SST_NUMBERING_SOURCES; i++) {
+        const struct source *o = &n->source[i];
+
+        if (o != s && o->joined && o->holds && o->held.index == at->index && near(n, o->held.t_ns, at->t_ns))
+            return true;
+    }
+    return false;
+}
+
+static bool others_live(const struct sst_numbering *n, const struct source *s, int64_t now_ns)
+{
+    for (int i = 0; i < SST_NUMBERING_SOURCES; i++)
+        if (&n->source[i] != s && is_live(&n->source[i], now_ns))
+            return true;
+    return false;
+}
+
+/* The first to report a tick, and not when it was due: the trigger paused, or the source has missed edges. */
+static bool must_wait(struct sst_numbering *n, struct source *s, const struct tick *at, int64_t now_ns)
+{
+    const int64_t hold_ns = HOLD_PERIODS * n->period_ns < HOLD_MOST_NS ? HOLD_PERIODS * n->period_ns : HOLD_MOST_NS;
+
+    if (!s->holds) {
+        s->holds = true;
+        s->held = *at;
+        s->held_ns = now_ns;
+    }
+    return others_live(n, s, now_ns) && !others_agree(n, s, at) && now_ns - s->held_ns < hold_ns;
+}
+
+enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int source, const struct sst_numbering_edge *edge,
+                                               int64_t now_ns, int64_t wall_offset_ns,
+                                               struct sst_numbering_place *place)
+{
+    struct source *s = &n->source[source];
+    const int64_t wall_t_ns = edge->wall_ns - wall_offset_ns;
+    struct tick at = { (int64_t)edge->count + s->offset, edge->t_ns - s->away_ns };
+    struct tick *known, *last = newest(n);
+
+    if (!s->placed)
+        return name(n, s, edge, wall_t_ns, now_ns, place);
+    known = find(n, at.index);
+    if (known && near(n, known->t_ns, at.t_ns))
+        return accept(n, s, known, at.t_ns, wall_t_ns, now_ns, place);
+    known = find_near(n, at.t_ns);
+    if (known) {
+        slip(s, known->index - at.index);
+        return accept(n, s, known, at.t_ns, wall_t_ns, now_ns, place);
+    }
+    if (at.index > last->index) {
+        const int64_t due_ns = last->t_ns + (at.index - last->index) * n->period_ns;
+
+        if (!near(n, at.t_ns, due_ns) && must_wait(n, s, &at, now_ns))
+            return SST_NUMBERING_HELD;
+        if (at.t_ns > last->t_ns)
+            return accept(n, s, add(n, at.index, at.t_ns), at.t_ns, wall_t_ns, now_ns, place);
+    } else if (at.t_ns > last->t_ns) {
+        const int64_t k = llround((double)(at.t_ns - last->t_ns) / (double)n->period_ns);
+
+        if (k > 0 && near(n, at.t_ns, last->t_ns + k * n->period_ns)) {
+            slip(s, last->index + k - at.index);
+            return accept(n, s, add(n, last->index + k, at.t_ns), at.t_ns, wall_t_ns, now_ns, place);
+        }
+    } else if (at.t_ns < tick_at(n, 0)->t_ns || unreported(n, at.t_ns)) {
+        const int64_t index = at.t_ns < tick_at(n, 0)->t_ns ? at.index : unreported(n, at.t_ns);
+
+        if (index != at.index)
+            slip(s, index - at.index);
+        at.index = index;
+        return accept(n, s, &at, at.t_ns, wall_t_ns, now_ns, place);
+    }
+    s->holds = false;
+    s->heard_ns = now_ns;
+    if (llabs(at.t_ns - last->t_ns) > LIVE_NS) { /* its clock jumped, or was it we who slept? */
+        s->placed = false;
+        s->state.renamed++;
+        return name(n, s, edge, wall_t_ns, now_ns, place);
+    }
+    return SST_NUMBERING_UNNAMED; /* between two triggers: an edge that the others have not seen */
+}
+
+void sst_numbering_state(const struct sst_numbering *n, int source, struct sst_numbering_state *out)
+{
+    *out = n->source[source].state;
+    out->placed = n->source[source].placed;
+}
