@@ -473,8 +473,7 @@ int sst_schema_index(const char *dotted)
 
 bool sst_key_of_array(const struct sst_key *key)
 {
-    static const char *const sections[] = { "array", "cameras", "trigger", "sets", "rig", "still" };
-    static const char *const sections[] = { "array", "cameras", "trigger", "sets", "rig", "hosts" };
+    static const char *const sections[] = { "array", "cameras", "trigger", "sets", "rig", "still", "hosts" };
 
     for (size_t i = 0; i < ARRAY_LEN(sections); i++)
         if (!strcmp(key->section, sections[i]))

@@ -54,6 +54,7 @@ static const struct {
     { "client", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a11" },        { "start", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a12" },
     { "stop", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a13" },          { "certificate", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a14" },
     { "visit", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a15" },         { "line", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a16" },
+    { "host-lost", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a17" },     { "host-found", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a18" },
 };
 #endif
 

@@ -19,6 +19,8 @@ struct service_array {
     /* fixed after open */
     struct sst_ring *ring;
     struct sst_events *events;
+    struct sst_link_node *node; /* on a node; else NULL */
+    char address[64];           /* of the head */
     pthread_t thread;
     pthread_mutex_t lock;
     pthread_cond_t changed;
@@ -31,6 +33,7 @@ struct service_array {
     struct sst_array_config wanted;
     unsigned wanted_count;       /* of configurations */
     struct sst_capture *capture; /* while it runs */
+    struct sst_link_head *head;  /* on a head, while it runs */
     bool stop, ended;
     struct array_state state;
     struct array_layout layout;
@@ -85,6 +88,8 @@ static int on_set(void *arg, const struct sst_frameset *set)
     note_set_locked(a, set);
     a->state.ring_refused += err != 0;
     pthread_mutex_unlock(&a->lock);
+    if (a->node && !err)
+        sst_link_node_set(a->node, set);
     return err;
 }
 
@@ -110,6 +115,8 @@ static void on_camera(void *arg, int cam, enum sst_grab_state state, const char 
     c->state = state;
     snprintf(c->reason, sizeof(c->reason), "%s", delivers || !why ? "" : why);
     pthread_mutex_unlock(&a->lock);
+    if (a->node)
+        sst_link_node_camera(a->node, cam, state, why, NULL);
     if (delivers && before != SST_GRAB_STREAMING && known)
         sst_events_emit(a->events, SST_EVENT_INFO, "camera-found", camera_position(a, cam),
                         "camera of row %d, col %d (%s) delivers again", at->row, at->col,
@@ -130,7 +137,7 @@ static void report_skew(struct service_array *a, const struct sst_capture_report
     json_t *data;
 
     a->told_skewed = r->skewed;
-    if (over == a->skew_over || a->config.source != SST_CONFIG_GPIO || !sets)
+    if (over == a->skew_over || !sst_array_triggered(&a->config) || !sets)
         return;
     a->skew_over = over;
     data = json_pack("{s:b, s:f, s:i, s:i}", "over", over, "spread_us", (double)r->skew_ns.max / 1e3, "row", at->row,
@@ -221,6 +228,8 @@ static void on_progress(void *arg, uint64_t sets)
     if (sets)
         log_errors();
     sst_capture_report(a->capture, &r);
+    if (a->node)
+        sst_link_node_report(a->node, &r);
     report_skew(a, &r, sets - a->told_sets);
     report_trigger(a, r.trigger_away);
     pthread_mutex_lock(&a->lock);
@@ -244,7 +253,7 @@ static void on_progress(void *arg, uint64_t sets)
 /** How far sets are apart, as they were asked for. */
 static int64_t period_ns(const struct sst_array_config *a)
 {
-    return (int64_t)(1e9 / (a->source == SST_CONFIG_FREE_RUN ? a->rate_hz : a->trigger_hz));
+    return (int64_t)(1e9 / sst_array_sets_hz(a));
 }
 
 /** Until an opening succeeds, cameras are where the last one found them. */
@@ -295,6 +304,32 @@ static void begin_locked(struct service_array *a, struct sst_capture *capture)
     }
 }
 
+/* On a node: the head learns what was opened. */
+static void announce(struct service_array *a, struct sst_capture *capture)
+{
+    sst_link_node_cameras(a->node, &a->config);
+    for (int i = 0; i < a->config.bound; i++) {
+        const struct sst_grab_device *device;
+        struct sst_grab_counters grab;
+
+        sst_capture_camera(capture, i, &grab, &device);
+        sst_link_node_camera(a->node, i, a->camera[i].state, a->camera[i].reason, device);
+    }
+}
+
+/* A host of the array, as seen from here: a node of this head, or this node's head. On the link's thread. */
+static void on_host(void *arg, const char *name, bool connected, const char *why)
+{
+    struct service_array *a = arg;
+    const char *what = a->node ? "head" : "node";
+    json_t *data = json_pack("{s:s, s:s}", "host", name, "reason", why);
+
+    if (connected)
+        sst_events_emit(a->events, SST_EVENT_INFO, "host-found", data, "%s %s is connected", what, name);
+    else
+        sst_events_emit(a->events, SST_EVENT_WARNING, "host-lost", data, "%s %s is not connected: %s", what, name, why);
+}
+
 static void end_locked(struct service_array *a)
 {
     a->capture = NULL;
@@ -313,8 +348,10 @@ static int capture_once(struct service_array *a, unsigned count, bool again, cha
     const struct sst_capture_events events = {
         .arg = a, .set = on_set, .progress = on_progress, .camera = on_camera, .quiet = true, .again = again
     };
+    struct sst_source source = { 0 };
+    struct sst_link_head *head = NULL;
     struct sst_capture *capture = NULL;
-    int err;
+    int err = 0;
 
     why[0] = 0;
     sst_log_hold_errors(why); /* the reason of the state, until sets come */
@@ -323,19 +360,33 @@ static int capture_once(struct service_array *a, unsigned count, bool again, cha
     pthread_mutex_lock(&a->lock);
     clear_cameras_locked(a);
     pthread_mutex_unlock(&a->lock);
-    err = sst_capture_open(&capture, &a->config, &events);
+    if (a->config.role == SST_CONFIG_HEAD) {
+        const struct sst_link_head_config hosts = { .array = &a->config, .arg = a, .event = on_host };
+
+        err = sst_link_head_open(&head, &hosts, &a->config);
+        source = err ? source : sst_link_head_source(head);
+    }
+    if (!err)
+        err = sst_capture_open_source(&capture, &a->config, &source, &events);
     if (!err) {
         pthread_mutex_lock(&a->lock);
         begin_locked(a, capture);
+        a->head = head;
         if (a->stop || a->wanted_count != count) /* asked for while there was nothing to stop */
             sst_capture_stop(capture);
         pthread_mutex_unlock(&a->lock);
+        if (a->node)
+            announce(a, capture);
         err = sst_capture_run(capture, 0);
+        if (a->node)
+            sst_link_node_cameras(a->node, NULL);
         pthread_mutex_lock(&a->lock);
         end_locked(a);
+        a->head = NULL;
         pthread_mutex_unlock(&a->lock);
     }
     sst_capture_close(capture);
+    sst_link_head_close(head);
     sst_log_hold_errors(NULL);
     if (err && !why[0])
         snprintf(why, SST_LOG_MAX, "capturing ended: %s", strerror(-err));
@@ -399,7 +450,7 @@ int array_open(struct service_array **out, const struct sst_array_config *config
                struct sst_events *events)
 {
     struct service_array *a = calloc(1, sizeof(*a));
-    int err;
+    int err = 0;
 
     if (!a)
         return -ENOMEM;
@@ -410,6 +461,15 @@ int array_open(struct service_array **out, const struct sst_array_config *config
     a->state.report.worst_cam = -1;
     pthread_mutex_init(&a->lock, NULL);
     sst_cond_init(&a->changed);
+    if (config->role == SST_CONFIG_NODE)
+        err = sst_link_node_open(&a->node, &(struct sst_link_node_config){ .array = config, .ring = ring, .arg = a, .event = on_host });
+    if (config->role != SST_CONFIG_SINGLE)
+        snprintf(a->address, sizeof(a->address), "%.50s:%d",
+                 config->role == SST_CONFIG_NODE ? config->hosts.head : config->hosts.address, config->hosts.port);
+    if (err) {
+        array_close(a);
+        return err;
+    }
     err = -pthread_create(&a->thread, NULL, run, a);
     if (err) {
         array_close(a);
@@ -485,6 +545,38 @@ void array_tracks(struct service_array *a, struct sst_recorder_track *out)
     pthread_mutex_unlock(&a->lock);
 }
 
+bool array_hosts(struct service_array *a, struct hosts_now *out)
+{
+    pthread_mutex_lock(&a->lock);
+    out->role = a->wanted.role;
+    out->period_ns = period_ns(&a->wanted);
+    if (a->head) {
+        out->peers = sst_link_head_peers(a->head, out->peer);
+        for (int i = 0; i < a->layout.config.bound; i++) {
+            const int owner = sst_link_head_owner(a->head, i);
+
+            for (int k = 0; owner >= 0 && k < SST_BUCKETS; k++)
+                out->bucket[owner][k] += a->camera[i].bucket[k];
+        }
+    }
+    pthread_mutex_unlock(&a->lock);
+    if (a->node)
+        sst_link_node_state(a->node, &out->node);
+    return out->role != SST_CONFIG_SINGLE;
+}
+
+void array_hosts_free(struct hosts_now *now)
+{
+    for (int i = 0; now && i < now->peers; i++)
+        json_decref(now->peer[i].reported);
+    free(now);
+}
+
+const char *array_head_address(const struct service_array *a)
+{
+    return a->address;
+}
+
 void array_stop(struct service_array *a)
 {
     pthread_mutex_lock(&a->lock);
@@ -513,6 +605,7 @@ void array_close(struct service_array *a)
 {
     if (!a)
         return;
+    sst_link_node_close(a->node);
     pthread_cond_destroy(&a->changed);
     pthread_mutex_destroy(&a->lock);
     free(a);

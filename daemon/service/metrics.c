@@ -196,6 +196,7 @@ int service_metrics(void *arg, char **text)
         write_phase(f, phase);
         write_capture(f, array);
         write_cameras(f, s);
+        service_hosts_metrics(f, s->array);
         write_live(f, viewer);
         write_storage(f, s);
         write_process(f, s);

@@ -255,6 +255,8 @@ static enum sst_service_phase judge(struct sst_service *s, const struct array_st
         return a->present ? SST_SERVICE_ARMED : SST_SERVICE_STARTING;
     if (why[0])
         return SST_SERVICE_DEGRADED;
+    if (service_hosts_problem(s->array, why, size))
+        return SST_SERVICE_DEGRADED;
     if (a->present < a->cameras)
         name_missing(s, a, why, size);
     else if (a->report.trigger_away)

@@ -5,10 +5,12 @@
 
 #include <jansson.h>
 #include <pthread.h>
+#include <stdio.h>
 
 #include "base/base.h"
 #include "capture/array/capture.h"
 #include "capture/array/ring.h"
+#include "capture/link/link.h"
 #include "capture/recording/recorder.h"
 #include "config/sstd.h"
 #include "daemon/counters/counters.h"
@@ -62,7 +64,8 @@ struct array_state {
     struct sst_capture_report report;      /* of this one */
 };
 
-/** Start the thread that captures into the ring. @param events, ring  must outlive it @return 0, -ENOMEM, -EAGAIN */
+/** Start the thread that captures into the ring, and on a node that which sends to the head.
+ *  @param events, ring  must outlive it @return 0, -ENOMEM, -EAGAIN; on a node also -EINVAL (certificates), -ENOSYS, logged */
 SST_MUST_CHECK int array_open(struct service_array **out, const struct sst_array_config *config, struct sst_ring *ring,
                               struct sst_events *events);
 
@@ -79,6 +82,23 @@ void array_layout(void *array, struct array_layout *out);
 
 /** Tracks of the cameras for recordings. @param out  [SST_CAMERAS_MAX] */
 void array_tracks(struct service_array *a, struct sst_recorder_track *out);
+
+/** The other hosts of the array, now. */
+struct hosts_now {
+    enum sst_config_role role;
+    int64_t period_ns;
+    struct sst_link_node_state node; /* of a node */
+    int peers;                       /* of a head, while it is open */
+    struct sst_link_peer peer[SST_NUMBERING_SOURCES];
+    uint64_t bucket[SST_NUMBERING_SOURCES][SST_BUCKETS]; /* where the frames passed to capture ended */
+};
+
+/** @return false: this host is the only one */
+bool array_hosts(struct service_array *a, struct hosts_now *out);
+/** Also what it refers to. NULL is fine. */
+void array_hosts_free(struct hosts_now *now);
+/** Where the head is; "": this host is the only one. */
+const char *array_head_address(const struct service_array *a);
 
 /** Make the thread end; does not wait. */
 void array_stop(struct service_array *a);
@@ -285,6 +305,12 @@ int service_cameras(void *arg, struct sst_api_answer *out);
 /** Expiry of the HTTPS certificate. @param days  out, days left; negative: it has expired
  *  @return time of expiry, seconds since 1970; 0: there is none */
 int64_t service_certificate(const struct sst_service *s, double *days);
+
+/* hosts.c */
+json_t *service_hosts_json(struct service_array *array);
+/** @return true: something is wrong with another host or its clock; why: one clause */
+bool service_hosts_problem(struct service_array *array, char *why, size_t size);
+void service_hosts_metrics(FILE *f, struct service_array *array);
 
 /* metrics.c */
 int service_metrics(void *arg, char **text);

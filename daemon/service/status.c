@@ -17,7 +17,7 @@ static json_t *count(uint64_t n)
 }
 
 static const char *const rung_keys[] = { "restream", "reopen", "reset", "reauthorise", "power", "back_off" };
-static const char *const source_names[] = { "gpio", "software", "free-run" };
+static const char *const source_names[] = { "gpio", "software", "free-run", "external" };
 
 static json_t *counts(const char *const *keys, const uint64_t *n, int size)
 {
@@ -234,6 +234,8 @@ int service_status(void *arg, struct sst_api_answer *out)
                   (double)(now_ns - s->start_ns) / 1e9, "time", time, "capture", capture_json(&g->array, &g->layout),
                   "live", service_live_json(&g->engine, &g->live), "storage", sst_storage_status(s->storage), "clients",
                   clients_json(s), "certificate", certificate_json(s), "process", process_json(g->cpu_percent));
+    if (out->body)
+        json_object_set_new(out->body, "hosts", service_hosts_json(s->array));
     free(g);
     return out->body ? 0 : -ENOMEM;
 }

@@ -164,7 +164,8 @@ static void publish_cameras(struct mqtt *m)
 static bool changes_state(const char *type)
 {
     static const char *const types[] = { "state",   "camera-lost",  "camera-found", "trigger-lost", "trigger-found",
-                                         "storage", "record-start", "record-stop",  "reload",       "skew" };
+                                         "storage", "record-start", "record-stop",  "reload",       "skew",
+                                         "host-lost", "host-found" };
 
     for (size_t i = 0; i < ARRAY_LEN(types); i++)
         if (!strcmp(types[i], type))
