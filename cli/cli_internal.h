@@ -339,6 +339,8 @@ void doctor_check_gpu(struct doctor *d);
 /* --- import_recording: `sst import recording`: sets of a recording as light fields. --- */
 
 struct import_recording {
+    const char *const *dirs; /* [count] of one recording, or of those of several hosts */
+    int count;
     const struct sst_import_config *import; /* as for the other formats; without grid, spacing and external maps */
     const char *sets;                       /* "0,5-9", "all", "first", "last"; NULL: the only one there is */
     bool allow_partial;

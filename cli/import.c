@@ -3,6 +3,8 @@
 
 #include "cli/cli_internal.h"
 
+#define RECORDINGS_MAX 16
+
 static int import_folder(const struct sst_import_config *cfg)
 {
     const int err = sst_import(cfg);
@@ -39,8 +41,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "force", 'f', CLI_FLAG, &cfg.force, NULL, "replace an existing light field" },
     };
     struct sst_use_calibration use;
-    const char *args[2];
-    int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 2, 2);
+    const char *args[1 + RECORDINGS_MAX] = { NULL };
+    int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, args, 2, 1 + RECORDINGS_MAX);
 
     if (r != CLI_GO_ON)
         return r;
@@ -50,6 +52,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         return cli_usage_error(cmd, "--range-min and --range-max must be given together");
     if (isnan(cfg.range_min_px))
         cfg.range_min_px = cfg.range_max_px = 0;
+    if (strcmp(args[0], "recording") && args[2])
+        return cli_usage_error(cmd, "one source at a time: %s; only recordings of several hosts are joined", args[2]);
     if (!strcmp(args[0], "recording") && (grid[0] || cfg.spacing_px > 0 || cfg.disparity_dir || cfg.labels_dir))
         return cli_usage_error(cmd, "--grid, --spacing-px, --disparity and --labels do not apply to a recording, which "
                                     "has its own grid and spacing");
@@ -64,6 +68,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     }
     cfg.format = args[0];
     cfg.source = args[1];
+    recording.dirs = args + 1;
+    while (recording.count < RECORDINGS_MAX && args[1 + recording.count])
+        recording.count++;
     cfg.rows = grid[0];
     cfg.cols = grid[1];
     r = strcmp(cfg.format, "recording") ? import_folder(&cfg) : cli_run_import_recording(cmd, &recording);
@@ -73,15 +80,17 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
 const struct cli_command cli_import = {
     .name = "import",
-    .usage = "FORMAT SRC -o LF [options]",
+    .usage = "FORMAT SRC ... -o LF [options]",
     .summary = "make a light field from another format",
     .detail = "formats:\n"
               "  stanford  positions in the names: out_09_12_-822.67_-3293.22_.png (row, column, y, x)\n"
               "  hci       input_Cam040.png ..., parameters.cfg, gt_disp_lowres.pfm\n"
               "  folder    00_00.png ... (row, column), with --grid; --disparity and --labels add external maps\n"
-              "  recording sets that `sst capture array` recorded; `sst recording DIR` shows its contents",
+              "  recording sets that `sst capture array` recorded; `sst recording DIR` shows its contents. Several: those of\n"
+              "            the hosts of one array, joined by trigger; sets are then counted from 0 over all of them",
     .example = "sst import stanford ~/chess -o chess.lf\n  sst import folder images --grid 6x6 -o scene.lf\n"
                "  sst import recording night --sets 0,10-19 -o night.lf\n"
-               "  sst import recording night --sets 0 --calib calib.yaml -o true.lf",
+               "  sst import recording night --sets 0 --calib calib.yaml -o true.lf\n"
+               "  sst import recording left/night right/night --sets first -o both.lf",
     .run = run,
 };

@@ -110,7 +110,8 @@ static int make(const struct cli_command *cmd, const struct import_recording *ar
 int cli_run_import_recording(const struct cli_command *cmd, const struct import_recording *args)
 {
     struct sst_recording *recording;
-    const int err = sst_recording_open(&recording, args->import->source);
+    const int err = args->count > 1 ? sst_recording_open_joined(&recording, args->dirs, args->count)
+                                    : sst_recording_open(&recording, args->import->source);
     int code;
 
     if (err)

@@ -126,6 +126,7 @@ void sst_recording_close(struct sst_recording *r)
 {
     if (!r)
         return;
+    join_close(r->join);
     if (r->fd >= 0)
         close(r->fd);
     free(r->line);
@@ -207,6 +208,8 @@ int sst_recording_line(const struct sst_recording *r, int i, char **text)
     char *made;
     int err;
 
+    if (r->join)
+        return join_line(r, i, text);
     if (l->damaged)
         return -EBADMSG;
     made = malloc((size_t)l->bytes + 1);
@@ -228,8 +231,11 @@ int sst_recording_set(const struct sst_recording *r, int i, struct sst_recording
 {
     struct manifest_segment unused;
     char *text;
-    int err = sst_recording_line(r, i, &text);
+    int err;
 
+    if (r->join)
+        return join_set(r, i, set);
+    err = sst_recording_line(r, i, &text);
     if (err)
         return err;
     err = manifest_parse(text, r->line[i].bytes, r->info.cameras, &unused, set);
@@ -295,6 +301,8 @@ int sst_recording_frame(const struct sst_recording *r, const struct sst_recordin
     char path[SST_PATH_MAX];
     int err, fd;
 
+    if (r->join)
+        return join_frame(r, set, cam, data);
     if (!f->present || !f->bytes)
         return -ENODATA;
     if (set->segment < 0)

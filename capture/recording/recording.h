@@ -36,6 +36,7 @@ struct sst_recording_set {
     int segment, session; /* session: number of the run of the recorder */
     int present;
     struct sst_skew skew;
+    int joined; /* number in a joined recording */
     struct sst_recording_frame frame[SST_CAMERAS_MAX];
 };
 
@@ -47,6 +48,15 @@ struct sst_recording_set {
  * @return 0, -ENOENT (no recording), -EBADMSG, -EIO, -EACCES, -ENOMEM; logged.
  */
 SST_MUST_CHECK int sst_recording_open(struct sst_recording **out, const char *dir);
+
+/**
+ * Open recordings that several hosts made of one array as one recording: a set has the frames of all that have its trigger.
+ * Its index is the trigger's, its times are those of the first host that has it. Only info, sets, set, line and frame
+ * (below) apply to it.
+ * @param dirs  [count], of equal grid, size, format and rate, without common cameras @return also -EINVAL (count)
+ */
+SST_MUST_CHECK int sst_recording_open_joined(struct sst_recording **out, const char *const *dirs, int count);
+
 void sst_recording_close(struct sst_recording *recording); /* NULL is fine */
 
 const struct sst_recording_info *sst_recording_info(const struct sst_recording *recording);

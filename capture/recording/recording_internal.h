@@ -97,7 +97,10 @@ struct index_line {
 };
 
 /* Fixed after open. */
+struct recording_join; /* private to join.c */
+
 struct sst_recording {
+    struct recording_join *join; /* of several recordings, and no file of its own; else NULL */
     char *dir;
     int fd; /* of sets.jsonl */
     struct sst_recording_info info;
@@ -108,6 +111,15 @@ struct sst_recording {
     int64_t good_bytes;   /* behind the last line that is whole */
     int64_t size;         /* read so far */
 };
+
+/* --- join --- */
+
+#define RECORDING_PARTS_MAX 16
+
+void join_close(struct recording_join *join);
+SST_MUST_CHECK int join_set(const struct sst_recording *r, int i, struct sst_recording_set *set);
+SST_MUST_CHECK int join_frame(const struct sst_recording *r, const struct sst_recording_set *set, int cam, uint8_t **data);
+SST_MUST_CHECK int join_line(const struct sst_recording *r, int i, char **text);
 
 /* --- ebml: heads of Matroska elements, as far as finding frames and ends of files needs them. --- */
 
