@@ -1,0 +1,461 @@
+/* capture/link: a node and a head in one process, over TLS on the loopback: sets arrive, each frame ends in one place. */
+#include <errno.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "capture/link/link.h"
+#include "tests/folder.h"
+#include "tests/test.h"
+
+#define CAMERAS 2
+#define PORT    21744 /* below those that the system gives */
+#define PERIOD  INT64_C(20000000)
+
+static char certificates[64];
+
+/* --- the head ----------------------------------------------------------------------------------------------------- */
+
+static struct {
+    struct sst_link_head *link;
+    struct sst_capture *capture;
+    struct sst_array_config array;
+    pthread_t thread;
+    pthread_mutex_t lock;
+    uint64_t frames, sets, complete;
+    uint64_t wrong; /* frames that are not what the node sent */
+    int lost, found;
+} head = { .lock = PTHREAD_MUTEX_INITIALIZER };
+
+/* A frame's bytes say which set and camera it is of. */
+static size_t make_bytes(uint8_t *out, uint64_t count, int cam)
+{
+    const size_t bytes = 400 + 100 * (size_t)cam;
+
+    for (size_t i = 0; i < bytes; i++)
+        out[i] = (uint8_t)(count * 7 + (uint64_t)cam * 31 + i);
+    return bytes;
+}
+
+static int on_set(void *arg SST_UNUSED, const struct sst_frameset *set)
+{
+    pthread_mutex_lock(&head.lock);
+    head.sets++;
+    head.complete += set->present == set->cameras;
+    for (int i = 0; i < set->cameras; i++) {
+        const struct sst_frame *f = set->frame[i];
+        uint8_t want[1024];
+
+        if (!f)
+            continue;
+        head.frames++;
+        head.wrong += f->bytes != make_bytes(want, f->sequence, i / 2) || memcmp(f->data, want, f->bytes) != 0 ||
+                      f->cam != i;
+    }
+    pthread_mutex_unlock(&head.lock);
+    return 0;
+}
+
+static void on_host(void *arg, const char *name SST_UNUSED, bool connected, const char *why SST_UNUSED)
+{
+    int *count = arg;
+
+    pthread_mutex_lock(&head.lock);
+    count[connected]++;
+    pthread_mutex_unlock(&head.lock);
+}
+
+static int seen_by_head[2], seen_by_node[2]; /* ends, begins of connections */
+
+static void configure(struct sst_array_config *a, const char *name)
+{
+    sst_array_config_defaults(a);
+    a->rows = 2;
+    a->cols = 2;
+    a->fourcc = sst_array_format("GREY");
+    a->width = 32;
+    a->height = 16;
+    a->trigger_hz = 1e9 / (double)PERIOD;
+    a->hosts.port = PORT;
+    a->hosts.queue = 4;
+    a->hosts.skip_unchanged = false;
+    strcpy(a->hosts.head, "127.0.0.1");
+    strcpy(a->hosts.address, "127.0.0.1");
+    snprintf(a->hosts.ca, sizeof(a->hosts.ca), "%s/ca.pem", certificates);
+    snprintf(a->hosts.certificate, sizeof(a->hosts.certificate), "%s/%s.pem", certificates, name);
+    snprintf(a->hosts.key, sizeof(a->hosts.key), "%s/%s.key", certificates, name);
+}
+
+static void *run_head(void *arg SST_UNUSED)
+{
+    assert_int_equal(sst_capture_run(head.capture, 0), 0);
+    return NULL;
+}
+
+static void open_head(void)
+{
+    const struct sst_capture_events events = { .set = on_set, .quiet = true };
+    struct sst_link_head_config cfg = { .array = &head.array, .arg = seen_by_head, .event = on_host };
+    struct sst_source source;
+
+    configure(&head.array, "head");
+    head.array.role = SST_CONFIG_HEAD;
+    head.array.hosts.nodes = 2;
+    strcpy(head.array.hosts.node[0], "left");
+    strcpy(head.array.hosts.node[1], "right");
+    head.sets = head.frames = head.complete = head.wrong = 0;
+    assert_int_equal(sst_link_head_open(&head.link, &cfg, &head.array), 0);
+    source = sst_link_head_source(head.link);
+    assert_int_equal(sst_capture_open_source(&head.capture, &head.array, &source, &events), 0);
+    assert_int_equal(pthread_create(&head.thread, NULL, run_head, NULL), 0);
+}
+
+static void close_head(struct sst_capture_report *report)
+{
+    sst_capture_stop(head.capture);
+    pthread_join(head.thread, NULL);
+    if (report)
+        sst_capture_report(head.capture, report);
+    sst_capture_close(head.capture);
+    sst_link_head_close(head.link);
+}
+
+static struct sst_link_peer peer(int node)
+{
+    struct sst_link_peer all[SST_NUMBERING_SOURCES];
+    const int n = sst_link_head_peers(head.link, all);
+
+    assert_true(node < n);
+    for (int i = 0; i < n; i++) {
+        json_decref(all[i].reported);
+        all[i].reported = NULL;
+    }
+    return all[node];
+}
+
+/* --- nodes -------------------------------------------------------------------------------------------------------- */
+
+struct node {
+    struct sst_array_config array;
+    struct sst_ring *ring;
+    struct sst_link_node *link;
+    uint64_t count; /* of edges */
+};
+
+static void open_node_as(struct node *n, const char *name, const char *certificate, int col)
+{
+    memset(n, 0, sizeof(*n));
+    configure(&n->array, certificate);
+    n->array.role = SST_CONFIG_NODE;
+    n->array.bound = CAMERAS;
+    for (int i = 0; i < CAMERAS; i++) {
+        n->array.camera[i] = (struct sst_config_camera){ .row = i, .col = col };
+        snprintf(n->array.camera[i].serial, sizeof(n->array.camera[i].serial), "%s%d", name, i);
+    }
+    assert_int_equal(sst_ring_create(&n->ring, 1 << 20), 0);
+    assert_int_equal(sst_link_node_open(&n->link, &(struct sst_link_node_config){ .array = &n->array,
+                                                                                 .ring = n->ring,
+                                                                                 .arg = seen_by_node,
+                                                                                 .event = on_host }),
+                     0);
+    sst_link_node_cameras(n->link, &n->array);
+    for (int i = 0; i < CAMERAS; i++)
+        sst_link_node_camera(n->link, i, SST_GRAB_STREAMING, "", NULL);
+}
+
+static void open_node(struct node *n, const char *name, int col)
+{
+    open_node_as(n, name, name, col);
+}
+
+static void close_node(struct node *n)
+{
+    sst_link_node_close(n->link);
+    sst_ring_destroy(n->ring);
+}
+
+/* A set of edge `tick`, as capture passes it on. @param missing  a camera without a frame; -1: none */
+static void capture_set(struct node *n, uint64_t tick, int missing)
+{
+    static int64_t origin_ns;
+    uint8_t bytes[CAMERAS][1024];
+    struct sst_frame frame[CAMERAS];
+    struct sst_frameset set = { .index = n->count++, .edge = true, .cameras = CAMERAS };
+
+    if (!origin_ns)
+        origin_ns = sst_clock_now_ns();
+    set.t_ns = origin_ns + (int64_t)tick * PERIOD;
+    set.wall_ns = set.t_ns + sst_clock_wall_ns() - sst_clock_now_ns();
+    for (int i = 0; i < CAMERAS; i++) {
+        frame[i] = (struct sst_frame){ .cam = i,
+                                       .fourcc = n->array.fourcc,
+                                       .width = 32,
+                                       .height = 16,
+                                       .stride = 64,
+                                       .sequence = (uint32_t)tick,
+                                       .t_ns = set.t_ns + 1000 * i,
+                                       .arrival_ns = set.t_ns + 5000 };
+        frame[i].bytes = make_bytes(bytes[i], tick, i);
+        frame[i].data = bytes[i];
+        if (i != missing)
+            set.frame[i] = &frame[i];
+        set.present += i != missing;
+    }
+    assert_int_equal(sst_ring_put(n->ring, &set), 0);
+    sst_link_node_set(n->link, &set);
+}
+
+/* --- waiting ------------------------------------------------------------------------------------------------------ */
+
+#define UNTIL(condition)                                                                                               \
+    do {                                                                                                               \
+        const int64_t end_ns = sst_clock_now_ns() + INT64_C(60000000000);                                              \
+        while (!(condition) && sst_clock_now_ns() < end_ns)                                                            \
+            usleep(2000);                                                                                              \
+        assert_true(condition);                                                                                        \
+    } while (0)
+
+static struct sst_link_node_state state(const struct node *n)
+{
+    struct sst_link_node_state s;
+
+    sst_link_node_state(n->link, &s);
+    return s;
+}
+
+static bool all_sent(const struct node *n)
+{
+    const struct sst_link_node_state s = state(n);
+
+    return s.connected && !s.waiting;
+}
+
+static uint64_t head_frames(void)
+{
+    uint64_t n;
+
+    pthread_mutex_lock(&head.lock);
+    n = head.frames;
+    pthread_mutex_unlock(&head.lock);
+    return n;
+}
+
+/* --- tests -------------------------------------------------------------------------------------------------------- */
+
+static uint64_t now_tick; /* edges of this program go on over all tests */
+
+static void both_capture(struct node *a, struct node *b, int sets)
+{
+    for (int i = 0; i < sets; i++, now_tick++) {
+        capture_set(a, now_tick, -1);
+        if (b)
+            capture_set(b, now_tick, -1);
+        usleep(2000);
+    }
+}
+
+static void sets_of_two_nodes_become_one(void **state_ SST_UNUSED)
+{
+    struct node left, right;
+    struct sst_capture_report report;
+
+    open_head();
+    open_node(&left, "left", 0);
+    open_node(&right, "right", 1);
+    right.count = 1000; /* it has counted for longer */
+    UNTIL(state(&left).connected && state(&right).connected);
+    both_capture(&left, &right, 30);
+    UNTIL(all_sent(&left) && all_sent(&right) && head_frames() == state(&left).frames + state(&right).frames);
+    assert_int_equal(peer(0).frames, 60);
+    assert_int_equal(peer(1).frames, 60);
+    assert_int_equal(peer(0).numbering.slips + peer(1).numbering.slips, 0);
+    /* A camera that has no frame is not waited for. */
+    capture_set(&left, now_tick, 1);
+    capture_set(&right, now_tick++, -1);
+    UNTIL(head_frames() == 123 && all_sent(&left) && all_sent(&right));
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(peer(i).unexplained, 0);
+        assert_int_equal(peer(i).frames, peer(i).passed);
+    }
+    assert_int_equal(state(&left).bucket[SST_LINK_SENT], 61);
+    assert_int_equal(state(&left).unexplained, 0);
+    close_node(&left);
+    close_node(&right);
+    close_head(&report);
+    assert_int_equal(head.wrong, 0);
+    assert_int_equal(head.complete, 30);
+    assert_int_equal(report.unexplained, 0);
+    assert_int_equal(report.sets.bucket[SST_BUCKET_SET], 123);
+}
+
+/* What was sent and not confirmed when a connection ends is told apart when it is back: the sums of both sides agree. */
+static void a_head_that_is_away_costs_a_gap_that_is_counted(void **state_ SST_UNUSED)
+{
+    struct node left, right;
+    uint64_t received;
+
+    open_head();
+    open_node(&left, "left", 0);
+    open_node(&right, "right", 1);
+    UNTIL(state(&left).connected && state(&right).connected);
+    both_capture(&left, &right, 10);
+    UNTIL(all_sent(&left) && all_sent(&right));
+    received = peer(0).frames;
+    close_head(NULL);
+    UNTIL(!state(&left).connected && !state(&right).connected);
+    both_capture(&left, &right, 20); /* the queue holds 4 */
+    assert_int_equal(state(&left).waiting, 4 * CAMERAS);
+    assert_int_equal(state(&left).bucket[SST_LINK_AWAY] + state(&left).bucket[SST_LINK_DROPPED], 16 * CAMERAS);
+    open_head();
+    UNTIL(state(&left).connected && state(&right).connected);
+    both_capture(&left, &right, 10);
+    UNTIL(all_sent(&left) && all_sent(&right));
+    received += peer(0).frames;
+    assert_int_equal(received, state(&left).bucket[SST_LINK_SENT]);
+    assert_int_equal(state(&left).unexplained + state(&right).unexplained, 0);
+    assert_int_equal(state(&left).frames, 40 * CAMERAS);
+    assert_int_equal(state(&left).connections, 2);
+    close_node(&left);
+    close_node(&right);
+    close_head(NULL);
+    assert_int_equal(head.wrong, 0);
+}
+
+static void a_node_that_missed_an_edge_is_put_right(void **state_ SST_UNUSED)
+{
+    struct node left, right;
+
+    open_head();
+    open_node(&left, "left", 0);
+    open_node(&right, "right", 1);
+    UNTIL(state(&left).connected && state(&right).connected);
+    for (int i = 0; i < 30; i++, now_tick++) {
+        capture_set(&left, now_tick, -1);
+        if (i != 12 && i != 20)
+            capture_set(&right, now_tick, -1);
+        usleep(2000);
+    }
+    UNTIL(all_sent(&left) && all_sent(&right));
+    UNTIL(peer(1).numbering.slips == 2);
+    assert_int_equal(peer(0).numbering.slips, 0);
+    close_node(&left);
+    close_node(&right);
+    close_head(NULL);
+    assert_int_equal(head.wrong, 0);
+    assert_int_equal(head.complete, 28);
+}
+
+static const char *refusal(const struct node *n)
+{
+    static char text[256];
+    const struct sst_link_node_state s = state(n);
+
+    memcpy(text, s.reason, sizeof(text));
+    return text;
+}
+
+static void who_is_not_of_the_array_is_refused(void **state_ SST_UNUSED)
+{
+    struct node left, other;
+
+    open_head();
+    open_node(&left, "left", 0);
+    UNTIL(state(&left).connected);
+    open_node_as(&other, "right", "stranger", 1); /* signed by another authority */
+    UNTIL(refusal(&other)[0]);
+    assert_false(state(&other).connected);
+    close_node(&other);
+    open_node_as(&other, "third", "third", 1); /* signed, and not in the head's list */
+    UNTIL(strstr(refusal(&other), "not among the head's hosts: nodes"));
+    close_node(&other);
+    open_node(&other, "right", 0); /* cameras where there are some */
+    UNTIL(strstr(refusal(&other), "has a camera of left already"));
+    close_node(&other);
+    open_node(&other, "right", 2);
+    UNTIL(strstr(refusal(&other), "outside the grid of 2x2"));
+    close_node(&other);
+    assert_true(state(&left).connected);
+    close_node(&left);
+    close_head(NULL);
+}
+
+static void a_node_refuses_who_is_not_the_head(void **state_ SST_UNUSED)
+{
+    struct node left;
+
+    open_head();
+    open_node(&left, "left", 0);
+    UNTIL(state(&left).connected);
+    close_node(&left);
+    memset(&left, 0, sizeof(left));
+    configure(&left.array, "left");
+    strcpy(left.array.hosts.head_name, "another");
+    left.array.bound = 1;
+    assert_int_equal(sst_ring_create(&left.ring, 1 << 16), 0);
+    assert_int_equal(
+        sst_link_node_open(&left.link, &(struct sst_link_node_config){ .array = &left.array, .ring = left.ring }), 0);
+    sst_link_node_cameras(left.link, &left.array);
+    UNTIL(strstr(refusal(&left), "its certificate is of \"head\", not of \"another\""));
+    close_node(&left);
+    close_head(NULL);
+}
+
+static void certificates_that_are_not_there_are_named(void **state_ SST_UNUSED)
+{
+    struct sst_link_node *n;
+    struct sst_array_config a;
+    char why[SST_LOG_MAX] = "";
+
+    configure(&a, "nobody");
+    sst_log_hold_errors(why);
+    assert_int_equal(sst_link_node_open(&n, &(struct sst_link_node_config){ .array = &a }), -EINVAL);
+    sst_log_hold_errors(NULL);
+    assert_contains(why, "nobody.pem");
+}
+
+/* --- certificates ------------------------------------------------------------------------------------------------- */
+
+static void shell(const char *text)
+{
+    char command[2048];
+
+    snprintf(command, sizeof(command), "cd '%s' && { %s ; } 2>/dev/null", certificates, text);
+    if (system(command))
+        fail_msg("%s", text);
+}
+
+static int set_up(void **state_ SST_UNUSED)
+{
+    if (test_folder_create(NULL))
+        return -1;
+    memcpy(certificates, test_folder, sizeof(test_folder));
+    shell("openssl req -x509 -newkey ed25519 -noenc -keyout ca.key -out ca.pem -days 2 -subj /CN=array; "
+          "openssl req -x509 -newkey ed25519 -noenc -keyout stranger.key -out stranger.pem -days 2 -subj /CN=right; "
+          "for h in head left right third; do"
+          "  openssl req -newkey ed25519 -noenc -keyout $h.key -out $h.csr -subj /CN=$h;"
+          "  openssl x509 -req -in $h.csr -CA ca.pem -CAkey ca.key -CAcreateserial -days 2 -out $h.pem; done");
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(sets_of_two_nodes_become_one),
+        cmocka_unit_test(a_head_that_is_away_costs_a_gap_that_is_counted),
+        cmocka_unit_test(a_node_that_missed_an_edge_is_put_right),
+        cmocka_unit_test(who_is_not_of_the_array_is_refused),
+        cmocka_unit_test(a_node_refuses_who_is_not_the_head),
+        cmocka_unit_test(certificates_that_are_not_there_are_named),
+    };
+
+    if (!WITH_HTTPD) {
+        printf("built without GnuTLS: hosts are not connected\n");
+        return 77;
+    }
+    sst_log_set_level(SST_LOG_ERROR);
+    return cmocka_run_group_tests(tests, set_up, test_folder_remove);
+}
