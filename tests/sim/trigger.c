@@ -269,6 +269,57 @@ static void check_holds_nothing(void **state SST_UNUSED)
     assert_int_equal(sst_trigger_check(&cfg, why, sizeof(why)), -ENODEV);
 }
 
+/* Another host fires: here another trigger of this program, whose pulses come in on LOOP0. */
+static void edges_of_others_are_counted(void **state SST_UNUSED)
+{
+    const struct sst_trigger_config fires = config(1, "");
+    struct sst_trigger_config cfg = config(0, "LOOP0");
+    struct sst_trigger *other, *t;
+    struct sst_trigger_counters counters;
+    static struct edges edges;
+
+    cfg.source = SST_TRIGGER_EXTERNAL;
+    assert_int_equal(sst_trigger_open(&other, &fires, NULL, NULL), 0);
+    assert_int_equal(sst_trigger_open(&t, &cfg, note, &edges), 0);
+    assert_int_equal(sst_trigger_fire(other), 0); /* before the start: not counted */
+    assert_int_equal(sst_trigger_start(t, 20, 0), 0);
+    assert_int_equal(sst_trigger_start(other, 50, 30), 0); /* it does not matter how fast they come */
+    for (int i = 0; i < PATIENCE_MS && edges.n < 30; i++)
+        usleep(1000);
+    assert_int_equal(edges.n, 30);
+    for (int i = 0; i < 30; i++) {
+        assert_int_equal(edges.edge[i].index, i);
+        assert_true(edges.edge[i].kernel_ns > 0);
+        assert_true(!i || edges.edge[i].kernel_ns > edges.edge[i - 1].kernel_ns);
+    }
+    sst_trigger_counters(t, &counters);
+    assert_int_equal(counters.fired, 30);
+    assert_false(sst_trigger_idle(t));
+    assert_int_equal(sst_trigger_stop(t), 0);
+    assert_int_equal(sst_trigger_start(t, 20, 5), 0);
+    assert_int_equal(sst_trigger_start(other, 50, 10), 0);
+    assert_true(wait_idle(t, PATIENCE_MS)); /* after 5 of them */
+    assert_int_equal(edges.n, 35);
+    assert_int_equal(edges.edge[34].index, 34);
+    sst_trigger_close(t);
+    sst_trigger_close(other);
+}
+
+static void an_input_must_be_named(void **state SST_UNUSED)
+{
+    struct sst_trigger_config cfg = config(0, "");
+    char why[500];
+
+    cfg.source = SST_TRIGGER_EXTERNAL;
+    assert_int_equal(sst_trigger_check(&cfg, why, sizeof(why)), -EINVAL);
+    assert_contains(why, "loopback");
+    strcpy(cfg.loopback, "LOOP9");
+    assert_int_equal(sst_trigger_check(&cfg, why, sizeof(why)), -ENODEV);
+    assert_contains(why, "LOOP9");
+    strcpy(cfg.loopback, "LOOP0");
+    assert_int_equal(sst_trigger_check(&cfg, why, sizeof(why)), 0);
+}
+
 int main(int argc SST_UNUSED, char **argv)
 {
     const struct CMUnitTest tests[] = {
@@ -281,6 +332,8 @@ int main(int argc SST_UNUSED, char **argv)
         cmocka_unit_test(lost_edges_are_counted),
         cmocka_unit_test(vanished_chip_is_found_again),
         cmocka_unit_test(check_holds_nothing),
+        cmocka_unit_test(edges_of_others_are_counted),
+        cmocka_unit_test(an_input_must_be_named),
     };
     int skipped;
 

@@ -374,6 +374,68 @@ static void random_timelines(void **state)
     }
 }
 
+/* Frames that name their trigger, as those of other hosts do: their time stamps decide nothing. */
+static void place(int cam, uint64_t index, int64_t now_ns)
+{
+    struct sst_frame *f = &t.frame[t.frames++];
+
+    *f = (struct sst_frame){ .cam = cam, .t_ns = 999 * MS, .arrival_ns = now_ns, .pool = &t };
+    sst_framesync_place(t.sets, cam, index, f);
+    sst_framesync_tick(t.sets, now_ns);
+}
+
+static void frames_that_name_their_trigger(void **state)
+{
+    struct sst_framesync_counters n;
+
+    (void)state;
+    begin(3, SST_FRAMESYNC_INDEX, 100 * MS, 6);
+    for (uint64_t i = 5; i < 8; i++)
+        sst_framesync_trigger(t.sets, i, 1000 * MS + (int64_t)i * 100 * MS, true);
+    place(0, 5, 1510 * MS);
+    place(1, 5, 1511 * MS);
+    assert_int_equal(t.n, 0);
+    sst_framesync_place(t.sets, 2, 5, NULL); /* it has none: nobody waits for it */
+    sst_framesync_tick(t.sets, 1512 * MS);
+    assert_int_equal(t.n, 1);
+    assert_int_equal(t.seen[0].index, 5);
+    assert_int_equal(t.seen[0].have, 3);
+    assert_true(t.seen[0].t_ns == 1500 * MS);
+    place(0, 7, 1720 * MS); /* what is newer comes first: of 6 it has nothing any more */
+    place(1, 6, 1721 * MS);
+    place(2, 6, 1722 * MS);
+    assert_int_equal(t.n, 2);
+    assert_int_equal(t.seen[1].index, 6);
+    assert_int_equal(t.seen[1].have, 6);
+    place(1, 7, 1723 * MS);
+    place(2, 7, 1724 * MS);
+    assert_int_equal(t.n, 3);
+    assert_int_equal(t.seen[2].have, 7);
+    place(2, 5, 1730 * MS); /* late */
+    place(1, 7, 1731 * MS); /* twice */
+    place(0, 3, 1732 * MS); /* before all that is known */
+    place(0, 9, 1733 * MS); /* never reported */
+    n = end();
+    assert_int_equal(n.bucket[SST_BUCKET_SET], 7);
+    assert_int_equal(n.bucket[SST_BUCKET_LATE], 2);
+    assert_int_equal(n.bucket[SST_BUCKET_DUPLICATE], 1);
+    assert_int_equal(n.bucket[SST_BUCKET_STRAY], 1);
+}
+
+static void a_host_that_is_gone_is_not_waited_for(void **state)
+{
+    (void)state;
+    begin(2, SST_FRAMESYNC_INDEX, 100 * MS, 6);
+    sst_framesync_trigger(t.sets, 0, 1000 * MS, true);
+    place(0, 0, 1010 * MS);
+    assert_int_equal(t.n, 0);
+    assert_int_equal(sst_framesync_tick(t.sets, 1011 * MS), 1250 * MS);
+    sst_framesync_camera(t.sets, 1, false);
+    sst_framesync_tick(t.sets, 1012 * MS);
+    assert_int_equal(t.n, 1);
+    end();
+}
+
 static void histogram(void **state)
 {
     static struct sst_histogram h;
@@ -413,6 +475,8 @@ int main(void)
         cmocka_unit_test(nearest_of_fast_cameras),
         cmocka_unit_test(free_run_follows_the_beat),
         cmocka_unit_test(free_run_with_a_slow_camera),
+        cmocka_unit_test(frames_that_name_their_trigger),
+        cmocka_unit_test(a_host_that_is_gone_is_not_waited_for),
         cmocka_unit_test(random_timelines),
         cmocka_unit_test(histogram),
     };
