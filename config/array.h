@@ -95,7 +95,8 @@ struct sst_array_config {
         int nodes; /* of a head: names in the certificates of its nodes */
         char node[SST_CONFIG_NODES_MAX][64];
         char ca[SST_CONFIG_TEXT_MAX], certificate[SST_CONFIG_TEXT_MAX], key[SST_CONFIG_TEXT_MAX];
-        int queue; /* of a node: sets that wait to be sent */
+        int connections; /* of a node: to the head, each for some of its cameras */
+        int queue;       /* of a node: sets that wait to be sent */
         bool skip_unchanged;
     } hosts;
 };

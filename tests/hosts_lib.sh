@@ -1,12 +1,13 @@
 # Sourced after tests/lib.sh by tests of several hosts: simulated nodes and a head on this machine. Names are of nodes, or head.
 build=$root/${SST_BUILD:-build}
 port=${port:-21745} # below those that the system gives
-rows=2 cols=2 size="[320, 240]" width=320 height=240 rate=10
-scene=cat nodes="left right"
-head_address=127.0.0.1
-queue=16
-live=false # of the head
+rows=${rows:-2} cols=${cols:-2} size=${size:-[320, 240]} width=${width:-320} height=${height:-240} rate=${rate:-10}
+scene=${scene:-cat} nodes=${nodes:-left right}
+head_address=${head_address:-127.0.0.1}
+queue=${queue:-16}
+live=${live:-false} # of the head
 declare -A at            # NAME: command before a program of this host
+declare -A address_of    # NODE: of the head, as it sees it; else $head_address
 declare -A pid           # NAME: its sstd
 declare -A clock         # NAME: "OFFSET_MS DRIFT_PPM" of its wall clock
 
@@ -38,6 +39,7 @@ configure() {
 scene: $scene
 grid: [$rows, $cols]
 size: $size
+jpeg_quality: ${quality:-75}
 host: {generator_hz: $rate, clock_offset_ms: $offset, clock_drift_ppm: $drift}
 YAML
     cat >"$n/sstd.yaml" <<YAML
@@ -51,7 +53,7 @@ cameras:
   bind:
 $(bind $((i * cols / count)) $(((i + 1) * cols / count)))
 trigger: {source: external, chip: sst-trigger, loopback: LOOP0, rate_hz: $rate}
-hosts: {head: $head_address, port: $port, queue: $queue, ca: $tmp/pki/ca.pem, certificate: $tmp/pki/$n.pem, key: $tmp/pki/$n.key}
+hosts: {head: ${address_of[$n]-$head_address}, port: $port, queue: $queue, ca: $tmp/pki/ca.pem, certificate: $tmp/pki/$n.pem, key: $tmp/pki/$n.key}
 live: {enabled: false}
 $(common "$n")
 YAML

@@ -168,25 +168,53 @@ struct sst_source sst_link_head_source(struct sst_link_head *h)
 
 /* --- for the status ----------------------------------------------------------------------------------------------- */
 
+/* Add a lane to what is reported of its node. */
+static void add_lane(struct sst_link_peer *p, const struct head_source *s)
+{
+    const struct sst_link_peer *lane = &s->peer;
+    const uint64_t known = lane->passed + lane->dropped + lane->unnamed + lane->waiting;
+
+    p->cameras += s->cameras;
+    p->sets = lane->sets > p->sets ? lane->sets : p->sets;
+    p->frames += lane->frames;
+    p->unchanged += lane->unchanged;
+    p->passed += lane->passed;
+    p->dropped += lane->dropped;
+    p->unnamed += lane->unnamed;
+    p->waiting += lane->waiting;
+    p->unexplained += known > lane->frames ? known - lane->frames : lane->frames - known;
+    p->received_bytes += lane->received_bytes;
+    if (!lane->connected && lane->reason[0] && !p->reason[0])
+        memcpy(p->reason, lane->reason, sizeof(p->reason));
+}
+
+static void gather(struct sst_link_head *h, int node, struct sst_link_peer *p)
+{
+    const struct head_source *first = &h->source[node == LINK_OWN_NODE ? LINK_OWN : node * LINK_LANES_MAX];
+    const int lanes = node == LINK_OWN_NODE ? 1 : LINK_LANES_MAX;
+
+    *p = (struct sst_link_peer){ .connected = node == LINK_OWN_NODE || h->node[node].connected,
+                                 .connections = first->peer.connections,
+                                 .run = first->peer.run,
+                                 .seq = first->peer.seq };
+    memcpy(p->name, first->peer.name, sizeof(p->name));
+    memcpy(p->address, first->peer.address, sizeof(p->address));
+    for (int i = 0; i < lanes; i++)
+        add_lane(p, &first[i]);
+    if (p->connected)
+        p->reason[0] = 0;
+    p->reported = json_deep_copy(first->peer.reported);
+    sst_numbering_state(h->numbering, node, &p->numbering);
+}
+
 int sst_link_head_peers(struct sst_link_head *h, struct sst_link_peer *out)
 {
     int n = 0;
 
     pthread_mutex_lock(&h->lock);
-    for (int i = 0; i < LINK_SOURCES; i++) {
-        struct sst_link_peer *p = &out[n];
-        uint64_t known;
-
-        if (!h->source[i].used)
-            continue;
-        n++;
-        *p = h->source[i].peer;
-        p->cameras = h->source[i].cameras;
-        p->reported = json_deep_copy(p->reported);
-        sst_numbering_state(h->numbering, i, &p->numbering);
-        known = p->passed + p->dropped + p->unnamed + p->waiting;
-        p->unexplained = known > p->frames ? known - p->frames : p->frames - known;
-    }
+    for (int i = 0; i < LINK_NODES; i++)
+        if (h->node[i].used)
+            gather(h, i, &out[n++]);
     pthread_mutex_unlock(&h->lock);
     return n;
 }
@@ -196,9 +224,9 @@ int sst_link_head_owner(struct sst_link_head *h, int view)
     int owner, index = 0;
 
     pthread_mutex_lock(&h->lock);
-    owner = view >= 0 && view < h->array.bound ? h->slot[view].source : -1;
+    owner = view >= 0 && view < h->array.bound && h->slot[view].source >= 0 ? link_node_of(h->slot[view].source) : -1;
     for (int i = 0; i < owner; i++)
-        index += h->source[i].used;
+        index += h->node[i].used;
     pthread_mutex_unlock(&h->lock);
     return owner < 0 ? -1 : index;
 }
@@ -251,11 +279,10 @@ static int prepare(struct sst_link_head *h)
         h->slot[i].changed = true;
     }
     for (int i = 0; i < h->array.hosts.nodes; i++) {
-        struct head_source *s = &h->source[i];
-
-        s->used = true;
-        memcpy(s->peer.name, h->array.hosts.node[i], sizeof(s->peer.name));
-        snprintf(s->peer.reason, sizeof(s->peer.reason), "it has not connected yet");
+        h->node[i].used = true;
+        for (int k = 0; k < LINK_LANES_MAX; k++)
+            memcpy(h->source[i * LINK_LANES_MAX + k].peer.name, h->array.hosts.node[i], sizeof(h->array.hosts.node[i]));
+        snprintf(h->source[i * LINK_LANES_MAX].peer.reason, 64, "it has not connected yet");
     }
     return err;
 }

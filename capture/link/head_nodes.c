@@ -15,7 +15,7 @@
 #include "base/thread.h"
 #include "capture/link/link_internal.h"
 
-#define CONNECTIONS 32
+#define CONNECTIONS (LINK_SOURCES + 16)
 #define HELLO_NS    INT64_C(5000000000)
 #define SILENCE_NS  INT64_C(3000000000)
 #define HOLD_MS     20 /* sets whose names are not decided are looked at again */
@@ -35,6 +35,33 @@ struct link_connection {
     } last[SST_CAMERAS_MAX];
 };
 
+/* --- the node as a whole ----------------------------------------------------------------------------------------- */
+
+static bool lanes_connected_locked(const struct sst_link_head *h, int node, bool all)
+{
+    int connected = 0;
+
+    for (int i = 0; i < LINK_LANES_MAX; i++)
+        connected += h->source[node * LINK_LANES_MAX + i].peer.connected;
+    return all ? connected && connected >= h->node[node].lanes : connected > 0;
+}
+
+/* A lane has begun or ended: has the node? */
+static void note_node(struct sst_link_head *h, int source, const char *why)
+{
+    const int node = link_node_of(source);
+    bool changed;
+
+    pthread_mutex_lock(&h->lock);
+    changed = h->node[node].connected != lanes_connected_locked(h, node, true);
+    h->node[node].connected ^= changed;
+    if (!lanes_connected_locked(h, node, false))
+        sst_numbering_leave(h->numbering, node);
+    pthread_mutex_unlock(&h->lock);
+    if (changed && h->event)
+        h->event(h->arg, h->array.hosts.node[node], h->node[node].connected, why);
+}
+
 /* --- ends --------------------------------------------------------------------------------------------------------- */
 
 static void end(struct sst_link_head *h, struct link_connection *c, const char *why)
@@ -52,13 +79,11 @@ static void end(struct sst_link_head *h, struct link_connection *c, const char *
         pthread_mutex_lock(&h->lock);
         s->peer.connected = false;
         snprintf(s->peer.reason, sizeof(s->peer.reason), "%.250s", why);
-        sst_numbering_leave(h->numbering, source);
         head_forget_locked(h, source);
         for (int i = 0; i < s->cameras; i++)
             head_camera_locked(h, source, i, SST_GRAB_ABSENT, text, NULL);
         pthread_mutex_unlock(&h->lock);
-        if (h->event)
-            h->event(h->arg, s->peer.name, false, why);
+        note_node(h, source, why);
     } else if (*why && !c->refused) {
         sst_log_warning("hosts: the connection of %s ended before it was accepted: %s", c->address, why);
     }
@@ -67,11 +92,14 @@ static void end(struct sst_link_head *h, struct link_connection *c, const char *
 
 /* --- HELLO -------------------------------------------------------------------------------------------------------- */
 
-static int find_node(const struct sst_link_head *h, const char *name)
+/* The lane of a node, as it says. @return its source; -1: not in the list */
+static int find_node(const struct sst_link_head *h, const char *name, const json_t *hello)
 {
+    const int lane = (int)json_integer_value(json_object_get(hello, "lane"));
+
     for (int i = 0; i < h->array.hosts.nodes; i++)
         if (!strcmp(h->array.hosts.node[i], name))
-            return i;
+            return i * LINK_LANES_MAX + sst_clamp_int(lane, 0, LINK_LANES_MAX - 1);
     return -1;
 }
 
@@ -166,19 +194,38 @@ static int compare(const struct sst_link_head *h, const json_t *hello, char why[
     return why[0] ? -EINVAL : 0;
 }
 
-/* A node that was cut off comes back before its old connection has ended. */
-static void end_older(struct sst_link_head *h, int source)
+static uint64_t run_of(const json_t *hello)
 {
-    for (int i = 0; i < CONNECTIONS; i++)
-        if (h->connection[i].stream.fd >= 0 && h->connection[i].source == source)
-            end(h, &h->connection[i], "it connected again");
+    const char *run = json_string_value(json_object_get(hello, "run"));
+
+    return run ? strtoull(run, NULL, 16) : 0;
+}
+
+static uint64_t counting_of(const json_t *hello)
+{
+    const uint64_t opening = (uint64_t)json_integer_value(json_object_get(hello, "opening"));
+
+    return run_of(hello) ^ (opening << 48 | opening);
+}
+
+/* A node that was cut off, or killed, comes back before its old connections have ended. */
+static void end_older(struct sst_link_head *h, int source, const json_t *hello)
+{
+    const bool again = h->node[link_node_of(source)].run != counting_of(hello);
+
+    for (int i = 0; i < CONNECTIONS; i++) {
+        struct link_connection *c = &h->connection[i];
+
+        if (c->stream.fd >= 0 && c->source >= 0 &&
+            (c->source == source || (again && link_node_of(c->source) == link_node_of(source))))
+            end(h, c, "it connected again");
+    }
 }
 
 static int join_locked(struct sst_link_head *h, struct link_connection *c, int source, const json_t *hello, char why[256])
 {
-    const char *run = json_string_value(json_object_get(hello, "run"));
-    const uint64_t id = run ? strtoull(run, NULL, 16) : 0;
-    const uint64_t opening = (uint64_t)json_integer_value(json_object_get(hello, "opening"));
+    const uint64_t id = run_of(hello);
+    const int node = link_node_of(source), lanes = (int)json_integer_value(json_object_get(hello, "lanes"));
     struct sst_link_peer *p = &h->source[source].peer;
     int err = bind_cameras_locked(h, source, json_object_get(hello, "cameras"), why);
 
@@ -194,14 +241,15 @@ static int join_locked(struct sst_link_head *h, struct link_connection *c, int s
     c->source = source;
     c->cameras = h->source[source].cameras;
     show_cameras_locked(h, source, json_object_get(hello, "cameras"));
-    sst_numbering_join(h->numbering, source, id ^ (opening << 48 | opening));
+    h->node[node].lanes = sst_clamp_int(lanes, 1, LINK_LANES_MAX);
+    head_join_locked(h, node, counting_of(hello));
     return 0;
 }
 
 static int welcome(struct sst_link_head *h, struct link_connection *c, const uint8_t *data, size_t bytes)
 {
     json_t *hello = json_loadb((const char *)data, bytes, 0, NULL);
-    const int source = find_node(h, c->stream.peer);
+    const int source = find_node(h, c->stream.peer, hello);
     char why[256] = "";
     uint64_t seq = 0;
     int err = hello ? compare(h, hello, why) : -EBADMSG;
@@ -211,7 +259,7 @@ static int welcome(struct sst_link_head *h, struct link_connection *c, const uin
         err = -EACCES;
     }
     if (!err) {
-        end_older(h, source);
+        end_older(h, source, hello);
         pthread_mutex_lock(&h->lock);
         err = join_locked(h, c, source, hello, why);
         seq = h->source[source].peer.seq;
@@ -226,8 +274,8 @@ static int welcome(struct sst_link_head *h, struct link_connection *c, const uin
         sst_log_warning("hosts: node %s at %s is refused: %s", c->stream.peer, c->address, why);
         c->refused = true;
         c->until_ns = sst_clock_now_ns() + HELLO_NS / 5;
-    } else if (h->event) {
-        h->event(h->arg, h->source[source].peer.name, true, "");
+    } else {
+        note_node(h, source, "");
     }
     return link_stream_add_json(&c->stream, MESSAGE_WELCOME,
                                 json_pack("{s:s, s:I}", "refused", why, "seq", (json_int_t)seq));

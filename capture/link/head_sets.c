@@ -105,22 +105,79 @@ static void log_slip(const struct sst_link_head *h, int source, const struct sst
         sst_log_warning("node %s: its time stamps jumped; its sets are named by its wall clock again", name);
 }
 
+void head_join_locked(struct sst_link_head *h, int node, uint64_t run)
+{
+    struct head_node *n = &h->node[node];
+
+    if (n->run != run)
+        n->named_count = 0;
+    n->run = run;
+    sst_numbering_join(h->numbering, node, run);
+}
+
+/* What another lane's set of that edge was named. An edge that none of them reported in time, and that newer ones have passed,
+ * has its place by those. @return false: the edge is new */
+static bool recall(const struct sst_link_head *h, const struct head_node *n, const struct sst_numbering_edge *edge,
+                   enum sst_numbering_verdict *verdict, struct sst_numbering_place *place)
+{
+    for (int i = 0; i < n->named_count; i++) {
+        const int k = (n->newest - i + LINK_NAMED) % LINK_NAMED;
+        const int64_t ahead = (int64_t)(n->named[k].count - edge->count);
+
+        if (ahead < 0) /* sorted, the newest first */
+            return false;
+        if (ahead && i + 1 < n->named_count && n->named[(k - 1 + LINK_NAMED) % LINK_NAMED].count >= edge->count)
+            continue;
+        *verdict = n->named[k].verdict;
+        *place = n->named[k].place;
+        if (ahead) {
+            place->index -= (uint64_t)ahead;
+            place->t_ns -= n->named[k].t_ns - edge->t_ns;
+            if (llabs(n->named[k].t_ns - edge->t_ns - ahead * h->period_ns) > h->period_ns / 4)
+                *verdict = SST_NUMBERING_UNNAMED; /* it slipped between the two */
+        }
+        return true;
+    }
+    return false;
+}
+
+static enum sst_numbering_verdict name_edge(struct sst_link_head *h, int source, const struct sst_numbering_edge *edge,
+                                            int64_t now_ns, struct sst_numbering_place *place)
+{
+    const int node = link_node_of(source);
+    struct head_node *n = &h->node[node];
+    const int64_t offset_ns = sst_clock_wall_ns() - sst_clock_now_ns();
+    struct sst_numbering_state before, after;
+    enum sst_numbering_verdict verdict;
+
+    if (recall(h, n, edge, &verdict, place))
+        return verdict;
+    sst_numbering_state(h->numbering, node, &before);
+    verdict = sst_numbering_place(h->numbering, node, edge, now_ns, offset_ns, place);
+    sst_numbering_state(h->numbering, node, &after);
+    log_slip(h, source, &before, &after);
+    if (verdict == SST_NUMBERING_HELD)
+        return verdict;
+    n->newest = (n->newest + 1) % LINK_NAMED;
+    n->named_count = sst_min_int(n->named_count + 1, LINK_NAMED);
+    n->named[n->newest].count = edge->count;
+    n->named[n->newest].t_ns = edge->t_ns;
+    n->named[n->newest].verdict = verdict;
+    n->named[n->newest].place = *place;
+    return verdict;
+}
+
 /* @return true: the oldest set that waits is decided */
 static bool decide_locked(struct sst_link_head *h, int source, int64_t now_ns)
 {
     struct head_source *s = &h->source[source];
-    const int64_t offset_ns = sst_clock_wall_ns() - sst_clock_now_ns();
-    struct sst_numbering_state before, after;
     enum sst_numbering_verdict verdict;
     struct head_set *set;
 
     if (!s->count)
         return false;
     set = s->waiting[s->first];
-    sst_numbering_state(h->numbering, source, &before);
-    verdict = sst_numbering_place(h->numbering, source, &set->edge, now_ns, offset_ns, &set->place);
-    sst_numbering_state(h->numbering, source, &after);
-    log_slip(h, source, &before, &after);
+    verdict = name_edge(h, source, &set->edge, now_ns, &set->place);
     if (verdict == SST_NUMBERING_HELD)
         return false;
     s->first = (s->first + 1) % LINK_SETS;

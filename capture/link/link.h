@@ -74,13 +74,13 @@ struct sst_link_peer {
     char reason[256]; /* why not */
     char address[64];
     int cameras;
-    uint64_t connections;
+    uint64_t connections; /* of its first lane */
     uint64_t sets, frames, unchanged; /* received on all connections; frames include those that were named as unchanged */
     uint64_t passed, dropped, unnamed, waiting; /* the frames: passed to capture; no room; of no trigger; on their way */
     uint64_t unexplained;                       /* frames in no place or in two: 0, or a bug */
     uint64_t received_bytes;
     struct sst_numbering_state numbering;
-    uint64_t run, seq; /* of the last set */
+    uint64_t run, seq; /* of the last set of a lane */
     json_t *reported;  /* its last STATE; NULL: none */
 };
 

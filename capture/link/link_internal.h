@@ -13,7 +13,7 @@
 
 /* --- messages ---
  * Each is a type and a length, 4 bytes each, and that number of bytes. All numbers are little-endian.
- *   HELLO    node to head, JSON: version, run, opening, rate_hz, width, height, format, cameras: [[row, col, serial, port,
+ *   HELLO    node to head, JSON: version, run, opening, lane, lanes, rate_hz, width, height, format, cameras: [[row, col, serial, port,
  *            name], ...]
  *   WELCOME  head to node, JSON: refused: "" or why; seq: the last set that it received of that run, 0: none
  *   STATE    node to head, JSON, at least once a second: states of cameras, counters, clock; the head passes it on as it is
@@ -118,13 +118,37 @@ SST_MUST_CHECK int link_address(const char *address, int port, struct sockaddr_s
 /** Bytes of the longest message of an array of that size. */
 size_t link_message_most(int cameras, int width, int height);
 
+/* --- lanes: connections of a node, each with its share of the cameras --- */
+
+#define LINK_LANES_MAX 8
+
+struct link_lane; /* private to lane.c */
+
+SST_MUST_CHECK int link_lane_open(struct link_lane **out, struct sst_link_node *node, int number, int lanes, uint64_t run,
+                                  const struct sst_link_node_config *cfg, struct link_credentials *credentials);
+/** The verbs of the node, for this lane's cameras. @param cam  number in the node */
+void link_lane_cameras(struct link_lane *lane, const struct sst_array_config *layout);
+void link_lane_camera(struct link_lane *lane, int cam, enum sst_grab_state state, const char *why,
+                      const struct sst_grab_device *device);
+void link_lane_set(struct link_lane *lane, uint64_t number, const struct sst_frameset *set);
+void link_lane_report(struct link_lane *lane, const struct sst_capture_report *report);
+/** @return false: it has no camera, and does not connect */
+bool link_lane_state(struct link_lane *lane, struct sst_link_node_state *out);
+void link_lane_stop(struct link_lane *lane); /* does not wait */
+void link_lane_close(struct link_lane *lane);
+
+/** A lane's connection began or ended. */
+void link_node_changed(struct sst_link_node *node);
+
 /* --- head: sets of nodes become numbered frames --- */
 
-#define LINK_SOURCES  SST_NUMBERING_SOURCES /* nodes, and at last the head's own cameras */
+#define LINK_NODES    SST_NUMBERING_SOURCES /* nodes, and at last the head itself */
+#define LINK_OWN_NODE (LINK_NODES - 1)
+#define LINK_SOURCES  (LINK_OWN_NODE * LINK_LANES_MAX + 1) /* lanes of nodes, and at last the head's own cameras */
 #define LINK_OWN      (LINK_SOURCES - 1)
+#define LINK_NAMED    64 /* edges of a node that stay named, for its slower lanes */
 #define LINK_SETS     48 /* of one source, on their way */
 #define LINK_READY    64 /* of all, named, not yet fetched by capture */
-#define LINK_UNHEARD  0
 
 /** A set of one source, with its frames. */
 struct head_set {
@@ -151,7 +175,6 @@ struct head_slot {
 };
 
 struct head_source {
-    bool used;
     int cameras;
     int slot[SST_CAMERAS_MAX];
     struct head_set *set[LINK_SETS]; /* its pool; NULL: not allocated yet */
@@ -160,6 +183,26 @@ struct head_source {
     int first, count;
     struct sst_link_peer peer; /* what is reported of it */
 };
+
+/** Lanes of a node tell of the same edges, each at its time. */
+struct head_node {
+    bool used, connected; /* all its lanes are */
+    int lanes;            /* that it has; 0: never connected */
+    uint64_t run;         /* of its counting */
+    struct {
+        uint64_t count;
+        int64_t t_ns;
+        enum sst_numbering_verdict verdict; /* never HELD */
+        struct sst_numbering_place place;
+    } named[LINK_NAMED];
+    int newest, named_count;
+};
+
+/** Node of a source. */
+static inline int link_node_of(int source)
+{
+    return source == LINK_OWN ? LINK_OWN_NODE : source / LINK_LANES_MAX;
+}
 
 struct link_local; /* private to own.c */
 
@@ -183,6 +226,7 @@ struct sst_link_head {
     pthread_mutex_t lock;
     bool stop;
     struct sst_numbering *numbering;
+    struct head_node node[LINK_NODES];
     struct head_source source[LINK_SOURCES];
     struct head_slot slot[SST_CAMERAS_MAX];
     struct head_set *ready[LINK_READY];
@@ -197,6 +241,8 @@ struct head_set *head_set_acquire(struct sst_link_head *h, int source, int frame
 void head_set_pass(struct sst_link_head *h, struct head_set *set);
 /** Name what waits, where time or other sources have decided. @return false: nothing waits */
 bool head_settle(struct sst_link_head *h, int64_t now_ns);
+/** A node counts from the beginning: what was named of it is forgotten. */
+void head_join_locked(struct sst_link_head *h, int node, uint64_t run);
 /** All that waits of a source can no longer be named. */
 void head_forget_locked(struct sst_link_head *h, int source);
 void head_sets_free(struct sst_link_head *h);

@@ -82,7 +82,7 @@ static void capture_once(struct link_local *l)
 
     sst_log_hold_errors(why);
     pthread_mutex_lock(&l->head->lock);
-    sst_numbering_join(l->head->numbering, LINK_OWN, ++l->run);
+    head_join_locked(l->head, LINK_OWN_NODE, ++l->run);
     pthread_mutex_unlock(&l->head->lock);
     err = sst_capture_open(&capture, &l->array, &events);
     pthread_mutex_lock(&l->lock);
@@ -101,7 +101,7 @@ static void capture_once(struct link_local *l)
         sst_log_error("%s", why);
     memcpy(l->logged, why, sizeof(why));
     pthread_mutex_lock(&l->head->lock);
-    sst_numbering_leave(l->head->numbering, LINK_OWN);
+    sst_numbering_leave(l->head->numbering, LINK_OWN_NODE);
     head_forget_locked(l->head, LINK_OWN);
     for (int i = 0; i < l->array.bound; i++)
         head_camera_locked(l->head, LINK_OWN, i, SST_GRAB_ABSENT, err && why[0] ? why : "capturing is started again", NULL);
@@ -141,7 +141,9 @@ int link_local_open(struct link_local **out, struct sst_link_head *head, const s
     pthread_mutex_init(&l->lock, NULL);
     sst_cond_init(&l->changed);
     pthread_mutex_lock(&head->lock);
-    s->used = s->peer.connected = true;
+    s->peer.connected = true;
+    head->node[LINK_OWN_NODE].used = true;
+    head->node[LINK_OWN_NODE].lanes = 1;
     s->cameras = array->bound;
     for (int i = 0; i < array->bound; i++) {
         s->slot[i] = array->camera[i].row * array->cols + array->camera[i].col;

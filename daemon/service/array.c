@@ -87,6 +87,7 @@ static int on_set(void *arg, const struct sst_frameset *set)
     pthread_mutex_lock(&a->lock);
     note_set_locked(a, set);
     a->state.ring_refused += err != 0;
+    sst_histogram_add(&a->state.delay_ns, sst_clock_now_ns() - set->t_ns);
     pthread_mutex_unlock(&a->lock);
     if (a->node && !err)
         sst_link_node_set(a->node, set);
@@ -284,6 +285,7 @@ static void begin_locked(struct service_array *a, struct sst_capture *capture)
     a->state.open = true;
     a->state.failed = false;
     a->state.report = (struct sst_capture_report){ 0 };
+    memset(&a->state.delay_ns, 0, sizeof(a->state.delay_ns));
     a->state.unused_s = 0;
     a->state.cameras = a->config.bound;
     a->state.period_ns = period_ns(&a->config);

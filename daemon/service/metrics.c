@@ -46,6 +46,11 @@ static void write_capture(FILE *f, const struct array_state *a)
         fprintf(f, "sst_skew_seconds{quantile=\"%g\"} %.9g\n", quantiles[i],
                 (double)sst_histogram_quantile(&r->skew_ns, quantiles[i]) / 1e9);
     fprintf(f, "sst_skew_seconds_count %llu\n", (unsigned long long)r->skew_ns.count);
+    head(f, "set_delay_seconds", "summary", "From the trigger until its set is there, since the cameras were opened.");
+    for (size_t i = 0; i < ARRAY_LEN(quantiles); i++)
+        fprintf(f, "sst_set_delay_seconds{quantile=\"%g\"} %.9g\n", quantiles[i],
+                (double)sst_histogram_quantile(&a->delay_ns, quantiles[i]) / 1e9);
+    fprintf(f, "sst_set_delay_seconds_count %llu\n", (unsigned long long)a->delay_ns.count);
     metric(f, "skewed_sets", "gauge", "Sets with more skew than the limit, likewise.", (double)r->skewed);
 }
 

@@ -62,6 +62,7 @@ struct array_state {
     enum sst_bucket unused_bucket;         /* ... most of them in this one */
     uint64_t sets, complete, ring_refused; /* of all openings */
     struct sst_capture_report report;      /* of this one */
+    struct sst_histogram delay_ns;         /* from the trigger until its set is in the ring, of this opening */
 };
 
 /** Start the thread that captures into the ring, and on a node that which sends to the head.

@@ -41,6 +41,12 @@ static json_t *skew_json(const struct array_layout *layout, const struct sst_cap
                      (json_int_t)r->skewed);
 }
 
+static json_t *delay_json(const struct sst_histogram *h)
+{
+    return json_pack("{s:f, s:f, s:f}", "p50", (double)sst_histogram_quantile(h, 0.5) / 1e6, "p99",
+                     (double)sst_histogram_quantile(h, 0.99) / 1e6, "max", (double)h->max / 1e6);
+}
+
 static json_t *capture_json(const struct array_state *a, const struct array_layout *layout)
 {
     const struct sst_capture_report *r = &a->report;
@@ -50,13 +56,14 @@ static json_t *capture_json(const struct array_state *a, const struct array_layo
     json_object_set_new(frames, "lost_by_drivers", count(r->grab.lost));
     json_object_set_new(frames, "unexplained", count(r->unexplained));
     return json_pack(
-        "{s:i, s:i, s:f, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:o}", "cameras", a->cameras, "present", a->present,
+        "{s:i, s:i, s:f, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:o, s:o}", "cameras", a->cameras, "present", a->present,
         "rate_hz", a->rate_hz, "sets", (json_int_t)a->sets, "complete", (json_int_t)a->complete, "dropped",
         (json_int_t)r->sets.dropped, "refused", (json_int_t)a->ring_refused, "trigger",
         json_pack("{s:s, s:I, s:I, s:I, s:b}", "source", source_names[layout->config.source], "edges",
                   (json_int_t)r->edges, "stamped", (json_int_t)r->edges_stamped, "skipped",
                   (json_int_t)r->ticks_skipped, "away", r->trigger_away),
-        "frames", frames, "skew_us", skew_json(layout, r), "recovery", counts(rung_keys, r->grab.rung, SST_GRAB_RUNGS));
+        "frames", frames, "skew_us", skew_json(layout, r), "delay_ms",
+        delay_json(&a->delay_ns), "recovery", counts(rung_keys, r->grab.rung, SST_GRAB_RUNGS));
 }
 
 static json_t *window_json(const struct time_window *w)
