@@ -13,7 +13,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "capture/link/link_internal.h"
-#include "pipeline/live/frames/still.h"
+#include "pipeline/live/frames/unchanged.h"
 
 #define QUEUE_MAX    256
 #define FLIGHT       8 /* sets that were sent and not confirmed: what cannot go waits in the queue, where it can be dropped */
@@ -64,7 +64,7 @@ struct link_lane {
     struct sst_array_config sent; /* the array as the head knows it */
     int sent_cameras, sent_camera_of[SST_CAMERAS_MAX];
     uint64_t seq;
-    struct sst_still *still; /* what was sent last of each camera; NULL: all is sent */
+    struct sst_unchanged *unchanged; /* what was sent last of each camera; NULL: all is sent */
     char reason[256];
     /* under lock */
     pthread_mutex_t lock;
@@ -195,7 +195,7 @@ static struct wire_frame describe(struct link_lane *n, const struct sst_kept *ke
 
     if (!f)
         return (struct wire_frame){ .kind = WIRE_MISSING };
-    same = n->still && sst_still_same(n->still, cam, f->data, f->bytes, f->stride);
+    same = n->unchanged && sst_unchanged_same(n->unchanged, cam, f->data, f->bytes, f->stride);
     return (struct wire_frame){ .kind = same ? WIRE_UNCHANGED : WIRE_FRAME,
                                 .bytes = same ? 0 : (uint32_t)f->bytes,
                                 .stride = (uint32_t)f->stride,
@@ -356,12 +356,12 @@ static int connected(struct link_lane *n)
 }
 
 /* A detector for the cameras of this opening. */
-static void renew_still(struct link_lane *n)
+static void renew_unchanged(struct link_lane *n)
 {
-    sst_still_destroy(n->still);
-    n->still = NULL;
+    sst_unchanged_destroy(n->unchanged);
+    n->unchanged = NULL;
     if (n->array.hosts.skip_unchanged &&
-        sst_still_create(&n->still, n->sent_cameras, n->sent.fourcc, n->sent.width, n->sent.height))
+        sst_unchanged_create(&n->unchanged, n->sent_cameras, n->sent.fourcc, n->sent.width, n->sent.height))
         sst_log_warning("hosts.skip_unchanged: no memory or no such format: every picture is sent");
 }
 
@@ -382,7 +382,7 @@ static int greet(struct link_lane *n)
     memcpy(n->sent_camera_of, n->camera_of, sizeof(n->camera_of));
     hello = hello_locked(n);
     pthread_mutex_unlock(&n->lock);
-    renew_still(n);
+    renew_unchanged(n);
     n->phase = LINK_GREETING;
     return link_stream_add_json(&n->stream, MESSAGE_HELLO, hello);
 }
@@ -660,7 +660,7 @@ void link_lane_close(struct link_lane *n)
     link_lane_stop(n);
     if (n->threaded)
         pthread_join(n->thread, NULL);
-    sst_still_destroy(n->still);
+    sst_unchanged_destroy(n->unchanged);
     if (n->wake_fd >= 0)
         close(n->wake_fd);
     pthread_mutex_destroy(&n->lock);

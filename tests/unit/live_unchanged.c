@@ -1,4 +1,4 @@
-/* pipeline/live/frames/still.h: pictures that show what was accepted last. */
+/* pipeline/live/frames/unchanged.h: pictures that show what was accepted last. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -6,7 +6,7 @@
 #include "config/array.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/image.h"
-#include "pipeline/live/frames/still.h"
+#include "pipeline/live/frames/unchanged.h"
 #include "simulators/scene/noise.h"
 #include "tests/test.h"
 
@@ -26,37 +26,37 @@ static void draw(uint8_t *out, uint64_t seed, int square_x, int change)
         }
 }
 
-static bool same(struct sst_still *s, int cam, uint64_t seed, int square_x, int change)
+static bool same(struct sst_unchanged *s, int cam, uint64_t seed, int square_x, int change)
 {
     static uint8_t picture[WIDTH * HEIGHT];
 
     draw(picture, seed, square_x, change);
-    return sst_still_same(s, cam, picture, sizeof(picture), WIDTH);
+    return sst_unchanged_same(s, cam, picture, sizeof(picture), WIDTH);
 }
 
-static struct sst_still *create(int cameras)
+static struct sst_unchanged *create(int cameras)
 {
-    struct sst_still *s = NULL;
+    struct sst_unchanged *s = NULL;
 
-    assert_int_equal(sst_still_create(&s, cameras, sst_array_format("GREY"), WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_unchanged_create(&s, cameras, sst_array_format("GREY"), WIDTH, HEIGHT), 0);
     return s;
 }
 
 static void noise_is_no_change(void **state SST_UNUSED)
 {
-    struct sst_still *s = create(2);
+    struct sst_unchanged *s = create(2);
     int sent = 0;
 
     for (uint64_t i = 1; i <= 40; i++)
         sent += !same(s, 0, i, 0, 0);
     assert_true(sent >= 1 && sent <= 4); /* the first, and what settles after it */
     assert_false(same(s, 1, 1, 0, 0));   /* each camera has its own */
-    sst_still_destroy(s);
+    sst_unchanged_destroy(s);
 }
 
 static void a_change_is_sent_and_then_it_rests(void **state SST_UNUSED)
 {
-    struct sst_still *s = create(1);
+    struct sst_unchanged *s = create(1);
     uint64_t seed = 1;
     int after = 0;
 
@@ -68,30 +68,30 @@ static void a_change_is_sent_and_then_it_rests(void **state SST_UNUSED)
         after += !same(s, 0, seed++, 60, 40);
     assert_true(after <= 4);
     assert_false(same(s, 0, seed++, 70, 40)); /* it moves */
-    sst_still_destroy(s);
+    sst_unchanged_destroy(s);
 }
 
 static void slow_changes_add_up(void **state SST_UNUSED)
 {
-    struct sst_still *s = create(1);
+    struct sst_unchanged *s = create(1);
     int sent = 0;
 
     for (int i = 0; i < 60; i++)
         sent += !same(s, 0, (uint64_t)i + 1, 60, i);
     assert_true(sent >= 4); /* though none of the steps is seen alone */
-    sst_still_destroy(s);
+    sst_unchanged_destroy(s);
 }
 
 static void what_cannot_be_read_is_sent(void **state SST_UNUSED)
 {
-    struct sst_still *s = create(1);
+    struct sst_unchanged *s = create(1);
     uint8_t few[10] = { 0 };
 
-    assert_false(sst_still_same(s, 0, few, sizeof(few), WIDTH));
+    assert_false(sst_unchanged_same(s, 0, few, sizeof(few), WIDTH));
     assert_false(same(s, 0, 1, 0, 0));
-    sst_still_destroy(s);
-    sst_still_destroy(NULL);
-    assert_int_equal(sst_still_create(&s, 1, 0x12345678, WIDTH, HEIGHT), -EINVAL);
+    sst_unchanged_destroy(s);
+    sst_unchanged_destroy(NULL);
+    assert_int_equal(sst_unchanged_create(&s, 1, 0x12345678, WIDTH, HEIGHT), -EINVAL);
 }
 
 int main(void)

@@ -1,4 +1,4 @@
-#include "pipeline/live/frames/still.h"
+#include "pipeline/live/frames/unchanged.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -16,7 +16,7 @@ struct still_camera {
     int unsettled;
 };
 
-struct sst_still {
+struct sst_unchanged {
     int cameras, width, height;
     struct decoder *decoder;
     uint8_t *changed; /* [tiles] */
@@ -24,11 +24,11 @@ struct sst_still {
     struct still_camera *camera;
 };
 
-int sst_still_create(struct sst_still **out, int cameras, uint32_t fourcc, int width, int height)
+int sst_unchanged_create(struct sst_unchanged **out, int cameras, uint32_t fourcc, int width, int height)
 {
     const size_t tiles = (size_t)((width + SST_LIVE_TILE - 1) / SST_LIVE_TILE) *
                          (size_t)((height + SST_LIVE_TILE - 1) / SST_LIVE_TILE);
-    struct sst_still *s = calloc(1, sizeof(*s));
+    struct sst_unchanged *s = calloc(1, sizeof(*s));
     int err = s ? 0 : -ENOMEM;
 
     if (!err) {
@@ -41,7 +41,7 @@ int sst_still_create(struct sst_still **out, int cameras, uint32_t fourcc, int w
         err = s->camera && s->changed && s->all ? decoder_create(&s->decoder, fourcc, width, height) : -ENOMEM;
     }
     if (err) {
-        sst_still_destroy(s);
+        sst_unchanged_destroy(s);
         return err;
     }
     memset(s->all, 1, tiles);
@@ -49,7 +49,7 @@ int sst_still_create(struct sst_still **out, int cameras, uint32_t fourcc, int w
     return 0;
 }
 
-void sst_still_destroy(struct sst_still *s)
+void sst_unchanged_destroy(struct sst_unchanged *s)
 {
     if (!s)
         return;
@@ -63,7 +63,7 @@ void sst_still_destroy(struct sst_still *s)
     free(s);
 }
 
-bool sst_still_same(struct sst_still *s, int cam, const uint8_t *data, size_t bytes, size_t stride)
+bool sst_unchanged_same(struct sst_unchanged *s, int cam, const uint8_t *data, size_t bytes, size_t stride)
 {
     struct still_camera *c = &s->camera[cam];
     struct verdict v;

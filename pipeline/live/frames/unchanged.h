@@ -1,17 +1,17 @@
-/* pipeline/live/frames/still.h - finds out whether the pictures of cameras show what was last accepted of each. */
-#ifndef SST_PIPELINE_LIVE_FRAMES_STILL_H
-#define SST_PIPELINE_LIVE_FRAMES_STILL_H
+/* pipeline/live/frames/unchanged.h - finds out whether the pictures of cameras show what was last accepted of each. */
+#ifndef SST_PIPELINE_LIVE_FRAMES_UNCHANGED_H
+#define SST_PIPELINE_LIVE_FRAMES_UNCHANGED_H
 
 #include <stdbool.h>
 
 #include "base/base.h"
 
-struct sst_still; /* opaque; one thread */
+struct sst_unchanged; /* opaque; one thread */
 
 /** @param fourcc  V4L2: MJPG, JPEG, or a format of pipeline/image/raw.h @return 0, -EINVAL (format, size), -ENOMEM */
-SST_MUST_CHECK int sst_still_create(struct sst_still **out, int cameras, uint32_t fourcc, int width, int height);
+SST_MUST_CHECK int sst_unchanged_create(struct sst_unchanged **out, int cameras, uint32_t fourcc, int width, int height);
 /** NULL is fine. */
-void sst_still_destroy(struct sst_still *still);
+void sst_unchanged_destroy(struct sst_unchanged *unchanged);
 
 /**
  * Does a picture show what the last accepted one of this camera shows? If not, it is accepted in its place.
@@ -21,6 +21,6 @@ void sst_still_destroy(struct sst_still *still);
  * the reading of the block means, a millisecond for a JPEG of 640x480.
  * @return false also for the first picture, and for one that cannot be read
  */
-bool sst_still_same(struct sst_still *still, int cam, const uint8_t *data, size_t bytes, size_t stride);
+bool sst_unchanged_same(struct sst_unchanged *unchanged, int cam, const uint8_t *data, size_t bytes, size_t stride);
 
 #endif
