@@ -148,8 +148,9 @@ static void check_hosts(const struct config_load *load)
     if (a->role == SST_CONFIG_HEAD && !a->hosts.nodes)
         fault(role, NULL, "head needs hosts: nodes, the names of its nodes");
     if (cameras && a->source != SST_CONFIG_GPIO && a->source != SST_CONFIG_EXTERNAL)
-        fault(source(load, "trigger.source", "role"), NULL,
-              "must be gpio on the host that fires the trigger and external on the others, for all hosts count its edges");
+        fault(role, NULL,
+              "%s needs trigger: source gpio if it fires the trigger, else external: all hosts count its edges",
+              a->role == SST_CONFIG_NODE ? "node" : "head");
 }
 
 void config_check_array(struct config_load *load)

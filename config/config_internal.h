@@ -7,7 +7,6 @@
 
 #define SST_CONFIG_PATH      "/etc/sst/sstd.yaml"
 #define SST_CONFIG_FILES_MAX 64 /* of conf.d */
-#define SST_CONFIG_KEYS_MAX  128
 
 /** Where the value of a key was read, for messages about contradictions. */
 struct config_place {

@@ -79,14 +79,25 @@ static int compare(struct diff *d, const struct sst_key *key)
     return add(d, name, class_of(key, d->before, d->after));
 }
 
+static bool is_counted(const struct sst_key *key)
+{
+    return (key->type == SST_KEY_TEXTS || key->type == SST_KEY_CONTROLS || key->type == SST_KEY_LIST) &&
+           key->count_offset != SST_KEY_NO_COUNT;
+}
+
 void sst_config_keep(struct sst_config *to, const struct sst_config *running)
 {
     int count;
     const struct sst_key *keys = sst_schema(&count);
 
-    for (int i = 0; i < count; i++) { /* none of them is a list */
-        if (class_of(&keys[i], running, to) == SST_RELOAD_DAEMON)
-            memcpy((char *)to + keys[i].offset, (const char *)running + keys[i].offset, keys[i].size);
+    for (int i = 0; i < count; i++) {
+        const struct sst_key *key = &keys[i];
+
+        if (class_of(key, running, to) != SST_RELOAD_DAEMON)
+            continue;
+        memcpy((char *)to + key->offset, (const char *)running + key->offset, key->size);
+        if (is_counted(key))
+            memcpy((char *)to + key->count_offset, (const char *)running + key->count_offset, sizeof(int));
     }
 }
 

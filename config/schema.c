@@ -455,6 +455,8 @@ static const struct sst_key keys[] = {
       FIELDS(hook_keys) },
 };
 
+_Static_assert(ARRAY_LEN(keys) <= SST_CONFIG_KEYS_MAX, "places of keys in files");
+
 const struct sst_key *sst_schema(int *count)
 {
     *count = (int)ARRAY_LEN(keys);

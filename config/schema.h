@@ -57,6 +57,8 @@ struct sst_key {
     const char *help; /* one clause */
 };
 
+#define SST_CONFIG_KEYS_MAX 192 /* keys at most */
+
 /** All keys in the order of the file, grouped by section. */
 const struct sst_key *sst_schema(int *count);
 

@@ -106,6 +106,10 @@ static const struct {
 } special[] = {
     { "array.rows", "array: { rows: 3 }" },
     { "array.cols", "array: { cols: 3 }" },
+    { "role", "role: head\nhosts: { nodes: [ a ], ca: /a.pem, certificate: /c.pem, key: /k.pem }" },
+    { "hosts.head", "hosts: { head: 127.0.0.1 }" },
+    { "hosts.address", "hosts: { address: 127.0.0.2 }" },
+    { "hosts.nodes", "hosts: { nodes: [ a ] }" },
     { "cameras.format", "cameras: { format: YUYV }" },
     { "cameras.controls", "cameras: { controls: { gain: 3 } }" },
     { "cameras.bind", "cameras: { bind: [ { row: 0, col: 0, serial: A } ] }" },
