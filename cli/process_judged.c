@@ -51,7 +51,7 @@ json_t *cli_levels_json(const struct sst_lightfield *lf, const char *dir)
 {
     int before, after;
 
-    if (sst_lightfield_levels(lf, dir, &before, &after) || !before)
+    if (sst_lightfield_levels(lf, dir, true, &before, &after) || !before)
         return json_null();
     return json_pack("{s:i, s:i, s:[i, i]}", "before", before, "after", after, "samples", lf->samples.black,
                      lf->samples.white ? lf->samples.white : 65535);

@@ -1,5 +1,7 @@
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <strings.h>
 
 #include "base/clock.h"
@@ -35,6 +37,53 @@ static int make_picture(struct picture *p, const struct render_input *in, const 
         p->ms[i] = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
     }
     sst_stats_sort_double(p->ms, p->repeat);
+    return err;
+}
+
+/* What keeps a picture from having more than 256 levels; NULL: nothing. */
+static const char *only_levels(const struct sst_lightfield *lf, int before, int after)
+{
+    return !before                              ? "its views have 8 bits"
+           : before == after                    ? "" /* none is lost */
+           : lf->calibration || lf->images_raw  ? "its views are rectified from raw frames"
+           : lf->correction                     ? "its views are corrected (`sst process --align off` leaves them alone)"
+                                                : NULL;
+}
+
+/* The picture in the samples of the views: of all their levels where that can be. */
+static int write_samples(const struct picture *p, const struct render_input *in, const struct sst_render_config *cfg,
+                         const char *out)
+{
+    const int views = in->lf.rows * in->lf.cols;
+    struct sst_map_u16(*deep)[3], picture[3] = { 0 };
+    int before, after, err = sst_lightfield_levels(&in->lf, in->path, false, &before, &after);
+    const char *why = err ? NULL : only_levels(&in->lf, before, after);
+    int64_t coarse = 0;
+
+    if (err)
+        return err;
+    if (why) {
+        if (*why)
+            sst_log_warning("%s has 256 levels between samples %d and %d: %s", out, in->lf.samples.black,
+                            in->lf.samples.white ? in->lf.samples.white : 65535, why);
+        return sst_image_write_samples(&p->image, in->lf.samples, out);
+    }
+    deep = calloc((size_t)views, sizeof(*deep));
+    err = deep ? sst_lightfield_read_deep(deep, &in->lf, in->path, cfg->threads) : -ENOMEM;
+    for (int c = 0; c < 3 && !err; c++)
+        err = sst_map_u16_init(&picture[c], in->lf.width, in->lf.height);
+    if (err == -ENOMEM)
+        sst_log_error("no memory for the samples of %d views", views);
+    err = err ? err : sst_render_deep(in->renderer, cfg, picture, &p->image, (const struct sst_map_u16(*)[3])deep, &coarse);
+    if (!err && coarse)
+        sst_log_info("%s: %.1f %% of the pixels have one of 256 levels: no ray shows them, or rays were verified", out,
+                     100.0 * (double)coarse / ((double)in->lf.width * in->lf.height));
+    err = err ? err : sst_image_write_deep(picture, out);
+    for (int i = 0; deep && i < 3 * views; i++)
+        sst_map_u16_fini(&deep[i / 3][i % 3]);
+    for (int c = 0; c < 3; c++)
+        sst_map_u16_fini(&picture[c]);
+    free(deep);
     return err;
 }
 
@@ -155,7 +204,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "focus", 'f', CLI_AUTO, &focus, "D",
           "disparity to focus on, px per spacing, or auto: behind what stands in front (default)" },
         { "output", 'o', CLI_STRING, &out, "FILE", "picture, .png or .jpg" },
-        { "samples", 0, CLI_FLAG, &samples, NULL, "16-bit PNG in the samples of the views, where those have 16 bits" },
+        { "samples", 0, CLI_FLAG, &samples, NULL, "16-bit PNG in the samples of the views, of all their levels unless they are corrected or rectified; slow" },
         { "valid", 0, CLI_STRING, &valid, "FILE", "PNG of what the rays support: 255 seen, 64 filled, 0 nothing", 0,
           0 },
         { "repeat", 0, CLI_INT, &picture.repeat, "N", "render N times more and print the median time", 1, MAX_REPEAT },
@@ -184,7 +233,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         if (!err && explain)
             err = cli_render_explain(&in, &a, explain, pixel[0], pixel[1]);
         if (!err)
-            err = samples ? sst_image_write_samples(&picture.image, in.lf.samples, out)
+            err = samples ? write_samples(&picture, &in, &a.cfg, out)
                           : cli_write_picture(&picture.image, out);
         if (!err && valid)
             err = sst_map_u8_write_png(&picture.valid, valid, NULL);

@@ -23,6 +23,10 @@ SST_MUST_CHECK int sst_image_decode(struct sst_image *img, const uint8_t *data, 
 SST_MUST_CHECK int sst_image_decode_samples(struct sst_image *img, const uint8_t *data, size_t size, const char *name,
                                             struct sst_samples samples);
 
+/** The samples themselves of a 16-bit PNG in memory: red, green, blue, or grey in all three. @param plane  out, initialised here
+ *  @return as above; -EBADMSG where it has fewer bits */
+SST_MUST_CHECK int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint8_t *data, size_t size, const char *name);
+
 /** How often each sample occurs, all channels but alpha together. */
 struct sst_sample_counts {
     uint64_t of[65536];
@@ -66,6 +70,9 @@ SST_MUST_CHECK int sst_image_write_png(const struct sst_image *img, const char *
 
 /** 16-bit RGB PNG: levels 0 to 255 become samples black to white, so that reading with `samples` gives the image again. */
 SST_MUST_CHECK int sst_image_write_samples(const struct sst_image *img, struct sst_samples samples, const char *path);
+
+/** 16-bit RGB PNG of these samples. */
+SST_MUST_CHECK int sst_image_write_deep(const struct sst_map_u16 plane[3], const char *path);
 
 /** @param quality 1..100; 4:2:0 */
 SST_MUST_CHECK int sst_image_write_jpeg(const struct sst_image *img, const char *path, int quality);

@@ -309,6 +309,64 @@ int sst_png_count_samples(struct sst_sample_counts *counts, const uint8_t *data,
     return err;
 }
 
+/* Samples of 16 bits as they are, grey in all three planes. */
+static int deep_open(struct reader *r, struct sst_map_u16 plane[3])
+{
+    int width, height, err;
+
+    if (setjmp(png_jmpbuf(r->png))) {
+        sst_log_error("%s is a damaged or truncated PNG image (%s); write it again", r->name, r->message);
+        return -EBADMSG;
+    }
+    read_info(r);
+    err = check_size(r, &width, &height);
+    if (err)
+        return err;
+    if (png_get_bit_depth(r->png, r->info) != 16) {
+        sst_log_error("%s has fewer than 16 bits; it was replaced, import it again", r->name);
+        return -EBADMSG;
+    }
+    png_set_gray_to_rgb(r->png);
+    png_set_strip_alpha(r->png);
+    png_set_interlace_handling(r->png);
+    png_read_update_info(r->png, r->info);
+    r->rows = malloc((size_t)height * sizeof(*r->rows));
+    r->packed = sst_mem_alloc_raw((size_t)height, (size_t)width * 6);
+    err = r->rows && r->packed ? 0 : -ENOMEM;
+    for (int c = 0; c < 3 && !err; c++)
+        err = sst_map_u16_init(&plane[c], width, height);
+    if (err)
+        return sst_image_size_error(err, r->name, width, height);
+    for (size_t y = 0; y < (size_t)height; y++)
+        r->rows[y] = r->packed + y * (size_t)width * 6;
+    png_read_image(r->png, r->rows);
+    for (int i = 0; i < 3 * height; i++) {
+        const uint8_t *row = r->rows[i / 3] + 2 * (i % 3);
+        uint16_t *to = sst_map_u16_row(&plane[i % 3], i / 3);
+
+        for (int x = 0; x < width; x++)
+            to[x] = (uint16_t)(row[6 * x] << 8 | row[6 * x + 1]);
+    }
+    return 0;
+}
+
+int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint8_t *data, size_t size, const char *name)
+{
+    struct sst_map_u16 made[3] = { 0 };
+    struct reader r;
+    int err = reader_open(&r, data, size, name);
+
+    err = err ? sst_image_size_error(err, name, 0, 0) : deep_open(&r, made);
+    reader_close(&r);
+    for (int c = 0; c < 3; c++) {
+        if (err)
+            sst_map_u16_fini(&made[c]);
+        else
+            plane[c] = made[c];
+    }
+    return err;
+}
+
 static int size_open(struct reader *r, int *width, int *height)
 {
     if (setjmp(png_jmpbuf(r->png))) {
@@ -362,8 +420,9 @@ struct writer {
     char message[MESSAGE_BYTES];
 };
 
-/* The image to write: one of three types. */
+/* The image to write: one of four types. */
 struct picture {
+    const struct sst_map_u16 *deep; /* [3] planes of 16-bit RGB */
     const struct sst_image *image;
     const struct sst_map_u8 *u8;
     const struct sst_map_u16 *u16;
@@ -383,14 +442,25 @@ static void deepen_row(uint8_t *row, int width, struct sst_samples s)
     }
 }
 
+/* Planes to packed samples, big-endian. */
+static void pack_deep_row(uint8_t *row, const struct sst_map_u16 plane[3], int y)
+{
+    for (int i = 0; i < 3 * plane[0].width; i++) {
+        const int v = sst_map_u16_row(&plane[i % 3], y)[i / 3];
+
+        row[2 * i] = (uint8_t)(v >> 8);
+        row[2 * i + 1] = (uint8_t)v;
+    }
+}
+
 static void write_rows(struct writer *w, const struct picture *p)
 {
-    const int type = p->image ? PNG_COLOR_TYPE_RGB : p->palette ? PNG_COLOR_TYPE_PALETTE : PNG_COLOR_TYPE_GRAY;
+    const bool rgb = p->image || p->deep;
+    const int type = rgb ? PNG_COLOR_TYPE_RGB : p->palette ? PNG_COLOR_TYPE_PALETTE : PNG_COLOR_TYPE_GRAY;
 
     png_init_io(w->png, w->stream);
     png_set_IHDR(w->png, w->info, (png_uint_32)p->width, (png_uint_32)p->height,
-                 p->u16 || p->samples.white ? 16 : 8, type,
-                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+                 p->u16 || p->deep || p->samples.white ? 16 : 8, type, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     if (p->palette) {
         png_color colors[256];
 
@@ -401,11 +471,11 @@ static void write_rows(struct writer *w, const struct picture *p)
     /* Speed before size: many of these files are written. Of a map, runs of bytes alone are smaller than short matches,
      * in two thirds of the time. Filters do not shrink a map of indices. */
     png_set_compression_level(w->png, 2);
-    if (!p->image)
+    if (!rgb)
         png_set_compression_strategy(w->png, Z_RLE);
     png_set_filter(w->png, PNG_FILTER_TYPE_BASE,
                    p->palette ? PNG_FILTER_NONE
-                   : p->image ? PNG_FILTER_SUB
+                   : rgb      ? PNG_FILTER_SUB
                               : PNG_FILTER_UP);
     png_write_info(w->png, w->info);
     if (p->u16 && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
@@ -413,11 +483,13 @@ static void write_rows(struct writer *w, const struct picture *p)
     for (int y = 0; y < p->height; y++) {
         if (p->image)
             sst_rgb_pack_row(w->packed, p->image, y);
+        else if (p->deep)
+            pack_deep_row(w->packed, p->deep, y);
         if (p->samples.white)
             deepen_row(w->packed, p->width, p->samples);
-        png_write_row(w->png, p->image ? w->packed
-                              : p->u8  ? sst_map_u8_row(p->u8, y)
-                                       : (png_const_bytep)sst_map_u16_row(p->u16, y));
+        png_write_row(w->png, rgb     ? w->packed
+                              : p->u8 ? sst_map_u8_row(p->u8, y)
+                                      : (png_const_bytep)sst_map_u16_row(p->u16, y));
     }
     png_write_end(w->png, w->info);
 }
@@ -440,9 +512,9 @@ static int write_png(const struct picture *p, const char *path)
 
     w.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, w.message, on_error, ignore_warning);
     w.info = w.png ? png_create_info_struct(w.png) : NULL;
-    w.packed = p->image ? malloc((size_t)p->width * 6) : NULL;
+    w.packed = p->image || p->deep ? malloc((size_t)p->width * 6) : NULL;
     w.stream = open_memstream(&w.data, &w.size);
-    if (!w.info || !w.stream || (p->image && !w.packed))
+    if (!w.info || !w.stream || ((p->image || p->deep) && !w.packed))
         err = sst_image_size_error(-ENOMEM, path, p->width, p->height);
     else
         err = encode(&w, p, path);
@@ -478,4 +550,9 @@ int sst_map_u8_write_png(const struct sst_map_u8 *map, const char *path, const u
 int sst_map_u16_write_png(const struct sst_map_u16 *map, const char *path)
 {
     return write_png(&(struct picture){ .u16 = map, .width = map->width, .height = map->height }, path);
+}
+
+int sst_image_write_deep(const struct sst_map_u16 plane[3], const char *path)
+{
+    return write_png(&(struct picture){ .deep = plane, .width = plane[0].width, .height = plane[0].height }, path);
 }

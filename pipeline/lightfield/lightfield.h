@@ -103,9 +103,15 @@ SST_MUST_CHECK int sst_lightfield_load(struct sst_lightfield *lf, const char *di
  */
 SST_MUST_CHECK int sst_lightfield_choose_samples(struct sst_lightfield *lf, const char *dir, const char *name);
 
-/** Distinct samples of the reference view's file, and the levels that they become; 0 and 0: it has 8 bits. Logs what is
- *  lost. The same errors. */
-SST_MUST_CHECK int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, int *before, int *after);
+/** Distinct samples of the reference view's file, and the levels that they become; 0 and 0: it has 8 bits.
+ *  @param report  log what is lost. The same errors. */
+SST_MUST_CHECK int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, bool report, int *before,
+                                         int *after);
+
+/** Samples of the views' files, which all have 16 bits: red, green and blue of each view. @param plane  out, [rows * cols][3],
+ *  zeroed before; to be freed by the caller also after failures. The same errors, -EBADMSG: fewer bits, another size */
+SST_MUST_CHECK int sst_lightfield_read_deep(struct sst_map_u16 (*plane)[3], const struct sst_lightfield *lf, const char *dir,
+                                            int threads);
 
 /** Qualities of the views' files (sst_jpeg_quality()). @param quality  out, [rows * cols]; NAN: no JPEG. The same errors. */
 SST_MUST_CHECK int sst_lightfield_jpeg_quality(double *quality, const struct sst_lightfield *lf, const char *dir);

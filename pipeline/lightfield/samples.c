@@ -7,6 +7,7 @@
 #include <strings.h>
 
 #include "base/log.h"
+#include "base/thread.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
@@ -68,7 +69,7 @@ int sst_lightfield_choose_samples(struct sst_lightfield *lf, const char *dir, co
     return r < 0 ? r : 0;
 }
 
-int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, int *before, int *after)
+int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, bool report, int *before, int *after)
 {
     struct sst_sample_counts *counts = calloc(1, sizeof(*counts));
     int r = counts ? count_view(counts, lf, lf->ref_view, dir) : -ENOMEM;
@@ -76,7 +77,8 @@ int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, int 
     *before = *after = 0;
     if (r > 0) {
         sst_samples_levels(before, after, counts, lf->samples);
-        sst_samples_report(counts, lf->samples, lf->files->view[lf->ref_view].name);
+        if (report)
+            sst_samples_report(counts, lf->samples, lf->files->view[lf->ref_view].name);
     }
     free(counts);
     return r < 0 ? r : 0;
@@ -104,4 +106,42 @@ int sst_lightfield_jpeg_quality(double *quality, const struct sst_lightfield *lf
         free(data);
     }
     return 0;
+}
+
+struct deep_job {
+    struct sst_map_u16 (*plane)[3];
+    const struct sst_lightfield *lf;
+    const char *dir;
+};
+
+static int read_deep(void *arg, int k, int worker SST_UNUSED)
+{
+    const struct deep_job *job = arg;
+    const struct sst_map_u16 *green = &job->plane[k][1];
+    char path[SST_PATH_MAX];
+    uint8_t *data;
+    size_t size;
+    int err;
+
+    if (!job->lf->views[k].present)
+        return 0;
+    err = view_path(path, job->lf, k, job->dir);
+    err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+    if (err)
+        return err;
+    err = sst_image_decode_deep(job->plane[k], data, size, path);
+    free(data);
+    if (!err && (green->width != job->lf->width || green->height != job->lf->height)) {
+        sst_log_error("%s has %dx%d pixels, the light field %dx%d; make the light field again", path, green->width,
+                      green->height, job->lf->width, job->lf->height);
+        return -EBADMSG;
+    }
+    return err;
+}
+
+int sst_lightfield_read_deep(struct sst_map_u16 (*plane)[3], const struct sst_lightfield *lf, const char *dir, int threads)
+{
+    struct deep_job job = { plane, lf, dir };
+
+    return sst_parallel_for(lf->rows * lf->cols, sst_thread_count(threads), read_deep, &job);
 }

@@ -48,16 +48,17 @@ grep -q "no parallax" err && grep -q '"confirmed_percent": 0.0' out && grep -q '
   fail "one picture is confirmed: $(cat out err)"
 
 # --- 16 bits: narrow samples are scaled, as 8 bits of the same levels come out; wide ones are rounded with a warning ---
-mkdir deep flat wide
+mkdir deep flat wide fine
 /usr/bin/python3 - <<'P' || fail "python3 with OpenCV"
 import cv2, numpy
 y, x = numpy.mgrid[0:60, 0:80]
 for k in range(9):
     value = 127.5 + 67.5 * numpy.sin((x + 3 * (k % 3)) / 3) + 60 * numpy.sin((y + 3 * (k // 3)) / 4)
+    fine = numpy.round(200 * value).astype(numpy.uint16)
     value = numpy.round(value).astype(numpy.uint16)
     if k == 4:
         value[0, :2] = 0, 255
-    for name, picture in (("deep", 30000 + value), ("flat", value.astype(numpy.uint8)), ("wide", 200 * value)):
+    for name, picture in (("deep", 30000 + value), ("flat", value.astype(numpy.uint8)), ("wide", 200 * value), ("fine", fine)):
         cv2.imwrite(f"{name}/{k // 3:02d}_{k % 3:02d}.png", picture)
 P
 for l in deep flat wide; do "$sst" import folder $l --grid 3x3 -o $l.lf --range-min -1 --range-max 6 >out 2>err-$l || fail "16 bits: $(cat err-$l)"; done
@@ -72,6 +73,33 @@ cmp deep.lf/disparity/01_01.png flat.lf/disparity/01_01.png || fail "16 bits giv
 import cv2, numpy
 deep, flat = cv2.imread("deep.png", -1), cv2.imread("flat.png", -1)
 assert deep.dtype == numpy.uint16 and (deep.astype(int) - 30000 == flat).all()' || fail "16-bit PNG out"
+"$sst" import folder fine --grid 3x3 -o fine.lf --range-min -1 --range-max 6 >out 2>err || fail "16 bits: $(cat err)"
+"$sst" process fine.lf --no-labels --preset preview -q >out 2>err || fail "process of fine: $(cat err)"
+"$sst" render fine.lf --method refocus --focus 3 --f-stop 1000 --samples -o own.png 2>err || fail "16 bits of one view: $(cat err)"
+"$sst" render fine.lf --method refocus --focus 3 --samples -o mean.png 2>>err || fail "16 bits of all views: $(cat err)"
+"$sst" render fine.lf --method refocus --focus 3 -o level.png 2>>err || fail "8 bits of all views: $(cat err)"
+"$sst" render fine.lf --focus 3 --samples -o see.png 2>>err || fail "16 bits, see-through: $(cat err)"
+"$sst" render fine.lf --focus 3 -o see8.png 2>>err || fail "8 bits, see-through: $(cat err)"
+[ -s err ] && fail "16 bits are warned of: $(cat err)"
+/usr/bin/python3 -c '
+import cv2, numpy
+read = lambda name: cv2.imread(name, -1).astype(float)
+own = read("own.png")
+assert (own == read("fine/01_01.png")[..., None] if own.ndim > read("fine/01_01.png").ndim else own == read("fine/01_01.png")).all(), "own view"
+mean, views = read("mean.png")[..., 1], {(r, c): cv2.imread(f"fine/{r:02d}_{c:02d}.png", 0 | cv2.IMREAD_ANYDEPTH).astype(float) for r in range(3) for c in range(3)}
+h, w = mean.shape
+want = sum(v[8 + 3 * (1 - r):h - 8 + 3 * (1 - r), 8 + 3 * (1 - c):w - 8 + 3 * (1 - c)] for (r, c), v in views.items()) / 9
+assert abs(mean[8:-8, 8:-8] - want).max() <= 0.5 + 1e-6, abs(mean[8:-8, 8:-8] - want).max()
+level, see = read("level.png")[..., 1], read("see.png")[..., 1]
+assert abs(mean / 257 - level).max() < 1.5 and len(numpy.unique(mean)) > 4 * len(numpy.unique(level)), (abs(mean / 257 - level).max(), len(numpy.unique(mean)), len(numpy.unique(level)))
+assert abs(see / 257 - read("see8.png")[..., 1]).max() <= 1.5 and len(numpy.unique(see)) > 4 * len(numpy.unique(read("see8.png")[..., 1]))' || fail "16-bit pictures of all levels"
+cp -r fine.lf off.lf && /usr/bin/python3 -c '
+import json
+lf = json.load(open("off.lf/lightfield.json"))
+lf["correction"] = [dict(row=0, col=0, right_px=0.0, down_px=1.0, roll_deg=0.0, scale=0.0, gain=[1.0, 1.0, 1.0])]
+json.dump(lf, open("off.lf/lightfield.json", "w"))'
+"$sst" render off.lf --focus 3 --samples -o off.png 2>err || fail "16 bits, corrected: $(cat err)"
+grep -q "warning: off.png has 256 levels between samples 0 and 65535: its views are corrected" err || fail "levels are lost in silence: $(cat err)"
 "$sst" stereo wide/00_00.png wide/00_01.png -m 9 -o deep.pfm 2>err || fail "stereo of 16 bits: $(cat err)"
 grep -q "wide/00_00.png: 16 bits become 8" err || fail "stereo cuts 16 bits in silence: $(cat err)"
 

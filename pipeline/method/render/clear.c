@@ -526,3 +526,46 @@ int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int 
     sst_render_plan_fini(&plan);
     return err;
 }
+
+/* --- all pixels explained ----------------------------------------------------------------------------------------- */
+
+struct clear_job {
+    struct clear *c;
+    sst_render_pixel_fn *pixel;
+    void *arg;
+};
+
+static int describe_row(void *arg, int y, int worker)
+{
+    const struct clear_job *job = arg;
+    const struct clear *c = job->c;
+    struct scratch *s = &c->scratch[worker];
+    struct sst_ray rays[SST_MAX_VIEWS];
+
+    for (int x = 0; x < c->width; x += SST_CLEAR_BLOCK) {
+        const int own = find_rays(c, s, x, y);
+
+        c->kernels->clear_blend(&s->out, &s->rays, own);
+        for (int i = 0; i < SST_CLEAR_BLOCK && x + i < c->width; i++)
+            job->pixel(job->arg, x + i, y, rays, describe(c, s, i, x + i, y, rays, own));
+    }
+    return 0;
+}
+
+int clear_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_render_pixel_fn *pixel, void *arg)
+{
+    const int threads = sst_thread_count(cfg->threads);
+    struct sst_render_plan plan;
+    struct clear c;
+    struct clear_job job = { &c, pixel, arg };
+    int err = plan_views(&plan, r, cfg);
+
+    if (err)
+        return err;
+    err = clear_init(&c, &plan, r, cfg);
+    err = err ? err : land_rays(&c, threads);
+    err = err ? err : sst_parallel_for(c.height, threads, describe_row, &job);
+    clear_fini(&c);
+    sst_render_plan_fini(&plan);
+    return err;
+}

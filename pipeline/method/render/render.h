@@ -259,6 +259,27 @@ struct sst_ray {
 SST_MUST_CHECK int sst_render_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y,
                                    struct sst_ray *rays, int *count);
 
+/** Rays of one output pixel, of any thread. */
+typedef void sst_render_pixel_fn(void *arg, int x, int y, const struct sst_ray *rays, int count);
+
+/** Call pixel() for every pixel with what sst_render_rays() says of it, in no order, on all threads of the renderer. Rays are not
+ *  verified. @return as sst_render() */
+SST_MUST_CHECK int sst_render_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_render_pixel_fn *pixel,
+                                   void *arg);
+
+/**
+ * Make the 16-bit picture of one of 8 bits: the mean of the rays' samples by their shares, where it is within a level of that one.
+ * Elsewhere (filled holes, verified rays) the pixel is that one's, in samples. The same bytes for any number of threads.
+ *
+ * @param out     [3], initialised by the caller
+ * @param image   sst_render() with cfg of lf, whose views are neither corrected nor rectified
+ * @param deep    [rows * cols][3] samples of the views
+ * @param coarse  out, pixels that have the 8-bit picture's value
+ * @return as sst_render()
+ */
+SST_MUST_CHECK int sst_render_deep(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_map_u16 out[3],
+                                   const struct sst_image *image, const struct sst_map_u16 (*deep)[3], int64_t *coarse);
+
 /** W_d and W_s of every pixel of one view. @param w_depth, w_label  out, initialised by the caller @return as above */
 SST_MUST_CHECK int sst_render_weights(struct sst_renderer *r, const struct sst_render_config *cfg, int view,
                                       struct sst_map_f32 *w_depth, struct sst_map_f32 *w_label);

@@ -90,6 +90,9 @@ SST_MUST_CHECK int clear_render(struct sst_renderer *r, const struct sst_render_
 SST_MUST_CHECK int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int x, int y,
                               struct sst_ray *rays, int *count);
 
+/** As sst_render_each(), a row at a time. */
+SST_MUST_CHECK int clear_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_render_pixel_fn *pixel, void *arg);
+
 /**
  * Mix every pixel with the mean of its surroundings, as far as its weight is below 255: a pyramid of weighted means,
  * each level as far as the finer one lacks weight.   Source: Gortler 1996, pull-push.
