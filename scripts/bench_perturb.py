@@ -31,6 +31,7 @@ class Bench:
         self.sst = os.path.join(args.build, "sst")
         self.dir = os.path.join(args.build, "perturb")
         self.size = {**dict.fromkeys(perturb_page.SCENES, args.size), **dict.fromkeys(perturb_page.OTHERS, args.small)}
+        self.few = args.few
         self.threads = ("--threads", str(args.threads)) if args.threads else ()
         os.makedirs(self.dir, exist_ok=True)
         self.cache, self.moment = {}, {}  # views of light fields, and of scenes at moments
@@ -183,7 +184,7 @@ def make_scene(bench, name, seed):
 
 def measure_scene(bench, name, seed, kind):
     lf = make_scene(bench, name, seed)
-    strengths = perturb_page.strengths(name, kind, seed)
+    strengths = perturb_page.strengths(name, kind, seed == 1 and not bench.few)
     for strength in strengths:
         bench.one(name, seed, kind, strength, "auto", lf, os.path.join(lf, "truth"))
     for strength in strengths if kind in perturb_page.UNALIGNED and name in perturb_page.SCENES and seed == 1 else ():
@@ -216,7 +217,7 @@ def measure_real(bench, name, data, most):
         np.save(truth, disparity(out))
         bench.render(out, truth, name + "-unperturbed.png")
     for kind in ("none", *perturb_page.REAL_KINDS):
-        for strength in perturb_page.strengths(name, kind, 1):
+        for strength in perturb_page.strengths(name, kind, False):
             bench.one(name, 1, kind, strength, "auto", lf, truth)
 
 
@@ -247,6 +248,7 @@ def main():
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--threads", type=int, default=0, help="of `sst process`; all")
     parser.add_argument("--real", default="../shared/data", help="folder of photographed light fields; left out where absent")
+    parser.add_argument("--few", action="store_true", help="the few strengths of seed 2 for seed 1, too")
     parser.add_argument("--only", help="light fields, separated by commas")
     parser.add_argument("--page", action="store_true", help="only write the page of what was measured")
     args = parser.parse_args()

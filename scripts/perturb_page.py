@@ -21,8 +21,8 @@ CHARTED = ("vertical", "gain", "vignetting", "noise", "jpeg", "blur")
 EVERY = (*SCENES, *OTHERS, *REAL)
 
 
-def strengths(name, kind, seed):
-    return (0,) if kind == "none" else perturb.SWEEPS[kind][2] if name in SCENES and seed == 1 else FEW[kind]
+def strengths(name, kind, many):
+    return (0,) if kind == "none" else perturb.SWEEPS[kind][2] if name in SCENES and many else FEW[kind]
 
 
 def mean(rows, field):
