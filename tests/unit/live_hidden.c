@@ -145,6 +145,36 @@ static void who_walks_and_stands_is_found_and_leaves_are_not(void **state)
     close_watch(&w);
 }
 
+/* Who comes and stands behind dense leaves is found before the views remember the colours, after any time. */
+static void who_stands_behind_dense_leaves_is_found(void **state)
+{
+    int found = 0;
+
+    (void)state;
+    for (int seed = 4; seed <= 7; seed++) {
+        const struct sst_hedge_config c = make_hedge(0.75, 0.5, (uint64_t)seed);
+        struct sst_hedge_person p = person_at(60 + 10 * seed, 0.4);
+        struct watch w;
+        double most = 0;
+
+        p.clothes = 7919 * seed;
+        open_watch(&w, &c);
+        for (int n = 0; n < 80; n++) { /* one in 2 s */
+            step(&w, NULL);
+            w.t_s++;
+        }
+        for (int n = 0; n < 20; n++) {
+            step(&w, &p);
+            w.t_s++;
+            for (int i = 0; i < w.things; i++)
+                most = fmax(most, w.thing[i].reported ? w.thing[i].evidence : 0);
+        }
+        found += most > 2 * sst_hidden_threshold(w.hidden);
+        close_watch(&w);
+    }
+    assert_int_equal(found, 4);
+}
+
 static void noise_and_dark_are_no_matter(void **state)
 {
     struct sst_hedge_config c = make_hedge(0.65, 0.5, 4);
@@ -209,6 +239,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(who_walks_and_stands_is_found_and_leaves_are_not),
+        cmocka_unit_test(who_stands_behind_dense_leaves_is_found),
         cmocka_unit_test(noise_and_dark_are_no_matter),
         cmocka_unit_test(sizes_are_checked),
         cmocka_unit_test(threads_do_not_matter),

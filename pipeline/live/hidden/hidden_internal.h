@@ -32,8 +32,8 @@ struct hidden_model {
     int tiles_x, tiles_y, tile; /* tile: cells */
     bool filled;
     double gain; /* brightness of the view against the slots */
-    int64_t learnt_ns;
-    uint32_t rounds;
+    int64_t learnt_ns, usual_ns; /* when its colours and its usual differences last followed */
+    uint32_t rounds;             /* since it was filled */
 };
 
 #define HIDDEN_CAP 48

@@ -8,11 +8,14 @@
 
 #include "pipeline/live/hidden/hidden_internal.h"
 
-#define LEARN_NS   INT64_C(500000000) /* between two rounds, each of which renews a colour of one cell in PHASES */
+#define LEARN_NS   INT64_C(2000000000) /* between two rounds, each of which renews a colour of one cell in PHASES: who stands ... */
+#define BEGIN_NS   INT64_C(500000000)  /* ... must not be remembered before being reported. At the beginning, nothing is known: */
+#define BEGIN      240                 /* rounds that follow so fast */
 #define ROUNDS     6                  /* at most that many at once, after a pause */
 #define PHASES     8
 #define BESIDE     3  /* cells */
-#define USUAL_RATE 5  /* the usual difference follows by 1/32 a set */
+#define USUAL_NS   INT64_C(2000000000) /* the usual difference follows by 1/32 in this time */
+#define USUAL_RATE 5
 #define USUAL_MOST 60 /* levels: what counts at most for it */
 #define SLACK      1  /* levels, and the usual difference: do not count */
 #define GAIN_STEP  6  /* cells between those that brightness is measured on */
@@ -265,6 +268,7 @@ static void fill(struct hidden_model *m)
     }
     m->filled = true;
     m->gain = 1;
+    m->rounds = 0;
 }
 
 /* --- a set ----------------------------------------------------------------------------------------------------------
@@ -319,6 +323,8 @@ static void read_tiles(struct hidden_model *m, const struct sst_image *image, co
 void hidden_model_update(struct hidden_model *m, const struct sst_image *image, const uint8_t *changed, int step,
                          int64_t t_ns, const struct hidden_rect *keep, int keeps)
 {
+    const int64_t every_ns = m->rounds < BEGIN ? BEGIN_NS : LEARN_NS;
+    const bool usual = m->rounds < BEGIN || t_ns - m->usual_ns >= USUAL_NS || t_ns < m->usual_ns;
     const int tiles = m->tiles_x * m->tiles_y;
 
     if (!m->filled || !changed || memchr(changed, 1, (size_t)tiles))
@@ -327,9 +333,11 @@ void hidden_model_update(struct hidden_model *m, const struct sst_image *image, 
         const struct hidden_rect r = tile_rect(m, i);
 
         if (!changed || changed[i] || m->hot[i])
-            compare(m, i, &r, !overlaps(&r, keep, keeps));
+            compare(m, i, &r, usual && !overlaps(&r, keep, keeps));
     }
-    m->learnt_ns = m->learnt_ns && t_ns - m->learnt_ns < ROUNDS * LEARN_NS ? m->learnt_ns : t_ns - LEARN_NS;
-    for (; t_ns - m->learnt_ns >= LEARN_NS; m->learnt_ns += LEARN_NS)
+    if (usual)
+        m->usual_ns = t_ns;
+    m->learnt_ns = m->learnt_ns && t_ns - m->learnt_ns < ROUNDS * every_ns ? m->learnt_ns : t_ns - every_ns;
+    for (; t_ns - m->learnt_ns >= every_ns; m->learnt_ns += every_ns)
         learn(m, keep, keeps);
 }
