@@ -1,15 +1,14 @@
-/* Calls of libgphoto2, each with its errors translated. */
-#include "drivers/still/still_internal.h"
-
-#if WITH_GPHOTO2
+/* Calls of libgphoto2, each with its errors translated: the part libsst-gphoto.so, which uses nothing of the program.
+ */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include <gphoto2/gphoto2-camera.h>
 
-#include "base/clock.h"
+#include "drivers/still/still_internal.h"
 
 #define MS 1000000LL
 
@@ -20,6 +19,14 @@ struct still_lib {
     int64_t called_ns; /* start of the last call */
     char said[256];
 };
+
+static int64_t now_ns(void)
+{
+    struct timespec t;
+
+    (void)clock_gettime(CLOCK_MONOTONIC, &t);
+    return t.tv_sec * (int64_t)1000000000 + t.tv_nsec;
+}
 
 /** Of several messages of a call the first one has the cause. */
 static void on_error(GPContext *context SST_UNUSED, const char *text, void *data)
@@ -60,7 +67,7 @@ static int from_text(const char *said)
 /** The last call took as long as a time-out. */
 static bool was_slow(const struct still_lib *lib)
 {
-    return sst_clock_now_ns() - lib->called_ns >= lib->response_ms * MS;
+    return now_ns() - lib->called_ns >= lib->response_ms * MS;
 }
 
 static int translate(struct still_lib *lib, int result)
@@ -98,7 +105,7 @@ static int translate(struct still_lib *lib, int result)
 static struct still_lib *fresh(struct still_lib *lib)
 {
     lib->said[0] = 0;
-    lib->called_ns = sst_clock_now_ns();
+    lib->called_ns = now_ns();
     return lib;
 }
 
@@ -371,4 +378,3 @@ int still_lib_delete(struct still_lib *lib, const struct still_path *path)
 {
     return translate(lib, gp_camera_file_delete(fresh(lib)->camera, path->folder, path->name, lib->context));
 }
-#endif

@@ -102,8 +102,8 @@ static int open_failed(const struct sst_still_device *d, int err, const char *sa
 
     switch (err) {
     case -ENOPKG:
-        sst_log_error("sst was built without libgphoto2 and cannot use still cameras; install libgphoto2-dev and build "
-                      "again");
+        sst_log_error("still cameras need libgphoto2: %s; install libgphoto2-dev and build again",
+                      WITH_GPHOTO2 ? said : "sst was built without it");
         return err;
     case -EACCES:
         sst_log_error(
@@ -149,7 +149,7 @@ static int open_device(struct sst_still *s, const struct sst_still_device *d)
         read_serial(s, d);
         return 0;
     }
-    err = open_failed(d, err, err == -ENOPKG ? "" : still_lib_said(s->lib));
+    err = open_failed(d, err, still_lib_said(s->lib));
     still_lib_close(s->lib);
     s->lib = NULL;
     return err;

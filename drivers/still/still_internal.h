@@ -7,7 +7,7 @@
 
 #include "drivers/still/still.h"
 
-/* --- lib: the calls of libgphoto2 (lib_gphoto.c), or their absence (lib_none.c) ------------------------------------
+/* --- lib: the calls of libgphoto2 (lib_gphoto.c), loaded at the first of them (lib.c) ------------------------------------
  */
 
 struct still_lib; /* opaque */
@@ -34,7 +34,8 @@ enum still_event {
 
 /*
  * All return 0 (or as stated) or: -ENODEV (gone), -EBUSY, -ETIMEDOUT, -EPERM (refused), -EACCES, -ENOMEDIUM (card full
- * or missing), -ENOMEM, -EIO. Nothing is logged; still_lib_said() is what the library said about the last failure.
+ * or missing), -ENOMEM, -EIO. -ENOPKG (no libgphoto2). Nothing is logged;
+ * still_lib_said() is what the library said about the last failure.
  */
 SST_MUST_CHECK int still_lib_open(struct still_lib **out, int bus, int address, int response_ms);
 void still_lib_close(struct still_lib *lib); /* NULL is fine */

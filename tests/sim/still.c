@@ -34,8 +34,8 @@ static struct sst_still_config config(void)
 
     sst_still_config_defaults(&cfg);
     cfg.focus = SST_STILL_FOCUS_MANUAL;
-    cfg.card_ms = 2500;
-    cfg.response_ms = 700;
+    cfg.card_ms = 4000;
+    cfg.response_ms = 1500;
     return cfg;
 }
 
@@ -167,9 +167,9 @@ static void faults_are_named_and_survived(void **state SST_UNUSED)
     assert_int_equal(with_fault(s, "still.unplug_download=200"), 0);
     assert_contains(said, "was unplugged or switched off");
     assert_int_equal(with_fault(s, "still.silence=1"), -ETIMEDOUT);
-    assert_contains(said, "does not answer within 700 ms");
+    assert_contains(said, "does not answer within 1500 ms");
     assert_int_equal(with_fault(s, "still.no_event=1"), -ETIMEDOUT);
-    assert_contains(said, "announced 0 of 1 files within 2500 ms");
+    assert_contains(said, "announced 0 of 1 files within 4000 ms");
     assert_int_equal(with_fault(s, "still.battery=4"), -ENOMEDIUM);
     assert_contains(said, "is low: 4 %");
     assert_int_equal(session_fault("still.battery=0"), 0);

@@ -16,11 +16,11 @@ grep -q "about 1440.0 MB" plan || fail "no estimate of a still camera: $(tail -n
 if command -v gphoto2 >/dev/null; then
   cat >gphoto.sh <<'END'
 gphoto2 --auto-detect; gphoto2 --summary
-for s in imagequality focusmode shutterspeed f-number iso; do gphoto2 --get-config $s | grep Current; done
-gphoto2 --set-config shutterspeed=0.0100s --set-config focusmode=Manual && gphoto2 --get-config shutterspeed | grep Current
-gphoto2 --set-config iso=123 2>&1 | grep -i error
-gphoto2 --capture-image-and-download; gphoto2 --trigger-capture; sleep 1
-gphoto2 --list-files; gphoto2 --get-all-files; gphoto2 --storage-info | grep free; gphoto2 --delete-all-files --recurse
+gphoto2 --get-config imagequality --get-config focusmode --get-config shutterspeed --get-config f-number --get-config iso
+gphoto2 --set-config shutterspeed=0.0100s --set-config focusmode=Manual && gphoto2 --get-config shutterspeed
+gphoto2 --set-config iso=123 && echo "iso 123"
+gphoto2 --capture-image-and-download; gphoto2 --trigger-capture; sleep 0.5
+gphoto2 --list-files; gphoto2 --get-all-files; gphoto2 --storage-info; gphoto2 --delete-all-files --recurse
 gphoto2 --list-files | grep -c JPG
 END
   run --world "$world" --truth truth.jsonl -- sh gphoto.sh >out 2>&1
@@ -30,7 +30,7 @@ END
     grep -q "$words" out || fail "gphoto2: no '$words' in $(cat out)"
   done
   [ "$(tail -n 1 out)" = 0 ] || fail "gphoto2 does not delete: $(tail -n 3 out)"
-  [ "$(cat SST_0001.JPG SST_0002.JPG | sha256sum)" = "$(cat SST_0001.JPG SST_0002.JPG | sha256sum)" ] || fail "no files"
+  grep -q "iso 123" out && fail "gphoto2 sets an ISO that there is not"
   for f in SST_0001.JPG SST_0002.JPG; do
     grep -q "\"file\":\"$f\".*$(sha256sum "$f" | cut -c1-64)" truth.jsonl || fail "$f is another than the camera's"
   done
@@ -75,9 +75,9 @@ cap --format 1 --iso 1600 -o other3 || fail "after a refusal: $(cat err)"
 exit $bad
 END
 sed 's/mirror_lockup: false/mirror_lockup: true/' "$world" >mirror.yaml
-echo "still: { card_ms: 1500, response_ms: 500 }" >quick.yaml
+echo "still: { card_ms: 6000, response_ms: 5000 }" >quick.yaml
 run --world "$world" -- bash kinds.sh || fail "see above"
-echo "still: { card_ms: 1500, response_ms: 500, mirror_ms: 50 }" >quick.yaml
+echo "still: { card_ms: 6000, response_ms: 5000, mirror_ms: 50 }" >quick.yaml
 cat >mirror.sh <<'END'
 "$sst" capture rig -c quick.yaml --grid 1x2 --pitch 4mm --backlash 0.3 --profile sst-sim --speed 300 --accel 2000 \
   --bus rtu:/dev/serial/by-id/usb-sim_rig,115200,8E1 --settle 20 --guard 5 --camera still -o mirror
@@ -90,7 +90,7 @@ seed=${SEED:-$(date +%s)}
 python3 - "$seed" "$world" <<'END' || fail "no plan of faults"
 import random, sys
 r = random.Random(int(sys.argv[1]))
-kinds = [("busy", 400), ("busy", 2500), ("card_full", 1), ("battery", 3), ("refuse", 1), ("corrupt", 1), ("corrupt", 2),
+kinds = [("busy", 400), ("busy", 3000), ("card_full", 1), ("battery", 3), ("refuse", 1), ("corrupt", 1), ("corrupt", 2),
          ("corrupt", 3), ("silence", 1), ("unplug_download", 300), ("no_event", 1)]
 plan = kinds + [r.choice(kinds) for _ in range(12 - len(kinds))]
 r.shuffle(plan)
@@ -103,7 +103,7 @@ with open("faults.yaml", "w") as f:
             f.write(f"    - {{shot: {shot}, fault: dial, value: 333}}\n")
         f.write(f"    - {{shot: {shot}, fault: {name}, value: {value}}}\n")
 END
-echo "still: { card_ms: 1500, response_ms: 500, keep: true, exposure: 1/100 }" >quick.yaml
+echo "still: { card_ms: 2000, response_ms: 1000, keep: true, exposure: 1/100 }" >quick.yaml
 cat >all.sh <<'END'
 bus=$(LD_PRELOAD= "$sim" status --json | grep -o 'tcp:127.0.0.1:[0-9]*')
 for round in $(seq 12); do
@@ -126,7 +126,7 @@ python3 - <<'END' || { fail "with seed $seed: $(cat log)"; cat faults.yaml; }
 import hashlib, json, os, re
 words = {"card_full": "is full|no space on its card", "battery": "battery of still camera .* is low", "refuse": "refuses exposure time",
          "silence": "does not answer within", "unplug_download": "was unplugged or switched off", "no_event": "announced 0 of 1 files",
-         ("busy", 400): "is busy and does not release", ("busy", 2500): "stays busy for more than",
+         ("busy", 400): "is busy and does not release", ("busy", 3000): "stays busy for more than",
          ("corrupt", 1): "no complete JPEG", ("corrupt", 2): "no complete JPEG", ("corrupt", 3): "does not answer within|bytes, .* arrived"}
 log = open("log").read()
 faults = [(m[1], int(m[2])) for m in re.finditer(r"fault: (\w+), value: (\d+)", open("faults.yaml").read()) if m[1] != "dial"]

@@ -269,13 +269,49 @@ static void control_transfers_answer(void **state)
     sst_sim_usb_destroy(usb);
 }
 
+static void a_still_camera_has_a_bus_and_no_driver(void **state)
+{
+    static const int sizes[][2] = { { 640, 480 } };
+    struct sst_sim_usb_config cfg = { .layout = "tight", .cameras = 5, .still = "S1", .sizes = sizes, .size_count = 1 };
+    const struct sst_sim_usb_device *d;
+    struct sst_sim_usb *usb;
+    uint8_t bytes[256], class[3];
+    int still;
+
+    (void)state;
+    assert_int_equal(sst_sim_usb_create(&usb, &cfg), 0);
+    still = sst_sim_usb_still(usb);
+    d = sst_sim_usb_device(usb, still);
+    assert_string_equal(d->path, "3-1");
+    assert_string_equal(d->serial, "S1");
+    assert_true(d->here && d->bound == 0 && d->interfaces == 1);
+    assert_int_equal(sst_sim_usb_bind(usb, still, 0, true), -ENODEV);
+    assert_int_equal(sst_sim_usb_interface_class(usb, still, 0, class), 0);
+    assert_memory_equal(class, ((const uint8_t[]){ 6, 1, 1 }), 3);
+    assert_int_equal(sst_sim_usb_descriptors(usb, still, bytes, sizeof(bytes)), 18 + 9 + 9 + 3 * 7);
+    sst_sim_usb_plug(usb, still, false);
+    assert_false(d->here);
+    sst_sim_usb_plug(usb, still, true);
+    assert_true(d->here && d->bound == 0);
+    sst_sim_usb_destroy(usb);
+    cfg.still = NULL;
+    assert_int_equal(sst_sim_usb_create(&usb, &cfg), 0);
+    assert_int_equal(sst_sim_usb_still(usb), -1);
+    sst_sim_usb_destroy(usb);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(layouts_have_the_ports), cmocka_unit_test(a_hub_takes_all_below_along),
-        cmocka_unit_test(rungs_are_told),         cmocka_unit_test(drivers_bind_and_let_go),
-        cmocka_unit_test(bandwidth_runs_out),     cmocka_unit_test(translators_carry_full_speed),
-        cmocka_unit_test(descriptors_are_whole),  cmocka_unit_test(control_transfers_answer),
+        cmocka_unit_test(layouts_have_the_ports),
+        cmocka_unit_test(a_hub_takes_all_below_along),
+        cmocka_unit_test(rungs_are_told),
+        cmocka_unit_test(drivers_bind_and_let_go),
+        cmocka_unit_test(bandwidth_runs_out),
+        cmocka_unit_test(translators_carry_full_speed),
+        cmocka_unit_test(descriptors_are_whole),
+        cmocka_unit_test(control_transfers_answer),
+        cmocka_unit_test(a_still_camera_has_a_bus_and_no_driver),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
