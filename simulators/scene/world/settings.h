@@ -106,9 +106,10 @@ struct sst_sim_settings {
     double delay_us, delay_spread_us, jitter_us, latency_us, latency_spread_us, phase_spread_us;
     double clock_offset_spread_us, clock_drift_spread_ppm;
     struct sst_sim_board board;
-    struct sst_sim_still still;
     struct sst_sim_override camera[SST_CAMERAS_MAX];
-    struct sst_sim_host host; /* at last: pictures do not depend on it, and it is not part of the cache's key */
+    /* At last, because pictures do not depend on them: no part of the cache's key. */
+    struct sst_sim_host host;
+    struct sst_sim_still still;
 };
 
 /** Ideal cameras for a scene, or for "board", an empty wall with a calibration board in front of it. */
