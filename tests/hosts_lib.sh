@@ -4,7 +4,7 @@ port=${port:-21745} # below those that the system gives
 rows=${rows:-2} cols=${cols:-2} size=${size:-[320, 240]} width=${width:-320} height=${height:-240} rate=${rate:-10}
 scene=${scene:-cat} nodes=${nodes:-left right}
 head_address=${head_address:-127.0.0.1}
-queue=${queue:-16}
+queue=${queue:-4}
 live=${live:-false} # of the head
 declare -A at            # NAME: command before a program of this host
 declare -A address_of    # NODE: of the head, as it sees it; else $head_address
@@ -53,7 +53,7 @@ cameras:
   bind:
 $(bind $((i * cols / count)) $(((i + 1) * cols / count)))
 trigger: {source: external, chip: sst-trigger, loopback: LOOP0, rate_hz: $rate}
-hosts: {head: ${address_of[$n]-$head_address}, port: $port, queue: $queue, ca: $tmp/pki/ca.pem, certificate: $tmp/pki/$n.pem, key: $tmp/pki/$n.key}
+hosts: {head: ${address_of[$n]-$head_address}, port: $port, queue: $queue, connections: ${connections:-4}, ca: $tmp/pki/ca.pem, certificate: $tmp/pki/$n.pem, key: $tmp/pki/$n.key}
 live: {enabled: false}
 $(common "$n")
 YAML

@@ -404,6 +404,8 @@ static int welcomed(struct link_lane *n, const uint8_t *data, size_t bytes)
         pthread_mutex_lock(&n->lock);
         (void)confirm_locked(n, (uint64_t)json_integer_value(seq), sst_clock_now_ns());
         lose_flights_locked(n);
+        while (n->count > 1) /* what waited for the connection is old */
+            drop_oldest_locked(n);
         n->changed = true;
         pthread_mutex_unlock(&n->lock);
         n->reason[0] = 0;

@@ -120,7 +120,7 @@ size_t link_message_most(int cameras, int width, int height);
 
 /* --- lanes: connections of a node, each with its share of the cameras --- */
 
-#define LINK_LANES_MAX 8
+#define LINK_LANES_MAX 16
 
 struct link_lane; /* private to lane.c */
 

@@ -64,6 +64,11 @@ for n in $nodes; do
     wire[$n]=$fd
     for _ in $(seq 200); do grep -q up "$n.wire.out" && break; sleep 0.05; done
   fi
+  # A lost packet at the end of a burst is sent again after the time-out: 200 ms, unless the route says otherwise.
+  for where in "$n" head; do
+    dev=$(ip -n "$(space $where)" -o addr show | sed -n "s/.*: *\([^ ]*\) .*10\.77\.$i\..*/\1/p")
+    ip -n "$(space $where)" route change "10.77.$i.0/24" dev "$dev" rto_min 30ms || fail "route of $where"
+  done
   ip -n "$(space "$n")" link set lo up
 done
 ip -n "$(space head)" link set lo up
