@@ -259,6 +259,10 @@ static const struct sst_key keys[] = {
     { KEY("hosts", "connections", INT, array.hosts.connections, "4", DAEMON,
           "of a node: connections to the head, which share its cameras; more are faster on a network that loses packets"),
       RANGE(1, 16) },
+    { KEY("hosts", "copies", INT, array.hosts.copies, "1", DAEMON,
+          "of a node: how often each picture is sent, over connections of their own, of which the first to arrive counts; "
+          "against delays on a network that loses packets. connections times copies is at most 32"),
+      RANGE(1, 4) },
     { KEY("hosts", "queue", INT, array.hosts.queue, "4", DAEMON,
           "of a node: sets that wait on each of them; when it is full the oldest is dropped, counted"),
       RANGE(1, 256) },

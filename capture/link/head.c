@@ -84,8 +84,28 @@ static void head_release(void *object, struct sst_frame *frame)
     pthread_mutex_unlock(&h->lock);
 }
 
+/* Did a frame of that trigger come before, over another connection? Remember it. */
+static bool came_before(struct head_slot *slot, uint64_t index)
+{
+    if (!slot->passed_any || index > slot->passed) {
+        const uint64_t ahead = slot->passed_any ? index - slot->passed : 64;
+
+        slot->passed_bits = (ahead < 64 ? slot->passed_bits << ahead : 0) | 1;
+        slot->passed = index;
+        slot->passed_any = true;
+        return false;
+    }
+    if (slot->passed - index >= 64) /* too old for any set */
+        return false;
+    if (slot->passed_bits >> (slot->passed - index) & 1)
+        return true;
+    slot->passed_bits |= UINT64_C(1) << (slot->passed - index);
+    return false;
+}
+
 static void report_set(struct sst_link_head *h, struct head_set *set)
 {
+    int copies = 0;
     const int64_t now_ns = sst_clock_now_ns();
 
     report_trigger(h, set);
@@ -93,6 +113,10 @@ static void report_set(struct sst_link_head *h, struct head_set *set)
         struct sst_frame *f = &set->frame[i];
         struct head_slot *slot = &h->slot[set->slot[i]];
 
+        if (f->data && came_before(slot, set->place.index)) {
+            copies++;
+            continue;
+        }
         if (f->data) {
             f->cam = set->slot[i];
             f->t_ns += set->place.t_ns;
@@ -104,6 +128,9 @@ static void report_set(struct sst_link_head *h, struct head_set *set)
         h->events.frame(h->events.arg, set->slot[i], set->place.index, f->data ? f : NULL);
     }
     pthread_mutex_lock(&h->lock);
+    h->source[set->source].peer.passed -= (uint64_t)copies;
+    h->source[set->source].peer.copies += (uint64_t)copies;
+    set->refs -= copies;
     release_locked(h, set);
     pthread_mutex_unlock(&h->lock);
 }
@@ -172,13 +199,14 @@ struct sst_source sst_link_head_source(struct sst_link_head *h)
 static void add_lane(struct sst_link_peer *p, const struct head_source *s)
 {
     const struct sst_link_peer *lane = &s->peer;
-    const uint64_t known = lane->passed + lane->dropped + lane->unnamed + lane->waiting;
+    const uint64_t known = lane->passed + lane->copies + lane->dropped + lane->unnamed + lane->waiting;
 
     p->cameras += s->cameras;
     p->sets = lane->sets > p->sets ? lane->sets : p->sets;
     p->frames += lane->frames;
     p->unchanged += lane->unchanged;
     p->passed += lane->passed;
+    p->copies += lane->copies;
     p->dropped += lane->dropped;
     p->unnamed += lane->unnamed;
     p->waiting += lane->waiting;

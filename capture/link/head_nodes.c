@@ -64,6 +64,18 @@ static void note_node(struct sst_link_head *h, int source, const char *why)
 
 /* --- ends --------------------------------------------------------------------------------------------------------- */
 
+/* Another connection of the node brings the same cameras: its states count from now on. */
+static void hand_over_locked(struct sst_link_head *h, int source)
+{
+    const int node = link_node_of(source);
+
+    for (int o = node * LINK_LANES_MAX; o < (node + 1) * LINK_LANES_MAX; o++) {
+        for (int i = 0; o != source && h->source[o].peer.connected && i < h->source[o].cameras; i++)
+            if (h->slot[h->source[o].slot[i]].source == source)
+                h->slot[h->source[o].slot[i]].source = o;
+    }
+}
+
 static void end(struct sst_link_head *h, struct link_connection *c, const char *why)
 {
     const int source = c->source;
@@ -80,6 +92,7 @@ static void end(struct sst_link_head *h, struct link_connection *c, const char *
         s->peer.connected = false;
         snprintf(s->peer.reason, sizeof(s->peer.reason), "%.250s", why);
         head_forget_locked(h, source);
+        hand_over_locked(h, source);
         for (int i = 0; i < s->cameras; i++)
             head_camera_locked(h, source, i, SST_GRAB_ABSENT, text, NULL);
         pthread_mutex_unlock(&h->lock);
@@ -108,7 +121,7 @@ static const char *holder_locked(const struct sst_link_head *h, int view, int so
 {
     const int other = h->slot[view].source;
 
-    if (other < 0 || other == source || !h->source[other].peer.connected)
+    if (other < 0 || link_node_of(other) == link_node_of(source) || !h->source[other].peer.connected)
         return NULL;
     return other == LINK_OWN ? "the head itself" : h->source[other].peer.name;
 }
@@ -147,8 +160,11 @@ static int bind_cameras_locked(struct sst_link_head *h, int source, const json_t
             h->slot[i].source = -1;
     s->cameras = n;
     for (int i = 0; i < n; i++) {
+        const int other = h->slot[view[i]].source;
+
         s->slot[i] = view[i];
-        h->slot[view[i]].source = source;
+        if (other < 0 || !h->source[other].peer.connected || link_node_of(other) != link_node_of(source))
+            h->slot[view[i]].source = source; /* else it is that of the first copy */
     }
     return 0;
 }

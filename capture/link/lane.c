@@ -50,7 +50,7 @@ struct link_lane {
     struct link_credentials *credentials; /* the node's */
     struct sst_ring *ring;
     struct sst_link_node *node;
-    int number, lanes;
+    int number, shares, copies;
     int wake_fd;
     uint64_t run;
     pthread_t thread;
@@ -153,7 +153,7 @@ static json_t *hello_locked(const struct link_lane *n)
     }
     snprintf(run, sizeof(run), "%016llx", (unsigned long long)n->run);
     return json_pack("{s:i, s:s, s:i, s:i, s:i, s:f, s:i, s:i, s:s, s:o}", "version", LINK_VERSION, "run", run, "opening",
-                     (int)n->opening, "lane", n->number, "lanes", sst_min_int(n->lanes, a->bound), "rate_hz", a->trigger_hz, "width", a->width, "height", a->height, "format",
+                     (int)n->opening, "lane", n->number, "lanes", n->copies * sst_min_int(n->shares, a->bound), "rate_hz", a->trigger_hz, "width", a->width, "height", a->height, "format",
                      format ? format : "", "cameras", cameras);
 }
 
@@ -548,7 +548,7 @@ static void *serve(void *arg)
 
 /* --- calls -------------------------------------------------------------------------------------------------------- */
 
-int link_lane_open(struct link_lane **out, struct sst_link_node *node, int number, int lanes, uint64_t run,
+int link_lane_open(struct link_lane **out, struct sst_link_node *node, int number, uint64_t run,
                    const struct sst_link_node_config *cfg, struct link_credentials *credentials)
 {
     struct link_lane *n = calloc(1, sizeof(*n));
@@ -558,7 +558,8 @@ int link_lane_open(struct link_lane **out, struct sst_link_node *node, int numbe
         return err;
     n->node = node;
     n->number = number;
-    n->lanes = lanes;
+    n->shares = cfg->array->hosts.connections;
+    n->copies = cfg->array->hosts.copies;
     n->run = run;
     n->array = *cfg->array;
     n->ring = cfg->ring;
@@ -590,7 +591,7 @@ void link_lane_cameras(struct link_lane *n, const struct sst_array_config *layou
         n->layout = *layout;
         n->opening++;
         memset(n->camera, 0, sizeof(n->camera));
-        for (int i = n->number; i < layout->bound; i += n->lanes)
+        for (int i = n->number % n->shares; i < layout->bound; i += n->shares)
             n->camera_of[n->cameras++] = i;
     }
     n->open = n->cameras > 0;

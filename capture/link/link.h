@@ -16,7 +16,7 @@
 
 struct sst_link_node; /* opaque; any thread, but open and close */
 
-/** Where frames of captured sets ended on their way to the head: exactly one place each. */
+/** Where frames of captured sets ended on their way to the head: exactly one place each; of several copies, each copy. */
 enum sst_link_bucket {
     SST_LINK_SENT = 0,      /* the head has confirmed them ... */
     SST_LINK_UNCHANGED = 1, /* ... likewise, without their bytes, as they show what the ones before show */
@@ -76,7 +76,8 @@ struct sst_link_peer {
     int cameras;
     uint64_t connections; /* of its first lane */
     uint64_t sets, frames, unchanged; /* received on all connections; frames include those that were named as unchanged */
-    uint64_t passed, dropped, unnamed, waiting; /* the frames: passed to capture; no room; of no trigger; on their way */
+    /* Of the frames: passed to capture; came before, over another connection; no room; of no trigger; on their way. */
+    uint64_t passed, copies, dropped, unnamed, waiting;
     uint64_t unexplained;                       /* frames in no place or in two: 0, or a bug */
     uint64_t received_bytes;
     struct sst_numbering_state numbering;

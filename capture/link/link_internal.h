@@ -120,11 +120,12 @@ size_t link_message_most(int cameras, int width, int height);
 
 /* --- lanes: connections of a node, each with its share of the cameras --- */
 
-#define LINK_LANES_MAX 16
+#define LINK_LANES_MAX 32
 
 struct link_lane; /* private to lane.c */
 
-SST_MUST_CHECK int link_lane_open(struct link_lane **out, struct sst_link_node *node, int number, int lanes, uint64_t run,
+/** @param number  of 0 .. shares * copies - 1: it has the share number % shares of the cameras */
+SST_MUST_CHECK int link_lane_open(struct link_lane **out, struct sst_link_node *node, int number, uint64_t run,
                                   const struct sst_link_node_config *cfg, struct link_credentials *credentials);
 /** The verbs of the node, for this lane's cameras. @param cam  number in the node */
 void link_lane_cameras(struct link_lane *lane, const struct sst_array_config *layout);
@@ -169,6 +170,9 @@ struct head_slot {
     struct sst_grab_device device; /* under lock */
     bool changed;                  /* under lock: not reported yet */
     /* capture thread */
+    bool passed_any;        /* a frame of it was passed on: of `passed`, */
+    uint64_t passed;        /* and of those before it in bit i of `passed_bits`: of passed - i */
+    uint64_t passed_bits;
     enum sst_grab_state shown;
     struct sst_grab_device shown_device;
     struct sst_grab_counters count;

@@ -1,6 +1,6 @@
 /* A node: its cameras go to the head over several connections, its lanes.
  *
- * One connection on a network that loses packets is slow, whatever the line could carry, and what is lost holds up all that
+ * With copies, each share goes over several of them, and what arrives first counts. One connection on a network that loses packets is slow, whatever the line could carry, and what is lost holds up all that
  * follows. Several have so many times the throughput, and hold up their own cameras alone. */
 #include <errno.h>
 #include <stdlib.h>
@@ -93,14 +93,16 @@ int sst_link_node_open(struct sst_link_node **out, const struct sst_link_node_co
     n->ring = cfg->ring;
     n->arg = cfg->arg;
     n->event = cfg->event;
-    n->lanes = cfg->array->hosts.connections;
+    n->lanes = cfg->array->hosts.connections * cfg->array->hosts.copies;
+    if (n->lanes > LINK_LANES_MAX)
+        n->lanes = LINK_LANES_MAX; /* refused by the configuration */
     pthread_mutex_init(&n->lock, NULL);
     if (getrandom(&run, sizeof(run), 0) != sizeof(run))
         err = -errno;
     if (!err)
         err = link_credentials_create(&n->credentials, cfg->array);
     for (int i = 0; !err && i < n->lanes; i++)
-        err = link_lane_open(&n->lane[i], n, i, n->lanes, run, cfg, n->credentials);
+        err = link_lane_open(&n->lane[i], n, i, run, cfg, n->credentials);
     if (err) {
         sst_link_node_close(n);
         return err;
@@ -121,7 +123,8 @@ void sst_link_node_cameras(struct sst_link_node *n, const struct sst_array_confi
 void sst_link_node_camera(struct sst_link_node *n, int cam, enum sst_grab_state state, const char *why,
                           const struct sst_grab_device *device)
 {
-    link_lane_camera(n->lane[cam % n->lanes], cam, state, why, device);
+    for (int i = cam % n->array.hosts.connections; i < n->lanes; i += n->array.hosts.connections)
+        link_lane_camera(n->lane[i], cam, state, why, device);
 }
 
 void sst_link_node_set(struct sst_link_node *n, const struct sst_frameset *set)

@@ -44,6 +44,7 @@ static json_t *peer_json(struct sst_link_peer *p, const uint64_t bucket[SST_BUCK
     json_object_set_new(frames, "received", count(p->frames));
     json_object_set_new(frames, "unchanged", count(p->unchanged));
     json_object_set_new(frames, "passed", count(p->passed));
+    json_object_set_new(frames, "copies", count(p->copies));
     json_object_set_new(frames, "no_room", count(p->dropped));
     json_object_set_new(frames, "unnamed", count(p->unnamed));
     json_object_set_new(frames, "waiting", count(p->waiting));
@@ -141,7 +142,7 @@ static void write_peer_frames(FILE *f, const struct sst_link_peer *p, const uint
     const struct {
         const char *bucket;
         uint64_t n;
-    } link[] = { { "no_room", p->dropped }, { "unnamed", p->unnamed }, { "waiting", p->waiting } };
+    } link[] = { { "copies", p->copies }, { "no_room", p->dropped }, { "unnamed", p->unnamed }, { "waiting", p->waiting } };
 
     for (size_t i = 0; i < ARRAY_LEN(link); i++)
         fprintf(f, "sst_node_frames{node=\"%s\",bucket=\"%s\"} %llu\n", p->name, link[i].bucket,
