@@ -140,7 +140,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel check-cluster deps-cluster demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-kernel deps-kernel check-cluster deps-cluster check-nodes demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-sim (simulated devices), and their plugins
@@ -318,6 +318,9 @@ deps-cluster: ## install what check-cluster needs besides
 check-cluster: $(PROGRAMS) ## shared work on a real Slurm of this machine, and by workers that are killed; needs root
 	SST_BUILD=$(BUILD) tests/cluster/slurm.sh
 	SST_BUILD=$(BUILD) tests/cluster/kills.sh
+
+check-nodes: $(PROGRAMS) $(TOOLS) ## nodes and a head in network namespaces, on a bad network, nodes killed; MINUTES=30 NODES=2; needs root
+	SST_BUILD=$(BUILD) tests/nodes/check.sh
 
 deps-kernel: ## install what check-kernel needs besides
 	scripts/deps.sh scripts/kernel/packages.txt

@@ -259,7 +259,7 @@ struct array_options {
 /* Options that override the configuration. */
 static int apply(const struct cli_command *cmd, const struct array_options *o, struct sst_array_config *c)
 {
-    static const char *const sources[] = { "gpio", "software", "free-run" };
+    static const char *const sources[] = { "gpio", "software", "free-run", "external" };
 
     if (o->grid[0] && c->bound && (o->grid[0] != c->rows || o->grid[1] != c->cols))
         return cli_usage_error(cmd, "--grid does not fit the cameras that the configuration binds to places");
@@ -283,11 +283,13 @@ static int apply(const struct cli_command *cmd, const struct array_options *o, s
         while (i < ARRAY_LEN(sources) && strcmp(o->source, sources[i]))
             i++;
         if (i == ARRAY_LEN(sources))
-            return cli_usage_error(cmd, "--trigger %s: known are gpio, software and free-run", o->source);
+            return cli_usage_error(cmd, "--trigger %s: known are gpio, software, free-run and external", o->source);
         c->source = (enum sst_config_source)i;
     }
     if (c->source == SST_CONFIG_GPIO && !c->lines)
         return cli_usage_error(cmd, "a gpio trigger needs its lines: trigger: lines in the configuration");
+    if (c->source == SST_CONFIG_EXTERNAL && !c->loopback[0])
+        return cli_usage_error(cmd, "an external trigger needs its input: trigger: loopback in the configuration");
     if (o->rate_hz > 0)
         c->trigger_hz = o->rate_hz;
     if (o->rate_hz > 0 && c->source == SST_CONFIG_FREE_RUN)
@@ -318,7 +320,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "grid", 0, CLI_GRID, o.grid, "RxC", "rows and columns of the array; 6x6", 1, SST_CAMERAS_MAX },
         { "size", 0, CLI_SIZE, o.size, "WxH", "pixels of a frame; 640x480", 16, 16384 },
         { "format", 0, CLI_STRING, &o.format, "F", "pixel format; MJPEG" },
-        { "trigger", 0, CLI_STRING, &o.source, "SOURCE", "gpio, software or free-run" },
+        { "trigger", 0, CLI_STRING, &o.source, "SOURCE", "gpio, software, free-run or external" },
         { "rate", 0, CLI_DOUBLE, &o.rate_hz, "HZ", "sets per second; 10", 0.01, 1000 },
         { "camera-rate", 0, CLI_DOUBLE, &o.camera_hz, "HZ", "frame rate requested from the cameras", 0.01, 1000 },
         { "append", 0, CLI_FLAG, &o.append, NULL, "append to an existing recording" },

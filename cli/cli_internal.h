@@ -333,6 +333,8 @@ void doctor_check_rig(struct doctor *d);
 void doctor_check_disk(struct doctor *d);
 void doctor_check_limits(struct doctor *d);
 void doctor_check_clock(struct doctor *d);
+/** Of several hosts: certificates, and on a node whether the head can be reached. */
+void doctor_check_hosts(struct doctor *d);
 void doctor_check_uvcvideo(struct doctor *d);
 void doctor_check_gpu(struct doctor *d);
 

@@ -74,14 +74,17 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (err)
         return cli_exit_code(err);
     doctor = (struct doctor){ .cfg = &cfg, .folder = folder };
-    doctor_check_cameras(&doctor);
+    if (cfg.role != SST_CONFIG_HEAD || cfg.bound) { /* a head may have no cameras */
+        doctor_check_cameras(&doctor);
+        doctor_check_bandwidth(&doctor);
+        doctor_check_trigger(&doctor);
+    }
     doctor_check_still(&doctor);
-    doctor_check_bandwidth(&doctor);
-    doctor_check_trigger(&doctor);
     doctor_check_rig(&doctor);
     doctor_check_disk(&doctor);
     doctor_check_limits(&doctor);
     doctor_check_clock(&doctor);
+    doctor_check_hosts(&doctor);
     doctor_check_uvcvideo(&doctor);
     doctor_check_gpu(&doctor);
     r = CLI_OK;
@@ -95,7 +98,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 const struct cli_command cli_doctor = {
     .name = "doctor",
     .usage = "[--config FILE] [-o DIR] [--json]",
-    .summary = "check permissions, cameras, bandwidth, lines, disk and clock for capturing, and test GPUs",
+    .summary = "check permissions, cameras, bandwidth, lines, disk, clock and other hosts for capturing, and test GPUs",
     .detail = "Checks what the configuration needs and changes nothing. Each finding is OK, WARNING or PROBLEM, in "
               "one\nsentence with its remedy. Exit code 3 when there is a problem.",
     .example = "sst doctor --config array.yaml -o /var/lib/sst",

@@ -8,17 +8,19 @@
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/statvfs.h>
-#include <sys/timex.h>
 #include <time.h>
 #include <unistd.h>
 
 #include "base/clock.h"
 #include "base/file.h"
+#include "base/kernel_clock.h"
+#include "capture/link/link.h"
 #include "cli/cli_internal.h"
 #include "pipeline/gpu/gpu.h"
 
 #define AREA_DISK           "disk"
 #define AREA_GPU            "gpu"
+#define AREA_CLOCK          "clock"
 #define TRY_NS              1000000000 /* of writing */
 #define TRY_BYTES           (256 << 20)
 #define CHUNK               (4 << 20)
@@ -155,25 +157,59 @@ void doctor_check_limits(struct doctor *d)
 
 /* --- clock -------------------------------------------------------------------------------------------------------- */
 
+/* Of several hosts: the clock names a node's first set, and may be wrong by a part of the trigger's period then. */
+static void judge_hosts_clock(struct doctor *d, const struct sst_kernel_clock *clock)
+{
+    const double period_ms = 1e3 / sst_array_sets_hz(d->cfg), error_ms = clock->error_us / 1e3;
+    const char *what = d->cfg->role == SST_CONFIG_NODE ? "node" : "head";
+
+    if (!clock->known || !clock->synchronised)
+        doctor_add(d, DOCTOR_PROBLEM, AREA_CLOCK,
+                   "no program keeps the wall clock of this %s: its sets could be named wrongly when it joins; install and "
+                   "enable chrony (chronyc tracking shows its state) or PTP on all hosts",
+                   what);
+    else if (error_ms > period_ms / 10)
+        doctor_add(d, DOCTOR_WARNING, AREA_CLOCK,
+                   "the wall clock of this %s may be wrong by %.1f ms, more than a tenth of the trigger's period of %.0f ms: "
+                   "use a nearer time server (chronyc sources) or PTP, the same for all hosts",
+                   what, error_ms, period_ms);
+    else
+        doctor_add(d, DOCTOR_OK, AREA_CLOCK,
+                   "the wall clock of this %s is kept, error at most %.1f ms and probably %.3f ms, of a trigger's period of %.0f ms%s",
+                   what, error_ms, clock->estimate_us / 1e3, period_ms,
+                   clock->tai_s ? "; TAI is set, as by PTP or chrony" : "");
+}
+
 void doctor_check_clock(struct doctor *d)
 {
-    struct timex state = { .modes = 0 };
-    const int r = adjtimex(&state);
+    struct sst_kernel_clock clock;
     struct timespec resolution;
 
-    if (r < 0)
-        doctor_add(d, DOCTOR_WARNING, "clock", "cannot read whether the clock is synchronised: %s", strerror(errno));
-    else if (r == TIME_ERROR || (state.status & STA_UNSYNC))
-        doctor_add(d, DOCTOR_WARNING, "clock",
+    sst_kernel_clock(&clock);
+    if (d->cfg->role != SST_CONFIG_SINGLE)
+        judge_hosts_clock(d, &clock);
+    else if (!clock.known)
+        doctor_add(d, DOCTOR_WARNING, AREA_CLOCK, "cannot read whether the clock is synchronised: the system refuses it");
+    else if (!clock.synchronised)
+        doctor_add(d, DOCTOR_WARNING, AREA_CLOCK,
                    "the wall clock is not synchronised, so the times in recordings may be "
                    "wrong: enable systemd-timesyncd or chrony");
     else
-        doctor_add(d, DOCTOR_OK, "clock", "the wall clock is synchronised, error at most %.1f ms",
-                   (double)state.maxerror / 1e3);
+        doctor_add(d, DOCTOR_OK, AREA_CLOCK, "the wall clock is synchronised, error at most %.1f ms", clock.error_us / 1e3);
     if (clock_getres(CLOCK_MONOTONIC, &resolution) || resolution.tv_sec || resolution.tv_nsec > 1000)
-        doctor_add(d, DOCTOR_WARNING, "clock",
+        doctor_add(d, DOCTOR_WARNING, AREA_CLOCK,
                    "timers have a resolution of %ld ns: boot with highres=on, or triggers are late by that much",
                    resolution.tv_nsec);
+}
+
+/* --- hosts -------------------------------------------------------------------------------------------------------- */
+
+void doctor_check_hosts(struct doctor *d)
+{
+    char why[500];
+
+    if (d->cfg->role != SST_CONFIG_SINGLE)
+        doctor_add(d, sst_link_check(d->cfg, why, sizeof(why)) ? DOCTOR_PROBLEM : DOCTOR_OK, "hosts", "%s", why);
 }
 
 /* --- camera driver ------------------------------------------------------------------------------------------------ */

@@ -429,6 +429,8 @@ int sst_capture_open_source(struct sst_capture **out, struct sst_array_config *a
 
 int sst_capture_open(struct sst_capture **out, struct sst_array_config *array, const struct sst_capture_events *events)
 {
+    if (array->role == SST_CONFIG_HEAD) /* its own cameras alone, without those of its nodes */
+        array->role = SST_CONFIG_SINGLE;
     return sst_capture_open_source(out, array, &(struct sst_source){ 0 }, events);
 }
 

@@ -63,6 +63,10 @@ void sst_link_node_state(struct sst_link_node *node, struct sst_link_node_state 
 /** NULL is fine. */
 void sst_link_node_close(struct sst_link_node *node);
 
+/** Would this host find its certificates and, as a node, the head? For `sst doctor`; takes a second at most.
+ *  @param why  one sentence, also on success @return 0, or the error */
+SST_MUST_CHECK int sst_link_check(const struct sst_array_config *array, char *why, size_t size);
+
 /* --- head --------------------------------------------------------------------------------------------------------- */
 
 struct sst_link_head; /* opaque; any thread, but open and close */
