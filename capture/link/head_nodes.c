@@ -299,6 +299,16 @@ static int welcome(struct sst_link_head *h, struct link_connection *c, const uin
 
 /* --- STATE and SET ------------------------------------------------------------------------------------------------ */
 
+static int confirm(struct link_connection *c, uint64_t seq)
+{
+    uint8_t *ack = link_stream_add(&c->stream, MESSAGE_ACK, 8);
+
+    if (!ack)
+        return -ENOMEM;
+    wire_put_u64(ack, seq);
+    return 0;
+}
+
 static int take_state(struct sst_link_head *h, struct link_connection *c, const uint8_t *data, size_t bytes)
 {
     json_t *state = json_loadb((const char *)data, bytes, 0, NULL);
@@ -320,7 +330,7 @@ static int take_state(struct sst_link_head *h, struct link_connection *c, const 
     json_decref(h->source[c->source].peer.reported);
     h->source[c->source].peer.reported = state;
     pthread_mutex_unlock(&h->lock);
-    return 0;
+    return confirm(c, h->source[c->source].peer.seq); /* also while the trigger rests: the head is there */
 }
 
 static int keep_last(struct link_connection *c, int cam, const uint8_t *data, const struct wire_frame *f)
@@ -394,7 +404,6 @@ static int take_set(struct sst_link_head *h, struct link_connection *c, const ui
     struct wire_set from;
     const uint8_t *pictures;
     size_t total;
-    uint8_t *ack;
     int frames, unchanged, err = wire_get_set(data, bytes, c->cameras, &from, frame, &pictures);
 
     if (!err && from.seq <= p->seq)
@@ -412,11 +421,7 @@ static int take_set(struct sst_link_head *h, struct link_connection *c, const ui
         fill(h, c, set, &from, frame);
         head_set_pass(h, set);
     }
-    ack = link_stream_add(&c->stream, MESSAGE_ACK, 8);
-    if (!ack)
-        return -ENOMEM;
-    wire_put_u64(ack, from.seq);
-    return 0;
+    return confirm(c, from.seq);
 }
 
 /* --- the thread --------------------------------------------------------------------------------------------------- */

@@ -202,8 +202,7 @@ static struct wire_frame describe(struct link_lane *n, const struct sst_kept *ke
                                 .sequence = f->sequence,
                                 .lost_before = f->lost_before,
                                 .faults = f->faults,
-                                .from_set_ns = f->t_ns - delay_ns - kept->set.t_ns,
-                                .latency_ns = f->arrival_ns - f->t_ns };
+                                .from_set_ns = f->t_ns - delay_ns - kept->set.t_ns };
 }
 
 /* @return frames of it that are unchanged, or -ENOMEM */

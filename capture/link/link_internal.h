@@ -18,7 +18,7 @@
  *   WELCOME  head to node, JSON: refused: "" or why; seq: the last set that it received of that run, 0: none
  *   STATE    node to head, JSON, at least once a second: states of cameras, counters, clock; the head passes it on as it is
  *   SET      node to head: struct wire_set, cameras times struct wire_frame, then the bytes of the frames sent
- *   ACK      head to node: the seq of a set, 8 bytes
+ *   ACK      head to node, after each SET and STATE: the seq of the last set, 8 bytes
  */
 
 #define LINK_VERSION 1
@@ -42,7 +42,7 @@ enum wire_kind {
 };
 
 #define WIRE_SET_BYTES   40
-#define WIRE_FRAME_BYTES 40
+#define WIRE_FRAME_BYTES 32
 
 struct wire_set {
     uint64_t seq, count; /* number of the set on this run; edges counted since the opening */
@@ -55,7 +55,6 @@ struct wire_frame {
     enum wire_kind kind;
     uint32_t bytes, stride, sequence, lost_before, faults;
     int64_t from_set_ns; /* start of exposure less planned delay, less the set's time */
-    int64_t latency_ns;  /* from there to the node */
 };
 
 void wire_put_set(uint8_t *out, const struct wire_set *set);

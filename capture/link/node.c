@@ -138,8 +138,7 @@ void sst_link_node_set(struct sst_link_node *n, const struct sst_frameset *set)
 
 void sst_link_node_report(struct sst_link_node *n, const struct sst_capture_report *report)
 {
-    for (int i = 0; i < n->lanes; i++)
-        link_lane_report(n->lane[i], report);
+    link_lane_report(n->lane[0], report); /* it tells for all */
 }
 
 void sst_link_node_close(struct sst_link_node *n)

@@ -17,7 +17,8 @@
 #define PERIOD  INT64_C(200000000) /* of edges by their stamps; they come much faster here */
 
 static char certificates[64];
-static int queue = 64;
+static int queue = 64, copies = 1;
+static bool still; /* all pictures are the same */
 
 /* --- the head ----------------------------------------------------------------------------------------------------- */
 
@@ -35,10 +36,10 @@ static struct {
 /* A frame's bytes say which set and camera it is of. */
 static size_t make_bytes(uint8_t *out, uint64_t count, int cam)
 {
-    const size_t bytes = 400 + 100 * (size_t)cam;
+    const size_t bytes = still ? 32 * 16 : 400 + 100 * (size_t)cam;
 
     for (size_t i = 0; i < bytes; i++)
-        out[i] = (uint8_t)(count * 7 + (uint64_t)cam * 31 + i);
+        out[i] = (uint8_t)((still ? 0 : count * 7) + (uint64_t)cam * 31 + i);
     return bytes;
 }
 
@@ -83,7 +84,8 @@ static void configure(struct sst_array_config *a, const char *name)
     a->trigger_hz = 1e9 / (double)PERIOD;
     a->hosts.port = PORT;
     a->hosts.queue = queue;
-    a->hosts.skip_unchanged = false;
+    a->hosts.copies = copies;
+    a->hosts.skip_unchanged = still;
     strcpy(a->hosts.head, "127.0.0.1");
     strcpy(a->hosts.address, "127.0.0.1");
     snprintf(a->hosts.ca, sizeof(a->hosts.ca), "%s/ca.pem", certificates);
@@ -196,7 +198,7 @@ static void capture_set(struct node *n, uint64_t tick, int missing)
                                        .fourcc = n->array.fourcc,
                                        .width = 32,
                                        .height = 16,
-                                       .stride = 64,
+                                       .stride = 32,
                                        .sequence = (uint32_t)tick,
                                        .t_ns = set.t_ns + 1000 * i,
                                        .arrival_ns = set.t_ns + 5000 };
@@ -363,6 +365,73 @@ static const char *refusal(const struct node *n)
     return text;
 }
 
+/* Pictures in which nothing changes are named, not sent; the head takes their bytes from before. */
+static void unchanged_pictures_are_not_sent(void **state_ SST_UNUSED)
+{
+    struct node left, right;
+    uint64_t bytes;
+
+    still = true;
+    open_head();
+    open_node(&left, "left", 0);
+    open_node(&right, "right", 1);
+    UNTIL(state(&left).connected && state(&right).connected);
+    both_capture(&left, &right, 10);
+    UNTIL(all_sent(&left) && all_sent(&right));
+    bytes = state(&left).sent_bytes;
+    both_capture(&left, &right, 20);
+    UNTIL(all_sent(&left) && all_sent(&right) && head_frames() == 120);
+    assert_true(state(&left).bucket[SST_LINK_UNCHANGED] >= 40);
+    assert_int_equal(state(&left).bucket[SST_LINK_SENT] + state(&left).bucket[SST_LINK_UNCHANGED], 60);
+    assert_int_equal(peer(0).unchanged, state(&left).bucket[SST_LINK_UNCHANGED]);
+    assert_true(state(&left).sent_bytes - bytes < 20 * CAMERAS * 300); /* 512 bytes each else */
+    close_node(&left);
+    close_node(&right);
+    close_head(NULL);
+    still = false;
+    assert_int_equal(head.wrong, 0);
+    assert_int_equal(head.complete, 30);
+}
+
+/* Each picture over two connections: what comes second is counted, and used if the first one is lost. */
+static void copies_count_once(void **state_ SST_UNUSED)
+{
+    struct node left;
+
+    copies = 2;
+    open_head();
+    open_node(&left, "left", 0);
+    UNTIL(state(&left).connected);
+    both_capture(&left, NULL, 20);
+    UNTIL(all_sent(&left) && peer(0).copies == 40);
+    assert_int_equal(head_frames(), 40);
+    assert_int_equal(peer(0).passed, 40);
+    assert_int_equal(peer(0).frames, 80);
+    assert_int_equal(state(&left).bucket[SST_LINK_SENT], 80);
+    assert_int_equal(peer(0).unexplained, 0);
+    close_node(&left);
+    close_head(NULL);
+    copies = 1;
+    assert_int_equal(head.wrong, 0);
+}
+
+/* The trigger rests: the connection stays. */
+static void silence_of_the_trigger_ends_nothing(void **state_ SST_UNUSED)
+{
+    struct node left;
+
+    open_head();
+    open_node(&left, "left", 0);
+    UNTIL(state(&left).connected);
+    both_capture(&left, NULL, 3);
+    usleep(3600000);
+    assert_true(state(&left).connected);
+    assert_int_equal(state(&left).connections, 1);
+    assert_int_equal(peer(0).connections, 1);
+    close_node(&left);
+    close_head(NULL);
+}
+
 static void who_is_not_of_the_array_is_refused(void **state_ SST_UNUSED)
 {
     struct node left, other;
@@ -452,6 +521,9 @@ int main(void)
         cmocka_unit_test(sets_of_two_nodes_become_one),
         cmocka_unit_test(a_head_that_is_away_costs_a_gap_that_is_counted),
         cmocka_unit_test(a_node_that_missed_an_edge_is_put_right),
+        cmocka_unit_test(unchanged_pictures_are_not_sent),
+        cmocka_unit_test(copies_count_once),
+        cmocka_unit_test(silence_of_the_trigger_ends_nothing),
         cmocka_unit_test(who_is_not_of_the_array_is_refused),
         cmocka_unit_test(a_node_refuses_who_is_not_the_head),
         cmocka_unit_test(certificates_that_are_not_there_are_named),
