@@ -9,7 +9,7 @@
 #define TILE     32 /* px */
 #define TILES    64 /* at most, spread over the picture */
 #define AGAIN_PX 1.0
-#define TAPS     4   /* either way, of the second blur */
+#define TAPS     4 /* either way, of the second blur */
 #define MARGIN   (TAPS + 1)
 #define SIDE     (TILE + 2 * MARGIN)
 #define STEEP    0.9 /* quantile of the gradients from which a pixel is on an edge */
@@ -106,7 +106,8 @@ static int measure(double *before, double *after, struct tile *t, const struct s
 double sst_image_edge_px(const struct sst_image *image, const struct sst_map_u8 *valid)
 {
     const size_t most = (size_t)TILES * TILE * TILE;
-    double *before = malloc(2 * most * sizeof(*before)), *sorted = malloc(most * sizeof(*sorted)), *after = before + most;
+    double *before = malloc(2 * most * sizeof(*before)), *sorted = malloc(most * sizeof(*sorted)),
+           *after = before + most;
     struct tile *tile = malloc(sizeof(*tile));
     double px = NAN, ratio;
     int n = 0, edges = 0;

@@ -1,5 +1,5 @@
-/* Traces of JPEG in decoded pixels: in blocks of 8x8 pixels from the corner on, each frequency of the luma is a multiple of
- * its quantisation step. What a picture shows does not prefer multiples of anything, so that the mean of
+/* Traces of JPEG in decoded pixels: in blocks of 8x8 pixels from the corner on, each frequency of the luma is a
+ * multiple of its quantisation step. What a picture shows does not prefer multiples of anything, so that the mean of
  * cos(2 pi coefficient / step) is near 0 but for that step (and its parts). */
 #include <math.h>
 #include <stdlib.h>
@@ -7,16 +7,16 @@
 #include "base/stats.h"
 #include "pipeline/image/image.h"
 
-#define BLOCK     8
-#define BLOCKS    600 /* at most, spread over the picture */
-#define LOWEST    9   /* frequencies that are tested */
-#define STEP_MOST 60
+#define BLOCK      8
+#define BLOCKS     600 /* at most, spread over the picture */
+#define LOWEST     9   /* frequencies that are tested */
+#define STEP_MOST  60
 #define STEP_LEAST 3    /* below, rounding of the pixels hides it: quality 90 */
-#define OUTSIDE   0.6  /* steps: coefficients nearer to 0 say nothing */
-#define VALUES    30   /* of a frequency; with fewer it has no step */
-#define AGREE     0.5  /* mean of the cosines; chance has 1 / sqrt(2 VALUES) = 0.13, 58 steps reach 0.4 */
-#define BETTER    0.15 /* ... by which a part of a step must be better than the step */
-#define STEPS     4    /* frequencies with a step */
+#define OUTSIDE    0.6  /* steps: coefficients nearer to 0 say nothing */
+#define VALUES     30   /* of a frequency; with fewer it has no step */
+#define AGREE      0.5  /* mean of the cosines; chance has 1 / sqrt(2 VALUES) = 0.13, 58 steps reach 0.4 */
+#define BETTER     0.15 /* ... by which a part of a step must be better than the step */
+#define STEPS      4    /* frequencies with a step */
 
 /* Row and column of the frequency, and its step at quality 50 (ISO/IEC 10918-1, table K.1). */
 static const int lowest[LOWEST][3] = { { 0, 1, 11 }, { 1, 0, 12 }, { 1, 1, 12 }, { 0, 2, 10 }, { 2, 0, 14 },

@@ -166,7 +166,7 @@ static void keep_significant(struct kind *kind, int views, bool all, int stay, d
     bool off[SST_MAX_VIEWS];
     int n = mark_off(off, kind, views, least, most);
 
-    if (stay >= 0 && (all || n > MANY * known) && fabs(kind->value[stay]) <= STAY_SPREADS * rms_about(kind, views, 0)) {
+    if (stay >= 0 && (all || n > MANY * known) && islessequal(fabs(kind->value[stay]), STAY_SPREADS * rms_about(kind, views, 0))) {
         subtract(kind, views, kind->value[stay]);
         n = mark_off(off, kind, views, least, most);
     }

@@ -1,5 +1,5 @@
-/* Noise, blur, JPEG and missing views. Each figure is one of the pictures themselves, not of a model of the scene, and each
- * threshold lies well beyond what undisturbed light fields have (docs/design/design.md, 5.9). */
+/* Noise, blur, JPEG and missing views. Each figure is one of the pictures themselves, not of a model of the scene, and
+ * each threshold lies well beyond what undisturbed light fields have (docs/design/design.md, 5.9). */
 #include "pipeline/method/process/notice.h"
 
 #include <errno.h>
@@ -121,7 +121,8 @@ void sst_notice_describe(struct sst_notices *out, const struct sst_lightfield *l
     out->count = 0;
     if (out->noise_levels >= SST_NOTICE_NOISE_LEVELS)
         add(out, "noise",
-            "the pictures have noise of %.0f levels: expect less of the maps; expose longer, or lower the cameras' gain",
+            "the pictures have noise of %.0f levels: expect less of the maps; expose longer, or lower the cameras' "
+            "gain",
             out->noise_levels);
     if (isgreaterequal(out->edge_px, SST_NOTICE_EDGE_PX)) /* never so for NAN */
         add(out, "blur",
@@ -135,10 +136,12 @@ void sst_notice_describe(struct sst_notices *out, const struct sst_lightfield *l
             out->soft, views - out->missing, out->softest / lf->cols, out->softest % lf->cols, out->soft_px);
     if (isless(out->jpeg_quality, SST_NOTICE_JPEG_QUALITY))
         add(out, "jpeg",
-            "%d of %d views are or were JPEG, of quality %.0f at worst: fine structure is lost, and clear pictures lose "
+            "%d of %d views are or were JPEG, of quality %.0f at worst: fine structure is lost, and clear pictures "
+            "lose "
             "several dB; record with quality 90 or more",
             out->jpeg_views, views - out->missing, out->jpeg_quality);
     if (out->missing >= SST_NOTICE_MISSING * views)
         add(out, "missing-views",
-            "%d of %d views are missing: what is behind leaves is seen by fewer; record them again", out->missing, views);
+            "%d of %d views are missing: what is behind leaves is seen by fewer; record them again", out->missing,
+            views);
 }

@@ -1,10 +1,12 @@
-/* pipeline/method/process/notice.h - what is wrong with the pictures of a light field although they can be views of one scene. */
+/* pipeline/method/process/notice.h - what is wrong with the pictures of a light field although they can be views of one
+ * scene. */
 #ifndef SST_PIPELINE_METHOD_PROCESS_NOTICE_H
 #define SST_PIPELINE_METHOD_PROCESS_NOTICE_H
 
 #include "pipeline/lightfield/lightfield.h"
 
-/* Thresholds: docs/design/design.md, 5.9. Where clear pictures lose more than 1 dB (noise, blur), more than 3 dB (JPEG). */
+/* Thresholds: docs/design/design.md, 5.9. Where clear pictures lose more than 1 dB (noise, blur), more than 3 dB
+ * (JPEG). */
 #define SST_NOTICE_NOISE_LEVELS 8.0
 #define SST_NOTICE_EDGE_PX      0.75
 #define SST_NOTICE_JPEG_QUALITY 70.0
@@ -32,11 +34,12 @@ struct sst_notices {
     } notice[SST_NOTICES];
 };
 
-/** Measure loaded pictures, before they are corrected. The same for any number of threads. @return 0, -ENOMEM (not logged) */
+/** Measure loaded pictures, before they are corrected. The same for any number of threads. @return 0, -ENOMEM (not
+ * logged) */
 SST_MUST_CHECK int sst_notice_measure(struct sst_notices *out, const struct sst_lightfield *lf, int threads);
 
-/** Qualities of the views' JPEG files, which count instead of traces in the pixels. @param quality  [rows * cols]; NAN: no
- *  JPEG file */
+/** Qualities of the views' JPEG files, which count instead of traces in the pixels. @param quality  [rows * cols]; NAN:
+ * no JPEG file */
 void sst_notice_jpeg_files(struct sst_notices *out, const double *quality, int views);
 
 /** Fill the notices from the figures. */

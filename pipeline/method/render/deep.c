@@ -1,4 +1,5 @@
-/* Pictures of 16 bits, pixel by pixel: slow and plain. Weights are those of the 8-bit picture; only colours are finer. */
+/* Pictures of 16 bits, pixel by pixel: slow and plain. Weights are those of the 8-bit picture; only colours are finer.
+ */
 #include <math.h>
 #include <stdatomic.h>
 
@@ -53,7 +54,8 @@ struct deep {
 /* Bilinear; rays lie inside their views. */
 static double sample(const struct sst_map_u16 *plane, double x, double y)
 {
-    const int x0 = sst_clamp_int((int)floor(x), 0, plane->width - 1), y0 = sst_clamp_int((int)floor(y), 0, plane->height - 1);
+    const int x0 = sst_clamp_int((int)floor(x), 0, plane->width - 1),
+              y0 = sst_clamp_int((int)floor(y), 0, plane->height - 1);
     const int x1 = sst_min_int(x0 + 1, plane->width - 1), y1 = sst_min_int(y0 + 1, plane->height - 1);
     const double fx = x - x0, fy = y - y0;
     const uint16_t *top = sst_map_u16_row(plane, y0), *bottom = sst_map_u16_row(plane, y1);
@@ -88,7 +90,10 @@ int sst_render_deep(struct sst_renderer *r, const struct sst_render_config *cfg,
                     const struct sst_image *image, const struct sst_map_u16 (*deep)[3], int64_t *coarse)
 {
     const struct sst_samples s = r->lf->samples;
-    struct deep d = { .out = out, .image = image, .views = deep, .black = s.white ? s.black : 0,
+    struct deep d = { .out = out,
+                      .image = image,
+                      .views = deep,
+                      .black = s.white ? s.black : 0,
                       .level = (s.white ? s.white - s.black : 65535) / 255.0 };
     const int err = sst_render_each(r, cfg, deep_pixel, &d);
 
