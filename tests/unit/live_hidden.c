@@ -184,7 +184,7 @@ static void noise_and_dark_are_no_matter(void **state)
     c.light = 0.35;
     c.noise = 4;
     open_watch(&w, &c);
-    wait_sets(&w, 40);
+    wait_sets(&w, 60);
     assert_in_range(pass(&w, 0.6), 1, 18);
     close_watch(&w);
 }

@@ -26,12 +26,12 @@
 #define AFTER_STILL 30.0
 #define STAYS_S     600.0 /* what has not moved for this long is part of the scene */
 #define PEAK_MIN    1.0
-#define PRIOR_H     0.1 /* at the start: as if chance had made so many tracks in this time, with this mean evidence */
+#define PRIOR_H     0.03 /* at the start: as if chance had made so many tracks in this time, with this mean evidence */
 #define PRIOR_RATE  60.0
 #define PRIOR_MEAN  1.0
 #define MEMORY_H    3.0
-#define CHANCE_MOST 8.0 /* what counts of one: it may have been a person */
-#define LOWEST      4.0
+#define CHANCE_MOST 2.0 /* what counts of one: it may have been a person */
+#define LOWEST      2.0
 #define HIGHEST     40.0
 
 void hidden_tracks_init(struct hidden_tracks *t, double alarms_per_hour)
@@ -61,7 +61,7 @@ static void note_time(struct hidden_tracks *t, double hours)
 
 static void note_chance(struct hidden_tracks *t, const struct hidden_track *a)
 {
-    if (a->thing.reported || a->sets < 2 || a->peak < PEAK_MIN)
+    if (a->thing.reported || a->beside || a->sets < 2 || a->peak < PEAK_MIN)
         return;
     t->chances++;
     t->chance_sum += fmin(a->peak - PEAK_MIN, CHANCE_MOST);
@@ -306,6 +306,7 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
     for (int i = 0; i < t->count; i++) {
         struct hidden_track *a = &t->track[i];
 
+        a->beside |= a->behind_one || is_part(t, a) || was_left(t, a);
         if (!stays(a, dt_s, t_ns)) {
             if (!quiet)
                 note_chance(t, a);

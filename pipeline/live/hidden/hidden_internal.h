@@ -122,6 +122,7 @@ struct hidden_track {
     double x, y, w, h, vx, vy;     /* middle, size; blocks, blocks/s */
     double from_x, from_y;         /* where it was first */
     bool behind_one;               /* it began where a reported one had just been */
+    bool beside;                   /* it was near a reported one: no chance */
     double peak;                   /* largest evidence */
     int sets;
     bool seen; /* in this set */
