@@ -16,7 +16,7 @@
 #define PICTURES_MOST   5
 #define PICTURE_NS      INT64_C(500000000)
 #define DEEPER          0.15 /* logarithm of a ratio of distances: who is that much nearer or farther has come or gone */
-#define DEEPER_HIDDEN   0.3  /* behind leaves depths are those of a few planes */
+#define DEEPER_HIDDEN   0.45 /* behind leaves depths are those of a few planes */
 #define PATH_STEP       0.02 /* of the picture's width or height between two points of a path */
 
 double engine_distance_m(const struct live_engine *v, double disp_px)
@@ -41,9 +41,9 @@ static struct visit_point foot(const struct live_engine *v, const struct sst_liv
 
 static void add_point(struct visit *a, struct visit_point p)
 {
-    const struct visit_point *last = &a->path[a->points - 1];
+    const struct visit_point *last = a->points ? &a->path[a->points - 1] : NULL;
 
-    if (a->points && hypot(p.x - last->x, p.y - last->y) < PATH_STEP)
+    if (last && hypot(p.x - last->x, p.y - last->y) < PATH_STEP)
         return;
     if (a->points == VISIT_POINTS) { /* every second one stays */
         for (int i = 1; i < VISIT_POINTS / 2; i++)
