@@ -11,13 +11,15 @@
 #include "drivers/usb/usb.h"
 
 #define LOOK_MS 100
+#define LOOKS   3
 
 static const char *name_of(const struct sst_still *s)
 {
     return s->serial[0] ? s->serial : s->port;
 }
 
-static bool is_plugged(const struct sst_still *s)
+/** Is it listed where it was opened? A device that is plugged in again has another address. */
+static bool is_listed(const struct sst_still *s)
 {
     struct sst_still_device *list;
     bool found = false;
@@ -29,6 +31,18 @@ static bool is_plugged(const struct sst_still *s)
         found |= list[i].bus == s->bus && list[i].address == s->address;
     free(list);
     return found;
+}
+
+/** The kernel ends transfers a moment before it takes the device off its list. */
+static bool is_plugged(const struct sst_still *s)
+{
+    bool listed = is_listed(s);
+
+    for (int i = 0; i < LOOKS && listed; i++) {
+        still_sleep_ms(LOOK_MS);
+        listed = is_listed(s);
+    }
+    return listed;
 }
 
 int still_failed(struct sst_still *s, int err, const char *what)
