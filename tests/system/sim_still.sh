@@ -113,8 +113,9 @@ for round in $(seq 12); do
     for _ in $(seq 600); do [ "$(cat lf/capture.jsonl 2>/dev/null | wc -l)" -ge 9 ] && break; kill -0 $pid 2>/dev/null || break; sleep 0.05; done
     kill -KILL $pid 2>/dev/null
   fi
-  wait $pid && break
-  LD_PRELOAD= "$sim" fault still.battery=0 still.card_full=0
+  wait $pid; rc=$?
+  [ $rc -eq 0 ] && break
+  [ $rc -eq 137 ] || LD_PRELOAD= "$sim" fault still.battery=0 still.card_full=0 # a person came
 done
 [ -f lf/lightfield.json ] || echo "FAIL: not complete after $round rounds"
 mkdir held; cd held; command -v gphoto2 >/dev/null && gphoto2 --get-all-files >../got 2>&1
