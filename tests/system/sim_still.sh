@@ -86,7 +86,7 @@ run --world mirror.yaml -- bash mirror.sh >report 2>err || fail "mirror lock-up:
 grep -q "still camera: 2 exposures" report || fail "mirror lock-up: $(cat report)"
 
 # --- 36 poses with 12 random faults, and a kill
-seed=${SEED:-$(date +%s)}
+seed=${SEED:-1} # SEED=$(date +%s) for others
 python3 - "$seed" "$world" <<'END' || fail "no plan of faults"
 import random, sys
 r = random.Random(int(sys.argv[1]))
