@@ -1,6 +1,6 @@
 # Sourced after tests/lib.sh by tests of several hosts: simulated nodes and a head on this machine. Names are of nodes, or head.
 build=$root/${SST_BUILD:-build}
-port=${port:-21745} # below those that the system gives
+port=${port:-$((22000 + $$ % 1000))} # below those that the system gives; of several tests at once
 rows=${rows:-2} cols=${cols:-2} size=${size:-[320, 240]} width=${width:-320} height=${height:-240} rate=${rate:-10}
 scene=${scene:-cat} nodes=${nodes:-left right}
 head_address=${head_address:-127.0.0.1}

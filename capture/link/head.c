@@ -350,22 +350,26 @@ int sst_link_head_open(struct sst_link_head **out, const struct sst_link_head_co
     return 0;
 }
 
-void sst_link_head_close(struct sst_link_head *h)
+void sst_link_head_stop(struct sst_link_head *h)
 {
     const uint64_t one = 1;
 
-    if (!h)
-        return;
-    link_local_close(h->own);
     pthread_mutex_lock(&h->lock);
     h->stop = true;
     pthread_mutex_unlock(&h->lock);
-    if (h->threaded) {
-        if (write(h->wake_fd, &one, sizeof(one)) < 0) {
-            /* full: it is already readable */
-        }
-        pthread_join(h->thread, NULL);
+    if (h->threaded && write(h->wake_fd, &one, sizeof(one)) < 0) {
+        /* full: it is already readable */
     }
+}
+
+void sst_link_head_close(struct sst_link_head *h)
+{
+    if (!h)
+        return;
+    link_local_close(h->own);
+    sst_link_head_stop(h);
+    if (h->threaded)
+        pthread_join(h->thread, NULL);
     head_sets_free(h);
     sst_numbering_destroy(h->numbering);
     link_credentials_destroy(h->credentials);

@@ -655,13 +655,19 @@ void link_lane_stop(struct link_lane *n)
     wake(n);
 }
 
+void link_lane_join(struct link_lane *n)
+{
+    if (n->threaded)
+        pthread_join(n->thread, NULL);
+    n->threaded = false;
+}
+
 void link_lane_close(struct link_lane *n)
 {
     if (!n)
         return;
     link_lane_stop(n);
-    if (n->threaded)
-        pthread_join(n->thread, NULL);
+    link_lane_join(n);
     sst_unchanged_destroy(n->unchanged);
     if (n->wake_fd >= 0)
         close(n->wake_fd);

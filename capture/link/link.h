@@ -60,6 +60,8 @@ void sst_link_node_set(struct sst_link_node *node, const struct sst_frameset *se
 void sst_link_node_report(struct sst_link_node *node, const struct sst_capture_report *report);
 
 void sst_link_node_state(struct sst_link_node *node, struct sst_link_node_state *out);
+/** End the threads; sets that come afterwards are not sent. */
+void sst_link_node_stop(struct sst_link_node *node);
 /** NULL is fine. */
 void sst_link_node_close(struct sst_link_node *node);
 
@@ -112,6 +114,9 @@ int sst_link_head_peers(struct sst_link_head *head, struct sst_link_peer *out);
 
 /** Which peer has a view; -1: none. */
 int sst_link_head_owner(struct sst_link_head *head, int view);
+
+/** Make the thread that receives end; does not wait. */
+void sst_link_head_stop(struct sst_link_head *head);
 
 /** After its capture. NULL is fine. */
 void sst_link_head_close(struct sst_link_head *head);

@@ -135,6 +135,7 @@ void link_lane_report(struct link_lane *lane, const struct sst_capture_report *r
 /** @return false: it has no camera, and does not connect */
 bool link_lane_state(struct link_lane *lane, struct sst_link_node_state *out);
 void link_lane_stop(struct link_lane *lane); /* does not wait */
+void link_lane_join(struct link_lane *lane);
 void link_lane_close(struct link_lane *lane);
 
 /** A lane's connection began or ended. */

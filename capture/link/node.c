@@ -141,16 +141,24 @@ void sst_link_node_report(struct sst_link_node *n, const struct sst_capture_repo
     link_lane_report(n->lane[0], report); /* it tells for all */
 }
 
-void sst_link_node_close(struct sst_link_node *n)
+void sst_link_node_stop(struct sst_link_node *n)
 {
-    if (!n)
-        return;
     pthread_mutex_lock(&n->lock);
     n->open = false;
     pthread_mutex_unlock(&n->lock);
     for (int i = 0; i < n->lanes; i++)
         if (n->lane[i])
             link_lane_stop(n->lane[i]);
+    for (int i = 0; i < n->lanes; i++)
+        if (n->lane[i])
+            link_lane_join(n->lane[i]);
+}
+
+void sst_link_node_close(struct sst_link_node *n)
+{
+    if (!n)
+        return;
+    sst_link_node_stop(n);
     for (int i = 0; i < n->lanes; i++)
         link_lane_close(n->lane[i]);
     link_credentials_destroy(n->credentials);

@@ -585,6 +585,8 @@ void array_stop(struct service_array *a)
     a->stop = true;
     if (a->capture)
         sst_capture_stop(a->capture);
+    if (a->head)
+        sst_link_head_stop(a->head);
     pthread_cond_broadcast(&a->changed);
     pthread_mutex_unlock(&a->lock);
 }
@@ -600,6 +602,8 @@ bool array_join(struct service_array *a, int64_t until_ns)
     pthread_mutex_unlock(&a->lock);
     if (ended)
         pthread_join(a->thread, NULL);
+    if (a->node) /* also beside cameras that hang: the end of the process must find no thread in the TLS library */
+        sst_link_node_stop(a->node);
     return ended;
 }
 
