@@ -93,10 +93,10 @@ session() {
   fail "session of $1: $(cat "$1.sim.log")"
 }
 
-# start NAME: its sstd; the process in ${pid[NAME]}
+# start NAME: its sstd; the process in ${pid[NAME]}. A head has devices where $tmp/head.session is
 start() {
   local join=
-  [ "$1" = head ] || join="$build/sst-sim --quiet --join $tmp/$1.session --"
+  [ ! -e "$1.session" ] || join="$build/sst-sim --quiet --join $tmp/$1.session --"
   rm -f "$1.pid"
   mkdir -p "$1/store"
   ${at[$1]-} $join sh -c 'echo $$ >"$0.pid"; exec "$@"' "$1" "$build/sstd" -v --config "$1/sstd.yaml" >>"$1.log" 2>&1 &
