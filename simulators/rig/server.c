@@ -250,6 +250,19 @@ static void send_reply(struct sst_sim_drive *d, struct line *l)
     l->out_size = 0;
 }
 
+/*
+ * A terminal has no parity, and tcsetattr() with parity fails where it changes nothing else: after a client that was
+ * killed, whose rate is still set. Rates have no effect here, so set one that no client asks for.
+ */
+static void forget_rate(const struct sst_sim_drive *d)
+{
+    struct termios t;
+
+    if (tcgetattr(d->serial_peer, &t) || cfgetospeed(&t) == B50 || cfsetspeed(&t, B50))
+        return;
+    (void)tcsetattr(d->serial_peer, TCSANOW, &t);
+}
+
 static void receive(struct sst_sim_drive *d, struct line *l)
 {
     const ssize_t n = read(l->fd, l->in + l->have, sizeof(l->in) - l->have);
@@ -261,6 +274,8 @@ static void receive(struct sst_sim_drive *d, struct line *l)
         }
         l->have += (size_t)n;
         l->last_ns = sst_clock_now_ns();
+        if (l->serial)
+            forget_rate(d);
         if (l->serial && l->have == sizeof(l->in))
             l->have = 0;
     } else if (n == 0 || (errno != EAGAIN && errno != EINTR)) {

@@ -105,7 +105,7 @@ with open("faults.yaml", "w") as f:
 END
 echo "still: { card_ms: 2000, response_ms: 1000, keep: true, exposure: 1/100 }" >quick.yaml
 cat >all.sh <<'END'
-bus=$(LD_PRELOAD= "$sim" status --json | grep -o 'tcp:127.0.0.1:[0-9]*')
+bus=rtu:/dev/serial/by-id/usb-sim_rig,115200,8E1 # a line that a killed program leaves as it is
 for round in $(seq 12); do
   "$sst" capture rig -c quick.yaml --grid 6x6 --pitch 2mm --backlash 0.3 --profile sst-sim --speed 300 --accel 2000 \
     --bus "$bus" --settle 20 --guard 5 --camera still:SST0001 -o lf --json >report 2>>log & pid=$!
