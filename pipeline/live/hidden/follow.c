@@ -31,7 +31,7 @@
 #define PRIOR_MEAN  1.0
 #define MEMORY_H    3.0
 #define CHANCE_MOST 2.0 /* what counts of one: it may have been a person */
-#define LOWEST      2.0
+#define LOWEST      4.0
 #define HIGHEST     40.0
 
 void hidden_tracks_init(struct hidden_tracks *t, double alarms_per_hour)
@@ -157,7 +157,7 @@ static void note_left(struct hidden_tracks *t, const struct hidden_track *a, dou
             return;
         }
     }
-    t->left[t->lefts++ % HIDDEN_LEFT] = (struct hidden_left){ x, y, a->w, a->h, t->t_ns };
+    t->left[t->lefts++ % HIDDEN_LEFT] = (struct hidden_left){ x, y, a->w, a->h, a->thing.disp_px, t->t_ns };
 }
 
 /* The way of a track until it was reported: about straight. */
@@ -168,6 +168,18 @@ static void note_way(struct hidden_tracks *t, const struct hidden_track *a)
 
     for (int i = 0; i < n; i++)
         note_left(t, a, a->from_x + i * dx / n, a->from_y + i * dy / n);
+}
+
+bool hidden_tracks_left(const struct hidden_tracks *t, const struct hidden_left *l)
+{
+    bool there = false;
+
+    for (int i = 0; i < t->count; i++) {
+        const struct hidden_track *a = &t->track[i];
+
+        there |= a->thing.reported && a->seen && 2 * fabs(l->x - a->x) < l->w + a->w && 2 * fabs(l->y - a->y) < l->h + a->h;
+    }
+    return t->t_ns - l->t_ns < LEFT_NS && !there;
 }
 
 static bool was_left(const struct hidden_tracks *t, const struct hidden_track *a)

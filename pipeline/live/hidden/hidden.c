@@ -100,8 +100,8 @@ void sst_hidden_accept(struct sst_hidden *h, double alarms_per_hour)
 /* --- a set ----------------------------------------------------------------------------------------------------------
  */
 
-/* Where reported tracks are: what is there must not become usual. Those that stand come first: of who passes, colours may be
- * remembered. */
+/* Where reported tracks are: what is there must not become usual. Those that stand come first: of who passes, colours
+ * may be remembered. */
 static void find_kept(struct sst_hidden *h)
 {
     h->keeps = h->stands = 0;
@@ -121,17 +121,25 @@ static void find_kept(struct sst_hidden *h)
 static int update_model(void *arg, int k, int worker SST_UNUSED)
 {
     struct sst_hidden *h = arg;
-    struct hidden_rect keep[SST_HIDDEN_THINGS];
+    struct hidden_rects r = { .keeps = h->stands };
 
     if (!h->model[k] || !h->in->image[k])
         return 0;
     for (int i = 0; i < h->stands; i++) {
         const int sx = (int)lround(h->keep_px[i] * h->dx[k]), sy = (int)lround(h->keep_px[i] * h->dy[k]);
 
-        keep[i] = (struct hidden_rect){ HIDDEN_BLOCK * h->keep[i].x0 - sx, HIDDEN_BLOCK * h->keep[i].y0 - sy,
-                                        HIDDEN_BLOCK * h->keep[i].x1 - sx, HIDDEN_BLOCK * h->keep[i].y1 - sy };
+        r.keep[i] = (struct hidden_rect){ HIDDEN_BLOCK * h->keep[i].x0 - sx, HIDDEN_BLOCK * h->keep[i].y0 - sy,
+                                          HIDDEN_BLOCK * h->keep[i].x1 - sx, HIDDEN_BLOCK * h->keep[i].y1 - sy };
     }
-    hidden_model_update(h->model[k], h->in->image[k], h->in->changed[k], h->step, h->in->t_ns, keep, h->stands);
+    for (int i = 0; i < sst_min_int(h->tracks.lefts, HIDDEN_LEFT); i++) {
+        const struct hidden_left *l = &h->tracks.left[i];
+        const double x = HIDDEN_BLOCK * l->x - l->disp_px * h->dx[k], y = HIDDEN_BLOCK * l->y - l->disp_px * h->dy[k];
+
+        if (hidden_tracks_left(&h->tracks, l))
+            r.wake[r.wakes++] = (struct hidden_rect){ (int)(x - HIDDEN_BLOCK * l->w), (int)(y - HIDDEN_BLOCK * l->h),
+                                                      (int)(x + HIDDEN_BLOCK * l->w), (int)(y + HIDDEN_BLOCK * l->h) };
+    }
+    hidden_model_update(h->model[k], h->in->image[k], h->in->changed[k], h->step, h->in->t_ns, &r);
     return 0;
 }
 

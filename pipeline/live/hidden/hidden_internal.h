@@ -41,14 +41,22 @@ struct hidden_model {
 SST_MUST_CHECK int hidden_model_init(struct hidden_model *m, int width, int height, int step);
 void hidden_model_fini(struct hidden_model *m);
 
+#define HIDDEN_LEFT 32
+
+/** Places in cells of a view. */
+struct hidden_rects {
+    struct hidden_rect keep[SST_HIDDEN_THINGS]; /* who stands there must not become usual */
+    struct hidden_rect wake[HIDDEN_LEFT];       /* somebody has gone from there: learnt again at once */
+    int keeps, wakes;
+};
+
 /**
  * Follow a picture.
  *
  * @param step  px per cell, a power of 2
- * @param keep  [keeps] places, in cells of this view, whose content must not become usual
  */
 void hidden_model_update(struct hidden_model *m, const struct sst_image *image, const uint8_t *changed, int step,
-                         int64_t t_ns, const struct hidden_rect *keep, int keeps);
+                         int64_t t_ns, const struct hidden_rects *rects);
 
 /* --- planes.c: scores integrated on planes -------------------------------------------------------------------------
  */
@@ -128,11 +136,9 @@ struct hidden_track {
     bool seen; /* in this set */
 };
 
-#define HIDDEN_LEFT 32
-
 /** Where a reported track has been. */
 struct hidden_left {
-    double x, y, w, h;
+    double x, y, w, h, disp_px;
     int64_t t_ns;
 };
 
@@ -153,6 +159,9 @@ void hidden_tracks_init(struct hidden_tracks *t, double alarms_per_hour);
 
 /** Follow a set in which nothing changed: what was there still is, for a while. */
 void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns);
+
+/** Is this a place from which a reported one has gone lately? */
+bool hidden_tracks_left(const struct hidden_tracks *t, const struct hidden_left *l);
 
 /** Has it gone away from where it began? */
 bool hidden_track_moved(const struct hidden_track *a);

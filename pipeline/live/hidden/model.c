@@ -8,12 +8,13 @@
 
 #include "pipeline/live/hidden/hidden_internal.h"
 
-#define LEARN_NS   INT64_C(2000000000) /* between two rounds, each of which renews a colour of one cell in PHASES: who stands ... */
-#define BEGIN_NS   INT64_C(500000000)  /* ... must not be remembered before being reported. At the beginning, nothing is known: */
-#define BEGIN      240                 /* rounds that follow so fast */
-#define ROUNDS     6                  /* at most that many at once, after a pause */
+#define LEARN_NS INT64_C(500000000) /* between two rounds, each of which renews a colour of one cell in PHASES, ... */
+#define SLOWLY   4 /* ... but of most cells in one of so many: who stands must not be remembered before being reported \
+                    */
+#define BEGIN      240 /* rounds at the beginning, when nothing is known: of all cells */
+#define ROUNDS     6   /* at most that many at once, after a pause */
 #define PHASES     8
-#define BESIDE     3  /* cells */
+#define BESIDE     3                   /* cells */
 #define USUAL_NS   INT64_C(2000000000) /* the usual difference follows by 1/32 in this time */
 #define USUAL_RATE 5
 #define USUAL_MOST 60 /* levels: what counts at most for it */
@@ -217,10 +218,10 @@ static void compare(struct hidden_model *m, int tile, const struct hidden_rect *
 /* --- learning -------------------------------------------------------------------------------------------------------
  */
 
-static bool is_kept(int x, int y, const struct hidden_rect *keep, int keeps)
+static bool is_in(int x, int y, const struct hidden_rect *rect, int rects)
 {
-    for (int i = 0; i < keeps; i++)
-        if (x >= keep[i].x0 && x < keep[i].x1 && y >= keep[i].y0 && y < keep[i].y1)
+    for (int i = 0; i < rects; i++)
+        if (x >= rect[i].x0 && x < rect[i].x1 && y >= rect[i].y0 && y < rect[i].y1)
             return true;
     return false;
 }
@@ -233,21 +234,24 @@ static bool overlaps(const struct hidden_rect *r, const struct hidden_rect *keep
     return false;
 }
 
-/* Renew one colour of every PHASES-th cell: lifetimes of a colour are exponential, so some are minutes old. In every
- * second round the colour is that of a cell beside it, which a leaf may swing to. */
-static void learn(struct hidden_model *m, const struct hidden_rect *keep, int keeps)
+/* Renew one colour of every PHASES-th cell: lifetimes of a colour are exponential, so some are minutes old. In about
+ * every second row the colour is that of a cell beside it, which a leaf may swing to. */
+static void learn(struct hidden_model *m, const struct hidden_rects *r)
 {
     const int phase = (int)(m->rounds % PHASES), width = m->now.width, height = m->now.height;
+    const uint32_t cycle = m->rounds / PHASES;
 
     for (int y = 0; y < height; y++) {
-        const uint32_t random = mix(m->rounds * 4096u + (uint32_t)y), beside = m->rounds / PHASES % 2;
+        const uint32_t random = mix(m->rounds * 4096u + (uint32_t)y), beside = random >> 24 & 1;
         const struct sst_image *slot = &m->slot[random % HIDDEN_SLOTS];
         const int dx = beside ? (int)(random >> 8 & 0xFF) % (2 * BESIDE + 1) - BESIDE : 0;
         const int dy = beside ? (int)(random >> 16 & 0xFF) % (2 * BESIDE + 1) - BESIDE : 0;
         const int from = sst_clamp_int(y + dy, 0, height - 1);
 
         for (int x = (phase + 3 * y) % PHASES; x < width; x += PHASES) {
-            if (keeps && is_kept(x, y, keep, keeps))
+            if (m->rounds >= BEGIN && ((uint32_t)(x / PHASES + y) + cycle) % SLOWLY && !is_in(x, y, r->wake, r->wakes))
+                continue;
+            if (r->keeps && is_in(x, y, r->keep, r->keeps))
                 continue;
             for (int c = 0; c < 3; c++)
                 sst_image_row(slot, c, y)[x] = sst_image_row(&m->now, c, from)[sst_clamp_int(x + dx, 0, width - 1)];
@@ -321,9 +325,8 @@ static void read_tiles(struct hidden_model *m, const struct sst_image *image, co
 }
 
 void hidden_model_update(struct hidden_model *m, const struct sst_image *image, const uint8_t *changed, int step,
-                         int64_t t_ns, const struct hidden_rect *keep, int keeps)
+                         int64_t t_ns, const struct hidden_rects *rects)
 {
-    const int64_t every_ns = m->rounds < BEGIN ? BEGIN_NS : LEARN_NS;
     const bool usual = m->rounds < BEGIN || t_ns - m->usual_ns >= USUAL_NS || t_ns < m->usual_ns;
     const int tiles = m->tiles_x * m->tiles_y;
 
@@ -333,11 +336,11 @@ void hidden_model_update(struct hidden_model *m, const struct sst_image *image, 
         const struct hidden_rect r = tile_rect(m, i);
 
         if (!changed || changed[i] || m->hot[i])
-            compare(m, i, &r, usual && !overlaps(&r, keep, keeps));
+            compare(m, i, &r, usual && !overlaps(&r, rects->keep, rects->keeps));
     }
     if (usual)
         m->usual_ns = t_ns;
-    m->learnt_ns = m->learnt_ns && t_ns - m->learnt_ns < ROUNDS * every_ns ? m->learnt_ns : t_ns - every_ns;
-    for (; t_ns - m->learnt_ns >= every_ns; m->learnt_ns += every_ns)
-        learn(m, keep, keeps);
+    m->learnt_ns = m->learnt_ns && t_ns - m->learnt_ns < ROUNDS * LEARN_NS ? m->learnt_ns : t_ns - LEARN_NS;
+    for (; t_ns - m->learnt_ns >= LEARN_NS; m->learnt_ns += LEARN_NS)
+        learn(m, rects);
 }

@@ -15,7 +15,7 @@
 #define LEVEL_MIN   20.0
 #define AROUND      2    /* widths on each side that a box is compared with */
 #define START       2.0  /* standard deviations of a candidate */
-#define LEAVES      0.38 /* part of what exceeds the usual among the leaves that is taken off what does behind them */
+#define LEAVES      0.36 /* part of what exceeds the usual among the leaves that is taken off what does behind them */
 
 static const struct {
     int cols, rows;
