@@ -1,4 +1,5 @@
-/* The cameras of this host as a source. They are started and report by events of their own: their frames have no index. */
+/* The cameras of this host as a source. They are started and report by events of their own: their frames have no index.
+ */
 #include "capture/array/array_internal.h"
 
 static int grab_fd(const void *grab)

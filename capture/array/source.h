@@ -8,9 +8,11 @@
 /** What a source reports while it is polled, on the capture thread. */
 struct sst_source_events {
     void *arg;
-    /** A trigger has been counted; in order of its index. Its frames follow. @param edge  t_ns is a stamp of the edge */
+    /** A trigger has been counted; in order of its index. Its frames follow. @param edge  t_ns is a stamp of the edge
+     */
     void (*trigger)(void *arg, uint64_t index, int64_t t_ns, bool edge);
-    /** What a camera has for that trigger: a frame, owned by the receiver until it is released; NULL: none will come. */
+    /** What a camera has for that trigger: a frame, owned by the receiver until it is released; NULL: none will come.
+     */
     void (*frame)(void *arg, int cam, uint64_t index, struct sst_frame *frame);
     /** A camera delivers, or no longer. Already logged. */
     void (*state)(void *arg, int cam, enum sst_grab_state state, const char *why);

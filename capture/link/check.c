@@ -59,10 +59,11 @@ int sst_link_check(const struct sst_array_config *array, char *why, size_t size)
     }
     err = reach(array->hosts.head, array->hosts.port);
     if (err)
-        snprintf(why, size,
-                 "the head does not answer at %s port %d: %s: is its service running, and does a firewall, or the unit's "
-                 "IPAddressAllow, forbid it?",
-                 array->hosts.head, array->hosts.port, strerror(-err));
+        snprintf(
+            why, size,
+            "the head does not answer at %s port %d: %s: is its service running, and does a firewall, or the unit's "
+            "IPAddressAllow, forbid it?",
+            array->hosts.head, array->hosts.port, strerror(-err));
     else
         snprintf(why, size, "certificates are there, and the head answers at %s port %d", array->hosts.head,
                  array->hosts.port);

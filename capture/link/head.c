@@ -11,7 +11,8 @@
 #include "base/log.h"
 #include "capture/link/link_internal.h"
 
-#define GAP_MOST 64 /* triggers that no source reported in time are made up, so that late sets of them find their place */
+#define GAP_MOST                                                                                                       \
+    64 /* triggers that no source reported in time are made up, so that late sets of them find their place */
 
 /* --- source for capture ------------------------------------------------------------------------------------------- */
 
@@ -275,8 +276,8 @@ static int listen_for_nodes(struct sst_link_head *h)
     if (h->listen_fd < 0 || setsockopt(h->listen_fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on)) < 0 ||
         bind(h->listen_fd, (const struct sockaddr *)&at, bytes) < 0 || listen(h->listen_fd, 32) < 0) {
         err = -errno;
-        sst_log_error("hosts: cannot listen on %s port %d: %s; choose another hosts: port, or end what uses it", address,
-                      port, strerror(-err));
+        sst_log_error("hosts: cannot listen on %s port %d: %s; choose another hosts: port, or end what uses it",
+                      address, port, strerror(-err));
     }
     return err;
 }

@@ -1,12 +1,12 @@
 /* The head's side of connections: who may connect, and what comes. */
 #define _GNU_SOURCE /* accept4() */
+#include <arpa/inet.h>
 #include <errno.h>
+#include <netinet/in.h>
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <arpa/inet.h>
-#include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -17,7 +17,7 @@
 
 #define CONNECTIONS (LINK_SOURCES + 16)
 #define HELLO_NS    INT64_C(5000000000)
-#define SILENCE_NS  INT64_C(3000000000)
+#define SILENCE_NS  INT64_C(2000000000)
 #define HOLD_MS     20 /* sets whose names are not decided are looked at again */
 
 struct link_connection {
@@ -143,15 +143,15 @@ static int bind_cameras_locked(struct sst_link_head *h, int source, const json_t
         const char *holder;
 
         if (row < 0 || row >= h->array.rows || col < 0 || col >= h->array.cols) {
-            snprintf(why, 256, "its camera at row %lld, col %lld is outside the grid of %dx%d; see cameras: bind", (long long)row,
-                     (long long)col, h->array.rows, h->array.cols);
+            snprintf(why, 256, "its camera at row %lld, col %lld is outside the grid of %dx%d; see cameras: bind",
+                     (long long)row, (long long)col, h->array.rows, h->array.cols);
             return -EINVAL;
         }
         view[i] = (int)row * h->array.cols + (int)col;
         holder = holder_locked(h, view[i], source);
         if (holder) {
-            snprintf(why, 256, "row %lld, col %lld has a camera of %.60s already; see cameras: bind of both", (long long)row,
-                     (long long)col, holder);
+            snprintf(why, 256, "row %lld, col %lld has a camera of %.60s already; see cameras: bind of both",
+                     (long long)row, (long long)col, holder);
             return -EINVAL;
         }
     }
@@ -238,7 +238,8 @@ static void end_older(struct sst_link_head *h, int source, const json_t *hello)
     }
 }
 
-static int join_locked(struct sst_link_head *h, struct link_connection *c, int source, const json_t *hello, char why[256])
+static int join_locked(struct sst_link_head *h, struct link_connection *c, int source, const json_t *hello,
+                       char why[256])
 {
     const uint64_t id = run_of(hello);
     const int node = link_node_of(source), lanes = (int)json_integer_value(json_object_get(hello, "lanes"));
@@ -349,9 +350,10 @@ static int keep_last(struct link_connection *c, int cam, const uint8_t *data, co
     return 0;
 }
 
-/* Remember the bytes of this set. @param frames, unchanged, bytes  out, of the frames that it has, with unchanged ones */
-static int study(struct link_connection *c, const struct wire_frame *frame, const uint8_t *data, int *frames, int *unchanged,
-                 size_t *bytes)
+/* Remember the bytes of this set. @param frames, unchanged, bytes  out, of the frames that it has, with unchanged ones
+ */
+static int study(struct link_connection *c, const struct wire_frame *frame, const uint8_t *data, int *frames,
+                 int *unchanged, size_t *bytes)
 {
     int err = 0;
 
@@ -371,8 +373,8 @@ static int study(struct link_connection *c, const struct wire_frame *frame, cons
     return err;
 }
 
-static void fill(const struct sst_link_head *h, struct link_connection *c, struct head_set *set, const struct wire_set *from,
-                 const struct wire_frame *frame)
+static void fill(const struct sst_link_head *h, struct link_connection *c, struct head_set *set,
+                 const struct wire_set *from, const struct wire_frame *frame)
 {
     uint8_t *at = set->data;
 
@@ -530,7 +532,8 @@ static void serve_all(struct sst_link_head *h, const struct pollfd *fds)
         if (fds[2 + i].fd == c->stream.fd && fds[2 + i].revents)
             err = serve_one(h, c, why);
         if (!err && c->stream.fd >= 0 && now_ns >= c->until_ns) {
-            snprintf(why, sizeof(why), "%s", c->source < 0 ? "it does not say which node it is" : "it has fallen silent");
+            snprintf(why, sizeof(why), "%s",
+                     c->source < 0 ? "it does not say which node it is" : "it has fallen silent");
             err = -ETIMEDOUT;
         }
         if (err)

@@ -98,8 +98,8 @@ static void log_slip(const struct sst_link_head *h, int source, const struct sst
     const char *name = source == LINK_OWN ? "of this host" : h->source[source].peer.name;
 
     if (after->slips != before->slips)
-        sst_log_warning("node %s: its count of edges was off by %lld and is corrected: it %s; check its trigger input", name,
-                        (long long)(after->slipped - before->slipped),
+        sst_log_warning("node %s: its count of edges was off by %lld and is corrected: it %s; check its trigger input",
+                        name, (long long)(after->slipped - before->slipped),
                         after->slipped > before->slipped ? "missed edges" : "counted edges that others did not see");
     if (after->renamed != before->renamed)
         sst_log_warning("node %s: its time stamps jumped; its sets are named by its wall clock again", name);
@@ -115,8 +115,8 @@ void head_join_locked(struct sst_link_head *h, int node, uint64_t run)
     sst_numbering_join(h->numbering, node, run);
 }
 
-/* What another lane's set of that edge was named. An edge that none of them reported in time, and that newer ones have passed,
- * has its place by those. @return false: the edge is new */
+/* What another lane's set of that edge was named. An edge that none of them reported in time, and that newer ones have
+ * passed, has its place by those. @return false: the edge is new */
 static bool recall(const struct sst_link_head *h, const struct head_node *n, const struct sst_numbering_edge *edge,
                    enum sst_numbering_verdict *verdict, struct sst_numbering_place *place)
 {

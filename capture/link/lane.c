@@ -15,14 +15,14 @@
 #include "capture/link/link_internal.h"
 #include "pipeline/live/frames/unchanged.h"
 
-#define QUEUE_MAX    256
-#define FLIGHT       8 /* sets that were sent and not confirmed: what cannot go waits in the queue, where it can be dropped */
-#define RETRY_NS     INT64_C(300000000)
-#define REFUSED_NS   INT64_C(2000000000) /* ... after a refusal, which another attempt does not change */
-#define CONNECT_NS   INT64_C(1000000000)
-#define SILENCE_NS   INT64_C(3000000000)
-#define STATE_NS     INT64_C(1000000000)
-#define SMOOTH       0.1
+#define QUEUE_MAX 256
+#define FLIGHT    8 /* sets that were sent and not confirmed: more would be too old to be dropped */
+#define RETRY_NS   INT64_C(150000000)
+#define REFUSED_NS INT64_C(2000000000) /* ... after a refusal, which another attempt does not change */
+#define CONNECT_NS INT64_C(600000000)
+#define SILENCE_NS INT64_C(2000000000)
+#define STATE_NS   INT64_C(500000000)
+#define SMOOTH     0.1
 
 struct queued {
     uint64_t number; /* in the ring */
@@ -60,7 +60,7 @@ struct link_lane {
     enum link_phase phase;
     int64_t retry_ns, until_ns, told_ns;
     unsigned opening_sent;
-    uint64_t counted_bytes; /* of the stream */
+    uint64_t counted_bytes;       /* of the stream */
     struct sst_array_config sent; /* the array as the head knows it */
     int sent_cameras, sent_camera_of[SST_CAMERAS_MAX];
     uint64_t seq;
@@ -152,9 +152,10 @@ static json_t *hello_locked(const struct link_lane *n)
                                                  d->port[0] ? d->port : c->port, d->name));
     }
     snprintf(run, sizeof(run), "%016llx", (unsigned long long)n->run);
-    return json_pack("{s:i, s:s, s:i, s:i, s:i, s:f, s:i, s:i, s:s, s:o}", "version", LINK_VERSION, "run", run, "opening",
-                     (int)n->opening, "lane", n->number, "lanes", n->copies * sst_min_int(n->shares, a->bound), "rate_hz", a->trigger_hz, "width", a->width, "height", a->height, "format",
-                     format ? format : "", "cameras", cameras);
+    return json_pack("{s:i, s:s, s:i, s:i, s:i, s:f, s:i, s:i, s:s, s:o}", "version", LINK_VERSION, "run", run,
+                     "opening", (int)n->opening, "lane", n->number, "lanes",
+                     n->copies * sst_min_int(n->shares, a->bound), "rate_hz", a->trigger_hz, "width", a->width,
+                     "height", a->height, "format", format ? format : "", "cameras", cameras);
 }
 
 static json_t *counts(const char *const *keys, const uint64_t *n, int size)
@@ -174,7 +175,8 @@ static json_t *state_locked(const struct link_lane *n, const struct sst_link_nod
     json_t *link = counts(sst_link_keys, whole->bucket, SST_LINK_BUCKETS);
 
     for (int i = 0; i < n->cameras; i++)
-        json_array_append_new(cameras, json_pack("[i, s]", (int)n->camera[n->camera_of[i]].state, n->camera[n->camera_of[i]].why));
+        json_array_append_new(
+            cameras, json_pack("[i, s]", (int)n->camera[n->camera_of[i]].state, n->camera[n->camera_of[i]].why));
     sst_kernel_clock(&clock);
     json_object_set_new(captured, "delivered", json_integer((json_int_t)n->report.grab.frames));
     json_object_set_new(captured, "waiting", json_integer((json_int_t)sets->waiting));
@@ -346,7 +348,8 @@ static int connected(struct link_lane *n)
     socklen_t size = sizeof(err);
 
     if (getsockopt(fd, SOL_SOCKET, SO_ERROR, &err, &size) < 0 || err) {
-        snprintf(n->reason, sizeof(n->reason), "%s port %d: %s", n->array.hosts.head, n->array.hosts.port, strerror(err));
+        snprintf(n->reason, sizeof(n->reason), "%s port %d: %s", n->array.hosts.head, n->array.hosts.port,
+                 strerror(err));
         return -ECONNREFUSED;
     }
     n->phase = LINK_SHAKING;

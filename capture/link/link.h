@@ -16,7 +16,8 @@
 
 struct sst_link_node; /* opaque; any thread, but open and close */
 
-/** Where frames of captured sets ended on their way to the head: exactly one place each; of several copies, each copy. */
+/** Where frames of captured sets ended on their way to the head: exactly one place each; of several copies, each copy.
+ */
 enum sst_link_bucket {
     SST_LINK_SENT = 0,      /* the head has confirmed them ... */
     SST_LINK_UNCHANGED = 1, /* ... likewise, without their bytes, as they show what the ones before show */
@@ -30,9 +31,9 @@ extern const char *const sst_link_keys[SST_LINK_BUCKETS]; /* their names in JSON
 
 struct sst_link_node_state {
     bool connected;
-    char reason[256]; /* why not */
-    uint64_t connections, frames, bucket[SST_LINK_BUCKETS], waiting; /* frames of sets since the start; waiting: in the queue,
-                                                                        or sent and not confirmed */
+    char reason[256];                                                /* why not */
+    uint64_t connections, frames, bucket[SST_LINK_BUCKETS], waiting; /* frames of sets since the start; waiting: in the
+                                                                        queue, or sent and not confirmed */
     uint64_t unexplained;                                            /* frames in no place or in two: 0, or a bug */
     uint64_t sent_bytes;
     double reply_ms; /* from sending a set to its confirmation, smoothed; 0: none yet */
@@ -42,7 +43,8 @@ struct sst_link_node_config {
     const struct sst_array_config *array; /* copied */
     struct sst_ring *ring;                /* must outlive the node */
     void *arg;
-    void (*event)(void *arg, const char *node, bool connected, const char *why); /* on the link's thread; node: the head */
+    void (*event)(void *arg, const char *node, bool connected,
+                  const char *why); /* on the link's thread; node: the head */
 };
 
 /** Start the thread that connects to the head. @return 0, -EINVAL (certificates), -ENOSYS, -ENOMEM, -EAGAIN; logged */
@@ -81,10 +83,11 @@ struct sst_link_peer {
     char address[64];
     int cameras;
     uint64_t connections; /* of its first lane */
-    uint64_t sets, frames, unchanged; /* received on all connections; frames include those that were named as unchanged */
+    uint64_t sets, frames,
+        unchanged; /* received on all connections; frames include those that were named as unchanged */
     /* Of the frames: passed to capture; came before, over another connection; no room; of no trigger; on their way. */
     uint64_t passed, copies, dropped, unnamed, waiting;
-    uint64_t unexplained;                       /* frames in no place or in two: 0, or a bug */
+    uint64_t unexplained; /* frames in no place or in two: 0, or a bug */
     uint64_t received_bytes;
     struct sst_numbering_state numbering;
     uint64_t run, seq; /* of the last set of a lane */

@@ -1,4 +1,5 @@
-/* capture/link/link_internal.h - what the files of this folder share: messages, connections over TLS, sets on the head. */
+/* capture/link/link_internal.h - what the files of this folder share: messages, connections over TLS, sets on the head.
+ */
 #ifndef SST_CAPTURE_LINK_LINK_INTERNAL_H
 #define SST_CAPTURE_LINK_LINK_INTERNAL_H
 
@@ -13,10 +14,10 @@
 
 /* --- messages ---
  * Each is a type and a length, 4 bytes each, and that number of bytes. All numbers are little-endian.
- *   HELLO    node to head, JSON: version, run, opening, lane, lanes, rate_hz, width, height, format, cameras: [[row, col, serial, port,
- *            name], ...]
+ *   HELLO    node to head, JSON: version, run, opening, lane, lanes, rate_hz, width, height, format,
+ *            cameras: [[row, col, serial, port, name], ...]
  *   WELCOME  head to node, JSON: refused: "" or why; seq: the last set that it received of that run, 0: none
- *   STATE    node to head, JSON, at least once a second: states of cameras, counters, clock; the head passes it on as it is
+ *   STATE    node to head, JSON, twice a second: states of cameras, counters, clock; the head reports it as it is
  *   SET      node to head: struct wire_set, cameras times struct wire_frame, then the bytes of the frames sent
  *   ACK      head to node, after each SET and STATE: the seq of the last set, 8 bytes
  */
@@ -96,7 +97,8 @@ SST_MUST_CHECK int link_stream_open(struct link_stream *s, int fd, struct link_c
 /** Shake hands, send and receive what is possible now. @param why  out on failure, one clause @return 0, -errno */
 SST_MUST_CHECK int link_stream_work(struct link_stream *s, char why[256]);
 /** Next message, valid until the next call. @return 1, 0 (none yet), -EBADMSG (too long) */
-SST_MUST_CHECK int link_stream_next(struct link_stream *s, enum message_type *type, const uint8_t **data, size_t *bytes);
+SST_MUST_CHECK int link_stream_next(struct link_stream *s, enum message_type *type, const uint8_t **data,
+                                    size_t *bytes);
 /** Append a message. @return where its bytes go; NULL: no memory */
 uint8_t *link_stream_add(struct link_stream *s, enum message_type type, size_t bytes);
 /** @return 0, -ENOMEM; `message` is freed */
@@ -170,8 +172,8 @@ struct head_slot {
     struct sst_grab_device device; /* under lock */
     bool changed;                  /* under lock: not reported yet */
     /* capture thread */
-    bool passed_any;        /* a frame of it was passed on: of `passed`, */
-    uint64_t passed;        /* and of those before it in bit i of `passed_bits`: of passed - i */
+    bool passed_any; /* a frame of it was passed on: of `passed`, */
+    uint64_t passed; /* and of those before it in bit i of `passed_bits`: of passed - i */
     uint64_t passed_bits;
     enum sst_grab_state shown;
     struct sst_grab_device shown_device;
@@ -222,7 +224,7 @@ struct sst_link_head {
     bool threaded;
     /* capture thread */
     struct sst_source_events events;
-    bool any;           /* a trigger was reported */
+    bool any; /* a trigger was reported */
     uint64_t last_index;
     int64_t last_ns;
     struct link_local *own; /* NULL: no cameras of its own */
@@ -238,8 +240,8 @@ struct sst_link_head {
     struct link_connection *connection; /* link thread only */
 };
 
-/** A set to fill, whose fields `source` and `slot` are set. @param bytes  room for data @return NULL: all are on their way, or
- *  there is no memory; its frames are counted as dropped */
+/** A set to fill, whose fields `source` and `slot` are set. @param bytes  room for data @return NULL: all are on their
+ * way, or there is no memory; its frames are counted as dropped */
 struct head_set *head_set_acquire(struct sst_link_head *h, int source, int frames, size_t bytes);
 /** Pass on a filled set. */
 void head_set_pass(struct sst_link_head *h, struct head_set *set);

@@ -1,7 +1,8 @@
 /* A node: its cameras go to the head over several connections, its lanes.
  *
- * With copies, each share goes over several of them, and what arrives first counts. One connection on a network that loses packets is slow, whatever the line could carry, and what is lost holds up all that
- * follows. Several have so many times the throughput, and hold up their own cameras alone. */
+ * One connection on a network that loses packets is slow, whatever the line could carry, and what is lost holds up all that
+ * follows. Several have so many times the throughput, and hold up their own cameras alone. With copies, each share goes over
+ * several of them, and what arrives first counts. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -4,12 +4,12 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define TICKS         256 /* triggers that are remembered */
-#define SMOOTH        16
-#define HOLD_PERIODS  3
-#define HOLD_MOST_NS  INT64_C(1000000000)
-#define LIVE_NS       INT64_C(2000000000) /* a source that was not heard for longer is not waited for */
-#define ANCHOR_STEP   256                 /* the time of all moves by no more than this part of a period an edge */
+#define TICKS        256 /* triggers that are remembered */
+#define SMOOTH       16
+#define HOLD_PERIODS 3
+#define HOLD_MOST_NS INT64_C(1000000000)
+#define LIVE_NS      INT64_C(2000000000) /* a source that was not heard for longer is not waited for */
+#define ANCHOR_STEP  256                 /* the time of all moves by no more than this part of a period an edge */
 
 struct tick {
     int64_t index, t_ns;
@@ -235,9 +235,9 @@ static bool must_wait(struct sst_numbering *n, struct source *s, const struct ti
     return others_live(n, s, now_ns) && !others_agree(n, s, at) && now_ns - s->held_ns < hold_ns;
 }
 
-enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int source, const struct sst_numbering_edge *edge,
-                                               int64_t now_ns, int64_t wall_offset_ns,
-                                               struct sst_numbering_place *place)
+enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int source,
+                                               const struct sst_numbering_edge *edge, int64_t now_ns,
+                                               int64_t wall_offset_ns, struct sst_numbering_place *place)
 {
     struct source *s = &n->source[source];
     const int64_t wall_t_ns = edge->wall_ns - wall_offset_ns;

@@ -7,12 +7,12 @@
 #include "base/base.h"
 
 /*
- * A source (a host) counts the edges of the trigger that all share, from an unknown one on. Its edges are named once, when it
- * joins, by the wall clock; from then on its count alone says which trigger a set belongs to. Time stamps only check it: the
- * stamps that several hosts give one edge differ by what their monotonic clocks differ by, which hardly changes from one edge
- * to the next. An edge whose stamp lies whole periods beside those of the others was counted wrongly: the source's numbering is
- * corrected, before that set is placed. A source that lost edges is so told from a trigger that paused: a pause is seen by
- * all.
+ * A source (a host) counts the edges of the trigger that all share, from an unknown one on. Its edges are named once,
+ * when it joins, by the wall clock; from then on its count alone says which trigger a set belongs to. Time stamps only
+ * check it: the stamps that several hosts give one edge differ by what their monotonic clocks differ by, which hardly
+ * changes from one edge to the next. An edge whose stamp lies whole periods beside those of the others was counted
+ * wrongly: the source's numbering is corrected, before that set is placed. A source that lost edges is so told from a
+ * trigger that paused: a pause is seen by all.
  */
 
 #define SST_NUMBERING_SOURCES 17
@@ -63,9 +63,9 @@ void sst_numbering_leave(struct sst_numbering *n, int source);
  * @param wall_offset_ns  this host's CLOCK_REALTIME less its CLOCK_MONOTONIC
  * @param place           out, if placed
  */
-enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int source, const struct sst_numbering_edge *edge,
-                                               int64_t now_ns, int64_t wall_offset_ns,
-                                               struct sst_numbering_place *place);
+enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int source,
+                                               const struct sst_numbering_edge *edge, int64_t now_ns,
+                                               int64_t wall_offset_ns, struct sst_numbering_place *place);
 
 void sst_numbering_state(const struct sst_numbering *n, int source, struct sst_numbering_state *out);
 

@@ -104,7 +104,8 @@ static void capture_once(struct link_local *l)
     sst_numbering_leave(l->head->numbering, LINK_OWN_NODE);
     head_forget_locked(l->head, LINK_OWN);
     for (int i = 0; i < l->array.bound; i++)
-        head_camera_locked(l->head, LINK_OWN, i, SST_GRAB_ABSENT, err && why[0] ? why : "capturing is started again", NULL);
+        head_camera_locked(l->head, LINK_OWN, i, SST_GRAB_ABSENT, err && why[0] ? why : "capturing is started again",
+                           NULL);
     pthread_mutex_unlock(&l->head->lock);
 }
 

@@ -1,30 +1,30 @@
 /* Connections between hosts.
  *
- * TLS by GnuTLS, the library that the page's HTTPS uses, on plain sockets, and not NNG or libzmq: libzmq's CURVE has keys, no
- * certificates. Debian's NNG has tls+tcp, by Mbed TLS, which would be a second TLS in the service, ends at TLS 1.2, and its
- * sockets say neither what of their queue has left nor which congestion control they use; "every frame in one place" needs the
- * one, a lossy network the other. */
+ * TLS by GnuTLS, the library that the page's HTTPS uses, on plain sockets, and not NNG or libzmq: libzmq's CURVE has
+ * keys, no certificates. Debian's NNG has tls+tcp, by Mbed TLS, which would be a second TLS in the service, ends at
+ * TLS 1.2, and its sockets say neither what of their queue has left nor which congestion control they use; "every frame
+ * in one place" needs the one, a lossy network the other. */
 #include "capture/link/link_internal.h"
 
+#include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <arpa/inet.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include "base/file.h"
 #include "base/log.h"
 
-#define IN_STEP      65536
-#define GONE_MS      3000   /* without an answer to what was sent a connection ends */
-#define LOWAT_BYTES  131072 /* unsent bytes in the kernel: more would only become old there */
-#define CONGESTION   "bbr"  /* does not take each lost packet for congestion, as the usual one does */
+#define IN_STEP     65536
+#define GONE_MS     2000   /* without an answer to what was sent a connection ends */
+#define LOWAT_BYTES 131072 /* unsent bytes in the kernel: more would only become old there */
+#define CONGESTION  "bbr"  /* does not take each lost packet for congestion, as the usual one does */
 
 void link_socket_prepare(int fd)
 {
@@ -244,7 +244,8 @@ static int judge(ssize_t n, char why[256])
 {
     if (n == GNUTLS_E_AGAIN || n == GNUTLS_E_INTERRUPTED || !gnutls_error_is_fatal((int)n))
         return 0;
-    snprintf(why, 256, "%s", n == GNUTLS_E_PREMATURE_TERMINATION ? "the connection was closed" : gnutls_strerror((int)n));
+    snprintf(why, 256, "%s",
+             n == GNUTLS_E_PREMATURE_TERMINATION ? "the connection was closed" : gnutls_strerror((int)n));
     return n == GNUTLS_E_CERTIFICATE_REQUIRED || n == GNUTLS_E_NO_CERTIFICATE_FOUND ? -EACCES : -ECONNRESET;
 }
 
@@ -264,9 +265,9 @@ static int send_all(struct link_stream *s, char why[256])
 {
     while (s->out_at < s->out_bytes) {
         /* A record of which a part was sent must be continued as it was, though the buffer may have moved since. */
-        const ssize_t n = s->tls->resume ? gnutls_record_send(s->tls->session, NULL, 0)
-                                         : gnutls_record_send(s->tls->session, s->out + s->out_at,
-                                                              s->out_bytes - s->out_at);
+        const ssize_t n = s->tls->resume
+                              ? gnutls_record_send(s->tls->session, NULL, 0)
+                              : gnutls_record_send(s->tls->session, s->out + s->out_at, s->out_bytes - s->out_at);
 
         if (n == GNUTLS_E_AGAIN || n == GNUTLS_E_INTERRUPTED) {
             s->tls->resume = 1;
@@ -347,7 +348,8 @@ void link_stream_close(struct link_stream *s)
 
 int link_credentials_create(struct link_credentials **out SST_UNUSED, const struct sst_array_config *array SST_UNUSED)
 {
-    sst_log_error("role: this build has no GnuTLS, by which hosts are connected: build with libmicrohttpd-dev and libgnutls28-dev");
+    sst_log_error("role: this build has no GnuTLS, by which hosts are connected: build with libmicrohttpd-dev and "
+                  "libgnutls28-dev");
     return -ENOSYS;
 }
 
@@ -355,8 +357,8 @@ void link_credentials_destroy(struct link_credentials *c SST_UNUSED)
 {
 }
 
-int link_stream_open(struct link_stream *s SST_UNUSED, int fd SST_UNUSED, struct link_credentials *credentials SST_UNUSED,
-                     bool server SST_UNUSED, size_t most SST_UNUSED)
+int link_stream_open(struct link_stream *s SST_UNUSED, int fd SST_UNUSED,
+                     struct link_credentials *credentials SST_UNUSED, bool server SST_UNUSED, size_t most SST_UNUSED)
 {
     return -ENOSYS;
 }

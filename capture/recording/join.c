@@ -1,4 +1,5 @@
-/* Recordings that several hosts made of one array, as one: their sets are joined by trigger (capture/link/numbering.h). */
+/* Recordings that several hosts made of one array, as one: their sets are joined by trigger (capture/link/numbering.h).
+ */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -53,8 +54,9 @@ static int merge_info(struct sst_recording *r, struct sst_recording *part)
     for (int i = 0; i < more->cameras; i++) {
         for (int k = 0; k < all->cameras; k++)
             if (all->track[k].row == more->track[i].row && all->track[k].col == more->track[i].col) {
-                sst_log_error("%s has the camera at row %d, col %d, and an earlier one has it, too: give each recording once",
-                              part->dir, more->track[i].row, more->track[i].col);
+                sst_log_error(
+                    "%s has the camera at row %d, col %d, and an earlier one has it, too: give each recording once",
+                    part->dir, more->track[i].row, more->track[i].col);
                 return -EBADMSG;
             }
     }
@@ -109,8 +111,7 @@ static int oldest(const struct naming *n, const bool *held)
     int best = -1;
 
     for (int i = 0; i < n->j->parts; i++)
-        if (n->cursor[i].waiting && !held[i] &&
-            (best < 0 || n->cursor[i].edge.wall_ns < n->cursor[best].edge.wall_ns))
+        if (n->cursor[i].waiting && !held[i] && (best < 0 || n->cursor[i].edge.wall_ns < n->cursor[best].edge.wall_ns))
             best = i;
     return best;
 }
@@ -273,7 +274,8 @@ void join_close(struct recording_join *j)
     free(j);
 }
 
-/* Frames of a part at their places in the whole. Each host has a monotonic clock of its own: times are relative to the edge. */
+/* Frames of a part at their places in the whole. Each host has a monotonic clock of its own: times are relative to the
+ * edge. */
 static void merge_set(struct sst_recording_set *all, const struct sst_recording_set *more, int base, int cameras)
 {
     for (int cam = 0; cam < cameras; cam++) {
@@ -370,8 +372,8 @@ int join_line(const struct sst_recording *r, int i, char **text)
 
         err = sst_recording_line(j->part[n->part], n->set, &line);
         o = err ? NULL : json_loads(line, 0, NULL);
-        if (!err && json_array_append_new(list, json_pack("{s:s, s:i, s:o}", "recording", j->part[n->part]->dir, "number",
-                                                          n->set, "line", o)))
+        if (!err && json_array_append_new(list, json_pack("{s:s, s:i, s:o}", "recording", j->part[n->part]->dir,
+                                                          "number", n->set, "line", o)))
             err = -ENOMEM;
         free(line);
     }

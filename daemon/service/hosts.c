@@ -31,8 +31,8 @@ static json_t *node_json(struct service_array *a, const struct sst_link_node_sta
     json_object_set_new(frames, "unexplained", count(n->unexplained));
     return json_pack("{s:s, s:{s:s, s:b, s:s, s:I, s:I, s:f}, s:o, s:o}", "role", "node", "head", "address",
                      array_head_address(a), "connected", n->connected, "reason", n->reason, "connections",
-                     (json_int_t)n->connections, "sent_bytes", (json_int_t)n->sent_bytes, "reply_ms", n->reply_ms, "frames",
-                     frames, "clock", clock_json());
+                     (json_int_t)n->connections, "sent_bytes", (json_int_t)n->sent_bytes, "reply_ms", n->reply_ms,
+                     "frames", frames, "clock", clock_json());
 }
 
 static json_t *peer_json(struct sst_link_peer *p, const uint64_t bucket[SST_BUCKETS])
@@ -49,12 +49,13 @@ static json_t *peer_json(struct sst_link_peer *p, const uint64_t bucket[SST_BUCK
     json_object_set_new(frames, "unnamed", count(p->unnamed));
     json_object_set_new(frames, "waiting", count(p->waiting));
     json_object_set_new(frames, "unexplained", count(p->unexplained));
-    o = json_pack("{s:s, s:b, s:s, s:s, s:i, s:I, s:I, s:I, s:o, s:b, s:I, s:I, s:I, s:f, s:f}", "name", p->name, "connected",
-                  p->connected, "reason", p->reason, "address", p->address, "cameras", p->cameras, "connections",
-                  (json_int_t)p->connections, "sets", (json_int_t)p->sets, "received_bytes", (json_int_t)p->received_bytes,
-                  "frames", frames, "placed", p->numbering.placed, "slips", (json_int_t)p->numbering.slips, "slipped_edges",
-                  (json_int_t)p->numbering.slipped, "renamed", (json_int_t)p->numbering.renamed, "clock_ms",
-                  (double)p->numbering.clock_ns / 1e6, "edge_us", (double)p->numbering.residual_ns / 1e3);
+    o = json_pack("{s:s, s:b, s:s, s:s, s:i, s:I, s:I, s:I, s:o, s:b, s:I, s:I, s:I, s:f, s:f}", "name", p->name,
+                  "connected", p->connected, "reason", p->reason, "address", p->address, "cameras", p->cameras,
+                  "connections", (json_int_t)p->connections, "sets", (json_int_t)p->sets, "received_bytes",
+                  (json_int_t)p->received_bytes, "frames", frames, "placed", p->numbering.placed, "slips",
+                  (json_int_t)p->numbering.slips, "slipped_edges", (json_int_t)p->numbering.slipped, "renamed",
+                  (json_int_t)p->numbering.renamed, "clock_ms", (double)p->numbering.clock_ns / 1e6, "edge_us",
+                  (double)p->numbering.residual_ns / 1e3);
     json_object_set_new(o, "reported", p->reported ? p->reported : json_null());
     p->reported = NULL;
     return o;
@@ -104,11 +105,13 @@ bool service_hosts_problem(struct service_array *a, char *why, size_t size)
             snprintf(why, size, "node %s is not connected: %s", p->name, p->reason);
         else if (p->sets > 10 && !p->numbering.placed)
             snprintf(why, size,
-                     "the clock of node %s differs by about %.0f ms, too much to name its sets: see to chrony or PTP on both",
+                     "the clock of node %s differs by about %.0f ms, too much to name its sets: see to chrony or PTP "
+                     "on both",
                      p->name, (double)p->numbering.clock_ns / 1e6);
         else if (p->numbering.placed && llabs(p->numbering.clock_ns) > now->period_ns / CLOCK_PART)
             snprintf(why, size,
-                     "the clock of node %s differs by %.0f ms, more than a tenth of the trigger's period: after a restart its "
+                     "the clock of node %s differs by %.0f ms, more than a tenth of the trigger's period: after a "
+                     "restart its "
                      "sets could be named wrongly; see to chrony or PTP",
                      p->name, (double)p->numbering.clock_ns / 1e6);
     }
@@ -142,7 +145,9 @@ static void write_peer_frames(FILE *f, const struct sst_link_peer *p, const uint
     const struct {
         const char *bucket;
         uint64_t n;
-    } link[] = { { "copies", p->copies }, { "no_room", p->dropped }, { "unnamed", p->unnamed }, { "waiting", p->waiting } };
+    } link[] = {
+        { "copies", p->copies }, { "no_room", p->dropped }, { "unnamed", p->unnamed }, { "waiting", p->waiting }
+    };
 
     for (size_t i = 0; i < ARRAY_LEN(link); i++)
         fprintf(f, "sst_node_frames{node=\"%s\",bucket=\"%s\"} %llu\n", p->name, link[i].bucket,

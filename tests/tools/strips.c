@@ -1,8 +1,8 @@
 /* Which triggers the frames of a recording's sets are of, as the simulated cameras wrote into their pictures.
  *
  *   strips RECORDING [RECORDING ...]   several: of several hosts, joined
- * Prints one JSON object: sets, frames, unread (pictures without a strip) and mixed (sets with frames of several triggers).
- * Exit status 1: a set is mixed. */
+ * Prints one JSON object: sets, frames, unread (pictures without a strip) and mixed (sets with frames of several
+ * triggers). Exit status 1: a set is mixed. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,7 +17,8 @@ static struct {
 } n;
 
 /* @return the trigger; -1: no strip can be read */
-static int64_t trigger_of(const struct sst_recording_info *info, const struct sst_recording_frame *f, const uint8_t *data)
+static int64_t trigger_of(const struct sst_recording_info *info, const struct sst_recording_frame *f,
+                          const uint8_t *data)
 {
     const struct sst_raw raw = { info->fourcc, info->width, info->height, f->stride, data, f->bytes };
     struct sst_sim_exposure e;
@@ -27,8 +28,8 @@ static int64_t trigger_of(const struct sst_recording_info *info, const struct ss
     if (sst_raw_decode(&img, &raw))
         return -1;
     /* Black and white: each plane is the luma. */
-    if (!strip_read(sst_image_row(&img, 1, 0), (size_t)(sst_image_row(&img, 1, 1) - sst_image_row(&img, 1, 0)), info->width,
-                    info->height, &e))
+    if (!strip_read(sst_image_row(&img, 1, 0), (size_t)(sst_image_row(&img, 1, 1) - sst_image_row(&img, 1, 0)),
+                    info->width, info->height, &e))
         trigger = (int64_t)e.trigger;
     sst_image_fini(&img);
     return trigger;

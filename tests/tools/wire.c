@@ -1,9 +1,10 @@
-/* A wire between two network namespaces that loses, delays and reorders packets, or is cut, where the kernel has no netem.
+/* A wire between two network namespaces that loses, delays and reorders packets, or is cut, where the kernel has no
+ * netem.
  *
  *   wire NS_A ADDRESS/BITS NS_B ADDRESS/BITS
  * makes an interface in each namespace (as of `ip netns add`) and carries Ethernet frames between them. Standard input
- * says how, a line each: `loss 0.02` (of each direction), `delay 25 25` (ms, and +- ms, each packet on its own, so that they
- * overtake each other), `cut 1`, `cut 0`. It ends with its input. Needs root. */
+ * says how, a line each: `loss 0.02` (of each direction), `delay 25 25` (ms, and +- ms, each packet on its own, so that
+ * they overtake each other), `cut 1`, `cut 0`. It ends with its input. Needs root. */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <linux/if.h>
@@ -67,8 +68,8 @@ static int make_end(const char *ns, const char *address, int index)
     snprintf(r.ifr_name, sizeof(r.ifr_name), "w%d-%d", index, (int)(getpid() % 100000));
     if (fd < 0 || ioctl(fd, TUNSETIFF, &r))
         fail("/dev/net/tun");
-    snprintf(command, sizeof(command), "ip addr add %s dev %s && ip link set %s up && ip link set lo up", address, r.ifr_name,
-             r.ifr_name);
+    snprintf(command, sizeof(command), "ip addr add %s dev %s && ip link set %s up && ip link set lo up", address,
+             r.ifr_name, r.ifr_name);
     if (system(command))
         fail(command);
     return fd;
@@ -174,7 +175,9 @@ int main(int argc, char **argv)
     puts("up");
     fflush(stdout);
     while (on) {
-        struct pollfd fds[3] = { { .fd = w.fd[0], .events = POLLIN }, { .fd = w.fd[1], .events = POLLIN }, { .events = POLLIN } };
+        struct pollfd fds[3] = { { .fd = w.fd[0], .events = POLLIN },
+                                 { .fd = w.fd[1], .events = POLLIN },
+                                 { .events = POLLIN } };
         const int64_t wait_ns = w.count ? w.heap[0]->due_ns - now_ns() : INT64_C(1000000000);
         const struct timespec wait = { wait_ns > 0 ? wait_ns / 1000000000 : 0, wait_ns > 0 ? wait_ns % 1000000000 : 0 };
 

@@ -1,4 +1,5 @@
-/* capture/link: a node and a head in one process, over TLS on the loopback: sets arrive, each frame ends in one place. */
+/* capture/link: a node and a head in one process, over TLS on the loopback: sets arrive, each frame ends in one place.
+ */
 #include <errno.h>
 #include <pthread.h>
 #include <stdio.h>
@@ -14,7 +15,7 @@
 
 #define CAMERAS 2
 #define PORT    (21000 + getpid() % 1000) /* below those that the system gives */
-#define PERIOD  INT64_C(200000000) /* of edges by their stamps; they come much faster here */
+#define PERIOD  INT64_C(200000000)        /* of edges by their stamps; they come much faster here */
 
 static char certificates[64];
 static int queue = 64, copies = 1;
@@ -55,8 +56,8 @@ static int on_set(void *arg SST_UNUSED, const struct sst_frameset *set)
         if (!f)
             continue;
         head.frames++;
-        head.wrong += f->bytes != make_bytes(want, f->sequence, i / 2) || memcmp(f->data, want, f->bytes) != 0 ||
-                      f->cam != i;
+        head.wrong +=
+            f->bytes != make_bytes(want, f->sequence, i / 2) || memcmp(f->data, want, f->bytes) != 0 || f->cam != i;
     }
     pthread_mutex_unlock(&head.lock);
     return 0;
@@ -161,9 +162,9 @@ static void open_node_as(struct node *n, const char *name, const char *certifica
     }
     assert_int_equal(sst_ring_create(&n->ring, 1 << 20), 0);
     assert_int_equal(sst_link_node_open(&n->link, &(struct sst_link_node_config){ .array = &n->array,
-                                                                                 .ring = n->ring,
-                                                                                 .arg = seen_by_node,
-                                                                                 .event = on_host }),
+                                                                                  .ring = n->ring,
+                                                                                  .arg = seen_by_node,
+                                                                                  .event = on_host }),
                      0);
     sst_link_node_cameras(n->link, &n->array);
     for (int i = 0; i < CAMERAS; i++)
@@ -295,7 +296,8 @@ static void sets_of_two_nodes_become_one(void **state_ SST_UNUSED)
     assert_int_equal(report.sets.bucket[SST_BUCKET_SET], 123);
 }
 
-/* What was sent and not confirmed when a connection ends is told apart when it is back: the sums of both sides agree. */
+/* What was sent and not confirmed when a connection ends is told apart when it is back: the sums of both sides agree.
+ */
 static void a_head_that_is_away_costs_a_gap_that_is_counted(void **state_ SST_UNUSED)
 {
     struct node left, right;

@@ -62,7 +62,8 @@ static struct sst_numbering_edge see(int source, int64_t t_ns)
                                         t_ns + h->wall_ns };
 }
 
-static enum sst_numbering_verdict place(int source, uint64_t truth, const struct sst_numbering_edge *edge, int64_t now_ns)
+static enum sst_numbering_verdict place(int source, uint64_t truth, const struct sst_numbering_edge *edge,
+                                        int64_t now_ns)
 {
     struct sst_numbering_place at;
     const enum sst_numbering_verdict v = sst_numbering_place(t.n, source, edge, now_ns, 0, &at);
@@ -300,7 +301,8 @@ static void random_course(uint64_t seed)
         }
     }
     if (t.mixed || t.split * 1000 > t.placed)
-        printf("seed %llu: %d placed, %d mixed, %d split, %d unnamed\n", (unsigned long long)seed, t.placed, t.mixed, t.split, t.unnamed);
+        printf("seed %llu: %d placed, %d mixed, %d split, %d unnamed\n", (unsigned long long)seed, t.placed, t.mixed,
+               t.split, t.unnamed);
     assert_int_equal(t.mixed, 0);
     assert_true(t.split * 1000 <= t.placed);
     assert_true(t.placed > 9000);

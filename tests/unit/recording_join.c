@@ -115,7 +115,8 @@ static void sets_of_one_trigger_are_one(void **state)
     strcpy(a, in(dir, "a"));
     strcpy(b, in(dir, "b"));
     make(a, 0, 40, &plain);
-    make(b, 1, 40, &(struct course){ .mono_ns = 7000000000, .wall_ns = 9000000, .first = 500, .misses = -1, .restarts = -1 });
+    make(b, 1, 40,
+         &(struct course){ .mono_ns = 7000000000, .wall_ns = 9000000, .first = 500, .misses = -1, .restarts = -1 });
     r = join(a, b);
     assert_int_equal(sst_recording_info(r)->cameras, 2 * CAMERAS);
     assert_string_equal(sst_recording_info(r)->track[4].serial, "R1C1");

@@ -8,7 +8,8 @@
 #include "pipeline/live/frames/frames_internal.h"
 #include "pipeline/live/live.h"
 
-#define SETTLE 2 /* pictures after a change that count as changed, too: what is left of it would never be shown else */
+#define SETTLE 2 /* pictures after a change that count as changed, too: what is left of it would never be shown else   \
+                  */
 
 struct still_camera {
     struct change_detector detector; /* empty until its first picture */
@@ -26,8 +27,8 @@ struct sst_unchanged {
 
 int sst_unchanged_create(struct sst_unchanged **out, int cameras, uint32_t fourcc, int width, int height)
 {
-    const size_t tiles = (size_t)((width + SST_LIVE_TILE - 1) / SST_LIVE_TILE) *
-                         (size_t)((height + SST_LIVE_TILE - 1) / SST_LIVE_TILE);
+    const size_t tiles =
+        (size_t)((width + SST_LIVE_TILE - 1) / SST_LIVE_TILE) * (size_t)((height + SST_LIVE_TILE - 1) / SST_LIVE_TILE);
     struct sst_unchanged *s = calloc(1, sizeof(*s));
     int err = s ? 0 : -ENOMEM;
 

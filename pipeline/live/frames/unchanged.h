@@ -9,16 +9,17 @@
 struct sst_unchanged; /* opaque; one thread */
 
 /** @param fourcc  V4L2: MJPG, JPEG, or a format of pipeline/image/raw.h @return 0, -EINVAL (format, size), -ENOMEM */
-SST_MUST_CHECK int sst_unchanged_create(struct sst_unchanged **out, int cameras, uint32_t fourcc, int width, int height);
+SST_MUST_CHECK int sst_unchanged_create(struct sst_unchanged **out, int cameras, uint32_t fourcc, int width,
+                                        int height);
 /** NULL is fine. */
 void sst_unchanged_destroy(struct sst_unchanged *unchanged);
 
 /**
  * Does a picture show what the last accepted one of this camera shows? If not, it is accepted in its place.
  *
- * The tests are those of sst_liveframes_update(): means of blocks of 8x8 px, thresholds that adapt to the camera's noise,
- * changes of light compensated up to a limit; differences below the thresholds accumulate against the accepted picture. Costs
- * the reading of the block means, a millisecond for a JPEG of 640x480.
+ * The tests are those of sst_liveframes_update(): means of blocks of 8x8 px, thresholds that adapt to the camera's
+ * noise, changes of light compensated up to a limit; differences below the thresholds accumulate against the accepted
+ * picture. Costs the reading of the block means, a millisecond for a JPEG of 640x480.
  * @return false also for the first picture, and for one that cannot be read
  */
 bool sst_unchanged_same(struct sst_unchanged *unchanged, int cam, const uint8_t *data, size_t bytes, size_t stride);

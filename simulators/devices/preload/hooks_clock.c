@@ -36,7 +36,8 @@ static void read_clock(void)
         (void)sim_next()->close_(fd);
     }
     text[n > 0 ? n : 0] = 0;
-    atomic_store(&state, n > 0 && sscanf(text, "%lld %lf %lld", &offset_ns, &drift_ppm, &origin_ns) == 3 ? SHIFTED : NONE);
+    atomic_store(&state,
+                 n > 0 && sscanf(text, "%lld %lf %lld", &offset_ns, &drift_ppm, &origin_ns) == 3 ? SHIFTED : NONE);
 }
 
 static int read_next(clockid_t id, struct timespec *out)
