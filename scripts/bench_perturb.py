@@ -193,7 +193,9 @@ def measure_scene(bench, name, seed, kind):
 
 def measure_faults(bench, name, seed):
     lf = make_scene(bench, name, seed)
-    for fault in perturb.FAULTS:
+    for fault, change in perturb.FAULTS.items():
+        if getattr(change, "moments", False) and name not in perturb_page.MOVING:
+            continue
         bench.one(name, seed, fault, "", "auto", lf, os.path.join(lf, "truth"))
 
 
