@@ -52,7 +52,7 @@ for n in $nodes; do
   ip netns add "$(space "$n")"
   at[$n]="ip netns exec $(space "$n")"
   address_of[$n]=10.77.$i.1
-  clock[$n]="$((i * 3 - 4)) $((i * 20))" # ms and ppm
+  clock[$n]="$((i * 2 - 5)) $((3 - i))" # ms and ppm: as far as a clock that is kept may be off in half an hour
   if [ $netem ]; then
     ip link add eth0 netns "$(space "$n")" type veth peer name "$n" netns "$(space head)"
     ip -n "$(space "$n")" addr add "10.77.$i.2/24" dev eth0
