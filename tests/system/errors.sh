@@ -27,7 +27,7 @@ for command in scene import export process render sweep stereo segment eval; do
   want 2 "unknown option --frobnicate" $command --frobnicate
   want 2 "unknown option -Z" $command -Z
   want 2 "argument is missing" $command
-  case $command in segment | process) ;; *) want 2 "too many" $command a b c d;; esac
+  case $command in segment | process | import) ;; *) want 2 "too many" $command a b c d;; esac
 done
 want 2 "unknown scene" scene forest -o bad
 want 2 "LF is missing" scene bush
