@@ -13,11 +13,12 @@ connections=${connections:-10} copies=${copies:-3} # of each node, for such a ne
 rows=6 cols=6 size="[320, 240]" width=320 height=240 quality=30 ring=128 head_address=0.0.0.0
 . "$root/tests/hosts_lib.sh"
 declare -A wire
+wires=
 space() { echo "sst$$-$1"; }
 end_all() {
   local n
+  for n in $wires; do kill "$n" 2>/dev/null; done
   end_hosts 2>/dev/null
-  for n in "${!wire[@]}"; do eval "exec ${wire[$n]}>&-"; done
   for n in head $nodes; do ip netns del "$(space "$n")" 2>/dev/null; done
   rm -rf "$tmp"
 }
@@ -62,6 +63,7 @@ for n in $nodes; do
   else
     mkfifo "$n.wire"
     "$build/tests/tools/wire" "$(space "$n")" "10.77.$i.2/24" "$(space head)" "10.77.$i.1/24" <"$n.wire" >"$n.wire.out" 2>&1 &
+    wires+=" $!"
     exec {fd}>"$n.wire"
     wire[$n]=$fd
     for _ in $(seq 200); do grep -q up "$n.wire.out" && break; sleep 0.05; done
