@@ -150,6 +150,36 @@ static void print_skew(const json_t *s)
     printf("%s%s\n", *worst ? "; farthest off: " : "", worst);
 }
 
+/* Connections between several hosts of one array. */
+static void print_hosts(const json_t *s)
+{
+    const json_t *nodes = cli_member(s, "hosts.nodes");
+    char role[TEXT], name[TEXT], reason[TEXT];
+
+    cli_text(s, "hosts.role", role, sizeof(role));
+    if (!strcmp(role, "node")) {
+        const bool connected = cli_number(s, "hosts.head.connected") > 0;
+
+        cli_text(s, "hosts.head.reason", reason, sizeof(reason));
+        printf("  head       %s %s%s%s; of %.0f frames %.0f dropped, %.0f while it was away\n",
+               cli_text(s, "hosts.head.address", name, sizeof(name)), connected ? "connected" : "NOT CONNECTED",
+               connected || !*reason ? "" : ": ", connected ? "" : reason, cli_number(s, "hosts.frames.captured"),
+               cli_number(s, "hosts.frames.dropped"), cli_number(s, "hosts.frames.away"));
+    }
+    for (size_t i = 0; i < json_array_size(nodes); i++) {
+        const json_t *node = json_array_get(nodes, i);
+        const bool connected = cli_number(node, "connected") > 0;
+
+        cli_text(node, "reason", reason, sizeof(reason));
+        printf("  node       %s %s%s%s", cli_text(node, "name", name, sizeof(name)),
+               connected ? "connected" : "NOT CONNECTED", connected || !*reason ? "" : ": ", connected ? "" : reason);
+        if (connected)
+            printf(", %.0f cameras, clock %+.1f ms, %.0f slips put right", cli_number(node, "cameras"),
+                   cli_number(node, "clock_ms"), cli_number(node, "slips"));
+        printf("\n");
+    }
+}
+
 static void print_live(const json_t *s)
 {
     const double focus = cli_number(s, "live.focus_px"), latency_ms = cli_number(s, "live.latency_ms.p50");
@@ -242,6 +272,7 @@ static void print_status(const json_t *status, const json_t *cameras)
     print_missing(cameras);
     print_frames(status);
     print_skew(status);
+    print_hosts(status);
     print_live(status);
     print_storage(status);
     print_recording(status);

@@ -38,12 +38,12 @@ export class Health {
     this.rate = new Chart($("chart-rate"), ["first"], SPAN_S);
     this.delay = new Chart($("chart-delay"), ["first", "second"], SPAN_S);
     this.cards = {};
-    for (const [key, title] of [["state", "Service"], ["capture", "Capture"], ["live", "Live picture"], ["storage", "Storage"],
+    for (const [key, title] of [["state", "Service"], ["capture", "Capture"], ["hosts", "Hosts"], ["live", "Live picture"], ["storage", "Storage"],
       ["clients", "Viewers and programs"]]) {
       const list = el("dl", { class: "facts" });
       const extra = el("div", {});
       const heading = el("h2", { id: `h-health-${key}` }, title);
-      this.cards[key] = { list, extra };
+      this.cards[key] = { list, extra, heading };
       $("panel-health").append(el("section", { class: "card", "aria-labelledby": `h-health-${key}` }, heading, extra, list));
     }
     this.cards.storage.extra.append(el("div", { class: "meter", role: "img" }, el("i", {})));
@@ -115,6 +115,7 @@ export class Health {
       ["Memory", bytes(process.rss_bytes)], ["Processor", `${number(process.cpu_percent)} % of a core`],
       ["Open files", number(process.descriptors)]]);
     this.showCapture(capture);
+    this.showHosts(status.hosts);
     const skips = live.skips ?? {};
     facts(this.cards.live.list, [
       ["Picture", live.size ? `${live.size.join(" × ")}, of ${number(live.views)} cameras` : "–"],
@@ -143,6 +144,22 @@ export class Health {
       ["Frames", `${number(frames.delivered)} delivered, ${number(frames.set)} in sets`],
       ["Not in sets", buckets.length ? buckets.map((name) => `${number(frames[name])} ${name}`).join(", ") : "none"],
       ["Unexplained", number(frames.unexplained), frames.unexplained > 0 ? "bad" : ""]]);
+  }
+
+  /** Several hosts with one array: the head that a node sends to, or the nodes of a head. */
+  showHosts(hosts) {
+    const card = this.cards.hosts;
+    card.heading.parentElement.hidden = !hosts;
+    if (!hosts) return;
+    const state = ({ connected, reason }) => connected ? "connected" : `not connected${reason ? `: ${reason}` : ""}`;
+    const { head, nodes = [], frames = {}, clock = {} } = hosts;
+    facts(card.list, [
+      ...(head ? [[`Head ${head.address ?? ""}`, state(head), head.connected ? "" : "warn"],
+        ["Frames not sent", `${number(frames.dropped)} dropped, ${number(frames.away)} while the head was away`]] : []),
+      ...nodes.map((node) => [`Node ${node.name}`, node.connected
+        ? `connected, ${number(node.cameras)} cameras, clock ${number(node.clock_ms, 1)} ms off, ${number(node.slips)} slips put right`
+        : state(node), node.connected ? "" : "warn"]),
+      ["Clock of this host", clock.synchronised ? "is kept" : "is not kept", clock.synchronised ? "" : "warn"]]);
   }
 
   showStorage(storage) {

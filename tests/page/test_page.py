@@ -970,6 +970,20 @@ def test_storage(b, fake):
     fake.set(status={"storage": {"recording": {"active": False, "name": "", "why": "", "since": "", "reduced": False}}})
 
 
+def test_hosts(b, fake):
+    """Hosts are named where there are several."""
+    card = "document.getElementById('h-health-hosts').parentElement"
+    b.js("document.getElementById('tab-health').click()")
+    b.wait(f"{card}.hidden")
+    nodes = [{"name": "left", "connected": True, "cameras": 18, "clock_ms": 0.4, "slips": 2},
+             {"name": "right", "connected": False, "reason": "no connection since 02:10"}]
+    fake.set(status={"hosts": {"role": "head", "nodes": nodes, "clock": {"synchronised": True}}})
+    b.wait(f"!{card}.hidden && {card}.textContent.includes('18 cameras') && {card}.textContent.includes('since 02:10')")
+    fake.set(status={"hosts": None})
+    b.wait(f"{card}.hidden")
+    b.js("document.getElementById('tab-overview').click()")
+
+
 def test_shared(b, fake):
     """No view of one's own is to be had: the main one is shown, and said so."""
     fake.set(views_max=0, forget_views=True)
@@ -1165,7 +1179,7 @@ def test_contrast(b, fake):
 
 ONLY = os.environ.get("PAGE_ONLY", "").split()
 TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_follow, test_label, test_compare, test_sweep, test_overlay, test_camera_large, test_zoom, test_light, test_adjust, test_cameras,
-         test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones, test_hints, test_locale, test_sessions, test_role, test_states, test_storage, test_shared, test_restart, test_reload, test_hidden,
+         test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones, test_hints, test_locale, test_sessions, test_role, test_states, test_storage, test_hosts, test_shared, test_restart, test_reload, test_hidden,
          test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast]
 # Errors that the browser itself writes where a test makes the service refuse or end.
 WANTED = ("400", "403", "429", "404", "409", "507", "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET",

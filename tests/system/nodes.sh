@@ -15,6 +15,11 @@ whole='s["state"] == "capturing" and s["capture"]["present"] == 4'
 await head "$whole and s['capture']['complete'] > 10"
 await head 'abs(node("left")["clock_ms"] - node("right")["clock_ms"] - 4) < 3'
 
+SST_SOCKET=$tmp/head.sock timeout 60 "$sst" status >text
+grep -q '^  node  *left connected, 2 cameras, clock ' text || fail "status of the head: $(cat text)"
+SST_SOCKET=$tmp/left.sock timeout 60 "$sst" status >text
+grep -q '^  head  *127.0.0.1.* connected; of [0-9]* frames 0 dropped' text || fail "status of a node: $(cat text)"
+
 # Who has no certificate of the array gets nowhere.
 echo | timeout 5 openssl s_client -connect "127.0.0.1:$port" >/dev/null 2>&1
 grep -q 'hosts: the connection of 127.0.0.1 ended before it was accepted' head.log || fail "no certificate: $(tail -n 3 head.log)"

@@ -16,7 +16,10 @@
 #define REACH       0.5 /* of the height: a thing moves by this at once, ... */
 #define SPEED       1.0 /* ... and by this in a second */
 #define DEPTH_STEPS 4.0 /* planes */
+#define IMAGE       0.6 /* one that differs much shows images of itself on other planes, weaker than this ... */
+#define IMAGE_SIDES 2.0 /* ... within so many widths of both */
 #define GAIN        0.7
+#define GAIN_Z      0.3
 #define GAIN_SPEED  0.25
 #define GAIN_SIZE   0.25
 #define SETS        3 /* and seconds of a thing that is reported */
@@ -135,6 +138,7 @@ static void see(struct hidden_track *a, const struct group *g, double dt_s, int6
     a->peak = fmax(a->peak, a->thing.evidence);
     a->thing.evidence = fmin(a->thing.evidence, 2 * HIGHEST);
     a->thing.seen_ns = t_ns;
+    a->z += GAIN_Z * (g->z - a->z);
     a->sets++;
     a->seen = true;
 }
@@ -194,7 +198,12 @@ static bool was_left(const struct hidden_tracks *t, const struct hidden_track *a
     return was;
 }
 
-/* Head and feet, or an edge at another depth, of one that is reported are no others. */
+static bool is_near(const struct hidden_track *a, const struct hidden_track *b)
+{
+    return fabs(b->x - a->x) < IMAGE_SIDES * (a->w + b->w) && fabs(b->y - a->y) < IMAGE_SIDES * (a->h + b->h);
+}
+
+/* Head and feet, or an edge at another depth, of one that is reported are no others, nor are its images. */
 static bool is_part(const struct hidden_tracks *t, const struct hidden_track *a)
 {
     bool part = false;
@@ -204,6 +213,7 @@ static bool is_part(const struct hidden_tracks *t, const struct hidden_track *a)
 
         part |= b != a && b->thing.reported && b->seen && fabs(b->x - a->x) < a->w + b->w &&
                 fabs(b->y - a->y) < 1.25 * (a->h + b->h);
+        part |= b != a && b->thing.reported && a->z < IMAGE * b->z && is_near(a, b);
     }
     return part;
 }
@@ -229,6 +239,7 @@ static void add(struct hidden_tracks *t, const struct group *g, int64_t t_ns)
                                 .y = (g->y0 + g->y1) / 2,
                                 .w = g->x1 - g->x0,
                                 .h = g->y1 - g->y0,
+                                .z = g->z,
                                 .sets = 1,
                                 .seen = true };
     a->from_x = a->x;
@@ -277,6 +288,27 @@ static bool stays(struct hidden_track *a, double dt_s, int64_t t_ns)
     return a->thing.evidence >= 0 && (missed_s <= LOST_S || missed_s <= LOST_SETS * dt_s);
 }
 
+/* One that was an image of a reported track, or a part of it, is that thing when the track is lost. */
+static void leave_to_heir(struct hidden_tracks *t, const struct hidden_track *lost, double threshold)
+{
+    struct hidden_track *heir = NULL;
+
+    for (int i = 0; i < t->count && lost->thing.reported; i++) {
+        struct hidden_track *a = &t->track[i];
+
+        if (a != lost && !a->thing.reported && a->seen && a->thing.evidence >= threshold && is_near(a, lost) &&
+            a->thing.first_ns <= lost->thing.seen_ns && (!heir || a->thing.evidence > heir->thing.evidence))
+            heir = a;
+    }
+    if (!heir)
+        return;
+    heir->thing.key = lost->thing.key;
+    heir->thing.first_ns = lost->thing.first_ns;
+    heir->thing.reported = true;
+    heir->from_x = lost->from_x;
+    heir->from_y = lost->from_y;
+}
+
 void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns)
 {
     const double dt_s = fmax((double)(t_ns - t->t_ns) * 1e-9, 0);
@@ -304,6 +336,7 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
     struct group g[SST_HIDDEN_THINGS];
     const int groups = join(g, c, count, p);
     const double threshold = hidden_tracks_threshold(t);
+    bool gone[SST_HIDDEN_THINGS];
     int kept = 0;
 
     t->t_ns = t_ns;
@@ -319,7 +352,16 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
         struct hidden_track *a = &t->track[i];
 
         a->beside |= a->behind_one || is_part(t, a) || was_left(t, a);
-        if (!stays(a, dt_s, t_ns)) {
+        gone[i] = !stays(a, dt_s, t_ns);
+    }
+    for (int i = 0; i < t->count && !quiet; i++) {
+        if (gone[i])
+            leave_to_heir(t, &t->track[i], threshold);
+    }
+    for (int i = 0; i < t->count; i++) {
+        struct hidden_track *a = &t->track[i];
+
+        if (gone[i]) {
             if (!quiet)
                 note_chance(t, a);
             continue;

@@ -132,6 +132,7 @@ struct hidden_track {
     bool behind_one;               /* it began where a reported one had just been */
     bool beside;                   /* it was near a reported one: no chance */
     double peak;                   /* largest evidence */
+    double z;                      /* of its candidates lately */
     int sets;
     bool seen; /* in this set */
 };
