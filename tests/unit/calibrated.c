@@ -277,7 +277,7 @@ static void a_correction_corrects_the_calibration(void **state SST_UNUSED)
     for (int k = 0; k < ROWS * COLS; k++) {
         c[k] = sst_correction_none();
         if (k != calib.reference)
-            c[k] = (struct sst_correction){ 1.5 - k, 0.5 * k, 0.4 * (k % 3 - 1), 0.004 * (k % 2), { 1, 1, 1 } };
+            c[k] = (struct sst_correction){ 1.5 - k, 0.5 * k, 0.4 * (k % 3 - 1), 0.004 * (k % 2), { 1, 1, 1 }, .exponent = 1 };
         misplace(&calib.camera[k], lf.rectified, &c[k]);
         c[k].gain[1] = calib.camera[k].gain[1];
         c[k].falloff = calib.camera[k].falloff[0];
