@@ -25,8 +25,7 @@
 #define SETS        3 /* and seconds of a thing that is reported */
 #define SECONDS     1.0
 #define LEFT_NS     INT64_C(12000000000) /* for this long it counts that a reported one has been at a place */
-#define AFTER_S     10.0 /* of what begins there until it is reported, if it goes away; if it stands ... */
-#define AFTER_STILL 30.0
+#define AFTER_S     30.0 /* of what begins there, or has been beside one, until it is reported */
 #define STAYS_S     600.0 /* what has not moved for this long is part of the scene */
 #define PEAK_MIN    1.0
 #define PRIOR_H     0.03 /* at the start: as if chance had made so many tracks in this time, with this mean evidence */
@@ -222,10 +221,8 @@ static bool may_be_reported(const struct hidden_tracks *t, const struct hidden_t
 {
     const double age_s = (double)(t->t_ns - a->thing.first_ns) * 1e-9;
 
-    const double after_s = hidden_track_moved(a) ? AFTER_S : AFTER_STILL;
-
     return !a->thing.reported && a->thing.evidence >= threshold && a->sets >= SETS && !is_part(t, a) &&
-           age_s >= (a->behind_one || was_left(t, a) ? after_s : SECONDS);
+           age_s >= (a->beside ? AFTER_S : SECONDS);
 }
 
 static void add(struct hidden_tracks *t, const struct group *g, int64_t t_ns)
