@@ -48,7 +48,7 @@ static void report_states(struct sst_link_head *h)
     }
 }
 
-/* Report the trigger of a set, and those before it that nobody reported. */
+/* Report the trigger of a set, and earlier triggers that are not yet reported. */
 static void report_trigger(struct sst_link_head *h, const struct head_set *set)
 {
     const uint64_t index = set->place.index;

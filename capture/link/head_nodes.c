@@ -25,7 +25,7 @@ struct link_connection {
     int source;                /* -1: it has not said which node it is */
     char address[64];
     int64_t until_ns;
-    bool refused; /* it ends as soon as it is told why */
+    bool refused; /* closed once the reason has been sent */
     /* of its node */
     int cameras;
     struct {

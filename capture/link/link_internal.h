@@ -166,7 +166,7 @@ struct head_set {
 };
 
 struct head_slot {
-    int source;                    /* whose camera it is; -1: nobody's */
+    int source;                    /* source that the camera belongs to; -1: none */
     enum sst_grab_state state;     /* under lock */
     char why[256];                 /* under lock */
     struct sst_grab_device device; /* under lock */

@@ -1,8 +1,8 @@
 /* A node: its cameras go to the head over several connections, its lanes.
  *
- * One connection on a network that loses packets is slow, whatever the line could carry, and what is lost holds up all that
- * follows. Several have so many times the throughput, and hold up their own cameras alone. With copies, each share goes over
- * several of them, and what arrives first counts. */
+ * Packet loss limits the throughput of one TCP connection, and a lost packet delays all data behind it. Throughput grows with
+ * the number of connections, and a loss delays only the cameras of its own connection. With copies, each share is sent over
+ * several connections, and the first copy that arrives is used. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,7 +23,7 @@ struct sst_link_node {
     struct link_lane *lane[LINK_LANES_MAX];
     /* under lock */
     pthread_mutex_t lock;
-    bool open, connected, told; /* told: the current state is known to the user */
+    bool open, connected, reported; /* reported: an event has been sent */
 };
 
 static uint64_t unexplained(const struct sst_link_node_state *state)
@@ -66,7 +66,7 @@ void sst_link_node_state(struct sst_link_node *n, struct sst_link_node_state *ou
 void link_node_changed(struct sst_link_node *n)
 {
     struct sst_link_node_state s;
-    bool tell;
+    bool report;
 
     pthread_mutex_lock(&n->lock);
     if (!n->open) { /* lanes start one after another */
@@ -74,11 +74,11 @@ void link_node_changed(struct sst_link_node *n)
         return;
     }
     sst_link_node_state(n, &s);
-    tell = (s.connected != n->connected || !n->told) && (s.connected || s.reason[0]);
+    report = (s.connected != n->connected || !n->reported) && (s.connected || s.reason[0]);
     n->connected = s.connected;
-    n->told = n->told || tell;
+    n->reported = n->reported || report;
     pthread_mutex_unlock(&n->lock);
-    if (tell && n->event)
+    if (report && n->event)
         n->event(n->arg, n->array.hosts.head_name, s.connected, s.reason);
 }
 
@@ -139,7 +139,7 @@ void sst_link_node_set(struct sst_link_node *n, const struct sst_frameset *set)
 
 void sst_link_node_report(struct sst_link_node *n, const struct sst_capture_report *report)
 {
-    link_lane_report(n->lane[0], report); /* it tells for all */
+    link_lane_report(n->lane[0], report); /* lane 0 reports for all lanes */
 }
 
 void sst_link_node_stop(struct sst_link_node *n)

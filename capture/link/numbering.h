@@ -11,7 +11,7 @@
  * when it joins, by the wall clock; from then on its count alone says which trigger a set belongs to. Time stamps only
  * check it: the stamps that several hosts give one edge differ by what their monotonic clocks differ by, which hardly
  * changes from one edge to the next. An edge whose stamp lies whole periods beside those of the others was counted
- * wrongly: the source's numbering is corrected, before that set is placed. A source that lost edges is so told from a
+ * wrongly: the source's numbering is corrected, before that set is placed. A source that lost edges is thereby distinguished from a
  * trigger that paused: a pause is seen by all.
  */
 
@@ -34,7 +34,7 @@ struct sst_numbering_place {
 
 enum sst_numbering_verdict {
     SST_NUMBERING_PLACED = 0,
-    SST_NUMBERING_HELD = 1,    /* it cannot be told before another source reports, or some periods pass: ask again */
+    SST_NUMBERING_HELD = 1,    /* undecided until another source reports or some periods pass: ask again */
     SST_NUMBERING_UNNAMED = 2, /* it belongs to no trigger, or the source's clock is too wrong to name it */
 };
 
