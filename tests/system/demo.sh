@@ -10,6 +10,7 @@ port=$(/usr/bin/python3 -c 'import socket; s = socket.create_server(("127.0.0.1"
 
 # begin ARGS: until the demo shows a picture; what it printed is in ./out
 begin() {
+  : >out
   "$sst" demo -o site --scene cat "$@" >out 2>err &
   demo=$!
   for _ in $(seq 1200); do
