@@ -233,7 +233,7 @@ def augment(rng: np.random.Generator, data: list, leaves: list, args: argparse.N
         return label_augment.crop(rng, rgb, labels, tuple(args.crop), frequent, tuple(args.zoom), args.working[0])
 
     picture, truth = draw(data)
-    if args.augment == ["plain"]:
+    if "plain" in args.augment and (len(args.augment) == 1 or rng.random() < 0.5):
         x = label_augment.plain_colours(rng, picture)
     else:
         def donor(source: int):
@@ -409,7 +409,8 @@ def main() -> None:
     parser.add_argument("--zoom", type=float, nargs=2, default=(-0.74, 0.68), metavar=("LOW", "HIGH"),
                         help="log2 of the scale of the crops")
     parser.add_argument("--augment", nargs="*", choices=("plain", "paste", "foliage", "style", "light", "sensor"),
-                        default=["plain"], help="how training pictures are altered (%(default)s)")
+                        default=["plain"], help="how training pictures are altered (%(default)s); plain beside others: "
+                        "half of the crops plainly")
     parser.add_argument("--rate", type=float, default=3e-3, help="step rate between warm-up and decay")
     parser.add_argument("--warm", type=int, default=100, help="steps over which the rate rises from 0")
     parser.add_argument("--decay", type=int, default=0, help="last steps, over which the rate falls to 0")
