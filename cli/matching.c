@@ -25,7 +25,7 @@ int cli_matching_config(struct sst_disparity_config *cfg, const struct cli_match
 
     if (err)
         return err;
-    cfg->views_census = cfg->views_census && !m->cost && !m->model && m->paths < 0;
+    cfg->census_suffices = cfg->census_suffices && !m->cost && !m->model && m->paths < 0;
     if (m->cost && !strcmp(m->cost, "census")) {
         cfg->cost = SST_COST_CENSUS;
     } else if (m->cost && !strcmp(m->cost, "mccnn")) {

@@ -129,7 +129,7 @@ STEREO_TEXT = """\
 Middlebury pairs, 64 disparities (aloe 240), {rounds} interleaved rounds in one process after one to warm up: median, smallest
 and largest wall time, median over the rounds of the time relative to OpenCV's SGBM 3WAY, median CPU time of all
 threads. Errors over all pixels with truth, hidden ones too. OpenCV's maps are padded, filled and median-filtered to be
-dense (tests/bench/sgbm.cc), which its time includes; `sst accurate` loads its network each time.
+dense (tests/bench/sgbm.cc), which its time includes.
 
 ![time against error](time-error-stereo.svg)
 

@@ -42,6 +42,7 @@ enum sst_cpu_level {
     X(winner_row)                                                                                                      \
     X(median5_row)                                                                                                     \
     X(bilateral_row)                                                                                                   \
+    X(median_votes_row)                                                                                                \
     X(hypothesis_cost_row)                                                                                             \
     X(hypothesis_path_row)                                                                                             \
     X(subpixel_fit_row)                                                                                                \
@@ -199,6 +200,43 @@ typedef void sst_median5_row_fn(uint16_t *out, const uint16_t *const rows[5], si
 typedef void sst_bilateral_row_fn(uint16_t *out, const uint16_t *const disp[7], const uint8_t *const luma[7],
                                   const int16_t *weight, int tau, size_t n);
 #define SST_BILATERAL_STEP_Q6 96
+
+/**
+ * Weighted median guided by an image (Ma, He, Wei, Sun, Wu, *Constant time weighted median filtering for stereo
+ * matching and beyond*, ICCV 2013), its first part: does a pixel's own disparity have the majority of the weights
+ * around it? A weight is a share by the distance times sst_median_alike() of the colours.
+ *
+ * @param near    out: sum of the weights of disparities within SST_MEDIAN_STEP_Q6 of the pixel's own
+ * @param all     out: sum of all weights, > 0; below 2^21
+ * @param disp    rows y-5 .. y+5, 1/64 px, each readable from -5 to n+4
+ * @param colour  R, G, B of the same rows
+ */
+typedef void sst_median_votes_row_fn(uint32_t *near, uint32_t *all, const uint16_t *const disp[11],
+                                     const uint8_t *const colour[3][11], size_t n);
+#define SST_MEDIAN_REACH    5
+#define SST_MEDIAN_SIDE     (2 * SST_MEDIAN_REACH + 1)
+#define SST_MEDIAN_STEP_Q6  64
+#define SST_MEDIAN_CONTRAST 120 /* of R, G and B together: from here on pixels have no weight */
+#define SST_MEDIAN_SHIFT    6
+#define SST_MEDIAN_BLOCK    32 /* pixels at once */
+
+/** Shares by distance: 16 exp(-distance / 4 px). */
+static const uint8_t sst_median_near[SST_MEDIAN_SIDE][SST_MEDIAN_SIDE] = {
+    { 3, 3, 4, 4, 4, 5, 4, 4, 4, 3, 3 },    { 3, 4, 5, 5, 6, 6, 6, 5, 5, 4, 3 },
+    { 4, 5, 6, 6, 7, 8, 7, 6, 6, 5, 4 },    { 4, 5, 6, 8, 9, 10, 9, 8, 6, 5, 4 },
+    { 4, 6, 7, 9, 11, 12, 11, 9, 7, 6, 4 }, { 5, 6, 8, 10, 12, 16, 12, 10, 8, 6, 5 },
+    { 4, 6, 7, 9, 11, 12, 11, 9, 7, 6, 4 }, { 4, 5, 6, 8, 9, 10, 9, 8, 6, 5, 4 },
+    { 4, 5, 6, 6, 7, 8, 7, 6, 6, 5, 4 },    { 3, 4, 5, 5, 6, 6, 6, 5, 5, 4, 3 },
+    { 3, 3, 4, 4, 4, 5, 4, 4, 4, 3, 3 },
+};
+
+/** Share by the colours: parabola down to SST_MEDIAN_CONTRAST, 0..225. @param contrast  sum over R, G, B, >= 0 */
+static inline unsigned sst_median_alike(int contrast)
+{
+    const int room = contrast < SST_MEDIAN_CONTRAST ? SST_MEDIAN_CONTRAST - contrast : 0;
+
+    return (unsigned)(room * room) >> SST_MEDIAN_SHIFT;
+}
 
 /* Second pass (design.md, 5.7): each pixel has a list of up to SST_HYPOTHESES disparities, in 1/64 px. */
 #define SST_HYPOTHESES       8

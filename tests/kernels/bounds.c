@@ -55,6 +55,7 @@ static const struct {
     { "winner_row", UINT16_MAX, UINT16_MAX, "compares sums of 16 bits" },
     { "winner_other_row", UINT32_MAX, UINT32_MAX, "sum << 16 | d" },
     { "median5_row", UINT16_MAX, UINT16_MAX, "compares" },
+    { "median_votes_row", 86.0 * 225, UINT16_MAX, "a row's 11 shares, 86 at most, of colours' 225" },
     { "hypothesis_cost_row", 8 * (SST_HYPOTHESIS_VIEWS + SST_HYPOTHESIS_BEST) * (double)SST_HYPOTHESIS_LIMIT * 9,
       INT32_MAX, "windows of 9, 24 + 4 views" },
     { "hypothesis_path_row", 4.0 * (SST_HYPOTHESIS_FAR + SST_DISPARITY_MAX_PENALTY), UINT16_MAX, "4 paths" },

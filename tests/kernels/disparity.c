@@ -410,6 +410,66 @@ static void bilateral(void **state SST_UNUSED)
     sst_mem_free(luma);
 }
 
+/* Of blocks that end at unmapped pages, surfaces that differ by 0 to 90 steps. */
+static void median_votes(void **state SST_UNUSED)
+{
+    struct sst_kernels k;
+
+    for (size_t n = 1; n < 150; n++) {
+        const size_t row = n + 2 * SST_MEDIAN_REACH;
+        const uint16_t *d[SST_MEDIAN_SIDE];
+        const uint8_t *c[3][SST_MEDIAN_SIDE];
+        uint16_t *disp = guard_random(SST_MEDIAN_SIDE * row * 2, &seed);
+        uint8_t *colour = guard_random(3 * SST_MEDIAN_SIDE * row, &seed);
+        uint32_t want[2][150], got[2][150];
+
+        for (size_t i = 0; i < SST_MEDIAN_SIDE * row; i++)
+            disp[i] = (uint16_t)(i % 31 == 0 ? 65535 : disp[i] % 91);
+        for (size_t i = 0; i < 3 * SST_MEDIAN_SIDE * row; i++)
+            colour[i] = n % 3 ? colour[i] % 64 : colour[i];
+        for (size_t j = 0; j < SST_MEDIAN_SIDE; j++) {
+            d[j] = disp + j * row + SST_MEDIAN_REACH;
+            for (size_t i = 0; i < 3; i++)
+                c[i][j] = colour + (i * SST_MEDIAN_SIDE + j) * row + SST_MEDIAN_REACH;
+        }
+        sst_median_votes_row_ref(want[0], want[1], d, c, n);
+        FOR_EACH_LEVEL(k, level)
+        {
+            k.median_votes_row(got[0], got[1], d, c, n);
+            same(got[0], want[0], n * sizeof(**want), "median_votes_row, own", level, n);
+            same(got[1], want[1], n * sizeof(**want), "median_votes_row, all", level, n);
+        }
+        guard_free_all();
+    }
+}
+
+/* One colour and disparity: all shares count whole. A pixel in front of others of another colour has its own alone. */
+static void median_votes_of_known_pixels(void **state SST_UNUSED)
+{
+    uint16_t disp[SST_MEDIAN_SIDE][SST_MEDIAN_SIDE] = { { 0 } };
+    uint8_t level[SST_MEDIAN_SIDE][SST_MEDIAN_SIDE] = { { 0 } };
+    const uint16_t *d[SST_MEDIAN_SIDE];
+    const uint8_t *c[3][SST_MEDIAN_SIDE];
+    uint32_t near, all, shares = 0;
+
+    for (int j = 0; j < SST_MEDIAN_SIDE; j++) {
+        d[j] = disp[j] + SST_MEDIAN_REACH;
+        c[0][j] = c[1][j] = c[2][j] = level[j] + SST_MEDIAN_REACH;
+        for (int i = 0; i < SST_MEDIAN_SIDE; i++)
+            shares += sst_median_near[j][i];
+    }
+    sst_median_votes_row_ref(&near, &all, d, c, 1);
+    assert_int_equal(all, shares * 225);
+    assert_int_equal(near, all);
+    disp[SST_MEDIAN_REACH][SST_MEDIAN_REACH] = SST_MEDIAN_STEP_Q6 + 1;
+    sst_median_votes_row_ref(&near, &all, d, c, 1);
+    assert_int_equal(all, shares * 225);
+    assert_int_equal(near, 16 * 225);
+    level[SST_MEDIAN_REACH][SST_MEDIAN_REACH] = SST_MEDIAN_CONTRAST / 3;
+    sst_median_votes_row_ref(&near, &all, d, c, 1);
+    assert_int_equal(all, 16 * 225);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -427,6 +487,8 @@ int main(void)
         cmocka_unit_test(winner_other),
         cmocka_unit_test(winner_and_median),
         cmocka_unit_test(bilateral),
+        cmocka_unit_test(median_votes),
+        cmocka_unit_test(median_votes_of_known_pixels),
     };
 
     for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {

@@ -172,7 +172,8 @@ if [ ! -e /usr/local/share/sst/models ]; then
   export SST_MODELS=/nonexistent
   want 5 "pspnet-small.onnx.*SST_MODELS" process small
   want 5 "mccnn-fast.onnx" process small --no-labels --preset accurate
-  want 5 "mccnn-fast.onnx" stereo $left $right -m 9 --preset accurate -o bad.pfm
+  want 5 "mccnn-fast.onnx" stereo $left $right -m 9 --cost both -o bad.pfm
+  "$sst" stereo $left $right -m 9 --preset accurate -o good.pfm || fail "a pair asks for a network"
   want 5 "SST_MODELS" segment $left -o bad.png
   unset SST_MODELS
   sst=$saved

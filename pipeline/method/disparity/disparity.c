@@ -29,8 +29,9 @@ static int check_config(const struct sst_lightfield *lf, const struct sst_dispar
     }
     if ((cfg->paths != 4 && cfg->paths != 8) || cfg->p1 < 1 || cfg->p2 < cfg->p1 ||
         cfg->p2 > SST_DISPARITY_MAX_PENALTY || cfg->support_arm < 0 || cfg->support_arm > SST_SUPPORT_MAX_ARM ||
-        (cfg->scale != 1 && cfg->scale != 2) || cfg->phase_step < 0 || cfg->phase_step > 2 || cfg->rounds < 0 ||
-        cfg->rounds > SST_DISPARITY_MAX_ROUNDS || cfg->key_spacing < 0 || cfg->key_spacing > 5 ||
+        (cfg->scale != 1 && cfg->scale != 2) || cfg->guided_rounds < 0 ||
+        cfg->guided_rounds > SST_DISPARITY_MAX_ROUNDS || cfg->phase_step < 0 || cfg->phase_step > 2 ||
+        cfg->rounds < 0 || cfg->rounds > SST_DISPARITY_MAX_ROUNDS || cfg->key_spacing < 0 || cfg->key_spacing > 5 ||
         cfg->subpixel_steps < 0 || cfg->subpixel_steps > SST_SUBPIXEL_MOST ||
         (cfg->subpixel_steps && (cfg->subpixel_views < 1 || cfg->subpixel_views > SST_SUBPIXEL_VIEWS))) {
         sst_log_error("matching parameters are outside their ranges: paths 4 or 8, 0 < P1 <= P2 <= %d, arm 0..%d, "
@@ -523,11 +524,11 @@ static int run_all(struct disparity_run *run, int threads, sst_progress_fn *prog
  * span few pixels, the learned cost, whose features are those of whole pixels, hides what the census finds between
  * them: the census alone is better, and with it half the penalties are enough.
  */
-static void set_views_census(struct disparity_run *run, int present)
+static void set_census(struct disparity_run *run, int present)
 {
     const bool narrow = run->range < SST_VISIBLE_RANGE;
 
-    if (run->cfg->raw || !run->cfg->views_census || present < SST_VISIBLE_LEAST || (!narrow && !run->cfg->rounds))
+    if (run->cfg->raw || !run->cfg->census_suffices || present < SST_VISIBLE_LEAST || (!narrow && !run->cfg->rounds))
         return;
     run->census = *run->cfg;
     run->census.cost = SST_COST_CENSUS;
@@ -573,7 +574,7 @@ static int run_init(struct disparity_run *run, struct sst_lightfield *lf, const 
                                       .phase_step = sst_disparity_phase_step(cfg, run->width, run->height) };
     for (size_t k = 0; k < views; k++)
         present += lf->views[k].present;
-    set_views_census(run, present);
+    set_census(run, present);
     run->rounds = cfg->raw || present < SST_VISIBLE_LEAST || run->range < SST_VISIBLE_RANGE ? 0 : cfg->rounds;
     lf->disparity_tested = run->rounds > 0;
     run->subpixel =
@@ -640,6 +641,7 @@ int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_dispari
 int sst_disparity_stereo(struct sst_map_f32 *out, const struct sst_image *left, const struct sst_image *right,
                          const struct sst_disparity_config *cfg)
 {
+    struct sst_disparity_config census = *cfg;
     struct sst_lightfield lf;
     int err;
 
@@ -657,6 +659,10 @@ int sst_disparity_stereo(struct sst_map_f32 *out, const struct sst_image *left, 
     lf.views[0].present = lf.views[1].present = true;
     lf.views[0].image = *left;
     lf.views[1].image = *right;
+    if (cfg->census_suffices && !cfg->raw) {
+        census.cost = SST_COST_CENSUS;
+        cfg = &census;
+    }
     err = check_config(&lf, cfg);
     if (!err && cfg->paths == 4 && !cfg->raw && cfg->fill && !(cfg->support_arm && cfg->support_after)) {
         err = sst_disparity_pair(out, left, right, cfg);

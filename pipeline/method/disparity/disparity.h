@@ -27,8 +27,8 @@ struct sst_share;
 struct sst_disparity_config {
     double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */
     enum sst_cost cost;
-    bool views_census; /* light fields of SST_VISIBLE_LEAST views and more: census alone and 4 paths, whatever `cost`
-                          and `paths` are (design.md, 5.7, 5.8) */
+    bool census_suffices; /* pairs, and light fields of SST_VISIBLE_LEAST views and more: census alone and 4 paths,
+                             whatever `cost` and `paths` are (design.md, 5.7, 5.8) */
     const char *model; /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
     enum sst_precision precision; /* of that network */
     int paths;                    /* of the semi-global optimisation: 4 or 8 */
@@ -38,6 +38,8 @@ struct sst_disparity_config {
     int support_tau;              /* largest intensity step inside an arm, 1..255 */
     int support_before, support_after; /* rounds of aggregation before and after the optimisation */
     int bilateral_tau;                 /* eps_I of the bilateral filter, 1..255; 0 switches it off */
+    bool guided_holes; /* pairs: holes are filled with what looks like them (sst_disparity_fill_alike()) */
+    int guided_rounds; /* pairs: of sst_disparity_guided_median(), 0..SST_DISPARITY_MAX_ROUNDS */
     bool raw;       /* the cheapest disparity of each pixel, to evaluate costs: no aggregation, optimisation, filter or
                        filling; their parameters are ignored */
     bool fill;      /* check and fill: the result is dense */

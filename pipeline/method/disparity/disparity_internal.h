@@ -11,7 +11,7 @@
 struct disparity_run {
     struct sst_lightfield *lf;
     const struct sst_disparity_config *cfg;
-    struct sst_disparity_config census; /* what cfg points to with views_census */
+    struct sst_disparity_config census; /* what cfg points to with census_suffices */
     struct sst_network **nets;          /* [workers]; NULL without features */
     bool fill;
     bool *carried;                 /* [views] not matched, or after the key views; NULL: all are matched */

@@ -326,6 +326,37 @@ static int lay_out_tiles(struct pair *p)
     return err;
 }
 
+static int alike_job(void *arg, int index, int worker)
+{
+    struct pair *p = arg;
+
+    return sst_disparity_fill_alike(&p->disp[0], &p->status, &p->desc[0].image, index * BAND,
+                                    sst_min_int((index + 1) * BAND, p->shape.height), &p->worker[worker].rows);
+}
+
+static int median_job(void *arg, int index, int worker)
+{
+    struct pair *p = arg;
+
+    return sst_disparity_guided_median(&p->raw[0], &p->disp[0], &p->desc[0].image, index * BAND,
+                                       sst_min_int((index + 1) * BAND, p->shape.height), &p->worker[worker].rows);
+}
+
+/* Edges and holes by the image's colours. */
+static int follow_colours(struct pair *p)
+{
+    int err = p->cfg->guided_holes ? sst_parallel_for(bands(p), p->threads, alike_job, p) : 0;
+
+    for (int i = 0; !err && i < p->cfg->guided_rounds; i++) {
+        const struct sst_map_u16 last = p->disp[0];
+
+        err = sst_parallel_for(bands(p), p->threads, median_job, p);
+        p->disp[0] = p->raw[0];
+        p->raw[0] = last;
+    }
+    return err;
+}
+
 /* A pixel that the right image does not confirm is hidden there more often than not: all get the background, the
  * farther of the confirmed pixels to both sides. */
 static int fill(struct pair *p)
@@ -371,7 +402,8 @@ static int match(struct pair *p)
     err = err ? err : sst_parallel_for(p->tiles.columns, p->threads, column_job, p);
     err = err ? err : sst_parallel_for(p->tiles.rows, p->threads, winner_job, p);
     err = err ? err : sst_parallel_for(bands(p), p->threads, filter_job, p);
-    return err ? err : fill(p);
+    err = err ? err : fill(p);
+    return err ? err : follow_colours(p);
 }
 
 /* A disparity between two rows of the map: the nearer row's, or between both where they are of one surface. */

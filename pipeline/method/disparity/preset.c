@@ -19,10 +19,10 @@ static const struct {
     { "preview", { COMMON, .cost = SST_COST_CENSUS, .paths = 4, .range_error = 1, .scale = 2, .key_spacing = 3 } },
     { "balanced",
       { COMMON, SUPPORT, .cost = SST_COST_CENSUS, .paths = 4, .range_error = 1, .scale = 1, .rounds = 1,
-        .key_spacing = 3, .skip_hypotheses = true } },
+        .guided_rounds = 1, .key_spacing = 3, .skip_hypotheses = true } },
     { "accurate",
-      { COMMON, SUPPORT, .cost = SST_COST_BOTH, .views_census = true, .range_error = 0.1, .paths = 4, .scale = 1,
-        .rounds = 2, .key_spacing = 1 } },
+      { COMMON, SUPPORT, .cost = SST_COST_BOTH, .census_suffices = true, .range_error = 0.1, .paths = 4, .scale = 1,
+        .rounds = 2, .guided_holes = true, .guided_rounds = 3, .key_spacing = 1 } },
 };
 
 int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset)

@@ -302,6 +302,30 @@ SST_MUST_CHECK int sst_disparity_median5(struct sst_map_u16 *map, struct sst_mem
  */
 SST_MUST_CHECK int sst_disparity_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
 
+/**
+ * Rows y0 .. y1-1 of a filled map with edges where the image has them: a pixel whose disparity has less than half of
+ * the weight around it (11x11, see sst_median_votes_row_fn) gets the weighted median, if that differs by more than a
+ * pixel.
+ * @param out      rows y0 .. y1-1 are written; not `in`
+ * @param in       1/64 px; SST_DISP_NONE stays
+ * @param img      of the same size
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_disparity_guided_median(struct sst_map_u16 *out, const struct sst_map_u16 *in,
+                                               const struct sst_image *img, int y0, int y1,
+                                               struct sst_mem_kept *scratch);
+
+/**
+ * Holes between surfaces of different depth, in rows y0 .. y1-1 of a map that was filled row by row: a hidden pixel
+ * gets the weighted median of the confirmed disparities around it that are not nearer than what it was filled with.
+ * Only unconfirmed pixels are written and only confirmed ones read, so parts of a map may be filled at once.
+ * @param disp_q6  filled, 1/64 px; SST_DISP_NONE stays
+ * @param status   enum sst_disparity_check, of before the filling
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_disparity_fill_alike(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status,
+                                            const struct sst_image *img, int y0, int y1, struct sst_mem_kept *scratch);
+
 /** Fuse two maps of a view by confidence: agreement within 1 px averages, else the more confident one wins, ties to the
  * first.
  */
