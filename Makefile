@@ -33,6 +33,8 @@ WITH_MODBUS ?= $(call have,libmodbus)
 WITH_GPHOTO2 ?= $(call have,libgphoto2)
 WITH_RAW ?= $(call have,libraw_r)
 WITH_HTTPD ?= $(call have,libmicrohttpd gnutls)
+# Pictures between hosts by datagrams with error correction.
+WITH_ISAL ?= $(call have,libisal)
 WITH_SYSTEMD ?= $(call have,libsystemd)
 WITH_RTSP ?= $(call have,gstreamer-rtsp-server-1.0 gstreamer-rtsp-1.0 gstreamer-app-1.0)
 WITH_MQTT ?= $(call have,libmosquitto)
@@ -52,7 +54,7 @@ PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
             $(if $(filter 1,$(WITH_DEFLATE)),libdeflate) $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
             $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1,$(WITH_HTTPD)),libmicrohttpd gnutls) \
             $(if $(filter 1,$(WITH_SYSTEMD)),libsystemd) $(if $(filter 1,$(WITH_CURL)),libcurl) \
-            $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod)
+            $(if $(filter 1 2,$(WITH_GPIOD)),libgpiod) $(if $(filter 1,$(WITH_ISAL)),libisal)
 
 # --- flags ---------------------------------------------------------------------------------------------------------
 # What a row of a table leaves out is zero.
@@ -86,7 +88,7 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
         -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
         -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_DEFLATE=$(WITH_DEFLATE) -DWITH_HTTPD=$(WITH_HTTPD) \
         -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) \
-        -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DWITH_GPHOTO2=$(WITH_GPHOTO2) -DWITH_RAW=$(WITH_RAW) -DSST_DATADIR='"$(PREFIX)/share/sst"'
+        -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DWITH_GPHOTO2=$(WITH_GPHOTO2) -DWITH_RAW=$(WITH_RAW) -DWITH_ISAL=$(WITH_ISAL) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
 PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) $(AV_PACKAGES)))
 PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES))

@@ -165,6 +165,9 @@ static void print_hosts(const json_t *s)
                cli_text(s, "hosts.head.address", name, sizeof(name)), connected ? "connected" : "NOT CONNECTED",
                connected || !*reason ? "" : ": ", connected ? "" : reason, cli_number(s, "hosts.frames.captured"),
                cli_number(s, "hosts.frames.dropped"), cli_number(s, "hosts.frames.away"));
+        cli_text(s, "hosts.datagrams.reason", reason, sizeof(reason));
+        if (connected && !(cli_number(s, "hosts.datagrams.used") > 0))
+            printf("             pictures go over TLS%s%s\n", *reason ? ": " : "", reason);
     }
     for (size_t i = 0; i < json_array_size(nodes); i++) {
         const json_t *node = json_array_get(nodes, i);

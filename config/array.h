@@ -95,9 +95,9 @@ struct sst_array_config {
         int nodes; /* of a head: names in the certificates of its nodes */
         char node[SST_CONFIG_NODES_MAX][64];
         char ca[SST_CONFIG_TEXT_MAX], certificate[SST_CONFIG_TEXT_MAX], key[SST_CONFIG_TEXT_MAX];
-        int connections; /* of a node: to the head, each for some of its cameras */
-        int copies;      /* of a node: connections that each camera goes over */
-        int queue;       /* of a node: sets that wait to be sent */
+        bool datagrams; /* pictures go by datagrams, where both hosts can; else over TLS */
+        int parity;     /* of a node: datagrams more than needed, in percent */
+        int queue;      /* of a node: sets that wait to be sent */
         bool skip_unchanged;
     } hosts;
 };

@@ -147,9 +147,6 @@ static void check_hosts(const struct config_load *load)
         fault(role, NULL, "node needs hosts: head, the address of the head");
     if (a->role == SST_CONFIG_HEAD && !a->hosts.nodes)
         fault(role, NULL, "head needs hosts: nodes, the names of its nodes");
-    if (a->hosts.connections * a->hosts.copies > 32)
-        fault(source(load, "hosts.connections", "hosts.copies"), NULL, "times copies is %d, more than the limit of 32",
-              a->hosts.connections * a->hosts.copies);
     if (cameras && a->source != SST_CONFIG_GPIO && a->source != SST_CONFIG_EXTERNAL)
         fault(role, NULL,
               "%s needs trigger: source gpio if it fires the trigger, else external: all hosts count its edges",

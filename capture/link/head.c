@@ -85,28 +85,8 @@ static void head_release(void *object, struct sst_frame *frame)
     pthread_mutex_unlock(&h->lock);
 }
 
-/* Did a frame of that trigger come before, over another connection? Remember it. */
-static bool came_before(struct head_slot *slot, uint64_t index)
-{
-    if (!slot->passed_any || index > slot->passed) {
-        const uint64_t ahead = slot->passed_any ? index - slot->passed : 64;
-
-        slot->passed_bits = (ahead < 64 ? slot->passed_bits << ahead : 0) | 1;
-        slot->passed = index;
-        slot->passed_any = true;
-        return false;
-    }
-    if (slot->passed - index >= 64) /* too old for any set */
-        return false;
-    if (slot->passed_bits >> (slot->passed - index) & 1)
-        return true;
-    slot->passed_bits |= UINT64_C(1) << (slot->passed - index);
-    return false;
-}
-
 static void report_set(struct sst_link_head *h, struct head_set *set)
 {
-    int copies = 0;
     const int64_t now_ns = sst_clock_now_ns();
 
     report_trigger(h, set);
@@ -114,10 +94,6 @@ static void report_set(struct sst_link_head *h, struct head_set *set)
         struct sst_frame *f = &set->frame[i];
         struct head_slot *slot = &h->slot[set->slot[i]];
 
-        if (f->data && came_before(slot, set->place.index)) {
-            copies++;
-            continue;
-        }
         if (f->data) {
             f->cam = set->slot[i];
             f->t_ns += set->place.t_ns;
@@ -129,9 +105,6 @@ static void report_set(struct sst_link_head *h, struct head_set *set)
         h->events.frame(h->events.arg, set->slot[i], set->place.index, f->data ? f : NULL);
     }
     pthread_mutex_lock(&h->lock);
-    h->source[set->source].peer.passed -= (uint64_t)copies;
-    h->source[set->source].peer.copies += (uint64_t)copies;
-    set->refs -= copies;
     release_locked(h, set);
     pthread_mutex_unlock(&h->lock);
 }
@@ -196,54 +169,35 @@ struct sst_source sst_link_head_source(struct sst_link_head *h)
 
 /* --- for the status ----------------------------------------------------------------------------------------------- */
 
-/* Add a lane to what is reported of its node. */
-static void add_lane(struct sst_link_peer *p, const struct head_source *s)
-{
-    const struct sst_link_peer *lane = &s->peer;
-    const uint64_t known = lane->passed + lane->copies + lane->dropped + lane->unnamed + lane->waiting;
-
-    p->cameras += s->cameras;
-    p->sets = lane->sets > p->sets ? lane->sets : p->sets;
-    p->frames += lane->frames;
-    p->unchanged += lane->unchanged;
-    p->passed += lane->passed;
-    p->copies += lane->copies;
-    p->dropped += lane->dropped;
-    p->unnamed += lane->unnamed;
-    p->waiting += lane->waiting;
-    p->unexplained += known > lane->frames ? known - lane->frames : lane->frames - known;
-    p->received_bytes += lane->received_bytes;
-    if (!lane->connected && lane->reason[0] && !p->reason[0])
-        memcpy(p->reason, lane->reason, sizeof(p->reason));
-}
-
-static void gather(struct sst_link_head *h, int node, struct sst_link_peer *p)
-{
-    const struct head_source *first = &h->source[node == LINK_OWN_NODE ? LINK_OWN : node * LINK_LANES_MAX];
-    const int lanes = node == LINK_OWN_NODE ? 1 : LINK_LANES_MAX;
-
-    *p = (struct sst_link_peer){ .connected = node == LINK_OWN_NODE || h->node[node].connected,
-                                 .connections = first->peer.connections,
-                                 .run = first->peer.run,
-                                 .seq = first->peer.seq };
-    memcpy(p->name, first->peer.name, sizeof(p->name));
-    memcpy(p->address, first->peer.address, sizeof(p->address));
-    for (int i = 0; i < lanes; i++)
-        add_lane(p, &first[i]);
-    if (p->connected)
-        p->reason[0] = 0;
-    p->reported = json_deep_copy(first->peer.reported);
-    sst_numbering_state(h->numbering, node, &p->numbering);
-}
-
 int sst_link_head_peers(struct sst_link_head *h, struct sst_link_peer *out)
 {
     int n = 0;
 
     pthread_mutex_lock(&h->lock);
-    for (int i = 0; i < LINK_NODES; i++)
-        if (h->node[i].used)
-            gather(h, i, &out[n++]);
+    for (int i = 0; i < LINK_NODES; i++) {
+        struct sst_link_peer *p = &out[n];
+        uint64_t known;
+
+        if (!h->source[i].used)
+            continue;
+        n++;
+        *p = h->source[i].peer;
+        known = p->passed + p->missed + p->dropped + p->unnamed + p->waiting;
+        p->unexplained = known > p->frames ? known - p->frames : p->frames - known;
+        p->cameras = h->source[i].cameras;
+        p->reported = json_deep_copy(p->reported);
+        sst_numbering_state(h->numbering, i, &p->numbering);
+    }
+    pthread_mutex_unlock(&h->lock);
+    return n;
+}
+
+uint64_t sst_link_head_overflows(struct sst_link_head *h)
+{
+    uint64_t n;
+
+    pthread_mutex_lock(&h->lock);
+    n = h->overflows;
     pthread_mutex_unlock(&h->lock);
     return n;
 }
@@ -253,9 +207,9 @@ int sst_link_head_owner(struct sst_link_head *h, int view)
     int owner, index = 0;
 
     pthread_mutex_lock(&h->lock);
-    owner = view >= 0 && view < h->array.bound && h->slot[view].source >= 0 ? link_node_of(h->slot[view].source) : -1;
+    owner = view >= 0 && view < h->array.bound ? h->slot[view].source : -1;
     for (int i = 0; i < owner; i++)
-        index += h->node[i].used;
+        index += h->source[i].used;
     pthread_mutex_unlock(&h->lock);
     return owner < 0 ? -1 : index;
 }
@@ -280,6 +234,20 @@ static int listen_for_nodes(struct sst_link_head *h)
                       address, port, strerror(-err));
     }
     return err;
+}
+
+/* Without UDP port its nodes send over TLS: no reason not to start. */
+static void listen_for_datagrams(struct sst_link_head *h)
+{
+    const struct link_dtls_events events = { .arg = h, .known = head_knows, .datagram = head_datagram };
+    int err;
+
+    if (!h->array.hosts.datagrams || !sst_pieces_built())
+        return;
+    err = link_dtls_listen(&h->dtls, h->array.hosts.address, h->array.hosts.port, h->credentials, &events);
+    if (err)
+        sst_log_warning("hosts: cannot receive datagrams on UDP port %d: %s; pictures come over TLS", h->array.hosts.port,
+                        strerror(-err));
 }
 
 /* All views are cameras of the array, whoever has them. */
@@ -308,10 +276,9 @@ static int prepare(struct sst_link_head *h)
         h->slot[i].changed = true;
     }
     for (int i = 0; i < h->array.hosts.nodes; i++) {
-        h->node[i].used = true;
-        for (int k = 0; k < LINK_LANES_MAX; k++)
-            memcpy(h->source[i * LINK_LANES_MAX + k].peer.name, h->array.hosts.node[i], sizeof(h->array.hosts.node[i]));
-        snprintf(h->source[i * LINK_LANES_MAX].peer.reason, 64, "it has not connected yet");
+        h->source[i].used = true;
+        memcpy(h->source[i].peer.name, h->array.hosts.node[i], sizeof(h->array.hosts.node[i]));
+        snprintf(h->source[i].peer.reason, 64, "it has not connected yet");
     }
     return err;
 }
@@ -336,6 +303,8 @@ int sst_link_head_open(struct sst_link_head **out, const struct sst_link_head_co
         err = link_credentials_create(&h->credentials, &h->array);
     if (!err)
         err = listen_for_nodes(h);
+    if (!err)
+        listen_for_datagrams(h);
     if (!err) {
         err = -pthread_create(&h->thread, NULL, head_serve, h);
         h->threaded = !err;
@@ -373,6 +342,7 @@ void sst_link_head_close(struct sst_link_head *h)
         pthread_join(h->thread, NULL);
     head_sets_free(h);
     sst_numbering_destroy(h->numbering);
+    link_dtls_server_close(h->dtls);
     link_credentials_destroy(h->credentials);
     if (h->listen_fd >= 0)
         close(h->listen_fd);

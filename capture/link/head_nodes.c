@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/random.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -15,10 +16,11 @@
 #include "base/thread.h"
 #include "capture/link/link_internal.h"
 
-#define CONNECTIONS (LINK_SOURCES + 16)
+#define CONNECTIONS (2 * LINK_NODES + 16)
 #define HELLO_NS    INT64_C(5000000000)
 #define SILENCE_NS  INT64_C(2000000000)
-#define HOLD_MS     20 /* sets whose names are not decided are looked at again */
+#define HOLD_MS     20 /* sets that are incomplete, or whose names are not decided, are looked at again */
+#define WAIT_NS     INT64_C(600000000) /* for a set to become complete, at least, where sets: wait_ms does not say it */
 
 struct link_connection {
     struct link_stream stream; /* fd -1: unused */
@@ -27,60 +29,26 @@ struct link_connection {
     int64_t until_ns;
     bool refused; /* closed once the reason has been sent */
     /* of its node */
+    struct link_inbox *inbox;
+    struct link_inbox_counters counted; /* of it, in what is reported */
+    uint64_t received_datagram_bytes;   /* not yet reported */
     int cameras;
     struct {
-        uint8_t *data; /* what it sent last, for pictures that are unchanged */
+        uint8_t *data; /* what it sent last, for pictures that are unchanged; of the set `seq` */
         size_t bytes, room;
         uint32_t stride;
+        uint64_t seq;
     } last[SST_CAMERAS_MAX];
 };
 
-/* --- the node as a whole ----------------------------------------------------------------------------------------- */
-
-static bool lanes_connected_locked(const struct sst_link_head *h, int node, bool all)
-{
-    int connected = 0;
-
-    for (int i = 0; i < LINK_LANES_MAX; i++)
-        connected += h->source[node * LINK_LANES_MAX + i].peer.connected;
-    return all ? connected && connected >= h->node[node].lanes : connected > 0;
-}
-
-/* A lane has begun or ended: has the node? */
-static void note_node(struct sst_link_head *h, int source, const char *why)
-{
-    const int node = link_node_of(source);
-    bool changed;
-
-    pthread_mutex_lock(&h->lock);
-    changed = h->node[node].connected != lanes_connected_locked(h, node, true);
-    h->node[node].connected ^= changed;
-    if (!lanes_connected_locked(h, node, false))
-        sst_numbering_leave(h->numbering, node);
-    pthread_mutex_unlock(&h->lock);
-    if (changed && h->event)
-        h->event(h->arg, h->array.hosts.node[node], h->node[node].connected, why);
-}
-
 /* --- ends --------------------------------------------------------------------------------------------------------- */
-
-/* Another connection of the node brings the same cameras: its states count from now on. */
-static void hand_over_locked(struct sst_link_head *h, int source)
-{
-    const int node = link_node_of(source);
-
-    for (int o = node * LINK_LANES_MAX; o < (node + 1) * LINK_LANES_MAX; o++) {
-        for (int i = 0; o != source && h->source[o].peer.connected && i < h->source[o].cameras; i++)
-            if (h->slot[h->source[o].slot[i]].source == source)
-                h->slot[h->source[o].slot[i]].source = o;
-    }
-}
 
 static void end(struct sst_link_head *h, struct link_connection *c, const char *why)
 {
     const int source = c->source;
 
     link_stream_close(&c->stream);
+    link_inbox_destroy(c->inbox);
     for (int i = 0; i < c->cameras; i++)
         free(c->last[i].data);
     if (source >= 0) {
@@ -92,11 +60,12 @@ static void end(struct sst_link_head *h, struct link_connection *c, const char *
         s->peer.connected = false;
         snprintf(s->peer.reason, sizeof(s->peer.reason), "%.250s", why);
         head_forget_locked(h, source);
-        hand_over_locked(h, source);
         for (int i = 0; i < s->cameras; i++)
             head_camera_locked(h, source, i, SST_GRAB_ABSENT, text, NULL);
+        sst_numbering_leave(h->numbering, source);
         pthread_mutex_unlock(&h->lock);
-        note_node(h, source, why);
+        if (h->event)
+            h->event(h->arg, s->peer.name, false, why);
     } else if (*why && !c->refused) {
         sst_log_warning("hosts: the connection of %s ended before it was accepted: %s", c->address, why);
     }
@@ -105,14 +74,12 @@ static void end(struct sst_link_head *h, struct link_connection *c, const char *
 
 /* --- HELLO -------------------------------------------------------------------------------------------------------- */
 
-/* The lane of a node, as it says. @return its source; -1: not in the list */
-static int find_node(const struct sst_link_head *h, const char *name, const json_t *hello)
+/* @return the node's source; -1: not in the list */
+static int find_node(const struct sst_link_head *h, const char *name)
 {
-    const int lane = (int)json_integer_value(json_object_get(hello, "lane"));
-
     for (int i = 0; i < h->array.hosts.nodes; i++)
         if (!strcmp(h->array.hosts.node[i], name))
-            return i * LINK_LANES_MAX + sst_clamp_int(lane, 0, LINK_LANES_MAX - 1);
+            return i;
     return -1;
 }
 
@@ -121,7 +88,7 @@ static const char *holder_locked(const struct sst_link_head *h, int view, int so
 {
     const int other = h->slot[view].source;
 
-    if (other < 0 || link_node_of(other) == link_node_of(source) || !h->source[other].peer.connected)
+    if (other < 0 || other == source || !h->source[other].peer.connected)
         return NULL;
     return other == LINK_OWN ? "the head itself" : h->source[other].peer.name;
 }
@@ -160,11 +127,8 @@ static int bind_cameras_locked(struct sst_link_head *h, int source, const json_t
             h->slot[i].source = -1;
     s->cameras = n;
     for (int i = 0; i < n; i++) {
-        const int other = h->slot[view[i]].source;
-
         s->slot[i] = view[i];
-        if (other < 0 || !h->source[other].peer.connected || link_node_of(other) != link_node_of(source))
-            h->slot[view[i]].source = source; /* else it is that of the first copy */
+        h->slot[view[i]].source = source;
     }
     return 0;
 }
@@ -224,32 +188,40 @@ static uint64_t counting_of(const json_t *hello)
     return run_of(hello) ^ (opening << 48 | opening);
 }
 
-/* A node that was cut off, or killed, comes back before its old connections have ended. */
-static void end_older(struct sst_link_head *h, int source, const json_t *hello)
+/* A node that was cut off, or killed, comes back before its old connection has ended. */
+static void end_older(struct sst_link_head *h, int source)
 {
-    const bool again = h->node[link_node_of(source)].run != counting_of(hello);
+    for (int i = 0; i < CONNECTIONS; i++)
+        if (h->connection[i].stream.fd >= 0 && h->connection[i].source == source)
+            end(h, &h->connection[i], "it connected again");
+}
 
-    for (int i = 0; i < CONNECTIONS; i++) {
-        struct link_connection *c = &h->connection[i];
+static int open_inbox(struct sst_link_head *h, struct link_connection *c, const json_t *hello, uint64_t *session)
+{
+    const int64_t wait_ns = (int64_t)h->array.wait_ms * 1000000;
+    const int64_t least_ns = 3 * h->period_ns > WAIT_NS ? 3 * h->period_ns : WAIT_NS;
+    const json_int_t seq = json_integer_value(json_object_get(hello, "seq"));
 
-        if (c->stream.fd >= 0 && c->source >= 0 &&
-            (c->source == source || (again && link_node_of(c->source) == link_node_of(source))))
-            end(h, c, "it connected again");
-    }
+    if (seq < 0)
+        return -EBADMSG;
+    if (getrandom(session, sizeof(*session), 0) != sizeof(*session))
+        return -errno;
+    return link_inbox_create(&c->inbox, *session, (uint64_t)seq + 1,
+                             link_message_most(h->array.bound, h->array.width, h->array.height),
+                             wait_ns ? wait_ns : least_ns);
 }
 
 static int join_locked(struct sst_link_head *h, struct link_connection *c, int source, const json_t *hello,
                        char why[256])
 {
     const uint64_t id = run_of(hello);
-    const int node = link_node_of(source), lanes = (int)json_integer_value(json_object_get(hello, "lanes"));
     struct sst_link_peer *p = &h->source[source].peer;
     int err = bind_cameras_locked(h, source, json_object_get(hello, "cameras"), why);
 
     if (err)
         return err;
     if (p->run != id)
-        p->seq = 0;
+        p->seq = p->missed_bits = 0;
     p->run = id;
     p->connected = true;
     p->reason[0] = 0;
@@ -258,17 +230,26 @@ static int join_locked(struct sst_link_head *h, struct link_connection *c, int s
     c->source = source;
     c->cameras = h->source[source].cameras;
     show_cameras_locked(h, source, json_object_get(hello, "cameras"));
-    h->node[node].lanes = sst_clamp_int(lanes, 1, LINK_LANES_MAX);
-    head_join_locked(h, node, counting_of(hello));
+    sst_numbering_join(h->numbering, source, counting_of(hello));
     return 0;
+}
+
+static int refuse(struct link_connection *c, const char *why)
+{
+    sst_log_warning("hosts: node %s at %s is refused: %s", c->stream.peer, c->address, why);
+    c->refused = true;
+    c->until_ns = sst_clock_now_ns() + HELLO_NS / 5;
+    return link_stream_add_json(
+        &c->stream, MESSAGE_WELCOME,
+        json_pack("{s:s, s:i, s:i, s:s}", "refused", why, "seq", 0, "missed", 0, "session", ""));
 }
 
 static int welcome(struct sst_link_head *h, struct link_connection *c, const uint8_t *data, size_t bytes)
 {
     json_t *hello = json_loadb((const char *)data, bytes, 0, NULL);
-    const int source = find_node(h, c->stream.peer, hello);
-    char why[256] = "";
-    uint64_t seq = 0;
+    const int source = find_node(h, c->stream.peer);
+    char why[256] = "", text[24] = "";
+    uint64_t seq = 0, missed = 0, session = 0;
     int err = hello ? compare(h, hello, why) : -EBADMSG;
 
     if (!err && source < 0) {
@@ -276,37 +257,42 @@ static int welcome(struct sst_link_head *h, struct link_connection *c, const uin
         err = -EACCES;
     }
     if (!err) {
-        end_older(h, source, hello);
+        end_older(h, source);
         pthread_mutex_lock(&h->lock);
         err = join_locked(h, c, source, hello, why);
         seq = h->source[source].peer.seq;
+        missed = h->source[source].peer.missed_bits;
         if (err)
             snprintf(h->source[source].peer.reason, sizeof(h->source[source].peer.reason), "refused: %.240s", why);
         pthread_mutex_unlock(&h->lock);
     }
-    json_decref(hello);
-    if (err == -EBADMSG)
-        return err;
     if (err) {
-        sst_log_warning("hosts: node %s at %s is refused: %s", c->stream.peer, c->address, why);
-        c->refused = true;
-        c->until_ns = sst_clock_now_ns() + HELLO_NS / 5;
-    } else {
-        note_node(h, source, "");
+        json_decref(hello);
+        return err == -EBADMSG ? err : refuse(c, why);
     }
+    err = open_inbox(h, c, hello, &session);
+    json_decref(hello);
+    if (err)
+        return err;
+    if (h->event)
+        h->event(h->arg, h->source[source].peer.name, true, "");
+    if (h->dtls)
+        snprintf(text, sizeof(text), "%016llx", (unsigned long long)session);
     return link_stream_add_json(&c->stream, MESSAGE_WELCOME,
-                                json_pack("{s:s, s:I}", "refused", why, "seq", (json_int_t)seq));
+                                json_pack("{s:s, s:I, s:I, s:s}", "refused", "", "seq", (json_int_t)seq, "missed",
+                                          (json_int_t)missed, "session", text));
 }
 
 /* --- STATE and SET ------------------------------------------------------------------------------------------------ */
 
-static int confirm(struct link_connection *c, uint64_t seq)
+static int confirm(struct link_connection *c, uint64_t seq, enum wire_outcome outcome, uint32_t datagrams)
 {
-    uint8_t *ack = link_stream_add(&c->stream, MESSAGE_ACK, 8);
+    uint8_t *ack = link_stream_add(&c->stream, MESSAGE_ACK, WIRE_ACK_BYTES);
 
     if (!ack)
         return -ENOMEM;
     wire_put_u64(ack, seq);
+    wire_put_u64(ack + 8, (uint64_t)datagrams << 32 | (uint64_t)outcome);
     return 0;
 }
 
@@ -331,10 +317,12 @@ static int take_state(struct sst_link_head *h, struct link_connection *c, const 
     json_decref(h->source[c->source].peer.reported);
     h->source[c->source].peer.reported = state;
     pthread_mutex_unlock(&h->lock);
-    return confirm(c, h->source[c->source].peer.seq); /* also while the trigger rests: the head is there */
+    /* Also while the trigger rests: the head is there. */
+    return confirm(c, h->source[c->source].peer.seq,
+                   h->source[c->source].peer.missed_bits & 1 ? WIRE_MISSED : WIRE_RECEIVED, 0);
 }
 
-static int keep_last(struct link_connection *c, int cam, const uint8_t *data, const struct wire_frame *f)
+static int keep_last(struct link_connection *c, int cam, const uint8_t *data, const struct wire_frame *f, uint64_t seq)
 {
     if (f->bytes > c->last[cam].room) {
         uint8_t *grown = realloc(c->last[cam].data, f->bytes + f->bytes / 4);
@@ -347,28 +335,34 @@ static int keep_last(struct link_connection *c, int cam, const uint8_t *data, co
     memcpy(c->last[cam].data, data, f->bytes);
     c->last[cam].bytes = f->bytes;
     c->last[cam].stride = f->stride;
+    c->last[cam].seq = seq;
     return 0;
 }
 
-/* Remember the bytes of this set. @param frames, unchanged, bytes  out, of the frames that it has, with unchanged ones
- */
-static int study(struct link_connection *c, const struct wire_frame *frame, const uint8_t *data, int *frames,
-                 int *unchanged, size_t *bytes)
+/* What a set has. */
+struct contents {
+    int frames, unchanged, missed; /* missed: unchanged from a picture that did not arrive */
+    size_t bytes;                  /* with unchanged ones */
+};
+
+/* Remember the bytes of this set. An unchanged picture whose bytes are of a missed set is missing. */
+static int study(struct link_connection *c, uint64_t seq, struct wire_frame *frame, const uint8_t *data,
+                 struct contents *out)
 {
     int err = 0;
 
-    *frames = *unchanged = 0;
-    *bytes = 0;
+    *out = (struct contents){ 0 };
     for (int i = 0; !err && i < c->cameras; i++) {
+        out->frames += frame[i].kind != WIRE_MISSING;
+        out->unchanged += frame[i].kind == WIRE_UNCHANGED;
         if (frame[i].kind == WIRE_FRAME) {
-            err = keep_last(c, i, data, &frame[i]);
+            err = keep_last(c, i, data, &frame[i], seq);
             data += frame[i].bytes;
-        } else if (frame[i].kind == WIRE_UNCHANGED && !c->last[i].bytes) {
-            err = -EBADMSG;
+        } else if (frame[i].kind == WIRE_UNCHANGED && (!c->last[i].bytes || c->last[i].seq != frame[i].since)) {
+            frame[i].kind = WIRE_MISSING;
+            out->missed++;
         }
-        *frames += frame[i].kind != WIRE_MISSING;
-        *unchanged += frame[i].kind == WIRE_UNCHANGED;
-        *bytes += frame[i].kind != WIRE_MISSING ? c->last[i].bytes : 0;
+        out->bytes += frame[i].kind != WIRE_MISSING ? c->last[i].bytes : 0;
     }
     return err;
 }
@@ -398,32 +392,124 @@ static void fill(const struct sst_link_head *h, struct link_connection *c, struc
     }
 }
 
-static int take_set(struct sst_link_head *h, struct link_connection *c, const uint8_t *data, size_t bytes)
+/* A set that is complete. */
+static int take_set(struct sst_link_head *h, struct link_connection *c, const struct link_inbox_set *in)
 {
     struct sst_link_peer *p = &h->source[c->source].peer;
     struct wire_frame frame[SST_CAMERAS_MAX];
+    struct contents contents;
     struct head_set *set;
     struct wire_set from;
     const uint8_t *pictures;
-    size_t total;
-    int frames, unchanged, err = wire_get_set(data, bytes, c->cameras, &from, frame, &pictures);
+    int err = wire_get_set(in->data, in->bytes, c->cameras, &from, frame, &pictures);
 
-    if (!err && from.seq <= p->seq)
+    if (!err && from.seq != in->seq)
         err = -EBADMSG;
     if (!err)
-        err = study(c, frame, pictures, &frames, &unchanged, &total);
+        err = study(c, in->seq, frame, pictures, &contents);
     if (err)
         return err;
-    set = head_set_acquire(h, c->source, frames, total);
+    set = head_set_acquire(h, c->source, contents.frames, contents.missed, contents.bytes);
     pthread_mutex_lock(&h->lock);
-    p->seq = from.seq;
-    p->unchanged += (uint64_t)unchanged;
+    p->unchanged += (uint64_t)contents.unchanged;
     pthread_mutex_unlock(&h->lock);
     if (set) {
         fill(h, c, set, &from, frame);
         head_set_pass(h, set);
     }
-    return confirm(c, from.seq);
+    return 0;
+}
+
+/* Sets that are decided, in their order. */
+static int take_sets(struct sst_link_head *h, struct link_connection *c, int64_t now_ns)
+{
+    struct link_inbox_set in;
+    int err = 0;
+
+    while (!err && link_inbox_next(c->inbox, now_ns, &in)) {
+        struct sst_link_peer *p = &h->source[c->source].peer;
+        const uint64_t ahead = in.seq - p->seq;
+
+        if (in.data)
+            err = take_set(h, c, &in);
+        if (err)
+            return err;
+        pthread_mutex_lock(&h->lock);
+        p->missed_bits = (ahead < 64 ? p->missed_bits << ahead : 0) | !in.data;
+        p->missed_sets += !in.data;
+        p->seq = in.seq;
+        pthread_mutex_unlock(&h->lock);
+        err = confirm(c, in.seq, in.data ? WIRE_RECEIVED : WIRE_MISSED, in.datagrams);
+    }
+    return err;
+}
+
+/* Ask for what does not come. */
+static int want(struct link_connection *c, int64_t now_ns)
+{
+    uint16_t index[SST_PIECES_DATA_MAX];
+    uint64_t seq;
+    int n;
+
+    while (link_inbox_ask(c->inbox, now_ns, &seq, index, &n)) {
+        uint8_t *at = link_stream_add(&c->stream, MESSAGE_WANT, 8 + 2 * (size_t)n);
+
+        if (!at)
+            return -ENOMEM;
+        wire_put_u64(at, seq);
+        for (int i = 0; i < n; i++) {
+            at[8 + 2 * i] = (uint8_t)index[i];
+            at[9 + 2 * i] = (uint8_t)(index[i] >> 8);
+        }
+    }
+    return 0;
+}
+
+/* What has come, and time, decide sets. */
+static int settle(struct sst_link_head *h, struct link_connection *c, int64_t now_ns)
+{
+    struct sst_link_peer *p = &h->source[c->source].peer;
+    struct link_inbox_counters count;
+    int err = take_sets(h, c, now_ns);
+
+    if (!err)
+        err = want(c, now_ns);
+    link_inbox_count(c->inbox, &count);
+    pthread_mutex_lock(&h->lock);
+    p->datagrams += count.datagrams - c->counted.datagrams;
+    p->spare += count.spare - c->counted.spare;
+    p->refused += count.refused - c->counted.refused;
+    p->asked += count.asked - c->counted.asked;
+    p->repaired += count.repaired - c->counted.repaired;
+    pthread_mutex_unlock(&h->lock);
+    c->counted = count;
+    return err;
+}
+
+static struct link_connection *find_connection(struct sst_link_head *h, const char *name)
+{
+    for (int i = 0; i < CONNECTIONS; i++)
+        if (h->connection[i].stream.fd >= 0 && h->connection[i].inbox && !strcmp(h->connection[i].stream.peer, name))
+            return &h->connection[i];
+    return NULL;
+}
+
+bool head_knows(void *head, const char *name)
+{
+    return find_connection(head, name) != NULL;
+}
+
+void head_datagram(void *head, const char *name, const uint8_t *data, size_t bytes)
+{
+    struct link_connection *c = find_connection(head, name);
+
+    if (!c)
+        return;
+    if (link_inbox_datagram(c->inbox, data, bytes, sst_clock_now_ns())) {
+        /* counted; it is still who the certificate names */
+    }
+    c->received_datagram_bytes += bytes;
+    c->until_ns = sst_clock_now_ns() + SILENCE_NS;
 }
 
 /* --- the thread --------------------------------------------------------------------------------------------------- */
@@ -437,8 +523,20 @@ static int take(struct sst_link_head *h, struct link_connection *c, enum message
     if (type == MESSAGE_STATE && c->source >= 0)
         return take_state(h, c, data, bytes);
     if (type == MESSAGE_SET && c->source >= 0)
-        return take_set(h, c, data, bytes);
+        return link_inbox_whole(c->inbox, data, bytes, sst_clock_now_ns());
+    if (type == MESSAGE_OFFER && c->source >= 0)
+        return link_inbox_offer(c->inbox, data, bytes, sst_clock_now_ns());
+    if (type == MESSAGE_REPAIR && c->source >= 0)
+        return link_inbox_repair(c->inbox, data, bytes, sst_clock_now_ns());
     return c->refused ? 0 : -EBADMSG;
+}
+
+static void name_error(int err, char why[256])
+{
+    if (err == -EBADMSG)
+        snprintf(why, 256, "what it sent cannot be read; do both hosts have the same version?");
+    else if (err && !why[0])
+        snprintf(why, 256, "%s", strerror(-err));
 }
 
 /* All that has come of a connection. What GnuTLS holds back is not seen by poll(): hence until nothing more comes. */
@@ -459,6 +557,8 @@ static int serve_one(struct sst_link_head *h, struct link_connection *c, char wh
         while (!err && c->stream.ready && (r = link_stream_next(&c->stream, &type, &data, &bytes)) != 0) {
             any = true;
             err = r < 0 ? r : take(h, c, type, data, bytes);
+            if (!err && c->inbox) /* whole sets have no room to wait in */
+                err = take_sets(h, c, sst_clock_now_ns());
         }
         if (c->source >= 0) {
             pthread_mutex_lock(&h->lock);
@@ -466,10 +566,7 @@ static int serve_one(struct sst_link_head *h, struct link_connection *c, char wh
             pthread_mutex_unlock(&h->lock);
         }
     }
-    if (err == -EBADMSG)
-        snprintf(why, 256, "what it sent cannot be read; do both hosts have the same version?");
-    else if (err && !why[0])
-        snprintf(why, 256, "%s", strerror(-err));
+    name_error(err, why);
     return err;
 }
 
@@ -510,43 +607,72 @@ static int gather(const struct sst_link_head *h, struct pollfd *fds)
 {
     fds[0] = (struct pollfd){ .fd = h->wake_fd, .events = POLLIN };
     fds[1] = (struct pollfd){ .fd = h->listen_fd, .events = POLLIN };
+    fds[2] = (struct pollfd){ .fd = h->dtls ? link_dtls_server_fd(h->dtls) : -1, .events = POLLIN };
     for (int i = 0; i < CONNECTIONS; i++) {
         const struct link_stream *s = &h->connection[i].stream;
 
-        fds[2 + i] = (struct pollfd){ .fd = s->fd, .events = s->fd >= 0 ? link_stream_events(s) : (short)0 };
+        fds[3 + i] = (struct pollfd){ .fd = s->fd, .events = s->fd >= 0 ? link_stream_events(s) : (short)0 };
     }
-    return 2 + CONNECTIONS;
+    return 3 + CONNECTIONS;
 }
 
-static void serve_all(struct sst_link_head *h, const struct pollfd *fds)
+/* @return 0, or what ends the connection, with why */
+static int check(struct sst_link_head *h, struct link_connection *c, int64_t now_ns, char why[256])
 {
-    const int64_t now_ns = sst_clock_now_ns();
+    int err = c->inbox ? settle(h, c, now_ns) : 0;
+
+    if (!err && now_ns >= c->until_ns) {
+        snprintf(why, 256, "%s", c->source < 0 ? "it does not say which node it is" : "it has fallen silent");
+        return -ETIMEDOUT;
+    }
+    if (err)
+        name_error(err, why);
+    if (!err && c->received_datagram_bytes) {
+        pthread_mutex_lock(&h->lock);
+        h->source[c->source].peer.received_bytes += c->received_datagram_bytes;
+        pthread_mutex_unlock(&h->lock);
+        c->received_datagram_bytes = 0;
+    }
+    return err;
+}
+
+/* First what came over TLS, as states of cameras precede their pictures, then datagrams, then what both decide.
+ * @return true: something waits for time to pass */
+static bool serve_all(struct sst_link_head *h, const struct pollfd *fds)
+{
+    char why[256] = "";
+    bool waits;
 
     for (int i = 0; i < CONNECTIONS; i++) {
         struct link_connection *c = &h->connection[i];
-        char why[256] = "";
-        int err = 0;
 
-        if (c->stream.fd < 0)
-            continue;
-        if (fds[2 + i].fd == c->stream.fd && fds[2 + i].revents)
-            err = serve_one(h, c, why);
-        if (!err && c->stream.fd >= 0 && now_ns >= c->until_ns) {
-            snprintf(why, sizeof(why), "%s",
-                     c->source < 0 ? "it does not say which node it is" : "it has fallen silent");
-            err = -ETIMEDOUT;
-        }
-        if (err)
+        if (c->stream.fd >= 0 && fds[3 + i].fd == c->stream.fd && fds[3 + i].revents && serve_one(h, c, why))
             end(h, c, why);
+        why[0] = 0;
+    }
+    waits = h->dtls && link_dtls_server_work(h->dtls);
+    for (int i = 0; i < CONNECTIONS; i++) {
+        struct link_connection *c = &h->connection[i];
+
+        if (c->stream.fd >= 0 && check(h, c, sst_clock_now_ns(), why))
+            end(h, c, why);
+        why[0] = 0;
+        waits |= c->inbox && link_inbox_waits(c->inbox);
     }
     if (fds[1].revents)
         accept_one(h);
+    if (h->dtls) {
+        pthread_mutex_lock(&h->lock);
+        h->overflows = link_dtls_server_overflows(h->dtls);
+        pthread_mutex_unlock(&h->lock);
+    }
+    return waits;
 }
 
 void *head_serve(void *arg)
 {
     struct sst_link_head *h = arg;
-    struct pollfd fds[2 + CONNECTIONS];
+    struct pollfd fds[3 + CONNECTIONS];
     bool stop = false, waits = false;
 
     sst_thread_name("sst-link");
@@ -561,8 +687,8 @@ void *head_serve(void *arg)
         const int n = gather(h, fds);
 
         if (poll(fds, (nfds_t)n, waits ? HOLD_MS : 200) >= 0 || errno == EINTR)
-            serve_all(h, fds);
-        waits = head_settle(h, sst_clock_now_ns());
+            waits = serve_all(h, fds);
+        waits |= head_settle(h, sst_clock_now_ns());
         pthread_mutex_lock(&h->lock);
         stop = h->stop;
         pthread_mutex_unlock(&h->lock);

@@ -36,7 +36,7 @@ static bool has_room(struct head_set *set, size_t bytes)
     return true;
 }
 
-struct head_set *head_set_acquire(struct sst_link_head *h, int source, int frames, size_t bytes)
+struct head_set *head_set_acquire(struct sst_link_head *h, int source, int frames, int missed, size_t bytes)
 {
     struct head_source *s = &h->source[source];
     struct head_set *set;
@@ -44,6 +44,8 @@ struct head_set *head_set_acquire(struct sst_link_head *h, int source, int frame
     pthread_mutex_lock(&h->lock);
     s->peer.sets++;
     s->peer.frames += (uint64_t)frames;
+    s->peer.missed += (uint64_t)missed;
+    frames -= missed;
     set = acquire_locked(s);
     if (set && !has_room(set, bytes)) {
         for (int i = 0; i < LINK_SETS; i++)
@@ -105,65 +107,17 @@ static void log_slip(const struct sst_link_head *h, int source, const struct sst
         sst_log_warning("node %s: its time stamps jumped; its sets are named by its wall clock again", name);
 }
 
-void head_join_locked(struct sst_link_head *h, int node, uint64_t run)
-{
-    struct head_node *n = &h->node[node];
-
-    if (n->run != run)
-        n->named_count = 0;
-    n->run = run;
-    sst_numbering_join(h->numbering, node, run);
-}
-
-/* What another lane's set of that edge was named. An edge that none of them reported in time, and that newer ones have
- * passed, has its place by those. @return false: the edge is new */
-static bool recall(const struct sst_link_head *h, const struct head_node *n, const struct sst_numbering_edge *edge,
-                   enum sst_numbering_verdict *verdict, struct sst_numbering_place *place)
-{
-    for (int i = 0; i < n->named_count; i++) {
-        const int k = (n->newest - i + LINK_NAMED) % LINK_NAMED;
-        const int64_t ahead = (int64_t)(n->named[k].count - edge->count);
-
-        if (ahead < 0) /* sorted, the newest first */
-            return false;
-        if (ahead && i + 1 < n->named_count && n->named[(k - 1 + LINK_NAMED) % LINK_NAMED].count >= edge->count)
-            continue;
-        *verdict = n->named[k].verdict;
-        *place = n->named[k].place;
-        if (ahead) {
-            place->index -= (uint64_t)ahead;
-            place->t_ns -= n->named[k].t_ns - edge->t_ns;
-            if (llabs(n->named[k].t_ns - edge->t_ns - ahead * h->period_ns) > h->period_ns / 4)
-                *verdict = SST_NUMBERING_UNNAMED; /* it slipped between the two */
-        }
-        return true;
-    }
-    return false;
-}
-
 static enum sst_numbering_verdict name_edge(struct sst_link_head *h, int source, const struct sst_numbering_edge *edge,
                                             int64_t now_ns, struct sst_numbering_place *place)
 {
-    const int node = link_node_of(source);
-    struct head_node *n = &h->node[node];
     const int64_t offset_ns = sst_clock_wall_ns() - sst_clock_now_ns();
     struct sst_numbering_state before, after;
     enum sst_numbering_verdict verdict;
 
-    if (recall(h, n, edge, &verdict, place))
-        return verdict;
-    sst_numbering_state(h->numbering, node, &before);
-    verdict = sst_numbering_place(h->numbering, node, edge, now_ns, offset_ns, place);
-    sst_numbering_state(h->numbering, node, &after);
+    sst_numbering_state(h->numbering, source, &before);
+    verdict = sst_numbering_place(h->numbering, source, edge, now_ns, offset_ns, place);
+    sst_numbering_state(h->numbering, source, &after);
     log_slip(h, source, &before, &after);
-    if (verdict == SST_NUMBERING_HELD)
-        return verdict;
-    n->newest = (n->newest + 1) % LINK_NAMED;
-    n->named_count = sst_min_int(n->named_count + 1, LINK_NAMED);
-    n->named[n->newest].count = edge->count;
-    n->named[n->newest].t_ns = edge->t_ns;
-    n->named[n->newest].verdict = verdict;
-    n->named[n->newest].place = *place;
     return verdict;
 }
 
@@ -196,11 +150,11 @@ static bool settle_locked(struct sst_link_head *h, int64_t now_ns)
 
     while (any) {
         any = false;
-        for (int i = 0; i < LINK_SOURCES; i++)
+        for (int i = 0; i < LINK_NODES; i++)
             while (decide_locked(h, i, now_ns))
                 any = true;
     }
-    for (int i = 0; i < LINK_SOURCES; i++)
+    for (int i = 0; i < LINK_NODES; i++)
         waits |= h->source[i].count > 0;
     return waits;
 }
@@ -257,7 +211,7 @@ void head_camera_locked(struct sst_link_head *h, int source, int cam, enum sst_g
 
 void head_sets_free(struct sst_link_head *h)
 {
-    for (int i = 0; i < LINK_SOURCES; i++) {
+    for (int i = 0; i < LINK_NODES; i++) {
         for (int k = 0; k < LINK_SETS; k++) {
             if (h->source[i].set[k])
                 free(h->source[i].set[k]->data);

@@ -16,15 +16,15 @@
 
 struct sst_link_node; /* opaque; any thread, but open and close */
 
-/** Where frames of captured sets ended on their way to the head: exactly one place each; of several copies, each copy.
- */
+/** Where frames of captured sets ended on their way to the head: exactly one place each. */
 enum sst_link_bucket {
     SST_LINK_SENT = 0,      /* the head has confirmed them ... */
     SST_LINK_UNCHANGED = 1, /* ... likewise, without their bytes, as they show what the ones before show */
     SST_LINK_DROPPED = 2,   /* the queue was full: the oldest went */
     SST_LINK_AWAY = 3,      /* likewise while no head was connected */
     SST_LINK_LOST = 4,      /* sent, but the connection ended before the head had them */
-    SST_LINK_BUCKETS = 5,
+    SST_LINK_MISSED = 5,    /* sent by datagrams, and their set was not complete in time */
+    SST_LINK_BUCKETS = 6,
 };
 
 extern const char *const sst_link_keys[SST_LINK_BUCKETS]; /* their names in JSON and metrics */
@@ -36,6 +36,9 @@ struct sst_link_node_state {
                                                                         queue, or sent and not confirmed */
     uint64_t unexplained;                                            /* frames in no place or in two: 0, or a bug */
     uint64_t sent_bytes;
+    bool datagrams;             /* sets go by datagrams; else over TLS, and */
+    char datagrams_reason[256]; /* ... why */
+    uint64_t sent_datagrams, repaired; /* since the start; pieces that were sent again over TLS */
     double reply_ms; /* from sending a set to its confirmation, smoothed; 0: none yet */
 };
 
@@ -82,15 +85,18 @@ struct sst_link_peer {
     char reason[256]; /* why not */
     char address[64];
     int cameras;
-    uint64_t connections; /* of its first lane */
-    uint64_t sets, frames,
-        unchanged; /* received on all connections; frames include those that were named as unchanged */
-    /* Of the frames: passed to capture; came before, over another connection; no room; of no trigger; on their way. */
-    uint64_t passed, copies, dropped, unnamed, waiting;
+    uint64_t connections;
+    uint64_t sets, frames, unchanged; /* received; frames include those that were named as unchanged */
+    /* Of the frames: passed to capture; unchanged from a picture that was missed; no room; of no trigger; on their way. */
+    uint64_t passed, missed, dropped, unnamed, waiting;
     uint64_t unexplained; /* frames in no place or in two: 0, or a bug */
     uint64_t received_bytes;
+    /* Datagrams: received; more than were needed; refused. Pieces that came over TLS instead; sets of which they were asked
+     * for; sets that stayed incomplete. */
+    uint64_t datagrams, spare, refused, repaired, asked, missed_sets;
     struct sst_numbering_state numbering;
-    uint64_t run, seq; /* of the last set of a lane */
+    uint64_t run, seq; /* of the last set */
+    uint64_t missed_bits; /* bit i: set seq - i was missed */
     json_t *reported;  /* its last STATE; NULL: none */
 };
 
@@ -114,6 +120,9 @@ struct sst_source sst_link_head_source(struct sst_link_head *head);
 
 /** @param out  [SST_NUMBERING_SOURCES]; their `reported` are the caller's @return count */
 int sst_link_head_peers(struct sst_link_head *head, struct sst_link_peer *out);
+
+/** Datagrams that the kernel had no room for: net.core.rmem_max is too small, or the machine too busy. */
+uint64_t sst_link_head_overflows(struct sst_link_head *head);
 
 /** Which peer has a view; -1: none. */
 int sst_link_head_owner(struct sst_link_head *head, int view);

@@ -36,7 +36,7 @@ static int on_set(void *arg, const struct sst_frameset *set)
 
     for (int i = 0; i < set->cameras; i++)
         bytes += set->frame[i] ? set->frame[i]->bytes : 0;
-    to = head_set_acquire(l->head, LINK_OWN, set->present, bytes);
+    to = head_set_acquire(l->head, LINK_OWN, set->present, 0, bytes);
     if (!to)
         return -ENOBUFS;
     to->edge = (struct sst_numbering_edge){ set->index, set->t_ns, set->wall_ns };
@@ -82,7 +82,7 @@ static void capture_once(struct link_local *l)
 
     sst_log_hold_errors(why);
     pthread_mutex_lock(&l->head->lock);
-    head_join_locked(l->head, LINK_OWN_NODE, ++l->run);
+    sst_numbering_join(l->head->numbering, LINK_OWN, ++l->run);
     pthread_mutex_unlock(&l->head->lock);
     err = sst_capture_open(&capture, &l->array, &events);
     pthread_mutex_lock(&l->lock);
@@ -101,7 +101,7 @@ static void capture_once(struct link_local *l)
         sst_log_error("%s", why);
     memcpy(l->logged, why, sizeof(why));
     pthread_mutex_lock(&l->head->lock);
-    sst_numbering_leave(l->head->numbering, LINK_OWN_NODE);
+    sst_numbering_leave(l->head->numbering, LINK_OWN);
     head_forget_locked(l->head, LINK_OWN);
     for (int i = 0; i < l->array.bound; i++)
         head_camera_locked(l->head, LINK_OWN, i, SST_GRAB_ABSENT, err && why[0] ? why : "capturing is started again",
@@ -143,8 +143,7 @@ int link_local_open(struct link_local **out, struct sst_link_head *head, const s
     sst_cond_init(&l->changed);
     pthread_mutex_lock(&head->lock);
     s->peer.connected = true;
-    head->node[LINK_OWN_NODE].used = true;
-    head->node[LINK_OWN_NODE].lanes = 1;
+    s->used = true;
     s->cameras = array->bound;
     for (int i = 0; i < array->bound; i++) {
         s->slot[i] = array->camera[i].row * array->cols + array->camera[i].col;

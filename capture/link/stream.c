@@ -1,4 +1,4 @@
-/* Connections between hosts.
+/* Connections between hosts, over TLS.
  *
  * TLS by GnuTLS, the library that the page's HTTPS uses, on plain sockets, and not NNG or libzmq: libzmq's CURVE has
  * keys, no certificates. Debian's NNG has tls+tcp, by Mbed TLS, which would be a second TLS in the service, ends at
@@ -18,8 +18,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "base/file.h"
-#include "base/log.h"
 
 #define IN_STEP     65536
 #define GONE_MS     2000   /* without an answer to what was sent a connection ends */
@@ -138,115 +136,21 @@ size_t link_stream_waiting(const struct link_stream *s)
 #if WITH_HTTPD
 
 #include <gnutls/gnutls.h>
-#include <gnutls/x509.h>
-
-#define PRIORITY "SECURE128:-VERS-ALL:+VERS-TLS1.3" /* both sides are ours */
-
-struct link_credentials {
-    gnutls_certificate_credentials_t x509;
-};
 
 struct link_tls {
     gnutls_session_t session;
     size_t resume; /* bytes of a record that the socket did not accept whole */
 };
 
-static int refuse(const char *key, const char *path, int err)
-{
-    sst_log_error("hosts.%s %s: %s; docs/use/hosts.md says how certificates are made", key, path, gnutls_strerror(err));
-    return -EINVAL;
-}
-
-int link_credentials_create(struct link_credentials **out, const struct sst_array_config *array)
-{
-    struct link_credentials *c = calloc(1, sizeof(*c));
-    int n, err;
-
-    if (!c || gnutls_certificate_allocate_credentials(&c->x509) < 0) {
-        free(c);
-        return -ENOMEM;
-    }
-    n = gnutls_certificate_set_x509_trust_file(c->x509, array->hosts.ca, GNUTLS_X509_FMT_PEM);
-    err = n <= 0 ? refuse("ca", array->hosts.ca, n ? n : GNUTLS_E_NO_CERTIFICATE_FOUND) : 0;
-    if (!err) {
-        n = gnutls_certificate_set_x509_key_file(c->x509, array->hosts.certificate, array->hosts.key,
-                                                 GNUTLS_X509_FMT_PEM);
-        err = n < 0 ? refuse(n == GNUTLS_E_FILE_ERROR && !sst_path_exists(array->hosts.key) ? "key" : "certificate",
-                             array->hosts.certificate, n)
-                    : 0;
-    }
-    if (err) {
-        link_credentials_destroy(c);
-        return err;
-    }
-    *out = c;
-    return 0;
-}
-
-void link_credentials_destroy(struct link_credentials *c)
-{
-    if (!c)
-        return;
-    gnutls_certificate_free_credentials(c->x509);
-    free(c);
-}
-
 int link_stream_open(struct link_stream *s, int fd, struct link_credentials *credentials, bool server, size_t most)
 {
-    const unsigned flags = (server ? GNUTLS_SERVER : GNUTLS_CLIENT) | GNUTLS_NONBLOCK | GNUTLS_NO_SIGNAL;
     struct link_tls *t = calloc(1, sizeof(*t));
 
     *s = (struct link_stream){ .fd = fd, .tls = t, .server = server, .most = most };
-    if (!t || gnutls_init(&t->session, flags) < 0 || gnutls_priority_set_direct(t->session, PRIORITY, NULL) < 0 ||
-        gnutls_credentials_set(t->session, GNUTLS_CRD_CERTIFICATE, credentials->x509) < 0)
+    if (!t || link_session_create(&t->session, credentials, server, false))
         return -ENOMEM;
-    if (server)
-        gnutls_certificate_server_set_request(t->session, GNUTLS_CERT_REQUIRE);
     gnutls_transport_set_int(t->session, fd);
     return 0;
-}
-
-/* The certificate is signed by the authority and in its time. What its name may do is the caller's to judge. */
-static int verify(struct link_stream *s, char why[256])
-{
-    unsigned status = 0, n = 0;
-    const gnutls_datum_t *list;
-    gnutls_x509_crt_t certificate;
-    gnutls_datum_t text;
-    size_t size = sizeof(s->peer);
-    int err = gnutls_certificate_verify_peers2(s->tls->session, &status);
-
-    if (err < 0 || status) {
-        if (err < 0 || gnutls_certificate_verification_status_print(status, GNUTLS_CRT_X509, &text, 0) < 0) {
-            snprintf(why, 256, "its certificate cannot be verified: %s", gnutls_strerror(err));
-        } else {
-            snprintf(why, 256, "%.*s", (int)text.size, text.data);
-            gnutls_free(text.data);
-        }
-        return -EACCES;
-    }
-    list = gnutls_certificate_get_peers(s->tls->session, &n);
-    if (!list || !n || gnutls_x509_crt_init(&certificate) < 0)
-        return -EACCES;
-    err = gnutls_x509_crt_import(certificate, &list[0], GNUTLS_X509_FMT_DER);
-    if (err >= 0)
-        err = gnutls_x509_crt_get_dn_by_oid(certificate, GNUTLS_OID_X520_COMMON_NAME, 0, 0, s->peer, &size);
-    gnutls_x509_crt_deinit(certificate);
-    if (err < 0) {
-        snprintf(why, 256, "its certificate has no common name: %s", gnutls_strerror(err));
-        return -EACCES;
-    }
-    return 0;
-}
-
-/* @return 0: it waits for the socket, or it was a warning; else what ends the connection */
-static int judge(ssize_t n, char why[256])
-{
-    if (n == GNUTLS_E_AGAIN || n == GNUTLS_E_INTERRUPTED || !gnutls_error_is_fatal((int)n))
-        return 0;
-    snprintf(why, 256, "%s",
-             n == GNUTLS_E_PREMATURE_TERMINATION ? "the connection was closed" : gnutls_strerror((int)n));
-    return n == GNUTLS_E_CERTIFICATE_REQUIRED || n == GNUTLS_E_NO_CERTIFICATE_FOUND ? -EACCES : -ECONNRESET;
 }
 
 static int shake_hands(struct link_stream *s, char why[256])
@@ -255,8 +159,8 @@ static int shake_hands(struct link_stream *s, char why[256])
     int err;
 
     if (r < 0)
-        return judge(r, why);
-    err = verify(s, why);
+        return link_session_judge(r, why);
+    err = link_session_verify(s->tls->session, s->peer, why);
     s->ready = !err;
     return err;
 }
@@ -274,7 +178,7 @@ static int send_all(struct link_stream *s, char why[256])
             return 0;
         }
         if (n < 0)
-            return judge(n, why);
+            return link_session_judge(n, why);
         s->tls->resume = 0;
         s->out_at += (size_t)n;
         s->sent_bytes += (uint64_t)n;
@@ -298,7 +202,7 @@ static int receive_all(struct link_stream *s, char why[256])
         if (n == GNUTLS_E_AGAIN)
             return 0;
         if (n < 0) {
-            const int err = judge(n, why);
+            const int err = link_session_judge(n, why);
 
             if (err)
                 return err;
@@ -345,17 +249,6 @@ void link_stream_close(struct link_stream *s)
 }
 
 #else
-
-int link_credentials_create(struct link_credentials **out SST_UNUSED, const struct sst_array_config *array SST_UNUSED)
-{
-    sst_log_error("role: this build has no GnuTLS, by which hosts are connected: build with libmicrohttpd-dev and "
-                  "libgnutls28-dev");
-    return -ENOSYS;
-}
-
-void link_credentials_destroy(struct link_credentials *c SST_UNUSED)
-{
-}
 
 int link_stream_open(struct link_stream *s SST_UNUSED, int fd SST_UNUSED,
                      struct link_credentials *credentials SST_UNUSED, bool server SST_UNUSED, size_t most SST_UNUSED)

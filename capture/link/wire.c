@@ -48,6 +48,7 @@ void wire_put_frame(uint8_t *out, const struct wire_frame *f)
     for (size_t i = 0; i < ARRAY_LEN(words); i++)
         put_u32(out + 4 * i, words[i]);
     wire_put_u64(out + 24, (uint64_t)f->from_set_ns);
+    wire_put_u64(out + 32, f->since);
 }
 
 static int get_frame(const uint8_t *in, struct wire_frame *f)
@@ -60,7 +61,8 @@ static int get_frame(const uint8_t *in, struct wire_frame *f)
                               .sequence = get_u32(in + 12),
                               .lost_before = get_u32(in + 16),
                               .faults = get_u32(in + 20),
-                              .from_set_ns = (int64_t)wire_get_u64(in + 24) };
+                              .from_set_ns = (int64_t)wire_get_u64(in + 24),
+                              .since = wire_get_u64(in + 32) };
     return kind > WIRE_UNCHANGED || (kind == WIRE_FRAME) != (f->bytes > 0) ? -EBADMSG : 0;
 }
 

@@ -554,6 +554,7 @@ bool array_hosts(struct service_array *a, struct hosts_now *out)
     out->period_ns = period_ns(&a->wanted);
     if (a->head) {
         out->peers = sst_link_head_peers(a->head, out->peer);
+        out->overflows = sst_link_head_overflows(a->head);
         for (int i = 0; i < a->layout.config.bound; i++) {
             const int owner = sst_link_head_owner(a->head, i);
 

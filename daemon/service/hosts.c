@@ -29,10 +29,12 @@ static json_t *node_json(struct service_array *a, const struct sst_link_node_sta
     json_object_set_new(frames, "captured", count(n->frames));
     json_object_set_new(frames, "waiting", count(n->waiting));
     json_object_set_new(frames, "unexplained", count(n->unexplained));
-    return json_pack("{s:s, s:{s:s, s:b, s:s, s:I, s:I, s:f}, s:o, s:o}", "role", "node", "head", "address",
-                     array_head_address(a), "connected", n->connected, "reason", n->reason, "connections",
-                     (json_int_t)n->connections, "sent_bytes", (json_int_t)n->sent_bytes, "reply_ms", n->reply_ms,
-                     "frames", frames, "clock", clock_json());
+    return json_pack("{s:s, s:{s:s, s:b, s:s, s:I, s:I, s:f}, s:{s:b, s:s, s:I, s:I}, s:o, s:o}", "role", "node",
+                     "head", "address", array_head_address(a), "connected", n->connected, "reason", n->reason,
+                     "connections", (json_int_t)n->connections, "sent_bytes", (json_int_t)n->sent_bytes, "reply_ms",
+                     n->reply_ms, "datagrams", "used", n->datagrams, "reason", n->datagrams_reason, "sent",
+                     (json_int_t)n->sent_datagrams, "repaired", (json_int_t)n->repaired, "frames", frames, "clock",
+                     clock_json());
 }
 
 static json_t *peer_json(struct sst_link_peer *p, const uint64_t bucket[SST_BUCKETS])
@@ -44,7 +46,7 @@ static json_t *peer_json(struct sst_link_peer *p, const uint64_t bucket[SST_BUCK
     json_object_set_new(frames, "received", count(p->frames));
     json_object_set_new(frames, "unchanged", count(p->unchanged));
     json_object_set_new(frames, "passed", count(p->passed));
-    json_object_set_new(frames, "copies", count(p->copies));
+    json_object_set_new(frames, "missed", count(p->missed));
     json_object_set_new(frames, "no_room", count(p->dropped));
     json_object_set_new(frames, "unnamed", count(p->unnamed));
     json_object_set_new(frames, "waiting", count(p->waiting));
@@ -56,6 +58,11 @@ static json_t *peer_json(struct sst_link_peer *p, const uint64_t bucket[SST_BUCK
                   (json_int_t)p->numbering.slips, "slipped_edges", (json_int_t)p->numbering.slipped, "renamed",
                   (json_int_t)p->numbering.renamed, "clock_ms", (double)p->numbering.clock_ns / 1e6, "edge_us",
                   (double)p->numbering.residual_ns / 1e3);
+    json_object_set_new(o, "datagrams",
+                        json_pack("{s:I, s:I, s:I, s:I, s:I, s:I}", "received", (json_int_t)p->datagrams, "spare",
+                                  (json_int_t)p->spare, "refused", (json_int_t)p->refused, "asked",
+                                  (json_int_t)p->asked, "repaired", (json_int_t)p->repaired, "missed_sets",
+                                  (json_int_t)p->missed_sets));
     json_object_set_new(o, "reported", p->reported ? p->reported : json_null());
     p->reported = NULL;
     return o;
@@ -67,8 +74,8 @@ static json_t *head_json(struct service_array *a, struct hosts_now *now)
 
     for (int i = 0; i < now->peers; i++)
         json_array_append_new(nodes, peer_json(&now->peer[i], now->bucket[i]));
-    return json_pack("{s:s, s:s, s:o, s:o}", "role", "head", "address", array_head_address(a), "nodes", nodes, "clock",
-                     clock_json());
+    return json_pack("{s:s, s:s, s:I, s:o, s:o}", "role", "head", "address", array_head_address(a),
+                     "datagrams_no_room", (json_int_t)now->overflows, "nodes", nodes, "clock", clock_json());
 }
 
 json_t *service_hosts_json(struct service_array *a)
@@ -138,6 +145,10 @@ static void write_node(FILE *f, const struct sst_link_node_state *n)
     fprintf(f, "sst_link_frames_unexplained %llu\n", (unsigned long long)n->unexplained);
     gauge(f, "link_sent_bytes", "Bytes sent to the head.");
     fprintf(f, "sst_link_sent_bytes %llu\n", (unsigned long long)n->sent_bytes);
+    gauge(f, "link_datagrams", "1 if pictures go to the head by datagrams, 0 if over TLS.");
+    fprintf(f, "sst_link_datagrams %d\n", n->datagrams);
+    gauge(f, "link_repaired_pieces", "Pieces that the head asked for again, as too many datagrams were lost.");
+    fprintf(f, "sst_link_repaired_pieces %llu\n", (unsigned long long)n->repaired);
 }
 
 static void write_peer_frames(FILE *f, const struct sst_link_peer *p, const uint64_t bucket[SST_BUCKETS])
@@ -146,7 +157,7 @@ static void write_peer_frames(FILE *f, const struct sst_link_peer *p, const uint
         const char *bucket;
         uint64_t n;
     } link[] = {
-        { "copies", p->copies }, { "no_room", p->dropped }, { "unnamed", p->unnamed }, { "waiting", p->waiting }
+        { "missed", p->missed }, { "no_room", p->dropped }, { "unnamed", p->unnamed }, { "waiting", p->waiting }
     };
 
     for (size_t i = 0; i < ARRAY_LEN(link); i++)
@@ -168,6 +179,9 @@ static void write_head(FILE *f, const struct hosts_now *now)
         { "node_unchanged_frames", "Frames of them whose bytes were not sent, as nothing changed.",
           offsetof(struct sst_link_peer, unchanged) },
         { "node_received_bytes", "Bytes that came from the node.", offsetof(struct sst_link_peer, received_bytes) },
+        { "node_datagrams", "Datagrams that came from the node.", offsetof(struct sst_link_peer, datagrams) },
+        { "node_repaired_sets", "Sets of which pieces were asked for again.", offsetof(struct sst_link_peer, asked) },
+        { "node_missed_sets", "Sets that stayed incomplete.", offsetof(struct sst_link_peer, missed_sets) },
         { "node_connections", "Times that the node connected.", offsetof(struct sst_link_peer, connections) },
         { "node_slips", "Corrections of the node's count of edges.",
           offsetof(struct sst_link_peer, numbering) + offsetof(struct sst_numbering_state, slips) },
@@ -175,6 +189,8 @@ static void write_head(FILE *f, const struct hosts_now *now)
           offsetof(struct sst_link_peer, unexplained) },
     };
 
+    gauge(f, "datagrams_no_room", "Datagrams of nodes that the kernel had no room for.");
+    fprintf(f, "sst_datagrams_no_room %llu\n", (unsigned long long)now->overflows);
     gauge(f, "node_up", "1 if the node is connected.");
     for (int i = 0; i < now->peers; i++)
         fprintf(f, "sst_node_up{node=\"%s\"} %d\n", now->peer[i].name, now->peer[i].connected);

@@ -90,6 +90,7 @@ struct hosts_now {
     int64_t period_ns;
     struct sst_link_node_state node; /* of a node */
     int peers;                       /* of a head, while it is open */
+    uint64_t overflows;              /* ... datagrams that the kernel had no room for */
     struct sst_link_peer peer[SST_NUMBERING_SOURCES];
     uint64_t bucket[SST_NUMBERING_SOURCES][SST_BUCKETS]; /* where the frames passed to capture ended */
 };

@@ -152,9 +152,10 @@ export class Health {
     card.heading.parentElement.hidden = !hosts;
     if (!hosts) return;
     const state = ({ connected, reason }) => connected ? "connected" : `not connected${reason ? `: ${reason}` : ""}`;
-    const { head, nodes = [], frames = {}, clock = {} } = hosts;
+    const { head, datagrams = {}, nodes = [], frames = {}, clock = {} } = hosts;
     facts(card.list, [
       ...(head ? [[`Head ${head.address ?? ""}`, state(head), head.connected ? "" : "warn"],
+        ["Pictures go", datagrams.used ? "by datagrams" : `over TLS${datagrams.reason ? `: ${datagrams.reason}` : ""}`, datagrams.used ? "" : "warn"],
         ["Frames not sent", `${number(frames.dropped)} dropped, ${number(frames.away)} while the head was away`]] : []),
       ...nodes.map((node) => [`Node ${node.name}`, node.connected
         ? `connected, ${number(node.cameras)} cameras, clock ${number(node.clock_ms, 1)} ms off, ${number(node.slips)} slips put right`

@@ -5,11 +5,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "capture/link/link.h"
+#include "capture/link/link_internal.h"
 #include "tests/folder.h"
 #include "tests/test.h"
 
@@ -18,7 +19,8 @@
 #define PERIOD  INT64_C(200000000)        /* of edges by their stamps; they come much faster here */
 
 static char certificates[64];
-static int queue = 64, copies = 1;
+static int queue = 64;
+static bool datagrams = true;
 static bool still; /* all pictures are the same */
 
 /* --- the head ----------------------------------------------------------------------------------------------------- */
@@ -85,7 +87,7 @@ static void configure(struct sst_array_config *a, const char *name)
     a->trigger_hz = 1e9 / (double)PERIOD;
     a->hosts.port = PORT;
     a->hosts.queue = queue;
-    a->hosts.copies = copies;
+    a->hosts.datagrams = datagrams;
     a->hosts.skip_unchanged = still;
     strcpy(a->hosts.head, "127.0.0.1");
     strcpy(a->hosts.address, "127.0.0.1");
@@ -139,6 +141,20 @@ static struct sst_link_peer peer(int node)
         all[i].reported = NULL;
     }
     return all[node];
+}
+
+/* The head knows which cameras of a node are streaming: sets wait for these. */
+static bool heard(int node)
+{
+    struct sst_link_peer all[SST_NUMBERING_SOURCES];
+    const int n = sst_link_head_peers(head.link, all);
+    bool reported = false;
+
+    for (int i = 0; i < n; i++) {
+        reported |= i == node && all[i].connected && all[i].reported;
+        json_decref(all[i].reported);
+    }
+    return reported;
 }
 
 /* --- nodes -------------------------------------------------------------------------------------------------------- */
@@ -271,7 +287,7 @@ static void sets_of_two_nodes_become_one(void **state_ SST_UNUSED)
     open_node(&left, "left", 0);
     open_node(&right, "right", 1);
     right.count = 1000; /* it has counted for longer */
-    UNTIL(state(&left).connected && state(&right).connected);
+    UNTIL(state(&left).connected && state(&right).connected && heard(0) && heard(1));
     both_capture(&left, &right, 30);
     UNTIL(all_sent(&left) && all_sent(&right) && head_frames() == state(&left).frames + state(&right).frames);
     assert_int_equal(peer(0).frames, 60);
@@ -308,7 +324,7 @@ static void a_head_that_is_away_costs_a_gap_that_is_counted(void **state_ SST_UN
     open_node(&left, "left", 0);
     open_node(&right, "right", 1);
     queue = 64;
-    UNTIL(state(&left).connected && state(&right).connected);
+    UNTIL(state(&left).connected && state(&right).connected && heard(0) && heard(1));
     for (int i = 0; i < 10; i++) {
         both_capture(&left, &right, 1);
         UNTIL(all_sent(&left) && all_sent(&right));
@@ -320,7 +336,7 @@ static void a_head_that_is_away_costs_a_gap_that_is_counted(void **state_ SST_UN
     assert_int_equal(state(&left).waiting, 4 * CAMERAS);
     assert_int_equal(state(&left).bucket[SST_LINK_AWAY] + state(&left).bucket[SST_LINK_DROPPED], 16 * CAMERAS);
     open_head();
-    UNTIL(state(&left).connected && state(&right).connected);
+    UNTIL(state(&left).connected && state(&right).connected && heard(0) && heard(1));
     both_capture(&left, &right, 10);
     UNTIL(all_sent(&left) && all_sent(&right));
     received += peer(0).frames;
@@ -341,14 +357,13 @@ static void a_node_that_missed_an_edge_is_put_right(void **state_ SST_UNUSED)
     open_head();
     open_node(&left, "left", 0);
     open_node(&right, "right", 1);
-    UNTIL(state(&left).connected && state(&right).connected);
+    UNTIL(state(&left).connected && state(&right).connected && heard(0) && heard(1));
     for (int i = 0; i < 30; i++, now_tick++) {
         capture_set(&left, now_tick, -1);
         if (i != 12 && i != 20)
             capture_set(&right, now_tick, -1);
-        usleep(2000);
+        UNTIL(all_sent(&left) && all_sent(&right));
     }
-    UNTIL(all_sent(&left) && all_sent(&right));
     UNTIL(peer(1).numbering.slips == 2 && head_frames() == 116);
     assert_int_equal(peer(0).numbering.slips, 0);
     close_node(&left);
@@ -377,7 +392,7 @@ static void unchanged_pictures_are_not_sent(void **state_ SST_UNUSED)
     open_head();
     open_node(&left, "left", 0);
     open_node(&right, "right", 1);
-    UNTIL(state(&left).connected && state(&right).connected);
+    UNTIL(state(&left).connected && state(&right).connected && heard(0) && heard(1));
     both_capture(&left, &right, 10);
     UNTIL(all_sent(&left) && all_sent(&right));
     bytes = state(&left).sent_bytes;
@@ -395,27 +410,150 @@ static void unchanged_pictures_are_not_sent(void **state_ SST_UNUSED)
     assert_int_equal(head.complete, 30);
 }
 
-/* Each picture over two connections: what comes second is counted, and used if the first one is lost. */
-static void copies_count_once(void **state_ SST_UNUSED)
+/* A node whose sets go by datagrams, where this build can. */
+static void open_by_datagrams(struct node *n, const char *name, int col)
 {
-    struct node left;
+    open_node(n, name, col);
+    UNTIL(state(n).connected && (state(n).datagrams || !WITH_ISAL));
+}
 
-    copies = 2;
+static void sets_go_by_datagrams(void **state_ SST_UNUSED)
+{
+    struct node left, right;
+    struct sst_link_peer p;
+
+    open_head();
+    open_by_datagrams(&left, "left", 0);
+    open_by_datagrams(&right, "right", 1);
+    for (int i = 0; i < 40; i++) { /* one by one, as an array does */
+        both_capture(&left, &right, 1);
+        UNTIL(all_sent(&left) && all_sent(&right));
+    }
+    UNTIL(head_frames() == 160);
+    p = peer(0);
+    assert_int_equal(state(&left).bucket[SST_LINK_SENT], 80);
+    if (WITH_ISAL) {
+        assert_int_equal(state(&left).datagrams_reason[0], 0);
+        assert_true(p.datagrams >= 40 && state(&left).sent_datagrams >= 40);
+        assert_int_equal(p.refused + p.missed + p.missed_sets, 0);
+    }
+    close_node(&left);
+    close_node(&right);
+    close_head(NULL);
+    assert_int_equal(head.wrong, 0);
+    assert_int_equal(head.complete, 40);
+}
+
+/* Either side may do without datagrams: pictures come over TLS, and the node says why. */
+static void without_datagrams_sets_go_over_tls(void **state_ SST_UNUSED)
+{
+    struct node left, right;
+
+    datagrams = false;
     open_head();
     open_node(&left, "left", 0);
-    UNTIL(state(&left).connected);
-    both_capture(&left, NULL, 20);
-    UNTIL(all_sent(&left) && peer(0).copies == 40);
-    assert_int_equal(head_frames(), 40);
-    assert_int_equal(peer(0).passed, 40);
-    assert_int_equal(peer(0).frames, 80);
-    assert_int_equal(state(&left).bucket[SST_LINK_SENT], 80);
-    assert_int_equal(peer(0).unexplained, 0);
+    datagrams = true;
+    open_node(&right, "right", 1);
+    UNTIL(state(&left).connected && state(&right).connected && heard(0) && heard(1));
+    both_capture(&left, &right, 20);
+    UNTIL(all_sent(&left) && all_sent(&right) && head_frames() == 80);
+    assert_false(state(&left).datagrams || state(&right).datagrams);
+    assert_string_equal(state(&left).datagrams_reason, "hosts: datagrams is false");
+    assert_contains(state(&right).datagrams_reason, WITH_ISAL ? "the head takes no datagrams" : "built without ISA-L");
     close_node(&left);
+    close_node(&right);
     close_head(NULL);
-    copies = 1;
     assert_int_equal(head.wrong, 0);
 }
+
+#if WITH_ISAL
+
+static struct link_credentials *credentials_of(const char *name)
+{
+    struct sst_array_config a;
+    struct link_credentials *c;
+
+    configure(&a, name);
+    assert_int_equal(link_credentials_create(&c, &a), 0);
+    return c;
+}
+
+/* @return it has shaken hands; false: it was refused, or a second went by */
+static bool shake_hands(struct link_dtls **d, struct link_credentials *c)
+{
+    const int64_t end_ns = sst_clock_now_ns() + INT64_C(1000000000);
+    char why[256] = "";
+    int err;
+
+    assert_int_equal(link_dtls_open(d, "127.0.0.1", PORT, c), 0);
+    while (!(err = link_dtls_work(*d, why)) && !link_dtls_ready(*d) && sst_clock_now_ns() < end_ns)
+        usleep(2000);
+    return !err && link_dtls_ready(*d);
+}
+
+/* Datagrams of anybody at the head's port, of hosts that are not of the array, and of a node in the name of another one:
+ * sets of the others go on. */
+static void datagrams_of_others_do_no_harm(void **state_ SST_UNUSED)
+{
+    struct link_credentials *third = credentials_of("third"), *stranger = credentials_of("stranger"),
+                            *right = credentials_of("right");
+    uint8_t bytes[SST_PIECE_HEAD + SST_PIECE_BYTES];
+    struct link_dtls *d = NULL;
+    struct sockaddr_storage to;
+    struct node left, other;
+    unsigned size;
+    int fd;
+
+    open_head();
+    open_by_datagrams(&left, "left", 0);
+    /* Noise, and things that begin like a ClientHello. */
+    assert_int_equal(link_address("127.0.0.1", PORT, &to, &size), 0);
+    fd = socket(AF_INET, SOCK_DGRAM, 0);
+    assert_true(fd >= 0);
+    srand(1);
+    for (int i = 0; i < 2000; i++) {
+        for (size_t k = 0; k < sizeof(bytes); k++)
+            bytes[k] = (uint8_t)rand();
+        if (i % 2) {
+            const uint8_t hello[14] = { 22, 254, 253, 0, 0, 0, 0, 0, 0, 0, 0, (uint8_t)(i % 3), 100, 1 };
+
+            memcpy(bytes, hello, sizeof(hello));
+        }
+        (void)sendto(fd, bytes, (size_t)(rand() % (int)sizeof(bytes)), 0, (const struct sockaddr *)&to, size);
+    }
+    close(fd);
+    both_capture(&left, NULL, 3);
+    UNTIL(all_sent(&left) && head_frames() == 6);
+    /* A certificate of another authority, and one that is not of the list: they learn it when nobody listens. */
+    memset(bytes, 0, sizeof(bytes));
+    sst_piece_put(bytes, &(struct sst_piece){ .session = 1, .seq = 4, .bytes = 100, .index = 0, .parity = 2 });
+    for (int i = 0; i < 2; i++) {
+        if (shake_hands(&d, i ? third : stranger) && link_dtls_send(d, bytes, SST_PIECE_HEAD + 100)) {
+            /* refused: as it should be */
+        }
+        link_dtls_close(d);
+    }
+    /* A node of the list, with numbers that are not of its connection. */
+    open_by_datagrams(&other, "right", 1);
+    assert_true(shake_hands(&d, right));
+    for (int i = 0; i < 50; i++)
+        assert_int_equal(link_dtls_send(d, bytes, sizeof(bytes)), 0);
+    UNTIL(peer(1).refused == 50);
+    assert_int_equal(peer(0).refused, 0);
+    link_dtls_close(d);
+    both_capture(&left, &other, 10);
+    UNTIL(all_sent(&left) && all_sent(&other) && head_frames() == 46);
+    assert_int_equal(state(&left).connections, 1);
+    close_node(&left);
+    close_node(&other);
+    close_head(NULL);
+    assert_int_equal(head.wrong, 0);
+    link_credentials_destroy(third);
+    link_credentials_destroy(stranger);
+    link_credentials_destroy(right);
+}
+
+#endif
 
 /* The trigger rests: the connection stays. */
 static void silence_of_the_trigger_ends_nothing(void **state_ SST_UNUSED)
@@ -524,7 +662,11 @@ int main(void)
         cmocka_unit_test(a_head_that_is_away_costs_a_gap_that_is_counted),
         cmocka_unit_test(a_node_that_missed_an_edge_is_put_right),
         cmocka_unit_test(unchanged_pictures_are_not_sent),
-        cmocka_unit_test(copies_count_once),
+        cmocka_unit_test(sets_go_by_datagrams),
+        cmocka_unit_test(without_datagrams_sets_go_over_tls),
+#if WITH_ISAL
+        cmocka_unit_test(datagrams_of_others_do_no_harm),
+#endif
         cmocka_unit_test(silence_of_the_trigger_ends_nothing),
         cmocka_unit_test(who_is_not_of_the_array_is_refused),
         cmocka_unit_test(a_node_refuses_who_is_not_the_head),
