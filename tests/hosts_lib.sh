@@ -53,7 +53,7 @@ cameras:
   bind:
 $(bind $((i * cols / count)) $(((i + 1) * cols / count)))
 trigger: {source: external, chip: sst-trigger, loopback: LOOP0, rate_hz: $rate}
-hosts: {head: ${address_of[$n]-$head_address}, port: $port, queue: $queue, connections: ${connections:-4}, copies: ${copies:-1}, ca: $tmp/pki/ca.pem, certificate: $tmp/pki/$n.pem, key: $tmp/pki/$n.key}
+hosts: {head: ${address_of[$n]-$head_address}, port: $port, queue: $queue, datagrams: ${datagrams:-true}, parity: ${parity:-10}, ca: $tmp/pki/ca.pem, certificate: $tmp/pki/$n.pem, key: $tmp/pki/$n.key}
 live: {enabled: false}
 $(common "$n")
 YAML

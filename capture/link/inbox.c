@@ -19,7 +19,7 @@ enum slot_state {
 
 struct slot {
     enum slot_state state;
-    bool asked;
+    bool asked, offered; /* offered: all of it has been sent */
     int64_t first_ns, last_ns; /* first known; last step forward */
     uint32_t datagrams;        /* of use */
     struct sst_pieces pieces;
@@ -79,7 +79,7 @@ static struct slot *note(struct link_inbox *in, uint64_t seq, int64_t now_ns)
         struct slot *s = slot_of(in, ++in->known);
 
         s->state = SLOT_UNKNOWN;
-        s->asked = false;
+        s->asked = s->offered = false;
         s->first_ns = s->last_ns = now_ns;
         s->datagrams = 0;
     }
@@ -160,7 +160,12 @@ int link_inbox_offer(struct link_inbox *in, const uint8_t *data, size_t bytes, i
     if (seq < in->next)
         return 0;
     s = note(in, seq, now_ns);
-    return s ? shape_slot(in, s, &shape) : -EBADMSG;
+    if (!s)
+        return -EBADMSG;
+    if (!s->offered) /* what was sent last may still come */
+        s->last_ns = now_ns;
+    s->offered = true;
+    return shape_slot(in, s, &shape);
 }
 
 int link_inbox_repair(struct link_inbox *in, const uint8_t *data, size_t bytes, int64_t now_ns)
@@ -248,7 +253,8 @@ bool link_inbox_ask(struct link_inbox *in, int64_t now_ns, uint64_t *seq, uint16
     for (uint64_t i = in->next; i <= in->known; i++) {
         struct slot *s = slot_of(in, i);
 
-        if (s->state > SLOT_PIECES || s->asked || now_ns - s->last_ns < LINK_QUIET_NS)
+        if (s->state > SLOT_PIECES || s->asked ||
+            now_ns - s->last_ns < (s->offered ? LINK_QUIET_NS : LINK_SILENT_NS))
             continue;
         s->asked = true;
         in->count.asked++;

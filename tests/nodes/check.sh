@@ -9,7 +9,7 @@ set -u
 ip netns list >/dev/null 2>&1 || { echo "no ip netns (package iproute2)"; exit 77; }
 minutes=${MINUTES:-30} count=${NODES:-2} loss=${LOSS:-0.02} delay=${DELAY:-25 25} cycle=${CYCLE:-60}
 nodes=$(seq -f 'n%g' "$count") nodes=${nodes//$'\n'/ }
-connections=${connections:-10} copies=${copies:-3} # of each node, for such a network
+datagrams=${DATAGRAMS:-true} parity=${PARITY:-10} # of each node
 rows=6 cols=6 size="[320, 240]" width=320 height=240 quality=30 ring=128 head_address=0.0.0.0
 . "$root/tests/hosts_lib.sh"
 declare -A wire

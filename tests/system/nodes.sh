@@ -1,12 +1,20 @@
 #!/usr/bin/env bash
 # Two nodes and a head on this machine: their sets become one array's; nodes and head that are killed come back; a count that
-# slips is put right; each frame is in one place over all hosts; recordings of the nodes are joined.
+# slips is put right; datagrams that are lost are restored, and where none arrive pictures go over TLS; each frame is in one place
+# over all hosts; recordings of the nodes are joined.
 . "$(dirname "$0")/../lib.sh"
 "$sst" version | grep -q 'libcurl *yes' || { echo "built without libcurl: sst cannot ask the service"; exit 77; }
 "$sst" version | grep -q 'libgpiod *no' && { echo "built without libgpiod: no edges are counted"; exit 77; }
 . "$root/tests/hosts_lib.sh"
-trap 'end_hosts; rm -rf "$tmp"' EXIT
+trap 'kill $relay 2>/dev/null; end_hosts; rm -rf "$tmp"' EXIT
 clock[left]="1.5 0" clock[right]="-2.5 60"
+# Between left and the head is a network.
+address_of[left]=127.0.0.2
+mkfifo network
+"$build/tests/tools/relay" 127.0.0.2 127.0.0.1 "$port" <network >network.out 2>&1 &
+relay=$!
+exec {network}>network
+for _ in $(seq 200); do grep -q up network.out && break; sleep 0.05; done
 certificates
 configure
 for n in $nodes; do session "$n"; start "$n"; done
@@ -15,10 +23,29 @@ whole='s["state"] == "capturing" and s["capture"]["present"] == 4'
 await head "$whole and s['capture']['complete'] > 10"
 await head 'abs(node("left")["clock_ms"] - node("right")["clock_ms"] - 4) < 3'
 
+# Pictures go by datagrams; losses are made good by parity, or over TLS; where none arrive all go over TLS, and the node says so.
+if "$sst" version | grep -q 'isa-l *yes'; then
+  for n in left right; do await $n 's["hosts"]["datagrams"]["used"]'; done
+  echo "loss 0.1" >&$network
+  await head "node('left')['datagrams']['asked'] > 2 and $whole"
+  echo "udp 0" >&$network
+  await left 'not s["hosts"]["datagrams"]["used"] and "UDP port" in s["hosts"]["datagrams"]["reason"]'
+  sets=$(value_of head 's["capture"]["complete"]')
+  await head "s['capture']['complete'] > $sets + 10 and $whole"
+  SST_SOCKET=$tmp/left.sock timeout 60 "$sst" status >text
+  grep -q 'pictures go over TLS: .*UDP port' text || fail "status of a node without datagrams: $(cat text)"
+  echo "udp 1" >&$network
+  await left 's["hosts"]["datagrams"]["used"]'
+  await head "$whole"
+  [ "$(value_of head 'node("left")["datagrams"]["missed_sets"]')" = 0 ] || fail "sets were missed: $(value_of head 'node("left")')"
+else
+  await left 's["hosts"]["datagrams"]["reason"] == "built without ISA-L"'
+fi
+
 SST_SOCKET=$tmp/head.sock timeout 60 "$sst" status >text
 grep -q '^  node  *left connected, 2 cameras, clock ' text || fail "status of the head: $(cat text)"
 SST_SOCKET=$tmp/left.sock timeout 60 "$sst" status >text
-grep -q '^  head  *127.0.0.1.* connected; of [0-9]* frames 0 dropped' text || fail "status of a node: $(cat text)"
+grep -q '^  head  *127.0.0.2.* connected; of [0-9]* frames 0 dropped' text || fail "status of a node: $(cat text)"
 
 # Who has no certificate of the array gets nowhere.
 echo | timeout 5 openssl s_client -connect "127.0.0.1:$port" >/dev/null 2>&1
