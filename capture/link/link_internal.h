@@ -294,7 +294,7 @@ struct sst_link_node {
         struct link_dtls *dtls;         /* NULL: not connected, until retry_ns */
         struct sst_pieces_coder *coder; /* NULL: built without */
         uint64_t session;               /* of the connection; 0: the head takes none */
-        int64_t retry_ns, pause_ns;
+        int64_t first_ns, retry_ns, pause_ns;
         int dry;     /* sets, one after another, of which nothing arrived */
         int sending; /* place in `pieces` of the set that is being sent; -1: none */
         uint64_t seq;
@@ -342,6 +342,7 @@ void node_datagrams_close(struct sst_link_node *n); /**< for good */
 SST_MUST_CHECK int node_datagrams_work(struct sst_link_node *n, int64_t now_ns);
 bool node_datagrams_ready(const struct sst_link_node *n);
 bool node_datagrams_busy(const struct sst_link_node *n); /**< a set is being sent */
+bool node_datagrams_soon(const struct sst_link_node *n); /**< not ready, but sets should wait for it */
 /** Room for a set that is to go by datagrams. @return its place, -1: it is too long, or no memory: over TLS */
 int node_datagrams_room(struct sst_link_node *n, size_t bytes);
 /** Send what was written there. */

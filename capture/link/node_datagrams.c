@@ -16,6 +16,7 @@
 #define DRY_SETS  3                    /* of which nothing arrives: datagrams are given up */
 #define PAUSE_NS  INT64_C(5000000000)  /* until another attempt; doubled where they are given up again */
 #define PAUSE_MAX INT64_C(60000000000)
+#define FIRST_NS  INT64_C(800000000) /* sets wait so long for the first handshake: over TLS they would be late, too */
 
 int node_datagrams_open(struct sst_link_node *n)
 {
@@ -60,6 +61,7 @@ void node_datagrams_begin(struct sst_link_node *n, uint64_t session)
 {
     n->by.session = n->by.coder ? session : 0;
     n->by.retry_ns = 0;
+    n->by.first_ns = sst_clock_now_ns() + FIRST_NS;
     n->by.pause_ns = PAUSE_NS;
     n->by.dry = 0;
     if (n->by.coder)
@@ -84,6 +86,11 @@ bool node_datagrams_ready(const struct sst_link_node *n)
 bool node_datagrams_busy(const struct sst_link_node *n)
 {
     return n->by.sending >= 0;
+}
+
+bool node_datagrams_soon(const struct sst_link_node *n)
+{
+    return n->by.dtls && !link_dtls_ready(n->by.dtls) && sst_clock_now_ns() < n->by.first_ns;
 }
 
 /* --- sending ------------------------------------------------------------------------------------------------------ */

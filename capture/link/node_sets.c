@@ -182,7 +182,7 @@ static bool may_send(struct sst_link_node *n)
     const bool datagrams = node_datagrams_ready(n);
     bool may;
 
-    if (node_datagrams_busy(n) || (!datagrams && link_stream_waiting(&n->stream)))
+    if (node_datagrams_busy(n) || node_datagrams_soon(n) || (!datagrams && link_stream_waiting(&n->stream)))
         return false;
     pthread_mutex_lock(&n->lock);
     may = n->count && n->flights < (datagrams ? NODE_FLIGHT_MAX : NODE_FLIGHT);

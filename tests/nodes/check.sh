@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Nodes and a head, each in a network namespace of its own, on a network that loses, delays and reorders packets. Each minute a
-# node is killed and comes back; at last its cable is cut, and it misses edges: every frame is in one place, no set is mixed, and sets
-# are hardly later than on one host. MINUTES=30, NODES=2, LOSS=0.02, DELAY="25 25" (ms each way, +- ms), CYCLE=60 (s), LATER=150
-# (ms that the head's sets may be later than those of one host).
+# Nodes and a head, each in a network namespace of its own, on a network that loses, delays and reorders packets (tests/tools/wire.c).
+# Each minute a node is killed and comes back; at last its cable is cut, and it misses edges: every frame is in one place, no set is
+# mixed, and sets are hardly later than on one host. MINUTES=30, NODES=2, LOSS=0.02, DELAY="25 25" (ms each way, +- ms), CYCLE=60 (s),
+# DATAGRAMS=true (false: over TLS alone), PARITY=10, LATER=150 (ms that the head's sets may be later than those of one host). The last
+# lines are a table for docs/measured/notes-service.md.
 set -u
 . "$(dirname "$0")/../lib.sh"
 [ "$(id -u)" -eq 0 ] || { echo "network namespaces need root"; exit 77; }
@@ -27,52 +28,23 @@ trap end_all EXIT
 # --- the network ------------------------------------------------------------------------------------------------------------
 i=0
 ip netns add "$(space head)"
-netem=
-ip link add "sstp$$" type dummy 2>/dev/null && tc qdisc add dev "sstp$$" root netem loss 1% 2>/dev/null && netem=yes
-ip link del "sstp$$" 2>/dev/null
-echo "network, each way: loss $loss, delay ${delay/ / +- } ms, by $([ $netem ] && echo "tc netem" || echo "build/tests/tools/wire, as this kernel has no netem")"
+echo "network, each way: loss $loss, delay ${delay/ / +- } ms; pictures $([ "$datagrams" = true ] && echo "by datagrams, parity $parity %" || echo "over TLS")"
 # shape NODE LOSS "DELAY JITTER"; cut NODE 1|0
-shape() {
-  local dev
-  if [ $netem ]; then
-    for dev in "$(space "$1") eth0" "$(space head) $1"; do
-      # shellcheck disable=SC2086
-      set -- "$1" "$2" "$3" $dev
-      ip netns exec "$4" tc qdisc replace dev "$5" root netem loss "$(/usr/bin/python3 -c "print(100 * $2)")%" delay ${3/ /ms }ms
-    done
-  else
-    printf 'loss %s\ndelay %s\n' "$2" "$3" >&"${wire[$1]}"
-  fi
-}
-cut() {
-  if [ $netem ]; then ip netns exec "$(space head)" ip link set "$1" "$([ "$2" = 1 ] && echo down || echo up)"
-  else echo "cut $2" >&"${wire[$1]}"; fi
-}
+shape() { printf 'loss %s\ndelay %s\n' "$2" "$3" >&"${wire[$1]}"; }
+cut() { echo "cut $2" >&"${wire[$1]}"; }
 for n in $nodes; do
   i=$((i + 1))
   ip netns add "$(space "$n")"
   at[$n]="ip netns exec $(space "$n")"
   address_of[$n]=10.77.$i.1
   clock[$n]="$((i * 2 - 5)) $((3 - i))" # ms and ppm: as far as a clock that is kept may be off in half an hour
-  if [ $netem ]; then
-    ip link add eth0 netns "$(space "$n")" type veth peer name "$n" netns "$(space head)"
-    ip -n "$(space "$n")" addr add "10.77.$i.2/24" dev eth0
-    ip -n "$(space head)" addr add "10.77.$i.1/24" dev "$n"
-    ip -n "$(space "$n")" link set eth0 up
-    ip -n "$(space head)" link set "$n" up
-  else
-    mkfifo "$n.wire"
-    "$build/tests/tools/wire" "$(space "$n")" "10.77.$i.2/24" "$(space head)" "10.77.$i.1/24" <"$n.wire" >"$n.wire.out" 2>&1 &
-    wires+=" $!"
-    exec {fd}>"$n.wire"
-    wire[$n]=$fd
-    for _ in $(seq 200); do grep -q up "$n.wire.out" && break; sleep 0.05; done
-  fi
-  # A lost packet at the end of a burst is sent again after the time-out: 200 ms, unless the route says otherwise.
-  for where in "$n" head; do
-    dev=$(ip -n "$(space $where)" -o addr show | sed -n "s/.*: *\([^ ]*\) .*10\.77\.$i\..*/\1/p")
-    ip -n "$(space $where)" route change "10.77.$i.0/24" dev "$dev" rto_min 30ms || fail "route of $where"
-  done
+  mkfifo "$n.wire"
+  "$build/tests/tools/wire" "$(space "$n")" "10.77.$i.2/24" "$(space head)" "10.77.$i.1/24" <"$n.wire" >"$n.wire.out" 2>&1 &
+  wires+=" $!"
+  exec {fd}>"$n.wire"
+  wire[$n]=$fd
+  for _ in $(seq 200); do grep -q up "$n.wire.out" && break; sleep 0.05; done
+  grep -q up "$n.wire.out" || { echo "no wire: $(cat "$n.wire.out")"; exit 77; }
   ip -n "$(space "$n")" link set lo up
 done
 ip -n "$(space head)" link set lo up
@@ -90,6 +62,7 @@ start one
 await one 's["capture"]["present"] == 36 and s["capture"]["complete"] > 20'
 sleep 20
 alone_ms=$(value_of one 's["capture"]["delay_ms"]["p99"]')
+alone=$(value_of one '" | ".join("%.0f" % s["capture"]["delay_ms"][k] for k in ("p50", "p99", "max"))')
 echo "one host: sets are there $(value_of one '[s["capture"]["delay_ms"][k] for k in ("p50", "p99", "max")]') ms after the trigger (p50, p99, max), $(value_of one 's["capture"]["complete"]') of $(value_of one 's["capture"]["sets"]') complete"
 kill "${pid[one]}"
 "$build/sst-sim" stop --dir one.session >/dev/null
@@ -158,7 +131,11 @@ fault() {
 end=$((SECONDS + minutes * 60))
 while [ $SECONDS -lt $end ] && [ $failed = 0 ]; do fault kill_node n$((turn % count + 1)) "$cycle"; done
 p99_ms=$(value_of head 's["capture"]["delay_ms"]["p99"]')
-delays=$(value_of head '[s["capture"]["delay_ms"][k] for k in ("p50", "p99", "max")]')
+delays=$(value_of head '" | ".join("%.0f" % s["capture"]["delay_ms"][k] for k in ("p50", "p99", "max"))')
+complete=$(value_of head '"%.2f" % (100 * s["capture"]["complete"] / s["capture"]["sets"])')
+counts=$(value_of head '"%d of %d sets repaired, %d missed, %d datagrams had no room" % (sum(n["datagrams"]["asked"] for n in s["hosts"]["nodes"]), sum(n["sets"] for n in s["hosts"]["nodes"]), sum(n["datagrams"]["missed_sets"] for n in s["hosts"]["nodes"]), s["hosts"]["datagrams_no_room"])')
+rate=$(value_of head '"%.2f" % (sum(n["received_bytes"] for n in s["hosts"]["nodes"]) / max(1, s["capture"]["sets"]) * '$rate' / 1e6)')
+load=$(/usr/bin/cut -d' ' -f1-3 /proc/loadavg)
 late_ms=$worst_ms worst_ms=0
 for n in $nodes; do
   fault cut_cable "$n" 15 # sets wait for who is silent, for 2 s: not part of the delays above
@@ -175,9 +152,19 @@ for n in $nodes; do
   [ "$sent" = $((received - before[$n])) ] || fail "$n has sent $sent frames since its start, $((received - before[$n])) were received"
   echo "$n since its last start: $(value_of "$n" 's["hosts"]["frames"]'); at the head in all: $(value_of head "{k: v for k, v in node('$n')['frames'].items() if v}")"
 done
-echo "$count nodes, $((36 / count)) cameras each, $minutes minutes, $turn faults: $(value_of head 's["capture"]["sets"]') sets, $(value_of head 's["capture"]["complete"]') complete; $frames frames in $sets recorded sets, none mixed"
-echo "sets are there $delays ms after the trigger (one host: $alone_ms p99); a node that was killed is back after at most $late_ms ms, one that was cut off after $worst_ms ms"
-/usr/bin/python3 -c "import sys; sys.exit($p99_ms - $alone_ms > ${LATER:-150})" || fail "p99 is $p99_ms ms, of one host $alone_ms: more than ${LATER:-150} ms later"
+echo "$count nodes, $((36 / count)) cameras each, $minutes minutes, $turn faults: $(value_of head 's["capture"]["sets"]') sets; $frames frames in $sets recorded sets, none mixed"
+unquote() { echo "${*//\"/}"; }
+cat <<END
+
+| from the trigger until the set is there, ms | p50 | p99 | max |
+|---|---|---|---|
+| one host, without the network | $(unquote "$alone") |
+| head of $count nodes, loss $loss, delay ${delay/ / +- } ms, $([ "$datagrams" = true ] && echo "datagrams, parity $parity %" || echo "TLS") | $(unquote "$delays") |
+
+$minutes minutes: $(unquote "$complete") % of the sets complete; $(unquote "$counts"); $(unquote "$rate") MB/s came; a node that was killed was back after at most
+$late_ms ms, one that was cut off after $worst_ms ms; load of the machine $load on $(nproc) cores
+END
+/usr/bin/python3 -c "import sys; sys.exit($p99_ms - $alone_ms > ${LATER:-150})" || fail "p99 is $p99_ms ms, of one host $alone_ms ms: more than ${LATER:-150} ms later"
 [ "$late_ms" -le 2000 ] || fail "a node was back only after $late_ms ms"
 [ "$worst_ms" -le 5000 ] || fail "a node was back only $worst_ms ms after its cable"
 exit $failed
