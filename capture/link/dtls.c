@@ -21,7 +21,7 @@
 
 #define MTU          1232 /* bytes of a datagram: with its IPv6 and UDP headers 1280, which every path carries */
 #define RESEND_MS    150  /* of handshakes */
-#define HANDSHAKE_MS 4000
+#define HANDSHAKE_MS 1000 /* then another one has better chances */
 #define IDLE_NS      INT64_C(5000000000) /* a session of which nothing comes ends with its node's connection */
 #define REPLACE_NS   INT64_C(1000000000) /* ... and makes way for a new one from the same port after this */
 #define BUFFER_BYTES (4 << 20)
@@ -45,6 +45,35 @@ static int open_socket(const char *address, int port, struct sockaddr_storage *a
     return fd;
 }
 
+/* Records of a handshake that leave together: in a datagram of its own each, they overtake each other on a network that
+ * delays them by different times, and GnuTLS then begins a flight again and again. */
+struct flight {
+    uint8_t data[MTU];
+    size_t bytes;
+};
+
+static void send_flight(struct flight *f, int fd, const struct sockaddr_storage *to, socklen_t to_bytes)
+{
+    if (f->bytes && sendto(fd, f->data, f->bytes, MSG_DONTWAIT | MSG_NOSIGNAL, (const struct sockaddr *)to, to_bytes) < 0) {
+        /* it is lost, as others are: the handshake is repeated */
+    }
+    f->bytes = 0;
+}
+
+static ssize_t push_flight(struct flight *f, int fd, const struct sockaddr_storage *to, socklen_t to_bytes,
+                           const void *data, size_t bytes)
+{
+    if (bytes > MTU) {
+        errno = EMSGSIZE;
+        return -1;
+    }
+    if (f->bytes + bytes > MTU)
+        send_flight(f, fd, to, to_bytes);
+    memcpy(f->data + f->bytes, data, bytes);
+    f->bytes += bytes;
+    return (ssize_t)bytes;
+}
+
 /* --- client ------------------------------------------------------------------------------------------------------- */
 
 struct link_dtls {
@@ -52,7 +81,16 @@ struct link_dtls {
     gnutls_session_t session;
     bool ready;
     char peer[64];
+    struct flight flight;
 };
+
+static ssize_t push_client(gnutls_transport_ptr_t arg, const void *data, size_t bytes)
+{
+    struct link_dtls *d = arg;
+
+    return d->ready ? send(d->fd, data, bytes, MSG_DONTWAIT | MSG_NOSIGNAL)
+                    : push_flight(&d->flight, d->fd, NULL, 0, data, bytes);
+}
 
 int link_dtls_open(struct link_dtls **out, const char *address, int port, struct link_credentials *credentials)
 {
@@ -75,7 +113,8 @@ int link_dtls_open(struct link_dtls **out, const char *address, int port, struct
     }
     gnutls_dtls_set_mtu(d->session, MTU);
     gnutls_dtls_set_timeouts(d->session, RESEND_MS, HANDSHAKE_MS);
-    gnutls_transport_set_int(d->session, d->fd);
+    gnutls_transport_set_ptr2(d->session, (gnutls_transport_ptr_t)(intptr_t)d->fd, d);
+    gnutls_transport_set_push_function(d->session, push_client);
     *out = d;
     return 0;
 }
@@ -102,6 +141,7 @@ int link_dtls_work(struct link_dtls *d, char why[256])
     if (d->ready)
         return listen_to(d, why);
     r = gnutls_handshake(d->session);
+    send_flight(&d->flight, d->fd, NULL, 0);
     if (r < 0)
         return link_session_judge(r, why);
     r = link_session_verify(d->session, d->peer, why);
@@ -159,6 +199,7 @@ struct peer {
     int64_t began_ns, last_ns;
     const uint8_t *data; /* the datagram that it is to read; NULL: none */
     size_t bytes;
+    struct flight flight;
 };
 
 struct link_dtls_server {
@@ -189,10 +230,14 @@ static ssize_t push_stranger(gnutls_transport_ptr_t arg, const void *data, size_
 
 static ssize_t push(gnutls_transport_ptr_t arg, const void *data, size_t bytes)
 {
-    const struct peer *p = arg;
+    struct peer *p = arg;
 
-    return sendto(p->server->fd, data, bytes, MSG_DONTWAIT | MSG_NOSIGNAL, (const struct sockaddr *)&p->at,
-                  p->at_bytes);
+    return push_flight(&p->flight, p->server->fd, &p->at, p->at_bytes, data, bytes);
+}
+
+static void flush(struct peer *p)
+{
+    send_flight(&p->flight, p->server->fd, &p->at, p->at_bytes);
 }
 
 static ssize_t pull(gnutls_transport_ptr_t arg, void *data, size_t bytes)
@@ -247,6 +292,7 @@ static void drop(struct peer *p)
     if (p->ready) {
         p->data = NULL;
         (void)gnutls_bye(p->session, GNUTLS_SHUT_WR);
+        flush(p);
     }
     gnutls_deinit(p->session);
     *p = (struct peer){ 0 };
@@ -341,7 +387,10 @@ static void shake_hands(struct link_dtls_server *s, struct peer *p)
 {
     const int r = gnutls_handshake(p->session);
     char why[256] = "";
-    int err = r < 0 ? link_session_judge(r, why) : link_session_verify(p->session, p->name, why);
+    int err;
+
+    flush(p);
+    err = r < 0 ? link_session_judge(r, why) : link_session_verify(p->session, p->name, why);
 
     if (!err && r < 0)
         return;
@@ -374,6 +423,7 @@ static void read_records(struct link_dtls_server *s, struct peer *p)
         } else if (n == 0 || link_session_judge(n, why)) {
             drop(p);
         } else if (n == GNUTLS_E_AGAIN) {
+            flush(p); /* a handshake whose end the node has not seen */
             return;
         }
     }

@@ -14,9 +14,10 @@
 #define BURST     16                   /* datagrams at once, and a millisecond later the next, ... */
 #define PART      4                    /* ... or more, so that a set takes at most this part of a period */
 #define DRY_SETS  3                    /* of which nothing arrives: datagrams are given up */
-#define PAUSE_NS  INT64_C(5000000000)  /* until another attempt; doubled where they are given up again */
+#define PAUSE_NS  INT64_C(100000000)   /* until another attempt; doubled with each, */
+#define DRY_NS    INT64_C(5000000000)  /* ... and at least this where the connection stands and nothing arrives */
 #define PAUSE_MAX INT64_C(60000000000)
-#define FIRST_NS  INT64_C(800000000) /* sets wait so long for the first handshake: over TLS they would be late, too */
+#define FIRST_NS  INT64_C(1500000000) /* sets wait so long for the first connection: over TLS they would be late, too */
 
 int node_datagrams_open(struct sst_link_node *n)
 {
@@ -90,7 +91,7 @@ bool node_datagrams_busy(const struct sst_link_node *n)
 
 bool node_datagrams_soon(const struct sst_link_node *n)
 {
-    return n->by.dtls && !link_dtls_ready(n->by.dtls) && sst_clock_now_ns() < n->by.first_ns;
+    return n->by.session && !link_dtls_ready(n->by.dtls) && sst_clock_now_ns() < n->by.first_ns;
 }
 
 /* --- sending ------------------------------------------------------------------------------------------------------ */
@@ -248,6 +249,8 @@ void node_datagrams_judge(struct sst_link_node *n, uint32_t arrived, int64_t now
     if (n->by.dry < DRY_SETS || !n->by.dtls)
         return;
     n->by.dry = 0;
+    if (n->by.pause_ns < DRY_NS)
+        n->by.pause_ns = DRY_NS;
     snprintf(why, sizeof(why), "datagrams do not arrive at UDP port %d of the head: does a firewall drop them?",
              n->array.hosts.port);
     if (give_up(n, now_ns, why))
