@@ -2,11 +2,12 @@
  * The whole chain on random small light fields: chain FIRST COUNT [hash]
  *
  * Each number from FIRST on is a seed that draws a grid, sizes, pictures (scenes, noise, constants, periodic ones ...),
- * faults of views, labels, disparities, settings of processing and of rendering, many of them extreme. Each must end
- * with 0 or a documented error; with the same bytes on one thread and on several; pictures within the bound of
- * design.md, 5.4, of the sums in double; no value of a report infinite; validity planes with the values that they may
- * have. The first failure is printed with its seed, which repeats it. With `hash` one line per seed has a hash of all
- * results, to compare CPU levels and rounding.
+ * faults of views, displaced and darkened pictures, labels, disparities, settings of processing (corrected or not) and
+ * of rendering, many of them extreme. Each must end
+ * with 0 or a documented error; without a NaN at a module's border; with the same bytes on one thread and on several;
+ * pictures within the bound of design.md, 5.4, of the sums in double; no value of a report infinite; validity planes
+ * with the values that they may have. The first failure is printed with its seed, which repeats it. With `hash` one
+ * line per seed has a hash of all results, to compare CPU levels and rounding.
  */
 #include <errno.h>
 #include <fenv.h>
@@ -15,6 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/border.h"
 #include "base/log.h"
 #include "pipeline/method/process/process.h"
 #include "pipeline/method/render/plan.h"
@@ -23,11 +25,12 @@
 #include "tests/traps.h"
 
 #define PICTURE_BOUND (0.5 + 1.0 / 32) /* design.md, 5.4 */
+#define LARGE         64               /* pictures that the drift check can use, drift_internal.h */
 #define SAMPLES       48               /* pixels of a picture that are compared with the exact ones */
 
 /* What was done, all chains together. */
 static struct {
-    uint64_t processed, refused, pictures, pixels;
+    uint64_t processed, corrected, refused, pictures, pixels;
     double most; /* largest distance of a picture from the exact one, levels */
     uint64_t most_seed;
 } done;
@@ -111,10 +114,16 @@ static bool draw(struct chain *c, struct sst_view *v, int kind, int period, doub
     return true;
 }
 
+/* Drawn more often as scenes that are displaced: others have nothing that could be aligned. */
+static bool is_large(const struct chain *c)
+{
+    return c->lf.width >= LARGE && c->lf.height >= LARGE;
+}
+
 static bool make_pictures(struct chain *c)
 {
     struct sst_lightfield *lf = &c->lf;
-    const int kind = (int)below(c, KINDS + 4), period = 1 + (int)below(c, 9);
+    const int kind = (int)below(c, KINDS + (is_large(c) ? 16 : 4)), period = 1 + (int)below(c, 9);
     const double disparity = sst_random_in(&c->random, -3, 12);
     const uint64_t same = c->random;
     struct sst_scene *scene = NULL;
@@ -176,6 +185,40 @@ static void damage(struct chain *c)
     }
 }
 
+/* Pictures that are displaced, rolled, scaled, darker or bent: mostly by what cameras do, some by all that a folder may
+ * state. */
+static bool misalign(struct chain *c)
+{
+    struct sst_lightfield *lf = &c->lf;
+    struct sst_correction correction[SST_MAX_VIEWS];
+    const double most = one_in(c, 6) ? 1 : sst_random_in(&c->random, 0, 0.05);
+    const bool all = one_in(c, 2);
+
+    if (!one_in(c, is_large(c) ? 2 : 3))
+        return true;
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        struct sst_correction *to = &correction[k];
+
+        *to = sst_correction_none();
+        if (!all && !one_in(c, 6))
+            continue;
+        to->shift_x_px = one_in(c, 2) ? 0 : extreme(c, -most, most) * SST_CORRECTION_SHIFT_MAX_PX;
+        to->shift_y_px = extreme(c, -most, most) * SST_CORRECTION_SHIFT_MAX_PX;
+        to->roll_deg = one_in(c, 2) ? 0 : extreme(c, -most, most) * SST_CORRECTION_ROLL_MAX_DEG;
+        to->scale = one_in(c, 2) ? 0 : extreme(c, -most, most) * SST_CORRECTION_SCALE_MAX;
+        for (int i = 0; i < 3; i++)
+            to->gain[i] = exp(extreme(c, -most, most) * log(SST_CORRECTION_GAIN_MAX));
+        to->falloff = one_in(c, 2) ? 0 : extreme(c, -most, most) * SST_CORRECTION_FALLOFF_MAX;
+        to->exponent = one_in(c, 2) ? 1 : exp(extreme(c, -most, most) * log(SST_CORRECTION_EXPONENT_MAX));
+        if (!sst_correction_valid(to)) /* the last bit of a limit */
+            *to = sst_correction_none();
+    }
+    CHECK(c, !sst_lightfield_correct(lf, correction, 2), "pictures cannot be displaced");
+    free(lf->correction);
+    lf->correction = NULL;
+    return true;
+}
+
 /* Labels of rectangles, some of none; with `external` disparities as well. */
 static bool make_maps(struct chain *c)
 {
@@ -215,12 +258,16 @@ static bool make(struct chain *c)
         return false;
     c->lf.width = one_in(c, 4) ? 1 + (int)below(c, 12) : 8 + (int)below(c, 64);
     c->lf.height = one_in(c, 4) ? 1 + (int)below(c, 12) : 8 + (int)below(c, 40);
+    if (one_in(c, 12)) { /* large enough to be judged and aligned */
+        c->lf.width = LARGE + (int)below(c, 32);
+        c->lf.height = LARGE + (int)below(c, 16);
+    }
     c->lf.classes = sst_classes_default;
     c->external = one_in(c, 3);
     if (!make_pictures(c))
         return false;
     damage(c);
-    return make_maps(c);
+    return misalign(c) && make_maps(c);
 }
 
 static bool copy(struct sst_lightfield *to, const struct sst_lightfield *from)
@@ -261,6 +308,7 @@ static void draw_process(struct chain *c, struct sst_process_config *cfg)
         abort();
     cfg->disparity.cost = SST_COST_CENSUS;
     cfg->keep_disparity = c->external;
+    cfg->align = one_in(c, 2);
     cfg->disparity.disp_min_px = one_in(c, 6) ? 0 : floor(sst_random_in(&c->random, -8, 8));
     cfg->disparity.disp_max_px =
         one_in(c, 6) ? cfg->disparity.disp_min_px : cfg->disparity.disp_min_px + 1 + below(c, (unsigned)most + 1);
@@ -291,7 +339,10 @@ static bool same_maps(const struct chain *c, const struct sst_lightfield *a, con
         const size_t n = (size_t)a->width;
 
         CHECK(c, !v->disp.data == !w->disp.data && !v->label.data == !w->label.data, "view %d", k);
-        for (int y = 0; y < a->height; y++) {
+        for (int y = 0; y < a->height && v->present; y++) {
+            for (int channel = 0; channel < 3; channel++)
+                CHECK(c, !memcmp(sst_image_row(&v->image, channel, y), sst_image_row(&w->image, channel, y), n),
+                      "picture of view %d, row %d, by threads", k, y);
             CHECK(c, !v->disp.data || !memcmp(sst_map_u16_row(&v->disp, y), sst_map_u16_row(&w->disp, y), 2 * n),
                   "disparities of view %d, row %d, by threads", k, y);
             CHECK(c, !v->label.data || !memcmp(sst_map_u8_row(&v->label, y), sst_map_u8_row(&w->label, y), n),
@@ -307,6 +358,8 @@ static void hash_maps(struct chain *c)
         const struct sst_view *v = &c->lf.views[k];
 
         for (int y = 0; y < c->lf.height; y++) {
+            for (int channel = 0; channel < 3 && v->present; channel++)
+                add_hash(c, sst_image_row(&v->image, channel, y), (size_t)c->lf.width);
             if (v->disp.data)
                 add_hash(c, sst_map_u16_row(&v->disp, y), 2 * (size_t)c->lf.width);
             if (v->label.data)
@@ -342,6 +395,7 @@ static bool process(struct chain *c)
           report.coverage_refined);
     CHECK(c, isnan(report.confirmed) || (report.confirmed >= 0 && report.confirmed <= 100), "%g", report.confirmed);
     done.processed += !err;
+    done.corrected += report.align.moved || report.align.lit || report.align.faded || report.align.bent;
     done.refused += err != 0;
     if (!err)
         hash_maps(c);
@@ -482,8 +536,18 @@ static bool render(struct chain *c)
     return good;
 }
 
+/* No value that is no number has crossed a module's border since `before`. */
+static bool check_borders(const struct chain *c, uint64_t before)
+{
+    const uint64_t crossed = sst_border_count() - before;
+
+    CHECK(c, !crossed, "%llu values", (unsigned long long)crossed);
+    return true;
+}
+
 static bool run(uint64_t seed, bool show)
 {
+    const uint64_t borders = sst_border_count();
     struct chain c = { .seed = seed, .random = seed * 0x9E3779B97F4A7C15U + 1, .hash = 0xCBF29CE484222325U };
     char errors[SST_LOG_MAX]; /* refusals are expected */
     bool good;
@@ -492,6 +556,7 @@ static bool run(uint64_t seed, bool show)
     good = make(&c) && process(&c);
     for (int i = 0; good && i < 3; i++)
         good = render(&c);
+    good = good && check_borders(&c, borders);
     sst_lightfield_fini(&c.lf);
     sst_log_hold_errors(NULL);
     if (show)
@@ -515,10 +580,10 @@ int main(int argc, char **argv)
     }
     if (argc <= 3)
         printf("%llu chains from seed %llu, %llu bad: %llu light fields processed, %llu refused, %llu pictures, %llu "
-               "values "
-               "within %.4f levels of the exact ones (worst: seed %llu)\n",
+               "values within %.4f levels of the exact ones (worst: seed %llu), %llu light fields corrected\n",
                (unsigned long long)count, (unsigned long long)first, (unsigned long long)bad,
                (unsigned long long)done.processed, (unsigned long long)done.refused, (unsigned long long)done.pictures,
-               (unsigned long long)done.pixels, done.most, (unsigned long long)done.most_seed);
+               (unsigned long long)done.pixels, done.most, (unsigned long long)done.most_seed,
+               (unsigned long long)done.corrected);
     return bad != 0;
 }

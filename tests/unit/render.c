@@ -8,7 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/border.h"
 #include "base/log.h"
+#include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/render/plan.h"
 #include "simulators/scene/noise.h"
@@ -771,6 +773,30 @@ static void one_view_is_that_view(void **state SST_UNUSED)
     free_views(&lf);
 }
 
+/* The table has room for a row a label; those that no label uses hold what was in memory before. */
+static void unused_rows_cross_no_border(void **state SST_UNUSED)
+{
+    const size_t bytes = (size_t)257 * SST_BLEND_COLUMNS * sizeof(float);
+    const struct sst_render_config cfg = config(1);
+    struct sst_lightfield lf;
+    struct sst_image img;
+
+    make_random(&lf);
+    for (int i = 0; i < 4; i++) {
+        void *before[2] = { sst_mem_alloc_raw(bytes, 1), sst_mem_alloc_raw(bytes, 1) };
+
+        for (int k = 0; k < 2; k++) {
+            assert_non_null(before[k]);
+            memset(before[k], 0xFF, bytes); /* NaN */
+            sst_mem_free(before[k]);
+        }
+        assert_int_equal(render(&lf, &cfg, &img, NULL), 0);
+        sst_image_fini(&img);
+    }
+    assert_int_equal(sst_border_count(), 0);
+    free_views(&lf);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -792,6 +818,7 @@ int main(void)
         cmocka_unit_test(impossible_wishes_are_refused),
         cmocka_unit_test(defaults_follow_the_disparities),
         cmocka_unit_test(one_view_is_that_view),
+        cmocka_unit_test(unused_rows_cross_no_border),
     };
 
     feenableexcept(FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW);

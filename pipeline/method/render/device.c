@@ -366,23 +366,10 @@ static int make_bands(struct render_device *d)
     return err;
 }
 
-/* Rows of the table of label weights that a plan has. */
-static size_t table_rows(const struct sst_render_plan *p)
-{
-    size_t rows = 1;
-
-    for (int i = 0; i < 256 && p->table; i++) {
-        const size_t row = (size_t)(p->range[i].weight - p->table) / SST_BLEND_COLUMNS;
-
-        rows = row >= rows ? row + 1 : rows;
-    }
-    return rows;
-}
-
 /* What does not depend on the views. A larger table than before comes first again: views may use all the memory. */
 static int make_room(struct render_device *d, const struct sst_render_plan *p)
 {
-    const size_t rows = table_rows(p);
+    const size_t rows = sst_render_plan_table_rows(p);
     int err;
 
     if (rows > d->table_rows)
@@ -406,7 +393,8 @@ static int upload_labels(struct render_device *d, const struct sst_render_plan *
         label[i] = (struct sst_gpu_blend_label){ (uint32_t)row, p->ends[i] };
     }
     err = sst_gpu_upload(d->gpu, d->params, 0, label, sizeof(label));
-    return err || !p->table ? err : sst_gpu_upload(d->gpu, d->table, 0, p->table, table_rows(p) * ROW_BYTES);
+    return err || !p->table ? err
+                            : sst_gpu_upload(d->gpu, d->table, 0, p->table, sst_render_plan_table_rows(p) * ROW_BYTES);
 }
 
 /* Sum the rays of the views gathered. @param last  of the band */

@@ -381,6 +381,18 @@ static int open_verifiers(struct sst_render_plan *p, struct sst_renderer *r)
     return 0;
 }
 
+size_t sst_render_plan_table_rows(const struct sst_render_plan *p)
+{
+    size_t rows = 1;
+
+    for (int i = 0; i < 256 && p->table; i++) {
+        const size_t row = (size_t)(p->range[i].weight - p->table) / SST_BLEND_COLUMNS;
+
+        rows = row >= rows ? row + 1 : rows;
+    }
+    return rows;
+}
+
 /* Places of the views and weights: whatever is not finite here is a pixel that is wrong without saying so. */
 static void check_border(const struct sst_render_plan *p)
 {
@@ -395,7 +407,7 @@ static void check_border(const struct sst_render_plan *p)
         sst_border_floats("depth weights", b->power, ARRAY_LEN(b->power));
     }
     if (p->table)
-        sst_border_floats("label weights", p->table, (size_t)257 * SST_BLEND_COLUMNS);
+        sst_border_floats("label weights", p->table, sst_render_plan_table_rows(p) * SST_BLEND_COLUMNS);
 }
 
 int sst_render_plan_init(struct sst_render_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)

@@ -184,6 +184,10 @@ SST_MUST_CHECK int sst_render_plan_init(struct sst_render_plan *p, struct sst_re
                                         const struct sst_render_config *cfg);
 void sst_render_plan_fini(struct sst_render_plan *p);
 
+/** Rows of `table` that its labels use: labels without a range share rows, and those beyond are not set. 1 without a
+ * table. */
+size_t sst_render_plan_table_rows(const struct sst_render_plan *p);
+
 /* Sides of the cells that select parts of a picture, px: narrow runs cost more per pixel. */
 #define SST_RENDER_CELL_WIDTH  64
 #define SST_RENDER_CELL_HEIGHT 8
