@@ -153,7 +153,7 @@ static int measure(const char *dir, const char *truth_dir, const struct sst_rend
     if (err)
         return cli_exit_code(err);
     if (truth.count)
-        what |= SST_LOAD_IMAGES | (no_verify ? SST_LOAD_UNVERIFIED : 0) |
+        what |= SST_LOAD_IMAGES | SST_LOAD_ORIGINALS | (no_verify ? SST_LOAD_UNVERIFIED : 0) |
                 (cfg->verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0);
     err = sst_lightfield_load(&lf, dir, what, threads);
     if (!err) {

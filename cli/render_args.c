@@ -56,7 +56,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "view-y", 0, CLI_DOUBLE, &cfg->view_by, "BY", "viewpoint, spacings below the reference view", -SST_MAX_VIEWS,
           SST_MAX_VIEWS },
         { "sampling", 0, CLI_STRING, &a->sampling, "S",
-          "calibrated light fields: straight from raw frames, from rectified views, or auto (the cheaper one)" },
+          "calibrated or corrected views: straight from the files, from resampled views, or auto" },
         CLI_NO_VERIFY_OPTION(a->no_verify),
         { "device", 0, CLI_STRING, &a->device, "D",
           "where rays are summed: cpu (default), gpu, auto (gpu if there is one) or a part of a device's name", 0, 0 },
@@ -276,12 +276,17 @@ static int choose_sampling(struct render_args *a, const char *path, unsigned *wh
         return cli_exit_code(err);
     set_aperture(&lf, a);
     raw = !strcasecmp(a->sampling, "raw") ||
-          (!strcasecmp(a->sampling, "auto") && !a->views_needed && !strcmp(a->device, "cpu") && sst_render_prefers_raw(&lf, &a->cfg, a->pictures));
-    if (raw && !lf.calibration) {
-        sst_log_error("%s has no calibration: its files are the views, not raw frames; leave out --sampling raw", path);
+          (!strcasecmp(a->sampling, "auto") && !(a->views_needed && lf.calibration) && !strcmp(a->device, "cpu") &&
+           sst_render_prefers_raw(&lf, &a->cfg, a->pictures));
+    if (raw && !lf.calibration && !lf.correction) {
+        sst_log_error(
+            "%s has neither a calibration nor a correction: its files are the views, not raw frames; leave out "
+            "--sampling raw",
+            path);
         r = CLI_INPUT;
     }
-    *what |= raw ? SST_LOAD_RAW : 0;
+    if (raw)
+        *what |= lf.calibration ? SST_LOAD_RAW : SST_LOAD_ORIGINALS;
     if (lf.disparity_tested && a->cfg.verify == SST_VERIFY_AUTO)
         *what &= ~(unsigned)SST_LOAD_CONFIDENCE;
     sst_lightfield_fini(&lf);

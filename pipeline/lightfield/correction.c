@@ -14,6 +14,8 @@
 #include "pipeline/lightfield/lightfield_internal.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 
+#define FILTER SST_FILTER_BICUBIC
+
 struct sst_correction sst_correction_none(void)
 {
     return (struct sst_correction){ .gain = { 1, 1, 1 }, .exponent = 1 };
@@ -127,29 +129,53 @@ static bool all_set(const struct sst_map_u8 *map)
     return true;
 }
 
+static int make_map(struct sst_rectify_map **out, const struct sst_lightfield *lf, const struct sst_correction *c)
+{
+    struct sst_rectified *to = malloc(sizeof(*to));
+    struct sst_calib_camera camera;
+    struct sst_calib calib;
+    int err = -ENOMEM;
+
+    if (to) {
+        pinhole(lf, c, &camera, &calib, to);
+        err = sst_rectify_map_create(out, to, &calib, 0);
+    }
+    free(to);
+    return err;
+}
+
 static int resample(struct sst_image *out, struct sst_map_u8 *valid, const struct sst_lightfield *lf,
                     const struct sst_view *v, const struct sst_correction *c)
 {
-    struct sst_rectified *to = malloc(sizeof(*to));
     int32_t *xy_q8 = malloc(2 * sizeof(*xy_q8) * (size_t)lf->width);
     struct sst_rectify_map *map = NULL;
-    struct sst_calib_camera camera;
-    struct sst_calib calib;
-    int err = to && xy_q8 ? 0 : -ENOMEM;
+    int err = xy_q8 ? make_map(&map, lf, c) : -ENOMEM;
 
-    if (!err) {
-        pinhole(lf, c, &camera, &calib, to);
-        err = sst_rectify_map_create(&map, to, &calib, 0);
-    }
     err = err ? err : sst_image_init(out, lf->width, lf->height);
     err = err ? err : sst_map_u8_init(valid, lf->width, lf->height);
-    err = err ? err : sst_rectify_view(map, SST_FILTER_BICUBIC, out, valid, &v->image, 1);
+    err = err ? err : sst_rectify_view(map, FILTER, out, valid, &v->image, 1);
     if (!err && v->valid.data)
         carry_valid(valid, &v->valid, map, xy_q8);
     sst_rectify_map_destroy(map);
     free(xy_q8);
-    free(to);
     return err;
+}
+
+bool sst_lightfield_has_originals(const struct sst_lightfield *lf)
+{
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        if (lf->views[k].original.plane[0])
+            return true;
+    }
+    return false;
+}
+
+int sst_correction_sampler(struct sst_sampler **out, struct sst_rectify_map **map, const struct sst_lightfield *lf,
+                           int view)
+{
+    const int err = make_map(map, lf, &lf->correction[view]);
+
+    return err ? err : sst_sampler_create(out, *map, FILTER, &lf->views[view].original, 1);
 }
 
 /* Raise the light of all pixels to the power of 1 / exponent. */
@@ -169,7 +195,7 @@ static void straighten(struct sst_image *image, double exponent)
     }
 }
 
-int correction_apply(struct sst_lightfield *lf, int view, const struct sst_correction *c)
+int correction_apply(struct sst_lightfield *lf, int view, const struct sst_correction *c, bool keep)
 {
     struct sst_view *v = &lf->views[view];
     struct sst_image out = { 0 };
@@ -194,7 +220,11 @@ int correction_apply(struct sst_lightfield *lf, int view, const struct sst_corre
     }
     if (all_set(&valid))
         sst_map_u8_fini(&valid);
-    sst_image_fini(&v->image);
+    sst_image_fini(&v->original);
+    if (keep)
+        v->original = v->image;
+    else
+        sst_image_fini(&v->image);
     sst_map_u8_fini(&v->valid);
     v->image = out;
     v->valid = valid;
@@ -263,7 +293,7 @@ static int correct_job(void *arg, int view, int worker SST_UNUSED)
 {
     const struct job *job = arg;
 
-    return correction_apply(job->lf, view, &job->correction[view]);
+    return correction_apply(job->lf, view, &job->correction[view], false);
 }
 
 int sst_lightfield_correct(struct sst_lightfield *lf, const struct sst_correction *correction, int threads)

@@ -24,6 +24,8 @@ struct sst_view {
     bool present;            /* false: the grid has a hole here; everything below is empty */
     double bx, by;           /* offset from the reference view in nominal spacings, right and down positive */
     struct sst_image image;  /* empty until loaded */
+    struct sst_image
+        original;            /* what `image` was resampled from by a correction (SST_LOAD_ORIGINALS); empty: nothing */
     struct sst_map_u8 valid; /* 0 where the rectified image is black because the pixel lies outside the raw frame, else
                                 255; set with the image; empty: all pixels are valid */
     struct sst_map_u16 disp; /* 1/64 px above disp_min_px, or SST_DISP_NONE; empty: not computed */
@@ -60,9 +62,10 @@ enum sst_lightfield_load {
     SST_LOAD_LABELS = 4,
     SST_LOAD_CONFIDENCE = 8,
     SST_LOAD_ALL = 15,
-    SST_LOAD_RAW = 16,        /* with SST_LOAD_IMAGES: images as the files are, not rectified */
-    SST_LOAD_UNVERIFIED = 32, /* with SST_LOAD_IMAGES: accept files that differ from their SHA-256 */
+    SST_LOAD_RAW = 16,         /* with SST_LOAD_IMAGES: images as the files are, not rectified */
+    SST_LOAD_UNVERIFIED = 32,  /* with SST_LOAD_IMAGES: accept files that differ from their SHA-256 */
     SST_LOAD_UNCORRECTED = 64, /* forget the correction of the folder */
+    SST_LOAD_ORIGINALS = 128, /* with SST_LOAD_IMAGES: keep what corrected pictures are resampled from, for renderers */
 };
 
 /** Empty light field with the reference view of the grid chosen and unit offsets set; all views absent.

@@ -106,8 +106,9 @@ SST_MUST_CHECK int params_number(const char *text, const char *path, const char 
 
 struct sst_correction;
 
-/** Resample a loaded picture that is not a raw frame. @return 0, -ENOMEM, -EINVAL; logged */
-SST_MUST_CHECK int correction_apply(struct sst_lightfield *lf, int view, const struct sst_correction *c);
+/** Resample a loaded picture that is not a raw frame. @param keep  what it is resampled from, in the view's `original`
+ *  @return 0, -ENOMEM, -EINVAL; logged */
+SST_MUST_CHECK int correction_apply(struct sst_lightfield *lf, int view, const struct sst_correction *c, bool keep);
 
 /** Make lf->correction part of the calibration's cameras: what rectifies raw frames corrects them, too. */
 void correction_calibrate(struct sst_lightfield *lf);

@@ -130,7 +130,7 @@ static int load_image(const struct job *job, int k)
         err = check_hash(job->lf, k, path, "import it again, or add --no-verify", data, size);
     free(data);
     if (!err && !calib && job->lf->correction)
-        err = correction_apply(job->lf, k, &job->lf->correction[k]);
+        err = correction_apply(job->lf, k, &job->lf->correction[k], job->what & SST_LOAD_ORIGINALS);
     return err || !calib || job->what & SST_LOAD_RAW ? err : calibration_rectify_view(job->lf, k);
 }
 

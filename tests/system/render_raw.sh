@@ -44,7 +44,7 @@ ok render lf --method clear --cut 50 --sampling rectified -o h.png
 cmp -s f.png g.png || fail "threads change the clear picture"
 cmp -s f.png h.png && fail "raw and rectified give the same clear picture: one of them is the other"
 
-want 3 "has no calibration" render plain --focus 7.4 --method refocus --sampling raw -o bad.png
+want 3 "neither a calibration nor a correction" render plain --focus 7.4 --method refocus --sampling raw -o bad.png
 want 2 "use auto, raw or rectified" render lf --focus 7.4 --sampling both -o bad.png
 want 2 "leave out --sampling raw" render lf --focus 7.4 --method refocus --sampling raw --explain x -o bad.png
 [ ! -e bad.png ] || fail "bad.png exists"

@@ -13,6 +13,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/lightfield/correction.h"
 #include "pipeline/method/render/plan.h"
 #include "simulators/scene/noise.h"
 #include "tests/test.h"
@@ -799,6 +800,74 @@ static void unused_rows_cross_no_border(void **state SST_UNUSED)
     free_views(&lf);
 }
 
+/* Keys 1981, a = -1/2. */
+static double cubic(double t)
+{
+    t = fabs(t);
+    return t < 1 ? (1.5 * t - 2.5) * t * t + 1 : t < 2 ? ((-0.5 * t + 2.5) * t - 4) * t + 2 : 0;
+}
+
+static double bicubic(const struct sst_image *image, int channel, double x, double y)
+{
+    const int x0 = (int)floor(x), y0 = (int)floor(y);
+    double sum = 0;
+
+    for (int j = y0 - 1; j <= y0 + 2; j++) {
+        for (int i = x0 - 1; i <= x0 + 2; i++)
+            sum += cubic(x - i) * cubic(y - j) *
+                   sst_image_row(image, channel,
+                                 sst_clamp_int(j, 0, image->height - 1))[sst_clamp_int(i, 0, image->width - 1)];
+    }
+    return fmin(fmax(sum, 0), 255);
+}
+
+/* Of a picture that was moved by 0.4, 0.7 px, seen 1 and 1.3 px beside it: the bytes of the corrected picture at whole
+ * positions, its original interpolated once elsewhere. */
+static void originals_are_sampled_once(void **state SST_UNUSED)
+{
+    struct sst_correction c = sst_correction_none();
+    struct sst_render_config cfg = config(1);
+    struct sst_lightfield lf;
+    struct sst_image img, original;
+
+    make_views(&lf, 1, 1, 40, 30);
+    lf.views[0].bx = 0;
+    seed = 3;
+    for (int i = 0; i < 3 * 30 * 40; i++)
+        sst_image_row(&lf.views[0].image, i / 1200, i / 40 % 30)[i % 40] = (uint8_t)(sst_random_u64(&seed) % 100 + 80);
+    assert_int_equal(sst_image_init(&original, 40, 30), 0);
+    for (int i = 0; i < 90; i++)
+        memcpy(sst_image_row(&original, i / 30, i % 30), sst_image_row(&lf.views[0].image, i / 30, i % 30), 40);
+    c.shift_x_px = 0.4;
+    c.shift_y_px = -0.7;
+    assert_int_equal(sst_lightfield_correct(&lf, &c, 1), 0);
+    assert_false(sst_lightfield_has_originals(&lf));
+    lf.views[0].original = original;
+    assert_true(sst_lightfield_has_originals(&lf));
+    cfg.method = SST_RENDER_REFOCUS;
+    for (int i = 0; i < 2; i++) {
+        const double beside = i ? 1.3 : 1;
+
+        cfg.view_bx = beside;
+        assert_int_equal(render(&lf, &cfg, &img, NULL), 0);
+        for (int y = 4; y < 26; y++) {
+            for (int x = 4; x < 34; x++) {
+                const double want = bicubic(&lf.views[0].original, 1, x + beside + 0.4, y - 0.7);
+                const int got = sst_image_row(&img, 1, y)[x];
+
+                if (fabs(got - want) > 1.5) /* positions in 1/256 px, light in between */
+                    fail_msg("%d for %.2f at %d %d beside %g", got, want, x, y, beside);
+                assert_true(i || got == sst_image_row(&lf.views[0].image, 1, y)[x + 1]);
+            }
+        }
+        sst_image_fini(&img);
+    }
+    sst_image_fini(&lf.views[0].original);
+    sst_map_u8_fini(&lf.views[0].valid);
+    free(lf.correction);
+    free_views(&lf);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -821,6 +890,7 @@ int main(void)
         cmocka_unit_test(defaults_follow_the_disparities),
         cmocka_unit_test(one_view_is_that_view),
         cmocka_unit_test(unused_rows_cross_no_border),
+        cmocka_unit_test(originals_are_sampled_once),
     };
 
     feenableexcept(FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW);

@@ -305,7 +305,7 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
     c->coarse = c->bins > 0x7FFF;
     for (int i = 0; i < p->count; i++)
         add_view(c, &p->tap[i]);
-    c->as_others = !cfg->merge && !c->view[0].tap->sampler && sst_image_noise(&c->view[0].tap->v->image) > NOISY;
+    c->as_others = !cfg->merge && !c->lf->images_raw && sst_image_noise(&c->view[0].tap->v->image) > NOISY;
     return 0;
 }
 

@@ -41,7 +41,7 @@ enum known { UNKNOWN = 0, EXPLAINED = 1, CONTRADICTED = 2 };
 
 static struct neighbour neighbour(const struct explainer *e, const struct sst_render_tap *t, const struct sst_view *of)
 {
-    const struct sst_raw_view *raw = t->sampler ? &e->renderer->raw[t->view] : NULL;
+    const struct sst_raw_view *raw = e->plan->lf->images_raw ? &e->renderer->raw[t->view] : NULL;
 
     return (struct neighbour){ raw ? &raw->rectified : &t->v->image, raw ? &raw->seen : &t->v->valid,
                                (float)(of->bx - t->v->bx), (float)(of->by - t->v->by) };
@@ -297,7 +297,7 @@ int explainer_prepare(struct explainer *e)
         return 0;
     pthread_mutex_lock(&e->renderer->lock);
     if (!atomic_load_explicit(&e->prepared, memory_order_relaxed)) {
-        if (e->renderer->raw)
+        if (e->plan->lf->images_raw)
             err = sst_parallel_for(e->plan->count, sst_thread_count(e->plan->cfg.threads), rectify, e);
         if (!err)
             find_levels(e);

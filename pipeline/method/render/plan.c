@@ -10,6 +10,7 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/kernels/exp_neg.h"
+#include "pipeline/lightfield/correction.h"
 #include "pipeline/method/render/render_internal.h"
 
 /* Offline, rarity of colours is counted from every n-th pixel of every n-th row of all views. */
@@ -131,7 +132,9 @@ bool sst_render_prefers_raw(const struct sst_lightfield *lf, const struct sst_re
 
     for (int view = 0; view < lf->rows * lf->cols; view++)
         present += lf->views[view].present;
-    return lf->calibration && (int64_t)pictures * views_used(lf, cfg) <= present;
+    if (lf->correction && !lf->calibration && cfg->method == SST_RENDER_CLEAR)
+        return true;
+    return (lf->calibration || lf->correction) && (int64_t)pictures * views_used(lf, cfg) <= present;
 }
 
 /* Mapping of output pixels by a shift of `shift` px: first tap, fraction, nearest tap, range of pixels with all taps
@@ -231,15 +234,20 @@ static int make_raw(void *arg, int index, int worker SST_UNUSED)
     struct sst_raw_view *raw = &job->r->raw[t->view];
     int err = 0;
 
-    if (!raw->map)
-        err = sst_rectify_map_create(&raw->map, lf->rectified, lf->calibration, t->view);
-    if (!err && !raw->sampler)
-        err = sst_sampler_create(&raw->sampler, raw->map, (enum sst_filter)lf->filter, &t->v->image, 1);
+    if (!lf->images_raw) {
+        if (!raw->sampler && t->v->original.plane[0])
+            err = sst_correction_sampler(&raw->sampler, &raw->map, lf, t->view);
+    } else if (!raw->sampler) {
+        if (!raw->map)
+            err = sst_rectify_map_create(&raw->map, lf->rectified, lf->calibration, t->view);
+        if (!err)
+            err = sst_sampler_create(&raw->sampler, raw->map, (enum sst_filter)lf->filter, &t->v->image, 1);
+    }
     if (err) {
         char name[16];
 
         sst_view_name(lf, t->view, name);
-        sst_log_error("cannot sample the raw frame of view %s: %s", name, strerror(-err));
+        sst_log_error("cannot sample the frame of view %s: %s", name, strerror(-err));
     }
     return err;
 }

@@ -107,13 +107,14 @@ struct sst_renderer {
     uint64_t series;                /* of clear pictures that continue each other */
     struct skip_bounds *bounds;  /* owned; NULL until needed */
     struct sst_skip_counts skips;
-    struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames, else NULL; each created on first use */
+    struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames or with originals, else NULL; each created
+                                 on first use */
     SST_ATOMIC(uint8_t) * explained; /* see explainer_keep(); NULL until needed */
     uint64_t explained_key;
     int explained_levels;
 };
 
-/** A raw frame and its mapping to rectified positions. */
+/** A raw frame, or what a corrected picture was resampled from, and its mapping to rectified positions. */
 struct sst_raw_view {
     struct sst_rectify_map *map;
     struct sst_sampler *sampler;
@@ -128,7 +129,7 @@ struct sst_raw_view {
 struct sst_render_tap {
     int view;
     const struct sst_view *v;
-    const struct sst_sampler *sampler; /* of raw frames, at (x + ix + fx, y + iy + fy); NULL: v's image is the view */
+    const struct sst_sampler *sampler; /* of frames, at (x + ix + fx, y + iy + fy); NULL: v's image is the view */
     int ix, iy, nx, ny;
     double fx, fy; /* 0, or at least 1e-6 from 0 and 1 */
     int x0, x1, y0, y1;

@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/gpu/blend.h"
+#include "pipeline/lightfield/correction.h"
 #include "pipeline/method/render/render_internal.h"
 #include "pipeline/method/render/verify.h"
 
@@ -42,7 +43,7 @@ int sst_renderer_create(struct sst_renderer **out, const struct sst_lightfield *
     }
     r->lf = lf;
     r->threads = threads;
-    if (lf->images_raw) {
+    if (lf->images_raw || sst_lightfield_has_originals(lf)) {
         r->raw = calloc((size_t)(lf->rows * lf->cols), sizeof(*r->raw));
         if (!r->raw) {
             free(r);
