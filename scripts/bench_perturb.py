@@ -232,8 +232,12 @@ def measure_seed(bench, seed, args):
                 measure_real(bench, scene, args.real, int(args.small.split("x")[0]))
             continue
         for kind in ("none", *perturb.SWEEPS):
+            if args.kinds and kind not in ("none", *args.kinds.split(",")):
+                continue
             if scene in perturb_page.MOVING or kind not in ("time", "rolling"):
                 measure_scene(bench, scene, seed, kind)
+        if args.kinds:
+            continue
         if seed == 1 and scene in perturb_page.SCENES:
             measure_labels(bench, scene, seed)
         if seed == 1 and scene in perturb_page.FAULTY:
@@ -252,6 +256,7 @@ def main():
     parser.add_argument("--real", default="../shared/data", help="folder of photographed light fields; left out where absent")
     parser.add_argument("--few", action="store_true", help="the few strengths of seed 2 for seed 1, too")
     parser.add_argument("--only", help="light fields, separated by commas")
+    parser.add_argument("--kinds", help="perturbations, separated by commas: those alone, without faults and labels")
     parser.add_argument("--page", action="store_true", help="only write the page of what was measured")
     args = parser.parse_args()
     bench = Bench(args)

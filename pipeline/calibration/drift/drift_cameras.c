@@ -25,7 +25,7 @@
 #define ROUNDS_OPEN  3
 #define ROUNDS_TUKEY 8
 #define LOOSE_PX     2.0  /* a priori sigma of every state */
-#define PRESUMED_PX  0.05 /* per spacing: a priori agreement of neighbouring rows and columns */
+#define PRESUMED_PX  0.05 /* per spacing: a priori agreement of neighbouring rows and columns at best */
 #define UNSEEN_PX    0.7  /* a state with a larger sigma was not seen */
 #define TIE_PX       1e-3 /* sigma of the gauge constraints */
 
@@ -126,11 +126,25 @@ static void observe(struct system *s)
     }
 }
 
-/* A priori, rows and columns agree: where no feature was matched both ways, nothing else ties them. Weighted robustly
- * like matches, so that a camera that is off is not held back. */
+/* How far neighbours are apart where it is measured, across the line between them: robust sigma. 0 if few cameras are
+ * off. */
+static double apart_px(struct system *s)
+{
+    int n = 0;
+
+    for (int i = 0; i < s->w->links; i++) {
+        if (drift_link_useful(&s->w->link[i]))
+            s->sort[n++] = fabs(s->w->link[i].median_px);
+    }
+    return n ? 1.4826 * sst_stats_quantile(s->sort, n, 0.5) : 0;
+}
+
+/* A priori, rows and columns agree, as well as neighbours do across the line between them: where no feature was matched
+ * both ways, nothing else ties them. Weighted robustly like matches, so that a camera that is off is not held back. */
 static void presume(struct system *s)
 {
     static const double origin[2] = { 0 };
+    const double sigma = fmax(PRESUMED_PX, apart_px(s));
 
     for (int i = 0; i + 1 < s->w->links; i++) {
         const struct drift_link *p = &s->w->link[i], *q = p + 1;
@@ -138,7 +152,7 @@ static void presume(struct system *s)
 
         if (q->a != p->a || !s->seen[p->a] || !s->seen[p->b] || !s->seen[q->b] || p->length <= 0 || q->length <= 0)
             continue;
-        *o = (struct observation){ .sigma = PRESUMED_PX };
+        *o = (struct observation){ .sigma = sigma };
         add_part(o, s, p->b, origin, p->s.u, -1 / p->length);
         add_part(o, s, p->a, origin, p->s.u, 1 / p->length);
         add_part(o, s, q->b, origin, q->s.u, 1 / q->length);
