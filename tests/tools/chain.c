@@ -123,7 +123,7 @@ static bool is_large(const struct chain *c)
 static bool make_pictures(struct chain *c)
 {
     struct sst_lightfield *lf = &c->lf;
-    const int kind = (int)below(c, KINDS + (is_large(c) ? 16 : 4)), period = 1 + (int)below(c, 9);
+    const int kind = (int)below(c, KINDS + (is_large(c) ? 16 : 2)), period = 1 + (int)below(c, 9);
     const double disparity = sst_random_in(&c->random, -3, 12);
     const uint64_t same = c->random;
     struct sst_scene *scene = NULL;
@@ -373,15 +373,26 @@ static bool documented(int err)
     return !err || err == -EINVAL || err == -ENODATA || err == -ERANGE;
 }
 
+/* What pictures were corrected from, as if it had been loaded with them: rays are sampled there. */
+static void keep_originals(struct chain *c, struct sst_lightfield *before)
+{
+    for (int k = 0; k < c->lf.rows * c->lf.cols && c->lf.correction; k++) {
+        if (!sst_correction_is_none(&c->lf.correction[k]) && c->lf.correction[k].exponent == 1 && c->lf.views[k].present) {
+            c->lf.views[k].original = before->views[k].image;
+            before->views[k].image = (struct sst_image){ 0 };
+        }
+    }
+}
+
 static bool process(struct chain *c)
 {
     struct sst_process_report report = { 0 };
     struct sst_process_config cfg;
-    struct sst_lightfield other = { 0 };
+    struct sst_lightfield other = { 0 }, before = { 0 };
     int err, again;
 
     draw_process(c, &cfg);
-    if (!copy(&other, &c->lf))
+    if (!copy(&other, &c->lf) || !copy(&before, &c->lf))
         return false;
     cfg.threads = 1;
     err = sst_process(&c->lf, &cfg, NULL, &report);
@@ -391,6 +402,9 @@ static bool process(struct chain *c)
     if (!err && !same_maps(c, &c->lf, &other))
         return false;
     sst_lightfield_fini(&other);
+    if (one_in(c, 2))
+        keep_originals(c, &before);
+    sst_lightfield_fini(&before);
     CHECK(c, !isinf(report.confirmed) && !isinf(report.coverage_refined), "%g, %g", report.confirmed,
           report.coverage_refined);
     CHECK(c, isnan(report.confirmed) || (report.confirmed >= 0 && report.confirmed <= 100), "%g", report.confirmed);
