@@ -258,7 +258,7 @@ static void decide(struct sst_drift *out, const struct drift_work *w, const char
                "UNUSABLE: %d of %d pairs are off by more than %.2g px or do not match at all: the views were "
                "not rectified, or with another calibration",
                bad, usable, w->cfg.unusable_px);
-    } else if (out->axes_px > w->cfg.unusable_px) {
+    } else if (isgreater(out->axes_px, w->cfg.unusable_px)) { /* never so for NAN */
         out->verdict = SST_DRIFT_UNUSABLE;
         append(out,
                "UNUSABLE: disparities along rows and along columns differ by %.2f px per spacing; the offsets of the "

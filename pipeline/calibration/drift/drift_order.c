@@ -179,7 +179,7 @@ static int try_reorder(bool *explains, const struct drift_work *w, const struct 
     err = drift_match_links(&t.w, t.only);
     count(&t);
     err = err ? err : drift_measure_axes(&t.w, &axes);
-    *explains = !err && mostly_good(&t) && axes <= w->cfg.unusable_px;
+    *explains = !err && mostly_good(&t) && islessequal(axes, w->cfg.unusable_px);
     trial_end(&t);
     return err;
 }
@@ -201,7 +201,7 @@ int drift_find_wrong_order(struct sst_drift *out, const struct drift_work *w, ch
         bad += drift_link_bad(&w->link[i], w->cfg.unusable_px);
         usable += w->link[i].state != SST_DRIFT_PAIR_BLANK;
     }
-    if (2 * bad > usable || out->axes_px > w->cfg.unusable_px) {
+    if (2 * bad > usable || isgreater(out->axes_px, w->cfg.unusable_px)) { /* NAN: nothing seen both ways */
         for (size_t i = 0; !err && i < ARRAY_LEN(orders); i++) {
             if (orders[i].transpose && w->lf->rows != w->lf->cols)
                 continue;
