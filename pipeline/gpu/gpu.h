@@ -19,8 +19,15 @@ enum sst_gpu_shader {
     SST_GPU_BLEND = 0,       /* blend.h */
     SST_GPU_CLEAR_LAND = 1,  /* clear.h */
     SST_GPU_CLEAR_BLEND = 2, /* clear.h */
-    SST_GPU_SGM_PATH = 3,    /* sgm.c */
-    SST_GPU_WINNER = 4,      /* sgm.c */
+    SST_GPU_SGM_PATH = 3,    /* match.h, like those below */
+    SST_GPU_WINNER = 4,
+    SST_GPU_CENSUS = 5,
+    SST_GPU_MATCH_COST = 6,
+    SST_GPU_SUPPORT_ARMS = 7,
+    SST_GPU_SUPPORT_SUM = 8,
+    SST_GPU_SUPPORT_MEAN = 9,
+    SST_GPU_MEDIAN = 10,
+    SST_GPU_BILATERAL = 11,
     SST_GPU_SHADERS
 };
 

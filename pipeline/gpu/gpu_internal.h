@@ -2,7 +2,7 @@
 #ifndef SST_PIPELINE_GPU_GPU_INTERNAL_H
 #define SST_PIPELINE_GPU_GPU_INTERNAL_H
 
-#include "pipeline/gpu/gpu.h"
+#include "pipeline/gpu/match.h"
 
 /* --- shaders.c: what is known of each shader ---------------------------------------------------------------------- */
 
@@ -37,51 +37,63 @@ SST_MUST_CHECK int gpu_run_both(struct sst_gpu *g, const struct sst_gpu_work *wo
                                 const size_t *bytes, uint8_t *on_device[SST_GPU_BUFFERS],
                                 uint8_t *on_host[SST_GPU_BUFFERS]);
 
-gpu_reference_fn blend_reference, clear_land_reference, clear_blend_reference, sgm_path_reference, winner_reference;
-gpu_self_test_fn blend_self_test, clear_land_self_test, clear_blend_self_test, sgm_path_self_test, winner_self_test;
-
-/* --- sgm.c: the shaders `sgm_path` and `winner`, semi-global optimisation of a volume of costs -----------------------
+/** The same, for shaders whose results are whole numbers: compare the contents of all buffers.
  *
- * They give the numbers of sgm_along_rows, sgm_across_row and winner_row of pipeline/kernels/kernels.h on every device.
- */
+ * @param keep  out [bytes[out]]: what the reference leaves in buffer `out`, which may be its initial contents; or NULL
+ * @return 0, -ENOTSUP (they differ) or an error of the device */
+SST_MUST_CHECK int gpu_compare(struct sst_gpu *g, const struct sst_gpu_work *work, const void *const *initial,
+                               const size_t *bytes, int out, void *keep);
 
-#define GPU_SGM_STEPS 1024 /* disparities at most */
-
-/** All paths of one direction: pixel (x, y) comes after (x - dx, y - dy). */
-struct gpu_sgm {
-    int32_t width, height;
-    int32_t pitch;  /* pixels of a row of the volume */
-    int32_t nd;     /* disparities of a pixel, a multiple of 4 */
-    int32_t dx, dy; /* -1, 0 or 1, not both 0 */
-    int32_t first;  /* not 0: set the sums instead of adding to them */
-};
-
-enum gpu_sgm_buffer {
-    GPU_SGM_COST = 0,    /* uint8_t[height][pitch][nd] */
-    GPU_SGM_PENALTY = 1, /* uint8_t[height][width]: index of the penalties of the step into a pixel */
-    GPU_SGM_TABLE = 2,   /* uint32_t[256]: p1 | p2 << 16 */
-    GPU_SGM_SUM = 3,     /* in and out, uint16_t[height][pitch][nd] */
-    GPU_SGM_BUFFERS
-};
-
-/** Paths of a direction: groups of sgm_path. */
-static inline uint32_t gpu_sgm_paths(const struct gpu_sgm *s)
+/** Numbers of 24 bits for self-tests. */
+static inline uint32_t gpu_random(uint32_t *state)
 {
-    return (uint32_t)(!s->dy ? s->height : !s->dx ? s->width : s->width + s->height - 1);
+    *state = *state * 1664525U + 1013904223U;
+    return *state >> 8;
 }
 
-struct gpu_winner {
-    int32_t width, height, pitch, nd; /* as above */
-    int32_t count;                    /* disparities that count */
-};
+/** Groups of `size` that cover n. */
+static inline uint32_t gpu_groups(int n, int size)
+{
+    return (uint32_t)((n + size - 1) / size);
+}
 
-enum gpu_winner_buffer {
-    GPU_WINNER_SUM = 0,
-    GPU_WINNER_OUT = 1, /* out, uint32_t[height][width]: best | second << 16 */
-    GPU_WINNER_BUFFERS
-};
+/** Largest difference of R, G and B between two pixels. */
+static inline int gpu_colour_step(uint32_t a, uint32_t b)
+{
+    int most = 0;
 
-#define GPU_WINNER_GROUP 64 /* pixels of a row */
+    for (int c = 0; c < 24; c += 8) {
+        const int step = (int)(a >> c & 0xFF) - (int)(b >> c & 0xFF);
+
+        most = sst_max_int(most, step < 0 ? -step : step);
+    }
+    return most;
+}
+
+gpu_reference_fn blend_reference;
+gpu_reference_fn clear_land_reference;
+gpu_reference_fn clear_blend_reference;
+gpu_reference_fn sgm_path_reference;
+gpu_reference_fn winner_reference;
+gpu_reference_fn census_reference;
+gpu_reference_fn match_cost_reference;
+gpu_reference_fn support_arms_reference;
+gpu_reference_fn support_sum_reference;
+gpu_reference_fn support_mean_reference;
+gpu_reference_fn median_reference;
+gpu_reference_fn bilateral_reference;
+gpu_self_test_fn blend_self_test;
+gpu_self_test_fn clear_land_self_test;
+gpu_self_test_fn clear_blend_self_test;
+gpu_self_test_fn sgm_path_self_test;
+gpu_self_test_fn winner_self_test;
+gpu_self_test_fn census_self_test;
+gpu_self_test_fn match_cost_self_test;
+gpu_self_test_fn support_arms_self_test;
+gpu_self_test_fn support_sum_self_test;
+gpu_self_test_fn support_mean_self_test;
+gpu_self_test_fn median_self_test;
+gpu_self_test_fn bilateral_self_test;
 
 /* --- back ends ---------------------------------------------------------------------------------------------------- */
 

@@ -5,6 +5,7 @@
 #include "pipeline/gpu/blend.h"
 #include "pipeline/gpu/clear.h"
 #include "pipeline/gpu/gpu_internal.h"
+#include "pipeline/gpu/match.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
     [SST_GPU_BLEND] = { "blend", SST_GPU_BLEND_BUFFERS, sizeof(struct sst_gpu_blend), blend_reference,
@@ -13,9 +14,24 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                              clear_land_self_test },
     [SST_GPU_CLEAR_BLEND] = { "clear_blend", SST_GPU_CLEAR_BUFFERS, sizeof(struct sst_gpu_clear), clear_blend_reference,
                               clear_blend_self_test },
-    [SST_GPU_SGM_PATH] = { "sgm_path", GPU_SGM_BUFFERS, sizeof(struct gpu_sgm), sgm_path_reference,
+    [SST_GPU_SGM_PATH] = { "sgm_path", SST_GPU_SGM_BUFFERS, sizeof(struct sst_gpu_sgm), sgm_path_reference,
                            sgm_path_self_test },
-    [SST_GPU_WINNER] = { "winner", GPU_WINNER_BUFFERS, sizeof(struct gpu_winner), winner_reference, winner_self_test },
+    [SST_GPU_WINNER] = { "winner", SST_GPU_WINNER_BUFFERS, sizeof(struct sst_gpu_winner), winner_reference,
+                         winner_self_test },
+    [SST_GPU_CENSUS] = { "census", SST_GPU_CENSUS_BUFFERS, sizeof(struct sst_gpu_census), census_reference,
+                         census_self_test },
+    [SST_GPU_MATCH_COST] = { "match_cost", SST_GPU_COST_BUFFERS, sizeof(struct sst_gpu_match), match_cost_reference,
+                             match_cost_self_test },
+    [SST_GPU_SUPPORT_ARMS] = { "support_arms", SST_GPU_ARMS_BUFFERS, sizeof(struct sst_gpu_arms),
+                               support_arms_reference, support_arms_self_test },
+    [SST_GPU_SUPPORT_SUM] = { "support_sum", SST_GPU_SUPPORT_SUM_BUFFERS, sizeof(struct sst_gpu_support),
+                              support_sum_reference, support_sum_self_test },
+    [SST_GPU_SUPPORT_MEAN] = { "support_mean", SST_GPU_SUPPORT_MEAN_BUFFERS, sizeof(struct sst_gpu_support),
+                               support_mean_reference, support_mean_self_test },
+    [SST_GPU_MEDIAN] = { "median", SST_GPU_MEDIAN_BUFFERS, sizeof(struct sst_gpu_median), median_reference,
+                         median_self_test },
+    [SST_GPU_BILATERAL] = { "bilateral", SST_GPU_BILATERAL_BUFFERS, sizeof(struct sst_gpu_bilateral),
+                            bilateral_reference, bilateral_self_test },
 };
 
 const char *sst_gpu_shader_name(enum sst_gpu_shader shader)
@@ -62,5 +78,21 @@ int gpu_run_both(struct sst_gpu *g, const struct sst_gpu_work *work, const void 
         free_all(on_device, on_host);
     else
         shader->reference(work->push, buffer, work->groups);
+    return err;
+}
+
+int gpu_compare(struct sst_gpu *g, const struct sst_gpu_work *work, const void *const *initial, const size_t *bytes,
+                int out, void *keep)
+{
+    uint8_t *device[SST_GPU_BUFFERS], *host[SST_GPU_BUFFERS];
+    int err = gpu_run_both(g, work, initial, bytes, device, host);
+
+    if (err)
+        return err;
+    for (int i = 0; i < gpu_shaders[work->shader].buffers; i++)
+        err = memcmp(device[i], host[i], bytes[i]) ? -ENOTSUP : err;
+    if (keep)
+        memcpy(keep, host[out], bytes[out]);
+    free_all(device, host);
     return err;
 }

@@ -176,6 +176,18 @@ typedef void sst_sgm_along_rows_fn(uint16_t *line, uint16_t *sum, const uint8_t 
 typedef void sst_winner_row_fn(uint16_t *best, uint16_t *second, const uint16_t *sum, size_t stride, size_t n,
                                size_t nd);
 
+/** The parabola's minimum between three costs, in 1/64 steps from the middle one, which is the least; 0 where it is
+ *  flat. */
+static inline int sst_parabola_q6(int before, int at, int after)
+{
+    const int curvature = before - 2 * at + after, slope = 32 * (before - after);
+
+    /* curvature >= |slope| / 32, and the result is within half a step. */
+    if (curvature <= 0)
+        return 0;
+    return (slope >= 0 ? slope + curvature / 2 : slope - curvature / 2) / curvature;
+}
+
 /**
  * The other image's winners from the same sums: key[n - 1 - x + d] becomes the least of itself and of
  * sum[x][d] << 16 | d, so that a key belongs to one pixel of the other image.

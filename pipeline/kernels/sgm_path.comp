@@ -1,51 +1,78 @@
 // Paths of one direction of the semi-global optimisation: sgm_along_rows and sgm_across_row of kernels.h. A group follows
-// one path, pixel by pixel; each invocation has four disparities of every 256. Buffers and constants: pipeline/gpu/gpu_internal.h.
-// Definition: sgm_ref.c.
+// one path, pixel by pixel, from tile to tile; each invocation has four disparities of every 128. Buffers and constants:
+// pipeline/gpu/match.h. Definition: sgm_ref.c.
 #version 450
 
-layout(local_size_x = 64) in;
+layout(local_size_x = 32) in;
 
-layout(std430, binding = 0) readonly buffer Cost { uint cost[]; };
-layout(std430, binding = 1) readonly buffer Penalty { uint penalty[]; };
-layout(std430, binding = 2) readonly buffer Penalties { uint penalties[256]; };
-layout(std430, binding = 3) buffer Sum { uint sum[]; };
-
-layout(std430, push_constant) uniform Constants {
-    int width, height, pitch, nd, dx, dy, first;
+struct Tile {
+    int x0, y0, width, height, left, top, pitch, rows, first, steps, nd;
+    uint quad;
 };
 
-const uint FAR = 0x7FFF, STEPS = 1024;
+layout(std430, binding = 0) readonly buffer Tiles { Tile tiles[]; };
+layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
+layout(std430, binding = 2) readonly buffer Penalties { uint penalties[256]; };
+layout(std430, binding = 3) readonly buffer Cost { uint cost[]; };
+layout(std430, binding = 4) buffer Sum { uint sum[]; };
 
-// L of this and of the last pixel from index 1 on; their minima, and that of the next pixel.
-shared uint path[2][STEPS + 2];
+layout(std430, push_constant) uniform Constants {
+    int width, top, bottom; // rows of the view that have costs: top .. bottom - 1
+    int tile_width, tile_height, columns;
+    int dx, dy, first;
+};
+
+const uint FAR = 0x7FFF, STEPS = 576;
+
+// L of this and of the last pixel, by step above the smallest of all tiles; their minima, and that of the next pixel.
+shared uint path[2][STEPS];
 shared uint least[3];
 
 // Where the path begins: on the sides that it comes from.
 ivec2 begin(int p)
 {
-    const int left = dx > 0 ? 0 : width - 1, top = dy > 0 ? 0 : height - 1;
+    const int left = dx > 0 ? 0 : width - 1, row = dy > 0 ? top : bottom - 1;
 
     if (dy == 0)
-        return ivec2(left, p);
-    return p < width ? ivec2(p, top) : ivec2(left, top + dy * (p - width + 1));
+        return ivec2(left, top + p);
+    return p < width ? ivec2(p, row) : ivec2(left, row + dy * (p - width + 1));
 }
 
-// Disparities d .. d + 3 of a pixel. Returns the least L.
-uint step(uint cell, int d, uint now, uint before, uint before_least, uint p1, uint p2)
+// Largest difference of a colour channel.
+uint step_between(uint a, uint b)
 {
-    const uint c = cost[(cell + uint(d)) >> 2];
+    const ivec3 p = ivec3(a & 0xFF, (a >> 8) & 0xFF, (a >> 16) & 0xFF);
+    const ivec3 q = ivec3(b & 0xFF, (b >> 8) & 0xFF, (b >> 16) & 0xFF), step = abs(p - q);
+
+    return uint(max(max(step.x, step.y), step.z));
+}
+
+// L of the last pixel at a step that both its window and this pixel's have; else it is far.
+uint before_at(uint before, int step, ivec2 window)
+{
+    return step >= window.x && step < window.y ? path[before][step] : FAR;
+}
+
+// Disparities d .. d + 3 of a pixel. `window`: steps that the last pixel and this one have; `begins`: the path does.
+// Returns the least L.
+uint follow(uint quad, int step, uint now, ivec2 window, uint before_least, uint p1, uint p2, bool begins)
+{
+    const uint c = cost[quad];
     uvec4 l;
 
     for (int i = 0; i < 4; i++) {
-        const uint at = uint(d + i) + 1;
-        const uint near = min(path[before][at - 1], path[before][at + 1]) + p1;
-        const uint best = min(min(path[before][at], near), before_least + p2);
+        uint best = 0;
 
-        l[i] = ((c >> (8 * i)) & 0xFF) + best - before_least;
-        path[now][at] = l[i];
+        if (!begins) {
+            const uint near = min(before_at(1 - now, step + i - 1, window), before_at(1 - now, step + i + 1, window));
+
+            best = min(min(before_at(1 - now, step + i, window), near + p1), before_least + p2) - before_least;
+        }
+        l[i] = ((c >> (8 * i)) & 0xFF) + best;
+        path[now][step + i] = l[i];
     }
     for (uint i = 0; i < 2; i++) {
-        const uint at = ((cell + uint(d)) >> 1) + i, was = first != 0 ? 0 : sum[at];
+        const uint at = 2 * quad + i, was = first != 0 ? 0 : sum[at];
 
         sum[at] = ((was + l[2 * i]) & 0xFFFF) | ((((was >> 16) + l[2 * i + 1]) & 0xFFFF) << 16);
     }
@@ -55,27 +82,35 @@ uint step(uint cell, int d, uint now, uint before, uint before_least, uint p1, u
 void main()
 {
     const uint lane = gl_LocalInvocationID.x;
-    ivec2 at = begin(int(gl_WorkGroupID.x));
+    ivec2 at = begin(int(gl_WorkGroupID.x)), window = ivec2(0, 0);
+    int index = -1;
+    uint last = 0;
+    Tile t;
 
-    // Outside the picture L is 0; outside the disparities it is far.
-    for (uint d = lane; d < STEPS + 2; d += 64)
-        path[0][d] = path[1][d] = d >= 1 && d <= uint(nd) ? 0 : FAR;
     if (lane < 3)
-        least[lane] = lane == 2 ? 0 : FAR;
+        least[lane] = FAR;
     barrier();
-    for (uint i = 0; at.x >= 0 && at.y >= 0 && at.x < width && at.y < height; i++) {
-        const uint pixel = uint(at.y) * uint(width) + uint(at.x);
-        const uint p = penalties[(penalty[pixel >> 2] >> ((pixel & 3) * 8)) & 0xFF];
-        const uint cell = (uint(at.y) * uint(pitch) + uint(at.x)) * uint(nd);
+    for (uint i = 0; at.x >= 0 && at.y >= top && at.x < width && at.y < bottom; i++) {
+        const int tile = (at.y - top) / tile_height * columns + at.x / tile_width;
+        const uint pixel = pixels[at.y * width + at.x];
         const uint before_least = least[(i + 2) % 3];
-        uint mine = FAR;
+        uint mine = FAR, p, quad;
 
-        for (int d = int(lane) * 4; d < nd; d += 256)
-            mine = min(mine, step(cell, d, i & 1, 1 - (i & 1), before_least, p & 0xFFFF, p >> 16));
+        if (tile != index)
+            t = tiles[tile];
+        index = tile;
+        p = penalties[i == 0 ? 0 : step_between(pixel, last)];
+        quad = t.quad + uint((at.y - t.top) * t.pitch + at.x - t.left) * (uint(t.nd) >> 2);
+        window = ivec2(max(window.x, t.first), min(window.y, t.first + t.nd));
+        for (int d = int(lane) * 4; d < t.nd; d += 128)
+            mine = min(mine, follow(quad + uint(d >> 2), t.first + d, i & 1, window, before_least, p & 0xFFFF, p >> 16,
+                                    i == 0));
         atomicMin(least[i % 3], mine);
         if (lane == 0)
             least[(i + 1) % 3] = FAR;
         barrier();
+        window = ivec2(t.first, t.first + t.nd);
+        last = pixel;
         at += ivec2(dx, dy);
     }
 }

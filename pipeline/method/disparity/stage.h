@@ -289,9 +289,6 @@ void sst_volume_requantise(struct sst_volume *v);
 SST_MUST_CHECK int sst_volume_winner(struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6,
                                      struct sst_map_u8 *confidence);
 
-/** The parabola's minimum between three costs, in 1/64 steps from the middle one; 0 where it is flat. */
-int sst_parabola_q6(int before, int at, int after);
-
 /** 5x5 median, borders repeated. In place. @param lines  scratch */
 SST_MUST_CHECK int sst_disparity_median5(struct sst_map_u16 *map, struct sst_mem_kept *lines);
 

@@ -324,16 +324,6 @@ void sst_volume_requantise(struct sst_volume *v)
     }
 }
 
-int sst_parabola_q6(int before, int at, int after)
-{
-    const int curvature = before - 2 * at + after, slope = 32 * (before - after);
-
-    /* `at` is the least of the three, so curvature >= |slope| / 32 and the result is within half a step. */
-    if (curvature <= 0)
-        return 0;
-    return (slope >= 0 ? slope + curvature / 2 : slope - curvature / 2) / curvature;
-}
-
 int sst_volume_winner(struct sst_volume *v, bool from_cost, struct sst_map_u16 *disp_q6, struct sst_map_u8 *confidence)
 {
     const struct sst_kernels *k = sst_kernels_get();

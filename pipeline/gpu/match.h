@@ -1,0 +1,180 @@
+/* pipeline/gpu/match.h - the shaders of matching: census, costs, their aggregation, semi-global optimisation, winner
+ * and filters of one view.
+ *
+ * A view's volume of costs lies on the device in tiles, each with its own window of disparities and as many pixels
+ * around it as the aggregation reaches; a view that is searched in the whole range is a single tile. All numbers are
+ * integers, and equal those of the kernels in pipeline/kernels/kernels.h on every device.
+ *
+ * Steps are disparities in units of 1 / divisor px above the smallest one of the view.
+ */
+#ifndef SST_PIPELINE_GPU_MATCH_H
+#define SST_PIPELINE_GPU_MATCH_H
+
+#include "pipeline/gpu/gpu.h"
+
+/* Structures have the layout of the shaders (std430). */
+
+#define SST_GPU_MATCH_STEPS  576 /* of a view at most, with the padding of its last tile */
+#define SST_GPU_MATCH_LAYERS 16  /* of the census: phases */
+
+/** A part of a view's volume: costs [rows][pitch][nd] of pixels (left, top) .. (left + pitch - 1, top + rows - 1). */
+struct sst_gpu_tile {
+    int32_t x0, y0, width, height; /* pixels whose disparities are searched, inside of those */
+    int32_t left, top, pitch, rows;
+    int32_t first; /* step of disparity 0 */
+    int32_t steps; /* disparities that count, at least 1 */
+    int32_t nd;    /* with padding: a multiple of 4 */
+    uint32_t quad; /* index of its first four costs */
+};
+
+/** Where a step lies in a neighbour: x, y whole pixels of a layer of its census. */
+struct sst_gpu_step {
+    int32_t x, y, layer;
+    int32_t near_x, near_y; /* nearest whole pixel: must lie inside as well */
+};
+
+/* Pixels are uint32_t[height][width]: R, G, B, seen (0: must not be matched) from the lowest byte up. Volumes are
+ * uint8_t (costs) and uint16_t (sums, the same cells). */
+
+/** `census`: groups of SST_GPU_PLANE_WIDTH x SST_GPU_PLANE_HEIGHT pixels, a layer of groups per phase. */
+struct sst_gpu_census {
+    int32_t width, height;
+    uint32_t phase[2]; /* 4 * py + px quarter pixels by layer, four bits each from the lowest ones up */
+};
+
+enum sst_gpu_census_buffer {
+    SST_GPU_CENSUS_PIXELS = 0,
+    SST_GPU_CENSUS_OUT = 1, /* out, uint64_t[layers][height][width] */
+    SST_GPU_CENSUS_BUFFERS
+};
+
+/** `match_cost`: groups of 64 quads of a row, a row each, a layer of groups per tile. One dispatch per neighbour. */
+struct sst_gpu_match {
+    int32_t width, height;
+    uint32_t flags; /* enum sst_gpu_match_flag */
+};
+
+enum sst_gpu_match_flag {
+    SST_GPU_MATCH_FIRST = 1, /* the first neighbour */
+    SST_GPU_MATCH_LAST = 2,  /* the last one: costs are written */
+    SST_GPU_MATCH_TWO = 4,   /* there are two neighbours */
+    SST_GPU_MATCH_MASKS = 8, /* pixels that are not seen must not be matched */
+};
+
+enum sst_gpu_cost_buffer {
+    SST_GPU_COST_TILES = 0,        /* struct sst_gpu_tile[] */
+    SST_GPU_COST_STEPS = 1,        /* struct sst_gpu_step[]: all steps of the view */
+    SST_GPU_COST_PIXELS = 2,       /* of the view; not read without SST_GPU_MATCH_MASKS */
+    SST_GPU_COST_OTHERS = 3,       /* of the neighbour; likewise */
+    SST_GPU_COST_CENSUS = 4,       /* uint64_t[height][width] */
+    SST_GPU_COST_OTHER_CENSUS = 5, /* uint64_t[layers][height][width] */
+    SST_GPU_COST_SUM = 6,          /* in and out: the cheapest cost | the second one << 8 */
+    SST_GPU_COST_OUT = 7,          /* out, with SST_GPU_MATCH_LAST */
+    SST_GPU_COST_BUFFERS
+};
+
+/** `support_arms`: groups of SST_GPU_PLANE_WIDTH x SST_GPU_PLANE_HEIGHT pixels. */
+struct sst_gpu_arms {
+    int32_t width, height;
+    int32_t arm, tau; /* longest arm; least step of a colour that ends one */
+};
+
+enum sst_gpu_arms_buffer {
+    SST_GPU_ARMS_PIXELS = 0,
+    SST_GPU_ARMS_OUT = 1, /* out, uint32_t[height][width]: left, right, up, down from the lowest byte up */
+    SST_GPU_ARMS_BUFFERS
+};
+
+/** `support_sum` and `support_mean`: groups as of `match_cost`. */
+struct sst_gpu_support {
+    int32_t width, height;
+    int32_t across, down; /* pixels to the sides, above and below of a tile's that are computed as well */
+};
+
+enum sst_gpu_support_sum_buffer {
+    SST_GPU_SUPPORT_SUM_TILES = 0,
+    SST_GPU_SUPPORT_SUM_ARMS = 1,
+    SST_GPU_SUPPORT_SUM_COST = 2,
+    SST_GPU_SUPPORT_SUM_OUT = 3, /* out: sums of costs over left and right arms */
+    SST_GPU_SUPPORT_SUM_BUFFERS
+};
+
+enum sst_gpu_support_mean_buffer {
+    SST_GPU_SUPPORT_MEAN_TILES = 0,
+    SST_GPU_SUPPORT_MEAN_ARMS = 1,
+    SST_GPU_SUPPORT_MEAN_SUM = 2,  /* in, of support_sum */
+    SST_GPU_SUPPORT_MEAN_COST = 3, /* in and out */
+    SST_GPU_SUPPORT_MEAN_BUFFERS
+};
+
+/** `sgm_path`: all paths of one direction, a group each: pixel (x, y) comes after (x - dx, y - dy). */
+struct sst_gpu_sgm {
+    int32_t width, top, bottom; /* of the view; rows that have costs: top .. bottom - 1 */
+    int32_t tile_width, tile_height, columns;
+    int32_t dx, dy; /* -1, 0 or 1, not both 0 */
+    int32_t first;  /* not 0: set the sums instead of adding to them */
+};
+
+enum sst_gpu_sgm_buffer {
+    SST_GPU_SGM_TILES = 0,
+    SST_GPU_SGM_PIXELS = 1,
+    SST_GPU_SGM_TABLE = 2, /* uint32_t[256]: p1 | p2 << 16 by colour step into a pixel */
+    SST_GPU_SGM_COST = 3,
+    SST_GPU_SGM_SUM = 4, /* in and out */
+    SST_GPU_SGM_BUFFERS
+};
+
+/** Paths of a direction: groups of sgm_path. */
+static inline uint32_t sst_gpu_sgm_paths(const struct sst_gpu_sgm *s)
+{
+    const int rows = s->bottom - s->top;
+
+    return (uint32_t)(!s->dy ? rows : !s->dx ? s->width : s->width + rows - 1);
+}
+
+/** `winner`: groups by row of a tile, 8 pixels of it and tile. */
+struct sst_gpu_winner {
+    int32_t width, top; /* of the view; row of the first result */
+    int32_t divisor;
+    int32_t from_cost; /* not 0: of the costs instead of the sums */
+};
+
+enum sst_gpu_winner_buffer {
+    SST_GPU_WINNER_TILES = 0,
+    SST_GPU_WINNER_SUM = 1,
+    SST_GPU_WINNER_COST = 2,
+    SST_GPU_WINNER_OUT = 3, /* out, uint32_t[rows][width]: disparity in 1/64 px above the smallest | confidence << 16 */
+    SST_GPU_WINNER_BUFFERS
+};
+
+#define SST_GPU_WINNER_PIXELS 8
+
+/** `median`: groups of SST_GPU_PLANE_WIDTH x SST_GPU_PLANE_HEIGHT pixels. Maps are those of `winner`. */
+struct sst_gpu_median {
+    int32_t width, height;
+};
+
+enum sst_gpu_median_buffer {
+    SST_GPU_MEDIAN_MAP = 0,
+    SST_GPU_MEDIAN_OUT = 1, /* out; the upper halves are copied */
+    SST_GPU_MEDIAN_BUFFERS
+};
+
+/** `bilateral`: likewise. */
+struct sst_gpu_bilateral {
+    int32_t width, height, tau;
+    int32_t weight[16]; /* by distance: 4 * |y| + |x| */
+};
+
+enum sst_gpu_bilateral_buffer {
+    SST_GPU_BILATERAL_MAP = 0,
+    SST_GPU_BILATERAL_PIXELS = 1,
+    SST_GPU_BILATERAL_OUT = 2, /* out; the upper halves are copied */
+    SST_GPU_BILATERAL_BUFFERS
+};
+
+#define SST_GPU_PLANE_WIDTH  32
+#define SST_GPU_PLANE_HEIGHT 8
+#define SST_GPU_MATCH_QUADS  64 /* of a group of match_cost, support_sum and support_mean */
+
+#endif
