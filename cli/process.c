@@ -19,7 +19,8 @@
 
 /* Options of the command line beyond the matching. */
 struct wanted {
-    const char *model, *hand_label, *labels_dir, *disparity_dir, *skip, *align;
+    const char *model, *hand_label, *labels_dir, *disparity_dir, *skip, *align, *device;
+    int device_memory; /* MiB; 0: three quarters */
     double range_min, range_max;
     bool no_labels, no_verify, json;
     bool correct, several; /* of `align`; more than one light field */
@@ -53,14 +54,62 @@ static json_t *skipped_json(double percent, double error)
     return json_pack("{s:o, s:o}", "skipped_percent", cli_real_json(percent), "error_percent", cli_real_json(error));
 }
 
+/* What the device has done, for `--json`; "cpu" without one. */
+static json_t *device_json(const struct sst_disparity_device_report *d)
+{
+    json_t *root, *stages = json_array();
+
+    if (!*d->name) {
+        json_decref(stages);
+        return json_string("cpu");
+    }
+    for (int i = 0; i < SST_DISPARITY_STAGES; i++) {
+        if (d->stages_on_cpu >> i & 1)
+            json_array_append_new(stages, json_string(sst_disparity_stage_name((enum sst_disparity_stage)i)));
+    }
+    root = json_pack("{s:o, s:o, s:I, s:I, s:I, s:o, s:o}", "name", cli_text_json(d->name), "driver",
+                     cli_text_json(d->driver), "views", (json_int_t)d->views, "on_cpu", (json_int_t)d->on_cpu,
+                     "failures", (json_int_t)d->failures, "why_cpu", d->on_cpu ? cli_text_json(d->why) : json_null(),
+                     "stages_on_cpu", stages);
+    if (root)
+        json_object_update_new(
+            root, json_pack("{s:I, s:I, s:I, s:f, s:f, s:f, s:f}", "dispatches", (json_int_t)d->dispatches, "uploads",
+                            (json_int_t)d->uploads, "upload_bytes", (json_int_t)d->upload_bytes, "seconds",
+                            (double)d->total_ns * 1e-9, "upload_seconds", (double)d->upload_ns * 1e-9, "wait_seconds",
+                            (double)d->wait_ns * 1e-9, "download_seconds", (double)d->download_ns * 1e-9));
+    return root;
+}
+
+/* Log what the device has done, and what it has not. */
+static void report_device(const struct sst_disparity_device_report *d)
+{
+    char stages[256] = "";
+
+    if (!*d->name)
+        return;
+    for (int i = 0; i < SST_DISPARITY_STAGES; i++) {
+        const size_t used = strlen(stages);
+
+        if (d->stages_on_cpu >> i & 1)
+            snprintf(stages + used, sizeof(stages) - used, "%s%s",
+                     used ? ", " : "; on the CPU: ", sst_disparity_stage_name((enum sst_disparity_stage)i));
+    }
+    if (d->on_cpu)
+        sst_log_warning("%lld of %lld views were matched on the CPU instead of %s: %s", (long long)d->on_cpu,
+                        (long long)(d->on_cpu + d->views), d->name, d->why);
+    else
+        sst_log_info("%lld views matched on %s%s", (long long)d->views, d->name, stages);
+}
+
 static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r,
                         struct sst_process_time load, struct sst_process_time saving, const char *dir,
-                        const struct wanted *w)
+                        const struct wanted *w, const struct sst_disparity_device_report *device)
 {
     const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
     double focus_px = NAN;
     json_t *root, *levels;
 
+    report_device(device);
     cli_warn_judgement(&r->judgement, dir);
     levels = cli_levels_json(lf, dir);
     if (r->parallax == SST_PARALLAX_NONE)
@@ -113,6 +162,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         cli_add_notices(root, lf, &r->notices);
         cli_add_judgement(root, lf, &r->judgement);
         json_object_set_new(root, "levels", levels);
+        json_object_set_new(root, "device", device_json(device));
         json_object_set_new(root, "not_finite", json_integer((json_int_t)sst_border_count()));
         json_object_set_new(root, "align", cli_align_json(lf, &r->align, w->correct));
         json_object_set_new(root, "parallax",
@@ -212,6 +262,7 @@ static int save(void *arg, int i SST_UNUSED, bool again)
 {
     const struct computed *c = arg;
     struct sst_process_time clock = { 0, 0 }, saving;
+    struct sst_disparity_device_report device = { 0 };
     int err;
 
     if (again)
@@ -221,7 +272,9 @@ static int save(void *arg, int i SST_UNUSED, bool again)
     err = sst_process_save(&c->lf, &c->extras, c->dir, c->job->cfg.threads);
     saving = sst_process_lap(&clock);
     cli_progress_end();
-    return cli_exit_code(err ? err : print_report(&c->lf, &c->report, c->load, saving, c->dir, &c->job->w));
+    if (c->job->cfg.disparity.device)
+        sst_disparity_device_report(c->job->cfg.disparity.device, &device);
+    return cli_exit_code(err ? err : print_report(&c->lf, &c->report, c->load, saving, c->dir, &c->job->w, &device));
 }
 
 /* Of the workers that share the views, one saves. */
@@ -393,7 +446,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     struct cli_shard shard = CLI_SHARD_DEFAULTS;
     struct job job = {
         .cfg = { .eps_h = -1, .accuracy_weight = 4, .refine = true, .skip_labels = true, .progress = progress },
-        .w = { .align = "auto", .range_min = NAN, .range_max = NAN },
+        .w = { .align = "auto", .device = "cpu", .range_min = NAN, .range_max = NAN },
         .shard = &shard,
     };
     struct cli_matching m = CLI_MATCHING_DEFAULTS;
@@ -416,12 +469,17 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "what to compute in part only: keys, ranges, hypotheses, labels, all or none" },
         { "align", 0, CLI_STRING, &job.w.align, "WHEN",
           "auto: pictures that are displaced or have other gains are corrected; off: not" },
+        { "device", 0, CLI_STRING, &job.w.device, "D",
+          "where views are matched: cpu (default), gpu, auto (gpu if there is one) or a part of a device's name" },
+        { "device-memory", 0, CLI_INT, &job.w.device_memory, "MIB",
+          "memory of the device to use at most (three quarters of it)", 1, 1 << 24 },
         { "json", 0, CLI_FLAG, &job.w.json, NULL, "print one JSON object; of several light fields a line each" },
         CLI_SHARD_OPTIONS(shard),
         { "split-views", 0, CLI_FLAG, &job.split, NULL,
           "with --shard: workers share the views of each light field: for few large ones" },
     };
-    static const char *const same[] = { CLI_SHARD_NAMES, "split-views", "threads", "json", NULL };
+    static const char *const same[] = { CLI_SHARD_NAMES, "split-views",   "threads", "json",
+                                        "device",        "device-memory", NULL };
     const char **dirs = calloc((size_t)argc, sizeof(*dirs));
     char mccnn[SST_PATH_MAX], text[SST_CLAIM_JOB];
     int count = 0, r = dirs ? cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, dirs, 1, argc) : CLI_MEMORY;
@@ -438,7 +496,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
             count++;
         job.dir = (char *const *)(uintptr_t)dirs;
         job.text = text;
-        r = process_listed(&job, count);
+        if (!shard.status)
+            r = cli_exit_code(sst_disparity_device_create(&job.cfg.disparity.device, job.w.device,
+                                                          (uint64_t)job.w.device_memory << 20));
+        r = r == CLI_GO_ON || r == CLI_OK ? process_listed(&job, count) : r;
+        sst_disparity_device_destroy(job.cfg.disparity.device);
     }
     free(dirs);
     return r;
@@ -462,6 +524,12 @@ const struct cli_command cli_process = {
         "--align auto (the default) estimates from the scene by how much pictures are displaced, rolled, brighter or\n"
         "darker in the corners and corrects what is significant, also whenever the light field is loaded later; the\n"
         "views' files stay as they are. Views that cannot be of this scene are named in a warning.\n"
+        "--device matches the views on a GPU, with the same maps: gpu is the fastest one that passes its self-test, "
+        "auto\n"
+        "does without one where there is none; software devices are used only by name (lavapipe). `sst version` lists\n"
+        "the devices. What a device has no shader for, or fails at, is done on the CPU, logged and named in `device` "
+        "of\n"
+        "--json.\n"
         "--shard lets several processes, on machines that share a folder, process many light fields: each is claimed\n"
         "by one of them; those of a worker that ended are taken over; those that were done by the same options before\n"
         "are skipped. The state lies in .process in each light field. With --split-views they share the views of each\n"

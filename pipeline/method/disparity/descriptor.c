@@ -86,6 +86,11 @@ int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases)
     return err;
 }
 
+int sst_descriptor_add_census(struct sst_descriptor *desc)
+{
+    return desc->census[0] ? 0 : make_census(desc, 0);
+}
+
 void sst_descriptor_drop_phases(struct sst_descriptor *desc)
 {
     for (int p = 1; p < SST_PHASES; p++) {

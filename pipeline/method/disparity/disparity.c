@@ -173,7 +173,8 @@ static int match_coarse(struct disparity_run *run, int threads)
                                               .whole_steps = true,
                                               .skip_ranges = true,
                                               .range_error = run->cfg->range_error,
-                                              .cancel = run->cfg->cancel };
+                                              .cancel = run->cfg->cancel,
+                                              .device = run->cfg->device };
     struct sst_lightfield *c = run->coarse;
     int err = sst_lightfield_init(c, run->lf->rows, run->lf->cols);
 
@@ -319,6 +320,23 @@ static int repair_views(struct disparity_run *run, struct sst_visible_views *in,
     return err;
 }
 
+/* Name what has no shader yet. */
+static void note_stages(const struct disparity_run *run)
+{
+    struct sst_disparity_device *d = run->cfg->device;
+
+    if (run->rounds)
+        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_VISIBLE);
+    if (run->subpixel)
+        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_SUBPIXEL);
+    if (run->carried)
+        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_CARRY);
+    if (run->fill || run->carried)
+        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_CHECK);
+    if (run->fill)
+        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_FILL);
+}
+
 /* What improves all maps together: the second pass, the refinement between pixels, check, filling or carrying. */
 static int finish_maps(struct disparity_run *run, int threads)
 {
@@ -327,6 +345,7 @@ static int finish_maps(struct disparity_run *run, int threads)
     struct sst_visible_views in = { 0 };
     int err = seen ? visible_views(run, &in, seen) : -ENOMEM;
 
+    note_stages(run);
     if (run->rounds)
         err = err            ? err
               : run->carried ? repair_views(run, &in, threads)
@@ -374,23 +393,63 @@ static int match_others(struct disparity_run *run, int workers)
     return err;
 }
 
-/* Match a row of tiles of the reference view in the whole range and in windows, and add the pixels that differ by more
- * than 1 px to *off. */
-static int compare_ranges(struct disparity_run *run, struct sst_volume *v, const struct sst_neighbour *neighbours,
-                          int count, const struct sst_support *support, int top, int *off)
+/* Rows of tiles of the reference view, in the whole range and in windows. */
+struct compared {
+    struct disparity_run *run;
+    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
+    int count, threads;
+    struct sst_support support;
+};
+
+/* The neighbours of the reference view, with what matching on the CPU needs unless the device does that. */
+static int gather_compared(struct compared *c)
 {
+    struct disparity_run *run = c->run;
+    const int view = run->lf->ref_view, err = run_describe_rows(run, view / run->lf->cols, c->threads);
+
+    c->count = err ? err : run_gather_neighbours(run, view, 0, run->cfg->neighbours - 1, c->neighbours);
+    return c->count < 0 ? c->count : 0;
+}
+
+static int search_compared(struct compared *c, int top, struct sst_map_u16 *disp)
+{
+    struct disparity_run *run = c->run;
     const int view = run->lf->ref_view;
-    const struct sst_coarse coarse = run_coarse_view(run, view);
+    const struct device_match in = { .run = run,
+                                     .ref = &run->desc[view],
+                                     .neighbours = c->neighbours,
+                                     .count = c->count,
+                                     .tiles = &run->tiles[0],
+                                     .top = top,
+                                     .height = SST_TILE_HEIGHT,
+                                     .disp = disp };
+    int err = 0;
+
+    if (!run->costs && disparity_device_match(run->device, &in))
+        return 0;
+    if (!run->costs) {
+        run->costs = true;
+        err = gather_compared(c);
+    }
+    return err ? err
+               : run_search_tiles(run, &run->tiles[0], &run->volumes[0], view, c->neighbours, c->count, &c->support,
+                                  disp, NULL);
+}
+
+/* Match a row of tiles in the whole range and in windows, and add the pixels that differ by more than 1 px to *off. */
+static int compare_ranges(struct compared *c, int top, int *off)
+{
+    struct disparity_run *run = c->run;
+    const struct sst_coarse coarse = run_coarse_view(run, run->lf->ref_view);
     struct sst_map_u16 disp[2] = { { 0 }, { 0 } };
     int err = 0;
 
     for (int windows = 0; !err && windows < 2; windows++) {
-        struct sst_tiles *tiles = &run->tiles[0];
-
         err = sst_map_u16_init(&disp[windows], run->width, top + SST_TILE_HEIGHT);
-        err =
-            err ? err : sst_tiles_init(tiles, run->width, top, SST_TILE_HEIGHT, &run->shape, windows ? &coarse : NULL);
-        err = err ? err : run_search_tiles(run, tiles, v, view, neighbours, count, support, &disp[windows], NULL);
+        err = err ? err
+                  : sst_tiles_init(&run->tiles[0], run->width, top, SST_TILE_HEIGHT, &run->shape,
+                                   windows ? &coarse : NULL);
+        err = err ? err : search_compared(c, top, &disp[windows]);
     }
     for (int y = top; !err && y < top + SST_TILE_HEIGHT; y++) {
         const uint16_t *a = sst_map_u16_row(&disp[0], y), *b = sst_map_u16_row(&disp[1], y);
@@ -406,28 +465,24 @@ static int compare_ranges(struct disparity_run *run, struct sst_volume *v, const
 /* Percent of the pixels in three rows of tiles of the reference view whose disparity the windows change. */
 static int measure_ranges(struct disparity_run *run, int threads, double *error)
 {
-    const int view = run->lf->ref_view, row = view / run->lf->cols;
+    const int view = run->lf->ref_view;
     const int last = (run->height / SST_TILE_HEIGHT - 1) * SST_TILE_HEIGHT;
-    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
-    struct sst_support support = { 0 };
-    int err = 0, count, off = 0;
+    struct compared c = { .run = run, .threads = threads };
+    int err, off = 0;
 
     *error = NAN;
     if (!run->lf->views[view].present)
         return 0;
-    for (int r = sst_max_int(row - 2, 0); !err && r <= sst_min_int(row + 2, run->lf->rows - 1); r++) {
-        run->first_view = r * run->lf->cols;
-        err = sst_parallel_for(run->lf->cols, threads, run_describe, run);
-    }
-    count = err ? err : run_gather_neighbours(run, view, 0, run->cfg->neighbours - 1, neighbours);
-    if (count <= 0)
-        return count;
+    run->costs = !run->device;
+    err = gather_compared(&c);
+    if (err || !c.count)
+        return err;
     if (run->cfg->support_arm)
-        err =
-            sst_disparity_support_init(&support, &run->desc[view].image, run->cfg->support_arm, run->cfg->support_tau);
+        err = sst_disparity_support_init(&c.support, &run->desc[view].image, run->cfg->support_arm,
+                                         run->cfg->support_tau);
     for (int i = 0; !err && i < 3; i++)
-        err = compare_ranges(run, &run->volumes[0], neighbours, count, &support, last * (2 * i + 1) / 6, &off);
-    sst_disparity_support_fini(&support);
+        err = compare_ranges(&c, last * (2 * i + 1) / 6, &off);
+    sst_disparity_support_fini(&c.support);
     if (run->cfg->frugal)
         run_drop_phases(run);
     *error = 100.0 * off / (3.0 * run->width * SST_TILE_HEIGHT);
@@ -579,13 +634,16 @@ static int run_init(struct disparity_run *run, struct sst_lightfield *lf, const 
     lf->disparity_tested = run->rounds > 0;
     run->subpixel =
         cfg->subpixel_steps > 0 && !cfg->raw && present >= SST_VISIBLE_LEAST && run->range <= SST_SUBPIXEL_RANGE;
+    run->matched = calloc(views, sizeof(*run->matched));
     run->desc = calloc(views, sizeof(*run->desc));
     run->disp = calloc(views, sizeof(*run->disp));
     run->confidence = calloc(views, sizeof(*run->confidence));
     run->status = calloc(views, sizeof(*run->status));
     run->filled = calloc(views, sizeof(*run->filled));
-    if (!run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
+    if (!run->matched || !run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
         return -ENOMEM;
+    run->refused = cfg->device ? disparity_device_refuses(run) : NULL;
+    run->device = run->refused ? NULL : cfg->device;
     /* A range too narrow for the second pass is too narrow for carried maps. */
     return cfg->key_spacing > 1 && run->fill && cfg->joint && present >= SST_VISIBLE_LEAST &&
                    (run->rounds || !cfg->rounds)
@@ -607,9 +665,11 @@ static void run_fini(struct disparity_run *run)
         if (run->filled)
             sst_map_u16_fini(&run->filled[view]);
     }
+    disparity_device_forget(run->cfg->device, run);
     free_coarse(run);
     free(run->searched);
     free(run->carried);
+    free(run->matched);
     free(run->desc);
     free(run->disp);
     free(run->confidence);

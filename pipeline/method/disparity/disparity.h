@@ -2,6 +2,7 @@
 #ifndef SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
 
+#include "pipeline/gpu/gpu.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/method/network/network.h"
 
@@ -23,6 +24,7 @@ enum sst_cost {
 #define SST_SUPPORT_MAX_ARM 5
 
 struct sst_share;
+struct sst_disparity_device; /* that views are matched on; one run at a time */
 
 struct sst_disparity_config {
     double disp_min_px, disp_max_px; /* searched, inclusive; max > min; at most SST_DISPARITY_MAX_STEPS */
@@ -74,6 +76,7 @@ struct sst_disparity_config {
     struct sst_disparity_report *report; /* out, or NULL; of what this process does */
     struct sst_share *share; /* with other processes (pipeline/lightfield/share.h): the first pass by rows of views, the
                                 second by views; or NULL */
+    struct sst_disparity_device *device; /* that light fields are matched on, with the same bytes; NULL: on the CPU */
 };
 
 /** What was skipped, and the error that this adds; percent, NaN where nothing was. */
@@ -87,6 +90,52 @@ struct sst_disparity_report {
     double hypotheses_skipped; /* of the second pass */
     double hypotheses_error;   /* pixels in a sample of rows whose cheapest hypothesis was not tested */
 };
+
+/** What a device has no shader for: done on the CPU, and named. */
+enum sst_disparity_stage {
+    SST_DISPARITY_STAGE_RANGE = 0,    /* the range of disparities of a light field */
+    SST_DISPARITY_STAGE_VISIBLE = 1,  /* the second pass */
+    SST_DISPARITY_STAGE_SUBPIXEL = 2, /* refinement between pixels */
+    SST_DISPARITY_STAGE_CARRY = 3,    /* maps carried to other views */
+    SST_DISPARITY_STAGE_CHECK = 4,    /* of views against each other */
+    SST_DISPARITY_STAGE_FILL = 5,     /* of what the check refuses */
+    SST_DISPARITY_STAGES
+};
+
+const char *sst_disparity_stage_name(enum sst_disparity_stage stage);
+
+/** What a device has done. */
+struct sst_disparity_device_report {
+    char name[SST_GPU_NAME], driver[SST_GPU_NAME];
+    int64_t views;          /* matched there; those of coarser maps count as well */
+    int64_t on_cpu;         /* others */
+    int64_t failures;       /* times that the device failed */
+    char why[128];          /* the last of on_cpu */
+    unsigned stages_on_cpu; /* bits by enum sst_disparity_stage: those that were needed */
+    int64_t dispatches, uploads, upload_bytes;
+    int64_t total_ns, upload_ns, wait_ns, download_ns; /* of views; wait_ns: until the device has computed them */
+};
+
+/**
+ * Open a device to match views on: the costs of each from the census of its neighbours, their aggregation, the
+ * optimisation, winners and filters. The results are the bytes of the CPU. A device that fails is logged as a warning
+ * and counted; the view is then matched on the CPU, and the device is tried again later.
+ *
+ * @param name          as of sst_gpu_open(), or "cpu": none; "auto" without a GPU as well
+ * @param memory_bytes  that it may use of the device's memory; 0: three quarters. A view whose volume does not fit is
+ *                      matched on the CPU, which is counted
+ * @param out           NULL: on the CPU
+ * @return 0, errors of sst_gpu_open(), -ENOTSUP (a shader is refused); logged
+ */
+SST_MUST_CHECK int sst_disparity_device_create(struct sst_disparity_device **out, const char *name,
+                                               uint64_t memory_bytes);
+void sst_disparity_device_destroy(struct sst_disparity_device *d);
+
+/** What it has done since the last report. */
+void sst_disparity_device_report(struct sst_disparity_device *d, struct sst_disparity_device_report *out);
+
+/** Note that a stage was done on the CPU. @param d  or NULL: nothing is noted */
+void sst_disparity_device_note_stage(struct sst_disparity_device *d, enum sst_disparity_stage stage);
 
 /** Values of a preset: "preview", "balanced", "accurate". @return 0 or -EINVAL (logged with the list). */
 SST_MUST_CHECK int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset);

@@ -33,6 +33,10 @@ struct disparity_run {
     struct sst_lightfield *coarse; /* disparities at SST_COARSER times fewer pixels per side; NULL: not skip_ranges */
     double *searched;              /* [views] part of the disparities in the windows of its tiles, 0..1 */
     int first_view;                /* of the current grid row */
+    struct sst_disparity_device *device; /* that views are matched on; NULL: on the CPU */
+    const char *refused;                 /* why it is not the one that was asked for; or NULL */
+    bool *matched;                       /* [views] on the device */
+    bool costs;                          /* descriptors need costs: some view is matched on the CPU */
 };
 
 /** @return 0, -ECANCELED */
@@ -62,8 +66,38 @@ SST_MUST_CHECK int run_search_tiles(struct disparity_run *run, struct sst_tiles 
                                     const struct sst_support *support, struct sst_map_u16 *disp,
                                     struct sst_map_u8 *confidence);
 
+/** Describe the views of a row of the grid and of two rows around it. @return 0 or -errno */
+SST_MUST_CHECK int run_describe_rows(struct disparity_run *run, int row, int threads);
+
 /** Describe and match all views that are not carried, one row of the grid after the other. @return 0 or -errno */
 SST_MUST_CHECK int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg);
+
+/* --- device.c: the first pass on a device --- */
+
+/** A view to match, or rows of it. */
+struct device_match {
+    const struct disparity_run *run;
+    const struct sst_descriptor *ref; /* of run->desc, like those of the neighbours; no costs are needed */
+    const struct sst_neighbour *neighbours;
+    int count;
+    const struct sst_tiles *tiles; /* windows of disparities by tile, laid out over these rows; NULL: the whole range */
+    int top, height;               /* rows */
+    bool filter;                   /* whole views: winners are filtered; the view is counted */
+    struct sst_map_u16 *disp;      /* out: these rows */
+    struct sst_map_u8 *confidence; /* likewise, or NULL */
+};
+
+/** Why a run cannot be on a device, or NULL. */
+const char *disparity_device_refuses(const struct disparity_run *run);
+
+/** @return false: the device failed, or is left alone for now; logged and counted, nothing is written */
+bool disparity_device_match(struct sst_disparity_device *d, const struct device_match *in);
+
+/** Count a view that is matched on the CPU. @param why  or NULL: as the last one */
+void disparity_device_note_cpu(struct sst_disparity_device *d, const char *why);
+
+/** Free the views of a run that ends. @param d  or NULL */
+void disparity_device_forget(struct sst_disparity_device *d, const struct disparity_run *run);
 
 /* Jobs of sst_parallel_for(), index: a view; of run_describe(): counted from run->first_view. */
 sst_work_fn run_describe, run_check, run_fill;

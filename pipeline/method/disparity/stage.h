@@ -44,6 +44,7 @@ SST_MUST_CHECK int sst_descriptor_check_network(struct sst_network *net, const c
  * Luma, and census or MC-CNN features or both.
  * @param net    for features: passed sst_descriptor_check_network(); normalised luma in, 64 unit-length channels out
  * @param scale  1: img is borrowed and must outlive desc; 2: matched at half size
+ * @param cost   0: luma alone
  */
 SST_MUST_CHECK int sst_descriptor_init(struct sst_descriptor *desc, const struct sst_image *img, int scale,
                                        enum sst_cost cost, struct sst_network *net);
@@ -53,6 +54,9 @@ void sst_descriptor_fini(struct sst_descriptor *desc);
 
 /** Compute the census of more phases (bit p of `phases`); no-op for a descriptor without census. */
 SST_MUST_CHECK int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases);
+
+/** Compute the census of a descriptor that was initialised without costs, if it has none yet. */
+SST_MUST_CHECK int sst_descriptor_add_census(struct sst_descriptor *desc);
 
 /** Free the census of all phases but 0. */
 void sst_descriptor_drop_phases(struct sst_descriptor *desc);
@@ -276,6 +280,17 @@ static inline size_t sst_sgm_line(const struct sst_volume *v)
 /** The phases that matching against a neighbour at offset b needs of it. */
 unsigned sst_volume_phases(const struct sst_volume *v, double bx, double by);
 
+/** Mapping of a pixel into a neighbour by one disparity step. */
+struct sst_volume_step {
+    int x, y;           /* whole pixels, rounded down ... */
+    int phase;          /* ... and the quarters left over */
+    int near_x, near_y; /* nearest whole pixels: features exist only for those; both must lie inside */
+    int place;          /* index among the different nearest pixels */
+};
+
+/** Mappings into a neighbour at offset b. @param steps  out [v->steps] */
+void sst_volume_steps(struct sst_volume_step *steps, const struct sst_volume *v, double bx, double by);
+
 /** Store v->sum, minus each pixel's minimum and clamped to 255, in v->cost for another aggregation. */
 void sst_volume_requantise(struct sst_volume *v);
 
@@ -298,6 +313,9 @@ SST_MUST_CHECK int sst_disparity_median5(struct sst_map_u16 *map, struct sst_mem
  * D(p): averaging across a depth edge would create points in empty space.
  */
 SST_MUST_CHECK int sst_disparity_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
+
+/** Its weight g at a distance, 4096 at none. */
+int sst_bilateral_weight(int dx, int dy);
 
 /**
  * Rows y0 .. y1-1 of a filled map with edges where the image has them: a pixel whose disparity has less than half of

@@ -21,17 +21,22 @@ int run_describe(void *arg, int index, int worker)
     struct disparity_run *run = arg;
     const int view = run->first_view + index;
     const struct sst_view *v = &run->lf->views[view];
-    int err;
+    struct sst_descriptor *desc = &run->desc[view];
+    int err = 0;
 
-    if (run->desc[view].luma.data || !v->present)
+    if (!v->present || (desc->luma.data && (!run->costs || desc->census[0] || desc->features)))
         return 0;
     err = run_cancelled(run);
-    err = err ? err
-              : sst_descriptor_init(&run->desc[view], &v->image, run->scale, run->cfg->cost,
-                                    run->nets ? run->nets[worker] : NULL);
-    if (!err && v->valid.data)
-        err = sst_disparity_mask_reduce(&run->desc[view].seen, &v->valid, run->scale);
-    return err || run->cfg->frugal ? err : sst_descriptor_add_phases(&run->desc[view], run->phases);
+    if (!desc->luma.data) {
+        err = err ? err
+                  : sst_descriptor_init(desc, &v->image, run->scale, run->costs ? run->cfg->cost : (enum sst_cost)0,
+                                        run->nets ? run->nets[worker] : NULL);
+        if (!err && v->valid.data)
+            err = sst_disparity_mask_reduce(&desc->seen, &v->valid, run->scale);
+    } else {
+        err = err ? err : sst_descriptor_add_census(desc); /* the device, for which it was made, has failed */
+    }
+    return err || run->cfg->frugal ? err : sst_descriptor_add_phases(desc, run->phases);
 }
 
 int run_view_at(const struct sst_lightfield *lf, int view, int dr, int dc)
@@ -229,7 +234,7 @@ static int match_job(void *arg, int index, int worker)
         err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
         err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
     }
-    if (!err && run_is_carried(run, view) != run->others)
+    if (!err && (run_is_carried(run, view) != run->others || (run->matched && run->matched[view])))
         return 0;
     if (!err && run->cfg->support_arm && !run->cfg->raw)
         err =
@@ -338,21 +343,94 @@ struct match {
     void *progress_arg;
 };
 
+int run_describe_rows(struct disparity_run *run, int row, int threads)
+{
+    const struct sst_lightfield *lf = run->lf;
+    int err = 0;
+
+    for (int r = sst_max_int(row - 2, 0); !err && r <= sst_min_int(row + 2, lf->rows - 1); r++) {
+        run->first_view = r * lf->cols;
+        err = sst_parallel_for(lf->cols, threads, run_describe, run);
+    }
+    return err;
+}
+
+/* Match a view on the device. What that leaves is matched by match_job(). @param left  out: it is */
+static int match_on_device(struct disparity_run *run, int view, bool *left)
+{
+    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
+    struct device_match in = { .run = run,
+                               .ref = &run->desc[view],
+                               .neighbours = neighbours,
+                               .height = run->height,
+                               .filter = true,
+                               .disp = &run->disp[view],
+                               .confidence = &run->confidence[view] };
+    int err = run_cancelled(run);
+
+    if (!run->disp[view].data) {
+        err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
+        err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
+    }
+    in.count = err ? err : run_gather_neighbours(run, view, 0, run->cfg->neighbours - 1, neighbours);
+    *left = true;
+    if (in.count <= 0)
+        return in.count;
+    if (run->coarse) {
+        const struct sst_coarse coarse = run_coarse_view(run, view);
+
+        err = sst_tiles_init(&run->tiles[0], run->width, 0, run->height, &run->shape, &coarse);
+        if (err)
+            return err;
+        in.tiles = &run->tiles[0];
+        run->searched[view] = sst_tiles_share(in.tiles);
+    }
+    run->matched[view] = disparity_device_match(run->device, &in);
+    *left = !run->matched[view];
+    if (run->matched[view])
+        forget_unseen(&run->disp[view], &run->desc[view].seen);
+    return 0;
+}
+
+/* Match a row of the grid on the device, as far as it goes. @param left  out: not all of it */
+static int match_row_on_device(struct disparity_run *run, int row, bool *left)
+{
+    int err = 0;
+
+    for (int view = row * run->lf->cols; !err && view < (row + 1) * run->lf->cols; view++) {
+        bool this_one = false;
+
+        if (!run->lf->views[view].present || run_is_carried(run, view) != run->others)
+            continue;
+        if (run->device)
+            err = match_on_device(run, view, &this_one);
+        else
+            disparity_device_note_cpu(run->cfg->device, run->refused);
+        *left = *left || this_one;
+    }
+    return err;
+}
+
 /* Describe a row of the grid and two rows around it, and match it. Rows farther away are forgotten. */
 static int match_row(void *arg, int row, int worker SST_UNUSED)
 {
     const struct match *m = arg;
     struct disparity_run *run = m->run;
     const struct sst_lightfield *lf = run->lf;
-    int err = 0;
+    bool left = false;
+    int err;
 
     for (int view = 0; view < lf->rows * lf->cols; view++) {
         if (abs(view / lf->cols - row) > 2)
             sst_descriptor_fini(&run->desc[view]);
     }
-    for (int r = sst_max_int(row - 2, 0); !err && r <= sst_min_int(row + 2, lf->rows - 1); r++) {
-        run->first_view = r * lf->cols;
-        err = sst_parallel_for(lf->cols, m->threads, run_describe, run);
+    run->costs = !run->device;
+    err = run_describe_rows(run, row, m->threads);
+    if (run->cfg->device)
+        err = err ? err : match_row_on_device(run, row, &left);
+    if (left) {
+        run->costs = true;
+        err = err ? err : run_describe_rows(run, row, m->threads);
     }
     run->first_view = row * lf->cols;
     err = err ? err : sst_parallel_for(lf->cols, m->threads, match_job, run);

@@ -15,14 +15,6 @@
 #define BAND  16
 #define STRIP 128 /* multiple of 64 */
 
-/* Mapping of a pixel into a neighbour by one disparity step. */
-struct step {
-    int x, y;           /* whole pixels, rounded down ... */
-    int phase;          /* ... and the quarters left over */
-    int near_x, near_y; /* nearest whole pixels: features exist only for those */
-    int place;          /* row of feature costs, shared by steps with the same nearest pixel */
-};
-
 static size_t padded_steps(int steps)
 {
     return ((size_t)steps + 31) / 32 * 32;
@@ -43,7 +35,8 @@ static size_t tile_bytes(const struct sst_volume *v)
 
 static size_t scratch_bytes(const struct sst_volume *v)
 {
-    return tile_bytes(v) + v->steps_padded * (sizeof(const uint8_t *) + SST_MAX_NEIGHBOURS * sizeof(struct step));
+    return tile_bytes(v) +
+           v->steps_padded * (sizeof(const uint8_t *) + SST_MAX_NEIGHBOURS * sizeof(struct sst_volume_step));
 }
 
 int sst_volume_init(struct sst_volume *v, int width, int height, int disp_min, int steps)
@@ -113,17 +106,17 @@ unsigned sst_volume_phases(const struct sst_volume *v, double bx, double by)
     return phases;
 }
 
-static void set_steps(struct step *steps, const struct sst_volume *v, const struct sst_neighbour *n)
+void sst_volume_steps(struct sst_volume_step *steps, const struct sst_volume *v, double bx, double by)
 {
     for (int i = 0; i < v->steps; i++) {
-        const int qx = shift_q2(v, i, n->bx), qy = shift_q2(v, i, n->by);
-        struct step *s = &steps[i];
+        const int qx = shift_q2(v, i, bx), qy = shift_q2(v, i, by);
+        struct sst_volume_step *s = &steps[i];
 
-        *s = (struct step){ .x = whole(qx),
-                            .y = whole(qy),
-                            .phase = 4 * (qy & 3) + (qx & 3),
-                            .near_x = whole(qx + 2),
-                            .near_y = whole(qy + 2) };
+        *s = (struct sst_volume_step){ .x = whole(qx),
+                                       .y = whole(qy),
+                                       .phase = 4 * (qy & 3) + (qx & 3),
+                                       .near_x = whole(qx + 2),
+                                       .near_y = whole(qy + 2) };
         if (i > 0)
             s->place = s[-1].place + (s->near_x != s[-1].near_x || s->near_y != s[-1].near_y);
     }
@@ -146,7 +139,8 @@ struct strip {
 };
 
 /* Costs of row y against every place of a neighbour's features. */
-static void feature_costs(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y)
+static void feature_costs(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *steps,
+                          int y)
 {
     const struct sst_volume *v = s->v;
     const int left = v->x0 + s->x0;
@@ -154,7 +148,7 @@ static void feature_costs(const struct strip *s, const struct sst_neighbour *n, 
     int count = 0;
 
     for (int i = 0; i < v->steps; i++) {
-        const struct step *at = &steps[i];
+        const struct sst_volume_step *at = &steps[i];
         /* What lies beside the row within its width may be read (see struct sst_descriptor); farther columns and other
          * rows are not used by any step: any features do. */
         const bool inside = y + at->near_y >= 0 && y + at->near_y < s->ref->height && abs(at->near_x) < s->ref->width;
@@ -178,8 +172,8 @@ static void merge_costs(const struct strip *s, uint8_t *first, uint8_t *second, 
 
 /* The same, only where the pixel and its match are valid: black borders match each other only. Windows that reach into
  * them are still useful (docs/design/rectification.md). */
-static void merge_valid(const struct strip *s, const struct sst_neighbour *n, const struct step *at, int x0, int x1,
-                        int y, uint8_t *first, uint8_t *second, const uint8_t *features)
+static void merge_valid(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *at, int x0,
+                        int x1, int y, uint8_t *first, uint8_t *second, const uint8_t *features)
 {
     const int left = s->v->x0;
     const uint8_t *own = s->ref->seen.data ? sst_map_u8_row(&s->ref->seen, y) + left : NULL;
@@ -195,7 +189,7 @@ static void merge_valid(const struct strip *s, const struct sst_neighbour *n, co
 
 /* Merge the costs of row y against one neighbour into the two cheapest costs, [steps][padded] each. Columns are
  * the volume's, which begins at column v->x0 of the view. */
-static void match_row(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y,
+static void match_row(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *steps, int y,
                       uint8_t *first, uint8_t *second)
 {
     const struct sst_kernels *k = sst_kernels_get();
@@ -206,7 +200,7 @@ static void match_row(const struct strip *s, const struct sst_neighbour *n, cons
     if (ref->features)
         feature_costs(s, n, steps, y);
     for (int i = 0; i < v->steps; i++, first += s->padded, second += s->padded) {
-        const struct step *at = &steps[i];
+        const struct sst_volume_step *at = &steps[i];
         const int yn = y + at->y, near_y = y + at->near_y;
         const int x0 = sst_max_int(s->x0, -v->x0 - sst_min_int(at->x, at->near_x));
         const int x1 = sst_min_int(s->x1, ref->width - v->x0 - sst_max_int(at->x, at->near_x));
@@ -232,15 +226,15 @@ static bool alone(const struct strip *s, const struct sst_neighbour *n, int coun
 }
 
 /* match_row() and merge() for that. */
-static void match_alone(const struct strip *s, const struct sst_neighbour *n, const struct step *steps, int y,
-                        uint8_t *out)
+static void match_alone(const struct strip *s, const struct sst_neighbour *n, const struct sst_volume_step *steps,
+                        int y, uint8_t *out)
 {
     const struct sst_volume *v = s->v;
     const struct sst_descriptor *ref = s->ref;
 
     memset(out, SST_COST_UNSEEN, s->padded * (size_t)v->steps);
     for (int i = 0; i < v->steps; i++, out += s->padded) {
-        const struct step *at = &steps[i];
+        const struct sst_volume_step *at = &steps[i];
         const int yn = y + at->y, near_y = y + at->near_y;
         const int x0 = sst_max_int(s->x0, -v->x0 - sst_min_int(at->x, at->near_x));
         const int x1 = sst_min_int(s->x1, ref->width - v->x0 - sst_max_int(at->x, at->near_x));
@@ -253,8 +247,8 @@ static void match_alone(const struct strip *s, const struct sst_neighbour *n, co
 }
 
 /* Rows y0 .. y1-1 of a strip. @param steps  [neighbour][v->steps] */
-static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbours, const struct step *steps,
-                      int count, int y0, int y1)
+static void fill_tile(const struct strip *s, const struct sst_neighbour *neighbours,
+                      const struct sst_volume_step *steps, int count, int y0, int y1)
 {
     const struct sst_volume *v = s->v;
     const size_t cells = s->padded * v->steps_padded, real = s->padded * (size_t)v->steps;
@@ -288,15 +282,15 @@ void sst_volume_fill(struct sst_volume *v, const struct sst_descriptor *ref, con
 {
     const size_t tile = STRIP * BAND * v->steps_padded;
     struct strip s = { .v = v, .ref = ref, .first = v->scratch };
-    struct step *steps;
+    struct sst_volume_step *steps;
 
     s.second = s.first + tile;
     s.features = s.second + tile;
     s.census = s.features + STRIP * v->steps_padded;
     s.places = (const uint8_t **)(void *)(s.first + tile_bytes(v));
-    steps = (struct step *)(void *)(s.places + v->steps_padded);
+    steps = (struct sst_volume_step *)(void *)(s.places + v->steps_padded);
     for (int i = 0; i < count; i++)
-        set_steps(steps + (size_t)i * (size_t)v->steps, v, &neighbours[i]);
+        sst_volume_steps(steps + (size_t)i * (size_t)v->steps, v, neighbours[i].bx, neighbours[i].by);
     for (s.x0 = 0; s.x0 < v->width; s.x0 += STRIP) {
         s.x1 = sst_min_int(s.x0 + STRIP, v->width);
         s.padded = ((size_t)(s.x1 - s.x0) + 63) / 64 * 64;

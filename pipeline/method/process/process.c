@@ -364,6 +364,7 @@ static int match_views(struct run *run)
         cfg.disp_max_px = lf->range_max_px;
     }
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
+        sst_disparity_device_note_stage(cfg.device, SST_DISPARITY_STAGE_RANGE);
         err = sst_disparity_range(lf, 1, run->cfg->threads, &cfg.disp_min_px, &cfg.disp_max_px);
         if (!err && lf->parallel) { /* nothing is behind infinity */
             cfg.disp_min_px = fmax(cfg.disp_min_px, -INFINITY_SLACK_PX);

@@ -1,0 +1,658 @@
+/* The first pass on a device: a view's costs, their aggregation, the optimisation, winners and filters, without the
+ * volume leaving it. Views' pixels are uploaded once for all views that they are matched with.
+ *
+ * A device that fails is closed. The view in work and the next ones are then matched on the CPU, one more after each
+ * failure, twice as many each time; then the device is opened again. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "pipeline/gpu/match.h"
+#include "pipeline/method/disparity/disparity_internal.h"
+
+#define MOST_SKIPPED 64    /* views between two attempts to open a device that failed */
+#define MOST_GROUPS  65535 /* of a dispatch, in each direction: what every device has */
+
+/* Memory of the device that lasts from view to view. */
+enum kept {
+    KEPT_TILES = 0,
+    KEPT_STEPS = 1,
+    KEPT_TABLE = 2,
+    KEPT_CENSUS = 3, /* of the view */
+    KEPT_OTHER = 4,  /* of a neighbour, in all phases that it needs */
+    KEPT_ARMS = 5,
+    KEPT_COST = 6,
+    KEPT_SUM = 7,
+    KEPT_MAP = 8,
+    KEPT_FILTERED = 9,
+    KEPT
+};
+
+struct pixels {
+    struct sst_gpu_buffer *buffer; /* NULL: not on the device */
+    int64_t used;                  /* turn in which it was used last */
+};
+
+struct sst_disparity_device {
+    char name[SST_GPU_NAME]; /* as asked for */
+    struct sst_gpu_config cfg;
+    struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
+    int skip;            /* views until it is opened again */
+    int skip_next;       /* ... after the next failure */
+    struct sst_disparity_device_report report;
+    /* of gpu */
+    struct sst_gpu_buffer *kept[KEPT];
+    size_t bytes[KEPT];
+    const struct disparity_run *run; /* whose views these are: */
+    struct pixels view[SST_MAX_VIEWS];
+    int64_t turn;
+    struct sst_mem_kept words; /* of the host */
+};
+
+static const enum sst_gpu_shader shaders[] = { SST_GPU_CENSUS,       SST_GPU_MATCH_COST,   SST_GPU_SUPPORT_ARMS,
+                                               SST_GPU_SUPPORT_SUM,  SST_GPU_SUPPORT_MEAN, SST_GPU_SGM_PATH,
+                                               SST_GPU_WINNER,       SST_GPU_MEDIAN,       SST_GPU_BILATERAL };
+
+static const char *const stage_names[SST_DISPARITY_STAGES] = {
+    [SST_DISPARITY_STAGE_RANGE] = "range",       [SST_DISPARITY_STAGE_VISIBLE] = "visibility",
+    [SST_DISPARITY_STAGE_SUBPIXEL] = "subpixel", [SST_DISPARITY_STAGE_CARRY] = "carrying",
+    [SST_DISPARITY_STAGE_CHECK] = "check",       [SST_DISPARITY_STAGE_FILL] = "filling",
+};
+
+const char *sst_disparity_stage_name(enum sst_disparity_stage stage)
+{
+    return stage_names[stage];
+}
+
+/* --- opening and failing ------------------------------------------------------------------------------------------ */
+
+static void drop_views(struct sst_disparity_device *d)
+{
+    for (int i = 0; i < SST_MAX_VIEWS; i++) {
+        sst_gpu_buffer_destroy(d->gpu, d->view[i].buffer);
+        d->view[i].buffer = NULL;
+    }
+    d->run = NULL;
+}
+
+static void close_gpu(struct sst_disparity_device *d)
+{
+    if (!d->gpu)
+        return;
+    drop_views(d);
+    for (int i = 0; i < KEPT; i++) {
+        sst_gpu_buffer_destroy(d->gpu, d->kept[i]);
+        d->kept[i] = NULL;
+        d->bytes[i] = 0;
+    }
+    sst_gpu_close(d->gpu);
+    d->gpu = NULL;
+}
+
+static int open_gpu(struct sst_disparity_device *d)
+{
+    int err = sst_gpu_open(&d->gpu, d->name, &d->cfg);
+
+    if (err)
+        return err;
+    for (size_t i = 0; i < ARRAY_LEN(shaders) && !err; i++)
+        err = sst_gpu_prepare(d->gpu, shaders[i]);
+    if (err) {
+        sst_log_error("the device `%s` cannot match: %s; choose another --device", d->name, sst_gpu_error(err));
+        close_gpu(d);
+        return err;
+    }
+    snprintf(d->report.name, sizeof(d->report.name), "%s", sst_gpu_get_info(d->gpu)->name);
+    snprintf(d->report.driver, sizeof(d->report.driver), "%s", sst_gpu_get_info(d->gpu)->driver);
+    return 0;
+}
+
+int sst_disparity_device_create(struct sst_disparity_device **out, const char *name, uint64_t memory_bytes)
+{
+    struct sst_disparity_device *d;
+    int err;
+
+    *out = NULL;
+    if (!strcmp(name, "cpu"))
+        return 0;
+    d = calloc(1, sizeof(*d));
+    if (!d) {
+        sst_log_error("not enough memory for a device");
+        return -ENOMEM;
+    }
+    d->cfg.memory_bytes = memory_bytes;
+    d->skip_next = 1;
+    snprintf(d->name, sizeof(d->name), "%s", name);
+    err = open_gpu(d);
+    if (err) {
+        sst_disparity_device_destroy(d);
+        return err == -ENOENT && !strcmp(name, "auto") ? 0 : err;
+    }
+    *out = d;
+    return 0;
+}
+
+void sst_disparity_device_destroy(struct sst_disparity_device *d)
+{
+    if (!d)
+        return;
+    close_gpu(d);
+    sst_mem_kept_fini(&d->words);
+    free(d);
+}
+
+void sst_disparity_device_report(struct sst_disparity_device *d, struct sst_disparity_device_report *out)
+{
+    *out = d->report;
+    d->report = (struct sst_disparity_device_report){ 0 };
+    memcpy(d->report.name, out->name, sizeof(out->name));
+    memcpy(d->report.driver, out->driver, sizeof(out->driver));
+}
+
+void sst_disparity_device_note_stage(struct sst_disparity_device *d, enum sst_disparity_stage stage)
+{
+    if (d)
+        d->report.stages_on_cpu |= 1u << stage;
+}
+
+/* After an error of the device: close it, and leave it alone for some views. */
+static void fail(struct sst_disparity_device *d, int err)
+{
+    sst_log_warning("%s: %s; the view is matched on the CPU, and the device is opened again after %d more",
+                    d->report.name, sst_gpu_error(err), d->skip_next - 1);
+    snprintf(d->report.why, sizeof(d->report.why), "%s", sst_gpu_error(err));
+    d->report.failures++;
+    close_gpu(d);
+    d->skip = d->skip_next - 1;
+    d->skip_next = sst_min_int(2 * d->skip_next, MOST_SKIPPED);
+}
+
+/* True if the device may be tried. */
+static bool may_try(struct sst_disparity_device *d)
+{
+    if (d->skip > 0) {
+        d->skip--;
+        return false;
+    }
+    if (!d->gpu) {
+        const int err = open_gpu(d);
+
+        if (err)
+            fail(d, err);
+    }
+    return d->gpu;
+}
+
+void disparity_device_forget(struct sst_disparity_device *d, const struct disparity_run *run)
+{
+    if (d && d->run == run)
+        drop_views(d);
+}
+
+const char *disparity_device_refuses(const struct disparity_run *run)
+{
+    const struct sst_disparity_config *cfg = run->cfg;
+
+    if (cfg->cost != SST_COST_CENSUS)
+        return "the learned cost has no shader";
+    if (!cfg->joint)
+        return "maps of two directions are fused";
+    if (!cfg->raw && cfg->support_arm && cfg->support_after)
+        return "costs are aggregated after the optimisation";
+    /* The window of a tile may end after the last step. */
+    return run->shape.steps + 64 > SST_GPU_MATCH_STEPS ? "too many disparities" : NULL;
+}
+
+void disparity_device_note_cpu(struct sst_disparity_device *d, const char *why)
+{
+    d->report.on_cpu++;
+    if (why)
+        snprintf(d->report.why, sizeof(d->report.why), "%s", why);
+}
+
+/* --- memory ------------------------------------------------------------------------------------------------------- */
+
+/* Free the views that this turn does not use. @return whether there was one */
+static bool drop_unused(struct sst_disparity_device *d)
+{
+    bool any = false;
+
+    for (int i = 0; i < SST_MAX_VIEWS; i++) {
+        if (!d->view[i].buffer || d->view[i].used == d->turn)
+            continue;
+        sst_gpu_buffer_destroy(d->gpu, d->view[i].buffer);
+        d->view[i].buffer = NULL;
+        any = true;
+    }
+    return any;
+}
+
+static int create(struct sst_disparity_device *d, struct sst_gpu_buffer **out, size_t bytes)
+{
+    int err = sst_gpu_buffer_create(d->gpu, out, bytes);
+
+    return err == -ENOMEM && drop_unused(d) ? sst_gpu_buffer_create(d->gpu, out, bytes) : err;
+}
+
+/* Memory for `count` elements. What it held is lost if it grows. */
+static int keep(struct sst_disparity_device *d, enum kept which, size_t count, size_t each)
+{
+    int err;
+
+    if (d->bytes[which] >= count * each)
+        return 0;
+    sst_gpu_buffer_destroy(d->gpu, d->kept[which]);
+    d->kept[which] = NULL;
+    d->bytes[which] = 0;
+    err = create(d, &d->kept[which], count * each);
+    if (!err)
+        d->bytes[which] = count * each;
+    return err;
+}
+
+static int upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data, size_t bytes)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    const int err = sst_gpu_upload(d->gpu, b, 0, data, bytes);
+
+    d->report.upload_bytes += (int64_t)bytes;
+    d->report.upload_ns += sst_clock_now_ns() - start_ns;
+    return err;
+}
+
+/* --- one view ----------------------------------------------------------------------------------------------------- */
+
+/* What the steps of a match need. */
+struct match {
+    struct sst_disparity_device *d;
+    const struct device_match *in;
+    const struct sst_disparity_config *cfg;
+    int width, height; /* of the views */
+    int rounds;        /* of the aggregation */
+    int tiles;
+    uint32_t quads, rows;         /* groups that cover the volume of the largest tile */
+    uint32_t inner_rows, columns; /* groups of winners, likewise */
+    size_t cells;                 /* of all tiles */
+    bool masks;                   /* some pixels must not be matched */
+};
+
+static int dispatch(struct match *m, enum sst_gpu_shader shader, const void *push, uint32_t x, uint32_t y, uint32_t z,
+                    struct sst_gpu_buffer *const *buffer, size_t count)
+{
+    struct sst_gpu_work work = { .shader = shader, .push = push, .groups = { x, y, z } };
+
+    memcpy(work.buffer, buffer, count * sizeof(*buffer));
+    m->d->report.dispatches++;
+    return sst_gpu_dispatch(m->d->gpu, &work);
+}
+
+/* Over all pixels of a view. */
+static int dispatch_plane(struct match *m, enum sst_gpu_shader shader, const void *push, uint32_t layers,
+                          struct sst_gpu_buffer *const *buffer, size_t count)
+{
+    const uint32_t x = (uint32_t)(m->width + SST_GPU_PLANE_WIDTH - 1) / SST_GPU_PLANE_WIDTH;
+    const uint32_t y = (uint32_t)(m->height + SST_GPU_PLANE_HEIGHT - 1) / SST_GPU_PLANE_HEIGHT;
+
+    return dispatch(m, shader, push, x, y, layers, buffer, count);
+}
+
+/* The pixels of a view on the device. */
+static int need_view(struct match *m, const struct sst_descriptor *desc)
+{
+    struct sst_disparity_device *d = m->d;
+    struct pixels *p = &d->view[desc - m->in->run->desc];
+    const size_t n = (size_t)m->width * (size_t)m->height;
+    uint32_t *words;
+    int err;
+
+    p->used = d->turn;
+    m->masks = m->masks || desc->seen.data;
+    if (p->buffer)
+        return 0;
+    words = sst_mem_keep(&d->words, n, sizeof(*words));
+    err = words ? create(d, &p->buffer, n * sizeof(*words)) : -ENOMEM;
+    if (err)
+        return err;
+    for (int y = 0; y < m->height; y++) {
+        const uint8_t *r = sst_image_row(&desc->image, 0, y), *g = sst_image_row(&desc->image, 1, y);
+        const uint8_t *b = sst_image_row(&desc->image, 2, y);
+        const uint8_t *seen = desc->seen.data ? sst_map_u8_row(&desc->seen, y) : NULL;
+        uint32_t *to = words + (size_t)y * (size_t)m->width;
+
+        for (int x = 0; x < m->width; x++)
+            to[x] = (uint32_t)(r[x] | g[x] << 8 | b[x] << 16) | (!seen || seen[x] ? 0xFF000000U : 0);
+    }
+    d->report.uploads++;
+    err = upload(d, p->buffer, words, n * sizeof(*words));
+    if (err) {
+        sst_gpu_buffer_destroy(d->gpu, p->buffer);
+        p->buffer = NULL;
+    }
+    return err;
+}
+
+static struct sst_gpu_buffer *pixels_of(const struct match *m, const struct sst_descriptor *desc)
+{
+    return m->d->view[desc - m->in->run->desc].buffer;
+}
+
+/* A tile with what its aggregation reaches around it. */
+static struct sst_gpu_tile make_tile(struct match *m, int x0, int y0, int width, int height)
+{
+    const int halo = SST_TILE_HALO(m->rounds);
+    struct sst_gpu_tile t = { .x0 = x0, .y0 = y0, .width = width, .height = height };
+
+    t.left = sst_max_int(x0 - halo, 0);
+    t.top = sst_max_int(y0 - halo, 0);
+    t.pitch = sst_min_int(x0 + width + halo, m->width) - t.left;
+    t.rows = sst_min_int(y0 + height + halo, m->height) - t.top;
+    t.quad = (uint32_t)(m->cells / 4);
+    return t;
+}
+
+static void add_tile(struct match *m, const struct sst_gpu_tile *t)
+{
+    const size_t of_row = (size_t)t->pitch * (size_t)t->nd;
+    const uint32_t quads = (uint32_t)((of_row / 4 + SST_GPU_MATCH_QUADS - 1) / SST_GPU_MATCH_QUADS);
+    const uint32_t columns = (uint32_t)(t->width + SST_GPU_WINNER_PIXELS - 1) / SST_GPU_WINNER_PIXELS;
+
+    m->cells += of_row * (size_t)t->rows;
+    m->quads = quads > m->quads ? quads : m->quads;
+    m->columns = columns > m->columns ? columns : m->columns;
+    m->rows = (uint32_t)t->rows > m->rows ? (uint32_t)t->rows : m->rows;
+    m->inner_rows = (uint32_t)t->height > m->inner_rows ? (uint32_t)t->height : m->inner_rows;
+}
+
+/* Lay out the volume. */
+static int place_tiles(struct match *m)
+{
+    const struct device_match *in = m->in;
+    const struct sst_volume *shape = &in->run->shape;
+    const int count = in->tiles ? in->tiles->rows * in->tiles->columns : 1;
+    struct sst_gpu_tile *tile = calloc((size_t)count, sizeof(*tile));
+    int err = tile ? 0 : -ENOMEM;
+
+    for (int i = 0; i < count && !err; i++) {
+        if (in->tiles) {
+            const struct sst_tile *t = &in->tiles->tile[i];
+
+            tile[i] = make_tile(m, t->x0, t->y0, t->width, t->height);
+            tile[i].first = t->first * shape->divisor;
+            tile[i].steps = t->steps;
+            tile[i].nd = (int32_t)t->steps_padded;
+        } else {
+            tile[i] = make_tile(m, 0, in->top, m->width, in->height);
+            tile[i].steps = shape->steps;
+            tile[i].nd = (shape->steps + 31) / 32 * 32;
+        }
+        add_tile(m, &tile[i]);
+    }
+    m->tiles = count;
+    if (!err && (count > MOST_GROUPS || m->quads > MOST_GROUPS || m->rows > MOST_GROUPS || m->cells / 4 > INT32_MAX))
+        err = -ENOMEM;
+    err = err ? err : keep(m->d, KEPT_TILES, (size_t)count, sizeof(*tile));
+    err = err ? err : upload(m->d, m->d->kept[KEPT_TILES], tile, (size_t)count * sizeof(*tile));
+    free(tile);
+    return err;
+}
+
+/* The census of a view in the phases of a set, each in its layer. @param layer  out [16], or NULL */
+static int make_census(struct match *m, const struct sst_descriptor *desc, unsigned phases, enum kept which, int *layer)
+{
+    const size_t n = (size_t)m->width * (size_t)m->height;
+    struct sst_gpu_census push = { .width = m->width, .height = m->height };
+    uint32_t layers = 0;
+    int err;
+
+    for (uint32_t p = 0; p < SST_PHASES; p++) {
+        if (!(phases >> p & 1))
+            continue;
+        push.phase[layers / 8] |= p << 4 * (layers % 8);
+        if (layer)
+            layer[p] = (int)layers;
+        layers++;
+    }
+    err = keep(m->d, which, layers * n, sizeof(uint64_t));
+    return err ? err
+               : dispatch_plane(m, SST_GPU_CENSUS, &push, layers,
+                                (struct sst_gpu_buffer *const[]){ pixels_of(m, desc), m->d->kept[which] }, 2);
+}
+
+static int upload_steps(struct match *m, const struct sst_neighbour *n, const int *layer)
+{
+    const struct sst_volume *shape = &m->in->run->shape;
+    const size_t count = (size_t)shape->steps;
+    struct sst_volume_step *at = calloc(count, sizeof(*at));
+    struct sst_gpu_step *steps = calloc(count, sizeof(*steps));
+    int err = at && steps ? keep(m->d, KEPT_STEPS, count, sizeof(*steps)) : -ENOMEM;
+
+    if (!err) {
+        sst_volume_steps(at, shape, n->bx, n->by);
+        for (size_t i = 0; i < count; i++)
+            steps[i] = (struct sst_gpu_step){ at[i].x, at[i].y, layer[at[i].phase], at[i].near_x, at[i].near_y };
+        err = upload(m->d, m->d->kept[KEPT_STEPS], steps, count * sizeof(*steps));
+    }
+    free(at);
+    free(steps);
+    return err;
+}
+
+static int match_neighbour(struct match *m, int i)
+{
+    const struct device_match *in = m->in;
+    const struct sst_neighbour *n = &in->neighbours[i];
+    struct sst_gpu_buffer **kept = m->d->kept;
+    const struct sst_gpu_match push = { m->width, m->height,
+                                        (i ? 0 : SST_GPU_MATCH_FIRST) |
+                                            (i + 1 == in->count ? SST_GPU_MATCH_LAST : 0U) |
+                                            (in->count == 2 ? SST_GPU_MATCH_TWO : 0U) |
+                                            (m->masks ? SST_GPU_MATCH_MASKS : 0U) };
+    int layer[SST_PHASES] = { 0 };
+    int err = make_census(m, n->desc, sst_volume_phases(&in->run->shape, n->bx, n->by), KEPT_OTHER, layer);
+
+    err = err ? err : upload_steps(m, n, layer);
+    return err ? err
+               : dispatch(m, SST_GPU_MATCH_COST, &push, m->quads, m->rows, (uint32_t)m->tiles,
+                          (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_STEPS], pixels_of(m, in->ref),
+                                                            pixels_of(m, n->desc), kept[KEPT_CENSUS], kept[KEPT_OTHER],
+                                                            kept[KEPT_SUM], kept[KEPT_COST] },
+                          SST_GPU_COST_BUFFERS);
+}
+
+/* Means over the support regions; each round needs the last one's around a tile as far as regions reach. */
+static int aggregate(struct match *m)
+{
+    const struct sst_gpu_arms arms = { m->width, m->height, m->cfg->support_arm, m->cfg->support_tau };
+    struct sst_gpu_buffer **kept = m->d->kept;
+    int err = keep(m->d, KEPT_ARMS, (size_t)m->width * (size_t)m->height, sizeof(uint32_t));
+
+    err = err ? err
+              : dispatch_plane(m, SST_GPU_SUPPORT_ARMS, &arms, 1,
+                               (struct sst_gpu_buffer *const[]){ pixels_of(m, m->in->ref), kept[KEPT_ARMS] },
+                               SST_GPU_ARMS_BUFFERS);
+    for (int left = m->rounds - 1; left >= 0 && !err; left--) {
+        const int around = left * SST_SUPPORT_MAX_ARM;
+        const struct sst_gpu_support sum = { m->width, m->height, around, around + SST_SUPPORT_MAX_ARM };
+        const struct sst_gpu_support mean = { m->width, m->height, around, around };
+
+        err = dispatch(m, SST_GPU_SUPPORT_SUM, &sum, m->quads, m->rows, (uint32_t)m->tiles,
+                       (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_ARMS], kept[KEPT_COST],
+                                                         kept[KEPT_SUM] },
+                       SST_GPU_SUPPORT_SUM_BUFFERS);
+        err = err ? err
+                  : dispatch(m, SST_GPU_SUPPORT_MEAN, &mean, m->quads, m->rows, (uint32_t)m->tiles,
+                             (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_ARMS], kept[KEPT_SUM],
+                                                               kept[KEPT_COST] },
+                             SST_GPU_SUPPORT_MEAN_BUFFERS);
+    }
+    return err;
+}
+
+/* Along the rows, from row to row, and with 8 paths along both diagonals. */
+static int optimise(struct match *m)
+{
+    static const int ways[8][2] = { { 1, 0 },  { -1, 0 }, { 0, 1 },  { 0, -1 },
+                                    { 1, 1 },  { -1, 1 }, { 1, -1 }, { -1, -1 } };
+    const struct device_match *in = m->in;
+    struct sst_gpu_buffer **kept = m->d->kept;
+    struct sst_disparity_sgm_penalties penalties;
+    uint32_t table[256];
+    int err = keep(m->d, KEPT_TABLE, 256, sizeof(*table));
+
+    sst_disparity_sgm_penalties_init(&penalties, m->cfg);
+    for (int i = 0; i < 256; i++)
+        table[i] = penalties.p1[i] | (uint32_t)penalties.p2[i] << 16;
+    err = err ? err : upload(m->d, kept[KEPT_TABLE], table, sizeof(table));
+    for (int i = 0; i < m->cfg->paths && !err; i++) {
+        const struct sst_gpu_sgm push = { .width = m->width,
+                                          .top = in->top,
+                                          .bottom = in->top + in->height,
+                                          .tile_width = in->tiles ? SST_TILE_WIDTH : m->width,
+                                          .tile_height = in->tiles ? SST_TILE_HEIGHT : in->height,
+                                          .columns = in->tiles ? in->tiles->columns : 1,
+                                          .dx = ways[i][0],
+                                          .dy = ways[i][1],
+                                          .first = !i };
+
+        err = dispatch(m, SST_GPU_SGM_PATH, &push, sst_gpu_sgm_paths(&push), 1, 1,
+                       (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], pixels_of(m, in->ref), kept[KEPT_TABLE],
+                                                         kept[KEPT_COST], kept[KEPT_SUM] },
+                       SST_GPU_SGM_BUFFERS);
+    }
+    return err;
+}
+
+/* Winners, filtered if that is wanted. @param map  out: where they are */
+static int choose(struct match *m, enum kept *map)
+{
+    const struct device_match *in = m->in;
+    const size_t n = (size_t)m->width * (size_t)in->height;
+    const struct sst_gpu_winner winner = { m->width, in->top, in->run->shape.divisor, m->cfg->raw };
+    const struct sst_gpu_median median = { m->width, m->height };
+    struct sst_gpu_bilateral bilateral = { m->width, m->height, m->cfg->bilateral_tau, { 0 } };
+    struct sst_gpu_buffer **kept = m->d->kept;
+    int err = keep(m->d, KEPT_MAP, n, sizeof(uint32_t));
+
+    *map = KEPT_MAP;
+    err = err ? err
+              : dispatch(m, SST_GPU_WINNER, &winner, m->inner_rows, m->columns, (uint32_t)m->tiles,
+                         (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_SUM], kept[KEPT_COST],
+                                                           kept[KEPT_MAP] },
+                         SST_GPU_WINNER_BUFFERS);
+    if (err || !in->filter || m->cfg->raw)
+        return err;
+    err = keep(m->d, KEPT_FILTERED, n, sizeof(uint32_t));
+    err = err ? err
+              : dispatch_plane(m, SST_GPU_MEDIAN, &median, 1,
+                               (struct sst_gpu_buffer *const[]){ kept[KEPT_MAP], kept[KEPT_FILTERED] },
+                               SST_GPU_MEDIAN_BUFFERS);
+    *map = KEPT_FILTERED;
+    if (err || m->cfg->bilateral_tau <= 0)
+        return err;
+    for (int i = 0; i < 16; i++)
+        bilateral.weight[i] = sst_bilateral_weight(i % 4, i / 4);
+    *map = KEPT_MAP;
+    return dispatch_plane(
+        m, SST_GPU_BILATERAL, &bilateral, 1,
+        (struct sst_gpu_buffer *const[]){ kept[KEPT_FILTERED], pixels_of(m, in->ref), kept[KEPT_MAP] },
+        SST_GPU_BILATERAL_BUFFERS);
+}
+
+/* Disparities and confidences of the host's maps. */
+static int fetch(struct match *m, enum kept map)
+{
+    const struct device_match *in = m->in;
+    const size_t n = (size_t)m->width * (size_t)in->height;
+    const int64_t start_ns = sst_clock_now_ns();
+    uint32_t *words = sst_mem_keep(&m->d->words, n, sizeof(*words));
+    int err = words ? sst_gpu_wait(m->d->gpu) : -ENOMEM;
+    const int64_t done_ns = sst_clock_now_ns();
+
+    err = err ? err : sst_gpu_download(m->d->gpu, words, m->d->kept[map], 0, n * sizeof(*words));
+    m->d->report.wait_ns += done_ns - start_ns;
+    m->d->report.download_ns += sst_clock_now_ns() - done_ns;
+    for (int y = 0; !err && y < in->height; y++) {
+        const uint32_t *from = words + (size_t)y * (size_t)m->width;
+        uint16_t *disp = sst_map_u16_row(in->disp, in->top + y);
+        uint8_t *confidence = in->confidence ? sst_map_u8_row(in->confidence, in->top + y) : NULL;
+
+        for (int x = 0; x < m->width; x++)
+            disp[x] = (uint16_t)from[x];
+        for (int x = 0; confidence && x < m->width; x++)
+            confidence[x] = (uint8_t)(from[x] >> 16);
+    }
+    return err;
+}
+
+/* Phases that one of the neighbours needs at most. */
+static size_t most_layers(const struct device_match *in)
+{
+    int most = 1;
+
+    for (int i = 0; i < in->count; i++) {
+        const struct sst_neighbour *n = &in->neighbours[i];
+
+        most = sst_max_int(most, __builtin_popcount(sst_volume_phases(&in->run->shape, n->bx, n->by)));
+    }
+    return (size_t)most;
+}
+
+static int match_view(struct match *m)
+{
+    const struct device_match *in = m->in;
+    enum kept map;
+    int err = need_view(m, in->ref);
+
+    for (int i = 0; i < in->count && !err; i++)
+        err = need_view(m, in->neighbours[i].desc);
+    err = err ? err : place_tiles(m);
+    err = err ? err : keep(m->d, KEPT_COST, m->cells, sizeof(uint8_t));
+    err = err ? err : keep(m->d, KEPT_SUM, m->cells, sizeof(uint16_t));
+    err = err ? err : keep(m->d, KEPT_OTHER, most_layers(in) * (size_t)m->width * (size_t)m->height, sizeof(uint64_t));
+    err = err ? err : make_census(m, in->ref, 1, KEPT_CENSUS, NULL);
+    for (int i = 0; i < in->count && !err; i++)
+        err = match_neighbour(m, i);
+    if (!err && m->rounds)
+        err = aggregate(m);
+    if (!err && !m->cfg->raw)
+        err = optimise(m);
+    err = err ? err : choose(m, &map);
+    return err ? err : fetch(m, map);
+}
+
+bool disparity_device_match(struct sst_disparity_device *d, const struct device_match *in)
+{
+    const struct disparity_run *run = in->run;
+    const int64_t start_ns = sst_clock_now_ns();
+    struct match m = { .d = d, .in = in, .cfg = run->cfg, .width = run->width, .height = run->height };
+    int err;
+
+    if (!may_try(d)) {
+        d->report.on_cpu += in->filter;
+        return false;
+    }
+    if (d->run != run)
+        drop_views(d);
+    d->run = run;
+    d->turn++;
+    m.rounds = run->cfg->support_arm && !run->cfg->raw ? run->cfg->support_before : 0;
+    err = match_view(&m);
+    d->report.total_ns += sst_clock_now_ns() - start_ns;
+    if (err)
+        d->report.on_cpu += in->filter;
+    if (err == -ENOMEM) { /* the device is not to blame */
+        if (!*d->report.why)
+            sst_log_warning("%s: %s; views are matched on the CPU", d->report.name, sst_gpu_error(err));
+        snprintf(d->report.why, sizeof(d->report.why), "%s", sst_gpu_error(err));
+    } else if (err) {
+        fail(d, err);
+    } else {
+        d->skip_next = 1;
+        d->report.views += in->filter;
+    }
+    return !err;
+}
