@@ -76,6 +76,36 @@ device lost.json 'd["pictures"] == 3 and d["on_cpu"] == 2 and d["failures"] == 2
 device clear.json 'd["on_cpu"] == 1 and "all views" in d["why_cpu"]'
 cmp -s cpu6.png clear.png && grep -q "instead of dummy: a clear picture needs" err || fail "clear in 4 MiB: $(cat err)"
 
+# --- maps: the bytes of the CPU, whatever the device does ---
+"$sst" scene bush --size 96x72 --grid 3x3 -o small || exit 1
+"$sst" import folder small/views --grid 3x3 -o field >/dev/null || exit 1
+# matched PRESET DEVICE: maps against those of the CPU; the report is in match.json
+matched() {
+  rm -rf field1
+  cp -r field field1
+  "$sst" process field1 --no-labels --preset "$1" --device "$2" --json >match.json 2>err || fail "process $1 on $2: $(cat err)"
+  diff -r "cpu_$1/disparity" field1/disparity >/dev/null && diff -r "cpu_$1/confidence" field1/confidence >/dev/null ||
+    fail "$1 on $2: other maps"
+}
+for preset in preview balanced accurate; do
+  cp -r field cpu_$preset
+  "$sst" process cpu_$preset --no-labels --preset $preset --json >match.json || fail "process $preset"
+  grep -q '"device": "cpu"' match.json || fail "process $preset: no device"
+  matched $preset lavapipe
+  [ ! -s err ] || fail "process $preset: $(cat err)"
+  device match.json 'd["views"] >= 3 and d["on_cpu"] == 0 and d["failures"] == 0 and d["why_cpu"] is None and "range" in d["stages_on_cpu"]'
+done
+for fault in lost=40:lost timeout=40:answer memory=1:memory; do
+  matched accurate dummy:${fault%:*}
+  grep -q "views were matched on the CPU instead of dummy: .*${fault#*:}" err || fail "process: ${fault%:*}: $(cat err)"
+  device match.json "d['on_cpu'] > 0 and '${fault#*:}' in d['why_cpu']"
+done
+rm -rf field1
+cp -r field field1
+"$sst" process field1 --no-labels --device dummy:wrong=20 2>err
+[ $? -eq 5 ] && grep -q 'cannot match: ' err || fail "process on a device that gives wrong results: $(cat err)"
+want 3 'no device `GeForce`' process field1 --device GeForce
+
 # --- devices that are not there, or wrong ---
 want 3 'no device `GeForce`; this machine has `llvmpipe' render lf --device GeForce -o bad.png
 want 3 'software devices are used only by name' render lf --device gpu -o bad.png
@@ -85,5 +115,5 @@ grep -q '"device": "cpu"' auto.json && cmp -s cpu1.png auto.png || fail "auto wi
 [ $? -eq 5 ] && [ ! -e bad.png ] || fail "a device that gives wrong results is used"
 grep -q 'the shader `blend` is refused' err && grep -q 'error: the device `dummy:wrong=3` cannot render' err || fail "wrong: $(cat err)"
 "$sst" version | grep -q 'device .*lavapipe.*used only by name' || fail "version"
-"$sst" doctor --json 2>/dev/null | grep -q 'lavapipe.* passes its tests: blend, clear_land, clear_blend' || fail "doctor"
+"$sst" doctor --json 2>/dev/null | grep -q 'lavapipe.* passes its tests: blend, clear_land, clear_blend, sgm_path, winner, census' || fail "doctor"
 exit $failed

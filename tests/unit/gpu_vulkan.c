@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "pipeline/gpu/blend.h"
 #include "tests/gpu_field.h"
+#include "tests/match_field.h"
 
 #define DRIVERS "/usr/share/vulkan/icd.d/lvp_icd*.json"
 #define LAYERS  "/usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json"
@@ -99,6 +100,34 @@ static void test_pictures(void **state)
     field_fini(&lf);
 }
 
+/* Views are matched with the bytes of the CPU, in the whole range and tile by tile. */
+static void test_matches(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_device *device;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    (void)state;
+    assert_int_equal(sst_disparity_device_create(&device, "lavapipe", 0), 0);
+    match_init(&lf, 3, 3, 97, 60, 8);
+    for (int i = 0; match_config(&cfg, i); i++) {
+        cfg.device = device;
+        match_compare(&lf, &cfg, &report);
+        assert_true(report.views >= 3);
+        assert_int_equal(report.on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+    }
+    sst_lightfield_fini(&lf);
+    match_init(&lf, 1, 3, 230, 192, 21);
+    match_config_tiles(&cfg);
+    cfg.device = device;
+    match_compare(&lf, &cfg, &report);
+    assert_int_equal(report.on_cpu, 0);
+    sst_lightfield_fini(&lf);
+    sst_disparity_device_destroy(device);
+}
+
 /* A wait that ends too soon, as it does unless the machine is far faster than any: the device is lost, and what it
  * still uses is left alone. */
 static void test_timeout(void **state)
@@ -126,7 +155,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_choice),   cmocka_unit_test(test_self),    cmocka_unit_test(test_transfer),
-        cmocka_unit_test(test_pictures), cmocka_unit_test(test_timeout),
+        cmocka_unit_test(test_pictures), cmocka_unit_test(test_matches), cmocka_unit_test(test_timeout),
     };
     glob_t drivers;
 

@@ -1,0 +1,147 @@
+/* tests/match_field.h - small light fields that a device must match as the CPU does. */
+#ifndef SST_TESTS_MATCH_FIELD_H
+#define SST_TESTS_MATCH_FIELD_H
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "pipeline/method/disparity/disparity.h"
+#include "simulators/scene/noise.h"
+#include "tests/test.h"
+
+/* Brightness of a surface at a place: patches, whose edges the support regions keep to, with a fine pattern. */
+static inline double match_texture(double x, double y, int c)
+{
+    const int patch = (int)floor(x / 17) * 7 + (int)floor(y / 11) * 5;
+
+    return 128 + 30 * sin(x * 0.9 + c) + 30 * sin(y * 1.3 + x * 0.21 + 2 * c) + 12 * (patch % 5 - 2);
+}
+
+/* Views of a plane and a nearer square in front of it, with measured offsets and noise; the last view is absent, the
+ * one before it partly invalid. `near`: disparity of the square, that of the plane is a third of it. */
+static inline void match_init(struct sst_lightfield *lf, int rows, int cols, int width, int height, double near)
+{
+    uint64_t seed = 5;
+
+    assert_int_equal(sst_lightfield_init(lf, rows, cols), 0);
+    lf->width = width;
+    lf->height = height;
+    for (int i = 0; i < rows * cols; i++) {
+        struct sst_view *v = &lf->views[i];
+        const int row = i / cols, col = i % cols;
+
+        v->bx = col - lf->ref_view % cols + (i % 4 - 2) * 0.013;
+        v->by = row - lf->ref_view / cols - (i % 5 - 2) * 0.017;
+        v->present = rows * cols < 4 || i + 1 < rows * cols;
+        if (!v->present)
+            continue;
+        assert_int_equal(sst_image_init(&v->image, width, height), 0);
+        if (rows * cols >= 4 && i + 2 == rows * cols) {
+            assert_int_equal(sst_map_u8_init(&v->valid, width, height), 0);
+            for (int y = 0; y < height; y++)
+                memset(sst_map_u8_row(&v->valid, y) + y % 7, 255, (size_t)(width - 9 - y % 7));
+        }
+        for (int y = 0; y < height; y++) {
+            for (int x = 0; x < width; x++) {
+                const double xs = x + near * v->bx, ys = y + near * v->by;
+                const bool front = fabs(xs - width / 2.0) < width / 5.0 && fabs(ys - height / 2.0) < height / 4.0;
+                const double d = front ? near : near / 3;
+
+                for (int c = 0; c < 3; c++)
+                    sst_image_row(&v->image, c, y)[x] =
+                        (uint8_t)(match_texture(x + d * v->bx + 50 * front, y + d * v->by, c) +
+                                  (double)(sst_random_u64(&seed) % 7));
+            }
+        }
+    }
+}
+
+/* Ways to match that use different parts of the device. @return false: there is none of this number */
+static inline bool match_config(struct sst_disparity_config *cfg, int i)
+{
+    static const char *const presets[] = { "preview", "balanced", "accurate" };
+
+    assert_int_equal(sst_disparity_preset(cfg, i < 3 ? presets[i] : "balanced"), 0);
+    cfg->disp_min_px = -1;
+    cfg->disp_max_px = 9;
+    cfg->cost = SST_COST_CENSUS; /* what accurate does without enough views needs a network */
+    cfg->threads = 2;
+    switch (i) {
+    case 0: /* the presets */
+    case 1:
+    case 2:
+        break;
+    case 3: /* costs alone */
+        cfg->raw = true;
+        break;
+    case 4: /* paths of 8 directions, without support, whole pixels, few neighbours */
+        cfg->paths = 8;
+        cfg->support_arm = 0;
+        cfg->whole_steps = true;
+        cfg->neighbours = 4;
+        break;
+    case 5: /* two rounds of aggregation, in half pixels; descriptors one by one */
+        cfg->support_before = 2;
+        cfg->phase_step = 2;
+        cfg->frugal = true;
+        break;
+    default:
+        return false;
+    }
+    return true;
+}
+
+/* Are the maps of two light fields equal? */
+static inline void match_assert_equal(const struct sst_lightfield *a, const struct sst_lightfield *b)
+{
+    for (int k = 0; k < a->rows * a->cols; k++) {
+        for (int y = 0; a->views[k].present && y < a->height; y++) {
+            assert_memory_equal(sst_map_u16_row(&a->views[k].disp, y), sst_map_u16_row(&b->views[k].disp, y),
+                                2 * (size_t)a->width);
+            assert_memory_equal(sst_map_u8_row(&a->views[k].confidence, y), sst_map_u8_row(&b->views[k].confidence, y),
+                                (size_t)a->width);
+        }
+    }
+}
+
+/* Match on a device and on the CPU, which must give the same bytes. @param device  cfg->device */
+static inline void match_compare(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,
+                                 struct sst_disparity_device_report *report)
+{
+    const size_t views = (size_t)(lf->rows * lf->cols);
+    struct sst_lightfield other = *lf;
+    struct sst_disparity_config cpu = *cfg;
+
+    other.views = calloc(views, sizeof(*other.views));
+    assert_non_null(other.views);
+    for (size_t i = 0; i < views; i++) {
+        other.views[i] = lf->views[i]; /* images are borrowed */
+        other.views[i].disp = (struct sst_map_u16){ 0 };
+        other.views[i].confidence = (struct sst_map_u8){ 0 };
+    }
+    cpu.device = NULL;
+    assert_int_equal(sst_disparity_lightfield(&other, &cpu, NULL, NULL), 0);
+    assert_int_equal(sst_disparity_lightfield(lf, cfg, NULL, NULL), 0);
+    sst_disparity_device_report(cfg->device, report);
+    match_assert_equal(lf, &other);
+    for (size_t i = 0; i < views; i++) {
+        sst_map_u16_fini(&other.views[i].disp);
+        sst_map_u8_fini(&other.views[i].confidence);
+    }
+    free(other.views);
+}
+
+/* Windows of disparities, tile by tile. */
+static inline void match_config_tiles(struct sst_disparity_config *cfg)
+{
+    assert_int_equal(sst_disparity_preset(cfg, "balanced"), 0);
+    cfg->disp_min_px = -4;
+    cfg->disp_max_px = 36;
+    cfg->cost = SST_COST_CENSUS;
+    cfg->threads = 2;
+    cfg->whole_steps = true;
+    cfg->range_bytes = 0;
+    cfg->range_error = 100;
+}
+
+#endif

@@ -1,0 +1,153 @@
+/* Matching on a device, on the dummy device: the bytes of the CPU, faults, what ends on the CPU. */
+#include <errno.h>
+
+#include "base/log.h"
+#include "tests/match_field.h"
+#include "tests/small.h"
+
+static void test_same_bytes(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    (void)state;
+    match_init(&lf, 3, 3, 97, 60, 8);
+    for (int i = 0; match_config(&cfg, i); i++) {
+        assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+        match_compare(&lf, &cfg, &report);
+        print_message("%d: %lld views, %lld dispatches\n", i, (long long)report.views, (long long)report.dispatches);
+        assert_true(report.views >= 3);
+        assert_int_equal(report.on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+        assert_in_range(report.uploads, 7, 8);
+        assert_string_equal(report.why, "");
+        sst_disparity_device_report(cfg.device, &report); /* since the last one */
+        assert_int_equal(report.views, 0);
+        assert_string_equal(report.name, "dummy");
+        sst_disparity_device_destroy(cfg.device);
+    }
+    sst_lightfield_fini(&lf);
+}
+
+/* A range of few pixels: steps and costs between them, refined afterwards. */
+static void test_narrow(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    (void)state;
+    match_init(&lf, 3, 3, 90, 41, 1.5);
+    assert_true(match_config(&cfg, 2));
+    cfg.disp_max_px = 3;
+    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+    match_compare(&lf, &cfg, &report);
+    assert_int_equal(report.views, 8);
+    assert_true(report.stages_on_cpu >> SST_DISPARITY_STAGE_SUBPIXEL & 1);
+    assert_false(report.stages_on_cpu >> SST_DISPARITY_STAGE_VISIBLE & 1);
+    assert_string_equal(sst_disparity_stage_name(SST_DISPARITY_STAGE_SUBPIXEL), "subpixel");
+    sst_disparity_device_destroy(cfg.device);
+    sst_lightfield_fini(&lf);
+}
+
+/* Windows of disparities by tile, found at a quarter of the size, which is matched there as well. */
+static void test_tiles(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_report skipped;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    (void)state;
+    match_init(&lf, 1, 3, 230, 192, 21);
+    match_config_tiles(&cfg);
+    cfg.report = &skipped;
+    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+    match_compare(&lf, &cfg, &report);
+    assert_true(skipped.ranges_skipped > 0);
+    assert_int_equal(report.views, 6);
+    assert_int_equal(report.on_cpu, 0);
+    sst_disparity_device_destroy(cfg.device);
+    sst_lightfield_fini(&lf);
+}
+
+/* What a device fails at ends on the CPU with the same bytes; then it is opened again. */
+static void test_fallback(void **state)
+{
+    static const struct {
+        const char *name, *why;
+        int views, failures;
+    } devices[] = {
+        /* the self-tests have 29 dispatches */
+        { "dummy:lost=30", "the device is lost", 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
+        { "dummy:timeout=80", "the device does not answer", 6, 2 },
+        { "dummy:memory=1", "not enough memory on the device", 0, 0 },
+        { "dummy:buffer=200", "not enough memory on the device", 0, 0 },
+    };
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    (void)state;
+    match_init(&lf, 3, 3, 97, 60, 8);
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        print_message("%s\n", devices[i].name);
+        assert_true(match_config(&cfg, 2));
+        cfg.rounds = 0;
+        assert_int_equal(sst_disparity_device_create(&cfg.device, devices[i].name, 0), 0);
+        match_compare(&lf, &cfg, &report);
+        assert_int_equal(report.views, devices[i].views);
+        assert_int_equal(report.on_cpu, 8 - devices[i].views);
+        assert_int_equal(report.failures, devices[i].failures);
+        assert_string_equal(report.why, devices[i].why);
+        sst_disparity_device_destroy(cfg.device);
+    }
+    sst_lightfield_fini(&lf);
+}
+
+/* What has no shader, devices that are not there or wrong. */
+static void test_refused(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_device *none;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+    char text[SST_LOG_MAX];
+
+    (void)state;
+    match_init(&lf, 3, 3, 90, 41, 4);
+    assert_true(match_config(&cfg, 2));
+    cfg.joint = false;
+    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+    match_compare(&lf, &cfg, &report);
+    assert_int_equal(report.views, 0);
+    assert_int_equal(report.on_cpu, 8);
+    assert_string_equal(report.why, "maps of two directions are fused");
+    cfg.joint = true;
+    cfg.support_after = 1;
+    match_compare(&lf, &cfg, &report);
+    assert_int_equal(report.on_cpu, 8);
+    assert_string_equal(report.why, "costs are aggregated after the optimisation");
+    sst_disparity_device_destroy(cfg.device);
+    sst_lightfield_fini(&lf);
+
+    assert_int_equal(sst_disparity_device_create(&none, "cpu", 0), 0);
+    assert_null(none);
+    sst_log_hold_errors(text);
+    assert_int_equal(sst_disparity_device_create(&none, "no such device", 0), -ENOENT);
+    assert_int_equal(sst_disparity_device_create(&none, "dummy:wrong=3", 0), -ENOTSUP);
+    assert_contains(text, "cannot match");
+    sst_log_hold_errors(NULL);
+    sst_disparity_device_destroy(NULL);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        serial_test(test_same_bytes), cmocka_unit_test(test_narrow),  serial_test(test_tiles),
+        serial_test(test_fallback),   cmocka_unit_test(test_refused),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
