@@ -28,6 +28,9 @@ enum sst_gpu_shader {
     SST_GPU_SUPPORT_MEAN = 9,
     SST_GPU_MEDIAN = 10,
     SST_GPU_BILATERAL = 11,
+    SST_GPU_HYPOTHESIS_COST = 12, /* hypotheses.h */
+    SST_GPU_HYPOTHESIS_PATH = 13,
+    SST_GPU_HYPOTHESIS_CHOICE = 14,
     SST_GPU_SHADERS
 };
 

@@ -82,6 +82,9 @@ gpu_reference_fn support_sum_reference;
 gpu_reference_fn support_mean_reference;
 gpu_reference_fn median_reference;
 gpu_reference_fn bilateral_reference;
+gpu_reference_fn hypothesis_cost_reference;
+gpu_reference_fn hypothesis_path_reference;
+gpu_reference_fn hypothesis_choice_reference;
 gpu_self_test_fn blend_self_test;
 gpu_self_test_fn clear_land_self_test;
 gpu_self_test_fn clear_blend_self_test;
@@ -94,6 +97,9 @@ gpu_self_test_fn support_sum_self_test;
 gpu_self_test_fn support_mean_self_test;
 gpu_self_test_fn median_self_test;
 gpu_self_test_fn bilateral_self_test;
+gpu_self_test_fn hypothesis_cost_self_test;
+gpu_self_test_fn hypothesis_path_self_test;
+gpu_self_test_fn hypothesis_choice_self_test;
 
 /* --- back ends ---------------------------------------------------------------------------------------------------- */
 

@@ -5,6 +5,7 @@
 #include "pipeline/gpu/blend.h"
 #include "pipeline/gpu/clear.h"
 #include "pipeline/gpu/gpu_internal.h"
+#include "pipeline/gpu/hypotheses.h"
 #include "pipeline/gpu/match.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
@@ -32,6 +33,15 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                          median_self_test },
     [SST_GPU_BILATERAL] = { "bilateral", SST_GPU_BILATERAL_BUFFERS, sizeof(struct sst_gpu_bilateral),
                             bilateral_reference, bilateral_self_test },
+    [SST_GPU_HYPOTHESIS_COST] = { "hypothesis_cost", SST_GPU_HYPOTHESIS_COST_BUFFERS,
+                                  sizeof(struct sst_gpu_hypothesis_cost), hypothesis_cost_reference,
+                                  hypothesis_cost_self_test },
+    [SST_GPU_HYPOTHESIS_PATH] = { "hypothesis_path", SST_GPU_HYPOTHESIS_PATH_BUFFERS,
+                                  sizeof(struct sst_gpu_hypothesis_path), hypothesis_path_reference,
+                                  hypothesis_path_self_test },
+    [SST_GPU_HYPOTHESIS_CHOICE] = { "hypothesis_choice", SST_GPU_HYPOTHESIS_CHOICE_BUFFERS,
+                                    sizeof(struct sst_gpu_hypothesis_choice), hypothesis_choice_reference,
+                                    hypothesis_choice_self_test },
 };
 
 const char *sst_gpu_shader_name(enum sst_gpu_shader shader)
