@@ -110,7 +110,8 @@ static inline void match_compare(struct sst_lightfield *lf, const struct sst_dis
 {
     const size_t views = (size_t)(lf->rows * lf->cols);
     struct sst_lightfield other = *lf;
-    struct sst_disparity_config cpu = *cfg;
+    struct sst_disparity_report skipped[2];
+    struct sst_disparity_config cpu = *cfg, gpu = *cfg;
 
     other.views = calloc(views, sizeof(*other.views));
     assert_non_null(other.views);
@@ -120,8 +121,13 @@ static inline void match_compare(struct sst_lightfield *lf, const struct sst_dis
         other.views[i].confidence = (struct sst_map_u8){ 0 };
     }
     cpu.device = NULL;
+    cpu.report = &skipped[0];
+    gpu.report = &skipped[1];
     assert_int_equal(sst_disparity_lightfield(&other, &cpu, NULL, NULL), 0);
-    assert_int_equal(sst_disparity_lightfield(lf, cfg, NULL, NULL), 0);
+    assert_int_equal(sst_disparity_lightfield(lf, &gpu, NULL, NULL), 0);
+    assert_memory_equal(&skipped[0], &skipped[1], sizeof(skipped[0]));
+    if (cfg->report)
+        *cfg->report = skipped[1];
     sst_disparity_device_report(cfg->device, report);
     match_assert_equal(lf, &other);
     for (size_t i = 0; i < views; i++) {

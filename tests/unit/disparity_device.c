@@ -7,6 +7,7 @@
 
 static void test_same_bytes(void **state)
 {
+    static const int tested[] = { 0, 8, 16, 0, 8, 8 }; /* views whose hypotheses are, by round */
     struct sst_disparity_device_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
@@ -16,11 +17,14 @@ static void test_same_bytes(void **state)
     for (int i = 0; match_config(&cfg, i); i++) {
         assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
         match_compare(&lf, &cfg, &report);
-        print_message("%d: %lld views, %lld dispatches\n", i, (long long)report.views, (long long)report.dispatches);
+        print_message("%d: %lld views, %lld tested, %lld dispatches\n", i, (long long)report.views,
+                      (long long)report.tested, (long long)report.dispatches);
+        assert_int_equal(report.tested, tested[i]);
+        assert_int_equal(report.tested_on_cpu, 0);
         assert_true(report.views >= 3);
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
-        assert_in_range(report.uploads, 7, 8);
+        assert_in_range(report.uploads, 7, 8 + 8 * 3);
         assert_string_equal(report.why, "");
         sst_disparity_device_report(cfg.device, &report); /* since the last one */
         assert_int_equal(report.views, 0);
@@ -45,7 +49,7 @@ static void test_narrow(void **state)
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.views, 8);
     assert_true(report.stages_on_cpu >> SST_DISPARITY_STAGE_SUBPIXEL & 1);
-    assert_false(report.stages_on_cpu >> SST_DISPARITY_STAGE_VISIBLE & 1);
+    assert_false(report.stages_on_cpu >> SST_DISPARITY_STAGE_SURFACES & 1);
     assert_string_equal(sst_disparity_stage_name(SST_DISPARITY_STAGE_SUBPIXEL), "subpixel");
     sst_disparity_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
@@ -79,9 +83,9 @@ static void test_fallback(void **state)
         const char *name, *why;
         int views, failures;
     } devices[] = {
-        /* the self-tests have 29 dispatches */
-        { "dummy:lost=30", "the device is lost", 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
-        { "dummy:timeout=80", "the device does not answer", 6, 2 },
+        /* the self-tests have 37 dispatches */
+        { "dummy:lost=38", "the device is lost", 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
+        { "dummy:timeout=88", "the device does not answer", 6, 2 },
         { "dummy:memory=1", "not enough memory on the device", 0, 0 },
         { "dummy:buffer=200", "not enough memory on the device", 0, 0 },
     };
@@ -103,6 +107,28 @@ static void test_fallback(void **state)
         assert_string_equal(report.why, devices[i].why);
         sst_disparity_device_destroy(cfg.device);
     }
+    sst_lightfield_fini(&lf);
+}
+
+/* A device that is lost in the second pass is opened again for the next round. */
+static void test_fallback_later(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    (void)state;
+    match_init(&lf, 3, 3, 97, 60, 8);
+    assert_true(match_config(&cfg, 2));
+    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy:lost=220", 0), 0);
+    match_compare(&lf, &cfg, &report);
+    assert_int_equal(report.views, 8);
+    assert_int_equal(report.on_cpu, 0);
+    assert_int_equal(report.failures, 1);
+    assert_int_equal(report.tested + report.tested_on_cpu, 16);
+    assert_in_range(report.tested, 8, 10);
+    assert_string_equal(report.why, "the device is lost");
+    sst_disparity_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
 }
 
@@ -145,8 +171,8 @@ static void test_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        serial_test(test_same_bytes), cmocka_unit_test(test_narrow),  serial_test(test_tiles),
-        serial_test(test_fallback),   cmocka_unit_test(test_refused),
+        serial_test(test_same_bytes), cmocka_unit_test(test_narrow),    serial_test(test_tiles),
+        serial_test(test_fallback),   serial_test(test_fallback_later), cmocka_unit_test(test_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

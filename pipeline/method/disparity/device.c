@@ -17,48 +17,14 @@
 #define MOST_SKIPPED 64    /* views between two attempts to open a device that failed */
 #define MOST_GROUPS  65535 /* of a dispatch, in each direction: what every device has */
 
-/* Memory of the device that lasts from view to view. */
-enum kept {
-    KEPT_TILES = 0,
-    KEPT_STEPS = 1,
-    KEPT_TABLE = 2,
-    KEPT_CENSUS = 3, /* of the view */
-    KEPT_OTHER = 4,  /* of a neighbour, in all phases that it needs */
-    KEPT_ARMS = 5,
-    KEPT_COST = 6,
-    KEPT_SUM = 7,
-    KEPT_MAP = 8,
-    KEPT_FILTERED = 9,
-    KEPT
+static const enum sst_gpu_shader shaders[] = {
+    SST_GPU_CENSUS,       SST_GPU_MATCH_COST,      SST_GPU_SUPPORT_ARMS,    SST_GPU_SUPPORT_SUM,
+    SST_GPU_SUPPORT_MEAN, SST_GPU_SGM_PATH,        SST_GPU_WINNER,          SST_GPU_MEDIAN,
+    SST_GPU_BILATERAL,    SST_GPU_HYPOTHESIS_COST, SST_GPU_HYPOTHESIS_PATH, SST_GPU_HYPOTHESIS_CHOICE
 };
-
-struct pixels {
-    struct sst_gpu_buffer *buffer; /* NULL: not on the device */
-    int64_t used;                  /* turn in which it was used last */
-};
-
-struct sst_disparity_device {
-    char name[SST_GPU_NAME]; /* as asked for */
-    struct sst_gpu_config cfg;
-    struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
-    int skip;            /* views until it is opened again */
-    int skip_next;       /* ... after the next failure */
-    struct sst_disparity_device_report report;
-    /* of gpu */
-    struct sst_gpu_buffer *kept[KEPT];
-    size_t bytes[KEPT];
-    const struct disparity_run *run; /* whose views these are: */
-    struct pixels view[SST_MAX_VIEWS];
-    int64_t turn;
-    struct sst_mem_kept words; /* of the host */
-};
-
-static const enum sst_gpu_shader shaders[] = { SST_GPU_CENSUS,       SST_GPU_MATCH_COST,   SST_GPU_SUPPORT_ARMS,
-                                               SST_GPU_SUPPORT_SUM,  SST_GPU_SUPPORT_MEAN, SST_GPU_SGM_PATH,
-                                               SST_GPU_WINNER,       SST_GPU_MEDIAN,       SST_GPU_BILATERAL };
 
 static const char *const stage_names[SST_DISPARITY_STAGES] = {
-    [SST_DISPARITY_STAGE_RANGE] = "range",       [SST_DISPARITY_STAGE_VISIBLE] = "visibility",
+    [SST_DISPARITY_STAGE_RANGE] = "range",       [SST_DISPARITY_STAGE_SURFACES] = "surfaces",
     [SST_DISPARITY_STAGE_SUBPIXEL] = "subpixel", [SST_DISPARITY_STAGE_CARRY] = "carrying",
     [SST_DISPARITY_STAGE_CHECK] = "check",       [SST_DISPARITY_STAGE_FILL] = "filling",
 };
@@ -159,11 +125,10 @@ void sst_disparity_device_note_stage(struct sst_disparity_device *d, enum sst_di
         d->report.stages_on_cpu |= 1u << stage;
 }
 
-/* After an error of the device: close it, and leave it alone for some views. */
-static void fail(struct sst_disparity_device *d, int err)
+void disparity_device_fail(struct sst_disparity_device *d, int err)
 {
-    sst_log_warning("%s: %s; the view is matched on the CPU, and the device is opened again after %d more",
-                    d->report.name, sst_gpu_error(err), d->skip_next - 1);
+    sst_log_warning("%s: %s; the view is done on the CPU, and the device is opened again after %d more", d->report.name,
+                    sst_gpu_error(err), d->skip_next - 1);
     snprintf(d->report.why, sizeof(d->report.why), "%s", sst_gpu_error(err));
     d->report.failures++;
     close_gpu(d);
@@ -171,8 +136,7 @@ static void fail(struct sst_disparity_device *d, int err)
     d->skip_next = sst_min_int(2 * d->skip_next, MOST_SKIPPED);
 }
 
-/* True if the device may be tried. */
-static bool may_try(struct sst_disparity_device *d)
+bool disparity_device_may_try(struct sst_disparity_device *d)
 {
     if (d->skip > 0) {
         d->skip--;
@@ -182,9 +146,21 @@ static bool may_try(struct sst_disparity_device *d)
         const int err = open_gpu(d);
 
         if (err)
-            fail(d, err);
+            disparity_device_fail(d, err);
     }
     return d->gpu;
+}
+
+void disparity_device_drop(struct sst_disparity_device *d)
+{
+    static const enum device_kept large[] = { KEPT_CENSUS, KEPT_OTHER, KEPT_COST, KEPT_SUM };
+
+    drop_views(d);
+    for (size_t i = 0; i < ARRAY_LEN(large); i++) {
+        sst_gpu_buffer_destroy(d->gpu, d->kept[large[i]]);
+        d->kept[large[i]] = NULL;
+        d->bytes[large[i]] = 0;
+    }
 }
 
 void disparity_device_forget(struct sst_disparity_device *d, const struct disparity_run *run)
@@ -238,8 +214,7 @@ static int create(struct sst_disparity_device *d, struct sst_gpu_buffer **out, s
     return err == -ENOMEM && drop_unused(d) ? sst_gpu_buffer_create(d->gpu, out, bytes) : err;
 }
 
-/* Memory for `count` elements. What it held is lost if it grows. */
-static int keep(struct sst_disparity_device *d, enum kept which, size_t count, size_t each)
+int disparity_device_keep(struct sst_disparity_device *d, enum device_kept which, size_t count, size_t each)
 {
     int err;
 
@@ -254,7 +229,7 @@ static int keep(struct sst_disparity_device *d, enum kept which, size_t count, s
     return err;
 }
 
-static int upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data, size_t bytes)
+int disparity_device_upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data, size_t bytes)
 {
     const int64_t start_ns = sst_clock_now_ns();
     const int err = sst_gpu_upload(d->gpu, b, 0, data, bytes);
@@ -304,7 +279,7 @@ static int dispatch_plane(struct match *m, enum sst_gpu_shader shader, const voi
 static int need_view(struct match *m, const struct sst_descriptor *desc)
 {
     struct sst_disparity_device *d = m->d;
-    struct pixels *p = &d->view[desc - m->in->run->desc];
+    struct device_pixels *p = &d->view[desc - m->in->run->desc];
     const size_t n = (size_t)m->width * (size_t)m->height;
     uint32_t *words;
     int err;
@@ -327,7 +302,7 @@ static int need_view(struct match *m, const struct sst_descriptor *desc)
             to[x] = (uint32_t)(r[x] | g[x] << 8 | b[x] << 16) | (!seen || seen[x] ? 0xFF000000U : 0);
     }
     d->report.uploads++;
-    err = upload(d, p->buffer, words, n * sizeof(*words));
+    err = disparity_device_upload(d, p->buffer, words, n * sizeof(*words));
     if (err) {
         sst_gpu_buffer_destroy(d->gpu, p->buffer);
         p->buffer = NULL;
@@ -394,14 +369,15 @@ static int place_tiles(struct match *m)
     m->tiles = count;
     if (!err && (count > MOST_GROUPS || m->quads > MOST_GROUPS || m->rows > MOST_GROUPS || m->cells / 4 > INT32_MAX))
         err = -ENOMEM;
-    err = err ? err : keep(m->d, KEPT_TILES, (size_t)count, sizeof(*tile));
-    err = err ? err : upload(m->d, m->d->kept[KEPT_TILES], tile, (size_t)count * sizeof(*tile));
+    err = err ? err : disparity_device_keep(m->d, KEPT_TILES, (size_t)count, sizeof(*tile));
+    err = err ? err : disparity_device_upload(m->d, m->d->kept[KEPT_TILES], tile, (size_t)count * sizeof(*tile));
     free(tile);
     return err;
 }
 
 /* The census of a view in the phases of a set, each in its layer. @param layer  out [16], or NULL */
-static int make_census(struct match *m, const struct sst_descriptor *desc, unsigned phases, enum kept which, int *layer)
+static int make_census(struct match *m, const struct sst_descriptor *desc, unsigned phases, enum device_kept which,
+                       int *layer)
 {
     const size_t n = (size_t)m->width * (size_t)m->height;
     struct sst_gpu_census push = { .width = m->width, .height = m->height };
@@ -416,7 +392,7 @@ static int make_census(struct match *m, const struct sst_descriptor *desc, unsig
             layer[p] = (int)layers;
         layers++;
     }
-    err = keep(m->d, which, layers * n, sizeof(uint64_t));
+    err = disparity_device_keep(m->d, which, layers * n, sizeof(uint64_t));
     return err ? err
                : dispatch_plane(m, SST_GPU_CENSUS, &push, layers,
                                 (struct sst_gpu_buffer *const[]){ pixels_of(m, desc), m->d->kept[which] }, 2);
@@ -428,13 +404,13 @@ static int upload_steps(struct match *m, const struct sst_neighbour *n, const in
     const size_t count = (size_t)shape->steps;
     struct sst_volume_step *at = calloc(count, sizeof(*at));
     struct sst_gpu_step *steps = calloc(count, sizeof(*steps));
-    int err = at && steps ? keep(m->d, KEPT_STEPS, count, sizeof(*steps)) : -ENOMEM;
+    int err = at && steps ? disparity_device_keep(m->d, KEPT_STEPS, count, sizeof(*steps)) : -ENOMEM;
 
     if (!err) {
         sst_volume_steps(at, shape, n->bx, n->by);
         for (size_t i = 0; i < count; i++)
             steps[i] = (struct sst_gpu_step){ at[i].x, at[i].y, layer[at[i].phase], at[i].near_x, at[i].near_y };
-        err = upload(m->d, m->d->kept[KEPT_STEPS], steps, count * sizeof(*steps));
+        err = disparity_device_upload(m->d, m->d->kept[KEPT_STEPS], steps, count * sizeof(*steps));
     }
     free(at);
     free(steps);
@@ -447,8 +423,7 @@ static int match_neighbour(struct match *m, int i)
     const struct sst_neighbour *n = &in->neighbours[i];
     struct sst_gpu_buffer **kept = m->d->kept;
     const struct sst_gpu_match push = { m->width, m->height,
-                                        (i ? 0 : SST_GPU_MATCH_FIRST) |
-                                            (i + 1 == in->count ? SST_GPU_MATCH_LAST : 0U) |
+                                        (i ? 0 : SST_GPU_MATCH_FIRST) | (i + 1 == in->count ? SST_GPU_MATCH_LAST : 0U) |
                                             (in->count == 2 ? SST_GPU_MATCH_TWO : 0U) |
                                             (m->masks ? SST_GPU_MATCH_MASKS : 0U) };
     int layer[SST_PHASES] = { 0 };
@@ -468,7 +443,7 @@ static int aggregate(struct match *m)
 {
     const struct sst_gpu_arms arms = { m->width, m->height, m->cfg->support_arm, m->cfg->support_tau };
     struct sst_gpu_buffer **kept = m->d->kept;
-    int err = keep(m->d, KEPT_ARMS, (size_t)m->width * (size_t)m->height, sizeof(uint32_t));
+    int err = disparity_device_keep(m->d, KEPT_ARMS, (size_t)m->width * (size_t)m->height, sizeof(uint32_t));
 
     err = err ? err
               : dispatch_plane(m, SST_GPU_SUPPORT_ARMS, &arms, 1,
@@ -479,10 +454,10 @@ static int aggregate(struct match *m)
         const struct sst_gpu_support sum = { m->width, m->height, around, around + SST_SUPPORT_MAX_ARM };
         const struct sst_gpu_support mean = { m->width, m->height, around, around };
 
-        err = dispatch(m, SST_GPU_SUPPORT_SUM, &sum, m->quads, m->rows, (uint32_t)m->tiles,
-                       (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_ARMS], kept[KEPT_COST],
-                                                         kept[KEPT_SUM] },
-                       SST_GPU_SUPPORT_SUM_BUFFERS);
+        err = dispatch(
+            m, SST_GPU_SUPPORT_SUM, &sum, m->quads, m->rows, (uint32_t)m->tiles,
+            (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_ARMS], kept[KEPT_COST], kept[KEPT_SUM] },
+            SST_GPU_SUPPORT_SUM_BUFFERS);
         err = err ? err
                   : dispatch(m, SST_GPU_SUPPORT_MEAN, &mean, m->quads, m->rows, (uint32_t)m->tiles,
                              (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_ARMS], kept[KEPT_SUM],
@@ -495,18 +470,19 @@ static int aggregate(struct match *m)
 /* Along the rows, from row to row, and with 8 paths along both diagonals. */
 static int optimise(struct match *m)
 {
-    static const int ways[8][2] = { { 1, 0 },  { -1, 0 }, { 0, 1 },  { 0, -1 },
-                                    { 1, 1 },  { -1, 1 }, { 1, -1 }, { -1, -1 } };
+    static const int ways[8][2] = {
+        { 1, 0 }, { -1, 0 }, { 0, 1 }, { 0, -1 }, { 1, 1 }, { -1, 1 }, { 1, -1 }, { -1, -1 }
+    };
     const struct device_match *in = m->in;
     struct sst_gpu_buffer **kept = m->d->kept;
     struct sst_disparity_sgm_penalties penalties;
     uint32_t table[256];
-    int err = keep(m->d, KEPT_TABLE, 256, sizeof(*table));
+    int err = disparity_device_keep(m->d, KEPT_TABLE, 256, sizeof(*table));
 
     sst_disparity_sgm_penalties_init(&penalties, m->cfg);
     for (int i = 0; i < 256; i++)
         table[i] = penalties.p1[i] | (uint32_t)penalties.p2[i] << 16;
-    err = err ? err : upload(m->d, kept[KEPT_TABLE], table, sizeof(table));
+    err = err ? err : disparity_device_upload(m->d, kept[KEPT_TABLE], table, sizeof(table));
     for (int i = 0; i < m->cfg->paths && !err; i++) {
         const struct sst_gpu_sgm push = { .width = m->width,
                                           .top = in->top,
@@ -527,7 +503,7 @@ static int optimise(struct match *m)
 }
 
 /* Winners, filtered if that is wanted. @param map  out: where they are */
-static int choose(struct match *m, enum kept *map)
+static int choose(struct match *m, enum device_kept *map)
 {
     const struct device_match *in = m->in;
     const size_t n = (size_t)m->width * (size_t)in->height;
@@ -535,7 +511,7 @@ static int choose(struct match *m, enum kept *map)
     const struct sst_gpu_median median = { m->width, m->height };
     struct sst_gpu_bilateral bilateral = { m->width, m->height, m->cfg->bilateral_tau, { 0 } };
     struct sst_gpu_buffer **kept = m->d->kept;
-    int err = keep(m->d, KEPT_MAP, n, sizeof(uint32_t));
+    int err = disparity_device_keep(m->d, KEPT_MAP, n, sizeof(uint32_t));
 
     *map = KEPT_MAP;
     err = err ? err
@@ -545,7 +521,7 @@ static int choose(struct match *m, enum kept *map)
                          SST_GPU_WINNER_BUFFERS);
     if (err || !in->filter || m->cfg->raw)
         return err;
-    err = keep(m->d, KEPT_FILTERED, n, sizeof(uint32_t));
+    err = disparity_device_keep(m->d, KEPT_FILTERED, n, sizeof(uint32_t));
     err = err ? err
               : dispatch_plane(m, SST_GPU_MEDIAN, &median, 1,
                                (struct sst_gpu_buffer *const[]){ kept[KEPT_MAP], kept[KEPT_FILTERED] },
@@ -563,7 +539,7 @@ static int choose(struct match *m, enum kept *map)
 }
 
 /* Disparities and confidences of the host's maps. */
-static int fetch(struct match *m, enum kept map)
+static int fetch(struct match *m, enum device_kept map)
 {
     const struct device_match *in = m->in;
     const size_t n = (size_t)m->width * (size_t)in->height;
@@ -604,15 +580,17 @@ static size_t most_layers(const struct device_match *in)
 static int match_view(struct match *m)
 {
     const struct device_match *in = m->in;
-    enum kept map;
+    enum device_kept map;
     int err = need_view(m, in->ref);
 
     for (int i = 0; i < in->count && !err; i++)
         err = need_view(m, in->neighbours[i].desc);
     err = err ? err : place_tiles(m);
-    err = err ? err : keep(m->d, KEPT_COST, m->cells, sizeof(uint8_t));
-    err = err ? err : keep(m->d, KEPT_SUM, m->cells, sizeof(uint16_t));
-    err = err ? err : keep(m->d, KEPT_OTHER, most_layers(in) * (size_t)m->width * (size_t)m->height, sizeof(uint64_t));
+    err = err ? err : disparity_device_keep(m->d, KEPT_COST, m->cells, sizeof(uint8_t));
+    err = err ? err : disparity_device_keep(m->d, KEPT_SUM, m->cells, sizeof(uint16_t));
+    err = err ? err
+              : disparity_device_keep(m->d, KEPT_OTHER, most_layers(in) * (size_t)m->width * (size_t)m->height,
+                                      sizeof(uint64_t));
     err = err ? err : make_census(m, in->ref, 1, KEPT_CENSUS, NULL);
     for (int i = 0; i < in->count && !err; i++)
         err = match_neighbour(m, i);
@@ -631,7 +609,7 @@ bool disparity_device_match(struct sst_disparity_device *d, const struct device_
     struct match m = { .d = d, .in = in, .cfg = run->cfg, .width = run->width, .height = run->height };
     int err;
 
-    if (!may_try(d)) {
+    if (!disparity_device_may_try(d)) {
         d->report.on_cpu += in->filter;
         return false;
     }
@@ -649,7 +627,7 @@ bool disparity_device_match(struct sst_disparity_device *d, const struct device_
             sst_log_warning("%s: %s; views are matched on the CPU", d->report.name, sst_gpu_error(err));
         snprintf(d->report.why, sizeof(d->report.why), "%s", sst_gpu_error(err));
     } else if (err) {
-        fail(d, err);
+        disparity_device_fail(d, err);
     } else {
         d->skip_next = 1;
         d->report.views += in->filter;

@@ -242,7 +242,8 @@ static int visible_views(const struct disparity_run *run, struct sst_visible_vie
                                        .skip_hypotheses = run->cfg->skip_hypotheses,
                                        .report = run->cfg->report,
                                        .cancel = run->cfg->cancel,
-                                       .share = run->cfg->share };
+                                       .share = run->cfg->share,
+                                       .device = run->cfg->device };
     if (!out->view)
         return -ENOMEM;
     for (int k = 0; !err && k < out->count; k++) {
@@ -326,7 +327,7 @@ static void note_stages(const struct disparity_run *run)
     struct sst_disparity_device *d = run->cfg->device;
 
     if (run->rounds)
-        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_VISIBLE);
+        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_SURFACES);
     if (run->subpixel)
         sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_SUBPIXEL);
     if (run->carried)

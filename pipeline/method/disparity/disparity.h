@@ -94,7 +94,7 @@ struct sst_disparity_report {
 /** What a device has no shader for: done on the CPU, and named. */
 enum sst_disparity_stage {
     SST_DISPARITY_STAGE_RANGE = 0,    /* the range of disparities of a light field */
-    SST_DISPARITY_STAGE_VISIBLE = 1,  /* the second pass */
+    SST_DISPARITY_STAGE_SURFACES = 1, /* of the second pass: the surfaces around each pixel, which are its hypotheses */
     SST_DISPARITY_STAGE_SUBPIXEL = 2, /* refinement between pixels */
     SST_DISPARITY_STAGE_CARRY = 3,    /* maps carried to other views */
     SST_DISPARITY_STAGE_CHECK = 4,    /* of views against each other */
@@ -109,8 +109,10 @@ struct sst_disparity_device_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME];
     int64_t views;          /* matched there; those of coarser maps count as well */
     int64_t on_cpu;         /* others */
+    int64_t tested;         /* whose hypotheses were, in the second pass; by round */
+    int64_t tested_on_cpu;  /* others */
     int64_t failures;       /* times that the device failed */
-    char why[128];          /* the last of on_cpu */
+    char why[128];          /* the last of on_cpu or tested_on_cpu */
     unsigned stages_on_cpu; /* bits by enum sst_disparity_stage: those that were needed */
     int64_t dispatches, uploads, upload_bytes;
     int64_t total_ns, upload_ns, wait_ns, download_ns; /* of views; wait_ns: until the device has computed them */
@@ -118,8 +120,9 @@ struct sst_disparity_device_report {
 
 /**
  * Open a device to match views on: the costs of each from the census of its neighbours, their aggregation, the
- * optimisation, winners and filters. The results are the bytes of the CPU. A device that fails is logged as a warning
- * and counted; the view is then matched on the CPU, and the device is tried again later.
+ * optimisation, winners and filters; in the second pass the tests of its hypotheses. The results are the bytes of the
+ * CPU. A device that fails is logged as a warning and counted; the view is then matched on the CPU, and the device is
+ * tried again later.
  *
  * @param name          as of sst_gpu_open(), or "cpu": none; "auto" without a GPU as well
  * @param memory_bytes  that it may use of the device's memory; 0: three quarters. A view whose volume does not fit is

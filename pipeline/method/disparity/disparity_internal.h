@@ -4,6 +4,7 @@
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_INTERNAL_H
 
 #include "base/thread.h"
+#include "pipeline/gpu/gpu.h"
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/network/network.h"
 
@@ -74,6 +75,65 @@ SST_MUST_CHECK int run_match(struct disparity_run *run, int threads, sst_progres
 
 /* --- device.c: the first pass on a device --- */
 
+/* Memory of the device that lasts from view to view. */
+enum device_kept {
+    KEPT_TILES = 0,
+    KEPT_STEPS = 1,
+    KEPT_TABLE = 2,
+    KEPT_CENSUS = 3, /* of the view */
+    KEPT_OTHER = 4,  /* of a neighbour, in all phases that it needs */
+    KEPT_ARMS = 5,
+    KEPT_COST = 6,
+    KEPT_SUM = 7,
+    KEPT_MAP = 8,
+    KEPT_FILTERED = 9,
+    KEPT_PIXELS = 10, /* of all views, with depth codes: the second pass */
+    KEPT_VIEWS = 11,
+    KEPT_LIST = 12,
+    KEPT_COUNTS = 13,
+    KEPT_COSTS = 14,
+    KEPT_SUMS = 15,
+    KEPT_CHOSEN = 16,
+    KEPT
+};
+
+struct device_pixels {
+    struct sst_gpu_buffer *buffer; /* NULL: not on the device */
+    int64_t used;                  /* turn in which it was used last */
+};
+
+struct sst_disparity_device {
+    char name[SST_GPU_NAME]; /* as asked for */
+    struct sst_gpu_config cfg;
+    struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
+    int skip;            /* views until it is opened again */
+    int skip_next;       /* ... after the next failure */
+    struct sst_disparity_device_report report;
+    /* of gpu */
+    struct sst_gpu_buffer *kept[KEPT];
+    size_t bytes[KEPT];
+    const struct disparity_run *run; /* whose views these are: */
+    struct device_pixels view[SST_MAX_VIEWS];
+    int64_t turn;
+    struct sst_mem_kept words; /* of the host */
+};
+
+/** True if the device may be tried, and is open. */
+bool disparity_device_may_try(struct sst_disparity_device *d);
+
+/** After an error of the device: close it, and leave it alone for some views. */
+void disparity_device_fail(struct sst_disparity_device *d, int err);
+
+/** Memory for `count` elements. What it held is lost if it grows. @return 0 or an error of the device */
+SST_MUST_CHECK int disparity_device_keep(struct sst_disparity_device *d, enum device_kept which, size_t count,
+                                         size_t each);
+
+SST_MUST_CHECK int disparity_device_upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data,
+                                           size_t bytes);
+
+/** Free what the first pass needs and the second one does not. */
+void disparity_device_drop(struct sst_disparity_device *d);
+
 /** A view to match, or rows of it. */
 struct device_match {
     const struct disparity_run *run;
@@ -98,6 +158,31 @@ void disparity_device_note_cpu(struct sst_disparity_device *d, const char *why);
 
 /** Free the views of a run that ends. @param d  or NULL */
 void disparity_device_forget(struct sst_disparity_device *d, const struct disparity_run *run);
+
+/* --- device_visible.c: the second pass on a device --- */
+
+/** Hypotheses of a view, to be tested. */
+struct device_hypotheses {
+    const struct sst_hypothesis_test *test;
+    const int *nearest; /* [test->views] these views */
+    int view;           /* which they are tested for */
+    const struct sst_hypothesis_penalty *penalty;
+    const uint16_t *list;         /* [height][width][SST_HYPOTHESES] */
+    const uint8_t *count;         /* [height][width] */
+    uint32_t most, change, cheap; /* struct sst_gpu_hypothesis_cost */
+    uint32_t *out;                /* [height][width], see struct sst_gpu_hypothesis_choice */
+};
+
+/** Upload the packed pixels of `count` views for a round; those without memory are left out. @return false: the device
+ *  failed or has no room; logged, noted */
+bool disparity_device_load(struct sst_disparity_device *d, const struct sst_packed_view *view, int count, int width,
+                           int height);
+
+/** Test the hypotheses of a view. One thread at a time. @return false: likewise; the device is not loaded then */
+bool disparity_device_test(struct sst_disparity_device *d, const struct device_hypotheses *in);
+
+/** Count a view that is tested on the CPU instead. */
+void disparity_device_note_untested(struct sst_disparity_device *d);
 
 /* Jobs of sst_parallel_for(), index: a view; of run_describe(): counted from run->first_view. */
 sst_work_fn run_describe, run_check, run_fill;

@@ -7,6 +7,7 @@
  */
 #include <errno.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,7 +15,7 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/lightfield/share.h"
-#include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/disparity_internal.h"
 
 #define MARGIN         2  /* columns and rows around a packed view */
 #define SIMILAR        24 /* levels: pixels of a window that count; in noise ... */
@@ -55,6 +56,9 @@ struct pass {
     int *swept;              /* [sweeps] these views */
     int sweeps;
     atomic_long hypotheses, skipped, samples, changed; /* see struct sst_disparity_report */
+    pthread_mutex_t lock;
+    /* under lock */
+    bool loaded; /* the device has all views of this round */
 };
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
@@ -164,10 +168,10 @@ static int32_t q16(double px)
     return (int32_t)floor(px * 65536 + 0.5);
 }
 
-static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k)
+/* @param nearest  out [SST_HYPOTHESIS_VIEWS]: the views that it is tested against */
+static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k, int *nearest)
 {
     const struct sst_visible_view *own = &p->in->view[k];
-    int nearest[SST_HYPOTHESIS_VIEWS];
 
     *t = (struct sst_hypothesis_test){ .own = { p->view[k].pixels, p->view[k].stride },
                                        .views = sst_visible_nearest(p->in, k, SST_HYPOTHESIS_VIEWS, nearest),
@@ -196,10 +200,11 @@ static int sweep_job(void *arg, int i, int worker SST_UNUSED)
     struct pass *p = arg;
     const struct sst_visible_view *v = &p->in->view[p->swept[i]];
     struct sst_hypothesis_test test;
+    int nearest[SST_HYPOTHESIS_VIEWS];
 
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
-    set_test(&test, p, p->swept[i]);
+    set_test(&test, p, p->swept[i], nearest);
     p->sweep[i].bx = v->bx;
     p->sweep[i].by = v->by;
     return sst_sweep_view(&p->sweep[i], &test, v->disp, v->seen, p->in->range * 64, p->step);
@@ -230,6 +235,7 @@ struct lists {
     uint8_t *count;
     uint16_t *line[2]; /* paths of two rows */
     uint8_t *colour;   /* steps of a row */
+    uint32_t *chosen;  /* by a device, see struct sst_gpu_hypothesis_choice; NULL: never used */
 };
 
 static void lists_fini(struct lists *l)
@@ -241,6 +247,7 @@ static void lists_fini(struct lists *l)
     sst_mem_free(l->line[0]);
     sst_mem_free(l->line[1]);
     sst_mem_free(l->colour);
+    sst_mem_free(l->chosen);
     *l = (struct lists){ 0 };
 }
 
@@ -378,9 +385,11 @@ static int cheapest(const uint16_t *cost, int count)
     return best;
 }
 
-/* Count what skipping left out in row y, and measure in some rows what that changes. @param exact  scratch, a row */
+/* Count what skipping left out in row y, and measure in some rows what that changes.
+ * @param exact   scratch, a row
+ * @param chosen  of a device, or NULL: the costs are those of the lists */
 static void count_skipped(struct pass *p, const struct lists *l, const struct sst_hypothesis_test *test, int y,
-                          uint16_t *exact)
+                          uint16_t *exact, const uint32_t *chosen)
 {
     const size_t row = (size_t)y * (size_t)l->width, entries = row * SST_HYPOTHESES;
     const bool sampled = y % SAMPLED_ROWS == SAMPLED_ROWS / 2;
@@ -396,12 +405,16 @@ static void count_skipped(struct pass *p, const struct lists *l, const struct ss
     for (int x = 0; x < l->width; x++) {
         const int count = l->count[row + (size_t)x];
         const size_t at = (size_t)x * SST_HYPOTHESES;
+        const uint32_t there = chosen ? chosen[row + (size_t)x] : 0;
         const uint16_t own = l->cost[entries + at];
+        const bool left_out = chosen ? there >> 28 & 1 : own > CHANGE && own < CHEAP;
 
         all += count;
-        skipped += count > 1 && own > CHANGE && own < CHEAP ? count - 1 : 0;
+        skipped += count > 1 && left_out ? count - 1 : 0;
         samples += sampled && count;
-        changed += sampled && count && cheapest(exact + at, count) != cheapest(l->cost + entries + at, count);
+        changed +=
+            sampled && count &&
+            cheapest(exact + at, count) != (chosen ? (int)(there >> 25 & 7) : cheapest(l->cost + entries + at, count));
     }
     atomic_fetch_add_explicit(&p->hypotheses, all, memory_order_relaxed);
     atomic_fetch_add_explicit(&p->skipped, skipped, memory_order_relaxed);
@@ -409,10 +422,10 @@ static void count_skipped(struct pass *p, const struct lists *l, const struct ss
     atomic_fetch_add_explicit(&p->changed, changed, memory_order_relaxed);
 }
 
-/* Hypotheses of a view, and their costs: in strips, so that the rows of the other views that one row needs are in the
- * cache for the next. */
+/* Hypotheses of a view, and their costs unless a device computes them: in strips, so that the rows of the other views
+ * that one row needs are in the cache for the next. */
 static void test_hypotheses(struct lists *l, const struct pass *p, const struct sst_around *around,
-                            const struct sst_visible_view *v, const struct sst_hypothesis_test *test)
+                            const struct sst_visible_view *v, const struct sst_hypothesis_test *test, bool cost_too)
 {
     const int apart = sst_max_int(p->step, 1);
 
@@ -424,6 +437,8 @@ static void test_hypotheses(struct lists *l, const struct pass *p, const struct 
             uint16_t *hypothesis = l->hypothesis + at * SST_HYPOTHESES, *cost = l->cost + at * SST_HYPOTHESES;
 
             sst_around_list(hypothesis, l->count + at, around, v, left, y, n, apart);
+            if (!cost_too)
+                continue;
             sst_kernels_get()->hypothesis_cost_row(cost, hypothesis, l->count + at, test, left, y, (size_t)n);
             prefer_own(cost, l->count + at, n);
         }
@@ -439,6 +454,63 @@ static void settle_row(struct lists *l, const struct sst_hypothesis_test *test, 
         l->count[x] = l->count[x] > 1 && l->cost[x * SST_HYPOTHESES] < test->settled ? 1 : l->count[x];
 }
 
+/* Costs, optimisation and choice on the CPU. */
+static void choose_on_cpu(struct pass *p, int k, struct lists *lists, const struct sst_around *around,
+                          const struct sst_hypothesis_test *test)
+{
+    const struct sst_visible_view *v = &p->in->view[k];
+
+    test_hypotheses(lists, p, around, v, test, true);
+    for (int y = 0; y < lists->height; y++) {
+        if (p->in->skip_hypotheses && p->in->report)
+            count_skipped(p, lists, test, y, lists->line[1], NULL);
+        settle_row(lists, test, y);
+        along_row(lists, p, &p->view[k], y);
+    }
+    across_rows(lists, p, &p->view[k], 1);
+    across_rows(lists, p, &p->view[k], -1);
+    for (int y = 0; y < lists->height; y++)
+        choose_row(lists, y, sst_map_u16_row(&p->out[k], y), sst_map_u8_row(v->confidence, y));
+}
+
+/* The same on the device. @return false: it fails, or is not loaded */
+static bool choose_on_device(struct pass *p, int k, struct lists *lists, const struct sst_around *around,
+                             const struct sst_hypothesis_test *test, const int *nearest)
+{
+    const struct sst_visible_view *v = &p->in->view[k];
+    const struct device_hypotheses in = { .test = test,
+                                          .nearest = nearest,
+                                          .view = k,
+                                          .penalty = &p->penalty,
+                                          .list = lists->hypothesis,
+                                          .count = lists->count,
+                                          .most = (uint32_t)p->in->range * 64 + 1,
+                                          .change = CHANGE,
+                                          .cheap = CHEAP,
+                                          .out = lists->chosen };
+    const size_t width = (size_t)lists->width;
+    bool done;
+
+    test_hypotheses(lists, p, around, v, test, false);
+    pthread_mutex_lock(&p->lock);
+    done = p->loaded && disparity_device_test(p->in->device, &in);
+    p->loaded = done;
+    pthread_mutex_unlock(&p->lock);
+    for (int y = 0; done && y < lists->height; y++) {
+        const uint32_t *from = lists->chosen + (size_t)y * width;
+        uint16_t *disp = sst_map_u16_row(&p->out[k], y);
+        uint8_t *confidence = sst_map_u8_row(v->confidence, y);
+
+        for (size_t x = 0; x < width; x++) {
+            disp[x] = (uint16_t)from[x];
+            confidence[x] = from[x] >> 24 & 1 ? (uint8_t)(from[x] >> 16) : confidence[x];
+        }
+        if (p->in->skip_hypotheses && p->in->report)
+            count_skipped(p, lists, test, y, lists->line[1], lists->chosen);
+    }
+    return done;
+}
+
 static int second_job(void *arg, int k, int worker)
 {
     struct pass *p = arg;
@@ -446,7 +518,7 @@ static int second_job(void *arg, int k, int worker)
     struct sst_around *around = &p->scratch[worker].around;
     struct lists *lists = &p->scratch[worker].lists;
     struct sst_hypothesis_test test;
-    int err;
+    int nearest[SST_HYPOTHESIS_VIEWS], err;
 
     if (!v->image || v->carried != p->in->repair)
         return 0;
@@ -454,21 +526,22 @@ static int second_job(void *arg, int k, int worker)
         return -ECANCELED;
     err = sst_map_u16_init(&p->out[k], v->disp->width, v->disp->height);
     err = err ? err : lists_init(lists, v->disp->width, v->disp->height);
+    if (!err && p->in->device && !lists->chosen) {
+        lists->chosen = sst_mem_alloc_raw((size_t)lists->width * (size_t)lists->height, sizeof(*lists->chosen));
+        err = lists->chosen ? 0 : -ENOMEM;
+    }
     err = err ? err : sst_around_init(around, p->in, k, p->step, p->sweep, p->sweeps);
     if (err)
         return err;
-    set_test(&test, p, k);
-    test_hypotheses(lists, p, around, v, &test);
-    for (int y = 0; y < lists->height; y++) {
-        if (p->in->skip_hypotheses && p->in->report)
-            count_skipped(p, lists, &test, y, lists->line[1]);
-        settle_row(lists, &test, y);
-        along_row(lists, p, &p->view[k], y);
+    set_test(&test, p, k, nearest);
+    if (p->in->device && choose_on_device(p, k, lists, around, &test, nearest))
+        return 0;
+    if (p->in->device) {
+        pthread_mutex_lock(&p->lock);
+        disparity_device_note_untested(p->in->device);
+        pthread_mutex_unlock(&p->lock);
     }
-    across_rows(lists, p, &p->view[k], 1);
-    across_rows(lists, p, &p->view[k], -1);
-    for (int y = 0; y < lists->height; y++)
-        choose_row(lists, y, sst_map_u16_row(&p->out[k], y), sst_map_u8_row(v->confidence, y));
+    choose_on_cpu(p, k, lists, around, &test);
     return 0;
 }
 
@@ -492,11 +565,34 @@ static void set_penalties(struct pass *p)
     }
 }
 
+/* Upload all views with the depths of this round. */
+static int load_device(struct pass *p)
+{
+    const struct sst_visible_views *in = p->in;
+    struct sst_packed_view *view = calloc((size_t)in->count, sizeof(*view));
+    int width = 0, height = 0;
+
+    if (!view)
+        return -ENOMEM;
+    for (int k = 0; k < in->count; k++) {
+        if (!in->view[k].image)
+            continue;
+        view[k] = (struct sst_packed_view){ p->view[k].pixels, p->view[k].stride };
+        width = in->view[k].disp->width;
+        height = in->view[k].disp->height;
+    }
+    p->loaded = disparity_device_load(in->device, view, in->count, width, height);
+    free(view);
+    return 0;
+}
+
 static int one_round(struct pass *p, int threads)
 {
     const struct sst_visible_views *in = p->in;
     int err = sst_parallel_for(in->count, threads, code_job, p);
 
+    if (in->device)
+        err = err ? err : load_device(p);
     err = err ? err : sst_share_for(in->share, in->count, threads, second_job, p, second_maps);
     for (int k = 0; k < in->count; k++) {
         if (!err && p->out[k].data)
@@ -511,6 +607,7 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
     struct pass p = { .in = in, .step = sst_clamp_int(in->range * 64 / LEVELS_RANGE, STEP_LEAST, STEP_MOST) };
     int err = -ENOMEM;
 
+    pthread_mutex_init(&p.lock, NULL);
     p.view = calloc((size_t)in->count, sizeof(*p.view));
     p.out = calloc((size_t)in->count, sizeof(*p.out));
     p.scratch = calloc((size_t)threads, sizeof(*p.scratch));
@@ -542,5 +639,6 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
     sst_mem_free(p.code);
     free(p.view);
     free(p.out);
+    pthread_mutex_destroy(&p.lock);
     return err;
 }
