@@ -70,8 +70,8 @@ static json_t *device_json(const struct sst_disparity_device_report *d)
     root = json_pack("{s:o, s:o, s:I, s:I, s:I, s:I, s:I, s:o, s:o}", "name", cli_text_json(d->name), "driver",
                      cli_text_json(d->driver), "views", (json_int_t)d->views, "on_cpu", (json_int_t)d->on_cpu, "tested",
                      (json_int_t)d->tested, "tested_on_cpu", (json_int_t)d->tested_on_cpu, "failures",
-                     (json_int_t)d->failures, "why_cpu",
-                     d->on_cpu || d->tested_on_cpu ? cli_text_json(d->why) : json_null(), "stages_on_cpu", stages);
+                     (json_int_t)d->failures, "why_cpu", *d->why ? cli_text_json(d->why) : json_null(), "stages_on_cpu",
+                     stages);
     if (root)
         json_object_update_new(
             root, json_pack("{s:I, s:I, s:I, s:f, s:f, s:f, s:f}", "dispatches", (json_int_t)d->dispatches, "uploads",
@@ -99,7 +99,7 @@ static void report_device(const struct sst_disparity_device_report *d)
         sst_log_warning("%lld of %lld views were matched on the CPU instead of %s: %s", (long long)d->on_cpu,
                         (long long)(d->on_cpu + d->views), d->name, d->why);
     else if (d->tested_on_cpu)
-        sst_log_warning("hypotheses of %lld of %lld views were tested on the CPU instead of %s: %s",
+        sst_log_warning("the hypotheses of %lld of %lld views were tested on the CPU instead of %s: %s",
                         (long long)d->tested_on_cpu, (long long)(d->tested_on_cpu + d->tested), d->name, d->why);
     else
         sst_log_info("%lld views matched on %s%s", (long long)d->views, d->name, stages);

@@ -1,9 +1,11 @@
 #!/usr/bin/python3
-"""Measure pictures on every device against the CPU, interleaved in one run, and renew docs/measured/gpu.md.
+"""Measure pictures and matching on every device against the CPU, interleaved in one run, and renew
+docs/measured/gpu.md.
 
-All through `sst render` on simulated light fields: time of a picture on the device and of its download, upload of the
-light field, the share of values that differ and by how much. `make bench-gpu` runs this; software devices are measured as
-well, for their errors. Needs python3-numpy, python3-pil.
+All through `sst render` and `sst process` on simulated light fields: time of a picture on the device and of its download,
+upload of the light field, the share of values that differ and by how much; time of the disparity stage, and maps that
+differ. `make bench-gpu` runs this; software devices are measured as well, for their errors. With --only the other sections
+of the page stay as they are. Needs python3-numpy, python3-pil.
 """
 import argparse
 import json
@@ -28,6 +30,12 @@ METHODS = {"refocus": ["--method", "refocus"], "see-through": [], "see-through, 
            "clear": ["--method", "clear"]}
 ROUNDS = 3
 REPEAT = 3
+PRESETS = ("preview", "balanced", "accurate")
+# Rows and columns, width, height of the light fields that are matched.
+MATCHED = ((6, 6, 500, 375), (6, 6, 1000, 750), (6, 6, 2000, 1500))
+MATCHED_SOFTWARE = ((3, 3, 96, 72), (3, 3, 160, 120))
+MATCH_BYTES = 71  # of a disparity: 45 for 12 neighbours, 6 for the aggregation, 18 for 4 paths, 2 for the winner
+PATH_BYTES = 18
 RAY_BYTES = {"refocus": 4, "clear": 14}  # 6 for the others; clear: 6, and 4 to land, written and read
 
 ROOFLINE = """## What a large GPU can reach, on paper
@@ -80,6 +88,51 @@ def measure(build, folder, field, name, options, device):
             f"{100 * (apart > 0).mean():.3f}"]
 
 
+def same_maps(a, b):
+    """Maps of two folders whose bytes differ, and all of them."""
+    names = [os.path.join(d, f) for d in ("disparity", "confidence") for f in sorted(os.listdir(os.path.join(a, d)))]
+    return sum(open(os.path.join(a, n), "rb").read() != open(os.path.join(b, n), "rb").read() for n in names), len(names)
+
+
+def measure_matching(build, folder, field, preset, device):
+    """Rounds of CPU and device in turn; medians of the disparity stage."""
+    rounds = []
+    for _ in range(ROUNDS):
+        reports = []
+        for name in ("cpu", device):
+            copy = os.path.join(folder, "cpu" if name == "cpu" else "gpu")
+            subprocess.run(["rm", "-rf", copy], check=True)
+            subprocess.run(["cp", "-r", field, copy], check=True)
+            reports.append(json.loads(sst(build, "process", copy, "--no-labels", "--preset", preset, "--device", name,
+                                          "--json")))
+        cpu, gpu = reports
+        d = gpu["device"]
+        assert d["on_cpu"] == 0 and d["tested_on_cpu"] == 0 and d["failures"] == 0, d
+        rounds.append((cpu["seconds"]["disparity"], gpu["seconds"]["disparity"], d["seconds"], d["wait_seconds"],
+                       d["upload_seconds"], d["download_seconds"], d["upload_bytes"]))
+    other, maps = same_maps(os.path.join(folder, "cpu"), os.path.join(folder, "gpu"))
+    cpu_s, all_s, device_s, wait_s, upload_s, download_s, upload_bytes = (statistics.median(c) for c in zip(*rounds))
+    return [f"{cpu_s:.2f}", f"{all_s:.2f}", f"{all_s / cpu_s:.2f}", f"{device_s:.3f}", f"{wait_s:.3f}",
+            f"{1e3 * upload_s:.0f} ({upload_bytes / 1e6:.1f})", f"{1e3 * download_s:.0f}", f"{d['views']} / {d['tested']}",
+            ", ".join(d["stages_on_cpu"]), f"{other} of {maps}"]
+
+
+def bench_matching(build, folder, device):
+    rows = []
+    for grid_rows, cols, width, height in MATCHED_SOFTWARE if device["kind"] == "software" else MATCHED:
+        world, field = (os.path.join(folder, k) for k in ("world", "lf"))
+        sst(build, "scene", "bush", "--size", f"{width}x{height}", "--grid", f"{grid_rows}x{cols}", "-o", world)
+        sst(build, "import", "folder", f"{world}/views", "--grid", f"{grid_rows}x{cols}", "-o", field)
+        for preset in PRESETS:
+            print(device["name"], "matching", width, height, preset, file=sys.stderr)
+            rows.append([f"{grid_rows}x{cols} of {width}x{height}, {preset}"] +
+                        measure_matching(build, folder, field, preset, device["name"]))
+        subprocess.run(["rm", "-rf", world, field], check=True)
+    head = ["`bush`, views of", "CPU s", "with device s", "ratio", "device s", "of them waits", "upload ms (MB)",
+            "download ms", "views matched / tested", "stages on the CPU", "maps that differ"]
+    return f"## {device['name']}: matching\n\n{bench_report.table(head, rows)}\n"
+
+
 def bench_device(build, folder, device):
     rows = []
     for size in SIZES:
@@ -107,22 +160,55 @@ def roofline():
             f"{total / rate * 1e3:.2f} ms" for rate in (4.3e12, 1.0e12, 5.0e10)) + " |\n"
     return ROOFLINE + rows + """
 Download of the picture (4 bytes a pixel) and the CPU's pass over it come on top: 12 MB at 2000x1500, 0.5 ms at 25 GB/s.
+
+### Matching
+
+A disparity of a pixel is read and written several times: 45 bytes to gather the costs of 12 neighbours (the two cheapest,
+2 bytes, are carried from dispatch to dispatch), 6 for a round of aggregation, 18 for 4 paths (the cost, 1 byte, and the sum,
+2 bytes, which all paths but the first read as well), 2 for the winner. Of the optimisation alone, 18 bytes bound its rate:
+
+| light field, disparities | disparities | optimisation at 4.3 TB/s | at 1.0 TB/s | at 50 GB/s | all of the first pass at 4.3 TB/s |
+|---|---:|---:|---:|---:|---:|
+""" + "".join(
+        f"| 36x{w}x{h}, {n} | {36 * w * h * n / 1e9:.1f} G | " + " | ".join(
+            f"{36 * w * h * n * PATH_BYTES / rate * 1e3:.0f} ms" for rate in (4.3e12, 1.0e12, 5.0e10)) +
+        f" | {36 * w * h * n * MATCH_BYTES / 4.3e12 * 1e3:.0f} ms |\n"
+        for w, h, n in ((1000, 750, 64), (1000, 750, 128), (2000, 1500, 128))) + f"""
+That is {4.3e12 / PATH_BYTES / 1e9:.0f} G disparities a second of 4 paths at 4.3 TB/s. Presets that match one view in three need a third of it.
+What bounds the paths besides is latency: the pixels of a path follow each other, and a direction of 2000x1500 has 1500 or
+2000 paths at a time, a group of 32 invocations each. With 1 us a pixel a direction takes 1.5 to 2 ms a view, which is
+{4 * 36 * 1.75:.0f} ms for 4 directions of 36 views: more than the bandwidth of a large GPU asks for.
 """
+
+
+def sections(text):
+    """The sections of a page by their headings, in order."""
+    parts = ("\n" + text).split("\n## ")[1:]
+    return {p.split("\n", 1)[0]: "## " + p.rstrip("\n") + "\n\n" for p in parts}
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", default="build")
-    build = os.path.abspath(parser.parse_args().build)
+    parser.add_argument("--only", choices=("pictures", "matching"))
+    args = parser.parse_args()
+    build = os.path.abspath(args.build)
     version = json.loads(sst(build, "version", "--json"))
     if not version["devices"]:
         sys.exit("no device: install a Vulkan driver, or mesa-vulkan-drivers for the software device")
+    with open(PAGE, encoding="utf-8") as f:
+        old = sections(f.read())
     with tempfile.TemporaryDirectory() as folder:
-        parts = [bench_device(build, folder, d) for d in version["devices"]]
+        text = ""
+        for d in version["devices"]:
+            text += (old.get(d["name"], "") if args.only == "matching" else bench_device(build, folder, d))
+            text += (old.get(f"{d['name']}: matching", "") if args.only == "pictures" else
+                     bench_matching(build, folder, d))
     text = (f"The CPU and the device render in turn, {ROUNDS} rounds of {REPEAT} pictures each; medians. \"With device\" is a "
             "whole picture as the\ncaller sees it, with the plan, the download and the CPU's pass; \"on device\" is the "
-            "shader with its waits. The upload\nhappens once per light field. Ratios above 1: the CPU is faster.\n\n" +
-            "".join(parts) + roofline())
+            "shader with its waits. The upload\nhappens once per light field. Ratios above 1: the CPU is faster.\n\n"
+            "Of matching the seconds are those of the whole disparity stage of `sst process`, of which the device has what "
+            "is not\nlisted under \"stages on the CPU\"; the device is opened and tested before.\n\n" + text + roofline())
     with open(PAGE, "w", encoding="utf-8") as f:
         f.write(bench_report.page("GPU", "make bench-gpu", text))
 

@@ -31,6 +31,10 @@ enum sst_gpu_shader {
     SST_GPU_HYPOTHESIS_COST = 12, /* hypotheses.h */
     SST_GPU_HYPOTHESIS_PATH = 13,
     SST_GPU_HYPOTHESIS_CHOICE = 14,
+    SST_GPU_CHECK = 15, /* check.h */
+    SST_GPU_FILL_START = 16,
+    SST_GPU_FILL_PROJECT = 17,
+    SST_GPU_FILL_TAKE = 18,
     SST_GPU_SHADERS
 };
 

@@ -85,6 +85,10 @@ gpu_reference_fn bilateral_reference;
 gpu_reference_fn hypothesis_cost_reference;
 gpu_reference_fn hypothesis_path_reference;
 gpu_reference_fn hypothesis_choice_reference;
+gpu_reference_fn check_reference;
+gpu_reference_fn fill_start_reference;
+gpu_reference_fn fill_project_reference;
+gpu_reference_fn fill_take_reference;
 gpu_self_test_fn blend_self_test;
 gpu_self_test_fn clear_land_self_test;
 gpu_self_test_fn clear_blend_self_test;
@@ -100,6 +104,10 @@ gpu_self_test_fn bilateral_self_test;
 gpu_self_test_fn hypothesis_cost_self_test;
 gpu_self_test_fn hypothesis_path_self_test;
 gpu_self_test_fn hypothesis_choice_self_test;
+gpu_self_test_fn check_self_test;
+gpu_self_test_fn fill_start_self_test;
+gpu_self_test_fn fill_project_self_test;
+gpu_self_test_fn fill_take_self_test;
 
 /* --- back ends ---------------------------------------------------------------------------------------------------- */
 

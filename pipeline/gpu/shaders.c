@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "pipeline/gpu/blend.h"
+#include "pipeline/gpu/check.h"
 #include "pipeline/gpu/clear.h"
 #include "pipeline/gpu/gpu_internal.h"
 #include "pipeline/gpu/hypotheses.h"
@@ -42,6 +43,14 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
     [SST_GPU_HYPOTHESIS_CHOICE] = { "hypothesis_choice", SST_GPU_HYPOTHESIS_CHOICE_BUFFERS,
                                     sizeof(struct sst_gpu_hypothesis_choice), hypothesis_choice_reference,
                                     hypothesis_choice_self_test },
+    [SST_GPU_CHECK] = { "check", SST_GPU_CHECK_BUFFERS, sizeof(struct sst_gpu_check), check_reference,
+                        check_self_test },
+    [SST_GPU_FILL_START] = { "fill_start", SST_GPU_FILL_START_BUFFERS, sizeof(struct sst_gpu_fill),
+                             fill_start_reference, fill_start_self_test },
+    [SST_GPU_FILL_PROJECT] = { "fill_project", SST_GPU_FILL_PROJECT_BUFFERS, sizeof(struct sst_gpu_project),
+                               fill_project_reference, fill_project_self_test },
+    [SST_GPU_FILL_TAKE] = { "fill_take", SST_GPU_FILL_TAKE_BUFFERS, sizeof(struct sst_gpu_fill), fill_take_reference,
+                            fill_take_self_test },
 };
 
 const char *sst_gpu_shader_name(enum sst_gpu_shader shader)

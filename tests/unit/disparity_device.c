@@ -21,6 +21,7 @@ static void test_same_bytes(void **state)
                       (long long)report.tested, (long long)report.dispatches);
         assert_int_equal(report.tested, tested[i]);
         assert_int_equal(report.tested_on_cpu, 0);
+        assert_int_equal(report.stages_on_cpu & (1U << SST_DISPARITY_STAGE_CHECK | 1U << SST_DISPARITY_STAGE_FILL), 0);
         assert_true(report.views >= 3);
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
@@ -83,9 +84,9 @@ static void test_fallback(void **state)
         const char *name, *why;
         int views, failures;
     } devices[] = {
-        /* the self-tests have 37 dispatches */
-        { "dummy:lost=38", "the device is lost", 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
-        { "dummy:timeout=88", "the device does not answer", 6, 2 },
+        /* the self-tests have 42 dispatches */
+        { "dummy:lost=43", "the device is lost", 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
+        { "dummy:timeout=93", "the device does not answer", 6, 3 },
         { "dummy:memory=1", "not enough memory on the device", 0, 0 },
         { "dummy:buffer=200", "not enough memory on the device", 0, 0 },
     };
@@ -110,25 +111,39 @@ static void test_fallback(void **state)
     sst_lightfield_fini(&lf);
 }
 
-/* A device that is lost in the second pass is opened again for the next round. */
+/* A device that is lost in the second pass is opened again for the next round; in the check or the filling, the CPU
+ * does the rest of that step. */
 static void test_fallback_later(void **state)
 {
+    static const struct {
+        const char *name;
+        int tested;      /* 16 with those on the CPU */
+        unsigned stages; /* on the CPU besides those without shaders */
+    } devices[] = {
+        { "dummy:lost=220", 8, 0 },
+        { "dummy:lost=314", 16, 1U << SST_DISPARITY_STAGE_CHECK | 1U << SST_DISPARITY_STAGE_FILL },
+        { "dummy:lost=340", 16, 1U << SST_DISPARITY_STAGE_FILL },
+    };
+    const unsigned both = 1U << SST_DISPARITY_STAGE_CHECK | 1U << SST_DISPARITY_STAGE_FILL;
     struct sst_disparity_device_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
 
     (void)state;
     match_init(&lf, 3, 3, 97, 60, 8);
-    assert_true(match_config(&cfg, 2));
-    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy:lost=220", 0), 0);
-    match_compare(&lf, &cfg, &report);
-    assert_int_equal(report.views, 8);
-    assert_int_equal(report.on_cpu, 0);
-    assert_int_equal(report.failures, 1);
-    assert_int_equal(report.tested + report.tested_on_cpu, 16);
-    assert_in_range(report.tested, 8, 10);
-    assert_string_equal(report.why, "the device is lost");
-    sst_disparity_device_destroy(cfg.device);
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        assert_true(match_config(&cfg, 2));
+        assert_int_equal(sst_disparity_device_create(&cfg.device, devices[i].name, 0), 0);
+        match_compare(&lf, &cfg, &report);
+        assert_int_equal(report.views, 8);
+        assert_int_equal(report.on_cpu, 0);
+        assert_int_equal(report.failures, 1);
+        assert_int_equal(report.tested + report.tested_on_cpu, 16);
+        assert_in_range(report.tested, devices[i].tested, devices[i].tested + 2);
+        assert_int_equal(report.stages_on_cpu & both, devices[i].stages);
+        assert_string_equal(report.why, "the device is lost");
+        sst_disparity_device_destroy(cfg.device);
+    }
     sst_lightfield_fini(&lf);
 }
 

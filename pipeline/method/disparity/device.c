@@ -20,13 +20,15 @@
 static const enum sst_gpu_shader shaders[] = {
     SST_GPU_CENSUS,       SST_GPU_MATCH_COST,      SST_GPU_SUPPORT_ARMS,    SST_GPU_SUPPORT_SUM,
     SST_GPU_SUPPORT_MEAN, SST_GPU_SGM_PATH,        SST_GPU_WINNER,          SST_GPU_MEDIAN,
-    SST_GPU_BILATERAL,    SST_GPU_HYPOTHESIS_COST, SST_GPU_HYPOTHESIS_PATH, SST_GPU_HYPOTHESIS_CHOICE
+    SST_GPU_BILATERAL,    SST_GPU_HYPOTHESIS_COST, SST_GPU_HYPOTHESIS_PATH, SST_GPU_HYPOTHESIS_CHOICE,
+    SST_GPU_CHECK,        SST_GPU_FILL_START,      SST_GPU_FILL_PROJECT,    SST_GPU_FILL_TAKE
 };
 
 static const char *const stage_names[SST_DISPARITY_STAGES] = {
-    [SST_DISPARITY_STAGE_RANGE] = "range",       [SST_DISPARITY_STAGE_SURFACES] = "surfaces",
-    [SST_DISPARITY_STAGE_SUBPIXEL] = "subpixel", [SST_DISPARITY_STAGE_CARRY] = "carrying",
-    [SST_DISPARITY_STAGE_CHECK] = "check",       [SST_DISPARITY_STAGE_FILL] = "filling",
+    [SST_DISPARITY_STAGE_RANGE] = "range",           [SST_DISPARITY_STAGE_SURFACES] = "surfaces",
+    [SST_DISPARITY_STAGE_SUBPIXEL] = "subpixel",     [SST_DISPARITY_STAGE_CARRY] = "carrying",
+    [SST_DISPARITY_STAGE_CHECK] = "check",           [SST_DISPARITY_STAGE_FILL] = "filling",
+    [SST_DISPARITY_STAGE_BACKGROUND] = "background",
 };
 
 const char *sst_disparity_stage_name(enum sst_disparity_stage stage)
@@ -57,6 +59,7 @@ static void close_gpu(struct sst_disparity_device *d)
     }
     sst_gpu_close(d->gpu);
     d->gpu = NULL;
+    d->checked = NULL;
 }
 
 static int open_gpu(struct sst_disparity_device *d)
@@ -165,6 +168,8 @@ void disparity_device_drop(struct sst_disparity_device *d)
 
 void disparity_device_forget(struct sst_disparity_device *d, const struct disparity_run *run)
 {
+    if (d && d->checked == run)
+        d->checked = NULL;
     if (d && d->run == run)
         drop_views(d);
 }

@@ -262,10 +262,24 @@ static int visible_views(const struct disparity_run *run, struct sst_visible_vie
     return err;
 }
 
+static int check_views(struct disparity_run *run, int threads)
+{
+    if (run->cfg->device && disparity_device_check(run->cfg->device, run))
+        return run_cancelled(run);
+    return sst_parallel_for(run->lf->rows * run->lf->cols, threads, run_check, run);
+}
+
+static int fill_views(struct disparity_run *run, int threads)
+{
+    if (run->cfg->device && disparity_device_fill(run->cfg->device, run))
+        return run_cancelled(run);
+    return sst_parallel_for(run->lf->rows * run->lf->cols, threads, run_fill, run);
+}
+
 /* Check the matched views against each other, and measure what carrying would do to the reference view. */
 static int check_keys(struct disparity_run *run, const struct sst_visible_views *in, int threads, double *error)
 {
-    const int ref = run->lf->ref_view, err = sst_parallel_for(in->count, threads, run_check, run);
+    const int ref = run->lf->ref_view, err = check_views(run, threads);
 
     *error = NAN;
     return err || !run->lf->views[ref].present || run->carried[ref]
@@ -321,7 +335,7 @@ static int repair_views(struct disparity_run *run, struct sst_visible_views *in,
     return err;
 }
 
-/* Name what has no shader yet. */
+/* Name what has no shader. */
 static void note_stages(const struct disparity_run *run)
 {
     struct sst_disparity_device *d = run->cfg->device;
@@ -333,9 +347,7 @@ static void note_stages(const struct disparity_run *run)
     if (run->carried)
         sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_CARRY);
     if (run->fill || run->carried)
-        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_CHECK);
-    if (run->fill)
-        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_FILL);
+        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_BACKGROUND);
 }
 
 /* What improves all maps together: the second pass, the refinement between pixels, check, filling or carrying. */
@@ -356,8 +368,8 @@ static int finish_maps(struct disparity_run *run, int threads)
     if (run->carried) {
         err = err ? err : carry(run, &in, threads);
     } else if (run->fill) {
-        err = err ? err : sst_parallel_for(count, threads, run_check, run);
-        err = err ? err : sst_parallel_for(count, threads, run_fill, run);
+        err = err ? err : check_views(run, threads);
+        err = err ? err : fill_views(run, threads);
     }
     for (int k = 0; seen && k < count; k++)
         sst_map_u8_fini(&seen[k]);

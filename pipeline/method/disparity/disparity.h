@@ -91,14 +91,16 @@ struct sst_disparity_report {
     double hypotheses_error;   /* pixels in a sample of rows whose cheapest hypothesis was not tested */
 };
 
-/** What a device has no shader for: done on the CPU, and named. */
+/** What is done on the CPU although there is a device, and named: it has no shader for that, or fails at the check or
+ * the filling. */
 enum sst_disparity_stage {
     SST_DISPARITY_STAGE_RANGE = 0,    /* the range of disparities of a light field */
     SST_DISPARITY_STAGE_SURFACES = 1, /* of the second pass: the surfaces around each pixel, which are its hypotheses */
     SST_DISPARITY_STAGE_SUBPIXEL = 2, /* refinement between pixels */
     SST_DISPARITY_STAGE_CARRY = 3,    /* maps carried to other views */
     SST_DISPARITY_STAGE_CHECK = 4,    /* of views against each other */
-    SST_DISPARITY_STAGE_FILL = 5,     /* of what the check refuses */
+    SST_DISPARITY_STAGE_FILL = 5,     /* of what the check refuses, from other views and around it ... */
+    SST_DISPARITY_STAGE_BACKGROUND = 6, /* ... and of the rest */
     SST_DISPARITY_STAGES
 };
 
@@ -120,9 +122,9 @@ struct sst_disparity_device_report {
 
 /**
  * Open a device to match views on: the costs of each from the census of its neighbours, their aggregation, the
- * optimisation, winners and filters; in the second pass the tests of its hypotheses. The results are the bytes of the
- * CPU. A device that fails is logged as a warning and counted; the view is then matched on the CPU, and the device is
- * tried again later.
+ * optimisation, winners and filters; in the second pass the tests of its hypotheses; check and filling. The results are
+ * the bytes of the CPU. A device that fails is logged as a warning and counted; the view is then matched on the CPU,
+ * and the device is tried again later.
  *
  * @param name          as of sst_gpu_open(), or "cpu": none; "auto" without a GPU as well
  * @param memory_bytes  that it may use of the device's memory; 0: three quarters. A view whose volume does not fit is

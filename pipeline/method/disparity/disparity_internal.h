@@ -58,6 +58,14 @@ void run_drop_phases(struct disparity_run *run);
 SST_MUST_CHECK int run_gather_neighbours(struct disparity_run *run, int view, int first, int last,
                                          struct sst_neighbour *neighbours);
 
+/** The matched views that a view is checked against where the others are carried. @param out  [SST_MAX_NEIGHBOURS]
+ *  @return their number */
+int run_checked_keys(const struct disparity_run *run, int view, struct sst_checked_view *out);
+
+/** Views one and two steps away on all sides; the nearer ones first. @return their number; *near of them are one step
+ *  away */
+int run_checked_views(const struct disparity_run *run, int view, struct sst_checked_view *out, int *near);
+
 /** The answer at a coarser level for one view; disp is NULL without one. */
 struct sst_coarse run_coarse_view(const struct disparity_run *run, int view);
 
@@ -87,7 +95,7 @@ enum device_kept {
     KEPT_SUM = 7,
     KEPT_MAP = 8,
     KEPT_FILTERED = 9,
-    KEPT_PIXELS = 10, /* of all views, with depth codes: the second pass */
+    KEPT_PIXELS = 10, /* of all views: with depth codes in the second pass, then their maps */
     KEPT_VIEWS = 11,
     KEPT_LIST = 12,
     KEPT_COUNTS = 13,
@@ -115,7 +123,8 @@ struct sst_disparity_device {
     const struct disparity_run *run; /* whose views these are: */
     struct device_pixels view[SST_MAX_VIEWS];
     int64_t turn;
-    struct sst_mem_kept words; /* of the host */
+    const struct disparity_run *checked; /* whose maps were checked last: they lie there with the results */
+    struct sst_mem_kept words;           /* of the host */
 };
 
 /** True if the device may be tried, and is open. */
@@ -180,6 +189,14 @@ bool disparity_device_load(struct sst_disparity_device *d, const struct sst_pack
 
 /** Test the hypotheses of a view. One thread at a time. @return false: likewise; the device is not loaded then */
 bool disparity_device_test(struct sst_disparity_device *d, const struct device_hypotheses *in);
+
+/* --- device_check.c: check and filling on a device --- */
+
+/** Check the maps of a run, as run_check() does with all views. @return false: it is to be done on the CPU; noted */
+bool disparity_device_check(struct sst_disparity_device *d, struct disparity_run *run);
+
+/** Fill the maps that were checked just before, as run_fill() does with all views. @return likewise */
+bool disparity_device_fill(struct sst_disparity_device *d, struct disparity_run *run);
 
 /** Count a view that is tested on the CPU instead. */
 void disparity_device_note_untested(struct sst_disparity_device *d);

@@ -264,8 +264,8 @@ static struct sst_checked_view checked_view(const struct disparity_run *run, int
     return (struct sst_checked_view){ &run->disp[n], &run->status[n], to->bx - from->bx, to->by - from->by };
 }
 
-/* The matched views at most CHECKED_FAR away. */
-static int checked_keys(const struct disparity_run *run, int view, struct sst_checked_view *out)
+/* Those at most CHECKED_FAR away. */
+int run_checked_keys(const struct disparity_run *run, int view, struct sst_checked_view *out)
 {
     const struct sst_lightfield *lf = run->lf;
     int count = 0;
@@ -279,9 +279,7 @@ static int checked_keys(const struct disparity_run *run, int view, struct sst_ch
     return count;
 }
 
-/* Views one and two steps away on all sides; the nearer ones first. @return their number; *near of them are one step
- * away. */
-static int checked_views(const struct disparity_run *run, int view, struct sst_checked_view *out, int *near)
+int run_checked_views(const struct disparity_run *run, int view, struct sst_checked_view *out, int *near)
 {
     const struct sst_lightfield *lf = run->lf;
     int count = 0;
@@ -305,7 +303,7 @@ int run_check(void *arg, int view, int worker SST_UNUSED)
 
     if (!run->lf->views[view].present)
         return 0;
-    count = run->carried ? checked_keys(run, view, views) : checked_views(run, view, views, &near);
+    count = run->carried ? run_checked_keys(run, view, views) : run_checked_views(run, view, views, &near);
     err = run_cancelled(run);
     sst_map_u8_fini(&run->status[view]);
     err = err ? err : sst_map_u8_init(&run->status[view], run->width, run->height);
@@ -324,8 +322,9 @@ int run_fill(void *arg, int view, int worker SST_UNUSED)
 
     if (!run->lf->views[view].present)
         return 0;
-    count = checked_views(run, view, views, &near);
+    count = run_checked_views(run, view, views, &near);
     err = run_cancelled(run);
+    sst_map_u16_fini(out);
     err = err ? err : sst_map_u16_init(out, run->width, run->height);
     err = err ? err : sst_map_u16_init(&scratch, run->width, run->height);
     if (!err) {

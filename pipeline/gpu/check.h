@@ -1,0 +1,71 @@
+/* pipeline/gpu/check.h - the shaders of the multi-view check of disparities and of the filling of what it refuses.
+ *
+ * All numbers are integers, and equal those of sst_disparity_check_views() and sst_fill_views() on every device; what
+ * is left to the background (sst_fill_background()) is not among them. All shaders have groups of 32 x 8 pixels.
+ */
+#ifndef SST_PIPELINE_GPU_CHECK_H
+#define SST_PIPELINE_GPU_CHECK_H
+
+#include "pipeline/gpu/gpu.h"
+
+/* Structures have the layout of the shaders (std430). Maps are uint32_t[height][width] by view: disparity,
+ * SST_DISP_NONE if it is not known, and enum sst_disparity_check << 16. */
+
+/** Where a disparity d puts a pixel: along an axis by whole + ((part + d step) >> 16), which fits 32 bits. */
+struct sst_gpu_shift {
+    int32_t across, across_part, across_step, down, down_part, down_step;
+};
+
+/** `check` */
+struct sst_gpu_check {
+    int32_t width, height;
+    uint32_t own; /* the view's pixel (0, 0) */
+    int32_t count, steps;
+};
+
+struct sst_gpu_check_other {
+    uint32_t first; /* its pixel (0, 0) */
+    struct sst_gpu_shift shift;
+};
+
+enum sst_gpu_check_buffer {
+    SST_GPU_CHECK_OTHERS = 0,
+    SST_GPU_CHECK_MAPS = 1, /* out: the upper halves of the view */
+    SST_GPU_CHECK_BUFFERS
+};
+
+/** `fill_start`: mismatches get the median around them; nothing has arrived. */
+struct sst_gpu_fill {
+    int32_t width, height;
+    uint32_t own;
+};
+
+enum sst_gpu_fill_start_buffer {
+    SST_GPU_FILL_START_MAPS = 0,
+    SST_GPU_FILL_START_OUT = 1,     /* out, uint32_t[height][width]: disparities */
+    SST_GPU_FILL_START_ARRIVED = 2, /* out, likewise: 0 */
+    SST_GPU_FILL_START_BUFFERS
+};
+
+/** `fill_project`: what arrives from the correct pixels of another view. */
+struct sst_gpu_project {
+    int32_t width, height;
+    uint32_t first; /* of that view */
+    struct sst_gpu_shift shift;
+};
+
+enum sst_gpu_fill_project_buffer {
+    SST_GPU_FILL_PROJECT_MAPS = 0,
+    SST_GPU_FILL_PROJECT_ARRIVED = 1, /* in and out: disparity + 1 */
+    SST_GPU_FILL_PROJECT_BUFFERS
+};
+
+/** `fill_take`, with struct sst_gpu_fill: occlusions get what has arrived. */
+enum sst_gpu_fill_take_buffer {
+    SST_GPU_FILL_TAKE_MAPS = 0,
+    SST_GPU_FILL_TAKE_ARRIVED = 1, /* in; out: 0 */
+    SST_GPU_FILL_TAKE_OUT = 2,     /* in and out */
+    SST_GPU_FILL_TAKE_BUFFERS
+};
+
+#endif

@@ -1,0 +1,32 @@
+// Filling: the correct pixels of another view arrive where their disparities put them; the nearest surface stays. Buffers
+// and constants: pipeline/gpu/check.h. Definition: fill_project_reference().
+#version 450
+
+layout(local_size_x = 32, local_size_y = 8) in;
+
+layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
+layout(std430, binding = 1) buffer Arrived { uint arrived[]; };
+
+layout(std430, push_constant) uniform Constants {
+    int width, height;
+    uint first;
+    int across, across_part, across_step, down, down_part, down_step;
+};
+
+void main()
+{
+    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
+    int d, xt, yt;
+    uint there;
+
+    if (x >= width || y >= height)
+        return;
+    there = maps[first + uint(y * width + x)];
+    if (there >> 16 != 0)
+        return;
+    d = int(there & 0xFFFF);
+    xt = x + across + ((across_part + d * across_step) >> 16);
+    yt = y + down + ((down_part + d * down_step) >> 16);
+    if (xt >= 0 && yt >= 0 && xt < width && yt < height)
+        atomicMax(arrived[yt * width + xt], uint(d) + 1);
+}

@@ -1,0 +1,29 @@
+// Filling: occlusions that are not known yet get what arrived there. Buffers and constants: pipeline/gpu/check.h.
+// Definition: fill_take_reference().
+#version 450
+
+layout(local_size_x = 32, local_size_y = 8) in;
+
+layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
+layout(std430, binding = 1) buffer Arrived { uint arrived[]; };
+layout(std430, binding = 2) buffer Out { uint result[]; };
+
+layout(std430, push_constant) uniform Constants {
+    int width, height;
+    uint own;
+};
+
+const uint OCCLUSION = 2, NONE = 0xFFFF;
+
+void main()
+{
+    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y), at = y * width + x;
+    uint there;
+
+    if (x >= width || y >= height)
+        return;
+    there = arrived[at];
+    if (maps[own + uint(at)] >> 16 == OCCLUSION && result[at] == NONE && there != 0)
+        result[at] = there - 1;
+    arrived[at] = 0;
+}
