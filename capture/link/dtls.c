@@ -87,9 +87,13 @@ struct link_dtls {
 static ssize_t push_client(gnutls_transport_ptr_t arg, const void *data, size_t bytes)
 {
     struct link_dtls *d = arg;
+    ssize_t n;
 
-    return d->ready ? send(d->fd, data, bytes, MSG_DONTWAIT | MSG_NOSIGNAL)
-                    : push_flight(&d->flight, d->fd, NULL, 0, data, bytes);
+    if (!d->ready)
+        return push_flight(&d->flight, d->fd, NULL, 0, data, bytes);
+    n = send(d->fd, data, bytes, MSG_DONTWAIT | MSG_NOSIGNAL);
+    /* What the network does not accept now, for want of a route or of room, is a lost datagram. */
+    return n < 0 && errno != EAGAIN ? (ssize_t)bytes : n;
 }
 
 int link_dtls_open(struct link_dtls **out, const char *address, int port, struct link_credentials *credentials)

@@ -124,7 +124,9 @@ int link_session_judge(long n, char why[256])
     if (n == GNUTLS_E_AGAIN || n == GNUTLS_E_INTERRUPTED || !gnutls_error_is_fatal((int)n))
         return 0;
     snprintf(why, 256, "%s",
-             n == GNUTLS_E_PREMATURE_TERMINATION ? "the connection was closed" : gnutls_strerror((int)n));
+             n == GNUTLS_E_PREMATURE_TERMINATION                          ? "the connection was closed"
+             : n == GNUTLS_E_PULL_ERROR || n == GNUTLS_E_PUSH_ERROR ? "the connection was reset"
+                                                                          : gnutls_strerror((int)n));
     return n == GNUTLS_E_CERTIFICATE_REQUIRED || n == GNUTLS_E_NO_CERTIFICATE_FOUND ? -EACCES : -ECONNRESET;
 }
 

@@ -226,6 +226,8 @@ static void what_does_not_come_in_time_is_missed(void **unused SST_UNUSED)
     assert_int_equal(link_inbox_repair(in, gone, sizeof(gone), 700 * MS), 0); /* the node no longer has it */
     expect(&three, true, 700 * MS);
     expect(&four, false, 700 * MS);
+    assert_int_equal(link_inbox_whole(in, one.pieces, one.shape.bytes, 710 * MS), 0); /* too late */
+    expect_none(720 * MS);
     free(one.pieces);
     free(two.pieces);
     free(three.pieces);
