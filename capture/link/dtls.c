@@ -1,5 +1,5 @@
-/* Datagrams between hosts, over DTLS 1.2 with the certificates of the TLS connection: a client of a node, a server of the
- * head, which serves all nodes by one socket. */
+/* Datagrams between hosts, over DTLS 1.2 with the certificates of the TLS connection: a client of a node, a server of
+ * the head, which serves all nodes by one socket. */
 #define _GNU_SOURCE /* recvmmsg() */
 #include "capture/link/link_internal.h"
 
@@ -54,7 +54,8 @@ struct flight {
 
 static void send_flight(struct flight *f, int fd, const struct sockaddr_storage *to, socklen_t to_bytes)
 {
-    if (f->bytes && sendto(fd, f->data, f->bytes, MSG_DONTWAIT | MSG_NOSIGNAL, (const struct sockaddr *)to, to_bytes) < 0) {
+    if (f->bytes &&
+        sendto(fd, f->data, f->bytes, MSG_DONTWAIT | MSG_NOSIGNAL, (const struct sockaddr *)to, to_bytes) < 0) {
         /* it is lost, as others are: the handshake is repeated */
     }
     f->bytes = 0;

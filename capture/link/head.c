@@ -246,8 +246,8 @@ static void listen_for_datagrams(struct sst_link_head *h)
         return;
     err = link_dtls_listen(&h->dtls, h->array.hosts.address, h->array.hosts.port, h->credentials, &events);
     if (err)
-        sst_log_warning("hosts: cannot receive datagrams on UDP port %d: %s; pictures come over TLS", h->array.hosts.port,
-                        strerror(-err));
+        sst_log_warning("hosts: cannot receive datagrams on UDP port %d: %s; pictures come over TLS",
+                        h->array.hosts.port, strerror(-err));
 }
 
 /* All views are cameras of the array, whoever has them. */

@@ -19,7 +19,7 @@ enum slot_state {
 
 struct slot {
     enum slot_state state;
-    bool asked, offered; /* offered: all of it has been sent */
+    bool asked, offered;       /* offered: all of it has been sent */
     int64_t first_ns, last_ns; /* first known; last step forward */
     uint32_t datagrams;        /* of use */
     struct sst_pieces pieces;
@@ -255,8 +255,7 @@ bool link_inbox_ask(struct link_inbox *in, int64_t now_ns, uint64_t *seq, uint16
     for (uint64_t i = in->next; i <= in->known; i++) {
         struct slot *s = slot_of(in, i);
 
-        if (s->state > SLOT_PIECES || s->asked ||
-            now_ns - s->last_ns < (s->offered ? LINK_QUIET_NS : LINK_SILENT_NS))
+        if (s->state > SLOT_PIECES || s->asked || now_ns - s->last_ns < (s->offered ? LINK_QUIET_NS : LINK_SILENT_NS))
             continue;
         s->asked = true;
         in->count.asked++;

@@ -36,10 +36,10 @@ struct sst_link_node_state {
                                                                         queue, or sent and not confirmed */
     uint64_t unexplained;                                            /* frames in no place or in two: 0, or a bug */
     uint64_t sent_bytes;
-    bool datagrams;             /* sets go by datagrams; else over TLS, and */
-    char datagrams_reason[256]; /* ... why */
+    bool datagrams;                    /* sets go by datagrams; else over TLS, and */
+    char datagrams_reason[256];        /* ... why */
     uint64_t sent_datagrams, repaired; /* since the start; pieces that were sent again over TLS */
-    double reply_ms; /* from sending a set to its confirmation, smoothed; 0: none yet */
+    double reply_ms;                   /* from sending a set to its confirmation, smoothed; 0: none yet */
 };
 
 struct sst_link_node_config {
@@ -87,17 +87,18 @@ struct sst_link_peer {
     int cameras;
     uint64_t connections;
     uint64_t sets, frames, unchanged; /* received; frames include those that were named as unchanged */
-    /* Of the frames: passed to capture; unchanged from a picture that was missed; no room; of no trigger; on their way. */
+    /* Of the frames: passed to capture; unchanged from a picture that was missed; no room; of no trigger; on their way.
+     */
     uint64_t passed, missed, dropped, unnamed, waiting;
     uint64_t unexplained; /* frames in no place or in two: 0, or a bug */
     uint64_t received_bytes;
-    /* Datagrams: received; more than were needed; refused. Pieces that came over TLS instead; sets of which they were asked
-     * for; sets that stayed incomplete. */
+    /* Datagrams: received; more than were needed; refused. Pieces that came over TLS instead; sets of which they were
+     * asked for; sets that stayed incomplete. */
     uint64_t datagrams, spare, refused, repaired, asked, missed_sets;
     struct sst_numbering_state numbering;
-    uint64_t run, seq; /* of the last set */
+    uint64_t run, seq;    /* of the last set */
     uint64_t missed_bits; /* bit i: set seq - i was missed */
-    json_t *reported;  /* its last STATE; NULL: none */
+    json_t *reported;     /* its last STATE; NULL: none */
 };
 
 struct sst_link_head_config {

@@ -14,17 +14,15 @@
 
 /* --- messages ---
  * Each is a type and a length, 4 bytes each, and that number of bytes. All numbers are little-endian.
- *   HELLO    node to head, JSON: version, run, opening, seq (of the last set it has sent), rate_hz, width, height, format,
- *            cameras: [[row, col, serial, port, name], ...]
- *   WELCOME  head to node, JSON: refused: "" or why; seq: the last set that it has decided of that run, 0: none; missed: bit
- *            i is set if set seq - i was missed; session: number that its datagrams must bear, "": it takes none
- *   STATE    node to head, JSON, twice a second: states of cameras, counters, clock; the head reports it as it is
- *   SET      node to head: struct wire_set, cameras times struct wire_frame, then the bytes of the frames sent
- *   ACK      head to node, for each set, in their order, and after each STATE: the seq of the last set, what has become of it
- *            (enum wire_outcome), how many datagrams of it were of use
- * A set also goes by datagrams (pieces.h), as the bytes that SET has. Then:
- *   OFFER    node to head, after its last datagram: seq, bytes, parity (8, 4, 4)
- *   WANT     head to node, when no more comes: seq and which pieces it lacks, 2 bytes each; none: all
+ *   HELLO    node to head, JSON: version, run, opening, seq (of the last set it has sent), rate_hz, width, height,
+ * format, cameras: [[row, col, serial, port, name], ...] WELCOME  head to node, JSON: refused: "" or why; seq: the last
+ * set that it has decided of that run, 0: none; missed: bit i is set if set seq - i was missed; session: number that
+ * its datagrams must bear, "": it takes none STATE    node to head, JSON, twice a second: states of cameras, counters,
+ * clock; the head reports it as it is SET      node to head: struct wire_set, cameras times struct wire_frame, then the
+ * bytes of the frames sent ACK      head to node, for each set, in their order, and after each STATE: the seq of the
+ * last set, what has become of it (enum wire_outcome), how many datagrams of it were of use A set also goes by
+ * datagrams (pieces.h), as the bytes that SET has. Then: OFFER    node to head, after its last datagram: seq, bytes,
+ * parity (8, 4, 4) WANT     head to node, when no more comes: seq and which pieces it lacks, 2 bytes each; none: all
  *   REPAIR   node to head: as OFFER, then for each piece its index (8) and bytes; none: the node no longer has it
  */
 
@@ -97,13 +95,14 @@ void link_credentials_destroy(struct link_credentials *credentials);
 struct gnutls_session_int; /* GnuTLS's own */
 
 /** A session that is to shake hands. @return 0, -ENOMEM */
-SST_MUST_CHECK int link_session_create(struct gnutls_session_int **out, struct link_credentials *credentials, bool server,
-                                       bool datagrams);
-/** The other side's certificate is signed by the authority and in its time; what its name may do is the caller's to judge.
+SST_MUST_CHECK int link_session_create(struct gnutls_session_int **out, struct link_credentials *credentials,
+                                       bool server, bool datagrams);
+/** The other side's certificate is signed by the authority and in its time; what its name may do is the caller's to
+ * judge.
  *  @param name  out, its common name @return 0, -EACCES with why */
 SST_MUST_CHECK int link_session_verify(struct gnutls_session_int *session, char name[64], char why[256]);
-/** @param n  what a function of GnuTLS returned @return 0: it waits for the socket, or it was a warning; else what ends the
- *  connection, with why */
+/** @param n  what a function of GnuTLS returned @return 0: it waits for the socket, or it was a warning; else what ends
+ * the connection, with why */
 SST_MUST_CHECK int link_session_judge(long n, char why[256]);
 
 struct link_tls; /* private to stream.c */
@@ -285,12 +284,12 @@ struct sst_link_node {
     uint64_t counted_bytes;       /* of the stream */
     struct sst_array_config sent; /* the array as the head knows it */
     uint64_t seq;
-    struct sst_unchanged *unchanged;    /* what was sent last of each camera; NULL: all is sent */
-    bool renew;                         /* ... is to begin again */
-    uint64_t since[SST_CAMERAS_MAX];    /* ... in which set */
+    struct sst_unchanged *unchanged;          /* what was sent last of each camera; NULL: all is sent */
+    bool renew;                               /* ... is to begin again */
+    uint64_t since[SST_CAMERAS_MAX];          /* ... in which set */
     struct wire_frame frame[SST_CAMERAS_MAX]; /* of the set that is being written */
     char reason[256];
-    struct { /* datagrams */
+    struct {                            /* datagrams */
         struct link_dtls *dtls;         /* NULL: not connected, until retry_ns */
         struct sst_pieces_coder *coder; /* NULL: built without */
         uint64_t session;               /* of the connection; 0: the head takes none */
@@ -324,8 +323,8 @@ struct sst_link_node {
 /* node_sets.c: from the queue to the head, and where frames end. */
 void node_drop_oldest_locked(struct sst_link_node *n);
 void node_lose_flights_locked(struct sst_link_node *n);
-/** What the head says of sets up to `seq`. @param missed  bit i: seq - i was missed @return how long the last of them took,
- *  ns; 0: none of them is new */
+/** What the head says of sets up to `seq`. @param missed  bit i: seq - i was missed @return how long the last of them
+ * took, ns; 0: none of them is new */
 int64_t node_confirm_locked(struct sst_link_node *n, uint64_t seq, uint64_t missed, int64_t now_ns);
 /** Detection of changes begins again: every picture is sent once. */
 void node_renew_unchanged(struct sst_link_node *n);
@@ -427,9 +426,9 @@ struct sst_link_head {
     struct link_connection *connection; /* link thread only */
 };
 
-/** A set to fill, whose fields `source` and `slot` are set. @param missed  of its frames: they are counted as that, and do
- * not come @param bytes  room for data @return NULL: all are on their way, or there is no memory; its frames are counted as
- * dropped */
+/** A set to fill, whose fields `source` and `slot` are set. @param missed  of its frames: they are counted as that, and
+ * do not come @param bytes  room for data @return NULL: all are on their way, or there is no memory; its frames are
+ * counted as dropped */
 struct head_set *head_set_acquire(struct sst_link_head *h, int source, int frames, int missed, size_t bytes);
 /** Pass on a filled set. */
 void head_set_pass(struct sst_link_head *h, struct head_set *set);

@@ -85,8 +85,7 @@ static json_t *state_locked(const struct sst_link_node *n)
     json_t *link = counts(sst_link_keys, n->state.bucket, SST_LINK_BUCKETS);
 
     for (int i = 0; i < n->sent.bound; i++)
-        json_array_append_new(
-            cameras, json_pack("[i, s]", (int)n->camera[i].state, n->camera[i].why));
+        json_array_append_new(cameras, json_pack("[i, s]", (int)n->camera[i].state, n->camera[i].why));
     sst_kernel_clock(&clock);
     json_object_set_new(captured, "delivered", json_integer((json_int_t)n->report.grab.frames));
     json_object_set_new(captured, "waiting", json_integer((json_int_t)sets->waiting));

@@ -1,7 +1,7 @@
 /* A set's way by datagrams: cut into pieces with parity, paced, repaired over TLS where too many were lost.
  *
- * A lost packet costs TCP a round trip and all behind it the same. Pieces that are lost cost nothing while parity lasts. What
- * does not arrive at all, as a firewall drops it, goes over TLS until another attempt succeeds. */
+ * A lost packet costs TCP a round trip and all behind it the same. Pieces that are lost cost nothing while parity
+ * lasts. What does not arrive at all, as a firewall drops it, goes over TLS until another attempt succeeds. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,13 +11,14 @@
 #include "base/log.h"
 #include "capture/link/link_internal.h"
 
-#define BURST     16                   /* datagrams at once, and a millisecond later the next, ... */
-#define PART      4                    /* ... or more, so that a set takes at most this part of a period */
-#define DRY_SETS  3                    /* of which nothing arrives: datagrams are given up */
-#define PAUSE_NS  INT64_C(100000000)   /* until another attempt; doubled with each, */
-#define DRY_NS    INT64_C(5000000000)  /* ... and at least this where the connection stands and nothing arrives */
+#define BURST     16                  /* datagrams at once, and a millisecond later the next, ... */
+#define PART      4                   /* ... or more, so that a set takes at most this part of a period */
+#define DRY_SETS  3                   /* of which nothing arrives: datagrams are given up */
+#define PAUSE_NS  INT64_C(100000000)  /* until another attempt; doubled with each, */
+#define DRY_NS    INT64_C(5000000000) /* ... and at least this where the connection stands and nothing arrives */
 #define PAUSE_MAX INT64_C(60000000000)
-#define FIRST_NS  INT64_C(1500000000) /* sets wait so long for the first connection: over TLS they would be late, too */
+#define FIRST_NS  INT64_C(1500000000) /* sets wait so long for the first connection: over TLS they would be late, too  \
+                                       */
 
 int node_datagrams_open(struct sst_link_node *n)
 {

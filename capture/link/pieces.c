@@ -1,9 +1,9 @@
 /* Messages cut into pieces, by ISA-L's erasure codes.
  *
- * ISA-L (Intel, BSD licence, in Debian for amd64 and arm64) has the one operation that is needed, the product of a matrix
- * over GF(2^8) and rows of bytes, for every level of SIMD, chosen at run time, and leaves matrix and bookkeeping to the
- * caller. zfec is as old and slower, Jerasure is no longer maintained, and codes for long messages (LDPC, RaptorQ) have no
- * library in Debian and gain nothing at some hundred pieces. */
+ * ISA-L (Intel, BSD licence, in Debian for amd64 and arm64) has the one operation that is needed, the product of a
+ * matrix over GF(2^8) and rows of bytes, for every level of SIMD, chosen at run time, and leaves matrix and bookkeeping
+ * to the caller. zfec is as old and slower, Jerasure is no longer maintained, and codes for long messages (LDPC,
+ * RaptorQ) have no library in Debian and gain nothing at some hundred pieces. */
 #include "capture/link/pieces.h"
 
 #include <assert.h>

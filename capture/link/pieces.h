@@ -1,14 +1,15 @@
-/* capture/link/pieces.h - a message cut into pieces, one for each datagram, with parity: enough of any of them restore it.
+/* capture/link/pieces.h - a message cut into pieces, one for each datagram, with parity: enough of any of them restore
+ * it.
  *
- * A message of n bytes has ceil(n / SST_PIECE_BYTES) data pieces of equal size, the last one filled with zeros. They are dealt
- * out to blocks, piece i to block i % blocks, so that neighbours, which are lost together, are of different blocks. Each block of
- * k data pieces has m parity pieces, and any k of its k + m pieces restore it. Parity row r is
+ * A message of n bytes has ceil(n / SST_PIECE_BYTES) data pieces of equal size, the last one filled with zeros. They
+ * are dealt out to blocks, piece i to block i % blocks, so that neighbours, which are lost together, are of different
+ * blocks. Each block of k data pieces has m parity pieces, and any k of its k + m pieces restore it. Parity row r is
  *
  *   p_r = sum over j of d_j / ((k + r) ^ j)        in GF(2^8) with the polynomial 0x11d,
  *
- * a Cauchy matrix, of which every square part can be inverted. The whole message is coded, not each picture by itself: a
- * picture of 7 pieces needs 3 more to survive a loss of 2 % in all but 1 of 30000 cases; of the 120 pieces of 18 pictures
- * 10 more do that.
+ * a Cauchy matrix, of which every square part can be inverted. The whole message is coded, not each picture by itself:
+ * a picture of 7 pieces needs 3 more to survive a loss of 2 % in all but 1 of 30000 cases; of the 120 pieces of 18
+ * pictures 10 more do that.
  *
  * Data pieces are numbered from 0, parity piece r of block b follows as data + r * blocks + b. */
 #ifndef SST_CAPTURE_LINK_PIECES_H
@@ -22,8 +23,8 @@
 
 #define SST_PIECE_BYTES        1152 /* at most: with all headers below 1280, which every IPv6 path carries */
 #define SST_PIECE_HEAD         24
-#define SST_PIECES_BLOCK_MAX   128      /* data pieces of a block */
-#define SST_PIECES_PARITY_MAX  112      /* parity pieces of a block */
+#define SST_PIECES_BLOCK_MAX   128       /* data pieces of a block */
+#define SST_PIECES_PARITY_MAX  112       /* parity pieces of a block */
 #define SST_PIECES_MESSAGE_MAX (4 << 20) /* bytes of a message: longer ones are not cut */
 #define SST_PIECES_DATA_MAX    (SST_PIECES_MESSAGE_MAX / SST_PIECE_BYTES + 1)
 #define SST_PIECES_BLOCKS_MAX  (SST_PIECES_DATA_MAX / SST_PIECES_BLOCK_MAX + 1)
@@ -36,7 +37,8 @@ struct sst_pieces_shape {
     size_t piece; /* bytes of each */
 };
 
-/** A datagram: SST_PIECE_HEAD bytes (session, seq, bytes of the message, index, parity; little-endian), then its data. */
+/** A datagram: SST_PIECE_HEAD bytes (session, seq, bytes of the message, index, parity; little-endian), then its data.
+ */
 struct sst_piece {
     uint64_t session, seq;
     uint32_t bytes;
@@ -55,7 +57,8 @@ SST_MUST_CHECK int sst_pieces_shape(struct sst_pieces_shape *out, size_t bytes, 
 
 void sst_piece_put(uint8_t out[SST_PIECE_HEAD], const struct sst_piece *piece);
 /** @param in  a datagram from anywhere @return 0, -EBADMSG (it is no piece) */
-SST_MUST_CHECK int sst_piece_get(const uint8_t *in, size_t bytes, struct sst_piece *piece, struct sst_pieces_shape *shape);
+SST_MUST_CHECK int sst_piece_get(const uint8_t *in, size_t bytes, struct sst_piece *piece,
+                                 struct sst_pieces_shape *shape);
 
 struct sst_pieces_coder; /* opaque: tables and room to compute; one thread */
 

@@ -67,11 +67,11 @@ void link_credentials_destroy(struct link_credentials *c)
 int link_session_create(struct gnutls_session_int **out, struct link_credentials *credentials, bool server,
                         bool datagrams)
 {
-    /* A set is hundreds of datagrams that overtake each other, more than the 64 of GnuTLS's window against replay. What is
-     * sent twice is recognised by its number in its set, and what is older than the sets that are awaited is dropped. A certificate is sent whatever the head asks for: with DTLS
-     * 1.2 GnuTLS holds back one of ed25519. */
-    const unsigned flags = (server ? GNUTLS_SERVER : GNUTLS_CLIENT | GNUTLS_FORCE_CLIENT_CERT) | GNUTLS_NONBLOCK | GNUTLS_NO_SIGNAL |
-                           (datagrams ? GNUTLS_DATAGRAM | GNUTLS_NO_REPLAY_PROTECTION : 0);
+    /* A set is hundreds of datagrams that overtake each other, more than the 64 of GnuTLS's window against replay. What
+     * is sent twice is recognised by its number in its set, and what is older than the sets that are awaited is
+     * dropped. A certificate is sent whatever the head asks for: with DTLS 1.2 GnuTLS holds back one of ed25519. */
+    const unsigned flags = (server ? GNUTLS_SERVER : GNUTLS_CLIENT | GNUTLS_FORCE_CLIENT_CERT) | GNUTLS_NONBLOCK |
+                           GNUTLS_NO_SIGNAL | (datagrams ? GNUTLS_DATAGRAM | GNUTLS_NO_REPLAY_PROTECTION : 0);
     gnutls_session_t s;
 
     if (gnutls_init(&s, flags) < 0)
@@ -124,9 +124,9 @@ int link_session_judge(long n, char why[256])
     if (n == GNUTLS_E_AGAIN || n == GNUTLS_E_INTERRUPTED || !gnutls_error_is_fatal((int)n))
         return 0;
     snprintf(why, 256, "%s",
-             n == GNUTLS_E_PREMATURE_TERMINATION                          ? "the connection was closed"
+             n == GNUTLS_E_PREMATURE_TERMINATION                    ? "the connection was closed"
              : n == GNUTLS_E_PULL_ERROR || n == GNUTLS_E_PUSH_ERROR ? "the connection was reset"
-                                                                          : gnutls_strerror((int)n));
+                                                                    : gnutls_strerror((int)n));
     return n == GNUTLS_E_CERTIFICATE_REQUIRED || n == GNUTLS_E_NO_CERTIFICATE_FOUND ? -EACCES : -ECONNRESET;
 }
 

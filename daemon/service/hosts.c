@@ -74,8 +74,8 @@ static json_t *head_json(struct service_array *a, struct hosts_now *now)
 
     for (int i = 0; i < now->peers; i++)
         json_array_append_new(nodes, peer_json(&now->peer[i], now->bucket[i]));
-    return json_pack("{s:s, s:s, s:I, s:o, s:o}", "role", "head", "address", array_head_address(a),
-                     "datagrams_no_room", (json_int_t)now->overflows, "nodes", nodes, "clock", clock_json());
+    return json_pack("{s:s, s:s, s:I, s:o, s:o}", "role", "head", "address", array_head_address(a), "datagrams_no_room",
+                     (json_int_t)now->overflows, "nodes", nodes, "clock", clock_json());
 }
 
 json_t *service_hosts_json(struct service_array *a)

@@ -1,9 +1,9 @@
 /* A network of one port between hosts on this machine, for tests without the rights that build/tests/tools/wire needs.
  *
  *   relay FROM_ADDRESS TO_ADDRESS PORT
- * hands on what comes to FROM_ADDRESS to TO_ADDRESS, TCP and UDP. Standard input says how, a line each: `udp 0` drops all
- * datagrams, `udp 1` none, `loss 0.05` that share of them, each on its own. It ends with its input, and prints how many
- * it has carried and lost. */
+ * hands on what comes to FROM_ADDRESS to TO_ADDRESS, TCP and UDP. Standard input says how, a line each: `udp 0` drops
+ * all datagrams, `udp 1` none, `loss 0.05` that share of them, each on its own. It ends with its input, and prints how
+ * many it has carried and lost. */
 #define _GNU_SOURCE /* accept4() */
 #include <arpa/inet.h>
 #include <netinet/in.h>

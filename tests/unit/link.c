@@ -491,8 +491,8 @@ static bool shake_hands(struct link_dtls **d, struct link_credentials *c)
     return !err && link_dtls_ready(*d);
 }
 
-/* Datagrams of anybody at the head's port, of hosts that are not of the array, and of a node in the name of another one:
- * sets of the others go on. */
+/* Datagrams of anybody at the head's port, of hosts that are not of the array, and of a node in the name of another
+ * one: sets of the others go on. */
 static void datagrams_of_others_do_no_harm(void **state_ SST_UNUSED)
 {
     struct link_credentials *third = credentials_of("third"), *stranger = credentials_of("stranger"),

@@ -1,6 +1,7 @@
 /* capture/link/inbox: what came of a node, by datagram and over TLS, becomes sets in their order; what does not come is
  * asked for once, and missed when its time is over; datagrams of anybody do no harm. */
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -67,11 +68,10 @@ static int send_as(const struct message *m, int index, uint64_t session, int64_t
     int err;
 
     assert_non_null(datagram);
-    sst_piece_put(datagram, &(struct sst_piece){ .session = session,
-                                                 .seq = m->seq,
-                                                 .bytes = m->shape.bytes,
-                                                 .index = index,
-                                                 .parity = m->shape.parity });
+    sst_piece_put(
+        datagram,
+        &(struct sst_piece){
+            .session = session, .seq = m->seq, .bytes = m->shape.bytes, .index = index, .parity = m->shape.parity });
     memcpy(datagram + SST_PIECE_HEAD, m->pieces + (size_t)index * m->shape.piece, m->shape.piece);
     err = link_inbox_datagram(in, datagram, bytes, now_ns);
     free(datagram);
@@ -272,7 +272,8 @@ static void hostile_messages_do_no_harm(void **unused SST_UNUSED)
             const size_t bytes = next_random(SST_PIECE_HEAD + SST_PIECE_BYTES + 20);
             uint8_t *noise = malloc(bytes ? bytes : 1); /* what is read behind its end is seen by the sanitizer */
             struct sst_piece piece = { next_random(8) ? SESSION : 0, seq + LINK_INBOX_SETS + next_random(100),
-                                       next_random(100000), (int)next_random(100), (int)next_random(50), NULL };
+                                       next_random(100000),          (int)next_random(100),
+                                       (int)next_random(50),         NULL };
 
             assert_non_null(noise);
             for (size_t k = 0; k < bytes; k++)

@@ -1,6 +1,7 @@
 /* capture/link/pieces: any pieces that suffice restore a message; parity is that of the plain formula; datagrams of
  * anybody are refused or harmless. */
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -42,7 +43,8 @@ static uint8_t plain_parity(const struct sst_pieces_shape *s, const uint8_t *pie
     uint8_t sum = 0;
 
     for (int j = 0; j < k; j++)
-        sum ^= multiply(invert((uint8_t)((k + r) ^ j)), pieces[(size_t)(block + j * s->blocks) * s->piece + (size_t)byte]);
+        sum ^=
+            multiply(invert((uint8_t)((k + r) ^ j)), pieces[(size_t)(block + j * s->blocks) * s->piece + (size_t)byte]);
     return sum;
 }
 
@@ -74,8 +76,9 @@ static uint8_t *make(struct sst_pieces_shape *s, size_t bytes, int parity)
     return pieces;
 }
 
-static const size_t sizes[] = { 1,      40,     1152,   1153,           2304,
-                                143000, 147456, 147457, 1152 * 257 + 9, SST_PIECES_MESSAGE_MAX };
+static const size_t sizes[] = {
+    1, 40, 1152, 1153, 2304, 143000, 147456, 147457, 1152 * 257 + 9, SST_PIECES_MESSAGE_MAX
+};
 
 static void parity_is_that_of_the_formula(void **unused SST_UNUSED)
 {
