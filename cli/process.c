@@ -211,7 +211,7 @@ static int compute(struct sst_lightfield *lf, struct sst_process_config *cfg, co
     err = err ? err : sst_lightfield_jpeg_quality(quality, lf, dir);
     if (!err) {
         sst_notice_jpeg_files(&report->notices, quality, lf->rows * lf->cols);
-        sst_notice_describe(&report->notices, lf);
+        sst_notice_describe(&report->notices, lf->rows, lf->cols);
         lf->files->judged = report->judgement.judged;
         lf->files->plausible = report->judgement.plausible;
         snprintf(lf->files->implausible, sizeof(lf->files->implausible), "%s", report->judgement.sentence);

@@ -102,5 +102,6 @@ void cli_add_notices(json_t *root, const struct sst_lightfield *lf, const struct
     json_object_set_new(root, "jpeg_quality", cli_real_json(n->jpeg_quality));
     json_object_set_new(root, "jpeg_views", json_integer(n->jpeg_views));
     json_object_set_new(root, "missing_views", json_integer(n->missing));
+    json_object_set_new(root, "skew_us", json_real(n->skew_us));
     json_object_set_new(root, "noticed", list);
 }

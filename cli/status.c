@@ -212,6 +212,18 @@ static void print_live(const json_t *s)
     printf("\n");
 }
 
+/* What is wrong with the pictures. */
+static void print_noticed(const json_t *s)
+{
+    const json_t *list = cli_member(s, "noticed");
+
+    for (size_t i = 0; i < json_array_size(list); i++) {
+        char text[2 * TEXT];
+
+        printf("  noticed    %s\n", cli_text(json_array_get(list, i), "text", text, sizeof(text)));
+    }
+}
+
 static void print_storage(const json_t *s)
 {
     const double quota = cli_number(s, "storage.quota_bytes"), recordings = cli_number(s, "storage.recordings");
@@ -277,6 +289,7 @@ static void print_status(const json_t *status, const json_t *cameras)
     print_skew(status);
     print_hosts(status);
     print_live(status);
+    print_noticed(status);
     print_storage(status);
     print_recording(status);
     print_process(status);

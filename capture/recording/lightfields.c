@@ -140,6 +140,7 @@ static void describe(struct job *job)
 
     for (int k = 0; k < lf->rows * lf->cols; k++)
         present += lf->views[k].present;
+    lf->skew_us = (double)set->skew.spread_ns * 1e-3;
     sst_clock_text(wall, set->wall_ns);
     snprintf(lf->files->source, sizeof(lf->files->source),
              "recording import of %.700s, set %d: trigger %llu of run %d, %s, t_ns %lld "

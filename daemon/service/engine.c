@@ -70,6 +70,7 @@ static void close_live(struct live_engine *v)
     if (!live)
         return;
     engine_forget_pictures(v);
+    engine_notice_forget(v);
     pthread_mutex_lock(&v->lock);
     v->live = NULL;
     v->state.ready = v->state.counted = false;
@@ -418,6 +419,8 @@ static void process_set(struct live_engine *v, const struct sst_kept *kept, uint
         err = update(v, kept, dropped);
     if (!err)
         notify_storage(v, kept, &v->report);
+    if (!err && v->events) /* of what is there, not of a recording */
+        engine_notice_follow(v);
 }
 
 /**
@@ -572,6 +575,7 @@ int engine_open(struct live_engine **out, const struct engine_config *cfg)
     v->state.beat_ns = sst_clock_now_ns();
     pthread_mutex_init(&v->lock, NULL);
     sst_cond_init(&v->changed);
+    engine_notice_forget(v);
     err = engine_views_open(v);
     if (!err) {
         err = -pthread_create(&v->camera_thread, NULL, engine_run_cameras, v);
@@ -676,12 +680,13 @@ bool engine_join(struct live_engine *v, int64_t until_ns)
     while ((!v->ended || !v->camera_ended) && sst_cond_wait_until(&v->changed, &v->lock, until_ns))
         ;
     /* A check of the calibration cannot be cancelled, and is not waited for: the disk needs the time. */
-    ended = v->ended && v->camera_ended && (!v->check_runs || v->check_ended);
+    ended = v->ended && v->camera_ended && (!v->check_runs || v->check_ended) && v->notice_ended;
     pthread_mutex_unlock(&v->lock);
     if (ended) {
         pthread_join(v->thread, NULL);
         pthread_join(v->camera_thread, NULL);
         engine_check_join(v);
+        engine_notice_join(v);
     }
     return ended;
 }

@@ -61,6 +61,7 @@ static void *run(void *arg)
             "calibration %s", check.sentence);
     pthread_mutex_lock(&v->lock);
     snprintf(v->state.check, sizeof(v->state.check), "%s%.490s", err ? "UNKNOWN: " : "", err ? why : check.sentence);
+    v->state.misaligned = !err && (check.verdict == SST_DRIFT_DRIFTED || check.verdict == SST_DRIFT_UNUSABLE);
     v->check_ended = true;
     pthread_mutex_unlock(&v->lock);
     if (!err)

@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/border.h"
 #include "base/clock.h"
@@ -114,6 +115,24 @@ static void write_live(FILE *f, const struct engine_state *v)
                 v->stage_ms[i].sum / 1e3);
 }
 
+/* 1 for what is noticed now, of all that can be. */
+static void write_noticed(FILE *f, const struct engine_state *v, const struct array_state *a)
+{
+    static const char *const what[] = { "noise",         "blur",        "soft-views", "jpeg",
+                                        "missing-views", "blank-views", "misaligned", "time-offsets" };
+    json_t *list = service_noticed_json(v, (double)sst_histogram_quantile(&a->report.skew_ns, 0.5) / 1e3);
+
+    head(f, "noticed", "gauge", "1 while this is wrong with the pictures.");
+    for (size_t i = 0; i < ARRAY_LEN(what); i++) {
+        bool now = false;
+
+        for (size_t k = 0; k < json_array_size(list); k++)
+            now |= !strcmp(json_string_value(json_object_get(json_array_get(list, k), "what")), what[i]);
+        fprintf(f, "sst_noticed{what=\"%s\"} %d\n", what[i], now);
+    }
+    json_decref(list);
+}
+
 /** A number of the status's object, by name. */
 static double number(const json_t *o, const char *key)
 {
@@ -203,6 +222,7 @@ int service_metrics(void *arg, char **text)
         write_cameras(f, s);
         service_hosts_metrics(f, s->array);
         write_live(f, viewer);
+        write_noticed(f, viewer, array);
         write_storage(f, s);
         write_process(f, s);
         if (fclose(f)) {

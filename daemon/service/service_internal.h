@@ -22,6 +22,7 @@
 #include "daemon/storage/storage.h"
 #include "daemon/visits/visits.h"
 #include "pipeline/live/live.h"
+#include "pipeline/method/process/notice.h"
 #include "pipeline/method/render/render.h"
 
 /* --- array: captures for months: opens and runs the array, and reopens it after every failure. --- */
@@ -184,6 +185,9 @@ struct engine_state {
     double focal_px, spacing_mm;     /* 0: not known */
     int64_t beat_ns;                 /* when the thread was last seen alive */
     char check[512];                 /* last verdict on the calibration */
+    bool misaligned;                 /* which was that cameras have moved, or worse */
+    struct sst_notices noticed;      /* of the pictures, without views that are late */
+    int noticed_views;               /* that it is of; 0: not measured yet */
 };
 
 /** Where the cameras of the ring's sets are: in the array, or in a recording. */
@@ -302,6 +306,9 @@ bool service_read_time(const char *text, int64_t *wall_ns);
 /* status.c */
 json_t *service_live_json(const struct engine_state *v, const struct sst_live_settings *settings);
 int service_status(void *arg, struct sst_api_answer *out);
+
+/** What is wrong with the pictures, as in the status: [{what, text}]. @param skew_us  of half of the sets */
+json_t *service_noticed_json(const struct engine_state *v, double skew_us);
 int service_cameras(void *arg, struct sst_api_answer *out);
 
 /** Expiry of the HTTPS certificate. @param days  out, days left; negative: it has expired
@@ -463,7 +470,7 @@ struct live_engine {
     struct sst_storage *storage; /* this and the next two: NULL of a recording */
     struct sst_visits *kept;
     struct sst_events *events;
-    pthread_t thread, camera_thread, check_thread;
+    pthread_t thread, camera_thread, check_thread, notice_thread;
     bool camera_runs;
     pthread_mutex_t lock;
     pthread_cond_t changed;
@@ -483,6 +490,9 @@ struct live_engine {
     uint64_t set_index; /* the set that the pictures show; its time zero and wall time */
     int64_t set_t_ns, set_wall_ns;
     bool latency_due; /* the next pictures are the first of a set */
+    int notice_at;    /* the view that was measured last */
+    bool notice_whole;     /* all views were measured */
+    int64_t notice_due_ns; /* when the next one is */
     struct visit visit[SST_LIVE_TRACKS];
     int visits;
     struct sst_livepicture *visit_picture; /* NULL until the first */
@@ -493,7 +503,9 @@ struct live_engine {
     struct sst_config config;
     unsigned config_count, config_seen;
     bool zones_changed; /* those of `config` are not in `live` yet */
-    bool stop, ended, camera_ended, check_runs, check_ended;
+    bool stop, ended, camera_ended, check_runs, check_ended, notice_runs, notice_ended;
+    unsigned notice_count; /* light fields */
+    struct sst_notice_view noticed_view[SST_MAX_VIEWS];
     int64_t interaction_ns; /* when a client last changed settings; 0: never */
     int64_t check_due_ns;   /* when the calibration is to be checked next; 0: not known yet */
     struct engine_state state;
@@ -565,5 +577,12 @@ bool engine_armed_locked(const struct live_engine *v);
 /* engine_check.c; both on the live thread, join also after it has ended */
 void engine_check_by_time(struct live_engine *v);
 void engine_check_join(struct live_engine *v);
+
+/* engine_notice.c; all on the live thread, join also after it has ended */
+/** Look at the next view if it is time for one, while the frames of a set are borrowed. */
+void engine_notice_follow(struct live_engine *v);
+/** The light field is another one. */
+void engine_notice_forget(struct live_engine *v);
+void engine_notice_join(struct live_engine *v);
 
 #endif

@@ -108,6 +108,36 @@ static json_t *histogram_json(const struct engine_state *v)
                      v->counted ? json_real(v->share_max_px) : json_null(), "share", share);
 }
 
+static void add_noticed(json_t *list, const char *what, const char *text)
+{
+    json_array_append_new(list, json_pack("{s:s, s:s}", "what", what, "text", text));
+}
+
+json_t *service_noticed_json(const struct engine_state *v, double skew_us)
+{
+    const struct sst_notices *n = &v->noticed;
+    json_t *list = json_array();
+    char text[320];
+
+    for (int i = 0; i < n->count; i++)
+        add_noticed(list, n->notice[i].what, n->notice[i].text);
+    if (v->misaligned)
+        add_noticed(list, "misaligned", v->check);
+    if (sst_notice_skew(text, skew_us))
+        add_noticed(list, "time-offsets", text);
+    return list;
+}
+
+/* Figures of the pictures, of as many views as were measured. */
+static json_t *quality_json(const struct engine_state *v)
+{
+    const struct sst_notices *n = &v->noticed;
+
+    return json_pack("{s:i, s:o, s:o, s:o, s:i}", "views", v->noticed_views, "noise_levels",
+                     sst_api_real(v->noticed_views ? n->noise_levels : NAN), "edge_px", sst_api_real(n->edge_px),
+                     "jpeg_quality", sst_api_real(n->jpeg_quality), "soft_views", n->soft);
+}
+
 json_t *service_live_json(const struct engine_state *v, const struct sst_live_settings *settings)
 {
     json_t *stages = json_object(), *live;
@@ -139,6 +169,7 @@ json_t *service_live_json(const struct engine_state *v, const struct sst_live_se
     json_object_set_new(live, "focal_px", v->focal_px > 0 ? json_real(v->focal_px) : json_null());
     json_object_set_new(live, "spacing_mm", v->spacing_mm > 0 ? json_real(v->spacing_mm) : json_null());
     json_object_set_new(live, "calibration", json_string(v->check));
+    json_object_set_new(live, "quality", quality_json(v));
     return live;
 }
 
@@ -241,8 +272,12 @@ int service_status(void *arg, struct sst_api_answer *out)
                   (double)(now_ns - s->start_ns) / 1e9, "time", time, "capture", capture_json(&g->array, &g->layout),
                   "live", service_live_json(&g->engine, &g->live), "storage", sst_storage_status(s->storage), "clients",
                   clients_json(s), "certificate", certificate_json(s), "process", process_json(g->cpu_percent));
-    if (out->body)
+    if (out->body) {
+        const double skew_ns = (double)sst_histogram_quantile(&g->array.report.skew_ns, 0.5);
+
+        json_object_set_new(out->body, "noticed", service_noticed_json(&g->engine, skew_ns / 1e3));
         json_object_set_new(out->body, "hosts", service_hosts_json(s->array));
+    }
     free(g);
     return out->body ? 0 : -ENOMEM;
 }

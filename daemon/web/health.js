@@ -17,6 +17,11 @@ const STAGE_WORDS = {
   refine: "refining", render: "rendering", encode: "encoding",
 };
 
+const NOTICED_WORDS = {
+  noise: "Noise", blur: "Blurred", "soft-views": "Soft views", jpeg: "JPEG", "missing-views": "Missing views",
+  "blank-views": "Dark views", misaligned: "Misaligned", "time-offsets": "Exposed apart",
+};
+
 function saved(skip, digits, unit) {
   if (!skip?.on) return "off";
   const error = finite(skip.error) ? `error ${number(skip.error, digits)} ${unit}` : "error not sampled yet";
@@ -124,7 +129,8 @@ export class Health {
       ["Work saved by change", saved(skips.change, 2, "levels")], ["Work saved on labels", saved(skips.labels, 3, "of labels")],
       ...(skips.ranges?.on ? [["Depths not searched", saved(skips.ranges, 3, "of depths")]] : []),
       ...(skips.views?.on || skips.tiles?.on ? [["Rays left out", saved(skips.views?.on ? skips.views : skips.tiles, 2, "levels")]] : []),
-      ["Processor", `${number(live.cpu_percent)} % of a core`]]);
+      ["Processor", `${number(live.cpu_percent)} % of a core`],
+      ...(status.noticed ?? []).map(({ what, text }) => [NOTICED_WORDS[what] ?? what, text, "warn"])]);
     this.showStorage(storage);
     facts(this.cards.clients.list, [
       ["Connections", `${number(clients.http)}, ${number(clients.streams)} with pictures, ${number(clients.listeners)} with events`],

@@ -60,6 +60,10 @@ SST_MUST_CHECK int sst_map_f32_init(struct sst_map_f32 *map, int width, int heig
  */
 double sst_image_noise(const struct sst_image *img);
 
+/** Standard deviation of the green, levels, of every fourth pixel of every fourth row: next to 0 where nothing is seen.
+ */
+double sst_image_contrast(const struct sst_image *img);
+
 /**
  * Width of a picture's sharpest edges, as the sigma of a Gaussian that blurs ideal ones: the best tenth of the steepest
  * tenth of green's gradients, of at most 64 tiles of 32x32 pixels. Drawn scenes and good pictures have 0.25 to 0.35 px,

@@ -52,3 +52,21 @@ double sst_image_noise(const struct sst_image *img)
     qsort(found, (size_t)n, sizeof(*found), ascending);
     return sqrt(M_PI / 2) / 6 * found[n / QUANTILE] / (BLOCK * BLOCK);
 }
+
+#define CONTRAST_STEP 4
+
+double sst_image_contrast(const struct sst_image *img)
+{
+    double sum = 0, squares = 0;
+    int n = 0;
+
+    for (int y = 0; y < img->height; y += CONTRAST_STEP) {
+        const uint8_t *row = sst_image_row(img, 1, y);
+
+        for (int x = 0; x < img->width; x += CONTRAST_STEP, n++) {
+            sum += row[x];
+            squares += row[x] * row[x];
+        }
+    }
+    return n ? sqrt(fmax(squares / n - sum / n * (sum / n), 0)) : 0;
+}

@@ -94,6 +94,8 @@ const char *lightfield_fault(const struct sst_lightfield *lf)
         return "focal_px: outside 0..1e9";
     if (!within(lf->spacing_mm, 0, 1e9))
         return "spacing_mm: outside 0..1e9";
+    if (!within(lf->skew_us, 0, 1e12))
+        return "skew_us: outside 0..1e12";
     if (sst_lightfield_choose_ref(&copy))
         return "views: none";
     if (copy.ref_view != lf->ref_view)
@@ -196,8 +198,9 @@ char *lightfield_to_json(const struct sst_lightfield *lf, char (*hashes)[65], co
     if (root &&
         ((lf->disparity_tested && json_object_set_new(root, "disparity_tested", json_true())) ||
          (lf->parallel && json_object_set_new(root, "parallel", json_true())) ||
-         (lf->samples.white && json_object_set_new(root, "samples", json_pack("[i, i]", lf->samples.black,
-                                                                              lf->samples.white))) ||
+         (lf->skew_us > 0 && json_object_set_new(root, "skew_us", json_real(lf->skew_us))) ||
+         (lf->samples.white &&
+          json_object_set_new(root, "samples", json_pack("[i, i]", lf->samples.black, lf->samples.white))) ||
          (lf->files->judged && (json_object_set_new(root, "plausible", json_boolean(lf->files->plausible)) ||
                                 json_object_set_new(root, "implausible", json_string(lf->files->implausible)))) ||
          (lf->correction && json_object_set_new(root, "correction", correction_to_json(lf))))) {
@@ -562,6 +565,7 @@ static int read_root(struct sst_lightfield *lf, struct reader *r)
     lf->files->external_disparity = get_bool(r, "disparity_given");
     lf->disparity_tested = json_object_get(r->object, "disparity_tested") && get_bool(r, "disparity_tested");
     lf->parallel = json_object_get(r->object, "parallel") && get_bool(r, "parallel");
+    lf->skew_us = json_object_get(r->object, "skew_us") ? get_double(r, "skew_us") : 0;
     if (json_object_get(r->object, "samples"))
         read_samples(lf, r);
     lf->files->external_labels = get_bool(r, "labels_given");

@@ -43,6 +43,7 @@ struct sst_lightfield {
     bool disparity_tested;             /* the disparities were tested against the views around (design.md, 5.7) */
     double focal_px;                   /* 0: unknown */
     double spacing_mm;                 /* nominal spacing; 0: unknown */
+    double skew_us;                    /* between the first and the last exposure of the views; 0: unknown, or none */
     struct sst_classes classes;
     /* With a calibration the views' files are raw frames, which are rectified on loading; everything else here (sizes,
      * maps, offsets) refers to the rectified views. NULL: the files are the views. Owned. */

@@ -64,6 +64,14 @@ awaits "curl -sf -m 10 --unix-socket c.sock http://x/metrics >metrics && grep -q
 awk '$1 == "#" && $2 == "TYPE" { type[$3] = $4 } /^[^#].*quantile=/ { sub(/\{.*/, ""); if (type[$0] != "summary") { print; bad = 1 } }
   END { exit bad }' metrics || fail "quantiles of what is no summary"
 
+# All views are looked at, one after the other; nothing is wrong with them but what the simulation's pictures are like.
+until_is 120 live.quality.views 'v == 36'
+awaits "curl -sf -m 10 --unix-socket c.sock http://x/metrics >metrics && grep -q '^sst_noticed{what=\"missing-views\"} 0$' metrics" ||
+  fail "noticed: $(grep noticed metrics)"
+for what in missing-views blank-views time-offsets misaligned; do
+  ! value noticed | grep -q "\"$what\"" || fail "$what is noticed of an array that is well: $(value noticed)"
+done
+
 # Without viewers one view is watched, and maps are brought up to date now and then.
 until_is 20 live.demand 'v == "events"' # for visits to the zone
 until_is 20 live.watched 'v > 20'
@@ -151,6 +159,14 @@ until_is 5 capture.present 'v == 35'
 awaits "'$sst' events | grep -q 'row 1, col 1.*lost'" || fail "no event of the lost camera: $("$sst" events | tail -3)"
 fault camera.7.unplug=0
 until_is 10 state 'v == "capturing"'
+
+# A tenth of the views is missing: noticed, and no longer so.
+for i in 3 9 20 31; do fault camera.$i.unplug=1; done
+until_is 30 noticed 'any(n["what"] == "missing-views" for n in v)'
+"$sst" status | grep -q 'noticed .*views are missing' || fail "status: $("$sst" status)"
+for i in 3 9 20 31; do fault camera.$i.unplug=0; done
+until_is 10 state 'v == "capturing"'
+until_is 60 noticed 'not any(n["what"] == "missing-views" for n in v)'
 
 # The trigger's chip goes and comes back.
 fault gpio.vanish=1

@@ -57,7 +57,7 @@ static void copy_views(struct sst_lightfield *lf)
 static void notice(struct sst_notices *out, const struct sst_lightfield *lf)
 {
     assert_int_equal(sst_notice_measure(out, lf, 2), 0);
-    sst_notice_describe(out, lf);
+    sst_notice_describe(out, lf->rows, lf->cols);
     for (int i = 0; i < out->count; i++)
         print_message("%s: %s\n", out->notice[i].what, out->notice[i].text);
 }
@@ -128,10 +128,10 @@ static void jpeg_is_warned_of_by_the_worst_view(void **state SST_UNUSED)
 
     notice(&n, &scene_views);
     sst_notice_jpeg_files(&n, none, VIEWS);
-    sst_notice_describe(&n, &scene_views);
+    sst_notice_describe(&n, 2, 2);
     assert_int_equal(n.count, 0);
     sst_notice_jpeg_files(&n, files, VIEWS);
-    sst_notice_describe(&n, &scene_views);
+    sst_notice_describe(&n, 2, 2);
     assert_int_equal(n.count, 1);
     assert_string_equal(n.notice[0].what, "jpeg");
     assert_true(n.jpeg_views == 3 && n.jpeg_quality == 60);
@@ -188,6 +188,51 @@ static void noise_and_missing_views_are_warned_of(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
+/* Summed up one view after the other, as in the service: a view that is covered has no edges, and is no soft one. */
+static void views_are_summed_up_one_by_one(void **state SST_UNUSED)
+{
+    struct sst_notice_view view[VIEWS] = { 0 };
+    struct sst_lightfield lf;
+    struct sst_notices n;
+
+    copy_views(&lf);
+    sst_notice_sum(&n, view, 2, 2);
+    sst_notice_describe(&n, 2, 2);
+    assert_true(n.missing == VIEWS && n.count == 1 && isnan(n.edge_px) && !n.blank && !n.noise_levels);
+    for (int k = 0; k < VIEWS; k++)
+        sst_notice_view(&view[k], &lf.views[k].image, &lf.views[k].valid);
+    sst_notice_sum(&n, view, 2, 2);
+    sst_notice_describe(&n, 2, 2);
+    assert_true(n.count == 0 && !n.missing && n.edge_px < 0.45);
+    memset(lf.views[1].image.plane[0], 3, 3 * lf.views[1].image.stride * HEIGHT);
+    sst_notice_view(&view[1], &lf.views[1].image, &lf.views[1].valid);
+    sst_notice_sum(&n, view, 2, 2);
+    sst_notice_describe(&n, 2, 2);
+    assert_true(n.count == 1 && n.blank == 1 && n.first_blank == 1 && !n.soft);
+    assert_string_equal(n.notice[0].what, "blank-views");
+    assert_non_null(strstr(n.notice[0].text, "row 0, column 1"));
+    sst_lightfield_fini(&lf);
+}
+
+static void exposures_apart_are_warned_of(void **state SST_UNUSED)
+{
+    struct sst_lightfield lf;
+    struct sst_notices n;
+    char text[320];
+
+    copy_views(&lf);
+    lf.skew_us = 4999;
+    notice(&n, &lf);
+    assert_int_equal(n.count, 0);
+    lf.skew_us = 33000;
+    notice(&n, &lf);
+    assert_int_equal(n.count, 1);
+    assert_string_equal(n.notice[0].what, "time-offsets");
+    assert_non_null(strstr(n.notice[0].text, "33 ms apart"));
+    assert_true(!sst_notice_skew(text, 0) && !sst_notice_skew(text, NAN) && sst_notice_skew(text, 5000));
+    sst_lightfield_fini(&lf);
+}
+
 /* Black, one level, a few pixels: nothing is measured, and nothing is warned of. */
 static void degenerate_pictures_have_no_figures(void **state SST_UNUSED)
 {
@@ -212,6 +257,8 @@ int main(void)
         cmocka_unit_test(jpeg_is_warned_of_by_the_worst_view),
         cmocka_unit_test(a_soft_view_is_named),
         cmocka_unit_test(noise_and_missing_views_are_warned_of),
+        cmocka_unit_test(views_are_summed_up_one_by_one),
+        cmocka_unit_test(exposures_apart_are_warned_of),
         cmocka_unit_test(degenerate_pictures_have_no_figures),
     };
 

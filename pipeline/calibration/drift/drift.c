@@ -16,7 +16,6 @@
 #define SIGMAS        4   /* significance of an offset */
 #define NAMED         4   /* cameras named in the sentence */
 #define BLANK_SHARE   0.1 /* of the median contrast of all views */
-#define CONTRAST_STEP 4   /* px: contrast is measured on every fourth pixel of every fourth row */
 
 const char *sst_drift_verdict_name(enum sst_drift_verdict verdict)
 {
@@ -332,23 +331,6 @@ static void end(struct drift_work *w)
     free(w->link);
 }
 
-/* Standard deviation of a picture's green. */
-static double contrast_of(const struct sst_image *image)
-{
-    double sum = 0, squares = 0;
-    int n = 0;
-
-    for (int y = 0; y < image->height; y += CONTRAST_STEP) {
-        const uint8_t *row = sst_image_row(image, 1, y);
-
-        for (int x = 0; x < image->width; x += CONTRAST_STEP, n++) {
-            sum += row[x];
-            squares += row[x] * row[x];
-        }
-    }
-    return sqrt(fmax(squares / n - sum / n * (sum / n), 0));
-}
-
 /* Views without contrast among others that have some. */
 static void mark_blank(struct sst_drift_camera *camera, const struct drift_work *w)
 {
@@ -358,7 +340,7 @@ static void mark_blank(struct sst_drift_camera *camera, const struct drift_work 
     for (int v = 0; v < w->views; v++) {
         if (!w->view[v].image)
             continue;
-        contrast[v] = contrast_of(w->view[v].image);
+        contrast[v] = sst_image_contrast(w->view[v].image);
         sorted[n++] = contrast[v];
     }
     usual = sst_stats_median(sorted, n);

@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdarg.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -14,7 +15,7 @@
 
 struct job {
     const struct sst_lightfield *lf;
-    double *noise, *edge, *quality; /* [views]; NAN: absent or not measured */
+    struct sst_notice_view *view; /* [views] */
 };
 
 static int measure_view(void *arg, int view, int worker SST_UNUSED)
@@ -22,13 +23,25 @@ static int measure_view(void *arg, int view, int worker SST_UNUSED)
     const struct job *job = arg;
     const struct sst_view *v = &job->lf->views[view];
 
-    job->noise[view] = job->edge[view] = job->quality[view] = NAN;
-    if (!v->present || !v->image.plane[0])
-        return 0;
-    job->noise[view] = sst_image_noise(&v->image);
-    job->edge[view] = sst_image_edge_px(&v->image, &v->valid);
-    job->quality[view] = sst_image_jpeg_quality(&v->image);
+    if (v->present && v->image.plane[0])
+        sst_notice_view(&job->view[view], &v->image, &v->valid);
     return 0;
+}
+
+void sst_notice_view(struct sst_notice_view *out, const struct sst_image *image, const struct sst_map_u8 *valid)
+{
+    *out = (struct sst_notice_view){ .present = true,
+                                     .noise = sst_image_noise(image),
+                                     .edge = sst_image_edge_px(image, valid),
+                                     .quality = sst_image_jpeg_quality(image),
+                                     .contrast = sst_image_contrast(image) };
+}
+
+/* One of the figures of all views that are there; NAN: others. */
+static void gather(double *out, const struct sst_notice_view *view, int views, size_t figure)
+{
+    for (int k = 0; k < views; k++)
+        out[k] = view[k].present ? *(const double *)(const void *)((const char *)&view[k] + figure) : NAN;
 }
 
 /* The upper median of the known values; NAN: none. */
@@ -49,7 +62,7 @@ static void find_soft(struct sst_notices *out, const double *edge, int views)
     for (int k = 0; k < views; k++) {
         double px;
 
-        if (isnan(edge[k]) || !(edge[k] > SST_NOTICE_SOFTER * out->edge_px))
+        if (isnan(edge[k]) || !isgreater(edge[k], SST_NOTICE_SOFTER * out->edge_px))
             continue;
         px = sqrt(edge[k] * edge[k] - out->edge_px * out->edge_px);
         if (px < SST_NOTICE_SOFTER_PX)
@@ -59,6 +72,18 @@ static void find_soft(struct sst_notices *out, const double *edge, int views)
         if (px > out->soft_px) {
             out->soft_px = px;
             out->softest = k;
+        }
+    }
+}
+
+static void find_blank(struct sst_notices *out, const double *contrast, int views)
+{
+    const double usual = middle(contrast, views);
+
+    for (int k = views - 1; k >= 0; k--) {
+        if (isless(contrast[k], SST_NOTICE_BLANK * usual)) { /* never so for NAN */
+            out->blank++;
+            out->first_blank = k;
         }
     }
 }
@@ -77,30 +102,56 @@ void sst_notice_jpeg_files(struct sst_notices *out, const double *quality, int v
         out->jpeg_quality = fmin(out->jpeg_quality, quality[k]);
 }
 
+void sst_notice_sum(struct sst_notices *out, const struct sst_notice_view *view, int rows, int cols)
+{
+    const int views = rows * cols;
+    double v[SST_MAX_VIEWS], noise;
+
+    *out = (struct sst_notices){ .edge_px = NAN, .jpeg_quality = NAN, .softest = -1, .first_blank = -1 };
+    gather(v, view, views, offsetof(struct sst_notice_view, noise));
+    noise = middle(v, views);
+    out->noise_levels = isnan(noise) ? 0 : noise;
+    gather(v, view, views, offsetof(struct sst_notice_view, edge));
+    out->edge_px = middle(v, views);
+    find_soft(out, v, views);
+    gather(v, view, views, offsetof(struct sst_notice_view, quality));
+    sst_notice_jpeg_files(out, v, views);
+    gather(v, view, views, offsetof(struct sst_notice_view, contrast));
+    find_blank(out, v, views);
+    for (int k = 0; k < views; k++)
+        out->missing += !view[k].present;
+    sst_border_doubles("noise and blur of the pictures", (const double[]){ out->noise_levels, out->soft_px }, 2);
+}
+
 int sst_notice_measure(struct sst_notices *out, const struct sst_lightfield *lf, int threads)
 {
     const int views = lf->rows * lf->cols;
-    double *v = malloc(3 * (size_t)views * sizeof(*v));
-    struct job job = { lf, v, v + views, v + 2 * views };
-    int err;
+    struct job job = { lf, calloc((size_t)views, sizeof(*job.view)) };
+    int err = job.view ? sst_parallel_for(views, sst_thread_count(threads), measure_view, &job) : -ENOMEM;
 
-    *out = (struct sst_notices){ .edge_px = NAN, .jpeg_quality = NAN, .softest = -1 };
-    if (!v)
-        return -ENOMEM;
-    err = sst_parallel_for(views, sst_thread_count(threads), measure_view, &job);
+    if (job.view)
+        sst_notice_sum(out, job.view, lf->rows, lf->cols);
     if (!err) {
-        const double noise = middle(job.noise, views);
-
-        out->noise_levels = isnan(noise) ? 0 : noise;
-        out->edge_px = middle(job.edge, views);
-        find_soft(out, job.edge, views);
-        sst_notice_jpeg_files(out, job.quality, views);
-        sst_border_doubles("noise and blur of the pictures", (const double[]){ out->noise_levels, out->soft_px }, 2);
+        out->missing = 0;
+        for (int k = 0; k < views; k++)
+            out->missing += !lf->views[k].present;
+        out->blank = 0;
+        out->skew_us = lf->skew_us;
     }
-    for (int k = 0; k < views; k++)
-        out->missing += !lf->views[k].present;
-    free(v);
+    free(job.view);
     return err;
+}
+
+bool sst_notice_skew(char text[320], double skew_us)
+{
+    if (!(skew_us >= SST_NOTICE_SKEW_US))
+        return false;
+    snprintf(
+        text, 320,
+        "the views were exposed up to %.0f ms apart: what moves is matched at wrong depths, or not at all; trigger "
+        "the cameras together, or check their wiring",
+        skew_us / 1000);
+    return true;
 }
 
 SST_PRINTF(3, 4) static void add(struct sst_notices *out, const char *what, const char *fmt, ...)
@@ -114,9 +165,10 @@ SST_PRINTF(3, 4) static void add(struct sst_notices *out, const char *what, cons
     out->count++;
 }
 
-void sst_notice_describe(struct sst_notices *out, const struct sst_lightfield *lf)
+void sst_notice_describe(struct sst_notices *out, int rows, int cols)
 {
-    const int views = lf->rows * lf->cols;
+    const int views = rows * cols;
+    char skew[320];
 
     out->count = 0;
     if (out->noise_levels >= SST_NOTICE_NOISE_LEVELS)
@@ -133,7 +185,7 @@ void sst_notice_describe(struct sst_notices *out, const struct sst_lightfield *l
         add(out, "soft-views",
             "%d of %d views are less sharp than the others, that of row %d, column %d most (blurred by %.1f px); focus "
             "or clean the lens",
-            out->soft, views - out->missing, out->softest / lf->cols, out->softest % lf->cols, out->soft_px);
+            out->soft, views - out->missing, out->softest / cols, out->softest % cols, out->soft_px);
     if (isless(out->jpeg_quality, SST_NOTICE_JPEG_QUALITY))
         add(out, "jpeg",
             "%d of %d views are or were JPEG, of quality %.0f at worst: fine structure is lost, and clear pictures "
@@ -144,4 +196,12 @@ void sst_notice_describe(struct sst_notices *out, const struct sst_lightfield *l
         add(out, "missing-views",
             "%d of %d views are missing: what is behind leaves is seen by fewer; record them again", out->missing,
             views);
+    if (out->blank)
+        add(out, "blank-views",
+            "%d of %d views show next to nothing, the first is that of row %d, column %d: black, covered or "
+            "over-exposed; "
+            "uncover the lens, or set the exposure",
+            out->blank, views - out->missing, out->first_blank / cols, out->first_blank % cols);
+    if (sst_notice_skew(skew, out->skew_us))
+        add(out, "time-offsets", "%s", skew);
 }
