@@ -248,7 +248,7 @@ void sst_judge_maps(struct sst_judgement *out, const struct sst_lightfield *lf, 
     }
     usual = n ? sst_stats_median(sorted, n) : NAN;
     for (int v = 0; v < views; v++) {
-        if (out->view[v].confirmed < FAR_BELOW * usual && out->view[v].confirmed < SST_CONFIRMED_FLOOR)
+        if (isless(out->view[v].confirmed, FAR_BELOW * usual) && out->view[v].confirmed < SST_CONFIRMED_FLOOR) /* NAN: never */
             blame(out, v, SST_VIEW_UNCONFIRMED, -1);
     }
     if (out->plausible && confirmed < SST_CONFIRMED_FLOOR)
