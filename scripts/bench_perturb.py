@@ -199,7 +199,7 @@ def measure_faults(bench, name, seed):
         bench.one(name, seed, fault, "", "auto", lf, os.path.join(lf, "truth"))
 
 
-def measure_real(bench, name, data, most):
+def measure_real(bench, name, data, most, kinds):
     """A photographed light field against what comes of it unperturbed."""
     kind, folder = perturb_page.REAL[name]
     lf, truth = os.path.join(bench.dir, name), os.path.join(bench.dir, name + "-unperturbed")
@@ -219,6 +219,8 @@ def measure_real(bench, name, data, most):
         np.save(truth, disparity(out))
         bench.render(out, truth, name + "-unperturbed.png")
     for kind in ("none", *perturb_page.REAL_KINDS):
+        if kinds and kind not in ("none", *kinds.split(",")):
+            continue
         for strength in perturb_page.strengths(name, kind, False):
             bench.one(name, 1, kind, strength, "auto", lf, truth)
 
@@ -229,9 +231,11 @@ def measure_seed(bench, seed, args):
             continue
         if scene in perturb_page.REAL:
             if seed == 1:
-                measure_real(bench, scene, args.real, int(args.small.split("x")[0]))
+                measure_real(bench, scene, args.real, int(args.small.split("x")[0]), args.kinds)
             continue
-        for kind in ("none", *perturb.SWEEPS):
+        if seed > 1 and scene not in perturb_page.SCENES:
+            continue
+        for kind in ("none", *perturb.SWEEPS) if seed == 1 else ("none", *perturb_page.SEVERAL):
             if args.kinds and kind not in ("none", *args.kinds.split(",")):
                 continue
             if scene in perturb_page.MOVING or kind not in ("time", "rolling"):

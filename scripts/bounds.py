@@ -33,9 +33,9 @@ What has no answer of its own, and what comes out (`tests/unit/degenerate.c`, wh
 CHAINS = """
 ## Random chains
 
-`make soak-chain HOURS=1` draws random grids, pictures, faults of views, labels, disparities and settings, runs processing and three
-pictures on each, and compares the bytes by threads, pixels with the sums in double, and all results with what they may be
-(`tests/tools/chain.c`). A failure prints the seed that repeats it.
+`make soak-chain HOURS=1` draws random grids, pictures, faults of views, displaced and darkened pictures, labels, disparities and settings,
+runs alignment, processing and three pictures on each, and compares the bytes by threads, pixels with the sums in double, and all results with
+what they may be; no NaN may cross a module's border (`tests/tools/chain.c`). A failure prints the seed that repeats it.
 """
 
 
