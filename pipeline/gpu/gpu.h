@@ -35,6 +35,12 @@ enum sst_gpu_shader {
     SST_GPU_FILL_START = 16,
     SST_GPU_FILL_PROJECT = 17,
     SST_GPU_FILL_TAKE = 18,
+    SST_GPU_NET_CONV8 = 19, /* net.h */
+    SST_GPU_NET_CONV = 20,
+    SST_GPU_NET_MOVE = 21,
+    SST_GPU_NET_RESIZE = 22,
+    SST_GPU_NET_POOL = 23,
+    SST_GPU_NET_UNIT = 24,
     SST_GPU_SHADERS
 };
 

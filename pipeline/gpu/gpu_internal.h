@@ -108,6 +108,18 @@ gpu_self_test_fn check_self_test;
 gpu_self_test_fn fill_start_self_test;
 gpu_self_test_fn fill_project_self_test;
 gpu_self_test_fn fill_take_self_test;
+gpu_reference_fn net_conv8_reference;
+gpu_reference_fn net_conv_reference;
+gpu_reference_fn net_move_reference;
+gpu_reference_fn net_resize_reference;
+gpu_reference_fn net_pool_reference;
+gpu_reference_fn net_unit_reference;
+gpu_self_test_fn net_conv8_self_test;
+gpu_self_test_fn net_conv_self_test;
+gpu_self_test_fn net_move_self_test;
+gpu_self_test_fn net_resize_self_test;
+gpu_self_test_fn net_pool_self_test;
+gpu_self_test_fn net_unit_self_test;
 
 /* --- back ends ---------------------------------------------------------------------------------------------------- */
 

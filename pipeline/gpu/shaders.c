@@ -8,6 +8,7 @@
 #include "pipeline/gpu/gpu_internal.h"
 #include "pipeline/gpu/hypotheses.h"
 #include "pipeline/gpu/match.h"
+#include "pipeline/gpu/net.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
     [SST_GPU_BLEND] = { "blend", SST_GPU_BLEND_BUFFERS, sizeof(struct sst_gpu_blend), blend_reference,
@@ -51,6 +52,18 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                                fill_project_reference, fill_project_self_test },
     [SST_GPU_FILL_TAKE] = { "fill_take", SST_GPU_FILL_TAKE_BUFFERS, sizeof(struct sst_gpu_fill), fill_take_reference,
                             fill_take_self_test },
+    [SST_GPU_NET_CONV8] = { "net_conv8", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_conv), net_conv8_reference,
+                            net_conv8_self_test },
+    [SST_GPU_NET_CONV] = { "net_conv", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_conv), net_conv_reference,
+                           net_conv_self_test },
+    [SST_GPU_NET_MOVE] = { "net_move", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_layer), net_move_reference,
+                           net_move_self_test },
+    [SST_GPU_NET_RESIZE] = { "net_resize", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_layer), net_resize_reference,
+                             net_resize_self_test },
+    [SST_GPU_NET_POOL] = { "net_pool", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_layer), net_pool_reference,
+                           net_pool_self_test },
+    [SST_GPU_NET_UNIT] = { "net_unit", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_layer), net_unit_reference,
+                           net_unit_self_test },
 };
 
 const char *sst_gpu_shader_name(enum sst_gpu_shader shader)

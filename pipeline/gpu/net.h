@@ -1,0 +1,111 @@
+/* pipeline/gpu/net.h - the shaders of convolutional networks: layers between tensors in the memory of a device.
+ *
+ * A tensor of c channels has pixels row by row, the channels of a pixel side by side in a multiple of four: floats of a
+ * word each, or bytes, four to a word. A byte q stands for scale * q. Offsets and pitches are in words of 32 bits.
+ *
+ * All of them give the bytes of their references (net.c) on every device: sums of bytes are exact, those of floats have
+ * one order, and are rounded as IEEE 754 does; pools and lengths are summed in two parts. The references compute as the
+ * plan for the CPU does (pipeline/method/network/plan_conv.c): convolutions on 8 bits equal it byte for byte on
+ * processors with VNNI; those on floats differ by their order of summation.
+ */
+#ifndef SST_PIPELINE_GPU_NET_H
+#define SST_PIPELINE_GPU_NET_H
+
+#include "pipeline/gpu/gpu.h"
+
+enum sst_gpu_net_type {
+    SST_GPU_NET_F32 = 0,
+    SST_GPU_NET_U8 = 1,
+    SST_GPU_NET_S8 = 2,
+    SST_GPU_NET_PLANES = 3, /* floats, [channel][row][column] */
+};
+
+/** Buffers of all these shaders, by binding. FROM and TO may be one buffer, if what is read is not what is written. */
+enum sst_gpu_net_buffer {
+    SST_GPU_NET_FIXED = 0, /* weights, biases, positions of samples */
+    SST_GPU_NET_FROM = 1,
+    SST_GPU_NET_TO = 2, /* out */
+    SST_GPU_NET_BUFFERS
+};
+
+/* Structures have the layout of the shaders (std430). */
+
+/** A tensor, and how much of it a layer reads or writes. */
+struct sst_gpu_net_tensor {
+    uint32_t at;    /* its first word */
+    uint32_t pitch; /* words of a pixel; SST_GPU_NET_PLANES: of a plane */
+    uint32_t type;  /* enum sst_gpu_net_type */
+    int32_t width, height;
+};
+
+#define SST_GPU_NET_TILE     64  /* pixels of a group of a convolution */
+#define SST_GPU_NET_TILE_OUT 32  /* channels of it; weights are padded with zeros to a multiple */
+#define SST_GPU_NET_SLAB     8   /* words of a pixel that are multiplied at once; weights are padded to a multiple */
+#define SST_GPU_NET_EXACT    512 /* products of bytes whose sum is exact in a float */
+#define SST_GPU_NET_UNFUSED  0   /* of residual_mode: the residual times its scale is rounded, then added */
+#define SST_GPU_NET_FUSED    1   /* ... is rounded once, with the sum */
+#define SST_GPU_NET_NONE     2   /* there is none */
+#define SST_GPU_NET_GROUP    64  /* invocations of the other shaders */
+
+/**
+ * net_conv8 (bytes) and net_conv (floats): a convolution of one group. With K = ceil(kernel words / SLAB) * SLAB, where
+ * a kernel has kernel[0] * kernel[1] * from.pitch words,
+ *   weights_at  words of K * channels, padded: [word of a pixel, tap after tap][channel]; of bytes, four inputs a word
+ *   scales_at   floats of channels, padded: factors of the sums (net_conv8 only)
+ *   bias_at     floats of channels, padded; added before the factor
+ * Then the residual is added, relu applied, and the result stored: as float, or as byte of result * out_scale (net_conv
+ * only; net_conv8 has it in its factors), to nearest, halves to even. Groups: tiles of pixels, tiles of channels.
+ */
+struct sst_gpu_net_conv {
+    struct sst_gpu_net_tensor from, to;
+    int32_t channels; /* of `to` that are written, from to.at on; those up to a multiple of 4 are written as well */
+    int32_t kernel;   /* height << 16 | width; and so on */
+    int32_t stride, pad, dilation;
+    uint32_t weights_at, scales_at, bias_at;
+    uint32_t residual_at, residual_pitch, residual_type; /* in FROM */
+    float residual_scale;
+    uint32_t residual_mode; /* SST_GPU_NET_UNFUSED, ... */
+    float out_scale;
+    uint32_t relu;
+};
+
+/** net_pool, net_resize, net_move, net_unit. What is read is `scale` times what is stored, unless it is 1. */
+struct sst_gpu_net_layer {
+    struct sst_gpu_net_tensor from, to;
+    int32_t channels; /* those up to a multiple of 4 are written as well */
+    float scale;
+    uint32_t taps_at; /* net_resize: struct sst_gpu_net_tap[to.height], then [to.width] */
+    float factor;     /* net_unit */
+    float in_add, in_min, add, min;
+};
+
+/** Position of one output sample along an axis: in[lo] + part (in[hi] - in[lo]). */
+struct sst_gpu_net_tap {
+    int32_t lo, hi;
+    float part;
+};
+
+/*
+ * net_move    copies, and converts: to bytes by rounding to nearest, halves to even
+ * net_resize  bilinear, to floats
+ * net_pool    means over bins floor(i n / m) .. ceil((i + 1) n / m), to floats
+ * net_unit    x factor / max(sqrt(max(S + in_add, in_min)) + add, min), S = sum x^2, of floats, to signed bytes; halves
+ *             away from 0
+ * Groups: (to.width * ceil(channels / 4)) / GROUP, to.height; net_pool: bins across times ceil(channels / 4), bins
+ * down; net_unit: to.width / GROUP, to.height.
+ */
+
+static inline uint32_t sst_gpu_net_words(int channels, uint32_t type)
+{
+    const uint32_t fours = ((uint32_t)channels + 3) / 4;
+
+    return type == SST_GPU_NET_U8 || type == SST_GPU_NET_S8 ? fours : 4 * fours;
+}
+
+/** Words of weights, K * channels padded, of a convolution. */
+uint64_t sst_gpu_net_weights(const struct sst_gpu_net_conv *c);
+
+/** Fill work->groups for a layer of this shader. */
+void sst_gpu_net_groups(struct sst_gpu_work *work);
+
+#endif
