@@ -14,15 +14,15 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/thread.h"
+#include "pipeline/gpu/backoff.h"
 #include "pipeline/gpu/blend.h"
 #include "pipeline/method/render/render_internal.h"
 
-#define PACK_ROWS    64 /* that a thread packs at once */
-#define MOST_SKIPPED 64 /* pictures between two attempts to open a device that failed */
-#define SUM_BYTES    20 /* of a pixel of the picture: four sums and the result */
-#define PIXEL_BYTES  7  /* of a pixel of a view: colour and label, disparity, valid */
-#define ROW_BYTES    (SST_BLEND_COLUMNS * sizeof(float)) /* of the table of label weights */
-#define NONE         (-1)
+#define PACK_ROWS   64                                  /* that a thread packs at once */
+#define SUM_BYTES   20                                  /* of a pixel of the picture: four sums and the result */
+#define PIXEL_BYTES 7                                   /* of a pixel of a view: colour and label, disparity, valid */
+#define ROW_BYTES   (SST_BLEND_COLUMNS * sizeof(float)) /* of the table of label weights */
+#define NONE        (-1)
 
 /* Room for one view. */
 struct slot {
@@ -44,8 +44,7 @@ struct render_device {
     int pitch; /* pixels of a row of a view on the device */
     /* under lock */
     struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
-    int skip;            /* pictures until it is opened again */
-    int skip_next;       /* ... after the next failure */
+    struct sst_gpu_backoff backoff;
     struct sst_render_device_report report;
     /* of gpu */
     struct chunk *chunk;
@@ -124,7 +123,6 @@ int render_device_create(struct render_device **out, const struct sst_lightfield
         pthread_mutex_init(&d->lock, NULL);
         d->lf = lf;
         d->cfg.memory_bytes = memory_bytes;
-        d->skip_next = 1;
         d->pitch = (lf->width + 3) / 4 * 4;
         snprintf(d->name, sizeof(d->name), "%s", name);
         d->chunk = calloc(views, sizeof(*d->chunk));
@@ -168,12 +166,10 @@ static void note_cpu(struct render_device *d, const char *why)
 static void fail(struct render_device *d, int err)
 {
     sst_log_warning("%s: %s; the picture is rendered on the CPU, and the device is opened again after %d more",
-                    d->report.name, sst_gpu_error(err), d->skip_next - 1);
+                    d->report.name, sst_gpu_error(err), sst_gpu_backoff_fail(&d->backoff));
     note_cpu(d, sst_gpu_error(err));
     d->report.failures++;
     close_gpu(d);
-    d->skip = d->skip_next - 1;
-    d->skip_next = sst_min_int(2 * d->skip_next, MOST_SKIPPED);
 }
 
 /* --- views on the device ------------------------------------------------------------------------------------------ */
@@ -676,8 +672,7 @@ static bool may_try(struct render_device *d, const struct sst_render_tap *t)
         note_cpu(d, "rays are sampled from raw frames");
         return false;
     }
-    if (d->skip > 0) {
-        d->skip--;
+    if (sst_gpu_backoff_skips(&d->backoff)) {
         d->report.on_cpu++;
         return false;
     }
@@ -704,7 +699,7 @@ bool render_device_begin(struct render_device *d, const struct sst_render_plan *
         pthread_mutex_unlock(&d->lock);
         return false;
     }
-    d->skip_next = 1;
+    sst_gpu_backoff_succeed(&d->backoff);
     d->report.pictures++;
     d->report.verified_on_cpu += p->verifier != NULL;
     d->report.total_ns += sst_clock_now_ns() - start_ns;
@@ -742,7 +737,7 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
         pthread_mutex_unlock(&d->lock);
         return false;
     }
-    d->skip_next = 1;
+    sst_gpu_backoff_succeed(&d->backoff);
     d->report.pictures++;
     d->report.total_ns += sst_clock_now_ns() - start_ns;
     *words = d->words.data;
