@@ -90,50 +90,24 @@ static bool in_arena(const struct net_plan_tensor *t)
     return !t->external && t->first >= 0 && t->place_of < 0;
 }
 
-/* Lowest offset where a tensor overlaps none of those already placed (marked) with overlapping lifetimes. Each attempt
- * either succeeds or moves past a conflicting one. */
-static size_t find_place(const struct net_plan *p, const struct net_plan_tensor *t, const bool *placed)
-{
-    size_t at = 0;
-
-    for (int i = 0; i < p->n_tensors; i++) {
-        const struct net_plan_tensor *o = &p->tensors[i];
-
-        if (placed[i] && o->first <= t->last && t->first <= o->last && at < o->offset + o->bytes &&
-            o->offset < at + t->bytes) {
-            at = o->offset + o->bytes;
-            i = -1;
-        }
-    }
-    return at;
-}
-
-/* Largest first, each at the lowest free offset: near optimal for chains and residual blocks. */
 static int place_tensors(struct net_plan *p)
 {
-    bool *placed = calloc((size_t)p->n_tensors, sizeof(*placed));
+    struct net_span *spans = calloc((size_t)p->n_tensors, sizeof(*spans));
 
-    if (!placed)
+    if (!spans)
         return -ENOMEM;
-    for (;;) {
-        struct net_plan_tensor *t = NULL;
-
-        for (int i = 0; i < p->n_tensors; i++) {
-            if (!placed[i] && in_arena(&p->tensors[i]) && (!t || p->tensors[i].bytes > t->bytes))
-                t = &p->tensors[i];
-        }
-        if (!t)
-            break;
-        t->offset = find_place(p, t, placed);
-        placed[t - p->tensors] = true;
-        if (t->offset + t->bytes > p->arena_bytes)
-            p->arena_bytes = t->offset + t->bytes;
-    }
     for (int i = 0; i < p->n_tensors; i++) {
-        if (p->tensors[i].place_of >= 0)
-            p->tensors[i].offset = p->tensors[p->tensors[i].place_of].offset;
+        const struct net_plan_tensor *t = &p->tensors[i];
+
+        spans[i] = (struct net_span){ .bytes = t->bytes, .first = in_arena(t) ? t->first : -1, .last = t->last };
     }
-    free(placed);
+    p->arena_bytes = net_place(spans, p->n_tensors);
+    for (int i = 0; i < p->n_tensors; i++) {
+        struct net_plan_tensor *t = &p->tensors[i];
+
+        t->offset = t->place_of >= 0 ? p->tensors[t->place_of].offset : spans[i].offset;
+    }
+    free(spans);
     return 0;
 }
 
@@ -268,8 +242,15 @@ int net_plan_create(struct net_plan **out, const struct sst_graph *graph, const 
     int err = -ENOMEM;
 
     if (p) {
+        /* Processors without VNNI multiply pairs of bytes into 16 bits, which 2 * 255 * 127 overflows and 2 * 127 * 127
+         * does not: u8 values use 7 bits there. (For s8 values oneDNN itself halves the weights.) */
         *p = (struct net_plan){
-            .graph = graph, .shapes = shapes, .threads = threads, .precision = precision, .name = name
+            .graph = graph,
+            .shapes = shapes,
+            .threads = threads,
+            .precision = precision,
+            .u8_max = net_plan_fast_int8() ? 255.0f : 127.0f,
+            .name = name,
         };
         err = build(p);
         omp_set_num_threads(before);

@@ -17,13 +17,6 @@ bool net_plan_fast_int8(void)
     return (isa & vnni[0]) == vnni[0] || (isa & vnni[1]) == vnni[1];
 }
 
-/* Processors without VNNI multiply pairs of bytes into 16 bits, which 2 * 255 * 127 overflows and 2 * 127 * 127 does
- * not: u8 values use 7 bits there. (For s8 values oneDNN itself halves the weights.) */
-static float u8_max(void)
-{
-    return net_plan_fast_int8() ? 255.0f : 127.0f;
-}
-
 bool net_plan_conv_on_8_bits(const struct net_plan *p, const struct sst_op *op)
 {
     return p->precision == SST_PRECISION_INT8 && op->kind == SST_OP_CONV && p->graph->range[op->in[0]] > 0 &&
@@ -73,7 +66,7 @@ static void set_units(struct net_plan *p, int value, float range, bool never_neg
     struct net_plan_value *v = &p->values[value];
 
     v->type = never_negative ? dnnl_u8 : dnnl_s8;
-    v->scale = range / (never_negative ? u8_max() : 127.0f);
+    v->scale = range / (never_negative ? p->u8_max : 127.0f);
 }
 
 /* Inputs of a concatenation share their scale, so that it is a copy. */

@@ -156,7 +156,31 @@ static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const str
 
 /* --- 8 bits --------------------------------------------------------------------------------------- */
 
-/* Weights of each output channel between -127 and 127, and the scale of the products. */
+void net_plan_quantise(const struct sst_op *op, float factor, int8_t *weights, float *scales)
+{
+    const size_t per = (size_t)op->group_in * (size_t)op->kernel[0] * (size_t)op->kernel[1];
+
+    for (size_t c = 0; c < (size_t)op->channels; c++) {
+        const float *w = op->weights + c * per;
+        float max = 0;
+
+        for (size_t i = 0; i < per; i++)
+            max = fmaxf(max, fabsf(w[i]));
+        /* Channels of zeros, or of numbers too small to divide by, become zero. */
+        scales[c] = max > 1e-30f ? max / 127.0f : 1.0f;
+        for (size_t i = 0; i < per; i++)
+            weights[c * per + i] = (int8_t)lrintf(w[i] / scales[c]);
+        scales[c] *= factor;
+    }
+}
+
+void net_plan_scale_bias(const struct sst_op *op, const float *scales, float dst_scale, float *bias)
+{
+    for (int c = 0; c < op->channels; c++)
+        bias[c] = op->bias[c] / (scales[c] * dst_scale);
+}
+
+/* Weights in bytes, and the scale of the products. */
 static int quantise_weights(struct quantised *q, const struct sst_op *op)
 {
     const size_t per = (size_t)op->group_in * (size_t)op->kernel[0] * (size_t)op->kernel[1];
@@ -165,17 +189,7 @@ static int quantise_weights(struct quantised *q, const struct sst_op *op)
     q->weights = malloc((size_t)op->channels * per);
     if (!q->scales || !q->weights)
         return -ENOMEM;
-    for (size_t c = 0; c < (size_t)op->channels; c++) {
-        const float *w = op->weights + c * per;
-        float max = 0;
-
-        for (size_t i = 0; i < per; i++)
-            max = fmaxf(max, fabsf(w[i]));
-        /* Channels of zeros, or of numbers too small to divide by, become zero. */
-        q->scales[c] = max > 1e-30f ? max / 127.0f : 1.0f;
-        for (size_t i = 0; i < per; i++)
-            q->weights[c * per + i] = (int8_t)lrintf(w[i] / q->scales[c]);
-    }
+    net_plan_quantise(op, q->src_scale / q->dst_scale, q->weights, q->scales);
     return 0;
 }
 
@@ -194,8 +208,6 @@ static int quantise(struct net_plan *p, const struct sst_op *op, struct quantise
     err = quantise_weights(q, op);
     if (err)
         return err;
-    for (int c = 0; c < op->channels; c++)
-        q->scales[c] *= q->src_scale / q->dst_scale;
     if (!op->residual)
         return 0;
     *residual = out->bits8 ? net_plan_in_8_bits(p, op->in[1]) : net_plan_in_f32(p, op->in[1]);
@@ -255,8 +267,7 @@ static int load_bias(struct net_plan *p, struct net_plan_step *s, const struct s
         s->bias_data = malloc((size_t)op->channels * sizeof(*s->bias_data));
         if (!s->bias_data)
             return -ENOMEM;
-        for (int c = 0; c < op->channels; c++)
-            s->bias_data[c] = op->bias[c] / (q->scales[c] * q->dst_scale);
+        net_plan_scale_bias(op, q->scales, q->dst_scale, s->bias_data);
     }
     return err ? err
                : net_plan_errno(dnnl_memory_create(&s->bias, &md, p->engine, q->scales ? s->bias_data : op->bias));
