@@ -20,6 +20,7 @@
 #include "pipeline/lightfield/import.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/method/disparity/disparity.h"
+#include "pipeline/method/network/device.h"
 #include "pipeline/method/network/network.h"
 #include "pipeline/method/render/render.h"
 
@@ -376,6 +377,16 @@ void cli_print_align(const struct sst_align_report *a);
 /** Print "NAME: 36 views of 1024x640, grid 6x6, offsets ..., disparity ..." of the light field in a folder. Only
  *  lightfield.json is read. @return 0 or its error; logged */
 SST_MUST_CHECK int cli_print_lightfield(const char *dir, const char *name);
+
+/* --- networks on a device: network_device.c. d may be NULL: no device. --- */
+
+#define CLI_DEVICE_MEMORY_HELP "memory of the device to use at most (three quarters of it)"
+
+/** What the device has done, for `--json`; "cpu" without one. */
+json_t *cli_network_device_json(struct sst_network_device *d);
+
+/** One line of the log about it: a warning where a network ran on the CPU instead. */
+void cli_network_report_device(struct sst_network_device *d);
 
 /* --- matching: the option --precision of commands that run networks, and the matching options that `sst stereo` and
  * `sst process` share. --- */

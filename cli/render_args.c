@@ -61,7 +61,7 @@ void cli_render_options(struct cli_option options[RENDER_OPTIONS], struct render
         { "device", 0, CLI_STRING, &a->device, "D",
           "where rays are summed: cpu (default), gpu, auto (gpu if there is one) or a part of a device's name", 0, 0 },
         { "device-memory", 0, CLI_INT, &a->device_memory, "MIB",
-          "memory of the device to use at most (three quarters of it)", 1, 1 << 24 },
+          CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
         { "skip", 0, CLI_STRING, &a->skip, "LIST",
           "rays to leave out where that changes little: views, tiles, all or none (default: exact)", 0, 0 },
         { "skip-error", 0, CLI_DOUBLE, &cfg->skip_error_db, "DB", "least PSNR of that against the exact picture (50)",

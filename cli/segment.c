@@ -17,11 +17,11 @@
 #include "pipeline/method/network/model_path.h"
 
 struct options {
-    const char *model, *precision, *output, *prob, *entropy, *scale;
+    const char *model, *precision, *output, *prob, *entropy, *scale, *device;
     double eps_h; /* below 0: unset */
     struct sst_segment_config layout;
     bool hcsm, json;
-    int threads;
+    int threads, device_memory;
 };
 
 /* Images to label. */
@@ -246,9 +246,10 @@ static int label_all(json_t *list, struct sst_segmenter *seg, const struct input
     return first;
 }
 
-static int print_json(json_t *images, const char *model, double load_ms)
+static int print_json(json_t *images, const char *model, double load_ms, struct sst_network_device *device)
 {
-    json_t *root = json_pack("{s:s, s:f, s:O}", "model", model, "load_ms", load_ms, "images", images);
+    json_t *root = json_pack("{s:s, s:f, s:o, s:O}", "model", model, "load_ms", load_ms, "device",
+                             cli_network_device_json(device), "images", images);
 
     return cli_dump_json(root, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) ? -ENOMEM : 0;
 }
@@ -257,6 +258,7 @@ static int segment(const char *const *args, const struct options *o)
 {
     const int64_t start_ns = sst_clock_now_ns();
     char path[SST_PATH_MAX];
+    struct sst_network_device *device = NULL;
     struct sst_segmenter *seg = NULL;
     struct inputs in = { 0 };
     enum sst_precision precision = SST_PRECISION_AUTO;
@@ -267,14 +269,18 @@ static int segment(const char *const *args, const struct options *o)
     if (!err)
         err = o->model ? sst_model_resolve(path, o->model) : sst_model_path(path, "pspnet-small.onnx");
     if (!err)
+        err = sst_network_device_open(&device, o->device, (uint64_t)o->device_memory << 20);
+    if (!err)
         err = sst_segmenter_open(&seg, path, precision, sst_thread_count(o->threads));
     load_ms = (double)(sst_clock_now_ns() - start_ns) * 1e-6;
     if (!err)
         err = find_inputs(&in, args, o);
     if (!err) {
         sst_segmenter_configure(seg, &o->layout);
+        sst_segmenter_use_device(seg, device);
         err = label_all(images, seg, &in, o);
-        printed = o->json ? print_json(images, path, load_ms) : 0;
+        printed = o->json ? print_json(images, path, load_ms, device) : 0;
+        cli_network_report_device(device);
         err = err ? err : printed;
     }
     json_decref(images);
@@ -282,6 +288,7 @@ static int segment(const char *const *args, const struct options *o)
         free(in.paths[i]);
     free(in.paths);
     sst_segmenter_close(seg);
+    sst_network_device_close(device);
     return err;
 }
 
@@ -299,7 +306,7 @@ static int read_scale(const struct cli_command *cmd, struct options *o)
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    struct options o = { .eps_h = -1 };
+    struct options o = { .eps_h = -1, .device = "cpu" };
     const char **args = calloc((size_t)argc + 1, sizeof(*args));
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &o.output, "FILE|DIR", "labels as indexed PNG: class index + 1, 0 = unlabeled" },
@@ -311,6 +318,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "epsilon-h", 0, CLI_DOUBLE, &o.eps_h, "V", "drop labels whose entropy is not below V", 0, 1e9 },
         { "scale", 0, CLI_STRING, &o.scale, "S", "scale of the network's input: auto, or 1 = its nominal size" },
         { "tiles", 0, CLI_FLAG, &o.layout.windows, NULL, "overlapping windows of the network's nominal size" },
+        { "device", 0, CLI_STRING, &o.device, "D",
+          "where the network runs: cpu (default), gpu, auto (gpu if there is one) or a part of a device's name" },
+        { "device-memory", 0, CLI_INT, &o.device_memory, "MIB", CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
         { "json", 0, CLI_FLAG, &o.json, NULL, "print one JSON object: time and classes of each image" },
         { "threads", 't', CLI_INT, &o.threads, "N", "threads (0: all processors)", 0, 256 },
     };

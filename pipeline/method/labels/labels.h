@@ -44,6 +44,14 @@ SST_MUST_CHECK int sst_segmenter_open(struct sst_segmenter **out, const char *mo
                                       int threads);
 void sst_segmenter_close(struct sst_segmenter *seg);
 
+/**
+ * Run the network on a device from now on, see sst_network_use_device(); images are resampled and labels brought to
+ * their size on the CPU.
+ *
+ * @param d  borrowed until the segmenter is closed; NULL: on the CPU
+ */
+void sst_segmenter_use_device(struct sst_segmenter *seg, struct sst_network_device *d);
+
 struct sst_model_info;
 
 struct sst_network;

@@ -102,6 +102,11 @@ void sst_segmenter_close(struct sst_segmenter *seg)
     free(seg);
 }
 
+void sst_segmenter_use_device(struct sst_segmenter *seg, struct sst_network_device *d)
+{
+    sst_network_use_device(seg->net, d);
+}
+
 const struct sst_model_info *sst_segmenter_info(const struct sst_segmenter *seg)
 {
     return &seg->info;

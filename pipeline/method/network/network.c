@@ -26,10 +26,13 @@ struct sst_network {
     struct metadata *metadata;
     struct sst_graph graph; /* of the runner oneDNN */
     struct cv_net *cv;      /* of the runner OpenCV, else NULL */
+    /* fixed after sst_network_use_device() */
+    struct sst_network_device *device; /* NULL: none */
+    uint64_t id;                       /* there */
     /* for the size used last */
     int width, height;
     struct sst_shape out;
-    struct net_plan *plan;
+    struct net_plan *plan; /* NULL: not needed yet, on a device */
 };
 
 static char *copy_str(struct sst_onnx_str s)
@@ -224,6 +227,47 @@ void sst_network_close(struct sst_network *net)
     free(net);
 }
 
+#if WITH_DNNL
+/* FNV-1a, by words. */
+static uint64_t hash_floats(uint64_t hash, const float *values, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        uint32_t word;
+
+        memcpy(&word, &values[i], sizeof(word));
+        hash = (hash ^ word) * 0x100000001b3;
+    }
+    return hash;
+}
+
+static uint64_t find_id(const struct sst_network *net)
+{
+    uint64_t hash = 0xcbf29ce484222325;
+
+    for (const char *c = net->path; *c; c++)
+        hash = (hash ^ (uint8_t)*c) * 0x100000001b3;
+    for (int i = 0; i < net->graph.n_ops; i++) {
+        const struct sst_op *op = &net->graph.ops[i];
+
+        if (op->kind != SST_OP_CONV)
+            continue;
+        hash = hash_floats(hash, op->weights,
+                           (size_t)op->channels * (size_t)op->group_in * (size_t)op->kernel[0] * (size_t)op->kernel[1]);
+        hash = hash_floats(hash, op->bias, (size_t)op->channels);
+    }
+    return hash;
+}
+#endif
+
+void sst_network_use_device(struct sst_network *net, struct sst_network_device *d)
+{
+    net->device = d;
+#if WITH_DNNL
+    if (d && !net->cv)
+        net->id = find_id(net);
+#endif
+}
+
 const char *sst_network_runner(const struct sst_network *net)
 {
     return net->cv ? "opencv" : "onednn";
@@ -257,17 +301,47 @@ void sst_network_in_size(const struct sst_network *net, int *width, int *height)
 /* --- one size at a time --------------------------------------------------------------------------- */
 
 #if WITH_DNNL
-static int plan_dnnl(struct sst_network *net, int width, int height)
+/* @param shape_only  of the result: the plan is made when the CPU runs the network */
+static int plan_dnnl(struct sst_network *net, int width, int height, bool shape_only)
 {
     struct sst_shape *shapes = calloc((size_t)net->graph.n_values, sizeof(*shapes));
     int err = shapes ? sst_graph_shapes(&net->graph, width, height, shapes, net->path) : -ENOMEM;
 
-    if (!err) {
+    if (!err)
         net->out = shapes[net->graph.output];
+    if (!err && !shape_only)
         err = net_plan_create(&net->plan, &net->graph, shapes, net->threads, net->precision, net->path);
-    }
     free(shapes);
     return err;
+}
+
+/* True if the network's last layer brings vectors to a length. */
+static bool ends_in_norm(const struct sst_network *net)
+{
+    return net->graph.n_ops && net->graph.ops[net->graph.n_ops - 1].kind == SST_OP_NORMALIZE &&
+           net->graph.ops[net->graph.n_ops - 1].out == net->graph.output;
+}
+
+/* Run on the device. @return false: the CPU must */
+static bool run_on_device(struct sst_network *net, const float *in, float *out, int8_t *out_s8, float factor)
+{
+    const struct net_device_job job = { .graph = &net->graph,
+                                        .id = net->id,
+                                        .precision = net->precision,
+                                        .width = net->width,
+                                        .height = net->height,
+                                        .in = in,
+                                        .out = out,
+                                        .out_s8 = out_s8,
+                                        .factor = factor };
+
+    return net->device && net_device_run(net->device, &job);
+}
+
+/* The CPU's plan, for the size of plan(). */
+static int need_plan(struct sst_network *net)
+{
+    return net->plan ? 0 : plan_dnnl(net, net->width, net->height, false);
 }
 #endif
 
@@ -289,7 +363,11 @@ static int run_opencv(struct sst_network *net, const float *in, int width, int h
 {
     const int in_shape[3] = { net->in_channels, height, width };
     char why[256] = "";
-    int shape[3], err = cv_net_run(net->cv, in, in_shape, net->threads, result, shape, why);
+    int shape[3], err;
+
+    if (net->device)
+        net_device_note_cpu(net->device, "OpenCV runs the network");
+    err = cv_net_run(net->cv, in, in_shape, net->threads, result, shape, why);
 
     if (err == -ENOMEM)
         sst_log_error("model %s: not enough memory for an image of %d x %d; use a smaller one", net->path, width,
@@ -328,7 +406,7 @@ static int plan(struct sst_network *net, int width, int height)
     net_plan_destroy(net->plan);
     net->plan = NULL;
     if (!net->cv)
-        err = plan_dnnl(net, width, height);
+        err = plan_dnnl(net, width, height, net->device);
 #endif
     if (net->cv)
         err = plan_opencv(net, width, height);
@@ -368,6 +446,11 @@ int sst_network_run(struct sst_network *net, const float *in SST_UNUSED, int wid
         return err;
     }
 #if WITH_DNNL
+    if (run_on_device(net, in, out, NULL, 0))
+        return 0;
+    err = need_plan(net);
+    if (err)
+        return err;
     err = net_plan_run(net->plan, in, out);
     if (err)
         sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);
@@ -398,7 +481,14 @@ int sst_network_run_s8(struct sst_network *net, const float *in, int width, int 
     if (err)
         return err;
 #if WITH_DNNL
-    if (!net->cv && net_plan_has_s8(net->plan)) {
+    if (!net->cv && ends_in_norm(net)) {
+        if (run_on_device(net, in, NULL, out, factor))
+            return 0;
+        err = need_plan(net);
+        if (err)
+            return err;
+    }
+    if (!net->cv && net->plan && net_plan_has_s8(net->plan)) {
         err = net_plan_run_s8(net->plan, in, factor, out);
         if (err)
             sst_log_error("model %s: oneDNN failed to run it; use another model", net->path);

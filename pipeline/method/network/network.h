@@ -88,4 +88,14 @@ SST_MUST_CHECK int sst_network_run(struct sst_network *net, const float *in, int
 SST_MUST_CHECK int sst_network_run_s8(struct sst_network *net, const float *in, int width, int height, float factor,
                                       int8_t *out);
 
+struct sst_network_device; /* device.h */
+
+/**
+ * Run on a device from now on, where it has shaders for all layers; else, and where it fails, on the CPU, which is
+ * counted in the device's report and, for failures, logged.
+ *
+ * @param d  borrowed until the network is closed; NULL: on the CPU
+ */
+void sst_network_use_device(struct sst_network *net, struct sst_network_device *d);
+
 #endif

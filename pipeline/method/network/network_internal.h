@@ -4,6 +4,8 @@
 
 #include <math.h>
 
+#include "pipeline/gpu/gpu.h"
+#include "pipeline/method/network/device.h"
 #include "pipeline/method/network/graph.h"
 #include "pipeline/method/network/network.h"
 
@@ -128,6 +130,18 @@ static inline int8_t op_to_byte(float v)
     return (int8_t)(int)(v + copysignf(0.5f, v));
 }
 
+/* --- place.c --- */
+
+/** Memory that is used from step `first` to step `last`; first below 0: never. */
+struct net_span {
+    size_t bytes, offset; /* offset out */
+    int first, last;
+    bool placed;
+};
+
+/** Give spans that are used at the same time different memory. @return bytes of all of it */
+size_t net_place(struct net_span *spans, int n);
+
 /* --- plan: a graph prepared for one input size: primitives, weights in their layout, memory. --- */
 
 struct net_plan; /* one thread at a time */
@@ -157,5 +171,58 @@ bool net_plan_has_s8(const struct net_plan *plan);
 
 /** Run once, with the result times factor in bytes, see op_normalize_s8(). @param out [h][w][c] of the output. */
 SST_MUST_CHECK int net_plan_run_s8(struct net_plan *plan, const float *in, float factor, int8_t *out);
+
+/* --- plan_device.c: the same on a device --- */
+
+struct net_device_plan; /* of one open device */
+
+#define NET_DEVICE_WHY 128 /* bytes of a reason */
+
+/**
+ * Upload the weights and reserve memory for the activations.
+ *
+ * @param graph, shapes  borrowed during the call
+ * @param why  out, when -ENOTSUP: what has no shader, or which shader is refused
+ * @return 0, -ENOTSUP, -ENOMEM (also: more than the device allows), or an error of the device
+ */
+SST_MUST_CHECK int net_device_plan_create(struct net_device_plan **out, struct sst_gpu *gpu,
+                                          const struct sst_graph *graph, const struct sst_shape *shapes,
+                                          enum sst_precision precision, char why[NET_DEVICE_WHY]);
+void net_device_plan_destroy(struct net_device_plan *p);
+
+/** Memory on the device. */
+size_t net_device_plan_bytes(const struct net_device_plan *p);
+
+/** True where the result is in bytes, as of net_plan_run_s8(); else it is in floats. */
+bool net_device_plan_has_s8(const struct net_device_plan *p);
+
+struct net_device_times {
+    int64_t upload_ns, download_ns;
+    int dispatches;
+};
+
+/** Run once. @param out  as of net_plan_run() or net_plan_run_s8() */
+SST_MUST_CHECK int net_device_plan_run(struct net_device_plan *p, const float *in, void *out, float factor,
+                                       struct net_device_times *times);
+
+/* --- device.c --- */
+
+/** A network, as a device knows it. */
+struct net_device_job {
+    const struct sst_graph *graph;
+    uint64_t id; /* a hash of its file's path and of its weights */
+    enum sst_precision precision;
+    int width, height;
+    const float *in;
+    float *out; /* or NULL, and in bytes: */
+    int8_t *out_s8;
+    float factor;
+};
+
+/** Run a network. @return false: it must run on the CPU, which is counted */
+bool net_device_run(struct sst_network_device *d, const struct net_device_job *job);
+
+/** Count a run that is no work for a device. */
+void net_device_note_cpu(struct sst_network_device *d, const char *why);
 
 #endif

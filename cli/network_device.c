@@ -1,0 +1,44 @@
+/* Networks on a device: what they have done there, for people and programs. */
+#include <math.h>
+
+#include "base/log.h"
+#include "cli/cli_internal.h"
+
+/* Mean of the runs on the device. */
+static json_t *mean_ms(int64_t ns, int64_t runs)
+{
+    return cli_real_json(runs ? (double)ns * 1e-6 / (double)runs : NAN);
+}
+
+json_t *cli_network_device_json(struct sst_network_device *d)
+{
+    struct sst_network_device_report r;
+    json_t *root;
+
+    if (!d)
+        return json_string("cpu");
+    sst_network_device_get_report(d, &r);
+    root = json_pack("{s:o, s:o, s:I, s:I, s:I}", "name", cli_text_json(r.name), "driver", cli_text_json(r.driver),
+                     "runs", (json_int_t)r.runs, "on_cpu", (json_int_t)r.on_cpu, "failures", (json_int_t)r.failures);
+    json_object_set_new(root, "why_cpu", r.on_cpu ? cli_text_json(r.why) : json_null());
+    json_object_update_new(root, json_pack("{s:i, s:I, s:I}", "plans", r.plans, "memory_bytes",
+                                           (json_int_t)r.memory_bytes, "dispatches", (json_int_t)r.dispatches));
+    json_object_set_new(root, "run_ms", mean_ms(r.total_ns - r.upload_ns - r.download_ns, r.runs));
+    json_object_set_new(root, "upload_ms", mean_ms(r.upload_ns, r.runs));
+    json_object_set_new(root, "download_ms", mean_ms(r.download_ns, r.runs));
+    return root;
+}
+
+void cli_network_report_device(struct sst_network_device *d)
+{
+    struct sst_network_device_report r;
+
+    if (!d)
+        return;
+    sst_network_device_get_report(d, &r);
+    if (r.on_cpu)
+        sst_log_warning("%lld of %lld runs of a network were on the CPU instead of %s: %s", (long long)r.on_cpu,
+                        (long long)(r.on_cpu + r.runs), r.name, r.why);
+    else
+        sst_log_info("networks ran on %s", r.name);
+}

@@ -1,0 +1,306 @@
+/* Networks on a device: plans stay on it, those that were used least recently give way to new ones.
+ *
+ * A device that fails is closed. The network in work and the next ones then run on the CPU, as in
+ * pipeline/method/render/device.c. */
+#include "pipeline/method/network/device.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "pipeline/gpu/backoff.h"
+#include "pipeline/method/network/network_internal.h"
+
+#define MOST_PLANS 16
+
+/** A network of a size and precision. */
+struct entry {
+    uint64_t id;
+    enum sst_precision precision;
+    int width, height;
+    struct net_device_plan *plan; /* NULL: refused */
+    char why[NET_DEVICE_WHY];     /* if so */
+    int64_t used;                 /* turn in which it was used last */
+};
+
+struct sst_network_device {
+    pthread_mutex_t lock;
+    char name[SST_GPU_NAME]; /* as asked for */
+    struct sst_gpu_config cfg;
+    /* under lock */
+    struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
+    struct sst_gpu_backoff backoff;
+    struct entry entry[MOST_PLANS];
+    int entries;
+    int64_t turn;
+    struct sst_network_device_report report;
+};
+
+#if WITH_DNNL
+/* --- opening and failing ------------------------------------------------------------------------------------------ */
+
+static void remove_entry(struct sst_network_device *d, int i)
+{
+    net_device_plan_destroy(d->entry[i].plan);
+    d->entry[i] = d->entry[--d->entries];
+}
+
+static void close_gpu(struct sst_network_device *d)
+{
+    if (!d->gpu)
+        return;
+    while (d->entries)
+        remove_entry(d, 0);
+    sst_gpu_close(d->gpu);
+    d->gpu = NULL;
+}
+
+static int open_gpu(struct sst_network_device *d)
+{
+    int err = sst_gpu_open(&d->gpu, d->name, &d->cfg);
+
+    if (err)
+        return err;
+    err = sst_gpu_prepare(d->gpu, SST_GPU_NET_CONV8);
+    if (!err)
+        err = sst_gpu_prepare(d->gpu, SST_GPU_NET_CONV);
+    if (err) {
+        sst_log_error("the device `%s` cannot run networks: %s; choose another --device", d->name, sst_gpu_error(err));
+        close_gpu(d);
+        return err;
+    }
+    snprintf(d->report.name, sizeof(d->report.name), "%s", sst_gpu_get_info(d->gpu)->name);
+    snprintf(d->report.driver, sizeof(d->report.driver), "%s", sst_gpu_get_info(d->gpu)->driver);
+    return 0;
+}
+
+int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes)
+{
+    struct sst_network_device *d;
+    int err;
+
+    *out = NULL;
+    if (!strcmp(name, "cpu"))
+        return 0;
+    d = calloc(1, sizeof(*d));
+    if (!d) {
+        sst_log_error("not enough memory for a device");
+        return -ENOMEM;
+    }
+    pthread_mutex_init(&d->lock, NULL);
+    d->cfg.memory_bytes = memory_bytes;
+    snprintf(d->name, sizeof(d->name), "%s", name);
+    err = open_gpu(d);
+    if (err) {
+        sst_network_device_close(d);
+        return err == -ENOENT && !strcmp(name, "auto") ? 0 : err;
+    }
+    *out = d;
+    return 0;
+}
+
+void sst_network_device_close(struct sst_network_device *d)
+{
+    if (!d)
+        return;
+    close_gpu(d);
+    pthread_mutex_destroy(&d->lock);
+    free(d);
+}
+
+/* Note that a network runs on the CPU, and why. */
+static void note_cpu(struct sst_network_device *d, const char *why)
+{
+    d->report.on_cpu++;
+    snprintf(d->report.why, sizeof(d->report.why), "%s", why);
+}
+
+/* After an error of the device: close it, and leave it alone for some runs. */
+static void fail(struct sst_network_device *d, int err)
+{
+    sst_log_warning("%s: %s; the network runs on the CPU, and the device is opened again after %d more runs",
+                    d->report.name, sst_gpu_error(err), sst_gpu_backoff_fail(&d->backoff));
+    note_cpu(d, sst_gpu_error(err));
+    d->report.failures++;
+    close_gpu(d);
+}
+
+/* True if the device may be tried; else the run is noted as one for the CPU. */
+static bool may_try(struct sst_network_device *d)
+{
+    if (sst_gpu_backoff_skips(&d->backoff)) {
+        d->report.on_cpu++;
+        return false;
+    }
+    if (!d->gpu) {
+        const int err = open_gpu(d);
+
+        if (err)
+            fail(d, err);
+    }
+    return d->gpu;
+}
+
+/* --- plans -------------------------------------------------------------------------------------------------------- */
+
+static struct entry *find_entry(struct sst_network_device *d, const struct net_device_job *job)
+{
+    for (int i = 0; i < d->entries; i++) {
+        struct entry *e = &d->entry[i];
+
+        if (e->id == job->id && e->width == job->width && e->height == job->height && e->precision == job->precision)
+            return e;
+    }
+    return NULL;
+}
+
+/* Free the plan that was used least recently, or any one that was refused. @return false: there is none */
+static bool remove_oldest(struct sst_network_device *d)
+{
+    int oldest = 0;
+
+    if (!d->entries)
+        return false;
+    for (int i = 1; i < d->entries; i++) {
+        if (d->entry[i].used < d->entry[oldest].used)
+            oldest = i;
+    }
+    remove_entry(d, oldest);
+    return true;
+}
+
+/* Plan a network; one that the device does not hold or compute is remembered as refused. */
+static int create_plan(struct sst_network_device *d, struct entry *e, const struct net_device_job *job)
+{
+    struct sst_shape *shapes = calloc((size_t)job->graph->n_values, sizeof(*shapes));
+    int err = shapes ? sst_graph_shapes(job->graph, job->width, job->height, shapes, NULL) : -ENOMEM;
+
+    if (!err) {
+        do
+            err = net_device_plan_create(&e->plan, d->gpu, job->graph, shapes, job->precision, e->why);
+        while (err == -ENOMEM && remove_oldest(d));
+    }
+    free(shapes);
+    if (err == -ENOMEM)
+        snprintf(e->why, sizeof(e->why), "a network of %d x %d pixels does not fit into the device's memory",
+                 job->width, job->height);
+    return err == -ENOMEM || err == -ENOTSUP ? 0 : err;
+}
+
+/* The entry of a network, planned or refused. */
+static int make_entry(struct sst_network_device *d, struct entry **out, const struct net_device_job *job)
+{
+    struct entry made = { .id = job->id, .precision = job->precision, .width = job->width, .height = job->height };
+    int err;
+
+    *out = find_entry(d, job);
+    if (*out)
+        return 0;
+    err = create_plan(d, &made, job);
+    if (err)
+        return err;
+    if (d->entries == MOST_PLANS)
+        (void)remove_oldest(d);
+    *out = &d->entry[d->entries++];
+    **out = made;
+    return 0;
+}
+
+/* @return 0, 1 (the CPU must run it; noted), or an error of the device */
+static int run(struct sst_network_device *d, const struct net_device_job *job)
+{
+    struct net_device_times times = { 0 };
+    const int64_t start_ns = sst_clock_now_ns();
+    struct entry *e;
+    int err = make_entry(d, &e, job);
+
+    if (err)
+        return err;
+    e->used = ++d->turn;
+    if (!e->plan || net_device_plan_has_s8(e->plan) != !job->out) {
+        note_cpu(d, e->plan ? "a normalisation whose result is wanted in floats, or another one in bytes" : e->why);
+        return 1;
+    }
+    err = net_device_plan_run(e->plan, job->in, job->out ? (void *)job->out : job->out_s8, job->factor, &times);
+    d->report.dispatches += times.dispatches;
+    if (err == -ENOMEM) {
+        note_cpu(d, sst_gpu_error(err));
+        return 1;
+    }
+    if (err)
+        return err;
+    d->report.runs++;
+    d->report.upload_ns += times.upload_ns;
+    d->report.download_ns += times.download_ns;
+    d->report.total_ns += sst_clock_now_ns() - start_ns;
+    return 0;
+}
+
+bool net_device_run(struct sst_network_device *d, const struct net_device_job *job)
+{
+    int err;
+
+    pthread_mutex_lock(&d->lock);
+    err = may_try(d) ? run(d, job) : 1;
+    if (err < 0)
+        fail(d, err);
+    else if (!err)
+        sst_gpu_backoff_succeed(&d->backoff);
+    pthread_mutex_unlock(&d->lock);
+    return !err;
+}
+
+void net_device_note_cpu(struct sst_network_device *d, const char *why)
+{
+    pthread_mutex_lock(&d->lock);
+    note_cpu(d, why);
+    pthread_mutex_unlock(&d->lock);
+}
+
+void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out)
+{
+    pthread_mutex_lock(&d->lock);
+    *out = d->report;
+    out->memory_bytes = 0;
+    out->plans = 0;
+    for (int i = 0; i < d->entries; i++) {
+        if (d->entry[i].plan) {
+            out->plans++;
+            out->memory_bytes += (int64_t)net_device_plan_bytes(d->entry[i].plan);
+        }
+    }
+    pthread_mutex_unlock(&d->lock);
+}
+#else
+int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes SST_UNUSED)
+{
+    *out = NULL;
+    if (!strcmp(name, "cpu") || !strcmp(name, "auto"))
+        return 0;
+    sst_log_error("device `%s`: this build has no oneDNN, whose plans networks on a device need; leave out --device",
+                  name);
+    return -ENOTSUP;
+}
+
+void sst_network_device_close(struct sst_network_device *d SST_UNUSED)
+{
+}
+
+void net_device_note_cpu(struct sst_network_device *d SST_UNUSED, const char *why SST_UNUSED)
+{
+}
+
+bool net_device_run(struct sst_network_device *d SST_UNUSED, const struct net_device_job *job SST_UNUSED)
+{
+    return false;
+}
+
+void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out)
+{
+    *out = d->report;
+}
+#endif

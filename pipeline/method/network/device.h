@@ -1,0 +1,40 @@
+/* pipeline/method/network/device.h - a device that runs networks: weights and activations stay in its memory.
+ *
+ * Needs a build with oneDNN, whose plans decide what is computed on 8 bits. The shaders compute the same numbers: equal
+ * bytes after convolutions on 8 bits on processors with VNNI, and sums in another order in those on floats, of which a
+ * network on 8 bits has the first one alone.
+ */
+#ifndef SST_PIPELINE_METHOD_NETWORK_DEVICE_H
+#define SST_PIPELINE_METHOD_NETWORK_DEVICE_H
+
+#include "pipeline/gpu/gpu.h"
+
+struct sst_network_device; /* any number of threads and networks; one network runs at a time */
+
+/**
+ * Open a device for networks.
+ *
+ * @param name          as of sst_gpu_open(), or "cpu": no device; "auto" without a GPU as well: *out is NULL then
+ * @param memory_bytes  that it may use of the device's memory; 0: three quarters. A network that does not fit runs on
+ *                      the CPU
+ * @return 0, as sst_gpu_open(), or -ENOTSUP (a shader of convolutions is refused, or built without oneDNN); logged
+ */
+SST_MUST_CHECK int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes);
+
+/** After all networks that use it. NULL is fine. */
+void sst_network_device_close(struct sst_network_device *d);
+
+/** What a device has done. */
+struct sst_network_device_report {
+    char name[SST_GPU_NAME], driver[SST_GPU_NAME];
+    int64_t runs;                             /* of networks, there */
+    int64_t on_cpu;                           /* others */
+    int64_t failures;                         /* times that the device failed */
+    char why[128];                            /* the last of on_cpu */
+    int plans;                                /* networks times sizes that lie there now */
+    int64_t dispatches, memory_bytes;         /* the latter of the plans */
+    int64_t total_ns, upload_ns, download_ns; /* of runs; uploads include waiting for nothing but the copy */
+};
+void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out);
+
+#endif

@@ -1,0 +1,128 @@
+/* tests/device_nets.h - small networks that run on a device and on the CPU, and how far their results are apart. */
+#ifndef SST_TESTS_DEVICE_NETS_H
+#define SST_TESTS_DEVICE_NETS_H
+
+#include "pipeline/method/network/device.h"
+#include "tests/network_bench.h"
+
+static SST_UNUSED void nets_add_conv(struct ow_buf *graph, const char *name, const struct conv *c, const char *ins,
+                                     const char *out)
+{
+    const int per = c->ic / c->group * c->kernel[0] * c->kernel[1];
+    float *w = random_floats(c->oc * per), *b = random_floats(c->oc);
+    char weights[32], bias[32], all[128];
+
+    for (int i = 0; i < c->oc * per; i++)
+        w[i] *= 1.5f / sqrtf((float)per);
+    snprintf(weights, sizeof(weights), "%s_w", name);
+    snprintf(bias, sizeof(bias), "%s_b", name);
+    snprintf(all, sizeof(all), "%s %s %s", ins, weights, bias);
+    ow_floats(graph, weights, w, c->oc, c->ic / c->group, c->kernel[0], c->kernel[1]);
+    ow_floats(graph, bias, b, c->oc, 0, 0, 0);
+    ow_conv(graph, c, all, out);
+    free(w);
+    free(b);
+}
+
+static SST_UNUSED struct ow_buf nets_finish(struct ow_buf *graph, int in, int out, const char *ranges)
+{
+    struct ow_buf model;
+
+    ow_value(graph, 11, "x", in);
+    ow_value(graph, 12, "y", out);
+    model = ow_model(graph, 13);
+    if (ranges)
+        ow_metadata(&model, "sst.ranges", ranges);
+    return model;
+}
+
+static const char nets_pyramid_ranges[] = "1 x\n5 a\n5 b\n5 c\n5 d\n5 e\n5 f\n5 g\n5 p1\n5 p2\n5 q1\n5 q2\n5 r1\n5 r2\n"
+                                          "5 s1\n5 s2\n5 l\n5 m\n5 n\n5 o\n5 y\n";
+
+/* All layers of the label networks that ship: strides, dilation, residuals, a pyramid of pools, its concatenation. */
+static SST_UNUSED struct ow_buf nets_pyramid(const char *ranges)
+{
+    const struct conv c1 = { 3, 16, { 3, 3 }, { 2, 2 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
+    const struct conv c2 = { 16, 24, { 3, 3 }, { 1, 1 }, { 2, 2 }, { 2, 2, 2, 2 }, 1 };
+    const struct conv c3 = { 24, 24, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
+    const struct conv c4 = { 24, 8, { 1, 1 }, { 1, 1 }, { 1, 1 }, { 0, 0, 0, 0 }, 1 };
+    const struct conv c5 = { 40, 36, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
+    const struct conv c6 = { 36, 5, { 1, 1 }, { 1, 1 }, { 1, 1 }, { 0, 0, 0, 0 }, 1 };
+    struct ow_buf graph = { 0 }, a = { 0 };
+
+    srand(7);
+    nets_add_conv(&graph, "c1", &c1, "x", "a");
+    ow_node(&graph, "Relu", "a", "b", NULL);
+    nets_add_conv(&graph, "c2", &c2, "b", "c");
+    ow_node(&graph, "Relu", "c", "d", NULL);
+    nets_add_conv(&graph, "c3", &c3, "d", "e");
+    ow_node(&graph, "Add", "e d", "f", NULL);
+    ow_node(&graph, "Relu", "f", "g", NULL);
+    for (int i = 1; i <= 2; i++) {
+        char p[3] = { 'p', (char)('0' + i), 0 }, q[] = { 'q', p[1], 0 }, r[] = { 'r', p[1], 0 }, s[] = { 's', p[1], 0 };
+        char ins[8], name[] = { 'k', p[1], 0 };
+
+        ow_attr_ints(&a, "output_size", 2, i, i + 1);
+        ow_node(&graph, "sst.AdaptiveAveragePool", "g", p, &a);
+        nets_add_conv(&graph, name, &c4, p, q);
+        ow_node(&graph, "Relu", q, r, NULL);
+        snprintf(ins, sizeof(ins), "%s g", r);
+        ow_node(&graph, "sst.ResizeLike", ins, s, NULL);
+    }
+    ow_attr_int(&a, "axis", 1);
+    ow_node(&graph, "Concat", "g s1 s2", "l", &a);
+    nets_add_conv(&graph, "c5", &c5, "l", "m");
+    ow_node(&graph, "Relu", "m", "n", NULL);
+    nets_add_conv(&graph, "c6", &c6, "n", "o");
+    ow_node(&graph, "sst.ResizeLike", "o b", "y", NULL);
+    return nets_finish(&graph, 3, 5, ranges);
+}
+
+/* The layers of the matching networks: convolutions, and vectors of length 1. */
+static SST_UNUSED struct ow_buf nets_matching(const char *ranges)
+{
+    const struct conv c1 = { 1, 32, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
+    const struct conv c2 = { 32, 16, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
+    struct ow_buf graph = { 0 }, a = { 0 };
+
+    srand(9);
+    nets_add_conv(&graph, "c1", &c1, "x", "a");
+    ow_node(&graph, "Relu", "a", "b", NULL);
+    nets_add_conv(&graph, "c2", &c2, "b", "c");
+    ow_attr_int(&a, "axis", 1);
+    ow_attr_int(&a, "p", 2);
+    ow_node(&graph, "LpNormalization", "c", "y", &a);
+    return nets_finish(&graph, 1, 16, ranges);
+}
+
+/* Share of the results that differ by more than `tolerance`, which is relative to 1 + |x|. */
+static SST_UNUSED double nets_apart(const struct image *got, const struct image *want, double tolerance)
+{
+    const int n = want->c * want->h * want->w;
+    int apart = 0;
+
+    assert_int_equal(got->c, want->c);
+    assert_int_equal(got->h, want->h);
+    assert_int_equal(got->w, want->w);
+    for (int i = 0; i < n; i++)
+        apart += !(fabs((double)got->d[i] - (double)want->d[i]) <= tolerance * (1 + fabs((double)want->d[i])));
+    return (double)apart / n;
+}
+
+/* Run a copy of a model on a device; NULL: on the CPU. */
+static SST_UNUSED struct image nets_run(const struct ow_buf *model, const struct image *in, enum sst_precision precision,
+                                        struct sst_network_device *d)
+{
+    struct ow_buf copy = { 0 };
+    struct sst_network *net;
+    struct image out;
+
+    ow_raw(&copy, model->p, model->n);
+    assert_int_equal(open_with(&net, &copy, precision, 1), 0);
+    sst_network_use_device(net, d);
+    out = run_net(net, in);
+    sst_network_close(net);
+    return out;
+}
+
+#endif
