@@ -215,6 +215,11 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
     return err;
 }
 
+bool sst_gpu_fuses(const struct sst_gpu *g)
+{
+    return g->fuses;
+}
+
 /* --- passed on ---------------------------------------------------------------------------------------------------- */
 
 int sst_gpu_buffer_create(struct sst_gpu *g, struct sst_gpu_buffer **out, size_t bytes)

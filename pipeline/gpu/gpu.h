@@ -105,6 +105,9 @@ uint64_t sst_gpu_free_bytes(const struct sst_gpu *g);
  */
 SST_MUST_CHECK int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader);
 
+/** True if fma() rounds once on the device; known once SST_GPU_NET_CONV is prepared. */
+bool sst_gpu_fuses(const struct sst_gpu *g);
+
 struct sst_gpu_buffer; /* memory of the device, undefined at first */
 
 /**

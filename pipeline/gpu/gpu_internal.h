@@ -148,6 +148,7 @@ struct sst_gpu {
     uint64_t used_bytes;       /* of buffers */
     int lost;                  /* 0, or the error that every call returns from now on */
     enum gpu_ready ready[SST_GPU_SHADERS];
+    bool fuses; /* see sst_gpu_fuses() */
 };
 
 /** @param faults  "" or "lost=3,memory=64" */

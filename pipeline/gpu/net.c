@@ -6,7 +6,7 @@
 
 #include "pipeline/gpu/gpu_internal.h"
 
-_Static_assert(sizeof(struct sst_gpu_net_conv) == 100 && sizeof(struct sst_gpu_net_layer) == 72,
+_Static_assert(sizeof(struct sst_gpu_net_conv) == 104 && sizeof(struct sst_gpu_net_layer) == 72,
                "the layout of net_*.comp; every device has 128 bytes of constants");
 
 /* --- layout ------------------------------------------------------------------------------------------------------- */
@@ -141,7 +141,7 @@ static float sum_floats(const struct conv *v, size_t pixel, size_t channel)
         for (size_t k = 0; k < inputs; k++, weight += outs) {
             const float x = at < 0 ? 0 : stored(v->from, c->from.at, c->from.pitch, SST_GPU_NET_F32, (size_t)at, k);
 
-            sum += x * as_float(*weight);
+            sum = fmaf(x, as_float(*weight), sum);
         }
     }
     return sum;

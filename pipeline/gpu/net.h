@@ -4,9 +4,10 @@
  * word each, or bytes, four to a word. A byte q stands for scale * q. Offsets and pitches are in words of 32 bits.
  *
  * All of them give the bytes of their references (net.c) on every device: sums of bytes are exact, those of floats have
- * one order, and are rounded as IEEE 754 does; pools and lengths are summed in two parts. The references compute as the
- * plan for the CPU does (pipeline/method/network/plan_conv.c): convolutions on 8 bits equal it byte for byte on
- * processors with VNNI; those on floats differ by their order of summation.
+ * one order and one rounding for a product and its sum, as IEEE 754 has it; pools and lengths are summed in two parts.
+ * The references compute as the plan for the CPU does (pipeline/method/network/plan_conv.c): convolutions on 8 bits equal
+ * it byte for byte on processors with VNNI; those on floats as far as oneDNN sums in this order, which it does where a
+ * pixel has few inputs and the processor has AVX-512.
  */
 #ifndef SST_PIPELINE_GPU_NET_H
 #define SST_PIPELINE_GPU_NET_H
@@ -67,6 +68,7 @@ struct sst_gpu_net_conv {
     uint32_t residual_mode; /* SST_GPU_NET_UNFUSED, ... */
     float out_scale;
     uint32_t relu;
+    uint32_t by_parts; /* net_conv: not 0 unless sst_gpu_fuses() */
 };
 
 /** net_pool, net_resize, net_move, net_unit. What is read is `scale` times what is stored, unless it is 1. */

@@ -1,5 +1,5 @@
-// A convolution on floats, tiled as net_conv8.comp is. Sums go over the taps, and over the channels of each, in order; products
-// and sums are rounded apart. Buffers and constants: pipeline/gpu/net.h. Definition: net_conv_reference() in
+// A convolution on floats, tiled as net_conv8.comp is. Sums go over the taps, and over the channels of each, in order; each
+// product is rounded with its sum. Buffers and constants: pipeline/gpu/net.h. Definition: net_conv_reference() in
 // pipeline/gpu/net.c.
 #version 450
 
@@ -22,7 +22,7 @@ layout(std430, push_constant) uniform Constants {
     float residual_scale;
     uint residual_mode;
     float out_scale;
-    uint relu;
+    uint relu, by_parts;
 };
 
 const uint F32 = 0, U8 = 1, NONE = 2;
@@ -30,6 +30,36 @@ const uint TILE = 64, TILE_OUT = 32, SLAB = 8, PIXELS = TILE * SLAB / 128, WEIGH
 
 shared vec4 inputs[SLAB][TILE / 4];
 shared vec4 weights[SLAB][TILE_OUT / 4];
+
+vec4 high_part(vec4 v)
+{
+    return uintBitsToFloat(floatBitsToUint(v) & 0xFFFFF000u);
+}
+
+// x w + sum, rounded once, for devices whose fma() rounds twice: the exact product in two parts, its sum in three; the two
+// lower ones are added with their last digit odd where that is inexact, so that the last addition rounds as for the whole.
+vec4 fused(float x, vec4 w, vec4 sum)
+{
+    const float x_high = uintBitsToFloat(floatBitsToUint(x) & 0xFFFFF000u);
+    const vec4 w_high = high_part(w);
+    precise float x_low = x - x_high;
+    precise vec4 w_low = w - w_high;
+    precise vec4 product = x * w;
+    precise vec4 product_low = ((x_high * w_high - product) + x_high * w_low + x_low * w_high) + x_low * w_low;
+    precise vec4 high = sum + product;
+    precise vec4 high_back = high - sum;
+    precise vec4 middle = (sum - (high - high_back)) + (product - high_back);
+    precise vec4 low = middle + product_low;
+    precise vec4 low_back = low - middle;
+    precise vec4 rest = (middle - (low - low_back)) + (product_low - low_back);
+    const uvec4 bits = floatBitsToUint(low);
+    const bvec4 away = equal(lessThan(rest, vec4(0)), lessThan(low, vec4(0)));
+    const uvec4 odd = uvec4(mix(ivec4(bits) - 1, ivec4(bits) + 1, away));
+    const bvec4 as_it_is = equal(uvec4(equal(rest, vec4(0))) | (bits & 1u), uvec4(1));
+    precise vec4 result = high + uintBitsToFloat(mix(odd, bits, as_it_is));
+
+    return result;
+}
 
 ivec2 pair(int v)
 {
@@ -121,11 +151,8 @@ void main()
         for (uint k = 0; k < SLAB; k++) {
             const vec4 x = inputs[k][row], w = weights[k][quad];
 
-            for (uint i = 0; i < 4; i++) {
-                precise vec4 product = x[i] * w;
-
-                sum[i] = sum[i] + product;
-            }
+            for (uint i = 0; i < 4; i++)
+                sum[i] = by_parts != 0 ? fused(x[i], w, sum[i]) : fma(vec4(x[i]), w, sum[i]);
         }
         barrier();
         channel += SLAB;

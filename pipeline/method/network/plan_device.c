@@ -482,6 +482,7 @@ static int resolve(struct building *b)
         if (s->shader == SST_GPU_NET_CONV || s->shader == SST_GPU_NET_CONV8) {
             s->conv.from = b->p->tensors[s->from].at;
             s->conv.to = to;
+            s->conv.by_parts = !sst_gpu_fuses(b->p->gpu);
             if (s->residual != NONE) {
                 s->conv.residual_at = b->p->tensors[s->residual].at.at;
                 s->conv.residual_pitch = b->p->tensors[s->residual].at.pitch;
@@ -550,9 +551,9 @@ static int build(struct building *b)
         return unsupported(b, "the network has no layers");
     err = place(b->p);
     if (!err)
-        err = resolve(b);
-    if (!err)
         err = prepare(b);
+    if (!err)
+        err = resolve(b);
     return err ? err : make_buffers(b->p);
 }
 
