@@ -35,19 +35,24 @@ static int write_png16(const struct sst_map_f32 *disp, const char *path)
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     struct cli_matching m = CLI_MATCHING_DEFAULTS;
-    const char *files[2], *out = NULL, *skip = NULL;
+    const char *files[2], *out = NULL, *skip = NULL, *device = "cpu";
     double disp_max = NAN, disp_min = 0;
     bool raw = false;
+    int device_memory = 0;
     const struct cli_option options[] = {
         { "output", 'o', CLI_STRING, &out, "FILE", "disparity map: .pfm (px, inf unknown) or 16-bit .png (1/256 px)" },
         { "max-disparity", 'm', CLI_DOUBLE, &disp_max, "N", "largest disparity searched, px", -9999, 9999 },
         { "min-disparity", 0, CLI_DOUBLE, &disp_min, "N", "smallest disparity searched, px (0)", -9999, 9999 },
         { "raw", 0, CLI_FLAG, &raw, NULL, "cheapest disparity of each pixel: no optimisation, no filling" },
         { "skip", 0, CLI_STRING, &skip, "LIST", "what to search in part only: ranges (default), all or none" },
+        { "device", 0, CLI_STRING, &device, "D",
+          "where the features of the mccnn cost are computed: cpu (default), gpu, auto or a part of a device's name" },
+        { "device-memory", 0, CLI_INT, &device_memory, "MIB", CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
         CLI_MATCHING_OPTIONS(m),
     };
     struct sst_image left = { 0 }, right = { 0 };
     struct sst_map_f32 disp = { 0 };
+    struct sst_network_device *networks = NULL;
     struct sst_disparity_config cfg;
     char model[SST_PATH_MAX];
     int64_t start;
@@ -69,6 +74,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         if (r != CLI_GO_ON)
             return r;
     }
+    if (!err && strcmp(device, "cpu") && !(cfg.cost & SST_COST_MCCNN))
+        return cli_usage_error(cmd, "--device %s: only the features of --cost mccnn or both are computed on a device",
+                               device);
+    err = err ? err : sst_network_device_open(&networks, device, (uint64_t)device_memory << 20);
+    cfg.networks = networks;
     cfg.raw = raw;
     cfg.disp_min_px = disp_min;
     cfg.disp_max_px = disp_max;
@@ -76,11 +86,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     start = sst_clock_now_ns();
     err = err ? err : sst_disparity_stereo(&disp, &left, &right, &cfg);
     sst_log_info("matched in %.0f ms", (double)(sst_clock_now_ns() - start) * 1e-6);
+    cli_network_report_device(networks);
     if (!err)
         err = sst_text_ends(out, ".pfm") ? sst_map_f32_write_pfm(&disp, out) : write_png16(&disp, out);
     sst_image_fini(&left);
     sst_image_fini(&right);
     sst_map_f32_fini(&disp);
+    sst_network_device_close(networks);
     return cli_exit_code(err);
 }
 
@@ -90,6 +102,7 @@ const struct cli_command cli_stereo = {
     .summary = "disparity of one rectified pair",
     .detail = "A point at x in LEFT is at x - d in RIGHT. The result is dense: pixels hidden in one image are filled.\n"
               "Disparities are searched around those of a match at a quarter of the size (--skip none: all of them).\n"
+              "--device computes the features of --cost mccnn on a GPU; what it fails at is the CPU's, and logged.\n"
               "--raw skips everything after the matching cost, to compare costs and networks.",
     .example = "sst stereo left.png right.png --max-disparity 64 --preset accurate -o disparity.pfm",
     .run = run,

@@ -225,6 +225,8 @@ static int open_networks(struct disparity_run *run, int workers, int threads)
         return -ENOMEM;
     for (int i = 0; !err && i < workers; i++)
         err = sst_network_open(&run->nets[i], run->cfg->model, run->cfg->precision, threads / workers);
+    for (int i = 0; !err && i < workers; i++)
+        sst_network_use_device(run->nets[i], run->cfg->networks);
     return err ? err : sst_descriptor_check_network(run->nets[0], run->cfg->model, run->width, run->height);
 }
 

@@ -31,7 +31,9 @@ struct sst_disparity_config {
     enum sst_cost cost;
     bool census_suffices; /* pairs, and light fields of SST_VISIBLE_LEAST views and more: census alone and 4 paths,
                              whatever `cost` and `paths` are (design.md, 5.7, 5.8) */
-    const char *model; /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
+    /* That the network of features runs on (pipeline/method/network/device.h); NULL: on the CPU. */
+    struct sst_network_device *networks;
+    const char *model;            /* ONNX of the MC-CNN features; needed by SST_COST_MCCNN */
     enum sst_precision precision; /* of that network */
     int paths;                    /* of the semi-global optimisation: 4 or 8 */
     int p1, p2;                   /* smoothness penalties in cost units (costs are 0..255); 0 < p1 <= p2 */

@@ -234,6 +234,8 @@ static int segment_views(struct run *run, double *eps_h)
     for (int i = 0; !err && i < workers; i++) {
         if (!run->segmenters[i])
             err = sst_segmenter_open(&run->segmenters[i], cfg->model, cfg->precision, 1);
+        if (!err)
+            sst_segmenter_use_device(run->segmenters[i], cfg->networks);
     }
     err = err ? err : sst_share_for(cfg->share, views_of(run), workers, segment_view, run, segmented_maps);
     if (!err) {
