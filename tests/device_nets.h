@@ -110,8 +110,8 @@ static SST_UNUSED double nets_apart(const struct image *got, const struct image 
 }
 
 /* Run a copy of a model on a device; NULL: on the CPU. */
-static SST_UNUSED struct image nets_run(const struct ow_buf *model, const struct image *in, enum sst_precision precision,
-                                        struct sst_network_device *d)
+static SST_UNUSED struct image nets_run(const struct ow_buf *model, const struct image *in,
+                                        enum sst_precision precision, struct sst_network_device *d)
 {
     struct ow_buf copy = { 0 };
     struct sst_network *net;
@@ -123,6 +123,46 @@ static SST_UNUSED struct image nets_run(const struct ow_buf *model, const struct
     out = run_net(net, in);
     sst_network_close(net);
     return out;
+}
+
+/* Results of a device against the CPU's. On 8 bits they are equal where processor and oneDNN sum as the device does
+ * (AVX-512 and VNNI); elsewhere few differ, by steps of the 8 bits. Floats differ by their order of summation. */
+static SST_UNUSED void nets_expect(const struct image *got, const struct image *want, bool int8)
+{
+    const double apart = nets_apart(got, want, int8 ? 0 : 1e-5);
+
+    if (int8)
+        print_message("8 bits: %.5f of the results differ\n", apart);
+    assert_true(apart <= (int8 ? 0.2 : 0));
+    assert_true(nets_apart(got, want, int8 ? 0.1 : 1e-5) <= (int8 ? 0.01 : 0));
+}
+
+/* Vectors of length 1 in bytes, on a device and on the CPU: at most one step apart, and that rarely. */
+static SST_UNUSED void nets_expect_features(struct sst_network_device *d, enum sst_precision precision)
+{
+    const char ranges[] = "1 x\n5 a\n5 b\n5 c\n1 y\n";
+    struct ow_buf models[] = { nets_matching(ranges), nets_matching(ranges) };
+    const int n = 16 * 19 * 13;
+    struct image in = random_image(1, 13, 19);
+    int8_t *out[] = { malloc((size_t)n), malloc((size_t)n) };
+    int apart = 0, most = 0;
+
+    for (int i = 0; i < 2; i++) {
+        struct sst_network *net;
+
+        assert_int_equal(open_with(&net, &models[i], precision, 1), 0);
+        sst_network_use_device(net, i ? d : NULL);
+        assert_non_null(out[i]);
+        assert_int_equal(sst_network_run_s8(net, in.d, 19, 13, 127, out[i]), 0);
+        sst_network_close(net);
+    }
+    for (int i = 0; i < n; i++) {
+        apart += out[0][i] != out[1][i];
+        most = sst_max_int(most, abs(out[0][i] - out[1][i]));
+    }
+    print_message("%d of %d bytes of features differ, by %d at most\n", apart, n, most);
+    assert_true(apart <= n / 50 && most <= 2);
+    free(in.d), free(out[0]), free(out[1]);
 }
 
 #endif
