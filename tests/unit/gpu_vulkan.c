@@ -8,6 +8,7 @@
 
 #include "base/log.h"
 #include "pipeline/gpu/blend.h"
+#include "tests/device_nets.h"
 #include "tests/gpu_field.h"
 #include "tests/match_field.h"
 
@@ -128,6 +129,35 @@ static void test_matches(void **state)
     sst_disparity_device_destroy(device);
 }
 
+/* Networks in floats and on 8 bits. */
+static void test_networks(void **state)
+{
+    struct ow_buf model = nets_pyramid(nets_pyramid_ranges);
+    struct sst_network_device_report report;
+    struct sst_network_device *d;
+
+    (void)state;
+    if (!WITH_DNNL) {
+        free(model.p);
+        return;
+    }
+    assert_int_equal(sst_network_device_open(&d, "lavapipe", 0), 0);
+    for (int int8 = 0; int8 < 2; int8++) {
+        const enum sst_precision precision = int8 ? SST_PRECISION_INT8 : SST_PRECISION_F32;
+        struct image in = random_image(3, 33, 46), got = nets_run(&model, &in, precision, d);
+        struct image want = nets_run(&model, &in, precision, NULL);
+
+        nets_expect(&got, &want, int8);
+        nets_expect_features(d, precision);
+        free(in.d), free(got.d), free(want.d);
+    }
+    sst_network_device_get_report(d, &report);
+    assert_int_equal(report.runs, 4);
+    assert_int_equal(report.on_cpu, 0);
+    sst_network_device_close(d);
+    free(model.p);
+}
+
 /* A wait that ends too soon, as it does unless the machine is far faster than any: the device is lost, and what it
  * still uses is left alone. */
 static void test_timeout(void **state)
@@ -155,7 +185,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_choice),   cmocka_unit_test(test_self),    cmocka_unit_test(test_transfer),
-        cmocka_unit_test(test_pictures), cmocka_unit_test(test_matches), cmocka_unit_test(test_timeout),
+        cmocka_unit_test(test_pictures), cmocka_unit_test(test_matches), cmocka_unit_test(test_networks),
+        cmocka_unit_test(test_timeout),
     };
     glob_t drivers;
 
