@@ -28,6 +28,7 @@ layout(std430, push_constant) uniform Constants {
 const uint F32 = 0, U8 = 1, NONE = 2;
 const uint TILE = 64, TILE_OUT = 32, SLAB = 8, PIXELS = TILE * SLAB / 128, WEIGHTS = TILE_OUT * SLAB / 128;
 
+// Turned as in net_conv8.comp.
 shared vec4 inputs[SLAB][TILE / 4];
 shared vec4 weights[SLAB][TILE_OUT / 4];
 
@@ -139,7 +140,7 @@ void main()
 
             if (tap.x < size.x && at.x >= 0 && at.y >= 0 && at.x < from.height && at.y < from.width)
                 v = from_word[from.at + uint(at.x * from.width + at.y) * from.pitch + channel];
-            inputs[word][p / 4][p % 4] = uintBitsToFloat(v);
+            inputs[word][(p / 4 + word) % (TILE / 4)][p % 4] = uintBitsToFloat(v);
         }
         for (uint i = 0; i < WEIGHTS; i++) {
             const uint out_channel = lane % TILE_OUT, w = lane / TILE_OUT + i * (128 / TILE_OUT);
@@ -149,7 +150,7 @@ void main()
         }
         barrier();
         for (uint k = 0; k < SLAB; k++) {
-            const vec4 x = inputs[k][row], w = weights[k][quad];
+            const vec4 x = inputs[k][(row + k) % (TILE / 4)], w = weights[k][quad];
 
             for (uint i = 0; i < 4; i++)
                 sum[i] = by_parts != 0 ? fused(x[i], w, sum[i]) : fma(vec4(x[i]), w, sum[i]);

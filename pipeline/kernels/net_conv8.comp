@@ -29,6 +29,7 @@ const uint F32 = 0, U8 = 1, S8 = 2, FUSED = 1, NONE = 2;
 const uint TILE = 64, TILE_OUT = 32, SLAB = 8, PIXELS = TILE * SLAB / 128, WEIGHTS = TILE_OUT * SLAB / 128;
 const uint EXACT = 512 / (4 * SLAB);
 
+// Rows of inputs are turned by a column for each word, so that invocations that write side by side use other banks.
 shared vec4 inputs[4 * SLAB][TILE / 4];
 shared vec4 weights[4 * SLAB][TILE_OUT / 4];
 
@@ -133,7 +134,7 @@ void main()
             if (tap.x < size.x && at.x >= 0 && at.y >= 0 && at.x < from.height && at.y < from.width)
                 v = bytes_of(from_word[from.at + uint(at.x * from.width + at.y) * from.pitch + four], from.type);
             for (uint k = 0; k < 4; k++)
-                inputs[4 * word + k][p / 4][p % 4] = v[k];
+                inputs[4 * word + k][(p / 4 + word) % (TILE / 4)][p % 4] = v[k];
         }
         for (uint i = 0; i < WEIGHTS; i++) {
             const uint out_channel = lane % TILE_OUT, w = lane / TILE_OUT + i * (128 / TILE_OUT);
@@ -144,7 +145,7 @@ void main()
         }
         barrier();
         for (uint k = 0; k < 4 * SLAB; k++) {
-            const vec4 x = inputs[k][row], w = weights[k][quad];
+            const vec4 x = inputs[k][(row + k / 4) % (TILE / 4)], w = weights[k][quad];
 
             for (uint i = 0; i < 4; i++)
                 part[i] += x[i] * w;
