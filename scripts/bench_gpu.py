@@ -38,6 +38,24 @@ MATCH_BYTES = 71  # of a disparity: 45 for 12 neighbours, 6 for the aggregation,
 PATH_BYTES = 18
 RAY_BYTES = {"refocus": 4, "clear": 14}  # 6 for the others; clear: 6, and 4 to land, written and read
 
+# Networks, sizes of pictures, and products a result of theirs takes, in 10^9.
+NETWORKS = (("pspnet-small.onnx", (480, 360), "int8"), ("pspnet-small.onnx", (480, 360), "f32"),
+            ("pspnet-large.onnx", (480, 360), "int8"), ("mccnn-fast.onnx", (640, 256), "int8"))
+SOFTWARE_SIZE = (160, 120)  # of networks on software devices
+PRODUCTS = {"pspnet-small.onnx": 6.025 / (480 * 360), "pspnet-large.onnx": 11.599 / (480 * 360),
+            "mccnn-fast.onnx": 111168e-9}  # of a pixel of the picture
+
+NETWORK_ROOFLINE = """
+### Networks
+
+A convolution computes one product in a float multiply-add, on 8 bits as well: the rate of floats is its ceiling;
+half of it is what tiles of 4 x 4 results an invocation may reach. Weights and activations are read from memory once a
+layer and tile: 8 to 30 MB a picture, far from the limit.
+
+| network | products a picture | at 67 TFLOP/s (H200, floats) | half of it | at 2 TFLOP/s (integrated) |
+|---|---:|---:|---:|---:|
+"""
+
 ROOFLINE = """## What a large GPU can reach, on paper
 
 No GPU was measured for this part. `blend` reads each ray once: R, G, B and label in 4 bytes, disparity in 2; a picture
@@ -133,6 +151,28 @@ def bench_matching(build, folder, device):
     return f"## {device['name']}: matching\n\n{bench_report.table(head, rows)}\n"
 
 
+def bench_networks(build, device):
+    """The CPU and the device in turn: time, and results that differ."""
+    rows = []
+    software = device["kind"] == "software"
+    for model, size, precision in NETWORKS:
+        width, height = SOFTWARE_SIZE if software else size
+        print(device["name"], model, precision, file=sys.stderr)
+        out = subprocess.run([os.path.join(build, "bench/network_device"), os.path.join(ROOT, "models", model),
+                              f"{width}x{height}", str(ROUNDS if software else 3 * ROUNDS), device["name"], precision],
+                             check=True, capture_output=True, text=True)
+        r = json.loads(out.stdout)
+        assert r["on_cpu"] == 0, r
+        products = PRODUCTS[model] * width * height
+        rows.append([f"{model[:-5]} {width}x{height}, {precision}", f"{r['cpu_ms']:.1f}", f"{r['device_ms']:.1f}",
+                     f"{r['device_ms'] / r['cpu_ms']:.2f}", f"{r['upload_ms']:.2f}", f"{r['download_ms']:.2f}",
+                     f"{r['memory_bytes'] / 1e6:.1f}", f"{2 * products / r['device_ms']:.2g}",
+                     f"{100 * r['differ']:.3f}", f"{r['most'] / r['largest']:.1e}"])
+    head = ["network", "CPU ms", "device ms", "ratio", "upload ms", "download ms", "memory MB", "TFLOP/s",
+            "results that differ %", "worst, of the largest"]
+    return f"## {device['name']}: networks\n\n{bench_report.table(head, rows)}\n"
+
+
 def bench_device(build, folder, device):
     rows = []
     for size in SIZES:
@@ -178,6 +218,20 @@ That is {4.3e12 / PATH_BYTES / 1e9:.0f} G disparities a second of 4 paths at 4.3
 What bounds the paths besides is latency: the pixels of a path follow each other, and a direction of 2000x1500 has 1500 or
 2000 paths at a time, a group of 32 invocations each. With 1 us a pixel a direction takes 1.5 to 2 ms a view, which is
 {4 * 36 * 1.75:.0f} ms for 4 directions of 36 views: more than the bandwidth of a large GPU asks for.
+""" + network_roofline()
+
+
+def network_roofline():
+    rows = ""
+    for name, products in (("pspnet-small, a view of 480x360", PRODUCTS["pspnet-small.onnx"] * 480 * 360),
+                           ("pspnet-large, a view of 480x360", PRODUCTS["pspnet-large.onnx"] * 480 * 360),
+                           ("mccnn-fast, a view of 1000x750", PRODUCTS["mccnn-fast.onnx"] * 1000 * 750),
+                           ("mccnn-fast, 36 views of 1000x750", PRODUCTS["mccnn-fast.onnx"] * 36 * 1000 * 750)):
+        rows += f"| {name} | {products:.1f} G | " + " | ".join(
+            f"{2 * products / rate:.2f} ms" for rate in (67, 33.5, 2)) + " |\n"
+    return NETWORK_ROOFLINE + rows + """
+100 TFLOP/s of features are beyond the rate of floats; they need the matrix instructions of a device, for which there is
+no shader.
 """
 
 
@@ -190,7 +244,7 @@ def sections(text):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", default="build")
-    parser.add_argument("--only", choices=("pictures", "matching"))
+    parser.add_argument("--only", choices=("pictures", "matching", "networks"))
     args = parser.parse_args()
     build = os.path.abspath(args.build)
     version = json.loads(sst(build, "version", "--json"))
@@ -201,14 +255,17 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         text = ""
         for d in version["devices"]:
-            text += (old.get(d["name"], "") if args.only == "matching" else bench_device(build, folder, d))
-            text += (old.get(f"{d['name']}: matching", "") if args.only == "pictures" else
-                     bench_matching(build, folder, d))
+            text += (bench_device(build, folder, d) if args.only in (None, "pictures") else old.get(d["name"], ""))
+            text += (bench_matching(build, folder, d) if args.only in (None, "matching") else
+                     old.get(f"{d['name']}: matching", ""))
+            text += (bench_networks(build, d) if args.only in (None, "networks") and version["parts"]["onednn"] else
+                     old.get(f"{d['name']}: networks", ""))
     text = (f"The CPU and the device render in turn, {ROUNDS} rounds of {REPEAT} pictures each; medians. \"With device\" is a "
             "whole picture as the\ncaller sees it, with the plan, the download and the CPU's pass; \"on device\" is the "
             "shader with its waits. The upload\nhappens once per light field. Ratios above 1: the CPU is faster.\n\n"
             "Of matching the seconds are those of the whole disparity stage of `sst process`, of which the device has what "
-            "is not\nlisted under \"stages on the CPU\"; the device is opened and tested before.\n\n" + text + roofline())
+            "is not\nlisted under \"stages on the CPU\"; the device is opened and tested before. Networks run in turn as well, on all "
+            "threads of the CPU.\n\n" + text + roofline())
     with open(PAGE, "w", encoding="utf-8") as f:
         f.write(bench_report.page("GPU", "make bench-gpu", text))
 
