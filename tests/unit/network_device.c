@@ -61,6 +61,10 @@ static void a_pyramid_equals_the_cpu(void **state SST_UNUSED)
     assert_int_equal(report_of(d).runs, 2);
     assert_int_equal(report_of(d).on_cpu, 0);
     assert_int_equal(report_of(d).plans, 2);
+    sst_network_device_clear_report(d);
+    assert_int_equal(report_of(d).runs, 0);
+    assert_string_equal(report_of(d).name, "dummy");
+    assert_int_equal(report_of(d).plans, 2);
     sst_network_device_close(d);
 }
 

@@ -275,6 +275,15 @@ void sst_network_device_get_report(struct sst_network_device *d, struct sst_netw
     }
     pthread_mutex_unlock(&d->lock);
 }
+
+void sst_network_device_clear_report(struct sst_network_device *d)
+{
+    struct sst_network_device_report *r = &d->report;
+
+    pthread_mutex_lock(&d->lock);
+    r->runs = r->on_cpu = r->failures = r->dispatches = r->total_ns = r->upload_ns = r->download_ns = 0;
+    pthread_mutex_unlock(&d->lock);
+}
 #else
 int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes SST_UNUSED)
 {
@@ -302,5 +311,9 @@ bool net_device_run(struct sst_network_device *d SST_UNUSED, const struct net_de
 void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out)
 {
     *out = d->report;
+}
+
+void sst_network_device_clear_report(struct sst_network_device *d SST_UNUSED)
+{
 }
 #endif

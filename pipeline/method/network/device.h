@@ -37,4 +37,7 @@ struct sst_network_device_report {
 };
 void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out);
 
+/** Count from 0 from now on. */
+void sst_network_device_clear_report(struct sst_network_device *d);
+
 #endif
