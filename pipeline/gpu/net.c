@@ -1,7 +1,9 @@
 /* The shaders of networks: their references, and how many groups they need. */
 #include "pipeline/gpu/net.h"
 
+#include <assert.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "pipeline/gpu/gpu_internal.h"
@@ -128,45 +130,49 @@ static ptrdiff_t tap_at(const struct sst_gpu_net_conv *c, size_t pixel, int ky, 
     return y < 0 || x < 0 || y >= c->from.height || x >= c->from.width ? -1 : (ptrdiff_t)y * c->from.width + x;
 }
 
-static float sum_floats(const struct conv *v, size_t pixel, size_t channel)
+/* Add the products of one input, which the words of its weights hold from bit `shift` on, to the sums of all channels.
+ */
+static void add_bytes(int32_t *restrict sum, const uint32_t *restrict weight, int shift, int x, size_t channels)
+{
+    for (size_t o = 0; o < channels; o++)
+        sum[o] += x * (int8_t)(weight[o] >> shift);
+}
+
+/* Sums of all channels of a pixel. */
+static void sum_bytes(const struct conv *v, size_t pixel, int32_t *sum, size_t channels)
 {
     const struct sst_gpu_net_conv *c = v->c;
     const size_t outs = padded_channels(c), inputs = c->from.pitch;
-    const uint32_t *weight = v->fixed + c->weights_at + channel;
-    float sum = 0;
+    const uint32_t *weight = v->fixed + c->weights_at;
 
+    memset(sum, 0, channels * sizeof(*sum));
+    for (int i = 0; i < above(c->kernel) * below(c->kernel); i++, weight += inputs * outs) {
+        const ptrdiff_t at = tap_at(c, pixel, i / below(c->kernel), i % below(c->kernel));
+        const uint8_t *x = (const uint8_t *)(v->from + c->from.at + (size_t)(at < 0 ? 0 : at) * c->from.pitch);
+
+        for (size_t k = 0; k < 4 * inputs && at >= 0; k++)
+            add_bytes(sum, weight + k / 4 * outs, 8 * (int)(k % 4),
+                      c->from.type == SST_GPU_NET_U8 ? (int)x[k] : (int)(int8_t)x[k], channels);
+    }
+}
+
+static void sum_floats(const struct conv *v, size_t pixel, float *sum, size_t channels)
+{
+    const struct sst_gpu_net_conv *c = v->c;
+    const size_t outs = padded_channels(c), inputs = c->from.pitch;
+    const uint32_t *weight = v->fixed + c->weights_at;
+
+    memset(sum, 0, channels * sizeof(*sum));
     for (int i = 0; i < above(c->kernel) * below(c->kernel); i++) {
         const ptrdiff_t at = tap_at(c, pixel, i / below(c->kernel), i % below(c->kernel));
 
         for (size_t k = 0; k < inputs; k++, weight += outs) {
             const float x = at < 0 ? 0 : stored(v->from, c->from.at, c->from.pitch, SST_GPU_NET_F32, (size_t)at, k);
 
-            sum = fmaf(x, as_float(*weight), sum);
+            for (size_t o = 0; o < channels; o++)
+                sum[o] = fmaf(x, as_float(weight[o]), sum[o]);
         }
     }
-    return sum;
-}
-
-static int32_t sum_bytes(const struct conv *v, size_t pixel, size_t channel)
-{
-    const struct sst_gpu_net_conv *c = v->c;
-    const size_t outs = padded_channels(c), inputs = c->from.pitch;
-    const uint32_t *weight = v->fixed + c->weights_at + channel;
-    int32_t sum = 0;
-
-    for (int i = 0; i < above(c->kernel) * below(c->kernel); i++) {
-        const ptrdiff_t at = tap_at(c, pixel, i / below(c->kernel), i % below(c->kernel));
-        const uint8_t *x = (const uint8_t *)(v->from + c->from.at + (size_t)(at < 0 ? 0 : at) * c->from.pitch);
-
-        for (size_t k = 0; k < 4 * inputs; k++) {
-            const int8_t w = (int8_t)(weight[k / 4 * outs] >> (8 * (k % 4)));
-
-            if (at >= 0)
-                sum += (c->from.type == SST_GPU_NET_U8 ? (int)x[k] : (int)(int8_t)x[k]) * w;
-        }
-        weight += inputs * outs;
-    }
-    return sum;
 }
 
 /* Residual, relu, result. @param factor  of what is stored as bytes */
@@ -194,26 +200,35 @@ void net_conv8_reference(const void *push, void *const *buffer, const uint32_t g
 {
     const struct sst_gpu_net_conv *c = push;
     const struct conv v = { c, buffer[SST_GPU_NET_FIXED], buffer[SST_GPU_NET_FROM] };
+    const size_t channels = ((size_t)c->channels + 3) / 4 * 4;
+    int32_t *sum = malloc(channels * sizeof(*sum));
 
+    assert(sum);
     for (size_t i = 0; i < (size_t)c->to.width * (size_t)c->to.height; i++) {
-        for (size_t k = 0; k < ((size_t)c->channels + 3) / 4 * 4; k++) {
-            const float sum = (float)sum_bytes(&v, i, k) + fixed_float(&v, c->bias_at, k);
+        sum_bytes(&v, i, sum, channels);
+        for (size_t k = 0; k < channels; k++) {
+            const float value = (float)sum[k] + fixed_float(&v, c->bias_at, k);
 
-            finish(&v, buffer[SST_GPU_NET_TO], i, k, sum * fixed_float(&v, c->scales_at, k), 1);
+            finish(&v, buffer[SST_GPU_NET_TO], i, k, value * fixed_float(&v, c->scales_at, k), 1);
         }
     }
+    free(sum);
 }
 
 void net_conv_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
 {
     const struct sst_gpu_net_conv *c = push;
     const struct conv v = { c, buffer[SST_GPU_NET_FIXED], buffer[SST_GPU_NET_FROM] };
+    const size_t channels = ((size_t)c->channels + 3) / 4 * 4;
+    float *sum = malloc(channels * sizeof(*sum));
 
+    assert(sum);
     for (size_t i = 0; i < (size_t)c->to.width * (size_t)c->to.height; i++) {
-        for (size_t k = 0; k < ((size_t)c->channels + 3) / 4 * 4; k++)
-            finish(&v, buffer[SST_GPU_NET_TO], i, k, sum_floats(&v, i, k) + fixed_float(&v, c->bias_at, k),
-                   c->out_scale);
+        sum_floats(&v, i, sum, channels);
+        for (size_t k = 0; k < channels; k++)
+            finish(&v, buffer[SST_GPU_NET_TO], i, k, sum[k] + fixed_float(&v, c->bias_at, k), c->out_scale);
     }
+    free(sum);
 }
 
 /* --- the other layers --------------------------------------------------------------------------------------------- */
