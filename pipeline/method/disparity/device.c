@@ -535,7 +535,7 @@ static int choose(struct match *m, enum device_kept *map)
     if (err || m->cfg->bilateral_tau <= 0)
         return err;
     for (int i = 0; i < 16; i++)
-        bilateral.weight[i] = sst_bilateral_weight(i % 4, i / 4);
+        bilateral.weight[i] = sst_disparity_bilateral_weight(i % 4, i / 4);
     *map = KEPT_MAP;
     return dispatch_plane(
         m, SST_GPU_BILATERAL, &bilateral, 1,

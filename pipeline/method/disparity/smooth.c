@@ -57,7 +57,7 @@ static void pad_rows(uint16_t *disp, uint8_t *luma_row, const struct sst_map_u16
     memcpy(luma_row + MARGIN, sst_map_u8_row(luma, y), w);
 }
 
-int sst_bilateral_weight(int dx, int dy)
+int sst_disparity_bilateral_weight(int dx, int dy)
 {
     /* Integer weights (peak 4096) make the sums exact: the same bytes everywhere. */
     return (int)floor(4096.0 * exp(-0.5 * (dx * dx + dy * dy)) + 0.5);
@@ -84,7 +84,7 @@ int sst_disparity_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *lu
     for (int i = 0; i < SIDE * SIDE; i++) {
         const int dx = i % SIDE - R, dy = i / SIDE - R;
 
-        weight[i] = (int16_t)sst_bilateral_weight(dx, dy);
+        weight[i] = (int16_t)sst_disparity_bilateral_weight(dx, dy);
     }
     for (int y = 0, next = -R; y < map->height; y++) {
         const uint16_t *disp[SIDE];

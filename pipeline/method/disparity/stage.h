@@ -315,7 +315,7 @@ SST_MUST_CHECK int sst_disparity_median5(struct sst_map_u16 *map, struct sst_mem
 SST_MUST_CHECK int sst_disparity_bilateral(struct sst_map_u16 *map, const struct sst_map_u8 *luma, int tau);
 
 /** Its weight g at a distance, 4096 at none. */
-int sst_bilateral_weight(int dx, int dy);
+int sst_disparity_bilateral_weight(int dx, int dy);
 
 /**
  * Rows y0 .. y1-1 of a filled map with edges where the image has them: a pixel whose disparity has less than half of
