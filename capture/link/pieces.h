@@ -9,7 +9,7 @@
  *
  * a Cauchy matrix, of which every square part can be inverted. The whole message is coded, not each picture by itself:
  * a picture of 7 pieces needs 3 more to survive a loss of 2 % in all but 1 of 30000 cases; of the 120 pieces of 18
- * pictures 10 more do that.
+ * pictures 11 more do that.
  *
  * Data pieces are numbered from 0, parity piece r of block b follows as data + r * blocks + b. */
 #ifndef SST_CAPTURE_LINK_PIECES_H
