@@ -499,6 +499,7 @@ static void datagrams_of_others_do_no_harm(void **state_ SST_UNUSED)
                             *right = credentials_of("right");
     uint8_t bytes[SST_PIECE_HEAD + SST_PIECE_BYTES];
     struct link_dtls *d = NULL;
+    bool shaken = false;
     struct sockaddr_storage to;
     struct node left, other;
     unsigned size;
@@ -535,7 +536,12 @@ static void datagrams_of_others_do_no_harm(void **state_ SST_UNUSED)
     }
     /* A node of the list, with numbers that are not of its connection. */
     open_by_datagrams(&other, "right", 1);
-    assert_true(shake_hands(&d, right));
+    for (int i = 0; i < 30 && !shaken; i++) { /* a machine with much else to do takes longer than a second */
+        shaken = shake_hands(&d, right);
+        if (!shaken)
+            link_dtls_close(d);
+    }
+    assert_true(shaken);
     for (int i = 0; i < 50; i++)
         assert_int_equal(link_dtls_send(d, bytes, sizeof(bytes)), 0);
     UNTIL(peer(1).refused == 50);
