@@ -10,6 +10,7 @@
 #include "cli/cli_internal.h"
 
 #define TEXT      300
+#define NOTICED_MAX 140 /* bytes of a sentence: one line */
 #define NAMED_MAX 12 /* cameras named; more are counted */
 
 static bool coloured(void)
@@ -212,7 +213,7 @@ static void print_live(const json_t *s)
     printf("\n");
 }
 
-/* What is wrong with the pictures. */
+/* What is wrong with the pictures; --json has the whole sentences. */
 static void print_noticed(const json_t *s)
 {
     const json_t *list = cli_member(s, "noticed");
@@ -220,7 +221,8 @@ static void print_noticed(const json_t *s)
     for (size_t i = 0; i < json_array_size(list); i++) {
         char text[2 * TEXT];
 
-        printf("  noticed    %s\n", cli_text(json_array_get(list, i), "text", text, sizeof(text)));
+        cli_text(json_array_get(list, i), "text", text, sizeof(text));
+        printf("  noticed    %.*s%s\n", NOTICED_MAX, text, strlen(text) > NOTICED_MAX ? " ..." : "");
     }
 }
 
