@@ -677,7 +677,7 @@ bool engine_join(struct live_engine *v, int64_t until_ns)
     bool ended;
 
     pthread_mutex_lock(&v->lock);
-    while ((!v->ended || !v->camera_ended) && sst_cond_wait_until(&v->changed, &v->lock, until_ns))
+    while ((!v->ended || !v->camera_ended || !v->notice_ended) && sst_cond_wait_until(&v->changed, &v->lock, until_ns))
         ;
     /* A check of the calibration cannot be cancelled, and is not waited for: the disk needs the time. */
     ended = v->ended && v->camera_ended && (!v->check_runs || v->check_ended) && v->notice_ended;

@@ -38,6 +38,7 @@ static void *run(void *arg)
     if (w->count == v->notice_count)
         v->noticed_view[w->view] = found;
     v->notice_ended = true;
+    pthread_cond_broadcast(&v->changed); /* a stop waits for it, since it takes some milliseconds */
     pthread_mutex_unlock(&v->lock);
     sst_image_fini(&w->copy.image);
     sst_map_u8_fini(&w->copy.valid);
