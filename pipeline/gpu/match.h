@@ -113,6 +113,10 @@ struct sst_gpu_sgm {
     int32_t tile_width, tile_height, columns;
     int32_t dx, dy; /* -1, 0 or 1, not both 0 */
     int32_t first;  /* not 0: set the sums instead of adding to them */
+    /* With dy: where paths go on from the rows before these, and where they are left for those after them: indices of
+     * the entries of column 0. -1: they begin here, they are not needed. The two must not overlap. */
+    int32_t load, store;
+    uint32_t all; /* steps that any tile has: an entry has three more words */
 };
 
 enum sst_gpu_sgm_buffer {
@@ -120,7 +124,9 @@ enum sst_gpu_sgm_buffer {
     SST_GPU_SGM_PIXELS = 1,
     SST_GPU_SGM_TABLE = 2, /* uint32_t[256]: p1 | p2 << 16 by colour step into a pixel */
     SST_GPU_SGM_COST = 3,
-    SST_GPU_SGM_SUM = 4, /* in and out */
+    SST_GPU_SGM_SUM = 4,   /* in and out */
+    SST_GPU_SGM_STATE = 5, /* in and out, uint32_t[][all + 3]: L by step, the first step and the last one + 1
+                              of those, the least of them */
     SST_GPU_SGM_BUFFERS
 };
 

@@ -17,6 +17,7 @@ struct given {
     const uint32_t *pixel;
     const uint8_t *cost;
     uint16_t *sum, p1[256], p2[256], *line, *other;
+    uint32_t *state;
 };
 
 static size_t cell_of(const struct sst_gpu_tile *t, int x, int y)
@@ -41,13 +42,44 @@ static void change_tile(struct given *in, const struct sst_gpu_tile *from, const
     in->other = swap;
 }
 
-static void follow(struct given *in, int x, int y)
+/* The L that the rows before these left for a column, as those of a tile of its own. */
+static struct sst_gpu_tile load(struct given *in, int x)
+{
+    const uint32_t *from = in->state + (size_t)(in->push->load + x) * (in->push->all + 3);
+    const uint32_t *window = from + in->push->all;
+    uint16_t *to = in->line + SST_SGM_PAD;
+
+    for (uint32_t d = window[0]; d < window[1]; d++)
+        to[d - window[0]] = (uint16_t)from[d];
+    to[-2] = (uint16_t)window[2];
+    return (struct sst_gpu_tile){ .first = (int32_t)window[0], .nd = (int32_t)(window[1] - window[0]) };
+}
+
+static void store(const struct given *in, const struct sst_gpu_tile *t, int x)
+{
+    uint32_t *to = in->state + (size_t)(in->push->store + x) * (in->push->all + 3);
+    const uint16_t *from = in->line + SST_SGM_PAD;
+
+    for (int d = 0; d < t->nd; d++)
+        to[t->first + d] = from[d];
+    to[in->push->all] = (uint32_t)t->first;
+    to[in->push->all + 1] = (uint32_t)(t->first + t->nd);
+    to[in->push->all + 2] = from[-2];
+}
+
+/* @param goes_on  from the rows before these, if that is wanted */
+static void follow(struct given *in, int x, int y, bool goes_on)
 {
     const struct sst_gpu_sgm *p = in->push;
     const struct sst_gpu_tile *last = NULL;
+    struct sst_gpu_tile loaded;
+    int before = (y - p->dy) * p->width + x - p->dx;
 
-    for (int before = 0; x >= 0 && y >= p->top && x < p->width && y < p->bottom;
-         before = y * p->width + x, x += p->dx, y += p->dy) {
+    if (goes_on && p->load >= 0 && x - p->dx >= 0 && x - p->dx < p->width) {
+        loaded = load(in, x - p->dx);
+        last = &loaded;
+    }
+    for (; x >= 0 && y >= p->top && x < p->width && y < p->bottom; x += p->dx, y += p->dy) {
         const int tile = (y - p->top) / p->tile_height * p->columns + x / p->tile_width;
         const struct sst_gpu_tile *t = &in->tiles[tile];
         const size_t nd = (size_t)t->nd, entry = nd + 2 * SST_SGM_PAD, at = cell_of(t, x, y);
@@ -61,6 +93,9 @@ static void follow(struct given *in, int x, int y)
         sst_sgm_along_rows_ref(in->line, in->sum + at, in->cost + at, 0, &step, 0, in->p1, in->p2, 1, p->first, 1, 1,
                                nd);
         memcpy(in->line, in->line + entry, entry * sizeof(*in->line));
+        if (p->store >= 0 && p->dy && y == (p->dy > 0 ? p->bottom - 1 : p->top))
+            store(in, t, x);
+        before = y * p->width + x;
         last = t;
     }
 }
@@ -75,7 +110,8 @@ void sgm_path_reference(const void *push, void *const *buffer, const uint32_t gr
                         .tiles = buffer[SST_GPU_SGM_TILES],
                         .pixel = buffer[SST_GPU_SGM_PIXELS],
                         .cost = buffer[SST_GPU_SGM_COST],
-                        .sum = buffer[SST_GPU_SGM_SUM] };
+                        .sum = buffer[SST_GPU_SGM_SUM],
+                        .state = buffer[SST_GPU_SGM_STATE] };
 
     assert(lines);
     in.line = lines;
@@ -88,11 +124,11 @@ void sgm_path_reference(const void *push, void *const *buffer, const uint32_t gr
         const int left = p->dx > 0 ? 0 : p->width - 1, row = p->dy > 0 ? p->top : p->bottom - 1;
 
         if (!p->dy)
-            follow(&in, left, p->top + i);
+            follow(&in, left, p->top + i, false);
         else if (i < p->width)
-            follow(&in, i, row);
+            follow(&in, i, row, true);
         else
-            follow(&in, left, row + p->dy * (i - p->width + 1));
+            follow(&in, left, row + p->dy * (i - p->width + 1), false);
     }
     free(lines);
 }
@@ -143,7 +179,7 @@ void winner_reference(const void *push, void *const *buffer, const uint32_t grou
 #define TEST_TILES  4
 #define TEST_STEPS  264 /* more than a group does at once */
 #define TEST_CELLS  ((size_t)(TEST_HEIGHT + 4) * (TEST_WIDTH + 4) * TEST_STEPS)
-#define TEST_PIXELS ((size_t)TEST_WIDTH * (TEST_TOP + TEST_HEIGHT))
+#define TEST_PIXELS ((size_t)TEST_WIDTH * (TEST_TOP + TEST_HEIGHT + 1))
 
 struct test {
     struct sst_gpu_sgm push;
@@ -151,6 +187,7 @@ struct test {
     uint32_t pixel[TEST_PIXELS], table[256], out[TEST_WIDTH * TEST_HEIGHT];
     uint8_t cost[TEST_CELLS];
     uint16_t sum[TEST_CELLS];
+    uint32_t state[2 * TEST_WIDTH][TEST_STEPS + 3];
 };
 
 /* Tiles with a pixel around them, and windows that begin and end elsewhere, if there are several. */
@@ -165,7 +202,10 @@ static void set_tiles(struct test *t, bool several)
                                     .bottom = TEST_TOP + TEST_HEIGHT,
                                     .tile_width = width,
                                     .tile_height = height,
-                                    .columns = several ? 2 : 1 };
+                                    .columns = several ? 2 : 1,
+                                    .load = -1,
+                                    .store = -1,
+                                    .all = TEST_STEPS };
     for (int i = 0; i < TEST_TILES; i++) {
         const int x0 = several ? i % 2 * width : 0, y0 = several ? i / 2 * height : 0;
         struct sst_gpu_tile made = { .x0 = x0,
@@ -206,17 +246,18 @@ static struct test *make_test(void)
     return t;
 }
 
-/* One direction; the sums are kept for the next one. */
-static int run_direction(struct sst_gpu *g, struct test *t)
+/* One direction; the sums, or what is left of the paths, are kept for the next one. */
+static int run_direction(struct sst_gpu *g, struct test *t, bool keep_state)
 {
-    const void *const initial[SST_GPU_BUFFERS] = { t->tile, t->pixel, t->table, t->cost, t->sum };
-    const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->tile), sizeof(t->pixel), sizeof(t->table), sizeof(t->cost),
-                                            sizeof(t->sum) };
+    const void *const initial[SST_GPU_BUFFERS] = { t->tile, t->pixel, t->table, t->cost, t->sum, t->state };
+    const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->tile), sizeof(t->pixel), sizeof(t->table),
+                                            sizeof(t->cost), sizeof(t->sum),   sizeof(t->state) };
     const struct sst_gpu_work work = { .shader = SST_GPU_SGM_PATH,
                                        .push = &t->push,
                                        .groups = { sst_gpu_sgm_paths(&t->push), 1, 1 } };
 
-    return gpu_compare(g, &work, initial, bytes, SST_GPU_SGM_SUM, t->sum);
+    return gpu_compare(g, &work, initial, bytes, keep_state ? SST_GPU_SGM_STATE : SST_GPU_SGM_SUM,
+                       keep_state ? (void *)t->state : t->sum);
 }
 
 int sgm_path_self_test(struct sst_gpu *g)
@@ -231,7 +272,17 @@ int sgm_path_self_test(struct sst_gpu *g)
             t->push.dy = i / 3 - 1;
             t->push.first = !i;
             if (t->push.dx || t->push.dy)
-                err = run_direction(g, t);
+                err = run_direction(g, t, false);
+        }
+        for (int i = 0; i < 4 && !err; i++) { /* left after all rows, which go on from there: as of other ones */
+            t->push.dx = i % 3 - 1;
+            t->push.dy = i < 3 ? 1 : -1;
+            t->push.load = -1;
+            t->push.store = TEST_WIDTH;
+            err = run_direction(g, t, true);
+            t->push.load = TEST_WIDTH;
+            t->push.store = 0;
+            err = err ? err : run_direction(g, t, true);
         }
     }
     free(t);

@@ -15,11 +15,14 @@ layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
 layout(std430, binding = 2) readonly buffer Penalties { uint penalties[256]; };
 layout(std430, binding = 3) readonly buffer Cost { uint cost[]; };
 layout(std430, binding = 4) buffer Sum { uint sum[]; };
+layout(std430, binding = 5) buffer State { uint state[]; };
 
 layout(std430, push_constant) uniform Constants {
     int width, top, bottom; // rows of the view that have costs: top .. bottom - 1
     int tile_width, tile_height, columns;
     int dx, dy, first;
+    int load, store; // entries of the first column, -1: none
+    uint all;        // steps: an entry has L by step, the window of steps, the minimum
 };
 
 const uint FAR = 0x7FFF, STEPS = 576;
@@ -82,29 +85,40 @@ uint follow(uint quad, int step, uint now, ivec2 window, uint before_least, uint
 void main()
 {
     const uint lane = gl_LocalInvocationID.x;
-    ivec2 at = begin(int(gl_WorkGroupID.x)), window = ivec2(0, 0);
+    const int number = int(gl_WorkGroupID.x);
+    ivec2 at = begin(number), window = ivec2(0, 0);
+    const ivec2 from = at - ivec2(dx, dy);
+    // Paths that go on from the rows before these ones.
+    const bool goes_on = load >= 0 && dy != 0 && number < width && from.x >= 0 && from.x < width;
+    const uint entry = goes_on ? uint(load + from.x) * (all + 3) : 0;
     int index = -1;
-    uint last = 0;
+    uint last = 0, i = 0;
     Tile t;
 
     if (lane < 3)
-        least[lane] = FAR;
+        least[lane] = lane == 2 && goes_on ? state[entry + all + 2] : FAR;
+    if (goes_on) {
+        window = ivec2(state[entry + all], state[entry + all + 1]);
+        last = pixels[from.y * width + from.x];
+        for (uint d = uint(window.x) + lane; d < uint(window.y); d += 32)
+            path[1][d] = state[entry + d];
+    }
     barrier();
-    for (uint i = 0; at.x >= 0 && at.y >= top && at.x < width && at.y < bottom; i++) {
+    for (; at.x >= 0 && at.y >= top && at.x < width && at.y < bottom; i++) {
         const int tile = (at.y - top) / tile_height * columns + at.x / tile_width;
-        const uint pixel = pixels[at.y * width + at.x];
-        const uint before_least = least[(i + 2) % 3];
+        const uint pixel = pixels[at.y * width + at.x], before_least = least[(i + 2) % 3];
+        const bool begins = i == 0 && !goes_on;
         uint mine = FAR, p, quad;
 
         if (tile != index)
             t = tiles[tile];
         index = tile;
-        p = penalties[i == 0 ? 0 : step_between(pixel, last)];
+        p = penalties[begins ? 0 : step_between(pixel, last)];
         quad = t.quad + uint((at.y - t.top) * t.pitch + at.x - t.left) * (uint(t.nd) >> 2);
         window = ivec2(max(window.x, t.first), min(window.y, t.first + t.nd));
         for (int d = int(lane) * 4; d < t.nd; d += 128)
             mine = min(mine, follow(quad + uint(d >> 2), t.first + d, i & 1, window, before_least, p & 0xFFFF, p >> 16,
-                                    i == 0));
+                                    begins));
         atomicMin(least[i % 3], mine);
         if (lane == 0)
             least[(i + 1) % 3] = FAR;
@@ -112,5 +126,14 @@ void main()
         window = ivec2(t.first, t.first + t.nd);
         last = pixel;
         at += ivec2(dx, dy);
+    }
+    at -= ivec2(dx, dy);
+    if (store >= 0 && dy != 0 && at.y == (dy > 0 ? bottom - 1 : top)) {
+        const uint to = uint(store + at.x) * (all + 3);
+
+        for (uint d = uint(window.x) + lane; d < uint(window.y); d += 32)
+            state[to + d] = path[(i + 1) & 1][d];
+        if (lane < 3)
+            state[to + all + lane] = lane < 2 ? uint(window[lane]) : least[(i + 2) % 3];
     }
 }

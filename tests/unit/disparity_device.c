@@ -77,6 +77,39 @@ static void test_tiles(void **state)
     sst_lightfield_fini(&lf);
 }
 
+/* What does not fit at once is matched in bands of rows, along which paths go on. */
+static void test_bands(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    (void)state;
+    match_init(&lf, 3, 3, 97, 60, 8);
+    for (int i = 4; i < 6; i++) { /* with 8 paths and 4, the latter aggregated twice */
+        assert_true(match_config(&cfg, i));
+        cfg.phase_step = 2;
+        cfg.rounds = 0;
+        cfg.key_spacing = 1;
+        assert_int_equal(sst_disparity_device_create(&cfg.device, i == 4 ? "dummy:buffer=200" : "dummy:buffer=460", 0),
+                         0);
+        match_compare(&lf, &cfg, &report);
+        assert_int_equal(report.views, 8);
+        assert_int_equal(report.in_bands, 8);
+        assert_int_equal(report.on_cpu, 0);
+        sst_disparity_device_destroy(cfg.device);
+    }
+    sst_lightfield_fini(&lf);
+    match_init(&lf, 1, 3, 230, 192, 21); /* rows of tiles */
+    match_config_tiles(&cfg);
+    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy:buffer=4600", 0), 0);
+    match_compare(&lf, &cfg, &report);
+    assert_int_equal(report.in_bands, 3);
+    assert_int_equal(report.on_cpu, 0);
+    sst_disparity_device_destroy(cfg.device);
+    sst_lightfield_fini(&lf);
+}
+
 /* What a device fails at ends on the CPU with the same bytes; then it is opened again. */
 static void test_fallback(void **state)
 {
@@ -84,9 +117,9 @@ static void test_fallback(void **state)
         const char *name, *why;
         int views, failures;
     } devices[] = {
-        /* the self-tests have 42 dispatches */
-        { "dummy:lost=43", "the device is lost", 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
-        { "dummy:timeout=93", "the device does not answer", 6, 3 },
+        /* the self-tests have 58 dispatches */
+        { "dummy:lost=59", "the device is lost", 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
+        { "dummy:timeout=109", "the device does not answer", 6, 3 },
         { "dummy:memory=1", "not enough memory on the device", 0, 0 },
         { "dummy:buffer=200", "not enough memory on the device", 0, 0 },
     };
@@ -120,9 +153,9 @@ static void test_fallback_later(void **state)
         int tested;      /* 16 with those on the CPU */
         unsigned stages; /* on the CPU besides those without shaders */
     } devices[] = {
-        { "dummy:lost=220", 8, 0 },
-        { "dummy:lost=314", 16, 1U << SST_DISPARITY_STAGE_CHECK | 1U << SST_DISPARITY_STAGE_FILL },
-        { "dummy:lost=340", 16, 1U << SST_DISPARITY_STAGE_FILL },
+        { "dummy:lost=236", 8, 0 },
+        { "dummy:lost=330", 16, 1U << SST_DISPARITY_STAGE_CHECK | 1U << SST_DISPARITY_STAGE_FILL },
+        { "dummy:lost=356", 16, 1U << SST_DISPARITY_STAGE_FILL },
     };
     const unsigned both = 1U << SST_DISPARITY_STAGE_CHECK | 1U << SST_DISPARITY_STAGE_FILL;
     struct sst_disparity_device_report report;
@@ -186,8 +219,9 @@ static void test_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        serial_test(test_same_bytes), cmocka_unit_test(test_narrow),    serial_test(test_tiles),
-        serial_test(test_fallback),   serial_test(test_fallback_later), cmocka_unit_test(test_refused),
+        serial_test(test_same_bytes),   cmocka_unit_test(test_narrow), serial_test(test_tiles),
+        serial_test(test_bands),        serial_test(test_fallback),    serial_test(test_fallback_later),
+        cmocka_unit_test(test_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -127,6 +127,14 @@ static void test_matches(void **state)
     assert_int_equal(report.on_cpu, 0);
     sst_lightfield_fini(&lf);
     sst_disparity_device_destroy(device);
+    match_init(&lf, 1, 3, 97, 60, 8); /* in bands of rows */
+    assert_true(match_config(&cfg, 5));
+    assert_int_equal(sst_disparity_device_create(&cfg.device, "lavapipe", (uint64_t)1350 << 10), 0);
+    match_compare(&lf, &cfg, &report);
+    assert_int_equal(report.in_bands, 3);
+    assert_int_equal(report.on_cpu, 0);
+    sst_disparity_device_destroy(cfg.device);
+    sst_lightfield_fini(&lf);
 }
 
 /* Networks in floats and on 8 bits. */

@@ -15,6 +15,7 @@
 #include "pipeline/method/disparity/disparity_internal.h"
 
 #define MOST_SKIPPED 64    /* views between two attempts to open a device that failed */
+#define LEAST_ROWS   16    /* of a band */
 #define MOST_GROUPS  65535 /* of a dispatch, in each direction: what every device has */
 
 static const enum sst_gpu_shader shaders[] = {
@@ -184,7 +185,7 @@ const char *disparity_device_refuses(const struct disparity_run *run)
         return "maps of two directions are fused";
     if (!cfg->raw && cfg->support_arm && cfg->support_after)
         return "costs are aggregated after the optimisation";
-    /* The window of a tile may end after the last step. */
+    /* As all_steps() has it. */
     return run->shape.steps + 64 > SST_GPU_MATCH_STEPS ? "too many disparities" : NULL;
 }
 
@@ -253,6 +254,9 @@ struct match {
     const struct sst_disparity_config *cfg;
     int width, height; /* of the views */
     int rounds;        /* of the aggregation */
+    int band;          /* rows that are matched at once */
+    /* of the band in work */
+    int top, rows_of; /* its rows */
     int tiles;
     uint32_t quads, rows;         /* groups that cover the volume of the largest tile */
     uint32_t inner_rows, columns; /* groups of winners, likewise */
@@ -347,35 +351,51 @@ static void add_tile(struct match *m, const struct sst_gpu_tile *t)
     m->inner_rows = (uint32_t)t->height > m->inner_rows ? (uint32_t)t->height : m->inner_rows;
 }
 
-/* Lay out the volume. */
-static int place_tiles(struct match *m)
+/* Tile number i of the band. */
+static struct sst_gpu_tile tile_of(struct match *m, int i)
 {
     const struct device_match *in = m->in;
     const struct sst_volume *shape = &in->run->shape;
-    const int count = in->tiles ? in->tiles->rows * in->tiles->columns : 1;
+    struct sst_gpu_tile made;
+
+    if (in->tiles) {
+        const struct sst_tile *t = &in->tiles->tile[(m->top - in->top) / SST_TILE_HEIGHT * in->tiles->columns + i];
+
+        made = make_tile(m, t->x0, t->y0, t->width, t->height);
+        made.first = t->first * shape->divisor;
+        made.steps = t->steps;
+        made.nd = (int32_t)t->steps_padded;
+    } else {
+        made = make_tile(m, 0, m->top, m->width, m->rows_of);
+        made.steps = shape->steps;
+        made.nd = (shape->steps + 31) / 32 * 32;
+    }
+    return made;
+}
+
+/* Lay out the volume of rows top .. top + rows - 1, and make room for it. */
+static int place_band(struct match *m, int top, int rows)
+{
+    const struct device_match *in = m->in;
+    const int count = in->tiles ? (rows + SST_TILE_HEIGHT - 1) / SST_TILE_HEIGHT * in->tiles->columns : 1;
     struct sst_gpu_tile *tile = calloc((size_t)count, sizeof(*tile));
     int err = tile ? 0 : -ENOMEM;
 
+    m->top = top;
+    m->rows_of = rows;
+    m->cells = 0;
+    m->quads = m->rows = m->inner_rows = m->columns = 0;
+    m->tiles = count;
     for (int i = 0; i < count && !err; i++) {
-        if (in->tiles) {
-            const struct sst_tile *t = &in->tiles->tile[i];
-
-            tile[i] = make_tile(m, t->x0, t->y0, t->width, t->height);
-            tile[i].first = t->first * shape->divisor;
-            tile[i].steps = t->steps;
-            tile[i].nd = (int32_t)t->steps_padded;
-        } else {
-            tile[i] = make_tile(m, 0, in->top, m->width, in->height);
-            tile[i].steps = shape->steps;
-            tile[i].nd = (shape->steps + 31) / 32 * 32;
-        }
+        tile[i] = tile_of(m, i);
         add_tile(m, &tile[i]);
     }
-    m->tiles = count;
     if (!err && (count > MOST_GROUPS || m->quads > MOST_GROUPS || m->rows > MOST_GROUPS || m->cells / 4 > INT32_MAX))
         err = -ENOMEM;
     err = err ? err : disparity_device_keep(m->d, KEPT_TILES, (size_t)count, sizeof(*tile));
     err = err ? err : disparity_device_upload(m->d, m->d->kept[KEPT_TILES], tile, (size_t)count * sizeof(*tile));
+    err = err ? err : disparity_device_keep(m->d, KEPT_COST, m->cells, sizeof(uint8_t));
+    err = err ? err : disparity_device_keep(m->d, KEPT_SUM, m->cells, sizeof(uint16_t));
     free(tile);
     return err;
 }
@@ -443,17 +463,24 @@ static int match_neighbour(struct match *m, int i)
                           SST_GPU_COST_BUFFERS);
 }
 
-/* Means over the support regions; each round needs the last one's around a tile as far as regions reach. */
-static int aggregate(struct match *m)
+static int find_arms(struct match *m)
 {
     const struct sst_gpu_arms arms = { m->width, m->height, m->cfg->support_arm, m->cfg->support_tau };
     struct sst_gpu_buffer **kept = m->d->kept;
     int err = disparity_device_keep(m->d, KEPT_ARMS, (size_t)m->width * (size_t)m->height, sizeof(uint32_t));
 
-    err = err ? err
-              : dispatch_plane(m, SST_GPU_SUPPORT_ARMS, &arms, 1,
-                               (struct sst_gpu_buffer *const[]){ pixels_of(m, m->in->ref), kept[KEPT_ARMS] },
-                               SST_GPU_ARMS_BUFFERS);
+    return err ? err
+               : dispatch_plane(m, SST_GPU_SUPPORT_ARMS, &arms, 1,
+                                (struct sst_gpu_buffer *const[]){ pixels_of(m, m->in->ref), kept[KEPT_ARMS] },
+                                SST_GPU_ARMS_BUFFERS);
+}
+
+/* Means over the support regions; each round needs the last one's around a tile as far as regions reach. */
+static int aggregate(struct match *m)
+{
+    struct sst_gpu_buffer **kept = m->d->kept;
+    int err = 0;
+
     for (int left = m->rounds - 1; left >= 0 && !err; left--) {
         const int around = left * SST_SUPPORT_MAX_ARM;
         const struct sst_gpu_support sum = { m->width, m->height, around, around + SST_SUPPORT_MAX_ARM };
@@ -472,14 +499,8 @@ static int aggregate(struct match *m)
     return err;
 }
 
-/* Along the rows, from row to row, and with 8 paths along both diagonals. */
-static int optimise(struct match *m)
+static int upload_penalties(struct match *m)
 {
-    static const int ways[8][2] = {
-        { 1, 0 }, { -1, 0 }, { 0, 1 }, { 0, -1 }, { 1, 1 }, { -1, 1 }, { 1, -1 }, { -1, -1 }
-    };
-    const struct device_match *in = m->in;
-    struct sst_gpu_buffer **kept = m->d->kept;
     struct sst_disparity_sgm_penalties penalties;
     uint32_t table[256];
     int err = disparity_device_keep(m->d, KEPT_TABLE, 256, sizeof(*table));
@@ -487,45 +508,67 @@ static int optimise(struct match *m)
     sst_disparity_sgm_penalties_init(&penalties, m->cfg);
     for (int i = 0; i < 256; i++)
         table[i] = penalties.p1[i] | (uint32_t)penalties.p2[i] << 16;
-    err = err ? err : disparity_device_upload(m->d, kept[KEPT_TABLE], table, sizeof(table));
-    for (int i = 0; i < m->cfg->paths && !err; i++) {
-        const struct sst_gpu_sgm push = { .width = m->width,
-                                          .top = in->top,
-                                          .bottom = in->top + in->height,
-                                          .tile_width = in->tiles ? SST_TILE_WIDTH : m->width,
-                                          .tile_height = in->tiles ? SST_TILE_HEIGHT : in->height,
-                                          .columns = in->tiles ? in->tiles->columns : 1,
-                                          .dx = ways[i][0],
-                                          .dy = ways[i][1],
-                                          .first = !i };
-
-        err = dispatch(m, SST_GPU_SGM_PATH, &push, sst_gpu_sgm_paths(&push), 1, 1,
-                       (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], pixels_of(m, in->ref), kept[KEPT_TABLE],
-                                                         kept[KEPT_COST], kept[KEPT_SUM] },
-                       SST_GPU_SGM_BUFFERS);
-    }
-    return err;
+    return err ? err : disparity_device_upload(m->d, m->d->kept[KEPT_TABLE], table, sizeof(table));
 }
 
-/* Winners, filtered if that is wanted. @param map  out: where they are */
-static int choose(struct match *m, enum device_kept *map)
+/* Steps that any tile has: the window of one may end after the last step of the view. */
+static uint32_t all_steps(const struct match *m)
+{
+    const int steps = m->in->run->shape.steps;
+
+    return (uint32_t)(m->in->tiles ? steps + 64 : (steps + 31) / 32 * 32);
+}
+
+/* Paths of a direction through the band. @param load, store  entries of the state; -1: none */
+static int follow(struct match *m, int dx, int dy, bool first, int load, int store)
+{
+    const struct device_match *in = m->in;
+    struct sst_gpu_buffer **kept = m->d->kept;
+    const struct sst_gpu_sgm push = { .width = m->width,
+                                      .top = m->top,
+                                      .bottom = m->top + m->rows_of,
+                                      .tile_width = in->tiles ? SST_TILE_WIDTH : m->width,
+                                      .tile_height = in->tiles ? SST_TILE_HEIGHT : m->rows_of,
+                                      .columns = in->tiles ? in->tiles->columns : 1,
+                                      .dx = dx,
+                                      .dy = dy,
+                                      .first = first,
+                                      .load = load < 0 ? -1 : load * m->width,
+                                      .store = store < 0 ? -1 : store * m->width,
+                                      .all = all_steps(m) };
+
+    return dispatch(m, SST_GPU_SGM_PATH, &push, sst_gpu_sgm_paths(&push), 1, 1,
+                    (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], pixels_of(m, in->ref), kept[KEPT_TABLE],
+                                                      kept[KEPT_COST], kept[KEPT_SUM], kept[KEPT_STATE] },
+                    SST_GPU_SGM_BUFFERS);
+}
+
+/* Winners of the band. */
+static int choose(struct match *m)
+{
+    const struct device_match *in = m->in;
+    const struct sst_gpu_winner push = { m->width, in->top, in->run->shape.divisor, m->cfg->raw };
+    struct sst_gpu_buffer **kept = m->d->kept;
+
+    return dispatch(
+        m, SST_GPU_WINNER, &push, m->inner_rows, m->columns, (uint32_t)m->tiles,
+        (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_SUM], kept[KEPT_COST], kept[KEPT_MAP] },
+        SST_GPU_WINNER_BUFFERS);
+}
+
+/* Filter the winners if that is wanted. @param map  out: where they are */
+static int filter(struct match *m, enum device_kept *map)
 {
     const struct device_match *in = m->in;
     const size_t n = (size_t)m->width * (size_t)in->height;
-    const struct sst_gpu_winner winner = { m->width, in->top, in->run->shape.divisor, m->cfg->raw };
     const struct sst_gpu_median median = { m->width, m->height };
     struct sst_gpu_bilateral bilateral = { m->width, m->height, m->cfg->bilateral_tau, { 0 } };
     struct sst_gpu_buffer **kept = m->d->kept;
-    int err = disparity_device_keep(m->d, KEPT_MAP, n, sizeof(uint32_t));
+    int err = 0;
 
     *map = KEPT_MAP;
-    err = err ? err
-              : dispatch(m, SST_GPU_WINNER, &winner, m->inner_rows, m->columns, (uint32_t)m->tiles,
-                         (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_SUM], kept[KEPT_COST],
-                                                           kept[KEPT_MAP] },
-                         SST_GPU_WINNER_BUFFERS);
-    if (err || !in->filter || m->cfg->raw)
-        return err;
+    if (!in->filter || m->cfg->raw)
+        return 0;
     err = disparity_device_keep(m->d, KEPT_FILTERED, n, sizeof(uint32_t));
     err = err ? err
               : dispatch_plane(m, SST_GPU_MEDIAN, &median, 1,
@@ -582,28 +625,109 @@ static size_t most_layers(const struct device_match *in)
     return (size_t)most;
 }
 
+/* Costs of a band. */
+static int fill_band(struct match *m, int top, int rows)
+{
+    int err = place_band(m, top, rows);
+
+    for (int i = 0; i < m->in->count && !err; i++)
+        err = match_neighbour(m, i);
+    return err || !m->rounds ? err : aggregate(m);
+}
+
+/* Rows of band b. */
+static int rows_of(const struct match *m, int b)
+{
+    return sst_min_int(m->band, m->in->height - b * m->band);
+}
+
+/* What the paths downwards leave at the end of each band but the last one; with 8 paths three of them. */
+static int follow_down(struct match *m, int slants, int bands)
+{
+    int err = 0;
+
+    for (int b = 0; b + 1 < bands && !err; b++) {
+        err = fill_band(m, m->in->top + b * m->band, rows_of(m, b));
+        for (int s = 0; s < slants && !err; s++)
+            err = follow(m, slants == 1 ? 0 : s - 1, 1, true, b ? (b - 1) * slants + s : -1, b * slants + s);
+    }
+    return err;
+}
+
+/* All paths of a band. */
+static int optimise(struct match *m, int slants, int b, int bands)
+{
+    const int up = (bands - 1) * slants; /* entries of two bands, in turn */
+    int err = follow(m, 1, 0, true, -1, -1);
+
+    err = err ? err : follow(m, -1, 0, false, -1, -1);
+    for (int s = 0; s < slants && !err; s++) {
+        const int dx = slants == 1 ? 0 : s - 1;
+
+        err = follow(m, dx, 1, false, b ? (b - 1) * slants + s : -1, -1);
+        err = err ? err
+                  : follow(m, dx, -1, false, b + 1 < bands ? up + (b + 1) % 2 * slants + s : -1,
+                           b ? up + b % 2 * slants + s : -1);
+    }
+    return err;
+}
+
+/* Match in bands of m->band rows, from the last one up: paths downwards come from a pass before that, for which the
+ * costs are computed once more. */
+static int match_bands(struct match *m)
+{
+    const int bands = (m->in->height + m->band - 1) / m->band, slants = m->cfg->paths == 8 ? 3 : 1;
+    const size_t columns = bands > 1 ? (size_t)((bands + 1) * slants) * (size_t)m->width : 1;
+    int err = disparity_device_keep(m->d, KEPT_STATE, columns * (all_steps(m) + 3), sizeof(uint32_t));
+
+    if (!m->cfg->raw)
+        err = err ? err : follow_down(m, slants, bands);
+    for (int b = bands - 1; b >= 0 && !err; b--) {
+        err = fill_band(m, m->in->top + b * m->band, rows_of(m, b));
+        if (!m->cfg->raw)
+            err = err ? err : optimise(m, slants, b, bands);
+        err = err ? err : choose(m);
+    }
+    m->d->report.in_bands += !err && bands > 1 && m->in->filter;
+    return err;
+}
+
+/* Free the volume, which is too large. */
+static void drop_volume(struct sst_disparity_device *d)
+{
+    static const enum device_kept volume[] = { KEPT_COST, KEPT_SUM, KEPT_STATE };
+
+    for (size_t i = 0; i < ARRAY_LEN(volume); i++) {
+        sst_gpu_buffer_destroy(d->gpu, d->kept[volume[i]]);
+        d->kept[volume[i]] = NULL;
+        d->bytes[volume[i]] = 0;
+    }
+}
+
 static int match_view(struct match *m)
 {
     const struct device_match *in = m->in;
+    const size_t n = (size_t)m->width * (size_t)m->height;
+    const int unit = in->tiles ? SST_TILE_HEIGHT : LEAST_ROWS;
     enum device_kept map;
     int err = need_view(m, in->ref);
 
     for (int i = 0; i < in->count && !err; i++)
         err = need_view(m, in->neighbours[i].desc);
-    err = err ? err : place_tiles(m);
-    err = err ? err : disparity_device_keep(m->d, KEPT_COST, m->cells, sizeof(uint8_t));
-    err = err ? err : disparity_device_keep(m->d, KEPT_SUM, m->cells, sizeof(uint16_t));
-    err = err ? err
-              : disparity_device_keep(m->d, KEPT_OTHER, most_layers(in) * (size_t)m->width * (size_t)m->height,
-                                      sizeof(uint64_t));
+    err = err ? err : upload_penalties(m);
+    err = err ? err : disparity_device_keep(m->d, KEPT_MAP, n, sizeof(uint32_t));
+    err = err ? err : disparity_device_keep(m->d, KEPT_OTHER, most_layers(in) * n, sizeof(uint64_t));
     err = err ? err : make_census(m, in->ref, 1, KEPT_CENSUS, NULL);
-    for (int i = 0; i < in->count && !err; i++)
-        err = match_neighbour(m, i);
     if (!err && m->rounds)
-        err = aggregate(m);
-    if (!err && !m->cfg->raw)
-        err = optimise(m);
-    err = err ? err : choose(m, &map);
+        err = find_arms(m);
+    if (err)
+        return err;
+    /* As few bands as fit. */
+    for (m->band = in->height; (err = match_bands(m)) == -ENOMEM && m->band > unit;) {
+        drop_volume(m->d);
+        m->band = ((m->band + 1) / 2 + unit - 1) / unit * unit;
+    }
+    err = err ? err : filter(m, &map);
     return err ? err : fetch(m, map);
 }
 

@@ -112,6 +112,7 @@ const char *sst_disparity_stage_name(enum sst_disparity_stage stage);
 struct sst_disparity_device_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME];
     int64_t views;          /* matched there; those of coarser maps count as well */
+    int64_t in_bands;       /* of them: in parts, since the whole volume did not fit */
     int64_t on_cpu;         /* others */
     int64_t tested;         /* whose hypotheses were, in the second pass; by round */
     int64_t tested_on_cpu;  /* others */
@@ -130,7 +131,7 @@ struct sst_disparity_device_report {
  *
  * @param name          as of sst_gpu_open(), or "cpu": none; "auto" without a GPU as well
  * @param memory_bytes  that it may use of the device's memory; 0: three quarters. A view whose volume does not fit is
- *                      matched on the CPU, which is counted
+ *                      matched in bands of rows, costs computed twice; one of which no band fits on the CPU
  * @param out           NULL: on the CPU
  * @return 0, errors of sst_gpu_open(), -ENOTSUP (a shader is refused); logged
  */

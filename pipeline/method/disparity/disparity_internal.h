@@ -102,6 +102,7 @@ enum device_kept {
     KEPT_COSTS = 14,
     KEPT_SUMS = 15,
     KEPT_CHOSEN = 16,
+    KEPT_STATE = 17, /* of paths between bands */
     KEPT
 };
 
