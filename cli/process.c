@@ -74,10 +74,11 @@ static json_t *device_json(const struct sst_disparity_device_report *d)
                      stages);
     if (root)
         json_object_update_new(
-            root, json_pack("{s:I, s:I, s:I, s:f, s:f, s:f, s:f}", "dispatches", (json_int_t)d->dispatches, "uploads",
-                            (json_int_t)d->uploads, "upload_bytes", (json_int_t)d->upload_bytes, "seconds",
-                            (double)d->total_ns * 1e-9, "upload_seconds", (double)d->upload_ns * 1e-9, "wait_seconds",
-                            (double)d->wait_ns * 1e-9, "download_seconds", (double)d->download_ns * 1e-9));
+            root, json_pack("{s:I, s:I, s:I, s:I, s:f, s:f, s:f, s:f}", "in_bands", (json_int_t)d->in_bands,
+                            "dispatches", (json_int_t)d->dispatches, "uploads", (json_int_t)d->uploads, "upload_bytes",
+                            (json_int_t)d->upload_bytes, "seconds", (double)d->total_ns * 1e-9, "upload_seconds",
+                            (double)d->upload_ns * 1e-9, "wait_seconds", (double)d->wait_ns * 1e-9, "download_seconds",
+                            (double)d->download_ns * 1e-9));
     return root;
 }
 

@@ -102,7 +102,7 @@ static void test_bands(void **state)
     sst_lightfield_fini(&lf);
     match_init(&lf, 1, 3, 230, 192, 21); /* rows of tiles */
     match_config_tiles(&cfg);
-    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy:buffer=4600", 0), 0);
+    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy:buffer=3900", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.in_bands, 3);
     assert_int_equal(report.on_cpu, 0);
