@@ -21,6 +21,7 @@
 struct wanted {
     const char *model, *hand_label, *labels_dir, *disparity_dir, *skip, *align, *device;
     int device_memory; /* MiB; 0: three quarters */
+    struct sst_network_device *networks;
     double range_min, range_max;
     bool no_labels, no_verify, json;
     bool correct, several; /* of `align`; more than one light field */
@@ -115,6 +116,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
     json_t *root, *levels;
 
     report_device(device);
+    cli_network_report_device(w->networks);
     cli_warn_judgement(&r->judgement, dir);
     levels = cli_levels_json(lf, dir);
     if (r->parallax == SST_PARALLAX_NONE)
@@ -168,6 +170,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         cli_add_judgement(root, lf, &r->judgement);
         json_object_set_new(root, "levels", levels);
         json_object_set_new(root, "device", device_json(device));
+        json_object_set_new(root, "networks", cli_network_device_json(w->networks));
         json_object_set_new(root, "not_finite", json_integer((json_int_t)sst_border_count()));
         json_object_set_new(root, "align", cli_align_json(lf, &r->align, w->correct));
         json_object_set_new(root, "parallax",
@@ -252,6 +255,18 @@ struct job {
     bool split;       /* workers share views, not light fields */
 };
 
+/* The device, for matching and for networks where there are any. */
+static int open_devices(struct job *job)
+{
+    const uint64_t bytes = (uint64_t)job->w.device_memory << 20;
+    int err = sst_disparity_device_create(&job->cfg.disparity.device, job->w.device, bytes);
+
+    if (!err && ((!job->w.no_labels && !job->w.labels_dir) || job->cfg.disparity.cost & SST_COST_MCCNN))
+        err = sst_network_device_open(&job->w.networks, job->w.device, bytes);
+    job->cfg.networks = job->cfg.disparity.networks = job->w.networks;
+    return err;
+}
+
 /* A light field whose maps are computed. */
 struct computed {
     const struct job *job;
@@ -279,7 +294,11 @@ static int save(void *arg, int i SST_UNUSED, bool again)
     cli_progress_end();
     if (c->job->cfg.disparity.device)
         sst_disparity_device_report(c->job->cfg.disparity.device, &device);
-    return cli_exit_code(err ? err : print_report(&c->lf, &c->report, c->load, saving, c->dir, &c->job->w, &device));
+    if (!err)
+        err = print_report(&c->lf, &c->report, c->load, saving, c->dir, &c->job->w, &device);
+    if (c->job->w.networks)
+        sst_network_device_clear_report(c->job->w.networks);
+    return cli_exit_code(err);
 }
 
 /* Of the workers that share the views, one saves. */
@@ -475,9 +494,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "align", 0, CLI_STRING, &job.w.align, "WHEN",
           "auto: pictures that are displaced or have other gains are corrected; off: not" },
         { "device", 0, CLI_STRING, &job.w.device, "D",
-          "where views are matched: cpu (default), gpu, auto (gpu if there is one) or a part of a device's name" },
+          "where views are labelled and matched: cpu (default), gpu, auto (gpu if there is one) or a part of a name" },
         { "device-memory", 0, CLI_INT, &job.w.device_memory, "MIB",
-          "memory of the device to use at most (three quarters of it)", 1, 1 << 24 },
+          "memory of the device that labels and matching use at most, each (three quarters of it)", 1, 1 << 24 },
         { "json", 0, CLI_FLAG, &job.w.json, NULL, "print one JSON object; of several light fields a line each" },
         CLI_SHARD_OPTIONS(shard),
         { "split-views", 0, CLI_FLAG, &job.split, NULL,
@@ -502,9 +521,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         job.dir = (char *const *)(uintptr_t)dirs;
         job.text = text;
         if (!shard.status)
-            r = cli_exit_code(sst_disparity_device_create(&job.cfg.disparity.device, job.w.device,
-                                                          (uint64_t)job.w.device_memory << 20));
+            r = cli_exit_code(open_devices(&job));
         r = r == CLI_GO_ON || r == CLI_OK ? process_listed(&job, count) : r;
+        sst_network_device_close(job.w.networks);
         sst_disparity_device_destroy(job.cfg.disparity.device);
     }
     free(dirs);
@@ -529,7 +548,8 @@ const struct cli_command cli_process = {
         "--align auto (the default) estimates from the scene by how much pictures are displaced, rolled, brighter or\n"
         "darker in the corners and corrects what is significant, also whenever the light field is loaded later; the\n"
         "views' files stay as they are. Views that cannot be of this scene are named in a warning.\n"
-        "--device matches the views on a GPU, with the same maps: gpu is the fastest one that passes its self-test, "
+        "--device labels and matches the views on a GPU, with the same maps: gpu is the fastest one that passes its "
+        "self-test, "
         "auto\n"
         "does without one where there is none; software devices are used only by name (lavapipe). `sst version` lists\n"
         "the devices. What a device has no shader for, or fails at, is done on the CPU, logged and named in `device` "

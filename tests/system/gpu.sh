@@ -142,6 +142,28 @@ cp -r field field1
 [ $? -eq 5 ] && grep -q 'cannot match: ' err || fail "process on a device that gives wrong results: $(cat err)"
 want 3 'no device `GeForce`' process field1 --device GeForce
 
+# --- labels of a light field ---
+if "$sst" version --json | grep -q '"onednn": true'; then
+  for view in small/views/*; do
+    case $view in */00_00.png | */00_01.png) ;; *) rm "$view" ;; esac
+  done
+  "$sst" import folder small/views --grid 1x2 -o pair >/dev/null || exit 1
+  cp -r pair pair1
+  "$sst" process pair --preset preview || fail "process with labels"
+  "$sst" process pair1 --preset preview --device lavapipe --json >both.json 2>err || fail "process with labels on lavapipe: $(cat err)"
+  [ ! -s err ] || fail "process with labels on lavapipe: $(cat err)"
+  /usr/bin/python3 -c '
+import glob, json, sys, numpy
+from PIL import Image
+n = json.load(open("both.json"))["networks"]
+assert n["runs"] == 2 and n["on_cpu"] == 0 and n["failures"] == 0 and n["plans"] == 1, n
+files = sorted(glob.glob("pair/labels/*.png"))
+assert files
+for f in files:
+    a, b = (numpy.asarray(Image.open(x)) for x in (f, f.replace("pair/", "pair1/")))
+    assert (a != b).mean() < 1e-3, f' || fail "process with labels: others on lavapipe"
+fi
+
 # --- devices that are not there, or wrong ---
 want 3 'no device `GeForce`; this machine has `llvmpipe' render lf --device GeForce -o bad.png
 want 3 'software devices are used only by name' render lf --device gpu -o bad.png
