@@ -10,7 +10,8 @@
 #include "base/file.h"
 #include "base/mem.h"
 
-#define POLL_NS INT64_C(100000000)
+#define POLL_NS      INT64_C(10000000) /* until others are looked for again; doubled with each look, */
+#define POLL_MOST_NS INT64_C(100000000)
 
 static const char magic[8] = "sstmaps1";
 
@@ -305,6 +306,7 @@ static int read_item(void *arg, int i, int worker SST_UNUSED)
 int sst_share_for(struct sst_share *s, int count, int threads, sst_work_fn *fn, void *arg, sst_share_maps_fn *maps)
 {
     struct step t = { .s = s, .fn = fn, .arg = arg, .maps = maps, .count = count };
+    int64_t pause_ns = POLL_NS;
     char name[16];
     int err;
 
@@ -323,8 +325,10 @@ int sst_share_for(struct sst_share *s, int count, int threads, sst_work_fn *fn, 
         t.next = 0;
         t.held = t.done_some = false;
         err = sst_parallel_for(sst_min_int(threads, count), threads, work, &t);
-        if (!err && t.held && !t.done_some)
-            nanosleep(&(struct timespec){ .tv_nsec = POLL_NS }, NULL);
+        if (!err && t.held && !t.done_some) {
+            nanosleep(&(struct timespec){ .tv_nsec = pause_ns }, NULL);
+            pause_ns = pause_ns < POLL_MOST_NS / 2 ? 2 * pause_ns : POLL_MOST_NS;
+        }
     } while (!err && t.held);
     err = err ? err : sst_parallel_for(count, threads, read_item, &t);
     pthread_mutex_destroy(&t.lock);
