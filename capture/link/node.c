@@ -292,7 +292,9 @@ static int advance(struct sst_link_node *n, short ready)
         err = greet(n);
     if (!err && n->phase >= NODE_GREETING)
         err = receive(n);
-    if (!err && n->phase == NODE_UP)
+    /* Sets wait for cameras that stream: those of a node that connects are not announced before its pictures can come.
+     */
+    if (!err && n->phase == NODE_UP && !node_datagrams_soon(n))
         err = tell_state(n, now_ns);
     if (!err && n->phase == NODE_UP) /* before a set overtakes the state of its cameras */
         err = link_stream_work(&n->stream, n->reason);
