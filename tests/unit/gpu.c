@@ -62,7 +62,7 @@ static void test_memory(void **state)
 static void test_faults(void **state)
 {
     static const int dispatches[SST_GPU_SHADERS] = {
-        12, 4, 2, 16, 2, 1, 5, 1, 1, 1, 1, 1, 3, 4, 1, 1, 1, 2, 1
+        12, 4, 2, 32, 2, 1, 5, 1, 1, 1, 1, 1, 3, 4, 1, 1, 1, 2, 1
     }; /* of its self-test */
     const int faults[] = { -ENODEV, -ETIMEDOUT };
     struct sst_gpu_buffer *b;
