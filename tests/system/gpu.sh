@@ -131,7 +131,7 @@ for preset in preview balanced accurate; do
   [ ! -s err ] || fail "process $preset: $(cat err)"
   device match.json 'd["views"] >= 3 and d["on_cpu"] == 0 and d["failures"] == 0 and d["why_cpu"] is None and "range" in d["stages_on_cpu"]'
 done
-for fault in lost=40:lost timeout=40:answer memory=1:memory; do
+for fault in lost=70:lost timeout=70:answer memory=1:memory; do
   matched accurate dummy:${fault%:*}
   grep -q "views were matched on the CPU instead of dummy: .*${fault#*:}" err || fail "process: ${fault%:*}: $(cat err)"
   device match.json "d['on_cpu'] > 0 and '${fault#*:}' in d['why_cpu']"
