@@ -266,7 +266,7 @@ void cli_still_print(const json_t *report);
 
 /** Run until interrupted. @param out  folder @param port  of the page; 0: 8090, or that of a kept configuration
  *  @return exit code */
-int cli_demo_live(const char *scene, const char *out, int port);
+int cli_demo_live(const char *scene, const char *out, int port, const char *device);
 
 /* --- usb: the cameras of a configuration on the USB tree, and the plan of their bandwidth. --- */
 

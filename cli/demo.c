@@ -17,10 +17,10 @@
 #define COLUMNS  3
 #define PANELS   6
 
-/* Show a command line, then run it in this process. */
-static int step(const struct cli_command *cmd, const char *const *args)
+/* Show a command line, then run it in this process. @param device  for --device; NULL: without */
+static int step_on(const struct cli_command *cmd, const char *const *args, const char *device)
 {
-    char *argv[MAX_ARGS + 1] = { (char *)(uintptr_t)cmd->name };
+    char *argv[MAX_ARGS + 3] = { (char *)(uintptr_t)cmd->name };
     int argc = 1;
 
     printf("$ sst %s", cmd->name);
@@ -28,9 +28,19 @@ static int step(const struct cli_command *cmd, const char *const *args)
         printf(" %s", args[argc - 1]);
         argv[argc] = (char *)(uintptr_t)args[argc - 1];
     }
+    if (device) {
+        printf(" --device %s", device);
+        argv[argc++] = (char *)(uintptr_t)"--device";
+        argv[argc++] = (char *)(uintptr_t)device;
+    }
     putchar('\n');
     fflush(stdout);
     return cmd->run(cmd, argc, argv);
+}
+
+static int step(const struct cli_command *cmd, const char *const *args)
+{
+    return step_on(cmd, args, NULL);
 }
 
 /* Pictures of one size in two rows on white. */
@@ -62,6 +72,7 @@ static int montage(const char *out, const char *const files[PANELS])
 }
 
 struct demo {
+    const char *device; /* NULL: not given */
     char lf[SST_PATH_MAX], truth[SST_PATH_MAX], view[SST_PATH_MAX], behind[SST_PATH_MAX];
     char clear[SST_PATH_MAX], see_through[SST_PATH_MAX], refocus[SST_PATH_MAX], why[SST_PATH_MAX];
     char disparity[SST_PATH_MAX], sheet[SST_PATH_MAX];
@@ -139,7 +150,7 @@ static int run_clear(const struct demo *d, const struct sst_truth *truth)
         const char *const by_cut[] = { d->lf, "--method", "clear", "-o", d->clear, NULL };
         const char *const by_pixel[] = { d->lf, "--method", "clear", "--remove-at", at, "-o", d->clear, NULL };
 
-        return step(&cli_render, gap ? by_cut : by_pixel);
+        return step_on(&cli_render, gap ? by_cut : by_pixel, d->device);
     }
     return cli_exit_code(err);
 }
@@ -154,7 +165,7 @@ static int run_steps(struct demo *d, const char *scene, const char *preset, cons
     int r = step(&cli_scene, make);
 
     if (r == CLI_OK)
-        r = step(&cli_process, process);
+        r = step_on(&cli_process, process, d->device);
     if (r == CLI_OK)
         r = cli_exit_code(sst_truth_read(&truth, d->truth));
     if (r == CLI_OK) {
@@ -165,15 +176,15 @@ static int run_steps(struct demo *d, const char *scene, const char *preset, cons
         snprintf(name, sizeof(name), "views/%02d_%02d.png", truth.ref_row, truth.ref_col);
         r = cli_exit_code(sst_path_join(d->view, d->lf, name));
         r = r ? r : run_clear(d, &truth);
-        r = r ? r : step(&cli_render, sst);
-        r = r ? r : step(&cli_render, plain);
+        r = r ? r : step_on(&cli_render, sst, d->device);
+        r = r ? r : step_on(&cli_render, plain, d->device);
     }
     return r ? r : step(&cli_eval, eval);
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
-    const char *scene = NULL, *out = "sst-demo", *preset = "balanced", *size = "1000x750";
+    const char *scene = NULL, *out = "sst-demo", *preset = "balanced", *size = "1000x750", *device = NULL;
     bool once = false;
     int port = 0;
     const struct cli_option options[] = {
@@ -181,6 +192,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "once", 0, CLI_FLAG, &once, NULL, "one set, its pictures, and exit" },
         { "port", 0, CLI_INT, &port, "N", "of the page (8090, or as in a kept configuration)", 1, 65535 },
         { "output", 'o', CLI_STRING, &out, "DIR", "folder for all that is written (sst-demo)" },
+        { "device", 0, CLI_STRING, &device, "D",
+          "where pictures are rendered: cpu, gpu, auto or a part of a device's name (cpu, or as in a kept configuration)", 0,
+          0 },
         { "preset", 'p', CLI_STRING, &preset, "NAME", "once: preview, balanced (default) or accurate" },
         { "size", 0, CLI_STRING, &size, "WxH", "once: pixels of a view (1000x750)" },
     };
@@ -194,8 +208,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (once && scene && !strcmp(scene, "hedge"))
         return cli_usage_error(cmd, "the scene hedge is one of moving leaves, which --once does not show");
     if (!once)
-        return cli_demo_live(scene ? scene : "pedestrian", out, port);
+        return cli_demo_live(scene ? scene : "pedestrian", out, port, device);
     scene = scene ? scene : "bush";
+    d.device = device;
     r = cli_exit_code(name_files(&d, out, scene));
     r = r ? r : cli_exit_code(sst_path_make_dir(out));
     r = r ? r : run_steps(&d, scene, preset, size);
@@ -213,7 +228,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
 const struct cli_command cli_demo = {
     .name = "demo",
-    .usage = "[--scene S] [--once] [-o DIR]",
+    .usage = "[--scene S] [--once] [--device D] [-o DIR]",
     .summary = "see through things with no hardware: simulated array, service, live page",
     .detail =
         "Starts a simulated, calibrated 6x6 array before a moving scene and the service on it, and prints the address "

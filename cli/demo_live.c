@@ -43,7 +43,7 @@ static const char config_text[] = "# sstd on a simulated array: sst-sim --world 
                                   "  height: %d\n"
                                   "  check_frozen: false # moments of the simulated scene come again\n"
                                   "  controls: {trigger_mode: 1, auto_exposure: 1, exposure_time_absolute: 50}\n"
-                                  "live: {calibration: \"%s\"} # the simulator's truth: distances in metres\n"
+                                  "live: {calibration: \"%s\"%s%s%s} # the simulator's truth: distances in metres\n"
                                   "trigger:\n"
                                   "  source: gpio\n"
                                   "  chip: sst-trigger\n"
@@ -132,8 +132,8 @@ __attribute__((format(printf, 2, 3))) static int write_first(const char *path, c
 }
 
 /** Write what is missing, and read the configuration, where the user may have moved page, socket and token.
- *  @param port  0: of the configuration */
-static int prepare(struct site *s, int port)
+ *  @param port  0: of the configuration @param device  NULL: of the configuration */
+static int prepare(struct site *s, int port, const char *device)
 {
     const bool kept = sst_path_exists(s->config);
     struct sst_config *cfg = malloc(sizeof(*cfg));
@@ -145,7 +145,8 @@ static int prepare(struct site *s, int port)
     err = err ? err : sst_sim_world_parameters(s->world, s->calibration);
     err = err ? err
               : write_first(s->config, config_text, s->world, s->config, world->rows, world->cols, world->width,
-                            world->height, s->calibration, world->rate_hz, s->socket, port ? port : PORT, s->token,
+                            world->height, s->calibration, device ? ", device: \"" : "", device ? device : "",
+                            device ? "\"" : "", world->rate_hz, s->socket, port ? port : PORT, s->token,
                             s->zones, s->storage, strcmp(s->scene, SCENE_HEDGE) ? "" : watched_text);
     if (!err) {
         sst_config_defaults(cfg);
@@ -154,6 +155,11 @@ static int prepare(struct site *s, int port)
     if (!err && kept && port && port != cfg->web.port) {
         sst_log_error("%s, which is kept, has web.port %d; change it there, or use --port %d", s->config, cfg->web.port,
                       cfg->web.port);
+        err = -EINVAL;
+    }
+    if (!err && kept && device && strcmp(device, cfg->live.device)) {
+        sst_log_error("%s, which is kept, has live.device %s; change it there, or leave out --device", s->config,
+                      cfg->live.device);
         err = -EINVAL;
     }
     if (!err && !(cfg->web.enabled && cfg->web.port)) {
@@ -405,7 +411,7 @@ static int watch(struct site *s)
     return CLI_OK;
 }
 
-int cli_demo_live(const char *scene, const char *out, int port)
+int cli_demo_live(const char *scene, const char *out, int port, const char *device)
 {
     const struct sigaction act = { .sa_handler = on_signal };
     struct site *s = calloc(1, sizeof(*s));
@@ -422,7 +428,7 @@ int cli_demo_live(const char *scene, const char *out, int port)
     if (!err && !realpath(out, dir))
         err = -errno;
     err = err ? err : name_files(s, dir);
-    err = err ? err : prepare(s, port);
+    err = err ? err : prepare(s, port, device);
     err = err ? err : try_port(s->port);
     sigaction(SIGINT, &act, NULL);
     sigaction(SIGTERM, &act, NULL);

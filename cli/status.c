@@ -151,6 +151,21 @@ static void print_skew(const json_t *s)
     printf("%s%s\n", *worst ? "; farthest off: " : "", worst);
 }
 
+/* The device that renders live pictures. */
+static void print_device(const json_t *s)
+{
+    const bool failing = cli_number(s, "live.device.failing") > 0;
+    char name[SST_GPU_NAME], reason[512];
+
+    if (!json_is_object(cli_member(s, "live.device")))
+        return;
+    cli_text(s, "live.device.reason", reason, sizeof(reason));
+    printf("  device     %s%s: %.0f pictures, %.0f on the CPU instead%s%s; %.0f failures\n",
+           cli_text(s, "live.device.name", name, sizeof(name)), failing ? " FAILS" : "",
+           cli_number(s, "live.device.pictures"), cli_number(s, "live.device.on_cpu"), *reason ? ": " : "", reason,
+           cli_number(s, "live.device.failures"));
+}
+
 /* Connections between several hosts of one array. */
 static void print_hosts(const json_t *s)
 {
@@ -292,6 +307,7 @@ static void print_status(const json_t *status, const json_t *cameras)
     print_hosts(status);
     print_live(status);
     print_noticed(status);
+    print_device(status);
     print_storage(status);
     print_recording(status);
     print_process(status);

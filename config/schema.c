@@ -32,7 +32,7 @@ const char *const sst_event_types[] = {
     "*",       "state",        "camera-lost", "camera-found", "trigger-lost", "trigger-found", "skew",
     "storage", "record-start", "record-stop", "motion",       "label",        "visit",         "line",     "snapshot",
     "export",  "reload",       "calibration", "certificate",  "clock",        "client",        "host-lost", "host-found",
-    "start",   "stop",
+    "device-lost", "device-found", "start", "stop",
 };
 const int sst_event_types_count = (int)ARRAY_LEN(sst_event_types);
 
@@ -300,6 +300,12 @@ static const struct sst_key keys[] = {
     { KEY("live", "skip_error_db", DOUBLE, live.skip_error_db, "50", PICTURE,
           "least PSNR of these pictures against the exact ones"),
       RANGE(20, 100) },
+    { KEY("live", "device", TEXT, live.device, "cpu", PICTURE,
+          "where pictures are rendered: cpu; gpu: the fastest GPU that passes its self-test; auto: likewise, if there is one; or a "
+          "part of a device's name, which a software device needs. What it fails at is rendered on the CPU") },
+    { KEY("live", "device_memory_mb", INT, live.device_memory_mb, "0", PICTURE,
+          "memory of the device to use at most, MiB; 0: three quarters of it"),
+      RANGE(0, 1 << 24) },
     { KEY("live", "method", CHOICE, live.method, "clear", LIVE,
           "picture of the main view: clear: all in focus, without what stands in front; sst: one plane, seen through "
           "what is in front of it; refocus: one plane"),

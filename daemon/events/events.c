@@ -55,6 +55,7 @@ static const struct {
     { "stop", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a13" },          { "certificate", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a14" },
     { "visit", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a15" },         { "line", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a16" },
     { "host-lost", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a17" },     { "host-found", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a18" },
+    { "device-lost", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a19" },   { "device-found", "5f6c1b6d2a5a4f0f9f0c6a6e0b7d1a1a" },
 };
 #endif
 

@@ -115,10 +115,13 @@ static int describe(struct live_engine *v, const struct sst_config *c)
         .skip_views = c->live.skip_views,
         .skip_tiles = c->live.skip_tiles,
         .skip_error_db = c->live.skip_error_db,
+        .device = v->device,
+        .device_memory_bytes = (uint64_t)c->live.device_memory_mb << 20,
         .background = true,
         .alarms_per_hour = c->live.hidden_alarms_per_hour,
         .zones = c->zones,
     };
+    snprintf(v->device, sizeof(v->device), "%s", c->live.device);
     engine_zones(l->zone, c);
     for (int i = 0; i < a->bound; i++)
         l->present[a->camera[i].row * a->cols + a->camera[i].col] = true;
@@ -163,12 +166,16 @@ static void open_live(struct live_engine *v)
         sst_live_cancel(live);
     if (live)
         v->classes = sst_live_lightfield(live)->classes;
+    v->state.on_device = false;
+    v->state.device = (struct sst_render_device_report){ 0 };
     v->check_due_ns = 0; /* there may be another calibration */
     if (live)
         name_unknown_locked(v, unknown);
     pthread_mutex_unlock(&v->lock);
     if (tell)
         sst_log_error("%s", why);
+    if (live)
+        engine_follow_device(v);
     log_unknown_labels(unknown);
     if (err)
         sst_use_calibration_fini(&v->use);
@@ -214,6 +221,28 @@ static bool follow(struct live_engine *v)
     if (!v->live && (restart || sst_clock_now_ns() >= v->retry_ns))
         open_live(v);
     return v->live != NULL;
+}
+
+void engine_follow_device(struct live_engine *v)
+{
+    struct sst_render_device_report now = { 0 };
+    const bool on_device = sst_live_device(v->live, &now);
+    bool turned;
+
+    pthread_mutex_lock(&v->lock);
+    turned = now.failing != v->state.device.failing;
+    v->state.on_device = on_device;
+    v->state.device = now;
+    pthread_mutex_unlock(&v->lock);
+    if (!turned || !v->events)
+        return;
+    if (now.failing)
+        sst_events_emit(v->events, SST_EVENT_WARNING, "device-lost",
+                        json_pack("{s:s, s:s}", "device", now.name, "reason", now.failure),
+                        "live pictures are rendered on the CPU, not on %s: %s", now.name, now.failure);
+    else
+        sst_events_emit(v->events, SST_EVENT_INFO, "device-found", json_pack("{s:s}", "device", now.name),
+                        "live pictures are rendered on %s again", now.name);
 }
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */

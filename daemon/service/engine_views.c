@@ -375,6 +375,7 @@ void engine_publish(struct live_engine *v)
         return; /* no set yet */
     for (int i = 0; i < VIEWS_MAX; i++)
         made += publish_view(v, &v->view[i], false, ns);
+    engine_follow_device(v);
     publish_overlay(v, SST_LIVE_LABELS_PICTURE);
     publish_overlay(v, SST_LIVE_DISPARITY_PICTURE);
     if (!made)

@@ -102,6 +102,12 @@ static void write_live(FILE *f, const struct engine_state *v)
     metric(f, "live_disparities_skipped_total", "counter", "Disparities that were left out.", (double)v->disps_skipped);
     metric(f, "live_rays_skipped_ratio", "gauge", "Rays left out of pictures that were rendered whole, 0..1.",
            v->rays.rays_skipped);
+    metric(f, "live_device_up", "gauge", "1 if pictures are rendered on a device, 0: on the CPU.",
+           v->on_device && !v->device.failing);
+    metric(f, "live_device_pictures_total", "counter", "Pictures that the device rendered.", (double)v->device.pictures);
+    metric(f, "live_device_on_cpu_total", "counter", "Pictures that the CPU rendered instead of the device.",
+           (double)v->device.on_cpu);
+    metric(f, "live_device_failures_total", "counter", "Times that the device failed.", (double)v->device.failures);
     head(f, "live_latency_seconds", "summary",
          "From the trigger to the encoded picture; quantiles of the last minute, NaN: nothing changed.");
     for (size_t i = 0; i < ARRAY_LEN(quantiles); i++)

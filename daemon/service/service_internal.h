@@ -176,6 +176,8 @@ struct engine_state {
     uint64_t disps, disps_skipped;               /* disparities searched, of all cells */
     double error_change, error_labels, error_ranges; /* last sampled; NaN */
     struct sst_render_skip_report rays;          /* of pictures */
+    bool on_device;                              /* pictures are rendered on a device: */
+    struct sst_render_device_report device;
     int width, height, views, present;           /* of the light field */
     double range_min_px, range_max_px, focus_px; /* NaN: not known */
     double cut_px;                               /* automatic; NaN: none */
@@ -482,7 +484,7 @@ struct live_engine {
     struct sst_live_input input;   /* of the last set */
     struct sst_live_report report; /* about it */
     struct array_layout layout;
-    char model[SST_PATH_MAX];
+    char model[SST_PATH_MAX], device[SST_CONFIG_TEXT_MAX];
     uint64_t last; /* number of the last set */
     int64_t last_ns, retry_ns;
     int64_t updated_ns; /* when the light field was last brought up to date */
@@ -522,6 +524,10 @@ struct live_engine {
     uint64_t tracks_set; /* the set that they are of, and its time */
     int64_t tracks_t_ns;
 };
+
+/* engine.c */
+/** Note what the device of pictures has done since the last call, and the event of its loss or return. Live thread. */
+void engine_follow_device(struct live_engine *v);
 
 /* engine_views.c */
 int engine_views_open(struct live_engine *v);

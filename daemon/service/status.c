@@ -97,6 +97,19 @@ static json_t *skips_json(const struct engine_state *v, const struct sst_live_se
                      skip_json(s->skip_tiles, v->rays.rays_even, v->rays.error_levels));
 }
 
+/* Where pictures are rendered: null: on the CPU, as configured. */
+static json_t *device_json(const struct engine_state *v)
+{
+    const struct sst_render_device_report *d = &v->device;
+
+    if (!v->on_device)
+        return json_null();
+    return json_pack("{s:s, s:s, s:b, s:I, s:I, s:I, s:I, s:s}", "name", d->name, "driver", d->driver, "failing",
+                     d->failing, "pictures", (json_int_t)d->pictures, "on_cpu", (json_int_t)d->on_cpu, "verified_on_cpu",
+                     (json_int_t)d->verified_on_cpu, "failures", (json_int_t)d->failures, "reason",
+                     d->failing ? d->failure : d->why);
+}
+
 /* Shares of the reference view's disparities, for the slider of the cut; zeros until they are known. */
 static json_t *histogram_json(const struct engine_state *v)
 {
@@ -157,6 +170,7 @@ json_t *service_live_json(const struct engine_state *v, const struct sst_live_se
     json_object_set_new(live, "latency_ms", window_json(&v->latency_ms));
     json_object_set_new(live, "stages_ms", stages);
     json_object_set_new(live, "skips", skips_json(v, settings));
+    json_object_set_new(live, "device", device_json(v));
     json_object_set_new(live, "verify_rays", json_boolean(settings->verify_rays));
     json_object_set_new(live, "size", json_pack("[i, i]", v->width, v->height));
     json_object_set_new(live, "range_px",

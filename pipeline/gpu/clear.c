@@ -161,7 +161,21 @@ static void find_surface(struct block *b, const struct sst_gpu_clear *p)
     }
 }
 
-static void colour_block(struct block *b, const struct given *in, uint32_t *out, int x, int y)
+/* What is seen, as clear.c of pipeline/method/render/ notes it. */
+static void note_surface(const struct block *b, const struct sst_gpu_clear *p, uint32_t *seen, int n)
+{
+    const float scale = (float)(1 << p->coarse);
+
+    for (int i = 0; i < n; i++) {
+        const bool any = b->out.weight[i] > 0;
+        const uint32_t disp = any ? (uint32_t)((b->surface[i] - 1) * scale + 0.5F) : UINT16_MAX;
+
+        seen[i] = disp | (uint32_t)fminf(SST_GPU_CLEAR_SUPPORT * b->out.support[i] + 0.5F, 255) << 16;
+    }
+}
+
+/* @param seen, out  of the picture's pixels from (x, y) on */
+static void colour_block(struct block *b, const struct given *in, uint32_t *seen, uint32_t *out, int x, int y)
 {
     const int n = sst_min_int(in->push->width - x, SST_CLEAR_BLOCK);
     int own = -1, more = 1;
@@ -182,6 +196,8 @@ static void colour_block(struct block *b, const struct given *in, uint32_t *out,
             own = slot;
     }
     sst_clear_blend_ref(&b->out, &b->rays, in->push->as_others ? -1 : own);
+    if (in->push->merged)
+        note_surface(b, in->push, seen, n);
     for (int i = 0; i < n; i++) {
         const float t = fminf(b->out.weight[i], 1);
 
@@ -197,7 +213,7 @@ void clear_blend_reference(const void *push, void *const *buffer, const uint32_t
                               .view = buffer[SST_GPU_CLEAR_VIEWS_OF],
                               .pixel = buffer[SST_GPU_CLEAR_PIXELS],
                               .landed = buffer[SST_GPU_CLEAR_LANDED] };
-    uint32_t *out = buffer[SST_GPU_CLEAR_OUT];
+    uint32_t *seen = buffer[SST_GPU_CLEAR_SEEN], *out = buffer[SST_GPU_CLEAR_OUT];
     struct block *b = reserve(sizeof(*b));
 
     b->rays.weight = b->weight;
@@ -207,8 +223,11 @@ void clear_blend_reference(const void *push, void *const *buffer, const uint32_t
     for (size_t k = 0; k < in.push->views; k++)
         unpack_view(&b->view[k], &in, k);
     for (int y = 0; y < in.push->height; y++) {
-        for (int x = 0; x < in.push->width; x += SST_CLEAR_BLOCK)
-            colour_block(b, &in, out + (size_t)y * (size_t)in.push->width + (size_t)x, x, y);
+        for (int x = 0; x < in.push->width; x += SST_CLEAR_BLOCK) {
+            const size_t at = (size_t)y * (size_t)in.push->width + (size_t)x;
+
+            colour_block(b, &in, seen + at, out + at, x, y);
+        }
     }
     for (size_t k = 0; k < in.push->views; k++)
         free((void *)b->view[k].plane[0]);
@@ -230,7 +249,7 @@ struct test {
     uint16_t disp[TEST_VIEWS * TEST_PLANE];
     uint8_t valid[TEST_VIEWS * TEST_PLANE], masks[TEST_VIEWS * TEST_PLANE];
     uint32_t landed[TEST_VIEWS * TEST_PLANE];
-    uint32_t out[TEST_WIDTH * TEST_HEIGHT];
+    uint32_t seen[TEST_WIDTH * TEST_HEIGHT], out[TEST_WIDTH * TEST_HEIGHT];
 };
 
 static uint32_t next_random(uint32_t *state)
@@ -253,7 +272,8 @@ static void set_test(struct test *t)
                                       .rays = 5,
                                       .views = TEST_VIEWS,
                                       .disp_min_px = -3.125F,
-                                      .disp_min_rest_px = 1e-8F };
+                                      .disp_min_rest_px = 1e-8F,
+                                      .merged = 1 };
     for (int k = 0; k < TEST_VIEWS; k++) {
         struct sst_gpu_clear_view *v = &t->view[k];
 
@@ -343,10 +363,16 @@ static bool same_pixel(uint32_t a, uint32_t b)
     return same;
 }
 
+/* Surfaces are compared bit for bit. */
+static bool same_seen(uint32_t a, uint32_t b)
+{
+    return (a & 0xFFFF) == (b & 0xFFFF) && abs((int)(a >> 16) - (int)(b >> 16)) <= SST_GPU_CLEAR_LEVELS;
+}
+
 static int run_blend(struct sst_gpu *g, struct test *t)
 {
-    const void *const initial[SST_GPU_BUFFERS] = { t->view, t->pixel, t->landed, t->out };
-    const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->view), sizeof(t->pixel), sizeof(t->landed), sizeof(t->out) };
+    const void *const initial[SST_GPU_BUFFERS] = { t->view, t->pixel, t->landed, t->seen, t->out };
+    const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->view), sizeof(t->pixel), sizeof(t->landed), sizeof(t->seen), sizeof(t->out) };
     const struct sst_gpu_work work = { .shader = SST_GPU_CLEAR_BLEND,
                                        .push = &t->push,
                                        .groups = { groups_of_test[0], groups_of_test[1], 1 } };
@@ -356,7 +382,9 @@ static int run_blend(struct sst_gpu *g, struct test *t)
     if (err)
         return err;
     for (size_t i = 0; i < ARRAY_LEN(t->out) && !err; i++) {
-        if (!same_pixel(((const uint32_t *)(const void *)device[SST_GPU_CLEAR_OUT])[i],
+        if (!same_seen(((const uint32_t *)(const void *)device[SST_GPU_CLEAR_SEEN])[i],
+                       ((const uint32_t *)(const void *)host[SST_GPU_CLEAR_SEEN])[i]) ||
+            !same_pixel(((const uint32_t *)(const void *)device[SST_GPU_CLEAR_OUT])[i],
                         ((const uint32_t *)(const void *)host[SST_GPU_CLEAR_OUT])[i]))
             err = -ENOTSUP;
     }

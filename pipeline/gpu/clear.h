@@ -2,8 +2,8 @@
  *
  * clear_land is clear_removed, clear_state and clear_land of pipeline/kernels/kernels.h for all views at once, and
  * gives the same numbers. clear_blend is clear_surface, clear_take and clear_blend for all pixels; it takes the same
- * rays at the same positions, and its colours and weights differ from those of the reference by at most
- * SST_GPU_CLEAR_LEVELS.
+ * rays at the same positions; the disparities of surfaces are the reference's, and colours, weights and support differ
+ * from its by at most SST_GPU_CLEAR_LEVELS.
  */
 #ifndef SST_PIPELINE_GPU_CLEAR_H
 #define SST_PIPELINE_GPU_CLEAR_H
@@ -38,6 +38,7 @@ struct sst_gpu_clear {
     uint32_t zero;                       /* clear_land: not 0: only set the landed rays to 0 */
     float disp_min_px, disp_min_rest_px; /* their sum */
     int32_t as_others;                   /* not 0: the camera at the viewpoint counts as the others do */
+    uint32_t merged;                     /* clear_blend: not 0: what is seen is written, too */
 };
 
 /** Buffers of clear_land, by binding. A group has GROUP_WIDTH x GROUP_HEIGHT pixels of one view. */
@@ -56,9 +57,13 @@ enum sst_gpu_clear_blend_buffer {
     SST_GPU_CLEAR_VIEWS_OF = 0, /* struct sst_gpu_clear_view[views] */
     SST_GPU_CLEAR_PIXELS = 1,
     SST_GPU_CLEAR_LANDED = 2,
-    SST_GPU_CLEAR_OUT = 3, /* out, uint32_t[height * width]: R, G, B, weight 0..255: 255 is enough */
+    SST_GPU_CLEAR_SEEN = 3, /* out if merged, uint32_t[height * width]: stored disparity of the surface in 16 bits,
+                               0xFFFF: none; above it how many rays agree on the colour, times SST_GPU_CLEAR_SUPPORT */
+    SST_GPU_CLEAR_OUT = 4,  /* out, uint32_t[height * width]: R, G, B, weight 0..255: 255 is enough */
     SST_GPU_CLEAR_BUFFERS
 };
+
+#define SST_GPU_CLEAR_SUPPORT 8 /* value of a ray, at most 255 in all */
 
 #define SST_GPU_CLEAR_GROUP_WIDTH  32
 #define SST_GPU_CLEAR_GROUP_HEIGHT 4

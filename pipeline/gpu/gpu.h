@@ -75,6 +75,7 @@ int sst_gpu_list(struct sst_gpu_info info[SST_GPU_DEVICES]);
 struct sst_gpu_config {
     uint64_t memory_bytes; /* that buffers use at most; 0: three quarters of the device's */
     int timeout_ms;        /* limit of one wait; 0: 20 s, on software devices 10 minutes */
+    bool prompt;           /* somebody waits for results: by default 2 s, on software devices a minute */
 };
 
 struct sst_gpu; /* one thread at a time */

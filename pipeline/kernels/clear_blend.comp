@@ -13,13 +13,15 @@ struct View {
 layout(std430, binding = 0) readonly buffer Views { View view[]; };
 layout(std430, binding = 1) readonly buffer Pixels { uint pixel[]; };
 layout(std430, binding = 2) readonly buffer Landed { uint landed[]; };
-layout(std430, binding = 3) writeonly buffer Out { uint result[]; };
+layout(std430, binding = 3) writeonly buffer Seen { uint seen[]; };
+layout(std430, binding = 4) writeonly buffer Out { uint result[]; };
 
 layout(std430, push_constant) uniform Constants {
     int width, height, pitch, bins, cut, remove_label, coarse, wanted;
     uint views, zero;
     float disp_min, disp_min_rest;
     int as_others;
+    uint merged;
 };
 
 const uint TOLERANCE = 48, MAX_VIEWS = 64;
@@ -107,15 +109,16 @@ vec3 bilinear(uint first, float x, float y)
     return vec3(64 * upper + yp * (lower - upper)) * (1.0 / 4096.0);
 }
 
-void take_all(int x, int y, uint at)
+// Returns the mean level of the surface; 0: there is none.
+float take_all(int x, int y, uint at)
 {
     const uvec2 found = surface(at);
 
     if (found.y == 0)
-        return;
+        return 0.0;
     const uint whole = found.x / found.y, above = found.x % found.y != 0 ? 1 : 0;
     const uint first = uint(max(int(whole + above) - int(TOLERANCE), 1)), last = min(whole + TOLERANCE, 65535);
-    const float px = disparity(quotient(found.x, found.y));
+    const float level_of_surface = quotient(found.x, found.y), px = disparity(level_of_surface);
     int more = wanted;
 
     for (uint k = 0; k < views && more > 0; k++) {
@@ -134,6 +137,7 @@ void take_all(int x, int y, uint at)
             own = rays;
         rays++;
     }
+    return level_of_surface;
 }
 
 vec3 mean()
@@ -183,20 +187,29 @@ vec3 blend()
 void main()
 {
     const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
-    float total = 0.0;
+    precise float total = 0.0, support = 0.0;
 
     if (x >= width || y >= height)
         return;
-    take_all(x, y, uint(y) * uint(pitch) + uint(x));
+    const float level = take_all(x, y, uint(y) * uint(pitch) + uint(x));
     vec3 to = blend();
 
     if (as_others == 0 && own >= 0 && weight[own] >= 1.0)
         to += clamp(2.0 - deviation(own, to) / 30.0, 0.0, 1.0) * (colour[own] - to);
-    for (int i = 0; i < rays; i++)
+    for (int i = 0; i < rays; i++) {
         total += weight[i];
+        support += weight[i] * agree[i];
+    }
+    const uint pixel_at = uint(y) * uint(width) + uint(x);
+
+    if (merged != 0) {
+        precise float disp = (level - 1.0) * float(1 << coarse) + 0.5;
+
+        seen[pixel_at] = (total > 0.0 ? uint(disp) : 0xFFFF) | uint(min(8.0 * support + 0.5, 255.0)) << 16;
+    }
     total = min(total, 1.0);
     const uvec3 levels = min(uvec3(to + 0.5), uvec3(255));
 
-    result[uint(y) * uint(width) + uint(x)] =
+    result[pixel_at] =
         levels.r | levels.g << 8 | levels.b << 16 | uint(255.0 * total * total + 0.5) << 24;
 }

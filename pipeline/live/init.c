@@ -66,6 +66,17 @@ static int make_stamps(struct sst_live *live)
     return err ? err : live->tile_zones ? 0 : -ENOMEM;
 }
 
+int live_use_device(struct sst_live *live, const char *name, uint64_t memory_bytes)
+{
+    const struct sst_render_live changes = { .stamp = live->stamp,
+                                             .tile = SST_LIVE_TILE,
+                                             .tile_cols = live->changes.cols,
+                                             .tile_rows = live->changes.rows,
+                                             .since = &live->present_serial };
+
+    return sst_renderer_use_live_device(live->renderer, name, memory_bytes, &changes);
+}
+
 int live_init(struct sst_live *live, const struct sst_live_config *cfg)
 {
     int err = check_config(cfg);
@@ -87,6 +98,8 @@ int live_init(struct sst_live *live, const struct sst_live_config *cfg)
     err = err ? err : live_zones_set(live, cfg->zone, cfg->zones);
     err = err ? err : sst_renderer_create(&live->renderer, &live->lf, cfg->threads);
     err = err ? err : sst_renderer_recount(live->renderer, NULL, 0, 1); /* no views yet */
+    if (!err && cfg->device)
+        err = live_use_device(live, cfg->device, cfg->device_memory_bytes);
     if (err == -ENOMEM)
         sst_log_error("live: no memory for views of %dx%d pixels", cfg->width, cfg->height);
     return err;

@@ -37,6 +37,9 @@ struct sst_live_config {
     bool skip_ranges;                  /* S3: disparities are searched around those of the last set */
     bool skip_views, skip_tiles;       /* S2, S5, of pictures that are rendered whole: as struct sst_render_config has them */
     double skip_error_db;
+    const char *device;           /* pictures are rendered on it, as sst_gpu_open() names it; NULL or "cpu": on none.
+                                     Then skip_views and skip_tiles have no effect */
+    uint64_t device_memory_bytes; /* that it may use; 0: three quarters of the device's */
     bool background;                   /* improve the maps of a static scene on a background thread */
     double alarms_per_hour;            /* false ones accepted of things behind leaves; 0: they are not searched */
     int zones;
@@ -168,6 +171,10 @@ const struct sst_lightfield *sst_live_lightfield(const struct sst_live *live);
 
 /** What skip_views and skip_tiles left out of pictures. @return false: none was rendered with them */
 bool sst_live_skips(const struct sst_live *live, struct sst_render_skip_report *out);
+
+/** What the device has done. What it cannot do, or fails at, is rendered on the CPU within the same set. @return false:
+ *  there is none */
+bool sst_live_device(const struct sst_live *live, struct sst_render_device_report *out);
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 

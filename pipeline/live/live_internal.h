@@ -49,6 +49,9 @@ struct sst_live {
 SST_MUST_CHECK int live_init(struct sst_live *live, const struct sst_live_config *cfg);
 void live_fini(struct sst_live *live);
 
+/** Render pictures on a device from now on, as struct sst_live_config has it. @return 0, -ENOMEM (logged) */
+SST_MUST_CHECK int live_use_device(struct sst_live *live, const char *name, uint64_t memory_bytes);
+
 /* --- summary.c: what the pictures and the report need to know about the scene --- */
 
 /**

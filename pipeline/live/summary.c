@@ -171,6 +171,11 @@ bool sst_live_skips(const struct sst_live *live, struct sst_render_skip_report *
     return sst_renderer_skips(live->renderer, out);
 }
 
+bool sst_live_device(const struct sst_live *live, struct sst_render_device_report *out)
+{
+    return sst_renderer_device(live->renderer, out);
+}
+
 bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px)
 {
     if (isnan(live->min_px))

@@ -165,7 +165,7 @@ static bool changes_state(const char *type)
 {
     static const char *const types[] = { "state",   "camera-lost",  "camera-found", "trigger-lost", "trigger-found",
                                          "storage", "record-start", "record-stop",  "reload",       "skew",
-                                         "host-lost", "host-found" };
+                                         "host-lost", "host-found", "device-lost", "device-found" };
 
     for (size_t i = 0; i < ARRAY_LEN(types); i++)
         if (!strcmp(types[i], type))

@@ -116,6 +116,7 @@ static const struct {
     { "trigger.source", "trigger: { source: software }" },
     { "trigger.lines", "trigger: { lines: [ TRIG0 ] }" },
     { "live.range_min_px", "live: { range_min_px: -1 }" },
+    { "live.device", "live: { device: auto }" },
     { "live.cut_px", "live: { cut_px: 12 }" },
     { "live.focus_px", "live: { focus_px: 3 }" },
     { "live.plane_mm", "live: { plane_mm: 3000 }" },

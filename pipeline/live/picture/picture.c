@@ -273,10 +273,8 @@ int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_co
         pixels = p->serial != live->serial ? mark_changes(p) : 0;
     if (!err && !whole && pixels == all) /* new histogram counts then cost nothing extra */
         (void)sst_render_plan_update(&p->plan, live->renderer, 0, 0);
-    if (!err && whole)
-        err = sst_render_plan_render_whole(live->renderer, &p->plan, &p->image);
-    else if (!err && pixels)
-        err = sst_render_plan_render(&p->plan, p->cells, &p->image, NULL);
+    if (!err && pixels)
+        err = sst_render_plan_render_live(live->renderer, &p->plan, whole ? NULL : p->cells, &p->image);
     if (err) {
         p->present_serial = UINT64_MAX; /* render everything next time */
         return err;

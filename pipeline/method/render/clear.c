@@ -133,6 +133,20 @@ static int colour_row(void *arg, int y, int worker)
     return 0;
 }
 
+/* The same of row y from what a device has seen. */
+static void unpack_seen(const struct clear *c, int y)
+{
+    const uint32_t *seen = c->seen + (size_t)y * (size_t)c->width;
+    uint16_t *surface = sst_map_u16_row(c->to.surface, y);
+    uint8_t *support = sst_map_u8_row(c->to.support, y);
+
+    _Static_assert(SST_GPU_CLEAR_SUPPORT == SST_RENDER_SUPPORT, "devices note it in the same unit");
+    for (int x = 0; x < c->width; x++) {
+        surface[x] = (uint16_t)seen[x];
+        support[x] = (uint8_t)(seen[x] >> 16);
+    }
+}
+
 /* The same from what a device has coloured. */
 static int unpack_row(void *arg, int y, int worker SST_UNUSED)
 {
@@ -144,6 +158,8 @@ static int unpack_row(void *arg, int y, int worker SST_UNUSED)
             sst_image_row(c->to.image, k, y)[x] = (uint8_t)(word[x] >> (8 * k));
         sst_map_u8_row(c->to.weight, y)[x] = (uint8_t)(word[x] >> 24);
     }
+    if (c->to.surface)
+        unpack_seen(c, y);
     return 0;
 }
 
@@ -320,7 +336,7 @@ static int land_rays(struct clear *c, int threads)
 /* Land and colour on the device, if there is one that can. @return true: words is set until render_device_end() */
 static bool colour_on_device(struct clear *c)
 {
-    struct device_clear *to = c->renderer->device && !c->cfg->merge ? malloc(sizeof(*to)) : NULL;
+    struct device_clear *to = c->renderer->device ? malloc(sizeof(*to)) : NULL;
     const double disp_min_px = c->lf->disp_min_px;
     bool done;
 
@@ -337,6 +353,7 @@ static bool colour_on_device(struct clear *c)
                                        .coarse = c->coarse,
                                        .rays = c->cfg->rays ? c->cfg->rays : ENOUGH,
                                        .as_others = c->as_others,
+                                       .merged = c->cfg->merge != NULL,
                                        .disp_min_px = (float)disp_min_px,
                                        .disp_min_rest_px = (float)(disp_min_px - (double)(float)disp_min_px) };
     for (int k = 0; k < c->count; k++) {
@@ -345,7 +362,7 @@ static bool colour_on_device(struct clear *c)
         to->tap[k] = c->view[k].tap;
         to->view[k] = (struct sst_gpu_clear_view){ at->x_q6, at->x_0, at->y_q6, at->y_0, at->bx, at->by, 0, 0 };
     }
-    done = render_device_begin_clear(c->renderer->device, to, &c->words);
+    done = render_device_begin_clear(c->renderer->device, to, &c->words, &c->seen);
     free(to);
     return done;
 }

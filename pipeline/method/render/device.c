@@ -4,9 +4,13 @@
  * picture is made, the views that were used least recently first; pictures too large for a buffer are made in bands of
  * rows. The order of the views' rays, and so the bytes, stay the same.
  *
+ * Of a light field that changes, rows of tiles with a later serial number than the view's on the device are uploaded
+ * again when a picture needs the view.
+ *
  * A device that fails is closed. The picture in work and the next ones are then rendered on the CPU, one more after
  * each failure, twice as many each time; then the device is opened again. */
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,6 +34,10 @@ struct slot {
     int view;         /* NONE: free */
     int64_t used;     /* turn in which it was used last */
     bool pending;     /* the next dispatch reads it */
+    /* of a light field that changes: what the view here is as of */
+    uint64_t serial, since;
+    double disp_min_px;
+    unsigned maps;
 };
 
 struct chunk {
@@ -42,9 +50,13 @@ struct render_device {
     char name[SST_GPU_NAME]; /* as asked for */
     struct sst_gpu_config cfg;
     int pitch; /* pixels of a row of a view on the device */
+    bool changes; /* lf does, as `live` has it */
+    struct sst_render_live live;
     /* under lock */
     struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
     struct sst_gpu_backoff backoff;
+    bool given_up; /* it computes something else: not opened again */
+    bool noted;    /* that a clear picture is the CPU's */
     struct sst_render_device_report report;
     /* of gpu */
     struct chunk *chunk;
@@ -99,11 +111,14 @@ static int open_gpu(struct render_device *d)
 {
     int err = sst_gpu_open(&d->gpu, d->name, &d->cfg);
 
-    if (err)
+    if (err) {
+        d->gpu = NULL;
         return err;
+    }
     err = sst_gpu_prepare(d->gpu, SST_GPU_BLEND);
     if (err) {
-        sst_log_error("the device `%s` cannot render: %s; choose another --device", d->name, sst_gpu_error(err));
+        sst_log_error("the device `%s` cannot render: %s; choose another %s", d->name, sst_gpu_error(err),
+                      d->changes ? "one" : "--device");
         close_gpu(d);
         return err;
     }
@@ -112,8 +127,80 @@ static int open_gpu(struct render_device *d)
     return 0;
 }
 
+/* Note that a picture is rendered on the CPU, and why. */
+static void note_cpu(struct render_device *d, const char *why)
+{
+    d->report.on_cpu++;
+    snprintf(d->report.why, sizeof(d->report.why), "%s", why);
+}
+
+/* After an error of the device: close it, and leave it alone for some pictures; for good where it computes something
+ * else. @param why  "": the error's own */
+static void fail(struct render_device *d, int err, const char *why)
+{
+    const int skipped = sst_gpu_backoff_fail(&d->backoff);
+
+    why = *why ? why : sst_gpu_error(err);
+    if (!d->changes)
+        sst_log_warning("%s: %s; the picture is rendered on the CPU, and the device is opened again after %d more",
+                        d->report.name, why, skipped);
+    else if (!d->report.failing)
+        sst_log_warning("%s: %s; live pictures are rendered on the CPU%s", d->report.name, why,
+                        err == -ENOTSUP ? "" : ", and the device is tried again now and then");
+    snprintf(d->report.failure, sizeof(d->report.failure), "%s", why);
+    d->report.failing = true;
+    d->report.failures++;
+    close_gpu(d);
+    d->given_up = err == -ENOTSUP;
+}
+
+static void note_success(struct render_device *d)
+{
+    if (d->report.failing && d->changes)
+        sst_log_info("%s: live pictures are rendered on the device again", d->report.name);
+    d->report.failing = false;
+    d->report.pictures++;
+    sst_gpu_backoff_succeed(&d->backoff);
+}
+
+/* Open the device; of a light field that changes, what errors say is kept, and the device is tried again later.
+ * @return 0, -ENOENT ("auto" without a GPU), -ENOMEM; else only where the light field does not change */
+static int open_first(struct render_device *d)
+{
+    char text[SST_LOG_MAX] = "", *before = NULL;
+    int err;
+
+    if (d->changes)
+        before = sst_log_hold_errors(text);
+    err = open_gpu(d);
+    if (d->changes)
+        sst_log_hold_errors(before);
+    if (!err || !d->changes || (err == -ENOENT && !strcmp(d->name, "auto")))
+        return err;
+    fail(d, err, text);
+    return 0;
+}
+
+/* Open a device that failed. @return false: it fails again */
+static bool open_again(struct render_device *d)
+{
+    char text[SST_LOG_MAX] = "", *before = NULL;
+    int err;
+
+    if (d->changes)
+        before = sst_log_hold_errors(text);
+    err = open_gpu(d);
+    if (d->changes)
+        sst_log_hold_errors(before);
+    if (!err)
+        return true;
+    fail(d, err, text);
+    note_cpu(d, sst_gpu_error(err));
+    return false;
+}
+
 int render_device_create(struct render_device **out, const struct sst_lightfield *lf, const char *name,
-                         uint64_t memory_bytes)
+                         const struct sst_gpu_config *cfg, const struct sst_render_live *live)
 {
     const size_t views = (size_t)(lf->rows * lf->cols);
     struct render_device *d = calloc(1, sizeof(*d));
@@ -122,9 +209,12 @@ int render_device_create(struct render_device **out, const struct sst_lightfield
     if (!err) {
         pthread_mutex_init(&d->lock, NULL);
         d->lf = lf;
-        d->cfg.memory_bytes = memory_bytes;
+        d->cfg = *cfg;
+        d->changes = live;
+        d->live = live ? *live : (struct sst_render_live){ 0 };
         d->pitch = (lf->width + 3) / 4 * 4;
         snprintf(d->name, sizeof(d->name), "%s", name);
+        snprintf(d->report.name, sizeof(d->report.name), "%s", name);
         d->chunk = calloc(views, sizeof(*d->chunk));
         d->slot = calloc(views, sizeof(*d->slot));
         err = d->chunk && d->slot ? 0 : -ENOMEM;
@@ -132,7 +222,7 @@ int render_device_create(struct render_device **out, const struct sst_lightfield
     if (err)
         sst_log_error("not enough memory for a device");
     else
-        err = open_gpu(d);
+        err = open_first(d);
     if (err) {
         render_device_destroy(d);
         return err;
@@ -153,23 +243,6 @@ void render_device_destroy(struct render_device *d)
     free(d->slot);
     pthread_mutex_destroy(&d->lock);
     free(d);
-}
-
-/* Note that a picture is rendered on the CPU, and why. */
-static void note_cpu(struct render_device *d, const char *why)
-{
-    d->report.on_cpu++;
-    snprintf(d->report.why, sizeof(d->report.why), "%s", why);
-}
-
-/* After an error of the device: close it, and leave it alone for some pictures. */
-static void fail(struct render_device *d, int err)
-{
-    sst_log_warning("%s: %s; the picture is rendered on the CPU, and the device is opened again after %d more",
-                    d->report.name, sst_gpu_error(err), sst_gpu_backoff_fail(&d->backoff));
-    note_cpu(d, sst_gpu_error(err));
-    d->report.failures++;
-    close_gpu(d);
 }
 
 /* --- views on the device ------------------------------------------------------------------------------------------ */
@@ -220,7 +293,7 @@ static int grow(struct render_device *d)
 
 struct packing {
     const struct sst_view *v;
-    int pitch;
+    int pitch, top, end; /* rows */
     uint32_t *pixels;
     uint16_t *disp;
     uint8_t *valid;
@@ -230,30 +303,33 @@ static int pack_rows(void *arg, int index, int worker SST_UNUSED)
 {
     const struct packing *p = arg;
     const struct sst_image *img = &p->v->image;
-    const int end = sst_min_int((index + 1) * PACK_ROWS, img->height);
+    const int from = p->top + index * PACK_ROWS, end = sst_min_int(from + PACK_ROWS, p->end);
     const size_t width = (size_t)img->width;
 
-    for (int y = index * PACK_ROWS; y < end; y++) {
+    for (int y = from; y < end; y++) {
         const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
         const uint8_t *label = p->v->label.data ? sst_map_u8_row(&p->v->label, y) : NULL;
-        uint32_t *to = p->pixels + (size_t)y * (size_t)p->pitch;
+        const size_t at = (size_t)(y - p->top) * (size_t)p->pitch;
+        uint32_t *to = p->pixels + at;
 
         for (size_t x = 0; x < width; x++)
             to[x] = (uint32_t)(r[x] | g[x] << 8 | b[x] << 16) | (label ? (uint32_t)label[x] << 24 : 0);
         if (p->v->disp.data)
-            memcpy(p->disp + (size_t)y * (size_t)p->pitch, sst_map_u16_row(&p->v->disp, y), 2 * width);
+            memcpy(p->disp + at, sst_map_u16_row(&p->v->disp, y), 2 * width);
         if (p->v->valid.data)
-            memcpy(p->valid + (size_t)y * (size_t)p->pitch, sst_map_u8_row(&p->v->valid, y), width);
+            memcpy(p->valid + at, sst_map_u8_row(&p->v->valid, y), width);
     }
     return 0;
 }
 
-static int upload_view(struct render_device *d, struct slot *s, int view, int threads)
+/* Upload the rows top .. end-1 of a view. */
+static int upload_rows(struct render_device *d, const struct slot *s, int view, int top, int end, int threads)
 {
     const struct sst_view *v = &d->lf->views[view];
-    const size_t n = view_pixels(d), at = (size_t)s->index * n;
+    const size_t n = (size_t)(end - top) * (size_t)d->pitch;
+    const size_t at = (size_t)s->index * view_pixels(d) + (size_t)top * (size_t)d->pitch;
     uint8_t *memory = sst_mem_keep(&d->packed, n, PIXEL_BYTES);
-    struct packing p = { v, d->pitch, (uint32_t *)(void *)memory, NULL, NULL };
+    struct packing p = { v, d->pitch, top, end, (uint32_t *)(void *)memory, NULL, NULL };
     const struct chunk *c = &d->chunk[s->chunk];
     const int64_t start_ns = sst_clock_now_ns();
     int err;
@@ -262,7 +338,7 @@ static int upload_view(struct render_device *d, struct slot *s, int view, int th
         return -ENOMEM;
     p.disp = (uint16_t *)(void *)(memory + 4 * n);
     p.valid = memory + 6 * n;
-    err = sst_parallel_for((d->lf->height + PACK_ROWS - 1) / PACK_ROWS, threads, pack_rows, &p);
+    err = sst_parallel_for((end - top + PACK_ROWS - 1) / PACK_ROWS, threads, pack_rows, &p);
     if (!err)
         err = sst_gpu_upload(d->gpu, c->pixels, 4 * at, p.pixels, 4 * n);
     if (!err && v->disp.data)
@@ -271,11 +347,93 @@ static int upload_view(struct render_device *d, struct slot *s, int view, int th
         err = sst_gpu_upload(d->gpu, c->valid, at, p.valid, n);
     if (err)
         return err;
-    s->view = view;
-    d->report.uploads++;
     d->report.upload_bytes += (int64_t)(n * (4U + (v->disp.data ? 2U : 0) + (v->valid.data ? 1U : 0)));
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
     return 0;
+}
+
+/* Which maps a view has, as bits. */
+static unsigned maps_of(const struct sst_view *v)
+{
+    return (v->disp.data ? 1U : 0) | (v->label.data ? 2U : 0) | (v->valid.data ? 4U : 0);
+}
+
+/* Serial number of the last change in a row of tiles. */
+static uint64_t row_serial(const struct sst_render_live *live, int view, int row)
+{
+    uint64_t last = 0;
+
+    for (int col = 0; col < live->tile_cols; col++) {
+        const uint64_t serial = live->stamp[view][row * live->tile_cols + col];
+
+        last = serial > last ? serial : last;
+    }
+    return last;
+}
+
+/* Note what the view in a slot is as of. */
+static void note_version(const struct render_device *d, struct slot *s)
+{
+    s->since = *d->live.since;
+    s->disp_min_px = d->lf->disp_min_px;
+    s->maps = maps_of(&d->lf->views[s->view]);
+    s->serial = 0;
+    for (int row = 0; row < d->live.tile_rows; row++) {
+        const uint64_t serial = row_serial(&d->live, s->view, row);
+
+        s->serial = serial > s->serial ? serial : s->serial;
+    }
+}
+
+static int upload_view(struct render_device *d, struct slot *s, int view, int threads)
+{
+    int err;
+
+    s->view = NONE; /* half a view is none */
+    err = upload_rows(d, s, view, 0, d->lf->height, threads);
+    if (err)
+        return err;
+    s->view = view;
+    d->report.uploads++;
+    if (d->changes)
+        note_version(d, s);
+    return 0;
+}
+
+/* Upload what changed of the view in a slot, by rows of tiles. */
+static int refresh_view(struct render_device *d, struct slot *s, int threads)
+{
+    const struct sst_render_live *live = &d->live;
+    const int view = s->view;
+    bool any = false;
+    int err = 0;
+
+    if (!d->changes)
+        return 0;
+    if (s->since != *live->since || s->maps != maps_of(&d->lf->views[view]) ||
+        fabs(s->disp_min_px - d->lf->disp_min_px) > 0)
+        return upload_view(d, s, view, threads);
+    s->view = NONE;
+    for (int row = 0, end; row < live->tile_rows && !err; row = end + 1) {
+        for (end = row; end < live->tile_rows && row_serial(live, view, end) > s->serial; end++)
+            ;
+        if (end == row)
+            continue;
+        any = true;
+        err = upload_rows(d, s, view, row * live->tile, sst_min_int(end * live->tile, d->lf->height), threads);
+    }
+    if (err)
+        return err;
+    s->view = view;
+    d->report.uploads += any;
+    note_version(d, s);
+    return 0;
+}
+
+/* Have a view in a slot as it is now. */
+static int place_view(struct render_device *d, struct slot *s, int view, int threads)
+{
+    return s->view == view ? refresh_view(d, s, threads) : upload_view(d, s, view, threads);
 }
 
 /* The slot of a view, if it is on the device. */
@@ -469,8 +627,8 @@ static int add_tap(struct render_device *d, struct batch *b, const struct sst_re
 
     if (!err && b->push.views && b->chunk != s->chunk)
         err = send_batch(d, b, false);
-    if (!err && s->view != t->view)
-        err = upload_view(d, s, t->view, sst_thread_count(b->p->cfg.threads));
+    if (!err)
+        err = place_view(d, s, t->view, sst_thread_count(b->p->cfg.threads));
     if (err)
         return err;
     s->used = ++d->turn;
@@ -508,7 +666,7 @@ static int render_band(struct render_device *d, struct batch *b, int top, int ro
     return err;
 }
 
-static int render_picture(struct render_device *d, const struct sst_render_plan *p)
+static int render_picture(struct render_device *d, const struct sst_render_plan *p, int top, int end)
 {
     const size_t n = (size_t)d->lf->width * (size_t)d->lf->height;
     struct batch b;
@@ -521,8 +679,8 @@ static int render_picture(struct render_device *d, const struct sst_render_plan 
         err = upload_labels(d, p);
     if (!err && !d->slots)
         err = grow(d); /* a dispatch names buffers even where no view overlaps */
-    for (int top = 0; top < d->lf->height && !err; top += d->rows)
-        err = render_band(d, &b, top, sst_min_int(d->rows, d->lf->height - top));
+    for (int y = top; y < end && !err; y += d->rows)
+        err = render_band(d, &b, y, sst_min_int(d->rows, end - y));
     return err;
 }
 
@@ -564,8 +722,8 @@ static int gather_views(struct render_device *d, const struct device_clear *c)
         first = first ? first : s;
         if (!err && (!s || s->chunk != first->chunk))
             err = -ENOMEM;
-        if (!err && s->view != c->tap[k]->view)
-            err = upload_view(d, s, c->tap[k]->view, c->threads);
+        if (!err)
+            err = place_view(d, s, c->tap[k]->view, c->threads);
         if (!err) {
             s->used = ++d->turn;
             s->pending = true;
@@ -621,7 +779,7 @@ static int dispatch_clear(struct render_device *d, const struct device_clear *c)
     };
     const struct sst_gpu_work blend = { .shader = SST_GPU_CLEAR_BLEND,
                                         .push = &push,
-                                        .buffer = { d->clear_params, from->pixels, d->landed, d->out },
+                                        .buffer = { d->clear_params, from->pixels, d->landed, d->sums, d->out },
                                         .groups = { land.groups[0], land.groups[1], 1 } };
     int err;
 
@@ -642,7 +800,8 @@ static int render_clear(struct render_device *d, struct device_clear *c)
     int64_t start_ns;
     int err = make_bands(d);
 
-    if (!err && (d->rows < d->lf->height || !sst_mem_keep(&d->words, n, 4)))
+    if (!err && (d->rows < d->lf->height || !sst_mem_keep(&d->words, n, 4) ||
+                 (c->push.merged && !sst_mem_keep(&d->weights, n, 4))))
         err = -ENOMEM;
     if (!err)
         err = make_clear_buffers(d, c);
@@ -659,6 +818,8 @@ static int render_clear(struct render_device *d, struct device_clear *c)
     start_ns = sst_clock_now_ns();
     if (!err)
         err = sst_gpu_download(d->gpu, d->words.data, d->out, 0, 4 * n);
+    if (!err && c->push.merged)
+        err = sst_gpu_download(d->gpu, d->weights.data, d->sums, 0, 4 * n);
     d->report.download_ns += sst_clock_now_ns() - start_ns;
     return err;
 }
@@ -672,40 +833,46 @@ static bool may_try(struct render_device *d, const struct sst_render_tap *t)
         note_cpu(d, "rays are sampled from raw frames");
         return false;
     }
-    if (sst_gpu_backoff_skips(&d->backoff)) {
+    if (d->given_up || sst_gpu_backoff_skips(&d->backoff)) {
         d->report.on_cpu++;
         return false;
     }
-    if (!d->gpu) {
-        const int err = open_gpu(d);
-
-        if (err)
-            fail(d, err);
-    }
-    return d->gpu;
+    return d->gpu || open_again(d);
 }
 
-bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, const uint32_t **words,
-                         const float **weights)
+bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, int top, int end,
+                         const uint32_t **words, const float **weights)
 {
     const int64_t start_ns = sst_clock_now_ns();
     int err;
 
     pthread_mutex_lock(&d->lock);
-    err = may_try(d, &p->tap[0]) ? render_picture(d, p) : 1;
+    err = may_try(d, &p->tap[0]) ? render_picture(d, p, top, end) : 1;
     if (err) {
-        if (err < 0)
-            fail(d, err);
+        if (err < 0) {
+            fail(d, err, "");
+            note_cpu(d, sst_gpu_error(err));
+        }
         pthread_mutex_unlock(&d->lock);
         return false;
     }
-    sst_gpu_backoff_succeed(&d->backoff);
-    d->report.pictures++;
+    note_success(d);
     d->report.verified_on_cpu += p->verifier != NULL;
     d->report.total_ns += sst_clock_now_ns() - start_ns;
     *words = d->words.data;
     *weights = p->verifier ? d->weights.data : NULL;
     return true;
+}
+
+/* Note that a clear picture is the CPU's; live that is logged once. */
+static void note_clear(struct render_device *d, int err)
+{
+    note_cpu(d, err == -EOVERFLOW ? "a clear picture of more views than a device takes"
+                : err == -ENOMEM  ? "a clear picture needs all views in one buffer and room for their rays"
+                                  : sst_gpu_error(err));
+    if (d->changes && !d->noted)
+        sst_log_warning("%s: %s; clear pictures are rendered on the CPU", d->report.name, d->report.why);
+    d->noted = true;
 }
 
 /* The shaders of clear pictures are tested at the first one. What the device cannot hold, or computes differently, is
@@ -718,17 +885,17 @@ static int try_clear(struct render_device *d, struct device_clear *c)
         err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_BLEND);
     if (!err)
         err = render_clear(d, c);
-    if (err == -EOVERFLOW)
-        note_cpu(d, "a clear picture of more views than a device takes");
-    else if (err == -ENOTSUP || err == -ENOMEM)
-        note_cpu(d, err == -ENOMEM ? "a clear picture needs all views in one buffer and room for their rays"
-                                   : sst_gpu_error(err));
-    else if (err)
-        fail(d, err);
+    if (err == -EOVERFLOW || err == -ENOTSUP || err == -ENOMEM)
+        note_clear(d, err);
+    else if (err) {
+        fail(d, err, "");
+        note_cpu(d, sst_gpu_error(err));
+    }
     return err;
 }
 
-bool render_device_begin_clear(struct render_device *d, struct device_clear *c, const uint32_t **words)
+bool render_device_begin_clear(struct render_device *d, struct device_clear *c, const uint32_t **words,
+                               const uint32_t **seen)
 {
     const int64_t start_ns = sst_clock_now_ns();
 
@@ -737,10 +904,10 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
         pthread_mutex_unlock(&d->lock);
         return false;
     }
-    sst_gpu_backoff_succeed(&d->backoff);
-    d->report.pictures++;
+    note_success(d);
     d->report.total_ns += sst_clock_now_ns() - start_ns;
     *words = d->words.data;
+    *seen = c->push.merged ? d->weights.data : NULL;
     return true;
 }
 

@@ -206,11 +206,13 @@ SST_MUST_CHECK int sst_render_plan_render(const struct sst_render_plan *p, const
                                           struct sst_map_u8 *valid);
 
 /**
- * A whole picture, with the skips of the plan's configuration. The maps may have changed since the last one.
+ * The same on the renderer's device, if it has one; without a device a whole picture has the skips of the plan's
+ * configuration. The maps may have changed since the last one.
+ * @param cells  1: render this cell; NULL: all
  * @return 0, -ENOMEM
  */
-SST_MUST_CHECK int sst_render_plan_render_whole(struct sst_renderer *r, const struct sst_render_plan *p,
-                                                struct sst_image *out);
+SST_MUST_CHECK int sst_render_plan_render_live(struct sst_renderer *r, const struct sst_render_plan *p,
+                                               const uint8_t *cells, struct sst_image *out);
 
 /**
  * Apply the renderer's new counts, if they change the weights of more than the fraction `share` of the rays by more

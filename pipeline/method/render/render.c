@@ -83,8 +83,22 @@ int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t m
     render_device_destroy(r->device);
     r->device = NULL;
     if (strcmp(name, "cpu"))
-        err = render_device_create(&r->device, r->lf, name, memory_bytes);
+        err = render_device_create(&r->device, r->lf, name, &(struct sst_gpu_config){ .memory_bytes = memory_bytes },
+                                   NULL);
     return err == -ENOENT && !strcmp(name, "auto") ? 0 : err;
+}
+
+int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
+                                 const struct sst_render_live *live)
+{
+    int err = 0;
+
+    render_device_destroy(r->device);
+    r->device = NULL;
+    if (strcmp(name, "cpu"))
+        err = render_device_create(&r->device, r->lf, name,
+                                   &(struct sst_gpu_config){ .memory_bytes = memory_bytes, .prompt = true }, live);
+    return err == -ENOENT ? 0 : err;
 }
 
 bool sst_renderer_device(struct sst_renderer *r, struct sst_render_device_report *out)
@@ -456,28 +470,49 @@ static int render_skipping(struct sst_renderer *r, struct picture *pic)
     return err || skipped ? err : render_bands(pic);
 }
 
-int sst_render_plan_render_whole(struct sst_renderer *r, const struct sst_render_plan *p, struct sst_image *out)
+/* The first and the last row of cells that are wanted, as rows of the picture. */
+static void find_rows(const struct sst_render_plan *p, const uint8_t *cells, int *top, int *end)
 {
-    struct picture pic = { .plan = p, .out = out };
+    const size_t cols = (size_t)(p->lf->width + SST_RENDER_CELL_WIDTH - 1) / SST_RENDER_CELL_WIDTH;
 
-    pthread_mutex_lock(&r->lock);
-    skip_bounds_destroy(r->bounds);
-    r->bounds = NULL;
-    pthread_mutex_unlock(&r->lock);
-    return render_skipping(r, &pic);
+    *top = p->lf->height;
+    *end = 0;
+    for (int y = 0; y < p->lf->height; y += SST_RENDER_CELL_HEIGHT) {
+        if (!memchr(cells + (size_t)(y / SST_RENDER_CELL_HEIGHT) * cols, 1, cols))
+            continue;
+        *top = sst_min_int(*top, y);
+        *end = sst_min_int(y + SST_RENDER_CELL_HEIGHT, p->lf->height);
+    }
 }
 
 /* On the device, if there is one that can. */
-static int render_anywhere(struct sst_renderer *r, const struct sst_render_plan *p, struct sst_image *out,
-                           struct sst_map_u8 *valid)
+static int render_anywhere(struct sst_renderer *r, struct picture *pic)
 {
-    struct picture pic = { .plan = p, .out = out, .valid = valid };
-    const bool begun = r->device && render_device_begin(r->device, p, &pic.words, &pic.weights);
-    const int err = r->device ? render_bands(&pic) : render_skipping(r, &pic);
+    int top = 0, end = pic->plan->lf->height, err;
+    bool begun = false;
 
+    if (r->device && pic->cells)
+        find_rows(pic->plan, pic->cells, &top, &end);
+    if (r->device && top < end)
+        begun = render_device_begin(r->device, pic->plan, top, end, &pic->words, &pic->weights);
+    err = r->device || pic->cells ? render_bands(pic) : render_skipping(r, pic);
     if (begun)
         render_device_end(r->device);
     return err;
+}
+
+int sst_render_plan_render_live(struct sst_renderer *r, const struct sst_render_plan *p, const uint8_t *cells,
+                                struct sst_image *out)
+{
+    struct picture pic = { .plan = p, .cells = cells, .out = out };
+
+    if (!cells) {
+        pthread_mutex_lock(&r->lock);
+        skip_bounds_destroy(r->bounds);
+        r->bounds = NULL;
+        pthread_mutex_unlock(&r->lock);
+    }
+    return render_anywhere(r, &pic);
 }
 
 int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
@@ -500,7 +535,7 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
         return err;
     if (plan.explainer)
         explainer_keep(plan.explainer);
-    err = render_anywhere(r, &plan, out, valid);
+    err = render_anywhere(r, &(struct picture){ .plan = &plan, .out = out, .valid = valid });
     sst_render_plan_fini(&plan);
     return err;
 }

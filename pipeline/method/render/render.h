@@ -2,6 +2,7 @@
 #ifndef SST_PIPELINE_METHOD_RENDER_RENDER_H
 #define SST_PIPELINE_METHOD_RENDER_RENDER_H
 
+#include "base/log.h"
 #include "pipeline/gpu/gpu.h"
 #include "pipeline/lightfield/lightfield.h"
 
@@ -141,9 +142,28 @@ void sst_renderer_destroy(struct sst_renderer *r);
  */
 SST_MUST_CHECK int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes);
 
+/** A light field that changes in tiles while a device renders it. All is borrowed, and must outlive the renderer. */
+struct sst_render_live {
+    uint64_t *const *stamp;         /* [views] of [tile_rows][tile_cols]: serial number of a tile's last change */
+    int tile, tile_cols, tile_rows; /* px of a tile's side; tiles */
+    const uint64_t *since;          /* another value: everything changed (views came or left) */
+};
+
+/**
+ * The same for a light field that changes: rows of tiles that changed are uploaded again. A wait for the device is
+ * shorter (struct sst_gpu_config, `prompt`), and a device that cannot be opened now is tried again later, as one that
+ * fails. Of failures in a row only the first is logged, and that the device works again.
+ *
+ * @return 0, also where there is no such device; -ENOMEM (logged)
+ */
+SST_MUST_CHECK int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes,
+                                                const struct sst_render_live *live);
+
 /** What a device has done. */
 struct sst_render_device_report {
-    char name[SST_GPU_NAME], driver[SST_GPU_NAME];
+    char name[SST_GPU_NAME], driver[SST_GPU_NAME]; /* as asked for and "", if it was never opened */
+    bool failing;            /* it failed at its last picture, or could not be opened, and is tried again later */
+    char failure[SST_LOG_MAX]; /* the last one's reason; "": none */
     int64_t pictures;        /* made there */
     int64_t verified_on_cpu; /* of them */
     int64_t on_cpu;          /* others */

@@ -33,22 +33,22 @@ bool explainer_contradicts(const struct explainer *e, int k, int x, int y);
 
 struct render_device; /* one device with one light field; any number of threads, one picture at a time */
 
-/** Open a device for pictures of lf, which must not change while it lives. @return as sst_gpu_open(), -ENOTSUP (its
- *  shader is refused); logged */
+/** Open a device for pictures of lf. @param live  NULL: lf does not change while it lives; else as
+ *  sst_renderer_use_live_device() @return as that or as sst_renderer_use_device() */
 SST_MUST_CHECK int render_device_create(struct render_device **out, const struct sst_lightfield *lf, const char *name,
-                                        uint64_t memory_bytes);
+                                        const struct sst_gpu_config *cfg, const struct sst_render_live *live);
 void render_device_destroy(struct render_device *d);
 
 /**
- * Blend the rays of all pixels.
+ * Blend the rays of all pixels of the rows top .. end-1.
  *
  * @param words    out, [height * width] R, G, B, enum sst_gpu_blend_pixel, from the lowest byte up
  * @param weights  out, sums of weights likewise, if the plan verifies; else NULL
  * @return false: not done, which is counted, and logged where the device failed; true: both are valid until
  * render_device_end()
  */
-bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, const uint32_t **words,
-                         const float **weights);
+bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, int top, int end,
+                         const uint32_t **words, const float **weights);
 void render_device_end(struct render_device *d);
 
 /** Views of a clear picture, nearest to the viewpoint first. */
@@ -62,8 +62,10 @@ struct device_clear {
 };
 
 /** The same for colours and weights of a clear picture without its holes filled.
- *  @param words  out, [height * width] R, G, B, weight 0..255 */
-bool render_device_begin_clear(struct render_device *d, struct device_clear *c, const uint32_t **words);
+ *  @param words  out, [height * width] R, G, B, weight 0..255
+ *  @param seen   out, if c->push.merged, as SST_GPU_CLEAR_SEEN of pipeline/gpu/clear.h; else NULL */
+bool render_device_begin_clear(struct render_device *d, struct device_clear *c, const uint32_t **words,
+                               const uint32_t **seen);
 
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
@@ -142,6 +144,7 @@ struct clear {
     struct clear_target to;
     struct sst_renderer *renderer;
     const uint32_t *words;  /* what a device has coloured, see render_device_begin_clear(); NULL: nothing */
+    const uint32_t *seen;   /* likewise, if there is a merge */
     struct landed *landed;  /* the renderer's, from one picture to the next; owned meanwhile */
     const uint64_t *change; /* [cells] of landed; NULL: all cells are coloured */
     const struct sst_kernels *kernels;
