@@ -146,8 +146,8 @@ static int prepare(struct site *s, int port, const char *device)
     err = err ? err
               : write_first(s->config, config_text, s->world, s->config, world->rows, world->cols, world->width,
                             world->height, s->calibration, device ? ", device: \"" : "", device ? device : "",
-                            device ? "\"" : "", world->rate_hz, s->socket, port ? port : PORT, s->token,
-                            s->zones, s->storage, strcmp(s->scene, SCENE_HEDGE) ? "" : watched_text);
+                            device ? "\"" : "", world->rate_hz, s->socket, port ? port : PORT, s->token, s->zones,
+                            s->storage, strcmp(s->scene, SCENE_HEDGE) ? "" : watched_text);
     if (!err) {
         sst_config_defaults(cfg);
         err = sst_config_read(cfg, s->config);

@@ -104,7 +104,8 @@ static void write_live(FILE *f, const struct engine_state *v)
            v->rays.rays_skipped);
     metric(f, "live_device_up", "gauge", "1 if pictures are rendered on a device, 0: on the CPU.",
            v->on_device && !v->device.failing);
-    metric(f, "live_device_pictures_total", "counter", "Pictures that the device rendered.", (double)v->device.pictures);
+    metric(f, "live_device_pictures_total", "counter", "Pictures that the device rendered.",
+           (double)v->device.pictures);
     metric(f, "live_device_on_cpu_total", "counter", "Pictures that the CPU rendered instead of the device.",
            (double)v->device.on_cpu);
     metric(f, "live_device_failures_total", "counter", "Times that the device failed.", (double)v->device.failures);

@@ -105,8 +105,8 @@ static json_t *device_json(const struct engine_state *v)
     if (!v->on_device)
         return json_null();
     return json_pack("{s:s, s:s, s:b, s:I, s:I, s:I, s:I, s:s}", "name", d->name, "driver", d->driver, "failing",
-                     d->failing, "pictures", (json_int_t)d->pictures, "on_cpu", (json_int_t)d->on_cpu, "verified_on_cpu",
-                     (json_int_t)d->verified_on_cpu, "failures", (json_int_t)d->failures, "reason",
+                     d->failing, "pictures", (json_int_t)d->pictures, "on_cpu", (json_int_t)d->on_cpu,
+                     "verified_on_cpu", (json_int_t)d->verified_on_cpu, "failures", (json_int_t)d->failures, "reason",
                      d->failing ? d->failure : d->why);
 }
 

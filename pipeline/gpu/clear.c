@@ -372,7 +372,8 @@ static bool same_seen(uint32_t a, uint32_t b)
 static int run_blend(struct sst_gpu *g, struct test *t)
 {
     const void *const initial[SST_GPU_BUFFERS] = { t->view, t->pixel, t->landed, t->seen, t->out };
-    const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->view), sizeof(t->pixel), sizeof(t->landed), sizeof(t->seen), sizeof(t->out) };
+    const size_t bytes[SST_GPU_BUFFERS] = { sizeof(t->view), sizeof(t->pixel), sizeof(t->landed), sizeof(t->seen),
+                                            sizeof(t->out) };
     const struct sst_gpu_work work = { .shader = SST_GPU_CLEAR_BLEND,
                                        .push = &t->push,
                                        .groups = { groups_of_test[0], groups_of_test[1], 1 } };

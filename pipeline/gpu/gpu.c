@@ -105,7 +105,8 @@ static void set_limits(struct sst_gpu *g, const struct sst_gpu_config *cfg)
     if (!g->cfg.memory_bytes)
         g->cfg.memory_bytes = g->info.memory_bytes / 4 * 3;
     if (!g->cfg.timeout_ms)
-        g->cfg.timeout_ms = (g->info.kind == SST_GPU_SOFTWARE ? SOFTWARE_TIMEOUT_MS : TIMEOUT_MS) / (g->cfg.prompt ? 10 : 1);
+        g->cfg.timeout_ms =
+            (g->info.kind == SST_GPU_SOFTWARE ? SOFTWARE_TIMEOUT_MS : TIMEOUT_MS) / (g->cfg.prompt ? 10 : 1);
 }
 
 /* The first real device that passes every self-test. */

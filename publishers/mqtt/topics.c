@@ -163,9 +163,9 @@ static void publish_cameras(struct mqtt *m)
 /* True for events after which status or cameras differ. */
 static bool changes_state(const char *type)
 {
-    static const char *const types[] = { "state",   "camera-lost",  "camera-found", "trigger-lost", "trigger-found",
-                                         "storage", "record-start", "record-stop",  "reload",       "skew",
-                                         "host-lost", "host-found", "device-lost", "device-found" };
+    static const char *const types[] = { "state",     "camera-lost",  "camera-found", "trigger-lost", "trigger-found",
+                                         "storage",   "record-start", "record-stop",  "reload",       "skew",
+                                         "host-lost", "host-found",   "device-lost",  "device-found" };
 
     for (size_t i = 0; i < ARRAY_LEN(types); i++)
         if (!strcmp(types[i], type))

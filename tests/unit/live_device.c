@@ -228,8 +228,9 @@ static void a_device_that_fails_costs_no_set(void **state SST_UNUSED)
 /* A device that is not there, computes something else, or is not wanted. */
 static void without_a_device_pictures_are_the_cpus(void **state SST_UNUSED)
 {
-    static const char *const names[] = { "no such device", "dummy:late=1", "dummy:wrong=5" },
-                      *const none[] = { "cpu", "auto" };
+    static const char *const names[] = { "no such device", "dummy:late=1", "dummy:wrong=5" }, *const none[] = {
+        "cpu", "auto"
+    };
     const struct sst_render_config cfg = settings(1);
     struct sst_render_device_report report;
     struct pair p;
@@ -260,10 +261,8 @@ static void without_a_device_pictures_are_the_cpus(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(all_sets_have_the_cpus_picture),
-        cmocka_unit_test(rows_that_changed_are_uploaded),
-        cmocka_unit_test(what_is_on_the_device_follows_the_views),
-        cmocka_unit_test(a_device_that_fails_costs_no_set),
+        cmocka_unit_test(all_sets_have_the_cpus_picture),          cmocka_unit_test(rows_that_changed_are_uploaded),
+        cmocka_unit_test(what_is_on_the_device_follows_the_views), cmocka_unit_test(a_device_that_fails_costs_no_set),
         cmocka_unit_test(without_a_device_pictures_are_the_cpus),
     };
 

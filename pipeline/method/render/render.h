@@ -162,7 +162,7 @@ SST_MUST_CHECK int sst_renderer_use_live_device(struct sst_renderer *r, const ch
 /** What a device has done. */
 struct sst_render_device_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME]; /* as asked for and "", if it was never opened */
-    bool failing;            /* it failed at its last picture, or could not be opened, and is tried again later */
+    bool failing;              /* it failed at its last picture, or could not be opened, and is tried again later */
     char failure[SST_LOG_MAX]; /* the last one's reason; "": none */
     int64_t pictures;        /* made there */
     int64_t verified_on_cpu; /* of them */
