@@ -67,7 +67,7 @@ static double wanted(const struct sst_live *live, double found_px)
 
 static bool same(double a, double b)
 {
-    return (isnan(a) && isnan(b)) || fabs(a - b) < 1e-9;
+    return isnan(a) || isnan(b) ? isnan(a) && isnan(b) : fabs(a - b) < 1e-9;
 }
 
 int live_cut_follow(struct sst_live *live, int64_t t_ns)
