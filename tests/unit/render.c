@@ -783,7 +783,10 @@ static void unused_rows_cross_no_border(void **state SST_UNUSED)
     struct sst_lightfield lf;
     struct sst_image img;
 
-    assert_true(mallopt(M_MMAP_THRESHOLD, 32 << 20) && mallopt(M_TRIM_THRESHOLD, 64 << 20)); /* memory is used again */
+    if (!mallopt(M_MMAP_THRESHOLD, 32 << 20) || !mallopt(M_TRIM_THRESHOLD, 64 << 20)) {
+        print_message("left out: the address sanitizer does not use memory again\n");
+        skip();
+    }
     make_random(&lf);
     for (int i = 0; i < 4; i++) {
         void *before[2] = { sst_mem_alloc_raw(bytes, 1), sst_mem_alloc_raw(bytes, 1) };

@@ -144,7 +144,7 @@ int sst_notice_measure(struct sst_notices *out, const struct sst_lightfield *lf,
 
 bool sst_notice_skew(char text[320], double skew_us)
 {
-    if (!(skew_us >= SST_NOTICE_SKEW_US))
+    if (isnan(skew_us) || skew_us < SST_NOTICE_SKEW_US)
         return false;
     snprintf(
         text, 320,
