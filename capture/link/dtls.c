@@ -219,7 +219,7 @@ struct link_dtls_server {
     uint8_t buffer[BATCH][2048];
 };
 
-/* A datagram that goes to nobody yet: to whom the cookie is sent. */
+/* A datagram of a sender without a session: the address that the cookie is sent to. */
 struct stranger {
     int fd;
     const struct sockaddr_storage *at;

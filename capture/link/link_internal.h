@@ -181,7 +181,8 @@ SST_MUST_CHECK int link_dtls_listen(struct link_dtls_server **out, const char *a
 int link_dtls_server_fd(const struct link_dtls_server *s);
 /** Datagrams that the kernel had no room for. */
 uint64_t link_dtls_server_overflows(const struct link_dtls_server *s);
-/** Receive what waits, as far as one turn goes. @return true: call it again within 50 ms, somebody shakes hands */
+/** Receive the datagrams that wait, at most as many as one call takes. @return true: call it again within 50 ms, a
+ * handshake is in progress */
 bool link_dtls_server_work(struct link_dtls_server *s);
 /** NULL is fine. */
 void link_dtls_server_close(struct link_dtls_server *s);

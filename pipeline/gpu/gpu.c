@@ -270,3 +270,22 @@ int sst_gpu_wait(struct sst_gpu *g)
 {
     return g->lost ? g->lost : note(g, g->ops->wait(g));
 }
+
+int sst_gpu_open_for(struct sst_gpu **out, const char *name, const struct sst_gpu_config *cfg,
+                     const enum sst_gpu_shader *shaders, size_t count, const char *work)
+{
+    int err = sst_gpu_open(out, name, cfg);
+
+    if (err) {
+        *out = NULL;
+        return err;
+    }
+    for (size_t i = 0; i < count && !err; i++)
+        err = sst_gpu_prepare(*out, shaders[i]);
+    if (err) {
+        sst_log_error("the device `%s` cannot %s: %s; choose another --device", name, work, sst_gpu_error(err));
+        sst_gpu_close(*out);
+        *out = NULL;
+    }
+    return err;
+}

@@ -75,7 +75,7 @@ int sst_gpu_list(struct sst_gpu_info info[SST_GPU_DEVICES]);
 struct sst_gpu_config {
     uint64_t memory_bytes; /* that buffers use at most; 0: three quarters of the device's */
     int timeout_ms;        /* limit of one wait; 0: 20 s, on software devices 10 minutes */
-    bool prompt;           /* somebody waits for results: by default 2 s, on software devices a minute */
+    bool prompt;           /* short limits of a wait, for live use: by default 2 s, on software devices 60 s */
 };
 
 struct sst_gpu; /* one thread at a time */
@@ -90,6 +90,14 @@ struct sst_gpu; /* one thread at a time */
  * @return 0, -ENOENT (no such device), -EINVAL (unknown fault), -ENOMEM, -EIO (the driver refuses); logged.
  */
 SST_MUST_CHECK int sst_gpu_open(struct sst_gpu **out, const char *name, const struct sst_gpu_config *cfg);
+
+/**
+ * sst_gpu_open() and sst_gpu_prepare() of all shaders that a piece of work needs.
+ * @param work  what the device is to do, for the message: "match"
+ * @return as of both; a device that is refused is closed, and *out NULL; logged
+ */
+SST_MUST_CHECK int sst_gpu_open_for(struct sst_gpu **out, const char *name, const struct sst_gpu_config *cfg,
+                                    const enum sst_gpu_shader *shaders, size_t count, const char *work);
 
 /** Free the device and its buffers. What a device that does not answer still uses is left to the end of the process. */
 void sst_gpu_close(struct sst_gpu *g);

@@ -7,6 +7,7 @@
 set -u
 . "$(dirname "$0")/../lib.sh"
 [ "$(id -u)" -eq 0 ] || { echo "network namespaces need root"; exit 77; }
+[ -c /dev/net/tun ] || { echo "no /dev/net/tun (kernel module tun)"; exit 77; }
 ip netns list >/dev/null 2>&1 || { echo "no ip netns (package iproute2)"; exit 77; }
 minutes=${MINUTES:-30} count=${NODES:-2} loss=${LOSS:-0.02} delay=${DELAY:-25 25} cycle=${CYCLE:-60}
 nodes=$(seq -f 'n%g' "$count") nodes=${nodes//$'\n'/ }
@@ -44,7 +45,7 @@ for n in $nodes; do
   exec {fd}>"$n.wire"
   wire[$n]=$fd
   for _ in $(seq 200); do grep -q up "$n.wire.out" && break; sleep 0.05; done
-  grep -q up "$n.wire.out" || { echo "no wire: $(cat "$n.wire.out")"; exit 77; }
+  grep -q up "$n.wire.out" || { echo "the simulated network does not start: $(cat "$n.wire.out")"; exit 1; }
   ip -n "$(space "$n")" link set lo up
 done
 ip -n "$(space head)" link set lo up

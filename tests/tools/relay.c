@@ -71,7 +71,7 @@ static void accept_one(void)
             r.tcp[i][1] = open_socket(SOCK_STREAM, NULL, &r.to);
             r.tcp[i][0] = r.tcp[i][1] < 0 ? -1 : fd;
             if (r.tcp[i][1] < 0)
-                close(fd); /* nobody listens there */
+                close(fd); /* no process has the port open */
             return;
         }
     if (fd >= 0)

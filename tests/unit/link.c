@@ -525,7 +525,7 @@ static void datagrams_of_others_do_no_harm(void **state_ SST_UNUSED)
     close(fd);
     both_capture(&left, NULL, 3);
     UNTIL(all_sent(&left) && head_frames() == 6);
-    /* A certificate of another authority, and one that is not of the list: they learn it when nobody listens. */
+    /* A certificate of another authority, and one that is not of the list: the head takes no datagram of either. */
     memset(bytes, 0, sizeof(bytes));
     sst_piece_put(bytes, &(struct sst_piece){ .session = 1, .seq = 4, .bytes = 100, .index = 0, .parity = 2 });
     for (int i = 0; i < 2; i++) {

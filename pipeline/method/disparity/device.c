@@ -14,7 +14,6 @@
 #include "pipeline/gpu/match.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
-#define MOST_SKIPPED 64    /* views between two attempts to open a device that failed */
 #define LEAST_ROWS   16    /* of a band */
 #define MOST_GROUPS  65535 /* of a dispatch, in each direction: what every device has */
 
@@ -65,17 +64,10 @@ static void close_gpu(struct sst_disparity_device *d)
 
 static int open_gpu(struct sst_disparity_device *d)
 {
-    int err = sst_gpu_open(&d->gpu, d->name, &d->cfg);
+    const int err = sst_gpu_open_for(&d->gpu, d->name, &d->cfg, shaders, ARRAY_LEN(shaders), "match");
 
     if (err)
         return err;
-    for (size_t i = 0; i < ARRAY_LEN(shaders) && !err; i++)
-        err = sst_gpu_prepare(d->gpu, shaders[i]);
-    if (err) {
-        sst_log_error("the device `%s` cannot match: %s; choose another --device", d->name, sst_gpu_error(err));
-        close_gpu(d);
-        return err;
-    }
     snprintf(d->report.name, sizeof(d->report.name), "%s", sst_gpu_get_info(d->gpu)->name);
     snprintf(d->report.driver, sizeof(d->report.driver), "%s", sst_gpu_get_info(d->gpu)->driver);
     return 0;
@@ -95,7 +87,6 @@ int sst_disparity_device_create(struct sst_disparity_device **out, const char *n
         return -ENOMEM;
     }
     d->cfg.memory_bytes = memory_bytes;
-    d->skip_next = 1;
     snprintf(d->name, sizeof(d->name), "%s", name);
     err = open_gpu(d);
     if (err) {
@@ -132,20 +123,16 @@ void sst_disparity_device_note_stage(struct sst_disparity_device *d, enum sst_di
 void disparity_device_fail(struct sst_disparity_device *d, int err)
 {
     sst_log_warning("%s: %s; the view is done on the CPU, and the device is opened again after %d more", d->report.name,
-                    sst_gpu_error(err), d->skip_next - 1);
+                    sst_gpu_error(err), sst_gpu_backoff_fail(&d->backoff));
     snprintf(d->report.why, sizeof(d->report.why), "%s", sst_gpu_error(err));
     d->report.failures++;
     close_gpu(d);
-    d->skip = d->skip_next - 1;
-    d->skip_next = sst_min_int(2 * d->skip_next, MOST_SKIPPED);
 }
 
 bool disparity_device_may_try(struct sst_disparity_device *d)
 {
-    if (d->skip > 0) {
-        d->skip--;
+    if (sst_gpu_backoff_skips(&d->backoff))
         return false;
-    }
     if (!d->gpu) {
         const int err = open_gpu(d);
 
@@ -758,7 +745,7 @@ bool disparity_device_match(struct sst_disparity_device *d, const struct device_
     } else if (err) {
         disparity_device_fail(d, err);
     } else {
-        d->skip_next = 1;
+        sst_gpu_backoff_succeed(&d->backoff);
         d->report.views += in->filter;
     }
     return !err;

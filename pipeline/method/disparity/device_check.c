@@ -178,7 +178,7 @@ bool disparity_device_check(struct sst_disparity_device *d, struct disparity_run
         give_up(d, SST_DISPARITY_STAGE_CHECK, err);
         return false;
     }
-    d->skip_next = 1;
+    sst_gpu_backoff_succeed(&d->backoff);
     d->checked = run;
     return true;
 }

@@ -182,7 +182,7 @@ bool disparity_device_test(struct sst_disparity_device *d, const struct device_h
         give_up(d, err);
         return false;
     }
-    d->skip_next = 1;
+    sst_gpu_backoff_succeed(&d->backoff);
     d->report.tested++;
     return true;
 }

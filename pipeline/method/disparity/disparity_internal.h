@@ -4,6 +4,7 @@
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_INTERNAL_H
 
 #include "base/thread.h"
+#include "pipeline/gpu/backoff.h"
 #include "pipeline/gpu/gpu.h"
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/network/network.h"
@@ -115,8 +116,7 @@ struct sst_disparity_device {
     char name[SST_GPU_NAME]; /* as asked for */
     struct sst_gpu_config cfg;
     struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
-    int skip;            /* views until it is opened again */
-    int skip_next;       /* ... after the next failure */
+    struct sst_gpu_backoff backoff;
     struct sst_disparity_device_report report;
     /* of gpu */
     struct sst_gpu_buffer *kept[KEPT];

@@ -1,5 +1,5 @@
-/* What the image tells about a pair's filled map: edges of surfaces lie where colours change, and what is hidden
- * belongs to a surface behind that looks like it. Both are weighted medians of the disparities around a pixel, by
+/* A pair's filled map improved by the image: edges of surfaces lie where colours change, and hidden pixels belong to a
+ * farther surface of similar colour. Both are weighted medians of the disparities around a pixel, by
  * colour and distance (see sst_median_votes_row_fn). */
 #include <errno.h>
 #include <stdlib.h>
@@ -13,7 +13,7 @@
 #define BINS      (65536 / BIN_Q6)
 #define LEVEL_Q6  (4 * 64) /* a hole between surfaces that differ by more is one of the farther one, else of both */
 #define HOLE      24       /* columns and rows around a hidden pixel ... */
-#define HOLE_STEP 2        /* ... of which one in so many is looked at */
+#define HOLE_STEP 2        /* ... of which every second one votes */
 #define LEAST     8        /* fewer tell nothing */
 
 /* Disparities with weights; all weights are 0 between two medians. */

@@ -61,18 +61,11 @@ static void close_gpu(struct sst_network_device *d)
 
 static int open_gpu(struct sst_network_device *d)
 {
-    int err = sst_gpu_open(&d->gpu, d->name, &d->cfg);
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_NET_CONV8, SST_GPU_NET_CONV };
+    const int err = sst_gpu_open_for(&d->gpu, d->name, &d->cfg, shaders, ARRAY_LEN(shaders), "run networks");
 
     if (err)
         return err;
-    err = sst_gpu_prepare(d->gpu, SST_GPU_NET_CONV8);
-    if (!err)
-        err = sst_gpu_prepare(d->gpu, SST_GPU_NET_CONV);
-    if (err) {
-        sst_log_error("the device `%s` cannot run networks: %s; choose another --device", d->name, sst_gpu_error(err));
-        close_gpu(d);
-        return err;
-    }
     snprintf(d->report.name, sizeof(d->report.name), "%s", sst_gpu_get_info(d->gpu)->name);
     snprintf(d->report.driver, sizeof(d->report.driver), "%s", sst_gpu_get_info(d->gpu)->driver);
     return 0;
