@@ -193,7 +193,7 @@ static void specks_are_dropped(void **state SST_UNUSED)
                                                       : x >= 30 && x < 41 && y >= 20 && y < 31 ? 3000
                                                                                                : 500 + 2 * x);
     }
-    assert_int_equal(sst_disparity_drop_specks(&status, &disp, 121), 0);
+    assert_int_equal(sst_disparity_drop_specks(&status, &disp, 121, 2), 0);
     for (int i = 0; i < 60 * 40; i++) {
         const bool gone = sst_map_u8_row(&status, i / 60)[i % 60] == SST_DISPARITY_OCCLUSION;
 
@@ -221,7 +221,7 @@ static void margins_continue_planes(void **state SST_UNUSED)
                                                   : x < 100          ? 640 + 6 * x + 3 * y
                                                                      : 640 + (x / 8 % 2) * 200);
     }
-    sst_disparity_extend_margins(&disp, &status, -15, 60);
+    assert_int_equal(sst_disparity_extend_margins(&disp, &status, -15, 60, 2), 0);
     for (int i = 0; i < 200 * 30; i++) {
         const int x = i % 200, y = i / 200, d = sst_map_u16_row(&disp, y)[x];
 

@@ -33,7 +33,8 @@ struct pair {
     int threads, workers;
     int rows;    /* of the images that a row of the maps stands for: at half size all columns, every other row */
     int smaller; /* times the pixels of the maps are fewer than the input's, per side */
-    struct sst_image merged[2]; /* rows merged, or empty */
+    struct sst_image merged[2];  /* rows merged, or empty */
+    struct sst_image quarter[2]; /* a quarter of the size, or empty where there is no coarser match */
     struct sst_descriptor desc[2];
     struct sst_neighbour right;
     struct sst_support support;
@@ -67,6 +68,23 @@ static int merge_rows(struct sst_image *out, const struct sst_image *in)
     return err;
 }
 
+static bool goes_coarser(const struct pair *p)
+{
+    return p->cfg->skip_ranges && sst_coarse_pays(&p->shape);
+}
+
+static int init_quarter(struct sst_image *out, const struct sst_image *in)
+{
+    struct sst_image half;
+    int err = sst_image_halve(&half, in);
+
+    if (err)
+        return err;
+    err = sst_image_halve(out, &half);
+    sst_image_fini(&half);
+    return err;
+}
+
 static int describe_job(void *arg, int index, int worker)
 {
     struct pair *p = arg;
@@ -79,7 +97,7 @@ static int describe_job(void *arg, int index, int worker)
         err = sst_disparity_support_init(&p->support, &p->desc[0].image, cfg->support_arm, cfg->support_tau);
     if (!err && index == 1)
         err = sst_descriptor_add_phases(&p->desc[1], sst_volume_phases(&p->shape, 1, 0));
-    return err;
+    return !err && goes_coarser(p) ? init_quarter(&p->quarter[index], &p->desc[index].image) : err;
 }
 
 static int support_rounds(const struct pair *p)
@@ -261,6 +279,7 @@ static void release(struct pair *p)
 {
     for (int i = 0; i < 2; i++) {
         sst_image_fini(&p->merged[i]);
+        sst_image_fini(&p->quarter[i]);
         sst_descriptor_fini(&p->desc[i]);
         sst_network_close(p->nets[i]);
         sst_map_u16_fini(&p->raw[i]);
@@ -279,12 +298,9 @@ static void release(struct pair *p)
 
 static int match(struct pair *p);
 
-/* Match at a quarter of the size. @param p  out, as of match(); the caller releases it and its images */
-static int match_coarse(struct pair *coarse, struct sst_disparity_config *cfg, struct sst_image *small,
-                        const struct pair *p)
+/* Match at a quarter of the size. @param coarse  out, as of match(); the caller releases it */
+static int match_coarse(struct pair *coarse, struct sst_disparity_config *cfg, const struct pair *p)
 {
-    int err = 0;
-
     *cfg = (struct sst_disparity_config){ .disp_min_px = floor((double)p->shape.disp_min / SST_COARSER),
                                           .cost = SST_COST_CENSUS,
                                           .paths = 4,
@@ -295,36 +311,27 @@ static int match_coarse(struct pair *coarse, struct sst_disparity_config *cfg, s
                                           .skip_ranges = true,
                                           .cancel = p->cfg->cancel };
     cfg->disp_max_px = ceil((p->shape.disp_min + (double)(p->shape.steps - 1) / p->shape.divisor) / SST_COARSER);
-    *coarse = (struct pair){
-        .cfg = cfg, .threads = p->threads, .workers = p->workers, .rows = 1, .smaller = SST_COARSER * p->smaller
-    };
-    for (int i = 0; !err && i < 2; i++) {
-        struct sst_image half;
-
-        err = sst_image_halve(&half, &p->desc[i].image);
-        if (err)
-            break;
-        err = sst_image_halve(&small[i], &half);
-        sst_image_fini(&half);
-        coarse->image[i] = &small[i];
-    }
-    return err ? err : match(coarse);
+    *coarse = (struct pair){ .cfg = cfg,
+                             .image = { &p->quarter[0], &p->quarter[1] },
+                             .threads = p->threads,
+                             .workers = p->workers,
+                             .rows = 1,
+                             .smaller = SST_COARSER * p->smaller };
+    return match(coarse);
 }
 
 static int lay_out_tiles(struct pair *p)
 {
     struct pair coarse = { 0 };
     struct sst_disparity_config cfg;
-    struct sst_image small[2] = { { 0 }, { 0 } };
-    const bool fine = !p->cfg->skip_ranges || !sst_coarse_pays(&p->shape);
-    int err = fine ? 0 : match_coarse(&coarse, &cfg, small, p);
+    const bool coarser = goes_coarser(p);
+    int err = coarser ? match_coarse(&coarse, &cfg, p) : 0;
 
     if (!err)
         err = sst_tiles_init(&p->tiles, p->shape.width, 0, p->shape.height, &p->shape,
-                             fine ? NULL : &(struct sst_coarse){ &coarse.disp[0], coarse.shape.disp_min, SST_COARSER });
+                             coarser ? &(struct sst_coarse){ &coarse.disp[0], coarse.shape.disp_min, SST_COARSER }
+                                     : NULL);
     release(&coarse);
-    sst_image_fini(&small[0]);
-    sst_image_fini(&small[1]);
     return err;
 }
 
@@ -363,11 +370,14 @@ static int follow_colours(struct pair *p)
  * farther of the confirmed pixels to both sides. */
 static int fill(struct pair *p)
 {
-    const int err = sst_disparity_drop_specks(&p->status, &p->disp[0], SPECK / (p->smaller * p->smaller * p->rows));
+    int err =
+        sst_disparity_drop_specks(&p->status, &p->disp[0], SPECK / (p->smaller * p->smaller * p->rows), p->threads);
 
+    err = err ? err
+              : sst_disparity_extend_margins(&p->disp[0], &p->status, p->shape.disp_min,
+                                             (p->shape.steps - 1) / p->shape.divisor, p->threads);
     if (err)
         return err;
-    sst_disparity_extend_margins(&p->disp[0], &p->status, p->shape.disp_min, (p->shape.steps - 1) / p->shape.divisor);
     sst_fill_views(&p->disp[0], &p->status, p->shape.disp_min, NULL, 0, 0, NULL);
     return 0;
 }
@@ -415,20 +425,32 @@ static unsigned between(unsigned near, unsigned far)
                                                                                            : (3 * near + far + 2) / 4;
 }
 
-static void deliver(struct sst_map_f32 *out, const struct pair *p)
+/* The map that the caller gets. */
+struct delivery {
+    struct sst_map_f32 *out;
+    const struct pair *p;
+};
+
+static int deliver_job(void *arg, int index, int worker)
 {
-    for (int y = 0; y < out->height; y++) {
+    const struct delivery *to = arg;
+    const struct pair *p = to->p;
+    const int y0 = index * BAND, y1 = sst_min_int(y0 + BAND, to->out->height);
+
+    (void)worker;
+    for (int y = y0; y < y1; y++) {
         const int own = y / p->rows, other = p->rows > 1 ? own + (y % 2 ? 1 : -1) : own;
         const uint16_t *near = sst_map_u16_row(&p->disp[0], own);
         const uint16_t *far = sst_map_u16_row(&p->disp[0], sst_clamp_int(other, 0, p->disp[0].height - 1));
-        float *to = sst_map_f32_row(out, y);
+        float *row = sst_map_f32_row(to->out, y);
 
-        for (int x = 0; x < out->width; x++) {
+        for (int x = 0; x < to->out->width; x++) {
             const unsigned at = between(near[x], far[x]);
 
-            to[x] = at == SST_DISP_NONE ? INFINITY : (float)(p->shape.disp_min + (double)at / 64.0);
+            row[x] = at == SST_DISP_NONE ? INFINITY : (float)(p->shape.disp_min + (double)at / 64.0);
         }
     }
+    return 0;
 }
 
 int sst_disparity_pair(struct sst_map_f32 *out, const struct sst_image *left, const struct sst_image *right,
@@ -445,7 +467,7 @@ int sst_disparity_pair(struct sst_map_f32 *out, const struct sst_image *left, co
     err = match(&p);
     err = err ? err : sst_map_f32_init(out, left->width, left->height);
     if (!err)
-        deliver(out, &p);
+        err = sst_parallel_for((out->height + BAND - 1) / BAND, p.threads, deliver_job, &(struct delivery){ out, &p });
     if (err == -ENOMEM)
         sst_log_error("not enough memory to match %d disparities at %dx%d; use a narrower range", p.shape.steps,
                       p.shape.width, p.shape.height);

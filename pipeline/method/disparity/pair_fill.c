@@ -5,9 +5,33 @@
 #include <stdlib.h>
 
 #include "base/mem.h"
+#include "base/thread.h"
 #include "pipeline/method/disparity/stage.h"
 
 #define JOINED_Q6 64 /* neighbours of one surface differ by a pixel at most */
+#define BAND      32 /* rows that one thread labels or extends at a time */
+
+static int bands(const struct sst_map_u16 *disp)
+{
+    return (disp->height + BAND - 1) / BAND;
+}
+
+static int band_end(const struct sst_map_u16 *disp, int band)
+{
+    return sst_min_int((band + 1) * BAND, disp->height);
+}
+
+/* --- specks ------------------------------------------------------------------------------------------------------- */
+
+/* Surfaces, numbered band by band, each band from its first pixel's number on: in bands at first, then joined. */
+struct surfaces {
+    struct sst_map_u8 *status;
+    const struct sst_map_u16 *disp;
+    uint32_t least;
+    uint32_t *label;         /* [pixel] its surface, where it is confirmed */
+    uint32_t *parent, *size; /* [surface] one that it is part of, or itself; pixels */
+    uint32_t *end;           /* [band] the number after its last surface */
+};
 
 /* Pixels that the plane of a margin is fitted to, beside the row's first confirmed one. */
 #define PLANE_COLUMNS  48
@@ -36,69 +60,118 @@ static void join(uint32_t *parent, uint32_t a, uint32_t b)
         parent[a] = b;
 }
 
-static bool joined(int a, int b)
+static bool one_surface(const struct surfaces *s, int y, int x, int other_y, int other_x)
 {
-    return abs(a - b) <= JOINED_Q6;
+    return sst_map_u8_row(s->status, y)[x] == SST_DISPARITY_CORRECT &&
+           sst_map_u8_row(s->status, other_y)[other_x] == SST_DISPARITY_CORRECT &&
+           abs(sst_map_u16_row(s->disp, y)[x] - sst_map_u16_row(s->disp, other_y)[other_x]) <= JOINED_Q6;
 }
 
-/* Label row y: every pixel gets the surface of its left or upper neighbour, or a new one. @return surfaces so far */
-static uint32_t label_row(uint32_t *label, uint32_t *parent, uint32_t count, const struct sst_map_u8 *status,
-                          const struct sst_map_u16 *disp, int y)
+/* Label row y: every pixel gets the surface of its left or upper neighbour in the band, or a new one, `count`.
+ * @return the next one */
+static uint32_t label_row(const struct surfaces *s, uint32_t count, int y, bool first)
 {
-    const int w = disp->width;
-    const uint8_t *ok = sst_map_u8_row(status, y), *ok_above = sst_map_u8_row(status, sst_max_int(y - 1, 0));
-    const uint16_t *d = sst_map_u16_row(disp, y), *above = sst_map_u16_row(disp, sst_max_int(y - 1, 0));
-    uint32_t *own = label + (size_t)y * (size_t)w;
+    const int w = s->disp->width;
+    uint32_t *own = s->label + (size_t)y * (size_t)w;
 
     for (int x = 0; x < w; x++) {
         bool upper;
 
-        if (ok[x] != SST_DISPARITY_CORRECT)
+        if (sst_map_u8_row(s->status, y)[x] != SST_DISPARITY_CORRECT)
             continue;
-        upper = y > 0 && ok_above[x] == SST_DISPARITY_CORRECT && joined(d[x], above[x]);
-        if (x > 0 && ok[x - 1] == SST_DISPARITY_CORRECT && joined(d[x], d[x - 1])) {
+        upper = !first && one_surface(s, y, x, y - 1, x);
+        if (x > 0 && one_surface(s, y, x, y, x - 1)) {
             own[x] = own[x - 1];
             if (upper && own[x] != own[x - w])
-                join(parent, own[x], own[x - w]);
+                join(s->parent, own[x], own[x - w]);
         } else if (upper) {
             own[x] = own[x - w];
         } else {
-            parent[count] = count;
+            s->parent[count] = count;
+            s->size[count] = 0;
             own[x] = count++;
         }
+        s->size[own[x]]++;
     }
     return count;
 }
 
-int sst_disparity_drop_specks(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, int least)
+static int label_job(void *arg, int index, int worker)
 {
-    const size_t w = (size_t)disp_q6->width, pixels = w * (size_t)disp_q6->height;
-    uint32_t *label = sst_mem_alloc_raw(pixels, 3 * sizeof(*label)), *parent = label + pixels;
-    uint32_t *size = parent + pixels, count = 0;
+    const struct surfaces *s = arg;
+    uint32_t count = (uint32_t)(index * BAND) * (uint32_t)s->disp->width;
 
-    if (!label)
-        return -ENOMEM;
-    for (int y = 0; y < disp_q6->height; y++)
-        count = label_row(label, parent, count, status, disp_q6, y);
-    for (uint32_t i = 0; i < count; i++)
-        size[i] = 0;
-    for (int y = 0; y < disp_q6->height; y++) {
-        for (size_t x = 0; x < w; x++) {
-            if (sst_map_u8_row(status, y)[x] == SST_DISPARITY_CORRECT)
-                size[label[(size_t)y * w + x] = find_root(parent, label[(size_t)y * w + x])]++;
-        }
-    }
-    for (int y = 0; y < disp_q6->height; y++) {
-        uint8_t *s = sst_map_u8_row(status, y);
-
-        for (size_t x = 0; x < w; x++) {
-            if (s[x] == SST_DISPARITY_CORRECT && size[label[(size_t)y * w + x]] < (uint32_t)least)
-                s[x] = SST_DISPARITY_OCCLUSION;
-        }
-    }
-    sst_mem_free(label);
+    (void)worker;
+    for (int y = index * BAND; y < band_end(s->disp, index); y++)
+        count = label_row(s, count, y, y == index * BAND);
+    s->end[index] = count;
     return 0;
 }
+
+/* Join surfaces across the bands' borders, and sum their sizes: the smallest number of a surface has them all. */
+static void join_bands(const struct surfaces *s)
+{
+    const int w = s->disp->width;
+
+    for (int y = BAND; y < s->disp->height; y += BAND) {
+        const uint32_t *own = s->label + (size_t)y * (size_t)w;
+
+        for (int x = 0; x < w; x++) {
+            if (one_surface(s, y, x, y - 1, x))
+                join(s->parent, own[x], own[x - w]);
+        }
+    }
+    for (int band = 0; band < bands(s->disp); band++) {
+        for (uint32_t i = (uint32_t)(band * BAND) * (uint32_t)w; i < s->end[band]; i++) {
+            const uint32_t root = find_root(s->parent, i);
+
+            s->parent[i] = root;
+            if (root != i)
+                s->size[root] += s->size[i];
+        }
+    }
+}
+
+static int drop_job(void *arg, int index, int worker)
+{
+    const struct surfaces *s = arg;
+    const size_t w = (size_t)s->disp->width;
+
+    (void)worker;
+    for (int y = index * BAND; y < band_end(s->disp, index); y++) {
+        uint8_t *status = sst_map_u8_row(s->status, y);
+        const uint32_t *own = s->label + (size_t)y * w;
+
+        for (size_t x = 0; x < w; x++) {
+            if (status[x] == SST_DISPARITY_CORRECT && s->size[s->parent[own[x]]] < s->least)
+                status[x] = SST_DISPARITY_OCCLUSION;
+        }
+    }
+    return 0;
+}
+
+int sst_disparity_drop_specks(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, int least, int threads)
+{
+    const size_t pixels = (size_t)disp_q6->width * (size_t)disp_q6->height;
+    uint32_t *memory = sst_mem_alloc_raw(3 * pixels + (size_t)bands(disp_q6), sizeof(*memory));
+    struct surfaces s = { status, disp_q6, (uint32_t)least, memory, NULL, NULL, NULL };
+    int err;
+
+    if (!memory)
+        return -ENOMEM;
+    s.parent = memory + pixels;
+    s.size = s.parent + pixels;
+    s.end = s.size + pixels;
+    err = sst_parallel_for(bands(disp_q6), threads, label_job, &s);
+    if (!err) {
+        join_bands(&s);
+        err = sst_parallel_for(bands(disp_q6), threads, drop_job, &s);
+    }
+    sst_mem_free(memory);
+    return err;
+}
+
+/* --- margins ------------------------------------------------------------------------------------------------------ */
 
 /* Sums over the points of a plane: across, down, and the disparity above the anchor's. */
 struct sums {
@@ -171,36 +244,62 @@ static void extend(struct sst_map_u16 *disp, const struct sst_map_u8 *status, in
         d[x] = (uint16_t)sst_clamp_int(d[x0] - (int)lrint(slope * i), 0, 64 * range);
 }
 
-void sst_disparity_extend_margins(struct sst_map_u16 *disp_q6, struct sst_map_u8 *status, int disp_min, int range)
+struct margins {
+    struct sst_map_u16 *disp;
+    struct sst_map_u8 *status;
+    int left, right, range; /* the widest margins to both sides, px */
+};
+
+/* Confirmed columns of a row. @param first, last  out; beyond the widest margin where there is none */
+static void confirmed_columns(const struct margins *m, int y, int *first, int *last)
+{
+    const uint8_t *ok = sst_map_u8_row(m->status, y);
+    const int w = m->disp->width;
+
+    *first = 0;
+    *last = w - 1;
+    while (*first <= m->left && ok[*first] != SST_DISPARITY_CORRECT)
+        ++*first;
+    while (*last >= w - 1 - m->right && ok[*last] != SST_DISPARITY_CORRECT)
+        --*last;
+}
+
+static int extend_job(void *arg, int index, int worker)
+{
+    const struct margins *m = arg;
+    const int w = m->disp->width;
+
+    (void)worker;
+    for (int y = index * BAND; y < band_end(m->disp, index); y++) {
+        int first, last;
+
+        confirmed_columns(m, y, &first, &last);
+        if (first > 0 && first <= m->left)
+            extend(m->disp, m->status, first, y, 1, m->range);
+        if (last < w - 1 && last >= w - 1 - m->right)
+            extend(m->disp, m->status, last, y, -1, m->range);
+    }
+    return 0;
+}
+
+int sst_disparity_extend_margins(struct sst_map_u16 *disp_q6, struct sst_map_u8 *status, int disp_min, int range,
+                                 int threads)
 {
     const int w = disp_q6->width;
-    const int left = sst_clamp_int(disp_min + range, 0, w - 1), right = sst_clamp_int(-disp_min, 0, w - 1);
+    struct margins m = { disp_q6, status, sst_clamp_int(disp_min + range, 0, w - 1), sst_clamp_int(-disp_min, 0, w - 1),
+                         range };
+    const int err = sst_parallel_for(bands(disp_q6), threads, extend_job, &m);
 
-    for (int y = 0; y < disp_q6->height; y++) {
-        const uint8_t *ok = sst_map_u8_row(status, y);
-        int first = 0, last = w - 1;
-
-        while (first <= left && ok[first] != SST_DISPARITY_CORRECT)
-            first++;
-        while (last >= w - 1 - right && ok[last] != SST_DISPARITY_CORRECT)
-            last--;
-        if (first > 0 && first <= left)
-            extend(disp_q6, status, first, y, 1, range);
-        if (last < w - 1 && last >= w - 1 - right)
-            extend(disp_q6, status, last, y, -1, range);
-    }
     /* Only now: what was extended must not support the planes of other rows. */
-    for (int y = 0; y < disp_q6->height; y++) {
+    for (int y = 0; !err && y < disp_q6->height; y++) {
         uint8_t *s = sst_map_u8_row(status, y);
-        int first = 0, last = w - 1;
+        int first, last;
 
-        while (first <= left && s[first] != SST_DISPARITY_CORRECT)
-            first++;
-        while (last >= w - 1 - right && s[last] != SST_DISPARITY_CORRECT)
-            last--;
-        for (int x = 0; first <= left && x < first; x++)
+        confirmed_columns(&m, y, &first, &last);
+        for (int x = 0; first <= m.left && x < first; x++)
             s[x] = SST_DISPARITY_CORRECT;
-        for (int x = w - 1; last >= w - 1 - right && x > last; x--)
+        for (int x = w - 1; last >= w - 1 - m.right && x > last; x--)
             s[x] = SST_DISPARITY_CORRECT;
     }
+    return err;
 }

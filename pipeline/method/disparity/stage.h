@@ -387,14 +387,17 @@ SST_MUST_CHECK int sst_disparity_pair(struct sst_map_f32 *out, const struct sst_
  * their disparities differ by a pixel at most.
  * @return 0, -ENOMEM
  */
-SST_MUST_CHECK int sst_disparity_drop_specks(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, int least);
+SST_MUST_CHECK int sst_disparity_drop_specks(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6, int least,
+                                             int threads);
 
 /**
  * The margins of a pair's left map, which the right image does not show, continue the plane of the confirmed pixels
  * beside them (constant where those are no plane), and count as confirmed.
  * @param range  disparities disp_min .. disp_min + range, px: what bounds a margin's width
+ * @return 0, or what sst_parallel_for() returns
  */
-void sst_disparity_extend_margins(struct sst_map_u16 *disp_q6, struct sst_map_u8 *status, int disp_min, int range);
+SST_MUST_CHECK int sst_disparity_extend_margins(struct sst_map_u16 *disp_q6, struct sst_map_u8 *status, int disp_min,
+                                                int range, int threads);
 
 /** A view of the second pass; all maps of one size, disparities in 1/64 px above disp_min_px. */
 struct sst_visible_view {
