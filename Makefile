@@ -187,6 +187,7 @@ $(BUILD)/shaders/%.spv: pipeline/kernels/%.comp
 	@mkdir -p $(@D)
 	@echo "  GLSL $<"
 	@glslangValidator -V --quiet --target-env vulkan1.2 -o $@ $<
+$(filter $(BUILD)/shaders/net_conv8%,$(SPIRV)): pipeline/kernels/net_conv8.glsl
 $(BUILD)/spirv.c: scripts/embed.sh $(SPIRV) $(BUILD)/flags
 	@scripts/embed.sh gpu_spirvs pipeline/gpu/gpu_internal.h $(SPIRV) >$@.new && mv $@.new $@
 $(BUILD)/obj/web.o $(BUILD)/obj/spirv.o: $(BUILD)/obj/%.o: $(BUILD)/%.c $(BUILD)/flags

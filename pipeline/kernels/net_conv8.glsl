@@ -1,0 +1,95 @@
+// What net_conv8.comp and its variants share: buffers, constants, and what becomes of a sum. A group has a tile of pixels
+// times channels, and works through the words of the kernel in slabs. Definition: net_conv8_reference() in
+// pipeline/gpu/net.c.
+
+layout(std430, binding = 0) readonly buffer Fixed { uint fixed_word[]; };
+layout(std430, binding = 1) readonly buffer From { uint from_word[]; };
+layout(std430, binding = 2) buffer To { uint to_word[]; };
+
+struct Tensor {
+    uint at, pitch, type;
+    int width, height;
+};
+
+layout(std430, push_constant) uniform Constants {
+    Tensor from, to;
+    int channels, kernel, stride, pad, dilation;
+    uint weights_at, scales_at, bias_at;
+    uint residual_at, residual_pitch, residual_type;
+    float residual_scale;
+    uint residual_mode;
+    float out_scale;
+    uint relu, by_parts;
+};
+
+const uint F32 = 0, U8 = 1, S8 = 2, FUSED = 1, NONE = 2;
+
+vec4 bytes_of(uint word, uint type)
+{
+    const ivec4 v = ivec4(word << 24, word << 16, word << 8, word);
+
+    return type == U8 ? vec4(uvec4(v) >> 24) : vec4(v >> 24);
+}
+
+ivec2 pair(int v)
+{
+    return ivec2(v >> 16, v & 0xFFFF);
+}
+
+// value + q * residual_scale, rounded once: the product in two exact parts, and the sum in two parts.
+float fused(float value, float q)
+{
+    const float high = uintBitsToFloat(floatBitsToUint(residual_scale) & 0xFFFFF000u);
+    precise float low = residual_scale - high;
+    precise float product = q * high;
+    precise float sum = value + product;
+    precise float back = sum - value;
+    precise float rest = (value - (sum - back)) + (product - back);
+    precise float result = sum + (rest + q * low);
+
+    return result;
+}
+
+vec4 residual_of(uint pixel, uint four)
+{
+    const uint at = residual_at + pixel * residual_pitch;
+
+    if (residual_type != F32)
+        return bytes_of(from_word[at + four], residual_type);
+    return uintBitsToFloat(
+        uvec4(from_word[at + 4 * four], from_word[at + 4 * four + 1], from_word[at + 4 * four + 2], from_word[at + 4 * four + 3]));
+}
+
+void store(uint pixel, uint four, ivec4 sum)
+{
+    const vec4 scale = uintBitsToFloat(uvec4(fixed_word[scales_at + 4 * four], fixed_word[scales_at + 4 * four + 1],
+                                             fixed_word[scales_at + 4 * four + 2], fixed_word[scales_at + 4 * four + 3]));
+    const vec4 bias = uintBitsToFloat(uvec4(fixed_word[bias_at + 4 * four], fixed_word[bias_at + 4 * four + 1],
+                                            fixed_word[bias_at + 4 * four + 2], fixed_word[bias_at + 4 * four + 3]));
+    precise vec4 value = (vec4(sum) + bias) * scale;
+
+    if (residual_mode != NONE) {
+        const vec4 q = residual_of(pixel, four);
+
+        if (residual_mode == FUSED) {
+            value = vec4(fused(value.x, q.x), fused(value.y, q.y), fused(value.z, q.z), fused(value.w, q.w));
+        } else {
+            precise vec4 r = q * residual_scale;
+
+            value = value + r;
+        }
+    }
+    if (relu != 0)
+        value = mix(vec4(0), value, greaterThan(value, vec4(0)));
+    if (to.type == F32) {
+        const uint at = to.at + pixel * to.pitch + 4 * four;
+
+        for (uint i = 0; i < 4; i++)
+            to_word[at + i] = floatBitsToUint(value[i]);
+    } else {
+        const vec4 low = vec4(to.type == U8 ? 0.0 : -128.0), high = vec4(to.type == U8 ? 255.0 : 127.0);
+        const uvec4 b = uvec4(ivec4(roundEven(clamp(value, low, high)))) & 0xFF;
+
+        to_word[to.at + pixel * to.pitch + four] = b.x | b.y << 8 | b.z << 16 | b.w << 24;
+    }
+}
