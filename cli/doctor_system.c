@@ -260,8 +260,11 @@ static void test_gpu(struct doctor *d, const struct sst_gpu_info *info)
         return;
     }
     for (int i = 0; i < SST_GPU_SHADERS; i++) {
-        char *const list = sst_gpu_prepare(g, (enum sst_gpu_shader)i) ? refuses : runs;
+        char *list;
 
+        if (!sst_gpu_can(sst_gpu_get_info(g), (enum sst_gpu_shader)i))
+            continue;
+        list = sst_gpu_prepare(g, (enum sst_gpu_shader)i) ? refuses : runs;
         snprintf(list + strlen(list), sizeof(runs) - strlen(list), "%s%s", *list ? ", " : "",
                  sst_gpu_shader_name((enum sst_gpu_shader)i));
     }

@@ -23,6 +23,7 @@ json_t *cli_network_device_json(struct sst_network_device *d)
     json_object_set_new(root, "why_cpu", r.on_cpu ? cli_text_json(r.why) : json_null());
     json_object_update_new(root, json_pack("{s:i, s:I, s:I}", "plans", r.plans, "memory_bytes",
                                            (json_int_t)r.memory_bytes, "dispatches", (json_int_t)r.dispatches));
+    json_object_set_new(root, "conv8", *r.conv8 ? json_string(r.conv8) : json_null());
     json_object_set_new(root, "run_ms", mean_ms(r.total_ns - r.upload_ns - r.download_ns, r.runs));
     json_object_set_new(root, "upload_ms", mean_ms(r.upload_ns, r.runs));
     json_object_set_new(root, "download_ms", mean_ms(r.download_ns, r.runs));

@@ -20,14 +20,36 @@ static const struct {
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };
 
+/* What this device can do besides: variants of shaders by faster instructions. */
+static json_t *variants_json(const struct sst_gpu_info *info)
+{
+    json_t *variants = json_array();
+
+    for (int i = 0; i < SST_GPU_SHADERS; i++) {
+        if (sst_gpu_is_variant((enum sst_gpu_shader)i) && sst_gpu_can(info, (enum sst_gpu_shader)i))
+            json_array_append_new(variants, json_string(sst_gpu_shader_name((enum sst_gpu_shader)i)));
+    }
+    return variants;
+}
+
+static json_t *matrix_json(const struct sst_gpu_info *info)
+{
+    const struct sst_gpu_matrix *m = &info->matrix;
+
+    return info->abilities & SST_GPU_MATRIX ? json_pack("[i, i, i]", m->rows, m->columns, m->depth) : json_null();
+}
+
 static json_t *devices_json(const struct sst_gpu_info *info, int n)
 {
     json_t *devices = json_array();
 
     for (int i = 0; i < n; i++)
-        json_array_append_new(devices, json_pack("{s:o, s:o, s:s, s:I}", "name", cli_text_json(info[i].name), "driver",
-                                                 cli_text_json(info[i].driver), "kind", sst_gpu_kind_name(info[i].kind),
-                                                 "memory_bytes", (json_int_t)info[i].memory_bytes));
+        json_array_append_new(devices, json_pack("{s:o, s:o, s:s, s:I, s:o, s:b, s:o}", "name",
+                                                 cli_text_json(info[i].name), "driver", cli_text_json(info[i].driver),
+                                                 "kind", sst_gpu_kind_name(info[i].kind), "memory_bytes",
+                                                 (json_int_t)info[i].memory_bytes, "variants", variants_json(&info[i]),
+                                                 "dot_fast", (info[i].abilities & SST_GPU_DOT_FAST) != 0, "matrix",
+                                                 matrix_json(&info[i])));
     return devices;
 }
 
@@ -36,17 +58,26 @@ static json_t *shaders_json(void)
 {
     json_t *shaders = json_array();
 
-    for (int i = 0; i < SST_GPU_SHADERS && WITH_VULKAN; i++)
-        json_array_append_new(shaders, json_string(sst_gpu_shader_name((enum sst_gpu_shader)i)));
+    for (int i = 0; i < SST_GPU_SHADERS && WITH_VULKAN; i++) {
+        if (!sst_gpu_is_variant((enum sst_gpu_shader)i))
+            json_array_append_new(shaders, json_string(sst_gpu_shader_name((enum sst_gpu_shader)i)));
+    }
     return shaders;
 }
 
 static void print_devices(const struct sst_gpu_info *info, int n)
 {
-    for (int i = 0; i < n; i++)
-        printf("  %-18s %s, %s, %.1f GiB%s\n", "device", info[i].name, info[i].driver,
-               (double)info[i].memory_bytes / (1 << 30),
-               info[i].kind == SST_GPU_SOFTWARE ? ", software: used only by name" : "");
+    for (int i = 0; i < n; i++) {
+        const struct sst_gpu_matrix *m = &info[i].matrix;
+
+        printf("  %-18s %s, %s, %.1f GiB", "device", info[i].name, info[i].driver,
+               (double)info[i].memory_bytes / (1 << 30));
+        if (info[i].abilities & SST_GPU_DOT)
+            printf(", dot products of bytes%s", info[i].abilities & SST_GPU_DOT_FAST ? "" : " (slow)");
+        if (info[i].abilities & SST_GPU_MATRIX)
+            printf(", matrices of bytes (%ux%ux%u)", m->rows, m->columns, m->depth);
+        printf("%s\n", info[i].kind == SST_GPU_SOFTWARE ? ", software: used only by name" : "");
+    }
     if (!n)
         printf("  %-18s %s\n", "device", WITH_VULKAN ? "none" : "none: not built in");
 }

@@ -2,7 +2,8 @@
  * that scheduling, fallback and errors are tested anywhere.
  *
  * Faults: lost=N the N-th dispatch finds the device lost; timeout=N it does not answer; memory=N MiB of it all there
- * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong (1: in the self-test). */
+ * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong (1: in the self-test).
+ * dot=1, matrix=1: it can what these variants need; 2: it can, but not fast. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,9 +13,10 @@
 #include "base/mem.h"
 #include "pipeline/gpu/gpu_internal.h"
 
-enum fault { FAULT_LOST, FAULT_TIMEOUT, FAULT_MEMORY, FAULT_BUFFER, FAULT_WRONG, FAULTS };
+enum fault { FAULT_LOST, FAULT_TIMEOUT, FAULT_MEMORY, FAULT_BUFFER, FAULT_WRONG, HAS_DOT, HAS_MATRIX, FAULTS };
 
-static const char *const fault_names[FAULTS] = { "lost", "timeout", "memory", "buffer", "wrong" };
+static const char *const fault_names[FAULTS] = { "lost", "timeout", "memory", "buffer", "wrong",
+                                                 "dot",  "matrix" };
 
 struct dummy {
     struct sst_gpu gpu; /* first */
@@ -128,6 +130,18 @@ static int read_faults(struct dummy *d, const char *text)
     return 0;
 }
 
+static void set_abilities(struct sst_gpu_info *info, long dot, long matrix)
+{
+    if (dot)
+        info->abilities |= SST_GPU_DOT;
+    if (dot == 1)
+        info->abilities |= SST_GPU_DOT_FAST;
+    if (matrix) {
+        info->abilities |= SST_GPU_MATRIX;
+        info->matrix = (struct sst_gpu_matrix){ 16, 16, 32, 32 };
+    }
+}
+
 int gpu_dummy_open(struct sst_gpu **out, const char *faults)
 {
     struct dummy *d = calloc(1, sizeof(*d));
@@ -138,7 +152,9 @@ int gpu_dummy_open(struct sst_gpu **out, const char *faults)
     }
     if (read_faults(d, faults)) {
         free(d);
-        sst_log_error("dummy device: `%s` is not a list of lost=N, timeout=N, memory=MIB, buffer=KIB, wrong=N", faults);
+        sst_log_error("dummy device: `%s` is not a list of lost=N, timeout=N, memory=MIB, buffer=KIB, wrong=N, dot=1, "
+                      "matrix=1",
+                      faults);
         return -EINVAL;
     }
     d->gpu.ops = &ops;
@@ -148,6 +164,7 @@ int gpu_dummy_open(struct sst_gpu **out, const char *faults)
         d->gpu.info.memory_bytes = (uint64_t)d->fault[FAULT_MEMORY] << 20;
     if (d->fault[FAULT_BUFFER])
         d->gpu.info.buffer_bytes = (uint64_t)d->fault[FAULT_BUFFER] << 10;
+    set_abilities(&d->gpu.info, d->fault[HAS_DOT], d->fault[HAS_MATRIX]);
     *out = &d->gpu;
     return 0;
 }

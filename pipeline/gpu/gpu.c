@@ -90,12 +90,15 @@ static void log_missing(const char *name, const struct sst_gpu_info *info, const
         sst_log_error("no device `%s`; this machine has %s", name, list);
 }
 
+/* All but variants, which are tested when they are first used. */
 static int prepare_all(struct sst_gpu *g)
 {
     int err = 0;
 
-    for (int i = 0; i < SST_GPU_SHADERS && !err; i++)
-        err = sst_gpu_prepare(g, (enum sst_gpu_shader)i);
+    for (int i = 0; i < SST_GPU_SHADERS && !err; i++) {
+        if (!sst_gpu_is_variant((enum sst_gpu_shader)i))
+            err = sst_gpu_prepare(g, (enum sst_gpu_shader)i);
+    }
     return err;
 }
 
@@ -145,6 +148,18 @@ static int open_named(struct sst_gpu **out, const char *name, const struct sst_g
     return err;
 }
 
+/* A name that there is not is one for plain shaders. */
+static void check_variant(void)
+{
+    const char *named = getenv("SST_GPU_VARIANT");
+    bool known = !named || !*named || !strcmp(named, "plain");
+
+    for (int i = 0; i < SST_GPU_SHADERS && !known; i++)
+        known = gpu_shaders[i].needs && !strcmp(named, gpu_shaders[i].variant);
+    if (!known)
+        sst_log_warning("unknown SST_GPU_VARIANT=%s; using plain shaders (plain, dot, matrix)", named);
+}
+
 int sst_gpu_open(struct sst_gpu **out, const char *name, const struct sst_gpu_config *cfg)
 {
     const bool any = !strcmp(name, "auto") || !strcmp(name, "gpu");
@@ -190,6 +205,11 @@ static int note(struct sst_gpu *g, int err)
     return err;
 }
 
+/* Variants whose self-test a device did not survive, by number. */
+static SST_ATOMIC(unsigned) deadly;
+
+_Static_assert(SST_GPU_SHADERS <= 32, "bits of `deadly`");
+
 int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
 {
     int err;
@@ -198,7 +218,15 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
         return g->lost;
     if (g->ready[shader] != GPU_UNTESTED)
         return g->ready[shader] == GPU_READY ? 0 : -ENOTSUP;
+    if (!sst_gpu_can(&g->info, shader))
+        return -ENOTSUP;
     err = g->ops->compile(g, shader);
+    if (err == -EIO && sst_gpu_is_variant(shader)) {
+        g->ready[shader] = GPU_REFUSED;
+        sst_log_warning("%s: the shader `%s` is refused: the driver does not compile it", g->info.name,
+                        gpu_shaders[shader].name);
+        return -ENOTSUP;
+    }
     if (!err) {
         g->ready[shader] = GPU_READY; /* which the test runs */
         err = gpu_shaders[shader].self_test(g);
@@ -211,9 +239,39 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
         g->ready[shader] = GPU_UNTESTED;
         sst_log_warning("%s: the shader `%s` cannot be tested: %s", g->info.name, gpu_shaders[shader].name,
                         sst_gpu_error(err));
+        if (sst_gpu_is_variant(shader) && err != -ENOMEM)
+            deadly |= 1U << shader;
         return note(g, err);
     }
     return err;
+}
+
+/* True if a variant is to be used: the one that the environment names, else what is fast on the device. */
+static bool is_wanted(const struct sst_gpu *g, enum sst_gpu_shader shader)
+{
+    const char *named = getenv("SST_GPU_VARIANT");
+    const struct gpu_shader *s = &gpu_shaders[shader];
+
+    if (!sst_gpu_can(&g->info, shader) || deadly & 1U << shader)
+        return false;
+    return named && *named ? !strcmp(named, s->variant) : (g->info.abilities & s->chosen_with) == s->chosen_with;
+}
+
+int sst_gpu_prepare_fastest(struct sst_gpu *g, enum sst_gpu_shader shader, enum sst_gpu_shader *out)
+{
+    for (int i = SST_GPU_SHADERS - 1; i >= 0; i--) { /* the fastest last */
+        int err;
+
+        if (!gpu_shaders[i].needs || gpu_shaders[i].of != shader || !is_wanted(g, (enum sst_gpu_shader)i))
+            continue;
+        err = sst_gpu_prepare(g, (enum sst_gpu_shader)i);
+        if (!err)
+            *out = (enum sst_gpu_shader)i;
+        if (err != -ENOTSUP && err != -ENOMEM)
+            return err;
+    }
+    *out = shader;
+    return sst_gpu_prepare(g, shader);
 }
 
 bool sst_gpu_fuses(const struct sst_gpu *g)

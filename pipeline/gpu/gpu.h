@@ -41,6 +41,8 @@ enum sst_gpu_shader {
     SST_GPU_NET_RESIZE = 22,
     SST_GPU_NET_POOL = 23,
     SST_GPU_NET_UNIT = 24,
+    SST_GPU_NET_CONV8_DOT = 25, /* variants of SST_GPU_NET_CONV8 */
+    SST_GPU_NET_CONV8_MATRIX = 26,
     SST_GPU_SHADERS
 };
 
@@ -56,12 +58,27 @@ enum sst_gpu_kind {
 
 const char *sst_gpu_kind_name(enum sst_gpu_kind kind);
 
+/** What a device can do beyond Vulkan 1.2: bits. */
+enum sst_gpu_ability {
+    SST_GPU_DOT = 1,      /* dot products of four bytes (VK_KHR_shader_integer_dot_product) */
+    SST_GPU_DOT_FAST = 2, /* ... are faster there than products of floats */
+    SST_GPU_MATRIX = 4,   /* products of matrices of bytes (VK_KHR_cooperative_matrix), of a shape there is a shader for */
+};
+
+/** Shapes of such products: rows x depth times depth x columns. */
+struct sst_gpu_matrix {
+    uint32_t rows, columns, depth;
+    uint32_t group; /* invocations that compute one */
+};
+
 struct sst_gpu_info {
     char name[SST_GPU_NAME];   /* of the device */
     char driver[SST_GPU_NAME]; /* name and version */
     enum sst_gpu_kind kind;
     uint64_t memory_bytes; /* largest heap of the device */
     uint64_t buffer_bytes; /* largest buffer */
+    uint32_t abilities;    /* enum sst_gpu_ability */
+    struct sst_gpu_matrix matrix; /* with SST_GPU_MATRIX */
 };
 
 /**
@@ -71,6 +88,12 @@ struct sst_gpu_info {
  * @return devices in info, at most SST_GPU_DEVICES
  */
 int sst_gpu_list(struct sst_gpu_info info[SST_GPU_DEVICES]);
+
+/** True if a device has what a shader needs. Variants of a shader need more than the shader itself. */
+bool sst_gpu_can(const struct sst_gpu_info *info, enum sst_gpu_shader shader);
+
+/** True if a shader is a variant: it gives the bytes of another one, by instructions that not every device has. */
+bool sst_gpu_is_variant(enum sst_gpu_shader shader);
 
 struct sst_gpu_config {
     uint64_t memory_bytes; /* that buffers use at most; 0: three quarters of the device's */
@@ -83,7 +106,8 @@ struct sst_gpu; /* one thread at a time */
 /**
  * Open a device.
  *
- * @param name  "gpu": the first of sst_gpu_list() that is no software device and passes the self-test of every shader;
+ * @param name  "gpu": the first of sst_gpu_list() that is no software device and passes the self-test of every shader
+ *              but variants;
  *              "auto": the same, and -ENOENT is not logged; "lavapipe": Mesa's software device; "dummy" or
  *              "dummy:FAULT=N[,FAULT=N...]" (docs/design/gpu.md); else a part of a device's or driver's name
  * @param cfg   NULL: the defaults
@@ -110,9 +134,20 @@ uint64_t sst_gpu_free_bytes(const struct sst_gpu *g);
 /**
  * Compile a shader and compare its results on small inputs with those of its C reference, on the first call.
  * @return 0, -ENOTSUP (they differ, or the device cannot run it: refused while g is open), or an error of the device;
- *         a warning is logged
+ *         a warning is logged, except for a variant that the device does not have (sst_gpu_can())
  */
 SST_MUST_CHECK int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader);
+
+/**
+ * Prepare the fastest variant of a shader that the device has and that passes its self-test, else the shader itself.
+ *
+ * SST_GPU_VARIANT=plain, dot or matrix in the environment names the variant instead; without it on this device, or if
+ * it is refused, the shader itself runs. A variant whose self-test a device did not survive is not used again before
+ * the program ends.
+ * @param out  the shader to dispatch: same constants and buffers
+ * @return as sst_gpu_prepare() of the shader itself
+ */
+SST_MUST_CHECK int sst_gpu_prepare_fastest(struct sst_gpu *g, enum sst_gpu_shader shader, enum sst_gpu_shader *out);
 
 /** True if fma() rounds once on the device; known once SST_GPU_NET_CONV is prepared. */
 bool sst_gpu_fuses(const struct sst_gpu *g);

@@ -18,6 +18,11 @@ struct gpu_shader {
     size_t push_bytes; /* at most 128, what every device has */
     gpu_reference_fn *reference;
     gpu_self_test_fn *self_test;
+    /* Of variants: */
+    uint32_t needs;         /* enum sst_gpu_ability; 0: no variant */
+    uint32_t chosen_with;   /* abilities with which it is chosen by itself */
+    enum sst_gpu_shader of; /* what it is a variant of */
+    const char *variant;    /* in SST_GPU_VARIANT */
 };
 
 extern const struct gpu_shader gpu_shaders[SST_GPU_SHADERS];
@@ -115,6 +120,8 @@ gpu_reference_fn net_resize_reference;
 gpu_reference_fn net_pool_reference;
 gpu_reference_fn net_unit_reference;
 gpu_self_test_fn net_conv8_self_test;
+gpu_self_test_fn net_conv8_dot_self_test;
+gpu_self_test_fn net_conv8_matrix_self_test;
 gpu_self_test_fn net_conv_self_test;
 gpu_self_test_fn net_move_self_test;
 gpu_self_test_fn net_resize_self_test;
@@ -164,9 +171,13 @@ SST_MUST_CHECK int gpu_vulkan_open(struct sst_gpu **out, int index);
 #define VK_NO_PROTOTYPES
 #include <vulkan/vulkan_core.h>
 
+#include "pipeline/gpu/vulkan_matrix.h"
+
 /** Functions of the loader, instance and devices that the back end calls: X(name). */
 #define GPU_VULKAN_FUNCTIONS(X)                                                                                        \
     X(vkEnumeratePhysicalDevices)                                                                                      \
+    X(vkEnumerateDeviceExtensionProperties)                                                                            \
+    X(vkGetPhysicalDeviceFeatures2)                                                                                    \
     X(vkGetPhysicalDeviceProperties2)                                                                                  \
     X(vkGetPhysicalDeviceMemoryProperties)                                                                             \
     X(vkGetPhysicalDeviceQueueFamilyProperties)                                                                        \
@@ -217,6 +228,7 @@ struct gpu_vulkan {
 #define X(name) PFN_##name name;
     GPU_VULKAN_FUNCTIONS(X)
 #undef X
+    PFN_vkGetPhysicalDeviceCooperativeMatrixPropertiesKHR matrix_properties; /* NULL: no driver has it */
     VkPhysicalDevice device[SST_GPU_DEVICES]; /* that have what the shaders need */
     int devices;
     SST_ATOMIC(int) faults; /* that validation layers have reported */
@@ -227,6 +239,35 @@ struct gpu_vulkan *gpu_vulkan_load(void);
 
 /** Family of queues for computing. -1: none */
 int gpu_vulkan_family(const struct gpu_vulkan *vk, VkPhysicalDevice device);
+
+/** Fill in what a device can do beyond Vulkan 1.2: info->abilities, info->matrix. */
+void gpu_vulkan_look(const struct gpu_vulkan *vk, VkPhysicalDevice device, struct sst_gpu_info *info);
+
+/** What is enabled for abilities when a device is opened. Points into itself. */
+struct gpu_vulkan_features {
+    const char *extension[3];
+    uint32_t extensions;
+    void *chain; /* of those structures that follow and are needed */
+    VkPhysicalDeviceShaderIntegerDotProductFeaturesKHR dot;
+    VkPhysicalDeviceCooperativeMatrixFeaturesKHR matrix;
+    VkPhysicalDeviceVulkan12Features core;
+    VkPhysicalDeviceSubgroupSizeControlFeaturesEXT sizes;
+};
+void gpu_vulkan_features_init(struct gpu_vulkan_features *f, uint32_t abilities);
+
+/** Invocations of a group of net_conv8_matrix: each of its subgroups has 2 x 2 matrices of sums. */
+uint32_t gpu_matrix_invocations(const struct sst_gpu_matrix *m);
+
+/**
+ * Complete the types of matrices in the binary of net_conv8_matrix.
+ *
+ * glslang of Debian 12 has no such types, and writes parameters of a type as numbers. The shader gives those that stand for
+ * other types and constants as numbers too: 8 or 32 for signed integers of that width, and the constant_id for rows and
+ * columns. Here they become the ids that SPIR-V needs.
+ * @param code  in and out [words]
+ * @return 0, -EINVAL (no module, or it does not declare what a type needs before it)
+ */
+SST_MUST_CHECK int gpu_matrix_complete(uint32_t *code, size_t words);
 #endif
 
 /* --- cache.c: compiled pipelines on disk, one file per driver and set of shaders ----------------------------------

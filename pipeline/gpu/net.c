@@ -46,13 +46,21 @@ uint64_t sst_gpu_net_weights(const struct sst_gpu_net_conv *c)
     return (uint64_t)kernel_words(c) * padded_channels(c);
 }
 
+bool sst_gpu_net_is_conv(enum sst_gpu_shader shader)
+{
+    return shader == SST_GPU_NET_CONV || shader == SST_GPU_NET_CONV8 || shader == SST_GPU_NET_CONV8_DOT ||
+           shader == SST_GPU_NET_CONV8_MATRIX;
+}
+
 void sst_gpu_net_groups(struct sst_gpu_work *work)
 {
-    if (work->shader == SST_GPU_NET_CONV || work->shader == SST_GPU_NET_CONV8) {
+    if (sst_gpu_net_is_conv(work->shader)) {
+        const bool matrix = work->shader == SST_GPU_NET_CONV8_MATRIX;
         const struct sst_gpu_net_conv *c = work->push;
 
-        work->groups[0] = divide_up((uint32_t)c->to.width * (uint32_t)c->to.height, SST_GPU_NET_TILE);
-        work->groups[1] = divide_up((uint32_t)c->channels, SST_GPU_NET_TILE_OUT);
+        work->groups[0] =
+            divide_up((uint32_t)c->to.width * (uint32_t)c->to.height, matrix ? SST_GPU_NET_MATRIX : SST_GPU_NET_TILE);
+        work->groups[1] = divide_up((uint32_t)c->channels, matrix ? SST_GPU_NET_MATRIX : SST_GPU_NET_TILE_OUT);
     } else {
         const struct sst_gpu_net_layer *l = work->push;
         const uint32_t fours = divide_up((uint32_t)l->channels, 4);

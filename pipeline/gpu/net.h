@@ -41,6 +41,7 @@ struct sst_gpu_net_tensor {
 
 #define SST_GPU_NET_TILE     64  /* pixels of a group of a convolution */
 #define SST_GPU_NET_TILE_OUT 32  /* channels of it; weights are padded with zeros to a multiple */
+#define SST_GPU_NET_MATRIX   64  /* pixels, and channels, of a group of net_conv8_matrix */
 #define SST_GPU_NET_SLAB     8   /* words of a pixel that are multiplied at once; weights are padded to a multiple */
 #define SST_GPU_NET_EXACT    512 /* products of bytes whose sum is exact in a float */
 #define SST_GPU_NET_UNFUSED  0   /* of residual_mode: the residual times its scale is rounded, then added */
@@ -56,6 +57,8 @@ struct sst_gpu_net_tensor {
  *   bias_at     floats of channels, padded; added before the factor
  * Then the residual is added, relu applied, and the result stored: as float, or as byte of result * out_scale (net_conv
  * only; net_conv8 has it in its factors), to nearest, halves to even. Groups: tiles of pixels, tiles of channels.
+ *
+ * net_conv8_dot and net_conv8_matrix are net_conv8 by dot products of four bytes and by products of matrices.
  */
 struct sst_gpu_net_conv {
     struct sst_gpu_net_tensor from, to;
@@ -103,6 +106,9 @@ static inline uint32_t sst_gpu_net_words(int channels, uint32_t type)
 
     return type == SST_GPU_NET_U8 || type == SST_GPU_NET_S8 ? fours : 4 * fours;
 }
+
+/** True for net_conv, net_conv8 and its variants, whose constants are a struct sst_gpu_net_conv. */
+bool sst_gpu_net_is_conv(enum sst_gpu_shader shader);
 
 /** Words of weights, K * channels padded, of a convolution. */
 uint64_t sst_gpu_net_weights(const struct sst_gpu_net_conv *c);

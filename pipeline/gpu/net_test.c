@@ -89,6 +89,7 @@ struct kind {
     int inputs, outputs, width, height, kernel, stride, dilation;
     uint32_t from, to, residual, mode;
     uint32_t relu;
+    bool extreme; /* only the largest bytes of either sign */
 };
 
 static const struct kind kinds8[] = {
@@ -98,6 +99,9 @@ static const struct kind kinds8[] = {
     { 64, 40, 9, 9, 3, 1, 4, SST_GPU_NET_S8, SST_GPU_NET_S8, SST_GPU_NET_S8, SST_GPU_NET_FUSED, 0 },
     { 24, 33, 10, 6, 3, 1, 1, SST_GPU_NET_S8, SST_GPU_NET_F32, SST_GPU_NET_F32, SST_GPU_NET_UNFUSED, 1 },
     { 7, 5, 6, 6, 5, 2, 1, SST_GPU_NET_U8, SST_GPU_NET_F32, SST_GPU_NET_U8, SST_GPU_NET_UNFUSED, 0 },
+    { 36, 72, 9, 8, 1, 1, 1, SST_GPU_NET_U8, SST_GPU_NET_F32, 0, SST_GPU_NET_NONE, 0 },
+    { 100, 8, 6, 5, 3, 1, 1, SST_GPU_NET_U8, SST_GPU_NET_F32, 0, SST_GPU_NET_NONE, 0, true },
+    { 100, 8, 6, 5, 3, 1, 1, SST_GPU_NET_S8, SST_GPU_NET_F32, 0, SST_GPU_NET_NONE, 0, true },
 };
 
 static const struct kind kinds[] = {
@@ -134,8 +138,16 @@ static struct sst_gpu_net_conv layer_of(const struct kind *k)
     };
 }
 
-static int test_conv(struct sst_gpu *g, struct test *t, const struct kind *k, bool bytes)
+/* Bytes at the ends of their range, mostly at one end, so that sums are large. */
+static void fill_extreme(struct test *t, uint32_t *words, size_t n, uint32_t mostly, uint32_t rarely)
 {
+    for (size_t i = 0; i < n; i++)
+        words[i] = next_random(t) % 8 ? mostly : rarely;
+}
+
+static int test_conv(struct sst_gpu *g, struct test *t, const struct kind *k, enum sst_gpu_shader shader)
+{
+    const bool bytes = shader != SST_GPU_NET_CONV;
     struct sst_gpu_net_conv c = layer_of(k);
 
     c.by_parts = !g->fuses;
@@ -143,7 +155,11 @@ static int test_conv(struct sst_gpu *g, struct test *t, const struct kind *k, bo
         set_float(t->fixed + i, (1 + (float)(next_random(t) % 64) / 64) / 4000);
         set_float(t->fixed + 128 + i, any_float(t) * 1000);
     }
-    if (bytes) {
+    if (k->extreme) {
+        fill_extreme(t, t->fixed + 256, FIXED_WORDS - 256, 0x80808080, 0x7F7F7F7F);
+        fill_extreme(t, t->from, RESIDUAL_AT, k->from == SST_GPU_NET_S8 ? 0x80808080 : 0xFFFFFFFF,
+                     k->from == SST_GPU_NET_S8 ? 0x7F7F7F7F : 0);
+    } else if (bytes) {
         fill_bytes(t, t->fixed + 256, FIXED_WORDS - 256);
         fill_bytes(t, t->from, RESIDUAL_AT);
     } else {
@@ -154,23 +170,33 @@ static int test_conv(struct sst_gpu *g, struct test *t, const struct kind *k, bo
         fill_floats(t, t->from + RESIDUAL_AT, WORDS - RESIDUAL_AT);
     else
         fill_bytes(t, t->from + RESIDUAL_AT, WORDS - RESIDUAL_AT);
-    return compare(g, t, bytes ? SST_GPU_NET_CONV8 : SST_GPU_NET_CONV, &c);
+    return compare(g, t, shader, &c);
 }
 
-static int test_convs(struct sst_gpu *g, const struct kind *k, size_t n, bool bytes)
+static int test_convs(struct sst_gpu *g, const struct kind *k, size_t n, enum sst_gpu_shader shader)
 {
     struct test *t = test_create();
     int err = t ? 0 : -ENOMEM;
 
     for (size_t i = 0; i < n && !err; i++)
-        err = test_conv(g, t, &k[i], bytes);
+        err = test_conv(g, t, &k[i], shader);
     free(t);
     return err;
 }
 
 int net_conv8_self_test(struct sst_gpu *g)
 {
-    return test_convs(g, kinds8, ARRAY_LEN(kinds8), true);
+    return test_convs(g, kinds8, ARRAY_LEN(kinds8), SST_GPU_NET_CONV8);
+}
+
+int net_conv8_dot_self_test(struct sst_gpu *g)
+{
+    return test_convs(g, kinds8, ARRAY_LEN(kinds8), SST_GPU_NET_CONV8_DOT);
+}
+
+int net_conv8_matrix_self_test(struct sst_gpu *g)
+{
+    return test_convs(g, kinds8, ARRAY_LEN(kinds8), SST_GPU_NET_CONV8_MATRIX);
 }
 
 /* With the device's own fma(), and where that rounds twice, without. */
@@ -179,11 +205,11 @@ int net_conv_self_test(struct sst_gpu *g)
     int err;
 
     g->fuses = true;
-    err = test_convs(g, kinds, ARRAY_LEN(kinds), false);
+    err = test_convs(g, kinds, ARRAY_LEN(kinds), SST_GPU_NET_CONV);
     if (err != -ENOTSUP)
         return err;
     g->fuses = false;
-    return test_convs(g, kinds, ARRAY_LEN(kinds), false);
+    return test_convs(g, kinds, ARRAY_LEN(kinds), SST_GPU_NET_CONV);
 }
 
 /* --- the other layers --------------------------------------------------------------------------------------------- */

@@ -64,7 +64,25 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                            net_pool_self_test },
     [SST_GPU_NET_UNIT] = { "net_unit", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_layer), net_unit_reference,
                            net_unit_self_test },
+    [SST_GPU_NET_CONV8_DOT] = { "net_conv8_dot", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_conv),
+                                net_conv8_reference, net_conv8_dot_self_test, SST_GPU_DOT, SST_GPU_DOT_FAST,
+                                SST_GPU_NET_CONV8, "dot" },
+    [SST_GPU_NET_CONV8_MATRIX] = { "net_conv8_matrix", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_conv),
+                                   net_conv8_reference, net_conv8_matrix_self_test, SST_GPU_MATRIX, SST_GPU_MATRIX,
+                                   SST_GPU_NET_CONV8, "matrix" },
 };
+
+bool sst_gpu_is_variant(enum sst_gpu_shader shader)
+{
+    return gpu_shaders[shader].needs != 0;
+}
+
+bool sst_gpu_can(const struct sst_gpu_info *info, enum sst_gpu_shader shader)
+{
+    const uint32_t needs = gpu_shaders[shader].needs;
+
+    return (info->abilities & needs) == needs;
+}
 
 const char *sst_gpu_shader_name(enum sst_gpu_shader shader)
 {

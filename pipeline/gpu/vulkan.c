@@ -127,6 +127,7 @@ static void describe(struct sst_gpu_info *info, VkPhysicalDevice device)
             memory.memoryHeaps[i].size > info->memory_bytes)
             info->memory_bytes = memory.memoryHeaps[i].size;
     }
+    gpu_vulkan_look(&vk, device, info);
 }
 
 /* True if the device runs version 1.2, computes, and binds enough buffers. */
@@ -169,6 +170,8 @@ static void load(void)
     loaded = loaded && vk.name;
     GPU_VULKAN_FUNCTIONS(X)
 #undef X
+    vk.matrix_properties = (PFN_vkGetPhysicalDeviceCooperativeMatrixPropertiesKHR)get(
+        instance, "vkGetPhysicalDeviceCooperativeMatrixPropertiesKHR");
     if (loaded)
         find_devices(instance);
     else

@@ -328,26 +328,76 @@ static int make_layout(struct vulkan *v, struct pipeline *p, const struct gpu_sh
     return error_of(rc);
 }
 
+#define CONSTANTS 4 /* of net_conv8_matrix: invocations of a group, rows, columns, depth */
+
+/* What a shader of matrices is compiled for: their shape, and subgroups that are full and of one size. */
+struct stage {
+    uint32_t value[CONSTANTS];
+    VkSpecializationMapEntry entry[CONSTANTS];
+    VkSpecializationInfo constants;
+    VkPipelineShaderStageRequiredSubgroupSizeCreateInfoEXT size;
+};
+
+static void set_matrix(VkPipelineShaderStageCreateInfo *info, struct stage *s, const struct sst_gpu_matrix *m)
+{
+    const uint32_t value[CONSTANTS] = { gpu_matrix_invocations(m), m->rows, m->columns, m->depth };
+
+    for (uint32_t i = 0; i < CONSTANTS; i++) {
+        s->value[i] = value[i];
+        s->entry[i] = (VkSpecializationMapEntry){ i, i * (uint32_t)sizeof(*value), sizeof(*value) };
+    }
+    s->constants = (VkSpecializationInfo){ CONSTANTS, s->entry, sizeof(s->value), s->value };
+    s->size = (VkPipelineShaderStageRequiredSubgroupSizeCreateInfoEXT){
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_REQUIRED_SUBGROUP_SIZE_CREATE_INFO_EXT,
+        .requiredSubgroupSize = m->group
+    };
+    info->flags = VK_PIPELINE_SHADER_STAGE_CREATE_REQUIRE_FULL_SUBGROUPS_BIT_EXT;
+    info->pSpecializationInfo = &s->constants;
+    info->pNext = &s->size;
+}
+
+static int make_module(struct vulkan *v, enum sst_gpu_shader number, VkShaderModule *out)
+{
+    const struct gpu_spirv *code = find_spirv(gpu_shaders[number].name);
+    VkShaderModuleCreateInfo source = { .sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO,
+                                        .codeSize = (size_t)(code->end - code->begin),
+                                        .pCode = (const void *)code->begin };
+    uint32_t *copy;
+    int err;
+
+    if (number != SST_GPU_NET_CONV8_MATRIX)
+        return error_of(v->vk->vkCreateShaderModule(v->device, &source, NULL, out));
+    copy = malloc(source.codeSize);
+    if (!copy)
+        return -ENOMEM;
+    memcpy(copy, code->begin, source.codeSize);
+    source.pCode = copy;
+    err = gpu_matrix_complete(copy, source.codeSize / sizeof(*copy)) ? -EIO : 0;
+    if (!err)
+        err = error_of(v->vk->vkCreateShaderModule(v->device, &source, NULL, out));
+    free(copy);
+    return err;
+}
+
 static int compile(struct sst_gpu *g, enum sst_gpu_shader number)
 {
     struct vulkan *v = (struct vulkan *)g;
     struct pipeline *p = &v->pipeline[number];
-    const struct gpu_spirv *code = find_spirv(gpu_shaders[number].name);
-    const VkShaderModuleCreateInfo source = { .sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO,
-                                              .codeSize = (size_t)(code->end - code->begin),
-                                              .pCode = (const void *)code->begin };
     VkComputePipelineCreateInfo info = { .sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO };
     VkShaderModule module;
+    struct stage stage;
     int err = make_layout(v, p, &gpu_shaders[number]);
 
     if (!err)
-        err = error_of(v->vk->vkCreateShaderModule(v->device, &source, NULL, &module));
+        err = make_module(v, number, &module);
     if (err)
         return err;
     info.stage = (VkPipelineShaderStageCreateInfo){ .sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
                                                     .stage = VK_SHADER_STAGE_COMPUTE_BIT,
                                                     .module = module,
                                                     .pName = "main" };
+    if (number == SST_GPU_NET_CONV8_MATRIX)
+        set_matrix(&info.stage, &stage, &g->info.matrix);
     info.layout = p->layout;
     err = error_of(v->vk->vkCreateComputePipelines(v->device, v->cache, 1, &info, NULL, &p->pipeline));
     v->vk->vkDestroyShaderModule(v->device, module, NULL);
@@ -474,16 +524,22 @@ static int open_queue(struct vulkan *v)
                                             .queueFamilyIndex = family,
                                             .queueCount = 1,
                                             .pQueuePriorities = &priority };
-    const VkDeviceCreateInfo info = { .sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO,
-                                      .queueCreateInfoCount = 1,
-                                      .pQueueCreateInfos = &queue };
+    struct gpu_vulkan_features enabled;
+    VkDeviceCreateInfo info = { .sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO,
+                                .queueCreateInfoCount = 1,
+                                .pQueueCreateInfos = &queue };
     const VkCommandPoolCreateInfo pool = { .sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO,
                                            .flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT,
                                            .queueFamilyIndex = family };
     VkCommandBufferAllocateInfo buffer = { .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
                                            .commandBufferCount = 1 };
-    int err = error_of(v->vk->vkCreateDevice(v->physical, &info, NULL, &v->device));
+    int err;
 
+    gpu_vulkan_features_init(&enabled, v->gpu.info.abilities);
+    info.pNext = enabled.chain;
+    info.enabledExtensionCount = enabled.extensions;
+    info.ppEnabledExtensionNames = enabled.extension;
+    err = error_of(v->vk->vkCreateDevice(v->physical, &info, NULL, &v->device));
     if (err)
         return err;
     v->vk->vkGetDeviceQueue(v->device, family, 0, &v->queue);

@@ -77,6 +77,19 @@ sys.exit(int((a != b).mean() > 1e-3 or abs(p - q).max() > 0.05))' labels.png lab
   "$sst" segment "$view" --scale 0.3 -o labels4.png --device dummy --device-memory 1 --json >small.json 2>err || fail "segment in 1 MiB: $(cat err)"
   cmp -s labels.png labels4.png || fail "segment in 1 MiB: other labels than the CPU's"
   device small.json "d['runs'] == 0 and d['on_cpu'] == 1 and d['failures'] == 0 and 'does not fit' in d['why_cpu']"
+  # variants of convolutions on 8 bits: the same labels
+  for variant in plain:net_conv8 dot:net_conv8_dot; do
+    SST_GPU_VARIANT=${variant%:*} "$sst" segment "$view" --scale 0.3 -o variant.png --device lavapipe --json >variant.json 2>err ||
+      fail "segment, $variant: $(cat err)"
+    cmp -s labels1.png variant.png || fail "segment, $variant: other labels"
+    device variant.json "d['conv8'] == '${variant#*:}' and d['runs'] == 1"
+  done
+  "$sst" segment "$view" --scale 0.3 -o variant.png --device dummy:dot=1,wrong=40 --json >variant.json 2>err || fail "segment, a wrong variant"
+  grep -q 'the shader `net_conv8_dot` is refused' err || fail "segment, a wrong variant: $(cat err)"
+  cmp -s labels1.png variant.png || fail "segment, a wrong variant: other labels"
+  device variant.json "d['conv8'] == 'net_conv8' and d['on_cpu'] == 0"
+  SST_GPU_VARIANT=dots "$sst" segment "$view" --scale 0.3 -o variant.png --device dummy 2>&1 | grep -q 'unknown SST_GPU_VARIANT=dots' ||
+    fail "segment, an unknown variant"
   want 3 'no device `GeForce`' segment "$view" --device GeForce -o bad.png
   views=(world/views/*)
   "$sst" stereo "${views[0]}" "${views[1]}" -m 8 --cost mccnn -o pair.pfm || fail "stereo"
@@ -173,5 +186,8 @@ grep -q '"device": "cpu"' auto.json && cmp -s cpu1.png auto.png || fail "auto wi
 [ $? -eq 5 ] && [ ! -e bad.png ] || fail "a device that gives wrong results is used"
 grep -q 'the shader `blend` is refused' err && grep -q 'error: the device `dummy:wrong=3` cannot render' err || fail "wrong: $(cat err)"
 "$sst" version | grep -q 'device .*lavapipe.*used only by name' || fail "version"
+"$sst" version | grep -q 'dot products of bytes' || fail "version: no abilities"
+"$sst" version --json | grep -q '"net_conv8_dot"' || fail "version: no variants"
 "$sst" doctor --json 2>/dev/null | grep -q 'lavapipe.* passes its tests: blend, clear_land, clear_blend, sgm_path, winner, census' || fail "doctor"
+"$sst" doctor --json 2>/dev/null | grep -q 'lavapipe.* passes its tests: .*net_conv8_dot' || fail "doctor: no variants"
 exit $failed

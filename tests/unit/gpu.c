@@ -92,6 +92,103 @@ static void test_faults(void **state)
     }
 }
 
+/* --- variants ----------------------------------------------------------------------------------------------------- */
+
+/* The shader that is chosen for convolutions on 8 bits. @param named  SST_GPU_VARIANT; NULL: unset */
+static int chosen(const char *device, const char *named)
+{
+    enum sst_gpu_shader out = SST_GPU_SHADERS;
+    struct sst_gpu *g;
+    int err;
+
+    if (named)
+        setenv("SST_GPU_VARIANT", named, 1);
+    else
+        unsetenv("SST_GPU_VARIANT");
+    assert_int_equal(sst_gpu_open(&g, device, NULL), 0);
+    err = sst_gpu_prepare_fastest(g, SST_GPU_NET_CONV8, &out);
+    sst_gpu_close(g);
+    unsetenv("SST_GPU_VARIANT");
+    return err ? err : (int)out;
+}
+
+static void test_variants(void **state)
+{
+    static const struct {
+        const char *device, *named;
+        enum sst_gpu_shader want;
+    } cases[] = {
+        { "dummy", NULL, SST_GPU_NET_CONV8 },
+        { "dummy", "dot", SST_GPU_NET_CONV8 },
+        { "dummy:dot=1", NULL, SST_GPU_NET_CONV8_DOT },
+        { "dummy:dot=1", "plain", SST_GPU_NET_CONV8 },
+        { "dummy:dot=1", "matrix", SST_GPU_NET_CONV8 },
+        { "dummy:dot=2", NULL, SST_GPU_NET_CONV8 }, /* slow */
+        { "dummy:dot=2", "dot", SST_GPU_NET_CONV8_DOT },
+        { "dummy:matrix=1", NULL, SST_GPU_NET_CONV8_MATRIX },
+        { "dummy:dot=1,matrix=1", NULL, SST_GPU_NET_CONV8_MATRIX },
+        { "dummy:dot=1,matrix=1", "", SST_GPU_NET_CONV8_MATRIX },
+        { "dummy:dot=1,matrix=1", "dot", SST_GPU_NET_CONV8_DOT },
+        { "dummy:dot=1,matrix=1", "plain", SST_GPU_NET_CONV8 },
+        { "dummy:dot=1,matrix=1", "no such one", SST_GPU_NET_CONV8 },
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        print_message("%s, %s\n", cases[i].device, cases[i].named ? cases[i].named : "nothing named");
+        assert_int_equal(chosen(cases[i].device, cases[i].named), cases[i].want);
+    }
+}
+
+/* What a device has no ability for is no fault; its results are not asked for. */
+static void test_abilities(void **state)
+{
+    struct sst_gpu *g;
+
+    (void)state;
+    assert_false(sst_gpu_is_variant(SST_GPU_NET_CONV8));
+    assert_true(sst_gpu_is_variant(SST_GPU_NET_CONV8_DOT));
+    assert_true(sst_gpu_is_variant(SST_GPU_NET_CONV8_MATRIX));
+    assert_int_equal(sst_gpu_open(&g, "dummy:dot=1", NULL), 0);
+    assert_true(sst_gpu_can(sst_gpu_get_info(g), SST_GPU_BLEND));
+    assert_true(sst_gpu_can(sst_gpu_get_info(g), SST_GPU_NET_CONV8_DOT));
+    assert_false(sst_gpu_can(sst_gpu_get_info(g), SST_GPU_NET_CONV8_MATRIX));
+    assert_int_equal(sst_gpu_prepare(g, SST_GPU_NET_CONV8_MATRIX), -ENOTSUP);
+    assert_int_equal(sst_gpu_prepare(g, SST_GPU_NET_CONV8_DOT), 0);
+    sst_gpu_close(g);
+}
+
+/* A variant with wrong results gives way to the next one: every part of its self-test counts. */
+static void test_wrong_variants(void **state)
+{
+    char name[64];
+    int tests = 0;
+
+    (void)state;
+    do
+        snprintf(name, sizeof(name), "dummy:dot=1,matrix=1,wrong=%d", ++tests);
+    while (chosen(name, NULL) == SST_GPU_NET_CONV8_DOT);
+    assert_int_equal(chosen(name, NULL), SST_GPU_NET_CONV8_MATRIX);
+    assert_true(tests > 6);
+    for (int i = 1; i < tests; i++) {
+        snprintf(name, sizeof(name), "dummy:dot=1,wrong=%d", i);
+        assert_int_equal(chosen(name, NULL), SST_GPU_NET_CONV8);
+    }
+    assert_int_equal(chosen("dummy:wrong=1", NULL), -ENOTSUP);
+}
+
+/* A variant that costs the device is not tried again. Last of the tests of variants: this stays. */
+static void test_deadly_variant(void **state)
+{
+    (void)state;
+    assert_int_equal(chosen("dummy:dot=1,matrix=1,lost=2", NULL), -ENODEV);
+    assert_int_equal(chosen("dummy:dot=1,matrix=1", NULL), SST_GPU_NET_CONV8_DOT);
+    assert_int_equal(chosen("dummy:dot=1,timeout=3", NULL), -ETIMEDOUT);
+    assert_int_equal(chosen("dummy:dot=1,matrix=1", NULL), SST_GPU_NET_CONV8);
+}
+
+/* --- pictures ----------------------------------------------------------------------------------------------------- */
+
 /* Whatever fits on the device at once: the same bytes. */
 static void test_pictures(void **state)
 {
@@ -286,6 +383,10 @@ int main(void)
         cmocka_unit_test(test_names),
         cmocka_unit_test(test_memory),
         serial_test(test_faults),
+        cmocka_unit_test(test_variants),
+        cmocka_unit_test(test_abilities),
+        cmocka_unit_test(test_wrong_variants),
+        cmocka_unit_test(test_deadly_variant),
         serial_test(test_pictures),
         cmocka_unit_test(test_fallback),
         cmocka_unit_test(test_refused),

@@ -95,6 +95,54 @@ static void float_features_are_the_cpus(void **state SST_UNUSED)
     sst_network_device_close(d);
 }
 
+/* --- variants ----------------------------------------------------------------------------------------------------- */
+
+/* The pyramid on 8 bits. @param conv8  out: shader of its convolutions */
+static struct image run_variant(const char *device, char conv8[32])
+{
+    struct sst_network_device *d = open_device(device, 0);
+    struct ow_buf model = nets_pyramid(nets_pyramid_ranges);
+    struct image in = random_image(3, 22, 30), got = nets_run(&model, &in, SST_PRECISION_INT8, d);
+
+    snprintf(conv8, 32, "%s", report_of(d).conv8);
+    free(model.p), free(in.d);
+    sst_network_device_close(d);
+    return got;
+}
+
+/* The fastest variant is used; where it is refused, the next one, with the same bytes. */
+static void variants_are_chosen(void **state SST_UNUSED)
+{
+    static const char *const devices[][2] = {
+        { "dummy", "net_conv8" },
+        { "dummy:dot=1", "net_conv8_dot" },
+        { "dummy:dot=2", "net_conv8" },
+        { "dummy:dot=1,matrix=1", "net_conv8_matrix" },
+    };
+    struct image want = run_variant("dummy", (char[32]){ 0 });
+    char conv8[32] = "", name[64];
+    int first = 0;
+
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        struct image got = run_variant(devices[i][0], conv8);
+
+        assert_string_equal(conv8, devices[i][1]);
+        expect_image(&got, &want, 0);
+        free(got.d);
+    }
+    while (strcmp(conv8, "net_conv8_dot")) {
+        struct image got;
+
+        assert_true(++first < 60);
+        snprintf(name, sizeof(name), "dummy:dot=1,matrix=1,wrong=%d", first + 20); /* after those of the shaders itself */
+        got = run_variant(name, conv8);
+        if (!strcmp(conv8, "net_conv8_dot"))
+            expect_image(&got, &want, 0);
+        free(got.d);
+    }
+    free(want.d);
+}
+
 /* --- what has no shader ------------------------------------------------------------------------------------------- */
 
 static struct ow_buf pooled(void)
@@ -340,6 +388,7 @@ int main(void)
         cmocka_unit_test(a_pyramid_equals_the_cpu),
         cmocka_unit_test(features_equal_the_cpu),
         cmocka_unit_test(float_features_are_the_cpus),
+        cmocka_unit_test(variants_are_chosen),
         cmocka_unit_test(other_layers_end_on_the_cpu),
         cmocka_unit_test(memory_is_bounded),
         cmocka_unit_test(plans_are_bounded),

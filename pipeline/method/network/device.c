@@ -176,6 +176,8 @@ static int create_plan(struct sst_network_device *d, struct entry *e, const stru
         do
             err = net_device_plan_create(&e->plan, d->gpu, job->graph, shapes, job->precision, e->why);
         while (err == -ENOMEM && remove_oldest(d));
+        if (!err && net_device_plan_conv8(e->plan))
+            snprintf(d->report.conv8, sizeof(d->report.conv8), "%s", net_device_plan_conv8(e->plan));
     }
     free(shapes);
     if (err == -ENOMEM)

@@ -32,6 +32,7 @@ struct sst_network_device_report {
     int64_t failures;                         /* times that the device failed */
     char why[128];                            /* the last of on_cpu */
     int plans;                                /* networks times sizes that lie there now */
+    char conv8[32];                           /* shader of convolutions on 8 bits in the last plan; "": none yet */
     int64_t dispatches, memory_bytes;         /* the latter of the plans */
     int64_t total_ns, upload_ns, download_ns; /* of runs; uploads include waiting for nothing but the copy */
 };

@@ -193,6 +193,9 @@ void net_device_plan_destroy(struct net_device_plan *p);
 /** Memory on the device. */
 size_t net_device_plan_bytes(const struct net_device_plan *p);
 
+/** Shader of convolutions on 8 bits. NULL: there are none */
+const char *net_device_plan_conv8(const struct net_device_plan *p);
+
 /** True where the result is in bytes, as of net_plan_run_s8(); else it is in floats. */
 bool net_device_plan_has_s8(const struct net_device_plan *p);
 

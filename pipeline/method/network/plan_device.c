@@ -43,6 +43,7 @@ struct net_device_plan {
     size_t fixed_words, fixed_room;
     int input, output; /* tensors */
     bool ends_in_bytes;
+    const char *conv8; /* shader of convolutions on 8 bits; NULL: there are none */
     struct sst_gpu *gpu;
     struct sst_gpu_buffer *weights, *arena;
     size_t arena_bytes;
@@ -479,7 +480,7 @@ static int resolve(struct building *b)
         struct sst_gpu_net_tensor to = b->p->tensors[s->to].at;
 
         to.at += s->to_words;
-        if (s->shader == SST_GPU_NET_CONV || s->shader == SST_GPU_NET_CONV8) {
+        if (sst_gpu_net_is_conv(s->shader)) {
             s->conv.from = b->p->tensors[s->from].at;
             s->conv.to = to;
             s->conv.by_parts = !sst_gpu_fuses(b->p->gpu);
@@ -515,14 +516,22 @@ static int make_buffers(struct net_device_plan *p)
     return err;
 }
 
+/* Test the shaders, and choose the variant of convolutions on 8 bits. */
 static int prepare(struct building *b)
 {
     int err = 0;
 
     for (int i = 0; i < b->p->n_steps && !err; i++) {
-        err = sst_gpu_prepare(b->p->gpu, b->p->steps[i].shader);
+        struct step *s = &b->p->steps[i];
+
+        if (s->shader == SST_GPU_NET_CONV8) {
+            err = sst_gpu_prepare_fastest(b->p->gpu, SST_GPU_NET_CONV8, &s->shader);
+            b->p->conv8 = sst_gpu_shader_name(s->shader);
+        } else {
+            err = sst_gpu_prepare(b->p->gpu, s->shader);
+        }
         if (err == -ENOTSUP)
-            snprintf(b->why, NET_DEVICE_WHY, "the shader %s is refused", sst_gpu_shader_name(b->p->steps[i].shader));
+            snprintf(b->why, NET_DEVICE_WHY, "the shader %s is refused", sst_gpu_shader_name(s->shader));
     }
     return err;
 }
@@ -593,6 +602,11 @@ void net_device_plan_destroy(struct net_device_plan *p)
 size_t net_device_plan_bytes(const struct net_device_plan *p)
 {
     return p->arena_bytes + p->fixed_words * sizeof(*p->fixed);
+}
+
+const char *net_device_plan_conv8(const struct net_device_plan *p)
+{
+    return p->conv8;
 }
 
 bool net_device_plan_has_s8(const struct net_device_plan *p)
