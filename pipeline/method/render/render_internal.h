@@ -10,6 +10,8 @@
 #ifndef SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 #define SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 
+#include "pipeline/gpu/backoff.h"
+#include "pipeline/gpu/blend.h"
 #include "pipeline/gpu/clear.h"
 #include "pipeline/method/render/plan.h"
 
@@ -68,6 +70,86 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
                                const uint32_t **seen);
 
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
+
+/* A device from inside: device.c, device_views.c, device_picture.c, device_clear.c. */
+
+#define DEVICE_NO_VIEW (-1)
+
+/** Room for one view. */
+struct device_slot {
+    int chunk, index; /* index-th view of the chunk */
+    int view;         /* DEVICE_NO_VIEW: free */
+    int64_t used;     /* turn in which it was used last */
+    bool pending;     /* the next dispatch reads it */
+    /* of a light field that changes: what the view here is as of */
+    uint64_t serial, since;
+    double disp_min_px;
+    unsigned maps;
+};
+
+struct device_chunk {
+    struct sst_gpu_buffer *pixels, *disp, *valid;
+};
+
+struct render_device {
+    pthread_mutex_t lock;
+    const struct sst_lightfield *lf;
+    char name[SST_GPU_NAME]; /* as asked for */
+    struct sst_gpu_config cfg;
+    int pitch; /* pixels of a row of a view on the device */
+    bool changes; /* lf does, as `live` has it */
+    struct sst_render_live live;
+    /* under lock */
+    struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
+    struct sst_gpu_backoff backoff;
+    bool given_up; /* it computes something else: not opened again */
+    bool noted;    /* that a clear picture is the CPU's */
+    struct sst_render_device_report report;
+    /* of gpu */
+    struct device_chunk *chunk;
+    int chunks;
+    struct device_slot *slot;
+    int slots;
+    bool full; /* no more chunks fit */
+    int64_t turn;
+    struct sst_gpu_buffer *params, *table, *sums, *out;
+    struct sst_gpu_buffer *clear_params, *landed, *masks; /* of clear pictures, of this many views: */
+    int clear_views;
+    int rows;          /* of the picture that sums and out hold */
+    size_t table_rows; /* that table holds */
+    /* host memory, reused */
+    struct sst_mem_kept packed, words, weights;
+};
+
+/* The functions below need the lock, and an open device. Those that return an error return that of the device. */
+
+/** Free what lies on the device. */
+void device_drop(struct render_device *d);
+
+/** Pixels of a view's slot. */
+size_t device_view_pixels(const struct render_device *d);
+
+/** More room: a chunk of as many views as fit, or half of them, and so on. @return -ENOMEM: nothing fits */
+SST_MUST_CHECK int device_grow(struct render_device *d);
+
+/** The slot of a view, if it is on the device. */
+struct device_slot *device_find_slot(struct render_device *d, int view);
+
+/** A slot that may be overwritten: a free one, else the one that was used least recently. NULL: the next dispatch reads
+ *  all of them */
+struct device_slot *device_free_slot(struct render_device *d);
+
+/** Have a view in a slot as it is now. */
+SST_MUST_CHECK int device_place_view(struct render_device *d, struct device_slot *s, int view, int threads);
+
+/** Buffers of a band of the picture, as many rows as fit: sums and results use at most a quarter of the memory. */
+SST_MUST_CHECK int device_make_bands(struct render_device *d);
+
+/** Blend the rows top .. end-1 into d->words, and d->weights if rays are verified. */
+SST_MUST_CHECK int device_render_picture(struct render_device *d, const struct sst_render_plan *p, int top, int end);
+
+/** Colour the pixels of a clear picture into d->words, and d->weights if there is a merge. */
+SST_MUST_CHECK int device_render_clear(struct render_device *d, struct device_clear *c);
 
 /* --- clear.c, fill.c: the clear picture, all in focus, without what stands in front (design.md, 5.6) ---------------
  *

@@ -1,0 +1,233 @@
+/* Pictures on a device: a dispatch of `blend` per run of views that share a chunk.
+ *
+ * Pictures too large for a buffer are made in bands of rows. The order of the views' rays, and so the bytes, stay the
+ * same. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/thread.h"
+#include "pipeline/method/render/render_internal.h"
+
+#define SUM_BYTES 20                                  /* of a pixel of the picture: four sums and the result */
+#define ROW_BYTES (SST_BLEND_COLUMNS * sizeof(float)) /* of the table of label weights */
+
+/* Views whose rays the next dispatch sums. */
+struct batch {
+    const struct sst_render_plan *p;
+    struct sst_gpu_blend push;
+    int chunk;  /* that they lie in, or the last ones did */
+    bool begun; /* views of the band were summed before */
+    struct sst_gpu_blend_view view[SST_MAX_VIEWS];
+};
+
+static uint32_t flags_of(const struct sst_render_plan *p)
+{
+    return (p->weighted ? SST_GPU_BLEND_WEIGHTED : 0U) | (p->summed ? SST_GPU_BLEND_SUMMED : 0U) |
+           (p->table ? SST_GPU_BLEND_BY_LABEL : 0U) | (p->verifier ? SST_GPU_BLEND_WEIGHTS : 0U);
+}
+
+static void begin_batch(struct batch *b, const struct render_device *d, const struct sst_render_plan *p)
+{
+    b->p = p;
+    b->chunk = 0;
+    b->begun = false;
+    b->push = (struct sst_gpu_blend){ .width = d->lf->width,
+                                      .pitch = d->pitch,
+                                      .flags = flags_of(p),
+                                      .focus_whole_q6 = p->blend.focus_whole_q6,
+                                      .focus_part_q6 = p->blend.focus_part_q6,
+                                      .scale = p->blend.scale,
+                                      .c1 = p->blend.c1,
+                                      .first = p->blend.first,
+                                      .count = p->blend.count };
+    memcpy(b->push.power, p->blend.power, sizeof(b->push.power));
+}
+
+/* Rows of a band, as many as fit: sums and results use at most a quarter of the memory. */
+int device_make_bands(struct render_device *d)
+{
+    const uint64_t row_bytes = (uint64_t)SUM_BYTES * (uint64_t)d->lf->width;
+    const uint64_t quarter = sst_gpu_free_bytes(d->gpu) / 4;
+    const uint64_t largest = sst_gpu_get_info(d->gpu)->buffer_bytes;
+    int err;
+
+    if (d->rows)
+        return 0;
+    d->rows = (int)sst_clamp_double((double)((quarter < largest ? quarter : largest) / row_bytes), 0, d->lf->height);
+    if (!d->rows)
+        return -ENOMEM;
+    err = sst_gpu_buffer_create(d->gpu, &d->sums, (size_t)d->rows * (size_t)d->lf->width * 16);
+    if (!err)
+        err = sst_gpu_buffer_create(d->gpu, &d->out, (size_t)d->rows * (size_t)d->lf->width * 4);
+    if (!err)
+        err = sst_gpu_buffer_create(d->gpu, &d->params,
+                                    256 * sizeof(struct sst_gpu_blend_label) +
+                                        SST_MAX_VIEWS * sizeof(struct sst_gpu_blend_view));
+    return err;
+}
+
+/* What does not depend on the views. A larger table than before comes first again: views may use all the memory. */
+static int make_room(struct render_device *d, const struct sst_render_plan *p)
+{
+    const size_t rows = sst_render_plan_table_rows(p);
+    int err;
+
+    if (rows > d->table_rows)
+        device_drop(d);
+    err = device_make_bands(d);
+    if (err || d->table)
+        return err;
+    d->table_rows = rows;
+    return sst_gpu_buffer_create(d->gpu, &d->table, rows * ROW_BYTES);
+}
+
+/* The weights by label. */
+static int upload_labels(struct render_device *d, const struct sst_render_plan *p)
+{
+    struct sst_gpu_blend_label label[256];
+    int err;
+
+    for (int i = 0; i < 256; i++) {
+        const size_t row = p->table ? (size_t)(p->range[i].weight - p->table) / SST_BLEND_COLUMNS : 0;
+
+        label[i] = (struct sst_gpu_blend_label){ (uint32_t)row, p->ends[i] };
+    }
+    err = sst_gpu_upload(d->gpu, d->params, 0, label, sizeof(label));
+    return err || !p->table ? err
+                            : sst_gpu_upload(d->gpu, d->table, 0, p->table, sst_render_plan_table_rows(p) * ROW_BYTES);
+}
+
+/* Sum the rays of the views gathered. @param last  of the band */
+static int send_batch(struct render_device *d, struct batch *b, bool last)
+{
+    const struct device_chunk *c = &d->chunk[b->chunk];
+    struct sst_gpu_blend push = b->push;
+    const struct sst_gpu_work work = {
+        .shader = SST_GPU_BLEND,
+        .push = &push,
+        .buffer = { d->params, c->pixels, c->disp, c->valid, d->table, d->sums, d->out },
+        .groups = { (uint32_t)(push.width + SST_GPU_BLEND_GROUP_WIDTH - 1) / SST_GPU_BLEND_GROUP_WIDTH,
+                    (uint32_t)(push.rows + SST_GPU_BLEND_GROUP_HEIGHT - 1) / SST_GPU_BLEND_GROUP_HEIGHT, 1 },
+    };
+    int err = 0;
+
+    push.flags |= (b->begun ? 0U : SST_GPU_BLEND_FIRST) | (last ? SST_GPU_BLEND_LAST : 0U);
+    if (push.views)
+        err = sst_gpu_upload(d->gpu, d->params, 256 * sizeof(struct sst_gpu_blend_label), b->view,
+                             push.views * sizeof(b->view[0]));
+    if (!err)
+        err = sst_gpu_dispatch(d->gpu, &work);
+    for (int i = 0; i < d->slots; i++)
+        d->slot[i].pending = false;
+    b->push.views = 0;
+    b->begun = true;
+    d->report.dispatches++;
+    return err;
+}
+
+static struct sst_gpu_blend_view describe(const struct render_device *d, const struct sst_render_tap *t,
+                                          const struct device_slot *s)
+{
+    struct sst_gpu_blend_view v = { .ix = t->ix,
+                                    .iy = t->iy,
+                                    .nx = t->nx,
+                                    .ny = t->ny,
+                                    .x0 = t->x0,
+                                    .x1 = t->x1,
+                                    .y0 = t->y0,
+                                    .y1 = t->y1,
+                                    .aperture = (float)t->aperture,
+                                    .first = (uint32_t)((size_t)s->index * device_view_pixels(d)) };
+    int16_t tap[4];
+
+    sst_blend_set_taps(tap, t->fx, t->fy);
+    for (int i = 0; i < 4; i++)
+        v.tap[i] = tap[i];
+    v.flags = (t->fx > 0 ? SST_GPU_VIEW_RIGHT : 0U) | (t->fy > 0 ? SST_GPU_VIEW_BELOW : 0U) |
+              (t->v->valid.data ? SST_GPU_VIEW_VALID : 0U) | (t->v->label.data ? SST_GPU_VIEW_LABELS : 0U);
+    return v;
+}
+
+/* A slot for one more view; the batch is sent if it reads all there are. */
+static int find_room(struct render_device *d, struct batch *b, struct device_slot **out)
+{
+    struct device_slot *s = device_free_slot(d);
+    int err = 0;
+
+    if ((!s || s->view != DEVICE_NO_VIEW) && !d->full) {
+        err = device_grow(d);
+        if (err && (err != -ENOMEM || !d->slots))
+            return err;
+        s = device_free_slot(d);
+    }
+    err = s ? 0 : send_batch(d, b, false);
+    *out = s ? s : device_free_slot(d);
+    return err;
+}
+
+/* Put a view on the device, where it is not there yet, and its rays into the batch. */
+static int add_tap(struct render_device *d, struct batch *b, const struct sst_render_tap *t)
+{
+    struct device_slot *s = device_find_slot(d, t->view);
+    int err = s ? 0 : find_room(d, b, &s);
+
+    if (!err && b->push.views && b->chunk != s->chunk)
+        err = send_batch(d, b, false);
+    if (!err)
+        err = device_place_view(d, s, t->view, sst_thread_count(b->p->cfg.threads));
+    if (err)
+        return err;
+    s->used = ++d->turn;
+    s->pending = true;
+    b->chunk = s->chunk;
+    b->view[b->push.views++] = describe(d, t, s);
+    return 0;
+}
+
+static int render_band(struct render_device *d, struct batch *b, int top, int rows)
+{
+    const size_t n = (size_t)rows * (size_t)d->lf->width, at = (size_t)top * (size_t)d->lf->width;
+    int64_t start_ns;
+    int err = 0;
+
+    b->begun = false;
+    b->push.top = top;
+    b->push.rows = rows;
+    for (int k = 0; k < b->p->count && !err; k++) {
+        const struct sst_render_tap *t = &b->p->tap[k];
+
+        if (t->x0 < t->x1 && t->y0 < top + rows && t->y1 > top)
+            err = add_tap(d, b, t);
+    }
+    if (!err)
+        err = send_batch(d, b, true);
+    if (!err)
+        err = sst_gpu_wait(d->gpu);
+    start_ns = sst_clock_now_ns();
+    if (!err)
+        err = sst_gpu_download(d->gpu, (uint32_t *)d->words.data + at, d->out, 0, 4 * n);
+    if (!err && b->p->verifier)
+        err = sst_gpu_download(d->gpu, (float *)d->weights.data + at, d->sums, 12 * n, 4 * n);
+    d->report.download_ns += sst_clock_now_ns() - start_ns;
+    return err;
+}
+
+int device_render_picture(struct render_device *d, const struct sst_render_plan *p, int top, int end)
+{
+    const size_t n = (size_t)d->lf->width * (size_t)d->lf->height;
+    struct batch b;
+    int err = make_room(d, p);
+
+    if (!err && (!sst_mem_keep(&d->words, n, 4) || (p->verifier && !sst_mem_keep(&d->weights, n, 4))))
+        err = -ENOMEM;
+    begin_batch(&b, d, p);
+    if (!err)
+        err = upload_labels(d, p);
+    if (!err && !d->slots)
+        err = device_grow(d); /* a dispatch names buffers even where no view overlaps */
+    for (int y = top; y < end && !err; y += d->rows)
+        err = render_band(d, &b, y, sst_min_int(d->rows, end - y));
+    return err;
+}

@@ -1,0 +1,231 @@
+/* Views on a device: the light field lies there in chunks, each a set of buffers with the pixels of several views.
+ *
+ * What does not fit is replaced while a picture is made, the views that were used least recently first. Of a light field
+ * that changes, rows of tiles with a later serial number than the view's on the device are uploaded again when a picture
+ * needs the view. */
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/thread.h"
+#include "pipeline/method/render/render_internal.h"
+
+#define PACK_ROWS   64 /* that a thread packs at once */
+#define PIXEL_BYTES 7  /* of a pixel of a view: colour and label, disparity, valid */
+
+size_t device_view_pixels(const struct render_device *d)
+{
+    return (size_t)d->pitch * (size_t)d->lf->height;
+}
+
+/* Buffers of a chunk of n views. */
+static int create_chunk(struct render_device *d, int n)
+{
+    struct device_chunk *c = &d->chunk[d->chunks];
+    const size_t pixels = (size_t)n * device_view_pixels(d);
+    int err;
+
+    *c = (struct device_chunk){ NULL, NULL, NULL };
+    err = sst_gpu_buffer_create(d->gpu, &c->pixels, 4 * pixels);
+    if (!err)
+        err = sst_gpu_buffer_create(d->gpu, &c->disp, 2 * pixels);
+    if (!err)
+        err = sst_gpu_buffer_create(d->gpu, &c->valid, pixels);
+    if (err) {
+        sst_gpu_buffer_destroy(d->gpu, c->pixels);
+        sst_gpu_buffer_destroy(d->gpu, c->disp);
+        sst_gpu_buffer_destroy(d->gpu, c->valid);
+        return err;
+    }
+    for (int i = 0; i < n; i++)
+        d->slot[d->slots++] = (struct device_slot){ .chunk = d->chunks, .index = i, .view = DEVICE_NO_VIEW };
+    d->chunks++;
+    return 0;
+}
+
+/* More room: a chunk of as many views as fit, or half of them, and so on. @return -ENOMEM: nothing fits */
+int device_grow(struct render_device *d)
+{
+    const size_t bytes = 4 * device_view_pixels(d);
+    int n = d->lf->rows * d->lf->cols - d->slots, err = -ENOMEM;
+
+    n = (int)sst_clamp_double((double)(sst_gpu_get_info(d->gpu)->buffer_bytes / bytes), 0, n);
+    n = sst_min_int(n, (int)(sst_gpu_free_bytes(d->gpu) / (PIXEL_BYTES * device_view_pixels(d))));
+    for (; n > 0 && err == -ENOMEM; n /= 2)
+        err = create_chunk(d, n);
+    d->full = err == -ENOMEM;
+    return err;
+}
+
+struct packing {
+    const struct sst_view *v;
+    int pitch, top, end; /* rows */
+    uint32_t *pixels;
+    uint16_t *disp;
+    uint8_t *valid;
+};
+
+static int pack_rows(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct packing *p = arg;
+    const struct sst_image *img = &p->v->image;
+    const int from = p->top + index * PACK_ROWS, end = sst_min_int(from + PACK_ROWS, p->end);
+    const size_t width = (size_t)img->width;
+
+    for (int y = from; y < end; y++) {
+        const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
+        const uint8_t *label = p->v->label.data ? sst_map_u8_row(&p->v->label, y) : NULL;
+        const size_t at = (size_t)(y - p->top) * (size_t)p->pitch;
+        uint32_t *to = p->pixels + at;
+
+        for (size_t x = 0; x < width; x++)
+            to[x] = (uint32_t)(r[x] | g[x] << 8 | b[x] << 16) | (label ? (uint32_t)label[x] << 24 : 0);
+        if (p->v->disp.data)
+            memcpy(p->disp + at, sst_map_u16_row(&p->v->disp, y), 2 * width);
+        if (p->v->valid.data)
+            memcpy(p->valid + at, sst_map_u8_row(&p->v->valid, y), width);
+    }
+    return 0;
+}
+
+/* Upload the rows top .. end-1 of a view. */
+static int upload_rows(struct render_device *d, const struct device_slot *s, int view, int top, int end, int threads)
+{
+    const struct sst_view *v = &d->lf->views[view];
+    const size_t n = (size_t)(end - top) * (size_t)d->pitch;
+    const size_t at = (size_t)s->index * device_view_pixels(d) + (size_t)top * (size_t)d->pitch;
+    uint8_t *memory = sst_mem_keep(&d->packed, n, PIXEL_BYTES);
+    struct packing p = { v, d->pitch, top, end, (uint32_t *)(void *)memory, NULL, NULL };
+    const struct device_chunk *c = &d->chunk[s->chunk];
+    const int64_t start_ns = sst_clock_now_ns();
+    int err;
+
+    if (!memory)
+        return -ENOMEM;
+    p.disp = (uint16_t *)(void *)(memory + 4 * n);
+    p.valid = memory + 6 * n;
+    err = sst_parallel_for((end - top + PACK_ROWS - 1) / PACK_ROWS, threads, pack_rows, &p);
+    if (!err)
+        err = sst_gpu_upload(d->gpu, c->pixels, 4 * at, p.pixels, 4 * n);
+    if (!err && v->disp.data)
+        err = sst_gpu_upload(d->gpu, c->disp, 2 * at, p.disp, 2 * n);
+    if (!err && v->valid.data)
+        err = sst_gpu_upload(d->gpu, c->valid, at, p.valid, n);
+    if (err)
+        return err;
+    d->report.upload_bytes += (int64_t)(n * (4U + (v->disp.data ? 2U : 0) + (v->valid.data ? 1U : 0)));
+    d->report.upload_ns += sst_clock_now_ns() - start_ns;
+    return 0;
+}
+
+/* Which maps a view has, as bits. */
+static unsigned maps_of(const struct sst_view *v)
+{
+    return (v->disp.data ? 1U : 0) | (v->label.data ? 2U : 0) | (v->valid.data ? 4U : 0);
+}
+
+/* Serial number of the last change in a row of tiles. */
+static uint64_t row_serial(const struct sst_render_live *live, int view, int row)
+{
+    uint64_t last = 0;
+
+    for (int col = 0; col < live->tile_cols; col++) {
+        const uint64_t serial = live->stamp[view][row * live->tile_cols + col];
+
+        last = serial > last ? serial : last;
+    }
+    return last;
+}
+
+/* Note what the view in a slot is as of. */
+static void note_version(const struct render_device *d, struct device_slot *s)
+{
+    s->since = *d->live.since;
+    s->disp_min_px = d->lf->disp_min_px;
+    s->maps = maps_of(&d->lf->views[s->view]);
+    s->serial = 0;
+    for (int row = 0; row < d->live.tile_rows; row++) {
+        const uint64_t serial = row_serial(&d->live, s->view, row);
+
+        s->serial = serial > s->serial ? serial : s->serial;
+    }
+}
+
+static int upload_view(struct render_device *d, struct device_slot *s, int view, int threads)
+{
+    int err;
+
+    s->view = DEVICE_NO_VIEW; /* half a view is none */
+    err = upload_rows(d, s, view, 0, d->lf->height, threads);
+    if (err)
+        return err;
+    s->view = view;
+    d->report.uploads++;
+    if (d->changes)
+        note_version(d, s);
+    return 0;
+}
+
+/* Upload what changed of the view in a slot, by rows of tiles. */
+static int refresh_view(struct render_device *d, struct device_slot *s, int threads)
+{
+    const struct sst_render_live *live = &d->live;
+    const int view = s->view;
+    bool any = false;
+    int err = 0;
+
+    if (!d->changes)
+        return 0;
+    if (s->since != *live->since || s->maps != maps_of(&d->lf->views[view]) ||
+        fabs(s->disp_min_px - d->lf->disp_min_px) > 0)
+        return upload_view(d, s, view, threads);
+    s->view = DEVICE_NO_VIEW;
+    for (int row = 0, end; row < live->tile_rows && !err; row = end + 1) {
+        for (end = row; end < live->tile_rows && row_serial(live, view, end) > s->serial; end++)
+            ;
+        if (end == row)
+            continue;
+        any = true;
+        err = upload_rows(d, s, view, row * live->tile, sst_min_int(end * live->tile, d->lf->height), threads);
+    }
+    if (err)
+        return err;
+    s->view = view;
+    d->report.uploads += any;
+    note_version(d, s);
+    return 0;
+}
+
+/* Have a view in a slot as it is now. */
+int device_place_view(struct render_device *d, struct device_slot *s, int view, int threads)
+{
+    return s->view == view ? refresh_view(d, s, threads) : upload_view(d, s, view, threads);
+}
+
+/* The slot of a view, if it is on the device. */
+struct device_slot *device_find_slot(struct render_device *d, int view)
+{
+    for (int i = 0; i < d->slots; i++) {
+        if (d->slot[i].view == view)
+            return &d->slot[i];
+    }
+    return NULL;
+}
+
+/* A slot that may be overwritten: a free one, else the one that was used least recently. NULL: the next dispatch reads
+ * all of them */
+struct device_slot *device_free_slot(struct render_device *d)
+{
+    struct device_slot *oldest = NULL;
+
+    for (int i = 0; i < d->slots; i++) {
+        struct device_slot *s = &d->slot[i];
+
+        if (s->view == DEVICE_NO_VIEW)
+            return s;
+        if (!s->pending && (!oldest || s->used < oldest->used))
+            oldest = s;
+    }
+    return oldest;
+}
