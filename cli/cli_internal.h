@@ -529,6 +529,7 @@ struct render_input {
     const char *path;
     struct sst_lightfield lf;
     struct sst_renderer *renderer;
+    bool rectified;             /* lf has raw frames, and rays are of rectified views */
     struct sst_map_u8 *removed; /* of --remove-at: [rows * cols]; NULL: not given */
 };
 

@@ -144,7 +144,7 @@ static void report(const struct picture *p, const struct render_input *in, const
     json_object_set_new(root, "device", cli_render_device_json(in));
     json_object_set_new(root, "skip", cli_render_skips_json(in, a));
     if (in->lf.calibration || in->lf.correction) {
-        const bool raw = in->lf.images_raw || sst_lightfield_has_originals(&in->lf);
+        const bool raw = (in->lf.images_raw && !in->rectified) || sst_lightfield_has_originals(&in->lf);
 
         json_object_set_new(root, "sampling", json_string(raw ? "raw" : "rectified"));
     }
@@ -280,7 +280,9 @@ const struct cli_command cli_render = {
         "--device sums the rays on a GPU: gpu is the fastest one that passes its self-test, auto does without one\n"
         "where there is none; software devices are used only by name (lavapipe). `sst version` lists the devices.\n"
         "Pictures differ from the CPU's by one level at most. What a device cannot do, or fails at, is done on the\n"
-        "CPU, logged and counted in `device` of --json. It pays for sweeps: the light field is uploaded once.\n"
+        "CPU, logged and counted in `device` of --json. It pays for sweeps: the light field is uploaded once. Raw\n"
+        "frames are rectified there, or their rays sampled, unless something else needs the views: rays that are\n"
+        "verified, --explain, --remove-at; clear pictures are of rectified views.\n"
         "\n"
         "--skip leaves rays out where the picture hardly changes: views takes a quarter or half of the views where\n"
         "sampled rows show that it suffices, tiles leaves out or simplifies weights that the bounds of a tile's\n"

@@ -264,19 +264,28 @@ static int check_maps(const struct render_input *in, const struct render_args *a
     return CLI_GO_ON;
 }
 
-/* Choose what to load: images by option or cost, confidences only to verify rays. Converts the f-stop to a radius. */
-static int choose_sampling(struct render_args *a, const char *path, unsigned *what)
+/* Whether rays may be verified, which needs the colours of all views. */
+static bool verifies(const struct render_args *a, const struct sst_lightfield *lf)
+{
+    return a->cfg.method == SST_RENDER_SST && a->cfg.verify != SST_VERIFY_OFF &&
+           !(a->cfg.verify == SST_VERIFY_AUTO && lf->disparity_tested);
+}
+
+/* Choose what to load: images by option or cost, confidences only to verify rays. A device rectifies raw frames itself
+ * where nothing else needs the views. Converts the f-stop to a radius. */
+static int choose_sampling(struct render_input *in, struct render_args *a, const char *path, unsigned *what)
 {
     struct sst_lightfield lf;
     int err = sst_lightfield_load(&lf, path, 0, 1), r = CLI_GO_ON;
-    bool raw;
+    bool raw, frames;
 
     if (err)
         return cli_exit_code(err);
     set_aperture(&lf, a);
-    raw = !strcasecmp(a->sampling, "raw") ||
-          (!strcasecmp(a->sampling, "auto") && !(a->views_needed && lf.calibration) && !strcmp(a->device, "cpu") &&
-           sst_render_prefers_raw(&lf, &a->cfg, a->pictures));
+    raw =
+        !strcasecmp(a->sampling, "raw") || (!strcasecmp(a->sampling, "auto") && !(a->views_needed && lf.calibration) &&
+                                            !(strcmp(a->device, "cpu") && a->cfg.method == SST_RENDER_CLEAR) &&
+                                            sst_render_prefers_raw(&lf, &a->cfg, a->pictures));
     if (raw && !lf.calibration && !lf.correction) {
         sst_log_error(
             "%s has neither a calibration nor a correction: its files are the views, not raw frames; leave out "
@@ -284,6 +293,10 @@ static int choose_sampling(struct render_args *a, const char *path, unsigned *wh
             path);
         r = CLI_INPUT;
     }
+    frames = strcmp(a->device, "cpu") && lf.calibration && !a->views_needed && !verifies(a, &lf);
+    in->rectified = frames && !raw;
+    if (frames)
+        *what |= SST_LOAD_RAW | SST_LOAD_ENCODED;
     if (raw)
         *what |= lf.calibration ? SST_LOAD_RAW : SST_LOAD_ORIGINALS;
     if (lf.disparity_tested && a->cfg.verify == SST_VERIFY_AUTO)
@@ -305,14 +318,16 @@ int cli_render_open(struct render_input *in, struct render_args *a, const struct
     what |= a->no_verify ? SST_LOAD_UNVERIFIED : 0;
     what |= isnan(a->cfg.focus_px) || a->disparities_needed ? SST_LOAD_DISPARITY : 0;
     what |= a->cfg.method == SST_RENDER_SST && a->cfg.verify != SST_VERIFY_OFF ? SST_LOAD_CONFIDENCE : 0;
-    r = choose_sampling(a, path, &what);
+    *in = (struct render_input){ .path = path };
+    r = choose_sampling(in, a, path, &what);
     if (r != CLI_GO_ON)
         return r;
-    *in = (struct render_input){ .path = path };
     err = sst_lightfield_load(&in->lf, path, what, a->cfg.threads);
     if (err)
         return cli_exit_code(err);
     err = sst_renderer_create(&in->renderer, &in->lf, a->cfg.threads);
+    if (!err && in->rectified)
+        err = sst_renderer_use_rectified(in->renderer);
     if (!err)
         err = sst_renderer_use_device(in->renderer, a->device, (uint64_t)a->device_memory << 20);
     r = err ? cli_exit_code(err) : check_maps(in, a);
@@ -372,6 +387,8 @@ json_t *cli_render_device_json(const struct render_input *in)
     json_object_update_new(root, json_pack("{s:i, s:I, s:I, s:I}", "chunks", d.chunks, "dispatches",
                                            (json_int_t)d.dispatches, "uploads", (json_int_t)d.uploads, "upload_bytes",
                                            (json_int_t)d.upload_bytes));
+    json_object_set_new(root, "rectified", json_integer((json_int_t)d.rectified));
+    json_object_set_new(root, "frames_ms", json_real((double)d.frames_ns * 1e-6));
     json_object_set_new(root, "picture_ms", mean_ms(d.total_ns - d.upload_ns, d.pictures));
     json_object_set_new(root, "download_ms", mean_ms(d.download_ns, d.pictures));
     json_object_set_new(root, "upload_ms", json_real((double)d.upload_ns * 1e-6));

@@ -98,6 +98,35 @@ static int dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)
     return 0;
 }
 
+static int span_create(struct sst_gpu *g, struct sst_gpu_span **out, size_t bytes)
+{
+    struct sst_gpu_span *s = calloc(1, sizeof(*s));
+
+    (void)g;
+    if (!s)
+        return -ENOMEM;
+    *s = (struct sst_gpu_span){ sst_mem_alloc(bytes, 1), bytes };
+    if (!s->data) {
+        free(s);
+        return -ENOMEM;
+    }
+    *out = s;
+    return 0;
+}
+
+static void span_destroy(struct sst_gpu *g, struct sst_gpu_span *s)
+{
+    (void)g;
+    sst_mem_free(s->data);
+    free(s);
+}
+
+static int upload_span(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const struct sst_gpu_span *s,
+                       size_t from, size_t bytes)
+{
+    return upload(g, b, offset, (const uint8_t *)s->data + from, bytes);
+}
+
 static int wait_done(struct sst_gpu *g)
 {
     (void)g;
@@ -109,7 +138,8 @@ static void close_dummy(struct sst_gpu *g)
     free(g);
 }
 
-static const struct gpu_ops ops = { create, destroy, compile, upload, download, dispatch, wait_done, close_dummy };
+static const struct gpu_ops ops = { create,    destroy,     compile,     upload,       download,   dispatch,
+                                    wait_done, close_dummy, span_create, span_destroy, upload_span };
 
 static int read_faults(struct dummy *d, const char *text)
 {

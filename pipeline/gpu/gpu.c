@@ -2,6 +2,7 @@
 #define _GNU_SOURCE /* strcasestr */
 #include "pipeline/gpu/gpu.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -313,6 +314,29 @@ int sst_gpu_upload(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, c
 int sst_gpu_download(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, size_t offset, size_t bytes)
 {
     return g->lost ? g->lost : note(g, g->ops->download(g, data, b, offset, bytes));
+}
+
+int sst_gpu_span_create(struct sst_gpu *g, struct sst_gpu_span **out, size_t bytes)
+{
+    return g->lost ? g->lost : note(g, g->ops->span_create(g, out, bytes ? bytes : 4));
+}
+
+void sst_gpu_span_destroy(struct sst_gpu *g, struct sst_gpu_span *s)
+{
+    if (s)
+        g->ops->span_destroy(g, s);
+}
+
+void *sst_gpu_span_data(const struct sst_gpu_span *s)
+{
+    return s->data;
+}
+
+int sst_gpu_upload_span(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const struct sst_gpu_span *s,
+                        size_t from, size_t bytes)
+{
+    assert(from <= s->bytes && bytes <= s->bytes - from && offset <= b->bytes && bytes <= b->bytes - offset);
+    return g->lost ? g->lost : note(g, g->ops->upload_span(g, b, offset, s, from, bytes));
 }
 
 int sst_gpu_dispatch(struct sst_gpu *g, const struct sst_gpu_work *work)

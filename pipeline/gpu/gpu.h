@@ -43,6 +43,8 @@ enum sst_gpu_shader {
     SST_GPU_NET_UNIT = 24,
     SST_GPU_NET_CONV8_DOT = 25, /* variants of SST_GPU_NET_CONV8 */
     SST_GPU_NET_CONV8_MATRIX = 26,
+    SST_GPU_RECTIFY = 27,  /* rectify.h */
+    SST_GPU_JPEG_RGB = 28, /* jpeg_rgb.h */
     SST_GPU_SHADERS
 };
 
@@ -169,6 +171,22 @@ SST_MUST_CHECK int sst_gpu_upload(struct sst_gpu *g, struct sst_gpu_buffer *b, s
                                   size_t bytes);
 SST_MUST_CHECK int sst_gpu_download(struct sst_gpu *g, void *data, struct sst_gpu_buffer *b, size_t offset,
                                     size_t bytes);
+
+struct sst_gpu_span; /* mapped memory of the host that the device copies from: what is uploaded is written there
+                        directly */
+
+/** Not counted as memory of the device; undefined at first. @return 0, -ENOMEM or as above */
+SST_MUST_CHECK int sst_gpu_span_create(struct sst_gpu *g, struct sst_gpu_span **out, size_t bytes);
+/** NULL is fine. */
+void sst_gpu_span_destroy(struct sst_gpu *g, struct sst_gpu_span *s);
+
+/** Its first byte, aligned to SST_ALIGN. Any number of threads may write; reads may be slow. */
+void *sst_gpu_span_data(const struct sst_gpu_span *s);
+
+/** Copy `bytes` bytes of a span from `from` on to a buffer from `offset` on, both multiples of 4. They must not be
+ * written again before sst_gpu_wait(). */
+SST_MUST_CHECK int sst_gpu_upload_span(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset,
+                                       const struct sst_gpu_span *s, size_t from, size_t bytes);
 
 struct sst_gpu_work {
     enum sst_gpu_shader shader;                     /* prepared */

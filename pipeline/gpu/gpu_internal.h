@@ -127,10 +127,19 @@ gpu_self_test_fn net_move_self_test;
 gpu_self_test_fn net_resize_self_test;
 gpu_self_test_fn net_pool_self_test;
 gpu_self_test_fn net_unit_self_test;
+gpu_reference_fn rectify_reference;
+gpu_self_test_fn rectify_self_test;
+gpu_reference_fn jpeg_rgb_reference;
+gpu_self_test_fn jpeg_rgb_self_test;
 
 /* --- back ends ---------------------------------------------------------------------------------------------------- */
 
 struct sst_gpu_buffer {
+    size_t bytes;
+};
+
+struct sst_gpu_span {
+    void *data;
     size_t bytes;
 };
 
@@ -143,6 +152,10 @@ struct gpu_ops {
     int (*dispatch)(struct sst_gpu *g, const struct sst_gpu_work *work);
     int (*wait)(struct sst_gpu *g);
     void (*close)(struct sst_gpu *g);
+    int (*span_create)(struct sst_gpu *g, struct sst_gpu_span **out, size_t bytes);
+    void (*span_destroy)(struct sst_gpu *g, struct sst_gpu_span *s);
+    int (*upload_span)(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const struct sst_gpu_span *s,
+                       size_t from, size_t bytes);
 };
 
 enum gpu_ready { GPU_UNTESTED = 0, GPU_READY = 1, GPU_REFUSED = 2 };

@@ -7,8 +7,10 @@
 #include "pipeline/gpu/clear.h"
 #include "pipeline/gpu/gpu_internal.h"
 #include "pipeline/gpu/hypotheses.h"
+#include "pipeline/gpu/jpeg_rgb.h"
 #include "pipeline/gpu/match.h"
 #include "pipeline/gpu/net.h"
+#include "pipeline/gpu/rectify.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
     [SST_GPU_BLEND] = { "blend", SST_GPU_BLEND_BUFFERS, sizeof(struct sst_gpu_blend), blend_reference,
@@ -70,6 +72,10 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
     [SST_GPU_NET_CONV8_MATRIX] = { "net_conv8_matrix", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_conv),
                                    net_conv8_reference, net_conv8_matrix_self_test, SST_GPU_MATRIX, SST_GPU_MATRIX,
                                    SST_GPU_NET_CONV8, "matrix" },
+    [SST_GPU_RECTIFY] = { "rectify", SST_GPU_RECTIFY_BUFFERS, sizeof(struct sst_gpu_rectify), rectify_reference,
+                          rectify_self_test },
+    [SST_GPU_JPEG_RGB] = { "jpeg_rgb", SST_GPU_JPEG_BUFFERS, sizeof(struct sst_gpu_jpeg), jpeg_rgb_reference,
+                           jpeg_rgb_self_test },
 };
 
 bool sst_gpu_is_variant(enum sst_gpu_shader shader)

@@ -25,6 +25,11 @@ struct vulkan_buffer {
     struct memory memory;
 };
 
+struct vulkan_span {
+    struct sst_gpu_span span; /* first */
+    struct memory memory;
+};
+
 struct pipeline {
     VkDescriptorSetLayout set;
     VkPipelineLayout layout;
@@ -218,6 +223,19 @@ static int upload(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, co
             v->staged += n;
         }
     }
+    return err;
+}
+
+static int upload_span(struct sst_gpu *g, struct sst_gpu_buffer *b, size_t offset, const struct sst_gpu_span *s,
+                       size_t from, size_t bytes)
+{
+    const VkBufferCopy region = { from, offset, bytes };
+    struct vulkan *v = (struct vulkan *)g;
+    const int err = begin(v);
+
+    if (!err && bytes)
+        v->vk->vkCmdCopyBuffer(v->command, ((const struct vulkan_span *)s)->memory.buffer, memory_of(b)->buffer, 1,
+                               &region);
     return err;
 }
 
@@ -464,6 +482,39 @@ static void destroy(struct sst_gpu *g, struct sst_gpu_buffer *b)
     free(b);
 }
 
+static int span_create(struct sst_gpu *g, struct sst_gpu_span **out, size_t bytes)
+{
+    const VkMemoryPropertyFlags visible = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+    struct vulkan *v = (struct vulkan *)g;
+    struct vulkan_span *s = calloc(1, sizeof(*s));
+    int err = s ? alloc_memory(v, &s->memory, (bytes + 3) / 4 * 4, VK_BUFFER_USAGE_TRANSFER_SRC_BIT, visible) : -ENOMEM;
+
+    if (err) {
+        free(s);
+        return err;
+    }
+    err = error_of(v->vk->vkMapMemory(v->device, s->memory.memory, 0, VK_WHOLE_SIZE, 0, &s->span.data));
+    if (err) {
+        free_memory(v, &s->memory);
+        free(s);
+        return err;
+    }
+    s->span.bytes = bytes;
+    *out = &s->span;
+    return 0;
+}
+
+static void span_destroy(struct sst_gpu *g, struct sst_gpu_span *s)
+{
+    struct vulkan *v = (struct vulkan *)g;
+
+    if (!g->lost)
+        g->lost = flush(v); /* commands may refer to it */
+    if (!v->hung)
+        free_memory(v, &((struct vulkan_span *)s)->memory);
+    free(s);
+}
+
 /* Devices that did not answer, closed or not: their work may still run. */
 static struct vulkan *left;
 static pthread_mutex_t left_lock = PTHREAD_MUTEX_INITIALIZER;
@@ -497,7 +548,8 @@ static void close_device(struct sst_gpu *g)
     free(v);
 }
 
-static const struct gpu_ops ops = { create, destroy, compile, upload, download, dispatch, wait_done, close_device };
+static const struct gpu_ops ops = { create,    destroy,      compile,     upload,       download,   dispatch,
+                                    wait_done, close_device, span_create, span_destroy, upload_span };
 
 static int open_staging(struct vulkan *v)
 {

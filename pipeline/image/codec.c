@@ -15,11 +15,16 @@ enum kind {
     KIND_JPEG = 2,
 };
 
+bool sst_image_is_jpeg(const uint8_t *data, size_t size)
+{
+    return size >= 3 && data[0] == 0xFF && data[1] == 0xD8 && data[2] == 0xFF;
+}
+
 static enum kind kind_of(const uint8_t *data, size_t size, const char *name)
 {
     if (size >= 4 && data[0] == 0x89 && data[1] == 'P' && data[2] == 'N' && data[3] == 'G')
         return KIND_PNG;
-    if (size >= 3 && data[0] == 0xFF && data[1] == 0xD8 && data[2] == 0xFF)
+    if (sst_image_is_jpeg(data, size))
         return KIND_JPEG;
     if (size)
         sst_log_error("%s is neither a PNG nor a JPEG image; convert it to one of them", name);
@@ -107,6 +112,19 @@ int sst_image_count_samples(struct sst_sample_counts *counts, const uint8_t *dat
     return kind == KIND_PNG ? sst_png_count_samples(counts, data, size, name) : kind == KIND_JPEG ? 0 : -EBADMSG;
 }
 
+int sst_image_decode_size(int *width, int *height, const uint8_t *data, size_t size, const char *name)
+{
+    switch (kind_of(data, size, name)) {
+    case KIND_PNG:
+        return sst_png_size(width, height, data, size, name);
+    case KIND_JPEG:
+        return sst_jpeg_size(width, height, data, size, name);
+    case KIND_NONE:
+        break;
+    }
+    return -EBADMSG;
+}
+
 int sst_image_read_size(const char *path, int *width, int *height)
 {
     uint8_t *data;
@@ -115,17 +133,7 @@ int sst_image_read_size(const char *path, int *width, int *height)
 
     if (err)
         return err;
-    switch (kind_of(data, size, path)) {
-    case KIND_PNG:
-        err = sst_png_size(width, height, data, size, path);
-        break;
-    case KIND_JPEG:
-        err = sst_jpeg_size(width, height, data, size, path);
-        break;
-    case KIND_NONE:
-        err = -EBADMSG;
-        break;
-    }
+    err = sst_image_decode_size(width, height, data, size, path);
     free(data);
     return err;
 }

@@ -27,6 +27,19 @@ SST_MUST_CHECK int sst_image_decode_samples(struct sst_image *img, const uint8_t
  *  @return as above; -EBADMSG where it has fewer bits */
 SST_MUST_CHECK int sst_image_decode_deep(struct sst_map_u16 plane[3], const uint8_t *data, size_t size, const char *name);
 
+/** True if a file in memory begins as a JPEG. */
+bool sst_image_is_jpeg(const uint8_t *data, size_t size);
+
+/** Width and height of a PNG or JPEG in memory, without decoding its pixels. The same errors. */
+SST_MUST_CHECK int sst_image_decode_size(int *width, int *height, const uint8_t *data, size_t size, const char *name);
+
+/** Decode a JPEG in memory to R, G, B and an unused byte a pixel; the colours are those of sst_image_decode().
+ *  @param rgbx  rows `stride` bytes apart, written once and not read: may be mapped memory of a device; undefined on
+ * failure
+ *  @return as above; -EBADMSG: no JPEG, or another size */
+SST_MUST_CHECK int sst_image_decode_rgbx(uint8_t *rgbx, size_t stride, int width, int height, const uint8_t *data,
+                                         size_t size, const char *name);
+
 /** How often each sample occurs, all channels but alpha together. */
 struct sst_sample_counts {
     uint64_t of[65536];

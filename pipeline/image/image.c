@@ -1,6 +1,7 @@
 #include "pipeline/image/image.h"
 
 #include <errno.h>
+#include <string.h>
 
 #include "base/mem.h"
 
@@ -122,4 +123,18 @@ int sst_luma(struct sst_map_u8 *luma, const struct sst_image *img)
     if (!err)
         sst_luma_part(luma, img, 0, 0, img->width, img->height);
     return err;
+}
+
+void sst_image_put_rgbx(uint8_t *rgbx, size_t stride, const struct sst_image *img)
+{
+    for (int y = 0; y < img->height; y++) {
+        const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
+        uint8_t *to = rgbx + (size_t)y * stride;
+
+        for (size_t x = 0; x < (size_t)img->width; x++) {
+            const uint32_t pixel = (uint32_t)r[x] | (uint32_t)g[x] << 8 | (uint32_t)b[x] << 16 | 0xFF000000U;
+
+            memcpy(to + 4 * x, &pixel, sizeof(pixel));
+        }
+    }
 }

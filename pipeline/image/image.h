@@ -53,6 +53,9 @@ SST_MUST_CHECK int sst_map_u8_init(struct sst_map_u8 *map, int width, int height
 SST_MUST_CHECK int sst_map_u16_init(struct sst_map_u16 *map, int width, int height);
 SST_MUST_CHECK int sst_map_f32_init(struct sst_map_f32 *map, int width, int height);
 
+/** Write the pixels as R, G, B and 255. @param rgbx  rows `stride` bytes apart; not read */
+void sst_image_put_rgbx(uint8_t *rgbx, size_t stride, const struct sst_image *img);
+
 /**
  * Sensor noise of a picture, levels RMS of green: the mean of |n| over 8x8 pixels, n the response to
  * [1 -2 1; -2 4 -2; 1 -2 1] / 6 (Immerkaer 1996), in the block that 5 % of the blocks are below; of at most 2048 blocks

@@ -16,6 +16,7 @@
 #include "base/stats.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/codec_formats.h"
+#include "pipeline/image/jpeg_planes.h"
 
 /* A block of 8x8 samples takes at least one bit of each component in a Huffman-coded file: one byte for about 340
  * pixels at 4:2:0. A large image that claims far more is truncated, and is rejected before memory is allocated for
@@ -231,6 +232,167 @@ int sst_jpeg_decode(struct sst_image *img, const uint8_t *data, size_t size, con
         *img = made;
     return err;
 }
+
+/* As decode_open(), with the rows where they are to be. */
+static int decode_rows(struct reader *r, uint8_t *rgbx, size_t stride, const int wanted[2], const uint8_t *data,
+                       size_t size, const char *name)
+{
+    struct jpeg_decompress_struct *jpeg = &r->jpeg;
+    int err;
+
+    if (setjmp(r->escape))
+        return damaged(r, name);
+    err = read_header(r, data, size, name);
+    if (err)
+        return err;
+    if ((int)jpeg->image_width != wanted[0] || (int)jpeg->image_height != wanted[1]) {
+        sst_log_error("%s has %ux%u pixels instead of %dx%d; write it again", name, jpeg->image_width,
+                      jpeg->image_height, wanted[0], wanted[1]);
+        return -EBADMSG;
+    }
+    jpeg->out_color_space = jpeg->num_components == 4 ? JCS_CMYK : JCS_EXT_RGBX;
+    jpeg->dct_method = JDCT_ISLOW;
+    r->row = jpeg->num_components == 4 ? sst_mem_alloc_raw(jpeg->image_width, 4) : NULL;
+    if (jpeg->num_components == 4 && !r->row)
+        return sst_image_size_error(-ENOMEM, name, jpeg->image_width, jpeg->image_height);
+    (void)jpeg_start_decompress(jpeg);
+    while (jpeg->output_scanline < jpeg->output_height) {
+        uint8_t *line = rgbx + jpeg->output_scanline * stride;
+
+        (void)jpeg_read_scanlines(jpeg, r->row ? &r->row : &line, 1);
+        if (!r->row)
+            continue;
+        cmyk_to_rgb(r->row, jpeg->image_width, jpeg->saw_Adobe_marker);
+        for (size_t x = 0; x < jpeg->image_width; x++)
+            memcpy(line + 4 * x, r->row + 3 * x, 3);
+    }
+    (void)jpeg_finish_decompress(jpeg);
+    return 0;
+}
+
+int sst_image_decode_rgbx(uint8_t *rgbx, size_t stride, int width, int height, const uint8_t *data, size_t size,
+                          const char *name)
+{
+    struct reader r;
+    int err;
+
+    if (!sst_image_is_jpeg(data, size)) {
+        sst_log_error("%s is no JPEG image; write it again", name);
+        return -EBADMSG;
+    }
+    reader_init(&r);
+    err = decode_rows(&r, rgbx, stride, (const int[2]){ width, height }, data, size, name);
+    reader_close(&r);
+    return err;
+}
+
+/* --- planes ------------------------------------------------------------------------------------------------------- */
+
+#define MAX_ROWS (4 * DCTSIZE) /* of a plane that are decoded at once */
+
+/* @return false: not what a device converts */
+static bool set_layout(struct sst_jpeg_planes *out, const struct jpeg_decompress_struct *jpeg)
+{
+    const jpeg_component_info *c = jpeg->comp_info;
+    const int most_h = jpeg->max_h_samp_factor, most_v = jpeg->max_v_samp_factor;
+    const bool grey = jpeg->num_components == 1 && jpeg->jpeg_color_space == JCS_GRAYSCALE;
+    size_t bytes = 0;
+
+    *out = (struct sst_jpeg_planes){ .width = (int)jpeg->image_width,
+                                     .height = (int)jpeg->image_height,
+                                     .count = jpeg->num_components,
+                                     .across = grey ? 1 : most_h,
+                                     .down = grey ? 1 : most_v };
+    if (!grey && (jpeg->num_components != 3 || jpeg->jpeg_color_space != JCS_YCbCr || c[0].h_samp_factor != most_h ||
+                  c[0].v_samp_factor != most_v || c[1].h_samp_factor * c[1].v_samp_factor != 1 ||
+                  c[2].h_samp_factor * c[2].v_samp_factor != 1 || most_h > 2 || most_v > most_h))
+        return false;
+    out->chroma_width = (out->width + out->across - 1) / out->across;
+    out->chroma_height = (out->height + out->down - 1) / out->down;
+    for (int i = 0; i < out->count; i++) {
+        const size_t mcus = (jpeg->image_height + (size_t)most_v * DCTSIZE - 1) / ((size_t)most_v * DCTSIZE);
+
+        out->at[i] = bytes;
+        out->stride[i] = (jpeg->image_width * (size_t)c[i].h_samp_factor + (size_t)most_h * DCTSIZE - 1) /
+                         ((size_t)most_h * DCTSIZE) * DCTSIZE;
+        bytes += out->stride[i] * mcus * (size_t)c[i].v_samp_factor * DCTSIZE;
+    }
+    out->bytes = bytes;
+    return out->chroma_width > 2;
+}
+
+static int read_layout(struct reader *r, struct sst_jpeg_planes *out, const uint8_t *data, size_t size,
+                       const char *name)
+{
+    int err;
+
+    if (setjmp(r->escape))
+        return damaged(r, name);
+    err = read_header(r, data, size, name);
+    if (err)
+        return err;
+    return set_layout(out, &r->jpeg) ? 0 : -ENOTSUP;
+}
+
+int sst_jpeg_planes_read(struct sst_jpeg_planes *out, const uint8_t *data, size_t size, const char *name)
+{
+    struct sst_jpeg_planes made;
+    struct reader r;
+    int err;
+
+    reader_init(&r);
+    err = read_layout(&r, &made, data, size, name);
+    reader_close(&r);
+    if (!err)
+        *out = made;
+    return err;
+}
+
+static int decode_planes(struct reader *r, uint8_t *to, const struct sst_jpeg_planes *layout, const uint8_t *data,
+                         size_t size, const char *name)
+{
+    struct jpeg_decompress_struct *jpeg = &r->jpeg;
+    JSAMPROW row[3][MAX_ROWS];
+    JSAMPARRAY plane[3] = { row[0], row[1], row[2] };
+    int err;
+
+    if (setjmp(r->escape))
+        return damaged(r, name);
+    err = read_header(r, data, size, name);
+    if (err)
+        return err;
+    jpeg->raw_data_out = TRUE;
+    jpeg->out_color_space = jpeg->jpeg_color_space;
+    jpeg->dct_method = JDCT_ISLOW;
+    (void)jpeg_start_decompress(jpeg);
+    while (jpeg->output_scanline < jpeg->output_height) {
+        for (int c = 0; c < layout->count; c++) {
+            const JDIMENSION rows = (JDIMENSION)jpeg->comp_info[c].v_samp_factor * DCTSIZE;
+            const JDIMENSION first = jpeg->output_scanline / (JDIMENSION)jpeg->max_v_samp_factor *
+                                     (JDIMENSION)jpeg->comp_info[c].v_samp_factor;
+
+            for (JDIMENSION i = 0; i < rows; i++)
+                row[c][i] = to + layout->at[c] + (first + i) * layout->stride[c];
+        }
+        (void)jpeg_read_raw_data(jpeg, plane, (JDIMENSION)jpeg->max_v_samp_factor * DCTSIZE);
+    }
+    (void)jpeg_finish_decompress(jpeg);
+    return 0;
+}
+
+int sst_jpeg_planes_decode(uint8_t *to, const struct sst_jpeg_planes *layout, const uint8_t *data, size_t size,
+                           const char *name)
+{
+    struct reader r;
+    int err;
+
+    reader_init(&r);
+    err = decode_planes(&r, to, layout, data, size, name);
+    reader_close(&r);
+    return err;
+}
+
+/* --- writing ------------------------------------------------------------------------------------------------------ */
 
 struct sst_jpeg_encoder {
     tjhandle tj;

@@ -619,7 +619,13 @@ typedef void sst_enlarge_row_fn(uint16_t *disp, uint8_t *label, const struct sst
 struct sst_places {
     int32_t whole_q8[2];
     float c[2][4];   /* 1/256 px; magnitudes of the sum below 2^22 */
-    int32_t most[2]; /* 1/256 px: the last column and row of the picture */
+    int32_t most[2]; /* 1/256 px: the last column and row of the picture; enum sst_places_kind in most[0] of a table */
+};
+
+/** Entries of a table of places that are no cubics. */
+enum sst_places_kind {
+    SST_PLACES_LISTED = -1, /* pairs as of sst_place_row_fn, from pair whole_q8[0] of a list on */
+    SST_PLACES_NONE = -2,
 };
 
 /** n positions from k0 on, rounded to 1/256 px, ties to even. @param xy_q8  out, [2 n]; INT32_MIN outside 0 .. most */

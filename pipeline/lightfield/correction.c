@@ -14,8 +14,6 @@
 #include "pipeline/lightfield/lightfield_internal.h"
 #include "pipeline/lightfield/rectify/rectify.h"
 
-#define FILTER SST_FILTER_BICUBIC
-
 struct sst_correction sst_correction_none(void)
 {
     return (struct sst_correction){ .gain = { 1, 1, 1 }, .exponent = 1 };
@@ -153,7 +151,7 @@ static int resample(struct sst_image *out, struct sst_map_u8 *valid, const struc
 
     err = err ? err : sst_image_init(out, lf->width, lf->height);
     err = err ? err : sst_map_u8_init(valid, lf->width, lf->height);
-    err = err ? err : sst_rectify_view(map, FILTER, out, valid, &v->image, 1);
+    err = err ? err : sst_rectify_view(map, SST_CORRECTION_FILTER, out, valid, &v->image, 1);
     if (!err && v->valid.data)
         carry_valid(valid, &v->valid, map, xy_q8);
     sst_rectify_map_destroy(map);
@@ -170,12 +168,9 @@ bool sst_lightfield_has_originals(const struct sst_lightfield *lf)
     return false;
 }
 
-int sst_correction_sampler(struct sst_sampler **out, struct sst_rectify_map **map, const struct sst_lightfield *lf,
-                           int view)
+int sst_correction_map(struct sst_rectify_map **out, const struct sst_lightfield *lf, int view)
 {
-    const int err = make_map(map, lf, &lf->correction[view]);
-
-    return err ? err : sst_sampler_create(out, *map, FILTER, &lf->views[view].original, 1);
+    return make_map(out, lf, &lf->correction[view]);
 }
 
 /* Raise the light of all pixels to the power of 1 / exponent. */

@@ -6,7 +6,6 @@
 #include "pipeline/lightfield/lightfield.h"
 
 struct sst_rectify_map;
-struct sst_sampler;
 
 #define SST_CORRECTION_SHIFT_MAX_PX 100.0 /* limits of what a folder may state */
 #define SST_CORRECTION_ROLL_MAX_DEG 10.0
@@ -48,12 +47,9 @@ SST_MUST_CHECK int sst_lightfield_correct(struct sst_lightfield *lf, const struc
 /** Whether a view has an original that rays can be sampled from: then each ray is interpolated once, not twice. */
 bool sst_lightfield_has_originals(const struct sst_lightfield *lf);
 
-/**
- * Sample a view's original where the correction says that its pixels are: at whole positions the bytes of the corrected
- * picture. Both are to be destroyed by the caller, also after failures; *map lives as long as the sampler.
- * @param view  with an original @return 0, -EINVAL, -ENOMEM; not logged
- */
-SST_MUST_CHECK int sst_correction_sampler(struct sst_sampler **out, struct sst_rectify_map **map,
-                                          const struct sst_lightfield *lf, int view);
+#define SST_CORRECTION_FILTER SST_FILTER_BICUBIC /* of all corrections; rectify/rectify.h */
+
+/** Where the pixels of a view with an original are in it. @return 0, -EINVAL, -ENOMEM; not logged */
+SST_MUST_CHECK int sst_correction_map(struct sst_rectify_map **out, const struct sst_lightfield *lf, int view);
 
 #endif

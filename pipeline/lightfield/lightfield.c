@@ -49,6 +49,7 @@ void sst_lightfield_fini(struct sst_lightfield *lf)
     for (int k = 0; lf->views && k < lf->rows * lf->cols; k++) {
         sst_image_fini(&lf->views[k].image);
         sst_image_fini(&lf->views[k].original);
+        free(lf->views[k].encoded);
         sst_map_u8_fini(&lf->views[k].valid);
         sst_map_u16_fini(&lf->views[k].disp);
         sst_map_u8_fini(&lf->views[k].label);

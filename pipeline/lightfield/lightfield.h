@@ -26,6 +26,9 @@ struct sst_view {
     struct sst_image image;  /* empty until loaded */
     struct sst_image
         original;            /* what `image` was resampled from by a correction (SST_LOAD_ORIGINALS); empty: nothing */
+    uint8_t *encoded;        /* the raw frame as a JPEG file that is decoded when it is needed, with an empty `image`
+                                (SST_LOAD_ENCODED); NULL: none. Owned. */
+    size_t encoded_bytes;
     struct sst_map_u8 valid; /* 0 where the rectified image is black because the pixel lies outside the raw frame, else
                                 255; set with the image; empty: all pixels are valid */
     struct sst_map_u16 disp; /* 1/64 px above disp_min_px, or SST_DISP_NONE; empty: not computed */
@@ -67,6 +70,7 @@ enum sst_lightfield_load {
     SST_LOAD_UNVERIFIED = 32,  /* with SST_LOAD_IMAGES: accept files that differ from their SHA-256 */
     SST_LOAD_UNCORRECTED = 64, /* forget the correction of the folder */
     SST_LOAD_ORIGINALS = 128, /* with SST_LOAD_IMAGES: keep what corrected pictures are resampled from, for renderers */
+    SST_LOAD_ENCODED = 256,   /* with SST_LOAD_RAW: raw frames that are JPEG files stay so, for renderers on a device */
 };
 
 /** Empty light field with the reference view of the grid chosen and unit offsets set; all views absent.
@@ -86,6 +90,19 @@ double sst_lightfield_confirmed(const struct sst_lightfield *lf, int threads);
 /** Copy a view's image, validity mask and offset; buffers of `to` of the same size are reused.
  *  @return 0, -ENOMEM (`to` is still freed with its light field) */
 SST_MUST_CHECK int sst_view_copy(struct sst_view *to, const struct sst_view *from);
+
+/** True if the view has an image or an encoded one. */
+bool sst_view_has_frame(const struct sst_view *v);
+
+/** Decode the encoded frame of a view. @param out  initialised here @return as sst_image_decode() (logged) */
+SST_MUST_CHECK int sst_lightfield_decode_frame(struct sst_image *out, const struct sst_lightfield *lf, int view);
+
+/**
+ * Write the view's raw frame, or what its corrected picture was resampled from, as R, G, B and an unused byte a pixel;
+ * an encoded one is decoded straight to there.
+ * @param rgbx  rows `stride` bytes apart, of the frame's size; may be memory that is slow to read @return as above
+ */
+SST_MUST_CHECK int sst_lightfield_put_frame(uint8_t *rgbx, size_t stride, const struct sst_lightfield *lf, int view);
 
 /** Set ref_view: the middle of the grid, or the present view nearest to it (ties: the lower index).
  *  Offsets are not touched. @return 0, -EBADMSG (no view is present; not logged). */

@@ -111,6 +111,24 @@ static int check_raw_size(const struct sst_calib *calib, const char *path, const
     return -EBADMSG;
 }
 
+/* Keep the file of a raw frame, which is decoded when it is needed. Owns data in any case. */
+static int keep_encoded(const struct job *job, int k, const char *path, uint8_t *data, size_t size)
+{
+    struct sst_image frame = { 0 }; /* its size alone */
+    int err = sst_image_decode_size(&frame.width, &frame.height, data, size, path);
+
+    err = err ? err : check_raw_size(job->lf->calibration, path, &frame);
+    if (!err && !(job->what & SST_LOAD_UNVERIFIED))
+        err = check_hash(job->lf, k, path, "import it again, or add --no-verify", data, size);
+    if (err) {
+        free(data);
+        return err;
+    }
+    job->lf->views[k].encoded = data;
+    job->lf->views[k].encoded_bytes = size;
+    return 0;
+}
+
 /* A file that cannot be decoded or has another size is reported as such, not as one that has changed. */
 static int load_image(const struct job *job, int k)
 {
@@ -122,6 +140,8 @@ static int load_image(const struct job *job, int k)
     int err = view_path(path, job->lf, k, job->dir);
 
     err = err ? err : sst_file_read(path, SST_VIEW_FILE_MAX, &data, &size);
+    if (!err && calib && job->what & SST_LOAD_RAW && job->what & SST_LOAD_ENCODED && sst_image_is_jpeg(data, size))
+        return keep_encoded(job, k, path, data, size);
     err = err ? err : sst_image_decode_samples(&v->image, data, size, path, job->lf->samples);
     if (!err)
         err =

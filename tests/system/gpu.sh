@@ -53,6 +53,50 @@ for f in 0000 0001 0002 0003; do
   close frames/$f.png frames1/$f.png
   cmp -s frames1/$f.png frames2/$f.png || fail "less memory changes $f.png"
 done
+# --- raw frames: rectified on the device, or their rays sampled there ---
+sim=$root/${SST_BUILD:-build}/sst-sim
+cat >world.yaml <<'Y'
+scene: bush
+grid: [3, 3]
+size: [160, 120]
+strip: false
+loop: { seconds: 0.5, rate_hz: 2 }
+optics: { distortion: [-0.15, 0.04, 0, 0, 0], focal_spread_percent: 0.5, principal_spread_px: 3, vignetting: 0.2 }
+mounting: { rotation_spread_deg: 0.8, position_spread_mm: 2 }
+sensor: { gain_spread_percent: 3 }
+Y
+"$sim" --quiet --world world.yaml --parameters calib.yaml || fail "parameters"
+"$sst" scene bush --size 160x120 --grid 3x3 -o plain || exit 1
+mkdir shots
+/usr/bin/python3 -c '
+import glob, os
+from PIL import Image
+for f in glob.glob("plain/views/*"): # pretend that they are raw
+    Image.open(f).convert("RGB").save("shots/" + os.path.splitext(os.path.basename(f))[0] + ".jpg", quality=92)'
+"$sst" import folder shots --grid 3x3 --calib calib.yaml -o cal >/dev/null || fail "import with a calibration"
+"$sst" process cal --no-labels --preset balanced -q || fail "process with a calibration"
+for options in "--sampling rectified" "--sampling raw" "--sampling rectified --method refocus" "--sampling rectified --method clear --cut 9"; do
+  "$sst" render cal --focus 9.3 $options -o cal.png --valid seen.png --json >cpu.json 2>err || fail "$options: $(cat err)"
+  "$sst" render cal --focus 9.3 $options --device lavapipe -o cal1.png --valid valid.png --json >cal.json 2>err || fail "$options on lavapipe: $(cat err)"
+  [ ! -s err ] || fail "$options on lavapipe: $(cat err)"
+  close cal.png cal1.png
+  cmp -s seen.png valid.png || fail "$options: another --valid"
+  device cal.json 'd["pictures"] == 1 and d["on_cpu"] == 0 and d["rectified"] == 9 and d["uploads"] == 9'
+done
+"$sst" sweep cal --steps 4 -o cal2 || fail "sweep of raw frames"
+"$sst" sweep cal --steps 4 --device lavapipe -o cal3 --json >cal.json || fail "sweep of raw frames on lavapipe"
+device cal.json 'd["pictures"] == 4 and d["rectified"] == 9'
+"$sst" sweep cal --steps 4 --device lavapipe --sampling raw -o cal4 --json >cal.json || fail "sweep, sampled on lavapipe"
+device cal.json 'd["pictures"] == 4 and d["rectified"] > 18 and d["uploads"] == 9'
+for f in 0000 0001 0002 0003; do
+  close cal2/$f.png cal3/$f.png
+done
+"$sst" render cal --focus 9.3 --sampling rectified -o cal.png || fail "render of raw frames"
+for fault in lost=20:lost timeout=21:answer wrong=14:refused; do
+  "$sst" render cal --focus 9.3 --sampling rectified --device dummy:${fault%:*} -o fault.png --json >fault.json 2>err || fail "${fault%:*}: $(cat err)"
+  cmp -s cal.png fault.png || fail "raw frames, ${fault%:*}: another picture"
+  device fault.json "d['pictures'] == 0 and d['on_cpu'] == 1 and '${fault#*:}' in d['why_cpu']"
+done
 
 # --- labels: the network on a device ---
 if "$sst" version --json | grep -q '"onednn": true'; then

@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "pipeline/gpu/blend.h"
 #include "tests/device_nets.h"
+#include "tests/frames_field.h"
 #include "tests/gpu_field.h"
 #include "tests/match_field.h"
 
@@ -62,6 +63,7 @@ static void test_transfer(void **state)
 {
     const size_t bytes = ((size_t)40 << 20) + 5;
     struct sst_gpu_buffer *a, *b;
+    struct sst_gpu_span *span;
     uint8_t *data = malloc(bytes), *back = calloc(1, bytes);
     struct sst_gpu *g;
 
@@ -80,6 +82,19 @@ static void test_transfer(void **state)
     assert_memory_equal(back, data, bytes);
     assert_int_equal(sst_gpu_download(g, back, b, 1, 3), 0);
     assert_memory_equal(back, ((uint8_t[]){ 'd', 'e', data[3] }), 3);
+    /* a span of mapped memory, written again after a wait */
+    assert_int_equal(sst_gpu_span_create(g, &span, 64), 0);
+    memcpy(sst_gpu_span_data(span), data, 64);
+    assert_int_equal(sst_gpu_upload_span(g, a, 4096, span, 16, 48), 0);
+    assert_int_equal(sst_gpu_wait(g), 0);
+    memset(sst_gpu_span_data(span), 7, 8);
+    assert_int_equal(sst_gpu_upload_span(g, a, 4100, span, 4, 4), 0);
+    assert_int_equal(sst_gpu_download(g, back, a, 4092, 56), 0);
+    memcpy(data + 4096, data + 16, 48);
+    memset(data + 4100, 7, 4);
+    assert_memory_equal(back, data + 4092, 52);
+    sst_gpu_span_destroy(g, span);
+    sst_gpu_span_destroy(g, NULL);
     sst_gpu_buffer_destroy(g, a);
     sst_gpu_buffer_destroy(g, b);
     assert_int_equal(sst_gpu_wait(g), 0); /* -EIO if a validation layer has found a fault */
@@ -105,6 +120,25 @@ static void test_pictures(void **state)
         assert_int_equal(report.failures, 0);
     }
     field_fini(&lf);
+}
+
+/* Raw frames are rectified there with the bytes of the CPU, and sampled between pixels. */
+static void test_frames(void **state)
+{
+    struct sst_render_device_report report;
+    struct raw_field field;
+
+    (void)state;
+    assert_int_equal(frames_make(&field), 0);
+    assert_int_equal(frames_compare(&field, false, "lavapipe", 0, SST_GPU_BLEND_LEVELS, &report), 0);
+    assert_int_equal(report.pictures, FRAMES_PICTURES - 1);
+    assert_int_equal(report.rectified, 12);
+    assert_int_equal(report.failures, 0);
+    assert_in_range(frames_compare(&field, true, "lavapipe", 0, SST_GPU_BLEND_LEVELS, &report), 0,
+                    FRAMES_PICTURES * FRAMES_WIDTH * FRAMES_HEIGHT / 1000);
+    assert_int_equal(report.pictures, FRAMES_PICTURES - 1);
+    assert_int_equal(report.failures, 0);
+    raw_field_free(&field);
 }
 
 /* Views are matched with the bytes of the CPU, in the whole range and tile by tile. */
@@ -230,9 +264,9 @@ static void test_timeout(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_choice),   cmocka_unit_test(test_self),    cmocka_unit_test(test_transfer),
-        cmocka_unit_test(test_pictures), cmocka_unit_test(test_matches), cmocka_unit_test(test_networks),
-        cmocka_unit_test(test_variants), cmocka_unit_test(test_timeout),
+        cmocka_unit_test(test_choice),   cmocka_unit_test(test_self),     cmocka_unit_test(test_transfer),
+        cmocka_unit_test(test_pictures), cmocka_unit_test(test_frames),   cmocka_unit_test(test_matches),
+        cmocka_unit_test(test_networks), cmocka_unit_test(test_variants), cmocka_unit_test(test_timeout),
     };
     glob_t drivers;
 

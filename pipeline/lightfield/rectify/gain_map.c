@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/mem.h"
 
@@ -163,4 +164,15 @@ void gain_map_row(const struct gain_map *map, double x0, double y, int n, float 
         out->gain[c] = map->gain[c];
         out->gain_root[c] = map->gain_root[c];
     }
+}
+
+void gain_map_tables(const struct gain_map *map, struct sst_rectify_tables *out)
+{
+    out->light_shift = __builtin_ctz((unsigned)map->step);
+    out->light_cols = map->cols;
+    out->light_rows = map->rows;
+    out->falloff = map->falloff;
+    out->falloff_root = map->root;
+    memcpy(out->gain, map->gain, sizeof(out->gain));
+    memcpy(out->gain_root, map->gain_root, sizeof(out->gain_root));
 }

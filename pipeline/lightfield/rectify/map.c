@@ -327,3 +327,66 @@ void sst_rectify_map_row(const struct sst_rectify_map *map, double x0, double y,
         done = end;
     }
 }
+
+/* --- tables for a device ------------------------------------------------------------------------------------------ */
+
+void sst_rectify_map_tables(struct sst_rectify_tables *out, const struct sst_rectify_map *map, enum sst_filter filter)
+{
+    *out = (struct sst_rectify_tables){ .width = map->width,
+                                        .height = map->height,
+                                        .raw_width = map->chain.raw_width,
+                                        .raw_height = map->chain.raw_height,
+                                        .cell_shift = map->shift,
+                                        .cells = map->cells_x };
+    out->weight = filter_weights(filter, &out->taps);
+    if (map->light)
+        gain_map_tables(map->light, out);
+}
+
+/* Append the exact places of n columns. */
+static int list_exact(const struct sst_rectify_map *map, double x0, double y, int n, struct sst_rectify_list *list)
+{
+    const size_t needed = list->count + (size_t)n;
+
+    if (needed > list->room) {
+        const size_t room = 2 * needed;
+        int32_t *more = realloc(list->xy_q8, 2 * room * sizeof(*more));
+
+        if (!more)
+            return -ENOMEM;
+        list->xy_q8 = more;
+        list->room = room;
+    }
+    exact_run(map, x0, y, n, list->xy_q8 + 2 * list->count);
+    list->count = needed;
+    return 0;
+}
+
+int sst_rectify_map_cells(const struct sst_rectify_map *map, double x0, double y, struct sst_places *cells,
+                          struct sst_rectify_list *list)
+{
+    const int side = 1 << map->shift, j = sst_clamp_int((int)floor(y / side), 0, map->cells_y - 1);
+    const uint8_t *kind = map->cell + (size_t)j * (size_t)map->cells_x;
+    double w[4];
+    int err = 0;
+
+    node_weights(y / side - j, w);
+    for (int i = 0; i < map->cells_x && !err; i++) {
+        struct sst_places places = { .most = { 256 * (map->chain.raw_width - 1), 256 * (map->chain.raw_height - 1) } };
+        double p[4][2];
+
+        if (kind[i] == CELL_SMOOTH) {
+            nodes_on_line(map, i - 1, j, w, p);
+            for (int axis = 0; axis < 2; axis++)
+                set_cubic(&places, (const double(*)[2])p, axis, side);
+        } else if (kind[i] == CELL_EXACT) {
+            places.most[0] = SST_PLACES_LISTED;
+            places.whole_q8[0] = (int32_t)list->count;
+            err = list_exact(map, x0 + i * side, y, sst_min_int(side, map->width - i * side), list);
+        } else {
+            places.most[0] = SST_PLACES_NONE;
+        }
+        cells[i] = places;
+    }
+    return err;
+}

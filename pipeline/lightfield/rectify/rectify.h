@@ -57,6 +57,7 @@ SST_MUST_CHECK int sst_rectified_place(struct sst_rectified *to, const struct ss
 SST_MUST_CHECK bool sst_rectify_point(const struct sst_rectified *to, const struct sst_calib *calib, int view, double x,
                                       double y, double *raw_x, double *raw_y);
 
+struct sst_places;      /* pipeline/kernels/kernels.h */
 struct sst_rectify_map; /* of one view: homography, lens and light fused; any number of threads may use it */
 
 /** @return 0, -EINVAL, -ENOMEM */
@@ -81,6 +82,37 @@ void sst_rectify_map_row(const struct sst_rectify_map *map, double x0, double y,
  */
 SST_MUST_CHECK int sst_rectify_view(const struct sst_rectify_map *map, enum sst_filter filter, struct sst_image *out,
                                     struct sst_map_u8 *valid, const struct sst_image *raw, int threads);
+
+/** What resampling of a view reads, for a device; pointers are borrowed from the map. */
+struct sst_rectify_tables {
+    int width, height, raw_width, raw_height; /* of the view and of its raw frame */
+    int cell_shift, cells;                    /* pieces of a row, of 1 << cell_shift columns each */
+    int taps;
+    const int16_t *weight; /* [SST_RESAMPLE_PHASES][taps], as of struct sst_resample */
+    /* Light: the factor of colour c is gain[c] times the fall-off's, which is bilinear between nodes 1 << light_shift
+     * pixels apart. falloff is NULL if there is nothing to correct. */
+    int light_shift, light_cols, light_rows;
+    const float *falloff, *falloff_root; /* [light_rows][light_cols], and its 2.4th roots */
+    float gain[3], gain_root[3];
+};
+void sst_rectify_map_tables(struct sst_rectify_tables *out, const struct sst_rectify_map *map, enum sst_filter filter);
+
+/** Places that are no cubics, of all rows. Zeroed at first; xy_q8 is to be freed with free(). */
+struct sst_rectify_list {
+    int32_t *xy_q8; /* pairs, as of sst_rectify_map_row() */
+    size_t count, room;
+};
+
+/**
+ * The places of a row as cubics of the column within a piece, whose column k is at x0 + k.
+ *
+ * @param x0, y   as for sst_rectify_map_row(); x0 is 0..1
+ * @param cells   out, of sst_rectify_map_tables(); enum sst_places_kind where a piece is none
+ * @param list    in and out: places of SST_PLACES_LISTED are appended
+ * @return 0 or -ENOMEM; not logged
+ */
+SST_MUST_CHECK int sst_rectify_map_cells(const struct sst_rectify_map *map, double x0, double y,
+                                         struct sst_places *cells, struct sst_rectify_list *list);
 
 /** A raw frame prepared for sampling at any rectified position. Any number of threads may sample it. */
 struct sst_sampler;

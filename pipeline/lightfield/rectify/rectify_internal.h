@@ -44,6 +44,14 @@ struct gain_factors {
  */
 void gain_map_row(const struct gain_map *map, double x0, double y, int n, float *scratch, struct gain_factors *out);
 
+/** Set the members for light. */
+void gain_map_tables(const struct gain_map *map, struct sst_rectify_tables *out);
+
+/* --- resample --- */
+
+/** Weights of a filter, [SST_RESAMPLE_PHASES][taps]. */
+const int16_t *filter_weights(enum sst_filter filter, int *taps);
+
 /* --- map: layout of the map for resampling. --- */
 
 /** The exact chain of one view: rectified pixel to ray, to the camera's axes, through the lens. */

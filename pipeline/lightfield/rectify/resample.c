@@ -90,6 +90,13 @@ static void set_all_weights(void)
     }
 }
 
+const int16_t *filter_weights(enum sst_filter filter, int *taps)
+{
+    pthread_once(&once, set_all_weights);
+    *taps = filters[filter].taps;
+    return weights[filter];
+}
+
 /* --- raw frames --------------------------------------------------------------------------------------------------- */
 
 struct sst_sampler {

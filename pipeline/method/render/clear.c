@@ -170,13 +170,20 @@ static double distance(const struct clear_view *v)
     return hypot((double)v->at.bx, (double)v->at.by);
 }
 
+/* Nothing of a view that is not rectified yet. */
+static void set_planes(struct clear_view *v)
+{
+    v->at.stride = v->tap->v->image.stride;
+    for (int k = 0; k < 3 && !v->tap->sampler; k++)
+        v->at.plane[k] = v->tap->v->image.plane[k];
+}
+
 static void add_view(struct clear *c, const struct sst_render_tap *t)
 {
     const double bx = t->v->bx - c->cfg->view_bx, by = t->v->by - c->cfg->view_by;
     struct clear_view v = { .tap = t,
                             .at = { .width = c->width,
                                     .height = c->height,
-                                    .stride = t->v->image.stride,
                                     .bx = (float)bx,
                                     .by = (float)by,
                                     .x_q6 = (float)(bx / SST_DISP_SCALE),
@@ -186,8 +193,7 @@ static void add_view(struct clear *c, const struct sst_render_tap *t)
                                     .coarse = c->coarse } };
     int at = c->count++;
 
-    for (int k = 0; k < 3 && !t->sampler; k++)
-        v.at.plane[k] = t->v->image.plane[k];
+    set_planes(&v);
     for (; at > 0 && distance(&c->view[at - 1]) > distance(&v); at--)
         c->view[at] = c->view[at - 1];
     c->view[at] = v;
@@ -288,7 +294,7 @@ static int plan_views(struct sst_render_plan *p, struct sst_renderer *r, const s
         sst_log_error("the cut %g px removes everything; choose one in %.2f..%.2f", cfg->cut_px, lo, hi);
         return -ERANGE;
     }
-    return sst_render_plan_init(p, r, &plain);
+    return r->device && r->rectified ? render_plan_init_pending(p, r, &plain) : sst_render_plan_init(p, r, &plain);
 }
 
 /* Stored disparities are below: live counts are samples, so that some may exceed them. */
@@ -304,7 +310,7 @@ static int count_bins(const struct sst_renderer *r)
 static int clear_init(struct clear *c, const struct sst_render_plan *p, struct sst_renderer *r,
                       const struct sst_render_config *cfg)
 {
-    const int err = check_config(cfg, p);
+    int err = check_config(cfg, p);
 
     *c = (struct clear){ 0 };
     if (err)
@@ -321,15 +327,21 @@ static int clear_init(struct clear *c, const struct sst_render_plan *p, struct s
     c->coarse = c->bins > 0x7FFF;
     for (int i = 0; i < p->count; i++)
         add_view(c, &p->tap[i]);
-    c->as_others = !cfg->merge && !c->lf->images_raw && sst_image_noise(&c->view[0].tap->v->image) > NOISY;
-    return 0;
+    if (cfg->merge || (p->sampled && c->lf->images_raw))
+        return 0;
+    err = p->pending ? render_need_view(r, c->view[0].tap->view) : 0;
+    c->as_others = !err && sst_image_noise(&c->view[0].tap->v->image) > NOISY;
+    return err;
 }
 
 /* Send all rays to the viewpoint. */
-static int land_rays(struct clear *c, int threads)
+static int land_rays(struct clear *c, struct sst_render_plan *p, int threads)
 {
-    const int err = allocate(c, threads);
+    int err = render_need_frames(p, c->renderer);
 
+    for (int k = 0; k < c->count; k++)
+        set_planes(&c->view[k]);
+    err = err ? err : allocate(c, threads);
     return err ? err : landed_make(c, threads);
 }
 
@@ -473,7 +485,7 @@ int clear_render(struct sst_renderer *r, const struct sst_render_config *cfg, st
         return err;
     err = clear_init(&c, &plan, r, cfg);
     if (!err && !colour_on_device(&c))
-        err = land_rays(&c, threads);
+        err = land_rays(&c, &plan, threads);
     if (!err)
         err = render_clear(&c, out, valid, threads);
     if (c.words)
@@ -531,7 +543,7 @@ int clear_rays(struct sst_renderer *r, const struct sst_render_config *cfg, int 
         return err;
     err = clear_init(&c, &plan, r, cfg);
     if (!err)
-        err = land_rays(&c, threads);
+        err = land_rays(&c, &plan, threads);
     if (!err) {
         struct scratch *s = &c.scratch[0];
         const int own = find_rays(&c, s, x - i, y);
@@ -580,7 +592,7 @@ int clear_each(struct sst_renderer *r, const struct sst_render_config *cfg, sst_
     if (err)
         return err;
     err = clear_init(&c, &plan, r, cfg);
-    err = err ? err : land_rays(&c, threads);
+    err = err ? err : land_rays(&c, &plan, threads);
     err = err ? err : sst_parallel_for(c.height, threads, describe_row, &job);
     clear_fini(&c);
     sst_render_plan_fini(&plan);

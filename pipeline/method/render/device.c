@@ -30,6 +30,7 @@ void device_drop(struct render_device *d)
     sst_gpu_buffer_destroy(d->gpu, d->landed);
     sst_gpu_buffer_destroy(d->gpu, d->masks);
     d->params = d->table = d->sums = d->out = d->clear_params = d->landed = d->masks = NULL;
+    device_drop_frames(d);
     d->clear_views = 0;
     d->chunks = d->slots = d->rows = 0;
     d->table_rows = 0;
@@ -155,7 +156,8 @@ int render_device_create(struct render_device **out, const struct sst_lightfield
         snprintf(d->report.name, sizeof(d->report.name), "%s", name);
         d->chunk = calloc(views, sizeof(*d->chunk));
         d->slot = calloc(views, sizeof(*d->slot));
-        err = d->chunk && d->slot ? 0 : -ENOMEM;
+        d->frames.kept = calloc(views, sizeof(*d->frames.kept));
+        err = d->chunk && d->slot && d->frames.kept ? 0 : -ENOMEM;
     }
     if (err)
         sst_log_error("not enough memory for a device");
@@ -177,6 +179,9 @@ void render_device_destroy(struct render_device *d)
     sst_mem_kept_fini(&d->packed);
     sst_mem_kept_fini(&d->words);
     sst_mem_kept_fini(&d->weights);
+    for (int i = 0; i < DEVICE_SPANS; i++)
+        free(d->frames.ready[i].list.xy_q8);
+    free(d->frames.kept);
     free(d->chunk);
     free(d->slot);
     pthread_mutex_destroy(&d->lock);
@@ -186,17 +191,24 @@ void render_device_destroy(struct render_device *d)
 /* --- begin and end ------------------------------------------------------------------------------------------------ */
 
 /* True if the device may be tried; else the picture is noted as one for the CPU. */
-static bool may_try(struct render_device *d, const struct sst_render_tap *t)
+static bool may_try(struct render_device *d)
 {
-    if (t->sampler) {
-        note_cpu(d, "rays are sampled from raw frames");
-        return false;
-    }
     if (d->given_up || sst_gpu_backoff_skips(&d->backoff)) {
         d->report.on_cpu++;
         return false;
     }
     return d->gpu || open_again(d);
+}
+
+/* Note that a picture is the CPU's after an error, which the device need not be to blame for. @param err  1: noted */
+static void note_error(struct render_device *d, int err)
+{
+    if (err == -EBADMSG || err == -ENOTSUP) {
+        note_cpu(d, err == -EBADMSG ? "a frame cannot be decoded" : "the shader that rectifies is refused");
+    } else if (err < 0) {
+        fail(d, err, "");
+        note_cpu(d, sst_gpu_error(err));
+    }
 }
 
 bool render_device_begin(struct render_device *d, const struct sst_render_plan *p, int top, int end,
@@ -206,12 +218,9 @@ bool render_device_begin(struct render_device *d, const struct sst_render_plan *
     int err;
 
     pthread_mutex_lock(&d->lock);
-    err = may_try(d, &p->tap[0]) ? device_render_picture(d, p, top, end) : 1;
+    err = may_try(d) ? device_render_picture(d, p, top, end) : 1;
     if (err) {
-        if (err < 0) {
-            fail(d, err, "");
-            note_cpu(d, sst_gpu_error(err));
-        }
+        note_error(d, err);
         pthread_mutex_unlock(&d->lock);
         return false;
     }
@@ -246,10 +255,8 @@ static int try_clear(struct render_device *d, struct device_clear *c)
         err = device_render_clear(d, c);
     if (err == -EOVERFLOW || err == -ENOTSUP || err == -ENOMEM)
         note_clear(d, err);
-    else if (err) {
-        fail(d, err, "");
-        note_cpu(d, sst_gpu_error(err));
-    }
+    else if (err)
+        note_error(d, err);
     return err;
 }
 
@@ -259,7 +266,9 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
     const int64_t start_ns = sst_clock_now_ns();
 
     pthread_mutex_lock(&d->lock);
-    if (!may_try(d, c->tap[0]) || try_clear(d, c)) {
+    if (c->tap[0]->sampler)
+        note_cpu(d, "the rays of clear pictures are sampled from raw frames");
+    if (c->tap[0]->sampler || !may_try(d) || try_clear(d, c)) {
         pthread_mutex_unlock(&d->lock);
         return false;
     }

@@ -26,7 +26,7 @@ static int make_clear_buffers(struct render_device *d, const struct device_clear
 }
 
 /* Put all views into one chunk. @return -ENOMEM: they do not fit into one, or into the memory */
-static int gather_views(struct render_device *d, const struct device_clear *c)
+static int gather_views(struct render_device *d, const struct device_clear *c, const struct device_taps *taps)
 {
     const struct device_slot *first = NULL;
     int err = 0;
@@ -42,7 +42,9 @@ static int gather_views(struct render_device *d, const struct device_clear *c)
         if (!err && (!s || s->chunk != first->chunk))
             err = -ENOMEM;
         if (!err)
-            err = device_place_view(d, s, c->tap[k]->view, c->threads);
+            err = device_ready_frames(d, taps, k);
+        if (!err)
+            err = device_place_view(d, s, c->tap[k], false, c->threads);
         if (!err) {
             s->used = ++d->turn;
             s->pending = true;
@@ -76,7 +78,8 @@ static void describe_clear(struct device_clear *c, struct render_device *d)
         const struct sst_view *v = c->tap[k]->v;
 
         c->view[k].first = (uint32_t)((size_t)device_find_slot(d, c->tap[k]->view)->index * device_view_pixels(d));
-        c->view[k].flags = (v->valid.data ? SST_GPU_CLEAR_VALID : 0U) | (v->label.data ? SST_GPU_CLEAR_LABELS : 0U) |
+        c->view[k].flags = (c->tap[k]->frame || v->valid.data ? SST_GPU_CLEAR_VALID : 0U) |
+                           (v->label.data ? SST_GPU_CLEAR_LABELS : 0U) |
                            (c->remove && c->remove[c->tap[k]->view].data ? SST_GPU_CLEAR_MASK : 0U);
     }
     c->push.pitch = d->pitch;
@@ -116,8 +119,14 @@ static int dispatch_clear(struct render_device *d, const struct device_clear *c)
 int device_render_clear(struct render_device *d, struct device_clear *c)
 {
     const size_t n = (size_t)d->lf->width * (size_t)d->lf->height;
+    struct device_taps taps = { .count = c->count, .threads = c->threads };
     int64_t start_ns;
-    int err = device_make_bands(d);
+    int err;
+
+    memcpy(taps.tap, c->tap, (size_t)c->count * sizeof(c->tap[0]));
+    err = device_make_frames(d, &taps);
+    if (!err)
+        err = device_make_bands(d);
 
     if (!err && (d->rows < d->lf->height || !sst_mem_keep(&d->words, n, 4) ||
                  (c->push.merged && !sst_mem_keep(&d->weights, n, 4))))
@@ -125,7 +134,7 @@ int device_render_clear(struct render_device *d, struct device_clear *c)
     if (!err)
         err = make_clear_buffers(d, c);
     if (!err)
-        err = gather_views(d, c);
+        err = gather_views(d, c, &taps);
     if (err)
         return err;
     describe_clear(c, d);

@@ -19,6 +19,7 @@ struct batch {
     struct sst_gpu_blend push;
     int chunk;  /* that they lie in, or the last ones did */
     bool begun; /* views of the band were summed before */
+    struct device_taps taps; /* that overlap the picture's rows */
     struct sst_gpu_blend_view view[SST_MAX_VIEWS];
 };
 
@@ -43,9 +44,13 @@ static void begin_batch(struct batch *b, const struct render_device *d, const st
                                       .first = p->blend.first,
                                       .count = p->blend.count };
     memcpy(b->push.power, p->blend.power, sizeof(b->push.power));
+    b->taps.count = 0;
+    b->taps.sampled = p->sampled;
+    b->taps.threads = sst_thread_count(p->cfg.threads);
+    for (int k = 0; k < p->count; k++)
+        b->taps.tap[b->taps.count++] = &p->tap[k];
 }
 
-/* Rows of a band, as many as fit: sums and results use at most a quarter of the memory. */
 int device_make_bands(struct render_device *d)
 {
     const uint64_t row_bytes = (uint64_t)SUM_BYTES * (uint64_t)d->lf->width;
@@ -69,14 +74,16 @@ int device_make_bands(struct render_device *d)
 }
 
 /* What does not depend on the views. A larger table than before comes first again: views may use all the memory. */
-static int make_room(struct render_device *d, const struct sst_render_plan *p)
+static int make_room(struct render_device *d, const struct sst_render_plan *p, const struct device_taps *taps)
 {
     const size_t rows = sst_render_plan_table_rows(p);
     int err;
 
     if (rows > d->table_rows)
         device_drop(d);
-    err = device_make_bands(d);
+    err = device_make_frames(d, taps);
+    if (!err)
+        err = device_make_bands(d);
     if (err || d->table)
         return err;
     d->table_rows = rows;
@@ -127,9 +134,11 @@ static int send_batch(struct render_device *d, struct batch *b, bool last)
     return err;
 }
 
+/* Pixels that were sampled at the rays, each from its frame, are taken as they are. */
 static struct sst_gpu_blend_view describe(const struct render_device *d, const struct sst_render_tap *t,
-                                          const struct device_slot *s)
+                                          const struct device_slot *s, bool sampled)
 {
+    const double fx = sampled && t->frame ? 0 : t->fx, fy = sampled && t->frame ? 0 : t->fy;
     struct sst_gpu_blend_view v = { .ix = t->ix,
                                     .iy = t->iy,
                                     .nx = t->nx,
@@ -142,11 +151,11 @@ static struct sst_gpu_blend_view describe(const struct render_device *d, const s
                                     .first = (uint32_t)((size_t)s->index * device_view_pixels(d)) };
     int16_t tap[4];
 
-    sst_blend_set_taps(tap, t->fx, t->fy);
+    sst_blend_set_taps(tap, fx, fy);
     for (int i = 0; i < 4; i++)
         v.tap[i] = tap[i];
-    v.flags = (t->fx > 0 ? SST_GPU_VIEW_RIGHT : 0U) | (t->fy > 0 ? SST_GPU_VIEW_BELOW : 0U) |
-              (t->v->valid.data ? SST_GPU_VIEW_VALID : 0U) | (t->v->label.data ? SST_GPU_VIEW_LABELS : 0U);
+    v.flags = (fx > 0 ? SST_GPU_VIEW_RIGHT : 0U) | (fy > 0 ? SST_GPU_VIEW_BELOW : 0U) |
+              (t->frame || t->v->valid.data ? SST_GPU_VIEW_VALID : 0U) | (t->v->label.data ? SST_GPU_VIEW_LABELS : 0U);
     return v;
 }
 
@@ -176,13 +185,13 @@ static int add_tap(struct render_device *d, struct batch *b, const struct sst_re
     if (!err && b->push.views && b->chunk != s->chunk)
         err = send_batch(d, b, false);
     if (!err)
-        err = device_place_view(d, s, t->view, sst_thread_count(b->p->cfg.threads));
+        err = device_place_view(d, s, t, b->p->sampled, b->taps.threads);
     if (err)
         return err;
     s->used = ++d->turn;
     s->pending = true;
     b->chunk = s->chunk;
-    b->view[b->push.views++] = describe(d, t, s);
+    b->view[b->push.views++] = describe(d, t, s, b->p->sampled);
     return 0;
 }
 
@@ -198,7 +207,10 @@ static int render_band(struct render_device *d, struct batch *b, int top, int ro
     for (int k = 0; k < b->p->count && !err; k++) {
         const struct sst_render_tap *t = &b->p->tap[k];
 
-        if (t->x0 < t->x1 && t->y0 < top + rows && t->y1 > top)
+        if (t->x0 >= t->x1 || t->y0 >= top + rows || t->y1 <= top)
+            continue;
+        err = device_ready_frames(d, &b->taps, k);
+        if (!err)
             err = add_tap(d, b, t);
     }
     if (!err)
@@ -218,11 +230,12 @@ int device_render_picture(struct render_device *d, const struct sst_render_plan 
 {
     const size_t n = (size_t)d->lf->width * (size_t)d->lf->height;
     struct batch b;
-    int err = make_room(d, p);
+    int err;
 
+    begin_batch(&b, d, p);
+    err = make_room(d, p, &b.taps);
     if (!err && (!sst_mem_keep(&d->words, n, 4) || (p->verifier && !sst_mem_keep(&d->weights, n, 4))))
         err = -ENOMEM;
-    begin_batch(&b, d, p);
     if (!err)
         err = upload_labels(d, p);
     if (!err && !d->slots)

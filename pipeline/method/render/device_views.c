@@ -44,7 +44,6 @@ static int create_chunk(struct render_device *d, int n)
     return 0;
 }
 
-/* More room: a chunk of as many views as fit, or half of them, and so on. @return -ENOMEM: nothing fits */
 int device_grow(struct render_device *d)
 {
     const size_t bytes = 4 * device_view_pixels(d);
@@ -197,13 +196,16 @@ static int refresh_view(struct render_device *d, struct device_slot *s, int thre
     return 0;
 }
 
-/* Have a view in a slot as it is now. */
-int device_place_view(struct render_device *d, struct device_slot *s, int view, int threads)
+int device_place_view(struct render_device *d, struct device_slot *s, const struct sst_render_tap *t, bool sampled,
+                      int threads)
 {
+    const int view = t->view;
+
+    if (t->frame)
+        return device_place_frame(d, s, t, sampled);
     return s->view == view ? refresh_view(d, s, threads) : upload_view(d, s, view, threads);
 }
 
-/* The slot of a view, if it is on the device. */
 struct device_slot *device_find_slot(struct render_device *d, int view)
 {
     for (int i = 0; i < d->slots; i++) {
@@ -213,8 +215,6 @@ struct device_slot *device_find_slot(struct render_device *d, int view)
     return NULL;
 }
 
-/* A slot that may be overwritten: a free one, else the one that was used least recently. NULL: the next dispatch reads
- * all of them */
 struct device_slot *device_free_slot(struct render_device *d)
 {
     struct device_slot *oldest = NULL;

@@ -184,26 +184,8 @@ bool explainer_contradicts(const struct explainer *e, int k, int x, int y)
 static int rectify(void *arg, int index, int worker SST_UNUSED)
 {
     const struct explainer *e = arg;
-    const struct sst_render_tap *t = &e->plan->tap[index];
-    struct sst_raw_view *raw = &e->renderer->raw[t->view];
-    struct sst_image *out = &raw->rectified;
-    int err;
 
-    if (raw->seen.data)
-        return 0;
-    err = out->plane[0] ? 0 : sst_image_init(out, e->plan->lf->width, e->plan->lf->height);
-    if (!err)
-        err = sst_map_u8_init(&raw->seen, out->width, out->height);
-    for (int y = 0; !err && y < out->height; y++) {
-        for (int x = 0; x < out->width; x += SST_SAMPLE_MAX) {
-            uint8_t *const row[3] = { sst_image_row(out, 0, y) + x, sst_image_row(out, 1, y) + x,
-                                      sst_image_row(out, 2, y) + x };
-
-            sst_sampler_row(t->sampler, x, y, sst_min_int(SST_SAMPLE_MAX, out->width - x), row,
-                            sst_map_u8_row(&raw->seen, y) + x);
-        }
-    }
-    return err;
+    return render_rectify_frame(e->renderer, e->plan->tap[index].view);
 }
 
 /* Lower median of the differences of a ray from the views around; -1: there are none. */

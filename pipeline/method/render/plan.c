@@ -10,7 +10,6 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/kernels/exp_neg.h"
-#include "pipeline/lightfield/correction.h"
 #include "pipeline/method/render/render_internal.h"
 
 /* Offline, rarity of colours is counted from every n-th pixel of every n-th row of all views. */
@@ -172,15 +171,16 @@ static void select_nearest(struct sst_render_plan *p)
     p->count = n;
 }
 
-static int choose_views(struct sst_render_plan *p)
+static int choose_views(struct sst_render_plan *p, const struct sst_renderer *r)
 {
     const struct sst_lightfield *lf = p->lf;
     double rim = 0;
 
     for (int view = 0; view < lf->rows * lf->cols; view++) {
-        struct sst_render_tap t = { .view = view, .v = &lf->views[view], .aperture = 1 };
+        const struct sst_view *v = r->rectified ? &r->rectified[view] : &lf->views[view];
+        const struct sst_render_tap t = { .view = view, .v = v, .aperture = 1 };
 
-        if (t.v->image.plane[0] && in_aperture(&t, &p->cfg))
+        if (sst_view_has_frame(&lf->views[view]) && in_aperture(&t, &p->cfg))
             p->tap[p->count++] = t;
     }
     if (p->cfg.max_views > 0 && p->cfg.max_views < p->count)
@@ -217,55 +217,6 @@ static int place_views(struct sst_render_plan *p)
     sst_log_error("at the focus %g px the views of %d x %d pixels do not overlap; choose one nearer to 0",
                   p->cfg.focus_px, p->lf->width, p->lf->height);
     return -ERANGE;
-}
-
-/* --- raw frames --------------------------------------------------------------------------------------------------- */
-
-struct raw_job {
-    struct sst_renderer *r;
-    const struct sst_render_plan *plan;
-};
-
-static int make_raw(void *arg, int index, int worker SST_UNUSED)
-{
-    const struct raw_job *job = arg;
-    const struct sst_lightfield *lf = job->r->lf;
-    const struct sst_render_tap *t = &job->plan->tap[index];
-    struct sst_raw_view *raw = &job->r->raw[t->view];
-    int err = 0;
-
-    if (!lf->images_raw) {
-        if (!raw->sampler && t->v->original.plane[0])
-            err = sst_correction_sampler(&raw->sampler, &raw->map, lf, t->view);
-    } else if (!raw->sampler) {
-        if (!raw->map)
-            err = sst_rectify_map_create(&raw->map, lf->rectified, lf->calibration, t->view);
-        if (!err)
-            err = sst_sampler_create(&raw->sampler, raw->map, (enum sst_filter)lf->filter, &t->v->image, 1);
-    }
-    if (err) {
-        char name[16];
-
-        sst_view_name(lf, t->view, name);
-        sst_log_error("cannot sample the frame of view %s: %s", name, strerror(-err));
-    }
-    return err;
-}
-
-/* Create the samplers of the plan's views that earlier pictures did not. */
-static int prepare_raw(struct sst_render_plan *p, struct sst_renderer *r)
-{
-    struct raw_job job = { r, p };
-    int err;
-
-    if (!r->raw)
-        return 0;
-    pthread_mutex_lock(&r->lock);
-    err = sst_parallel_for(p->count, sst_thread_count(r->threads), make_raw, &job);
-    pthread_mutex_unlock(&r->lock);
-    for (int i = 0; i < p->count && !err; i++)
-        p->tap[i].sampler = r->raw[p->tap[i].view].sampler;
-    return err;
 }
 
 static bool depth_counts(const struct sst_render_config *cfg)
@@ -420,17 +371,29 @@ static void check_border(const struct sst_render_plan *p)
 
 int sst_render_plan_init(struct sst_render_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
 {
+    int err = render_plan_init_pending(p, r, cfg);
+
+    if (err)
+        return err;
+    err = render_need_frames(p, r);
+    if (err)
+        sst_render_plan_fini(p);
+    return err;
+}
+
+int render_plan_init_pending(struct sst_render_plan *p, struct sst_renderer *r, const struct sst_render_config *cfg)
+{
     int err = check_config(cfg);
 
     *p = (struct sst_render_plan){ .lf = r->lf, .cfg = *cfg };
     if (!err)
         err = fit_to_disparities(&p->cfg, r);
     if (!err)
-        err = choose_views(p);
+        err = choose_views(p, r);
     if (!err)
         err = place_views(p);
     if (!err)
-        err = prepare_raw(p, r);
+        err = render_plan_frames(p, r);
     if (!err && cfg->method == SST_RENDER_SST)
         err = weigh(p, r);
     p->summed = !p->weighted && !cfg->aperture_soft;

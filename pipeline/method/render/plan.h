@@ -107,6 +107,8 @@ struct sst_renderer {
     uint64_t series;                /* of clear pictures that continue each other */
     struct skip_bounds *bounds;  /* owned; NULL until needed */
     struct sst_skip_counts skips;
+    struct sst_view *rectified; /* [rows * cols] what rays are of, with sst_renderer_use_rectified(); images are
+                                   borrowed from raw, empty until the CPU needs them. NULL: frames are sampled */
     struct sst_raw_view *raw; /* [rows * cols] of a light field of raw frames or with originals, else NULL; each created
                                  on first use */
     SST_ATOMIC(uint8_t) * explained; /* see explainer_keep(); NULL until needed */
@@ -117,8 +119,8 @@ struct sst_renderer {
 /** A raw frame, or what a corrected picture was resampled from, and its mapping to rectified positions. */
 struct sst_raw_view {
     struct sst_rectify_map *map;
-    struct sst_sampler *sampler;
-    struct sst_image rectified; /* with seen, its valid pixels: empty until a ray must be explained */
+    struct sst_sampler *sampler; /* NULL until the CPU needs it */
+    struct sst_image rectified;  /* with seen, its valid pixels: empty until the CPU needs it */
     struct sst_map_u8 seen;
 };
 
@@ -129,6 +131,7 @@ struct sst_raw_view {
 struct sst_render_tap {
     int view;
     const struct sst_view *v;
+    const struct sst_raw_view *frame;  /* what a device makes its pixels from; NULL: from v's image */
     const struct sst_sampler *sampler; /* of frames, at (x + ix + fx, y + iy + fy); NULL: v's image is the view */
     int ix, iy, nx, ny;
     double fx, fy; /* 0, or at least 1e-6 from 0 and 1 */
@@ -153,6 +156,8 @@ struct sst_render_plan {
     struct sst_render_config cfg;
     bool weighted; /* false: rays have aperture weights only, plain refocusing */
     bool summed;   /* ... which are all 1 */
+    bool sampled;  /* colours are sampled from frames, where there are any, at the rays; else from rectified views */
+    bool pending;  /* samplers or rectified views are not there yet: see render_need_frames() */
     int count;
     struct sst_render_tap tap[SST_MAX_VIEWS]; /* in view order: the order of summation */
     struct sst_blend blend;                   /* shared by all rows */

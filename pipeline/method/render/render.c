@@ -67,6 +67,7 @@ void sst_renderer_destroy(struct sst_renderer *r)
         sst_map_u8_fini(&r->raw[k].seen);
     }
     free(r->raw);
+    free(r->rectified);
     render_device_destroy(r->device);
     landed_destroy(r->landed);
     skip_bounds_destroy(r->bounds);
@@ -485,17 +486,31 @@ static void find_rows(const struct sst_render_plan *p, const uint8_t *cells, int
     }
 }
 
-/* On the device, if there is one that can. */
-static int render_anywhere(struct sst_renderer *r, struct picture *pic)
+/* True if the CPU has to recompute pixels that a device has blended. */
+static bool has_weak_pixels(const struct picture *pic)
 {
-    int top = 0, end = pic->plan->lf->height, err;
+    const size_t n = (size_t)pic->out->width * (size_t)pic->out->height;
+    bool weak = false;
+
+    for (size_t i = 0; i < n && !weak; i++)
+        weak = pic->words[i] >> 24 & SST_GPU_PIXEL_BELOW;
+    return weak;
+}
+
+/* On the device, if there is one that can. @param own  the picture's plan where frames may be pending; else NULL */
+static int render_anywhere(struct sst_renderer *r, struct picture *pic, struct sst_render_plan *own)
+{
+    int top = 0, end = pic->plan->lf->height, err = 0;
     bool begun = false;
 
     if (r->device && pic->cells)
         find_rows(pic->plan, pic->cells, &top, &end);
     if (r->device && top < end)
         begun = render_device_begin(r->device, pic->plan, top, end, &pic->words, &pic->weights);
-    err = r->device || pic->cells ? render_bands(pic) : render_skipping(r, pic);
+    if (own && own->pending && (!begun || own->verifier || has_weak_pixels(pic)))
+        err = render_need_frames(own, r);
+    if (!err)
+        err = r->device || pic->cells ? render_bands(pic) : render_skipping(r, pic);
     if (begun)
         render_device_end(r->device);
     return err;
@@ -512,7 +527,7 @@ int sst_render_plan_render_live(struct sst_renderer *r, const struct sst_render_
         r->bounds = NULL;
         pthread_mutex_unlock(&r->lock);
     }
-    return render_anywhere(r, &pic);
+    return render_anywhere(r, &pic, NULL);
 }
 
 int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, struct sst_image *out,
@@ -530,12 +545,12 @@ int sst_render(struct sst_renderer *r, const struct sst_render_config *cfg, stru
     }
     if (cfg->method == SST_RENDER_CLEAR)
         return clear_render(r, cfg, out, valid);
-    err = sst_render_plan_init(&plan, r, cfg);
+    err = r->device ? render_plan_init_pending(&plan, r, cfg) : sst_render_plan_init(&plan, r, cfg);
     if (err)
         return err;
     if (plan.explainer)
         explainer_keep(plan.explainer);
-    err = render_anywhere(r, &(struct picture){ .plan = &plan, .out = out, .valid = valid });
+    err = render_anywhere(r, &(struct picture){ .plan = &plan, .out = out, .valid = valid }, &plan);
     sst_render_plan_fini(&plan);
     return err;
 }

@@ -130,17 +130,28 @@ void sst_renderer_destroy(struct sst_renderer *r);
 /**
  * Render on a device from now on, where it has shaders for it; no picture may be rendered meanwhile.
  *
- * Verified rays, pixels whose weights underflow, the holes of clear pictures and rays from raw frames are the CPU's.
+ * Verified rays, pixels whose weights underflow, the holes of clear pictures and, where they are sampled from raw
+ * frames, clear pictures are the CPU's. Other rays from raw frames are resampled on the device for each picture.
  * Pictures differ from those of the CPU by at most SST_GPU_BLEND_LEVELS levels (pipeline/gpu/blend.h, clear.h), except
  * where rays are verified and the sum of weights lies at a threshold. A device that fails is logged as a warning and
  * counted; the picture is then rendered on the CPU, and the device is tried again later.
  *
  * @param name          as of sst_gpu_open(), or "cpu": on no device; "auto" without a GPU as well
- * @param memory_bytes  that it may use of the device's memory; 0: three quarters. Views that do not fit are uploaded again
- *                      for each picture
+ * @param memory_bytes  that it may use of the device's memory; 0: three quarters. Views that do not fit are uploaded
+ * again for each picture
  * @return 0, or as sst_gpu_open() and -ENOTSUP (its shader is refused); logged
  */
 SST_MUST_CHECK int sst_renderer_use_device(struct sst_renderer *r, const char *name, uint64_t memory_bytes);
+
+/**
+ * Of a light field of raw frames (images_raw): rays are of rectified views from now on, with the pictures of the same
+ * light field loaded without SST_LOAD_RAW. A device rectifies on its own; the CPU does where it needs colours of views,
+ * once. Encoded frames (SST_LOAD_ENCODED) are decoded straight to memory that the device copies from. Not for rays that
+ * are verified: colours are counted in the frames.
+ *
+ * @return 0, -EINVAL (no raw frames), -ENOMEM; logged
+ */
+SST_MUST_CHECK int sst_renderer_use_rectified(struct sst_renderer *r);
 
 /** A light field that changes in tiles while a device renders it. All is borrowed, and must outlive the renderer. */
 struct sst_render_live {
@@ -172,6 +183,8 @@ struct sst_render_device_report {
     int chunks;              /* that the views lie in, now */
     int64_t dispatches, uploads, upload_bytes;
     int64_t total_ns, upload_ns, download_ns; /* of pictures */
+    int64_t rectified;                        /* views made there from raw frames */
+    int64_t frames_ns;                        /* of upload_ns: frames decoded, and tables made, for them */
 };
 
 /** @return false: there is no device */

@@ -13,6 +13,7 @@
 #include "pipeline/gpu/backoff.h"
 #include "pipeline/gpu/blend.h"
 #include "pipeline/gpu/clear.h"
+#include "pipeline/image/jpeg_planes.h"
 #include "pipeline/method/render/plan.h"
 
 struct explainer; /* of one plan; any number of threads may use it once prepared */
@@ -30,6 +31,28 @@ SST_MUST_CHECK int explainer_prepare(struct explainer *e);
 
 /** True if the pixel (x, y) of the view of tap k, whose disparity is known, is unexplained. */
 bool explainer_contradicts(const struct explainer *e, int k, int x, int y);
+
+/* --- frames.c: raw frames --- */
+
+/** How frames are resampled. */
+enum sst_filter render_frame_filter(const struct sst_lightfield *lf);
+
+/** Set the frames of the plan's taps, and create their maps on first use. @return 0, -ENOMEM, -EINVAL; logged */
+SST_MUST_CHECK int render_plan_frames(struct sst_render_plan *p, struct sst_renderer *r);
+
+/** Make what the CPU needs of frames, if the plan has any and it is not there: samplers, or rectified views. @return 0,
+ *  -ENOMEM, -EBADMSG (a frame cannot be decoded); logged */
+SST_MUST_CHECK int render_need_frames(struct sst_render_plan *p, struct sst_renderer *r);
+/** The same for one view. */
+SST_MUST_CHECK int render_need_view(struct sst_renderer *r, int view);
+
+/** Set `rectified` and `seen` of a frame with a sampler, under the renderer's lock. @return 0, -ENOMEM; not logged */
+SST_MUST_CHECK int render_rectify_frame(struct sst_renderer *r, int view);
+
+/** As sst_render_plan_init() for pictures that a device may render: render_need_frames() has to be called before the
+ * CPU has anything to do with colours of views. */
+SST_MUST_CHECK int render_plan_init_pending(struct sst_render_plan *p, struct sst_renderer *r,
+                                            const struct sst_render_config *cfg);
 
 /* --- device.c: pictures on a GPU ---------------------------------------------------------------------------------- */
 
@@ -71,7 +94,7 @@ bool render_device_begin_clear(struct render_device *d, struct device_clear *c, 
 
 void render_device_report(struct render_device *d, struct sst_render_device_report *out);
 
-/* A device from inside: device.c, device_views.c, device_picture.c, device_clear.c. */
+/* A device from inside: device.c, device_views.c, device_frames.c, device_picture.c, device_clear.c. */
 
 #define DEVICE_NO_VIEW (-1)
 
@@ -85,10 +108,34 @@ struct device_slot {
     uint64_t serial, since;
     double disp_min_px;
     unsigned maps;
+    double part_x, part_y; /* of a view made from a frame: its pixels were sampled this far right of and below theirs */
 };
 
 struct device_chunk {
     struct sst_gpu_buffer *pixels, *disp, *valid;
+};
+
+#define DEVICE_SPANS 8
+
+/** A frame in mapped memory, with what its view needs besides: to be copied from there. */
+struct device_frame {
+    const struct sst_render_tap *tap; /* NULL: none */
+    struct sst_gpu_span *span;
+    double part_x, part_y;
+    bool loaded, with_maps; /* the frame is in the span; labels and disparities are */
+    bool encoded;           /* the frame is the samples of a JPEG, as of layout */
+    struct sst_jpeg_planes layout;
+    struct sst_rectify_list list;
+};
+
+/** What views are made from frames with; all NULL and 0 until there is one. */
+struct device_frames {
+    struct sst_gpu_buffer *frame, *samples, *places, *list, *light, *labels, *weights;
+    bool decodes;                 /* samples of JPEG files become colours there */
+    struct sst_gpu_buffer **kept; /* [views] frames that stay on the device; owned, its elements of gpu */
+    size_t frame_bytes, places_bytes, light_bytes, list_bytes; /* room in the buffers */
+    struct device_frame ready[DEVICE_SPANS];
+    int spans;
 };
 
 struct render_device {
@@ -115,6 +162,7 @@ struct render_device {
     struct sst_gpu_buffer *params, *table, *sums, *out;
     struct sst_gpu_buffer *clear_params, *landed, *masks; /* of clear pictures, of this many views: */
     int clear_views;
+    struct device_frames frames;
     int rows;          /* of the picture that sums and out hold */
     size_t table_rows; /* that table holds */
     /* host memory, reused */
@@ -139,8 +187,30 @@ struct device_slot *device_find_slot(struct render_device *d, int view);
  *  all of them */
 struct device_slot *device_free_slot(struct render_device *d);
 
-/** Have a view in a slot as it is now. */
-SST_MUST_CHECK int device_place_view(struct render_device *d, struct device_slot *s, int view, int threads);
+/** Have a tap's view in a slot as it is now. */
+SST_MUST_CHECK int device_place_view(struct render_device *d, struct device_slot *s, const struct sst_render_tap *t,
+                                     bool sampled, int threads);
+
+/** Taps of a picture, and whether their rays are sampled from frames, each between pixels. */
+struct device_taps {
+    const struct sst_render_tap *tap[SST_MAX_VIEWS];
+    int count, threads;
+    bool sampled;
+};
+
+/** Buffers for views that are made from frames, if any is; before there are views. @return -ENOTSUP: the shader is
+ * refused */
+SST_MUST_CHECK int device_make_frames(struct render_device *d, const struct device_taps *taps);
+void device_drop_frames(struct render_device *d);
+
+/** Have the frame of the tap `from` in mapped memory, if it is needed, and those of the next ones with it, on all
+ * threads.
+ *  @return -EBADMSG (a frame cannot be decoded: not logged), -ENOMEM, or an error of the device */
+SST_MUST_CHECK int device_ready_frames(struct render_device *d, const struct device_taps *taps, int from);
+
+/** Make the pixels of a tap's view in a slot from its frame, if they are not there. */
+SST_MUST_CHECK int device_place_frame(struct render_device *d, struct device_slot *s, const struct sst_render_tap *t,
+                                      bool sampled);
 
 /** Buffers of a band of the picture, as many rows as fit: sums and results use at most a quarter of the memory. */
 SST_MUST_CHECK int device_make_bands(struct render_device *d);

@@ -1,0 +1,380 @@
+/* Raw frames on the dummy device: rectified and sampled there, encoded ones, its faults, what ends on the CPU. */
+#include <errno.h>
+
+#include <turbojpeg.h>
+
+#include "base/log.h"
+#include "pipeline/gpu/gpu_internal.h"
+#include "pipeline/gpu/jpeg_rgb.h"
+#include "pipeline/image/codec.h"
+#include "pipeline/image/jpeg_planes.h"
+#include "pipeline/kernels/kernels.h"
+#include "tests/frames_field.h"
+#include "tests/small.h"
+
+#define VIEWS     6
+#define SELF_TEST 15 /* dispatches of the self-tests of `blend` and `rectify` */
+
+static struct raw_field field;
+
+static int set_up(void **state SST_UNUSED)
+{
+    return frames_make(&field);
+}
+
+static int tear_down(void **state SST_UNUSED)
+{
+    raw_field_free(&field);
+    return 0;
+}
+
+/* Views made by the device: the bytes of the CPU, once for all pictures; and again and again with little memory. */
+static void rectified_views_have_the_bytes_of_the_cpu(void **state SST_UNUSED)
+{
+    struct sst_render_device_report report;
+
+    assert_int_equal(frames_compare(&field, false, "dummy", 0, 0, &report), 0);
+    assert_int_equal(report.pictures, FRAMES_PICTURES - 1);
+    assert_int_equal(report.on_cpu, 0);
+    assert_int_equal(report.failures, 0);
+    assert_int_equal(report.rectified, 2 * VIEWS); /* again where the first table of labels takes room */
+    assert_int_equal(report.uploads, 2 * VIEWS);
+    assert_int_equal(frames_compare(&field, false, "dummy", (uint64_t)1150 << 10, 0, &report), 0);
+    assert_true(report.rectified > 3 * VIEWS);
+    assert_int_equal(report.failures, 0);
+}
+
+/* Places between pixels may differ by 1/256 px where a row is not begun at the same pixel. */
+static void sampled_rays_are_those_of_the_cpu(void **state SST_UNUSED)
+{
+    struct sst_render_device_report report;
+
+    for (int small = 0; small < 2; small++) {
+        assert_in_range(frames_compare(&field, true, "dummy", small ? (uint64_t)1150 << 10 : 0, 1, &report), 0,
+                        FRAMES_PICTURES * FRAMES_WIDTH * FRAMES_HEIGHT / 1000);
+        assert_int_equal(report.pictures, FRAMES_PICTURES - 1);
+        assert_int_equal(report.on_cpu, 1);
+        assert_string_equal(report.why, "the rays of clear pictures are sampled from raw frames");
+        assert_int_equal(report.failures, 0);
+        assert_true(report.rectified > 3 * VIEWS);
+        if (!small)
+            assert_int_equal(report.uploads, 2 * VIEWS); /* the frames stay */
+        else
+            assert_true(report.uploads > 3 * VIEWS);
+    }
+}
+
+/* What fails ends on the CPU with the same picture. */
+static void failures_end_on_the_cpu(void **state SST_UNUSED)
+{
+    static const struct {
+        const char *name, *why;
+        int pictures, failures;
+    } devices[] = {
+        { "dummy:lost=16", "the device is lost", 0, 3 },            /* the first view, each time it is opened */
+        { "dummy:timeout=18", "the device does not answer", 0, 3 }, /* the third one */
+        { "dummy:buffer=55", "not enough memory on the device", 0, 3 },
+        { "dummy:wrong=14", "the shader that rectifies is refused", 0, 0 },
+    };
+    struct sst_render_device_report report;
+
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        for (int sampled = 0; sampled < 2; sampled++) {
+            print_message("%s\n", devices[i].name);
+            assert_int_equal(frames_compare(&field, sampled, devices[i].name, 0, 0, &report), 0);
+            assert_int_equal(report.pictures, devices[i].pictures);
+            assert_int_equal(report.on_cpu, FRAMES_PICTURES - !sampled);
+            assert_int_equal(report.failures, devices[i].failures);
+        }
+    }
+}
+
+/* A light field whose frames are JPEG files, and one of their pixels. */
+static void encode(struct sst_lightfield *encoded, struct sst_lightfield *decoded)
+{
+    const size_t bytes = VIEWS * sizeof(*encoded->views);
+
+    *encoded = *decoded = field.raw;
+    encoded->views = malloc(bytes);
+    decoded->views = malloc(bytes);
+    assert_true(encoded->views && decoded->views);
+    memcpy(encoded->views, field.raw.views, bytes);
+    memcpy(decoded->views, field.raw.views, bytes);
+    for (int k = 0; k < VIEWS; k++) {
+        struct sst_view *v = &encoded->views[k];
+
+        assert_int_equal(sst_image_encode_jpeg(&v->image, 90, &v->encoded, &v->encoded_bytes), 0);
+        v->image = (struct sst_image){ 0 };
+        assert_int_equal(sst_lightfield_decode_frame(&decoded->views[k].image, encoded, k), 0);
+    }
+}
+
+static void discard(struct sst_lightfield *encoded, struct sst_lightfield *decoded)
+{
+    for (int k = 0; k < VIEWS; k++) {
+        free(encoded->views[k].encoded);
+        sst_image_fini(&decoded->views[k].image);
+    }
+    free(encoded->views);
+    free(decoded->views);
+}
+
+static struct frames_picture render(const struct sst_lightfield *lf, const char *device, bool sampled, int picture)
+{
+    const struct sst_render_config cfg = frames_config(picture);
+    struct frames_picture p;
+    struct sst_renderer *r;
+
+    assert_int_equal(sst_renderer_create(&r, lf, 2), 0);
+    if (!sampled)
+        assert_int_equal(sst_renderer_use_rectified(r), 0);
+    assert_int_equal(sst_renderer_use_device(r, device, 0), 0);
+    p = frames_render(r, lf, &cfg);
+    sst_renderer_destroy(r);
+    return p;
+}
+
+/* Files that are decoded to where the device copies from, or when the CPU needs them: the same pictures. */
+static void encoded_frames_are_decoded_where_they_are_needed(void **state SST_UNUSED)
+{
+    static const int pictures[] = { 0, 3, FRAMES_CLEAR };
+    struct sst_lightfield encoded, decoded;
+
+    encode(&encoded, &decoded);
+    for (size_t i = 0; i < ARRAY_LEN(pictures); i++) {
+        struct frames_picture want = render(&decoded, "cpu", false, pictures[i]);
+        struct frames_picture got[] = { render(&encoded, "dummy", false, pictures[i]),
+                                        render(&encoded, "cpu", false, pictures[i]),
+                                        render(&encoded, "dummy:lost=22", false, pictures[i]),
+                                        render(&encoded, "cpu", true, pictures[i]) };
+        struct frames_picture sampled = render(&decoded, "cpu", true, pictures[i]);
+
+        for (size_t k = 0; k < ARRAY_LEN(got); k++) {
+            assert_int_equal(frames_count(k == 3 ? &sampled : &want, &got[k], 0), 0);
+            frames_free(&got[k]);
+        }
+        frames_free(&want);
+        frames_free(&sampled);
+    }
+    discard(&encoded, &decoded);
+}
+
+/* The picture fails, with one message; the device is not to blame. */
+static void a_damaged_frame_is_an_error(void **state SST_UNUSED)
+{
+    const struct sst_render_config cfg = frames_config(0);
+    struct sst_render_device_report report;
+    struct sst_lightfield encoded, decoded;
+    struct sst_image out = { 0 };
+    char text[SST_LOG_MAX] = "";
+    struct sst_renderer *r;
+
+    encode(&encoded, &decoded);
+    encoded.views[2].encoded_bytes /= 2;
+    assert_int_equal(sst_image_init(&out, encoded.width, encoded.height), 0);
+    assert_int_equal(sst_renderer_create(&r, &encoded, 2), 0);
+    assert_int_equal(sst_renderer_use_rectified(r), 0);
+    assert_int_equal(sst_renderer_use_device(r, "dummy", 0), 0);
+    sst_log_hold_errors(text);
+    assert_int_equal(sst_render(r, &cfg, &out, NULL), -EBADMSG);
+    sst_log_hold_errors(NULL);
+    assert_contains(text, "damaged or truncated JPEG");
+    assert_true(sst_renderer_device(r, &report));
+    assert_int_equal(report.failures, 0);
+    assert_string_equal(report.why, "a frame cannot be decoded");
+    sst_renderer_destroy(r);
+    sst_image_fini(&out);
+    discard(&encoded, &decoded);
+}
+
+/* Frames in mapped memory have the pixels of the decoder for images: colour, grey, four components, another size. */
+static void decoding_to_memory_gives_the_same_pixels(void **state SST_UNUSED)
+{
+    const struct sst_image *img = &field.raw.views[0].image;
+    const size_t stride = 4 * (size_t)img->width + 4;
+    uint8_t *memory = malloc(stride * (size_t)img->height), *jpeg;
+    char text[SST_LOG_MAX] = "";
+    struct sst_image want;
+    size_t bytes;
+
+    assert_non_null(memory);
+    assert_int_equal(sst_image_encode_jpeg(img, 70, &jpeg, &bytes), 0);
+    assert_int_equal(sst_image_decode(&want, jpeg, bytes, "frame"), 0);
+    assert_int_equal(sst_image_decode_rgbx(memory, stride, img->width, img->height, jpeg, bytes, "frame"), 0);
+    for (int y = 0; y < img->height; y++) {
+        for (int x = 0; x < img->width; x++) {
+            for (int c = 0; c < 3; c++)
+                assert_int_equal(memory[(size_t)y * stride + 4 * (size_t)x + (size_t)c], sst_image_row(&want, c, y)[x]);
+        }
+    }
+    sst_log_hold_errors(text);
+    assert_int_equal(sst_image_decode_rgbx(memory, stride, img->width + 1, img->height, jpeg, bytes, "frame"),
+                     -EBADMSG);
+    assert_contains(text, "instead of 135x97");
+    assert_int_equal(sst_image_decode_rgbx(memory, stride, img->width, img->height, memory, bytes, "frame"), -EBADMSG);
+    assert_contains(text, "is no JPEG");
+    sst_log_hold_errors(NULL);
+    sst_image_fini(&want);
+    free(jpeg);
+    free(memory);
+}
+
+/* Encode the upper left part of a frame. */
+static void encode_part(int width, int height, int sampling, int flags, uint8_t **jpeg, unsigned long *bytes)
+{
+    const struct sst_image *img = &field.raw.views[1].image;
+    uint8_t *rgb = malloc(3 * (size_t)width * (size_t)height);
+    tjhandle tj = tjInitCompress();
+
+    assert_true(rgb && tj);
+    for (int i = 0; i < width * height; i++) {
+        for (int c = 0; c < 3; c++) /* strong colours, that chroma differs from place to place */
+            rgb[3 * i + c] = (uint8_t)(sst_image_row(img, c, i / width)[i % width] * (1 + (i / 3 + c) % 3));
+    }
+    *jpeg = NULL;
+    assert_int_equal(tjCompress2(tj, rgb, width, 0, height, TJPF_RGB, jpeg, bytes, sampling, 93, flags), 0);
+    tjDestroy(tj);
+    free(rgb);
+}
+
+static void check_planes(const uint8_t *jpeg, size_t bytes)
+{
+    struct sst_jpeg_planes p;
+    struct sst_gpu_jpeg push;
+    struct sst_image want;
+    uint32_t *frame;
+    uint8_t *planes;
+
+    assert_int_equal(sst_image_decode(&want, jpeg, bytes, "frame"), 0);
+    assert_int_equal(sst_jpeg_planes_read(&p, jpeg, bytes, "frame"), 0);
+    planes = malloc(p.bytes);
+    frame = malloc(4 * (size_t)p.width * (size_t)p.height);
+    assert_true(planes && frame);
+    assert_int_equal(sst_jpeg_planes_decode(planes, &p, jpeg, bytes, "frame"), 0);
+    push = (struct sst_gpu_jpeg){ p.width,
+                                  p.height,
+                                  p.count,
+                                  p.across,
+                                  p.down,
+                                  p.chroma_width,
+                                  p.chroma_height,
+                                  { (uint32_t)p.at[0], (uint32_t)p.at[1], (uint32_t)p.at[2] },
+                                  { (uint32_t)p.stride[0], (uint32_t)p.stride[1], (uint32_t)p.stride[2] } };
+    jpeg_rgb_reference(&push, (void *const[]){ planes, frame }, NULL);
+    for (int y = 0; y < p.height; y++) {
+        for (int x = 0; x < p.width; x++) {
+            for (int c = 0; c < 3; c++)
+                assert_int_equal(frame[y * p.width + x] >> (8 * c) & 0xFF, sst_image_row(&want, c, y)[x]);
+        }
+    }
+    sst_image_fini(&want);
+    free(planes);
+    free(frame);
+}
+
+/* Samples of a JPEG become the colours that the decoder for images gives, whatever the sampling and size. */
+static void samples_become_the_colours_of_the_decoder(void **state SST_UNUSED)
+{
+    static const int samplings[] = { TJSAMP_420, TJSAMP_422, TJSAMP_444, TJSAMP_GRAY };
+    static const int sizes[][2] = { { 134, 97 }, { 133, 96 }, { 64, 64 }, { 17, 3 }, { 6, 1 } };
+    struct sst_jpeg_planes p;
+    unsigned long bytes;
+    uint8_t *jpeg;
+
+    for (size_t i = 0; i < ARRAY_LEN(samplings); i++) {
+        for (size_t k = 0; k < ARRAY_LEN(sizes); k++) {
+            encode_part(sizes[k][0], sizes[k][1], samplings[i], k % 2 ? TJFLAG_PROGRESSIVE : 0, &jpeg, &bytes);
+            check_planes(jpeg, bytes);
+            tjFree(jpeg);
+        }
+    }
+    encode_part(40, 40, TJSAMP_440, 0, &jpeg, &bytes);
+    assert_int_equal(sst_jpeg_planes_read(&p, jpeg, bytes, "frame"), -ENOTSUP);
+    tjFree(jpeg);
+    encode_part(4, 4, TJSAMP_420, 0, &jpeg, &bytes);
+    assert_int_equal(sst_jpeg_planes_read(&p, jpeg, bytes, "frame"), -ENOTSUP);
+    tjFree(jpeg);
+}
+
+/* The places of a row from the pieces of a table. */
+static void places_of(const struct sst_rectify_tables *t, const struct sst_places *cells,
+                      const struct sst_rectify_list *list, double x0, int n, int32_t *xy_q8)
+{
+    for (int x = 0; x < n; x++) {
+        const int cell = sst_min_int(x >> t->cell_shift, t->cells - 1), column = x - (cell << t->cell_shift);
+        const struct sst_places *p = &cells[cell];
+
+        xy_q8[2 * x] = xy_q8[2 * x + 1] = INT32_MIN;
+        if (p->most[0] >= 0)
+            sst_place_row_ref(xy_q8 + 2 * x, p, (float)x0 + (float)column, 1);
+        else if (p->most[0] == SST_PLACES_LISTED)
+            memcpy(xy_q8 + 2 * x, list->xy_q8 + 2 * (p->whole_q8[0] + column), 2 * sizeof(*xy_q8));
+    }
+}
+
+/* Tables of a map are the map: also where cells are exact or have no place, with a lens that folds. */
+static void tables_have_the_places_of_the_map(void **state SST_UNUSED)
+{
+    struct sst_rectified to = *field.raw.rectified;
+    int kinds[3] = { 0, 0, 0 }, off = 0, n = 0;
+
+    for (int strong = 0; strong < 2; strong++) {
+        struct sst_calib_camera *camera = &field.use.calib.camera[0], before = *camera;
+        struct sst_rectify_list list = { 0 };
+        struct sst_rectify_tables t;
+        struct sst_rectify_map *map;
+        struct sst_places cells[64];
+        int32_t want[2 * FRAMES_WIDTH], got[2 * FRAMES_WIDTH];
+
+        camera->k[0] = strong ? -0.35 : camera->k[0];
+        to.focal_px *= strong ? 0.3 : 1;
+        assert_int_equal(sst_rectify_map_create(&map, &to, &field.use.calib, 0), 0);
+        sst_rectify_map_tables(&t, map, SST_FILTER_LANCZOS);
+        assert_int_equal(t.taps, 6);
+        assert_true(t.cells <= 64 && t.falloff);
+        for (int row = 0; row < 2 * FRAMES_HEIGHT; row++) {
+            const double y = row / 2 + (row % 2) * 0.37, x0 = (row % 2) * 0.61;
+            const int width = FRAMES_WIDTH - row % 2;
+
+            if (row == 2 * FRAMES_HEIGHT - 1)
+                continue;
+            list.count = 0;
+            assert_int_equal(sst_rectify_map_cells(map, x0, y, cells, &list), 0);
+            for (int i = 0; i < t.cells; i++)
+                kinds[cells[i].most[0] >= 0 ? 0 : -cells[i].most[0]]++;
+            sst_rectify_map_row(map, x0, y, width, want);
+            places_of(&t, cells, &list, x0, width, got);
+            if (row % 2 == 0)
+                assert_memory_equal(got, want, 2 * sizeof(want[0]) * (size_t)width);
+            for (int i = 0; i < 2 * width; i++, n++) {
+                if (got[i] == want[i])
+                    continue;
+                off++;
+                assert_true(got[i] == INT32_MIN || want[i] == INT32_MIN || abs(got[i] - want[i]) == 1);
+            }
+        }
+        sst_rectify_map_destroy(map);
+        free(list.xy_q8);
+        *camera = before;
+    }
+    print_message("%d cubics, %d listed, %d without places; %d of %d places between pixels are off by 1/256 px\n",
+                  kinds[0], kinds[1], kinds[2], off, n);
+    assert_true(kinds[0] && kinds[1] && kinds[2]);
+    assert_in_range(off, 0, n / 500);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(rectified_views_have_the_bytes_of_the_cpu),
+        cmocka_unit_test(sampled_rays_are_those_of_the_cpu),
+        cmocka_unit_test(failures_end_on_the_cpu),
+        cmocka_unit_test(encoded_frames_are_decoded_where_they_are_needed),
+        cmocka_unit_test(a_damaged_frame_is_an_error),
+        cmocka_unit_test(decoding_to_memory_gives_the_same_pixels),
+        cmocka_unit_test(samples_become_the_colours_of_the_decoder),
+        cmocka_unit_test(tables_have_the_places_of_the_map),
+    };
+
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
