@@ -1,5 +1,5 @@
-/* Pictures on a device: opening it, what it is asked for, what ends on the CPU. Where the views lie: device_views.c; the
- * pictures themselves: device_picture.c, device_clear.c.
+/* Pictures on a device: opening it, what it is asked for, what ends on the CPU. Where the views lie: device_views.c;
+ * the pictures themselves: device_picture.c, device_clear.c.
  *
  * A device that fails is closed. The picture in work and the next ones are then rendered on the CPU, one more after
  * each failure, twice as many each time; then the device is opened again. */

@@ -17,8 +17,8 @@
 struct batch {
     const struct sst_render_plan *p;
     struct sst_gpu_blend push;
-    int chunk;  /* that they lie in, or the last ones did */
-    bool begun; /* views of the band were summed before */
+    int chunk;               /* that they lie in, or the last ones did */
+    bool begun;              /* views of the band were summed before */
     struct device_taps taps; /* that overlap the picture's rows */
     struct sst_gpu_blend_view view[SST_MAX_VIEWS];
 };

@@ -1,8 +1,8 @@
 /* Views on a device: the light field lies there in chunks, each a set of buffers with the pixels of several views.
  *
- * What does not fit is replaced while a picture is made, the views that were used least recently first. Of a light field
- * that changes, rows of tiles with a later serial number than the view's on the device are uploaded again when a picture
- * needs the view. */
+ * What does not fit is replaced while a picture is made, the views that were used least recently first. Of a light
+ * field that changes, rows of tiles with a later serial number than the view's on the device are uploaded again when a
+ * picture needs the view. */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

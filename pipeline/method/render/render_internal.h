@@ -143,7 +143,7 @@ struct render_device {
     const struct sst_lightfield *lf;
     char name[SST_GPU_NAME]; /* as asked for */
     struct sst_gpu_config cfg;
-    int pitch; /* pixels of a row of a view on the device */
+    int pitch;    /* pixels of a row of a view on the device */
     bool changes; /* lf does, as `live` has it */
     struct sst_render_live live;
     /* under lock */
