@@ -47,61 +47,78 @@ static void drop_views(struct sst_disparity_device *d)
     d->run = NULL;
 }
 
-static void close_gpu(struct sst_disparity_device *d)
+/* Free all buffers. */
+static void drop_all(void *arg)
 {
-    if (!d->gpu)
-        return;
+    struct sst_disparity_device *d = arg;
+
+    d->gpu = sst_gpu_shared_device(d->shared);
     drop_views(d);
     for (int i = 0; i < KEPT; i++) {
         sst_gpu_buffer_destroy(d->gpu, d->kept[i]);
         d->kept[i] = NULL;
         d->bytes[i] = 0;
     }
-    sst_gpu_close(d->gpu);
-    d->gpu = NULL;
     d->checked = NULL;
+    d->loaded = false;
 }
 
-static int open_gpu(struct sst_disparity_device *d)
+static void note_name(struct sst_disparity_device *d)
 {
-    const int err = sst_gpu_open_for(&d->gpu, d->name, &d->cfg, shaders, ARRAY_LEN(shaders), "match");
+    const struct sst_gpu_info *info = sst_gpu_shared_info(d->shared);
 
-    if (err)
-        return err;
-    snprintf(d->report.name, sizeof(d->report.name), "%s", sst_gpu_get_info(d->gpu)->name);
-    snprintf(d->report.driver, sizeof(d->report.driver), "%s", sst_gpu_get_info(d->gpu)->driver);
-    return 0;
+    snprintf(d->report.name, sizeof(d->report.name), "%s", info->name);
+    snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
 }
 
-int sst_disparity_device_create(struct sst_disparity_device **out, const char *name, uint64_t memory_bytes)
+int sst_disparity_device_create_on(struct sst_disparity_device **out, struct sst_gpu_shared *shared)
 {
     struct sst_disparity_device *d;
     int err;
 
     *out = NULL;
-    if (!strcmp(name, "cpu"))
+    if (!shared)
         return 0;
     d = calloc(1, sizeof(*d));
     if (!d) {
         sst_log_error("not enough memory for a device");
         return -ENOMEM;
     }
-    d->cfg.memory_bytes = memory_bytes;
-    snprintf(d->name, sizeof(d->name), "%s", name);
-    err = open_gpu(d);
+    d->shared = shared;
+    d->user = (struct sst_gpu_user){
+        .shaders = shaders, .count = ARRAY_LEN(shaders), .work = "match", .drop = drop_all, .arg = d
+    };
+    err = sst_gpu_shared_join(shared, &d->user);
     if (err) {
-        sst_disparity_device_destroy(d);
-        return err == -ENOENT && !strcmp(name, "auto") ? 0 : err;
+        free(d);
+        return err;
     }
+    note_name(d);
     *out = d;
     return 0;
+}
+
+int sst_disparity_device_create(struct sst_disparity_device **out, const char *name, uint64_t memory_bytes)
+{
+    struct sst_gpu_shared *shared;
+    int err = sst_gpu_shared_create(&shared, name, memory_bytes);
+
+    *out = NULL;
+    err = err ? err : sst_disparity_device_create_on(out, shared);
+    if (err)
+        sst_gpu_shared_destroy(shared);
+    else if (*out)
+        (*out)->own = true;
+    return err;
 }
 
 void sst_disparity_device_destroy(struct sst_disparity_device *d)
 {
     if (!d)
         return;
-    close_gpu(d);
+    sst_gpu_shared_leave(d->shared, &d->user);
+    if (d->own)
+        sst_gpu_shared_destroy(d->shared);
     sst_mem_kept_fini(&d->words);
     free(d);
 }
@@ -123,23 +140,36 @@ void sst_disparity_device_note_stage(struct sst_disparity_device *d, enum sst_di
 void disparity_device_fail(struct sst_disparity_device *d, int err)
 {
     sst_log_warning("%s: %s; the view is done on the CPU, and the device is opened again after %d more", d->report.name,
-                    sst_gpu_error(err), sst_gpu_backoff_fail(&d->backoff));
+                    sst_gpu_error(err), sst_gpu_shared_fail(d->shared));
     snprintf(d->report.why, sizeof(d->report.why), "%s", sst_gpu_error(err));
     d->report.failures++;
-    close_gpu(d);
 }
 
-bool disparity_device_may_try(struct sst_disparity_device *d)
+bool disparity_device_begin(struct sst_disparity_device *d)
 {
-    if (sst_gpu_backoff_skips(&d->backoff))
-        return false;
-    if (!d->gpu) {
-        const int err = open_gpu(d);
+    int err;
 
-        if (err)
-            disparity_device_fail(d, err);
+    sst_gpu_shared_lock(d->shared);
+    d->gpu = sst_gpu_shared_take(d->shared, &d->user, &err);
+    if (d->gpu) {
+        note_name(d);
+        return true;
     }
-    return d->gpu;
+    if (err)
+        disparity_device_fail(d, err);
+    sst_gpu_shared_unlock(d->shared);
+    return false;
+}
+
+void disparity_device_resume(struct sst_disparity_device *d)
+{
+    sst_gpu_shared_lock(d->shared);
+    d->gpu = sst_gpu_shared_device(d->shared);
+}
+
+void disparity_device_end(struct sst_disparity_device *d)
+{
+    sst_gpu_shared_unlock(d->shared);
 }
 
 void disparity_device_drop(struct sst_disparity_device *d)
@@ -147,6 +177,7 @@ void disparity_device_drop(struct sst_disparity_device *d)
     static const enum device_kept large[] = { KEPT_CENSUS, KEPT_OTHER, KEPT_COST, KEPT_SUM };
 
     drop_views(d);
+    d->loaded = false;
     for (size_t i = 0; i < ARRAY_LEN(large); i++) {
         sst_gpu_buffer_destroy(d->gpu, d->kept[large[i]]);
         d->kept[large[i]] = NULL;
@@ -156,10 +187,14 @@ void disparity_device_drop(struct sst_disparity_device *d)
 
 void disparity_device_forget(struct sst_disparity_device *d, const struct disparity_run *run)
 {
-    if (d && d->checked == run)
+    if (!d)
+        return;
+    disparity_device_resume(d);
+    if (d->checked == run)
         d->checked = NULL;
-    if (d && d->run == run)
+    if (d->run == run)
         drop_views(d);
+    disparity_device_end(d);
 }
 
 const char *disparity_device_refuses(const struct disparity_run *run)
@@ -204,7 +239,10 @@ static int create(struct sst_disparity_device *d, struct sst_gpu_buffer **out, s
 {
     int err = sst_gpu_buffer_create(d->gpu, out, bytes);
 
-    return err == -ENOMEM && drop_unused(d) ? sst_gpu_buffer_create(d->gpu, out, bytes) : err;
+    if (err == -ENOMEM && drop_unused(d))
+        err = sst_gpu_buffer_create(d->gpu, out, bytes);
+    return err == -ENOMEM && sst_gpu_shared_make_room(d->shared, &d->user) ? sst_gpu_buffer_create(d->gpu, out, bytes)
+                                                                           : err;
 }
 
 int disparity_device_keep(struct sst_disparity_device *d, enum device_kept which, size_t count, size_t each)
@@ -725,7 +763,7 @@ bool disparity_device_match(struct sst_disparity_device *d, const struct device_
     struct match m = { .d = d, .in = in, .cfg = run->cfg, .width = run->width, .height = run->height };
     int err;
 
-    if (!disparity_device_may_try(d)) {
+    if (!disparity_device_begin(d)) {
         d->report.on_cpu += in->filter;
         return false;
     }
@@ -745,8 +783,9 @@ bool disparity_device_match(struct sst_disparity_device *d, const struct device_
     } else if (err) {
         disparity_device_fail(d, err);
     } else {
-        sst_gpu_backoff_succeed(&d->backoff);
+        sst_gpu_shared_succeed(d->shared);
         d->report.views += in->filter;
     }
+    disparity_device_end(d);
     return !err;
 }

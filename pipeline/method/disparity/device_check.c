@@ -167,20 +167,21 @@ bool disparity_device_check(struct sst_disparity_device *d, struct disparity_run
     const int64_t start_ns = sst_clock_now_ns();
     int err;
 
-    d->checked = NULL;
-    if (!disparity_device_may_try(d)) {
+    if (!disparity_device_begin(d)) {
         sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_CHECK);
         return false;
     }
+    d->checked = NULL;
     err = check_views(d, run);
     d->report.total_ns += sst_clock_now_ns() - start_ns;
     if (err) {
         give_up(d, SST_DISPARITY_STAGE_CHECK, err);
-        return false;
+    } else {
+        sst_gpu_shared_succeed(d->shared);
+        d->checked = run;
     }
-    sst_gpu_backoff_succeed(&d->backoff);
-    d->checked = run;
-    return true;
+    disparity_device_end(d);
+    return !err;
 }
 
 /* What the occlusions get from a group of views. */
@@ -238,7 +239,9 @@ bool disparity_device_fill(struct sst_disparity_device *d, struct disparity_run 
     const int64_t start_ns = sst_clock_now_ns();
     int err = 0;
 
-    if (d->checked != run || !d->gpu) {
+    disparity_device_resume(d);
+    if (d->checked != run) {
+        disparity_device_end(d);
         sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_FILL);
         return false;
     }
@@ -250,5 +253,6 @@ bool disparity_device_fill(struct sst_disparity_device *d, struct disparity_run 
     d->report.total_ns += sst_clock_now_ns() - start_ns;
     if (err)
         give_up(d, SST_DISPARITY_STAGE_FILL, err);
+    disparity_device_end(d);
     return !err;
 }

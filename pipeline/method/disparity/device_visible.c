@@ -51,11 +51,14 @@ bool disparity_device_load(struct sst_disparity_device *d, const struct sst_pack
 {
     int err;
 
-    if (!disparity_device_may_try(d))
+    if (!disparity_device_begin(d))
         return false;
     err = load(d, view, count, width, height);
     if (err)
         give_up(d, err);
+    else
+        d->loaded = true;
+    disparity_device_end(d);
     return !err;
 }
 
@@ -169,22 +172,36 @@ static int choose(struct sst_disparity_device *d, const struct device_hypotheses
     return err;
 }
 
-bool disparity_device_test(struct sst_disparity_device *d, const struct device_hypotheses *in)
+static int test(struct sst_disparity_device *d, const struct device_hypotheses *in)
 {
-    const int64_t start_ns = sst_clock_now_ns();
     int err = prepare(d, in);
 
     err = err ? err : test_costs(d, in);
     err = err ? err : optimise(d, in);
-    err = err ? err : choose(d, in);
-    d->report.total_ns += sst_clock_now_ns() - start_ns;
-    if (err) {
-        give_up(d, err);
-        return false;
+    return err ? err : choose(d, in);
+}
+
+bool disparity_device_test(struct sst_disparity_device *d, const struct device_hypotheses *in)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    bool done = false;
+    int err = 0;
+
+    disparity_device_resume(d);
+    if (d->loaded) {
+        err = test(d, in);
+        d->report.total_ns += sst_clock_now_ns() - start_ns;
+        done = !err;
     }
-    sst_gpu_backoff_succeed(&d->backoff);
-    d->report.tested++;
-    return true;
+    if (err)
+        give_up(d, err);
+    d->loaded = done;
+    if (done) {
+        sst_gpu_shared_succeed(d->shared);
+        d->report.tested++;
+    }
+    disparity_device_end(d);
+    return done;
 }
 
 void disparity_device_note_untested(struct sst_disparity_device *d)

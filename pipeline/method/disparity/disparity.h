@@ -2,7 +2,7 @@
 #ifndef SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
 
-#include "pipeline/gpu/gpu.h"
+#include "pipeline/gpu/shared.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/method/network/network.h"
 
@@ -137,6 +137,9 @@ struct sst_disparity_device_report {
  */
 SST_MUST_CHECK int sst_disparity_device_create(struct sst_disparity_device **out, const char *name,
                                                uint64_t memory_bytes);
+
+/** The same on a device that other kinds of work use as well. @param shared  lives longer; NULL: *out is NULL */
+SST_MUST_CHECK int sst_disparity_device_create_on(struct sst_disparity_device **out, struct sst_gpu_shared *shared);
 void sst_disparity_device_destroy(struct sst_disparity_device *d);
 
 /** What it has done since the last report. */

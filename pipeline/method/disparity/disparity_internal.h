@@ -4,8 +4,8 @@
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_INTERNAL_H
 
 #include "base/thread.h"
-#include "pipeline/gpu/backoff.h"
 #include "pipeline/gpu/gpu.h"
+#include "pipeline/gpu/shared.h"
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/network/network.h"
 
@@ -113,23 +113,29 @@ struct device_pixels {
 };
 
 struct sst_disparity_device {
-    char name[SST_GPU_NAME]; /* as asked for */
-    struct sst_gpu_config cfg;
-    struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
-    struct sst_gpu_backoff backoff;
+    struct sst_gpu_shared *shared;
+    bool own; /* shared is nobody else's */
+    struct sst_gpu_user user;
     struct sst_disparity_device_report report;
-    /* of gpu */
+    /* under the lock of shared */
+    struct sst_gpu *gpu; /* from disparity_device_begin() or disparity_device_resume() to disparity_device_end() */
     struct sst_gpu_buffer *kept[KEPT];
     size_t bytes[KEPT];
     const struct disparity_run *run; /* whose views these are: */
     struct device_pixels view[SST_MAX_VIEWS];
     int64_t turn;
     const struct disparity_run *checked; /* whose maps were checked last: they lie there with the results */
+    bool loaded;                         /* the views of a round of the second pass lie there */
     struct sst_mem_kept words;           /* of the host */
 };
 
-/** True if the device may be tried, and is open. */
-bool disparity_device_may_try(struct sst_disparity_device *d);
+/** Begin a piece of work. @return false: the device failed, or is left alone for now; logged and counted */
+bool disparity_device_begin(struct sst_disparity_device *d);
+
+/** Go on with what an earlier piece left on the device: `loaded` or `checked` say whether it is still there. */
+void disparity_device_resume(struct sst_disparity_device *d);
+
+void disparity_device_end(struct sst_disparity_device *d);
 
 /** After an error of the device: close it, and leave it alone for some views. */
 void disparity_device_fail(struct sst_disparity_device *d, int err);

@@ -5,14 +5,12 @@
 #include "pipeline/method/network/device.h"
 
 #include <errno.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "base/log.h"
-#include "pipeline/gpu/backoff.h"
 #include "pipeline/method/network/network_internal.h"
 
 #define MOST_PLANS 16
@@ -28,12 +26,11 @@ struct entry {
 };
 
 struct sst_network_device {
-    pthread_mutex_t lock;
-    char name[SST_GPU_NAME]; /* as asked for */
-    struct sst_gpu_config cfg;
-    /* under lock */
-    struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
-    struct sst_gpu_backoff backoff;
+    struct sst_gpu_shared *shared;
+    bool own; /* shared is nobody else's */
+    struct sst_gpu_user user;
+    /* under the lock of shared */
+    struct sst_gpu *gpu; /* in work */
     struct entry entry[MOST_PLANS];
     int entries;
     int64_t turn;
@@ -49,59 +46,71 @@ static void remove_entry(struct sst_network_device *d, int i)
     d->entry[i] = d->entry[--d->entries];
 }
 
-static void close_gpu(struct sst_network_device *d)
+static void drop(void *arg)
 {
-    if (!d->gpu)
-        return;
+    struct sst_network_device *d = arg;
+
     while (d->entries)
         remove_entry(d, 0);
-    sst_gpu_close(d->gpu);
-    d->gpu = NULL;
 }
 
-static int open_gpu(struct sst_network_device *d)
+static void note_name(struct sst_network_device *d)
+{
+    const struct sst_gpu_info *info = sst_gpu_shared_info(d->shared);
+
+    snprintf(d->report.name, sizeof(d->report.name), "%s", info->name);
+    snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
+}
+
+int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_shared *shared)
 {
     static const enum sst_gpu_shader shaders[] = { SST_GPU_NET_CONV8, SST_GPU_NET_CONV };
-    const int err = sst_gpu_open_for(&d->gpu, d->name, &d->cfg, shaders, ARRAY_LEN(shaders), "run networks");
-
-    if (err)
-        return err;
-    snprintf(d->report.name, sizeof(d->report.name), "%s", sst_gpu_get_info(d->gpu)->name);
-    snprintf(d->report.driver, sizeof(d->report.driver), "%s", sst_gpu_get_info(d->gpu)->driver);
-    return 0;
-}
-
-int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes)
-{
     struct sst_network_device *d;
     int err;
 
     *out = NULL;
-    if (!strcmp(name, "cpu"))
+    if (!shared)
         return 0;
     d = calloc(1, sizeof(*d));
     if (!d) {
         sst_log_error("not enough memory for a device");
         return -ENOMEM;
     }
-    pthread_mutex_init(&d->lock, NULL);
-    d->cfg.memory_bytes = memory_bytes;
-    snprintf(d->name, sizeof(d->name), "%s", name);
-    err = open_gpu(d);
+    d->shared = shared;
+    d->user = (struct sst_gpu_user){
+        .shaders = shaders, .count = ARRAY_LEN(shaders), .work = "run networks", .drop = drop, .arg = d
+    };
+    err = sst_gpu_shared_join(shared, &d->user);
     if (err) {
-        sst_network_device_close(d);
-        return err == -ENOENT && !strcmp(name, "auto") ? 0 : err;
+        free(d);
+        return err;
     }
+    note_name(d);
     *out = d;
     return 0;
+}
+
+int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes)
+{
+    struct sst_gpu_shared *shared;
+    int err = sst_gpu_shared_create(&shared, name, memory_bytes);
+
+    *out = NULL;
+    err = err ? err : sst_network_device_open_on(out, shared);
+    if (err)
+        sst_gpu_shared_destroy(shared);
+    else if (*out)
+        (*out)->own = true;
+    return err;
 }
 
 void sst_network_device_close(struct sst_network_device *d)
 {
     if (!d)
         return;
-    close_gpu(d);
-    pthread_mutex_destroy(&d->lock);
+    sst_gpu_shared_leave(d->shared, &d->user);
+    if (d->own)
+        sst_gpu_shared_destroy(d->shared);
     free(d);
 }
 
@@ -116,25 +125,23 @@ static void note_cpu(struct sst_network_device *d, const char *why)
 static void fail(struct sst_network_device *d, int err)
 {
     sst_log_warning("%s: %s; the network runs on the CPU, and the device is opened again after %d more runs",
-                    d->report.name, sst_gpu_error(err), sst_gpu_backoff_fail(&d->backoff));
+                    d->report.name, sst_gpu_error(err), sst_gpu_shared_fail(d->shared));
     note_cpu(d, sst_gpu_error(err));
     d->report.failures++;
-    close_gpu(d);
 }
 
 /* True if the device may be tried; else the run is noted as one for the CPU. */
 static bool may_try(struct sst_network_device *d)
 {
-    if (sst_gpu_backoff_skips(&d->backoff)) {
-        d->report.on_cpu++;
-        return false;
-    }
-    if (!d->gpu) {
-        const int err = open_gpu(d);
+    int err;
 
-        if (err)
-            fail(d, err);
-    }
+    d->gpu = sst_gpu_shared_take(d->shared, &d->user, &err);
+    if (d->gpu)
+        note_name(d);
+    else if (err)
+        fail(d, err);
+    else
+        d->report.on_cpu++;
     return d->gpu;
 }
 
@@ -175,7 +182,7 @@ static int create_plan(struct sst_network_device *d, struct entry *e, const stru
     if (!err) {
         do
             err = net_device_plan_create(&e->plan, d->gpu, job->graph, shapes, job->precision, e->why);
-        while (err == -ENOMEM && remove_oldest(d));
+        while (err == -ENOMEM && (remove_oldest(d) || sst_gpu_shared_make_room(d->shared, &d->user)));
         if (!err && net_device_plan_conv8(e->plan))
             snprintf(d->report.conv8, sizeof(d->report.conv8), "%s", net_device_plan_conv8(e->plan));
     }
@@ -239,26 +246,26 @@ bool net_device_run(struct sst_network_device *d, const struct net_device_job *j
 {
     int err;
 
-    pthread_mutex_lock(&d->lock);
+    sst_gpu_shared_lock(d->shared);
     err = may_try(d) ? run(d, job) : 1;
     if (err < 0)
         fail(d, err);
     else if (!err)
-        sst_gpu_backoff_succeed(&d->backoff);
-    pthread_mutex_unlock(&d->lock);
+        sst_gpu_shared_succeed(d->shared);
+    sst_gpu_shared_unlock(d->shared);
     return !err;
 }
 
 void net_device_note_cpu(struct sst_network_device *d, const char *why)
 {
-    pthread_mutex_lock(&d->lock);
+    sst_gpu_shared_lock(d->shared);
     note_cpu(d, why);
-    pthread_mutex_unlock(&d->lock);
+    sst_gpu_shared_unlock(d->shared);
 }
 
 void sst_network_device_get_report(struct sst_network_device *d, struct sst_network_device_report *out)
 {
-    pthread_mutex_lock(&d->lock);
+    sst_gpu_shared_lock(d->shared);
     *out = d->report;
     out->memory_bytes = 0;
     out->plans = 0;
@@ -268,16 +275,16 @@ void sst_network_device_get_report(struct sst_network_device *d, struct sst_netw
             out->memory_bytes += (int64_t)net_device_plan_bytes(d->entry[i].plan);
         }
     }
-    pthread_mutex_unlock(&d->lock);
+    sst_gpu_shared_unlock(d->shared);
 }
 
 void sst_network_device_clear_report(struct sst_network_device *d)
 {
     struct sst_network_device_report *r = &d->report;
 
-    pthread_mutex_lock(&d->lock);
+    sst_gpu_shared_lock(d->shared);
     r->runs = r->on_cpu = r->failures = r->dispatches = r->total_ns = r->upload_ns = r->download_ns = 0;
-    pthread_mutex_unlock(&d->lock);
+    sst_gpu_shared_unlock(d->shared);
 }
 #else
 int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes SST_UNUSED)
@@ -288,6 +295,12 @@ int sst_network_device_open(struct sst_network_device **out, const char *name, u
     sst_log_error("device `%s`: this build has no oneDNN, whose plans networks on a device need; leave out --device",
                   name);
     return -ENOTSUP;
+}
+
+int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_shared *shared)
+{
+    *out = NULL;
+    return shared ? sst_network_device_open(out, sst_gpu_shared_name(shared), 0) : 0;
 }
 
 void sst_network_device_close(struct sst_network_device *d SST_UNUSED)

@@ -7,7 +7,7 @@
 #ifndef SST_PIPELINE_METHOD_NETWORK_DEVICE_H
 #define SST_PIPELINE_METHOD_NETWORK_DEVICE_H
 
-#include "pipeline/gpu/gpu.h"
+#include "pipeline/gpu/shared.h"
 
 struct sst_network_device; /* any number of threads and networks; one network runs at a time */
 
@@ -20,6 +20,9 @@ struct sst_network_device; /* any number of threads and networks; one network ru
  * @return 0, as sst_gpu_open(), or -ENOTSUP (a shader of convolutions is refused, or built without oneDNN); logged
  */
 SST_MUST_CHECK int sst_network_device_open(struct sst_network_device **out, const char *name, uint64_t memory_bytes);
+
+/** The same on a device that other kinds of work use as well. @param shared  lives longer; NULL: *out is NULL */
+SST_MUST_CHECK int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_shared *shared);
 
 /** After all networks that use it. NULL is fine. */
 void sst_network_device_close(struct sst_network_device *d);
