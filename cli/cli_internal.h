@@ -22,6 +22,7 @@
 #include "pipeline/method/disparity/disparity.h"
 #include "pipeline/method/network/device.h"
 #include "pipeline/method/network/network.h"
+#include "pipeline/method/refine/refine.h"
 #include "pipeline/method/render/render.h"
 
 /* --- cli: what the subcommands of sst share: the command table, options, exit codes, progress. --- */
@@ -377,6 +378,19 @@ void cli_print_align(const struct sst_align_report *a);
 /** Print "NAME: 36 views of 1024x640, grid 6x6, offsets ..., disparity ..." of the light field in a folder. Only
  *  lightfield.json is read. @return 0 or its error; logged */
 SST_MUST_CHECK int cli_print_lightfield(const char *dir, const char *name);
+
+/* --- what devices have done in `sst process`: process_device.c --- */
+
+struct cli_process_devices {
+    struct sst_disparity_device_report matching; /* zeroed: no device */
+    struct sst_refine_device_report refinement;
+};
+
+/** For `--json`; "cpu" without a device. */
+json_t *cli_process_devices_json(const struct cli_process_devices *d);
+
+/** Log what devices have done, and what they have not. */
+void cli_process_report_devices(const struct cli_process_devices *d);
 
 /* --- networks on a device: network_device.c. d may be NULL: no device. --- */
 

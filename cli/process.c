@@ -55,67 +55,15 @@ static json_t *skipped_json(double percent, double error)
     return json_pack("{s:o, s:o}", "skipped_percent", cli_real_json(percent), "error_percent", cli_real_json(error));
 }
 
-/* What the device has done, for `--json`; "cpu" without one. */
-static json_t *device_json(const struct sst_disparity_device_report *d)
-{
-    json_t *root, *stages = json_array();
-
-    if (!*d->name) {
-        json_decref(stages);
-        return json_string("cpu");
-    }
-    for (int i = 0; i < SST_DISPARITY_STAGES; i++) {
-        if (d->stages_on_cpu >> i & 1)
-            json_array_append_new(stages, json_string(sst_disparity_stage_name((enum sst_disparity_stage)i)));
-    }
-    root = json_pack("{s:o, s:o, s:I, s:I, s:I, s:I, s:I, s:o, s:o}", "name", cli_text_json(d->name), "driver",
-                     cli_text_json(d->driver), "views", (json_int_t)d->views, "on_cpu", (json_int_t)d->on_cpu, "tested",
-                     (json_int_t)d->tested, "tested_on_cpu", (json_int_t)d->tested_on_cpu, "failures",
-                     (json_int_t)d->failures, "why_cpu", *d->why ? cli_text_json(d->why) : json_null(), "stages_on_cpu",
-                     stages);
-    if (root)
-        json_object_update_new(
-            root, json_pack("{s:I, s:I, s:I, s:I, s:f, s:f, s:f, s:f}", "in_bands", (json_int_t)d->in_bands,
-                            "dispatches", (json_int_t)d->dispatches, "uploads", (json_int_t)d->uploads, "upload_bytes",
-                            (json_int_t)d->upload_bytes, "seconds", (double)d->total_ns * 1e-9, "upload_seconds",
-                            (double)d->upload_ns * 1e-9, "wait_seconds", (double)d->wait_ns * 1e-9, "download_seconds",
-                            (double)d->download_ns * 1e-9));
-    return root;
-}
-
-/* Log what the device has done, and what it has not. */
-static void report_device(const struct sst_disparity_device_report *d)
-{
-    char stages[256] = "";
-
-    if (!*d->name)
-        return;
-    for (int i = 0; i < SST_DISPARITY_STAGES; i++) {
-        const size_t used = strlen(stages);
-
-        if (d->stages_on_cpu >> i & 1)
-            snprintf(stages + used, sizeof(stages) - used, "%s%s",
-                     used ? ", " : "; on the CPU: ", sst_disparity_stage_name((enum sst_disparity_stage)i));
-    }
-    if (d->on_cpu)
-        sst_log_warning("%lld of %lld views were matched on the CPU instead of %s: %s", (long long)d->on_cpu,
-                        (long long)(d->on_cpu + d->views), d->name, d->why);
-    else if (d->tested_on_cpu)
-        sst_log_warning("the hypotheses of %lld of %lld views were tested on the CPU instead of %s: %s",
-                        (long long)d->tested_on_cpu, (long long)(d->tested_on_cpu + d->tested), d->name, d->why);
-    else
-        sst_log_info("%lld views matched on %s%s", (long long)d->views, d->name, stages);
-}
-
 static int print_report(const struct sst_lightfield *lf, const struct sst_process_report *r,
                         struct sst_process_time load, struct sst_process_time saving, const char *dir,
-                        const struct wanted *w, const struct sst_disparity_device_report *device)
+                        const struct wanted *w, const struct cli_process_devices *devices)
 {
     const double total = load.wall_s + r->labels.wall_s + r->disparity.wall_s + r->refinement.wall_s + saving.wall_s;
     double focus_px = NAN;
     json_t *root, *levels;
 
-    report_device(device);
+    cli_process_report_devices(devices);
     cli_network_report_device(w->networks);
     cli_warn_judgement(&r->judgement, dir);
     levels = cli_levels_json(lf, dir);
@@ -169,7 +117,7 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
         cli_add_notices(root, lf, &r->notices);
         cli_add_judgement(root, lf, &r->judgement);
         json_object_set_new(root, "levels", levels);
-        json_object_set_new(root, "device", device_json(device));
+        json_object_set_new(root, "device", cli_process_devices_json(devices));
         json_object_set_new(root, "networks", cli_network_device_json(w->networks));
         json_object_set_new(root, "not_finite", json_integer((json_int_t)sst_border_count()));
         json_object_set_new(root, "align", cli_align_json(lf, &r->align, w->correct));
@@ -253,18 +201,31 @@ struct job {
     char **state;     /* of their claims */
     const char *text; /* of the job */
     bool split;       /* workers share views, not light fields */
+    struct sst_gpu_shared *device;
+    struct sst_refine_device *refinement;
 };
 
-/* The device, for matching and for networks where there are any. */
+/* One opening of the device, for matching, for refinement, and for networks where there are any. */
 static int open_devices(struct job *job)
 {
-    const uint64_t bytes = (uint64_t)job->w.device_memory << 20;
-    int err = sst_disparity_device_create(&job->cfg.disparity.device, job->w.device, bytes);
+    int err = sst_gpu_shared_create(&job->device, job->w.device, (uint64_t)job->w.device_memory << 20);
 
+    err = err ? err : sst_disparity_device_create_on(&job->cfg.disparity.device, job->device);
+    if (job->cfg.refine)
+        err = err ? err : sst_refine_device_create(&job->refinement, job->device);
     if (!err && ((!job->w.no_labels && !job->w.labels_dir) || job->cfg.disparity.cost & SST_COST_MCCNN))
-        err = sst_network_device_open(&job->w.networks, job->w.device, bytes);
+        err = sst_network_device_open_on(&job->w.networks, job->device);
     job->cfg.networks = job->cfg.disparity.networks = job->w.networks;
+    job->cfg.refinement.device = job->refinement;
     return err;
+}
+
+static void close_devices(struct job *job)
+{
+    sst_network_device_close(job->w.networks);
+    sst_refine_device_destroy(job->refinement);
+    sst_disparity_device_destroy(job->cfg.disparity.device);
+    sst_gpu_shared_destroy(job->device);
 }
 
 /* A light field whose maps are computed. */
@@ -282,7 +243,7 @@ static int save(void *arg, int i SST_UNUSED, bool again)
 {
     const struct computed *c = arg;
     struct sst_process_time clock = { 0, 0 }, saving;
-    struct sst_disparity_device_report device = { 0 };
+    struct cli_process_devices devices = { 0 };
     int err;
 
     if (again)
@@ -292,10 +253,13 @@ static int save(void *arg, int i SST_UNUSED, bool again)
     err = sst_process_save(&c->lf, &c->extras, c->dir, c->job->cfg.threads);
     saving = sst_process_lap(&clock);
     cli_progress_end();
-    if (c->job->cfg.disparity.device)
-        sst_disparity_device_report(c->job->cfg.disparity.device, &device);
+    if (c->job->device) {
+        sst_disparity_device_report(c->job->cfg.disparity.device, &devices.matching);
+        if (c->job->refinement)
+            sst_refine_device_report(c->job->refinement, &devices.refinement);
+    }
     if (!err)
-        err = print_report(&c->lf, &c->report, c->load, saving, c->dir, &c->job->w, &device);
+        err = print_report(&c->lf, &c->report, c->load, saving, c->dir, &c->job->w, &devices);
     if (c->job->w.networks)
         sst_network_device_clear_report(c->job->w.networks);
     return cli_exit_code(err);
@@ -494,9 +458,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "align", 0, CLI_STRING, &job.w.align, "WHEN",
           "auto: pictures that are displaced or have other gains are corrected; off: not" },
         { "device", 0, CLI_STRING, &job.w.device, "D",
-          "where views are labelled and matched: cpu (default), gpu, auto (gpu if there is one) or a part of a name" },
-        { "device-memory", 0, CLI_INT, &job.w.device_memory, "MIB",
-          "memory of the device that labels and matching use at most, each (three quarters of it)", 1, 1 << 24 },
+          "where views are labelled, matched and refined: cpu (default), gpu, auto (gpu if there is one) or a part of "
+          "a name" },
+        { "device-memory", 0, CLI_INT, &job.w.device_memory, "MIB", CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
         { "json", 0, CLI_FLAG, &job.w.json, NULL, "print one JSON object; of several light fields a line each" },
         CLI_SHARD_OPTIONS(shard),
         { "split-views", 0, CLI_FLAG, &job.split, NULL,
@@ -523,8 +487,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         if (!shard.status)
             r = cli_exit_code(open_devices(&job));
         r = r == CLI_GO_ON || r == CLI_OK ? process_listed(&job, count) : r;
-        sst_network_device_close(job.w.networks);
-        sst_disparity_device_destroy(job.cfg.disparity.device);
+        close_devices(&job);
     }
     free(dirs);
     return r;

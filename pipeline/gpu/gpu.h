@@ -43,8 +43,16 @@ enum sst_gpu_shader {
     SST_GPU_NET_UNIT = 24,
     SST_GPU_NET_CONV8_DOT = 25, /* variants of SST_GPU_NET_CONV8 */
     SST_GPU_NET_CONV8_MATRIX = 26,
-    SST_GPU_RECTIFY = 27,  /* rectify.h */
-    SST_GPU_JPEG_RGB = 28, /* jpeg_rgb.h */
+    SST_GPU_RECTIFY = 27,     /* rectify.h */
+    SST_GPU_JPEG_RGB = 28,    /* jpeg_rgb.h */
+    SST_GPU_REFINE_MASK = 29, /* refine.h */
+    SST_GPU_REFINE_COLUMNS = 30,
+    SST_GPU_REFINE_COMPETE = 31,
+    SST_GPU_REFINE_SUMS = 32,
+    SST_GPU_REFINE_PLANES = 33,
+    SST_GPU_REFINE_NORMALS = 34,
+    SST_GPU_REFINE_ASSIGN = 35,
+    SST_GPU_VOTE = 36, /* vote.h */
     SST_GPU_SHADERS
 };
 

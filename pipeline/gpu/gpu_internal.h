@@ -131,6 +131,22 @@ gpu_reference_fn rectify_reference;
 gpu_self_test_fn rectify_self_test;
 gpu_reference_fn jpeg_rgb_reference;
 gpu_self_test_fn jpeg_rgb_self_test;
+gpu_reference_fn refine_mask_reference;
+gpu_reference_fn refine_columns_reference;
+gpu_reference_fn refine_compete_reference;
+gpu_reference_fn refine_sums_reference;
+gpu_reference_fn refine_planes_reference;
+gpu_reference_fn refine_normals_reference;
+gpu_reference_fn refine_assign_reference;
+gpu_self_test_fn refine_mask_self_test;
+gpu_self_test_fn refine_columns_self_test;
+gpu_self_test_fn refine_compete_self_test;
+gpu_self_test_fn refine_sums_self_test;
+gpu_self_test_fn refine_planes_self_test;
+gpu_self_test_fn refine_normals_self_test;
+gpu_self_test_fn refine_assign_self_test;
+gpu_reference_fn vote_reference;
+gpu_self_test_fn vote_self_test;
 
 /* --- back ends ---------------------------------------------------------------------------------------------------- */
 

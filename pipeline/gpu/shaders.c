@@ -11,6 +11,8 @@
 #include "pipeline/gpu/match.h"
 #include "pipeline/gpu/net.h"
 #include "pipeline/gpu/rectify.h"
+#include "pipeline/gpu/refine.h"
+#include "pipeline/gpu/vote.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
     [SST_GPU_BLEND] = { "blend", SST_GPU_BLEND_BUFFERS, sizeof(struct sst_gpu_blend), blend_reference,
@@ -76,6 +78,24 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                           rectify_self_test },
     [SST_GPU_JPEG_RGB] = { "jpeg_rgb", SST_GPU_JPEG_BUFFERS, sizeof(struct sst_gpu_jpeg), jpeg_rgb_reference,
                            jpeg_rgb_self_test },
+    [SST_GPU_REFINE_MASK] = { "refine_mask", SST_GPU_REFINE_MASK_BUFFERS, sizeof(struct sst_gpu_refine_mask),
+                              refine_mask_reference, refine_mask_self_test },
+    [SST_GPU_REFINE_COLUMNS] = { "refine_columns", SST_GPU_REFINE_COLUMNS_BUFFERS,
+                                 sizeof(struct sst_gpu_refine_columns), refine_columns_reference,
+                                 refine_columns_self_test },
+    [SST_GPU_REFINE_COMPETE] = { "refine_compete", SST_GPU_REFINE_COMPETE_BUFFERS,
+                                 sizeof(struct sst_gpu_refine_compete), refine_compete_reference,
+                                 refine_compete_self_test },
+    [SST_GPU_REFINE_SUMS] = { "refine_sums", SST_GPU_REFINE_SUMS_BUFFERS, sizeof(struct sst_gpu_refine_window),
+                              refine_sums_reference, refine_sums_self_test },
+    [SST_GPU_REFINE_PLANES] = { "refine_planes", SST_GPU_REFINE_PLANES_BUFFERS, sizeof(struct sst_gpu_refine_window),
+                                refine_planes_reference, refine_planes_self_test },
+    [SST_GPU_REFINE_NORMALS] = { "refine_normals", SST_GPU_REFINE_NORMALS_BUFFERS,
+                                 sizeof(struct sst_gpu_refine_normals), refine_normals_reference,
+                                 refine_normals_self_test },
+    [SST_GPU_REFINE_ASSIGN] = { "refine_assign", SST_GPU_REFINE_ASSIGN_BUFFERS, sizeof(struct sst_gpu_refine_assign),
+                                refine_assign_reference, refine_assign_self_test },
+    [SST_GPU_VOTE] = { "vote", SST_GPU_VOTE_BUFFERS, sizeof(struct sst_gpu_vote), vote_reference, vote_self_test },
 };
 
 bool sst_gpu_is_variant(enum sst_gpu_shader shader)

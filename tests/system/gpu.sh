@@ -219,6 +219,23 @@ assert files
 for f in files:
     a, b = (numpy.asarray(Image.open(x)) for x in (f, f.replace("pair/", "pair1/")))
     assert (a != b).mean() < 1e-3, f' || fail "process with labels: others on lavapipe"
+  device both.json 'd["refinement"]["views"] == 2 and d["refinement"]["voted"] == 2 and d["refinement"]["on_cpu"] == 0'
+  # --- gaps in given labels: the bytes of the CPU, whatever the device does ---
+  cp -r pair/labels_hcsm given
+  rm -rf pair/labels* pair/entropy
+  for run in cpu: lavapipe: dummy: dummy:lost=130:lost dummy:timeout=140:answer dummy:memory=1:memory; do
+    rm -rf pair1
+    cp -r pair pair1
+    "$sst" process pair1 --preset preview --labels given --device "${run%:*}" --json >given.json 2>err || fail "labels on ${run%:*}: $(cat err)"
+    [ "$run" = cpu: ] && cp -r pair1/labels want_labels
+    diff -r want_labels pair1/labels >/dev/null || fail "given labels on ${run%:*}: others"
+    case $run in
+      cpu:) ;;
+      *:lost | *:answer | *:memory) device given.json "d['refinement']['on_cpu'] > 0 and '${run##*:}' in d['refinement']['why_cpu']" ;;
+      *) device given.json 'd["refinement"]["views"] == 2 and d["refinement"]["on_cpu"] == 0 and d["refinement"]["why_cpu"] is None' ;;
+    esac
+  done
+  diff -r given want_labels >/dev/null && fail "given labels: nothing was refined"
 fi
 
 # --- devices that are not there, or wrong ---

@@ -61,9 +61,33 @@ static void test_memory(void **state)
 /* A device that is lost stays so, and a shader with wrong results never runs. */
 static void test_faults(void **state)
 {
-    static const int dispatches[SST_GPU_SHADERS] = {
-        12, 4, 2, 32, 2, 1, 5, 1, 1, 1, 1, 1, 3, 4, 1, 1, 1, 2, 1
-    }; /* of its self-test */
+    static const int dispatches[SST_GPU_SHADERS] = { 12,
+                                                     4,
+                                                     2,
+                                                     32,
+                                                     2,
+                                                     1,
+                                                     5,
+                                                     1,
+                                                     1,
+                                                     1,
+                                                     1,
+                                                     1,
+                                                     3,
+                                                     4,
+                                                     1,
+                                                     1,
+                                                     1,
+                                                     2,
+                                                     1,
+                                                     [SST_GPU_REFINE_MASK] = 1,
+                                                     1,
+                                                     3,
+                                                     1,
+                                                     1,
+                                                     1,
+                                                     1,
+                                                     [SST_GPU_VOTE] = 1 }; /* of its self-test */
     const int faults[] = { -ENODEV, -ETIMEDOUT };
     struct sst_gpu_buffer *b;
     struct sst_gpu *g;

@@ -12,6 +12,7 @@
 #include "tests/frames_field.h"
 #include "tests/gpu_field.h"
 #include "tests/match_field.h"
+#include "tests/refine_field.h"
 
 #define DRIVERS "/usr/share/vulkan/icd.d/lvp_icd*.json"
 #define LAYERS  "/usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json"
@@ -177,6 +178,32 @@ static void test_matches(void **state)
     sst_lightfield_fini(&lf);
 }
 
+/* Labels are refined, and voted on, with the bytes of the CPU. */
+static void test_labels(void **state)
+{
+    struct sst_refine_device_report report;
+    struct sst_gpu_shared *shared;
+    struct sst_refine_config cfg;
+    struct sst_lightfield lf;
+    struct sst_refine_device *device;
+
+    (void)state;
+    refine_init(&lf, 2, 3, 93, 61);
+    assert_int_equal(sst_gpu_shared_create(&shared, "lavapipe", 0), 0);
+    assert_int_equal(sst_refine_device_create(&device, shared), 0);
+    for (int i = 0; refine_config(&cfg, i); i++) {
+        cfg.device = device;
+        refine_compare(&lf, &cfg, &report);
+        assert_int_equal(report.views, 5);
+        assert_int_equal(report.on_cpu, 0);
+    }
+    vote_compare(&lf, NULL, device, &report);
+    assert_int_equal(report.voted, 5);
+    sst_refine_device_destroy(device);
+    sst_gpu_shared_destroy(shared);
+    sst_lightfield_fini(&lf);
+}
+
 /* Networks in floats and on 8 bits. */
 static void test_networks(void **state)
 {
@@ -266,7 +293,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_choice),   cmocka_unit_test(test_self),     cmocka_unit_test(test_transfer),
         cmocka_unit_test(test_pictures), cmocka_unit_test(test_frames),   cmocka_unit_test(test_matches),
-        cmocka_unit_test(test_networks), cmocka_unit_test(test_variants), cmocka_unit_test(test_timeout),
+        cmocka_unit_test(test_networks), cmocka_unit_test(test_variants), cmocka_unit_test(test_labels),
+        cmocka_unit_test(test_timeout),
     };
     glob_t drivers;
 

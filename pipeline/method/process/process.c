@@ -398,7 +398,7 @@ static int refine_views(struct run *run)
     if (run->cfg->refine)
         err = sst_refine_labels(run->lf, &cfg, NULL);
     if (run->cfg->refine && run->cfg->model) /* external labels stay as they are */
-        err = err ? err : log_oom(process_vote_labels(run->lf, run->carried, cfg.threads));
+        err = err ? err : log_oom(process_vote_labels(run->lf, run->carried, cfg.threads, cfg.device));
     if (run->cfg->refine && run->carried) {
         err = err ? err : log_oom(process_carry_labels(run->lf, run->carried, NULL, cfg.threads));
         err = err ? err : process_fill_labels(run->lf, run->carried, cfg.threads);

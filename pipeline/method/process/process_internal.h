@@ -3,6 +3,7 @@
 #define SST_PIPELINE_METHOD_PROCESS_PROCESS_INTERNAL_H
 
 #include "pipeline/lightfield/lightfield.h"
+#include "pipeline/method/refine/refine.h"
 
 /**
  * Give the carried views the labels of the key views: each pixel gets that of the place where its disparity puts
@@ -29,13 +30,15 @@ SST_MUST_CHECK int process_carry_error(const struct sst_lightfield *lf, const bo
 double process_carry_shown(const struct sst_lightfield *lf, const bool *carried, int view);
 
 /**
- * Let the views vote about the label of every surface: each pixel gets the label that most of its own view and the nearest
- * four others see there (disparity within a pixel, colours alike). Its own counts where as many see it as another; one
- * without a label gets that of the others.
+ * Let the views vote about the label of every surface: each pixel gets the label that most of its own view and the
+ * nearest four others see there (disparity within a pixel, colours alike). Its own counts where as many see it as
+ * another; one without a label gets that of the others.
  *
- * @param skip  [views] these neither vote nor change; NULL: none
- * @return 0, -ENOMEM; then nothing has changed. The same bytes for any number of threads.
+ * @param skip    [views] these neither vote nor change; NULL: none
+ * @param device  that counts the votes of the views, or NULL
+ * @return 0, -ENOMEM; then nothing has changed. The same bytes for any number of threads, and on every device.
  */
-SST_MUST_CHECK int process_vote_labels(struct sst_lightfield *lf, const bool *skip, int threads);
+SST_MUST_CHECK int process_vote_labels(struct sst_lightfield *lf, const bool *skip, int threads,
+                                       struct sst_refine_device *device);
 
 #endif

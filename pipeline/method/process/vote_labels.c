@@ -6,7 +6,7 @@
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SOURCES    4       /* nearest views that vote beside the view itself */
+#define SOURCES    SST_REFINE_VOTERS /* nearest views that vote beside the view itself */
 #define SAME_Q6    64      /* 1/64 px: disparities of one surface differ by at most this */
 #define SIMILAR    24      /* levels: views vote where their colours differ by at most this in every channel */
 #define REACH_MOST 32768.0 /* px; views that are farther away do not vote */
@@ -17,11 +17,6 @@ struct vote {
     struct sst_map_u8 *out; /* [views] */
 };
 
-struct voter {
-    const struct sst_view *view;
-    struct sst_shift across, down; /* from the view's pixels to the voter's */
-};
-
 static bool votes(const struct vote *v, int view)
 {
     const struct sst_view *at = &v->lf->views[view];
@@ -30,7 +25,7 @@ static bool votes(const struct vote *v, int view)
 }
 
 /* The nearest voters, the nearest first. @return their number */
-static int voters_of(const struct vote *v, int view, struct voter voter[SOURCES])
+static int voters_of(const struct vote *v, int view, struct sst_refine_voter voter[SOURCES])
 {
     const struct sst_lightfield *lf = v->lf;
     const struct sst_view *own = &lf->views[view];
@@ -51,16 +46,17 @@ static int voters_of(const struct vote *v, int view, struct voter voter[SOURCES]
             voter[at] = voter[at - 1];
         }
         distance[at] = far;
-        voter[at] = (struct voter){ other, sst_shift_by(own->bx - other->bx, lf->disp_min_px),
-                                    sst_shift_by(own->by - other->by, lf->disp_min_px) };
+        voter[at] = (struct sst_refine_voter){ k, sst_shift_by(own->bx - other->bx, lf->disp_min_px),
+                                               sst_shift_by(own->by - other->by, lf->disp_min_px) };
     }
     return n;
 }
 
 /* What a voter sees on the surface of pixel (x, y): a label, or SST_LABEL_NONE if it does not see that. */
-static uint8_t vote_of(const struct voter *voter, const struct sst_view *own, int x, int y, int d)
+static uint8_t vote_of(const struct vote *v, const struct sst_refine_voter *voter, const struct sst_view *own, int x,
+                       int y, int d)
 {
-    const struct sst_view *there = voter->view;
+    const struct sst_view *there = &v->lf->views[voter->view];
     const int xs = sst_shifted(x, voter->across, d), ys = sst_shifted(y, voter->down, d);
 
     if ((unsigned)xs >= (unsigned)own->image.width || (unsigned)ys >= (unsigned)own->image.height ||
@@ -74,13 +70,14 @@ static uint8_t vote_of(const struct voter *voter, const struct sst_view *own, in
 }
 
 /* The label with most votes; the own one where it has as many as another, then that of the nearer voter. */
-static uint8_t elect(const struct voter *voter, int n, const struct sst_view *own, int x, int y, int d)
+static uint8_t elect(const struct vote *v, const struct sst_refine_voter *voter, int n, const struct sst_view *own,
+                     int x, int y, int d)
 {
     uint8_t label[SOURCES + 1] = { sst_map_u8_row(&own->label, y)[x] };
     int count[SOURCES + 1] = { label[0] != SST_LABEL_NONE }, labels = 1, best = 0;
 
     for (int i = 0; i < n; i++) {
-        const uint8_t l = vote_of(&voter[i], own, x, y, d);
+        const uint8_t l = vote_of(v, &voter[i], own, x, y, d);
         int k = 0;
 
         if (l == SST_LABEL_NONE)
@@ -104,10 +101,10 @@ static int vote_job(void *arg, int view, int worker SST_UNUSED)
 {
     const struct vote *v = arg;
     const struct sst_view *own = &v->lf->views[view];
-    struct voter voter[SOURCES];
+    struct sst_refine_voter voter[SOURCES];
     int n, err;
 
-    if (!votes(v, view))
+    if (!votes(v, view) || v->out[view].data)
         return 0;
     n = voters_of(v, view, voter);
     err = sst_map_u8_init(&v->out[view], own->label.width, own->label.height);
@@ -118,17 +115,39 @@ static int vote_job(void *arg, int view, int worker SST_UNUSED)
         uint8_t *to = sst_map_u8_row(&v->out[view], y);
 
         for (int x = 0; x < own->label.width; x++)
-            to[x] = d[x] == SST_DISP_NONE || (valid && !valid[x]) ? from[x] : elect(voter, n, own, x, y, d[x]);
+            to[x] = d[x] == SST_DISP_NONE || (valid && !valid[x]) ? from[x] : elect(v, voter, n, own, x, y, d[x]);
     }
     return err;
 }
 
-int process_vote_labels(struct sst_lightfield *lf, const bool *skip, int threads)
+/* The views that the device does; the others are left to the CPU. */
+static int vote_on_device(struct vote *v, struct sst_refine_device *device)
+{
+    int err = 0;
+
+    for (int k = 0; k < v->lf->rows * v->lf->cols && !err; k++) {
+        const struct sst_map_u8 *label = &v->lf->views[k].label;
+        struct sst_refine_voter voter[SOURCES];
+
+        if (!votes(v, k))
+            continue;
+        err = sst_map_u8_init(&v->out[k], label->width, label->height);
+        if (!err && !sst_refine_device_vote(device, &v->out[k], v->lf, k, voter, voters_of(v, k, voter)))
+            sst_map_u8_fini(&v->out[k]);
+    }
+    sst_refine_device_forget_votes(device);
+    return err;
+}
+
+int process_vote_labels(struct sst_lightfield *lf, const bool *skip, int threads, struct sst_refine_device *device)
 {
     const int views = lf->rows * lf->cols;
     struct vote v = { lf, skip, calloc((size_t)views, sizeof(*v.out)) };
-    int err = v.out ? sst_parallel_for(views, threads, vote_job, &v) : -ENOMEM;
+    int err = v.out ? 0 : -ENOMEM;
 
+    if (device)
+        err = err ? err : vote_on_device(&v, device);
+    err = err ? err : sst_parallel_for(views, threads, vote_job, &v);
     for (int k = 0; v.out && k < views; k++) {
         if (!err && v.out[k].data) {
             sst_map_u8_fini(&lf->views[k].label);

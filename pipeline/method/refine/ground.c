@@ -1,12 +1,16 @@
 #include "pipeline/method/refine/parts.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define ROUNDS       4
 #define LIMIT_SIGMAS 5.0
 #define MAD_TO_SIGMA 1.4826
 #define COLLINEAR    1e-6
+#define WHOLE        16777216.0 /* 2^24 */
+#define MOST_SLOPE   0x1p40
+#define MOST_VALUE   0x1p57
 
 /* Exact sums over a region, x and y from the picture's corner: at most 2^28 pixels, so 2^28 * 2^46 < 2^63 * 2^63. */
 struct sums {
@@ -90,6 +94,11 @@ static double median_miss(const struct sst_ground *g, const struct sst_view *v, 
     return m;
 }
 
+static int64_t whole(double v, double most)
+{
+    return llround(sst_clamp_double(v * WHOLE, -most, most));
+}
+
 bool sst_ground_fit(struct sst_ground *ground, const struct sst_view *v, int value, const struct sst_refine_config *cfg,
                     int64_t *hist)
 {
@@ -107,11 +116,17 @@ bool sst_ground_fit(struct sst_ground *ground, const struct sst_view *v, int val
     s = sum_up(&g, v, value);
     if (4 * (n - s.n) > n)
         return false;
+    g.a_q24 = whole(g.a, MOST_SLOPE);
+    g.b_q24 = whole(g.b, MOST_SLOPE);
+    g.d0_q24 = whole(g.d0, MOST_VALUE);
+    g.limit_q24 = whole(g.limit, MOST_VALUE);
     *ground = g;
     return true;
 }
 
 bool sst_ground_has(const struct sst_ground *ground, int x, int y, uint16_t disp_q6)
 {
-    return miss(ground, x, y, disp_q6) <= ground->limit;
+    const int64_t off = ((int64_t)disp_q6 << 24) - (ground->d0_q24 + ground->a_q24 * x + ground->b_q24 * y);
+
+    return llabs(off) <= ground->limit_q24;
 }

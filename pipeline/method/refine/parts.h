@@ -3,6 +3,7 @@
 #ifndef SST_PIPELINE_METHOD_REFINE_PARTS_H
 #define SST_PIPELINE_METHOD_REFINE_PARTS_H
 
+#include "pipeline/kernels/surface_ref.h"
 #include "pipeline/method/refine/refine.h"
 
 #define SST_DISP_BINS         65536 /* one per stored disparity; that of SST_DISP_NONE stays empty */
@@ -75,44 +76,29 @@ uint32_t sst_hull_farthest(const struct sst_hull *hull, int x, int y);
 
 /* --- normals.c: surface normals from planes in disparity space ---------------------------------------------------- */
 
-/** Plane d = d0 + a (x - x0) + b (y - y0) of the window around a pixel (x0, y0). */
-struct sst_plane {
-    float a, b;     /* px per px */
-    float d0;       /* px above disp_min_px */
-    float variance; /* of the residuals, px^2; +inf: rejected (fewer than 3 pixels, or all near one line) */
-};
-
 /** The planes of a view. */
 struct sst_planes {
     int width, height, window;
-    struct sst_plane *at; /* [height][width] */
+    struct sst_surface_plane *at; /* [height][width] */
 };
 
 /** Working memory of sst_planes_fit(): 6 * width sums. */
 #define SST_PLANE_SUMS 6
 
 /**
- * Least squares planes in windows clipped at the border, without unknown disparities. Coordinates are centred; sums
- * slide and are exact integers. Rejected: determinant of the centred 2x2 system below 1e-6 of the product of its
- * diagonal.
+ * Least squares planes in windows clipped at the border, without unknown disparities. Sums slide and are exact
+ * integers; what sst_surface_fit() makes of them is float. Rejected: determinant of the centred 2x2 system below
+ * SST_SURFACE_COLLINEAR of the product of its diagonal.
  *
  * @param sums  scratch [SST_PLANE_SUMS * width]
  */
 void sst_planes_fit(struct sst_planes *planes, const struct sst_map_u16 *disp, int64_t *sums);
 
-/** Parameters that convert a disparity plane into a normal in space. */
-struct sst_normal_frame {
-    double focal_px;     /* > 0 */
-    double cx, cy;       /* principal point */
-    double disp_zero_px; /* disparity of stored value 0, counted from points at infinity */
-    double score_max;    /* px^2: a plane with a residual variance of this or more gives no normal */
-};
-
 /** The image centre is the principal point. Unknown focal length: the image width. A light field with negative
  *  disparities converges inside the scene: infinity is then placed at disp_min_px, so that all points are in front.
  * Planes may deviate from their pixels by twice the matcher's noise: foliage, with a dozen leaves in one window, has no
  * normals. */
-struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf, const struct sst_refine_config *cfg);
+struct sst_surface_frame sst_normal_frame_of(const struct sst_lightfield *lf, const struct sst_refine_config *cfg);
 
 /**
  * Unit normal of the surface at a pixel.
@@ -126,16 +112,17 @@ struct sst_normal_frame sst_normal_frame_of(const struct sst_lightfield *lf, con
  *
  * @return false if there is none, or the best score is frame->score_max or more; n is then untouched
  */
-bool sst_normal_at(double n[3], const struct sst_planes *planes, const struct sst_map_u16 *disp,
-                   const struct sst_normal_frame *frame, int x, int y);
+bool sst_normal_at(float n[3], const struct sst_planes *planes, const struct sst_map_u16 *disp,
+                   const struct sst_surface_frame *frame, int x, int y);
 
 /* --- ground.c: the plane of a ground in one view ------------------------------------------------------------------ */
 
 /** d = d0 + a x + b y, in 1/64 px above disp_min_px, x and y from the corner; `limit` bounds the residuals of its own
- * pixels.
+ * pixels. The whole numbers decide, so that every device decides alike.
  */
 struct sst_ground {
     double a, b, d0, limit;
+    int64_t a_q24, b_q24, d0_q24, limit_q24; /* the same; slopes up to 2^16, values up to 2^33 */
 };
 
 /**
@@ -159,23 +146,31 @@ bool sst_ground_has(const struct sst_ground *ground, int x, int y, uint16_t disp
 
 /** Confident region of a label in one view, as used by the energy. */
 struct sst_region {
-    double normal_sum[3]; /* of the unit normals of its pixels */
-    int64_t normals;      /* how many */
-    int64_t pixels;       /* with a normal or without */
+    int64_t sum_q20[3]; /* of the unit normals of its pixels, SST_SURFACE_ONE each */
+    int64_t normals;    /* how many */
+    int64_t pixels;     /* with a normal or without */
+    float mean[3];      /* of the normals; set by sst_region_finish() */
 };
+
+/** Set the mean from the sums; 0 without normals. */
+void sst_region_finish(struct sst_region *region);
 
 /** True if at least half of its pixels have a normal; else it is no surface to compare normals with. */
 bool sst_region_has_normal(const struct sst_region *region);
 
 /**
- * E_n = -S / (S + tau |R|), S = sum over the region of <m, n(r)> = <m, sum n(r)>; in (-1, 0], lower is more parallel.
+ * E_n = -S / (S + tau |R|), S = sum over the region of <m, n(r)>: of the mean normal, -s / (s + tau) with s = <m,
+ * mean>; in (-1, 0], lower is more parallel.
  *
- * tau counts per pixel of the region: with one tau for all, the larger region would win regardless of its normals. S <=
+ * tau counts per pixel of the region: with one tau for all, the larger region would win regardless of its normals. s <=
  * 0 (normals that oppose m) counts as no consistency: 0, which also keeps the denominator positive. No normals: 0.
  */
-double sst_energy_normal(const double m[3], const struct sst_region *region, double tau);
+float sst_energy_normal(const float m[3], const struct sst_region *region, double tau);
 
 /** E_d = min |p-r|^2 / max |p-r|^2, 0..1. */
-double sst_energy_distance(uint32_t nearest2, uint32_t farthest2);
+float sst_energy_distance(uint32_t nearest2, uint32_t farthest2);
+
+/** True if E_d of the first pair is less than that of the second, exactly. @param farthest2  above 0 */
+bool sst_energy_is_nearer(uint32_t nearest2, uint32_t farthest2, uint32_t other_nearest2, uint32_t other_farthest2);
 
 #endif

@@ -7,16 +7,16 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/method/refine/parts.h"
+#include "pipeline/method/refine/refine_internal.h"
 
 /* Nearest candidate so far of an unlabeled pixel with two or more: among the objects [0] and among the grounds [1]. */
 struct choice {
-    float distance[2]; /* p_d E_d */
-    uint8_t label[2];  /* 0: none yet */
+    uint32_t nearest2[2], farthest2[2]; /* of E_d */
+    uint8_t label[2];                   /* 0: none yet */
 };
 
 /* Scratch of one worker. */
-struct worker {
+struct refine_worker {
     struct choice *choice; /* [height * width] */
     uint32_t *nearest2;    /* [height * width] */
     struct sst_planes planes;
@@ -24,19 +24,6 @@ struct worker {
     struct sst_distance_scratch distance;
     struct sst_hull hull;
     int64_t *misses; /* [SST_DISP_BINS] */
-    uint64_t planar; /* bit i: label i + 1 is a ground with a plane in this view */
-    struct sst_ground ground[SST_MAX_CLASSES];
-};
-
-struct job {
-    struct sst_lightfield *lf; /* each view's labels are written by its own job */
-    const struct sst_refine_config *cfg;
-    struct sst_normal_frame frame;
-    uint64_t ground;      /* bit i: label i + 1 is a ground */
-    uint64_t *candidates; /* [SST_DISP_BINS] */
-    int64_t *hist;        /* [n_workers][classes][SST_DISP_BINS] pixels, while the labels are fitted */
-    struct worker *workers;
-    int n_workers;
 };
 
 void sst_refine_config_defaults(struct sst_refine_config *cfg)
@@ -101,16 +88,17 @@ static int check_maps(const struct sst_lightfield *lf, const struct sst_refine_c
     return 0;
 }
 
-/* Sum of the region's normals in raster order: the same bits on every thread. */
-static struct sst_region region_of(const struct job *job, const struct worker *w, const struct sst_view *v, int label)
+/* Normals of the region, as whole numbers. */
+static struct sst_region region_of(const struct refine_job *job, const struct refine_worker *w,
+                                   const struct sst_view *v, int label)
 {
-    struct sst_region region = { { 0 }, 0, 0 };
+    struct sst_region region = { { 0 }, 0, 0, { 0 } };
 
     for (int y = 0; y < v->label.height; y++) {
         const uint8_t *row = sst_map_u8_row(&v->label, y);
 
         for (int x = 0; x < v->label.width; x++) {
-            double n[3];
+            float n[3];
 
             if (row[x] != label)
                 continue;
@@ -118,61 +106,64 @@ static struct sst_region region_of(const struct job *job, const struct worker *w
             if (!sst_normal_at(n, &w->planes, &v->disp, &job->frame, x, y))
                 continue;
             for (int i = 0; i < 3; i++)
-                region.normal_sum[i] += n[i];
+                region.sum_q20[i] += sst_surface_q20(n[i]);
             region.normals++;
         }
     }
+    sst_region_finish(&region);
     return region;
 }
 
 /* Fit the planes of the grounds of a view. */
-static void find_grounds(const struct job *job, struct worker *w, const struct sst_view *v)
+static int find_grounds(void *arg, int index, int worker)
 {
-    w->planar = 0;
-    for (int i = 0; i < job->lf->classes.count && job->cfg->ground_plane; i++) {
-        if (job->ground >> i & 1 && sst_ground_fit(&w->ground[i], v, i + 1, job->cfg, w->misses))
-            w->planar |= (uint64_t)1 << i;
+    struct refine_job *job = arg;
+    struct refine_grounds *g = &job->grounds[index];
+
+    if (job->cfg->cancel && *job->cfg->cancel)
+        return -ECANCELED;
+    for (int i = 0; i < job->lf->classes.count && refine_wants(job, index) && job->cfg->ground_plane; i++) {
+        if (job->ground >> i & 1 &&
+            sst_ground_fit(&g->ground[i], &job->lf->views[index], i + 1, job->cfg, job->workers[worker].misses))
+            g->planar |= (uint64_t)1 << i;
     }
+    return 0;
 }
 
 /* Candidates of an unlabeled pixel: by the label's distribution, and for a planar ground by its plane. */
-static uint64_t candidates_at(const struct job *job, const struct worker *w, uint16_t disp_q6, int x, int y)
+static uint64_t candidates_at(const struct refine_job *job, const struct refine_grounds *g, uint16_t disp_q6, int x,
+                              int y)
 {
     uint64_t mask = job->candidates[disp_q6];
 
-    for (uint64_t left = mask & w->planar; left; left &= left - 1) {
+    for (uint64_t left = mask & g->planar; left; left &= left - 1) {
         const int i = __builtin_ctzll(left);
 
-        if (!sst_ground_has(&w->ground[i], x, y, disp_q6))
+        if (!sst_ground_has(&g->ground[i], x, y, disp_q6))
             mask &= ~((uint64_t)1 << i);
     }
     return mask;
 }
 
-static bool is_conflict(uint64_t candidates)
-{
-    return (candidates & (candidates - 1)) != 0;
-}
-
 /* Labels that compete for any pixel of the view; also clears the choices. @param mixed  out, those of pixels for which
  * an object and a ground compete: only there normals count */
-static uint64_t find_conflicts(const struct job *job, struct worker *w, const struct sst_view *v, uint64_t *mixed)
+static uint64_t find_conflicts(const struct refine_job *job, const struct refine_grounds *g, struct refine_worker *w,
+                               const struct sst_view *v, uint64_t *mixed)
 {
     uint64_t seen = 0;
 
     *mixed = 0;
-
     for (int y = 0; y < v->label.height; y++) {
         const uint8_t *label = sst_map_u8_row(&v->label, y);
         const uint16_t *disp = sst_map_u16_row(&v->disp, y);
         struct choice *choice = w->choice + (size_t)y * (size_t)v->label.width;
 
         for (int x = 0; x < v->label.width; x++) {
-            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, w, disp[x], x, y) : 0;
+            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, g, disp[x], x, y) : 0;
 
-            if (!is_conflict(mask))
+            if (!refine_is_conflict(mask))
                 continue;
-            choice[x] = (struct choice){ .distance = { INFINITY, INFINITY } };
+            choice[x] = (struct choice){ .label = { 0 } };
             seen |= mask;
             *mixed |= mask & job->ground && mask & ~job->ground ? mask : 0;
         }
@@ -180,12 +171,28 @@ static uint64_t find_conflicts(const struct job *job, struct worker *w, const st
     return seen;
 }
 
-/* Evaluate one label among objects or grounds. Labels come in ascending order, so < leaves ties to the smaller. */
-static void compete(const struct job *job, struct worker *w, const struct sst_view *v, int label)
+/* Choose a label for a pixel where it is nearer than the one so far. Labels come in ascending order, so ties are left
+ * to the smaller. @param farthest2  0: a region of one pixel, at it */
+static void propose(struct choice *c, int kind, int label, uint32_t nearest2, uint32_t farthest2)
+{
+    if (!farthest2) {
+        nearest2 = 0;
+        farthest2 = 1;
+    }
+    if (c->label[kind] && !sst_energy_is_nearer(nearest2, farthest2, c->nearest2[kind], c->farthest2[kind]))
+        return;
+    c->nearest2[kind] = nearest2;
+    c->farthest2[kind] = farthest2;
+    c->label[kind] = (uint8_t)label;
+}
+
+/* Evaluate one label among objects or grounds. */
+static void compete(const struct refine_job *job, const struct refine_grounds *g, struct refine_worker *w,
+                    const struct sst_view *v, int label)
 {
     const uint64_t bit = (uint64_t)1 << (label - 1);
     const int kind = (job->ground & bit) != 0;
-    const bool here = sst_distance_columns(w->nearest2, &v->label, label);
+    const bool here = sst_distance_columns(w->nearest2, &v->label, label), weigh = job->cfg->p_distance > 0;
 
     sst_hull_build(&w->hull, &v->label, label);
     for (int y = 0; y < v->label.height; y++) {
@@ -194,39 +201,41 @@ static void compete(const struct job *job, struct worker *w, const struct sst_vi
         bool ready = !here;
 
         for (int x = 0; x < v->label.width; x++) {
-            const uint64_t mask = row[x] == SST_LABEL_NONE ? candidates_at(job, w, disp[x], x, y) : 0;
+            const uint64_t mask = row[x] == SST_LABEL_NONE ? candidates_at(job, g, disp[x], x, y) : 0;
             const size_t i = (size_t)y * (size_t)v->label.width + (size_t)x;
-            double distance = job->cfg->p_distance;
 
-            if (!(mask & bit) || !is_conflict(mask))
+            if (!(mask & bit) || !refine_is_conflict(mask))
                 continue;
             if (!ready)
                 sst_distance_row(w->nearest2 + (size_t)y * (size_t)v->label.width, v->label.width, &w->distance);
             ready = true;
-            if (here)
-                distance *= sst_energy_distance(w->nearest2[i], sst_hull_farthest(&w->hull, x, y));
-            if ((float)distance < w->choice[i].distance[kind]) {
-                w->choice[i].distance[kind] = (float)distance;
-                w->choice[i].label[kind] = (uint8_t)label;
-            }
+            if (!weigh)
+                propose(&w->choice[i], kind, label, 0, 1);
+            else if (here)
+                propose(&w->choice[i], kind, label, w->nearest2[i], sst_hull_farthest(&w->hull, x, y));
+            else
+                propose(&w->choice[i], kind, label, 1, 1);
         }
     }
 }
 
 /* Compare the nearest object with the nearest ground; normals count only here, and only if both have some. */
-static uint8_t decide(const struct job *job, const struct worker *w, const struct sst_view *v,
+static uint8_t decide(const struct refine_job *job, const struct refine_worker *w, const struct sst_view *v,
                       const struct sst_region *regions, int x, int y)
 {
     const struct choice *c = &w->choice[(size_t)y * (size_t)v->label.width + (size_t)x];
+    const float p_distance = (float)job->cfg->p_distance, p_normal = (float)job->cfg->p_normal;
     const uint8_t object = c->label[0], ground = c->label[1];
-    double e_object = c->distance[0], e_ground = c->distance[1], m[3];
+    float e_object, e_ground, m[3];
 
     if (!object || !ground)
         return object ? object : ground;
+    e_object = p_distance * sst_energy_distance(c->nearest2[0], c->farthest2[0]);
+    e_ground = p_distance * sst_energy_distance(c->nearest2[1], c->farthest2[1]);
     if (sst_region_has_normal(&regions[object - 1]) && sst_region_has_normal(&regions[ground - 1]) &&
         sst_normal_at(m, &w->planes, &v->disp, &job->frame, x, y)) {
-        e_object += job->cfg->p_normal * sst_energy_normal(m, &regions[object - 1], job->cfg->tau);
-        e_ground += job->cfg->p_normal * sst_energy_normal(m, &regions[ground - 1], job->cfg->tau);
+        e_object += p_normal * sst_energy_normal(m, &regions[object - 1], job->cfg->tau);
+        e_ground += p_normal * sst_energy_normal(m, &regions[ground - 1], job->cfg->tau);
     }
     if (e_object == e_ground)
         return object < ground ? object : ground;
@@ -234,36 +243,38 @@ static uint8_t decide(const struct job *job, const struct worker *w, const struc
 }
 
 /* Write all labels at the end: until then the map is the HCSM, whose regions define distances and normals. */
-static void assign(const struct job *job, const struct worker *w, struct sst_view *v, const struct sst_region *regions)
+static void assign(const struct refine_job *job, const struct refine_grounds *g, const struct refine_worker *w,
+                   struct sst_view *v, const struct sst_region *regions)
 {
     for (int y = 0; y < v->label.height; y++) {
         uint8_t *label = sst_map_u8_row(&v->label, y);
         const uint16_t *disp = sst_map_u16_row(&v->disp, y);
 
         for (int x = 0; x < v->label.width; x++) {
-            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, w, disp[x], x, y) : 0;
+            const uint64_t mask = label[x] == SST_LABEL_NONE ? candidates_at(job, g, disp[x], x, y) : 0;
 
             if (!mask)
                 continue;
-            label[x] = is_conflict(mask) ? decide(job, w, v, regions, x, y) : (uint8_t)(__builtin_ctzll(mask) + 1);
+            label[x] =
+                refine_is_conflict(mask) ? decide(job, w, v, regions, x, y) : (uint8_t)(__builtin_ctzll(mask) + 1);
         }
     }
 }
 
 static int refine_view(void *arg, int index, int worker)
 {
-    struct job *job = arg;
-    struct worker *w = &job->workers[worker];
+    struct refine_job *job = arg;
+    const struct refine_grounds *g = &job->grounds[index];
+    struct refine_worker *w = &job->workers[worker];
     struct sst_view *v = &job->lf->views[index];
-    struct sst_region regions[SST_MAX_CLASSES] = { { { 0 }, 0, 0 } };
+    struct sst_region regions[SST_MAX_CLASSES] = { { { 0 }, 0, 0, { 0 } } };
     uint64_t seen, mixed;
 
-    if (!v->present || (job->cfg->skip && job->cfg->skip[index]))
+    if (!refine_wants(job, index) || job->done[index])
         return 0;
     if (job->cfg->cancel && *job->cfg->cancel)
         return -ECANCELED;
-    find_grounds(job, w, v);
-    seen = find_conflicts(job, w, v, &mixed);
+    seen = find_conflicts(job, g, w, v, &mixed);
     if (mixed && job->cfg->p_normal > 0) {
         sst_planes_fit(&w->planes, &v->disp, w->plane_sums);
         for (int label = 1; label <= job->lf->classes.count; label++) {
@@ -273,19 +284,19 @@ static int refine_view(void *arg, int index, int worker)
     }
     for (int label = 1; label <= job->lf->classes.count; label++) {
         if (seen >> (label - 1) & 1)
-            compete(job, w, v, label);
+            compete(job, g, w, v, label);
     }
-    assign(job, w, v, regions);
+    assign(job, g, w, v, regions);
     return 0;
 }
 
 static int count_view(void *arg, int index, int worker)
 {
-    struct job *job = arg;
+    struct refine_job *job = arg;
     const struct sst_view *v = &job->lf->views[index];
     int64_t *hist = job->hist + (size_t)worker * (size_t)job->lf->classes.count * SST_DISP_BINS;
 
-    if (!v->present || (job->cfg->skip && job->cfg->skip[index]))
+    if (!refine_wants(job, index))
         return 0;
     for (int y = 0; y < v->label.height; y++) {
         const uint8_t *label = sst_map_u8_row(&v->label, y);
@@ -300,7 +311,7 @@ static int count_view(void *arg, int index, int worker)
 }
 
 /* Fit all labels and list the candidates of every disparity. */
-static int fit_labels(struct job *job, struct sst_label_fit *fits)
+static int fit_labels(struct refine_job *job, struct sst_label_fit *fits)
 {
     const struct sst_lightfield *lf = job->lf;
     const size_t size = (size_t)lf->classes.count * SST_DISP_BINS;
@@ -323,10 +334,10 @@ static int fit_labels(struct job *job, struct sst_label_fit *fits)
     return err;
 }
 
-static void job_fini(struct job *job)
+static void job_fini(struct refine_job *job)
 {
     for (int k = 0; job->workers && k < job->n_workers; k++) {
-        struct worker *w = &job->workers[k];
+        struct refine_worker *w = &job->workers[k];
 
         sst_mem_free(w->choice);
         sst_mem_free(w->nearest2);
@@ -341,9 +352,11 @@ static void job_fini(struct job *job)
     }
     sst_mem_free(job->workers);
     sst_mem_free(job->candidates);
+    sst_mem_free(job->grounds);
+    sst_mem_free(job->done);
 }
 
-static int worker_init(struct worker *w, const struct sst_lightfield *lf, const struct sst_refine_config *cfg)
+static int worker_init(struct refine_worker *w, const struct sst_lightfield *lf, const struct sst_refine_config *cfg)
 {
     const size_t width = (size_t)lf->width, height = (size_t)lf->height, pixels = width * height;
 
@@ -364,15 +377,19 @@ static int worker_init(struct worker *w, const struct sst_lightfield *lf, const 
     return 0;
 }
 
-static int job_init(struct job *job, struct sst_lightfield *lf, const struct sst_refine_config *cfg)
+static int job_init(struct refine_job *job, struct sst_lightfield *lf, const struct sst_refine_config *cfg)
 {
-    *job = (struct job){ .lf = lf, .cfg = cfg, .frame = sst_normal_frame_of(lf, cfg) };
+    const size_t views = (size_t)(lf->rows * lf->cols);
+
+    *job = (struct refine_job){ .lf = lf, .cfg = cfg, .frame = sst_normal_frame_of(lf, cfg) };
     job->n_workers = sst_min_int(sst_thread_count(cfg->threads), lf->rows * lf->cols);
     for (int i = 0; i < lf->classes.count; i++)
         job->ground |= (uint64_t)lf->classes.ground[i] << i;
     job->workers = sst_mem_alloc((size_t)job->n_workers, sizeof(*job->workers));
     job->candidates = sst_mem_alloc_raw(SST_DISP_BINS, sizeof(*job->candidates));
-    if (!job->workers || !job->candidates)
+    job->grounds = sst_mem_alloc(views, sizeof(*job->grounds));
+    job->done = sst_mem_alloc(views, sizeof(*job->done));
+    if (!job->workers || !job->candidates || !job->grounds || !job->done)
         return -ENOMEM;
     for (int k = 0; k < job->n_workers; k++) {
         if (worker_init(&job->workers[k], lf, cfg))
@@ -384,7 +401,7 @@ static int job_init(struct job *job, struct sst_lightfield *lf, const struct sst
 int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config *cfg, struct sst_label_fit *fits)
 {
     struct sst_label_fit fitted[SST_MAX_CLASSES];
-    struct job job;
+    struct refine_job job;
     int err = check_config(cfg);
 
     if (!err)
@@ -397,6 +414,10 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
     err = job_init(&job, lf, cfg);
     if (!err)
         err = fit_labels(&job, fitted);
+    if (!err)
+        err = sst_parallel_for(lf->rows * lf->cols, job.n_workers, find_grounds, &job);
+    if (!err && cfg->device)
+        err = refine_on_device(cfg->device, &job);
     if (!err)
         err = sst_parallel_for(lf->rows * lf->cols, job.n_workers, refine_view, &job);
     job_fini(&job);

@@ -3,7 +3,11 @@
 #ifndef SST_PIPELINE_METHOD_REFINE_REFINE_H
 #define SST_PIPELINE_METHOD_REFINE_REFINE_H
 
+#include "pipeline/gpu/shared.h"
 #include "pipeline/lightfield/lightfield.h"
+#include "pipeline/lightfield/shift.h"
+
+struct sst_refine_device; /* that views are refined on; one refinement at a time */
 
 struct sst_refine_config {
     double eps_d;                /* density threshold eps_D, 1/px: a label is a candidate where g_i(D) > eps_d */
@@ -17,6 +21,7 @@ struct sst_refine_config {
     const bool *skip;  /* [views] these take no part and stay as they are; NULL: none */
     int threads;       /* 0: all processors */
     const SST_ATOMIC(bool) * cancel; /* once true, processing stops within one view; or NULL */
+    struct sst_refine_device *device; /* with the same bytes; NULL: on the CPU */
 };
 
 void sst_refine_config_defaults(struct sst_refine_config *cfg);
@@ -45,5 +50,53 @@ struct sst_label_fit {
  */
 SST_MUST_CHECK int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config *cfg,
                                      struct sst_label_fit *fits);
+
+/** What a device has done. */
+struct sst_refine_device_report {
+    char name[SST_GPU_NAME], driver[SST_GPU_NAME];
+    int64_t views;               /* refined there */
+    int64_t on_cpu;              /* others */
+    int64_t voted, voted_on_cpu; /* whose pixels other views voted on */
+    int64_t failures;            /* times that the device failed */
+    char why[128];               /* the last of on_cpu or voted_on_cpu */
+    int64_t dispatches, uploads, upload_bytes;
+    int64_t total_ns, upload_ns, wait_ns, download_ns; /* of views; wait_ns: until the device has computed them */
+};
+
+/**
+ * Refine labels on a device: candidates, distances, planes, normals, energies and labels of a view. The results are the
+ * bytes of the CPU, which fits distributions and the grounds' planes and finds the regions' hulls. A device that fails
+ * is logged as a warning and counted; the view is then refined on the CPU, and the device is tried again later.
+ *
+ * @param shared  the device, which lives longer; NULL: *out is NULL
+ * @return 0, -ENOMEM, or an error of sst_gpu_shared_join(); logged
+ */
+SST_MUST_CHECK int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shared *shared);
+void sst_refine_device_destroy(struct sst_refine_device *d);
+
+/** A view that votes about the labels of another one. */
+struct sst_refine_voter {
+    int view;
+    struct sst_shift across, down; /* from that view's pixels to the voter's */
+};
+
+#define SST_REFINE_VOTERS 4
+
+/**
+ * The labels of a view after the vote, see process_vote_labels(); the light field stays as it is. Views are uploaded
+ * once.
+ *
+ * @param voters  the nearest first; at most SST_REFINE_VOTERS
+ * @param out     out, of the view's size
+ * @return false: it is to be done on the CPU; logged, noted
+ */
+bool sst_refine_device_vote(struct sst_refine_device *d, struct sst_map_u8 *out, const struct sst_lightfield *lf,
+                            int view, const struct sst_refine_voter *voters, int count);
+
+/** After the last vote of a light field: free its views. @param d  or NULL */
+void sst_refine_device_forget_votes(struct sst_refine_device *d);
+
+/** What it has done since the last report. */
+void sst_refine_device_report(struct sst_refine_device *d, struct sst_refine_device_report *out);
 
 #endif

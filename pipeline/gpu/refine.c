@@ -1,0 +1,309 @@
+/* The shaders of label refinement: their references. Their self-tests: refine_test.c. */
+#include "pipeline/gpu/refine.h"
+
+#include <string.h>
+
+#include "pipeline/gpu/gpu_internal.h"
+
+#define NONE 0xFFFFU
+
+static uint64_t whole(const uint32_t v[2])
+{
+    return v[0] | (uint64_t)v[1] << 32;
+}
+
+static void split(uint32_t v[2], uint64_t whole)
+{
+    v[0] = (uint32_t)whole;
+    v[1] = (uint32_t)(whole >> 32);
+}
+
+static void add_to(uint32_t v[2], int64_t more)
+{
+    split(v, whole(v) + (uint64_t)more);
+}
+
+static bool is_conflict(uint64_t mask)
+{
+    return (mask & (mask - 1)) != 0;
+}
+
+static bool is_mixed(uint64_t mask, uint64_t ground)
+{
+    return mask & ground && mask & ~ground;
+}
+
+/* --- candidates --------------------------------------------------------------------------------------------------- */
+
+static bool on_ground(const struct sst_gpu_refine_ground *g, int x, int y, uint32_t q)
+{
+    const uint64_t plane = whole(g->d0) + whole(g->a) * (uint64_t)x + whole(g->b) * (uint64_t)y;
+    const uint64_t off = ((uint64_t)q << 24) - plane;
+
+    return (off >> 63 ? -off : off) <= whole(g->limit);
+}
+
+static uint64_t candidates_of(const struct sst_gpu_refine_mask *p, void *const *buffer, int x, int y, uint32_t pixel)
+{
+    const struct sst_gpu_refine_ground *grounds = buffer[SST_GPU_REFINE_MASK_GROUNDS];
+    const uint32_t *table = buffer[SST_GPU_REFINE_MASK_TABLE];
+    uint64_t mask;
+
+    if (pixel >= NONE) /* it has a label, or no disparity */
+        return 0;
+    mask = whole(table + 2 * (size_t)pixel);
+    for (uint64_t left = mask & whole(p->planar); left; left &= left - 1) {
+        const int i = __builtin_ctzll(left);
+
+        if (!on_ground(&grounds[i], x, y, pixel))
+            mask &= ~((uint64_t)1 << i);
+    }
+    return mask;
+}
+
+void refine_mask_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_mask *p = push;
+    const uint32_t *view = buffer[SST_GPU_REFINE_MASK_VIEW];
+    uint32_t(*out)[2] = buffer[SST_GPU_REFINE_MASK_MASK], *seen = buffer[SST_GPU_REFINE_MASK_SEEN];
+    struct sst_gpu_refine_choice *choice = buffer[SST_GPU_REFINE_MASK_CHOICE];
+    uint64_t all = whole(seen), mixed = whole(seen + 2);
+
+    for (int i = 0; i < p->width * p->height; i++) {
+        const uint64_t mask = candidates_of(p, buffer, i % p->width, i / p->width, view[i]);
+
+        split(out[i], mask);
+        if (!is_conflict(mask))
+            continue;
+        choice[i] = (struct sst_gpu_refine_choice){ { 0 }, { 0 }, { 0 } };
+        all |= mask;
+        mixed |= is_mixed(mask, whole(p->ground)) ? mask : 0;
+    }
+    split(seen, all);
+    split(seen + 2, mixed);
+}
+
+/* --- distances ---------------------------------------------------------------------------------------------------- */
+
+void refine_columns_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_columns *p = push;
+    const uint32_t *view = buffer[SST_GPU_REFINE_COLUMNS_VIEW];
+    uint32_t *out = buffer[SST_GPU_REFINE_COLUMNS_OUT];
+
+    for (int x = 0; x < p->width; x++) {
+        uint32_t d = SST_GPU_REFINE_FAR;
+
+        for (int y = 0; y < p->height; y++) {
+            d = view[y * p->width + x] >> 16 == p->label ? 0 : d < SST_GPU_REFINE_FAR ? d + 1 : d;
+            out[y * p->width + x] = d;
+        }
+        for (int y = p->height - 2; y >= 0; y--) {
+            d = d + 1 < out[y * p->width + x] ? d + 1 : out[y * p->width + x];
+            out[y * p->width + x] = d;
+        }
+    }
+}
+
+/* Squared distance to the nearest pixel with the label, from the distances of the columns, the nearest ones first. */
+static uint32_t nearest_to(const uint32_t *columns, int width, int x)
+{
+    uint32_t best = UINT32_MAX;
+
+    for (int r = 0; r < width && (uint32_t)(r * r) < best; r++) {
+        for (int side = 0; side < 2; side++) {
+            const int at = side ? x + r : x - r;
+
+            if (at >= 0 && at < width && columns[at] < SST_GPU_REFINE_FAR &&
+                columns[at] * columns[at] + (uint32_t)(r * r) < best)
+                best = columns[at] * columns[at] + (uint32_t)(r * r);
+        }
+    }
+    return best;
+}
+
+static uint32_t farthest_to(const int32_t (*hull)[2], uint32_t corners, int x, int y)
+{
+    int32_t best = 0;
+
+    for (uint32_t i = 0; i < corners; i++) {
+        const int32_t dx = hull[i][0] - x, dy = hull[i][1] - y;
+
+        best = sst_max_int(best, dx * dx + dy * dy);
+    }
+    return (uint32_t)best;
+}
+
+void refine_compete_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_compete *p = push;
+    const uint32_t(*masks)[2] = buffer[SST_GPU_REFINE_COMPETE_MASK];
+    const uint32_t *columns = buffer[SST_GPU_REFINE_COMPETE_COLUMNS];
+    struct sst_gpu_refine_choice *choices = buffer[SST_GPU_REFINE_COMPETE_CHOICE];
+
+    for (int i = 0; i < p->width * p->height; i++) {
+        struct sst_gpu_refine_choice *c = &choices[i];
+        const int x = i % p->width, y = i / p->width;
+        const uint64_t mask = whole(masks[i]);
+        uint32_t nearest2 = 1, farthest2 = 1;
+
+        if (!(mask >> (p->label - 1) & 1) || !is_conflict(mask))
+            continue;
+        if (p->corners) {
+            nearest2 = nearest_to(columns + (size_t)y * (size_t)p->width, p->width, x);
+            farthest2 = farthest_to(buffer[SST_GPU_REFINE_COMPETE_HULL], p->corners, x, y);
+        }
+        if (!p->weigh || !farthest2) {
+            nearest2 = 0;
+            farthest2 = 1;
+        }
+        if (c->label[p->kind] &&
+            (uint64_t)nearest2 * c->farthest2[p->kind] >= (uint64_t)c->nearest2[p->kind] * farthest2)
+            continue;
+        c->nearest2[p->kind] = nearest2;
+        c->farthest2[p->kind] = farthest2;
+        c->label[p->kind] = p->label;
+    }
+}
+
+/* --- planes and normals ------------------------------------------------------------------------------------------- */
+
+void refine_sums_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_window *p = push;
+    const uint32_t *view = buffer[SST_GPU_REFINE_SUMS_VIEW];
+    struct sst_gpu_refine_sums *out = buffer[SST_GPU_REFINE_SUMS_OUT];
+
+    for (int i = 0; i < p->width * p->height; i++) {
+        const int x = i % p->width, y = i / p->width;
+        struct sst_gpu_refine_sums s = { 0 };
+
+        for (int v = -p->radius; v <= p->radius; v++) {
+            uint32_t q;
+
+            if (y + v < 0 || y + v >= p->height)
+                continue;
+            q = view[(y + v) * p->width + x] & 0xFFFF;
+            if (q == NONE)
+                continue;
+            s.n++;
+            s.y += v;
+            s.yy += v * v;
+            s.d += q;
+            s.yd += v * (int)q;
+            add_to(s.dd, (int64_t)((uint64_t)q * q));
+        }
+        out[i] = s;
+    }
+}
+
+void refine_planes_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_window *p = push;
+    const struct sst_gpu_refine_sums *sums = buffer[SST_GPU_REFINE_PLANES_SUMS];
+    struct sst_surface_plane *out = buffer[SST_GPU_REFINE_PLANES_OUT];
+
+    for (int i = 0; i < p->width * p->height; i++) {
+        const int x = i % p->width, y = i / p->width;
+        struct sst_surface_sums s = { 0 };
+
+        for (int u = -p->radius; u <= p->radius; u++) {
+            const struct sst_gpu_refine_sums *c;
+
+            if (x + u < 0 || x + u >= p->width)
+                continue;
+            c = &sums[y * p->width + x + u];
+            s.n += c->n;
+            s.x += (int64_t)u * c->n;
+            s.y += c->y;
+            s.xx += (int64_t)u * u * c->n;
+            s.xy += (int64_t)u * c->y;
+            s.yy += c->yy;
+            s.d += c->d;
+            s.xd += (int64_t)u * c->d;
+            s.yd += c->yd;
+            s.dd += (int64_t)whole(c->dd);
+        }
+        out[i] = sst_surface_fit(&s, 0, 0);
+    }
+}
+
+void refine_normals_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_normals *p = push;
+    const uint32_t *view = buffer[SST_GPU_REFINE_NORMALS_VIEW];
+    const uint32_t(*masks)[2] = buffer[SST_GPU_REFINE_NORMALS_MASK];
+    const struct sst_surface_plane *planes = buffer[SST_GPU_REFINE_NORMALS_PLANES];
+    struct sst_gpu_refine_region *regions = buffer[SST_GPU_REFINE_NORMALS_REGIONS];
+    float(*out)[4] = buffer[SST_GPU_REFINE_NORMALS_OUT];
+
+    for (int i = 0; i < p->width * p->height; i++) {
+        const uint32_t label = view[i] >> 16, q = view[i] & 0xFFFF;
+        const bool inside = label >= 1 && label <= SST_GPU_REFINE_LABELS && whole(p->mixed) >> (label - 1) & 1;
+        const struct sst_surface_plane *best = NULL;
+        float n[4] = { 0 };
+        int at[2];
+
+        if (!inside && !is_mixed(whole(masks[i]), whole(p->ground)))
+            continue;
+        if (q != NONE)
+            best = sst_surface_choose(planes, p->width, p->height, p->radius, p->frame.score_max, (int)q, i % p->width,
+                                      i / p->width, at);
+        if (best && sst_surface_normal(n, best, at[0], at[1], &p->frame))
+            n[3] = 1;
+        memcpy(out[i], n, sizeof(n));
+        if (!inside)
+            continue;
+        add_to(regions[label - 1].pixels, 1);
+        add_to(regions[label - 1].normals, n[3] != 0);
+        for (int c = 0; c < 3; c++)
+            add_to(regions[label - 1].sum_q20[c], n[3] != 0 ? sst_surface_q20(n[c]) : 0);
+    }
+}
+
+/* --- labels ------------------------------------------------------------------------------------------------------- */
+
+static uint32_t decide(const struct sst_gpu_refine_assign *p, const struct sst_gpu_refine_choice *c,
+                       const struct sst_gpu_refine_mean *means, const float normal[4])
+{
+    const uint32_t object = c->label[0], ground = c->label[1];
+    float e_object, e_ground;
+
+    if (!object || !ground)
+        return object ? object : ground;
+    e_object = p->p_distance * sst_surface_distance(c->nearest2[0], c->farthest2[0]);
+    e_ground = p->p_distance * sst_surface_distance(c->nearest2[1], c->farthest2[1]);
+    if (p->normals && means[object - 1].known && means[ground - 1].known && normal[3] != 0) {
+        e_object += p->p_normal * sst_surface_consistency(normal, means[object - 1].mean, p->tau);
+        e_ground += p->p_normal * sst_surface_consistency(normal, means[ground - 1].mean, p->tau);
+    }
+    if (e_object == e_ground)
+        return object < ground ? object : ground;
+    return e_object < e_ground ? object : ground;
+}
+
+void refine_assign_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_assign *p = push;
+    const uint32_t *view = buffer[SST_GPU_REFINE_ASSIGN_VIEW];
+    const uint32_t(*masks)[2] = buffer[SST_GPU_REFINE_ASSIGN_MASK];
+    const struct sst_gpu_refine_choice *choices = buffer[SST_GPU_REFINE_ASSIGN_CHOICE];
+    const float(*normals)[4] = buffer[SST_GPU_REFINE_ASSIGN_NORMALS];
+    const int pitch = (p->width + 3) / 4 * 4;
+    uint8_t *out = buffer[SST_GPU_REFINE_ASSIGN_OUT];
+
+    for (int i = 0; i < pitch * p->height; i++) {
+        const int x = i % pitch, at = i / pitch * p->width + x;
+        uint64_t mask;
+
+        out[i] = 0;
+        if (x >= p->width)
+            continue;
+        mask = whole(masks[at]);
+        out[i] =
+            (uint8_t)(view[at] >> 16      ? view[at] >> 16
+                      : !mask             ? 0
+                      : is_conflict(mask) ? decide(p, &choices[at], buffer[SST_GPU_REFINE_ASSIGN_MEANS], normals[at])
+                                          : (uint32_t)__builtin_ctzll(mask) + 1);
+    }
+}

@@ -1,0 +1,146 @@
+/* pipeline/gpu/refine.h - the shaders of label refinement (pipeline/method/refine) and their references.
+ *
+ * All results equal those of the CPU on every device: whole numbers, and floats of operations that are rounded alike
+ * everywhere (pipeline/kernels/surface_ref.h). All shaders but refine_columns and refine_assign have groups of 32 x 8
+ * pixels, a thread each.
+ */
+#ifndef SST_PIPELINE_GPU_REFINE_H
+#define SST_PIPELINE_GPU_REFINE_H
+
+#include "pipeline/gpu/gpu.h"
+#include "pipeline/kernels/surface_ref.h"
+
+#define SST_GPU_REFINE_WIDTH        32 /* of a group */
+#define SST_GPU_REFINE_HEIGHT       8
+#define SST_GPU_REFINE_COLUMN_GROUP 64 /* columns of a group of refine_columns, a thread each */
+#define SST_GPU_REFINE_LABELS       64
+#define SST_GPU_REFINE_FAR          (1U << 20) /* larger than any distance */
+
+/* Structures have the layout of the shaders (std430). A view is uint32_t[height][width]: disparity | label << 16. A
+ * whole number of 64 bits is uint32_t[2], the lower half first. */
+
+/** `refine_mask`: candidates of every pixel without a label; label i + 1 is bit i. */
+struct sst_gpu_refine_mask {
+    int32_t width, height;
+    uint32_t planar[2], ground[2];
+};
+
+struct sst_gpu_refine_ground {
+    uint32_t a[2], b[2], d0[2], limit[2]; /* struct sst_ground, 2^-24 */
+};
+
+enum sst_gpu_refine_mask_buffer {
+    SST_GPU_REFINE_MASK_VIEW = 0,
+    SST_GPU_REFINE_MASK_TABLE = 1,   /* uint32_t[65535][2], by disparity */
+    SST_GPU_REFINE_MASK_GROUNDS = 2, /* [SST_GPU_REFINE_LABELS] */
+    SST_GPU_REFINE_MASK_SEEN = 3,    /* in and out, uint32_t[4]: labels that compete, and those of conflicts between
+                                        objects and grounds */
+    SST_GPU_REFINE_MASK_CHOICE = 4,  /* out: none, for pixels with a conflict */
+    SST_GPU_REFINE_MASK_MASK = 5,    /* out, uint32_t[height][width][2] */
+    SST_GPU_REFINE_MASK_BUFFERS
+};
+
+/** Nearest candidates so far of a pixel, among objects [0] and grounds [1]. */
+struct sst_gpu_refine_choice {
+    uint32_t nearest2[2], farthest2[2];
+    uint32_t label[2]; /* 0: none yet */
+};
+
+/** `refine_columns`: vertical distances to the nearest pixel with a label. */
+struct sst_gpu_refine_columns {
+    int32_t width, height;
+    uint32_t label;
+};
+
+enum sst_gpu_refine_columns_buffer {
+    SST_GPU_REFINE_COLUMNS_VIEW = 0,
+    SST_GPU_REFINE_COLUMNS_OUT = 1, /* out, uint32_t[height][width]; SST_GPU_REFINE_FAR: none in this column */
+    SST_GPU_REFINE_COLUMNS_BUFFERS
+};
+
+/** `refine_compete`: one label among the candidates of pixels with a conflict. */
+struct sst_gpu_refine_compete {
+    int32_t width, height;
+    uint32_t label;
+    uint32_t kind;    /* 0: an object, 1: a ground */
+    uint32_t corners; /* of the hull; 0: the label is absent from the view */
+    uint32_t weigh;   /* 0: all distances count as 0 */
+};
+
+enum sst_gpu_refine_compete_buffer {
+    SST_GPU_REFINE_COMPETE_MASK = 0,
+    SST_GPU_REFINE_COMPETE_COLUMNS = 1,
+    SST_GPU_REFINE_COMPETE_HULL = 2,   /* int32_t[corners][2]: x, y */
+    SST_GPU_REFINE_COMPETE_CHOICE = 3, /* in and out */
+    SST_GPU_REFINE_COMPETE_BUFFERS
+};
+
+/** `refine_sums`: sums of the disparities in the window's rows of each column, y from the pixel. */
+struct sst_gpu_refine_window {
+    int32_t width, height, radius; /* radius up to 63 */
+};
+
+struct sst_gpu_refine_sums {
+    int32_t n, y, yy;
+    uint32_t d;
+    int32_t yd;
+    uint32_t dd[2];
+};
+
+enum sst_gpu_refine_sums_buffer {
+    SST_GPU_REFINE_SUMS_VIEW = 0,
+    SST_GPU_REFINE_SUMS_OUT = 1, /* out, struct sst_gpu_refine_sums[height][width] */
+    SST_GPU_REFINE_SUMS_BUFFERS
+};
+
+/** `refine_planes`, with struct sst_gpu_refine_window: planes of the windows. */
+enum sst_gpu_refine_planes_buffer {
+    SST_GPU_REFINE_PLANES_SUMS = 0,
+    SST_GPU_REFINE_PLANES_OUT = 1, /* out, struct sst_surface_plane[height][width] */
+    SST_GPU_REFINE_PLANES_BUFFERS
+};
+
+/** `refine_normals`: of pixels that an object and a ground compete for, and of the pixels of such labels, which are
+ * summed up. */
+struct sst_gpu_refine_normals {
+    int32_t width, height, radius;
+    uint32_t mixed[2], ground[2];
+    struct sst_surface_frame frame;
+};
+
+struct sst_gpu_refine_region {
+    uint32_t sum_q20[3][2], normals[2], pixels[2];
+};
+
+enum sst_gpu_refine_normals_buffer {
+    SST_GPU_REFINE_NORMALS_VIEW = 0,
+    SST_GPU_REFINE_NORMALS_MASK = 1,
+    SST_GPU_REFINE_NORMALS_PLANES = 2,
+    SST_GPU_REFINE_NORMALS_REGIONS = 3, /* in and out, [SST_GPU_REFINE_LABELS] */
+    SST_GPU_REFINE_NORMALS_OUT = 4, /* out, float[height][width][4] where needed: the normal, and 1 if there is one */
+    SST_GPU_REFINE_NORMALS_BUFFERS
+};
+
+/** `refine_assign`: the label of every pixel; groups of 32 x 8 words. */
+struct sst_gpu_refine_assign {
+    int32_t width, height;
+    uint32_t normals; /* 0: normals do not count */
+    float p_distance, p_normal, tau;
+};
+
+struct sst_gpu_refine_mean {
+    float mean[3];
+    uint32_t known; /* the region has normals */
+};
+
+enum sst_gpu_refine_assign_buffer {
+    SST_GPU_REFINE_ASSIGN_VIEW = 0,
+    SST_GPU_REFINE_ASSIGN_MASK = 1,
+    SST_GPU_REFINE_ASSIGN_CHOICE = 2,
+    SST_GPU_REFINE_ASSIGN_NORMALS = 3,
+    SST_GPU_REFINE_ASSIGN_MEANS = 4, /* struct sst_gpu_refine_mean[SST_GPU_REFINE_LABELS] */
+    SST_GPU_REFINE_ASSIGN_OUT = 5,   /* out, uint8_t[height][width rounded up to 4] */
+    SST_GPU_REFINE_ASSIGN_BUFFERS
+};
+
+#endif

@@ -1,0 +1,234 @@
+/* The shaders of label refinement: their self-tests, each on what the references of the steps before it leave. */
+#include <errno.h>
+#include <stdlib.h>
+
+#include "pipeline/gpu/gpu_internal.h"
+#include "pipeline/gpu/refine.h"
+
+#define TEST_WIDTH  43
+#define TEST_HEIGHT 37
+#define TEST_PIXELS (TEST_WIDTH * TEST_HEIGHT)
+#define TEST_RADIUS 10
+#define TEST_PITCH  ((TEST_WIDTH + 3) / 4 * 4)
+#define TEST_BINS   1200 /* of disparities of pixels without a label */
+#define TEST_NONE   0xFFFFU
+#define OBJECT      3 /* labels */
+#define OTHER       34
+#define GROUND      40
+#define CORNERS     4
+
+static const uint32_t objects[2] = { 1U << (OBJECT - 1), 1U << (OTHER - 33) }, grounds[2] = { 0, 1U << (GROUND - 33) };
+
+struct test {
+    uint32_t view[TEST_PIXELS], table[TEST_BINS][2], seen[4];
+    struct sst_gpu_refine_ground ground[SST_GPU_REFINE_LABELS];
+    struct sst_gpu_refine_choice choice[TEST_PIXELS];
+    uint32_t mask[TEST_PIXELS][2], columns[TEST_PIXELS];
+    int32_t hull[CORNERS][2];
+    struct sst_gpu_refine_sums sums[TEST_PIXELS];
+    struct sst_surface_plane planes[TEST_PIXELS];
+    struct sst_gpu_refine_region regions[SST_GPU_REFINE_LABELS];
+    float normals[TEST_PIXELS][4];
+    struct sst_gpu_refine_mean means[SST_GPU_REFINE_LABELS];
+    uint8_t out[TEST_PITCH * TEST_HEIGHT];
+};
+
+static const struct sst_gpu_refine_mask mask_push = {
+    TEST_WIDTH, TEST_HEIGHT, { 0, 1U << (GROUND - 33) }, { 0, 1U << (GROUND - 33) }
+};
+static const struct sst_gpu_refine_columns columns_push = { TEST_WIDTH, TEST_HEIGHT, OTHER };
+static const struct sst_gpu_refine_window window = { TEST_WIDTH, TEST_HEIGHT, TEST_RADIUS };
+
+/* Which label competes, with the columns of OTHER or as one that is absent. */
+static const struct sst_gpu_refine_compete compete_push[] = {
+    { TEST_WIDTH, TEST_HEIGHT, OBJECT, 0, 0, 1 },
+    { TEST_WIDTH, TEST_HEIGHT, OTHER, 0, CORNERS, 1 },
+    { TEST_WIDTH, TEST_HEIGHT, GROUND, 1, CORNERS, 1 },
+};
+
+static struct sst_gpu_refine_normals normals_push(void)
+{
+    return (struct sst_gpu_refine_normals){ TEST_WIDTH,
+                                            TEST_HEIGHT,
+                                            TEST_RADIUS,
+                                            { objects[0] | grounds[0], objects[1] | grounds[1] },
+                                            { grounds[0], grounds[1] },
+                                            { 320, 21, 18, 2.5F, 1.5F } };
+}
+
+/* A slanted floor with noise, an upright thing in front, something far nearer and steeper; gaps in labels and
+ * disparities. */
+static void make_view(struct test *t)
+{
+    uint32_t state = 21;
+
+    for (int i = 0; i < TEST_PIXELS; i++) {
+        const int x = i % TEST_WIDTH, y = i / TEST_WIDTH;
+        const bool thing = x > 14 && x < 26 && y < 24, steep = x >= 36, known = gpu_random(&state) % 3;
+        const uint32_t noise = gpu_random(&state) % 12;
+        const uint32_t q = noise + (thing ? 900U : steep ? 60000U - 1200U * (uint32_t)y : 700U + 9U * (uint32_t)y);
+        const uint32_t label = thing ? OTHER : steep ? OBJECT : GROUND;
+
+        t->view[i] = (gpu_random(&state) % 17 && (known || !steep) ? q : TEST_NONE) | (known ? label << 16 : 0);
+    }
+    for (int q = 0; q < TEST_BINS; q++) {
+        const bool common = q > 650 && q < 1000;
+
+        t->table[q][0] = common || q % 5 == 0 ? objects[0] : 0;
+        t->table[q][1] = common || q % 3 == 0 ? objects[1] | grounds[1] : 0;
+    }
+    t->ground[GROUND - 1] = (struct sst_gpu_refine_ground){
+        { 0xFFF00000U, 0xFFFFFFFFU }, { 9U << 24, 0 }, { 706U << 24, 706U >> 8 }, { 80U << 24, 80U >> 8 }
+    };
+    for (int i = 0; i < CORNERS; i++) {
+        t->hull[i][0] = i % 2 ? 25 : 15;
+        t->hull[i][1] = i / 2 ? 23 : 0;
+    }
+}
+
+static void run(gpu_reference_fn *reference, const void *push, void *const *buffer)
+{
+    reference(push, buffer, (const uint32_t[3]){ 1, 1, 1 });
+}
+
+/* The steps before the one under test. @param steps  how many of the seven @return NULL: no memory */
+static struct test *make_test(int steps)
+{
+    const struct sst_gpu_refine_normals normals = normals_push();
+    struct test *t = calloc(1, sizeof(*t));
+
+    if (!t)
+        return NULL;
+    make_view(t);
+    if (steps > 0)
+        run(refine_mask_reference, &mask_push,
+            (void *const[]){ t->view, t->table, t->ground, t->seen, t->choice, t->mask });
+    if (steps > 1)
+        run(refine_columns_reference, &columns_push, (void *const[]){ t->view, t->columns });
+    for (size_t i = 0; steps > 2 && i < ARRAY_LEN(compete_push); i++)
+        run(refine_compete_reference, &compete_push[i], (void *const[]){ t->mask, t->columns, t->hull, t->choice });
+    if (steps > 3)
+        run(refine_sums_reference, &window, (void *const[]){ t->view, t->sums });
+    if (steps > 4)
+        run(refine_planes_reference, &window, (void *const[]){ t->sums, t->planes });
+    if (steps > 5)
+        run(refine_normals_reference, &normals, (void *const[]){ t->view, t->mask, t->planes, t->regions, t->normals });
+    for (int i = 0; i < SST_GPU_REFINE_LABELS; i++)
+        t->means[i] = (struct sst_gpu_refine_mean){ { i % 2 ? 0.1F : -0.3F, 0.4F, 0.8F }, i != OBJECT - 1 };
+    return t;
+}
+
+static struct sst_gpu_work work_of(enum sst_gpu_shader shader, const void *push, uint32_t x, uint32_t y)
+{
+    return (struct sst_gpu_work){ .shader = shader, .push = push, .groups = { x, y, 1 } };
+}
+
+static struct sst_gpu_work plane_work(enum sst_gpu_shader shader, const void *push)
+{
+    return work_of(shader, push, gpu_groups(TEST_WIDTH, SST_GPU_REFINE_WIDTH),
+                   gpu_groups(TEST_HEIGHT, SST_GPU_REFINE_HEIGHT));
+}
+
+int refine_mask_self_test(struct sst_gpu *g)
+{
+    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_MASK, &mask_push);
+    struct test *t = make_test(0);
+    const int err =
+        t ? gpu_compare(g, &work, (const void *const[]){ t->view, t->table, t->ground, t->seen, t->choice, t->mask },
+                        (const size_t[]){ sizeof(t->view), sizeof(t->table), sizeof(t->ground), sizeof(t->seen),
+                                          sizeof(t->choice), sizeof(t->mask) },
+                        SST_GPU_REFINE_MASK_MASK, NULL)
+          : -ENOMEM;
+
+    free(t);
+    return err;
+}
+
+int refine_columns_self_test(struct sst_gpu *g)
+{
+    const struct sst_gpu_work work =
+        work_of(SST_GPU_REFINE_COLUMNS, &columns_push, gpu_groups(TEST_WIDTH, SST_GPU_REFINE_COLUMN_GROUP), 1);
+    struct test *t = make_test(0);
+    const int err =
+        t ? gpu_compare(g, &work, (const void *const[]){ t->view, t->columns },
+                        (const size_t[]){ sizeof(t->view), sizeof(t->columns) }, SST_GPU_REFINE_COLUMNS_OUT, NULL)
+          : -ENOMEM;
+
+    free(t);
+    return err;
+}
+
+int refine_compete_self_test(struct sst_gpu *g)
+{
+    struct test *t = make_test(2);
+    int err = t ? 0 : -ENOMEM;
+
+    for (size_t i = 0; i < ARRAY_LEN(compete_push) && !err; i++) {
+        const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_COMPETE, &compete_push[i]);
+
+        err = gpu_compare(g, &work, (const void *const[]){ t->mask, t->columns, t->hull, t->choice },
+                          (const size_t[]){ sizeof(t->mask), sizeof(t->columns), sizeof(t->hull), sizeof(t->choice) },
+                          SST_GPU_REFINE_COMPETE_CHOICE, t->choice);
+    }
+    free(t);
+    return err;
+}
+
+int refine_sums_self_test(struct sst_gpu *g)
+{
+    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_SUMS, &window);
+    struct test *t = make_test(0);
+    const int err = t ? gpu_compare(g, &work, (const void *const[]){ t->view, t->sums },
+                                    (const size_t[]){ sizeof(t->view), sizeof(t->sums) }, SST_GPU_REFINE_SUMS_OUT, NULL)
+                      : -ENOMEM;
+
+    free(t);
+    return err;
+}
+
+int refine_planes_self_test(struct sst_gpu *g)
+{
+    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_PLANES, &window);
+    struct test *t = make_test(4);
+    const int err =
+        t ? gpu_compare(g, &work, (const void *const[]){ t->sums, t->planes },
+                        (const size_t[]){ sizeof(t->sums), sizeof(t->planes) }, SST_GPU_REFINE_PLANES_OUT, NULL)
+          : -ENOMEM;
+
+    free(t);
+    return err;
+}
+
+int refine_normals_self_test(struct sst_gpu *g)
+{
+    const struct sst_gpu_refine_normals push = normals_push();
+    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_NORMALS, &push);
+    struct test *t = make_test(5);
+    const int err =
+        t ? gpu_compare(g, &work, (const void *const[]){ t->view, t->mask, t->planes, t->regions, t->normals },
+                        (const size_t[]){ sizeof(t->view), sizeof(t->mask), sizeof(t->planes), sizeof(t->regions),
+                                          sizeof(t->normals) },
+                        SST_GPU_REFINE_NORMALS_OUT, NULL)
+          : -ENOMEM;
+
+    free(t);
+    return err;
+}
+
+int refine_assign_self_test(struct sst_gpu *g)
+{
+    const struct sst_gpu_refine_assign push = { TEST_WIDTH, TEST_HEIGHT, 1, 10, 1, 1 };
+    const struct sst_gpu_work work =
+        work_of(SST_GPU_REFINE_ASSIGN, &push, gpu_groups(TEST_PITCH / 4, SST_GPU_REFINE_WIDTH),
+                gpu_groups(TEST_HEIGHT, SST_GPU_REFINE_HEIGHT));
+    struct test *t = make_test(6);
+    const int err =
+        t ? gpu_compare(g, &work, (const void *const[]){ t->view, t->mask, t->choice, t->normals, t->means, t->out },
+                        (const size_t[]){ sizeof(t->view), sizeof(t->mask), sizeof(t->choice), sizeof(t->normals),
+                                          sizeof(t->means), sizeof(t->out) },
+                        SST_GPU_REFINE_ASSIGN_OUT, NULL)
+          : -ENOMEM;
+
+    free(t);
+    return err;
+}

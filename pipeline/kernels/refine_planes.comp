@@ -1,0 +1,153 @@
+// Least squares planes of windows of disparities: exact sums of 64 bits, then floats in operations that are rounded
+// alike everywhere. Buffers and constants: pipeline/gpu/refine.h. Definition: refine_planes_reference(),
+// sst_surface_fit().
+#version 450
+
+layout(local_size_x = 32, local_size_y = 8) in;
+
+struct Sums {
+    int n, y, yy;
+    uint d;
+    int yd;
+    uint dd_low, dd_high;
+};
+
+layout(std430, binding = 0) readonly buffer In { Sums sums[]; };
+layout(std430, binding = 1) writeonly buffer Out { vec4 planes[]; }; // a, b, d0, variance
+
+layout(std430, push_constant) uniform Constants {
+    int width, height, radius;
+};
+
+const float COLLINEAR = 1e-3, NO_PLANE = 1e30;
+
+// Whole numbers of 64 bits, the lower half first.
+uvec2 add(uvec2 a, uvec2 b)
+{
+    uint carry;
+    const uint low = uaddCarry(a.x, b.x, carry);
+
+    return uvec2(low, a.y + b.y + carry);
+}
+
+uvec2 subtract(uvec2 a, uvec2 b)
+{
+    uint borrow;
+    const uint low = usubBorrow(a.x, b.x, borrow);
+
+    return uvec2(low, a.y - b.y - borrow);
+}
+
+uvec2 product(int a, int b)
+{
+    int high, low;
+
+    imulExtended(a, b, high, low);
+    return uvec2(uint(low), uint(high));
+}
+
+uvec2 wide(int v)
+{
+    return uvec2(uint(v), v < 0 ? 0xFFFFFFFFu : 0u);
+}
+
+uvec2 times(uvec2 a, uint n)
+{
+    uint high, low;
+
+    umulExtended(a.x, n, high, low);
+    return uvec2(low, high + a.y * n);
+}
+
+// sst_surface_float()
+float to_float(uvec2 v)
+{
+    const bool negative = (v.y & 0x80000000u) != 0;
+    const uvec2 m = negative ? subtract(uvec2(0), v) : v;
+    const float high = float(int(m.y >> 8)), middle = float(int((m.y & 0xFF) << 12 | m.x >> 20));
+    precise float upper = high * 1048576.0 + middle;
+    precise float f = upper * 1048576.0 + float(int(m.x & 0xFFFFF));
+
+    return negative ? -f : f;
+}
+
+// sst_surface_reciprocal()
+float reciprocal(float v)
+{
+    precise float r = uintBitsToFloat(0x7EF311C7u - floatBitsToUint(v));
+
+    for (int i = 0; i < 4; i++) {
+        precise float p = v * r;
+        precise float rest = 2.0 - p;
+
+        r = r * rest;
+    }
+    return r;
+}
+
+struct Window {
+    int n, x, y, xx, xy, yy;
+    uint d;
+    uvec2 xd, yd, dd;
+};
+
+// n S_uv - S_u S_v
+float centred(int n, uvec2 uv, int u, int v)
+{
+    return to_float(subtract(times(uv, uint(n)), product(u, v)));
+}
+
+vec4 fit(Window s)
+{
+    const float xx = centred(s.n, wide(s.xx), s.x, s.x), yy = centred(s.n, wide(s.yy), s.y, s.y);
+    const float xy = centred(s.n, wide(s.xy), s.x, s.y);
+    const float xd = centred(s.n, s.xd, s.x, int(s.d)), yd = centred(s.n, s.yd, s.y, int(s.d));
+    const float dd = centred(s.n, s.dd, int(s.d), int(s.d));
+    precise float area = xx * yy;
+    precise float det = area - xy * xy;
+    precise float least = COLLINEAR * area;
+    float scale, each, across, down;
+
+    if (s.n < 3 || !(det > least))
+        return vec4(0.0, 0.0, 0.0, NO_PLANE);
+    scale = reciprocal(det);
+    each = reciprocal(float(s.n));
+    across = to_float(wide(-s.x));
+    down = to_float(wide(-s.y));
+    {
+        precise float a = (xd * yy - yd * xy) * scale;
+        precise float b = (yd * xx - xd * xy) * scale;
+        precise float to_x = across * each;
+        precise float to_y = down * each;
+        precise float d0 = (to_float(uvec2(s.d, 0)) * each + a * to_x) + b * to_y;
+        precise float rest = (dd - a * xd) - b * yd;
+        precise float share = each * each;
+        precise float variance = (rest > 0.0 ? rest : 0.0) * share;
+
+        return vec4(a * 0.015625, b * 0.015625, d0 * 0.015625, variance * 0.000244140625);
+    }
+}
+
+void main()
+{
+    const ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+    Window s = Window(0, 0, 0, 0, 0, 0, 0, uvec2(0), uvec2(0), uvec2(0));
+
+    if (at.x >= width || at.y >= height)
+        return;
+    for (int u = max(-radius, -at.x); u <= min(radius, width - 1 - at.x); u++) {
+        const Sums c = sums[at.y * width + at.x + u];
+
+        s.n += c.n;
+        s.x += u * c.n;
+        s.y += c.y;
+        s.xx += u * u * c.n;
+        s.xy += u * c.y;
+        s.yy += c.yy;
+        s.d += c.d;
+        s.xd = add(s.xd, product(u, int(c.d)));
+        s.yd = add(s.yd, wide(c.yd));
+        s.dd = add(s.dd, uvec2(c.dd_low, c.dd_high));
+    }
+    planes[at.y * width + at.x] = fit(s);
+}

@@ -1,0 +1,452 @@
+/* Label refinement on a device: a view's pixels go there once, its labels come back. The CPU sees which labels compete,
+ * to find the hulls of their regions, and the sums of the regions' normals.
+ *
+ * A device that fails is closed. The view in work and the next ones are then refined on the CPU, one more after each
+ * failure, twice as many each time; then the device is opened again. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/mem.h"
+#include "pipeline/gpu/refine.h"
+#include "pipeline/method/refine/refine_internal.h"
+
+/* A view in work. */
+struct work {
+    struct sst_refine_device *d;
+    const struct refine_job *job;
+    struct sst_view *view;
+    const struct refine_grounds *grounds;
+    int width, height;
+    size_t pixels;
+    uint64_t seen, mixed; /* labels that compete; those of conflicts between objects and grounds */
+    bool normals;
+};
+
+_Static_assert(SST_GPU_REFINE_LABELS == SST_MAX_CLASSES, "a bit each");
+
+static void drop(void *arg)
+{
+    struct sst_refine_device *d = arg;
+
+    for (int i = 0; i < REFINE_KEPT; i++) {
+        sst_gpu_buffer_destroy(sst_gpu_shared_device(d->shared), d->kept[i]);
+        d->kept[i] = NULL;
+        d->bytes[i] = 0;
+    }
+    d->has_table = false;
+    refine_drop_votes(d);
+}
+
+bool refine_device_drop_kept(struct sst_refine_device *d)
+{
+    bool any = false;
+
+    for (int i = 0; i < REFINE_KEPT; i++) {
+        if (i == REFINE_KEPT_OUT || !d->kept[i])
+            continue;
+        sst_gpu_buffer_destroy(d->gpu, d->kept[i]);
+        d->kept[i] = NULL;
+        d->bytes[i] = 0;
+        any = true;
+    }
+    d->has_table = false;
+    return any;
+}
+
+static void note_name(struct sst_refine_device *d)
+{
+    const struct sst_gpu_info *info = sst_gpu_shared_info(d->shared);
+
+    snprintf(d->report.name, sizeof(d->report.name), "%s", info->name);
+    snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
+}
+
+int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shared *shared)
+{
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_REFINE_MASK,    SST_GPU_REFINE_COLUMNS,
+                                                   SST_GPU_REFINE_COMPETE, SST_GPU_REFINE_SUMS,
+                                                   SST_GPU_REFINE_PLANES,  SST_GPU_REFINE_NORMALS,
+                                                   SST_GPU_REFINE_ASSIGN,  SST_GPU_VOTE };
+    struct sst_refine_device *d;
+    int err;
+
+    *out = NULL;
+    if (!shared)
+        return 0;
+    d = calloc(1, sizeof(*d));
+    if (!d) {
+        sst_log_error("not enough memory for a device");
+        return -ENOMEM;
+    }
+    d->shared = shared;
+    d->user = (struct sst_gpu_user){
+        .shaders = shaders, .count = ARRAY_LEN(shaders), .work = "refine labels", .drop = drop, .arg = d
+    };
+    err = sst_gpu_shared_join(shared, &d->user);
+    if (err) {
+        free(d);
+        return err;
+    }
+    note_name(d);
+    *out = d;
+    return 0;
+}
+
+void sst_refine_device_destroy(struct sst_refine_device *d)
+{
+    if (!d)
+        return;
+    sst_gpu_shared_leave(d->shared, &d->user);
+    sst_mem_kept_fini(&d->words);
+    sst_mem_kept_fini(&d->corners);
+    free(d);
+}
+
+void sst_refine_device_report(struct sst_refine_device *d, struct sst_refine_device_report *out)
+{
+    *out = d->report;
+    d->report = (struct sst_refine_device_report){ 0 };
+    memcpy(d->report.name, out->name, sizeof(out->name));
+    memcpy(d->report.driver, out->driver, sizeof(out->driver));
+}
+
+/* --- memory and dispatches ---------------------------------------------------------------------------------------- */
+
+int refine_device_keep(struct sst_refine_device *d, enum refine_kept which, size_t bytes)
+{
+    int err;
+
+    if (d->bytes[which] >= bytes)
+        return 0;
+    sst_gpu_buffer_destroy(d->gpu, d->kept[which]);
+    d->kept[which] = NULL;
+    d->bytes[which] = 0;
+    err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
+    if (err == -ENOMEM && sst_gpu_shared_make_room(d->shared, &d->user))
+        err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
+    if (!err)
+        d->bytes[which] = bytes;
+    return err;
+}
+
+static int upload(struct sst_refine_device *d, enum refine_kept which, const void *data, size_t bytes)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    int err = refine_device_keep(d, which, bytes);
+
+    err = err ? err : sst_gpu_upload(d->gpu, d->kept[which], 0, data, bytes);
+    d->report.upload_bytes += (int64_t)bytes;
+    d->report.upload_ns += sst_clock_now_ns() - start_ns;
+    return err;
+}
+
+int refine_device_download(struct sst_refine_device *d, enum refine_kept which, void *data, size_t bytes)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    int err = sst_gpu_wait(d->gpu);
+    const int64_t done_ns = sst_clock_now_ns();
+
+    err = err ? err : sst_gpu_download(d->gpu, data, d->kept[which], 0, bytes);
+    d->report.wait_ns += done_ns - start_ns;
+    d->report.download_ns += sst_clock_now_ns() - done_ns;
+    return err;
+}
+
+static int dispatch(struct sst_refine_device *d, enum sst_gpu_shader shader, const void *push, uint32_t x, uint32_t y,
+                    const enum refine_kept *kept, size_t count)
+{
+    struct sst_gpu_work work = { .shader = shader, .push = push, .groups = { x, y, 1 } };
+
+    for (size_t i = 0; i < count; i++)
+        work.buffer[i] = d->kept[kept[i]];
+    d->report.dispatches++;
+    return sst_gpu_dispatch(d->gpu, &work);
+}
+
+/* Over all pixels. */
+static int dispatch_view(const struct work *w, enum sst_gpu_shader shader, const void *push,
+                         const enum refine_kept *kept, size_t count)
+{
+    const uint32_t x = (uint32_t)(w->width + SST_GPU_REFINE_WIDTH - 1) / SST_GPU_REFINE_WIDTH;
+    const uint32_t y = (uint32_t)(w->height + SST_GPU_REFINE_HEIGHT - 1) / SST_GPU_REFINE_HEIGHT;
+
+    return dispatch(w->d, shader, push, x, y, kept, count);
+}
+
+static void split(uint32_t out[2], uint64_t whole)
+{
+    out[0] = (uint32_t)whole;
+    out[1] = (uint32_t)(whole >> 32);
+}
+
+static uint64_t join(const uint32_t v[2])
+{
+    return v[0] | (uint64_t)v[1] << 32;
+}
+
+/* --- steps -------------------------------------------------------------------------------------------------------- */
+
+static int upload_view(const struct work *w)
+{
+    uint32_t *words = sst_mem_keep(&w->d->words, w->pixels, sizeof(*words));
+
+    if (!words)
+        return -ENOMEM;
+    for (int y = 0; y < w->height; y++) {
+        const uint16_t *disp = sst_map_u16_row(&w->view->disp, y);
+        const uint8_t *label = sst_map_u8_row(&w->view->label, y);
+        uint32_t *to = words + (size_t)y * (size_t)w->width;
+
+        for (int x = 0; x < w->width; x++)
+            to[x] = disp[x] | (uint32_t)label[x] << 16;
+    }
+    w->d->report.uploads++;
+    return upload(w->d, REFINE_KEPT_VIEW, words, w->pixels * sizeof(*words));
+}
+
+static int upload_grounds(const struct work *w)
+{
+    struct sst_gpu_refine_ground ground[SST_GPU_REFINE_LABELS] = { { { 0 }, { 0 }, { 0 }, { 0 } } };
+
+    for (int i = 0; i < SST_GPU_REFINE_LABELS; i++) {
+        const struct sst_ground *g = &w->grounds->ground[i];
+
+        split(ground[i].a, (uint64_t)g->a_q24);
+        split(ground[i].b, (uint64_t)g->b_q24);
+        split(ground[i].d0, (uint64_t)g->d0_q24);
+        split(ground[i].limit, (uint64_t)g->limit_q24);
+    }
+    return upload(w->d, REFINE_KEPT_GROUNDS, ground, sizeof(ground));
+}
+
+static int upload_table(const struct work *w)
+{
+    uint32_t(*table)[2];
+    int err;
+
+    if (w->d->has_table)
+        return 0;
+    table = sst_mem_keep(&w->d->words, SST_DISP_BINS, sizeof(*table));
+    if (!table)
+        return -ENOMEM;
+    for (int q = 0; q < SST_DISP_BINS; q++)
+        split(table[q], w->job->candidates[q]);
+    err = upload(w->d, REFINE_KEPT_TABLE, table, SST_DISP_BINS * sizeof(*table));
+    w->d->has_table = !err;
+    return err;
+}
+
+/* Candidates of all pixels, and which labels compete. */
+static int find_candidates(struct work *w)
+{
+    static const enum refine_kept kept[] = { REFINE_KEPT_VIEW, REFINE_KEPT_TABLE,  REFINE_KEPT_GROUNDS,
+                                             REFINE_KEPT_SEEN, REFINE_KEPT_CHOICE, REFINE_KEPT_MASK };
+    struct sst_gpu_refine_mask push = { .width = w->width, .height = w->height };
+    uint32_t seen[4] = { 0 };
+    int err = upload_table(w);
+
+    split(push.planar, w->grounds->planar);
+    split(push.ground, w->job->ground);
+    err = err ? err : upload_view(w);
+    err = err ? err : upload_grounds(w);
+    err = err ? err : upload(w->d, REFINE_KEPT_SEEN, seen, sizeof(seen));
+    err = err ? err : refine_device_keep(w->d, REFINE_KEPT_CHOICE, w->pixels * sizeof(struct sst_gpu_refine_choice));
+    err = err ? err : refine_device_keep(w->d, REFINE_KEPT_MASK, w->pixels * 2 * sizeof(uint32_t));
+    err = err ? err : dispatch_view(w, SST_GPU_REFINE_MASK, &push, kept, ARRAY_LEN(kept));
+    err = err ? err : refine_device_download(w->d, REFINE_KEPT_SEEN, seen, sizeof(seen));
+    w->seen = join(seen);
+    w->mixed = join(seen + 2);
+    w->normals = w->mixed && w->job->cfg->p_normal > 0;
+    return err;
+}
+
+/* Normals where they count, with the sums of regions. */
+static int find_normals(const struct work *w)
+{
+    static const enum refine_kept sums[] = { REFINE_KEPT_VIEW, REFINE_KEPT_SUMS },
+                                  planes[] = { REFINE_KEPT_SUMS, REFINE_KEPT_PLANES };
+    static const enum refine_kept normals[] = { REFINE_KEPT_VIEW, REFINE_KEPT_MASK, REFINE_KEPT_PLANES,
+                                                REFINE_KEPT_REGIONS, REFINE_KEPT_SUMS };
+    static const struct sst_gpu_refine_region none[SST_GPU_REFINE_LABELS];
+    const struct sst_gpu_refine_window window = { w->width, w->height, w->job->cfg->normal_window / 2 };
+    struct sst_gpu_refine_normals push = {
+        .width = w->width, .height = w->height, .radius = window.radius, .frame = w->job->frame
+    };
+    int err = refine_device_keep(w->d, REFINE_KEPT_SUMS, w->pixels * sizeof(struct sst_gpu_refine_sums));
+
+    split(push.mixed, w->mixed);
+    split(push.ground, w->job->ground);
+    err = err ? err : refine_device_keep(w->d, REFINE_KEPT_PLANES, w->pixels * sizeof(struct sst_surface_plane));
+    err = err ? err : upload(w->d, REFINE_KEPT_REGIONS, none, sizeof(none));
+    err = err ? err : dispatch_view(w, SST_GPU_REFINE_SUMS, &window, sums, ARRAY_LEN(sums));
+    err = err ? err : dispatch_view(w, SST_GPU_REFINE_PLANES, &window, planes, ARRAY_LEN(planes));
+    return err ? err : dispatch_view(w, SST_GPU_REFINE_NORMALS, &push, normals, ARRAY_LEN(normals));
+}
+
+/* @return corners of the hull of a label's region, uploaded; 0: it is absent; or an error */
+static int upload_hull(const struct work *w, int label)
+{
+    const size_t most = 2 * (size_t)w->height + 2;
+    int32_t *corners = sst_mem_keep(&w->d->corners, 4 * most, sizeof(*corners));
+    struct sst_hull hull = { 0, corners, corners + most };
+    int32_t *pairs = corners + 2 * most;
+    int err;
+
+    if (!corners)
+        return -ENOMEM;
+    sst_hull_build(&hull, &w->view->label, label);
+    for (int i = 0; i < hull.count; i++) {
+        pairs[2 * i] = hull.x[i];
+        pairs[2 * i + 1] = hull.y[i];
+    }
+    err = refine_device_keep(w->d, REFINE_KEPT_HULL, 2 * most * sizeof(*pairs));
+    if (!err && hull.count)
+        err = upload(w->d, REFINE_KEPT_HULL, pairs, 2 * (size_t)hull.count * sizeof(*pairs));
+    return err ? err : hull.count;
+}
+
+static int compete(const struct work *w, int label)
+{
+    static const enum refine_kept columns[] = { REFINE_KEPT_VIEW, REFINE_KEPT_COLUMNS };
+    static const enum refine_kept kept[] = { REFINE_KEPT_MASK, REFINE_KEPT_COLUMNS, REFINE_KEPT_HULL,
+                                             REFINE_KEPT_CHOICE };
+    const struct sst_gpu_refine_columns of = { w->width, w->height, (uint32_t)label };
+    const int corners = upload_hull(w, label);
+    const struct sst_gpu_refine_compete push = { w->width,          w->height,
+                                                 (uint32_t)label,   (uint32_t)(w->job->ground >> (label - 1) & 1),
+                                                 (uint32_t)corners, w->job->cfg->p_distance > 0 };
+    const uint32_t groups = (uint32_t)(w->width + SST_GPU_REFINE_COLUMN_GROUP - 1) / SST_GPU_REFINE_COLUMN_GROUP;
+    int err = corners < 0 ? corners : refine_device_keep(w->d, REFINE_KEPT_COLUMNS, w->pixels * sizeof(uint32_t));
+
+    if (corners > 0)
+        err = err ? err : dispatch(w->d, SST_GPU_REFINE_COLUMNS, &of, groups, 1, columns, ARRAY_LEN(columns));
+    return err ? err : dispatch_view(w, SST_GPU_REFINE_COMPETE, &push, kept, ARRAY_LEN(kept));
+}
+
+/* Means of the regions' normals. */
+static int exchange_regions(const struct work *w)
+{
+    struct sst_gpu_refine_region sums[SST_GPU_REFINE_LABELS];
+    struct sst_gpu_refine_mean means[SST_GPU_REFINE_LABELS] = { { { 0 }, 0 } };
+    int err = w->normals ? refine_device_download(w->d, REFINE_KEPT_REGIONS, sums, sizeof(sums)) : 0;
+
+    for (int i = 0; i < SST_GPU_REFINE_LABELS && w->normals && !err; i++) {
+        struct sst_region r = { .normals = (int64_t)join(sums[i].normals), .pixels = (int64_t)join(sums[i].pixels) };
+
+        for (int c = 0; c < 3; c++)
+            r.sum_q20[c] = (int64_t)join(sums[i].sum_q20[c]);
+        sst_region_finish(&r);
+        memcpy(means[i].mean, r.mean, sizeof(r.mean));
+        means[i].known = sst_region_has_normal(&r);
+    }
+    return err ? err : upload(w->d, REFINE_KEPT_MEANS, means, sizeof(means));
+}
+
+static int assign(const struct work *w)
+{
+    const enum refine_kept kept[] = { REFINE_KEPT_VIEW,   REFINE_KEPT_MASK,
+                                      REFINE_KEPT_CHOICE, w->normals ? REFINE_KEPT_SUMS : REFINE_KEPT_VIEW,
+                                      REFINE_KEPT_MEANS,  REFINE_KEPT_OUT };
+    const struct sst_refine_config *cfg = w->job->cfg;
+    const struct sst_gpu_refine_assign push = {
+        w->width, w->height, w->normals, (float)cfg->p_distance, (float)cfg->p_normal, (float)cfg->tau
+    };
+    const size_t pitch = ((size_t)w->width + 3) / 4 * 4, bytes = pitch * (size_t)w->height;
+    const uint32_t x = (uint32_t)(pitch / 4 + SST_GPU_REFINE_WIDTH - 1) / SST_GPU_REFINE_WIDTH;
+    const uint32_t y = (uint32_t)(w->height + SST_GPU_REFINE_HEIGHT - 1) / SST_GPU_REFINE_HEIGHT;
+    uint8_t *labels = sst_mem_keep(&w->d->words, bytes, 1);
+    int err = labels ? refine_device_keep(w->d, REFINE_KEPT_OUT, bytes) : -ENOMEM;
+
+    err = err ? err : dispatch(w->d, SST_GPU_REFINE_ASSIGN, &push, x, y, kept, ARRAY_LEN(kept));
+    err = err ? err : refine_device_download(w->d, REFINE_KEPT_OUT, labels, bytes);
+    for (int row = 0; row < w->height && !err; row++)
+        memcpy(sst_map_u8_row(&w->view->label, row), labels + (size_t)row * pitch, (size_t)w->width);
+    return err;
+}
+
+/* --- views -------------------------------------------------------------------------------------------------------- */
+
+/* The labels of a view change at the end, once all has worked. */
+static int refine_view(struct sst_refine_device *d, const struct refine_job *job, int view)
+{
+    struct work w = { .d = d,
+                      .job = job,
+                      .view = &job->lf->views[view],
+                      .grounds = &job->grounds[view],
+                      .width = job->lf->width,
+                      .height = job->lf->height,
+                      .pixels = (size_t)job->lf->width * (size_t)job->lf->height };
+    int err = find_candidates(&w);
+
+    if (w.normals)
+        err = err ? err : find_normals(&w);
+    for (int label = 1; label <= job->lf->classes.count && !err; label++) {
+        if (w.seen >> (label - 1) & 1)
+            err = compete(&w, label);
+    }
+    err = err ? err : exchange_regions(&w);
+    return err ? err : assign(&w);
+}
+
+bool refine_device_begin(struct sst_refine_device *d, int *err)
+{
+    sst_gpu_shared_lock(d->shared);
+    d->gpu = sst_gpu_shared_take(d->shared, &d->user, err);
+    if (d->gpu)
+        note_name(d);
+    return d->gpu;
+}
+
+bool refine_device_end(struct sst_refine_device *d, int err, const char *what)
+{
+    const bool done = d->gpu && !err;
+
+    if (done)
+        sst_gpu_shared_succeed(d->shared);
+    if (err)
+        snprintf(d->report.why, sizeof(d->report.why), "%s",
+                 err == -EOVERFLOW ? "views are too far apart" : sst_gpu_error(err));
+    if (err && ((err != -ENOMEM && err != -EOVERFLOW) || !d->gpu)) { /* else the device is not to blame */
+        sst_log_warning("%s: %s; %s on the CPU, and the device is opened again after %d more", d->report.name,
+                        sst_gpu_error(err), what, sst_gpu_shared_fail(d->shared));
+        d->report.failures++;
+    }
+    d->gpu = NULL;
+    sst_gpu_shared_unlock(d->shared);
+    return done;
+}
+
+/* @return true: the view is done */
+static bool try_view(struct sst_refine_device *d, const struct refine_job *job, int view)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    bool done;
+    int err;
+
+    if (refine_device_begin(d, &err))
+        err = refine_view(d, job, view);
+    done = refine_device_end(d, err, "the view is refined");
+    d->report.views += done;
+    d->report.on_cpu += !done;
+    d->report.total_ns += sst_clock_now_ns() - start_ns;
+    return done;
+}
+
+int refine_on_device(struct sst_refine_device *d, struct refine_job *job)
+{
+    sst_gpu_shared_lock(d->shared);
+    d->has_table = false;
+    sst_gpu_shared_unlock(d->shared);
+    for (int view = 0; view < job->lf->rows * job->lf->cols; view++) {
+        if (!refine_wants(job, view))
+            continue;
+        if (job->cfg->cancel && *job->cfg->cancel)
+            return -ECANCELED;
+        job->done[view] = try_view(d, job, view);
+    }
+    return 0;
+}

@@ -1,0 +1,172 @@
+/* tests/refine_field.h - small light fields whose labels a device must refine as the CPU does. */
+#ifndef SST_TESTS_REFINE_FIELD_H
+#define SST_TESTS_REFINE_FIELD_H
+
+#include <stdlib.h>
+
+#include "pipeline/method/process/process_internal.h"
+#include "pipeline/method/refine/refine.h"
+#include "tests/random.h"
+#include "tests/test.h"
+
+/* Label and disparity (1/64 px) of a pixel: a table that rises from row 25 on, with two things on it of nearly the same
+ * disparities, and leaves of two kinds before the wall behind. */
+static inline uint8_t refine_truth(int x, int y, double *q)
+{
+    const bool horse = x > 20 && x < 34 && y > 12 && y<44, bicycle = x> 50 && x < 70 && y > 20 && y < 50;
+
+    *q = 340;
+    if (x > 74 && y < 30)
+        return (*q = 900 + 40 * ((x / 3 + y / 2) % 3), (x / 3 + y / 2) % 2 ? SST_LABEL_MOTORCYCLE : SST_LABEL_BICYCLE);
+    if (horse)
+        return (*q = 520, SST_LABEL_HORSE);
+    if (bicycle)
+        return (*q = 530, SST_LABEL_BICYCLE);
+    if (y > 25)
+        return (*q = 340 + 9 * (y - 25), SST_LABEL_TABLE);
+    return SST_LABEL_BUILDING;
+}
+
+/* The last view is absent, one has no label at all, another one no disparities. */
+static inline void refine_init(struct sst_lightfield *lf, int rows, int cols, int width, int height)
+{
+    uint64_t seed = 7;
+
+    assert_int_equal(sst_lightfield_init(lf, rows, cols), 0);
+    lf->width = width;
+    lf->height = height;
+    lf->focal_px = 120;
+    lf->disp_min_px = 1.5;
+    lf->classes = sst_classes_default;
+    for (int k = 0; k < rows * cols - 1; k++) {
+        struct sst_view *v = &lf->views[k];
+
+        v->present = true;
+        v->bx = k % cols - (cols - 1) / 2 + 0.01 * (k % 4);
+        v->by = k / cols - (rows - 1) / 2 - 0.02 * (k % 3);
+        assert_int_equal(sst_image_init(&v->image, width, height), 0);
+        assert_int_equal(sst_map_u16_init(&v->disp, width, height), 0);
+        assert_int_equal(sst_map_u8_init(&v->label, width, height), 0);
+        for (int i = 0; i < width * height; i++) {
+            const int x = i % width, y = i / width;
+            double q;
+            const uint8_t label = refine_truth(x + k % 3, y, &q);
+            const bool known = sst_random(&seed) > 0.03 && k != 2;
+
+            for (int c = 0; c < 3; c++)
+                sst_image_row(&v->image, c, y)[x] = (uint8_t)(label * 9 + c * 5 + (int)(sst_random(&seed) * 30));
+            sst_map_u16_row(&v->disp, y)[x] = (uint16_t)(known ? q + 6 * test_normal(&seed) : (double)SST_DISP_NONE);
+            sst_map_u8_row(&v->label, y)[x] = sst_random(&seed) < 0.45 && k != 1 ? label : SST_LABEL_NONE;
+        }
+    }
+    assert_int_equal(sst_map_u8_init(&lf->views[0].valid, width, height), 0);
+    for (int y = 0; y < height; y++)
+        memset(sst_map_u8_row(&lf->views[0].valid, y) + y % 7, 255, (size_t)(width - 9 - y % 7));
+    sst_map_u8_row(&lf->views[0].label, 3)[4] = 200; /* outside the class list: stays */
+}
+
+/* Configurations that use different parts of the device. @return false: there is none of this number */
+static inline bool refine_config(struct sst_refine_config *cfg, int i)
+{
+    sst_refine_config_defaults(cfg);
+    cfg->threads = 2;
+    cfg->min_pixels = 20;
+    switch (i) {
+    case 0:
+        break;
+    case 1: /* normals decide */
+        cfg->ground_plane = false;
+        cfg->p_distance = 0.5;
+        cfg->tau = 0.3;
+        break;
+    case 2:
+        cfg->ground_plane = false;
+        cfg->p_normal = 0;
+        break;
+    case 3: /* all distances alike */
+        cfg->ground_plane = false;
+        cfg->p_distance = 0;
+        cfg->normal_window = 33;
+        break;
+    case 4: /* few candidates */
+        cfg->eps_d = 0.2;
+        cfg->matcher_sigma_px = 0;
+        break;
+    default:
+        return false;
+    }
+    return true;
+}
+
+/* Two light fields with labels of their own; the rest is borrowed. */
+static inline void refine_copy(struct sst_lightfield copy[2], const struct sst_lightfield *lf)
+{
+    const size_t views = (size_t)(lf->rows * lf->cols);
+
+    for (int i = 0; i < 2; i++) {
+        copy[i] = *lf;
+        copy[i].views = calloc(views, sizeof(*copy[i].views));
+        assert_non_null(copy[i].views);
+        for (size_t k = 0; k < views; k++) {
+            struct sst_map_u8 *label = &copy[i].views[k].label;
+
+            copy[i].views[k] = lf->views[k];
+            if (!lf->views[k].label.data)
+                continue;
+            *label = (struct sst_map_u8){ 0 };
+            assert_int_equal(sst_map_u8_init(label, lf->width, lf->height), 0);
+            for (int y = 0; y < lf->height; y++)
+                memcpy(sst_map_u8_row(label, y), sst_map_u8_row(&lf->views[k].label, y), (size_t)lf->width);
+        }
+    }
+}
+
+/* Their labels are the same, and others than at first in at least `least` rows. */
+static inline void refine_assert_same(struct sst_lightfield copy[2], const struct sst_lightfield *lf, int least)
+{
+    int changed = 0;
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        for (int y = 0; lf->views[k].present && y < lf->height; y++) {
+            const uint8_t *want = sst_map_u8_row(&copy[1].views[k].label, y);
+
+            assert_memory_equal(sst_map_u8_row(&copy[0].views[k].label, y), want, (size_t)lf->width);
+            changed += memcmp(want, sst_map_u8_row(&lf->views[k].label, y), (size_t)lf->width) != 0;
+        }
+        for (int i = 0; i < 2; i++)
+            sst_map_u8_fini(&copy[i].views[k].label);
+    }
+    assert_true(changed >= least);
+    free(copy[0].views);
+    free(copy[1].views);
+}
+
+/* Refine on a device and on the CPU, which must give the same bytes; the light field stays as it is. */
+static inline void refine_compare(const struct sst_lightfield *lf, const struct sst_refine_config *cfg,
+                                  struct sst_refine_device_report *report)
+{
+    struct sst_refine_config cpu = *cfg;
+    struct sst_lightfield copy[2];
+
+    refine_copy(copy, lf);
+    cpu.device = NULL;
+    assert_int_equal(sst_refine_labels(&copy[0], cfg, NULL), 0);
+    assert_int_equal(sst_refine_labels(&copy[1], &cpu, NULL), 0);
+    sst_refine_device_report(cfg->device, report);
+    refine_assert_same(copy, lf, 50);
+}
+
+/* Vote on a device and on the CPU, likewise. */
+static inline void vote_compare(const struct sst_lightfield *lf, const bool *skip, struct sst_refine_device *device,
+                                struct sst_refine_device_report *report)
+{
+    struct sst_lightfield copy[2];
+
+    refine_copy(copy, lf);
+    assert_int_equal(process_vote_labels(&copy[0], skip, 2, device), 0);
+    assert_int_equal(process_vote_labels(&copy[1], skip, 2, NULL), 0);
+    sst_refine_device_report(device, report);
+    refine_assert_same(copy, lf, 20);
+}
+
+#endif

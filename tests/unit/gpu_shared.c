@@ -1,0 +1,201 @@
+/* pipeline/gpu/shared: one opening for several kinds of work, which is closed and opened again for all. */
+#include <errno.h>
+
+#include "base/log.h"
+#include "tests/match_field.h"
+#include "tests/refine_field.h"
+#include "tests/small.h"
+
+#define BYTES ((size_t)300 << 10)
+
+/* A kind of work that holds one buffer. */
+struct work {
+    struct sst_gpu_shared *shared;
+    struct sst_gpu_user user;
+    struct sst_gpu_buffer *buffer;
+    int drops;
+};
+
+static void drop(void *arg)
+{
+    struct work *w = arg;
+
+    w->drops++;
+    sst_gpu_buffer_destroy(sst_gpu_shared_device(w->shared), w->buffer);
+    w->buffer = NULL;
+}
+
+static int work_join(struct work *w, struct sst_gpu_shared *shared)
+{
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_CENSUS };
+
+    *w = (struct work){ .shared = shared,
+                        .user = { .shaders = shaders, .count = 1, .work = "count", .drop = drop, .arg = w } };
+    return sst_gpu_shared_join(shared, &w->user);
+}
+
+/* One piece. @return 0, -EAGAIN (the device is left alone), or its error */
+static int work_do(struct work *w)
+{
+    struct sst_gpu *g;
+    int err;
+
+    sst_gpu_shared_lock(w->shared);
+    g = sst_gpu_shared_take(w->shared, &w->user, &err);
+    if (g && !w->buffer) {
+        err = sst_gpu_buffer_create(g, &w->buffer, BYTES);
+        if (err == -ENOMEM && sst_gpu_shared_make_room(w->shared, &w->user))
+            err = sst_gpu_buffer_create(g, &w->buffer, BYTES);
+    } else if (!g && !err) {
+        err = -EAGAIN;
+    }
+    if (!err)
+        sst_gpu_shared_succeed(w->shared);
+    sst_gpu_shared_unlock(w->shared);
+    return err;
+}
+
+static int lose(struct sst_gpu_shared *shared)
+{
+    int pieces;
+
+    sst_gpu_shared_lock(shared);
+    pieces = sst_gpu_shared_fail(shared);
+    sst_gpu_shared_unlock(shared);
+    return pieces;
+}
+
+/* The pause after failures counts the pieces of all; one that works ends it. */
+static void test_pause(void **state)
+{
+    struct sst_gpu_shared *shared;
+    struct work a, b;
+
+    (void)state;
+    assert_int_equal(sst_gpu_shared_create(&shared, "dummy", 0), 0);
+    assert_string_equal(sst_gpu_shared_name(shared), "dummy");
+    assert_string_equal(sst_gpu_shared_info(shared)->driver, "C reference");
+    assert_int_equal(work_join(&a, shared), 0);
+    assert_int_equal(work_join(&b, shared), 0);
+    assert_int_equal(work_do(&a), 0);
+    assert_int_equal(work_do(&b), 0);
+    assert_int_equal(lose(shared), 0);
+    assert_int_equal(a.drops, 1);
+    assert_int_equal(b.drops, 1);
+    assert_null(sst_gpu_shared_device(shared));
+    assert_int_equal(lose(shared), 1);
+    assert_int_equal(a.drops, 1); /* it was closed */
+    assert_int_equal(work_do(&a), -EAGAIN);
+    assert_int_equal(work_do(&b), 0);
+    assert_int_equal(lose(shared), 0); /* from the start again */
+    assert_int_equal(work_do(&b), 0);
+    assert_int_equal(a.drops, 2);
+    assert_int_equal(b.drops, 2);
+    sst_gpu_shared_leave(shared, &a.user);
+    sst_gpu_shared_leave(shared, &b.user);
+    assert_int_equal(b.drops, 3);
+    assert_null(b.buffer);
+    sst_gpu_shared_destroy(shared);
+}
+
+/* Who needs memory gets that of the others. */
+static void test_room(void **state)
+{
+    struct sst_gpu_shared *shared;
+    struct work a, b;
+
+    (void)state;
+    assert_int_equal(sst_gpu_shared_create(&shared, "dummy", BYTES + 100), 0);
+    assert_int_equal(work_join(&a, shared), 0);
+    assert_int_equal(work_join(&b, shared), 0);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(work_do(&a), 0);
+        assert_non_null(a.buffer);
+        assert_null(b.buffer);
+        assert_int_equal(work_do(&b), 0);
+        assert_non_null(b.buffer);
+        assert_null(a.buffer);
+    }
+    sst_gpu_shared_leave(shared, &a.user);
+    sst_gpu_shared_leave(shared, &b.user);
+    sst_gpu_shared_destroy(shared);
+}
+
+static void test_refused(void **state)
+{
+    struct sst_gpu_shared *shared;
+    char text[SST_LOG_MAX];
+    struct work a;
+
+    (void)state;
+    assert_int_equal(sst_gpu_shared_create(&shared, "cpu", 0), 0);
+    assert_null(shared);
+    sst_log_hold_errors(text);
+    assert_int_equal(sst_gpu_shared_create(&shared, "no such device", 0), -ENOENT);
+    assert_null(shared);
+    assert_int_equal(sst_gpu_shared_create(&shared, "dummy:wrong=1", 0), 0);
+    assert_int_equal(work_join(&a, shared), -ENOTSUP);
+    assert_contains(text, "cannot count");
+    sst_log_hold_errors(NULL);
+    sst_gpu_shared_destroy(shared);
+    sst_gpu_shared_destroy(NULL);
+}
+
+/* Matching and refinement in turn on one device, with room for one of them, and with faults. */
+static void test_stages(void **state)
+{
+    static const struct {
+        const char *name;
+        uint64_t memory;
+    } devices[] = {
+        { "dummy", 0 }, { "dummy", (uint64_t)2600 << 10 }, { "dummy:lost=90", 0 }, { "dummy:timeout=150", 0 }
+    };
+    struct sst_disparity_device_report matched;
+    struct sst_refine_device_report refined;
+    struct sst_lightfield field, labels;
+
+    (void)state;
+    match_init(&field, 1, 3, 97, 60, 8);
+    refine_init(&labels, 1, 3, 93, 61);
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        struct sst_gpu_shared *shared;
+        struct sst_refine_device *refine;
+        struct sst_disparity_config cfg;
+        struct sst_refine_config refinement;
+
+        print_message("%s, %d KiB\n", devices[i].name, (int)(devices[i].memory >> 10));
+        assert_true(match_config(&cfg, 1));
+        assert_true(refine_config(&refinement, 1));
+        assert_int_equal(sst_gpu_shared_create(&shared, devices[i].name, devices[i].memory), 0);
+        assert_int_equal(sst_disparity_device_create_on(&cfg.device, shared), 0);
+        assert_int_equal(sst_refine_device_create(&refine, shared), 0);
+        refinement.device = refine;
+        for (int turn = 0; turn < 3; turn++) {
+            match_compare(&field, &cfg, &matched);
+            refine_compare(&labels, &refinement, &refined);
+            assert_int_equal(refined.views + refined.on_cpu, 2);
+            if (i < 2) {
+                assert_int_equal(matched.on_cpu, 0);
+                assert_int_equal(matched.failures + refined.failures, 0);
+                assert_int_equal(refined.views, 2);
+            }
+        }
+        sst_refine_device_destroy(refine);
+        sst_disparity_device_destroy(cfg.device);
+        sst_gpu_shared_destroy(shared);
+    }
+    sst_lightfield_fini(&field);
+    sst_lightfield_fini(&labels);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_pause),
+        cmocka_unit_test(test_room),
+        cmocka_unit_test(test_refused),
+        serial_test(test_stages),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

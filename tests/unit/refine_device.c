@@ -1,0 +1,216 @@
+/* pipeline/method/refine on the dummy device: the CPU's labels, whatever fits, and whatever fails. */
+#include <errno.h>
+
+#include "base/log.h"
+#include "tests/refine_field.h"
+#include "tests/small.h"
+
+struct device {
+    struct sst_gpu_shared *shared;
+    struct sst_refine_device *refine;
+};
+
+static void device_open(struct device *d, const char *name, uint64_t memory)
+{
+    assert_int_equal(sst_gpu_shared_create(&d->shared, name, memory), 0);
+    assert_int_equal(sst_refine_device_create(&d->refine, d->shared), 0);
+}
+
+static void device_close(struct device *d)
+{
+    sst_refine_device_destroy(d->refine);
+    sst_gpu_shared_destroy(d->shared);
+}
+
+static void test_same_bytes(void **state)
+{
+    struct sst_refine_device_report report;
+    struct sst_refine_config cfg;
+    struct sst_lightfield lf;
+    struct device d;
+
+    (void)state;
+    refine_init(&lf, 2, 3, 93, 61);
+    device_open(&d, "dummy", 0);
+    for (int i = 0; refine_config(&cfg, i); i++) {
+        print_message("configuration %d\n", i);
+        cfg.device = d.refine;
+        refine_compare(&lf, &cfg, &report);
+        assert_string_equal(report.name, "dummy");
+        assert_int_equal(report.views, 5);
+        assert_int_equal(report.uploads, 5);
+        assert_int_equal(report.on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+        assert_true(report.dispatches > 5 * 4);
+        sst_refine_device_report(d.refine, &report); /* since the last one */
+        assert_int_equal(report.views, 0);
+    }
+    device_close(&d);
+    sst_lightfield_fini(&lf);
+}
+
+/* Views that take no part, and a request to stop. */
+static void test_skipped(void **state)
+{
+    const bool skip[6] = { false, true, false, true, false, false };
+    SST_ATOMIC(bool) cancel = true;
+    struct sst_refine_device_report report;
+    struct sst_refine_config cfg;
+    struct sst_lightfield lf;
+    struct device d;
+
+    (void)state;
+    refine_init(&lf, 2, 3, 93, 61);
+    device_open(&d, "dummy", 0);
+    assert_true(refine_config(&cfg, 0));
+    cfg.device = d.refine;
+    cfg.skip = skip;
+    refine_compare(&lf, &cfg, &report);
+    assert_int_equal(report.views, 3);
+    cfg.cancel = &cancel;
+    assert_int_equal(sst_refine_labels(&lf, &cfg, NULL), -ECANCELED);
+    device_close(&d);
+    sst_lightfield_fini(&lf);
+}
+
+/* What a device fails at ends on the CPU with the same bytes; then it is opened again. */
+static void test_fallback(void **state)
+{
+    static const struct {
+        const char *name, *why;
+        uint64_t memory;
+        int views, failures;
+    } devices[] = {
+        /* the self-tests have 10 dispatches */
+        { "dummy:lost=11", "the device is lost", 0, 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
+        { "dummy:timeout=30", "the device does not answer", 0, 5, 3 },
+        { "dummy:memory=1", "not enough memory on the device", 0, 1, 0 }, /* one without normals fits */
+        { "dummy:buffer=100", "not enough memory on the device", 0, 0, 0 },
+        { "dummy", "not enough memory on the device", 700000, 0, 0 },
+    };
+    struct sst_refine_device_report report;
+    struct sst_refine_config cfg;
+    struct sst_lightfield lf;
+    struct device d;
+
+    (void)state;
+    refine_init(&lf, 3, 3, 93, 61);
+    assert_true(refine_config(&cfg, 1));
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        print_message("%s\n", devices[i].name);
+        device_open(&d, devices[i].name, devices[i].memory);
+        cfg.device = d.refine;
+        refine_compare(&lf, &cfg, &report);
+        print_message("%lld views, %lld on the CPU, %lld failures: %s\n", (long long)report.views,
+                      (long long)report.on_cpu, (long long)report.failures, report.why);
+        assert_int_equal(report.views + report.on_cpu, 8);
+        assert_string_equal(report.why, devices[i].why);
+        assert_int_equal(report.views, devices[i].views);
+        assert_int_equal(report.failures, devices[i].failures);
+        device_close(&d);
+    }
+    sst_lightfield_fini(&lf);
+}
+
+/* At every step of a view. */
+static void test_lost_anywhere(void **state)
+{
+    struct sst_refine_device_report report;
+    struct sst_refine_config cfg;
+    struct sst_lightfield lf;
+    bool all = false;
+
+    (void)state;
+    refine_init(&lf, 1, 3, 93, 61);
+    assert_true(refine_config(&cfg, 1));
+    for (int at = 11; !all; at++) {
+        char name[32];
+        struct device d;
+
+        snprintf(name, sizeof(name), "dummy:lost=%d", at);
+        device_open(&d, name, 0);
+        cfg.device = d.refine;
+        refine_compare(&lf, &cfg, &report);
+        all = report.failures == 0;
+        assert_int_equal(report.views + report.on_cpu, 2);
+        assert_true(all || report.on_cpu >= 1);
+        assert_in_range(at, 11, 60);
+        device_close(&d);
+    }
+    sst_lightfield_fini(&lf);
+}
+
+/* Votes: with all views on the device, with room for few of them, and where it fails. */
+static void test_votes(void **state)
+{
+    static const struct {
+        const char *name;
+        uint64_t memory;
+        int voted, failures;
+    } devices[] = {
+        { "dummy", 0, 8, 0 },
+        { "dummy", 6 * 93 * 61 * 8, 8, 0 }, /* five views and the result */
+        { "dummy", 4 * 93 * 61 * 8, 0, 0 }, /* not enough for one vote */
+        { "dummy:lost=12", 0, 4, 4 },       /* the second one of each opening */
+    };
+    const bool skip[9] = { false, false, false, false, true };
+    struct sst_refine_device_report report;
+    struct sst_lightfield lf;
+    struct device d;
+
+    (void)state;
+    refine_init(&lf, 3, 3, 93, 61);
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        print_message("%s, %d bytes\n", devices[i].name, (int)devices[i].memory);
+        device_open(&d, devices[i].name, devices[i].memory);
+        vote_compare(&lf, NULL, d.refine, &report);
+        print_message("%lld voted, %lld on the CPU, %lld failures, %lld uploads\n", (long long)report.voted,
+                      (long long)report.voted_on_cpu, (long long)report.failures, (long long)report.uploads);
+        assert_int_equal(report.voted, devices[i].voted);
+        assert_int_equal(report.voted + report.voted_on_cpu, 8);
+        assert_int_equal(report.failures, devices[i].failures);
+        assert_true(i || report.uploads == 8);
+        if (!i) {
+            vote_compare(&lf, skip, d.refine, &report);
+            assert_int_equal(report.voted, 7);
+        }
+        device_close(&d);
+    }
+    lf.disp_min_px = 0;
+    lf.views[0].bx = lf.views[3].bx - 32.0003; /* as far as views vote, which numbers of 32 bits do not hold */
+    lf.views[0].by = lf.views[3].by;
+    device_open(&d, "dummy", 0);
+    vote_compare(&lf, NULL, d.refine, &report);
+    assert_int_equal(report.voted_on_cpu, 1);
+    assert_string_equal(report.why, "views are too far apart");
+    device_close(&d);
+    sst_lightfield_fini(&lf);
+}
+
+static void test_refused(void **state)
+{
+    struct sst_refine_device *none;
+    struct sst_gpu_shared *shared;
+    char text[SST_LOG_MAX];
+
+    (void)state;
+    assert_int_equal(sst_refine_device_create(&none, NULL), 0);
+    assert_null(none);
+    assert_int_equal(sst_gpu_shared_create(&shared, "dummy:wrong=3", 0), 0);
+    sst_log_hold_errors(text);
+    assert_int_equal(sst_refine_device_create(&none, shared), -ENOTSUP);
+    assert_contains(text, "cannot refine labels");
+    sst_log_hold_errors(NULL);
+    sst_gpu_shared_destroy(shared);
+    sst_refine_device_destroy(NULL);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_skipped), serial_test(test_fallback),
+        serial_test(test_lost_anywhere),   cmocka_unit_test(test_votes),   cmocka_unit_test(test_refused),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
