@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Measure pictures and matching on every device against the CPU, interleaved in one run, and renew
+"""Measure pictures, matching, label refinement and networks on every device against the CPU, interleaved in one run, and renew
 docs/measured/gpu.md.
 
 All through `sst render` and `sst process` on simulated light fields: time of a picture on the device and of its download,
@@ -107,9 +107,9 @@ def measure(build, folder, field, name, options, device):
             f"{100 * (apart > 0).mean():.3f}"]
 
 
-def same_maps(a, b):
+def same_maps(a, b, kinds=("disparity", "confidence")):
     """Maps of two folders whose bytes differ, and all of them."""
-    names = [os.path.join(d, f) for d in ("disparity", "confidence") for f in sorted(os.listdir(os.path.join(a, d)))]
+    names = [os.path.join(d, f) for d in kinds for f in sorted(os.listdir(os.path.join(a, d)))]
     return sum(open(os.path.join(a, n), "rb").read() != open(os.path.join(b, n), "rb").read() for n in names), len(names)
 
 
@@ -150,6 +150,55 @@ def bench_matching(build, folder, device):
     head = ["`bush`, views of", "CPU s", "with device s", "ratio", "device s", "of them waits", "upload ms (MB)",
             "download ms", "views matched / tested", "stages on the CPU", "maps that differ"]
     return f"## {device['name']}: matching\n\n{bench_report.table(head, rows)}\n"
+
+
+def cut_labels(truth, folder, unknown=0.55):
+    """Label maps with gaps: at random, as if they had a high entropy."""
+    os.makedirs(folder)
+    random = np.random.default_rng(1)
+    for name in sorted(n for n in os.listdir(truth) if n.endswith(".png")):
+        label = np.asarray(Image.open(os.path.join(truth, name))).copy()
+        label[random.random(label.shape) < unknown] = 0
+        Image.fromarray(label).save(os.path.join(folder, name))
+
+
+def measure_refinement(build, folder, field, labels, truth, device):
+    """Rounds of CPU and device in turn; medians of the refinement stage, of true disparities and of labels with gaps."""
+    rounds = []
+    for _ in range(ROUNDS):
+        reports = []
+        for name in ("cpu", device):
+            copy = os.path.join(folder, "cpu" if name == "cpu" else "gpu")
+            subprocess.run(["rm", "-rf", copy], check=True)
+            subprocess.run(["cp", "-r", field, copy], check=True)
+            reports.append(json.loads(sst(build, "process", copy, "--labels", labels, "--disparity", truth, "--device",
+                                          name, "--json")))
+        cpu, gpu = reports
+        d = gpu["device"]["refinement"]
+        assert d["on_cpu"] == 0 and d["failures"] == 0 and d["views"] > 0, d
+        rounds.append((cpu["seconds"]["refinement"], gpu["seconds"]["refinement"], d["seconds"], d["wait_seconds"],
+                       d["upload_seconds"], d["download_seconds"], d["upload_bytes"]))
+    other, maps = same_maps(os.path.join(folder, "cpu"), os.path.join(folder, "gpu"), ("labels",))
+    cpu_s, all_s, device_s, wait_s, upload_s, download_s, upload_bytes = (statistics.median(c) for c in zip(*rounds))
+    return [f"{cpu_s:.3f}", f"{all_s:.3f}", f"{all_s / cpu_s:.2f}", f"{device_s:.3f}", f"{wait_s:.3f}",
+            f"{1e3 * upload_s:.0f} ({upload_bytes / 1e6:.1f})", f"{1e3 * download_s:.0f}", str(d["views"]),
+            f"{other} of {maps}"]
+
+
+def bench_refinement(build, folder, device):
+    rows = []
+    for grid_rows, cols, width, height in MATCHED_SOFTWARE if device["kind"] == "software" else MATCHED:
+        world, field, labels = (os.path.join(folder, k) for k in ("world", "lf", "labels"))
+        sst(build, "scene", "bush", "--size", f"{width}x{height}", "--grid", f"{grid_rows}x{cols}", "-o", world)
+        sst(build, "import", "folder", f"{world}/views", "--grid", f"{grid_rows}x{cols}", "-o", field)
+        cut_labels(f"{world}/truth", labels)
+        print(device["name"], "refinement", width, height, file=sys.stderr)
+        rows.append([f"{grid_rows}x{cols} of {width}x{height}"] +
+                    measure_refinement(build, folder, field, labels, f"{world}/truth", device["name"]))
+        subprocess.run(["rm", "-rf", world, field, labels], check=True)
+    head = ["`bush`, views of", "CPU s", "with device s", "ratio", "device s", "of them waits", "upload ms (MB)",
+            "download ms", "views refined", "maps that differ"]
+    return f"## {device['name']}: label refinement\n\n{bench_report.table(head, rows)}\n"
 
 
 def bench_networks(build, device):
@@ -248,7 +297,7 @@ def sections(text):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", default="build")
-    parser.add_argument("--only", choices=("pictures", "matching", "networks"))
+    parser.add_argument("--only", choices=("pictures", "matching", "refinement", "networks"))
     args = parser.parse_args()
     build = os.path.abspath(args.build)
     version = json.loads(sst(build, "version", "--json"))
@@ -262,14 +311,17 @@ def main():
             text += (bench_device(build, folder, d) if args.only in (None, "pictures") else old.get(d["name"], ""))
             text += (bench_matching(build, folder, d) if args.only in (None, "matching") else
                      old.get(f"{d['name']}: matching", ""))
+            text += (bench_refinement(build, folder, d) if args.only in (None, "refinement") else
+                     old.get(f"{d['name']}: label refinement", ""))
             text += (bench_networks(build, d) if args.only in (None, "networks") and version["parts"]["onednn"] else
                      old.get(f"{d['name']}: networks", ""))
     text = (f"The CPU and the device render in turn, {ROUNDS} rounds of {REPEAT} pictures each; medians. \"With device\" is a "
             "whole picture as the\ncaller sees it, with the plan, the download and the CPU's pass; \"on device\" is the "
             "shader with its waits. The upload\nhappens once per light field. Ratios above 1: the CPU is faster.\n\n"
             "Of matching the seconds are those of the whole disparity stage of `sst process`, of which the device has what "
-            "is not\nlisted under \"stages on the CPU\"; the device is opened and tested before. Networks run in turn as well, on all "
-            "threads of the CPU.\n\n" + text + roofline())
+            "is not\nlisted under \"stages on the CPU\"; the device is opened and tested before. Of label refinement they are "
+            "those of its\nstage, with given disparities, and labels with gaps. Networks run in turn as well, on all threads "
+            "of the CPU.\n\n" + text + roofline())
     with open(PAGE, "w", encoding="utf-8") as f:
         f.write(bench_report.page("GPU", "make bench-gpu", text))
 
