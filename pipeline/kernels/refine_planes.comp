@@ -59,15 +59,28 @@ uvec2 times(uvec2 a, uint n)
     return uvec2(low, high + a.y * n);
 }
 
-// sst_surface_float()
+// The nearest float, to even in the middle: the upper 24 bits, and what is below them.
 float to_float(uvec2 v)
 {
     const bool negative = (v.y & 0x80000000u) != 0;
     const uvec2 m = negative ? subtract(uvec2(0), v) : v;
-    const float high = float(int(m.y >> 8)), middle = float(int((m.y & 0xFF) << 12 | m.x >> 20));
-    precise float upper = high * 1048576.0 + middle;
-    precise float f = upper * 1048576.0 + float(int(m.x & 0xFFFFF));
+    const int shift = (m.y != 0 ? 32 + findMSB(m.y) : findMSB(m.x)) - 23;
+    uint upper = m.x, middle, below;
+    float f;
 
+    if (shift > 0) {
+        if (shift < 32) {
+            upper = m.x >> shift | (m.y << (31 - shift)) << 1;
+            middle = m.x >> (shift - 1) & 1;
+            below = m.x & ((1u << (shift - 1)) - 1);
+        } else {
+            upper = m.y >> (shift - 32);
+            middle = shift == 32 ? m.x >> 31 : m.y >> (shift - 33) & 1;
+            below = shift == 32 ? m.x & 0x7FFFFFFFu : m.x | (m.y & ((1u << (shift - 33)) - 1));
+        }
+        upper += middle != 0 && (below != 0 || (upper & 1) != 0) ? 1 : 0;
+    }
+    f = float(int(upper)) * uintBitsToFloat(uint(127 + max(shift, 0)) << 23);
     return negative ? -f : f;
 }
 

@@ -1,7 +1,7 @@
 /* pipeline/kernels/surface_ref.h - planes of disparity windows, their normals, and the energies of label refinement.
  *
  * Sums are exact whole numbers. What follows is sums, differences and products of floats in a fixed order, and whole
- * numbers below 2^24 made floats: what every device rounds as the CPU does, so that the shaders refine_planes,
+ * numbers rounded to floats: what every device rounds as the CPU does, so that the shaders refine_planes,
  * refine_normals and refine_assign give the same bits. Quotients and roots, which devices round as they like, are
  * Newton's iterations from a guess by the bits.
  */
@@ -51,16 +51,6 @@ static inline float sst_surface_root(float v)
     return r;
 }
 
-/** The nearest float but for 1e-7 of it. @param v  |v| < 2^62 */
-static inline float sst_surface_float(int64_t v)
-{
-    const uint64_t m = v < 0 ? -(uint64_t)v : (uint64_t)v;
-    const float high = (float)(int32_t)(m >> 40), middle = (float)(int32_t)(m >> 20 & 0xFFFFF);
-    const float f = (high * 1048576.0F + middle) * 1048576.0F + (float)(int32_t)(m & 0xFFFFF);
-
-    return v < 0 ? -f : f;
-}
-
 /** Over the known pixels of a window. n S_uv - S_u S_v is the same for any origin of x and y: below 2^60 for windows of
  * up to 2^14 pixels, coordinates below 2^15 and disparities below 2^16. */
 struct sst_surface_sums {
@@ -76,10 +66,10 @@ struct sst_surface_plane {
 
 static inline struct sst_surface_plane sst_surface_fit(const struct sst_surface_sums *s, int x0, int y0)
 {
-    const float xx = sst_surface_float(s->n * s->xx - s->x * s->x), yy = sst_surface_float(s->n * s->yy - s->y * s->y);
-    const float xy = sst_surface_float(s->n * s->xy - s->x * s->y), area = xx * yy, det = area - xy * xy;
-    const float xd = sst_surface_float(s->n * s->xd - s->x * s->d), yd = sst_surface_float(s->n * s->yd - s->y * s->d);
-    const float dd = sst_surface_float(s->n * s->dd - s->d * s->d);
+    const float xx = (float)(s->n * s->xx - s->x * s->x), yy = (float)(s->n * s->yy - s->y * s->y);
+    const float xy = (float)(s->n * s->xy - s->x * s->y), area = xx * yy, det = area - xy * xy;
+    const float xd = (float)(s->n * s->xd - s->x * s->d), yd = (float)(s->n * s->yd - s->y * s->d);
+    const float dd = (float)(s->n * s->dd - s->d * s->d);
     float scale, each, a, b, across, down, d0, rest;
 
     if (s->n < 3 || !(det > SST_SURFACE_COLLINEAR * area))
@@ -88,9 +78,9 @@ static inline struct sst_surface_plane sst_surface_fit(const struct sst_surface_
     each = sst_surface_reciprocal((float)s->n);
     a = (xd * yy - yd * xy) * scale;
     b = (yd * xx - xd * xy) * scale;
-    across = sst_surface_float(s->n * x0 - s->x) * each;
-    down = sst_surface_float(s->n * y0 - s->y) * each;
-    d0 = (sst_surface_float(s->d) * each + a * across) + b * down;
+    across = (float)(s->n * x0 - s->x) * each;
+    down = (float)(s->n * y0 - s->y) * each;
+    d0 = ((float)s->d * each + a * across) + b * down;
     rest = (dd - a * xd) - b * yd;
     rest = rest > 0 ? rest : 0;
     return (struct sst_surface_plane){ a * 0.015625F, b * 0.015625F, d0 * 0.015625F,

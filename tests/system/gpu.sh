@@ -223,7 +223,7 @@ for f in files:
   # --- gaps in given labels: the bytes of the CPU, whatever the device does ---
   cp -r pair/labels_hcsm given
   rm -rf pair/labels* pair/entropy
-  for run in cpu: lavapipe: dummy: dummy:lost=130:lost dummy:timeout=140:answer dummy:memory=1:memory; do
+  for run in cpu: lavapipe: dummy: dummy:lost=100:lost dummy:timeout=110:answer dummy:memory=1:memory; do
     rm -rf pair1
     cp -r pair pair1
     "$sst" process pair1 --preset preview --labels given --device "${run%:*}" --json >given.json 2>err || fail "labels on ${run%:*}: $(cat err)"
