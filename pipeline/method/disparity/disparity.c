@@ -412,7 +412,7 @@ static int match_others(struct disparity_run *run, int workers)
 struct compared {
     struct disparity_run *run;
     struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
-    int count, threads;
+    int count, workers; /* the latter have a network each */
     struct sst_support support;
 };
 
@@ -420,7 +420,7 @@ struct compared {
 static int gather_compared(struct compared *c)
 {
     struct disparity_run *run = c->run;
-    const int view = run->lf->ref_view, err = run_describe_rows(run, view / run->lf->cols, c->threads);
+    const int view = run->lf->ref_view, err = run_describe_rows(run, view / run->lf->cols, c->workers);
 
     c->count = err ? err : run_gather_neighbours(run, view, 0, run->cfg->neighbours - 1, c->neighbours);
     return c->count < 0 ? c->count : 0;
@@ -478,11 +478,11 @@ static int compare_ranges(struct compared *c, int top, int *off)
 }
 
 /* Percent of the pixels in three rows of tiles of the reference view whose disparity the windows change. */
-static int measure_ranges(struct disparity_run *run, int threads, double *error)
+static int measure_ranges(struct disparity_run *run, int workers, double *error)
 {
     const int view = run->lf->ref_view;
     const int last = (run->height / SST_TILE_HEIGHT - 1) * SST_TILE_HEIGHT;
-    struct compared c = { .run = run, .threads = threads };
+    struct compared c = { .run = run, .workers = workers };
     int err, off = 0;
 
     *error = NAN;
@@ -525,14 +525,14 @@ static int make_volumes(struct disparity_run *run, int workers)
 
 /* Volumes of tiles, or of whole views where windows change too many disparities: foliage, whose gaps no coarse map has.
  */
-static int choose_ranges(struct disparity_run *run, int workers, int threads)
+static int choose_ranges(struct disparity_run *run, int workers)
 {
     double error;
     int err = make_volumes(run, workers);
 
     if (err || !run->coarse)
         return err;
-    err = measure_ranges(run, threads, &error);
+    err = measure_ranges(run, workers, &error);
     if (!err && error <= run->cfg->range_error) {
         if (run->cfg->report)
             run->cfg->report->ranges_error = error;
@@ -561,7 +561,7 @@ static int run_all(struct disparity_run *run, int threads, sst_progress_fn *prog
     }
     run->phases = run_phases(run);
     err = open_networks(run, workers, threads);
-    err = err ? err : choose_ranges(run, workers, threads);
+    err = err ? err : choose_ranges(run, workers);
     err = err ? err : run_match(run, workers, progress, progress_arg);
     if (run->carried && run->rounds)
         err = err ? err : match_others(run, workers);
