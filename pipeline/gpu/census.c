@@ -63,28 +63,34 @@ struct row {
     const struct sst_gpu_step *step;
     const uint32_t *pixel, *other;          /* of the view, of the neighbour */
     const uint64_t *census, *other_census;  /* likewise */
-    uint8_t *first, *second, *cost, *given; /* [pitch] */
+    const uint8_t *features;                /* costs of this row and disparity, a pixel each struct sst_gpu_tile.nd */
+    uint8_t *first, *second;                /* [pitch] */
 };
 
 /* The two cheapest costs with those of this neighbour. */
-static void insert_row(const struct row *r, int left, int y, int n)
+static void insert_row(const struct row *r, const struct sst_gpu_tile *t, int y)
 {
     const struct sst_gpu_step *s = r->step;
     const int width = r->push->width, height = r->push->height, yn = y + s->y;
     const size_t own = (size_t)y * (size_t)width;
     const size_t at = ((size_t)s->layer * (size_t)height + (size_t)yn) * (size_t)width;
+    const uint32_t flags = r->push->flags;
 
     if (yn < 0 || yn >= height || y + s->near_y < 0 || y + s->near_y >= height)
         return;
-    for (int i = 0; i < n; i++) {
-        const int x = left + i, xn = x + s->x;
-        const bool masks = r->push->flags & SST_GPU_MATCH_MASKS;
+    for (int i = 0; i < t->pitch; i++) {
+        const int x = t->left + i, xn = x + s->x;
+        const uint8_t *feature = r->features + (size_t)i * (size_t)t->nd;
+        uint8_t census = 0;
 
         if (xn < 0 || xn >= width || x + s->near_x < 0 || x + s->near_x >= width ||
-            (masks && (!(r->pixel[own + (size_t)x] >> 24) || !(r->other[(size_t)(yn * width + xn)] >> 24))))
+            (flags & SST_GPU_MATCH_MASKS &&
+             (!(r->pixel[own + (size_t)x] >> 24) || !(r->other[(size_t)(yn * width + xn)] >> 24))))
             continue;
-        sst_hamming_row_ref(r->cost, r->census + own + x, r->other_census + at + xn, 1);
-        sst_cheapest_row_ref(r->first + i, r->second + i, r->cost, r->cost, 1);
+        if (!(flags & SST_GPU_MATCH_ALONE))
+            sst_hamming_row_ref(&census, r->census + own + x, r->other_census + at + xn, 1);
+        sst_cheapest_row_ref(r->first + i, r->second + i, flags & SST_GPU_MATCH_ALONE ? feature : &census,
+                             flags & SST_GPU_MATCH_FEATURES ? feature : &census, 1);
     }
 }
 
@@ -103,8 +109,9 @@ static void match_row(struct row *r, void *const *buffer, const struct sst_gpu_t
             r->second[x] = (uint8_t)(before >> 8);
         }
         r->step = (const struct sst_gpu_step *)buffer[SST_GPU_COST_STEPS] + t->first + d;
+        r->features = out + d;
         if (d < (size_t)t->steps)
-            insert_row(r, t->left, t->top + row, t->pitch);
+            insert_row(r, t, t->top + row);
         for (size_t x = 0; x < (size_t)t->pitch && !(r->push->flags & SST_GPU_MATCH_LAST); x++)
             two[x * nd + d] = (uint16_t)(r->first[x] | r->second[x] << 8);
         if (!(r->push->flags & SST_GPU_MATCH_LAST))
@@ -118,7 +125,7 @@ static void match_row(struct row *r, void *const *buffer, const struct sst_gpu_t
 void match_cost_reference(const void *push, void *const *buffer, const uint32_t groups[3])
 {
     const struct sst_gpu_match *p = push;
-    uint8_t *memory = malloc(2 * (size_t)p->width + 1);
+    uint8_t *memory = malloc(2 * (size_t)p->width);
     struct row r = { .push = p,
                      .pixel = buffer[SST_GPU_COST_PIXELS],
                      .other = buffer[SST_GPU_COST_OTHERS],
@@ -128,7 +135,6 @@ void match_cost_reference(const void *push, void *const *buffer, const uint32_t 
 
     assert(memory);
     r.second = memory + p->width;
-    r.cost = r.second + p->width;
     for (uint32_t i = 0; i < groups[2]; i++) {
         const struct sst_gpu_tile *t = (const struct sst_gpu_tile *)buffer[SST_GPU_COST_TILES] + i;
 
@@ -224,15 +230,23 @@ static int run_neighbour(struct sst_gpu *g, struct test *t, uint32_t flags)
 
 int match_cost_self_test(struct sst_gpu *g)
 {
-    static const uint32_t flags[] = { SST_GPU_MATCH_FIRST | SST_GPU_MATCH_LAST, SST_GPU_MATCH_FIRST,
-                                      SST_GPU_MATCH_MASKS, SST_GPU_MATCH_LAST | SST_GPU_MATCH_MASKS,
-                                      SST_GPU_MATCH_LAST | SST_GPU_MATCH_TWO };
+    static const uint32_t flags[] = { SST_GPU_MATCH_FIRST | SST_GPU_MATCH_LAST,
+                                      SST_GPU_MATCH_FIRST,
+                                      SST_GPU_MATCH_MASKS,
+                                      SST_GPU_MATCH_LAST | SST_GPU_MATCH_MASKS,
+                                      SST_GPU_MATCH_LAST | SST_GPU_MATCH_TWO,
+                                      SST_GPU_MATCH_FIRST | SST_GPU_MATCH_FEATURES,
+                                      SST_GPU_MATCH_LAST | SST_GPU_MATCH_MASKS | SST_GPU_MATCH_FEATURES |
+                                          SST_GPU_MATCH_ALONE };
     struct test *t = calloc(1, sizeof(*t));
+    uint32_t state = 9;
     int err = t ? 0 : -ENOMEM;
 
     if (!err)
         set_test(t);
     for (size_t i = 0; i < ARRAY_LEN(flags) && !err; i++) {
+        for (size_t k = 0; k < TEST_CELLS; k++) /* of features, and of what no shader wrote yet */
+            t->cost[k] = (uint8_t)(gpu_random(&state) % (SST_FEATURE_COST_MAX + 1));
         for (size_t k = 0; k < TEST_PIXELS; k++) /* another neighbour */
             t->other_census[i % TEST_OTHERS][k] ^= (uint64_t)k << (7 * i);
         err = run_neighbour(g, t, flags[i]);

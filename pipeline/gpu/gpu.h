@@ -52,7 +52,8 @@ enum sst_gpu_shader {
     SST_GPU_REFINE_PLANES = 33,
     SST_GPU_REFINE_NORMALS = 34,
     SST_GPU_REFINE_ASSIGN = 35,
-    SST_GPU_VOTE = 36, /* vote.h */
+    SST_GPU_VOTE = 36,         /* vote.h */
+    SST_GPU_FEATURE_COST = 37, /* match.h */
     SST_GPU_SHADERS
 };
 

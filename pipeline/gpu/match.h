@@ -14,8 +14,9 @@
 
 /* Structures have the layout of the shaders (std430). */
 
-#define SST_GPU_MATCH_STEPS  576 /* of a view at most, with the padding of its last tile */
-#define SST_GPU_MATCH_LAYERS 16  /* of the census: phases */
+#define SST_GPU_MATCH_STEPS   576 /* of a view at most, with the padding of its last tile */
+#define SST_GPU_MATCH_LAYERS  16  /* of the census: phases */
+#define SST_GPU_FEATURE_WORDS 16  /* of a pixel: four components of its features each */
 
 /** A part of a view's volume: costs [rows][pitch][nd] of pixels (left, top) .. (left + pitch - 1, top + rows - 1). */
 struct sst_gpu_tile {
@@ -55,10 +56,12 @@ struct sst_gpu_match {
 };
 
 enum sst_gpu_match_flag {
-    SST_GPU_MATCH_FIRST = 1, /* the first neighbour */
-    SST_GPU_MATCH_LAST = 2,  /* the last one: costs are written */
-    SST_GPU_MATCH_TWO = 4,   /* there are two neighbours */
-    SST_GPU_MATCH_MASKS = 8, /* pixels that are not seen must not be matched */
+    SST_GPU_MATCH_FIRST = 1,     /* the first neighbour */
+    SST_GPU_MATCH_LAST = 2,      /* the last one: costs are written */
+    SST_GPU_MATCH_TWO = 4,       /* there are two neighbours */
+    SST_GPU_MATCH_MASKS = 8,     /* pixels that are not seen must not be matched */
+    SST_GPU_MATCH_FEATURES = 16, /* the cost is the mean of the census' and of what the costs hold, of feature_cost */
+    SST_GPU_MATCH_ALONE = 32,    /* with that: it is the latter; the census is not read */
 };
 
 enum sst_gpu_cost_buffer {
@@ -69,8 +72,23 @@ enum sst_gpu_cost_buffer {
     SST_GPU_COST_CENSUS = 4,       /* uint64_t[height][width] */
     SST_GPU_COST_OTHER_CENSUS = 5, /* uint64_t[layers][height][width] */
     SST_GPU_COST_SUM = 6,          /* in and out: the cheapest cost | the second one << 8 */
-    SST_GPU_COST_OUT = 7,          /* out, with SST_GPU_MATCH_LAST */
+    SST_GPU_COST_OUT = 7,          /* in, with SST_GPU_MATCH_FEATURES; out, with SST_GPU_MATCH_LAST */
     SST_GPU_COST_BUFFERS
+};
+
+/** `feature_cost`: groups as of `match_cost`, which reads the result. Features are uint8_t[height][16][width][4], as
+ * struct sst_descriptor has them: SST_FEATURE_ZERO more than the components of vectors of length SST_FEATURE_ONE. */
+struct sst_gpu_features {
+    int32_t width, height;
+};
+
+enum sst_gpu_feature_buffer {
+    SST_GPU_FEATURE_TILES = 0,
+    SST_GPU_FEATURE_STEPS = 1,
+    SST_GPU_FEATURE_OWN = 2,
+    SST_GPU_FEATURE_OTHER = 3, /* of the neighbour */
+    SST_GPU_FEATURE_OUT = 4, /* out: the cost at a step's nearest pixel; SST_COST_ABSENT outside, and in the padding */
+    SST_GPU_FEATURE_BUFFERS
 };
 
 /** `support_arms`: groups of SST_GPU_PLANE_WIDTH x SST_GPU_PLANE_HEIGHT pixels. */

@@ -29,6 +29,8 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                          census_self_test },
     [SST_GPU_MATCH_COST] = { "match_cost", SST_GPU_COST_BUFFERS, sizeof(struct sst_gpu_match), match_cost_reference,
                              match_cost_self_test },
+    [SST_GPU_FEATURE_COST] = { "feature_cost", SST_GPU_FEATURE_BUFFERS, sizeof(struct sst_gpu_features),
+                               feature_cost_reference, feature_cost_self_test },
     [SST_GPU_SUPPORT_ARMS] = { "support_arms", SST_GPU_ARMS_BUFFERS, sizeof(struct sst_gpu_arms),
                                support_arms_reference, support_arms_self_test },
     [SST_GPU_SUPPORT_SUM] = { "support_sum", SST_GPU_SUPPORT_SUM_BUFFERS, sizeof(struct sst_gpu_support),

@@ -1,6 +1,6 @@
-// Matching costs of a view against one neighbour, gathered over neighbours: hamming_row, cheapest_row and
-// cheapest_mean_row of kernels.h. An invocation has four disparities of a pixel. Buffers and constants:
-// pipeline/gpu/match.h. Definitions: census_ref.c, cheapest_ref.c.
+// Matching costs of a view against one neighbour, of the census, of features or of both, gathered over neighbours:
+// hamming_row, cheapest_row and cheapest_mean_row of kernels.h. An invocation has four disparities of a pixel. Buffers and
+// constants: pipeline/gpu/match.h. Definitions: census_ref.c, cheapest_ref.c.
 #version 450
 
 layout(local_size_x = 64) in;
@@ -21,14 +21,14 @@ layout(std430, binding = 3) readonly buffer Others { uint others[]; };
 layout(std430, binding = 4) readonly buffer Census { uvec2 census[]; };
 layout(std430, binding = 5) readonly buffer OtherCensus { uvec2 other_census[]; };
 layout(std430, binding = 6) buffer Sum { uint cheapest[]; };
-layout(std430, binding = 7) writeonly buffer Cost { uint cost[]; };
+layout(std430, binding = 7) buffer Cost { uint cost[]; };
 
 layout(std430, push_constant) uniform Constants {
     int width, height;
     uint flags;
 };
 
-const uint FIRST = 1, LAST = 2, TWO = 4, MASKS = 8;
+const uint FIRST = 1, LAST = 2, TWO = 4, MASKS = 8, FEATURES = 16, ALONE = 32;
 const uint ABSENT = 255, UNSEEN = 96, MOST = 255;
 
 bool is_seen(uint pixel)
@@ -36,18 +36,22 @@ bool is_seen(uint pixel)
     return pixel >> 24 != 0;
 }
 
-// The cost at a step, or ABSENT.
-uint cost_of(uvec2 own, int x, int y, const Step s)
+// The cost at a step, or ABSENT. `feature`: what the features cost there, if they do
+uint cost_of(uvec2 own, uint feature, int x, int y, const Step s)
 {
     const int xn = x + s.x, yn = y + s.y, near_x = x + s.near_x, near_y = y + s.near_y;
     const int at = yn * width + xn;
     uvec2 bits;
+    uint census_cost;
 
     if (xn < 0 || near_x < 0 || xn >= width || near_x >= width || yn < 0 || near_y < 0 || yn >= height ||
         near_y >= height || ((flags & MASKS) != 0 && !is_seen(others[at])))
         return ABSENT;
+    if ((flags & ALONE) != 0)
+        return feature;
     bits = own ^ other_census[s.layer * height * width + at];
-    return 4 * uint(bitCount(bits.x) + bitCount(bits.y));
+    census_cost = 4 * uint(bitCount(bits.x) + bitCount(bits.y));
+    return (flags & FEATURES) != 0 ? (census_cost + feature + 1) >> 1 : census_cost;
 }
 
 // Insert a cost into the two smallest ones, the first in the lower byte.
@@ -74,18 +78,20 @@ void main()
     const uint of_pixel = uint(t.nd) >> 2, in_row = gl_GlobalInvocationID.x, row = gl_WorkGroupID.y;
     const uint pixel = in_row / of_pixel, quad = t.quad + row * uint(t.pitch) * of_pixel + in_row;
     const int x = t.left + int(pixel), y = t.top + int(row), d = int(in_row % of_pixel) * 4;
-    uint two[4], all = 0;
+    uint two[4], feature = 0, all = 0;
     uvec2 own;
     bool match;
 
     if (row >= uint(t.rows) || pixel >= uint(t.pitch))
         return;
     match = (flags & MASKS) == 0 || is_seen(pixels[y * width + x]);
-    own = census[y * width + x];
+    own = (flags & ALONE) != 0 ? uvec2(0) : census[y * width + x];
+    if ((flags & FEATURES) != 0)
+        feature = cost[quad];
     for (int i = 0; i < 4; i++) {
         two[i] = (flags & FIRST) != 0 ? ABSENT | ABSENT << 8 : (cheapest[2 * quad + (i >> 1)] >> (16 * (i & 1))) & 0xFFFF;
         if (match && d + i < t.steps)
-            two[i] = insert(two[i], cost_of(own, x, y, steps[t.first + d + i]));
+            two[i] = insert(two[i], cost_of(own, (feature >> (8 * i)) & 0xFF, x, y, steps[t.first + d + i]));
     }
     if ((flags & LAST) == 0) {
         cheapest[2 * quad] = two[0] | two[1] << 16;

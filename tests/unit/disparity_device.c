@@ -114,26 +114,29 @@ static void test_bands(void **state)
 static void test_fallback(void **state)
 {
     static const struct {
-        const char *name, *why;
+        const char *fault;
+        int of; /* lost, timeout: dispatches after the self-tests */
+        const char *why;
         int views, failures;
     } devices[] = {
-        /* the self-tests have 58 dispatches */
-        { "dummy:lost=59", "the device is lost", 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
-        { "dummy:timeout=109", "the device does not answer", 6, 3 },
-        { "dummy:memory=1", "not enough memory on the device", 0, 0 },
-        { "dummy:buffer=200", "not enough memory on the device", 0, 0 },
+        { "lost", 1, "the device is lost", 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
+        { "timeout", 51, "the device does not answer", 6, 3 },
+        { "memory", 1, "not enough memory on the device", 0, 0 },
+        { "buffer", 200, "not enough memory on the device", 0, 0 },
     };
     struct sst_disparity_device_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
+    char name[64];
 
     (void)state;
     match_init(&lf, 3, 3, 97, 60, 8);
     for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
-        print_message("%s\n", devices[i].name);
+        snprintf(name, sizeof(name), "dummy:%s=%d", devices[i].fault, devices[i].of + (i < 2 ? match_self_tests() : 0));
+        print_message("%s\n", name);
         assert_true(match_config(&cfg, 2));
         cfg.rounds = 0;
-        assert_int_equal(sst_disparity_device_create(&cfg.device, devices[i].name, 0), 0);
+        assert_int_equal(sst_disparity_device_create(&cfg.device, name, 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, devices[i].views);
         assert_int_equal(report.on_cpu, 8 - devices[i].views);
@@ -144,36 +147,54 @@ static void test_fallback(void **state)
     sst_lightfield_fini(&lf);
 }
 
-/* A device that is lost in the second pass is opened again for the next round; in the check or the filling, the CPU
- * does the rest of that step. */
+/* Dispatches of a device that does not fail, without what comes after a step. */
+static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps, bool fill)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+
+    assert_true(match_config(&cfg, 2));
+    cfg.rounds = rounds;
+    cfg.subpixel_steps = subpixel_steps;
+    cfg.fill = fill;
+    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+    assert_int_equal(sst_disparity_lightfield(lf, &cfg, NULL, NULL), 0);
+    sst_disparity_device_report(cfg.device, &report);
+    sst_disparity_device_destroy(cfg.device);
+    return (int)report.dispatches;
+}
+
+/* A device that is lost in the second pass is opened again for the next round; in a later step, the CPU does the rest
+ * of that step. */
 static void test_fallback_later(void **state)
 {
-    static const struct {
-        const char *name;
+    const unsigned check = 1U << SST_DISPARITY_STAGE_CHECK, fill = 1U << SST_DISPARITY_STAGE_FILL;
+    struct {
+        int after;       /* dispatches */
         int tested;      /* 16 with those on the CPU */
         unsigned stages; /* on the CPU besides those without shaders */
-    } devices[] = {
-        { "dummy:lost=236", 8, 0 },
-        { "dummy:lost=330", 16, 1U << SST_DISPARITY_STAGE_CHECK | 1U << SST_DISPARITY_STAGE_FILL },
-        { "dummy:lost=356", 16, 1U << SST_DISPARITY_STAGE_FILL },
-    };
-    const unsigned both = 1U << SST_DISPARITY_STAGE_CHECK | 1U << SST_DISPARITY_STAGE_FILL;
+    } lost[] = { { 14, 8, 0 }, { 4, 16, check | fill }, { 8 + 20, 16, fill } };
     struct sst_disparity_device_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
+    char name[64];
 
     (void)state;
     match_init(&lf, 3, 3, 97, 60, 8);
-    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+    lost[0].after += dispatches(&lf, 0, 0, false);
+    lost[1].after += dispatches(&lf, 2, 2, false);
+    lost[2].after += dispatches(&lf, 2, 2, false);
+    for (size_t i = 0; i < ARRAY_LEN(lost); i++) {
+        snprintf(name, sizeof(name), "dummy:lost=%d", match_self_tests() + lost[i].after);
         assert_true(match_config(&cfg, 2));
-        assert_int_equal(sst_disparity_device_create(&cfg.device, devices[i].name, 0), 0);
+        assert_int_equal(sst_disparity_device_create(&cfg.device, name, 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, 8);
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 1);
         assert_int_equal(report.tested + report.tested_on_cpu, 16);
-        assert_in_range(report.tested, devices[i].tested, devices[i].tested + 2);
-        assert_int_equal(report.stages_on_cpu & both, devices[i].stages);
+        assert_in_range(report.tested, lost[i].tested, lost[i].tested + 2);
+        assert_int_equal(report.stages_on_cpu & (check | fill), lost[i].stages);
         assert_string_equal(report.why, "the device is lost");
         sst_disparity_device_destroy(cfg.device);
     }

@@ -12,6 +12,7 @@
 #include "tests/frames_field.h"
 #include "tests/gpu_field.h"
 #include "tests/match_field.h"
+#include "tests/match_network.h"
 #include "tests/refine_field.h"
 
 #define DRIVERS "/usr/share/vulkan/icd.d/lvp_icd*.json"
@@ -204,6 +205,30 @@ static void test_labels(void **state)
     sst_lightfield_fini(&lf);
 }
 
+/* The learned cost, whose features any network may give. */
+static void test_learned(void **state)
+{
+    char path[] = "/tmp/sst-learned-XXXXXX";
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    (void)state;
+    if (!WITH_DNNL && !WITH_OPENCV)
+        return;
+    match_write_network(path);
+    match_init(&lf, 2, 2, 97, 60, 8);
+    for (int i = 0; match_config_learned(&cfg, i, path); i++) {
+        assert_int_equal(sst_disparity_device_create(&cfg.device, "lavapipe", 0), 0);
+        match_compare(&lf, &cfg, &report);
+        assert_int_equal(report.views, 3);
+        assert_int_equal(report.on_cpu, 0);
+        sst_disparity_device_destroy(cfg.device);
+    }
+    sst_lightfield_fini(&lf);
+    unlink(path);
+}
+
 /* Networks in floats and on 8 bits. */
 static void test_networks(void **state)
 {
@@ -294,7 +319,7 @@ int main(void)
         cmocka_unit_test(test_choice),   cmocka_unit_test(test_self),     cmocka_unit_test(test_transfer),
         cmocka_unit_test(test_pictures), cmocka_unit_test(test_frames),   cmocka_unit_test(test_matches),
         cmocka_unit_test(test_networks), cmocka_unit_test(test_variants), cmocka_unit_test(test_labels),
-        cmocka_unit_test(test_timeout),
+        cmocka_unit_test(test_learned),  cmocka_unit_test(test_timeout),
     };
     glob_t drivers;
 

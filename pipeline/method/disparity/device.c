@@ -1,5 +1,5 @@
 /* The first pass on a device: a view's costs, their aggregation, the optimisation, winners and filters, without the
- * volume leaving it. Views' pixels are uploaded once for all views that they are matched with.
+ * volume leaving it. Views'"'"' pixels and features are uploaded once for all views that they are matched with.
  *
  * A device that fails is closed. The view in work and the next ones are then matched on the CPU, one more after each
  * failure, twice as many each time; then the device is opened again. */
@@ -16,12 +16,14 @@
 
 #define LEAST_ROWS   16    /* of a band */
 #define MOST_GROUPS  65535 /* of a dispatch, in each direction: what every device has */
+#define STRIP_BYTES  ((size_t)1 << 20) /* of features that are uploaded at once */
 
 static const enum sst_gpu_shader shaders[] = {
     SST_GPU_CENSUS,       SST_GPU_MATCH_COST,      SST_GPU_SUPPORT_ARMS,    SST_GPU_SUPPORT_SUM,
     SST_GPU_SUPPORT_MEAN, SST_GPU_SGM_PATH,        SST_GPU_WINNER,          SST_GPU_MEDIAN,
     SST_GPU_BILATERAL,    SST_GPU_HYPOTHESIS_COST, SST_GPU_HYPOTHESIS_PATH, SST_GPU_HYPOTHESIS_CHOICE,
-    SST_GPU_CHECK,        SST_GPU_FILL_START,      SST_GPU_FILL_PROJECT,    SST_GPU_FILL_TAKE
+    SST_GPU_CHECK,        SST_GPU_FILL_START,      SST_GPU_FILL_PROJECT,    SST_GPU_FILL_TAKE,
+    SST_GPU_FEATURE_COST
 };
 
 static const char *const stage_names[SST_DISPARITY_STAGES] = {
@@ -38,12 +40,17 @@ const char *sst_disparity_stage_name(enum sst_disparity_stage stage)
 
 /* --- opening and failing ------------------------------------------------------------------------------------------ */
 
+static void drop_view(struct sst_disparity_device *d, struct device_pixels *p)
+{
+    sst_gpu_buffer_destroy(d->gpu, p->buffer);
+    sst_gpu_buffer_destroy(d->gpu, p->features);
+    p->buffer = p->features = NULL;
+}
+
 static void drop_views(struct sst_disparity_device *d)
 {
-    for (int i = 0; i < SST_MAX_VIEWS; i++) {
-        sst_gpu_buffer_destroy(d->gpu, d->view[i].buffer);
-        d->view[i].buffer = NULL;
-    }
+    for (int i = 0; i < SST_MAX_VIEWS; i++)
+        drop_view(d, &d->view[i]);
     d->run = NULL;
 }
 
@@ -201,8 +208,6 @@ const char *disparity_device_refuses(const struct disparity_run *run)
 {
     const struct sst_disparity_config *cfg = run->cfg;
 
-    if (cfg->cost != SST_COST_CENSUS)
-        return "the learned cost has no shader";
     if (!cfg->joint)
         return "maps of two directions are fused";
     if (!cfg->raw && cfg->support_arm && cfg->support_after)
@@ -228,18 +233,36 @@ static bool drop_unused(struct sst_disparity_device *d)
     for (int i = 0; i < SST_MAX_VIEWS; i++) {
         if (!d->view[i].buffer || d->view[i].used == d->turn)
             continue;
-        sst_gpu_buffer_destroy(d->gpu, d->view[i].buffer);
-        d->view[i].buffer = NULL;
+        drop_view(d, &d->view[i]);
         any = true;
     }
     return any;
 }
 
-static int create(struct sst_disparity_device *d, struct sst_gpu_buffer **out, size_t bytes)
+/* Free the features of all views but one. @param stays  or NULL @return likewise */
+static bool drop_features(struct sst_disparity_device *d, const struct device_pixels *stays)
+{
+    bool any = false;
+
+    for (int i = 0; i < SST_MAX_VIEWS; i++) {
+        if (!d->view[i].features || &d->view[i] == stays)
+            continue;
+        sst_gpu_buffer_destroy(d->gpu, d->view[i].features);
+        d->view[i].features = NULL;
+        any = true;
+    }
+    return any;
+}
+
+/* @param stays  whose features are in use */
+static int create(struct sst_disparity_device *d, struct sst_gpu_buffer **out, size_t bytes,
+                  const struct device_pixels *stays)
 {
     int err = sst_gpu_buffer_create(d->gpu, out, bytes);
 
     if (err == -ENOMEM && drop_unused(d))
+        err = sst_gpu_buffer_create(d->gpu, out, bytes);
+    if (err == -ENOMEM && drop_features(d, stays))
         err = sst_gpu_buffer_create(d->gpu, out, bytes);
     return err == -ENOMEM && sst_gpu_shared_make_room(d->shared, &d->user) ? sst_gpu_buffer_create(d->gpu, out, bytes)
                                                                            : err;
@@ -254,20 +277,26 @@ int disparity_device_keep(struct sst_disparity_device *d, enum device_kept which
     sst_gpu_buffer_destroy(d->gpu, d->kept[which]);
     d->kept[which] = NULL;
     d->bytes[which] = 0;
-    err = create(d, &d->kept[which], count * each);
+    err = create(d, &d->kept[which], count * each, NULL);
     if (!err)
         d->bytes[which] = count * each;
     return err;
 }
 
-int disparity_device_upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data, size_t bytes)
+static int upload_at(struct sst_disparity_device *d, struct sst_gpu_buffer *b, size_t offset, const void *data,
+                     size_t bytes)
 {
     const int64_t start_ns = sst_clock_now_ns();
-    const int err = sst_gpu_upload(d->gpu, b, 0, data, bytes);
+    const int err = sst_gpu_upload(d->gpu, b, offset, data, bytes);
 
     d->report.upload_bytes += (int64_t)bytes;
     d->report.upload_ns += sst_clock_now_ns() - start_ns;
     return err;
+}
+
+int disparity_device_upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data, size_t bytes)
+{
+    return upload_at(d, b, 0, data, bytes);
 }
 
 /* --- one view ----------------------------------------------------------------------------------------------------- */
@@ -323,7 +352,7 @@ static int need_view(struct match *m, const struct sst_descriptor *desc)
     if (p->buffer)
         return 0;
     words = sst_mem_keep(&d->words, n, sizeof(*words));
-    err = words ? create(d, &p->buffer, n * sizeof(*words)) : -ENOMEM;
+    err = words ? create(d, &p->buffer, n * sizeof(*words), NULL) : -ENOMEM;
     if (err)
         return err;
     for (int y = 0; y < m->height; y++) {
@@ -340,6 +369,38 @@ static int need_view(struct match *m, const struct sst_descriptor *desc)
     if (err) {
         sst_gpu_buffer_destroy(d->gpu, p->buffer);
         p->buffer = NULL;
+    }
+    return err;
+}
+
+/* The features of a view on the device. @param stays  as of create() */
+static int need_features(struct match *m, const struct sst_descriptor *desc, const struct device_pixels *stays)
+{
+    struct sst_disparity_device *d = m->d;
+    struct device_pixels *p = &d->view[desc - m->in->run->desc];
+    const size_t of_row = (size_t)m->width * SST_FEATURE_CHANNELS;
+    const int strip = sst_clamp_int((int)(STRIP_BYTES / of_row), 1, m->height);
+    uint8_t *bytes;
+    int err;
+
+    if (p->features)
+        return 0;
+    bytes = (uint8_t *)sst_mem_keep(&d->words, (size_t)strip * of_row / 4, sizeof(uint32_t));
+    err = bytes ? create(d, &p->features, (size_t)m->height * of_row, stays) : -ENOMEM;
+    if (err)
+        return err;
+    for (int y = 0; y < m->height && !err; y += strip) {
+        const size_t rows = (size_t)sst_min_int(strip, m->height - y), groups = rows * SST_GPU_FEATURE_WORDS;
+        const uint8_t *from = desc->features + (size_t)y * SST_GPU_FEATURE_WORDS * desc->feature_stride;
+
+        for (size_t i = 0; i < groups; i++)
+            memcpy(bytes + 4 * i * (size_t)m->width, from + i * desc->feature_stride, 4 * (size_t)m->width);
+        err = upload_at(d, p->features, (size_t)y * of_row, bytes, rows * of_row);
+    }
+    d->report.uploads++;
+    if (err) {
+        sst_gpu_buffer_destroy(d->gpu, p->features);
+        p->features = NULL;
     }
     return err;
 }
@@ -467,24 +528,53 @@ static int upload_steps(struct match *m, const struct sst_neighbour *n, const in
     return err;
 }
 
+/* What the features of a neighbour cost, into the memory of the costs. */
+static int match_features(struct match *m, const struct sst_neighbour *n)
+{
+    const struct sst_gpu_features push = { m->width, m->height };
+    struct device_pixels *own = &m->d->view[m->in->ref - m->in->run->desc];
+    const struct device_pixels *other = &m->d->view[n->desc - m->in->run->desc];
+    struct sst_gpu_buffer **kept = m->d->kept;
+    int err = need_features(m, m->in->ref, NULL);
+
+    err = err ? err : need_features(m, n->desc, own);
+    return err ? err
+               : dispatch(m, SST_GPU_FEATURE_COST, &push, m->quads, m->rows, (uint32_t)m->tiles,
+                          (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_STEPS], own->features,
+                                                            other->features, kept[KEPT_COST] },
+                          SST_GPU_FEATURE_BUFFERS);
+}
+
+static uint32_t flags_of(const struct match *m, int i)
+{
+    const int count = m->in->count;
+
+    return (i ? 0U : SST_GPU_MATCH_FIRST) | (i + 1 == count ? SST_GPU_MATCH_LAST : 0U) |
+           (count == 2 ? SST_GPU_MATCH_TWO : 0U) | (m->masks ? SST_GPU_MATCH_MASKS : 0U) |
+           (m->cfg->cost & SST_COST_MCCNN ? SST_GPU_MATCH_FEATURES : 0U) |
+           (m->cfg->cost & SST_COST_CENSUS ? 0U : SST_GPU_MATCH_ALONE);
+}
+
 static int match_neighbour(struct match *m, int i)
 {
     const struct device_match *in = m->in;
     const struct sst_neighbour *n = &in->neighbours[i];
     struct sst_gpu_buffer **kept = m->d->kept;
-    const struct sst_gpu_match push = { m->width, m->height,
-                                        (i ? 0 : SST_GPU_MATCH_FIRST) | (i + 1 == in->count ? SST_GPU_MATCH_LAST : 0U) |
-                                            (in->count == 2 ? SST_GPU_MATCH_TWO : 0U) |
-                                            (m->masks ? SST_GPU_MATCH_MASKS : 0U) };
+    const struct sst_gpu_match push = { m->width, m->height, flags_of(m, i) };
+    const bool census = m->cfg->cost & SST_COST_CENSUS;
     int layer[SST_PHASES] = { 0 };
-    int err = make_census(m, n->desc, sst_volume_phases(&in->run->shape, n->bx, n->by), KEPT_OTHER, layer);
+    int err = census ? make_census(m, n->desc, sst_volume_phases(&in->run->shape, n->bx, n->by), KEPT_OTHER, layer) : 0;
 
     err = err ? err : upload_steps(m, n, layer);
+    if (m->cfg->cost & SST_COST_MCCNN)
+        err = err ? err : match_features(m, n);
+    /* Without a census anything takes its place. */
     return err ? err
                : dispatch(m, SST_GPU_MATCH_COST, &push, m->quads, m->rows, (uint32_t)m->tiles,
-                          (struct sst_gpu_buffer *const[]){ kept[KEPT_TILES], kept[KEPT_STEPS], pixels_of(m, in->ref),
-                                                            pixels_of(m, n->desc), kept[KEPT_CENSUS], kept[KEPT_OTHER],
-                                                            kept[KEPT_SUM], kept[KEPT_COST] },
+                          (struct sst_gpu_buffer *const[]){
+                              kept[KEPT_TILES], kept[KEPT_STEPS], pixels_of(m, in->ref), pixels_of(m, n->desc),
+                              kept[census ? KEPT_CENSUS : KEPT_STEPS], kept[census ? KEPT_OTHER : KEPT_STEPS],
+                              kept[KEPT_SUM], kept[KEPT_COST] },
                           SST_GPU_COST_BUFFERS);
 }
 
@@ -741,8 +831,10 @@ static int match_view(struct match *m)
         err = need_view(m, in->neighbours[i].desc);
     err = err ? err : upload_penalties(m);
     err = err ? err : disparity_device_keep(m->d, KEPT_MAP, n, sizeof(uint32_t));
-    err = err ? err : disparity_device_keep(m->d, KEPT_OTHER, most_layers(in) * n, sizeof(uint64_t));
-    err = err ? err : make_census(m, in->ref, 1, KEPT_CENSUS, NULL);
+    if (m->cfg->cost & SST_COST_CENSUS) {
+        err = err ? err : disparity_device_keep(m->d, KEPT_OTHER, most_layers(in) * n, sizeof(uint64_t));
+        err = err ? err : make_census(m, in->ref, 1, KEPT_CENSUS, NULL);
+    }
     if (!err && m->rounds)
         err = find_arms(m);
     if (err)

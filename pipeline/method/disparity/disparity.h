@@ -124,7 +124,7 @@ struct sst_disparity_device_report {
 };
 
 /**
- * Open a device to match views on: the costs of each from the census of its neighbours, their aggregation, the
+ * Open a device to match views on: the costs of each by census and features of its neighbours, their aggregation, the
  * optimisation, winners and filters; in the second pass the tests of its hypotheses; check and filling. The results are
  * the bytes of the CPU. A device that fails is logged as a warning and counted; the view is then matched on the CPU,
  * and the device is tried again later.

@@ -38,7 +38,7 @@ struct disparity_run {
     struct sst_disparity_device *device; /* that views are matched on; NULL: on the CPU */
     const char *refused;                 /* why it is not the one that was asked for; or NULL */
     bool *matched;                       /* [views] on the device */
-    bool costs;                          /* descriptors need costs: some view is matched on the CPU */
+    bool costs;                          /* descriptors need the census if it counts: some view is matched on the CPU */
 };
 
 /** @return 0, -ECANCELED */
@@ -108,8 +108,9 @@ enum device_kept {
 };
 
 struct device_pixels {
-    struct sst_gpu_buffer *buffer; /* NULL: not on the device */
-    int64_t used;                  /* turn in which it was used last */
+    struct sst_gpu_buffer *buffer;   /* NULL: not on the device */
+    struct sst_gpu_buffer *features; /* likewise; given up where memory is needed, also in the turn that uses them */
+    int64_t used;                    /* turn in which it was used last */
 };
 
 struct sst_disparity_device {
@@ -153,7 +154,7 @@ void disparity_device_drop(struct sst_disparity_device *d);
 /** A view to match, or rows of it. */
 struct device_match {
     const struct disparity_run *run;
-    const struct sst_descriptor *ref; /* of run->desc, like those of the neighbours; no costs are needed */
+    const struct sst_descriptor *ref; /* of run->desc, like those of the neighbours; no census is needed */
     const struct sst_neighbour *neighbours;
     int count;
     const struct sst_tiles *tiles; /* windows of disparities by tile, laid out over these rows; NULL: the whole range */

@@ -22,15 +22,16 @@ int run_describe(void *arg, int index, int worker)
     const int view = run->first_view + index;
     const struct sst_view *v = &run->lf->views[view];
     struct sst_descriptor *desc = &run->desc[view];
+    /* A device computes the census from pixels, not features. */
+    const enum sst_cost wanted = run->costs ? run->cfg->cost : (enum sst_cost)(run->cfg->cost & SST_COST_MCCNN);
     int err = 0;
 
-    if (!v->present || (desc->luma.data && (!run->costs || desc->census[0] || desc->features)))
+    if (!v->present || (desc->luma.data && (!(wanted & SST_COST_CENSUS) || desc->census[0])))
         return 0;
     err = run_cancelled(run);
     if (!desc->luma.data) {
-        err = err ? err
-                  : sst_descriptor_init(desc, &v->image, run->scale, run->costs ? run->cfg->cost : (enum sst_cost)0,
-                                        run->nets ? run->nets[worker] : NULL);
+        err =
+            err ? err : sst_descriptor_init(desc, &v->image, run->scale, wanted, run->nets ? run->nets[worker] : NULL);
         if (!err && v->valid.data)
             err = sst_disparity_mask_reduce(&desc->seen, &v->valid, run->scale);
     } else {

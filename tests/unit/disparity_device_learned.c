@@ -1,0 +1,116 @@
+/* Matching with the learned cost on the dummy device: the bytes of the CPU, with little memory and faults as well. */
+#include <errno.h>
+
+#include "tests/match_network.h"
+#include "tests/small.h"
+
+#define VIEWS 8
+
+static char path[] = "/tmp/sst-learned-XXXXXX";
+
+/* The learned cost alone and with the census, in the whole range. */
+static void test_same_bytes(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    (void)state;
+    match_init(&lf, 3, 3, 97, 60, 8);
+    for (int i = 0; match_config_learned(&cfg, i, path); i++) {
+        assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+        match_compare(&lf, &cfg, &report);
+        assert_int_equal(report.views, VIEWS);
+        assert_int_equal(report.on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+        assert_in_range(report.uploads, 2 * VIEWS, 3 * VIEWS); /* pixels and features once; maps for the check */
+        assert_string_equal(report.why, "");
+        sst_disparity_device_destroy(cfg.device);
+    }
+    sst_lightfield_fini(&lf);
+}
+
+/* In windows, tile by tile; views described one by one on one thread, with one network. */
+static void test_tiles(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    (void)state;
+    match_init(&lf, 1, 3, 230, 192, 21);
+    match_config_tiles(&cfg);
+    cfg.cost = SST_COST_BOTH;
+    cfg.model = path;
+    cfg.precision = SST_PRECISION_F32;
+    cfg.frugal = true;
+    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
+    match_compare(&lf, &cfg, &report);
+    assert_int_equal(report.views, 6); /* with those at a quarter of the size */
+    assert_int_equal(report.on_cpu, 0);
+    sst_disparity_device_destroy(cfg.device);
+    sst_lightfield_fini(&lf);
+}
+
+/* Features that do not fit beside the rest are uploaded again; a volume that does not is matched in bands. */
+static void test_little_memory(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+
+    (void)state;
+    match_init(&lf, 3, 3, 97, 60, 8);
+    assert_true(match_config_learned(&cfg, 0, path));
+    assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy:memory=4", 0), 0);
+    match_compare(&lf, &cfg, &report);
+    print_message("%lld views, %lld in bands, %lld uploads\n", (long long)report.views, (long long)report.in_bands,
+                  (long long)report.uploads);
+    assert_int_equal(report.views, VIEWS);
+    assert_int_equal(report.on_cpu, 0);
+    assert_true(report.uploads > 3 * VIEWS);
+    sst_disparity_device_destroy(cfg.device);
+    sst_lightfield_fini(&lf);
+}
+
+/* The CPU makes the census that only it needs, and goes on with the features that there are. */
+static void test_fallback(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_config cfg;
+    struct sst_lightfield lf;
+    char name[32];
+
+    (void)state;
+    match_init(&lf, 3, 3, 97, 60, 8);
+    snprintf(name, sizeof(name), "dummy:lost=%d", match_self_tests() + 40); /* at the second view of each opening */
+    assert_true(match_config_learned(&cfg, 0, path));
+    assert_int_equal(sst_disparity_device_create(&cfg.device, name, 0), 0);
+    match_compare(&lf, &cfg, &report);
+    print_message("%lld views, %lld on the CPU\n", (long long)report.views, (long long)report.on_cpu);
+    assert_int_equal(report.views + report.on_cpu, VIEWS);
+    assert_true(report.views > 0 && report.on_cpu > 0 && report.failures > 1);
+    assert_string_equal(report.why, "the device is lost");
+    sst_disparity_device_destroy(cfg.device);
+    sst_lightfield_fini(&lf);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        serial_test(test_same_bytes),
+        serial_test(test_tiles),
+        serial_test(test_little_memory),
+        serial_test(test_fallback),
+    };
+    int failed;
+
+    if (!WITH_DNNL && !WITH_OPENCV) {
+        fprintf(stderr, "skipped: this build runs no networks\n");
+        return 77;
+    }
+    match_write_network(path);
+    failed = cmocka_run_group_tests(tests, NULL, NULL);
+    unlink(path);
+    return failed;
+}
