@@ -207,9 +207,9 @@ static int note(struct sst_gpu *g, int err)
 }
 
 /* Variants whose self-test a device did not survive, by number. */
-static SST_ATOMIC(unsigned) deadly;
+static SST_ATOMIC(uint64_t) deadly;
 
-_Static_assert(SST_GPU_SHADERS <= 32, "bits of `deadly`");
+_Static_assert(SST_GPU_SHADERS <= 64, "bits of `deadly`");
 
 int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
 {
@@ -241,7 +241,7 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
         sst_log_warning("%s: the shader `%s` cannot be tested: %s", g->info.name, gpu_shaders[shader].name,
                         sst_gpu_error(err));
         if (sst_gpu_is_variant(shader) && err != -ENOMEM)
-            deadly |= 1U << shader;
+            deadly |= UINT64_C(1) << shader;
         return note(g, err);
     }
     return err;
@@ -253,7 +253,7 @@ static bool is_wanted(const struct sst_gpu *g, enum sst_gpu_shader shader)
     const char *named = getenv("SST_GPU_VARIANT");
     const struct gpu_shader *s = &gpu_shaders[shader];
 
-    if (!sst_gpu_can(&g->info, shader) || deadly & 1U << shader)
+    if (!sst_gpu_can(&g->info, shader) || deadly & UINT64_C(1) << shader)
         return false;
     return named && *named ? !strcmp(named, s->variant) : (g->info.abilities & s->chosen_with) == s->chosen_with;
 }
