@@ -20,14 +20,16 @@ static const struct {
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };
 
-/* What this device can do besides: variants of shaders by faster instructions. */
-static json_t *variants_json(const struct sst_gpu_info *info)
+/* What this device can do besides: variants of shaders by other instructions; if `fast`, those that are chosen there. */
+static json_t *variants_json(const struct sst_gpu_info *info, bool fast)
 {
     json_t *variants = json_array();
 
     for (int i = 0; i < SST_GPU_SHADERS; i++) {
-        if (sst_gpu_is_variant((enum sst_gpu_shader)i) && sst_gpu_can(info, (enum sst_gpu_shader)i))
-            json_array_append_new(variants, json_string(sst_gpu_shader_name((enum sst_gpu_shader)i)));
+        const enum sst_gpu_shader s = (enum sst_gpu_shader)i;
+
+        if (sst_gpu_is_variant(s) && (fast ? sst_gpu_is_fast(info, s) : sst_gpu_can(info, s)))
+            json_array_append_new(variants, json_string(sst_gpu_shader_name(s)));
     }
     return variants;
 }
@@ -44,11 +46,11 @@ static json_t *devices_json(const struct sst_gpu_info *info, int n)
     json_t *devices = json_array();
 
     for (int i = 0; i < n; i++)
-        json_array_append_new(devices, json_pack("{s:o, s:o, s:s, s:I, s:o, s:b, s:o}", "name",
+        json_array_append_new(devices, json_pack("{s:o, s:o, s:s, s:I, s:o, s:o, s:o}", "name",
                                                  cli_text_json(info[i].name), "driver", cli_text_json(info[i].driver),
                                                  "kind", sst_gpu_kind_name(info[i].kind), "memory_bytes",
-                                                 (json_int_t)info[i].memory_bytes, "variants", variants_json(&info[i]),
-                                                 "dot_fast", (info[i].abilities & SST_GPU_DOT_FAST) != 0, "matrix",
+                                                 (json_int_t)info[i].memory_bytes, "variants", variants_json(&info[i], false),
+                                                 "variants_fast", variants_json(&info[i], true), "matrix",
                                                  matrix_json(&info[i])));
     return devices;
 }
@@ -75,7 +77,8 @@ static void print_devices(const struct sst_gpu_info *info, int n)
         if (info[i].abilities & SST_GPU_DOT)
             printf(", dot products of bytes%s", info[i].abilities & SST_GPU_DOT_FAST ? "" : " (slow)");
         if (info[i].abilities & SST_GPU_MATRIX)
-            printf(", matrices of bytes (%ux%ux%u)", m->rows, m->columns, m->depth);
+            printf(", matrices of bytes (%ux%ux%u%s)", m->rows, m->columns, m->depth,
+                   info[i].abilities & SST_GPU_MATRIX_FAST ? "" : ", slow");
         printf("%s\n", info[i].kind == SST_GPU_SOFTWARE ? ", software: used only by name" : "");
     }
     if (!n)

@@ -3,7 +3,7 @@
  *
  * Faults: lost=N the N-th dispatch finds the device lost; timeout=N it does not answer; memory=N MiB of it all there
  * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong (1: in the self-test).
- * dot=1, matrix=1: it can what these variants need; 2: it can, but not fast. */
+ * dot=1, matrix=1: it has what these variants need; 2: it is slow. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -166,6 +166,8 @@ static void set_abilities(struct sst_gpu_info *info, long dot, long matrix)
         info->abilities |= SST_GPU_DOT;
     if (dot == 1)
         info->abilities |= SST_GPU_DOT_FAST;
+    if (matrix == 1)
+        info->abilities |= SST_GPU_MATRIX_FAST;
     if (matrix) {
         info->abilities |= SST_GPU_MATRIX;
         info->matrix = (struct sst_gpu_matrix){ 16, 16, 32, 32 };

@@ -167,6 +167,7 @@ int sst_gpu_open(struct sst_gpu **out, const char *name, const struct sst_gpu_co
     struct sst_gpu_info info[SST_GPU_DEVICES];
     int order[SST_GPU_DEVICES], n, err;
 
+    check_variant();
     if (!strcmp(name, "dummy") || !strncmp(name, "dummy:", 6)) {
         err = gpu_dummy_open(out, name[5] ? name + 6 : "");
         if (!err)
@@ -251,11 +252,10 @@ int sst_gpu_prepare(struct sst_gpu *g, enum sst_gpu_shader shader)
 static bool is_wanted(const struct sst_gpu *g, enum sst_gpu_shader shader)
 {
     const char *named = getenv("SST_GPU_VARIANT");
-    const struct gpu_shader *s = &gpu_shaders[shader];
 
     if (!sst_gpu_can(&g->info, shader) || deadly & UINT64_C(1) << shader)
         return false;
-    return named && *named ? !strcmp(named, s->variant) : (g->info.abilities & s->chosen_with) == s->chosen_with;
+    return named && *named ? !strcmp(named, gpu_shaders[shader].variant) : sst_gpu_is_fast(&g->info, shader);
 }
 
 int sst_gpu_prepare_fastest(struct sst_gpu *g, enum sst_gpu_shader shader, enum sst_gpu_shader *out)

@@ -73,7 +73,8 @@ const char *sst_gpu_kind_name(enum sst_gpu_kind kind);
 enum sst_gpu_ability {
     SST_GPU_DOT = 1,      /* dot products of four bytes (VK_KHR_shader_integer_dot_product) */
     SST_GPU_DOT_FAST = 2, /* ... are faster there than products of floats */
-    SST_GPU_MATRIX = 4,   /* products of matrices of bytes (VK_KHR_cooperative_matrix), of a shape there is a shader for */
+    SST_GPU_MATRIX = 4,   /* products of matrices of bytes (VK_KHR_cooperative_matrix), of a shape that the shader can use */
+    SST_GPU_MATRIX_FAST = 8, /* ... are faster there than both: not on software devices */
 };
 
 /** Shapes of such products: rows x depth times depth x columns. */
@@ -102,6 +103,9 @@ int sst_gpu_list(struct sst_gpu_info info[SST_GPU_DEVICES]);
 
 /** True if a device has what a shader needs. Variants of a shader need more than the shader itself. */
 bool sst_gpu_can(const struct sst_gpu_info *info, enum sst_gpu_shader shader);
+
+/** True for a variant that a device can run and that is chosen there by itself. */
+bool sst_gpu_is_fast(const struct sst_gpu_info *info, enum sst_gpu_shader shader);
 
 /** True if a shader is a variant: it gives the bytes of another one, by instructions that not every device has. */
 bool sst_gpu_is_variant(enum sst_gpu_shader shader);

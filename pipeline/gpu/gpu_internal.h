@@ -20,7 +20,7 @@ struct gpu_shader {
     gpu_self_test_fn *self_test;
     /* Of variants: */
     uint32_t needs;         /* enum sst_gpu_ability; 0: no variant */
-    uint32_t chosen_with;   /* abilities with which it is chosen by itself */
+    uint32_t fast;          /* likewise: with it the variant is chosen by itself */
     enum sst_gpu_shader of; /* what it is a variant of */
     const char *variant;    /* in SST_GPU_VARIANT */
 };

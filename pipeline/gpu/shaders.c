@@ -74,7 +74,7 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                                 net_conv8_reference, net_conv8_dot_self_test, SST_GPU_DOT, SST_GPU_DOT_FAST,
                                 SST_GPU_NET_CONV8, "dot" },
     [SST_GPU_NET_CONV8_MATRIX] = { "net_conv8_matrix", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_conv),
-                                   net_conv8_reference, net_conv8_matrix_self_test, SST_GPU_MATRIX, SST_GPU_MATRIX,
+                                   net_conv8_reference, net_conv8_matrix_self_test, SST_GPU_MATRIX, SST_GPU_MATRIX_FAST,
                                    SST_GPU_NET_CONV8, "matrix" },
     [SST_GPU_RECTIFY] = { "rectify", SST_GPU_RECTIFY_BUFFERS, sizeof(struct sst_gpu_rectify), rectify_reference,
                           rectify_self_test },
@@ -110,6 +110,11 @@ bool sst_gpu_can(const struct sst_gpu_info *info, enum sst_gpu_shader shader)
     const uint32_t needs = gpu_shaders[shader].needs;
 
     return (info->abilities & needs) == needs;
+}
+
+bool sst_gpu_is_fast(const struct sst_gpu_info *info, enum sst_gpu_shader shader)
+{
+    return sst_gpu_is_variant(shader) && sst_gpu_can(info, shader) && info->abilities & gpu_shaders[shader].fast;
 }
 
 const char *sst_gpu_shader_name(enum sst_gpu_shader shader)

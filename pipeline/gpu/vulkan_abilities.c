@@ -53,7 +53,7 @@ static void look_for_dot(const struct gpu_vulkan *vk, VkPhysicalDevice device, c
     if (!dot.shaderIntegerDotProduct)
         return;
     info->abilities |= SST_GPU_DOT;
-    if (fast.integerDotProduct4x8BitPackedSignedAccelerated)
+    if (fast.integerDotProduct4x8BitPackedSignedAccelerated || info->kind == SST_GPU_SOFTWARE) /* as measured there */
         info->abilities |= SST_GPU_DOT_FAST;
 }
 
@@ -117,7 +117,7 @@ static void look_for_matrices(const struct gpu_vulkan *vk, VkPhysicalDevice devi
     if (!find_shape(vk, device, &all.properties.limits, &m) ||
         gpu_matrix_invocations(&m) / m.group > sizes.maxComputeWorkgroupSubgroups)
         return;
-    info->abilities |= SST_GPU_MATRIX;
+    info->abilities |= info->kind == SST_GPU_SOFTWARE ? SST_GPU_MATRIX : SST_GPU_MATRIX | SST_GPU_MATRIX_FAST;
     info->matrix = m;
 }
 

@@ -150,6 +150,8 @@ static void test_variants(void **state)
         { "dummy:dot=2", NULL, SST_GPU_NET_CONV8 }, /* slow */
         { "dummy:dot=2", "dot", SST_GPU_NET_CONV8_DOT },
         { "dummy:matrix=1", NULL, SST_GPU_NET_CONV8_MATRIX },
+        { "dummy:dot=1,matrix=2", NULL, SST_GPU_NET_CONV8_DOT }, /* matrices are slow */
+        { "dummy:dot=1,matrix=2", "matrix", SST_GPU_NET_CONV8_MATRIX },
         { "dummy:dot=1,matrix=1", NULL, SST_GPU_NET_CONV8_MATRIX },
         { "dummy:dot=1,matrix=1", "", SST_GPU_NET_CONV8_MATRIX },
         { "dummy:dot=1,matrix=1", "dot", SST_GPU_NET_CONV8_DOT },
@@ -176,6 +178,9 @@ static void test_abilities(void **state)
     assert_int_equal(sst_gpu_open(&g, "dummy:dot=1", NULL), 0);
     assert_true(sst_gpu_can(sst_gpu_get_info(g), SST_GPU_BLEND));
     assert_true(sst_gpu_can(sst_gpu_get_info(g), SST_GPU_NET_CONV8_DOT));
+    assert_true(sst_gpu_is_fast(sst_gpu_get_info(g), SST_GPU_NET_CONV8_DOT));
+    assert_false(sst_gpu_is_fast(sst_gpu_get_info(g), SST_GPU_NET_CONV8_MATRIX));
+    assert_false(sst_gpu_is_fast(sst_gpu_get_info(g), SST_GPU_NET_CONV8));
     assert_false(sst_gpu_can(sst_gpu_get_info(g), SST_GPU_NET_CONV8_MATRIX));
     assert_int_equal(sst_gpu_prepare(g, SST_GPU_NET_CONV8_MATRIX), -ENOTSUP);
     assert_int_equal(sst_gpu_prepare(g, SST_GPU_NET_CONV8_DOT), 0);
@@ -210,6 +215,99 @@ static void test_deadly_variant(void **state)
     assert_int_equal(chosen("dummy:dot=1,timeout=3", NULL), -ETIMEDOUT);
     assert_int_equal(chosen("dummy:dot=1,matrix=1", NULL), SST_GPU_NET_CONV8);
 }
+
+#if WITH_VULKAN
+/* The binary of net_conv8_matrix, in words. */
+static uint32_t *matrix_module(size_t *words)
+{
+    const struct gpu_spirv *s = gpu_spirvs;
+    uint32_t *copy;
+
+    while (strcmp(s->name, "net_conv8_matrix.spv"))
+        s++;
+    *words = (size_t)(s->end - s->begin) / sizeof(*copy);
+    copy = malloc(*words * sizeof(*copy));
+    assert_non_null(copy);
+    memcpy(copy, s->begin, *words * sizeof(*copy));
+    return copy;
+}
+
+/* The instruction that declares an id before `end`, of those that types of matrices refer to. */
+static const uint32_t *declared(const uint32_t *code, size_t end, uint32_t id)
+{
+    for (size_t at = 5; at < end; at += code[at] >> 16) {
+        const uint32_t op = code[at] & 0xFFFF;
+
+        if ((op == 21 && code[at + 1] == id) || ((op == 43 || op == 50) && code[at + 2] == id))
+            return code + at;
+    }
+    fail_msg("id %u is not declared", id);
+    return NULL;
+}
+
+/* Types of matrices refer to a type of integers and to constants that stand in front of them. */
+static void test_matrix_types(void **state)
+{
+    size_t words, types = 0;
+    uint32_t *code = matrix_module(&words);
+
+    (void)state;
+    assert_int_equal(gpu_matrix_complete(code, words), 0);
+    for (size_t at = 5; at < words; at += code[at] >> 16) {
+        const uint32_t *operand = code + at + 1, *component;
+
+        if ((code[at] & 0xFFFF) != 4456)
+            continue;
+        component = declared(code, at, operand[1]);
+        assert_int_equal(component[0] & 0xFFFF, 21);
+        assert_int_equal(component[3], 1); /* signed */
+        for (int i = 2; i < 6; i++)
+            assert_int_not_equal(declared(code, at, operand[i])[0] & 0xFFFF, 21);
+        types |= (size_t)component[2] << (8 * declared(code, at, operand[5])[3]); /* bits, by use */
+    }
+    assert_int_equal(types, 8 | 8 << 8 | 32 << 16);
+    assert_int_equal(gpu_matrix_complete(code, words), -EINVAL); /* it is complete */
+    free(code);
+}
+
+static void test_damaged_modules(void **state)
+{
+    size_t words;
+    uint32_t *code = matrix_module(&words), *copy = malloc(words * sizeof(*copy));
+
+    (void)state;
+    assert_int_equal(gpu_matrix_complete(code, 0), -EINVAL);
+    assert_int_equal(gpu_matrix_complete(code, 5), -EINVAL);
+    for (size_t at = 5; at < words; at += code[at] >> 16) {
+        memcpy(copy, code, words * sizeof(*copy));
+        assert_int_equal(gpu_matrix_complete(copy, at + (code[at] >> 16) - 1), -EINVAL); /* cut within an instruction */
+        copy[at] &= 0xFFFF;
+        assert_int_equal(gpu_matrix_complete(copy, words), -EINVAL);
+    }
+    code[0]++;
+    assert_int_equal(gpu_matrix_complete(code, words), -EINVAL);
+    free(copy);
+    free(code);
+}
+
+static void test_shapes(void **state)
+{
+    static const struct {
+        struct sst_gpu_matrix shape;
+        uint32_t invocations;
+    } cases[] = {
+        { { 16, 16, 32, 32 }, 128 }, { { 16, 16, 16, 64 }, 256 },  { { 8, 16, 32, 16 }, 128 }, { { 8, 8, 32, 32 }, 512 },
+        { { 8, 8, 8, 8 }, 128 },     { { 8, 8, 8, 64 }, 1024 },    { { 32, 8, 16, 32 }, 128 }, { { 16, 16, 64, 32 }, 128 },
+        { { 32, 32, 32, 32 }, 0 },   { { 16, 16, 32, 8 }, 0 },     { { 64, 8, 8, 32 }, 0 },    { { 16, 16, 128, 32 }, 0 },
+        { { 12, 16, 16, 32 }, 0 },   { { 16, 16, 6, 32 }, 0 },     { { 8, 2, 32, 8 }, 0 },     { { 4, 4, 4, 64 }, 0 },
+        { { 0, 16, 16, 32 }, 0 },
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++)
+        assert_int_equal(gpu_matrix_invocations(&cases[i].shape), cases[i].invocations);
+}
+#endif
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
@@ -411,6 +509,11 @@ int main(void)
         cmocka_unit_test(test_abilities),
         cmocka_unit_test(test_wrong_variants),
         cmocka_unit_test(test_deadly_variant),
+#if WITH_VULKAN
+        cmocka_unit_test(test_matrix_types),
+        cmocka_unit_test(test_damaged_modules),
+        cmocka_unit_test(test_shapes),
+#endif
         serial_test(test_pictures),
         cmocka_unit_test(test_fallback),
         cmocka_unit_test(test_refused),
