@@ -280,7 +280,8 @@ static void test_damaged_modules(void **state)
     assert_int_equal(gpu_matrix_complete(code, 5), -EINVAL);
     for (size_t at = 5; at < words; at += code[at] >> 16) {
         memcpy(copy, code, words * sizeof(*copy));
-        assert_int_equal(gpu_matrix_complete(copy, at + (code[at] >> 16) - 1), -EINVAL); /* cut within an instruction */
+        if (code[at] >> 16 > 1) /* cut within an instruction */
+            assert_int_equal(gpu_matrix_complete(copy, at + (code[at] >> 16) - 1), -EINVAL);
         copy[at] &= 0xFFFF;
         assert_int_equal(gpu_matrix_complete(copy, words), -EINVAL);
     }
