@@ -107,7 +107,8 @@ static void set_limits(struct sst_gpu *g, const struct sst_gpu_config *cfg)
 {
     g->cfg = cfg ? *cfg : (struct sst_gpu_config){ 0 };
     if (!g->cfg.memory_bytes)
-        g->cfg.memory_bytes = g->info.memory_bytes / 4 * 3;
+        g->cfg.memory_bytes = g->cfg.memory_percent ? g->info.memory_bytes / 100 * (uint64_t)g->cfg.memory_percent
+                                                    : g->info.memory_bytes / 4 * 3;
     if (!g->cfg.timeout_ms)
         g->cfg.timeout_ms =
             (g->info.kind == SST_GPU_SOFTWARE ? SOFTWARE_TIMEOUT_MS : TIMEOUT_MS) / (g->cfg.prompt ? 10 : 1);
@@ -365,7 +366,7 @@ int sst_gpu_open_for(struct sst_gpu **out, const char *name, const struct sst_gp
     for (size_t i = 0; i < count && !err; i++)
         err = sst_gpu_prepare(*out, shaders[i]);
     if (err) {
-        sst_log_error("the device `%s` cannot %s: %s; choose another --device", name, work, sst_gpu_error(err));
+        sst_log_error("the device `%s` cannot %s: %s; choose another device", name, work, sst_gpu_error(err));
         sst_gpu_close(*out);
         *out = NULL;
     }

@@ -109,9 +109,13 @@ bool sst_gpu_is_fast(const struct sst_gpu_info *info, enum sst_gpu_shader shader
 
 /** True if a shader is a variant: it gives the bytes of another one, by instructions that not every device has. */
 bool sst_gpu_is_variant(enum sst_gpu_shader shader);
+/* Shares of the device's memory, in percent, of two that use it side by side; their sum is that of one alone. */
+#define SST_GPU_PICTURES_PERCENT 56
+#define SST_GPU_LABELS_PERCENT   19
 
 struct sst_gpu_config {
-    uint64_t memory_bytes; /* that buffers use at most; 0: three quarters of the device's */
+    uint64_t memory_bytes; /* that buffers use at most; 0: */
+    int memory_percent;    /* of the device's memory; 0: 75 */
     int timeout_ms;        /* limit of one wait; 0: 20 s, on software devices 10 minutes */
     bool prompt;           /* short limits of a wait, for live use: by default 2 s, on software devices 60 s */
 };

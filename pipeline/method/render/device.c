@@ -2,7 +2,8 @@
  * the pictures themselves: device_picture.c, device_clear.c.
  *
  * A device that fails is closed. The picture in work and the next ones are then rendered on the CPU, one more after
- * each failure, twice as many each time; then the device is opened again. */
+ * each failure, twice as many each time; then the device is opened again, for a light field that changes on a thread of
+ * its own. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,6 +11,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "pipeline/gpu/opener.h"
 #include "pipeline/method/render/render_internal.h"
 
 /* --- opening and failing ------------------------------------------------------------------------------------------ */
@@ -46,6 +48,12 @@ static void close_gpu(struct render_device *d)
     d->gpu = NULL;
 }
 
+static void note_name(struct render_device *d)
+{
+    snprintf(d->report.name, sizeof(d->report.name), "%s", sst_gpu_get_info(d->gpu)->name);
+    snprintf(d->report.driver, sizeof(d->report.driver), "%s", sst_gpu_get_info(d->gpu)->driver);
+}
+
 static int open_gpu(struct render_device *d)
 {
     int err = sst_gpu_open(&d->gpu, d->name, &d->cfg);
@@ -61,8 +69,7 @@ static int open_gpu(struct render_device *d)
         close_gpu(d);
         return err;
     }
-    snprintf(d->report.name, sizeof(d->report.name), "%s", sst_gpu_get_info(d->gpu)->name);
-    snprintf(d->report.driver, sizeof(d->report.driver), "%s", sst_gpu_get_info(d->gpu)->driver);
+    note_name(d);
     return 0;
 }
 
@@ -120,21 +127,35 @@ static int open_first(struct render_device *d)
     return 0;
 }
 
-/* Open a device that failed. @return false: it fails again */
+/* Open a device on a thread of its own: tests of shaders may take longer than pictures may wait.
+ * @return 0, -EINPROGRESS, or an error */
+static int open_beside(struct render_device *d, char why[SST_LOG_MAX])
+{
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_BLEND, SST_GPU_CLEAR_LAND, SST_GPU_CLEAR_BLEND };
+    const struct sst_gpu_opening what = { .name = d->name,
+                                          .cfg = d->cfg,
+                                          .shaders = shaders,
+                                          .needed = 1,
+                                          .count = d->clears ? ARRAY_LEN(shaders) : 1,
+                                          .work = "render" };
+    const int err = sst_gpu_open_beside(&d->opener, &what, &d->gpu, why);
+
+    if (!err)
+        note_name(d);
+    return err;
+}
+
+/* Open a device that failed. @return false: it fails again, or is being opened */
 static bool open_again(struct render_device *d)
 {
-    char text[SST_LOG_MAX] = "", *before = NULL;
-    int err;
+    char why[SST_LOG_MAX] = "";
+    const int err = d->changes ? open_beside(d, why) : open_gpu(d);
 
-    if (d->changes)
-        before = sst_log_hold_errors(text);
-    err = open_gpu(d);
-    if (d->changes)
-        sst_log_hold_errors(before);
     if (!err)
         return true;
-    fail(d, err, text);
-    note_cpu(d, sst_gpu_error(err));
+    if (err != -EINPROGRESS)
+        fail(d, err, why);
+    note_cpu(d, err == -EINPROGRESS ? "the device is being opened" : sst_gpu_error(err));
     return false;
 }
 
@@ -175,6 +196,7 @@ void render_device_destroy(struct render_device *d)
 {
     if (!d)
         return;
+    sst_gpu_opener_destroy(d->opener);
     close_gpu(d);
     sst_mem_kept_fini(&d->packed);
     sst_mem_kept_fini(&d->words);
@@ -249,6 +271,7 @@ static int try_clear(struct render_device *d, struct device_clear *c)
 {
     int err = c->count > SST_GPU_CLEAR_VIEWS ? -EOVERFLOW : sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_LAND);
 
+    d->clears = true;
     if (!err)
         err = sst_gpu_prepare(d->gpu, SST_GPU_CLEAR_BLEND);
     if (!err)

@@ -98,7 +98,10 @@ int sst_renderer_use_live_device(struct sst_renderer *r, const char *name, uint6
     r->device = NULL;
     if (strcmp(name, "cpu"))
         err = render_device_create(&r->device, r->lf, name,
-                                   &(struct sst_gpu_config){ .memory_bytes = memory_bytes, .prompt = true }, live);
+                                   &(struct sst_gpu_config){ .memory_bytes = memory_bytes,
+                                                             .memory_percent = SST_GPU_PICTURES_PERCENT,
+                                                             .prompt = true },
+                                   live);
     return err == -ENOENT ? 0 : err;
 }
 

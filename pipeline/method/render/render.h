@@ -163,7 +163,8 @@ struct sst_render_live {
 /**
  * The same for a light field that changes: rows of tiles that changed are uploaded again. A wait for the device is
  * shorter (struct sst_gpu_config, `prompt`), and a device that cannot be opened now is tried again later, as one that
- * fails. Of failures in a row only the first is logged, and that the device works again.
+ * fails. Of failures in a row only the first is logged, and that the device works again. Networks share the device:
+ * memory_bytes of 0 is SST_GPU_PICTURES_PERCENT of it.
  *
  * @return 0, also where there is no such device; -ENOMEM (logged)
  */

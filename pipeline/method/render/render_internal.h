@@ -149,7 +149,9 @@ struct render_device {
     /* under lock */
     struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
     struct sst_gpu_backoff backoff;
+    struct sst_gpu_opener *opener; /* at work on opening it again; of a light field that changes */
     bool given_up; /* it computes something else: not opened again */
+    bool clears;   /* clear pictures are wanted */
     bool noted;    /* that a clear picture is the CPU's */
     struct sst_render_device_report report;
     /* of gpu */
