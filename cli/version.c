@@ -20,7 +20,8 @@ static const struct {
 
 static const char *const models[] = { "pspnet-small.onnx", "mccnn-fast.onnx" };
 
-/* What this device can do besides: variants of shaders by other instructions; if `fast`, those that are chosen there. */
+/* What this device can do besides: variants of shaders by other instructions; if `fast`, those that are chosen there.
+ */
 static json_t *variants_json(const struct sst_gpu_info *info, bool fast)
 {
     json_t *variants = json_array();
@@ -46,12 +47,11 @@ static json_t *devices_json(const struct sst_gpu_info *info, int n)
     json_t *devices = json_array();
 
     for (int i = 0; i < n; i++)
-        json_array_append_new(devices, json_pack("{s:o, s:o, s:s, s:I, s:o, s:o, s:o}", "name",
-                                                 cli_text_json(info[i].name), "driver", cli_text_json(info[i].driver),
-                                                 "kind", sst_gpu_kind_name(info[i].kind), "memory_bytes",
-                                                 (json_int_t)info[i].memory_bytes, "variants", variants_json(&info[i], false),
-                                                 "variants_fast", variants_json(&info[i], true), "matrix",
-                                                 matrix_json(&info[i])));
+        json_array_append_new(
+            devices, json_pack("{s:o, s:o, s:s, s:I, s:o, s:o, s:o}", "name", cli_text_json(info[i].name), "driver",
+                               cli_text_json(info[i].driver), "kind", sst_gpu_kind_name(info[i].kind), "memory_bytes",
+                               (json_int_t)info[i].memory_bytes, "variants", variants_json(&info[i], false),
+                               "variants_fast", variants_json(&info[i], true), "matrix", matrix_json(&info[i])));
     return devices;
 }
 

@@ -15,8 +15,7 @@
 
 enum fault { FAULT_LOST, FAULT_TIMEOUT, FAULT_MEMORY, FAULT_BUFFER, FAULT_WRONG, HAS_DOT, HAS_MATRIX, FAULTS };
 
-static const char *const fault_names[FAULTS] = { "lost", "timeout", "memory", "buffer", "wrong",
-                                                 "dot",  "matrix" };
+static const char *const fault_names[FAULTS] = { "lost", "timeout", "memory", "buffer", "wrong", "dot", "matrix" };
 
 struct dummy {
     struct sst_gpu gpu; /* first */

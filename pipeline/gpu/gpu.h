@@ -71,9 +71,9 @@ const char *sst_gpu_kind_name(enum sst_gpu_kind kind);
 
 /** What a device can do beyond Vulkan 1.2: bits. */
 enum sst_gpu_ability {
-    SST_GPU_DOT = 1,      /* dot products of four bytes (VK_KHR_shader_integer_dot_product) */
-    SST_GPU_DOT_FAST = 2, /* ... are faster there than products of floats */
-    SST_GPU_MATRIX = 4,   /* products of matrices of bytes (VK_KHR_cooperative_matrix), of a shape that the shader can use */
+    SST_GPU_DOT = 1,         /* dot products of four bytes (VK_KHR_shader_integer_dot_product) */
+    SST_GPU_DOT_FAST = 2,    /* ... are faster there than products of floats */
+    SST_GPU_MATRIX = 4,      /* products of matrices of bytes (VK_KHR_cooperative_matrix) in a shape that can be used */
     SST_GPU_MATRIX_FAST = 8, /* ... are faster there than both: not on software devices */
 };
 
@@ -87,9 +87,9 @@ struct sst_gpu_info {
     char name[SST_GPU_NAME];   /* of the device */
     char driver[SST_GPU_NAME]; /* name and version */
     enum sst_gpu_kind kind;
-    uint64_t memory_bytes; /* largest heap of the device */
-    uint64_t buffer_bytes; /* largest buffer */
-    uint32_t abilities;    /* enum sst_gpu_ability */
+    uint64_t memory_bytes;        /* largest heap of the device */
+    uint64_t buffer_bytes;        /* largest buffer */
+    uint32_t abilities;           /* enum sst_gpu_ability */
     struct sst_gpu_matrix matrix; /* with SST_GPU_MATRIX */
 };
 

@@ -286,15 +286,29 @@ struct gpu_vulkan_features {
 };
 void gpu_vulkan_features_init(struct gpu_vulkan_features *f, uint32_t abilities);
 
+#define GPU_MATRIX_CONSTANTS 4 /* of net_conv8_matrix: invocations of a group, rows, columns, depth */
+
+/** What net_conv8_matrix is compiled for: the shape, and subgroups that are full and of one size. Points into itself. */
+struct gpu_matrix_stage {
+    uint32_t value[GPU_MATRIX_CONSTANTS];
+    VkSpecializationMapEntry entry[GPU_MATRIX_CONSTANTS];
+    VkSpecializationInfo constants;
+    VkPipelineShaderStageRequiredSubgroupSizeCreateInfoEXT size;
+};
+
+/** Add it to a stage; s must outlive info. */
+void gpu_matrix_stage_init(struct gpu_matrix_stage *s, VkPipelineShaderStageCreateInfo *info,
+                           const struct sst_gpu_matrix *m);
+
 /** Invocations of a group of net_conv8_matrix: each of its subgroups has 2 x 2 matrices of sums. */
 uint32_t gpu_matrix_invocations(const struct sst_gpu_matrix *m);
 
 /**
  * Complete the types of matrices in the binary of net_conv8_matrix.
  *
- * glslang of Debian 12 has no such types, and writes parameters of a type as numbers. The shader gives those that stand for
- * other types and constants as numbers too: 8 or 32 for signed integers of that width, and the constant_id for rows and
- * columns. Here they become the ids that SPIR-V needs.
+ * glslang of Debian 12 has no such types, and writes parameters of a type as numbers. The shader gives those that stand
+ * for other types and constants as numbers too: 8 or 32 for signed integers of that width, and the constant_id for rows
+ * and columns. Here they become the ids that SPIR-V needs.
  * @param code  in and out [words]
  * @return 0, -EINVAL (no module, or it does not declare what a type needs before it)
  */

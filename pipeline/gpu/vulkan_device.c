@@ -346,34 +346,6 @@ static int make_layout(struct vulkan *v, struct pipeline *p, const struct gpu_sh
     return error_of(rc);
 }
 
-#define CONSTANTS 4 /* of net_conv8_matrix: invocations of a group, rows, columns, depth */
-
-/* What a shader of matrices is compiled for: their shape, and subgroups that are full and of one size. */
-struct stage {
-    uint32_t value[CONSTANTS];
-    VkSpecializationMapEntry entry[CONSTANTS];
-    VkSpecializationInfo constants;
-    VkPipelineShaderStageRequiredSubgroupSizeCreateInfoEXT size;
-};
-
-static void set_matrix(VkPipelineShaderStageCreateInfo *info, struct stage *s, const struct sst_gpu_matrix *m)
-{
-    const uint32_t value[CONSTANTS] = { gpu_matrix_invocations(m), m->rows, m->columns, m->depth };
-
-    for (uint32_t i = 0; i < CONSTANTS; i++) {
-        s->value[i] = value[i];
-        s->entry[i] = (VkSpecializationMapEntry){ i, i * (uint32_t)sizeof(*value), sizeof(*value) };
-    }
-    s->constants = (VkSpecializationInfo){ CONSTANTS, s->entry, sizeof(s->value), s->value };
-    s->size = (VkPipelineShaderStageRequiredSubgroupSizeCreateInfoEXT){
-        .sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_REQUIRED_SUBGROUP_SIZE_CREATE_INFO_EXT,
-        .requiredSubgroupSize = m->group
-    };
-    info->flags = VK_PIPELINE_SHADER_STAGE_CREATE_REQUIRE_FULL_SUBGROUPS_BIT_EXT;
-    info->pSpecializationInfo = &s->constants;
-    info->pNext = &s->size;
-}
-
 static int make_module(struct vulkan *v, enum sst_gpu_shader number, VkShaderModule *out)
 {
     const struct gpu_spirv *code = find_spirv(gpu_shaders[number].name);
@@ -403,7 +375,7 @@ static int compile(struct sst_gpu *g, enum sst_gpu_shader number)
     struct pipeline *p = &v->pipeline[number];
     VkComputePipelineCreateInfo info = { .sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO };
     VkShaderModule module;
-    struct stage stage;
+    struct gpu_matrix_stage stage;
     int err = make_layout(v, p, &gpu_shaders[number]);
 
     if (!err)
@@ -415,7 +387,7 @@ static int compile(struct sst_gpu *g, enum sst_gpu_shader number)
                                                     .module = module,
                                                     .pName = "main" };
     if (number == SST_GPU_NET_CONV8_MATRIX)
-        set_matrix(&info.stage, &stage, &g->info.matrix);
+        gpu_matrix_stage_init(&stage, &info.stage, &g->info.matrix);
     info.layout = p->layout;
     err = error_of(v->vk->vkCreateComputePipelines(v->device, v->cache, 1, &info, NULL, &p->pipeline));
     v->vk->vkDestroyShaderModule(v->device, module, NULL);

@@ -1,4 +1,4 @@
-/* The shader of products of matrices: how many invocations a shape takes, and the types that glslang cannot write. */
+/* The shader of products of matrices: what a shape is compiled for, and the types that glslang cannot write. */
 #include "pipeline/gpu/gpu_internal.h"
 #include "pipeline/gpu/net.h"
 
@@ -24,6 +24,25 @@ uint32_t gpu_matrix_invocations(const struct sst_gpu_matrix *m)
         return 0;
     lanes = half / m->rows * (half / m->columns) * m->group;
     return lanes % SST_GPU_NET_MATRIX || lanes > GROUP_LIMIT ? 0 : lanes;
+}
+
+void gpu_matrix_stage_init(struct gpu_matrix_stage *s, VkPipelineShaderStageCreateInfo *info,
+                           const struct sst_gpu_matrix *m)
+{
+    const uint32_t value[GPU_MATRIX_CONSTANTS] = { gpu_matrix_invocations(m), m->rows, m->columns, m->depth };
+
+    for (uint32_t i = 0; i < GPU_MATRIX_CONSTANTS; i++) {
+        s->value[i] = value[i];
+        s->entry[i] = (VkSpecializationMapEntry){ i, i * (uint32_t)sizeof(*value), sizeof(*value) };
+    }
+    s->constants = (VkSpecializationInfo){ GPU_MATRIX_CONSTANTS, s->entry, sizeof(s->value), s->value };
+    s->size = (VkPipelineShaderStageRequiredSubgroupSizeCreateInfoEXT){
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_REQUIRED_SUBGROUP_SIZE_CREATE_INFO_EXT,
+        .requiredSubgroupSize = m->group
+    };
+    info->flags = VK_PIPELINE_SHADER_STAGE_CREATE_REQUIRE_FULL_SUBGROUPS_BIT_EXT;
+    info->pSpecializationInfo = &s->constants;
+    info->pNext = &s->size;
 }
 
 /* What types of matrices refer to. Ids; 0: not declared so far */

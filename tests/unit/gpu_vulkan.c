@@ -279,9 +279,8 @@ static void test_variants(void **state)
         assert_int_equal(report.runs, 1);
         if (i)
             expect_image(&got, &want, 0);
-        assert_string_equal(report.conv8, i == 1                                  ? "net_conv8_dot"
-                                          : strcmp(report.conv8, "net_conv8") ? "net_conv8_matrix"
-                                                                                  : "net_conv8");
+        if (i < 2) /* matrices: if the device has them */
+            assert_string_equal(report.conv8, i ? "net_conv8_dot" : "net_conv8");
         sst_network_device_close(d);
         free(want.d);
         want = got;

@@ -134,7 +134,7 @@ static void variants_are_chosen(void **state SST_UNUSED)
         struct image got;
 
         assert_true(++first < 60);
-        snprintf(name, sizeof(name), "dummy:dot=1,matrix=1,wrong=%d", first + 20); /* after those of the shaders itself */
+        snprintf(name, sizeof(name), "dummy:dot=1,matrix=1,wrong=%d", first + 20); /* after the plain shaders' tests */
         got = run_variant(name, conv8);
         if (!strcmp(conv8, "net_conv8_dot"))
             expect_image(&got, &want, 0);
@@ -384,16 +384,11 @@ static void wrong_devices_are_refused(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(convolutions_equal_the_cpu),
-        cmocka_unit_test(a_pyramid_equals_the_cpu),
-        cmocka_unit_test(features_equal_the_cpu),
-        cmocka_unit_test(float_features_are_the_cpus),
-        cmocka_unit_test(variants_are_chosen),
-        cmocka_unit_test(other_layers_end_on_the_cpu),
-        cmocka_unit_test(memory_is_bounded),
-        cmocka_unit_test(plans_are_bounded),
-        cmocka_unit_test(plans_are_shared),
-        serial_test(faults_end_on_the_cpu),
+        cmocka_unit_test(convolutions_equal_the_cpu), cmocka_unit_test(a_pyramid_equals_the_cpu),
+        cmocka_unit_test(features_equal_the_cpu),     cmocka_unit_test(float_features_are_the_cpus),
+        cmocka_unit_test(variants_are_chosen),        cmocka_unit_test(other_layers_end_on_the_cpu),
+        cmocka_unit_test(memory_is_bounded),          cmocka_unit_test(plans_are_bounded),
+        cmocka_unit_test(plans_are_shared),           serial_test(faults_end_on_the_cpu),
         cmocka_unit_test(wrong_devices_are_refused),
     };
 
