@@ -58,12 +58,21 @@ static void report_matching(const struct sst_disparity_device_report *d)
 
 static json_t *refinement_json(const struct sst_refine_device_report *d)
 {
+    json_t *stages = json_array();
     json_t *root = json_pack("{s:I, s:I, s:I, s:I, s:I, s:o, s:I, s:I, s:I}", "views", (json_int_t)d->views, "on_cpu",
                              (json_int_t)d->on_cpu, "voted", (json_int_t)d->voted, "voted_on_cpu",
                              (json_int_t)d->voted_on_cpu, "failures", (json_int_t)d->failures, "why_cpu",
                              *d->why ? cli_text_json(d->why) : json_null(), "dispatches", (json_int_t)d->dispatches,
                              "uploads", (json_int_t)d->uploads, "upload_bytes", (json_int_t)d->upload_bytes);
 
+    for (int i = 0; i < SST_REFINE_STAGES; i++) {
+        if (d->stages_on_cpu >> i & 1)
+            json_array_append_new(stages, json_string(sst_refine_stage_name((enum sst_refine_stage)i)));
+    }
+    if (root)
+        json_object_set_new(root, "stages_on_cpu", stages);
+    else
+        json_decref(stages);
     if (root)
         json_object_update_new(root,
                                json_pack("{s:f, s:f, s:f, s:f}", "seconds", (double)d->total_ns * 1e-9,
@@ -83,6 +92,15 @@ json_t *cli_process_devices_json(const struct cli_process_devices *d)
 
 static void report_refinement(const struct sst_refine_device_report *d)
 {
+    char stages[128] = "";
+
+    for (int i = 0; i < SST_REFINE_STAGES; i++) {
+        const size_t used = strlen(stages);
+
+        if (d->stages_on_cpu >> i & 1)
+            snprintf(stages + used, sizeof(stages) - used, "%s%s",
+                     used ? ", " : "; on the CPU: ", sst_refine_stage_name((enum sst_refine_stage)i));
+    }
     if (d->on_cpu)
         sst_log_warning("the labels of %lld of %lld views were refined on the CPU instead of %s: %s",
                         (long long)d->on_cpu, (long long)(d->on_cpu + d->views), d->name, d->why);
@@ -90,7 +108,7 @@ static void report_refinement(const struct sst_refine_device_report *d)
         sst_log_warning("the votes about the labels of %lld of %lld views were counted on the CPU instead of %s: %s",
                         (long long)d->voted_on_cpu, (long long)(d->voted_on_cpu + d->voted), d->name, d->why);
     else if (d->views)
-        sst_log_info("the labels of %lld views refined on %s", (long long)d->views, d->name);
+        sst_log_info("the labels of %lld views refined on %s%s", (long long)d->views, d->name, stages);
 }
 
 void cli_process_report_devices(const struct cli_process_devices *d)

@@ -42,6 +42,8 @@ static void test_same_bytes(void **state)
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
         assert_true(report.dispatches > 5 * 4);
+        assert_int_equal(report.stages_on_cpu, 1U << SST_REFINE_STAGE_DISPARITY | 1U << SST_REFINE_STAGE_HULLS |
+                                                   (cfg.ground_plane ? 1U << SST_REFINE_STAGE_GROUNDS : 0));
         sst_refine_device_report(d.refine, &report); /* since the last one */
         assert_int_equal(report.views, 0);
     }

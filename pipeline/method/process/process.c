@@ -290,6 +290,7 @@ static int label_views(struct run *run)
     double eps_h = 0;
     int err = log_oom(allocate(run));
 
+    sst_refine_device_note_stage(run->cfg->refinement.device, SST_REFINE_STAGE_ENTROPY);
     if (run->cfg->skip_labels && run->report->parallax != SST_PARALLAX_NONE)
         err = err ? err : log_oom(choose_keys(run));
     err = err ? err : segment_views(run, &eps_h);
@@ -400,6 +401,7 @@ static int refine_views(struct run *run)
     if (run->cfg->refine && run->cfg->model) /* external labels stay as they are */
         err = err ? err : log_oom(process_vote_labels(run->lf, run->carried, cfg.threads, cfg.device));
     if (run->cfg->refine && run->carried) {
+        sst_refine_device_note_stage(cfg.device, SST_REFINE_STAGE_CARRY);
         err = err ? err : log_oom(process_carry_labels(run->lf, run->carried, NULL, cfg.threads));
         err = err ? err : process_fill_labels(run->lf, run->carried, cfg.threads);
     }

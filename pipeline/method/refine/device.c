@@ -106,6 +106,19 @@ void sst_refine_device_destroy(struct sst_refine_device *d)
     free(d);
 }
 
+const char *sst_refine_stage_name(enum sst_refine_stage stage)
+{
+    static const char *const names[SST_REFINE_STAGES] = { "entropy", "distributions", "grounds", "hulls", "carrying" };
+
+    return names[stage];
+}
+
+void sst_refine_device_note_stage(struct sst_refine_device *d, enum sst_refine_stage stage)
+{
+    if (d)
+        d->report.stages_on_cpu |= 1U << stage;
+}
+
 void sst_refine_device_report(struct sst_refine_device *d, struct sst_refine_device_report *out)
 {
     *out = d->report;
@@ -299,6 +312,7 @@ static int upload_hull(const struct work *w, int label)
     if (!corners)
         return -ENOMEM;
     sst_hull_build(&hull, &w->view->label, label);
+    sst_refine_device_note_stage(w->d, SST_REFINE_STAGE_HULLS);
     for (int i = 0; i < hull.count; i++) {
         pairs[2 * i] = hull.x[i];
         pairs[2 * i + 1] = hull.y[i];
@@ -438,6 +452,9 @@ static bool try_view(struct sst_refine_device *d, const struct refine_job *job, 
 
 int refine_on_device(struct sst_refine_device *d, struct refine_job *job)
 {
+    sst_refine_device_note_stage(d, SST_REFINE_STAGE_DISPARITY);
+    if (job->ground && job->cfg->ground_plane)
+        sst_refine_device_note_stage(d, SST_REFINE_STAGE_GROUNDS);
     sst_gpu_shared_lock(d->shared);
     d->has_table = false;
     sst_gpu_shared_unlock(d->shared);

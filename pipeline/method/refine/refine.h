@@ -51,6 +51,18 @@ struct sst_label_fit {
 SST_MUST_CHECK int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config *cfg,
                                      struct sst_label_fit *fits);
 
+/** What is done on the CPU although there is a device: it has no shader for that. */
+enum sst_refine_stage {
+    SST_REFINE_STAGE_ENTROPY = 0, /* labels and entropies of pixels from those of the network's cells, the threshold */
+    SST_REFINE_STAGE_DISPARITY = 1, /* distributions of the labels' disparities */
+    SST_REFINE_STAGE_GROUNDS = 2,   /* their planes */
+    SST_REFINE_STAGE_HULLS = 3,     /* of the regions that compete */
+    SST_REFINE_STAGE_CARRY = 4,     /* labels carried to other views */
+    SST_REFINE_STAGES
+};
+
+const char *sst_refine_stage_name(enum sst_refine_stage stage);
+
 /** What a device has done. */
 struct sst_refine_device_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME];
@@ -59,6 +71,7 @@ struct sst_refine_device_report {
     int64_t voted, voted_on_cpu; /* whose pixels other views voted on */
     int64_t failures;            /* times that the device failed */
     char why[128];               /* the last of on_cpu or voted_on_cpu */
+    unsigned stages_on_cpu;      /* bits by enum sst_refine_stage: those that were needed */
     int64_t dispatches, uploads, upload_bytes;
     int64_t total_ns, upload_ns, wait_ns, download_ns; /* of views; wait_ns: until the device has computed them */
 };
@@ -95,6 +108,9 @@ bool sst_refine_device_vote(struct sst_refine_device *d, struct sst_map_u8 *out,
 
 /** After the last vote of a light field: free its views. @param d  or NULL */
 void sst_refine_device_forget_votes(struct sst_refine_device *d);
+
+/** Note that a stage was done on the CPU. @param d  or NULL: nothing is noted */
+void sst_refine_device_note_stage(struct sst_refine_device *d, enum sst_refine_stage stage);
 
 /** What it has done since the last report. */
 void sst_refine_device_report(struct sst_refine_device *d, struct sst_refine_device_report *out);
