@@ -252,7 +252,7 @@ void doctor_check_uvcvideo(struct doctor *d)
 /* Compile the shaders on a device and compare their results with the references. */
 static void test_gpu(struct doctor *d, const struct sst_gpu_info *info)
 {
-    char runs[512] = "", refuses[512] = "";
+    char runs[1024] = "", refuses[1024] = "";
     struct sst_gpu *g;
 
     if (sst_gpu_open(&g, info->name, NULL)) {

@@ -1,4 +1,5 @@
-/* The shaders `check`, `fill_start`, `fill_project` and `fill_take`: their references and self-tests. */
+/* The shaders `check`, `fill_start`, `fill_project`, `fill_take`, `fill_along` and `fill_down`: their references and
+ * self-tests. */
 #include "pipeline/gpu/check.h"
 
 #include <errno.h>
@@ -128,6 +129,49 @@ void fill_take_reference(const void *push, void *const *buffer, const uint32_t g
     }
 }
 
+/* The nearest known disparity of a row from x on, in steps of `way`. */
+static uint32_t nearest_along(const uint32_t *row, int width, int x, int way)
+{
+    for (; x >= 0 && x < width; x += way) {
+        if (row[x] != NONE)
+            return row[x];
+    }
+    return NONE;
+}
+
+void fill_along_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_background *p = push;
+    const uint32_t *from = buffer[SST_GPU_BACKGROUND_FROM];
+    uint32_t *to = buffer[SST_GPU_BACKGROUND_TO];
+
+    for (int y = 0; y < p->height; y++, from += p->width, to += p->width) {
+        for (int x = 0; x < p->width; x++) {
+            const uint32_t left = nearest_along(from, p->width, x, -1), right = nearest_along(from, p->width, x, 1);
+
+            to[x] = left < right ? left : right;
+        }
+    }
+}
+
+void fill_down_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_background *p = push;
+    const uint32_t *from = buffer[SST_GPU_BACKGROUND_FROM];
+    uint32_t *to = buffer[SST_GPU_BACKGROUND_TO];
+
+    for (int y = 0; y < p->height; y++) {
+        int row = y;
+
+        while (row >= 0 && from[row * p->width] == NONE)
+            row--;
+        for (row = row < 0 ? y : row; row < p->height && from[row * p->width] == NONE;)
+            row++;
+        for (int x = 0; x < p->width; x++)
+            to[y * p->width + x] = row < p->height ? from[row * p->width + x] : NONE;
+    }
+}
+
 /* --- self-tests --------------------------------------------------------------------------------------------------- */
 
 #define TEST_WIDTH  43
@@ -231,4 +275,39 @@ int fill_take_self_test(struct sst_gpu *g)
 
     free(t);
     return err;
+}
+
+/* @param known  of the rows: bits */
+static int compare_background(struct sst_gpu *g, enum sst_gpu_shader shader, uint32_t known, bool dense)
+{
+    static const struct sst_gpu_background push = { TEST_WIDTH, TEST_HEIGHT };
+    const struct sst_gpu_work work = work_of(shader, &push);
+    struct test *t = make_test();
+    uint32_t state = 4;
+    int err;
+
+    if (!t)
+        return -ENOMEM;
+    for (int i = 0; i < TEST_PIXELS; i++) {
+        const uint32_t any = gpu_random(&state);
+
+        t->out[i] = known >> i / TEST_WIDTH & 1 && (dense || any % 7 == 0) ? any % 900 : NONE;
+    }
+    err = gpu_compare(g, &work, (const void *const[]){ t->out, t->arrived },
+                      (const size_t[]){ sizeof(t->out), sizeof(t->arrived) }, SST_GPU_BACKGROUND_TO, NULL);
+    free(t);
+    return err;
+}
+
+int fill_along_self_test(struct sst_gpu *g)
+{
+    return compare_background(g, SST_GPU_FILL_ALONG, 0xFFFF9F, false);
+}
+
+int fill_down_self_test(struct sst_gpu *g)
+{
+    const int err =
+        compare_background(g, SST_GPU_FILL_DOWN, 0x0F9FC, true); /* the last rows and the first ones are not */
+
+    return err ? err : compare_background(g, SST_GPU_FILL_DOWN, 0, true);
 }

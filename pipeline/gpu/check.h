@@ -1,7 +1,7 @@
 /* pipeline/gpu/check.h - the shaders of the multi-view check of disparities and of the filling of what it refuses.
  *
- * All numbers are integers, and equal those of sst_disparity_check_views() and sst_fill_views() on every device; what
- * is left to the background (sst_fill_background()) is not among them. All shaders have groups of 32 x 8 pixels.
+ * All numbers are integers, and equal those of sst_disparity_check_views() and sst_fill_views() on every device. All
+ * shaders have groups of 32 x 8 pixels.
  */
 #ifndef SST_PIPELINE_GPU_CHECK_H
 #define SST_PIPELINE_GPU_CHECK_H
@@ -66,6 +66,17 @@ enum sst_gpu_fill_take_buffer {
     SST_GPU_FILL_TAKE_ARRIVED = 1, /* in; out: 0 */
     SST_GPU_FILL_TAKE_OUT = 2,     /* in and out */
     SST_GPU_FILL_TAKE_BUFFERS
+};
+
+/** `fill_along`, then `fill_down`: the rest gets the background, as sst_fill_background() has it. */
+struct sst_gpu_background {
+    int32_t width, height;
+};
+
+enum sst_gpu_background_buffer {
+    SST_GPU_BACKGROUND_FROM = 0, /* uint32_t[height][width]: disparities */
+    SST_GPU_BACKGROUND_TO = 1,   /* out, likewise; another buffer */
+    SST_GPU_BACKGROUND_BUFFERS
 };
 
 #endif

@@ -54,6 +54,10 @@ enum sst_gpu_shader {
     SST_GPU_REFINE_ASSIGN = 35,
     SST_GPU_VOTE = 36,         /* vote.h */
     SST_GPU_FEATURE_COST = 37, /* match.h */
+    SST_GPU_FILL_ALONG = 38,   /* check.h */
+    SST_GPU_FILL_DOWN = 39,
+    SST_GPU_SUBPIXEL_FIT = 40, /* subpixel.h */
+    SST_GPU_SUBPIXEL_WINDOW = 41,
     SST_GPU_SHADERS
 };
 

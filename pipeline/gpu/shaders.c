@@ -12,6 +12,7 @@
 #include "pipeline/gpu/net.h"
 #include "pipeline/gpu/rectify.h"
 #include "pipeline/gpu/refine.h"
+#include "pipeline/gpu/subpixel.h"
 #include "pipeline/gpu/vote.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
@@ -58,6 +59,15 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                                fill_project_reference, fill_project_self_test },
     [SST_GPU_FILL_TAKE] = { "fill_take", SST_GPU_FILL_TAKE_BUFFERS, sizeof(struct sst_gpu_fill), fill_take_reference,
                             fill_take_self_test },
+    [SST_GPU_FILL_ALONG] = { "fill_along", SST_GPU_BACKGROUND_BUFFERS, sizeof(struct sst_gpu_background),
+                             fill_along_reference, fill_along_self_test },
+    [SST_GPU_FILL_DOWN] = { "fill_down", SST_GPU_BACKGROUND_BUFFERS, sizeof(struct sst_gpu_background),
+                            fill_down_reference, fill_down_self_test },
+    [SST_GPU_SUBPIXEL_FIT] = { "subpixel_fit", SST_GPU_SUBPIXEL_FIT_BUFFERS, sizeof(struct sst_gpu_subpixel_fit),
+                               subpixel_fit_reference, subpixel_fit_self_test },
+    [SST_GPU_SUBPIXEL_WINDOW] = { "subpixel_window", SST_GPU_SUBPIXEL_WINDOW_BUFFERS,
+                                  sizeof(struct sst_gpu_subpixel_window), subpixel_window_reference,
+                                  subpixel_window_self_test },
     [SST_GPU_NET_CONV8] = { "net_conv8", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_conv), net_conv8_reference,
                             net_conv8_self_test },
     [SST_GPU_NET_CONV] = { "net_conv", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_conv), net_conv_reference,

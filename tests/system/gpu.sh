@@ -187,8 +187,9 @@ for preset in preview balanced accurate; do
   matched $preset lavapipe
   [ ! -s err ] || fail "process $preset: $(cat err)"
   device match.json 'd["views"] >= 3 and d["on_cpu"] == 0 and d["failures"] == 0 and d["why_cpu"] is None and "range" in d["stages_on_cpu"]'
+  [ $preset != accurate ] || device match.json 'not {"subpixel", "check", "filling", "background"} & set(d["stages_on_cpu"])'
 done
-for fault in lost=90:lost timeout=90:answer memory=1:memory; do
+for fault in lost=150:lost timeout=150:answer memory=1:memory; do
   matched accurate dummy:${fault%:*}
   grep -q "views were matched on the CPU instead of dummy: .*${fault#*:}" err || fail "process: ${fault%:*}: $(cat err)"
   device match.json "d['on_cpu'] > 0 and '${fault#*:}' in d['why_cpu']"
@@ -198,6 +199,24 @@ cp -r field field1
 "$sst" process field1 --no-labels --device dummy:wrong=20 2>err
 [ $? -eq 5 ] && grep -q 'cannot match: ' err || fail "process on a device that gives wrong results: $(cat err)"
 want 3 'no device `GeForce`' process field1 --device GeForce
+
+# --- the learned cost: features and maps; the former differ by a step of a component at most ---
+if "$sst" version --json | grep -q '"onednn": true'; then
+  cp -r field cpu_learned
+  rm -rf field1
+  cp -r field field1
+  "$sst" process cpu_learned --no-labels --cost both >/dev/null || fail "process with the learned cost"
+  "$sst" process field1 --no-labels --cost both --device lavapipe --json >match.json 2>err ||
+    fail "process with the learned cost on lavapipe: $(cat err)"
+  [ ! -s err ] || fail "process with the learned cost: $(cat err)"
+  device match.json 'd["views"] >= 3 and d["on_cpu"] == 0 and d["failures"] == 0 and d["why_cpu"] is None'
+  /usr/bin/python3 -c '
+import glob, sys, numpy
+from PIL import Image
+for f in sorted(glob.glob("cpu_learned/disparity/*.png")):
+    a, b = (numpy.asarray(Image.open(x)) for x in (f, f.replace("cpu_learned/", "field1/")))
+    assert (a != b).mean() < 1e-2, f' || fail "process with the learned cost: other maps on lavapipe"
+fi
 
 # --- labels of a light field ---
 if "$sst" version --json | grep -q '"onednn": true'; then

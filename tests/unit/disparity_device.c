@@ -5,6 +5,9 @@
 #include "tests/match_field.h"
 #include "tests/small.h"
 
+static const unsigned check = 1U << SST_DISPARITY_STAGE_CHECK, fill = 1U << SST_DISPARITY_STAGE_FILL,
+                      subpixel = 1U << SST_DISPARITY_STAGE_SUBPIXEL, background = 1U << SST_DISPARITY_STAGE_BACKGROUND;
+
 static void test_same_bytes(void **state)
 {
     static const int tested[] = { 0, 8, 16, 0, 8, 8 }; /* views whose hypotheses are, by round */
@@ -21,11 +24,13 @@ static void test_same_bytes(void **state)
                       (long long)report.tested, (long long)report.dispatches);
         assert_int_equal(report.tested, tested[i]);
         assert_int_equal(report.tested_on_cpu, 0);
-        assert_int_equal(report.stages_on_cpu & (1U << SST_DISPARITY_STAGE_CHECK | 1U << SST_DISPARITY_STAGE_FILL), 0);
+        assert_int_equal(report.stages_on_cpu & (check | fill | subpixel), 0);
+        /* Where all views are matched, the device continues the background as well. */
+        assert_int_equal(report.stages_on_cpu & background, i < 2 || i > 3 ? background : 0);
         assert_true(report.views >= 3);
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
-        assert_in_range(report.uploads, 7, 8 + 8 * 3);
+        assert_in_range(report.uploads, 7, 8 + 8 * 4);
         assert_string_equal(report.why, "");
         sst_disparity_device_report(cfg.device, &report); /* since the last one */
         assert_int_equal(report.views, 0);
@@ -49,8 +54,7 @@ static void test_narrow(void **state)
     assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.views, 8);
-    assert_true(report.stages_on_cpu >> SST_DISPARITY_STAGE_SUBPIXEL & 1);
-    assert_false(report.stages_on_cpu >> SST_DISPARITY_STAGE_SURFACES & 1);
+    assert_int_equal(report.stages_on_cpu, 0);
     assert_string_equal(sst_disparity_stage_name(SST_DISPARITY_STAGE_SUBPIXEL), "subpixel");
     sst_disparity_device_destroy(cfg.device);
     sst_lightfield_fini(&lf);
@@ -120,7 +124,7 @@ static void test_fallback(void **state)
         int views, failures;
     } devices[] = {
         { "lost", 1, "the device is lost", 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
-        { "timeout", 51, "the device does not answer", 6, 3 },
+        { "timeout", 51, "the device does not answer", 6, 2 },
         { "memory", 1, "not enough memory on the device", 0, 0 },
         { "buffer", 200, "not enough memory on the device", 0, 0 },
     };
@@ -135,7 +139,8 @@ static void test_fallback(void **state)
         snprintf(name, sizeof(name), "dummy:%s=%d", devices[i].fault, devices[i].of + (i < 2 ? match_self_tests() : 0));
         print_message("%s\n", name);
         assert_true(match_config(&cfg, 2));
-        cfg.rounds = 0;
+        cfg.rounds = cfg.subpixel_steps = 0; /* the first pass alone */
+        cfg.fill = false;
         assert_int_equal(sst_disparity_device_create(&cfg.device, name, 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, devices[i].views);
@@ -148,7 +153,7 @@ static void test_fallback(void **state)
 }
 
 /* Dispatches of a device that does not fail, without what comes after a step. */
-static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps, bool fill)
+static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps, bool filled)
 {
     struct sst_disparity_device_report report;
     struct sst_disparity_config cfg;
@@ -156,7 +161,7 @@ static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps,
     assert_true(match_config(&cfg, 2));
     cfg.rounds = rounds;
     cfg.subpixel_steps = subpixel_steps;
-    cfg.fill = fill;
+    cfg.fill = filled;
     assert_int_equal(sst_disparity_device_create(&cfg.device, "dummy", 0), 0);
     assert_int_equal(sst_disparity_lightfield(lf, &cfg, NULL, NULL), 0);
     sst_disparity_device_report(cfg.device, &report);
@@ -168,12 +173,16 @@ static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps,
  * of that step. */
 static void test_fallback_later(void **state)
 {
-    const unsigned check = 1U << SST_DISPARITY_STAGE_CHECK, fill = 1U << SST_DISPARITY_STAGE_FILL;
     struct {
         int after;       /* dispatches */
         int tested;      /* 16 with those on the CPU */
+        bool filled;
         unsigned stages; /* on the CPU besides those without shaders */
-    } lost[] = { { 14, 8, 0 }, { 4, 16, check | fill }, { 8 + 20, 16, fill } };
+    } lost[] = { { 14, 8, false, 0 },
+                 { 12, 16, true, subpixel },
+                 { 4, 16, true, check | fill | background },
+                 { 8 + 20, 16, true, fill | background } };
+    const unsigned all = check | fill | subpixel | background;
     struct sst_disparity_device_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
@@ -182,11 +191,13 @@ static void test_fallback_later(void **state)
     (void)state;
     match_init(&lf, 3, 3, 97, 60, 8);
     lost[0].after += dispatches(&lf, 0, 0, false);
-    lost[1].after += dispatches(&lf, 2, 2, false);
+    lost[1].after += dispatches(&lf, 2, 0, false);
     lost[2].after += dispatches(&lf, 2, 2, false);
+    lost[3].after += dispatches(&lf, 2, 2, false);
     for (size_t i = 0; i < ARRAY_LEN(lost); i++) {
         snprintf(name, sizeof(name), "dummy:lost=%d", match_self_tests() + lost[i].after);
         assert_true(match_config(&cfg, 2));
+        cfg.fill = lost[i].filled;
         assert_int_equal(sst_disparity_device_create(&cfg.device, name, 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.views, 8);
@@ -194,7 +205,7 @@ static void test_fallback_later(void **state)
         assert_int_equal(report.failures, 1);
         assert_int_equal(report.tested + report.tested_on_cpu, 16);
         assert_in_range(report.tested, lost[i].tested, lost[i].tested + 2);
-        assert_int_equal(report.stages_on_cpu & (check | fill), lost[i].stages);
+        assert_int_equal(report.stages_on_cpu & all, lost[i].stages);
         assert_string_equal(report.why, "the device is lost");
         sst_disparity_device_destroy(cfg.device);
     }

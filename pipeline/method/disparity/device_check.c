@@ -1,5 +1,5 @@
 /* The multi-view check and the filling on a device: all views' maps lie there in one buffer, with the check's results,
- * which the filling reads. What no view shows is left to the CPU, which continues the background. */
+ * which the filling reads. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -99,7 +99,8 @@ static int check_view(struct sst_disparity_device *d, const struct disparity_run
     return err ? err : dispatch(d, run, SST_GPU_CHECK, &push, d->kept[KEPT_VIEWS], d->kept[KEPT_PIXELS], NULL);
 }
 
-static int fetch(struct sst_disparity_device *d, struct sst_gpu_buffer *from, size_t first, size_t n, uint32_t *words)
+int disparity_device_fetch(struct sst_disparity_device *d, struct sst_gpu_buffer *from, size_t first, size_t n,
+                           uint32_t *words)
 {
     const int64_t start_ns = sst_clock_now_ns();
     int err = sst_gpu_wait(d->gpu);
@@ -115,7 +116,7 @@ static int fetch_status(struct sst_disparity_device *d, struct disparity_run *ru
 {
     const size_t n = pixels_of(run), width = (size_t)run->width;
     uint32_t *words = sst_mem_keep(&d->words, n, sizeof(*words));
-    int err = words ? fetch(d, d->kept[KEPT_PIXELS], (size_t)view * n, n, words) : -ENOMEM;
+    int err = words ? disparity_device_fetch(d, d->kept[KEPT_PIXELS], (size_t)view * n, n, words) : -ENOMEM;
 
     for (int y = 0; y < run->height && !err; y++) {
         uint8_t *to = sst_map_u8_row(&run->status[view], y);
@@ -148,8 +149,7 @@ static int check_views(struct sst_disparity_device *d, struct disparity_run *run
     return err;
 }
 
-/* Note why the CPU does a step, all of it. */
-static void give_up(struct sst_disparity_device *d, enum sst_disparity_stage stage, int err)
+void disparity_device_leave(struct sst_disparity_device *d, enum sst_disparity_stage stage, int err)
 {
     const char *why = err == -EOVERFLOW ? "views are too far apart" : sst_gpu_error(err);
 
@@ -175,7 +175,7 @@ bool disparity_device_check(struct sst_disparity_device *d, struct disparity_run
     err = check_views(d, run);
     d->report.total_ns += sst_clock_now_ns() - start_ns;
     if (err) {
-        give_up(d, SST_DISPARITY_STAGE_CHECK, err);
+        disparity_device_leave(d, SST_DISPARITY_STAGE_CHECK, err);
     } else {
         sst_gpu_shared_succeed(d->shared);
         d->checked = run;
@@ -206,6 +206,7 @@ static int fill_view(struct sst_disparity_device *d, struct disparity_run *run, 
 {
     const size_t n = pixels_of(run), width = (size_t)run->width;
     const struct sst_gpu_fill push = { run->width, run->height, (uint32_t)((size_t)view * n) };
+    const struct sst_gpu_background background = { run->width, run->height };
     struct sst_checked_view views[SST_MAX_NEIGHBOURS];
     struct sst_map_u16 *out = &run->filled[view];
     uint32_t *words = sst_mem_keep(&d->words, n, sizeof(*words));
@@ -220,7 +221,10 @@ static int fill_view(struct sst_disparity_device *d, struct disparity_run *run, 
         err = err ? err : project(d, run, &push, views, near);
     if (count > near)
         err = err ? err : project(d, run, &push, views + near, count - near);
-    err = err ? err : fetch(d, d->kept[KEPT_MAP], 0, n, words);
+    err =
+        err ? err : dispatch(d, run, SST_GPU_FILL_ALONG, &background, d->kept[KEPT_MAP], d->kept[KEPT_FILTERED], NULL);
+    err = err ? err : dispatch(d, run, SST_GPU_FILL_DOWN, &background, d->kept[KEPT_FILTERED], d->kept[KEPT_MAP], NULL);
+    err = err ? err : disparity_device_fetch(d, d->kept[KEPT_MAP], 0, n, words);
     sst_map_u16_fini(out);
     err = err ? err : sst_map_u16_init(out, run->width, run->height);
     for (int y = 0; y < run->height && !err; y++) {
@@ -229,8 +233,6 @@ static int fill_view(struct sst_disparity_device *d, struct disparity_run *run, 
         for (size_t x = 0; x < width; x++)
             to[x] = (uint16_t)words[(size_t)y * width + x];
     }
-    if (!err)
-        sst_fill_background(out);
     return err;
 }
 
@@ -243,6 +245,7 @@ bool disparity_device_fill(struct sst_disparity_device *d, struct disparity_run 
     if (d->checked != run) {
         disparity_device_end(d);
         sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_FILL);
+        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_BACKGROUND);
         return false;
     }
     d->checked = NULL;
@@ -251,8 +254,10 @@ bool disparity_device_fill(struct sst_disparity_device *d, struct disparity_run 
             err = fill_view(d, run, k);
     }
     d->report.total_ns += sst_clock_now_ns() - start_ns;
-    if (err)
-        give_up(d, SST_DISPARITY_STAGE_FILL, err);
+    if (err) {
+        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_BACKGROUND);
+        disparity_device_leave(d, SST_DISPARITY_STAGE_FILL, err);
+    }
     disparity_device_end(d);
     return !err;
 }

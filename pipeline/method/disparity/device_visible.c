@@ -22,7 +22,8 @@ static void give_up(struct sst_disparity_device *d, int err)
     snprintf(d->report.why, sizeof(d->report.why), "%s", sst_gpu_error(err));
 }
 
-static int load(struct sst_disparity_device *d, const struct sst_packed_view *view, int count, int width, int height)
+int disparity_device_upload_packed(struct sst_disparity_device *d, const struct sst_packed_view *view, int count,
+                                   int width, int height)
 {
     const size_t n = (size_t)width * (size_t)height;
     uint32_t *words = sst_mem_keep(&d->words, n, sizeof(*words));
@@ -53,7 +54,7 @@ bool disparity_device_load(struct sst_disparity_device *d, const struct sst_pack
 
     if (!disparity_device_begin(d))
         return false;
-    err = load(d, view, count, width, height);
+    err = disparity_device_upload_packed(d, view, count, width, height);
     if (err)
         give_up(d, err);
     else

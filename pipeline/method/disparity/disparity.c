@@ -344,12 +344,10 @@ static void note_stages(const struct disparity_run *run)
 
     if (run->rounds)
         sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_SURFACES);
-    if (run->subpixel)
-        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_SUBPIXEL);
-    if (run->carried)
+    if (run->carried) {
         sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_CARRY);
-    if (run->fill || run->carried)
         sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_BACKGROUND);
+    }
 }
 
 /* What improves all maps together: the second pass, the refinement between pixels, check, filling or carrying. */

@@ -126,7 +126,7 @@ struct sst_disparity_device {
     struct device_pixels view[SST_MAX_VIEWS];
     int64_t turn;
     const struct disparity_run *checked; /* whose maps were checked last: they lie there with the results */
-    bool loaded;                         /* the views of a round of the second pass lie there */
+    bool loaded;                         /* views lie there: of a round of the second pass, or to be refined */
     struct sst_mem_kept words;           /* of the host */
 };
 
@@ -147,6 +147,20 @@ SST_MUST_CHECK int disparity_device_keep(struct sst_disparity_device *d, enum de
 
 SST_MUST_CHECK int disparity_device_upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data,
                                            size_t bytes);
+
+/** Upload the packed pixels of `count` views into KEPT_PIXELS; those without memory are left out. @return 0 or an error
+ *  of the device */
+SST_MUST_CHECK int disparity_device_upload_packed(struct sst_disparity_device *d, const struct sst_packed_view *view,
+                                                  int count, int width, int height);
+
+/** Words first .. first + n - 1 of a buffer, once all that was dispatched is done. @return 0 or an error of the device
+ */
+SST_MUST_CHECK int disparity_device_fetch(struct sst_disparity_device *d, struct sst_gpu_buffer *from, size_t first,
+                                          size_t n, uint32_t *words);
+
+/** Note that the CPU does a step, or the rest of it, and why. @param err  of the device, which is closed unless it had
+ * no room, or -EOVERFLOW (views too far apart) */
+void disparity_device_leave(struct sst_disparity_device *d, enum sst_disparity_stage stage, int err);
 
 /** Free what the first pass needs and the second one does not. */
 void disparity_device_drop(struct sst_disparity_device *d);
@@ -197,6 +211,30 @@ bool disparity_device_load(struct sst_disparity_device *d, const struct sst_pack
 
 /** Test the hypotheses of a view. One thread at a time. @return false: likewise; the device is not loaded then */
 bool disparity_device_test(struct sst_disparity_device *d, const struct device_hypotheses *in);
+
+/* --- device_subpixel.c: refinement between pixels on a device --- */
+
+struct sst_gpu_subpixel_window;
+
+/** A view to refine. */
+struct device_refine {
+    const struct sst_subpixel_fit *fit;
+    const int *nearest;            /* [fit->views] these views */
+    int view;                      /* which is refined */
+    int steps, first_views;        /* views that the first step compares at most */
+    const struct sst_image *image; /* at the size of the maps */
+    const struct sst_map_u16 *disp;
+    const struct sst_gpu_subpixel_window *window, *wide; /* of a step, and after the last one */
+    struct sst_map_u16 *out;                             /* initialised */
+};
+
+/** Upload the lumas of `count` views, packed as for struct sst_subpixel_view. @return false: the CPU is to do it; noted
+ */
+bool disparity_device_begin_refining(struct sst_disparity_device *d, const struct sst_packed_view *view, int count,
+                                     int width, int height);
+
+/** Refine a view of those. @return false: the CPU is to do this one and the next ones; noted */
+bool disparity_device_refine(struct sst_disparity_device *d, const struct device_refine *in);
 
 /* --- device_check.c: check and filling on a device --- */
 

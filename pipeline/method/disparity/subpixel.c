@@ -11,7 +11,8 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/method/disparity/stage.h"
+#include "pipeline/gpu/subpixel.h"
+#include "pipeline/method/disparity/disparity_internal.h"
 
 #define FIRST_VIEWS 8    /* that the first step compares */
 #define LIMIT       10   /* levels: from this difference on, a view does not count */
@@ -40,7 +41,7 @@ struct pass {
     const struct sst_visible_views *in;
     int steps, views;
     struct packed *view;     /* [in->count] */
-    struct sst_map_u16 *out; /* [in->count] */
+    struct sst_map_u16 *out; /* [in->count]; without memory: not refined yet */
     struct planes *planes;   /* [threads] made by the first view of a thread */
 };
 
@@ -152,10 +153,10 @@ static void set_gain(struct sst_subpixel_view *v, const struct sst_subpixel_fit 
     v->offset = (float)((s.here - gain * s.there) / s.n);
 }
 
-static void set_fit(struct sst_subpixel_fit *f, const struct pass *p, int k)
+/* @param nearest  out [SST_SUBPIXEL_VIEWS]: the views that it is compared with */
+static void set_fit(struct sst_subpixel_fit *f, const struct pass *p, int k, int *nearest)
 {
     const struct sst_visible_view *own = &p->in->view[k];
-    int nearest[SST_SUBPIXEL_VIEWS];
 
     *f = (struct sst_subpixel_fit){ .own = { p->view[k].pixels, p->view[k].stride },
                                     .views = sst_visible_nearest(p->in, k, p->views, nearest),
@@ -317,9 +318,9 @@ static int refine_job(void *arg, int k, int worker)
     struct planes *planes = &p->planes[worker];
     struct sst_subpixel_fit fit;
     float *rows = NULL;
-    int err, views;
+    int nearest[SST_SUBPIXEL_VIEWS], err, views;
 
-    if (!v->image || v->carried)
+    if (!v->image || v->carried || p->out[k].data)
         return 0;
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
@@ -330,7 +331,7 @@ static int refine_job(void *arg, int k, int worker)
         err = rows ? 0 : -ENOMEM;
     }
     if (!err) {
-        set_fit(&fit, p, k);
+        set_fit(&fit, p, k, nearest);
         views = fit.views;
         for (int i = 0; i < p->steps; i++) {
             fit.views = i ? views : sst_min_int(views, FIRST_VIEWS);
@@ -340,6 +341,69 @@ static int refine_job(void *arg, int k, int worker)
     }
     sst_mem_free(rows);
     return err;
+}
+
+/* --- on a device -------------------------------------------------------------------------------------------------- */
+
+/* @return 0; -ECANCELED; 1: the device fails at it */
+static int refine_on_device(struct pass *p, int k)
+{
+    const struct sst_visible_view *v = &p->in->view[k];
+    const int width = v->disp->width, height = v->disp->height, last = p->in->range * 64;
+    const struct sst_gpu_subpixel_window window = { width, height, 1, SIMILAR, APART, 0, MOST, last, FEW, ENOUGH };
+    const struct sst_gpu_subpixel_window wide = { width, height, WIDE_STEP, SIMILAR, WIDE_APART,
+                                                  1,     MOST,   last,      FEW,     ENOUGH };
+    struct sst_image half = { 0 };
+    struct sst_subpixel_fit fit;
+    int nearest[SST_SUBPIXEL_VIEWS];
+    const struct device_refine in = { .fit = &fit,
+                                      .nearest = nearest,
+                                      .view = k,
+                                      .steps = p->steps,
+                                      .first_views = FIRST_VIEWS,
+                                      .image = p->in->scale == 2 ? &half : v->image,
+                                      .disp = v->disp,
+                                      .window = &window,
+                                      .wide = &wide,
+                                      .out = &p->out[k] };
+    int err = p->in->cancel && *p->in->cancel ? -ECANCELED : 0;
+
+    if (!err && p->in->scale == 2)
+        err = sst_image_halve(&half, v->image);
+    err = err ? err : sst_map_u16_init(&p->out[k], width, height);
+    if (!err) {
+        set_fit(&fit, p, k, nearest);
+        if (!disparity_device_refine(p->in->device, &in)) {
+            sst_map_u16_fini(&p->out[k]);
+            err = 1;
+        }
+    }
+    sst_image_fini(&half);
+    return err;
+}
+
+/* Refine as many views as the device does. */
+static int refine_all_on_device(struct pass *p)
+{
+    const struct sst_visible_views *in = p->in;
+    struct sst_packed_view *packed = calloc((size_t)in->count, sizeof(*packed));
+    int width = 0, height = 0, err = packed ? 0 : -ENOMEM;
+
+    for (int k = 0; k < in->count && !err; k++) {
+        if (!in->view[k].image)
+            continue;
+        packed[k] = (struct sst_packed_view){ p->view[k].pixels, p->view[k].stride };
+        width = in->view[k].disp->width;
+        height = in->view[k].disp->height;
+    }
+    if (!err && !disparity_device_begin_refining(in->device, packed, in->count, width, height))
+        err = 1;
+    for (int k = 0; k < in->count && !err; k++) {
+        if (in->view[k].image && !in->view[k].carried)
+            err = refine_on_device(p, k);
+    }
+    free(packed);
+    return err > 0 ? 0 : err;
 }
 
 int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int views, int threads)
@@ -352,6 +416,8 @@ int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int vi
     p.planes = calloc((size_t)threads, sizeof(*p.planes));
     if (p.view && p.out && p.planes)
         err = sst_parallel_for(in->count, threads, pack_job, &p);
+    if (in->device)
+        err = err ? err : refine_all_on_device(&p);
     err = err ? err : sst_parallel_for(in->count, threads, refine_job, &p);
     for (int k = 0; p.view && p.out && p.planes && k < in->count; k++) {
         if (!err && p.out[k].data)

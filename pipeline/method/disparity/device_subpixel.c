@@ -1,0 +1,174 @@
+/* The refinement between pixels on a device: all views' lumas with their disparities lie there in one buffer; each
+ * view's steps run without leaving it. Gains between views are the CPU's, which measures them at a few pixels. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "pipeline/gpu/subpixel.h"
+#include "pipeline/method/disparity/disparity_internal.h"
+
+/* Memory of the second pass, which is over. */
+#define KEPT_COLOURS KEPT_COUNTS
+#define KEPT_DISP    KEPT_CHOSEN /* of this step and of the next one, in turn */
+#define KEPT_NEXT    KEPT_SUMS
+#define KEPT_FITS    KEPT_COSTS
+#define KEPT_WINDOWS KEPT_LIST
+
+static size_t pixels_of(const struct device_refine *in)
+{
+    return (size_t)in->fit->width * (size_t)in->fit->height;
+}
+
+static int dispatch(struct sst_disparity_device *d, const struct device_refine *in, enum sst_gpu_shader shader,
+                    const void *push, struct sst_gpu_buffer *const *buffer, size_t count)
+{
+    struct sst_gpu_work work = { .shader = shader,
+                                 .push = push,
+                                 .groups = { (uint32_t)(in->fit->width + 31) / 32, (uint32_t)(in->fit->height + 7) / 8,
+                                             1 } };
+
+    memcpy(work.buffer, buffer, count * sizeof(*buffer));
+    d->report.dispatches++;
+    return sst_gpu_dispatch(d->gpu, &work);
+}
+
+/* Colours and disparities of the view, and the views that it is compared with. */
+static int upload_view(struct sst_disparity_device *d, const struct device_refine *in)
+{
+    const struct sst_subpixel_fit *f = in->fit;
+    const size_t n = pixels_of(in), width = (size_t)f->width;
+    struct sst_gpu_subpixel_view view[SST_SUBPIXEL_VIEWS];
+    uint32_t *words = sst_mem_keep(&d->words, n, sizeof(*words));
+    int err = words ? 0 : -ENOMEM;
+
+    for (int y = 0; y < f->height && !err; y++) {
+        const uint8_t *r = sst_image_row(in->image, 0, y), *g = sst_image_row(in->image, 1, y);
+        const uint8_t *b = sst_image_row(in->image, 2, y);
+
+        for (size_t x = 0; x < width; x++)
+            words[(size_t)y * width + x] = r[x] | (uint32_t)g[x] << 8 | (uint32_t)b[x] << 16;
+    }
+    err = err ? err : disparity_device_upload(d, d->kept[KEPT_COLOURS], words, n * sizeof(*words));
+    for (int y = 0; y < f->height && !err; y++) {
+        const uint16_t *from = sst_map_u16_row(in->disp, y);
+
+        for (size_t x = 0; x < width; x++)
+            words[(size_t)y * width + x] = (from[x] < SST_SUBPIXEL_NONE ? from[x] : SST_SUBPIXEL_NONE) * 65537U;
+    }
+    err = err ? err : disparity_device_upload(d, d->kept[KEPT_DISP], words, n * sizeof(*words));
+    for (int k = 0; k < f->views; k++) {
+        const struct sst_subpixel_view *v = &f->view[k];
+
+        view[k] = (struct sst_gpu_subpixel_view){ v->x,    v->y,      v->dx,
+                                                  v->dy,   v->bx,     v->by,
+                                                  v->gain, v->offset, (uint32_t)((size_t)in->nearest[k] * n) };
+    }
+    return err || !f->views ? err
+                            : disparity_device_upload(d, d->kept[KEPT_VIEWS], view, (size_t)f->views * sizeof(*view));
+}
+
+static int prepare(struct sst_disparity_device *d, const struct device_refine *in)
+{
+    const size_t n = pixels_of(in), weight = sizeof(struct sst_gpu_subpixel_weight);
+    int err = disparity_device_keep(d, KEPT_VIEWS, SST_SUBPIXEL_VIEWS, sizeof(struct sst_gpu_subpixel_view));
+
+    err = err ? err : disparity_device_keep(d, KEPT_COLOURS, n, sizeof(uint32_t));
+    err = err ? err : disparity_device_keep(d, KEPT_DISP, n, sizeof(uint32_t));
+    err = err ? err : disparity_device_keep(d, KEPT_NEXT, n, sizeof(uint32_t));
+    err = err ? err : disparity_device_keep(d, KEPT_FITS, n, weight);
+    err = err ? err : disparity_device_keep(d, KEPT_WINDOWS, n, weight);
+    return err ? err : upload_view(d, in);
+}
+
+/* A step from one buffer of disparities to another. */
+static int refine(struct sst_disparity_device *d, const struct device_refine *in, int views,
+                  struct sst_gpu_buffer *from, struct sst_gpu_buffer *to)
+{
+    const struct sst_subpixel_fit *f = in->fit;
+    const struct sst_gpu_subpixel_fit push = { f->width,     f->height,
+                                               views,        (uint32_t)((size_t)in->view * pixels_of(in)),
+                                               f->tolerance, f->inverse_limit };
+    struct sst_gpu_buffer **kept = d->kept;
+    const int err =
+        dispatch(d, in, SST_GPU_SUBPIXEL_FIT, &push,
+                 (struct sst_gpu_buffer *const[]){ kept[KEPT_VIEWS], kept[KEPT_PIXELS], from, kept[KEPT_FITS] },
+                 SST_GPU_SUBPIXEL_FIT_BUFFERS);
+
+    return err ? err
+               : dispatch(d, in, SST_GPU_SUBPIXEL_WINDOW, in->window,
+                          (struct sst_gpu_buffer *const[]){ kept[KEPT_COLOURS], from, kept[KEPT_FITS],
+                                                            kept[KEPT_WINDOWS], to },
+                          SST_GPU_SUBPIXEL_WINDOW_BUFFERS);
+}
+
+static int refine_view(struct sst_disparity_device *d, const struct device_refine *in)
+{
+    const size_t n = pixels_of(in), width = (size_t)in->fit->width;
+    struct sst_gpu_buffer *from, *to, *swap;
+    uint32_t *words;
+    int err = prepare(d, in);
+
+    from = d->kept[KEPT_DISP];
+    to = d->kept[KEPT_NEXT];
+    for (int i = 0; i < in->steps && !err; i++) {
+        err = refine(d, in, i ? in->fit->views : sst_min_int(in->fit->views, in->first_views), from, to);
+        swap = from;
+        from = to;
+        to = swap;
+    }
+    /* The large windows write no weights. */
+    err = err ? err
+              : dispatch(d, in, SST_GPU_SUBPIXEL_WINDOW, in->wide,
+                         (struct sst_gpu_buffer *const[]){ d->kept[KEPT_COLOURS], from, d->kept[KEPT_WINDOWS],
+                                                           d->kept[KEPT_FITS], to },
+                         SST_GPU_SUBPIXEL_WINDOW_BUFFERS);
+    words = sst_mem_keep(&d->words, n, sizeof(*words));
+    err = err ? err : words ? disparity_device_fetch(d, to, 0, n, words) : -ENOMEM;
+    for (int y = 0; y < in->fit->height && !err; y++) {
+        uint16_t *out = sst_map_u16_row(in->out, y);
+
+        for (size_t x = 0; x < width; x++)
+            out[x] = (uint16_t)words[(size_t)y * width + x];
+    }
+    return err;
+}
+
+bool disparity_device_begin_refining(struct sst_disparity_device *d, const struct sst_packed_view *view, int count,
+                                     int width, int height)
+{
+    int err;
+
+    if (!disparity_device_begin(d)) {
+        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_SUBPIXEL);
+        return false;
+    }
+    err = disparity_device_upload_packed(d, view, count, width, height);
+    d->loaded = !err;
+    if (err)
+        disparity_device_leave(d, SST_DISPARITY_STAGE_SUBPIXEL, err);
+    disparity_device_end(d);
+    return !err;
+}
+
+bool disparity_device_refine(struct sst_disparity_device *d, const struct device_refine *in)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    bool done;
+    int err = 0;
+
+    disparity_device_resume(d);
+    if (d->loaded)
+        err = refine_view(d, in);
+    else
+        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_SUBPIXEL); /* others needed the memory */
+    done = d->loaded && !err;
+    if (err)
+        disparity_device_leave(d, SST_DISPARITY_STAGE_SUBPIXEL, err);
+    if (done)
+        sst_gpu_shared_succeed(d->shared);
+    d->loaded = done;
+    d->report.total_ns += sst_clock_now_ns() - start_ns;
+    disparity_device_end(d);
+    return done;
+}
