@@ -261,6 +261,8 @@ static int create(struct sst_disparity_device *d, struct sst_gpu_buffer **out, s
 {
     int err = sst_gpu_buffer_create(d->gpu, out, bytes);
 
+    if (bytes > sst_gpu_get_info(d->gpu)->buffer_bytes) /* whatever gives way */
+        return err;
     if (err == -ENOMEM && drop_unused(d))
         err = sst_gpu_buffer_create(d->gpu, out, bytes);
     if (err == -ENOMEM && drop_features(d, stays))

@@ -125,9 +125,9 @@ struct sst_disparity_device_report {
 
 /**
  * Open a device to match views on: the costs of each by census and features of its neighbours, their aggregation, the
- * optimisation, winners and filters; in the second pass the tests of its hypotheses; check and filling. The results are
- * the bytes of the CPU. A device that fails is logged as a warning and counted; the view is then matched on the CPU,
- * and the device is tried again later.
+ * optimisation, winners and filters; in the second pass the tests of its hypotheses; refinement between pixels, check
+ * and filling. The results are the bytes of the CPU. A device that fails is logged as a warning and counted; the view
+ * is then matched on the CPU, and the device is tried again later.
  *
  * @param name          as of sst_gpu_open(), or "cpu": none; "auto" without a GPU as well
  * @param memory_bytes  that it may use of the device's memory; 0: three quarters. A view whose volume does not fit is
