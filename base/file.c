@@ -331,7 +331,7 @@ int sst_outfile_commit(struct sst_outfile *out)
 {
     int err = 0;
 
-    if (fflush(out->stream) || ferror(out->stream) || (fsync(fileno(out->stream)) && errno != EINVAL))
+    if (fflush(out->stream) || ferror(out->stream) || (!out->unsynced && fsync(fileno(out->stream)) && errno != EINVAL))
         err = errno ? errno : EIO;
     if (fclose(out->stream) && !err)
         err = errno;
@@ -345,7 +345,7 @@ int sst_outfile_commit(struct sst_outfile *out)
     }
     pending_drop(out->temporary);
     out->temporary[0] = 0;
-    err = sync_parent(out->path);
+    err = out->unsynced ? 0 : sync_parent(out->path);
     return err ? output_error("sync the folder of", out->path, -err) : 0;
 }
 

@@ -39,6 +39,7 @@ SST_MUST_CHECK int sst_file_read(const char *path, size_t limit_bytes, uint8_t *
  */
 struct sst_outfile {
     FILE *stream;
+    bool unsynced; /* set by the caller: a file that is made again if the machine loses it is not synced */
     char path[SST_PATH_MAX], temporary[SST_PATH_MAX];
 };
 

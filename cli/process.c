@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/kernels/sha256.h"
 #include "pipeline/lightfield/external_maps.h"
 #include "pipeline/lightfield/folder.h"
 #include "pipeline/lightfield/share.h"
@@ -29,6 +30,7 @@ struct wanted {
 
 #define STEPS ".process-views" /* folder of a light field: maps that workers exchange */
 #define STATE ".process"       /* folder of a light field: its claim by workers */
+#define JSON_MOST ((size_t)64 << 20) /* bytes of a lightfield.json */
 
 static void progress(void *arg SST_UNUSED, const char *stage, double done)
 {
@@ -131,7 +133,8 @@ static int print_report(const struct sst_lightfield *lf, const struct sst_proces
 }
 
 /* Load the light field with its external maps or those of the options. */
-static int load(struct sst_lightfield *lf, const char *dir, const struct wanted *w, int threads)
+static int load(struct sst_lightfield *lf, const char *dir, const struct wanted *w, struct sst_share *share,
+                int threads)
 {
     struct sst_lightfield json = { 0 };
     unsigned what = SST_LOAD_IMAGES | SST_LOAD_UNCORRECTED | (w->no_verify ? SST_LOAD_UNVERIFIED : 0);
@@ -142,7 +145,7 @@ static int load(struct sst_lightfield *lf, const char *dir, const struct wanted 
     what |= json.files->external_labels && !w->labels_dir ? SST_LOAD_LABELS : 0;
     what |= json.files->external_disparity && !w->disparity_dir ? SST_LOAD_DISPARITY | SST_LOAD_CONFIDENCE : 0;
     sst_lightfield_fini(&json);
-    err = sst_lightfield_load(lf, dir, what, threads);
+    err = sst_lightfield_shared_load(share, lf, dir, what, threads);
     if (!err && w->disparity_dir)
         err = sst_lightfield_read_disparity(lf, w->disparity_dir, threads);
     if (!err && w->labels_dir)
@@ -151,25 +154,32 @@ static int load(struct sst_lightfield *lf, const char *dir, const struct wanted 
 }
 
 /* Compute the maps. */
-static int compute(struct sst_lightfield *lf, struct sst_process_config *cfg, const char *dir, const char *hand_label,
+static int compute(struct sst_lightfield *lf, struct sst_process_config *cfg, const char *hand_label,
                    struct sst_process_extras *extras, struct sst_process_report *report)
 {
-    double quality[SST_MAX_VIEWS];
     struct sst_map_u8 truth = { 0 };
     int err = hand_label && cfg->model ? sst_map_u8_read_png(&truth, hand_label) : 0;
 
     cfg->hand_label = truth.data ? &truth : NULL;
     err = err ? err : sst_process(lf, cfg, extras, report);
-    err = err ? err : sst_lightfield_jpeg_quality(quality, lf, dir);
-    if (!err) {
-        sst_notice_jpeg_files(&report->notices, quality, lf->rows * lf->cols);
-        sst_notice_describe(&report->notices, lf->rows, lf->cols);
-        lf->files->judged = report->judgement.judged;
-        lf->files->plausible = report->judgement.plausible;
-        snprintf(lf->files->implausible, sizeof(lf->files->implausible), "%s", report->judgement.sentence);
-    }
     sst_map_u8_fini(&truth);
     return err;
+}
+
+/* What the files add to the report, and it to the folder. */
+static int describe(struct sst_lightfield *lf, const char *dir, struct sst_process_report *report)
+{
+    double quality[SST_MAX_VIEWS];
+    const int err = sst_lightfield_jpeg_quality(quality, lf, dir);
+
+    if (err)
+        return err;
+    sst_notice_jpeg_files(&report->notices, quality, lf->rows * lf->cols);
+    sst_notice_describe(&report->notices, lf->rows, lf->cols);
+    lf->files->judged = report->judgement.judged;
+    lf->files->plausible = report->judgement.plausible;
+    snprintf(lf->files->implausible, sizeof(lf->files->implausible), "%s", report->judgement.sentence);
+    return 0;
 }
 
 /* What the preset skips, unless the list says otherwise. */
@@ -241,7 +251,7 @@ struct computed {
 /* Store the maps and report. */
 static int save(void *arg, int i SST_UNUSED, bool again)
 {
-    const struct computed *c = arg;
+    struct computed *c = arg;
     struct sst_process_time clock = { 0, 0 }, saving;
     struct cli_process_devices devices = { 0 };
     int err;
@@ -250,7 +260,8 @@ static int save(void *arg, int i SST_UNUSED, bool again)
         sst_path_remove_temporaries(c->dir);
     sst_process_lap(&clock);
     progress(NULL, "saving", 0.99);
-    err = sst_process_save(&c->lf, &c->extras, c->dir, c->job->cfg.threads);
+    err = describe(&c->lf, c->dir, &c->report);
+    err = err ? err : sst_process_save(&c->lf, &c->extras, c->dir, c->job->cfg.threads);
     saving = sst_process_lap(&clock);
     cli_progress_end();
     if (c->job->device) {
@@ -287,7 +298,7 @@ static int process_one(void *arg, int i, bool again)
     if (again)
         sst_path_remove_temporaries(c.dir);
     sst_process_lap(&clock);
-    err = load(&c.lf, c.dir, w, cfg.threads);
+    err = load(&c.lf, c.dir, w, cfg.share, cfg.threads);
     c.load = sst_process_lap(&clock);
     if (!err && (w->model || (!w->no_labels && !c.lf.files->external_labels))) {
         err = w->model ? sst_model_resolve(pspnet, w->model) : sst_model_path(pspnet, "pspnet-small.onnx");
@@ -301,7 +312,7 @@ static int process_one(void *arg, int i, bool again)
                                              : sst_path_base(cfg.model),
                  c.lf.files->external_disparity ? "given" : "matched");
         cfg.keep_disparity = c.lf.files->external_disparity;
-        err = compute(&c.lf, &cfg, c.dir, w->hand_label, &c.extras, &c.report);
+        err = compute(&c.lf, &cfg, w->hand_label, &c.extras, &c.report);
     }
     cli_progress_end();
     code = err ? cli_exit_code(err) : job->split ? save_once(&c, i) : save(&c, i, false);
@@ -317,19 +328,41 @@ static bool is_done(const struct job *job, int i)
     return !sst_claim_look(&info, job->state[i]) && info.state == SST_CLAIM_DONE && !strcmp(info.job, job->text);
 }
 
+/* Meet the other workers in a folder. They share what they do to these pictures: what was left of others that had been
+ * there is computed again. @param steps  out, the folder */
+static int meet(struct job *job, int i, char steps[SST_PATH_MAX])
+{
+    const struct cli_shard *shard = job->shard;
+    char path[SST_PATH_MAX], text[SST_CLAIM_JOB], sha256[65];
+    struct sst_lightfield json;
+    uint8_t *data = NULL;
+    size_t size;
+    int err = sst_lightfield_load(&json, job->dir[i], 0, 1);
+
+    if (err)
+        return err;
+    sst_lightfield_fini(&json);
+    err = sst_path_join(path, job->dir[i], "lightfield.json");
+    err = err ? err : sst_file_read(path, JSON_MOST, &data, &size);
+    if (err)
+        return err;
+    sst_sha256_hex(sha256, data, size);
+    free(data);
+    snprintf(text, sizeof(text), "%.16s %.*s", sha256, (int)sizeof(text) - 18, job->text);
+    err = sst_path_join(steps, job->dir[i], STEPS);
+    return err ? err
+               : sst_share_open(&job->cfg.share, steps, text, shard->index, shard->count, (int)(shard->lease_s * 1000));
+}
+
 /* With the other workers, view by view. What they exchanged is removed at the end. */
 static int process_together(struct job *job, int i)
 {
-    const struct cli_shard *shard = job->shard;
     char steps[SST_PATH_MAX], said[SST_LOG_MAX];
     int code;
 
     if (is_done(job, i))
         return CLI_OK;
-    code = cli_exit_code(sst_path_join(steps, job->dir[i], STEPS));
-    code = code ? code
-                : cli_exit_code(sst_share_open(&job->cfg.share, steps, job->text, shard->index, shard->count,
-                                               (int)(shard->lease_s * 1000)));
+    code = cli_exit_code(meet(job, i, steps));
     if (code)
         return code;
     sst_log_hold_errors(said);

@@ -13,6 +13,7 @@
 #include "pipeline/image/srgb.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 #include "pipeline/lightfield/rectify/rectify.h"
+#include "pipeline/lightfield/share.h"
 
 struct sst_correction sst_correction_none(void)
 {
@@ -291,7 +292,24 @@ static int correct_job(void *arg, int view, int worker SST_UNUSED)
     return correction_apply(job->lf, view, &job->correction[view], false);
 }
 
+static void corrected_maps(void *arg, int view, struct sst_share_maps *out)
+{
+    const struct job *job = arg;
+    struct sst_view *v = &job->lf->views[view];
+
+    if (!v->present || sst_correction_is_none(&job->correction[view]))
+        return;
+    sst_share_add_image(out, &v->image);
+    sst_share_add_u8(out, &v->valid);
+}
+
 int sst_lightfield_correct(struct sst_lightfield *lf, const struct sst_correction *correction, int threads)
+{
+    return sst_lightfield_shared_correct(NULL, lf, correction, threads);
+}
+
+int sst_lightfield_shared_correct(struct sst_share *share, struct sst_lightfield *lf,
+                                  const struct sst_correction *correction, int threads)
 {
     const size_t bytes = (size_t)(lf->rows * lf->cols) * sizeof(*correction);
     struct job job = { lf, correction };
@@ -311,7 +329,7 @@ int sst_lightfield_correct(struct sst_lightfield *lf, const struct sst_correctio
         return -ENOMEM;
     }
     memcpy(kept, correction, bytes);
-    err = sst_parallel_for(lf->rows * lf->cols, sst_thread_count(threads), correct_job, &job);
+    err = sst_share_for(share, lf->rows * lf->cols, sst_thread_count(threads), correct_job, &job, corrected_maps);
     if (err) {
         free(kept);
         return err;

@@ -6,6 +6,7 @@
 #include "pipeline/lightfield/lightfield.h"
 
 struct sst_rectify_map;
+struct sst_share;
 
 #define SST_CORRECTION_SHIFT_MAX_PX 100.0 /* limits of what a folder may state */
 #define SST_CORRECTION_ROLL_MAX_DEG 10.0
@@ -43,6 +44,10 @@ bool sst_correction_valid(const struct sst_correction *c);
  */
 SST_MUST_CHECK int sst_lightfield_correct(struct sst_lightfield *lf, const struct sst_correction *correction,
                                           int threads);
+
+/** The same, the views shared with other processes. @param share  or NULL */
+SST_MUST_CHECK int sst_lightfield_shared_correct(struct sst_share *share, struct sst_lightfield *lf,
+                                                 const struct sst_correction *correction, int threads);
 
 /** Whether a view has an original that rays can be sampled from: then each ray is interpolated once, not twice. */
 bool sst_lightfield_has_originals(const struct sst_lightfield *lf);

@@ -73,6 +73,8 @@ enum sst_lightfield_load {
     SST_LOAD_ENCODED = 256,   /* with SST_LOAD_RAW: raw frames that are JPEG files stay so, for renderers on a device */
 };
 
+struct sst_share;
+
 /** Empty light field with the reference view of the grid chosen and unit offsets set; all views absent.
  *  @return 0, -EINVAL (rows or cols below 1, more than SST_MAX_VIEWS), -ENOMEM. */
 SST_MUST_CHECK int sst_lightfield_init(struct sst_lightfield *lf, int rows, int cols);
@@ -116,6 +118,10 @@ SST_MUST_CHECK int sst_lightfield_choose_ref(struct sst_lightfield *lf);
  * @return 0, -ENOENT, -EBADMSG, -ENOMEM, -EIO; logged.
  */
 SST_MUST_CHECK int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned what, int threads);
+
+/** The same, the views shared with other processes that load it (share.h). @param share  or NULL */
+SST_MUST_CHECK int sst_lightfield_shared_load(struct sst_share *share, struct sst_lightfield *lf, const char *dir,
+                                              unsigned what, int threads);
 
 /**
  * Set lf->samples from the views' files in dir: what all views of 16 bits are scaled from when they are loaded. What is

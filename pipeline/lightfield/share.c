@@ -7,18 +7,23 @@
 #include <time.h>
 
 #include "base/claim.h"
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/mem.h"
 
-#define POLL_NS      INT64_C(10000000) /* until others are looked for again; doubled with each look, */
-#define POLL_MOST_NS INT64_C(100000000)
+#define POLL_LEAST_NS INT64_C(1000000) /* until others are looked for again: a part of the time waited so far, ... */
+#define POLL_MOST_NS  INT64_C(100000000)
+#define POLL_PART     8
+#define BLOCK_PIXELS  ((size_t)600000)
+#define BLOCKS_LEAST  12 /* so that several workers have some each */
 
-static const char magic[8] = "sstmaps1";
+static const char magic[8] = "sstmaps2";
 
 struct sst_share {
     char dir[SST_PATH_MAX], job[SST_CLAIM_JOB];
     int index, count, lease_ms;
-    int step; /* that were shared so far */
+    int step;       /* that were shared so far */
+    int64_t cpu_ns; /* of this process when the last one ended */
 };
 
 int sst_share_open(struct sst_share **out, const char *dir, const char *job, int index, int count, int lease_ms)
@@ -35,6 +40,7 @@ int sst_share_open(struct sst_share **out, const char *dir, const char *job, int
     s->index = index;
     s->count = count;
     s->lease_ms = lease_ms;
+    s->cpu_ns = sst_clock_cpu_ns();
     *out = s;
     return 0;
 }
@@ -44,74 +50,143 @@ void sst_share_close(struct sst_share *s)
     free(s);
 }
 
-/* --- maps in files ------------------------------------------------------------------------------------------------ */
+/* --- results in files --------------------------------------------------------------------------------------------- */
 
-static void add(struct sst_share_maps *maps, void *map, size_t pixel_bytes)
+enum kind {
+    KIND_U8 = 0,
+    KIND_U16 = 1,
+    KIND_F32 = 2,
+    KIND_IMAGE = 3, /* three planes, one below the other */
+    KIND_VALUES = 4,
+    KIND_LIST = 5,
+};
+
+struct sst_share_map {
+    enum kind kind;
+    void *map;     /* of a list: where the pointer to it is */
+    size_t *count; /* of a list */
+    size_t bytes;  /* of all values, of an element of a list */
+};
+
+static void add(struct sst_share_maps *maps, enum kind kind, void *map, size_t *count, size_t bytes)
 {
     maps->failed = maps->failed || !sst_mem_grow(&maps->map, maps->count, &maps->capacity, sizeof(*maps->map));
     if (!maps->failed)
-        maps->map[maps->count++] = (struct sst_share_map){ map, pixel_bytes };
+        maps->map[maps->count++] = (struct sst_share_map){ kind, map, count, bytes };
 }
 
 void sst_share_add_u8(struct sst_share_maps *maps, struct sst_map_u8 *map)
 {
-    add(maps, map, sizeof(uint8_t));
+    add(maps, KIND_U8, map, NULL, 0);
 }
 
 void sst_share_add_u16(struct sst_share_maps *maps, struct sst_map_u16 *map)
 {
-    add(maps, map, sizeof(uint16_t));
+    add(maps, KIND_U16, map, NULL, 0);
 }
 
 void sst_share_add_f32(struct sst_share_maps *maps, struct sst_map_f32 *map)
 {
-    add(maps, map, sizeof(float));
+    add(maps, KIND_F32, map, NULL, 0);
 }
 
+void sst_share_add_image(struct sst_share_maps *maps, struct sst_image *image)
+{
+    add(maps, KIND_IMAGE, image, NULL, 0);
+}
+
+void sst_share_add_values(struct sst_share_maps *maps, void *values, size_t bytes)
+{
+    add(maps, KIND_VALUES, values, NULL, bytes);
+}
+
+void sst_share_add_list(struct sst_share_maps *maps, void *list, size_t *count, size_t each)
+{
+    add(maps, KIND_LIST, list, count, each);
+}
+
+/* What is in a file before the bytes of a result. Rows are stored with their padding, so that a map is one piece. */
 struct shape {
     int32_t width, height; /* 0: empty */
+    uint64_t bytes;
 };
 
-/* A map's rows, whatever its pixels are. */
-static struct shape shape_of(const struct sst_share_map *m, uint8_t **data, size_t *stride)
+static struct shape shape_of_rows(const void *data, int width, int height, size_t bytes)
 {
-    if (m->pixel_bytes == sizeof(uint8_t)) {
-        const struct sst_map_u8 *map = m->map;
-
-        *data = map->data;
-        *stride = map->stride;
-        return map->data ? (struct shape){ map->width, map->height } : (struct shape){ 0, 0 };
-    }
-    if (m->pixel_bytes == sizeof(uint16_t)) {
-        const struct sst_map_u16 *map = m->map;
-
-        *data = (uint8_t *)map->data;
-        *stride = map->stride;
-        return map->data ? (struct shape){ map->width, map->height } : (struct shape){ 0, 0 };
-    } else {
-        const struct sst_map_f32 *map = m->map;
-
-        *data = (uint8_t *)map->data;
-        *stride = map->stride;
-        return map->data ? (struct shape){ map->width, map->height } : (struct shape){ 0, 0 };
-    }
+    return data ? (struct shape){ width, height, bytes } : (struct shape){ 0, 0, 0 };
 }
 
-/* Free a map, and initialise it to a shape. */
-static int reshape(const struct sst_share_map *m, struct shape to)
+/* @param data  out: the bytes */
+static struct shape shape_of(const struct sst_share_map *m, void **data)
 {
-    if (m->pixel_bytes == sizeof(uint8_t)) {
+    const struct sst_map_u8 *u8 = m->map;
+    const struct sst_map_u16 *u16 = m->map;
+    const struct sst_map_f32 *f32 = m->map;
+    const struct sst_image *image = m->map;
+
+    switch (m->kind) {
+    case KIND_U8:
+        *data = u8->data;
+        return shape_of_rows(u8->data, u8->width, u8->height, u8->stride * (size_t)u8->height);
+    case KIND_U16:
+        *data = u16->data;
+        return shape_of_rows(u16->data, u16->width, u16->height, u16->stride * (size_t)u16->height);
+    case KIND_F32:
+        *data = f32->data;
+        return shape_of_rows(f32->data, f32->width, f32->height, f32->stride * (size_t)f32->height);
+    case KIND_IMAGE:
+        *data = image->plane[0];
+        return shape_of_rows(*data, image->width, image->height, 3 * image->stride * (size_t)image->height);
+    case KIND_VALUES:
+        *data = m->map;
+        return (struct shape){ 1, 1, m->bytes };
+    case KIND_LIST:
+        break;
+    }
+    memcpy(data, m->map, sizeof(*data));
+    return (struct shape){ *data != NULL, 1, *data ? *m->count * m->bytes : 0 };
+}
+
+/* Free a list, and make room for as many bytes. */
+static int renew_list(const struct sst_share_map *m, struct shape to)
+{
+    void *list;
+
+    if (to.bytes % m->bytes || to.bytes > SST_IMAGE_MAX_PIXELS * m->bytes)
+        return -EINVAL;
+    memcpy(&list, m->map, sizeof(list));
+    sst_mem_free(list);
+    *m->count = to.bytes / m->bytes;
+    list = to.width ? sst_mem_alloc_raw(*m->count, m->bytes) : NULL;
+    memcpy(m->map, &list, sizeof(list));
+    return to.width && !list ? -ENOMEM : 0;
+}
+
+/* Free a result, and make room for one of a shape. @return 0, -ENOMEM, -EINVAL: it cannot have that */
+static int renew(const struct sst_share_map *m, struct shape to)
+{
+    switch (m->kind) {
+    case KIND_U8:
         sst_map_u8_fini(m->map);
         return to.width ? sst_map_u8_init(m->map, to.width, to.height) : 0;
-    }
-    if (m->pixel_bytes == sizeof(uint16_t)) {
+    case KIND_U16:
         sst_map_u16_fini(m->map);
         return to.width ? sst_map_u16_init(m->map, to.width, to.height) : 0;
+    case KIND_F32:
+        sst_map_f32_fini(m->map);
+        return to.width ? sst_map_f32_init(m->map, to.width, to.height) : 0;
+    case KIND_IMAGE:
+        sst_image_fini(m->map);
+        return to.width ? sst_image_init(m->map, to.width, to.height) : 0;
+    case KIND_VALUES:
+        return 0;
+    case KIND_LIST:
+        break;
     }
-    sst_map_f32_fini(m->map);
-    return to.width ? sst_map_f32_init(m->map, to.width, to.height) : 0;
+    return renew_list(m, to);
 }
 
+/* What is lost with the machine is computed again, so nothing is synced. */
 static int write_maps(const char *path, const struct sst_share_maps *maps)
 {
     struct sst_outfile out;
@@ -119,37 +194,33 @@ static int write_maps(const char *path, const struct sst_share_maps *maps)
 
     if (err)
         return err;
+    out.unsynced = true;
     fwrite(magic, sizeof(magic), 1, out.stream);
     for (int i = 0; i < maps->count; i++) {
-        const struct sst_share_map *m = &maps->map[i];
-        uint8_t *data;
-        size_t stride;
-        const struct shape shape = shape_of(m, &data, &stride);
+        void *data;
+        const struct shape shape = shape_of(&maps->map[i], &data);
 
         fwrite(&shape, sizeof(shape), 1, out.stream);
-        for (int y = 0; y < shape.height; y++)
-            fwrite(data + (size_t)y * stride, m->pixel_bytes, (size_t)shape.width, out.stream);
+        if (shape.bytes)
+            fwrite(data, shape.bytes, 1, out.stream);
     }
     return sst_outfile_commit(&out);
 }
 
 static int read_map(FILE *f, const struct sst_share_map *m)
 {
-    struct shape shape;
-    uint8_t *data;
-    size_t stride;
+    struct shape shape, made;
+    void *data;
     int err;
 
     if (fread(&shape, sizeof(shape), 1, f) != 1)
         return -EBADMSG;
-    err = reshape(m, shape);
+    err = renew(m, shape);
     if (err)
         return err == -EINVAL ? -EBADMSG : err;
-    shape = shape_of(m, &data, &stride);
-    for (int y = 0; y < shape.height; y++) {
-        if (fread(data + (size_t)y * stride, m->pixel_bytes, (size_t)shape.width, f) != (size_t)shape.width)
-            return -EBADMSG;
-    }
+    made = shape_of(m, &data);
+    if (made.bytes != shape.bytes || made.width != shape.width || (shape.bytes && fread(data, shape.bytes, 1, f) != 1))
+        return -EBADMSG;
     return 0;
 }
 
@@ -191,10 +262,13 @@ struct item {
 struct step {
     struct sst_share *s;
     char dir[SST_PATH_MAX];
-    sst_work_fn *fn;
+    sst_work_fn *fn; /* or: */
+    sst_share_batch_fn *batch;
     void *arg;
     sst_share_maps_fn *maps;
-    int count;
+    int *index; /* those that are shared, block by block, then from `shared` on those that are not */
+    int shared, indices, block, count; /* block: indices of an item; count: items */
+    int64_t start_ns, start_cpu_ns;
     /* under lock */
     pthread_mutex_t lock;
     struct item *item;
@@ -210,128 +284,314 @@ static int item_path(const struct step *t, int i, const char *suffix, char out[S
     return sst_path_join(out, t->dir, name);
 }
 
-static int compute(struct step *t, int i, int worker, struct sst_claim *claim)
+static int end_of(const struct step *t, int i)
+{
+    return sst_min_int((i + 1) * t->block, t->shared);
+}
+
+/* Of all indices of an item. */
+static int list_maps(const struct step *t, int i, struct sst_share_maps *out)
+{
+    for (int k = i * t->block; k < end_of(t, i); k++)
+        t->maps(t->arg, t->index[k], out);
+    return out->failed ? -ENOMEM : 0;
+}
+
+/* Leave what an item's work wrote for the others, and end the claim. @param err  of that work; then `error` says why */
+static int finish_item(const struct step *t, int i, struct sst_claim *claim, int err, const char *error)
 {
     struct sst_share_maps maps = { 0 };
-    char path[SST_PATH_MAX], error[SST_LOG_MAX] = "";
-    int err, end;
+    char path[SST_PATH_MAX];
+    int end;
 
-    sst_log_copy_errors(error, sizeof(error));
-    err = t->fn(t->arg, i, worker);
-    if (!err)
-        t->maps(t->arg, i, &maps);
-    err = err ? err : maps.failed ? -ENOMEM : item_path(t, i, ".maps", path);
+    err = err ? err : list_maps(t, i, &maps);
+    err = err ? err : item_path(t, i, ".maps", path);
     err = err ? err : write_maps(path, &maps);
-    sst_log_copy_errors(NULL, 0);
     free(maps.map);
-    if (err && !error[0])
-        snprintf(error, sizeof(error), "%s", strerror(-err));
-    end = sst_claim_end(claim, err ? error : NULL);
+    end = sst_claim_end(claim, !err ? NULL : error[0] ? error : strerror(-err));
     return err ? err : end == -ESTALE ? 0 : end;
 }
 
-/* Compute an item unless another process does or has. */
-static int try_item(struct step *t, int i, int worker)
+static int compute_item(const struct step *t, int i, int worker, struct sst_claim *claim)
+{
+    char error[SST_LOG_MAX] = "";
+    int err = 0;
+
+    sst_log_copy_errors(error, sizeof(error));
+    for (int k = i * t->block; !err && k < end_of(t, i); k++)
+        err = t->fn(t->arg, t->index[k], worker);
+    err = finish_item(t, i, claim, err, error);
+    sst_log_copy_errors(NULL, 0);
+    return err;
+}
+
+static void note(struct step *t, bool *what)
+{
+    pthread_mutex_lock(&t->lock);
+    *what = true;
+    pthread_mutex_unlock(&t->lock);
+}
+
+/* Claim an item unless another process does it or has. @param claim  out, NULL: it is not this process's */
+static int claim_item(struct step *t, int i, struct sst_claim **claim)
 {
     struct item *item = &t->item[i];
     struct sst_claim_info info;
-    struct sst_claim *claim;
     char dir[SST_PATH_MAX];
     int err = item_path(t, i, "", dir);
 
+    *claim = NULL;
     err = err ? err : sst_claim_look(&info, dir);
     if (err)
         return err;
-    if (!strcmp(info.job, t->s->job) && info.state >= SST_CLAIM_DONE) {
+    if (info.state == SST_CLAIM_DONE && !strcmp(info.job, t->s->job)) {
         item->state = ITEM_THERE;
-        if (info.state == SST_CLAIM_DONE)
-            return 0;
-        sst_log_error("worker %s: %s", info.worker, info.error);
-        return -EIO;
+        return 0;
     }
     err = -EBUSY;
     if (info.state != SST_CLAIM_HELD || sst_claim_expired(&item->watch, &info, t->s->lease_ms))
-        err = sst_claim_take(&claim, dir, &info, t->s->job, t->s->lease_ms);
+        err = sst_claim_take(claim, dir, &info, t->s->job, t->s->lease_ms);
     if (err == -EBUSY) {
-        pthread_mutex_lock(&t->lock);
-        t->held = true;
-        pthread_mutex_unlock(&t->lock);
+        note(t, &t->held);
         return 0;
     }
     if (err)
         return err;
     item->state = ITEM_HERE;
-    pthread_mutex_lock(&t->lock);
-    t->done_some = true;
-    pthread_mutex_unlock(&t->lock);
-    return compute(t, i, worker, claim);
+    note(t, &t->done_some);
+    return 0;
 }
 
-/* A thread: the process's own part of the items first, which are neighbours, then the rest. */
+/* The next item that is open: the process's own part first, which are neighbours, then the rest. @return -1: none */
+static int next_item(struct step *t)
+{
+    int at = -1;
+
+    pthread_mutex_lock(&t->lock);
+    while (at < 0 && t->next < t->count) {
+        at = (int)((t->next++ + (int64_t)t->s->index * t->count / t->s->count) % t->count);
+        at = t->item[at].state == ITEM_OPEN ? at : -1;
+    }
+    pthread_mutex_unlock(&t->lock);
+    return at;
+}
+
+/* A thread. */
 static int work(void *arg, int index SST_UNUSED, int worker)
 {
     struct step *t = arg;
     int err = 0;
 
-    for (;;) {
-        int at;
+    for (int i; !err && (i = next_item(t)) >= 0;) {
+        struct sst_claim *claim;
 
-        pthread_mutex_lock(&t->lock);
-        at = t->next++;
-        pthread_mutex_unlock(&t->lock);
-        if (err || at >= t->count)
-            return err;
-        at = (int)((at + (int64_t)t->s->index * t->count / t->s->count) % t->count);
-        if (t->item[at].state == ITEM_OPEN)
-            err = try_item(t, at, worker);
+        err = claim_item(t, i, &claim);
+        if (!err && claim)
+            err = compute_item(t, i, worker, claim);
     }
+    return err;
+}
+
+/* Batches of up to `most` items, one after the other. */
+static int work_in_batches(struct step *t, int most, int *index, struct sst_claim **claim)
+{
+    char error[SST_LOG_MAX] = "";
+    int err = 0, n;
+
+    sst_log_copy_errors(error, sizeof(error));
+    do {
+        int failed;
+
+        n = 0;
+        for (int i; !err && n < most && (i = next_item(t)) >= 0;) {
+            err = claim_item(t, i, &claim[n]);
+            index[n] = i;
+            n += !err && claim[n];
+        }
+        failed = err || !n ? err : t->batch(t->arg, index, n);
+        for (int k = 0; k < n; k++) {
+            err = finish_item(t, index[k], claim[k], failed, error);
+            failed = failed ? failed : err;
+        }
+        err = failed;
+    } while (!err && n);
+    sst_log_copy_errors(NULL, 0);
+    return err;
 }
 
 static int read_item(void *arg, int i, int worker SST_UNUSED)
 {
-    struct step *t = arg;
+    const struct step *t = arg;
     struct sst_share_maps maps = { 0 };
     char path[SST_PATH_MAX];
     int err = 0;
 
     if (t->item[i].state != ITEM_THERE)
         return 0;
-    t->maps(t->arg, i, &maps);
-    err = maps.failed ? -ENOMEM : item_path(t, i, ".maps", path);
+    err = list_maps(t, i, &maps);
+    err = err ? err : item_path(t, i, ".maps", path);
     err = err ? err : read_maps(path, &maps);
     free(maps.map);
     return err;
 }
 
-int sst_share_for(struct sst_share *s, int count, int threads, sst_work_fn *fn, void *arg, sst_share_maps_fn *maps)
+static void wait_for_others(int64_t since_ns)
 {
-    struct step t = { .s = s, .fn = fn, .arg = arg, .maps = maps, .count = count };
-    int64_t pause_ns = POLL_NS;
+    const int64_t waited_ns = sst_clock_now_ns() - since_ns;
+    const int64_t part_ns = waited_ns / POLL_PART > POLL_LEAST_NS ? waited_ns / POLL_PART : POLL_LEAST_NS;
+
+    nanosleep(&(struct timespec){ .tv_nsec = part_ns < POLL_MOST_NS ? part_ns : POLL_MOST_NS }, NULL);
+}
+
+/* What writes nothing for others, every process does. */
+static int work_alone(void *arg, int i, int worker)
+{
+    const struct step *t = arg;
+
+    return t->fn(t->arg, t->index[t->shared + i], worker);
+}
+
+/* @param index, claim  scratch of batches [threads], or NULL */
+static int run_step(struct step *t, int threads, int *index, struct sst_claim **claim)
+{
+    int64_t since_ns = sst_clock_now_ns();
+    int err = sst_parallel_for(t->indices - t->shared, threads, work_alone, t);
+
+    if (err)
+        return err;
+    do {
+        t->next = 0;
+        t->held = t->done_some = false;
+        err = t->fn ? sst_parallel_for(sst_min_int(threads, t->count), threads, work, t)
+                    : work_in_batches(t, threads, index, claim);
+        if (t->done_some)
+            since_ns = sst_clock_now_ns();
+        else if (!err && t->held)
+            wait_for_others(since_ns);
+    } while (!err && t->held);
+    return err ? err : sst_parallel_for(t->count, threads, read_item, t);
+}
+
+/* Divide the indices into those that write something and the rest. */
+static int list_indices(struct step *t)
+{
+    int last = t->indices;
+
+    t->index = calloc((size_t)t->indices + 1, sizeof(*t->index));
+    if (!t->index)
+        return -ENOMEM;
+    for (int k = 0; k < t->indices; k++) {
+        struct sst_share_maps maps = { 0 };
+
+        t->maps(t->arg, k, &maps);
+        if (maps.count || maps.failed || t->batch)
+            t->index[t->shared++] = k;
+        else
+            t->index[--last] = k;
+        free(maps.map);
+    }
+    return 0;
+}
+
+static int open_step(struct step *t, struct sst_share *s)
+{
     char name[16];
+    int err = list_indices(t);
+
+    if (err)
+        return err;
+    t->s = s;
+    t->start_ns = sst_clock_now_ns();
+    t->start_cpu_ns = sst_clock_cpu_ns();
+    t->block = sst_clamp_int(t->block, 1, sst_max_int(t->shared / BLOCKS_LEAST, 1));
+    t->count = (t->shared + t->block - 1) / t->block;
+    snprintf(name, sizeof(name), "step-%02d", s->step++);
+    err = sst_path_join(t->dir, s->dir, name);
+    err = err ? err : sst_path_make_dir(t->dir);
+    t->item = err ? NULL : calloc((size_t)t->count + 1, sizeof(*t->item));
+    if (!t->item) {
+        free(t->index);
+        return err ? err : -ENOMEM;
+    }
+    pthread_mutex_init(&t->lock, NULL);
+    return 0;
+}
+
+static void close_step(struct step *t)
+{
+    const int64_t cpu_ns = sst_clock_cpu_ns();
+    int here = 0;
+
+    for (int i = 0; i < t->count; i++)
+        here += t->item[i].state == ITEM_HERE;
+    sst_log_info("step %d: %d of %d items here, %.1f ms, processor %.1f ms; before it %.1f ms", t->s->step - 1, here,
+                 t->count, (double)(sst_clock_now_ns() - t->start_ns) * 1e-6, (double)(cpu_ns - t->start_cpu_ns) * 1e-6,
+                 (double)(t->start_cpu_ns - t->s->cpu_ns) * 1e-6);
+    t->s->cpu_ns = cpu_ns;
+    pthread_mutex_destroy(&t->lock);
+    free(t->item);
+    free(t->index);
+}
+
+int sst_share_blocks(struct sst_share *s, int count, int block, int threads, sst_work_fn *fn, void *arg,
+                     sst_share_maps_fn *maps)
+{
+    struct step t = { .fn = fn, .arg = arg, .maps = maps, .indices = count, .block = block };
     int err;
 
     if (!s)
         return sst_parallel_for(count, threads, fn, arg);
-    snprintf(name, sizeof(name), "step-%02d", s->step++);
-    err = sst_path_join(t.dir, s->dir, name);
-    err = err ? err : sst_path_make_dir(t.dir);
+    err = open_step(&t, s);
     if (err)
         return err;
-    t.item = calloc((size_t)count, sizeof(*t.item));
-    if (!t.item)
-        return -ENOMEM;
-    pthread_mutex_init(&t.lock, NULL);
-    do {
-        t.next = 0;
-        t.held = t.done_some = false;
-        err = sst_parallel_for(sst_min_int(threads, count), threads, work, &t);
-        if (!err && t.held && !t.done_some) {
-            nanosleep(&(struct timespec){ .tv_nsec = pause_ns }, NULL);
-            pause_ns = pause_ns < POLL_MOST_NS / 2 ? 2 * pause_ns : POLL_MOST_NS;
+    err = run_step(&t, threads, NULL, NULL);
+    close_step(&t);
+    return err;
+}
+
+int sst_share_for(struct sst_share *s, int count, int threads, sst_work_fn *fn, void *arg, sst_share_maps_fn *maps)
+{
+    return sst_share_blocks(s, count, 1, threads, fn, arg, maps);
+}
+
+int sst_share_block(size_t pixels)
+{
+    return (int)(BLOCK_PIXELS / (pixels + 1)) + 1;
+}
+
+/* All items by this process alone. */
+static int do_batches(int count, int most, sst_share_batch_fn *fn, void *arg, int *index)
+{
+    int err = 0;
+
+    for (int i = 0, n; !err && i < count; i += n) {
+        n = sst_min_int(most, count - i);
+        for (int k = 0; k < n; k++)
+            index[k] = i + k;
+        err = fn(arg, index, n);
+    }
+    return err;
+}
+
+int sst_share_batches(struct sst_share *s, int count, int most, sst_share_batch_fn *fn, void *arg,
+                      sst_share_maps_fn *maps)
+{
+    const int at_once = sst_max_int(most, 1);
+    struct step t = { .batch = fn, .arg = arg, .maps = maps, .indices = count, .block = 1 };
+    struct sst_claim **claim = calloc((size_t)at_once, sizeof(struct sst_claim *));
+    int *index = calloc((size_t)at_once, sizeof(*index));
+    int err = claim && index ? 0 : -ENOMEM;
+
+    if (!err && !s) {
+        err = do_batches(count, at_once, fn, arg, index);
+    } else if (!err) {
+        err = open_step(&t, s);
+        if (!err) {
+            err = run_step(&t, at_once, index, claim);
+            close_step(&t);
         }
-    } while (!err && t.held);
-    err = err ? err : sst_parallel_for(count, threads, read_item, &t);
-    pthread_mutex_destroy(&t.lock);
-    free(t.item);
+    }
+    free(index);
+    free(claim);
     return err;
 }

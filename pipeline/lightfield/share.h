@@ -1,9 +1,10 @@
 /* pipeline/lightfield/share.h - processes that compute the maps of one light field together, step by step.
  *
- * All of them run the same code. Of a step that is shared, each item (a view, a row of views) is computed by one
- * process, which leaves its maps as a file in a folder that all see; the others read them there, so that all have the
- * maps of all items before the next step. What is not shared, all compute. An item of a process that ended is computed
- * by another one (base/claim.h).
+ * All of them run the same code. Of a step that is shared, each item (a view, some views, a row of them) is computed by
+ * one process, which leaves its results as a file in a folder that all see; the others read them there, so that all
+ * have the results of all items before the next step. What is not shared, all compute. An item of a process that ended
+ * is computed by another one (base/claim.h). What fails in one process is tried again in each of the others that comes
+ * to it, until one succeeds or all have failed.
  */
 #ifndef SST_PIPELINE_LIGHTFIELD_SHARE_H
 #define SST_PIPELINE_LIGHTFIELD_SHARE_H
@@ -15,7 +16,7 @@ struct sst_share; /* one thread at a time */
 
 /**
  * @param dir   folder of the steps, made here; its parent exists
- * @param job   what is computed; items of another job are computed again
+ * @param job   what is computed, of which pictures; items of another job are computed again
  * @param index this process of `count`: where it begins
  * @return 0, -ENOMEM, or an error of the output; logged
  */
@@ -23,12 +24,9 @@ SST_MUST_CHECK int sst_share_open(struct sst_share **out, const char *dir, const
                                   int lease_ms);
 void sst_share_close(struct sst_share *s); /* NULL is fine */
 
-/** Maps that the work on an item writes, in a fixed order. Empty ones (a view that is missing) stay empty. */
+/** What the work on an item writes, in a fixed order. Empty maps (a view that is missing) stay empty. */
 struct sst_share_maps {
-    struct sst_share_map {
-        void *map;          /* struct sst_map_u8, sst_map_u16 or sst_map_f32 */
-        size_t pixel_bytes; /* 1, 2 or 4 */
-    } * map;
+    struct sst_share_map *map;
     int count, capacity;
     bool failed; /* no memory for the list */
 };
@@ -36,9 +34,23 @@ struct sst_share_maps {
 void sst_share_add_u8(struct sst_share_maps *maps, struct sst_map_u8 *map);
 void sst_share_add_u16(struct sst_share_maps *maps, struct sst_map_u16 *map);
 void sst_share_add_f32(struct sst_share_maps *maps, struct sst_map_f32 *map);
+void sst_share_add_image(struct sst_share_maps *maps, struct sst_image *image);
 
-/** Add the maps of an item. Those of items that other processes compute are initialised when their file
- *  is read; what they had is freed. */
+/** Values without pointers, always of this size. */
+void sst_share_add_values(struct sst_share_maps *maps, void *values, size_t bytes);
+
+/**
+ * A list whose length is a result as well.
+ * @param list  address of the pointer to it: NULL, or memory of base/mem.h, which is replaced
+ * @param each  bytes of an element, without pointers
+ */
+void sst_share_add_list(struct sst_share_maps *maps, void *list, size_t *count, size_t each);
+
+/**
+ * Add what is written for an index. Maps and lists of those that other processes compute are initialised when their
+ * file is read; what they had is freed. Of an index for which nothing is added every process calls the work, which is
+ * assumed to be next to none.
+ */
 typedef void sst_share_maps_fn(void *arg, int index, struct sst_share_maps *out);
 
 /**
@@ -47,9 +59,27 @@ typedef void sst_share_maps_fn(void *arg, int index, struct sst_share_maps *out)
  *
  * @param s     NULL: not shared
  * @param maps  what fn writes, and all that later steps read of it
- * @return as sst_parallel_for(), or -EIO: an item failed in another process, or its file is damaged; logged
+ * @return as sst_parallel_for(), or -EIO: the file of an item is damaged; logged
  */
 SST_MUST_CHECK int sst_share_for(struct sst_share *s, int count, int threads, sst_work_fn *fn, void *arg,
                                  sst_share_maps_fn *maps);
+
+/** The same where each index is little work: at most `block` of them are an item, one thread's. */
+SST_MUST_CHECK int sst_share_blocks(struct sst_share *s, int count, int block, int threads, sst_work_fn *fn, void *arg,
+                                    sst_share_maps_fn *maps);
+
+/** How many views of `pixels` make a block where a pixel is a few nanoseconds of work: small views cost less than
+ *  exchanging them one by one. */
+int sst_share_block(size_t pixels);
+
+/** Work on some items at once: those that this process has claimed together. @return 0 or a negative errno */
+typedef int sst_share_batch_fn(void *arg, const int *index, int count);
+
+/**
+ * sst_share_for() where the work itself uses the threads: fn gets up to `most` items at once.
+ * @param s  NULL: not shared; neighbouring items then come together, `most` at a time
+ */
+SST_MUST_CHECK int sst_share_batches(struct sst_share *s, int count, int most, sst_share_batch_fn *fn, void *arg,
+                                     sst_share_maps_fn *maps);
 
 #endif

@@ -2,6 +2,7 @@
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/correction.h"
 #include "pipeline/lightfield/lightfield_internal.h"
+#include "pipeline/lightfield/share.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -213,7 +214,28 @@ static int load_view(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
+static void loaded_maps(void *arg, int k, struct sst_share_maps *out)
+{
+    const struct job *job = arg;
+    struct sst_view *v = &job->lf->views[k];
+
+    if (!v->present)
+        return;
+    sst_share_add_image(out, &v->image);
+    sst_share_add_image(out, &v->original);
+    sst_share_add_u8(out, &v->valid);
+    sst_share_add_u16(out, &v->disp);
+    sst_share_add_u8(out, &v->label);
+    sst_share_add_u8(out, &v->confidence);
+}
+
 int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned what, int threads)
+{
+    return sst_lightfield_shared_load(NULL, lf, dir, what, threads);
+}
+
+int sst_lightfield_shared_load(struct sst_share *share, struct sst_lightfield *lf, const char *dir, unsigned what,
+                               int threads)
 {
     struct sst_lightfield made;
     struct job job = { .lf = &made, .dir = dir, .what = what };
@@ -242,7 +264,7 @@ int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned wha
         correction_calibrate(&made);
     made.images_raw = made.rectified && what & SST_LOAD_IMAGES && what & SST_LOAD_RAW;
     if (!err)
-        err = sst_parallel_for(made.rows * made.cols, sst_thread_count(threads), load_view, &job);
+        err = sst_share_for(share, made.rows * made.cols, sst_thread_count(threads), load_view, &job, loaded_maps);
     if (err)
         sst_lightfield_fini(&made);
     else

@@ -56,7 +56,7 @@ static void copy_views(struct sst_lightfield *lf)
 
 static void notice(struct sst_notices *out, const struct sst_lightfield *lf)
 {
-    assert_int_equal(sst_notice_measure(out, lf, 2), 0);
+    assert_int_equal(sst_notice_measure(out, lf, NULL, 2), 0);
     sst_notice_describe(out, lf->rows, lf->cols);
     for (int i = 0; i < out->count; i++)
         print_message("%s: %s\n", out->notice[i].what, out->notice[i].text);

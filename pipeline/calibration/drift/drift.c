@@ -11,6 +11,7 @@
 #include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/calibration/drift/drift_internal.h"
+#include "pipeline/lightfield/share.h"
 
 #define COARSEST_SIDE 160 /* px: pictures are halved until they are at most this large */
 #define SIGMAS        4   /* significance of an offset */
@@ -151,17 +152,14 @@ static void describe_unchecked(struct sst_drift *out, const struct drift_work *w
 
 /* --- figures ------------------------------------------------------------------------------------------------------ */
 
-/* Over measured pairs. */
+/* Over measured pairs. @param out  with room for all pairs */
 static int fill_pairs(struct sst_drift *out, const struct drift_work *w)
 {
     double *v = malloc(((size_t)w->links * DRIFT_CELLS + 1) * sizeof(*v)), sum = 0;
     int n = 0;
 
-    out->pair = calloc((size_t)w->links + 1, sizeof(*out->pair));
-    if (!v || !out->pair) {
-        free(v);
+    if (!v)
         return -ENOMEM;
-    }
     out->pairs = w->links;
     out->mean_px = out->p95_px = out->max_px = NAN;
     for (int i = 0; i < w->links; i++) {
@@ -296,6 +294,34 @@ static int view_job(void *arg, int index, int worker SST_UNUSED)
     return err;
 }
 
+static void pyramid_maps(void *arg, int index, struct sst_share_maps *out)
+{
+    struct drift_work *w = arg;
+    struct drift_pyramid *view = &w->view[index];
+
+    if (!w->lf->views[index].present)
+        return;
+    sst_share_add_values(out, &view->levels, sizeof(view->levels));
+    sst_share_add_values(out, &view->noise, sizeof(view->noise));
+    sst_share_add_values(out, view->first, sizeof(view->first));
+    sst_share_add_values(out, view->feature, sizeof(view->feature));
+    for (int i = 0; i < DRIFT_LEVELS; i++)
+        sst_share_add_u8(out, &view->level[i]);
+}
+
+static int describe_views(struct drift_work *w)
+{
+    const int block = sst_share_block((size_t)w->lf->width * (size_t)w->lf->height);
+    const int err = sst_share_blocks(w->cfg.share, w->views, block, w->cfg.threads, view_job, w, pyramid_maps);
+
+    for (int v = 0; !err && v < w->views; v++) {
+        const struct sst_view *view = &w->lf->views[v];
+
+        w->view[v].image = view->present && view->image.plane[0] ? &view->image : NULL;
+    }
+    return err;
+}
+
 static int begin(struct drift_work *w, const struct sst_lightfield *lf, const struct sst_drift_config *cfg)
 {
     int present = 0;
@@ -319,7 +345,7 @@ static int begin(struct drift_work *w, const struct sst_lightfield *lf, const st
         w->offset[v][0] = lf->views[v].bx;
         w->offset[v][1] = lf->views[v].by;
     }
-    return sst_parallel_for(w->views, w->cfg.threads, view_job, w);
+    return describe_views(w);
 }
 
 static void end(struct drift_work *w)
@@ -348,32 +374,68 @@ static void mark_blank(struct sst_drift_camera *camera, const struct drift_work 
         camera[v].blank = w->view[v].image && contrast[v] < BLANK_SHARE * usual;
 }
 
-static int run(struct sst_drift *out, struct drift_work *w)
-{
-    char order[128] = "";
-    int err = drift_make_links(w);
+/* What follows from the matches, by one process for all. */
+struct conclusion {
+    struct drift_work *w;
+    struct sst_drift out; /* without its lists: */
+    struct sst_drift_pair *pair;
+    struct sst_drift_camera *camera;
+};
 
-    out->camera = calloc((size_t)w->views, sizeof(*out->camera));
-    if (!out->camera)
-        return -ENOMEM;
-    err = err ? err : drift_match_links(w, NULL);
-    mark_blank(out->camera, w);
-    err = err ? err : fill_pairs(out, w);
-    err = err ? err : drift_measure_axes(w, &out->axes_px);
-    err = err ? err : drift_solve_cameras(out->camera, w);
-    err = err ? err : drift_solve_gains(out, w);
-    err = err ? err : drift_measure_corner_pairs(out, w);
-    err = err ? err : drift_find_wrong_order(out, w, order);
+static int conclude(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
+{
+    struct conclusion *c = arg;
+    struct drift_work *w = c->w;
+    struct sst_drift out = { .pair = c->pair, .camera = c->camera };
+    char order[128] = "";
+    int err = 0;
+
+    mark_blank(out.camera, w);
+    err = fill_pairs(&out, w);
+    err = err ? err : drift_measure_axes(w, &out.axes_px);
+    err = err ? err : drift_solve_cameras(out.camera, w);
+    err = err ? err : drift_solve_gains(&out, w);
+    err = err ? err : drift_measure_corner_pairs(&out, w);
+    err = err ? err : drift_find_wrong_order(&out, w, order);
     if (err)
         return err;
-    out->rows = w->lf->rows;
-    out->cols = w->lf->cols;
-    out->ok_px = w->cfg.ok_px;
-    out->unusable_px = w->cfg.unusable_px;
-    out->range_min_px = w->range[0];
-    out->range_max_px = w->range[1];
-    decide(out, w, order);
+    out.rows = w->lf->rows;
+    out.cols = w->lf->cols;
+    out.ok_px = w->cfg.ok_px;
+    out.unusable_px = w->cfg.unusable_px;
+    out.range_min_px = w->range[0];
+    out.range_max_px = w->range[1];
+    decide(&out, w, order);
+    c->out = out;
+    c->out.pair = NULL;
+    c->out.camera = NULL;
     return 0;
+}
+
+static void concluded_values(void *arg, int index SST_UNUSED, struct sst_share_maps *out)
+{
+    struct conclusion *c = arg;
+
+    sst_share_add_values(out, &c->out, sizeof(c->out));
+    sst_share_add_values(out, c->pair, (size_t)c->w->links * sizeof(*c->pair));
+    sst_share_add_values(out, c->camera, (size_t)c->w->views * sizeof(*c->camera));
+}
+
+static int run(struct sst_drift *out, struct drift_work *w)
+{
+    struct conclusion c = { .w = w };
+    int err = drift_make_links(w);
+
+    err = err ? err : drift_match_links(w, NULL);
+    c.pair = calloc((size_t)w->links + 1, sizeof(*c.pair));
+    c.camera = calloc((size_t)w->views, sizeof(*c.camera));
+    if (!err && (!c.pair || !c.camera))
+        err = -ENOMEM;
+    err = err ? err : sst_share_for(w->cfg.share, 1, 1, conclude, &c, concluded_values);
+    *out = c.out;
+    out->pair = c.pair;
+    out->camera = c.camera;
+    return err;
 }
 
 bool sst_drift_possible(const struct sst_lightfield *lf)

@@ -5,6 +5,8 @@
 
 #include "pipeline/lightfield/lightfield.h"
 
+struct sst_share;
+
 enum sst_drift_verdict {
     SST_DRIFT_OK = 0,
     SST_DRIFT_DRIFTED = 1,  /* some cameras have moved; the others are fine */
@@ -84,6 +86,7 @@ struct sst_drift_config {
     int min_matches;    /* of a pair; 0: 10 */
     bool loose;         /* worse matches count too, by their weight: for corrections, not for the verdict */
     int threads;        /* 0: all processors */
+    struct sst_share *share; /* with other processes (pipeline/lightfield/share.h), by views and pairs; or NULL */
 };
 
 /** Whether a light field has two loaded views and they are large enough to be checked. */

@@ -6,6 +6,7 @@
 #include "base/stats.h"
 #include "base/thread.h"
 #include "pipeline/calibration/drift/drift_internal.h"
+#include "pipeline/lightfield/share.h"
 
 #define VOTES         32 /* features of a pair that vote for the search range of the others */
 #define VOTES_LEAST   6
@@ -20,6 +21,7 @@
 #define NOISE_LEAST   100  /* matches to estimate the noise from */
 #define NOISE_BEST    0.02 /* quantile of them that is the noise */
 #define NOISE_ROOM    4.0  /* of noise alone, that quantile has a quarter of the allowance */
+#define BLOCKS        20   /* of links, that processes exchange */
 #define OUTLIER_PX    0.15 /* matches further than this and 5 sigma from their pair's median are no matches */
 
 static int longer_side(const struct drift_work *w)
@@ -321,6 +323,31 @@ bool drift_link_bad(const struct drift_link *link, double unusable_px)
 
 /* --- all pairs ---------------------------------------------------------------------------------------------------- */
 
+static void vote_values(void *arg, int index, struct sst_share_maps *out)
+{
+    struct job *job = arg;
+
+    sst_share_add_values(out, &job->w->link[index].s, sizeof(job->w->link[index].s));
+    sst_share_add_values(out, job->vote + (size_t)index * VOTES, VOTES * sizeof(*job->vote));
+    sst_share_add_values(out, &job->votes[index], sizeof(job->votes[index]));
+}
+
+static void link_values(void *arg, int index, struct sst_share_maps *out)
+{
+    struct job *job = arg;
+
+    sst_share_add_values(out, &job->w->link[index], sizeof(job->w->link[index]));
+}
+
+/* What is tried with some links only, each process tries. */
+static int for_links(struct job *job, sst_work_fn *fn, sst_share_maps_fn *values)
+{
+    const struct drift_work *w = job->w;
+
+    return sst_share_blocks(job->only ? NULL : w->cfg.share, w->links, sst_max_int(w->links / BLOCKS, 1),
+                            w->cfg.threads, fn, job, values);
+}
+
 int drift_match_links(struct drift_work *w, const bool *only)
 {
     const bool known = w->lf->range_max_px > w->lf->range_min_px;
@@ -336,17 +363,17 @@ int drift_match_links(struct drift_work *w, const bool *only)
         w->range[0] = known ? w->lf->range_min_px : -UNKNOWN_REACH * longer_side(w);
         w->range[1] = known ? w->lf->range_max_px : UNKNOWN_REACH * longer_side(w);
     }
-    err = job.vote && job.votes ? sst_parallel_for(w->links, w->cfg.threads, vote_job, &job) : -ENOMEM;
+    err = job.vote && job.votes ? for_links(&job, vote_job, vote_values) : -ENOMEM;
     if (!err && !known && !only)
         range_of_votes(&job);
     if (!only)
         w->noise_factor = 1;
     if (!err)
-        err = sst_parallel_for(w->links, w->cfg.threads, best_job, &job);
+        err = for_links(&job, best_job, link_values);
     if (!err && !only)
         err = estimate_noise_factor(w);
     if (!err)
-        err = sst_parallel_for(w->links, w->cfg.threads, rest_job, &job);
+        err = for_links(&job, rest_job, link_values);
     free(job.vote);
     free(job.votes);
     return err;

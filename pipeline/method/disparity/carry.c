@@ -9,6 +9,7 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/lightfield/share.h"
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/stage.h"
 
@@ -194,11 +195,26 @@ static int carry_job(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
+static void carried_maps(void *arg, int k, struct sst_share_maps *out)
+{
+    const struct carry *c = arg;
+    const struct sst_visible_view *own = &c->in->view[k];
+
+    if (!own->image || !own->carried)
+        return;
+    sst_share_add_u16(out, own->disp);
+    sst_share_add_u8(out, own->confidence);
+    if (own->agreed)
+        sst_share_add_u8(out, own->agreed);
+    if (c->status)
+        sst_share_add_u8(out, &c->status[k]);
+}
+
 int sst_disparity_carry(const struct sst_visible_views *in, struct sst_map_u8 *status, int threads)
 {
     struct carry c = { in, status };
 
-    return sst_parallel_for(in->count, threads, carry_job, &c);
+    return sst_share_blocks(in->share, in->count, sst_visible_block(in), threads, carry_job, &c, carried_maps);
 }
 
 int sst_disparity_carry_error(const struct sst_visible_views *in, struct sst_map_u8 *status, int k, double *percent)

@@ -8,6 +8,7 @@
 #include "base/border.h"
 #include "base/log.h"
 #include "base/thread.h"
+#include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
 /* Memory limit of the cost volumes of views that are matched at once. */
@@ -174,6 +175,7 @@ static int match_coarse(struct disparity_run *run, int threads)
                                               .skip_ranges = true,
                                               .range_error = run->cfg->range_error,
                                               .cancel = run->cfg->cancel,
+                                              .share = run->cfg->share,
                                               .device = run->cfg->device };
     struct sst_lightfield *c = run->coarse;
     int err = sst_lightfield_init(c, run->lf->rows, run->lf->cols);
@@ -264,37 +266,13 @@ static int visible_views(const struct disparity_run *run, struct sst_visible_vie
     return err;
 }
 
-static int check_views(struct disparity_run *run, int threads)
-{
-    if (run->cfg->device && disparity_device_check(run->cfg->device, run))
-        return run_cancelled(run);
-    return sst_parallel_for(run->lf->rows * run->lf->cols, threads, run_check, run);
-}
-
-static int fill_views(struct disparity_run *run, int threads)
-{
-    if (run->cfg->device && disparity_device_fill(run->cfg->device, run))
-        return run_cancelled(run);
-    return sst_parallel_for(run->lf->rows * run->lf->cols, threads, run_fill, run);
-}
-
-/* Check the matched views against each other, and measure what carrying would do to the reference view. */
-static int check_keys(struct disparity_run *run, const struct sst_visible_views *in, int threads, double *error)
-{
-    const int ref = run->lf->ref_view, err = check_views(run, threads);
-
-    *error = NAN;
-    return err || !run->lf->views[ref].present || run->carried[ref]
-               ? err
-               : sst_disparity_carry_error(in, run->status, ref, error);
-}
-
 /* Check the matched views against each other, and carry them to the others. */
 static int carry(struct disparity_run *run, const struct sst_visible_views *in, int threads)
 {
-    double error;
-    int err = check_keys(run, in, threads, &error);
+    double error = NAN;
+    int err = run_check_views(run, threads);
 
+    err = err ? err : run_carrying_error(run, in, run->status, &error);
     if (!err && run->cfg->report)
         run->cfg->report->views_error = error;
     err = err ? err : sst_disparity_carry(in, run->status, threads);
@@ -368,8 +346,8 @@ static int finish_maps(struct disparity_run *run, int threads)
     if (run->carried) {
         err = err ? err : carry(run, &in, threads);
     } else if (run->fill) {
-        err = err ? err : check_views(run, threads);
-        err = err ? err : fill_views(run, threads);
+        err = err ? err : run_check_views(run, threads);
+        err = err ? err : run_fill_views(run, threads);
     }
     for (int k = 0; seen && k < count; k++)
         sst_map_u8_fini(&seen[k]);
@@ -384,13 +362,11 @@ static int match_others(struct disparity_run *run, int workers)
 {
     struct sst_map_u8 *seen = calloc((size_t)(run->lf->rows * run->lf->cols), sizeof(*seen));
     struct sst_visible_views in = { 0 };
-    const int ref = run->lf->ref_view;
     double error = NAN;
     int err = seen ? visible_views(run, &in, seen) : -ENOMEM;
 
-    if (!err && run->lf->views[ref].present && !run->carried[ref])
-        err = sst_disparity_carry_error(&in, NULL, ref, &error);
-    if (!err && error <= run->cfg->key_error) {
+    err = err ? err : run_carrying_error(run, &in, NULL, &error);
+    if (!err && islessequal(error, run->cfg->key_error)) {
         if (run->cfg->report)
             run->cfg->report->views_error = error;
     } else if (!err) {
@@ -418,7 +394,7 @@ struct compared {
 static int gather_compared(struct compared *c)
 {
     struct disparity_run *run = c->run;
-    const int view = run->lf->ref_view, err = run_describe_rows(run, view / run->lf->cols, c->workers);
+    const int view = run->lf->ref_view, err = run_describe_for(run, &view, 1, c->workers);
 
     c->count = err ? err : run_gather_neighbours(run, view, 0, run->cfg->neighbours - 1, c->neighbours);
     return c->count < 0 ? c->count : 0;
@@ -475,15 +451,30 @@ static int compare_ranges(struct compared *c, int top, int *off)
     return err;
 }
 
-/* Percent of the pixels in three rows of tiles of the reference view whose disparity the windows change. */
-static int measure_ranges(struct disparity_run *run, int workers, double *error)
+/* What one process measures for all. */
+struct measured {
+    struct disparity_run *run;
+    int workers;
+    double error;
+};
+
+static void measured_values(void *arg, int index SST_UNUSED, struct sst_share_maps *out)
 {
+    struct measured *m = arg;
+
+    sst_share_add_values(out, &m->error, sizeof(m->error));
+}
+
+/* Percent of the pixels in three rows of tiles of the reference view whose disparity the windows change. */
+static int measure_ranges(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
+{
+    struct measured *m = arg;
+    struct disparity_run *run = m->run;
     const int view = run->lf->ref_view;
     const int last = (run->height / SST_TILE_HEIGHT - 1) * SST_TILE_HEIGHT;
-    struct compared c = { .run = run, .workers = workers };
+    struct compared c = { .run = run, .workers = m->workers };
     int err, off = 0;
 
-    *error = NAN;
     if (!run->lf->views[view].present)
         return 0;
     run->costs = !run->device;
@@ -498,7 +489,7 @@ static int measure_ranges(struct disparity_run *run, int workers, double *error)
     sst_disparity_support_fini(&c.support);
     if (run->cfg->frugal)
         run_drop_phases(run);
-    *error = 100.0 * off / (3.0 * run->width * SST_TILE_HEIGHT);
+    m->error = 100.0 * off / (3.0 * run->width * SST_TILE_HEIGHT);
     return err;
 }
 
@@ -525,15 +516,15 @@ static int make_volumes(struct disparity_run *run, int workers)
  */
 static int choose_ranges(struct disparity_run *run, int workers)
 {
-    double error;
+    struct measured m = { .run = run, .workers = workers, .error = NAN };
     int err = make_volumes(run, workers);
 
     if (err || !run->coarse)
         return err;
-    err = measure_ranges(run, workers, &error);
-    if (!err && error <= run->cfg->range_error) {
+    err = sst_share_for(run->cfg->share, 1, 1, measure_ranges, &m, measured_values);
+    if (!err && islessequal(m.error, run->cfg->range_error)) {
         if (run->cfg->report)
-            run->cfg->report->ranges_error = error;
+            run->cfg->report->ranges_error = m.error;
         return 0;
     }
     free_coarse(run);
@@ -557,7 +548,6 @@ static int run_all(struct disparity_run *run, int threads, sst_progress_fn *prog
         free(run->tiles);
         return -ENOMEM;
     }
-    run->phases = run_phases(run);
     err = open_networks(run, workers, threads);
     err = err ? err : choose_ranges(run, workers);
     err = err ? err : run_match(run, workers, progress, progress_arg);
@@ -648,12 +638,13 @@ static int run_init(struct disparity_run *run, struct sst_lightfield *lf, const 
     run->subpixel =
         cfg->subpixel_steps > 0 && !cfg->raw && present >= SST_VISIBLE_LEAST && run->range <= SST_SUBPIXEL_RANGE;
     run->matched = calloc(views, sizeof(*run->matched));
+    run->need = calloc(views, sizeof(*run->need));
     run->desc = calloc(views, sizeof(*run->desc));
     run->disp = calloc(views, sizeof(*run->disp));
     run->confidence = calloc(views, sizeof(*run->confidence));
     run->status = calloc(views, sizeof(*run->status));
     run->filled = calloc(views, sizeof(*run->filled));
-    if (!run->matched || !run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
+    if (!run->matched || !run->need || !run->desc || !run->disp || !run->confidence || !run->status || !run->filled)
         return -ENOMEM;
     run->refused = cfg->device ? disparity_device_refuses(run) : NULL;
     run->device = run->refused ? NULL : cfg->device;
@@ -683,6 +674,7 @@ static void run_fini(struct disparity_run *run)
     free(run->searched);
     free(run->carried);
     free(run->matched);
+    free(run->need);
     free(run->desc);
     free(run->disp);
     free(run->confidence);

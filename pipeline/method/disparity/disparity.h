@@ -76,8 +76,8 @@ struct sst_disparity_config {
         skip_hypotheses; /* the second pass tests no other disparity where the first pass's explains the colours well */
     const SST_ATOMIC(bool) * cancel; /* once true, matching of a light field stops within a part of a view; or NULL */
     struct sst_disparity_report *report; /* out, or NULL; of what this process does */
-    struct sst_share *share; /* with other processes (pipeline/lightfield/share.h): the first pass by rows of views, the
-                                second by views; or NULL */
+    struct sst_share *share; /* with other processes (pipeline/lightfield/share.h), which all have the same maps and
+                                report then: both passes, checks and carrying by views; or NULL */
     struct sst_disparity_device *device; /* that light fields are matched on, with the same bytes; NULL: on the CPU */
 };
 
@@ -180,6 +180,10 @@ SST_MUST_CHECK int sst_disparity_lightfield(struct sst_lightfield *lf, const str
  */
 SST_MUST_CHECK int sst_disparity_range(const struct sst_lightfield *lf, int scale, int threads, double *min_px,
                                        double *max_px);
+
+/** The same, the neighbours shared with other processes. @param share  or NULL */
+SST_MUST_CHECK int sst_disparity_shared_range(struct sst_share *share, const struct sst_lightfield *lf, int scale,
+                                              int threads, double *min_px, double *max_px);
 
 /**
  * Disparity of the left image of a rectified pair: left(x) matches right(x - d). Unknown is +inf.

@@ -23,7 +23,7 @@ struct disparity_run {
     int scale, width, height;      /* of the images that are matched */
     int disp_min, range;           /* in pixels of those images; range + 1 whole disparities are searched */
     int divisor;                   /* steps per pixel */
-    unsigned phases;               /* of the census that some pair of neighbours needs */
+    unsigned *need;                /* [views] phases of the census that matching needs next; 0: not the view */
     struct sst_descriptor *desc;   /* [views] */
     struct sst_map_u16 *disp;      /* [views], at matching size */
     struct sst_map_u8 *confidence; /* [views] */
@@ -34,7 +34,6 @@ struct disparity_run {
     struct sst_tiles *tiles;       /* [workers] */
     struct sst_lightfield *coarse; /* disparities at SST_COARSER times fewer pixels per side; NULL: not skip_ranges */
     double *searched;              /* [views] part of the disparities in the windows of its tiles, 0..1 */
-    int first_view;                /* of the current grid row */
     struct sst_disparity_device *device; /* that views are matched on; NULL: on the CPU */
     const char *refused;                 /* why it is not the one that was asked for; or NULL */
     bool *matched;                       /* [views] on the device */
@@ -50,8 +49,6 @@ int run_view_at(const struct sst_lightfield *lf, int view, int dr, int dc);
 /** Not matched with the first views, but carried over from them. */
 bool run_is_carried(const struct disparity_run *run, int view);
 
-/** Phases of the census that some pair of neighbours needs. */
-unsigned run_phases(const struct disparity_run *run);
 void run_drop_phases(struct disparity_run *run);
 
 /** The neighbours first .. last (of the order in views.c) of a view that are present. @return their number, or -errno
@@ -76,11 +73,23 @@ SST_MUST_CHECK int run_search_tiles(struct disparity_run *run, struct sst_tiles 
                                     const struct sst_support *support, struct sst_map_u16 *disp,
                                     struct sst_map_u8 *confidence);
 
-/** Describe the views of a row of the grid and of two rows around it. @return 0 or -errno */
-SST_MUST_CHECK int run_describe_rows(struct disparity_run *run, int row, int threads);
+/** Describe views and their neighbours, as far as matching these views needs it. @return 0 or -errno */
+SST_MUST_CHECK int run_describe_for(struct disparity_run *run, const int *view, int count, int threads);
 
-/** Describe and match all views that are not carried, one row of the grid after the other. @return 0 or -errno */
+/** Describe and match all views that are not carried, or with `others` those, `threads` at a time. @return 0 or -errno
+ */
 SST_MUST_CHECK int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg);
+
+/* --- shared.c: with other processes, if there are any --- */
+
+/** run_check() and run_fill() of all views, on the device where it can. @return 0 or -errno */
+SST_MUST_CHECK int run_check_views(struct disparity_run *run, int threads);
+SST_MUST_CHECK int run_fill_views(struct disparity_run *run, int threads);
+
+/** What carrying would do to the reference view (sst_disparity_carry_error()), if that is one of the matched ones; else
+ *  NAN. @return 0 or -errno */
+SST_MUST_CHECK int run_carrying_error(struct disparity_run *run, const struct sst_visible_views *in,
+                                      struct sst_map_u8 *status, double *error);
 
 /* --- device.c: the first pass on a device --- */
 
@@ -247,7 +256,7 @@ bool disparity_device_fill(struct sst_disparity_device *d, struct disparity_run 
 /** Count a view that is tested on the CPU instead. */
 void disparity_device_note_untested(struct sst_disparity_device *d);
 
-/* Jobs of sst_parallel_for(), index: a view; of run_describe(): counted from run->first_view. */
+/* Jobs of sst_parallel_for(), index: a view. */
 sst_work_fn run_describe, run_check, run_fill;
 
 #endif

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "base/log.h"
+#include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/stage.h"
 
 #define REDUCED_SIDE 320    /* longer sides are halved until they are at most about this */
@@ -77,10 +78,10 @@ static int64_t sum(const int64_t histogram[BINS])
     return n;
 }
 
-/* Fill a light field of one pair from two views of lf, reduced. */
+/* Fill an empty light field of one pair from two views of lf, reduced. */
 static int make_pair(struct sst_lightfield *pair, const struct sst_lightfield *lf, int a, int b, int *factor)
 {
-    int err = sst_lightfield_init(pair, 1, 2);
+    int err = 0;
 
     for (int i = 0; !err && i < 2; i++) {
         const struct sst_view *from = &lf->views[i ? b : a];
@@ -114,48 +115,92 @@ static int middle(const struct sst_lightfield *lf)
     return at;
 }
 
-/* Match the reference with its neighbours, one after the other. @param pair  zeroed; without a width: no neighbour
- * there
- * @param reach  of the search to either side, px (reduced) */
-static int match_sides(struct sst_lightfield pair[SIDES], const struct sst_lightfield *lf, int scale, int threads,
-                       int *factor, double *reach)
+/* The reference matched with its neighbours, one after the other. */
+struct sides {
+    const struct sst_lightfield *lf;
+    int scale, threads;
+    struct sst_lightfield pair[SIDES]; /* zeroed; without a width: no neighbour there */
+    struct side {
+        double reach; /* of the search to either side, px (reduced) */
+        int factor, width, height;
+    } side[SIDES]; /* without a width likewise */
+};
+
+static int match_side(void *arg, int side, int worker SST_UNUSED)
 {
-    struct sst_disparity_config cfg;
+    struct sides *s = arg;
+    const struct sst_lightfield *lf = s->lf;
     const int ref = middle(lf), col = ref % lf->cols, row = ref / lf->cols;
-    int err = sst_disparity_preset(&cfg, "balanced");
+    const int c = col + (side == 0) - (side == 1), r = row + (side == 2) - (side == 3);
+    struct sst_lightfield *pair = &s->pair[side];
+    struct sst_disparity_config cfg;
+    int factor = 1, err;
 
-    cfg.scale = scale;
-    cfg.threads = threads;
+    if (c < 0 || r < 0 || c >= lf->cols || r >= lf->rows || !lf->views[r * lf->cols + c].present)
+        return 0;
+    err = sst_disparity_preset(&cfg, "balanced");
+    err = err ? err : make_pair(pair, lf, ref, r * lf->cols + c, &factor);
+    if (err)
+        return err;
+    s->side[side] = (struct side){ .factor = factor, .width = pair->width, .height = pair->height };
+    /* Disparities up to a fifth of the picture's longer side per spacing, in both directions. */
+    s->side[side].reach = fmin(ceil(sst_max_int(pair->width, pair->height) / 5.0), SST_DISPARITY_MAX_STEPS / 2 - 1);
+    cfg.scale = s->scale;
+    cfg.threads = s->threads;
+    cfg.disp_min_px = -s->side[side].reach;
+    cfg.disp_max_px = s->side[side].reach;
+    return sst_disparity_lightfield(pair, &cfg, NULL, NULL);
+}
+
+static void side_maps(void *arg, int side, struct sst_share_maps *out)
+{
+    struct sides *s = arg;
+
+    sst_share_add_values(out, &s->side[side], sizeof(s->side[side]));
+    sst_share_add_u16(out, &s->pair[side].views[0].disp);
+    sst_share_add_u8(out, &s->pair[side].views[0].confidence);
+}
+
+/* Histograms of all sides. */
+static int match_sides(struct sides *s, struct sst_share *share, int64_t all[BINS], int64_t agreed[BINS])
+{
+    int err = 0;
+
+    for (int side = 0; !err && side < SIDES; side++)
+        err = sst_lightfield_init(&s->pair[side], 1, 2);
+    err = err ? err : sst_share_for(share, SIDES, 1, match_side, s, side_maps);
     for (int side = 0; !err && side < SIDES; side++) {
-        const int c = col + (side == 0) - (side == 1), r = row + (side == 2) - (side == 3);
-
-        if (c < 0 || r < 0 || c >= lf->cols || r >= lf->rows || !lf->views[r * lf->cols + c].present)
-            continue;
-        err = make_pair(&pair[side], lf, ref, r * lf->cols + c, factor);
-        /* Disparities up to a fifth of the picture's longer side per spacing, in both directions. */
-        *reach = fmin(ceil(sst_max_int(pair[side].width, pair[side].height) / 5.0), SST_DISPARITY_MAX_STEPS / 2 - 1);
-        cfg.disp_min_px = -*reach;
-        cfg.disp_max_px = *reach;
-        err = err ? err : sst_disparity_lightfield(&pair[side], &cfg, NULL, NULL);
+        s->pair[side].width = s->side[side].width;
+        s->pair[side].height = s->side[side].height;
     }
+    for (int side = 0; !err && side < SIDES; side++)
+        collect(all, agreed, s->pair, side);
+    for (int side = 0; side < SIDES; side++)
+        sst_lightfield_fini(&s->pair[side]);
     return err;
 }
 
 int sst_disparity_range(const struct sst_lightfield *lf, int scale, int threads, double *min_px, double *max_px)
 {
-    struct sst_lightfield pair[SIDES] = { 0 };
+    return sst_disparity_shared_range(NULL, lf, scale, threads, min_px, max_px);
+}
+
+int sst_disparity_shared_range(struct sst_share *share, const struct sst_lightfield *lf, int scale, int threads,
+                               double *min_px, double *max_px)
+{
+    struct sides s = { .lf = lf, .scale = scale, .threads = threads };
     int64_t all[BINS] = { 0 }, agreed[BINS] = { 0 }, below = 0;
     const int64_t *histogram = all;
     int64_t total;
     double reach = 0, cut = CUT;
-    int factor = 1, first = -1, last = -1, err = match_sides(pair, lf, scale, threads, &factor, &reach);
+    int factor = 1, first = -1, last = -1, err = match_sides(&s, share, all, agreed);
 
-    for (int side = 0; !err && side < SIDES; side++)
-        collect(all, agreed, pair, side);
-    for (int side = 0; side < SIDES; side++)
-        sst_lightfield_fini(&pair[side]);
     if (err)
         return err;
+    for (int side = 0; side < SIDES; side++) { /* the same on all sides that are there */
+        factor = s.side[side].width ? s.side[side].factor : factor;
+        reach = s.side[side].width ? s.side[side].reach : reach;
+    }
     total = sum(all);
     if ((double)sum(agreed) >= SHARE * (double)total) {
         histogram = agreed;

@@ -435,6 +435,9 @@ struct sst_visible_views {
  */
 int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int *nearest);
 
+/** Views that processes exchange together (sst_share_block()). */
+int sst_visible_block(const struct sst_visible_views *in);
+
 /* What the second pass needs. It samples the nearest pixels: surfaces of a narrow range are nearer to each other than
  * that can distinguish. */
 #define SST_VISIBLE_LEAST 6 /* views */

@@ -12,6 +12,7 @@
 #include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/gpu/subpixel.h"
+#include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
 #define FIRST_VIEWS 8    /* that the first step compares */
@@ -343,6 +344,15 @@ static int refine_job(void *arg, int k, int worker)
     return err;
 }
 
+static void refined_maps(void *arg, int k, struct sst_share_maps *out)
+{
+    struct pass *p = arg;
+    const struct sst_visible_view *v = &p->in->view[k];
+
+    if (v->image && !v->carried)
+        sst_share_add_u16(out, &p->out[k]);
+}
+
 /* --- on a device -------------------------------------------------------------------------------------------------- */
 
 /* @return 0; -ECANCELED; 1: the device fails at it */
@@ -416,9 +426,11 @@ int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int vi
     p.planes = calloc((size_t)threads, sizeof(*p.planes));
     if (p.view && p.out && p.planes)
         err = sst_parallel_for(in->count, threads, pack_job, &p);
-    if (in->device)
+    if (in->device && in->share) /* its views are the processes' */
+        sst_disparity_device_note_stage(in->device, SST_DISPARITY_STAGE_SUBPIXEL);
+    else if (in->device)
         err = err ? err : refine_all_on_device(&p);
-    err = err ? err : sst_parallel_for(in->count, threads, refine_job, &p);
+    err = err ? err : sst_share_for(in->share, in->count, threads, refine_job, &p, refined_maps);
     for (int k = 0; p.view && p.out && p.planes && k < in->count; k++) {
         if (!err && p.out[k].data)
             memcpy(in->view[k].disp->data, p.out[k].data, p.out[k].stride * (size_t)p.out[k].height);

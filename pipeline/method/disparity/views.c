@@ -16,17 +16,16 @@ int run_cancelled(const struct disparity_run *run)
     return run->cfg->cancel && *run->cfg->cancel ? -ECANCELED : 0;
 }
 
-int run_describe(void *arg, int index, int worker)
+int run_describe(void *arg, int view, int worker)
 {
     struct disparity_run *run = arg;
-    const int view = run->first_view + index;
     const struct sst_view *v = &run->lf->views[view];
     struct sst_descriptor *desc = &run->desc[view];
     /* A device computes the census from pixels, not features. */
     const enum sst_cost wanted = run->costs ? run->cfg->cost : (enum sst_cost)(run->cfg->cost & SST_COST_MCCNN);
     int err = 0;
 
-    if (!v->present || (desc->luma.data && (!(wanted & SST_COST_CENSUS) || desc->census[0])))
+    if (!v->present || !run->need[view] || (desc->luma.data && !(wanted & SST_COST_CENSUS)))
         return 0;
     err = run_cancelled(run);
     if (!desc->luma.data) {
@@ -34,10 +33,10 @@ int run_describe(void *arg, int index, int worker)
             err ? err : sst_descriptor_init(desc, &v->image, run->scale, wanted, run->nets ? run->nets[worker] : NULL);
         if (!err && v->valid.data)
             err = sst_disparity_mask_reduce(&desc->seen, &v->valid, run->scale);
-    } else {
-        err = err ? err : sst_descriptor_add_census(desc); /* the device, for which it was made, has failed */
+    } else { /* the device, for which it was made, has failed */
+        err = err ? err : sst_descriptor_add_census(desc);
     }
-    return err || run->cfg->frugal ? err : sst_descriptor_add_phases(desc, run->phases);
+    return err || run->cfg->frugal ? err : sst_descriptor_add_phases(desc, run->need[view]);
 }
 
 int run_view_at(const struct sst_lightfield *lf, int view, int dr, int dc)
@@ -53,22 +52,35 @@ int run_view_at(const struct sst_lightfield *lf, int view, int dr, int dc)
 static const int sides[SST_MAX_NEIGHBOURS][2] = { { 0, -1 }, { 0, 1 }, { -1, 0 }, { 1, 0 }, { -1, -1 }, { -1, 1 },
                                                   { 1, -1 }, { 1, 1 }, { 0, -2 }, { 0, 2 }, { -2, 0 },  { 2, 0 } };
 
-/* All phases that matching any view with one of its neighbours needs. */
-unsigned run_phases(const struct disparity_run *run)
+/* Sides that a view is matched with at most. */
+static int matched_sides(const struct disparity_run *run)
+{
+    return run->cfg->joint ? run->cfg->neighbours : 4;
+}
+
+/* Note the phases that matching a view needs of its neighbours. */
+static void need_view(struct disparity_run *run, int view)
 {
     const struct sst_lightfield *lf = run->lf;
-    unsigned phases = 0;
 
-    for (int view = 0; view < lf->rows * lf->cols; view++) {
-        for (int s = 0; lf->views[view].present && s < SST_MAX_NEIGHBOURS; s++) {
-            const int n = run_view_at(lf, view, sides[s][0], sides[s][1]);
+    run->need[view] |= 1;
+    for (int s = 0; s < matched_sides(run); s++) {
+        const int n = run_view_at(lf, view, sides[s][0], sides[s][1]);
 
-            if (n >= 0)
-                phases |= sst_volume_phases(&run->shape, lf->views[n].bx - lf->views[view].bx,
-                                            lf->views[n].by - lf->views[view].by);
-        }
+        if (n >= 0)
+            run->need[n] |= 1 | sst_volume_phases(&run->shape, lf->views[n].bx - lf->views[view].bx,
+                                                  lf->views[n].by - lf->views[view].by);
     }
-    return phases;
+}
+
+int run_describe_for(struct disparity_run *run, const int *view, int count, int threads)
+{
+    const int views = run->lf->rows * run->lf->cols;
+
+    memset(run->need, 0, (size_t)views * sizeof(*run->need));
+    for (int i = 0; i < count; i++)
+        need_view(run, view[i]);
+    return sst_parallel_for(views, threads, run_describe, run);
 }
 
 /* Phases of a neighbour that one view alone needs. */
@@ -221,21 +233,21 @@ bool run_is_carried(const struct disparity_run *run, int view)
     return run->carried && run->carried[view];
 }
 
+/* Views that are matched together. */
+struct batch {
+    struct disparity_run *run;
+    const int *view;
+};
+
 static int match_job(void *arg, int index, int worker)
 {
-    struct disparity_run *run = arg;
-    const int view = run->first_view + index;
+    const struct batch *b = arg;
+    struct disparity_run *run = b->run;
+    const int view = b->view[index];
     struct sst_support support = { 0 };
-    int err;
+    int err = run_cancelled(run);
 
-    if (!run->lf->views[view].present)
-        return 0;
-    err = run_cancelled(run);
-    if (!run->disp[view].data) {
-        err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
-        err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
-    }
-    if (!err && (run_is_carried(run, view) != run->others || (run->matched && run->matched[view])))
+    if (!err && run->matched[view])
         return 0;
     if (!err && run->cfg->support_arm && !run->cfg->raw)
         err =
@@ -336,24 +348,14 @@ int run_fill(void *arg, int view, int worker SST_UNUSED)
     return err;
 }
 
+/* The first pass. */
 struct match {
     struct disparity_run *run;
-    int threads;
+    int *view; /* [count] that are matched */
+    int count, threads;
     sst_progress_fn *progress;
     void *progress_arg;
 };
-
-int run_describe_rows(struct disparity_run *run, int row, int threads)
-{
-    const struct sst_lightfield *lf = run->lf;
-    int err = 0;
-
-    for (int r = sst_max_int(row - 2, 0); !err && r <= sst_min_int(row + 2, lf->rows - 1); r++) {
-        run->first_view = r * lf->cols;
-        err = sst_parallel_for(lf->cols, threads, run_describe, run);
-    }
-    return err;
-}
 
 /* Match a view on the device. What that leaves is matched by match_job(). @param left  out: it is */
 static int match_on_device(struct disparity_run *run, int view, bool *left)
@@ -368,10 +370,6 @@ static int match_on_device(struct disparity_run *run, int view, bool *left)
                                .confidence = &run->confidence[view] };
     int err = run_cancelled(run);
 
-    if (!run->disp[view].data) {
-        err = err ? err : sst_map_u16_init(&run->disp[view], run->width, run->height);
-        err = err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
-    }
     in.count = err ? err : run_gather_neighbours(run, view, 0, run->cfg->neighbours - 1, neighbours);
     *left = true;
     if (in.count <= 0)
@@ -392,18 +390,16 @@ static int match_on_device(struct disparity_run *run, int view, bool *left)
     return 0;
 }
 
-/* Match a row of the grid on the device, as far as it goes. @param left  out: not all of it */
-static int match_row_on_device(struct disparity_run *run, int row, bool *left)
+/* Match views on the device, as far as it goes. @param left  out: not all of them */
+static int match_batch_on_device(struct disparity_run *run, const int *view, int count, bool *left)
 {
     int err = 0;
 
-    for (int view = row * run->lf->cols; !err && view < (row + 1) * run->lf->cols; view++) {
+    for (int i = 0; !err && i < count; i++) {
         bool this_one = false;
 
-        if (!run->lf->views[view].present || run_is_carried(run, view) != run->others)
-            continue;
         if (run->device)
-            err = match_on_device(run, view, &this_one);
+            err = match_on_device(run, view[i], &this_one);
         else
             disparity_device_note_cpu(run->cfg->device, run->refused);
         *left = *left || this_one;
@@ -411,47 +407,77 @@ static int match_row_on_device(struct disparity_run *run, int row, bool *left)
     return err;
 }
 
-/* Describe a row of the grid and two rows around it, and match it. Rows farther away are forgotten. */
-static int match_row(void *arg, int row, int worker SST_UNUSED)
+/* Forget the descriptions of views whose rows are more than two away from those of these views. */
+static void forget_far(struct disparity_run *run, const int *view, int count)
+{
+    const int cols = run->lf->cols, first = view[0] / cols, last = view[count - 1] / cols;
+
+    for (int k = 0; k < run->lf->rows * cols; k++) {
+        if (k / cols < sst_min_int(first, last) - 2 || k / cols > sst_max_int(first, last) + 2)
+            sst_descriptor_fini(&run->desc[k]);
+    }
+}
+
+/* Describe views and those around them, and match them. */
+static int match_batch(void *arg, const int *index, int count)
 {
     const struct match *m = arg;
     struct disparity_run *run = m->run;
-    const struct sst_lightfield *lf = run->lf;
+    int view[SST_MAX_VIEWS], err;
+    struct batch batch = { run, view };
     bool left = false;
-    int err;
 
-    for (int view = 0; view < lf->rows * lf->cols; view++) {
-        if (abs(view / lf->cols - row) > 2)
-            sst_descriptor_fini(&run->desc[view]);
-    }
+    for (int i = 0; i < count; i++)
+        view[i] = m->view[index[i]];
+    forget_far(run, view, count);
     run->costs = !run->device;
-    err = run_describe_rows(run, row, m->threads);
+    err = run_describe_for(run, view, count, m->threads);
     if (run->cfg->device)
-        err = err ? err : match_row_on_device(run, row, &left);
-    if (left) {
+        err = err ? err : match_batch_on_device(run, view, count, &left);
+    if (left && !run->costs) {
         run->costs = true;
-        err = err ? err : run_describe_rows(run, row, m->threads);
+        err = err ? err : run_describe_for(run, view, count, m->threads);
     }
-    run->first_view = row * lf->cols;
-    err = err ? err : sst_parallel_for(lf->cols, m->threads, match_job, run);
+    err = err ? err : sst_parallel_for(count, m->threads, match_job, &batch);
     if (m->progress)
-        m->progress(m->progress_arg, 0.9 * (row + 1) / lf->rows);
+        m->progress(m->progress_arg, 0.9 * (index[count - 1] + 1) / m->count);
     return err;
 }
 
-static void matched_maps(void *arg, int row, struct sst_share_maps *out)
+static void matched_maps(void *arg, int index, struct sst_share_maps *out)
 {
-    const struct disparity_run *run = ((const struct match *)arg)->run;
+    const struct match *m = arg;
+    struct disparity_run *run = m->run;
+    const int view = m->view[index];
 
-    for (int view = row * run->lf->cols; view < (row + 1) * run->lf->cols; view++) {
-        sst_share_add_u16(out, &run->disp[view]);
-        sst_share_add_u8(out, &run->confidence[view]);
-    }
+    sst_share_add_u16(out, &run->disp[view]);
+    sst_share_add_u8(out, &run->confidence[view]);
+    if (run->searched)
+        sst_share_add_values(out, &run->searched[view], sizeof(run->searched[view]));
+}
+
+static int init_maps(void *arg, int view, int worker SST_UNUSED)
+{
+    struct disparity_run *run = arg;
+    int err;
+
+    if (!run->lf->views[view].present || run->disp[view].data)
+        return 0;
+    err = sst_map_u16_init(&run->disp[view], run->width, run->height);
+    return err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
 }
 
 int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
-    struct match m = { run, threads, progress, progress_arg };
+    const int views = run->lf->rows * run->lf->cols;
+    struct match m = { run, calloc((size_t)views, sizeof(*m.view)), 0, threads, progress, progress_arg };
+    int err = m.view ? sst_parallel_for(views, threads, init_maps, run) : -ENOMEM;
 
-    return sst_share_for(run->cfg->share, run->lf->rows, 1, match_row, &m, matched_maps);
+    for (int view = 0; m.view && view < views; view++) {
+        if (run->lf->views[view].present && run_is_carried(run, view) == run->others)
+            m.view[m.count++] = view;
+    }
+    err = err ? err : sst_share_batches(run->cfg->share, m.count, threads, match_batch, &m, matched_maps);
+    free(m.view);
+    return err;
 }

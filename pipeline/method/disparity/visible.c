@@ -8,7 +8,6 @@
 #include <errno.h>
 #include <math.h>
 #include <pthread.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -55,7 +54,9 @@ struct pass {
     struct sst_sweep *sweep; /* [sweeps] points that views found, of all rounds */
     int *swept;              /* [sweeps] these views */
     int sweeps;
-    atomic_long hypotheses, skipped, samples, changed; /* see struct sst_disparity_report */
+    struct counted {
+        int64_t hypotheses, skipped, samples, changed; /* see struct sst_disparity_report */
+    } * counted;                                       /* [in->count] */
     pthread_mutex_t lock;
     /* under lock */
     bool loaded; /* the device has all views of this round */
@@ -162,6 +163,15 @@ int sst_visible_nearest(const struct sst_visible_views *in, int k, int most, int
     return n;
 }
 
+int sst_visible_block(const struct sst_visible_views *in)
+{
+    size_t pixels = 0;
+
+    for (int k = 0; k < in->count && !pixels; k++)
+        pixels = in->view[k].image ? (size_t)in->view[k].disp->width * (size_t)in->view[k].disp->height : 0;
+    return sst_share_block(pixels);
+}
+
 /* In 2^-16 px. */
 static int32_t q16(double px)
 {
@@ -205,9 +215,14 @@ static int sweep_job(void *arg, int i, int worker SST_UNUSED)
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
     set_test(&test, p, p->swept[i], nearest);
-    p->sweep[i].bx = v->bx;
-    p->sweep[i].by = v->by;
     return sst_sweep_view(&p->sweep[i], &test, v->disp, v->seen, p->in->range * 64, p->step);
+}
+
+static void swept_points(void *arg, int i, struct sst_share_maps *out)
+{
+    struct pass *p = arg;
+
+    sst_share_add_list(out, &p->sweep[i].point, &p->sweep[i].count, sizeof(*p->sweep[i].point));
 }
 
 /* Points in space from one view in SWEPT. */
@@ -220,10 +235,13 @@ static int sweep_views(struct pass *p, int threads)
     for (int k = 0; k < p->in->count; k++) {
         const struct sst_visible_view *v = &p->in->view[k];
 
-        if (v->image && (lround(v->bx) + 2 * lround(v->by)) % SWEPT == 0)
-            p->swept[p->sweeps++] = k;
+        if (!v->image || (lround(v->bx) + 2 * lround(v->by)) % SWEPT)
+            continue;
+        p->sweep[p->sweeps].bx = v->bx;
+        p->sweep[p->sweeps].by = v->by;
+        p->swept[p->sweeps++] = k;
     }
-    return sst_parallel_for(p->sweeps, threads, sweep_job, p);
+    return sst_share_for(p->in->share, p->sweeps, threads, sweep_job, p, swept_points);
 }
 
 /* --- optimisation ------------------------------------------------------------------------------------------------- */
@@ -385,16 +403,16 @@ static int cheapest(const uint16_t *cost, int count)
     return best;
 }
 
-/* Count what skipping left out in row y, and measure in some rows what that changes.
+/* Count what skipping left out in row y of view k, and measure in some rows what that changes.
  * @param exact   scratch, a row
  * @param chosen  of a device, or NULL: the costs are those of the lists */
-static void count_skipped(struct pass *p, const struct lists *l, const struct sst_hypothesis_test *test, int y,
+static void count_skipped(struct pass *p, int k, const struct lists *l, const struct sst_hypothesis_test *test, int y,
                           uint16_t *exact, const uint32_t *chosen)
 {
+    struct counted *counted = &p->counted[k];
     const size_t row = (size_t)y * (size_t)l->width, entries = row * SST_HYPOTHESES;
     const bool sampled = y % SAMPLED_ROWS == SAMPLED_ROWS / 2;
     struct sst_hypothesis_test whole = *test;
-    long all = 0, skipped = 0, samples = 0, changed = 0;
 
     whole.settled = CHANGE + 1;
     if (sampled) {
@@ -409,17 +427,31 @@ static void count_skipped(struct pass *p, const struct lists *l, const struct ss
         const uint16_t own = l->cost[entries + at];
         const bool left_out = chosen ? there >> 28 & 1 : own > CHANGE && own < CHEAP;
 
-        all += count;
-        skipped += count > 1 && left_out ? count - 1 : 0;
-        samples += sampled && count;
-        changed +=
+        counted->hypotheses += count;
+        counted->skipped += count > 1 && left_out ? count - 1 : 0;
+        counted->samples += sampled && count;
+        counted->changed +=
             sampled && count &&
             cheapest(exact + at, count) != (chosen ? (int)(there >> 25 & 7) : cheapest(l->cost + entries + at, count));
     }
-    atomic_fetch_add_explicit(&p->hypotheses, all, memory_order_relaxed);
-    atomic_fetch_add_explicit(&p->skipped, skipped, memory_order_relaxed);
-    atomic_fetch_add_explicit(&p->samples, samples, memory_order_relaxed);
-    atomic_fetch_add_explicit(&p->changed, changed, memory_order_relaxed);
+}
+
+/* Over all views. */
+static void report_skipped(const struct pass *p)
+{
+    struct sst_disparity_report *report = p->in->report;
+    struct counted all = { 0 };
+
+    for (int k = 0; k < p->in->count; k++) {
+        all.hypotheses += p->counted[k].hypotheses;
+        all.skipped += p->counted[k].skipped;
+        all.samples += p->counted[k].samples;
+        all.changed += p->counted[k].changed;
+    }
+    if (report && all.hypotheses)
+        report->hypotheses_skipped = 100 * (double)all.skipped / (double)all.hypotheses;
+    if (report && all.samples)
+        report->hypotheses_error = 100 * (double)all.changed / (double)all.samples;
 }
 
 /* Hypotheses of a view, and their costs unless a device computes them: in strips, so that the rows of the other views
@@ -463,7 +495,7 @@ static void choose_on_cpu(struct pass *p, int k, struct lists *lists, const stru
     test_hypotheses(lists, p, around, v, test, true);
     for (int y = 0; y < lists->height; y++) {
         if (p->in->skip_hypotheses && p->in->report)
-            count_skipped(p, lists, test, y, lists->line[1], NULL);
+            count_skipped(p, k, lists, test, y, lists->line[1], NULL);
         settle_row(lists, test, y);
         along_row(lists, p, &p->view[k], y);
     }
@@ -506,7 +538,7 @@ static bool choose_on_device(struct pass *p, int k, struct lists *lists, const s
             confidence[x] = from[x] >> 24 & 1 ? (uint8_t)(from[x] >> 16) : confidence[x];
         }
         if (p->in->skip_hypotheses && p->in->report)
-            count_skipped(p, lists, test, y, lists->line[1], lists->chosen);
+            count_skipped(p, k, lists, test, y, lists->line[1], lists->chosen);
     }
     return done;
 }
@@ -554,6 +586,7 @@ static void second_maps(void *arg, int k, struct sst_share_maps *out)
         return;
     sst_share_add_u16(out, &p->out[k]);
     sst_share_add_u8(out, v->confidence);
+    sst_share_add_values(out, &p->counted[k], sizeof(p->counted[k]));
 }
 
 static void set_penalties(struct pass *p)
@@ -611,8 +644,9 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
     p.view = calloc((size_t)in->count, sizeof(*p.view));
     p.out = calloc((size_t)in->count, sizeof(*p.out));
     p.scratch = calloc((size_t)threads, sizeof(*p.scratch));
+    p.counted = calloc((size_t)in->count, sizeof(*p.counted));
     p.code = sst_mem_alloc_raw(65536, 1);
-    if (p.view && p.out && p.scratch && p.code) {
+    if (p.view && p.out && p.scratch && p.counted && p.code) {
         set_codes(&p);
         set_penalties(&p);
         err = sst_parallel_for(in->count, threads, pack_job, &p);
@@ -621,10 +655,8 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
     }
     for (int i = 0; !err && i < rounds; i++)
         err = one_round(&p, threads);
-    if (!err && in->report && p.hypotheses)
-        in->report->hypotheses_skipped = 100 * (double)p.skipped / (double)p.hypotheses;
-    if (!err && in->report && p.samples)
-        in->report->hypotheses_error = 100 * (double)p.changed / (double)p.samples;
+    if (!err)
+        report_skipped(&p);
     for (int k = 0; p.view && k < in->count; k++)
         sst_mem_free(p.view[k].memory);
     for (int i = 0; i < p.sweeps; i++)
@@ -634,6 +666,7 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
         sst_around_fini(&p.scratch[i].around);
     }
     free(p.scratch);
+    free(p.counted);
     free(p.sweep);
     free(p.swept);
     sst_mem_free(p.code);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/thread.h"
+#include "pipeline/lightfield/share.h"
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
@@ -138,11 +139,25 @@ static int carry_job(void *arg, int view, int worker SST_UNUSED)
     return err;
 }
 
-int process_carry_labels(struct sst_lightfield *lf, const bool *carried, struct sst_map_f32 *entropy, int threads)
+static void carried_maps(void *arg, int view, struct sst_share_maps *out)
 {
+    const struct carry *c = arg;
+
+    if (!c->lf->views[view].present || !c->carried[view])
+        return;
+    sst_share_add_u8(out, &c->lf->views[view].label);
+    if (c->entropy)
+        sst_share_add_f32(out, &c->entropy[view]);
+}
+
+int process_carry_labels(struct sst_lightfield *lf, const bool *carried, struct sst_map_f32 *entropy,
+                         struct sst_share *share, int threads)
+{
+    const int views = lf->rows * lf->cols;
+    const int block = sst_share_block((size_t)lf->width * (size_t)lf->height);
     struct carry c = { lf, carried, entropy };
 
-    return sst_parallel_for(lf->rows * lf->cols, threads, carry_job, &c);
+    return sst_share_blocks(share, views, block, threads, carry_job, &c, carried_maps);
 }
 
 /* Columns from .. end - 1 have no label; those beside them have one, unless they are outside. */

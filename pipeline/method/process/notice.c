@@ -12,6 +12,7 @@
 #include "base/border.h"
 #include "base/stats.h"
 #include "base/thread.h"
+#include "pipeline/lightfield/share.h"
 
 struct job {
     const struct sst_lightfield *lf;
@@ -123,11 +124,21 @@ void sst_notice_sum(struct sst_notices *out, const struct sst_notice_view *view,
     sst_border_doubles("noise and blur of the pictures", (const double[]){ out->noise_levels, out->soft_px }, 2);
 }
 
-int sst_notice_measure(struct sst_notices *out, const struct sst_lightfield *lf, int threads)
+static void measured_values(void *arg, int view, struct sst_share_maps *out)
 {
-    const int views = lf->rows * lf->cols;
+    const struct job *job = arg;
+
+    if (job->lf->views[view].present)
+        sst_share_add_values(out, &job->view[view], sizeof(job->view[view]));
+}
+
+int sst_notice_measure(struct sst_notices *out, const struct sst_lightfield *lf, struct sst_share *share, int threads)
+{
+    const int views = lf->rows * lf->cols, block = sst_share_block((size_t)lf->width * (size_t)lf->height);
     struct job job = { lf, calloc((size_t)views, sizeof(*job.view)) };
-    int err = job.view ? sst_parallel_for(views, sst_thread_count(threads), measure_view, &job) : -ENOMEM;
+    int err =
+        job.view ? sst_share_blocks(share, views, block, sst_thread_count(threads), measure_view, &job, measured_values)
+                 : -ENOMEM;
 
     if (job.view)
         sst_notice_sum(out, job.view, lf->rows, lf->cols);

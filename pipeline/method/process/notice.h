@@ -5,6 +5,8 @@
 
 #include "pipeline/lightfield/lightfield.h"
 
+struct sst_share;
+
 /* Thresholds: docs/design/design.md, 5.9. Where clear pictures lose more than 1 dB (noise, blur), more than 3 dB
  * (JPEG). */
 #define SST_NOTICE_NOISE_LEVELS 8.0
@@ -55,9 +57,10 @@ void sst_notice_view(struct sst_notice_view *out, const struct sst_image *image,
 /** What the views are like together. @param view  [rows * cols] */
 void sst_notice_sum(struct sst_notices *out, const struct sst_notice_view *view, int rows, int cols);
 
-/** Measure loaded pictures, before they are corrected. The same for any number of threads. @return 0, -ENOMEM (not
- * logged) */
-SST_MUST_CHECK int sst_notice_measure(struct sst_notices *out, const struct sst_lightfield *lf, int threads);
+/** Measure loaded pictures, before they are corrected. The same for any number of threads.
+ *  @param share  with other processes, by views; or NULL @return 0, -ENOMEM (not logged) */
+SST_MUST_CHECK int sst_notice_measure(struct sst_notices *out, const struct sst_lightfield *lf, struct sst_share *share,
+                                      int threads);
 
 /** Qualities of the views' JPEG files, which count instead of traces in the pixels. @param quality  [rows * cols]; NAN:
  * no JPEG file */

@@ -49,7 +49,7 @@ static void show_progress(const struct run *run, const char *stage, double done)
 /* For the maps that are allocated here; the stages log their own lack of memory. */
 static int log_oom(int err)
 {
-    if (err)
+    if (err == -ENOMEM)
         sst_log_error("not enough memory for the maps of the light field");
     return err;
 }
@@ -171,20 +171,55 @@ static int copy_extras(void *arg, int view, int worker SST_UNUSED)
         err ? err : pack_entropy(&extras->map[SST_EXTRA_ENTROPY][view], &run->entropy[view], run->lf->classes.count));
 }
 
+/* What one process measures for all. */
+struct measured {
+    struct run *run;
+    double value;
+};
+
+static void measured_values(void *arg, int index SST_UNUSED, struct sst_share_maps *out)
+{
+    struct measured *m = arg;
+
+    sst_share_add_values(out, &m->value, sizeof(m->value));
+}
+
+static int measure_shown(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
+{
+    struct measured *m = arg;
+
+    m->value = process_carry_shown(m->run->lf, m->run->carried, m->run->lf->ref_view);
+    return 0;
+}
+
+static int measure_carried(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
+{
+    struct measured *m = arg;
+
+    return process_carry_error(m->run->lf, m->run->carried, m->run->lf->ref_view, &m->value);
+}
+
 /* Labels go to the right surfaces only where maps are good enough to find those in other views: where they could be
  * carried themselves, or nearly all pixels of the reference view are found. */
-static bool can_carry(const struct run *run)
+static int can_carry(struct run *run, bool *can)
 {
     const struct sst_lightfield *lf = run->lf;
+    struct measured shown = { run, 0 };
+    int err = 0;
 
+    *can = false;
     if (!lf->views[lf->ref_view].present || run->carried[lf->ref_view])
-        return false; /* a reference view on its own has nothing to be carried from or to */
+        return 0; /* a reference view on its own has nothing to be carried from or to */
     for (int k = 0; k < views_of(run); k++) {
         if (lf->views[k].present && !lf->views[k].disp.data)
-            return false;
+            return 0;
     }
-    return isgreater(run->report->skipped.views_skipped, 0) ||
-           process_carry_shown(lf, run->carried, lf->ref_view) >= LABEL_SHOWN;
+    *can = isgreater(run->report->skipped.views_skipped, 0);
+    if (*can)
+        return 0;
+    err = sst_share_for(run->cfg->share, 1, 1, measure_shown, &shown, measured_values);
+    *can = !err && shown.value >= LABEL_SHOWN;
+    return err;
 }
 
 /* Choose the views that the network labels. */
@@ -192,7 +227,8 @@ static int choose_keys(struct run *run)
 {
     const struct sst_lightfield *lf = run->lf;
     const int spacing = run->cfg->disparity.key_spacing;
-    int keys, present = 0;
+    int keys, present = 0, err;
+    bool can;
 
     for (int k = 0; k < views_of(run); k++)
         present += lf->views[k].present;
@@ -200,25 +236,29 @@ static int choose_keys(struct run *run)
     if (!run->carried)
         return -ENOMEM;
     keys = sst_disparity_keys(lf, spacing > 1 ? spacing : LABEL_SPACING, run->carried);
-    if (can_carry(run)) {
+    err = can_carry(run, &can);
+    if (can) {
         run->report->labels_skipped = 100.0 * (present - keys) / present;
-        return 0;
+        return err;
     }
     free(run->carried);
     run->carried = NULL;
-    return 0;
+    return err;
 }
 
 /* The carried views' labels, and what this changes. */
 static int carry_views(struct run *run)
 {
+    struct sst_share *share = run->cfg->share;
+    struct measured error = { run, NAN };
     int err;
 
     if (!run->carried)
         return 0;
-    err = process_carry_labels(run->lf, run->carried, run->entropy, run->cfg->threads);
-    return log_oom(err ? err
-                       : process_carry_error(run->lf, run->carried, run->lf->ref_view, &run->report->labels_error));
+    err = process_carry_labels(run->lf, run->carried, run->entropy, share, run->cfg->threads);
+    err = err ? err : sst_share_for(share, 1, 1, measure_carried, &error, measured_values);
+    run->report->labels_error = error.value;
+    return log_oom(err);
 }
 
 /* One segmenter per thread, each on one core: whole views side by side need no waiting between layers. */
@@ -313,22 +353,41 @@ static void disparity_progress(void *arg, double done)
     show_progress(arg, "disparity", done);
 }
 
-/* Equal views agree on whatever disparity they get, which confirms nothing. */
-static void judge_parallax(struct run *run)
+static int find_parallax(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
 {
+    struct run *run = arg;
+
     run->report->parallax = run->lf->images_raw ? SST_PARALLAX_UNKNOWN : sst_lightfield_parallax(run->lf, NULL);
+    return 0;
+}
+
+static void found_parallax(void *arg, int index SST_UNUSED, struct sst_share_maps *out)
+{
+    struct run *run = arg;
+
+    sst_share_add_values(out, &run->report->parallax, sizeof(run->report->parallax));
+}
+
+/* Equal views agree on whatever disparity they get, which confirms nothing. */
+static int judge_parallax(struct run *run)
+{
+    const int err = sst_share_for(run->cfg->share, 1, 1, find_parallax, run, found_parallax);
+
     for (int k = 0; run->report->parallax == SST_PARALLAX_NONE && k < views_of(run); k++) {
         struct sst_map_u8 *map = &run->lf->views[k].confidence;
 
         if (map->data)
             memset(map->data, 0, map->stride * (size_t)map->height);
     }
+    return err;
 }
 
 /* Judge the pictures and correct them; those from which nothing can be measured stay as they are. */
 static int align_views(struct run *run)
 {
-    const struct sst_drift_config cfg = { .threads = run->cfg->threads, .loose = true, .unusable_px = JITTER_PX };
+    const struct sst_drift_config cfg = {
+        .threads = run->cfg->threads, .loose = true, .unusable_px = JITTER_PX, .share = run->cfg->share
+    };
     struct sst_process_report *report = run->report;
     struct sst_lightfield *lf = run->lf;
     struct sst_correction correction[SST_MAX_VIEWS];
@@ -348,7 +407,7 @@ static int align_views(struct run *run)
     }
     sst_drift_fini(&check);
     if (report->align.moved || report->align.lit || report->align.faded || report->align.bent)
-        err = sst_lightfield_correct(lf, correction, run->cfg->threads);
+        err = sst_lightfield_shared_correct(run->cfg->share, lf, correction, run->cfg->threads);
     return err;
 }
 
@@ -368,7 +427,7 @@ static int match_views(struct run *run)
     }
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
         sst_disparity_device_note_stage(cfg.device, SST_DISPARITY_STAGE_RANGE);
-        err = sst_disparity_range(lf, 1, run->cfg->threads, &cfg.disp_min_px, &cfg.disp_max_px);
+        err = sst_disparity_shared_range(cfg.share, lf, 1, run->cfg->threads, &cfg.disp_min_px, &cfg.disp_max_px);
         if (!err && lf->parallel) { /* nothing is behind infinity */
             cfg.disp_min_px = fmax(cfg.disp_min_px, -INFINITY_SLACK_PX);
             cfg.disp_max_px = fmax(cfg.disp_max_px, INFINITY_SLACK_PX);
@@ -380,9 +439,7 @@ static int match_views(struct run *run)
     run->report->disp_max_px = cfg.disp_max_px;
     err = err ? err : sst_process_check_range(cfg.disp_min_px, cfg.disp_max_px);
     err = err ? err : sst_disparity_lightfield(lf, &cfg, disparity_progress, run);
-    if (!err)
-        judge_parallax(run);
-    return err;
+    return err ? err : judge_parallax(run);
 }
 
 static int refine_views(struct run *run)
@@ -395,14 +452,15 @@ static int refine_views(struct run *run)
     cfg.threads = run->cfg->threads;
     cfg.cancel = run->cfg->cancel;
     cfg.skip = run->carried;
+    cfg.share = run->cfg->share;
     run->report->coverage_hcsm = coverage(run);
     if (run->cfg->refine)
         err = sst_refine_labels(run->lf, &cfg, NULL);
     if (run->cfg->refine && run->cfg->model) /* external labels stay as they are */
-        err = err ? err : log_oom(process_vote_labels(run->lf, run->carried, cfg.threads, cfg.device));
+        err = err ? err : log_oom(process_vote_labels(run->lf, run->carried, cfg.share, cfg.threads, cfg.device));
     if (run->cfg->refine && run->carried) {
         sst_refine_device_note_stage(cfg.device, SST_REFINE_STAGE_CARRY);
-        err = err ? err : log_oom(process_carry_labels(run->lf, run->carried, NULL, cfg.threads));
+        err = err ? err : log_oom(process_carry_labels(run->lf, run->carried, NULL, cfg.share, cfg.threads));
         err = err ? err : process_fill_labels(run->lf, run->carried, cfg.threads);
     }
     run->report->coverage_refined = coverage(run);
@@ -435,7 +493,7 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
                                                .labels_error = NAN };
     sst_process_lap(&clock);
     if (report)
-        err = log_oom(sst_notice_measure(&report->notices, lf, cfg->threads));
+        err = log_oom(sst_notice_measure(&report->notices, lf, cfg->share, cfg->threads));
     if (!err && !cfg->keep_disparity)
         err = align_views(&run);
     if (!err && !cfg->keep_disparity)

@@ -5,6 +5,8 @@
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/method/refine/refine.h"
 
+struct sst_share;
+
 /**
  * Give the carried views the labels of the key views: each pixel gets that of the place where its disparity puts
  * it, in the nearest of four key views that shows the same surface (disparity within a pixel, colours alike) and has a
@@ -13,10 +15,11 @@
  * @param lf       disparities of all present views; labels of the key views; views[].label of the others is made here
  * @param carried  [views]
  * @param entropy  [views] of the labels, made here for the carried views, infinite where they have none; or NULL
+ * @param share    with other processes, by views; or NULL
  * @return 0, -ENOMEM
  */
 SST_MUST_CHECK int process_carry_labels(struct sst_lightfield *lf, const bool *carried, struct sst_map_f32 *entropy,
-                                        int threads);
+                                        struct sst_share *share, int threads);
 
 /** Give the unlabelled pixels of the carried views the label of the labelled pixel to their left or right whose
  * disparity is nearer to theirs. */
@@ -35,10 +38,11 @@ double process_carry_shown(const struct sst_lightfield *lf, const bool *carried,
  * another; one without a label gets that of the others.
  *
  * @param skip    [views] these neither vote nor change; NULL: none
+ * @param share   with other processes, by views; or NULL
  * @param device  that counts the votes of the views, or NULL
  * @return 0, -ENOMEM; then nothing has changed. The same bytes for any number of threads, and on every device.
  */
-SST_MUST_CHECK int process_vote_labels(struct sst_lightfield *lf, const bool *skip, int threads,
-                                       struct sst_refine_device *device);
+SST_MUST_CHECK int process_vote_labels(struct sst_lightfield *lf, const bool *skip, struct sst_share *share,
+                                       int threads, struct sst_refine_device *device);
 
 #endif

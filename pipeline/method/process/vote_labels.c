@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "base/thread.h"
+#include "pipeline/lightfield/share.h"
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
@@ -15,6 +16,10 @@ struct vote {
     const struct sst_lightfield *lf;
     const bool *skip;       /* or NULL */
     struct sst_map_u8 *out; /* [views] */
+    int *view;              /* those that vote */
+    int threads;
+    struct sst_refine_device *device; /* or NULL */
+    const int *batch;                 /* of view: what is done at once */
 };
 
 static bool votes(const struct vote *v, int view)
@@ -97,14 +102,16 @@ static uint8_t elect(const struct vote *v, const struct sst_refine_voter *voter,
     return label[best];
 }
 
-static int vote_job(void *arg, int view, int worker SST_UNUSED)
+/* @param index  of the batch */
+static int vote_job(void *arg, int index, int worker SST_UNUSED)
 {
     const struct vote *v = arg;
+    const int view = v->view[v->batch[index]];
     const struct sst_view *own = &v->lf->views[view];
     struct sst_refine_voter voter[SOURCES];
     int n, err;
 
-    if (!votes(v, view) || v->out[view].data)
+    if (v->out[view].data)
         return 0;
     n = voters_of(v, view, voter);
     err = sst_map_u8_init(&v->out[view], own->label.width, own->label.height);
@@ -120,34 +127,52 @@ static int vote_job(void *arg, int view, int worker SST_UNUSED)
     return err;
 }
 
-/* The views that the device does; the others are left to the CPU. */
-static int vote_on_device(struct vote *v, struct sst_refine_device *device)
+/* A view on the device. Without memory or if it fails, the view is left to the CPU. */
+static int vote_on_device(const struct vote *v, int view)
 {
-    int err = 0;
+    const struct sst_map_u8 *label = &v->lf->views[view].label;
+    struct sst_refine_voter voter[SOURCES];
+    const int err = sst_map_u8_init(&v->out[view], label->width, label->height);
 
-    for (int k = 0; k < v->lf->rows * v->lf->cols && !err; k++) {
-        const struct sst_map_u8 *label = &v->lf->views[k].label;
-        struct sst_refine_voter voter[SOURCES];
-
-        if (!votes(v, k))
-            continue;
-        err = sst_map_u8_init(&v->out[k], label->width, label->height);
-        if (!err && !sst_refine_device_vote(device, &v->out[k], v->lf, k, voter, voters_of(v, k, voter)))
-            sst_map_u8_fini(&v->out[k]);
-    }
-    sst_refine_device_forget_votes(device);
+    if (!err && !sst_refine_device_vote(v->device, &v->out[view], v->lf, view, voter, voters_of(v, view, voter)))
+        sst_map_u8_fini(&v->out[view]);
     return err;
 }
 
-int process_vote_labels(struct sst_lightfield *lf, const bool *skip, int threads, struct sst_refine_device *device)
+static int vote_batch(void *arg, const int *index, int count)
+{
+    struct vote *v = arg;
+    int err = 0;
+
+    v->batch = index;
+    for (int i = 0; v->device && !err && i < count; i++)
+        err = vote_on_device(v, v->view[index[i]]);
+    return err ? err : sst_parallel_for(count, v->threads, vote_job, v);
+}
+
+static void elected_map(void *arg, int index, struct sst_share_maps *out)
+{
+    const struct vote *v = arg;
+
+    sst_share_add_u8(out, &v->out[v->view[index]]);
+}
+
+int process_vote_labels(struct sst_lightfield *lf, const bool *skip, struct sst_share *share, int threads,
+                        struct sst_refine_device *device)
 {
     const int views = lf->rows * lf->cols;
-    struct vote v = { lf, skip, calloc((size_t)views, sizeof(*v.out)) };
-    int err = v.out ? 0 : -ENOMEM;
+    struct vote v = {
+        lf, skip, calloc((size_t)views, sizeof(*v.out)), calloc((size_t)views, sizeof(*v.view)), threads, device, NULL
+    };
+    int count = 0, err = v.out && v.view ? 0 : -ENOMEM;
 
+    for (int k = 0; !err && k < views; k++) {
+        if (votes(&v, k))
+            v.view[count++] = k;
+    }
+    err = err ? err : sst_share_batches(share, count, share ? threads : views, vote_batch, &v, elected_map);
     if (device)
-        err = err ? err : vote_on_device(&v, device);
-    err = err ? err : sst_parallel_for(views, threads, vote_job, &v);
+        sst_refine_device_forget_votes(device);
     for (int k = 0; v.out && k < views; k++) {
         if (!err && v.out[k].data) {
             sst_map_u8_fini(&lf->views[k].label);
@@ -156,6 +181,7 @@ int process_vote_labels(struct sst_lightfield *lf, const bool *skip, int threads
             sst_map_u8_fini(&v.out[k]);
         }
     }
+    free(v.view);
     free(v.out);
     return err;
 }

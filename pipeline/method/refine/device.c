@@ -450,7 +450,7 @@ static bool try_view(struct sst_refine_device *d, const struct refine_job *job, 
     return done;
 }
 
-int refine_on_device(struct sst_refine_device *d, struct refine_job *job)
+int refine_on_device(struct sst_refine_device *d, struct refine_job *job, int count)
 {
     sst_refine_device_note_stage(d, SST_REFINE_STAGE_DISPARITY);
     if (job->ground && job->cfg->ground_plane)
@@ -458,12 +458,10 @@ int refine_on_device(struct sst_refine_device *d, struct refine_job *job)
     sst_gpu_shared_lock(d->shared);
     d->has_table = false;
     sst_gpu_shared_unlock(d->shared);
-    for (int view = 0; view < job->lf->rows * job->lf->cols; view++) {
-        if (!refine_wants(job, view))
-            continue;
+    for (int i = 0; i < count; i++) {
         if (job->cfg->cancel && *job->cfg->cancel)
             return -ECANCELED;
-        job->done[view] = try_view(d, job, view);
+        job->done[refine_of_batch(job, i)] = try_view(d, job, refine_of_batch(job, i));
     }
     return 0;
 }

@@ -7,6 +7,7 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/lightfield/share.h"
 #include "pipeline/method/refine/refine_internal.h"
 
 /* Nearest candidate so far of an unlabeled pixel with two or more: among the objects [0] and among the grounds [1]. */
@@ -118,13 +119,14 @@ static struct sst_region region_of(const struct refine_job *job, const struct re
 static int find_grounds(void *arg, int index, int worker)
 {
     struct refine_job *job = arg;
-    struct refine_grounds *g = &job->grounds[index];
+    const int view = refine_of_batch(job, index);
+    struct refine_grounds *g = &job->grounds[view];
 
     if (job->cfg->cancel && *job->cfg->cancel)
         return -ECANCELED;
-    for (int i = 0; i < job->lf->classes.count && refine_wants(job, index) && job->cfg->ground_plane; i++) {
+    for (int i = 0; i < job->lf->classes.count && job->cfg->ground_plane; i++) {
         if (job->ground >> i & 1 &&
-            sst_ground_fit(&g->ground[i], &job->lf->views[index], i + 1, job->cfg, job->workers[worker].misses))
+            sst_ground_fit(&g->ground[i], &job->lf->views[view], i + 1, job->cfg, job->workers[worker].misses))
             g->planar |= (uint64_t)1 << i;
     }
     return 0;
@@ -264,13 +266,14 @@ static void assign(const struct refine_job *job, const struct refine_grounds *g,
 static int refine_view(void *arg, int index, int worker)
 {
     struct refine_job *job = arg;
-    const struct refine_grounds *g = &job->grounds[index];
+    const int view = refine_of_batch(job, index);
+    const struct refine_grounds *g = &job->grounds[view];
     struct refine_worker *w = &job->workers[worker];
-    struct sst_view *v = &job->lf->views[index];
+    struct sst_view *v = &job->lf->views[view];
     struct sst_region regions[SST_MAX_CLASSES] = { { { 0 }, 0, 0, { 0 } } };
     uint64_t seen, mixed;
 
-    if (!refine_wants(job, index) || job->done[index])
+    if (job->done[view])
         return 0;
     if (job->cfg->cancel && *job->cfg->cancel)
         return -ECANCELED;
@@ -311,8 +314,9 @@ static int count_view(void *arg, int index, int worker)
 }
 
 /* Fit all labels and list the candidates of every disparity. */
-static int fit_labels(struct refine_job *job, struct sst_label_fit *fits)
+static int fit_labels(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
 {
+    struct refine_job *job = arg;
     const struct sst_lightfield *lf = job->lf;
     const size_t size = (size_t)lf->classes.count * SST_DISP_BINS;
     int err;
@@ -326,12 +330,40 @@ static int fit_labels(struct refine_job *job, struct sst_label_fit *fits)
             job->hist[i] += job->hist[(size_t)k * size + i];
     }
     for (int i = 0; i < lf->classes.count && !err; i++)
-        fits[i] = sst_refine_fit_histogram(job->hist + (size_t)i * SST_DISP_BINS, lf->disp_min_px, job->cfg);
+        job->fits[i] = sst_refine_fit_histogram(job->hist + (size_t)i * SST_DISP_BINS, lf->disp_min_px, job->cfg);
     sst_mem_free(job->hist);
     job->hist = NULL;
     if (!err)
-        sst_candidate_masks(job->candidates, fits, lf->classes.count, lf->disp_min_px, job->cfg->eps_d);
+        sst_candidate_masks(job->candidates, job->fits, lf->classes.count, lf->disp_min_px, job->cfg->eps_d);
     return err;
+}
+
+static void fitted_values(void *arg, int index SST_UNUSED, struct sst_share_maps *out)
+{
+    struct refine_job *job = arg;
+
+    sst_share_add_values(out, job->fits, sizeof(job->fits));
+    sst_share_add_values(out, job->candidates, SST_DISP_BINS * sizeof(*job->candidates));
+}
+
+/* Views that are refined at once. */
+static int refine_batch(void *arg, const int *index, int count)
+{
+    struct refine_job *job = arg;
+    int err;
+
+    job->batch = index;
+    err = sst_parallel_for(count, job->n_workers, find_grounds, job);
+    if (!err && job->cfg->device)
+        err = refine_on_device(job->cfg->device, job, count);
+    return err ? err : sst_parallel_for(count, job->n_workers, refine_view, job);
+}
+
+static void refined_map(void *arg, int index, struct sst_share_maps *out)
+{
+    struct refine_job *job = arg;
+
+    sst_share_add_u8(out, &job->lf->views[job->view[index]].label);
 }
 
 static void job_fini(struct refine_job *job)
@@ -354,6 +386,7 @@ static void job_fini(struct refine_job *job)
     sst_mem_free(job->candidates);
     sst_mem_free(job->grounds);
     sst_mem_free(job->done);
+    sst_mem_free(job->view);
 }
 
 static int worker_init(struct refine_worker *w, const struct sst_lightfield *lf, const struct sst_refine_config *cfg)
@@ -389,7 +422,8 @@ static int job_init(struct refine_job *job, struct sst_lightfield *lf, const str
     job->candidates = sst_mem_alloc_raw(SST_DISP_BINS, sizeof(*job->candidates));
     job->grounds = sst_mem_alloc(views, sizeof(*job->grounds));
     job->done = sst_mem_alloc(views, sizeof(*job->done));
-    if (!job->workers || !job->candidates || !job->grounds || !job->done)
+    job->view = sst_mem_alloc(views, sizeof(*job->view));
+    if (!job->workers || !job->candidates || !job->grounds || !job->done || !job->view)
         return -ENOMEM;
     for (int k = 0; k < job->n_workers; k++) {
         if (worker_init(&job->workers[k], lf, cfg))
@@ -400,8 +434,8 @@ static int job_init(struct refine_job *job, struct sst_lightfield *lf, const str
 
 int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config *cfg, struct sst_label_fit *fits)
 {
-    struct sst_label_fit fitted[SST_MAX_CLASSES];
     struct refine_job job;
+    int count = 0;
     int err = check_config(cfg);
 
     if (!err)
@@ -412,19 +446,20 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
         sst_log_info("label refinement: the focal length is unknown; the image width, %d px, is used instead",
                      lf->width);
     err = job_init(&job, lf, cfg);
+    for (int view = 0; !err && view < lf->rows * lf->cols; view++) {
+        if (refine_wants(&job, view))
+            job.view[count++] = view;
+    }
     if (!err)
-        err = fit_labels(&job, fitted);
+        err = sst_share_for(cfg->share, 1, 1, fit_labels, &job, fitted_values);
     if (!err)
-        err = sst_parallel_for(lf->rows * lf->cols, job.n_workers, find_grounds, &job);
-    if (!err && cfg->device)
-        err = refine_on_device(cfg->device, &job);
-    if (!err)
-        err = sst_parallel_for(lf->rows * lf->cols, job.n_workers, refine_view, &job);
+        err = sst_share_batches(cfg->share, count, cfg->share ? job.n_workers : lf->rows * lf->cols, refine_batch, &job,
+                                refined_map);
     job_fini(&job);
     if (err == -ENOMEM)
         sst_log_error("label refinement: no memory for %d threads at %dx%d; use fewer threads", job.n_workers,
                       lf->width, lf->height);
     if (!err && fits)
-        memcpy(fits, fitted, (size_t)lf->classes.count * sizeof(*fits));
+        memcpy(fits, job.fits, (size_t)lf->classes.count * sizeof(*fits));
     return err;
 }

@@ -9,6 +9,8 @@
 
 struct sst_refine_device; /* that views are refined on; one refinement at a time */
 
+struct sst_share;
+
 struct sst_refine_config {
     double eps_d;                /* density threshold eps_D, 1/px: a label is a candidate where g_i(D) > eps_d */
     double matcher_sigma_px;     /* noise of the disparities: floor of the fitted spread */
@@ -22,6 +24,7 @@ struct sst_refine_config {
     int threads;       /* 0: all processors */
     const SST_ATOMIC(bool) * cancel; /* once true, processing stops within one view; or NULL */
     struct sst_refine_device *device; /* with the same bytes; NULL: on the CPU */
+    struct sst_share *share;          /* with other processes (pipeline/lightfield/share.h), by views; or NULL */
 };
 
 void sst_refine_config_defaults(struct sst_refine_config *cfg);

@@ -20,6 +20,9 @@ struct refine_job {
     uint64_t *candidates;           /* [SST_DISP_BINS] */
     struct refine_grounds *grounds; /* [views] */
     int64_t *hist;                  /* [n_workers][classes][SST_DISP_BINS] pixels, while the labels are fitted */
+    struct sst_label_fit fits[SST_MAX_CLASSES];
+    int *view;                      /* those that are refined */
+    const int *batch;               /* of view: those that are refined at once */
     bool *done;                     /* [views] on the device */
     struct refine_worker *workers;
     int n_workers;
@@ -29,6 +32,12 @@ struct refine_job {
 static inline bool refine_wants(const struct refine_job *job, int view)
 {
     return job->lf->views[view].present && !(job->cfg->skip && job->cfg->skip[view]);
+}
+
+/** A view of those that are refined at once. */
+static inline int refine_of_batch(const struct refine_job *job, int index)
+{
+    return job->view[job->batch[index]];
 }
 
 static inline bool refine_is_conflict(uint64_t candidates)
@@ -77,11 +86,11 @@ struct sst_refine_device {
 };
 
 /**
- * Refine the views on the device; those that it fails at are left to the CPU, counted and logged.
+ * Refine the `count` views of the batch on the device; those that it fails at are left to the CPU, counted and logged.
  * @param job  its `done` is set for those that are done
  * @return 0 or -ECANCELED
  */
-SST_MUST_CHECK int refine_on_device(struct sst_refine_device *d, struct refine_job *job);
+SST_MUST_CHECK int refine_on_device(struct sst_refine_device *d, struct refine_job *job, int count);
 
 /** Begin a piece of work; refine_device_end() follows. @param err  out: for that @return false: not on the device */
 bool refine_device_begin(struct sst_refine_device *d, int *err);

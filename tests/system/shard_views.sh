@@ -1,0 +1,88 @@
+#!/usr/bin/env bash
+# Workers that share the views of one light field: in every step one is killed with -9 while it holds a piece, another
+# one takes that over, and the bytes are those of one process.
+set -u
+. "$(dirname "$0")/../lib.sh"
+export SST_MODELS=$root/models
+
+# kill_in_steps DIR OPTIONS...: workers one after the other, each of which is killed in the step after that of the last one
+# (by its lease, the next one takes over what it held), until one finishes. Prints how many were killed, and the steps.
+kill_in_steps() {
+  python3 - "$sst" "$@" <<'PY'
+import os, subprocess, sys, time
+sst, folder, *options = sys.argv[1:]
+steps = os.path.join(folder, ".process-views")
+
+def held_in(step, pid):
+    """Whether a worker holds an item of a step."""
+    path = os.path.join(steps, "step-%02d" % step)
+    try:
+        for item in os.listdir(path):
+            if ".maps" not in item and any(".%d." % pid in f for f in os.listdir(os.path.join(path, item))):
+                return True
+    except OSError:
+        pass
+    return False
+
+killed = 0
+for step in range(100):
+    worker = subprocess.Popen([sst, "process", folder, *options, "--shard", "1/1", "--split-views", "--lease", "0.3"],
+                              stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    end = time.monotonic() + 60
+    later = os.path.join(steps, "step-%02d" % (step + 1))
+    while worker.poll() is None and not held_in(step, worker.pid) and not os.path.exists(later):
+        if time.monotonic() > end:
+            sys.exit("step %d does not end" % step)
+    if worker.poll() is None:
+        worker.kill()
+        killed += 1
+        worker.wait()
+    elif worker.returncode:
+        sys.exit("a worker in step %d: %s" % (step, worker.stderr.read().decode()))
+    else:
+        break
+print(killed, step)
+PY
+}
+
+# same NAME KILLS SCENE OPTIONS...: at least so many are killed
+same() {
+  local name=$1 kills=$2 scene=$3 got
+  shift 3
+  # shellcheck disable=SC2086
+  "$sst" scene $scene -o "$name" >/dev/null || fail "scene"
+  cp -r "$name" "$name-whole"
+  "$sst" process "$name-whole" --threads 1 "$@" --json >"$name.json" 2>err || fail "$name, whole: $(cat err)"
+  cp -r "$name" "$name-two"
+  got=$(kill_in_steps "$name" --threads 1 "$@") || fail "$name: $got"
+  [ "${got% *}" -ge "$kills" ] || fail "$name: only ${got% *} killed in ${got#* } steps"
+  diff -rq -x .process "$name" "$name-whole" || fail "$name: views that were shared differ"
+  [ ! -e "$name/.process-views" ] || fail "$name: what workers exchanged is left"
+  # Two at once, and what they report.
+  for i in 1 2; do
+    "$sst" process "$name-two" --threads $i "$@" --json --shard $i/2 --split-views >"$name.$i" 2>"err$i" &
+    pid[$i]=$!
+  done
+  for i in 1 2; do wait "${pid[$i]}" || fail "$name, worker $i: $(cat "err$i")"; done
+  diff -rq -x .process "$name-two" "$name-whole" || fail "$name: views that two shared differ"
+  python3 - "$name" <<'PY' || fail "$name: another report"
+import json, sys
+name = sys.argv[1]
+whole, shared = json.load(open(name + ".json")), [open("%s.%d" % (name, i)).read() for i in (1, 2)]
+assert [bool(s) for s in shared].count(True) == 1, shared
+shared = json.loads("".join(shared))
+for part in whole, shared:
+    for key in "seconds", "cpu_seconds":
+        del part[key]
+assert whole == shared, (whole, shared)
+PY
+}
+
+# The second pass with carried views, and labels; a narrow range, refined between pixels; all views matched, in two
+# rounds; tiles of short ranges; pictures that are corrected.
+same labels 20 "pedestrian --size 160x120 --grid 3x3"
+same narrow 12 "bush --size 96x72 --grid 2x3" --no-labels --range-min 0 --range-max 7
+same accurate 12 "pedestrian --size 96x72 --grid 2x3" --preset accurate --no-labels
+same tiles 12 "pedestrian --size 160x120 --grid 3x3" --no-labels --skip ranges
+same gains 12 "layers --size 160x120 --grid 3x3 --gain 30 --noise 0 --jpeg 0" --no-labels --preset preview
+exit $failed
