@@ -151,19 +151,30 @@ static void print_skew(const json_t *s)
     printf("%s%s\n", *worst ? "; farthest off: " : "", worst);
 }
 
-/* The device that renders live pictures. */
+/* The device of the live picture, and what it does not do. */
 static void print_device(const json_t *s)
 {
-    const bool failing = cli_number(s, "live.device.failing") > 0;
+    const json_t *steps = cli_member(s, "live.device.stages_on_cpu");
     char name[SST_GPU_NAME], reason[512];
 
     if (!json_is_object(cli_member(s, "live.device")))
         return;
     cli_text(s, "live.device.reason", reason, sizeof(reason));
     printf("  device     %s%s: %.0f pictures, %.0f on the CPU instead%s%s; %.0f failures\n",
-           cli_text(s, "live.device.name", name, sizeof(name)), failing ? " FAILS" : "",
-           cli_number(s, "live.device.pictures"), cli_number(s, "live.device.on_cpu"), *reason ? ": " : "", reason,
-           cli_number(s, "live.device.failures"));
+           cli_text(s, "live.device.name", name, sizeof(name)),
+           cli_number(s, "live.device.failing") > 0 ? " FAILS" : "", cli_number(s, "live.device.pictures"),
+           cli_number(s, "live.device.on_cpu"), *reason ? ": " : "", reason, cli_number(s, "live.device.failures"));
+    if (json_is_object(cli_member(s, "live.device.labels"))) {
+        cli_text(s, "live.device.labels.reason", reason, sizeof(reason));
+        printf("             labels%s: %.0f runs of the network, %.0f on the CPU instead%s%s; %.0f failures\n",
+               cli_number(s, "live.device.labels.failing") > 0 ? " FAIL" : "",
+               cli_number(s, "live.device.labels.runs"), cli_number(s, "live.device.labels.on_cpu"),
+               *reason ? ": " : "", reason, cli_number(s, "live.device.labels.failures"));
+    }
+    for (size_t i = 0; i < json_array_size(steps); i++)
+        printf("%s%s", i ? ", " : "             on the CPU: ", json_string_value(json_array_get(steps, i)));
+    if (json_array_size(steps))
+        printf("\n");
 }
 
 /* Connections between several hosts of one array. */

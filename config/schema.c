@@ -301,10 +301,11 @@ static const struct sst_key keys[] = {
           "least PSNR of these pictures against the exact ones"),
       RANGE(20, 100) },
     { KEY("live", "device", TEXT, live.device, "cpu", PICTURE,
-          "where pictures are rendered: cpu; gpu: the fastest GPU that passes its self-test; auto: likewise, if there is one; or a "
-          "part of a device's name, which a software device needs. What it fails at is rendered on the CPU") },
+          "where pictures are rendered and the network runs: cpu; gpu: the fastest GPU that passes its self-test; auto: "
+          "likewise, if there is one; or a part of a device's name, which a software device needs. What it fails at is "
+          "done on the CPU") },
     { KEY("live", "device_memory_mb", INT, live.device_memory_mb, "0", PICTURE,
-          "memory of the device to use at most, MiB; 0: three quarters of it"),
+          "memory of the device to use at most, MiB, a quarter of it for the network; 0: three quarters of the device's"),
       RANGE(0, 1 << 24) },
     { KEY("live", "method", CHOICE, live.method, "clear", LIVE,
           "picture of the main view: clear: all in focus, without what stands in front; sst: one plane, seen through "

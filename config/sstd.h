@@ -84,7 +84,7 @@ struct sst_live_settings { /* live: */
     bool skip_ranges;                      /* S3 */
     bool skip_views, skip_tiles;           /* S2, S5 */
     double skip_error_db;                  /* of these two */
-    char device[SST_CONFIG_TEXT_MAX];      /* where pictures are rendered, "cpu", "auto", "gpu" or a name */
+    char device[SST_CONFIG_TEXT_MAX];      /* of pictures and labels: "cpu", "auto", "gpu" or a name */
     int device_memory_mb;                  /* that it may use; 0: three quarters */
     enum sst_live_method method;           /* of the main view, and at first of the others, as all below */
     double cut_px;                         /* clear: what is nearer is removed; NaN: found automatically */

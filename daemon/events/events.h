@@ -31,7 +31,8 @@
  *   certificate        of HTTPS: renewed, refused, expiring, expired {state, until}
  *   clock              the wall clock was stepped             {step_ms}
  *   client             a flood or many wrong tokens           {reason}
- *   device-lost, device-found   the device that renders live pictures failed; it works again {device, reason}
+ *   device-lost, device-found   the device of the live picture failed at its pictures or labels; it works again {device,
+ *                               work, reason}
  *   host-lost, host-found   a node of this head, or the head of this node  {host, reason}
  *   start, stop        of the service                         {version, reason} */
 

@@ -25,6 +25,8 @@
 #define EVENTS_NS INT64_C(500000000)
 /* Capturing comes first: this thread and those that it starts use all processors. */
 #define LIVE_NICE 5
+/* One part in this number of the device's memory is the network's. */
+#define LABELS_SHARE 4
 
 const char *engine_stage_name(enum engine_stage stage)
 {
@@ -97,6 +99,7 @@ static int describe(struct live_engine *v, const struct sst_config *c)
 {
     const struct sst_array_config *a = &v->layout.config;
     struct sst_live_config *l = &v->live_config;
+    const uint64_t bytes = (uint64_t)c->live.device_memory_mb << 20;
     int err = 0;
 
     *l = (struct sst_live_config){
@@ -116,7 +119,8 @@ static int describe(struct live_engine *v, const struct sst_config *c)
         .skip_tiles = c->live.skip_tiles,
         .skip_error_db = c->live.skip_error_db,
         .device = v->device,
-        .device_memory_bytes = (uint64_t)c->live.device_memory_mb << 20,
+        .device_memory_bytes = bytes - bytes / LABELS_SHARE,
+        .device_label_bytes = bytes / LABELS_SHARE,
         .background = true,
         .alarms_per_hour = c->live.hidden_alarms_per_hour,
         .zones = c->zones,
@@ -166,8 +170,9 @@ static void open_live(struct live_engine *v)
         sst_live_cancel(live);
     if (live)
         v->classes = sst_live_lightfield(live)->classes;
-    v->state.on_device = false;
+    v->state.on_device = v->state.labels_on_device = false;
     v->state.device = (struct sst_render_device_report){ 0 };
+    v->state.label_device = (struct sst_network_device_report){ 0 };
     v->check_due_ns = 0; /* there may be another calibration */
     if (live)
         name_unknown_locked(v, unknown);
@@ -223,26 +228,41 @@ static bool follow(struct live_engine *v)
     return v->live != NULL;
 }
 
+/* @param work, done  "pictures" "rendered" @param failure  NULL: the device works again */
+static void emit_device(struct live_engine *v, const char *work, const char *done, const char *name,
+                        const char *failure)
+{
+    if (!v->events)
+        return;
+    if (failure)
+        sst_events_emit(v->events, SST_EVENT_WARNING, "device-lost",
+                        json_pack("{s:s, s:s, s:s}", "device", name, "work", work, "reason", failure),
+                        "live %s are %s on the CPU, not on %s: %s", work, done, name, failure);
+    else
+        sst_events_emit(v->events, SST_EVENT_INFO, "device-found",
+                        json_pack("{s:s, s:s}", "device", name, "work", work), "live %s are %s on %s again", work, done,
+                        name);
+}
+
 void engine_follow_device(struct live_engine *v)
 {
     struct sst_render_device_report now = { 0 };
-    const bool on_device = sst_live_device(v->live, &now);
-    bool turned;
+    struct sst_network_device_report labels = { 0 };
+    const bool on_device = sst_live_device(v->live, &now), labels_on_device = sst_live_label_device(v->live, &labels);
+    bool turned, labels_turned;
 
     pthread_mutex_lock(&v->lock);
     turned = now.failing != v->state.device.failing;
+    labels_turned = labels.failing != v->state.label_device.failing;
     v->state.on_device = on_device;
     v->state.device = now;
+    v->state.labels_on_device = labels_on_device;
+    v->state.label_device = labels;
     pthread_mutex_unlock(&v->lock);
-    if (!turned || !v->events)
-        return;
-    if (now.failing)
-        sst_events_emit(v->events, SST_EVENT_WARNING, "device-lost",
-                        json_pack("{s:s, s:s}", "device", now.name, "reason", now.failure),
-                        "live pictures are rendered on the CPU, not on %s: %s", now.name, now.failure);
-    else
-        sst_events_emit(v->events, SST_EVENT_INFO, "device-found", json_pack("{s:s}", "device", now.name),
-                        "live pictures are rendered on %s again", now.name);
+    if (turned)
+        emit_device(v, "pictures", "rendered", now.name, now.failing ? now.failure : NULL);
+    if (labels_turned)
+        emit_device(v, "labels", "computed", labels.name, labels.failing ? labels.failure : NULL);
 }
 
 /* --- sets --------------------------------------------------------------------------------------------------------- */

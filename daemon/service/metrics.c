@@ -108,7 +108,16 @@ static void write_live(FILE *f, const struct engine_state *v)
            (double)v->device.pictures);
     metric(f, "live_device_on_cpu_total", "counter", "Pictures that the CPU rendered instead of the device.",
            (double)v->device.on_cpu);
-    metric(f, "live_device_failures_total", "counter", "Times that the device failed.", (double)v->device.failures);
+    metric(f, "live_device_failures_total", "counter", "Times that the device failed at pictures.",
+           (double)v->device.failures);
+    metric(f, "live_device_labels_up", "gauge", "1 if the network runs on a device, 0: on the CPU.",
+           v->labels_on_device && !v->label_device.failing);
+    metric(f, "live_device_label_runs_total", "counter", "Runs of the network on the device.",
+           (double)v->label_device.runs);
+    metric(f, "live_device_label_runs_on_cpu_total", "counter", "Runs of it on the CPU instead of the device.",
+           (double)v->label_device.on_cpu);
+    metric(f, "live_device_label_failures_total", "counter", "Times that the device failed at the network.",
+           (double)v->label_device.failures);
     head(f, "live_latency_seconds", "summary",
          "From the trigger to the encoded picture; quantiles of the last minute, NaN: nothing changed.");
     for (size_t i = 0; i < ARRAY_LEN(quantiles); i++)

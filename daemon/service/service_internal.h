@@ -178,6 +178,8 @@ struct engine_state {
     struct sst_render_skip_report rays;          /* of pictures */
     bool on_device;                              /* pictures are rendered on a device: */
     struct sst_render_device_report device;
+    bool labels_on_device;                       /* so is the network run: */
+    struct sst_network_device_report label_device;
     int width, height, views, present;           /* of the light field */
     double range_min_px, range_max_px, focus_px; /* NaN: not known */
     double cut_px;                               /* automatic; NaN: none */
@@ -526,7 +528,8 @@ struct live_engine {
 };
 
 /* engine.c */
-/** Note what the device of pictures has done since the last call, and the event of its loss or return. Live thread. */
+/** Note what the devices of pictures and labels have done since the last call, and the events of a loss or return. Live
+ *  thread. */
 void engine_follow_device(struct live_engine *v);
 
 /* engine_views.c */

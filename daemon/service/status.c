@@ -97,17 +97,50 @@ static json_t *skips_json(const struct engine_state *v, const struct sst_live_se
                      skip_json(s->skip_tiles, v->rays.rays_even, v->rays.error_levels));
 }
 
-/* Where pictures are rendered: null: on the CPU, as configured. */
+/* Where the network runs; null: on the CPU, or there is none. */
+static json_t *label_device_json(const struct engine_state *v)
+{
+    const struct sst_network_device_report *d = &v->label_device;
+
+    if (!v->labels_on_device)
+        return json_null();
+    return json_pack("{s:b, s:I, s:I, s:I, s:s}", "failing", d->failing, "runs", (json_int_t)d->runs, "on_cpu",
+                     (json_int_t)d->on_cpu, "failures", (json_int_t)d->failures, "reason",
+                     d->failing ? d->failure : d->why);
+}
+
+/* Steps of the live picture that the CPU does now, beside the device. */
+static json_t *cpu_steps_json(const struct engine_state *v)
+{
+    /* A device that has run nothing has no form for this network. */
+    const bool labels = v->labels_on_device && !v->label_device.failing &&
+                        (v->label_device.runs || !v->label_device.on_cpu);
+    const bool pictures = v->on_device && !v->device.failing && (v->device.pictures || !v->device.on_cpu);
+    json_t *list = json_array();
+
+    for (const char *const *step = sst_live_device_steps; *step; step++)
+        if (!(strcmp(*step, "labels") ? pictures : labels))
+            json_array_append_new(list, json_string(*step));
+    for (const char *const *step = sst_live_cpu_steps; *step; step++)
+        json_array_append_new(list, json_string(*step));
+    return list;
+}
+
+/* What a device does of the live picture; null: all is on the CPU, as configured. */
 static json_t *device_json(const struct engine_state *v)
 {
     const struct sst_render_device_report *d = &v->device;
+    json_t *root;
 
     if (!v->on_device)
         return json_null();
-    return json_pack("{s:s, s:s, s:b, s:I, s:I, s:I, s:I, s:s}", "name", d->name, "driver", d->driver, "failing",
+    root = json_pack("{s:s, s:s, s:b, s:I, s:I, s:I, s:I, s:s}", "name", d->name, "driver", d->driver, "failing",
                      d->failing, "pictures", (json_int_t)d->pictures, "on_cpu", (json_int_t)d->on_cpu,
                      "verified_on_cpu", (json_int_t)d->verified_on_cpu, "failures", (json_int_t)d->failures, "reason",
                      d->failing ? d->failure : d->why);
+    json_object_set_new(root, "labels", label_device_json(v));
+    json_object_set_new(root, "stages_on_cpu", cpu_steps_json(v));
+    return root;
 }
 
 /* Shares of the reference view's disparities, for the slider of the cut; zeros until they are known. */

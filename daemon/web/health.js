@@ -14,7 +14,7 @@ const STATES = {
 };
 const STAGE_WORDS = {
   wait: "waiting", change: "change", decode: "decoding", rectify: "rectifying", disparity: "depth", labels: "labels",
-  refine: "refining", render: "rendering", encode: "encoding",
+  refine: "refining", render: "rendering", encode: "encoding", background: "background",
 };
 
 const NOTICED_WORDS = {
@@ -26,6 +26,20 @@ function saved(skip, digits, unit) {
   if (!skip?.on) return "off";
   const error = finite(skip.error) ? `error ${number(skip.error, digits)} ${unit}` : "error not sampled yet";
   return `${number(skip.skipped_percent)} %, ${error}`;
+}
+
+/** What the live picture's device does, and what the processor. */
+function deviceFacts(device) {
+  if (!device) return [["Computed on", "the processor"]];
+  const { labels } = device;
+  const cpu = device.stages_on_cpu.map((name) => STAGE_WORDS[name] ?? name).join(", ");
+  const because = ({ reason }) => reason ? `: ${reason}` : "";
+  return [
+    [device.failing ? "Device fails" : "Device", `${device.name}, ${number(device.pictures)} pictures${device.on_cpu
+      ? `, ${number(device.on_cpu)} on the processor${because(device)}` : ""}`, device.failing ? "warn" : ""],
+    ...(labels ? [[labels.failing ? "Device fails at labels" : "Labels there", `${number(labels.runs)} runs${labels.on_cpu
+      ? `, ${number(labels.on_cpu)} on the processor${because(labels)}` : ""}`, labels.failing ? "warn" : ""]] : []),
+    ["On the processor", cpu]];
 }
 
 function clockText(time) {
@@ -130,6 +144,7 @@ export class Health {
       ...(skips.ranges?.on ? [["Depths not searched", saved(skips.ranges, 3, "of depths")]] : []),
       ...(skips.views?.on || skips.tiles?.on ? [["Rays left out", saved(skips.views?.on ? skips.views : skips.tiles, 2, "levels")]] : []),
       ["Processor", `${number(live.cpu_percent)} % of a core`],
+      ...deviceFacts(live.device),
       ...(status.noticed ?? []).map(({ what, text }) => [NOTICED_WORDS[what] ?? what, text, "warn"])]);
     this.showStorage(storage);
     facts(this.cards.clients.list, [

@@ -8,10 +8,12 @@
 
 #include "base/log.h"
 #include "pipeline/gpu/backoff.h"
+#include "pipeline/gpu/opener.h"
 
 struct sst_gpu_shared {
     char name[SST_GPU_NAME]; /* as asked for */
     struct sst_gpu_config cfg;
+    bool live;
     pthread_mutex_t lock;
     /* under lock */
     struct sst_gpu *gpu; /* NULL: it failed, or was not opened again yet */
@@ -19,7 +21,16 @@ struct sst_gpu_shared {
     int64_t opening; /* counts them */
     struct sst_gpu_backoff backoff;
     struct sst_gpu_user *users;
+    struct sst_gpu_opener *opener; /* live: at work on opening it again */
+    int err;                       /* live: of the first opening */
+    char why[SST_LOG_MAX];         /* live: what the last error said */
 };
+
+static void note_opening(struct sst_gpu_shared *s)
+{
+    s->opening++;
+    s->info = *sst_gpu_get_info(s->gpu);
+}
 
 static int open_locked(struct sst_gpu_shared *s)
 {
@@ -29,8 +40,22 @@ static int open_locked(struct sst_gpu_shared *s)
         s->gpu = NULL;
         return err;
     }
-    s->opening++;
-    s->info = *sst_gpu_get_info(s->gpu);
+    note_opening(s);
+    return 0;
+}
+
+/* Open a live device again beside the work. @return 0, -EINPROGRESS, or an error */
+static int open_beside_locked(struct sst_gpu_shared *s, struct sst_gpu_user *user)
+{
+    const struct sst_gpu_opening what = {
+        s->name, s->cfg, user->shaders, user->count, user->count + user->tested, user->work
+    };
+    const int err = sst_gpu_open_beside(&s->opener, &what, &s->gpu, s->why);
+
+    if (err)
+        return err;
+    note_opening(s);
+    user->opening = s->opening;
     return 0;
 }
 
@@ -51,14 +76,54 @@ static int prepare_locked(struct sst_gpu_shared *s, struct sst_gpu_user *user)
 
     if (user->opening == s->opening)
         return 0;
+    s->why[0] = 0;
     for (size_t i = 0; i < user->count && !err; i++)
         err = sst_gpu_prepare(s->gpu, user->shaders[i]);
-    if (err)
+    if (err && s->live)
+        snprintf(s->why, sizeof(s->why), "the device `%.200s` cannot %s: %s", s->name, user->work, sst_gpu_error(err));
+    else if (err)
         sst_log_error("the device `%s` cannot %s: %s; choose another --device", s->name, user->work,
                       sst_gpu_error(err));
     else
         user->opening = s->opening;
     return err;
+}
+
+static struct sst_gpu_shared *create(const char *name, const struct sst_gpu_config *cfg)
+{
+    struct sst_gpu_shared *s = calloc(1, sizeof(*s));
+
+    if (!s) {
+        sst_log_error("not enough memory for a device");
+        return NULL;
+    }
+    pthread_mutex_init(&s->lock, NULL);
+    s->cfg = *cfg;
+    snprintf(s->name, sizeof(s->name), "%s", name);
+    return s;
+}
+
+int sst_gpu_shared_create_live(struct sst_gpu_shared **out, const char *name, uint64_t memory_bytes, int percent)
+{
+    const struct sst_gpu_config cfg = { .memory_bytes = memory_bytes, .memory_percent = percent, .prompt = true };
+    struct sst_gpu_shared *s;
+    char *before;
+
+    *out = NULL;
+    if (!strcmp(name, "cpu"))
+        return 0;
+    s = create(name, &cfg);
+    if (!s)
+        return -ENOMEM;
+    s->live = true;
+    before = sst_log_hold_errors(s->why);
+    s->err = open_locked(s);
+    sst_log_hold_errors(before);
+    if (s->err == -ENOENT && !strcmp(name, "auto"))
+        sst_gpu_shared_destroy(s);
+    else
+        *out = s;
+    return 0;
 }
 
 int sst_gpu_shared_create(struct sst_gpu_shared **out, const char *name, uint64_t memory_bytes)
@@ -69,14 +134,9 @@ int sst_gpu_shared_create(struct sst_gpu_shared **out, const char *name, uint64_
     *out = NULL;
     if (!strcmp(name, "cpu"))
         return 0;
-    s = calloc(1, sizeof(*s));
-    if (!s) {
-        sst_log_error("not enough memory for a device");
+    s = create(name, &(struct sst_gpu_config){ .memory_bytes = memory_bytes });
+    if (!s)
         return -ENOMEM;
-    }
-    pthread_mutex_init(&s->lock, NULL);
-    s->cfg.memory_bytes = memory_bytes;
-    snprintf(s->name, sizeof(s->name), "%s", name);
     err = open_locked(s);
     if (err) {
         sst_gpu_shared_destroy(s);
@@ -90,6 +150,7 @@ void sst_gpu_shared_destroy(struct sst_gpu_shared *s)
 {
     if (!s)
         return;
+    sst_gpu_opener_destroy(s->opener);
     close_locked(s);
     pthread_mutex_destroy(&s->lock);
     free(s);
@@ -97,14 +158,14 @@ void sst_gpu_shared_destroy(struct sst_gpu_shared *s)
 
 int sst_gpu_shared_join(struct sst_gpu_shared *s, struct sst_gpu_user *user)
 {
-    int err = 0;
+    int err = s->err;
 
     sst_gpu_shared_lock(s);
     user->opening = 0;
-    if (!s->gpu)
+    if (!s->gpu && !s->live)
         err = open_locked(s);
     err = err ? err : prepare_locked(s, user);
-    if (!err) {
+    if (!err || s->live) {
         user->next = s->users;
         s->users = user;
     }
@@ -152,10 +213,15 @@ struct sst_gpu *sst_gpu_shared_take(struct sst_gpu_shared *s, struct sst_gpu_use
     if (sst_gpu_backoff_skips(&s->backoff))
         return NULL;
     if (!s->gpu)
-        *err = open_locked(s);
+        *err = s->live ? open_beside_locked(s, user) : open_locked(s);
     if (!*err)
         *err = prepare_locked(s, user);
     return *err ? NULL : s->gpu;
+}
+
+const char *sst_gpu_shared_why(const struct sst_gpu_shared *s)
+{
+    return s->why;
 }
 
 void sst_gpu_shared_succeed(struct sst_gpu_shared *s)

@@ -3,6 +3,7 @@
 #ifndef SST_PIPELINE_GPU_SHARED_H
 #define SST_PIPELINE_GPU_SHARED_H
 
+#include "base/log.h"
 #include "pipeline/gpu/gpu.h"
 
 struct sst_gpu_shared; /* any thread, under its lock */
@@ -12,6 +13,7 @@ struct sst_gpu_user {
     /* set before it joins */
     const enum sst_gpu_shader *shaders; /* that it needs */
     size_t count;
+    size_t tested;           /* that follow them, may be refused, and are tested by an opening beside the work */
     const char *work;        /* what the device is to do, for messages: "match" */
     void (*drop)(void *arg); /* free all buffers, under the lock: the device is closed, or others need the memory */
     void *arg;
@@ -29,10 +31,21 @@ struct sst_gpu_user {
  */
 SST_MUST_CHECK int sst_gpu_shared_create(struct sst_gpu_shared **out, const char *name, uint64_t memory_bytes);
 
+/**
+ * The same for the live picture: waits are short (struct sst_gpu_config, `prompt`), a device that cannot be opened now is
+ * tried again, beside the work (opener.h), and errors are not logged but kept for sst_gpu_shared_why(). One kind of work.
+ *
+ * @param percent  of the device's memory, where memory_bytes is 0
+ * @return 0, also where there is no such device: sst_gpu_shared_join() returns why; -ENOMEM (logged)
+ */
+SST_MUST_CHECK int sst_gpu_shared_create_live(struct sst_gpu_shared **out, const char *name, uint64_t memory_bytes,
+                                              int percent);
+
 /** After its last user has left. NULL is fine. */
 void sst_gpu_shared_destroy(struct sst_gpu_shared *s);
 
-/** Prepare the shaders of a kind of work. @return 0, -ENOTSUP (one is refused), or an error of the device; logged */
+/** Prepare the shaders of a kind of work. @return 0, -ENOTSUP (one is refused), or an error of the device; logged, but of
+ *  a live device, whose user joins all the same */
 SST_MUST_CHECK int sst_gpu_shared_join(struct sst_gpu_shared *s, struct sst_gpu_user *user);
 
 /** Drop what the user has on the device. */
@@ -50,10 +63,14 @@ const struct sst_gpu_info *sst_gpu_shared_info(const struct sst_gpu_shared *s);
 
 /**
  * The device for a piece of work, opened again if it failed and was left alone long enough (pipeline/gpu/backoff.h).
- * @param err  out: why there is none; 0: it is left alone. An error is to be reported by sst_gpu_shared_fail().
+ * @param err  out: why there is none; 0: it is left alone; -EINPROGRESS: a live device is being opened. Another error is to
+ *             be reported by sst_gpu_shared_fail().
  * @return NULL: there is none for this piece
  */
 struct sst_gpu *sst_gpu_shared_take(struct sst_gpu_shared *s, struct sst_gpu_user *user, int *err);
+
+/** What the last error of a live device said; "": nothing. */
+const char *sst_gpu_shared_why(const struct sst_gpu_shared *s);
 
 /** A piece of work was done. */
 void sst_gpu_shared_succeed(struct sst_gpu_shared *s);

@@ -7,6 +7,7 @@
 #define SST_PIPELINE_LIVE_LIVE_H
 
 #include "pipeline/lightfield/calibrated.h"
+#include "pipeline/method/network/device.h"
 #include "pipeline/method/network/network.h"
 #include "pipeline/method/render/render.h"
 
@@ -37,9 +38,10 @@ struct sst_live_config {
     bool skip_ranges;                  /* S3: disparities are searched around those of the last set */
     bool skip_views, skip_tiles;       /* S2, S5, of pictures that are rendered whole: as struct sst_render_config has them */
     double skip_error_db;
-    const char *device;           /* pictures are rendered on it, as sst_gpu_open() names it; NULL or "cpu": on none.
-                                     Then skip_views and skip_tiles have no effect */
-    uint64_t device_memory_bytes; /* that it may use; 0: three quarters of the device's */
+    const char *device;           /* pictures are rendered and networks run on it, as sst_gpu_open() names it; NULL or
+                                     "cpu": on none. Then skip_views and skip_tiles have no effect */
+    uint64_t device_memory_bytes; /* that pictures may use; 0: SST_GPU_PICTURES_PERCENT of the device's */
+    uint64_t device_label_bytes;  /* that networks may use; 0: SST_GPU_LABELS_PERCENT */
     bool background;                   /* improve the maps of a static scene on a background thread */
     double alarms_per_hour;            /* false ones accepted of things behind leaves; 0: they are not searched */
     int zones;
@@ -121,7 +123,8 @@ struct sst_live; /* opaque; one thread at a time */
 /** @return 0, -EINVAL (cfg, calibration), -ENOENT/-EBADMSG (model), -ENOMEM; logged. */
 SST_MUST_CHECK int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg);
 void sst_live_close(
-    struct sst_live *live); /* NULL is fine; takes at most 0.5 s, also while the background thread works */
+    struct sst_live *live); /* NULL is fine; takes at most 0.5 s, also while the background thread works; longer, until it
+                               is open, while a device is opened again */
 
 /** Other zones from the next update on. @return 0, -EINVAL (logged; the old ones stay) */
 SST_MUST_CHECK int sst_live_set_zones(struct sst_live *live, const struct sst_live_zone *zone, int zones);
@@ -175,6 +178,14 @@ bool sst_live_skips(const struct sst_live *live, struct sst_render_skip_report *
 /** What the device has done. What it cannot do, or fails at, is rendered on the CPU within the same set. @return false:
  *  there is none */
 bool sst_live_device(const struct sst_live *live, struct sst_render_device_report *out);
+
+/** The same for the network, all of whose live runs are counted. What the background thread computes is the CPU's.
+ *  @return false: there is none, or no model */
+bool sst_live_label_device(const struct sst_live *live, struct sst_network_device_report *out);
+
+/** What a live picture takes, by where it can be computed: names of steps, the last one NULL. Those of the first list are
+ *  on the CPU as well without a device, and where it fails. */
+extern const char *const sst_live_device_steps[], *const sst_live_cpu_steps[];
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 

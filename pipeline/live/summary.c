@@ -176,6 +176,15 @@ bool sst_live_device(const struct sst_live *live, struct sst_render_device_repor
     return sst_renderer_device(live->renderer, out);
 }
 
+bool sst_live_label_device(const struct sst_live *live, struct sst_network_device_report *out)
+{
+    return sst_livescene_device(live->scene, out);
+}
+
+const char *const sst_live_device_steps[] = { "labels", "render", NULL };
+const char *const sst_live_cpu_steps[] = { "change", "decode",     "rectify", "disparity", "refine",
+                                           "encode", "background", NULL };
+
 bool sst_live_range(const struct sst_live *live, double *min_px, double *max_px)
 {
     if (isnan(live->min_px))

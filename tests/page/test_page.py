@@ -984,6 +984,23 @@ def test_hosts(b, fake):
     b.js("document.getElementById('tab-overview').click()")
 
 
+def test_device(b, fake):
+    """Where the live picture is computed is said, also of a device that fails."""
+    card = "document.getElementById('h-health-live').parentElement.textContent"
+    b.js("document.getElementById('tab-health').click()")
+    b.wait(f"{card}.includes('Computed on') && {card}.includes('the processor')")
+    labels = {"failing": False, "runs": 18, "on_cpu": 0, "failures": 0, "reason": ""}
+    device = {"name": "NVIDIA H100", "driver": "", "failing": False, "pictures": 70, "on_cpu": 0, "verified_on_cpu": 0,
+              "failures": 0, "reason": "", "labels": labels, "stages_on_cpu": ["decode", "disparity"]}
+    fake.set(status={"live": {"device": device}})
+    b.wait(f"{card}.includes('NVIDIA H100, 70 pictures') && {card}.includes('18 runs') && {card}.includes('decoding, depth')")
+    fake.set(status={"live": {"device": {"failing": True, "on_cpu": 3, "reason": "the device is lost"}}})
+    b.wait(f"{card}.includes('Device fails') && {card}.includes('3 on the processor: the device is lost')")
+    fake.set(status={"live": {"device": None}})
+    b.wait(f"{card}.includes('Computed on')")
+    b.js("document.getElementById('tab-overview').click()")
+
+
 def test_shared(b, fake):
     """No view of one's own is to be had: the main one is shown, and said so."""
     fake.set(views_max=0, forget_views=True)
@@ -1179,7 +1196,7 @@ def test_contrast(b, fake):
 
 ONLY = os.environ.get("PAGE_ONLY", "").split()
 TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_follow, test_label, test_compare, test_sweep, test_overlay, test_camera_large, test_zoom, test_light, test_adjust, test_cameras,
-         test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones, test_hints, test_locale, test_sessions, test_role, test_states, test_storage, test_hosts, test_shared, test_restart, test_reload, test_hidden,
+         test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones, test_hints, test_locale, test_sessions, test_role, test_states, test_storage, test_hosts, test_device, test_shared, test_restart, test_reload, test_hidden,
          test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast]
 # Errors that the browser itself writes where a test makes the service refuse or end.
 WANTED = ("400", "403", "429", "404", "409", "507", "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET",

@@ -37,6 +37,7 @@ void sst_livescene_close(struct sst_livescene *s)
         if (s->segmenters)
             sst_segmenter_close(s->segmenters[i]);
     }
+    sst_network_device_close(s->networks);
     for (int i = 0; i < SST_SCENE_KEYS; i++) {
         free_maps(&s->key[i].maps);
         free(s->key[i].tile);
@@ -99,7 +100,8 @@ static int open_labels(struct sst_livescene *s)
     s->segmenters = calloc((size_t)s->threads, sizeof(*s->segmenters));
     if (!s->segmenters)
         return -ENOMEM;
-    err = scene_open_segmenter(s, 0);
+    err = s->cfg->device ? sst_network_device_open_live(&s->networks, s->cfg->device, s->cfg->device_label_bytes) : 0;
+    err = err ? err : scene_open_segmenter(s, 0);
     if (err)
         return err;
     if (s->cfg->skip_labels)
@@ -305,6 +307,13 @@ int sst_livescene_tracks(const struct sst_livescene *s, struct sst_live_track ou
                                             .seen_ns = a->seen_ns };
     }
     return n;
+}
+
+bool sst_livescene_device(const struct sst_livescene *s, struct sst_network_device_report *out)
+{
+    if (s->networks)
+        sst_network_device_get_report(s->networks, out);
+    return s->networks;
 }
 
 int sst_livescene_recognise(struct sst_livescene *s, const struct sst_image *image, const double box[4])

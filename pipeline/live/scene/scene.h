@@ -39,6 +39,9 @@ SST_MUST_CHECK int sst_livescene_update(struct sst_livescene *s, struct sst_live
 /** As sst_live_tracks(). */
 int sst_livescene_tracks(const struct sst_livescene *s, struct sst_live_track out[SST_LIVE_TRACKS]);
 
+/** As sst_live_label_device(). */
+bool sst_livescene_device(const struct sst_livescene *s, struct sst_network_device_report *out);
+
 /** As sst_live_recognise(). */
 int sst_livescene_recognise(struct sst_livescene *s, const struct sst_image *image, const double box[4]);
 

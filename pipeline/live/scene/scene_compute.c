@@ -23,7 +23,14 @@
 
 int scene_open_segmenter(struct sst_livescene *s, int worker)
 {
-    return s->segmenters[worker] ? 0 : sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision, 1);
+    int err;
+
+    if (s->segmenters[worker])
+        return 0;
+    err = sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision, 1);
+    if (!err)
+        sst_segmenter_use_device(s->segmenters[worker], s->networks);
+    return err;
 }
 
 static bool any(const uint8_t *tiles, int count)

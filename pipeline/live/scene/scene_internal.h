@@ -9,6 +9,7 @@
 #include "pipeline/live/scene/scene.h"
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/labels/labels.h"
+#include "pipeline/method/network/device.h"
 
 /* Quick maps are computed at half size ("cells" of 2x2 pixels), in key views only: matched against neighbouring views
  * (keys.c), confirmed and labelled (key_maps.c, foreground.c), then warped to every view (warp.c). Disparities are
@@ -317,6 +318,7 @@ struct sst_livescene {
     uint8_t *all;                      /* [tiles] of 1 */
     struct scene_composer *composers;  /* [threads] */
     struct sst_segmenter **segmenters; /* [threads], the first one from the start; NULL: no model */
+    struct sst_network_device *networks; /* that they run on; NULL: on the CPU */
     struct scene_background *background;
     int64_t *hist; /* [SST_DISP_BINS] */
     struct scene_candidates *candidates;
@@ -394,7 +396,7 @@ void scene_free_matchers(struct sst_livescene *s);
 /** Disparities and labels of all dirty tiles. @return 0, -ECANCELED, -ENOMEM, -EBADMSG (network) */
 SST_MUST_CHECK int scene_compute(struct sst_livescene *s, struct sst_live_report *report);
 
-/** The segmenter of a worker. */
+/** Open the segmenter of a worker, which runs on the device, if there is one. */
 SST_MUST_CHECK int scene_open_segmenter(struct sst_livescene *s, int worker);
 
 /* --- scene_settle.c ----------------------------------------------------------------------------------------------- */

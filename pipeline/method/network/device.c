@@ -1,7 +1,7 @@
 /* Networks on a device: plans stay on it, those that were used least recently give way to new ones.
  *
  * A device that fails is closed. The network in work and the next ones then run on the CPU, as in
- * pipeline/method/render/device.c. */
+ * pipeline/method/render/device.c, also where it serves live pictures (`live`). */
 #include "pipeline/method/network/device.h"
 
 #include <errno.h>
@@ -28,9 +28,12 @@ struct entry {
 struct sst_network_device {
     struct sst_gpu_shared *shared;
     bool own; /* shared is nobody else's */
+    bool live;
     struct sst_gpu_user user;
     /* under the lock of shared */
     struct sst_gpu *gpu; /* in work */
+    bool given_up;       /* live: it computes something else, and is not opened again */
+    bool noted;          /* live: that a network is the CPU's */
     struct entry entry[MOST_PLANS];
     int entries;
     int64_t turn;
@@ -62,24 +65,38 @@ static void note_name(struct sst_network_device *d)
     snprintf(d->report.driver, sizeof(d->report.driver), "%s", info->driver);
 }
 
+static struct sst_network_device *create(struct sst_gpu_shared *shared)
+{
+    /* A device must run the first ones; a network that needs others is refused if they are. */
+    static const enum sst_gpu_shader shaders[] = { SST_GPU_NET_CONV8, SST_GPU_NET_CONV, SST_GPU_NET_MOVE,
+                                                   SST_GPU_NET_RESIZE, SST_GPU_NET_POOL };
+    struct sst_network_device *d = calloc(1, sizeof(*d));
+
+    if (!d) {
+        sst_log_error("not enough memory for a device");
+        return NULL;
+    }
+    d->shared = shared;
+    d->user = (struct sst_gpu_user){ .shaders = shaders,
+                                     .count = 2,
+                                     .tested = ARRAY_LEN(shaders) - 2,
+                                     .work = "run networks",
+                                     .drop = drop,
+                                     .arg = d };
+    return d;
+}
+
 int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_shared *shared)
 {
-    static const enum sst_gpu_shader shaders[] = { SST_GPU_NET_CONV8, SST_GPU_NET_CONV };
     struct sst_network_device *d;
     int err;
 
     *out = NULL;
     if (!shared)
         return 0;
-    d = calloc(1, sizeof(*d));
-    if (!d) {
-        sst_log_error("not enough memory for a device");
+    d = create(shared);
+    if (!d)
         return -ENOMEM;
-    }
-    d->shared = shared;
-    d->user = (struct sst_gpu_user){
-        .shaders = shaders, .count = ARRAY_LEN(shaders), .work = "run networks", .drop = drop, .arg = d
-    };
     err = sst_gpu_shared_join(shared, &d->user);
     if (err) {
         free(d);
@@ -121,28 +138,76 @@ static void note_cpu(struct sst_network_device *d, const char *why)
     snprintf(d->report.why, sizeof(d->report.why), "%s", why);
 }
 
-/* After an error of the device: close it, and leave it alone for some runs. */
-static void fail(struct sst_network_device *d, int err)
+/* After an error of the device: close it, and leave it alone for some runs. @param why  "": the error's own */
+static void fail(struct sst_network_device *d, int err, const char *why)
 {
-    sst_log_warning("%s: %s; the network runs on the CPU, and the device is opened again after %d more runs",
-                    d->report.name, sst_gpu_error(err), sst_gpu_shared_fail(d->shared));
-    note_cpu(d, sst_gpu_error(err));
+    const int skipped = sst_gpu_shared_fail(d->shared);
+
+    why = *why ? why : sst_gpu_error(err);
+    d->given_up = d->live && err == -ENOTSUP;
+    if (!d->live)
+        sst_log_warning("%s: %s; the network runs on the CPU, and the device is opened again after %d more runs",
+                        d->report.name, why, skipped);
+    else if (!d->report.failing)
+        sst_log_warning("%s: %s; live labels are computed on the CPU%s", d->report.name, why,
+                        d->given_up ? "" : ", and the device is tried again now and then");
+    snprintf(d->report.failure, sizeof(d->report.failure), "%s", why);
+    d->report.failing = true;
     d->report.failures++;
+}
+
+static void note_success(struct sst_network_device *d)
+{
+    if (d->report.failing && d->live)
+        sst_log_info("%s: live labels are computed on the device again", d->report.name);
+    d->report.failing = false;
+    sst_gpu_shared_succeed(d->shared);
 }
 
 /* True if the device may be tried; else the run is noted as one for the CPU. */
 static bool may_try(struct sst_network_device *d)
 {
-    int err;
+    int err = -ENOTSUP;
 
-    d->gpu = sst_gpu_shared_take(d->shared, &d->user, &err);
-    if (d->gpu)
+    d->gpu = d->given_up ? NULL : sst_gpu_shared_take(d->shared, &d->user, &err);
+    if (d->gpu) {
         note_name(d);
-    else if (err)
-        fail(d, err);
+        return true;
+    }
+    if (err && err != -EINPROGRESS && !d->given_up)
+        fail(d, err, sst_gpu_shared_why(d->shared));
+    if (err)
+        note_cpu(d, err == -EINPROGRESS ? "the device is being opened" : sst_gpu_error(err));
     else
         d->report.on_cpu++;
-    return d->gpu;
+    return false;
+}
+
+int sst_network_device_open_live(struct sst_network_device **out, const char *name, uint64_t memory_bytes)
+{
+    struct sst_gpu_shared *shared;
+    struct sst_network_device *d;
+    int err = sst_gpu_shared_create_live(&shared, name, memory_bytes, SST_GPU_LABELS_PERCENT);
+
+    *out = NULL;
+    if (err || !shared)
+        return err;
+    d = create(shared);
+    if (!d) {
+        sst_gpu_shared_destroy(shared);
+        return -ENOMEM;
+    }
+    d->own = d->live = true;
+    snprintf(d->report.name, sizeof(d->report.name), "%s", name);
+    err = sst_gpu_shared_join(shared, &d->user);
+    sst_gpu_shared_lock(shared);
+    if (err)
+        fail(d, err, sst_gpu_shared_why(shared));
+    else
+        note_name(d);
+    sst_gpu_shared_unlock(shared);
+    *out = d;
+    return 0;
 }
 
 /* --- plans -------------------------------------------------------------------------------------------------------- */
@@ -225,6 +290,9 @@ static int run(struct sst_network_device *d, const struct net_device_job *job)
     e->used = ++d->turn;
     if (!e->plan || net_device_plan_has_s8(e->plan) != !job->out) {
         note_cpu(d, e->plan ? "a normalisation whose result is wanted in floats, or another one in bytes" : e->why);
+        if (d->live && !d->noted)
+            sst_log_warning("%s: %s; live labels are computed on the CPU", d->report.name, d->report.why);
+        d->noted = true;
         return 1;
     }
     err = net_device_plan_run(e->plan, job->in, job->out ? (void *)job->out : job->out_s8, job->factor, &times);
@@ -248,10 +316,12 @@ bool net_device_run(struct sst_network_device *d, const struct net_device_job *j
 
     sst_gpu_shared_lock(d->shared);
     err = may_try(d) ? run(d, job) : 1;
-    if (err < 0)
-        fail(d, err);
-    else if (!err)
-        sst_gpu_shared_succeed(d->shared);
+    if (err < 0) {
+        fail(d, err, "");
+        note_cpu(d, sst_gpu_error(err));
+    } else if (!err) {
+        note_success(d);
+    }
     sst_gpu_shared_unlock(d->shared);
     return !err;
 }
@@ -301,6 +371,16 @@ int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_s
 {
     *out = NULL;
     return shared ? sst_network_device_open(out, sst_gpu_shared_name(shared), 0) : 0;
+}
+
+int sst_network_device_open_live(struct sst_network_device **out, const char *name, uint64_t memory_bytes SST_UNUSED)
+{
+    *out = NULL;
+    if (strcmp(name, "cpu") != 0 && strcmp(name, "auto") != 0)
+        sst_log_warning("device `%s`: this build has no oneDNN, whose plans networks on a device need; live labels are "
+                        "computed on the CPU",
+                        name);
+    return 0;
 }
 
 void sst_network_device_close(struct sst_network_device *d SST_UNUSED)

@@ -7,6 +7,7 @@
 #ifndef SST_PIPELINE_METHOD_NETWORK_DEVICE_H
 #define SST_PIPELINE_METHOD_NETWORK_DEVICE_H
 
+#include "base/log.h"
 #include "pipeline/gpu/shared.h"
 
 struct sst_network_device; /* any number of threads and networks; one network runs at a time */
@@ -24,13 +25,27 @@ SST_MUST_CHECK int sst_network_device_open(struct sst_network_device **out, cons
 /** The same on a device that other kinds of work use as well. @param shared  lives longer; NULL: *out is NULL */
 SST_MUST_CHECK int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_shared *shared);
 
+/**
+ * The same for labels of live pictures: a wait for the device is shorter (struct sst_gpu_config, `prompt`), and a device
+ * that cannot be opened now is tried again later, as one that fails; one that computes something else is not. Of failures
+ * in a row only the first is logged, and that the device works again. Pictures share the device: memory_bytes of 0 is
+ * SST_GPU_LABELS_PERCENT of it.
+ *
+ * @return 0, also where there is no such device (*out is NULL for "cpu", for "auto" without a GPU, and in a build without
+ *         oneDNN, which a warning says); -ENOMEM (logged)
+ */
+SST_MUST_CHECK int sst_network_device_open_live(struct sst_network_device **out, const char *name,
+                                                uint64_t memory_bytes);
+
 /** After all networks that use it. NULL is fine. */
 void sst_network_device_close(struct sst_network_device *d);
 
 /** What a device has done. */
 struct sst_network_device_report {
-    char name[SST_GPU_NAME], driver[SST_GPU_NAME];
-    int64_t runs;                             /* of networks, there */
+    char name[SST_GPU_NAME], driver[SST_GPU_NAME]; /* as asked for and "", if it was never opened */
+    bool failing;              /* it failed at its last run, or could not be opened, and is tried again later */
+    char failure[SST_LOG_MAX]; /* the last one's reason; "": none */
+    int64_t runs;              /* of networks, there */
     int64_t on_cpu;                           /* others */
     int64_t failures;                         /* times that the device failed */
     char why[128];                            /* the last of on_cpu */
