@@ -316,6 +316,7 @@ struct doctor_finding {
 
 struct doctor {
     const struct sst_array_config *cfg;
+    const char *config; /* its file; NULL: the installed one, if it exists */
     const char *folder; /* folder for recordings; NULL: not given */
     int cameras;        /* that will stream, for the sums */
     int count;
@@ -339,6 +340,12 @@ void doctor_check_clock(struct doctor *d);
 void doctor_check_hosts(struct doctor *d);
 void doctor_check_uvcvideo(struct doctor *d);
 void doctor_check_gpu(struct doctor *d);
+
+/* doctor_live.c */
+/** What the device of the live picture does, and what the CPU. */
+void doctor_check_live(struct doctor *d);
+/** "labels, render": a list that ends with NULL. */
+void cli_steps_text(char *out, size_t size, const char *const *steps);
 
 /* --- import_recording: `sst import recording`: sets of a recording as light fields. --- */
 

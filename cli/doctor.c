@@ -73,7 +73,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     err = sst_array_config_read(&cfg, config);
     if (err)
         return cli_exit_code(err);
-    doctor = (struct doctor){ .cfg = &cfg, .folder = folder };
+    doctor = (struct doctor){ .cfg = &cfg, .config = config, .folder = folder };
     if (cfg.role != SST_CONFIG_HEAD || cfg.bound) { /* a head may have no cameras */
         doctor_check_cameras(&doctor);
         doctor_check_bandwidth(&doctor);
@@ -87,6 +87,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     doctor_check_hosts(&doctor);
     doctor_check_uvcvideo(&doctor);
     doctor_check_gpu(&doctor);
+    doctor_check_live(&doctor);
     r = CLI_OK;
     if (json)
         r = print_json(&doctor);
@@ -100,7 +101,8 @@ const struct cli_command cli_doctor = {
     .usage = "[--config FILE] [-o DIR] [--json]",
     .summary = "check permissions, cameras, bandwidth, lines, disk, clock and other hosts for capturing, and test GPUs",
     .detail = "Checks what the configuration needs and changes nothing. Each finding is OK, WARNING or PROBLEM, in "
-              "one\nsentence with its remedy. Exit code 3 when there is a problem.",
+              "one\nsentence with its remedy. Exit code 3 when there is a problem. `live` is where the service computes what\n"
+              "viewers see (live.device).",
     .example = "sst doctor --config array.yaml -o /var/lib/sst",
     .run = run,
 };

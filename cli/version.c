@@ -5,6 +5,7 @@
 #include "cli/cli_internal.h"
 #include "pipeline/gpu/gpu.h"
 #include "pipeline/kernels/kernels.h"
+#include "pipeline/live/live.h"
 #include "pipeline/method/network/model_path.h"
 
 static const struct {
@@ -85,6 +86,25 @@ static void print_devices(const struct sst_gpu_info *info, int n)
         printf("  %-18s %s\n", "device", WITH_VULKAN ? "none" : "none: not built in");
 }
 
+static json_t *steps_json(const char *const *steps)
+{
+    json_t *list = json_array();
+
+    for (int i = 0; steps[i] && list; i++)
+        json_array_append_new(list, json_string(steps[i]));
+    return list;
+}
+
+/* What the service computes on the device of its configuration, if it has one. */
+static void print_live(void)
+{
+    char there[128], here[128];
+
+    cli_steps_text(there, sizeof(there), sst_live_device_steps);
+    cli_steps_text(here, sizeof(here), sst_live_cpu_steps);
+    printf("  %-18s %s; on the CPU: %s\n", "live.device", there, here);
+}
+
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     char path[SST_PATH_MAX];
@@ -112,6 +132,9 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
             json_object_set_new(found, models[i], sst_model_find(path, models[i]) ? json_null() : json_string(path));
         json_object_set_new(root, "devices", devices_json(info, devices));
         json_object_set_new(root, "shaders", shaders_json());
+        json_object_set_new(root, "live",
+                            json_pack("{s:o, s:o}", "on_device", steps_json(sst_live_device_steps), "on_cpu",
+                                      steps_json(sst_live_cpu_steps)));
         return cli_dump_json(root, JSON_INDENT(2));
     }
     printf("sst %s, kernels for %s, %d threads\n", SST_VERSION, cpu, sst_thread_count(0));
@@ -120,6 +143,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     for (size_t i = 0; i < ARRAY_LEN(models); i++)
         printf("  %-18s %s\n", models[i], sst_model_find(path, models[i]) ? "not found" : path);
     print_devices(info, devices);
+    print_live();
     return CLI_OK;
 }
 
@@ -128,7 +152,8 @@ const struct cli_command cli_version = {
     .usage = "[--json]",
     .summary = "version, CPU level, optional parts, models and devices",
     .detail = "Devices are those that `--device` of other commands can name, the one that `gpu` tries first on top;\n"
-              "shaders are what runs there. `sst doctor` tests them.",
+              "shaders are what runs there. `sst doctor` tests them. live.device lists what the service computes on the\n"
+              "device that its configuration names, and what on the CPU.",
     .example = "sst version --json",
     .run = run,
 };
