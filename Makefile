@@ -138,7 +138,7 @@ PLUGINS := $(if $(SHIM_OBJ),$(BUILD)/libsst-opencv.so) $(if $(filter 1,$(WITH_AV
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o)
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 # Programs that tests/system runs beside sst.
-TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c))
+TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c)) $(if $(filter 1,$(WITH_VULKAN)),$(BUILD)/device_lost.so)
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
@@ -306,6 +306,11 @@ check-cli: built-plain
 $(BUILD)/one_thread.so: tests/one_thread.c
 	@mkdir -p $(@D)
 	@$(CC) -std=gnu11 -D_GNU_SOURCE -fPIC -shared $(CWARN) $< -o $@
+
+# Loaded by Vulkan's loader, into programs whose device a test takes away.
+$(BUILD)/device_lost.so: tests/device_lost.c
+	@mkdir -p $(@D)
+	@$(CC) -std=gnu11 -D_GNU_SOURCE -fPIC -shared -pthread -fvisibility=hidden $(CWARN) $< -o $@
 
 check-arm64: ## build everything for arm64 with a cross compiler and run the tests of kernels in an emulator
 	scripts/arm64/check.sh
