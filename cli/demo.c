@@ -193,8 +193,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "port", 0, CLI_INT, &port, "N", "of the page (8090, or as in a kept configuration)", 1, 65535 },
         { "output", 'o', CLI_STRING, &out, "DIR", "folder for all that is written (sst-demo)" },
         { "device", 0, CLI_STRING, &device, "D",
-          "where pictures are rendered and labels computed: cpu, gpu, auto or a part of a device's name (cpu, or as in a "
-          "kept configuration)",
+          "where pictures are rendered and labels computed: cpu, gpu, auto or a part of a device's name (cpu, or as in "
+          "a kept configuration)",
           0, 0 },
         { "preset", 'p', CLI_STRING, &preset, "NAME", "once: preview, balanced (default) or accurate" },
         { "size", 0, CLI_STRING, &size, "WxH", "once: pixels of a view (1000x750)" },

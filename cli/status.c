@@ -167,9 +167,9 @@ static void print_device(const json_t *s)
     if (json_is_object(cli_member(s, "live.device.labels"))) {
         cli_text(s, "live.device.labels.reason", reason, sizeof(reason));
         printf("             labels%s: %.0f runs of the network, %.0f on the CPU instead%s%s; %.0f failures\n",
-               cli_number(s, "live.device.labels.failing") > 0 ? " FAIL" : "",
-               cli_number(s, "live.device.labels.runs"), cli_number(s, "live.device.labels.on_cpu"),
-               *reason ? ": " : "", reason, cli_number(s, "live.device.labels.failures"));
+               cli_number(s, "live.device.labels.failing") > 0 ? " FAIL" : "", cli_number(s, "live.device.labels.runs"),
+               cli_number(s, "live.device.labels.on_cpu"), *reason ? ": " : "", reason,
+               cli_number(s, "live.device.labels.failures"));
     }
     for (size_t i = 0; i < json_array_size(steps); i++)
         printf("%s%s", i ? ", " : "             on the CPU: ", json_string_value(json_array_get(steps, i)));

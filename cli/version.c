@@ -151,9 +151,10 @@ const struct cli_command cli_version = {
     .name = "version",
     .usage = "[--json]",
     .summary = "version, CPU level, optional parts, models and devices",
-    .detail = "Devices are those that `--device` of other commands can name, the one that `gpu` tries first on top;\n"
-              "shaders are what runs there. `sst doctor` tests them. live.device lists what the service computes on the\n"
-              "device that its configuration names, and what on the CPU.",
+    .detail =
+        "Devices are those that `--device` of other commands can name, the one that `gpu` tries first on top;\n"
+        "shaders are what runs there. `sst doctor` tests them. live.device lists what the service computes on the\n"
+        "device that its configuration names, and what on the CPU.",
     .example = "sst version --json",
     .run = run,
 };

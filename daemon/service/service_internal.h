@@ -178,7 +178,7 @@ struct engine_state {
     struct sst_render_skip_report rays;          /* of pictures */
     bool on_device;                              /* pictures are rendered on a device: */
     struct sst_render_device_report device;
-    bool labels_on_device;                       /* so is the network run: */
+    bool labels_on_device; /* so is the network run: */
     struct sst_network_device_report label_device;
     int width, height, views, present;           /* of the light field */
     double range_min_px, range_max_px, focus_px; /* NaN: not known */

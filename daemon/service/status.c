@@ -113,8 +113,8 @@ static json_t *label_device_json(const struct engine_state *v)
 static json_t *cpu_steps_json(const struct engine_state *v)
 {
     /* A device that has run nothing has no form for this network. */
-    const bool labels = v->labels_on_device && !v->label_device.failing &&
-                        (v->label_device.runs || !v->label_device.on_cpu);
+    const bool labels =
+        v->labels_on_device && !v->label_device.failing && (v->label_device.runs || !v->label_device.on_cpu);
     const bool pictures = v->on_device && !v->device.failing && (v->device.pictures || !v->device.on_cpu);
     json_t *list = json_array();
 

@@ -122,9 +122,8 @@ struct sst_live; /* opaque; one thread at a time */
 
 /** @return 0, -EINVAL (cfg, calibration), -ENOENT/-EBADMSG (model), -ENOMEM; logged. */
 SST_MUST_CHECK int sst_live_open(struct sst_live **out, const struct sst_live_config *cfg);
-void sst_live_close(
-    struct sst_live *live); /* NULL is fine; takes at most 0.5 s, also while the background thread works; longer, until it
-                               is open, while a device is opened again */
+void sst_live_close(struct sst_live *live); /* NULL is fine; takes at most 0.5 s, also while the background thread
+                                               works; longer, until it is open, while a device is opened again */
 
 /** Other zones from the next update on. @return 0, -EINVAL (logged; the old ones stay) */
 SST_MUST_CHECK int sst_live_set_zones(struct sst_live *live, const struct sst_live_zone *zone, int zones);
@@ -183,8 +182,8 @@ bool sst_live_device(const struct sst_live *live, struct sst_render_device_repor
  *  @return false: there is none, or no model */
 bool sst_live_label_device(const struct sst_live *live, struct sst_network_device_report *out);
 
-/** What a live picture takes, by where it can be computed: names of steps, the last one NULL. Those of the first list are
- *  on the CPU as well without a device, and where it fails. */
+/** What a live picture takes, by where it can be computed: names of steps, the last one NULL. Those of the first list
+ * are on the CPU as well without a device, and where it fails. */
 extern const char *const sst_live_device_steps[], *const sst_live_cpu_steps[];
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */

@@ -26,13 +26,13 @@ SST_MUST_CHECK int sst_network_device_open(struct sst_network_device **out, cons
 SST_MUST_CHECK int sst_network_device_open_on(struct sst_network_device **out, struct sst_gpu_shared *shared);
 
 /**
- * The same for labels of live pictures: a wait for the device is shorter (struct sst_gpu_config, `prompt`), and a device
- * that cannot be opened now is tried again later, as one that fails; one that computes something else is not. Of failures
- * in a row only the first is logged, and that the device works again. Pictures share the device: memory_bytes of 0 is
- * SST_GPU_LABELS_PERCENT of it.
+ * The same for labels of live pictures: a wait for the device is shorter (struct sst_gpu_config, `prompt`), and a
+ * device that cannot be opened now is tried again later, as one that fails; one that computes something else is not. Of
+ * failures in a row only the first is logged, and that the device works again. Pictures share the device: memory_bytes
+ * of 0 is SST_GPU_LABELS_PERCENT of it.
  *
- * @return 0, also where there is no such device (*out is NULL for "cpu", for "auto" without a GPU, and in a build without
- *         oneDNN, which a warning says); -ENOMEM (logged)
+ * @return 0, also where there is no such device (*out is NULL for "cpu", for "auto" without a GPU, and in a build
+ * without oneDNN, which a warning says); -ENOMEM (logged)
  */
 SST_MUST_CHECK int sst_network_device_open_live(struct sst_network_device **out, const char *name,
                                                 uint64_t memory_bytes);
