@@ -163,8 +163,8 @@ static inline void vote_compare(const struct sst_lightfield *lf, const bool *ski
     struct sst_lightfield copy[2];
 
     refine_copy(copy, lf);
-    assert_int_equal(process_vote_labels(&copy[0], skip, 2, device), 0);
-    assert_int_equal(process_vote_labels(&copy[1], skip, 2, NULL), 0);
+    assert_int_equal(process_vote_labels(&copy[0], skip, NULL, 2, device), 0);
+    assert_int_equal(process_vote_labels(&copy[1], skip, NULL, 2, NULL), 0);
     sst_refine_device_report(device, report);
     refine_assert_same(copy, lf, 20);
 }
