@@ -47,9 +47,8 @@ static int open_locked(struct sst_gpu_shared *s)
 /* Open a live device again beside the work. @return 0, -EINPROGRESS, or an error */
 static int open_beside_locked(struct sst_gpu_shared *s, struct sst_gpu_user *user)
 {
-    const struct sst_gpu_opening what = {
-        s->name, s->cfg, user->shaders, user->count, user->count + user->tested, user->work
-    };
+    const struct sst_gpu_opening what = { s->name,   s->cfg, user->shaders, user->count, user->count + user->tested,
+                                          user->work };
     const int err = sst_gpu_open_beside(&s->opener, &what, &s->gpu, s->why);
 
     if (err)

@@ -32,8 +32,9 @@ struct sst_gpu_user {
 SST_MUST_CHECK int sst_gpu_shared_create(struct sst_gpu_shared **out, const char *name, uint64_t memory_bytes);
 
 /**
- * The same for the live picture: waits are short (struct sst_gpu_config, `prompt`), a device that cannot be opened now is
- * tried again, beside the work (opener.h), and errors are not logged but kept for sst_gpu_shared_why(). One kind of work.
+ * The same for the live picture: waits are short (struct sst_gpu_config, `prompt`), a device that cannot be opened now
+ * is tried again, beside the work (opener.h), and errors are not logged but kept for sst_gpu_shared_why(). One kind of
+ * work.
  *
  * @param percent  of the device's memory, where memory_bytes is 0
  * @return 0, also where there is no such device: sst_gpu_shared_join() returns why; -ENOMEM (logged)
@@ -44,8 +45,8 @@ SST_MUST_CHECK int sst_gpu_shared_create_live(struct sst_gpu_shared **out, const
 /** After its last user has left. NULL is fine. */
 void sst_gpu_shared_destroy(struct sst_gpu_shared *s);
 
-/** Prepare the shaders of a kind of work. @return 0, -ENOTSUP (one is refused), or an error of the device; logged, but of
- *  a live device, whose user joins all the same */
+/** Prepare the shaders of a kind of work. @return 0, -ENOTSUP (one is refused), or an error of the device; logged, but
+ * of a live device, whose user joins all the same */
 SST_MUST_CHECK int sst_gpu_shared_join(struct sst_gpu_shared *s, struct sst_gpu_user *user);
 
 /** Drop what the user has on the device. */
@@ -63,8 +64,8 @@ const struct sst_gpu_info *sst_gpu_shared_info(const struct sst_gpu_shared *s);
 
 /**
  * The device for a piece of work, opened again if it failed and was left alone long enough (pipeline/gpu/backoff.h).
- * @param err  out: why there is none; 0: it is left alone; -EINPROGRESS: a live device is being opened. Another error is to
- *             be reported by sst_gpu_shared_fail().
+ * @param err  out: why there is none; 0: it is left alone; -EINPROGRESS: a live device is being opened. Another error
+ * is to be reported by sst_gpu_shared_fail().
  * @return NULL: there is none for this piece
  */
 struct sst_gpu *sst_gpu_shared_take(struct sst_gpu_shared *s, struct sst_gpu_user *user, int *err);

@@ -77,12 +77,9 @@ static struct sst_network_device *create(struct sst_gpu_shared *shared)
         return NULL;
     }
     d->shared = shared;
-    d->user = (struct sst_gpu_user){ .shaders = shaders,
-                                     .count = 2,
-                                     .tested = ARRAY_LEN(shaders) - 2,
-                                     .work = "run networks",
-                                     .drop = drop,
-                                     .arg = d };
+    d->user = (struct sst_gpu_user){
+        .shaders = shaders, .count = 2, .tested = ARRAY_LEN(shaders) - 2, .work = "run networks", .drop = drop, .arg = d
+    };
     return d;
 }
 
