@@ -183,7 +183,7 @@ $(BUILD)/obj/%.o: %.cc $(BUILD)/flags
 $(BUILD)/web.c: scripts/embed.sh $(WEB_FILES) daemon/web
 	@mkdir -p $(@D)
 	@scripts/embed.sh web_files daemon/publish/publish_internal.h $(WEB_FILES) >$@.new && mv $@.new $@
-$(BUILD)/shaders/%.spv: pipeline/kernels/%.comp
+$(BUILD)/shaders/%.spv: pipeline/kernels/%.comp $(wildcard pipeline/kernels/*.glsl)
 	@mkdir -p $(@D)
 	@echo "  GLSL $<"
 	@glslangValidator -V --quiet --target-env vulkan1.2 -o $@ $<

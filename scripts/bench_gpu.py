@@ -133,7 +133,7 @@ def measure_matching(build, folder, field, preset, device):
     cpu_s, all_s, device_s, wait_s, upload_s, download_s, upload_bytes = (statistics.median(c) for c in zip(*rounds))
     return [f"{cpu_s:.2f}", f"{all_s:.2f}", f"{all_s / cpu_s:.2f}", f"{device_s:.3f}", f"{wait_s:.3f}",
             f"{1e3 * upload_s:.0f} ({upload_bytes / 1e6:.1f})", f"{1e3 * download_s:.0f}", f"{d['views']} / {d['tested']}",
-            ", ".join(d["stages_on_cpu"]), f"{other} of {maps}"]
+            ", ".join(d["stages_on_cpu"]) or "none", f"{other} of {maps}"]
 
 
 def bench_matching(build, folder, device):

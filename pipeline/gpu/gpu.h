@@ -58,6 +58,15 @@ enum sst_gpu_shader {
     SST_GPU_FILL_DOWN = 39,
     SST_GPU_SUBPIXEL_FIT = 40, /* subpixel.h */
     SST_GPU_SUBPIXEL_WINDOW = 41,
+    SST_GPU_SWEEP_POINTS = 42, /* sweep.h */
+    SST_GPU_SWEEP_GATHER = 43,
+    SST_GPU_SWEEP_PEAKS = 44,
+    SST_GPU_SURFACE_START = 45, /* surfaces.h */
+    SST_GPU_SURFACE_PROJECT = 46,
+    SST_GPU_SURFACE_LIST = 47,
+    SST_GPU_CARRY_START = 48, /* carry.h */
+    SST_GPU_CARRY_PROJECT = 49,
+    SST_GPU_CARRY_CLOSE = 50,
     SST_GPU_SHADERS
 };
 

@@ -99,6 +99,15 @@ gpu_reference_fn fill_along_reference;
 gpu_reference_fn fill_down_reference;
 gpu_reference_fn subpixel_fit_reference;
 gpu_reference_fn subpixel_window_reference;
+gpu_reference_fn sweep_points_reference;
+gpu_reference_fn sweep_gather_reference;
+gpu_reference_fn sweep_peaks_reference;
+gpu_reference_fn surface_start_reference;
+gpu_reference_fn surface_project_reference;
+gpu_reference_fn surface_list_reference;
+gpu_reference_fn carry_start_reference;
+gpu_reference_fn carry_project_reference;
+gpu_reference_fn carry_close_reference;
 gpu_self_test_fn blend_self_test;
 gpu_self_test_fn clear_land_self_test;
 gpu_self_test_fn clear_blend_self_test;
@@ -123,6 +132,15 @@ gpu_self_test_fn fill_along_self_test;
 gpu_self_test_fn fill_down_self_test;
 gpu_self_test_fn subpixel_fit_self_test;
 gpu_self_test_fn subpixel_window_self_test;
+gpu_self_test_fn sweep_points_self_test;
+gpu_self_test_fn sweep_gather_self_test;
+gpu_self_test_fn sweep_peaks_self_test;
+gpu_self_test_fn surface_start_self_test;
+gpu_self_test_fn surface_project_self_test;
+gpu_self_test_fn surface_list_self_test;
+gpu_self_test_fn carry_start_self_test;
+gpu_self_test_fn carry_project_self_test;
+gpu_self_test_fn carry_close_self_test;
 gpu_reference_fn net_conv8_reference;
 gpu_reference_fn net_conv_reference;
 gpu_reference_fn net_move_reference;
@@ -157,6 +175,20 @@ gpu_self_test_fn refine_normals_self_test;
 gpu_self_test_fn refine_assign_self_test;
 gpu_reference_fn vote_reference;
 gpu_self_test_fn vote_self_test;
+
+/* --- hypotheses.c: what tests of hypotheses read, for references --- */
+
+struct sst_hypothesis_test;
+struct sst_gpu_hypothesis_cost;
+struct sst_gpu_hypothesis_view;
+
+/** Words of memory that gpu_hypothesis_test() needs. */
+size_t gpu_hypothesis_words(const struct sst_gpu_hypothesis_cost *p);
+
+/**  memory  out, that all views lie in  @param code  out [65536] */
+void gpu_hypothesis_test(struct sst_hypothesis_test *t, const struct sst_gpu_hypothesis_cost *p,
+                         const struct sst_gpu_hypothesis_view *view, const uint32_t *pixels, uint32_t *memory,
+                         uint8_t *code);
 
 /* --- back ends ---------------------------------------------------------------------------------------------------- */
 

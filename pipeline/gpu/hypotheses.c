@@ -23,11 +23,15 @@ static void pad_view(uint32_t *to, const uint32_t *from, int width, int height)
     }
 }
 
-static void set_test(struct sst_hypothesis_test *t, const struct sst_gpu_hypothesis_cost *p, void *const *buffer,
-                     uint32_t *memory, uint8_t *code)
+size_t gpu_hypothesis_words(const struct sst_gpu_hypothesis_cost *p)
 {
-    const struct sst_gpu_hypothesis_view *view = buffer[SST_GPU_HYPOTHESIS_COST_VIEWS];
-    const uint32_t *pixels = buffer[SST_GPU_HYPOTHESIS_COST_PIXELS];
+    return (size_t)(p->views + 1) * ((size_t)p->width + 2 * MARGIN) * ((size_t)p->height + 2 * MARGIN);
+}
+
+void gpu_hypothesis_test(struct sst_hypothesis_test *t, const struct sst_gpu_hypothesis_cost *p,
+                         const struct sst_gpu_hypothesis_view *view, const uint32_t *pixels, uint32_t *memory,
+                         uint8_t *code)
+{
     const size_t stride = (size_t)p->width + 2 * MARGIN, n = stride * ((size_t)p->height + 2 * MARGIN);
     const size_t origin = MARGIN * stride + MARGIN;
 
@@ -71,8 +75,7 @@ void hypothesis_cost_reference(const void *push, void *const *buffer, const uint
 {
     const struct sst_gpu_hypothesis_cost *p = push;
     const size_t width = (size_t)p->width;
-    const size_t padded = (width + 2 * MARGIN) * ((size_t)p->height + 2 * MARGIN);
-    uint32_t *memory = malloc((size_t)(p->views + 1) * padded * sizeof(*memory));
+    uint32_t *memory = malloc(gpu_hypothesis_words(p) * sizeof(*memory));
     uint32_t *counts = buffer[SST_GPU_HYPOTHESIS_COST_COUNTS];
     const uint16_t *list = buffer[SST_GPU_HYPOTHESIS_COST_LIST];
     uint16_t *cost = buffer[SST_GPU_HYPOTHESIS_COST_OUT];
@@ -80,7 +83,8 @@ void hypothesis_cost_reference(const void *push, void *const *buffer, const uint
     struct sst_hypothesis_test test;
 
     assert(memory && code);
-    set_test(&test, p, buffer, memory, code);
+    gpu_hypothesis_test(&test, p, buffer[SST_GPU_HYPOTHESIS_COST_VIEWS], buffer[SST_GPU_HYPOTHESIS_COST_PIXELS], memory,
+                        code);
     for (size_t i = 0; i < width * (size_t)p->height; i++) {
         const uint8_t count = (uint8_t)counts[i];
 
@@ -163,7 +167,7 @@ void hypothesis_choice_reference(const void *push, void *const *buffer, const ui
         gap = next - sum[best];
         out[at] = (count ? list[at * SST_HYPOTHESES + best] : 0xFFFFU) |
                   (best ? (255 * gap / (gap + 128)) << 16 | 1U << 24 : 0) | (counts[at] >> 16 & 7) << 25 |
-                  (counts[at] >> 24 & 1) << 28;
+                  (counts[at] >> 24 & 1) << 28 | ((counts[at] - 1) & 7) << 29;
     }
 }
 

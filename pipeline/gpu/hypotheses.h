@@ -71,7 +71,8 @@ enum sst_gpu_hypothesis_choice_buffer {
     SST_GPU_HYPOTHESIS_CHOICE_COUNTS = 1,
     SST_GPU_HYPOTHESIS_CHOICE_SUM = 2,
     SST_GPU_HYPOTHESIS_CHOICE_OUT = 3, /* out, uint32_t[pixels]: disparity | confidence << 16 | 1 << 24 if it is not the
-                                          first one, which has no confidence | the cheapest << 25 | mark << 28 */
+                                          first one, which has no confidence | the cheapest << 25 | mark << 28 |
+                                          (how many - 1) << 29; the disparity is SST_DISP_NONE without any */
     SST_GPU_HYPOTHESIS_CHOICE_BUFFERS
 };
 

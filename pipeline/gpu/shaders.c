@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "pipeline/gpu/blend.h"
+#include "pipeline/gpu/carry.h"
 #include "pipeline/gpu/check.h"
 #include "pipeline/gpu/clear.h"
 #include "pipeline/gpu/gpu_internal.h"
@@ -13,6 +14,8 @@
 #include "pipeline/gpu/rectify.h"
 #include "pipeline/gpu/refine.h"
 #include "pipeline/gpu/subpixel.h"
+#include "pipeline/gpu/surfaces.h"
+#include "pipeline/gpu/sweep.h"
 #include "pipeline/gpu/vote.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
@@ -68,6 +71,25 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
     [SST_GPU_SUBPIXEL_WINDOW] = { "subpixel_window", SST_GPU_SUBPIXEL_WINDOW_BUFFERS,
                                   sizeof(struct sst_gpu_subpixel_window), subpixel_window_reference,
                                   subpixel_window_self_test },
+    [SST_GPU_SWEEP_POINTS] = { "sweep_points", SST_GPU_SWEEP_POINTS_BUFFERS, sizeof(struct sst_gpu_sweep),
+                               sweep_points_reference, sweep_points_self_test },
+    [SST_GPU_SWEEP_GATHER] = { "sweep_gather", SST_GPU_SWEEP_GATHER_BUFFERS, sizeof(struct sst_gpu_sweep_gather),
+                               sweep_gather_reference, sweep_gather_self_test },
+    [SST_GPU_SWEEP_PEAKS] = { "sweep_peaks", SST_GPU_SWEEP_PEAKS_BUFFERS, sizeof(struct sst_gpu_sweep_peaks),
+                              sweep_peaks_reference, sweep_peaks_self_test },
+    [SST_GPU_SURFACE_START] = { "surface_start", SST_GPU_SURFACE_START_BUFFERS, sizeof(struct sst_gpu_surface_start),
+                                surface_start_reference, surface_start_self_test },
+    [SST_GPU_SURFACE_PROJECT] = { "surface_project", SST_GPU_SURFACE_PROJECT_BUFFERS,
+                                  sizeof(struct sst_gpu_surface_project), surface_project_reference,
+                                  surface_project_self_test },
+    [SST_GPU_SURFACE_LIST] = { "surface_list", SST_GPU_SURFACE_LIST_BUFFERS, sizeof(struct sst_gpu_surface_list),
+                               surface_list_reference, surface_list_self_test },
+    [SST_GPU_CARRY_START] = { "carry_start", SST_GPU_CARRY_START_BUFFERS, sizeof(struct sst_gpu_carry),
+                              carry_start_reference, carry_start_self_test },
+    [SST_GPU_CARRY_PROJECT] = { "carry_project", SST_GPU_CARRY_PROJECT_BUFFERS, sizeof(struct sst_gpu_carry),
+                                carry_project_reference, carry_project_self_test },
+    [SST_GPU_CARRY_CLOSE] = { "carry_close", SST_GPU_CARRY_CLOSE_BUFFERS, sizeof(struct sst_gpu_carry),
+                              carry_close_reference, carry_close_self_test },
     [SST_GPU_NET_CONV8] = { "net_conv8", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_conv), net_conv8_reference,
                             net_conv8_self_test },
     [SST_GPU_NET_CONV] = { "net_conv", SST_GPU_NET_BUFFERS, sizeof(struct sst_gpu_net_conv), net_conv_reference,

@@ -39,7 +39,8 @@ void main()
     }
     d = (hypotheses[4 * at + (best >> 1)] >> (16 * (best & 1))) & 0xFFFF;
     gap = next - least;
-    // Disparity, confidence, whether that is a new one; from the costs: the cheapest one, whether others may be skipped.
+    // Disparity, confidence, whether that is a new one; from the costs: the cheapest one, whether others may be skipped;
+    // how many there are, less one.
     result[at] = (count > 0 ? d : 0xFFFF) | (best > 0 ? (255 * gap / (gap + 128)) << 16 | 1 << 24 : 0) |
-                 ((info >> 16) & 7) << 25 | ((info >> 24) & 1) << 28;
+                 ((info >> 16) & 7) << 25 | ((info >> 24) & 1) << 28 | ((info - 1) & 7) << 29;
 }

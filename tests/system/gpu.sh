@@ -186,8 +186,9 @@ for preset in preview balanced accurate; do
   grep -q '"device": "cpu"' match.json || fail "process $preset: no device"
   matched $preset lavapipe
   [ ! -s err ] || fail "process $preset: $(cat err)"
-  device match.json 'd["views"] >= 3 and d["on_cpu"] == 0 and d["failures"] == 0 and d["why_cpu"] is None and "range" in d["stages_on_cpu"]'
-  [ $preset != accurate ] || device match.json 'not {"subpixel", "check", "filling", "background"} & set(d["stages_on_cpu"])'
+  device match.json 'd["views"] >= 3 and d["on_cpu"] == 0 and d["failures"] == 0 and d["why_cpu"] is None'
+  device match.json 'not {"range", "surfaces", "subpixel", "carrying", "check", "filling"} & set(d["stages_on_cpu"])'
+  [ $preset != accurate ] || device match.json 'd["stages_on_cpu"] == []'
 done
 for fault in lost=150:lost timeout=150:answer memory=1:memory; do
   matched accurate dummy:${fault%:*}

@@ -24,13 +24,12 @@ static void test_same_bytes(void **state)
                       (long long)report.tested, (long long)report.dispatches);
         assert_int_equal(report.tested, tested[i]);
         assert_int_equal(report.tested_on_cpu, 0);
-        assert_int_equal(report.stages_on_cpu & (check | fill | subpixel), 0);
         /* Where all views are matched, the device continues the background as well. */
-        assert_int_equal(report.stages_on_cpu & background, i < 2 || i > 3 ? background : 0);
+        assert_int_equal(report.stages_on_cpu, i < 2 || i > 3 ? background : 0);
         assert_true(report.views >= 3);
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
-        assert_in_range(report.uploads, 7, 8 + 8 * 4);
+        assert_in_range(report.uploads, 7, 8 + 8 * 4 + 16); /* once matched, then by round, refined, checked; carried */
         assert_string_equal(report.why, "");
         sst_disparity_device_report(cfg.device, &report); /* since the last one */
         assert_int_equal(report.views, 0);
@@ -206,8 +205,42 @@ static void test_fallback_later(void **state)
         assert_int_equal(report.tested + report.tested_on_cpu, 16);
         assert_in_range(report.tested, lost[i].tested, lost[i].tested + 2);
         assert_int_equal(report.stages_on_cpu & all, lost[i].stages);
+        assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_SURFACES & 1, report.tested_on_cpu > 0);
         assert_string_equal(report.why, "the device is lost");
         sst_disparity_device_destroy(cfg.device);
+    }
+    sst_lightfield_fini(&lf);
+}
+
+/* The range of disparities, which is searched with pairs of views, at a part of their size. */
+static void test_range(void **state)
+{
+    const struct {
+        const char *name;
+        int at;
+        bool on_cpu; /* some pair */
+    } devices[] = { { "dummy", 0, false }, { "dummy:lost=%d", match_self_tests() + 9, true } };
+    const struct sst_disparity_search on_cpu = { .scale = 1, .threads = 2 };
+    double want[2], got[2];
+    struct sst_lightfield lf;
+
+    (void)state;
+    match_init(&lf, 1, 3, 400, 300, 8);
+    assert_int_equal(sst_disparity_range(&lf, &on_cpu, &want[0], &want[1]), 0);
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        struct sst_disparity_search search = on_cpu;
+        struct sst_disparity_device_report report;
+        char name[40];
+
+        snprintf(name, sizeof(name), devices[i].name, devices[i].at);
+        assert_int_equal(sst_disparity_device_create(&search.device, name, 0), 0);
+        assert_int_equal(sst_disparity_range(&lf, &search, &got[0], &got[1]), 0);
+        assert_memory_equal(got, want, sizeof(want));
+        sst_disparity_device_report(search.device, &report);
+        assert_int_equal(report.views + report.on_cpu, 4); /* of two pairs */
+        assert_int_equal(report.on_cpu > 0, devices[i].on_cpu);
+        assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_RANGE & 1, devices[i].on_cpu);
+        sst_disparity_device_destroy(search.device);
     }
     sst_lightfield_fini(&lf);
 }
@@ -251,9 +284,9 @@ static void test_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        serial_test(test_same_bytes),   cmocka_unit_test(test_narrow), serial_test(test_tiles),
-        serial_test(test_bands),        serial_test(test_fallback),    serial_test(test_fallback_later),
-        cmocka_unit_test(test_refused),
+        serial_test(test_same_bytes), cmocka_unit_test(test_narrow),  serial_test(test_tiles),
+        serial_test(test_bands),      serial_test(test_fallback),     serial_test(test_fallback_later),
+        cmocka_unit_test(test_range), cmocka_unit_test(test_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

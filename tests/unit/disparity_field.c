@@ -146,6 +146,9 @@ static void matches(struct sst_lightfield *lf, const struct sst_disparity_config
     sst_lightfield_fini(lf);
 }
 
+static const struct sst_disparity_search one_thread = { .scale = 1, .threads = 1 },
+                                         two_threads = { .scale = 1, .threads = 2 };
+
 static void two_planes(void **state SST_UNUSED)
 {
     static const struct {
@@ -208,7 +211,7 @@ static void tiny_views(void **state SST_UNUSED)
 
         matches(&lf, &cfg, 0, "tiny");
         lf = field(grid[0], grid[1], size[0], size[1], LOOK_PLANES);
-        assert_int_equal(sst_disparity_range(&lf, 1, 2, &lo, &hi), -ENODATA);
+        assert_int_equal(sst_disparity_range(&lf, &two_threads, &lo, &hi), -ENODATA);
         assert_true(lo == 7 && hi == 8);
         sst_lightfield_fini(&lf);
     }
@@ -229,7 +232,7 @@ static void nothing_to_match(void **state SST_UNUSED)
         if (look == LOOK_SAME)
             assert_true(at_zero > 0.97 * 40 * 30);
         else if (look != LOOK_STRIPES) /* whose border tells something */
-            assert_int_equal(sst_disparity_range(&lf, 1, 1, &lo, &hi), -ENODATA);
+            assert_int_equal(sst_disparity_range(&lf, &one_thread, &lo, &hi), -ENODATA);
         sst_lightfield_fini(&lf);
     }
 }
@@ -243,7 +246,7 @@ static void range(void **state SST_UNUSED)
         struct sst_lightfield lf = field(grids[i][0], grids[i][1], 160, 120, LOOK_PLANES);
         double lo = 0, hi = 0;
 
-        assert_int_equal(sst_disparity_range(&lf, 1, 2, &lo, &hi), 0);
+        assert_int_equal(sst_disparity_range(&lf, &two_threads, &lo, &hi), 0);
         if (!(lo <= BACK_PX && lo >= BACK_PX - 4 && hi >= FRONT_PX && hi <= FRONT_PX + 4))
             fail_msg("grid %dx%d: range %g..%g", grids[i][0], grids[i][1], lo, hi);
         sst_lightfield_fini(&lf);
@@ -277,7 +280,7 @@ static void range_of_leaves(void **state SST_UNUSED)
         sst_map_f32_fini(&disp);
         v->present = true;
     }
-    assert_int_equal(sst_disparity_range(&lf, 1, 2, &lo, &hi), 0);
+    assert_int_equal(sst_disparity_range(&lf, &two_threads, &lo, &hi), 0);
     if (fabs(lo - true_lo) > 4 || fabs(hi - true_hi) > 4)
         fail_msg("range %g..%g, the truth is %g..%g", lo, hi, true_lo, true_hi);
     sst_lightfield_fini(&lf);
@@ -301,7 +304,7 @@ static void range_of_views_that_are_not_aligned(void **state SST_UNUSED)
             memmove(row, row + 12, 148);
         }
     }
-    assert_int_equal(sst_disparity_range(&lf, 1, 2, &lo, &hi), 0);
+    assert_int_equal(sst_disparity_range(&lf, &two_threads, &lo, &hi), 0);
     if (lo > BACK_PX || hi < FRONT_PX)
         fail_msg("range %g..%g", lo, hi);
     sst_lightfield_fini(&lf);

@@ -1,4 +1,5 @@
 /* The sweep: points of a surface that no map has, and the candidates that they make. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -141,13 +142,49 @@ static void candidates_of_another_view(void **state SST_UNUSED)
 /* However wide the range, levels are few; however narrow, they differ. */
 static void levels(void **state SST_UNUSED)
 {
-    assert_int_equal(sst_sweep_level(64, 8), 4);
-    assert_int_equal(sst_sweep_level(64, 1), 1);
-    for (int range = 1; range <= 65534; range += 97) {
-        const int level = sst_sweep_level(range, 96);
+    struct sst_sweep_plan plan;
 
-        assert_true(level >= 48 && range / level < 256);
+    sst_sweep_plan_init(&plan, 320, 240, 64, 8);
+    assert_int_equal(plan.level, 4);
+    assert_int_equal(plan.levels, 17);
+    sst_sweep_plan_init(&plan, 320, 240, 64, 1);
+    assert_int_equal(plan.level, 1);
+    for (int range = 1; range <= 65534; range += 97) {
+        sst_sweep_plan_init(&plan, 2000, 1500, range, 96);
+        assert_true(plan.level >= 48 && range / plan.level < SST_SWEEP_LEVELS);
+        assert_int_equal(plan.cell % plan.stride, 0);
     }
+}
+
+static int floor_of(int a, int b)
+{
+    return a >= 0 ? a / b : -((-a + b - 1) / b);
+}
+
+/* Whole shifts find the cells that fractions do. */
+static void whole_shifts(void **state SST_UNUSED)
+{
+    static const double offsets[] = { 0, 1, -1, 2.013, -0.987, 0.3, 1.013 - 0.013, 3.1 - 0.1 };
+    int32_t shift[SST_SWEEP_LEVELS][2];
+    struct sst_sweep_plan plan;
+
+    sst_sweep_plan_init(&plan, 1000, 750, 40 * 64, 24);
+    for (size_t i = 0; i < ARRAY_LEN(offsets); i++) {
+        sst_sweep_shifts(shift, &plan, offsets[i], -offsets[i], -7);
+        for (int l = 0; l < plan.levels; l++) {
+            const double d = -7 + l * plan.level / 64.0;
+
+            for (int x = 0; x < 100; x++) {
+                /* A number that is whole but for rounding counts as whole. */
+                assert_int_equal(floor_of(x - shift[l][0], plan.cell),
+                                 (int)floor((x - d * offsets[i] + 1e-9) / plan.cell));
+                assert_int_equal(floor_of(x - shift[l][1], plan.cell),
+                                 (int)floor((x + d * offsets[i] + 1e-9) / plan.cell));
+            }
+        }
+    }
+    sst_sweep_shifts(shift, &plan, 1e9, -1e9, -7);
+    assert_true(shift[0][0] < -(1 << 20) && shift[0][1] > 1 << 20);
 }
 
 int main(void)
@@ -157,6 +194,7 @@ int main(void)
         cmocka_unit_test(finds_nothing_else),
         cmocka_unit_test(candidates_of_another_view),
         cmocka_unit_test(levels),
+        cmocka_unit_test(whole_shifts),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

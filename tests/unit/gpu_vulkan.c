@@ -14,6 +14,7 @@
 #include "tests/match_field.h"
 #include "tests/match_network.h"
 #include "tests/refine_field.h"
+#include "tests/second_field.h"
 
 #define DRIVERS "/usr/share/vulkan/icd.d/lvp_icd*.json"
 #define LAYERS  "/usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json"
@@ -229,6 +230,23 @@ static void test_learned(void **state)
     unlink(path);
 }
 
+/* The second pass and carried maps, where a sweep finds surfaces that no map has. */
+static void test_second(void **state)
+{
+    struct sst_disparity_device_report report;
+    struct sst_disparity_device *device;
+
+    (void)state;
+    assert_int_equal(sst_disparity_device_create(&device, "lavapipe", 0), 0);
+    for (int skip = 0; skip < 2; skip++) {
+        second_compare(device, skip, &report);
+        assert_int_equal(report.tested, SECOND_TESTED);
+        assert_int_equal(report.stages_on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+    }
+    sst_disparity_device_destroy(device);
+}
+
 /* Networks in floats and on 8 bits. */
 static void test_networks(void **state)
 {
@@ -317,8 +335,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_choice),   cmocka_unit_test(test_self),     cmocka_unit_test(test_transfer),
         cmocka_unit_test(test_pictures), cmocka_unit_test(test_frames),   cmocka_unit_test(test_matches),
-        cmocka_unit_test(test_networks), cmocka_unit_test(test_variants), cmocka_unit_test(test_labels),
-        cmocka_unit_test(test_learned),  cmocka_unit_test(test_timeout),
+        cmocka_unit_test(test_second),   cmocka_unit_test(test_networks), cmocka_unit_test(test_variants),
+        cmocka_unit_test(test_labels),   cmocka_unit_test(test_learned),  cmocka_unit_test(test_timeout),
     };
     glob_t drivers;
 

@@ -59,7 +59,7 @@ static void widen_range(struct scene_background *b)
     if (!b->estimates)
         return;
     before = sst_log_hold_errors(text);
-    err = sst_disparity_range(lf, 1, 1, &min_px, &max_px);
+    err = sst_disparity_range(lf, &(struct sst_disparity_search){ .scale = 1, .threads = 1 }, &min_px, &max_px);
     (void)sst_log_hold_errors(before);
     if (err)
         return;

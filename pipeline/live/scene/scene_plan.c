@@ -165,7 +165,8 @@ int scene_find_range(struct sst_livescene *s)
         if (sst_clock_now_ns() < s->next_range_ns)
             return 0;
         before = sst_log_hold_errors(text);
-        err = sst_disparity_range(s->lf, 1, s->threads, &min_px, &max_px);
+        err = sst_disparity_range(s->lf, &(struct sst_disparity_search){ .scale = 1, .threads = s->threads }, &min_px,
+                                  &max_px);
         (void)sst_log_hold_errors(before);
         if (err && err != -ENODATA)
             return err;
@@ -189,7 +190,8 @@ static int extend_range(struct sst_livescene *s)
 {
     double min_px, max_px, both_px;
     char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
-    int err = sst_disparity_range(s->lf, 2, s->threads, &min_px, &max_px);
+    int err = sst_disparity_range(s->lf, &(struct sst_disparity_search){ .scale = 2, .threads = s->threads }, &min_px,
+                                  &max_px);
 
     (void)sst_log_hold_errors(before);
     if (err && err != -ENODATA)

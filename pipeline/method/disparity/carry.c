@@ -9,9 +9,10 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/gpu/carry.h"
 #include "pipeline/lightfield/share.h"
 #include "pipeline/lightfield/shift.h"
-#include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/disparity_internal.h"
 
 #define SOURCES 4  /* nearest matched views that a map comes from */
 #define AGREED  3  /* sources that must agree */
@@ -35,6 +36,7 @@ static uint8_t confidence_of(uint32_t arrived)
 struct carry {
     const struct sst_visible_views *in;
     struct sst_map_u8 *status;
+    bool *done; /* [in->count] on the device; only the background is left */
 };
 
 /* Views that are too far away to count in the second pass are too far here: their numbers would not fit. */
@@ -138,20 +140,39 @@ static uint32_t *arrived_init(const struct sst_visible_view *v)
     return sst_mem_alloc_raw((size_t)v->disp->width * (size_t)v->disp->height, sizeof(uint32_t));
 }
 
-/* Where most of the sources put the same surface at a pixel, and no other one a different surface. */
-static int find_agreed(struct sst_map_u8 *agreed, const uint32_t *arrived, const struct farthest *farthest, int width,
-                       int height)
+/* Set SST_GPU_CARRY_AGREED where most of the sources put the same surface at a pixel, and no other one a different
+ * surface. */
+static void find_agreed(uint32_t *arrived, const struct farthest *farthest, size_t pixels)
 {
-    const int err = agreed->data ? 0 : sst_map_u8_init(agreed, width, height);
+    for (size_t i = 0; i < pixels; i++) {
+        if (__builtin_popcount(farthest[i].sources) >= AGREED && disp_of(arrived[i]) - farthest[i].disp < STEP_Q6)
+            arrived[i] |= SST_GPU_CARRY_AGREED;
+    }
+}
+
+/* Write the maps of view k. @param arrived  of carry_to(), with find_agreed() if that is wanted */
+static int take_arrived(const struct carry *c, int k, const uint32_t *arrived)
+{
+    const struct sst_visible_view *own = &c->in->view[k];
+    const int width = own->disp->width, height = own->disp->height;
+    const int err = own->agreed && !own->agreed->data ? sst_map_u8_init(own->agreed, width, height) : 0;
 
     for (int y = 0; !err && y < height; y++) {
-        const size_t row = (size_t)y * (size_t)width;
-        uint8_t *to = sst_map_u8_row(agreed, y);
+        const uint32_t *at = arrived + (size_t)y * (size_t)width;
+        uint16_t *d = sst_map_u16_row(own->disp, y);
+        uint8_t *confidence = sst_map_u8_row(own->confidence, y);
+        uint8_t *agreed = own->agreed ? sst_map_u8_row(own->agreed, y) : NULL;
 
-        for (size_t x = 0; x < (size_t)width; x++) {
-            const struct farthest *f = &farthest[row + x];
+        for (int x = 0; x < width; x++) {
+            const int disp = disp_of(at[x] & ~SST_GPU_CARRY_AGREED);
 
-            to[x] = __builtin_popcount(f->sources) >= AGREED && disp_of(arrived[row + x]) - f->disp < STEP_Q6 ? 255 : 0;
+            d[x] = disp < 0 ? (uint16_t)SST_DISP_NONE : (uint16_t)disp;
+            confidence[x] = confidence_of(at[x]);
+            if (agreed)
+                agreed[x] = at[x] & SST_GPU_CARRY_AGREED ? 255 : 0;
+            if (c->status)
+                sst_map_u8_row(&c->status[k], y)[x] =
+                    at[x] & CONFIRMED ? SST_DISPARITY_CORRECT : SST_DISPARITY_OCCLUSION;
         }
     }
     return err;
@@ -162,6 +183,7 @@ static int carry_job(void *arg, int k, int worker SST_UNUSED)
     const struct carry *c = arg;
     const struct sst_visible_view *own = &c->in->view[k];
     struct farthest *farthest = NULL;
+    const size_t pixels = own->image ? (size_t)own->disp->width * (size_t)own->disp->height : 0;
     uint32_t *arrived;
     int err;
 
@@ -169,25 +191,17 @@ static int carry_job(void *arg, int k, int worker SST_UNUSED)
         return 0;
     if (c->in->cancel && *c->in->cancel)
         return -ECANCELED;
+    if (c->done[k]) {
+        sst_fill_background(own->disp);
+        return 0;
+    }
     arrived = arrived_init(own);
     if (arrived && own->agreed)
-        farthest = sst_mem_alloc_raw((size_t)own->disp->width * (size_t)own->disp->height, sizeof(*farthest));
+        farthest = sst_mem_alloc_raw(pixels, sizeof(*farthest));
     err = arrived && (farthest || !own->agreed) ? carry_to(arrived, farthest, c, k) : -ENOMEM;
     if (!err && farthest)
-        err = find_agreed(own->agreed, arrived, farthest, own->disp->width, own->disp->height);
-    for (int y = 0; !err && y < own->disp->height; y++) {
-        const uint32_t *at = arrived + (size_t)y * (size_t)own->disp->width;
-        uint16_t *d = sst_map_u16_row(own->disp, y);
-        uint8_t *confidence = sst_map_u8_row(own->confidence, y);
-
-        for (int x = 0; x < own->disp->width; x++) {
-            d[x] = disp_of(at[x]) < 0 ? (uint16_t)SST_DISP_NONE : (uint16_t)disp_of(at[x]);
-            confidence[x] = confidence_of(at[x]);
-            if (c->status)
-                sst_map_u8_row(&c->status[k], y)[x] =
-                    at[x] & CONFIRMED ? SST_DISPARITY_CORRECT : SST_DISPARITY_OCCLUSION;
-        }
-    }
+        find_agreed(arrived, farthest, pixels);
+    err = err ? err : take_arrived(c, k, arrived);
     if (!err)
         sst_fill_background(own->disp);
     sst_mem_free(arrived);
@@ -210,20 +224,102 @@ static void carried_maps(void *arg, int k, struct sst_share_maps *out)
         sst_share_add_u8(out, &c->status[k]);
 }
 
+/* Load the sources of all views that `which` names, or of all carried ones. @param which  a view, or -1
+ * @return 1: loaded, 0: the device fails, or an error */
+static int load_sources(const struct carry *c, int which)
+{
+    const struct sst_visible_views *in = c->in;
+    bool *wanted = calloc((size_t)in->count, sizeof(*wanted));
+    int err = wanted ? 0 : -ENOMEM;
+
+    for (int k = 0; k < in->count && !err; k++) {
+        int source[SOURCES], n;
+
+        if (!in->view[k].image || (which < 0 ? !in->view[k].carried : k != which))
+            continue;
+        n = sources_of(in, k, source);
+        for (int i = 0; i < n; i++)
+            wanted[source[i]] = true;
+        err = n < 0 ? n : 0;
+    }
+    if (!err)
+        err = disparity_device_carry_load(in->device, in, c->status, wanted);
+    free(wanted);
+    return err;
+}
+
+/* carry_to() and, if `agreed`, find_agreed() on the device. @return likewise */
+static int carry_to_on_device(uint32_t *arrived, const struct carry *c, int k, bool agreed)
+{
+    int source[SOURCES];
+    const int n = sources_of(c->in, k, source);
+    const struct device_carry in = {
+        .in = c->in, .view = k, .source = source, .sources = n, .agreed = agreed, .out = arrived
+    };
+
+    return n < 0 ? n : disparity_device_carry(c->in->device, &in);
+}
+
+/* As many of the carried views as the device can do. */
+static int carry_on_device(const struct carry *c)
+{
+    uint32_t *arrived = NULL;
+    int err = load_sources(c, -1);
+
+    for (int k = 0; k < c->in->count && err == 1; k++) {
+        const struct sst_visible_view *own = &c->in->view[k];
+
+        if (!own->image || !own->carried)
+            continue;
+        if (c->in->cancel && *c->in->cancel) {
+            err = -ECANCELED;
+            break;
+        }
+        if (!arrived)
+            arrived = arrived_init(own);
+        err = arrived ? carry_to_on_device(arrived, c, k, own->agreed) : -ENOMEM;
+        if (err != 1)
+            break;
+        err = take_arrived(c, k, arrived);
+        c->done[k] = !err;
+        err = err ? err : 1;
+    }
+    sst_mem_free(arrived);
+    return err < 0 ? err : 0;
+}
+
 int sst_disparity_carry(const struct sst_visible_views *in, struct sst_map_u8 *status, int threads)
 {
-    struct carry c = { in, status };
+    struct carry c = { in, status, calloc((size_t)in->count, sizeof(*c.done)) };
+    int err = c.done ? 0 : -ENOMEM;
 
-    return sst_share_blocks(in->share, in->count, sst_visible_block(in), threads, carry_job, &c, carried_maps);
+    if (in->device && in->share) /* its views are the processes' */
+        sst_disparity_device_note_stage(in->device, SST_DISPARITY_STAGE_CARRY);
+    else if (in->device)
+        err = err ? err : carry_on_device(&c);
+    err =
+        err ? err : sst_share_blocks(in->share, in->count, sst_visible_block(in), threads, carry_job, &c, carried_maps);
+    free(c.done);
+    return err;
+}
+
+/* What arrives in view k, on the device if it can. */
+static int carry_to_one(uint32_t *arrived, const struct carry *c, int k)
+{
+    int done = c->in->device ? load_sources(c, k) : 0;
+
+    if (done == 1)
+        done = carry_to_on_device(arrived, c, k, false);
+    return done == 0 ? carry_to(arrived, NULL, c, k) : done < 0 ? done : 0;
 }
 
 int sst_disparity_carry_error(const struct sst_visible_views *in, struct sst_map_u8 *status, int k, double *percent)
 {
     const struct sst_visible_view *own = &in->view[k];
-    const struct carry c = { in, status };
+    const struct carry c = { in, status, NULL };
     uint32_t *arrived = arrived_init(own);
     int64_t n = 0, off = 0;
-    const int err = arrived ? carry_to(arrived, NULL, &c, k) : -ENOMEM;
+    const int err = arrived ? carry_to_one(arrived, &c, k) : -ENOMEM;
 
     for (int y = 0; !err && y < own->disp->height; y++) {
         const uint32_t *at = arrived + (size_t)y * (size_t)own->disp->width;

@@ -19,12 +19,14 @@
 #define STRIP_BYTES  ((size_t)1 << 20) /* of features that are uploaded at once */
 
 static const enum sst_gpu_shader shaders[] = {
-    SST_GPU_CENSUS,         SST_GPU_MATCH_COST,      SST_GPU_SUPPORT_ARMS,    SST_GPU_SUPPORT_SUM,
-    SST_GPU_SUPPORT_MEAN,   SST_GPU_SGM_PATH,        SST_GPU_WINNER,          SST_GPU_MEDIAN,
-    SST_GPU_BILATERAL,      SST_GPU_HYPOTHESIS_COST, SST_GPU_HYPOTHESIS_PATH, SST_GPU_HYPOTHESIS_CHOICE,
-    SST_GPU_CHECK,          SST_GPU_FILL_START,      SST_GPU_FILL_PROJECT,    SST_GPU_FILL_TAKE,
-    SST_GPU_FEATURE_COST,   SST_GPU_FILL_ALONG,      SST_GPU_FILL_DOWN,       SST_GPU_SUBPIXEL_FIT,
-    SST_GPU_SUBPIXEL_WINDOW
+    SST_GPU_CENSUS,          SST_GPU_MATCH_COST,      SST_GPU_SUPPORT_ARMS,    SST_GPU_SUPPORT_SUM,
+    SST_GPU_SUPPORT_MEAN,    SST_GPU_SGM_PATH,        SST_GPU_WINNER,          SST_GPU_MEDIAN,
+    SST_GPU_BILATERAL,       SST_GPU_HYPOTHESIS_COST, SST_GPU_HYPOTHESIS_PATH, SST_GPU_HYPOTHESIS_CHOICE,
+    SST_GPU_CHECK,           SST_GPU_FILL_START,      SST_GPU_FILL_PROJECT,    SST_GPU_FILL_TAKE,
+    SST_GPU_FEATURE_COST,    SST_GPU_FILL_ALONG,      SST_GPU_FILL_DOWN,       SST_GPU_SUBPIXEL_FIT,
+    SST_GPU_SUBPIXEL_WINDOW, SST_GPU_SWEEP_POINTS,    SST_GPU_SWEEP_GATHER,    SST_GPU_SWEEP_PEAKS,
+    SST_GPU_SURFACE_START,   SST_GPU_SURFACE_PROJECT, SST_GPU_SURFACE_LIST,    SST_GPU_CARRY_START,
+    SST_GPU_CARRY_PROJECT,   SST_GPU_CARRY_CLOSE
 };
 
 static const char *const stage_names[SST_DISPARITY_STAGES] = {
@@ -300,6 +302,12 @@ static int upload_at(struct sst_disparity_device *d, struct sst_gpu_buffer *b, s
 int disparity_device_upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data, size_t bytes)
 {
     return upload_at(d, b, 0, data, bytes);
+}
+
+int disparity_device_upload_view(struct sst_disparity_device *d, enum device_kept which, int k, const uint32_t *words,
+                                 size_t n)
+{
+    return upload_at(d, d->kept[which], (size_t)k * n * sizeof(*words), words, n * sizeof(*words));
 }
 
 /* --- one view ----------------------------------------------------------------------------------------------------- */

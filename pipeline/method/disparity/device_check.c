@@ -32,8 +32,7 @@ static int dispatch(struct sst_disparity_device *d, const struct disparity_run *
     return sst_gpu_dispatch(d->gpu, &work);
 }
 
-/* @return 0, -EOVERFLOW (views so far apart that numbers of 32 bits do not hold it) */
-static int set_shift(struct sst_gpu_shift *out, double bx, double by, double disp_min_px)
+int disparity_device_shift(struct sst_gpu_shift *out, double bx, double by, double disp_min_px)
 {
     const struct sst_shift across = sst_shift_by(bx, disp_min_px), down = sst_shift_by(by, disp_min_px);
 
@@ -59,8 +58,6 @@ static int upload_maps(struct sst_disparity_device *d, const struct disparity_ru
     int err = words ? disparity_device_keep(d, KEPT_PIXELS, (size_t)views * n, sizeof(*words)) : -ENOMEM;
 
     for (int k = 0; k < views && !err; k++) {
-        const int64_t start_ns = sst_clock_now_ns();
-
         if (!run->lf->views[k].present)
             continue;
         for (int y = 0; y < run->height; y++) {
@@ -69,10 +66,8 @@ static int upload_maps(struct sst_disparity_device *d, const struct disparity_ru
             for (size_t x = 0; x < width; x++)
                 words[(size_t)y * width + x] = from[x];
         }
-        err = sst_gpu_upload(d->gpu, d->kept[KEPT_PIXELS], (size_t)k * n * sizeof(*words), words, n * sizeof(*words));
+        err = disparity_device_upload_view(d, KEPT_PIXELS, k, words, n);
         d->report.uploads++;
-        d->report.upload_bytes += (int64_t)(n * sizeof(*words));
-        d->report.upload_ns += sst_clock_now_ns() - start_ns;
     }
     return err;
 }
@@ -92,7 +87,7 @@ static int check_view(struct sst_disparity_device *d, const struct disparity_run
 
     for (int i = 0; i < count && !err; i++) {
         other[i].first = first_of(run, &views[i]);
-        err = set_shift(&other[i].shift, -views[i].bx, -views[i].by, run->disp_min);
+        err = disparity_device_shift(&other[i].shift, -views[i].bx, -views[i].by, run->disp_min);
     }
     if (!err && count)
         err = disparity_device_upload(d, d->kept[KEPT_VIEWS], other, (size_t)count * sizeof(*other));
@@ -193,7 +188,7 @@ static int project(struct sst_disparity_device *d, const struct disparity_run *r
     for (int i = 0; i < count && !err; i++) {
         struct sst_gpu_project push = { run->width, run->height, first_of(run, &views[i]), { 0 } };
 
-        err = set_shift(&push.shift, views[i].bx, views[i].by, run->disp_min);
+        err = disparity_device_shift(&push.shift, views[i].bx, views[i].by, run->disp_min);
         err = err ? err
                   : dispatch(d, run, SST_GPU_FILL_PROJECT, &push, d->kept[KEPT_PIXELS], d->kept[KEPT_FILTERED], NULL);
     }

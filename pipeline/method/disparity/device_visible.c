@@ -1,5 +1,6 @@
-/* The second pass on a device: costs of hypotheses, their optimisation and the choice. The CPU gathers the surfaces
- * that are the hypotheses; all views' pixels with their depths lie on the device for a round. */
+/* The second pass on a device: points that views find, the hypotheses of each view (device_surfaces.c), their costs,
+ * the optimisation and the choice. All views' pixels with their depths, and their maps, lie on the device for a round.
+ */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,16 +11,20 @@
 #include "pipeline/gpu/hypotheses.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
-/* After an error: note why views are the CPU's. Without memory the device is not to blame. */
+/* After an error: note why views are the CPU's. Without memory, and where numbers do not fit, the device is not to
+ * blame.
+ */
 static void give_up(struct sst_disparity_device *d, int err)
 {
-    if (err != -ENOMEM) {
+    const char *why = err == -EOVERFLOW ? "views are too far apart" : sst_gpu_error(err);
+
+    if (err != -ENOMEM && err != -EOVERFLOW) {
         disparity_device_fail(d, err);
         return;
     }
     if (!*d->report.why)
-        sst_log_warning("%s: %s; hypotheses are tested on the CPU", d->report.name, sst_gpu_error(err));
-    snprintf(d->report.why, sizeof(d->report.why), "%s", sst_gpu_error(err));
+        sst_log_warning("%s: %s; hypotheses are tested on the CPU", d->report.name, why);
+    snprintf(d->report.why, sizeof(d->report.why), "%s", why);
 }
 
 int disparity_device_upload_packed(struct sst_disparity_device *d, const struct sst_packed_view *view, int count,
@@ -32,29 +37,32 @@ int disparity_device_upload_packed(struct sst_disparity_device *d, const struct 
     disparity_device_drop(d);
     err = words ? disparity_device_keep(d, KEPT_PIXELS, (size_t)count * n, sizeof(*words)) : -ENOMEM;
     for (int k = 0; k < count && !err; k++) {
-        const int64_t start_ns = sst_clock_now_ns();
-
-        for (int y = 0; view[k].pixels && y < height; y++)
+        if (!view[k].pixels)
+            continue;
+        for (int y = 0; y < height; y++)
             memcpy(words + (size_t)y * (size_t)width, view[k].pixels + y * view[k].stride,
                    (size_t)width * sizeof(*words));
-        if (view[k].pixels)
-            err =
-                sst_gpu_upload(d->gpu, d->kept[KEPT_PIXELS], (size_t)k * n * sizeof(*words), words, n * sizeof(*words));
-        d->report.uploads += view[k].pixels != NULL;
-        d->report.upload_bytes += view[k].pixels ? (int64_t)(n * sizeof(*words)) : 0;
-        d->report.upload_ns += sst_clock_now_ns() - start_ns;
+        err = disparity_device_upload_view(d, KEPT_PIXELS, k, words, n);
+        d->report.uploads++;
     }
     return err;
 }
 
-bool disparity_device_load(struct sst_disparity_device *d, const struct sst_packed_view *view, int count, int width,
-                           int height)
+bool disparity_device_load(struct sst_disparity_device *d, const struct sst_visible_views *in,
+                           const struct sst_packed_view *view)
 {
-    int err;
+    int width = 0, height = 0, err;
 
+    for (int k = 0; k < in->count; k++) {
+        if (in->view[k].image) {
+            width = in->view[k].disp->width;
+            height = in->view[k].disp->height;
+        }
+    }
     if (!disparity_device_begin(d))
         return false;
-    err = disparity_device_upload_packed(d, view, count, width, height);
+    err = disparity_device_upload_packed(d, view, in->count, width, height);
+    err = err ? err : disparity_device_load_maps(d, in, (size_t)width * (size_t)height);
     if (err)
         give_up(d, err);
     else
@@ -63,51 +71,95 @@ bool disparity_device_load(struct sst_disparity_device *d, const struct sst_pack
     return !err;
 }
 
-/* Buffers, and what is uploaded for one view. */
-static int prepare(struct sst_disparity_device *d, const struct device_hypotheses *in)
+bool disparity_device_load_points(struct sst_disparity_device *d, const struct sst_sweep *sweep, int sweeps)
+{
+    bool done;
+    int err = 0;
+
+    disparity_device_resume(d);
+    if (d->loaded)
+        err = disparity_device_upload_points(d, sweep, sweeps);
+    done = d->loaded && !err;
+    if (err)
+        give_up(d, err);
+    d->loaded = done;
+    disparity_device_end(d);
+    return done;
+}
+
+/* The views that hypotheses are tested against. */
+static int upload_views(struct sst_disparity_device *d, const struct device_hypotheses *in)
 {
     const struct sst_hypothesis_test *t = in->test;
-    const size_t n = (size_t)t->width * (size_t)t->height, entries = n * SST_HYPOTHESES;
+    const size_t n = (size_t)t->width * (size_t)t->height;
     struct sst_gpu_hypothesis_view view[SST_HYPOTHESIS_VIEWS];
-    uint32_t table[256], *words = sst_mem_keep(&d->words, n, sizeof(*words));
-    int err = words ? disparity_device_keep(d, KEPT_VIEWS, SST_HYPOTHESIS_VIEWS, sizeof(*view)) : -ENOMEM;
+    int err = disparity_device_keep(d, KEPT_VIEWS, SST_HYPOTHESIS_VIEWS, sizeof(*view));
 
-    err = err ? err : disparity_device_keep(d, KEPT_TABLE, 256, sizeof(*table));
-    err = err ? err : disparity_device_keep(d, KEPT_LIST, entries, sizeof(uint16_t));
-    err = err ? err : disparity_device_keep(d, KEPT_COUNTS, n, sizeof(uint32_t));
-    err = err ? err : disparity_device_keep(d, KEPT_COSTS, entries, sizeof(uint16_t));
-    err = err ? err : disparity_device_keep(d, KEPT_SUMS, entries, sizeof(uint32_t));
-    err = err ? err : disparity_device_keep(d, KEPT_CHOSEN, n, sizeof(uint32_t));
-    if (err)
-        return err;
     for (int k = 0; k < t->views; k++)
         view[k] = (struct sst_gpu_hypothesis_view){ t->x[k], t->y[k], t->dx[k], t->dy[k],
                                                     (uint32_t)((size_t)in->nearest[k] * n) };
+    return err || !t->views ? err
+                            : disparity_device_upload(d, d->kept[KEPT_VIEWS], view, (size_t)t->views * sizeof(*view));
+}
+
+/* Buffers, and what is uploaded for one view. */
+static int prepare(struct sst_disparity_device *d, const struct device_hypotheses *in)
+{
+    const size_t n = (size_t)in->test->width * (size_t)in->test->height, entries = n * SST_HYPOTHESES;
+    uint32_t table[256];
+    int err = disparity_device_keep(d, KEPT_TABLE, 256, sizeof(*table));
+
+    err = err ? err : disparity_device_keep(d, KEPT_COSTS, entries, sizeof(uint16_t));
+    err = err ? err : disparity_device_keep(d, KEPT_SUMS, entries, sizeof(uint32_t));
+    err = err ? err : disparity_device_keep(d, KEPT_CHOSEN, n, sizeof(uint32_t));
     for (int i = 0; i < 256; i++)
         table[i] = in->penalty->p1[i] | (uint32_t)in->penalty->p2[i] << 16;
-    for (size_t i = 0; i < n; i++)
-        words[i] = in->count[i];
-    if (t->views)
-        err = disparity_device_upload(d, d->kept[KEPT_VIEWS], view, (size_t)t->views * sizeof(*view));
-    err = err ? err : disparity_device_upload(d, d->kept[KEPT_TABLE], table, sizeof(table));
-    err = err ? err : disparity_device_upload(d, d->kept[KEPT_LIST], in->list, entries * sizeof(*in->list));
-    return err ? err : disparity_device_upload(d, d->kept[KEPT_COUNTS], words, n * sizeof(*words));
+    err = err ? err : upload_views(d, in);
+    return err ? err : disparity_device_upload(d, d->kept[KEPT_TABLE], table, sizeof(table));
+}
+
+static struct sst_gpu_hypothesis_cost cost_of(const struct device_hypotheses *in)
+{
+    const struct sst_hypothesis_test *t = in->test;
+    const size_t n = (size_t)t->width * (size_t)t->height;
+
+    return (struct sst_gpu_hypothesis_cost){ .width = t->width,
+                                             .height = t->height,
+                                             .views = t->views,
+                                             .own = (uint32_t)((size_t)in->view * n),
+                                             .tolerance = t->tolerance,
+                                             .similar = t->similar,
+                                             .most = in->most,
+                                             .settled = t->settled,
+                                             .change = in->change,
+                                             .cheap = in->cheap };
+}
+
+bool disparity_device_sweep(struct sst_disparity_device *d, const struct device_hypotheses *in, struct sst_sweep *out)
+{
+    const struct sst_gpu_hypothesis_cost test = cost_of(in);
+    const int64_t start_ns = sst_clock_now_ns();
+    bool done;
+    int err = 0;
+
+    disparity_device_resume(d);
+    if (d->loaded) {
+        err = upload_views(d, in);
+        err = err ? err : disparity_device_find_points(d, in, &test, out);
+        d->report.total_ns += sst_clock_now_ns() - start_ns;
+    }
+    done = d->loaded && !err;
+    if (err)
+        give_up(d, err);
+    d->loaded = done;
+    disparity_device_end(d);
+    return done;
 }
 
 static int test_costs(struct sst_disparity_device *d, const struct device_hypotheses *in)
 {
     const struct sst_hypothesis_test *t = in->test;
-    const size_t n = (size_t)t->width * (size_t)t->height;
-    const struct sst_gpu_hypothesis_cost push = { .width = t->width,
-                                                  .height = t->height,
-                                                  .views = t->views,
-                                                  .own = (uint32_t)((size_t)in->view * n),
-                                                  .tolerance = t->tolerance,
-                                                  .similar = t->similar,
-                                                  .most = in->most,
-                                                  .settled = t->settled,
-                                                  .change = in->change,
-                                                  .cheap = in->cheap };
+    const struct sst_gpu_hypothesis_cost push = cost_of(in);
 
     d->report.dispatches++;
     return sst_gpu_dispatch(
@@ -168,6 +220,12 @@ static int choose(struct sst_disparity_device *d, const struct device_hypotheses
     err = err ? err : sst_gpu_wait(d->gpu);
     done_ns = sst_clock_now_ns();
     err = err ? err : sst_gpu_download(d->gpu, in->out, d->kept[KEPT_CHOSEN], 0, n * sizeof(*in->out));
+    for (int y = in->first; in->list && y < in->test->height && !err; y += in->every) {
+        const size_t row = (size_t)in->test->width * SST_HYPOTHESES, at = (size_t)y * row;
+
+        err = sst_gpu_download(d->gpu, in->list + at, d->kept[KEPT_LIST], at * sizeof(*in->list),
+                               row * sizeof(*in->list));
+    }
     d->report.wait_ns += done_ns - start_ns;
     d->report.download_ns += sst_clock_now_ns() - done_ns;
     return err;
@@ -177,6 +235,7 @@ static int test(struct sst_disparity_device *d, const struct device_hypotheses *
 {
     int err = prepare(d, in);
 
+    err = err ? err : disparity_device_gather(d, in);
     err = err ? err : test_costs(d, in);
     err = err ? err : optimise(d, in);
     return err ? err : choose(d, in);
@@ -208,4 +267,5 @@ bool disparity_device_test(struct sst_disparity_device *d, const struct device_h
 void disparity_device_note_untested(struct sst_disparity_device *d)
 {
     d->report.tested_on_cpu++;
+    sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_SURFACES);
 }

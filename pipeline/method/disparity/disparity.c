@@ -320,12 +320,8 @@ static void note_stages(const struct disparity_run *run)
 {
     struct sst_disparity_device *d = run->cfg->device;
 
-    if (run->rounds)
-        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_SURFACES);
-    if (run->carried) {
-        sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_CARRY);
+    if (run->carried)
         sst_disparity_device_note_stage(d, SST_DISPARITY_STAGE_BACKGROUND);
-    }
 }
 
 /* What improves all maps together: the second pass, the refinement between pixels, check, filling or carrying. */

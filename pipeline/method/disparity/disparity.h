@@ -93,10 +93,9 @@ struct sst_disparity_report {
     double hypotheses_error;   /* pixels in a sample of rows whose cheapest hypothesis was not tested */
 };
 
-/** What is done on the CPU although there is a device, and named: it has no shader for that, or fails at the check or
- * the filling. */
+/** What is done on the CPU although there is a device, and named: it has no shader for that, or fails at it. */
 enum sst_disparity_stage {
-    SST_DISPARITY_STAGE_RANGE = 0,    /* the range of disparities of a light field */
+    SST_DISPARITY_STAGE_RANGE = 0,    /* the range of disparities of a light field: a pair of its views */
     SST_DISPARITY_STAGE_SURFACES = 1, /* of the second pass: the surfaces around each pixel, which are its hypotheses */
     SST_DISPARITY_STAGE_SUBPIXEL = 2, /* refinement between pixels */
     SST_DISPARITY_STAGE_CARRY = 3,    /* maps carried to other views */
@@ -125,9 +124,9 @@ struct sst_disparity_device_report {
 
 /**
  * Open a device to match views on: the costs of each by census and features of its neighbours, their aggregation, the
- * optimisation, winners and filters; in the second pass the tests of its hypotheses; refinement between pixels, check
- * and filling. The results are the bytes of the CPU. A device that fails is logged as a warning and counted; the view
- * is then matched on the CPU, and the device is tried again later.
+ * optimisation, winners and filters; in the second pass its hypotheses and their tests; refinement between pixels,
+ * carried maps, check and filling. The results are the bytes of the CPU. A device that fails is logged as a warning and
+ * counted; the view is then matched on the CPU, and the device is tried again later.
  *
  * @param name          as of sst_gpu_open(), or "cpu": none; "auto" without a GPU as well
  * @param memory_bytes  that it may use of the device's memory; 0: three quarters. A view whose volume does not fit is
@@ -171,19 +170,23 @@ typedef void sst_progress_fn(void *arg, double done);
 SST_MUST_CHECK int sst_disparity_lightfield(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,
                                             sst_progress_fn *progress, void *progress_arg);
 
+/** How the range of disparities is searched. */
+struct sst_disparity_search {
+    int scale; /* 1; 2: matched at half of that size, in a tenth of the time; gaps of foliage may be missed then */
+    int threads;
+    struct sst_disparity_device *device; /* as of struct sst_disparity_config; a pair that is matched on the CPU
+                                            although there is one is noted as SST_DISPARITY_STAGE_RANGE */
+    struct sst_share *share;             /* with other processes: the neighbours; or NULL */
+};
+
 /**
  * The range of disparities in a light field, from a coarse match of the reference view with its neighbours (images of
  * those must be loaded): nearly all confident pixels on which two neighbours agree, plus a margin (all confident pixels
  * if too few agree: views that are not aligned).
- * @param scale  1; 2: matched at half of that size, in a tenth of the time; gaps of foliage may be missed then
  * @return 0, -ENODATA (not enough texture; logged), -ENOMEM
  */
-SST_MUST_CHECK int sst_disparity_range(const struct sst_lightfield *lf, int scale, int threads, double *min_px,
-                                       double *max_px);
-
-/** The same, the neighbours shared with other processes. @param share  or NULL */
-SST_MUST_CHECK int sst_disparity_shared_range(struct sst_share *share, const struct sst_lightfield *lf, int scale,
-                                              int threads, double *min_px, double *max_px);
+SST_MUST_CHECK int sst_disparity_range(const struct sst_lightfield *lf, const struct sst_disparity_search *search,
+                                       double *min_px, double *max_px);
 
 /**
  * Disparity of the left image of a rectified pair: left(x) matches right(x - d). Unknown is +inf.

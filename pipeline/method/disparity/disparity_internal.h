@@ -4,7 +4,8 @@
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_INTERNAL_H
 
 #include "base/thread.h"
-#include "pipeline/gpu/gpu.h"
+#include "pipeline/gpu/check.h"
+#include "pipeline/gpu/hypotheses.h"
 #include "pipeline/gpu/shared.h"
 #include "pipeline/method/disparity/stage.h"
 #include "pipeline/method/network/network.h"
@@ -91,6 +92,34 @@ SST_MUST_CHECK int run_fill_views(struct disparity_run *run, int threads);
 SST_MUST_CHECK int run_carrying_error(struct disparity_run *run, const struct sst_visible_views *in,
                                       struct sst_map_u8 *status, double *error);
 
+/* --- hypotheses.c: the second pass, one view --- */
+
+/** Hypotheses of a view, [height][width][SST_HYPOTHESES], and scratch. */
+struct hypothesis_lists {
+    int width, height;
+    uint16_t *hypothesis, *cost, *sum;
+    uint8_t *count;
+    uint16_t *line[2]; /* paths of two rows */
+    uint8_t *colour;   /* steps of a row */
+    uint32_t *chosen;  /* by a device, see struct sst_gpu_hypothesis_choice; NULL: never used */
+};
+
+/** Lists of this size, of any content. @return 0, -ENOMEM; hypothesis_lists_fini() frees them, also after a failure */
+SST_MUST_CHECK int hypothesis_lists_init(struct hypothesis_lists *l, int width, int height);
+void hypothesis_lists_fini(struct hypothesis_lists *l);
+
+/** The two paths along row y, its first sums. */
+void hypothesis_paths_along(struct hypothesis_lists *l, const struct sst_hypothesis_penalty *penalty,
+                            const struct sst_packed_view *view, int y);
+
+/** The path from above (dir 1) or below (dir -1) through all rows, added to the sums. */
+void hypothesis_paths_down(struct hypothesis_lists *l, const struct sst_hypothesis_penalty *penalty,
+                           const struct sst_packed_view *view, int dir);
+
+/** The cheapest hypothesis of each pixel of row y; where it is not the pixel's own disparity, the confidence is the
+ *  distance to the next. */
+void hypothesis_choose_row(const struct hypothesis_lists *l, int y, uint16_t *disp, uint8_t *confidence);
+
 /* --- device.c: the first pass on a device --- */
 
 /* Memory of the device that lasts from view to view. */
@@ -113,6 +142,14 @@ enum device_kept {
     KEPT_SUMS = 15,
     KEPT_CHOSEN = 16,
     KEPT_STATE = 17, /* of paths between bands */
+    KEPT_MAPS = 18,  /* of all views, with flags, in the second pass; of those that are carried */
+    KEPT_ROWS = 19,
+    KEPT_PROJECTED = 20, /* what arrives from other views */
+    KEPT_OTHERS = 21,
+    KEPT_POINTS = 22, /* of all sweeps */
+    KEPT_SHIFTS = 23,
+    KEPT_WEIGHTS = 24,
+    KEPT_PEAKS = 25,
     KEPT
 };
 
@@ -134,8 +171,9 @@ struct sst_disparity_device {
     const struct disparity_run *run; /* whose views these are: */
     struct device_pixels view[SST_MAX_VIEWS];
     int64_t turn;
+    uint32_t points;                     /* of the second pass, in KEPT_POINTS */
     const struct disparity_run *checked; /* whose maps were checked last: they lie there with the results */
-    bool loaded;                         /* views lie there: of a round of the second pass, or to be refined */
+    bool loaded;                         /* views lie there: of a round of the second pass, to be refined or carried */
     struct sst_mem_kept words;           /* of the host */
 };
 
@@ -156,6 +194,10 @@ SST_MUST_CHECK int disparity_device_keep(struct sst_disparity_device *d, enum de
 
 SST_MUST_CHECK int disparity_device_upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data,
                                            size_t bytes);
+
+/** Upload a map of view k, as n words, to its place in KEPT_PIXELS or KEPT_MAPS. @return 0 or an error of the device */
+SST_MUST_CHECK int disparity_device_upload_view(struct sst_disparity_device *d, enum device_kept which, int k,
+                                                const uint32_t *words, size_t n);
 
 /** Upload the packed pixels of `count` views into KEPT_PIXELS; those without memory are left out. @return 0 or an error
  *  of the device */
@@ -201,25 +243,81 @@ void disparity_device_forget(struct sst_disparity_device *d, const struct dispar
 
 /* --- device_visible.c: the second pass on a device --- */
 
-/** Hypotheses of a view, to be tested. */
+/** A view of the second pass. */
 struct device_hypotheses {
+    const struct sst_visible_views *in;
+    int view; /* which the hypotheses are of */
     const struct sst_hypothesis_test *test;
     const int *nearest; /* [test->views] these views */
-    int view;           /* which they are tested for */
+    int step;           /* 1/64 px: surfaces that are nearer to each other are one */
+    const struct sst_sweep_plan *plan;
+    /* Of disparity_device_test() alone: */
+    const struct sst_sweep *sweep; /* [sweeps]; their points have been loaded */
+    int sweeps;
     const struct sst_hypothesis_penalty *penalty;
-    const uint16_t *list;         /* [height][width][SST_HYPOTHESES] */
-    const uint8_t *count;         /* [height][width] */
     uint32_t most, change, cheap; /* struct sst_gpu_hypothesis_cost */
     uint32_t *out;                /* [height][width], see struct sst_gpu_hypothesis_choice */
+    uint16_t *list;               /* out, [height][width][SST_HYPOTHESES]: rows first, first + every ...; or NULL */
+    int first, every;
 };
 
-/** Upload the packed pixels of `count` views for a round; those without memory are left out. @return false: the device
- *  failed or has no room; logged, noted */
-bool disparity_device_load(struct sst_disparity_device *d, const struct sst_packed_view *view, int count, int width,
-                           int height);
+/** Upload the views of a round: their packed pixels and maps; those without memory are left out. @return false: the
+ *  device failed or has no room; logged, noted */
+bool disparity_device_load(struct sst_disparity_device *d, const struct sst_visible_views *in,
+                           const struct sst_packed_view *view);
 
-/** Test the hypotheses of a view. One thread at a time. @return false: likewise; the device is not loaded then */
+/** Find the points of a view, as sst_sweep_view() does. One thread at a time. @return false: likewise, and the views
+ * are not loaded any more */
+bool disparity_device_sweep(struct sst_disparity_device *d, const struct device_hypotheses *in, struct sst_sweep *out);
+
+/** Upload the points of all sweeps. @return likewise */
+bool disparity_device_load_points(struct sst_disparity_device *d, const struct sst_sweep *sweep, int sweeps);
+
+/** Gather and test the hypotheses of a view. One thread at a time. @return likewise */
 bool disparity_device_test(struct sst_disparity_device *d, const struct device_hypotheses *in);
+
+/** Count a view that is tested on the CPU instead. */
+void disparity_device_note_untested(struct sst_disparity_device *d);
+
+/* --- device_surfaces.c: the surfaces around each pixel, which are its hypotheses, and the sweep --- */
+
+/** Upload all maps of the second pass. @return 0 or an error of the device, as those below */
+SST_MUST_CHECK int disparity_device_load_maps(struct sst_disparity_device *d, const struct sst_visible_views *in,
+                                              size_t pixels);
+
+SST_MUST_CHECK int disparity_device_upload_points(struct sst_disparity_device *d, const struct sst_sweep *sweep,
+                                                  int sweeps);
+
+/** Points of a view; KEPT_VIEWS holds those that it is tested against. */
+SST_MUST_CHECK int disparity_device_find_points(struct sst_disparity_device *d, const struct device_hypotheses *in,
+                                                const struct sst_gpu_hypothesis_cost *test, struct sst_sweep *out);
+
+/** Leave the hypotheses of a view in KEPT_LIST, and how many in KEPT_COUNTS. */
+SST_MUST_CHECK int disparity_device_gather(struct sst_disparity_device *d, const struct device_hypotheses *in);
+
+/* --- device_carry.c: maps carried to other views on a device --- */
+
+/** What is carried to a view. */
+struct device_carry {
+    const struct sst_visible_views *in;
+    int view;
+    const int *source; /* [sources] views that have been loaded */
+    int sources;
+    bool agreed;   /* wanted */
+    uint32_t *out; /* [height][width] of SST_GPU_CARRY_CLOSE_OUT */
+};
+
+/**
+ * Upload the maps of some matched views.
+ * @param status  [in->count] or NULL
+ * @param wanted  [in->count] these views
+ * @return false: the device failed or has no room; logged, noted
+ */
+bool disparity_device_carry_load(struct sst_disparity_device *d, const struct sst_visible_views *in,
+                                 const struct sst_map_u8 *status, const bool *wanted);
+
+/** Carry maps to a view. @return false: likewise, and the maps are not loaded any more */
+bool disparity_device_carry(struct sst_disparity_device *d, const struct device_carry *in);
 
 /* --- device_subpixel.c: refinement between pixels on a device --- */
 
@@ -253,8 +351,9 @@ bool disparity_device_check(struct sst_disparity_device *d, struct disparity_run
 /** Fill the maps that were checked just before, as run_fill() does with all views. @return likewise */
 bool disparity_device_fill(struct sst_disparity_device *d, struct disparity_run *run);
 
-/** Count a view that is tested on the CPU instead. */
-void disparity_device_note_untested(struct sst_disparity_device *d);
+/** Where disparities put the pixels of a view. @return 0, -EOVERFLOW (views so far apart that numbers of 32 bits do not
+ *  hold it) */
+SST_MUST_CHECK int disparity_device_shift(struct sst_gpu_shift *out, double bx, double by, double disp_min_px);
 
 /* Jobs of sst_parallel_for(), index: a view. */
 sst_work_fn run_describe, run_check, run_fill;

@@ -5,7 +5,7 @@
 
 #include "base/log.h"
 #include "pipeline/lightfield/share.h"
-#include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/disparity/disparity_internal.h"
 
 #define REDUCED_SIDE 320    /* longer sides are halved until they are at most about this */
 #define CONFIDENT    100    /* of 255: a clear second minimum; filled pixels have 0 */
@@ -118,7 +118,7 @@ static int middle(const struct sst_lightfield *lf)
 /* The reference matched with its neighbours, one after the other. */
 struct sides {
     const struct sst_lightfield *lf;
-    int scale, threads;
+    const struct sst_disparity_search *search;
     struct sst_lightfield pair[SIDES]; /* zeroed; without a width: no neighbour there */
     struct side {
         double reach; /* of the search to either side, px (reduced) */
@@ -145,8 +145,9 @@ static int match_side(void *arg, int side, int worker SST_UNUSED)
     s->side[side] = (struct side){ .factor = factor, .width = pair->width, .height = pair->height };
     /* Disparities up to a fifth of the picture's longer side per spacing, in both directions. */
     s->side[side].reach = fmin(ceil(sst_max_int(pair->width, pair->height) / 5.0), SST_DISPARITY_MAX_STEPS / 2 - 1);
-    cfg.scale = s->scale;
-    cfg.threads = s->threads;
+    cfg.scale = s->search->scale;
+    cfg.threads = s->search->threads;
+    cfg.device = s->search->device;
     cfg.disp_min_px = -s->side[side].reach;
     cfg.disp_max_px = s->side[side].reach;
     return sst_disparity_lightfield(pair, &cfg, NULL, NULL);
@@ -162,13 +163,15 @@ static void side_maps(void *arg, int side, struct sst_share_maps *out)
 }
 
 /* Histograms of all sides. */
-static int match_sides(struct sides *s, struct sst_share *share, int64_t all[BINS], int64_t agreed[BINS])
+static int match_sides(struct sides *s, int64_t all[BINS], int64_t agreed[BINS])
 {
+    struct sst_disparity_device *device = s->search->device;
+    const int64_t on_cpu = device ? device->report.on_cpu : 0;
     int err = 0;
 
     for (int side = 0; !err && side < SIDES; side++)
         err = sst_lightfield_init(&s->pair[side], 1, 2);
-    err = err ? err : sst_share_for(share, SIDES, 1, match_side, s, side_maps);
+    err = err ? err : sst_share_for(s->search->share, SIDES, 1, match_side, s, side_maps);
     for (int side = 0; !err && side < SIDES; side++) {
         s->pair[side].width = s->side[side].width;
         s->pair[side].height = s->side[side].height;
@@ -177,23 +180,20 @@ static int match_sides(struct sides *s, struct sst_share *share, int64_t all[BIN
         collect(all, agreed, s->pair, side);
     for (int side = 0; side < SIDES; side++)
         sst_lightfield_fini(&s->pair[side]);
+    if (device && device->report.on_cpu > on_cpu)
+        sst_disparity_device_note_stage(device, SST_DISPARITY_STAGE_RANGE);
     return err;
 }
 
-int sst_disparity_range(const struct sst_lightfield *lf, int scale, int threads, double *min_px, double *max_px)
+int sst_disparity_range(const struct sst_lightfield *lf, const struct sst_disparity_search *search, double *min_px,
+                        double *max_px)
 {
-    return sst_disparity_shared_range(NULL, lf, scale, threads, min_px, max_px);
-}
-
-int sst_disparity_shared_range(struct sst_share *share, const struct sst_lightfield *lf, int scale, int threads,
-                               double *min_px, double *max_px)
-{
-    struct sides s = { .lf = lf, .scale = scale, .threads = threads };
+    struct sides s = { .lf = lf, .search = search };
     int64_t all[BINS] = { 0 }, agreed[BINS] = { 0 }, below = 0;
     const int64_t *histogram = all;
     int64_t total;
     double reach = 0, cut = CUT;
-    int factor = 1, first = -1, last = -1, err = match_sides(&s, share, all, agreed);
+    int factor = 1, first = -1, last = -1, err = match_sides(&s, all, agreed);
 
     if (err)
         return err;

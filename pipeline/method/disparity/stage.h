@@ -484,8 +484,28 @@ struct sst_sweep {
     double bx, by; /* of the view; set by the caller */
 };
 
-/** Disparities between levels, 1/64 px, so that there are at most 256 of them. */
-int sst_sweep_level(int range_q6, int step);
+#define SST_SWEEP_LEVELS 256 /* at most */
+
+/** What a sweep and its candidates go by: the same for all views of a size. */
+struct sst_sweep_plan {
+    int stride;                /* px between sparse pixels, from half of it on */
+    int level, levels;         /* disparities that are tested: multiples of `level`, 1/64 px */
+    int apart;                 /* levels: nearer ones explain a pixel together */
+    int distinct, weight_most; /* least and largest distance to the cost of the next one that counts */
+    int cell, cols, rows;      /* px of a cell's side; cells of a view */
+    int peaks_apart;           /* levels: nearer ones are one candidate */
+    uint32_t gathered, mapped; /* least weight of a candidate; most sparse pixels of a map, counted twice, that do
+                                  not make a surface */
+};
+
+void sst_sweep_plan_init(struct sst_sweep_plan *plan, int width, int height, int range_q6, int step);
+
+/**
+ * Whole pixels that a point of each level moves by to a view at offset (bx, by), so that it is found in the right cell:
+ * it is at (x, y) - shift there.
+ *  shift  out [plan->levels] along x and y
+ */
+void sst_sweep_shifts(int32_t (*shift)[2], const struct sst_sweep_plan *plan, double bx, double by, double disp_min_px);
 
 /**
  * Find the points of sparse pixels that their own disparity does not explain, as `test` decides it.

@@ -11,51 +11,78 @@
 
 #include "pipeline/method/disparity/stage.h"
 
-#define STRIDE      4   /* pixels between samples, in units */
-#define LEVELS_MOST 256 /* disparities that are tested */
+#define STRIDE      4 /* pixels between samples, in units */
 #define DISTINCT    15 /* how much the cheapest disparity costs less than those that are not next to it, at least, ... */
 #define WEIGHT_MOST 100  /* ... and by how much it counts at most */
 #define CELL        16   /* units: candidates are found per cell, ... */
 #define AROUND      2    /* ... from the points of this many cells around */
 #define GATHERED    6000 /* weight that makes a candidate */
 #define MAPPED      8    /* sparse pixels of a map that do not make a surface, each counted twice */
+#define SHIFT_MOST  (1 << 24) /* px */
 
 /* Lengths grow with the picture, and with it what it shows: a unit is 1 px up to 1500 px of width and height together,
  * 2 px up to 2500, and so on. */
-static int unit_of(const struct sst_map_u16 *disp)
+void sst_sweep_plan_init(struct sst_sweep_plan *p, int width, int height, int range_q6, int step)
 {
-    return sst_max_int((disp->width + disp->height + 499) / 1000, 1);
+    const int unit = sst_max_int((width + height + 499) / 1000, 1);
+
+    *p = (struct sst_sweep_plan){
+        .stride = STRIDE * unit,
+        .cell = CELL * unit,
+        .distinct = DISTINCT,
+        .weight_most = WEIGHT_MOST,
+        .gathered = GATHERED,
+        .mapped = MAPPED,
+    };
+    p->level = sst_max_int(sst_max_int(step / 2, 1), (range_q6 + SST_SWEEP_LEVELS - 2) / (SST_SWEEP_LEVELS - 1));
+    p->levels = range_q6 / p->level + 1;
+    p->apart = sst_max_int(step / p->level, 1);
+    p->peaks_apart = sst_max_int(step * 3 / 2 / p->level, 1);
+    p->cols = (width + p->cell - 1) / p->cell;
+    p->rows = (height + p->cell - 1) / p->cell;
 }
 
-int sst_sweep_level(int range_q6, int step)
+/* For whole x, x - px >= 0 where x - whole_from(px) >= 0. A number that is whole but for rounding counts as whole. */
+static int32_t whole_from(double px)
 {
-    return sst_max_int(sst_max_int(step / 2, 1), (range_q6 + LEVELS_MOST - 2) / (LEVELS_MOST - 1));
+    return (int32_t)fmin(fmax(ceil(px - 0x1p-20), -SHIFT_MOST), SHIFT_MOST);
+}
+
+void sst_sweep_shifts(int32_t (*shift)[2], const struct sst_sweep_plan *p, double bx, double by, double disp_min_px)
+{
+    for (int l = 0; l < p->levels; l++) {
+        const double d = disp_min_px + l * p->level / 64.0;
+
+        shift[l][0] = whole_from(d * bx);
+        shift[l][1] = whole_from(d * by);
+    }
 }
 
 /* Cost of all levels for one pixel. */
-static void cost_of_levels(uint16_t *cost, const struct sst_hypothesis_test *t, int x, int y, int level, int levels)
+static void cost_of_levels(uint16_t *cost, const struct sst_hypothesis_test *t, int x, int y,
+                           const struct sst_sweep_plan *p)
 {
-    for (int from = 0; from < levels; from += SST_HYPOTHESES) {
-        const uint8_t count = (uint8_t)sst_max_int(2, sst_min_int(SST_HYPOTHESES, levels - from));
+    for (int from = 0; from < p->levels; from += SST_HYPOTHESES) {
+        const uint8_t count = (uint8_t)sst_max_int(2, sst_min_int(SST_HYPOTHESES, p->levels - from));
         uint16_t hypothesis[SST_HYPOTHESES];
 
         for (int i = 0; i < SST_HYPOTHESES; i++)
-            hypothesis[i] = (uint16_t)((from + i) * level);
+            hypothesis[i] = (uint16_t)((from + i) * p->level);
         sst_kernels_get()->hypothesis_cost_row(cost + from, hypothesis, &count, t, x, y, 1);
     }
 }
 
 /* The level that alone explains a pixel. @return its weight, 0: there is none */
-static int find_distinct(const uint16_t *cost, int levels, int apart, int *level)
+static int find_distinct(const uint16_t *cost, const struct sst_sweep_plan *p, int *level)
 {
     int best = 0, next = SST_HYPOTHESIS_FAR;
 
-    for (int l = 1; l < levels; l++)
+    for (int l = 1; l < p->levels; l++)
         best = cost[l] < cost[best] ? l : best;
-    for (int l = 0; l < levels; l++)
-        next = abs(l - best) > apart && cost[l] < next ? cost[l] : next;
+    for (int l = 0; l < p->levels; l++)
+        next = abs(l - best) > p->apart && cost[l] < next ? cost[l] : next;
     *level = best;
-    return next - cost[best] < DISTINCT ? 0 : sst_min_int(next - cost[best], WEIGHT_MOST);
+    return next - cost[best] < p->distinct ? 0 : sst_min_int(next - cost[best], p->weight_most);
 }
 
 /* True if the pixel's own disparity explains it. */
@@ -72,15 +99,17 @@ static bool is_explained(const struct sst_hypothesis_test *t, int x, int y, uint
 int sst_sweep_view(struct sst_sweep *out, const struct sst_hypothesis_test *test, const struct sst_map_u16 *disp,
                    const struct sst_map_u8 *seen, int range_q6, int step)
 {
-    const int level = sst_sweep_level(range_q6, step), levels = range_q6 / level + 1;
-    const int stride = STRIDE * unit_of(disp);
-    const size_t most = (size_t)(disp->width / stride + 1) * (size_t)(disp->height / stride + 1);
     struct sst_hypothesis_test all = *test;
-    uint16_t cost[LEVELS_MOST + SST_HYPOTHESES];
+    uint16_t cost[SST_SWEEP_LEVELS + SST_HYPOTHESES];
+    struct sst_sweep_plan p;
+    int stride;
 
+    sst_sweep_plan_init(&p, disp->width, disp->height, range_q6, step);
+    stride = p.stride;
     all.settled = 0;
     out->count = 0;
-    out->point = sst_mem_alloc_raw(most, sizeof(*out->point));
+    out->point = sst_mem_alloc_raw((size_t)(disp->width / stride + 1) * (size_t)(disp->height / stride + 1),
+                                   sizeof(*out->point));
     if (!out->point)
         return -ENOMEM;
     for (int y = stride / 2; y < disp->height; y += stride) {
@@ -91,8 +120,8 @@ int sst_sweep_view(struct sst_sweep *out, const struct sst_hypothesis_test *test
             if ((seen && seen->data && !sst_map_u8_row(seen, y)[x]) ||
                 (own != SST_DISP_NONE && is_explained(test, x, y, own)))
                 continue;
-            cost_of_levels(cost, &all, x, y, level, levels);
-            weight = find_distinct(cost, levels, sst_max_int(step / level, 1), &best);
+            cost_of_levels(cost, &all, x, y, &p);
+            weight = find_distinct(cost, &p, &best);
             if (weight)
                 out->point[out->count++] =
                     (struct sst_sweep_point){ (uint16_t)x, (uint16_t)y, (uint16_t)best, (uint16_t)weight };
@@ -111,41 +140,42 @@ void sst_sweep_fini(struct sst_sweep *s)
 
 /* Weights of points by cell and level, [rows][cols][levels]. */
 struct gathered {
-    int cell; /* px */
-    int cols, rows, levels;
+    struct sst_sweep_plan plan;
+    int32_t (*shift)[2]; /* [levels] of a sweep */
     uint32_t *weight, *sum;
     uint32_t *mapped, *mapped_sum; /* sparse pixels of the view's map, likewise */
 };
 
 static size_t cell_at(const struct gathered *g, int col, int row)
 {
-    return ((size_t)row * (size_t)g->cols + (size_t)col) * (size_t)g->levels;
+    return ((size_t)row * (size_t)g->plan.cols + (size_t)col) * (size_t)g->plan.levels;
 }
 
 /* Points of one sweep, seen from a view at offset (bx, by) from its. */
-static void gather(struct gathered *g, const struct sst_sweep *s, double bx, double by, double disp_min_px, int level)
+static void gather(struct gathered *g, const struct sst_sweep *s, double bx, double by, double disp_min_px)
 {
+    sst_sweep_shifts(g->shift, &g->plan, bx, by, disp_min_px);
     for (size_t i = 0; i < s->count; i++) {
         const struct sst_sweep_point *p = &s->point[i];
-        const double d = disp_min_px + p->level * level / 64.0;
-        const int col = (int)floor((p->x - d * bx) / g->cell), row = (int)floor((p->y - d * by) / g->cell);
+        const int x = p->x - g->shift[p->level][0], y = p->y - g->shift[p->level][1];
+        const int col = x / g->plan.cell, row = y / g->plan.cell;
 
-        if (col >= 0 && row >= 0 && col < g->cols && row < g->rows)
+        if (x >= 0 && y >= 0 && col < g->plan.cols && row < g->plan.rows)
             g->weight[cell_at(g, col, row) + p->level] += p->weight;
     }
 }
 
 /* Sparse pixels of a map. */
-static void count_map(struct gathered *g, const struct sst_map_u16 *disp, int level)
+static void count_map(struct gathered *g, const struct sst_map_u16 *disp)
 {
-    const int stride = STRIDE * g->cell / CELL;
+    const int stride = g->plan.stride, level = g->plan.level;
 
     for (int y = stride / 2; y < disp->height; y += stride) {
         for (int x = stride / 2; x < disp->width; x += stride) {
             const int l = (sst_map_u16_row(disp, y)[x] + level / 2) / level;
 
-            if (l < g->levels)
-                g->mapped[cell_at(g, x / g->cell, y / g->cell) + (size_t)l]++;
+            if (l < g->plan.levels)
+                g->mapped[cell_at(g, x / g->plan.cell, y / g->plan.cell) + (size_t)l]++;
         }
     }
 }
@@ -153,12 +183,12 @@ static void count_map(struct gathered *g, const struct sst_map_u16 *disp, int le
 /* sum = values around a cell by level; neighbouring levels count half. */
 static void sum_around(uint32_t *sum, const struct gathered *g, const uint32_t *value, int col, int row)
 {
-    const int n = g->levels;
+    const int n = g->plan.levels;
     uint32_t before = 0;
 
     memset(sum, 0, (size_t)n * sizeof(*sum));
-    for (int y = sst_max_int(row - AROUND, 0); y <= sst_min_int(row + AROUND, g->rows - 1); y++) {
-        for (int x = sst_max_int(col - AROUND, 0); x <= sst_min_int(col + AROUND, g->cols - 1); x++) {
+    for (int y = sst_max_int(row - AROUND, 0); y <= sst_min_int(row + AROUND, g->plan.rows - 1); y++) {
+        for (int x = sst_max_int(col - AROUND, 0); x <= sst_min_int(col + AROUND, g->plan.cols - 1); x++) {
             const uint32_t *v = value + cell_at(g, x, y);
 
             for (int l = 0; l < n; l++)
@@ -174,17 +204,19 @@ static void sum_around(uint32_t *sum, const struct gathered *g, const uint32_t *
 }
 
 /* The heaviest levels that are not next to each other. */
-static void pick_peaks(struct sst_sweep_peak *peak, const struct gathered *g, int apart, int level)
+static void pick_peaks(struct sst_sweep_peak *peak, const struct gathered *g)
 {
+    const struct sst_sweep_plan *p = &g->plan;
+
     for (int i = 0; i < SST_SWEEP_PEAKS; i++) {
         int best = 0;
 
-        for (int l = 1; l < g->levels; l++)
+        for (int l = 1; l < p->levels; l++)
             best = g->sum[l] > g->sum[best] ? l : best;
-        if (g->sum[best] < GATHERED)
+        if (g->sum[best] < p->gathered)
             break;
-        peak[i] = (struct sst_sweep_peak){ (uint16_t)(best * level), g->mapped_sum[best] <= MAPPED };
-        for (int l = sst_max_int(best - apart, 0); l <= sst_min_int(best + apart, g->levels - 1); l++)
+        peak[i] = (struct sst_sweep_peak){ (uint16_t)(best * p->level), g->mapped_sum[best] <= p->mapped };
+        for (int l = sst_max_int(best - p->peaks_apart, 0); l <= sst_min_int(best + p->peaks_apart, p->levels - 1); l++)
             g->sum[l] = 0;
     }
 }
@@ -192,39 +224,41 @@ static void pick_peaks(struct sst_sweep_peak *peak, const struct gathered *g, in
 int sst_sweep_candidates(struct sst_sweep_candidates *out, const struct sst_sweep *sweep, int count, double bx,
                          double by, const struct sst_map_u16 *disp, double disp_min_px, int range_q6, int step)
 {
-    const int level = sst_sweep_level(range_q6, step);
-    const int cell = CELL * unit_of(disp);
-    struct gathered g = { .cell = cell,
-                          .cols = (disp->width + cell - 1) / cell,
-                          .rows = (disp->height + cell - 1) / cell,
-                          .levels = range_q6 / level + 1 };
-    const size_t cells = (size_t)g.cols * (size_t)g.rows;
+    struct gathered g = { 0 };
+    size_t cells, levels;
+    bool done;
 
-    out->cell = cell;
-    out->cols = g.cols;
+    sst_sweep_plan_init(&g.plan, disp->width, disp->height, range_q6, step);
+    cells = (size_t)g.plan.cols * (size_t)g.plan.rows;
+    levels = (size_t)g.plan.levels;
+    out->cell = g.plan.cell;
+    out->cols = g.plan.cols;
     out->peak = sst_mem_alloc_raw(cells * SST_SWEEP_PEAKS, sizeof(*out->peak));
-    g.weight = sst_mem_alloc(cells + 1, (size_t)g.levels * sizeof(*g.weight)); /* the last one: the sum */
-    g.mapped = sst_mem_alloc(cells + 1, (size_t)g.levels * sizeof(*g.mapped));
-    if (out->peak && g.weight && g.mapped) {
-        g.sum = g.weight + cells * (size_t)g.levels;
-        g.mapped_sum = g.mapped + cells * (size_t)g.levels;
+    g.shift = sst_mem_alloc_raw(levels, sizeof(*g.shift));
+    g.weight = sst_mem_alloc(cells + 1, levels * sizeof(*g.weight)); /* the last one: the sum */
+    g.mapped = sst_mem_alloc(cells + 1, levels * sizeof(*g.mapped));
+    done = out->peak && g.shift && g.weight && g.mapped;
+    if (done) {
+        g.sum = g.weight + cells * levels;
+        g.mapped_sum = g.mapped + cells * levels;
         for (int i = 0; i < count; i++)
-            gather(&g, &sweep[i], bx - sweep[i].bx, by - sweep[i].by, disp_min_px, level);
-        count_map(&g, disp, level);
+            gather(&g, &sweep[i], bx - sweep[i].bx, by - sweep[i].by, disp_min_px);
+        count_map(&g, disp);
         for (size_t i = 0; i < cells; i++) {
             struct sst_sweep_peak *peak = out->peak + i * SST_SWEEP_PEAKS;
-            const int col = (int)(i % (size_t)g.cols), row = (int)(i / (size_t)g.cols);
+            const int col = (int)(i % (size_t)g.plan.cols), row = (int)(i / (size_t)g.plan.cols);
 
             for (int k = 0; k < SST_SWEEP_PEAKS; k++)
                 peak[k] = (struct sst_sweep_peak){ SST_DISP_NONE, false };
             sum_around(g.sum, &g, g.weight, col, row);
             sum_around(g.mapped_sum, &g, g.mapped, col, row);
-            pick_peaks(peak, &g, sst_max_int(step * 3 / 2 / level, 1), level);
+            pick_peaks(peak, &g);
         }
     }
     sst_mem_free(g.mapped);
     sst_mem_free(g.weight);
-    return out->peak && g.weight && g.mapped ? 0 : -ENOMEM;
+    sst_mem_free(g.shift);
+    return done ? 0 : -ENOMEM;
 }
 
 void sst_sweep_candidates_fini(struct sst_sweep_candidates *c)

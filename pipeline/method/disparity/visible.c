@@ -51,6 +51,7 @@ struct pass {
     struct sst_map_u16 *out;
     struct sst_hypothesis_penalty penalty;
     struct scratch *scratch; /* [threads] */
+    struct sst_sweep_plan plan;
     struct sst_sweep *sweep; /* [sweeps] points that views found, of all rounds */
     int *swept;              /* [sweeps] these views */
     int sweeps;
@@ -203,7 +204,40 @@ static void set_test(struct sst_hypothesis_test *t, const struct pass *p, int k,
     }
 }
 
+/* What a device does with view k, except for the choice. */
+static struct device_hypotheses device_view(const struct pass *p, int k, const struct sst_hypothesis_test *test,
+                                            const int *nearest)
+{
+    return (struct device_hypotheses){ .in = p->in,
+                                       .view = k,
+                                       .test = test,
+                                       .nearest = nearest,
+                                       .step = p->step,
+                                       .plan = &p->plan,
+                                       .sweep = p->sweep,
+                                       .sweeps = p->sweeps,
+                                       .penalty = &p->penalty,
+                                       .most = (uint32_t)p->in->range * 64 + 1,
+                                       .change = CHANGE,
+                                       .cheap = CHEAP };
+}
+
 /* --- surfaces that no map has ------------------------------------------------------------------------------------- */
+
+/* @return false: the device fails, or has failed */
+static bool sweep_on_device(struct pass *p, int i, const struct sst_hypothesis_test *test, const int *nearest)
+{
+    const struct device_hypotheses in = device_view(p, p->swept[i], test, nearest);
+    bool done;
+
+    pthread_mutex_lock(&p->lock);
+    done = p->loaded && disparity_device_sweep(p->in->device, &in, &p->sweep[i]);
+    p->loaded = done;
+    if (!done)
+        sst_disparity_device_note_stage(p->in->device, SST_DISPARITY_STAGE_SURFACES);
+    pthread_mutex_unlock(&p->lock);
+    return done;
+}
 
 static int sweep_job(void *arg, int i, int worker SST_UNUSED)
 {
@@ -215,6 +249,8 @@ static int sweep_job(void *arg, int i, int worker SST_UNUSED)
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
     set_test(&test, p, p->swept[i], nearest);
+    if (p->in->device && sweep_on_device(p, i, &test, nearest))
+        return 0;
     return sst_sweep_view(&p->sweep[i], &test, v->disp, v->seen, p->in->range * 64, p->step);
 }
 
@@ -244,144 +280,14 @@ static int sweep_views(struct pass *p, int threads)
     return sst_share_for(p->in->share, p->sweeps, threads, sweep_job, p, swept_points);
 }
 
-/* --- optimisation ------------------------------------------------------------------------------------------------- */
-
-/* Hypotheses of a view, [height][width][SST_HYPOTHESES], and scratch. */
-struct lists {
-    int width, height;
-    uint16_t *hypothesis, *cost, *sum;
-    uint8_t *count;
-    uint16_t *line[2]; /* paths of two rows */
-    uint8_t *colour;   /* steps of a row */
-    uint32_t *chosen;  /* by a device, see struct sst_gpu_hypothesis_choice; NULL: never used */
-};
-
-static void lists_fini(struct lists *l)
-{
-    sst_mem_free(l->hypothesis);
-    sst_mem_free(l->cost);
-    sst_mem_free(l->sum);
-    sst_mem_free(l->count);
-    sst_mem_free(l->line[0]);
-    sst_mem_free(l->line[1]);
-    sst_mem_free(l->colour);
-    sst_mem_free(l->chosen);
-    *l = (struct lists){ 0 };
-}
-
-/* Lists of this size, of any content. */
-static int lists_init(struct lists *l, int width, int height)
-{
-    const size_t pixels = (size_t)width * (size_t)height, row = (size_t)width * SST_HYPOTHESES;
-
-    if (l->colour && l->width == width && l->height == height)
-        return 0;
-    lists_fini(l);
-    l->width = width;
-    l->height = height;
-    l->hypothesis = sst_mem_alloc_raw(pixels, SST_HYPOTHESES * sizeof(uint16_t));
-    l->cost = sst_mem_alloc_raw(pixels, SST_HYPOTHESES * sizeof(uint16_t));
-    l->sum = sst_mem_alloc_raw(pixels, SST_HYPOTHESES * sizeof(uint16_t));
-    l->count = sst_mem_alloc_raw(pixels, 1);
-    l->line[0] = sst_mem_alloc_raw(row, sizeof(uint16_t));
-    l->line[1] = sst_mem_alloc_raw(row, sizeof(uint16_t));
-    if (l->hypothesis && l->cost && l->sum && l->count && l->line[0] && l->line[1])
-        l->colour = sst_mem_alloc_raw((size_t)width, 1);
-    return l->colour ? 0 : -ENOMEM;
-}
+/* --- tests and choice ----------------------------------------------------------------------------------------------
+ */
 
 /* What a thread uses for one view after the other. */
 struct scratch {
-    struct lists lists;
+    struct hypothesis_lists lists;
     struct sst_around around;
 };
-
-/* Largest colour step between packed pixels of two rows. */
-static void colour_steps(uint8_t *out, const uint32_t *a, const uint32_t *b, int n)
-{
-    for (int x = 0; x < n; x++) {
-        int most = 0;
-
-        for (int c = 0; c < 24; c += 8) {
-            const int p = (int)(a[x] >> c & 255), q = (int)(b[x] >> c & 255), step = p > q ? p - q : q - p;
-
-            most = step > most ? step : most;
-        }
-        out[x] = (uint8_t)most;
-    }
-}
-
-/* A path starts with the pixels' costs. */
-static void start_path(uint16_t *path, uint16_t *sum, const uint16_t *cost, size_t entries)
-{
-    for (size_t i = 0; i < entries; i++) {
-        path[i] = cost[i];
-        sum[i] = (uint16_t)(sum[i] + cost[i]);
-    }
-}
-
-/* The two paths along row y. */
-static void along_row(struct lists *l, const struct pass *p, const struct packed *view, int y)
-{
-    const size_t row = (size_t)l->width * SST_HYPOTHESES, at = (size_t)y * row, last = row - SST_HYPOTHESES;
-    const uint16_t *cost = l->cost + at, *hypothesis = l->hypothesis + at;
-    const uint32_t *pixels = view->pixels + y * view->stride;
-    uint16_t *sum = l->sum + at, *path = l->line[0];
-    const uint8_t *count = l->count + (size_t)y * (size_t)l->width;
-    const size_t n = (size_t)l->width - 1;
-
-    memset(sum, 0, row * sizeof(*sum));
-    colour_steps(l->colour, pixels + 1, pixels, l->width - 1); /* between x and x + 1 */
-    start_path(path, sum, cost, SST_HYPOTHESES);
-    sst_kernels_get()->hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,
-                                           hypothesis + SST_HYPOTHESES, path, hypothesis, l->colour, count + 1,
-                                           &p->penalty, SST_HYPOTHESES, n);
-    start_path(path + last, sum + last, cost + last, SST_HYPOTHESES);
-    if (n)
-        sst_kernels_get()->hypothesis_path_row(path + last - SST_HYPOTHESES, sum + last - SST_HYPOTHESES,
-                                               cost + last - SST_HYPOTHESES, hypothesis + last - SST_HYPOTHESES,
-                                               path + last, hypothesis + last, l->colour + n - 1, count + n - 1,
-                                               &p->penalty, -SST_HYPOTHESES, n);
-}
-
-/* The path from above (dir 1) or below (dir -1) through all rows. */
-static void across_rows(struct lists *l, const struct pass *p, const struct packed *view, int dir)
-{
-    const size_t row = (size_t)l->width * SST_HYPOTHESES;
-
-    for (int i = 0; i < l->height; i++) {
-        const int y = dir > 0 ? i : l->height - 1 - i;
-        const size_t at = (size_t)y * row, from = (size_t)(y - dir) * row;
-        uint16_t *path = l->line[i % 2];
-
-        if (!i) {
-            start_path(path, l->sum + at, l->cost + at, row);
-            continue;
-        }
-        colour_steps(l->colour, view->pixels + y * view->stride, view->pixels + (y - dir) * view->stride, l->width);
-        sst_kernels_get()->hypothesis_path_row(
-            path, l->sum + at, l->cost + at, l->hypothesis + at, l->line[(i + 1) % 2], l->hypothesis + from, l->colour,
-            l->count + (size_t)y * (size_t)l->width, &p->penalty, SST_HYPOTHESES, (size_t)l->width);
-    }
-}
-
-/* The cheapest hypothesis; where it is not the pixel's own disparity, the confidence is the distance to the next. */
-static void choose_row(const struct lists *l, int y, uint16_t *disp, uint8_t *confidence)
-{
-    for (int x = 0; x < l->width; x++) {
-        const size_t pixel = (size_t)y * (size_t)l->width + (size_t)x;
-        const uint16_t *sum = l->sum + pixel * SST_HYPOTHESES;
-        int best = 0, next = 65535;
-
-        for (int i = 1; i < l->count[pixel]; i++)
-            best = sum[i] < sum[best] ? i : best;
-        for (int i = 0; i < l->count[pixel]; i++)
-            next = i != best && sum[i] < next ? sum[i] : next;
-        disp[x] = l->count[pixel] ? l->hypothesis[pixel * SST_HYPOTHESES + (size_t)best] : (uint16_t)SST_DISP_NONE;
-        if (best)
-            confidence[x] = (uint8_t)(255 * (next - sum[best]) / (next - sum[best] + 128));
-    }
-}
 
 /* Where colours are alike everywhere, no hypothesis is better than another by more than noise: the pixel's own one
  * stays. One that costs CHANGE or less cannot lose, and no other is tested. */
@@ -406,8 +312,8 @@ static int cheapest(const uint16_t *cost, int count)
 /* Count what skipping left out in row y of view k, and measure in some rows what that changes.
  * @param exact   scratch, a row
  * @param chosen  of a device, or NULL: the costs are those of the lists */
-static void count_skipped(struct pass *p, int k, const struct lists *l, const struct sst_hypothesis_test *test, int y,
-                          uint16_t *exact, const uint32_t *chosen)
+static void count_skipped(struct pass *p, int k, const struct hypothesis_lists *l,
+                          const struct sst_hypothesis_test *test, int y, uint16_t *exact, const uint32_t *chosen)
 {
     struct counted *counted = &p->counted[k];
     const size_t row = (size_t)y * (size_t)l->width, entries = row * SST_HYPOTHESES;
@@ -454,10 +360,10 @@ static void report_skipped(const struct pass *p)
         report->hypotheses_error = 100 * (double)all.changed / (double)all.samples;
 }
 
-/* Hypotheses of a view, and their costs unless a device computes them: in strips, so that the rows of the other views
- * that one row needs are in the cache for the next. */
-static void test_hypotheses(struct lists *l, const struct pass *p, const struct sst_around *around,
-                            const struct sst_visible_view *v, const struct sst_hypothesis_test *test, bool cost_too)
+/* Hypotheses of a view and their costs: in strips, so that the rows of the other views that one row needs are in the
+ * cache for the next. */
+static void test_hypotheses(struct hypothesis_lists *l, const struct pass *p, const struct sst_around *around,
+                            const struct sst_visible_view *v, const struct sst_hypothesis_test *test)
 {
     const int apart = sst_max_int(p->step, 1);
 
@@ -469,8 +375,6 @@ static void test_hypotheses(struct lists *l, const struct pass *p, const struct 
             uint16_t *hypothesis = l->hypothesis + at * SST_HYPOTHESES, *cost = l->cost + at * SST_HYPOTHESES;
 
             sst_around_list(hypothesis, l->count + at, around, v, left, y, n, apart);
-            if (!cost_too)
-                continue;
             sst_kernels_get()->hypothesis_cost_row(cost, hypothesis, l->count + at, test, left, y, (size_t)n);
             prefer_own(cost, l->count + at, n);
         }
@@ -478,7 +382,7 @@ static void test_hypotheses(struct lists *l, const struct pass *p, const struct 
 }
 
 /* Where no other hypothesis was tested, the pixel's own disparity is the only one. */
-static void settle_row(struct lists *l, const struct sst_hypothesis_test *test, int y)
+static void settle_row(struct hypothesis_lists *l, const struct sst_hypothesis_test *test, int y)
 {
     const size_t row = (size_t)y * (size_t)l->width;
 
@@ -487,43 +391,38 @@ static void settle_row(struct lists *l, const struct sst_hypothesis_test *test, 
 }
 
 /* Costs, optimisation and choice on the CPU. */
-static void choose_on_cpu(struct pass *p, int k, struct lists *lists, const struct sst_around *around,
+static void choose_on_cpu(struct pass *p, int k, struct hypothesis_lists *lists, const struct sst_around *around,
                           const struct sst_hypothesis_test *test)
 {
     const struct sst_visible_view *v = &p->in->view[k];
 
-    test_hypotheses(lists, p, around, v, test, true);
+    test_hypotheses(lists, p, around, v, test);
     for (int y = 0; y < lists->height; y++) {
         if (p->in->skip_hypotheses && p->in->report)
             count_skipped(p, k, lists, test, y, lists->line[1], NULL);
         settle_row(lists, test, y);
-        along_row(lists, p, &p->view[k], y);
+        hypothesis_paths_along(lists, &p->penalty, &test->own, y);
     }
-    across_rows(lists, p, &p->view[k], 1);
-    across_rows(lists, p, &p->view[k], -1);
+    hypothesis_paths_down(lists, &p->penalty, &test->own, 1);
+    hypothesis_paths_down(lists, &p->penalty, &test->own, -1);
     for (int y = 0; y < lists->height; y++)
-        choose_row(lists, y, sst_map_u16_row(&p->out[k], y), sst_map_u8_row(v->confidence, y));
+        hypothesis_choose_row(lists, y, sst_map_u16_row(&p->out[k], y), sst_map_u8_row(v->confidence, y));
 }
 
 /* The same on the device. @return false: it fails, or is not loaded */
-static bool choose_on_device(struct pass *p, int k, struct lists *lists, const struct sst_around *around,
+static bool choose_on_device(struct pass *p, int k, struct hypothesis_lists *lists,
                              const struct sst_hypothesis_test *test, const int *nearest)
 {
     const struct sst_visible_view *v = &p->in->view[k];
-    const struct device_hypotheses in = { .test = test,
-                                          .nearest = nearest,
-                                          .view = k,
-                                          .penalty = &p->penalty,
-                                          .list = lists->hypothesis,
-                                          .count = lists->count,
-                                          .most = (uint32_t)p->in->range * 64 + 1,
-                                          .change = CHANGE,
-                                          .cheap = CHEAP,
-                                          .out = lists->chosen };
+    const bool count_too = p->in->skip_hypotheses && p->in->report;
+    struct device_hypotheses in = device_view(p, k, test, nearest);
     const size_t width = (size_t)lists->width;
     bool done;
 
-    test_hypotheses(lists, p, around, v, test, false);
+    in.out = lists->chosen;
+    in.list = count_too ? lists->hypothesis : NULL;
+    in.first = SAMPLED_ROWS / 2;
+    in.every = SAMPLED_ROWS;
     pthread_mutex_lock(&p->lock);
     done = p->loaded && disparity_device_test(p->in->device, &in);
     p->loaded = done;
@@ -536,8 +435,9 @@ static bool choose_on_device(struct pass *p, int k, struct lists *lists, const s
         for (size_t x = 0; x < width; x++) {
             disp[x] = (uint16_t)from[x];
             confidence[x] = from[x] >> 24 & 1 ? (uint8_t)(from[x] >> 16) : confidence[x];
+            lists->count[(size_t)y * width + x] = disp[x] == SST_DISP_NONE ? 0 : (uint8_t)(1 + (from[x] >> 29));
         }
-        if (p->in->skip_hypotheses && p->in->report)
+        if (count_too)
             count_skipped(p, k, lists, test, y, lists->line[1], lists->chosen);
     }
     return done;
@@ -548,7 +448,7 @@ static int second_job(void *arg, int k, int worker)
     struct pass *p = arg;
     const struct sst_visible_view *v = &p->in->view[k];
     struct sst_around *around = &p->scratch[worker].around;
-    struct lists *lists = &p->scratch[worker].lists;
+    struct hypothesis_lists *lists = &p->scratch[worker].lists;
     struct sst_hypothesis_test test;
     int nearest[SST_HYPOTHESIS_VIEWS], err;
 
@@ -557,24 +457,25 @@ static int second_job(void *arg, int k, int worker)
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
     err = sst_map_u16_init(&p->out[k], v->disp->width, v->disp->height);
-    err = err ? err : lists_init(lists, v->disp->width, v->disp->height);
+    err = err ? err : hypothesis_lists_init(lists, v->disp->width, v->disp->height);
     if (!err && p->in->device && !lists->chosen) {
         lists->chosen = sst_mem_alloc_raw((size_t)lists->width * (size_t)lists->height, sizeof(*lists->chosen));
         err = lists->chosen ? 0 : -ENOMEM;
     }
-    err = err ? err : sst_around_init(around, p->in, k, p->step, p->sweep, p->sweeps);
     if (err)
         return err;
     set_test(&test, p, k, nearest);
-    if (p->in->device && choose_on_device(p, k, lists, around, &test, nearest))
+    if (p->in->device && choose_on_device(p, k, lists, &test, nearest))
         return 0;
     if (p->in->device) {
         pthread_mutex_lock(&p->lock);
         disparity_device_note_untested(p->in->device);
         pthread_mutex_unlock(&p->lock);
     }
-    choose_on_cpu(p, k, lists, around, &test);
-    return 0;
+    err = sst_around_init(around, p->in, k, p->step, p->sweep, p->sweeps);
+    if (!err)
+        choose_on_cpu(p, k, lists, around, &test);
+    return err;
 }
 
 static void second_maps(void *arg, int k, struct sst_share_maps *out)
@@ -598,34 +499,43 @@ static void set_penalties(struct pass *p)
     }
 }
 
+/* All views are of one size. */
+static void set_plan(struct pass *p)
+{
+    for (int k = 0; k < p->in->count; k++) {
+        const struct sst_visible_view *v = &p->in->view[k];
+
+        if (v->image)
+            sst_sweep_plan_init(&p->plan, v->disp->width, v->disp->height, p->in->range * 64, p->step);
+    }
+}
+
 /* Upload all views with the depths of this round. */
 static int load_device(struct pass *p)
 {
     const struct sst_visible_views *in = p->in;
     struct sst_packed_view *view = calloc((size_t)in->count, sizeof(*view));
-    int width = 0, height = 0;
 
     if (!view)
         return -ENOMEM;
     for (int k = 0; k < in->count; k++) {
-        if (!in->view[k].image)
-            continue;
-        view[k] = (struct sst_packed_view){ p->view[k].pixels, p->view[k].stride };
-        width = in->view[k].disp->width;
-        height = in->view[k].disp->height;
+        if (in->view[k].image)
+            view[k] = (struct sst_packed_view){ p->view[k].pixels, p->view[k].stride };
     }
-    p->loaded = disparity_device_load(in->device, view, in->count, width, height);
+    p->loaded = disparity_device_load(in->device, in, view);
     free(view);
     return 0;
 }
 
-static int one_round(struct pass *p, int threads)
+static int one_round(struct pass *p, int round, int threads)
 {
     const struct sst_visible_views *in = p->in;
     int err = sst_parallel_for(in->count, threads, code_job, p);
 
-    if (in->device)
+    if (in->device && (round || !p->loaded)) /* the sweep has the views of the first one */
         err = err ? err : load_device(p);
+    if (!err && p->loaded)
+        p->loaded = disparity_device_load_points(in->device, p->sweep, p->sweeps);
     err = err ? err : sst_share_for(in->share, in->count, threads, second_job, p, second_maps);
     for (int k = 0; k < in->count; k++) {
         if (!err && p->out[k].data)
@@ -648,13 +558,16 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
     p.code = sst_mem_alloc_raw(65536, 1);
     if (p.view && p.out && p.scratch && p.counted && p.code) {
         set_codes(&p);
+        set_plan(&p);
         set_penalties(&p);
         err = sst_parallel_for(in->count, threads, pack_job, &p);
         err = err ? err : sst_parallel_for(in->count, threads, code_job, &p);
+        if (in->device)
+            err = err ? err : load_device(&p);
         err = err ? err : sweep_views(&p, threads);
     }
     for (int i = 0; !err && i < rounds; i++)
-        err = one_round(&p, threads);
+        err = one_round(&p, i, threads);
     if (!err)
         report_skipped(&p);
     for (int k = 0; p.view && k < in->count; k++)
@@ -662,7 +575,7 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
     for (int i = 0; i < p.sweeps; i++)
         sst_sweep_fini(&p.sweep[i]);
     for (int i = 0; p.scratch && i < threads; i++) {
-        lists_fini(&p.scratch[i].lists);
+        hypothesis_lists_fini(&p.scratch[i].lists);
         sst_around_fini(&p.scratch[i].around);
     }
     free(p.scratch);

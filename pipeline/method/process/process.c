@@ -426,8 +426,11 @@ static int match_views(struct run *run)
         cfg.disp_max_px = lf->range_max_px;
     }
     if (!(cfg.disp_max_px > cfg.disp_min_px)) {
-        sst_disparity_device_note_stage(cfg.device, SST_DISPARITY_STAGE_RANGE);
-        err = sst_disparity_shared_range(cfg.share, lf, 1, run->cfg->threads, &cfg.disp_min_px, &cfg.disp_max_px);
+        const struct sst_disparity_search search = {
+            .scale = 1, .threads = run->cfg->threads, .device = cfg.device, .share = cfg.share
+        };
+
+        err = sst_disparity_range(lf, &search, &cfg.disp_min_px, &cfg.disp_max_px);
         if (!err && lf->parallel) { /* nothing is behind infinity */
             cfg.disp_min_px = fmax(cfg.disp_min_px, -INFINITY_SLACK_PX);
             cfg.disp_max_px = fmax(cfg.disp_max_px, INFINITY_SLACK_PX);

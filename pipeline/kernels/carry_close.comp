@@ -1,0 +1,52 @@
+// Maps carried to a view, the end: gaps of a pixel between pixels of one nearer surface, along rows, then along columns,
+// and where the sources agree. Buffers and constants: pipeline/gpu/carry.h. Definition: carry_close_reference(), which
+// goes from pixel to pixel. All pixels at once give the same: a gap that is closed gets the farther one of its two
+// neighbours, so that it is no nearer than the next pixel, which then is no gap; before, it was farther than that pixel
+// or unknown, and that one was no gap either.
+#version 450
+
+layout(local_size_x = 32, local_size_y = 8) in;
+
+layout(std430, binding = 0) readonly buffer Arrived { uint arrived[]; };
+layout(std430, binding = 1) writeonly buffer Out { uint result[]; };
+
+layout(std430, push_constant) uniform Constants {
+    int width, height, agreed;
+};
+
+const int STEP = 64, AGREE = 3;
+const uint AGREED = 1 << 24;
+
+int disparity(uint value)
+{
+    return int(value >> 8) - 1;
+}
+
+uint between(uint at, uint a, uint b)
+{
+    const int d = disparity(at), da = disparity(a), db = disparity(b), least = min(da, db);
+
+    return least >= 0 && abs(da - db) < STEP && (d < 0 || least > d + STEP) ? (da < db ? a : b) : at;
+}
+
+uint along_row(int x, int y)
+{
+    const int at = y * width + x;
+
+    return x > 0 && x + 1 < width ? between(arrived[at], arrived[at - 1], arrived[at + 1]) : arrived[at];
+}
+
+void main()
+{
+    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y), at = y * width + x, n = width * height;
+    uint value;
+
+    if (x >= width || y >= height)
+        return;
+    value = along_row(x, y);
+    if (y > 0 && y + 1 < height)
+        value = between(value, along_row(x, y - 1), arrived[at + width]);
+    if (agreed != 0 && bitCount(arrived[2 * n + at]) >= AGREE && disparity(value) - int(arrived[n + at]) < STEP)
+        value |= AGREED;
+    result[at] = value;
+}

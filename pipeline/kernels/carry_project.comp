@@ -1,0 +1,43 @@
+// Maps carried to a view: the pixels of others arrive where their disparities put them. The largest value stays: the
+// nearest surface, correct ones first. Buffers and constants: pipeline/gpu/carry.h. Definition:
+// carry_project_reference().
+#version 450
+
+layout(local_size_x = 32, local_size_y = 8) in;
+
+struct Source {
+    uint first;
+    int across, across_part, across_step, down, down_part, down_step;
+};
+
+layout(std430, binding = 0) readonly buffer Sources { Source sources[]; };
+layout(std430, binding = 1) readonly buffer Maps { uint maps[]; };
+layout(std430, binding = 2) buffer Arrived { uint arrived[]; };
+
+layout(std430, push_constant) uniform Constants {
+    int width, height, agreed;
+};
+
+const int NONE = 0xFFFF;
+
+void main()
+{
+    const Source s = sources[gl_GlobalInvocationID.z];
+    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y), n = width * height;
+    uint there;
+    int d, xt, yt;
+
+    if (x >= width || y >= height)
+        return;
+    there = maps[s.first + uint(y * width + x)];
+    d = int(there & 0xFFFF);
+    xt = x + s.across + ((s.across_part + d * s.across_step) >> 16);
+    yt = y + s.down + ((s.down_part + d * s.down_step) >> 16);
+    if (d == NONE || xt < 0 || yt < 0 || xt >= width || yt >= height)
+        return;
+    atomicMax(arrived[yt * width + xt], uint(d + 1) << 8 | there >> 16);
+    if (agreed != 0) {
+        atomicMin(arrived[n + yt * width + xt], uint(d));
+        atomicOr(arrived[2 * n + yt * width + xt], 1u << gl_GlobalInvocationID.z);
+    }
+}

@@ -1,0 +1,135 @@
+// The hypotheses of each pixel: its own disparity, the surfaces around it, those that other views project onto it and
+// those that the sweep finds. Windows along columns end those of surface_start. Buffers and constants:
+// pipeline/gpu/surfaces.h. Definition: surface_list_reference().
+#version 450
+
+layout(local_size_x = 32, local_size_y = 8) in;
+
+layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
+layout(std430, binding = 1) readonly buffer Rows { uint rows[]; };
+layout(std430, binding = 2) readonly buffer Projected { uint projected[]; };
+layout(std430, binding = 3) readonly buffer Peaks { uint peaks[]; };
+layout(std430, binding = 4) writeonly buffer Hypotheses { uvec4 hypotheses[]; };
+layout(std430, binding = 5) writeonly buffer Counts { uint counts[]; };
+
+layout(std430, push_constant) uniform Constants {
+    int width, height;
+    uint own;
+    int apart, cell, cols;
+};
+
+const uint NONE = 0xFFFF, UNSEEN = 1 << 16, AGREED = 1 << 17, ABSENT = 1 << 16;
+const uint PEAKS = 6;
+const int radii[3] = { 2, 6, 16 };
+
+uint farthest[3], nearest[3], flat_bits;
+uint list[8], number;
+
+void find_windows(int x, int y)
+{
+    const uint n = uint(width * height);
+
+    flat_bits = 7;
+    for (int w = 0; w < 3; w++) {
+        farthest[w] = NONE;
+        nearest[w] = 0;
+        for (int j = max(y - radii[w], 0); j <= min(y + radii[w], height - 1); j++) {
+            const uint at = uint(j * width + x), row = rows[uint(w) * n + at];
+
+            farthest[w] = min(farthest[w], row & 0xFFFF);
+            nearest[w] = max(nearest[w], row >> 16);
+            flat_bits &= rows[3 * n + at] | ~(1u << w);
+        }
+    }
+}
+
+// Numbers of 16 bits wrap around.
+bool is_in_list(uint d)
+{
+    bool found = false;
+
+    for (uint i = 0; i < number; i++)
+        found = found || ((list[i] - d) & 0xFFFF) < uint(apart) || ((d - list[i]) & 0xFFFF) < uint(apart);
+    return found;
+}
+
+void add(uint d)
+{
+    if (d == NONE || number == 8 || is_in_list(d))
+        return;
+    for (uint i = 0; i < 8; i++)
+        list[i] = i >= number ? d : list[i];
+    number++;
+}
+
+void add_extremes(int w)
+{
+    if ((flat_bits >> w & 1) != 0)
+        return;
+    add(farthest[w]);
+    add(farthest[w] == NONE ? NONE : nearest[w]);
+}
+
+// Inside a surface without steps, only what the map does not have.
+void add_peaks(uint first)
+{
+    for (uint i = 0; i < PEAKS; i++) {
+        const uint peak = peaks[first + i];
+
+        if ((peak & 0xFFFF) == NONE)
+            return;
+        if ((flat_bits & 4) == 0 || (peak & ABSENT) != 0)
+            add(peak & 0xFFFF);
+    }
+}
+
+bool is_near(uint a, uint b)
+{
+    return abs(int(a) - int(b)) < apart;
+}
+
+// Has a pixel inside a surface no other hypothesis than its own disparity?
+bool is_alone(uint d, uint far, uint near, uint first)
+{
+    bool alone = d != NONE && (flat_bits & 4) != 0 && (far == NONE || is_near(far, d)) && (near == 0 || is_near(near, d));
+
+    for (uint i = 0; i < PEAKS; i++) {
+        const uint peak = peaks[first + i];
+
+        alone = alone && ((peak & 0xFFFF) == NONE || (peak & ABSENT) == 0);
+    }
+    return alone;
+}
+
+void main()
+{
+    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
+    const uint at = uint(y * width + x), first = uint(y / cell * cols + x / cell) * PEAKS;
+    uint there, d, far, near;
+
+    if (x >= width || y >= height)
+        return;
+    there = maps[own + at];
+    d = there & 0xFFFF;
+    far = projected[at];
+    near = projected[uint(width * height) + at];
+    find_windows(x, y);
+    number = 0;
+    for (uint i = 0; i < 8; i++)
+        list[i] = 0;
+    if ((there & UNSEEN) == 0) {
+        const bool alone = is_alone(d, far, near, first);
+
+        add(d);
+        if (!alone && !(number > 0 && (there & AGREED) != 0)) {
+            add_extremes(0);
+            add(far);
+            add(near == 0 ? NONE : near);
+            add_peaks(first);
+            add_extremes(1);
+            add_extremes(2);
+        }
+    }
+    counts[at] = number;
+    hypotheses[at] = uvec4(list[0] | list[1] << 16, list[2] | list[3] << 16, list[4] | list[5] << 16, list[6] | list[7] << 16);
+}

@@ -1,0 +1,69 @@
+// Surfaces around each pixel of a view, the part along rows: farthest and nearest disparity in windows of three sizes, and
+// whether those hold a step. Clears what surface_project and sweep_gather add to. Buffers and constants:
+// pipeline/gpu/surfaces.h. Definition: surface_start_reference().
+#version 450
+
+layout(local_size_x = 32, local_size_y = 8) in;
+
+layout(std430, binding = 0) readonly buffer Maps { uint maps[]; };
+layout(std430, binding = 1) writeonly buffer Rows { uint rows[]; };
+layout(std430, binding = 2) writeonly buffer Projected { uint projected[]; };
+layout(std430, binding = 3) writeonly buffer Weights { uint weights[]; };
+
+layout(std430, push_constant) uniform Constants {
+    int width, height;
+    uint own;
+    int most;
+    uint words;
+};
+
+const uint NONE = 0xFFFF;
+const int radii[3] = { 2, 6, 16 };
+
+int disparity(int x, int y)
+{
+    return int(maps[own + uint(y * width + x)] & 0xFFFF);
+}
+
+bool is_flat(int x, int y)
+{
+    const int d = disparity(x, y), right = disparity(min(x + 1, width - 1), y);
+    const int below = disparity(x, min(y + 1, height - 1));
+
+    return abs(d - right) <= most && abs(d - below) <= most;
+}
+
+void main()
+{
+    const int x = int(gl_GlobalInvocationID.x), y = int(gl_GlobalInvocationID.y);
+    const uint at = uint(y * width + x), n = uint(width * height);
+    uint farthest = NONE, nearest = 0, bits = 0;
+    bool flat_so_far = true;
+    int r = 0;
+
+    if (x >= width || y >= height)
+        return;
+    // Each window holds the one before it.
+    for (int w = 0; w < 3; w++) {
+        for (; r <= radii[w]; r++) {
+            for (int side = -1; side <= 1; side += 2) {
+                const int i = x + side * r;
+                uint d;
+
+                if (i < 0 || i >= width)
+                    continue;
+                d = uint(disparity(i, y));
+                farthest = min(farthest, d);
+                nearest = d != NONE ? max(nearest, d) : nearest;
+                flat_so_far = flat_so_far && is_flat(i, y);
+            }
+        }
+        rows[uint(w) * n + at] = farthest | nearest << 16;
+        bits |= flat_so_far ? 1 << w : 0;
+    }
+    rows[3 * n + at] = bits;
+    projected[at] = NONE;
+    projected[n + at] = 0;
+    for (uint i = at; i < words; i += n)
+        weights[i] = 0;
+}

@@ -1,0 +1,72 @@
+// Points in space that a view finds: sparse pixels that their own disparity does not explain, at the disparity that alone
+// does. A group per pixel, whose invocations test the disparities. Buffers and constants: pipeline/gpu/sweep.h.
+// Definition: sweep_points_reference().
+#version 450
+#extension GL_GOOGLE_include_directive : require
+
+layout(local_size_x = 64) in;
+
+struct View {
+    int x, y, dx, dy;
+    uint first;
+};
+
+layout(std430, binding = 0) readonly buffer Views { View views[]; };
+layout(std430, binding = 1) readonly buffer Pixels { uint pixels[]; };
+layout(std430, binding = 2) readonly buffer Maps { uint maps[]; };
+layout(std430, binding = 3) writeonly buffer Out { uint result[]; };
+
+layout(std430, push_constant) uniform Constants {
+    int width, height, count;
+    uint own;
+    int tolerance, similar;
+    uint most, settled, change, cheap;
+    int stride, level, levels, apart, distinct, weight_most;
+};
+
+#include "hypothesis_views.glsl"
+
+const uint NONE = 0xFFFF, UNSEEN = 1 << 16, LANES = 64;
+
+shared uint costs[256];
+shared uint found[64];
+
+// The least of what the invocations have.
+uint least_of(uint mine)
+{
+    uint least = mine;
+
+    barrier();
+    found[gl_LocalInvocationID.x] = mine;
+    barrier();
+    for (uint i = 0; i < LANES; i++)
+        least = min(least, found[i]);
+    return least;
+}
+
+void main()
+{
+    const uint lane = gl_LocalInvocationID.x, columns = gl_NumWorkGroups.x;
+    const int x = stride / 2 + int(gl_WorkGroupID.x) * stride, y = stride / 2 + int(gl_WorkGroupID.y) * stride;
+    const uint there = maps[own + uint(y * width + x)], d = there & 0xFFFF;
+    uint key = 0xFFFFFFFF, next = FAR, best, weight;
+    bool tested = (there & UNSEEN) == 0;
+
+    read_window(x, y);
+    if (tested && d != NONE)
+        tested = cost_of(x, y, int(d)) >= settled;
+    for (uint l = lane; tested && l < uint(levels); l += LANES) {
+        costs[l] = cost_of(x, y, int(l) * level);
+        key = min(key, costs[l] << 16 | l);
+    }
+    key = least_of(key);
+    best = key & 0xFFFF;
+    for (uint l = lane; tested && l < uint(levels); l += LANES)
+        next = abs(int(l) - int(best)) > apart ? min(next, costs[l]) : next;
+    next = least_of(next);
+    if (lane != 0)
+        return;
+    weight = tested ? next - (key >> 16) : 0;
+    weight = weight < uint(distinct) ? 0 : min(weight, uint(weight_most));
+    result[gl_WorkGroupID.y * columns + gl_WorkGroupID.x] = weight == 0 ? 0 : best | weight << 16;
+}

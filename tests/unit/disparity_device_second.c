@@ -1,0 +1,87 @@
+/* The second pass and the carrying of maps on the dummy device: the bytes of the CPU, whatever fails where. */
+#include "base/log.h"
+#include "tests/match_field.h"
+#include "tests/second_field.h"
+#include "tests/small.h"
+
+static const unsigned surfaces = 1U << SST_DISPARITY_STAGE_SURFACES, carrying = 1U << SST_DISPARITY_STAGE_CARRY;
+
+static struct sst_disparity_device *open_device(const char *name)
+{
+    struct sst_disparity_device *device;
+
+    assert_int_equal(sst_disparity_device_create(&device, name, 0), 0);
+    return device;
+}
+
+static void test_same_bytes(void **state)
+{
+    struct sst_disparity_device *device = open_device("dummy");
+    struct sst_disparity_device_report report;
+
+    (void)state;
+    for (int skip = 0; skip < 2; skip++) {
+        second_compare(device, skip, &report);
+        print_message("%lld dispatches, %lld bytes up\n", (long long)report.dispatches, (long long)report.upload_bytes);
+        assert_int_equal(report.tested, SECOND_TESTED);
+        assert_int_equal(report.tested_on_cpu, 0);
+        assert_int_equal(report.failures, 0);
+        assert_int_equal(report.stages_on_cpu, 0);
+    }
+    sst_disparity_device_destroy(device);
+}
+
+/* Wherever the device is lost, the CPU goes on from there, and what it did is named. */
+static void test_lost(void **state)
+{
+    const int before = match_self_tests();
+    unsigned seen = 0;
+
+    (void)state;
+    for (int at = 1; at < 120; at += 1 + at / 5) {
+        struct sst_disparity_device_report report;
+        struct sst_disparity_device *device;
+        char name[32];
+
+        snprintf(name, sizeof(name), "dummy:lost=%d", before + at);
+        device = open_device(name);
+        second_compare(device, at % 2, &report);
+        print_message("%s: tested %lld, stages %x, %s\n", name, (long long)report.tested, report.stages_on_cpu,
+                      report.why);
+        assert_int_equal(report.tested + report.tested_on_cpu, SECOND_TESTED);
+        assert_true(report.failures > 0);
+        assert_true(report.stages_on_cpu & (surfaces | carrying));
+        assert_int_equal(report.stages_on_cpu & ~(surfaces | carrying), 0);
+        assert_string_equal(report.why, "the device is lost");
+        seen |= report.stages_on_cpu;
+        sst_disparity_device_destroy(device);
+    }
+    assert_int_equal(seen, surfaces | carrying);
+}
+
+/* A device without room is not to blame. */
+static void test_small(void **state)
+{
+    struct sst_disparity_device *device = open_device("dummy:buffer=200");
+    struct sst_disparity_device_report report;
+
+    (void)state;
+    second_compare(device, true, &report);
+    assert_int_equal(report.tested, 0);
+    assert_int_equal(report.tested_on_cpu, SECOND_TESTED);
+    assert_int_equal(report.failures, 0);
+    assert_int_equal(report.stages_on_cpu, surfaces | carrying);
+    assert_string_equal(report.why, "not enough memory on the device");
+    sst_disparity_device_destroy(device);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        serial_test(test_same_bytes),
+        serial_test(test_lost),
+        cmocka_unit_test(test_small),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
