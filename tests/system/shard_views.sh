@@ -86,6 +86,26 @@ same accurate 10 "pedestrian --size 96x72 --grid 2x3" --preset accurate --no-lab
 same tiles 12 "pedestrian --size 160x120 --grid 3x3" --no-labels --skip ranges
 same gains 12 "layers --size 160x120 --grid 3x3 --gain 30 --noise 0 --jpeg 0" --no-labels --preset preview
 
+# --- workers with a device each, and one that loses it: the same bytes ---
+"$sst" scene pedestrian -o device --size 160x120 --grid 3x3 >/dev/null || fail "scene"
+cp -r device device-whole
+cp -r device device-lost
+"$sst" process device-whole --threads 1 --no-labels >/dev/null 2>err || fail "device, whole: $(cat err)"
+for i in 1 2; do
+  "$sst" process device --threads $i --no-labels --device dummy --shard $i/2 --split-views >/dev/null 2>"err$i" & pid[$i]=$!
+done
+for i in 1 2; do wait "${pid[$i]}" || fail "device, worker $i: $(cat "err$i")"; done
+diff -rq -x .process device device-whole || fail "device: views that were shared differ"
+"$sst" process device-lost --no-labels --device dummy:lost=200 --shard 1/1 --split-views --json >lost.json 2>err ||
+  fail "a device that is lost: $(cat err)"
+diff -rq -x .process device-lost device-whole || fail "a device that is lost: other bytes"
+python3 - <<'PY' || fail "a device that is lost: $(cat lost.json)"
+import json
+d = json.load(open("lost.json"))["device"]
+assert d["failures"] > 0 and d["why_cpu"] == "the device is lost", d
+assert not {"subpixel", "carrying", "check", "filling", "background"} - set(d["stages_on_cpu"]), d
+PY
+
 # --- a view that cannot be read: every worker says so; once it can be, the same command goes on ---
 "$sst" scene pedestrian -o broken --size 96x72 --grid 2x3 >/dev/null || fail "scene"
 cp -r broken broken-whole

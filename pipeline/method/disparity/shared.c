@@ -42,10 +42,12 @@ int run_fill_views(struct disparity_run *run, int threads)
 {
     struct sst_disparity_device *device = run->cfg->device;
 
-    if (device && run->cfg->share)
+    if (device && run->cfg->share) {
         sst_disparity_device_note_stage(device, SST_DISPARITY_STAGE_FILL);
-    else if (device && disparity_device_fill(device, run))
+        sst_disparity_device_note_stage(device, SST_DISPARITY_STAGE_BACKGROUND);
+    } else if (device && disparity_device_fill(device, run)) {
         return run_cancelled(run);
+    }
     return sst_share_blocks(run->cfg->share, run->lf->rows * run->lf->cols, block_of(run), threads, run_fill, run,
                             filled_maps);
 }
