@@ -263,9 +263,9 @@ static void without_a_device_pictures_are_the_cpus(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(all_sets_have_the_cpus_picture),          cmocka_unit_test(rows_that_changed_are_uploaded),
-        cmocka_unit_test(what_is_on_the_device_follows_the_views), cmocka_unit_test(a_device_that_fails_costs_no_set),
-        cmocka_unit_test(without_a_device_pictures_are_the_cpus),
+        serial_test(all_sets_have_the_cpus_picture),          serial_test(rows_that_changed_are_uploaded),
+        serial_test(what_is_on_the_device_follows_the_views), cmocka_unit_test(a_device_that_fails_costs_no_set),
+        serial_test(without_a_device_pictures_are_the_cpus),
     };
 
     setenv("VK_DRIVER_FILES", "/dev/null", 1);
