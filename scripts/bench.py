@@ -305,7 +305,11 @@ def main():
         "layers": lambda: layers(args.build, out, args.camvid, {"development": (1,)} if args.quick else SETS),
     }
     used = {}
-    for part in [args.only] if args.only else parts:
+    wanted = [args.only] if args.only else [*parts]
+    one_page = {"scenes": "seeds", "seeds": "scenes"}
+    if args.only in one_page and not os.path.exists(f"{out}/{PARTS[one_page[args.only]]}"):
+        wanted.append(one_page[args.only])
+    for part in wanted:
         if os.path.exists(f"{out}/{PARTS[part]}"):
             os.remove(f"{out}/{PARTS[part]}")
         used[part] = wait_for_quiet(part)
