@@ -323,7 +323,7 @@ kernel-tests: $(filter $(BUILD)/tests/kernels/%,$(TESTS))
 deps-cluster: ## install what check-cluster needs besides
 	scripts/deps.sh scripts/cluster/packages.txt
 
-check-cluster: $(PROGRAMS) ## shared work on a real Slurm of this machine, and by workers that are killed; needs root
+check-cluster: deps-cluster $(PROGRAMS) ## shared work on a real Slurm of this machine, and by workers that are killed; needs root
 	SST_BUILD=$(BUILD) tests/cluster/slurm.sh
 	SST_BUILD=$(BUILD) tests/cluster/kills.sh
 
