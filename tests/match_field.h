@@ -155,25 +155,25 @@ static inline void match_config_tiles(struct sst_disparity_config *cfg)
 /* Dispatches of the self-tests that a device passes before it matches: faults count on from there. */
 static inline int match_self_tests(void)
 {
-    int few = 0, many = 1024; /* after so many dispatches it is still being tested; it is not */
+    int refused = 0, opened = 1024; /* a loss at this dispatch fails the opening; at this one it does not */
     char text[SST_LOG_MAX];
 
     sst_log_hold_errors(text);
-    while (many - few > 1) {
-        const int at = (few + many) / 2;
+    while (opened - refused > 1) {
+        const int at = (refused + opened) / 2;
         struct sst_disparity_device *d;
         char name[32];
 
         snprintf(name, sizeof(name), "dummy:lost=%d", at);
         if (sst_disparity_device_create(&d, name, 0)) {
-            few = at;
+            refused = at;
         } else {
-            many = at;
+            opened = at;
             sst_disparity_device_destroy(d);
         }
     }
     sst_log_hold_errors(NULL);
-    return few;
+    return refused;
 }
 
 #endif

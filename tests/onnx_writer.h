@@ -6,6 +6,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/base.h"
 
@@ -218,6 +219,33 @@ static inline struct ow_buf ow_model(struct ow_buf *graph, int opset)
     ow_str(graph, 2, "test");
     ow_take(&model, 7, graph);
     return model;
+}
+
+/* Write a network of features: one layer of 3x3, whose 64 channels are brought to unit length.
+ * @param path  in and out: of mkstemp() @param radius  of the metadata; NULL: none */
+static inline void ow_feature_network(char *path, const char *radius)
+{
+    struct ow_buf graph = { 0 }, attrs = { 0 }, model;
+    const int fd = mkstemp(path);
+    float w[64 * 9];
+
+    for (int i = 0; i < 64 * 9; i++)
+        w[i] = (float)(i * 7919 % 101) / 50 - 1;
+    ow_floats(&graph, "w", w, 64, 1, 3, 3);
+    ow_attr_ints(&attrs, "pads", 4, 1, 1, 1, 1);
+    ow_node(&graph, "Conv", "x w", "c", &attrs);
+    ow_attr_int(&attrs, "axis", 1);
+    ow_attr_int(&attrs, "p", 2);
+    ow_node(&graph, "LpNormalization", "c", "y", &attrs);
+    ow_value(&graph, 11, "x", 1);
+    ow_value(&graph, 12, "y", 64);
+    model = ow_model(&graph, 11);
+    if (radius)
+        ow_metadata(&model, "sst.radius", radius);
+    if (fd < 0 || write(fd, model.p, model.n) != (ssize_t)model.n)
+        abort();
+    close(fd);
+    free(model.p);
 }
 
 #endif

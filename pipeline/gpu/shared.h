@@ -59,7 +59,7 @@ void sst_gpu_shared_unlock(struct sst_gpu_shared *s);
 /** As it was asked for. */
 const char *sst_gpu_shared_name(const struct sst_gpu_shared *s);
 
-/** Name and driver of the device that was opened last. */
+/** The device that was opened last. */
 const struct sst_gpu_info *sst_gpu_shared_info(const struct sst_gpu_shared *s);
 
 /**

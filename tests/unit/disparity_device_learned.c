@@ -117,7 +117,7 @@ int main(void)
         fprintf(stderr, "skipped: this build runs no networks\n");
         return 77;
     }
-    match_write_network(path);
+    ow_feature_network(path, "1");
     failed = cmocka_run_group_tests(tests, NULL, NULL);
     unlink(path);
     return failed;

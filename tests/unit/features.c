@@ -82,29 +82,10 @@ static void bands_reach_far_enough(void **state SST_UNUSED)
 /* One 3x3 layer of 64 channels and unit length, of radius 1; its metadata says `radius`, or nothing. */
 static struct sst_network *one_layer(const char *radius)
 {
-    struct ow_buf graph = { 0 }, attrs = { 0 }, model;
     char path[] = "/tmp/sst-features-XXXXXX";
-    const int fd = mkstemp(path);
     struct sst_network *net;
-    float w[64 * 9];
 
-    assert_true(fd >= 0);
-    for (int i = 0; i < 64 * 9; i++)
-        w[i] = (float)(i * 7919 % 101) / 50 - 1;
-    ow_floats(&graph, "w", w, 64, 1, 3, 3);
-    ow_attr_ints(&attrs, "pads", 4, 1, 1, 1, 1);
-    ow_node(&graph, "Conv", "x w", "c", &attrs);
-    ow_attr_int(&attrs, "axis", 1);
-    ow_attr_int(&attrs, "p", 2);
-    ow_node(&graph, "LpNormalization", "c", "y", &attrs);
-    ow_value(&graph, 11, "x", 1);
-    ow_value(&graph, 12, "y", 64);
-    model = ow_model(&graph, 11);
-    if (radius)
-        ow_metadata(&model, "sst.radius", radius);
-    assert_int_equal(write(fd, model.p, model.n), (ssize_t)model.n);
-    close(fd);
-    free(model.p);
+    ow_feature_network(path, radius);
     assert_int_equal(sst_network_open(&net, path, SST_PRECISION_F32, 1), 0);
     unlink(path);
     return net;

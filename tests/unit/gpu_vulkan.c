@@ -217,7 +217,7 @@ static void test_learned(void **state)
     (void)state;
     if (!WITH_DNNL && !WITH_OPENCV)
         return;
-    match_write_network(path);
+    ow_feature_network(path, "1");
     match_init(&lf, 2, 2, 97, 60, 8);
     for (int i = 0; match_config_learned(&cfg, i, path); i++) {
         assert_int_equal(sst_disparity_device_create(&cfg.device, "lavapipe", 0), 0);

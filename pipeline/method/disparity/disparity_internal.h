@@ -120,7 +120,7 @@ void hypothesis_paths_down(struct hypothesis_lists *l, const struct sst_hypothes
  *  distance to the next. */
 void hypothesis_choose_row(const struct hypothesis_lists *l, int y, uint16_t *disp, uint8_t *confidence);
 
-/* --- device.c: the first pass on a device --- */
+/* --- device.c, device_match.c: the first pass on a device --- */
 
 /* Memory of the device that lasts from view to view. */
 enum device_kept {
@@ -161,7 +161,7 @@ struct device_pixels {
 
 struct sst_disparity_device {
     struct sst_gpu_shared *shared;
-    bool own; /* shared is nobody else's */
+    bool owns_shared; /* opened by this one, and closed with it */
     struct sst_gpu_user user;
     struct sst_disparity_device_report report;
     /* under the lock of shared */
@@ -191,6 +191,18 @@ void disparity_device_fail(struct sst_disparity_device *d, int err);
 /** Memory for `count` elements. What it held is lost if it grows. @return 0 or an error of the device */
 SST_MUST_CHECK int disparity_device_keep(struct sst_disparity_device *d, enum device_kept which, size_t count,
                                          size_t each);
+
+/** A buffer, if necessary in the place of views that are not in use, or of what other kinds of work have on the device.
+ * @param stays  its features are in use; or NULL @return 0 or an error of the device */
+SST_MUST_CHECK int disparity_device_create_buffer(struct sst_disparity_device *d, struct sst_gpu_buffer **out,
+                                                  size_t bytes, const struct device_pixels *stays);
+
+/** Free the views of the first pass. */
+void disparity_device_drop_views(struct sst_disparity_device *d);
+
+/** Upload to a byte of the buffer; counted in the report. @return 0 or an error of the device */
+SST_MUST_CHECK int disparity_device_upload_at(struct sst_disparity_device *d, struct sst_gpu_buffer *b, size_t offset,
+                                              const void *data, size_t bytes);
 
 SST_MUST_CHECK int disparity_device_upload(struct sst_disparity_device *d, struct sst_gpu_buffer *b, const void *data,
                                            size_t bytes);

@@ -27,7 +27,7 @@ struct entry {
 
 struct sst_network_device {
     struct sst_gpu_shared *shared;
-    bool own; /* shared is nobody else's */
+    bool owns_shared; /* opened by this one, and closed with it */
     bool live;
     struct sst_gpu_user user;
     /* under the lock of shared */
@@ -114,7 +114,7 @@ int sst_network_device_open(struct sst_network_device **out, const char *name, u
     if (err)
         sst_gpu_shared_destroy(shared);
     else if (*out)
-        (*out)->own = true;
+        (*out)->owns_shared = true;
     return err;
 }
 
@@ -123,7 +123,7 @@ void sst_network_device_close(struct sst_network_device *d)
     if (!d)
         return;
     sst_gpu_shared_leave(d->shared, &d->user);
-    if (d->own)
+    if (d->owns_shared)
         sst_gpu_shared_destroy(d->shared);
     free(d);
 }
@@ -194,7 +194,7 @@ int sst_network_device_open_live(struct sst_network_device **out, const char *na
         sst_gpu_shared_destroy(shared);
         return -ENOMEM;
     }
-    d->own = d->live = true;
+    d->owns_shared = d->live = true;
     snprintf(d->report.name, sizeof(d->report.name), "%s", name);
     err = sst_gpu_shared_join(shared, &d->user);
     sst_gpu_shared_lock(shared);
