@@ -585,11 +585,11 @@ int main(void)
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(unchanged_parts_are_kept),
         cmocka_unit_test(pictures_in_turn_keep_their_own),
-        cmocka_unit_test(outlines_and_other_methods),
+        serial_test(outlines_and_other_methods),
         serial_test(a_click_removes_and_brings_back),
-        cmocka_unit_test(a_click_goes_through_what_the_cut_removes),
-        cmocka_unit_test(objects_are_bounded),
-        cmocka_unit_test(objects_do_not_creep),
+        serial_test(a_click_goes_through_what_the_cut_removes),
+        serial_test(objects_are_bounded),
+        serial_test(objects_do_not_creep),
         serial_test(the_cut_stays_when_the_walker_has_left),
     };
 

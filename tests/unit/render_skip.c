@@ -6,6 +6,7 @@
 #include "base/thread.h"
 #include "pipeline/method/render/render_internal.h"
 #include "simulators/scene/scene.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define WIDTH  262 /* two tiles and a narrow one */
@@ -419,15 +420,15 @@ static void bounds_hold(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(scenes_keep_the_budget_and_the_mask),
-        cmocka_unit_test(a_small_budget_leaves_less_out),
+        serial_test(scenes_keep_the_budget_and_the_mask),
+        serial_test(a_small_budget_leaves_less_out),
         cmocka_unit_test(same_bytes_for_any_number_of_threads),
         cmocka_unit_test(verified_rays_are_kept),
         cmocka_unit_test(one_view_that_differs_is_seen),
-        cmocka_unit_test(half_occluded_tiles_keep_the_budget),
+        serial_test(half_occluded_tiles_keep_the_budget),
         cmocka_unit_test(no_weights_at_all),
         cmocka_unit_test(small_fields),
-        cmocka_unit_test(bounds_hold),
+        serial_test(bounds_hold),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -497,18 +497,18 @@ static void rarity_is_that_of_the_pixels(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(poor_maps_no_longer_hide_what_is_behind),
+        serial_test(poor_maps_no_longer_hide_what_is_behind),
         cmocka_unit_test(missing_rays_have_no_say),
-        cmocka_unit_test(good_maps_decide_alone),
+        serial_test(good_maps_decide_alone),
         serial_test(matched_leaves_no_longer_hide_what_is_behind),
         serial_test(pictures_of_one_renderer_are_those_of_many),
         serial_test(good_matches_decide_alone),
         cmocka_unit_test(tested_maps_are_trusted),
-        cmocka_unit_test(external_maps_are_trusted),
-        cmocka_unit_test(confirmed_disparities_are_counted),
-        cmocka_unit_test(rays_beside_a_rim_are_not_explained_by_it),
+        serial_test(external_maps_are_trusted),
+        serial_test(confirmed_disparities_are_counted),
+        serial_test(rays_beside_a_rim_are_not_explained_by_it),
         cmocka_unit_test(unseen_places_explain_nothing),
-        cmocka_unit_test(rarity_is_that_of_the_pixels),
+        serial_test(rarity_is_that_of_the_pixels),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

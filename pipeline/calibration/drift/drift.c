@@ -55,20 +55,20 @@ static void describe_camera(struct sst_drift *out, const struct drift_work *w, i
         append(out, " shows nothing that its neighbours see (covered, turned away or exchanged with another)");
         return;
     }
-    if (fabs(c->shift_y_px) >= least) { /* never so for NAN */
+    if (isgreaterequal(fabs(c->shift_y_px), least)) { /* never so for NAN, which raises nothing here */
         append(out, "%s %.2f px too %s", join, fabs(c->shift_y_px), c->shift_y_px > 0 ? "low" : "high");
         join = " and";
     }
-    if (fabs(c->shift_x_px) >= least) {
+    if (isgreaterequal(fabs(c->shift_x_px), least)) {
         append(out, "%s %.2f px too far %s", join, fabs(c->shift_x_px), c->shift_x_px > 0 ? "right" : "left");
         join = " and";
     }
-    if (fabs(roll) >= least) {
+    if (isgreaterequal(fabs(roll), least)) {
         append(out, "%s rolled %.3f degrees %s", strcmp(join, " sits") ? " and" : " is", fabs(c->roll_deg),
                c->roll_deg > 0 ? "clockwise" : "counter-clockwise");
         join = " and";
     }
-    if (fabs(c->scale) * radius >= least)
+    if (isgreaterequal(fabs(c->scale) * radius, least))
         append(out, "%s %.3f %% too %s", strcmp(join, " sits") ? " and" : " is", fabs(c->scale) * 100,
                c->scale > 0 ? "large" : "small");
 }
