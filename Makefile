@@ -396,7 +396,8 @@ bench-check-update: $(BUILD)/sst $(BUILD)/bench/check ## make today's times the 
 .PHONY: bounds soak-chain
 bounds: $(BUILD)/tests/kernels/bounds $(BUILD)/tests/unit/bounds $(BUILD)/tests/unit/degenerate ## list the largest errors beside their bounds: docs/measured/bounds.md
 	$(PYTHON) scripts/bounds.py --build $(BUILD)
-# Two processes from different seeds; what each did stands in its last line. SAN=address,undefined: with traps and sanitizers.
+# As many processes as processors, from different seeds; what they did stands in the last line. With floating-point traps and sanitizers:
+# SAN=address,undefined, a second for a chain; SAN=undefined OPT='-O2 -g1', a twentieth of that.
 HOURS ?= 1
 SEED ?= $(shell date +%s)000
 soak-chain: $(BUILD)/tests/tools/chain ## HOURS=1 of random chains from SEED on (the clock by default); a failure prints its seed

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # soak_chain.sh PROGRAM HOURS SEED: random chains on all processors until the time is over; fails at the first that is bad.
 set -u
+# Where the build has traps, all of them (tests/traps.h).
+export SST_TRAP_ALL=1
 program=$1 seed=$3 end=$(($(date +%s) + $(awk "BEGIN { print int($2 * 3600) }"))) step=500
 dir=$(mktemp -d) || exit 1
 trap 'kill $(jobs -p) 2>/dev/null; rm -rf "$dir"' EXIT

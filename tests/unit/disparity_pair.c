@@ -6,6 +6,7 @@
 
 #include "pipeline/method/disparity/stage.h"
 #include "simulators/scene/noise.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define WIDTH    150
@@ -395,7 +396,7 @@ int main(void)
         cmocka_unit_test(paths_cross_tiles),        cmocka_unit_test(windows_hold_the_coarse_map),
         cmocka_unit_test(specks_are_dropped),       cmocka_unit_test(margins_continue_planes),
         cmocka_unit_test(edges_follow_the_colours), cmocka_unit_test(holes_follow_the_colours),
-        cmocka_unit_test(threads_change_nothing),   cmocka_unit_test(finds_the_shift),
+        cmocka_unit_test(threads_change_nothing),   serial_test(finds_the_shift),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

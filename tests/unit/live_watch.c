@@ -8,6 +8,7 @@
 
 #include "pipeline/live/live.h"
 #include "simulators/scene/hedge.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define SIDE   4
@@ -141,7 +142,7 @@ static void without_the_search_there_is_none(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = { cmocka_unit_test(a_passer_by_is_one_hidden_track),
-                                        cmocka_unit_test(without_the_search_there_is_none) };
+                                        serial_test(without_the_search_there_is_none) };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
