@@ -59,9 +59,10 @@ static void report_matching(const struct sst_disparity_device_report *d)
 static json_t *refinement_json(const struct sst_refine_device_report *d)
 {
     json_t *stages = json_array();
-    json_t *root = json_pack("{s:I, s:I, s:I, s:I, s:I, s:o, s:I, s:I, s:I}", "views", (json_int_t)d->views, "on_cpu",
+    json_t *root = json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:o, s:I, s:I, s:I}", "views", (json_int_t)d->views, "on_cpu",
                              (json_int_t)d->on_cpu, "voted", (json_int_t)d->voted, "voted_on_cpu",
-                             (json_int_t)d->voted_on_cpu, "failures", (json_int_t)d->failures, "why_cpu",
+                             (json_int_t)d->voted_on_cpu, "carried", (json_int_t)d->carried, "carried_on_cpu",
+                             (json_int_t)d->carried_on_cpu, "failures", (json_int_t)d->failures, "why_cpu",
                              *d->why ? cli_text_json(d->why) : json_null(), "dispatches", (json_int_t)d->dispatches,
                              "uploads", (json_int_t)d->uploads, "upload_bytes", (json_int_t)d->upload_bytes);
 
@@ -107,6 +108,9 @@ static void report_refinement(const struct sst_refine_device_report *d)
     else if (d->voted_on_cpu)
         sst_log_warning("the votes about the labels of %lld of %lld views were counted on the CPU instead of %s: %s",
                         (long long)d->voted_on_cpu, (long long)(d->voted_on_cpu + d->voted), d->name, d->why);
+    else if (d->carried_on_cpu)
+        sst_log_warning("labels were carried to %lld of %lld views on the CPU instead of %s: %s",
+                        (long long)d->carried_on_cpu, (long long)(d->carried_on_cpu + d->carried), d->name, d->why);
     else if (d->views)
         sst_log_info("the labels of %lld views refined on %s%s", (long long)d->views, d->name, stages);
 }

@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "pipeline/method/disparity/disparity.h"
 #include "simulators/scene/noise.h"
+#include "tests/self_tests.h"
 #include "tests/test.h"
 
 /* Brightness of a surface at a place: patches, whose edges the support regions keep to, with a fine pattern. */
@@ -152,28 +153,19 @@ static inline void match_config_tiles(struct sst_disparity_config *cfg)
     cfg->range_error = 100;
 }
 
-/* Dispatches of the self-tests that a device passes before it matches: faults count on from there. */
+static inline bool match_opens(const char *name)
+{
+    struct sst_disparity_device *d;
+    const bool opened = !sst_disparity_device_create(&d, name, 0);
+
+    if (opened)
+        sst_disparity_device_destroy(d);
+    return opened;
+}
+
 static inline int match_self_tests(void)
 {
-    int refused = 0, opened = 1024; /* a loss at this dispatch fails the opening; at this one it does not */
-    char text[SST_LOG_MAX];
-
-    sst_log_hold_errors(text);
-    while (opened - refused > 1) {
-        const int at = (refused + opened) / 2;
-        struct sst_disparity_device *d;
-        char name[32];
-
-        snprintf(name, sizeof(name), "dummy:lost=%d", at);
-        if (sst_disparity_device_create(&d, name, 0)) {
-            refused = at;
-        } else {
-            opened = at;
-            sst_disparity_device_destroy(d);
-        }
-    }
-    sst_log_hold_errors(NULL);
-    return refused;
+    return self_tests(match_opens);
 }
 
 #endif

@@ -2,12 +2,36 @@
 #ifndef SST_TESTS_REFINE_FIELD_H
 #define SST_TESTS_REFINE_FIELD_H
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "pipeline/method/process/process_internal.h"
 #include "pipeline/method/refine/refine.h"
 #include "tests/random.h"
+#include "tests/self_tests.h"
 #include "tests/test.h"
+
+static inline bool refine_opens(const char *name)
+{
+    struct sst_refine_device *d = NULL;
+    struct sst_gpu_shared *shared;
+    bool opened;
+
+    if (sst_gpu_shared_create(&shared, name, 0))
+        return false;
+    opened = !sst_refine_device_create(&d, shared);
+    sst_refine_device_destroy(d);
+    sst_gpu_shared_destroy(shared);
+    return opened;
+}
+
+static inline int refine_self_tests(void)
+{
+    static int found;
+
+    found = found ? found : self_tests(refine_opens);
+    return found;
+}
 
 /* Label and disparity (1/64 px) of a pixel: a table that rises from row 25 on, with two things on it of nearly the same
  * disparities, and leaves of two kinds before the wall behind. */
@@ -165,6 +189,60 @@ static inline void vote_compare(const struct sst_lightfield *lf, const bool *ski
     refine_copy(copy, lf);
     assert_int_equal(process_vote_labels(&copy[0], skip, NULL, 2, device), 0);
     assert_int_equal(process_vote_labels(&copy[1], skip, NULL, 2, NULL), 0);
+    sst_refine_device_forget(device); /* the next light field has other views */
+    sst_refine_device_report(device, report);
+    refine_assert_same(copy, lf, 20);
+}
+
+/* Carry labels from the views that are not among `carried`, with entropies of them, then without, filled, on a device
+ * and on the CPU, likewise, and what is measured of it. */
+static inline void carry_compare(const struct sst_lightfield *lf, const bool *carried, int ref,
+                                 struct sst_refine_device *device, struct sst_refine_device_report *report)
+{
+    const size_t views = (size_t)(lf->rows * lf->cols);
+    struct sst_map_f32 *entropy[2];
+    struct sst_lightfield copy[2];
+    double shown[2], error[2];
+
+    refine_copy(copy, lf);
+    for (int i = 0; i < 2; i++) {
+        const struct process_carry c = { &copy[i], carried, NULL, 2, i ? NULL : device };
+
+        entropy[i] = calloc(views, sizeof(*entropy[i]));
+        assert_non_null(entropy[i]);
+        for (size_t k = 0; k < views; k++) {
+            if (!lf->views[k].present || carried[k])
+                continue;
+            assert_int_equal(sst_map_f32_init(&entropy[i][k], lf->width, lf->height), 0);
+            for (int at = 0; at < lf->width * lf->height; at++)
+                sst_map_f32_row(&entropy[i][k], at / lf->width)[at % lf->width] = (float)at / (float)(k + 3);
+        }
+        assert_int_equal(process_carry_shown(&c, ref, &shown[i]), 0);
+        assert_int_equal(process_carry_labels(&c, entropy[i], false), 0);
+        assert_int_equal(process_carry_error(&c, ref, &error[i]), 0);
+    }
+    assert_true(shown[0] > 0.1 && shown[0] < 1);
+    assert_true(shown[0] == shown[1]);
+    assert_false(isnan(error[0]));
+    assert_true(error[0] == error[1]);
+    for (size_t k = 0; k < views; k++) {
+        for (int y = 0; lf->views[k].present && y < lf->height; y++) {
+            const size_t width = (size_t)lf->width;
+
+            assert_memory_equal(sst_map_f32_row(&entropy[0][k], y), sst_map_f32_row(&entropy[1][k], y), 4 * width);
+            assert_memory_equal(sst_map_u8_row(&copy[0].views[k].label, y), sst_map_u8_row(&copy[1].views[k].label, y),
+                                width);
+        }
+        for (int i = 0; i < 2; i++)
+            sst_map_f32_fini(&entropy[i][k]);
+    }
+    for (int i = 0; i < 2; i++) {
+        const struct process_carry c = { &copy[i], carried, NULL, 2, i ? NULL : device };
+
+        assert_int_equal(process_carry_labels(&c, NULL, true), 0);
+        free(entropy[i]);
+    }
+    sst_refine_device_forget(device);
     sst_refine_device_report(device, report);
     refine_assert_same(copy, lf, 20);
 }

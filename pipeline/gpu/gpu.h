@@ -52,7 +52,7 @@ enum sst_gpu_shader {
     SST_GPU_REFINE_PLANES = 33,
     SST_GPU_REFINE_NORMALS = 34,
     SST_GPU_REFINE_ASSIGN = 35,
-    SST_GPU_VOTE = 36,         /* vote.h */
+    SST_GPU_VOTE = 36,         /* label.h */
     SST_GPU_FEATURE_COST = 37, /* match.h */
     SST_GPU_FILL_ALONG = 38,   /* check.h */
     SST_GPU_FILL_DOWN = 39,
@@ -67,6 +67,8 @@ enum sst_gpu_shader {
     SST_GPU_CARRY_START = 48, /* carry.h */
     SST_GPU_CARRY_PROJECT = 49,
     SST_GPU_CARRY_CLOSE = 50,
+    SST_GPU_LABEL_CARRY = 51, /* label.h */
+    SST_GPU_LABEL_FILL = 52,
     SST_GPU_SHADERS
 };
 

@@ -175,6 +175,10 @@ gpu_self_test_fn refine_normals_self_test;
 gpu_self_test_fn refine_assign_self_test;
 gpu_reference_fn vote_reference;
 gpu_self_test_fn vote_self_test;
+gpu_reference_fn label_carry_reference;
+gpu_self_test_fn label_carry_self_test;
+gpu_reference_fn label_fill_reference;
+gpu_self_test_fn label_fill_self_test;
 
 /* --- hypotheses.c: what tests of hypotheses read, for references --- */
 

@@ -9,6 +9,7 @@
 #include "pipeline/gpu/gpu_internal.h"
 #include "pipeline/gpu/hypotheses.h"
 #include "pipeline/gpu/jpeg_rgb.h"
+#include "pipeline/gpu/label.h"
 #include "pipeline/gpu/match.h"
 #include "pipeline/gpu/net.h"
 #include "pipeline/gpu/rectify.h"
@@ -16,7 +17,6 @@
 #include "pipeline/gpu/subpixel.h"
 #include "pipeline/gpu/surfaces.h"
 #include "pipeline/gpu/sweep.h"
-#include "pipeline/gpu/vote.h"
 
 const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
     [SST_GPU_BLEND] = { "blend", SST_GPU_BLEND_BUFFERS, sizeof(struct sst_gpu_blend), blend_reference,
@@ -130,6 +130,10 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
     [SST_GPU_REFINE_ASSIGN] = { "refine_assign", SST_GPU_REFINE_ASSIGN_BUFFERS, sizeof(struct sst_gpu_refine_assign),
                                 refine_assign_reference, refine_assign_self_test },
     [SST_GPU_VOTE] = { "vote", SST_GPU_VOTE_BUFFERS, sizeof(struct sst_gpu_vote), vote_reference, vote_self_test },
+    [SST_GPU_LABEL_CARRY] = { "label_carry", SST_GPU_VOTE_BUFFERS, sizeof(struct sst_gpu_label_carry),
+                              label_carry_reference, label_carry_self_test },
+    [SST_GPU_LABEL_FILL] = { "label_fill", SST_GPU_LABEL_FILL_BUFFERS, sizeof(struct sst_gpu_label_fill),
+                             label_fill_reference, label_fill_self_test },
 };
 
 bool sst_gpu_is_variant(enum sst_gpu_shader shader)

@@ -1,53 +1,14 @@
-// Views vote about the label of the surface of each pixel. Buffers and constants: pipeline/gpu/vote.h. Definition:
+// Views vote about the label of the surface of each pixel. Buffers and constants: pipeline/gpu/label.h. Definition:
 // vote_reference().
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
-layout(local_size_x = 32, local_size_y = 8) in;
-
-struct Shift {
-    int across, across_part, across_step, down, down_part, down_step;
-};
-
-layout(std430, binding = 0) readonly buffer Own { uvec2 own[]; };
-layout(std430, binding = 1) readonly buffer First { uvec2 first[]; };
-layout(std430, binding = 2) readonly buffer Second { uvec2 second[]; };
-layout(std430, binding = 3) readonly buffer Third { uvec2 third[]; };
-layout(std430, binding = 4) readonly buffer Fourth { uvec2 fourth[]; };
-layout(std430, binding = 5) writeonly buffer Out { uint labels[]; };
+#include "label_views.glsl"
 
 layout(std430, push_constant) uniform Constants {
     int width, height, count;
     Shift shift[4];
 };
-
-const int NONE = 0xFFFF, SAME = 64, SIMILAR = 24;
-
-uvec2 pixel_of(int voter, int at)
-{
-    return voter == 0 ? first[at] : voter == 1 ? second[at] : voter == 2 ? third[at] : fourth[at];
-}
-
-ivec3 colour(uint v)
-{
-    return ivec3(v & 0xFF, (v >> 8) & 0xFF, (v >> 16) & 0xFF);
-}
-
-// What a voter sees on the surface; 0: not that, or no label.
-uint vote_of(int voter, uvec2 pixel, int d, ivec2 at)
-{
-    const Shift s = shift[voter];
-    const int x = at.x + s.across + ((s.across_part + d * s.across_step) >> 16);
-    const int y = at.y + s.down + ((s.down_part + d * s.down_step) >> 16);
-    uvec2 there;
-
-    if (x < 0 || y < 0 || x >= width || y >= height)
-        return 0;
-    there = pixel_of(voter, y * width + x);
-    if (abs(int(there.y & 0xFFFF) - d) > SAME ||
-        any(greaterThan(abs(colour(pixel.x) - colour(there.x)), ivec3(SIMILAR))))
-        return 0;
-    return there.x >> 24;
-}
 
 uint count_of(uint label, uint vote[4])
 {
@@ -62,27 +23,29 @@ void main()
 {
     const ivec2 at = ivec2(gl_GlobalInvocationID.xy);
     const int i = at.y * width + at.x;
-    uint vote[4] = uint[4](0, 0, 0, 0), best, most;
-    uvec2 pixel;
+    uint vote[4] = uint[4](0, 0, 0, 0), here, best, most;
     int d;
 
     if (at.x >= width || at.y >= height)
         return;
-    pixel = own[i];
-    d = int(pixel.y & 0xFFFF);
-    best = pixel.x >> 24;
-    if (d != NONE && pixel.y >> 16 != 0) {
-        for (int k = 0; k < count; k++)
-            vote[k] = vote_of(k, pixel, d, at);
+    here = own[width * height + i];
+    d = int(own[i] & 0xFFFF);
+    best = own[i] >> 16;
+    if (d != NONE && here >> 24 != 0) {
+        for (int k = 0; k < count; k++) {
+            const int there = place_of(k, shift[k], ivec2(width, height), at, d, here);
+
+            vote[k] = there < 0 ? 0 : word_of(k, there) >> 16;
+        }
         most = best != 0 ? 1 + count_of(best, vote) : 0;
         for (int k = 0; k < count; k++) {
             const uint n = vote[k] != 0 ? count_of(vote[k], vote) : 0;
 
-            if (vote[k] != pixel.x >> 24 && n > most) {
+            if (vote[k] != own[i] >> 16 && n > most) {
                 most = n;
                 best = vote[k];
             }
         }
     }
-    labels[i] = best;
+    result[i] = best;
 }

@@ -146,10 +146,13 @@ static void test_stages(void **state)
 {
     static const struct {
         const char *name;
+        int after; /* the self-tests of both */
         uint64_t memory;
-    } devices[] = {
-        { "dummy", 0 }, { "dummy", (uint64_t)2600 << 10 }, { "dummy:lost=90", 0 }, { "dummy:timeout=150", 0 }
-    };
+    } devices[] = { { "dummy", 0, 0 },
+                    { "dummy", 0, (uint64_t)2600 << 10 },
+                    { "dummy:lost=%d", 3, 0 },
+                    { "dummy:timeout=%d", 60, 0 } };
+    const int tests = match_self_tests() + refine_self_tests();
     struct sst_disparity_device_report matched;
     struct sst_refine_device_report refined;
     struct sst_lightfield field, labels;
@@ -162,11 +165,13 @@ static void test_stages(void **state)
         struct sst_refine_device *refine;
         struct sst_disparity_config cfg;
         struct sst_refine_config refinement;
+        char name[64];
 
-        print_message("%s, %d KiB\n", devices[i].name, (int)(devices[i].memory >> 10));
+        snprintf(name, sizeof(name), devices[i].name, tests + devices[i].after);
+        print_message("%s, %d KiB\n", name, (int)(devices[i].memory >> 10));
         assert_true(match_config(&cfg, 1));
         assert_true(refine_config(&refinement, 1));
-        assert_int_equal(sst_gpu_shared_create(&shared, devices[i].name, devices[i].memory), 0);
+        assert_int_equal(sst_gpu_shared_create(&shared, name, devices[i].memory), 0);
         assert_int_equal(sst_disparity_device_create_on(&cfg.device, shared), 0);
         assert_int_equal(sst_refine_device_create(&refine, shared), 0);
         refinement.device = refine;

@@ -180,9 +180,10 @@ static void test_matches(void **state)
     sst_lightfield_fini(&lf);
 }
 
-/* Labels are refined, and voted on, with the bytes of the CPU. */
+/* Labels are refined, voted on and carried, with the bytes of the CPU. */
 static void test_labels(void **state)
 {
+    const bool carried[6] = { false, true, false, true, false };
     struct sst_refine_device_report report;
     struct sst_gpu_shared *shared;
     struct sst_refine_config cfg;
@@ -201,6 +202,9 @@ static void test_labels(void **state)
     }
     vote_compare(&lf, NULL, device, &report);
     assert_int_equal(report.voted, 5);
+    lf.disp_min_px = -6;
+    carry_compare(&lf, carried, 0, device, &report);
+    assert_int_equal(report.carried, 8);
     sst_refine_device_destroy(device);
     sst_gpu_shared_destroy(shared);
     sst_lightfield_fini(&lf);

@@ -16,6 +16,15 @@ static void device_open(struct device *d, const char *name, uint64_t memory)
     assert_int_equal(sst_refine_device_create(&d->refine, d->shared), 0);
 }
 
+/* "dummy:lost=N", N counted from the end of the self-tests. */
+static const char *after_tests(const char *fault, int after)
+{
+    static char name[64];
+
+    snprintf(name, sizeof(name), "dummy:%s=%d", fault, refine_self_tests() + after);
+    return name;
+}
+
 static void device_close(struct device *d)
 {
     sst_refine_device_destroy(d->refine);
@@ -39,6 +48,7 @@ static void test_same_bytes(void **state)
         assert_string_equal(report.name, "dummy");
         assert_int_equal(report.views, 5);
         assert_int_equal(report.uploads, 5);
+        assert_int_equal(report.carried + report.carried_on_cpu, 0);
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
         assert_true(report.dispatches > 5 * 4);
@@ -79,16 +89,17 @@ static void test_skipped(void **state)
 static void test_fallback(void **state)
 {
     static const struct {
-        const char *name, *why;
+        const char *name;
+        int after; /* the self-tests, if not 0 */
+        const char *why;
         uint64_t memory;
         int views, failures;
     } devices[] = {
-        /* the self-tests have 10 dispatches */
-        { "dummy:lost=11", "the device is lost", 0, 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
-        { "dummy:timeout=30", "the device does not answer", 0, 5, 3 },
-        { "dummy:memory=1", "not enough memory on the device", 0, 1, 0 }, /* one without normals fits */
-        { "dummy:buffer=100", "not enough memory on the device", 0, 0, 0 },
-        { "dummy", "not enough memory on the device", 700000, 0, 0 },
+        { "lost", 1, "the device is lost", 0, 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
+        { "timeout", 20, "the device does not answer", 0, 5, 3 },
+        { "dummy:memory=1", 0, "not enough memory on the device", 0, 1, 0 }, /* one without normals fits */
+        { "dummy:buffer=100", 0, "not enough memory on the device", 0, 0, 0 },
+        { "dummy", 0, "not enough memory on the device", 700000, 0, 0 },
     };
     struct sst_refine_device_report report;
     struct sst_refine_config cfg;
@@ -99,8 +110,10 @@ static void test_fallback(void **state)
     refine_init(&lf, 3, 3, 93, 61);
     assert_true(refine_config(&cfg, 1));
     for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
-        print_message("%s\n", devices[i].name);
-        device_open(&d, devices[i].name, devices[i].memory);
+        const char *name = devices[i].after ? after_tests(devices[i].name, devices[i].after) : devices[i].name;
+
+        print_message("%s\n", name);
+        device_open(&d, name, devices[i].memory);
         cfg.device = d.refine;
         refine_compare(&lf, &cfg, &report);
         print_message("%lld views, %lld on the CPU, %lld failures: %s\n", (long long)report.views,
@@ -125,18 +138,16 @@ static void test_lost_anywhere(void **state)
     (void)state;
     refine_init(&lf, 1, 3, 93, 61);
     assert_true(refine_config(&cfg, 1));
-    for (int at = 11; !all; at++) {
-        char name[32];
+    for (int at = 1; !all; at++) {
         struct device d;
 
-        snprintf(name, sizeof(name), "dummy:lost=%d", at);
-        device_open(&d, name, 0);
+        device_open(&d, after_tests("lost", at), 0);
         cfg.device = d.refine;
         refine_compare(&lf, &cfg, &report);
         all = report.failures == 0;
         assert_int_equal(report.views + report.on_cpu, 2);
         assert_true(all || report.on_cpu >= 1);
-        assert_in_range(at, 11, 60);
+        assert_in_range(at, 1, 50);
         device_close(&d);
     }
     sst_lightfield_fini(&lf);
@@ -146,14 +157,14 @@ static void test_lost_anywhere(void **state)
 static void test_votes(void **state)
 {
     static const struct {
-        const char *name;
+        int lost;
         uint64_t memory;
         int voted, failures;
     } devices[] = {
-        { "dummy", 0, 8, 0 },
-        { "dummy", 6 * 93 * 61 * 8, 8, 0 }, /* five views and the result */
-        { "dummy", 4 * 93 * 61 * 8, 0, 0 }, /* not enough for one vote */
-        { "dummy:lost=12", 0, 4, 4 },       /* the second one of each opening */
+        { 0, 0, 8, 0 },
+        { 0, 6 * 93 * 61 * 8, 8, 0 }, /* five views and the result */
+        { 0, 4 * 93 * 61 * 8, 0, 0 }, /* not enough for one vote */
+        { 2, 0, 4, 4 },               /* the second one of each opening */
     };
     const bool skip[9] = { false, false, false, false, true };
     struct sst_refine_device_report report;
@@ -163,8 +174,10 @@ static void test_votes(void **state)
     (void)state;
     refine_init(&lf, 3, 3, 93, 61);
     for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
-        print_message("%s, %d bytes\n", devices[i].name, (int)devices[i].memory);
-        device_open(&d, devices[i].name, devices[i].memory);
+        const char *name = devices[i].lost ? after_tests("lost", devices[i].lost) : "dummy";
+
+        print_message("%s, %d bytes\n", name, (int)devices[i].memory);
+        device_open(&d, name, devices[i].memory);
         vote_compare(&lf, NULL, d.refine, &report);
         print_message("%lld voted, %lld on the CPU, %lld failures, %lld uploads\n", (long long)report.voted,
                       (long long)report.voted_on_cpu, (long long)report.failures, (long long)report.uploads);
@@ -186,6 +199,45 @@ static void test_votes(void **state)
     assert_int_equal(report.voted_on_cpu, 1);
     assert_string_equal(report.why, "views are too far apart");
     device_close(&d);
+    sst_lightfield_fini(&lf);
+}
+
+/* Labels carried to other views, and filled there: likewise. */
+static void test_carried(void **state)
+{
+    static const struct {
+        int lost;
+        uint64_t memory;
+        int carried, failures;
+    } devices[] = {
+        { 0, 0, 12, 0 },
+        { 0, 8 * 93 * 61 * 8, 12, 0 }, /* few views at once, with entropies */
+        { 0, 3 * 93 * 61 * 8, 0, 0 },  /* not enough for one */
+        { 3, 0, 7, 5 },                /* the third one of each opening */
+    };
+    const bool carried[9] = { true, false, true, false, false, true, true, true };
+    struct sst_refine_device_report report;
+    struct sst_lightfield lf;
+    struct device d;
+
+    (void)state;
+    refine_init(&lf, 3, 3, 93, 61);
+    lf.disp_min_px = -6;
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        const char *name = devices[i].lost ? after_tests("lost", devices[i].lost) : "dummy";
+
+        print_message("%s, %d bytes\n", name, (int)devices[i].memory);
+        device_open(&d, name, devices[i].memory);
+        carry_compare(&lf, carried, 4, d.refine, &report);
+        print_message("%lld carried, %lld on the CPU, %lld failures, %lld uploads: %s\n", (long long)report.carried,
+                      (long long)report.carried_on_cpu, (long long)report.failures, (long long)report.uploads,
+                      report.why);
+        assert_int_equal(report.carried, devices[i].carried);
+        assert_int_equal(report.carried + report.carried_on_cpu, 12);
+        assert_int_equal(report.failures, devices[i].failures);
+        assert_int_equal(report.stages_on_cpu, report.carried_on_cpu ? 1U << SST_REFINE_STAGE_CARRY : 0);
+        device_close(&d);
+    }
     sst_lightfield_fini(&lf);
 }
 
@@ -211,7 +263,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_skipped), serial_test(test_fallback),
-        serial_test(test_lost_anywhere),   cmocka_unit_test(test_votes),   cmocka_unit_test(test_refused),
+        serial_test(test_lost_anywhere),   cmocka_unit_test(test_votes),   cmocka_unit_test(test_carried),
+        cmocka_unit_test(test_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -8,29 +8,34 @@
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SOURCES    4       /* nearest key views that labels come from */
+#define SOURCES    SST_REFINE_VOTERS /* nearest key views that labels come from */
 #define SAME_Q6    64      /* 1/64 px: disparities of one surface differ by at most this */
 #define SIMILAR    24      /* levels: a label stays with a colour whose channels all differ by at most this */
 #define REACH_MOST 32768.0 /* px; sources that are farther away are left out */
 
-struct carry {
-    struct sst_lightfield *lf;
-    const bool *carried;
-    struct sst_map_f32 *entropy;
+struct job {
+    const struct process_carry *c;
+    struct sst_map_f32 *entropy; /* or NULL */
+    bool fill;
+    int *view; /* those that labels are carried to */
+    bool *done; /* [views] on the device */
+    const int *batch; /* of view: what is done at once */
 };
 
-/* The nearest key views other than the view itself. @return their number */
-static int sources_of(const struct carry *c, int view, int source[SOURCES])
+/* The nearest key views other than the view itself, the nearest first. @return their number */
+static int sources_of(const struct process_carry *c, int view, struct sst_refine_voter source[SOURCES])
 {
     const struct sst_lightfield *lf = c->lf;
+    const struct sst_view *own = &lf->views[view];
     double distance[SOURCES];
     int n = 0;
 
     for (int k = 0; k < lf->rows * lf->cols; k++) {
-        const double far = hypot(lf->views[k].bx - lf->views[view].bx, lf->views[k].by - lf->views[view].by);
+        const struct sst_view *from = &lf->views[k];
+        const double far = hypot(from->bx - own->bx, from->by - own->by);
         int at;
 
-        if (k == view || !lf->views[k].present || c->carried[k] || (n == SOURCES && far >= distance[n - 1]) ||
+        if (k == view || !from->present || c->carried[k] || (n == SOURCES && far >= distance[n - 1]) ||
             far * (fabs(lf->disp_min_px) + SST_DISP_NONE / SST_DISP_SCALE) > REACH_MOST)
             continue;
         n += n < SOURCES;
@@ -39,16 +44,11 @@ static int sources_of(const struct carry *c, int view, int source[SOURCES])
             source[at] = source[at - 1];
         }
         distance[at] = far;
-        source[at] = k;
+        source[at] = (struct sst_refine_voter){ k, sst_shift_by(own->bx - from->bx, lf->disp_min_px),
+                                                sst_shift_by(own->by - from->by, lf->disp_min_px) };
     }
     return n;
 }
-
-struct source {
-    const struct sst_view *view;
-    const struct sst_map_f32 *entropy; /* or NULL */
-    struct sst_shift across, down;     /* from the view's pixels to the source's */
-};
 
 static bool similar(const struct sst_image *a, int xa, int ya, const struct sst_image *b, int xb, int yb)
 {
@@ -61,37 +61,25 @@ static bool similar(const struct sst_image *a, int xa, int ya, const struct sst_
 
 /* The nearest source that shows the surface of pixel (x, y), and where; NULL: none does.
  * @param labelled  only sources that have a label there */
-static const struct source *find_source(const struct source *source, int n, const struct sst_view *own, int x, int y,
-                                        int d, bool labelled, int *xs, int *ys)
+static const struct sst_refine_voter *find_source(const struct sst_lightfield *lf,
+                                                  const struct sst_refine_voter *source, int n,
+                                                  const struct sst_view *own, int x, int y, bool labelled, int *xs,
+                                                  int *ys)
 {
-    for (const struct source *s = source; s < source + n; s++) {
+    const int d = sst_map_u16_row(&own->disp, y)[x];
+
+    for (const struct sst_refine_voter *s = source; s < source + n; s++) {
+        const struct sst_view *there = &lf->views[s->view];
+
         *xs = sst_shifted(x, s->across, d);
         *ys = sst_shifted(y, s->down, d);
         if ((unsigned)*xs < (unsigned)own->image.width && (unsigned)*ys < (unsigned)own->image.height &&
-            (!labelled || sst_map_u8_row(&s->view->label, *ys)[*xs] != SST_LABEL_NONE) &&
-            abs(sst_map_u16_row(&s->view->disp, *ys)[*xs] - d) <= SAME_Q6 &&
-            similar(&own->image, x, y, &s->view->image, *xs, *ys))
+            (!labelled || sst_map_u8_row(&there->label, *ys)[*xs] != SST_LABEL_NONE) &&
+            abs(sst_map_u16_row(&there->disp, *ys)[*xs] - d) <= SAME_Q6 &&
+            similar(&own->image, x, y, &there->image, *xs, *ys))
             return s;
     }
     return NULL;
-}
-
-/* The sources of a view. @return their number */
-static int open_sources(const struct carry *c, int view, struct source source[SOURCES])
-{
-    const struct sst_lightfield *lf = c->lf;
-    const struct sst_view *own = &lf->views[view];
-    int nearest[SOURCES];
-    const int n = sources_of(c, view, nearest);
-
-    for (int i = 0; i < n; i++) {
-        const struct sst_view *from = &lf->views[nearest[i]];
-
-        source[i] = (struct source){ from, c->entropy ? &c->entropy[nearest[i]] : NULL,
-                                     sst_shift_by(own->bx - from->bx, lf->disp_min_px),
-                                     sst_shift_by(own->by - from->by, lf->disp_min_px) };
-    }
-    return n;
 }
 
 static bool is_seen(const struct sst_view *v, int x, int y)
@@ -99,65 +87,28 @@ static bool is_seen(const struct sst_view *v, int x, int y)
     return sst_map_u16_row(&v->disp, y)[x] != SST_DISP_NONE && (!v->valid.data || sst_map_u8_row(&v->valid, y)[x]);
 }
 
-/* Labels of a view from its sources. @param entropy  likewise, infinite where there is no label; NULL: not wanted */
-static void gather_labels(const struct carry *c, int view, struct sst_map_u8 *label, struct sst_map_f32 *entropy)
+/* Labels of a view from its sources. @param own_entropy  out, likewise, infinite where there is no label; NULL: not
+ * wanted @param entropy  [views] of the sources */
+static void gather_labels(const struct process_carry *c, int view, struct sst_map_u8 *label,
+                          struct sst_map_f32 *own_entropy, const struct sst_map_f32 *entropy)
 {
     const struct sst_view *own = &c->lf->views[view];
-    struct source source[SOURCES];
-    const int n = open_sources(c, view, source);
+    struct sst_refine_voter source[SOURCES];
+    const int n = sources_of(c, view, source);
 
     for (int y = 0; y < label->height; y++) {
-        const uint16_t *d = sst_map_u16_row(&own->disp, y);
-        float *e = entropy ? sst_map_f32_row(entropy, y) : NULL;
+        float *e = own_entropy ? sst_map_f32_row(own_entropy, y) : NULL;
         uint8_t *to = sst_map_u8_row(label, y);
 
         for (int x = 0, xs, ys; x < label->width; x++) {
-            const struct source *s =
-                is_seen(own, x, y) ? find_source(source, n, own, x, y, d[x], true, &xs, &ys) : NULL;
+            const struct sst_refine_voter *s =
+                is_seen(own, x, y) ? find_source(c->lf, source, n, own, x, y, true, &xs, &ys) : NULL;
 
-            to[x] = s ? sst_map_u8_row(&s->view->label, ys)[xs] : (uint8_t)SST_LABEL_NONE;
+            to[x] = s ? sst_map_u8_row(&c->lf->views[s->view].label, ys)[xs] : (uint8_t)SST_LABEL_NONE;
             if (e)
-                e[x] = s ? sst_map_f32_row(s->entropy, ys)[xs] : INFINITY;
+                e[x] = s ? sst_map_f32_row(&entropy[s->view], ys)[xs] : INFINITY;
         }
     }
-}
-
-static int carry_job(void *arg, int view, int worker SST_UNUSED)
-{
-    const struct carry *c = arg;
-    struct sst_view *own = &c->lf->views[view];
-    int err;
-
-    if (!own->present || !c->carried[view])
-        return 0;
-    sst_map_u8_fini(&own->label);
-    err = sst_map_u8_init(&own->label, c->lf->width, c->lf->height);
-    if (!err && c->entropy)
-        err = sst_map_f32_init(&c->entropy[view], c->lf->width, c->lf->height);
-    if (!err)
-        gather_labels(c, view, &own->label, c->entropy ? &c->entropy[view] : NULL);
-    return err;
-}
-
-static void carried_maps(void *arg, int view, struct sst_share_maps *out)
-{
-    const struct carry *c = arg;
-
-    if (!c->lf->views[view].present || !c->carried[view])
-        return;
-    sst_share_add_u8(out, &c->lf->views[view].label);
-    if (c->entropy)
-        sst_share_add_f32(out, &c->entropy[view]);
-}
-
-int process_carry_labels(struct sst_lightfield *lf, const bool *carried, struct sst_map_f32 *entropy,
-                         struct sst_share *share, int threads)
-{
-    const int views = lf->rows * lf->cols;
-    const int block = sst_share_block((size_t)lf->width * (size_t)lf->height);
-    struct carry c = { lf, carried, entropy };
-
-    return sst_share_blocks(share, views, block, threads, carry_job, &c, carried_maps);
 }
 
 /* Columns from .. end - 1 have no label; those beside them have one, unless they are outside. */
@@ -170,12 +121,9 @@ static void fill_run(uint8_t *label, const uint16_t *d, int from, int end, int w
     }
 }
 
-static int fill_job(void *arg, int view, int worker SST_UNUSED)
+static void fill_view(struct sst_view *v)
 {
-    const struct carry *c = arg;
-    struct sst_view *v = &c->lf->views[view];
-
-    for (int y = 0; v->present && c->carried[view] && y < v->label.height; y++) {
+    for (int y = 0; y < v->label.height; y++) {
         const uint16_t *d = sst_map_u16_row(&v->disp, y);
         uint8_t *label = sst_map_u8_row(&v->label, y);
 
@@ -188,26 +136,100 @@ static int fill_job(void *arg, int view, int worker SST_UNUSED)
         for (int x = 0; v->valid.data && x < v->label.width; x++)
             label[x] &= sst_map_u8_row(&v->valid, y)[x];
     }
+}
+
+/* Memory for what is carried to a view. */
+static int open_view(const struct job *j, int view)
+{
+    const struct sst_lightfield *lf = j->c->lf;
+    int err;
+
+    sst_map_u8_fini(&lf->views[view].label);
+    err = sst_map_u8_init(&lf->views[view].label, lf->width, lf->height);
+    return err || !j->entropy ? err : sst_map_f32_init(&j->entropy[view], lf->width, lf->height);
+}
+
+static bool carry_on_device(const struct process_carry *c, int view, struct sst_map_u8 *label,
+                            struct sst_map_f32 *own_entropy, struct sst_refine_carry *how)
+{
+    struct sst_refine_voter source[SOURCES];
+
+    how->lf = c->lf;
+    how->view = view;
+    how->sources = source;
+    how->count = sources_of(c, view, source);
+    return sst_refine_device_carry(c->device, label, own_entropy, how);
+}
+
+static int carry_job(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct job *j = arg;
+    const int view = j->view[j->batch[index]];
+    struct sst_view *own = &j->c->lf->views[view];
+
+    if (j->done[view])
+        return 0;
+    gather_labels(j->c, view, &own->label, j->entropy ? &j->entropy[view] : NULL, j->entropy);
+    if (j->fill)
+        fill_view(own);
     return 0;
 }
 
-int process_fill_labels(struct sst_lightfield *lf, const bool *carried, int threads)
+static int carry_batch(void *arg, const int *index, int count)
 {
-    struct carry c = { lf, carried, NULL };
+    struct job *j = arg;
+    int err = 0;
 
-    return sst_parallel_for(lf->rows * lf->cols, threads, fill_job, &c);
+    j->batch = index;
+    for (int i = 0; i < count && !err; i++) {
+        const int view = j->view[index[i]];
+        struct sst_refine_carry how = { .entropies = j->entropy, .fill = j->fill };
+
+        err = open_view(j, view);
+        if (!err && j->c->device)
+            j->done[view] = carry_on_device(j->c, view, &j->c->lf->views[view].label,
+                                            j->entropy ? &j->entropy[view] : NULL, &how);
+    }
+    return err ? err : sst_parallel_for(count, j->c->threads, carry_job, j);
 }
 
-int process_carry_error(const struct sst_lightfield *lf, const bool *carried, int view, double *percent)
+static void carried_maps(void *arg, int index, struct sst_share_maps *out)
 {
-    struct sst_lightfield borrowed = *lf;
-    const struct carry c = { &borrowed, carried, NULL };
+    const struct job *j = arg;
+
+    sst_share_add_u8(out, &j->c->lf->views[j->view[index]].label);
+    if (j->entropy)
+        sst_share_add_f32(out, &j->entropy[j->view[index]]);
+}
+
+int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entropy, bool fill)
+{
+    const int views = c->lf->rows * c->lf->cols;
+    struct job j = { c, entropy, fill, calloc((size_t)views, sizeof(*j.view)), calloc((size_t)views, sizeof(*j.done)),
+                     NULL };
+    int count = 0, err = j.view && j.done ? 0 : -ENOMEM;
+
+    sst_refine_device_labels_changed(c->device);
+    for (int k = 0; !err && k < views; k++) {
+        if (c->lf->views[k].present && c->carried[k])
+            j.view[count++] = k;
+    }
+    err = err ? err : sst_share_batches(c->share, count, c->share ? c->threads : views, carry_batch, &j, carried_maps);
+    free(j.view);
+    free(j.done);
+    return err;
+}
+
+int process_carry_error(const struct process_carry *c, int view, double *percent)
+{
+    const struct sst_lightfield *lf = c->lf;
+    struct sst_refine_carry how = { 0 };
     struct sst_map_u8 gathered = { 0 };
     int64_t n = 0, off = 0;
     const int err = sst_map_u8_init(&gathered, lf->width, lf->height);
 
-    if (!err)
-        gather_labels(&c, view, &gathered, NULL);
+    if (!err && !(c->device && carry_on_device(c, view, &gathered, NULL, &how)))
+        gather_labels(c, view, &gathered, NULL, NULL);
     for (int y = 0; !err && y < lf->height; y++) {
         const uint8_t *label = sst_map_u8_row(&lf->views[view].label, y), *there = sst_map_u8_row(&gathered, y);
 
@@ -221,24 +243,37 @@ int process_carry_error(const struct sst_lightfield *lf, const bool *carried, in
     return err;
 }
 
-double process_carry_shown(const struct sst_lightfield *lf, const bool *carried, int view)
+/* Write 1 where a source shows the surface, else 0. */
+static void find_shown(const struct process_carry *c, int view, struct sst_map_u8 *shown)
 {
-    struct sst_lightfield borrowed = *lf;
-    const struct carry c = { &borrowed, carried, NULL };
-    const struct sst_view *own = &lf->views[view];
-    struct source source[SOURCES];
-    const int n = open_sources(&c, view, source);
-    int64_t seen = 0, shown = 0;
+    const struct sst_view *own = &c->lf->views[view];
+    struct sst_refine_voter source[SOURCES];
+    const int n = sources_of(c, view, source);
 
-    for (int y = 0; y < lf->height; y++) {
-        for (int x = 0, xs, ys; x < lf->width; x++) {
-            const int d = sst_map_u16_row(&own->disp, y)[x];
+    for (int y = 0; y < shown->height; y++) {
+        for (int x = 0, xs, ys; x < shown->width; x++)
+            sst_map_u8_row(shown, y)[x] =
+                is_seen(own, x, y) && find_source(c->lf, source, n, own, x, y, false, &xs, &ys);
+    }
+}
 
-            if (!is_seen(own, x, y))
-                continue;
-            seen++;
-            shown += find_source(source, n, own, x, y, d, false, &xs, &ys) != NULL;
+int process_carry_shown(const struct process_carry *c, int view, double *share)
+{
+    const struct sst_view *own = &c->lf->views[view];
+    struct sst_refine_carry how = { .shown = true };
+    struct sst_map_u8 shown = { 0 };
+    int64_t seen = 0, all = 0;
+    const int err = sst_map_u8_init(&shown, c->lf->width, c->lf->height);
+
+    if (!err && !(c->device && carry_on_device(c, view, &shown, NULL, &how)))
+        find_shown(c, view, &shown);
+    for (int y = 0; !err && y < shown.height; y++) {
+        for (int x = 0; x < shown.width; x++) {
+            seen += is_seen(own, x, y);
+            all += sst_map_u8_row(&shown, y)[x];
         }
     }
-    return seen ? (double)shown / (double)seen : 0;
+    *share = seen ? (double)all / (double)seen : 0;
+    sst_map_u8_fini(&shown);
+    return err;
 }

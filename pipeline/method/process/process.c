@@ -171,9 +171,16 @@ static int copy_extras(void *arg, int view, int worker SST_UNUSED)
         err ? err : pack_entropy(&extras->map[SST_EXTRA_ENTROPY][view], &run->entropy[view], run->lf->classes.count));
 }
 
+static struct process_carry carry_of(const struct run *run)
+{
+    const struct sst_process_config *cfg = run->cfg;
+
+    return (struct process_carry){ run->lf, run->carried, cfg->share, cfg->threads, cfg->refinement.device };
+}
+
 /* What one process measures for all. */
 struct measured {
-    struct run *run;
+    struct process_carry carry;
     double value;
 };
 
@@ -188,15 +195,14 @@ static int measure_shown(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
 {
     struct measured *m = arg;
 
-    m->value = process_carry_shown(m->run->lf, m->run->carried, m->run->lf->ref_view);
-    return 0;
+    return process_carry_shown(&m->carry, m->carry.lf->ref_view, &m->value);
 }
 
 static int measure_carried(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
 {
     struct measured *m = arg;
 
-    return process_carry_error(m->run->lf, m->run->carried, m->run->lf->ref_view, &m->value);
+    return process_carry_error(&m->carry, m->carry.lf->ref_view, &m->value);
 }
 
 /* Labels go to the right surfaces only where maps are good enough to find those in other views: where they could be
@@ -204,7 +210,7 @@ static int measure_carried(void *arg, int index SST_UNUSED, int worker SST_UNUSE
 static int can_carry(struct run *run, bool *can)
 {
     const struct sst_lightfield *lf = run->lf;
-    struct measured shown = { run, 0 };
+    struct measured shown = { carry_of(run), 0 };
     int err = 0;
 
     *can = false;
@@ -249,14 +255,13 @@ static int choose_keys(struct run *run)
 /* The carried views' labels, and what this changes. */
 static int carry_views(struct run *run)
 {
-    struct sst_share *share = run->cfg->share;
-    struct measured error = { run, NAN };
+    struct measured error = { carry_of(run), NAN };
     int err;
 
     if (!run->carried)
         return 0;
-    err = process_carry_labels(run->lf, run->carried, run->entropy, share, run->cfg->threads);
-    err = err ? err : sst_share_for(share, 1, 1, measure_carried, &error, measured_values);
+    err = process_carry_labels(&error.carry, run->entropy, false);
+    err = err ? err : sst_share_for(run->cfg->share, 1, 1, measure_carried, &error, measured_values);
     run->report->labels_error = error.value;
     return log_oom(err);
 }
@@ -462,9 +467,9 @@ static int refine_views(struct run *run)
     if (run->cfg->refine && run->cfg->model) /* external labels stay as they are */
         err = err ? err : log_oom(process_vote_labels(run->lf, run->carried, cfg.share, cfg.threads, cfg.device));
     if (run->cfg->refine && run->carried) {
-        sst_refine_device_note_stage(cfg.device, SST_REFINE_STAGE_CARRY);
-        err = err ? err : log_oom(process_carry_labels(run->lf, run->carried, NULL, cfg.share, cfg.threads));
-        err = err ? err : process_fill_labels(run->lf, run->carried, cfg.threads);
+        const struct process_carry carry = carry_of(run);
+
+        err = err ? err : log_oom(process_carry_labels(&carry, NULL, true));
     }
     run->report->coverage_refined = coverage(run);
     return err;
@@ -512,6 +517,7 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
     run.report->labels = sst_process_lap(&clock);
     err = err ? err : refine_views(&run);
     run.report->refinement = sst_process_lap(&clock);
+    sst_refine_device_forget(cfg->refinement.device);
     free(run.carried);
     return err;
 }

@@ -7,30 +7,33 @@
 
 struct sst_share;
 
+/** Labels carried from key views to others. */
+struct process_carry {
+    struct sst_lightfield *lf; /* disparities of all present views, labels of the key views */
+    const bool *carried;       /* [views] the others */
+    struct sst_share *share;   /* with other processes, by views; or NULL */
+    int threads;
+    struct sst_refine_device *device; /* with the same bytes; or NULL */
+};
+
 /**
  * Give the carried views the labels of the key views: each pixel gets that of the place where its disparity puts
  * it, in the nearest of four key views that shows the same surface (disparity within a pixel, colours alike) and has a
- * label there; else none.
+ * label there; else none. views[].label of them is made here.
  *
- * @param lf       disparities of all present views; labels of the key views; views[].label of the others is made here
- * @param carried  [views]
  * @param entropy  [views] of the labels, made here for the carried views, infinite where they have none; or NULL
- * @param share    with other processes, by views; or NULL
+ * @param fill     then the pixels without a label get that of the labelled pixel to their left or right whose disparity
+ *                 is nearer to theirs, those that are not valid none; entropy is NULL
  * @return 0, -ENOMEM
  */
-SST_MUST_CHECK int process_carry_labels(struct sst_lightfield *lf, const bool *carried, struct sst_map_f32 *entropy,
-                                        struct sst_share *share, int threads);
-
-/** Give the unlabelled pixels of the carried views the label of the labelled pixel to their left or right whose
- * disparity is nearer to theirs. */
-SST_MUST_CHECK int process_fill_labels(struct sst_lightfield *lf, const bool *carried, int threads);
+SST_MUST_CHECK int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entropy, bool fill);
 
 /** Percent of a key view's labels that differ from those that the other key views carry to it, where there are both.
  *  NaN: none to compare. */
-SST_MUST_CHECK int process_carry_error(const struct sst_lightfield *lf, const bool *carried, int view, double *percent);
+SST_MUST_CHECK int process_carry_error(const struct process_carry *c, int view, double *percent);
 
 /** Share of a view's pixels whose surfaces its sources among the key views show: what could be carried to it. */
-double process_carry_shown(const struct sst_lightfield *lf, const bool *carried, int view);
+SST_MUST_CHECK int process_carry_shown(const struct process_carry *c, int view, double *share);
 
 /**
  * Let the views vote about the label of every surface: each pixel gets the label that most of its own view and the

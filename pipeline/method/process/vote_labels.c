@@ -166,13 +166,12 @@ int process_vote_labels(struct sst_lightfield *lf, const bool *skip, struct sst_
     };
     int count = 0, err = v.out && v.view ? 0 : -ENOMEM;
 
+    sst_refine_device_labels_changed(device);
     for (int k = 0; !err && k < views; k++) {
         if (votes(&v, k))
             v.view[count++] = k;
     }
     err = err ? err : sst_share_batches(share, count, share ? threads : views, vote_batch, &v, elected_map);
-    if (device)
-        sst_refine_device_forget_votes(device);
     for (int k = 0; v.out && k < views; k++) {
         if (!err && v.out[k].data) {
             sst_map_u8_fini(&lf->views[k].label);

@@ -28,6 +28,8 @@ struct work {
 
 _Static_assert(SST_GPU_REFINE_LABELS == SST_MAX_CLASSES, "a bit each");
 
+#define THE_VIEW REFINE_KEPT /* among buffers of a dispatch: that in work */
+
 static void drop(void *arg)
 {
     struct sst_refine_device *d = arg;
@@ -38,7 +40,7 @@ static void drop(void *arg)
         d->bytes[i] = 0;
     }
     d->has_table = false;
-    refine_drop_votes(d);
+    refine_drop_views(d);
 }
 
 bool refine_device_drop_kept(struct sst_refine_device *d)
@@ -70,7 +72,8 @@ int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shar
     static const enum sst_gpu_shader shaders[] = { SST_GPU_REFINE_MASK,    SST_GPU_REFINE_COLUMNS,
                                                    SST_GPU_REFINE_COMPETE, SST_GPU_REFINE_SUMS,
                                                    SST_GPU_REFINE_PLANES,  SST_GPU_REFINE_NORMALS,
-                                                   SST_GPU_REFINE_ASSIGN,  SST_GPU_VOTE };
+                                                   SST_GPU_REFINE_ASSIGN,  SST_GPU_VOTE,
+                                                   SST_GPU_LABEL_CARRY,    SST_GPU_LABEL_FILL };
     struct sst_refine_device *d;
     int err;
 
@@ -83,6 +86,7 @@ int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shar
         return -ENOMEM;
     }
     d->shared = shared;
+    d->stage = 1;
     d->user = (struct sst_gpu_user){
         .shaders = shaders, .count = ARRAY_LEN(shaders), .work = "refine labels", .drop = drop, .arg = d
     };
@@ -141,6 +145,8 @@ int refine_device_keep(struct sst_refine_device *d, enum refine_kept which, size
     err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
     if (err == -ENOMEM && sst_gpu_shared_make_room(d->shared, &d->user))
         err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
+    while (err == -ENOMEM && refine_drop_oldest(d))
+        err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
     if (!err)
         d->bytes[which] = bytes;
     return err;
@@ -175,7 +181,7 @@ static int dispatch(struct sst_refine_device *d, enum sst_gpu_shader shader, con
     struct sst_gpu_work work = { .shader = shader, .push = push, .groups = { x, y, 1 } };
 
     for (size_t i = 0; i < count; i++)
-        work.buffer[i] = d->kept[kept[i]];
+        work.buffer[i] = kept[i] < REFINE_KEPT ? d->kept[kept[i]] : d->view[d->in_work].buffer;
     d->report.dispatches++;
     return sst_gpu_dispatch(d->gpu, &work);
 }
@@ -202,24 +208,6 @@ static uint64_t join(const uint32_t v[2])
 }
 
 /* --- steps -------------------------------------------------------------------------------------------------------- */
-
-static int upload_view(const struct work *w)
-{
-    uint32_t *words = sst_mem_keep(&w->d->words, w->pixels, sizeof(*words));
-
-    if (!words)
-        return -ENOMEM;
-    for (int y = 0; y < w->height; y++) {
-        const uint16_t *disp = sst_map_u16_row(&w->view->disp, y);
-        const uint8_t *label = sst_map_u8_row(&w->view->label, y);
-        uint32_t *to = words + (size_t)y * (size_t)w->width;
-
-        for (int x = 0; x < w->width; x++)
-            to[x] = disp[x] | (uint32_t)label[x] << 16;
-    }
-    w->d->report.uploads++;
-    return upload(w->d, REFINE_KEPT_VIEW, words, w->pixels * sizeof(*words));
-}
 
 static int upload_grounds(const struct work *w)
 {
@@ -256,15 +244,17 @@ static int upload_table(const struct work *w)
 /* Candidates of all pixels, and which labels compete. */
 static int find_candidates(struct work *w)
 {
-    static const enum refine_kept kept[] = { REFINE_KEPT_VIEW, REFINE_KEPT_TABLE,  REFINE_KEPT_GROUNDS,
+    static const enum refine_kept kept[] = { THE_VIEW, REFINE_KEPT_TABLE,  REFINE_KEPT_GROUNDS,
                                              REFINE_KEPT_SEEN, REFINE_KEPT_CHOICE, REFINE_KEPT_MASK };
     struct sst_gpu_refine_mask push = { .width = w->width, .height = w->height };
     uint32_t seen[4] = { 0 };
-    int err = upload_table(w);
+    int err;
 
+    w->d->turn++;
+    err = refine_device_view(w->d, w->job->lf, w->d->in_work, false, NULL);
+    err = err ? err : upload_table(w);
     split(push.planar, w->grounds->planar);
     split(push.ground, w->job->ground);
-    err = err ? err : upload_view(w);
     err = err ? err : upload_grounds(w);
     err = err ? err : upload(w->d, REFINE_KEPT_SEEN, seen, sizeof(seen));
     err = err ? err : refine_device_keep(w->d, REFINE_KEPT_CHOICE, w->pixels * sizeof(struct sst_gpu_refine_choice));
@@ -280,9 +270,9 @@ static int find_candidates(struct work *w)
 /* Normals where they count, with the sums of regions. */
 static int find_normals(const struct work *w)
 {
-    static const enum refine_kept sums[] = { REFINE_KEPT_VIEW, REFINE_KEPT_SUMS },
+    static const enum refine_kept sums[] = { THE_VIEW, REFINE_KEPT_SUMS },
                                   planes[] = { REFINE_KEPT_SUMS, REFINE_KEPT_PLANES };
-    static const enum refine_kept normals[] = { REFINE_KEPT_VIEW, REFINE_KEPT_MASK, REFINE_KEPT_PLANES,
+    static const enum refine_kept normals[] = { THE_VIEW, REFINE_KEPT_MASK, REFINE_KEPT_PLANES,
                                                 REFINE_KEPT_REGIONS, REFINE_KEPT_SUMS };
     static const struct sst_gpu_refine_region none[SST_GPU_REFINE_LABELS];
     const struct sst_gpu_refine_window window = { w->width, w->height, w->job->cfg->normal_window / 2 };
@@ -325,7 +315,7 @@ static int upload_hull(const struct work *w, int label)
 
 static int compete(const struct work *w, int label)
 {
-    static const enum refine_kept columns[] = { REFINE_KEPT_VIEW, REFINE_KEPT_COLUMNS };
+    static const enum refine_kept columns[] = { THE_VIEW, REFINE_KEPT_COLUMNS };
     static const enum refine_kept kept[] = { REFINE_KEPT_MASK, REFINE_KEPT_COLUMNS, REFINE_KEPT_HULL,
                                              REFINE_KEPT_CHOICE };
     const struct sst_gpu_refine_columns of = { w->width, w->height, (uint32_t)label };
@@ -362,8 +352,8 @@ static int exchange_regions(const struct work *w)
 
 static int assign(const struct work *w)
 {
-    const enum refine_kept kept[] = { REFINE_KEPT_VIEW,   REFINE_KEPT_MASK,
-                                      REFINE_KEPT_CHOICE, w->normals ? REFINE_KEPT_SUMS : REFINE_KEPT_VIEW,
+    const enum refine_kept kept[] = { THE_VIEW,   REFINE_KEPT_MASK,
+                                      REFINE_KEPT_CHOICE, w->normals ? REFINE_KEPT_SUMS : THE_VIEW,
                                       REFINE_KEPT_MEANS,  REFINE_KEPT_OUT };
     const struct sst_refine_config *cfg = w->job->cfg;
     const struct sst_gpu_refine_assign push = {
@@ -394,8 +384,10 @@ static int refine_view(struct sst_refine_device *d, const struct refine_job *job
                       .width = job->lf->width,
                       .height = job->lf->height,
                       .pixels = (size_t)job->lf->width * (size_t)job->lf->height };
-    int err = find_candidates(&w);
+    int err;
 
+    d->in_work = view;
+    err = find_candidates(&w);
     if (w.normals)
         err = err ? err : find_normals(&w);
     for (int label = 1; label <= job->lf->classes.count && !err; label++) {
@@ -450,14 +442,19 @@ static bool try_view(struct sst_refine_device *d, const struct refine_job *job, 
     return done;
 }
 
+void refine_device_start(struct sst_refine_device *d)
+{
+    sst_gpu_shared_lock(d->shared);
+    d->has_table = false;
+    d->stage++;
+    sst_gpu_shared_unlock(d->shared);
+}
+
 int refine_on_device(struct sst_refine_device *d, struct refine_job *job, int count)
 {
     sst_refine_device_note_stage(d, SST_REFINE_STAGE_DISPARITY);
     if (job->ground && job->cfg->ground_plane)
         sst_refine_device_note_stage(d, SST_REFINE_STAGE_GROUNDS);
-    sst_gpu_shared_lock(d->shared);
-    d->has_table = false;
-    sst_gpu_shared_unlock(d->shared);
     for (int i = 0; i < count; i++) {
         if (job->cfg->cancel && *job->cfg->cancel)
             return -ECANCELED;

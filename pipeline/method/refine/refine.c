@@ -446,6 +446,8 @@ int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config 
         sst_log_info("label refinement: the focal length is unknown; the image width, %d px, is used instead",
                      lf->width);
     err = job_init(&job, lf, cfg);
+    if (!err && cfg->device)
+        refine_device_start(cfg->device);
     for (int view = 0; !err && view < lf->rows * lf->cols; view++) {
         if (refine_wants(&job, view))
             job.view[count++] = view;

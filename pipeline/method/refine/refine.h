@@ -72,8 +72,9 @@ struct sst_refine_device_report {
     int64_t views;               /* refined there */
     int64_t on_cpu;              /* others */
     int64_t voted, voted_on_cpu; /* whose pixels other views voted on */
+    int64_t carried, carried_on_cpu; /* that labels were carried to, once each time */
     int64_t failures;            /* times that the device failed */
-    char why[128];               /* the last of on_cpu or voted_on_cpu */
+    char why[128];               /* the last that something was on the CPU */
     unsigned stages_on_cpu;      /* bits by enum sst_refine_stage: those that were needed */
     int64_t dispatches, uploads, upload_bytes;
     int64_t total_ns, upload_ns, wait_ns, download_ns; /* of views; wait_ns: until the device has computed them */
@@ -90,7 +91,7 @@ struct sst_refine_device_report {
 SST_MUST_CHECK int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shared *shared);
 void sst_refine_device_destroy(struct sst_refine_device *d);
 
-/** A view that votes about the labels of another one. */
+/** A view that votes about the labels of another one, or that they are carried from. */
 struct sst_refine_voter {
     int view;
     struct sst_shift across, down; /* from that view's pixels to the voter's */
@@ -99,8 +100,17 @@ struct sst_refine_voter {
 #define SST_REFINE_VOTERS 4
 
 /**
- * The labels of a view after the vote, see process_vote_labels(); the light field stays as it is. Views are uploaded
- * once.
+ * Begin a stage: labels or entropies have changed, and are uploaded again, with the disparities, for each view that is
+ * needed; sst_refine_labels() does it itself. Colours stay.
+ * @param d  or NULL
+ */
+void sst_refine_device_labels_changed(struct sst_refine_device *d);
+
+/** Free all views: after the last stage of a light field, before another one. @param d  or NULL */
+void sst_refine_device_forget(struct sst_refine_device *d);
+
+/**
+ * The labels of a view after the vote, see process_vote_labels(); the light field stays as it is.
  *
  * @param voters  the nearest first; at most SST_REFINE_VOTERS
  * @param out     out, of the view's size
@@ -109,8 +119,26 @@ struct sst_refine_voter {
 bool sst_refine_device_vote(struct sst_refine_device *d, struct sst_map_u8 *out, const struct sst_lightfield *lf,
                             int view, const struct sst_refine_voter *voters, int count);
 
-/** After the last vote of a light field: free its views. @param d  or NULL */
-void sst_refine_device_forget_votes(struct sst_refine_device *d);
+/** Labels carried to a view. */
+struct sst_refine_carry {
+    const struct sst_lightfield *lf;
+    int view;
+    const struct sst_refine_voter *sources; /* the nearest first; at most SST_REFINE_VOTERS */
+    int count;
+    const struct sst_map_f32 *entropies; /* [views] of the sources, which are carried too; or NULL */
+    bool fill;                           /* then what has no label gets one, see process_carry_labels() */
+    bool shown;                          /* no labels, but 1 where any source shows the surface */
+};
+
+/**
+ * See process_carry_labels(); the light field stays as it is.
+ *
+ * @param label    out, of the view's size
+ * @param entropy  out, likewise; NULL: c->entropies is NULL
+ * @return false: it is to be done on the CPU; logged, noted
+ */
+bool sst_refine_device_carry(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
+                             const struct sst_refine_carry *c);
 
 /** Note that a stage was done on the CPU. @param d  or NULL: nothing is noted */
 void sst_refine_device_note_stage(struct sst_refine_device *d, enum sst_refine_stage stage);

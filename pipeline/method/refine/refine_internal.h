@@ -3,6 +3,7 @@
 #define SST_PIPELINE_METHOD_REFINE_REFINE_INTERNAL_H
 
 #include "base/mem.h"
+#include "pipeline/gpu/label.h"
 #include "pipeline/method/refine/parts.h"
 
 /** The grounds of a view that are planes there. */
@@ -47,15 +48,18 @@ static inline bool refine_is_conflict(uint64_t candidates)
 
 /* --- device.c --- */
 
-/** Pixels of a view on the device. */
+/** A view on the device, in planes: pipeline/gpu/label.h. */
 struct refine_pixels {
     struct sst_gpu_buffer *buffer; /* NULL: not there */
-    int64_t used;                  /* turn in which it was used last */
+    size_t bytes;
+    bool colours;   /* are there */
+    int64_t labels; /* `stage` when its labels were uploaded */
+    int64_t entropies;
+    int64_t used; /* turn in which it was used last */
 };
 
 /** Memory on the device, kept from view to view. */
 enum refine_kept {
-    REFINE_KEPT_VIEW,
     REFINE_KEPT_TABLE,
     REFINE_KEPT_GROUNDS,
     REFINE_KEPT_SEEN,
@@ -67,7 +71,8 @@ enum refine_kept {
     REFINE_KEPT_PLANES,
     REFINE_KEPT_REGIONS,
     REFINE_KEPT_MEANS,
-    REFINE_KEPT_OUT, /* also of votes */
+    REFINE_KEPT_OUT, /* also of votes and carried labels */
+    REFINE_KEPT_FILLED,
     REFINE_KEPT
 };
 
@@ -81,9 +86,14 @@ struct sst_refine_device {
     struct sst_gpu_buffer *kept[REFINE_KEPT];
     size_t bytes[REFINE_KEPT];
     bool has_table;                           /* REFINE_KEPT_TABLE holds the candidates of this refinement */
-    struct refine_pixels view[SST_MAX_VIEWS]; /* that vote */
-    int64_t turn;
+    struct refine_pixels view[SST_MAX_VIEWS]; /* least recently used ones make room */
+    int in_work;                              /* view that is refined */
+    int64_t turn;                             /* of the view in work: views of this turn stay */
+    int64_t stage;                            /* sst_refine_device_labels_changed() */
 };
+
+/** Begin a refinement: labels have changed, and so will the table of candidates. */
+void refine_device_start(struct sst_refine_device *d);
 
 /**
  * Refine the `count` views of the batch on the device; those that it fails at are left to the CPU, counted and logged.
@@ -100,13 +110,39 @@ bool refine_device_end(struct sst_refine_device *d, int err, const char *what);
 
 /* Between these two; the size of memory only grows, and what it held is then lost. */
 SST_MUST_CHECK int refine_device_keep(struct sst_refine_device *d, enum refine_kept which, size_t bytes);
-bool refine_device_drop_kept(struct sst_refine_device *d); /* all but REFINE_KEPT_OUT @return whether there was any */
 SST_MUST_CHECK int refine_device_download(struct sst_refine_device *d, enum refine_kept which, void *data,
                                           size_t bytes);
 
-/* --- device_votes.c --- */
+/** Free all memory that a view needs only while it is in work, but results. @return whether there was any */
+bool refine_device_drop_kept(struct sst_refine_device *d);
 
-/** Free the views that vote, under the lock. */
-void refine_drop_votes(struct sst_refine_device *d);
+/* --- device_views.c --- */
+
+/**
+ * The labels and disparities of a view on the device, of this stage; with `colours` these too. It stays for this turn.
+ * What refine_device_keep() made for this turn, but results, may be lost.
+ * @param entropies  of its labels, uploaded too; or NULL
+ */
+SST_MUST_CHECK int refine_device_view(struct sst_refine_device *d, const struct sst_lightfield *lf, int view,
+                                      bool colours, const struct sst_map_f32 *entropies);
+
+/** Free the view that was used least recently, but none of this turn. @return whether there was one */
+bool refine_drop_oldest(struct sst_refine_device *d);
+
+/** Free all of them, under the lock. */
+void refine_drop_views(struct sst_refine_device *d);
+
+/* --- device_votes.c, device_carry.c --- */
+
+/**
+ * Views of a vote, or those that labels are carried from, as buffers of `vote`; a new turn. REFINE_KEPT_OUT is there.
+ * @param shift  out [SST_GPU_VOTERS]
+ * @return 0, -EOVERFLOW (views so far apart that numbers of 32 bits do not hold it), or an error of the device
+ */
+SST_MUST_CHECK int refine_device_voters(struct sst_refine_device *d, struct sst_gpu_work *work,
+                                        struct sst_gpu_shift *shift, const struct sst_refine_carry *c);
+
+/** Download a word a pixel of a result, of which the lowest byte is written. */
+SST_MUST_CHECK int refine_device_labels(struct sst_refine_device *d, enum refine_kept which, struct sst_map_u8 *out);
 
 #endif

@@ -1,0 +1,59 @@
+/* pipeline/gpu/label.h - shaders of labels that views exchange: `vote`, the label that most of a few views see on the
+ * surface of a pixel; `label_carry`, labels carried to a view that has none; `label_fill`, what is left of it.
+ *
+ * All numbers are integers, and equal those of process_vote_labels() and process_carry_labels() on every device. Groups
+ * of 32 x 8 pixels.
+ */
+#ifndef SST_PIPELINE_GPU_LABEL_H
+#define SST_PIPELINE_GPU_LABEL_H
+
+#include "pipeline/gpu/check.h"
+
+#define SST_GPU_VOTERS 4
+
+/** A view is uint32_t[2 or 3][height][width]. The first plane is that of the shaders of refine.h. */
+enum sst_gpu_label_plane {
+    SST_GPU_PLANE_LABELS = 0,    /* disparity | label << 16 */
+    SST_GPU_PLANE_COLOURS = 1,   /* R | G << 8 | B << 16 | valid << 24 */
+    SST_GPU_PLANE_ENTROPIES = 2, /* bits of floats */
+};
+
+struct sst_gpu_vote {
+    int32_t width, height, count;               /* of voters beside the view itself */
+    struct sst_gpu_shift shift[SST_GPU_VOTERS]; /* from the view's pixels to the voter's */
+};
+
+enum sst_gpu_vote_buffer {
+    SST_GPU_VOTE_OWN = 0,
+    SST_GPU_VOTE_VOTERS = 1, /* SST_GPU_VOTERS buffers, the nearest view first; those beyond count: any */
+    SST_GPU_VOTE_OUT = 5,    /* out, uint32_t[height][width] */
+    SST_GPU_VOTE_BUFFERS
+};
+
+/** `label_carry`, from the nearest source that shows the surface of a pixel; buffers as of `vote`. */
+struct sst_gpu_label_carry {
+    int32_t width, height, count;
+    uint32_t mode; /* enum sst_gpu_carry_mode */
+    struct sst_gpu_shift shift[SST_GPU_VOTERS];
+};
+
+enum sst_gpu_carry_mode {
+    SST_GPU_CARRY_LABELS = 0,    /* of sources that have one there */
+    SST_GPU_CARRY_ENTROPIES = 1, /* likewise, and their entropies in a second plane of the output, infinite without */
+    SST_GPU_CARRY_SHOWN = 2,     /* 1 where any source shows the surface, labelled or not */
+};
+
+/** `label_fill`: pixels without a label get that of the labelled pixel to their left or right whose disparity is nearer
+ * to theirs; those that are not valid none. */
+struct sst_gpu_label_fill {
+    int32_t width, height;
+};
+
+enum sst_gpu_label_fill_buffer {
+    SST_GPU_LABEL_FILL_OWN = 0,
+    SST_GPU_LABEL_FILL_FROM = 1, /* uint32_t[height][width] */
+    SST_GPU_LABEL_FILL_OUT = 2,  /* out, likewise */
+    SST_GPU_LABEL_FILL_BUFFERS
+};
+
+#endif

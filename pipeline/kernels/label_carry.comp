@@ -1,0 +1,39 @@
+// Labels of a view from the nearest source that shows the surface of each pixel. Buffers and constants:
+// pipeline/gpu/label.h. Definition: label_carry_reference().
+#version 450
+#extension GL_GOOGLE_include_directive : require
+
+#include "label_views.glsl"
+
+layout(std430, push_constant) uniform Constants {
+    int width, height, count;
+    uint mode;
+    Shift shift[4];
+};
+
+const uint ENTROPIES = 1, SHOWN = 2, INFINITE = 0x7F800000u;
+
+void main()
+{
+    const ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+    const int n = width * height, i = at.y * width + at.x;
+    uint label = 0, entropy = INFINITE, here;
+    int d;
+
+    if (at.x >= width || at.y >= height)
+        return;
+    here = own[n + i];
+    d = int(own[i] & 0xFFFF);
+    for (int k = 0; k < count && label == 0 && d != NONE && here >> 24 != 0; k++) {
+        const int there = place_of(k, shift[k], ivec2(width, height), at, d, here);
+
+        if (there < 0)
+            continue;
+        label = mode == SHOWN ? 1 : word_of(k, there) >> 16;
+        if (label != 0 && mode == ENTROPIES)
+            entropy = word_of(k, 2 * n + there);
+    }
+    result[i] = label;
+    if (mode == ENTROPIES)
+        result[n + i] = entropy;
+}

@@ -1,0 +1,80 @@
+/* Labels carried to other views on a device, and filled there. */
+#include <errno.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "pipeline/method/refine/refine_internal.h"
+
+static int download_carried(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy)
+{
+    const size_t width = (size_t)label->width, n = width * (size_t)label->height;
+    uint32_t *words = sst_mem_keep(&d->words, 2 * n, sizeof(*words));
+    const int err = words ? refine_device_download(d, REFINE_KEPT_OUT, words, 2 * n * sizeof(*words)) : -ENOMEM;
+
+    for (int y = 0; y < label->height && !err; y++, words += width) {
+        uint8_t *to = sst_map_u8_row(label, y);
+
+        for (size_t x = 0; x < width; x++)
+            to[x] = (uint8_t)words[x];
+        memcpy(sst_map_f32_row(entropy, y), words + n, width * sizeof(*words));
+    }
+    return err;
+}
+
+static int fill(struct sst_refine_device *d, const struct sst_refine_carry *c, const struct sst_gpu_work *carried)
+{
+    const struct sst_gpu_label_fill push = { c->lf->width, c->lf->height };
+    struct sst_gpu_work work = *carried;
+
+    work.shader = SST_GPU_LABEL_FILL;
+    work.push = &push;
+    memset(work.buffer, 0, sizeof(work.buffer));
+    work.buffer[SST_GPU_LABEL_FILL_OWN] = d->view[c->view].buffer;
+    work.buffer[SST_GPU_LABEL_FILL_FROM] = d->kept[REFINE_KEPT_OUT];
+    work.buffer[SST_GPU_LABEL_FILL_OUT] = d->kept[REFINE_KEPT_FILLED];
+    d->report.dispatches++;
+    return sst_gpu_dispatch(d->gpu, &work);
+}
+
+static int carry(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
+                 const struct sst_refine_carry *c)
+{
+    const size_t bytes = (size_t)c->lf->width * (size_t)c->lf->height * sizeof(uint32_t);
+    struct sst_gpu_label_carry push = { .width = c->lf->width,
+                                        .height = c->lf->height,
+                                        .count = c->count,
+                                        .mode = c->shown    ? SST_GPU_CARRY_SHOWN
+                                                : entropy ? SST_GPU_CARRY_ENTROPIES
+                                                          : SST_GPU_CARRY_LABELS };
+    struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CARRY, .push = &push };
+    int err = refine_device_keep(d, REFINE_KEPT_OUT, (entropy ? 2 : 1) * bytes);
+
+    err = err ? err : refine_device_voters(d, &work, push.shift, c);
+    if (c->fill)
+        err = err ? err : refine_device_keep(d, REFINE_KEPT_FILLED, bytes);
+    d->report.dispatches += !err;
+    err = err ? err : sst_gpu_dispatch(d->gpu, &work);
+    if (c->fill)
+        err = err ? err : fill(d, c, &work);
+    if (entropy)
+        return err ? err : download_carried(d, label, entropy);
+    return err ? err : refine_device_labels(d, c->fill ? REFINE_KEPT_FILLED : REFINE_KEPT_OUT, label);
+}
+
+bool sst_refine_device_carry(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
+                             const struct sst_refine_carry *c)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    bool done;
+    int err;
+
+    if (refine_device_begin(d, &err))
+        err = carry(d, label, entropy, c);
+    done = refine_device_end(d, err, "labels are carried");
+    d->report.carried += done;
+    d->report.carried_on_cpu += !done;
+    if (!done)
+        sst_refine_device_note_stage(d, SST_REFINE_STAGE_CARRY);
+    d->report.total_ns += sst_clock_now_ns() - start_ns;
+    return done;
+}
