@@ -70,10 +70,13 @@ static json_t *refinement_json(const struct sst_refine_device_report *d)
         if (d->stages_on_cpu >> i & 1)
             json_array_append_new(stages, json_string(sst_refine_stage_name((enum sst_refine_stage)i)));
     }
-    if (root)
+    if (root) {
+        json_object_set_new(root, "enlarged", json_integer((json_int_t)d->enlarged));
+        json_object_set_new(root, "enlarged_on_cpu", json_integer((json_int_t)d->enlarged_on_cpu));
         json_object_set_new(root, "stages_on_cpu", stages);
-    else
+    } else {
         json_decref(stages);
+    }
     if (root)
         json_object_update_new(root,
                                json_pack("{s:f, s:f, s:f, s:f}", "seconds", (double)d->total_ns * 1e-9,
@@ -108,6 +111,9 @@ static void report_refinement(const struct sst_refine_device_report *d)
     else if (d->voted_on_cpu)
         sst_log_warning("the votes about the labels of %lld of %lld views were counted on the CPU instead of %s: %s",
                         (long long)d->voted_on_cpu, (long long)(d->voted_on_cpu + d->voted), d->name, d->why);
+    else if (d->enlarged_on_cpu)
+        sst_log_warning("the labels of %lld of %lld views were enlarged on the CPU instead of %s: %s",
+                        (long long)d->enlarged_on_cpu, (long long)(d->enlarged_on_cpu + d->enlarged), d->name, d->why);
     else if (d->carried_on_cpu)
         sst_log_warning("labels were carried to %lld of %lld views on the CPU instead of %s: %s",
                         (long long)d->carried_on_cpu, (long long)(d->carried_on_cpu + d->carried), d->name, d->why);

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "pipeline/method/labels/labels_internal.h"
 #include "pipeline/method/process/process_internal.h"
 #include "pipeline/method/refine/refine.h"
 #include "tests/random.h"
@@ -245,6 +246,73 @@ static inline void carry_compare(const struct sst_lightfield *lf, const bool *ca
     sst_refine_device_forget(device);
     sst_refine_device_report(device, report);
     refine_assert_same(copy, lf, 20);
+}
+
+#define ENLARGE_LIMIT 1.1
+
+/* Probabilities of 12 classes in cells, from sure ones to doubtful ones. */
+static inline void enlarge_cells(struct class_grid *grid)
+{
+    uint64_t seed = 5;
+
+    *grid = (struct class_grid){ .width = 13, .height = 9, .count = 12, .values = class_grid_values(12) };
+    grid->cell = calloc(13 * 9 * grid->values, sizeof(*grid->cell));
+    assert_non_null(grid->cell);
+    for (int i = 0; i < 13 * 9; i++) {
+        float *cell = grid->cell + (size_t)i * grid->values, sum = 0;
+        const double sure = pow(10, -8 * sst_random(&seed));
+
+        for (int c = 0; c < 12; c++)
+            sum += cell[c] = (float)(sst_random(&seed) * (c == (i / 5) % 12 ? 1 : sure));
+        for (int c = 0; c < 12; c++)
+            cell[c] /= sum;
+    }
+}
+
+/* Labels of a view from cells, with entropies and by the threshold, on a device and on the CPU, likewise. */
+static inline void enlarge_compare(const struct sst_lightfield *lf, int view, struct sst_refine_device *device,
+                                   struct sst_refine_device_report *report)
+{
+    struct sst_refine_enlarge how = { device, lf, view };
+    const struct sst_image *image = &lf->views[view].image;
+    struct sst_map_f32 entropy[2] = { { 0 }, { 0 } };
+    struct upsample_memory memory = { 0 };
+    struct sst_map_u8 label[3] = { { 0 }, { 0 }, { 0 } };
+    struct sst_label_cells cells;
+    struct class_grid grid;
+    int kept = 0;
+
+    enlarge_cells(&grid);
+    for (int i = 0; i < 3; i++)
+        assert_int_equal(sst_map_u8_init(&label[i], lf->width, lf->height), 0);
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(sst_map_f32_init(&entropy[i], lf->width, lf->height), 0);
+    assert_int_equal(labels_pack_cells(&cells, &grid, image, 1, &memory), 0);
+    if (sst_refine_device_enlarge(&how, &cells, &label[0], &entropy[0], ENLARGE_LIMIT) &&
+        sst_refine_device_enlarge(&how, &cells, &label[2], NULL, ENLARGE_LIMIT)) {
+        assert_int_equal(labels_upsample(&label[1], &entropy[1], NULL, &grid, image, 1, &memory), 0);
+        for (int y = 0; y < lf->height; y++) {
+            const uint8_t *want = sst_map_u8_row(&label[1], y), *low = sst_map_u8_row(&label[2], y);
+            const float *h = sst_map_f32_row(&entropy[1], y);
+
+            assert_memory_equal(sst_map_u8_row(&label[0], y), want, (size_t)lf->width);
+            assert_memory_equal(sst_map_f32_row(&entropy[0], y), h, 4 * (size_t)lf->width);
+            for (int x = 0; x < lf->width; x++) {
+                assert_int_equal(low[x], (double)h[x] < ENLARGE_LIMIT ? want[x] : SST_LABEL_NONE);
+                kept += low[x] != SST_LABEL_NONE;
+            }
+        }
+        print_message("%d of %d labels kept\n", kept, lf->width * lf->height);
+        assert_in_range(kept, lf->width * lf->height / 5, lf->width * lf->height * 4 / 5);
+    }
+    for (int i = 0; i < 3; i++)
+        sst_map_u8_fini(&label[i]);
+    for (int i = 0; i < 2; i++)
+        sst_map_f32_fini(&entropy[i]);
+    upsample_memory_fini(&memory);
+    free(grid.cell);
+    sst_refine_device_forget(device);
+    sst_refine_device_report(device, report);
 }
 
 #endif

@@ -1,8 +1,11 @@
 /* pipeline/gpu/label.h - shaders of labels that views exchange: `vote`, the label that most of a few views see on the
- * surface of a pixel; `label_carry`, labels carried to a view that has none; `label_fill`, what is left of it.
+ * surface of a pixel; `label_carry`, labels carried to a view that has none; `label_fill`, what is left of it; and `label_cells`, labels of pixels from a
+ * network's coarse grid.
  *
- * All numbers are integers, and equal those of process_vote_labels() and process_carry_labels() on every device. Groups
- * of 32 x 8 pixels.
+ * Numbers of the first three are integers, and equal those of process_vote_labels() and process_carry_labels() on every
+ * device. label_cells computes in floats what labels_upsample() does, by its operations in their order, and quotients by
+ * long division: the same bytes, but that entropies below 1e-30 may be off by 1e-30 where devices have no smaller numbers
+ * than 2^-126. Groups of 32 x 8 pixels.
  */
 #ifndef SST_PIPELINE_GPU_LABEL_H
 #define SST_PIPELINE_GPU_LABEL_H
@@ -54,6 +57,28 @@ enum sst_gpu_label_fill_buffer {
     SST_GPU_LABEL_FILL_FROM = 1, /* uint32_t[height][width] */
     SST_GPU_LABEL_FILL_OUT = 2,  /* out, likewise */
     SST_GPU_LABEL_FILL_BUFFERS
+};
+
+/** `label_cells`. A cell is float[classes + 5]: probabilities, 1, its mean R, G, B, and its most probable class + 1 as an
+ * uint32_t. */
+struct sst_gpu_label_cells {
+    int32_t width, height, grid_width, grid_height, classes;
+    float limit;        /* labels whose entropy is not below it are 0; not with entropies */
+    uint32_t entropies; /* not 0: are wanted, in a second plane of the output */
+};
+
+/** A column or row of the view: the cell at or before it, and the weights of the one before, it, and two after it. */
+struct sst_gpu_label_place {
+    uint32_t first;
+    float weight[4];
+};
+
+enum sst_gpu_label_cells_buffer {
+    SST_GPU_LABEL_CELLS_VIEW = 0, /* SST_GPU_PLANE_COLOURS */
+    SST_GPU_LABEL_CELLS_CELLS = 1,
+    SST_GPU_LABEL_CELLS_PLACES = 2, /* struct sst_gpu_label_place[width + height] */
+    SST_GPU_LABEL_CELLS_OUT = 3,    /* out, uint32_t[height][width]; then bits of floats, likewise */
+    SST_GPU_LABEL_CELLS_BUFFERS
 };
 
 #endif

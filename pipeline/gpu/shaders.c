@@ -134,6 +134,8 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                               label_carry_reference, label_carry_self_test },
     [SST_GPU_LABEL_FILL] = { "label_fill", SST_GPU_LABEL_FILL_BUFFERS, sizeof(struct sst_gpu_label_fill),
                              label_fill_reference, label_fill_self_test },
+    [SST_GPU_LABEL_CELLS] = { "label_cells", SST_GPU_LABEL_CELLS_BUFFERS, sizeof(struct sst_gpu_label_cells),
+                              label_cells_reference, label_cells_self_test },
 };
 
 bool sst_gpu_is_variant(enum sst_gpu_shader shader)

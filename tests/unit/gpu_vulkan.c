@@ -204,7 +204,9 @@ static void test_labels(void **state)
     assert_int_equal(report.voted, 5);
     lf.disp_min_px = -6;
     carry_compare(&lf, carried, 0, device, &report);
-    assert_int_equal(report.carried, 8);
+    assert_int_equal(report.carried, 6);
+    enlarge_compare(&lf, 0, device, &report);
+    assert_int_equal(report.enlarged, 2);
     sst_refine_device_destroy(device);
     sst_gpu_shared_destroy(shared);
     sst_lightfield_fini(&lf);

@@ -241,6 +241,32 @@ static void test_carried(void **state)
     sst_lightfield_fini(&lf);
 }
 
+/* Labels from cells: likewise; a device that fails leaves it to the caller. */
+static void test_enlarged(void **state)
+{
+    static const struct {
+        int lost;
+        uint64_t memory;
+        int enlarged, failures;
+    } devices[] = { { 0, 0, 2, 0 }, { 0, 80000, 0, 0 }, { 1, 0, 0, 1 }, { 2, 0, 1, 1 } };
+    struct sst_refine_device_report report;
+    struct sst_lightfield lf;
+    struct device d;
+
+    (void)state;
+    refine_init(&lf, 1, 2, 93, 61);
+    for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
+        device_open(&d, devices[i].lost ? after_tests("lost", devices[i].lost) : "dummy", devices[i].memory);
+        enlarge_compare(&lf, 0, d.refine, &report);
+        assert_int_equal(report.enlarged, devices[i].enlarged);
+        assert_int_equal(report.enlarged_on_cpu, i != 0);
+        assert_int_equal(report.failures, devices[i].failures);
+        assert_int_equal(report.stages_on_cpu, i ? 1U << SST_REFINE_STAGE_ENTROPY : 0);
+        device_close(&d);
+    }
+    sst_lightfield_fini(&lf);
+}
+
 static void test_refused(void **state)
 {
     struct sst_refine_device *none;
@@ -264,7 +290,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_skipped), serial_test(test_fallback),
         serial_test(test_lost_anywhere),   cmocka_unit_test(test_votes),   cmocka_unit_test(test_carried),
-        cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_enlarged), cmocka_unit_test(test_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

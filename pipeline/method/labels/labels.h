@@ -46,7 +46,7 @@ void sst_segmenter_close(struct sst_segmenter *seg);
 
 /**
  * Run the network on a device from now on, see sst_network_use_device(); images are resampled and labels brought to
- * their size on the CPU.
+ * their size on the CPU, or as sst_segmenter_use_enlarger() says.
  *
  * @param d  borrowed until the segmenter is closed; NULL: on the CPU
  */
@@ -63,6 +63,29 @@ const struct sst_classes *sst_segmenter_classes(const struct sst_segmenter *seg)
 
 /** The model's default entropy threshold. */
 double sst_segmenter_eps_h(const struct sst_segmenter *seg);
+
+/** What a network says of an image, on a coarse grid, as the shader label_cells has it (pipeline/gpu/label.h). */
+struct sst_label_cells {
+    int width, height, classes; /* of the grid */
+    const void *cells;
+    size_t cells_bytes;
+    const void *places; /* of the image's columns and rows */
+    size_t places_bytes;
+};
+
+/**
+ * Labels of an image's pixels from cells, as labels_upsample() finds them.
+ *
+ * @param label    out, of the image's size; without entropy only those with an entropy below eps_h
+ * @param entropy  out, likewise; or NULL
+ * @return false: it is to be done on the CPU
+ */
+typedef bool sst_label_enlarge_fn(void *arg, const struct sst_label_cells *cells, struct sst_map_u8 *label,
+                                  struct sst_map_f32 *entropy, double eps_h);
+
+/** Bring labels to the image's size by `enlarge` from now on, in sst_segment_hcsm() and in sst_segment() where entropy is
+ * wanted and prob is not. @param enlarge  NULL: on the CPU */
+void sst_segmenter_use_enlarger(struct sst_segmenter *seg, sst_label_enlarge_fn *enlarge, void *arg);
 
 /** How images are scaled and cut for the network. Zeroed: the default. */
 struct sst_segment_config {

@@ -5,6 +5,7 @@
 #include "base/base.h"
 #include "base/mem.h"
 #include "pipeline/image/image.h"
+#include "pipeline/method/labels/labels.h"
 
 /* --- resample: an image resized to the working size of a network, as floats. --- */
 
@@ -59,7 +60,7 @@ struct class_grid {
 
 /** Scratch. Zeroed: none yet. */
 struct upsample_memory {
-    struct sst_mem_kept own, resample;
+    struct sst_mem_kept own, resample, packed;
 };
 
 void upsample_memory_fini(struct upsample_memory *memory);
@@ -82,5 +83,14 @@ size_t class_grid_values(int count);
 SST_MUST_CHECK int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float *prob,
                                    struct class_grid *grid, const struct sst_image *img, int threads,
                                    struct upsample_memory *memory);
+
+/**
+ * What labels_upsample() computes from, packed for a device.
+ *
+ * @param memory  holds it until it is used again
+ * @return 0 or -ENOMEM (not logged)
+ */
+SST_MUST_CHECK int labels_pack_cells(struct sst_label_cells *out, struct class_grid *grid, const struct sst_image *img,
+                                     int threads, struct upsample_memory *memory);
 
 #endif

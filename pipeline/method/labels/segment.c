@@ -22,6 +22,8 @@ struct sst_segmenter {
     struct sst_mem_kept picture, window, out, cells, resample; /* see struct working, struct class_grid */
     struct upsample_memory upsample;
     struct sst_map_f32 entropy; /* of sst_segment_hcsm() */
+    sst_label_enlarge_fn *enlarge; /* or NULL */
+    void *enlarge_arg;
 };
 
 /* An output that covers the image must have its proportions, and a size between a 64th and 8 times its own. */
@@ -105,6 +107,12 @@ void sst_segmenter_close(struct sst_segmenter *seg)
 void sst_segmenter_use_device(struct sst_segmenter *seg, struct sst_network_device *d)
 {
     sst_network_use_device(seg->net, d);
+}
+
+void sst_segmenter_use_enlarger(struct sst_segmenter *seg, sst_label_enlarge_fn *enlarge, void *arg)
+{
+    seg->enlarge = enlarge;
+    seg->enlarge_arg = arg;
 }
 
 const struct sst_model_info *sst_segmenter_info(const struct sst_segmenter *seg)
@@ -339,6 +347,19 @@ static int make_grid(struct class_grid *grid, struct sst_segmenter *seg, const s
     return err;
 }
 
+/* Labels, and entropies if they are wanted, elsewhere. @return 0, 1 (done on the CPU instead), -ENOMEM */
+static int enlarge(struct sst_segmenter *seg, struct class_grid *grid, const struct sst_image *img,
+                   struct sst_map_u8 *label, struct sst_map_f32 *entropy)
+{
+    struct sst_label_cells cells;
+    int err;
+
+    if (!seg->enlarge)
+        return 1;
+    err = labels_pack_cells(&cells, grid, img, seg->threads, &seg->upsample);
+    return err ? err : !seg->enlarge(seg->enlarge_arg, &cells, label, entropy, seg->info.eps_h);
+}
+
 int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label,
                 struct sst_map_f32 *entropy, float **prob)
 {
@@ -357,6 +378,8 @@ int sst_segment(struct sst_segmenter *seg, const struct sst_image *img, struct s
     if (!err && entropy)
         err = sst_map_f32_init(&entropy_made, img->width, img->height);
     if (!err)
+        err = prob || !entropy ? 1 : enlarge(seg, &grid, img, &label_made, &entropy_made);
+    if (err > 0)
         err = labels_upsample(&label_made, entropy ? &entropy_made : NULL, prob_made, &grid, img, seg->threads,
                               &seg->upsample);
     if (err) {
@@ -380,27 +403,40 @@ fail:
     return err;
 }
 
-int sst_segment_hcsm(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label)
+/* The same on the CPU. */
+static int upsample_hcsm(struct sst_segmenter *seg, struct class_grid *grid, const struct sst_image *img,
+                         struct sst_map_u8 *label)
 {
     struct sst_map_f32 *entropy = &seg->entropy;
+    int err = 0;
+
+    if (entropy->width != img->width || entropy->height != img->height) {
+        sst_map_f32_fini(entropy);
+        err = sst_map_f32_init(entropy, img->width, img->height);
+    }
+    err = err ? err : labels_upsample(label, entropy, NULL, grid, img, seg->threads, &seg->upsample);
+    if (!err)
+        sst_hcsm(label, entropy, seg->info.eps_h);
+    return err;
+}
+
+int sst_segment_hcsm(struct sst_segmenter *seg, const struct sst_image *img, struct sst_map_u8 *label)
+{
     struct sst_map_u8 made = { 0 };
     struct class_grid grid;
     int err = make_grid(&grid, seg, img);
 
     if (err)
         return err;
-    if (entropy->width != img->width || entropy->height != img->height) {
-        sst_map_f32_fini(entropy);
-        err = sst_map_f32_init(entropy, img->width, img->height);
-    }
-    err = err ? err : sst_map_u8_init(&made, img->width, img->height);
-    err = err ? err : labels_upsample(&made, entropy, NULL, &grid, img, seg->threads, &seg->upsample);
+    err = sst_map_u8_init(&made, img->width, img->height);
+    err = err ? err : enlarge(seg, &grid, img, &made, NULL);
+    if (err > 0)
+        err = upsample_hcsm(seg, &grid, img, &made);
     if (err) {
         sst_log_error("segmentation: not enough memory for an image of %d x %d", img->width, img->height);
         sst_map_u8_fini(&made);
         return err;
     }
-    sst_hcsm(&made, entropy, seg->info.eps_h);
     *label = made;
     return 0;
 }

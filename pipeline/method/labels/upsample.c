@@ -6,6 +6,7 @@
 
 #include "base/mem.h"
 #include "base/thread.h"
+#include "pipeline/gpu/label.h"
 #include "pipeline/image/classes.h"
 #include "pipeline/kernels/kernels.h"
 
@@ -162,6 +163,15 @@ static int finish_row(void *arg, int y, int worker)
     return 0;
 }
 
+static uint8_t winner_of(const float *cell, int count)
+{
+    int top = 0;
+
+    for (int c = 1; c < count; c++)
+        top = cell[c] > cell[top] ? c : top;
+    return (uint8_t)(top + 1);
+}
+
 /* Winners of the cells; the sum of weights is computed like a class of probability 1. */
 static void prepare_cells(const struct job *j)
 {
@@ -169,11 +179,8 @@ static void prepare_cells(const struct job *j)
 
     for (size_t i = 0; i < (size_t)g->width * (size_t)g->height; i++) {
         float *cell = g->cell + i * g->values;
-        int top = 0;
 
-        for (int c = 1; c < g->count; c++)
-            top = cell[c] > cell[top] ? c : top;
-        j->winner[i] = (uint8_t)(top + 1);
+        j->winner[i] = winner_of(cell, g->count);
         for (size_t v = (size_t)g->count; v < g->values; v++)
             cell[v] = 1;
     }
@@ -194,6 +201,7 @@ void upsample_memory_fini(struct upsample_memory *m)
 {
     sst_mem_kept_fini(&m->own);
     sst_mem_kept_fini(&m->resample);
+    sst_mem_kept_fini(&m->packed);
 }
 
 /* @param at  start of the next part, advanced past it; NULL: only count the bytes */
@@ -220,10 +228,18 @@ static size_t lay_out(struct job *j, uint8_t *base, size_t workers)
     return at;
 }
 
+/* Mean colours of the image under the cells. */
+static int find_colours(float *colour, const struct class_grid *grid, const struct sst_image *img, int threads,
+                        struct upsample_memory *memory)
+{
+    static const double mean[3] = { 0, 0, 0 }, std[3] = { 1 / 255.0, 1 / 255.0, 1 / 255.0 };
+
+    return resample_planes(colour, grid->width, grid->height, img, mean, std, threads, &memory->resample);
+}
+
 int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float *prob, struct class_grid *grid,
                     const struct sst_image *img, int threads, struct upsample_memory *memory)
 {
-    static const double mean[3] = { 0, 0, 0 }, std[3] = { 1 / 255.0, 1 / 255.0, 1 / 255.0 };
     const size_t workers = (size_t)sst_thread_count(threads);
     struct job j = {
         .kernels = sst_kernels_get(), .grid = grid, .img = img, .label = label, .entropy = entropy, .prob = prob
@@ -234,10 +250,57 @@ int labels_upsample(struct sst_map_u8 *label, struct sst_map_f32 *entropy, float
     if (!base)
         return -ENOMEM;
     lay_out(&j, base, workers);
-    err = resample_planes(j.colour, grid->width, grid->height, img, mean, std, threads, &memory->resample);
+    err = find_colours(j.colour, grid, img, threads, memory);
     if (err)
         return err;
     prepare_cells(&j);
     prepare_columns(&j);
     return sst_parallel_for(label->height, threads, finish_row, &j);
+}
+
+static void pack_places(struct sst_gpu_label_place *to, int from, int n)
+{
+    for (int i = 0; i < n; i++)
+        to[i].first = (uint32_t)place(i, from, n, to[i].weight);
+}
+
+int labels_pack_cells(struct sst_label_cells *out, struct class_grid *grid, const struct sst_image *img, int threads,
+                      struct upsample_memory *memory)
+{
+    const size_t cells = (size_t)grid->width * (size_t)grid->height, count = (size_t)grid->count, values = count + 5;
+    const size_t places = (size_t)(img->width + img->height);
+    struct sst_gpu_label_place *place;
+    float *colour, *cell;
+    size_t at = 0;
+    int err;
+
+    for (int pass = 0; pass < 2; pass++) {
+        uint8_t *base = pass ? sst_mem_keep(&memory->packed, at, 1) : NULL;
+
+        if (pass && !base)
+            return -ENOMEM;
+        at = 0;
+        colour = part(base, &at, 3 * cells, sizeof(*colour));
+        cell = part(base, &at, cells * values, sizeof(*cell));
+        place = part(base, &at, places, sizeof(*place));
+    }
+    err = find_colours(colour, grid, img, threads, memory);
+    if (err)
+        return err;
+    for (size_t i = 0; i < cells; i++) {
+        const float *from = grid->cell + i * grid->values;
+        const uint32_t winner = winner_of(from, grid->count);
+        float *to = cell + i * values;
+
+        memcpy(to, from, count * sizeof(*to));
+        to[count] = 1;
+        for (size_t c = 0; c < 3; c++)
+            to[count + 1 + c] = colour[c * cells + i];
+        memcpy(&to[count + 4], &winner, sizeof(winner));
+    }
+    pack_places(place, grid->width, img->width);
+    pack_places(place + img->width, grid->height, img->height);
+    *out = (struct sst_label_cells){ grid->width, grid->height, grid->count, cell, cells * values * sizeof(*cell),
+                                     place, places * sizeof(*place) };
+    return 0;
 }

@@ -129,6 +129,7 @@ static int segment_view(void *arg, int view, int worker)
     struct run *run = arg;
     struct sst_segmenter *seg = run->segmenters[worker];
     struct sst_view *v = &run->lf->views[view];
+    struct sst_refine_enlarge on = { run->cfg->refinement.device, run->lf, view };
     int err;
 
     if (worker == 0)
@@ -138,10 +139,12 @@ static int segment_view(void *arg, int view, int worker)
     if (cancelled(run))
         return -ECANCELED;
     sst_map_u8_fini(&v->label);
+    sst_segmenter_use_enlarger(seg, on.device ? sst_refine_device_enlarge : NULL, &on);
     err = run->entropy ? sst_segment(seg, &v->image, &v->label, &run->entropy[view], NULL)
                        : sst_segment_hcsm(seg, &v->image, &v->label);
     if (!err)
         unlabel_unseen(v);
+    sst_segmenter_use_enlarger(seg, NULL, NULL);
     return err;
 }
 
@@ -335,7 +338,6 @@ static int label_views(struct run *run)
     double eps_h = 0;
     int err = log_oom(allocate(run));
 
-    sst_refine_device_note_stage(run->cfg->refinement.device, SST_REFINE_STAGE_ENTROPY);
     if (run->cfg->skip_labels && run->report->parallax != SST_PARALLAX_NONE)
         err = err ? err : log_oom(choose_keys(run));
     err = err ? err : segment_views(run, &eps_h);

@@ -73,7 +73,7 @@ int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shar
                                                    SST_GPU_REFINE_COMPETE, SST_GPU_REFINE_SUMS,
                                                    SST_GPU_REFINE_PLANES,  SST_GPU_REFINE_NORMALS,
                                                    SST_GPU_REFINE_ASSIGN,  SST_GPU_VOTE,
-                                                   SST_GPU_LABEL_CARRY,    SST_GPU_LABEL_FILL };
+                                                   SST_GPU_LABEL_CARRY,    SST_GPU_LABEL_FILL,     SST_GPU_LABEL_CELLS };
     struct sst_refine_device *d;
     int err;
 
@@ -152,7 +152,7 @@ int refine_device_keep(struct sst_refine_device *d, enum refine_kept which, size
     return err;
 }
 
-static int upload(struct sst_refine_device *d, enum refine_kept which, const void *data, size_t bytes)
+int refine_device_upload(struct sst_refine_device *d, enum refine_kept which, const void *data, size_t bytes)
 {
     const int64_t start_ns = sst_clock_now_ns();
     int err = refine_device_keep(d, which, bytes);
@@ -221,7 +221,7 @@ static int upload_grounds(const struct work *w)
         split(ground[i].d0, (uint64_t)g->d0_q24);
         split(ground[i].limit, (uint64_t)g->limit_q24);
     }
-    return upload(w->d, REFINE_KEPT_GROUNDS, ground, sizeof(ground));
+    return refine_device_upload(w->d, REFINE_KEPT_GROUNDS, ground, sizeof(ground));
 }
 
 static int upload_table(const struct work *w)
@@ -236,7 +236,7 @@ static int upload_table(const struct work *w)
         return -ENOMEM;
     for (int q = 0; q < SST_DISP_BINS; q++)
         split(table[q], w->job->candidates[q]);
-    err = upload(w->d, REFINE_KEPT_TABLE, table, SST_DISP_BINS * sizeof(*table));
+    err = refine_device_upload(w->d, REFINE_KEPT_TABLE, table, SST_DISP_BINS * sizeof(*table));
     w->d->has_table = !err;
     return err;
 }
@@ -251,12 +251,12 @@ static int find_candidates(struct work *w)
     int err;
 
     w->d->turn++;
-    err = refine_device_view(w->d, w->job->lf, w->d->in_work, false, NULL);
+    err = refine_device_view(w->d, w->job->lf, w->d->in_work, 1U << SST_GPU_PLANE_LABELS, NULL);
     err = err ? err : upload_table(w);
     split(push.planar, w->grounds->planar);
     split(push.ground, w->job->ground);
     err = err ? err : upload_grounds(w);
-    err = err ? err : upload(w->d, REFINE_KEPT_SEEN, seen, sizeof(seen));
+    err = err ? err : refine_device_upload(w->d, REFINE_KEPT_SEEN, seen, sizeof(seen));
     err = err ? err : refine_device_keep(w->d, REFINE_KEPT_CHOICE, w->pixels * sizeof(struct sst_gpu_refine_choice));
     err = err ? err : refine_device_keep(w->d, REFINE_KEPT_MASK, w->pixels * 2 * sizeof(uint32_t));
     err = err ? err : dispatch_view(w, SST_GPU_REFINE_MASK, &push, kept, ARRAY_LEN(kept));
@@ -284,7 +284,7 @@ static int find_normals(const struct work *w)
     split(push.mixed, w->mixed);
     split(push.ground, w->job->ground);
     err = err ? err : refine_device_keep(w->d, REFINE_KEPT_PLANES, w->pixels * sizeof(struct sst_surface_plane));
-    err = err ? err : upload(w->d, REFINE_KEPT_REGIONS, none, sizeof(none));
+    err = err ? err : refine_device_upload(w->d, REFINE_KEPT_REGIONS, none, sizeof(none));
     err = err ? err : dispatch_view(w, SST_GPU_REFINE_SUMS, &window, sums, ARRAY_LEN(sums));
     err = err ? err : dispatch_view(w, SST_GPU_REFINE_PLANES, &window, planes, ARRAY_LEN(planes));
     return err ? err : dispatch_view(w, SST_GPU_REFINE_NORMALS, &push, normals, ARRAY_LEN(normals));
@@ -309,7 +309,7 @@ static int upload_hull(const struct work *w, int label)
     }
     err = refine_device_keep(w->d, REFINE_KEPT_HULL, 2 * most * sizeof(*pairs));
     if (!err && hull.count)
-        err = upload(w->d, REFINE_KEPT_HULL, pairs, 2 * (size_t)hull.count * sizeof(*pairs));
+        err = refine_device_upload(w->d, REFINE_KEPT_HULL, pairs, 2 * (size_t)hull.count * sizeof(*pairs));
     return err ? err : hull.count;
 }
 
@@ -347,7 +347,7 @@ static int exchange_regions(const struct work *w)
         memcpy(means[i].mean, r.mean, sizeof(r.mean));
         means[i].known = sst_region_has_normal(&r);
     }
-    return err ? err : upload(w->d, REFINE_KEPT_MEANS, means, sizeof(means));
+    return err ? err : refine_device_upload(w->d, REFINE_KEPT_MEANS, means, sizeof(means));
 }
 
 static int assign(const struct work *w)
@@ -407,7 +407,7 @@ bool refine_device_begin(struct sst_refine_device *d, int *err)
     return d->gpu;
 }
 
-bool refine_device_end(struct sst_refine_device *d, int err, const char *what)
+bool refine_device_end_locked(struct sst_refine_device *d, int err, const char *what)
 {
     const bool done = d->gpu && !err;
 
@@ -422,6 +422,13 @@ bool refine_device_end(struct sst_refine_device *d, int err, const char *what)
         d->report.failures++;
     }
     d->gpu = NULL;
+    return done;
+}
+
+bool refine_device_end(struct sst_refine_device *d, int err, const char *what)
+{
+    const bool done = refine_device_end_locked(d, err, what);
+
     sst_gpu_shared_unlock(d->shared);
     return done;
 }

@@ -5,7 +5,7 @@
 #include "base/clock.h"
 #include "pipeline/method/refine/refine_internal.h"
 
-static int download_carried(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy)
+int refine_device_entropies(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy)
 {
     const size_t width = (size_t)label->width, n = width * (size_t)label->height;
     uint32_t *words = sst_mem_keep(&d->words, 2 * n, sizeof(*words));
@@ -21,19 +21,15 @@ static int download_carried(struct sst_refine_device *d, struct sst_map_u8 *labe
     return err;
 }
 
-static int fill(struct sst_refine_device *d, const struct sst_refine_carry *c, const struct sst_gpu_work *carried)
+static int fill(struct sst_refine_device *d, const struct sst_refine_carry *c)
 {
     const struct sst_gpu_label_fill push = { c->lf->width, c->lf->height };
-    struct sst_gpu_work work = *carried;
+    struct sst_gpu_work work = { .shader = SST_GPU_LABEL_FILL,
+                                 .push = &push,
+                                 .buffer = { d->view[c->view].buffer, d->kept[REFINE_KEPT_OUT],
+                                             d->kept[REFINE_KEPT_FILLED] } };
 
-    work.shader = SST_GPU_LABEL_FILL;
-    work.push = &push;
-    memset(work.buffer, 0, sizeof(work.buffer));
-    work.buffer[SST_GPU_LABEL_FILL_OWN] = d->view[c->view].buffer;
-    work.buffer[SST_GPU_LABEL_FILL_FROM] = d->kept[REFINE_KEPT_OUT];
-    work.buffer[SST_GPU_LABEL_FILL_OUT] = d->kept[REFINE_KEPT_FILLED];
-    d->report.dispatches++;
-    return sst_gpu_dispatch(d->gpu, &work);
+    return refine_device_dispatch(d, &work, c->lf->width, c->lf->height);
 }
 
 static int carry(struct sst_refine_device *d, struct sst_map_u8 *label, struct sst_map_f32 *entropy,
@@ -52,12 +48,11 @@ static int carry(struct sst_refine_device *d, struct sst_map_u8 *label, struct s
     err = err ? err : refine_device_voters(d, &work, push.shift, c);
     if (c->fill)
         err = err ? err : refine_device_keep(d, REFINE_KEPT_FILLED, bytes);
-    d->report.dispatches += !err;
-    err = err ? err : sst_gpu_dispatch(d->gpu, &work);
+    err = err ? err : refine_device_dispatch(d, &work, c->lf->width, c->lf->height);
     if (c->fill)
-        err = err ? err : fill(d, c, &work);
+        err = err ? err : fill(d, c);
     if (entropy)
-        return err ? err : download_carried(d, label, entropy);
+        return err ? err : refine_device_entropies(d, label, entropy);
     return err ? err : refine_device_labels(d, c->fill ? REFINE_KEPT_FILLED : REFINE_KEPT_OUT, label);
 }
 

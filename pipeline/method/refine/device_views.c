@@ -98,7 +98,15 @@ static int upload_plane(struct sst_refine_device *d, const struct refine_pixels 
     return sst_gpu_upload(d->gpu, v->buffer, (size_t)plane * bytes, d->words.data, bytes);
 }
 
-static int upload_planes(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, bool colours,
+/* @param planes  those that are wanted @return those that are to be uploaded */
+static unsigned missing(const struct sst_refine_device *d, const struct refine_pixels *v, unsigned planes)
+{
+    planes &= ~(v->labels == d->stage ? 1U << SST_GPU_PLANE_LABELS : 0U);
+    planes &= ~(v->colours ? 1U << SST_GPU_PLANE_COLOURS : 0U);
+    return planes & ~(v->entropies == d->stage ? 1U << SST_GPU_PLANE_ENTROPIES : 0U);
+}
+
+static int upload_planes(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, unsigned planes,
                          const struct sst_map_f32 *entropies)
 {
     const size_t bytes = (size_t)lf->width * (size_t)lf->height * sizeof(uint32_t);
@@ -106,17 +114,17 @@ static int upload_planes(struct sst_refine_device *d, const struct sst_lightfiel
     uint32_t *words = sst_mem_keep(&d->words, bytes, 1);
     int err = words ? 0 : -ENOMEM;
 
-    if (!err && v->labels != d->stage) {
+    if (!err && planes & 1U << SST_GPU_PLANE_LABELS) {
         pack_labels(words, &lf->views[view], lf->width, lf->height);
         err = upload_plane(d, v, SST_GPU_PLANE_LABELS, bytes);
         v->labels = d->stage;
     }
-    if (!err && colours && !v->colours) {
+    if (!err && planes & 1U << SST_GPU_PLANE_COLOURS) {
         pack_colours(words, &lf->views[view], lf->width, lf->height);
         err = upload_plane(d, v, SST_GPU_PLANE_COLOURS, bytes);
         v->colours = true;
     }
-    if (!err && entropies && v->entropies != d->stage) {
+    if (!err && planes & 1U << SST_GPU_PLANE_ENTROPIES) {
         pack_entropies(words, entropies, lf->width, lf->height);
         err = upload_plane(d, v, SST_GPU_PLANE_ENTROPIES, bytes);
         v->entropies = d->stage;
@@ -124,7 +132,7 @@ static int upload_planes(struct sst_refine_device *d, const struct sst_lightfiel
     return err;
 }
 
-int refine_device_view(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, bool colours,
+int refine_device_view(struct sst_refine_device *d, const struct sst_lightfield *lf, int view, unsigned planes,
                        const struct sst_map_f32 *entropies)
 {
     const size_t plane = (size_t)lf->width * (size_t)lf->height * sizeof(uint32_t), bytes = (entropies ? 3 : 2) * plane;
@@ -137,8 +145,9 @@ int refine_device_view(struct sst_refine_device *d, const struct sst_lightfield 
     if (!v->buffer)
         err = create_view(d, v, bytes);
     v->used = d->turn;
-    d->report.uploads += v->labels != d->stage || (colours && !v->colours) || (entropies && v->entropies != d->stage);
-    err = err ? err : upload_planes(d, lf, view, colours, entropies);
+    planes = missing(d, v, planes | (entropies ? 1U << SST_GPU_PLANE_ENTROPIES : 0U));
+    d->report.uploads += planes != 0;
+    err = err ? err : upload_planes(d, lf, view, planes, entropies);
     if (err)
         drop_view(d, view);
     d->report.upload_ns += sst_clock_now_ns() - start_ns;

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "base/clock.h"
+#include "pipeline/gpu/refine.h"
 #include "pipeline/method/refine/refine_internal.h"
 
 #define STEP_MOST  32767     /* a disparity of 16 bits times this fits 32 bits */
@@ -37,27 +38,34 @@ int refine_device_labels(struct sst_refine_device *d, enum refine_kept which, st
     return err;
 }
 
+int refine_device_dispatch(struct sst_refine_device *d, struct sst_gpu_work *work, int width, int height)
+{
+    work->groups[0] = (uint32_t)(width + SST_GPU_REFINE_WIDTH - 1) / SST_GPU_REFINE_WIDTH;
+    work->groups[1] = (uint32_t)(height + SST_GPU_REFINE_HEIGHT - 1) / SST_GPU_REFINE_HEIGHT;
+    work->groups[2] = 1;
+    d->report.dispatches++;
+    return sst_gpu_dispatch(d->gpu, work);
+}
+
 int refine_device_voters(struct sst_refine_device *d, struct sst_gpu_work *work, struct sst_gpu_shift *shift,
                          const struct sst_refine_carry *c)
 {
+    const unsigned planes = 1U << SST_GPU_PLANE_LABELS | 1U << SST_GPU_PLANE_COLOURS;
     int err;
 
     d->turn++;
-    err = refine_device_view(d, c->lf, c->view, true, NULL);
+    err = refine_device_view(d, c->lf, c->view, planes, NULL);
     for (int i = 0; i < SST_GPU_VOTERS && !err; i++) {
         const int from = i < c->count ? c->sources[i].view : c->view;
 
         if (i < c->count) {
             err = set_shift(&shift[i], &c->sources[i]);
-            err = err ? err : refine_device_view(d, c->lf, from, true, c->entropies ? &c->entropies[from] : NULL);
+            err = err ? err : refine_device_view(d, c->lf, from, planes, c->entropies ? &c->entropies[from] : NULL);
         }
         work->buffer[SST_GPU_VOTE_VOTERS + i] = d->view[from].buffer;
     }
     work->buffer[SST_GPU_VOTE_OWN] = d->view[c->view].buffer;
     work->buffer[SST_GPU_VOTE_OUT] = d->kept[REFINE_KEPT_OUT];
-    work->groups[0] = (uint32_t)(c->lf->width + 31) / 32;
-    work->groups[1] = (uint32_t)(c->lf->height + 7) / 8;
-    work->groups[2] = 1;
     return err;
 }
 
@@ -70,8 +78,7 @@ static int vote(struct sst_refine_device *d, struct sst_map_u8 *out, const struc
     int err = refine_device_keep(d, REFINE_KEPT_OUT, (size_t)out->width * (size_t)out->height * sizeof(uint32_t));
 
     err = err ? err : refine_device_voters(d, &work, push.shift, &from);
-    d->report.dispatches += !err;
-    err = err ? err : sst_gpu_dispatch(d->gpu, &work);
+    err = err ? err : refine_device_dispatch(d, &work, out->width, out->height);
     return err ? err : refine_device_labels(d, REFINE_KEPT_OUT, out);
 }
 

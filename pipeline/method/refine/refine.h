@@ -71,6 +71,7 @@ struct sst_refine_device_report {
     char name[SST_GPU_NAME], driver[SST_GPU_NAME];
     int64_t views;               /* refined there */
     int64_t on_cpu;              /* others */
+    int64_t enlarged, enlarged_on_cpu; /* whose labels were found from the network's cells */
     int64_t voted, voted_on_cpu; /* whose pixels other views voted on */
     int64_t carried, carried_on_cpu; /* that labels were carried to, once each time */
     int64_t failures;            /* times that the device failed */
@@ -118,6 +119,20 @@ void sst_refine_device_forget(struct sst_refine_device *d);
  */
 bool sst_refine_device_vote(struct sst_refine_device *d, struct sst_map_u8 *out, const struct sst_lightfield *lf,
                             int view, const struct sst_refine_voter *voters, int count);
+
+struct sst_label_cells;
+
+/** A view whose labels are brought to its size. */
+struct sst_refine_enlarge {
+    struct sst_refine_device *device;
+    const struct sst_lightfield *lf;
+    int view;
+};
+
+/** A sst_label_enlarge_fn (pipeline/method/labels/labels.h) with the bytes of the CPU. Thread: any number, one after the
+ * other. @param arg  struct sst_refine_enlarge @return false: it is to be done on the CPU; logged, noted */
+bool sst_refine_device_enlarge(void *arg, const struct sst_label_cells *cells, struct sst_map_u8 *label,
+                               struct sst_map_f32 *entropy, double eps_h);
 
 /** Labels carried to a view. */
 struct sst_refine_carry {

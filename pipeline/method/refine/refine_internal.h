@@ -73,6 +73,8 @@ enum refine_kept {
     REFINE_KEPT_MEANS,
     REFINE_KEPT_OUT, /* also of votes and carried labels */
     REFINE_KEPT_FILLED,
+    REFINE_KEPT_CELLS,
+    REFINE_KEPT_PLACES,
     REFINE_KEPT
 };
 
@@ -108,6 +110,9 @@ bool refine_device_begin(struct sst_refine_device *d, int *err);
 /** End it: note an error, and log what fails. @param what  "the view is refined" @return true: it is done */
 bool refine_device_end(struct sst_refine_device *d, int err, const char *what);
 
+/** The same, but the lock of `shared` is still to be released: for work of several threads, which all count. */
+bool refine_device_end_locked(struct sst_refine_device *d, int err, const char *what);
+
 /* Between these two; the size of memory only grows, and what it held is then lost. */
 SST_MUST_CHECK int refine_device_keep(struct sst_refine_device *d, enum refine_kept which, size_t bytes);
 SST_MUST_CHECK int refine_device_download(struct sst_refine_device *d, enum refine_kept which, void *data,
@@ -119,12 +124,13 @@ bool refine_device_drop_kept(struct sst_refine_device *d);
 /* --- device_views.c --- */
 
 /**
- * The labels and disparities of a view on the device, of this stage; with `colours` these too. It stays for this turn.
- * What refine_device_keep() made for this turn, but results, may be lost.
+ * Planes of a view on the device: colours, or labels and disparities of this stage. It stays for this turn. What
+ * refine_device_keep() made for this turn, but results, may be lost.
+ * @param planes     bits by enum sst_gpu_label_plane
  * @param entropies  of its labels, uploaded too; or NULL
  */
 SST_MUST_CHECK int refine_device_view(struct sst_refine_device *d, const struct sst_lightfield *lf, int view,
-                                      bool colours, const struct sst_map_f32 *entropies);
+                                      unsigned planes, const struct sst_map_f32 *entropies);
 
 /** Free the view that was used least recently, but none of this turn. @return whether there was one */
 bool refine_drop_oldest(struct sst_refine_device *d);
@@ -142,7 +148,19 @@ void refine_drop_views(struct sst_refine_device *d);
 SST_MUST_CHECK int refine_device_voters(struct sst_refine_device *d, struct sst_gpu_work *work,
                                         struct sst_gpu_shift *shift, const struct sst_refine_carry *c);
 
+/** Dispatch over all pixels of a view, in groups of 32 x 8. @param work  its groups are set */
+SST_MUST_CHECK int refine_device_dispatch(struct sst_refine_device *d, struct sst_gpu_work *work, int width,
+                                          int height);
+
+/** Upload to memory that is made large enough. */
+SST_MUST_CHECK int refine_device_upload(struct sst_refine_device *d, enum refine_kept which, const void *data,
+                                        size_t bytes);
+
 /** Download a word a pixel of a result, of which the lowest byte is written. */
 SST_MUST_CHECK int refine_device_labels(struct sst_refine_device *d, enum refine_kept which, struct sst_map_u8 *out);
+
+/** Likewise of REFINE_KEPT_OUT, with bits of floats in a second plane. */
+SST_MUST_CHECK int refine_device_entropies(struct sst_refine_device *d, struct sst_map_u8 *label,
+                                           struct sst_map_f32 *entropy);
 
 #endif
