@@ -70,6 +70,7 @@ enum sst_gpu_shader {
     SST_GPU_LABEL_CARRY = 51, /* label.h */
     SST_GPU_LABEL_FILL = 52,
     SST_GPU_LABEL_CELLS = 53,
+    SST_GPU_REFINE_COUNT = 54, /* refine.h */
     SST_GPU_SHADERS
 };
 

@@ -181,6 +181,8 @@ gpu_reference_fn label_fill_reference;
 gpu_self_test_fn label_fill_self_test;
 gpu_reference_fn label_cells_reference;
 gpu_self_test_fn label_cells_self_test;
+gpu_reference_fn refine_count_reference;
+gpu_self_test_fn refine_count_self_test;
 
 /* --- hypotheses.c: what tests of hypotheses read, for references --- */
 

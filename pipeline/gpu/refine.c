@@ -33,6 +33,20 @@ static bool is_mixed(uint64_t mask, uint64_t ground)
     return mask & ground && mask & ~ground;
 }
 
+void refine_count_reference(const void *push, void *const *buffer, const uint32_t groups[3] SST_UNUSED)
+{
+    const struct sst_gpu_refine_count *p = push;
+    const uint32_t *view = buffer[SST_GPU_REFINE_COUNT_VIEW];
+    uint32_t *counts = buffer[SST_GPU_REFINE_COUNT_COUNTS];
+
+    for (int i = 0; i < p->width * p->height; i++) {
+        const uint32_t label = view[i] >> 16, q = view[i] & 0xFFFF;
+
+        if (label && label <= p->labels && q < p->bins)
+            counts[(size_t)(label - 1) * p->bins + q]++;
+    }
+}
+
 /* --- candidates --------------------------------------------------------------------------------------------------- */
 
 static bool on_ground(const struct sst_gpu_refine_ground *g, int x, int y, uint32_t q)

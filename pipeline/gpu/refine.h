@@ -19,6 +19,19 @@
 /* Structures have the layout of the shaders (std430). A view is uint32_t[height][width]: disparity | label << 16. A
  * whole number of 64 bits is uint32_t[2], the lower half first. */
 
+/** `refine_count`: pixels by label and disparity, over all views. */
+struct sst_gpu_refine_count {
+    int32_t width, height;
+    uint32_t labels; /* that are counted: 1 .. labels */
+    uint32_t bins;   /* of a label: disparities below it are counted; at most 65535 */
+};
+
+enum sst_gpu_refine_count_buffer {
+    SST_GPU_REFINE_COUNT_VIEW = 0,
+    SST_GPU_REFINE_COUNT_COUNTS = 1, /* in and out, uint32_t[labels][bins] */
+    SST_GPU_REFINE_COUNT_BUFFERS
+};
+
 /** `refine_mask`: candidates of every pixel without a label; label i + 1 is bit i. */
 struct sst_gpu_refine_mask {
     int32_t width, height;

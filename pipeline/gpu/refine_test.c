@@ -129,6 +129,23 @@ static struct sst_gpu_work plane_work(enum sst_gpu_shader shader, const void *pu
                    gpu_groups(TEST_HEIGHT, SST_GPU_REFINE_HEIGHT));
 }
 
+int refine_count_self_test(struct sst_gpu *g)
+{
+    const struct sst_gpu_refine_count push = { TEST_WIDTH, TEST_HEIGHT, 3, 2000 };
+    const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_COUNT, &push);
+    const size_t bytes = push.labels * push.bins * sizeof(uint32_t);
+    struct test *t = make_test(0);
+    uint32_t *counts = calloc(bytes, 1);
+    const int err = t && counts ? gpu_compare(g, &work, (const void *const[]){ t->view, counts },
+                                              (const size_t[]){ sizeof(t->view), bytes }, SST_GPU_REFINE_COUNT_COUNTS,
+                                              NULL)
+                                : -ENOMEM;
+
+    free(counts);
+    free(t);
+    return err;
+}
+
 int refine_mask_self_test(struct sst_gpu *g)
 {
     const struct sst_gpu_work work = plane_work(SST_GPU_REFINE_MASK, &mask_push);

@@ -129,6 +129,8 @@ const struct gpu_shader gpu_shaders[SST_GPU_SHADERS] = {
                                  refine_normals_self_test },
     [SST_GPU_REFINE_ASSIGN] = { "refine_assign", SST_GPU_REFINE_ASSIGN_BUFFERS, sizeof(struct sst_gpu_refine_assign),
                                 refine_assign_reference, refine_assign_self_test },
+    [SST_GPU_REFINE_COUNT] = { "refine_count", SST_GPU_REFINE_COUNT_BUFFERS, sizeof(struct sst_gpu_refine_count),
+                               refine_count_reference, refine_count_self_test },
     [SST_GPU_VOTE] = { "vote", SST_GPU_VOTE_BUFFERS, sizeof(struct sst_gpu_vote), vote_reference, vote_self_test },
     [SST_GPU_LABEL_CARRY] = { "label_carry", SST_GPU_VOTE_BUFFERS, sizeof(struct sst_gpu_label_carry),
                               label_carry_reference, label_carry_self_test },

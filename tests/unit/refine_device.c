@@ -52,7 +52,7 @@ static void test_same_bytes(void **state)
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
         assert_true(report.dispatches > 5 * 4);
-        assert_int_equal(report.stages_on_cpu, 1U << SST_REFINE_STAGE_DISPARITY | 1U << SST_REFINE_STAGE_HULLS |
+        assert_int_equal(report.stages_on_cpu, 1U << SST_REFINE_STAGE_HULLS |
                                                    (cfg.ground_plane ? 1U << SST_REFINE_STAGE_GROUNDS : 0));
         sst_refine_device_report(d.refine, &report); /* since the last one */
         assert_int_equal(report.views, 0);
@@ -96,7 +96,7 @@ static void test_fallback(void **state)
         int views, failures;
     } devices[] = {
         { "lost", 1, "the device is lost", 0, 0, 4 }, /* always at the first view: 0, 1, 3, 7 */
-        { "timeout", 20, "the device does not answer", 0, 5, 3 },
+        { "timeout", 20, "the device does not answer", 0, 4, 4 },
         { "dummy:memory=1", 0, "not enough memory on the device", 0, 1, 0 }, /* one without normals fits */
         { "dummy:buffer=100", 0, "not enough memory on the device", 0, 0, 0 },
         { "dummy", 0, "not enough memory on the device", 700000, 0, 0 },
@@ -248,7 +248,7 @@ static void test_enlarged(void **state)
         int lost;
         uint64_t memory;
         int enlarged, failures;
-    } devices[] = { { 0, 0, 2, 0 }, { 0, 80000, 0, 0 }, { 1, 0, 0, 1 }, { 2, 0, 1, 1 } };
+    } devices[] = { { 0, 0, 2, 0 }, { 0, 92000, 0, 0 }, { 1, 0, 0, 1 }, { 2, 0, 1, 1 } };
     struct sst_refine_device_report report;
     struct sst_lightfield lf;
     struct device d;

@@ -30,15 +30,19 @@ _Static_assert(SST_GPU_REFINE_LABELS == SST_MAX_CLASSES, "a bit each");
 
 #define THE_VIEW REFINE_KEPT /* among buffers of a dispatch: that in work */
 
+void refine_device_drop(struct sst_refine_device *d, enum refine_kept which)
+{
+    sst_gpu_buffer_destroy(sst_gpu_shared_device(d->shared), d->kept[which]);
+    d->kept[which] = NULL;
+    d->bytes[which] = 0;
+}
+
 static void drop(void *arg)
 {
     struct sst_refine_device *d = arg;
 
-    for (int i = 0; i < REFINE_KEPT; i++) {
-        sst_gpu_buffer_destroy(sst_gpu_shared_device(d->shared), d->kept[i]);
-        d->kept[i] = NULL;
-        d->bytes[i] = 0;
-    }
+    for (int i = 0; i < REFINE_KEPT; i++)
+        refine_device_drop(d, (enum refine_kept)i);
     d->has_table = false;
     refine_drop_views(d);
 }
@@ -48,11 +52,9 @@ bool refine_device_drop_kept(struct sst_refine_device *d)
     bool any = false;
 
     for (int i = 0; i < REFINE_KEPT; i++) {
-        if (i == REFINE_KEPT_OUT || !d->kept[i])
+        if (i == REFINE_KEPT_OUT || i == REFINE_KEPT_COUNTS || !d->kept[i])
             continue;
-        sst_gpu_buffer_destroy(d->gpu, d->kept[i]);
-        d->kept[i] = NULL;
-        d->bytes[i] = 0;
+        refine_device_drop(d, (enum refine_kept)i);
         any = true;
     }
     d->has_table = false;
@@ -73,7 +75,8 @@ int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shar
                                                    SST_GPU_REFINE_COMPETE, SST_GPU_REFINE_SUMS,
                                                    SST_GPU_REFINE_PLANES,  SST_GPU_REFINE_NORMALS,
                                                    SST_GPU_REFINE_ASSIGN,  SST_GPU_VOTE,
-                                                   SST_GPU_LABEL_CARRY,    SST_GPU_LABEL_FILL,     SST_GPU_LABEL_CELLS };
+                                                   SST_GPU_LABEL_CARRY,    SST_GPU_LABEL_FILL,     SST_GPU_LABEL_CELLS,
+                                                   SST_GPU_REFINE_COUNT };
     struct sst_refine_device *d;
     int err;
 
@@ -139,9 +142,7 @@ int refine_device_keep(struct sst_refine_device *d, enum refine_kept which, size
 
     if (d->bytes[which] >= bytes)
         return 0;
-    sst_gpu_buffer_destroy(d->gpu, d->kept[which]);
-    d->kept[which] = NULL;
-    d->bytes[which] = 0;
+    refine_device_drop(d, which);
     err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
     if (err == -ENOMEM && sst_gpu_shared_make_room(d->shared, &d->user))
         err = sst_gpu_buffer_create(d->gpu, &d->kept[which], bytes);
@@ -459,7 +460,6 @@ void refine_device_start(struct sst_refine_device *d)
 
 int refine_on_device(struct sst_refine_device *d, struct refine_job *job, int count)
 {
-    sst_refine_device_note_stage(d, SST_REFINE_STAGE_DISPARITY);
     if (job->ground && job->cfg->ground_plane)
         sst_refine_device_note_stage(d, SST_REFINE_STAGE_GROUNDS);
     for (int i = 0; i < count; i++) {

@@ -319,12 +319,13 @@ static int fit_labels(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
     struct refine_job *job = arg;
     const struct sst_lightfield *lf = job->lf;
     const size_t size = (size_t)lf->classes.count * SST_DISP_BINS;
-    int err;
+    int err = 0;
 
     job->hist = sst_mem_alloc((size_t)job->n_workers, size * sizeof(*job->hist));
     if (!job->hist)
         return -ENOMEM;
-    err = sst_parallel_for(lf->rows * lf->cols, job->n_workers, count_view, job);
+    if (!job->cfg->device || !refine_device_count(job->cfg->device, job, job->hist))
+        err = sst_parallel_for(lf->rows * lf->cols, job->n_workers, count_view, job);
     for (int k = 1; k < job->n_workers; k++) {
         for (size_t i = 0; i < size; i++)
             job->hist[i] += job->hist[(size_t)k * size + i];

@@ -54,10 +54,10 @@ struct sst_label_fit {
 SST_MUST_CHECK int sst_refine_labels(struct sst_lightfield *lf, const struct sst_refine_config *cfg,
                                      struct sst_label_fit *fits);
 
-/** What is done on the CPU although there is a device: it has no shader for that. */
+/** What is done on the CPU although there is a device: it has no shader for that, or failed. */
 enum sst_refine_stage {
     SST_REFINE_STAGE_ENTROPY = 0, /* labels and entropies of pixels from those of the network's cells, the threshold */
-    SST_REFINE_STAGE_DISPARITY = 1, /* distributions of the labels' disparities */
+    SST_REFINE_STAGE_DISPARITY = 1, /* pixels counted for the distributions of the labels' disparities */
     SST_REFINE_STAGE_GROUNDS = 2,   /* their planes */
     SST_REFINE_STAGE_HULLS = 3,     /* of the regions that compete */
     SST_REFINE_STAGE_CARRY = 4,     /* labels carried to other views */

@@ -71,6 +71,7 @@ enum refine_kept {
     REFINE_KEPT_PLANES,
     REFINE_KEPT_REGIONS,
     REFINE_KEPT_MEANS,
+    REFINE_KEPT_COUNTS,
     REFINE_KEPT_OUT, /* also of votes and carried labels */
     REFINE_KEPT_FILLED,
     REFINE_KEPT_CELLS,
@@ -118,8 +119,16 @@ SST_MUST_CHECK int refine_device_keep(struct sst_refine_device *d, enum refine_k
 SST_MUST_CHECK int refine_device_download(struct sst_refine_device *d, enum refine_kept which, void *data,
                                           size_t bytes);
 
+void refine_device_drop(struct sst_refine_device *d, enum refine_kept which);
+
 /** Free all memory that a view needs only while it is in work, but results. @return whether there was any */
 bool refine_device_drop_kept(struct sst_refine_device *d);
+
+/* --- device_count.c --- */
+
+/** Pixels of all views that are refined by label and disparity. @param hist  out [classes][SST_DISP_BINS] @return false:
+ * they are to be counted on the CPU; logged, noted */
+bool refine_device_count(struct sst_refine_device *d, const struct refine_job *job, int64_t *hist);
 
 /* --- device_views.c --- */
 
