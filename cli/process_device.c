@@ -59,8 +59,8 @@ static void report_matching(const struct sst_disparity_device_report *d)
 static json_t *refinement_json(const struct sst_refine_device_report *d)
 {
     json_t *stages = json_array();
-    json_t *root = json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:o, s:I, s:I, s:I}", "views", (json_int_t)d->views, "on_cpu",
-                             (json_int_t)d->on_cpu, "voted", (json_int_t)d->voted, "voted_on_cpu",
+    json_t *root = json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:o, s:I, s:I, s:I}", "views", (json_int_t)d->views,
+                             "on_cpu", (json_int_t)d->on_cpu, "voted", (json_int_t)d->voted, "voted_on_cpu",
                              (json_int_t)d->voted_on_cpu, "carried", (json_int_t)d->carried, "carried_on_cpu",
                              (json_int_t)d->carried_on_cpu, "failures", (json_int_t)d->failures, "why_cpu",
                              *d->why ? cli_text_json(d->why) : json_null(), "dispatches", (json_int_t)d->dispatches,

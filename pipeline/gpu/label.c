@@ -116,7 +116,8 @@ void label_fill_reference(const void *push, void *const *buffer, const uint32_t 
         while (right < end && !from[right])
             right++;
         if (left >= row && right < end)
-            out[i] = abs(d - (int)(own[left] & 0xFFFF)) <= abs(d - (int)(own[right] & 0xFFFF)) ? from[left] : from[right];
+            out[i] =
+                abs(d - (int)(own[left] & 0xFFFF)) <= abs(d - (int)(own[right] & 0xFFFF)) ? from[left] : from[right];
         else
             out[i] = left >= row ? from[left] : right < end ? from[right] : 0;
         out[i] &= own[n + i] >> 24;
@@ -150,8 +151,8 @@ static struct test *make_test(void)
         const int at = i % TEST_PIXELS;
 
         view[SST_GPU_PLANE_COLOURS][at] = grey | (grey + gpu_random(&state) % 5) << 8 | 90U << 16 | valid;
-        view[SST_GPU_PLANE_LABELS][at] = (gpu_random(&state) % 20 ? 150 + gpu_random(&state) % 90 : NONE) |
-                                         (gpu_random(&state) % 4) << 16;
+        view[SST_GPU_PLANE_LABELS][at] =
+            (gpu_random(&state) % 20 ? 150 + gpu_random(&state) % 90 : NONE) | (gpu_random(&state) % 4) << 16;
         view[SST_GPU_PLANE_ENTROPIES][at] = gpu_random(&state);
     }
     for (int i = 0; t && i < TEST_PIXELS; i++)
@@ -167,8 +168,8 @@ static int compare_views(struct sst_gpu *g, enum sst_gpu_shader shader, const vo
 
     return gpu_compare(g, &work,
                        (const void *const[]){ t->view[0], t->view[1], t->view[2], t->view[3], t->view[4], t->out },
-                       (const size_t[]){ sizeof(t->view[0]), sizeof(t->view[0]), sizeof(t->view[0]),
-                                         sizeof(t->view[0]), sizeof(t->view[0]), sizeof(t->out) },
+                       (const size_t[]){ sizeof(t->view[0]), sizeof(t->view[0]), sizeof(t->view[0]), sizeof(t->view[0]),
+                                         sizeof(t->view[0]), sizeof(t->out) },
                        SST_GPU_VOTE_OUT, NULL);
 }
 
@@ -206,11 +207,10 @@ int label_fill_self_test(struct sst_gpu *g)
                                        .push = &push,
                                        .groups = { gpu_groups(TEST_WIDTH, 32), gpu_groups(TEST_HEIGHT, 8), 1 } };
     struct test *t = make_test();
-    const int err =
-        t ? gpu_compare(g, &work, (const void *const[]){ t->view[0], t->out[0], t->out[1] },
-                        (const size_t[]){ sizeof(t->view[0]), sizeof(t->out[0]), sizeof(t->out[1]) },
-                        SST_GPU_LABEL_FILL_OUT, NULL)
-          : -ENOMEM;
+    const int err = t ? gpu_compare(g, &work, (const void *const[]){ t->view[0], t->out[0], t->out[1] },
+                                    (const size_t[]){ sizeof(t->view[0]), sizeof(t->out[0]), sizeof(t->out[1]) },
+                                    SST_GPU_LABEL_FILL_OUT, NULL)
+                      : -ENOMEM;
 
     free(t);
     return err;

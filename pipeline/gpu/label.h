@@ -1,11 +1,11 @@
 /* pipeline/gpu/label.h - shaders of labels that views exchange: `vote`, the label that most of a few views see on the
- * surface of a pixel; `label_carry`, labels carried to a view that has none; `label_fill`, what is left of it; and `label_cells`, labels of pixels from a
- * network's coarse grid.
+ * surface of a pixel; `label_carry`, labels carried to a view that has none; `label_fill`, what is left of it; and
+ * `label_cells`, labels of pixels from a network's coarse grid.
  *
  * Numbers of the first three are integers, and equal those of process_vote_labels() and process_carry_labels() on every
- * device. label_cells computes in floats what labels_upsample() does, by its operations in their order, and quotients by
- * long division: the same bytes, but that entropies below 1e-30 may be off by 1e-30 where devices have no smaller numbers
- * than 2^-126. Groups of 32 x 8 pixels.
+ * device. label_cells computes in floats what labels_upsample() does, by its operations in their order, and quotients
+ * by long division: the same bytes, but that entropies below 1e-30 may be off by 1e-30 where devices have no smaller
+ * numbers than 2^-126. Groups of 32 x 8 pixels.
  */
 #ifndef SST_PIPELINE_GPU_LABEL_H
 #define SST_PIPELINE_GPU_LABEL_H
@@ -59,8 +59,8 @@ enum sst_gpu_label_fill_buffer {
     SST_GPU_LABEL_FILL_BUFFERS
 };
 
-/** `label_cells`. A cell is float[classes + 5]: probabilities, 1, its mean R, G, B, and its most probable class + 1 as an
- * uint32_t. */
+/** `label_cells`. A cell is float[classes + 5]: probabilities, 1, its mean R, G, B, and its most probable class + 1 as
+ * an uint32_t. */
 struct sst_gpu_label_cells {
     int32_t width, height, grid_width, grid_height, classes;
     float limit;        /* labels whose entropy is not below it are 0; not with entropies */

@@ -108,7 +108,8 @@ static struct test *make_test(void)
     for (int i = 0; i < TEST_PIXELS; i++)
         t->view[SST_GPU_PLANE_COLOURS][i] = gpu_random(&state) | 255U << 24;
     for (int i = 0; i < TEST_WIDTH + TEST_HEIGHT; i++) {
-        t->place[i].first = (uint32_t)(i < TEST_WIDTH ? i * TEST_GRID / TEST_WIDTH : (i - TEST_WIDTH) * 5 / TEST_HEIGHT);
+        t->place[i].first =
+            (uint32_t)(i < TEST_WIDTH ? i * TEST_GRID / TEST_WIDTH : (i - TEST_WIDTH) * 5 / TEST_HEIGHT);
         for (int k = 0; k < 4; k++)
             t->place[i].weight[k] = (float)(1 + gpu_random(&state) % 4000) / 4000;
     }
@@ -117,8 +118,8 @@ static struct test *make_test(void)
 
 int label_cells_self_test(struct sst_gpu *g)
 {
-    struct sst_gpu_label_cells push = { TEST_WIDTH, TEST_HEIGHT, TEST_GRID, TEST_CELLS / TEST_GRID, TEST_CLASSES, 0.4F,
-                                        0 };
+    struct sst_gpu_label_cells push = { TEST_WIDTH,   TEST_HEIGHT, TEST_GRID, TEST_CELLS / TEST_GRID,
+                                        TEST_CLASSES, 0.4F,        0 };
     const struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CELLS,
                                        .push = &push,
                                        .groups = { gpu_groups(TEST_WIDTH, 32), gpu_groups(TEST_HEIGHT, 8), 1 } };

@@ -136,10 +136,10 @@ int refine_count_self_test(struct sst_gpu *g)
     const size_t bytes = push.labels * push.bins * sizeof(uint32_t);
     struct test *t = make_test(0);
     uint32_t *counts = calloc(bytes, 1);
-    const int err = t && counts ? gpu_compare(g, &work, (const void *const[]){ t->view, counts },
-                                              (const size_t[]){ sizeof(t->view), bytes }, SST_GPU_REFINE_COUNT_COUNTS,
-                                              NULL)
-                                : -ENOMEM;
+    const int err = t && counts
+                        ? gpu_compare(g, &work, (const void *const[]){ t->view, counts },
+                                      (const size_t[]){ sizeof(t->view), bytes }, SST_GPU_REFINE_COUNT_COUNTS, NULL)
+                        : -ENOMEM;
 
     free(counts);
     free(t);

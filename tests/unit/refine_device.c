@@ -52,8 +52,8 @@ static void test_same_bytes(void **state)
         assert_int_equal(report.on_cpu, 0);
         assert_int_equal(report.failures, 0);
         assert_true(report.dispatches > 5 * 4);
-        assert_int_equal(report.stages_on_cpu, 1U << SST_REFINE_STAGE_HULLS |
-                                                   (cfg.ground_plane ? 1U << SST_REFINE_STAGE_GROUNDS : 0));
+        assert_int_equal(report.stages_on_cpu,
+                         1U << SST_REFINE_STAGE_HULLS | (cfg.ground_plane ? 1U << SST_REFINE_STAGE_GROUNDS : 0));
         sst_refine_device_report(d.refine, &report); /* since the last one */
         assert_int_equal(report.views, 0);
     }
@@ -290,7 +290,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_skipped), serial_test(test_fallback),
         serial_test(test_lost_anywhere),   cmocka_unit_test(test_votes),   cmocka_unit_test(test_carried),
-        cmocka_unit_test(test_enlarged), cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_enlarged),   cmocka_unit_test(test_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -83,8 +83,8 @@ struct sst_label_cells {
 typedef bool sst_label_enlarge_fn(void *arg, const struct sst_label_cells *cells, struct sst_map_u8 *label,
                                   struct sst_map_f32 *entropy, double eps_h);
 
-/** Bring labels to the image's size by `enlarge` from now on, in sst_segment_hcsm() and in sst_segment() where entropy is
- * wanted and prob is not. @param enlarge  NULL: on the CPU */
+/** Bring labels to the image's size by `enlarge` from now on, in sst_segment_hcsm() and in sst_segment() where entropy
+ * is wanted and prob is not. @param enlarge  NULL: on the CPU */
 void sst_segmenter_use_enlarger(struct sst_segmenter *seg, sst_label_enlarge_fn *enlarge, void *arg);
 
 /** How images are scaled and cut for the network. Zeroed: the default. */

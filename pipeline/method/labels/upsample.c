@@ -300,7 +300,8 @@ int labels_pack_cells(struct sst_label_cells *out, struct class_grid *grid, cons
     }
     pack_places(place, grid->width, img->width);
     pack_places(place + img->width, grid->height, img->height);
-    *out = (struct sst_label_cells){ grid->width, grid->height, grid->count, cell, cells * values * sizeof(*cell),
-                                     place, places * sizeof(*place) };
+    *out = (struct sst_label_cells){
+        grid->width, grid->height, grid->count, cell, cells * values * sizeof(*cell), place, places * sizeof(*place)
+    };
     return 0;
 }

@@ -17,8 +17,8 @@ struct job {
     const struct process_carry *c;
     struct sst_map_f32 *entropy; /* or NULL */
     bool fill;
-    int *view; /* those that labels are carried to */
-    bool *done; /* [views] on the device */
+    int *view;        /* those that labels are carried to */
+    bool *done;       /* [views] on the device */
     const int *batch; /* of view: what is done at once */
 };
 
@@ -187,8 +187,8 @@ static int carry_batch(void *arg, const int *index, int count)
 
         err = open_view(j, view);
         if (!err && j->c->device)
-            j->done[view] = carry_on_device(j->c, view, &j->c->lf->views[view].label,
-                                            j->entropy ? &j->entropy[view] : NULL, &how);
+            j->done[view] =
+                carry_on_device(j->c, view, &j->c->lf->views[view].label, j->entropy ? &j->entropy[view] : NULL, &how);
     }
     return err ? err : sst_parallel_for(count, j->c->threads, carry_job, j);
 }
@@ -205,7 +205,7 @@ static void carried_maps(void *arg, int index, struct sst_share_maps *out)
 int process_carry_labels(const struct process_carry *c, struct sst_map_f32 *entropy, bool fill)
 {
     const int views = c->lf->rows * c->lf->cols;
-    struct job j = { c, entropy, fill, calloc((size_t)views, sizeof(*j.view)), calloc((size_t)views, sizeof(*j.done)),
+    struct job j = { c,   entropy, fill, calloc((size_t)views, sizeof(*j.view)), calloc((size_t)views, sizeof(*j.done)),
                      NULL };
     int count = 0, err = j.view && j.done ? 0 : -ENOMEM;
 

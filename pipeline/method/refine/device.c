@@ -71,12 +71,11 @@ static void note_name(struct sst_refine_device *d)
 
 int sst_refine_device_create(struct sst_refine_device **out, struct sst_gpu_shared *shared)
 {
-    static const enum sst_gpu_shader shaders[] = { SST_GPU_REFINE_MASK,    SST_GPU_REFINE_COLUMNS,
-                                                   SST_GPU_REFINE_COMPETE, SST_GPU_REFINE_SUMS,
-                                                   SST_GPU_REFINE_PLANES,  SST_GPU_REFINE_NORMALS,
-                                                   SST_GPU_REFINE_ASSIGN,  SST_GPU_VOTE,
-                                                   SST_GPU_LABEL_CARRY,    SST_GPU_LABEL_FILL,     SST_GPU_LABEL_CELLS,
-                                                   SST_GPU_REFINE_COUNT };
+    static const enum sst_gpu_shader shaders[] = {
+        SST_GPU_REFINE_MASK,   SST_GPU_REFINE_COLUMNS, SST_GPU_REFINE_COMPETE, SST_GPU_REFINE_SUMS,
+        SST_GPU_REFINE_PLANES, SST_GPU_REFINE_NORMALS, SST_GPU_REFINE_ASSIGN,  SST_GPU_VOTE,
+        SST_GPU_LABEL_CARRY,   SST_GPU_LABEL_FILL,     SST_GPU_LABEL_CELLS,    SST_GPU_REFINE_COUNT
+    };
     struct sst_refine_device *d;
     int err;
 
@@ -245,7 +244,7 @@ static int upload_table(const struct work *w)
 /* Candidates of all pixels, and which labels compete. */
 static int find_candidates(struct work *w)
 {
-    static const enum refine_kept kept[] = { THE_VIEW, REFINE_KEPT_TABLE,  REFINE_KEPT_GROUNDS,
+    static const enum refine_kept kept[] = { THE_VIEW,         REFINE_KEPT_TABLE,  REFINE_KEPT_GROUNDS,
                                              REFINE_KEPT_SEEN, REFINE_KEPT_CHOICE, REFINE_KEPT_MASK };
     struct sst_gpu_refine_mask push = { .width = w->width, .height = w->height };
     uint32_t seen[4] = { 0 };
@@ -273,8 +272,8 @@ static int find_normals(const struct work *w)
 {
     static const enum refine_kept sums[] = { THE_VIEW, REFINE_KEPT_SUMS },
                                   planes[] = { REFINE_KEPT_SUMS, REFINE_KEPT_PLANES };
-    static const enum refine_kept normals[] = { THE_VIEW, REFINE_KEPT_MASK, REFINE_KEPT_PLANES,
-                                                REFINE_KEPT_REGIONS, REFINE_KEPT_SUMS };
+    static const enum refine_kept normals[] = { THE_VIEW, REFINE_KEPT_MASK, REFINE_KEPT_PLANES, REFINE_KEPT_REGIONS,
+                                                REFINE_KEPT_SUMS };
     static const struct sst_gpu_refine_region none[SST_GPU_REFINE_LABELS];
     const struct sst_gpu_refine_window window = { w->width, w->height, w->job->cfg->normal_window / 2 };
     struct sst_gpu_refine_normals push = {
@@ -353,7 +352,7 @@ static int exchange_regions(const struct work *w)
 
 static int assign(const struct work *w)
 {
-    const enum refine_kept kept[] = { THE_VIEW,   REFINE_KEPT_MASK,
+    const enum refine_kept kept[] = { THE_VIEW,           REFINE_KEPT_MASK,
                                       REFINE_KEPT_CHOICE, w->normals ? REFINE_KEPT_SUMS : THE_VIEW,
                                       REFINE_KEPT_MEANS,  REFINE_KEPT_OUT };
     const struct sst_refine_config *cfg = w->job->cfg;

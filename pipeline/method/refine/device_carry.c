@@ -39,7 +39,7 @@ static int carry(struct sst_refine_device *d, struct sst_map_u8 *label, struct s
     struct sst_gpu_label_carry push = { .width = c->lf->width,
                                         .height = c->lf->height,
                                         .count = c->count,
-                                        .mode = c->shown    ? SST_GPU_CARRY_SHOWN
+                                        .mode = c->shown  ? SST_GPU_CARRY_SHOWN
                                                 : entropy ? SST_GPU_CARRY_ENTROPIES
                                                           : SST_GPU_CARRY_LABELS };
     struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CARRY, .push = &push };

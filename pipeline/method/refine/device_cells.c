@@ -17,7 +17,7 @@ static int enlarge(struct sst_refine_device *d, const struct sst_refine_enlarge 
                    struct sst_map_u8 *label, struct sst_map_f32 *entropy, double eps_h)
 {
     const size_t bytes = (size_t)label->width * (size_t)label->height * sizeof(uint32_t);
-    const struct sst_gpu_label_cells push = { label->width,  label->height,   cells->width, cells->height,
+    const struct sst_gpu_label_cells push = { label->width,   label->height,   cells->width,   cells->height,
                                               cells->classes, limit_of(eps_h), entropy != NULL };
     struct sst_gpu_work work = { .shader = SST_GPU_LABEL_CELLS, .push = &push };
     int err = refine_device_keep(d, REFINE_KEPT_OUT, (entropy ? 2 : 1) * bytes);

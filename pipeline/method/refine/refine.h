@@ -129,8 +129,8 @@ struct sst_refine_enlarge {
     int view;
 };
 
-/** A sst_label_enlarge_fn (pipeline/method/labels/labels.h) with the bytes of the CPU. Thread: any number, one after the
- * other. @param arg  struct sst_refine_enlarge @return false: it is to be done on the CPU; logged, noted */
+/** A sst_label_enlarge_fn (pipeline/method/labels/labels.h) with the bytes of the CPU. Thread: any number, one after
+ * the other. @param arg  struct sst_refine_enlarge @return false: it is to be done on the CPU; logged, noted */
 bool sst_refine_device_enlarge(void *arg, const struct sst_label_cells *cells, struct sst_map_u8 *label,
                                struct sst_map_f32 *entropy, double eps_h);
 

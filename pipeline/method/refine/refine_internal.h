@@ -126,8 +126,8 @@ bool refine_device_drop_kept(struct sst_refine_device *d);
 
 /* --- device_count.c --- */
 
-/** Pixels of all views that are refined by label and disparity. @param hist  out [classes][SST_DISP_BINS] @return false:
- * they are to be counted on the CPU; logged, noted */
+/** Pixels of all views that are refined by label and disparity. @param hist  out [classes][SST_DISP_BINS] @return
+ * false: they are to be counted on the CPU; logged, noted */
 bool refine_device_count(struct sst_refine_device *d, const struct refine_job *job, int64_t *hist);
 
 /* --- device_views.c --- */
