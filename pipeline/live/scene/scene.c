@@ -256,13 +256,14 @@ static int compute_changes(struct sst_livescene *s, struct sst_liveframes_change
     tiles = mark_dirty(s, changes);
     if (s->foreground)
         scene_foreground_still(s->foreground, &s->key[0], s->dirty[s->key[0].view]);
-    if (!tiles)
-        return scene_follow_range(s, true);
+    if (!tiles) {
+        scene_rest_range(s);
+        return 0;
+    }
     err = scene_find_range(s);
     if (err || !s->ranged)
         return err;
-    err = scene_follow_range(s, false);
-    err = err ? err : scene_compute(s, report);
+    err = scene_compute(s, report);
     if (err)
         return err;
     report->label_runs = s->label_runs;

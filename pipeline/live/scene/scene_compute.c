@@ -375,21 +375,31 @@ static int64_t lap(int64_t *from)
     return took;
 }
 
+/* Disparities of all dirty tiles of the keys. */
+static int match_keys(struct sst_livescene *s, struct sst_live_report *report)
+{
+    int err;
+
+    set_ranges(s);
+    err = sst_parallel_for(make_jobs(s), s->threads, match_job, s);
+    report_ranges(s, report);
+    return err ? err : sst_parallel_for(s->keys, s->threads, check_job, s);
+}
+
 int scene_compute(struct sst_livescene *s, struct sst_live_report *report)
 {
     int64_t clock = sst_clock_now_ns();
     int err = sst_parallel_for(s->views, s->threads, describe_job, s);
+    bool wider = false;
 
     s->label_ns = 0;
     s->label_runs = 0;
-    set_ranges(s);
-    err = err ? err : sst_parallel_for(make_jobs(s), s->threads, match_job, s);
-    report_ranges(s, report);
-    err = err ? err : sst_parallel_for(s->keys, s->threads, check_job, s);
-    if (!err) {
+    err = err ? err : match_keys(s, report);
+    err = err ? err : scene_follow_range(s, &wider);
+    if (!err && wider)
+        err = match_keys(s, report);
+    if (!err)
         s->confirmed = count_confirmed(s);
-        scene_note_unconfirmed(s);
-    }
     report->stage_ns[SST_LIVE_DISPARITY] = lap(&clock);
     if (!err && s->segmenters) {
         err = label_reference(s);

@@ -338,8 +338,9 @@ struct sst_livescene {
     bool logged_alone, logged_range;
     int scan_in, scan_every, rested; /* sets until the range is estimated again; interval; sets without a change */
     double nearer_px;                /* near end of the last estimated range */
-    double unconfirmed_share; /* fraction of the cells that changed in the reference key in the last set; 0: too few
-                                 changed */
+    double unconfirmed_share; /* fraction of the cells that changed in one key in the last set, the largest of all keys;
+                                 0: too few changed */
+    int unconfirmed_view;     /* of that key */
     /* from set to set */
     bool ready, whole_next;
     int runs;                           /* runs of the network since the labels were fitted */
@@ -378,14 +379,13 @@ SST_MUST_CHECK int scene_plan(struct sst_livescene *s);
 SST_MUST_CHECK int scene_find_range(struct sst_livescene *s);
 
 /**
- * Extend the estimated range if something came nearer.
- * @param still  nothing changed in this set
+ * After matching: extend the estimated range if something came nearer.
+ * @param wider  out: match again what changed
  * @return 0, -ENOMEM; the range stays
  */
-SST_MUST_CHECK int scene_follow_range(struct sst_livescene *s, bool still);
-
-/** After matching: update the fraction of changed cells that no other key confirms. */
-void scene_note_unconfirmed(struct sst_livescene *s);
+SST_MUST_CHECK int scene_follow_range(struct sst_livescene *s, bool *wider);
+/** The same in a set without a change. */
+void scene_rest_range(struct sst_livescene *s);
 
 /** Set the searched range: matchers, and range and zero of the light field. @return 0, -ENOMEM */
 SST_MUST_CHECK int scene_set_range(struct sst_livescene *s, double min_px, double max_px);

@@ -18,7 +18,7 @@
 #define SCAN_FIRST        2
 #define SCAN_MOST         512
 #define REST_SETS         100
-/* The range grows if two consecutive estimates exceed it by more than their accuracy. */
+/* The range grows if two estimates, of two views or of consecutive sets, exceed it by more than their accuracy. */
 #define NEARER_PX 2.0
 
 /* --- key views ---------------------------------------------------------------------------------------------------- */
@@ -153,6 +153,61 @@ int scene_set_range(struct sst_livescene *s, double min_px, double max_px)
     return 0;
 }
 
+/* Near end of the range by one view of this set. @return 0, -ENODATA (no texture), -ENOMEM */
+static int estimate_near(const struct sst_livescene *s, int view, double *near_px)
+{
+    const struct sst_disparity_search search = { .scale = 2, .threads = s->threads, .from = view + 1 };
+    char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
+    double min_px;
+    const int err = sst_disparity_range(s->lf, &search, &min_px, near_px);
+
+    (void)sst_log_hold_errors(before);
+    return err;
+}
+
+/* A view diagonally beside one: it shares no pair of neighbours with it. @return -1: none */
+static int beside(const struct sst_lightfield *lf, int view)
+{
+    for (int i = 0; i < 4; i++) {
+        const int col = view % lf->cols + (i % 2 ? -1 : 1), row = view / lf->cols + (i / 2 ? -1 : 1);
+
+        if (col >= 0 && col < lf->cols && row >= 0 && row < lf->rows && lf->views[row * lf->cols + col].present)
+            return row * lf->cols + col;
+    }
+    return -1;
+}
+
+/* The same by a view and, where that exceeds `enough_px`, one beside it: the nearer end that both agree on.
+ * @param view_px  out: by the view alone; 0: none @param both_px  out: 0: none */
+static int estimate_agreed(const struct sst_livescene *s, int view, double enough_px, double *view_px, double *both_px)
+{
+    const int other = beside(s->lf, view);
+    int err = estimate_near(s, view, view_px);
+
+    *both_px = 0;
+    if (err)
+        *view_px = 0;
+    if (!err && *view_px >= enough_px && other >= 0) {
+        err = estimate_near(s, other, both_px);
+        *both_px = err ? 0 : fmin(*view_px, *both_px);
+    }
+    return err == -ENODATA ? 0 : err;
+}
+
+/* What the outer keys see nearer than the reference view. */
+static int widen_by_keys(const struct sst_livescene *s, double *max_px)
+{
+    int err = 0;
+
+    for (int k = 1; !err && k < s->keys; k++) {
+        double view_px, both_px;
+
+        err = estimate_agreed(s, s->key[k].view, *max_px + NEARER_PX, &view_px, &both_px);
+        *max_px = fmax(*max_px, both_px >= *max_px + NEARER_PX ? both_px : 0);
+    }
+    return err;
+}
+
 int scene_find_range(struct sst_livescene *s)
 {
     double min_px = s->cfg->range_min_px, max_px = s->cfg->range_max_px;
@@ -178,6 +233,9 @@ int scene_find_range(struct sst_livescene *s)
             s->next_range_ns = sst_clock_now_ns() + RETRY_NS;
             return 0;
         }
+        err = widen_by_keys(s, &max_px);
+        if (err)
+            return err;
         sst_log_info("disparities found between %.0f and %.0f px", min_px, max_px);
     }
     err = scene_set_range(s, min_px, max_px);
@@ -186,36 +244,37 @@ int scene_find_range(struct sst_livescene *s)
 }
 
 /* Extend the near end of the range by an estimate from this set. */
-static int extend_range(struct sst_livescene *s)
+static int extend_range(struct sst_livescene *s, bool *wider)
 {
-    double min_px, max_px, both_px;
-    char text[SST_LOG_MAX], *before = sst_log_hold_errors(text);
-    int err = sst_disparity_range(s->lf, &(struct sst_disparity_search){ .scale = 2, .threads = s->threads }, &min_px,
-                                  &max_px);
+    const double enough_px = s->lf->range_max_px + NEARER_PX, last_px = s->nearer_px;
+    double near_px, both_px;
+    int err = estimate_agreed(s, s->unconfirmed_view, enough_px, &near_px, &both_px);
 
-    (void)sst_log_hold_errors(before);
-    if (err && err != -ENODATA)
+    s->nearer_px = near_px;
+    if (err)
         return err;
-    both_px = fmin(max_px, s->nearer_px);
-    s->nearer_px = err ? 0 : max_px;
-    if (err || max_px < s->lf->range_max_px + NEARER_PX) {
+    both_px = fmax(both_px, fmin(near_px, last_px));
+    if (near_px < enough_px) {
         s->scan_in = s->scan_every;
         s->scan_every = sst_min_int(4 * s->scan_every, SCAN_MOST);
         return 0;
     }
     s->scan_in = 0;
-    if (both_px < s->lf->range_max_px + NEARER_PX)
+    if (both_px < enough_px)
         return 0;
     s->scan_every = SCAN_FIRST;
     sst_log_info("disparities found up to %.0f px", both_px);
-    return scene_set_range(s, s->lf->range_min_px, both_px);
+    err = scene_set_range(s, s->lf->range_min_px, both_px);
+    *wider = !err;
+    return err;
 }
 
-void scene_note_unconfirmed(struct sst_livescene *s)
+/* Fraction of the changed cells of a key that no other key confirms; 0: too few changed. */
+static double unconfirmed(const struct sst_livescene *s, const struct scene_key *key)
 {
-    const struct scene_maps *maps = &s->key[0].maps;
-    const uint8_t *dirty = s->dirty[s->key[0].view];
-    int tiles = 0, cells = 0, unconfirmed = 0;
+    const struct scene_maps *maps = &key->maps;
+    const uint8_t *dirty = s->dirty[key->view];
+    int tiles = 0, cells = 0, n = 0;
 
     for (int i = 0; i < s->tiles; i++) {
         const int x0 = i % s->cols * SST_SCENE_CELLS, y0 = i / s->cols * SST_SCENE_CELLS;
@@ -226,25 +285,36 @@ void scene_note_unconfirmed(struct sst_livescene *s)
         tiles++;
         for (int y = y0; y < y1; y++)
             for (int x = x0; x < x1; x++, cells++)
-                unconfirmed += !sst_map_u8_row(&maps->confirmed, y)[x];
+                n += !sst_map_u8_row(&maps->confirmed, y)[x];
     }
-    s->unconfirmed_share = CHANGED * tiles < s->tiles ? 0 : (double)unconfirmed / cells;
+    return CHANGED * tiles < s->tiles ? 0 : (double)n / cells;
 }
 
-int scene_follow_range(struct sst_livescene *s, bool still)
+void scene_rest_range(struct sst_livescene *s)
 {
-    if (s->cfg->range_min_px < s->cfg->range_max_px || !s->ranged)
+    s->rested = sst_min_int(s->rested + 1, REST_SETS);
+}
+
+int scene_follow_range(struct sst_livescene *s, bool *wider)
+{
+    *wider = false;
+    if (s->cfg->range_min_px < s->cfg->range_max_px)
         return 0;
-    if (still) {
-        s->rested = sst_min_int(s->rested + 1, REST_SETS);
-        return 0;
-    }
     if (s->rested == REST_SETS || !s->scan_every) {
         s->scan_every = SCAN_FIRST;
         s->scan_in = 0;
     }
     s->rested = 0;
+    s->unconfirmed_share = 0;
+    for (int k = 0; k < s->keys; k++) {
+        const double share = unconfirmed(s, &s->key[k]);
+
+        if (share > s->unconfirmed_share) {
+            s->unconfirmed_share = share;
+            s->unconfirmed_view = s->key[k].view;
+        }
+    }
     if (s->whole || s->unconfirmed_share < UNCONFIRMED_SHARE || s->scan_in-- > 0)
         return 0;
-    return extend_range(s);
+    return extend_range(s, wider);
 }

@@ -177,10 +177,11 @@ struct sst_disparity_search {
     struct sst_disparity_device *device; /* as of struct sst_disparity_config; a pair that is matched on the CPU
                                             although there is one is noted as SST_DISPARITY_STAGE_RANGE */
     struct sst_share *share;             /* with other processes: the neighbours; or NULL */
+    int from;                            /* 1 + the view that is matched with its neighbours; 0: the reference view */
 };
 
 /**
- * The range of disparities in a light field, from a coarse match of the reference view with its neighbours (images of
+ * The range of disparities in a light field, from a coarse match of one view with its neighbours (images of
  * those must be loaded): nearly all confident pixels on which two neighbours agree, plus a margin (all confident pixels
  * if too few agree: views that are not aligned).
  * @return 0, -ENODATA (not enough texture; logged), -ENOMEM

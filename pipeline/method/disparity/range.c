@@ -98,12 +98,14 @@ static int make_pair(struct sst_lightfield *pair, const struct sst_lightfield *l
     return err;
 }
 
-/* The reference view, or the nearest present one. */
-static int middle(const struct sst_lightfield *lf)
+/* The chosen view; the reference view, or the nearest present one. */
+static int middle(const struct sst_lightfield *lf, int from)
 {
     double best = INFINITY;
     int at = lf->ref_view;
 
+    if (from)
+        return from - 1;
     for (int k = 0; k < lf->rows * lf->cols; k++) {
         const double far = hypot(lf->views[k].bx, lf->views[k].by);
 
@@ -115,7 +117,7 @@ static int middle(const struct sst_lightfield *lf)
     return at;
 }
 
-/* The reference matched with its neighbours, one after the other. */
+/* The chosen view matched with its neighbours, one after the other. */
 struct sides {
     const struct sst_lightfield *lf;
     const struct sst_disparity_search *search;
@@ -130,7 +132,7 @@ static int match_side(void *arg, int side, int worker SST_UNUSED)
 {
     struct sides *s = arg;
     const struct sst_lightfield *lf = s->lf;
-    const int ref = middle(lf), col = ref % lf->cols, row = ref / lf->cols;
+    const int ref = middle(lf, s->search->from), col = ref % lf->cols, row = ref / lf->cols;
     const int c = col + (side == 0) - (side == 1), r = row + (side == 2) - (side == 3);
     struct sst_lightfield *pair = &s->pair[side];
     struct sst_disparity_config cfg;
