@@ -27,6 +27,7 @@
 
 #define STEP_MS   200
 #define READY_S   600 /* a slow machine prepares a world of leaves for minutes */
+#define SETTLED_S 30  /* from the first picture */
 #define END_MS    3000
 #define REPORT_NS INT64_C(10000000000)
 
@@ -296,8 +297,9 @@ static json_t *status(const struct site *s)
     return out;
 }
 
-/** The service's first see-through picture, into a file. @return 0, -EAGAIN: not yet */
-static int first_picture(const struct site *s)
+/** The service's present see-through picture, into a file. Who asks is a viewer, for whom the service computes.
+ *  @param settled  out: the service does not expect it to become better @return 0, -EAGAIN: not yet */
+static int save_picture(const struct site *s, bool *settled)
 {
     const struct sst_client_service where = { .socket = s->socket };
     struct sst_client *client = NULL;
@@ -306,6 +308,7 @@ static int first_picture(const struct site *s)
     const json_t *ready = o ? cli_member(o, "live.ready") : NULL;
     int err = json_is_true(ready) ? 0 : -EAGAIN;
 
+    *settled = o && json_is_false(cli_member(o, "live.settling"));
     json_decref(o);
     if (err)
         return err;
@@ -334,7 +337,7 @@ static int64_t folder_bytes(const char *path)
     return sum;
 }
 
-static void print_address(const struct site *s, double seconds)
+static void print_address(const struct site *s, double seconds, bool settled)
 {
     char token[128] = "", cache[SST_PATH_MAX];
     FILE *f = fopen(s->token, "re");
@@ -344,9 +347,10 @@ static void print_address(const struct site *s, double seconds)
     if (f)
         fclose(f);
     token[strcspn(token, "\n")] = 0;
-    printf("%s: seen through after %.0f s\n  page           http://127.0.0.1:%d/?token=%s\n  picture        %s\n"
+    printf("%s: seen through after %.0f s\n  page           http://127.0.0.1:%d/?token=%s\n  picture        %s%s\n"
            "  status         sst status --socket %s\n  configuration  %s, kept when edited\n",
-           s->scene, seconds, s->port, token, s->picture, s->socket, s->config);
+           s->scene, seconds, s->port, token, s->picture,
+           settled ? "" : ", not yet as good as the page's will be: the scene does not settle", s->socket, s->config);
     if (!sst_sim_world_cache(cache, NULL))
         printf("  prepared       %s, %.0f MB for all scenes seen so far; may be deleted\n", cache,
                (double)folder_bytes(cache) / 1e6);
@@ -358,11 +362,12 @@ static void print_address(const struct site *s, double seconds)
     fflush(stdout);
 }
 
-/** Start a site and wait for its first picture. @return 0, -EINTR, -ECHILD (it ended; logged), -ETIMEDOUT (logged) */
+/** Start a site and wait for a picture that has settled. @return 0, -EINTR, -ECHILD (it ended; logged), -ETIMEDOUT (logged) */
 static int bring_up(struct site *s)
 {
     const int64_t start_ns = sst_clock_now_ns();
-    int64_t reported_ns = start_ns;
+    int64_t reported_ns = start_ns, first_ns = 0;
+    bool settled = false;
     int err = start(s);
 
     if (err)
@@ -370,16 +375,20 @@ static int bring_up(struct site *s)
     printf("%s: starting the simulated cameras and the service (a world that is new here is prepared first)\n",
            s->scene);
     fflush(stdout);
-    while (first_picture(s)) {
+    for (;;) {
+        const bool saved = !save_picture(s, &settled);
         const int64_t now_ns = sst_clock_now_ns();
 
+        first_ns = saved && !first_ns ? now_ns : first_ns;
+        if (saved && (settled || now_ns - first_ns > SETTLED_S * INT64_C(1000000000)))
+            break;
         if (interrupted)
             return -EINTR;
         if (!runs(s)) {
             report_end(s);
             return -ECHILD;
         }
-        if (now_ns - start_ns > READY_S * INT64_C(1000000000)) {
+        if (!saved && now_ns - start_ns > READY_S * INT64_C(1000000000)) {
             sst_log_error("no picture of %s within %d s: see %s", s->scene, READY_S, s->log);
             return -ETIMEDOUT;
         }
@@ -393,7 +402,7 @@ static int bring_up(struct site *s)
         }
         nanosleep(&(struct timespec){ .tv_nsec = STEP_MS * 1000000 }, NULL);
     }
-    print_address(s, (double)(sst_clock_now_ns() - start_ns) / 1e9);
+    print_address(s, (double)(sst_clock_now_ns() - start_ns) / 1e9, settled);
     return 0;
 }
 

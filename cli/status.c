@@ -234,6 +234,8 @@ static void print_live(const json_t *s)
     if (!isnan(latency_ms))
         printf(", latency p50 %.0f ms, p99 %.0f ms", latency_ms, cli_number(s, "live.latency_ms.p99"));
     printf("; %.3g %% of the scene changed", cli_number(s, "live.changed_percent"));
+    if (cli_number(s, "live.settling") > 0)
+        printf("; settling");
     if (!isnan(focus))
         printf("; focus %.4g px", focus);
     printf("\n");

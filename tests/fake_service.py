@@ -24,7 +24,7 @@ STATUS = {
                 "frames": {"delivered": 36000, "set": 35988, "late": 5, "duplicate": 0, "stray": 0, "corrupt": 7,
                            "flagged": 0, "dropped": 0, "unexplained": 0},
                 "skew_us": {"p50": 110, "p99": 180, "max": 1220, "limit": 1000, "worst": "r3c2", "over": 2}},
-    "live": {"enabled": True, "ready": True, "rate_hz": 6.1, "sets": 75, "dropped": 45, "idle": 0,
+    "live": {"enabled": True, "ready": True, "settling": False, "rate_hz": 6.1, "sets": 75, "dropped": 45, "idle": 0,
              "changed_percent": 14.2, "latency_ms": {"p50": 210, "p99": 300, "max": 320}, "focus_px": 7.8},
     "storage": {"state": "LOW", "reason": "old recordings are being removed", "dir": "/var/lib/sst",
                 "free_bytes": 4.1e11, "used_bytes": 9.94e10, "quota_bytes": 1e11, "oldest": "2026-11-21T17:00:00Z",

@@ -23,6 +23,8 @@
  * computed. */
 #define KEEP_NS   INT64_C(5000000000)
 #define EVENTS_NS INT64_C(500000000)
+/* How long the range of disparities and the cut have to stay until the picture counts as settled. */
+#define SETTLE_NS INT64_C(3000000000)
 /* Capturing comes first: this thread and those that it starts use all processors. */
 #define LIVE_NICE 5
 /* One part in this number of the device's memory is the network's. */
@@ -76,7 +78,7 @@ static void close_live(struct live_engine *v)
     pthread_mutex_lock(&v->lock);
     v->live = NULL;
     v->state.ready = v->state.counted = false;
-    v->state.cut_px = NAN;
+    v->state.cut_px = v->state.searched_min_px = v->state.searched_max_px = NAN;
     pthread_mutex_unlock(&v->lock);
     engine_tracks_follow(v);
     sst_live_close(live);
@@ -316,6 +318,16 @@ static void note_locked(struct live_engine *v, const struct sst_live_report *r, 
         v->share[i] = r->zone[SST_LIVE_ZONES].label[i];
 }
 
+bool engine_settling(const struct engine_state *v)
+{
+    return v->ready && sst_clock_now_ns() - v->settles_ns < SETTLE_NS;
+}
+
+static bool same_px(double a, double b)
+{
+    return isnan(a) || isnan(b) ? isnan(a) && isnan(b) : fabs(a - b) < 1e-9;
+}
+
 /** Ranges and focus, for the sliders of the page. @param changed  disparities may have */
 static void note_scene(struct live_engine *v, bool changed)
 {
@@ -334,7 +346,12 @@ static void note_scene(struct live_engine *v, bool changed)
     v->state.range_min_px = known ? min_px : NAN;
     v->state.range_max_px = known ? max_px : NAN;
     v->state.focus_px = focus_px;
+    if (!same_px(v->state.cut_px, cut_px) || !same_px(v->state.searched_min_px, lf->range_min_px) ||
+        !same_px(v->state.searched_max_px, lf->range_max_px))
+        v->state.settles_ns = sst_clock_now_ns();
     v->state.cut_px = cut_px;
+    v->state.searched_min_px = lf->range_min_px;
+    v->state.searched_max_px = lf->range_max_px;
     if (skipped)
         v->state.rays = skips;
     if (count) {
@@ -620,7 +637,7 @@ int engine_open(struct live_engine **out, const struct engine_config *cfg)
     v->config = *cfg->config;
     v->state.enabled = cfg->config->live.enabled;
     v->state.error_change = v->state.error_labels = v->state.error_ranges = v->state.rays.error_levels = v->state.range_min_px = v->state.range_max_px = v->state.focus_px =
-        v->state.cut_px = NAN;
+        v->state.cut_px = v->state.searched_min_px = v->state.searched_max_px = NAN;
     v->state.beat_ns = sst_clock_now_ns();
     pthread_mutex_init(&v->lock, NULL);
     sst_cond_init(&v->changed);

@@ -183,6 +183,8 @@ struct engine_state {
     int width, height, views, present;           /* of the light field */
     double range_min_px, range_max_px, focus_px; /* NaN: not known */
     double cut_px;                               /* automatic; NaN: none */
+    double searched_min_px, searched_max_px;     /* disparities; NaN: none yet */
+    int64_t settles_ns;                          /* when that range or the cut became what it is */
     bool counted;                                /* the histogram is known */
     double share_min_px, share_max_px;
     float share[SST_LIVE_HISTOGRAM]; /* of the disparities in that range */
@@ -193,6 +195,9 @@ struct engine_state {
     struct sst_notices noticed;      /* of the pictures, without views that are late */
     int noticed_views;               /* that it is of; 0: not measured yet */
 };
+
+/** Pictures come, but the range of disparities or the cut has only just been found. */
+bool engine_settling(const struct engine_state *v);
 
 /** Where the cameras of the ring's sets are: in the array, or in a recording. */
 struct engine_source {

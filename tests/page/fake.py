@@ -163,7 +163,7 @@ class Service:
                 "skew_us": {"p50": 110, "p99": round(self.wave(160, 200)), "max": 220, "limit": 1000, "worst": "r3c2",
                             "over": 0}},
             "live": {
-                "enabled": True, "ready": True, "rate_hz": round(self.wave(5.6, 6.8), 2), "sets": int(up * 6),
+                "enabled": True, "ready": True, "settling": False, "rate_hz": round(self.wave(5.6, 6.8), 2), "sets": int(up * 6),
                 "dropped": int(up * 4), "idle": 0, "changed_percent": round(self.wave(9, 19), 1),
                 "latency_ms": {"p50": round(self.wave(190, 230)), "p99": round(self.wave(280, 340, 1)), "max": 412},
                 "stages_ms": {k: {"p50": p50, "p99": p99} for k, (p50, p99) in stages.items()},

@@ -34,11 +34,14 @@ grep -q "cat-world.yaml: kept" out || fail "the kept world is not named: $(cat o
 grep -q "http://127.0.0.1:$port/?token=[0-9a-f]*$" out || fail "no address: $(cat out)"
 grep -q "$tmp/cache/sst-sim, [0-9]* MB" out || fail "the cache is not named: $(cat out)"
 grep -q "sst demo --scene .*pedestrian" out || fail "no other scenes are named: $(cat out)"
+grep -q "does not settle" out && fail "the picture has not settled: $(cat out)"
 [ "$(grep -c '  page' out)" -eq 1 ] || fail "more than one scene: $(cat out)"
 "$sst" status --socket site/cat.sock --json | /usr/bin/python3 -c '
 import json, sys
 live = json.load(sys.stdin)["live"]
-sys.exit(not (live["focal_px"] > 0 and live["spacing_mm"] > 0))' || fail "the array is not calibrated: no metres"
+if live["settling"]:
+    sys.exit("the picture was saved while it settles")
+sys.exit(not (live["focal_px"] > 0 and live["spacing_mm"] > 0))' || fail "the array is not calibrated: no metres, or it settles"
 end
 
 sed -i 's/rate_hz: 10/rate_hz: 5/' site/cat.yaml
