@@ -123,98 +123,6 @@ static int make_volume(const struct disparity_run *run, struct sst_volume *v)
     return err;
 }
 
-/* Image and mask of a view at SST_COARSER times fewer pixels per side than those that are matched. */
-static int reduce_view(struct sst_view *to, const struct sst_view *from, int factor)
-{
-    struct sst_image halves[2] = { { 0 }, { 0 } }; /* 4 = 2 * 2, 8 = 2 * 2 * 2 */
-    const struct sst_image *last = &from->image;
-    int err = 0;
-
-    to->present = from->present;
-    to->bx = from->bx;
-    to->by = from->by;
-    if (!from->present)
-        return 0;
-    for (int i = 0, f = factor; !err && f > 1; f /= 2, i++) {
-        struct sst_image *half = f == 2 ? &to->image : &halves[i % 2];
-
-        sst_image_fini(half);
-        err = sst_image_halve(half, last);
-        last = half;
-    }
-    sst_image_fini(&halves[0]);
-    sst_image_fini(&halves[1]);
-    return err || !from->valid.data ? err : sst_disparity_mask_reduce(&to->valid, &from->valid, factor);
-}
-
-static int reduce_job(void *arg, int view, int worker SST_UNUSED)
-{
-    struct disparity_run *run = arg;
-
-    return reduce_view(&run->coarse->views[view], &run->lf->views[view], SST_COARSER * run->scale);
-}
-
-/* The light field at SST_COARSER times fewer pixels per side, all its views matched in whole steps. */
-static int match_coarse(struct disparity_run *run, int threads)
-{
-    const struct sst_disparity_config cfg = { .disp_min_px = floor((double)run->disp_min / SST_COARSER),
-                                              .disp_max_px = ceil((double)(run->disp_min + run->range) / SST_COARSER),
-                                              .cost = SST_COST_CENSUS,
-                                              .paths = 4,
-                                              .p1 = run->cfg->p1,
-                                              .p2 = run->cfg->p2,
-                                              .edge_step = run->cfg->edge_step,
-                                              .fill = true,
-                                              .joint = true,
-                                              .neighbours = run->cfg->neighbours,
-                                              .scale = 1,
-                                              .phase_step = 2,
-                                              .frugal = run->cfg->frugal,
-                                              .threads = threads,
-                                              .whole_steps = true,
-                                              .skip_ranges = true,
-                                              .range_error = run->cfg->range_error,
-                                              .cancel = run->cfg->cancel,
-                                              .share = run->cfg->share,
-                                              .device = run->cfg->device };
-    struct sst_lightfield *c = run->coarse;
-    int err = sst_lightfield_init(c, run->lf->rows, run->lf->cols);
-
-    c->width = (run->width + SST_COARSER - 1) / SST_COARSER;
-    c->height = (run->height + SST_COARSER - 1) / SST_COARSER;
-    c->ref_view = run->lf->ref_view;
-    err = err ? err : sst_parallel_for(c->rows * c->cols, threads, reduce_job, run);
-    return err ? err : sst_disparity_lightfield(c, &cfg, NULL, NULL);
-}
-
-/* With short ranges tile by tile where the configuration allows it and that pays. */
-static int make_coarse(struct disparity_run *run, int threads)
-{
-    const struct sst_disparity_config *cfg = run->cfg;
-
-    if (!cfg->skip_ranges || cfg->raw || cfg->paths != 4 || !cfg->joint || (cfg->support_arm && cfg->support_after) ||
-        !sst_coarse_pays(&run->shape) ||
-        sst_volume_bytes(run->width, run->height, run->shape.steps) <= cfg->range_bytes)
-        return 0;
-    run->coarse = calloc(1, sizeof(*run->coarse));
-    run->searched = calloc((size_t)(run->lf->rows * run->lf->cols), sizeof(*run->searched));
-    return run->coarse && run->searched ? match_coarse(run, threads) : -ENOMEM;
-}
-
-/* Mean over the views that were matched. */
-static void report_ranges(const struct disparity_run *run)
-{
-    double sum = 0;
-    int count = 0;
-
-    for (int view = 0; run->coarse && view < run->lf->rows * run->lf->cols; view++) {
-        sum += run->searched[view];
-        count += run->searched[view] > 0;
-    }
-    if (count && run->cfg->report)
-        run->cfg->report->ranges_skipped = 100 * (1 - sum / count);
-}
-
 /* One network per worker, each with its share of the threads: views side by side need no waiting between layers. */
 static int open_networks(struct disparity_run *run, int workers, int threads)
 {
@@ -378,125 +286,6 @@ static int match_others(struct disparity_run *run, int workers)
     return err;
 }
 
-/* Rows of tiles of the reference view, in the whole range and in windows. */
-struct compared {
-    struct disparity_run *run;
-    struct sst_neighbour neighbours[SST_MAX_NEIGHBOURS];
-    int count, workers; /* the latter have a network each */
-    struct sst_support support;
-};
-
-/* The neighbours of the reference view, with what matching on the CPU needs unless the device does that. */
-static int gather_compared(struct compared *c)
-{
-    struct disparity_run *run = c->run;
-    const int view = run->lf->ref_view, err = run_describe_for(run, &view, 1, c->workers);
-
-    c->count = err ? err : run_gather_neighbours(run, view, 0, run->cfg->neighbours - 1, c->neighbours);
-    return c->count < 0 ? c->count : 0;
-}
-
-static int search_compared(struct compared *c, int top, struct sst_map_u16 *disp)
-{
-    struct disparity_run *run = c->run;
-    const int view = run->lf->ref_view;
-    const struct device_match in = { .run = run,
-                                     .ref = &run->desc[view],
-                                     .neighbours = c->neighbours,
-                                     .count = c->count,
-                                     .tiles = &run->tiles[0],
-                                     .top = top,
-                                     .height = SST_TILE_HEIGHT,
-                                     .disp = disp };
-    int err = 0;
-
-    if (!run->costs && disparity_device_match(run->device, &in))
-        return 0;
-    if (!run->costs) {
-        run->costs = true;
-        err = gather_compared(c);
-    }
-    return err ? err
-               : run_search_tiles(run, &run->tiles[0], &run->volumes[0], view, c->neighbours, c->count, &c->support,
-                                  disp, NULL);
-}
-
-/* Match a row of tiles in the whole range and in windows, and add the pixels that differ by more than 1 px to *off. */
-static int compare_ranges(struct compared *c, int top, int *off)
-{
-    struct disparity_run *run = c->run;
-    const struct sst_coarse coarse = run_coarse_view(run, run->lf->ref_view);
-    struct sst_map_u16 disp[2] = { { 0 }, { 0 } };
-    int err = 0;
-
-    for (int windows = 0; !err && windows < 2; windows++) {
-        err = sst_map_u16_init(&disp[windows], run->width, top + SST_TILE_HEIGHT);
-        err = err ? err
-                  : sst_tiles_init(&run->tiles[0], run->width, top, SST_TILE_HEIGHT, &run->shape,
-                                   windows ? &coarse : NULL);
-        err = err ? err : search_compared(c, top, &disp[windows]);
-    }
-    for (int y = top; !err && y < top + SST_TILE_HEIGHT; y++) {
-        const uint16_t *a = sst_map_u16_row(&disp[0], y), *b = sst_map_u16_row(&disp[1], y);
-
-        for (int x = 0; x < run->width; x++)
-            *off += abs(a[x] - b[x]) > (int)SST_DISP_SCALE;
-    }
-    sst_map_u16_fini(&disp[0]);
-    sst_map_u16_fini(&disp[1]);
-    return err;
-}
-
-/* What one process measures for all. */
-struct measured {
-    struct disparity_run *run;
-    int workers;
-    double error;
-};
-
-static void measured_values(void *arg, int index SST_UNUSED, struct sst_share_maps *out)
-{
-    struct measured *m = arg;
-
-    sst_share_add_values(out, &m->error, sizeof(m->error));
-}
-
-/* Percent of the pixels in three rows of tiles of the reference view whose disparity the windows change. */
-static int measure_ranges(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
-{
-    struct measured *m = arg;
-    struct disparity_run *run = m->run;
-    const int view = run->lf->ref_view;
-    const int last = (run->height / SST_TILE_HEIGHT - 1) * SST_TILE_HEIGHT;
-    struct compared c = { .run = run, .workers = m->workers };
-    int err, off = 0;
-
-    if (!run->lf->views[view].present)
-        return 0;
-    run->costs = !run->device;
-    err = gather_compared(&c);
-    if (err || !c.count)
-        return err;
-    if (run->cfg->support_arm)
-        err = sst_disparity_support_init(&c.support, &run->desc[view].image, run->cfg->support_arm,
-                                         run->cfg->support_tau);
-    for (int i = 0; !err && i < 3; i++)
-        err = compare_ranges(&c, last * (2 * i + 1) / 6, &off);
-    sst_disparity_support_fini(&c.support);
-    if (run->cfg->frugal)
-        run_drop_phases(run);
-    m->error = 100.0 * off / (3.0 * run->width * SST_TILE_HEIGHT);
-    return err;
-}
-
-static void free_coarse(struct disparity_run *run)
-{
-    if (run->coarse)
-        sst_lightfield_fini(run->coarse);
-    free(run->coarse);
-    run->coarse = NULL;
-}
-
 static int make_volumes(struct disparity_run *run, int workers)
 {
     int err = 0;
@@ -512,18 +301,18 @@ static int make_volumes(struct disparity_run *run, int workers)
  */
 static int choose_ranges(struct disparity_run *run, int workers)
 {
-    struct measured m = { .run = run, .workers = workers, .error = NAN };
+    double error;
     int err = make_volumes(run, workers);
 
     if (err || !run->coarse)
         return err;
-    err = sst_share_for(run->cfg->share, 1, 1, measure_ranges, &m, measured_values);
-    if (!err && islessequal(m.error, run->cfg->range_error)) {
+    err = run_measure_ranges(run, workers, &error);
+    if (!err && islessequal(error, run->cfg->range_error)) {
         if (run->cfg->report)
-            run->cfg->report->ranges_error = m.error;
+            run->cfg->report->ranges_error = error;
         return 0;
     }
-    free_coarse(run);
+    run_free_coarse(run);
     return err ? err : make_volumes(run, workers);
 }
 
@@ -533,7 +322,7 @@ static int run_all(struct disparity_run *run, int threads, sst_progress_fn *prog
     const size_t each = sst_volume_bytes(run->width, run->height, steps_of(run));
     const int most = run->cfg->frugal ? 1 : sst_min_int(threads, run->lf->cols);
     const int workers = sst_clamp_int((int)(VOLUME_BUDGET_BYTES / each), 1, most);
-    int err = make_coarse(run, threads);
+    int err = run_make_coarse(run, threads);
 
     if (err)
         return err;
@@ -560,7 +349,7 @@ static int run_all(struct disparity_run *run, int threads, sst_progress_fn *prog
     free(run->volumes);
     free(run->tiles);
     free(run->nets);
-    report_ranges(run);
+    run_report_ranges(run);
     err = err ? err : finish_maps(run, threads);
     for (int view = 0; !err && view < views; view++) {
         if (run->lf->views[view].present)
@@ -666,7 +455,7 @@ static void run_fini(struct disparity_run *run)
             sst_map_u16_fini(&run->filled[view]);
     }
     disparity_device_forget(run->cfg->device, run);
-    free_coarse(run);
+    run_free_coarse(run);
     free(run->searched);
     free(run->carried);
     free(run->matched);

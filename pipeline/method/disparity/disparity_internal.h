@@ -81,6 +81,19 @@ SST_MUST_CHECK int run_describe_for(struct disparity_run *run, const int *view, 
  */
 SST_MUST_CHECK int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg);
 
+/* --- windows.c: windows of disparities from a match of all views at fewer pixels --- */
+
+/** Match the views so, where the configuration allows windows and they pay. @return 0 or -errno */
+SST_MUST_CHECK int run_make_coarse(struct disparity_run *run, int threads);
+void run_free_coarse(struct disparity_run *run);
+
+/** Percent of the pixels in three rows of tiles of the reference view whose disparity the windows change. @param error
+ *  out; NaN without neighbours @return 0 or -errno */
+SST_MUST_CHECK int run_measure_ranges(struct disparity_run *run, int workers, double *error);
+
+/** Report what was searched, a mean over the views that were matched. */
+void run_report_ranges(const struct disparity_run *run);
+
 /* --- shared.c: with other processes, if there are any --- */
 
 /** run_check() and run_fill() of all views, on the device where it can. @return 0 or -errno */

@@ -41,11 +41,12 @@ bool sst_refine_device_enlarge(void *arg, const struct sst_label_cells *cells, s
 {
     const struct sst_refine_enlarge *e = arg;
     struct sst_refine_device *d = e->device;
-    const int64_t start_ns = sst_clock_now_ns();
-    bool done;
     int err;
+    const bool begun = refine_device_begin(d, &err);
+    const int64_t start_ns = sst_clock_now_ns(); /* networks of other threads may have had the device */
+    bool done;
 
-    if (refine_device_begin(d, &err))
+    if (begun)
         err = enlarge(d, e, cells, label, entropy, eps_h);
     done = refine_device_end_locked(d, err, "labels are enlarged");
     d->report.enlarged += done;
