@@ -41,6 +41,8 @@ const app = {
   mode: "clear", // or "sst": see-through
   /** What the wheel, two fingers, plus and minus move. */
   depth: () => (app.mode === "clear" ? app.clear : app.focus),
+  /** True while the service has only just found the range of disparities or the cut. */
+  settling: () => status?.live?.ready === true && status.live.settling === true,
   /** True while framesets arrive and the scene is still. */
   still: () => taken.still && Date.now() - taken.at_ms < STILL_TAKING_MS,
   /** Applies settings to the picture and to the one that it is compared with. */

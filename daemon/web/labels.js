@@ -6,7 +6,7 @@ import { $, el, number, setText, swatch } from "/web/ui.js";
 const WORDS = {
   focus_label: { caption: "Keep clear", none: "Everything", noneTitle: "All labels count alike",
     title: (name) => `Focus on ${name}, follow it, and let all other labels count less` },
-  remove_label: { caption: "Also remove", none: "No label", noneTitle: "Labels remove nothing",
+  remove_label: { caption: "Also remove", none: "Nothing", noneTitle: "Labels remove nothing",
     title: (name) => `Remove what bears the label ${name}` },
 };
 const SHOWN_SHARE = 0.0005; // fraction of the picture; less is label noise

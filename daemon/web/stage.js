@@ -434,10 +434,11 @@ export class Stage {
     const old = s < 60 ? `${number(s, s < 10 ? 1 : 0)} s` : `${Math.floor(s / 60)} min`;
     const still = age_ms > OLD_MS && !this.lost && this.app.still(); // only changes are rendered
     const late = age_ms > OLD_MS && !still;
-    tag.hidden = !(this.lost || still || late); // of a fresh picture the delay above says it all
+    const settling = !this.lost && !late && this.app.settling();
+    tag.hidden = !(this.lost || still || late || settling); // of a fresh picture the delay above says it all
     tag.dataset.kind = this.lost || late ? "late" : "";
-    setText(tag, this.lost ? `${this.refused ? "Stopped" : "Reconnecting"} · picture ${old} old` : still ? `Nothing moved for ${old}`
-      : late ? `Picture ${old} old` : "");
+    setText(tag, this.lost ? `${this.refused ? "Stopped" : "Reconnecting"} · picture ${old} old` : settling ? "Settling"
+      : still ? `Nothing moved for ${old}` : late ? `Picture ${old} old` : "");
     this.frame.classList.toggle("stale", this.lost !== null && age_ms > OLD_MS);
   }
 

@@ -213,7 +213,7 @@ def test_remove_label(b, fake):
     check(expect(lambda: last(fake, "remove_label") == "Building"), "the chip does not remove its label")
     b.wait("document.getElementById('tag-left').textContent.includes('without Building')")
     b.click("#chips .chip:first-child")
-    check(expect(lambda: last(fake, "remove_label") == ""), "No label does not clear the label")
+    check(expect(lambda: last(fake, "remove_label") == ""), "Nothing does not clear the label")
     check(last(fake, "focus_label") == "never", "see-through's label changed")
 
 
@@ -941,6 +941,10 @@ def test_states(b, fake):
     b.wait("document.getElementById('explain').textContent.includes('gpiochip0 is busy')")
     fake.set(status={"state": "capturing", "reason": ""})
     b.wait("document.getElementById('explain').hidden")
+    fake.set(status={"live": {"settling": True}})
+    b.wait("!document.getElementById('age').hidden && document.getElementById('age').textContent === 'Settling'")
+    fake.set(status={"live": {"settling": False}})
+    b.wait("document.getElementById('age').textContent !== 'Settling'")
 
 
 def test_storage(b, fake):
