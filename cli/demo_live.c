@@ -362,7 +362,8 @@ static void print_address(const struct site *s, double seconds, bool settled)
     fflush(stdout);
 }
 
-/** Start a site and wait for a picture that has settled. @return 0, -EINTR, -ECHILD (it ended; logged), -ETIMEDOUT (logged) */
+/** Start a site and wait for a picture that has settled. @return 0, -EINTR, -ECHILD (it ended; logged), -ETIMEDOUT
+ * (logged) */
 static int bring_up(struct site *s)
 {
     const int64_t start_ns = sst_clock_now_ns();

@@ -636,8 +636,9 @@ int engine_open(struct live_engine **out, const struct engine_config *cfg)
     v->events = cfg->events;
     v->config = *cfg->config;
     v->state.enabled = cfg->config->live.enabled;
-    v->state.error_change = v->state.error_labels = v->state.error_ranges = v->state.rays.error_levels = v->state.range_min_px = v->state.range_max_px = v->state.focus_px =
-        v->state.cut_px = v->state.searched_min_px = v->state.searched_max_px = NAN;
+    v->state.error_change = v->state.error_labels = v->state.error_ranges = v->state.rays.error_levels =
+        v->state.range_min_px = v->state.range_max_px = v->state.focus_px = v->state.cut_px = v->state.searched_min_px =
+            v->state.searched_max_px = NAN;
     v->state.beat_ns = sst_clock_now_ns();
     pthread_mutex_init(&v->lock, NULL);
     sst_cond_init(&v->changed);

@@ -190,11 +190,11 @@ json_t *service_live_json(const struct engine_state *v, const struct sst_live_se
 
     for (int i = 0; i < ENGINE_STAGES; i++)
         json_object_set_new(stages, engine_stage_name((enum engine_stage)i), window_json(&v->stage_ms[i]));
-    live = json_pack("{s:b, s:b, s:b, s:s, s:f, s:I, s:I, s:I, s:I, s:f, s:f, s:i, s:i}", "enabled", v->enabled, "ready",
-                     v->ready, "settling", engine_settling(v), "reason", v->reason, "rate_hz", v->rate_hz, "sets", (json_int_t)v->sets, "dropped",
-                     (json_int_t)v->dropped, "idle", (json_int_t)v->idle, "pictures", (json_int_t)v->pictures,
-                     "changed_percent", v->changed_percent, "cpu_percent", v->cpu_percent, "views", v->views, "present",
-                     v->present);
+    live = json_pack("{s:b, s:b, s:b, s:s, s:f, s:I, s:I, s:I, s:I, s:f, s:f, s:i, s:i}", "enabled", v->enabled,
+                     "ready", v->ready, "settling", engine_settling(v), "reason", v->reason, "rate_hz", v->rate_hz,
+                     "sets", (json_int_t)v->sets, "dropped", (json_int_t)v->dropped, "idle", (json_int_t)v->idle,
+                     "pictures", (json_int_t)v->pictures, "changed_percent", v->changed_percent, "cpu_percent",
+                     v->cpu_percent, "views", v->views, "present", v->present);
     if (!live)
         return NULL;
     json_object_set_new(live, "demand", json_string(engine_demand_name(v->demand)));

@@ -110,7 +110,8 @@ static void take_set(struct bench *b, int set)
     assert_int_equal(live_summarize(b->live, in.t_ns), 0);
 }
 
-/* Percent of the picture that is off by more than 40 levels from the truth: with everybody, or without who is removed. */
+/* Percent of the picture that is off by more than 40 levels from the truth: with everybody, or without who is removed.
+ */
 static double wrong(const struct bench *b, const struct sst_image *image, bool removed)
 {
     struct sst_image truth = { 0 };
