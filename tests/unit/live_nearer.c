@@ -167,7 +167,7 @@ static void who_is_nearer_than_all_before_leaves_nothing(void **state SST_UNUSED
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(who_is_nearer_than_all_before_leaves_nothing) };
+    const struct CMUnitTest tests[] = { serial_test(who_is_nearer_than_all_before_leaves_nothing) };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
