@@ -7,7 +7,6 @@
 #include "pipeline/live/picture/picture_internal.h"
 #include "pipeline/live/scene/scene_internal.h"
 #include "tests/live_shown.h"
-#include "tests/small.h"
 
 #define SIDE   4
 #define WIDTH  320
@@ -167,7 +166,7 @@ static void who_is_nearer_than_all_before_leaves_nothing(void **state SST_UNUSED
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = { serial_test(who_is_nearer_than_all_before_leaves_nothing) };
+    const struct CMUnitTest tests[] = { cmocka_unit_test(who_is_nearer_than_all_before_leaves_nothing) };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
