@@ -125,10 +125,10 @@ export class Focus {
     return this.near_px - Number(this.slider.value) / Number(this.slider.max) * this.span();
   }
 
-  /** "17.3 px", with metres "3.9 m" where they are known. */
+  /** "17.3 px"; where metres are known "3.9 m", and "∞" from where nothing shifts. */
   words(px) {
     if (!finite(px)) return "–";
-    return this.metres_px > 0 && px > 0 ? this.metres(px) : `${number(px, 1)} px`;
+    return this.metres_px > 0 ? (px > 0 ? this.metres(px) : "∞") : `${number(px, 1)} px`;
   }
 
   metres(px) {

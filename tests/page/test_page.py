@@ -1199,9 +1199,17 @@ def test_contrast(b, fake):
 
 
 ONLY = os.environ.get("PAGE_ONLY", "").split()
+def test_infinity(b, fake):
+    """A far end that lies at infinity has no pixels beside metres."""
+    far = "document.getElementById('far-end').textContent"
+    near = b.js("(async () => (await (await fetch('/api/v1/status')).json()).live.range_px[1])()")
+    fake.set(status={"live": {"range_px": [-0.5, near]}})
+    b.wait(f"{far}.includes('∞') && !{far}.includes('px')")
+
+
 TESTS = [test_picture, test_cut_slider, test_remove, test_expired, test_remove_label, test_marks, test_compare_camera, test_unknown, test_mode, test_focus, test_pick, test_follow, test_label, test_compare, test_sweep, test_overlay, test_camera_large, test_zoom, test_light, test_adjust, test_cameras,
          test_events, test_recordings, test_visits, test_timeline, test_notify, test_replay, test_zones, test_hints, test_locale, test_sessions, test_role, test_states, test_storage, test_hosts, test_device, test_shared, test_restart, test_reload, test_hidden,
-         test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast]
+         test_windows, test_busy, test_cut, test_update, test_phone, test_names, test_contrast, test_infinity]
 # Errors that the browser itself writes where a test makes the service refuse or end.
 WANTED = ("400", "403", "429", "404", "409", "507", "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET",
           "ERR_EMPTY_RESPONSE", "ERR_SOCKET_NOT_CONNECTED", "ERR_CONNECTION_CLOSED", "ERR_CONTENT_LENGTH_MISMATCH")
