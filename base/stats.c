@@ -39,11 +39,10 @@ void sst_stats_sort_strings(char **v, int n)
     sort(v, n, sizeof(*v), compare_string);
 }
 
-/* Hoare's selection among the values that are numbers, moved to the front. */
-#define UPPER_MEDIAN(NAME, TYPE)                                                                                       \
-    TYPE NAME(TYPE *v, int n)                                                                                          \
+/* The value of a rank, NaN last, by Hoare's selection among the values that are numbers, moved to the front. */
+#define DEFINE_SELECT(NAME, TYPE)                                                                                      \
+    static TYPE NAME(TYPE *v, int n, int rank)                                                                         \
     {                                                                                                                  \
-        const int rank = n / 2;                                                                                        \
         int low = 0, high = -1;                                                                                        \
                                                                                                                        \
         for (int i = 0; i < n; i++) {                                                                                  \
@@ -54,8 +53,6 @@ void sst_stats_sort_strings(char **v, int n)
             v[i] = v[++high];                                                                                          \
             v[high] = value;                                                                                           \
         }                                                                                                              \
-        if (n < 1)                                                                                                     \
-            return 0;                                                                                                  \
         if (rank > high)                                                                                               \
             return (TYPE)NAN;                                                                                          \
         while (low < high) {                                                                                           \
@@ -82,8 +79,18 @@ void sst_stats_sort_strings(char **v, int n)
         return v[rank];                                                                                                \
     }
 
-UPPER_MEDIAN(sst_stats_upper_median, double)
-UPPER_MEDIAN(sst_stats_upper_median_float, float)
+DEFINE_SELECT(select_double, double)
+DEFINE_SELECT(select_float, float)
+
+double sst_stats_upper_median(double *v, int n)
+{
+    return n < 1 ? 0 : select_double(v, n, n / 2);
+}
+
+float sst_stats_upper_median_float(float *v, int n)
+{
+    return n < 1 ? 0 : select_float(v, n, n / 2);
+}
 
 double sst_stats_median(double *v, int n)
 {
@@ -95,18 +102,12 @@ double sst_stats_median(double *v, int n)
 
 double sst_stats_quantile(double *v, int n, double share)
 {
-    if (n < 1)
-        return 0;
-    sst_stats_sort_double(v, n);
-    return v[sst_clamp_int((int)floor(share * (n - 1) + 0.5), 0, n - 1)];
+    return n < 1 ? 0 : select_double(v, n, sst_clamp_int((int)floor(share * (n - 1) + 0.5), 0, n - 1));
 }
 
 float sst_stats_quantile_float(float *v, int n, double share)
 {
-    if (n < 1)
-        return 0;
-    sst_stats_sort_float(v, n);
-    return v[sst_clamp_int((int)(share * n), 0, n - 1)];
+    return n < 1 ? 0 : select_float(v, n, sst_clamp_int((int)(share * n), 0, n - 1));
 }
 
 int64_t sst_stats_percentile(const int64_t *v, int n, int percent)

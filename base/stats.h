@@ -18,10 +18,10 @@ float sst_stats_upper_median_float(float *v, int n);
 /** The middle value, the mean of the middle two for an even n. 0 for n = 0; v is sorted. */
 double sst_stats_median(double *v, int n);
 
-/** Nearest rank: the value of rank round(share (n - 1)), halves up, NaN last. 0 for n = 0; v is sorted. */
+/** Nearest rank: the value of rank round(share (n - 1)), halves up, NaN last. 0 for n = 0; v is reordered. */
 double sst_stats_quantile(double *v, int n, double share);
 
-/** The value of rank floor(share n), at most n - 1, NaN last. 0 for n = 0; v is sorted. */
+/** The value of rank floor(share n), at most n - 1, NaN last. 0 for n = 0; v is reordered. */
 float sst_stats_quantile_float(float *v, int n, double share);
 
 /** Smallest value of the sorted v[0..n) that at least `percent` % (1 .. 100) of them do not exceed. 0 for n = 0. */

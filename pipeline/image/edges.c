@@ -60,7 +60,9 @@ static void blur_tile(struct tile *t, const double weight[TAPS + 1])
 
 static double gradient(double v[SIDE][SIDE], int x, int y)
 {
-    return 0.5 * hypot(v[y][x + 1] - v[y][x - 1], v[y + 1][x] - v[y - 1][x]);
+    const double across = v[y][x + 1] - v[y][x - 1], down = v[y + 1][x] - v[y - 1][x];
+
+    return 0.5 * sqrt(across * across + down * down);
 }
 
 /* Gradients before and after the second blur. @return how many pixels */

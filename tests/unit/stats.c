@@ -103,12 +103,12 @@ static void quantiles_have_the_ranks_that_they_name(void **state SST_UNUSED)
     /* round(share * 3): 0, 1.5 up to 2, 0.45, 2.85, 3 */
     assert_true(sst_stats_quantile(v, 4, 0) == 1 && sst_stats_quantile(v, 4, 0.5) == 3);
     assert_true(sst_stats_quantile(v, 4, 0.15) == 1 && sst_stats_quantile(v, 4, 0.95) == 4);
-    assert_true(sst_stats_quantile(v, 4, 1) == 4 && sst_stats_quantile(v, 1, 0.7) == 1);
+    assert_true(sst_stats_quantile(v, 4, 1) == 4 && sst_stats_quantile(&(double){ 1 }, 1, 0.7) == 1);
     assert_true(sst_stats_quantile(NULL, 0, 0.5) == 0 && isnan(sst_stats_quantile(with, 3, 1)));
     /* floor(share * 4): 0, 2, 0, 3, 4 cut to 3 */
     assert_true(sst_stats_quantile_float(f, 4, 0) == 1 && sst_stats_quantile_float(f, 4, 0.5) == 3);
     assert_true(sst_stats_quantile_float(f, 4, 0.24) == 1 && sst_stats_quantile_float(f, 4, 0.75) == 4);
-    assert_true(sst_stats_quantile_float(f, 4, 1) == 4 && sst_stats_quantile_float(f, 1, 1) == 1);
+    assert_true(sst_stats_quantile_float(f, 4, 1) == 4 && sst_stats_quantile_float(&(float){ 1 }, 1, 1) == 1);
     assert_true(sst_stats_quantile_float(NULL, 0, 0.5) == 0);
     /* ceil(percent * 4 / 100) - 1: 0, 0, 1, 1, 3 */
     assert_int_equal(sst_stats_percentile(sorted, 4, 1), 1);
