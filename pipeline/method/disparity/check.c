@@ -6,6 +6,8 @@
 
 #define AGREE_Q6   64 /* |d - D_n| <= 1 px */
 #define DIRECTIONS 16
+#define BLOCK      64 /* pixels of a row that are projected together */
+#define CELLS      64 /* a row or column of cells at most */
 
 /* A neighbour, and where a pixel of the view under check lies in it. */
 struct neighbour {
@@ -62,16 +64,97 @@ void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u
     }
 }
 
-/* Project the correct pixels of a neighbour into this view; the nearest surface wins. */
-static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, double disp_min_px)
+/* Where pixels are left to fill: their number in the square cells above and to the left of each cell's corner. */
+struct wanted {
+    int cols, rows, shift; /* a cell has 2^shift pixels a side */
+    int32_t above_left[CELLS + 1][CELLS + 1];
+};
+
+static void wanted_init(struct wanted *w, int width, int height)
+{
+    w->shift = 4;
+    while (sst_max_int(width, height) > CELLS << w->shift)
+        w->shift++;
+    w->cols = ((width - 1) >> w->shift) + 1;
+    w->rows = ((height - 1) >> w->shift) + 1;
+}
+
+static bool is_wanted(uint8_t status, uint16_t disp)
+{
+    return status == SST_DISPARITY_OCCLUSION && disp == SST_DISP_NONE;
+}
+
+/* @return how many pixels are left */
+static int count_wanted(struct wanted *w, const struct sst_map_u16 *disp, const struct sst_map_u8 *status)
+{
+    memset(w->above_left, 0, sizeof(w->above_left));
+    for (int y = 0; y < disp->height; y++) {
+        const uint16_t *d = sst_map_u16_row(disp, y);
+        const uint8_t *s = sst_map_u8_row(status, y);
+        int32_t *cell = w->above_left[(y >> w->shift) + 1] + 1;
+
+        for (int x = 0; x < disp->width; x++) {
+            if (is_wanted(s[x], d[x]))
+                cell[x >> w->shift]++;
+        }
+    }
+    for (int row = 1; row <= w->rows; row++) {
+        int32_t left = 0;
+
+        for (int col = 1; col <= w->cols; col++) {
+            left += w->above_left[row][col];
+            w->above_left[row][col] = left + w->above_left[row - 1][col];
+        }
+    }
+    return w->above_left[w->rows][w->cols];
+}
+
+/* Is any pixel left in the cells of columns x0 .. x1 and rows y0 .. y1? */
+static bool any_wanted(const struct wanted *w, int x0, int x1, int y0, int y1)
+{
+    const int left = sst_max_int(x0, 0) >> w->shift, right = sst_min_int((x1 >> w->shift) + 1, w->cols);
+    const int top = sst_max_int(y0, 0) >> w->shift, end = sst_min_int((y1 >> w->shift) + 1, w->rows);
+
+    return left < right && top < end &&
+           w->above_left[end][right] - w->above_left[top][right] - w->above_left[end][left] + w->above_left[top][left];
+}
+
+/* Can any of n disparities of a row put its pixel where one is left? */
+static bool reaches_wanted(const struct wanted *w, const uint16_t *d, int x, int n, int y, struct sst_shift across,
+                           struct sst_shift down)
+{
+    uint16_t least = SST_DISP_NONE, most = 0;
+    int x_least, x_most, y_least, y_most;
+
+    for (int i = 0; i < n; i++) {
+        const uint16_t known = d[i] == SST_DISP_NONE ? 0 : d[i];
+
+        least = d[i] < least ? d[i] : least;
+        most = known > most ? known : most;
+    }
+    if (least == SST_DISP_NONE)
+        return false;
+    x_least = sst_shifted(x, across, least);
+    x_most = sst_shifted(x, across, most);
+    y_least = sst_shifted(y, down, least);
+    y_most = sst_shifted(y, down, most);
+    return any_wanted(w, sst_min_int(x_least, x_most), sst_max_int(x_least, x_most) + n - 1,
+                      sst_min_int(y_least, y_most), sst_max_int(y_least, y_most));
+}
+
+/* Project the correct pixels of a neighbour into this view, to where pixels are left; the nearest surface wins. */
+static void project(struct sst_map_u16 *out, const struct wanted *w, const struct sst_checked_view *n,
+                    double disp_min_px)
 {
     const struct sst_shift across = sst_shift_by(n->bx, disp_min_px), down = sst_shift_by(n->by, disp_min_px);
 
-    for (int yn = 0; yn < out->height; yn++) {
+    for (int i = 0; i < out->height * ((out->width + BLOCK - 1) / BLOCK); i++) {
+        const int blocks = (out->width + BLOCK - 1) / BLOCK, yn = i / blocks, from = i % blocks * BLOCK;
+        const int end = sst_min_int(from + BLOCK, out->width);
         const uint16_t *d = sst_map_u16_row(n->disp_q6, yn);
         const uint8_t *ok = sst_map_u8_row(n->status, yn);
 
-        for (int xn = 0; xn < out->width; xn++) {
+        for (int xn = reaches_wanted(w, d + from, from, end - from, yn, across, down) ? from : end; xn < end; xn++) {
             const int x = sst_shifted(xn, across, d[xn]), y = sst_shifted(yn, down, d[xn]);
             uint16_t *at;
 
@@ -85,7 +168,7 @@ static void project(struct sst_map_u16 *out, const struct sst_checked_view *n, d
     }
 }
 
-/* Copy the projected value to every pixel of disp that is still NONE, and set its status. */
+/* Copy the projected value to every pixel that is left. */
 static void copy_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *status,
                            const struct sst_map_u16 *projected)
 {
@@ -94,10 +177,8 @@ static void copy_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *st
         const uint8_t *s = sst_map_u8_row(status, y);
         uint16_t *d = sst_map_u16_row(disp, y);
 
-        for (int x = 0; x < disp->width; x++) {
-            if (s[x] == SST_DISPARITY_OCCLUSION && d[x] == SST_DISP_NONE)
-                d[x] = p[x];
-        }
+        for (int x = 0; x < disp->width; x++)
+            d[x] = is_wanted(s[x], d[x]) ? p[x] : d[x];
     }
 }
 
@@ -172,6 +253,8 @@ void sst_fill_background(struct sst_map_u16 *disp)
 void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, double disp_min_px,
                     const struct sst_checked_view *views, int count, int near_count, struct sst_map_u16 *scratch)
 {
+    struct wanted wanted;
+
     for (int y = 0; y < disp_q6->height; y++) {
         uint16_t *d = sst_map_u16_row(disp_q6, y);
 
@@ -184,12 +267,15 @@ void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status
                 d[x] = SST_DISP_NONE;
         }
     }
+    wanted_init(&wanted, disp_q6->width, disp_q6->height);
     for (int i = 0; i < count;) {
         const int end = i < near_count ? near_count : count;
 
+        if (!count_wanted(&wanted, disp_q6, status))
+            break;
         memset(scratch->data, 0xFF, scratch->stride * (size_t)scratch->height);
         for (; i < end; i++)
-            project(scratch, &views[i], disp_min_px);
+            project(scratch, &wanted, &views[i], disp_min_px);
         copy_projected(disp_q6, status, scratch);
     }
     sst_fill_background(disp_q6);
