@@ -446,7 +446,7 @@ int png_runs_encode(uint8_t **data, size_t *size, const struct png_runs_map *map
 {
     struct encoder *e = malloc(sizeof(*e));
     const size_t row_bytes = (size_t)map->width * 2 + 1 + sizeof(uint32_t);
-    uint8_t *row = malloc(row_bytes), *zeros = calloc(row_bytes, 1);
+    uint8_t *row = calloc(row_bytes, 1), *zeros = calloc(row_bytes, 1);
     bool ok = e && row && zeros;
     size_t at;
 

@@ -29,28 +29,53 @@ static double miss(const struct sst_ground *g, int x, int y, uint16_t q)
     return fabs(q - (g->d0 + g->a * x + g->b * y));
 }
 
+/* Sums over a row; each fits 64 bits. */
+static struct sums sum_up_row(const struct sst_ground *g, const uint8_t *label, const uint16_t *q, int width, int y,
+                              int value)
+{
+    const uint8_t *first = memchr(label, value, (size_t)width);
+    int64_t n = 0, sum_x = 0, sum_d = 0, xx = 0, xd = 0;
+
+    for (int x = first ? (int)(first - label) : width; x < width; x++) {
+        const int64_t d = q[x];
+
+        if (label[x] != value || q[x] == SST_DISP_NONE || miss(g, x, y, q[x]) > g->limit)
+            continue;
+        n++;
+        sum_x += x;
+        sum_d += d;
+        xx += (int64_t)x * x;
+        xd += x * d;
+    }
+    return (struct sums){ .n = n,
+                          .x = sum_x,
+                          .y = n * y,
+                          .d = sum_d,
+                          .xx = xx,
+                          .xy = sum_x * y,
+                          .yy = n * y * y,
+                          .xd = xd,
+                          .yd = sum_d * y };
+}
+
 /* Sums over the region's pixels whose residual to the current plane is within its limit. */
 static struct sums sum_up(const struct sst_ground *g, const struct sst_view *v, int value)
 {
     struct sums s = { 0 };
 
     for (int y = 0; y < v->label.height; y++) {
-        const uint8_t *label = sst_map_u8_row(&v->label, y);
-        const uint16_t *q = sst_map_u16_row(&v->disp, y);
+        const struct sums row =
+            sum_up_row(g, sst_map_u8_row(&v->label, y), sst_map_u16_row(&v->disp, y), v->label.width, y, value);
 
-        for (int x = 0; x < v->label.width; x++) {
-            if (label[x] != value || q[x] == SST_DISP_NONE || miss(g, x, y, q[x]) > g->limit)
-                continue;
-            s.n++;
-            s.x += x;
-            s.y += y;
-            s.d += q[x];
-            s.xx += (int64_t)x * x;
-            s.xy += (int64_t)x * y;
-            s.yy += (int64_t)y * y;
-            s.xd += (int64_t)x * q[x];
-            s.yd += (int64_t)y * q[x];
-        }
+        s.n += row.n;
+        s.x += row.x;
+        s.y += row.y;
+        s.d += row.d;
+        s.xx += row.xx;
+        s.xy += row.xy;
+        s.yy += row.yy;
+        s.xd += row.xd;
+        s.yd += row.yd;
     }
     return s;
 }
@@ -69,6 +94,11 @@ static bool solve(struct sst_ground *g, const struct sums *s)
     return true;
 }
 
+static int bin_of(double residual)
+{
+    return residual + 0.5 < SST_DISP_BINS - 1 ? (int)(residual + 0.5) : SST_DISP_BINS - 1;
+}
+
 /* Median residual of the region's pixels, and their number. */
 static double median_miss(const struct sst_ground *g, const struct sst_view *v, int value, int64_t *hist, int64_t *n)
 {
@@ -84,7 +114,7 @@ static double median_miss(const struct sst_ground *g, const struct sst_view *v, 
         for (int x = 0; x < v->label.width; x++) {
             if (label[x] != value || q[x] == SST_DISP_NONE)
                 continue;
-            hist[(int)fmin(miss(g, x, y, q[x]) + 0.5, SST_DISP_BINS - 1)]++;
+            hist[bin_of(miss(g, x, y, q[x]))]++;
             ++*n;
         }
     }
