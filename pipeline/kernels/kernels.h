@@ -63,6 +63,9 @@ enum sst_cpu_level {
     X(agree_near)                                                                                                      \
     X(agree_sum)                                                                                                       \
     X(cell_land)                                                                                                       \
+    X(disp_span)                                                                                                       \
+    X(cell_score)                                                                                                      \
+    X(score_add)                                                                                                       \
     X(enlarge_row)                                                                                                     \
     X(place_row)                                                                                                       \
     X(resample_row)                                                                                                    \
@@ -710,6 +713,34 @@ typedef void sst_guide_cells_fn(float *out, const struct sst_guide *g, size_t n)
  */
 typedef void sst_class_row_fn(uint8_t *top, float *entropy, const float *p, size_t stride, size_t count, size_t n);
 #define SST_CLASS_ROW_MAX 128
+
+/* --- live (pipeline/live/) --- */
+
+/** Extremes of stored disparities, of those of before and of n more: span[0] the smallest one, span[1] the largest one
+ *  below `end`, 0: none. @param end  0 .. 0xFFFF */
+typedef void sst_disp_span_fn(uint16_t span[2], const uint16_t *disp, int end, size_t n);
+
+#define SST_SCORE_SLOTS 8
+#define SST_SCORE_SLACK 1  /* levels, and the usual difference: do not count */
+#define SST_SCORE_CAP   48 /* levels: the largest score */
+#define SST_SCORE_USUAL 60 /* levels: what counts at most for the usual difference */
+#define SST_SCORE_RATE  5  /* which follows by 1 / 2^rate */
+
+/** Colours of cells: those of now, and those that each remembers; R, G, B. */
+struct sst_score_cells {
+    const uint8_t *now[3], *slot[SST_SCORE_SLOTS][3];
+};
+
+/**
+ * Scores of n cells: the sum of the differences of three channels from the most similar colour, d, above the usual one:
+ * clamp(d - floor(usual / 256) - slack, 0, cap). Then, with `learns`, usual += floor((256 min(d, 60) - usual) / 32).
+ *
+ * @param score  out @param usual  in, out: 1/256 level, at most 256 SST_SCORE_USUAL
+ */
+typedef void sst_cell_score_fn(uint8_t *score, uint16_t *usual, const struct sst_score_cells *c, int learns, size_t n);
+
+/** sum += score, of n cells, modulo 2^16. */
+typedef void sst_score_add_fn(uint16_t *sum, const uint8_t *score, size_t n);
 
 /* --- hashes --- */
 

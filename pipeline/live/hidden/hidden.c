@@ -155,7 +155,7 @@ static bool has_changed(const struct sst_hidden *h, const struct sst_hidden_inpu
 
 int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
 {
-    const struct sst_map_u8 *score[SST_MAX_VIEWS] = { NULL };
+    const struct hidden_model *model[SST_MAX_VIEWS] = { NULL };
     struct hidden_candidate candidate[SST_HIDDEN_THINGS];
     int err, count;
 
@@ -168,14 +168,14 @@ int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
     find_kept(h);
     err = sst_parallel_for(h->cfg.views, h->cfg.threads, update_model, h);
     for (int k = 0; k < h->cfg.views; k++)
-        score[k] = h->model[k] && in->image[k] && h->model[k]->filled ? &h->model[k]->score : NULL;
+        model[k] = h->model[k] && in->image[k] && h->model[k]->filled ? h->model[k] : NULL;
     if (!err && hidden_planes_choose(&h->planes, in, h->reach))
         hidden_usual_reset(&h->usual);
-    hidden_planes_cover(&h->planes, in, h->step);
-    err = err ? err : hidden_planes_sum(&h->planes, score, h->cfg.views, h->dx, h->dy, h->cfg.threads);
+    err = err ? err : hidden_planes_cover(&h->planes, in, h->step, h->cfg.threads);
+    err = err ? err : hidden_planes_sum(&h->planes, model, h->cfg.views, h->dx, h->dy, h->cfg.threads);
     if (err)
         return err;
-    count = hidden_usual_follow(&h->usual, &h->planes, in->t_ns, h->keep, h->keeps, candidate);
+    count = hidden_usual_follow(&h->usual, &h->planes, in->t_ns, h->keep, h->keeps, h->cfg.threads, candidate);
     hidden_tracks_follow(&h->tracks, candidate, count, &h->planes, in->t_ns, h->usual.age_s < QUIET_S);
     return 0;
 }

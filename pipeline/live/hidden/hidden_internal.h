@@ -4,6 +4,7 @@
 
 #include <math.h>
 
+#include "pipeline/kernels/kernels.h"
 #include "pipeline/live/hidden/hidden.h"
 
 /* Everything is counted in cells: pixels of a picture at most HIDDEN_WIDTH wide. Integrated scores are kept in blocks
@@ -11,7 +12,7 @@
 #define HIDDEN_WIDTH  320
 #define HIDDEN_BLOCK  4
 #define HIDDEN_TILE   32 /* px, of the maps of changes */
-#define HIDDEN_SLOTS  8
+#define HIDDEN_SLOTS  SST_SCORE_SLOTS
 #define HIDDEN_PLANES 24
 #define HIDDEN_BOXES  4
 
@@ -27,7 +28,7 @@ struct hidden_model {
     struct sst_image now; /* cells of the last picture, brought to the brightness of the slots */
     struct sst_image slot[HIDDEN_SLOTS];
     struct sst_map_u16 usual;   /* difference that the cell has by itself, 1/256 level */
-    struct sst_map_u8 score;    /* difference above that, 0..HIDDEN_CAP */
+    struct sst_map_u8 score;    /* difference above that, 0..SST_SCORE_CAP */
     uint8_t *hot;               /* [tiles] the tile has scores: compared again without changes */
     int tiles_x, tiles_y, tile; /* tile: cells */
     bool filled;
@@ -35,8 +36,6 @@ struct hidden_model {
     int64_t learnt_ns, usual_ns; /* when its colours and its usual differences last followed */
     uint32_t rounds;             /* since it was filled */
 };
-
-#define HIDDEN_CAP 48
 
 SST_MUST_CHECK int hidden_model_init(struct hidden_model *m, int width, int height, int step);
 void hidden_model_fini(struct hidden_model *m);
@@ -71,13 +70,15 @@ struct hidden_planes {
     bool covered;   /* usually is known */
     float *nearer;  /* [plane][rows + 1][cols + 1] sums of the parts of blocks that are nearer, above and to the left */
     float *mean;    /* [plane][rows][cols] of the scores' sums over the views */
+    int shift[HIDDEN_PLANES][SST_MAX_VIEWS][2]; /* x, y: by which the views' cells move, in the set that is summed */
 };
 
 SST_MUST_CHECK int hidden_planes_init(struct hidden_planes *p, int width, int height);
 void hidden_planes_fini(struct hidden_planes *p);
 
 /** Find what the reference view shows before each plane. @param step  px per cell */
-void hidden_planes_cover(struct hidden_planes *p, const struct sst_hidden_input *in, int step);
+SST_MUST_CHECK int hidden_planes_cover(struct hidden_planes *p, const struct sst_hidden_input *in, int step,
+                                       int threads);
 
 /** Is enough of a box (blocks) nearer than a plane? */
 bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const struct hidden_rect *r);
@@ -86,8 +87,8 @@ bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const str
  * before */
 bool hidden_planes_choose(struct hidden_planes *p, const struct sst_hidden_input *in, double reach);
 
-/** Integrate. @param score  [views], NULL: not used @param dx, dy  cells per px of disparity */
-SST_MUST_CHECK int hidden_planes_sum(struct hidden_planes *p, const struct sst_map_u8 *const *score, int views,
+/** Integrate scores. @param model  [views], NULL: not used @param dx, dy  cells per px of disparity */
+SST_MUST_CHECK int hidden_planes_sum(struct hidden_planes *p, const struct hidden_model *const *model, int views,
                                      const double *dx, const double *dy, int threads);
 
 /* --- usual.c: how much is usual at each place, and what exceeds it --------------------------------------------------
@@ -103,8 +104,8 @@ struct hidden_usual {
     int cols, rows;
     float *level;           /* [plane][rows][cols] */
     float *spread, *excess; /* [box][plane][rows][cols]; spread: squared */
-    float *over, *best;     /* [rows][cols] */
-    float *sums;            /* [rows + 1][cols + 1] */
+    float *best;            /* [rows][cols] */
+    float *over, *sums;     /* [plane][rows][cols], [plane][rows + 1][cols + 1] of that, in work */
     uint8_t *best_box, *best_plane;
     double age_s;
     int64_t t_ns;
@@ -120,7 +121,8 @@ void hidden_usual_wait(struct hidden_usual *u, int64_t t_ns);
 /** Follow a set. @param keep  [keeps] blocks whose content must not become usual
  *  @return number of candidates, the best first */
 int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, int64_t t_ns,
-                        const struct hidden_rect *keep, int keeps, struct hidden_candidate out[SST_HIDDEN_THINGS]);
+                        const struct hidden_rect *keep, int keeps, int threads,
+                        struct hidden_candidate out[SST_HIDDEN_THINGS]);
 
 /* --- follow.c: candidates from set to set ----------------------------------------------------------------------------
  */

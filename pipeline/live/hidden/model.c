@@ -16,9 +16,6 @@
 #define PHASES     8
 #define BESIDE     3                   /* cells */
 #define USUAL_NS   INT64_C(2000000000) /* the usual difference follows by 1/32 in this time */
-#define USUAL_RATE 5
-#define USUAL_MOST 60 /* levels: what counts at most for it */
-#define SLACK      1  /* levels, and the usual difference: do not count */
 #define GAIN_STEP  6  /* cells between those that brightness is measured on */
 #define GAIN_BINS  256
 #define GAIN_LEAST 24  /* levels of a cell that it is measured on */
@@ -151,68 +148,32 @@ static void scale(struct hidden_model *m, const struct hidden_rect *r, double ga
 /* --- differences ----------------------------------------------------------------------------------------------------
  */
 
-/* Lower the sums of the differences of three channels to those from one colour of each cell. */
-static void lower(uint16_t *restrict out, const uint8_t *restrict r, const uint8_t *restrict g,
-                  const uint8_t *restrict b, const uint8_t *restrict sr, const uint8_t *restrict sg,
-                  const uint8_t *restrict sb, int n)
-{
-    for (int x = 0; x < n; x++) {
-        const uint16_t d = (uint16_t)(abs(r[x] - sr[x]) + abs(g[x] - sg[x]) + abs(b[x] - sb[x]));
-
-        out[x] = d < out[x] ? d : out[x];
-    }
-}
-
-/* Differences from the most similar colour. */
-static void difference_row(uint16_t *out, const struct hidden_model *m, int y, int x0, int n)
-{
-    memset(out, 0xFF, (size_t)n * sizeof(*out));
-    for (int i = 0; i < HIDDEN_SLOTS; i++) {
-        const struct sst_image *s = &m->slot[i];
-
-        lower(out, sst_image_row(&m->now, 0, y) + x0, sst_image_row(&m->now, 1, y) + x0,
-              sst_image_row(&m->now, 2, y) + x0, sst_image_row(s, 0, y) + x0, sst_image_row(s, 1, y) + x0,
-              sst_image_row(s, 2, y) + x0, n);
-    }
-}
-
-static void score_row(uint8_t *restrict score, const uint16_t *restrict difference, const uint16_t *restrict usual,
-                      int n)
-{
-    for (int x = 0; x < n; x++) {
-        const int above = difference[x] - (usual[x] >> 8) - SLACK;
-
-        score[x] = (uint8_t)(above < 0 ? 0 : above > HIDDEN_CAP ? HIDDEN_CAP : above);
-    }
-}
-
-static void follow_row(uint16_t *restrict usual, const uint16_t *restrict difference, int n)
-{
-    for (int x = 0; x < n; x++) {
-        const int bounded = difference[x] < USUAL_MOST ? difference[x] : USUAL_MOST;
-
-        usual[x] = (uint16_t)(usual[x] + ((bounded * 256 - usual[x]) >> USUAL_RATE));
-    }
-}
-
+/* Scores of a rectangle of cells, a run of tiles of which `tile` is the first. */
 static void compare(struct hidden_model *m, int tile, const struct hidden_rect *r, bool learns)
 {
-    const int n = r->x1 - r->x0;
-    uint16_t difference[HIDDEN_TILE];
-    int any = 0;
+    const struct sst_kernels *kernels = sst_kernels_get();
+    const int tiles = (r->x1 - r->x0 + m->tile - 1) / m->tile;
 
+    memset(m->hot + tile, 0, (size_t)tiles);
     for (int y = r->y0; y < r->y1; y++) {
         uint8_t *score = sst_map_u8_row(&m->score, y) + r->x0;
-        uint16_t *usual = sst_map_u16_row(&m->usual, y) + r->x0;
+        struct sst_score_cells c;
 
-        difference_row(difference, m, y, r->x0, n);
-        score_row(score, difference, usual, n);
-        if (learns)
-            follow_row(usual, difference, n);
-        for (int x = 0; x < n; x++)
-            any |= score[x];
+        for (int k = 0; k < 3; k++) {
+            c.now[k] = sst_image_row(&m->now, k, y) + r->x0;
+            for (int i = 0; i < HIDDEN_SLOTS; i++)
+                c.slot[i][k] = sst_image_row(&m->slot[i], k, y) + r->x0;
+        }
+        kernels->cell_score(score, sst_map_u16_row(&m->usual, y) + r->x0, &c, learns, (size_t)(r->x1 - r->x0));
+        for (int i = 0; i < tiles; i++) {
+            const int x1 = sst_min_int((i + 1) * m->tile, r->x1 - r->x0);
+            uint8_t any = 0;
+
+            for (int x = i * m->tile; x < x1; x++)
+                any |= score[x];
+            m->hot[tile + i] |= any;
+        }
     }
-    m->hot[tile] = any != 0;
 }
 
 /* --- learning -------------------------------------------------------------------------------------------------------
@@ -292,13 +253,15 @@ static void read_tiles(struct hidden_model *m, const struct sst_image *image, co
     const int tiles = m->tiles_x * m->tiles_y;
     int read = 0;
 
-    for (int i = 0; i < tiles; i++) {
-        const struct hidden_rect r = tile_rect(m, i);
+    for (int i = 0, end; i < tiles; i = end) {
+        struct hidden_rect r = tile_rect(m, i);
 
-        if (changed && !changed[i] && m->filled)
-            continue;
-        shrink(m, image, &r, step);
-        read++;
+        for (end = i; (end == i || end % m->tiles_x) && (!changed || changed[end] || !m->filled); end++)
+            r.x1 = tile_rect(m, end).x1;
+        if (end > i)
+            shrink(m, image, &r, step);
+        read += end - i;
+        end = sst_max_int(end, i + 1);
     }
     if (!m->filled) {
         fill(m);
@@ -332,11 +295,20 @@ void hidden_model_update(struct hidden_model *m, const struct sst_image *image, 
 
     if (!m->filled || !changed || memchr(changed, 1, (size_t)tiles))
         read_tiles(m, image, changed, step);
-    for (int i = 0; i < tiles; i++) {
-        const struct hidden_rect r = tile_rect(m, i);
+    for (int i = 0, end; i < tiles; i = end) {
+        struct hidden_rect r = tile_rect(m, i), next = r;
+        const bool learns = usual && !overlaps(&r, rects->keep, rects->keeps);
 
-        if (!changed || changed[i] || m->hot[i])
-            compare(m, i, &r, usual && !overlaps(&r, rects->keep, rects->keeps));
+        end = i + 1;
+        if (changed && !changed[i] && !m->hot[i])
+            continue;
+        for (; end % m->tiles_x && (!changed || changed[end] || m->hot[end]); end++) {
+            next = tile_rect(m, end);
+            if (learns != (usual && !overlaps(&next, rects->keep, rects->keeps)))
+                break;
+            r.x1 = next.x1;
+        }
+        compare(m, i, &r, learns);
     }
     if (usual)
         m->usual_ns = t_ns;

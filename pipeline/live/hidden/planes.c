@@ -81,31 +81,46 @@ static float nearer_part(const struct sst_map_u16 *disp, int col, int row, int s
     return (float)n / 4;
 }
 
-void hidden_planes_cover(struct hidden_planes *p, const struct sst_hidden_input *in, int step)
+struct cover {
+    struct hidden_planes *p;
+    const struct sst_hidden_input *in;
+    int step;
+};
+
+static int cover_plane(void *arg, int plane, int worker SST_UNUSED)
 {
+    const struct cover *c = arg;
+    const struct hidden_planes *p = c->p;
+    const struct sst_hidden_input *in = c->in;
     const size_t w = (size_t)p->cols + 1;
+    float *sums = p->nearer + (size_t)plane * w * ((size_t)p->rows + 1);
+    const double front_px = p->disp_px[plane] + BEFORE * p->step_px;
+    const int least = (int)lround((front_px - in->disp_min_px) * SST_DISP_SCALE);
+    float *usually = p->usually + (size_t)plane * (size_t)p->rows * (size_t)p->cols;
 
-    for (int plane = 0; plane < p->count; plane++) {
-        float *sums = p->nearer + (size_t)plane * w * ((size_t)p->rows + 1);
-        const double front_px = p->disp_px[plane] + BEFORE * p->step_px;
-        const int least = (int)lround((front_px - in->disp_min_px) * SST_DISP_SCALE);
-        float *usually = p->usually + (size_t)plane * (size_t)p->rows * (size_t)p->cols;
+    for (int row = 0; row < p->rows; row++) {
+        float sum = 0;
 
-        for (int row = 0; row < p->rows; row++) {
-            float sum = 0;
+        for (int col = 0; col < p->cols; col++) {
+            const float now =
+                in->disp ? nearer_part(in->disp, col, row, c->step, least) : (float)(front_px <= in->front_px);
+            float *before = &usually[row * p->cols + col];
 
-            for (int col = 0; col < p->cols; col++) {
-                const float now =
-                    in->disp ? nearer_part(in->disp, col, row, step, least) : (float)(front_px <= in->front_px);
-                float *before = &usually[row * p->cols + col];
-
-                *before += p->covered ? (float)FOLLOW * (now - *before) : now - *before;
-                sum += now < *before ? now : *before;
-                sums[(size_t)(row + 1) * w + (size_t)col + 1] = sums[(size_t)row * w + (size_t)col + 1] + sum;
-            }
+            *before += p->covered ? (float)FOLLOW * (now - *before) : now - *before;
+            sum += now < *before ? now : *before;
+            sums[(size_t)(row + 1) * w + (size_t)col + 1] = sums[(size_t)row * w + (size_t)col + 1] + sum;
         }
     }
+    return 0;
+}
+
+int hidden_planes_cover(struct hidden_planes *p, const struct sst_hidden_input *in, int step, int threads)
+{
+    struct cover c = { p, in, step };
+    const int err = sst_parallel_for(p->count, threads, cover_plane, &c);
+
     p->covered = true;
+    return err;
 }
 
 bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const struct hidden_rect *r)
@@ -123,64 +138,79 @@ bool hidden_planes_is_behind(const struct hidden_planes *p, int plane, const str
 
 struct job {
     struct hidden_planes *p;
-    const struct sst_map_u8 *const *score;
-    const double *dx, *dy;
+    const struct hidden_model *const *model;
     int views;
 };
 
-static void add_row(uint16_t *restrict sum, const uint8_t *restrict score, int n)
+/* The cells of row y of a view that may have scores: those of its hot tiles. @return false: none */
+static bool scored(const struct hidden_model *m, int y, int *x0, int *x1)
 {
-    for (int x = 0; x < n; x++)
-        sum[x] = (uint16_t)(sum[x] + score[x]);
+    const uint8_t *hot = m->hot + (size_t)(y / m->tile) * (size_t)m->tiles_x;
+
+    *x0 = 0;
+    *x1 = m->tiles_x;
+    while (*x0 < *x1 && !hot[*x0])
+        ++*x0;
+    while (*x1 > *x0 && !hot[*x1 - 1])
+        --*x1;
+    *x0 *= m->tile;
+    *x1 = sst_min_int(*x1 * m->tile, m->score.width);
+    return *x0 < *x1;
 }
 
-/* Means of the blocks of a row of blocks, from its sums. */
-static void reduce(float *mean, const uint16_t *sum, int width, int rows, int cols)
+/* Sums of four rows of cells over all views on a plane; then means of blocks. */
+static void sum_blocks(const struct job *j, int plane, int block)
 {
-    for (int col = 0; col < cols; col++) {
-        const int x1 = sst_min_int((col + 1) * HIDDEN_BLOCK, width);
-        uint32_t all = 0;
+    const struct hidden_planes *p = j->p;
+    const struct sst_kernels *kernels = sst_kernels_get();
+    const int rows = sst_min_int(HIDDEN_BLOCK, p->height - block * HIDDEN_BLOCK);
+    float *mean = p->mean + ((size_t)plane * (size_t)p->rows + (size_t)block) * (size_t)p->cols;
+    uint16_t sum[HIDDEN_WIDTH + HIDDEN_BLOCK] = { 0 };
 
-        for (int y = 0; y < rows; y++)
-            for (int x = col * HIDDEN_BLOCK; x < x1; x++)
-                all += sum[y * width + x];
-        mean[col] = (float)all / (HIDDEN_BLOCK * HIDDEN_BLOCK);
+    for (int k = 0; k < j->views; k++) {
+        const int sx = p->shift[plane][k][0], sy = p->shift[plane][k][1];
+
+        for (int y = 0; y < rows && j->model[k]; y++) {
+            const int from = block * HIDDEN_BLOCK + y - sy;
+            int x0, x1;
+
+            if (from < 0 || from >= p->height || !scored(j->model[k], from, &x0, &x1))
+                continue;
+            x0 = sst_max_int(x0, -sx);
+            x1 = sst_min_int(x1, p->width - sx);
+            if (x0 < x1)
+                kernels->score_add(sum + x0 + sx, sst_map_u8_row(&j->model[k]->score, from) + x0, (size_t)(x1 - x0));
+        }
+    }
+    for (int col = 0; col < p->cols; col++) {
+        const uint16_t *s = sum + (size_t)col * HIDDEN_BLOCK;
+
+        mean[col] = (float)(s[0] + s[1] + s[2] + s[3]) / (HIDDEN_BLOCK * HIDDEN_BLOCK);
     }
 }
 
-static int sum_plane(void *arg, int plane, int worker SST_UNUSED)
+/* All planes of a row of blocks, so that what they read of the views stays in cache. */
+static int sum_row(void *arg, int block, int worker SST_UNUSED)
 {
     const struct job *j = arg;
-    struct hidden_planes *p = j->p;
-    uint16_t sum[HIDDEN_BLOCK * (HIDDEN_WIDTH + HIDDEN_BLOCK)];
-    const double disp_px = p->disp_px[plane];
 
-    for (int block = 0; block < p->rows; block++) {
-        const size_t at = ((size_t)plane * (size_t)p->rows + (size_t)block) * (size_t)p->cols;
-        const int rows = sst_min_int(HIDDEN_BLOCK, p->height - block * HIDDEN_BLOCK);
-
-        memset(sum, 0, sizeof(sum));
-        for (int k = 0; k < j->views; k++) {
-            const int sx = (int)lround(disp_px * j->dx[k]), sy = (int)lround(disp_px * j->dy[k]);
-            const int x0 = sst_max_int(0, sx), x1 = sst_min_int(p->width, p->width + sx);
-
-            for (int y = 0; y < rows && j->score[k] && x0 < x1; y++) {
-                const int from = block * HIDDEN_BLOCK + y - sy;
-
-                if (from >= 0 && from < p->height)
-                    add_row(sum + (size_t)y * (size_t)p->width + x0, sst_map_u8_row(j->score[k], from) + (x0 - sx),
-                            x1 - x0);
-            }
-        }
-        reduce(p->mean + at, sum, p->width, rows, p->cols);
-    }
+    _Static_assert(HIDDEN_BLOCK == 4, "sums of four cells");
+    _Static_assert((long)SST_MAX_VIEWS * HIDDEN_BLOCK * SST_SCORE_CAP <= UINT16_MAX, "sums fit");
+    for (int plane = 0; plane < j->p->count; plane++)
+        sum_blocks(j, plane, block);
     return 0;
 }
 
-int hidden_planes_sum(struct hidden_planes *p, const struct sst_map_u8 *const *score, int views, const double *dx,
+int hidden_planes_sum(struct hidden_planes *p, const struct hidden_model *const *model, int views, const double *dx,
                       const double *dy, int threads)
 {
-    struct job j = { p, score, dx, dy, views };
+    struct job j = { p, model, views };
 
-    return sst_parallel_for(p->count, threads, sum_plane, &j);
+    for (int plane = 0; plane < p->count; plane++) {
+        for (int k = 0; k < views; k++) {
+            p->shift[plane][k][0] = (int)lround(p->disp_px[plane] * dx[k]);
+            p->shift[plane][k][1] = (int)lround(p->disp_px[plane] * dy[k]);
+        }
+    }
+    return sst_parallel_for(p->rows, threads, sum_row, &j);
 }

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/mem.h"
+#include "base/thread.h"
 #include "pipeline/live/hidden/hidden_internal.h"
 
 #define FOLLOW_S 60.0 /* the usual level follows within this time */
@@ -27,10 +28,10 @@ int hidden_usual_init(struct hidden_usual *u, int cols, int rows)
 
     *u = (struct hidden_usual){ .cols = cols, .rows = rows };
     u->level = sst_mem_alloc(HIDDEN_PLANES * blocks, sizeof(*u->level));
-    u->over = sst_mem_alloc(blocks, sizeof(*u->over));
+    u->over = sst_mem_alloc(HIDDEN_PLANES * blocks, sizeof(*u->over));
     u->spread = sst_mem_alloc(all, sizeof(*u->spread));
     u->excess = sst_mem_alloc(all, sizeof(*u->excess));
-    u->sums = sst_mem_alloc((size_t)(cols + 1) * (size_t)(rows + 1), sizeof(*u->sums));
+    u->sums = sst_mem_alloc(HIDDEN_PLANES * (size_t)(cols + 1) * (size_t)(rows + 1), sizeof(*u->sums));
     u->best = sst_mem_alloc(blocks, sizeof(*u->best));
     u->best_box = sst_mem_alloc(blocks, 1);
     u->best_plane = sst_mem_alloc(blocks, 1);
@@ -69,18 +70,25 @@ static size_t place(const struct hidden_usual *u, int box, int plane, int y)
     return (((size_t)box * HIDDEN_PLANES + (size_t)plane) * (size_t)u->rows + (size_t)y) * (size_t)u->cols;
 }
 
-static void sum_up(struct hidden_usual *u)
+static float *sums_of(const struct hidden_usual *u, int plane)
 {
+    return u->sums + (size_t)plane * (size_t)(u->cols + 1) * (size_t)(u->rows + 1);
+}
+
+static void sum_up(const struct hidden_usual *u, int plane)
+{
+    const float *over = u->over + (size_t)plane * (size_t)u->cols * (size_t)u->rows;
+    float *sums = sums_of(u, plane);
     const int w = u->cols + 1;
 
-    memset(u->sums, 0, (size_t)w * sizeof(*u->sums));
+    memset(sums, 0, (size_t)w * sizeof(*sums));
     for (int y = 0; y < u->rows; y++) {
         float row = 0;
 
-        u->sums[(y + 1) * w] = 0;
+        sums[(y + 1) * w] = 0;
         for (int x = 0; x < u->cols; x++) {
-            row += u->over[y * u->cols + x];
-            u->sums[(y + 1) * w + x + 1] = u->sums[y * w + x + 1] + row;
+            row += over[y * u->cols + x];
+            sums[(y + 1) * w + x + 1] = sums[y * w + x + 1] + row;
         }
     }
 }
@@ -93,48 +101,75 @@ static bool overlaps(const struct hidden_rect *r, const struct hidden_rect *keep
     return false;
 }
 
-/* Sum of blocks x0..x1-1 of rows y0..y1-1. */
-static float sum_of(const struct hidden_usual *u, int x0, int y0, int x1, int y1)
-{
-    const int w = u->cols + 1;
+/* A box that is moved along a row, with what is around it: rows of sums above and below both. */
+struct row {
+    const float *top, *end, *around_top, *around_end;
+    int width, height, around; /* blocks; rows of what is around it */
+};
 
-    return u->sums[y1 * w + x1] - u->sums[y1 * w + x0] - u->sums[y0 * w + x1] + u->sums[y0 * w + x0];
+/* By how much a box exceeds what is around it, blocks x0..x1-1. */
+static inline float excess_at(const struct row *r, int x, int x0, int x1)
+{
+    const float area = (float)(r->width * r->height);
+    const float in = r->end[x + r->width] - r->end[x] - r->top[x + r->width] + r->top[x];
+    const float all = r->around_end[x1] - r->around_end[x0] - r->around_top[x1] + r->around_top[x0];
+    const float around = (all - in) / ((float)((x1 - x0) * r->around) - area);
+
+    return in / area - (around > 0 ? around : 0);
+}
+
+/* Excess of all places of a row; in the middle of it nothing around a box is cut off. */
+static void measure_row(const struct row *r, int cols, float *restrict excess)
+{
+    const int beside = AROUND * r->width, last = cols - r->width, middle = last - beside;
+    int x = 0;
+
+    for (; x <= last && x < beside; x++)
+        excess[x] = excess_at(r, x, 0, sst_min_int(x + r->width + beside, cols));
+    for (; x <= middle; x++)
+        excess[x] = excess_at(r, x, x - beside, x + r->width + beside);
+    for (; x <= last; x++)
+        excess[x] = excess_at(r, x, x - beside, cols);
+}
+
+static inline void follow_spread(float *spread, float over, float rate)
+{
+    const float most = (float)(CLIP * CLIP) * (*spread + (float)(SPREAD_MIN * SPREAD_MIN));
+
+    *spread += rate * ((over * over > most ? most : over * over) - *spread);
 }
 
 /* By how much all places of a box on a plane exceed what is usual, against what is around them: a gust raises both. */
-static void follow_box(struct hidden_usual *u, int box, int plane, float rate, const struct hidden_rect *keep,
+static void follow_box(const struct hidden_usual *u, int box, int plane, float rate, const struct hidden_rect *keep,
                        int keeps)
 {
-    const int bw = box_size[box].cols, bh = box_size[box].rows;
-    const float area = (float)(bw * bh);
+    const int bw = box_size[box].cols, bh = box_size[box].rows, w = u->cols + 1;
+    const float *sums = sums_of(u, plane);
 
     for (int y = 0; y + bh <= u->rows; y++) {
-        const size_t at = place(u, box, plane, y);
         const int y0 = sst_max_int(y - bh / 4, 0), y1 = sst_min_int(y + bh + bh / 4, u->rows);
+        const struct row r = { sums + y * w, sums + (y + bh) * w, sums + y0 * w, sums + y1 * w, bw, bh, y1 - y0 };
+        float *excess = u->excess + place(u, box, plane, y), *spread = u->spread + place(u, box, plane, y);
 
-        for (int x = 0; x + bw <= u->cols; x++) {
-            const int x0 = sst_max_int(x - AROUND * bw, 0), x1 = sst_min_int(x + (1 + AROUND) * bw, u->cols);
-            const float in = sum_of(u, x, y, x + bw, y + bh);
-            const float around = (sum_of(u, x0, y0, x1, y1) - in) / ((float)((x1 - x0) * (y1 - y0)) - area);
-            const float over = in / area - (around > 0 ? around : 0);
-            const float most = (float)(CLIP * CLIP) * (u->spread[at + (size_t)x] + (float)(SPREAD_MIN * SPREAD_MIN));
-            const struct hidden_rect r = { x, y, x + bw, y + bh };
+        measure_row(&r, u->cols, excess);
+        for (int x = 0; x + bw <= u->cols && !keeps; x++)
+            follow_spread(&spread[x], excess[x], rate);
+        for (int x = 0; x + bw <= u->cols && keeps; x++) {
+            const struct hidden_rect at = { x, y, x + bw, y + bh };
 
-            u->excess[at + (size_t)x] = over;
-            if (keeps && overlaps(&r, keep, keeps))
-                continue;
-            u->spread[at + (size_t)x] += rate * ((over * over > most ? most : over * over) - u->spread[at + (size_t)x]);
+            if (!overlaps(&at, keep, keeps))
+                follow_spread(&spread[x], excess[x], rate);
         }
     }
 }
 
 /* What the blocks of a plane exceed their usual level by, which follows. */
-static void follow_level(struct hidden_usual *u, const float *mean, int plane, float rate,
+static void follow_level(const struct hidden_usual *u, const float *mean, int plane, float rate,
                          const struct hidden_rect *keep, int keeps)
 {
     for (int y = 0; y < u->rows; y++) {
         float *level = u->level + ((size_t)plane * (size_t)u->rows + (size_t)y) * (size_t)u->cols;
-        float *over = u->over + (size_t)y * (size_t)u->cols;
+        float *over = u->over + ((size_t)plane * (size_t)u->rows + (size_t)y) * (size_t)u->cols;
         const float *now = mean + (size_t)y * (size_t)u->cols;
 
         for (int x = 0; x < u->cols; x++) {
@@ -148,38 +183,76 @@ static void follow_level(struct hidden_usual *u, const float *mean, int plane, f
     }
 }
 
+struct job {
+    struct hidden_usual *u;
+    const struct hidden_planes *p;
+    const struct hidden_rect *keep;
+    int keeps;
+    float rate;
+};
+
+static int follow_plane(void *arg, int plane, int worker SST_UNUSED)
+{
+    const struct job *j = arg;
+    const struct hidden_usual *u = j->u;
+
+    follow_level(u, j->p->mean + (size_t)plane * (size_t)u->cols * (size_t)u->rows, plane, j->rate, j->keep, j->keeps);
+    sum_up(u, plane);
+    for (int box = 0; box < HIDDEN_BOXES; box++)
+        follow_box(u, box, plane, j->rate, j->keep, j->keeps);
+    return 0;
+}
+
 /* A place counts if what exceeds the usual there is largest behind the leaves, and by how much it does. The farthest
  * surface is none of these. */
-static void judge_box(struct hidden_usual *u, const struct hidden_planes *p, int box)
+static void judge_box(const struct hidden_usual *u, const struct hidden_planes *p, int box, int y)
 {
     const int bw = box_size[box].cols, bh = box_size[box].rows;
 
-    for (int y = 0; y + bh <= u->rows; y++) {
-        for (int x = 0; x + bw <= u->cols; x++) {
-            const size_t middle = (size_t)(y + bh / 2) * (size_t)u->cols + (size_t)(x + bw / 2);
-            float behind = 0, leaves = 0, z;
-            const struct hidden_rect r = { x, y, x + bw, y + bh };
-            int plane = 0;
+    for (int x = 0; x + bw <= u->cols; x++) {
+        const size_t middle = (size_t)(y + bh / 2) * (size_t)u->cols + (size_t)(x + bw / 2);
+        float behind = 0, leaves = 0, z;
+        const struct hidden_rect r = { x, y, x + bw, y + bh };
+        int plane = 0;
 
-            for (int i = 0; i < p->count; i++) {
-                const float e = u->excess[place(u, box, i, y) + (size_t)x];
+        for (int i = 0; i < p->count; i++) {
+            const float e = u->excess[place(u, box, i, y) + (size_t)x];
 
-                if ((i < FARTHEST && p->count > 1) || !hidden_planes_is_behind(p, i, &r)) {
-                    leaves = e > leaves ? e : leaves;
-                } else if (e > behind) {
-                    behind = e;
-                    plane = i;
-                }
-            }
-            z = (behind - (float)LEAVES * leaves) /
-                sqrtf(u->spread[place(u, box, plane, y) + (size_t)x] + (float)(SPREAD_MIN * SPREAD_MIN));
-            if (behind > leaves && z > u->best[middle]) {
-                u->best[middle] = z;
-                u->best_box[middle] = (uint8_t)box;
-                u->best_plane[middle] = (uint8_t)plane;
+            /* What is no larger than both changes neither. */
+            if (!(e > behind) && !(e > leaves))
+                continue;
+            if ((i < FARTHEST && p->count > 1) || !hidden_planes_is_behind(p, i, &r)) {
+                leaves = e > leaves ? e : leaves;
+            } else if (e > behind) {
+                behind = e;
+                plane = i;
             }
         }
+        if (!(behind > leaves))
+            continue;
+        z = (behind - (float)LEAVES * leaves) /
+            sqrtf(u->spread[place(u, box, plane, y) + (size_t)x] + (float)(SPREAD_MIN * SPREAD_MIN));
+        if (z > u->best[middle]) {
+            u->best[middle] = z;
+            u->best_box[middle] = (uint8_t)box;
+            u->best_plane[middle] = (uint8_t)plane;
+        }
     }
+}
+
+/* All boxes whose middle is in a row of blocks. */
+static int judge_row(void *arg, int row, int worker SST_UNUSED)
+{
+    const struct job *j = arg;
+
+    memset(j->u->best + (size_t)row * (size_t)j->u->cols, 0, (size_t)j->u->cols * sizeof(*j->u->best));
+    for (int box = 0; box < HIDDEN_BOXES; box++) {
+        const int bh = box_size[box].rows, y = row - bh / 2;
+
+        if (y >= 0 && y + bh <= j->u->rows)
+            judge_box(j->u, j->p, box, y);
+    }
+    return 0;
 }
 
 /* The best place that is left, which is then cleared with what overlaps it. @return false: none */
@@ -206,28 +279,23 @@ static bool next_best(struct hidden_usual *u, struct hidden_candidate *c)
 }
 
 int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, int64_t t_ns,
-                        const struct hidden_rect *keep, int keeps, struct hidden_candidate out[SST_HIDDEN_THINGS])
+                        const struct hidden_rect *keep, int keeps, int threads,
+                        struct hidden_candidate out[SST_HIDDEN_THINGS])
 {
     const double dt_s = u->t_ns ? sst_clamp_double((double)(t_ns - u->t_ns) * 1e-9, 0, WAIT_MOST_S) : 0;
-    double rate;
+    struct job j = { u, p, keep, keeps, 1 };
     int n = 0;
 
     u->age_s += dt_s;
-    rate = u->t_ns ? fmin(dt_s / fmin(u->age_s / 2, FOLLOW_S), 1) : 1; /* the start counts little */
+    if (u->t_ns) /* the start counts little */
+        j.rate = (float)fmin(dt_s / fmin(u->age_s / 2, FOLLOW_S), 1);
     u->t_ns = t_ns;
-    if (rate >= 1) {
+    if (j.rate >= 1) {
         memset(u->level, 0, HIDDEN_PLANES * (size_t)u->cols * (size_t)u->rows * sizeof(*u->level));
         memset(u->spread, 0, HIDDEN_BOXES * HIDDEN_PLANES * (size_t)u->cols * (size_t)u->rows * sizeof(*u->spread));
     }
-    memset(u->best, 0, (size_t)u->cols * (size_t)u->rows * sizeof(*u->best));
-    for (int plane = 0; plane < p->count; plane++) {
-        follow_level(u, p->mean + (size_t)plane * (size_t)u->cols * (size_t)u->rows, plane, (float)rate, keep, keeps);
-        sum_up(u);
-        for (int box = 0; box < HIDDEN_BOXES; box++)
-            follow_box(u, box, plane, (float)rate, keep, keeps);
-    }
-    for (int box = 0; box < HIDDEN_BOXES; box++)
-        judge_box(u, p, box);
+    if (sst_parallel_for(p->count, threads, follow_plane, &j) || sst_parallel_for(u->rows, threads, judge_row, &j))
+        return 0; /* neither fails */
     while (n < SST_HIDDEN_THINGS && next_best(u, &out[n]))
         n++;
     return n;

@@ -52,19 +52,12 @@ void scene_composer_fini(struct scene_composer *c)
 
 static struct scene_span tile_span(const struct sst_map_u16 *disp, int x0, int x1, int y0, int y1)
 {
-    struct scene_span s = { SST_DISP_NONE, 0 };
+    const struct sst_kernels *kernels = sst_kernels_get();
+    uint16_t most[2] = { SST_DISP_NONE, 0 };
 
-    for (int y = y0; y < y1; y++) {
-        const uint16_t *d = sst_map_u16_row(disp, y);
-
-        for (int x = x0; x < x1; x++) {
-            const uint16_t known = d[x] == SST_DISP_NONE ? 0 : d[x];
-
-            s.far_q6 = d[x] < s.far_q6 ? d[x] : s.far_q6;
-            s.near_q6 = known > s.near_q6 ? known : s.near_q6;
-        }
-    }
-    return s;
+    for (int y = y0; y < y1; y++)
+        kernels->disp_span(most, sst_map_u16_row(disp, y) + x0, SST_DISP_NONE, (size_t)(x1 - x0));
+    return (struct scene_span){ most[0], most[1] };
 }
 
 /* What is warped of a row of cells: priority within a key, disparity, label; 0: nothing. */

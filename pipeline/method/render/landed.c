@@ -128,22 +128,11 @@ static struct rect rect_of(const struct clear *c, const struct landed *l, int ti
 static struct span span_of(const struct clear *c, const struct clear_view *v, struct rect r)
 {
     const uint16_t end = (uint16_t)sst_clamp_int(sst_min_int(c->bins, c->cut_q6 + 1), 0, SST_DISP_NONE);
-    struct span s = { UINT16_MAX, 0 };
+    uint16_t most[2] = { UINT16_MAX, 0 };
 
-    for (int y = r.y0; y < r.y1; y++) {
-        const uint16_t *disp = sst_map_u16_row(&v->tap->v->disp, y);
-        uint16_t first = UINT16_MAX, last = 0;
-
-        for (int x = r.x0; x < r.x1; x++) {
-            const uint16_t known = disp[x] < end ? disp[x] : 0;
-
-            first = first < disp[x] ? first : disp[x];
-            last = last > known ? last : known;
-        }
-        s.first = first < s.first ? first : s.first;
-        s.last = last > s.last ? last : s.last;
-    }
-    return s.first < end ? s : (struct span){ 1, 0 };
+    for (int y = r.y0; y < r.y1; y++)
+        c->kernels->disp_span(most, sst_map_u16_row(&v->tap->v->disp, y) + r.x0, end, (size_t)(r.x1 - r.x0));
+    return most[0] < end ? (struct span){ most[0], most[1] } : (struct span){ 1, 0 };
 }
 
 /* Where the rays of a rectangle may land; empty: nowhere in the picture. */
