@@ -10,6 +10,8 @@
 
 #define LOOK_BITS 13
 #define PEEK_BITS 57
+#define LOOKS     4
+_Static_assert(LOOKS *LOOK_BITS <= PEEK_BITS && (LOOKS - 1) * LOOK_BITS + 16 <= PEEK_BITS, "bits suffice");
 #define MEAN_BITS 11 /* table lookup that covers most means */
 #define BROKEN    SIZE_MAX
 /* Zeros after the data: a block that runs past the end is noticed at its own end, 64 symbols later. */
@@ -220,8 +222,8 @@ static inline size_t step_over(const uint8_t *bytes, size_t at, const struct tab
         uint64_t bits = peek(bytes, at);
         int rs, i;
 
-        /* The peeked bits hold twice LOOK_BITS and a symbol. */
-        for (i = 0; i < 2; i++) {
+        /* The peeked bits hold LOOKS times LOOK_BITS, and once less with the code of a symbol, of at most 16 bits. */
+        for (i = 0; i < LOOKS; i++) {
             const unsigned step = t->step[bits >> (64 - LOOK_BITS)], used = STEP_BITS(step);
 
             if (!used || k + STEP_COEFS(step) >= 64 + !(step & STEP_END))
@@ -232,7 +234,7 @@ static inline size_t step_over(const uint8_t *bytes, size_t at, const struct tab
             if (step & STEP_END)
                 return at;
         }
-        if (i == 2 || k == 64)
+        if (i == LOOKS || k == 64)
             continue;
         rs = symbol(bits, t, &length);
         if (rs < 0)

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/thread.h"
 #include "pipeline/live/live_internal.h"
 
 static int check_config(const struct sst_live_config *cfg)
@@ -85,6 +86,7 @@ int live_init(struct sst_live *live, const struct sst_live_config *cfg)
     live->min_px = live->max_px = live->cut.cut_px = NAN;
     live->confirmed = 1;
     live->cfg = *cfg;
+    live->cfg.threads = sst_thread_count(cfg->threads);
     if (err)
         return err;
     if (cfg->model) {

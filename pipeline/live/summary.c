@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/thread.h"
 #include "pipeline/live/live_internal.h"
 
 #define COUNT_COLS   320   /* about this number of pixels of a row is counted */
@@ -130,6 +131,17 @@ static void follow_range(struct sst_live *live, int64_t t_ns)
         live->range_ns = t_ns;
 }
 
+/* Counts of disparities, and votes for the focus: neither needs the other. */
+static int count_job(void *arg, int votes, int worker SST_UNUSED)
+{
+    struct sst_live *live = arg;
+
+    if (votes)
+        return live->sampled ? sst_render_focus_vote(&live->focus, &live->lf, live->sample, live->sampled) : 0;
+    return sst_renderer_recount(live->renderer, live->sample, live->sampled,
+                                sst_max_int(live->lf.width / COUNT_COLS, 1));
+}
+
 int live_summarize(struct sst_live *live, int64_t t_ns)
 {
     int err = 0;
@@ -138,10 +150,7 @@ int live_summarize(struct sst_live *live, int64_t t_ns)
         return 0;
     if (live->counted != live->serial) {
         live->sampled = sst_render_sample_views(&live->lf, live->sample);
-        err = sst_renderer_recount(live->renderer, live->sample, live->sampled,
-                                   sst_max_int(live->lf.width / COUNT_COLS, 1));
-        if (!err && live->sampled)
-            err = sst_render_focus_vote(&live->focus, &live->lf, live->sample, live->sampled);
+        err = sst_parallel_for(2, live->cfg.threads, count_job, live);
         if (err)
             return err;
         follow_range(live, t_ns);

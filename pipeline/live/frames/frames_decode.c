@@ -257,7 +257,8 @@ static int decoded_views(struct sst_liveframes *f)
 
 int frames_rectify(struct sst_liveframes *f)
 {
-    return sst_parallel_for(decoded_views(f), f->threads, rectify, f);
+    /* Without a calibration only changes are noted. */
+    return sst_parallel_for(decoded_views(f), f->cfg->calibration ? f->threads : 1, rectify, f);
 }
 
 /* --- error of skipping -------------------------------------------------------------------------------------------- */

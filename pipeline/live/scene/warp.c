@@ -320,22 +320,38 @@ static struct enlarger enlarger_of(const struct scene_composer *c)
     return e;
 }
 
+/* Four times the mean green of 2x2 px. */
+static void sum_green(uint16_t *restrict green4, const uint8_t *restrict a, const uint8_t *restrict b, int cells)
+{
+    for (int x = 0; x < cells; x++)
+        green4[x] = (uint16_t)(a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1]);
+}
+
+static void copy_cell(const struct strip *to, int at, int from)
+{
+    to->disp[at] = to->disp[from];
+    to->label[at] = to->label[from];
+    to->green4[at] = to->green4[from];
+}
+
 /* Fill a strip with cells x0-1 .. x1 of row y. */
 static void fill_strip(const struct strip *to, const struct scene_composer *c, const struct sst_image *img, int x0,
                        int x1, int y)
 {
     const uint8_t *a = sst_image_row(img, 1, 2 * y);
     const uint8_t *b = sst_image_row(img, 1, sst_min_int(2 * y + 1, img->height - 1));
-    const uint16_t *disp = sst_map_u16_row(&c->maps.disp, y);
-    const uint8_t *label = sst_map_u8_row(&c->maps.label, y);
+    const int from = sst_max_int(x0 - 1, 0), end = sst_min_int(x1 + 1, c->width);
+    const int whole = sst_min_int(end, img->width / 2); /* half a cell is left of an odd width */
 
-    for (int x = x0 - 1; x <= x1; x++) {
-        const int at = sst_clamp_int(x, 0, c->width - 1), left = 2 * at, right = sst_min_int(left + 1, img->width - 1);
-
-        to->disp[x - x0] = disp[at];
-        to->label[x - x0] = label[at];
-        to->green4[x - x0] = (uint16_t)(a[left] + a[right] + b[left] + b[right]);
-    }
+    memcpy(to->disp + (from - x0), sst_map_u16_row(&c->maps.disp, y) + from, (size_t)(end - from) * sizeof(*to->disp));
+    memcpy(to->label + (from - x0), sst_map_u8_row(&c->maps.label, y) + from, (size_t)(end - from));
+    sum_green(to->green4 + (from - x0), a + 2 * from, b + 2 * from, whole - from);
+    if (whole < end)
+        to->green4[whole - x0] = (uint16_t)(2 * (a[2 * whole] + b[2 * whole]));
+    if (from == x0)
+        copy_cell(to, -1, 0);
+    if (end == x1)
+        copy_cell(to, x1 - x0, x1 - x0 - 1);
 }
 
 /* Pixels of cells x0 .. x1-1 in row py, of which `cells` is the row and `other` the one next to it. */

@@ -6,6 +6,7 @@
 
 #define MAX_LEVELS 17 /* of sides up to 2^16 */
 #define BAND       16 /* rows of a job */
+#define ALONE_PX   20000 /* smaller levels take no longer than starting a thread */
 #define FULL       2  /* pixels of four that make the coarser one certain: single ones are likely to be wrong */
 
 /* One level of the pyramid: colours times weight, then filled colours; weights 0..1. */
@@ -162,6 +163,14 @@ static int bands(int height)
     return (height + BAND - 1) / BAND;
 }
 
+/* A step of one level. */
+static int run_level(struct pyramid *p, sst_work_fn *step, int threads)
+{
+    const struct level *l = &p->level[p->at];
+
+    return sst_parallel_for(bands(l->height), l->width * l->height < ALONE_PX ? 1 : threads, step, p);
+}
+
 int clear_fill(struct sst_image *img, const struct sst_map_u8 *weight, void *levels, int threads)
 {
     struct pyramid p = { .img = img, .weight = weight };
@@ -169,9 +178,9 @@ int clear_fill(struct sst_image *img, const struct sst_map_u8 *weight, void *lev
 
     plan_levels(&p, levels);
     for (p.at = 0; p.at < p.count && !err; p.at++)
-        err = sst_parallel_for(bands(p.level[p.at].height), threads, pull, &p);
+        err = run_level(&p, pull, threads);
     normalise(&p.level[p.count - 1]);
     for (p.at = p.count - 2; p.at >= 0 && !err; p.at--)
-        err = sst_parallel_for(bands(p.level[p.at].height), threads, push, &p);
+        err = run_level(&p, push, threads);
     return err ? err : sst_parallel_for(bands(img->height), threads, push_picture, &p);
 }
