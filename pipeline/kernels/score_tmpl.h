@@ -3,13 +3,7 @@
 #include <emmintrin.h>
 #endif
 
-#if defined(__AVX512BW__)
-#define SPAN_LANES 32
-#elif defined(__AVX2__)
-#define SPAN_LANES 16
-#else
-#define SPAN_LANES 8
-#endif
+#define SPAN_LANES 8 /* a row of a tile is 16 to 50 values */
 typedef uint16_t KERNEL(span_values) __attribute__((vector_size(2 * SPAN_LANES)));
 
 static void KERNEL(disp_span)(uint16_t span[2], const uint16_t *disp, int end, size_t n)

@@ -714,6 +714,19 @@ static void overlays_show_labels_and_disparities(void **state SST_UNUSED)
     hide(&s);
 }
 
+/* Loops on no threads would run on one: all of the live picture gets a number. */
+static void zero_threads_are_all_processors(void **state SST_UNUSED)
+{
+    const struct sst_live_config cfg = { .rows = 1, .cols = 2, .width = 64, .height = 48, .present = { true, true } };
+    struct sst_live *live = calloc(1, sizeof(*live));
+
+    assert_non_null(live);
+    assert_int_equal(live_init(live, &cfg), 0);
+    assert_int_equal(live->cfg.threads, sst_thread_count(0));
+    live_fini(live);
+    free(live);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -734,6 +747,7 @@ int main(void)
         cmocka_unit_test(zones_are_polygons),
         cmocka_unit_test(counts_of_all_views_are_the_histogram),
         cmocka_unit_test(overlays_show_labels_and_disparities),
+        cmocka_unit_test(zero_threads_are_all_processors),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
