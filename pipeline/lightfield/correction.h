@@ -35,8 +35,8 @@ bool sst_correction_is_none(const struct sst_correction *c);
 bool sst_correction_valid(const struct sst_correction *c);
 
 /**
- * Correct the loaded pictures, bicubic, and keep how in lf->correction, from where it is stored and applied at the next
- * load. Pictures that were corrected before are corrected further, but only `correction` is kept: load with
+ * Correct the loaded pictures (Lanczos, a = 3) and keep how in lf->correction, from where it is stored and applied at
+ * the next load. Pictures that were corrected before are corrected further, but only `correction` is kept: load with
  * SST_LOAD_UNCORRECTED first. The same bytes for any number of threads.
  *
  * @param correction  [rows * cols]
@@ -52,7 +52,7 @@ SST_MUST_CHECK int sst_lightfield_shared_correct(struct sst_share *share, struct
 /** Whether a view has an original that rays can be sampled from: then each ray is interpolated once, not twice. */
 bool sst_lightfield_has_originals(const struct sst_lightfield *lf);
 
-#define SST_CORRECTION_FILTER SST_FILTER_BICUBIC /* of all corrections; rectify/rectify.h */
+#define SST_CORRECTION_FILTER SST_FILTER_LANCZOS /* of all corrections; rectify/rectify.h */
 
 /** Where the pixels of a view with an original are in it. @return 0, -EINVAL, -ENOMEM; not logged */
 SST_MUST_CHECK int sst_correction_map(struct sst_rectify_map **out, const struct sst_lightfield *lf, int view);

@@ -803,25 +803,31 @@ static void unused_rows_cross_no_border(void **state SST_UNUSED)
     free_views(&lf);
 }
 
-/* Keys 1981, a = -1/2. */
-static double cubic(double t)
+/* Lanczos, a = 3, at x from its centre. */
+static double lanczos(double x)
 {
-    t = fabs(t);
-    return t < 1 ? (1.5 * t - 2.5) * t * t + 1 : t < 2 ? ((-0.5 * t + 2.5) * t - 4) * t + 2 : 0;
+    if (fabs(x) >= 3)
+        return 0;
+    return fabs(x) < 1e-9 ? 1 : 3 * sin(M_PI * x) * sin(M_PI * x / 3) / (M_PI * M_PI * x * x);
 }
 
-static double bicubic(const struct sst_image *image, int channel, double x, double y)
+/* Both ways, the weights' sum 1. */
+static double interpolated(const struct sst_image *image, int channel, double x, double y)
 {
     const int x0 = (int)floor(x), y0 = (int)floor(y);
-    double sum = 0;
+    double sum = 0, weights = 0;
 
-    for (int j = y0 - 1; j <= y0 + 2; j++) {
-        for (int i = x0 - 1; i <= x0 + 2; i++)
-            sum += cubic(x - i) * cubic(y - j) *
-                   sst_image_row(image, channel,
-                                 sst_clamp_int(j, 0, image->height - 1))[sst_clamp_int(i, 0, image->width - 1)];
+    for (int j = y0 - 2; j <= y0 + 3; j++) {
+        for (int i = x0 - 2; i <= x0 + 3; i++) {
+            const double weight = lanczos(x - i) * lanczos(y - j);
+
+            sum +=
+                weight * sst_image_row(image, channel,
+                                       sst_clamp_int(j, 0, image->height - 1))[sst_clamp_int(i, 0, image->width - 1)];
+            weights += weight;
+        }
     }
-    return fmin(fmax(sum, 0), 255);
+    return fmin(fmax(sum / weights, 0), 255);
 }
 
 /* Of a picture that was moved by 0.4, 0.7 px, seen 1 and 1.3 px beside it: the bytes of the corrected picture at whole
@@ -855,7 +861,7 @@ static void originals_are_sampled_once(void **state SST_UNUSED)
         assert_int_equal(render(&lf, &cfg, &img, NULL), 0);
         for (int y = 4; y < 26; y++) {
             for (int x = 4; x < 34; x++) {
-                const double want = bicubic(&lf.views[0].original, 1, x + beside + 0.4, y - 0.7);
+                const double want = interpolated(&lf.views[0].original, 1, x + beside + 0.4, y - 0.7);
                 const int got = sst_image_row(&img, 1, y)[x];
 
                 if (fabs(got - want) > 1.5) /* positions in 1/256 px, light in between */

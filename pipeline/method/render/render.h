@@ -118,7 +118,7 @@ struct sst_renderer; /* label ranges of one light field, computed on first use; 
  * Borrows lf, which must not change while the renderer lives.
  *
  * Where lf's images are raw frames (images_raw) the colour of each ray is sampled from its frame at the exact position
- * by lf's filter, photometrically corrected: one interpolation instead of two; likewise, bicubic, where corrected
+ * by lf's filter, photometrically corrected: one interpolation instead of two; likewise, by Lanczos, where corrected
  * pictures have their originals (SST_LOAD_ORIGINALS). Disparity and labels are always those of
  * the rectified views. A frame's sampler is created on first use and kept: 4/3 of the frame's memory.
  *
