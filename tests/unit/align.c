@@ -485,6 +485,49 @@ static void rows_of_leaves_are_not_held_back(void **state SST_UNUSED)
     sst_lightfield_fini(&lf);
 }
 
+/* Displacements down of a x y + slope y at the offset (x, y), each with a sigma. 4 a^2 / 6 - sigma^2 of it is jitter;
+ * six times the square of what is feigned is the other source of the slope. @return the slope that is undone */
+static double slope_undone(double a, double slope, double sigma, int *moved)
+{
+    struct sst_drift_camera camera[VIEWS];
+    const struct sst_drift check = { .camera = camera, .rows = SIDE, .cols = SIDE };
+    struct sst_correction c[VIEWS];
+    struct sst_align_report report;
+
+    for (int k = 0; k < VIEWS; k++) {
+        const double x = scene_views.views[k].bx, y = scene_views.views[k].by;
+
+        camera[k] = (struct sst_drift_camera){ .known = true,
+                                               .shift_y_px = a * x * y + slope * y,
+                                               .sigma_px = sigma,
+                                               .gain = { 1, 1, 1 },
+                                               .gain_sigma = NAN,
+                                               .falloff_sigma = NAN,
+                                               .exponent = 1,
+                                               .exponent_sigma = NAN };
+    }
+    sst_align_plan(c, &report, &scene_views, &check);
+    *moved = report.moved;
+    assert_true(c[scene_views.ref_view].shift_y_px == 0);
+    return 0.5 * (c[VIEWS - SIDE + 1].shift_y_px - c[1].shift_y_px);
+}
+
+static void slopes_are_undone_as_far_as_jitter_explains_them(void **state SST_UNUSED)
+{
+    static const double cases[][3] = { { 1.2, 0.3, 0.1 }, { 0.3, 0.2, 0.04 }, { 0.3, 0.15, 0.01 } };
+    int moved;
+
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        const double a = cases[i][0], slope = cases[i][1], sigma = cases[i][2];
+        const double jitter = 4 * a * a / 6 - sigma * sigma, feigned = 0.49 * sigma * sigma + 0.005 * 0.005;
+        const double want = slope * jitter / (jitter + 6 * feigned), got = slope_undone(a, slope, sigma, &moved);
+
+        if (fabs(got - want) > 1e-6 || moved < 6)
+            fail_msg("%.6f px for %.6f, %d views moved", got, want, moved);
+    }
+    assert_true(slope_undone(0.1, 0.4, 0.01, &moved) == 0 && !moved); /* hardly anything but a plane */
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -501,6 +544,7 @@ int main(void)
         plain_test(noise_is_no_light_field),
         cmocka_unit_test(unconfirmed_maps_are_implausible),
         cmocka_unit_test(rows_of_leaves_are_not_held_back),
+        cmocka_unit_test(slopes_are_undone_as_far_as_jitter_explains_them),
     };
 
     return cmocka_run_group_tests(tests, setup, teardown);

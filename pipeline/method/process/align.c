@@ -11,6 +11,9 @@
 #define MOST_PX    8.0  /* views farther off stay as they are */
 #define OFF_GAIN   0.12 /* like OFF_PX, of logs: 5 % of the grey levels; hard scenes reach 0.1 */
 #define TILTED     0.5  /* of the variance: deviations that grow with the offsets are no jitter */
+/* Sigma of a slope that a scene feigns, px per spacing: of the median sigma, and at least. Bush, humvee, cell, cat. */
+#define FEIGNED    0.7
+#define FEIGNED_PX 0.005
 #define MOST_GAIN  1.4  /* like MOST_PX: a factor of 4 */
 #define MOST_FALL  2.0  /* SST_CORRECTION_FALLOFF_MAX */
 #define FALL_APART 0.1  /* RMS of undisturbed scenes' fall-offs about what they share: up to 0.08 */
@@ -64,41 +67,6 @@ static double common_value(const struct kind *kind, int views)
     return middle;
 }
 
-/* Subtract the plane over the views' offsets if it explains most of the deviations. Where a slanted edge of something
- * near crosses others behind it, the crossings wander along the edge, by the same amount from every view to the next:
- * matches of meshes show a picture that moves down from column to column. Cameras that were knocked or sagged do not.
- */
-static void remove_tilt(struct kind *kind, const struct sst_lightfield *lf)
-{
-    double a[3][3] = { { 1e-9, 0, 0 }, { 0, 1e-9, 0 }, { 0, 0, 1e-9 } }, v[3] = { 0 }, all = 0, left = 0, mean;
-    int n = 0;
-
-    for (int k = 0; k < lf->rows * lf->cols; k++) {
-        const double row[3] = { 1, lf->views[k].bx, lf->views[k].by };
-
-        if (isnan(kind->value[k]))
-            continue;
-        n++;
-        for (int i = 0; i < 3; i++) {
-            v[i] += row[i] * kind->value[k];
-            for (int j = 0; j < 3; j++)
-                a[i][j] += row[i] * row[j];
-        }
-    }
-    mean = n ? v[0] / n : 0;
-    sst_stats_solve3(a, v);
-    for (int k = 0; k < lf->rows * lf->cols; k++) {
-        const double plane = v[0] + v[1] * lf->views[k].bx + v[2] * lf->views[k].by;
-
-        if (isnan(kind->value[k]))
-            continue;
-        all += (kind->value[k] - mean) * (kind->value[k] - mean);
-        left += (kind->value[k] - plane) * (kind->value[k] - plane);
-    }
-    for (int k = 0; k < lf->rows * lf->cols && left < (1 - TILTED) * all; k++)
-        kind->value[k] -= v[0] + v[1] * lf->views[k].bx + v[2] * lf->views[k].by;
-}
-
 /* RMS of the known values about `middle`. */
 static double rms_about(const struct kind *kind, int views, double middle)
 {
@@ -124,6 +92,75 @@ static double median_of(const double *value, int views)
             v[n++] = value[k];
     }
     return n ? sst_stats_median(v, n) : NAN;
+}
+
+/* Least squares plane over the views' offsets. */
+struct plane {
+    double mean[2], spread[2]; /* of the offsets; sum of squares about it */
+    double slope[2];
+    double all, left; /* sums of squares about the values' mean, about the plane */
+    int n;            /* values */
+};
+
+static struct plane fit_plane(const struct kind *kind, const struct sst_lightfield *lf)
+{
+    double a[3][3] = { { 1e-9, 0, 0 }, { 0, 1e-9, 0 }, { 0, 0, 1e-9 } }, v[3] = { 0 }, mean;
+    struct plane p = { 0 };
+
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const double row[3] = { 1, lf->views[k].bx, lf->views[k].by };
+
+        if (isnan(kind->value[k]))
+            continue;
+        p.n++;
+        for (int i = 0; i < 3; i++) {
+            v[i] += row[i] * kind->value[k];
+            for (int j = 0; j < 3; j++)
+                a[i][j] += row[i] * row[j];
+        }
+    }
+    if (!p.n)
+        return p;
+    mean = v[0] / p.n;
+    for (int i = 0; i < 2; i++) {
+        p.mean[i] = a[0][i + 1] / p.n;
+        p.spread[i] = fmax(a[i + 1][i + 1] - p.n * p.mean[i] * p.mean[i], 0);
+    }
+    sst_stats_solve3(a, v);
+    p.slope[0] = v[1];
+    p.slope[1] = v[2];
+    for (int k = 0; k < lf->rows * lf->cols; k++) {
+        const double plane = v[0] + v[1] * lf->views[k].bx + v[2] * lf->views[k].by;
+
+        if (isnan(kind->value[k]))
+            continue;
+        p.all += (kind->value[k] - mean) * (kind->value[k] - mean);
+        p.left += (kind->value[k] - plane) * (kind->value[k] - plane);
+    }
+    return p;
+}
+
+/* Subtract what of the plane over the views' offsets the scene feigns. Where a slanted edge of something
+ * near crosses others behind it, the crossings wander along the edge, by the same amount from every view to the next:
+ * matches of meshes show a picture that moves down from column to column. Cameras that were knocked or sagged do not:
+ * a plane that explains most of the deviations goes. Else the slope is estimated from its two sources: jitter of n
+ * views has a slope of variance (jitter's variance) / (sum of the squares of the offsets), scenes feign one in
+ * proportion to the sigma; the first one's expected share stays. */
+static void remove_tilt(struct kind *kind, const struct sst_lightfield *lf)
+{
+    const int views = lf->rows * lf->cols;
+    const struct plane p = fit_plane(kind, lf);
+    const double sigma = median_of(kind->sigma, views), feigned = hypot(FEIGNED * sigma, FEIGNED_PX);
+    double jitter, goes[2];
+
+    if (p.n <= 3)
+        return;
+    jitter = fmax(p.left / (p.n - 3) - sigma * sigma, 0);
+    for (int i = 0; i < 2; i++)
+        goes[i] = p.left < (1 - TILTED) * p.all ? 1 : 1 - jitter / (jitter + feigned * feigned * p.spread[i] + 1e-12);
+    for (int k = 0; k < views; k++) /* NAN stays */
+        kind->value[k] -=
+            goes[0] * p.slope[0] * (lf->views[k].bx - p.mean[0]) + goes[1] * p.slope[1] * (lf->views[k].by - p.mean[1]);
 }
 
 /* Whether the views scatter about what they share by more than measuring them does. */

@@ -27,11 +27,12 @@ struct sst_align_report {
  *
  * Test, for shifts along both axes, rolls, scales, gains and fall-offs one by one: a view is off, and corrected, beyond
  * 0.3 px (RMS over the picture; gains and fall-offs: 12 % of the light) and 6 sigma. Where more than a quarter of the
- * views are off, all beyond 1 sigma are corrected; so are fall-offs whose RMS is beyond 10 % and 2 sigma. Views that are
- * off by more than 8 px are not: their scene is another one, or they are in a wrong place. What all views share is not
- * observable: the mean of those that agree stays, but for a fall-off beside which the cameras' own are significant; so
- * does a displacement that grows with the views' offsets, which meshes feign. Exponents (gamma) are undone in all views if
- * their RMS is beyond 4 % and 3 sigma, and explain the light better than fall-offs do; not with a calibration.
+ * views are off, all beyond 1 sigma are corrected; so are fall-offs whose RMS is beyond 10 % and 2 sigma. Views that
+ * are off by more than 8 px are not: their scene is another one, or they are in a wrong place. What all views share is
+ * not observable: the mean of those that agree stays, but for a fall-off beside which the cameras' own are significant;
+ * so does a displacement that grows with the views' offsets, which meshes and foliage feign: all of it where it
+ * explains most of the deviations, else the share that their jitter does not. Exponents (gamma) are undone in all views
+ * if their RMS is beyond 4 % and 3 sigma, and explain the light better than fall-offs do; not with a calibration.
  *
  * @param correction  out, [rows * cols]
  */
