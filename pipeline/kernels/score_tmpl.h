@@ -1,21 +1,25 @@
-/* disp_span, cell_score, score_add: whole blocks of lanes of 16 bits, the rest by the references. */
+/* disp_span, cell_score, score_add: whole blocks of lanes; the rest by the references, for extremes by a block that
+ * overlaps the last one. */
 #if defined(__SSE2__)
 #include <emmintrin.h>
 #endif
 
-#define SPAN_LANES 8 /* a row of a tile is 16 to 50 values */
+#define SPAN_LANES 16 /* rows of a tile are 16 to 50 values */
 typedef uint16_t KERNEL(span_values) __attribute__((vector_size(2 * SPAN_LANES)));
 
 static void KERNEL(disp_span)(uint16_t span[2], const uint16_t *disp, int end, size_t n)
 {
     const KERNEL(span_values) zero = { 0 }, above = zero + (uint16_t)end;
     KERNEL(span_values) least = zero + span[0], most = zero + span[1];
-    size_t x = 0;
 
-    for (; n - x >= SPAN_LANES; x += SPAN_LANES) {
+    if (n < SPAN_LANES) {
+        sst_disp_span_ref(span, disp, end, n);
+        return;
+    }
+    for (size_t x = 0; x < n; x += SPAN_LANES) {
         KERNEL(span_values) at, known, less, more;
 
-        memcpy(&at, disp + x, sizeof(at));
+        memcpy(&at, disp + (n - x < SPAN_LANES ? n - SPAN_LANES : x), sizeof(at));
         known = at & (KERNEL(span_values))(at < above);
         less = (KERNEL(span_values))(at < least);
         more = (KERNEL(span_values))(known > most);
@@ -26,7 +30,6 @@ static void KERNEL(disp_span)(uint16_t span[2], const uint16_t *disp, int end, s
         span[0] = least[i] < span[0] ? least[i] : span[0];
         span[1] = most[i] > span[1] ? most[i] : span[1];
     }
-    sst_disp_span_ref(span, disp + x, end, n - x);
 }
 #undef SPAN_LANES
 
