@@ -452,9 +452,8 @@ static void pack_deep_row(uint8_t *row, const struct sst_map_u16 plane[3], int y
 static void write_rows(struct writer *w, const struct picture *p)
 {
     png_init_io(w->png, w->stream);
-    png_set_IHDR(w->png, w->info, (png_uint_32)p->width, (png_uint_32)p->height,
-                 p->deep || p->samples.white ? 16 : 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
-                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_IHDR(w->png, w->info, (png_uint_32)p->width, (png_uint_32)p->height, p->deep || p->samples.white ? 16 : 8,
+                 PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     /* Speed before size: many of these files are written. */
     png_set_compression_level(w->png, 2);
     png_set_filter(w->png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);

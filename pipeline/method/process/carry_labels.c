@@ -9,9 +9,9 @@
 #include "pipeline/method/process/process_internal.h"
 
 #define SOURCES    SST_REFINE_VOTERS /* nearest key views that labels come from */
-#define SAME_Q6    64      /* 1/64 px: disparities of one surface differ by at most this */
-#define SIMILAR    24      /* levels: a label stays with a colour whose channels all differ by at most this */
-#define REACH_MOST 32768.0 /* px; sources that are farther away are left out */
+#define SAME_Q6    64                /* 1/64 px: disparities of one surface differ by at most this */
+#define SIMILAR    24                /* levels: a label stays with a colour whose channels all differ by at most this */
+#define REACH_MOST 32768.0           /* px; sources that are farther away are left out */
 
 struct job {
     const struct process_carry *c;
@@ -59,27 +59,21 @@ static bool similar(const struct sst_image *a, int xa, int ya, const struct sst_
     return true;
 }
 
-/* The nearest source that shows the surface of pixel (x, y), and where; NULL: none does.
- * @param labelled  only sources that have a label there */
-static const struct sst_refine_voter *find_source(const struct sst_lightfield *lf,
-                                                  const struct sst_refine_voter *source, int n,
-                                                  const struct sst_view *own, int x, int y, bool labelled, int *xs,
-                                                  int *ys)
+struct place {
+    int x, y;
+};
+
+static inline struct place place_in(const struct sst_refine_voter *s, int x, int y, int d)
 {
-    const int d = sst_map_u16_row(&own->disp, y)[x];
+    return (struct place){ sst_shifted(x, s->across, d), sst_shifted(y, s->down, d) };
+}
 
-    for (const struct sst_refine_voter *s = source; s < source + n; s++) {
-        const struct sst_view *there = &lf->views[s->view];
-
-        *xs = sst_shifted(x, s->across, d);
-        *ys = sst_shifted(y, s->down, d);
-        if ((unsigned)*xs < (unsigned)own->image.width && (unsigned)*ys < (unsigned)own->image.height &&
-            (!labelled || sst_map_u8_row(&there->label, *ys)[*xs] != SST_LABEL_NONE) &&
-            abs(sst_map_u16_row(&there->disp, *ys)[*xs] - d) <= SAME_Q6 &&
-            similar(&own->image, x, y, &there->image, *xs, *ys))
-            return s;
-    }
-    return NULL;
+/* Does a source show the surface of pixel (x, y)? @param at  where it would */
+static inline bool shows(const struct sst_view *there, const struct sst_view *own, int x, int y, int d, struct place at)
+{
+    return (unsigned)at.x < (unsigned)own->image.width && (unsigned)at.y < (unsigned)own->image.height &&
+           abs(sst_map_u16_row(&there->disp, at.y)[at.x] - d) <= SAME_Q6 &&
+           similar(&own->image, x, y, &there->image, at.x, at.y);
 }
 
 static bool is_seen(const struct sst_view *v, int x, int y)
@@ -87,26 +81,62 @@ static bool is_seen(const struct sst_view *v, int x, int y)
     return sst_map_u16_row(&v->disp, y)[x] != SST_DISP_NONE && (!v->valid.data || sst_map_u8_row(&v->valid, y)[x]);
 }
 
-/* Labels of a view from its sources. @param own_entropy  out, likewise, infinite where there is no label; NULL: not
- * wanted @param entropy  [views] of the sources */
-static void gather_labels(const struct process_carry *c, int view, struct sst_map_u8 *label,
-                          struct sst_map_f32 *own_entropy, const struct sst_map_f32 *entropy)
+/* What is gathered of a view. */
+struct gathered {
+    struct sst_map_u8 *label;
+    struct sst_map_f32 *own_entropy;   /* likewise, infinite where there is no label; NULL: not wanted */
+    const struct sst_map_f32 *entropy; /* [views] of the sources */
+    struct sst_map_u8
+        *source; /* index of each pixel's nearest source that shows its surface, their number: none; or NULL */
+    bool known;  /* in; else out */
+};
+
+/* The nearest source that shows the surface of pixel (x, y) and has a label there. @return its index, n: none does
+ * @param nearest  the nearest one that shows the surface, n: none; known: in, else out
+ * @param at       out: where */
+static inline int find_source(uint8_t *nearest, bool known, const struct sst_lightfield *lf,
+                              const struct sst_refine_voter *source, int n, const struct sst_view *own, int x, int y,
+                              struct place *at)
+{
+    const int d = sst_map_u16_row(&own->disp, y)[x];
+
+    if (!known)
+        *nearest = (uint8_t)n;
+    for (int i = known ? *nearest : 0; i < n; i++) {
+        const struct sst_view *there = &lf->views[source[i].view];
+
+        *at = place_in(&source[i], x, y, d);
+        if (!(known && i == *nearest) && !shows(there, own, x, y, d, *at))
+            continue;
+        *nearest = !known && *nearest == n ? (uint8_t)i : *nearest;
+        if (sst_map_u8_row(&there->label, at->y)[at->x] != SST_LABEL_NONE)
+            return i;
+    }
+    return n;
+}
+
+/* Labels of a view from its sources. */
+static void gather_labels(const struct process_carry *c, int view, const struct gathered *out)
 {
     const struct sst_view *own = &c->lf->views[view];
     struct sst_refine_voter source[SOURCES];
     const int n = sources_of(c, view, source);
 
-    for (int y = 0; y < label->height; y++) {
-        float *e = own_entropy ? sst_map_f32_row(own_entropy, y) : NULL;
-        uint8_t *to = sst_map_u8_row(label, y);
+    for (int y = 0; y < out->label->height; y++) {
+        float *e = out->own_entropy ? sst_map_f32_row(out->own_entropy, y) : NULL;
+        uint8_t *to = sst_map_u8_row(out->label, y), *nearest = out->source ? sst_map_u8_row(out->source, y) : NULL;
 
-        for (int x = 0, xs, ys; x < label->width; x++) {
-            const struct sst_refine_voter *s =
-                is_seen(own, x, y) ? find_source(c->lf, source, n, own, x, y, true, &xs, &ys) : NULL;
+        for (int x = 0; x < out->label->width; x++) {
+            uint8_t first = out->known ? nearest[x] : (uint8_t)n;
+            struct place at = { 0, 0 };
+            const int i = is_seen(own, x, y) ? find_source(&first, out->known, c->lf, source, n, own, x, y, &at) : n;
+            const struct sst_view *there = i < n ? &c->lf->views[source[i].view] : NULL;
 
-            to[x] = s ? sst_map_u8_row(&c->lf->views[s->view].label, ys)[xs] : (uint8_t)SST_LABEL_NONE;
+            to[x] = there ? sst_map_u8_row(&there->label, at.y)[at.x] : (uint8_t)SST_LABEL_NONE;
             if (e)
-                e[x] = s ? sst_map_f32_row(&entropy[s->view], ys)[xs] : INFINITY;
+                e[x] = there ? sst_map_f32_row(&out->entropy[source[i].view], at.y)[at.x] : INFINITY;
+            if (nearest)
+                nearest[x] = first;
         }
     }
 }
@@ -166,10 +196,21 @@ static int carry_job(void *arg, int index, int worker SST_UNUSED)
     const struct job *j = arg;
     const int view = j->view[j->batch[index]];
     struct sst_view *own = &j->c->lf->views[view];
+    struct sst_map_u8 *source = j->c->source ? &j->c->source[view] : NULL;
+    struct gathered gathered;
+    int err;
 
     if (j->done[view])
         return 0;
-    gather_labels(j->c, view, &own->label, j->entropy ? &j->entropy[view] : NULL, j->entropy);
+    gathered = (struct gathered){ .label = &own->label,
+                                  .own_entropy = j->entropy ? &j->entropy[view] : NULL,
+                                  .entropy = j->entropy,
+                                  .source = source,
+                                  .known = source && source->data };
+    err = source && !source->data ? sst_map_u8_init(source, own->label.width, own->label.height) : 0;
+    if (err)
+        return err;
+    gather_labels(j->c, view, &gathered);
     if (j->fill)
         fill_view(own);
     return 0;
@@ -229,7 +270,7 @@ int process_carry_error(const struct process_carry *c, int view, double *percent
     const int err = sst_map_u8_init(&gathered, lf->width, lf->height);
 
     if (!err && !(c->device && carry_on_device(c, view, &gathered, NULL, &how)))
-        gather_labels(c, view, &gathered, NULL, NULL);
+        gather_labels(c, view, &(struct gathered){ .label = &gathered });
     for (int y = 0; !err && y < lf->height; y++) {
         const uint8_t *label = sst_map_u8_row(&lf->views[view].label, y), *there = sst_map_u8_row(&gathered, y);
 
@@ -251,9 +292,14 @@ static void find_shown(const struct process_carry *c, int view, struct sst_map_u
     const int n = sources_of(c, view, source);
 
     for (int y = 0; y < shown->height; y++) {
-        for (int x = 0, xs, ys; x < shown->width; x++)
-            sst_map_u8_row(shown, y)[x] =
-                is_seen(own, x, y) && find_source(c->lf, source, n, own, x, y, false, &xs, &ys);
+        for (int x = 0; x < shown->width; x++) {
+            const int d = sst_map_u16_row(&own->disp, y)[x];
+            bool found = false;
+
+            for (int i = 0; i < n && is_seen(own, x, y) && !found; i++)
+                found = shows(&c->lf->views[source[i].view], own, x, y, d, place_in(&source[i], x, y, d));
+            sst_map_u8_row(shown, y)[x] = found;
+        }
     }
 }
 

@@ -28,6 +28,7 @@ struct run {
     struct sst_segmenter **segmenters; /* [threads] */
     bool judge;                        /* the report is wanted */
     bool *carried;                     /* [views] labels are carried over; NULL: no view's are */
+    struct sst_map_u8 *source;         /* [views] where from; with `carried` */
 };
 
 static int views_of(const struct run *run)
@@ -178,7 +179,8 @@ static struct process_carry carry_of(const struct run *run)
 {
     const struct sst_process_config *cfg = run->cfg;
 
-    return (struct process_carry){ run->lf, run->carried, cfg->share, cfg->threads, cfg->refinement.device };
+    return (
+        struct process_carry){ run->lf, run->carried, cfg->share, cfg->threads, cfg->refinement.device, run->source };
 }
 
 /* What one process measures for all. */
@@ -242,7 +244,8 @@ static int choose_keys(struct run *run)
     for (int k = 0; k < views_of(run); k++)
         present += lf->views[k].present;
     run->carried = calloc((size_t)views_of(run), sizeof(*run->carried));
-    if (!run->carried)
+    run->source = calloc((size_t)views_of(run), sizeof(*run->source));
+    if (!run->carried || !run->source)
         return -ENOMEM;
     keys = sst_disparity_keys(lf, spacing > 1 ? spacing : LABEL_SPACING, run->carried);
     err = can_carry(run, &can);
@@ -520,6 +523,9 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
     err = err ? err : refine_views(&run);
     run.report->refinement = sst_process_lap(&clock);
     sst_refine_device_forget(cfg->refinement.device);
+    for (int view = 0; run.source && view < views_of(&run); view++)
+        sst_map_u8_fini(&run.source[view]);
+    free(run.source);
     free(run.carried);
     return err;
 }

@@ -14,6 +14,8 @@ struct process_carry {
     struct sst_share *share;   /* with other processes, by views; or NULL */
     int threads;
     struct sst_refine_device *device; /* with the same bytes; or NULL */
+    struct sst_map_u8 *source; /* [views], zeroed, the caller's: filled by the first process_carry_labels(), for later
+                                  ones of the same disparities; it frees the maps. NULL: not kept */
 };
 
 /**
