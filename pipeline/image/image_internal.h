@@ -1,11 +1,10 @@
-/* pipeline/image/image_internal.h - the common kinds of PNG, without libpng: reading, and writing maps. */
+/* pipeline/image/image_internal.h - the common kinds of PNG, without libpng. */
 #ifndef SST_PIPELINE_IMAGE_IMAGE_INTERNAL_H
 #define SST_PIPELINE_IMAGE_IMAGE_INTERNAL_H
 
 #include <stdbool.h>
 
 #include "base/base.h"
-#include "pipeline/image/image.h"
 
 /* Deflate expands a byte to at most 1032; a file that claims more is truncated, and no memory is allocated for it. */
 #define PNG_PLAIN_MOST_RATIO 1040
@@ -28,23 +27,5 @@ struct png_plain {
 bool png_plain_read(struct png_plain *out, const uint8_t *data, size_t size, enum png_plain_kind kind);
 
 void png_plain_fini(struct png_plain *p);
-
-/** A map to encode: one of u8 and u16. */
-struct png_runs_map {
-    const struct sst_map_u8 *u8;
-    const struct sst_map_u16 *u16;
-    const uint8_t (*palette)[3]; /* [256] colours of u8; NULL: grey */
-    int width, height;
-};
-
-/**
- * A PNG file that any reader takes, the same bytes on every processor: filter "up" (indices of a palette: none), blocks
- * of DEFLATE (RFC 1951) with a Huffman code each, whose matches all have distance 1. A third of the time of zlib, of
- * about the same size.
- *
- * @param data, size  out; data: free() it
- * @return 0, -ENOMEM. Not logged. Thread: any
- */
-SST_MUST_CHECK int png_runs_encode(uint8_t **data, size_t *size, const struct png_runs_map *map);
 
 #endif
