@@ -273,7 +273,7 @@ static void a_hen_vanishes_with_labels(void **state SST_UNUSED)
     open_array(&a, true);
     expose(&a, "cat", 0);
     assert_int_equal(feed(&a, -1), 0);
-    assert_sees_through(&a, 2, 0.3); /* the network takes some of the hen for the cat: 2.5 and 0.4 dB */
+    assert_sees_through(&a, 2, 0.1); /* the network takes some of the hen for the cat: 2.4 and 0.2 dB */
     if (a.cfg.model) {
         const int cat = sst_classes_find(&sst_live_lightfield(a.live)->classes, "Cat");
 
