@@ -264,6 +264,16 @@ static uint64_t head_frames(void)
     return n;
 }
 
+static uint64_t head_sets(void)
+{
+    uint64_t n;
+
+    pthread_mutex_lock(&head.lock);
+    n = head.sets;
+    pthread_mutex_unlock(&head.lock);
+    return n;
+}
+
 /* --- tests -------------------------------------------------------------------------------------------------------- */
 
 static uint64_t now_tick; /* edges of this program go on over all tests */
@@ -417,17 +427,10 @@ static void open_by_datagrams(struct node *n, const char *name, int col)
     UNTIL(state(n).connected && (state(n).datagrams || !WITH_ISAL));
 }
 
-/* Sets that came too late, on a machine that is busy with other things. */
-static uint64_t late_sets(void)
-{
-    return peer(0).missed_sets + peer(1).missed_sets;
-}
-
 static void sets_go_by_datagrams(void **state_ SST_UNUSED)
 {
     struct node left, right;
     struct sst_link_peer p;
-    uint64_t late;
 
     open_head();
     open_by_datagrams(&left, "left", 0);
@@ -436,22 +439,20 @@ static void sets_go_by_datagrams(void **state_ SST_UNUSED)
         both_capture(&left, &right, 1);
         UNTIL(all_sent(&left) && all_sent(&right));
     }
-    UNTIL(head_frames() + CAMERAS * late_sets() == 160);
+    /* On a busy machine a part may come later than its set is waited for. */
+    UNTIL(head_sets() == 40 && head_frames() >= 150);
     p = peer(0);
-    late = late_sets();
-    assert_true(late <= 4);
-    if (!late)
-        assert_int_equal(state(&left).bucket[SST_LINK_SENT], 80);
+    assert_int_equal(state(&left).bucket[SST_LINK_SENT], 80);
     if (WITH_ISAL) {
         assert_int_equal(state(&left).datagrams_reason[0], 0);
         assert_true(p.datagrams >= 40 && state(&left).sent_datagrams >= 40);
-        assert_int_equal(p.refused + p.missed, 0);
+        assert_int_equal(p.refused + p.missed + p.missed_sets, 0);
     }
     close_node(&left);
     close_node(&right);
     close_head(NULL);
     assert_int_equal(head.wrong, 0);
-    assert_true(head.complete + late >= 40);
+    assert_true(head.complete >= 35);
 }
 
 /* Either side may do without datagrams: pictures come over TLS, and the node says why. */
