@@ -503,7 +503,7 @@ int main(void)
         serial_test(matched_leaves_no_longer_hide_what_is_behind),
         serial_test(pictures_of_one_renderer_are_those_of_many),
         serial_test(good_matches_decide_alone),
-        cmocka_unit_test(tested_maps_are_trusted),
+        serial_test(tested_maps_are_trusted),
         serial_test(external_maps_are_trusted),
         serial_test(confirmed_disparities_are_counted),
         serial_test(rays_beside_a_rim_are_not_explained_by_it),
