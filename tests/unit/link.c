@@ -254,24 +254,19 @@ static bool all_sent(const struct node *n)
     return s.connected && !s.waiting;
 }
 
-static uint64_t head_frames(void)
+static uint64_t of_head(const uint64_t *count)
 {
     uint64_t n;
 
     pthread_mutex_lock(&head.lock);
-    n = head.frames;
+    n = *count;
     pthread_mutex_unlock(&head.lock);
     return n;
 }
 
-static uint64_t head_sets(void)
+static uint64_t head_frames(void)
 {
-    uint64_t n;
-
-    pthread_mutex_lock(&head.lock);
-    n = head.sets;
-    pthread_mutex_unlock(&head.lock);
-    return n;
+    return of_head(&head.frames);
 }
 
 /* --- tests -------------------------------------------------------------------------------------------------------- */
@@ -440,7 +435,7 @@ static void sets_go_by_datagrams(void **state_ SST_UNUSED)
         UNTIL(all_sent(&left) && all_sent(&right));
     }
     /* On a busy machine a part may come later than its set is waited for. */
-    UNTIL(head_sets() == 40 && head_frames() >= 150);
+    UNTIL(of_head(&head.sets) == 40 && head_frames() >= 150);
     p = peer(0);
     assert_int_equal(state(&left).bucket[SST_LINK_SENT], 80);
     if (WITH_ISAL) {

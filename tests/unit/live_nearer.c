@@ -1,5 +1,5 @@
-/* pipeline/live: somebody comes who is nearer than anything before. Disparities are estimated, and the picture is
- * compared with the truth from the first set on. */
+/* pipeline/live: an object enters that is closer than the range of disparities found so far. The picture is compared
+ * with the truth from the first set on. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,7 +11,7 @@
 #define SIDE   4
 #define WIDTH  320
 #define HEIGHT 240
-#define FROM_S 2.4 /* nobody is there; from 2.7 s on one view after the other sees somebody at its edge */
+#define FROM_S 2.4 /* no pedestrian; from 2.7 s on one view after the other has one at its edge */
 #define STEP_S 0.1
 #define SETS   6
 
