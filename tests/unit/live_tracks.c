@@ -292,6 +292,39 @@ static void leaves_get_nowhere(void **state)
     }
 }
 
+/* So do bunches of leaves that the network takes for an animal: seen twice in three seconds, each time a bit elsewhere,
+ * now at one depth of the foliage, now at another. Five minutes. An animal that walks off from among them is reported.
+ */
+static void leaves_called_animals_get_nowhere(void **state)
+{
+    const int hen = sst_classes_find(&sst_classes_default, "Hen");
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 20; seed++) {
+        struct bench b;
+
+        open_bench(&b, seed);
+        for (int n = 0; n < 200; n++) {
+            for (int bunch = 0; bunch < 6; bunch++) {
+                const int x = 30 + 50 * bunch + jitter(&b, 7), y = 60 + 20 * (bunch % 3) + jitter(&b, 7);
+
+                add_piece(&b, x - 6, y - 6, x + 6 + jitter(&b, 2), y + 6 + jitter(&b, 2), hen, blue);
+                b.piece[b.pieces - 1].disp_q6 += jitter(&b, 128);
+            }
+            b.t_ns += 1400000000;
+            step(&b);
+        }
+        assert_int_equal(ids(&b), 0);
+        for (int n = 0; n < 12; n++) {
+            add_piece(&b, 20 + 8 * n, 180 + jitter(&b, 2), 44 + 8 * n, 200 + jitter(&b, 2), hen, red);
+            b.t_ns += 400000000;
+            step(&b);
+        }
+        assert_int_equal(ids(&b), 1);
+        close_bench(&b);
+    }
+}
+
 /* More pieces and tracks than there is room for, none at all, and times that stand or go back. */
 static void anything_goes(void **state)
 {
@@ -331,6 +364,7 @@ int main(void)
         cmocka_unit_test(what_stands_stays),
         cmocka_unit_test(pieces_of_one_are_one),
         cmocka_unit_test(leaves_get_nowhere),
+        cmocka_unit_test(leaves_called_animals_get_nowhere),
         cmocka_unit_test(anything_goes),
     };
 

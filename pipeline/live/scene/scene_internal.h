@@ -219,7 +219,8 @@ struct scene_track {
     uint16_t votes[SST_MAX_CLASSES + 1]; /* sets by label */
     int sets;                            /* with a piece */
     double from_x, from_y, from_q6;      /* where it was first seen */
-    double before_x, before_y, gone;     /* in the last set; length of its way */
+    double before_x, before_y, before_q6; /* in the last set */
+    double gone, gone_q6;                 /* length of its way in the picture; in depth */
     int64_t first_ns, seen_ns, moved_ns; /* moved: not only standing */
     int piece;                           /* of this set; -1: none */
 };

@@ -31,12 +31,14 @@
 #define MOVING_SETS   3 /* a track is reported once seen in these sets, for MOVING_NS, and moved by: */
 #define MOVING_NS     INT64_C(300000000)
 #define MOVED         0.5 /* of its size, and */
-#define MOVED_UNKNOWN 1.5 /* of what has no label, or one that does not move */
+#define MOVED_UNKNOWN    1.5 /* of what has no label, or one that does not move, or is seen at longer intervals than: */
+#define RARE_NS          5e8
 #define UNKNOWN_SETS  6
 #define UNKNOWN_SHARE 0.01 /* of the picture, at least */
 #define MOVED_CELLS   6.0
 #define MOVED_Q6      160.0 /* or nearer or farther by this */
-#define STRAIGHT      0.6   /* way that things without a label have come, of the way that they have gone */
+#define STRAIGHT         0.25 /* way that a thing has come, in the picture or in depth, of the way that it has gone; and */
+#define STRAIGHT_UNKNOWN 0.6 /* of what has no label, or one that does not move */
 
 /* Of the usual class lists: CamVid, Cityscapes, ADE20K. */
 static const char *const rooted[] = {
@@ -308,6 +310,7 @@ static void predict(struct scene_tracks *t, double dt_s)
 
         a->before_x = a->x;
         a->before_y = a->y;
+        a->before_q6 = a->disp_q6;
         a->x += a->vx * dt_s;
         a->y += a->vy * dt_s;
         a->piece = -1;
@@ -331,6 +334,7 @@ static void add(struct scene_tracks *t, const struct scene_piece *p, struct exte
                                .from_q6 = p->disp_q6,
                                .before_x = e.x,
                                .before_y = e.y,
+                               .before_q6 = p->disp_q6,
                                .first_ns = t_ns };
     memcpy(a->colour, p->colour, sizeof(a->colour));
     if (p->label <= SST_MAX_CLASSES)
@@ -393,14 +397,17 @@ static bool moves(const struct scene_track *a, const struct scene_tracks *t, dou
     const double dx = a->x - a->from_x, dy = a->y - a->from_y, way = hypot(dx, dy);
     const int label = most_votes(a);
     const bool known = label && t->motion[label] == SCENE_MOBILE;
-    const double far = known ? MOVED : MOVED_UNKNOWN;
+    /* Seen rarely, all places of a bunch of leaves look like a way. */
+    const bool often = (double)(a->seen_ns - a->first_ns) <= RARE_NS * (double)(a->sets - 1);
+    const double far = known && often ? MOVED : MOVED_UNKNOWN, deeper = fabs(a->disp_q6 - a->from_q6);
 
     if (a->sets < (known ? MOVING_SETS : UNKNOWN_SETS) || a->seen_ns - a->first_ns < MOVING_NS)
         return false;
-    if (!known && (way < STRAIGHT * a->gone || a->w * a->h < UNKNOWN_SHARE * picture))
+    if (known && deeper >= fmax(MOVED_Q6 * far / MOVED, STRAIGHT * a->gone_q6))
+        return true;
+    if (way < (known ? STRAIGHT : STRAIGHT_UNKNOWN) * a->gone || (!known && a->w * a->h < UNKNOWN_SHARE * picture))
         return false;
-    return fabs(dx) >= fmax(far * a->w, MOVED_CELLS) || fabs(dy) >= fmax(far * a->h, MOVED_CELLS) ||
-           (known && fabs(a->disp_q6 - a->from_q6) >= MOVED_Q6);
+    return fabs(dx) >= fmax(far * a->w, MOVED_CELLS) || fabs(dy) >= fmax(far * a->h, MOVED_CELLS);
 }
 
 void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece, int pieces,
@@ -424,6 +431,7 @@ void scene_tracks_update(struct scene_tracks *t, const struct scene_piece *piece
         if ((a->piece < 0 && !wait_for(a, disp, t_ns)) || is_part(t, kept, a))
             continue;
         a->gone += hypot(a->x - a->before_x, a->y - a->before_y);
+        a->gone_q6 += fabs(a->disp_q6 - a->before_q6);
         if (!a->reported && moves(a, t, (double)disp->width * disp->height)) {
             a->reported = true;
             a->id = t->next_id++;
