@@ -8,9 +8,10 @@
  * min=0 max=0 (disparities) focus=NAN width=0 height=0 (of a world; 0: native) same=0 (from this set on the world
  * stands still) absent=-1 from=0 (this camera gives no frames from that set on) lamp=0 gain=1.3 (from this set on the
  * world is so much brighter) verify=1 (0: rays count by depth and label alone) clear=0 (1: clear pictures)
- * tracks=0 (1: prints them) ranges=0 rays=0 (1: disparities around the last ones; fewer rays) alarms=0 (false ones accepted an hour of things behind leaves; 0: no search).
- * truth=LABEL: how right that label is in every set, and how often it is reported to have appeared (of a world with
- * ideal cameras). */
+ * tracks=0 (1: prints them) ranges=0 rays=0 (1: disparities around the last ones; fewer rays) alarms=0 (false ones
+ * accepted an hour of things behind leaves; 0: no search). slowest=0: stage times of this number of sets, the slowest
+ * first. truth=LABEL: how right that label is in every set, and how often it is reported to have appeared (of a world
+ * with ideal cameras). */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -42,7 +43,7 @@ static struct {
     { "sets", 30 },      { "first", 0 },   { "rate", 10 },  { "threads", 0 }, { "change", 1 }, { "labels", 1 },
     { "background", 0 }, { "min", 0 },     { "max", 0 },    { "focus", NAN }, { "width", 0 },  { "height", 0 },
     { "same", 0 },       { "absent", -1 }, { "from", 0 },   { "lamp", 0 },    { "gain", 1.3 }, { "verify", 1 },
-    { "clear", 0 },      { "tracks", 0 },  { "alarms", 0 },     { "ranges", 0 },  { "rays", 0 },
+    { "clear", 0 },      { "tracks", 0 },  { "alarms", 0 }, { "ranges", 0 },  { "rays", 0 },   { "slowest", 0 },
 };
 static const char *calib = "none", *model = "pspnet-small", *out_dir, *truth_label;
 
@@ -59,7 +60,7 @@ struct source {
 struct cost {
     double stage_ms[SST_LIVE_STAGES + 3][SETS_MAX]; /* and update, picture, JPEG */
     double cpu_ms[SETS_MAX], anew[SETS_MAX], changed[SETS_MAX];
-    int n;
+    int set[SETS_MAX], n;
 };
 
 static double option(const char *name)
@@ -292,6 +293,7 @@ static int follow(struct sst_live *live, struct sst_livepicture *p, const struct
             i, cost->stage_ms[SST_LIVE_STAGES][cost->n], cost->stage_ms[SST_LIVE_STAGES + 1][cost->n],
             cost->stage_ms[SST_LIVE_STAGES + 2][cost->n], cost->cpu_ms[cost->n], cost->changed[cost->n],
             cost->anew[cost->n], report->whole ? "whole, " : "", sst_live_default_focus(live), (int)report->label_runs);
+        cost->set[cost->n] = i;
         cost->n += i > 0 && cost->n < SETS_MAX - 1; /* the first one is another matter */
         print_tracks(live);
         if (truth_label)
@@ -313,11 +315,32 @@ static void print(const char *name, double *v, int n)
     printf("%-22s mean %8.2f  p50 %8.2f  p90 %8.2f  max %8.2f\n", name, sum, v[n / 2], v[n * 9 / 10], v[n - 1]);
 }
 
+static const char *const stage_names[] = { "find changes, ms", "decode, ms",  "rectify, ms",
+                                           "disparities, ms",  "labels, ms",  "refine, carry, ms",
+                                           "update, ms",       "picture, ms", "JPEG, ms" };
+
+/* Stage times of the slowest sets. */
+static void print_slowest(const struct cost *cost)
+{
+    static bool printed[SETS_MAX];
+
+    for (int n = 0; n < sst_min_int((int)option("slowest"), cost->n); n++) {
+        int at = -1;
+
+        for (int i = 0; i < cost->n; i++) {
+            if (!printed[i] && (at < 0 || cost->cpu_ms[i] > cost->cpu_ms[at]))
+                at = i;
+        }
+        printed[at] = true;
+        printf("slow: set %d, CPU %.1f ms:", cost->set[at], cost->cpu_ms[at]);
+        for (size_t s = 0; s < ARRAY_LEN(stage_names); s++)
+            printf(" %s %.1f", stage_names[s], cost->stage_ms[s][at]);
+        printf("\n");
+    }
+}
+
 static void summary(struct cost *cost)
 {
-    static const char *const names[] = { "find changes, ms", "decode, ms",  "rectify, ms",
-                                         "disparities, ms",  "labels, ms",  "refine, carry, ms",
-                                         "update, ms",       "picture, ms", "JPEG, ms" };
     double wall = 0, cpu = 0;
 
     if (!cost->n)
@@ -327,9 +350,10 @@ static void summary(struct cost *cost)
         for (int s = 0; s < 3; s++)
             wall += cost->stage_ms[SST_LIVE_STAGES + s][i];
     }
+    print_slowest(cost);
     printf("\n%d sets after the first: %.1f sets/s; CPU %.1f ms a set\n", cost->n, 1e3 * cost->n / wall, cpu / cost->n);
-    for (size_t s = 0; s < ARRAY_LEN(names); s++)
-        print(names[s], cost->stage_ms[s], cost->n);
+    for (size_t s = 0; s < ARRAY_LEN(stage_names); s++)
+        print(stage_names[s], cost->stage_ms[s], cost->n);
     print("CPU, ms", cost->cpu_ms, cost->n);
     print("tiles changed, %", cost->changed, cost->n);
     print("picture rendered, %", cost->anew, cost->n);
