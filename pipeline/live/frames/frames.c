@@ -131,8 +131,10 @@ static int open_view(void *arg, int index, int worker SST_UNUSED)
 static int open_all(struct sst_liveframes *f)
 {
     const struct sst_live_config *cfg = f->cfg;
-    int err;
+    int err = frames_burnt_init(&f->burnt, f->raw_cols, f->raw_rows);
 
+    if (err)
+        return err;
     f->view = calloc((size_t)f->views, sizeof(*f->view));
     f->decoder = calloc((size_t)f->threads, sizeof(struct decoder *));
     if (!f->view || !f->decoder)
@@ -207,6 +209,7 @@ void sst_liveframes_close(struct sst_liveframes *f)
             sst_map_u8_fini(&f->lf->views[k].valid);
         }
     }
+    frames_burnt_fini(&f->burnt);
     detector_fini(&f->watch.detector);
     sst_mem_free(f->watch.dirty);
     for (int i = 0; f->decoder && i < f->threads; i++)

@@ -130,6 +130,34 @@ void detector_accept(struct change_detector *w, const uint8_t *changed);
 /** Forget the accepted picture: the next verdict is `whole`. */
 void detector_reset(struct change_detector *w);
 
+/* --- burnt.c: text that is written into the frames --- */
+
+struct frames_burnt {
+    int cols, rows;      /* raw tiles. Fixed after init */
+    uint8_t *often;      /* [tiles] how often it changed in all views at once */
+    uint8_t *reached;    /* [tiles] 1: working memory: something else has changed near it */
+    unsigned sets, read; /* sets so far; at that time text was last read */
+};
+
+/** @return 0, -ENOMEM */
+SST_MUST_CHECK int frames_burnt_init(struct frames_burnt *b, int cols, int rows);
+void frames_burnt_fini(struct frames_burnt *b); /* all zero is fine */
+
+/** Count a set. @return true: it is time to read text */
+bool frames_burnt_read(struct frames_burnt *b);
+
+/** All text is read in this set. */
+void frames_burnt_accepted(struct frames_burnt *b);
+
+/** Has nothing changed but text? @param changed  [tiles] */
+bool frames_burnt_alone(const struct frames_burnt *b, const uint8_t *changed);
+
+/** Learn where text is from a set that did not change as a whole. @param changed  [views][tiles] of those scanned */
+void frames_burnt_learn(struct frames_burnt *b, const uint8_t *const *changed, int views);
+
+/** Unmark text near which nothing else has changed. @param changed  [tiles] of a view @return number unmarked */
+int frames_burnt_leave(struct frames_burnt *b, uint8_t *changed);
+
 /* --- shared by frames.c, frames_scan.c and frames_decode.c --- */
 
 #define SST_LIVE_SAMPLE_SETS 32 /* the error of skipped tiles is sampled once in this number of sets */
@@ -187,6 +215,7 @@ struct sst_liveframes {
     struct sst_liveframes_changes *changes;
     int list[SST_MAX_VIEWS]; /* views of the current step */
     struct frames_watch watch;
+    struct frames_burnt burnt;
     SST_ATOMIC(bool) cancelled;
 };
 

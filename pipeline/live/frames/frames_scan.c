@@ -113,6 +113,43 @@ static bool any_changed(const struct sst_liveframes *f)
     return false;
 }
 
+/* Has something changed that is not text in the frames? */
+static bool scene_changed(const struct sst_liveframes *f)
+{
+    for (int k = 0; k < f->views; k++) {
+        if (f->view[k].verdict.changed && !frames_burnt_alone(&f->burnt, f->view[k].dirty))
+            return true;
+    }
+    return false;
+}
+
+static void learn_text(struct sst_liveframes *f)
+{
+    const uint8_t *changed[SST_MAX_VIEWS];
+    int n = 0;
+
+    for (int k = 0; k < f->views; k++) {
+        const struct live_view *v = &f->view[k];
+
+        if (v->looked && !v->refused && !v->verdict.whole)
+            changed[n++] = v->dirty;
+    }
+    frames_burnt_learn(&f->burnt, changed, n);
+}
+
+static void leave_text(struct sst_liveframes *f)
+{
+    for (int k = 0; k < f->views; k++) {
+        struct live_view *v = &f->view[k];
+        const bool part = v->verdict.changed && !v->verdict.whole;
+        const int left = part ? frames_burnt_leave(&f->burnt, v->dirty) : 0;
+
+        v->verdict.changed -= left;
+        if (left)
+            v->last_bytes = 0; /* the same frame again is not what is stored */
+    }
+}
+
 /* True if the light changed, or enough tiles that accepting all of them is cheaper. All views have been scanned. */
 static bool is_whole(const struct sst_liveframes *f)
 {
@@ -134,6 +171,8 @@ static bool is_whole(const struct sst_liveframes *f)
 
 int frames_scan(struct sst_liveframes *f)
 {
+    const bool read = frames_burnt_read(&f->burnt);
+    bool changed;
     int n, err;
 
     if (!f->cfg->skip_change) {
@@ -146,12 +185,20 @@ int frames_scan(struct sst_liveframes *f)
     }
     n = first_views(f);
     err = sst_parallel_for(n, n > FEW_SCANS ? f->threads : 1, scan_view, f);
-    f->rested = any_changed(f) ? 0 : sst_min_int(f->rested + 1, REST_SETS);
-    if (!err && any_changed(f))
+    changed = scene_changed(f);
+    f->rested = changed ? 0 : sst_min_int(f->rested + 1, REST_SETS);
+    if (!err && (changed || (read && any_changed(f))))
         err = sst_parallel_for(other_views(f), f->threads, scan_view, f);
     if (err)
         return err;
-    if (any_changed(f) && is_whole(f)) {
+    if (!any_changed(f) || !is_whole(f)) {
+        learn_text(f);
+        if (!read)
+            leave_text(f);
+        else if (any_changed(f))
+            frames_burnt_accepted(&f->burnt);
+    } else {
+        frames_burnt_accepted(&f->burnt);
         for (int k = 0; k < f->views; k++) {
             if (f->view[k].looked && !f->view[k].refused)
                 set_all_dirty(f, &f->view[k]);
