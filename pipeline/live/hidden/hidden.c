@@ -9,6 +9,8 @@
 
 #define QUIET_S 30.0
 #define KEEP_NS INT64_C(120000000000) /* what stands for longer becomes usual */
+/* Sets that follow sooner are searched together with later ones: evidence is a matter of time, not of sets. */
+#define SEARCH_NS INT64_C(150000000)
 
 struct sst_hidden {
     struct sst_hidden_config cfg;                       /* fixed after open, except for the accepted alarms */
@@ -18,6 +20,10 @@ struct sst_hidden {
     struct hidden_planes planes;
     struct hidden_usual usual;
     struct hidden_tracks tracks;
+    /* since the last search */
+    uint8_t *changed[SST_MAX_VIEWS]; /* [tiles] */
+    int64_t searched_ns;
+    bool searched; /* once */
     /* of this set */
     const struct sst_hidden_input *in;
     struct hidden_rect keep[SST_HIDDEN_THINGS]; /* blocks */
@@ -32,8 +38,14 @@ static int open_model(struct sst_hidden *h, int k)
     h->dx[k] = h->cfg.bx[k] / h->step;
     h->dy[k] = h->cfg.by[k] / h->step;
     h->reach = fmax(h->reach, fmax(fabs(h->dx[k]), fabs(h->dy[k])));
+    int err;
+
     h->model[k] = calloc(1, sizeof(*h->model[k]));
-    return h->model[k] ? hidden_model_init(h->model[k], width, height, h->step) : -ENOMEM;
+    err = h->model[k] ? hidden_model_init(h->model[k], width, height, h->step) : -ENOMEM;
+    if (err)
+        return err;
+    h->changed[k] = calloc((size_t)h->model[k]->tiles_x, (size_t)h->model[k]->tiles_y);
+    return h->changed[k] ? 0 : -ENOMEM;
 }
 
 int sst_hidden_open(struct sst_hidden **out, const struct sst_hidden_config *cfg)
@@ -77,6 +89,7 @@ void sst_hidden_close(struct sst_hidden *h)
         if (h->model[k])
             hidden_model_fini(h->model[k]);
         free(h->model[k]);
+        free(h->changed[k]);
     }
     hidden_planes_fini(&h->planes);
     hidden_usual_fini(&h->usual);
@@ -90,6 +103,7 @@ void sst_hidden_reset(struct sst_hidden *h)
             h->model[k]->filled = false;
     hidden_usual_reset(&h->usual);
     h->tracks.count = 0;
+    h->searched = false;
 }
 
 void sst_hidden_accept(struct sst_hidden *h, double alarms_per_hour)
@@ -139,18 +153,33 @@ static int update_model(void *arg, int k, int worker SST_UNUSED)
             r.wake[r.wakes++] = (struct hidden_rect){ (int)(x - HIDDEN_BLOCK * l->w), (int)(y - HIDDEN_BLOCK * l->h),
                                                       (int)(x + HIDDEN_BLOCK * l->w), (int)(y + HIDDEN_BLOCK * l->h) };
     }
-    hidden_model_update(h->model[k], h->in->image[k], h->in->changed[k], h->step, h->in->t_ns, &r);
+    hidden_model_update(h->model[k], h->in->image[k], h->changed[k], h->step, h->in->t_ns, &r);
     return 0;
 }
 
-static bool has_changed(const struct sst_hidden *h, const struct sst_hidden_input *in)
+/* Add what has changed in this set. @return anything has since the last search */
+static bool note_changes(struct sst_hidden *h, const struct sst_hidden_input *in)
 {
-    for (int k = 0; k < h->cfg.views; k++)
-        if (h->model[k] && in->image[k] &&
-            (!in->changed[k] || !h->model[k]->filled ||
-             memchr(in->changed[k], 1, (size_t)h->model[k]->tiles_x * (size_t)h->model[k]->tiles_y)))
-            return true;
-    return false;
+    bool any = false;
+
+    for (int k = 0; k < h->cfg.views; k++) {
+        const size_t tiles = h->model[k] ? (size_t)h->model[k]->tiles_x * (size_t)h->model[k]->tiles_y : 0;
+
+        if (!tiles || !in->image[k])
+            continue;
+        for (size_t i = 0; i < tiles; i++)
+            h->changed[k][i] |= !in->changed[k] || in->changed[k][i];
+        any |= !h->model[k]->filled || memchr(h->changed[k], 1, tiles);
+    }
+    return any;
+}
+
+static void forget_changes(struct sst_hidden *h)
+{
+    for (int k = 0; k < h->cfg.views; k++) {
+        if (h->model[k] && h->in->image[k])
+            memset(h->changed[k], 0, (size_t)h->model[k]->tiles_x * (size_t)h->model[k]->tiles_y);
+    }
 }
 
 int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
@@ -159,14 +188,19 @@ int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
     struct hidden_candidate candidate[SST_HIDDEN_THINGS];
     int err, count;
 
-    if (!has_changed(h, in)) {
+    if (!note_changes(h, in)) {
         hidden_usual_wait(&h->usual, in->t_ns);
         hidden_tracks_wait(&h->tracks, in->t_ns);
         return 0;
     }
+    if (h->searched && in->t_ns >= h->searched_ns && in->t_ns - h->searched_ns < SEARCH_NS)
+        return 0;
+    h->searched = true;
+    h->searched_ns = in->t_ns;
     h->in = in;
     find_kept(h);
     err = sst_parallel_for(h->cfg.views, h->cfg.threads, update_model, h);
+    forget_changes(h);
     for (int k = 0; k < h->cfg.views; k++)
         model[k] = h->model[k] && in->image[k] && h->model[k]->filled ? h->model[k] : NULL;
     if (!err && hidden_planes_choose(&h->planes, in, h->reach))
