@@ -18,7 +18,7 @@
 #define TURN_NS      500000000 /* ... or within this time */
 #define MOST_TURNS   10
 #define EXPLORE      3 /* one cell in this many times as many is tried on another plane; at the start ... */
-#define START_ROUNDS (4 * PICTURE_PLANES) /* ... for this many sets every second one */
+#define START_ROUNDS (2 * PICTURE_PLANES) /* ... for this many sets every second one */
 
 void picture_behind_fini(struct picture_behind *b)
 {
