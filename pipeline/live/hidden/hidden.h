@@ -56,7 +56,8 @@ void sst_hidden_accept(struct sst_hidden *h, double alarms_per_hour);
 
 /**
  * Follow one set. Nothing is reported in the first 30 s. Sets less than 0.15 s after the last that was searched are not
- * searched: things stay as they are, and what has changed is searched with a later set. The same sets give the same things for any number of threads.
+ * searched: things stay as they are, and what has changed is searched with a later set. The same sets give the same
+ * things for any number of threads.
  *
  * @return 0, -ENOMEM
  */
