@@ -31,6 +31,8 @@
 #define MOVING_SETS   3 /* a track is reported once seen in these sets, for MOVING_NS, and moved by: */
 #define MOVING_NS     INT64_C(300000000)
 #define MOVED         0.5 /* of its size, and */
+#define LABEL_SETS       2 /* a thing has the label that it has in the most sets, if these are at least so many, and */
+#define LABEL_SHARE      0.3 /* so many of all */
 #define MOVED_UNKNOWN    1.5 /* of what has no label, or one that does not move, or is seen at longer intervals than: */
 #define RARE_NS          5e8
 #define UNKNOWN_SETS  6
@@ -371,7 +373,7 @@ static int most_votes(const struct scene_track *a)
 
     for (int i = 1; i <= SST_MAX_CLASSES; i++)
         best = a->votes[i] > (best ? a->votes[best] : 0) ? i : best;
-    return best;
+    return a->votes[best] >= fmax(LABEL_SETS, LABEL_SHARE * a->sets) ? best : 0;
 }
 
 int scene_track_label(const struct scene_tracks *t, const struct scene_track *a)
